@@ -1,0 +1,1 @@
+//! Spherical harmonics, degrees 0 to 3.

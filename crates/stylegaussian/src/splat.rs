@@ -1,0 +1,1 @@
+//! EWA splatting on the CPU.
