@@ -1,0 +1,2 @@
+//! `demo_world OUT.(sgs|ply)`: writes the demo scene.
+fn main() {}
