@@ -206,7 +206,7 @@ impl Canvas {
         let length = (to - from).length();
         let frame = Frame::facing(from, normal, to - from);
         let strand = width / strands as f32;
-        let count = (length / (strand * 2.2)).ceil().max(1.0);
+        let count = (length / (strand * 2.8)).ceil().max(1.0);
         let step = length / count;
         for index in 0..strands {
             let y = (index as f32 + 0.5) * strand - 0.5 * width;

@@ -11,10 +11,10 @@ use crate::{
 /// Half of the length along the ridge, half of the depth, height of the walls, height of the gable above them.
 const HALF_LENGTH: f32 = 0.85;
 const HALF_DEPTH: f32 = 0.6;
-const WALL: f32 = 0.78;
-const GABLE: f32 = 0.78;
+const WALL: f32 = 0.96;
+const GABLE: f32 = 0.72;
 const BASE: f32 = 0.2;
-const OVERHANG: f32 = 0.14;
+const OVERHANG: f32 = 0.12;
 
 /// An opening of a wall: left and right, bottom and top.
 #[derive(Clone, Copy)]
@@ -27,11 +27,11 @@ struct Opening {
 }
 
 const fn window(center: f32, bottom: f32) -> Opening {
-    Opening { left: center - 0.11, right: center + 0.11, bottom, top: bottom + 0.27, is_door: false }
+    Opening { left: center - 0.11, right: center + 0.11, bottom, top: bottom + 0.32, is_door: false }
 }
 
 const fn door(center: f32) -> Opening {
-    Opening { left: center - 0.13, right: center + 0.13, bottom: 0.03, top: 0.55, is_door: true }
+    Opening { left: center - 0.13, right: center + 0.13, bottom: 0.03, top: 0.64, is_door: true }
 }
 
 impl Opening {
@@ -60,7 +60,7 @@ fn wood(random: &mut Random, dark: u32, light: u32) -> Vec3 {
 
 fn plaster(canvas: &mut Canvas, wall: &Wall, random: &mut Random) {
     let size = (wall.width, WALL + wall.gable);
-    canvas.sheet(wall.frame, size, 0.036, |x, y| {
+    canvas.sheet(wall.frame, size, 0.05, |x, y| {
         if y > wall.top(x) || wall.openings.iter().any(|opening| opening.holds(x, y)) {
             return None;
         }
@@ -93,7 +93,7 @@ fn stones(canvas: &mut Canvas, wall: &Wall, random: &mut Random) {
 
 fn beam(canvas: &mut Canvas, wall: &Wall, from: (f32, f32), to: (f32, f32), random: &mut Random) {
     let ends = (wall.frame.at(from.0, from.1, 0.02), wall.frame.at(to.0, to.1, 0.02));
-    canvas.board(ends, wall.frame.z, (0.058, 3), |_| wood(random, 0x4a2d1a, 0x8a5a34));
+    canvas.board(ends, wall.frame.z, (0.06, 2), |_| wood(random, 0x4a2d1a, 0x8a5a34));
 }
 
 fn timbers(canvas: &mut Canvas, wall: &Wall, random: &mut Random) {
@@ -129,7 +129,7 @@ fn glaze(canvas: &mut Canvas, wall: &Wall, o: &Opening, random: &mut Random) {
     let first = canvas.dabs.len();
     canvas.sheet(pane, (width, height), 0.03, |x, y| {
         let glint = smoothstep(0.08, 0.0, (x - 0.6 * y - 0.03).abs());
-        Some(mix(mix(paint(0x2c4a66), paint(0x6f9cc0), y / height), paint(0xeaf6ff), 0.6 * glint))
+        Some(mix(mix(paint(0x1f3a54), paint(0x5a8ab0), y / height), paint(0xeaf6ff), 0.45 * glint))
     });
     for dab in &mut canvas.dabs[first..] {
         let warm = smoothstep(0.05, 0.26, dab.frame.origin.y - pane.origin.y);
@@ -226,7 +226,7 @@ pub fn shingles(
     shingle: (f32, f32),
     mut color: impl FnMut(f32, f32) -> Vec3,
 ) {
-    canvas.sheet(slope, size, 0.06, |_, _| Some(paint(0x3d1f1a)));
+    canvas.sheet(slope, size, 0.08, |_, _| Some(paint(0x4d261f)));
     let rows = (size.1 / shingle.1).round().max(1.0);
     let columns = (size.0 / shingle.0).round().max(1.0);
     let (width, height) = (size.0 / columns, size.1 / rows);
@@ -238,10 +238,10 @@ pub fn shingles(
             let tone = color(x / size.0, y / size.1);
             let upper = slope.at(x, y + 0.1 * height, 0.016);
             canvas
-                .add(Dab::flat(upper, tilted.z, tilted.x, (width * 0.40, height * 0.42), tone).opacity(0.98));
+                .add(Dab::flat(upper, tilted.z, tilted.x, (width * 0.43, height * 0.48), tone).opacity(0.98));
             let lip = slope.at(x, y - 0.32 * height, 0.026);
             canvas.add(
-                Dab::flat(lip, tilted.z, tilted.x, (width * 0.36, height * 0.13), tone * 1.35).opacity(0.9),
+                Dab::flat(lip, tilted.z, tilted.x, (width * 0.38, height * 0.14), tone * 1.3).opacity(0.85),
             );
         }
     }
@@ -351,7 +351,7 @@ pub fn paint_house(canvas: &mut Canvas) {
     let house = cottage();
     let front_openings = [door(0.85), window(0.42, 0.33), window(1.28, 0.33)];
     let back_openings = [window(0.42, 0.33), window(0.85, 0.33), window(1.28, 0.33)];
-    let gable_openings = [window(0.6, 0.33), window(0.6, 0.82)];
+    let gable_openings = [window(0.6, 0.33), window(0.6, 0.98)];
     let sides = [
         (house.z, house.x, HALF_LENGTH, HALF_DEPTH, 0.0, &front_openings[..]),
         (-house.z, -house.x, HALF_LENGTH, HALF_DEPTH, 0.0, &back_openings[..]),

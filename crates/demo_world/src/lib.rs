@@ -22,10 +22,10 @@ use brush::Canvas;
 const SH_0: f32 = 0.282_094_79;
 
 /// Where cameras should look, in scene units.
-pub const CENTER: Vec3 = Vec3::new(0.0, 0.15, 0.0);
+pub const CENTER: Vec3 = Vec3::ZERO;
 
 /// How far a turntable's cameras should stand, for a vertical angle of 40 degrees.
-pub const ORBIT_RADIUS: f32 = 11.0;
+pub const ORBIT_RADIUS: f32 = 11.2;
 
 /// Paints everything, in a fixed order; water comes late since it mirrors what stands around it.
 pub fn paint_island() -> Canvas {
@@ -33,6 +33,7 @@ pub fn paint_island() -> Canvas {
     terrain::paint_ground(&mut canvas);
     terrain::paint_cobbles(&mut canvas);
     terrain::paint_cliffs(&mut canvas);
+    terrain::paint_rim(&mut canvas);
     house::paint_house(&mut canvas);
     mill::paint_mill(&mut canvas);
     plants::paint_trees(&mut canvas);
@@ -40,6 +41,7 @@ pub fn paint_island() -> Canvas {
     woodwork::paint_bridge(&mut canvas);
     woodwork::paint_boat(&mut canvas);
     woodwork::paint_garden(&mut canvas);
+    woodwork::paint_bench(&mut canvas);
     woodwork::paint_rocks(&mut canvas);
     water::paint_water(&mut canvas);
     water::paint_waterfall(&mut canvas);
@@ -67,6 +69,8 @@ pub fn build() -> Scene {
         licence: Some("MIT OR Apache-2.0".into()),
         ..Scene::default()
     };
+    scene.sort_by_morton();
+    // The painter's order is of no interest to anyone: this order is the source.
     scene.order = (0..n as u32).collect();
     scene
 }

@@ -5,6 +5,7 @@
 //! through that grid.
 
 use glam::{IVec3, Vec3};
+use rayon::prelude::*;
 
 use crate::brush::{Dab, Frame, paint, smoothstep};
 
@@ -88,7 +89,7 @@ impl Grid {
 fn sky(direction: Vec3) -> Vec3 {
     let zenith = Vec3::new(0.40, 0.58, 0.98);
     let horizon = Vec3::new(0.86, 0.86, 0.92);
-    let below = Vec3::new(0.36, 0.33, 0.28);
+    let below = Vec3::new(0.46, 0.43, 0.39);
     if direction.y < 0.0 {
         return horizon.lerp(below, smoothstep(0.0, 0.35, -direction.y));
     }
@@ -128,7 +129,7 @@ pub fn bake(dabs: &[Dab]) -> Vec<Vec3> {
     let grid = Grid::of(dabs);
     let (sun_rays, sky_directions) = (sun_rays(), cosine_directions());
     let sunlight = paint(0xfff0d2) * 1.22;
-    dabs.iter()
+    dabs.par_iter()
         .map(|dab| {
             let from = dab.frame.origin + dab.shade * LIFT;
             let facing = ((dab.shade.dot(SUN) + dab.wrap) / (1.0 + dab.wrap)).max(0.0);

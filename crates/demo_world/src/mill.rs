@@ -27,7 +27,7 @@ fn tower(canvas: &mut Canvas, mill: &Frame, random: &mut Random) {
     canvas.tube(
         (mill.origin, mill.at(0.0, HEIGHT, 0.0)),
         (FOOT_RADIUS, TOP_RADIUS),
-        0.042,
+        0.052,
         |along, normal| {
             let stain = noise3(normal * 3.0 + Vec3::Y * along * 5.0) * 0.6 + 0.4 * random.unit();
             mix(paint(0xf7ecd6), paint(0xd9bf94), stain)

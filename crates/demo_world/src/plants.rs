@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use crate::{
-    brush::{Canvas, Dab, mix, paint, smoothstep, sphere},
+    brush::{Canvas, Dab, mix, paint, sphere},
     random::{Random, noise3},
     terrain,
 };
@@ -40,9 +40,9 @@ fn clusters(tree: &Leafy, crown: Vec3, random: &mut Random) -> Vec<Cluster> {
     sphere(tree.clusters)
         .map(|direction| {
             let jittered = (direction + random.cube() * 0.35).normalize();
-            let out = random.range(0.52, 0.74);
+            let out = random.range(0.45, 0.78);
             let offset = jittered * out * Vec3::new(tree.crown.x, tree.crown.y, tree.crown.x);
-            let radius = tree.crown.min_element() * random.range(0.36, 0.5);
+            let radius = tree.crown.min_element() * random.range(0.32, 0.52);
             Cluster { center: crown + offset, radius, tint: random.unit() }
         })
         .collect()
@@ -80,10 +80,10 @@ fn leafy(canvas: &mut Canvas, tree: &Leafy) {
     let colors = tree.colors.map(paint);
     for cluster in &clusters {
         let fork = foot.lerp(crown, 0.72);
-        canvas.tube((fork, cluster.center), (tree.trunk * 0.34, tree.trunk * 0.14), 0.06, |_, _| bark[0]);
+        canvas.tube((fork, cluster.center), (tree.trunk * 0.34, tree.trunk * 0.14), 0.11, |_, _| bark[0]);
         for direction in sphere(9) {
             let at = cluster.center + direction * cluster.radius * 0.5;
-            let core = Dab::ball(at, cluster.radius * 0.3, colors[0] * 0.55, direction);
+            let core = Dab::ball(at, cluster.radius * 0.3, mix(colors[0], colors[1], 0.35) * 0.8, direction);
             canvas.add(core.lit_as(direction, 0.3).opacity(0.9).blocking(0.6));
         }
     }
@@ -142,7 +142,7 @@ fn pine(canvas: &mut Canvas, place: Vec2, height: f32, seed: u64) {
         let radius = height * (0.30 * (1.0 - share) + 0.055) * random.range(0.92, 1.08);
         for ring in 0..6 {
             let down = (ring as f32 + 0.5) / 6.0;
-            let around = (std::f32::consts::TAU * radius * down / 0.045).max(6.0) as u32;
+            let around = (std::f32::consts::TAU * radius * down / 0.056).max(6.0) as u32;
             for index in 0..around {
                 let angle = std::f32::consts::TAU * (index as f32 + random.unit()) / around as f32;
                 let out = Vec3::new(libm::cosf(angle), 0.0, libm::sinf(angle));
@@ -153,7 +153,7 @@ fn pine(canvas: &mut Canvas, place: Vec2, height: f32, seed: u64) {
                 let needle = out * radius - Vec3::Y * drop * 0.9 + random.cube() * 0.12;
                 let light = 0.15 + 0.62 * down * down + 0.25 * random.signed() + 0.2 * (bough - 0.86);
                 let normal = out * drop + Vec3::Y * radius + random.cube() * 0.12;
-                let dab = Dab::flat(at, normal, needle, (0.044, 0.019), shade_of(&greens, light));
+                let dab = Dab::flat(at, normal, needle, (0.05, 0.022), shade_of(&greens, light));
                 canvas.add(dab.lit_as(normal.normalize() + random.cube() * 0.3, 0.2).blocking(0.8));
             }
         }
@@ -171,7 +171,7 @@ fn bush(canvas: &mut Canvas, place: Vec2, radius: f32, bloom: Option<u32>, seed:
         let at = center + direction * radius * 0.5;
         canvas.add(Dab::ball(at, radius * 0.26, greens[0] * 0.7, direction).opacity(0.9).blocking(0.6));
     }
-    for direction in sphere((radius * radius * 4200.0) as u32) {
+    for direction in sphere((radius * radius * 3400.0) as u32) {
         if direction.y < -0.5 {
             continue;
         }
@@ -217,8 +217,8 @@ pub fn paint_trees(canvas: &mut Canvas) {
             place: Vec2::new(-2.75, 0.95),
             middle: 1.5,
             crown: Vec2::new(0.92, 0.82),
-            clusters: 17,
-            leaves: 3000,
+            clusters: 26,
+            leaves: 2700,
             leaf: 0.036,
             colors: oak,
             bark: brown,
@@ -229,8 +229,8 @@ pub fn paint_trees(canvas: &mut Canvas) {
             place: Vec2::new(0.2, -2.35),
             middle: 1.25,
             crown: Vec2::new(0.68, 0.66),
-            clusters: 13,
-            leaves: 2000,
+            clusters: 20,
+            leaves: 1800,
             leaf: 0.034,
             colors: maple,
             bark: brown,
@@ -241,8 +241,8 @@ pub fn paint_trees(canvas: &mut Canvas) {
             place: Vec2::new(-1.95, 2.45),
             middle: 1.1,
             crown: Vec2::new(0.66, 0.52),
-            clusters: 13,
-            leaves: 1900,
+            clusters: 20,
+            leaves: 1600,
             leaf: 0.033,
             colors: cherry,
             bark: [0x3c2a2c, 0x705054],
@@ -253,7 +253,7 @@ pub fn paint_trees(canvas: &mut Canvas) {
             place: Vec2::new(3.2, 0.35),
             middle: 1.2,
             crown: Vec2::new(0.36, 0.66),
-            clusters: 9,
+            clusters: 14,
             leaves: 1100,
             leaf: 0.031,
             colors: gold,
@@ -265,7 +265,7 @@ pub fn paint_trees(canvas: &mut Canvas) {
             place: Vec2::new(2.95, -0.5),
             middle: 1.05,
             crown: Vec2::new(0.33, 0.58),
-            clusters: 9,
+            clusters: 14,
             leaves: 950,
             leaf: 0.031,
             colors: gold,
@@ -274,7 +274,7 @@ pub fn paint_trees(canvas: &mut Canvas) {
             seed: 35,
         },
         Leafy {
-            place: Vec2::new(2.75, 2.6),
+            place: Vec2::new(-0.75, -2.0),
             middle: 0.85,
             crown: Vec2::new(0.5, 0.46),
             clusters: 10,
@@ -315,7 +315,7 @@ pub fn paint_trees(canvas: &mut Canvas) {
 pub fn paint_meadow(canvas: &mut Canvas) {
     let mut random = Random::new(71);
     let mut blades = 0;
-    while blades < 4200 {
+    while blades < 4300 {
         let p = Vec2::new(random.signed(), random.signed()) * 4.4;
         let (tall, lean, shade) = (random.range(0.6, 1.4), random.cube() * 0.45, random.unit());
         let thick = noise3(Vec3::new(p.x * 2.6, 0.3, p.y * 2.6));
@@ -327,7 +327,7 @@ pub fn paint_meadow(canvas: &mut Canvas) {
         let length = 0.034 * tall * (0.6 + thick);
         let color = mix(terrain::grass(p) * 0.75, paint(0xc6da6a), 0.15 + 0.6 * shade * shade);
         let at = terrain::ground(p) + up * length * 1.1;
-        let dab = Dab::flat(at, random.direction().with_y(0.0) + Vec3::Z * 0.01, up, (length, 0.0085), color);
+        let dab = Dab::flat(at, random.direction().with_y(0.0) + Vec3::Z * 0.01, up, (length, 0.0075), color);
         canvas.add(dab.lit_as(terrain::normal(p), 0.4).opacity(0.9).blocking(0.35));
     }
     flowers(canvas, &mut random);
@@ -378,7 +378,6 @@ fn reeds(canvas: &mut Canvas, random: &mut Random) {
     }
 }
 
-/// How lush a tree stands is a matter of taste; that its crown hides its core is not.
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -389,6 +388,5 @@ mod tests {
         assert_eq!(shade_of(&scale, -1.0), scale[0]);
         assert!((shade_of(&scale, 1.0) - scale[3]).length() < 0.01);
         assert!((shade_of(&scale, 1.0 / 3.0) - scale[1]).length() < 1e-4);
-        assert_eq!(smoothstep(0.0, 1.0, 0.5), 0.5);
     }
 }

@@ -11,16 +11,16 @@ use crate::{
 fn cloud(canvas: &mut Canvas, center: Vec3, size: f32, seed: u64) {
     let mut random = Random::new(seed);
     let along = Vec3::new(-center.z, 0.0, center.x).normalize();
-    let puffs: Vec<(Vec3, f32)> = (0..6)
+    let puffs: Vec<(Vec3, f32)> = (0..8)
         .map(|index| {
-            let t = (index as f32 + 0.5) / 3.0 - 1.0;
-            let radius = size * (0.62 - 0.36 * t * t) * random.range(0.8, 1.15);
-            let aside = Vec3::new(random.signed(), 0.0, random.signed()) * (0.3 * size);
+            let t = (index as f32 + 0.5) / 4.0 - 1.0;
+            let radius = size * (0.5 - 0.26 * t * t) * random.range(0.8, 1.15);
+            let aside = Vec3::new(random.signed(), 0.0, random.signed()) * (0.42 * size);
             (center + along * (t * size * 1.25) + aside + Vec3::Y * radius * 0.55, radius)
         })
         .collect();
     for (index, &(middle, radius)) in puffs.iter().enumerate() {
-        for direction in sphere((radius * radius * 620.0) as u32) {
+        for direction in sphere((radius * radius * 640.0) as u32) {
             let lump = 0.82 + 0.3 * noise3(direction * 2.4 + Vec3::splat(index as f32 * 7.0));
             let mut at = middle + direction * radius * lump;
             at.y = at.y.max(center.y - 0.02 * size * random.unit());
@@ -35,7 +35,10 @@ fn cloud(canvas: &mut Canvas, center: Vec3, size: f32, seed: u64) {
             let dab = Dab::flat(at, direction, random.direction(), (sigma, sigma * 0.85), color);
             let dab = Dab { sigma: dab.sigma.with_z(0.03), ..dab };
             canvas.add(
-                dab.lit_as(direction + Vec3::Y * 0.4, 0.8).opacity(random.range(0.55, 0.85)).blocking(0.12),
+                dab.lit_as(direction + Vec3::Y * 0.4, 0.8)
+                    .opacity(random.range(0.6, 0.85))
+                    .blocking(0.06)
+                    .glowing(color * 0.4),
             );
         }
     }
@@ -140,18 +143,17 @@ fn islet(canvas: &mut Canvas, center: Vec3, radius: f32, seed: u64) {
 /// Everything in the air. The clouds keep low or high, so that none stands between a camera and the village.
 pub fn paint_sky(canvas: &mut Canvas, chimney: Vec3) {
     let clouds = [
-        (Vec3::new(3.6, -1.75, 1.9), 0.55),
-        (Vec3::new(-3.7, -1.35, 1.6), 0.6),
-        (Vec3::new(-2.6, -1.6, -3.1), 0.55),
-        (Vec3::new(2.2, -1.5, -3.5), 0.6),
-        (Vec3::new(-0.3, -1.9, 3.6), 0.5),
-        (Vec3::new(-1.6, 3.05, -1.2), 0.42),
-        (Vec3::new(0.3, 3.5, 0.3), 0.3),
+        (Vec3::new(2.5, -1.75, 3.3), 0.5),
+        (Vec3::new(-3.9, -1.25, 1.3), 0.6),
+        (Vec3::new(-2.6, -1.5, -3.3), 0.55),
+        (Vec3::new(2.9, -1.35, -3.2), 0.6),
+        (Vec3::new(-1.7, -1.95, 3.3), 0.45),
+        (Vec3::new(-0.75, 3.0, -0.9), 0.36),
     ];
     for (index, (center, size)) in clouds.into_iter().enumerate() {
         cloud(canvas, center, size, 121 + index as u64);
     }
-    balloon(canvas, Vec3::new(1.15, 2.35, 0.75), 0.4);
+    balloon(canvas, Vec3::new(2.35, 2.75, 0.75), 0.4);
     smoke(canvas, chimney);
     islet(canvas, Vec3::new(-4.35, 0.25, -1.9), 0.3, 131);
     islet(canvas, Vec3::new(4.2, -0.75, -1.5), 0.36, 132);

@@ -8,7 +8,7 @@ use crate::{
 };
 
 /// Spacing of the ground's Gaussians.
-const SPACING: f32 = 0.060;
+const SPACING: f32 = 0.065;
 /// Height of the water's surface.
 pub const WATER_LEVEL: f32 = -0.07;
 /// Where the house stands, and the direction its front looks to.
@@ -40,8 +40,8 @@ const PATHS: [&[Vec2]; 3] = [
         Vec2::new(2.0, 0.4),
         Vec2::new(2.42, 0.95),
         Vec2::new(2.5, 2.1),
-        Vec2::new(2.2, 2.7),
-        Vec2::new(1.5, 3.05),
+        Vec2::new(2.25, 2.6),
+        Vec2::new(1.75, 3.0),
     ],
     &[Vec2::new(1.55, 0.28), Vec2::new(1.95, -0.4), Vec2::new(1.85, -1.4)],
 ];
@@ -102,6 +102,8 @@ pub fn height(p: Vec2) -> f32 {
     let mill = smoothstep(0.75, 0.45, (p - MILL).length());
     let settled = wild + (0.12 - wild) * house;
     let settled = settled + (0.62 - settled) * mill;
+    let bed = smoothstep(0.25, 0.0, ((p - GARDEN.0).abs() - GARDEN.1).max_element());
+    let settled = settled + (0.14 - settled) * bed;
     let trodden = settled - 0.025 * smoothstep(0.05, -0.06, path_distance(p));
     let dry = smoothstep(-0.22, 0.26, shore_distance(p));
     -0.34 + (trodden + 0.34) * dry
@@ -140,7 +142,7 @@ pub fn grass(p: Vec2) -> Vec3 {
 }
 
 fn earth(p: Vec2, random: &mut Random) -> Vec3 {
-    mix(paint(0x9c7a50), paint(0xcaa873), 0.7 * noise2(p * 5.0) + 0.4 * random.unit())
+    mix(paint(0x7a5c3c), paint(0xb08c5c), 0.7 * noise2(p * 5.0) + 0.4 * random.unit())
 }
 
 fn ground_color(p: Vec2, random: &mut Random) -> Vec3 {
@@ -160,7 +162,7 @@ fn ground_color(p: Vec2, random: &mut Random) -> Vec3 {
         );
     }
     let speckle = random.unit();
-    let green = grass(p) * (0.62 + 0.6 * speckle * speckle);
+    let green = grass(p) * (0.5 + 0.8 * speckle * speckle);
     let sand = mix(paint(0xd8c08a), paint(0xa88f62), random.unit());
     let beach = smoothstep(0.16, 0.03, shore + 0.08 * random.signed());
     let worn = smoothstep(0.06, -0.03, path_distance(p) + 0.04 * random.signed());
@@ -183,7 +185,7 @@ pub fn paint_ground(canvas: &mut Canvas) {
             let along = random.direction();
             let sigma = SPACING * random.range(0.54, 0.66);
             let color = ground_color(p, &mut random);
-            let dab = Dab::flat(ground(p), normal(p), along, (sigma * 1.12, sigma * 0.9), color);
+            let dab = Dab::flat(ground(p), normal(p), along, (sigma * 1.5, sigma * 0.68), color);
             canvas.add(Dab { sigma: dab.sigma.with_z(0.008), ..dab });
         }
     }
@@ -191,7 +193,7 @@ pub fn paint_ground(canvas: &mut Canvas) {
 
 /// Cobbles on the paths: one rounded stone per cell of a cellular noise.
 pub fn paint_cobbles(canvas: &mut Canvas) {
-    const SIZE: f32 = 0.105;
+    const SIZE: f32 = 0.115;
     let mut random = Random::new(12);
     let stones = [0xb5aa98, 0x958c80, 0xc9bda4, 0x857d74, 0xa89680].map(paint);
     let count = (9.6 / SIZE) as i32;
@@ -216,8 +218,8 @@ fn underside(share: f32, direction: Vec2) -> Vec3 {
     let radius = rim(direction);
     let lumps = fractal2(direction * 3.1 + Vec2::splat(20.0));
     let steep = 1.0 - (1.0 - share) * (1.0 - share);
-    let depth = (2.1 + 1.3 * (lumps - 0.45)) * (0.42 * steep + 0.58 * share * share.sqrt());
-    let inward = 0.06 * smoothstep(0.0, 0.1, share) + 0.94 * share * (0.55 + 0.45 * share);
+    let depth = (2.75 + 1.5 * (lumps - 0.45)) * (0.5 * steep + 0.5 * share * share.sqrt());
+    let inward = 0.03 * smoothstep(0.0, 0.1, share) + 0.97 * share * (0.32 + 0.68 * share);
     let edge = direction * radius;
     let top = height(edge);
     let reach = radius * (1.0 - inward);
@@ -234,18 +236,18 @@ fn rock(share: f32, angle: f32) -> Vec3 {
     let fade = smoothstep(0.0, 0.05, share);
     smooth
         + out
-            * (fade * (0.34 * (chunk.id - 0.4) * smoothstep(0.0, 0.25, chunk.seam) + 0.10 * (fine.id - 0.5)))
+            * (fade * (0.34 * (chunk.id - 0.4) * smoothstep(0.0, 0.25, chunk.seam) + 0.06 * (fine.id - 0.5)))
 }
 
 fn rock_color(at: Vec3, share: f32, random: &mut Random) -> Vec3 {
     let chunk = cell(at * Vec3::new(1.9, 2.7, 1.9));
     let fine = cell(at * 5.5);
     let band = fractal2(Vec2::new(at.y * 5.0, 0.35 * at.x + 0.2 * at.z));
-    let tones = [0x8d7f72, 0xa48f78, 0x7a7078, 0xb59c7c, 0x94806a].map(paint);
+    let tones = [0xa0917f, 0xbca387, 0x8e838a, 0xcbb08b, 0xa98f70].map(paint);
     let base = tones[(chunk.id * 4.99) as usize];
     let layered = mix(base, paint(0xc4ab86), smoothstep(0.45, 0.7, band));
     let layered = mix(layered, paint(0x5d5560), smoothstep(0.42, 0.25, band));
-    let crack = 0.5 + 0.5 * smoothstep(0.0, 0.16, chunk.seam).min(smoothstep(-0.1, 0.12, fine.seam));
+    let crack = 0.38 + 0.62 * smoothstep(0.0, 0.13, chunk.seam).min(smoothstep(-0.12, 0.14, fine.seam));
     let soil = smoothstep(0.07, 0.03, share + 0.02 * random.signed());
     let stone = layered * (crack * random.range(0.82, 1.15));
     let moss = smoothstep(0.62, 0.75, fractal2(Vec2::new(at.x + at.y, at.z - at.y) * 1.7)) * (1.0 - share);
@@ -254,12 +256,12 @@ fn rock_color(at: Vec3, share: f32, random: &mut Random) -> Vec3 {
 
 /// The cliffs around and below: rings from the rim to the tip.
 pub fn paint_cliffs(canvas: &mut Canvas) {
-    const CLIFF_SPACING: f32 = 0.088;
-    const RINGS: u32 = 46;
+    const CLIFF_SPACING: f32 = 0.094;
+    const RINGS: u32 = 42;
     let mut random = Random::new(13);
     for ring in 0..RINGS {
         let share = (ring as f32 + 0.5) / RINGS as f32;
-        let around = (std::f32::consts::TAU * 4.0 * (1.0 - share * (0.55 + 0.45 * share)) / CLIFF_SPACING)
+        let around = (std::f32::consts::TAU * 4.0 * (1.0 - share * (0.32 + 0.68 * share)) / CLIFF_SPACING)
             .max(6.0) as u32;
         let (down, side) = (0.5 / RINGS as f32, std::f32::consts::PI / around as f32);
         for index in 0..around {
@@ -270,11 +272,34 @@ pub fn paint_cliffs(canvas: &mut Canvas) {
             let normal = below.cross(beside).try_normalize().unwrap_or(Vec3::NEG_Y);
             let out = Vec3::new(at.x, -1.0, at.z);
             let normal = if normal.dot(out) < 0.0 { -normal } else { normal };
-            let sigma = (beside.length().min(0.2) * 0.62, below.length().min(0.25) * 0.62);
+            let facet = cell(at * 5.5);
+            let shade = normal + facet.offset * 1.2 + Vec3::Y * (0.5 * facet.id - 0.1);
+            let sigma = (beside.length().min(0.2) * 0.54, below.length().min(0.25) * 0.54);
             let color = rock_color(at, share, &mut random);
             let dab = Dab::flat(at, normal, beside, sigma, color).opacity(0.98);
-            canvas.add(Dab { sigma: dab.sigma.with_z(0.02), ..dab });
+            canvas.add(Dab { sigma: dab.sigma.with_z(0.01), ..dab.lit_as(shade, 0.1) });
         }
+    }
+}
+
+/// Grass that hangs over the rim and covers the seam between meadow and rock.
+pub fn paint_rim(canvas: &mut Canvas) {
+    const TUFTS: u32 = 1250;
+    let mut random = Random::new(14);
+    for tuft in 0..TUFTS {
+        let angle = std::f32::consts::TAU * (tuft as f32 + random.unit()) / TUFTS as f32;
+        let direction = Vec2::new(libm::cosf(angle), libm::sinf(angle));
+        let edge = direction * (rim(direction) * random.range(0.985, 1.006));
+        if shore_distance(edge) < 0.03 {
+            continue;
+        }
+        let length = random.range(0.03, 0.075) * (0.6 + 0.8 * noise2(direction * 9.0));
+        let out = Vec3::new(direction.x, 0.0, direction.y);
+        let hang = (out * 0.45 - Vec3::Y + random.cube() * 0.4).normalize();
+        let at = ground(edge) + Vec3::Y * 0.01 + hang * length * 0.8;
+        let color = grass(edge) * random.range(0.55, 1.25);
+        let dab = Dab::flat(at, out + Vec3::Y * 0.3, hang, (length, 0.018), color);
+        canvas.add(dab.lit_as(out + Vec3::Y, 0.3).blocking(0.5));
     }
 }
 

@@ -119,6 +119,7 @@ fn pickets(canvas: &mut Canvas, from: Vec2, to: Vec2, random: &mut Random) {
     let length = (to - from).length();
     let out = Vec3::new(to.y - from.y, 0.0, from.x - to.x);
     let count = (length / 0.068) as u32;
+    let first = canvas.dabs.len();
     let point = |t: f32, lift: f32| terrain::ground(from + (to - from) * t) + Vec3::Y * lift;
     for picket in 0..=count {
         let t = picket as f32 / count as f32;
@@ -134,6 +135,10 @@ fn pickets(canvas: &mut Canvas, from: Vec2, to: Vec2, random: &mut Random) {
                 grain(random, 0xc9bfa8, 0xf0e8d8)
             });
         }
+    }
+    // Thin boards are seen from both sides: light them as if from above.
+    for dab in &mut canvas.dabs[first..] {
+        *dab = dab.lit_as(Vec3::Y, 0.5);
     }
 }
 
@@ -186,7 +191,7 @@ fn boulder(canvas: &mut Canvas, place: Vec2, radius: f32, random: &mut Random) {
     let stretch = Vec3::new(random.range(0.85, 1.3), random.range(0.7, 0.95), random.range(0.85, 1.3));
     let seed = random.cube() * 40.0;
     let tone = mix(paint(0x8c8680), paint(0xb8a890), random.unit());
-    let count = (radius * radius * 12.6 / 0.0015) as u32;
+    let count = (radius * radius * 12.6 / 0.0023) as u32;
     let form = |direction: Vec3| {
         let facet = cell(direction * 1.6 + seed);
         direction * stretch * (radius * (0.84 + 0.3 * facet.id * smoothstep(0.0, 0.3, facet.seam)))
@@ -214,6 +219,33 @@ fn boulder(canvas: &mut Canvas, place: Vec2, radius: f32, random: &mut Random) {
             Dab::flat(at, normal, random.direction(), (spacing * 0.62, spacing * 0.55), color).opacity(0.98),
         );
     }
+}
+
+/// A bench and a lamp post where the path ends.
+pub fn paint_bench(canvas: &mut Canvas) {
+    let mut random = Random::new(95);
+    let seat = Frame::upright(terrain::ground(Vec2::new(1.55, 3.1)), Vec3::new(-0.35, 0.0, -1.0));
+    for slat in 0..3 {
+        let z = 0.05 * slat as f32 - 0.05;
+        let ends = (seat.at(-0.2, 0.12, z), seat.at(0.2, 0.12, z));
+        canvas.board(ends, Vec3::Y, (0.042, 2), |_| grain(&mut random, 0x8a5a32, 0xc89a62));
+        let ends =
+            (seat.at(-0.2, 0.17 + 0.05 * slat as f32, -0.1), seat.at(0.2, 0.17 + 0.05 * slat as f32, -0.1));
+        canvas.board(ends, seat.z + Vec3::Y * 0.4, (0.04, 2), |_| grain(&mut random, 0x8a5a32, 0xc89a62));
+    }
+    for (x, z) in [(-0.17, -0.09), (0.17, -0.09), (-0.17, 0.06), (0.17, 0.06)] {
+        let top = if z < 0.0 { 0.3 } else { 0.12 };
+        canvas.tube((seat.at(x, 0.0, z), seat.at(x, top, z)), (0.014, 0.014), 0.03, |_, _| paint(0x3a3a40));
+    }
+    let post = seat.moved(0.36, 0.0, 0.0);
+    canvas.tube((post.origin, post.at(0.0, 0.5, 0.0)), (0.018, 0.012), 0.025, |_, _| paint(0x2f3a3c));
+    for direction in sphere(40) {
+        let at = post.at(0.0, 0.56, 0.0) + direction * Vec3::new(0.045, 0.06, 0.045);
+        let glass = Dab::flat(at, direction, Vec3::Y, (0.02, 0.018), paint(0xffe2a0));
+        canvas.add(glass.glowing(paint(0xffc860) * 0.45));
+    }
+    canvas
+        .tube((post.at(0.0, 0.6, 0.0), post.at(0.0, 0.66, 0.0)), (0.07, 0.01), 0.022, |_, _| paint(0x2f3a3c));
 }
 
 /// Boulders on the banks, by the paths and along the rim.
