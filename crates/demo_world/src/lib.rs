@@ -41,6 +41,8 @@ pub fn paint_island() -> Canvas {
     woodwork::paint_bridge(&mut canvas);
     woodwork::paint_boat(&mut canvas);
     woodwork::paint_garden(&mut canvas);
+    woodwork::paint_well(&mut canvas);
+    woodwork::paint_woodpile(&mut canvas);
     woodwork::paint_bench(&mut canvas);
     woodwork::paint_rocks(&mut canvas);
     water::paint_water(&mut canvas);

@@ -218,7 +218,7 @@ pub fn paint_trees(canvas: &mut Canvas) {
             middle: 1.5,
             crown: Vec2::new(0.92, 0.82),
             clusters: 26,
-            leaves: 2700,
+            leaves: 2500,
             leaf: 0.036,
             colors: oak,
             bark: brown,
@@ -289,7 +289,7 @@ pub fn paint_trees(canvas: &mut Canvas) {
     for tree in &trees {
         leafy(canvas, tree);
     }
-    let pines = [(-2.75, -1.75, 1.9), (-2.05, -2.6, 1.65), (-1.2, -2.75, 1.25), (-3.3, -0.75, 1.4)];
+    let pines = [(-3.3, -0.55, 1.75), (-3.1, -1.25, 1.3), (-1.6, -2.95, 1.9), (-2.25, -2.65, 1.4)];
     for (index, (x, z, height)) in pines.into_iter().enumerate() {
         pine(canvas, Vec2::new(x, z), height, 41 + index as u64);
     }
@@ -315,7 +315,7 @@ pub fn paint_trees(canvas: &mut Canvas) {
 pub fn paint_meadow(canvas: &mut Canvas) {
     let mut random = Random::new(71);
     let mut blades = 0;
-    while blades < 4300 {
+    while blades < 4100 {
         let p = Vec2::new(random.signed(), random.signed()) * 4.4;
         let (tall, lean, shade) = (random.range(0.6, 1.4), random.cube() * 0.45, random.unit());
         let thick = noise3(Vec3::new(p.x * 2.6, 0.3, p.y * 2.6));
@@ -356,7 +356,7 @@ fn flowers(canvas: &mut Canvas, random: &mut Random) {
 
 fn reeds(canvas: &mut Canvas, random: &mut Random) {
     let mut planted = 0;
-    while planted < 330 {
+    while planted < 290 {
         let p = Vec2::new(0.9, 1.8) + Vec2::new(random.signed() * 1.5, random.signed() * 1.2);
         let shore = terrain::shore_distance(p);
         let clump = noise3(Vec3::new(p.x * 2.2, 4.0, p.y * 2.2));

@@ -90,7 +90,7 @@ fn balloon(canvas: &mut Canvas, center: Vec3, size: f32) {
 fn bird(canvas: &mut Canvas, at: Vec3, heading: Vec3) {
     let frame = Frame::upright(at, heading);
     for side in [-1.0, 1.0] {
-        let color = paint(0xf4f4f6);
+        let color = paint(0x55617a);
         let inner = frame.vector(side, 0.55, 0.0);
         canvas.add(Dab::flat(
             frame.at(side * 0.045, 0.022, 0.0),
@@ -108,7 +108,7 @@ fn bird(canvas: &mut Canvas, at: Vec3, heading: Vec3) {
             color * 0.8,
         ));
     }
-    canvas.add(Dab::flat(at, frame.y, frame.z, (0.036, 0.014), paint(0xffffff)));
+    canvas.add(Dab::flat(at, frame.y, frame.z, (0.036, 0.014), paint(0x3f4a60)));
 }
 
 fn smoke(canvas: &mut Canvas, from: Vec3) {
@@ -131,7 +131,7 @@ fn islet(canvas: &mut Canvas, center: Vec3, radius: f32, seed: u64) {
         let stretch = Vec3::new(1.0, if direction.y > 0.0 { 0.32 } else { 1.15 }, 1.0);
         let at = center + direction * stretch * radius * lump;
         let stone = mix(paint(0x7a7078), paint(0xb59c7c), noise3(at * 6.0) + 0.3 * random.signed());
-        let green = mix(paint(0x4f8f2b), paint(0x9cc848), random.unit());
+        let green = mix(paint(0x3c7424), paint(0xa8d04c), random.unit() * random.unit() * 1.3);
         let color = mix(stone, green, smoothstep(-0.1, 0.1, direction.y + 0.15 * random.signed()));
         let spacing = radius * (12.6 / (radius * radius * 3300.0)).sqrt();
         let dab =
@@ -153,7 +153,7 @@ pub fn paint_sky(canvas: &mut Canvas, chimney: Vec3) {
     for (index, (center, size)) in clouds.into_iter().enumerate() {
         cloud(canvas, center, size, 121 + index as u64);
     }
-    balloon(canvas, Vec3::new(2.35, 2.75, 0.75), 0.4);
+    balloon(canvas, Vec3::new(0.95, 2.75, 0.3), 0.4);
     smoke(canvas, chimney);
     islet(canvas, Vec3::new(-4.35, 0.25, -1.9), 0.3, 131);
     islet(canvas, Vec3::new(4.2, -0.75, -1.5), 0.36, 132);

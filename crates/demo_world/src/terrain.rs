@@ -8,7 +8,7 @@ use crate::{
 };
 
 /// Spacing of the ground's Gaussians.
-const SPACING: f32 = 0.065;
+const SPACING: f32 = 0.0655;
 /// Height of the water's surface.
 pub const WATER_LEVEL: f32 = -0.07;
 /// Where the house stands, and the direction its front looks to.
@@ -257,7 +257,7 @@ fn rock_color(at: Vec3, share: f32, random: &mut Random) -> Vec3 {
 /// The cliffs around and below: rings from the rim to the tip.
 pub fn paint_cliffs(canvas: &mut Canvas) {
     const CLIFF_SPACING: f32 = 0.094;
-    const RINGS: u32 = 42;
+    const RINGS: u32 = 40;
     let mut random = Random::new(13);
     for ring in 0..RINGS {
         let share = (ring as f32 + 0.5) / RINGS as f32;
@@ -284,7 +284,7 @@ pub fn paint_cliffs(canvas: &mut Canvas) {
 
 /// Grass that hangs over the rim and covers the seam between meadow and rock.
 pub fn paint_rim(canvas: &mut Canvas) {
-    const TUFTS: u32 = 1250;
+    const TUFTS: u32 = 1100;
     let mut random = Random::new(14);
     for tuft in 0..TUFTS {
         let angle = std::f32::consts::TAU * (tuft as f32 + random.unit()) / TUFTS as f32;

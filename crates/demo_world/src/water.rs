@@ -126,7 +126,8 @@ pub fn paint_waterfall(canvas: &mut Canvas) {
     let point = |side: f32, t: f32| {
         let out = 0.34 * t.sqrt() * (1.0 + 0.15 * side * side);
         let drop = 1.95 * t * t + 0.15 * t;
-        let spread = side * (0.21 + 0.10 * t);
+        let ragged = noise2(Vec2::new(t * 5.0, 3.0 * side.signum())) - 0.5;
+        let spread = side * (0.19 + 0.10 * t + 0.09 * ragged * t.sqrt());
         let p = start + along * out + across * spread;
         Vec3::new(p.x, WATER_LEVEL - drop, p.y)
     };
@@ -134,17 +135,18 @@ pub fn paint_waterfall(canvas: &mut Canvas) {
     const DROPS: u32 = 44;
     for strand in 0..STRANDS {
         let side = 2.0 * (strand as f32 + 0.5) / STRANDS as f32 - 1.0;
-        let phase = random.unit();
+        let (phase, length) = (random.unit(), random.range(0.82, 1.08));
         for drop in 0..DROPS {
-            let t = (drop as f32 + phase) / DROPS as f32;
+            let t = length * (drop as f32 + phase) / DROPS as f32;
             let (at, next) = (point(side, t), point(side, t + 0.5 / DROPS as f32));
-            let streak = fractal2(Vec2::new(side * 9.0, t * 5.0)) * 1.6 - 0.4 + 0.25 * random.signed();
-            let blue = mix(paint(0x3f97bd), paint(0xa9dcf0), streak * 1.4);
+            let streak = fractal2(Vec2::new(side * 15.0, t * 4.0)) * 2.0 - 0.6 + 0.25 * random.signed();
+            let blue = mix(paint(0x2b82ad), paint(0xa9dcf0), streak * 1.4);
             let color = mix(blue, Vec3::splat(0.98), smoothstep(0.55, 1.0, streak) * 0.8 + 0.5 * t * t);
             let normal =
                 Vec3::new(along.x, 0.35, along.y) + Vec3::new(across.x, 0.0, across.y) * (0.5 * side);
-            let opacity = 0.94 - 0.5 * smoothstep(0.7, 1.0, t);
-            let sigma = ((next - at).length() * 1.15 + 0.012, 0.0155 + 0.008 * t);
+            let edge = smoothstep(0.75, 1.0, side.abs());
+            let opacity = 0.94 - 0.4 * edge - 0.5 * smoothstep(0.7, 1.0, t / length);
+            let sigma = ((next - at).length() * 1.15 + 0.012, 0.0135 + 0.008 * t);
             let dab = Dab::flat(at, normal, next - at, sigma, color).lit_as(normal + Vec3::Y * 0.6, 0.5);
             canvas.add(Dab { sigma: dab.sigma.with_z(0.012), ..dab.opacity(opacity).blocking(0.3) });
         }

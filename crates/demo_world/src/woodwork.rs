@@ -4,6 +4,7 @@ use glam::{Vec2, Vec3};
 
 use crate::{
     brush::{Canvas, Dab, Frame, mix, paint, smoothstep, sphere},
+    house::shingles,
     random::{Random, cell, noise3},
     terrain::{self, WATER_LEVEL},
 };
@@ -191,7 +192,7 @@ fn boulder(canvas: &mut Canvas, place: Vec2, radius: f32, random: &mut Random) {
     let stretch = Vec3::new(random.range(0.85, 1.3), random.range(0.7, 0.95), random.range(0.85, 1.3));
     let seed = random.cube() * 40.0;
     let tone = mix(paint(0x8c8680), paint(0xb8a890), random.unit());
-    let count = (radius * radius * 12.6 / 0.0023) as u32;
+    let count = (radius * radius * 12.6 / 0.0027) as u32;
     let form = |direction: Vec3| {
         let facet = cell(direction * 1.6 + seed);
         direction * stretch * (radius * (0.84 + 0.3 * facet.id * smoothstep(0.0, 0.3, facet.seam)))
@@ -218,6 +219,61 @@ fn boulder(canvas: &mut Canvas, place: Vec2, radius: f32, random: &mut Random) {
         canvas.add(
             Dab::flat(at, normal, random.direction(), (spacing * 0.62, spacing * 0.55), color).opacity(0.98),
         );
+    }
+}
+
+/// A roofed well behind the house.
+pub fn paint_well(canvas: &mut Canvas) {
+    let mut random = Random::new(96);
+    let well = Frame::upright(terrain::ground(Vec2::new(-2.0, -1.35)), Vec3::new(-0.6, 0.0, -0.8));
+    for course in 0..6 {
+        for stone in 0..15 {
+            let angle = std::f32::consts::TAU * (stone as f32 + 0.5 * (course % 2) as f32) / 15.0;
+            let out = well.vector(libm::cosf(angle), 0.0, libm::sinf(angle));
+            let at = well.at(0.0, 0.02 + 0.043 * course as f32, 0.0) + out * 0.17;
+            let color = grain(&mut random, 0x7f7870, 0xc2b59c);
+            canvas.add(Dab::flat(at, out + random.cube() * 0.15, Vec3::Y.cross(out), (0.029, 0.0185), color));
+        }
+    }
+    for direction in sphere(60) {
+        let at = well.at(0.0, 0.15, 0.0) + direction.with_y(0.0) * 0.15;
+        canvas.add(Dab::flat(at, Vec3::Y, Vec3::X, (0.04, 0.04), paint(0x1c2a30)));
+    }
+    for side in [-0.17, 0.17] {
+        let ends = (well.at(side, 0.0, 0.0), well.at(side, 0.56, 0.0));
+        canvas.tube(ends, (0.018, 0.018), 0.03, |_, _| grain(&mut random, 0x5a3a22, 0x94683e));
+    }
+    let axle = (well.at(-0.2, 0.4, 0.0), well.at(0.2, 0.4, 0.0));
+    canvas.tube(axle, (0.016, 0.016), 0.03, |_, _| grain(&mut random, 0x7a5230, 0xb4844e));
+    for side in [1.0, -1.0] {
+        let (along, up) = (well.x * side, (Vec3::Y * 0.7 - well.z * side).normalize());
+        let origin = well.at(0.0, 0.5, 0.21 * side) - along * 0.26;
+        let slope = Frame { origin, x: along, y: up, z: along.cross(up) };
+        shingles(canvas, slope, (0.52, 0.27), (0.06, 0.065), |_, _| grain(&mut random, 0x6b4a32, 0xa8794c));
+    }
+}
+
+/// Firewood, stacked against the back of the house.
+pub fn paint_woodpile(canvas: &mut Canvas) {
+    let mut random = Random::new(97);
+    let (house, front) = terrain::HOUSE;
+    let back = Frame::upright(terrain::ground(house - front * 0.74), Vec3::new(-front.x, 0.0, -front.y));
+    for row in 0..4 {
+        for log in 0..9 - row {
+            let x = -0.62 + 0.066 * (log as f32 + 0.5 * row as f32);
+            let end = back.at(x, 0.03 + 0.056 * row as f32, 0.09 + 0.02 * random.signed());
+            canvas.tube((end - back.z * 0.16, end), (0.031, 0.031), 0.045, |_, _| {
+                grain(&mut random, 0x4a3424, 0x7c5c40)
+            });
+            canvas.add(Dab::flat(
+                end,
+                back.z,
+                back.x,
+                (0.021, 0.021),
+                grain(&mut random, 0xc0935a, 0xe6c08a),
+            ));
+            canvas.add(Dab::flat(end + back.z * 0.006, back.z, back.x, (0.007, 0.007), paint(0x9a6a3c)));
+        }
     }
 }
 
