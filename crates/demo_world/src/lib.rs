@@ -11,6 +11,7 @@ pub mod light;
 pub mod mill;
 pub mod plants;
 pub mod random;
+pub mod sheep;
 pub mod sky;
 pub mod terrain;
 pub mod water;
@@ -45,6 +46,7 @@ pub fn paint_island() -> Canvas {
     woodwork::paint_woodpile(&mut canvas);
     woodwork::paint_bench(&mut canvas);
     woodwork::paint_rocks(&mut canvas);
+    sheep::paint_sheep(&mut canvas);
     water::paint_water(&mut canvas);
     water::paint_waterfall(&mut canvas);
     sky::paint_sky(&mut canvas, house::chimney_top());

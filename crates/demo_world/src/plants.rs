@@ -315,7 +315,7 @@ pub fn paint_trees(canvas: &mut Canvas) {
 pub fn paint_meadow(canvas: &mut Canvas) {
     let mut random = Random::new(71);
     let mut blades = 0;
-    while blades < 4100 {
+    while blades < 3900 {
         let p = Vec2::new(random.signed(), random.signed()) * 4.4;
         let (tall, lean, shade) = (random.range(0.6, 1.4), random.cube() * 0.45, random.unit());
         let thick = noise3(Vec3::new(p.x * 2.6, 0.3, p.y * 2.6));
