@@ -155,7 +155,7 @@ pub fn paint_mill(canvas: &mut Canvas) {
     let mill = Frame::upright(foot, Vec3::new(0.15, 0.0, 1.0));
     tower(canvas, &mill, &mut random);
     opening(canvas, &mill, 0.0, 0.05, (0.22, 0.4), (0x2f5f7a, 0x5a90ac), &mut random);
-    for (angle, bottom) in [(1.7, 0.55), (-1.7, 0.55), (3.14, 0.4), (0.9, 0.95), (-2.5, 0.95)] {
+    for (angle, bottom) in [(1.7, 0.55), (-1.7, 0.55), (3.1, 0.4), (0.9, 0.95), (-2.5, 0.95)] {
         opening(canvas, &mill, angle, bottom, (0.13, 0.17), (0x24384c, 0x5a86a8), &mut random);
     }
     cap(canvas, &mill, &mut random);
