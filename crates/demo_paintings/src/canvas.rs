@@ -57,12 +57,6 @@ impl Canvas {
         })
     }
 
-    /// The color of the pixel that holds `p`, or of the nearest one.
-    pub fn sample(&self, p: Vec2) -> Vec3 {
-        let clip = |v: f32| v.clamp(0.0, SIZE as f32 - 1.0) as usize;
-        self.color[clip(p.y) * SIZE + clip(p.x)]
-    }
-
     /// Draws a brush along `path`. `radius` gives half the brush's width from the position along the stroke
     /// (0..1); `touch` gives the paint for each pixel. Edges are anti-aliased over one pixel.
     pub fn stroke(

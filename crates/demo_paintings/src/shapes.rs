@@ -31,6 +31,46 @@ pub fn polygon(p: Vec2, corners: &[Vec2]) -> f32 {
     if inside { -nearest } else { nearest }
 }
 
+/// A list of points with the box around them, so that far positions cost little.
+#[derive(Clone, Debug)]
+pub struct Outline {
+    points: Vec<Vec2>,
+    low: Vec2,
+    high: Vec2,
+}
+
+impl Outline {
+    /// Farther than this from the box, in pixels, the distance to the box stands for the distance.
+    const FAR: f32 = 30.0;
+
+    /// Wraps a path or a polygon's corners.
+    pub fn new(points: Vec<Vec2>) -> Self {
+        let low = points.iter().fold(Vec2::MAX, |a, &b| a.min(b));
+        let high = points.iter().fold(Vec2::MIN, |a, &b| a.max(b));
+        Self { points, low, high }
+    }
+
+    /// The points themselves.
+    pub fn points(&self) -> &[Vec2] {
+        &self.points
+    }
+
+    fn beyond(&self, p: Vec2) -> Option<f32> {
+        let gap = (self.low - p).max(p - self.high).max_element();
+        (gap > Self::FAR).then_some(gap)
+    }
+
+    /// Signed distance to the closed shape: exact near it, a lower bound far outside.
+    pub fn closed(&self, p: Vec2) -> f32 {
+        self.beyond(p).unwrap_or_else(|| polygon(p, &self.points))
+    }
+
+    /// Distance to the open path: exact near it, a lower bound far from it.
+    pub fn open(&self, p: Vec2) -> f32 {
+        self.beyond(p).unwrap_or_else(|| polyline(p, &self.points))
+    }
+}
+
 /// Approximate signed distance to an ellipse with half-axes `radii`, turned so that its x axis points along
 /// the unit vector `axis`.
 pub fn ellipse(p: Vec2, center: Vec2, radii: Vec2, axis: Vec2) -> f32 {

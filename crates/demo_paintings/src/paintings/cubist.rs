@@ -10,6 +10,7 @@ use crate::shapes::{ellipse, points, polygon, segment, turned};
 const NOISE: Noise = Noise(44);
 const INK: u32 = 0x17140f;
 
+/// Paints it.
 pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(0x8c7a58));
     let mut random = Random::new(40);
@@ -29,7 +30,7 @@ pub fn paint() -> Canvas {
 /// Cuts a convex polygon by random lines until its pieces are small: smaller in the middle.
 fn cut(shape: &[Vec2], random: &mut Random, pieces: &mut Vec<Vec<Vec2>>) {
     let center = shape.iter().sum::<Vec2>() / shape.len() as f32;
-    let limit = (1500.0 + 26.0 * center.distance(vec2(256.0, 256.0))) * random.range(0.7, 2.0);
+    let limit = (1100.0 + 20.0 * center.distance(vec2(256.0, 256.0))) * random.range(0.7, 2.0);
     if area(shape) < limit {
         pieces.push(shape.to_vec());
         return;
@@ -81,21 +82,21 @@ fn bounds(shape: &[Vec2]) -> (Vec2, Vec2) {
 fn plane(canvas: &mut Canvas, random: &mut Random, facet: &[Vec2]) {
     let (low, high) = bounds(facet);
     let center = facet.iter().sum::<Vec2>() / facet.len() as f32;
-    let shift = random.offset() * 16.0;
-    let axis = direction(0.16 * random.bell());
-    let zoom = 1.0 + 0.18 * random.bell();
+    let shift = random.offset() * 24.0;
+    let axis = direction(0.34 * random.bell());
+    let zoom = 1.0 + 0.3 * random.bell();
     let light = direction(random.pick(&[0.5, 1.2, 2.2, 3.9]) + 0.3 * random.bell());
     let reach = 0.5 * (high - low).length();
-    let tone = 1.0 + 0.20 * random.bell();
-    let strength = random.range(0.25, 0.7);
+    let tone = 1.0 + 0.34 * random.bell();
+    let strength = random.range(0.45, 1.0);
     canvas.fill(
         (low, high),
         |p| polygon(p, facet) - 0.6,
         |p, _| {
             let color = still_life(turned(p - center, axis) * zoom + center + shift);
             let across = (p - center).dot(light) / reach;
-            let shaded = color * (tone - strength * across).clamp(0.35, 1.7);
-            shaded.lerp(rgb(0xd9d2bd), 0.5 * smoothstep(0.15, 0.75, -across) * strength)
+            let shaded = color * (tone - strength * across).clamp(0.22, 1.7);
+            shaded.lerp(rgb(0xd9d2bd), 0.62 * smoothstep(0.1, 0.8, -across) * strength)
         },
     );
 }
@@ -123,14 +124,14 @@ fn hatch(canvas: &mut Canvas, random: &mut Random) {
     for at in random.scatter(512.0, 4.0, 8.5) {
         let lean = 0.9 * NOISE.at(at / 130.0) + if NOISE.at(at / 70.0 + 9.0) > 0.0 { 0.35 } else { 1.9 };
         let reach = direction(lean) * random.range(4.0, 9.0);
-        let color = canvas.sample(at) * (1.0 + 0.16 * random.bell()) + Vec3::splat(0.02 * random.bell());
+        let shift = 0.16 * random.bell();
         let hairs = Noise(random.bits() as u64);
         canvas.stroke(
             &[at - reach, at + reach],
             |_| 3.1,
             |c| Touch {
-                color: color * (1.0 + 0.10 * hairs.line(c.across * 3.0 + 9.0)),
-                opacity: 0.62,
+                color: c.ground * (1.0 + shift + 0.16 * hairs.line(c.across * 3.0 + 9.0)),
+                opacity: 1.0,
                 height: 0.8 + 0.8 * hairs.line(c.across * 3.0 + 9.0),
             },
         );

@@ -14,10 +14,11 @@ const PIGMENTS: [u32; 18] = [
     0x2f6fd0, 0x35b0e0, 0x8fdcd8, 0x12897a, 0x3fa83a, 0x9ccb2a, 0xd8e84a, 0xfffdf0,
 ];
 
+/// Paints it.
 pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(0xf8edc9));
     let mut random = Random::new(2);
-    for (spacing, radius, push) in [(9.0, 6.0, 0.10), (7.4, 4.1, 0.34), (7.8, 3.1, 0.42)] {
+    for (spacing, radius, push) in [(9.0, 6.0, 0.10), (7.8, 4.3, 0.32), (9.0, 3.5, 0.42)] {
         for at in random.scatter(512.0, 8.0, spacing) {
             dot(&mut canvas, &mut random, at, radius, push);
         }
@@ -30,7 +31,7 @@ fn dot(canvas: &mut Canvas, random: &mut Random, at: Vec2, radius: f32, push: f3
     let (tone, slant) = scene(at);
     let pushed = tone + Vec3::new(random.bell(), random.bell(), random.bell()) * push;
     let dark = 1.0 - tone.dot(Vec3::new(0.3, 0.6, 0.1));
-    let complement = random.chance(0.05 + 0.16 * dark);
+    let complement = random.chance(0.03 + 0.15 * dark);
     let wanted = if complement { (Vec3::splat(1.15) - pushed).clamp(Vec3::ZERO, Vec3::ONE) } else { pushed };
     let color = nearest(wanted);
     let radius = radius * random.range(0.8, 1.15);
@@ -79,11 +80,11 @@ fn scene(p: Vec2) -> (Vec3, f32) {
 fn ground(p: Vec2) -> (Vec3, f32) {
     let shore = 318.0 + 24.0 * libm::sinf(p.x * 0.011 + 0.4);
     let far =
-        178.0 - 26.0 * libm::expf(-(p.x - 420.0) * (p.x - 420.0) / 9000.0) - 6.0 * NOISE.line(p.x / 20.0);
+        168.0 - 34.0 * libm::expf(-(p.x - 420.0) * (p.x - 420.0) / 9000.0) - 6.0 * NOISE.line(p.x / 20.0);
     if p.y > shore {
         let shade =
             ellipse(p, vec2(150.0, 420.0), vec2(170.0, 34.0), vec2(1.0, 0.06)) + 14.0 * NOISE.at(p / 30.0);
-        let parasol = ellipse(p, vec2(404.0, 462.0), vec2(74.0, 13.0), vec2(1.0, 0.1));
+        let parasol = ellipse(p, vec2(430.0, 488.0), vec2(90.0, 16.0), vec2(1.0, 0.1));
         if shade.min(parasol) < 0.0 {
             return (ramp(&[0x3f3a9a, 0x1f7f7a, 0x4a9a5a], 0.5 + 0.6 * NOISE.at(p / 22.0)), 0.1);
         }
@@ -93,20 +94,20 @@ fn ground(p: Vec2) -> (Vec3, f32) {
     if let Some(color) = boats(p) {
         return (color, 1.4);
     }
-    if p.y > far + 22.0 {
+    if p.y > 196.0 {
         let glint = NOISE.fractal(p / vec2(40.0, 7.0), 2) + 0.3 * smoothstep(330.0, 200.0, p.y);
         return (ramp(&[0x2f5fc0, 0x35a0e0, 0x8fdcd8, 0xffe8b0], 0.42 + 0.5 * glint), 0.0);
     }
     if p.y > far {
-        return (ramp(&[0x6a4fb0, 0x7a8fd0, 0xf49a81], 0.5 + 0.7 * NOISE.at(p / 18.0)), 0.1);
+        return (ramp(&[0x4a3fa0, 0x6a5fc0, 0x3a8fa0], 0.5 + 0.7 * NOISE.at(p / 18.0)), 0.1);
     }
     let cloud = NOISE.fractal(p / vec2(110.0, 46.0), 3);
-    let sky = ramp(&[0x55bde8, 0xa5e0e4, 0xfff0c0, 0xffc9b0], p.y / 190.0);
-    (sky.lerp(rgb(0xfff6e8), smoothstep(0.05, 0.5, cloud)), 0.2)
+    let sky = ramp(&[0x2f8fe0, 0x55bde8, 0x8fd8e4, 0xffd9b0, 0xff9a8a], p.y / 185.0);
+    (sky.lerp(rgb(0xfff6e8), smoothstep(0.12, 0.5, cloud) * smoothstep(170.0, 110.0, p.y)), 0.2)
 }
 
 fn boats(p: Vec2) -> Option<Vec3> {
-    for (x, y, s) in [(300.0, 262.0, 1.0), (436.0, 226.0, 0.6), (226.0, 222.0, 0.42)] {
+    for (x, y, s) in [(306.0, 272.0, 1.25), (446.0, 232.0, 0.75), (206.0, 222.0, 0.5)] {
         let q = (p - vec2(x, y)) / s;
         let main = polygon(q, &[vec2(2.0, -104.0), vec2(48.0, -8.0), vec2(2.0, -8.0)]);
         let jib = polygon(q, &[vec2(-3.0, -92.0), vec2(-3.0, -8.0), vec2(-34.0, -8.0)]);
@@ -115,10 +116,10 @@ fn boats(p: Vec2) -> Option<Vec3> {
             return Some(rgb(0xd92a4a));
         }
         if main < 0.0 {
-            return Some(ramp(&[0xfffdf0, 0xffe9b0, 0xff9a4c], q.x / 40.0));
+            return Some(ramp(&[0xfffdf0, 0xffe9b0, 0xffb05c], q.x / 44.0));
         }
         if jib < 0.0 {
-            return Some(rgb(0xf8b8c8));
+            return Some(rgb(0xff9a5c));
         }
         if q.x > -30.0 && q.x < 40.0 && q.y > 12.0 && q.y < 62.0 && NOISE.at(p / vec2(20.0, 5.0)) > -0.05 {
             return Some(rgb(0xffd9a0));
@@ -128,7 +129,7 @@ fn boats(p: Vec2) -> Option<Vec3> {
 }
 
 fn figure(p: Vec2) -> Option<Vec3> {
-    let q = p - vec2(362.0, 372.0);
+    let q = (p - vec2(372.0, 378.0)) / 1.35;
     let shade = ellipse(q, vec2(6.0, -54.0), vec2(50.0, 34.0), direction(0.12));
     if shade < 0.0 && q.y < -48.0 + 0.12 * q.x {
         let gore = libm::sinf(q.x * 0.16);
@@ -140,8 +141,8 @@ fn figure(p: Vec2) -> Option<Vec3> {
             vec2(-8.0, -18.0),
             vec2(10.0, -18.0),
             vec2(8.0, 16.0),
-            vec2(30.0, 86.0),
-            vec2(-24.0, 86.0),
+            vec2(36.0, 82.0),
+            vec2(-26.0, 82.0),
             vec2(-7.0, 16.0),
         ],
     );

@@ -9,6 +9,7 @@ use crate::shapes::{curve, points, segment};
 
 const NOISE: Noise = Noise(66);
 
+/// Paints it.
 pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(0xece8de));
     let mut random = Random::new(6);
@@ -88,14 +89,7 @@ fn mountain(
 }
 
 /// A brush stroke: widths at its ends and in its middle, ink, and how dry the brush is (0..1).
-fn brush(
-    canvas: &mut Canvas,
-    seed: u32,
-    path: &[Vec2],
-    (ends, middle): (f32, f32),
-    ink: f32,
-    dry: f32,
-) {
+fn brush(canvas: &mut Canvas, seed: u32, path: &[Vec2], (ends, middle): (f32, f32), ink: f32, dry: f32) {
     let hairs = Noise(seed as u64);
     let radius = |t: f32| ends + (middle - ends) * libm::sinf(3.1 * t.clamp(0.0, 1.0).max(0.02)).max(0.0);
     canvas.stroke(path, radius, |c| {
@@ -175,7 +169,7 @@ fn twig(canvas: &mut Canvas, random: &mut Random, from: Vec2, half: f32, ink: f3
 
 /// The painter's seal, cut in stone.
 fn seal(canvas: &mut Canvas) {
-    let corner = vec2(52.0, 312.0);
+    let corner = vec2(30.0, 446.0);
     canvas.change((corner - 4.0, corner + 50.0), |p, color| {
         let q = p - corner - 22.0;
         let worn = 1.6 * NOISE.fractal(p / 5.0, 2);

@@ -11,6 +11,7 @@ const NOISE: Noise = Noise(55);
 const GROUT: u32 = 0x2e2a26;
 const SPACING: f32 = 10.6;
 const ROOT: Vec2 = vec2(256.0, 372.0);
+const HEAD: Vec2 = vec2(254.0, 206.0);
 
 /// One tessera: where it is, and where its side points.
 #[derive(Clone, Copy)]
@@ -28,6 +29,7 @@ struct Spot {
     contour: f32,
 }
 
+/// Paints it.
 pub fn paint() -> Canvas {
     let mut random = Random::new(5);
     let mut tiles: Vec<Tile> = random
@@ -149,7 +151,7 @@ fn spot(p: Vec2) -> Spot {
             return Spot { region: 40 + row as u32, color, contour: wave };
         }
         let ray = p.distance(ROOT) + 6.0 * NOISE.at(p / 60.0);
-        let color = rgb(0xd8a32c).lerp(rgb(0xf2cf62), 0.5 + 0.9 * NOISE.at(p / 50.0));
+        let color = rgb(0xe6ac2a).lerp(rgb(0xffe07a), 0.5 + 0.9 * NOISE.at(p / 50.0));
         Spot { region: 1, color, contour: ray }
     })
 }
@@ -195,8 +197,8 @@ fn bird(p: Vec2) -> Option<Spot> {
         });
     }
     for k in -2..=2 {
-        let plume = vec2(256.0, 196.0) + direction(-1.57 + 0.3 * k as f32) * 34.0;
-        if p.distance(plume) < 7.0 {
+        let plume = vec2(256.0, 196.0) + direction(-1.57 + 0.42 * k as f32) * 24.0;
+        if p.distance(plume) < 5.5 {
             return Some(Spot { region: 25, color: rgb(0x2f7fd0), contour: p.distance(plume) });
         }
     }
@@ -205,6 +207,11 @@ fn bird(p: Vec2) -> Option<Spot> {
 
 /// The tail: rows of eyes on rays from the root.
 fn fan(p: Vec2) -> Option<Spot> {
+    let nimbus = p.distance(HEAD);
+    if nimbus < 52.0 {
+        let color = rgb(if nimbus > 42.0 { 0xd03a24 } else { 0xffd75e });
+        return Some(Spot { region: 30 + (nimbus > 42.0) as u32, color, contour: nimbus });
+    }
     let q = p - ROOT;
     let reach = q.length();
     let angle = libm::atan2f(q.x, -q.y);
@@ -237,7 +244,7 @@ fn fan(p: Vec2) -> Option<Spot> {
         Some(3) => rgb(0xb03020),
         _ => {
             let barb = hash(5, (angle * 9.0 + 50.0) as i32, row);
-            rgb(0x0c4f56).lerp(rgb(0x2f9a86), barb)
+            rgb(0x0c5f66).lerp(rgb(0x3fb49c), barb)
         }
     };
     let region = ring.map_or(2, |r| 100 + r as u32 * 1000 + (row * 40 + k + 20) as u32);

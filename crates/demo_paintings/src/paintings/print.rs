@@ -14,6 +14,7 @@ const BLUE: u32 = 0x2d5f93;
 const PALE: u32 = 0x9fc0c0;
 const RED: u32 = 0xd8402a;
 
+/// Paints it.
 pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(PAPER));
     sky(&mut canvas);
@@ -206,7 +207,7 @@ fn grain(canvas: &mut Canvas) {
     canvas.change(WHOLE, |p, color| {
         let rings = libm::sinf(p.y * 0.55 + 9.0 * NOISE.at(p / vec2(260.0, 60.0)));
         let streak = 0.020 * rings + 0.035 * Noise(34).at(p / vec2(60.0, 1.6));
-        let speckle = smoothstep(0.45, 0.8, Noise(35).fractal(p / 2.6, 2)) * 0.22;
+        let speckle = smoothstep(0.55, 0.95, Noise(35).fractal(p / 3.2, 2)) * 0.16;
         color.lerp(rgb(PAPER), speckle) * (1.0 + streak)
     });
 }

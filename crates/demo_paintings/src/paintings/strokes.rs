@@ -5,7 +5,6 @@ use glam::{Vec2, Vec3, vec2};
 
 use crate::canvas::{Canvas, Touch, ramp, rgb, smoothstep};
 use crate::noise::{Noise, Random};
-use crate::shapes::segment;
 
 const NOISE: Noise = Noise(11);
 const MOON: Vec2 = vec2(376.0, 108.0);
@@ -29,6 +28,7 @@ const STARS: [(Vec2, f32); 7] = [
 ];
 const SHORE: f32 = 342.0;
 
+/// Paints it.
 pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(0x14204a));
     let mut random = Random::new(1);
@@ -80,7 +80,7 @@ fn stream(p: Vec2) -> f32 {
 
 /// Unit direction of the brush.
 fn flow(p: Vec2) -> Vec2 {
-    let raw = if tree(p) < 2.0 {
+    let raw = if tree(p) < 0.0 {
         vec2(0.45 * libm::sinf(p.y * 0.05 + p.x * 0.06), -1.0)
     } else if p.y > SHORE {
         vec2(1.0, 0.18 * NOISE.at(p / vec2(60.0, 20.0)))
@@ -102,9 +102,10 @@ fn hills(x: f32) -> f32 {
 fn tree(p: Vec2) -> f32 {
     let flame = |foot: Vec2, top: f32, width: f32| {
         let t = ((foot.y - p.y) / (foot.y - top)).clamp(0.0, 1.0);
+        let beyond = (top - p.y).max(p.y - foot.y).max(0.0);
         let wobble = 7.0 * libm::sinf(p.y * 0.045 + foot.x) + 5.0 * NOISE.at(p / 18.0);
         let half = width * libm::sqrtf(t.max(0.0)) * (1.0 - t) * 2.2;
-        segment(p, foot, vec2(foot.x + wobble, top)).min((p.x - foot.x - wobble * t).abs()) - half
+        (p.x - foot.x - wobble * t).abs() - half + beyond
     };
     flame(vec2(70.0, 470.0), 116.0, 30.0).min(flame(vec2(112.0, 462.0), 214.0, 20.0))
 }
@@ -136,10 +137,10 @@ fn sky(p: Vec2) -> Vec3 {
     let mut glow = |center: Vec2, reach: f32, core: u32| {
         let d = p.distance(center);
         let ring = 0.75 + 0.25 * libm::cosf(d * 0.42);
-        color = color.lerp(rgb(0xe79a1f), (1.5 * libm::expf(-d / reach) * ring).min(1.0));
+        color = color.lerp(rgb(0xee9a10), (2.4 * libm::expf(-d / reach) * ring).min(1.0));
         color = color.lerp(rgb(core), smoothstep(reach * 0.95, reach * 0.55, d));
     };
-    STARS.iter().for_each(|&(center, reach)| glow(center, reach, 0xffe9a0));
+    STARS.iter().for_each(|&(center, reach)| glow(center, 1.25 * reach, 0xffdf70));
     glow(MOON, 42.0, 0xffd54a);
     color
 }

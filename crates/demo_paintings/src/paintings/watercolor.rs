@@ -16,6 +16,21 @@ const LEAF: u32 = 0x86bf8c;
 const SEA: u32 = 0x7fc4c0;
 const SUN: u32 = 0xf7d27a;
 
+/// Center, size and color.
+const FLOWERS: [(Vec2, f32, u32); 5] = [
+    (vec2(176.0, 180.0), 92.0, ROSE),
+    (vec2(352.0, 132.0), 70.0, CORAL),
+    (vec2(330.0, 296.0), 84.0, LILAC),
+    (vec2(118.0, 338.0), 58.0, CORAL),
+    (vec2(438.0, 250.0), 44.0, ROSE),
+];
+
+/// Distance to the paper kept free of stems and leaves: the flowers stand before them.
+fn beside_flowers(p: Vec2) -> f32 {
+    FLOWERS.iter().map(|&(center, size, _)| p.distance(center) - 0.8 * size).fold(f32::MAX, f32::min)
+}
+
+/// Paints it.
 pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(0xfcfaf5));
     let mut random = Random::new(7);
@@ -26,19 +41,13 @@ pub fn paint() -> Canvas {
         (440.0, 430.0, 110.0, 0xf6d5de),
     ] {
         let at = vec2(x, y);
-        wash(&mut canvas, random.bits(), around(at, radius * 1.6), rgb(color), 0.9, 34.0, |p| {
+        wash(&mut canvas, random.bits(), around(at, radius * 2.0), rgb(color), 0.9, 60.0, |p| {
             p.distance(at) - radius
         });
     }
     foliage(&mut canvas, &mut random);
-    for (x, y, size, color) in [
-        (176.0, 180.0, 92.0, ROSE),
-        (352.0, 132.0, 70.0, CORAL),
-        (330.0, 296.0, 84.0, LILAC),
-        (118.0, 338.0, 58.0, CORAL),
-        (438.0, 250.0, 44.0, ROSE),
-    ] {
-        flower(&mut canvas, &mut random, vec2(x, y), size, rgb(color));
+    for (center, size, color) in FLOWERS {
+        flower(&mut canvas, &mut random, center, size, rgb(color));
     }
     splatter(&mut canvas, &mut random);
     paper(&mut canvas);
@@ -82,17 +91,25 @@ fn absorb(below: Vec3, color: Vec3, density: f32) -> Vec3 {
 /// Petals in two rounds, each its own wash, then the heart.
 fn flower(canvas: &mut Canvas, random: &mut Random, center: Vec2, size: f32, color: Vec3) {
     let turn = random.range(0.0, 6.28);
-    for (count, reach, load) in [(5, 1.0, 0.85), (4, 0.66, 0.8)] {
+    for (count, reach, load) in [(5, 1.0, 0.62), (4, 0.66, 0.5)] {
         for k in 0..count {
             let toward = direction(turn + (k as f32 + 0.2 * random.bell()) * 6.2832 / count as f32 + reach);
             let middle = center + toward * size * reach * 0.52;
             let radii = vec2(size * reach * 0.52, size * reach * random.range(0.36, 0.5));
             let tint = (color + Vec3::new(random.bell(), random.bell(), random.bell()) * 0.07)
                 .clamp(Vec3::ZERO, Vec3::ONE);
-            wash(canvas, random.bits(), around(middle, size), tint, load * random.range(0.7, 1.2), 5.0, |p| {
-                let notch = 0.07 * size * libm::sinf(libm::atan2f((p - center).y, (p - center).x) * 9.0);
-                ellipse(p, middle, radii, toward) + notch
-            });
+            wash(
+                canvas,
+                random.bits(),
+                around(middle, size),
+                tint,
+                load * random.range(0.7, 1.2),
+                5.0,
+                |p| {
+                    let notch = 0.07 * size * libm::sinf(libm::atan2f((p - center).y, (p - center).x) * 9.0);
+                    ellipse(p, middle, radii, toward) + notch
+                },
+            );
         }
     }
     wash(canvas, random.bits(), around(center, size * 0.3), rgb(SUN), 1.3, 4.0, |p| {
@@ -115,7 +132,9 @@ fn foliage(canvas: &mut Canvas, random: &mut Random) {
     ];
     for knots in stems {
         let stem = curve(&knots, 8);
-        wash(canvas, random.bits(), WHOLE, rgb(LEAF), 1.5, 1.5, |p| polyline(p, &stem) - 2.4);
+        wash(canvas, random.bits(), WHOLE, rgb(LEAF), 1.5, 1.5, |p| {
+            (polyline(p, &stem) - 2.4).max(-beside_flowers(p))
+        });
         for k in 0..5 {
             let i = 3 + k * 4;
             let (root, along) = (stem[i], (stem[i + 1] - stem[i]).normalize_or(Vec2::NEG_Y));
@@ -132,15 +151,23 @@ fn foliage(canvas: &mut Canvas, random: &mut Random) {
 fn leaf(canvas: &mut Canvas, random: &mut Random, root: Vec2, toward: Vec2, length: f32, color: Vec3) {
     let bow = random.range(-0.22, 0.22);
     for side in [-1.0, 1.0] {
-        let load = random.range(0.75, 1.5);
-        wash(canvas, random.bits(), around(root + toward * length * 0.5, length * 0.75), color, load, 2.2, |p| {
-            let q = turned(p - root, toward);
-            let t = (q.x / length).clamp(0.0, 1.0);
-            let vein = bow * length * t * (1.0 - t);
-            let half = 0.62 * length * libm::sqrtf(t) * (1.0 - t) * 0.72;
-            let across = (q.y - vein) * side;
-            (across - half).max(1.1 - across).max(q.x - length).max(-q.x)
-        });
+        let load = random.range(0.5, 1.05);
+        wash(
+            canvas,
+            random.bits(),
+            around(root + toward * length * 0.5, length * 0.75),
+            color,
+            load,
+            2.2,
+            |p| {
+                let q = turned(p - root, toward);
+                let t = (q.x / length).clamp(0.0, 1.0);
+                let vein = bow * length * t * (1.0 - t);
+                let half = 0.62 * length * libm::sqrtf(t) * (1.0 - t) * 0.72;
+                let across = (q.y - vein) * side;
+                (across - half).max(1.1 - across).max(q.x - length).max(-q.x).max(-beside_flowers(p))
+            },
+        );
     }
 }
 
