@@ -96,7 +96,7 @@ fn plane(canvas: &mut Canvas, random: &mut Random, facet: &[Vec2]) {
             let color = still_life(turned(p - center, axis) * zoom + center + shift);
             let across = (p - center).dot(light) / reach;
             let shaded = color * (tone - strength * across).clamp(0.22, 1.7);
-            shaded.lerp(rgb(0xd9d2bd), 0.62 * smoothstep(0.1, 0.8, -across) * strength)
+            shaded.lerp(rgb(0xe6d3a4), 0.62 * smoothstep(0.1, 0.8, -across) * strength)
         },
     );
 }
@@ -114,7 +114,7 @@ fn edges(canvas: &mut Canvas, random: &mut Random, facet: &[Vec2]) {
         canvas.stroke(
             &[a, b],
             |t| width * (1.1 - 0.8 * t),
-            |c| Touch { color, opacity: 0.85 + 0.5 * hairs.line(c.arc / 5.0) - 0.5 * c.along, height: 0.6 },
+            |c| Touch { color, opacity: 0.95 + 0.3 * hairs.line(c.arc / 24.0) - 0.5 * c.along, height: 0.6 },
         );
     }
 }
@@ -124,13 +124,13 @@ fn hatch(canvas: &mut Canvas, random: &mut Random) {
     for at in random.scatter(512.0, 4.0, 8.5) {
         let lean = 0.9 * NOISE.at(at / 130.0) + if NOISE.at(at / 70.0 + 9.0) > 0.0 { 0.35 } else { 1.9 };
         let reach = direction(lean) * random.range(4.0, 9.0);
-        let shift = 0.16 * random.bell();
+        let shift = 0.12 * random.bell();
         let hairs = Noise(random.bits() as u64);
         canvas.stroke(
             &[at - reach, at + reach],
             |_| 3.1,
             |c| Touch {
-                color: c.ground * (1.0 + shift + 0.16 * hairs.line(c.across * 3.0 + 9.0)),
+                color: c.ground * (1.0 + shift + 0.10 * hairs.line(c.across * 3.0 + 9.0)),
                 opacity: 1.0,
                 height: 0.8 + 0.8 * hairs.line(c.across * 3.0 + 9.0),
             },
@@ -140,7 +140,7 @@ fn hatch(canvas: &mut Canvas, random: &mut Random) {
 
 /// The still life before it is cut, painted back to front.
 fn still_life(p: Vec2) -> Vec3 {
-    let mut color = ramp(&[0x3c4650, 0x6a7680, 0x9a9786, 0x6e6450], p.y / 420.0 + 0.3 * NOISE.at(p / 90.0));
+    let mut color = ramp(&[0x77848c, 0xb4b09c, 0xcdb98c, 0xa08a60], p.y / 420.0 + 0.3 * NOISE.at(p / 90.0));
     let mut over = |d: f32, paint: Vec3, line: f32| {
         color = color.lerp(paint, smoothstep(1.0, -1.0, d));
         color = color.lerp(rgb(INK), line * smoothstep(2.6, 1.0, d.abs()));

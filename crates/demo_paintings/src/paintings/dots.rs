@@ -18,7 +18,7 @@ const PIGMENTS: [u32; 18] = [
 pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(0xf8edc9));
     let mut random = Random::new(2);
-    for (spacing, radius, push) in [(9.0, 6.0, 0.10), (7.8, 4.3, 0.32), (9.0, 3.5, 0.42)] {
+    for (spacing, radius, push) in [(9.0, 6.0, 0.10), (7.8, 4.3, 0.28), (9.0, 3.5, 0.36)] {
         for at in random.scatter(512.0, 8.0, spacing) {
             dot(&mut canvas, &mut random, at, radius, push);
         }
@@ -84,7 +84,7 @@ fn ground(p: Vec2) -> (Vec3, f32) {
     if p.y > shore {
         let shade =
             ellipse(p, vec2(150.0, 420.0), vec2(170.0, 34.0), vec2(1.0, 0.06)) + 14.0 * NOISE.at(p / 30.0);
-        let parasol = ellipse(p, vec2(430.0, 488.0), vec2(90.0, 16.0), vec2(1.0, 0.1));
+        let parasol = ellipse(p, vec2(466.0, 494.0), vec2(90.0, 16.0), vec2(1.0, 0.1));
         if shade.min(parasol) < 0.0 {
             return (ramp(&[0x3f3a9a, 0x1f7f7a, 0x4a9a5a], 0.5 + 0.6 * NOISE.at(p / 22.0)), 0.1);
         }
@@ -107,7 +107,7 @@ fn ground(p: Vec2) -> (Vec3, f32) {
 }
 
 fn boats(p: Vec2) -> Option<Vec3> {
-    for (x, y, s) in [(306.0, 272.0, 1.25), (446.0, 232.0, 0.75), (206.0, 222.0, 0.5)] {
+    for (x, y, s) in [(268.0, 272.0, 1.25), (446.0, 232.0, 0.75), (206.0, 222.0, 0.5)] {
         let q = (p - vec2(x, y)) / s;
         let main = polygon(q, &[vec2(2.0, -104.0), vec2(48.0, -8.0), vec2(2.0, -8.0)]);
         let jib = polygon(q, &[vec2(-3.0, -92.0), vec2(-3.0, -8.0), vec2(-34.0, -8.0)]);
@@ -129,8 +129,8 @@ fn boats(p: Vec2) -> Option<Vec3> {
 }
 
 fn figure(p: Vec2) -> Option<Vec3> {
-    let q = (p - vec2(372.0, 378.0)) / 1.35;
-    let shade = ellipse(q, vec2(6.0, -54.0), vec2(50.0, 34.0), direction(0.12));
+    let q = (p - vec2(404.0, 384.0)) / 1.35;
+    let shade = ellipse(q, vec2(6.0, -48.0), vec2(48.0, 46.0), direction(0.12));
     if shade < 0.0 && q.y < -48.0 + 0.12 * q.x {
         let gore = libm::sinf(q.x * 0.16);
         return Some(if gore > 0.0 { rgb(0xf2452c) } else { rgb(0xff9a3c) });
@@ -150,7 +150,7 @@ fn figure(p: Vec2) -> Option<Vec3> {
         return Some(ramp(&[0x6a3fa8, 0xb04fb0, 0xf8b8d8], (q.x + 14.0) / 30.0));
     }
     if q.distance(vec2(1.0, -30.0)) < 11.0 {
-        return Some(rgb(0xf49a61));
+        return Some(rgb(if q.y < -32.0 { 0x3a3fa0 } else { 0xffb08a }));
     }
     (segment(q, vec2(12.0, -2.0), vec2(4.0, -84.0)) < 2.5).then(|| rgb(0x6a3fa8))
 }

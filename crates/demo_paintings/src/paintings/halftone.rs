@@ -123,8 +123,8 @@ impl Drawing {
 
     fn bang(&self, p: Vec2, over: &mut impl FnMut(f32, u32, f32)) {
         over(self.burst.closed(p - vec2(10.0, 12.0)), BLACK, 0.0);
-        over(self.burst.closed(p), screen(p, 0.35, 9.0, (p.y - 20.0) / 260.0, YELLOW, RED), 6.0);
-        over(self.core.closed(p), screen(p, 1.1, 8.0, (p.y - 90.0) / 240.0, WHITE, CYAN), 5.0);
+        over(self.burst.closed(p), screen(p, 0.35, 11.0, (p.y - 20.0) / 260.0, YELLOW, RED), 6.0);
+        over(self.core.closed(p), screen(p, 1.1, 10.0, (p.y - 90.0) / 240.0, WHITE, CYAN), 5.0);
         let word = |q: Vec2| self.letters.iter().map(|letter| letter.open(q)).fold(f32::MAX, f32::min) - 8.0;
         over(word(p - vec2(5.0, 6.0)), BLACK, 4.0);
         over(word(p), RED, 4.0);
@@ -132,7 +132,7 @@ impl Drawing {
 
     fn face(&self, p: Vec2, over: &mut impl FnMut(f32, u32, f32)) {
         let shade = 0.30 + 0.35 * ((p.x - 330.0) / 150.0).clamp(0.0, 1.0);
-        over(self.face.closed(p), screen(p, 0.5, 8.0, shade, 0xffe8d8, RED), 7.0);
+        over(self.face.closed(p), screen(p, 0.5, 10.5, shade, 0xffe8d8, RED), 7.0);
         over(self.nose.open(p) - 3.4, BLACK, 0.0);
         let along = ((p.x - 150.0) / 270.0).clamp(0.0, 1.0);
         over(self.brow.open(p) - 13.0 * (1.0 - along * along) - 2.5, BLACK, 0.0);
@@ -140,12 +140,12 @@ impl Drawing {
     }
 
     fn eye(&self, p: Vec2, over: &mut impl FnMut(f32, u32, f32)) {
-        over(self.lid.closed(p), screen(p, 0.9, 7.0, 0.5, YELLOW, CYAN), 4.5);
+        over(self.lid.closed(p), screen(p, 0.9, 9.0, 0.5, YELLOW, CYAN), 4.5);
         let eye = self.eye.closed(p);
         over(eye, WHITE, 5.0);
         if eye < 0.0 {
             let iris = p.distance(vec2(288.0, 334.0));
-            over(iris - 52.0, screen(p, 0.2, 6.0, iris / 64.0, CYAN, BLUE), 5.0);
+            over(iris - 52.0, screen(p, 0.2, 7.5, iris / 64.0, CYAN, BLUE), 5.0);
             over(iris - 22.0, BLACK, 0.0);
             over(ellipse(p, vec2(306.0, 316.0), vec2(13.0, 10.0), Vec2::X), WHITE, 0.0);
         }
@@ -163,7 +163,7 @@ impl Drawing {
     fn hair(&self, p: Vec2, over: &mut impl FnMut(f32, u32, f32)) {
         for (k, strand) in self.strands.iter().enumerate() {
             let middle = strand.open(p);
-            let tone = if k % 3 == 1 { screen(p, 0.2, 7.0, 0.42, YELLOW, RED) } else { YELLOW };
+            let tone = if k % 3 == 1 { screen(p, 0.2, 9.5, 0.38, YELLOW, RED) } else { YELLOW };
             over(middle - 21.0, tone, 5.0);
             over(strand.open(p - vec2(-8.0, 3.0)) - 2.4 * libm::sinf(p.y * 0.013 + k as f32), BLACK, 0.0);
         }
@@ -177,7 +177,7 @@ fn ground(p: Vec2) -> u32 {
     if (sector - sector.floor() - 0.5).abs() < 0.16 {
         return YELLOW;
     }
-    screen(p, 0.78, 11.0, 0.95 - q.length() / 620.0, CYAN, BLUE)
+    screen(p, 0.78, 12.5, 0.95 - q.length() / 620.0, CYAN, BLUE)
 }
 
 /// A burst of spikes of unequal lengths.

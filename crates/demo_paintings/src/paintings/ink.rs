@@ -43,7 +43,7 @@ fn stain(color: Vec3, density: f32) -> Vec3 {
 fn moon(canvas: &mut Canvas) {
     let center = vec2(150.0, 104.0);
     canvas.change(around(center, 190.0), |p, color| {
-        let d = p.distance(center) + 3.0 * NOISE.at(p / 14.0);
+        let d = p.distance(center) + 2.0 * NOISE.at(p / 24.0);
         let halo = smoothstep(46.0, 49.0, d) * smoothstep(170.0, 60.0, d);
         stain(color, 0.20 * halo * (1.0 + 0.6 * NOISE.fractal(p / 60.0, 3)))
     });

@@ -8,7 +8,7 @@ use crate::noise::{Noise, Random, direction, hash};
 use crate::shapes::{curve, ellipse, points, polyline, turned};
 
 const NOISE: Noise = Noise(55);
-const GROUT: u32 = 0x2e2a26;
+const GROUT: u32 = 0x3c352e;
 const SPACING: f32 = 10.6;
 const ROOT: Vec2 = vec2(256.0, 372.0);
 const HEAD: Vec2 = vec2(254.0, 206.0);
@@ -147,7 +147,7 @@ fn spot(p: Vec2) -> Spot {
         if p.y > 430.0 {
             let wave = p.y + 7.0 * libm::sinf(p.x * 0.05);
             let row = (wave / 21.0).floor();
-            let color = rgb([0x8e1f1c, 0xc23a22, 0x7a1620][(row as usize) % 3]);
+            let color = rgb([0xb02620, 0xd8482a, 0x9c1c24][(row as usize) % 3]);
             return Spot { region: 40 + row as u32, color, contour: wave };
         }
         let ray = p.distance(ROOT) + 6.0 * NOISE.at(p / 60.0);
@@ -160,12 +160,12 @@ fn frame(p: Vec2) -> Option<Spot> {
     let inset = p.min(Vec2::splat(SIZE as f32) - p).min_element();
     let band = (inset / 10.6).floor();
     let color = match band as i32 {
-        0 => rgb(0x7a1620),
+        0 => rgb(0x9c1c24),
         1 => {
             let along = if p.x.min(SIZE as f32 - p.x) < p.y.min(SIZE as f32 - p.y) { p.y } else { p.x };
             rgb(if (along / 21.2).floor() % 2.0 == 0.0 { 0xf0e2bc } else { 0x16646a })
         }
-        2 => rgb(0xb52a20),
+        2 => rgb(0xd0382a),
         _ => return None,
     };
     Some(Spot { region: 60 + band as u32, color, contour: inset })
@@ -175,7 +175,7 @@ fn frame(p: Vec2) -> Option<Spot> {
 fn bird(p: Vec2) -> Option<Spot> {
     let neck =
         curve(&points([(256.0, 372.0), (236.0, 330.0), (240.0, 286.0), (262.0, 254.0), (256.0, 222.0)]), 5);
-    let head = p.distance(vec2(254.0, 210.0)) - 19.0;
+    let head = p.distance(vec2(254.0, 210.0)) - 23.0;
     let t = ((p.y - 210.0) / 160.0).clamp(0.0, 1.0);
     let body =
         ellipse(p, vec2(256.0, 394.0), vec2(50.0, 62.0), Vec2::X).min(polyline(p, &neck) - 14.0 - 18.0 * t);

@@ -67,7 +67,8 @@ fn wash(
 ) {
     let noise = Noise(seed as u64);
     canvas.change(bounds, |p, below| {
-        let bend = noise.warp(p / (rough * 2.5 + 12.0), 3) * rough + noise.warp(p / 7.0, 2) * 1.2;
+        let bend =
+            noise.warp(p / (rough * 2.5 + 12.0), 3) * rough + noise.warp(p / 7.0, 2) * (0.3 * rough).min(1.2);
         let d = distance(p + bend);
         if d > 1.0 {
             return below;
