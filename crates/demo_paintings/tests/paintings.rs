@@ -18,7 +18,7 @@ const HASHES: [u64; 8] = [
     0x054f_977f_92da_5ca1,
     0x9fe5_4f0b_9f32_2468,
     0x8f70_0fa9_a78f_2e5b,
-    0xf508_9fec_54e1_a58b,
+    0x6f55_ff8b_a060_f817,
 ];
 
 /// FNV-1a, 64 bits.

@@ -91,7 +91,7 @@ fn mountain(
 /// A brush stroke: widths at its ends and in its middle, ink, and how dry the brush is (0..1).
 fn brush(canvas: &mut Canvas, seed: u32, path: &[Vec2], (ends, middle): (f32, f32), ink: f32, dry: f32) {
     let hairs = Noise(seed as u64);
-    let radius = |t: f32| ends + (middle - ends) * libm::sinf(3.1 * t.clamp(0.0, 1.0).max(0.02)).max(0.0);
+    let radius = |t: f32| ends + (middle - ends) * libm::sinf(3.1 * t.max(0.02)).max(0.0);
     canvas.stroke(path, radius, |c| {
         let hair = hairs.at(vec2(c.across * middle * 0.8 + 20.0, c.arc * 0.035)) + 0.5 * NOISE.at(c.at / 2.2);
         let skip = smoothstep(0.25, -0.35, hair + 0.9 - 1.25 * dry * (0.35 + c.along));

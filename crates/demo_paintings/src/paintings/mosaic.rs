@@ -220,11 +220,10 @@ fn fan(p: Vec2) -> Option<Spot> {
     }
     let mut nearest = (f32::MAX, 0, 0);
     for row in 0..4 {
-        let count = 5 + 2 * row;
-        let step = 3.1 / count as f32;
-        let k = ((angle / step + 0.5 * (count % 2) as f32 - 0.5 * (row % 2) as f32).round() as i32)
-            .clamp(-count / 2 - 1, count / 2 + 1);
-        let bearing = (k as f32 - 0.5 * (count % 2) as f32 + 0.5 * (row % 2) as f32) * step;
+        let step = 3.1 / (5 + 2 * row) as f32;
+        let shift = if row % 2 == 0 { 0.5 } else { 0.0 };
+        let k = (angle / step + shift).round() as i32;
+        let bearing = (k as f32 - shift) * step;
         let at = ROOT + vec2(libm::sinf(bearing), -libm::cosf(bearing)) * (104.0 + 58.0 * row as f32);
         let scale = 0.82 + 0.12 * row as f32;
         let d = turned(p - at, (at - ROOT).normalize_or(Vec2::Y)) * vec2(0.8, 1.0);
@@ -242,10 +241,7 @@ fn fan(p: Vec2) -> Option<Spot> {
         Some(1) => rgb(0x1fa0a8),
         Some(2) => rgb(0xe8b440),
         Some(3) => rgb(0xb03020),
-        _ => {
-            let barb = hash(5, (angle * 9.0 + 50.0) as i32, row);
-            rgb(0x0c5f66).lerp(rgb(0x3fb49c), barb)
-        }
+        _ => rgb(0x0c5f66).lerp(rgb(0x3fb49c), hash(5, (angle * 9.0 + 50.0) as i32, row)),
     };
     let region = ring.map_or(2, |r| 100 + r as u32 * 1000 + (row * 40 + k + 20) as u32);
     Some(Spot { region, color, contour: if ring.is_some() { d } else { reach } })

@@ -1,6 +1,8 @@
 //! Watercolor: poppies and leaves on white paper. Each wash absorbs light from what is below it, with a
 //! darker rim where it dried, blooms inside, and pigment settled in the paper's hollows.
 
+use std::f32::consts::TAU;
+
 use glam::{Vec2, Vec3, vec2};
 
 use crate::canvas::{Canvas, WHOLE, around, rgb, smoothstep};
@@ -91,10 +93,10 @@ fn absorb(below: Vec3, color: Vec3, density: f32) -> Vec3 {
 
 /// Petals in two rounds, each its own wash, then the heart.
 fn flower(canvas: &mut Canvas, random: &mut Random, center: Vec2, size: f32, color: Vec3) {
-    let turn = random.range(0.0, 6.28);
+    let turn = random.range(0.0, TAU);
     for (count, reach, load) in [(5, 1.0, 0.62), (4, 0.66, 0.5)] {
         for k in 0..count {
-            let toward = direction(turn + (k as f32 + 0.2 * random.bell()) * 6.2832 / count as f32 + reach);
+            let toward = direction(turn + (k as f32 + 0.2 * random.bell()) * TAU / count as f32 + reach);
             let middle = center + toward * size * reach * 0.52;
             let radii = vec2(size * reach * 0.52, size * reach * random.range(0.36, 0.5));
             let tint = (color + Vec3::new(random.bell(), random.bell(), random.bell()) * 0.07)
@@ -117,7 +119,7 @@ fn flower(canvas: &mut Canvas, random: &mut Random, center: Vec2, size: f32, col
         p.distance(center) - size * 0.15
     });
     for _ in 0..(size * 0.34) as usize {
-        let at = center + direction(random.range(0.0, 6.28)) * size * random.range(0.13, 0.30);
+        let at = center + direction(random.range(0.0, TAU)) * size * random.range(0.13, 0.30);
         let radius = random.range(1.1, 2.6);
         wash(canvas, random.bits(), around(at, 6.0), rgb(0x6a4a78), 1.0, 0.8, |p| p.distance(at) - radius);
     }
