@@ -1,18 +1,16 @@
 //! The decoder: a CNN whose window is each Gaussian's K nearest neighbors.
 
-use crate::encoder_id::EncoderId;
+mod activation;
+mod knn_conv;
+mod product;
 
-/// What stands between the layers; there is none after the last.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Activation {
-    /// 1 / (1 + exp(-x)), the paper's.
-    Sigmoid,
-    /// x for x > 0, slope * x otherwise.
-    LeakyRelu {
-        /// The slope for negative inputs.
-        slope: f32,
-    },
-}
+pub use activation::{Activation, ActivationError};
+pub use knn_conv::{
+    KnnConvShape, ReverseNeighbors, knn_conv, knn_conv_backward_bias, knn_conv_backward_input,
+    knn_conv_backward_weight,
+};
+
+use crate::{encoder_id::EncoderId, neighbors::Neighbors};
 
 /// One KNN convolution: y_p = sum_k W_k x_{n(p,k)} + B.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,4 +38,39 @@ pub struct Decoder {
     pub residual: bool,
     /// The encoder its input belongs to; `None` when the file did not say.
     pub encoder: Option<EncoderId>,
+}
+
+impl Decoder {
+    /// The paper's layer widths from D = 256 input channels (plus E extra ones) to RGB.
+    pub const WIDTHS: [usize; 5] = [256, 128, 64, 32, 3];
+
+    /// D + E, the channels the first layer takes; 0 without layers.
+    pub fn n_inputs(&self) -> usize {
+        self.layers.first().map_or(0, |layer| layer.d_in)
+    }
+}
+
+impl Layer {
+    /// The convolution's shape at K neighbors.
+    pub fn shape(&self, k: usize) -> KnnConvShape {
+        KnnConvShape { k, d_in: self.d_in, d_out: self.d_out }
+    }
+}
+
+/// Runs layers over x `[N, D_in of the first]`, the activation between them and none after the last; gives
+/// `[N, D_out of the last]`. Memory: the two widest consecutive activations, nothing of width K.
+///
+/// # Panics
+/// When the layers do not chain or the neighbors are not N lists.
+pub fn run_layers(layers: &[&Layer], activation: Activation, neighbors: &Neighbors, mut x: Vec<f32>) -> Vec<f32> {
+    for (i, layer) in layers.iter().enumerate() {
+        let shape = layer.shape(neighbors.k);
+        let is_last = i + 1 == layers.len();
+        x = knn_conv(shape, &x, &neighbors.indices, &layer.weight, &layer.bias, |y| {
+            if !is_last {
+                activation.apply(y);
+            }
+        });
+    }
+    x
 }

@@ -1,1 +1,251 @@
 //! Folding everything that is affine in the stored features into the first layer.
+//!
+//! f = A f' + b, AdaIN, mixing and the blend with the content are affine, so the first layer's pre-activation is affine
+//! in f': sum_k W_k (g * (A f'_{n(p,k)} + b) + s) + B = sum_k (W_k diag(g) A) (f'_{n(p,k)} - m') + const, with m' the
+//! mean of f'. Features enter centered, so that a large gain (a nearly constant channel) multiplies small numbers and
+//! not the difference of two large ones. All of it is done in f64 and costs the same for any number of Gaussians.
+
+use std::borrow::Cow;
+
+use crate::{
+    decoder::{Decoder, Layer, run_layers},
+    neighbors::Neighbors,
+    scene::{Features, Scene},
+    statistics::{ChannelStatistics, ContentStatistics},
+};
+
+/// A channel-wise affine map of features, f -> gain * f + shift, in the encoder's D channels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChannelMap {
+    /// Factor of each channel `[D]`.
+    pub gain: Vec<f64>,
+    /// Added to each channel `[D]`.
+    pub shift: Vec<f64>,
+}
+
+impl ChannelMap {
+    /// The map that keeps the content's features: f -> f.
+    pub fn identity(n_channels: usize) -> Self {
+        Self { gain: vec![1.0; n_channels], shift: vec![0.0; n_channels] }
+    }
+
+    /// AdaIN (Huang and Belongie 2017, eq. 8): f -> std_s (f - mean(f)) / std(f) + mean_s.
+    ///
+    /// # Errors
+    /// When the style has another number of channels than the content.
+    pub fn adain(content: &ContentStatistics, style: &ChannelStatistics) -> Result<Self, StylizeError> {
+        let n_channels = content.mean.len();
+        if style.mean.len() != n_channels || style.std_dev.len() != n_channels {
+            return Err(StylizeError::StyleChannels { found: style.mean.len(), expected: n_channels });
+        }
+        let gain: Vec<f64> =
+            style.std_dev.iter().zip(&content.std_dev).map(|(s, c)| f64::from(*s) / c).collect();
+        let shifts = style.mean.iter().zip(&gain).zip(&content.mean);
+        let shift = shifts.map(|((mean, gain), c)| f64::from(*mean) - gain * c).collect();
+        Ok(Self { gain, shift })
+    }
+
+    /// sum_j w_j map_j; weights are normalized to sum 1.
+    ///
+    /// # Errors
+    /// When there is no map, or the weights are not finite, negative, or sum to 0.
+    pub fn mix(maps: &[(Self, f64)]) -> Result<Self, StylizeError> {
+        let total: f64 = maps.iter().map(|(_, weight)| weight).sum();
+        let valid = maps.iter().all(|(_, weight)| *weight >= 0.0) && total.is_finite() && total > 0.0;
+        let Some((first, _)) = maps.first().filter(|_| valid) else {
+            return Err(StylizeError::MixWeights { found: maps.iter().map(|(_, weight)| *weight).collect() });
+        };
+        let n_channels = first.gain.len();
+        let sum = |part: fn(&Self) -> &Vec<f64>| {
+            (0..n_channels).map(|d| maps.iter().map(|(map, w)| w / total * part(map)[d]).sum()).collect()
+        };
+        Ok(Self { gain: sum(|map| &map.gain), shift: sum(|map| &map.shift) })
+    }
+
+    /// c f + (1 - c) map(f): `content` c from 0 (the transfer alone) to 1 (the content's own features).
+    ///
+    /// # Errors
+    /// When `content` is not in 0..=1.
+    pub fn with_content(mut self, content: f64) -> Result<Self, StylizeError> {
+        if !(0.0..=1.0).contains(&content) {
+            return Err(StylizeError::Content { found: content });
+        }
+        self.gain.iter_mut().for_each(|gain| *gain = content + (1.0 - content) * *gain);
+        self.shift.iter_mut().for_each(|shift| *shift *= 1.0 - content);
+        Ok(self)
+    }
+}
+
+/// Why a scene could not be stylized.
+#[derive(Debug, thiserror::Error)]
+pub enum StylizeError {
+    /// The scene was never embedded.
+    #[error("the scene has no features: embed it first (stylegaussian embed SCENE -o OUT.sgs)")]
+    NoFeatures,
+    /// Style statistics of another width.
+    #[error("the style statistics have {found} channels, the scene's features {expected}")]
+    StyleChannels {
+        /// Channels of the style.
+        found: usize,
+        /// Channels of the scene.
+        expected: usize,
+    },
+    /// A decoder for other features.
+    #[error("the decoder takes {found} input channels, the scene has {expected} (features and extra inputs)")]
+    DecoderChannels {
+        /// D_in of the first layer.
+        found: usize,
+        /// D + E of the scene.
+        expected: usize,
+    },
+    /// A decoder that cannot run.
+    #[error("the decoder's layers do not lead to 3 colors: {found}")]
+    DecoderShape {
+        /// The layers' widths.
+        found: String,
+    },
+    /// Mixing weights that cannot be normalized.
+    #[error("mix weights {found:?}: expected non-negative numbers with a positive sum")]
+    MixWeights {
+        /// The weights.
+        found: Vec<f64>,
+    },
+    /// A content blend outside its range.
+    #[error("content {found}: expected a number from 0 to 1")]
+    Content {
+        /// The blend.
+        found: f64,
+    },
+    /// Two parts were made with different encoders.
+    #[error("{part} belongs to encoder {found}, the scene's features to {expected}")]
+    Encoder {
+        /// Which part: the decoder, or a style.
+        part: &'static str,
+        /// Its encoder.
+        found: String,
+        /// The scene's encoder.
+        expected: String,
+    },
+}
+
+/// Folds the basis, the offset and a channel map into a first layer of D + E inputs; gives a layer of L + E inputs that
+/// takes *centered* features: f' - `mean_low`.
+///
+/// # Panics
+/// When the layer does not take D + E inputs.
+pub fn fold_layer(layer: &Layer, k: usize, features: &Features, map: &ChannelMap, mean_low: &[f64]) -> Layer {
+    let (n_channels, n_low, n_extra) = (features.n_channels(), features.n_low, features.n_extra);
+    assert_eq!(layer.d_in, n_channels + n_extra, "the first layer takes D + E inputs");
+    // G A [D, L] and what a Gaussian at the mean becomes [D].
+    let basis: Vec<f64> = (0..n_channels * n_low)
+        .map(|i| map.gain[i / n_low] * f64::from(features.basis[i]))
+        .collect();
+    let center: Vec<f64> = (0..n_channels)
+        .map(|d| {
+            let row = features.basis[d * n_low..][..n_low].iter().zip(mean_low);
+            let mean = f64::from(features.offset[d]) + row.map(|(a, m)| f64::from(*a) * m).sum::<f64>();
+            map.gain[d] * mean + map.shift[d]
+        })
+        .collect();
+    let d_in = n_low + n_extra;
+    let mut weight = vec![0.0_f32; layer.d_out * k * d_in];
+    let mut bias: Vec<f64> = layer.bias.iter().map(|b| f64::from(*b)).collect();
+    let rows = layer.weight.chunks_exact(layer.d_in).zip(weight.chunks_exact_mut(d_in));
+    let mut folded = vec![0.0_f64; n_low];
+    for (row, (source, target)) in rows.enumerate() {
+        folded.fill(0.0);
+        for (d, &w) in source[..n_channels].iter().enumerate() {
+            let w = f64::from(w);
+            bias[row / k] += w * center[d];
+            for (sum, a) in folded.iter_mut().zip(&basis[d * n_low..][..n_low]) {
+                *sum += w * a;
+            }
+        }
+        target[..n_low].iter_mut().zip(&folded).for_each(|(t, f)| *t = *f as f32);
+        target[n_low..].copy_from_slice(&source[n_channels..]);
+    }
+    Layer { weight, bias: bias.into_iter().map(|b| b as f32).collect(), d_in, d_out: layer.d_out }
+}
+
+/// f' - m' beside the extra inputs, `[N, L + E]`: what a folded first layer takes.
+pub fn centered_inputs(features: &Features, mean_low: &[f64]) -> Vec<f32> {
+    let (n_low, n_extra) = (features.n_low, features.n_extra);
+    let n = features.values.len() / n_low;
+    let mut inputs = Vec::with_capacity(n * (n_low + n_extra));
+    for (i, row) in features.values.chunks_exact(n_low).enumerate() {
+        inputs.extend(row.iter().zip(mean_low).map(|(value, mean)| (f64::from(*value) - mean) as f32));
+        inputs.extend_from_slice(&features.extra[i * n_extra..][..n_extra]);
+    }
+    inputs
+}
+
+/// The channel map of a mix of styles over a scene: c f + (1 - c) sum_j w_j AdaIN_j.
+///
+/// # Errors
+/// No style, weights or content out of range, channels or encoders that differ.
+pub fn transfer(
+    features: &Features,
+    styles: &[(&ChannelStatistics, f64)],
+    content: f64,
+) -> Result<ChannelMap, StylizeError> {
+    let statistics = ContentStatistics::of(features);
+    let mut maps = Vec::with_capacity(styles.len());
+    for (style, weight) in styles {
+        check_encoder("a style", style.encoder.as_ref(), features)?;
+        maps.push((ChannelMap::adain(&statistics, style)?, *weight));
+    }
+    ChannelMap::mix(&maps)?.with_content(content)
+}
+
+fn check_encoder(
+    part: &'static str,
+    found: Option<&crate::EncoderId>,
+    features: &Features,
+) -> Result<(), StylizeError> {
+    match (found, &features.encoder) {
+        (Some(found), Some(expected)) if found != expected => {
+            Err(StylizeError::Encoder { part, found: found.to_string(), expected: expected.to_string() })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Decodes a scene's mapped features to colors `[N]`, display-referred RGB, not clamped.
+///
+/// # Errors
+/// No features, or a decoder that does not fit them.
+pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec<[f32; 3]>, StylizeError> {
+    let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
+    check_encoder("the decoder", decoder.encoder.as_ref(), features)?;
+    let n_inputs = features.n_channels() + features.n_extra;
+    if decoder.n_inputs() != n_inputs {
+        return Err(StylizeError::DecoderChannels { found: decoder.n_inputs(), expected: n_inputs });
+    }
+    let chained = decoder.layers.windows(2).all(|pair| pair[0].d_out == pair[1].d_in);
+    if !chained || decoder.layers.last().is_none_or(|layer| layer.d_out != 3) {
+        let widths: Vec<_> = decoder.layers.iter().map(|layer| format!("{}>{}", layer.d_in, layer.d_out)).collect();
+        return Err(StylizeError::DecoderShape { found: widths.join(" ") });
+    }
+    let mean_low = crate::statistics::mean_low(features);
+    let first = fold_layer(&decoder.layers[0], decoder.k, features, map, &mean_low);
+    let layers: Vec<&Layer> = std::iter::once(&first).chain(&decoder.layers[1..]).collect();
+    let neighbors = neighbors_for(scene, decoder.k);
+    let inputs = centered_inputs(features, &mean_low);
+    let rgb = run_layers(&layers, decoder.activation, &neighbors, inputs);
+    let mut colors: Vec<[f32; 3]> = rgb.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
+    if decoder.residual {
+        for (color, base) in colors.iter_mut().zip(scene.base_colors()) {
+            color.iter_mut().zip(base).for_each(|(c, b)| *c += b);
+        }
+    }
+    Ok(colors)
+}
+
+/// The scene's neighbor lists at K, found anew where the scene holds none that long.
+pub fn neighbors_for(scene: &Scene, k: usize) -> Cow<'_, Neighbors> {
+    match &scene.neighbors {
+        Some(neighbors) if neighbors.k == k => Cow::Borrowed(neighbors),
+        Some(neighbors) if neighbors.k > k => Cow::Owned(neighbors.truncated(k)),
+        _ => Cow::Owned(Neighbors::find(&scene.means, &scene.order, k)),
+    }
+}

@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3};
 
-use crate::{decoder::Decoder, encoder_id::EncoderId, neighbors::Neighbors};
+use crate::{decoder::Decoder, encoder_id::EncoderId, morton, neighbors::Neighbors, sh};
 
 /// N 3D Gaussians in structure-of-arrays form, with optional features, neighbors and decoder.
 #[derive(Clone, Debug, Default)]
@@ -68,6 +68,28 @@ impl Features {
     pub fn n_channels(&self) -> usize {
         self.offset.len()
     }
+
+    /// The features of the Gaussians at `indices`.
+    fn subset(&self, indices: &[u32]) -> Self {
+        Self {
+            values: gather(&self.values, self.n_low, indices),
+            n_low: self.n_low,
+            basis: self.basis.clone(),
+            offset: self.offset.clone(),
+            extra: gather(&self.extra, self.n_extra, indices),
+            n_extra: self.n_extra,
+            encoder: self.encoder.clone(),
+        }
+    }
+}
+
+/// Parts of a [`Scene`] do not fit together.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("scene of {n_gaussians} Gaussians: found {found}, expected {expected}")]
+pub struct SceneError {
+    n_gaussians: usize,
+    found: String,
+    expected: String,
 }
 
 impl Scene {
@@ -79,5 +101,243 @@ impl Scene {
     /// Whether the scene has no Gaussian.
     pub fn is_empty(&self) -> bool {
         self.means.is_empty()
+    }
+
+    /// The smallest and the largest corner of the box around the means, or `None` for an empty scene.
+    pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        let first = *self.means.first()?;
+        Some(self.means.iter().fold((first, first), |(min, max), &mean| (min.min(mean), max.max(mean))))
+    }
+
+    /// The Gaussians at `indices`, in that order, with everything that belongs to them.
+    ///
+    /// `order` keeps pointing into the source file. Neighbors are renumbered; where a kept Gaussian has a neighbor that
+    /// is not kept, its list would be wrong, so the new scene has none.
+    ///
+    /// # Panics
+    /// When an index is not below N.
+    pub fn subset(&self, indices: &[u32]) -> Self {
+        Self {
+            means: gather(&self.means, 1, indices),
+            rotations: gather(&self.rotations, 1, indices),
+            scales: gather(&self.scales, 1, indices),
+            opacities: gather(&self.opacities, 1, indices),
+            sh: self.sh.as_ref().map(|sh| Sh {
+                degree: sh.degree,
+                coefficients: gather(&sh.coefficients, 3 * sh::n_coefficients(sh.degree), indices),
+            }),
+            order: gather(&self.order, 1, indices),
+            n_source: self.n_source,
+            features: self.features.as_ref().map(|features| features.subset(indices)),
+            neighbors: self.neighbors.as_ref().and_then(|n| relabeled(n, self.len(), indices)),
+            decoder: self.decoder.clone(),
+            up: self.up,
+            source: self.source.clone(),
+            licence: self.licence.clone(),
+        }
+    }
+
+    /// Reorders the Gaussians along the Morton curve, so that neighbors in space are close in memory.
+    pub fn sort_by_morton(&mut self) {
+        *self = self.subset(&morton::order(&self.means));
+    }
+
+    /// Replaces the unstyled colors by `rgb` `[N]`, display-referred and the same from every side: spherical harmonics
+    /// of degree 0.
+    ///
+    /// # Panics
+    /// When `rgb` does not hold one color per Gaussian.
+    pub fn set_colors(&mut self, rgb: &[[f32; 3]]) {
+        assert_eq!(rgb.len(), self.len(), "one color per Gaussian");
+        let coefficients = rgb.iter().flat_map(|&color| sh::dc_from_color(color)).collect();
+        self.sh = Some(Sh { degree: 0, coefficients });
+    }
+
+    /// The view-independent part of the unstyled colors `[N]`, unclamped; mid-gray where the scene keeps none.
+    pub fn base_colors(&self) -> Vec<[f32; 3]> {
+        match &self.sh {
+            Some(sh) => sh
+                .coefficients
+                .chunks_exact(3 * sh::n_coefficients(sh.degree))
+                .map(|c| sh::color_from_dc([c[0], c[1], c[2]]))
+                .collect(),
+            None => vec![[0.5; 3]; self.len()],
+        }
+    }
+
+    /// Checks that all arrays have the lengths their documented shapes demand and all indices are in range.
+    ///
+    /// # Errors
+    /// Names the first part that does not fit.
+    pub fn validate(&self) -> Result<(), SceneError> {
+        let n = self.len();
+        self.expect_len("rotations", self.rotations.len(), n)?;
+        self.expect_len("scales", self.scales.len(), n)?;
+        self.expect_len("opacities", self.opacities.len(), n)?;
+        self.expect_len("order entries", self.order.len(), n)?;
+        if let Some(sh) = &self.sh {
+            if sh.degree > sh::MAX_DEGREE {
+                return Err(self.error(format!("SH degree {}", sh.degree), "0 to 3".into()));
+            }
+            let per_gaussian = 3 * sh::n_coefficients(sh.degree);
+            self.expect_len("SH coefficients", sh.coefficients.len(), n * per_gaussian)?;
+        }
+        if let Some(features) = &self.features {
+            self.expect_len("feature values", features.values.len(), n * features.n_low)?;
+            self.expect_len("basis values", features.basis.len(), features.n_channels() * features.n_low)?;
+            self.expect_len("extra values", features.extra.len(), n * features.n_extra)?;
+        }
+        if let Some(neighbors) = &self.neighbors {
+            self.expect_len("neighbor indices", neighbors.indices.len(), n * neighbors.k)?;
+            if let Some(index) = neighbors.indices.iter().find(|&&index| index as usize >= n) {
+                return Err(self.error(format!("neighbor {index}"), "indices below N".into()));
+            }
+        }
+        self.validate_order()
+    }
+
+    /// Checks that `order` names distinct Gaussians of the source.
+    fn validate_order(&self) -> Result<(), SceneError> {
+        let mut sorted = self.order.clone();
+        sorted.sort_unstable();
+        if let Some(pair) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(self.error(format!("source index {} twice in `order`", pair[0]), "each once".into()));
+        }
+        match sorted.last() {
+            Some(&last) if last as usize >= self.n_source => Err(self.error(
+                format!("source index {last} in `order`"),
+                format!("indices below the source's {} Gaussians", self.n_source),
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    fn expect_len(&self, what: &str, found: usize, expected: usize) -> Result<(), SceneError> {
+        if found == expected {
+            return Ok(());
+        }
+        Err(self.error(format!("{found} {what}"), expected.to_string()))
+    }
+
+    fn error(&self, found: String, expected: String) -> SceneError {
+        SceneError { n_gaussians: self.len(), found, expected }
+    }
+}
+
+/// Rows `indices` of `values` `[N, width]`.
+fn gather<T: Copy>(values: &[T], width: usize, indices: &[u32]) -> Vec<T> {
+    let mut rows = Vec::with_capacity(indices.len() * width);
+    for &index in indices {
+        let start = index as usize * width;
+        rows.extend_from_slice(&values[start..start + width]);
+    }
+    rows
+}
+
+/// The neighbor lists of the Gaussians at `indices`, in new numbers, or `None` where a neighbor is not among them.
+fn relabeled(neighbors: &Neighbors, n_gaussians: usize, indices: &[u32]) -> Option<Neighbors> {
+    let mut new_from_old = vec![u32::MAX; n_gaussians];
+    for (new, &old) in indices.iter().enumerate() {
+        new_from_old[old as usize] = new as u32;
+    }
+    let mut relabeled = gather(&neighbors.indices, neighbors.k, indices);
+    for index in &mut relabeled {
+        *index = new_from_old[*index as usize];
+        if *index == u32::MAX {
+            return None;
+        }
+    }
+    Some(Neighbors { k: neighbors.k, indices: relabeled })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Four Gaussians on a line, x = 3, 0, 2, 1, with every optional part.
+    fn line() -> Scene {
+        let xs = [3.0, 0.0, 2.0, 1.0_f32];
+        Scene {
+            means: xs.map(|x| Vec3::new(x, 0.0, 0.0)).into(),
+            rotations: vec![Quat::IDENTITY; 4],
+            scales: xs.map(Vec3::splat).into(),
+            opacities: xs.map(|x| x / 4.0).into(),
+            sh: Some(Sh { degree: 0, coefficients: xs.iter().flat_map(|&x| [x, 0.0, -x]).collect() }),
+            order: vec![10, 11, 12, 13],
+            n_source: 14,
+            features: Some(Features {
+                values: xs.iter().flat_map(|&x| [x, 10.0 * x]).collect(),
+                n_low: 2,
+                basis: vec![1.0; 6],
+                offset: vec![0.0; 3],
+                extra: xs.to_vec(),
+                n_extra: 1,
+                encoder: None,
+            }),
+            neighbors: Some(Neighbors { k: 2, indices: vec![0, 2, 1, 3, 2, 0, 3, 1] }),
+            ..Scene::default()
+        }
+    }
+
+    #[test]
+    fn sorting_moves_everything_along() {
+        let mut scene = line();
+        scene.validate().unwrap();
+        scene.sort_by_morton();
+        scene.validate().unwrap();
+        assert_eq!(scene.means.iter().map(|m| m.x).collect::<Vec<_>>(), [0.0, 1.0, 2.0, 3.0]);
+        assert_eq!(scene.order, [11, 13, 12, 10]);
+        assert_eq!(scene.opacities, [0.0, 0.25, 0.5, 0.75]);
+        assert_eq!(scene.scales[3], Vec3::splat(3.0));
+        let features = scene.features.as_ref().unwrap();
+        assert_eq!(features.values, [0.0, 0.0, 1.0, 10.0, 2.0, 20.0, 3.0, 30.0]);
+        assert_eq!(features.extra, [0.0, 1.0, 2.0, 3.0]);
+        // Old lists: x=3 -> x=2, x=0 -> x=1, x=2 -> x=3, x=1 -> x=0; the new number is x itself.
+        assert_eq!(scene.neighbors.unwrap().indices, [0, 1, 1, 0, 2, 3, 3, 2]);
+        assert_eq!(scene.sh.unwrap().coefficients[9..], [3.0, 0.0, -3.0]);
+    }
+
+    #[test]
+    fn subset_drops_neighbor_lists_that_would_be_wrong() {
+        let scene = line();
+        let pair = scene.subset(&[3, 1]);
+        assert_eq!(pair.order, [13, 11]);
+        assert_eq!(pair.neighbors.as_ref().unwrap().indices, [0, 1, 1, 0]);
+        pair.validate().unwrap();
+        assert!(scene.subset(&[0, 1]).neighbors.is_none());
+        assert!(scene.subset(&[]).is_empty());
+    }
+
+    #[test]
+    fn colors_round_trip_through_sh_0() {
+        let mut scene = line();
+        scene.set_colors(&[[0.5, 0.0, 1.0]; 4]);
+        for color in scene.base_colors() {
+            assert!((Vec3::from(color) - Vec3::new(0.5, 0.0, 1.0)).length() < 1e-6);
+        }
+        scene.sh = None;
+        assert_eq!(scene.base_colors(), [[0.5; 3]; 4]);
+    }
+
+    #[test]
+    fn bounds_are_tight() {
+        assert_eq!(line().bounds(), Some((Vec3::ZERO, Vec3::new(3.0, 0.0, 0.0))));
+        assert_eq!(Scene::default().bounds(), None);
+    }
+
+    #[test]
+    fn validate_names_what_does_not_fit() {
+        let check = |change: fn(&mut Scene), part: &str| {
+            let mut scene = line();
+            change(&mut scene);
+            let message = scene.validate().unwrap_err().to_string();
+            assert!(message.contains(part), "{message}");
+        };
+        check(|s| s.scales.truncate(3), "3 scales, expected 4");
+        check(|s| s.neighbors.as_mut().unwrap().indices[5] = 4, "neighbor 4");
+        check(|s| s.order[0] = 11, "source index 11 twice");
+        check(|s| s.order[0] = 14, "source index 14");
+        check(|s| s.sh.as_mut().unwrap().degree = 4, "SH degree 4");
+        check(|s| s.features.as_mut().unwrap().n_low = 3, "8 feature values, expected 12");
     }
 }

@@ -1,6 +1,8 @@
 //! Channel statistics of features: what AdaIN matches.
 
-use crate::encoder_id::EncoderId;
+use rayon::prelude::*;
+
+use crate::{encoder_id::EncoderId, scene::Features};
 
 /// Mean and unbiased standard deviation of D channels, over pixels of an image or over Gaussians of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -13,4 +15,86 @@ pub struct ChannelStatistics {
     pub covariance: Option<Vec<f32>>,
     /// The encoder the channels belong to; `None` when the file did not say.
     pub encoder: Option<EncoderId>,
+}
+
+/// Mean and standard deviation of a scene's features in the encoder's D channels, in f64.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ContentStatistics {
+    /// mean(f) = A mean(f') + b `[D]`.
+    pub mean: Vec<f64>,
+    /// std(f) `[D]`, with AdaIN's 1e-8 added and, for scenes that name their encoder, the floor below.
+    pub std_dev: Vec<f64>,
+}
+
+/// Added to every standard deviation, so that AdaIN divides by no zero; the value of the paper's implementation.
+pub const STD_DEV_EPSILON: f64 = 1e-8;
+
+/// Channels that hardly vary in the scene would be magnified without bound by AdaIN. Scenes of our own floor std(f) at
+/// this share of its median over channels; checkpoints of the original keep [`STD_DEV_EPSILON`] alone.
+pub const STD_DEV_FLOOR: f64 = 1e-3;
+
+impl ContentStatistics {
+    /// Statistics of all Gaussians, each counting the same (as in the paper), through the low-dimensional covariance:
+    /// std(f)_d = sqrt((A Cov(f') A^T)_dd) + 1e-8, unbiased; 0 + 1e-8 when N <= 1.
+    pub fn of(features: &Features) -> Self {
+        let n_low = features.n_low;
+        let (mean_low, covariance) = (mean_low(features), covariance_low(features));
+        let row = |d: usize| features.basis[d * n_low..][..n_low].iter().map(|a| f64::from(*a));
+        let mean = |d: usize| f64::from(features.offset[d]) + row(d).zip(&mean_low).map(|(a, m)| a * m).sum::<f64>();
+        let variance = |d: usize| -> f64 {
+            row(d)
+                .enumerate()
+                .map(|(i, a)| a * row(d).zip(&covariance[i * n_low..]).map(|(a, c)| a * c).sum::<f64>())
+                .sum()
+        };
+        let channels = 0..features.n_channels();
+        let mut std_dev: Vec<f64> =
+            channels.clone().into_par_iter().map(|d| variance(d).max(0.0).sqrt() + STD_DEV_EPSILON).collect();
+        if features.encoder.is_some() {
+            let mut sorted = std_dev.clone();
+            sorted.sort_by(f64::total_cmp);
+            let floor = STD_DEV_FLOOR * sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+            std_dev.iter_mut().for_each(|value| *value = value.max(floor));
+        }
+        Self { mean: channels.map(mean).collect(), std_dev }
+    }
+}
+
+/// mean(f') `[L]` in f64; zeros without Gaussians.
+pub fn mean_low(features: &Features) -> Vec<f64> {
+    let n = (features.values.len() / features.n_low).max(1) as f64;
+    let mut mean = vec![0.0; features.n_low];
+    for row in features.values.chunks_exact(features.n_low) {
+        mean.iter_mut().zip(row).for_each(|(sum, value)| *sum += f64::from(*value));
+    }
+    mean.iter_mut().for_each(|sum| *sum /= n);
+    mean
+}
+
+/// Unbiased Cov(f') `[L, L]` in f64; zeros when N <= 1. Blocks of rows are centered and multiplied in f64, then added
+/// in order, so the result does not depend on the number of threads.
+pub fn covariance_low(features: &Features) -> Vec<f64> {
+    const BLOCK_ROWS: usize = 1024;
+    let n_low = features.n_low;
+    let n = features.values.len() / n_low;
+    let mean = mean_low(features);
+    let block_sum = |rows: &[f32]| {
+        let centered: Vec<f64> =
+            rows.iter().enumerate().map(|(i, value)| f64::from(*value) - mean[i % n_low]).collect();
+        let mut sum = vec![0.0; n_low * n_low];
+        for row in centered.chunks_exact(n_low) {
+            for (target, a) in sum.chunks_exact_mut(n_low).zip(row) {
+                target.iter_mut().zip(row).for_each(|(t, b)| *t += a * b);
+            }
+        }
+        sum
+    };
+    let blocks: Vec<Vec<f64>> = features.values.par_chunks(BLOCK_ROWS * n_low).map(block_sum).collect();
+    let mut covariance = vec![0.0; n_low * n_low];
+    for block in blocks {
+        covariance.iter_mut().zip(block).for_each(|(sum, value)| *sum += value);
+    }
+    let divisor = if n > 1 { (n - 1) as f64 } else { 1.0 };
+    covariance.iter_mut().for_each(|sum| *sum /= divisor);
+    covariance
 }

@@ -1,1 +1,62 @@
 //! The paper's equations, literally, in f64: what the fast path is compared with.
+//!
+//! Everything is formed that the fast path avoids: f = A f' + b for every Gaussian, its statistics, AdaIN on it, and
+//! unfolded layers. Slow and wide on purpose.
+
+use crate::{
+    decoder::Decoder,
+    neighbors::Neighbors,
+    scene::Features,
+    statistics::{ChannelStatistics, STD_DEV_EPSILON},
+};
+
+/// f = A f' + b of every Gaussian, `[N][D]`.
+pub fn full_features(features: &Features) -> Vec<Vec<f64>> {
+    let n_low = features.n_low;
+    let full = |row: &[f32]| {
+        let channel = |d: usize| {
+            let basis = &features.basis[d * n_low..][..n_low];
+            let sum: f64 = basis.iter().zip(row).map(|(a, f)| f64::from(*a) * f64::from(*f)).sum();
+            sum + f64::from(features.offset[d])
+        };
+        (0..features.n_channels()).map(channel).collect()
+    };
+    features.values.chunks_exact(n_low).map(full).collect()
+}
+
+/// AdaIN of every row: std_s (f - mean(f)) / (std(f) + 1e-8) + mean_s, std unbiased, 0 when N <= 1.
+pub fn adain(f: &[Vec<f64>], style: &ChannelStatistics) -> Vec<Vec<f64>> {
+    let n = f.len() as f64;
+    let n_channels = style.mean.len();
+    let mean: Vec<f64> = (0..n_channels).map(|d| f.iter().map(|row| row[d]).sum::<f64>() / n).collect();
+    let std_dev: Vec<f64> = (0..n_channels)
+        .map(|d| {
+            let squares: f64 = f.iter().map(|row| (row[d] - mean[d]).powi(2)).sum();
+            if f.len() > 1 { (squares / (n - 1.0)).sqrt() } else { 0.0 }
+        })
+        .collect();
+    let channel = |row: &[f64], d: usize| {
+        let normalized = (row[d] - mean[d]) / (std_dev[d] + STD_DEV_EPSILON);
+        f64::from(style.std_dev[d]) * normalized + f64::from(style.mean[d])
+    };
+    f.iter().map(|row| (0..n_channels).map(|d| channel(row, d)).collect()).collect()
+}
+
+/// The decoder on full-width features `[N][D + E]`: `[N][3]`.
+pub fn decode(decoder: &Decoder, neighbors: &Neighbors, mut x: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    for (i, layer) in decoder.layers.iter().enumerate() {
+        let is_last = i + 1 == decoder.layers.len();
+        let output = |window: &[u32], o: usize| {
+            let mut sum = f64::from(layer.bias[o]);
+            for (k, &neighbor) in window.iter().enumerate() {
+                let weight = &layer.weight[(o * decoder.k + k) * layer.d_in..][..layer.d_in];
+                let row = &x[neighbor as usize];
+                sum += weight.iter().zip(row).map(|(w, v)| f64::from(*w) * v).sum::<f64>();
+            }
+            if is_last { sum } else { decoder.activation.evaluate(sum) }
+        };
+        let windows = neighbors.indices.chunks_exact(neighbors.k);
+        x = windows.map(|window| (0..layer.d_out).map(|o| output(window, o)).collect()).collect();
+    }
+    x
+}
