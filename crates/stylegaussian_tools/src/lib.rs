@@ -3,3 +3,4 @@
 pub mod cli;
 pub mod contact_sheet;
 pub mod picture;
+pub mod train;
