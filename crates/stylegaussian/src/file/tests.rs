@@ -300,7 +300,7 @@ fn nan_in_a_scene_file_is_refused() {
     let path = dir.path().join("scene.sgs");
     let mut scene = full_scene();
     scene.features.as_mut().unwrap().values[7] = f32::NAN;
-    assert!(refused(write_scene(&path, &scene)).contains("not finite"));
+    assert!(refused(write_scene(&path, &scene)).contains("NaN or infinity"));
     assert!(!path.exists());
     write_scene(&path, &full_scene()).unwrap();
     let mut bytes = fs::read(&path).unwrap();
@@ -308,6 +308,21 @@ fn nan_in_a_scene_file_is_refused() {
     bytes[at..].copy_from_slice(&half::f16::NAN.to_le_bytes());
     fs::write(&path, bytes).unwrap();
     assert!(refused(read_scene(&path)).contains("NaN"));
+}
+
+#[test]
+fn values_out_of_range_are_refused() {
+    let path = dir().path().join("scene.ply");
+    let check = |change: fn(&mut Scene), part: &str| {
+        let mut scene = full_scene();
+        change(&mut scene);
+        let message = refused(write_scene(&path, &scene));
+        assert!(message.contains("scene.ply") && message.contains(part), "{message}");
+    };
+    check(|s| s.opacities[2] = 1.5, "opacity 1.5 of source Gaussian 17");
+    check(|s| s.rotations[2] = Quat::from_xyzw(0.0, 0.0, 0.0, 2.0), "a rotation of length 2");
+    check(|s| s.means[2].x = f32::INFINITY, "NaN or infinity");
+    check(|s| s.opacities.truncate(3), "3 opacities, expected 20");
 }
 
 #[test]

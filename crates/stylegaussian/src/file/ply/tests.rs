@@ -70,7 +70,7 @@ fn file(
     for (kind, name, _) in properties {
         writeln!(header, "property {kind} {name}").unwrap();
     }
-    write!(header, "{}end_header\n", elements[1]).unwrap();
+    writeln!(header, "{}end_header", elements[1]).unwrap();
     let mut bytes = header.replace('\n', end).into_bytes();
     bytes.extend(payload[0]);
     for row in 0..2 {
@@ -215,6 +215,9 @@ fn lying_and_broken_headers() {
     refused(&changed("float x", "quad x"), "does not parse");
     refused(&changed("property float opacity", "property float opaqueness"), "without opacity");
     refused(&changed("property float x", "property list uchar float x"), "a list");
+    let rest: String = (0..8).chain([11]).map(|i| format!("property float f_rest_{i}\n")).collect();
+    let with_gap = good.replace("end_header", &format!("{rest}end_header")) + &" 0".repeat(18);
+    refused(with_gap.as_bytes(), "no property `f_rest_8`");
     refused(&changed("element vertex", "element point"), "no element `vertex`");
     refused(&changed("1 2 3 0.5", "1 2 x 0.5"), "`x` in row 0 of 2");
     let binary = plain(&properties(), Format::Little);
