@@ -1,2 +1,4 @@
 //! placeholder
+
+pub mod cameras;
 pub mod train;
