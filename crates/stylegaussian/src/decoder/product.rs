@@ -46,7 +46,10 @@ pub(crate) fn product(target: &mut [f32], accumulate: bool, lhs: Matrix, rhs: Ma
     if lhs.rows == 0 || rhs.columns == 0 {
         return;
     }
-    #[expect(unsafe_code, reason = "gemm takes pointers; the views checked their bounds, the lines above the rest")]
+    #[expect(
+        unsafe_code,
+        reason = "gemm takes pointers; the views checked their bounds, the lines above the rest"
+    )]
     unsafe {
         gemm::gemm(
             lhs.rows,
