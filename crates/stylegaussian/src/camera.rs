@@ -1,6 +1,6 @@
 //! The pinhole camera.
 
-use glam::{Affine3A, UVec2, Vec2, Vec3};
+use glam::{Affine3A, DAffine3, DMat3, DVec3, UVec2, Vec2, Vec3};
 
 /// A pinhole camera. View space is x right, y down, z forward; u = focal.x x / z + center.x, in pixels.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +21,16 @@ impl Camera {
         self.view_from_world.inverse().translation.into()
     }
 
+    /// A camera from its pose in OpenGL axes (x right, y up, z *backward*), as transforms.json keeps it; `focal`,
+    /// `center` and `size` are in pixels. The pose must be rigid.
+    pub fn from_opengl(world_from_camera: DAffine3, focal: Vec2, center: Vec2, size: UVec2) -> Self {
+        let camera_from_view = DAffine3::from_mat3(DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)));
+        let view_from_world = (world_from_camera * camera_from_view).inverse();
+        let rotation = view_from_world.matrix3.as_mat3();
+        let translation = view_from_world.translation.as_vec3();
+        Self { view_from_world: Affine3A::from_mat3_translation(rotation, translation), focal, center, size }
+    }
+
     /// The same view at another size in pixels; intrinsics scale along.
     pub fn resized(&self, size: UVec2) -> Self {
         let ratio = size.as_vec2() / self.size.as_vec2();
@@ -33,8 +43,7 @@ impl Camera {
         let forward = (target - eye).normalize();
         let right = forward.cross(up).normalize();
         let down = forward.cross(right);
-        let world_from_view =
-            Affine3A::from_cols(right.into(), down.into(), forward.into(), eye.into());
+        let world_from_view = Affine3A::from_cols(right.into(), down.into(), forward.into(), eye.into());
         let focal = size.y as f32 / (2.0 * (fov_y / 2.0).tan());
         Self {
             view_from_world: world_from_view.inverse(),
@@ -42,5 +51,33 @@ impl Camera {
             center: size.as_vec2() / 2.0,
             size,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// OpenGL's identity pose looks along world -z with +y up: a point in front and above lands in the upper half.
+    #[test]
+    fn opengl_poses_look_backward_along_z() {
+        let pose = DAffine3::from_translation(DVec3::new(0.0, 0.0, 5.0));
+        let camera = Camera::from_opengl(pose, Vec2::splat(100.0), Vec2::splat(50.0), UVec2::splat(100));
+        assert_eq!(camera.position(), Vec3::new(0.0, 0.0, 5.0));
+        assert_eq!(
+            camera.view_from_world.transform_point3(Vec3::new(1.0, 2.0, 1.0)),
+            Vec3::new(1.0, -2.0, 4.0)
+        );
+    }
+
+    #[test]
+    fn look_at_puts_the_target_ahead_and_up_upward() {
+        let (eye, target) = (Vec3::new(3.0, 1.0, 2.0), Vec3::new(0.0, 1.0, -2.0));
+        let camera = Camera::look_at(eye, target, Vec3::Y, 1.0, UVec2::new(64, 32));
+        let seen = camera.view_from_world.transform_point3(target);
+        assert!((seen - Vec3::new(0.0, 0.0, 5.0)).length() < 1e-5, "{seen}");
+        let above = camera.view_from_world.transform_point3(target + Vec3::Y);
+        assert!((above - Vec3::new(0.0, -1.0, 5.0)).length() < 1e-5, "{above}");
+        assert!((camera.position() - eye).length() < 1e-5);
     }
 }

@@ -1,0 +1,90 @@
+//! Which tile of the picture sees which splats.
+//!
+//! The picture is cut into tiles of 16 x 16 pixels. A *band* is one row of tiles: its pixels are contiguous in a
+//! row-major picture, so bands are what threads share out among themselves.
+
+use std::ops::Range;
+
+use glam::UVec2;
+
+use super::composite::Tile;
+use super::project::Splat;
+
+/// Width and height of a tile, in pixels.
+pub(super) const TILE: usize = 16;
+
+/// For each band, the splats that may touch it, front to back.
+pub(super) struct Bands {
+    /// Width and height of the picture, in pixels.
+    pub size: UVec2,
+    /// Positions in the list of splats, ascending, for each band.
+    pub splats: Vec<Vec<u32>>,
+}
+
+impl Bands {
+    /// Deals `splats`, sorted front to back, out to the bands of a picture of `size` pixels.
+    pub fn new(splats: &[Splat], size: UVec2) -> Self {
+        let n_bands = (size.y as usize).div_ceil(TILE);
+        let mut bands = vec![Vec::new(); n_bands];
+        for (position, splat) in splats.iter().enumerate() {
+            let (top, bottom) = (splat.center.y - splat.half_size.y, splat.center.y + splat.half_size.y);
+            for band in tiles_between(top, bottom, n_bands) {
+                bands[band].push(position as u32);
+            }
+        }
+        Self { size, splats: bands }
+    }
+
+    /// Blends the splats of one band, calling `blend(pixel in the band, position of the splat, weight)`.
+    ///
+    /// The calls for any one pixel come front to back.
+    pub fn composite(&self, band: usize, splats: &[Splat], mut blend: impl FnMut(usize, usize, f32)) {
+        let width = self.size.x as usize;
+        let y = band * TILE;
+        let height = TILE.min(self.size.y as usize - y);
+        for (column, in_tile) in self.tile_lists(band, splats).iter().enumerate() {
+            let x = column * TILE;
+            let tile = Tile { x, y, width: TILE.min(width - x), height };
+            tile.composite(splats, in_tile, |column, row, splat, weight| {
+                blend(row * width + x + column, splat, weight);
+            });
+        }
+    }
+
+    /// For each tile of a band, the positions of the splats whose footprint reaches it.
+    fn tile_lists(&self, band: usize, splats: &[Splat]) -> Vec<Vec<u32>> {
+        let n_tiles = (self.size.x as usize).div_ceil(TILE);
+        let top = (band * TILE) as f32;
+        let mut lists = vec![Vec::new(); n_tiles];
+        for &position in &self.splats[band] {
+            let (left, right) = extent_within(&splats[position as usize], top, top + TILE as f32);
+            for tile in tiles_between(left, right, n_tiles) {
+                lists[tile].push(position);
+            }
+        }
+        lists
+    }
+}
+
+/// The x range of the part of a footprint that lies between two heights; all in pixels.
+fn extent_within(splat: &Splat, top: f32, bottom: f32) -> (f32, f32) {
+    let (lowest, highest) = (-splat.half_size.y, splat.half_size.y);
+    let from = (top - splat.center.y).clamp(lowest, highest);
+    let to = (bottom - splat.center.y).clamp(lowest, highest);
+    let edge = |dy: f32, side: f32| {
+        let within_row = (splat.cutoff - dy * dy * splat.y_precision).max(0.0);
+        splat.center.x + splat.slope * dy + side * (within_row / splat.row_precision).sqrt()
+    };
+    // Each side of an ellipse is furthest out at one height and monotonic on either side of it.
+    let left = edge((-splat.rightmost_dy).clamp(from, to), -1.0);
+    let right = edge(splat.rightmost_dy.clamp(from, to), 1.0);
+    (left, right)
+}
+
+/// The tiles, of `n` in a row, that overlap the range from `low` to `high` in pixels.
+fn tiles_between(low: f32, high: f32, n: usize) -> Range<usize> {
+    // A thousandth of a pixel covers the rounding of the range; the blend itself tests each pixel.
+    let first = ((low - 1e-3) / TILE as f32).floor().max(0.0) as usize;
+    let end = ((high + 1e-3) / TILE as f32).ceil().max(0.0) as usize;
+    first.min(n)..end.min(n)
+}

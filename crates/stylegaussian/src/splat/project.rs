@@ -1,0 +1,128 @@
+//! From Gaussians to splats: cull, project, sort by depth.
+
+use glam::{Mat3, Vec2, Vec3};
+use rayon::prelude::*;
+
+use crate::{camera::Camera, scene::Scene};
+
+/// Gaussians at this view-space z or nearer are not drawn, as in the original rasterizer.
+const NEAR: f32 = 0.2;
+
+/// Added to the diagonal of every 2D covariance, in px^2: no splat is thinner than about a pixel.
+const LOW_PASS: f32 = 0.3;
+
+/// How far outside the picture, in half pictures, the projection is still linearized where it is.
+const LINEARIZED_WITHIN: f32 = 1.3;
+
+/// The smallest alpha that is drawn.
+pub(super) const MIN_ALPHA: f32 = 1.0 / 255.0;
+
+/// The footprint of one Gaussian.
+///
+/// With (dx, dy) the offset from its center in pixels and (a, b, c) the 2D covariance, alpha is
+/// opacity exp(-q / 2), where q = (dx, dy) cov^-1 (dx, dy)^T. Completing the square gives
+/// q = (c / det) (dx - (b / c) dy)^2 + dy^2 / c: a sum of two squares, which loses no digits on needles and hands the
+/// extent of a row of pixels over directly.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Splat {
+    /// Projected mean, in pixels.
+    pub center: Vec2,
+    /// b / c: by how much the middle of a row moves in x per pixel in y.
+    pub slope: f32,
+    /// c / det, in px^-2: the inverse variance within a row.
+    pub row_precision: f32,
+    /// 1 / c, in px^-2.
+    pub y_precision: f32,
+    /// Half width and height of the box around the pixels with q <= `cutoff`, in pixels.
+    pub half_size: Vec2,
+    /// The offset in y of the footprint's rightmost point (its leftmost is at the negative), in pixels.
+    pub rightmost_dy: f32,
+    /// 0..1.
+    pub opacity: f32,
+    /// The q at which alpha falls to [`MIN_ALPHA`]: 2 ln(255 opacity).
+    pub cutoff: f32,
+    /// View-space z of the mean, in scene units.
+    pub depth: f32,
+    /// Which Gaussian of the scene this is.
+    pub gaussian: u32,
+}
+
+/// The splats that can touch the picture, by ascending view-space z, ties by Gaussian index.
+pub(super) fn project(scene: &Scene, camera: &Camera) -> Vec<Splat> {
+    let projection = Projection::new(camera);
+    let splats: Vec<Splat> =
+        (0..scene.len()).into_par_iter().filter_map(|i| projection.splat(scene, i)).collect();
+
+    // Positive floats compare like their bits, so one integer holds the depth and, below it, the tie-breaker.
+    let mut keys: Vec<u64> = splats
+        .par_iter()
+        .enumerate()
+        .map(|(position, splat)| u64::from(splat.depth.to_bits()) << 32 | position as u64)
+        .collect();
+    keys.par_sort_unstable();
+    keys.par_iter().map(|&key| splats[key as u32 as usize]).collect()
+}
+
+/// What projecting needs of a camera.
+struct Projection<'a> {
+    camera: &'a Camera,
+    rotation: Mat3,
+    /// The largest |x / z| and |y / z| at which the projection is linearized.
+    limit: Vec2,
+}
+
+impl<'a> Projection<'a> {
+    fn new(camera: &'a Camera) -> Self {
+        let limit = LINEARIZED_WITHIN * camera.size.as_vec2() / (2.0 * camera.focal);
+        Self { camera, rotation: camera.view_from_world.matrix3.into(), limit }
+    }
+
+    /// The splat of Gaussian `i`, or `None` where no pixel would see it.
+    fn splat(&self, scene: &Scene, i: usize) -> Option<Splat> {
+        let mean: Vec3 = self.camera.view_from_world.transform_point3(scene.means[i]);
+        let opacity = scene.opacities[i];
+        // Written so that NaN is culled too.
+        let visible = mean.z > NEAR && opacity >= MIN_ALPHA;
+        if !visible {
+            return None;
+        }
+        let ray = mean.truncate() / mean.z;
+        let center = self.camera.focal * ray + self.camera.center;
+        let (row_x, row_y) = self.footprint_axes(scene, i, ray, mean.z);
+
+        let a = row_x.length_squared() + LOW_PASS;
+        let b = row_x.dot(row_y);
+        let c = row_y.length_squared() + LOW_PASS;
+        // Lagrange's identity: a c - b^2 without subtracting large numbers.
+        let det = row_x.cross(row_y).length_squared() + LOW_PASS * (a + c - LOW_PASS);
+
+        let cutoff = 2.0 * (opacity / MIN_ALPHA).ln();
+        let half_size = (cutoff * Vec2::new(a, c)).sqrt();
+        let low = center + half_size;
+        let high = center - half_size - self.camera.size.as_vec2();
+        let inside = low.cmpge(Vec2::ZERO).all() && high.cmple(Vec2::ZERO).all();
+        (inside && det.is_finite()).then(|| Splat {
+            center,
+            slope: b / c,
+            row_precision: c / det,
+            y_precision: 1.0 / c,
+            half_size,
+            rightmost_dy: b * (cutoff / a).sqrt(),
+            opacity,
+            cutoff,
+            depth: mean.z,
+            gaussian: i as u32,
+        })
+    }
+
+    /// The two rows of J W R S, in pixels: the 2D covariance is their Gram matrix.
+    fn footprint_axes(&self, scene: &Scene, i: usize, ray: Vec2, z: f32) -> (Vec3, Vec3) {
+        let ray = ray.clamp(-self.limit, self.limit);
+        let pixels_per_unit = self.camera.focal / z;
+        let [x, y, z] = self.rotation.transpose().to_cols_array_2d().map(Vec3::from_array);
+        let j_x = pixels_per_unit.x * (x - ray.x * z);
+        let j_y = pixels_per_unit.y * (y - ray.y * z);
+        let gaussian_from_world = scene.rotations[i].inverse();
+        (gaussian_from_world * j_x * scene.scales[i], gaussian_from_world * j_y * scene.scales[i])
+    }
+}

@@ -1,0 +1,159 @@
+//! Blend weights: rendering as a sparse matrix.
+
+use glam::UVec2;
+use rayon::prelude::*;
+
+use super::bands::{Bands, TILE};
+use super::project::Splat;
+
+/// The blend weights w of one view: a sparse `[H * W, N]` matrix in compressed rows, one row per pixel.
+///
+/// A picture of any per-Gaussian values v is w v ([`apply`](Self::apply)); its gradient with respect to v is w^T times
+/// the gradient with respect to the picture ([`apply_transposed`](Self::apply_transposed)).
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlendWeights {
+    /// Width and height, in pixels.
+    pub size: UVec2,
+    /// N, the number of Gaussians in the scene.
+    pub n_gaussians: usize,
+    /// Where each pixel's entries start `[H * W + 1]`, row-major from the top left; the last is the number of entries.
+    pub starts: Vec<u32>,
+    /// Which Gaussian each entry belongs to; front to back within a pixel.
+    pub indices: Vec<u32>,
+    /// The weight of each entry, above 0; they sum to the pixel's alpha.
+    pub weights: Vec<f32>,
+}
+
+/// The entries of one band, in pixel order.
+struct BandWeights {
+    counts: Vec<u32>,
+    indices: Vec<u32>,
+    weights: Vec<f32>,
+}
+
+impl BlendWeights {
+    /// Collects the weights that blending `splats` uses.
+    pub(super) fn gather(splats: &[Splat], bands: &Bands, n_gaussians: usize) -> Self {
+        let of_bands: Vec<BandWeights> = (0..bands.splats.len())
+            .into_par_iter()
+            .map(|band| BandWeights::gather(band, splats, bands))
+            .collect();
+
+        let n_entries: usize = of_bands.iter().map(|band| band.indices.len()).sum();
+        assert!(u32::try_from(n_entries).is_ok(), "{n_entries} blend weights: more than 32 bits can count");
+        let n_pixels = bands.size.x as usize * bands.size.y as usize;
+        let mut starts = Vec::with_capacity(n_pixels + 1);
+        let (mut indices, mut weights) = (Vec::with_capacity(n_entries), Vec::with_capacity(n_entries));
+        let mut start = 0;
+        starts.push(start);
+        // Consuming the bands frees each as soon as it is copied.
+        for band in of_bands {
+            for count in band.counts {
+                start += count;
+                starts.push(start);
+            }
+            indices.extend_from_slice(&band.indices);
+            weights.extend_from_slice(&band.weights);
+        }
+        Self { size: bands.size, n_gaussians, starts, indices, weights }
+    }
+
+    /// sum_i w_i v_i for each pixel `[H * W, C]`, row-major, of per-Gaussian `values` `[N, C]`.
+    ///
+    /// # Panics
+    /// When `values` does not hold N x `c` numbers.
+    pub fn apply(&self, values: &[f32], c: usize) -> Vec<f32> {
+        assert_eq!(values.len(), self.n_gaussians * c, "values must be [N, C]");
+        let mut pixels = vec![0.0; (self.starts.len() - 1) * c];
+        pixels.par_chunks_mut(c.max(1)).enumerate().for_each(|(pixel, sums)| {
+            for (gaussian, weight) in self.pixel(pixel) {
+                add_scaled(sums, weight, &values[gaussian * c..(gaussian + 1) * c]);
+            }
+        });
+        pixels
+    }
+
+    /// The adjoint of [`apply`](Self::apply): sum_p w_{p,i} g_p for each Gaussian `[N, C]` of per-pixel `gradient`
+    /// `[H * W, C]`.
+    ///
+    /// The result does not depend on the number of threads: every Gaussian sums its pixels in picture order.
+    ///
+    /// # Panics
+    /// When `gradient` does not hold H x W x `c` numbers.
+    pub fn apply_transposed(&self, gradient: &[f32], c: usize) -> Vec<f32> {
+        assert_eq!(gradient.len(), (self.starts.len() - 1) * c, "gradient must be [H * W, C]");
+        let mut sums = vec![0.0; self.n_gaussians * c];
+        if sums.is_empty() {
+            return sums;
+        }
+        // Blocks of Gaussians are dealt out to the threads; each thread reads all entries and keeps its own.
+        let n_shares = rayon::current_num_threads();
+        let mut shares: Vec<Vec<&mut [f32]>> = (0..n_shares).map(|_| Vec::new()).collect();
+        for (block, rows) in sums.chunks_mut(BLOCK * c).enumerate() {
+            shares[block % n_shares].push(rows);
+        }
+        shares.into_par_iter().enumerate().for_each(|(share, mut blocks)| {
+            for (pixel, of_pixel) in gradient.chunks_exact(c).enumerate() {
+                for (gaussian, weight) in self.pixel(pixel) {
+                    let block = gaussian / BLOCK;
+                    if block % n_shares == share {
+                        let row = (gaussian % BLOCK) * c;
+                        add_scaled(&mut blocks[block / n_shares][row..row + c], weight, of_pixel);
+                    }
+                }
+            }
+        });
+        sums
+    }
+
+    /// Coverage of each pixel `[H * W]`: the sum of its weights.
+    pub fn alpha(&self) -> Vec<f32> {
+        self.starts
+            .windows(2)
+            .map(|row| self.weights[row[0] as usize..row[1] as usize].iter().sum())
+            .collect()
+    }
+
+    /// The (Gaussian, weight) entries of one pixel, front to back.
+    pub fn pixel(&self, pixel: usize) -> impl Iterator<Item = (usize, f32)> + '_ {
+        let entries = self.starts[pixel] as usize..self.starts[pixel + 1] as usize;
+        let gaussians = self.indices[entries.clone()].iter().map(|&i| i as usize);
+        gaussians.zip(self.weights[entries].iter().copied())
+    }
+}
+
+/// Gaussians per block in [`BlendWeights::apply_transposed`]: small enough that the blocks of a busy corner of the
+/// scene spread over all threads.
+const BLOCK: usize = 64;
+
+fn add_scaled(sums: &mut [f32], weight: f32, values: &[f32]) {
+    for (sum, value) in sums.iter_mut().zip(values) {
+        *sum += weight * value;
+    }
+}
+
+impl BandWeights {
+    fn gather(band: usize, splats: &[Splat], bands: &Bands) -> Self {
+        let mut entries: Vec<(u32, u32, f32)> = Vec::new();
+        bands.composite(band, splats, |pixel, splat, weight| {
+            entries.push((pixel as u32, splats[splat].gaussian, weight));
+        });
+
+        let height = TILE.min(bands.size.y as usize - band * TILE);
+        let mut counts = vec![0u32; bands.size.x as usize * height];
+        for &(pixel, ..) in &entries {
+            counts[pixel as usize] += 1;
+        }
+        // A counting sort by pixel; stable, so each pixel stays front to back.
+        let mut next: Vec<u32> =
+            counts.iter().scan(0, |start, &count| Some(std::mem::replace(start, *start + count))).collect();
+        let (mut indices, mut weights) = (vec![0; entries.len()], vec![0.0; entries.len()]);
+        for (pixel, gaussian, weight) in entries {
+            let slot = &mut next[pixel as usize];
+            indices[*slot as usize] = gaussian;
+            weights[*slot as usize] = weight;
+            *slot += 1;
+        }
+        Self { counts, indices, weights }
+    }
+}
