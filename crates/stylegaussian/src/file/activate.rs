@@ -1,0 +1,116 @@
+//! From stored parameters to a scene: what 3DGS files and checkpoints have in common.
+
+use glam::{DQuat, Quat, Vec3};
+
+use crate::scene::{Features, Scene, Sh};
+
+/// Gaussians as training stores them: before the activations.
+pub(super) struct StoredGaussians {
+    /// Means `[N]`.
+    pub means: Vec<Vec3>,
+    /// Natural logarithms of the standard deviations `[N]`.
+    pub log_scales: Vec<Vec3>,
+    /// Quaternions `[N]` in the order w, x, y, z, of any length but zero.
+    pub rotations_wxyz: Vec<[f32; 4]>,
+    /// Opacities `[N]` before the sigmoid.
+    pub opacity_logits: Vec<f32>,
+    /// Colors.
+    pub sh: Option<Sh>,
+    /// Features.
+    pub features: Option<Features>,
+}
+
+/// Applies exp, sigmoid and normalization, and drops Gaussians that are not finite or have a zero quaternion, counted
+/// in a warning.
+pub(super) fn activate(stored: StoredGaussians, warnings: &mut Vec<String>) -> Scene {
+    let n = stored.means.len();
+    let scene = Scene {
+        rotations: stored.rotations_wxyz.iter().map(|&wxyz| unit_quaternion(wxyz)).collect(),
+        scales: stored.log_scales.iter().map(|log| log.exp()).collect(),
+        opacities: stored.opacity_logits.iter().map(|&logit| sigmoid(logit)).collect(),
+        means: stored.means,
+        sh: stored.sh,
+        order: (0..n as u32).collect(),
+        n_source: n,
+        features: stored.features,
+        ..Scene::default()
+    };
+    // An infinite logit has a finite opacity: it is looked for where it is stored.
+    let usable = |i: usize| stored.opacity_logits[i].is_finite() && is_usable(&scene, i);
+    let kept: Vec<u32> = (0..n).filter(|&i| usable(i)).map(|i| i as u32).collect();
+    if kept.len() == n {
+        return scene;
+    }
+    warnings.push(format!("dropped {} of {n} Gaussians: not finite, or a zero quaternion", n - kept.len()));
+    scene.subset(&kept)
+}
+
+/// Whether everything about Gaussian `i` is finite. A quaternion that could not be normalized is NaN.
+pub(super) fn is_usable(scene: &Scene, i: usize) -> bool {
+    let finite_row = |values: &[f32]| {
+        let width = values.len() / scene.len();
+        values[i * width..(i + 1) * width].iter().all(|value| value.is_finite())
+    };
+    scene.means[i].is_finite()
+        && scene.scales[i].is_finite()
+        && scene.rotations[i].is_finite()
+        && scene.opacities[i].is_finite()
+        && scene.sh.as_ref().is_none_or(|sh| finite_row(&sh.coefficients))
+        && scene.features.as_ref().is_none_or(|f| finite_row(&f.values) && finite_row(&f.extra))
+}
+
+/// The unit quaternion along a stored one; NaN for zero. In f64, where no f32 over- or underflows when squared.
+fn unit_quaternion([w, x, y, z]: [f32; 4]) -> Quat {
+    let stored = DQuat::from_xyzw(x.into(), y.into(), z.into(), w.into());
+    (stored * stored.length().recip()).as_quat()
+}
+
+fn sigmoid(logit: f32) -> f32 {
+    (1.0 / (1.0 + (-f64::from(logit)).exp())) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stored(n: usize) -> StoredGaussians {
+        StoredGaussians {
+            means: vec![Vec3::ONE; n],
+            log_scales: vec![Vec3::new(0.0, 2.0_f32.ln(), -1.0); n],
+            rotations_wxyz: vec![[0.0, 0.0, 3.0, 4.0]; n],
+            opacity_logits: vec![3.0_f32.ln(); n],
+            sh: None,
+            features: None,
+        }
+    }
+
+    #[test]
+    fn applies_the_activations() {
+        let mut warnings = Vec::new();
+        let scene = activate(stored(1), &mut warnings);
+        assert!(scene.scales[0].abs_diff_eq(Vec3::new(1.0, 2.0, 0.367_879_44), 1e-6));
+        assert!(scene.rotations[0].abs_diff_eq(Quat::from_xyzw(0.0, 0.6, 0.8, 0.0), 1e-7));
+        assert!((scene.opacities[0] - 0.75).abs() < 1e-6); // 1 / (1 + 1/3)
+        assert!(warnings.is_empty());
+    }
+
+    #[test]
+    fn drops_what_is_not_finite_and_keeps_tiny_quaternions() {
+        let mut gaussians = stored(8);
+        gaussians.means[0].y = f32::NAN;
+        gaussians.rotations_wxyz[1] = [0.0; 4];
+        gaussians.rotations_wxyz[2] = [1e-38, 0.0, 0.0, 0.0];
+        gaussians.opacity_logits[3] = f32::INFINITY;
+        gaussians.log_scales[4].z = 1e3;
+        gaussians.rotations_wxyz[5] = [f32::INFINITY, 0.0, 0.0, 0.0];
+        let mut coefficients = vec![0.0; 24];
+        coefficients[18] = f32::NEG_INFINITY;
+        gaussians.sh = Some(Sh { degree: 0, coefficients });
+        let mut warnings = Vec::new();
+        let scene = activate(gaussians, &mut warnings);
+        assert_eq!(scene.order, [2, 7]);
+        assert_eq!(scene.n_source, 8);
+        assert_eq!(scene.rotations[0], Quat::IDENTITY);
+        assert!(warnings[0].starts_with("dropped 6 of 8"), "{warnings:?}");
+    }
+}

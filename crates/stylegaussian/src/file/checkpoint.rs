@@ -1,0 +1,193 @@
+//! StyleGaussian's own PyTorch checkpoints, as scenes that stylize exactly like the original.
+//!
+//! Both kinds are a tuple, at the root or somewhere within it: (xyz `[N, 3]`, log scaling `[N, 3]`, rotation wxyz
+//! `[N, 4]`, opacity logit `[N, 1]`, features `[N, C]`, state dict).
+//! - Trained model: the features are final, C = D = 256; the state dict holds the decoder, `kernels.{i}`
+//!   `[D_out, K * D_in]`, neighbor-major, and `bias.{i}` `[D_out]`. Noise was added to these features, so they have full
+//!   rank: L = D, A = I, b = 0.
+//! - Feature model: the features are f', C = L = 32; the state dict holds A, `layer.weight` `[D, L]`, and b,
+//!   `layer.bias` `[D]`.
+
+use glam::Vec3;
+
+use crate::{
+    decoder::{Activation, Decoder, Layer},
+    scene::{Features, Scene},
+};
+
+use super::{
+    Loaded, Mismatch,
+    activate::{StoredGaussians, activate},
+    decoder, mismatch,
+    tensors::expect_finite,
+};
+
+mod pickle;
+mod tensor;
+mod zip;
+
+use pickle::{Id, Object, Pickle, TensorInfo};
+use tensor::{Storages, Tensor};
+
+/// What a checkpoint holds, for messages.
+const EXPECTED: &str =
+    "a tuple (xyz, scaling, rotation, opacity, features, state dict) as StyleGaussian saves it";
+
+pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
+    let archive = zip::Archive::open(bytes)?;
+    let (prefix, data) = archive
+        .names()
+        .find_map(|name| {
+            let prefix = name.strip_suffix("data.pkl")?;
+            (prefix.is_empty() || prefix.ends_with('/')).then_some((prefix, archive.get(name)?))
+        })
+        .ok_or_else(|| mismatch("a zip archive without `data.pkl`", "a PyTorch checkpoint"))?;
+    let pickle = Pickle::read(data)?;
+    let parts = find_parts(&pickle)?;
+    let storages = Storages::new(&archive, prefix, &pickle)?;
+    let mut warnings = Vec::new();
+    let scene = scene(&parts, &pickle, &storages, &mut warnings)?;
+    Ok(Loaded { scene, warnings })
+}
+
+/// The five tensors and the state dict of a checkpoint.
+struct Parts<'a> {
+    tensors: [&'a TensorInfo; 5],
+    state: Id,
+}
+
+/// Finds the tuple: at the root, or within it when it was saved together with, say, the iteration.
+fn find_parts(pickle: &Pickle) -> Result<Parts<'_>, Mismatch> {
+    let parts_of = |id: Id| -> Option<Parts> {
+        let Object::Sequence(items) = pickle.object(id) else { return None };
+        let (&[a, b, c, d, e, state], _) = items.split_first_chunk::<6>()?;
+        let tensor = |id: Id| match pickle.object(id) {
+            Object::Tensor(tensor) => Some(tensor),
+            _ => None,
+        };
+        let tensors = [tensor(a)?, tensor(b)?, tensor(c)?, tensor(d)?, tensor(e)?];
+        matches!(pickle.object(state), Object::Dictionary(_)).then_some(Parts { tensors, state })
+    };
+    parts_of(pickle.root)
+        .or_else(|| pickle.ids().find_map(parts_of))
+        .ok_or_else(|| mismatch("a checkpoint with other contents", EXPECTED))
+}
+
+fn scene(
+    parts: &Parts,
+    pickle: &Pickle,
+    storages: &Storages,
+    warnings: &mut Vec<String>,
+) -> Result<Scene, Mismatch> {
+    let [xyz, scaling, rotation, opacity, features] = parts.tensors;
+    let n = xyz.shape.first().copied().unwrap_or(0);
+    if u32::try_from(n).is_err() {
+        return Err(mismatch(format_args!("{n} Gaussians"), "fewer than 2^32"));
+    }
+    let rows = |name: &str, info: &TensorInfo, width: Option<usize>| -> Result<Tensor, Mismatch> {
+        let tensor = storages.read(name, info)?;
+        // Opacity may lack its second dimension.
+        let found = if let [n] = tensor.shape[..] { [n, 1] } else { tensor.matrix(name)? };
+        if found[0] == n && width.is_none_or(|width| found[1] == width) {
+            return Ok(tensor);
+        }
+        let width = width.map_or("C".into(), |width| width.to_string());
+        Err(mismatch(format_args!("{name} {:?}", info.shape), format_args!("[{n}, {width}]")))
+    };
+    let vec3 = |tensor: Tensor| tensor.values.chunks_exact(3).map(Vec3::from_slice).collect();
+    let state = State { pickle, storages, id: parts.state };
+    let features = rows("features", features, None)?;
+    let (features, decoder) = match state.find("kernels.0") {
+        Some(_) => final_model(features, &state)?,
+        None => (feature_model(features, &state)?, None),
+    };
+    let stored = StoredGaussians {
+        means: vec3(rows("xyz", xyz, Some(3))?),
+        log_scales: vec3(rows("scaling", scaling, Some(3))?),
+        rotations_wxyz: rows("rotation", rotation, Some(4))?.values.as_chunks().0.into(),
+        opacity_logits: rows("opacity", opacity, Some(1))?.values,
+        sh: None,
+        features: Some(features),
+    };
+    Ok(Scene { decoder, ..activate(stored, warnings) })
+}
+
+/// The state dict of the network beside the Gaussians.
+struct State<'a> {
+    pickle: &'a Pickle,
+    storages: &'a Storages<'a>,
+    id: Id,
+}
+
+impl<'a> State<'a> {
+    /// The tensor of this name, whatever module names stand before it. Of two entries the later one counts.
+    fn find(&self, name: &str) -> Option<&'a TensorInfo> {
+        let is_named = |key: &str| key.strip_suffix(name).is_some_and(|p| p.is_empty() || p.ends_with('.'));
+        let mut found = self.pickle.entries(self.id).filter_map(|(key, value)| match value {
+            Object::Tensor(tensor) if is_named(key) => Some(tensor),
+            _ => None,
+        });
+        let first = found.next();
+        found.last().or(first)
+    }
+
+    fn read(&self, name: &str) -> Result<Tensor, Mismatch> {
+        let info = self.find(name).ok_or_else(|| {
+            let keys: Vec<&str> = self.pickle.entries(self.id).map(|(key, _)| key).take(12).collect();
+            mismatch(
+                format_args!("a state dict without `{name}` (it has: {})", keys.join(" ")),
+                "`kernels.{i}` and `bias.{i}`, or `layer.weight` and `layer.bias`",
+            )
+        })?;
+        let tensor = self.storages.read(name, info)?;
+        expect_finite(name, &tensor.values)?;
+        Ok(tensor)
+    }
+}
+
+/// Full-rank features and the decoder.
+fn final_model(features: Tensor, state: &State) -> Result<(Features, Option<Decoder>), Mismatch> {
+    let [_, d] = features.matrix("features")?;
+    let mut layers = Vec::new();
+    let (mut k, mut d_in) = (0, d);
+    while let name = format!("kernels.{}", layers.len())
+        && state.find(&name).is_some()
+    {
+        let kernel = state.read(&name)?;
+        let [d_out, columns] = kernel.matrix(&name)?;
+        if layers.is_empty() {
+            k = columns.checked_div(d_in).unwrap_or(0);
+        }
+        if k == 0 || k.checked_mul(d_in) != Some(columns) {
+            let expected = format_args!("[D_out, K * {d_in}] with the same K in each").to_string();
+            return Err(mismatch(format_args!("`{name}` {:?}", kernel.shape), expected));
+        }
+        let bias = state.read(&format!("bias.{}", layers.len()))?.values;
+        layers.push(Layer { weight: kernel.values, bias, d_in, d_out });
+        d_in = d_out;
+    }
+    let decoder = Decoder { layers, k, activation: Activation::Sigmoid, residual: false, encoder: None };
+    decoder::validate(&decoder)?;
+    let mut basis = vec![0.0; d * d];
+    basis.iter_mut().step_by(d + 1).for_each(|diagonal| *diagonal = 1.0);
+    Ok((features_of(features.values, d, basis, vec![0.0; d]), Some(decoder)))
+}
+
+/// Low-dimensional features and the affine map of them.
+fn feature_model(features: Tensor, state: &State) -> Result<Features, Mismatch> {
+    let [_, l] = features.matrix("features")?;
+    let basis = state.read("layer.weight")?;
+    let offset = state.read("layer.bias")?;
+    let d = offset.values.len();
+    if l == 0 || basis.shape != [d, l] {
+        return Err(mismatch(format_args!("`layer.weight` {:?}", basis.shape), format_args!("[{d}, {l}]")));
+    }
+    Ok(features_of(features.values, l, basis.values, offset.values))
+}
+
+fn features_of(values: Vec<f32>, n_low: usize, basis: Vec<f32>, offset: Vec<f32>) -> Features {
+    Features { values, n_low, basis, offset, extra: Vec::new(), n_extra: 0, encoder: None }
+}
+
+#[cfg(test)]
+mod tests;

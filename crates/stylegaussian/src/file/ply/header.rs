@@ -1,0 +1,121 @@
+//! The header of a .ply: checked here, parsed by ply-rs.
+
+use ply_rs::{
+    parser::Parser,
+    ply::{DefaultElement, ElementDef, Header as ParsedHeader, PropertyType, ScalarType},
+};
+
+use super::{Encoding, Mismatch, mismatch};
+
+/// No sane header is longer; the files that claim to be are something else.
+const LONGEST: usize = 1 << 20;
+
+/// A parsed header and the bytes after it. Counts fit the bytes there are.
+pub(super) struct Header<'a> {
+    parsed: ParsedHeader,
+    /// Everything after the line `end_header`.
+    pub(super) payload: &'a [u8],
+}
+
+impl<'a> Header<'a> {
+    pub(super) fn parse(bytes: &'a [u8]) -> Result<Self, Mismatch> {
+        let (text, payload) = split(bytes)?;
+        let n_declared = check_lines(&text)?;
+        let parsed = Parser::<DefaultElement>::new().read_header(&mut text.as_bytes()).map_err(|error| {
+            mismatch(format_args!("a header that does not parse ({error})"), "a PLY header")
+        })?;
+        let n_parsed: usize = parsed.elements.values().map(|element| 1 + element.properties.len()).sum();
+        if n_parsed != n_declared {
+            return Err(mismatch("an element or property declared twice", "each name once"));
+        }
+        let header = Self { parsed, payload };
+        header.check_size()?;
+        Ok(header)
+    }
+
+    pub(super) fn element(&self, name: &str) -> Option<&ElementDef> {
+        self.parsed.elements.get(name)
+    }
+
+    /// The elements in the file's order.
+    pub(super) fn elements(&self) -> impl Iterator<Item = &ElementDef> {
+        self.parsed.elements.values()
+    }
+
+    pub(super) fn encoding(&self) -> Encoding {
+        self.parsed.encoding
+    }
+
+    /// Checks that the declared elements fit into the bytes there are, each list being empty at least.
+    fn check_size(&self) -> Result<(), Mismatch> {
+        let least: u128 = self.elements().map(|e| e.count as u128 * self.least_row(e) as u128).sum();
+        // The last ascii number needs nothing after it.
+        let available = self.payload.len() as u128 + u128::from(self.encoding() == Encoding::Ascii);
+        if least <= available {
+            return Ok(());
+        }
+        let counts: Vec<String> = self.elements().map(|e| format!("{} {}", e.count, e.name)).collect();
+        Err(mismatch(
+            format_args!("{} bytes after the header", self.payload.len()),
+            format_args!("at least {least} for {}", counts.join(", ")),
+        ))
+    }
+
+    /// The fewest bytes that a row of `element` takes: in ascii a digit and a separator for each number.
+    fn least_row(&self, element: &ElementDef) -> usize {
+        let ascii = self.encoding() == Encoding::Ascii;
+        let sizes = element.properties.values().map(|property| match &property.data_type {
+            _ if ascii => 2,
+            PropertyType::Scalar(scalar) | PropertyType::List(scalar, _) => size_of_scalar(scalar),
+        });
+        sizes.sum()
+    }
+}
+
+/// Bytes of a binary scalar.
+pub(super) fn size_of_scalar(scalar: &ScalarType) -> usize {
+    match scalar {
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
+    }
+}
+
+/// The header as text up to and with `end_header`, line ends made uniform, and the payload.
+fn split(bytes: &[u8]) -> Result<(String, &[u8]), Mismatch> {
+    let mut text = String::new();
+    let mut rest = &bytes[..bytes.len()];
+    while bytes.len() - rest.len() <= LONGEST {
+        let Some(end) = rest.iter().position(|&byte| byte == b'\n') else { break };
+        // Comments may be in any encoding; nothing else needs more than ascii.
+        let line = String::from_utf8_lossy(&rest[..end]);
+        let line = line.trim_ascii_end();
+        rest = &rest[end + 1..];
+        if !line.is_empty() {
+            text.push_str(line);
+            text.push('\n');
+        }
+        if line == "end_header" {
+            return Ok((text, rest));
+        }
+    }
+    Err(mismatch("a header without an end", "a line `end_header`"))
+}
+
+/// Checks the lines whose numbers ply-rs would panic on, and counts the declarations.
+fn check_lines(text: &str) -> Result<usize, Mismatch> {
+    let mut n_declared = 0;
+    for line in text.lines() {
+        let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        match words[..] {
+            ["format", _, "1.0"] => {}
+            ["format", ..] => return Err(mismatch(format_args!("`{line}`"), "format version 1.0")),
+            ["element", _, count] if count.parse::<u64>().is_ok() => n_declared += 1,
+            ["element", ..] => return Err(mismatch(format_args!("`{line}`"), "`element name count`")),
+            ["property", ..] => n_declared += 1,
+            _ => {}
+        }
+    }
+    Ok(n_declared)
+}

@@ -1,0 +1,65 @@
+//! Writing the native 3DGS layout: binary little endian, normals of zero, the source's order.
+
+use std::io::{self, Write};
+
+use crate::{scene::Scene, sh::n_coefficients};
+
+/// Writes Gaussians and their spherical harmonics, as they were ordered in the source; mid-gray where the scene keeps
+/// no colors. Features, neighbors and decoder have no place in a `.ply`.
+pub(in crate::file) fn write(out: &mut dyn Write, scene: &Scene) -> io::Result<()> {
+    let degree = scene.sh.as_ref().map_or(0, |sh| sh.degree);
+    let n_rest = n_coefficients(degree) - 1;
+    write_header(out, scene.len(), 3 * n_rest)?;
+    let mut by_source: Vec<u32> = (0..scene.len() as u32).collect();
+    by_source.sort_unstable_by_key(|&i| scene.order[i as usize]);
+    let mut row = Vec::new();
+    for i in by_source {
+        row.clear();
+        push_row(scene, i as usize, n_rest, &mut row);
+        out.write_all(bytemuck::cast_slice(&row))?;
+    }
+    Ok(())
+}
+
+fn write_header(out: &mut dyn Write, n_gaussians: usize, n_rest: usize) -> io::Result<()> {
+    write!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {n_gaussians}\n")?;
+    let fixed = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
+    let mut names = fixed(&["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]);
+    names.extend((0..n_rest).map(|i| format!("f_rest_{i}")));
+    names.extend(fixed(&["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]));
+    for name in names {
+        writeln!(out, "property float {name}")?;
+    }
+    writeln!(out, "end_header")
+}
+
+/// Appends the values of Gaussian `i` before their activations, each as its little-endian bits.
+fn push_row(scene: &Scene, i: usize, n_rest: usize, row: &mut Vec<[u8; 4]>) {
+    let mut push = |value: f32| row.push(value.to_le_bytes());
+    scene.means[i].to_array().into_iter().chain([0.0; 3]).for_each(&mut push);
+    let width = 3 * (n_rest + 1);
+    let coefficients =
+        scene.sh.as_ref().map_or(&[0.0; 3][..], |sh| &sh.coefficients[i * width..(i + 1) * width]);
+    for channel in 0..3 {
+        push(coefficients[channel]);
+    }
+    for channel in 0..3 {
+        coefficients[3..].iter().skip(channel).step_by(3).copied().for_each(&mut push);
+    }
+    push(logit(scene.opacities[i]));
+    scene.scales[i].to_array().map(log_scale).into_iter().for_each(&mut push);
+    let rotation = scene.rotations[i];
+    [rotation.w, rotation.x, rotation.y, rotation.z].into_iter().for_each(&mut push);
+}
+
+/// The inverse of the sigmoid, finite: opacities are kept at least half an f32 step of 1 away from 0 and 1.
+fn logit(opacity: f32) -> f32 {
+    const EDGE: f64 = f32::EPSILON as f64 / 4.0;
+    let opacity = f64::from(opacity).clamp(EDGE, 1.0 - EDGE);
+    (opacity / (1.0 - opacity)).ln() as f32
+}
+
+/// The logarithm, finite: a flat Gaussian gets the smallest normal number for its thickness.
+fn log_scale(scale: f32) -> f32 {
+    scale.max(f32::MIN_POSITIVE).ln()
+}

@@ -1,0 +1,284 @@
+//! Scene files: `*.sgs`, a safetensors file.
+//!
+//! | tensor | type and shape | |
+//! | --- | --- | --- |
+//! | `means`, `scales` | f32 `[N, 3]` | scales linear |
+//! | `rotations` | f32 `[N, 4]` | unit quaternions x, y, z, w |
+//! | `opacities` | f32 `[N]` | 0..1 |
+//! | `sh` | f16 `[N, (degree + 1)^2, 3]` | absent where the scene keeps no colors |
+//! | `order` | u32 `[N]` | index in the source file; absent = identity |
+//! | `features`, `basis`, `offset` | f16 or f32 `[N, L]`, f32 `[D, L]`, f32 `[D]` | all or none |
+//! | `extra` | f16 `[N, E]` | optional, with features |
+//! | `neighbors` | u32 `[N, K]` | optional |
+//! | `feature_mean`, `feature_covariance` | f32 `[L]`, `[L, L]` | optional caches of other writers; only their shapes matter here |
+//! | `decoder.layers.{i}.*` | | see the decoder's format |
+//!
+//! Every f16 tensor may be f32 as well. Metadata: `format`, `version`, `source_count`, and where known `encoder`, `up`
+//! (`x y z`), `source`, `licence`, and those of the decoder. Gaussians are written in Morton order.
+
+use std::{borrow::Cow, path::Path};
+
+use glam::{Quat, Vec3};
+
+use crate::{
+    morton,
+    neighbors::Neighbors,
+    scene::{Features, Scene, Sh},
+    sh,
+};
+
+use super::{
+    FileError, Loaded, Mismatch, Precision,
+    activate::is_usable,
+    decoder, mismatch,
+    tensors::{
+        Dimension::{Any, Is},
+        Reader, Writer, expect_finite,
+    },
+    write_atomically,
+};
+
+const FORMAT: &str = "stylegaussian-scene";
+
+/// Tensors that a scene file may hold, besides the decoder's.
+const KNOWN: [&str; 13] = [
+    "means",
+    "rotations",
+    "scales",
+    "opacities",
+    "sh",
+    "order",
+    "features",
+    "basis",
+    "offset",
+    "extra",
+    "neighbors",
+    "feature_mean",
+    "feature_covariance",
+];
+
+pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
+    let reader = Reader::new(bytes)?;
+    reader.expect_format(FORMAT)?;
+    let mut warnings = Vec::new();
+    for name in reader.names() {
+        if !KNOWN.contains(&name) && !name.starts_with("decoder.") {
+            warnings.push(format!("ignored unknown tensor `{name}`"));
+        }
+    }
+    let mut scene = gaussians(&reader)?;
+    let n = scene.len();
+    scene.sh = spherical_harmonics(&reader, n)?;
+    scene.features = features(&reader, n)?;
+    scene.neighbors = neighbors(&reader, n)?;
+    if reader.names().iter().any(|name| name.starts_with("decoder.")) {
+        scene.decoder = Some(decoder::from_tensors(&reader)?);
+    }
+    scene.up = reader.metadata("up").map(up_from_text).transpose()?;
+    scene.source = reader.metadata("source").map(Into::into);
+    scene.licence = reader.metadata("licence").map(Into::into);
+    scene.validate().map_err(|error| mismatch(error, "a valid scene"))?;
+    Ok(Loaded { scene, warnings })
+}
+
+/// Means, rotations, scales, opacities and order.
+fn gaussians(reader: &Reader) -> Result<Scene, Mismatch> {
+    let vec3 = |values: Vec<f32>| values.chunks_exact(3).map(Vec3::from_slice).collect::<Vec<_>>();
+    let means = vec3(reader.floats("means", &[Any("N"), Is(3)])?);
+    let n = means.len();
+    if u32::try_from(n).is_err() {
+        return Err(mismatch(format_args!("{n} Gaussians"), "fewer than 2^32"));
+    }
+    let rotations = reader.floats("rotations", &[Is(n), Is(4)])?;
+    let opacities = reader.floats("opacities", &[Is(n)])?;
+    if let Some(opacity) = opacities.iter().find(|opacity| !(0.0..=1.0).contains(*opacity)) {
+        return Err(mismatch(format_args!("opacity {opacity}"), "0 to 1"));
+    }
+    let order = match reader.has("order") {
+        true => reader.indices("order", &[Is(n)])?,
+        false => (0..n as u32).collect(),
+    };
+    // Files of other writers may lack the count; then nothing is known to be missing after the last Gaussian.
+    let least = order.iter().max().map_or(0, |&last| last as usize + 1);
+    Ok(Scene {
+        means,
+        rotations: rotations.chunks_exact(4).map(unit_rotation).collect::<Result<_, _>>()?,
+        scales: vec3(reader.floats("scales", &[Is(n), Is(3)])?),
+        opacities,
+        order,
+        n_source: reader.parsed("source_count", "a count of Gaussians")?.unwrap_or(least),
+        ..Scene::default()
+    })
+}
+
+/// Checks that a rotation is a unit quaternion to the accuracy of f16, and makes it one to that of f32.
+fn unit_rotation(xyzw: &[f32]) -> Result<Quat, Mismatch> {
+    let rotation = Quat::from_slice(xyzw);
+    let length = rotation.length();
+    if (length - 1.0).abs() > 1e-3 {
+        return Err(mismatch(format_args!("a rotation of length {length}"), "unit quaternions"));
+    }
+    // Those that are as good as f32 allows stay the same bit for bit.
+    Ok(if (length - 1.0).abs() < 1e-6 { rotation } else { rotation.normalize() })
+}
+
+fn spherical_harmonics(reader: &Reader, n: usize) -> Result<Option<Sh>, Mismatch> {
+    let Some(shape) = reader.shape("sh") else { return Ok(None) };
+    let degree = (0..=sh::MAX_DEGREE).find(|&degree| shape.get(1) == Some(&sh::n_coefficients(degree)));
+    let Some(degree) = degree else {
+        return Err(mismatch(format_args!("`sh` {shape:?}"), format_args!("[{n}, 1 or 4 or 9 or 16, 3]")));
+    };
+    let coefficients = reader.floats("sh", &[Is(n), Is(sh::n_coefficients(degree)), Is(3)])?;
+    Ok(Some(Sh { degree, coefficients }))
+}
+
+fn features(reader: &Reader, n: usize) -> Result<Option<Features>, Mismatch> {
+    if !["features", "basis", "offset", "extra"].iter().any(|name| reader.has(name)) {
+        return Ok(None);
+    }
+    let offset = reader.floats("offset", &[Any("D")])?;
+    let d = offset.len();
+    let basis = reader.floats("basis", &[Is(d), Any("L")])?;
+    let n_low = basis.len().checked_div(d).unwrap_or(0);
+    if n_low == 0 {
+        return Err(mismatch(
+            format_args!("features of {d} channels, {n_low} stored"),
+            "at least one of each",
+        ));
+    }
+    let values = reader.floats("features", &[Is(n), Is(n_low)])?;
+    let extra = match reader.has("extra") {
+        true => reader.floats("extra", &[Is(n), Any("E")])?,
+        false => Vec::new(),
+    };
+    for (name, shape) in [("feature_mean", &[Is(n_low)][..]), ("feature_covariance", &[Is(n_low), Is(n_low)])]
+    {
+        if reader.has(name) {
+            reader.floats(name, shape)?;
+        }
+    }
+    let n_extra = extra.len().checked_div(n).unwrap_or(0);
+    let encoder = reader.parsed("encoder", "an encoder `name@hash`")?;
+    Ok(Some(Features { values, n_low, basis, offset, extra, n_extra, encoder }))
+}
+
+fn neighbors(reader: &Reader, n: usize) -> Result<Option<Neighbors>, Mismatch> {
+    if !reader.has("neighbors") {
+        return Ok(None);
+    }
+    let indices = reader.indices("neighbors", &[Is(n), Any("K")])?;
+    let k = indices.len().checked_div(n).unwrap_or(0);
+    if k == 0 && n > 0 {
+        return Err(mismatch("`neighbors` with K = 0", "K at least 1"));
+    }
+    Ok(Some(Neighbors { k, indices }))
+}
+
+fn up_from_text(text: &str) -> Result<Vec3, Mismatch> {
+    let numbers: Vec<f32> = text.split_ascii_whitespace().filter_map(|word| word.parse().ok()).collect();
+    let up = match numbers[..] {
+        [x, y, z] if text.split_ascii_whitespace().count() == 3 => Vec3::new(x, y, z),
+        _ => Vec3::NAN,
+    };
+    match up.is_finite() && up != Vec3::ZERO {
+        true => Ok(up),
+        false => Err(mismatch(format_args!("metadata `up` = `{text}`"), "a direction `x y z`")),
+    }
+}
+
+/// Writes a valid scene.
+pub(super) fn write(path: &Path, scene: &Scene) -> Result<(), FileError> {
+    let order = morton::order(&scene.means);
+    let sorted = match order.is_sorted() {
+        true => Cow::Borrowed(scene),
+        false => Cow::Owned(scene.subset(&order)),
+    };
+    let writer = prepare(&sorted).map_err(|mismatch| mismatch.at(path))?;
+    write_atomically(path, |out| writer.write(out))
+}
+
+/// The tensors and metadata of a scene in Morton order.
+fn prepare(scene: &Scene) -> Result<Writer<'_>, Mismatch> {
+    let n = scene.len();
+    if n == 0 {
+        return Err(mismatch("no Gaussian", "at least one"));
+    }
+    if let Some(i) = (0..n).find(|&i| !is_usable(scene, i)) {
+        let source_index = scene.order[i];
+        return Err(mismatch(format_args!("source Gaussian {source_index} not finite"), "finite numbers"));
+    }
+    let mut writer = Writer::new(FORMAT);
+    writer.f32("means", &[n, 3], bytemuck::cast_slice(&scene.means));
+    writer.f32("rotations", &[n, 4], bytemuck::cast_slice(&scene.rotations));
+    writer.f32("scales", &[n, 3], bytemuck::cast_slice(&scene.scales));
+    writer.f32("opacities", &[n], &scene.opacities);
+    writer.u32("order", &[n], &scene.order);
+    if let Some(sh) = &scene.sh {
+        writer.f16("sh", &[n, sh::n_coefficients(sh.degree), 3], &sh.coefficients);
+    }
+    if let Some(features) = &scene.features {
+        add_features(features, n, &mut writer)?;
+    }
+    if let Some(neighbors) = &scene.neighbors {
+        writer.u32("neighbors", &[n, neighbors.k], &neighbors.indices);
+    }
+    if let Some(decoder) = &scene.decoder {
+        decoder::to_tensors(decoder, Precision::F32, &mut writer)?;
+    }
+    add_metadata(scene, &mut writer)?;
+    Ok(writer)
+}
+
+fn add_features<'a>(features: &'a Features, n: usize, writer: &mut Writer<'a>) -> Result<(), Mismatch> {
+    let (d, l) = (features.n_channels(), features.n_low);
+    if d == 0 || l == 0 {
+        return Err(mismatch(format_args!("features of {d} channels, {l} stored"), "at least one of each"));
+    }
+    expect_finite("basis", &features.basis)?;
+    expect_finite("offset", &features.offset)?;
+    // Checkpoints must stylize exactly like the original: they keep f32. They are full-rank, or name no encoder.
+    if l == d || features.encoder.is_none() || exceeds_f16(&features.values) {
+        writer.f32("features", &[n, l], &features.values);
+    } else {
+        writer.f16("features", &[n, l], &features.values);
+    }
+    writer.f32("basis", &[d, l], &features.basis);
+    writer.f32("offset", &[d], &features.offset);
+    match features.n_extra {
+        0 => {}
+        e if exceeds_f16(&features.extra) => writer.f32("extra", &[n, e], &features.extra),
+        e => writer.f16("extra", &[n, e], &features.extra),
+    }
+    Ok(())
+}
+
+fn exceeds_f16(values: &[f32]) -> bool {
+    values.iter().any(|value| value.abs() > half::f16::MAX.to_f32())
+}
+
+fn add_metadata(scene: &Scene, writer: &mut Writer) -> Result<(), Mismatch> {
+    let of_features = scene.features.as_ref().and_then(|features| features.encoder.as_ref());
+    let of_decoder = scene.decoder.as_ref().and_then(|decoder| decoder.encoder.as_ref());
+    if let (Some(features), Some(decoder)) = (of_features, of_decoder)
+        && features != decoder
+    {
+        return Err(mismatch(
+            format_args!("a decoder for encoder `{decoder}`"),
+            format_args!("one for the features' encoder `{features}`"),
+        ));
+    }
+    if let Some(encoder) = of_features.or(of_decoder) {
+        writer.set("encoder", encoder);
+    }
+    writer.set("source_count", scene.n_source);
+    if let Some(up) = scene.up {
+        writer.set("up", format_args!("{} {} {}", up.x, up.y, up.z));
+    }
+    if let Some(source) = &scene.source {
+        writer.set("source", source);
+    }
+    if let Some(licence) = &scene.licence {
+        writer.set("licence", licence);
+    }
+    Ok(())
+}

@@ -1,0 +1,303 @@
+//! Safetensors: typed, checked reading, and writing that streams and is the same byte for byte every time.
+
+use std::{
+    borrow::Cow,
+    collections::BTreeMap,
+    io::{self, Write},
+    ops::Range,
+    str::FromStr,
+};
+
+use half::f16;
+use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use serde_json::json;
+
+use super::{Mismatch, mismatch};
+
+/// The version that this build reads and writes.
+const VERSION: &str = "1";
+
+/// A safetensors file in memory.
+pub(super) struct Reader<'a> {
+    tensors: SafeTensors<'a>,
+    metadata: BTreeMap<String, String>,
+}
+
+impl<'a> Reader<'a> {
+    /// Parses the header; counts, offsets and sizes are checked against the bytes there are.
+    pub(super) fn new(bytes: &'a [u8]) -> Result<Self, Mismatch> {
+        let broken = |error| mismatch(format_args!("a broken header ({error})"), "a whole safetensors file");
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(broken)?;
+        let metadata = header.metadata().clone().unwrap_or_default().into_iter().collect();
+        Ok(Self { tensors: SafeTensors::deserialize(bytes).map_err(broken)?, metadata })
+    }
+
+    /// Checks metadata `format` and `version`.
+    pub(super) fn expect_format(&self, format: &str) -> Result<(), Mismatch> {
+        self.expect_value("format", format)?;
+        self.expect_value("version", VERSION)
+    }
+
+    /// Checks that metadata `key` is `value`.
+    pub(super) fn expect_value(&self, key: &str, value: &str) -> Result<(), Mismatch> {
+        let expected = format!("`{key}` = `{value}`");
+        match self.metadata(key) {
+            Some(found) if found == value => Ok(()),
+            Some(found) => Err(mismatch(format_args!("metadata `{key}` = `{}`", shortened(found)), expected)),
+            None => Err(mismatch(format_args!("no metadata `{key}`"), expected)),
+        }
+    }
+
+    pub(super) fn metadata(&self, key: &str) -> Option<&str> {
+        self.metadata.get(key).map(String::as_str)
+    }
+
+    /// Metadata `key` parsed as a `T`, where present.
+    pub(super) fn parsed<T: FromStr>(&self, key: &str, expected: &str) -> Result<Option<T>, Mismatch> {
+        let Some(text) = self.metadata(key) else { return Ok(None) };
+        let found = || mismatch(format_args!("metadata `{key}` = `{}`", shortened(text)), expected);
+        text.parse().map(Some).map_err(|_| found())
+    }
+
+    /// Metadata `key` parsed as a `T`.
+    pub(super) fn required<T: FromStr>(&self, key: &str, expected: &str) -> Result<T, Mismatch> {
+        self.parsed(key, expected)?.ok_or_else(|| mismatch(format_args!("no metadata `{key}`"), expected))
+    }
+
+    pub(super) fn names(&self) -> Vec<&str> {
+        let mut names = self.tensors.names();
+        names.sort_unstable();
+        names
+    }
+
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.tensors.tensor(name).is_ok()
+    }
+
+    /// The shape of a tensor, where present.
+    pub(super) fn shape(&self, name: &str) -> Option<Vec<usize>> {
+        self.tensors.tensor(name).ok().map(|tensor| tensor.shape().to_vec())
+    }
+
+    /// A tensor of finite numbers, f16 or f32. `shape` names each dimension and gives its size where that is known.
+    pub(super) fn floats(&self, name: &str, shape: &[Dimension]) -> Result<Vec<f32>, Mismatch> {
+        let tensor = self.tensor(name, shape)?;
+        let values: Vec<f32> = match tensor.dtype() {
+            Dtype::F32 => {
+                tensor.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+            }
+            Dtype::F16 => {
+                tensor.data().chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32()).collect()
+            }
+            other => return Err(mismatch(format_args!("`{name}` of type {other:?}"), "F32 or F16")),
+        };
+        expect_finite(name, &values)?;
+        Ok(values)
+    }
+
+    /// A tensor of u32.
+    pub(super) fn indices(&self, name: &str, shape: &[Dimension]) -> Result<Vec<u32>, Mismatch> {
+        let tensor = self.tensor(name, shape)?;
+        if tensor.dtype() != Dtype::U32 {
+            return Err(mismatch(format_args!("`{name}` of type {:?}", tensor.dtype()), "U32"));
+        }
+        Ok(tensor.data().chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
+    }
+
+    fn tensor(&self, name: &str, shape: &[Dimension]) -> Result<TensorView<'a>, Mismatch> {
+        let expected = || {
+            let sizes: Vec<String> = shape.iter().map(Dimension::to_string).collect();
+            format!("tensor `{name}` [{}]", sizes.join(", "))
+        };
+        let tensor = self
+            .tensors
+            .tensor(name)
+            .map_err(|_| mismatch(format_args!("no tensor `{name}`"), expected()))?;
+        let fits = tensor.shape().len() == shape.len()
+            && tensor.shape().iter().zip(shape).all(|(&found, expected)| expected.admits(found));
+        if fits {
+            Ok(tensor)
+        } else {
+            Err(mismatch(format_args!("`{name}` {:?}", tensor.shape()), expected()))
+        }
+    }
+}
+
+/// One dimension of an expected shape.
+#[derive(Clone, Copy)]
+pub(super) enum Dimension {
+    /// Exactly this size.
+    Is(usize),
+    /// Any size; the letter that documentation calls it.
+    Any(&'static str),
+}
+
+impl Dimension {
+    fn admits(&self, found: usize) -> bool {
+        match self {
+            Self::Is(size) => *size == found,
+            Self::Any(_) => true,
+        }
+    }
+}
+
+impl std::fmt::Display for Dimension {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Is(size) => write!(f, "{size}"),
+            Self::Any(letter) => f.write_str(letter),
+        }
+    }
+}
+
+/// Checks that no value is NaN or infinite.
+pub(super) fn expect_finite(name: &str, values: &[f32]) -> Result<(), Mismatch> {
+    match values.iter().position(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(index) => {
+            Err(mismatch(format_args!("`{name}` with {} at {index}", values[index]), "finite numbers"))
+        }
+    }
+}
+
+/// The beginning of a text from a file, for messages.
+fn shortened(text: &str) -> Cow<'_, str> {
+    const MOST: usize = 60;
+    match text.char_indices().nth(MOST) {
+        None => text.into(),
+        Some((end, _)) => format!("{}...", &text[..end]).into(),
+    }
+}
+
+/// Where the values of a tensor to be written come from.
+enum Values<'a> {
+    F32(&'a [f32]),
+    /// Rounded to f16 on the way; values past its range are clamped to it.
+    F16(&'a [f32]),
+    U32(&'a [u32]),
+    /// f32, each made from its flat index when it is written.
+    Made(Box<dyn Fn(usize) -> f32 + 'a>),
+}
+
+impl Values<'_> {
+    fn dtype(&self) -> Dtype {
+        match self {
+            Self::F32(_) | Self::Made(_) => Dtype::F32,
+            Self::F16(_) => Dtype::F16,
+            Self::U32(_) => Dtype::U32,
+        }
+    }
+
+    /// Appends the little-endian bytes of the values in `range`.
+    fn append(&self, range: Range<usize>, bytes: &mut Vec<u8>) {
+        let (min, max) = (f16::MIN.to_f32(), f16::MAX.to_f32());
+        let half = |value: &f32| f16::from_f32(value.clamp(min, max)).to_le_bytes();
+        match self {
+            Self::F32(values) => bytes.extend(values[range].iter().flat_map(|value| value.to_le_bytes())),
+            Self::F16(values) => bytes.extend(values[range].iter().flat_map(half)),
+            Self::U32(values) => bytes.extend(values[range].iter().flat_map(|value| value.to_le_bytes())),
+            Self::Made(value) => bytes.extend(range.flat_map(|index| value(index).to_le_bytes())),
+        }
+    }
+}
+
+/// A tensor to be written.
+struct Tensor<'a> {
+    name: String,
+    shape: Vec<usize>,
+    values: Values<'a>,
+}
+
+/// A safetensors file to be written.
+#[derive(Default)]
+pub(super) struct Writer<'a> {
+    metadata: BTreeMap<String, String>,
+    tensors: Vec<Tensor<'a>>,
+}
+
+impl<'a> Writer<'a> {
+    /// A file of this format and the present version.
+    pub(super) fn new(format: &str) -> Self {
+        let mut writer = Self::default();
+        writer.set("format", format);
+        writer.set("version", VERSION);
+        writer
+    }
+
+    /// Sets a metadata value.
+    pub(super) fn set(&mut self, key: &str, value: impl ToString) {
+        self.metadata.insert(key.into(), value.to_string());
+    }
+
+    /// Adds a f32 tensor.
+    pub(super) fn f32(&mut self, name: impl Into<String>, shape: &[usize], values: &'a [f32]) {
+        self.add(name.into(), shape, Values::F32(values));
+    }
+
+    /// Adds a tensor rounded to f16; values past its range are clamped to it.
+    pub(super) fn f16(&mut self, name: impl Into<String>, shape: &[usize], values: &'a [f32]) {
+        self.add(name.into(), shape, Values::F16(values));
+    }
+
+    /// Adds a u32 tensor.
+    pub(super) fn u32(&mut self, name: impl Into<String>, shape: &[usize], values: &'a [u32]) {
+        self.add(name.into(), shape, Values::U32(values));
+    }
+
+    /// Adds a f32 tensor too large to be held; `value` makes each number from its flat index.
+    pub(super) fn made(&mut self, name: &str, shape: &[usize], value: impl Fn(usize) -> f32 + 'a) {
+        self.add(name.into(), shape, Values::Made(Box::new(value)));
+    }
+
+    fn add(&mut self, name: String, shape: &[usize], values: Values<'a>) {
+        self.tensors.push(Tensor { name, shape: shape.into(), values });
+    }
+
+    /// Writes header and tensors.
+    pub(super) fn write(mut self, out: &mut dyn Write) -> io::Result<()> {
+        // Wide types first, so that every tensor starts aligned to its type.
+        self.tensors.sort_by(|a, b| {
+            let width = |tensor: &Tensor| tensor.values.dtype().bitsize();
+            width(b).cmp(&width(a)).then_with(|| a.name.cmp(&b.name))
+        });
+        let header = self.header();
+        out.write_all(&(header.len() as u64).to_le_bytes())?;
+        out.write_all(&header)?;
+        for tensor in &self.tensors {
+            write_values(tensor, out)?;
+        }
+        Ok(())
+    }
+
+    /// The JSON header, padded to 8 bytes. The safetensors crate would keep metadata in a hash map's random order.
+    fn header(&self) -> Vec<u8> {
+        let mut header = serde_json::Map::new();
+        header.insert("__metadata__".into(), json!(self.metadata));
+        let mut start = 0;
+        for Tensor { name, shape, values } in &self.tensors {
+            let dtype = values.dtype();
+            let end = start + shape.iter().product::<usize>() * dtype.bitsize() / 8;
+            header.insert(
+                name.clone(),
+                json!({ "dtype": dtype, "shape": shape, "data_offsets": [start, end] }),
+            );
+            start = end;
+        }
+        let mut bytes = serde_json::Value::from(header).to_string().into_bytes();
+        bytes.resize(bytes.len().next_multiple_of(8), b' ');
+        bytes
+    }
+}
+
+/// Writes a tensor's values, some at a time so that none is held twice.
+fn write_values(tensor: &Tensor, out: &mut dyn Write) -> io::Result<()> {
+    const CHUNK: usize = 1 << 16;
+    let n_values: usize = tensor.shape.iter().product();
+    let mut bytes = Vec::new();
+    for start in (0..n_values).step_by(CHUNK) {
+        bytes.clear();
+        tensor.values.append(start..(start + CHUNK).min(n_values), &mut bytes);
+        out.write_all(&bytes)?;
+    }
+    Ok(())
+}
