@@ -42,11 +42,10 @@ pub const N_LOW: usize = 32;
 /// seen too.
 const N_EVIDENCE_NEIGHBORS: usize = 16;
 
-/// The steps of the default method go through all views this many times: on the playbot scene 3 passes leave 1% more
-/// held-out error, and 10 take twice as long for 1% less.
-const DEFAULT_PASSES: u32 = 5;
+/// Steps of the default method for each view, a quarter of a view each.
+const DEFAULT_ITERATIONS_PER_VIEW: u32 = 10;
 /// The least number of steps of the default method: with few views, each has to be seen more often.
-const DEFAULT_MIN_ITERATIONS: u32 = 60;
+const DEFAULT_MIN_ITERATIONS: u32 = 200;
 /// Steps of `optimize`: where its held-out error has mostly stopped falling on the playbot scene.
 const OPTIMIZE_ITERATIONS: u32 = 1000;
 
@@ -69,7 +68,7 @@ pub struct EmbedOptions {
     /// How features get into the Gaussians
     #[arg(long, value_enum, default_value_t)]
     pub method: EmbedMethod,
-    /// Steps of the descent, one view each [default: 5 per view with the default method, 1000 with optimize]
+    /// Steps of the descent [default: 10 per view with the default method, 1000 with optimize]
     #[arg(long, value_name = "N")]
     pub iterations: Option<u32>,
     /// Keep every K-th view, the first included, out of training and report the error on those; 0 trains on all
@@ -90,7 +89,7 @@ impl EmbedOptions {
     fn iterations(&self, n_views: usize) -> u32 {
         let default = match self.method {
             EmbedMethod::ClosedForm => return 0,
-            EmbedMethod::Default => (DEFAULT_PASSES * n_views as u32).max(DEFAULT_MIN_ITERATIONS),
+            EmbedMethod::Default => (DEFAULT_ITERATIONS_PER_VIEW * n_views as u32).max(DEFAULT_MIN_ITERATIONS),
             EmbedMethod::Optimize => OPTIMIZE_ITERATIONS,
         };
         self.iterations.unwrap_or(default)
@@ -113,7 +112,7 @@ pub struct Progress {
 pub enum Stage {
     /// Encoding views and finding which Gaussians they show.
     Views,
-    /// Descending, one view per step.
+    /// Descending.
     Refine,
 }
 
@@ -226,8 +225,9 @@ pub fn embed(
     let start = Instant::now();
     let samples = sample_views(scene, views, encoder, watch)?;
     let view_seconds = start.elapsed().as_secs_f64();
-    let of_kind = |held_out: bool| -> Vec<&Samples> {
-        samples.iter().filter(|(view, _)| is_held_out(*view) == held_out).map(|(_, samples)| samples).collect()
+    let of_kind = |held_out: bool| -> Vec<&[Samples]> {
+        let kept = samples.iter().filter(|(view, _)| is_held_out(*view) == held_out);
+        kept.map(|(_, parts)| parts.as_slice()).collect()
     };
     let (training, held_out) = (of_kind(false), of_kind(true));
 
@@ -265,9 +265,9 @@ fn sample_views(
     views: &[TrainingView],
     encoder: &Encoder,
     watch: Watch,
-) -> Result<Vec<(usize, Samples)>, EmbedError> {
+) -> Result<Vec<(usize, Vec<Samples>)>, EmbedError> {
     let (done, total) = (AtomicU32::new(0), views.len() as u32);
-    let sample = |(index, view): (usize, &TrainingView)| -> Option<Result<(usize, Samples), EmbedError>> {
+    let sample = |(index, view): (usize, &TrainingView)| -> Option<Result<(usize, Vec<Samples>), EmbedError>> {
         if watch.is_interrupted() {
             return None;
         }
@@ -279,17 +279,17 @@ fn sample_views(
     views.par_iter().enumerate().filter_map(sample).collect()
 }
 
-fn sample_view(scene: &Scene, view: &TrainingView, encoder: &Encoder) -> Result<Samples, EmbedError> {
+fn sample_view(scene: &Scene, view: &TrainingView, encoder: &Encoder) -> Result<Vec<Samples>, EmbedError> {
     let weights = stylegaussian::splat::blend_weights(scene, &view.camera);
     let picture = view.load(scene)?;
     let features =
         encoder.encode(&picture).map_err(|source| EmbedError::Encoder { view: view.name.clone(), source })?;
-    Samples::new(&weights, &features).map_err(|source| EmbedError::CellSize { view: view.name.clone(), source })
+    Samples::of_view(&weights, &features).map_err(|source| EmbedError::CellSize { view: view.name.clone(), source })
 }
 
 /// The method itself: the model, and the steps of descent taken.
 fn fit(
-    views: &[&Samples],
+    views: &[&[Samples]],
     n_gaussians: usize,
     n_channels: usize,
     options: &EmbedOptions,
@@ -299,21 +299,24 @@ fn fit(
         return Err(EmbedError::Interrupted);
     }
     // A view that shows nothing would only waste steps.
-    let views: Vec<&Samples> = views.iter().copied().filter(|samples| samples.n_cells() > 0).collect();
+    let n_views = views.len();
+    let views: Vec<&[Samples]> = views.iter().copied().filter(|parts| !parts.is_empty()).collect();
     if views.is_empty() {
-        return Err(EmbedError::NothingSeen { n_views: views.len() });
+        return Err(EmbedError::NothingSeen { n_views });
     }
     let total = options.iterations(views.len());
     let mut random = Random::new(options.seed);
-    let (mut model, schedule) = match options.method {
+    let (mut model, schedule, batches) = match options.method {
         EmbedMethod::Optimize => {
-            (Model::noise(n_gaussians, n_channels, N_LOW, &mut random), Schedule::optimize(total))
+            (Model::noise(n_gaussians, n_channels, N_LOW, &mut random), Schedule::optimize(total), views)
         }
         EmbedMethod::ClosedForm | EmbedMethod::Default => {
-            (closed_form::closed_form(&views, n_gaussians, N_LOW), Schedule::after_closed_form(total))
+            let parts = views.iter().flat_map(|view| view.chunks(1)).collect();
+            let model = closed_form::closed_form(&views, n_channels, n_gaussians, N_LOW);
+            (model, Schedule::after_closed_form(total), parts)
         }
     };
-    let iterations = refine::refine(&mut model, &views, schedule, &mut random, |done| {
+    let iterations = refine::refine(&mut model, &batches, schedule, &mut random, |done| {
         (watch.progress)(Progress { stage: Stage::Refine, done, total });
         !watch.is_interrupted()
     });
@@ -321,7 +324,7 @@ fn fit(
 }
 
 /// Cares for badly seen Gaussians and returns their number.
-fn settle(model: &mut Model, views: &[&Samples], scene: &Scene) -> usize {
+fn settle(model: &mut Model, views: &[&[Samples]], scene: &Scene) -> usize {
     let seen_weights = evidence::seen_weights(views, scene.len());
     let neighbors = Neighbors::find(&scene.means, &scene.order, N_EVIDENCE_NEIGHBORS);
     evidence::settle(model, &seen_weights, &neighbors)

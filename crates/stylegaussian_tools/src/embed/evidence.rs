@@ -18,10 +18,10 @@ use super::{
 const PRIOR: f32 = 0.1;
 
 /// Sum of weights of each Gaussian over all views `[N]`, in cells.
-pub fn seen_weights(views: &[&Samples], n_gaussians: usize) -> Vec<f32> {
+pub fn seen_weights(views: &[&[Samples]], n_gaussians: usize) -> Vec<f32> {
     let mut weights = vec![0.0; n_gaussians];
     weights.par_chunks_mut(GAUSSIANS_PER_PIECE).enumerate().for_each(|(piece, weights)| {
-        for samples in views {
+        for samples in views.iter().copied().flatten() {
             for (row, place) in samples.seen_in_piece(piece) {
                 weights[place] += samples.gather(row, &[], &mut []);
             }

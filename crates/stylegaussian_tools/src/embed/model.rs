@@ -28,7 +28,7 @@ pub struct Model {
     pub n_low: usize,
 }
 
-/// Derivative of a view's loss with respect to A, b, and what each cell shows of f'.
+/// Derivative of a loss with respect to A, b, and what each cell shows of f'.
 #[derive(Clone, Debug)]
 pub struct Gradient {
     /// `[D, L]`.
@@ -37,8 +37,17 @@ pub struct Gradient {
     pub offset: Vec<f32>,
     /// With respect to sum_i w_i f'_i of each cell `[C, L]`; [`Samples::gather`] takes it on to f'.
     pub cells: Vec<f32>,
-    /// The mean over cells and channels of |sum_i w_i (A f'_i + b) - a F|.
+    /// Sum of |sum_i w_i (A f'_i + b) - a F| over cells and channels, times the scale asked for.
     pub loss: f64,
+}
+
+impl Gradient {
+    /// The sum of two losses; cells are not kept.
+    pub fn plus(mut self, other: Self) -> Self {
+        add_scaled(&mut self.basis, 1.0, &other.basis);
+        add_scaled(&mut self.offset, 1.0, &other.offset);
+        Self { cells: Vec::new(), loss: self.loss + other.loss, ..self }
+    }
 }
 
 /// Scratch of one thread.
@@ -105,10 +114,9 @@ impl Model {
         self.rescale(&variance.iter().map(|variance| variance.sqrt() as f32).collect::<Vec<_>>());
     }
 
-    /// The L1 loss of a view and its gradient (at a residual of exactly 0: 0).
-    pub fn gradient(&self, samples: &Samples) -> Gradient {
+    /// `scale` times the L1 error of some cells, and its gradient (at a residual of exactly 0: 0).
+    pub fn gradient(&self, samples: &Samples, scale: f32) -> Gradient {
         let (n_low, n_channels) = (self.n_low, self.n_channels());
-        let scale = 1.0 / (samples.n_cells() * n_channels).max(1) as f32;
         let mut cells = vec![0.0; samples.n_cells() * n_low];
         let pieces: Vec<Gradient> = cells
             .par_chunks_mut(CELLS_PER_PIECE * n_low)
@@ -117,14 +125,13 @@ impl Model {
                 self.piece_gradient(samples, piece * CELLS_PER_PIECE, scale, scratch, cells)
             })
             .collect();
-        let zeros = (vec![0.0; n_channels * n_low], vec![0.0; n_channels]);
-        let mut total = Gradient { basis: zeros.0, offset: zeros.1, cells, loss: 0.0 };
-        for piece in pieces {
-            add_scaled(&mut total.basis, 1.0, &piece.basis);
-            add_scaled(&mut total.offset, 1.0, &piece.offset);
-            total.loss += piece.loss;
-        }
-        total
+        let zero = Gradient {
+            basis: vec![0.0; n_channels * n_low],
+            offset: vec![0.0; n_channels],
+            cells: Vec::new(),
+            loss: 0.0,
+        };
+        Gradient { cells, ..pieces.into_iter().fold(zero, Gradient::plus) }
     }
 
     /// The gradient of one piece's cells, from `first` on; `cells` `[cells, L]` receives the part of each cell.
@@ -180,8 +187,20 @@ impl Model {
         }
     }
 
-    /// Mean of |rendered - true| over the channels of the cells that the scene covers well; `None` without such a cell.
-    pub fn error(&self, samples: &Samples) -> Option<f64> {
+    /// The mean over views of the mean of |rendered - true| over the channels of the cells that the scene covers well,
+    /// where a view is all its parts; `None` when no view has such a cell.
+    pub fn mean_error(&self, views: &[&[Samples]]) -> Option<f64> {
+        let error = |view: &&[Samples]| {
+            let sums = view.iter().map(|part| self.error_sum(part));
+            let (sum, n) = sums.fold((0.0, 0), |total, part| (total.0 + part.0, total.1 + part.1));
+            (n > 0).then(|| sum / n as f64)
+        };
+        let errors: Vec<f64> = views.iter().filter_map(error).collect();
+        (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64)
+    }
+
+    /// Sum of |rendered - true| over the channels of well-covered cells, and the number of its terms.
+    fn error_sum(&self, samples: &Samples) -> (f64, usize) {
         let n_channels = self.n_channels();
         let n_pieces = samples.n_cells().div_ceil(CELLS_PER_PIECE);
         let pieces: Vec<(f64, usize)> = (0..n_pieces)
@@ -197,14 +216,7 @@ impl Model {
                 })
             })
             .collect();
-        let (sum, n) = pieces.iter().fold((0.0, 0), |(sum, n), piece| (sum + piece.0, n + piece.1));
-        (n > 0).then(|| sum / n as f64)
-    }
-
-    /// The mean of [`Self::error`] over views; `None` when no view has a well-covered cell.
-    pub fn mean_error(&self, views: &[&Samples]) -> Option<f64> {
-        let errors: Vec<f64> = views.iter().filter_map(|samples| self.error(samples)).collect();
-        (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64)
+        pieces.iter().fold((0.0, 0), |total, piece| (total.0 + piece.0, total.1 + piece.1))
     }
 }
 
