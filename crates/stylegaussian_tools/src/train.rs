@@ -1,0 +1,3 @@
+//! Training one decoder from embedded scenes and paintings.
+
+pub mod ops;
