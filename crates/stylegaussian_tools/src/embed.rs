@@ -6,10 +6,9 @@
 //!
 //! The stages, one module each: [`view`] (pictures to learn from), [`samples`] (what a view teaches), [`closed_form`]
 //! (PCA and weighted means), [`refine`] (descent), [`evidence`] (Gaussians that are hardly seen), [`model`] (the model
-//! itself). [`command`] is the command line's face.
+//! itself).
 
 mod closed_form;
-pub mod command;
 mod evidence;
 mod model;
 mod random;
@@ -313,7 +312,8 @@ fn fit(
         EmbedMethod::ClosedForm | EmbedMethod::Default => {
             let parts = views.iter().flat_map(|view| view.chunks(1)).collect();
             let model = closed_form::closed_form(&views, n_channels, n_gaussians, N_LOW);
-            (model, Schedule::after_closed_form(total), parts)
+            let schedule = Schedule::after_closed_form(total, &model);
+            (model, schedule, parts)
         }
     };
     let iterations = refine::refine(&mut model, &batches, schedule, &mut random, |done| {

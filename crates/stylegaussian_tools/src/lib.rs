@@ -1,2 +1,4 @@
-//! placeholder
+//! The offline side of StyleGaussian: embedding and training.
+
+pub mod embed;
 pub mod train;

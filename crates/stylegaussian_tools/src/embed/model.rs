@@ -79,6 +79,13 @@ impl Model {
         self.offset.len()
     }
 
+    /// Standard deviation of a channel of f, in the root mean square over channels, where f' has unit variance and no
+    /// correlation between channels.
+    pub fn deviation(&self) -> f32 {
+        let variance: f32 = self.basis.iter().map(|a| a * a).sum();
+        (variance / self.n_channels().max(1) as f32).sqrt()
+    }
+
     /// Divides each channel of f' by `scales` `[L]` and multiplies A's column by it: f stays. A channel whose scale is 0
     /// stays as it is.
     pub fn rescale(&mut self, scales: &[f32]) {

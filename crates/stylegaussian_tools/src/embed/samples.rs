@@ -144,7 +144,9 @@ impl Samples {
         }
         self.by_cell.starts.push(self.by_cell.indices.len() as u32);
         self.coverage.push(coverage);
-        self.targets.extend(target.iter().map(|&value| f16::from_f32(value)));
+        // A finite value beyond 16 bits' range stays finite.
+        let stored = |&value: &f32| f16::from_f32(value.clamp(f16::MIN.to_f32(), f16::MAX.to_f32()));
+        self.targets.extend(target.iter().map(stored));
     }
 
     /// C, the number of covered cells.

@@ -205,7 +205,8 @@ fn descent_finds_the_median_and_not_the_mean() {
     let feature = |model: &Model| model.offset[0] + dot_row(model, 0, 0);
     assert!((feature(&model) - 4.0).abs() < 1e-3);
     let batches: Vec<&[Samples]> = view.chunks(1).collect();
-    refine(&mut model, &batches, Schedule::after_closed_form(1000), &mut Random::new(0), |_| true);
+    let schedule = Schedule { map_rate: 0.05, ..Schedule::after_closed_form(1000, &model) };
+    refine(&mut model, &batches, schedule, &mut Random::new(0), |_| true);
     assert!((feature(&model) - 2.0).abs() < 0.05, "{}", feature(&model));
 }
 
@@ -215,7 +216,8 @@ fn uncovered_cells_teach_nothing() {
     let embed = |bare: f32| {
         let view = random_view(9, &truth, 1.0, bare, 4);
         let mut model = closed_form(&[&view], 5, 9, 3);
-        refine(&mut model, &[&view], Schedule::after_closed_form(50), &mut Random::new(0), |_| true);
+        let schedule = Schedule::after_closed_form(50, &model);
+        refine(&mut model, &[&view], schedule, &mut Random::new(0), |_| true);
         (model.features, model.basis, model.offset)
     };
     assert_eq!(embed(0.0), embed(1000.0));
@@ -229,7 +231,7 @@ fn one_seed_gives_one_result_on_any_number_of_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
         pool.install(|| {
             let mut model = closed_form(&of_slices(&views), 8, 3000, 4);
-            let schedule = Schedule::after_closed_form(40);
+            let schedule = Schedule::after_closed_form(40, &model);
             refine(&mut model, &of_slices(&views), schedule, &mut Random::new(seed), |_| true);
             model.features
         })
@@ -298,7 +300,8 @@ fn one_gaussian_one_cell() {
     let view = Samples::of_view(&weights([1, 1], 1, &[&[(0, 0.9)]]), &features([1, 1], 3, vec![1.0, 2.0, 3.0]));
     let view = view.unwrap();
     let mut model = closed_form(&[&view], 3, 1, 32);
-    refine(&mut model, &[&view], Schedule::after_closed_form(20), &mut Random::new(0), |_| true);
+    let schedule = Schedule::after_closed_form(20, &model);
+    refine(&mut model, &[&view], schedule, &mut Random::new(0), |_| true);
     let seen = seen_weights(&[&view], 1);
     settle(&mut model, &seen, &Neighbors::find(&[Vec3::ZERO], &[0], 16));
     model.standardize();
