@@ -1,4 +1,5 @@
-//! The offline side of StyleGaussian: embedding and training.
+//! The offline side of StyleGaussian: cameras, embedding and training.
 
+pub mod cameras;
 pub mod embed;
 pub mod train;

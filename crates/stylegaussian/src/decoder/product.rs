@@ -46,7 +46,10 @@ pub fn product(target: &mut [f32], accumulate: bool, lhs: Matrix, rhs: Matrix) {
     if lhs.rows == 0 || rhs.columns == 0 {
         return;
     }
-    #[expect(unsafe_code, reason = "gemm takes pointers; the views checked their bounds, the lines above the rest")]
+    #[expect(
+        unsafe_code,
+        reason = "gemm takes pointers; the views checked their bounds, the lines above the rest"
+    )]
     unsafe {
         gemm::gemm(
             lhs.rows,
