@@ -2,7 +2,7 @@
 
 mod activation;
 mod knn_conv;
-mod product;
+pub mod product;
 
 pub use activation::{Activation, ActivationError};
 pub use knn_conv::{
@@ -62,7 +62,12 @@ impl Layer {
 ///
 /// # Panics
 /// When the layers do not chain or the neighbors are not N lists.
-pub fn run_layers(layers: &[&Layer], activation: Activation, neighbors: &Neighbors, mut x: Vec<f32>) -> Vec<f32> {
+pub fn run_layers(
+    layers: &[&Layer],
+    activation: Activation,
+    neighbors: &Neighbors,
+    mut x: Vec<f32>,
+) -> Vec<f32> {
     for (i, layer) in layers.iter().enumerate() {
         let shape = layer.shape(neighbors.k);
         let is_last = i + 1 == layers.len();

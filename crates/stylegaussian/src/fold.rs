@@ -137,9 +137,8 @@ pub fn fold_layer(layer: &Layer, k: usize, features: &Features, map: &ChannelMap
     let (n_channels, n_low, n_extra) = (features.n_channels(), features.n_low, features.n_extra);
     assert_eq!(layer.d_in, n_channels + n_extra, "the first layer takes D + E inputs");
     // G A [D, L] and what a Gaussian at the mean becomes [D].
-    let basis: Vec<f64> = (0..n_channels * n_low)
-        .map(|i| map.gain[i / n_low] * f64::from(features.basis[i]))
-        .collect();
+    let basis: Vec<f64> =
+        (0..n_channels * n_low).map(|i| map.gain[i / n_low] * f64::from(features.basis[i])).collect();
     let center: Vec<f64> = (0..n_channels)
         .map(|d| {
             let row = features.basis[d * n_low..][..n_low].iter().zip(mean_low);
@@ -223,7 +222,8 @@ pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec
     }
     let chained = decoder.layers.windows(2).all(|pair| pair[0].d_out == pair[1].d_in);
     if !chained || decoder.layers.last().is_none_or(|layer| layer.d_out != 3) {
-        let widths: Vec<_> = decoder.layers.iter().map(|layer| format!("{}>{}", layer.d_in, layer.d_out)).collect();
+        let widths: Vec<_> =
+            decoder.layers.iter().map(|layer| format!("{}>{}", layer.d_in, layer.d_out)).collect();
         return Err(StylizeError::DecoderShape { found: widths.join(" ") });
     }
     let mean_low = crate::statistics::mean_low(features);

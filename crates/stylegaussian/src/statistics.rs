@@ -40,7 +40,8 @@ impl ContentStatistics {
         let n_low = features.n_low;
         let (mean_low, covariance) = (mean_low(features), covariance_low(features));
         let row = |d: usize| features.basis[d * n_low..][..n_low].iter().map(|a| f64::from(*a));
-        let mean = |d: usize| f64::from(features.offset[d]) + row(d).zip(&mean_low).map(|(a, m)| a * m).sum::<f64>();
+        let mean =
+            |d: usize| f64::from(features.offset[d]) + row(d).zip(&mean_low).map(|(a, m)| a * m).sum::<f64>();
         let variance = |d: usize| -> f64 {
             row(d)
                 .enumerate()

@@ -98,7 +98,10 @@ fn check_close(colors: &[[f32; 3]], expected: &[Vec<f64>], what: &str) {
     assert_eq!(colors.len(), expected.len());
     for (i, (color, expected)) in colors.iter().zip(expected).enumerate() {
         for (a, b) in color.iter().zip(expected) {
-            assert!((f64::from(*a) - b).abs() < 1e-4, "{what}: Gaussian {i} is {color:?}, expected {expected:?}");
+            assert!(
+                (f64::from(*a) - b).abs() < 1e-4,
+                "{what}: Gaussian {i} is {color:?}, expected {expected:?}"
+            );
         }
     }
 }

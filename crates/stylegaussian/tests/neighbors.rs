@@ -29,7 +29,11 @@ fn equals_all_pairs() {
         Vec3::new(hash(0), hash(77), hash(991))
     };
     check(&(0..500).map(scattered).collect::<Vec<_>>(), 8, "scattered");
-    check(&(0..500).map(|i| Vec3::new((i % 20) as f32, (i / 20) as f32, 0.0)).collect::<Vec<_>>(), 8, "lattice");
+    check(
+        &(0..500).map(|i| Vec3::new((i % 20) as f32, (i / 20) as f32, 0.0)).collect::<Vec<_>>(),
+        8,
+        "lattice",
+    );
     check(&(0..500).map(|i| Vec3::splat((i % 5) as f32)).collect::<Vec<_>>(), 8, "duplicates");
     check(&vec![Vec3::ONE; 300], 8, "one point");
     check(&[Vec3::new(0.0, -0.0, 1.0), Vec3::new(-0.0, 0.0, 1.0), Vec3::X], 2, "signed zeros");

@@ -19,7 +19,9 @@ impl Activation {
     pub fn apply(self, values: &mut [f32]) {
         match self {
             Self::Sigmoid => values.iter_mut().for_each(|x| *x = sigmoid(*x)),
-            Self::LeakyRelu { slope } => values.iter_mut().for_each(|x| *x = if *x > 0.0 { *x } else { slope * *x }),
+            Self::LeakyRelu { slope } => {
+                values.iter_mut().for_each(|x| *x = if *x > 0.0 { *x } else { slope * *x })
+            }
         }
     }
 
@@ -27,7 +29,13 @@ impl Activation {
     pub fn evaluate(self, x: f64) -> f64 {
         match self {
             Self::Sigmoid => 1.0 / (1.0 + (-x).exp()),
-            Self::LeakyRelu { slope } => if x > 0.0 { x } else { f64::from(slope) * x },
+            Self::LeakyRelu { slope } => {
+                if x > 0.0 {
+                    x
+                } else {
+                    f64::from(slope) * x
+                }
+            }
         }
     }
 }
@@ -67,7 +75,8 @@ impl FromStr for Activation {
     type Err = ActivationError;
 
     fn from_str(text: &str) -> Result<Self, ActivationError> {
-        let slope = || text.strip_prefix("leaky_relu:")?.parse().ok().filter(|slope| (0.0..=1.0).contains(slope));
+        let slope =
+            || text.strip_prefix("leaky_relu:")?.parse().ok().filter(|slope| (0.0..=1.0).contains(slope));
         match text {
             "sigmoid" => Ok(Self::Sigmoid),
             _ => slope()

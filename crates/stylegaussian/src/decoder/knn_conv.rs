@@ -80,7 +80,12 @@ pub fn knn_conv(
 
 /// Gradient of a loss with respect to the weight `[D_out, K, D_in]`, from x and `grad_y` `[N_out, D_out]`:
 /// dW_k = sum_p dy_p x_{n(p,k)}^T. The gather is done again instead of kept: K x D_in floats per row are too many.
-pub fn knn_conv_backward_weight(shape: KnnConvShape, x: &[f32], neighbors: &[u32], grad_y: &[f32]) -> Vec<f32> {
+pub fn knn_conv_backward_weight(
+    shape: KnnConvShape,
+    x: &[f32],
+    neighbors: &[u32],
+    grad_y: &[f32],
+) -> Vec<f32> {
     let KnnConvShape { k: n_slots, d_in, d_out } = shape;
     assert_eq!(grad_y.len() / d_out, neighbors.len() / n_slots, "grad_y [N_out, D_out]");
     let slots: Vec<Vec<f32>> = (0..n_slots)
@@ -228,7 +233,10 @@ mod tests {
                 arguments[which][i] += step;
                 let [x1, weight1, bias1] = &arguments;
                 let difference = loss(x1, weight1, bias1, &direction) - loss(&x, &weight, &bias, &direction);
-                assert!((difference / f64::from(step) - f64::from(*grad)).abs() < 1e-5, "argument {which}[{i}]");
+                assert!(
+                    (difference / f64::from(step) - f64::from(*grad)).abs() < 1e-5,
+                    "argument {which}[{i}]"
+                );
             }
         };
         check(0, &grad_x);
