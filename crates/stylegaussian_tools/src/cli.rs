@@ -1,6 +1,6 @@
 //! The command line `stylegaussian`: its commands, what they print, and how they fail.
 
-mod arguments;
+pub(crate) mod arguments;
 mod convert;
 mod info;
 mod output;
@@ -12,6 +12,7 @@ mod stylize;
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 
+pub use arguments::Backend;
 pub use output::error_chain;
 
 /// Restyle 3D Gaussian Splatting scenes with any painting: embed once, then stylize in a moment.

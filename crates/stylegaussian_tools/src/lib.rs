@@ -8,3 +8,4 @@ pub mod picture;
 pub mod random;
 pub mod teacher;
 pub mod train;
+pub mod views;
