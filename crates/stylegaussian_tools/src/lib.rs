@@ -1,4 +1,5 @@
 //! placeholder
 
 pub mod cameras;
+pub mod views;
 pub mod train;
