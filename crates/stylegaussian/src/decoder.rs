@@ -2,7 +2,7 @@
 
 mod activation;
 mod knn_conv;
-mod product;
+pub mod product;
 
 pub use activation::{Activation, ActivationError};
 pub use knn_conv::{

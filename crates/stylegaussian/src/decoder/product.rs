@@ -2,7 +2,7 @@
 
 /// A strided view of a matrix of f32.
 #[derive(Clone, Copy)]
-pub(crate) struct Matrix<'a> {
+pub struct Matrix<'a> {
     values: &'a [f32],
     rows: usize,
     columns: usize,
@@ -12,7 +12,7 @@ pub(crate) struct Matrix<'a> {
 
 impl<'a> Matrix<'a> {
     /// `rows` rows of `columns` values, each row starting `row_stride` after the one before.
-    pub(crate) fn strided(values: &'a [f32], rows: usize, columns: usize, row_stride: usize) -> Self {
+    pub fn strided(values: &'a [f32], rows: usize, columns: usize, row_stride: usize) -> Self {
         assert!(
             rows == 0 || columns == 0 || (rows - 1) * row_stride + columns <= values.len(),
             "a matrix of {rows} rows of {columns} with row stride {row_stride} does not fit {} values",
@@ -22,12 +22,12 @@ impl<'a> Matrix<'a> {
     }
 
     /// A dense row-major matrix.
-    pub(crate) fn dense(values: &'a [f32], rows: usize, columns: usize) -> Self {
+    pub fn dense(values: &'a [f32], rows: usize, columns: usize) -> Self {
         Self::strided(values, rows, columns, columns)
     }
 
     /// The same values with rows and columns exchanged.
-    pub(crate) fn transposed(self) -> Self {
+    pub fn transposed(self) -> Self {
         Self {
             rows: self.columns,
             columns: self.rows,
@@ -40,7 +40,7 @@ impl<'a> Matrix<'a> {
 
 /// target = lhs rhs, or target += lhs rhs when `accumulate`; target is dense row-major `[lhs.rows, rhs.columns]`.
 /// Runs on the calling thread: callers split rows over threads.
-pub(crate) fn product(target: &mut [f32], accumulate: bool, lhs: Matrix, rhs: Matrix) {
+pub fn product(target: &mut [f32], accumulate: bool, lhs: Matrix, rhs: Matrix) {
     assert_eq!(lhs.columns, rhs.rows, "inner dimensions of a product");
     assert!(target.len() >= lhs.rows * rhs.columns, "the product's target is too small");
     if lhs.rows == 0 || rhs.columns == 0 {

@@ -1,0 +1,100 @@
+//! From a style image to the statistics that AdaIN matches.
+
+use image::imageops::FilterType;
+use stylegaussian::ChannelStatistics;
+
+use crate::{Encoder, EncoderError, FeatureMap, Image, encoder::MIN_SIDE};
+
+/// At which size a style image is encoded.
+///
+/// relu3_1 sees strokes of a few dozen pixels, so the same painting at another size is another style.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StyleSize {
+    /// Keeps the proportions and shrinks to at most this many pixels; never enlarges, as that adds no stroke.
+    Area(u32),
+    /// Squashes to 256x256, whatever the proportions, with the triangle filter: what the paper's code does.
+    Squash256,
+}
+
+/// 512x512 pixels: decoders are trained on crops of paintings whose shorter side is 512, and strokes should come at the
+/// scale they were trained with. Bounding the area and not the shorter side keeps the cost of a panorama the same.
+impl Default for StyleSize {
+    fn default() -> Self {
+        Self::Area(512 * 512)
+    }
+}
+
+impl StyleSize {
+    /// The size (width, height) at which an image of this size is encoded.
+    pub fn of(self, width: u32, height: u32) -> (u32, u32) {
+        match self {
+            Self::Squash256 => (256, 256),
+            Self::Area(area) => {
+                let n_pixels = f64::from(width) * f64::from(height);
+                let factor = (f64::from(area) / n_pixels).sqrt().min(1.0);
+                // A thin image keeps enough pixels to be encoded, but is not enlarged to that.
+                let shrink = |side: u32| ((f64::from(side) * factor).round() as u32).max(MIN_SIDE.min(side));
+                (shrink(width), shrink(height))
+            }
+        }
+    }
+
+    /// The image at that size.
+    pub fn resize(self, image: &Image) -> Image {
+        let (width, height) = self.of(image.width, image.height);
+        match self {
+            Self::Area(_) => image.resized(width, height),
+            Self::Squash256 => image.resized_with(width, height, FilterType::Triangle),
+        }
+    }
+}
+
+/// Features of a style image at the given size, or at the encoder's own where it has a fixed one.
+///
+/// # Errors
+/// As [`Encoder::encode`].
+pub fn style_features(encoder: &Encoder, image: &Image, size: StyleSize) -> Result<FeatureMap, EncoderError> {
+    match encoder.input_size() {
+        Some((width, height)) => encoder.encode(&image.resized(width, height)),
+        None => encoder.encode(&size.resize(image)),
+    }
+}
+
+/// Mean and standard deviation of a style image's features, naming the encoder.
+///
+/// For transfers beyond AdaIN, [`FeatureMap::covariance`] of [`style_features`] fills the covariance.
+///
+/// # Errors
+/// As [`Encoder::encode`].
+pub fn style_statistics(
+    encoder: &Encoder,
+    image: &Image,
+    size: StyleSize,
+) -> Result<ChannelStatistics, EncoderError> {
+    let statistics = style_features(encoder, image, size)?.statistics();
+    Ok(ChannelStatistics { encoder: Some(encoder.id().clone()), ..statistics })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn area_keeps_proportions_and_never_enlarges() {
+        let size = StyleSize::default();
+        assert_eq!(size.of(2048, 512), (1024, 256));
+        assert_eq!(size.of(512, 512), (512, 512));
+        assert_eq!(size.of(100, 200), (100, 200));
+        assert_eq!(size.of(16_000, 10), (8192.min(16_000), 8));
+        assert_eq!(size.of(3, 5), (3, 5));
+    }
+
+    #[test]
+    fn squash_ignores_proportions() {
+        assert_eq!(StyleSize::Squash256.of(2048, 512), (256, 256));
+        let image = Image { width: 2, height: 1, rgb: vec![0.25; 6] };
+        let squashed = StyleSize::Squash256.resize(&image);
+        assert_eq!((squashed.width, squashed.height), (256, 256));
+        assert!(squashed.rgb.iter().all(|value| (value - 0.25).abs() < 1e-6));
+    }
+}

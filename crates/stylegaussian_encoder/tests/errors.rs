@@ -1,0 +1,189 @@
+//! Every broken file is an error that names the file and what is wrong, never a panic.
+
+use std::{fs, path::Path};
+
+use safetensors::{Dtype, serialize, tensor::TensorView};
+use stylegaussian_encoder::{
+    Encoder, Image, StyleSize,
+    onnx::{ChainWriter, Convolution},
+    resolve, style_features, style_statistics,
+};
+
+/// An encoder of 2 channels, a half of the image's size: red + green, and 1 - blue.
+fn tiny_onnx() -> Vec<u8> {
+    let weight = vec![1.0, 1.0, 0.0, 0.0, 0.0, -1.0];
+    let mix = Convolution { shape: [2, 3, 1, 1], weight, bias: vec![0.0, 1.0] };
+    ChainWriter::new(3).convolution(&mix, 0).relu().max_pool(true).finish()
+}
+
+/// The message of opening these bytes under this name.
+fn failure(name: &str, bytes: &[u8]) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    fs::write(&path, bytes).unwrap();
+    let message = Encoder::open(&path).err().expect("a broken encoder opened").to_string();
+    assert!(message.contains(name), "the message does not name {name}: {message}");
+    message
+}
+
+/// VGG's tensors, all zero but for `change`, which gives a tensor another shape, or removes it when empty.
+fn vgg(change: &str, to: &[usize], value: f32) -> Vec<u8> {
+    let layers = [("conv1_1_rgb01", 64, 3), ("conv1_2", 64, 64), ("conv2_1", 128, 64), ("conv2_2", 128, 128), ("conv3_1", 256, 128)];
+    let mut tensors: Vec<(String, Vec<usize>)> = Vec::new();
+    for (name, outputs, inputs) in layers {
+        tensors.push((format!("{name}.weight"), vec![outputs, inputs, 3, 3]));
+        tensors.push((format!("{name}.bias"), vec![outputs]));
+    }
+    for (name, shape) in &mut tensors {
+        if name == change {
+            *shape = to.to_vec();
+        }
+    }
+    tensors.retain(|(_, shape)| !shape.is_empty());
+    let size = |shape: &[usize]| shape.iter().product::<usize>();
+    let bytes = |name: &str, shape: &[usize]| {
+        let value = if name == change { value } else { 0.0 };
+        value.to_le_bytes().repeat(size(shape))
+    };
+    let data: Vec<Vec<u8>> = tensors.iter().map(|(name, shape)| bytes(name, shape)).collect();
+    let views = tensors.iter().zip(&data).map(|((name, shape), data)| {
+        (name.clone(), TensorView::new(Dtype::F32, shape.clone(), data).unwrap())
+    });
+    serialize(views, None).unwrap()
+}
+
+fn contains_all(message: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(message.contains(part), "`{part}` is not in: {message}");
+    }
+}
+
+#[test]
+fn absent_file() {
+    let message = Encoder::open(Path::new("/nowhere/vgg.safetensors")).err().unwrap().to_string();
+    contains_all(&message, &["/nowhere/vgg.safetensors"]);
+    assert!(Encoder::open(Path::new("/nowhere/vgg.onnx")).is_err());
+    assert!(Encoder::open(Path::new("/nowhere/vgg.pth")).is_err());
+}
+
+#[test]
+fn unknown_extension() {
+    contains_all(&failure("vgg.bin", b""), &[".safetensors", ".pth", ".onnx"]);
+}
+
+#[test]
+fn missing_tensor() {
+    let message = failure("vgg.safetensors", &vgg("conv2_2.weight", &[], 0.0));
+    contains_all(&message, &["conv2_2.weight", "conv3_1.bias"]);
+}
+
+#[test]
+fn wrong_shape() {
+    let message = failure("vgg.safetensors", &vgg("conv3_1.weight", &[200, 128, 3, 3], 0.0));
+    contains_all(&message, &["conv3_1.weight", "F32 [200, 128, 3, 3]", "expected F32 [256, 128, 3, 3]"]);
+}
+
+#[test]
+fn weights_that_are_no_numbers() {
+    let message = failure("vgg.safetensors", &vgg("conv1_2.bias", &[64], f32::NAN));
+    contains_all(&message, &["conv1_2.bias", "NaN", "index 0"]);
+}
+
+#[test]
+fn truncated_safetensors() {
+    let whole = vgg("", &[], 0.0);
+    for length in [0, 4, 8, 200, whole.len() / 2, whole.len() - 1] {
+        failure("vgg.safetensors", &whole[..length]);
+    }
+    // A header that claims more than any file holds.
+    failure("vgg.safetensors", &[0xFF; 64]);
+}
+
+#[test]
+fn safetensors_of_something_else() {
+    let data = [0_u8; 4];
+    let view = TensorView::new(Dtype::F32, vec![1], &data).unwrap();
+    let bytes = serialize([("loss", view)], None).unwrap();
+    contains_all(&failure("other.safetensors", &bytes), &["conv1_1.weight", "features.0.weight", "loss"]);
+}
+
+#[test]
+fn garbage_checkpoints() {
+    failure("vgg.pth", b"");
+    failure("vgg.pth", b"PK\x03\x04 not a zip");
+    failure("vgg.pt", &[0x80; 300]);
+}
+
+#[test]
+fn garbage_onnx() {
+    failure("encoder.onnx", b"");
+    failure("encoder.onnx", b"this is no protobuf");
+    failure("encoder.onnx", &[0xFF; 1000]);
+    let whole = tiny_onnx();
+    for length in [whole.len() / 4, whole.len() / 2, whole.len() - 3] {
+        failure("encoder.onnx", &whole[..length]);
+    }
+}
+
+#[test]
+fn onnx_that_gives_no_numbers() {
+    let bias = Convolution { shape: [1, 3, 1, 1], weight: vec![0.0; 3], bias: vec![f32::INFINITY] };
+    let message = failure("encoder.onnx", &ChainWriter::new(3).convolution(&bias, 0).finish());
+    contains_all(&message, &["inf", "finite"]);
+}
+
+#[test]
+fn onnx_of_other_channels() {
+    let message = failure("gray.onnx", &ChainWriter::new(1).relu().finish());
+    contains_all(&message, &["[1, any, any]", "[3, 64, 64]"]);
+}
+
+#[test]
+fn onnx_encoder_of_any_width_and_stride() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tiny.onnx");
+    fs::write(&path, tiny_onnx()).unwrap();
+    let encoder = Encoder::open(&path).unwrap();
+    assert_eq!((encoder.n_channels(), encoder.id().name.as_str()), (2, "tiny"));
+    assert_eq!(encoder.id().hash.len(), 16);
+    assert!(encoder.runtime().starts_with("tract ") || encoder.runtime().starts_with("ONNX Runtime "));
+
+    // Left half red, right half blue: features (1, 1) and (0, 0).
+    let rgb = (0..8 * 8).flat_map(|i| if i % 8 < 4 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] }).collect();
+    let image = Image { width: 8, height: 8, rgb };
+    let features = encoder.encode(&image).unwrap();
+    assert_eq!((features.width, features.height, features.n_channels), (4, 4, 2));
+    assert_eq!(features.values[..8], [1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]);
+
+    // 16 cells, half 1 and half 0: mean 1/2, variance 16 / 4 / 15.
+    let statistics = style_statistics(&encoder, &image, StyleSize::default()).unwrap();
+    let deviation = (4.0_f32 / 15.0).sqrt();
+    assert_eq!((statistics.mean, statistics.std_dev), (vec![0.5; 2], vec![deviation; 2]));
+    assert_eq!(statistics.encoder.as_ref(), Some(encoder.id()));
+    let squashed = style_features(&encoder, &image, StyleSize::Squash256).unwrap();
+    assert_eq!((squashed.width, squashed.height), (128, 128));
+}
+
+#[test]
+fn images_that_cannot_be_encoded() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tiny.onnx");
+    fs::write(&path, tiny_onnx()).unwrap();
+    let encoder = Encoder::open(&path).unwrap();
+    let pixel = Image { width: 1, height: 1, rgb: vec![0.5; 3] };
+    contains_all(&encoder.encode(&pixel).unwrap_err().to_string(), &["1x1", "8x8"]);
+    assert!(style_statistics(&encoder, &pixel, StyleSize::default()).is_err());
+    let short = Image { width: 20, height: 20, rgb: vec![0.5; 3] };
+    contains_all(&encoder.encode(&short).unwrap_err().to_string(), &["20x20", "3 values"]);
+}
+
+#[test]
+fn no_encoder_says_how_to_name_one() {
+    // Set by a person who runs the tests with an encoder of their own: then there is nothing to test here.
+    if std::env::var_os("STYLEGAUSSIAN_ENCODER").is_some() {
+        eprintln!("SKIPPED: STYLEGAUSSIAN_ENCODER is set");
+        return;
+    }
+    let message = resolve(None).err().unwrap().to_string();
+    contains_all(&message, &["--encoder", "STYLEGAUSSIAN_ENCODER", ".onnx", ".safetensors"]);
+}

@@ -1,0 +1,109 @@
+//! Reading images of every kind, and refusing what is no image or too large.
+
+use std::{fs, path::Path};
+
+use image::{GrayImage, ImageBuffer, Luma, Rgb, RgbImage, Rgba, RgbaImage};
+use stylegaussian_encoder::{Image, ImageError};
+
+fn open(name: &str, write: impl FnOnce(&Path)) -> Result<Image, ImageError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    write(&path);
+    Image::open(&path)
+}
+
+#[test]
+fn gray_becomes_color() {
+    let image = open("gray.png", |path| GrayImage::from_pixel(2, 1, Luma([51])).save(path).unwrap()).unwrap();
+    assert_eq!(image, Image { width: 2, height: 1, rgb: vec![0.2; 6] });
+}
+
+#[test]
+fn sixteen_bits_keep_their_precision() {
+    let pixels = ImageBuffer::from_pixel(1, 1, Rgb([257_u16 * 51 + 100, 0, 65535]));
+    let image = open("deep.png", |path| pixels.save(path).unwrap()).unwrap();
+    assert_eq!(image.rgb, [(257.0 * 51.0 + 100.0) / 65535.0, 0.0, 1.0]);
+}
+
+#[test]
+fn alpha_lies_over_white() {
+    let mut pixels = RgbaImage::from_pixel(2, 1, Rgba([0, 255, 0, 0]));
+    pixels.put_pixel(1, 0, Rgba([0, 255, 0, 51]));
+    let image = open("alpha.png", |path| pixels.save(path).unwrap()).unwrap();
+    let expected = [1.0, 1.0, 1.0, 0.8, 1.0, 0.8];
+    assert!(image.rgb.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{:?}", image.rgb);
+}
+
+/// A JPEG whose EXIF orientation is 6: the camera was turned, the picture has to be turned clockwise.
+fn turned_jpeg(path: &Path) {
+    let left_dark = RgbImage::from_fn(32, 16, |x, _| Rgb([if x < 16 { 0 } else { 255 }; 3]));
+    left_dark.save(path).unwrap();
+    let plain = fs::read(path).unwrap();
+    // TIFF header, one directory of one entry: tag 0x0112 (orientation), a short, count 1, value 6.
+    let exif = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
+    let mut turned = plain[..2].to_vec();
+    turned.extend([0xFF, 0xE1, 0, exif.len() as u8 + 2]);
+    turned.extend(exif);
+    turned.extend(&plain[2..]);
+    fs::write(path, turned).unwrap();
+}
+
+#[test]
+fn exif_orientation_is_applied() {
+    let image = open("turned.jpg", turned_jpeg).unwrap();
+    assert_eq!((image.width, image.height), (16, 32));
+    assert!(image.rgb[0] < 0.1, "what was left is now on top");
+    assert!(image.rgb[31 * 16 * 3] > 0.9);
+}
+
+/// A PNG's signature and header, and nothing after it.
+fn png_header(width: u32, height: u32) -> Vec<u8> {
+    let mut bytes = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec();
+    bytes.extend(width.to_be_bytes());
+    bytes.extend(height.to_be_bytes());
+    bytes.extend([8, 6, 0, 0, 0]);
+    let crc = !bytes[12..].iter().fold(!0_u32, |crc, &byte| {
+        (0..8).fold(crc ^ u32::from(byte), |crc, _| (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg()))
+    });
+    bytes.extend(crc.to_be_bytes());
+    // The start of the pixel data, which the decoder looks for before it tells the size.
+    bytes.extend(b"\0\0\0\x02IDAT\x78\x9c");
+    bytes
+}
+
+#[test]
+fn lying_sizes_are_refused() {
+    for (width, height) in [(0x7FFF_FFFF, 0x7FFF_FFFF), (1_000_000, 1_000_000), (40_000, 2), (12_000, 12_000)] {
+        let error = open("huge.png", |path| fs::write(path, png_header(width, height)).unwrap()).unwrap_err();
+        assert!(error.to_string().contains("huge.png"), "{error}");
+    }
+    let error = open("huge.png", |path| fs::write(path, png_header(12_000, 12_000)).unwrap()).unwrap_err();
+    assert!(matches!(error, ImageError::TooLarge { width: 12_000, height: 12_000, .. }), "{error}");
+    // Small enough to be read, but the pixels are not there.
+    assert!(open("short.png", |path| fs::write(path, png_header(4_000, 4_000)).unwrap()).is_err());
+}
+
+#[test]
+fn no_image_is_an_error() {
+    let error = open("text.png", |path| fs::write(path, "hello").unwrap()).unwrap_err();
+    assert!(error.to_string().contains("text.png"), "{error}");
+    assert!(matches!(open("nothing.png", |_| ()), Err(ImageError::Read { .. })));
+}
+
+#[test]
+fn resizing_averages_and_stays_in_range() {
+    // A fine checkerboard becomes gray where it is shrunk, rather than black or white.
+    let board = RgbImage::from_fn(64, 64, |x, y| Rgb([if (x + y) % 2 == 0 { 255 } else { 0 }; 3]));
+    let small = Image::from(&board).resized(8, 4);
+    assert_eq!((small.width, small.height, small.rgb.len()), (8, 4, 96));
+    assert!(small.rgb.iter().all(|value| (value - 0.5).abs() < 0.05), "{:?}", small.rgb);
+    // Lanczos overshoots at an edge; the result must not.
+    let edge = Image::from(&RgbImage::from_fn(8, 8, |x, _| Rgb([if x < 4 { 0 } else { 255 }; 3])));
+    assert!(edge.resized(64, 64).rgb.iter().all(|value| (0.0..=1.0).contains(value)));
+}
+
+#[test]
+fn eight_bits_survive_the_round_trip() {
+    let image = RgbImage::from_fn(16, 16, |x, y| Rgb([(y * 16 + x) as u8, 7, 200]));
+    assert_eq!(RgbImage::from(&Image::from(&image)), image);
+}

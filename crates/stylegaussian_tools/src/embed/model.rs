@@ -1,0 +1,239 @@
+//! The low-rank model of features, f_p = A f'_p + b, and its L1 error and gradient on a view.
+
+use rayon::prelude::*;
+use stylegaussian::decoder::product::{Matrix, product};
+
+use super::{
+    random::Random,
+    samples::{Samples, add_scaled},
+};
+
+/// Cells per parallel piece. Fixed, and sums over pieces run in order, so that results do not depend on the number of
+/// threads; small enough that the residuals of a piece stay in the second-level cache.
+const CELLS_PER_PIECE: usize = 128;
+
+/// The error is measured where the scene covers at least this much of a cell, as its features are then the scene's.
+const MEASURED_COVERAGE: f32 = 0.9;
+
+/// What embedding determines. Rendered, it gives A sum_i w_i f'_i + b sum_i w_i.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// f' `[N, L]`.
+    pub features: Vec<f32>,
+    /// A `[D, L]`.
+    pub basis: Vec<f32>,
+    /// b `[D]`.
+    pub offset: Vec<f32>,
+    /// L.
+    pub n_low: usize,
+}
+
+/// Derivative of a loss with respect to A, b, and what each cell shows of f'.
+#[derive(Clone, Debug)]
+pub struct Gradient {
+    /// `[D, L]`.
+    pub basis: Vec<f32>,
+    /// `[D]`.
+    pub offset: Vec<f32>,
+    /// With respect to sum_i w_i f'_i of each cell `[C, L]`; [`Samples::gather`] takes it on to f'.
+    pub cells: Vec<f32>,
+    /// Sum of |sum_i w_i (A f'_i + b) - a F| over cells and channels, times the scale asked for.
+    pub loss: f64,
+}
+
+impl Gradient {
+    /// The sum of two losses; cells are not kept.
+    pub fn plus(mut self, other: Self) -> Self {
+        add_scaled(&mut self.basis, 1.0, &other.basis);
+        add_scaled(&mut self.offset, 1.0, &other.offset);
+        Self { cells: Vec::new(), loss: self.loss + other.loss, ..self }
+    }
+}
+
+/// Scratch of one thread.
+#[derive(Default)]
+struct Scratch {
+    /// sum_i w_i f'_i `[cells, L]`.
+    low: Vec<f32>,
+    /// `[cells, D]`.
+    targets: Vec<f32>,
+    /// `[cells, D]`.
+    residuals: Vec<f32>,
+}
+
+impl Model {
+    /// The paper's start: f' standard normal, A uniform in +-1/sqrt(L) (a linear layer's usual start), b = 0.
+    pub fn noise(n_gaussians: usize, n_channels: usize, n_low: usize, random: &mut Random) -> Self {
+        let n_low = n_low.min(n_channels);
+        let bound = 1.0 / (n_low as f32).sqrt();
+        Self {
+            features: (0..n_gaussians * n_low).map(|_| random.normal()).collect(),
+            basis: (0..n_channels * n_low).map(|_| bound * (2.0 * random.uniform() - 1.0)).collect(),
+            offset: vec![0.0; n_channels],
+            n_low,
+        }
+    }
+
+    /// D.
+    pub fn n_channels(&self) -> usize {
+        self.offset.len()
+    }
+
+    /// Standard deviation of a channel of f, in the root mean square over channels, where f' has unit variance and no
+    /// correlation between channels.
+    pub fn deviation(&self) -> f32 {
+        let variance: f32 = self.basis.iter().map(|a| a * a).sum();
+        (variance / self.n_channels().max(1) as f32).sqrt()
+    }
+
+    /// Divides each channel of f' by `scales` `[L]` and multiplies A's column by it: f stays. A channel whose scale is 0
+    /// stays as it is.
+    pub fn rescale(&mut self, scales: &[f32]) {
+        let scales: Vec<f32> = scales.iter().map(|&scale| if scale > 0.0 { scale } else { 1.0 }).collect();
+        for row in self.features.chunks_exact_mut(self.n_low) {
+            row.iter_mut().zip(&scales).for_each(|(value, scale)| *value /= scale);
+        }
+        for row in self.basis.chunks_exact_mut(self.n_low) {
+            row.iter_mut().zip(&scales).for_each(|(value, scale)| *value *= scale);
+        }
+    }
+
+    /// Brings each channel of f' to mean 0 and standard deviation 1 over the Gaussians; A and b change so that f stays.
+    /// This is how features are stored: 16-bit floats are then exact to 2^-11 of a deviation at one deviation.
+    pub fn standardize(&mut self) {
+        let n_low = self.n_low;
+        let n = (self.features.len() / n_low.max(1)).max(1) as f64;
+        let mean_of = |features: &[f32], of: fn(f64) -> f64| -> Vec<f64> {
+            let mut mean = vec![0.0; n_low];
+            for row in features.chunks_exact(n_low) {
+                mean.iter_mut().zip(row).for_each(|(mean, &value)| *mean += of(f64::from(value)) / n);
+            }
+            mean
+        };
+        let mean: Vec<f32> = mean_of(&self.features, |value| value).iter().map(|&mean| mean as f32).collect();
+        for row in self.features.chunks_exact_mut(n_low) {
+            add_scaled(row, -1.0, &mean);
+        }
+        for (offset, row) in self.offset.iter_mut().zip(self.basis.chunks_exact(n_low)) {
+            *offset += row.iter().zip(&mean).map(|(a, mean)| a * mean).sum::<f32>();
+        }
+        let variance = mean_of(&self.features, |value| value * value);
+        self.rescale(&variance.iter().map(|variance| variance.sqrt() as f32).collect::<Vec<_>>());
+    }
+
+    /// `scale` times the L1 error of some cells, and its gradient (at a residual of exactly 0: 0).
+    pub fn gradient(&self, samples: &Samples, scale: f32) -> Gradient {
+        let (n_low, n_channels) = (self.n_low, self.n_channels());
+        let mut cells = vec![0.0; samples.n_cells() * n_low];
+        let pieces: Vec<Gradient> = cells
+            .par_chunks_mut(CELLS_PER_PIECE * n_low)
+            .enumerate()
+            .map_init(Scratch::default, |scratch, (piece, cells)| {
+                self.piece_gradient(samples, piece * CELLS_PER_PIECE, scale, scratch, cells)
+            })
+            .collect();
+        let zero = Gradient {
+            basis: vec![0.0; n_channels * n_low],
+            offset: vec![0.0; n_channels],
+            cells: Vec::new(),
+            loss: 0.0,
+        };
+        Gradient { cells, ..pieces.into_iter().fold(zero, Gradient::plus) }
+    }
+
+    /// The gradient of one piece's cells, from `first` on; `cells` `[cells, L]` receives the part of each cell.
+    fn piece_gradient(
+        &self,
+        samples: &Samples,
+        first: usize,
+        scale: f32,
+        scratch: &mut Scratch,
+        cells: &mut [f32],
+    ) -> Gradient {
+        let (n_low, n_channels) = (self.n_low, self.n_channels());
+        let n_cells = cells.len() / n_low;
+        self.residuals(samples, first..first + n_cells, true, scratch);
+        let Scratch { low, residuals, .. } = scratch;
+        let mut offset = vec![0.0; n_channels];
+        let mut loss = 0.0;
+        for (row, coverage) in residuals.chunks_exact_mut(n_channels).zip(&samples.coverage()[first..]) {
+            loss += f64::from(row.iter().map(|residual| residual.abs()).sum::<f32>() * scale);
+            for (residual, offset) in row.iter_mut().zip(&mut offset) {
+                *residual = sign(*residual) * scale;
+                *offset += coverage * *residual;
+            }
+        }
+        let signs = Matrix::dense(residuals, n_cells, n_channels);
+        let mut basis = vec![0.0; n_channels * n_low];
+        product(&mut basis, false, signs.transposed(), Matrix::dense(low, n_cells, n_low));
+        product(cells, false, signs, Matrix::dense(&self.basis, n_channels, n_low));
+        Gradient { basis, offset, cells: Vec::new(), loss }
+    }
+
+    /// Rendered features minus the cells' target: a F when `weighted` by coverage, else F.
+    fn residuals(
+        &self,
+        samples: &Samples,
+        cells: std::ops::Range<usize>,
+        weighted: bool,
+        Scratch { low, targets, residuals }: &mut Scratch,
+    ) {
+        let (n_low, n_channels) = (self.n_low, self.n_channels());
+        let coverage = &samples.coverage()[cells.clone()];
+        samples.render(&self.features, n_low, cells.clone(), low);
+        samples.targets(cells, targets);
+        residuals.resize(targets.len(), 0.0);
+        let basis = Matrix::dense(&self.basis, n_channels, n_low);
+        product(residuals, false, Matrix::dense(low, coverage.len(), n_low), basis.transposed());
+        let rows = residuals.chunks_exact_mut(n_channels).zip(targets.chunks_exact(n_channels));
+        for ((row, targets), &coverage) in rows.zip(coverage) {
+            let weight = if weighted { coverage } else { 1.0 };
+            for ((residual, target), offset) in row.iter_mut().zip(targets).zip(&self.offset) {
+                *residual += coverage * offset - weight * target;
+            }
+        }
+    }
+
+    /// The mean over views of the mean of |rendered - true| over the channels of the cells that the scene covers well,
+    /// where a view is all its parts; `None` when no view has such a cell.
+    pub fn mean_error(&self, views: &[&[Samples]]) -> Option<f64> {
+        let error = |view: &&[Samples]| {
+            let sums = view.iter().map(|part| self.error_sum(part));
+            let (sum, n) = sums.fold((0.0, 0), |total, part| (total.0 + part.0, total.1 + part.1));
+            (n > 0).then(|| sum / n as f64)
+        };
+        let errors: Vec<f64> = views.iter().filter_map(error).collect();
+        (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64)
+    }
+
+    /// Sum of |rendered - true| over the channels of well-covered cells, and the number of its terms.
+    fn error_sum(&self, samples: &Samples) -> (f64, usize) {
+        let n_channels = self.n_channels();
+        let n_pieces = samples.n_cells().div_ceil(CELLS_PER_PIECE);
+        let pieces: Vec<(f64, usize)> = (0..n_pieces)
+            .into_par_iter()
+            .map_init(Scratch::default, |scratch, piece| {
+                let first = piece * CELLS_PER_PIECE;
+                let cells = first..(first + CELLS_PER_PIECE).min(samples.n_cells());
+                self.residuals(samples, cells.clone(), false, scratch);
+                let rows = scratch.residuals.chunks_exact(n_channels).zip(&samples.coverage()[cells]);
+                let measured = rows.filter(|&(_, &coverage)| coverage > MEASURED_COVERAGE);
+                measured.fold((0.0, 0), |(sum, n), (row, _)| {
+                    (sum + f64::from(row.iter().map(|residual| residual.abs()).sum::<f32>()), n + n_channels)
+                })
+            })
+            .collect();
+        pieces.iter().fold((0.0, 0), |total, piece| (total.0 + piece.0, total.1 + piece.1))
+    }
+}
+
+/// -1, 0 or 1.
+fn sign(value: f32) -> f32 {
+    if value > 0.0 {
+        1.0
+    } else if value < 0.0 {
+        -1.0
+    } else {
+        0.0
+    }
+}
