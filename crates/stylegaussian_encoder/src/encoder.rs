@@ -39,7 +39,7 @@ pub enum EncoderError {
     /// Nobody named an encoder.
     #[error(
         "no encoder is known: name one with `--encoder FILE` or in the environment variable {ENCODER_VARIABLE}; it is \
-         VGG-19 weights (.safetensors, or torchvision's .pth) or an ONNX file (1x3xHxW RGB 0..1 to 1xDxhxw)"
+         VGG-19 weights (.safetensors, or torchvision's .pth) or an ONNX file (.onnx, 1x3xHxW RGB 0..1 to 1xDxhxw)"
     )]
     NoEncoder,
     /// The file could not be read.
@@ -63,9 +63,9 @@ pub enum EncoderError {
     #[error(transparent)]
     Network(#[from] NetworkError),
     /// The graph gives infinite values or such that are not numbers.
-    #[error("encoder `{encoder}` gave {found} on an image of {width}x{height}, expected finite numbers")]
+    #[error("{encoder}: the encoder gave {found} on an image of {width}x{height}, expected finite numbers")]
     NotFinite {
-        /// Name of the encoder.
+        /// The encoder's file.
         encoder: String,
         /// The value.
         found: f32,
@@ -192,7 +192,7 @@ impl Encoder {
         match output.values.iter().find(|value| !value.is_finite()) {
             None => Ok(output),
             Some(&found) => Err(EncoderError::NotFinite {
-                encoder: self.id.name.clone(),
+                encoder: self.network.name().into(),
                 found,
                 width: input.width,
                 height: input.height,

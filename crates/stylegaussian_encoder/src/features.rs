@@ -58,7 +58,9 @@ impl FeatureMap {
         }
         let divisor = self.unbiased_divisor();
         let upper = |row: usize, column: usize| products[row.min(column) * n_channels + row.max(column)];
-        (0..n_channels * n_channels).map(|i| (upper(i / n_channels, i % n_channels) / divisor) as f32).collect()
+        (0..n_channels * n_channels)
+            .map(|i| (upper(i / n_channels, i % n_channels) / divisor) as f32)
+            .collect()
     }
 
     /// The number of cells.
@@ -106,7 +108,7 @@ impl From<&FeatureMap> for Planes {
 }
 
 /// `[rows, columns]` to `[columns, rows]`, by blocks that stay in the first cache.
-pub(crate) fn transposed(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
+pub fn transposed(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
     const BLOCK: usize = 32;
     let mut out = vec![0.0; values.len()];
     for row_start in (0..rows).step_by(BLOCK) {

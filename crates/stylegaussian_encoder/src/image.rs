@@ -77,7 +77,8 @@ impl Image {
         let mut decoder = reader.into_decoder().map_err(decode)?;
         let (width, height) = decoder.dimensions();
         let n_pixels = u64::from(width) * u64::from(height);
-        if width.max(height) > MAX_SIDE || n_pixels > MAX_PIXELS || decoder.total_bytes() > MAX_DECODER_BYTES {
+        if width.max(height) > MAX_SIDE || n_pixels > MAX_PIXELS || decoder.total_bytes() > MAX_DECODER_BYTES
+        {
             return Err(ImageError::TooLarge { path: path.into(), width, height });
         }
         let orientation = decoder.orientation().map_err(decode)?;

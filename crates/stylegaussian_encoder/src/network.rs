@@ -97,6 +97,11 @@ impl Network {
         })
     }
 
+    /// What messages call it: its file.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
     /// The engine.
     pub fn runtime(&self) -> &'static Runtime {
         self.runtime
@@ -193,7 +198,8 @@ impl Network {
 }
 
 fn start(name: &str, onnx: &[u8], runtime: &'static Runtime) -> Result<Session, NetworkError> {
-    let failed = |reason: String| NetworkError::Load { name: name.into(), runtime: runtime.name().into(), reason };
+    let failed =
+        |reason: String| NetworkError::Load { name: name.into(), runtime: runtime.name().into(), reason };
     Session::builder(&runtime.environment)
         .map_err(|error| failed(error.to_string()))?
         .with_optimization_level(GraphOptimizationLevel::All)
@@ -203,7 +209,11 @@ fn start(name: &str, onnx: &[u8], runtime: &'static Runtime) -> Result<Session, 
 }
 
 /// The shape of the only input or output, `None` where it is unknown, when it is one f32 tensor `[1, _, _, _]`.
-fn image_like(name: &str, what: &'static str, outlets: &[Outlet]) -> Result<[Option<usize>; 4], NetworkError> {
+fn image_like(
+    name: &str,
+    what: &'static str,
+    outlets: &[Outlet],
+) -> Result<[Option<usize>; 4], NetworkError> {
     let wrong = |found: String| NetworkError::Signature {
         name: name.into(),
         what,
@@ -215,7 +225,9 @@ fn image_like(name: &str, what: &'static str, outlets: &[Outlet]) -> Result<[Opt
     };
     let shape = outlet.dtype().tensor_shape().map(|shape| shape.to_vec());
     match (outlet.dtype().tensor_type(), shape.as_deref()) {
-        (Some(TensorElementType::Float32), Some(&[batch, ref sizes @ ..])) if sizes.len() == 3 && batch <= 1 => {
+        (Some(TensorElementType::Float32), Some(&[batch, ref sizes @ ..]))
+            if sizes.len() == 3 && batch <= 1 =>
+        {
             let known = |size: i64| usize::try_from(size).ok();
             Ok([known(batch), known(sizes[0]), known(sizes[1]), known(sizes[2])])
         }

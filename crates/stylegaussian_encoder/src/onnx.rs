@@ -58,7 +58,8 @@ impl ChainWriter {
         let weight = self.floats(&convolution.shape, &convolution.weight);
         let bias = self.floats(&[out], &convolution.bias);
         let kernel = [height as u64, width as u64];
-        let attributes = [Attribute::Integers("kernel_shape", &kernel), Attribute::Integers("pads", &[zero_padding; 4])];
+        let attributes =
+            [Attribute::Integers("kernel_shape", &kernel), Attribute::Integers("pads", &[zero_padding; 4])];
         self.node("Conv", &[&weight, &bias], &attributes);
         self.channels = out;
         self

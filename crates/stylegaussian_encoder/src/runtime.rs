@@ -73,7 +73,9 @@ impl Runtime {
 
     fn start_tract(warning: Option<String>) -> Result<Self, RuntimeError> {
         if !ort::set_api(ort_tract::api()) {
-            return Err(RuntimeError { reason: "another part of this process already chose ort's backend".into() });
+            return Err(RuntimeError {
+                reason: "another part of this process already chose ort's backend".into(),
+            });
         }
         let environment = build(ort::init())?;
         Ok(Self { environment, engine: Engine::Tract, name: format!("tract {}", tract_version()), warning })
@@ -90,7 +92,8 @@ fn build(builder: EnvironmentBuilder) -> Result<Environment, RuntimeError> {
 
 /// From `ORT Build Info: git-branch=rel-1.24.1, git-commit-id=...`, the only place where `ort` tells it.
 fn onnx_runtime_version() -> &'static str {
-    between(ort::info(), "git-branch=", ',').map_or("of unknown version", |branch| branch.trim_start_matches("rel-"))
+    between(ort::info(), "git-branch=", ',')
+        .map_or("of unknown version", |branch| branch.trim_start_matches("rel-"))
 }
 
 /// From `ORT Build Info: backend=ort-tract, version=0.5.0+0.23`: what follows the plus is tract's version.

@@ -85,8 +85,11 @@ mod tests {
         assert_eq!(size.of(2048, 512), (1024, 256));
         assert_eq!(size.of(512, 512), (512, 512));
         assert_eq!(size.of(100, 200), (100, 200));
-        assert_eq!(size.of(16_000, 10), (8192.min(16_000), 8));
-        assert_eq!(size.of(3, 5), (3, 5));
+        // sqrt(262,144 / 640,000) = 0.64.
+        assert_eq!(size.of(16_000, 40), (10_240, 26));
+        // 0.32 x 10 rows would be 3, too few to encode; 3 rows are left as they are.
+        assert_eq!(StyleSize::Area(1024).of(1000, 10), (320, MIN_SIDE));
+        assert_eq!(StyleSize::Area(1024).of(1000, 3).1, 3);
     }
 
     #[test]

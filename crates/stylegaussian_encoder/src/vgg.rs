@@ -68,10 +68,13 @@ impl Layout {
 /// # Errors
 /// When a tensor is missing or is not what the layout needs; a file of no known layout misses `conv1_1.weight`.
 pub fn graph(weights: &Weights) -> Result<Vec<u8>, WeightsError> {
-    let layout = Layout::of(weights).ok_or_else(|| weights.missing("conv1_1.weight` or `features.0.weight"))?;
+    let layout =
+        Layout::of(weights).ok_or_else(|| weights.missing("conv1_1.weight` or `features.0.weight"))?;
     if layout == Layout::Torchvision && weights.contains("features.17.weight") {
         // Same first layers, other numbers: in VGG-19 the 17th module is a ReLU, in VGG-16 it is conv4_1.
-        return Err(weights.missing("features.16.weight` (this is VGG-16; VGG-19 is needed): `features.19.weight"));
+        return Err(
+            weights.missing("features.16.weight` (this is VGG-16; VGG-19 is needed): `features.19.weight")
+        );
     }
     let mut chain = ChainWriter::new(3);
     let mut names = layout.names();

@@ -6,7 +6,7 @@ use std::{
 };
 
 use pytorch_reader::{PytorchError, PytorchReader};
-use safetensors::{Dtype, SafeTensors, SafeTensorError};
+use safetensors::{Dtype, SafeTensorError, SafeTensors};
 
 use crate::onnx::Convolution;
 
@@ -145,20 +145,35 @@ impl Weights {
         }
     }
 
-    fn safetensors_tensor(&self, bytes: &[u8], name: &str, shape: &[usize]) -> Result<Vec<f32>, WeightsError> {
+    fn safetensors_tensor(
+        &self,
+        bytes: &[u8],
+        name: &str,
+        shape: &[usize],
+    ) -> Result<Vec<f32>, WeightsError> {
         let file = SafeTensors::deserialize(bytes)
             .map_err(|source| WeightsError::Safetensors { path: self.path.clone(), source })?;
         let tensor = file.tensor(name).map_err(|_| self.missing(name))?;
-        self.check(name, tensor.dtype() == Dtype::F32, format!("{:?}", tensor.dtype()), tensor.shape(), shape)?;
+        self.check(
+            name,
+            tensor.dtype() == Dtype::F32,
+            format!("{:?}", tensor.dtype()),
+            tensor.shape(),
+            shape,
+        )?;
         Ok(tensor.data().as_chunks::<4>().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect())
     }
 
-    fn pytorch_tensor(&self, reader: &PytorchReader, name: &str, shape: &[usize]) -> Result<Vec<f32>, WeightsError> {
+    fn pytorch_tensor(
+        &self,
+        reader: &PytorchReader,
+        name: &str,
+        shape: &[usize],
+    ) -> Result<Vec<f32>, WeightsError> {
         let tensor = reader.get(name).ok_or_else(|| self.missing(name))?;
         let is_f32 = tensor.dtype() == pytorch_reader::DType::F32;
         self.check(name, is_f32, format!("{:?}", tensor.dtype()), tensor.shape(), shape)?;
-        let bytes =
-            tensor.read().map_err(|source| WeightsError::Pytorch { path: self.path.clone(), source })?;
+        let bytes = tensor.read().map_err(|source| WeightsError::Read { path: self.path.clone(), source })?;
         Ok(bytes.as_chunks::<4>().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect())
     }
 

@@ -75,7 +75,10 @@ fn another_shape_is_an_error() {
     let network = Network::load("chain", ChainWriter::new(2).relu().finish()).unwrap();
     let error = network.run(&one_to_nine()).unwrap_err();
     assert!(matches!(error, NetworkError::Signature { .. }), "{error}");
-    assert!(error.to_string().contains("[2, any, any]") && error.to_string().contains("[1, 3, 3]"), "{error}");
+    assert!(
+        error.to_string().contains("[2, any, any]") && error.to_string().contains("[1, 3, 3]"),
+        "{error}"
+    );
     let short = Planes { values: vec![0.0; 17], channels: 2, height: 3, width: 3 };
     assert!(network.run(&short).is_err());
 }

@@ -15,7 +15,8 @@ fn open(name: &str, write: impl FnOnce(&Path)) -> Result<Image, ImageError> {
 #[test]
 fn gray_becomes_color() {
     let image = open("gray.png", |path| GrayImage::from_pixel(2, 1, Luma([51])).save(path).unwrap()).unwrap();
-    assert_eq!(image, Image { width: 2, height: 1, rgb: vec![0.2; 6] });
+    assert_eq!((image.width, image.height, image.rgb.len()), (2, 1, 6));
+    assert!(image.rgb.iter().all(|value| (value - 0.2).abs() < 1e-6), "{:?}", image.rgb);
 }
 
 #[test]
@@ -73,7 +74,8 @@ fn png_header(width: u32, height: u32) -> Vec<u8> {
 
 #[test]
 fn lying_sizes_are_refused() {
-    for (width, height) in [(0x7FFF_FFFF, 0x7FFF_FFFF), (1_000_000, 1_000_000), (40_000, 2), (12_000, 12_000)] {
+    for (width, height) in [(0x7FFF_FFFF, 0x7FFF_FFFF), (1_000_000, 1_000_000), (40_000, 2), (12_000, 12_000)]
+    {
         let error = open("huge.png", |path| fs::write(path, png_header(width, height)).unwrap()).unwrap_err();
         assert!(error.to_string().contains("huge.png"), "{error}");
     }

@@ -15,7 +15,9 @@ fn write(path: &Path, tensors: &[(String, Vec<usize>, Vec<f32>)]) {
     let views: HashMap<&str, TensorView<'_>> = tensors
         .iter()
         .zip(&bytes)
-        .map(|((name, shape, _), bytes)| (&name[..], TensorView::new(Dtype::F32, shape.clone(), bytes).unwrap()))
+        .map(|((name, shape, _), bytes)| {
+            (&name[..], TensorView::new(Dtype::F32, shape.clone(), bytes).unwrap())
+        })
         .collect();
     serialize_to_file(views, None, path).unwrap();
 }
@@ -27,7 +29,8 @@ fn random_vgg(names: [&str; 5]) -> Vec<(String, Vec<usize>, Vec<f32>)> {
     for (layer, name) in names.into_iter().enumerate() {
         let (inputs, outputs) = (channels[layer], channels[layer + 1]);
         let scale = (6.0 / (inputs as f32 * 9.0)).sqrt();
-        let weight = random_values(outputs * inputs * 9, layer as u64 + 1).iter().map(|v| v * scale).collect();
+        let weight =
+            random_values(outputs * inputs * 9, layer as u64 + 1).iter().map(|v| v * scale).collect();
         tensors.push((format!("{name}.weight"), vec![outputs, inputs, 3, 3], weight));
         let bias = random_values(outputs, layer as u64 + 11).iter().map(|v| v * 0.1).collect();
         tensors.push((format!("{name}.bias"), vec![outputs], bias));
@@ -51,7 +54,10 @@ fn check(tensors: &[(String, Vec<usize>, Vec<f32>)], vgg: &Vgg, size: (u32, u32)
         for channel in 0..256 {
             let found = found.values[cell * 256 + channel];
             let expected = expected.values[channel * expected.width * expected.height + cell];
-            assert!((found - expected).abs() < 1e-4 * largest.max(1.0), "cell {cell}, channel {channel}: {found}, expected {expected}");
+            assert!(
+                (found - expected).abs() < 1e-4 * largest.max(1.0),
+                "cell {cell}, channel {channel}: {found}, expected {expected}"
+            );
         }
     }
 }

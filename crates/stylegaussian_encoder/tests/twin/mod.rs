@@ -120,7 +120,8 @@ fn pooled(feature: &Feature, ceil: bool) -> Feature {
                 let mut largest = f32::NEG_INFINITY;
                 for row in 2 * y..(2 * y + 2).min(feature.height) {
                     for column in 2 * x..(2 * x + 2).min(feature.width) {
-                        largest = largest.max(feature.values[(channel * feature.height + row) * feature.width + column]);
+                        largest = largest
+                            .max(feature.values[(channel * feature.height + row) * feature.width + column]);
                     }
                 }
                 values.push(largest);
@@ -143,6 +144,7 @@ pub fn random_values(n: usize, seed: u64) -> Vec<f32> {
 }
 
 pub fn random_image(width: u32, height: u32) -> Image {
-    let rgb = random_values((width * height * 3) as usize, 99).iter().map(|value| value * 0.5 + 0.5).collect();
+    let rgb =
+        random_values((width * height * 3) as usize, 99).iter().map(|value| value * 0.5 + 0.5).collect();
     Image { width, height, rgb }
 }
