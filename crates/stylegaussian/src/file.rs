@@ -141,13 +141,37 @@ fn scene_from_bytes(bytes: &[u8]) -> Result<Loaded, Mismatch> {
 /// # Errors
 /// When the extension is another, the scene contradicts itself, or the file cannot be written.
 pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), FileError> {
-    let invalid = |found: String, expected: &str| mismatch(found, expected).at(path);
-    scene.validate().map_err(|error| invalid(format!("an inconsistent {error}"), "a valid scene"))?;
+    if scene.is_empty() {
+        return Err(mismatch("no Gaussian", "at least one").at(path));
+    }
+    check_scene(scene).map_err(|mismatch| mismatch.at(path))?;
     match extension(path).as_str() {
         "ply" => write_atomically(path, |out| ply::write(out, scene)),
         "sgs" => sgs::write(path, scene),
-        other => Err(invalid(format!("extension `{other}`"), "`.ply` or `.sgs`")),
+        other => Err(mismatch(format_args!("extension `{other}`"), "`.ply` or `.sgs`").at(path)),
     }
+}
+
+/// Checks what files and their readers rely on: shapes and indices, finite values, unit quaternions, opacities in 0..1.
+fn check_scene(scene: &Scene) -> Result<(), Mismatch> {
+    scene.validate().map_err(|error| mismatch(format_args!("an inconsistent {error}"), "a valid scene"))?;
+    for (i, source_index) in scene.order.iter().enumerate() {
+        let wrong = |what: String, expected| {
+            Err(mismatch(format_args!("{what} of source Gaussian {source_index}"), expected))
+        };
+        if !activate::is_usable(scene, i) {
+            return wrong("NaN or infinity".into(), "finite numbers");
+        }
+        let length = scene.rotations[i].length();
+        if (length - 1.0).abs() > 1e-3 {
+            return wrong(format!("a rotation of length {length}"), "unit quaternions");
+        }
+        let opacity = scene.opacities[i];
+        if !(0.0..=1.0).contains(&opacity) {
+            return wrong(format!("opacity {opacity}"), "0 to 1");
+        }
+    }
+    Ok(())
 }
 
 /// Reads a decoder (`*.decoder.safetensors`).

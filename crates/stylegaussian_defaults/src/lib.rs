@@ -1,1 +1,4 @@
 //! The default decoder, as bytes.
+
+/// The default decoder, a `*.decoder.safetensors`.
+pub const DECODER: &[u8] = &[];

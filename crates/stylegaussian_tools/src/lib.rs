@@ -1,5 +1,11 @@
-//! The offline side of StyleGaussian: cameras, embedding and training.
+//! The offline side of StyleGaussian, and the command line `stylegaussian` over it.
 
 pub mod cameras;
+pub mod cli;
+pub mod contact_sheet;
 pub mod embed;
+pub mod picture;
+pub mod random;
+pub mod teacher;
 pub mod train;
+pub mod views;

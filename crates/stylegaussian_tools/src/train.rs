@@ -1,3 +1,358 @@
 //! Training one decoder from embedded scenes and paintings.
 
+mod adam;
+mod args;
+mod checkpoint;
+mod data;
+mod loss_network;
+mod network;
 pub mod ops;
+mod paintings;
+mod report;
+mod step;
+mod warm_start;
+
+use std::{
+    collections::HashMap,
+    path::{Path, PathBuf},
+    sync::atomic::{AtomicBool, Ordering},
+};
+
+use anyhow::{Context, Result, bail, ensure};
+use burn::tensor::Device;
+use glam::UVec2;
+use indicatif::{ProgressBar, ProgressStyle};
+use stylegaussian::{
+    Camera, Decoder, Scene,
+    file::{self, Precision},
+};
+use stylegaussian_encoder::{Encoder, resolve};
+
+pub use args::TrainArgs;
+use adam::Adam;
+use checkpoint::Progress;
+use data::TrainingScene;
+use loss_network::LossNetwork;
+use network::Network;
+use paintings::{Paintings, list_images};
+use step::{Content, LossWeights, content_layer};
+use warm_start::Target;
+
+use crate::{cameras::read_cameras, cli::Backend, random::Random, teacher::Teacher, views::choose_views};
+
+/// Steps between two checkpoints.
+const CHECKPOINT_STEPS: u32 = 100;
+
+/// Adam's learning rate at the warm start, which compares colors and tolerates larger steps than the paper's loss.
+const WARM_RATE: f32 = 1e-3;
+
+/// Set by Ctrl-C; checked between steps.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+struct Trainer {
+    arguments: TrainArgs,
+    device: Device,
+    encoder: Encoder,
+    loss_network: LossNetwork,
+    weights: LossWeights,
+    scenes: Vec<TrainingScene>,
+    paintings: Paintings,
+    network: Network,
+    adam: Adam,
+    progress: Progress,
+}
+
+/// Runs `stylegaussian train`.
+///
+/// # Errors
+/// The message names the file or the option at fault.
+pub fn run(arguments: &TrainArgs) -> Result<()> {
+    let device = device(arguments.backend)?.autodiff();
+    let encoder = resolve(arguments.encoder.as_deref())?;
+    eprintln!("encoder {} on {}", encoder.id(), encoder.runtime());
+    let (training, held_out) = split_paintings(&arguments.styles, arguments.holdout_styles)?;
+    let scenes = load_scenes(arguments)?;
+    for (path, scene, _) in &scenes {
+        if let Some(found) = scene.features.as_ref().and_then(|features| features.encoder.as_ref()) {
+            ensure!(found == encoder.id(), "{}: embedded with {found}, expected {}", path.display(), encoder.id());
+        }
+    }
+    let mut trainer = Trainer::new(arguments, device, encoder, training, &scenes)?;
+    // A second handler in one process (tests) is refused; the first one serves.
+    let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
+    trainer.warm_start()?;
+    trainer.refine()?;
+    trainer.save()?;
+    let decoder = trainer.network.decoder();
+    file::write_decoder(&arguments.output, &decoder, Precision::F16)?;
+    report::write_losses(&beside(&arguments.output, "losses.png"), &trainer.progress.losses)?;
+    let shown: Vec<(&Scene, &[Camera])> =
+        scenes.iter().map(|(_, scene, cameras)| (scene, &cameras[..cameras.len().min(2)])).collect();
+    let sheet = beside(&arguments.output, "sheet.png");
+    report::write_contact_sheet(&sheet, &shown, &decoder, &held_out, &trainer.encoder)?;
+    eprintln!("wrote {}; contact sheet {}", arguments.output.display(), sheet.display());
+    Ok(())
+}
+
+/// OUT.decoder.safetensors -> OUT.`suffix`.
+fn beside(output: &Path, suffix: &str) -> PathBuf {
+    let name = output.file_name().unwrap_or_default().to_string_lossy();
+    let stem = name.trim_end_matches(".safetensors").trim_end_matches(".decoder");
+    output.with_file_name(format!("{stem}.{suffix}"))
+}
+
+fn device(backend: Backend) -> Result<Device> {
+    match backend {
+        Backend::Auto | Backend::Cpu => Ok(Device::flex()),
+        #[cfg(feature = "gpu")]
+        Backend::Gpu => Ok(Device::vulkan(burn::tensor::DeviceKind::DefaultDevice)),
+        #[cfg(not(feature = "gpu"))]
+        Backend::Gpu => bail!("this build cannot train on a GPU: build with `--features gpu`, or use --backend cpu"),
+    }
+}
+
+/// Paintings to train with, and every so many-th kept out.
+fn split_paintings(folder: &Path, n_held_out: usize) -> Result<(Vec<PathBuf>, Vec<PathBuf>)> {
+    let paths = list_images(folder)?;
+    ensure!(
+        n_held_out < paths.len(),
+        "{}: found {} paintings, expected more than the {n_held_out} to hold out",
+        folder.display(),
+        paths.len()
+    );
+    let stride = if n_held_out == 0 { usize::MAX } else { paths.len() / n_held_out };
+    let is_held_out = |i: usize| i % stride == stride / 2 && i / stride < n_held_out;
+    let (held_out, training): (Vec<_>, Vec<_>) = paths.into_iter().enumerate().partition(|(i, _)| is_held_out(*i));
+    let without_index = |list: Vec<(usize, PathBuf)>| list.into_iter().map(|(_, path)| path).collect();
+    Ok((without_index(training), without_index(held_out)))
+}
+
+type LoadedScene = (PathBuf, Scene, Vec<Camera>);
+
+fn load_scenes(arguments: &TrainArgs) -> Result<Vec<LoadedScene>> {
+    let sources: Vec<&PathBuf> = arguments.photos.iter().chain(&arguments.cameras).collect();
+    ensure!(
+        sources.is_empty() || sources.len() == arguments.scenes.len(),
+        "found {} sources of cameras for {} scenes, expected one for each",
+        sources.len(),
+        arguments.scenes.len()
+    );
+    let load = |(i, path): (usize, &PathBuf)| {
+        let loaded = file::read_scene(path)?;
+        loaded.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+        let cameras: Vec<Camera> = match sources.get(i) {
+            Some(source) => {
+                let all = read_cameras(source)?.cameras;
+                let stride = all.len().div_ceil(arguments.views.max(1)).max(1);
+                all.iter().step_by(stride).map(|posed| scaled(&posed.camera, arguments.size)).collect()
+            }
+            None => choose_views(&loaded.scene, arguments.views, UVec2::splat(arguments.size)),
+        };
+        Ok((path.clone(), loaded.scene, cameras))
+    };
+    arguments.scenes.iter().enumerate().map(load).collect()
+}
+
+fn scaled(camera: &Camera, longer_side: u32) -> Camera {
+    let factor = longer_side as f32 / camera.size.max_element() as f32;
+    camera.resized((camera.size.as_vec2() * factor).round().as_uvec2().max(UVec2::splat(16)))
+}
+
+impl Trainer {
+    fn new(
+        arguments: &TrainArgs,
+        device: Device,
+        encoder: Encoder,
+        paintings: Vec<PathBuf>,
+        scenes: &[LoadedScene],
+    ) -> Result<Self> {
+        let weights_path = match &arguments.encoder {
+            Some(path) => path.clone(),
+            None => std::env::var_os("STYLEGAUSSIAN_ENCODER").map(PathBuf::from).unwrap_or_default(),
+        };
+        let loss_network = LossNetwork::open(&weights_path, arguments.relu4.as_deref(), &device)?;
+        let default_layer = if loss_network.n_layers() == 4 { "relu4_1" } else { "relu3_1" };
+        let names = match arguments.content_layers.as_slice() {
+            [] => vec![default_layer.to_owned()],
+            names => names.to_vec(),
+        };
+        let content_layers = names.iter().map(|name| content_layer(name, &loss_network)).collect::<Result<Vec<_>>>()?;
+        eprintln!("content loss at {names:?}, style loss at {} layers", loss_network.n_layers());
+        let decoder = initial_decoder(arguments, &encoder, scenes)?;
+        let mut training = Vec::new();
+        for (path, scene, cameras) in scenes {
+            let prepared = TrainingScene::new(scene, cameras, decoder.k, decoder.layers.len());
+            let prepared = prepared.with_context(|| format!("{}: no features: embed it first", path.display()))?;
+            ensure!(!prepared.views.is_empty(), "{}: no view shows any of its Gaussians", path.display());
+            let expected = prepared.features.n_channels() + prepared.features.n_extra;
+            ensure!(
+                decoder.n_inputs() == expected,
+                "{}: has {expected} channels, the decoder takes {}",
+                path.display(),
+                decoder.n_inputs()
+            );
+            training.push(prepared);
+        }
+        let mut network = Network::new(&decoder, &device)?;
+        let mut adam = Adam::new(&network);
+        let progress = match arguments.resume {
+            true => checkpoint::load(&checkpoint_path(&arguments.output), &mut network, &mut adam, &device)?,
+            false => Progress::default(),
+        };
+        let weights =
+            LossWeights { style: arguments.style_weight, range: arguments.range_weight, content_layers };
+        Ok(Self {
+            arguments: arguments.clone(),
+            paintings: Paintings::new(paintings, arguments.seed),
+            scenes: training,
+            device,
+            encoder,
+            loss_network,
+            weights,
+            network,
+            adam,
+            progress,
+        })
+    }
+
+    fn save(&self) -> Result<()> {
+        checkpoint::save(&checkpoint_path(&self.arguments.output), &self.network, &self.adam, &self.progress)
+    }
+
+    /// What Ctrl-C leads to: everything is kept, and the message says how to go on.
+    fn stop_if_interrupted(&self) -> Result<()> {
+        if INTERRUPTED.load(Ordering::Relaxed) {
+            self.save()?;
+            file::write_decoder(&self.arguments.output, &self.network.decoder(), Precision::F16)?;
+            bail!("interrupted after {} steps; the decoder so far is written, --resume goes on", self.progress.steps);
+        }
+        Ok(())
+    }
+
+    fn warm_start(&mut self) -> Result<()> {
+        let Some(path) = &self.arguments.teacher else { return Ok(()) };
+        let total = self.arguments.warm_iterations;
+        if self.progress.warm_steps >= total {
+            return Ok(());
+        }
+        let teacher = Teacher::open(path)?;
+        let bar = bar(total, "warm start");
+        let content =
+            self.scenes.iter().map(|scene| warm_start::content_maps(scene, &self.encoder)).collect::<Result<Vec<_>>>()?;
+        let mut targets: HashMap<(usize, usize), Target> = HashMap::new();
+        let mut mean_error = f32::NAN;
+        while self.progress.warm_steps < total {
+            self.stop_if_interrupted()?;
+            let done = self.progress.warm_steps;
+            let mut random = Random::new(self.arguments.seed ^ (u64::from(done) << 20) ^ 0x5741_524D);
+            let scene_index = random.below(self.scenes.len());
+            let style_index = random.below(self.arguments.warm_styles);
+            let scene = &self.scenes[scene_index];
+            if !targets.contains_key(&(scene_index, style_index)) {
+                let mut choice = Random::new(self.arguments.seed ^ (style_index as u64).wrapping_mul(0x9E37_79B9));
+                let style = self.paintings.pick(&mut choice, &self.encoder, &self.loss_network, &self.device)?;
+                let target = Target::new(scene, &content[scene_index], style, &teacher)?;
+                targets.insert((scene_index, style_index), target);
+            }
+            let target = &targets[&(scene_index, style_index)];
+            let rate = cosine(WARM_RATE, done, total);
+            let error = warm_start::step(&mut self.network, &mut self.adam, scene, target, &mut random, rate, &self.device);
+            mean_error = if mean_error.is_nan() { error } else { 0.98 * mean_error + 0.02 * error };
+            self.progress.warm_steps += 1;
+            report_step(&bar, self.progress.warm_steps, &format!("color error {mean_error:.4}"));
+            if self.progress.warm_steps % CHECKPOINT_STEPS == 0 {
+                self.save()?;
+            }
+        }
+        bar.finish();
+        // The two losses' gradients differ in scale: Adam's moments start anew.
+        self.adam = Adam::new(&self.network);
+        self.save()
+    }
+
+    fn refine(&mut self) -> Result<()> {
+        let total = self.arguments.iterations;
+        let bar = bar(total, "training");
+        bar.set_position(u64::from(self.progress.steps));
+        let mut contents: HashMap<(usize, usize), Content> = HashMap::new();
+        let mut mean = [f32::NAN; 2];
+        while self.progress.steps < total {
+            self.stop_if_interrupted()?;
+            let done = self.progress.steps;
+            let mut random = Random::new(self.arguments.seed ^ (u64::from(done) << 20) ^ 0x5354_4550);
+            let scene_index = random.below(self.scenes.len());
+            let view_index = random.below(self.scenes[scene_index].views.len());
+            let style = self.paintings.pick(&mut random, &self.encoder, &self.loss_network, &self.device)?;
+            let scene = &self.scenes[scene_index];
+            let view = &scene.views[view_index];
+            let content = contents
+                .entry((scene_index, view_index))
+                .or_insert_with(|| Content::new(view, &self.loss_network, &self.weights, &self.device));
+            let rate = cosine(self.arguments.learning_rate, done, total);
+            let losses = step::step(
+                &mut self.network,
+                &mut self.adam,
+                scene,
+                view,
+                content,
+                style,
+                &self.loss_network,
+                &self.weights,
+                rate,
+                &self.device,
+            )?;
+            self.progress.losses.push(losses);
+            self.progress.steps += 1;
+            for (mean, loss) in mean.iter_mut().zip(losses) {
+                *mean = if mean.is_nan() { loss } else { 0.98 * *mean + 0.02 * loss };
+            }
+            report_step(&bar, self.progress.steps, &format!("content {:.3} style {:.3}", mean[0], mean[1]));
+            if self.progress.steps % CHECKPOINT_STEPS == 0 {
+                self.save()?;
+                file::write_decoder(&self.arguments.output, &self.network.decoder(), Precision::F16)?;
+            }
+        }
+        bar.finish();
+        Ok(())
+    }
+}
+
+fn checkpoint_path(output: &Path) -> PathBuf {
+    beside(output, "checkpoint.safetensors")
+}
+
+fn initial_decoder(arguments: &TrainArgs, encoder: &Encoder, scenes: &[LoadedScene]) -> Result<Decoder> {
+    let Some(path) = &arguments.init else {
+        let n_extra = scenes[0].1.features.as_ref().map_or(0, |features| features.n_extra);
+        let n_inputs = encoder.n_channels() + n_extra;
+        let id = Some(encoder.id().clone());
+        return Ok(Network::random(n_inputs, arguments.k, arguments.activation, id, arguments.seed));
+    };
+    let decoder = file::read_decoder(path)?;
+    if let Some(found) = &decoder.encoder {
+        ensure!(found == encoder.id(), "{}: belongs to {found}, expected {}", path.display(), encoder.id());
+    }
+    Ok(decoder)
+}
+
+/// From `rate` to a tenth of it along half a cosine.
+fn cosine(rate: f32, done: u32, total: u32) -> f32 {
+    let course = 0.5 * (1.0 + (std::f32::consts::PI * done as f32 / total.max(1) as f32).cos());
+    rate * (0.1 + 0.9 * course)
+}
+
+fn bar(total: u32, what: &'static str) -> ProgressBar {
+    let style = ProgressStyle::with_template("{prefix} {pos}/{len} [{elapsed} < {eta}] {msg} {wide_bar}");
+    let bar = ProgressBar::new(u64::from(total)).with_prefix(what);
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar
+}
+
+/// Moves the bar; where there is no terminal, a line now and then.
+fn report_step(bar: &ProgressBar, done: u32, message: &str) {
+    bar.set_position(u64::from(done));
+    bar.set_message(message.to_owned());
+    if bar.is_hidden() && done % CHECKPOINT_STEPS == 0 {
+        eprintln!("{} {done}/{} {message}", bar.prefix(), bar.length().unwrap_or(0));
+    }
+}

@@ -1,2 +1,45 @@
-//! Set-up and chores.
-fn main() {}
+//! Set-up and chores of the workspace: `cargo xtask test | demo | assets`.
+
+mod assets;
+mod demo;
+mod steps;
+mod test;
+
+use std::{env, process::ExitCode};
+
+use anyhow::{Context, Result, bail};
+
+const USAGE: &str = "\
+Usage: cargo xtask <COMMAND>
+
+  test                     everything CI runs: formatting, lints, docs, tests, examples, packages
+  demo                     stylize the demo scene with every shipped style; pictures go to out/demo
+  assets [--encoder FILE]  make everything in assets/ and the default decoder anew (takes hours)";
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<()> {
+    let arguments: Vec<String> = env::args().skip(1).collect();
+    let root = steps::workspace_root();
+    env::set_current_dir(&root).with_context(|| format!("cannot enter {}", root.display()))?;
+    match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["test"] => test::run(),
+        ["demo"] => demo::run(),
+        ["assets"] => assets::run(None),
+        ["assets", "--encoder", file] => assets::run(Some(file)),
+        ["help" | "--help" | "-h"] => {
+            println!("{USAGE}");
+            Ok(())
+        }
+        [] => bail!("a command is missing\n\n{USAGE}"),
+        _ => bail!("unknown arguments: {}\n\n{USAGE}", arguments.join(" ")),
+    }
+}

@@ -190,4 +190,4 @@ fn features_of(values: Vec<f32>, n_low: usize, basis: Vec<f32>, offset: Vec<f32>
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

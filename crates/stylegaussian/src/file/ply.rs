@@ -150,4 +150,4 @@ fn spherical_harmonics(columns: &Columns, color: &Color) -> Option<Sh> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -28,9 +28,7 @@ use crate::{
 };
 
 use super::{
-    FileError, Loaded, Mismatch, Precision,
-    activate::is_usable,
-    decoder, mismatch,
+    FileError, Loaded, Mismatch, Precision, check_scene, decoder, mismatch,
     tensors::{
         Dimension::{Any, Is},
         Reader, Writer, expect_finite,
@@ -77,7 +75,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     scene.up = reader.metadata("up").map(up_from_text).transpose()?;
     scene.source = reader.metadata("source").map(Into::into);
     scene.licence = reader.metadata("licence").map(Into::into);
-    scene.validate().map_err(|error| mismatch(error, "a valid scene"))?;
+    check_scene(&scene)?;
     Ok(Loaded { scene, warnings })
 }
 
@@ -91,9 +89,6 @@ fn gaussians(reader: &Reader) -> Result<Scene, Mismatch> {
     }
     let rotations = reader.floats("rotations", &[Is(n), Is(4)])?;
     let opacities = reader.floats("opacities", &[Is(n)])?;
-    if let Some(opacity) = opacities.iter().find(|opacity| !(0.0..=1.0).contains(*opacity)) {
-        return Err(mismatch(format_args!("opacity {opacity}"), "0 to 1"));
-    }
     let order = match reader.has("order") {
         true => reader.indices("order", &[Is(n)])?,
         false => (0..n as u32).collect(),
@@ -102,24 +97,13 @@ fn gaussians(reader: &Reader) -> Result<Scene, Mismatch> {
     let least = order.iter().max().map_or(0, |&last| last as usize + 1);
     Ok(Scene {
         means,
-        rotations: rotations.chunks_exact(4).map(unit_rotation).collect::<Result<_, _>>()?,
+        rotations: rotations.chunks_exact(4).map(Quat::from_slice).collect(),
         scales: vec3(reader.floats("scales", &[Is(n), Is(3)])?),
         opacities,
         order,
         n_source: reader.parsed("source_count", "a count of Gaussians")?.unwrap_or(least),
         ..Scene::default()
     })
-}
-
-/// Checks that a rotation is a unit quaternion to the accuracy of f16, and makes it one to that of f32.
-fn unit_rotation(xyzw: &[f32]) -> Result<Quat, Mismatch> {
-    let rotation = Quat::from_slice(xyzw);
-    let length = rotation.length();
-    if (length - 1.0).abs() > 1e-3 {
-        return Err(mismatch(format_args!("a rotation of length {length}"), "unit quaternions"));
-    }
-    // Those that are as good as f32 allows stay the same bit for bit.
-    Ok(if (length - 1.0).abs() < 1e-6 { rotation } else { rotation.normalize() })
 }
 
 fn spherical_harmonics(reader: &Reader, n: usize) -> Result<Option<Sh>, Mismatch> {
@@ -200,13 +184,6 @@ pub(super) fn write(path: &Path, scene: &Scene) -> Result<(), FileError> {
 /// The tensors and metadata of a scene in Morton order.
 fn prepare(scene: &Scene) -> Result<Writer<'_>, Mismatch> {
     let n = scene.len();
-    if n == 0 {
-        return Err(mismatch("no Gaussian", "at least one"));
-    }
-    if let Some(i) = (0..n).find(|&i| !is_usable(scene, i)) {
-        let source_index = scene.order[i];
-        return Err(mismatch(format_args!("source Gaussian {source_index} not finite"), "finite numbers"));
-    }
     let mut writer = Writer::new(FORMAT);
     writer.f32("means", &[n, 3], bytemuck::cast_slice(&scene.means));
     writer.f32("rotations", &[n, 4], bytemuck::cast_slice(&scene.rotations));

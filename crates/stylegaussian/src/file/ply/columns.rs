@@ -64,6 +64,12 @@ fn element_columns(
     source: &mut impl Source,
     names: &[String],
 ) -> Result<Columns, Mismatch> {
+    if let Some(missing) = names.iter().find(|name| !element.properties.contains_key(*name)) {
+        return Err(mismatch(
+            format_args!("no property `{missing}` in element `{}`", element.name),
+            format_args!("`{missing}`"),
+        ));
+    }
     // The column that each property goes to, in the file's order.
     let plan: Vec<(&PropertyType, Option<usize>)> = element
         .properties

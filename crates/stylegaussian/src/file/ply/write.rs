@@ -40,11 +40,10 @@ fn push_row(scene: &Scene, i: usize, n_rest: usize, row: &mut Vec<[u8; 4]>) {
     let width = 3 * (n_rest + 1);
     let coefficients =
         scene.sh.as_ref().map_or(&[0.0; 3][..], |sh| &sh.coefficients[i * width..(i + 1) * width]);
+    let (dc, rest) = coefficients.split_at(3);
+    dc.iter().copied().for_each(&mut push);
     for channel in 0..3 {
-        push(coefficients[channel]);
-    }
-    for channel in 0..3 {
-        coefficients[3..].iter().skip(channel).step_by(3).copied().for_each(&mut push);
+        rest.iter().skip(channel).step_by(3).copied().for_each(&mut push);
     }
     push(logit(scene.opacities[i]));
     scene.scales[i].to_array().map(log_scale).into_iter().for_each(&mut push);

@@ -1,0 +1,61 @@
+//! The command line `stylegaussian`: its commands, what they print, and how they fail.
+
+pub(crate) mod arguments;
+mod convert;
+mod info;
+mod output;
+mod render;
+mod style;
+mod stylization;
+mod stylize;
+
+use anyhow::Result;
+use clap::{Parser, Subcommand};
+
+pub use arguments::Backend;
+pub use output::error_chain;
+
+/// Restyle 3D Gaussian Splatting scenes with any painting: embed once, then stylize in a moment.
+#[derive(Debug, Parser)]
+#[command(name = "stylegaussian", version)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Info(info::InfoArgs),
+    Convert(convert::ConvertArgs),
+    Style(style::StyleArgs),
+    Stylize(stylize::StylizeArgs),
+    Render(render::RenderArgs),
+}
+
+impl Cli {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// A [`clap::Error`] where the arguments contradict one another; anything else names the file or the value at fault.
+    pub fn run(self) -> Result<()> {
+        match self.command {
+            Command::Info(arguments) => info::run(&arguments),
+            Command::Convert(arguments) => convert::run(&arguments),
+            Command::Style(arguments) => style::run(&arguments),
+            Command::Stylize(arguments) => stylize::run(&arguments),
+            Command::Render(arguments) => render::run(&arguments),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+}

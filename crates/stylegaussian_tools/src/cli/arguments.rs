@@ -1,0 +1,174 @@
+//! Values on the command line: weighted styles, fractions, sizes, backgrounds, backends.
+
+use std::{path::PathBuf, str::FromStr};
+
+use anyhow::{Result, bail};
+use clap::ValueEnum;
+use glam::UVec2;
+
+use crate::picture::Background;
+
+/// Longest side of a picture, in pixels.
+pub const MAX_SIDE: u32 = 16_384;
+
+/// A style and its share in a mix: `path` or `path:weight`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WeightedStyle {
+    /// An image or a `*.style.safetensors`.
+    pub path: PathBuf,
+    /// Not negative; 1 where none was given.
+    pub weight: f64,
+}
+
+impl FromStr for WeightedStyle {
+    type Err = String;
+
+    /// Splits at the last colon, and only where a number follows: `C:\paintings\a.png` is a path.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (path, weight) = match text.rsplit_once(':') {
+            Some((path, number)) if is_number(number) => {
+                (path, number.parse().map_err(|_| not_a_weight(number))?)
+            }
+            _ => (text, 1.0),
+        };
+        if path.is_empty() {
+            return Err("the path is missing".into());
+        }
+        if !(0.0..=f64::from(f32::MAX)).contains(&weight) {
+            return Err(not_a_weight(&weight.to_string()));
+        }
+        Ok(Self { path: path.into(), weight })
+    }
+}
+
+/// Whether `text` is meant as a number. Rust also parses `inf` and `nan`, which are likelier names.
+fn is_number(text: &str) -> bool {
+    text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) && text.parse::<f64>().is_ok()
+}
+
+fn not_a_weight(found: &str) -> String {
+    format!("weight {found}: expected a finite number, 0 or more")
+}
+
+/// A number from 0 to 1.
+pub fn fraction(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
+        _ => Err("expected a number from 0 to 1".into()),
+    }
+}
+
+/// Width and height of a picture, as in `640x480`.
+pub fn picture_size(text: &str) -> Result<UVec2, String> {
+    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
+    text.split_once('x')
+        .and_then(|(width, height)| Some(UVec2::new(side(width)?, side(height)?)))
+        .ok_or_else(|| format!("expected WIDTHxHEIGHT in pixels, 1 to {MAX_SIDE} each, as in 640x480"))
+}
+
+/// `transparent`, or a color as `RRGGBB` or `#RRGGBB`.
+pub fn background(text: &str) -> Result<Background, String> {
+    if text == "transparent" {
+        return Ok(Background::Transparent);
+    }
+    let digits = text.strip_prefix('#').unwrap_or(text);
+    match u32::from_str_radix(digits, 16) {
+        Ok(rgb) if digits.len() == 6 && !digits.starts_with('+') => {
+            let [_, r, g, b] = rgb.to_be_bytes();
+            Ok(Background::Color([r, g, b]))
+        }
+        _ => Err("expected `transparent` or six hexadecimal digits RRGGBB".into()),
+    }
+}
+
+/// What computes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Backend {
+    /// The best there is.
+    Auto,
+    /// The CPU.
+    Cpu,
+    /// The GPU, or an error.
+    Gpu,
+}
+
+impl Backend {
+    /// Never falls back silently.
+    ///
+    /// # Errors
+    /// When a GPU is asked for: this version has no GPU backend.
+    pub fn check(self) -> Result<()> {
+        if self == Self::Gpu {
+            bail!("--backend gpu: this version has no GPU backend; use --backend cpu or auto");
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check_style(text: &str, path: &str, weight: f64) {
+        assert_eq!(text.parse(), Ok(WeightedStyle { path: path.into(), weight }), "{text}");
+    }
+
+    #[test]
+    fn a_style_splits_at_the_last_colon_where_a_number_follows() {
+        check_style("a.png", "a.png", 1.0);
+        check_style("a.png:0.3", "a.png", 0.3);
+        check_style("a.png:2", "a.png", 2.0);
+        check_style("a.png:.5", "a.png", 0.5);
+        check_style("a.png:1e-3", "a.png", 1e-3);
+        check_style("dir:1/a.png", "dir:1/a.png", 1.0);
+        check_style("a:1:2", "a:1", 2.0);
+        check_style("a:b", "a:b", 1.0);
+        check_style("a.png:", "a.png:", 1.0);
+        check_style("12:34.png", "12:34.png", 1.0);
+        check_style("a:nan", "a:nan", 1.0);
+        check_style("a:inf", "a:inf", 1.0);
+        check_style("0.5", "0.5", 1.0);
+    }
+
+    #[test]
+    fn windows_paths_keep_their_drive() {
+        check_style(r"C:\paintings\a.png", r"C:\paintings\a.png", 1.0);
+        check_style(r"C:\paintings\a.png:0.25", r"C:\paintings\a.png", 0.25);
+        check_style("C:/paintings/a.png:1", "C:/paintings/a.png", 1.0);
+    }
+
+    #[test]
+    fn impossible_weights_are_refused() {
+        for text in ["a:-1", "a:1e999", ":0.5", ""] {
+            assert!(text.parse::<WeightedStyle>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn fractions_end_at_0_and_1() {
+        assert_eq!(fraction("0"), Ok(0.0));
+        assert_eq!(fraction("1.0"), Ok(1.0));
+        for text in ["-0.1", "1.01", "nan", "NaN", "inf", "", "half"] {
+            assert!(fraction(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn sizes() {
+        assert_eq!(picture_size("640x480"), Ok(UVec2::new(640, 480)));
+        for text in ["640", "640x", "0x480", "640x-1", "100000x1", "640x480x3", "axb"] {
+            assert!(picture_size(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn backgrounds() {
+        assert_eq!(background("transparent"), Ok(Background::Transparent));
+        assert_eq!(background("ff8000"), Ok(Background::Color([255, 128, 0])));
+        assert_eq!(background("#FF8000"), Ok(Background::Color([255, 128, 0])));
+        for text in ["white", "fff", "ff80000", "gg0000", "+f8000", ""] {
+            assert!(background(text).is_err(), "{text}");
+        }
+    }
+}

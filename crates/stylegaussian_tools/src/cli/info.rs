@@ -1,0 +1,247 @@
+//! `stylegaussian info`: what a scene file holds.
+
+use std::{
+    fmt::Write as _,
+    path::{Path, PathBuf},
+};
+
+use anyhow::Result;
+use clap::Args;
+use serde::Serialize;
+use stylegaussian::{Activation, Decoder, EncoderId, Features, Scene, file};
+
+use super::{
+    output::{print, warn},
+    stylization::default_decoder,
+};
+
+/// Show what a scene holds: counts, SH degree, bounds, features, encoder, decoder, memory needed at run time.
+#[derive(Args, Debug)]
+pub struct InfoArgs {
+    /// A scene: 3DGS .ply, .sgs, or a StyleGaussian checkpoint (.pth).
+    scene: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct Info<'a> {
+    path: &'a Path,
+    /// Gaussians in the scene.
+    n_gaussians: usize,
+    /// Gaussians in the file it was made of.
+    n_source: usize,
+    sh_degree: Option<u8>,
+    bounds: Option<[[f32; 3]; 2]>,
+    up: Option<[f32; 3]>,
+    source: Option<&'a str>,
+    licence: Option<&'a str>,
+    features: Option<FeaturesInfo>,
+    /// K of the stored neighbor lists.
+    neighbors: Option<usize>,
+    decoder: Option<DecoderInfo>,
+    gpu_bytes: GpuBytes,
+    warnings: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct FeaturesInfo {
+    /// L.
+    n_low: usize,
+    /// D.
+    n_channels: usize,
+    /// E.
+    n_extra: usize,
+    encoder: Option<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct DecoderInfo {
+    /// Inputs of the first layer, then outputs of each.
+    widths: Vec<usize>,
+    k: usize,
+    activation: String,
+    residual: bool,
+    encoder: Option<String>,
+}
+
+/// Bytes on the GPU for N Gaussians, by arithmetic.
+#[derive(Debug, PartialEq, Serialize)]
+struct GpuBytes {
+    /// What stays: N (44 + 6 (degree + 1)^2 + 8) for geometry (mean, rotation, scale, opacity in f32), SH in f16 and a
+    /// color of 4 f16; with features N (16 ceil((L + E) / 8) + 4 K) more, for planes of 8 f16 and u32 neighbors.
+    scene: u64,
+    /// What only a change of style needs: 2 N max(d_i + d_{i+1}) over successive hidden layers, the f16 activations
+    /// that one layer reads and writes, and 4 bytes for each weight of the decoder folded to L + E inputs. 0 without
+    /// features.
+    style_pass: u64,
+}
+
+impl GpuBytes {
+    fn of(scene: &Scene, decoder: Option<&Decoder>) -> Self {
+        let n = scene.len() as u64;
+        let n_coefficients = scene.sh.as_ref().map_or(0, |sh| (u64::from(sh.degree) + 1).pow(2));
+        let mut bytes = Self { scene: n * (44 + 6 * n_coefficients + 8), style_pass: 0 };
+        let (Some(features), Some(decoder)) = (&scene.features, decoder) else { return bytes };
+        let n_inputs = features.n_low + features.n_extra;
+        let k = decoder.k as u64;
+        bytes.scene += n * (16 * n_inputs.div_ceil(8) as u64 + 4 * k);
+        let hidden: Vec<u64> =
+            decoder.layers.iter().rev().skip(1).rev().map(|layer| layer.d_out as u64).collect();
+        let widest = match hidden[..] {
+            [] => 0,
+            [one] => one,
+            _ => hidden.windows(2).map(|pair| pair[0] + pair[1]).max().unwrap_or(0),
+        };
+        let n_weights = |(i, layer): (usize, &stylegaussian::Layer)| {
+            let d_in = if i == 0 { n_inputs } else { layer.d_in };
+            layer.d_out as u64 * (k * d_in as u64 + 1)
+        };
+        bytes.style_pass = 2 * n * widest + 4 * decoder.layers.iter().enumerate().map(n_weights).sum::<u64>();
+        bytes
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &InfoArgs) -> Result<()> {
+    let loaded = file::read_scene(&arguments.scene)?;
+    warn(&loaded.warnings);
+    let info = describe(&arguments.scene, &loaded.scene, loaded.warnings)?;
+    print(arguments.json, &info, || text(&info))
+}
+
+fn describe<'a>(path: &'a Path, scene: &'a Scene, warnings: Vec<String>) -> Result<Info<'a>> {
+    let gpu_bytes = match (&scene.features, &scene.decoder) {
+        (Some(_), None) => GpuBytes::of(scene, Some(&default_decoder()?)),
+        (_, decoder) => GpuBytes::of(scene, decoder.as_ref()),
+    };
+    Ok(Info {
+        path,
+        n_gaussians: scene.len(),
+        n_source: scene.n_source,
+        sh_degree: scene.sh.as_ref().map(|sh| sh.degree),
+        bounds: scene.bounds().map(|(min, max)| [min.to_array(), max.to_array()]),
+        up: scene.up.map(|up| up.to_array()),
+        source: scene.source.as_deref(),
+        licence: scene.licence.as_deref(),
+        features: scene.features.as_ref().map(FeaturesInfo::of),
+        neighbors: scene.neighbors.as_ref().map(|neighbors| neighbors.k),
+        decoder: scene.decoder.as_ref().map(DecoderInfo::of),
+        gpu_bytes,
+        warnings,
+    })
+}
+
+impl FeaturesInfo {
+    fn of(features: &Features) -> Self {
+        Self {
+            n_low: features.n_low,
+            n_channels: features.n_channels(),
+            n_extra: features.n_extra,
+            encoder: features.encoder.as_ref().map(EncoderId::to_string),
+        }
+    }
+}
+
+impl DecoderInfo {
+    fn of(decoder: &Decoder) -> Self {
+        let outputs = decoder.layers.iter().map(|layer| layer.d_out);
+        Self {
+            widths: std::iter::once(decoder.n_inputs()).chain(outputs).collect(),
+            k: decoder.k,
+            activation: match decoder.activation {
+                Activation::Sigmoid => "sigmoid".into(),
+                Activation::LeakyRelu { slope } => format!("leaky_relu:{slope}"),
+            },
+            residual: decoder.residual,
+            encoder: decoder.encoder.as_ref().map(EncoderId::to_string),
+        }
+    }
+}
+
+fn text(info: &Info) -> String {
+    let mut text = info.path.display().to_string();
+    let mut row = |name: &str, value: String| {
+        // Writing to a String cannot fail.
+        let _ = write!(text, "\n  {name:<11} {value}");
+    };
+    let dropped = info.n_source.saturating_sub(info.n_gaussians);
+    let of_source = if dropped > 0 { format!(" ({} in its source)", info.n_source) } else { String::new() };
+    row("Gaussians", format!("{}{of_source}", info.n_gaussians));
+    row("SH degree", info.sh_degree.map_or("none: no colors of its own".into(), |degree| degree.to_string()));
+    if let Some([min, max]) = info.bounds {
+        row("bounds", format!("{min:?} to {max:?}"));
+    }
+    if let Some(up) = info.up {
+        row("up", format!("{up:?}"));
+    }
+    let strings = [("source", info.source), ("licence", info.licence)];
+    strings.into_iter().for_each(|(name, value)| value.into_iter().for_each(|value| row(name, value.into())));
+    row(
+        "features",
+        info.features.as_ref().map_or("none: `stylegaussian embed` adds them".into(), |f| {
+            let extra =
+                if f.n_extra > 0 { format!(" and {} extra inputs", f.n_extra) } else { String::new() };
+            format!("{} low channels of {}{extra}, encoder {}", f.n_low, f.n_channels, or_unknown(&f.encoder))
+        }),
+    );
+    row(
+        "neighbors",
+        info.neighbors.map_or("none: found when needed".into(), |k| format!("{k} of each Gaussian")),
+    );
+    row(
+        "decoder",
+        info.decoder.as_ref().map_or("none: the default one serves".into(), |d| {
+            let widths: Vec<_> = d.widths.iter().map(ToString::to_string).collect();
+            let residual = if d.residual { ", residual" } else { "" };
+            let encoder = or_unknown(&d.encoder);
+            format!("{}, K = {}, {}{residual}, encoder {encoder}", widths.join(" > "), d.k, d.activation)
+        }),
+    );
+    let mb = |bytes: u64| bytes as f64 / 1e6;
+    let GpuBytes { scene, style_pass } = info.gpu_bytes;
+    row("GPU memory", format!("{:.1} MB, and {:.1} MB while a style changes", mb(scene), mb(style_pass)));
+    text
+}
+
+fn or_unknown(encoder: &Option<String>) -> &str {
+    encoder.as_deref().unwrap_or("unknown")
+}
+
+#[cfg(test)]
+mod tests {
+    use stylegaussian::{Layer, scene::Sh};
+
+    use super::*;
+
+    #[test]
+    fn gpu_bytes_by_hand() {
+        let layer = |d_in, d_out| Layer { weight: vec![], bias: vec![], d_in, d_out };
+        let decoder = Decoder {
+            layers: vec![layer(256, 64), layer(64, 32), layer(32, 3)],
+            k: 8,
+            activation: Activation::Sigmoid,
+            residual: false,
+            encoder: None,
+        };
+        let mut scene = Scene { means: vec![glam::Vec3::ZERO; 10], ..Scene::default() };
+        scene.sh = Some(Sh { degree: 1, coefficients: vec![0.0; 10 * 12] });
+        assert_eq!(
+            GpuBytes::of(&scene, Some(&decoder)),
+            GpuBytes { scene: 10 * (44 + 24 + 8), style_pass: 0 }
+        );
+        scene.features = Some(Features {
+            values: vec![0.0; 320],
+            n_low: 32,
+            basis: vec![0.0; 256 * 32],
+            offset: vec![0.0; 256],
+            extra: vec![],
+            n_extra: 0,
+            encoder: None,
+        });
+        let weights = 64 * (8 * 32 + 1) + 32 * (8 * 64 + 1) + 3 * (8 * 32 + 1);
+        let expected = GpuBytes { scene: 10 * (76 + 64 + 32), style_pass: 2 * 10 * (64 + 32) + 4 * weights };
+        assert_eq!(GpuBytes::of(&scene, Some(&decoder)), expected);
+    }
+}

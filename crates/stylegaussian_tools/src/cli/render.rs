@@ -1,0 +1,156 @@
+//! `stylegaussian render`: pictures of a scene, as it is or in a style.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+use glam::UVec2;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+use stylegaussian::{
+    Camera, Scene, file,
+    splat::{self, Colors},
+};
+
+use super::{
+    arguments::{MAX_SIDE, background, picture_size},
+    output::{print, warn},
+    stylization::{Stylization, StylizationArgs},
+};
+use crate::picture::{Background, Picture};
+
+/// Views of `--orbit` where nothing else is asked for.
+const DEFAULT_ORBIT: u32 = 8;
+/// Pictures of `--orbit` where `--size` says nothing.
+const DEFAULT_SIZE: UVec2 = UVec2::new(800, 600);
+
+/// Render a scene to PNG files 000000.png, 000001.png, ... in camera order.
+#[derive(Args, Debug)]
+#[command(mut_arg("content", |content| content.requires("styles")))]
+#[command(mut_arg("decoder", |decoder| decoder.requires("styles")))]
+pub struct RenderArgs {
+    /// A scene: 3DGS .ply, .sgs, or a StyleGaussian checkpoint (.pth).
+    scene: PathBuf,
+    #[command(flatten)]
+    stylization: StylizationArgs,
+    /// This many views around the scene; 8 unless cameras are given.
+    #[arg(long, value_name = "N", conflicts_with = "cameras", value_parser = clap::value_parser!(u32).range(1..=999_999))]
+    orbit: Option<u32>,
+    /// Cameras: transforms.json, a COLMAP model, or 3DGS cameras.json.
+    #[arg(long, value_name = "FILE")]
+    cameras: Option<PathBuf>,
+    /// The pictures' size; otherwise each camera's own (800x600 for an orbit).
+    #[arg(long, value_name = "WxH", value_parser = picture_size)]
+    size: Option<UVec2>,
+    /// What lies behind the scene: `transparent` or a color.
+    #[arg(long, value_name = "transparent|RRGGBB", default_value = "transparent", value_parser = background)]
+    background: Background,
+    /// The folder for the pictures; made where it is missing.
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Rendered<'a> {
+    scene: &'a Path,
+    pictures: Vec<RenderedPicture>,
+    #[serde(flatten)]
+    stylization: Option<&'a Stylization>,
+}
+
+#[derive(Serialize)]
+struct RenderedPicture {
+    path: PathBuf,
+    /// Width and height, in pixels.
+    size: [u32; 2],
+}
+
+/// Runs the command.
+pub fn run(arguments: &RenderArgs) -> Result<()> {
+    let RenderArgs { scene: path, stylization, output, json, .. } = arguments;
+    stylization.check()?;
+    let loaded = file::read_scene(path)?;
+    warn(&loaded.warnings);
+    let scene = loaded.scene;
+    let cameras = arguments.cameras(&scene)?;
+    let stylized = if stylization.has_style() { Some(stylization.stylize(&scene, path)?) } else { None };
+    let colors = stylized.as_ref().map_or(Colors::Sh, |stylized| Colors::Rgb(&stylized.colors));
+    let pictures = render_all(&scene, colors, &cameras, arguments.background, output)?;
+    let n_pictures = pictures.len();
+    let rendered = Rendered { scene: path, pictures, stylization: stylized.as_ref() };
+    print(*json, &rendered, || format!("{n_pictures} pictures in {}", output.display()))
+}
+
+impl RenderArgs {
+    /// The cameras at the sizes of the pictures.
+    fn cameras(&self, scene: &Scene) -> Result<Vec<Camera>> {
+        let cameras = match &self.cameras {
+            Some(path) => read_cameras(path)?,
+            None => orbit(scene, self.orbit.unwrap_or(DEFAULT_ORBIT), DEFAULT_SIZE),
+        };
+        let resize = |camera: Camera| self.size.map_or(camera.clone(), |size| camera.resized(size));
+        Ok(cameras.into_iter().map(resize).collect())
+    }
+}
+
+fn render_all(
+    scene: &Scene,
+    colors: Colors,
+    cameras: &[Camera],
+    background: Background,
+    folder: &Path,
+) -> Result<Vec<RenderedPicture>> {
+    fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    let progress = ProgressBar::new(cameras.len() as u64)
+        .with_style(ProgressStyle::with_template("{bar:40} {pos}/{len} pictures, {eta} left")?);
+    let mut pictures = Vec::with_capacity(cameras.len());
+    for (i, camera) in cameras.iter().enumerate() {
+        let path = folder.join(format!("{i:06}.png"));
+        let view = splat::render(scene, colors, camera);
+        Picture::of(&view, background).write_png(&path)?;
+        pictures.push(RenderedPicture { path, size: camera.size.to_array() });
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+    Ok(pictures)
+}
+
+/// Cameras of a file, none of them larger than a picture can be.
+fn read_cameras(path: &Path) -> Result<Vec<Camera>> {
+    let cameras: Vec<Camera> = Vec::new();
+    ensure!(!cameras.is_empty(), "{}: found no camera, expected at least one", path.display());
+    for (i, camera) in cameras.iter().enumerate() {
+        ensure!(
+            camera.size.max_element() <= MAX_SIDE,
+            "{}: camera {i} is {}x{}, expected at most {MAX_SIDE} pixels on a side",
+            path.display(),
+            camera.size.x,
+            camera.size.y
+        );
+    }
+    Ok(cameras)
+}
+
+fn orbit(scene: &Scene, n: u32, size: UVec2) -> Vec<Camera> {
+    let (min, max) = scene.bounds().unwrap_or_default();
+    let (center, up) = ((min + max) / 2.0, scene.up.unwrap_or(-glam::Vec3::Y));
+    (0..n)
+        .map(|i| {
+            let a = std::f32::consts::TAU * i as f32 / n as f32;
+            let (x, y) = up.any_orthonormal_pair();
+            Camera::look_at(
+                center + (max - min).length() * (x * a.cos() + y * a.sin() + 0.3 * up),
+                center,
+                up,
+                0.8,
+                size,
+            )
+        })
+        .collect()
+}

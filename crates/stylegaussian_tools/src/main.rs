@@ -1,0 +1,29 @@
+//! The binary `stylegaussian`: see `stylegaussian --help`.
+
+use std::{io, process::ExitCode};
+
+use clap::Parser;
+use stylegaussian_tools::cli::{Cli, error_chain};
+
+/// 0 on success, 1 on an error, 2 on a usage error.
+fn main() -> ExitCode {
+    match Cli::parse().run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            // Arguments that contradict one another are found only after parsing.
+            if let Some(usage) = error.downcast_ref::<clap::Error>() {
+                usage.exit();
+            }
+            if !is_broken_pipe(&error) {
+                eprintln!("error: {}", error_chain(&error));
+            }
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Whether whoever read our output has gone, as in `stylegaussian info scene.ply | head -1`: nobody is there to tell.
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    let of_kind = |error: &io::Error| error.kind() == io::ErrorKind::BrokenPipe;
+    error.downcast_ref::<io::Error>().is_some_and(of_kind)
+}

@@ -1,0 +1,71 @@
+//! A 2D decoder from relu3_1 features back to an image: what the 3D decoder is first trained to imitate.
+//!
+//! The reconstruction decoder of "Universal Style Transfer via Feature Transforms" (Li et al. 2017) mirrors VGG-19
+//! from relu3_1 down: it was trained to invert the features, and with transferred features it paints the style.
+
+use std::path::Path;
+
+use anyhow::{Context, ensure};
+use stylegaussian_encoder::{
+    FeatureMap, Image,
+    features::transposed,
+    network::{Network, Planes},
+    onnx::ChainWriter,
+    weights::Weights,
+};
+
+/// Channels of the features, those of VGG's relu3_1.
+const N_CHANNELS: usize = 256;
+
+/// The layers in order: name, channels out, channels in, and whether the image doubles after it.
+const LAYERS: [(&str, usize, usize, bool); 5] = [
+    ("conv3_1", 128, N_CHANNELS, true),
+    ("conv2_2", 128, 128, false),
+    ("conv2_1", 64, 128, true),
+    ("conv1_2", 64, 64, false),
+    ("conv1_1", 3, 64, false),
+];
+
+/// A loaded teacher. Shared by reference between threads, as an encoder is.
+pub struct Teacher {
+    network: Network,
+}
+
+impl Teacher {
+    /// Opens weights (`conv3_1.weight` ... `conv1_1.bias`, f32) as safetensors or a PyTorch state dict.
+    ///
+    /// # Errors
+    /// When the file cannot be read, a tensor is missing, has another shape or is not finite, or no engine runs it.
+    pub fn open(path: &Path) -> anyhow::Result<Self> {
+        let weights = Weights::open(path)?;
+        let mut chain = ChainWriter::new(N_CHANNELS);
+        for (layer, (name, outputs, inputs, doubles)) in LAYERS.into_iter().enumerate() {
+            let convolution = weights.convolution(name, [outputs, inputs, 3, 3])?;
+            chain = chain.reflect().convolution(&convolution, 0);
+            if layer + 1 < LAYERS.len() {
+                chain = chain.relu();
+            }
+            if doubles {
+                chain = chain.upsample();
+            }
+        }
+        Ok(Self { network: Network::load(path.display().to_string(), chain.finish())? })
+    }
+
+    /// The image of features: four times as wide and high, clamped to 0..1.
+    ///
+    /// # Errors
+    /// When the features are not 256 channels of at least 2x2 cells (the padding reflects), or the engine fails.
+    pub fn decode(&self, features: &FeatureMap) -> anyhow::Result<Image> {
+        let (width, height) = (features.width, features.height);
+        ensure!(
+            features.n_channels == N_CHANNELS && width >= 2 && height >= 2,
+            "the teacher decodes {N_CHANNELS} channels of at least 2x2 cells, found {} of {width}x{height}",
+            features.n_channels
+        );
+        let planes = self.network.run(&Planes::from(features)).context("decoding features to an image")?;
+        let mut rgb = transposed(&planes.values, 3, planes.width * planes.height);
+        rgb.iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
+        Ok(Image { width: planes.width as u32, height: planes.height as u32, rgb })
+    }
+}

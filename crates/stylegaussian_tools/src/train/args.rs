@@ -1,0 +1,90 @@
+//! What `stylegaussian train` is told.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use stylegaussian::Activation;
+
+use crate::cli::Backend;
+
+/// Train one decoder from embedded scenes and a folder of paintings.
+///
+/// First a warm start where a teacher is named (regression on what a 2D decoder makes of the same features), then the
+/// paper's loss: content at relu4_1, channel means and deviations at relu1_1 to relu4_1. Progress is kept in
+/// OUT.checkpoint.safetensors; Ctrl-C saves and ends.
+#[derive(Args, Clone, Debug)]
+pub struct TrainArgs {
+    /// Embedded scenes (.sgs).
+    #[arg(required = true, value_name = "SCENE")]
+    pub scenes: Vec<PathBuf>,
+    /// A folder of paintings (.jpg, .png).
+    #[arg(long, value_name = "DIR")]
+    pub styles: PathBuf,
+    /// The decoder to write, *.decoder.safetensors.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Photos with poses, one folder for each scene: their cameras are trained on.
+    #[arg(long, value_name = "DIR", conflicts_with = "cameras")]
+    pub photos: Vec<PathBuf>,
+    /// Cameras, one file for each scene.
+    #[arg(long, value_name = "FILE")]
+    pub cameras: Vec<PathBuf>,
+    /// Views of each scene, chosen to suit it, where neither photos nor cameras are named.
+    #[arg(long, value_name = "N", default_value_t = 24)]
+    pub views: usize,
+    /// Longer side of a training view, in pixels.
+    #[arg(long, value_name = "PX", default_value_t = 256)]
+    pub size: u32,
+    /// A decoder to start from; it gives window, activation and widths.
+    #[arg(long, value_name = "DECODER")]
+    pub init: Option<PathBuf>,
+    /// Steps with the paper's loss.
+    #[arg(long, value_name = "N", default_value_t = 3000)]
+    pub iterations: u32,
+    /// Factor of the style loss.
+    #[arg(long, value_name = "W", default_value_t = 10.0)]
+    pub style_weight: f32,
+    /// Factor of a penalty on colors outside 0..1; the paper has none.
+    #[arg(long, value_name = "W", default_value_t = 0.0)]
+    pub range_weight: f32,
+    /// Layers the content loss compares: relu4_1 as the original implementation, or
+    /// relu1_1,relu2_1,relu3_1,relu4_1 as the paper's text. relu3_1 where no weights reach relu4_1.
+    #[arg(long, value_name = "LAYERS", value_delimiter = ',')]
+    pub content_layers: Vec<String>,
+    /// Weights that stand in for VGG-19 at relu4_1, where the encoder's end at relu3_1.
+    #[arg(long, value_name = "FILE")]
+    pub relu4: Option<PathBuf>,
+    /// A decoder of 2D feature maps (safetensors, relu3_1 to RGB): the warm start's teacher. No warm start without.
+    #[arg(long, value_name = "FILE")]
+    pub teacher: Option<PathBuf>,
+    /// Steps of the warm start.
+    #[arg(long, value_name = "N", default_value_t = 1500)]
+    pub warm_iterations: u32,
+    /// Crops of paintings that the teacher paints each scene with.
+    #[arg(long, value_name = "N", default_value_t = 48)]
+    pub warm_styles: usize,
+    /// Adam's learning rate at the first step with the paper's loss; it falls to a tenth along a cosine.
+    #[arg(long, value_name = "RATE", default_value_t = 1e-3)]
+    pub learning_rate: f32,
+    /// `sigmoid` (the paper's) or `leaky_relu:SLOPE`, for a decoder that starts from random weights.
+    #[arg(long, value_name = "A", default_value = "leaky_relu:0.2")]
+    pub activation: Activation,
+    /// K, the window of a decoder that starts from random weights.
+    #[arg(short, long, value_name = "K", default_value_t = 8)]
+    pub k: usize,
+    /// Paintings kept out of training, spread over the folder, and shown on the contact sheet at the end.
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    pub holdout_styles: usize,
+    /// Random seed.
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Goes on from OUT.checkpoint.safetensors.
+    #[arg(long)]
+    pub resume: bool,
+    /// VGG-19 weights (safetensors), for AdaIN and the loss.
+    #[arg(long, value_name = "FILE")]
+    pub encoder: Option<PathBuf>,
+    /// What computes: `gpu` needs a build with the `gpu` feature and never falls back silently.
+    #[arg(long, value_enum, default_value = "auto")]
+    pub backend: Backend,
+}

@@ -1,0 +1,98 @@
+//! What a training run needs to go on where it stopped.
+
+use std::{collections::HashMap, fs, path::Path};
+
+use anyhow::{Context, Result, ensure};
+use burn::tensor::{Device, Tensor, TensorData};
+use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use stylegaussian::file;
+
+use super::{
+    adam::Adam,
+    network::{Network, to_vec},
+};
+
+/// Metadata value that tells a checkpoint from other safetensors files.
+const FORMAT: &str = "stylegaussian-training";
+
+/// Progress beside the parameters.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Progress {
+    /// Steps of the warm start taken.
+    pub warm_steps: u32,
+    /// Steps of the paper's loss taken.
+    pub steps: u32,
+    /// Content and style loss of every step taken.
+    pub losses: Vec<[f32; 2]>,
+}
+
+/// Writes parameters, moments and progress, whole or not at all.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn save(path: &Path, network: &Network, adam: &Adam, progress: &Progress) -> Result<()> {
+    let mut tensors: Vec<(String, Vec<usize>, Vec<f32>)> = Vec::new();
+    for (i, (parameter, moments)) in network.parameters.iter().zip(&adam.moments).enumerate() {
+        for (name, tensor) in [("value", &parameter.values), ("first", &moments[0]), ("second", &moments[1])] {
+            tensors.push((format!("{i}.{name}"), tensor.dims().to_vec(), to_vec(tensor)));
+        }
+    }
+    let losses: Vec<f32> = progress.losses.iter().flatten().copied().collect();
+    tensors.push(("losses".into(), vec![progress.losses.len(), 2], losses));
+    let views = tensors.iter().map(|(name, shape, values)| {
+        let view = TensorView::new(Dtype::F32, shape.clone(), bytemuck::cast_slice(values))?;
+        Ok((name.clone(), view))
+    });
+    let views = views.collect::<Result<Vec<_>, safetensors::SafeTensorError>>()?;
+    let metadata = HashMap::from([
+        ("format".to_owned(), FORMAT.to_owned()),
+        ("adam_step".to_owned(), adam.step.to_string()),
+        ("warm_steps".to_owned(), progress.warm_steps.to_string()),
+        ("steps".to_owned(), progress.steps.to_string()),
+    ]);
+    let bytes = safetensors::serialize(views, Some(metadata))?;
+    file::write_atomically(path, |out| out.write_all(&bytes))?;
+    Ok(())
+}
+
+/// Reads a checkpoint into `network` and `adam`, which must have its shapes.
+///
+/// # Errors
+/// When the file cannot be read, is no checkpoint, or belongs to another decoder.
+pub fn load(path: &Path, network: &mut Network, adam: &mut Adam, device: &Device) -> Result<Progress> {
+    let name = path.display();
+    let bytes = fs::read(path).with_context(|| format!("{name}: cannot read the checkpoint"))?;
+    let (_, metadata) = SafeTensors::read_metadata(&bytes).with_context(|| format!("{name}: no safetensors file"))?;
+    let entries = metadata.metadata().clone().unwrap_or_default();
+    let found = entries.get("format").map_or("nothing", String::as_str);
+    ensure!(found == FORMAT, "{name}: its format is {found}, expected {FORMAT}");
+    let number = |key: &str| -> Result<u32> {
+        let text = entries.get(key).map_or("", String::as_str);
+        text.parse().with_context(|| format!("{name}: `{key}` is `{text}`, expected a number"))
+    };
+    let tensors = SafeTensors::deserialize(&bytes)?;
+    let read = |key: &str, shape: &[usize]| -> Result<Vec<f32>> {
+        let tensor = tensors.tensor(key).with_context(|| format!("{name}: no tensor `{key}`"))?;
+        ensure!(
+            tensor.shape() == shape && tensor.dtype() == Dtype::F32,
+            "{name}: `{key}` is {:?} {:?}, expected F32 {shape:?}: it belongs to another decoder",
+            tensor.dtype(),
+            tensor.shape()
+        );
+        Ok(bytemuck::pod_collect_to_vec(tensor.data()))
+    };
+    for (i, (parameter, moments)) in network.parameters.iter_mut().zip(&mut adam.moments).enumerate() {
+        let shape = parameter.values.dims();
+        let tensor = |key: &str| -> Result<Tensor<2>> {
+            let values = read(&format!("{i}.{key}"), &shape)?;
+            Ok(Tensor::from_data(TensorData::new(values, shape), device))
+        };
+        parameter.values = tensor("value")?.require_grad();
+        *moments = [tensor("first")?.inner(), tensor("second")?.inner()];
+    }
+    adam.step = number("adam_step")?;
+    let steps = number("steps")?;
+    let losses = read("losses", &[steps as usize, 2])?;
+    let losses = losses.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect();
+    Ok(Progress { warm_steps: number("warm_steps")?, steps, losses })
+}

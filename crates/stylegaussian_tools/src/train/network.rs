@@ -1,0 +1,169 @@
+//! The decoder as it is trained: parameters as tensors, the fold inside the differentiable graph.
+
+use std::sync::Arc;
+
+use anyhow::{Result, ensure};
+use burn::tensor::{
+    Device, Tensor, TensorData,
+    activation::{leaky_relu, sigmoid},
+};
+use stylegaussian::{Activation, Decoder, EncoderId, Features, Layer, fold::ChannelMap};
+
+use super::ops::{Windows, windows_conv};
+use crate::random::Random;
+
+/// Parameters of a decoder, all tracked: for each layer the weight `[D_out, K * D_in]`, then the bias `[D_out]`.
+pub struct Network {
+    /// Weight, bias, weight, bias, ...
+    pub parameters: Vec<Parameter>,
+    k: usize,
+    activation: Activation,
+    encoder: Option<EncoderId>,
+}
+
+/// One tensor of the decoder, flattened to two dimensions.
+#[derive(Clone)]
+pub struct Parameter {
+    /// Values; a bias is `[1, D_out]`.
+    pub values: Tensor<2>,
+}
+
+/// What a channel map and a scene's basis make of the first layer's inputs.
+pub struct FoldedInputs {
+    /// diag(g) A `[D, L]`.
+    basis: Tensor<2>,
+    /// g (A m' + b) + s `[D, 1]`: the mapped features of a Gaussian at the mean.
+    center: Tensor<2>,
+}
+
+impl FoldedInputs {
+    /// From a scene's features, the mean of its f' `[L]` and a channel map.
+    pub fn new(features: &Features, mean_low: &[f64], map: &ChannelMap, device: &Device) -> Self {
+        let (n_channels, n_low) = (features.n_channels(), features.n_low);
+        let basis: Vec<f32> =
+            features.basis.iter().enumerate().map(|(i, a)| (map.gain[i / n_low] * f64::from(*a)) as f32).collect();
+        let center = |d: usize| {
+            let row = features.basis[d * n_low..][..n_low].iter().zip(mean_low);
+            let mean = f64::from(features.offset[d]) + row.map(|(a, m)| f64::from(*a) * m).sum::<f64>();
+            (map.gain[d] * mean + map.shift[d]) as f32
+        };
+        let center: Vec<f32> = (0..n_channels).map(center).collect();
+        Self {
+            basis: Tensor::from_data(TensorData::new(basis, [n_channels, n_low]), device),
+            center: Tensor::from_data(TensorData::new(center, [n_channels, 1]), device),
+        }
+    }
+}
+
+impl Network {
+    /// A decoder to start from: He-normal weights for the activation, zero biases but for the last, which is mid-gray.
+    pub fn random(n_inputs: usize, k: usize, activation: Activation, encoder: Option<EncoderId>, seed: u64) -> Decoder {
+        let mut random = Random::new(seed);
+        let gain = match activation {
+            // A unit-normal input leaves the sigmoid with deviation 0.21.
+            Activation::Sigmoid => 1.0 / 0.21,
+            Activation::LeakyRelu { slope } => (2.0 / (1.0 + slope * slope)).sqrt(),
+        };
+        let mut d_in = n_inputs;
+        let mut layers = Vec::new();
+        for (i, d_out) in Decoder::WIDTHS.into_iter().enumerate() {
+            let is_last = i + 1 == Decoder::WIDTHS.len();
+            let gain = if is_last { 0.1 } else if i == 0 { 1.0 } else { gain };
+            let deviation = gain / ((k * d_in) as f32).sqrt();
+            let weight: Vec<f32> = (0..d_out * k * d_in).map(|_| deviation * random.normal()).collect();
+            let center = |row: &[f32]| match activation {
+                Activation::Sigmoid if i > 0 => -0.5 * row.iter().sum::<f32>(),
+                _ => 0.0,
+            };
+            let mut bias: Vec<f32> = weight.chunks_exact(k * d_in).map(center).collect();
+            if is_last {
+                bias.iter_mut().for_each(|b| *b += 0.5);
+            }
+            layers.push(Layer { weight, bias, d_in, d_out });
+            d_in = d_out;
+        }
+        Decoder { layers, k, activation, residual: false, encoder }
+    }
+
+    /// Takes over a decoder's parameters.
+    ///
+    /// # Errors
+    /// A decoder of a kind that is not trained here (one that adds to the original color).
+    pub fn new(decoder: &Decoder, device: &Device) -> Result<Self> {
+        ensure!(!decoder.residual, "a residual decoder cannot be trained further: expected residual = false");
+        let parameter = |values: &[f32], shape: [usize; 2]| Parameter {
+            values: Tensor::from_data(TensorData::new(values.to_vec(), shape), device).require_grad(),
+        };
+        let parameters = decoder.layers.iter().flat_map(|layer| {
+            [
+                parameter(&layer.weight, [layer.d_out, decoder.k * layer.d_in]),
+                parameter(&layer.bias, [1, layer.d_out]),
+            ]
+        });
+        Ok(Self {
+            parameters: parameters.collect(),
+            k: decoder.k,
+            activation: decoder.activation,
+            encoder: decoder.encoder.clone(),
+        })
+    }
+
+    /// How many layers.
+    pub fn n_layers(&self) -> usize {
+        self.parameters.len() / 2
+    }
+
+    /// The decoder as it stands.
+    pub fn decoder(&self) -> Decoder {
+        let layers = self.parameters.chunks_exact(2).map(|pair| {
+            let [d_out, columns] = pair[0].values.dims();
+            Layer { weight: to_vec(&pair[0].values), bias: to_vec(&pair[1].values), d_in: columns / self.k, d_out }
+        });
+        Decoder {
+            layers: layers.collect(),
+            k: self.k,
+            activation: self.activation,
+            residual: false,
+            encoder: self.encoder.clone(),
+        }
+    }
+
+    /// Colors `[M, 3]` of centered inputs `[N_0, L + E]` through one set of windows for each layer.
+    pub fn forward(&self, inputs: Tensor<2>, folded: &FoldedInputs, windows: &[Arc<Windows>]) -> Tensor<2> {
+        let (weight, bias) = self.folded_layer(folded, inputs.dims()[1]);
+        let mut x = windows_conv(inputs, weight, bias, &windows[0]);
+        for (pair, windows) in self.parameters.chunks_exact(2).skip(1).zip(&windows[1..]) {
+            x = match self.activation {
+                Activation::Sigmoid => sigmoid(x),
+                Activation::LeakyRelu { slope } => leaky_relu(x, f64::from(slope)),
+            };
+            let d_out = pair[0].values.dims()[0];
+            x = windows_conv(x, pair[0].values.clone(), pair[1].values.clone().reshape([d_out]), windows);
+        }
+        x
+    }
+
+    /// The first layer on `n_inputs` = L + E inputs: W_k diag(g) A beside the extra columns, and the bias that the
+    /// center makes.
+    fn folded_layer(&self, folded: &FoldedInputs, n_inputs: usize) -> (Tensor<2>, Tensor<1>) {
+        let [n_channels, n_low] = folded.basis.dims();
+        let n_extra = n_inputs - n_low;
+        let [d_out, _] = self.parameters[0].values.dims();
+        let rows = self.parameters[0].values.clone().reshape([d_out * self.k, n_channels + n_extra]);
+        let on_features = rows.clone().narrow(1, 0, n_channels);
+        let weight = on_features.clone().matmul(folded.basis.clone());
+        let weight = match n_extra {
+            0 => weight,
+            _ => Tensor::cat(vec![weight, rows.narrow(1, n_channels, n_extra)], 1),
+        };
+        let shift = on_features.matmul(folded.center.clone()).reshape([d_out, self.k]).sum_dim(1);
+        let bias = shift.reshape([d_out]) + self.parameters[1].values.clone().reshape([d_out]);
+        (weight.reshape([d_out, self.k * n_inputs]), bias)
+    }
+}
+
+/// The values of a tensor, row-major.
+pub fn to_vec(tensor: &Tensor<2>) -> Vec<f32> {
+    let values = tensor.clone().into_data().to_vec::<f32>();
+    values.unwrap_or_default()
+}

@@ -1,0 +1,79 @@
+//! What a training leaves for the eye: a loss curve and a contact sheet.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use glam::UVec2;
+use stylegaussian::{
+    Camera, Decoder, Scene, file,
+    fold::{stylize, transfer},
+    splat::{Colors, render},
+};
+use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
+
+use crate::{
+    contact_sheet::contact_sheet,
+    picture::{Background, Picture},
+};
+
+/// Width and height of a loss curve, in pixels.
+const CURVE: UVec2 = UVec2::new(800, 300);
+
+/// Steps that one point of the curve is the mean of.
+const SMOOTHING: usize = 25;
+
+/// Writes every step's losses as CSV, and a picture of their course beside it: style loss red, content loss blue, each
+/// from zero to its own largest mean of [`SMOOTHING`] steps.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn write_losses(path: &Path, losses: &[[f32; 2]]) -> Result<()> {
+    let mut text = String::from("step,content,style\n");
+    for (step, [content, style]) in losses.iter().enumerate() {
+        text.push_str(&format!("{},{content},{style}\n", step + 1));
+    }
+    file::write_atomically(&path.with_extension("csv"), |out| out.write_all(text.as_bytes()))?;
+    let mut curve = Picture::filled(CURVE, [255; 4]);
+    for (channel, color) in [(0, [40, 80, 200, 255]), (1, [200, 40, 40, 255])] {
+        let means: Vec<f32> = losses
+            .chunks(SMOOTHING)
+            .map(|chunk| chunk.iter().map(|pair| pair[channel]).sum::<f32>() / chunk.len() as f32)
+            .collect();
+        let largest = means.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
+        for x in 0..CURVE.x {
+            let Some(mean) = means.get(x as usize * means.len() / CURVE.x as usize) else { continue };
+            let y = ((1.0 - mean / largest) * (CURVE.y - 3) as f32).clamp(0.0, (CURVE.y - 3) as f32) as u32;
+            (y..y + 3).for_each(|y| curve.rgba[(y * CURVE.x + x) as usize] = color);
+        }
+    }
+    curve.write_png(path)
+}
+
+/// Writes a page with a row for each painting: the painting, then every view in its style.
+///
+/// # Errors
+/// When a painting cannot be read or does not fit the scene, or the page cannot be written.
+pub fn write_contact_sheet(
+    path: &Path,
+    scenes: &[(&Scene, &[Camera])],
+    decoder: &Decoder,
+    paintings: &[PathBuf],
+    encoder: &Encoder,
+) -> Result<()> {
+    let mut rows = Vec::new();
+    for painting in paintings {
+        let image = Image::open(painting)?;
+        let style = style_statistics(encoder, &image, StyleSize::default())?;
+        let bytes = image.rgb.chunks_exact(3).map(|p| [p[0], p[1], p[2]].map(|c| (c * 255.0).round() as u8));
+        let rgba = bytes.map(|[r, g, b]| [r, g, b, 255]).collect();
+        let mut row = vec![Picture { size: UVec2::new(image.width, image.height), rgba }];
+        for (scene, cameras) in scenes {
+            let Some(features) = &scene.features else { continue };
+            let colors = stylize(scene, decoder, &transfer(features, &[(&style, 1.0)], 0.0)?)?;
+            let views = cameras.iter().map(|camera| render(scene, Colors::Rgb(&colors), camera));
+            row.extend(views.map(|view| Picture::of(&view, Background::Transparent)));
+        }
+        rows.push(row);
+    }
+    contact_sheet(&rows, UVec2::splat(256)).write_png(path)
+}

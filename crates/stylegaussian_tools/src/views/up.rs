@@ -1,0 +1,92 @@
+//! Which way is up, where no file tells.
+//!
+//! Captures carry no gravity, but what people build and stand on does: floors and table tops are the one direction that
+//! surfaces share most. Trainers start from COLMAP, whose y axis mostly points down, so that axis is believed first.
+
+use glam::{Mat3, Vec3};
+use stylegaussian::Scene;
+
+/// Gaussians flatter than this (thinnest over middle axis) have a normal.
+const FLAT: f32 = 0.5;
+/// Normals within these cosines of a direction pull it towards them (25, 12 and 8 degrees), one step each.
+const PULLING_COSINES: [f32; 6] = [0.906, 0.906, 0.978, 0.978, 0.99, 0.99];
+/// Normals within this cosine of a direction belong to its surfaces (12 degrees).
+const LEVEL_COSINE: f32 = 0.978;
+/// How many times more level mass another axis needs before y is not believed.
+const PRIOR_OF_Y: f32 = 2.5;
+/// A scene thinner than this along a rival axis, in its larger extents, is a panel that could as well stand upright.
+const PANEL: f32 = 0.25;
+/// How many times more level mass must lie on one side before it, and not custom, says where down is.
+const FLOOR_OVER_CEILING: f32 = 2.0;
+
+/// A unit vector: the scene's own `up`, or a guess. `half_size` is half the scene's box, along the world's axes.
+pub(super) fn up(scene: &Scene, masses: &[f32], half_size: Vec3) -> Vec3 {
+    if let Some(up) = scene.up.and_then(Vec3::try_normalize) {
+        return up;
+    }
+    let normals = normals(scene, masses);
+    // By custom: y down (3DGS), z up (Blender), and x up, which nobody uses.
+    let [x, y, z] = [Vec3::X, Vec3::NEG_Y, Vec3::Z].map(|custom| {
+        let axis = refined(custom, &normals);
+        (axis, level_mass(axis, &normals))
+    });
+    let (rival, half_height) = if x.1 > z.1 { (x, half_size.x) } else { (z, half_size.z) };
+    let is_panel = half_height < PANEL * half_size.max_element();
+    let axis = if rival.1 > PRIOR_OF_Y * y.1 && !is_panel { rival.0 } else { y.0 };
+    if is_upside_down(axis, &normals) { -axis } else { axis }
+}
+
+/// A flat Gaussian: where it is, which way it faces (either sign), and its mass.
+struct Surface {
+    at: Vec3,
+    normal: Vec3,
+    mass: f32,
+}
+
+fn normals(scene: &Scene, masses: &[f32]) -> Vec<Surface> {
+    let surface = |i: usize| {
+        let scales = scene.scales[i];
+        let thinnest = if scales.x <= scales.y && scales.x <= scales.z {
+            0
+        } else if scales.y <= scales.z {
+            1
+        } else {
+            2
+        };
+        let [low, middle] = {
+            let mut sorted = scales.to_array();
+            sorted.sort_by(f32::total_cmp);
+            [sorted[0], sorted[1]]
+        };
+        let normal = Mat3::from_quat(scene.rotations[i]).col(thinnest);
+        (low < FLAT * middle).then_some(Surface { at: scene.means[i], normal, mass: masses[i] })
+    };
+    (0..scene.len()).filter_map(surface).collect()
+}
+
+/// The direction near `axis` in which normals cluster: a few steps of mean shift.
+fn refined(axis: Vec3, surfaces: &[Surface]) -> Vec3 {
+    PULLING_COSINES.into_iter().fold(axis, |axis, near| {
+        let pull = |surface: &Surface| {
+            let cosine = surface.normal.dot(axis);
+            if cosine.abs() < near { Vec3::ZERO } else { surface.mass * cosine.signum() * surface.normal }
+        };
+        surfaces.iter().map(pull).sum::<Vec3>().try_normalize().unwrap_or(axis)
+    })
+}
+
+fn level_mass(axis: Vec3, surfaces: &[Surface]) -> f32 {
+    let level = surfaces.iter().filter(|surface| surface.normal.dot(axis).abs() > LEVEL_COSINE);
+    level.map(|surface| surface.mass).sum()
+}
+
+/// Whether level surfaces lie above what else there is: things stand on floors.
+fn is_upside_down(axis: Vec3, surfaces: &[Surface]) -> bool {
+    let total: f32 = surfaces.iter().map(|surface| surface.mass).sum();
+    let middle = surfaces.iter().map(|surface| surface.mass * surface.at.dot(axis)).sum::<f32>() / total;
+    let side = |sign: f32| -> f32 {
+        let there = surfaces.iter().filter(|surface| sign * (surface.at.dot(axis) - middle) > 0.0);
+        there.filter(|surface| surface.normal.dot(axis).abs() > LEVEL_COSINE).map(|surface| surface.mass).sum()
+    };
+    side(1.0) > FLOOR_OVER_CEILING * side(-1.0)
+}

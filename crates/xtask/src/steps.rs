@@ -1,0 +1,189 @@
+//! Running other programs, one step after another, and telling how each one went.
+
+use std::{
+    env,
+    ffi::OsStr,
+    io::{self, BufRead, BufReader, IsTerminal, Write},
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+    time::{Duration, Instant},
+};
+
+use anyhow::{Context, Result, bail};
+
+/// The workspace's root folder.
+pub fn workspace_root() -> PathBuf {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    here.ancestors().nth(2).unwrap_or(here).to_path_buf()
+}
+
+/// The cargo that runs this program, with `arguments`, never touching `Cargo.lock`.
+pub fn cargo<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Command {
+    let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.args(arguments).stdin(Stdio::null());
+    command
+}
+
+/// Whether `program --version` runs.
+pub fn is_installed(program: &str) -> bool {
+    let mut probe = Command::new(program);
+    probe.arg("--version").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    probe.status().is_ok_and(|status| status.success())
+}
+
+enum Outcome {
+    Passed(Duration),
+    Failed(Duration),
+    NotRun(String),
+}
+
+/// What has run so far. Dropping nothing, telling everything: the summary names every step.
+#[derive(Default)]
+pub struct Steps {
+    done: Vec<(String, Outcome)>,
+    closing_lines: Vec<String>,
+}
+
+impl Steps {
+    /// Runs `command` with its output on the terminal. An error when it cannot start or fails.
+    pub fn run(&mut self, name: &str, command: &mut Command) -> Result<()> {
+        self.time(name, command, |command| Ok(command.status()?.success()))
+    }
+
+    /// Like [`Steps::run`], and repeats in the summary the lines of its output that `is_closing` picks: those in which
+    /// a test runner says how it ended.
+    pub fn run_keeping(
+        &mut self,
+        name: &str,
+        command: &mut Command,
+        is_closing: fn(&str) -> bool,
+    ) -> Result<()> {
+        let mut kept = Vec::new();
+        let outcome = self.time(name, command, |command| {
+            let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
+            let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
+            std::thread::scope(|scope| {
+                let from_stderr = scope.spawn(|| forward(stderr, io::stderr(), is_closing));
+                kept = forward(stdout, io::stdout(), is_closing);
+                kept.extend(from_stderr.join().unwrap_or_default());
+            });
+            Ok(child.wait()?.success())
+        });
+        self.closing_lines.append(&mut kept);
+        outcome
+    }
+
+    /// Notes that a step does not run here, and why.
+    pub fn not_run(&mut self, name: &str, reason: &str) {
+        eprintln!("\n── {name}: NOT RUN, {reason}");
+        self.done.push((name.into(), Outcome::NotRun(reason.into())));
+    }
+
+    fn time(
+        &mut self,
+        name: &str,
+        command: &mut Command,
+        run: impl FnOnce(&mut Command) -> io::Result<bool>,
+    ) -> Result<()> {
+        let line = command_line(command);
+        eprintln!("\n── {name}: {line}");
+        let start = Instant::now();
+        let passed = run(command).with_context(|| format!("{name}: cannot run `{line}`"))?;
+        let elapsed = start.elapsed();
+        if passed {
+            self.done.push((name.into(), Outcome::Passed(elapsed)));
+            return Ok(());
+        }
+        self.done.push((name.into(), Outcome::Failed(elapsed)));
+        bail!("{name} failed; its messages are above. To run it alone: {line}")
+    }
+
+    /// Prints every step with its time, and the test runners' closing lines.
+    pub fn print_summary(&self) {
+        eprintln!("\n── summary");
+        for (name, outcome) in &self.done {
+            match outcome {
+                Outcome::Passed(time) => eprintln!("   passed  {:>7.1} s  {name}", time.as_secs_f64()),
+                Outcome::Failed(time) => eprintln!("   FAILED  {:>7.1} s  {name}", time.as_secs_f64()),
+                Outcome::NotRun(reason) => eprintln!("   not run            {name}: {reason}"),
+            }
+        }
+        for line in &self.closing_lines {
+            eprintln!("   {}", line.trim());
+        }
+    }
+}
+
+/// Copies `from` to `to` line by line as it comes; returns the closing lines.
+fn forward(from: Option<impl io::Read>, mut to: impl Write, is_closing: fn(&str) -> bool) -> Vec<String> {
+    let mut kept = Vec::new();
+    let Some(from) = from else { return kept };
+    let mut reader = BufReader::new(from);
+    let mut line = Vec::new();
+    while reader.read_until(b'\n', &mut line).is_ok_and(|n_bytes| n_bytes > 0) {
+        // A closed terminal is no reason to stop reading: the child would block.
+        let _ = to.write_all(&line);
+        let text = String::from_utf8_lossy(&line);
+        if is_closing(&text) {
+            kept.push(text.into_owned());
+        }
+        line.clear();
+    }
+    kept
+}
+
+/// Asks a child whose output is piped for colors when a person watches.
+pub fn keep_colors(command: &mut Command) -> &mut Command {
+    if io::stderr().is_terminal() {
+        command.env("CARGO_TERM_COLOR", "always");
+    }
+    command
+}
+
+/// The command as one would type it.
+fn command_line(command: &Command) -> String {
+    let program = Path::new(command.get_program()).file_name().unwrap_or(command.get_program());
+    let variables = command.get_envs().filter_map(|(name, value)| {
+        let value = value?.to_string_lossy();
+        (name != "CARGO_TERM_COLOR").then(|| format!("{}={}", name.to_string_lossy(), quoted(&value)))
+    });
+    let words = std::iter::once(program).chain(command.get_args());
+    variables.chain(words.map(|word| quoted(&word.to_string_lossy()))).collect::<Vec<_>>().join(" ")
+}
+
+fn quoted(word: &str) -> String {
+    if word.contains([' ', '"', '*']) { format!("'{word}'") } else { word.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failing_step_fails_and_is_in_the_summary() {
+        let mut steps = Steps::default();
+        let failure = steps.run("no such command", &mut cargo(["no-such-command"])).unwrap_err();
+        assert!(failure.to_string().contains("cargo no-such-command"), "{failure}");
+        assert!(matches!(steps.done[..], [(_, Outcome::Failed(_))]));
+    }
+
+    #[test]
+    fn a_program_that_does_not_exist_is_named() {
+        let failure = Steps::default().run("x", &mut Command::new("no-such-program")).unwrap_err();
+        assert!(failure.to_string().contains("no-such-program"), "{failure}");
+    }
+
+    #[test]
+    fn closing_lines_are_kept() {
+        let mut steps = Steps::default();
+        steps.run_keeping("version", &mut cargo(["--version"]), |line| line.starts_with("cargo ")).unwrap();
+        assert_eq!(steps.closing_lines.len(), 1);
+    }
+
+    #[test]
+    fn commands_are_printed_as_typed() {
+        let mut command = cargo(["doc", "a b"]);
+        command.env("RUSTDOCFLAGS", "-D warnings");
+        assert!(command_line(&command).ends_with("RUSTDOCFLAGS='-D warnings' cargo doc 'a b'"));
+    }
+}

@@ -1,0 +1,115 @@
+//! `cargo xtask test`: everything CI runs, cheapest first, stopping at the first failure.
+
+use std::{
+    env, fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use anyhow::{Context, Result};
+
+use crate::steps::{self, Steps, cargo, is_installed, keep_colors};
+
+/// Runs every check and prints a summary, also when one fails.
+pub fn run() -> Result<()> {
+    let mut steps = Steps::default();
+    let outcome = run_all(&mut steps);
+    steps.print_summary();
+    let data = data_folder();
+    if data.is_dir() {
+        eprintln!("   test data: {}", data.display());
+    } else {
+        eprintln!(
+            "   test data: NOT FOUND at {}: the tests that need it were skipped (STYLEGAUSSIAN_DATA names another place)",
+            data.display()
+        );
+    }
+    match &outcome {
+        Ok(()) => eprintln!("   all that ran passed"),
+        Err(_) => eprintln!("   stopped at the first failure: later steps did not run"),
+    }
+    outcome
+}
+
+fn run_all(steps: &mut Steps) -> Result<()> {
+    steps.run("format", &mut cargo(["fmt", "--all", "--check"]))?;
+    run_if_installed(steps, "spelling", "typos", &[])?;
+    run_if_installed(steps, "toml", "taplo", &["format", "--check"])?;
+    run_if_installed(
+        steps,
+        "licences",
+        "cargo-deny",
+        &["--all-features", "check", "licenses", "bans", "sources"],
+    )?;
+    steps.run(
+        "lints",
+        &mut cargo(["clippy", "--locked", "--workspace", "--all-targets", "--", "-D", "warnings"]),
+    )?;
+    steps.run(
+        "docs",
+        cargo(["doc", "--locked", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"),
+    )?;
+    tests(steps)?;
+    steps.run("examples", &mut cargo(["build", "--locked", "--workspace", "--examples"]))?;
+    steps.run("packages", &mut package()?)
+}
+
+fn tests(steps: &mut Steps) -> Result<()> {
+    if is_installed("cargo-nextest") {
+        let mut nextest = cargo(["nextest", "run", "--locked", "--workspace", "--no-tests", "pass"]);
+        steps.run_keeping("tests", keep_colors(&mut nextest), |line| line.contains("Summary"))?;
+    } else {
+        let mut test = cargo(["test", "--locked", "--workspace", "--lib", "--bins", "--tests"]);
+        steps.run_keeping("tests", keep_colors(&mut test), |line| line.starts_with("test result"))?;
+    }
+    let mut doc = cargo(["test", "--locked", "--workspace", "--doc"]);
+    steps.run_keeping("doc tests", keep_colors(&mut doc), |line| line.starts_with("test result"))
+}
+
+fn run_if_installed(steps: &mut Steps, name: &str, program: &str, arguments: &[&str]) -> Result<()> {
+    if is_installed(program) {
+        steps.run(name, Command::new(program).args(arguments))
+    } else {
+        steps.not_run(name, &format!("`{program}` is not installed"));
+        Ok(())
+    }
+}
+
+/// Packs the crates that are published, without building them from their packages. A contributor's uncommitted changes
+/// are packed along; CI insists on a clean tree.
+fn package() -> Result<Command> {
+    let mut command = cargo(["package", "--locked", "--workspace", "--no-verify"]);
+    for name in unpublished()? {
+        command.args(["--exclude", &name]);
+    }
+    if env::var_os("CI").is_none() {
+        command.arg("--allow-dirty");
+    }
+    Ok(command)
+}
+
+/// The crates whose manifest says `publish = false`; a crate's folder has its name.
+fn unpublished() -> Result<Vec<String>> {
+    let mut names = Vec::new();
+    for entry in fs::read_dir("crates").context("cannot list crates/")? {
+        let folder = entry.context("cannot list crates/")?.path();
+        let manifest = folder.join("Cargo.toml");
+        let Ok(text) = fs::read_to_string(&manifest) else { continue };
+        if text.lines().any(|line| line.trim() == "publish = false") {
+            names.extend(folder.file_name().map(|name| name.to_string_lossy().into_owned()));
+        }
+    }
+    names.sort();
+    Ok(names)
+}
+
+/// Where tests look for real captures and photos, which the repository does not hold.
+fn data_folder() -> PathBuf {
+    env::var_os("STYLEGAUSSIAN_DATA").map_or_else(
+        || {
+            let root = steps::workspace_root();
+            root.parent().unwrap_or(Path::new("/")).join("shared").join("data")
+        },
+        PathBuf::from,
+    )
+}
