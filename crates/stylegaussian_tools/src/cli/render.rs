@@ -96,7 +96,9 @@ impl RenderArgs {
     fn cameras(&self, scene: &Scene) -> Result<Vec<Camera>> {
         let cameras = match &self.cameras {
             Some(path) => cameras_of_file(path)?,
-            None => orbit(scene, self.orbit.unwrap_or(DEFAULT_ORBIT) as usize, self.size.unwrap_or(DEFAULT_SIZE)),
+            None => {
+                orbit(scene, self.orbit.unwrap_or(DEFAULT_ORBIT) as usize, self.size.unwrap_or(DEFAULT_SIZE))
+            }
         };
         let resize = |camera: Camera| self.size.map_or(camera.clone(), |size| camera.resized(size));
         Ok(cameras.into_iter().map(resize).collect())

@@ -8,7 +8,6 @@ use std::{
 };
 
 use anyhow::{Result, bail, ensure};
-use clap::ValueEnum;
 use glam::UVec2;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -18,6 +17,7 @@ use stylegaussian_encoder::resolve;
 use super::{EmbedOptions, EmbedReport, Progress, Stage, TrainingView, Watch, embed};
 use crate::{
     cameras::{CameraSet, read_cameras},
+    cli::{Backend, warn},
     views::choose_views,
 };
 
@@ -66,17 +66,6 @@ pub struct EmbedArgs {
     /// Print JSON.
     #[arg(long)]
     json: bool,
-}
-
-/// What computes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Backend {
-    /// The CPU.
-    Auto,
-    /// The CPU.
-    Cpu,
-    /// An error: embedding has no GPU side yet.
-    Gpu,
 }
 
 /// What `--json` prints.
@@ -160,10 +149,6 @@ fn read(path: &Path) -> Result<CameraSet> {
     let set = read_cameras(path)?;
     warn(set.warnings.iter().map(String::as_str));
     Ok(set)
-}
-
-fn warn<'a>(warnings: impl Iterator<Item = &'a str>) {
-    warnings.for_each(|warning| eprintln!("warning: {warning}"));
 }
 
 /// The first Ctrl-C finishes with what there is, the second ends at once.

@@ -29,7 +29,11 @@ pub fn stylegaussian(arguments: &[&str]) -> Run {
 /// Runs a program.
 pub fn run(program: &str, arguments: &[&str]) -> Run {
     let mut command = Command::new(program);
-    command.args(arguments).stdin(Stdio::null()).env_remove("STYLEGAUSSIAN_ENCODER").env("RUST_BACKTRACE", "1");
+    command
+        .args(arguments)
+        .stdin(Stdio::null())
+        .env_remove("STYLEGAUSSIAN_ENCODER")
+        .env("RUST_BACKTRACE", "1");
     let output = command.output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
     let run = Run { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) };
@@ -50,7 +54,11 @@ impl Run {
         assert_eq!(self.code, Some(1), "{self:?}");
         let mut errors = self.stderr.lines().skip_while(|line| line.starts_with("warning: "));
         let error = errors.next().unwrap_or_default();
-        assert!(error.starts_with("error: ") && error.contains(message), "expected {message}: {}", self.stderr);
+        assert!(
+            error.starts_with("error: ") && error.contains(message),
+            "expected {message}: {}",
+            self.stderr
+        );
         assert_eq!(errors.next(), None, "{}", self.stderr);
     }
 
@@ -62,10 +70,8 @@ impl Run {
 
 /// A folder of the shared test data, or `None`, said loudly, where it is absent.
 pub fn data(folder: &str) -> Option<PathBuf> {
-    let root = env::var_os("STYLEGAUSSIAN_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
+    let root = env::var_os("STYLEGAUSSIAN_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
     let path = root.join(folder);
     if !path.is_dir() {
         eprintln!("SKIPPED: {} is absent; STYLEGAUSSIAN_DATA names another place", path.display());
@@ -94,7 +100,8 @@ impl Bench {
     #[track_caller]
     pub fn expect_files(&self, expected: &[&str]) {
         let entries = fs::read_dir(self.dir()).unwrap();
-        let mut found: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        let mut found: Vec<_> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
         found.sort();
         assert_eq!(found, expected);
     }
@@ -180,7 +187,8 @@ impl Bench {
             assert!(a.rotations[i].dot(b.rotations[j]).abs() > 1.0 - 1e-5);
             assert!((a.scales[i] - b.scales[j]).length() < 1e-5);
             assert!((a.opacities[i] - b.opacities[j]).abs() < 1e-5);
-            let coefficients = |scene: &Scene, i: usize| scene.sh.as_ref().unwrap().coefficients[i * 12..][..12].to_vec();
+            let coefficients =
+                |scene: &Scene, i: usize| scene.sh.as_ref().unwrap().coefficients[i * 12..][..12].to_vec();
             assert_eq!(coefficients(&a, i), coefficients(&b, j));
         }
     }
