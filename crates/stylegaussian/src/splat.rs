@@ -6,8 +6,8 @@
 //! Splatting rasterizer (Kerbl et al. 2023) but for the footprint, which here covers every pixel where alpha reaches
 //! 1/255 (the original stops at three standard deviations, where an opaque splat still has alpha 0.011).
 //!
-//! The stages, one module each: [`project`] (cull, project, sort by depth), [`bands`] (which tile sees which splat),
-//! [`composite`] (blend one tile), [`weights`] (keep the blend weights instead of a picture).
+//! The stages, one module each: `project` (cull, project, sort by depth), `bands` (which tile sees which splat),
+//! `composite` (blend one tile), `weights` (keep the blend weights instead of a picture).
 
 mod bands;
 mod composite;

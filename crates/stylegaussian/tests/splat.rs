@@ -87,7 +87,8 @@ fn matches_the_float64_reference_renders() {
     }
 }
 
-/// How well `view` matches the photo where it covers at least 95%, and on which share of the pixels that is.
+/// How well `view`, premultiplied as it is, matches the photo where it covers at least 95%, and on which share of the
+/// pixels that is.
 fn photo_psnr(view: &View, photo: &image::RgbImage) -> (f64, f64) {
     let covered: Vec<usize> = (0..view.alpha.len()).filter(|&p| view.alpha[p] > 0.95).collect();
     let pairs = covered.iter().flat_map(|&p| {

@@ -14,6 +14,9 @@ use clap::{Parser, Subcommand};
 
 pub use arguments::Backend;
 pub use output::error_chain;
+pub(crate) use output::warn;
+
+use crate::{embed, train};
 
 /// Restyle 3D Gaussian Splatting scenes with any painting: embed once, then stylize in a moment.
 #[derive(Debug, Parser)]
@@ -27,6 +30,8 @@ pub struct Cli {
 enum Command {
     Info(info::InfoArgs),
     Convert(convert::ConvertArgs),
+    Embed(embed::EmbedArgs),
+    Train(train::TrainArgs),
     Style(style::StyleArgs),
     Stylize(stylize::StylizeArgs),
     Render(render::RenderArgs),
@@ -41,6 +46,8 @@ impl Cli {
         match self.command {
             Command::Info(arguments) => info::run(&arguments),
             Command::Convert(arguments) => convert::run(&arguments),
+            Command::Embed(arguments) => embed::run(&arguments),
+            Command::Train(arguments) => train::run(&arguments),
             Command::Style(arguments) => style::run(&arguments),
             Command::Stylize(arguments) => stylize::run(&arguments),
             Command::Render(arguments) => render::run(&arguments),

@@ -1,6 +1,6 @@
 //! Pictures: from a rendered view to the 8-bit PNG that people look at.
 
-use std::{io::Write, path::Path};
+use std::path::Path;
 
 use anyhow::{Context, Result};
 use glam::UVec2;

@@ -28,8 +28,8 @@ use stylegaussian::{
 };
 use stylegaussian_encoder::{Encoder, resolve};
 
-pub use args::TrainArgs;
 use adam::Adam;
+pub use args::TrainArgs;
 use checkpoint::Progress;
 use data::TrainingScene;
 use loss_network::LossNetwork;
@@ -74,7 +74,12 @@ pub fn run(arguments: &TrainArgs) -> Result<()> {
     let scenes = load_scenes(arguments)?;
     for (path, scene, _) in &scenes {
         if let Some(found) = scene.features.as_ref().and_then(|features| features.encoder.as_ref()) {
-            ensure!(found == encoder.id(), "{}: embedded with {found}, expected {}", path.display(), encoder.id());
+            ensure!(
+                found == encoder.id(),
+                "{}: embedded with {found}, expected {}",
+                path.display(),
+                encoder.id()
+            );
         }
     }
     let mut trainer = Trainer::new(arguments, device, encoder, training, &scenes)?;
@@ -107,7 +112,9 @@ fn device(backend: Backend) -> Result<Device> {
         #[cfg(feature = "gpu")]
         Backend::Gpu => Ok(Device::vulkan(burn::tensor::DeviceKind::DefaultDevice)),
         #[cfg(not(feature = "gpu"))]
-        Backend::Gpu => bail!("this build cannot train on a GPU: build with `--features gpu`, or use --backend cpu"),
+        Backend::Gpu => {
+            bail!("this build cannot train on a GPU: build with `--features gpu`, or use --backend cpu")
+        }
     }
 }
 
@@ -122,7 +129,8 @@ fn split_paintings(folder: &Path, n_held_out: usize) -> Result<(Vec<PathBuf>, Ve
     );
     let stride = if n_held_out == 0 { usize::MAX } else { paths.len() / n_held_out };
     let is_held_out = |i: usize| i % stride == stride / 2 && i / stride < n_held_out;
-    let (held_out, training): (Vec<_>, Vec<_>) = paths.into_iter().enumerate().partition(|(i, _)| is_held_out(*i));
+    let (held_out, training): (Vec<_>, Vec<_>) =
+        paths.into_iter().enumerate().partition(|(i, _)| is_held_out(*i));
     let without_index = |list: Vec<(usize, PathBuf)>| list.into_iter().map(|(_, path)| path).collect();
     Ok((without_index(training), without_index(held_out)))
 }
@@ -176,13 +184,15 @@ impl Trainer {
             [] => vec![default_layer.to_owned()],
             names => names.to_vec(),
         };
-        let content_layers = names.iter().map(|name| content_layer(name, &loss_network)).collect::<Result<Vec<_>>>()?;
+        let content_layers =
+            names.iter().map(|name| content_layer(name, &loss_network)).collect::<Result<Vec<_>>>()?;
         eprintln!("content loss at {names:?}, style loss at {} layers", loss_network.n_layers());
         let decoder = initial_decoder(arguments, &encoder, scenes)?;
         let mut training = Vec::new();
         for (path, scene, cameras) in scenes {
             let prepared = TrainingScene::new(scene, cameras, decoder.k, decoder.layers.len());
-            let prepared = prepared.with_context(|| format!("{}: no features: embed it first", path.display()))?;
+            let prepared =
+                prepared.with_context(|| format!("{}: no features: embed it first", path.display()))?;
             ensure!(!prepared.views.is_empty(), "{}: no view shows any of its Gaussians", path.display());
             let expected = prepared.features.n_channels() + prepared.features.n_extra;
             ensure!(
@@ -224,7 +234,10 @@ impl Trainer {
         if INTERRUPTED.load(Ordering::Relaxed) {
             self.save()?;
             file::write_decoder(&self.arguments.output, &self.network.decoder(), Precision::F16)?;
-            bail!("interrupted after {} steps; the decoder so far is written, --resume goes on", self.progress.steps);
+            bail!(
+                "interrupted after {} steps; the decoder so far is written, --resume goes on",
+                self.progress.steps
+            );
         }
         Ok(())
     }
@@ -237,8 +250,11 @@ impl Trainer {
         }
         let teacher = Teacher::open(path)?;
         let bar = bar(total, "warm start");
-        let content =
-            self.scenes.iter().map(|scene| warm_start::content_maps(scene, &self.encoder)).collect::<Result<Vec<_>>>()?;
+        let content = self
+            .scenes
+            .iter()
+            .map(|scene| warm_start::content_maps(scene, &self.encoder))
+            .collect::<Result<Vec<_>>>()?;
         let mut targets: HashMap<(usize, usize), Target> = HashMap::new();
         let mut mean_error = f32::NAN;
         while self.progress.warm_steps < total {
@@ -249,14 +265,24 @@ impl Trainer {
             let style_index = random.below(self.arguments.warm_styles);
             let scene = &self.scenes[scene_index];
             if !targets.contains_key(&(scene_index, style_index)) {
-                let mut choice = Random::new(self.arguments.seed ^ (style_index as u64).wrapping_mul(0x9E37_79B9));
-                let style = self.paintings.pick(&mut choice, &self.encoder, &self.loss_network, &self.device)?;
+                let mut choice =
+                    Random::new(self.arguments.seed ^ (style_index as u64).wrapping_mul(0x9E37_79B9));
+                let style =
+                    self.paintings.pick(&mut choice, &self.encoder, &self.loss_network, &self.device)?;
                 let target = Target::new(scene, &content[scene_index], style, &teacher)?;
                 targets.insert((scene_index, style_index), target);
             }
             let target = &targets[&(scene_index, style_index)];
             let rate = cosine(WARM_RATE, done, total);
-            let error = warm_start::step(&mut self.network, &mut self.adam, scene, target, &mut random, rate, &self.device);
+            let error = warm_start::step(
+                &mut self.network,
+                &mut self.adam,
+                scene,
+                target,
+                &mut random,
+                rate,
+                &self.device,
+            );
             mean_error = if mean_error.is_nan() { error } else { 0.98 * mean_error + 0.02 * error };
             self.progress.warm_steps += 1;
             report_step(&bar, self.progress.warm_steps, &format!("color error {mean_error:.4}"));

@@ -6,8 +6,8 @@
 //! at each step the one that adds most to what has been seen so far, so that any number of views covers the scene as
 //! well as that many views can.
 //!
-//! The stages, one module each: [`survey`] (size, middle and a thinned-out stand-in of the scene), [`up`] (which way is
-//! up), [`candidates`] (cameras that could be taken), [`coverage`] (what a camera sees, and the choice).
+//! The stages, one module each: `survey` (size, middle and a thinned-out stand-in of the scene), `up` (which way is
+//! up), `candidates` (cameras that could be taken), `coverage` (what a camera sees, and the choice).
 
 mod candidates;
 mod coverage;
@@ -85,7 +85,12 @@ impl Overviews {
         let around = TestViews::take(survey, candidates::around(survey));
         let within = TestViews::take(survey, candidates::within(survey));
         let encloses = within.covered() > PLACE_ENCLOSES;
-        eprintln!("SEEN around {} within {} cov {}", around.share_seen(), within.share_seen(), within.covered());
+        eprintln!(
+            "SEEN around {} within {} cov {}",
+            around.share_seen(),
+            within.share_seen(),
+            within.covered()
+        );
         if encloses && within.share_seen() > PLACE_SHOWS_MORE * around.share_seen() {
             Self::Within(within)
         } else {

@@ -27,7 +27,8 @@ impl Drop for Partial {
 
 /// Writes a file beside `path`, syncs it to disk and renames it to `path`, replacing what was there.
 ///
-/// On failure the partial file is removed and whatever `path` held stays as it was.
+/// On failure the partial file is removed and whatever `path` held stays as it was. A device or a pipe (`/dev/full`)
+/// is written to directly: it must not be replaced by a file.
 ///
 /// # Errors
 /// When `write` fails or the operating system refuses.
@@ -36,6 +37,10 @@ pub fn write_atomically(
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), FileError> {
     let at = |source| FileError::Io { path: path.into(), source };
+    if fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir()) {
+        let mut out = BufWriter::with_capacity(1 << 18, File::create(path).map_err(at)?);
+        return write(&mut out).and_then(|()| out.flush()).map_err(at);
+    }
     let mut partial = Partial { path: beside(path).map_err(at)?, renamed: false };
     let file = File::create_new(&partial.path).map_err(at)?;
     let mut out = BufWriter::with_capacity(1 << 18, file);
@@ -81,6 +86,17 @@ mod tests {
         write_atomically(&path, |out| out.write_all(b"second")).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"second");
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1, "no partial file is left");
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_device_is_written_to_and_stays_a_device() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("full.ply");
+        std::os::unix::fs::symlink("/dev/full", &path).unwrap();
+        let error = write_atomically(&path, |out| out.write_all(b"x")).unwrap_err();
+        assert!(error.to_string().contains("full.ply: No space left"), "{error}");
+        assert!(fs::symlink_metadata(&path).unwrap().is_symlink());
     }
 
     #[test]

@@ -20,7 +20,11 @@ use super::{
     output::{print, warn},
     stylization::{Stylization, StylizationArgs},
 };
-use crate::picture::{Background, Picture};
+use crate::{
+    cameras::read_cameras,
+    picture::{Background, Picture},
+    views::orbit,
+};
 
 /// Views of `--orbit` where nothing else is asked for.
 const DEFAULT_ORBIT: u32 = 8;
@@ -91,8 +95,10 @@ impl RenderArgs {
     /// The cameras at the sizes of the pictures.
     fn cameras(&self, scene: &Scene) -> Result<Vec<Camera>> {
         let cameras = match &self.cameras {
-            Some(path) => read_cameras(path)?,
-            None => orbit(scene, self.orbit.unwrap_or(DEFAULT_ORBIT), DEFAULT_SIZE),
+            Some(path) => cameras_of_file(path)?,
+            None => {
+                orbit(scene, self.orbit.unwrap_or(DEFAULT_ORBIT) as usize, self.size.unwrap_or(DEFAULT_SIZE))
+            }
         };
         let resize = |camera: Camera| self.size.map_or(camera.clone(), |size| camera.resized(size));
         Ok(cameras.into_iter().map(resize).collect())
@@ -122,35 +128,19 @@ fn render_all(
 }
 
 /// Cameras of a file, none of them larger than a picture can be.
-fn read_cameras(path: &Path) -> Result<Vec<Camera>> {
-    let cameras: Vec<Camera> = Vec::new();
-    ensure!(!cameras.is_empty(), "{}: found no camera, expected at least one", path.display());
-    for (i, camera) in cameras.iter().enumerate() {
+fn cameras_of_file(path: &Path) -> Result<Vec<Camera>> {
+    let set = read_cameras(path)?;
+    warn(&set.warnings);
+    for posed in &set.cameras {
+        let size = posed.camera.size;
         ensure!(
-            camera.size.max_element() <= MAX_SIDE,
-            "{}: camera {i} is {}x{}, expected at most {MAX_SIDE} pixels on a side",
+            size.min_element() > 0 && size.max_element() <= MAX_SIDE,
+            "{}: camera {}: found {}x{} pixels, expected 1 to {MAX_SIDE} on a side",
             path.display(),
-            camera.size.x,
-            camera.size.y
+            posed.name,
+            size.x,
+            size.y
         );
     }
-    Ok(cameras)
-}
-
-fn orbit(scene: &Scene, n: u32, size: UVec2) -> Vec<Camera> {
-    let (min, max) = scene.bounds().unwrap_or_default();
-    let (center, up) = ((min + max) / 2.0, scene.up.unwrap_or(-glam::Vec3::Y));
-    (0..n)
-        .map(|i| {
-            let a = std::f32::consts::TAU * i as f32 / n as f32;
-            let (x, y) = up.any_orthonormal_pair();
-            Camera::look_at(
-                center + (max - min).length() * (x * a.cos() + y * a.sin() + 0.3 * up),
-                center,
-                up,
-                0.8,
-                size,
-            )
-        })
-        .collect()
+    Ok(set.cameras.into_iter().map(|posed| posed.camera).collect())
 }

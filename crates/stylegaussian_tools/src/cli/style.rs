@@ -3,12 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use clap::Args;
+use clap::{Args, CommandFactory, error::ErrorKind};
 use serde::Serialize;
 use stylegaussian::{ChannelStatistics, EncoderId, file};
 use stylegaussian_encoder::{Encoder, Image, StyleSize, resolve, style_statistics};
 
-use super::output::{print, warn};
+use super::{
+    Cli,
+    output::{print, warn},
+};
 
 /// Compute the style statistics of an image once and for all.
 #[derive(Args, Debug)]
@@ -41,6 +44,12 @@ struct Written<'a> {
 /// Runs the command.
 pub fn run(arguments: &StyleArgs) -> Result<()> {
     let StyleArgs { image, output, encoder, squash, json } = arguments;
+    let is_safetensors =
+        output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("safetensors"));
+    if !is_safetensors {
+        let message = format!("{}: expected extension .style.safetensors", output.display());
+        return Err(Cli::command().error(ErrorKind::ValueValidation, message).into());
+    }
     let encoder = open_encoder(encoder.as_deref())?;
     let size = if *squash { StyleSize::Squash256 } else { StyleSize::default() };
     let statistics = image_statistics(&encoder, image, size)?;

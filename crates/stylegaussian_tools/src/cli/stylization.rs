@@ -9,7 +9,7 @@ use stylegaussian::{
     ChannelStatistics, Decoder, EncoderId, Scene, file,
     fold::{self, StylizeError},
 };
-use stylegaussian_encoder::{Encoder, StyleSize};
+use stylegaussian_encoder::StyleSize;
 
 use super::{
     Cli,

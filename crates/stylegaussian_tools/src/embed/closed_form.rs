@@ -138,17 +138,20 @@ fn lift(model: &mut Model, parts: &[&Samples]) -> Vec<f32> {
     let coordinates: Vec<Vec<f32>> = parts.par_iter().map(|samples| coordinates(model, samples)).collect();
     let mut weights = vec![0.0; model.features.len() / n_low.max(1)];
     let pieces = model.features.par_chunks_mut(GAUSSIANS_PER_PIECE * n_low.max(1));
-    pieces.zip(weights.par_chunks_mut(GAUSSIANS_PER_PIECE)).enumerate().for_each(|(piece, (features, weights))| {
-        for (samples, coordinates) in parts.iter().zip(&coordinates) {
-            for (row, place) in samples.seen_in_piece(piece) {
-                weights[place] += samples.gather(row, coordinates, &mut features[place * n_low..][..n_low]);
+    pieces.zip(weights.par_chunks_mut(GAUSSIANS_PER_PIECE)).enumerate().for_each(
+        |(piece, (features, weights))| {
+            for (samples, coordinates) in parts.iter().zip(&coordinates) {
+                for (row, place) in samples.seen_in_piece(piece) {
+                    weights[place] +=
+                        samples.gather(row, coordinates, &mut features[place * n_low..][..n_low]);
+                }
             }
-        }
-        for (feature, &weight) in features.chunks_exact_mut(n_low).zip(weights.iter()) {
-            let factor = if weight > 0.0 { 1.0 / weight } else { 0.0 };
-            feature.iter_mut().for_each(|value| *value *= factor);
-        }
-    });
+            for (feature, &weight) in features.chunks_exact_mut(n_low).zip(weights.iter()) {
+                let factor = if weight > 0.0 { 1.0 / weight } else { 0.0 };
+                feature.iter_mut().for_each(|value| *value *= factor);
+            }
+        },
+    );
     weights
 }
 

@@ -61,7 +61,10 @@ fn draw_to_neighbors(model: &mut Model, weights: &[f32], neighbors: &Neighbors, 
             if total > 0.0 {
                 let own = weights[p] / (weights[p] + PRIOR);
                 let of_neighbors = (1.0 - own) / total;
-                feature.iter_mut().zip(&sum).for_each(|(value, sum)| *value = own * *value + of_neighbors * sum);
+                feature
+                    .iter_mut()
+                    .zip(&sum)
+                    .for_each(|(value, sum)| *value = own * *value + of_neighbors * sum);
                 *known = true;
             }
         },

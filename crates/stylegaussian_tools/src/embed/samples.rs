@@ -112,7 +112,9 @@ impl Samples {
         let columns = features.width as usize;
         let cells: Vec<Vec<(u32, u16)>> = (0..columns * features.height as usize)
             .into_par_iter()
-            .map_init(Vec::new, |entries, cell| cell_weights(weights, side, [cell % columns, cell / columns], entries))
+            .map_init(Vec::new, |entries, cell| {
+                cell_weights(weights, side, [cell % columns, cell / columns], entries)
+            })
             .collect();
         let mut parts = vec![Self::empty(features.n_channels); PARTS_PER_SIDE * PARTS_PER_SIDE];
         let targets = features.values.chunks_exact(features.n_channels.max(1));

@@ -56,7 +56,8 @@ fn random_view(n_gaussians: usize, truth: &Model, contrast: f32, bare: f32, seed
         pixels.push(pixel);
     }
     let pixels: Vec<&[(u32, f32)]> = pixels.iter().map(Vec::as_slice).collect();
-    Samples::of_view(&weights(size, n_gaussians, &pixels), &features(size, truth.n_channels(), values)).unwrap()
+    Samples::of_view(&weights(size, n_gaussians, &pixels), &features(size, truth.n_channels(), values))
+        .unwrap()
 }
 
 fn dot_row(model: &Model, d: usize, p: usize) -> f32 {
@@ -69,7 +70,9 @@ fn of_slices(views: &[Vec<Samples>]) -> Vec<&[Samples]> {
 }
 
 fn all_finite(model: &Model) -> bool {
-    [&model.features, &model.basis, &model.offset].iter().all(|values| values.iter().all(|value| value.is_finite()))
+    [&model.features, &model.basis, &model.offset]
+        .iter()
+        .all(|values| values.iter().all(|value| value.is_finite()))
 }
 
 #[test]
@@ -129,7 +132,10 @@ fn gradients_match_finite_differences() {
                 moved.gradient(part, 1.0).loss
             };
             let numeric = (loss(h) - loss(-h)) / f64::from(2.0 * h);
-            assert!((numeric - f64::from(*analytic)).abs() < 2e-2, "{name}[{i}]: {analytic}, numeric {numeric}");
+            assert!(
+                (numeric - f64::from(*analytic)).abs() < 2e-2,
+                "{name}[{i}]: {analytic}, numeric {numeric}"
+            );
         }
     };
     check("features", &of_features, |model| &mut model.features);
@@ -151,8 +157,7 @@ fn lifting_is_the_weighted_mean() {
     let both: Vec<Samples> = [[0, 0], [0, 1], [0, 2]]
         .iter()
         .flat_map(|_| {
-            let rows: [&[(u32, f32)]; 6] =
-                [&[(0, 0.5)], &[], &[(0, 0.25), (1, 0.75)], &[], &[], &[]];
+            let rows: [&[(u32, f32)]; 6] = [&[(0, 0.5)], &[], &[(0, 0.25), (1, 0.75)], &[], &[], &[]];
             let values = vec![1.0, 0.0, 4.0, 0.0, 0.0, 0.0];
             Samples::of_view(&weights([6, 1], 3, &rows), &features([6, 1], 1, values)).unwrap()
         })
@@ -171,7 +176,8 @@ fn the_basis_holds_the_variance_of_low_rank_features() {
     let pixels: Vec<Vec<(u32, f32)>> = (0..16).map(|cell| vec![(cell / 2, 1.0)]).collect();
     let rows: Vec<&[(u32, f32)]> = pixels.iter().map(Vec::as_slice).collect();
     let feature = |model: &Model, p: usize, d: usize| model.offset[d] + dot_row(model, d, p);
-    let values = (0..16).flat_map(|cell| (0..6).map(move |d| (cell / 2, d))).map(|(p, d)| feature(&truth, p, d));
+    let values =
+        (0..16).flat_map(|cell| (0..6).map(move |d| (cell / 2, d))).map(|(p, d)| feature(&truth, p, d));
     let map = features([16, 1], 6, values.collect());
     let view = Samples::of_view(&weights([16, 1], 8, &rows), &map).unwrap();
     let model = closed_form(&[&view], 6, 8, 2);
@@ -276,7 +282,8 @@ fn unseen_gaussians_take_features_from_neighbors() {
     // On a line at 0, 1, 2, 3; only the first is seen. Each knows itself and the nearest other.
     let means = [0.0, 1.0, 2.1, 3.3].map(|x| Vec3::new(x, 0.0, 0.0));
     let neighbors = Neighbors::find(&means, &[0, 1, 2, 3], 2);
-    let view = Samples::of_view(&weights([1, 1], 4, &[&[(0, 1.0)]]), &features([1, 1], 1, vec![3.0])).unwrap();
+    let view =
+        Samples::of_view(&weights([1, 1], 4, &[&[(0, 1.0)]]), &features([1, 1], 1, vec![3.0])).unwrap();
     let seen = seen_weights(&[&view], 4);
     assert!((seen[0] - 1.0).abs() < 1e-3 && seen[1..] == [0.0; 3], "{seen:?}");
     let mut model =
@@ -297,7 +304,8 @@ fn a_well_seen_gaussian_keeps_its_features() {
 
 #[test]
 fn one_gaussian_one_cell() {
-    let view = Samples::of_view(&weights([1, 1], 1, &[&[(0, 0.9)]]), &features([1, 1], 3, vec![1.0, 2.0, 3.0]));
+    let view =
+        Samples::of_view(&weights([1, 1], 1, &[&[(0, 0.9)]]), &features([1, 1], 3, vec![1.0, 2.0, 3.0]));
     let view = view.unwrap();
     let mut model = closed_form(&[&view], 3, 1, 32);
     let schedule = Schedule::after_closed_form(20, &model);

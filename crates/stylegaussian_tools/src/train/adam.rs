@@ -33,7 +33,8 @@ impl Adam {
     pub fn update(&mut self, network: &mut Network, gradients: &Gradients, rate: f32) -> f32 {
         let grads: Vec<Option<Tensor<2>>> =
             network.parameters.iter().map(|parameter| parameter.values.grad(gradients)).collect();
-        let squares = grads.iter().flatten().map(|grad| grad.clone().powi_scalar(2).sum().into_scalar::<f32>());
+        let squares =
+            grads.iter().flatten().map(|grad| grad.clone().powi_scalar(2).sum().into_scalar::<f32>());
         let norm = squares.sum::<f32>().sqrt();
         if !norm.is_finite() {
             return norm;

@@ -33,7 +33,8 @@ pub struct Progress {
 pub fn save(path: &Path, network: &Network, adam: &Adam, progress: &Progress) -> Result<()> {
     let mut tensors: Vec<(String, Vec<usize>, Vec<f32>)> = Vec::new();
     for (i, (parameter, moments)) in network.parameters.iter().zip(&adam.moments).enumerate() {
-        for (name, tensor) in [("value", &parameter.values), ("first", &moments[0]), ("second", &moments[1])] {
+        for (name, tensor) in [("value", &parameter.values), ("first", &moments[0]), ("second", &moments[1])]
+        {
             tensors.push((format!("{i}.{name}"), tensor.dims().to_vec(), to_vec(tensor)));
         }
     }
@@ -62,7 +63,8 @@ pub fn save(path: &Path, network: &Network, adam: &Adam, progress: &Progress) ->
 pub fn load(path: &Path, network: &mut Network, adam: &mut Adam, device: &Device) -> Result<Progress> {
     let name = path.display();
     let bytes = fs::read(path).with_context(|| format!("{name}: cannot read the checkpoint"))?;
-    let (_, metadata) = SafeTensors::read_metadata(&bytes).with_context(|| format!("{name}: no safetensors file"))?;
+    let (_, metadata) =
+        SafeTensors::read_metadata(&bytes).with_context(|| format!("{name}: no safetensors file"))?;
     let entries = metadata.metadata().clone().unwrap_or_default();
     let found = entries.get("format").map_or("nothing", String::as_str);
     ensure!(found == FORMAT, "{name}: its format is {found}, expected {FORMAT}");

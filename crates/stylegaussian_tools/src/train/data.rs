@@ -60,7 +60,8 @@ impl TrainingScene {
         let mean_low = mean_low(&features);
         let neighbors = neighbors_for(scene, k).into_owned();
         let base_colors = scene.base_colors();
-        let views = cameras.iter().filter_map(|camera| View::new(scene, camera, &neighbors, &base_colors, n_layers));
+        let views =
+            cameras.iter().filter_map(|camera| View::new(scene, camera, &neighbors, &base_colors, n_layers));
         Some(Self {
             views: views.collect(),
             inputs: centered_inputs(&features, &mean_low),
@@ -75,7 +76,10 @@ impl TrainingScene {
 
     /// Rows of the inputs `[len, L + E]`.
     pub fn input_rows(&self, rows: &[u32]) -> Vec<f32> {
-        rows.iter().flat_map(|&row| &self.inputs[row as usize * self.n_inputs..][..self.n_inputs]).copied().collect()
+        rows.iter()
+            .flat_map(|&row| &self.inputs[row as usize * self.n_inputs..][..self.n_inputs])
+            .copied()
+            .collect()
     }
 }
 
@@ -115,13 +119,18 @@ impl View {
 
 /// From the last layer back to the first: the rows a layer must give are those the next one's windows look at.
 /// Everything is exact: a row outside is looked at by no one.
-pub fn window_chain(neighbors: &Neighbors, output_rows: &[u32], n_layers: usize) -> (Vec<Arc<Windows>>, Vec<u32>) {
+pub fn window_chain(
+    neighbors: &Neighbors,
+    output_rows: &[u32],
+    n_layers: usize,
+) -> (Vec<Arc<Windows>>, Vec<u32>) {
     let n = neighbors.indices.len() / neighbors.k;
     let mut rows = output_rows.to_vec();
     let mut windows = Vec::new();
     for _ in 0..n_layers {
         let mut position = vec![u32::MAX; n];
-        let lists = || rows.iter().flat_map(|&row| &neighbors.indices[row as usize * neighbors.k..][..neighbors.k]);
+        let lists =
+            || rows.iter().flat_map(|&row| &neighbors.indices[row as usize * neighbors.k..][..neighbors.k]);
         lists().for_each(|&row| position[row as usize] = 0);
         let needed: Vec<u32> = (0..n as u32).filter(|&row| position[row as usize] == 0).collect();
         needed.iter().enumerate().for_each(|(i, &row)| position[row as usize] = i as u32);

@@ -40,8 +40,12 @@ impl FoldedInputs {
     /// From a scene's features, the mean of its f' `[L]` and a channel map.
     pub fn new(features: &Features, mean_low: &[f64], map: &ChannelMap, device: &Device) -> Self {
         let (n_channels, n_low) = (features.n_channels(), features.n_low);
-        let basis: Vec<f32> =
-            features.basis.iter().enumerate().map(|(i, a)| (map.gain[i / n_low] * f64::from(*a)) as f32).collect();
+        let basis: Vec<f32> = features
+            .basis
+            .iter()
+            .enumerate()
+            .map(|(i, a)| (map.gain[i / n_low] * f64::from(*a)) as f32)
+            .collect();
         let center = |d: usize| {
             let row = features.basis[d * n_low..][..n_low].iter().zip(mean_low);
             let mean = f64::from(features.offset[d]) + row.map(|(a, m)| f64::from(*a) * m).sum::<f64>();
@@ -57,7 +61,13 @@ impl FoldedInputs {
 
 impl Network {
     /// A decoder to start from: He-normal weights for the activation, zero biases but for the last, which is mid-gray.
-    pub fn random(n_inputs: usize, k: usize, activation: Activation, encoder: Option<EncoderId>, seed: u64) -> Decoder {
+    pub fn random(
+        n_inputs: usize,
+        k: usize,
+        activation: Activation,
+        encoder: Option<EncoderId>,
+        seed: u64,
+    ) -> Decoder {
         let mut random = Random::new(seed);
         let gain = match activation {
             // A unit-normal input leaves the sigmoid with deviation 0.21.
@@ -68,7 +78,13 @@ impl Network {
         let mut layers = Vec::new();
         for (i, d_out) in Decoder::WIDTHS.into_iter().enumerate() {
             let is_last = i + 1 == Decoder::WIDTHS.len();
-            let gain = if is_last { 0.1 } else if i == 0 { 1.0 } else { gain };
+            let gain = if is_last {
+                0.1
+            } else if i == 0 {
+                1.0
+            } else {
+                gain
+            };
             let deviation = gain / ((k * d_in) as f32).sqrt();
             let weight: Vec<f32> = (0..d_out * k * d_in).map(|_| deviation * random.normal()).collect();
             let center = |row: &[f32]| match activation {
@@ -117,7 +133,12 @@ impl Network {
     pub fn decoder(&self) -> Decoder {
         let layers = self.parameters.chunks_exact(2).map(|pair| {
             let [d_out, columns] = pair[0].values.dims();
-            Layer { weight: to_vec(&pair[0].values), bias: to_vec(&pair[1].values), d_in: columns / self.k, d_out }
+            Layer {
+                weight: to_vec(&pair[0].values),
+                bias: to_vec(&pair[1].values),
+                d_in: columns / self.k,
+                d_out,
+            }
         });
         Decoder {
             layers: layers.collect(),

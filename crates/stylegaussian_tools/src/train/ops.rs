@@ -6,6 +6,8 @@
 
 use std::sync::Arc;
 
+use burn::backend::Dispatch;
+use burn::tensor::Tensor;
 use burn::{
     backend::{
         Autodiff, Backend, Flex, TensorMetadata,
@@ -19,8 +21,6 @@ use burn::{
     },
     tensor::{FloatDType, IndexingUpdateOp, Shape, TensorData},
 };
-use burn::backend::Dispatch;
-use burn::tensor::Tensor;
 use stylegaussian::{
     decoder::{
         KnnConvShape, ReverseNeighbors, knn_conv, knn_conv_backward_bias, knn_conv_backward_input,
@@ -231,7 +231,10 @@ impl<B: TrainingOps> Backward<B, 3> for WindowsConv {
         let grad = grads.consume::<B>(&ops.node);
         let [x_node, weight_node, bias_node] = ops.parents;
         if let Some(node) = x_node {
-            grads.register::<B>(node.id, B::windows_conv_backward_input(weight, grad.clone(), windows.clone()));
+            grads.register::<B>(
+                node.id,
+                B::windows_conv_backward_input(weight, grad.clone(), windows.clone()),
+            );
         }
         if let Some(node) = weight_node {
             grads.register::<B>(node.id, B::windows_conv_backward_weight(x, grad.clone(), windows));
@@ -286,7 +289,12 @@ impl<B: TrainingOps, C: CheckpointStrategy> TrainingOps for Autodiff<B, C> {
 /// y `[N_out, D_out]` of x `[N_in, D_in]`, weight `[D_out, K * D_in]`, bias `[D_out]`, differentiable in all three.
 pub fn windows_conv(x: Tensor<2>, weight: Tensor<2>, bias: Tensor<1>, windows: &Arc<Windows>) -> Tensor<2> {
     let [x, weight] = [x, weight].map(Tensor::into_dispatch);
-    Tensor::from_dispatch(<Dispatch as TrainingOps>::windows_conv(x, weight, bias.into_dispatch(), windows.clone()))
+    Tensor::from_dispatch(<Dispatch as TrainingOps>::windows_conv(
+        x,
+        weight,
+        bias.into_dispatch(),
+        windows.clone(),
+    ))
 }
 
 /// A picture `[H * W, 3]` of colors `[M, 3]`, differentiable in the colors.

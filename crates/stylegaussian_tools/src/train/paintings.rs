@@ -45,7 +45,8 @@ pub struct Paintings {
 /// # Errors
 /// When the folder cannot be read or holds no image.
 pub fn list_images(folder: &Path) -> Result<Vec<PathBuf>> {
-    let entries = fs::read_dir(folder).with_context(|| format!("{}: cannot list the folder", folder.display()))?;
+    let entries =
+        fs::read_dir(folder).with_context(|| format!("{}: cannot list the folder", folder.display()))?;
     let mut paths = Vec::new();
     for entry in entries {
         let path = entry.with_context(|| format!("{}: cannot list the folder", folder.display()))?.path();
@@ -83,7 +84,13 @@ impl Paintings {
     ///
     /// # Errors
     /// When an image cannot be read or encoded.
-    pub fn pick(&mut self, random: &mut Random, encoder: &Encoder, network: &LossNetwork, device: &Device) -> Result<&Style> {
+    pub fn pick(
+        &mut self,
+        random: &mut Random,
+        encoder: &Encoder,
+        network: &LossNetwork,
+        device: &Device,
+    ) -> Result<&Style> {
         let key = (random.below(self.paths.len()), random.below(CROPS_PER_PAINTING));
         if !self.known.contains_key(&key) {
             let crop = self.crop(key)?;
@@ -95,9 +102,13 @@ impl Paintings {
     fn crop(&self, (painting, crop): (usize, usize)) -> Result<Image> {
         let image = Image::open(&self.paths[painting])?;
         let shorter = image.width.min(image.height);
-        let scaled = |side: u32| (u64::from(side) * u64::from(SHORTER_SIDE) / u64::from(shorter)).max(u64::from(CROP)) as u32;
+        let scaled = |side: u32| {
+            (u64::from(side) * u64::from(SHORTER_SIDE) / u64::from(shorter)).max(u64::from(CROP)) as u32
+        };
         let image = image.resized(scaled(image.width), scaled(image.height));
-        let mut random = Random::new(self.seed ^ ((painting * CROPS_PER_PAINTING + crop) as u64).wrapping_mul(0x9E37_79B9));
+        let mut random = Random::new(
+            self.seed ^ ((painting * CROPS_PER_PAINTING + crop) as u64).wrapping_mul(0x9E37_79B9),
+        );
         let x = random.below((image.width - CROP + 1) as usize);
         let y = random.below((image.height - CROP + 1) as usize);
         let row = |row: usize| &image.rgb[((y + row) * image.width as usize + x) * 3..][..CROP as usize * 3];
@@ -111,8 +122,13 @@ impl Style {
     /// # Errors
     /// When the encoder fails.
     pub fn of(image: &Image, encoder: &Encoder, network: &LossNetwork, device: &Device) -> Result<Self> {
-        let statistics = ChannelStatistics { encoder: Some(encoder.id().clone()), ..encoder.encode(image)?.statistics() };
-        let features = network.features(picture_tensor(&image.rgb, [image.width as usize, image.height as usize], device));
+        let statistics =
+            ChannelStatistics { encoder: Some(encoder.id().clone()), ..encoder.encode(image)?.statistics() };
+        let features = network.features(picture_tensor(
+            &image.rgb,
+            [image.width as usize, image.height as usize],
+            device,
+        ));
         let targets = features.into_iter().map(channel_statistics).collect();
         let n = (image.rgb.len() / 3) as f32;
         let mut mean_color = [0.0; 3];

@@ -63,7 +63,9 @@ impl Content {
 pub fn content_layer(name: &str, network: &LossNetwork) -> Result<usize> {
     let available = &LAYERS[..network.n_layers()];
     available.iter().position(|layer| *layer == name).ok_or_else(|| {
-        anyhow::anyhow!("content layer `{name}`: expected one of {available:?} (relu4_1 needs weights that reach it)")
+        anyhow::anyhow!(
+            "content layer `{name}`: expected one of {available:?} (relu4_1 needs weights that reach it)"
+        )
     })
 }
 
@@ -77,14 +79,17 @@ pub fn perceptual_losses(
 ) -> (Tensor<1>, Tensor<1>) {
     let features = network.features(picture);
     let mut content_loss = Tensor::zeros([1], &features[0].device());
-    for ((&layer, target), coverage) in weights.content_layers.iter().zip(&content.features).zip(&content.coverage) {
+    for ((&layer, target), coverage) in
+        weights.content_layers.iter().zip(&content.features).zip(&content.coverage)
+    {
         let squares = (features[layer].clone() - target.clone()).powi_scalar(2) * coverage.clone();
         content_loss = content_loss + squares.mean();
     }
     let mut style_loss = Tensor::zeros([1], &features[0].device());
     for (features, (mean, std_dev)) in features.into_iter().zip(&style.targets) {
         let (found_mean, found_std_dev) = channel_statistics(features);
-        let squares = (found_mean - mean.clone()).powi_scalar(2) + (found_std_dev - std_dev.clone()).powi_scalar(2);
+        let squares =
+            (found_mean - mean.clone()).powi_scalar(2) + (found_std_dev - std_dev.clone()).powi_scalar(2);
         style_loss = style_loss + squares.mean();
     }
     (content_loss, style_loss)

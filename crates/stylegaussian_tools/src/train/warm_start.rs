@@ -49,7 +49,8 @@ pub fn content_maps(scene: &TrainingScene, encoder: &Encoder) -> Result<Vec<Feat
     let encode = |view: &View| {
         let [width, height] = view.size();
         let pixels = view.picture.chunks_exact(3).zip(&view.alpha);
-        let rgb = pixels.flat_map(|(c, alpha)| [0, 1, 2].map(|i| c[i] + (1.0 - alpha) * BACKGROUND)).collect();
+        let rgb =
+            pixels.flat_map(|(c, alpha)| [0, 1, 2].map(|i| c[i] + (1.0 - alpha) * BACKGROUND)).collect();
         Ok(encoder.encode(&Image { width: width as u32, height: height as u32, rgb })?)
     };
     scene.views.par_iter().map(encode).collect()
@@ -60,7 +61,12 @@ impl Target {
     ///
     /// # Errors
     /// When the teacher fails, or the style belongs to another encoder.
-    pub fn new(scene: &TrainingScene, content: &[FeatureMap], style: &Style, teacher: &Teacher) -> Result<Self> {
+    pub fn new(
+        scene: &TrainingScene,
+        content: &[FeatureMap],
+        style: &Style,
+        teacher: &Teacher,
+    ) -> Result<Self> {
         let map = ChannelMap::adain(&scene.statistics, &style.statistics)?;
         let paint = |(view, content): (&View, &FeatureMap)| -> Result<(Vec<f32>, Vec<f32>)> {
             let mut mapped = content.clone();
@@ -107,7 +113,8 @@ pub fn step(
     let windows = Arc::new(patch_windows(scene, start, len));
     let windows: Vec<_> = (0..network.n_layers()).map(|_| windows.clone()).collect();
     let inputs = scene.inputs[start * scene.n_inputs..][..len * scene.n_inputs].to_vec();
-    let tensor = |values: Vec<f32>, columns| Tensor::<2>::from_data(TensorData::new(values, [len, columns]), device);
+    let tensor =
+        |values: Vec<f32>, columns| Tensor::<2>::from_data(TensorData::new(values, [len, columns]), device);
     let folded = FoldedInputs::new(&scene.features, &scene.mean_low, &target.map, device);
     let colors = network.forward(tensor(inputs, scene.n_inputs), &folded, &windows);
     let is_seen = tensor(target.is_seen[start..start + len].to_vec(), 1);

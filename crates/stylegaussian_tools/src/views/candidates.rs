@@ -93,7 +93,7 @@ fn framing(candidate: &Candidate, survey: &Survey) -> f32 {
         view.x.abs().max(view.y.abs()) / view.z.max(NEAREST)
     });
     let [tangent] = quantiles(tangents, &survey.masses, [FRAMED]);
-    (MARGIN * tangent).clamp(0.1 * candidate.tan_half, candidate.tan_half)
+    (MARGIN * tangent).clamp(1e-4, candidate.tan_half)
 }
 
 /// Overviews of the scene from rings around it.
@@ -210,7 +210,8 @@ fn spread(points: &[Vec3], n: usize, eligible: impl Fn(usize) -> bool) -> Vec<Ve
     let mut chosen = vec![first];
     let mut distances: Vec<f32> = points.iter().map(|point| point.distance_squared(first)).collect();
     while chosen.len() < n.min(points.len()) {
-        let farthest = (0..points.len()).fold(0, |best, i| if distances[i] > distances[best] { i } else { best });
+        let farthest =
+            (0..points.len()).fold(0, |best, i| if distances[i] > distances[best] { i } else { best });
         let next = points[farthest];
         chosen.push(next);
         for (distance, point) in distances.iter_mut().zip(&points) {

@@ -102,8 +102,10 @@ impl TestViews {
             if left.is_empty() {
                 left.clone_from(&pool);
             }
-            let turn = chosen.len() % OVERVIEW_EVERY == 0 && left.iter().any(|view| view.candidate.is_overview);
-            let gain = |view: &&TestView| if turn && !view.candidate.is_overview { -1.0 } else { view.gain(&total) };
+            let turn =
+                chosen.len() % OVERVIEW_EVERY == 0 && left.iter().any(|view| view.candidate.is_overview);
+            let gain =
+                |view: &&TestView| if turn && !view.candidate.is_overview { -1.0 } else { view.gain(&total) };
             let gains: Vec<f64> = left.par_iter().map(gain).collect();
             let best = (0..left.len()).fold(0, |best, i| if gains[i] > gains[best] { i } else { best });
             let best = left.remove(best);

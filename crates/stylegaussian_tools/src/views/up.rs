@@ -18,6 +18,8 @@ const PRIOR_OF_Y: f32 = 2.5;
 const PANEL: f32 = 0.25;
 /// How many times more level mass must lie on one side before it, and not custom, says where down is.
 const FLOOR_OVER_CEILING: f32 = 2.0;
+/// ... and the least share of all mass that makes a floor.
+const FLOOR_SHARE: f32 = 0.1;
 
 /// A unit vector: the scene's own `up`, or a guess. `half_size` is half the scene's box, along the world's axes.
 pub(super) fn up(scene: &Scene, masses: &[f32], half_size: Vec3) -> Vec3 {
@@ -86,7 +88,11 @@ fn is_upside_down(axis: Vec3, surfaces: &[Surface]) -> bool {
     let middle = surfaces.iter().map(|surface| surface.mass * surface.at.dot(axis)).sum::<f32>() / total;
     let side = |sign: f32| -> f32 {
         let there = surfaces.iter().filter(|surface| sign * (surface.at.dot(axis) - middle) > 0.0);
-        there.filter(|surface| surface.normal.dot(axis).abs() > LEVEL_COSINE).map(|surface| surface.mass).sum()
+        there
+            .filter(|surface| surface.normal.dot(axis).abs() > LEVEL_COSINE)
+            .map(|surface| surface.mass)
+            .sum()
     };
-    side(1.0) > FLOOR_OVER_CEILING * side(-1.0)
+    let above = side(1.0);
+    above > FLOOR_SHARE * total && above > FLOOR_OVER_CEILING * side(-1.0)
 }
