@@ -3,7 +3,7 @@
 pub(crate) mod arguments;
 mod convert;
 mod info;
-mod output;
+pub(crate) mod output;
 mod render;
 mod style;
 mod stylization;
@@ -14,6 +14,8 @@ use clap::{Parser, Subcommand};
 
 pub use arguments::Backend;
 pub use output::error_chain;
+
+use crate::embed;
 
 /// Restyle 3D Gaussian Splatting scenes with any painting: embed once, then stylize in a moment.
 #[derive(Debug, Parser)]
@@ -27,6 +29,7 @@ pub struct Cli {
 enum Command {
     Info(info::InfoArgs),
     Convert(convert::ConvertArgs),
+    Embed(embed::EmbedArgs),
     Style(style::StyleArgs),
     Stylize(stylize::StylizeArgs),
     Render(render::RenderArgs),
@@ -41,6 +44,7 @@ impl Cli {
         match self.command {
             Command::Info(arguments) => info::run(&arguments),
             Command::Convert(arguments) => convert::run(&arguments),
+            Command::Embed(arguments) => embed::run(&arguments),
             Command::Style(arguments) => style::run(&arguments),
             Command::Stylize(arguments) => stylize::run(&arguments),
             Command::Render(arguments) => render::run(&arguments),

@@ -1,14 +1,12 @@
 //! `stylegaussian embed`: a scene file in, the scene with features out.
 
 use std::{
-    io::{self, Write},
     path::{Path, PathBuf},
     process,
     sync::atomic::{AtomicBool, Ordering},
 };
 
-use anyhow::{Result, bail, ensure};
-use clap::ValueEnum;
+use anyhow::{Result, ensure};
 use glam::UVec2;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -17,7 +15,11 @@ use stylegaussian_encoder::resolve;
 
 use super::{EmbedOptions, EmbedReport, Progress, Stage, TrainingView, Watch, embed};
 use crate::{
-    cameras::{CameraSet, read_cameras},
+    cameras::{CameraSet, PosedCamera, read_cameras},
+    cli::{
+        Backend,
+        output::{print, warn},
+    },
     views::choose_views,
 };
 
@@ -68,17 +70,6 @@ pub struct EmbedArgs {
     json: bool,
 }
 
-/// What computes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Backend {
-    /// The CPU.
-    Auto,
-    /// The CPU.
-    Cpu,
-    /// An error: embedding has no GPU side yet.
-    Gpu,
-}
-
 /// What `--json` prints.
 #[derive(Serialize)]
 struct Written<'a> {
@@ -96,9 +87,7 @@ struct Written<'a> {
 /// When a file cannot be read or written, the scene cannot be embedded, or the GPU is asked for.
 pub fn run(arguments: &EmbedArgs) -> Result<()> {
     let EmbedArgs { scene: path, output, options, .. } = arguments;
-    if arguments.backend == Backend::Gpu {
-        bail!("--backend gpu: embedding runs on the CPU in this version; use --backend cpu or auto");
-    }
+    arguments.backend.check()?;
     let is_sgs = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("sgs"));
     ensure!(
         is_sgs,
@@ -127,13 +116,13 @@ pub fn run(arguments: &EmbedArgs) -> Result<()> {
     let n_gaussians = scene.len();
     let written =
         Written { scene: path, output, n_gaussians, encoder: encoder.id().to_string(), report: &report };
-    print(arguments.json, &written)
+    print(arguments.json, &written, || summary(&written))
 }
 
 impl EmbedArgs {
     fn training_views(&self, scene: &Scene) -> Result<Vec<TrainingView>> {
         if let Some(folder) = &self.photos {
-            let view = |posed: crate::cameras::PosedCamera| {
+            let view = |posed: PosedCamera| {
                 Ok(TrainingView::photo(posed.require_photo()?.into(), &posed.camera, self.size))
             };
             return read(folder)?.cameras.into_iter().map(view).collect();
@@ -144,9 +133,8 @@ impl EmbedArgs {
             self.scene.display()
         );
         if let Some(cameras) = &self.cameras {
-            let view = |posed: crate::cameras::PosedCamera| {
-                TrainingView::rendered(posed.name.clone(), &posed.camera, self.size)
-            };
+            let view =
+                |posed: PosedCamera| TrainingView::rendered(posed.name.clone(), &posed.camera, self.size);
             return Ok(read(cameras)?.cameras.into_iter().map(view).collect());
         }
         let chosen =
@@ -158,12 +146,8 @@ impl EmbedArgs {
 
 fn read(path: &Path) -> Result<CameraSet> {
     let set = read_cameras(path)?;
-    warn(set.warnings.iter().map(String::as_str));
+    warn(&set.warnings);
     Ok(set)
-}
-
-fn warn<'a>(warnings: impl Iterator<Item = &'a str>) {
-    warnings.for_each(|warning| eprintln!("warning: {warning}"));
 }
 
 /// The first Ctrl-C finishes with what there is, the second ends at once.
@@ -193,15 +177,6 @@ fn show(bar: &ProgressBar, progress: Progress) {
         }
     }
     bar.set_position(u64::from(progress.done));
-}
-
-fn print(json: bool, written: &Written) -> Result<()> {
-    let mut text = if json { serde_json::to_string_pretty(written)? } else { summary(written) };
-    text.push('\n');
-    let mut stdout = io::stdout().lock();
-    stdout.write_all(text.as_bytes())?;
-    stdout.flush()?;
-    Ok(())
 }
 
 fn summary(Written { output, n_gaussians, report, .. }: &Written) -> String {
