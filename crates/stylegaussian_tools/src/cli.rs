@@ -14,7 +14,6 @@ use clap::{Parser, Subcommand};
 
 pub use arguments::Backend;
 pub use output::error_chain;
-pub(crate) use output::warn;
 
 use crate::{embed, train};
 

@@ -146,7 +146,7 @@ impl Chain {
         let mut features = Vec::new();
         for step in &self.steps {
             if step.pools_before {
-                x = max_pool2d(x, MaxPoolOptions::new([2, 2], [2, 2], [0, 0], [1, 1], true));
+                x = max_pool2d(x, MaxPoolOptions::new([2, 2]).with_stride([2, 2]).with_ceil_mode(true));
             }
             let padded = x.pad([(1, 1), (1, 1)], PadMode::Reflect);
             x = relu(conv(padded, &step.weight, &step.bias));

@@ -185,6 +185,5 @@ impl Network {
 
 /// The values of a tensor, row-major.
 pub fn to_vec(tensor: &Tensor<2>) -> Vec<f32> {
-    let values = tensor.clone().into_data().to_vec::<f32>();
-    values.unwrap_or_default()
+    tensor.clone().into_data().try_to_vec().unwrap_or_default()
 }

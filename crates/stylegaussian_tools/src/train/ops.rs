@@ -23,8 +23,7 @@ use burn::{
 };
 use stylegaussian::{
     decoder::{
-        KnnConvShape, ReverseNeighbors, knn_conv, knn_conv_backward_bias, knn_conv_backward_input,
-        knn_conv_backward_weight,
+        KnnConvShape, ReverseNeighbors, knn_conv, knn_conv_backward_input, knn_conv_backward_weight,
     },
     splat::BlendWeights,
 };
