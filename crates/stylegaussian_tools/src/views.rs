@@ -85,12 +85,6 @@ impl Overviews {
         let around = TestViews::take(survey, candidates::around(survey));
         let within = TestViews::take(survey, candidates::within(survey));
         let encloses = within.covered() > PLACE_ENCLOSES;
-        eprintln!(
-            "SEEN around {} within {} cov {}",
-            around.share_seen(),
-            within.share_seen(),
-            within.covered()
-        );
         if encloses && within.share_seen() > PLACE_SHOWS_MORE * around.share_seen() {
             Self::Within(within)
         } else {

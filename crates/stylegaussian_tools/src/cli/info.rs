@@ -201,7 +201,9 @@ fn text(info: &Info) -> String {
     );
     let mb = |bytes: u64| bytes as f64 / 1e6;
     let GpuBytes { scene, style_pass } = info.gpu_bytes;
-    row("GPU memory", format!("{:.1} MB, and {:.1} MB while a style changes", mb(scene), mb(style_pass)));
+    let restyling =
+        if style_pass > 0 { format!(", and {:.1} MB while a style changes", mb(style_pass)) } else { String::new() };
+    row("GPU memory", format!("{:.1} MB{restyling}", mb(scene)));
     text
 }
 
