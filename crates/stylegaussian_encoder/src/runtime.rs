@@ -62,7 +62,8 @@ impl Runtime {
         match ort::init_from(Path::new(&path)) {
             Ok(builder) => {
                 let environment = build(builder)?;
-                let name = format!("ONNX Runtime {}, {}", onnx_runtime_version(), Path::new(&path).display());
+                let path = Path::new(&path);
+                let name = format!("ONNX Runtime {}, {}", onnx_runtime_version(path), path.display());
                 Ok(Self { environment, engine: Engine::OnnxRuntime, name, warning: None })
             }
             Err(error) => Self::start_tract(Some(format!(
@@ -90,10 +91,20 @@ fn build(builder: EnvironmentBuilder) -> Result<Environment, RuntimeError> {
         .map_err(|error| RuntimeError { reason: error.to_string() })
 }
 
-/// From `ORT Build Info: git-branch=rel-1.24.1, git-commit-id=...`, the only place where `ort` tells it.
-fn onnx_runtime_version() -> &'static str {
-    between(ort::info(), "git-branch=", ',')
-        .map_or("of unknown version", |branch| branch.trim_start_matches("rel-"))
+/// From the file's name (`libonnxruntime.so.1.24.1`), else from `ORT Build Info: git-branch=rel-1.24.1, ...`: `ort`
+/// does not tell the version otherwise, and not every build's branch is named after it.
+fn onnx_runtime_version(path: &Path) -> String {
+    let file = path.canonicalize().unwrap_or_else(|_| path.into());
+    let in_name = file.file_name().and_then(|name| version_in(&name.to_string_lossy()));
+    let in_info = || between(ort::info(), "git-branch=", ',').and_then(version_in);
+    in_name.or_else(in_info).unwrap_or_else(|| "of unknown version".into())
+}
+
+/// The first `1.24` or `1.24.1` in a text.
+fn version_in(text: &str) -> Option<String> {
+    let mut numbers =
+        text.split(|c: char| !c.is_ascii_digit() && c != '.').map(|part| part.trim_matches('.'));
+    numbers.find(|number| number.contains('.')).map(String::from)
 }
 
 /// From `ORT Build Info: backend=ort-tract, version=0.5.0+0.23`: what follows the plus is tract's version.
@@ -104,4 +115,18 @@ fn tract_version() -> &'static str {
 fn between<'a>(text: &'a str, start: &str, end: char) -> Option<&'a str> {
     let (_, rest) = text.split_once(start)?;
     rest.split(end).next()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_are_found_in_file_names_and_branches() {
+        assert_eq!(version_in("libonnxruntime.so.1.24.1").as_deref(), Some("1.24.1"));
+        assert_eq!(version_in("libonnxruntime.1.25.0.dylib").as_deref(), Some("1.25.0"));
+        assert_eq!(version_in("rel-1.24").as_deref(), Some("1.24"));
+        assert_eq!(version_in("onnxruntime.dll"), None);
+        assert_eq!(between("backend=ort-tract, version=0.5.0+0.23", "version=", ','), Some("0.5.0+0.23"));
+    }
 }

@@ -3,7 +3,7 @@
 pub(crate) mod arguments;
 mod convert;
 mod info;
-mod output;
+pub(crate) mod output;
 mod render;
 mod style;
 mod stylization;

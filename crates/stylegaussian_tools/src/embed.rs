@@ -12,7 +12,6 @@ mod closed_form;
 mod command;
 mod evidence;
 mod model;
-mod random;
 mod refine;
 mod samples;
 #[cfg(test)]
@@ -29,9 +28,9 @@ use serde::Serialize;
 use stylegaussian::{Features, Neighbors, Scene};
 use stylegaussian_encoder::{Encoder, EncoderError, ImageError};
 
+use crate::random::Random;
 pub use command::{EmbedArgs, run};
 use model::Model;
-use random::Random;
 use refine::Schedule;
 use samples::{CellSizeError, Samples};
 pub use view::{Picture, TrainingView};

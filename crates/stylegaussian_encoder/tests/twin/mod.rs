@@ -1,3 +1,4 @@
+#![allow(dead_code, reason = "each test binary uses a part of the twin")]
 //! VGG up to relu3_1 as nested loops: slow, and without a second way to be wrong.
 
 use stylegaussian_encoder::Image;

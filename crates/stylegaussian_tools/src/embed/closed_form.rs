@@ -10,9 +10,9 @@ use stylegaussian::decoder::product::{Matrix, product};
 
 use super::{
     model::Model,
-    random::Random,
     samples::{GAUSSIANS_PER_PIECE, Samples, add_scaled},
 };
+use crate::random::Random;
 
 /// Directions iterated beyond the L wanted: the error of the L-th falls with the ratio of eigenvalues L + 8 to L.
 const OVERSAMPLING: usize = 8;

@@ -1,13 +1,12 @@
 //! `stylegaussian embed`: a scene file in, the scene with features out.
 
 use std::{
-    io::{self, Write},
     path::{Path, PathBuf},
     process,
     sync::atomic::{AtomicBool, Ordering},
 };
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Result, ensure};
 use glam::UVec2;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -16,8 +15,11 @@ use stylegaussian_encoder::resolve;
 
 use super::{EmbedOptions, EmbedReport, Progress, Stage, TrainingView, Watch, embed};
 use crate::{
-    cameras::{CameraSet, read_cameras},
-    cli::{Backend, warn},
+    cameras::{CameraSet, PosedCamera, read_cameras},
+    cli::{
+        Backend,
+        output::{print, warn},
+    },
     views::choose_views,
 };
 
@@ -85,9 +87,7 @@ struct Written<'a> {
 /// When a file cannot be read or written, the scene cannot be embedded, or the GPU is asked for.
 pub fn run(arguments: &EmbedArgs) -> Result<()> {
     let EmbedArgs { scene: path, output, options, .. } = arguments;
-    if arguments.backend == Backend::Gpu {
-        bail!("--backend gpu: embedding runs on the CPU in this version; use --backend cpu or auto");
-    }
+    arguments.backend.check()?;
     let is_sgs = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("sgs"));
     ensure!(
         is_sgs,
@@ -116,13 +116,13 @@ pub fn run(arguments: &EmbedArgs) -> Result<()> {
     let n_gaussians = scene.len();
     let written =
         Written { scene: path, output, n_gaussians, encoder: encoder.id().to_string(), report: &report };
-    print(arguments.json, &written)
+    print(arguments.json, &written, || summary(&written))
 }
 
 impl EmbedArgs {
     fn training_views(&self, scene: &Scene) -> Result<Vec<TrainingView>> {
         if let Some(folder) = &self.photos {
-            let view = |posed: crate::cameras::PosedCamera| {
+            let view = |posed: PosedCamera| {
                 Ok(TrainingView::photo(posed.require_photo()?.into(), &posed.camera, self.size))
             };
             return read(folder)?.cameras.into_iter().map(view).collect();
@@ -133,9 +133,8 @@ impl EmbedArgs {
             self.scene.display()
         );
         if let Some(cameras) = &self.cameras {
-            let view = |posed: crate::cameras::PosedCamera| {
-                TrainingView::rendered(posed.name.clone(), &posed.camera, self.size)
-            };
+            let view =
+                |posed: PosedCamera| TrainingView::rendered(posed.name.clone(), &posed.camera, self.size);
             return Ok(read(cameras)?.cameras.into_iter().map(view).collect());
         }
         let chosen =
@@ -147,7 +146,7 @@ impl EmbedArgs {
 
 fn read(path: &Path) -> Result<CameraSet> {
     let set = read_cameras(path)?;
-    warn(set.warnings.iter().map(String::as_str));
+    warn(&set.warnings);
     Ok(set)
 }
 
@@ -178,15 +177,6 @@ fn show(bar: &ProgressBar, progress: Progress) {
         }
     }
     bar.set_position(u64::from(progress.done));
-}
-
-fn print(json: bool, written: &Written) -> Result<()> {
-    let mut text = if json { serde_json::to_string_pretty(written)? } else { summary(written) };
-    text.push('\n');
-    let mut stdout = io::stdout().lock();
-    stdout.write_all(text.as_bytes())?;
-    stdout.flush()?;
-    Ok(())
 }
 
 fn summary(Written { output, n_gaussians, report, .. }: &Written) -> String {

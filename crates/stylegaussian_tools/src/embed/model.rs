@@ -3,10 +3,8 @@
 use rayon::prelude::*;
 use stylegaussian::decoder::product::{Matrix, product};
 
-use super::{
-    random::Random,
-    samples::{Samples, add_scaled},
-};
+use super::samples::{Samples, add_scaled};
+use crate::random::Random;
 
 /// Cells per parallel piece. Fixed, and sums over pieces run in order, so that results do not depend on the number of
 /// threads; small enough that the residuals of a piece stay in the second-level cache.

@@ -8,9 +8,9 @@ use rayon::prelude::*;
 
 use super::{
     model::{Gradient, Model},
-    random::Random,
     samples::{GAUSSIANS_PER_PIECE, Samples},
 };
+use crate::random::Random;
 
 const BETA_1: f32 = 0.9;
 const BETA_2: f32 = 0.999;

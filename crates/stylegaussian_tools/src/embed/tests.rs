@@ -8,10 +8,10 @@ use super::{
     closed_form::closed_form,
     evidence::{seen_weights, settle},
     model::Model,
-    random::Random,
     refine::{Schedule, refine},
     samples::Samples,
 };
+use crate::random::Random;
 
 /// A picture whose pixels have the given (Gaussian, weight) lists.
 fn weights(size: [u32; 2], n_gaussians: usize, pixels: &[&[(u32, f32)]]) -> BlendWeights {

@@ -1,0 +1,127 @@
+//! How fast the folded decoder is, against the unfolded one and against plain matrix products of the same size.
+//!
+//! Prints medians and two ratios: `folded_over_unfolded_cpu` (time of the unfolded decoder / time of the folded one)
+//! and `cpu_decode_over_product` (the decoder's rate / a large product's). Run it on a quiet machine:
+//!
+//! ```sh
+//! cargo run --release -p stylegaussian --example decode_speed -- 100000
+//! ```
+
+use std::{hint::black_box, time::Instant};
+
+use glam::{Quat, Vec3};
+use stylegaussian::{
+    Activation, Decoder, Features, Layer, Neighbors, Scene,
+    fold::{ChannelMap, stylize},
+};
+
+const N_CHANNELS: usize = 256;
+const N_LOW: usize = 32;
+const K: usize = 8;
+const RUNS: usize = 5;
+
+fn numbers(n: usize, deviation: f32) -> Vec<f32> {
+    // A low-discrepancy sequence: any numbers do, so long as none is denormal or zero.
+    (0..n).map(|i| deviation * ((i as f64 * 0.754_877_666) % 1.0 - 0.5) as f32 * 3.46).collect()
+}
+
+fn scene(n: usize, n_low: usize) -> Scene {
+    let position = |i: usize| {
+        Vec3::from([0.754_877_666, 0.569_840_291, 0.438_579_2].map(|step: f64| (i as f64 * step % 1.0) as f32))
+    };
+    let mut scene = Scene {
+        means: (0..n).map(position).collect(),
+        rotations: vec![Quat::IDENTITY; n],
+        scales: vec![Vec3::splat(0.01); n],
+        opacities: vec![0.5; n],
+        order: (0..n as u32).collect(),
+        n_source: n,
+        ..Scene::default()
+    };
+    scene.sort_by_morton();
+    scene.features = Some(Features {
+        values: numbers(n * n_low, 1.0),
+        n_low,
+        basis: numbers(N_CHANNELS * n_low, 0.1),
+        offset: numbers(N_CHANNELS, 1.0),
+        extra: Vec::new(),
+        n_extra: 0,
+        encoder: None,
+    });
+    scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, K));
+    scene
+}
+
+fn decoder() -> Decoder {
+    let mut d_in = N_CHANNELS;
+    let layer = |d_out| {
+        let weight = numbers(d_out * K * d_in, 1.0 / ((K * d_in) as f32).sqrt());
+        let layer = Layer { weight, bias: numbers(d_out, 0.1), d_in, d_out };
+        d_in = d_out;
+        layer
+    };
+    Decoder {
+        layers: Decoder::WIDTHS.map(layer).into(),
+        k: K,
+        activation: Activation::Sigmoid,
+        residual: false,
+        encoder: None,
+    }
+}
+
+/// Median seconds of [`RUNS`] runs after one that warms up.
+fn median(mut run: impl FnMut()) -> f64 {
+    run();
+    let mut seconds: Vec<f64> = (0..RUNS)
+        .map(|_| {
+            let start = Instant::now();
+            run();
+            start.elapsed().as_secs_f64()
+        })
+        .collect();
+    seconds.sort_by(f64::total_cmp);
+    seconds[RUNS / 2]
+}
+
+/// Seconds of one product with the multiply-adds of the folded decoder over `n` Gaussians.
+fn product_seconds(n: usize) -> f64 {
+    let (rows, inner, columns) = (n, 2048, 128);
+    let (lhs, rhs) = (numbers(rows * inner, 1.0), numbers(inner * columns, 1.0));
+    let mut target = vec![0.0_f32; rows * columns];
+    let seconds = median(|| {
+        let threads = gemm::Parallelism::Rayon(0);
+        #[expect(unsafe_code, reason = "gemm takes pointers; the slices have the stated shapes")]
+        unsafe {
+            gemm::gemm(
+                rows, columns, inner, target.as_mut_ptr(), 1, columns as isize, false, lhs.as_ptr(), 1,
+                inner as isize, rhs.as_ptr(), 1, columns as isize, 0.0, 1.0, false, false, false, threads,
+            );
+        }
+        black_box(&target);
+    });
+    seconds * multiply_adds(n, N_LOW) / (rows * inner * columns) as f64
+}
+
+fn multiply_adds(n: usize, n_inputs: usize) -> f64 {
+    let widths = [n_inputs, 256, 128, 64, 32, 3];
+    (n * widths.windows(2).map(|pair| K * pair[0] * pair[1]).sum::<usize>()) as f64
+}
+
+fn main() {
+    let n = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(100_000);
+    let decoder = decoder();
+    let time = |n_low: usize| {
+        let scene = scene(n, n_low);
+        median(|| {
+            black_box(stylize(&scene, &decoder, &ChannelMap::identity(N_CHANNELS)).unwrap());
+        })
+    };
+    let (folded, unfolded, product) = (time(N_LOW), time(N_CHANNELS), product_seconds(n));
+    let rate = |seconds: f64, n_inputs: usize| multiply_adds(n, n_inputs) * 2e-9 / seconds;
+    println!("N = {n}, {} threads", rayon::current_num_threads());
+    println!("folded   (L = {N_LOW})  {folded:.3} s  {:.1} GFLOP/s", rate(folded, N_LOW));
+    println!("unfolded (D = {N_CHANNELS}) {unfolded:.3} s  {:.1} GFLOP/s", rate(unfolded, N_CHANNELS));
+    println!("product            {product:.3} s  {:.1} GFLOP/s", rate(product, N_LOW));
+    println!("folded_over_unfolded_cpu {:.2}", unfolded / folded);
+    println!("cpu_decode_over_product {:.2}", product / folded);
+}

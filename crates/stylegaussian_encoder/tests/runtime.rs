@@ -1,0 +1,100 @@
+//! Which engine runs, and that both give the same. The choice is made once per process, so the tests run this file's
+//! own binary again with another environment.
+
+mod twin;
+
+use std::{env, fs, path::Path, process::Command};
+
+use stylegaussian_encoder::{
+    network::{Network, Planes},
+    onnx::{ChainWriter, Convolution},
+    runtime::{DYLIB_VARIABLE, Runtime},
+};
+
+/// Set for the inner run: where it writes what it found.
+const REPORT: &str = "STYLEGAUSSIAN_TEST_REPORT";
+
+/// Runs the test `name` of this binary again, with `library` as ONNX Runtime, and gives what it reported.
+fn run_again(name: &str, library: Option<&Path>) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("report");
+    let mut command = Command::new(env::current_exe().unwrap());
+    command.args(["--exact", name]).env(REPORT, &report).env_remove(DYLIB_VARIABLE);
+    if let Some(library) = library {
+        command.env(DYLIB_VARIABLE, library);
+    }
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+    fs::read(report).unwrap()
+}
+
+#[test]
+fn an_unusable_library_leaves_tract_and_a_warning() {
+    if let Some(report) = env::var_os(REPORT) {
+        let runtime = Runtime::get().unwrap();
+        fs::write(report, format!("{}\n{}", runtime.name(), runtime.warning().unwrap_or("none"))).unwrap();
+        return;
+    }
+    let again = |library| {
+        let report = run_again("an_unusable_library_leaves_tract_and_a_warning", library);
+        String::from_utf8(report).unwrap()
+    };
+    let none = again(None);
+    assert!(none.starts_with("tract 0.") && none.ends_with("\nnone"), "{none}");
+
+    let folder = tempfile::tempdir().unwrap();
+    let text = folder.path().join("libonnxruntime.so");
+    fs::write(&text, "this is no library").unwrap();
+    for library in [Path::new("/nowhere/libonnxruntime.so"), &text] {
+        let found = again(Some(library));
+        let names_both = found.contains(DYLIB_VARIABLE) && found.contains(&library.display().to_string());
+        assert!(found.starts_with("tract ") && names_both, "{found}");
+    }
+}
+
+/// VGG's first layers on a fixed image, run twice.
+fn features() -> Planes {
+    let layer = |inputs: usize, outputs: usize, seed: u64| {
+        let scale = (6.0 / (inputs as f32 * 9.0)).sqrt();
+        let weight = twin::random_values(outputs * inputs * 9, seed).iter().map(|v| v * scale).collect();
+        Convolution { shape: [outputs, inputs, 3, 3], weight, bias: vec![0.1; outputs] }
+    };
+    let chain = ChainWriter::new(3)
+        .reflect()
+        .convolution(&layer(3, 64, 1), 0)
+        .relu()
+        .reflect()
+        .convolution(&layer(64, 64, 2), 0)
+        .relu()
+        .max_pool(true)
+        .convolution(&layer(64, 128, 3), 1)
+        .upsample();
+    let network = Network::load("vgg", chain.finish()).unwrap();
+    let image = twin::random_image(101, 77);
+    let input = Planes { channels: 3, height: 77, width: 101, values: image.rgb };
+    let first = network.run(&input).unwrap();
+    assert!(network.run(&input).unwrap() == first, "the same input gave another output");
+    first
+}
+
+#[test]
+fn both_engines_agree() {
+    if let Some(report) = env::var_os(REPORT) {
+        let bytes: Vec<u8> = features().values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        fs::write(report, bytes).unwrap();
+        return;
+    }
+    if env::var_os(DYLIB_VARIABLE).is_none() {
+        eprintln!("SKIPPED: {DYLIB_VARIABLE} names no ONNX Runtime to compare tract with");
+        return;
+    }
+    let runtime = Runtime::get().unwrap();
+    assert!(runtime.name().starts_with("ONNX Runtime"), "{:?}", runtime.warning());
+    let by_onnx_runtime = features();
+    let by_tract = run_again("both_engines_agree", None);
+    let by_tract = by_tract.as_chunks::<4>().0.iter().map(|&bytes| f32::from_le_bytes(bytes));
+    assert_eq!(by_tract.len(), by_onnx_runtime.values.len());
+    let error = by_tract.zip(&by_onnx_runtime.values).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    println!("{}: differs from tract by {error:e}", runtime.name());
+    assert!(error < 2e-4, "{error}");
+}
