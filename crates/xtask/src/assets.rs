@@ -1,85 +1,153 @@
 //! `cargo xtask assets`: everything in `assets/` and the default decoder, made anew by the commands of this file.
+//!
+//! The demo scene and the paintings come out bit for bit the same; what is embedded and trained, within what the order
+//! of floating-point sums allows. What trains the decoder is not ours to ship and lies in the test data: VGG-19, the
+//! teacher of the warm start, paintings likely in the public domain, and scenes under an open licence.
 
 use std::{
-    env, fs,
+    fs,
     path::{Path, PathBuf},
     process::Command,
 };
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 
 use crate::{
     demo::stylegaussian,
-    steps::{Steps, cargo},
+    steps::{Steps, cargo, data_folder},
 };
 
+/// The eight style images, and their statistics beside them.
 const STYLES: &str = "assets/styles";
-const SCENE: &str = "out/assets/demo.ply";
-const EMBEDDED: &str = "assets/demo.sgs";
+/// The demo scene with its features.
+const DEMO: &str = "assets/demo.sgs";
+/// The default decoder.
 const DECODER: &str = "crates/stylegaussian_defaults/default.decoder.safetensors";
+/// Everything that does not ship.
+const WORK: &str = "out/assets";
+/// Scenes of the test data that the decoder is trained on besides the demo scene: CC BY 4.0 and MIT.
+const TRAINING_SCENES: [&str; 2] = ["playbot_31k_sh2pad3", "fruit_drops_minimal"];
+/// Paintings by masters dead for more than 70 years have this prefix in the test data.
+const PUBLIC_DOMAIN: &str = "nm_";
 
-/// Makes the assets with the encoder at `encoder`, or else the one that `STYLEGAUSSIAN_ENCODER` names.
-pub fn run(encoder: Option<&str>) -> Result<()> {
-    let encoder = match encoder
-        .map(PathBuf::from)
-        .or_else(|| env::var_os("STYLEGAUSSIAN_ENCODER").map(PathBuf::from))
-    {
-        Some(file) => file,
-        None => bail!("no encoder: give --encoder FILE or set STYLEGAUSSIAN_ENCODER (no encoder ships yet)"),
-    };
-    ensure!(encoder.is_file(), "the encoder {} is not a file", encoder.display());
-    fs::create_dir_all("out/assets").context("cannot create out/assets")?;
+/// Files of the test data.
+struct Data {
+    encoder: PathBuf,
+    relu4: PathBuf,
+    teacher: PathBuf,
+    paintings: PathBuf,
+    scenes: PathBuf,
+}
+
+impl Data {
+    fn find() -> Result<Self> {
+        let folder = data_folder();
+        let vgg = folder.join("vgg");
+        let data = Self {
+            encoder: vgg.join("vgg19_normalised_relu3_1.safetensors"),
+            relu4: vgg.join("distilled16x_encoder_relu4_1.safetensors"),
+            teacher: vgg.join("wct_decoder_relu3_1.safetensors"),
+            paintings: folder.join("styles"),
+            scenes: folder.join("splats"),
+        };
+        for path in [&data.encoder, &data.relu4, &data.teacher, &data.paintings, &data.scenes] {
+            ensure!(
+                path.exists(),
+                "{} is missing; STYLEGAUSSIAN_DATA names the folder of the test data",
+                path.display()
+            );
+        }
+        Ok(data)
+    }
+}
+
+/// Makes the assets and reports their sizes.
+pub fn run() -> Result<()> {
+    let data = Data::find()?;
+    fs::create_dir_all(WORK).with_context(|| format!("cannot create {WORK}"))?;
     let mut steps = Steps::default();
-    let outcome = make(&mut steps, &encoder);
+    let outcome = make(&mut steps, &data);
     steps.print_summary();
     outcome?;
     report_sizes()
 }
 
-fn make(steps: &mut Steps, encoder: &Path) -> Result<()> {
+fn make(steps: &mut Steps, data: &Data) -> Result<()> {
+    let world = format!("{WORK}/demo.ply");
     steps.run("paintings", &mut generator("demo_paintings", STYLES))?;
-    steps.run("world", &mut generator("demo_world", SCENE))?;
-    for image in style_images()? {
+    steps.run("world", &mut generator("demo_world", &world))?;
+    for image in images(Path::new(STYLES), "")? {
         let mut style = stylegaussian();
         style.arg("style").arg(&image).arg("-o").arg(image.with_extension("style.safetensors"));
-        steps.run(&format!("statistics of {}", image.display()), style.arg("--encoder").arg(encoder))?;
+        steps.run(&format!("style {}", image.display()), style.arg("--encoder").arg(&data.encoder))?;
     }
-    let mut embed = stylegaussian();
-    steps.run("embed", embed.args(["embed", SCENE, "-o", EMBEDDED]).arg("--encoder").arg(encoder))?;
-    let mut train = stylegaussian();
-    train.args(["train", EMBEDDED, "--styles", STYLES, "-o", DECODER]).arg("--encoder").arg(encoder);
-    steps.run("train", &mut train)
+    let mut scenes = vec![PathBuf::from(DEMO)];
+    embed(steps, data, Path::new(&world), &scenes[0])?;
+    for name in TRAINING_SCENES {
+        let embedded = PathBuf::from(format!("{WORK}/{name}.sgs"));
+        embed(steps, data, &data.scenes.join(name).with_extension("ply"), &embedded)?;
+        scenes.push(embedded);
+    }
+    train(steps, data, &scenes)
 }
 
 fn generator(package: &str, out: &str) -> Command {
     cargo(["run", "--release", "--quiet", "--locked", "--package", package, "--", out])
 }
 
-fn style_images() -> Result<Vec<PathBuf>> {
-    let mut images: Vec<_> = files(Path::new(STYLES))?
-        .into_iter()
-        .filter(|path| path.extension().is_some_and(|extension| extension == "png" || extension == "jpg"))
-        .collect();
-    images.sort();
-    ensure!(!images.is_empty(), "{STYLES} holds no picture");
+fn embed(steps: &mut Steps, data: &Data, scene: &Path, out: &Path) -> Result<()> {
+    let mut embed = stylegaussian();
+    embed.arg("embed").arg(scene).arg("-o").arg(out).arg("--encoder").arg(&data.encoder);
+    steps.run(&format!("embed {}", scene.display()), &mut embed)
+}
+
+/// Trains beside the checkpoint, the loss curve and the contact sheet, none of which ship; then copies the decoder.
+fn train(steps: &mut Steps, data: &Data, scenes: &[PathBuf]) -> Result<()> {
+    let paintings = PathBuf::from(format!("{WORK}/paintings"));
+    fs::create_dir_all(&paintings).with_context(|| format!("cannot create {}", paintings.display()))?;
+    for image in images(&data.paintings, PUBLIC_DOMAIN)? {
+        let copy = paintings.join(image.file_name().unwrap_or_default());
+        fs::copy(&image, &copy).with_context(|| format!("cannot copy {}", image.display()))?;
+    }
+    let decoder = format!("{WORK}/default.decoder.safetensors");
+    let mut train = stylegaussian();
+    train.arg("train").args(scenes).arg("--styles").arg(&paintings).args(["-o", &decoder]);
+    train
+        .arg("--encoder")
+        .arg(&data.encoder)
+        .arg("--relu4")
+        .arg(&data.relu4)
+        .arg("--teacher")
+        .arg(&data.teacher);
+    steps.run("train", &mut train)?;
+    fs::copy(&decoder, DECODER).with_context(|| format!("cannot copy {decoder} to {DECODER}"))?;
+    Ok(())
+}
+
+/// Pictures in `folder` whose names start with `prefix`, by name.
+fn images(folder: &Path, prefix: &str) -> Result<Vec<PathBuf>> {
+    let mut images = files(folder)?;
+    images.retain(|path| {
+        let is_image = path.extension().is_some_and(|extension| extension == "png" || extension == "jpg");
+        is_image && path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(prefix))
+    });
+    ensure!(!images.is_empty(), "{} holds no picture named {prefix}*.png or {prefix}*.jpg", folder.display());
     Ok(images)
 }
 
+/// The files in `folder`, by name.
 fn files(folder: &Path) -> Result<Vec<PathBuf>> {
-    let list = || -> std::io::Result<Vec<PathBuf>> {
-        fs::read_dir(folder)?
-            .map(|entry| Ok(entry?.path()))
-            .filter(|path| path.as_ref().map_or(true, |p| p.is_file()))
-            .collect()
-    };
-    list().with_context(|| format!("cannot list {}", folder.display()))
+    let list = || fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>();
+    let mut paths = list().with_context(|| format!("cannot list {}", folder.display()))?;
+    paths.retain(|path| path.is_file());
+    paths.sort();
+    Ok(paths)
 }
 
 fn report_sizes() -> Result<()> {
     let mut paths = files(Path::new("assets"))?;
     paths.extend(files(Path::new(STYLES))?);
     paths.push(DECODER.into());
-    paths.sort();
     let mut total = 0;
     for path in paths {
         let n_bytes = fs::metadata(&path).with_context(|| format!("cannot read {}", path.display()))?.len();

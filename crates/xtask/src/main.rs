@@ -12,9 +12,9 @@ use anyhow::{Context, Result, bail};
 const USAGE: &str = "\
 Usage: cargo xtask <COMMAND>
 
-  test                     everything CI runs: formatting, lints, docs, tests, examples, packages
-  demo                     stylize the demo scene with every shipped style; pictures go to out/demo
-  assets [--encoder FILE]  make everything in assets/ and the default decoder anew (takes hours)";
+  test     everything CI runs: formatting, lints, docs, tests, examples, packages
+  demo     stylize the demo scene with every shipped style; pictures go to out/demo
+  assets   make everything in assets/ and the default decoder anew; needs the test data, and hours";
 
 fn main() -> ExitCode {
     match run() {
@@ -33,8 +33,7 @@ fn run() -> Result<()> {
     match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["test"] => test::run(),
         ["demo"] => demo::run(),
-        ["assets"] => assets::run(None),
-        ["assets", "--encoder", file] => assets::run(Some(file)),
+        ["assets"] => assets::run(),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");
             Ok(())

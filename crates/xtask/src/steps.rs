@@ -17,6 +17,17 @@ pub fn workspace_root() -> PathBuf {
     here.ancestors().nth(2).unwrap_or(here).to_path_buf()
 }
 
+/// Where tests look for real captures and photos, which the repository does not hold.
+pub fn data_folder() -> PathBuf {
+    env::var_os("STYLEGAUSSIAN_DATA").map_or_else(
+        || {
+            let root = workspace_root();
+            root.parent().unwrap_or(Path::new("/")).join("shared").join("data")
+        },
+        PathBuf::from,
+    )
+}
+
 /// The cargo that runs this program, with `arguments`, never touching `Cargo.lock`.
 pub fn cargo<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Command {
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));

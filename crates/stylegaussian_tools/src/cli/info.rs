@@ -107,16 +107,14 @@ impl GpuBytes {
 pub fn run(arguments: &InfoArgs) -> Result<()> {
     let loaded = file::read_scene(&arguments.scene)?;
     warn(&loaded.warnings);
-    let info = describe(&arguments.scene, &loaded.scene, loaded.warnings)?;
+    let info = describe(&arguments.scene, &loaded.scene, loaded.warnings);
     print(arguments.json, &info, || text(&info))
 }
 
-fn describe<'a>(path: &'a Path, scene: &'a Scene, warnings: Vec<String>) -> Result<Info<'a>> {
-    let gpu_bytes = match (&scene.features, &scene.decoder) {
-        (Some(_), None) => GpuBytes::of(scene, Some(&default_decoder()?)),
-        (_, decoder) => GpuBytes::of(scene, decoder.as_ref()),
-    };
-    Ok(Info {
+fn describe<'a>(path: &'a Path, scene: &'a Scene, warnings: Vec<String>) -> Info<'a> {
+    let default = default_decoder().ok().filter(|_| scene.features.is_some());
+    let gpu_bytes = GpuBytes::of(scene, scene.decoder.as_ref().or(default.as_ref()));
+    Info {
         path,
         n_gaussians: scene.len(),
         n_source: scene.n_source,
@@ -130,7 +128,7 @@ fn describe<'a>(path: &'a Path, scene: &'a Scene, warnings: Vec<String>) -> Resu
         decoder: scene.decoder.as_ref().map(DecoderInfo::of),
         gpu_bytes,
         warnings,
-    })
+    }
 }
 
 impl FeaturesInfo {
@@ -201,7 +199,9 @@ fn text(info: &Info) -> String {
     );
     let mb = |bytes: u64| bytes as f64 / 1e6;
     let GpuBytes { scene, style_pass } = info.gpu_bytes;
-    row("GPU memory", format!("{:.1} MB, and {:.1} MB while a style changes", mb(scene), mb(style_pass)));
+    let restyling =
+        if style_pass > 0 { format!(", and {:.1} MB while a style changes", mb(style_pass)) } else { String::new() };
+    row("GPU memory", format!("{:.1} MB{restyling}", mb(scene)));
     text
 }
 
