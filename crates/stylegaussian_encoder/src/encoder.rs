@@ -12,11 +12,13 @@ use crate::{
     FeatureMap, Image,
     features::transposed,
     network::{Network, NetworkError, Planes},
+    rehearsal::rehearse,
+    runtime::{Engine, Runtime},
     vgg,
     weights::{Weights, WeightsError},
 };
 
-/// Least width and height of an image, in pixels. VGG with reflection padding needs 5; with 8 there are at least
+/// Least width and height of an image for any encoder, in pixels. VGG with reflection padding needs 5; with 8 there are
 /// 2x2 cells, so that a standard deviation exists.
 pub const MIN_SIDE: u32 = 8;
 
@@ -24,13 +26,14 @@ pub const MIN_SIDE: u32 = 8;
 pub const ENCODER_VARIABLE: &str = "STYLEGAUSSIAN_ENCODER";
 
 /// Size of the image on which an ONNX file is tried when it is opened.
-const PROBE_SIDE: usize = 64;
+pub(crate) const PROBE_SIDE: usize = 64;
 
 /// An image encoder. Shared by reference between threads: [`Encoder::encode`] runs on all of them at once.
 pub struct Encoder {
     id: EncoderId,
     network: Network,
     n_channels: usize,
+    min_side: u32,
 }
 
 /// An encoder could not be opened or used.
@@ -75,12 +78,14 @@ pub enum EncoderError {
         height: usize,
     },
     /// The image is too small.
-    #[error("the image is {width}x{height}, expected at least {MIN_SIDE}x{MIN_SIDE} pixels")]
+    #[error("the image is {width}x{height}, expected at least {min_side}x{min_side} pixels")]
     ImageTooSmall {
         /// Its columns.
         width: u32,
         /// Its rows.
         height: u32,
+        /// What the encoder needs.
+        min_side: u32,
     },
     /// The image's values are not as many as its size says.
     #[error("the image of {width}x{height} has {found} values, expected 3 for each pixel")]
@@ -121,8 +126,13 @@ impl Encoder {
     pub fn open(path: &Path) -> Result<Self, EncoderError> {
         let read = |source| EncoderError::Read { path: path.into(), source };
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+        let mut min_side = MIN_SIDE;
         let onnx = match extension.to_ascii_lowercase().as_str() {
-            "onnx" => fs::read(path).map_err(read)?,
+            "onnx" => {
+                let onnx = fs::read(path).map_err(read)?;
+                min_side = least_side(path, &onnx)?;
+                onnx
+            }
             "safetensors" | "pth" | "pt" => vgg::graph(&Weights::open(path)?)?,
             _ => return Err(EncoderError::Extension { path: path.into() }),
         };
@@ -131,7 +141,7 @@ impl Encoder {
             hash: file_hash(path).map_err(read)?,
         };
         let network = Network::load(path.display().to_string(), onnx)?;
-        let mut encoder = Self { id, network, n_channels: 0 };
+        let mut encoder = Self { id, network, n_channels: 0, min_side };
         encoder.n_channels = encoder.probe()?;
         Ok(encoder)
     }
@@ -172,8 +182,9 @@ impl Encoder {
     pub fn encode(&self, image: &Image) -> Result<FeatureMap, EncoderError> {
         let (width, height) = (image.width, image.height);
         let n_pixels = width as usize * height as usize;
-        if width < MIN_SIDE || height < MIN_SIDE {
-            return Err(EncoderError::ImageTooSmall { width, height });
+        let min_side = self.min_side;
+        if self.input_size().is_none() && width.min(height) < min_side {
+            return Err(EncoderError::ImageTooSmall { width, height, min_side });
         }
         if image.rgb.len() != n_pixels * 3 {
             return Err(EncoderError::ImageValues { width, height, found: image.rgb.len() });
@@ -206,6 +217,19 @@ impl Encoder {
         let (height, width) = (height.unwrap_or(PROBE_SIDE), width.unwrap_or(PROBE_SIDE));
         let values = vec![0.5; 3 * height * width];
         Ok(self.run(&Planes { channels: 3, height, width, values })?.channels)
+    }
+}
+
+/// The least side of an image for a foreign graph, having made sure that tract does not panic over it.
+fn least_side(path: &Path, onnx: &[u8]) -> Result<u32, EncoderError> {
+    let runtime = Runtime::get().map_err(NetworkError::from)?;
+    match runtime.engine {
+        // Reports what it cannot do, small images included.
+        Engine::OnnxRuntime => Ok(MIN_SIDE),
+        Engine::Tract => rehearse(onnx).map_err(|reason| {
+            let (name, runtime) = (path.display().to_string(), runtime.name().into());
+            NetworkError::Load { name, runtime, reason }.into()
+        }),
     }
 }
 

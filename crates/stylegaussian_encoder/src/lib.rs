@@ -19,6 +19,7 @@ pub mod features;
 pub mod image;
 pub mod network;
 pub mod onnx;
+mod rehearsal;
 pub mod runtime;
 pub mod style;
 pub mod vgg;

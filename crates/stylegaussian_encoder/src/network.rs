@@ -9,6 +9,10 @@ use ort::{
 
 use crate::runtime::{Engine, Runtime, RuntimeError};
 
+/// Most values that a graph may take, or a step of it make, when it is tried: 1 GiB. VGG's largest step makes 2^18 of
+/// 64x64 pixels.
+pub(crate) const MAX_VALUES: usize = 1 << 28;
+
 /// A graph of one image-like input and one image-like output.
 pub struct Network {
     name: String,
@@ -86,6 +90,15 @@ impl Network {
         let runtime = Runtime::get()?;
         let session = start(&name, &onnx, runtime)?;
         let [_, channels, height, width] = image_like(&name, "input", session.inputs())?;
+        let fixed = [channels, height, width].into_iter().flatten();
+        if fixed.map(|size| size as f64).product::<f64>() > MAX_VALUES as f64 {
+            return Err(NetworkError::Signature {
+                name,
+                what: "input",
+                found: shape_text(&[channels, height, width]),
+                expected: format!("at most {MAX_VALUES} values"),
+            });
+        }
         let [_, output_channels, ..] = image_like(&name, "output", session.outputs())?;
         Ok(Self {
             onnx,

@@ -131,6 +131,26 @@ fn garbage_onnx() {
     }
 }
 
+/// tract panics over many of these, which behind its C interface would end the process.
+#[test]
+fn corrupted_onnx_never_panics() {
+    let weight = vec![0.5; 3 * 9];
+    let blur = Convolution { shape: [1, 3, 3, 3], weight, bias: vec![0.0] };
+    let whole = ChainWriter::new(3).reflect().convolution(&blur, 0).relu().max_pool(true).finish();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("corrupted.onnx");
+    let mut n_refused = 0;
+    for index in (0..whole.len()).step_by(12) {
+        for byte in [0, 0x7F, 0x80] {
+            let mut bytes = whole.clone();
+            bytes[index] = byte;
+            fs::write(&path, bytes).unwrap();
+            n_refused += u32::from(Encoder::open(&path).is_err());
+        }
+    }
+    assert!(n_refused > 20, "only {n_refused} of the corrupted files were refused");
+}
+
 #[test]
 fn onnx_that_gives_no_numbers() {
     let bias = Convolution { shape: [1, 3, 1, 1], weight: vec![0.0; 3], bias: vec![f32::INFINITY] };
