@@ -27,7 +27,9 @@ fn numbers(n: usize, deviation: f32) -> Vec<f32> {
 
 fn scene(n: usize, n_low: usize) -> Scene {
     let position = |i: usize| {
-        Vec3::from([0.754_877_666, 0.569_840_291, 0.438_579_2].map(|step: f64| (i as f64 * step % 1.0) as f32))
+        Vec3::from(
+            [0.754_877_666, 0.569_840_291, 0.438_579_2].map(|step: f64| (i as f64 * step % 1.0) as f32),
+        )
     };
     let mut scene = Scene {
         means: (0..n).map(position).collect(),
@@ -93,8 +95,25 @@ fn product_seconds(n: usize) -> f64 {
         #[expect(unsafe_code, reason = "gemm takes pointers; the slices have the stated shapes")]
         unsafe {
             gemm::gemm(
-                rows, columns, inner, target.as_mut_ptr(), 1, columns as isize, false, lhs.as_ptr(), 1,
-                inner as isize, rhs.as_ptr(), 1, columns as isize, 0.0, 1.0, false, false, false, threads,
+                rows,
+                columns,
+                inner,
+                target.as_mut_ptr(),
+                1,
+                columns as isize,
+                false,
+                lhs.as_ptr(),
+                1,
+                inner as isize,
+                rhs.as_ptr(),
+                1,
+                columns as isize,
+                0.0,
+                1.0,
+                false,
+                false,
+                false,
+                threads,
             );
         }
         black_box(&target);

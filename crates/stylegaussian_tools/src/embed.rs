@@ -192,7 +192,7 @@ pub enum EmbedError {
         /// The view's name.
         view: String,
         /// What the encoder says.
-        source: EncoderError,
+        source: Box<EncoderError>,
     },
     /// The encoder's feature map does not fit the view.
     #[error("view {view}: {source}")]
@@ -286,8 +286,9 @@ fn sample_views(
 fn sample_view(scene: &Scene, view: &TrainingView, encoder: &Encoder) -> Result<Vec<Samples>, EmbedError> {
     let weights = stylegaussian::splat::blend_weights(scene, &view.camera);
     let picture = view.load(scene)?;
-    let features =
-        encoder.encode(&picture).map_err(|source| EmbedError::Encoder { view: view.name.clone(), source })?;
+    let features = encoder
+        .encode(&picture)
+        .map_err(|source| EmbedError::Encoder { view: view.name.clone(), source: source.into() })?;
     Samples::of_view(&weights, &features)
         .map_err(|source| EmbedError::CellSize { view: view.name.clone(), source })
 }

@@ -13,7 +13,7 @@ mod step;
 mod warm_start;
 
 use std::{
-    collections::HashMap,
+    collections::{HashMap, hash_map::Entry},
     path::{Path, PathBuf},
     sync::atomic::{AtomicBool, Ordering},
 };
@@ -127,7 +127,7 @@ fn split_paintings(folder: &Path, n_held_out: usize) -> Result<(Vec<PathBuf>, Ve
         folder.display(),
         paths.len()
     );
-    let stride = if n_held_out == 0 { usize::MAX } else { paths.len() / n_held_out };
+    let stride = paths.len().checked_div(n_held_out).unwrap_or(usize::MAX);
     let is_held_out = |i: usize| i % stride == stride / 2 && i / stride < n_held_out;
     let (held_out, training): (Vec<_>, Vec<_>) =
         paths.into_iter().enumerate().partition(|(i, _)| is_held_out(*i));
@@ -264,15 +264,16 @@ impl Trainer {
             let scene_index = random.below(self.scenes.len());
             let style_index = random.below(self.arguments.warm_styles);
             let scene = &self.scenes[scene_index];
-            if !targets.contains_key(&(scene_index, style_index)) {
-                let mut choice =
-                    Random::new(self.arguments.seed ^ (style_index as u64).wrapping_mul(0x9E37_79B9));
-                let style =
-                    self.paintings.pick(&mut choice, &self.encoder, &self.loss_network, &self.device)?;
-                let target = Target::new(scene, &content[scene_index], style, &teacher)?;
-                targets.insert((scene_index, style_index), target);
-            }
-            let target = &targets[&(scene_index, style_index)];
+            let target = match targets.entry((scene_index, style_index)) {
+                Entry::Occupied(entry) => entry.into_mut(),
+                Entry::Vacant(entry) => {
+                    let mut choice =
+                        Random::new(self.arguments.seed ^ (style_index as u64).wrapping_mul(0x9E37_79B9));
+                    let style =
+                        self.paintings.pick(&mut choice, &self.encoder, &self.loss_network, &self.device)?;
+                    entry.insert(Target::new(scene, &content[scene_index], style, &teacher)?)
+                }
+            };
             let rate = cosine(WARM_RATE, done, total);
             let error = warm_start::step(
                 &mut self.network,
@@ -286,7 +287,7 @@ impl Trainer {
             mean_error = if mean_error.is_nan() { error } else { 0.98 * mean_error + 0.02 * error };
             self.progress.warm_steps += 1;
             report_step(&bar, self.progress.warm_steps, &format!("color error {mean_error:.4}"));
-            if self.progress.warm_steps % CHECKPOINT_STEPS == 0 {
+            if self.progress.warm_steps.is_multiple_of(CHECKPOINT_STEPS) {
                 self.save()?;
             }
         }
@@ -333,7 +334,7 @@ impl Trainer {
                 *mean = if mean.is_nan() { loss } else { 0.98 * *mean + 0.02 * loss };
             }
             report_step(&bar, self.progress.steps, &format!("content {:.3} style {:.3}", mean[0], mean[1]));
-            if self.progress.steps % CHECKPOINT_STEPS == 0 {
+            if self.progress.steps.is_multiple_of(CHECKPOINT_STEPS) {
                 self.save()?;
                 file::write_decoder(&self.arguments.output, &self.network.decoder(), Precision::F16)?;
             }
@@ -378,7 +379,7 @@ fn bar(total: u32, what: &'static str) -> ProgressBar {
 fn report_step(bar: &ProgressBar, done: u32, message: &str) {
     bar.set_position(u64::from(done));
     bar.set_message(message.to_owned());
-    if bar.is_hidden() && done % CHECKPOINT_STEPS == 0 {
+    if bar.is_hidden() && done.is_multiple_of(CHECKPOINT_STEPS) {
         eprintln!("{} {done}/{} {message}", bar.prefix(), bar.length().unwrap_or(0));
     }
 }

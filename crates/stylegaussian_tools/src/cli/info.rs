@@ -199,8 +199,11 @@ fn text(info: &Info) -> String {
     );
     let mb = |bytes: u64| bytes as f64 / 1e6;
     let GpuBytes { scene, style_pass } = info.gpu_bytes;
-    let restyling =
-        if style_pass > 0 { format!(", and {:.1} MB while a style changes", mb(style_pass)) } else { String::new() };
+    let restyling = if style_pass > 0 {
+        format!(", and {:.1} MB while a style changes", mb(style_pass))
+    } else {
+        String::new()
+    };
     row("GPU memory", format!("{:.1} MB{restyling}", mb(scene)));
     text
 }

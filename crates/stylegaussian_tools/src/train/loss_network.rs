@@ -39,7 +39,7 @@ struct Step {
 
 enum Tap {
     Plain,
-    Widened(Tensor<4>, Tensor<1>),
+    Widened(Box<(Tensor<4>, Tensor<1>)>),
 }
 
 struct Chain {
@@ -125,8 +125,7 @@ impl Chain {
                 (true, 1) => Some(Tap::Plain),
                 (true, _) => {
                     let aux = weights.convolution(&format!("{name}_aux"), [width, d_out, 1, 1])?;
-                    let (weight, bias) = tensors(aux, device);
-                    Some(Tap::Widened(weight, bias))
+                    Some(Tap::Widened(Box::new(tensors(aux, device))))
                 }
             };
             steps.push(Step { weight, bias, pools_before, tap });
@@ -153,7 +152,7 @@ impl Chain {
             match &step.tap {
                 None => {}
                 Some(Tap::Plain) => features.push(x.clone()),
-                Some(Tap::Widened(weight, bias)) => features.push(relu(conv(x.clone(), weight, bias))),
+                Some(Tap::Widened(aux)) => features.push(relu(conv(x.clone(), &aux.0, &aux.1))),
             }
         }
         features

@@ -22,9 +22,7 @@ use burn::{
     tensor::{FloatDType, IndexingUpdateOp, Shape, TensorData},
 };
 use stylegaussian::{
-    decoder::{
-        KnnConvShape, ReverseNeighbors, knn_conv, knn_conv_backward_input, knn_conv_backward_weight,
-    },
+    decoder::{KnnConvShape, ReverseNeighbors, knn_conv, knn_conv_backward_input, knn_conv_backward_weight},
     splat::BlendWeights,
 };
 

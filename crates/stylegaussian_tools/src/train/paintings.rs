@@ -70,16 +70,6 @@ impl Paintings {
         Self { paths, seed, known: HashMap::new() }
     }
 
-    /// How many paintings.
-    pub fn len(&self) -> usize {
-        self.paths.len()
-    }
-
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        self.paths.is_empty()
-    }
-
     /// The crop that `random` picks of the painting that it picks.
     ///
     /// # Errors
