@@ -51,6 +51,9 @@ impl Picture {
     pub fn paste(&mut self, other: &Self, corner: UVec2) {
         let width = other.size.x.min(self.size.x.saturating_sub(corner.x)) as usize;
         let height = other.size.y.min(self.size.y.saturating_sub(corner.y));
+        if width == 0 {
+            return;
+        }
         for y in 0..height {
             let from = y as usize * other.size.x as usize;
             let to = (corner.y + y) as usize * self.size.x as usize + corner.x as usize;

@@ -269,8 +269,12 @@ impl Trainer {
                 Entry::Vacant(entry) => {
                     let mut choice =
                         Random::new(self.arguments.seed ^ (style_index as u64).wrapping_mul(0x9E37_79B9));
-                    let style =
-                        self.paintings.pick(&mut choice, &self.encoder, &self.loss_network, &self.device)?;
+                    let style = self.paintings.pick(
+                        &mut choice,
+                        self.encoder.id(),
+                        &self.loss_network,
+                        &self.device,
+                    )?;
                     entry.insert(Target::new(scene, &content[scene_index], style, &teacher)?)
                 }
             };
@@ -309,7 +313,8 @@ impl Trainer {
             let mut random = Random::new(self.arguments.seed ^ (u64::from(done) << 20) ^ 0x5354_4550);
             let scene_index = random.below(self.scenes.len());
             let view_index = random.below(self.scenes[scene_index].views.len());
-            let style = self.paintings.pick(&mut random, &self.encoder, &self.loss_network, &self.device)?;
+            let style =
+                self.paintings.pick(&mut random, self.encoder.id(), &self.loss_network, &self.device)?;
             let scene = &self.scenes[scene_index];
             let view = &scene.views[view_index];
             let content = contents

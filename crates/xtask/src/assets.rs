@@ -5,6 +5,7 @@
 //! teacher of the warm start, paintings likely in the public domain, and scenes under an open licence.
 
 use std::{
+    ffi::OsStr,
     fs,
     path::{Path, PathBuf},
     process::Command,
@@ -25,10 +26,12 @@ const DEMO: &str = "assets/demo.sgs";
 const DECODER: &str = "crates/stylegaussian_defaults/default.decoder.safetensors";
 /// Everything that does not ship.
 const WORK: &str = "out/assets";
-/// Scenes of the test data that the decoder is trained on besides the demo scene: CC BY 4.0 and MIT.
-const TRAINING_SCENES: [&str; 2] = ["playbot_31k_sh2pad3", "fruit_drops_minimal"];
-/// Paintings by masters dead for more than 70 years have this prefix in the test data.
-const PUBLIC_DOMAIN: &str = "nm_";
+/// Cameras that the decoder sees the demo scene from: three rings, of 8 each.
+const DEMO_CAMERAS: &str = "assets/demo_cameras.json";
+/// A scene of the test data that the decoder is trained on besides the demo scene (CC BY 4.0).
+const PLAYBOT: &str = "playbot_31k_sh2pad3.ply";
+/// The paintings it is trained on, likely in the public domain; twenty more such are kept out, to judge by.
+const PAINTINGS: &str = "assets/training_paintings.txt";
 
 /// Files of the test data.
 struct Data {
@@ -36,7 +39,8 @@ struct Data {
     relu4: PathBuf,
     teacher: PathBuf,
     paintings: PathBuf,
-    scenes: PathBuf,
+    playbot: PathBuf,
+    playbot_cameras: PathBuf,
 }
 
 impl Data {
@@ -48,9 +52,12 @@ impl Data {
             relu4: vgg.join("distilled16x_encoder_relu4_1.safetensors"),
             teacher: vgg.join("wct_decoder_relu3_1.safetensors"),
             paintings: folder.join("styles"),
-            scenes: folder.join("splats"),
+            playbot: folder.join("splats").join(PLAYBOT),
+            playbot_cameras: folder.join("reference/playbot_views.json"),
         };
-        for path in [&data.encoder, &data.relu4, &data.teacher, &data.paintings, &data.scenes] {
+        for path in
+            [&data.encoder, &data.relu4, &data.teacher, &data.paintings, &data.playbot, &data.playbot_cameras]
+        {
             ensure!(
                 path.exists(),
                 "{} is missing; STYLEGAUSSIAN_DATA names the folder of the test data",
@@ -73,45 +80,44 @@ pub fn run() -> Result<()> {
 }
 
 fn make(steps: &mut Steps, data: &Data) -> Result<()> {
-    let world = format!("{WORK}/demo.ply");
+    let world = format!("{WORK}/demo.sgs");
     steps.run("paintings", &mut generator("demo_paintings", STYLES))?;
     steps.run("world", &mut generator("demo_world", &world))?;
-    for image in images(Path::new(STYLES), "")? {
+    for image in images(Path::new(STYLES))? {
         let mut style = stylegaussian();
         style.arg("style").arg(&image).arg("-o").arg(image.with_extension("style.safetensors"));
         steps.run(&format!("style {}", image.display()), style.arg("--encoder").arg(&data.encoder))?;
     }
-    let mut scenes = vec![PathBuf::from(DEMO)];
-    embed(steps, data, Path::new(&world), &scenes[0])?;
-    for name in TRAINING_SCENES {
-        let embedded = PathBuf::from(format!("{WORK}/{name}.sgs"));
-        embed(steps, data, &data.scenes.join(name).with_extension("ply"), &embedded)?;
-        scenes.push(embedded);
-    }
-    train(steps, data, &scenes)
+    embed(steps, data, Path::new(&world), Path::new(DEMO), &["--no-neighbors".as_ref()])?;
+    let playbot = PathBuf::from(format!("{WORK}/playbot.sgs"));
+    embed(steps, data, &data.playbot, &playbot, &["--cameras".as_ref(), data.playbot_cameras.as_os_str()])?;
+    train(steps, data, &playbot)
 }
 
 fn generator(package: &str, out: &str) -> Command {
     cargo(["run", "--release", "--quiet", "--locked", "--package", package, "--", out])
 }
 
-fn embed(steps: &mut Steps, data: &Data, scene: &Path, out: &Path) -> Result<()> {
+fn embed(steps: &mut Steps, data: &Data, scene: &Path, out: &Path, options: &[&OsStr]) -> Result<()> {
     let mut embed = stylegaussian();
-    embed.arg("embed").arg(scene).arg("-o").arg(out).arg("--encoder").arg(&data.encoder);
+    embed.arg("embed").arg(scene).arg("-o").arg(out).arg("--encoder").arg(&data.encoder).args(options);
     steps.run(&format!("embed {}", scene.display()), &mut embed)
 }
 
 /// Trains beside the checkpoint, the loss curve and the contact sheet, none of which ship; then copies the decoder.
-fn train(steps: &mut Steps, data: &Data, scenes: &[PathBuf]) -> Result<()> {
+fn train(steps: &mut Steps, data: &Data, playbot: &Path) -> Result<()> {
     let paintings = PathBuf::from(format!("{WORK}/paintings"));
     fs::create_dir_all(&paintings).with_context(|| format!("cannot create {}", paintings.display()))?;
-    for image in images(&data.paintings, PUBLIC_DOMAIN)? {
-        let copy = paintings.join(image.file_name().unwrap_or_default());
-        fs::copy(&image, &copy).with_context(|| format!("cannot copy {}", image.display()))?;
+    let names = fs::read_to_string(PAINTINGS).with_context(|| format!("cannot read {PAINTINGS}"))?;
+    for name in names.lines() {
+        let image = data.paintings.join(name);
+        fs::copy(&image, paintings.join(name)).with_context(|| format!("cannot copy {}", image.display()))?;
     }
     let decoder = format!("{WORK}/default.decoder.safetensors");
     let mut train = stylegaussian();
-    train.arg("train").args(scenes).arg("--styles").arg(&paintings).args(["-o", &decoder]);
+    train.args(["train", DEMO]).arg(playbot);
+    train.args(["--cameras", DEMO_CAMERAS, "--cameras"]).arg(&data.playbot_cameras);
+    train.arg("--styles").arg(&paintings).args(["--holdout-styles", "0", "-o", &decoder]);
     train
         .arg("--encoder")
         .arg(&data.encoder)
@@ -119,19 +125,18 @@ fn train(steps: &mut Steps, data: &Data, scenes: &[PathBuf]) -> Result<()> {
         .arg(&data.relu4)
         .arg("--teacher")
         .arg(&data.teacher);
+    train.args(["--warm-iterations", "800", "--warm-styles", "24", "--range-weight", "1"]);
+    train.args(["--learning-rate", "4e-4", "--iterations", "600"]);
     steps.run("train", &mut train)?;
     fs::copy(&decoder, DECODER).with_context(|| format!("cannot copy {decoder} to {DECODER}"))?;
     Ok(())
 }
 
-/// Pictures in `folder` whose names start with `prefix`, by name.
-fn images(folder: &Path, prefix: &str) -> Result<Vec<PathBuf>> {
+/// Pictures in `folder`, by name.
+fn images(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut images = files(folder)?;
-    images.retain(|path| {
-        let is_image = path.extension().is_some_and(|extension| extension == "png" || extension == "jpg");
-        is_image && path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(prefix))
-    });
-    ensure!(!images.is_empty(), "{} holds no picture named {prefix}*.png or {prefix}*.jpg", folder.display());
+    images.retain(|path| path.extension().is_some_and(|extension| extension == "png" || extension == "jpg"));
+    ensure!(!images.is_empty(), "{} holds no picture (.png, .jpg)", folder.display());
     Ok(images)
 }
 

@@ -58,6 +58,9 @@ pub struct EmbedArgs {
     size: u32,
     #[command(flatten)]
     options: EmbedOptions,
+    /// Leave the neighbor lists out of the file, which every later load then finds anew: 32 bytes fewer per Gaussian.
+    #[arg(long)]
+    no_neighbors: bool,
     /// The encoder: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Otherwise the one that
     /// STYLEGAUSSIAN_ENCODER names.
     #[arg(long, value_name = "FILE")]
@@ -110,7 +113,8 @@ pub fn run(arguments: &EmbedArgs) -> Result<()> {
     let watch = Watch { progress: &progress, interrupted: &INTERRUPTED };
     let report = embed(&mut scene, &views, &encoder, options, watch)?;
     bar.finish_and_clear();
-    scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, N_NEIGHBORS));
+    let find = || Neighbors::find(&scene.means, &scene.order, N_NEIGHBORS);
+    scene.neighbors = (!arguments.no_neighbors).then(find);
     file::write_scene(output, &scene)?;
 
     let n_gaussians = scene.len();

@@ -16,6 +16,9 @@ use stylegaussian_encoder::{
 /// Names of the layers whose features the loss sees, in order.
 pub const LAYERS: [&str; 4] = ["relu1_1", "relu2_1", "relu3_1", "relu4_1"];
 
+/// Where relu3_1, the encoder's layer, stands in [`LAYERS`].
+pub const RELU3_1: usize = 2;
+
 /// VGG-19's first 3x3 convolutions: name, output channels, and whether a 2x2 max-pool comes before.
 const CONVOLUTIONS: [(&str, usize, bool); 9] = [
     ("conv1_1", 64, false),

@@ -6,25 +6,25 @@
 
 use std::sync::Arc;
 
-use burn::backend::Dispatch;
-use burn::tensor::Tensor;
 use burn::{
     backend::{
-        Autodiff, Backend, Flex, TensorMetadata,
+        Autodiff, Backend, Dispatch, Flex, TensorMetadata,
         autodiff::{
             checkpoint::{base::Checkpointer, strategy::CheckpointStrategy},
             grads::Gradients,
             ops::{Backward, Ops, OpsKind},
         },
         backend_extension,
-        tensor::{Device, FloatTensor, IntTensor},
+        tensor::FloatTensor,
     },
-    tensor::{FloatDType, IndexingUpdateOp, Shape, TensorData},
+    tensor::{Shape, Tensor, TensorData},
 };
 use stylegaussian::{
     decoder::{KnnConvShape, ReverseNeighbors, knn_conv, knn_conv_backward_input, knn_conv_backward_weight},
     splat::BlendWeights,
 };
+
+mod composed;
 
 /// The windows of one KNN convolution: which rows of the input each output row sees.
 #[derive(Debug)]
@@ -60,12 +60,7 @@ pub trait TrainingOps: Backend {
         bias: FloatTensor<Self>,
         windows: Arc<Windows>,
     ) -> FloatTensor<Self> {
-        let device = x.device();
-        let (n_out, d_out) = (windows.n_out(), weight.shape()[0]);
-        let gathered = gather_windows::<Self>(x, &windows, &device);
-        let y = Self::float_matmul(gathered, Self::float_transpose(weight));
-        let bias = Self::float_reshape(bias, Shape::new([1, d_out]));
-        Self::float_add(y, Self::float_expand(bias, Shape::new([n_out, d_out])))
+        composed::windows_conv::<Self>(x, weight, bias, &windows)
     }
 
     /// Gradient with respect to x `[N_in, D_in]`, from grad `[N_out, D_out]`.
@@ -74,13 +69,7 @@ pub trait TrainingOps: Backend {
         grad: FloatTensor<Self>,
         windows: Arc<Windows>,
     ) -> FloatTensor<Self> {
-        let device = grad.device();
-        let d_in = weight.shape()[1] / windows.k;
-        let rows = Self::float_matmul(grad, weight);
-        let rows = Self::float_reshape(rows, Shape::new([windows.neighbors.len(), d_in]));
-        let zeros = Self::float_zeros(Shape::new([windows.reverse.n_in(), d_in]), &device, FloatDType::F32);
-        let indices = indices::<Self>(&windows.neighbors, &device);
-        Self::float_select_assign(zeros, 0, indices, rows, IndexingUpdateOp::Add)
+        composed::windows_conv_backward_input::<Self>(weight, grad, &windows)
     }
 
     /// Gradient with respect to the weight `[D_out, K * D_in]`, from x and grad.
@@ -89,58 +78,18 @@ pub trait TrainingOps: Backend {
         grad: FloatTensor<Self>,
         windows: Arc<Windows>,
     ) -> FloatTensor<Self> {
-        let device = x.device();
-        let gathered = gather_windows::<Self>(x, &windows, &device);
-        Self::float_matmul(Self::float_transpose(grad), gathered)
+        composed::windows_conv_backward_weight::<Self>(x, grad, &windows)
     }
 
     /// A picture `[H * W, 3]` of colors `[M, 3]`: the blending weights' linear map.
     fn splat(colors: FloatTensor<Self>, weights: Arc<BlendWeights>) -> FloatTensor<Self> {
-        let n_pixels = weights.starts.len() - 1;
-        blend::<Self>(colors, &weights, &weights.indices, &pixels(&weights), n_pixels)
+        composed::splat::<Self>(colors, &weights)
     }
 
     /// Gradient with respect to the colors `[M, 3]`, from grad `[H * W, 3]`.
     fn splat_backward(grad: FloatTensor<Self>, weights: Arc<BlendWeights>) -> FloatTensor<Self> {
-        blend::<Self>(grad, &weights, &pixels(&weights), &weights.indices, weights.n_gaussians)
+        composed::splat_backward::<Self>(grad, &weights)
     }
-}
-
-fn indices<B: Backend>(rows: &[u32], device: &Device<B>) -> IntTensor<B> {
-    let rows: Vec<i32> = rows.iter().map(|&row| row as i32).collect();
-    let shape = [rows.len()];
-    B::int_from_data(TensorData::new(rows, shape), device)
-}
-
-/// `[N_out, K * D_in]`.
-fn gather_windows<B: Backend>(x: FloatTensor<B>, windows: &Windows, device: &Device<B>) -> FloatTensor<B> {
-    let d_in = x.shape()[1];
-    let gathered = B::float_select(x, 0, indices::<B>(&windows.neighbors, device));
-    B::float_reshape(gathered, Shape::new([windows.n_out(), windows.k * d_in]))
-}
-
-/// The pixel of every blending weight.
-fn pixels(weights: &BlendWeights) -> Vec<u32> {
-    let spans = weights.starts.windows(2).enumerate();
-    spans.flat_map(|(pixel, span)| (span[0]..span[1]).map(move |_| pixel as u32)).collect()
-}
-
-/// target[to_i] += w_i source[from_i].
-fn blend<B: Backend>(
-    source: FloatTensor<B>,
-    weights: &BlendWeights,
-    from: &[u32],
-    to: &[u32],
-    n_target: usize,
-) -> FloatTensor<B> {
-    let device = source.device();
-    let n_channels = source.shape()[1];
-    let n = weights.weights.len();
-    let factors = B::float_from_data(TensorData::new(weights.weights.clone(), [n, 1]), &device);
-    let rows = B::float_select(source, 0, indices::<B>(from, &device));
-    let rows = B::float_mul(rows, B::float_expand(factors, Shape::new([n, n_channels])));
-    let zeros = B::float_zeros(Shape::new([n_target, n_channels]), &device, FloatDType::F32);
-    B::float_select_assign(zeros, 0, indices::<B>(to, &device), rows, IndexingUpdateOp::Add)
 }
 
 #[cfg(feature = "gpu")]
@@ -297,4 +246,118 @@ pub fn windows_conv(x: Tensor<2>, weight: Tensor<2>, bias: Tensor<1>, windows: &
 /// A picture `[H * W, 3]` of colors `[M, 3]`, differentiable in the colors.
 pub fn splat(colors: Tensor<2>, weights: &Arc<BlendWeights>) -> Tensor<2> {
     Tensor::from_dispatch(<Dispatch as TrainingOps>::splat(colors.into_dispatch(), weights.clone()))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::UVec2;
+
+    use super::*;
+    use crate::random::Random;
+
+    fn tensor(random: &mut Random, shape: [usize; 2]) -> FloatTensor<Flex> {
+        let values: Vec<f32> = (0..shape[0] * shape[1]).map(|_| random.normal()).collect();
+        FloatTensor::<Flex>::from_data(TensorData::new(values, shape))
+    }
+
+    fn check_close(what: &str, a: FloatTensor<Flex>, b: FloatTensor<Flex>) {
+        assert_eq!(a.shape(), b.shape(), "{what}");
+        let [a, b] = [a, b].map(|tensor| tensor.to_contiguous());
+        for (i, (a, b)) in a.storage::<f32>().iter().zip(b.storage::<f32>()).enumerate() {
+            assert!(
+                (a - b).abs() < 1e-4,
+                "{what}[{i}]: the CPU kernel gives {a}, the composed operation {b}"
+            );
+        }
+    }
+
+    #[test]
+    fn kernels_match_composed_operations() {
+        let mut random = Random::new(1);
+        let (n_in, n_out, k, d_in, d_out) = (50, 30, 3, 7, 5);
+        let neighbors = (0..n_out * k).map(|_| random.below(n_in) as u32).collect();
+        let windows = Arc::new(Windows::new(neighbors, k, n_in));
+        let x = tensor(&mut random, [n_in, d_in]);
+        let weight = tensor(&mut random, [d_out, k * d_in]);
+        let bias = tensor(&mut random, [1, d_out]).reshape(Shape::new([d_out]));
+        let grad = tensor(&mut random, [n_out, d_out]);
+        check_close(
+            "windows_conv",
+            Flex::windows_conv(x.clone(), weight.clone(), bias.clone(), windows.clone()),
+            composed::windows_conv::<Flex>(x.clone(), weight.clone(), bias, &windows),
+        );
+        check_close(
+            "windows_conv_backward_input",
+            Flex::windows_conv_backward_input(weight.clone(), grad.clone(), windows.clone()),
+            composed::windows_conv_backward_input::<Flex>(weight, grad.clone(), &windows),
+        );
+        check_close(
+            "windows_conv_backward_weight",
+            Flex::windows_conv_backward_weight(x.clone(), grad.clone(), windows.clone()),
+            composed::windows_conv_backward_weight::<Flex>(x, grad, &windows),
+        );
+    }
+
+    #[test]
+    fn splat_matches_composed_operations() {
+        let mut random = Random::new(2);
+        let weights = Arc::new(BlendWeights {
+            size: UVec2::new(2, 2),
+            n_gaussians: 3,
+            starts: vec![0, 2, 2, 3, 5],
+            indices: vec![0, 2, 1, 2, 0],
+            weights: vec![0.5, 0.25, 0.75, 0.1, 0.9],
+        });
+        let (colors, grad) = (tensor(&mut random, [3, 3]), tensor(&mut random, [4, 3]));
+        check_close(
+            "splat",
+            Flex::splat(colors.clone(), weights.clone()),
+            composed::splat::<Flex>(colors, &weights),
+        );
+        check_close(
+            "splat_backward",
+            Flex::splat_backward(grad.clone(), weights.clone()),
+            composed::splat_backward::<Flex>(grad, &weights),
+        );
+    }
+
+    /// The gradients that autodiff records against finite differences of a loss that is linear in each argument.
+    #[test]
+    fn recorded_gradients_match_finite_differences() {
+        let device = burn::tensor::Device::flex().autodiff();
+        let mut random = Random::new(3);
+        let windows = Arc::new(Windows::new(vec![0, 1, 2, 2, 1, 0], 2, 3));
+        let mut values = |n: usize| (0..n).map(|_| random.normal()).collect::<Vec<f32>>();
+        let (x, weight, bias) = (values(6), values(12), values(3));
+        let direction = values(9);
+        let loss = |[x, weight, bias]: [&[f32]; 3], grads: bool| {
+            let tensor = |values: &[f32], shape: [usize; 2]| {
+                Tensor::<2>::from_data(TensorData::new(values.to_vec(), shape), &device).require_grad()
+            };
+            let (x, weight, bias) = (tensor(x, [3, 2]), tensor(weight, [3, 4]), tensor(bias, [1, 3]));
+            let y = windows_conv(x.clone(), weight.clone(), bias.clone().reshape([3]), &windows);
+            let loss = (y * Tensor::from_data(TensorData::new(direction.clone(), [3, 3]), &device)).sum();
+            let recorded: Vec<Vec<f32>> = match grads {
+                true => {
+                    let grads = loss.backward();
+                    let grad =
+                        |tensor: &Tensor<2>| tensor.grad(&grads).unwrap().into_data().try_to_vec().unwrap();
+                    vec![grad(&x), grad(&weight), grad(&bias)]
+                }
+                false => Vec::new(),
+            };
+            (loss.into_scalar::<f32>(), recorded)
+        };
+        let arguments = [x, weight, bias];
+        let view = |arguments: &[Vec<f32>; 3]| loss([&arguments[0], &arguments[1], &arguments[2]], false).0;
+        let (base, grads) = loss([&arguments[0], &arguments[1], &arguments[2]], true);
+        for which in 0..3 {
+            for i in 0..arguments[which].len() {
+                let mut moved = arguments.clone();
+                moved[which][i] += 0.5;
+                let difference = (view(&moved) - base) / 0.5;
+                assert!((difference - grads[which][i]).abs() < 1e-4, "argument {which}[{i}]");
+            }
+        }
+    }
 }

@@ -8,10 +8,13 @@ use std::{
 
 use anyhow::{Context, Result, ensure};
 use burn::tensor::{Device, Tensor, TensorData};
-use stylegaussian::ChannelStatistics;
-use stylegaussian_encoder::{Encoder, Image};
+use stylegaussian::{ChannelStatistics, EncoderId};
+use stylegaussian_encoder::Image;
 
-use super::loss_network::{LossNetwork, channel_statistics};
+use super::{
+    loss_network::{LossNetwork, RELU3_1, channel_statistics},
+    network::to_vec,
+};
 use crate::random::Random;
 
 /// Side of a crop, as in the paper.
@@ -21,7 +24,7 @@ pub const CROP: u32 = 256;
 const SHORTER_SIDE: u32 = 512;
 
 /// Crops of each painting; what the networks say of a crop is kept, so only the first look at it costs.
-const CROPS_PER_PAINTING: usize = 6;
+const CROPS_PER_PAINTING: usize = 4;
 
 /// What is known of a crop.
 pub struct Style {
@@ -73,18 +76,18 @@ impl Paintings {
     /// The crop that `random` picks of the painting that it picks.
     ///
     /// # Errors
-    /// When an image cannot be read or encoded.
+    /// When an image cannot be read.
     pub fn pick(
         &mut self,
         random: &mut Random,
-        encoder: &Encoder,
+        encoder: &EncoderId,
         network: &LossNetwork,
         device: &Device,
     ) -> Result<&Style> {
         let key = (random.below(self.paths.len()), random.below(CROPS_PER_PAINTING));
         if !self.known.contains_key(&key) {
             let crop = self.crop(key)?;
-            self.known.insert(key, Style::of(&crop, encoder, network, device)?);
+            self.known.insert(key, Style::of(&crop, encoder, network, device));
         }
         Ok(&self.known[&key])
     }
@@ -107,25 +110,25 @@ impl Paintings {
 }
 
 impl Style {
-    /// Encodes a picture for AdaIN and for the loss.
-    ///
-    /// # Errors
-    /// When the encoder fails.
-    pub fn of(image: &Image, encoder: &Encoder, network: &LossNetwork, device: &Device) -> Result<Self> {
-        let statistics =
-            ChannelStatistics { encoder: Some(encoder.id().clone()), ..encoder.encode(image)?.statistics() };
-        let features = network.features(picture_tensor(
-            &image.rgb,
-            [image.width as usize, image.height as usize],
-            device,
-        ));
-        let targets = features.into_iter().map(channel_statistics).collect();
+    /// Looks at a picture for AdaIN and for the loss. `network` holds the weights of `encoder`.
+    pub fn of(image: &Image, encoder: &EncoderId, network: &LossNetwork, device: &Device) -> Self {
+        let size = [image.width as usize, image.height as usize];
+        let features = network.features(picture_tensor(&image.rgb, size, device));
+        let targets: Vec<_> = features.into_iter().map(channel_statistics).collect();
+        // relu3_1 is the encoder's layer: it need not be computed twice.
+        let (mean, std_dev) = &targets[RELU3_1];
+        let statistics = ChannelStatistics {
+            mean: to_vec(mean),
+            std_dev: to_vec(std_dev),
+            covariance: None,
+            encoder: Some(encoder.clone()),
+        };
         let n = (image.rgb.len() / 3) as f32;
         let mut mean_color = [0.0; 3];
         for pixel in image.rgb.chunks_exact(3) {
             mean_color.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += value / n);
         }
-        Ok(Self { statistics, targets, mean_color })
+        Self { statistics, targets, mean_color }
     }
 }
 
