@@ -253,7 +253,7 @@ impl Trainer {
         let content = self
             .scenes
             .iter()
-            .map(|scene| warm_start::content_maps(scene, &self.encoder))
+            .map(|scene| warm_start::Content::new(scene, &self.encoder))
             .collect::<Result<Vec<_>>>()?;
         let mut targets: HashMap<(usize, usize), Target> = HashMap::new();
         let mut mean_error = f32::NAN;

@@ -10,7 +10,10 @@ use std::sync::Arc;
 use anyhow::Result;
 use burn::tensor::{Device, Tensor, TensorData};
 use rayon::prelude::*;
-use stylegaussian::fold::ChannelMap;
+use stylegaussian::{
+    fold::ChannelMap,
+    statistics::{ContentStatistics, STD_DEV_EPSILON},
+};
 use stylegaussian_encoder::{Encoder, FeatureMap, Image};
 
 use super::{
@@ -41,19 +44,68 @@ pub struct Target {
     is_seen: Vec<f32>,
 }
 
-/// Features of the unstyled views of a scene.
-///
-/// # Errors
-/// When the encoder fails.
-pub fn content_maps(scene: &TrainingScene, encoder: &Encoder) -> Result<Vec<FeatureMap>> {
-    let encode = |view: &View| {
-        let [width, height] = view.size();
-        let pixels = view.picture.chunks_exact(3).zip(&view.alpha);
-        let rgb =
-            pixels.flat_map(|(c, alpha)| [0, 1, 2].map(|i| c[i] + (1.0 - alpha) * BACKGROUND)).collect();
-        Ok(encoder.encode(&Image { width: width as u32, height: height as u32, rgb })?)
+/// Views of a scene that the teacher paints, spread over all of them: their colors are averaged, so a few suffice.
+const PAINTED_VIEWS: usize = 6;
+
+/// What the teacher knows of a scene.
+pub struct Content {
+    /// View indices and features of the unstyled views.
+    maps: Vec<(usize, FeatureMap)>,
+    /// Statistics of these features where the scene covers them. Those of the Gaussians would not do: embedded features
+    /// vary less than a picture's, and the teacher's colors would be far out of range.
+    statistics: ContentStatistics,
+}
+
+impl Content {
+    /// Encodes views of a scene.
+    ///
+    /// # Errors
+    /// When the encoder fails.
+    pub fn new(scene: &TrainingScene, encoder: &Encoder) -> Result<Self> {
+        let stride = scene.views.len().div_ceil(PAINTED_VIEWS);
+        let chosen: Vec<usize> = (0..scene.views.len()).step_by(stride).collect();
+        let encode = |&view: &usize| Ok((view, encode(&scene.views[view], encoder)?));
+        let maps = chosen.par_iter().map(encode).collect::<Result<Vec<_>>>()?;
+        let covered: Vec<&[f32]> =
+            maps.iter().flat_map(|(view, map)| covered_cells(&scene.views[*view], map)).collect();
+        Ok(Self { statistics: statistics_of(&covered, encoder.n_channels()), maps })
+    }
+}
+
+fn encode(view: &View, encoder: &Encoder) -> Result<FeatureMap> {
+    let [width, height] = view.size();
+    let pixels = view.picture.chunks_exact(3).zip(&view.alpha);
+    let rgb = pixels.flat_map(|(c, alpha)| [0, 1, 2].map(|i| c[i] + (1.0 - alpha) * BACKGROUND)).collect();
+    Ok(encoder.encode(&Image { width: width as u32, height: height as u32, rgb })?)
+}
+
+/// The cells of a feature map whose middle the scene covers.
+fn covered_cells<'a>(view: &View, map: &'a FeatureMap) -> Vec<&'a [f32]> {
+    let [width, height] = view.size();
+    let (columns, rows) = (map.width as usize, map.height as usize);
+    let is_covered = |&(cell, _): &(usize, &[f32])| {
+        let x = (2 * (cell % columns) + 1) * width / (2 * columns);
+        let y = (2 * (cell / columns) + 1) * height / (2 * rows);
+        view.alpha[y * width + x] > 0.5
     };
-    scene.views.par_iter().map(encode).collect()
+    let cells = map.values.chunks_exact(map.n_channels).enumerate();
+    cells.filter(is_covered).map(|(_, features)| features).collect()
+}
+
+fn statistics_of(rows: &[&[f32]], n_channels: usize) -> ContentStatistics {
+    let n = rows.len().max(1) as f64;
+    let mut mean = vec![0.0; n_channels];
+    let mut squares = vec![0.0; n_channels];
+    for row in rows {
+        mean.iter_mut().zip(*row).for_each(|(sum, value)| *sum += f64::from(*value) / n);
+    }
+    for row in rows {
+        for ((sum, value), mean) in squares.iter_mut().zip(*row).zip(&mean) {
+            *sum += (f64::from(*value) - mean).powi(2) / n;
+        }
+    }
+    let std_dev = squares.into_iter().map(|variance: f64| variance.sqrt() + STD_DEV_EPSILON).collect();
+    ContentStatistics { mean, std_dev }
 }
 
 impl Target {
@@ -61,30 +113,27 @@ impl Target {
     ///
     /// # Errors
     /// When the teacher fails, or the style belongs to another encoder.
-    pub fn new(
-        scene: &TrainingScene,
-        content: &[FeatureMap],
-        style: &Style,
-        teacher: &Teacher,
-    ) -> Result<Self> {
-        let map = ChannelMap::adain(&scene.statistics, &style.statistics)?;
-        let paint = |(view, content): (&View, &FeatureMap)| -> Result<(Vec<f32>, Vec<f32>)> {
-            let mut mapped = content.clone();
-            for row in mapped.values.chunks_exact_mut(map.gain.len()) {
-                for ((value, gain), shift) in row.iter_mut().zip(&map.gain).zip(&map.shift) {
+    pub fn new(scene: &TrainingScene, content: &Content, style: &Style, teacher: &Teacher) -> Result<Self> {
+        let teacher_map = ChannelMap::adain(&content.statistics, &style.statistics)?;
+        let paint = |(view, features): &(usize, FeatureMap)| -> Result<(usize, Vec<f32>, Vec<f32>)> {
+            let mut mapped = features.clone();
+            for row in mapped.values.chunks_exact_mut(teacher_map.gain.len()) {
+                for ((value, gain), shift) in row.iter_mut().zip(&teacher_map.gain).zip(&teacher_map.shift) {
                     // Rectified features of a picture are never below 0; the teacher has seen no others.
                     *value = ((gain * f64::from(*value) + shift) as f32).max(0.0);
                 }
             }
-            let picture = teacher.decode(&mapped)?;
-            let ones = vec![1.0; view.alpha.len()];
-            Ok((view.weights.apply_transposed(&picture.rgb, 3), view.weights.apply_transposed(&ones, 1)))
+            let mut picture = teacher.decode(&mapped)?;
+            picture.rgb.iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
+            let weights = &scene.views[*view].weights;
+            let ones = vec![1.0; weights.starts.len() - 1];
+            Ok((*view, weights.apply_transposed(&picture.rgb, 3), weights.apply_transposed(&ones, 1)))
         };
         let n = scene.base_colors.len();
         let (mut colors, mut evidence) = (vec![0.0; n * 3], vec![0.0; n]);
-        let painted: Result<Vec<_>> = scene.views.par_iter().zip(content).map(paint).collect();
-        for (view, (sums, weights)) in scene.views.iter().zip(painted?) {
-            for (i, &row) in view.output_rows.iter().enumerate() {
+        let painted: Result<Vec<_>> = content.maps.par_iter().map(paint).collect();
+        for (view, sums, weights) in painted? {
+            for (i, &row) in scene.views[view].output_rows.iter().enumerate() {
                 evidence[row as usize] += weights[i];
                 (0..3).for_each(|c| colors[row as usize * 3 + c] += sums[i * 3 + c]);
             }
@@ -93,7 +142,7 @@ impl Target {
             color.iter_mut().for_each(|c| *c /= weight.max(MIN_EVIDENCE));
         }
         let is_seen = evidence.iter().map(|&weight| f32::from(u8::from(weight >= MIN_EVIDENCE))).collect();
-        Ok(Self { map, colors, is_seen })
+        Ok(Self { map: ChannelMap::adain(&scene.statistics, &style.statistics)?, colors, is_seen })
     }
 }
 
