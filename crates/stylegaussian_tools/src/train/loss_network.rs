@@ -162,14 +162,23 @@ impl Chain {
     }
 }
 
-/// Channel mean and unbiased standard deviation `[1, D]` of features `[1, D, h, w]`. A variance of 1e-8 is added under
-/// the root, whose gradient has no bound at 0.
-pub fn channel_statistics(features: Tensor<4>) -> (Tensor<2>, Tensor<2>) {
+/// Channel mean and standard deviation `[1, D]` of features `[1, D, h, w]` where `coverage` `[1, h * w]`, which sums to 1,
+/// says that there is something to see. A variance of 1e-8 is added under the root, whose gradient has no bound at 0.
+pub fn channel_statistics(features: Tensor<4>, coverage: Option<&Tensor<2>>) -> (Tensor<2>, Tensor<2>) {
     let [_, n_channels, height, width] = features.dims();
     let n = height * width;
     let rows = features.reshape([n_channels, n]);
-    let mean = rows.clone().mean_dim(1);
-    let centered = rows - mean.clone();
-    let variance = centered.powi_scalar(2).sum_dim(1) / (n.max(2) - 1) as f32;
+    let (mean, variance) = match coverage {
+        None => {
+            let mean = rows.clone().mean_dim(1);
+            let squares = (rows - mean.clone()).powi_scalar(2);
+            (mean, squares.sum_dim(1) / (n.max(2) - 1) as f32)
+        }
+        Some(coverage) => {
+            let mean = (rows.clone() * coverage.clone()).sum_dim(1);
+            let squares = (rows - mean.clone()).powi_scalar(2);
+            (mean, (squares * coverage.clone()).sum_dim(1))
+        }
+    };
     (mean.reshape([1, n_channels]), (variance + 1e-8).sqrt().reshape([1, n_channels]))
 }

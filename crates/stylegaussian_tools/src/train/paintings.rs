@@ -114,7 +114,7 @@ impl Style {
     pub fn of(image: &Image, encoder: &EncoderId, network: &LossNetwork, device: &Device) -> Self {
         let size = [image.width as usize, image.height as usize];
         let features = network.features(picture_tensor(&image.rgb, size, device));
-        let targets: Vec<_> = features.into_iter().map(channel_statistics).collect();
+        let targets: Vec<_> = features.into_iter().map(|map| channel_statistics(map, None)).collect();
         // relu3_1 is the encoder's layer: it need not be computed twice.
         let (mean, std_dev) = &targets[RELU3_1];
         let statistics = ChannelStatistics {

@@ -30,6 +30,9 @@ pub struct Content {
     features: Vec<Tensor<4>>,
     /// Coverage at each content layer's size `[1, 1, h, w]`: pixels without scene have no content.
     coverage: Vec<Tensor<4>>,
+    /// Coverage at every layer's size, summing to 1 `[1, h * w]`: the style loss compares statistics of the scene alone. A
+    /// scene that fills a part of the picture would otherwise have to exaggerate its contrast to make up for the rest.
+    style_coverage: Vec<Tensor<2>>,
 }
 
 impl Content {
@@ -43,16 +46,27 @@ impl Content {
             .flat_map(|(c, alpha)| [0, 1, 2].map(|i| c[i] + (1.0 - alpha) * 0.5))
             .collect();
         let features = network.features(picture_tensor(&gray, view.size(), device));
-        let features: Vec<_> = weights.content_layers.iter().map(|&layer| features[layer].clone()).collect();
-        let coverage = features.iter().map(|map| {
-            let [_, _, h, w] = map.dims();
-            let cell = |i: usize| {
-                let (x, y) = (i % w * width / w, i / w * height / h);
-                view.alpha[y * width + x]
-            };
-            Tensor::from_data(TensorData::new((0..h * w).map(cell).collect::<Vec<_>>(), [1, 1, h, w]), device)
+        let cells: Vec<([usize; 2], Vec<f32>)> = features
+            .iter()
+            .map(|map| {
+                let [_, _, h, w] = map.dims();
+                let middle = |i: usize, n: usize, pixels: usize| (2 * i + 1) * pixels / (2 * n);
+                let cell = |i: usize| view.alpha[middle(i / w, h, height) * width + middle(i % w, w, width)];
+                ([h, w], (0..h * w).map(cell).collect())
+            })
+            .collect();
+        let coverage = weights.content_layers.iter().map(|&layer| {
+            let ([h, w], cells) = &cells[layer];
+            Tensor::from_data(TensorData::new(cells.clone(), [1, 1, *h, *w]), device)
         });
-        Self { coverage: coverage.collect(), features }
+        let style_coverage = cells.iter().map(|([h, w], cells)| {
+            let total = cells.iter().sum::<f32>().max(1e-6);
+            let shares: Vec<f32> = cells.iter().map(|cell| cell / total).collect();
+            Tensor::from_data(TensorData::new(shares, [1, h * w]), device)
+        });
+        let (coverage, style_coverage) = (coverage.collect(), style_coverage.collect());
+        let features = weights.content_layers.iter().map(|&layer| features[layer].clone()).collect();
+        Self { features, coverage, style_coverage }
     }
 }
 
@@ -86,8 +100,9 @@ pub fn perceptual_losses(
         content_loss = content_loss + squares.mean();
     }
     let mut style_loss = Tensor::zeros([1], &features[0].device());
-    for (features, (mean, std_dev)) in features.into_iter().zip(&style.targets) {
-        let (found_mean, found_std_dev) = channel_statistics(features);
+    let targets = style.targets.iter().zip(&content.style_coverage);
+    for (features, ((mean, std_dev), coverage)) in features.into_iter().zip(targets) {
+        let (found_mean, found_std_dev) = channel_statistics(features, Some(coverage));
         let squares =
             (found_mean - mean.clone()).powi_scalar(2) + (found_std_dev - std_dev.clone()).powi_scalar(2);
         style_loss = style_loss + squares.mean();
