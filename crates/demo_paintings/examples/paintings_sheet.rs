@@ -1,4 +1,4 @@
-//! Puts images side by side in one PNG, for looking at: `contact_sheet OUT.png COLUMNS IMAGE...`.
+//! Puts images side by side in one PNG, for looking at: `paintings_sheet OUT.png COLUMNS IMAGE...`.
 
 use std::env;
 
