@@ -67,6 +67,8 @@ fn decoder() -> Decoder {
         k: K,
         activation: Activation::Sigmoid,
         residual: false,
+        own_color: false,
+        statistics_weight: Vec::new(),
         encoder: None,
     }
 }

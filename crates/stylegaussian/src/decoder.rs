@@ -36,6 +36,14 @@ pub struct Decoder {
     pub activation: Activation,
     /// Whether the output is an offset from the Gaussian's unstyled color (SH 0) and not the color itself.
     pub residual: bool,
+    /// Whether the first layer also takes the Gaussian's own, unstyled color (SH 0): three more inputs, the last ones,
+    /// [`OWN_COLOR_SCALE`](Self::OWN_COLOR_SCALE) (c - 0.5). Features are blurred over the cells of a feature map; colors
+    /// keep the detail.
+    pub own_color: bool,
+    /// S `[D_out of the first layer, 2 D]`, or empty: S (mean, std) of the transferred features is added to the first
+    /// layer's bias, so that every Gaussian knows what the whole picture should look like. It folds: a change of style
+    /// costs one more product of a matrix and a vector, and a Gaussian nothing.
+    pub statistics_weight: Vec<f32>,
     /// The encoder its input belongs to; `None` when the file did not say.
     pub encoder: Option<EncoderId>,
 }
@@ -44,7 +52,11 @@ impl Decoder {
     /// The paper's layer widths from D = 256 input channels (plus E extra ones) to RGB.
     pub const WIDTHS: [usize; 5] = [256, 128, 64, 32, 3];
 
-    /// D + E, the channels the first layer takes; 0 without layers.
+    /// What the own color's distance from mid-gray is multiplied with: colors of a scene deviate by about a quarter, and
+    /// the other inputs by about 1.
+    pub const OWN_COLOR_SCALE: f32 = 4.0;
+
+    /// D + E, and 3 more with the own color: the channels the first layer takes; 0 without layers.
     pub fn n_inputs(&self) -> usize {
         self.layers.first().map_or(0, |layer| layer.d_in)
     }

@@ -45,6 +45,13 @@ impl ChannelMap {
         Ok(Self { gain, shift })
     }
 
+    /// Mean, then standard deviation, of the content's features after the map `[2 D]`.
+    pub fn statistics(&self, content: &ContentStatistics) -> Vec<f64> {
+        let channels = || self.gain.iter().zip(&self.shift).zip(content.mean.iter().zip(&content.std_dev));
+        let means = channels().map(|((gain, shift), (mean, _))| gain * mean + shift);
+        means.chain(channels().map(|((gain, _), (_, std_dev))| gain.abs() * std_dev)).collect()
+    }
+
     /// sum_j w_j map_j; weights are normalized to sum 1.
     ///
     /// # Errors
@@ -96,6 +103,14 @@ pub enum StylizeError {
         /// D_in of the first layer.
         found: usize,
         /// D + E of the scene.
+        expected: usize,
+    },
+    /// A decoder that sees statistics of another width.
+    #[error("the decoder sees statistics of {found} channels, the scene's features have {expected}")]
+    DecoderStatistics {
+        /// Channels whose statistics the decoder takes.
+        found: usize,
+        /// D of the scene.
         expected: usize,
     },
     /// A decoder that cannot run.
@@ -178,6 +193,23 @@ pub fn centered_inputs(features: &Features, mean_low: &[f64]) -> Vec<f32> {
     inputs
 }
 
+/// A scene's features with all that `decoder` takes beside them: its own colors become the last extra inputs where the
+/// decoder asks for them. `None` without features.
+pub fn inputs_of<'a>(scene: &'a Scene, decoder: &Decoder) -> Option<Cow<'a, Features>> {
+    let features = scene.features.as_ref()?;
+    if !decoder.own_color {
+        return Some(Cow::Borrowed(features));
+    }
+    let mut with_color = features.clone();
+    with_color.n_extra += 3;
+    with_color.extra.clear();
+    for (i, color) in scene.base_colors().iter().enumerate() {
+        with_color.extra.extend_from_slice(&features.extra[i * features.n_extra..][..features.n_extra]);
+        with_color.extra.extend(color.map(|channel| Decoder::OWN_COLOR_SCALE * (channel - 0.5)));
+    }
+    Some(Cow::Owned(with_color))
+}
+
 /// The channel map of a mix of styles over a scene: c f + (1 - c) sum_j w_j AdaIN_j.
 ///
 /// # Errors
@@ -214,11 +246,16 @@ fn check_encoder(
 /// # Errors
 /// No features, or a decoder that does not fit them.
 pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec<[f32; 3]>, StylizeError> {
-    let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
+    let features = &*inputs_of(scene, decoder).ok_or(StylizeError::NoFeatures)?;
     check_encoder("the decoder", decoder.encoder.as_ref(), features)?;
     let n_inputs = features.n_channels() + features.n_extra;
     if decoder.n_inputs() != n_inputs {
         return Err(StylizeError::DecoderChannels { found: decoder.n_inputs(), expected: n_inputs });
+    }
+    let n_statistics = decoder.statistics_weight.len();
+    if n_statistics > 0 && n_statistics != decoder.layers[0].d_out * 2 * features.n_channels() {
+        let found = n_statistics / decoder.layers[0].d_out.max(1) / 2;
+        return Err(StylizeError::DecoderStatistics { found, expected: features.n_channels() });
     }
     let chained = decoder.layers.windows(2).all(|pair| pair[0].d_out == pair[1].d_in);
     if !chained || decoder.layers.last().is_none_or(|layer| layer.d_out != 3) {
@@ -227,7 +264,15 @@ pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec
         return Err(StylizeError::DecoderShape { found: widths.join(" ") });
     }
     let mean_low = crate::statistics::mean_low(features);
-    let first = fold_layer(&decoder.layers[0], decoder.k, features, map, &mean_low);
+    let mut first = fold_layer(&decoder.layers[0], decoder.k, features, map, &mean_low);
+    if !decoder.statistics_weight.is_empty() {
+        let statistics = map.statistics(&ContentStatistics::of(features));
+        let rows = decoder.statistics_weight.chunks_exact(statistics.len());
+        for (bias, row) in first.bias.iter_mut().zip(rows) {
+            let sum: f64 = row.iter().zip(&statistics).map(|(w, s)| f64::from(*w) * s).sum();
+            *bias = (f64::from(*bias) + sum) as f32;
+        }
+    }
     let layers: Vec<&Layer> = std::iter::once(&first).chain(&decoder.layers[1..]).collect();
     let neighbors = neighbors_for(scene, decoder.k);
     let inputs = centered_inputs(features, &mean_low);

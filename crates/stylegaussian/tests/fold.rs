@@ -4,6 +4,7 @@ use glam::{Quat, Vec3};
 use stylegaussian::{
     Activation, ChannelStatistics, Decoder, Features, Layer, Neighbors, Scene,
     fold::{ChannelMap, StylizeError, stylize, transfer},
+    scene::Sh,
     twin,
 };
 
@@ -78,7 +79,15 @@ fn decoder(random: &mut Random, n_inputs: usize, activation: Activation) -> Deco
         layer
     };
     let layers = Decoder::WIDTHS.map(layer).into();
-    Decoder { layers, k: K, activation, residual: false, encoder: None }
+    Decoder {
+        layers,
+        k: K,
+        activation,
+        residual: false,
+        own_color: false,
+        statistics_weight: Vec::new(),
+        encoder: None,
+    }
 }
 
 fn style(random: &mut Random) -> ChannelStatistics {
@@ -162,6 +171,27 @@ fn folded_equals_unfolded() {
 fn folded_equals_unfolded_at_ten_thousand() {
     check_fold(10_000, 32, 0, Activation::Sigmoid);
     check_fold(10_000, 256, 0, Activation::Sigmoid);
+}
+
+#[test]
+fn a_decoder_may_see_own_colors() {
+    let mut random = Random(11);
+    let mut scene = scene(&mut random, 40, 32, 2);
+    scene.sh = Some(Sh { degree: 0, coefficients: random.normals(40 * 3, 0.5) });
+    let decoder = Decoder {
+        own_color: true,
+        statistics_weight: Vec::new(),
+        ..decoder(&mut random, N_CHANNELS + 2 + 3, Activation::LeakyRelu { slope: 0.2 })
+    };
+    let style = style(&mut random);
+    let features = scene.features.as_ref().unwrap();
+    let mut rows = with_extra(&scene, twin::adain(&twin::full_features(features), &style));
+    for (row, color) in rows.iter_mut().zip(scene.base_colors()) {
+        row.extend(color.map(|channel| 4.0 * (f64::from(channel) - 0.5)));
+    }
+    let expected = twin::decode(&decoder, scene.neighbors.as_ref().unwrap(), rows);
+    let map = transfer(features, &[(&style, 1.0)], 0.0).unwrap();
+    check_close(&stylize(&scene, &decoder, &map).unwrap(), &expected, "own colors");
 }
 
 #[test]

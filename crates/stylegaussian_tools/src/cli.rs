@@ -14,8 +14,9 @@ use clap::{Parser, Subcommand};
 
 pub use arguments::Backend;
 pub use output::error_chain;
+pub(crate) use stylization::default_decoder;
 
-use crate::{embed, train};
+use crate::{embed, eval, train};
 
 /// Restyle 3D Gaussian Splatting scenes with any painting: embed once, then stylize in a moment.
 #[derive(Debug, Parser)]
@@ -34,6 +35,7 @@ enum Command {
     Style(style::StyleArgs),
     Stylize(stylize::StylizeArgs),
     Render(render::RenderArgs),
+    Eval(eval::EvalArgs),
 }
 
 impl Cli {
@@ -50,6 +52,7 @@ impl Cli {
             Command::Style(arguments) => style::run(&arguments),
             Command::Stylize(arguments) => stylize::run(&arguments),
             Command::Render(arguments) => render::run(&arguments),
+            Command::Eval(arguments) => eval::run(&arguments),
         }
     }
 }

@@ -4,16 +4,16 @@ mod adam;
 mod args;
 mod checkpoint;
 mod data;
-mod loss_network;
-mod network;
+pub(crate) mod loss_network;
+pub(crate) mod network;
 pub mod ops;
-mod paintings;
+pub(crate) mod paintings;
 mod report;
-mod step;
+pub(crate) mod step;
 mod warm_start;
 
 use std::{
-    collections::{HashMap, hash_map::Entry},
+    collections::HashMap,
     path::{Path, PathBuf},
     sync::atomic::{AtomicBool, Ordering},
 };
@@ -36,9 +36,8 @@ use loss_network::LossNetwork;
 use network::Network;
 use paintings::{Paintings, list_images};
 use step::{Content, LossWeights, content_layer};
-use warm_start::Target;
 
-use crate::{cameras::read_cameras, cli::Backend, random::Random, teacher::Teacher, views::choose_views};
+use crate::{cameras::read_cameras, cli::Backend, random::Random, views::choose_views};
 
 /// Steps between two checkpoints.
 const CHECKPOINT_STEPS: u32 = 100;
@@ -190,7 +189,7 @@ impl Trainer {
         let decoder = initial_decoder(arguments, &encoder, scenes)?;
         let mut training = Vec::new();
         for (path, scene, cameras) in scenes {
-            let prepared = TrainingScene::new(scene, cameras, decoder.k, decoder.layers.len());
+            let prepared = TrainingScene::new(scene, cameras, arguments.crop, &decoder);
             let prepared =
                 prepared.with_context(|| format!("{}: no features: embed it first", path.display()))?;
             ensure!(!prepared.views.is_empty(), "{}: no view shows any of its Gaussians", path.display());
@@ -200,6 +199,14 @@ impl Trainer {
                 "{}: has {expected} channels, the decoder takes {}",
                 path.display(),
                 decoder.n_inputs()
+            );
+            eprintln!(
+                "{}: {} pictures, {} of {} Gaussians in one on average",
+                path.display(),
+                prepared.views.len(),
+                prepared.views.iter().map(|view| view.output_rows.len()).sum::<usize>()
+                    / prepared.views.len(),
+                scene.len()
             );
             training.push(prepared);
         }
@@ -243,51 +250,22 @@ impl Trainer {
     }
 
     fn warm_start(&mut self) -> Result<()> {
-        let Some(path) = &self.arguments.teacher else { return Ok(()) };
-        let total = self.arguments.warm_iterations;
+        let total = if self.arguments.init.is_some() { 0 } else { self.arguments.warm_iterations };
         if self.progress.warm_steps >= total {
             return Ok(());
         }
-        let teacher = Teacher::open(path)?;
         let bar = bar(total, "warm start");
-        let content = self
-            .scenes
-            .iter()
-            .map(|scene| warm_start::Content::new(scene, &self.encoder))
-            .collect::<Result<Vec<_>>>()?;
-        let mut targets: HashMap<(usize, usize), Target> = HashMap::new();
         let mut mean_error = f32::NAN;
         while self.progress.warm_steps < total {
             self.stop_if_interrupted()?;
             let done = self.progress.warm_steps;
             let mut random = Random::new(self.arguments.seed ^ (u64::from(done) << 20) ^ 0x5741_524D);
-            let scene_index = random.below(self.scenes.len());
-            let style_index = random.below(self.arguments.warm_styles);
-            let scene = &self.scenes[scene_index];
-            let target = match targets.entry((scene_index, style_index)) {
-                Entry::Occupied(entry) => entry.into_mut(),
-                Entry::Vacant(entry) => {
-                    let mut choice =
-                        Random::new(self.arguments.seed ^ (style_index as u64).wrapping_mul(0x9E37_79B9));
-                    let style = self.paintings.pick(
-                        &mut choice,
-                        self.encoder.id(),
-                        &self.loss_network,
-                        &self.device,
-                    )?;
-                    entry.insert(Target::new(scene, &content[scene_index], style, &teacher)?)
-                }
-            };
+            let scene = &self.scenes[random.below(self.scenes.len())];
+            let style =
+                self.paintings.pick(&mut random, self.encoder.id(), &self.loss_network, &self.device)?;
             let rate = cosine(WARM_RATE, done, total);
-            let error = warm_start::step(
-                &mut self.network,
-                &mut self.adam,
-                scene,
-                target,
-                &mut random,
-                rate,
-                &self.device,
-            );
+            let (network, adam) = (&mut self.network, &mut self.adam);
+            let error = warm_start::step(network, adam, scene, style, &mut random, rate, &self.device)?;
             mean_error = if mean_error.is_nan() { error } else { 0.98 * mean_error + 0.02 * error };
             self.progress.warm_steps += 1;
             report_step(&bar, self.progress.warm_steps, &format!("color error {mean_error:.4}"));
@@ -356,9 +334,17 @@ fn checkpoint_path(output: &Path) -> PathBuf {
 fn initial_decoder(arguments: &TrainArgs, encoder: &Encoder, scenes: &[LoadedScene]) -> Result<Decoder> {
     let Some(path) = &arguments.init else {
         let n_extra = scenes[0].1.features.as_ref().map_or(0, |features| features.n_extra);
-        let n_inputs = encoder.n_channels() + n_extra;
+        let n_inputs = encoder.n_channels() + n_extra + if arguments.own_color { 3 } else { 0 };
         let id = Some(encoder.id().clone());
-        return Ok(Network::random(n_inputs, arguments.k, arguments.activation, id, arguments.seed));
+        return Ok(Network::random(
+            n_inputs,
+            arguments.k,
+            arguments.activation,
+            arguments.own_color,
+            if arguments.statistics { encoder.n_channels() } else { 0 },
+            id,
+            arguments.seed,
+        ));
     };
     let decoder = file::read_decoder(path)?;
     if let Some(found) = &decoder.encoder {

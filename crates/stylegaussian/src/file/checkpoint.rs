@@ -166,7 +166,15 @@ fn final_model(features: Tensor, state: &State) -> Result<(Features, Option<Deco
         layers.push(Layer { weight: kernel.values, bias, d_in, d_out });
         d_in = d_out;
     }
-    let decoder = Decoder { layers, k, activation: Activation::Sigmoid, residual: false, encoder: None };
+    let decoder = Decoder {
+        layers,
+        k,
+        activation: Activation::Sigmoid,
+        residual: false,
+        own_color: false,
+        statistics_weight: Vec::new(),
+        encoder: None,
+    };
     decoder::validate(&decoder)?;
     let mut basis = vec![0.0; d * d];
     basis.iter_mut().step_by(d + 1).for_each(|diagonal| *diagonal = 1.0);

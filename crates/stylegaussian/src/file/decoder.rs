@@ -1,8 +1,10 @@
 //! Decoders: `*.decoder.safetensors`, and the same tensors inside a scene file.
 //!
 //! Tensors `decoder.layers.{i}.weight` f16 or f32 `[D_out, K, D_in]` and `decoder.layers.{i}.bias` f32 `[D_out]`;
+//! where the decoder sees the style's statistics `decoder.statistics.weight` f16 or f32 `[D_out of the first, 2 D]`;
 //! metadata `k`, `activation` (`sigmoid` or `leaky_relu:slope`), `residual` (`true` or `false`), `transfer` (`adain`),
-//! `layers` (how many) and, where known, `encoder`.
+//! `layers` (how many), `own_color` (`true` where the last three inputs are the Gaussian's own color) and, where known,
+//! `encoder`.
 
 use crate::decoder::{Activation, Decoder, Layer};
 
@@ -15,6 +17,9 @@ use super::{
 };
 
 const FORMAT: &str = "stylegaussian-decoder";
+
+/// The weight on the style's statistics.
+const STATISTICS: &str = "decoder.statistics.weight";
 
 /// The transfer that decoders are trained behind; there is no other yet.
 const TRANSFER: &str = "adain";
@@ -41,16 +46,22 @@ pub(super) fn from_tensors(reader: &Reader) -> Result<Decoder, Mismatch> {
     let n_layers: usize = reader.required("layers", "`layers` = the number of layers")?;
     let activation = activation_from_text(&reader.required::<String>("activation", "`activation`")?)?;
     let residual = reader.required("residual", "`residual` = `true` or `false`")?;
+    let own_color = reader.parsed("own_color", "`own_color` = `true` or `false`")?.unwrap_or(false);
     let n_tensors = reader.names().iter().filter(|name| name.starts_with("decoder.")).count();
-    if n_layers.checked_mul(2) != Some(n_tensors) {
+    let has_statistics = reader.names().contains(&STATISTICS);
+    if n_layers.checked_mul(2).and_then(|n| n.checked_add(usize::from(has_statistics))) != Some(n_tensors) {
         return Err(mismatch(
             format_args!("{n_tensors} decoder tensors"),
             format_args!("a weight and a bias for each of {n_layers} layers"),
         ));
     }
-    let layers = (0..n_layers).map(|i| layer(reader, i, k)).collect::<Result<_, _>>()?;
+    let layers = (0..n_layers).map(|i| layer(reader, i, k)).collect::<Result<Vec<_>, _>>()?;
+    let statistics_weight = match layers.first() {
+        Some(first) if has_statistics => reader.floats(STATISTICS, &[Is(first.d_out), Any("2 D")])?,
+        _ => Vec::new(),
+    };
     let encoder = reader.parsed("encoder", "an encoder `name@hash`")?;
-    let decoder = Decoder { layers, k, activation, residual, encoder };
+    let decoder = Decoder { layers, k, activation, residual, own_color, statistics_weight, encoder };
     validate(&decoder)?;
     Ok(decoder)
 }
@@ -74,16 +85,33 @@ pub(super) fn to_tensors<'a>(
     writer.set("k", decoder.k);
     writer.set("layers", decoder.layers.len());
     writer.set("residual", decoder.residual);
+    if decoder.own_color {
+        writer.set("own_color", true);
+    }
     writer.set("activation", activation_to_text(decoder.activation));
     for (i, layer) in decoder.layers.iter().enumerate() {
         let shape = [layer.d_out, decoder.k, layer.d_in];
-        match precision {
-            Precision::F16 => writer.f16(format!("decoder.layers.{i}.weight"), &shape, &layer.weight),
-            Precision::F32 => writer.f32(format!("decoder.layers.{i}.weight"), &shape, &layer.weight),
-        }
+        weight(writer, precision, format!("decoder.layers.{i}.weight"), &shape, &layer.weight);
         writer.f32(format!("decoder.layers.{i}.bias"), &[layer.d_out], &layer.bias);
     }
+    if let Some(first) = decoder.layers.first().filter(|_| !decoder.statistics_weight.is_empty()) {
+        let shape = [first.d_out, decoder.statistics_weight.len() / first.d_out];
+        weight(writer, precision, STATISTICS.to_owned(), &shape, &decoder.statistics_weight);
+    }
     Ok(())
+}
+
+fn weight<'a>(
+    writer: &mut Writer<'a>,
+    precision: Precision,
+    name: String,
+    shape: &[usize],
+    values: &'a [f32],
+) {
+    match precision {
+        Precision::F16 => writer.f16(name, shape, values),
+        Precision::F32 => writer.f32(name, shape, values),
+    }
 }
 
 /// Checks that the layers chain, end in RGB, and are finite.
@@ -113,7 +141,12 @@ pub(super) fn validate(decoder: &Decoder) -> Result<(), Mismatch> {
         expect_finite(&name, &layer.weight)?;
         expect_finite(&name, &layer.bias)?;
     }
-    Ok(())
+    let (d_out, n_statistics) = (decoder.layers[0].d_out, decoder.statistics_weight.len());
+    if n_statistics % (2 * d_out.max(1)) != 0 {
+        let expected = format!("[{d_out}, 2 D]: a mean and a deviation for each channel of the features");
+        return Err(mismatch(format_args!("`{STATISTICS}` with {n_statistics} weights"), expected));
+    }
+    expect_finite(STATISTICS, &decoder.statistics_weight)
 }
 
 fn activation_to_text(activation: Activation) -> String {

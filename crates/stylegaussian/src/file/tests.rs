@@ -35,7 +35,15 @@ fn decoder(channels: &[usize], k: usize, next: &mut impl FnMut() -> f32) -> Deco
         d_out: d[1],
     });
     let layers = layers.collect();
-    Decoder { layers, k, activation: Activation::LeakyRelu { slope: 0.2 }, residual: true, encoder: None }
+    Decoder {
+        layers,
+        k,
+        activation: Activation::LeakyRelu { slope: 0.2 },
+        residual: true,
+        own_color: true,
+        statistics_weight: Vec::new(),
+        encoder: None,
+    }
 }
 
 /// A scene with everything: 20 of 25 source Gaussians, all numbers exact in f16 where files hold f16.

@@ -58,6 +58,29 @@ impl BlendWeights {
         Self { size: bands.size, n_gaussians, starts, indices, weights }
     }
 
+    /// The weights of a part of the picture, `size` pixels from `corner` on.
+    ///
+    /// # Panics
+    /// When the part reaches beyond the picture.
+    pub fn crop(&self, corner: UVec2, size: UVec2) -> Self {
+        assert!(
+            (corner + size).cmple(self.size).all(),
+            "{size} pixels from {corner} on exceed {}",
+            self.size
+        );
+        let mut crop = Self { size, starts: vec![0], indices: Vec::new(), weights: Vec::new(), ..*self };
+        for y in corner.y..corner.y + size.y {
+            let first = (y * self.size.x + corner.x) as usize;
+            let row = &self.starts[first..=first + size.x as usize];
+            let (start, end) = (row[0], row[size.x as usize]);
+            let offset = crop.indices.len() as u32;
+            crop.indices.extend_from_slice(&self.indices[start as usize..end as usize]);
+            crop.weights.extend_from_slice(&self.weights[start as usize..end as usize]);
+            crop.starts.extend(row[1..].iter().map(|pixel| pixel - start + offset));
+        }
+        crop
+    }
+
     /// sum_i w_i v_i for each pixel `[H * W, C]`, row-major, of per-Gaussian `values` `[N, C]`.
     ///
     /// # Panics

@@ -226,6 +226,8 @@ mod tests {
             k: 8,
             activation: Activation::Sigmoid,
             residual: false,
+            own_color: false,
+            statistics_weight: Vec::new(),
             encoder: None,
         };
         let mut scene = Scene { means: vec![glam::Vec3::ZERO; 10], ..Scene::default() };

@@ -9,8 +9,8 @@ use crate::cli::Backend;
 
 /// Train one decoder from embedded scenes and a folder of paintings.
 ///
-/// First a warm start where a teacher is named (regression on what a 2D decoder makes of the same features), then the
-/// paper's loss: content at relu4_1, channel means and deviations at relu1_1 to relu4_1. Progress is kept in
+/// First a warm start (regression on the scene recolored to each painting's mean color and covariance), then the paper's
+/// loss: content at relu4_1, channel means and deviations at relu1_1 to relu4_1. Progress is kept in
 /// OUT.checkpoint.safetensors; Ctrl-C saves and ends.
 #[derive(Args, Clone, Debug)]
 pub struct TrainArgs {
@@ -35,6 +35,10 @@ pub struct TrainArgs {
     /// Longer side of a training view, in pixels.
     #[arg(long, value_name = "PX", default_value_t = 256)]
     pub size: u32,
+    /// Larger views are cut into overlapping crops of at most this many pixels on a side: a step then sees fewer
+    /// Gaussians from nearer.
+    #[arg(long, value_name = "PX", default_value_t = 256, value_parser = clap::value_parser!(u32).range(32..=2048))]
+    pub crop: u32,
     /// A decoder to start from; it gives window, activation and widths.
     #[arg(long, value_name = "DECODER")]
     pub init: Option<PathBuf>,
@@ -54,21 +58,23 @@ pub struct TrainArgs {
     /// Weights that stand in for VGG-19 at relu4_1, where the encoder's end at relu3_1.
     #[arg(long, value_name = "FILE")]
     pub relu4: Option<PathBuf>,
-    /// A decoder of 2D feature maps (safetensors, relu3_1 to RGB): the warm start's teacher. No warm start without.
-    #[arg(long, value_name = "FILE")]
-    pub teacher: Option<PathBuf>,
-    /// Steps of the warm start.
-    #[arg(long, value_name = "N", default_value_t = 1500)]
+    /// Steps of the warm start, which teaches the decoder to recolor; none where `--init` names a decoder.
+    #[arg(long, value_name = "N", default_value_t = 2000)]
     pub warm_iterations: u32,
-    /// Crops of paintings that the teacher paints each scene with.
-    #[arg(long, value_name = "N", default_value_t = 48)]
-    pub warm_styles: usize,
     /// Adam's learning rate at the first step with the paper's loss; it falls to a tenth along a cosine.
     #[arg(long, value_name = "RATE", default_value_t = 1e-3)]
     pub learning_rate: f32,
     /// `sigmoid` (the paper's) or `leaky_relu:SLOPE`, for a decoder that starts from random weights.
     #[arg(long, value_name = "A", default_value = "leaky_relu:0.2")]
     pub activation: Activation,
+    /// Whether a decoder that starts from random weights also sees each Gaussian's own color, which keeps fine detail;
+    /// the paper's does not.
+    #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
+    pub own_color: bool,
+    /// Whether a decoder that starts from random weights also sees the mean and deviation of all transferred features;
+    /// the paper's sees those of its window alone.
+    #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
+    pub statistics: bool,
     /// K, the window of a decoder that starts from random weights.
     #[arg(short, long, value_name = "K", default_value_t = 8)]
     pub k: usize,

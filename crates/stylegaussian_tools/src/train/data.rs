@@ -2,15 +2,20 @@
 
 use std::sync::Arc;
 
+use glam::UVec2;
 use rayon::prelude::*;
 use stylegaussian::{
-    Camera, Features, Neighbors, Scene,
-    fold::{centered_inputs, neighbors_for},
+    Camera, Decoder, Features, Neighbors, Scene,
+    fold::{centered_inputs, inputs_of, neighbors_for},
     splat::{BlendWeights, blend_weights},
     statistics::{ContentStatistics, mean_low},
 };
 
 use super::ops::Windows;
+use crate::recolor::ColorMoments;
+
+/// Crops of a view that the scene covers less than this are left out, unless all are.
+const MIN_COVERAGE: f32 = 0.6;
 
 /// Blending weights below this are dropped and the rest of the pixel scaled up to its alpha: together they carry about
 /// a hundredth of a picture, and half of the Gaussians.
@@ -32,6 +37,8 @@ pub struct TrainingScene {
     pub neighbors: Neighbors,
     /// Unstyled colors `[N]`.
     pub base_colors: Vec<[f32; 3]>,
+    /// Mean and covariance of the colors in the views.
+    pub colors: ColorMoments,
     /// The views.
     pub views: Vec<View>,
 }
@@ -53,17 +60,21 @@ pub struct View {
 }
 
 impl TrainingScene {
-    /// Prepares `scene` as seen by `cameras` for decoders of `n_layers` layers and window `k`; `None` when it was never
-    /// embedded. A view that shows nothing is left out.
-    pub fn new(scene: &Scene, cameras: &[Camera], k: usize, n_layers: usize) -> Option<Self> {
-        let features = scene.features.clone()?;
+    /// Prepares `scene` as seen by `cameras` for decoders shaped like `decoder`; `None` when it was never embedded. Pictures larger than `crop` pixels on a side are cut into crops of that size, which overlap by half. A
+    /// view that shows nothing is left out.
+    pub fn new(scene: &Scene, cameras: &[Camera], crop: u32, decoder: &Decoder) -> Option<Self> {
+        let features = inputs_of(scene, decoder)?.into_owned();
+        let (k, n_layers) = (decoder.k, decoder.layers.len());
         let mean_low = mean_low(&features);
         let neighbors = neighbors_for(scene, k).into_owned();
         let base_colors = scene.base_colors();
-        let views =
-            cameras.iter().filter_map(|camera| View::new(scene, camera, &neighbors, &base_colors, n_layers));
+        let crops =
+            cameras.iter().flat_map(|camera| crops(without_faint(&blend_weights(scene, camera)), crop));
+        let views = crops.filter_map(|weights| View::new(weights, &neighbors, &base_colors, n_layers));
+        let views: Vec<View> = views.collect();
         Some(Self {
-            views: views.collect(),
+            colors: ColorMoments::of_pixels(views.iter().flat_map(View::pixels)),
+            views,
             inputs: centered_inputs(&features, &mean_low),
             n_inputs: features.n_low + features.n_extra,
             statistics: ContentStatistics::of(&features),
@@ -85,16 +96,15 @@ impl TrainingScene {
 
 impl View {
     fn new(
-        scene: &Scene,
-        camera: &Camera,
+        weights: BlendWeights,
         neighbors: &Neighbors,
         base_colors: &[[f32; 3]],
         n_layers: usize,
     ) -> Option<Self> {
-        let weights = without_faint(&blend_weights(scene, camera));
-        let mut reaches = vec![false; scene.len()];
+        let n = weights.n_gaussians;
+        let mut reaches = vec![false; n];
         weights.indices.iter().for_each(|&gaussian| reaches[gaussian as usize] = true);
-        let output_rows: Vec<u32> = (0..scene.len() as u32).filter(|&i| reaches[i as usize]).collect();
+        let output_rows: Vec<u32> = (0..n as u32).filter(|&i| reaches[i as usize]).collect();
         if output_rows.is_empty() {
             return None;
         }
@@ -109,6 +119,11 @@ impl View {
             input_rows,
             output_rows,
         })
+    }
+
+    /// Premultiplied color and coverage of each pixel.
+    fn pixels(&self) -> impl Iterator<Item = ([f32; 3], f32)> {
+        self.picture.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).zip(self.alpha.iter().copied())
     }
 
     /// Width and height in pixels.
@@ -140,6 +155,27 @@ pub fn window_chain(
     }
     windows.reverse();
     (windows, rows)
+}
+
+/// A picture's crops that the scene covers well, or else the one that it covers best.
+fn crops(weights: BlendWeights, side: u32) -> Vec<BlendWeights> {
+    let size = weights.size.min(UVec2::splat(side));
+    let corners = |whole: u32, part: u32| {
+        let n_steps = (whole - part).div_ceil(part.div_ceil(2));
+        (0..=n_steps).map(move |i| (whole - part) * i / n_steps.max(1))
+    };
+    let rows = corners(weights.size.y, size.y);
+    let crops = rows.flat_map(|y| corners(weights.size.x, size.x).map(move |x| UVec2::new(x, y)));
+    let mut crops: Vec<(f32, BlendWeights)> = crops
+        .map(|corner| {
+            let crop = weights.crop(corner, size);
+            (crop.weights.iter().sum::<f32>() / (size.x * size.y) as f32, crop)
+        })
+        .collect();
+    crops.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+    let n_covered = crops.iter().filter(|(coverage, _)| *coverage >= MIN_COVERAGE).count();
+    crops.truncate(n_covered.max(1));
+    crops.into_iter().map(|(_, crop)| crop).collect()
 }
 
 fn without_faint(weights: &BlendWeights) -> BlendWeights {
@@ -180,6 +216,38 @@ fn relabeled(mut weights: BlendWeights, rows: &[u32]) -> BlendWeights {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn crops_keep_what_the_scene_covers() {
+        // 8x4 pixels, the left 5 columns covered by Gaussian 0: of the corners x = 0, 2, 4 the last sees 1 column of 4.
+        let is_covered = |pixel: usize| pixel % 8 < 5;
+        let mut weights = BlendWeights {
+            size: UVec2::new(8, 4),
+            n_gaussians: 1,
+            starts: vec![0],
+            indices: Vec::new(),
+            weights: Vec::new(),
+        };
+        for pixel in 0..32 {
+            if is_covered(pixel) {
+                weights.indices.push(0);
+                weights.weights.push(0.5 + pixel as f32 / 64.0);
+            }
+            weights.starts.push(weights.indices.len() as u32);
+        }
+        let crops = crops(weights.clone(), 4);
+        assert_eq!(
+            crops.len(),
+            1,
+            "the best where none is covered well: weights are about 0.75, 3/4 of the second"
+        );
+        assert_eq!(
+            crops[0].alpha(),
+            [0, 1, 2, 3].map(|y| [0, 1, 2, 3].map(|x| weights.alpha()[y * 8 + x])).as_flattened()
+        );
+        weights.weights.fill(1.0);
+        assert_eq!(super::crops(weights, 4).len(), 2);
+    }
 
     #[test]
     fn a_chain_holds_just_what_is_looked_at() {

@@ -1,17 +1,19 @@
 //! VGG-19 in burn, for the loss: relu1_1, relu2_1, relu3_1 and, where weights for it are at hand, relu4_1.
 
-use anyhow::{Context, Result, ensure};
-use burn::tensor::{
-    Device, Tensor, TensorData,
-    activation::relu,
-    module::{conv2d, max_pool2d},
-    ops::{ConvOptions, MaxPoolOptions, PadMode},
+use std::{
+    collections::HashMap,
+    path::Path,
+    sync::{Arc, Mutex, PoisonError},
 };
-use std::path::Path;
+
+use anyhow::{Context, Result, ensure};
+use burn::tensor::{Device, Tensor, TensorData};
 use stylegaussian_encoder::{
     onnx::Convolution,
     weights::{Weights, WeightsError},
 };
+
+use super::ops::{Windows, max_pool, row_statistics, windows_conv_relu};
 
 /// Names of the layers whose features the loss sees, in order.
 pub const LAYERS: [&str; 4] = ["relu1_1", "relu2_1", "relu3_1", "relu4_1"];
@@ -32,22 +34,59 @@ const CONVOLUTIONS: [(&str, usize, bool); 9] = [
     ("conv4_1", 512, true),
 ];
 
+/// A convolution as [`windows_conv_relu`] takes it: weight `[D_out, k * D_in]` and bias `[D_out]`.
+type Kernel = (Tensor<2>, Tensor<1>);
+
 struct Step {
-    weight: Tensor<4>,
-    bias: Tensor<1>,
+    kernel: Kernel,
     pools_before: bool,
-    /// A 1x1 convolution that leads a narrow network's channels to VGG's, where the loss looks.
+    /// Whether the loss looks here.
     tap: Option<Tap>,
 }
 
 enum Tap {
     Plain,
-    Widened(Box<(Tensor<4>, Tensor<1>)>),
+    /// Through a 1x1 convolution that leads a narrow network's channels to VGG's.
+    Widened(Box<Kernel>),
 }
 
 struct Chain {
-    input: Option<(Tensor<4>, Tensor<1>)>,
     steps: Vec<Step>,
+}
+
+/// Features of a picture at one layer.
+pub struct FeatureRows {
+    /// A row for each cell `[h * w, D]`.
+    pub rows: Tensor<2>,
+    /// Width and height, in cells.
+    pub size: [usize; 2],
+}
+
+/// The windows of a picture's convolutions.
+struct Grid {
+    /// 3x3, reflected at the border.
+    neighborhoods: Arc<Windows>,
+    /// 1x1.
+    cells: Arc<Windows>,
+}
+
+impl Grid {
+    fn new([width, height]: [usize; 2]) -> Self {
+        let reflect = |i: usize, step: usize, n: usize| match (i + step).checked_sub(1) {
+            None => 1.min(n - 1),
+            Some(j) if j == n => n.saturating_sub(2),
+            Some(j) => j,
+        };
+        let n = width * height;
+        let neighborhood = |i: usize| {
+            let (x, y) = (i % width, i / width);
+            (0..9).map(move |k| (reflect(y, k / 3, height) * width + reflect(x, k % 3, width)) as u32)
+        };
+        Self {
+            neighborhoods: Arc::new(Windows::new((0..n).flat_map(neighborhood).collect(), 9, n)),
+            cells: Arc::new(Windows::new((0..n as u32).collect(), 1, n)),
+        }
+    }
 }
 
 /// The networks behind the loss.
@@ -55,6 +94,8 @@ pub struct LossNetwork {
     main: Chain,
     /// A network that gives relu4_1 alone, where the main one ends at relu3_1.
     deep: Option<Chain>,
+    /// Grids by size; a training meets few sizes, again and again.
+    grids: Mutex<HashMap<[usize; 2], Arc<Grid>>>,
 }
 
 impl LossNetwork {
@@ -80,7 +121,7 @@ impl LossNetwork {
                 Some(chain.with_context(|| format!("{}: cannot stand in for relu4_1", path.display()))?)
             }
         };
-        Ok(Self { main: chain, deep })
+        Ok(Self { main: chain, deep, grids: Mutex::default() })
     }
 
     /// How many of [`LAYERS`] it gives.
@@ -88,22 +129,47 @@ impl LossNetwork {
         if self.deep.is_some() || self.main.steps.len() == CONVOLUTIONS.len() { 4 } else { 3 }
     }
 
-    /// Features of pictures `[B, 3, H, W]`, RGB 0..1, at each layer `[B, D, h, w]`.
-    pub fn features(&self, picture: Tensor<4>) -> Vec<Tensor<4>> {
-        let mut features = self.main.features(picture.clone());
+    /// Features of a picture `[H * W, 3]`, RGB 0..1, `size` = [W, H], at each layer.
+    pub fn features(&self, picture: Tensor<2>, size: [usize; 2]) -> Vec<FeatureRows> {
+        let mut features = self.main.features(picture.clone(), size, &self.grids);
         if let Some(deep) = &self.deep {
-            features.extend(deep.features(picture));
+            features.extend(deep.features(picture, size, &self.grids));
         }
         features
     }
 }
 
-fn tensors(convolution: Convolution, device: &Device) -> (Tensor<4>, Tensor<1>) {
-    let n_bias = convolution.bias.len();
+/// OIHW to `[D_out, k * D_in]`.
+fn kernel(convolution: &Convolution, device: &Device) -> Kernel {
+    let [d_out, d_in, height, width] = convolution.shape;
+    let k = height * width;
+    let source = |i: usize| {
+        let (o, tap, d) = (i / (k * d_in), i / d_in % k, i % d_in);
+        convolution.weight[(o * d_in + d) * k + tap]
+    };
+    let weight: Vec<f32> = (0..d_out * k * d_in).map(source).collect();
     (
-        Tensor::from_data(TensorData::new(convolution.weight, convolution.shape), device),
-        Tensor::from_data(TensorData::new(convolution.bias, [n_bias]), device),
+        Tensor::from_data(TensorData::new(weight, [d_out, k * d_in]), device),
+        Tensor::from_data(TensorData::new(convolution.bias.clone(), [d_out]), device),
     )
+}
+
+/// A convolution behind a 1x1 one of the picture's channels is one convolution; reflection does not mind.
+fn behind(input: &Convolution, mut convolution: Convolution) -> Convolution {
+    let [d_out, d_in, height, width] = convolution.shape;
+    let k = height * width;
+    let source = convolution.weight.clone();
+    for o in 0..d_out {
+        for tap in 0..k {
+            let weights: Vec<f32> = (0..d_in).map(|d| source[(o * d_in + d) * k + tap]).collect();
+            for d in 0..d_in {
+                let sum = weights.iter().enumerate().map(|(j, w)| w * input.weight[j * d_in + d]).sum();
+                convolution.weight[(o * d_in + d) * k + tap] = sum;
+            }
+            convolution.bias[o] += weights.iter().zip(&input.bias).map(|(w, b)| w * b).sum::<f32>();
+        }
+    }
+    convolution
 }
 
 impl Chain {
@@ -115,70 +181,71 @@ impl Chain {
         device: &Device,
     ) -> Result<Self, WeightsError> {
         let input = match weights.contains("conv0.weight") {
-            true => Some(tensors(weights.convolution("conv0", [3, 3, 1, 1])?, device)),
+            true => Some(weights.convolution("conv0", [3, 3, 1, 1])?),
             false => None,
         };
         let mut steps = Vec::new();
         let mut d_in = 3;
         for (i, &(name, width, pools_before)) in CONVOLUTIONS[..n_steps].iter().enumerate() {
             let d_out = width / narrowing;
-            let (weight, bias) = tensors(weights.convolution(name, [d_out, d_in, 3, 3])?, device);
+            let convolution = weights.convolution(name, [d_out, d_in, 3, 3])?;
+            let convolution = match input.as_ref().filter(|_| i == 0) {
+                Some(input) => behind(input, convolution),
+                None => convolution,
+            };
             let tap = match (taps.contains(&i), narrowing) {
                 (false, _) => None,
                 (true, 1) => Some(Tap::Plain),
                 (true, _) => {
                     let aux = weights.convolution(&format!("{name}_aux"), [width, d_out, 1, 1])?;
-                    Some(Tap::Widened(Box::new(tensors(aux, device))))
+                    Some(Tap::Widened(Box::new(kernel(&aux, device))))
                 }
             };
-            steps.push(Step { weight, bias, pools_before, tap });
+            steps.push(Step { kernel: kernel(&convolution, device), pools_before, tap });
             d_in = d_out;
         }
-        Ok(Self { input, steps })
+        Ok(Self { steps })
     }
 
-    fn features(&self, picture: Tensor<4>) -> Vec<Tensor<4>> {
-        let conv = |x: Tensor<4>, weight: &Tensor<4>, bias: &Tensor<1>| {
-            conv2d(x, weight.clone(), Some(bias.clone()), ConvOptions::new([1, 1], [0, 0], [1, 1], 1))
+    fn features(
+        &self,
+        picture: Tensor<2>,
+        mut size: [usize; 2],
+        grids: &Mutex<HashMap<[usize; 2], Arc<Grid>>>,
+    ) -> Vec<FeatureRows> {
+        let grid = |size| {
+            let mut grids = grids.lock().unwrap_or_else(PoisonError::into_inner);
+            grids.entry(size).or_insert_with(|| Arc::new(Grid::new(size))).clone()
         };
-        let mut x = match &self.input {
-            Some((weight, bias)) => conv(picture, weight, bias),
-            None => picture,
+        let conv = |x: &Tensor<2>, kernel: &Kernel, windows: &Arc<Windows>| {
+            windows_conv_relu(x.clone(), kernel.0.clone(), kernel.1.clone(), windows)
         };
+        let mut x = picture;
         let mut features = Vec::new();
         for step in &self.steps {
             if step.pools_before {
-                x = max_pool2d(x, MaxPoolOptions::new([2, 2]).with_stride([2, 2]).with_ceil_mode(true));
+                x = max_pool(x, size);
+                size = size.map(|side| side.div_ceil(2));
             }
-            let padded = x.pad([(1, 1), (1, 1)], PadMode::Reflect);
-            x = relu(conv(padded, &step.weight, &step.bias));
-            match &step.tap {
-                None => {}
-                Some(Tap::Plain) => features.push(x.clone()),
-                Some(Tap::Widened(aux)) => features.push(relu(conv(x.clone(), &aux.0, &aux.1))),
-            }
+            let grid = grid(size);
+            x = conv(&x, &step.kernel, &grid.neighborhoods);
+            let rows = match &step.tap {
+                None => continue,
+                Some(Tap::Plain) => x.clone(),
+                Some(Tap::Widened(aux)) => conv(&x, aux, &grid.cells),
+            };
+            features.push(FeatureRows { rows, size });
         }
         features
     }
 }
 
-/// Channel mean and standard deviation `[1, D]` of features `[1, D, h, w]` where `coverage` `[1, h * w]`, which sums to 1,
-/// says that there is something to see. A variance of 1e-8 is added under the root, whose gradient has no bound at 0.
-pub fn channel_statistics(features: Tensor<4>, coverage: Option<&Tensor<2>>) -> (Tensor<2>, Tensor<2>) {
-    let [_, n_channels, height, width] = features.dims();
-    let n = height * width;
-    let rows = features.reshape([n_channels, n]);
-    let (mean, variance) = match coverage {
-        None => {
-            let mean = rows.clone().mean_dim(1);
-            let squares = (rows - mean.clone()).powi_scalar(2);
-            (mean, squares.sum_dim(1) / (n.max(2) - 1) as f32)
-        }
-        Some(coverage) => {
-            let mean = (rows.clone() * coverage.clone()).sum_dim(1);
-            let squares = (rows - mean.clone()).powi_scalar(2);
-            (mean, (squares * coverage.clone()).sum_dim(1))
-        }
-    };
-    (mean.reshape([1, n_channels]), (variance + 1e-8).sqrt().reshape([1, n_channels]))
+impl FeatureRows {
+    /// Mean and unbiased standard deviation of each channel `[2, D]`.
+    pub fn statistics(&self) -> Tensor<2> {
+        let n = self.size[0] * self.size[1];
+        let found = row_statistics(self.rows.clone(), &Arc::new(vec![1.0 / n as f32; n]));
+        let unbiased = (n as f32 / (n.max(2) - 1) as f32).sqrt();
+        Tensor::cat(vec![found.clone().narrow(0, 0, 1), found.narrow(0, 1, 1) * unbiased], 0)
+    }
 }

@@ -7,17 +7,21 @@ use burn::tensor::{
     Device, Tensor, TensorData,
     activation::{leaky_relu, sigmoid},
 };
-use stylegaussian::{Activation, Decoder, EncoderId, Features, Layer, fold::ChannelMap};
+use stylegaussian::{
+    Activation, Decoder, EncoderId, Features, Layer, fold::ChannelMap, statistics::ContentStatistics,
+};
 
 use super::ops::{Windows, windows_conv};
 use crate::random::Random;
 
-/// Parameters of a decoder, all tracked: for each layer the weight `[D_out, K * D_in]`, then the bias `[D_out]`.
+/// Parameters of a decoder, all tracked: for each layer the weight `[D_out, K * D_in]`, then the bias `[D_out]`;
+/// last, where there is one, the weight on the style's statistics `[D_out, 2 D]`.
 pub struct Network {
-    /// Weight, bias, weight, bias, ...
+    /// Weight, bias, weight, bias, ..., and perhaps the weight on statistics.
     pub parameters: Vec<Parameter>,
     k: usize,
     activation: Activation,
+    own_color: bool,
     encoder: Option<EncoderId>,
 }
 
@@ -34,11 +38,19 @@ pub struct FoldedInputs {
     basis: Tensor<2>,
     /// g (A m' + b) + s `[D, 1]`: the mapped features of a Gaussian at the mean.
     center: Tensor<2>,
+    /// Mean and deviation of the transferred features `[2 D, 1]`.
+    statistics: Tensor<2>,
 }
 
 impl FoldedInputs {
-    /// From a scene's features, the mean of its f' `[L]` and a channel map.
-    pub fn new(features: &Features, mean_low: &[f64], map: &ChannelMap, device: &Device) -> Self {
+    /// From a scene's features, the mean of its f' `[L]`, its content statistics and a channel map.
+    pub fn new(
+        features: &Features,
+        mean_low: &[f64],
+        content: &ContentStatistics,
+        map: &ChannelMap,
+        device: &Device,
+    ) -> Self {
         let (n_channels, n_low) = (features.n_channels(), features.n_low);
         let basis: Vec<f32> = features
             .basis
@@ -52,7 +64,9 @@ impl FoldedInputs {
             (map.gain[d] * mean + map.shift[d]) as f32
         };
         let center: Vec<f32> = (0..n_channels).map(center).collect();
+        let statistics: Vec<f32> = map.statistics(content).into_iter().map(|value| value as f32).collect();
         Self {
+            statistics: Tensor::from_data(TensorData::new(statistics, [2 * n_channels, 1]), device),
             basis: Tensor::from_data(TensorData::new(basis, [n_channels, n_low]), device),
             center: Tensor::from_data(TensorData::new(center, [n_channels, 1]), device),
         }
@@ -65,6 +79,8 @@ impl Network {
         n_inputs: usize,
         k: usize,
         activation: Activation,
+        own_color: bool,
+        n_statistics: usize,
         encoder: Option<EncoderId>,
         seed: u64,
     ) -> Decoder {
@@ -98,7 +114,9 @@ impl Network {
             layers.push(Layer { weight, bias, d_in, d_out });
             d_in = d_out;
         }
-        Decoder { layers, k, activation, residual: false, encoder }
+        // Nothing is known of statistics at first.
+        let statistics_weight = vec![0.0; Decoder::WIDTHS[0] * 2 * n_statistics];
+        Decoder { layers, k, activation, residual: false, own_color, statistics_weight, encoder }
     }
 
     /// Takes over a decoder's parameters.
@@ -116,12 +134,26 @@ impl Network {
                 parameter(&layer.bias, [1, layer.d_out]),
             ]
         });
+        let mut parameters: Vec<Parameter> = parameters.collect();
+        if !decoder.statistics_weight.is_empty() {
+            let d_out = decoder.layers[0].d_out;
+            parameters.push(parameter(
+                &decoder.statistics_weight,
+                [d_out, decoder.statistics_weight.len() / d_out],
+            ));
+        }
         Ok(Self {
-            parameters: parameters.collect(),
+            parameters,
             k: decoder.k,
             activation: decoder.activation,
+            own_color: decoder.own_color,
             encoder: decoder.encoder.clone(),
         })
+    }
+
+    /// The odd one out: layers have a weight and a bias.
+    fn statistics_weight(&self) -> Option<&Parameter> {
+        self.parameters.last().filter(|_| self.parameters.len() % 2 == 1)
     }
 
     /// How many layers.
@@ -145,6 +177,8 @@ impl Network {
             k: self.k,
             activation: self.activation,
             residual: false,
+            own_color: self.own_color,
+            statistics_weight: self.statistics_weight().map_or(Vec::new(), |weight| to_vec(&weight.values)),
             encoder: self.encoder.clone(),
         }
     }
@@ -178,6 +212,10 @@ impl Network {
             _ => Tensor::cat(vec![weight, rows.narrow(1, n_channels, n_extra)], 1),
         };
         let shift = on_features.matmul(folded.center.clone()).reshape([d_out, self.k]).sum_dim(1);
+        let shift = match self.statistics_weight() {
+            None => shift,
+            Some(weight) => shift + weight.values.clone().matmul(folded.statistics.clone()),
+        };
         let bias = shift.reshape([d_out]) + self.parameters[1].values.clone().reshape([d_out]);
         (weight.reshape([d_out, self.k * n_inputs]), bias)
     }

@@ -12,10 +12,13 @@ use stylegaussian::{ChannelStatistics, EncoderId};
 use stylegaussian_encoder::Image;
 
 use super::{
-    loss_network::{LossNetwork, RELU3_1, channel_statistics},
+    loss_network::{FeatureRows, LossNetwork, RELU3_1},
     network::to_vec,
 };
-use crate::random::Random;
+use crate::{
+    random::Random,
+    recolor::{ColorMoments, Recoloring},
+};
 
 /// Side of a crop, as in the paper.
 pub const CROP: u32 = 256;
@@ -24,16 +27,22 @@ pub const CROP: u32 = 256;
 const SHORTER_SIDE: u32 = 512;
 
 /// Crops of each painting; what the networks say of a crop is kept, so only the first look at it costs.
-const CROPS_PER_PAINTING: usize = 4;
+const CROPS_PER_PAINTING: usize = 16;
+
+/// Of so many crops one keeps its painting's own colors; the others take those of another painting. Palettes are what a
+/// hundred paintings have too few of.
+const OWN_PALETTE: usize = 2;
 
 /// What is known of a crop.
 pub struct Style {
     /// relu3_1 statistics, which AdaIN matches.
     pub statistics: ChannelStatistics,
-    /// Mean and standard deviation `[1, D]` at each of the loss's layers.
-    pub targets: Vec<(Tensor<2>, Tensor<2>)>,
+    /// Mean and standard deviation `[2, D]` at each of the loss's layers.
+    pub targets: Vec<Tensor<2>>,
     /// Mean color: what stands behind the scene, so that pixels without scene sway no statistic much.
     pub mean_color: [f32; 3],
+    /// Mean and covariance of the colors.
+    pub colors: ColorMoments,
 }
 
 /// A folder of paintings.
@@ -86,10 +95,25 @@ impl Paintings {
     ) -> Result<&Style> {
         let key = (random.below(self.paths.len()), random.below(CROPS_PER_PAINTING));
         if !self.known.contains_key(&key) {
-            let crop = self.crop(key)?;
+            let mut crop = self.crop(key)?;
+            if !key.1.is_multiple_of(OWN_PALETTE) {
+                let mut random = Random::new(self.seed_of(key) ^ 0x5041_4C45);
+                let other = self.crop((random.below(self.paths.len()), key.1))?;
+                let recoloring =
+                    Recoloring::new(&ColorMoments::of_image(&crop), &ColorMoments::of_image(&other));
+                for pixel in crop.rgb.chunks_exact_mut(3) {
+                    let color = recoloring.color([pixel[0], pixel[1], pixel[2]]);
+                    pixel.copy_from_slice(&color.map(|channel| channel.clamp(0.0, 1.0)));
+                }
+            }
             self.known.insert(key, Style::of(&crop, encoder, network, device));
         }
         Ok(&self.known[&key])
+    }
+
+    /// One seed for each crop: which part of the painting it is does not depend on what was looked at before.
+    fn seed_of(&self, (painting, crop): (usize, usize)) -> u64 {
+        self.seed ^ ((painting * CROPS_PER_PAINTING + crop) as u64).wrapping_mul(0x9E37_79B9)
     }
 
     fn crop(&self, (painting, crop): (usize, usize)) -> Result<Image> {
@@ -99,9 +123,7 @@ impl Paintings {
             (u64::from(side) * u64::from(SHORTER_SIDE) / u64::from(shorter)).max(u64::from(CROP)) as u32
         };
         let image = image.resized(scaled(image.width), scaled(image.height));
-        let mut random = Random::new(
-            self.seed ^ ((painting * CROPS_PER_PAINTING + crop) as u64).wrapping_mul(0x9E37_79B9),
-        );
+        let mut random = Random::new(self.seed_of((painting, crop)));
         let x = random.below((image.width - CROP + 1) as usize);
         let y = random.below((image.height - CROP + 1) as usize);
         let row = |row: usize| &image.rgb[((y + row) * image.width as usize + x) * 3..][..CROP as usize * 3];
@@ -113,13 +135,14 @@ impl Style {
     /// Looks at a picture for AdaIN and for the loss. `network` holds the weights of `encoder`.
     pub fn of(image: &Image, encoder: &EncoderId, network: &LossNetwork, device: &Device) -> Self {
         let size = [image.width as usize, image.height as usize];
-        let features = network.features(picture_tensor(&image.rgb, size, device));
-        let targets: Vec<_> = features.into_iter().map(|map| channel_statistics(map, None)).collect();
+        let features = network.features(picture_tensor(&image.rgb, device), size);
+        let targets: Vec<_> = features.iter().map(FeatureRows::statistics).collect();
         // relu3_1 is the encoder's layer: it need not be computed twice.
-        let (mean, std_dev) = &targets[RELU3_1];
+        let values = to_vec(&targets[RELU3_1]);
+        let (mean, std_dev) = values.split_at(values.len() / 2);
         let statistics = ChannelStatistics {
-            mean: to_vec(mean),
-            std_dev: to_vec(std_dev),
+            mean: mean.to_vec(),
+            std_dev: std_dev.to_vec(),
             covariance: None,
             encoder: Some(encoder.clone()),
         };
@@ -128,12 +151,11 @@ impl Style {
         for pixel in image.rgb.chunks_exact(3) {
             mean_color.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += value / n);
         }
-        Self { statistics, targets, mean_color }
+        Self { statistics, targets, mean_color, colors: ColorMoments::of_image(image) }
     }
 }
 
-/// Interleaved RGB `[H, W, 3]` of `[width, height]` pixels as `[1, 3, H, W]`.
-pub fn picture_tensor(rgb: &[f32], [width, height]: [usize; 2], device: &Device) -> Tensor<4> {
-    let rows = Tensor::<2>::from_data(TensorData::new(rgb.to_vec(), [width * height, 3]), device);
-    rows.transpose().reshape([1, 3, height, width])
+/// Interleaved RGB `[H, W, 3]` as `[H * W, 3]`.
+pub fn picture_tensor(rgb: &[f32], device: &Device) -> Tensor<2> {
+    Tensor::from_data(TensorData::new(rgb.to_vec(), [rgb.len() / 3, 3]), device)
 }

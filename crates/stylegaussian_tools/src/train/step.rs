@@ -1,5 +1,7 @@
 //! One step with the paper's loss: decode, splat, look at the picture through VGG.
 
+use std::sync::Arc;
+
 use anyhow::Result;
 use burn::tensor::{Device, Tensor, TensorData, activation::relu};
 use stylegaussian::fold::ChannelMap;
@@ -7,9 +9,9 @@ use stylegaussian::fold::ChannelMap;
 use super::{
     adam::Adam,
     data::{TrainingScene, View},
-    loss_network::{LAYERS, LossNetwork, channel_statistics},
+    loss_network::{LAYERS, LossNetwork},
     network::{FoldedInputs, Network},
-    ops::splat,
+    ops::{row_statistics, splat},
     paintings::{Style, picture_tensor},
 };
 
@@ -26,48 +28,46 @@ pub struct LossWeights {
 
 /// Features of the unstyled picture that the content loss compares with, and where.
 pub struct Content {
-    /// One `[1, D, h, w]` for each content layer.
-    features: Vec<Tensor<4>>,
-    /// Coverage at each content layer's size `[1, 1, h, w]`: pixels without scene have no content.
-    coverage: Vec<Tensor<4>>,
-    /// Coverage at every layer's size, summing to 1 `[1, h * w]`: the style loss compares statistics of the scene alone. A
+    /// One `[h * w, D]` for each content layer.
+    features: Vec<Tensor<2>>,
+    /// Coverage at each content layer's size `[h * w, 1]`: pixels without scene have no content.
+    coverage: Vec<Tensor<2>>,
+    /// Coverage at every layer's size, summing to 1 `[h * w]`: the style loss compares statistics of the scene alone. A
     /// scene that fills a part of the picture would otherwise have to exaggerate its contrast to make up for the rest.
-    style_coverage: Vec<Tensor<2>>,
+    style_coverage: Vec<Arc<Vec<f32>>>,
 }
 
 impl Content {
     /// Looks at a view's unstyled picture.
     pub fn new(view: &View, network: &LossNetwork, weights: &LossWeights, device: &Device) -> Self {
-        let [width, height] = view.size();
         let gray: Vec<f32> = view
             .picture
             .chunks_exact(3)
             .zip(&view.alpha)
             .flat_map(|(c, alpha)| [0, 1, 2].map(|i| c[i] + (1.0 - alpha) * 0.5))
             .collect();
-        let features = network.features(picture_tensor(&gray, view.size(), device));
-        let cells: Vec<([usize; 2], Vec<f32>)> = features
-            .iter()
-            .map(|map| {
-                let [_, _, h, w] = map.dims();
-                let middle = |i: usize, n: usize, pixels: usize| (2 * i + 1) * pixels / (2 * n);
-                let cell = |i: usize| view.alpha[middle(i / w, h, height) * width + middle(i % w, w, width)];
-                ([h, w], (0..h * w).map(cell).collect())
-            })
-            .collect();
-        let coverage = weights.content_layers.iter().map(|&layer| {
-            let ([h, w], cells) = &cells[layer];
-            Tensor::from_data(TensorData::new(cells.clone(), [1, 1, *h, *w]), device)
-        });
-        let style_coverage = cells.iter().map(|([h, w], cells)| {
-            let total = cells.iter().sum::<f32>().max(1e-6);
-            let shares: Vec<f32> = cells.iter().map(|cell| cell / total).collect();
-            Tensor::from_data(TensorData::new(shares, [1, h * w]), device)
-        });
-        let (coverage, style_coverage) = (coverage.collect(), style_coverage.collect());
-        let features = weights.content_layers.iter().map(|&layer| features[layer].clone()).collect();
+        let features = network.features(picture_tensor(&gray, device), view.size());
+        let cells: Vec<Vec<f32>> =
+            features.iter().map(|map| coverage_of_cells(&view.alpha, view.size(), map.size)).collect();
+        let column =
+            |cells: &Vec<f32>| Tensor::from_data(TensorData::new(cells.clone(), [cells.len(), 1]), device);
+        let coverage = weights.content_layers.iter().map(|&layer| column(&cells[layer])).collect();
+        let style_coverage = cells.iter().map(|cells| Arc::new(shares(cells))).collect();
+        let features = weights.content_layers.iter().map(|&layer| features[layer].rows.clone()).collect();
         Self { features, coverage, style_coverage }
     }
+}
+
+/// The coverage in the middle of each of `cells` `[w, h]` that a feature map lays over a picture's `alpha`.
+pub fn coverage_of_cells(alpha: &[f32], [width, height]: [usize; 2], [w, h]: [usize; 2]) -> Vec<f32> {
+    let middle = |i: usize, n: usize, pixels: usize| (2 * i + 1) * pixels / (2 * n);
+    (0..h * w).map(|i| alpha[middle(i / w, h, height) * width + middle(i % w, w, width)]).collect()
+}
+
+/// Values divided by their sum.
+pub fn shares(values: &[f32]) -> Vec<f32> {
+    let total = values.iter().sum::<f32>().max(1e-6);
+    values.iter().map(|value| value / total).collect()
 }
 
 /// Index of a layer in [`LAYERS`].
@@ -83,29 +83,29 @@ pub fn content_layer(name: &str, network: &LossNetwork) -> Result<usize> {
     })
 }
 
-/// Content and style loss of a stylized picture `[1, 3, H, W]`.
+/// Content and style loss of a stylized picture `[H * W, 3]`, `size` = [W, H].
 pub fn perceptual_losses(
-    picture: Tensor<4>,
+    picture: Tensor<2>,
+    size: [usize; 2],
     content: &Content,
     style: &Style,
     network: &LossNetwork,
     weights: &LossWeights,
 ) -> (Tensor<1>, Tensor<1>) {
-    let features = network.features(picture);
-    let mut content_loss = Tensor::zeros([1], &features[0].device());
+    let features = network.features(picture, size);
+    let mut content_loss = Tensor::zeros([1], &features[0].rows.device());
     for ((&layer, target), coverage) in
         weights.content_layers.iter().zip(&content.features).zip(&content.coverage)
     {
-        let squares = (features[layer].clone() - target.clone()).powi_scalar(2) * coverage.clone();
+        let squares = (features[layer].rows.clone() - target.clone()).powi_scalar(2) * coverage.clone();
         content_loss = content_loss + squares.mean();
     }
-    let mut style_loss = Tensor::zeros([1], &features[0].device());
+    let mut style_loss = Tensor::zeros([1], &features[0].rows.device());
     let targets = style.targets.iter().zip(&content.style_coverage);
-    for (features, ((mean, std_dev), coverage)) in features.into_iter().zip(targets) {
-        let (found_mean, found_std_dev) = channel_statistics(features, Some(coverage));
-        let squares =
-            (found_mean - mean.clone()).powi_scalar(2) + (found_std_dev - std_dev.clone()).powi_scalar(2);
-        style_loss = style_loss + squares.mean();
+    for (features, (target, coverage)) in features.into_iter().zip(targets) {
+        let found = row_statistics(features.rows, coverage);
+        // Means and deviations: their mean squares are to be added, not averaged.
+        style_loss = style_loss + (found - target.clone()).powi_scalar(2).mean() * 2.0;
     }
     (content_loss, style_loss)
 }
@@ -128,7 +128,7 @@ pub fn step(
     device: &Device,
 ) -> Result<[f32; 2]> {
     let map = ChannelMap::adain(&scene.statistics, &style.statistics)?;
-    let folded = FoldedInputs::new(&scene.features, &scene.mean_low, &map, device);
+    let folded = FoldedInputs::new(&scene.features, &scene.mean_low, &scene.statistics, &map, device);
     let rows = TensorData::new(scene.input_rows(&view.input_rows), [view.input_rows.len(), scene.n_inputs]);
     let colors = network.forward(Tensor::from_data(rows, device), &folded, &view.windows);
     let excess = relu(colors.clone() - 1.0) + relu(-colors.clone());
@@ -136,11 +136,9 @@ pub fn step(
 
     let behind = view.alpha.iter().flat_map(|alpha| style.mean_color.map(|channel| (1.0 - alpha) * channel));
     let behind = TensorData::new(behind.collect::<Vec<_>>(), [view.alpha.len(), 3]);
-    let [width, height] = view.size();
     let picture = splat(colors, &view.weights) + Tensor::from_data(behind, device);
-    let picture = picture.transpose().reshape([1, 3, height, width]);
-
-    let (content_loss, style_loss) = perceptual_losses(picture, content, style, loss_network, weights);
+    let (content_loss, style_loss) =
+        perceptual_losses(picture, view.size(), content, style, loss_network, weights);
     let loss = content_loss.clone() + style_loss.clone() * weights.style + range_loss * weights.range;
     let gradients = loss.backward();
     adam.update(network, &gradients, rate);

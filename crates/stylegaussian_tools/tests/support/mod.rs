@@ -142,6 +142,8 @@ impl Bench {
             k: 3,
             activation: Activation::Sigmoid,
             residual: false,
+            own_color: false,
+            statistics_weight: Vec::new(),
             encoder: Some(encoder("test", "00")),
         });
         self.write(name, &scene)

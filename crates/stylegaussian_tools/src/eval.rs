@@ -1,0 +1,425 @@
+//! `stylegaussian eval`: how good a stylization looks, in figures that need no taste.
+//!
+//! For every painting and view, the *style error* is the squared distance between the channel means and deviations of
+//! VGG-19's relu1_1, relu2_1 and relu3_1 on the picture and on the painting, averaged over channels and summed over
+//! layers: the paper's style loss without relu4_1. It can be lowered by painting everything in one contrasty way, so it
+//! stands beside two others: how often it is smallest for the picture's own painting, and the *content error*, the mean
+//! squared distance of relu3_1 from the unstyled view's. The reference is the scene recolored so that its colors have
+//! the painting's mean and covariance, which takes no network.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use anyhow::{Context, Result, ensure};
+use burn::tensor::Device;
+use clap::Args;
+use glam::UVec2;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+use stylegaussian::{
+    Camera, Decoder, Scene, file,
+    fold::{stylize, transfer},
+    splat::{Colors, View, render},
+};
+use stylegaussian_encoder::{Image, StyleSize, resolve, style_statistics};
+
+use crate::{
+    cameras::read_cameras,
+    cli::{
+        default_decoder,
+        output::{print, warn},
+    },
+    contact_sheet::contact_sheet,
+    picture::{Background, Picture},
+    recolor::{ColorMoments, Recoloring},
+    train::{
+        loss_network::{LossNetwork, RELU3_1},
+        network::to_vec,
+        ops::row_statistics,
+        paintings::{list_images, picture_tensor},
+        step::{coverage_of_cells, shares},
+    },
+    views::choose_views,
+};
+
+/// Side of a contact sheet's cells, in pixels.
+const CELL: u32 = 256;
+
+/// Measure how well paintings the decoder has never seen can be told in a stylized scene.
+///
+/// Prints, for every painting, the style error of its pictures, that of the scene merely recolored, and in how many
+/// views the painting is the nearest of all.
+#[derive(Args, Clone, Debug)]
+pub struct EvalArgs {
+    /// An embedded scene (.sgs).
+    scene: PathBuf,
+    /// A folder of paintings (.jpg, .png) that the decoder was not trained on.
+    #[arg(long, value_name = "DIR")]
+    styles: PathBuf,
+    /// Cameras: transforms.json, a COLMAP model, or 3DGS cameras.json.
+    #[arg(long, value_name = "FILE")]
+    cameras: Option<PathBuf>,
+    /// This many views, chosen to suit the scene, or spread over the cameras.
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    views: u32,
+    /// Longer side of a view, in pixels.
+    #[arg(long, value_name = "PX", default_value_t = 256, value_parser = clap::value_parser!(u32).range(32..=2048))]
+    size: u32,
+    /// The decoder, *.decoder.safetensors. Otherwise the scene's own, otherwise the default one.
+    #[arg(long, value_name = "FILE")]
+    decoder: Option<PathBuf>,
+    /// Count pixels that the scene does not cover too, as mid-gray; by default a picture's statistics are those of the
+    /// scene alone.
+    #[arg(long)]
+    whole_picture: bool,
+    /// Writes a contact sheet here (PNG): a row for each painting, the unstyled scene first.
+    #[arg(long, value_name = "FILE")]
+    sheet: Option<PathBuf>,
+    /// VGG-19 weights (safetensors), for AdaIN and the errors.
+    #[arg(long, value_name = "FILE")]
+    encoder: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `eval` found.
+#[derive(Clone, Debug, Serialize)]
+pub struct Evaluation {
+    /// Share of the pictures whose style error is smallest for their own painting.
+    pub own_painting_nearest: f64,
+    /// The same of the recolored scene's pictures.
+    pub own_painting_nearest_recolored: f64,
+    /// Mean style error at relu1_1, relu2_1, relu3_1, summed.
+    pub style_error: f64,
+    /// The same of the unstyled scene.
+    pub style_error_unstyled: f64,
+    /// The same of the recolored scene.
+    pub style_error_recolored: f64,
+    /// Style error at relu2_1 and relu3_1 over that of the recolored scene, each a mean over all pictures.
+    pub deep_style_error_over_recolored: f64,
+    /// Mean squared distance of relu3_1 from the unstyled view's.
+    pub content_error: f64,
+    /// The same of the recolored scene.
+    pub content_error_recolored: f64,
+    /// Share of color values outside 0..1, which no display shows.
+    pub out_of_range: f64,
+    /// Painting by painting.
+    pub paintings: Vec<PaintingEvaluation>,
+}
+
+/// What `eval` found for one painting, as means over the views.
+#[derive(Clone, Debug, Serialize)]
+pub struct PaintingEvaluation {
+    path: PathBuf,
+    /// In how many views this painting is the nearest of all.
+    nearest: usize,
+    n_views: usize,
+    style_error: f64,
+    style_error_recolored: f64,
+    content_error: f64,
+}
+
+/// Channel means, then deviations, at each of VGG's layers.
+type Statistics = Vec<Vec<f32>>;
+
+/// Runs the command.
+///
+/// # Errors
+/// The message names the file or the option at fault.
+pub fn run(arguments: &EvalArgs) -> Result<()> {
+    let loaded = file::read_scene(&arguments.scene)?;
+    warn(&loaded.warnings);
+    let scene = loaded.scene;
+    let decoder = match (&arguments.decoder, &scene.decoder) {
+        (Some(path), _) => file::read_decoder(path)?,
+        (None, Some(decoder)) => decoder.clone(),
+        (None, None) => default_decoder()?,
+    };
+    let cameras = cameras(arguments, &scene)?;
+    let evaluation = evaluate(arguments, &scene, &decoder, &cameras)?;
+    print(arguments.json, &evaluation, || evaluation.table())
+}
+
+fn cameras(arguments: &EvalArgs, scene: &Scene) -> Result<Vec<Camera>> {
+    let n_views = arguments.views as usize;
+    let Some(path) = &arguments.cameras else {
+        return Ok(choose_views(scene, n_views, UVec2::splat(arguments.size)));
+    };
+    let all = read_cameras(path)?.cameras;
+    let stride = all.len().div_ceil(n_views).max(1);
+    let scaled = |camera: &Camera| {
+        let factor = arguments.size as f32 / camera.size.max_element().max(1) as f32;
+        camera.resized((camera.size.as_vec2() * factor).round().as_uvec2().max(UVec2::splat(16)))
+    };
+    Ok(all.iter().step_by(stride).map(|posed| scaled(&posed.camera)).collect())
+}
+
+fn evaluate(
+    arguments: &EvalArgs,
+    scene: &Scene,
+    decoder: &Decoder,
+    cameras: &[Camera],
+) -> Result<Evaluation> {
+    let features = scene.features.as_ref();
+    let features =
+        features.with_context(|| format!("{}: no features: embed it first", arguments.scene.display()))?;
+    let encoder = resolve(arguments.encoder.as_deref())?;
+    for (what, id) in [("scene", &features.encoder), ("decoder", &decoder.encoder)] {
+        if let Some(id) = id {
+            ensure!(id == encoder.id(), "the {what} belongs to encoder {id}, expected {}", encoder.id());
+        }
+    }
+    let weights =
+        arguments.encoder.clone().or_else(|| std::env::var_os("STYLEGAUSSIAN_ENCODER").map(PathBuf::from));
+    let judge = Judge::open(&weights.unwrap_or_default(), arguments.whole_picture)?;
+    let paths = list_images(&arguments.styles)?;
+    let images = paths.iter().map(|path| Image::open(path)).collect::<Result<Vec<_>, _>>()?;
+    let targets: Vec<Statistics> = images.iter().map(|image| judge.painting(image)).collect();
+    let unstyled: Vec<View> = cameras.iter().map(|camera| render(scene, Colors::Sh, camera)).collect();
+    let unstyled_looks: Vec<Look> = unstyled.iter().map(|view| judge.look(view)).collect();
+
+    let content_colors = ColorMoments::of_views(&unstyled);
+    let bar = ProgressBar::new((images.len() * cameras.len()) as u64)
+        .with_style(ProgressStyle::with_template("{bar:40} {pos}/{len} pictures, {eta} left")?);
+    let mut totals = Totals::default();
+    let mut rows = Vec::new();
+    let mut sheet = vec![sheet_row(None, &unstyled)];
+    for (own, image) in images.iter().enumerate() {
+        let style = style_statistics(&encoder, image, StyleSize::default())?;
+        let colors = stylize(scene, decoder, &transfer(features, &[(&style, 1.0)], 0.0)?)?;
+        let recoloring = Recoloring::new(&content_colors, &ColorMoments::of_image(image));
+        let mut views = Vec::new();
+        let mut row = PaintingEvaluation::new(&paths[own], cameras.len());
+        for (camera, (before, before_look)) in cameras.iter().zip(unstyled.iter().zip(&unstyled_looks)) {
+            let view = render(scene, Colors::Rgb(&colors), camera);
+            let look = judge.look(&view);
+            let recolored = judge.look(&recoloring.view(before));
+            let nearest = [&look, &recolored].map(|look| nearest_target(look, &targets) == Some(own));
+            let errors = [&look, &recolored].map(|look| sum(&style_errors(look, &targets[own])));
+            row.add(nearest[0], errors, look.content_error(before_look));
+            totals.add(&look, &recolored, before_look, &targets[own], nearest);
+            totals.add_range(&view);
+            views.push(view);
+            bar.inc(1);
+        }
+        rows.push(row.mean());
+        sheet.push(sheet_row(Some(image), &views));
+    }
+    bar.finish_and_clear();
+    if let Some(path) = &arguments.sheet {
+        contact_sheet(&sheet, UVec2::splat(CELL)).write_png(path)?;
+    }
+    Ok(totals.mean(rows))
+}
+
+fn sheet_row(painting: Option<&Image>, views: &[View]) -> Vec<Picture> {
+    let first = match painting {
+        None => Picture::filled(UVec2::ONE, [255; 4]),
+        Some(image) => {
+            let byte = |value: f32| (value * 255.0).round() as u8;
+            let rgba = image.rgb.chunks_exact(3).map(|p| [byte(p[0]), byte(p[1]), byte(p[2]), 255]).collect();
+            Picture { size: UVec2::new(image.width, image.height), rgba }
+        }
+    };
+    let views = views.iter().map(|view| Picture::of(view, Background::Color([255; 3])));
+    std::iter::once(first).chain(views).collect()
+}
+
+/// VGG-19 as a judge.
+struct Judge {
+    network: LossNetwork,
+    device: Device,
+    whole_picture: bool,
+}
+
+/// What the judge saw of a picture.
+struct Look {
+    statistics: Statistics,
+    /// relu3_1 `[h * w, D]`, and the coverage of its cells, summing to 1.
+    content: Vec<f32>,
+    coverage: Vec<f32>,
+}
+
+impl Judge {
+    fn open(weights: &Path, whole_picture: bool) -> Result<Self> {
+        let device = Device::flex();
+        Ok(Self { network: LossNetwork::open(weights, None, &device)?, device, whole_picture })
+    }
+
+    /// Statistics of a painting, as large as AdaIN sees it.
+    fn painting(&self, image: &Image) -> Statistics {
+        let image = StyleSize::default().resize(image);
+        let size = [image.width as usize, image.height as usize];
+        let maps = self.network.features(picture_tensor(&image.rgb, &self.device), size);
+        maps.iter().take(RELU3_1 + 1).map(|map| to_vec(&map.statistics())).collect()
+    }
+
+    /// Looks at a view as a display shows it, over mid-gray.
+    fn look(&self, view: &View) -> Look {
+        let size = [view.size.x as usize, view.size.y as usize];
+        let pixels = view.color.iter().zip(&view.alpha);
+        let rgb: Vec<f32> =
+            pixels.flat_map(|(color, a)| color.map(|c| (c + (1.0 - a) * 0.5).clamp(0.0, 1.0))).collect();
+        let maps = self.network.features(picture_tensor(&rgb, &self.device), size);
+        let mut look = Look { statistics: Vec::new(), content: Vec::new(), coverage: Vec::new() };
+        for (layer, map) in maps.into_iter().take(RELU3_1 + 1).enumerate() {
+            let coverage = Arc::new(shares(&coverage_of_cells(&view.alpha, size, map.size)));
+            look.statistics.push(match self.whole_picture {
+                true => to_vec(&map.statistics()),
+                false => to_vec(&row_statistics(map.rows.clone(), &coverage)),
+            });
+            if layer == RELU3_1 {
+                look.content = to_vec(&map.rows);
+                look.coverage = coverage.to_vec();
+            }
+        }
+        look
+    }
+}
+
+impl Look {
+    /// Mean squared distance of relu3_1 from another picture of the same view, where the scene covers it.
+    fn content_error(&self, other: &Self) -> f64 {
+        let n_channels = self.content.len() / self.coverage.len().max(1);
+        let cell = |((a, b), share): ((&[f32], &[f32]), &f32)| -> f64 {
+            let squares = a.iter().zip(b).map(|(a, b)| f64::from((a - b) * (a - b)));
+            f64::from(*share) * squares.sum::<f64>() / n_channels as f64
+        };
+        let cells =
+            self.content.chunks_exact(n_channels.max(1)).zip(other.content.chunks_exact(n_channels.max(1)));
+        cells.zip(&self.coverage).map(cell).sum()
+    }
+}
+
+/// For each layer, the mean over channels of the squared distances of mean and of deviation.
+fn style_errors(look: &Look, target: &Statistics) -> Vec<f64> {
+    let layer = |(found, wanted): (&Vec<f32>, &Vec<f32>)| {
+        let squares = found.iter().zip(wanted).map(|(a, b)| f64::from((a - b) * (a - b)));
+        squares.sum::<f64>() / (found.len() / 2) as f64
+    };
+    look.statistics.iter().zip(target).map(layer).collect()
+}
+
+/// Which painting's statistics are nearest.
+fn nearest_target(look: &Look, targets: &[Statistics]) -> Option<usize> {
+    let error = |target| sum(&style_errors(look, target));
+    (0..targets.len()).min_by(|&a, &b| error(&targets[a]).total_cmp(&error(&targets[b])))
+}
+
+fn sum(errors: &[f64]) -> f64 {
+    errors.iter().sum()
+}
+
+/// Sums over pictures.
+#[derive(Default)]
+struct Totals {
+    n: usize,
+    /// Stylized, recolored.
+    nearest: [usize; 2],
+    /// Stylized, unstyled, recolored; for each layer.
+    style: [[f64; 3]; 3],
+    content: f64,
+    content_recolored: f64,
+    out_of_range: f64,
+}
+
+impl Totals {
+    fn add(&mut self, look: &Look, recolored: &Look, before: &Look, target: &Statistics, nearest: [bool; 2]) {
+        self.n += 1;
+        self.nearest.iter_mut().zip(nearest).for_each(|(sum, nearest)| *sum += usize::from(nearest));
+        for (sums, look) in self.style.iter_mut().zip([look, before, recolored]) {
+            sums.iter_mut().zip(style_errors(look, target)).for_each(|(sum, error)| *sum += error);
+        }
+        self.content += look.content_error(before);
+        self.content_recolored += recolored.content_error(before);
+    }
+
+    fn add_range(&mut self, view: &View) {
+        let covered = view.color.iter().zip(&view.alpha).filter(|(_, alpha)| **alpha > 0.5);
+        let outside = covered.clone().flat_map(|(color, alpha)| color.map(|c| c < -0.01 || c > alpha + 0.01));
+        let n = 3 * covered.count().max(1);
+        self.out_of_range += outside.filter(|outside| *outside).count() as f64 / n as f64;
+    }
+
+    fn mean(self, paintings: Vec<PaintingEvaluation>) -> Evaluation {
+        let n = self.n.max(1) as f64;
+        let [stylized, unstyled, recolored] = self.style.map(|layers| layers.map(|sum| sum / n));
+        let deep = |layers: [f64; 3]| layers[1] + layers[2];
+        Evaluation {
+            own_painting_nearest: self.nearest[0] as f64 / n,
+            own_painting_nearest_recolored: self.nearest[1] as f64 / n,
+            style_error: sum(&stylized),
+            style_error_unstyled: sum(&unstyled),
+            style_error_recolored: sum(&recolored),
+            deep_style_error_over_recolored: deep(stylized) / deep(recolored).max(f64::MIN_POSITIVE),
+            content_error: self.content / n,
+            content_error_recolored: self.content_recolored / n,
+            out_of_range: self.out_of_range / n,
+            paintings,
+        }
+    }
+}
+
+impl PaintingEvaluation {
+    fn new(path: &Path, n_views: usize) -> Self {
+        let path = path.to_owned();
+        Self { path, nearest: 0, n_views, style_error: 0.0, style_error_recolored: 0.0, content_error: 0.0 }
+    }
+
+    fn add(&mut self, nearest: bool, [style_error, recolored]: [f64; 2], content_error: f64) {
+        self.nearest += usize::from(nearest);
+        self.style_error += style_error;
+        self.style_error_recolored += recolored;
+        self.content_error += content_error;
+    }
+
+    fn mean(mut self) -> Self {
+        let n = self.n_views.max(1) as f64;
+        for value in [&mut self.style_error, &mut self.style_error_recolored, &mut self.content_error] {
+            *value /= n;
+        }
+        self
+    }
+}
+
+impl Evaluation {
+    fn table(&self) -> String {
+        let mut text = format!(
+            "{:<40} {:>8} {:>8} {:>9} {:>8}\n",
+            "painting", "nearest", "style", "recolored", "content"
+        );
+        for row in &self.paintings {
+            let name = row
+                .path
+                .file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .chars()
+                .take(40)
+                .collect::<String>();
+            text += &format!(
+                "{name:<40} {:>8} {:>8.3} {:>9.3} {:>8.3}\n",
+                format!("{}/{}", row.nearest, row.n_views),
+                row.style_error,
+                row.style_error_recolored,
+                row.content_error
+            );
+        }
+        text + &format!(
+            "own painting nearest {:.1}% (recolored {:.1}%); style error {:.3} (recolored {:.3}, unstyled {:.3}); at relu2_1 + relu3_1 {:.3} \
+             of recolored; content error {:.3} (recolored {:.3}); colors out of range {:.1}%",
+            100.0 * self.own_painting_nearest,
+            100.0 * self.own_painting_nearest_recolored,
+            self.style_error,
+            self.style_error_recolored,
+            self.style_error_unstyled,
+            self.deep_style_error_over_recolored,
+            self.content_error,
+            self.content_error_recolored,
+            100.0 * self.out_of_range
+        )
+    }
+}

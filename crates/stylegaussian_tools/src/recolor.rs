@@ -1,0 +1,133 @@
+//! Recoloring by mean and covariance: what a color grade alone can do, and where training starts from.
+
+use glam::{DMat3, DVec3};
+use stylegaussian::splat::View;
+use stylegaussian_encoder::Image;
+
+/// Added to the variances of colors, so that a gray scene or painting has a covariance that can be inverted: a
+/// deviation of a display's step.
+const VARIANCE_FLOOR: f64 = 1.0 / (255.0 * 255.0);
+
+/// Mean and covariance of colors.
+#[derive(Clone, Copy, Debug)]
+pub struct ColorMoments {
+    mean: DVec3,
+    /// With [`VARIANCE_FLOOR`] on its diagonal.
+    covariance: DMat3,
+}
+
+impl ColorMoments {
+    fn new(colors: impl Iterator<Item = DVec3>) -> Self {
+        let (mut n, mut sum, mut products) = (0.0, DVec3::ZERO, DMat3::ZERO);
+        for color in colors {
+            n += 1.0;
+            sum += color;
+            products += outer(color);
+        }
+        let n = f64::max(n, 1.0);
+        let mean = sum / n;
+        let floor = DMat3::from_diagonal(DVec3::splat(VARIANCE_FLOOR));
+        Self { mean, covariance: products * (1.0 / n) - outer(mean) + floor }
+    }
+
+    /// Of an image.
+    pub fn of_image(image: &Image) -> Self {
+        Self::new(image.rgb.chunks_exact(3).map(|p| vector([p[0], p[1], p[2]])))
+    }
+
+    /// Of premultiplied pixels with their coverage, where the scene covers more than half.
+    pub fn of_pixels(pixels: impl Iterator<Item = ([f32; 3], f32)>) -> Self {
+        let covered = pixels.filter(|(_, alpha)| *alpha > 0.5);
+        Self::new(covered.map(|(color, alpha)| vector(color.map(|channel| channel / alpha))))
+    }
+
+    /// Of several views.
+    pub fn of_views(views: &[View]) -> Self {
+        Self::of_pixels(
+            views.iter().flat_map(|view| view.color.iter().copied().zip(view.alpha.iter().copied())),
+        )
+    }
+}
+
+/// An affine map of colors.
+pub struct Recoloring {
+    gain: DMat3,
+    shift: DVec3,
+}
+
+impl Recoloring {
+    /// The map that takes colors of some mean and covariance to another, moving them as little as can be (the optimal
+    /// transport between two normal distributions).
+    pub fn new(from: &ColorMoments, to: &ColorMoments) -> Self {
+        let root = square_root(from.covariance);
+        let inverse = root.inverse();
+        let gain = inverse * square_root(root * to.covariance * root) * inverse;
+        Self { gain, shift: to.mean - gain * from.mean }
+    }
+
+    /// One color.
+    pub fn color(&self, color: [f32; 3]) -> [f32; 3] {
+        (self.gain * vector(color) + self.shift).as_vec3().to_array()
+    }
+
+    /// A view with every Gaussian's color mapped: the render is linear in color, so its pictures map alike.
+    pub fn view(&self, view: &View) -> View {
+        let pixel = |(color, alpha): (&[f32; 3], &f32)| {
+            (self.gain * vector(*color) + self.shift * f64::from(*alpha)).as_vec3().to_array()
+        };
+        View { color: view.color.iter().zip(&view.alpha).map(pixel).collect(), ..view.clone() }
+    }
+}
+
+fn vector(color: [f32; 3]) -> DVec3 {
+    DVec3::from_array(color.map(f64::from))
+}
+
+fn outer(v: DVec3) -> DMat3 {
+    DMat3::from_cols(v * v.x, v * v.y, v * v.z)
+}
+
+/// The square root of a positive definite matrix, by Denman and Beavers' iteration, which converges quadratically.
+fn square_root(matrix: DMat3) -> DMat3 {
+    let (mut root, mut inverse) = (matrix, DMat3::IDENTITY);
+    for _ in 0..40 {
+        (root, inverse) = ((root + inverse.inverse()) * 0.5, (inverse + root.inverse()) * 0.5);
+    }
+    root
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::UVec2;
+
+    use super::*;
+
+    #[test]
+    fn a_square_root_squares_to_the_matrix() {
+        let matrix = DMat3::from_cols_array(&[2.0, 0.3, 0.1, 0.3, 1.0, -0.2, 0.1, -0.2, 0.5]);
+        let root = square_root(matrix);
+        assert!((root * root).abs_diff_eq(matrix, 1e-12));
+    }
+
+    #[test]
+    fn recolored_views_have_the_paintings_moments() {
+        let color = |i: usize| [(i % 7) as f32 / 7.0, (i % 5) as f32 / 9.0, (i % 3) as f32 / 3.0];
+        let n = 105;
+        let view = View {
+            size: UVec2::new(n as u32, 1),
+            color: (0..n).map(color).collect(),
+            alpha: vec![1.0; n],
+            depth: vec![0.0; n],
+        };
+        let rgb: Vec<f32> =
+            (0..n).flat_map(|i| [(i % 4) as f32 / 4.0, (i % 9) as f32 / 20.0, 0.25]).collect();
+        let painting = Image { width: n as u32, height: 1, rgb };
+        let to = ColorMoments::of_image(&painting);
+        let recoloring = Recoloring::new(&ColorMoments::of_views(std::slice::from_ref(&view)), &to);
+        let recolored = ColorMoments::of_views(&[recoloring.view(&view)]);
+        assert!(recolored.mean.abs_diff_eq(to.mean, 1e-6));
+        // The floor is added once more to what was just measured.
+        assert!(recolored.covariance.abs_diff_eq(to.covariance, 2.0 * VARIANCE_FLOOR));
+        assert_eq!(recoloring.color(view.color[3]), recoloring.view(&view).color[3]);
+    }
+}

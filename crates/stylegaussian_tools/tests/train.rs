@@ -1,0 +1,131 @@
+//! Training end to end, on a scene of a few hundred Gaussians.
+
+#[expect(dead_code, reason = "written for the tests of the command line, of which these use a part")]
+mod support;
+
+use std::{fs, path::Path};
+
+use stylegaussian::{Features, Neighbors, Scene, file};
+use stylegaussian_encoder::Encoder;
+use support::{Bench, Run, data, stylegaussian};
+
+/// A made-up embedding of [`Bench::plain_scene`]: features of the encoder's width, 3 of 256 channels' directions.
+fn embedded(bench: &Bench, encoder: &Path) -> String {
+    bench.plain_scene("plain.sgs");
+    let mut scene: Scene = bench.scene("plain.sgs");
+    let n = scene.len();
+    let number = |i: usize, step: f64| ((i as f64 * step) % 1.0 * 2.0 - 1.0) as f32;
+    scene.features = Some(Features {
+        values: (0..n * 3).map(|i| number(i, 0.754_877)).collect(),
+        n_low: 3,
+        basis: (0..256 * 3).map(|i| number(i, 0.569_84)).collect(),
+        offset: (0..256).map(|i| number(i, 0.618_034)).collect(),
+        extra: Vec::new(),
+        n_extra: 0,
+        encoder: Some(Encoder::open(encoder).unwrap().id().clone()),
+    });
+    scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, 8));
+    let path = bench.path("embedded.sgs");
+    file::write_scene(path.as_ref(), &scene).unwrap();
+    path
+}
+
+/// Two paintings of stripes, one to train with and one to show.
+fn paintings(bench: &Bench) -> String {
+    let folder = bench.path("paintings");
+    fs::create_dir(&folder).unwrap();
+    for (name, step) in [("a.png", 9), ("b.png", 23)] {
+        let stripe = |x: u32, y: u32| image::Rgb([((x / step) % 2 * 200) as u8, (y / 2) as u8, 90]);
+        image::RgbImage::from_fn(300, 260, stripe).save(Path::new(&folder).join(name)).unwrap();
+    }
+    folder
+}
+
+fn losses(bench: &Bench) -> Vec<[f32; 2]> {
+    let text = fs::read_to_string(bench.path("d.losses.csv")).unwrap();
+    let number = |text: Option<&str>| text.unwrap().parse().unwrap();
+    let row = |line: &str| {
+        let mut fields = line.split(',').skip(1);
+        [number(fields.next()), number(fields.next())]
+    };
+    text.lines().skip(1).map(row).collect()
+}
+
+#[test]
+fn training_learns_resumes_and_reports() {
+    let Some(vgg) = data("vgg") else { return };
+    let bench = Bench::new();
+    let encoder = vgg.join("vgg19_normalised_relu3_1.safetensors");
+    let (scene, styles) = (embedded(&bench, &encoder), paintings(&bench));
+    let out = bench.path("d.decoder.safetensors");
+    let train = |more: &[&str]| -> Run {
+        let mut arguments = vec!["train", &scene, "--styles", &styles, "-o", &out, "--holdout-styles", "1"];
+        arguments.extend(["--views", "2", "--size", "64", "--encoder", encoder.to_str().unwrap()]);
+        arguments.extend(more);
+        stylegaussian(&arguments)
+    };
+
+    train(&["--warm-iterations", "3", "--iterations", "2"]).expect_success();
+    let first = losses(&bench);
+    assert_eq!(first.len(), 2);
+    assert!(first.as_flattened().iter().all(|loss| loss.is_finite() && *loss > 0.0), "{first:?}");
+    for name in ["d.checkpoint.safetensors", "d.losses.png", "d.sheet.png"] {
+        assert!(Path::new(&bench.path(name)).is_file(), "{name}");
+    }
+    let decoder = file::read_decoder(out.as_ref()).unwrap();
+    assert!(decoder.own_color && decoder.k == 8 && decoder.n_inputs() == 256 + 3);
+
+    train(&["--warm-iterations", "3", "--iterations", "12", "--resume"]).expect_success();
+    let resumed = losses(&bench);
+    assert_eq!(resumed.len(), 12, "ten more steps");
+    assert_eq!(resumed[..2], first, "what was done is kept");
+    // One painting and two views: a dozen steps suffice to see the style loss fall.
+    assert!(resumed[11][1] < 0.9 * first[0][1], "{resumed:?}");
+
+    let image = Path::new(&styles).join("a.png");
+    let (colors, image) = (bench.path("c.safetensors"), image.to_str().unwrap());
+    let encoder = encoder.to_str().unwrap();
+    stylegaussian(&[
+        "stylize",
+        &scene,
+        "--style",
+        image,
+        "--decoder",
+        &out,
+        "--encoder",
+        encoder,
+        "-o",
+        &colors,
+    ])
+    .expect_success();
+    assert!(bench.colors("c.safetensors").iter().flatten().all(|channel| channel.is_finite()));
+}
+
+#[test]
+fn what_cannot_be_trained_on_is_named() {
+    let Some(vgg) = data("vgg") else { return };
+    let bench = Bench::new();
+    let encoder = vgg.join("vgg19_normalised_relu3_1.safetensors");
+    let encoder = encoder.to_str().unwrap();
+    let (plain, styles, out) =
+        (bench.plain_scene("plain.sgs"), paintings(&bench), bench.path("d.decoder.safetensors"));
+    let train = |scene: &str, styles: &str, more: &[&str]| {
+        let mut arguments = vec!["train", scene, "--styles", styles, "-o", &out, "--encoder", encoder];
+        arguments.extend(more);
+        stylegaussian(&arguments)
+    };
+    let fails_with = |run: Run, message: &str| {
+        assert_eq!(run.code, Some(1), "{run:?}");
+        assert!(
+            run.stderr.lines().last().is_some_and(|line| line.contains(message)),
+            "{message}: {}",
+            run.stderr
+        );
+        assert!(!Path::new(&out).exists());
+    };
+    fails_with(train(&plain, &styles, &["--holdout-styles", "1"]), "no features");
+    fails_with(train(&plain, bench.dir().to_str().unwrap(), &[]), "found no painting");
+    fails_with(train(&plain, &styles, &["--holdout-styles", "2"]), "expected more than the 2 to hold out");
+    let layers = ["--content-layers", "relu9_1", "--holdout-styles", "0"];
+    fails_with(train(&plain, &styles, &layers), "relu9_1");
+}
