@@ -68,6 +68,7 @@ fn decoder() -> Decoder {
         activation: Activation::Sigmoid,
         residual: false,
         own_color: false,
+        n_noise: 0,
         statistics_weight: Vec::new(),
         encoder: None,
     }

@@ -36,6 +36,9 @@ pub struct Decoder {
     pub activation: Activation,
     /// Whether the output is an offset from the Gaussian's unstyled color (SH 0) and not the color itself.
     pub residual: bool,
+    /// How many channels of noise the first layer takes after the scene's features, one number for each Gaussian that is
+    /// always the same (see [`noise`](crate::noise)). Features are smooth, paintings are not: strokes are made of it.
+    pub n_noise: usize,
     /// Whether the first layer also takes the Gaussian's own, unstyled color (SH 0): three more inputs, the last ones,
     /// [`OWN_COLOR_SCALE`](Self::OWN_COLOR_SCALE) (c - 0.5). Features are blurred over the cells of a feature map; colors
     /// keep the detail.
@@ -56,7 +59,12 @@ impl Decoder {
     /// the other inputs by about 1.
     pub const OWN_COLOR_SCALE: f32 = 4.0;
 
-    /// D + E, and 3 more with the own color: the channels the first layer takes; 0 without layers.
+    /// How many inputs the first layer takes that no scene file holds: noise and the own color.
+    pub fn n_beside(&self) -> usize {
+        self.n_noise + if self.own_color { 3 } else { 0 }
+    }
+
+    /// D + E, the noise, and 3 more with the own color: the channels the first layer takes; 0 without layers.
     pub fn n_inputs(&self) -> usize {
         self.layers.first().map_or(0, |layer| layer.d_in)
     }

@@ -10,6 +10,7 @@ use std::borrow::Cow;
 use crate::{
     decoder::{Decoder, Layer, run_layers},
     neighbors::Neighbors,
+    noise::noise,
     scene::{Features, Scene},
     statistics::{ChannelStatistics, ContentStatistics},
 };
@@ -193,21 +194,24 @@ pub fn centered_inputs(features: &Features, mean_low: &[f64]) -> Vec<f32> {
     inputs
 }
 
-/// A scene's features with all that `decoder` takes beside them: its own colors become the last extra inputs where the
-/// decoder asks for them. `None` without features.
+/// A scene's features with all that `decoder` takes beside them: noise and the scene's own colors become the last extra
+/// inputs where the decoder asks for them. `None` without features.
 pub fn inputs_of<'a>(scene: &'a Scene, decoder: &Decoder) -> Option<Cow<'a, Features>> {
     let features = scene.features.as_ref()?;
-    if !decoder.own_color {
+    if decoder.n_beside() == 0 {
         return Some(Cow::Borrowed(features));
     }
-    let mut with_color = features.clone();
-    with_color.n_extra += 3;
-    with_color.extra.clear();
-    for (i, color) in scene.base_colors().iter().enumerate() {
-        with_color.extra.extend_from_slice(&features.extra[i * features.n_extra..][..features.n_extra]);
-        with_color.extra.extend(color.map(|channel| Decoder::OWN_COLOR_SCALE * (channel - 0.5)));
+    let mut inputs = features.clone();
+    inputs.n_extra += decoder.n_beside();
+    inputs.extra.clear();
+    for (i, (color, source_index)) in scene.base_colors().iter().zip(&scene.order).enumerate() {
+        inputs.extra.extend_from_slice(&features.extra[i * features.n_extra..][..features.n_extra]);
+        inputs.extra.extend((0..decoder.n_noise as u32).map(|channel| noise(*source_index, channel)));
+        if decoder.own_color {
+            inputs.extra.extend(color.map(|channel| Decoder::OWN_COLOR_SCALE * (channel - 0.5)));
+        }
     }
-    Some(Cow::Owned(with_color))
+    Some(Cow::Owned(inputs))
 }
 
 /// The channel map of a mix of styles over a scene: c f + (1 - c) sum_j w_j AdaIN_j.

@@ -7,6 +7,7 @@ pub mod file;
 pub mod fold;
 pub mod morton;
 pub mod neighbors;
+pub mod noise;
 pub mod scene;
 pub mod sh;
 pub mod splat;

@@ -4,6 +4,7 @@ use glam::{Quat, Vec3};
 use stylegaussian::{
     Activation, ChannelStatistics, Decoder, Features, Layer, Neighbors, Scene,
     fold::{ChannelMap, StylizeError, stylize, transfer},
+    noise::noise,
     scene::Sh,
     twin,
 };
@@ -85,6 +86,7 @@ fn decoder(random: &mut Random, n_inputs: usize, activation: Activation) -> Deco
         activation,
         residual: false,
         own_color: false,
+        n_noise: 0,
         statistics_weight: Vec::new(),
         encoder: None,
     }
@@ -173,25 +175,47 @@ fn folded_equals_unfolded_at_ten_thousand() {
     check_fold(10_000, 256, 0, Activation::Sigmoid);
 }
 
+/// Everything that a decoder may see beside the paper's features: the scene's extra inputs, noise, its own colors, and
+/// the statistics of the style.
 #[test]
-fn a_decoder_may_see_own_colors() {
+fn a_decoder_may_see_more() {
     let mut random = Random(11);
     let mut scene = scene(&mut random, 40, 32, 2);
     scene.sh = Some(Sh { degree: 0, coefficients: random.normals(40 * 3, 0.5) });
+    let n_noise = 2;
     let decoder = Decoder {
         own_color: true,
-        statistics_weight: Vec::new(),
-        ..decoder(&mut random, N_CHANNELS + 2 + 3, Activation::LeakyRelu { slope: 0.2 })
+        n_noise,
+        statistics_weight: random.normals(256 * 2 * N_CHANNELS, 0.02),
+        ..decoder(&mut random, N_CHANNELS + 2 + n_noise + 3, Activation::LeakyRelu { slope: 0.2 })
     };
-    let style = style(&mut random);
+    let styles = [style(&mut random), style(&mut random)];
     let features = scene.features.as_ref().unwrap();
-    let mut rows = with_extra(&scene, twin::adain(&twin::full_features(features), &style));
-    for (row, color) in rows.iter_mut().zip(scene.base_colors()) {
+    let f = twin::full_features(features);
+    let mixed: Vec<Vec<f64>> = {
+        let [a, b] = styles.each_ref().map(|style| twin::adain(&f, style));
+        a.iter().zip(&b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| 0.25 * a + 0.75 * b).collect()).collect()
+    };
+    // AdaIN's outcome has the statistics of the style, and a mix of two maps of one scene the mix of theirs.
+    let mix = |part: fn(&ChannelStatistics) -> &Vec<f32>| {
+        let [a, b] = styles.each_ref().map(part);
+        a.iter().zip(b).map(|(a, b)| 0.25 * f64::from(*a) + 0.75 * f64::from(*b)).collect::<Vec<f64>>()
+    };
+    let statistics: Vec<f64> =
+        mix(|style| &style.mean).into_iter().chain(mix(|style| &style.std_dev)).collect();
+    let mut unfolded = decoder.clone();
+    let weights = decoder.statistics_weight.chunks_exact(2 * N_CHANNELS);
+    for (bias, row) in unfolded.layers[0].bias.iter_mut().zip(weights) {
+        *bias += row.iter().zip(&statistics).map(|(w, s)| f64::from(*w) * s).sum::<f64>() as f32;
+    }
+    let mut rows = with_extra(&scene, mixed);
+    for ((row, color), source_index) in rows.iter_mut().zip(scene.base_colors()).zip(&scene.order) {
+        row.extend((0..n_noise as u32).map(|channel| f64::from(noise(*source_index, channel))));
         row.extend(color.map(|channel| 4.0 * (f64::from(channel) - 0.5)));
     }
-    let expected = twin::decode(&decoder, scene.neighbors.as_ref().unwrap(), rows);
-    let map = transfer(features, &[(&style, 1.0)], 0.0).unwrap();
-    check_close(&stylize(&scene, &decoder, &map).unwrap(), &expected, "own colors");
+    let expected = twin::decode(&unfolded, scene.neighbors.as_ref().unwrap(), rows);
+    let map = transfer(features, &[(&styles[0], 1.0), (&styles[1], 3.0)], 0.0).unwrap();
+    check_close(&stylize(&scene, &decoder, &map).unwrap(), &expected, "extra inputs of every kind");
 }
 
 #[test]

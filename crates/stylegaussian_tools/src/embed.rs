@@ -75,19 +75,14 @@ pub struct EmbedOptions {
     /// Keep every K-th view, the first included, out of training and report the error on those; 0 trains on all.
     #[arg(long, value_name = "K", default_value_t = 0)]
     pub holdout: u32,
-    /// Channels of unit normal noise beside the features, which no style changes: a decoder trained on such scenes can
-    /// make texture of them, and takes only scenes with as many. The paper's implementation adds noise to the features
-    /// themselves.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=256))]
-    pub noise: u32,
-    /// Seed of the noise, of the starting values and of the order of views; one seed, one result.
+    /// Seed of the starting noise and of the order of views; one seed, one result.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
 }
 
 impl Default for EmbedOptions {
     fn default() -> Self {
-        Self { method: EmbedMethod::Default, iterations: None, holdout: 0, noise: 0, seed: 0 }
+        Self { method: EmbedMethod::Default, iterations: None, holdout: 0, seed: 0 }
     }
 }
 
@@ -260,17 +255,11 @@ pub fn embed(
         n_low: model.n_low,
         basis: model.basis,
         offset: model.offset,
-        extra: noise(scene.len() * options.noise as usize, options.seed),
-        n_extra: options.noise as usize,
+        extra: Vec::new(),
+        n_extra: 0,
         encoder: Some(encoder.id().clone()),
     });
     Ok(report)
-}
-
-/// Unit normal numbers, of another sequence than the starting values are taken from.
-fn noise(n: usize, seed: u64) -> Vec<f32> {
-    let mut random = Random::new(!seed);
-    (0..n).map(|_| random.normal()).collect()
 }
 
 /// Samples of the views in order, each with its view's index; fewer when interrupted.

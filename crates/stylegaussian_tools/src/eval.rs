@@ -4,8 +4,11 @@
 //! VGG-19's relu1_1, relu2_1 and relu3_1 on the picture and on the painting, averaged over channels and summed over
 //! layers: the paper's style loss without relu4_1. It can be lowered by painting everything in one contrasty way, so it
 //! stands beside two others: how often it is smallest for the picture's own painting, and the *content error*, the mean
-//! squared distance of relu3_1 from the unstyled view's. The reference is the scene recolored so that its colors have
-//! the painting's mean and covariance, which takes no network.
+//! squared distance of relu3_1 from the unstyled view's. References are the unstyled scene; the scene recolored so that its
+//! colors have the painting's mean and covariance, which takes no network; and, where a 2D decoder is at hand, AdaIN on
+//! each view for itself.
+
+mod yardstick;
 
 use std::{
     path::{Path, PathBuf},
@@ -34,6 +37,7 @@ use crate::{
     contact_sheet::contact_sheet,
     picture::{Background, Picture},
     recolor::{ColorMoments, Recoloring},
+    teacher::Teacher,
     train::{
         loss_network::{LossNetwork, RELU3_1},
         network::to_vec,
@@ -43,6 +47,7 @@ use crate::{
     },
     views::choose_views,
 };
+use yardstick::Yardstick;
 
 /// Side of a contact sheet's cells, in pixels.
 const CELL: u32 = 256;
@@ -74,6 +79,9 @@ pub struct EvalArgs {
     /// scene alone.
     #[arg(long)]
     whole_picture: bool,
+    /// A decoder of 2D feature maps (safetensors, relu3_1 to RGB), for a yardstick: AdaIN on each view for itself.
+    #[arg(long, value_name = "FILE")]
+    teacher: Option<PathBuf>,
     /// Writes a contact sheet here (PNG): a row for each painting, the unstyled scene first.
     #[arg(long, value_name = "FILE")]
     sheet: Option<PathBuf>,
@@ -88,38 +96,44 @@ pub struct EvalArgs {
 /// What `eval` found.
 #[derive(Clone, Debug, Serialize)]
 pub struct Evaluation {
-    /// Share of the pictures whose style error is smallest for their own painting.
-    pub own_painting_nearest: f64,
-    /// The same of the recolored scene's pictures.
-    pub own_painting_nearest_recolored: f64,
-    /// Mean style error at relu1_1, relu2_1, relu3_1, summed.
-    pub style_error: f64,
-    /// The same of the unstyled scene.
-    pub style_error_unstyled: f64,
-    /// The same of the recolored scene.
-    pub style_error_recolored: f64,
-    /// Style error at relu2_1 and relu3_1 over that of the recolored scene, each a mean over all pictures.
+    /// The scene in the paintings' styles.
+    pub stylized: Measures,
+    /// The scene as it is.
+    pub unstyled: Measures,
+    /// The scene recolored to each painting's mean color and covariance.
+    pub recolored: Measures,
+    /// AdaIN on each view for itself, where a 2D decoder is named.
+    pub adain_2d: Option<Measures>,
+    /// Style error of `stylized` at relu2_1 and relu3_1 over that of `recolored`.
     pub deep_style_error_over_recolored: f64,
-    /// Mean squared distance of relu3_1 from the unstyled view's.
-    pub content_error: f64,
-    /// The same of the recolored scene.
-    pub content_error_recolored: f64,
-    /// Share of color values outside 0..1, which no display shows.
+    /// Share of stylized color values outside 0..1, which no display shows.
     pub out_of_range: f64,
     /// Painting by painting.
     pub paintings: Vec<PaintingEvaluation>,
+}
+
+/// Means over all pictures of one kind.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Measures {
+    /// Share of the pictures whose style error is smallest for their own painting.
+    pub own_painting_nearest: f64,
+    /// Style error at relu1_1, relu2_1 and relu3_1.
+    pub style_errors: [f64; 3],
+    /// Their sum.
+    pub style_error: f64,
+    /// Mean squared distance of relu3_1 from the unstyled view's.
+    pub content_error: f64,
 }
 
 /// What `eval` found for one painting, as means over the views.
 #[derive(Clone, Debug, Serialize)]
 pub struct PaintingEvaluation {
     path: PathBuf,
-    /// In how many views this painting is the nearest of all.
-    nearest: usize,
-    n_views: usize,
-    style_error: f64,
-    style_error_recolored: f64,
-    content_error: f64,
+    /// The distance, in the measure of the style error, to the painting that is most like this one: what the style error
+    /// has to stay well below.
+    nearest_other: f64,
+    stylized: Measures,
+    recolored: Measures,
 }
 
 /// Channel means, then deviations, at each of VGG's layers.
@@ -184,35 +198,60 @@ fn evaluate(
     let content_colors = ColorMoments::of_views(&unstyled);
     let bar = ProgressBar::new((images.len() * cameras.len()) as u64)
         .with_style(ProgressStyle::with_template("{bar:40} {pos}/{len} pictures, {eta} left")?);
-    let mut totals = Totals::default();
-    let mut rows = Vec::new();
+    let yardstick = arguments.teacher.as_deref().map(Teacher::open).transpose()?;
+    let yardstick = yardstick.map(|teacher| Yardstick::new(teacher, &encoder, &unstyled)).transpose()?;
+    let mut kinds: [Vec<Measures>; 4] = Default::default();
+    let (mut rows, mut out_of_range) = (Vec::new(), Vec::new());
     let mut sheet = vec![sheet_row(None, &unstyled)];
     for (own, image) in images.iter().enumerate() {
         let style = style_statistics(&encoder, image, StyleSize::default())?;
         let colors = stylize(scene, decoder, &transfer(features, &[(&style, 1.0)], 0.0)?)?;
         let recoloring = Recoloring::new(&content_colors, &ColorMoments::of_image(image));
         let mut views = Vec::new();
-        let mut row = PaintingEvaluation::new(&paths[own], cameras.len());
-        for (camera, (before, before_look)) in cameras.iter().zip(unstyled.iter().zip(&unstyled_looks)) {
+        for (i, (camera, before)) in cameras.iter().zip(&unstyled).enumerate() {
+            let measure = |look: &Look| look.measures(&unstyled_looks[i], &targets, own);
             let view = render(scene, Colors::Rgb(&colors), camera);
-            let look = judge.look(&view);
-            let recolored = judge.look(&recoloring.view(before));
-            let nearest = [&look, &recolored].map(|look| nearest_target(look, &targets) == Some(own));
-            let errors = [&look, &recolored].map(|look| sum(&style_errors(look, &targets[own])));
-            row.add(nearest[0], errors, look.content_error(before_look));
-            totals.add(&look, &recolored, before_look, &targets[own], nearest);
-            totals.add_range(&view);
+            out_of_range.push(share_out_of_range(&view));
+            kinds[0].push(measure(&judge.look(&view)));
+            kinds[1].push(measure(&unstyled_looks[i]));
+            kinds[2].push(measure(&judge.look(&recoloring.view(before))));
+            if let Some(yardstick) = &yardstick {
+                kinds[3].push(measure(&judge.look(&yardstick.paint(i, before, &style)?)));
+            }
             views.push(view);
             bar.inc(1);
         }
-        rows.push(row.mean());
+        let of_painting = |kind: &[Measures]| Measures::mean(&kind[kind.len() - cameras.len()..]);
+        rows.push(PaintingEvaluation {
+            path: paths[own].clone(),
+            nearest_other: nearest_other(&targets, own),
+            stylized: of_painting(&kinds[0]),
+            recolored: of_painting(&kinds[2]),
+        });
         sheet.push(sheet_row(Some(image), &views));
     }
     bar.finish_and_clear();
     if let Some(path) = &arguments.sheet {
         contact_sheet(&sheet, UVec2::splat(CELL)).write_png(path)?;
     }
-    Ok(totals.mean(rows))
+    let [stylized, unstyled, recolored, adain_2d] = kinds.each_ref().map(|kind| Measures::mean(kind));
+    let deep = |measures: &Measures| measures.style_errors[1] + measures.style_errors[2];
+    Ok(Evaluation {
+        deep_style_error_over_recolored: deep(&stylized) / deep(&recolored).max(f64::MIN_POSITIVE),
+        stylized,
+        unstyled,
+        recolored,
+        adain_2d: yardstick.map(|_| adain_2d),
+        out_of_range: out_of_range.iter().sum::<f64>() / out_of_range.len().max(1) as f64,
+        paintings: rows,
+    })
+}
+
+/// Of the color values where the scene covers more than half of a pixel.
+fn share_out_of_range(view: &View) -> f64 {
+    let covered = || view.color.iter().zip(&view.alpha).filter(|(_, alpha)| **alpha > 0.5);
+    let outside = covered().flat_map(|(color, alpha)| color.map(|c| c < -0.01 || c > alpha + 0.01));
+    outside.filter(|outside| *outside).count() as f64 / (3 * covered().count().max(1)) as f64
 }
 
 fn sheet_row(painting: Option<&Image>, views: &[View]) -> Vec<Picture> {
@@ -281,6 +320,17 @@ impl Judge {
 }
 
 impl Look {
+    /// How this picture of a view fares against the painting `own` among all, and against the view `before`.
+    fn measures(&self, before: &Self, targets: &[Statistics], own: usize) -> Measures {
+        let style_errors = style_errors(&self.statistics, &targets[own]);
+        Measures {
+            own_painting_nearest: f64::from(u8::from(nearest_target(self, targets) == Some(own))),
+            style_error: style_errors.iter().sum(),
+            style_errors,
+            content_error: self.content_error(before),
+        }
+    }
+
     /// Mean squared distance of relu3_1 from another picture of the same view, where the scene covers it.
     fn content_error(&self, other: &Self) -> f64 {
         let n_channels = self.content.len() / self.coverage.len().max(1);
@@ -295,131 +345,80 @@ impl Look {
 }
 
 /// For each layer, the mean over channels of the squared distances of mean and of deviation.
-fn style_errors(look: &Look, target: &Statistics) -> Vec<f64> {
+fn style_errors(found: &Statistics, target: &Statistics) -> [f64; 3] {
     let layer = |(found, wanted): (&Vec<f32>, &Vec<f32>)| {
         let squares = found.iter().zip(wanted).map(|(a, b)| f64::from((a - b) * (a - b)));
         squares.sum::<f64>() / (found.len() / 2) as f64
     };
-    look.statistics.iter().zip(target).map(layer).collect()
+    [0, 1, 2].map(|i| layer((&found[i], &target[i])))
 }
 
 /// Which painting's statistics are nearest.
 fn nearest_target(look: &Look, targets: &[Statistics]) -> Option<usize> {
-    let error = |target| sum(&style_errors(look, target));
+    let error = |target| sum(&style_errors(&look.statistics, target));
     (0..targets.len()).min_by(|&a, &b| error(&targets[a]).total_cmp(&error(&targets[b])))
+}
+
+fn nearest_other(targets: &[Statistics], own: usize) -> f64 {
+    let others = targets.iter().enumerate().filter(|(i, _)| *i != own);
+    others.map(|(_, other)| sum(&style_errors(&targets[own], other))).fold(f64::INFINITY, f64::min)
 }
 
 fn sum(errors: &[f64]) -> f64 {
     errors.iter().sum()
 }
 
-/// Sums over pictures.
-#[derive(Default)]
-struct Totals {
-    n: usize,
-    /// Stylized, recolored.
-    nearest: [usize; 2],
-    /// Stylized, unstyled, recolored; for each layer.
-    style: [[f64; 3]; 3],
-    content: f64,
-    content_recolored: f64,
-    out_of_range: f64,
-}
-
-impl Totals {
-    fn add(&mut self, look: &Look, recolored: &Look, before: &Look, target: &Statistics, nearest: [bool; 2]) {
-        self.n += 1;
-        self.nearest.iter_mut().zip(nearest).for_each(|(sum, nearest)| *sum += usize::from(nearest));
-        for (sums, look) in self.style.iter_mut().zip([look, before, recolored]) {
-            sums.iter_mut().zip(style_errors(look, target)).for_each(|(sum, error)| *sum += error);
-        }
-        self.content += look.content_error(before);
-        self.content_recolored += recolored.content_error(before);
-    }
-
-    fn add_range(&mut self, view: &View) {
-        let covered = view.color.iter().zip(&view.alpha).filter(|(_, alpha)| **alpha > 0.5);
-        let outside = covered.clone().flat_map(|(color, alpha)| color.map(|c| c < -0.01 || c > alpha + 0.01));
-        let n = 3 * covered.count().max(1);
-        self.out_of_range += outside.filter(|outside| *outside).count() as f64 / n as f64;
-    }
-
-    fn mean(self, paintings: Vec<PaintingEvaluation>) -> Evaluation {
-        let n = self.n.max(1) as f64;
-        let [stylized, unstyled, recolored] = self.style.map(|layers| layers.map(|sum| sum / n));
-        let deep = |layers: [f64; 3]| layers[1] + layers[2];
-        Evaluation {
-            own_painting_nearest: self.nearest[0] as f64 / n,
-            own_painting_nearest_recolored: self.nearest[1] as f64 / n,
-            style_error: sum(&stylized),
-            style_error_unstyled: sum(&unstyled),
-            style_error_recolored: sum(&recolored),
-            deep_style_error_over_recolored: deep(stylized) / deep(recolored).max(f64::MIN_POSITIVE),
-            content_error: self.content / n,
-            content_error_recolored: self.content_recolored / n,
-            out_of_range: self.out_of_range / n,
-            paintings,
-        }
-    }
-}
-
-impl PaintingEvaluation {
-    fn new(path: &Path, n_views: usize) -> Self {
-        let path = path.to_owned();
-        Self { path, nearest: 0, n_views, style_error: 0.0, style_error_recolored: 0.0, content_error: 0.0 }
-    }
-
-    fn add(&mut self, nearest: bool, [style_error, recolored]: [f64; 2], content_error: f64) {
-        self.nearest += usize::from(nearest);
-        self.style_error += style_error;
-        self.style_error_recolored += recolored;
-        self.content_error += content_error;
-    }
-
-    fn mean(mut self) -> Self {
-        let n = self.n_views.max(1) as f64;
-        for value in [&mut self.style_error, &mut self.style_error_recolored, &mut self.content_error] {
-            *value /= n;
-        }
-        self
-    }
-}
-
 impl Evaluation {
     fn table(&self) -> String {
         let mut text = format!(
-            "{:<40} {:>8} {:>8} {:>9} {:>8}\n",
-            "painting", "nearest", "style", "recolored", "content"
+            "{:<40} {:>8} {:>8} {:>8} {:>10} {:>8}\n",
+            "painting", "nearest", "style", "content", "recolored", "other"
         );
         for row in &self.paintings {
-            let name = row
-                .path
-                .file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .chars()
-                .take(40)
-                .collect::<String>();
+            let name = row.path.file_name().unwrap_or_default().to_string_lossy();
             text += &format!(
-                "{name:<40} {:>8} {:>8.3} {:>9.3} {:>8.3}\n",
-                format!("{}/{}", row.nearest, row.n_views),
-                row.style_error,
-                row.style_error_recolored,
-                row.content_error
+                "{:<40} {:>7.0}% {:>8.3} {:>8.3} {:>10.3} {:>8.3}\n",
+                name.chars().take(40).collect::<String>(),
+                100.0 * row.stylized.own_painting_nearest,
+                row.stylized.style_error,
+                row.stylized.content_error,
+                row.recolored.style_error,
+                row.nearest_other,
+            );
+        }
+        text += &format!(
+            "\n{:<10} {:>8} {:>8} {:>8}   relu1_1, relu2_1, relu3_1\n",
+            "mean", "nearest", "style", "content"
+        );
+        let kinds = [("stylized", Some(self.stylized)), ("unstyled", Some(self.unstyled))];
+        let references = [("recolored", Some(self.recolored)), ("2D AdaIN", self.adain_2d)];
+        for (name, measures) in kinds.into_iter().chain(references) {
+            let Some(found) = measures else { continue };
+            text += &format!(
+                "{name:<10} {:>7.0}% {:>8.3} {:>8.3}   {:.3?}\n",
+                100.0 * found.own_painting_nearest,
+                found.style_error,
+                found.content_error,
+                found.style_errors
             );
         }
         text + &format!(
-            "own painting nearest {:.1}% (recolored {:.1}%); style error {:.3} (recolored {:.3}, unstyled {:.3}); at relu2_1 + relu3_1 {:.3} \
-             of recolored; content error {:.3} (recolored {:.3}); colors out of range {:.1}%",
-            100.0 * self.own_painting_nearest,
-            100.0 * self.own_painting_nearest_recolored,
-            self.style_error,
-            self.style_error_recolored,
-            self.style_error_unstyled,
+            "style error at relu2_1 and relu3_1 over that of recoloring: {:.3}; colors out of range: {:.1}%",
             self.deep_style_error_over_recolored,
-            self.content_error,
-            self.content_error_recolored,
             100.0 * self.out_of_range
         )
+    }
+}
+
+impl Measures {
+    fn mean(all: &[Self]) -> Self {
+        let n = all.len().max(1) as f64;
+        let mean = |part: &dyn Fn(&Self) -> f64| all.iter().map(part).sum::<f64>() / n;
+        Self {
+            own_painting_nearest: mean(&|measures| measures.own_painting_nearest),
+            style_errors: [0, 1, 2].map(|layer| mean(&|measures| measures.style_errors[layer])),
+            style_error: mean(&|measures| measures.style_error),
+            content_error: mean(&|measures| measures.content_error),
+        }
     }
 }

@@ -67,14 +67,17 @@ impl Recoloring {
 
     /// One color.
     pub fn color(&self, color: [f32; 3]) -> [f32; 3] {
-        (self.gain * vector(color) + self.shift).as_vec3().to_array()
+        self.premultiplied(color, 1.0)
+    }
+
+    /// A premultiplied color.
+    pub fn premultiplied(&self, color: [f32; 3], alpha: f32) -> [f32; 3] {
+        (self.gain * vector(color) + self.shift * f64::from(alpha)).as_vec3().to_array()
     }
 
     /// A view with every Gaussian's color mapped: the render is linear in color, so its pictures map alike.
     pub fn view(&self, view: &View) -> View {
-        let pixel = |(color, alpha): (&[f32; 3], &f32)| {
-            (self.gain * vector(*color) + self.shift * f64::from(*alpha)).as_vec3().to_array()
-        };
+        let pixel = |(color, alpha): (&[f32; 3], &f32)| self.premultiplied(*color, *alpha);
         View { color: view.color.iter().zip(&view.alpha).map(pixel).collect(), ..view.clone() }
     }
 }

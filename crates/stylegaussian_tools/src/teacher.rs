@@ -1,4 +1,4 @@
-//! A 2D decoder from relu3_1 features back to an image: what the 3D decoder is first trained to imitate.
+//! A 2D decoder from relu3_1 features back to an image: a yardstick for the 3D decoder.
 //!
 //! The reconstruction decoder of "Universal Style Transfer via Feature Transforms" (Li et al. 2017) mirrors VGG-19
 //! from relu3_1 down: it was trained to invert the features, and with transferred features it paints the style.

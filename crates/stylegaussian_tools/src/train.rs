@@ -216,8 +216,12 @@ impl Trainer {
             true => checkpoint::load(&checkpoint_path(&arguments.output), &mut network, &mut adam, &device)?,
             false => Progress::default(),
         };
-        let weights =
-            LossWeights { style: arguments.style_weight, range: arguments.range_weight, content_layers };
+        let weights = LossWeights {
+            style: arguments.style_weight,
+            range: arguments.range_weight,
+            palette: arguments.palette_weight,
+            content_layers,
+        };
         Ok(Self {
             arguments: arguments.clone(),
             paintings: Paintings::new(paintings, arguments.seed),
@@ -334,17 +338,8 @@ fn checkpoint_path(output: &Path) -> PathBuf {
 fn initial_decoder(arguments: &TrainArgs, encoder: &Encoder, scenes: &[LoadedScene]) -> Result<Decoder> {
     let Some(path) = &arguments.init else {
         let n_extra = scenes[0].1.features.as_ref().map_or(0, |features| features.n_extra);
-        let n_inputs = encoder.n_channels() + n_extra + if arguments.own_color { 3 } else { 0 };
         let id = Some(encoder.id().clone());
-        return Ok(Network::random(
-            n_inputs,
-            arguments.k,
-            arguments.activation,
-            arguments.own_color,
-            if arguments.statistics { encoder.n_channels() } else { 0 },
-            id,
-            arguments.seed,
-        ));
+        return Ok(Network::random(arguments, encoder.n_channels(), n_extra, id));
     };
     let decoder = file::read_decoder(path)?;
     if let Some(found) = &decoder.encoder {

@@ -1,8 +1,8 @@
 //! `cargo xtask assets`: everything in `assets/` and the default decoder, made anew by the commands of this file.
 //!
 //! The demo scene and the paintings come out bit for bit the same; what is embedded and trained, within what the order
-//! of floating-point sums allows. What trains the decoder is not ours to ship and lies in the test data: VGG-19, the
-//! teacher of the warm start, paintings likely in the public domain, and scenes under an open licence.
+//! of floating-point sums allows. What trains the decoder is not ours to ship and lies in the test data: VGG-19, paintings
+//! likely in the public domain, and a scene under an open licence.
 
 use std::{
     ffi::OsStr,
@@ -33,11 +33,27 @@ const PLAYBOT: &str = "playbot_31k_sh2pad3.ply";
 /// The paintings it is trained on, likely in the public domain; twenty more such are kept out, to judge by.
 const PAINTINGS: &str = "assets/training_paintings.txt";
 
+/// How it is trained: crops of 256 pixels from views of 512, the warm start on recolored scenes, then the paper's loss with
+/// colors kept near what a display shows and, over squares of 16 pixels, near the recolored scene's.
+const TRAINING: [&str; 12] = [
+    "--size",
+    "512",
+    "--warm-iterations",
+    "1500",
+    "--iterations",
+    "5000",
+    "--learning-rate",
+    "3e-4",
+    "--range-weight",
+    "300",
+    "--palette-weight",
+    "50",
+];
+
 /// Files of the test data.
 struct Data {
     encoder: PathBuf,
     relu4: PathBuf,
-    teacher: PathBuf,
     paintings: PathBuf,
     playbot: PathBuf,
     playbot_cameras: PathBuf,
@@ -50,14 +66,11 @@ impl Data {
         let data = Self {
             encoder: vgg.join("vgg19_normalised_relu3_1.safetensors"),
             relu4: vgg.join("distilled16x_encoder_relu4_1.safetensors"),
-            teacher: vgg.join("wct_decoder_relu3_1.safetensors"),
             paintings: folder.join("styles"),
             playbot: folder.join("splats").join(PLAYBOT),
             playbot_cameras: folder.join("reference/playbot_views.json"),
         };
-        for path in
-            [&data.encoder, &data.relu4, &data.teacher, &data.paintings, &data.playbot, &data.playbot_cameras]
-        {
+        for path in [&data.encoder, &data.relu4, &data.paintings, &data.playbot, &data.playbot_cameras] {
             ensure!(
                 path.exists(),
                 "{} is missing; STYLEGAUSSIAN_DATA names the folder of the test data",
@@ -118,15 +131,8 @@ fn train(steps: &mut Steps, data: &Data, playbot: &Path) -> Result<()> {
     train.args(["train", DEMO]).arg(playbot);
     train.args(["--cameras", DEMO_CAMERAS, "--cameras"]).arg(&data.playbot_cameras);
     train.arg("--styles").arg(&paintings).args(["--holdout-styles", "0", "-o", &decoder]);
-    train
-        .arg("--encoder")
-        .arg(&data.encoder)
-        .arg("--relu4")
-        .arg(&data.relu4)
-        .arg("--teacher")
-        .arg(&data.teacher);
-    // The warm start alone: what the paper's loss adds wants hours.
-    train.args(["--warm-iterations", "900", "--warm-styles", "20", "--iterations", "0"]);
+    train.arg("--encoder").arg(&data.encoder).arg("--relu4").arg(&data.relu4);
+    train.args(TRAINING);
     steps.run("train", &mut train)?;
     fs::copy(&decoder, DECODER).with_context(|| format!("cannot copy {decoder} to {DECODER}"))?;
     Ok(())

@@ -172,6 +172,7 @@ fn final_model(features: Tensor, state: &State) -> Result<(Features, Option<Deco
         activation: Activation::Sigmoid,
         residual: false,
         own_color: false,
+        n_noise: 0,
         statistics_weight: Vec::new(),
         encoder: None,
     };

@@ -3,8 +3,8 @@
 //! Tensors `decoder.layers.{i}.weight` f16 or f32 `[D_out, K, D_in]` and `decoder.layers.{i}.bias` f32 `[D_out]`;
 //! where the decoder sees the style's statistics `decoder.statistics.weight` f16 or f32 `[D_out of the first, 2 D]`;
 //! metadata `k`, `activation` (`sigmoid` or `leaky_relu:slope`), `residual` (`true` or `false`), `transfer` (`adain`),
-//! `layers` (how many), `own_color` (`true` where the last three inputs are the Gaussian's own color) and, where known,
-//! `encoder`.
+//! `layers` (how many), `noise` (how many inputs are noise, where any is), `own_color` (`true` where the last three inputs
+//! are the Gaussian's own color) and, where known, `encoder`.
 
 use crate::decoder::{Activation, Decoder, Layer};
 
@@ -47,6 +47,7 @@ pub(super) fn from_tensors(reader: &Reader) -> Result<Decoder, Mismatch> {
     let activation = activation_from_text(&reader.required::<String>("activation", "`activation`")?)?;
     let residual = reader.required("residual", "`residual` = `true` or `false`")?;
     let own_color = reader.parsed("own_color", "`own_color` = `true` or `false`")?.unwrap_or(false);
+    let n_noise = reader.parsed("noise", "`noise` = a number of channels")?.unwrap_or(0);
     let n_tensors = reader.names().iter().filter(|name| name.starts_with("decoder.")).count();
     let has_statistics = reader.names().contains(&STATISTICS);
     if n_layers.checked_mul(2).and_then(|n| n.checked_add(usize::from(has_statistics))) != Some(n_tensors) {
@@ -61,7 +62,7 @@ pub(super) fn from_tensors(reader: &Reader) -> Result<Decoder, Mismatch> {
         _ => Vec::new(),
     };
     let encoder = reader.parsed("encoder", "an encoder `name@hash`")?;
-    let decoder = Decoder { layers, k, activation, residual, own_color, statistics_weight, encoder };
+    let decoder = Decoder { layers, k, activation, residual, own_color, n_noise, statistics_weight, encoder };
     validate(&decoder)?;
     Ok(decoder)
 }
@@ -87,6 +88,9 @@ pub(super) fn to_tensors<'a>(
     writer.set("residual", decoder.residual);
     if decoder.own_color {
         writer.set("own_color", true);
+    }
+    if decoder.n_noise > 0 {
+        writer.set("noise", decoder.n_noise);
     }
     writer.set("activation", activation_to_text(decoder.activation));
     for (i, layer) in decoder.layers.iter().enumerate() {

@@ -41,7 +41,8 @@ fn decoder(channels: &[usize], k: usize, next: &mut impl FnMut() -> f32) -> Deco
         activation: Activation::LeakyRelu { slope: 0.2 },
         residual: true,
         own_color: true,
-        statistics_weight: Vec::new(),
+        n_noise: 2,
+        statistics_weight: values(channels[1] * 6, next),
         encoder: None,
     }
 }

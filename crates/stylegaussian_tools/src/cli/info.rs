@@ -63,6 +63,12 @@ struct DecoderInfo {
     k: usize,
     activation: String,
     residual: bool,
+    /// Channels of noise among the inputs.
+    n_noise: usize,
+    /// Whether the Gaussian's own color is among the inputs.
+    own_color: bool,
+    /// Whether the style's statistics are added to the first layer's bias.
+    statistics: bool,
     encoder: Option<String>,
 }
 
@@ -70,7 +76,8 @@ struct DecoderInfo {
 #[derive(Debug, PartialEq, Serialize)]
 struct GpuBytes {
     /// What stays: N (44 + 6 (degree + 1)^2 + 8) for geometry (mean, rotation, scale, opacity in f32), SH in f16 and a
-    /// color of 4 f16; with features N (16 ceil((L + E) / 8) + 4 K) more, for planes of 8 f16 and u32 neighbors.
+    /// color of 4 f16; with features N (16 ceil((L + E) / 8) + 4 K) more, for planes of 8 f16 and u32 neighbors;
+    /// noise and own colors that the decoder takes count to E.
     scene: u64,
     /// What only a change of style needs: 2 N max(d_i + d_{i+1}) over successive hidden layers, the f16 activations
     /// that one layer reads and writes, and 4 bytes for each weight of the decoder folded to L + E inputs. 0 without
@@ -84,7 +91,7 @@ impl GpuBytes {
         let n_coefficients = scene.sh.as_ref().map_or(0, |sh| (u64::from(sh.degree) + 1).pow(2));
         let mut bytes = Self { scene: n * (44 + 6 * n_coefficients + 8), style_pass: 0 };
         let (Some(features), Some(decoder)) = (&scene.features, decoder) else { return bytes };
-        let n_inputs = features.n_low + features.n_extra;
+        let n_inputs = features.n_low + features.n_extra + decoder.n_beside();
         let k = decoder.k as u64;
         bytes.scene += n * (16 * n_inputs.div_ceil(8) as u64 + 4 * k);
         let hidden: Vec<u64> =
@@ -153,6 +160,9 @@ impl DecoderInfo {
                 Activation::LeakyRelu { slope } => format!("leaky_relu:{slope}"),
             },
             residual: decoder.residual,
+            n_noise: decoder.n_noise,
+            own_color: decoder.own_color,
+            statistics: !decoder.statistics_weight.is_empty(),
             encoder: decoder.encoder.as_ref().map(EncoderId::to_string),
         }
     }
@@ -192,9 +202,15 @@ fn text(info: &Info) -> String {
         "decoder",
         info.decoder.as_ref().map_or("none: the default one serves".into(), |d| {
             let widths: Vec<_> = d.widths.iter().map(ToString::to_string).collect();
-            let residual = if d.residual { ", residual" } else { "" };
+            let marks = [
+                (d.residual, ", residual".to_owned()),
+                (d.own_color, ", sees own colors".to_owned()),
+                (d.n_noise > 0, format!(", {} channels of noise", d.n_noise)),
+                (d.statistics, ", the style's statistics".to_owned()),
+            ];
+            let marks: String = marks.into_iter().filter(|(has, _)| *has).map(|(_, mark)| mark).collect();
             let encoder = or_unknown(&d.encoder);
-            format!("{}, K = {}, {}{residual}, encoder {encoder}", widths.join(" > "), d.k, d.activation)
+            format!("{}, K = {}, {}{marks}, encoder {encoder}", widths.join(" > "), d.k, d.activation)
         }),
     );
     let mb = |bytes: u64| bytes as f64 / 1e6;
@@ -227,6 +243,7 @@ mod tests {
             activation: Activation::Sigmoid,
             residual: false,
             own_color: false,
+            n_noise: 0,
             statistics_weight: Vec::new(),
             encoder: None,
         };

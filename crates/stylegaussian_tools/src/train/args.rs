@@ -51,6 +51,10 @@ pub struct TrainArgs {
     /// Factor of a penalty on colors outside 0..1; the paper has none.
     #[arg(long, value_name = "W", default_value_t = 0.0)]
     pub range_weight: f32,
+    /// Factor of the mean distance of colors, over squares of 16 pixels, from the recolored scene's: keeps the palette
+    /// that the warm start has learned; the paper has none.
+    #[arg(long, value_name = "W", default_value_t = 0.0)]
+    pub palette_weight: f32,
     /// Layers the content loss compares: relu4_1 as the original implementation, or
     /// relu1_1,relu2_1,relu3_1,relu4_1 as the paper's text. relu3_1 where no weights reach relu4_1.
     #[arg(long, value_name = "LAYERS", value_delimiter = ',')]
@@ -67,6 +71,9 @@ pub struct TrainArgs {
     /// `sigmoid` (the paper's) or `leaky_relu:SLOPE`, for a decoder that starts from random weights.
     #[arg(long, value_name = "A", default_value = "leaky_relu:0.2")]
     pub activation: Activation,
+    /// Channels of noise that a decoder which starts from random weights sees: texture is made of it.
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    pub noise: usize,
     /// Whether a decoder that starts from random weights also sees each Gaussian's own color, which keeps fine detail;
     /// the paper's does not.
     #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]

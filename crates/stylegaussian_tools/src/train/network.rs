@@ -11,6 +11,7 @@ use stylegaussian::{
     Activation, Decoder, EncoderId, Features, Layer, fold::ChannelMap, statistics::ContentStatistics,
 };
 
+use super::args::TrainArgs;
 use super::ops::{Windows, windows_conv};
 use crate::random::Random;
 
@@ -22,6 +23,7 @@ pub struct Network {
     k: usize,
     activation: Activation,
     own_color: bool,
+    n_noise: usize,
     encoder: Option<EncoderId>,
 }
 
@@ -76,14 +78,14 @@ impl FoldedInputs {
 impl Network {
     /// A decoder to start from: He-normal weights for the activation, zero biases but for the last, which is mid-gray.
     pub fn random(
-        n_inputs: usize,
-        k: usize,
-        activation: Activation,
-        own_color: bool,
-        n_statistics: usize,
+        arguments: &TrainArgs,
+        n_channels: usize,
+        n_extra: usize,
         encoder: Option<EncoderId>,
-        seed: u64,
     ) -> Decoder {
+        let TrainArgs { k, activation, own_color, noise: n_noise, statistics, seed, .. } = *arguments;
+        let n_statistics = if statistics { 2 * n_channels } else { 0 };
+        let n_inputs = n_channels + n_extra + n_noise + if own_color { 3 } else { 0 };
         let mut random = Random::new(seed);
         let gain = match activation {
             // A unit-normal input leaves the sigmoid with deviation 0.21.
@@ -115,8 +117,8 @@ impl Network {
             d_in = d_out;
         }
         // Nothing is known of statistics at first.
-        let statistics_weight = vec![0.0; Decoder::WIDTHS[0] * 2 * n_statistics];
-        Decoder { layers, k, activation, residual: false, own_color, statistics_weight, encoder }
+        let statistics_weight = vec![0.0; Decoder::WIDTHS[0] * n_statistics];
+        Decoder { layers, k, activation, residual: false, own_color, n_noise, statistics_weight, encoder }
     }
 
     /// Takes over a decoder's parameters.
@@ -147,6 +149,7 @@ impl Network {
             k: decoder.k,
             activation: decoder.activation,
             own_color: decoder.own_color,
+            n_noise: decoder.n_noise,
             encoder: decoder.encoder.clone(),
         })
     }
@@ -178,6 +181,7 @@ impl Network {
             activation: self.activation,
             residual: false,
             own_color: self.own_color,
+            n_noise: self.n_noise,
             statistics_weight: self.statistics_weight().map_or(Vec::new(), |weight| to_vec(&weight.values)),
             encoder: self.encoder.clone(),
         }

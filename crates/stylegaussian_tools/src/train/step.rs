@@ -14,6 +14,11 @@ use super::{
     ops::{row_statistics, splat},
     paintings::{Style, picture_tensor},
 };
+use crate::recolor::Recoloring;
+
+/// Side of the squares over which colors are averaged before they are compared with the recolored scene's, in pixels:
+/// strokes within are free.
+const SQUARE: usize = 16;
 
 /// What a step weighs.
 #[derive(Clone, Debug)]
@@ -22,6 +27,8 @@ pub struct LossWeights {
     pub style: f32,
     /// Factor of the penalty on colors outside 0..1, which no display shows (0 in the paper).
     pub range: f32,
+    /// Factor of the distance from the recolored scene's colors, over squares of [`SQUARE`] pixels (0 in the paper).
+    pub palette: f32,
     /// Which of [`LAYERS`] the content loss compares.
     pub content_layers: Vec<usize>,
 }
@@ -136,11 +143,39 @@ pub fn step(
 
     let behind = view.alpha.iter().flat_map(|alpha| style.mean_color.map(|channel| (1.0 - alpha) * channel));
     let behind = TensorData::new(behind.collect::<Vec<_>>(), [view.alpha.len(), 3]);
-    let picture = splat(colors, &view.weights) + Tensor::from_data(behind, device);
+    let splats = splat(colors, &view.weights);
+    let palette_loss = palette_distance(splats.clone(), scene, view, style);
+    let picture = splats + Tensor::from_data(behind, device);
     let (content_loss, style_loss) =
         perceptual_losses(picture, view.size(), content, style, loss_network, weights);
-    let loss = content_loss.clone() + style_loss.clone() * weights.style + range_loss * weights.range;
+    let loss = content_loss.clone()
+        + style_loss.clone() * weights.style
+        + range_loss * weights.range
+        + palette_loss * weights.palette;
     let gradients = loss.backward();
     adam.update(network, &gradients, rate);
     Ok([content_loss.into_scalar::<f32>(), style_loss.into_scalar::<f32>()])
+}
+
+/// Mean distance of a premultiplied picture `[H * W, 3]` from the recolored view, over whole squares of [`SQUARE`] pixels
+/// (or the whole picture, where it is smaller).
+fn palette_distance(splats: Tensor<2>, scene: &TrainingScene, view: &View, style: &Style) -> Tensor<1> {
+    let [width, height] = view.size();
+    let recoloring = Recoloring::new(&scene.colors, &style.colors);
+    let recolored = view.picture.chunks_exact(3).zip(&view.alpha).flat_map(|(c, alpha)| {
+        recoloring.premultiplied([c[0], c[1], c[2]], *alpha).map(|channel| channel.clamp(0.0, *alpha))
+    });
+    let recolored = TensorData::new(recolored.collect::<Vec<_>>(), [width * height, 3]);
+    let difference = splats.clone() - Tensor::from_data(recolored, &splats.device());
+    let [side_x, side_y] = [SQUARE.min(width), SQUARE.min(height)];
+    let [columns, rows] = [width / side_x, height / side_y];
+    let squares = difference
+        .reshape([height, width, 3])
+        .narrow(0, 0, rows * side_y)
+        .narrow(1, 0, columns * side_x)
+        .reshape([rows, side_y, columns, side_x * 3])
+        .mean_dim(1)
+        .reshape([rows * columns, side_x, 3])
+        .mean_dim(1);
+    squares.abs().mean()
 }

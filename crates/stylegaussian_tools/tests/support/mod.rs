@@ -143,6 +143,7 @@ impl Bench {
             activation: Activation::Sigmoid,
             residual: false,
             own_color: false,
+            n_noise: 0,
             statistics_weight: Vec::new(),
             encoder: Some(encoder("test", "00")),
         });
