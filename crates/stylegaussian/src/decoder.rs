@@ -61,7 +61,7 @@ impl Decoder {
 
     /// How many inputs the first layer takes that no scene file holds: noise and the own color.
     pub fn n_beside(&self) -> usize {
-        self.n_noise + if self.own_color { 3 } else { 0 }
+        self.n_noise.saturating_add(if self.own_color { 3 } else { 0 })
     }
 
     /// D + E, the noise, and 3 more with the own color: the channels the first layer takes; 0 without layers.

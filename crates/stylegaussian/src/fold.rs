@@ -250,9 +250,9 @@ fn check_encoder(
 /// # Errors
 /// No features, or a decoder that does not fit them.
 pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec<[f32; 3]>, StylizeError> {
-    let features = &*inputs_of(scene, decoder).ok_or(StylizeError::NoFeatures)?;
+    let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
     check_encoder("the decoder", decoder.encoder.as_ref(), features)?;
-    let n_inputs = features.n_channels() + features.n_extra;
+    let n_inputs = (features.n_channels() + features.n_extra).saturating_add(decoder.n_beside());
     if decoder.n_inputs() != n_inputs {
         return Err(StylizeError::DecoderChannels { found: decoder.n_inputs(), expected: n_inputs });
     }
@@ -267,6 +267,7 @@ pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec
             decoder.layers.iter().map(|layer| format!("{}>{}", layer.d_in, layer.d_out)).collect();
         return Err(StylizeError::DecoderShape { found: widths.join(" ") });
     }
+    let features = &*inputs_of(scene, decoder).ok_or(StylizeError::NoFeatures)?;
     let mean_low = crate::statistics::mean_low(features);
     let mut first = fold_layer(&decoder.layers[0], decoder.k, features, map, &mean_low);
     if !decoder.statistics_weight.is_empty() {

@@ -50,7 +50,7 @@ use crate::{
 use yardstick::Yardstick;
 
 /// Side of a contact sheet's cells, in pixels.
-const CELL: u32 = 256;
+const CELL: u32 = 160;
 
 /// Measure how well paintings the decoder has never seen can be told in a stylized scene.
 ///

@@ -73,7 +73,8 @@ fn training_learns_resumes_and_reports() {
         assert!(Path::new(&bench.path(name)).is_file(), "{name}");
     }
     let decoder = file::read_decoder(out.as_ref()).unwrap();
-    assert!(decoder.own_color && decoder.k == 8 && decoder.n_inputs() == 256 + 3);
+    assert!(decoder.own_color && decoder.n_noise == 4 && decoder.k == 8);
+    assert_eq!(decoder.n_inputs(), 256 + 4 + 3);
 
     train(&["--warm-iterations", "3", "--iterations", "12", "--resume"]).expect_success();
     let resumed = losses(&bench);

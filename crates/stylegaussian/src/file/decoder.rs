@@ -48,9 +48,9 @@ pub(super) fn from_tensors(reader: &Reader) -> Result<Decoder, Mismatch> {
     let residual = reader.required("residual", "`residual` = `true` or `false`")?;
     let own_color = reader.parsed("own_color", "`own_color` = `true` or `false`")?.unwrap_or(false);
     let n_noise = reader.parsed("noise", "`noise` = a number of channels")?.unwrap_or(0);
-    let n_tensors = reader.names().iter().filter(|name| name.starts_with("decoder.")).count();
+    let n_tensors = reader.names().iter().filter(|name| name.starts_with("decoder.layers.")).count();
     let has_statistics = reader.names().contains(&STATISTICS);
-    if n_layers.checked_mul(2).and_then(|n| n.checked_add(usize::from(has_statistics))) != Some(n_tensors) {
+    if n_layers.checked_mul(2) != Some(n_tensors) {
         return Err(mismatch(
             format_args!("{n_tensors} decoder tensors"),
             format_args!("a weight and a bias for each of {n_layers} layers"),
@@ -144,6 +144,13 @@ pub(super) fn validate(decoder: &Decoder) -> Result<(), Mismatch> {
         }
         expect_finite(&name, &layer.weight)?;
         expect_finite(&name, &layer.bias)?;
+    }
+    if decoder.n_beside() >= decoder.layers[0].d_in {
+        let found = format!("`noise` = {} and `own_color` = {}", decoder.n_noise, decoder.own_color);
+        return Err(mismatch(
+            found,
+            format_args!("fewer than the first layer's {} inputs", decoder.layers[0].d_in),
+        ));
     }
     let (d_out, n_statistics) = (decoder.layers[0].d_out, decoder.statistics_weight.len());
     if n_statistics % (2 * d_out.max(1)) != 0 {

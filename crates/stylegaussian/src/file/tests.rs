@@ -292,6 +292,7 @@ fn lying_safetensors_are_refused() {
     check(replaced(&bytes, r#""transfer":"adain""#, r#""transfer":"wctxx""#), "`transfer` = `wctxx`");
     check(replaced(&bytes, r#""residual":"true""#, r#""residual":"True""#), "`residual` = `True`");
     check(replaced(&bytes, r#""k":"3""#, r#""k":"4""#), "decoder.layers.0.weight");
+    check(replaced(&bytes, r#""noise":"2""#, r#""noise":"9""#), "`noise` = 9");
     check(replaced(&bytes, r#""layers":"2""#, r#""layers":"9""#), "4 decoder tensors");
     check(replaced(&bytes, r#""up":"0 -1 0.25""#, r#""up":"0 -1 0.2x""#), "`up`");
     check(replaced(&bytes, r#""encoder":"vgg@0"#, r#""encoder":"vgg-0"#), "`encoder`");
