@@ -1,7 +1,7 @@
 //! The KNN convolution, y_p = sum_k W_k x_{n(p,k)} + B, and its gradients.
 //!
-//! Rows are gathered one neighbor slot at a time, `BLOCK_ROWS` of them, into a scratch matrix that stays in a core's
-//! L2 cache, and one SIMD product per slot accumulates into the block's output. All three kernels are products of the
+//! Rows are gathered a few neighbor slots at a time, `BLOCK_ROWS` of them, into a scratch matrix that stays in a core's
+//! L2 cache, and one SIMD product for each accumulates into the block's output. All three kernels are products of the
 //! same size, 2 N K D_in D_out operations; none needs an atomic, and each result is the same for any number of
 //! threads.
 
@@ -12,6 +12,10 @@ use super::product::{Matrix, product};
 /// Rows gathered at a time: 512 rows of 256 f32 are 512 KiB, a quarter of a server core's L2 cache and half of a
 /// desktop's, while packing the weights anew for each block costs 1/512 of the product's operations.
 const BLOCK_ROWS: usize = 512;
+
+/// Slots are gathered together as long as they are no wider than this: a product whose inner dimension is 32 spends its
+/// time on loading and storing the output.
+const GROUP_WIDTH: usize = 256;
 
 /// Shape of one KNN convolution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,7 +37,12 @@ impl KnnConvShape {
 
     /// W_k `[D_out, D_in]` of a weight `[D_out, K, D_in]`.
     fn slot<'a>(&self, weight: &'a [f32], k: usize) -> Matrix<'a> {
-        Matrix::strided(&weight[k * self.d_in..], self.d_out, self.d_in, self.k * self.d_in)
+        self.slots(weight, k, 1)
+    }
+
+    /// W_k, W_{k+1}, ... of `n` slots side by side `[D_out, n * D_in]`.
+    fn slots<'a>(&self, weight: &'a [f32], k: usize, n: usize) -> Matrix<'a> {
+        Matrix::strided(&weight[k * self.d_in..], self.d_out, n * self.d_in, self.k * self.d_in)
     }
 }
 
@@ -67,10 +76,13 @@ pub fn knn_conv(
                 row.copy_from_slice(bias);
             }
             let rows = neighbors.len() / shape.k;
-            for k in 0..shape.k {
-                gather(gathered, x, shape.d_in, neighbors.iter().skip(k).step_by(shape.k).copied());
-                let gathered = Matrix::dense(gathered, rows, shape.d_in);
-                product(y, true, gathered, shape.slot(weight, k).transposed());
+            let group = (GROUP_WIDTH / shape.d_in.max(1)).clamp(1, shape.k);
+            for k in (0..shape.k).step_by(group) {
+                let n = group.min(shape.k - k);
+                let windows = neighbors.chunks_exact(shape.k);
+                gather(gathered, x, shape.d_in, windows.flat_map(|window| &window[k..k + n]).copied());
+                let gathered = Matrix::dense(gathered, rows, n * shape.d_in);
+                product(y, true, gathered, shape.slots(weight, k, n).transposed());
             }
             finish(y);
         },
