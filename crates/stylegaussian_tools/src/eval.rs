@@ -39,10 +39,12 @@ use crate::{
     recolor::{ColorMoments, Recoloring},
     teacher::Teacher,
     train::{
+        encoder_path,
         loss_network::{LossNetwork, RELU3_1},
         network::to_vec,
         ops::row_statistics,
         paintings::{list_images, picture_tensor},
+        scaled,
         step::{coverage_of_cells, shares},
     },
     views::choose_views,
@@ -164,11 +166,7 @@ fn cameras(arguments: &EvalArgs, scene: &Scene) -> Result<Vec<Camera>> {
     };
     let all = read_cameras(path)?.cameras;
     let stride = all.len().div_ceil(n_views).max(1);
-    let scaled = |camera: &Camera| {
-        let factor = arguments.size as f32 / camera.size.max_element().max(1) as f32;
-        camera.resized((camera.size.as_vec2() * factor).round().as_uvec2().max(UVec2::splat(16)))
-    };
-    Ok(all.iter().step_by(stride).map(|posed| scaled(&posed.camera)).collect())
+    Ok(all.iter().step_by(stride).map(|posed| scaled(&posed.camera, arguments.size)).collect())
 }
 
 fn evaluate(
@@ -186,9 +184,8 @@ fn evaluate(
             ensure!(id == encoder.id(), "the {what} belongs to encoder {id}, expected {}", encoder.id());
         }
     }
-    let weights =
-        arguments.encoder.clone().or_else(|| std::env::var_os("STYLEGAUSSIAN_ENCODER").map(PathBuf::from));
-    let judge = Judge::open(&weights.unwrap_or_default(), arguments.whole_picture)?;
+    let weights = encoder_path(arguments.encoder.as_deref());
+    let judge = Judge::open(&weights, arguments.whole_picture)?;
     let paths = list_images(&arguments.styles)?;
     let images = paths.iter().map(|path| Image::open(path)).collect::<Result<Vec<_>, _>>()?;
     let targets: Vec<Statistics> = images.iter().map(|image| judge.painting(image)).collect();

@@ -26,7 +26,7 @@ use stylegaussian::{
     Camera, Decoder, Scene,
     file::{self, Precision},
 };
-use stylegaussian_encoder::{Encoder, resolve};
+use stylegaussian_encoder::{Encoder, encoder::ENCODER_VARIABLE, resolve};
 
 use adam::Adam;
 pub use args::TrainArgs;
@@ -160,8 +160,17 @@ fn load_scenes(arguments: &TrainArgs) -> Result<Vec<LoadedScene>> {
     arguments.scenes.iter().enumerate().map(load).collect()
 }
 
-fn scaled(camera: &Camera, longer_side: u32) -> Camera {
-    let factor = longer_side as f32 / camera.size.max_element() as f32;
+/// The file that [`resolve`] opens: the loss takes its weights out of it.
+pub(crate) fn encoder_path(named: Option<&Path>) -> PathBuf {
+    named
+        .map(PathBuf::from)
+        .or_else(|| std::env::var_os(ENCODER_VARIABLE).map(Into::into))
+        .unwrap_or_default()
+}
+
+/// The same view with its longer side `longer_side` pixels long, and no side shorter than 16.
+pub(crate) fn scaled(camera: &Camera, longer_side: u32) -> Camera {
+    let factor = longer_side as f32 / camera.size.max_element().max(1) as f32;
     camera.resized((camera.size.as_vec2() * factor).round().as_uvec2().max(UVec2::splat(16)))
 }
 
@@ -173,10 +182,7 @@ impl Trainer {
         paintings: Vec<PathBuf>,
         scenes: &[LoadedScene],
     ) -> Result<Self> {
-        let weights_path = match &arguments.encoder {
-            Some(path) => path.clone(),
-            None => std::env::var_os("STYLEGAUSSIAN_ENCODER").map(PathBuf::from).unwrap_or_default(),
-        };
+        let weights_path = encoder_path(arguments.encoder.as_deref());
         let loss_network = LossNetwork::open(&weights_path, arguments.relu4.as_deref(), &device)?;
         let default_layer = if loss_network.n_layers() == 4 { "relu4_1" } else { "relu3_1" };
         let names = match arguments.content_layers.as_slice() {

@@ -8,7 +8,7 @@ use support::{Bench, data, stylegaussian};
 
 #[test]
 fn usage_errors_exit_with_2() {
-    let usage: [&[&str]; 17] = [
+    let usage: [&[&str]; 20] = [
         &[],
         &["no-such-command"],
         &["info"],
@@ -26,6 +26,9 @@ fn usage_errors_exit_with_2() {
         &["render", "a.sgs", "--size", "640", "-o", "d"],
         &["render", "a.sgs", "--background", "blue", "-o", "d"],
         &["render", "a.sgs", "--content", "0.5", "-o", "d"],
+        &["train", "a.sgs", "--styles", "d", "-o", "b", "-k", "0"],
+        &["train", "a.sgs", "--styles", "d", "-o", "b", "--noise", "1000000000000"],
+        &["train", "a.sgs", "--styles", "d", "-o", "b", "--size", "0"],
     ];
     for arguments in usage {
         let run = stylegaussian(arguments);

@@ -33,7 +33,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N", default_value_t = 24)]
     pub views: usize,
     /// Longer side of a training view, in pixels.
-    #[arg(long, value_name = "PX", default_value_t = 256)]
+    #[arg(long, value_name = "PX", default_value_t = 256, value_parser = clap::value_parser!(u32).range(32..=4096))]
     pub size: u32,
     /// Larger views are cut into overlapping crops of at most this many pixels on a side: a step then sees fewer
     /// Gaussians from nearer.
@@ -72,7 +72,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "A", default_value = "leaky_relu:0.2")]
     pub activation: Activation,
     /// Channels of noise that a decoder which starts from random weights sees: texture is made of it.
-    #[arg(long, value_name = "N", default_value_t = 4)]
+    #[arg(long, value_name = "N", default_value = "4", value_parser = at_most_64::<0>)]
     pub noise: usize,
     /// Whether a decoder that starts from random weights also sees each Gaussian's own color, which keeps fine detail;
     /// the paper's does not.
@@ -83,7 +83,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
     pub statistics: bool,
     /// K, the window of a decoder that starts from random weights.
-    #[arg(short, long, value_name = "K", default_value_t = 8)]
+    #[arg(short, long, value_name = "K", default_value = "8", value_parser = at_most_64::<1>)]
     pub k: usize,
     /// Paintings kept out of training, spread over the folder, and shown on the contact sheet at the end.
     #[arg(long, value_name = "N", default_value_t = 4)]
@@ -100,4 +100,10 @@ pub struct TrainArgs {
     /// What computes: `gpu` needs a build with the `gpu` feature and never falls back silently.
     #[arg(long, value_enum, default_value = "auto")]
     pub backend: Backend,
+}
+
+/// A number from `MIN` to 64: no decoder of this shape needs more.
+fn at_most_64<const MIN: usize>(text: &str) -> Result<usize, String> {
+    let number = text.parse().ok().filter(|number| (MIN..=64).contains(number));
+    number.ok_or_else(|| format!("expected a number from {MIN} to 64"))
 }
