@@ -1,0 +1,1 @@
+//! Captured 3D Gaussian Splatting scenes in Bevy, restyled by any image at run time.

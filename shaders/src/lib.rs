@@ -1,0 +1,1 @@
+//! The WGSL of `stylegaussian_gpu`, and the Rust twins of its structs.

@@ -1,0 +1,1 @@
+//! Nothing: the tests beside this file and the examples join the crates of the workspace.
