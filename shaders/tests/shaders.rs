@@ -13,11 +13,12 @@ fn layouts() -> Vec<Layout> {
     [style::layouts(), splat::layouts()].concat()
 }
 
-/// Parses and validates with no optional capability: what passes runs on every adapter.
+/// Parses and validates with no optional capability but the packing of f16 in u32, which every adapter has that is not
+/// an old OpenGL: what passes runs anywhere.
 fn validated(source: &Source) -> Result<naga::Module, String> {
     let module =
         naga::front::wgsl::parse_str(&source.wgsl).map_err(|error| error.emit_to_string(&source.wgsl))?;
-    Validator::new(ValidationFlags::all(), Capabilities::empty())
+    Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32)
         .validate(&module)
         .map_err(|error| error.emit_to_string(&source.wgsl))?;
     Ok(module)
@@ -72,4 +73,25 @@ fn layouts_match() {
         }
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+/// The value of a `const NAME: u32` of a module.
+fn constant(source: &Source, name: &str) -> Option<u32> {
+    let module = validated(source).ok()?;
+    let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name))?;
+    match module.global_expressions[constant.init] {
+        naga::Expression::Literal(naga::Literal::U32(value)) => Some(value),
+        _ => None,
+    }
+}
+
+#[test]
+fn constants_match() {
+    for columns in style::TILE_COLUMNS {
+        let source = style::knn_conv(columns);
+        assert_eq!(constant(&source, "TILE_ROWS"), Some(style::TILE_ROWS));
+        assert_eq!(constant(&source, "TILE_COLUMNS"), Some(columns));
+        assert!(constant(&source, "WORKGROUP_SIZE").is_some_and(|size| size <= 256));
+    }
+    assert_eq!(constant(&style::color(), "COLOR_WORKGROUP_SIZE"), Some(style::COLOR_WORKGROUP_SIZE));
 }
