@@ -76,3 +76,24 @@ fn layouts_match() {
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
+
+/// The value of a `const NAME: u32` of a module.
+fn constant(source: &Source, name: &str) -> Option<u32> {
+    let module = validated(source).ok()?;
+    let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name))?;
+    match module.global_expressions[constant.init] {
+        naga::Expression::Literal(naga::Literal::U32(value)) => Some(value),
+        _ => None,
+    }
+}
+
+#[test]
+fn constants_match() {
+    for columns in style::TILE_COLUMNS {
+        let source = style::knn_conv(columns);
+        assert_eq!(constant(&source, "TILE_ROWS"), Some(style::TILE_ROWS));
+        assert_eq!(constant(&source, "TILE_COLUMNS"), Some(columns));
+        assert!(constant(&source, "WORKGROUP_SIZE").is_some_and(|size| size <= 256));
+    }
+    assert_eq!(constant(&style::color(), "COLOR_WORKGROUP_SIZE"), Some(style::COLOR_WORKGROUP_SIZE));
+}

@@ -38,7 +38,9 @@ pub(crate) struct Chunk {
 
 /// A scene does not fit the device.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("scene of {n_gaussians} Gaussians: drawing it takes a buffer of {found} bytes, the device allows {limit}")]
+#[error(
+    "scene of {n_gaussians} Gaussians: drawing it takes a buffer of {found} bytes, the device allows {limit}"
+)]
 pub struct GpuSceneError {
     /// N.
     pub n_gaussians: usize,

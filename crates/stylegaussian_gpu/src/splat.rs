@@ -19,6 +19,8 @@ mod draw;
 mod headless;
 mod project;
 mod sort;
+#[cfg(test)]
+mod testing;
 mod view;
 
 pub use camera::Camera;
@@ -144,8 +146,10 @@ impl SplatPass {
         view.set_camera(queue, camera, n_slots as u32);
         self.project.write(device, queue, view, camera, &drawn, settings);
         let Some(sort) = view.sort() else { return Ok(()) };
-        let mut pass = encoder
-            .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("splat"), timestamp_writes: None });
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("splat"),
+            timestamp_writes: None,
+        });
         self.project.encode(&mut pass, view);
         self.sort.encode(&mut pass, sort, n_slots as u32);
         Ok(())

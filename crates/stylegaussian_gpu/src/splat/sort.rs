@@ -1,8 +1,6 @@
 //! The sort stage on the GPU: `splat_sort_*`, a stable radix sort of what is visible.
 
-use stylegaussian_shaders::splat::{
-    self as shaders, N_DIGITS, SortPass, SplatCommands, SplatCounts, TILE,
-};
+use stylegaussian_shaders::splat::{self as shaders, N_DIGITS, SortPass, SplatCommands, SplatCounts, TILE};
 use wgpu::util::DeviceExt;
 
 use super::bind::{bind_group, compute_pipeline, layout, storage, uniform, whole};
@@ -144,8 +142,7 @@ impl SortBuffers {
         let n_tiles = (n_slots as u64).div_ceil(u64::from(TILE));
         let tile_counts = buffer("splat_tile_counts", 4 * u64::from(N_DIGITS) * n_tiles, none);
         let digit_counts = buffer("splat_digit_counts", 4 * u64::from(N_DIGITS), none);
-        let counts =
-            buffer("splat_counts", size_of::<SplatCounts>() as u64, wgpu::BufferUsages::COPY_DST);
+        let counts = buffer("splat_counts", size_of::<SplatCounts>() as u64, wgpu::BufferUsages::COPY_DST);
         let commands =
             buffer("splat_commands", size_of::<SplatCommands>() as u64, wgpu::BufferUsages::INDIRECT);
 
@@ -175,3 +172,6 @@ impl SortBuffers {
         Self { keys, slots, counts, commands, groups }
     }
 }
+
+#[cfg(test)]
+mod tests;
