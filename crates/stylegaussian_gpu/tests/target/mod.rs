@@ -1,5 +1,7 @@
 //! Textures to draw to, passes over them, and their texels read back.
 
+#![allow(dead_code, reason = "each test file uses a part")]
+
 use half::f16;
 use stylegaussian_gpu::{
     device::{DeviceError, HeadlessDevice},
