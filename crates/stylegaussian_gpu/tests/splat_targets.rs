@@ -12,7 +12,7 @@ use stylegaussian_gpu::{
     device::HeadlessDevice,
     scene::GpuScene,
     splat::{
-        Camera, Cloud, CloudColors, Composite, CompositeMode, LAYER_FORMAT, SortKey, SplatPass,
+        Camera, Cloud, CloudColors, Composite, CompositeMode, Headless, LAYER_FORMAT, SortKey, SplatPass,
         SplatSettings, SplatView,
     },
 };
@@ -296,6 +296,45 @@ fn orthographic_rays_are_parallel() {
     // 3 px right of the center, 2 px up.
     let pixel = picture.rgba[CENTER + 3 - 2 * SIZE as usize];
     near(pixel, [0.8 * (0.5 - 0.488_602_5 * 0.5), 0.4, 0.4, 0.8]);
+}
+
+/// Red splats 1 and 3 units ahead, a green one of another cloud between them: 0.8 red, then 0.2 * 0.8 green, then
+/// 0.2 * 0.2 * 0.8 red. The other cloud got there by its transform.
+#[test]
+fn clouds_interleave() {
+    let Some(gpu) = gpu() else { return };
+    let (red, green) = (scene(&[ahead(3.0), ahead(1.0)]), scene(&[ahead(7.0)]));
+    let moved = Affine3A::from_translation(Vec3::new(0.0, 0.0, 5.0));
+    let clouds =
+        [(&red, Colors::Rgb(&[RED, RED]), Affine3A::IDENTITY), (&green, Colors::Rgb(&[GREEN]), moved)];
+    let picture = draw(&gpu, &pinhole(), &clouds, &SplatSettings::default());
+    near(picture.rgba[CENTER], [0.832, 0.16, 0.0, 0.992]);
+    let swapped = draw(&gpu, &pinhole(), &[clouds[1], clouds[0]], &SplatSettings::default());
+    assert_eq!(picture, swapped);
+}
+
+/// Halfway from white to the scene's own mid-gray, and to red.
+#[test]
+fn colors_fade() {
+    let Some(gpu) = gpu() else { return };
+    let HeadlessDevice { device, queue, .. } = &gpu;
+    let scene = GpuScene::new(device, &scene(&[ahead(1.0)])).unwrap();
+    let white = GaussianColors::from_rgb(device, queue, &[WHITE]).unwrap();
+    let red = GaussianColors::from_rgb(device, queue, &[RED]).unwrap();
+    let check = |from, to, t, expected: [f32; 3]| {
+        let colors = CloudColors::Fade { from, to, t };
+        let cloud = Cloud { scene: &scene, colors, world_from_scene: Affine3A::IDENTITY };
+        let settings = SplatSettings::default();
+        let picture = Headless::new(device).render(device, queue, &pinhole(), &[cloud], &settings).unwrap();
+        let [r, g, b] = expected.map(|c| 0.8 * c);
+        near(picture.rgba[CENTER], [r, g, b, 0.8]);
+    };
+    check(Some(&white), None, 0.0, WHITE);
+    check(Some(&white), None, 0.5, [0.75; 3]);
+    check(None, Some(&red), 0.5, [0.75, 0.25, 0.25]);
+    check(Some(&white), Some(&red), 0.25, [1.0, 0.75, 0.75]);
+    check(Some(&white), Some(&red), 1.0, RED);
+    check(None, None, 0.5, [0.5; 3]);
 }
 
 /// Two splats at the picture's middle line: one nearer along the axis, the other nearer to the eye.

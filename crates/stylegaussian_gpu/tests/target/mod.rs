@@ -10,7 +10,12 @@ use stylegaussian_gpu::{
 
 /// A device, or `None` (said aloud) where there is none.
 pub fn gpu() -> Option<HeadlessDevice> {
-    match pollster::block_on(HeadlessDevice::request()) {
+    gpu_with_limits(|limits| limits)
+}
+
+/// A device with limits made of the adapter's own.
+pub fn gpu_with_limits(limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits) -> Option<HeadlessDevice> {
+    match pollster::block_on(HeadlessDevice::request_with_limits(limits)) {
         Ok(gpu) => {
             // A test that draws through validation errors would compare stale pictures.
             gpu.device.on_uncaptured_error(std::sync::Arc::new(|error| panic!("{error}")));
