@@ -64,12 +64,14 @@ fn check(gpu: &HeadlessDevice, name: &str, scene: &Scene, decoder: &Decoder, con
     assert!(difference < TOLERANCE, "{name}: {difference} from the CPU");
 }
 
+/// N, L, E, K, widths of the layers' outputs, activation, content.
+type Case = (usize, usize, usize, usize, &'static [usize], Activation, f64);
+
 #[test]
 fn gpu_matches_cpu() {
     let Some(gpu) = device() else { return };
-    let paper = &[256, 128, 64, 32, 3];
-    let cases: [(usize, usize, usize, usize, &[usize], Activation, f64); 8] = [
-        // N, L, E, K, widths, activation, content
+    let paper: &[usize] = &[256, 128, 64, 32, 3];
+    let cases: [Case; 8] = [
         (1000, 32, 0, 8, paper, Activation::Sigmoid, 0.0),
         (1000, 32, 3, 8, paper, LEAKY, 0.25),
         (3000, 32, 0, 8, &[64, 32, 3], LEAKY, 0.0),
