@@ -67,24 +67,47 @@ fn a_missing_file_is_named() {
 }
 
 #[test]
+#[cfg(target_os = "linux")]
 fn the_gpu_backend_never_falls_back() {
     let bench = Bench::new();
     let scene = bench.embedded_scene("a.sgs");
     let style = bench.style("s.style.safetensors");
-    let run = stylegaussian(&[
-        "stylize",
-        &scene,
-        "--style",
-        &style,
-        "--backend",
-        "gpu",
-        "-o",
-        &bench.path("b.ply"),
-    ]);
-    run.expect_error("no GPU backend");
-    stylegaussian(&["render", &scene, "--backend", "gpu", "-o", &bench.path("d")])
-        .expect_error("no GPU backend");
+    let out = bench.path("b.ply");
+    let stylize = ["stylize", &scene, "--style", &style, "-o", &out, "--json", "--backend"];
+    let with = |backend| support::stylegaussian_without_gpu(&[&stylize[..], &[backend]].concat());
+    with("gpu").expect_error("found no GPU adapter");
     bench.expect_files(&["a.sgs", "s.style.safetensors"]);
+    assert_eq!(with("auto").expect_success().json()["backend"], "cpu");
+}
+
+/// The style pass is the same on both: a contract of 2e-3, in display-referred units.
+#[test]
+fn gpu_matches_cpu() {
+    let bench = Bench::new();
+    let (scene, style) = (bench.embedded_scene("a.sgs"), bench.style("s.style.safetensors"));
+    let colors = |backend: &str| {
+        let out = bench.path(&format!("{backend}.safetensors"));
+        let arguments = ["stylize", &scene, "--style", &style, "-o", &out, "--json", "--backend", backend];
+        let run = stylegaussian(&arguments);
+        if run.stderr.contains("no GPU adapter") {
+            eprintln!("SKIPPED: no GPU adapter");
+            return None;
+        }
+        let json = run.expect_success().json();
+        assert_eq!(json["backend"], backend);
+        assert_eq!(json["adapter"].is_string(), backend == "gpu");
+        Some(bench.colors(&format!("{backend}.safetensors")))
+    };
+    let Some(gpu) = colors("gpu") else { return };
+    let cpu = colors("cpu").unwrap();
+    assert_eq!(gpu.len(), cpu.len());
+    for (gpu, cpu) in gpu.as_flattened().iter().zip(cpu.as_flattened()) {
+        assert!((gpu - cpu).abs() < 2e-3, "{gpu} on the GPU, {cpu} on the CPU");
+    }
+    let (folder, style) = (bench.path("d"), ["--style", &style, "--size", "16x16", "--orbit", "1"]);
+    let render = ["render", &scene, "--backend", "gpu", "--json", "-o", &folder];
+    let run = stylegaussian(&[&render[..], &style[..]].concat()).expect_success();
+    assert_eq!(run.json()["backend"], "gpu");
 }
 
 #[test]

@@ -16,7 +16,7 @@ use stylegaussian::{
 };
 
 use super::{
-    arguments::{MAX_SIDE, background, picture_size},
+    arguments::{Backend, MAX_SIDE, background, picture_size},
     output::{print, warn},
     stylization::{Stylization, StylizationArgs},
 };
@@ -79,6 +79,14 @@ struct RenderedPicture {
 pub fn run(arguments: &RenderArgs) -> Result<()> {
     let RenderArgs { scene: path, stylization, output, json, .. } = arguments;
     stylization.check()?;
+    if stylization.has_style() {
+        // Colors come from the GPU, and nobody is to think that pictures did.
+        if stylization.backend == Backend::Gpu {
+            warn(["--backend gpu stylizes; the CPU draws"]);
+        }
+    } else {
+        stylization.backend.expect_cpu("drawing a scene without a style")?;
+    }
     let loaded = file::read_scene(path)?;
     warn(&loaded.warnings);
     let scene = loaded.scene;

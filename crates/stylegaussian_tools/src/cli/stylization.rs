@@ -14,6 +14,7 @@ use stylegaussian_encoder::StyleSize;
 use super::{
     Cli,
     arguments::{Backend, WeightedStyle, fraction},
+    compute::Compute,
     output::warn,
     style::{image_statistics, open_encoder},
 };
@@ -36,7 +37,7 @@ pub struct StylizationArgs {
     encoder: Option<PathBuf>,
     /// What computes; `gpu` never falls back silently.
     #[arg(long, value_enum, default_value = "auto")]
-    backend: Backend,
+    pub backend: Backend,
 }
 
 /// A stylized scene's colors, and what they were made of.
@@ -50,7 +51,10 @@ pub struct Stylization {
     content: f64,
     /// The decoder's path, `scene` or `default`.
     decoder: String,
+    /// What computed: `cpu` or `gpu`.
     backend: &'static str,
+    /// The GPU's name.
+    adapter: Option<String>,
     pub warnings: Vec<String>,
 }
 
@@ -69,9 +73,8 @@ impl StylizationArgs {
     /// Checks what can be checked before any file is read.
     ///
     /// # Errors
-    /// A usage error where all weights are 0; an error where the backend is not there.
+    /// A usage error where all weights are 0.
     pub fn check(&self) -> Result<()> {
-        self.backend.check()?;
         if self.has_style() && self.total_weight() <= 0.0 {
             let message = "the weights of the styles are all 0: at least one must be positive";
             return Err(Cli::command().error(ErrorKind::ValueValidation, message).into());
@@ -112,7 +115,10 @@ impl StylizationArgs {
             .zip(&self.styles)
             .map(|(statistics, style)| (statistics, style.weight / total))
             .collect();
-        let colors = stylize_scene(scene, &decoder, &weighted, self.content)
+        let mut compute = Compute::open(self.backend)?;
+        let colors = fold::transfer(features, &weighted, self.content)
+            .map_err(anyhow::Error::from)
+            .and_then(|map| compute.stylize(self.backend, scene, &decoder, &map))
             .with_context(|| format!("{} with decoder {decoder_name}", scene_path.display()))?;
         let share = |style: &WeightedStyle| Share { path: style.path.clone(), weight: style.weight / total };
         Ok(Stylization {
@@ -120,7 +126,8 @@ impl StylizationArgs {
             styles: self.styles.iter().map(share).collect(),
             content: self.content,
             decoder: decoder_name,
-            backend: "cpu",
+            backend: compute.name(),
+            adapter: compute.adapter(),
             warnings,
         })
     }
@@ -156,17 +163,6 @@ impl StylizationArgs {
 /// The default decoder, which serves every scene that brings none.
 pub fn default_decoder() -> Result<Decoder> {
     Ok(file::decoder_from_bytes(stylegaussian_defaults::DECODER, "the default decoder")?)
-}
-
-/// Colors `[N]` of a scene in a mix of styles whose weights sum to 1.
-fn stylize_scene(
-    scene: &Scene,
-    decoder: &Decoder,
-    styles: &[(&ChannelStatistics, f64)],
-    content: f64,
-) -> Result<Vec<[f32; 3]>, StylizeError> {
-    let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
-    fold::stylize(scene, decoder, &fold::transfer(features, styles, content)?)
 }
 
 /// Names the parts that do not name their encoder.
