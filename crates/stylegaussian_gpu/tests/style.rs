@@ -129,6 +129,38 @@ fn gpu_matches_cpu_on_the_demo_scene() {
     assert!(difference < TOLERANCE && deviation >= 0.1, "{difference} from the CPU, deviation {deviation}");
 }
 
+/// Channels that hardly vary about a large mean, as checkpoints have them, each brought to the style's deviation: gains
+/// up to 3e5. Uncentered f16 would lose them entirely.
+#[test]
+fn nearly_constant_channels_keep_their_precision() {
+    let Some(gpu) = device() else { return };
+    let (n, d) = (1000, 48);
+    let mut random = Random(9);
+    let mut scene = random.scene(n, d, 0, 8);
+    let features = scene.features.as_mut().unwrap();
+    features.basis = (0..d * d).map(|i| if i % (d + 1) == 0 { 1.0 } else { 0.0 }).collect();
+    let size = |channel: usize| 1e-5_f32.powf(channel as f32 / (d - 1) as f32);
+    features.values = (0..n * d).map(|i| size(i % d) * random.signed() + 3.0).collect();
+    let decoder = random.decoder(&scene, 8, &[64, 32, 3], LEAKY);
+    let map = {
+        let features = scene.features.as_ref().unwrap();
+        let style = stylegaussian::ChannelStatistics {
+            mean: vec![0.0; d],
+            std_dev: vec![5.0; d],
+            covariance: None,
+            encoder: None,
+        };
+        fold::transfer(features, &[(&style, 1.0)], 0.0).unwrap()
+    };
+    assert!(map.gain.iter().any(|gain| *gain > 1e5), "{:?}", map.gain.last());
+    let expected = fold::stylize(&scene, &decoder, &map).unwrap();
+    let found = pollster::block_on(stylegaussian_gpu::style::stylize(&gpu, &scene, &decoder, &map)).unwrap();
+    let deviation = deviation(&expected);
+    let difference = largest_difference(&[expected, found]);
+    eprintln!("nearly constant channels: largest difference {difference:.2e}, deviation {deviation:.3}");
+    assert!(difference < TOLERANCE && deviation > 0.1, "{difference} from the CPU, deviation {deviation}");
+}
+
 /// 3,000 Gaussians under limits that put two planes in a buffer.
 #[test]
 fn split_buffers_give_the_same_colors() {
