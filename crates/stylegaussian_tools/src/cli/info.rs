@@ -9,7 +9,7 @@ use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
 use stylegaussian::{Activation, Decoder, EncoderId, Features, Scene, file};
-use stylegaussian_gpu::style::StyleScene;
+use stylegaussian_gpu::{colors::GaussianColors, scene::GpuScene, style::StyleScene};
 
 use super::{
     output::{print, warn},
@@ -73,11 +73,11 @@ struct DecoderInfo {
     encoder: Option<String>,
 }
 
-/// Bytes on the GPU for N Gaussians, by arithmetic.
+/// Bytes on the GPU, by arithmetic; what a picture takes of its own is not among them.
 #[derive(Debug, PartialEq, Serialize)]
 struct GpuBytes {
-    /// What stays: N (44 + 6 (degree + 1)^2 + 8) for geometry (mean, rotation, scale, opacity in f32), SH in f16 and a
-    /// color of 4 f16; with features the decoder's inputs and neighbor lists.
+    /// What stays: geometry, SH in f16 and a color of 4 f16 for each Gaussian; with features the decoder's inputs and
+    /// neighbor lists.
     scene: u64,
     /// What only a change of style needs: activations that one layer writes and the next one reads, and the decoder's
     /// weights. 0 without features, and where the decoder does not fit them.
@@ -86,15 +86,13 @@ struct GpuBytes {
 
 impl GpuBytes {
     fn of(scene: &Scene, decoder: Option<&Decoder>) -> Self {
-        let n = scene.len() as u64;
-        let n_coefficients = scene.sh.as_ref().map_or(0, |sh| (u64::from(sh.degree) + 1).pow(2));
-        let scene_bytes = n * (44 + 6 * n_coefficients + 8);
+        let geometry = GpuScene::bytes(scene) + GaussianColors::bytes(scene.len());
         let style = decoder.and_then(|decoder| {
             let scratch = StyleScene::scratch_bytes(scene, decoder).ok()?;
             Some((StyleScene::bytes(scene, decoder).ok()? - scratch, scratch))
         });
         let (inputs, style_pass) = style.unwrap_or_default();
-        Self { scene: scene_bytes + inputs, style_pass }
+        Self { scene: geometry + inputs, style_pass }
     }
 }
 
@@ -239,7 +237,7 @@ mod tests {
         scene.sh = Some(Sh { degree: 1, coefficients: vec![0.0; 10 * 12] });
         assert_eq!(
             GpuBytes::of(&scene, Some(&decoder)),
-            GpuBytes { scene: 10 * (44 + 24 + 8), style_pass: 0 }
+            GpuBytes { scene: 10 * (32 + 24 + 8), style_pass: 0 }
         );
         scene.features = Some(Features {
             values: vec![0.0; 320],
@@ -252,7 +250,7 @@ mod tests {
         });
         // The last layer's rows hold 4 columns.
         let weights = 64 * (8 * 32 + 1) + 32 * (8 * 64 + 1) + 4 * (8 * 32 + 1);
-        let expected = GpuBytes { scene: 10 * (76 + 64 + 32), style_pass: 2 * 10 * (64 + 32) + 4 * weights };
+        let expected = GpuBytes { scene: 10 * (64 + 64 + 32), style_pass: 2 * 10 * (64 + 32) + 4 * weights };
         assert_eq!(GpuBytes::of(&scene, Some(&decoder)), expected);
     }
 }

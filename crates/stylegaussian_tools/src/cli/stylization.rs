@@ -37,7 +37,7 @@ pub struct StylizationArgs {
     encoder: Option<PathBuf>,
     /// What computes; `gpu` never falls back silently.
     #[arg(long, value_enum, default_value = "auto")]
-    pub backend: Backend,
+    backend: Backend,
 }
 
 /// A stylized scene's colors, and what they were made of.
@@ -70,27 +70,27 @@ impl StylizationArgs {
         !self.styles.is_empty()
     }
 
-    /// Checks what can be checked before any file is read.
+    /// Checks what can be checked before any file is read, and opens the backend.
     ///
     /// # Errors
-    /// A usage error where all weights are 0.
-    pub fn check(&self) -> Result<()> {
+    /// A usage error where all weights are 0; an error where the GPU is asked for and there is none.
+    pub fn open(&self) -> Result<Compute> {
         if self.has_style() && self.total_weight() <= 0.0 {
             let message = "the weights of the styles are all 0: at least one must be positive";
             return Err(Cli::command().error(ErrorKind::ValueValidation, message).into());
         }
-        Ok(())
+        Compute::open(self.backend)
     }
 
     fn total_weight(&self) -> f64 {
         self.styles.iter().map(|style| style.weight).sum()
     }
 
-    /// Stylizes `scene`, which `scene_path` names in errors.
+    /// Stylizes `scene`, which `scene_path` names in errors, with what [`open`](Self::open) gave.
     ///
     /// # Errors
     /// When the scene has no features, a file cannot be read, or encoders differ.
-    pub fn stylize(&self, scene: &Scene, scene_path: &Path) -> Result<Stylization> {
+    pub fn stylize(&self, scene: &Scene, scene_path: &Path, compute: &mut Compute) -> Result<Stylization> {
         // Before anything expensive.
         let features = scene.features.as_ref();
         let features =
@@ -115,10 +115,9 @@ impl StylizationArgs {
             .zip(&self.styles)
             .map(|(statistics, style)| (statistics, style.weight / total))
             .collect();
-        let mut compute = Compute::open(self.backend)?;
         let colors = fold::transfer(features, &weighted, self.content)
             .map_err(anyhow::Error::from)
-            .and_then(|map| compute.stylize(self.backend, scene, &decoder, &map))
+            .and_then(|map| compute.stylize(scene, &decoder, &map))
             .with_context(|| format!("{} with decoder {decoder_name}", scene_path.display()))?;
         let share = |style: &WeightedStyle| Share { path: style.path.clone(), weight: style.weight / total };
         Ok(Stylization {
