@@ -107,7 +107,7 @@ mod forward {
         ]);
         let v = rgb_to_rrt.transpose() * c;
         let a = v * (v + 0.0245786) - 0.000_090_537;
-        let b = v * (0.983729 * v + 0.4329510) + 0.238081;
+        let b = v * (0.983729 * v + 0.432_951) + 0.238081;
         (odt_to_rgb.transpose() * (a / b)).clamp(Vec3::ZERO, Vec3::ONE)
     }
 
@@ -270,7 +270,7 @@ fn curves_that_are_tables_are_undone() {
             0.079_166_13,
             0.042_375_65,
             0.0784336,
-            0.879_142_97,
+            0.879_143,
         ]);
         stops_between(inset.transpose() * c, -10.0, 6.5)
     };
