@@ -130,7 +130,7 @@ impl Composite {
     }
 
     /// Binds a layer of `samples` samples, and the table of a tone mapping that
-    /// [`needs_table`](Tonemapping::needs_table).
+    /// [`needs_table`](Tonemapping::needs_table): undone without one, every color becomes black.
     pub fn bind(
         &self,
         device: &wgpu::Device,
