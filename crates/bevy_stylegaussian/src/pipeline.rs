@@ -1,0 +1,1 @@
+//! Pipelines that are built in the background.

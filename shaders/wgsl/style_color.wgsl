@@ -1,0 +1,50 @@
+// The last layer: rgb_p = sum_k W_k x_{n(p,k)} + B, plus the Gaussian's own color where the decoder is residual; no
+// activation and no clamp. CPU twins: stylegaussian::decoder::knn_conv and the end of stylegaussian::fold::stylize.
+//
+// Three columns are too few to tile: an invocation decodes one Gaussian and reads weights that all of them read.
+
+const COLOR_WORKGROUP_SIZE: u32 = 128u;
+
+// [N], 4 f16 each: the Gaussians' own colors; one of them where the decoder is not residual
+@group(0) @binding(6) var<storage, read> base_colors: array<vec2<u32>>;
+
+// Four channels' worth of the sum.
+fn weighted(x: vec4<f32>, first_weight: u32) -> vec4<f32> {
+    let weight = mat4x4<f32>(
+        weights[first_weight],
+        weights[first_weight + 1u],
+        weights[first_weight + 2u],
+        weights[first_weight + 3u],
+    );
+    return weight * x;
+}
+
+@compute @workgroup_size(COLOR_WORKGROUP_SIZE)
+fn main(@builtin(global_invocation_id) invocation: vec3<u32>) {
+    let row = invocation.x;
+    if row >= layer.n_rows {
+        return;
+    }
+    var color = vec4<f32>(0.0);
+    if layer.continues != 0u {
+        color = sums[row];
+    }
+    for (var slot = 0u; slot < layer.k; slot++) {
+        let neighbor = neighbors[row * layer.k + slot];
+        for (var plane = 0u; plane < layer.n_group_planes; plane++) {
+            let packed = inputs[plane * layer.n_gaussians + neighbor];
+            let first_weight = weight_row(slot, plane);
+            color += weighted(unpack_half4(packed.xy), first_weight);
+            color += weighted(unpack_half4(packed.zw), first_weight + 4u);
+        }
+    }
+    if layer.is_continued != 0u {
+        sums[row] = color;
+        return;
+    }
+    color += bias(0u);
+    if layer.is_residual != 0u {
+        color += unpack_half4(base_colors[layer.first_row + row]);
+    }
+    outputs[layer.first_row + row] = pack_half4(vec4<f32>(color.rgb, 1.0));
+}
