@@ -19,6 +19,9 @@ pub struct StyleGaussianPlugin {
     /// The encoder of style images, where it is not the one that `STYLEGAUSSIAN_ENCODER` names; the resource
     /// [`StyleEncoder`] changes it later. Presets need none.
     pub encoder: Option<PathBuf>,
+    /// Whether a frame waits for the GPU's pipelines where it needs new ones, instead of going without splats until they
+    /// are ready: for pictures without a window, where every frame counts. Bevy's `RenderPlugin` has the same switch.
+    pub synchronous_pipeline_compilation: bool,
 }
 
 /// When the plugin works, in `PostUpdate`: changes made before are on the screen in the same frame, as far as they take
@@ -46,10 +49,7 @@ impl Plugin for StyleGaussianPlugin {
             .register_type::<GaussianScene>()
             .register_type::<StyleStatistics>()
             .register_type::<GaussianDecoder>()
-            .configure_sets(
-                PostUpdate,
-                (StyleGaussianSystems::Scenes, StyleGaussianSystems::Styles).chain(),
-            )
+            .configure_sets(PostUpdate, (StyleGaussianSystems::Scenes, StyleGaussianSystems::Styles).chain())
             .add_plugins((SplatsPlugin, StylePlugin));
     }
 }

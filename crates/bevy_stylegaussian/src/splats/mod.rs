@@ -7,6 +7,7 @@ use bevy::{
     camera::visibility::{VisibilityClass, VisibilitySystems, add_visibility_class},
     prelude::*,
     render::{
+        RenderApp,
         extract_component::{ExtractComponent, ExtractComponentPlugin},
         sync_component::SyncComponent,
     },
@@ -127,7 +128,7 @@ impl Plugin for SplatsPlugin {
                     .after(AssetEventSystems)
                     .before(VisibilitySystems::CheckVisibility),
             );
-        if app.world().contains_resource::<bevy::render::sync_world::PendingSyncEntity>() {
+        if app.get_sub_app(RenderApp).is_some() {
             app.add_plugins((
                 ExtractComponentPlugin::<SplatTonemapping>::default(),
                 ExtractComponentPlugin::<SortKey>::default(),

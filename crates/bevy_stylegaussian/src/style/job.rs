@@ -11,7 +11,7 @@ use bevy::{
     ecs::system::SystemParam,
     platform::{collections::HashSet, time::Instant},
     prelude::*,
-    render::{render_resource::DeviceType, renderer::RenderAdapterInfo},
+    render::renderer::RenderAdapterInfo,
     tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
 };
 
@@ -69,10 +69,12 @@ pub(super) fn ask_for_changed_styles(
     >,
 ) {
     for (entity, mut job, mut look, scene) in &mut jobs {
-        if scene.is_changed() && (job.wanted.is_none() || !matches!(look.colors, LookColors::Own)) {
-            look.set(LookColors::Own);
-            commands.entity(entity).remove::<AppliedStyle>();
+        if scene.is_changed() {
             *job = StyleJob::default();
+            if !matches!(look.colors, LookColors::Own) {
+                look.set(LookColors::Own);
+                commands.entity(entity).remove::<AppliedStyle>();
+            }
         }
         job.gpu_refused = false;
         job.want();
@@ -362,7 +364,7 @@ impl Inputs<'_> {
         match *self.backend {
             StyleBackend::Gpu if adapter.is_none() => Err(StyleError::Gpu("there is no GPU".into())),
             StyleBackend::Auto => {
-                let is_gpu = adapter.is_some_and(|adapter| adapter.device_type != DeviceType::Cpu);
+                let is_gpu = adapter.is_some_and(|adapter| adapter.device_type != wgpu::DeviceType::Cpu);
                 Ok(if is_gpu && !gpu_refused { StyleBackend::Gpu } else { StyleBackend::Cpu })
             }
             backend => Ok(backend),
