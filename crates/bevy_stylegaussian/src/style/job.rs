@@ -25,6 +25,7 @@ use super::{
     event::{AppliedStyle, StyleApplied, StyleError, StyleFailed},
     images::ImageStatistics,
     look::{GpuReport, GpuReports, Look, LookColors},
+    packed::PackedInputs,
     settings::{StyleBackend, StyleEncoder},
     source::{StyleDecoder, StyleInput, StyleSource, StyleTransition},
     transfer::{Order, Transferred},
@@ -287,6 +288,7 @@ pub(super) struct Inputs<'w> {
     server: Res<'w, AssetServer>,
     encoder: Res<'w, StyleEncoder>,
     encoded: ResMut<'w, ImageStatistics>,
+    packed: Res<'w, PackedInputs>,
     backend: Res<'w, StyleBackend>,
     adapter: Option<Res<'w, RenderAdapterInfo>>,
 }
@@ -327,7 +329,7 @@ impl Inputs<'_> {
             Some(Some(Err(error))) => return Some(Err(error)),
         };
         let (scene, content) = (scene.0.clone(), f64::from(source.content));
-        Some(Ok(Order { scene, decoder, styles, content, backend }))
+        Some(Ok(Order { scene, decoder, styles, content, backend, packed: self.packed.clone() }))
     }
 
     /// The statistics of one style, or `None` while they are awaited.
