@@ -4,3 +4,5 @@
 //! change; the splat pass reads it, every frame.
 
 pub mod colors;
+pub mod device;
+pub mod style;
