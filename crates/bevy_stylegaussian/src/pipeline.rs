@@ -1,6 +1,13 @@
 //! GPU objects that are built in the background: a frame never waits for a shader compiler.
 
-use bevy::tasks::{AsyncComputeTaskPool, Task, block_on, poll_once};
+use bevy::{
+    prelude::*,
+    tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
+};
+
+/// Whether a frame waits for pipelines that it needs.
+#[derive(Resource, Clone, Copy)]
+pub(crate) struct AtOnce(pub(crate) bool);
 
 /// Something that is being built, or is.
 pub(crate) enum Built<T> {

@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
-use bevy::prelude::*;
+use bevy::{prelude::*, render::RenderApp};
 
 use crate::{
     asset::{GaussianDecoder, GaussianScene, StyleStatistics},
     loader::{GaussianDecoderLoader, GaussianSceneLoader, StyleStatisticsLoader},
+    pipeline::AtOnce,
     splats::SplatsPlugin,
     style::{StyleBackend, StyleEncoder, StylePlugin},
 };
@@ -51,5 +52,8 @@ impl Plugin for StyleGaussianPlugin {
             .register_type::<GaussianDecoder>()
             .configure_sets(PostUpdate, (StyleGaussianSystems::Scenes, StyleGaussianSystems::Styles).chain())
             .add_plugins((SplatsPlugin, StylePlugin));
+        if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
+            render_app.insert_resource(AtOnce(self.synchronous_pipeline_compilation));
+        }
     }
 }

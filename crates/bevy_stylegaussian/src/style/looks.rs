@@ -20,6 +20,8 @@ pub(crate) struct CloudLooks(pub(super) MainEntityHashMap<CloudLook>);
 pub(super) struct CloudLook {
     /// Of the look that is on the GPU or was refused; `None` where the cloud is new to the GPU.
     pub(super) generation: Option<u64>,
+    /// How many Gaussians the cloud has.
+    n_gaussians: usize,
     /// The buffer in use, and where there are fades the one before.
     buffers: [Option<GaussianColors>; 2],
     /// Which of them is shown; `None` for the scene's own colors.
@@ -56,15 +58,21 @@ impl Fade {
 }
 
 impl CloudLook {
+    /// Starts anew where the cloud has another scene, whose colors cannot fade from the last one's.
+    pub(super) fn fit(&mut self, n_gaussians: usize) {
+        if self.n_gaussians != n_gaussians {
+            *self = Self { n_gaussians, ..default() };
+        }
+    }
+
     /// The buffer for the next look: the shown one, or the other where the shown one is to fade away; made where there is
-    /// none for as many Gaussians.
+    /// none.
     ///
     /// # Errors
     /// When the device cannot take it.
     pub(super) fn next(
         &mut self,
         device: &wgpu::Device,
-        n_gaussians: usize,
         lasts: Duration,
     ) -> Result<(usize, &GaussianColors), GaussianColorsError> {
         let index = match self.shown {
@@ -72,10 +80,9 @@ impl CloudLook {
             Some(shown) => shown,
             None => 0,
         };
-        let fits = self.buffers[index].as_ref().is_some_and(|colors| colors.n_gaussians() == n_gaussians);
-        let buffer = match self.buffers[index].take().filter(|_| fits) {
+        let buffer = match self.buffers[index].take() {
             Some(buffer) => buffer,
-            None => GaussianColors::new(device, n_gaussians)?,
+            None => GaussianColors::new(device, self.n_gaussians)?,
         };
         Ok((index, self.buffers[index].insert(buffer)))
     }

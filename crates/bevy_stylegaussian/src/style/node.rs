@@ -3,18 +3,18 @@
 use std::{sync::Arc, time::Duration};
 
 use bevy::{
-    platform::collections::HashMap,
+    platform::collections::{HashMap, hash_map::Entry},
     prelude::*,
-    render::{
-        renderer::{RenderContext, RenderDevice, RenderQueue},
-        sync_world::MainEntity,
-    },
+    render::renderer::{RenderContext, RenderDevice, RenderQueue},
 };
-use stylegaussian_gpu::style::{GpuDecoder, StyleInputs, StylePass, StyleScene};
+use stylegaussian_gpu::{
+    colors::GaussianColors,
+    style::{GpuDecoder, StyleInputs, StylePass, StyleScene, StyleSceneError},
+};
 
 use crate::{
     pipeline::{AtOnce, Built},
-    splats::{RenderCloud, RenderClouds},
+    splats::RenderClouds,
 };
 
 use super::{
@@ -67,26 +67,104 @@ pub(super) fn update_looks(
     passes.waits = false;
     for (&entity, cloud) in &clouds.0 {
         let look = looks.0.entry(entity).or_default();
-        if look.generation == Some(cloud.look.generation) {
+        look.fit(cloud.scene.len());
+        let generation = cloud.look.generation;
+        if look.generation == Some(generation) {
             continue;
         }
-        match &cloud.look.colors {
-            LookColors::Own => look.show(None, cloud.fade, time.elapsed(), cloud.look.generation),
-            LookColors::Rgb(rgb) => {
-                match look.next(device.wgpu_device(), rgb.len(), cloud.fade) {
-                    Ok((index, colors)) => {
-                        colors.write(&queue, rgb);
-                        look.show(Some(index), cloud.fade, time.elapsed(), cloud.look.generation);
-                    }
-                    Err(error) => refuse(&reports, entity, cloud, look, error.to_string()),
-                }
-            }
+        let device = device.wgpu_device();
+        let shown = match &cloud.look.colors {
+            LookColors::Own => Ok(None),
+            LookColors::Rgb(rgb) => upload(device, &queue, look, rgb, cloud.fade).map(Some),
             LookColors::Folded(style) => {
-                let Some(pass) = passes.pass(at_once.0, &device) else {
+                let Some(pass) = passes.pass(at_once.0, device) else {
                     passes.waits = true;
                     continue;
                 };
+                let mut gpu = Gpu { device, queue: &queue, encoder: context.command_encoder() };
+                let decoded = passes.decode(&pass, &mut gpu, style, look, cloud.fade);
+                if decoded.is_ok() {
+                    count.add_one();
+                    reports.push(GpuReport::Styled { entity: entity.id(), generation });
+                }
+                decoded.map(Some)
+            }
+        };
+        match shown {
+            Ok(index) => look.show(index, cloud.fade, time.elapsed(), generation),
+            Err(reason) => {
+                look.generation = Some(generation);
+                reports.push(GpuReport::StyleRefused { entity: entity.id(), generation, reason });
             }
         }
+    }
+}
+
+/// Puts colors that are known into the look's next buffer, whose index it gives.
+fn upload(
+    device: &wgpu::Device,
+    queue: &wgpu::Queue,
+    look: &mut CloudLook,
+    rgb: &[[f32; 3]],
+    fade: Duration,
+) -> Result<usize, String> {
+    let (index, colors) = look.next(device, fade).map_err(|error| error.to_string())?;
+    if colors.n_gaussians() != rgb.len() {
+        return Err(format!("{} colors for {} Gaussians", rgb.len(), colors.n_gaussians()));
+    }
+    colors.write(queue, rgb);
+    Ok(index)
+}
+
+impl StylePasses {
+    /// The pipelines, once they are built; the first call starts that.
+    fn pass(&mut self, at_once: bool, device: &wgpu::Device) -> Option<Arc<StylePass>> {
+        let device = device.clone();
+        let pass = self.pass.get_or_insert_with(|| Built::start(at_once, move || Arc::new(StylePass::new(&device))));
+        pass.poll().cloned()
+    }
+
+    /// Encodes a style pass into the look's next buffer, whose index it gives.
+    fn decode(
+        &mut self,
+        pass: &StylePass,
+        gpu: &mut Gpu,
+        style: &FoldedStyle,
+        look: &mut CloudLook,
+        fade: Duration,
+    ) -> Result<usize, String> {
+        let (index, colors) = look.next(gpu.device, fade).map_err(|error| error.to_string())?;
+        self.encode(pass, gpu, style, colors).map_err(|error| error.to_string())?;
+        Ok(index)
+    }
+
+    fn encode(
+        &mut self,
+        pass: &StylePass,
+        gpu: &mut Gpu,
+        style: &FoldedStyle,
+        colors: &GaussianColors,
+    ) -> Result<(), StyleSceneError> {
+        let scene = match self.scenes.entry(Arc::as_ptr(&style.inputs).addr()) {
+            Entry::Occupied(entry) => entry.into_mut(),
+            Entry::Vacant(entry) => entry.insert(StyledScene {
+                inputs: Arc::clone(&style.inputs),
+                scene: StyleScene::upload(gpu.device, gpu.queue, &style.inputs)?,
+            }),
+        };
+        // Not kept from style to style: two entities may change in one frame, and weights are written before either runs.
+        let weights = GpuDecoder::new(gpu.device, gpu.queue, &style.layers)?;
+        pass.encode(gpu.device, gpu.encoder, &scene.scene, &weights, colors)?;
+        Ok(())
+    }
+
+    /// Lets go of scenes that no look is decoded from.
+    fn forget_unused(&mut self, clouds: &RenderClouds) {
+        self.scenes.retain(|_, scene| {
+            clouds.0.values().any(|cloud| match &cloud.look.colors {
+                LookColors::Folded(style) => Arc::ptr_eq(&style.inputs, &scene.inputs),
+                _ => false,
+            })
+        });
     }
 }
