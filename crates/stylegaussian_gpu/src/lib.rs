@@ -5,4 +5,6 @@
 
 pub mod colors;
 pub mod device;
+pub mod scene;
+pub mod splat;
 pub mod style;
