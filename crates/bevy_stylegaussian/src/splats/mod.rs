@@ -5,9 +5,15 @@ use std::sync::Arc;
 use bevy::{
     asset::AssetEventSystems,
     camera::visibility::{VisibilityClass, VisibilitySystems, add_visibility_class},
+    core_pipeline::{
+        Core3d, Core3dSystems,
+        core_3d::{main_opaque_pass_3d, main_transparent_pass_3d},
+        tonemapping::tonemapping,
+    },
+    pbr::main_transmissive_pass_3d,
     prelude::*,
     render::{
-        RenderApp,
+        ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderSystems,
         extract_component::{ExtractComponent, ExtractComponentPlugin},
         sync_component::SyncComponent,
     },

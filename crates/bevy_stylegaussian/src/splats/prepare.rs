@@ -6,7 +6,7 @@ use bevy::{
     platform::collections::HashMap,
     prelude::*,
     render::{
-        renderer::{RenderDevice, RenderQueue},
+        renderer::RenderDevice,
         sync_world::MainEntityHashSet,
     },
 };
@@ -47,7 +47,6 @@ pub(super) fn prepare_scenes(
     clouds: Res<RenderClouds>,
     mut scenes: ResMut<GpuScenes>,
     device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
     reports: Res<GpuReports>,
 ) {
     if !clouds.is_changed() && !scenes.is_added() {
@@ -60,7 +59,7 @@ pub(super) fn prepare_scenes(
     for (&entity, cloud) in &clouds.0 {
         let uploaded = scenes.of_scene.entry(address(&cloud.scene)).or_insert_with(|| Uploaded {
             scene: Arc::clone(&cloud.scene),
-            gpu: GpuScene::new(device.wgpu_device(), &queue, &cloud.scene).map_err(|error| error.to_string()),
+            gpu: GpuScene::new(device.wgpu_device(), &cloud.scene).map_err(|error| error.to_string()),
             told: MainEntityHashSet::default(),
         });
         if let Err(reason) = &uploaded.gpu

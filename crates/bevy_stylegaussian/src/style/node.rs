@@ -26,7 +26,7 @@ use super::{
 /// The pipelines of the style pass, and the scenes that it runs on, by the address of their packed inputs.
 #[derive(Resource, Default)]
 pub(super) struct StylePasses {
-    pass: Option<Built<StylePass>>,
+    pass: Option<Built<Arc<StylePass>>>,
     scenes: HashMap<usize, StyledScene>,
     /// Whether a look waits for the pipelines.
     waits: bool,
