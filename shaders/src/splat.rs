@@ -1,13 +1,289 @@
-//! Shaders of the splat pass.
+//! Shaders of the splat pass: project, sort, draw, composite.
 
-use crate::{Layout, Source};
+use bytemuck::{Pod, Zeroable};
+
+use crate::{Layout, Source, layout};
+
+/// Invocations in a workgroup of every kernel of the pass.
+pub const WORKGROUP: u32 = 256;
+/// Keys that one workgroup of the sort handles.
+pub const TILE: u32 = 2048;
+/// Values of one digit of the sort.
+pub const N_DIGITS: u32 = WORKGROUP;
+/// The key of a Gaussian that no pixel sees. Keys of depths are below it: it would be that of a NaN.
+pub const INVISIBLE: u32 = u32::MAX;
+/// `SplatChunk::sh_degree` of a scene that keeps no colors of its own.
+pub const NO_SH: u32 = u32::MAX;
+/// `SplatChunk::flags`: the first color source is the scene's own colors.
+pub const FROM_OWN_COLORS: u32 = 1;
+/// `SplatChunk::flags`: the second color source is the scene's own colors.
+pub const TO_OWN_COLORS: u32 = 2;
+/// `SplatChunk::flags`: sort by the distance from the eye instead of by view depth.
+pub const BY_DISTANCE: u32 = 4;
+
+/// `mode` of the composite: the layer as it is.
+pub const MODE_ENCODED: u32 = 0;
+/// `mode` of the composite: from sRGB's encoding to linear.
+pub const MODE_LINEAR: u32 = 1;
+/// `mode` of the composite: to linear, exposure undone.
+pub const MODE_EXPOSED: u32 = 2;
+/// `mode` of the composite: to linear, Reinhard and exposure undone.
+pub const MODE_REINHARD: u32 = 3;
+/// `mode` of the composite: to linear, Reinhard of the luminance and exposure undone.
+pub const MODE_REINHARD_LUMINANCE: u32 = 4;
+/// `mode` of the composite: to linear, fitted ACES and exposure undone.
+pub const MODE_ACES_FITTED: u32 = 5;
+/// `mode` of the composite: to linear, PBR Neutral and exposure undone.
+pub const MODE_PBR_NEUTRAL: u32 = 6;
+/// `mode` of the composite: a tone mapping undone by table, then exposure.
+pub const MODE_TABLE: u32 = 7;
+
+const RECORDS: &str = include_str!("../wgsl/splat_records.wgsl");
+const SCAN: &str = include_str!("../wgsl/splat_scan.wgsl");
+const SORT: &str = include_str!("../wgsl/splat_sort.wgsl");
+
+/// The constants above, in WGSL.
+fn constants() -> String {
+    let constants = [
+        ("WORKGROUP", WORKGROUP),
+        ("TILE", TILE),
+        ("INVISIBLE", INVISIBLE),
+        ("NO_SH", NO_SH),
+        ("FROM_OWN_COLORS", FROM_OWN_COLORS),
+        ("TO_OWN_COLORS", TO_OWN_COLORS),
+        ("BY_DISTANCE", BY_DISTANCE),
+        ("MODE_ENCODED", MODE_ENCODED),
+        ("MODE_LINEAR", MODE_LINEAR),
+        ("MODE_REINHARD", MODE_REINHARD),
+        ("MODE_REINHARD_LUMINANCE", MODE_REINHARD_LUMINANCE),
+        ("MODE_ACES_FITTED", MODE_ACES_FITTED),
+        ("MODE_PBR_NEUTRAL", MODE_PBR_NEUTRAL),
+        ("MODE_TABLE", MODE_TABLE),
+    ];
+    constants.iter().map(|(name, value)| format!("const {name}: u32 = {value}u;\n")).collect()
+}
+
+/// A shader from the constants and its files.
+fn source(label: &'static str, files: &[&str]) -> Source {
+    Source { label, wgsl: constants() + &files.join("\n") }
+}
+
+/// Cull, project, color.
+pub fn project() -> Source {
+    let sh = include_str!("../wgsl/splat_sh.wgsl");
+    source("splat_project", &[RECORDS, sh, include_str!("../wgsl/splat_project.wgsl")])
+}
+
+/// Count the digits of each tile.
+pub fn sort_histogram() -> Source {
+    let kernel = include_str!("../wgsl/splat_sort_histogram.wgsl");
+    source("splat_sort_histogram", &[RECORDS, SORT, kernel])
+}
+
+/// From counts to places.
+pub fn sort_scan() -> Source {
+    source("splat_sort_scan", &[RECORDS, SORT, SCAN, include_str!("../wgsl/splat_sort_scan.wgsl")])
+}
+
+/// Move keys to their places.
+pub fn sort_scatter() -> Source {
+    source("splat_sort_scatter", &[RECORDS, SORT, SCAN, include_str!("../wgsl/splat_sort_scatter.wgsl")])
+}
+
+/// Write the indirect commands.
+pub fn sort_counts() -> Source {
+    source("splat_sort_counts", &[RECORDS, include_str!("../wgsl/splat_sort_counts.wgsl")])
+}
+
+/// Draw the sorted splats.
+pub fn draw() -> Source {
+    source("splat_draw", &[RECORDS, include_str!("../wgsl/splat_draw.wgsl")])
+}
+
+/// Put the layer over a picture of one sample per pixel, or of several.
+pub fn composite(multisampled: bool) -> Source {
+    let target = match multisampled {
+        false => include_str!("../wgsl/splat_composite_single.wgsl"),
+        true => include_str!("../wgsl/splat_composite_multi.wgsl"),
+    };
+    let tonemapping = include_str!("../wgsl/splat_tonemapping.wgsl");
+    source("splat_composite", &[tonemapping, include_str!("../wgsl/splat_composite.wgsl"), target])
+}
 
 /// Every joined source of the splat pass.
 pub fn sources() -> Vec<Source> {
-    Vec::new()
+    vec![
+        project(),
+        sort_histogram(),
+        sort_scan(),
+        sort_scatter(),
+        sort_counts(),
+        draw(),
+        composite(false),
+        composite(true),
+    ]
 }
 
 /// Every struct that the splat pass shares with Rust.
 pub fn layouts() -> Vec<Layout> {
-    Vec::new()
+    vec![
+        layout!(SplatChunk {
+            view_from_scene_x,
+            view_from_scene_y,
+            view_from_scene_z,
+            clip_from_view_x,
+            clip_from_view_y,
+            clip_from_view_z,
+            clip_from_view_w,
+            viewport,
+            eye,
+            axis,
+            near,
+            scale_unit,
+            fade,
+            n_gaussians,
+            first_gaussian,
+            first_slot,
+            sh_degree,
+            flags,
+            padding,
+        }),
+        layout!(PackedGaussian { mean, opacity, rotation, scales }),
+        layout!(SplatCounts { n_slots, n_visible }),
+        layout!(SortPass { shift, first, padding }),
+        layout!(SplatCommands {
+            n_tiles,
+            one_y,
+            one_z,
+            padding,
+            n_vertices,
+            n_instances,
+            first_vertex,
+            first_instance,
+        }),
+        layout!(SplatDraw { viewport }),
+        layout!(SplatComposite { exposure, table_size, padding }),
+    ]
+}
+
+/// One chunk of one cloud as one camera sees it. View space is x right, y up, z backward; matrices are kept as rows.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct SplatChunk {
+    /// View from scene, first row.
+    pub view_from_scene_x: [f32; 4],
+    /// View from scene, second row.
+    pub view_from_scene_y: [f32; 4],
+    /// View from scene, third row.
+    pub view_from_scene_z: [f32; 4],
+    /// Clip from view, first row; reverse z.
+    pub clip_from_view_x: [f32; 4],
+    /// Clip from view, second row.
+    pub clip_from_view_y: [f32; 4],
+    /// Clip from view, third row.
+    pub clip_from_view_z: [f32; 4],
+    /// Clip from view, fourth row.
+    pub clip_from_view_w: [f32; 4],
+    /// Left, top, width and height of the viewport, in pixels of the target.
+    pub viewport: [f32; 4],
+    /// Where rays come from, in the scene's space: (eye, 1), or (-direction, 0) where they are parallel.
+    pub eye: [f32; 4],
+    /// Where the image axis (view -z) meets the picture, in normalized device coordinates.
+    pub axis: [f32; 2],
+    /// View depth at which Gaussians and nearer ones are culled, in world units.
+    pub near: f32,
+    /// The unit of [`PackedGaussian::scales`], in scene units.
+    pub scale_unit: f32,
+    /// Share of the second color source, 0..1.
+    pub fade: f32,
+    /// Gaussians in this chunk.
+    pub n_gaussians: u32,
+    /// Index of the chunk's first Gaussian in its scene.
+    pub first_gaussian: u32,
+    /// Index of the chunk's first record.
+    pub first_slot: u32,
+    /// Degree of the spherical harmonics, or [`NO_SH`].
+    pub sh_degree: u32,
+    /// [`FROM_OWN_COLORS`], [`TO_OWN_COLORS`], [`BY_DISTANCE`].
+    pub flags: u32,
+    /// Unused.
+    pub padding: [u32; 2],
+}
+
+/// One Gaussian as the project kernel reads it.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct PackedGaussian {
+    /// Mean, in scene units.
+    pub mean: [f32; 3],
+    /// 0..1.
+    pub opacity: f32,
+    /// Unit quaternion (x, y, z, w) as 16-bit signed fractions, two to a word, the first in the low bits.
+    pub rotation: [u32; 2],
+    /// Standard deviations along the local axes as f16, in [`SplatChunk::scale_unit`].
+    pub scales: [u32; 2],
+}
+
+/// How many records a view has room for, and how many of them hold a visible splat.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct SplatCounts {
+    /// One for each Gaussian of each cloud.
+    pub n_slots: u32,
+    /// Written by the sort.
+    pub n_visible: u32,
+}
+
+/// One of the passes of the sort.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct SortPass {
+    /// Position of the digit's lowest bit.
+    pub shift: u32,
+    /// 1 in the first pass, whose values are the slots themselves.
+    pub first: u32,
+    /// Unused.
+    pub padding: [u32; 2],
+}
+
+/// Arguments of the indirect commands, written by the sort.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct SplatCommands {
+    /// Workgroups of a kernel that runs over tiles of visible splats.
+    pub n_tiles: u32,
+    /// Its workgroups in y.
+    pub one_y: u32,
+    /// Its workgroups in z.
+    pub one_z: u32,
+    /// Unused.
+    pub padding: u32,
+    /// Corners of a splat's quad.
+    pub n_vertices: u32,
+    /// Visible splats.
+    pub n_instances: u32,
+    /// Zero.
+    pub first_vertex: u32,
+    /// Zero.
+    pub first_instance: u32,
+}
+
+/// Where a view is drawn.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct SplatDraw {
+    /// Left, top, width and height of the viewport, in pixels of the target.
+    pub viewport: [f32; 4],
+}
+
+/// How the layer becomes the target's.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct SplatComposite {
+    /// What the camera multiplies colors with before tone mapping: 2^exposure of its color grading.
+    pub exposure: f32,
+    /// Texels along a side of the table of inverses.
+    pub table_size: f32,
+    /// Unused.
+    pub padding: [f32; 2],
 }

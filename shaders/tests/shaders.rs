@@ -13,12 +13,14 @@ fn layouts() -> Vec<Layout> {
     [style::layouts(), splat::layouts()].concat()
 }
 
-/// Parses and validates with no optional capability but the packing of f16 in u32, which every adapter has that is not
-/// an old OpenGL: what passes runs anywhere.
+/// What every adapter offers that WebGPU's core demands; naga counts them as optional for OpenGL's sake.
+const CORE: Capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32.union(Capabilities::MULTISAMPLED_SHADING);
+
+/// Parses and validates with no optional capability: what passes runs on every adapter.
 fn validated(source: &Source) -> Result<naga::Module, String> {
     let module =
         naga::front::wgsl::parse_str(&source.wgsl).map_err(|error| error.emit_to_string(&source.wgsl))?;
-    Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32)
+    Validator::new(ValidationFlags::all(), CORE)
         .validate(&module)
         .map_err(|error| error.emit_to_string(&source.wgsl))?;
     Ok(module)

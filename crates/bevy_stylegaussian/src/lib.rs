@@ -36,6 +36,6 @@ pub use asset::{GaussianDecoder, GaussianScene, StyleStatistics};
 pub use plugin::{StyleGaussianPlugin, StyleGaussianSystems};
 pub use splats::{GaussianSplats, SceneError, SceneFailed, SortKey, SplatTonemapping};
 pub use style::{
-    AppliedStyle, StyleApplied, StyleBackend, StyleDecoder, StyleEncoder, StyleError, StyleFailed, StyleInput,
-    StylePassCount, StyleSource, StyleTransition, WeightedStyle,
+    AppliedStyle, StyleApplied, StyleBackend, StyleDecoder, StyleEncoder, StyleError, StyleFailed,
+    StyleInput, StylePassCount, StyleSource, StyleTransition, WeightedStyle,
 };

@@ -109,10 +109,7 @@ impl AssetLoader for GaussianDecoderLoader {
 }
 
 /// The asset's bytes, and its path to name it by.
-async fn read(
-    reader: &mut dyn Reader,
-    context: &LoadContext<'_>,
-) -> Result<(Vec<u8>, String), LoadError> {
+async fn read(reader: &mut dyn Reader, context: &LoadContext<'_>) -> Result<(Vec<u8>, String), LoadError> {
     let path = context.path().to_string();
     let mut bytes = Vec::new();
     match reader.read_to_end(&mut bytes).await {

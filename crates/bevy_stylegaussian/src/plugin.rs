@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
-use bevy::prelude::*;
+use bevy::{prelude::*, render::RenderApp};
 
 use crate::{
     asset::{GaussianDecoder, GaussianScene, StyleStatistics},
     loader::{GaussianDecoderLoader, GaussianSceneLoader, StyleStatisticsLoader},
+    pipeline::AtOnce,
     splats::SplatsPlugin,
     style::{StyleBackend, StyleEncoder, StylePlugin},
 };
@@ -19,6 +20,9 @@ pub struct StyleGaussianPlugin {
     /// The encoder of style images, where it is not the one that `STYLEGAUSSIAN_ENCODER` names; the resource
     /// [`StyleEncoder`] changes it later. Presets need none.
     pub encoder: Option<PathBuf>,
+    /// Whether a frame waits for the GPU's pipelines where it needs new ones, instead of going without splats until they
+    /// are ready: for pictures without a window, where every frame counts. Bevy's `RenderPlugin` has the same switch.
+    pub synchronous_pipeline_compilation: bool,
 }
 
 /// When the plugin works, in `PostUpdate`: changes made before are on the screen in the same frame, as far as they take
@@ -46,10 +50,10 @@ impl Plugin for StyleGaussianPlugin {
             .register_type::<GaussianScene>()
             .register_type::<StyleStatistics>()
             .register_type::<GaussianDecoder>()
-            .configure_sets(
-                PostUpdate,
-                (StyleGaussianSystems::Scenes, StyleGaussianSystems::Styles).chain(),
-            )
+            .configure_sets(PostUpdate, (StyleGaussianSystems::Scenes, StyleGaussianSystems::Styles).chain())
             .add_plugins((SplatsPlugin, StylePlugin));
+        if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
+            render_app.insert_resource(AtOnce(self.synchronous_pipeline_compilation));
+        }
     }
 }

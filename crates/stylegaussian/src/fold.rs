@@ -9,6 +9,7 @@ use std::borrow::Cow;
 
 use crate::{
     decoder::{Decoder, Layer, run_layers},
+    encoder_id::EncoderId,
     neighbors::Neighbors,
     noise::noise,
     scene::{Features, Scene},
@@ -223,21 +224,33 @@ pub fn transfer(
     styles: &[(&ChannelStatistics, f64)],
     content: f64,
 ) -> Result<ChannelMap, StylizeError> {
-    let statistics = ContentStatistics::of(features);
+    transfer_from(&ContentStatistics::of(features), features.encoder.as_ref(), styles, content)
+}
+
+/// [`transfer`] for a scene whose statistics are known already; `encoder` is the one its features belong to.
+///
+/// # Errors
+/// As [`transfer`].
+pub fn transfer_from(
+    statistics: &ContentStatistics,
+    encoder: Option<&EncoderId>,
+    styles: &[(&ChannelStatistics, f64)],
+    content: f64,
+) -> Result<ChannelMap, StylizeError> {
     let mut maps = Vec::with_capacity(styles.len());
     for (style, weight) in styles {
-        check_encoder("a style", style.encoder.as_ref(), features)?;
-        maps.push((ChannelMap::adain(&statistics, style)?, *weight));
+        check_encoder("a style", style.encoder.as_ref(), encoder)?;
+        maps.push((ChannelMap::adain(statistics, style)?, *weight));
     }
     ChannelMap::mix(&maps)?.with_content(content)
 }
 
 fn check_encoder(
     part: &'static str,
-    found: Option<&crate::EncoderId>,
-    features: &Features,
+    found: Option<&EncoderId>,
+    expected: Option<&EncoderId>,
 ) -> Result<(), StylizeError> {
-    match (found, &features.encoder) {
+    match (found, expected) {
         (Some(found), Some(expected)) if found != expected => {
             Err(StylizeError::Encoder { part, found: found.to_string(), expected: expected.to_string() })
         }
@@ -245,13 +258,14 @@ fn check_encoder(
     }
 }
 
-/// Decodes a scene's mapped features to colors `[N]`, display-referred RGB, not clamped.
+/// Checks that `decoder` can run on `scene`: the same encoder, the widths of the features, layers that chain and lead to
+/// 3 colors. Gives the scene's features.
 ///
 /// # Errors
 /// No features, or a decoder that does not fit them.
-pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec<[f32; 3]>, StylizeError> {
+pub fn check_decoder<'a>(scene: &'a Scene, decoder: &Decoder) -> Result<&'a Features, StylizeError> {
     let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
-    check_encoder("the decoder", decoder.encoder.as_ref(), features)?;
+    check_encoder("the decoder", decoder.encoder.as_ref(), features.encoder.as_ref())?;
     let n_inputs = (features.n_channels() + features.n_extra).saturating_add(decoder.n_beside());
     if decoder.n_inputs() != n_inputs {
         return Err(StylizeError::DecoderChannels { found: decoder.n_inputs(), expected: n_inputs });
@@ -267,16 +281,30 @@ pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec
             decoder.layers.iter().map(|layer| format!("{}>{}", layer.d_in, layer.d_out)).collect();
         return Err(StylizeError::DecoderShape { found: widths.join(" ") });
     }
+    Ok(features)
+}
+
+/// Adds what the decoder makes of the transferred features' statistics to the bias of its folded first layer.
+pub fn fold_statistics(first: &mut Layer, decoder: &Decoder, map: &ChannelMap, content: &ContentStatistics) {
+    let statistics = map.statistics(content);
+    let rows = decoder.statistics_weight.chunks_exact(statistics.len().max(1));
+    for (bias, row) in first.bias.iter_mut().zip(rows) {
+        let sum: f64 = row.iter().zip(&statistics).map(|(w, s)| f64::from(*w) * s).sum();
+        *bias = (f64::from(*bias) + sum) as f32;
+    }
+}
+
+/// Decodes a scene's mapped features to colors `[N]`, display-referred RGB, not clamped.
+///
+/// # Errors
+/// No features, or a decoder that does not fit them.
+pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec<[f32; 3]>, StylizeError> {
+    check_decoder(scene, decoder)?;
     let features = &*inputs_of(scene, decoder).ok_or(StylizeError::NoFeatures)?;
     let mean_low = crate::statistics::mean_low(features);
     let mut first = fold_layer(&decoder.layers[0], decoder.k, features, map, &mean_low);
     if !decoder.statistics_weight.is_empty() {
-        let statistics = map.statistics(&ContentStatistics::of(features));
-        let rows = decoder.statistics_weight.chunks_exact(statistics.len());
-        for (bias, row) in first.bias.iter_mut().zip(rows) {
-            let sum: f64 = row.iter().zip(&statistics).map(|(w, s)| f64::from(*w) * s).sum();
-            *bias = (f64::from(*bias) + sum) as f32;
-        }
+        fold_statistics(&mut first, decoder, map, &ContentStatistics::of(features));
     }
     let layers: Vec<&Layer> = std::iter::once(&first).chain(&decoder.layers[1..]).collect();
     let neighbors = neighbors_for(scene, decoder.k);

@@ -1,5 +1,7 @@
 //! Colors of N Gaussians on the GPU: where the style pass and the splat pass meet.
 
+use std::sync::mpsc;
+
 use half::f16;
 
 /// View-independent colors `[N]`, display-referred and not clamped: red, green, blue and an unused fourth number as f16,
@@ -20,6 +22,20 @@ pub struct GaussianColorsError {
     pub found: u64,
     /// Bytes of the largest storage binding and buffer.
     pub limit: u64,
+}
+
+/// The colors did not come back from the device.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadColorsError {
+    /// The device did not finish its work.
+    #[error("the GPU did not finish: {0}")]
+    Poll(#[from] wgpu::PollError),
+    /// The copy could not be read.
+    #[error("colors could not be read back from the GPU: {0}")]
+    Map(#[from] wgpu::BufferAsyncError),
+    /// The device is gone.
+    #[error("the GPU was lost before colors were read back")]
+    Lost,
 }
 
 impl GaussianColors {
@@ -83,6 +99,33 @@ impl GaussianColors {
     /// `[N]` of `vec2<u32>`; usable as storage, and as source and target of copies.
     pub fn buffer(&self) -> &wgpu::Buffer {
         &self.buffer
+    }
+
+    /// Waits for all work submitted so far and gives the colors `[N]` as they then are.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn read(&self, device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Vec<[f32; 3]>, ReadColorsError> {
+        let size = Self::bytes(self.n_gaussians());
+        let copy = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("gaussian_colors_copy"),
+            size,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(&self.buffer, 0, &copy, 0, size);
+        queue.submit([encoder.finish()]);
+        let (sender, receiver) = mpsc::channel();
+        copy.map_async(wgpu::MapMode::Read, .., move |result| {
+            // A receiver that is gone no longer wants to know.
+            let _ = sender.send(result);
+        });
+        device.poll(wgpu::PollType::wait_indefinitely())?;
+        receiver.recv().map_err(|_| ReadColorsError::Lost)??;
+        let mut colors = Self::unpack(&copy.get_mapped_range(..));
+        colors.truncate(self.n_gaussians());
+        Ok(colors)
     }
 
     /// The colors `[N]` in the bytes of [`buffer`](Self::buffer), once they are mapped or copied back.

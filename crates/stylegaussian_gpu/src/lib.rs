@@ -4,3 +4,7 @@
 //! change; the splat pass reads it, every frame.
 
 pub mod colors;
+pub mod device;
+pub mod scene;
+pub mod splat;
+pub mod style;

@@ -2,7 +2,12 @@
 
 use std::sync::Arc;
 
-use bevy::{asset::{AssetLoadFailedEvent, LoadState}, camera::primitives::Aabb, platform::collections::HashSet, prelude::*};
+use bevy::{
+    asset::{AssetLoadFailedEvent, LoadState},
+    camera::primitives::Aabb,
+    platform::collections::HashSet,
+    prelude::*,
+};
 
 use crate::asset::GaussianScene;
 

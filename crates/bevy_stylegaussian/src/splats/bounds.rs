@@ -1,6 +1,9 @@
 //! The box that frustum culling tests: all that a scene's splats may cover, not their means alone.
 
-use bevy::{camera::primitives::Aabb, math::{Mat3, Vec3}};
+use bevy::{
+    camera::primitives::Aabb,
+    math::{Mat3, Vec3},
+};
 use stylegaussian::Scene;
 
 /// Least opacity that is drawn: a splat ends where its alpha falls under one step of an 8-bit picture.
@@ -19,7 +22,8 @@ pub(super) fn bounds(scene: &Scene) -> Option<Aabb> {
         // The ellipsoid R S u, |u| = 1, reaches as far along an axis as that row of R S is long.
         let axes = Mat3::from_quat(scene.rotations[i]) * Mat3::from_diagonal(scene.scales[i]);
         let rows = axes.transpose();
-        let extents = n_deviations * Vec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length());
+        let extents =
+            n_deviations * Vec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length());
         if extents.is_finite() {
             min = min.min(mean - extents);
             max = max.max(mean + extents);

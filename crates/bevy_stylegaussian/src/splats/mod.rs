@@ -5,8 +5,15 @@ use std::sync::Arc;
 use bevy::{
     asset::AssetEventSystems,
     camera::visibility::{VisibilityClass, VisibilitySystems, add_visibility_class},
+    core_pipeline::{
+        Core3d, Core3dSystems,
+        core_3d::{main_opaque_pass_3d, main_transparent_pass_3d},
+        tonemapping::tonemapping,
+    },
+    pbr::main_transmissive_pass_3d,
     prelude::*,
     render::{
+        ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderSystems,
         extract_component::{ExtractComponent, ExtractComponentPlugin},
         sync_component::SyncComponent,
     },
@@ -16,8 +23,14 @@ use crate::{asset::GaussianScene, plugin::StyleGaussianSystems, style::Look};
 
 mod attach;
 mod bounds;
+mod extract;
+mod node;
+mod pipelines;
+mod prepare;
+mod view;
 
 pub(crate) use attach::CloudScene;
+pub(crate) use extract::RenderClouds;
 
 /// Shows a scene of Gaussians, wherever the entity's `Transform` puts it (any scale and shear included).
 ///
@@ -127,11 +140,35 @@ impl Plugin for SplatsPlugin {
                     .after(AssetEventSystems)
                     .before(VisibilitySystems::CheckVisibility),
             );
-        if app.world().contains_resource::<bevy::render::sync_world::PendingSyncEntity>() {
-            app.add_plugins((
-                ExtractComponentPlugin::<SplatTonemapping>::default(),
-                ExtractComponentPlugin::<SortKey>::default(),
-            ));
+        if app.get_sub_app(RenderApp).is_none() {
+            return;
         }
+        app.add_plugins((
+            ExtractComponentPlugin::<SplatTonemapping>::default(),
+            ExtractComponentPlugin::<SortKey>::default(),
+        ));
+        let render_app = app.sub_app_mut(RenderApp);
+        render_app
+            .init_resource::<RenderClouds>()
+            // Rebuilt from `RenderClouds` after a lost device.
+            .init_gpu_resource::<prepare::GpuScenes>()
+            .init_gpu_resource::<pipelines::SplatPipelines>()
+            .init_gpu_resource::<view::SplatViews>()
+            .add_systems(ExtractSchedule, extract::extract_clouds)
+            .add_systems(
+                Render,
+                (prepare::prepare_scenes, view::prepare_views).chain().in_set(RenderSystems::PrepareResources),
+            )
+            .add_systems(
+                Core3d,
+                (
+                    node::draw_splats
+                        .after(main_opaque_pass_3d)
+                        .before(main_transmissive_pass_3d)
+                        .before(main_transparent_pass_3d)
+                        .in_set(Core3dSystems::MainPass),
+                    node::composite_after_tonemapping.after(tonemapping).in_set(Core3dSystems::PostProcess),
+                ),
+            );
     }
 }

@@ -11,7 +11,7 @@ use bevy::{
     ecs::system::SystemParam,
     platform::{collections::HashSet, time::Instant},
     prelude::*,
-    render::{render_resource::DeviceType, renderer::RenderAdapterInfo},
+    render::renderer::RenderAdapterInfo,
     tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
 };
 
@@ -25,6 +25,7 @@ use super::{
     event::{AppliedStyle, StyleApplied, StyleError, StyleFailed},
     images::ImageStatistics,
     look::{GpuReport, GpuReports, Look, LookColors},
+    packed::PackedInputs,
     settings::{StyleBackend, StyleEncoder},
     source::{StyleDecoder, StyleInput, StyleSource, StyleTransition},
     transfer::{Order, Transferred},
@@ -69,10 +70,12 @@ pub(super) fn ask_for_changed_styles(
     >,
 ) {
     for (entity, mut job, mut look, scene) in &mut jobs {
-        if scene.is_changed() && (job.wanted.is_none() || !matches!(look.colors, LookColors::Own)) {
-            look.set(LookColors::Own);
-            commands.entity(entity).remove::<AppliedStyle>();
+        if scene.is_changed() {
             *job = StyleJob::default();
+            if !matches!(look.colors, LookColors::Own) {
+                look.set(LookColors::Own);
+                commands.entity(entity).remove::<AppliedStyle>();
+            }
         }
         job.gpu_refused = false;
         job.want();
@@ -285,6 +288,7 @@ pub(super) struct Inputs<'w> {
     server: Res<'w, AssetServer>,
     encoder: Res<'w, StyleEncoder>,
     encoded: ResMut<'w, ImageStatistics>,
+    packed: Res<'w, PackedInputs>,
     backend: Res<'w, StyleBackend>,
     adapter: Option<Res<'w, RenderAdapterInfo>>,
 }
@@ -325,7 +329,7 @@ impl Inputs<'_> {
             Some(Some(Err(error))) => return Some(Err(error)),
         };
         let (scene, content) = (scene.0.clone(), f64::from(source.content));
-        Some(Ok(Order { scene, decoder, styles, content, backend }))
+        Some(Ok(Order { scene, decoder, styles, content, backend, packed: self.packed.clone() }))
     }
 
     /// The statistics of one style, or `None` while they are awaited.
@@ -362,7 +366,7 @@ impl Inputs<'_> {
         match *self.backend {
             StyleBackend::Gpu if adapter.is_none() => Err(StyleError::Gpu("there is no GPU".into())),
             StyleBackend::Auto => {
-                let is_gpu = adapter.is_some_and(|adapter| adapter.device_type != DeviceType::Cpu);
+                let is_gpu = adapter.is_some_and(|adapter| adapter.device_type != wgpu::DeviceType::Cpu);
                 Ok(if is_gpu && !gpu_refused { StyleBackend::Gpu } else { StyleBackend::Cpu })
             }
             backend => Ok(backend),

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use bevy::prelude::*;
-use stylegaussian::{Decoder, Scene, fold::ChannelMap};
+use stylegaussian_gpu::style::{FoldedLayers, StyleInputs};
 
 /// The colors of an entity's splats. Each change has a higher `generation`.
 #[derive(Component, Clone, Default)]
@@ -26,9 +26,10 @@ pub(crate) enum LookColors {
 
 /// A style folded into weights, for the GPU to decode.
 pub(crate) struct FoldedStyle {
-    pub(crate) scene: Arc<Scene>,
-    pub(crate) decoder: Arc<Decoder>,
-    pub(crate) map: Arc<ChannelMap>,
+    /// The scene's part.
+    pub(crate) inputs: Arc<StyleInputs>,
+    /// The style's part.
+    pub(crate) layers: FoldedLayers,
 }
 
 impl Look {

@@ -4,7 +4,11 @@
 //! has images encoded ([`images`]), and folds the transfer into weights, or decodes the colors too, in the background
 //! ([`transfer`]). Then the entity's [`Look`] changes, and with it what the render world draws.
 
-use bevy::prelude::*;
+use bevy::{
+    core_pipeline::schedule::camera_driver,
+    prelude::*,
+    render::{GpuResourceAppExt, RenderApp, renderer::RenderGraph},
+};
 
 use crate::plugin::StyleGaussianSystems;
 
@@ -13,6 +17,9 @@ mod event;
 mod images;
 mod job;
 mod look;
+mod looks;
+mod node;
+mod packed;
 mod settings;
 mod source;
 mod transfer;
@@ -21,7 +28,8 @@ pub use event::{AppliedStyle, StyleApplied, StyleError, StyleFailed, StylePassCo
 pub use settings::{StyleBackend, StyleEncoder};
 pub use source::{StyleDecoder, StyleInput, StyleSource, StyleTransition, WeightedStyle};
 
-pub(crate) use look::{FoldedStyle, GpuReport, GpuReports, Look, LookColors};
+pub(crate) use look::{GpuReport, GpuReports, Look};
+pub(crate) use looks::CloudLooks;
 
 /// Styles [`GaussianSplats`](crate::GaussianSplats).
 pub(crate) struct StylePlugin;
@@ -29,6 +37,7 @@ pub(crate) struct StylePlugin;
 impl Plugin for StylePlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<images::ImageStatistics>()
+            .init_resource::<packed::PackedInputs>()
             .init_resource::<GpuReports>()
             .init_resource::<StylePassCount>()
             .add_message::<StyleApplied>()
@@ -55,5 +64,16 @@ impl Plugin for StylePlugin {
                     .chain()
                     .in_set(StyleGaussianSystems::Styles),
             );
+        let reports = app.world().resource::<GpuReports>().clone();
+        let count = app.world().resource::<StylePassCount>().clone();
+        if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
+            render_app
+                .insert_resource(reports)
+                .insert_resource(count)
+                // Rebuilt from `RenderClouds` after a lost device.
+                .init_gpu_resource::<CloudLooks>()
+                .init_gpu_resource::<node::StylePasses>()
+                .add_systems(RenderGraph, node::update_looks.before(camera_driver));
+        }
     }
 }

@@ -9,10 +9,13 @@ use stylegaussian::{
 
 use crate::asset::GaussianScene;
 
+use stylegaussian_gpu::style::FoldedLayers;
+
 use super::{
     decoder::default_decoder,
     event::{AppliedStyle, StyleError},
     look::{FoldedStyle, LookColors},
+    packed::PackedInputs,
     settings::StyleBackend,
 };
 
@@ -24,8 +27,9 @@ pub(super) struct Order {
     pub(super) styles: Vec<(Arc<ChannelStatistics>, f64)>,
     /// How much of the content stays, 0..1.
     pub(super) content: f64,
-    /// Whether the GPU decodes.
+    /// Where to decode.
     pub(super) backend: StyleBackend,
+    pub(super) packed: PackedInputs,
 }
 
 /// A computed look.
@@ -47,16 +51,17 @@ impl Order {
         };
         let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
         let styles: Vec<_> = self.styles.iter().map(|(style, weight)| (&**style, *weight)).collect();
+        if self.backend == StyleBackend::Gpu {
+            let inputs = self.packed.get(&scene, &decoder)?;
+            let map = inputs.content().transfer(&styles, self.content)?;
+            let layers = FoldedLayers::new(inputs.content(), &decoder, &map)?;
+            let style = AppliedStyle { scene, decoder, map: Arc::new(map), colors: None };
+            return Ok(Transferred { style, colors: LookColors::Folded(Arc::new(FoldedStyle { inputs, layers })) });
+        }
         let map = Arc::new(fold::transfer(features, &styles, self.content)?);
         let mut style = AppliedStyle { scene, decoder, map, colors: None };
-        let colors = if self.backend == StyleBackend::Gpu {
-            let (scene, decoder) = (Arc::clone(&style.scene), Arc::clone(&style.decoder));
-            LookColors::Folded(Arc::new(FoldedStyle { scene, decoder, map: Arc::clone(&style.map) }))
-        } else {
-            let colors = style.colors()?;
-            style.colors = Some(Arc::clone(&colors));
-            LookColors::Rgb(colors)
-        };
-        Ok(Transferred { style, colors })
+        let rgb = style.colors()?;
+        style.colors = Some(Arc::clone(&rgb));
+        Ok(Transferred { style, colors: LookColors::Rgb(rgb) })
     }
 }

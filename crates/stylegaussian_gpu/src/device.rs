@@ -1,0 +1,73 @@
+//! A device without a window, for tools and tests. An engine brings its own.
+
+/// A device, its queue, and the adapter they belong to.
+#[derive(Clone, Debug)]
+pub struct HeadlessDevice {
+    /// The device, with all that the adapter's limits allow.
+    pub device: wgpu::Device,
+    /// Its queue.
+    pub queue: wgpu::Queue,
+    /// What the adapter is.
+    pub info: wgpu::AdapterInfo,
+}
+
+/// There is no device.
+#[derive(Debug, thiserror::Error)]
+pub enum DeviceError {
+    /// Nothing on this machine can compute.
+    #[error("found no GPU adapter (Vulkan, Metal or DirectX 12): {0}")]
+    NoAdapter(#[from] wgpu::RequestAdapterError),
+    /// An adapter that gives no device.
+    #[error("the adapter {name} gave no device: {source}")]
+    NoDevice {
+        /// The adapter.
+        name: String,
+        /// Why.
+        source: wgpu::RequestDeviceError,
+    },
+}
+
+impl HeadlessDevice {
+    /// Asks for the fastest adapter that there is, software included, with all of its limits and no optional feature.
+    ///
+    /// # Errors
+    /// When there is no adapter, or it gives no device.
+    pub async fn request() -> Result<Self, DeviceError> {
+        Self::request_with_limits(|limits| limits).await
+    }
+
+    /// As [`request`](Self::request), with limits that `limits` makes of the adapter's own.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request), or when the limits exceed the adapter's.
+    pub async fn request_with_limits(
+        limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits,
+    ) -> Result<Self, DeviceError> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let options = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            ..Default::default()
+        };
+        let adapter = instance.request_adapter(&options).await?;
+        let info = adapter.get_info();
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("stylegaussian"),
+            required_limits: limits(adapter.limits()),
+            ..Default::default()
+        };
+        match adapter.request_device(&descriptor).await {
+            Ok((device, queue)) => Ok(Self { device, queue, info }),
+            Err(source) => Err(DeviceError::NoDevice { name: info.name, source }),
+        }
+    }
+
+    /// Whether the adapter is a GPU and not software that acts as one, which is slower than the CPU's own code.
+    pub fn is_gpu(&self) -> bool {
+        is_gpu(&self.info)
+    }
+}
+
+/// Whether an adapter is a GPU and not software that acts as one.
+pub fn is_gpu(info: &wgpu::AdapterInfo) -> bool {
+    matches!(info.device_type, wgpu::DeviceType::DiscreteGpu | wgpu::DeviceType::IntegratedGpu)
+}

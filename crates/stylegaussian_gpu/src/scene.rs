@@ -1,0 +1,224 @@
+//! The geometry and own colors of a scene on the GPU: what the splat pass needs of it.
+//!
+//! Projecting touches each Gaussian once and gathers nothing, so a scene is cut into *chunks* of consecutive Gaussians
+//! wherever a buffer would pass what the device binds.
+
+use std::ops::Range;
+
+use bytemuck::Zeroable;
+use glam::Vec3;
+use half::f16;
+use stylegaussian::{Scene, scene::Sh, sh};
+use stylegaussian_shaders::splat::PackedGaussian;
+use wgpu::util::DeviceExt;
+
+use crate::splat::SplatView;
+
+/// N Gaussians on the GPU: means, rotations, scales, opacities and spherical harmonics. Never changes.
+#[derive(Debug)]
+pub struct GpuScene {
+    chunks: Vec<Chunk>,
+    n_gaussians: usize,
+    sh_degree: Option<u8>,
+    scale_unit: f32,
+}
+
+/// Consecutive Gaussians of a scene.
+#[derive(Debug)]
+pub(crate) struct Chunk {
+    /// Index of the first Gaussian.
+    pub first: u32,
+    /// How many.
+    pub n_gaussians: u32,
+    /// `[n]` of `PackedGaussian`.
+    pub gaussians: wgpu::Buffer,
+    /// f16 coefficients, planes of words `[word, n]`; `None` where the scene has none.
+    pub sh: Option<wgpu::Buffer>,
+}
+
+/// A scene does not fit the device.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "scene of {n_gaussians} Gaussians: drawing it takes a buffer of {found} bytes, the device allows {limit}"
+)]
+pub struct GpuSceneError {
+    /// N.
+    pub n_gaussians: usize,
+    /// Bytes of the buffer that would be too large.
+    pub found: u64,
+    /// Bytes of the largest buffer that can be bound.
+    pub limit: u64,
+}
+
+/// Bytes of a packed Gaussian.
+const GAUSSIAN_BYTES: u64 = size_of::<PackedGaussian>() as u64;
+
+impl GpuScene {
+    /// Uploads the geometry and the spherical harmonics of `scene`.
+    ///
+    /// Gaussians that are not finite are kept, so that indices stay what they are, and never drawn.
+    ///
+    /// # Errors
+    /// When no view could hold the scene's splats on this device.
+    pub fn new(device: &wgpu::Device, scene: &Scene) -> Result<Self, GpuSceneError> {
+        let n = scene.len();
+        let limit = SplatView::binding_limit(device);
+        let sh_bytes = 4 * scene.sh.as_ref().map_or(0, |sh| sh_words(sh.degree)) as u64;
+        let found = [SplatView::record_bytes(n), GAUSSIAN_BYTES, sh_bytes].into_iter().max().unwrap_or(0);
+        if found > limit || u32::try_from(n).is_err() {
+            return Err(GpuSceneError { n_gaussians: n, found, limit });
+        }
+        let per_chunk = (limit / GAUSSIAN_BYTES.max(sh_bytes)) as usize;
+        Ok(Self::in_chunks(device, scene, per_chunk))
+    }
+
+    /// [`new`](Self::new) with at most `per_chunk` Gaussians in a chunk.
+    pub(crate) fn in_chunks(device: &wgpu::Device, scene: &Scene, per_chunk: usize) -> Self {
+        let n = scene.len();
+        let scale_unit = scale_unit(&scene.scales);
+        let chunks = (0..n).step_by(per_chunk.max(1)).map(|first| {
+            let range = first..(first + per_chunk).min(n);
+            Chunk::new(device, scene, range, scale_unit)
+        });
+        let chunks = chunks.collect();
+        Self { chunks, n_gaussians: n, sh_degree: scene.sh.as_ref().map(|sh| sh.degree), scale_unit }
+    }
+
+    /// N, the number of Gaussians.
+    pub fn n_gaussians(&self) -> usize {
+        self.n_gaussians
+    }
+
+    /// The bytes of GPU memory that `scene` will take.
+    pub fn bytes(scene: &Scene) -> u64 {
+        let sh_bytes = 4 * scene.sh.as_ref().map_or(0, |sh| sh_words(sh.degree)) as u64;
+        scene.len() as u64 * (GAUSSIAN_BYTES + sh_bytes)
+    }
+
+    pub(crate) fn chunks(&self) -> &[Chunk] {
+        &self.chunks
+    }
+
+    /// Degree of the spherical harmonics; `None` where the scene has none.
+    pub(crate) fn sh_degree(&self) -> Option<u8> {
+        self.sh_degree
+    }
+
+    /// What a stored scale of 1 means, in scene units.
+    pub(crate) fn scale_unit(&self) -> f32 {
+        self.scale_unit
+    }
+}
+
+impl Chunk {
+    fn new(device: &wgpu::Device, scene: &Scene, range: Range<usize>, scale_unit: f32) -> Self {
+        let gaussians: Vec<_> = range.clone().map(|i| packed_gaussian(scene, i, scale_unit)).collect();
+        let sh = scene.sh.as_ref().map(|sh| packed_sh(sh, range.clone()));
+        let buffer = |label, contents: &[u8]| {
+            device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some(label),
+                contents,
+                usage: wgpu::BufferUsages::STORAGE,
+            })
+        };
+        Self {
+            first: range.start as u32,
+            n_gaussians: range.len() as u32,
+            gaussians: buffer("splat_gaussians", bytemuck::cast_slice(&gaussians)),
+            sh: sh.map(|words| buffer("splat_sh", bytemuck::cast_slice(&words))),
+        }
+    }
+}
+
+/// A power of two for which the largest scale is about 2^14: f16 then resolves scales a billion times smaller.
+fn scale_unit(scales: &[Vec3]) -> f32 {
+    let largest = scales.iter().map(|s| s.max_element()).filter(|s| s.is_finite()).fold(0.0, f32::max);
+    if largest > 0.0 { (largest.log2().floor() - 14.0).max(-120.0).exp2() } else { 1.0 }
+}
+
+/// Gaussian `i`; one that is not finite becomes one that is never drawn.
+fn packed_gaussian(scene: &Scene, i: usize, scale_unit: f32) -> PackedGaussian {
+    let (mean, rotation, scales) = (scene.means[i], scene.rotations[i], scene.scales[i]);
+    let opacity = scene.opacities[i];
+    let finite = mean.is_finite() && rotation.is_finite() && scales.is_finite() && opacity.is_finite();
+    if !(finite && rotation.length_squared() > 0.0) {
+        return PackedGaussian::zeroed();
+    }
+    let pair = |low: u16, high: u16| u32::from(low) | u32::from(high) << 16;
+    let snorm = |x: f32| ((x.clamp(-1.0, 1.0) * 32767.0).round() as i16).cast_unsigned();
+    let half = |x: f32| f16::from_f32(x / scale_unit).to_bits();
+    let [x, y, z, w] = rotation.normalize().to_array();
+    PackedGaussian {
+        mean: mean.to_array(),
+        opacity: opacity.clamp(0.0, 1.0),
+        rotation: [pair(snorm(x), snorm(y)), pair(snorm(z), snorm(w))],
+        scales: [pair(half(scales.x), half(scales.y)), pair(half(scales.z), 0)],
+    }
+}
+
+/// Words of 2 x f16 that the coefficients of one Gaussian take: three for each pair of coefficients.
+fn sh_words(degree: u8) -> usize {
+    3 * sh::n_coefficients(degree).div_ceil(2)
+}
+
+/// Coefficients of the Gaussians in `range` as planes of words `[word, n]`.
+fn packed_sh(sh: &Sh, range: Range<usize>) -> Vec<u32> {
+    let n_values = 3 * sh::n_coefficients(sh.degree);
+    let n = range.len();
+    let mut words = vec![0; n * sh_words(sh.degree)];
+    for (column, i) in range.enumerate() {
+        let coefficients = &sh.coefficients[i * n_values..(i + 1) * n_values];
+        for (k, &value) in coefficients.iter().enumerate() {
+            let value = if value.is_finite() { value.clamp(-65504.0, 65504.0) } else { 0.0 };
+            words[k / 2 * n + column] |= u32::from(f16::from_f32(value).to_bits()) << (16 * (k % 2));
+        }
+    }
+    words
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Quat;
+
+    use super::*;
+
+    #[test]
+    fn scales_keep_their_digits_over_a_billion() {
+        let scales = [Vec3::new(1e-6, 3.0, 700.0), Vec3::new(f32::NAN, 1.0, f32::INFINITY)];
+        let unit = scale_unit(&scales);
+        assert_eq!(unit, 512.0 / 16384.0);
+        for scale in scales[0].to_array() {
+            let back = f16::from_f32(scale / unit).to_f32() * unit;
+            assert!((back / scale - 1.0).abs() < 2e-3, "{scale} became {back}");
+        }
+        assert_eq!(scale_unit(&[]), 1.0);
+        assert_eq!(scale_unit(&[Vec3::ZERO]), 1.0);
+    }
+
+    /// Degree 1 has 12 values in 6 words; the words of one Gaussian lie n apart.
+    #[test]
+    fn coefficients_lie_in_planes() {
+        let coefficients = (0..24).map(|i| i as f32).collect();
+        let words = packed_sh(&Sh { degree: 1, coefficients }, 0..2);
+        let value = |word: usize, high: u32| f16::from_bits((words[word] >> (16 * high)) as u16).to_f32();
+        assert_eq!(words.len(), 12);
+        assert_eq!([value(0, 0), value(0, 1), value(2, 0), value(10, 1)], [0.0, 1.0, 2.0, 11.0]);
+        assert_eq!([value(1, 0), value(11, 1)], [12.0, 23.0]);
+    }
+
+    #[test]
+    fn what_is_not_finite_is_never_drawn() {
+        let mut scene = Scene {
+            means: vec![Vec3::ONE; 2],
+            rotations: vec![Quat::IDENTITY; 2],
+            scales: vec![Vec3::ONE; 2],
+            opacities: vec![0.5; 2],
+            ..Scene::default()
+        };
+        scene.means[1].y = f32::NAN;
+        assert_eq!(packed_gaussian(&scene, 0, 1.0).opacity, 0.5);
+        assert_eq!(packed_gaussian(&scene, 1, 1.0).opacity, 0.0);
+        scene.rotations[0] = Quat::from_xyzw(0.0, 0.0, 0.0, 0.0);
+        assert_eq!(packed_gaussian(&scene, 0, 1.0).opacity, 0.0);
+    }
+}

@@ -1,0 +1,163 @@
+//! The splat pass: what cameras see of any number of clouds, every frame.
+//!
+//! 1. *project* (`project`): cull and project the Gaussians of each cloud, evaluate their colors, into one array of
+//!    records and keys per view;
+//! 2. *sort* (`sort`): one radix sort over what is visible of all clouds, so clouds interleave where they overlap;
+//! 3. *draw* (`draw`): one indirect draw of quads, back to front, premultiplied over, into a *layer* of the target's size
+//!    and sample count in which splats blend among themselves, display-referred;
+//! 4. *composite* (`composite`): the layer over the picture, in the picture's own space.
+//!
+//! [`SplatPass::prepare`] encodes 1 and 2, [`SplatPass::draw`] 3, [`Composite::draw`] 4. The rules are those of
+//! `stylegaussian::splat`, which is the CPU twin; two things differ: no pixel is finished early (the rest of its light
+//! is under 1e-4), and records keep colors and opacities as f16.
+
+mod bind;
+mod camera;
+mod cloud;
+mod composite;
+mod draw;
+mod headless;
+mod project;
+mod sort;
+#[cfg(test)]
+mod testing;
+mod view;
+
+pub use camera::Camera;
+pub use cloud::{Cloud, CloudColors};
+pub use composite::{Composite, CompositeInput, CompositeMode, CompositePipeline, Tonemapping};
+pub use draw::{LAYER_FORMAT, SplatPipeline};
+pub use headless::{Headless, HeadlessError, Picture};
+pub use view::SplatView;
+
+use draw::Draw;
+use project::Project;
+use sort::Sort;
+
+/// What splats are sorted by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SortKey {
+    /// Depth along the camera's axis: the original rasterizer's.
+    #[default]
+    ViewZ,
+    /// Distance from the camera: does not change when the camera turns.
+    Distance,
+}
+
+/// How to draw.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SplatSettings {
+    /// What splats are sorted by.
+    pub sort_key: SortKey,
+    /// Gaussians whose mean is at this view depth or nearer are not drawn by perspective cameras, in world units.
+    pub near: f32,
+}
+
+impl Default for SplatSettings {
+    /// By view depth, from 0.2 on: the original rasterizer's rules.
+    fn default() -> Self {
+        Self { sort_key: SortKey::ViewZ, near: 0.2 }
+    }
+}
+
+/// A view cannot be drawn.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SplatError {
+    /// The clouds of a view have too many Gaussians.
+    #[error(
+        "a view of {n_gaussians} Gaussians takes a buffer of {found} bytes, the device allows {limit}: \
+         show fewer or smaller clouds at once"
+    )]
+    TooManyGaussians {
+        /// Of all clouds together.
+        n_gaussians: usize,
+        /// Bytes of the buffer that would be too large.
+        found: u64,
+        /// Bytes of the largest buffer that can be bound.
+        limit: u64,
+    },
+    /// Colors of another scene.
+    #[error("cloud {cloud}: found colors of {found} Gaussians, expected {expected}")]
+    Colors {
+        /// Index of the cloud.
+        cloud: usize,
+        /// Gaussians that the colors belong to.
+        found: usize,
+        /// Gaussians of the cloud's scene.
+        expected: usize,
+    },
+}
+
+/// The pipelines of the splat pass. One serves any number of views.
+#[derive(Debug)]
+pub struct SplatPass {
+    project: Project,
+    sort: Sort,
+    draw: Draw,
+}
+
+impl SplatPass {
+    /// Compiles everything but the draw, which depends on the target: see [`pipeline`](Self::pipeline).
+    pub fn new(device: &wgpu::Device) -> Self {
+        Self { project: Project::new(device), sort: Sort::new(device), draw: Draw::new(device) }
+    }
+
+    /// The draw into a layer of [`LAYER_FORMAT`] at `samples` samples, tested against a depth attachment of
+    /// `depth_format` (reverse z) where there is one.
+    pub fn pipeline(
+        &self,
+        device: &wgpu::Device,
+        samples: u32,
+        depth_format: Option<wgpu::TextureFormat>,
+    ) -> SplatPipeline {
+        self.draw.pipeline(device, samples, depth_format)
+    }
+
+    /// Projects and sorts what `camera` sees of `clouds`, into `view`.
+    ///
+    /// Nothing is allocated and nothing built unless `view` sees more Gaussians, clouds or other colors than before.
+    /// Uniforms travel by `queue`, so the commands must be submitted before `view` is prepared again.
+    ///
+    /// Clouds under a transform that is not finite or has no volume, and cameras without a picture, show nothing.
+    ///
+    /// # Errors
+    /// When the clouds have too many Gaussians for the device, or colors belong to another scene; nothing is encoded
+    /// then, and `view` shows nothing.
+    #[expect(clippy::too_many_arguments, reason = "three of them are what every wgpu call site has at hand")]
+    pub fn prepare(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        encoder: &mut wgpu::CommandEncoder,
+        view: &mut SplatView,
+        camera: &Camera,
+        clouds: &[Cloud],
+        settings: &SplatSettings,
+    ) -> Result<(), SplatError> {
+        view.clear();
+        cloud::check(clouds)?;
+        let drawn: Vec<&Cloud> = clouds.iter().filter(|cloud| cloud.is_drawable()).collect();
+        let n_slots = drawn.iter().map(|cloud| cloud.scene.n_gaussians()).sum();
+        if n_slots == 0 || !camera.is_drawable() {
+            view.forget_unused();
+            return Ok(());
+        }
+        view.reserve(device, self, n_slots)?;
+        view.set_camera(queue, camera, n_slots as u32);
+        self.project.write(device, queue, view, camera, &drawn, settings);
+        let Some(sort) = view.sort() else { return Ok(()) };
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("splat"),
+            timestamp_writes: None,
+        });
+        self.project.encode(&mut pass, view);
+        self.sort.encode(&mut pass, sort, n_slots as u32);
+        Ok(())
+    }
+
+    /// Draws what [`prepare`](Self::prepare) put into `view`, within the camera's viewport. `pipeline` must fit the
+    /// attachments of `pass`.
+    pub fn draw(&self, pass: &mut wgpu::RenderPass, view: &SplatView, pipeline: &SplatPipeline) {
+        self.draw.encode(pass, view, pipeline);
+    }
+}

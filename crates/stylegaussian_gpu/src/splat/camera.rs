@@ -1,0 +1,124 @@
+//! Cameras as the splat pass takes them: any projection matrix.
+
+use glam::{Affine3A, DAffine3, DVec3, Mat4, UVec4, Vec2, Vec3, Vec4};
+
+/// A camera: where it is, how it projects, and which part of the target is its picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    /// World from view; a rigid transform. View space is x right, y up, z backward.
+    pub world_from_view: Affine3A,
+    /// Clip from view: perspective, off-axis or orthographic; reverse z (depth 1 is near), far plane at any distance.
+    pub clip_from_view: Mat4,
+    /// The picture's left, top, width and height, in pixels of the target.
+    pub viewport: UVec4,
+}
+
+/// The near plane of [`Camera::pinhole`], in scene units; nothing nearer than 0.2 is drawn anyway.
+const PINHOLE_NEAR: f32 = 0.01;
+
+impl Camera {
+    /// The camera of the CPU rasterizer, its picture at the target's top left corner.
+    pub fn pinhole(camera: &stylegaussian::Camera) -> Self {
+        let size = camera.size.as_vec2();
+        let scale = 2.0 * camera.focal / size;
+        // Where the image axis meets the picture, in normalized device coordinates.
+        let axis = (2.0 * camera.center / size - 1.0) * Vec2::new(1.0, -1.0);
+        let clip_from_view = Mat4::from_cols(
+            Vec4::new(scale.x, 0.0, 0.0, 0.0),
+            Vec4::new(0.0, scale.y, 0.0, 0.0),
+            Vec4::new(-axis.x, -axis.y, 0.0, -1.0),
+            Vec4::new(0.0, 0.0, PINHOLE_NEAR, 0.0),
+        );
+        let flipped = Affine3A::from_scale(Vec3::new(1.0, -1.0, -1.0));
+        Self {
+            world_from_view: camera.view_from_world.inverse() * flipped,
+            clip_from_view,
+            viewport: UVec4::new(0, 0, camera.size.x, camera.size.y),
+        }
+    }
+
+    /// Whether there is a picture, and numbers to make it with.
+    pub(super) fn is_drawable(&self) -> bool {
+        let finite = self.world_from_view.is_finite() && self.clip_from_view.is_finite();
+        finite && self.viewport.z > 0 && self.viewport.w > 0
+    }
+
+    /// Whether rays are parallel.
+    pub(super) fn is_orthographic(&self) -> bool {
+        self.clip_from_view.row(3).truncate() == Vec3::ZERO
+    }
+
+    /// Where view -z meets the picture, in normalized device coordinates. Orthographic cameras have no use for it.
+    pub(super) fn axis(&self) -> Vec2 {
+        let ahead = self.clip_from_view * Vec4::new(0.0, 0.0, -1.0, 0.0);
+        let axis = Vec2::new(ahead.x, ahead.y) / ahead.w;
+        if axis.is_finite() { axis } else { Vec2::ZERO }
+    }
+
+    /// View from a space that `world_from_scene` places in the world. In f64: far from the world's origin, both
+    /// transforms are large and their product is not.
+    pub(super) fn view_from(&self, world_from_scene: &Affine3A) -> Affine3A {
+        let view_from_scene = in_f64(&self.world_from_view).inverse() * in_f64(world_from_scene);
+        Affine3A::from_mat3_translation(
+            view_from_scene.matrix3.as_mat3(),
+            view_from_scene.translation.as_vec3(),
+        )
+    }
+
+    /// Where rays come from, in a space that `world_from_scene` places in the world: (eye, 1), or (-direction, 0)
+    /// where they are parallel.
+    pub(super) fn eye_in(&self, world_from_scene: &Affine3A) -> Vec4 {
+        let scene_from_view = in_f64(world_from_scene).inverse() * in_f64(&self.world_from_view);
+        if self.is_orthographic() {
+            scene_from_view.transform_vector3(DVec3::Z).as_vec3().normalize_or_zero().extend(0.0)
+        } else {
+            scene_from_view.translation.as_vec3().extend(1.0)
+        }
+    }
+}
+
+fn in_f64(a: &Affine3A) -> DAffine3 {
+    DAffine3::from_cols(
+        a.matrix3.x_axis.as_dvec3(),
+        a.matrix3.y_axis.as_dvec3(),
+        a.matrix3.z_axis.as_dvec3(),
+        a.translation.as_dvec3(),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::UVec2;
+
+    use super::*;
+
+    /// A point projects to the same pixel through the matrix as through the pinhole.
+    #[test]
+    fn pinholes_keep_their_pixels() {
+        let pinhole = stylegaussian::Camera {
+            center: Vec2::new(30.0, 12.5),
+            ..stylegaussian::Camera::look_at(
+                Vec3::new(1.0, 2.0, -3.0),
+                Vec3::ZERO,
+                Vec3::Y,
+                0.8,
+                UVec2::new(64, 40),
+            )
+        };
+        let point = Vec3::new(0.3, -0.2, 0.5);
+        let seen = pinhole.view_from_world.transform_point3(point);
+        let expected = pinhole.focal * seen.truncate() / seen.z + pinhole.center;
+
+        let camera = Camera::pinhole(&pinhole);
+        let view = camera.view_from(&Affine3A::IDENTITY).transform_point3(point);
+        let clip = camera.clip_from_view * view.extend(1.0);
+        let ndc = Vec2::new(clip.x, -clip.y) / clip.w;
+        let found = (ndc + 1.0) / 2.0 * pinhole.size.as_vec2();
+        assert!((found - expected).length() < 1e-4, "found {found}, expected {expected}");
+        assert!((clip.w - seen.z).abs() < 1e-5);
+
+        let principal = (camera.axis() * Vec2::new(1.0, -1.0) + 1.0) / 2.0 * pinhole.size.as_vec2();
+        assert!((principal - pinhole.center).length() < 1e-4, "{principal}");
+        assert!((camera.eye_in(&Affine3A::IDENTITY).truncate() - pinhole.position()).length() < 1e-5);
+    }
+}

@@ -1,0 +1,150 @@
+//! The project stage on the GPU: `splat_project`.
+
+use bytemuck::Zeroable;
+use glam::Affine3A;
+use stylegaussian_shaders::splat::{
+    self as shaders, BY_DISTANCE, FROM_OWN_COLORS, NO_SH, SplatChunk, TO_OWN_COLORS, WORKGROUP,
+};
+
+use super::{
+    Camera, Cloud, SortKey, SplatSettings, SplatView,
+    bind::{bind_group, compute_pipeline, layout, storage, whole},
+    view::{ChunkBindings, ChunkDispatch},
+};
+use crate::scene::Chunk;
+
+/// Workgroups in one dimension of a dispatch, by WebGPU's default limits.
+const MAX_WORKGROUPS: u32 = 65_535;
+
+/// The pipeline, and what its bindings look like.
+#[derive(Debug)]
+pub(super) struct Project {
+    pipeline: wgpu::ComputePipeline,
+    /// Group 0: the chunk's uniforms, keys, and both halves of the records.
+    pub view_layout: wgpu::BindGroupLayout,
+    /// Group 1: Gaussians, spherical harmonics, both color sources.
+    chunk_layout: wgpu::BindGroupLayout,
+    /// Bound where a scene has no spherical harmonics, or a color source is not read.
+    absent: wgpu::Buffer,
+}
+
+impl Project {
+    pub fn new(device: &wgpu::Device) -> Self {
+        let uniforms = wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Uniform,
+            has_dynamic_offset: true,
+            min_binding_size: wgpu::BufferSize::new(size_of::<SplatChunk>() as u64),
+        };
+        let view_layout = layout(
+            device,
+            "splat_project_view",
+            wgpu::ShaderStages::COMPUTE,
+            &[uniforms, storage(false), storage(false), storage(false)],
+        );
+        let chunk_layout =
+            layout(device, "splat_project_chunk", wgpu::ShaderStages::COMPUTE, &[storage(true); 4]);
+        let absent = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("splat_absent"),
+            size: 16,
+            usage: wgpu::BufferUsages::STORAGE,
+            mapped_at_creation: false,
+        });
+        let pipeline = compute_pipeline(device, &shaders::project(), &[&view_layout, &chunk_layout]);
+        Self { pipeline, view_layout, chunk_layout, absent }
+    }
+
+    /// Writes the uniforms of every chunk of `clouds`, and sees to it that each has bindings.
+    pub fn write(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        view: &mut SplatView,
+        camera: &Camera,
+        clouds: &[&Cloud],
+        settings: &SplatSettings,
+    ) {
+        let n_chunks = clouds.iter().map(|cloud| cloud.scene.chunks().len()).sum();
+        view.reserve_chunks(device, self, n_chunks);
+        let mut first_slot = 0;
+        for cloud in clouds {
+            let of_cloud = cloud_uniforms(camera, cloud, settings);
+            for chunk in cloud.scene.chunks() {
+                let uniforms = SplatChunk {
+                    n_gaussians: chunk.n_gaussians,
+                    first_gaussian: chunk.first,
+                    first_slot,
+                    ..of_cloud
+                };
+                let key = self.bindings(chunk, cloud);
+                view.push_chunk(&uniforms, key, |key| self.bind(device, key));
+                first_slot += chunk.n_gaussians;
+            }
+        }
+        view.write_chunks(queue);
+    }
+
+    /// Dispatches every chunk that was written.
+    pub fn encode(&self, pass: &mut wgpu::ComputePass, view: &SplatView) {
+        pass.set_pipeline(&self.pipeline);
+        for (of_view, ChunkDispatch { offset, n_gaussians, bind_group }) in view.chunk_dispatches() {
+            let n = n_gaussians.div_ceil(WORKGROUP);
+            let x = n.min(MAX_WORKGROUPS);
+            pass.set_bind_group(0, of_view, &[offset]);
+            pass.set_bind_group(1, bind_group, &[]);
+            pass.dispatch_workgroups(x, n.div_ceil(x.max(1)), 1);
+        }
+    }
+
+    /// The buffers that a chunk is projected from.
+    fn bindings(&self, chunk: &Chunk, cloud: &Cloud) -> ChunkBindings {
+        let (from, to, _) = cloud.colors.ends();
+        let or_absent = |buffer: Option<&wgpu::Buffer>| buffer.unwrap_or(&self.absent).clone();
+        ChunkBindings([
+            chunk.gaussians.clone(),
+            or_absent(chunk.sh.as_ref()),
+            or_absent(from.map(|colors| colors.buffer())),
+            or_absent(to.map(|colors| colors.buffer())),
+        ])
+    }
+
+    fn bind(&self, device: &wgpu::Device, ChunkBindings(buffers): &ChunkBindings) -> wgpu::BindGroup {
+        bind_group(device, "splat_project_chunk", &self.chunk_layout, &buffers.each_ref().map(whole))
+    }
+}
+
+/// What the chunks of a cloud have in common.
+fn cloud_uniforms(camera: &Camera, cloud: &Cloud, settings: &SplatSettings) -> SplatChunk {
+    let [view_from_scene_x, view_from_scene_y, view_from_scene_z] =
+        rows(&camera.view_from(&cloud.world_from_scene));
+    let clip_row = |i| camera.clip_from_view.row(i).to_array();
+    let (from, to, fade) = cloud.colors.ends();
+    let flag = |set: bool, flag: u32| if set { flag } else { 0 };
+    let eye = camera.eye_in(&cloud.world_from_scene);
+    SplatChunk {
+        view_from_scene_x,
+        view_from_scene_y,
+        view_from_scene_z,
+        clip_from_view_x: clip_row(0),
+        clip_from_view_y: clip_row(1),
+        clip_from_view_z: clip_row(2),
+        clip_from_view_w: clip_row(3),
+        viewport: camera.viewport.as_vec4().to_array(),
+        // Nearly flat clouds can put the eye out of range; they are then seen from nowhere in particular.
+        eye: if eye.is_finite() { eye.to_array() } else { [0.0; 4] },
+        axis: camera.axis().to_array(),
+        // Parallel rays have no singularity; the near plane alone culls.
+        near: if camera.is_orthographic() { f32::MIN } else { settings.near },
+        scale_unit: cloud.scene.scale_unit(),
+        fade,
+        sh_degree: cloud.scene.sh_degree().map_or(NO_SH, u32::from),
+        flags: flag(from.is_none(), FROM_OWN_COLORS)
+            | flag(to.is_none(), TO_OWN_COLORS)
+            | flag(settings.sort_key == SortKey::Distance, BY_DISTANCE),
+        ..SplatChunk::zeroed()
+    }
+}
+
+fn rows(affine: &Affine3A) -> [[f32; 4]; 3] {
+    let columns = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis, affine.translation];
+    [0, 1, 2].map(|i| columns.map(|column| column[i]))
+}

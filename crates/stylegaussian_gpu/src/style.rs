@@ -1,0 +1,140 @@
+//! The style pass: from a scene's features and a folded decoder to one color for each Gaussian.
+//!
+//! On change only. [`StyleInputs`] packs a scene on the CPU and [`StyleScene`] uploads it, once; a change of style folds
+//! the decoder's first layer ([`FoldedLayers`], independent of N), uploads the weights ([`GpuDecoder`]) and encodes the
+//! layers ([`StylePass::encode`]). The result equals [`stylegaussian::fold::stylize`] up to the rounding of
+//! activations to f16.
+//!
+//! ```no_run
+//! use stylegaussian_gpu::{colors::GaussianColors, device::HeadlessDevice, style::*};
+//! # fn f(scene: &stylegaussian::Scene, decoder: &stylegaussian::Decoder, style: &stylegaussian::ChannelStatistics)
+//! # -> Result<(), Box<dyn std::error::Error>> {
+//! let HeadlessDevice { device, queue, .. } = pollster::block_on(HeadlessDevice::request())?;
+//! let pass = StylePass::new(&device);
+//! let gpu_scene = StyleScene::new(&device, &queue, scene, decoder)?;
+//! let colors = GaussianColors::new(&device, scene.len())?;
+//! let map = gpu_scene.content().transfer(&[(style, 1.0)], 0.0)?;
+//! let weights = GpuDecoder::new(&device, &queue, &FoldedLayers::new(gpu_scene.content(), decoder, &map)?)?;
+//! let mut encoder = device.create_command_encoder(&Default::default());
+//! pass.encode(&device, &mut encoder, &gpu_scene, &weights, &colors)?;
+//! queue.submit([encoder.finish()]);
+//! # Ok(()) }
+//! ```
+
+mod content;
+mod features;
+mod pipelines;
+mod plan;
+mod planes;
+mod scene;
+mod stylize;
+mod weights;
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+pub use content::{ContentFold, FoldedLayers};
+pub use features::StyleInputs;
+pub use scene::{StyleScene, StyleSceneError};
+pub use stylize::{StylizeOnGpuError, stylize};
+pub use weights::GpuDecoder;
+
+use crate::colors::GaussianColors;
+use pipelines::Pipelines;
+use plan::{Step, steps};
+
+/// The pipelines of the style pass on one device.
+#[derive(Debug)]
+pub struct StylePass {
+    pipelines: Pipelines,
+    dispatches: AtomicU64,
+}
+
+impl StylePass {
+    /// Compiles the kernels.
+    pub fn new(device: &wgpu::Device) -> Self {
+        Self { pipelines: Pipelines::new(device), dispatches: AtomicU64::new(0) }
+    }
+
+    /// How many dispatches were encoded so far: a frame in which nothing changed adds none.
+    pub fn dispatches(&self) -> u64 {
+        self.dispatches.load(Ordering::Relaxed)
+    }
+
+    /// Encodes the decoder's layers on `scene`, whose result replaces `colors`. Gives the number of dispatches.
+    ///
+    /// # Errors
+    /// When the weights or the colors are not those of the scene.
+    pub fn encode(
+        &self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        scene: &StyleScene,
+        weights: &GpuDecoder,
+        colors: &GaussianColors,
+    ) -> Result<u64, StyleSceneError> {
+        check(scene, weights, colors)?;
+        let steps = steps(&scene.shape, &scene.split);
+        if steps.is_empty() {
+            return Ok(0);
+        }
+        let parameters = self.pipelines.parameters(device, &steps, weights);
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("style_pass"),
+            timestamp_writes: None,
+        });
+        for (i, step) in steps.iter().enumerate() {
+            let buffers = step_buffers(scene, weights, colors, step);
+            let bind_group = self.pipelines.bind_group(device, parameters.binding(i), &buffers);
+            pass.set_pipeline(self.pipelines.of(step.kernel));
+            pass.set_bind_group(0, &bind_group, &[]);
+            pass.dispatch_workgroups(step.workgroups[0], step.workgroups[1], 1);
+        }
+        let n_dispatches = steps.len() as u64;
+        self.dispatches.fetch_add(n_dispatches, Ordering::Relaxed);
+        Ok(n_dispatches)
+    }
+}
+
+fn check(scene: &StyleScene, weights: &GpuDecoder, colors: &GaussianColors) -> Result<(), StyleSceneError> {
+    let mismatch =
+        |what, found: String, expected: String| StyleSceneError::Mismatch { what, found, expected };
+    let shape = &scene.shape;
+    let of_scene = (&shape.widths, shape.k, shape.residual);
+    let of_weights = (&weights.widths, weights.k, weights.residual);
+    if of_scene != of_weights {
+        let name = |(widths, k, residual): (&Vec<usize>, _, _)| {
+            format!("widths {widths:?}, K {k}, residual {residual}")
+        };
+        return Err(mismatch("weights", name(of_weights), name(of_scene)));
+    }
+    if colors.n_gaussians() != shape.n_gaussians {
+        let name = |n: usize| format!("{n} Gaussians");
+        return Err(mismatch("colors", name(colors.n_gaussians()), name(shape.n_gaussians)));
+    }
+    Ok(())
+}
+
+/// The buffers of one dispatch, in the order of their bindings, after the parameters.
+fn step_buffers<'a>(
+    scene: &'a StyleScene,
+    weights: &'a GpuDecoder,
+    colors: &'a GaussianColors,
+    step: &Step,
+) -> [wgpu::BufferBinding<'a>; 6] {
+    let inputs = match step.layer {
+        0 => &scene.inputs,
+        layer => &scene.scratch[(layer - 1) % 2],
+    };
+    let output = match step.kernel {
+        plan::Kernel::Color => colors.buffer(),
+        plan::Kernel::KnnConv(_) => scene.scratch[step.layer % 2].buffer(step.output),
+    };
+    [
+        scene.neighbors.binding(step.parameters.first_row, step.parameters.n_rows),
+        weights.layer(step.layer).as_entire_buffer_binding(),
+        inputs.buffer(step.input).as_entire_buffer_binding(),
+        output.as_entire_buffer_binding(),
+        scene.sums.as_entire_buffer_binding(),
+        scene.base_colors.as_entire_buffer_binding(),
+    ]
+}

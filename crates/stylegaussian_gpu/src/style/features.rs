@@ -1,0 +1,119 @@
+//! A scene's inputs to the decoder, packed as the GPU reads them.
+
+use std::{borrow::Cow, sync::Arc};
+
+use half::f16;
+use stylegaussian::{
+    Decoder, Scene,
+    fold::{self, StylizeError},
+};
+
+use super::content::{ContentFold, StyleShape, centered};
+
+/// Channels in a plane: 8 f16 are a `vec4<u32>`, the widest load of a shader.
+pub(super) const PLANE_CHANNELS: usize = 8;
+
+/// Everything that the style pass uploads of a scene, made without a GPU: an engine makes it off its main thread.
+///
+/// Features are centered, each channel times a power of two that brings its largest value to 1,024 or just above: f16
+/// keeps 11 bits of values down to 6e-5, so nothing that matters in a channel is rounded more coarsely than that.
+#[derive(Clone, Debug)]
+pub struct StyleInputs {
+    pub(super) content: Arc<ContentFold>,
+    pub(super) shape: StyleShape,
+    /// `[planes, N]`.
+    pub(super) planes: Vec<[f16; PLANE_CHANNELS]>,
+    /// `[N, K]`.
+    pub(super) neighbors: Vec<u32>,
+    /// `[N]`; empty where the decoder is not residual.
+    pub(super) base_colors: Vec<[f16; 4]>,
+}
+
+impl StyleInputs {
+    /// Packs what `decoder` takes of `scene`: features, noise, own colors, and the K nearest neighbors, which are found
+    /// anew where the scene holds none (give it [`Neighbors`](stylegaussian::Neighbors) to spare that).
+    ///
+    /// # Errors
+    /// No features, or a decoder that does not fit them.
+    pub fn new(scene: &Scene, decoder: &Decoder) -> Result<Self, StylizeError> {
+        let shape = StyleShape::of(scene, decoder)?;
+        let inputs = fold::inputs_of(scene, decoder).ok_or(StylizeError::NoFeatures)?;
+        let (mean_low, values) = centered(&inputs);
+        let scales = channel_scales(&values, shape.widths[0]);
+        let planes = pack_planes(&values, &scales);
+        let base_colors = if decoder.residual {
+            scene.base_colors().iter().map(|&[r, g, b]| [r, g, b, 0.0].map(f16::from_f32)).collect()
+        } else {
+            Vec::new()
+        };
+        let neighbors = match fold::neighbors_for(scene, decoder.k) {
+            Cow::Borrowed(neighbors) => neighbors.indices.clone(),
+            Cow::Owned(neighbors) => neighbors.indices,
+        };
+        let content = Arc::new(ContentFold::new(&inputs, mean_low, scales));
+        Ok(Self { content, shape, planes, neighbors, base_colors })
+    }
+
+    /// What folding needs of the scene.
+    pub fn content(&self) -> &Arc<ContentFold> {
+        &self.content
+    }
+}
+
+/// For each of `width` channels of `values` `[N, width]` the power of two that brings its largest to 1,024..2,048.
+fn channel_scales(values: &[f32], width: usize) -> Vec<f32> {
+    let mut largest = vec![0.0_f32; width];
+    for row in values.chunks_exact(width) {
+        largest.iter_mut().zip(row).for_each(|(max, value)| *max = max.max(value.abs()));
+    }
+    let scale = |max: f32| {
+        if max > 0.0 && max.is_finite() {
+            2.0_f32.powi((10 - max.log2().floor() as i32).clamp(-100, 100))
+        } else {
+            1.0
+        }
+    };
+    largest.into_iter().map(scale).collect()
+}
+
+/// `values` `[N, width]` times `scales` `[width]`, as planes `[planes, N]` of 8 channels; zeros fill the last plane.
+fn pack_planes(values: &[f32], scales: &[f32]) -> Vec<[f16; PLANE_CHANNELS]> {
+    let width = scales.len();
+    let n = values.len() / width;
+    let mut planes = vec![[f16::ZERO; PLANE_CHANNELS]; width.div_ceil(PLANE_CHANNELS) * n];
+    for (gaussian, row) in values.chunks_exact(width).enumerate() {
+        let channels = row.chunks(PLANE_CHANNELS).zip(scales.chunks(PLANE_CHANNELS));
+        for (plane, (values, scales)) in channels.enumerate() {
+            let packed = planes[plane * n + gaussian].iter_mut();
+            packed.zip(values.iter().zip(scales)).for_each(|(p, (v, s))| *p = f16::from_f32(v * s));
+        }
+    }
+    planes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn planes_hold_eight_scaled_channels_of_each_gaussian() {
+        let values: Vec<f32> =
+            (0..2 * 9).map(|i| if i % 9 == 8 { 3e-6 * i as f32 } else { i as f32 }).collect();
+        let scales = channel_scales(&values, 9);
+        // The largest values of channels 0 and 8 are 9 and 5.1e-5: 2^3 and 2^-15, to be brought to 2^10.
+        assert_eq!((scales[0], scales[8]), (128.0, 2.0_f32.powi(25)));
+        let planes = pack_planes(&values, &scales);
+        assert_eq!(planes.len(), 4);
+        assert_eq!(planes[1][0].to_f32(), 9.0 * 128.0);
+        assert_eq!(planes[0][7].to_f32(), 7.0 * scales[7]);
+        let last = planes[3][0].to_f32() / scales[8];
+        assert!((last / 5.1e-5 - 1.0).abs() < 5e-4, "{last}");
+        assert_eq!(planes[3][1..], [f16::ZERO; 7]);
+    }
+
+    #[test]
+    fn channels_of_zeros_keep_their_scale() {
+        assert_eq!(channel_scales(&[0.0, 1.0, 0.0, 2.0], 2), [1.0, 512.0]);
+        assert_eq!(channel_scales(&[], 2), [1.0, 1.0]);
+    }
+}

@@ -1,0 +1,113 @@
+//! Activations of N Gaussians: planes of 8 f16 channels, in as many buffers as the device's limits ask for.
+
+use super::{features::PLANE_CHANNELS, scene::StyleSceneError};
+
+/// Bytes of one Gaussian in one plane.
+const PLANE_STRIDE: u64 = 2 * PLANE_CHANNELS as u64;
+
+/// Planes `[planes, N]`.
+#[derive(Debug)]
+pub(super) struct Planes {
+    buffers: Vec<wgpu::Buffer>,
+    planes_per_buffer: usize,
+    plane_bytes: u64,
+}
+
+/// Successive planes of one buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct PlaneGroup {
+    pub buffer: usize,
+    pub first: usize,
+    pub n: usize,
+}
+
+/// How many planes hold `width` channels.
+pub(super) fn n_planes(width: usize) -> usize {
+    width.div_ceil(PLANE_CHANNELS)
+}
+
+/// The largest buffer that a device can bind as storage.
+pub(super) fn largest_binding(limits: &wgpu::Limits) -> u64 {
+    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+}
+
+/// The first `n_planes`, by the buffers that `planes_per_buffer` puts them in.
+pub(super) fn groups(n_planes: usize, planes_per_buffer: usize) -> impl Iterator<Item = PlaneGroup> + Clone {
+    (0..n_planes.div_ceil(planes_per_buffer)).map(move |buffer| {
+        let first = buffer * planes_per_buffer;
+        PlaneGroup { buffer, first, n: planes_per_buffer.min(n_planes - first) }
+    })
+}
+
+impl Planes {
+    /// Bytes of planes for `width` channels of `n_gaussians`; buffers are never empty.
+    pub fn bytes(width: usize, n_gaussians: usize) -> u64 {
+        n_planes(width) as u64 * plane_bytes(n_gaussians)
+    }
+
+    /// Planes for `width` channels of `n_gaussians`; none where the width is 0.
+    ///
+    /// # Errors
+    /// When a single plane is larger than the device can bind.
+    pub fn new(
+        device: &wgpu::Device,
+        label: &'static str,
+        width: usize,
+        n_gaussians: usize,
+    ) -> Result<Self, StyleSceneError> {
+        let plane_bytes = plane_bytes(n_gaussians);
+        let limit = largest_binding(&device.limits());
+        let planes_per_buffer =
+            usize::try_from(limit / plane_bytes).unwrap_or(usize::MAX).min(n_planes(width));
+        if limit < plane_bytes {
+            return Err(StyleSceneError::TooLarge { what: label, found: plane_bytes, limit });
+        }
+        let planes_per_buffer = planes_per_buffer.max(1);
+        let buffer = |group: PlaneGroup| {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: group.n as u64 * plane_bytes,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        let buffers = groups(n_planes(width), planes_per_buffer).map(buffer).collect();
+        Ok(Self { buffers, planes_per_buffer, plane_bytes })
+    }
+
+    /// Fills all planes with `values` `[planes, N]`.
+    pub fn write(&self, queue: &wgpu::Queue, values: &[[half::f16; PLANE_CHANNELS]]) {
+        let bytes: &[u8] = bytemuck::cast_slice(values);
+        let chunk = self.planes_per_buffer * self.plane_bytes as usize;
+        for (buffer, bytes) in self.buffers.iter().zip(bytes.chunks(chunk)) {
+            queue.write_buffer(buffer, 0, bytes);
+        }
+    }
+
+    pub fn planes_per_buffer(&self) -> usize {
+        self.planes_per_buffer
+    }
+
+    pub fn buffer(&self, index: usize) -> &wgpu::Buffer {
+        &self.buffers[index]
+    }
+}
+
+fn plane_bytes(n_gaussians: usize) -> u64 {
+    PLANE_STRIDE * n_gaussians.max(1) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn planes_split_by_buffer() {
+        let split: Vec<_> = groups(5, 2).map(|group| (group.buffer, group.first, group.n)).collect();
+        assert_eq!(split, [(0, 0, 2), (1, 2, 2), (2, 4, 1)]);
+        assert_eq!(groups(0, 2).count(), 0);
+        // 8.4 million Gaussians fit WebGPU's 128 MiB by the plane.
+        assert!(plane_bytes(8_388_608) <= 128 << 20);
+        assert_eq!(Planes::bytes(39, 10), 5 * 160);
+    }
+}

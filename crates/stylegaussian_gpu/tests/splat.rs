@@ -1,0 +1,123 @@
+//! The splat pass against its CPU twin, `stylegaussian::splat::render`.
+
+mod pictures;
+
+use std::path::Path;
+
+use glam::{Affine3A, Quat, UVec2, Vec2, Vec3};
+use pictures::{camera, check, draw, gpu, psnr, random_scene, randoms, rgba, scene};
+use stylegaussian::{
+    Camera, Scene, file,
+    splat::{Colors, render},
+};
+use stylegaussian_gpu::splat::{self, SplatSettings};
+
+/// The contract, in decibels.
+const LEAST: f64 = 45.0;
+
+/// Degrees 0 to 3, and colors that are not clamped.
+#[test]
+fn gpu_matches_cpu() {
+    let Some(gpu) = gpu() else { return };
+    let camera = camera(UVec2::new(160, 120));
+    for degree in 0..=3 {
+        let scene = random_scene(2000, degree, 7);
+        check(&gpu, &format!("degree {degree}"), &scene, Colors::Sh, &camera, LEAST);
+    }
+    let mut scene = random_scene(2000, 0, 8);
+    let mut random = randoms(3);
+    let colors: Vec<_> = (0..2000).map(|_| [(); 3].map(|()| 1.6 * random() - 0.3)).collect();
+    check(&gpu, "colors", &scene, Colors::Rgb(&colors), &camera, LEAST);
+    scene.sh = None;
+    check(&gpu, "mid-gray", &scene, Colors::Sh, &camera, LEAST);
+}
+
+/// A part of the demo scene, from a camera that the whole fills.
+#[test]
+fn the_demo_scene_matches() {
+    let Some(gpu) = gpu() else { return };
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/demo.sgs");
+    let demo = file::read_scene(&path).unwrap().scene;
+    let indices: Vec<u32> = (0..demo.len() as u32).step_by(8).collect();
+    let scene = demo.subset(&indices);
+    let (low, high) = scene.bounds().unwrap();
+    let center = (low + high) / 2.0;
+    let up = scene.up.unwrap_or(Vec3::Y);
+    let aside = up.any_orthonormal_vector();
+    let eye = center + (high - low).length() * (0.22 * aside + 0.1 * up);
+    let camera = Camera::look_at(eye, center, up, 1.0, UVec2::new(160, 120));
+    check(&gpu, "demo", &scene, Colors::Sh, &camera, LEAST);
+}
+
+/// The principal point far from the middle: one eye of a headset, or a tile of a wall.
+#[test]
+fn off_axis_projections_match() {
+    let Some(gpu) = gpu() else { return };
+    let scene = random_scene(2000, 1, 9);
+    let mut camera = camera(UVec2::new(120, 90));
+    camera.center = Vec2::new(95.0, 10.0);
+    camera.focal = Vec2::new(100.0, 60.0);
+    check(&gpu, "off-axis", &scene, Colors::Sh, &camera, LEAST);
+}
+
+/// Footprint variance (10 * 0.2 / 2)^2 + 0.3 = 1.3 px^2 on both axes, as in the CPU twin's own test.
+#[test]
+fn one_splat_at_the_center() {
+    let Some(gpu) = gpu() else { return };
+    let camera = Camera {
+        view_from_world: Affine3A::IDENTITY,
+        focal: Vec2::splat(10.0),
+        center: Vec2::splat(4.5),
+        size: UVec2::splat(9),
+    };
+    let one = scene(&[(Vec3::new(0.0, 0.0, 2.0), Vec3::splat(0.2), 0.5)]);
+    let picture = pictures::draw_scene(&gpu, &one, Colors::Rgb(&[[1.0, 0.5, -0.25]]), &camera);
+    let center = 4 * 9 + 4;
+    let beside = 0.5 * (-0.5f32 / 1.3).exp();
+    let near = |found: f32, expected: f32| assert!((found - expected).abs() < 1e-3, "{found} {expected}");
+    for (found, expected) in picture.rgba[center].into_iter().zip([0.5, 0.25, -0.125, 0.5]) {
+        near(found, expected);
+    }
+    near(picture.rgba[center + 1][3], beside);
+    near(picture.rgba[center + 9][3], beside);
+    // 3 px away alpha is 0.0157, 4 px away it would be 0.0011.
+    near(picture.rgba[center + 3][3], 0.5 * (-4.5f32 / 1.3).exp());
+    assert_eq!(picture.rgba[center + 4][3], 0.0);
+}
+
+/// A cloud under a rotation, a uniform scale and a translation is the scene of the moved Gaussians.
+#[test]
+fn a_moved_cloud_is_the_scene_of_moved_gaussians() {
+    let Some(gpu) = gpu() else { return };
+    let still = random_scene(1000, 0, 10);
+    let (scale, turn) = (1.3, Quat::from_rotation_z(0.7));
+    let world_from_scene =
+        Affine3A::from_scale_rotation_translation(Vec3::splat(scale), turn, Vec3::new(0.2, -0.3, 0.4));
+    let mut moved = still.clone();
+    for i in 0..moved.len() {
+        moved.means[i] = world_from_scene.transform_point3(still.means[i]);
+        moved.rotations[i] = turn * still.rotations[i];
+        moved.scales[i] = scale * still.scales[i];
+    }
+    let camera = camera(UVec2::new(120, 90));
+    let expected = rgba(&render(&moved, Colors::Sh, &camera));
+    let clouds = [(&still, Colors::Sh, world_from_scene)];
+    let found = draw(&gpu, &splat::Camera::pinhole(&camera), &clouds, &SplatSettings::default());
+    let psnr = psnr(&found.rgba, &expected);
+    assert!(psnr >= LEAST, "{psnr:.1} dB");
+}
+
+/// Two halves of one scene are that scene, however their Gaussians interleave in depth.
+#[test]
+fn clouds_interleave() {
+    let Some(gpu) = gpu() else { return };
+    let whole = random_scene(2000, 1, 11);
+    let half = |first: u32| -> Scene { whole.subset(&(first..2000).step_by(2).collect::<Vec<_>>()) };
+    let (even, odd) = (half(0), half(1));
+    let camera = camera(UVec2::new(120, 90));
+    let expected = rgba(&render(&whole, Colors::Sh, &camera));
+    let clouds = [(&even, Colors::Sh, Affine3A::IDENTITY), (&odd, Colors::Sh, Affine3A::IDENTITY)];
+    let found = draw(&gpu, &splat::Camera::pinhole(&camera), &clouds, &SplatSettings::default());
+    let psnr = psnr(&found.rgba, &expected);
+    assert!(psnr >= LEAST, "{psnr:.1} dB");
+}

@@ -1,0 +1,62 @@
+// The layer of splats over the picture, sample by sample: a triangle over the whole viewport.
+
+/// How the layer becomes the target's.
+struct SplatComposite {
+    /// What the camera multiplies colors with before tone mapping: 2^exposure of its color grading.
+    exposure: f32,
+    /// Texels along a side of the table of inverses.
+    table_size: f32,
+    padding: vec2<f32>,
+}
+
+@group(0) @binding(0) var<uniform> composite: SplatComposite;
+/// Inverse of a tone mapping without a formula, over sRGB-encoded colors: x / (1 + x) of the linear color x.
+@group(0) @binding(2) var inverse_table: texture_3d<f32>;
+@group(0) @binding(3) var table_sampler: sampler;
+
+/// One of the `MODE_` constants.
+override mode: u32;
+
+/// From sRGB's encoding to linear (IEC 61966-2-1).
+fn linear_from_srgb(c: vec3<f32>) -> vec3<f32> {
+    return select(pow((c + 0.055) / 1.055, vec3(2.4)), c / 12.92, c <= vec3(0.04045));
+}
+
+fn inverse_by_table(encoded: vec3<f32>) -> vec3<f32> {
+    // Texel centers lie half a texel from the edges.
+    let at = (encoded * (composite.table_size - 1.0) + 0.5) / composite.table_size;
+    let compressed = textureSampleLevel(inverse_table, table_sampler, at, 0.0).rgb;
+    return compressed / (1.0 - min(compressed, vec3(BRIGHTEST)));
+}
+
+/// A texel of the layer as the target counts colors, premultiplied.
+fn composited(texel: vec4<f32>) -> vec4<f32> {
+    if texel.a <= 0.0 {
+        discard;
+    }
+    if mode == MODE_ENCODED {
+        return texel;
+    }
+    // Only what a screen can show can be decoded.
+    let encoded = clamp(texel.rgb / texel.a, vec3(0.0), vec3(1.0));
+    var color = linear_from_srgb(encoded);
+    switch mode {
+        case MODE_REINHARD: { color = inverse_reinhard(color); }
+        case MODE_REINHARD_LUMINANCE: { color = inverse_reinhard_luminance(color); }
+        case MODE_ACES_FITTED: { color = inverse_aces_fitted(color); }
+        case MODE_PBR_NEUTRAL: { color = inverse_pbr_neutral(color); }
+        case MODE_TABLE: { color = inverse_by_table(encoded); }
+        default: {}
+    }
+    if mode != MODE_LINEAR {
+        color /= composite.exposure;
+    }
+    return vec4(color * texel.a, texel.a);
+}
+
+@vertex
+fn splat_composite_vertex(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4<f32> {
+    // One triangle that covers the viewport: (-1, -1), (3, -1), (-1, 3).
+    let at = vec2(f32(corner & 1u), f32(corner >> 1u));
+    return vec4(at * 4.0 - 1.0, 0.0, 1.0);
+}

@@ -1,0 +1,210 @@
+// From Gaussians to splats: cull, project, color. One invocation per Gaussian of one chunk of one cloud; the records of
+// all clouds go into one array. CPU twin: `stylegaussian::splat`, module `project`.
+//
+// A Gaussian with covariance S is drawn as its first-order projection J W S W^T J^T (Zwicker et al., "EWA Volume
+// Splatting", 2001) plus `LOW_PASS` on the diagonal. J is written for any projection matrix: with clip = P p, a pixel
+// coordinate is clip.x / clip.w up to scale, whose gradient is (P_x - (clip.x / clip.w) P_w) / clip.w. Perspective,
+// off-axis and orthographic cameras differ in P only.
+
+/// One chunk of one cloud as one camera sees it. View space is x right, y up, z backward.
+struct SplatChunk {
+    /// Rows of view from scene; any affine map.
+    view_from_scene_x: vec4<f32>,
+    view_from_scene_y: vec4<f32>,
+    view_from_scene_z: vec4<f32>,
+    /// Rows of clip from view; reverse z.
+    clip_from_view_x: vec4<f32>,
+    clip_from_view_y: vec4<f32>,
+    clip_from_view_z: vec4<f32>,
+    clip_from_view_w: vec4<f32>,
+    /// Left, top, width and height of the viewport, in pixels of the target.
+    viewport: vec4<f32>,
+    /// Where rays come from, in the scene's space: (eye, 1), or (-direction, 0) where they are parallel.
+    eye: vec4<f32>,
+    /// Where the image axis (view -z) meets the picture, in normalized device coordinates.
+    axis: vec2<f32>,
+    /// View depth at which Gaussians and nearer ones are culled, in world units.
+    near: f32,
+    /// Scales are stored in this unit, in scene units.
+    scale_unit: f32,
+    /// Share of the second color source, 0..1.
+    fade: f32,
+    /// Gaussians in this chunk.
+    n_gaussians: u32,
+    /// Index of the chunk's first Gaussian in its scene.
+    first_gaussian: u32,
+    /// Index of the chunk's first record.
+    first_slot: u32,
+    /// Degree of the spherical harmonics, or `NO_SH`.
+    sh_degree: u32,
+    /// `FROM_OWN_COLORS`, `TO_OWN_COLORS`, `BY_DISTANCE`.
+    flags: u32,
+    padding: vec2<u32>,
+}
+
+/// One Gaussian, 32 bytes.
+struct PackedGaussian {
+    mean: vec3<f32>,
+    opacity: f32,
+    /// Unit quaternion (x, y, z, w) as 16-bit signed fractions.
+    rotation: vec2<u32>,
+    /// Standard deviations along the local axes as f16, in `scale_unit`.
+    scales: vec2<u32>,
+}
+
+@group(0) @binding(0) var<uniform> chunk: SplatChunk;
+@group(0) @binding(1) var<storage, read_write> keys: array<u32>;
+@group(0) @binding(2) var<storage, read_write> places: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> looks: array<vec4<u32>>;
+@group(1) @binding(0) var<storage, read> gaussians: array<PackedGaussian>;
+@group(1) @binding(2) var<storage, read> colors_from: array<vec2<u32>>;
+@group(1) @binding(3) var<storage, read> colors_to: array<vec2<u32>>;
+
+/// Added to the diagonal of every 2D covariance, in px^2: no splat is thinner than about a pixel.
+const LOW_PASS: f32 = 0.3;
+/// How far from the image axis, in half pictures, the projection is still linearized where it is.
+const LINEARIZED_WITHIN: f32 = 1.3;
+/// Numbers beyond this are taken for overflow: their squares would be infinite.
+const HUGE: f32 = 1e18;
+/// The largest color that a record holds.
+const MAX_COLOR: f32 = 65504.0;
+
+/// A splat and how far away it is, by the sort's measure.
+struct Projected {
+    splat: Splat,
+    distance: f32,
+    visible: bool,
+}
+
+/// The vector that `rotation` turns into `v`.
+fn unrotated(rotation: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
+    let t = 2.0 * cross(v, rotation.xyz);
+    return v + rotation.w * t + cross(t, rotation.xyz);
+}
+
+/// A row of J W R S, in pixels: the 2D covariance is the Gram matrix of both. `j` is the gradient of a pixel
+/// coordinate in view space.
+fn footprint_axis(gaussian: PackedGaussian, j: vec3<f32>) -> vec3<f32> {
+    let in_scene = j.x * chunk.view_from_scene_x.xyz + j.y * chunk.view_from_scene_y.xyz
+        + j.z * chunk.view_from_scene_z.xyz;
+    let rotation = vec4(unpack2x16snorm(gaussian.rotation.x), unpack2x16snorm(gaussian.rotation.y));
+    let scales = vec3(unpack2x16float(gaussian.scales.x), unpack2x16float(gaussian.scales.y).x);
+    return unrotated(normalize(rotation), in_scene) * scales * chunk.scale_unit;
+}
+
+/// The footprint of `gaussian`, without its color.
+fn project(gaussian: PackedGaussian) -> Projected {
+    var out: Projected;
+    let mean = vec4(gaussian.mean, 1.0);
+    let view = vec4(
+        dot(chunk.view_from_scene_x, mean),
+        dot(chunk.view_from_scene_y, mean),
+        dot(chunk.view_from_scene_z, mean),
+        1.0,
+    );
+    let clip = vec3(
+        dot(chunk.clip_from_view_x, view),
+        dot(chunk.clip_from_view_y, view),
+        dot(chunk.clip_from_view_z, view),
+    );
+    let w = dot(chunk.clip_from_view_w, view);
+    // Every test is written so that NaN is culled too.
+    let in_front = -view.z > chunk.near && w > 0.0 && clip.z >= 0.0 && clip.z <= w;
+    if !(in_front && gaussian.opacity >= MIN_ALPHA) {
+        return out;
+    }
+    let ndc = clip.xy / w;
+    let half_size = 0.5 * chunk.viewport.zw;
+    let center = chunk.viewport.xy + half_size + ndc * vec2(half_size.x, -half_size.y);
+
+    let at = clamp(ndc, chunk.axis - LINEARIZED_WITHIN, chunk.axis + LINEARIZED_WITHIN);
+    let j_x = half_size.x / w * (chunk.clip_from_view_x.xyz - at.x * chunk.clip_from_view_w.xyz);
+    let j_y = -half_size.y / w * (chunk.clip_from_view_y.xyz - at.y * chunk.clip_from_view_w.xyz);
+    let row_x = footprint_axis(gaussian, j_x);
+    let row_y = footprint_axis(gaussian, j_y);
+    let a = dot(row_x, row_x) + LOW_PASS;
+    let b = dot(row_x, row_y);
+    let c = dot(row_y, row_y) + LOW_PASS;
+    // Lagrange's identity: a c - b^2 without subtracting large numbers.
+    let normal = cross(row_x, row_y);
+    let det = dot(normal, normal) + LOW_PASS * (a + c - LOW_PASS);
+
+    // Culled by the footprint, not by its center: nothing pops at the picture's edge.
+    let reach = sqrt(cutoff(gaussian.opacity) * vec2(a, c));
+    let offset = abs(center - (chunk.viewport.xy + half_size));
+    let inside = all(offset <= half_size + reach);
+    out.visible = inside && det < HUGE && all(abs(center) < vec2(HUGE));
+    out.splat.center = center;
+    out.splat.slope = b / c;
+    out.splat.row_precision = c / det;
+    out.splat.y_precision = 1.0 / c;
+    out.splat.depth = clip.z / w;
+    out.splat.opacity = gaussian.opacity;
+    out.distance = select(-view.z, length(view.xyz), (chunk.flags & BY_DISTANCE) != 0u);
+    return out;
+}
+
+/// The scene's own color, seen from the camera; mid-gray where it keeps none.
+fn own_color(index: u32, mean: vec3<f32>) -> vec3<f32> {
+    if chunk.sh_degree == NO_SH {
+        return vec3(0.5);
+    }
+    let ray = mean * chunk.eye.w - chunk.eye.xyz;
+    let squared = dot(ray, ray);
+    let direction = select(vec3(0.0), ray * inverseSqrt(squared), squared > 0.0);
+    return sh_color(index, chunk.n_gaussians, chunk.sh_degree, direction);
+}
+
+fn unpacked_color(words: vec2<u32>) -> vec3<f32> {
+    return vec3(unpack2x16float(words.x), unpack2x16float(words.y).x);
+}
+
+/// The color on the way from the first source to the second.
+fn color(index: u32, mean: vec3<f32>) -> vec3<f32> {
+    let in_scene = chunk.first_gaussian + index;
+    var own = vec3(0.0);
+    if (chunk.flags & (FROM_OWN_COLORS | TO_OWN_COLORS)) != 0u {
+        own = own_color(index, mean);
+    }
+    var mixed = own;
+    if (chunk.flags & FROM_OWN_COLORS) == 0u {
+        mixed = unpacked_color(colors_from[in_scene]);
+    }
+    if chunk.fade > 0.0 {
+        var second = own;
+        if (chunk.flags & TO_OWN_COLORS) == 0u {
+            second = unpacked_color(colors_to[in_scene]);
+        }
+        mixed = mix(mixed, second, chunk.fade);
+    }
+    return clamp(mixed, vec3(-MAX_COLOR), vec3(MAX_COLOR));
+}
+
+/// A key that sorts like `distance`: floats compare like their bits once negative ones are turned around.
+fn sort_key(distance: f32) -> u32 {
+    let bits = bitcast<u32>(distance);
+    return bits ^ select(0x80000000u, 0xffffffffu, (bits >> 31u) != 0u);
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn splat_project(
+    @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(num_workgroups) n_workgroups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let index = (workgroup.y * n_workgroups.x + workgroup.x) * WORKGROUP + lane;
+    if index >= chunk.n_gaussians {
+        return;
+    }
+    let slot = chunk.first_slot + index;
+    let gaussian = gaussians[index];
+    var projected = project(gaussian);
+    if !projected.visible {
+        keys[slot] = INVISIBLE;
+        return;
+    }
+    projected.splat.color = color(index, gaussian.mean);
+    keys[slot] = sort_key(projected.distance);
+    places[slot] = packed_place(projected.splat);
+    looks[slot] = packed_look(projected.splat);
+}

@@ -1,0 +1,69 @@
+// What the kernels of the splat pass hand one another. Joined after the constants of `stylegaussian_shaders::splat`.
+
+/// How many records a view has room for, and how many of them hold a visible splat.
+struct SplatCounts {
+    /// One for each Gaussian of each cloud; written by the CPU.
+    n_slots: u32,
+    /// Written by `splat_sort_counts`.
+    n_visible: u32,
+}
+
+/// The footprint of one Gaussian, 32 bytes in two arrays, so that either array stays bindable twice as long.
+///
+/// With (dx, dy) the offset from the center in pixels, alpha is opacity exp(-q / 2), where
+/// q = row_precision (dx - slope dy)^2 + y_precision dy^2. That is the inverse covariance with the square completed: a
+/// sum of two squares loses no digits on needles.
+struct Splat {
+    /// Projected mean, in pixels of the target.
+    center: vec2<f32>,
+    /// By how much the middle of a row moves in x per pixel in y.
+    slope: f32,
+    /// Inverse variance within a row, in px^-2.
+    row_precision: f32,
+    /// Inverse variance along y, in px^-2.
+    y_precision: f32,
+    /// Depth of the mean as the depth buffer counts it, 0..1.
+    depth: f32,
+    /// Display-referred, not clamped from above.
+    color: vec3<f32>,
+    /// 0..1.
+    opacity: f32,
+}
+
+/// The half of a record that tells where: center, slope, row_precision.
+fn packed_place(splat: Splat) -> vec4<f32> {
+    return vec4(splat.center, splat.slope, splat.row_precision);
+}
+
+/// The half of a record that tells what: y_precision, depth, color and opacity as f16.
+fn packed_look(splat: Splat) -> vec4<u32> {
+    return vec4(
+        bitcast<u32>(splat.y_precision),
+        bitcast<u32>(splat.depth),
+        pack2x16float(splat.color.rg),
+        pack2x16float(vec2(splat.color.b, splat.opacity)),
+    );
+}
+
+fn unpacked(place: vec4<f32>, look: vec4<u32>) -> Splat {
+    let red_green = unpack2x16float(look.z);
+    let blue_opacity = unpack2x16float(look.w);
+    return Splat(
+        place.xy,
+        place.z,
+        place.w,
+        bitcast<f32>(look.x),
+        bitcast<f32>(look.y),
+        vec3(red_green, blue_opacity.x),
+        blue_opacity.y,
+    );
+}
+
+/// The smallest alpha that is drawn.
+const MIN_ALPHA: f32 = 1.0 / 255.0;
+
+/// The q at which alpha falls to `MIN_ALPHA`.
+fn cutoff(opacity: f32) -> f32 {
+    // The opacity of a record is rounded and may be just below.
+    return max(2.0 * log(opacity / MIN_ALPHA), 0.0);
+}
