@@ -33,24 +33,18 @@ fn main() -> AppExit {
     App::new()
         .add_plugins(DefaultPlugins.set(AssetPlugin { file_path: ASSETS.into(), ..default() }))
         .add_plugins(StyleGaussianPlugin::default())
-        .add_systems(Startup, (spawn_scene, spawn_cubes))
+        .add_systems(Startup, (spawn_scene, spawn_cubes, backdrop::spawn))
         .add_systems(Update, follow_circles)
         .run()
 }
 
-fn spawn_scene(
-    mut commands: Commands,
-    assets: Res<AssetServer>,
-    mut meshes: ResMut<Assets<Mesh>>,
-    mut materials: ResMut<Assets<StandardMaterial>>,
-) {
+fn spawn_scene(mut commands: Commands, assets: Res<AssetServer>) {
     let camera = Transform::from_xyz(0.0, 4.5, 12.0).looking_at(Vec3::ZERO, Vec3::Y);
     commands.spawn((Camera3d::default(), AmbientLight { brightness: 400.0, ..default() }, camera));
     commands.spawn((
         DirectionalLight { illuminance: 8_000.0, ..default() },
         Transform::from_xyz(4.0, 8.0, 6.0).looking_at(Vec3::ZERO, Vec3::Y),
     ));
-    commands.spawn(backdrop::sky(&mut meshes, &mut materials));
     commands.spawn((
         GaussianSplats(assets.load("demo.sgs")),
         StyleSource::preset(assets.load("styles/watercolor.style.safetensors")),

@@ -77,18 +77,12 @@ fn main() -> AppExit {
     App::new()
         .add_plugins(DefaultPlugins.set(AssetPlugin { file_path: ASSETS.into(), ..default() }))
         .add_plugins(StyleGaussianPlugin::default())
-        .add_systems(Startup, setup)
-        .add_systems(Update, (place_eyes, turn))
+        .add_systems(Startup, (setup, backdrop::spawn))
+        .add_systems(Update, place_eyes)
         .run()
 }
 
-fn setup(
-    mut commands: Commands,
-    assets: Res<AssetServer>,
-    mut meshes: ResMut<Assets<Mesh>>,
-    mut materials: ResMut<Assets<StandardMaterial>>,
-) {
-    commands.spawn(backdrop::sky(&mut meshes, &mut materials));
+fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     let style = assets.load("styles/dots.style.safetensors");
     commands.spawn((GaussianSplats(assets.load("demo.sgs")), StyleSource::preset(style)));
     let head = Transform::from_xyz(0.0, 4.5, 11.0).looking_at(Vec3::ZERO, Vec3::Y);
@@ -119,8 +113,4 @@ fn place_eyes(
             eye.viewport = Some(Viewport { physical_position, physical_size: half, ..default() });
         }
     }
-}
-
-fn turn(mut splats: Single<&mut Transform, With<GaussianSplats>>, time: Res<Time>) {
-    splats.rotate_y(0.15 * time.delta_secs());
 }

@@ -38,22 +38,16 @@ fn main() -> AppExit {
                 .set(WindowPlugin { primary_window: Some(window), ..default() }),
         )
         .add_plugins(StyleGaussianPlugin::default())
-        .add_systems(Startup, setup)
+        .add_systems(Startup, (setup, backdrop::spawn))
         .add_systems(Update, (switch, turn))
         .add_observer(|applied: On<StyleApplied>| info!("restyled after {:?}", applied.elapsed))
         .add_observer(|failed: On<StyleFailed>| error!("{}", failed.error))
         .run()
 }
 
-fn setup(
-    mut commands: Commands,
-    assets: Res<AssetServer>,
-    mut meshes: ResMut<Assets<Mesh>>,
-    mut materials: ResMut<Assets<StandardMaterial>>,
-) {
+fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     commands
         .spawn((Camera3d::default(), Transform::from_xyz(0.0, 4.5, 11.0).looking_at(Vec3::ZERO, Vec3::Y)));
-    commands.spawn(backdrop::sky(&mut meshes, &mut materials));
     commands.spawn((
         GaussianSplats(assets.load("demo.sgs")),
         StyleSource::none(),

@@ -17,20 +17,14 @@ fn main() -> AppExit {
     App::new()
         .add_plugins(DefaultPlugins.set(AssetPlugin { file_path: ASSETS.into(), ..default() }))
         .add_plugins(StyleGaussianPlugin::default())
-        .add_systems(Startup, setup)
+        .add_systems(Startup, (setup, backdrop::spawn))
         .add_systems(Update, turn)
         .run()
 }
 
-fn setup(
-    mut commands: Commands,
-    assets: Res<AssetServer>,
-    mut meshes: ResMut<Assets<Mesh>>,
-    mut materials: ResMut<Assets<StandardMaterial>>,
-) {
+fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     commands
         .spawn((Camera3d::default(), Transform::from_xyz(0.0, 6.0, 15.5).looking_at(Vec3::ZERO, Vec3::Y)));
-    commands.spawn(backdrop::sky(&mut meshes, &mut materials));
     let scene = assets.load("demo.sgs");
     for (x, style) in [(-5.0, "dots"), (5.0, "strokes")] {
         commands.spawn((

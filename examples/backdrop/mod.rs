@@ -16,15 +16,19 @@ const FADE: [(f32, Vec3); 5] = [
     (1.0, Vec3::new(0.30, 0.50, 0.76)),
 ];
 
-/// The sky, to be spawned; a camera with `Tonemapping::None` shows its colors as they stand here.
-pub fn sky(meshes: &mut Assets<Mesh>, materials: &mut Assets<StandardMaterial>) -> impl Bundle {
+/// A startup system. A camera with `Tonemapping::None` shows the sky's colors as they stand here.
+pub fn spawn(
+    mut commands: Commands,
+    mut meshes: ResMut<Assets<Mesh>>,
+    mut materials: ResMut<Assets<StandardMaterial>>,
+) {
     let mut mesh = Sphere::new(RADIUS).mesh().uv(32, 96);
     mesh.asset_usage = RenderAssetUsages::RENDER_WORLD;
     let positions = mesh.attribute(Mesh::ATTRIBUTE_POSITION).and_then(VertexAttributeValues::as_float3);
     let colors: Vec<_> = positions.into_iter().flatten().map(|p| color_at(p[1] / RADIUS)).collect();
     mesh.insert_attribute(Mesh::ATTRIBUTE_COLOR, colors);
     let material = StandardMaterial { unlit: true, fog_enabled: false, cull_mode: None, ..default() };
-    (Mesh3d(meshes.add(mesh)), MeshMaterial3d(materials.add(material)), NoFrustumCulling)
+    commands.spawn((Mesh3d(meshes.add(mesh)), MeshMaterial3d(materials.add(material)), NoFrustumCulling));
 }
 
 /// The linear color at a height of the unit sphere.

@@ -63,6 +63,7 @@ fn main() -> AppExit {
         .init_resource::<save::Saving>()
         .add_message::<files::OpenFile>()
         .add_message::<save::Save>()
+        .add_systems(Startup, backdrop::spawn)
         .add_systems(
             Startup,
             (styles::list_shipped, scene::spawn, camera::spawn, files::open_arguments).chain(),

@@ -3,7 +3,7 @@
 use std::{path::PathBuf, time::Duration};
 
 use bevy::{
-    diagnostic::{DiagnosticsStore, FrameTimeDiagnosticsPlugin},
+    diagnostic::{DiagnosticPath, DiagnosticsStore, FrameTimeDiagnosticsPlugin},
     ecs::system::SystemParam,
     prelude::*,
     render::renderer::RenderAdapterInfo,
@@ -274,7 +274,8 @@ fn notice(ui: &mut Ui, notice: &mut Notice) {
 }
 
 fn statistics(ui: &mut Ui, shown: &Shown) {
-    let smoothed = |path| shown.diagnostics.get(path).and_then(|diagnostic| diagnostic.smoothed());
+    let smoothed =
+        |path: &DiagnosticPath| shown.diagnostics.get(path).and_then(|diagnostic| diagnostic.smoothed());
     let frame = smoothed(&FrameTimeDiagnosticsPlugin::FRAME_TIME).unwrap_or(0.0);
     let rate = smoothed(&FrameTimeDiagnosticsPlugin::FPS).unwrap_or(0.0);
     let transfer = shown.transfer.0.map_or_else(

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use bevy::{asset::LoadState, prelude::*};
 use bevy_stylegaussian::{GaussianScene, GaussianSplats, StyleSource, StyleTransition};
 
-use crate::{backdrop, camera::Orbit, panel::Notice};
+use crate::{camera::Orbit, panel::Notice};
 
 /// The axes that a scene may call up.
 pub const AXES: [(&str, Vec3); 6] = [
@@ -45,13 +45,8 @@ impl ShownScene {
 }
 
 /// The entity that shows scenes, without any yet.
-pub fn spawn(
-    mut commands: Commands,
-    mut meshes: ResMut<Assets<Mesh>>,
-    mut materials: ResMut<Assets<StandardMaterial>>,
-) {
+pub fn spawn(mut commands: Commands) {
     commands.init_resource::<ShownScene>();
-    commands.spawn(backdrop::sky(&mut meshes, &mut materials));
     commands.spawn((GaussianSplats::default(), StyleSource::none(), StyleTransition::default()));
 }
 
