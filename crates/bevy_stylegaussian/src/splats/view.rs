@@ -115,7 +115,8 @@ pub(super) fn prepare_views(
         view.clouds.clear();
         view.clouds.extend(visible.get::<GaussianSplats>().into_iter().flat_map(|class| {
             let entities = class.iter_visible().map(|(_, &entity)| entity);
-            entities.filter(|entity| clouds.0.get(entity).is_some_and(|cloud| scenes.get(&cloud.scene).is_some()))
+            entities
+                .filter(|entity| clouds.0.get(entity).is_some_and(|cloud| scenes.get(&cloud.scene).is_some()))
         }));
         if view.clouds.is_empty() || !pipelines.request(device, at_once.0, plan.samples, plan.composite) {
             continue;
