@@ -31,12 +31,22 @@ pub const MODE_EXPOSED: u32 = 2;
 pub const MODE_REINHARD: u32 = 3;
 /// `mode` of the composite: to linear, Reinhard of the luminance and exposure undone.
 pub const MODE_REINHARD_LUMINANCE: u32 = 4;
-/// `mode` of the composite: to linear, fitted ACES and exposure undone.
-pub const MODE_ACES_FITTED: u32 = 5;
-/// `mode` of the composite: to linear, PBR Neutral and exposure undone.
-pub const MODE_PBR_NEUTRAL: u32 = 6;
 /// `mode` of the composite: a tone mapping undone by table, then exposure.
-pub const MODE_TABLE: u32 = 7;
+pub const MODE_TABLE: u32 = 5;
+/// Texels along a side of a table of inverses.
+pub const TABLE_SIZE: u32 = 32;
+/// `curve` of a table of inverses: Stephen Hill's fit of ACES.
+pub const CURVE_ACES_FITTED: u32 = 0;
+/// `curve` of a table of inverses: Khronos' PBR Neutral.
+pub const CURVE_PBR_NEUTRAL: u32 = 1;
+/// `curve` of a table of inverses: the "somewhat boring" display transform.
+pub const CURVE_SOMEWHAT_BORING: u32 = 2;
+/// `curve` of a table of inverses: AgX.
+pub const CURVE_AGX: u32 = 3;
+/// `curve` of a table of inverses: Tony McMapface.
+pub const CURVE_TONY_MC_MAPFACE: u32 = 4;
+/// `curve` of a table of inverses: Blender's Filmic.
+pub const CURVE_BLENDER_FILMIC: u32 = 5;
 
 const RECORDS: &str = include_str!("../wgsl/splat_records.wgsl");
 const SCAN: &str = include_str!("../wgsl/splat_scan.wgsl");
@@ -56,9 +66,14 @@ fn constants() -> String {
         ("MODE_LINEAR", MODE_LINEAR),
         ("MODE_REINHARD", MODE_REINHARD),
         ("MODE_REINHARD_LUMINANCE", MODE_REINHARD_LUMINANCE),
-        ("MODE_ACES_FITTED", MODE_ACES_FITTED),
-        ("MODE_PBR_NEUTRAL", MODE_PBR_NEUTRAL),
         ("MODE_TABLE", MODE_TABLE),
+        ("TABLE_SIZE", TABLE_SIZE),
+        ("CURVE_ACES_FITTED", CURVE_ACES_FITTED),
+        ("CURVE_PBR_NEUTRAL", CURVE_PBR_NEUTRAL),
+        ("CURVE_SOMEWHAT_BORING", CURVE_SOMEWHAT_BORING),
+        ("CURVE_AGX", CURVE_AGX),
+        ("CURVE_TONY_MC_MAPFACE", CURVE_TONY_MC_MAPFACE),
+        ("CURVE_BLENDER_FILMIC", CURVE_BLENDER_FILMIC),
     ];
     constants.iter().map(|(name, value)| format!("const {name}: u32 = {value}u;\n")).collect()
 }
@@ -106,8 +121,13 @@ pub fn composite(multisampled: bool) -> Source {
         false => include_str!("../wgsl/splat_composite_single.wgsl"),
         true => include_str!("../wgsl/splat_composite_multi.wgsl"),
     };
+    source("splat_composite", &[include_str!("../wgsl/splat_composite.wgsl"), target])
+}
+
+/// Undo a tone mapping, once for all colors.
+pub fn inverse_table() -> Source {
     let tonemapping = include_str!("../wgsl/splat_tonemapping.wgsl");
-    source("splat_composite", &[tonemapping, include_str!("../wgsl/splat_composite.wgsl"), target])
+    source("splat_inverse_table", &[tonemapping, include_str!("../wgsl/splat_inverse_table.wgsl")])
 }
 
 /// Every joined source of the splat pass.
@@ -121,6 +141,7 @@ pub fn sources() -> Vec<Source> {
         draw(),
         composite(false),
         composite(true),
+        inverse_table(),
     ]
 }
 
@@ -162,7 +183,7 @@ pub fn layouts() -> Vec<Layout> {
             first_instance,
         }),
         layout!(SplatDraw { viewport }),
-        layout!(SplatComposite { exposure, table_size, padding }),
+        layout!(SplatComposite { exposure }),
     ]
 }
 
@@ -282,8 +303,4 @@ pub struct SplatDraw {
 pub struct SplatComposite {
     /// What the camera multiplies colors with before tone mapping: 2^exposure of its color grading.
     pub exposure: f32,
-    /// Texels along a side of the table of inverses.
-    pub table_size: f32,
-    /// Unused.
-    pub padding: [f32; 2],
 }

@@ -4,13 +4,10 @@
 struct SplatComposite {
     /// What the camera multiplies colors with before tone mapping: 2^exposure of its color grading.
     exposure: f32,
-    /// Texels along a side of the table of inverses.
-    table_size: f32,
-    padding: vec2<f32>,
 }
 
 @group(0) @binding(0) var<uniform> composite: SplatComposite;
-/// Inverse of a tone mapping without a formula, over sRGB-encoded colors: x / (1 + x) of the linear color x.
+/// Made by `splat_inverse_table`.
 @group(0) @binding(2) var inverse_table: texture_3d<f32>;
 @group(0) @binding(3) var table_sampler: sampler;
 
@@ -22,11 +19,27 @@ fn linear_from_srgb(c: vec3<f32>) -> vec3<f32> {
     return select(pow((c + 0.055) / 1.055, vec3(2.4)), c / 12.92, c <= vec3(0.04045));
 }
 
+/// What curves that never reach 1 are asked for at most. It is shown as 255 of 255.
+const BRIGHTEST: f32 = 0.998;
+
+/// Reinhard's c = x / (1 + x).
+fn inverse_reinhard(c: vec3<f32>) -> vec3<f32> {
+    let limited = min(c, vec3(BRIGHTEST));
+    return limited / (1.0 - limited);
+}
+
+/// The same for the luminance, by Rec. 709; hue and saturation stay.
+fn inverse_reinhard_luminance(c: vec3<f32>) -> vec3<f32> {
+    return c / (1.0 - min(dot(c, vec3(0.2126, 0.7152, 0.0722)), BRIGHTEST));
+}
+
+/// A curve without an inverse for all colors.
 fn inverse_by_table(encoded: vec3<f32>) -> vec3<f32> {
-    // Texel centers lie half a texel from the edges.
-    let at = (encoded * (composite.table_size - 1.0) + 0.5) / composite.table_size;
-    let compressed = textureSampleLevel(inverse_table, table_sampler, at, 0.0).rgb;
-    return compressed / (1.0 - min(compressed, vec3(BRIGHTEST)));
+    // The table's axes: see `splat_inverse_table`. Texel centers lie half a texel from the edges.
+    let along = asin(sqrt(encoded)) / radians(90.0);
+    let size = f32(TABLE_SIZE);
+    let at = (along * (size - 1.0) + 0.5) / size;
+    return inverse_reinhard(textureSampleLevel(inverse_table, table_sampler, at, 0.0).rgb);
 }
 
 /// A texel of the layer as the target counts colors, premultiplied.
@@ -43,8 +56,6 @@ fn composited(texel: vec4<f32>) -> vec4<f32> {
     switch mode {
         case MODE_REINHARD: { color = inverse_reinhard(color); }
         case MODE_REINHARD_LUMINANCE: { color = inverse_reinhard_luminance(color); }
-        case MODE_ACES_FITTED: { color = inverse_aces_fitted(color); }
-        case MODE_PBR_NEUTRAL: { color = inverse_pbr_neutral(color); }
         case MODE_TABLE: { color = inverse_by_table(encoded); }
         default: {}
     }

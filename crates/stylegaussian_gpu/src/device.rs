@@ -43,12 +43,19 @@ impl HeadlessDevice {
     pub async fn request_with_limits(
         limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits,
     ) -> Result<Self, DeviceError> {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-        let options = wgpu::RequestAdapterOptions {
-            power_preference: wgpu::PowerPreference::HighPerformance,
-            ..Default::default()
-        };
-        let adapter = instance.request_adapter(&options).await?;
+        Self::of(&fastest_adapter().await?, limits).await
+    }
+
+    /// A real GPU, or `None`; software that acts as one is not even started.
+    pub async fn request_gpu() -> Option<Self> {
+        let adapter = fastest_adapter().await.ok()?;
+        if is_gpu(&adapter.get_info()) { Self::of(&adapter, |limits| limits).await.ok() } else { None }
+    }
+
+    async fn of(
+        adapter: &wgpu::Adapter,
+        limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits,
+    ) -> Result<Self, DeviceError> {
         let info = adapter.get_info();
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("stylegaussian"),
@@ -65,6 +72,15 @@ impl HeadlessDevice {
     pub fn is_gpu(&self) -> bool {
         is_gpu(&self.info)
     }
+}
+
+async fn fastest_adapter() -> Result<wgpu::Adapter, wgpu::RequestAdapterError> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let options = wgpu::RequestAdapterOptions {
+        power_preference: wgpu::PowerPreference::HighPerformance,
+        ..Default::default()
+    };
+    instance.request_adapter(&options).await
 }
 
 /// Whether an adapter is a GPU and not software that acts as one.

@@ -21,13 +21,15 @@ mod project;
 mod sort;
 #[cfg(test)]
 mod testing;
+mod tonemapping;
 mod view;
 
 pub use camera::Camera;
 pub use cloud::{Cloud, CloudColors};
-pub use composite::{Composite, CompositeInput, CompositeMode, CompositePipeline, Tonemapping};
+pub use composite::{Composite, CompositeInput, CompositeMode, CompositePipeline};
 pub use draw::{LAYER_FORMAT, SplatPipeline};
 pub use headless::{Headless, HeadlessError, Picture};
+pub use tonemapping::{InverseTable, ToneCurve, Tonemapping};
 pub use view::SplatView;
 
 use draw::Draw;

@@ -27,6 +27,7 @@ mod pipelines;
 mod plan;
 mod planes;
 mod scene;
+mod scratch;
 mod stylize;
 mod weights;
 
@@ -41,6 +42,7 @@ pub use weights::GpuDecoder;
 use crate::colors::GaussianColors;
 use pipelines::Pipelines;
 use plan::{Step, steps};
+use scratch::Scratch;
 
 /// The pipelines of the style pass on one device.
 #[derive(Debug)]
@@ -77,13 +79,14 @@ impl StylePass {
         if steps.is_empty() {
             return Ok(0);
         }
+        let scratch = scene.scratch(device);
         let parameters = self.pipelines.parameters(device, &steps, weights);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("style_pass"),
             timestamp_writes: None,
         });
         for (i, step) in steps.iter().enumerate() {
-            let buffers = step_buffers(scene, weights, colors, step);
+            let buffers = step_buffers(scene, &scratch, weights, colors, step);
             let bind_group = self.pipelines.bind_group(device, parameters.binding(i), &buffers);
             pass.set_pipeline(self.pipelines.of(step.kernel));
             pass.set_bind_group(0, &bind_group, &[]);
@@ -117,24 +120,25 @@ fn check(scene: &StyleScene, weights: &GpuDecoder, colors: &GaussianColors) -> R
 /// The buffers of one dispatch, in the order of their bindings, after the parameters.
 fn step_buffers<'a>(
     scene: &'a StyleScene,
+    scratch: &'a Scratch,
     weights: &'a GpuDecoder,
     colors: &'a GaussianColors,
     step: &Step,
 ) -> [wgpu::BufferBinding<'a>; 6] {
     let inputs = match step.layer {
         0 => &scene.inputs,
-        layer => &scene.scratch[(layer - 1) % 2],
+        layer => &scratch.activations[(layer - 1) % 2],
     };
     let output = match step.kernel {
         plan::Kernel::Color => colors.buffer(),
-        plan::Kernel::KnnConv(_) => scene.scratch[step.layer % 2].buffer(step.output),
+        plan::Kernel::KnnConv(_) => scratch.activations[step.layer % 2].buffer(step.output),
     };
     [
         scene.neighbors.binding(step.parameters.first_row, step.parameters.n_rows),
         weights.layer(step.layer).as_entire_buffer_binding(),
         inputs.buffer(step.input).as_entire_buffer_binding(),
         output.as_entire_buffer_binding(),
-        scene.sums.as_entire_buffer_binding(),
+        scratch.sums.as_entire_buffer_binding(),
         scene.base_colors.as_entire_buffer_binding(),
     ]
 }

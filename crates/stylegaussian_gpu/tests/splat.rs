@@ -1,16 +1,18 @@
 //! The splat pass against its CPU twin, `stylegaussian::splat::render`.
 
 mod pictures;
+mod target;
 
 use std::path::Path;
 
 use glam::{Affine3A, Quat, UVec2, Vec2, Vec3};
-use pictures::{camera, check, draw, gpu, psnr, random_scene, randoms, rgba, scene};
+use pictures::{camera, check, draw, psnr, random_scene, randoms, rgba, scene};
 use stylegaussian::{
     Camera, Scene, file,
     splat::{Colors, render},
 };
 use stylegaussian_gpu::splat::{self, SplatSettings};
+use target::gpu;
 
 /// The contract, in decibels.
 const LEAST: f64 = 45.0;

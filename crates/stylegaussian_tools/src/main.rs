@@ -1,12 +1,13 @@
 //! The binary `stylegaussian`: see `stylegaussian --help`.
 
-use std::{io, process::ExitCode};
+use std::{env, io, process::ExitCode};
 
 use clap::Parser;
 use stylegaussian_tools::cli::{Cli, error_chain};
 
 /// 0 on success, 1 on an error, 2 on a usage error.
 fn main() -> ExitCode {
+    quiet_headless_vulkan();
     match Cli::parse().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -18,6 +19,17 @@ fn main() -> ExitCode {
                 eprintln!("error: {}", error_chain(&error));
             }
             ExitCode::FAILURE
+        }
+    }
+}
+
+/// On Linux without a session, Mesa's device-selection layer, which every Vulkan program loads, prints an error about a
+/// display that nobody asked for. It has nothing to select there, so it stays out.
+fn quiet_headless_vulkan() {
+    if cfg!(target_os = "linux") && env::var_os("XDG_RUNTIME_DIR").is_none() {
+        #[expect(unsafe_code, reason = "sound before the first thread starts, and nothing has run yet")]
+        unsafe {
+            env::set_var("NODEVICE_SELECT", "1");
         }
     }
 }

@@ -4,7 +4,7 @@ mod support;
 
 use std::fs;
 
-use support::{Bench, data, stylegaussian};
+use support::{Bench, Run, data, stylegaussian};
 
 #[test]
 fn usage_errors_exit_with_2() {
@@ -67,24 +67,67 @@ fn a_missing_file_is_named() {
 }
 
 #[test]
+#[cfg(target_os = "linux")]
 fn the_gpu_backend_never_falls_back() {
     let bench = Bench::new();
     let scene = bench.embedded_scene("a.sgs");
     let style = bench.style("s.style.safetensors");
-    let run = stylegaussian(&[
-        "stylize",
-        &scene,
-        "--style",
-        &style,
-        "--backend",
-        "gpu",
-        "-o",
-        &bench.path("b.ply"),
-    ]);
-    run.expect_error("no GPU backend");
-    stylegaussian(&["render", &scene, "--backend", "gpu", "-o", &bench.path("d")])
-        .expect_error("no GPU backend");
+    let out = bench.path("b.ply");
+    let stylize = ["stylize", &scene, "--style", &style, "-o", &out, "--json", "--backend"];
+    let with = |backend| support::stylegaussian_without_gpu(&[&stylize[..], &[backend]].concat());
+    with("gpu").expect_error("found no GPU adapter");
     bench.expect_files(&["a.sgs", "s.style.safetensors"]);
+    assert_eq!(with("auto").expect_success().json()["backend"], "cpu");
+}
+
+/// Runs with `--backend gpu`, or says loudly that there is none.
+fn on_gpu(arguments: &[&str]) -> Option<Run> {
+    let run = stylegaussian(&[arguments, &["--backend", "gpu"]].concat());
+    if run.stderr.contains("no GPU adapter") {
+        eprintln!("SKIPPED: no GPU adapter");
+        return None;
+    }
+    Some(run.expect_success())
+}
+
+/// Colors are the same on both: a contract of 2e-3, in display-referred units.
+#[test]
+fn stylizing_on_the_gpu_matches_the_cpu() {
+    let bench = Bench::new();
+    let (scene, style) = (bench.embedded_scene("a.sgs"), bench.style("s.style.safetensors"));
+    let (a, b) = (bench.path("a.safetensors"), bench.path("b.safetensors"));
+    let stylize = ["stylize", &scene, "--style", &style, "--content", "0.2", "--json", "-o"];
+    let Some(run) = on_gpu(&[&stylize[..], &[&a]].concat()) else { return };
+    assert_eq!(run.json()["backend"], "gpu");
+    assert!(run.json()["adapter"].is_string());
+    let run = stylegaussian(&[&stylize[..], &[&b, "--backend", "cpu"]].concat()).expect_success();
+    assert_eq!(run.json()["backend"], "cpu");
+    let (gpu, cpu) = (bench.colors("a.safetensors"), bench.colors("b.safetensors"));
+    assert_eq!(gpu.len(), cpu.len());
+    for (gpu, cpu) in gpu.as_flattened().iter().zip(cpu.as_flattened()) {
+        assert!((gpu - cpu).abs() < 2e-3, "{gpu} on the GPU, {cpu} on the CPU");
+    }
+}
+
+/// The GPU blends in f16 and the CPU in f32: 48 dB is a deviation of one step of a byte.
+#[test]
+fn rendering_on_the_gpu_matches_the_cpu() {
+    let bench = Bench::new();
+    let (scene, style) = (bench.embedded_scene("a.sgs"), bench.style("s.style.safetensors"));
+    let (a, b) = (bench.path("a"), bench.path("b"));
+    let common =
+        ["render", &scene, "--size", "48x40", "--orbit", "2", "--background", "203040", "--json", "-o"];
+    for style in [&[][..], &["--style", &style]] {
+        let Some(run) = on_gpu(&[&common[..], &[&a], style].concat()) else { return };
+        assert_eq!(run.json()["drawn_by"], "gpu");
+        stylegaussian(&[&common[..], &[&b, "--backend", "cpu"], style].concat()).expect_success();
+        let pixels = |name| image::open(bench.dir().join(name)).unwrap().into_rgba8().into_raw();
+        let (gpu, cpu) = (pixels("a/000001.png"), pixels("b/000001.png"));
+        let squares = gpu.iter().zip(&cpu).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
+        let psnr = 10.0 * (255.0_f64.powi(2) * gpu.len() as f64 / squares.sum::<f64>()).log10();
+        eprintln!("{psnr:.1} dB");
+        assert!(psnr > 48.0, "{psnr} dB, styled: {}", !style.is_empty());
+    }
 }
 
 #[test]

@@ -5,7 +5,10 @@ use std::{sync::Arc, time::Duration};
 use bevy::{
     math::Affine3A,
     prelude::*,
-    render::{Extract, sync_world::{MainEntity, MainEntityHashMap}},
+    render::{
+        Extract,
+        sync_world::{MainEntity, MainEntityHashMap},
+    },
 };
 use stylegaussian::Scene;
 
@@ -27,8 +30,7 @@ pub(crate) struct RenderCloud {
 }
 
 /// Anything about a cloud that is drawn.
-type AnyChange =
-    Or<(Changed<CloudScene>, Changed<GlobalTransform>, Changed<Look>, Changed<StyleTransition>)>;
+type AnyChange = Or<(Changed<CloudScene>, Changed<GlobalTransform>, Changed<Look>, Changed<StyleTransition>)>;
 
 /// Takes over clouds that came, changed or went. Touches the resource only then.
 pub(super) fn extract_clouds(

@@ -157,7 +157,9 @@ impl Plugin for SplatsPlugin {
             .add_systems(ExtractSchedule, extract::extract_clouds)
             .add_systems(
                 Render,
-                (prepare::prepare_scenes, view::prepare_views).chain().in_set(RenderSystems::PrepareResources),
+                (prepare::prepare_scenes, view::prepare_views)
+                    .chain()
+                    .in_set(RenderSystems::PrepareResources),
             )
             .add_systems(
                 Core3d,

@@ -9,8 +9,8 @@ use bevy::{
 };
 use stylegaussian_gpu::splat;
 use wgpu::{
-    Color, LoadOp, Operations, RenderPassColorAttachment, RenderPassDepthStencilAttachment, RenderPassDescriptor,
-    StoreOp,
+    Color, LoadOp, Operations, RenderPassColorAttachment, RenderPassDepthStencilAttachment,
+    RenderPassDescriptor, StoreOp,
 };
 
 use crate::style::{CloudLooks, GpuReport, GpuReports};

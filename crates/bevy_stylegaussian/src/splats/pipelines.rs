@@ -3,10 +3,16 @@
 use std::sync::Arc;
 
 use bevy::{
-    core_pipeline::core_3d::CORE_3D_DEPTH_FORMAT, platform::collections::HashMap, prelude::*,
-    render::render_resource::TextureFormat,
+    core_pipeline::{core_3d::CORE_3D_DEPTH_FORMAT, tonemapping::TonemappingLuts},
+    ecs::system::SystemParam,
+    platform::collections::{HashMap, hash_map::Entry},
+    prelude::*,
+    render::{render_asset::RenderAssets, render_resource::TextureFormat, texture::GpuImage},
 };
-use stylegaussian_gpu::splat::{Composite, CompositeMode, CompositePipeline, SplatPass, SplatPipeline};
+use stylegaussian_gpu::splat::{
+    Composite, CompositeMode, CompositePipeline, InverseTable, SplatPass, SplatPipeline, ToneCurve,
+    Tonemapping,
+};
 
 use crate::pipeline::Built;
 
@@ -16,6 +22,7 @@ pub(super) struct SplatPipelines {
     passes: Option<Built<Arc<Passes>>>,
     draws: HashMap<u32, Built<SplatPipeline>>,
     composites: HashMap<CompositeTarget, Built<CompositePipeline>>,
+    tables: HashMap<Tonemapping, Built<InverseTable>>,
 }
 
 /// What does not depend on the target.
@@ -69,6 +76,38 @@ impl SplatPipelines {
         draw && composite
     }
 
+    /// Starts to build what undoes a tone mapping that has no inverse, or with `at_once` builds it. Whether it is ready,
+    /// which takes the table that defines the tone mapping.
+    pub(super) fn request_table(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        at_once: bool,
+        tonemapping: Tonemapping,
+        luts: &Luts,
+    ) -> bool {
+        let table = match self.tables.entry(tonemapping) {
+            Entry::Occupied(entry) => entry.into_mut(),
+            Entry::Vacant(entry) => {
+                let Some(curve) = luts.curve(tonemapping) else { return false };
+                let (device, queue) = (device.clone(), queue.clone());
+                entry.insert(Built::start(at_once, move || {
+                    let mut encoder =
+                        device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+                    let table = InverseTable::new(&device, &mut encoder, curve.borrow());
+                    queue.submit([encoder.finish()]);
+                    table
+                }))
+            }
+        };
+        table.poll().is_some()
+    }
+
+    /// What undoes a tone mapping that has no inverse, once [requested](Self::request_table) and ready.
+    pub(super) fn table(&self, tonemapping: Tonemapping) -> Option<&InverseTable> {
+        self.tables.get(&tonemapping)?.get()
+    }
+
     /// What does not depend on the target, once it is ready.
     pub(super) fn passes(&self) -> Option<&Passes> {
         self.passes.as_ref()?.get().map(|passes| &**passes)
@@ -81,5 +120,48 @@ impl SplatPipelines {
             draw: self.draws.get(&samples)?.get()?,
             composite: self.composites.get(&target)?.get()?,
         })
+    }
+}
+
+/// The tables that define some of Bevy's tone mappings.
+#[derive(SystemParam)]
+pub(super) struct Luts<'w> {
+    handles: Res<'w, TonemappingLuts>,
+    images: Res<'w, RenderAssets<GpuImage>>,
+}
+
+/// A tone mapping to undo, with its table where it is one.
+struct Curve {
+    tonemapping: Tonemapping,
+    table: Option<wgpu::TextureView>,
+}
+
+impl Luts<'_> {
+    /// A tone mapping to undo; `None` while its table is not on the GPU.
+    fn curve(&self, tonemapping: Tonemapping) -> Option<Curve> {
+        let handle = match tonemapping {
+            Tonemapping::AgX => Some(&self.handles.agx),
+            Tonemapping::TonyMcMapface => Some(&self.handles.tony_mc_mapface),
+            Tonemapping::BlenderFilmic => Some(&self.handles.blender_filmic),
+            _ => None,
+        };
+        let table = match handle {
+            Some(handle) => Some((*self.images.get(handle)?.texture_view).clone()),
+            None => None,
+        };
+        Some(Curve { tonemapping, table })
+    }
+}
+
+impl Curve {
+    fn borrow(&self) -> ToneCurve<'_> {
+        match (self.tonemapping, &self.table) {
+            (Tonemapping::AgX, Some(table)) => ToneCurve::AgX(table),
+            (Tonemapping::TonyMcMapface, Some(table)) => ToneCurve::TonyMcMapface(table),
+            (Tonemapping::BlenderFilmic, Some(table)) => ToneCurve::BlenderFilmic(table),
+            (Tonemapping::KhronosPbrNeutral, _) => ToneCurve::KhronosPbrNeutral,
+            (Tonemapping::SomewhatBoringDisplayTransform, _) => ToneCurve::SomewhatBoringDisplayTransform,
+            _ => ToneCurve::AcesFitted,
+        }
     }
 }

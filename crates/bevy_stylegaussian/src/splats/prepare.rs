@@ -5,10 +5,7 @@ use std::sync::Arc;
 use bevy::{
     platform::collections::HashMap,
     prelude::*,
-    render::{
-        renderer::RenderDevice,
-        sync_world::MainEntityHashSet,
-    },
+    render::{renderer::RenderDevice, sync_world::MainEntityHashSet},
 };
 use stylegaussian::Scene;
 use stylegaussian_gpu::scene::GpuScene;
@@ -55,7 +52,9 @@ pub(super) fn prepare_scenes(
     let scenes = &mut *scenes;
     // The map's own reference is the only one left of a scene that nobody shows and no asset holds; an asset's scene
     // that nobody shows is let go of too.
-    scenes.of_scene.retain(|_, uploaded| clouds.0.values().any(|cloud| Arc::ptr_eq(&cloud.scene, &uploaded.scene)));
+    scenes
+        .of_scene
+        .retain(|_, uploaded| clouds.0.values().any(|cloud| Arc::ptr_eq(&cloud.scene, &uploaded.scene)));
     for (&entity, cloud) in &clouds.0 {
         let uploaded = scenes.of_scene.entry(address(&cloud.scene)).or_insert_with(|| Uploaded {
             scene: Arc::clone(&cloud.scene),

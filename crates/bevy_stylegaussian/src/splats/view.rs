@@ -25,7 +25,7 @@ use crate::pipeline::AtOnce;
 use super::{
     GaussianSplats, SortKey, SplatTonemapping,
     extract::RenderClouds,
-    pipelines::{CompositeTarget, Passes, SplatPipelines},
+    pipelines::{CompositeTarget, Luts, SplatPipelines},
     prepare::GpuScenes,
 };
 
@@ -48,6 +48,8 @@ pub(super) struct ViewSplats {
     /// Whether it was told that the device cannot draw all that it sees.
     pub(super) refused: bool,
     layer: Option<(Arc<Layer>, CompositeInput)>,
+    /// What the binding undoes.
+    undoes: Option<splat::Tonemapping>,
     /// What `CompositeInput` was told, in stops.
     exposure: f32,
     present: bool,
@@ -99,6 +101,7 @@ pub(super) fn prepare_views(
     scenes: Res<GpuScenes>,
     mut views: ResMut<SplatViews>,
     mut pipelines: ResMut<SplatPipelines>,
+    luts: Luts,
     at_once: Res<AtOnce>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
@@ -115,15 +118,19 @@ pub(super) fn prepare_views(
         view.clouds.clear();
         view.clouds.extend(visible.get::<GaussianSplats>().into_iter().flat_map(|class| {
             let entities = class.iter_visible().map(|(_, &entity)| entity);
-            entities.filter(|entity| clouds.0.get(entity).is_some_and(|cloud| scenes.get(&cloud.scene).is_some()))
+            entities
+                .filter(|entity| clouds.0.get(entity).is_some_and(|cloud| scenes.get(&cloud.scene).is_some()))
         }));
         if view.clouds.is_empty() || !pipelines.request(device, at_once.0, plan.samples, plan.composite) {
             continue;
         }
-        if let Some(passes) = pipelines.passes() {
-            view.attach_layer(device, &queue, passes, &plan, layers);
-            view.plan = Some(plan);
+        if let Some(tonemapping) = plan.undoes()
+            && !pipelines.request_table(device, &queue, at_once.0, tonemapping, &luts)
+        {
+            continue;
         }
+        view.attach_layer(device, &queue, &pipelines, &plan, layers);
+        view.plan = Some(plan);
     }
     of_view.retain(|_, view| view.present);
     layers.retain(|layer| Arc::strong_count(layer) > 1);
@@ -150,11 +157,12 @@ impl ViewSplats {
         &mut self,
         device: &wgpu::Device,
         queue: &wgpu::Queue,
-        passes: &Passes,
+        pipelines: &SplatPipelines,
         plan: &Plan,
         layers: &mut Vec<Arc<Layer>>,
     ) {
-        if !self.layer.as_ref().is_some_and(|(layer, _)| layer.fits(plan)) {
+        let fits = self.layer.as_ref().is_some_and(|(layer, _)| layer.fits(plan));
+        if let (false, Some(passes)) = (fits && self.undoes == plan.undoes(), pipelines.passes()) {
             let layer = match layers.iter().find(|layer| layer.fits(plan)) {
                 Some(layer) => Arc::clone(layer),
                 None => {
@@ -164,7 +172,9 @@ impl ViewSplats {
                 }
             };
             let source = layer.resolved.as_ref().unwrap_or(&layer.color);
-            let input = passes.composite.bind(device, source, plan.composite.samples, None);
+            let table = plan.undoes().and_then(|tonemapping| pipelines.table(tonemapping));
+            let input = passes.composite.bind(device, source, plan.composite.samples, table);
+            self.undoes = plan.undoes();
             self.layer = Some((layer, input));
             self.exposure = 0.0;
         }
@@ -205,6 +215,14 @@ impl Plan {
     /// Whether the layer's samples are averaged before it is put over the picture.
     fn resolves(&self) -> bool {
         self.samples > self.composite.samples
+    }
+
+    /// The tone mapping that takes a table to undo.
+    fn undoes(&self) -> Option<splat::Tonemapping> {
+        match self.composite.mode {
+            CompositeMode::InvertTonemapping(tonemapping) if tonemapping.needs_table() => Some(tonemapping),
+            _ => None,
+        }
     }
 }
 

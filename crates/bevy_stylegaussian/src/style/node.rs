@@ -120,7 +120,8 @@ impl StylePasses {
     /// The pipelines, once they are built; the first call starts that.
     fn pass(&mut self, at_once: bool, device: &wgpu::Device) -> Option<Arc<StylePass>> {
         let device = device.clone();
-        let pass = self.pass.get_or_insert_with(|| Built::start(at_once, move || Arc::new(StylePass::new(&device))));
+        let pass =
+            self.pass.get_or_insert_with(|| Built::start(at_once, move || Arc::new(StylePass::new(&device))));
         pass.poll().cloned()
     }
 

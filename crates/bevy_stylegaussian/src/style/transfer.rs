@@ -56,7 +56,10 @@ impl Order {
             let map = inputs.content().transfer(&styles, self.content)?;
             let layers = FoldedLayers::new(inputs.content(), &decoder, &map)?;
             let style = AppliedStyle { scene, decoder, map: Arc::new(map), colors: None };
-            return Ok(Transferred { style, colors: LookColors::Folded(Arc::new(FoldedStyle { inputs, layers })) });
+            return Ok(Transferred {
+                style,
+                colors: LookColors::Folded(Arc::new(FoldedStyle { inputs, layers })),
+            });
         }
         let map = Arc::new(fold::transfer(features, &styles, self.content)?);
         let mut style = AppliedStyle { scene, decoder, map, colors: None };

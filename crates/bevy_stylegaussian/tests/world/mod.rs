@@ -67,6 +67,31 @@ pub fn small_scene(n: usize, seed: u64) -> Scene {
     }
 }
 
+/// One round Gaussian.
+#[derive(Clone, Copy)]
+pub struct Ball {
+    pub mean: Vec3,
+    pub scale: f32,
+    pub opacity: f32,
+    pub color: [f32; 3],
+}
+
+/// A plain scene of round Gaussians, the same from every side.
+pub fn balls(balls: &[Ball]) -> Scene {
+    let n = balls.len();
+    let mut scene = Scene {
+        means: balls.iter().map(|ball| ball.mean).collect(),
+        rotations: vec![Quat::IDENTITY; n],
+        scales: balls.iter().map(|ball| Vec3::splat(ball.scale)).collect(),
+        opacities: balls.iter().map(|ball| ball.opacity).collect(),
+        order: (0..n as u32).collect(),
+        n_source: n,
+        ..Scene::default()
+    };
+    scene.set_colors(&balls.iter().map(|ball| ball.color).collect::<Vec<_>>());
+    scene
+}
+
 /// Statistics of a style for the small scenes.
 pub fn small_style(seed: u64) -> ChannelStatistics {
     let mut next = numbers(seed + 1000);
@@ -89,7 +114,7 @@ pub fn app_without_rendering() -> App {
 }
 
 /// Adds an asset.
-pub fn add<A: Asset>(app: &mut App, asset: impl Into<A>) -> Handle<A> {
+pub fn add<A: Asset>(app: &mut App, asset: A) -> Handle<A> {
     app.world_mut().resource_mut::<Assets<A>>().add(asset)
 }
 

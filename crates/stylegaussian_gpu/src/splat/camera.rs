@@ -77,7 +77,8 @@ impl Camera {
     }
 }
 
-fn in_f64(a: &Affine3A) -> DAffine3 {
+/// The same map in f64.
+pub(super) fn in_f64(a: &Affine3A) -> DAffine3 {
     DAffine3::from_cols(
         a.matrix3.x_axis.as_dvec3(),
         a.matrix3.y_axis.as_dvec3(),

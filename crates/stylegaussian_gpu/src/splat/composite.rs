@@ -4,7 +4,10 @@ use glam::UVec4;
 use stylegaussian_shaders::splat::{self as shaders, SplatComposite};
 use wgpu::util::DeviceExt;
 
-use super::bind::{bind_group, layout, uniform, whole};
+use super::{
+    bind::{bind_group, layout, uniform, whole},
+    tonemapping::{InverseTable, Tonemapping},
+};
 
 /// In which space the target keeps its colors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -17,47 +20,15 @@ pub enum CompositeMode {
     InvertTonemapping(Tonemapping),
 }
 
-/// Bevy's tone mapping methods.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[expect(missing_docs, reason = "named like the variants of Bevy's `Tonemapping`, where they are explained")]
-pub enum Tonemapping {
-    None,
-    Reinhard,
-    ReinhardLuminance,
-    AcesFitted,
-    AgX,
-    SomewhatBoringDisplayTransform,
-    TonyMcMapface,
-    BlenderFilmic,
-    KhronosPbrNeutral,
-}
-
-impl Tonemapping {
-    /// Whether undoing it takes an [`InverseTable`](super::InverseTable): there is no formula.
-    pub fn needs_table(self) -> bool {
-        self.mode() == shaders::MODE_TABLE
-    }
-
-    fn mode(self) -> u32 {
-        match self {
-            Self::None => shaders::MODE_EXPOSED,
-            Self::Reinhard => shaders::MODE_REINHARD,
-            Self::ReinhardLuminance => shaders::MODE_REINHARD_LUMINANCE,
-            Self::AcesFitted => shaders::MODE_ACES_FITTED,
-            Self::KhronosPbrNeutral => shaders::MODE_PBR_NEUTRAL,
-            Self::AgX | Self::SomewhatBoringDisplayTransform | Self::TonyMcMapface | Self::BlenderFilmic => {
-                shaders::MODE_TABLE
-            }
-        }
-    }
-}
-
 impl CompositeMode {
     fn mode(self) -> u32 {
         match self {
             Self::Encoded => shaders::MODE_ENCODED,
             Self::LinearFromSrgb => shaders::MODE_LINEAR,
-            Self::InvertTonemapping(tonemapping) => tonemapping.mode(),
+            Self::InvertTonemapping(Tonemapping::None) => shaders::MODE_EXPOSED,
+            Self::InvertTonemapping(Tonemapping::Reinhard) => shaders::MODE_REINHARD,
+            Self::InvertTonemapping(Tonemapping::ReinhardLuminance) => shaders::MODE_REINHARD_LUMINANCE,
+            Self::InvertTonemapping(_) => shaders::MODE_TABLE,
         }
     }
 }
@@ -158,29 +129,24 @@ impl Composite {
         }))
     }
 
-    /// Binds a layer of `samples` samples. `table` undoes a tone mapping that
-    /// [`needs_table`](Tonemapping::needs_table).
+    /// Binds a layer of `samples` samples, and the table of a tone mapping that
+    /// [`needs_table`](Tonemapping::needs_table): undone without one, every color becomes black.
     pub fn bind(
         &self,
         device: &wgpu::Device,
         layer: &wgpu::TextureView,
         samples: u32,
-        table: Option<&wgpu::TextureView>,
+        table: Option<&InverseTable>,
     ) -> CompositeInput {
-        let size = table.map_or(1, |table| table.texture().width());
         let uniforms = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("splat_composite"),
-            contents: bytemuck::bytes_of(&SplatComposite {
-                exposure: 1.0,
-                table_size: size as f32,
-                padding: [0.0; 2],
-            }),
+            contents: bytemuck::bytes_of(&SplatComposite { exposure: 1.0 }),
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
         });
         let resources = [
             whole(&uniforms),
             wgpu::BindingResource::TextureView(layer),
-            wgpu::BindingResource::TextureView(table.unwrap_or(&self.no_table)),
+            wgpu::BindingResource::TextureView(table.map_or(&self.no_table, InverseTable::view)),
             wgpu::BindingResource::Sampler(&self.sampler),
         ];
         let group = bind_group(device, "splat_composite", &self.variant(samples).layout, &resources);

@@ -148,3 +148,6 @@ fn rows(affine: &Affine3A) -> [[f32; 4]; 3] {
     let columns = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis, affine.translation];
     [0, 1, 2].map(|i| columns.map(|column| column[i]))
 }
+
+#[cfg(test)]
+mod tests;

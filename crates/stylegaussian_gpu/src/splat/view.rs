@@ -204,6 +204,15 @@ impl SplatView {
         Some((&buffers.draw_group, &buffers.sort.commands, self.viewport?))
     }
 
+    /// Everything that was allocated: buffers, and bindings of chunks.
+    #[cfg(test)]
+    pub(super) fn resources(&self) -> (Vec<wgpu::Buffer>, std::collections::BTreeSet<wgpu::BindGroup>) {
+        let uniforms = self.chunk_uniforms.iter().map(|uniforms| &uniforms.buffer);
+        let of_view = self.buffers.iter().flat_map(|b| [&b.places, &b.looks, &b.draw_uniforms, &b.sort.keys]);
+        let groups = self.bindings.values().map(|cached| cached.group.clone());
+        (uniforms.chain(of_view).cloned().collect(), groups.collect())
+    }
+
     /// Both halves of the records.
     #[cfg(test)]
     pub(super) fn records(&self) -> Option<(&wgpu::Buffer, &wgpu::Buffer)> {

@@ -35,6 +35,9 @@ impl StyleInputs {
     ///
     /// # Errors
     /// No features, or a decoder that does not fit them.
+    ///
+    /// # Panics
+    /// When the parts of the scene do not fit together: see [`Scene::validate`].
     pub fn new(scene: &Scene, decoder: &Decoder) -> Result<Self, StylizeError> {
         let shape = StyleShape::of(scene, decoder)?;
         let inputs = fold::inputs_of(scene, decoder).ok_or(StylizeError::NoFeatures)?;

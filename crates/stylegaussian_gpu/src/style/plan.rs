@@ -161,8 +161,8 @@ mod tests {
         let second = of_layer(0).nth(1).unwrap();
         assert_eq!((second.parameters.first_group_plane, second.parameters.n_group_planes), (3, 2));
         assert_eq!((second.parameters.continues, second.parameters.is_continued), (1, 0));
-        assert_eq!(of_layer(0).last().unwrap().parameters.first_column, 192);
-        assert_eq!(of_layer(0).last().unwrap().parameters.n_rows, 488);
+        assert_eq!(of_layer(0).next_back().unwrap().parameters.first_column, 192);
+        assert_eq!(of_layer(0).next_back().unwrap().parameters.n_rows, 488);
         assert_eq!(sum_columns(&shape(1000), &split), 128);
     }
 }

@@ -1,12 +1,15 @@
 //! Activations of N Gaussians: planes of 8 f16 channels, in as many buffers as the device's limits ask for.
 
-use super::{features::PLANE_CHANNELS, scene::StyleSceneError};
+use super::{
+    features::PLANE_CHANNELS,
+    scene::{StyleSceneError, storage},
+};
 
 /// Bytes of one Gaussian in one plane.
 const PLANE_STRIDE: u64 = 2 * PLANE_CHANNELS as u64;
 
 /// Planes `[planes, N]`.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Planes {
     buffers: Vec<wgpu::Buffer>,
     planes_per_buffer: usize,
@@ -39,40 +42,40 @@ pub(super) fn groups(n_planes: usize, planes_per_buffer: usize) -> impl Iterator
     })
 }
 
+/// How many planes of `n_gaussians` a buffer of planes for `width` channels holds, 1 at least.
+///
+/// # Errors
+/// When a single plane is larger than `limit`.
+pub(super) fn planes_per_buffer(
+    width: usize,
+    n_gaussians: usize,
+    limit: u64,
+) -> Result<usize, StyleSceneError> {
+    let found = plane_bytes(n_gaussians);
+    if found > limit {
+        return Err(StyleSceneError::TooLarge { what: "style_inputs", found, limit });
+    }
+    Ok(usize::try_from(limit / found).unwrap_or(usize::MAX).min(n_planes(width)).max(1))
+}
+
 impl Planes {
     /// Bytes of planes for `width` channels of `n_gaussians`; buffers are never empty.
     pub fn bytes(width: usize, n_gaussians: usize) -> u64 {
         n_planes(width) as u64 * plane_bytes(n_gaussians)
     }
 
-    /// Planes for `width` channels of `n_gaussians`; none where the width is 0.
-    ///
-    /// # Errors
-    /// When a single plane is larger than the device can bind.
+    /// Planes for `width` channels of `n_gaussians`, `planes_per_buffer` in a buffer; none where the width is 0.
     pub fn new(
         device: &wgpu::Device,
         label: &'static str,
         width: usize,
         n_gaussians: usize,
-    ) -> Result<Self, StyleSceneError> {
+        planes_per_buffer: usize,
+    ) -> Self {
         let plane_bytes = plane_bytes(n_gaussians);
-        let limit = largest_binding(&device.limits());
-        let planes_per_buffer =
-            usize::try_from(limit / plane_bytes).unwrap_or(usize::MAX).min(n_planes(width));
-        if limit < plane_bytes {
-            return Err(StyleSceneError::TooLarge { what: label, found: plane_bytes, limit });
-        }
-        let planes_per_buffer = planes_per_buffer.max(1);
-        let buffer = |group: PlaneGroup| {
-            device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size: group.n as u64 * plane_bytes,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        };
+        let buffer = |group: PlaneGroup| storage(device, label, group.n as u64 * plane_bytes);
         let buffers = groups(n_planes(width), planes_per_buffer).map(buffer).collect();
-        Ok(Self { buffers, planes_per_buffer, plane_bytes })
+        Self { buffers, planes_per_buffer, plane_bytes }
     }
 
     /// Fills all planes with `values` `[planes, N]`.
@@ -82,10 +85,6 @@ impl Planes {
         for (buffer, bytes) in self.buffers.iter().zip(bytes.chunks(chunk)) {
             queue.write_buffer(buffer, 0, bytes);
         }
-    }
-
-    pub fn planes_per_buffer(&self) -> usize {
-        self.planes_per_buffer
     }
 
     pub fn buffer(&self, index: usize) -> &wgpu::Buffer {

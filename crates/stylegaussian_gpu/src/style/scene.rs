@@ -1,6 +1,6 @@
 //! What the style pass keeps of a scene on the GPU.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use stylegaussian::{Decoder, Scene, fold::StylizeError};
 
@@ -8,23 +8,24 @@ use super::{
     content::{ContentFold, StyleShape},
     features::StyleInputs,
     plan::{CHUNK_ROWS, Split, sum_columns},
-    planes::{Planes, largest_binding},
+    planes::{Planes, largest_binding, planes_per_buffer},
+    scratch::Scratch,
 };
 use crate::colors::GaussianColorsError;
 
 /// A scene's inputs to the decoder, its neighbor lists, and the scratch memory of the decoder's layers. It belongs to a
 /// scene and a decoder, and serves any number of styles.
+///
+/// Scratch memory is made by the first change of style and kept, so that further ones allocate nothing;
+/// [`release_scratch`](Self::release_scratch) gives it back until the next.
 #[derive(Debug)]
 pub struct StyleScene {
     pub(super) shape: StyleShape,
     pub(super) split: Split,
     pub(super) inputs: Planes,
-    /// Activations of hidden layers, which write them in turns.
-    pub(super) scratch: [Planes; 2],
     pub(super) neighbors: NeighborBuffers,
-    /// Sums over planes that do not fit one binding.
-    pub(super) sums: wgpu::Buffer,
     pub(super) base_colors: wgpu::Buffer,
+    scratch: Mutex<Option<Scratch>>,
     content: Arc<ContentFold>,
 }
 
@@ -92,19 +93,15 @@ impl StyleScene {
     ) -> Result<Self, StyleSceneError> {
         let shape = inputs.shape.clone();
         let n = shape.n_gaussians;
-        let planes = Planes::new(device, "style_inputs", shape.widths[0], n)?;
-        let scratch = |which| Planes::new(device, "style_activations", shape.scratch_width(which), n);
-        let scratch = [scratch(0)?, scratch(1)?];
-        let split = chunked(&shape, &planes, &scratch, largest_binding(&device.limits()))?;
+        let split = Split::of(&shape, largest_binding(&device.limits()))?;
+        let planes = Planes::new(device, "style_inputs", shape.widths[0], n, split.inputs);
         let neighbors = NeighborBuffers::new(device, &shape, &split);
         planes.write(queue, &inputs.planes);
         neighbors.write(queue, &inputs.neighbors);
         let base_colors = storage(device, "style_base_colors", base_color_bytes(&shape).max(8));
         queue.write_buffer(&base_colors, 0, bytemuck::cast_slice(&inputs.base_colors));
-        let sums = sum_columns(&shape, &split) * 4 * split.chunk_rows.min(n);
-        let sums = storage(device, "style_sums", (sums as u64).max(16));
-        let content = inputs.content.clone();
-        Ok(Self { shape, split, inputs: planes, scratch, neighbors, sums, base_colors, content })
+        let (scratch, content) = (Mutex::new(None), inputs.content.clone());
+        Ok(Self { shape, split, inputs: planes, neighbors, base_colors, scratch, content })
     }
 
     /// Bytes on the GPU that styling `scene` with `decoder` takes, before they are spent: its inputs, neighbor lists and
@@ -129,6 +126,18 @@ impl StyleScene {
         Ok(scratch_bytes(&StyleShape::of(scene, decoder)?))
     }
 
+    /// Gives back the memory that only a change of style needs, for scenes that will keep their style for a while. Work
+    /// that was submitted still ends; the next change takes the memory again.
+    pub fn release_scratch(&self) {
+        self.scratch.lock().unwrap_or_else(PoisonError::into_inner).take();
+    }
+
+    /// The memory of a change of style, made where there is none.
+    pub(super) fn scratch(&self, device: &wgpu::Device) -> Scratch {
+        let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner);
+        scratch.get_or_insert_with(|| Scratch::new(device, &self.shape, &self.split)).clone()
+    }
+
     /// What folding needs of the scene.
     pub fn content(&self) -> &Arc<ContentFold> {
         &self.content
@@ -149,28 +158,27 @@ fn base_color_bytes(shape: &StyleShape) -> u64 {
     if shape.residual { 8 * shape.n_gaussians as u64 } else { 0 }
 }
 
-/// The split of a scene whose planes are given, with chunks of Gaussians whose neighbor lists and sums can be bound.
-fn chunked(
-    shape: &StyleShape,
-    inputs: &Planes,
-    scratch: &[Planes; 2],
-    limit: u64,
-) -> Result<Split, StyleSceneError> {
-    // Neighbor lists are bound at any chunk: 64 rows are a multiple of 256 bytes, the coarsest alignment of a binding.
-    const ROW_MULTIPLE: usize = 64;
-    let scratch = [scratch[0].planes_per_buffer(), scratch[1].planes_per_buffer()];
-    let mut split = Split { inputs: inputs.planes_per_buffer(), scratch, chunk_rows: CHUNK_ROWS };
-    let row_bytes = 4 * shape.k.max(sum_columns(shape, &split)) as u64;
-    let rows = usize::try_from(limit / row_bytes).unwrap_or(usize::MAX).min(CHUNK_ROWS);
-    split.chunk_rows = rows / ROW_MULTIPLE * ROW_MULTIPLE;
-    if split.chunk_rows == 0 {
-        let found = ROW_MULTIPLE as u64 * row_bytes;
-        return Err(StyleSceneError::TooLarge { what: "style_neighbors", found, limit });
+impl Split {
+    /// The split of a scene by the largest buffer that can be bound: planes of a scene's Gaussians, and chunks of
+    /// Gaussians whose neighbor lists and sums can be bound.
+    fn of(shape: &StyleShape, limit: u64) -> Result<Self, StyleSceneError> {
+        // Neighbor lists are bound at any chunk: 64 rows are a multiple of 256 bytes, the coarsest alignment of a binding.
+        const ROW_MULTIPLE: usize = 64;
+        let planes = |width| planes_per_buffer(width, shape.n_gaussians, limit);
+        let scratch = [planes(shape.scratch_width(0))?, planes(shape.scratch_width(1))?];
+        let mut split = Self { inputs: planes(shape.widths[0])?, scratch, chunk_rows: CHUNK_ROWS };
+        let row_bytes = 4 * shape.k.max(sum_columns(shape, &split)) as u64;
+        let rows = usize::try_from(limit / row_bytes).unwrap_or(usize::MAX).min(CHUNK_ROWS);
+        split.chunk_rows = rows / ROW_MULTIPLE * ROW_MULTIPLE;
+        if split.chunk_rows == 0 {
+            let found = ROW_MULTIPLE as u64 * row_bytes;
+            return Err(StyleSceneError::TooLarge { what: "style_neighbors", found, limit });
+        }
+        Ok(split)
     }
-    Ok(split)
 }
 
-fn storage(device: &wgpu::Device, label: &'static str, size: u64) -> wgpu::Buffer {
+pub(super) fn storage(device: &wgpu::Device, label: &'static str, size: u64) -> wgpu::Buffer {
     device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
         size,

@@ -1,5 +1,7 @@
 //! What the tests of the splat pass share: random scenes, pictures of both rasterizers, and how far they are apart.
 
+#![allow(dead_code, reason = "each test file uses a part")]
+
 use glam::{Affine3A, Quat, UVec2, Vec3};
 use stylegaussian::{
     Camera, Scene,
@@ -9,26 +11,10 @@ use stylegaussian::{
 };
 use stylegaussian_gpu::{
     colors::GaussianColors,
-    device::{DeviceError, HeadlessDevice},
+    device::HeadlessDevice,
     scene::GpuScene,
     splat::{self, Cloud, CloudColors, Headless, Picture, SplatSettings},
 };
-
-/// A device, or `None` (said aloud) where there is none.
-pub fn gpu() -> Option<HeadlessDevice> {
-    match pollster::block_on(HeadlessDevice::request()) {
-        Ok(gpu) => {
-            // A test that draws through validation errors would compare stale pictures.
-            gpu.device.on_uncaptured_error(std::sync::Arc::new(|error| panic!("{error}")));
-            Some(gpu)
-        }
-        Err(DeviceError::NoAdapter(_)) => {
-            eprintln!("SKIPPED: no GPU adapter");
-            None
-        }
-        Err(error) => panic!("{error}"),
-    }
-}
 
 /// Pseudo-random numbers in 0..1 (a linear congruential generator).
 pub fn randoms(seed: u64) -> impl FnMut() -> f32 {

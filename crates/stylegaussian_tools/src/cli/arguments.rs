@@ -84,7 +84,7 @@ pub fn background(text: &str) -> Result<Background, String> {
 /// What computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Backend {
-    /// The best there is.
+    /// A GPU where there is one, otherwise the CPU.
     Auto,
     /// The CPU.
     Cpu,
@@ -93,13 +93,13 @@ pub enum Backend {
 }
 
 impl Backend {
-    /// Never falls back silently.
+    /// Refuses the GPU for `what`, which only the CPU can do: nothing falls back silently.
     ///
     /// # Errors
-    /// When a GPU is asked for: this version has no GPU backend.
-    pub fn check(self) -> Result<()> {
+    /// When a GPU is asked for.
+    pub fn expect_cpu(self, what: &str) -> Result<()> {
         if self == Self::Gpu {
-            bail!("--backend gpu: this version has no GPU backend; use --backend cpu or auto");
+            bail!("--backend gpu: {what} has no GPU backend; use --backend cpu or auto");
         }
         Ok(())
     }

@@ -9,6 +9,7 @@ use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
 use stylegaussian::{Activation, Decoder, EncoderId, Features, Scene, file};
+use stylegaussian_gpu::{colors::GaussianColors, scene::GpuScene, style::StyleScene};
 
 use super::{
     output::{print, warn},
@@ -72,41 +73,26 @@ struct DecoderInfo {
     encoder: Option<String>,
 }
 
-/// Bytes on the GPU for N Gaussians, by arithmetic.
+/// Bytes on the GPU, by arithmetic; what a picture takes of its own is not among them.
 #[derive(Debug, PartialEq, Serialize)]
 struct GpuBytes {
-    /// What stays: N (44 + 6 (degree + 1)^2 + 8) for geometry (mean, rotation, scale, opacity in f32), SH in f16 and a
-    /// color of 4 f16; with features N (16 ceil((L + E) / 8) + 4 K) more, for planes of 8 f16 and u32 neighbors;
-    /// noise and own colors that the decoder takes count to E.
+    /// What stays: geometry, SH in f16 and a color of 4 f16 for each Gaussian; with features the decoder's inputs and
+    /// neighbor lists.
     scene: u64,
-    /// What only a change of style needs: 2 N max(d_i + d_{i+1}) over successive hidden layers, the f16 activations
-    /// that one layer reads and writes, and 4 bytes for each weight of the decoder folded to L + E inputs. 0 without
-    /// features.
+    /// What only a change of style needs: activations that one layer writes and the next one reads, and the decoder's
+    /// weights. 0 without features, and where the decoder does not fit them.
     style_pass: u64,
 }
 
 impl GpuBytes {
     fn of(scene: &Scene, decoder: Option<&Decoder>) -> Self {
-        let n = scene.len() as u64;
-        let n_coefficients = scene.sh.as_ref().map_or(0, |sh| (u64::from(sh.degree) + 1).pow(2));
-        let mut bytes = Self { scene: n * (44 + 6 * n_coefficients + 8), style_pass: 0 };
-        let (Some(features), Some(decoder)) = (&scene.features, decoder) else { return bytes };
-        let n_inputs = features.n_low + features.n_extra + decoder.n_beside();
-        let k = decoder.k as u64;
-        bytes.scene += n * (16 * n_inputs.div_ceil(8) as u64 + 4 * k);
-        let hidden: Vec<u64> =
-            decoder.layers.iter().rev().skip(1).rev().map(|layer| layer.d_out as u64).collect();
-        let widest = match hidden[..] {
-            [] => 0,
-            [one] => one,
-            _ => hidden.windows(2).map(|pair| pair[0] + pair[1]).max().unwrap_or(0),
-        };
-        let n_weights = |(i, layer): (usize, &stylegaussian::Layer)| {
-            let d_in = if i == 0 { n_inputs } else { layer.d_in };
-            layer.d_out as u64 * (k * d_in as u64 + 1)
-        };
-        bytes.style_pass = 2 * n * widest + 4 * decoder.layers.iter().enumerate().map(n_weights).sum::<u64>();
-        bytes
+        let geometry = GpuScene::bytes(scene) + GaussianColors::bytes(scene.len());
+        let style = decoder.and_then(|decoder| {
+            let scratch = StyleScene::scratch_bytes(scene, decoder).ok()?;
+            Some((StyleScene::bytes(scene, decoder).ok()? - scratch, scratch))
+        });
+        let (inputs, style_pass) = style.unwrap_or_default();
+        Self { scene: geometry + inputs, style_pass }
     }
 }
 
@@ -251,7 +237,7 @@ mod tests {
         scene.sh = Some(Sh { degree: 1, coefficients: vec![0.0; 10 * 12] });
         assert_eq!(
             GpuBytes::of(&scene, Some(&decoder)),
-            GpuBytes { scene: 10 * (44 + 24 + 8), style_pass: 0 }
+            GpuBytes { scene: 10 * (32 + 24 + 8), style_pass: 0 }
         );
         scene.features = Some(Features {
             values: vec![0.0; 320],
@@ -262,8 +248,9 @@ mod tests {
             n_extra: 0,
             encoder: None,
         });
-        let weights = 64 * (8 * 32 + 1) + 32 * (8 * 64 + 1) + 3 * (8 * 32 + 1);
-        let expected = GpuBytes { scene: 10 * (76 + 64 + 32), style_pass: 2 * 10 * (64 + 32) + 4 * weights };
+        // The last layer's rows hold 4 columns.
+        let weights = 64 * (8 * 32 + 1) + 32 * (8 * 64 + 1) + 4 * (8 * 32 + 1);
+        let expected = GpuBytes { scene: 10 * (64 + 64 + 32), style_pass: 2 * 10 * (64 + 32) + 4 * weights };
         assert_eq!(GpuBytes::of(&scene, Some(&decoder)), expected);
     }
 }

@@ -10,13 +10,11 @@ use clap::Args;
 use glam::UVec2;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
-use stylegaussian::{
-    Camera, Scene, file,
-    splat::{self, Colors},
-};
+use stylegaussian::{Camera, Scene, file, splat::Colors};
 
 use super::{
     arguments::{MAX_SIDE, background, picture_size},
+    compute::Drawing,
     output::{print, warn},
     stylization::{Stylization, StylizationArgs},
 };
@@ -64,6 +62,8 @@ pub struct RenderArgs {
 struct Rendered<'a> {
     scene: &'a Path,
     pictures: Vec<RenderedPicture>,
+    /// What drew: `cpu` or `gpu`.
+    drawn_by: &'static str,
     #[serde(flatten)]
     stylization: Option<&'a Stylization>,
 }
@@ -78,16 +78,19 @@ struct RenderedPicture {
 /// Runs the command.
 pub fn run(arguments: &RenderArgs) -> Result<()> {
     let RenderArgs { scene: path, stylization, output, json, .. } = arguments;
-    stylization.check()?;
+    let mut compute = stylization.open()?;
     let loaded = file::read_scene(path)?;
     warn(&loaded.warnings);
     let scene = loaded.scene;
     let cameras = arguments.cameras(&scene)?;
-    let stylized = if stylization.has_style() { Some(stylization.stylize(&scene, path)?) } else { None };
+    let stylized =
+        if stylization.has_style() { Some(stylization.stylize(&scene, path, &mut compute)?) } else { None };
     let colors = stylized.as_ref().map_or(Colors::Sh, |stylized| Colors::Rgb(&stylized.colors));
-    let pictures = render_all(&scene, colors, &cameras, arguments.background, output)?;
+    let mut drawing = compute.drawing(&scene, colors)?;
+    let pictures = render_all(&mut drawing, &cameras, arguments.background, output)?;
     let n_pictures = pictures.len();
-    let rendered = Rendered { scene: path, pictures, stylization: stylized.as_ref() };
+    let drawn_by = drawing.name();
+    let rendered = Rendered { scene: path, pictures, drawn_by, stylization: stylized.as_ref() };
     print(*json, &rendered, || format!("{n_pictures} pictures in {}", output.display()))
 }
 
@@ -106,8 +109,7 @@ impl RenderArgs {
 }
 
 fn render_all(
-    scene: &Scene,
-    colors: Colors,
+    drawing: &mut Drawing,
     cameras: &[Camera],
     background: Background,
     folder: &Path,
@@ -118,7 +120,7 @@ fn render_all(
     let mut pictures = Vec::with_capacity(cameras.len());
     for (i, camera) in cameras.iter().enumerate() {
         let path = folder.join(format!("{i:06}.png"));
-        let view = splat::render(scene, colors, camera);
+        let view = drawing.view(camera)?;
         Picture::of(&view, background).write_png(&path)?;
         pictures.push(RenderedPicture { path, size: camera.size.to_array() });
         progress.inc(1);

@@ -14,6 +14,7 @@ use stylegaussian_encoder::StyleSize;
 use super::{
     Cli,
     arguments::{Backend, WeightedStyle, fraction},
+    compute::Compute,
     output::warn,
     style::{image_statistics, open_encoder},
 };
@@ -50,7 +51,10 @@ pub struct Stylization {
     content: f64,
     /// The decoder's path, `scene` or `default`.
     decoder: String,
+    /// What computed: `cpu` or `gpu`.
     backend: &'static str,
+    /// The GPU's name.
+    adapter: Option<String>,
     pub warnings: Vec<String>,
 }
 
@@ -66,28 +70,27 @@ impl StylizationArgs {
         !self.styles.is_empty()
     }
 
-    /// Checks what can be checked before any file is read.
+    /// Checks what can be checked before any file is read, and opens the backend.
     ///
     /// # Errors
-    /// A usage error where all weights are 0; an error where the backend is not there.
-    pub fn check(&self) -> Result<()> {
-        self.backend.check()?;
+    /// A usage error where all weights are 0; an error where the GPU is asked for and there is none.
+    pub fn open(&self) -> Result<Compute> {
         if self.has_style() && self.total_weight() <= 0.0 {
             let message = "the weights of the styles are all 0: at least one must be positive";
             return Err(Cli::command().error(ErrorKind::ValueValidation, message).into());
         }
-        Ok(())
+        Compute::open(self.backend)
     }
 
     fn total_weight(&self) -> f64 {
         self.styles.iter().map(|style| style.weight).sum()
     }
 
-    /// Stylizes `scene`, which `scene_path` names in errors.
+    /// Stylizes `scene`, which `scene_path` names in errors, with what [`open`](Self::open) gave.
     ///
     /// # Errors
     /// When the scene has no features, a file cannot be read, or encoders differ.
-    pub fn stylize(&self, scene: &Scene, scene_path: &Path) -> Result<Stylization> {
+    pub fn stylize(&self, scene: &Scene, scene_path: &Path, compute: &mut Compute) -> Result<Stylization> {
         // Before anything expensive.
         let features = scene.features.as_ref();
         let features =
@@ -112,7 +115,9 @@ impl StylizationArgs {
             .zip(&self.styles)
             .map(|(statistics, style)| (statistics, style.weight / total))
             .collect();
-        let colors = stylize_scene(scene, &decoder, &weighted, self.content)
+        let colors = fold::transfer(features, &weighted, self.content)
+            .map_err(anyhow::Error::from)
+            .and_then(|map| compute.stylize(scene, &decoder, &map))
             .with_context(|| format!("{} with decoder {decoder_name}", scene_path.display()))?;
         let share = |style: &WeightedStyle| Share { path: style.path.clone(), weight: style.weight / total };
         Ok(Stylization {
@@ -120,7 +125,8 @@ impl StylizationArgs {
             styles: self.styles.iter().map(share).collect(),
             content: self.content,
             decoder: decoder_name,
-            backend: "cpu",
+            backend: compute.name(),
+            adapter: compute.adapter(),
             warnings,
         })
     }
@@ -156,17 +162,6 @@ impl StylizationArgs {
 /// The default decoder, which serves every scene that brings none.
 pub fn default_decoder() -> Result<Decoder> {
     Ok(file::decoder_from_bytes(stylegaussian_defaults::DECODER, "the default decoder")?)
-}
-
-/// Colors `[N]` of a scene in a mix of styles whose weights sum to 1.
-fn stylize_scene(
-    scene: &Scene,
-    decoder: &Decoder,
-    styles: &[(&ChannelStatistics, f64)],
-    content: f64,
-) -> Result<Vec<[f32; 3]>, StylizeError> {
-    let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
-    fold::stylize(scene, decoder, &fold::transfer(features, styles, content)?)
 }
 
 /// Names the parts that do not name their encoder.

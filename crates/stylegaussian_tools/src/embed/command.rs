@@ -90,7 +90,7 @@ struct Written<'a> {
 /// When a file cannot be read or written, the scene cannot be embedded, or the GPU is asked for.
 pub fn run(arguments: &EmbedArgs) -> Result<()> {
     let EmbedArgs { scene: path, output, options, .. } = arguments;
-    arguments.backend.check()?;
+    arguments.backend.expect_cpu("embedding")?;
     let is_sgs = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("sgs"));
     ensure!(
         is_sgs,

@@ -26,9 +26,20 @@ pub fn stylegaussian(arguments: &[&str]) -> Run {
     run(env!("CARGO_BIN_EXE_stylegaussian"), arguments)
 }
 
+/// The same where the Vulkan loader finds no driver.
+#[cfg(target_os = "linux")]
+pub fn stylegaussian_without_gpu(arguments: &[&str]) -> Run {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_stylegaussian"));
+    command.env("VK_DRIVER_FILES", "/dev/null").env("VK_ICD_FILENAMES", "/dev/null");
+    finish(command, arguments)
+}
+
 /// Runs a program.
 pub fn run(program: &str, arguments: &[&str]) -> Run {
-    let mut command = Command::new(program);
+    finish(Command::new(program), arguments)
+}
+
+fn finish(mut command: Command, arguments: &[&str]) -> Run {
     command
         .args(arguments)
         .stdin(Stdio::null())

@@ -1,0 +1,286 @@
+//! Records against a twin in f64 that shares no formula with the shader: full covariance matrices, and the projection's
+//! derivative by differences. It knows what the CPU rasterizer does not: transforms of clouds and any projection matrix.
+
+use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec2, DVec3, DVec4, Mat4, Quat, UVec4, Vec3};
+use stylegaussian::{Scene, scene::Sh, sh};
+use stylegaussian_shaders::splat::SplatCounts;
+
+use crate::{
+    device::HeadlessDevice,
+    scene::GpuScene,
+    splat::{
+        Camera, Cloud, CloudColors, SortKey, SplatPass, SplatSettings, SplatView,
+        camera::in_f64,
+        testing::{gpu, randoms, read},
+    },
+};
+
+/// A projected Gaussian.
+struct Twin {
+    center: DVec2,
+    /// Variances along x and y and the covariance, in px^2.
+    covariance: [f64; 3],
+    depth: f64,
+    distance: f64,
+    color: Vec3,
+    /// How far inside of what is drawn, in pixels and the like: negative outside, near 0 where rounding decides.
+    margin: f64,
+}
+
+/// The pixel where a point of view space is seen, and its depth.
+fn pixel(camera: &Camera, clip_from_view: DMat4, p: DVec3) -> (DVec2, f64) {
+    let clip = clip_from_view * DVec4::from((p, 1.0));
+    let ndc = clip.truncate() / clip.w;
+    let (corner, size) = (camera.viewport.as_dvec4(), camera.viewport.as_dvec4());
+    let x = corner.x + (ndc.x + 1.0) / 2.0 * size.z;
+    let y = corner.y + (1.0 - ndc.y) / 2.0 * size.w;
+    (DVec2::new(x, y), ndc.z)
+}
+
+fn twin(camera: &Camera, world_from_scene: &Affine3A, scene: &Scene, i: usize) -> Twin {
+    let view_from_scene = in_f64(&camera.world_from_view).inverse() * in_f64(world_from_scene);
+    let clip_from_view = camera.clip_from_view.as_dmat4();
+    let gaussian = DMat3::from_quat(scene.rotations[i].normalize().as_dquat())
+        * DMat3::from_diagonal(scene.scales[i].as_dvec3());
+    let axes = view_from_scene.matrix3 * gaussian;
+    let covariance = axes * axes.transpose();
+
+    let p = view_from_scene.transform_point3(scene.means[i].as_dvec3());
+    let is_perspective = clip_from_view.w_axis.w == 0.0;
+    // Linearized no farther from the axis than 1.3 half pictures.
+    let limit = 1.3 * -p.z / DVec2::new(clip_from_view.x_axis.x, clip_from_view.y_axis.y);
+    let at = match is_perspective {
+        true => p.truncate().clamp(-limit.abs(), limit.abs()).extend(p.z),
+        false => p,
+    };
+    let step = 1e-4 * (1.0 + p.z.abs());
+    let derivative = |axis: DVec3| {
+        let ahead = pixel(camera, clip_from_view, at + step * axis).0;
+        (ahead - pixel(camera, clip_from_view, at - step * axis).0) / (2.0 * step)
+    };
+    let j = [derivative(DVec3::X), derivative(DVec3::Y), derivative(DVec3::Z)];
+    let row = |get: fn(DVec2) -> f64| DVec3::new(get(j[0]), get(j[1]), get(j[2]));
+    let (x, y) = (row(|v| v.x), row(|v| v.y));
+    let variance_x = x.dot(covariance * x) + 0.3;
+    let variance_y = y.dot(covariance * y) + 0.3;
+
+    let (center, depth) = pixel(camera, clip_from_view, p);
+    let opacity = f64::from(scene.opacities[i]);
+    let reach = (2.0 * (255.0 * opacity).ln()).max(0.0).sqrt();
+    let viewport = camera.viewport.as_dvec4();
+    let half = DVec2::new(viewport.z, viewport.w) / 2.0;
+    let outside = (center - DVec2::new(viewport.x, viewport.y) - half).abs() - half;
+    let reaches_in = reach * DVec2::new(variance_x.sqrt(), variance_y.sqrt()) - outside;
+    let near = if is_perspective { -p.z - 0.2 } else { f64::INFINITY };
+    let margins = [reaches_in.min_element(), near, depth, 1.0 - depth, 255.0 * opacity - 1.0];
+    Twin {
+        center,
+        covariance: [variance_x, variance_y, x.dot(covariance * y)],
+        depth,
+        distance: -p.z,
+        color: color(camera, world_from_scene, is_perspective, scene, i),
+        margin: margins.into_iter().fold(f64::INFINITY, f64::min),
+    }
+}
+
+fn color(camera: &Camera, place: &Affine3A, is_perspective: bool, scene: &Scene, i: usize) -> Vec3 {
+    let scene_from_world: DAffine3 = in_f64(place).inverse();
+    let camera = in_f64(&camera.world_from_view);
+    let mean = scene.means[i].as_dvec3();
+    let ray = match is_perspective {
+        true => mean - scene_from_world.transform_point3(camera.translation),
+        false => scene_from_world.transform_vector3(-camera.matrix3.z_axis),
+    };
+    let sh = scene.sh.as_ref().unwrap();
+    let n = 3 * sh::n_coefficients(sh.degree);
+    sh::evaluate(sh.degree, &sh.coefficients[i * n..(i + 1) * n], ray.normalize().as_vec3())
+}
+
+fn random_scene(n: usize, degree: u8, seed: u64) -> Scene {
+    let mut random = randoms(seed);
+    let mut scene = Scene::default();
+    for _ in 0..n {
+        scene.means.push(8.0 * Vec3::new(random(), random(), random()) - 4.0);
+        scene.scales.push(0.003 + 0.4 * Vec3::new(random(), random(), random()).powf(4.0));
+        let axis = Vec3::new(random() - 0.5, random() - 0.5, random() - 0.5);
+        scene.rotations.push(Quat::from_axis_angle(axis.normalize(), 6.0 * random()));
+        scene.opacities.push(random().powi(2));
+    }
+    let coefficients = (0..n * 3 * sh::n_coefficients(degree)).map(|_| random() - 0.5).collect();
+    scene.sh = Some(Sh { degree, coefficients });
+    scene
+}
+
+/// What is visible, by slot and in order, and the records of all slots.
+fn records(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(Scene, Affine3A)]) -> (Vec<u32>, Vec<Record>) {
+    let HeadlessDevice { device, queue, .. } = gpu;
+    // Chunks far smaller than any limit asks for.
+    let scenes: Vec<_> = clouds.iter().map(|(scene, _)| GpuScene::in_chunks(device, scene, 300)).collect();
+    let clouds: Vec<_> = clouds
+        .iter()
+        .zip(&scenes)
+        .map(|(&(_, world_from_scene), scene)| Cloud { scene, colors: CloudColors::Sh, world_from_scene })
+        .collect();
+    let (pass, mut view) = (SplatPass::new(device), SplatView::new());
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    pass.prepare(device, queue, &mut encoder, &mut view, camera, &clouds, &SplatSettings::default()).unwrap();
+    queue.submit([encoder.finish()]);
+    let sort = view.sort().unwrap();
+    let n_visible = read::<SplatCounts>(gpu, &sort.counts)[0].n_visible as usize;
+    let mut slots: Vec<u32> = read(gpu, &sort.slots);
+    slots.truncate(n_visible);
+    let (places, looks) = view.records().unwrap();
+    let places: Vec<[f32; 4]> = read(gpu, places);
+    let looks: Vec<[u32; 4]> = read(gpu, looks);
+    (slots, places.into_iter().zip(looks).map(|(place, look)| Record::unpacked(place, look)).collect())
+}
+
+/// A record as the draw reads it.
+struct Record {
+    center: DVec2,
+    covariance: [f64; 3],
+    depth: f32,
+    color: Vec3,
+    opacity: f32,
+}
+
+impl Record {
+    fn unpacked([x, y, slope, row_precision]: [f32; 4], look: [u32; 4]) -> Self {
+        let half = |word: u32, high: u32| half::f16::from_bits((word >> (16 * high)) as u16).to_f32();
+        let c = 1.0 / f64::from(f32::from_bits(look[0]));
+        let b = f64::from(slope) * c;
+        let a = 1.0 / f64::from(row_precision) + b * b / c;
+        Self {
+            center: DVec2::new(x.into(), y.into()),
+            covariance: [a, c, b],
+            depth: f32::from_bits(look[1]),
+            color: Vec3::new(half(look[2], 0), half(look[2], 1), half(look[3], 0)),
+            opacity: half(look[3], 1),
+        }
+    }
+}
+
+#[track_caller]
+fn check(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(Scene, Affine3A)]) {
+    let (slots, records) = records(gpu, camera, clouds);
+    let mut is_visible = vec![false; records.len()];
+    slots.iter().for_each(|&slot| is_visible[slot as usize] = true);
+    assert!(slots.len() > records.len() / 20, "only {} visible", slots.len());
+
+    let twins: Vec<(Twin, f32)> = clouds
+        .iter()
+        .flat_map(|(scene, place)| {
+            (0..scene.len()).map(|i| (twin(camera, place, scene, i), scene.opacities[i]))
+        })
+        .collect();
+    for (slot, ((twin, opacity), record)) in twins.iter().zip(&records).enumerate() {
+        // A hundredth of a pixel is what rounding may decide.
+        if twin.margin.abs() > 0.01 {
+            assert_eq!(is_visible[slot], twin.margin > 0.0, "slot {slot}: margin {}", twin.margin);
+        }
+        if !is_visible[slot] {
+            continue;
+        }
+        let size: f64 = twin.covariance[0] + twin.covariance[1];
+        let moved = record.center.distance(twin.center);
+        assert!(moved <= 1e-3 + 1e-6 * twin.center.length(), "slot {slot}: moved by {moved} px");
+        for (found, expected) in record.covariance.iter().zip(twin.covariance) {
+            assert!((found - expected).abs() < 2e-3 * size, "slot {slot}: {found} for {expected} px^2");
+        }
+        assert!((f64::from(record.depth) - twin.depth).abs() < 1e-5, "slot {slot}: depth {}", record.depth);
+        assert!((record.opacity - opacity).abs() < 1e-3, "slot {slot}: opacity {}", record.opacity);
+        let wrong = (record.color - twin.color).abs().max_element();
+        assert!(wrong < 5e-3, "slot {slot}: color {} for {}", record.color, twin.color);
+    }
+    for pair in slots.windows(2) {
+        let [near, far] = [pair[0], pair[1]].map(|slot| twins[slot as usize].0.distance);
+        assert!(near <= far + 1e-5 * (1.0 + far.abs()), "{near} drawn over {far}");
+    }
+}
+
+/// Three clouds: as it is, turned and stretched, sheared and mirrored.
+fn clouds(degree: u8) -> Vec<(Scene, Affine3A)> {
+    let stretched = Affine3A::from_scale_rotation_translation(
+        Vec3::new(0.5, 2.0, 1.2),
+        Quat::from_rotation_y(0.8),
+        Vec3::new(0.5, -0.4, 1.0),
+    );
+    let mut sheared = Affine3A::from_scale(Vec3::new(-1.0, 1.0, 0.7));
+    sheared.matrix3.y_axis.x = 0.6;
+    let place = [Affine3A::IDENTITY, stretched, sheared];
+    [0, 1, 2].map(|i| (random_scene(700, degree, 20 + i as u64), place[i])).into()
+}
+
+fn pose() -> Affine3A {
+    Affine3A::look_at_rh(Vec3::new(1.0, 2.0, 5.0), Vec3::new(0.0, 0.3, 0.0), Vec3::Y).inverse()
+}
+
+#[test]
+fn gpu_matches_cpu() {
+    let Some(gpu) = gpu() else { return };
+    let viewport = UVec4::new(13, 7, 160, 120);
+    let aspect = 160.0 / 120.0;
+    let perspective = Mat4::perspective_infinite_reverse_rh(0.9, aspect, 0.1);
+    let mut off_axis = perspective;
+    (off_axis.z_axis.x, off_axis.z_axis.y) = (0.7, -0.4);
+    // Near and far change places: reverse z.
+    let finite = Mat4::perspective_rh(1.2, aspect, 6.0, 1.0);
+    let orthographic = Mat4::orthographic_rh(-3.0, 2.0, -2.0, 1.5, 6.0, 0.0);
+    for (degree, clip_from_view) in [perspective, off_axis, finite, orthographic].into_iter().enumerate() {
+        let camera = Camera { world_from_view: pose(), clip_from_view, viewport };
+        check(&gpu, &camera, &clouds(degree as u8));
+    }
+}
+
+/// Far from the world's origin, single precision places a cloud to a sixteenth of a unit; what a camera beside it sees
+/// does not tremble for that.
+#[test]
+fn far_from_the_origin_nothing_changes() {
+    let Some(gpu) = gpu() else { return };
+    let away = Vec3::new(262_144.0, -524_288.0, 131_072.0);
+    let clip_from_view = Mat4::perspective_infinite_reverse_rh(0.9, 1.0, 0.1);
+    let viewport = UVec4::new(0, 0, 64, 64);
+    let record = |away: Vec3| {
+        let camera = Camera {
+            world_from_view: Affine3A::from_translation(away + Vec3::new(0.0, 0.0, 5.0)),
+            clip_from_view,
+            viewport,
+        };
+        let clouds = [(random_scene(200, 0, 30), Affine3A::from_translation(away))];
+        records(&gpu, &camera, &clouds).1
+    };
+    for (far, near) in record(away).iter().zip(&record(Vec3::ZERO)) {
+        assert_eq!(far.center, near.center);
+    }
+}
+
+/// The second frame of an unchanged view, and of one that sees less, makes no buffer and no bindings.
+#[test]
+fn nothing_is_allocated_where_nothing_changed() {
+    let Some(gpu) = gpu() else { return };
+    let HeadlessDevice { device, queue, .. } = &gpu;
+    let scenes =
+        [random_scene(500, 1, 40), random_scene(900, 1, 41)].map(|s| GpuScene::new(device, &s).unwrap());
+    let cloud =
+        |i: usize| Cloud { scene: &scenes[i], colors: CloudColors::Sh, world_from_scene: Affine3A::IDENTITY };
+    let (pass, mut view) = (SplatPass::new(device), SplatView::new());
+    let mut camera = Camera {
+        world_from_view: pose(),
+        clip_from_view: Mat4::perspective_infinite_reverse_rh(0.9, 1.0, 0.1),
+        viewport: UVec4::new(0, 0, 64, 64),
+    };
+    let mut frame = |camera: &Camera, clouds: &[Cloud]| {
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let settings = SplatSettings { sort_key: SortKey::Distance, ..SplatSettings::default() };
+        pass.prepare(device, queue, &mut encoder, &mut view, camera, clouds, &settings).unwrap();
+        queue.submit([encoder.finish()]);
+        view.resources()
+    };
+    let (buffers, groups) = frame(&camera, &[cloud(0), cloud(1)]);
+    camera.world_from_view.translation.x += 0.1;
+    assert_eq!(frame(&camera, &[cloud(0), cloud(1)]), (buffers.clone(), groups.clone()));
+    assert_eq!(frame(&camera, &[cloud(1), cloud(0)]), (buffers.clone(), groups.clone()));
+    let (still, fewer) = frame(&camera, &[cloud(1)]);
+    assert_eq!(still, buffers);
+    assert!(fewer.is_subset(&groups) && fewer.len() == 1);
+}

@@ -1,0 +1,153 @@
+//! Undoing tone mapping on the GPU: `splat_inverse_table`.
+
+use stylegaussian_shaders::splat::{self as shaders, TABLE_SIZE};
+
+use super::bind::{bind_group, layout};
+
+/// Bevy's tone mapping methods.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "named like the variants of Bevy's `Tonemapping`, where they are explained")]
+pub enum Tonemapping {
+    None,
+    Reinhard,
+    ReinhardLuminance,
+    AcesFitted,
+    AgX,
+    SomewhatBoringDisplayTransform,
+    TonyMcMapface,
+    BlenderFilmic,
+    KhronosPbrNeutral,
+}
+
+impl Tonemapping {
+    /// Whether undoing it takes an [`InverseTable`]: it has no inverse for all colors. The others are undone exactly.
+    pub fn needs_table(self) -> bool {
+        !matches!(self, Self::None | Self::Reinhard | Self::ReinhardLuminance)
+    }
+}
+
+/// A tone mapping that needs a table to be undone; three of them are tables themselves: Bevy's, three-dimensional, with
+/// a format that can be filtered.
+#[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "named like the variants of Bevy's `Tonemapping`, where they are explained")]
+pub enum ToneCurve<'a> {
+    AcesFitted,
+    SomewhatBoringDisplayTransform,
+    KhronosPbrNeutral,
+    AgX(&'a wgpu::TextureView),
+    TonyMcMapface(&'a wgpu::TextureView),
+    BlenderFilmic(&'a wgpu::TextureView),
+}
+
+impl<'a> ToneCurve<'a> {
+    fn constant(self) -> u32 {
+        match self {
+            Self::AcesFitted => shaders::CURVE_ACES_FITTED,
+            Self::SomewhatBoringDisplayTransform => shaders::CURVE_SOMEWHAT_BORING,
+            Self::KhronosPbrNeutral => shaders::CURVE_PBR_NEUTRAL,
+            Self::AgX(_) => shaders::CURVE_AGX,
+            Self::TonyMcMapface(_) => shaders::CURVE_TONY_MC_MAPFACE,
+            Self::BlenderFilmic(_) => shaders::CURVE_BLENDER_FILMIC,
+        }
+    }
+
+    fn table(self) -> Option<&'a wgpu::TextureView> {
+        match self {
+            Self::AgX(table) | Self::TonyMcMapface(table) | Self::BlenderFilmic(table) => Some(table),
+            Self::AcesFitted | Self::SomewhatBoringDisplayTransform | Self::KhronosPbrNeutral => None,
+        }
+    }
+}
+
+/// For every display color, the scene color that a tone mapping shows nearest to it. Display colors that the curve never
+/// shows (most show no color that is both bright and saturated) become the nearest that it does.
+#[derive(Clone, Debug)]
+pub struct InverseTable(wgpu::TextureView);
+
+impl InverseTable {
+    /// Encodes the search for the inverse of `curve`: milliseconds on a GPU, once for as long as the device lives.
+    pub fn new(device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder, curve: ToneCurve) -> Self {
+        let texture = |label, size, usage| {
+            let texture = device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: size },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D3,
+                format: wgpu::TextureFormat::Rgba16Float,
+                usage: wgpu::TextureUsages::TEXTURE_BINDING | usage,
+                view_formats: &[],
+            });
+            texture.create_view(&wgpu::TextureViewDescriptor::default())
+        };
+        let table = texture("splat_inverse_table", TABLE_SIZE, wgpu::TextureUsages::STORAGE_BINDING);
+        let unread = texture("splat_no_table", 1, wgpu::TextureUsages::empty());
+
+        let (pipeline, layout) = pipeline(device, curve.constant());
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..Default::default()
+        });
+        let resources = [
+            wgpu::BindingResource::TextureView(&table),
+            wgpu::BindingResource::TextureView(curve.table().unwrap_or(&unread)),
+            wgpu::BindingResource::Sampler(&sampler),
+        ];
+        let group = bind_group(device, "splat_inverse_table", &layout, &resources);
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("splat_inverse_table"),
+            timestamp_writes: None,
+        });
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        // Workgroups are cubes of 4 x 4 x 4.
+        let n = TABLE_SIZE.div_ceil(4);
+        pass.dispatch_workgroups(n, n, n);
+        drop(pass);
+        Self(table)
+    }
+
+    pub(super) fn view(&self) -> &wgpu::TextureView {
+        &self.0
+    }
+}
+
+fn pipeline(device: &wgpu::Device, curve: u32) -> (wgpu::ComputePipeline, wgpu::BindGroupLayout) {
+    let source = shaders::inverse_table();
+    let bindings = [
+        wgpu::BindingType::StorageTexture {
+            access: wgpu::StorageTextureAccess::WriteOnly,
+            format: wgpu::TextureFormat::Rgba16Float,
+            view_dimension: wgpu::TextureViewDimension::D3,
+        },
+        wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: true },
+            view_dimension: wgpu::TextureViewDimension::D3,
+            multisampled: false,
+        },
+        wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+    ];
+    let layout = layout(device, source.label, wgpu::ShaderStages::COMPUTE, &bindings);
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(source.label),
+        source: wgpu::ShaderSource::Wgsl(source.wgsl.into()),
+    });
+    let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(source.label),
+        bind_group_layouts: &[Some(&layout)],
+        immediate_size: 0,
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(source.label),
+        layout: Some(&pipeline_layout),
+        module: &module,
+        entry_point: Some(source.label),
+        compilation_options: wgpu::PipelineCompilationOptions {
+            constants: &[("curve", f64::from(curve))],
+            ..Default::default()
+        },
+        cache: None,
+    });
+    (pipeline, layout)
+}

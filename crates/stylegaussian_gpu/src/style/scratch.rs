@@ -1,0 +1,29 @@
+//! The memory that only a change of style needs.
+
+use super::{
+    content::StyleShape,
+    plan::{Split, sum_columns},
+    planes::Planes,
+    scene::storage,
+};
+
+/// Activations of hidden layers, which write them in turns, and sums over planes that do not fit one binding.
+#[derive(Clone, Debug)]
+pub(super) struct Scratch {
+    pub activations: [Planes; 2],
+    pub sums: wgpu::Buffer,
+}
+
+impl Scratch {
+    pub fn new(device: &wgpu::Device, shape: &StyleShape, split: &Split) -> Self {
+        let n = shape.n_gaussians;
+        let planes = |which: usize| {
+            Planes::new(device, "style_activations", shape.scratch_width(which), n, split.scratch[which])
+        };
+        let sums = sum_columns(shape, split) * 4 * split.chunk_rows.min(n);
+        Self {
+            activations: [planes(0), planes(1)],
+            sums: storage(device, "style_sums", (sums as u64).max(16)),
+        }
+    }
+}

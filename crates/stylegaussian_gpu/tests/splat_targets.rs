@@ -1,0 +1,357 @@
+//! The draw into targets of all kinds: depth attachments, multisampling, viewports, orthographic cameras. Each picture has
+//! a known answer.
+
+mod pictures;
+mod target;
+
+use glam::{Affine3A, Mat4, UVec2, UVec4, Vec2, Vec3};
+use pictures::{draw, scene};
+use stylegaussian::{Scene, splat::Colors};
+use stylegaussian_gpu::{
+    colors::GaussianColors,
+    device::HeadlessDevice,
+    scene::GpuScene,
+    splat::{
+        Camera, Cloud, CloudColors, Composite, CompositeMode, Headless, LAYER_FORMAT, SortKey, SplatPass,
+        SplatSettings, SplatView,
+    },
+};
+use target::{gpu, pass, read, texture};
+use wgpu::TextureFormat::{Depth32Float, Rgba16Float};
+
+/// Width and height of most pictures, in pixels: the center of pixel (4, 4) lies on the axis.
+const SIZE: u32 = 9;
+
+/// At the origin, looking along -z; focal length 10 px, reverse z with an infinite far plane: depth is 0.1 / z.
+fn pinhole() -> Camera {
+    let pinhole = stylegaussian::Camera {
+        view_from_world: Affine3A::IDENTITY,
+        focal: Vec2::splat(10.0),
+        center: Vec2::splat(SIZE as f32 / 2.0),
+        size: UVec2::splat(SIZE),
+    };
+    let mut camera = Camera::pinhole(&pinhole);
+    camera.clip_from_view.w_axis.z = 0.1;
+    camera.world_from_view = Affine3A::IDENTITY;
+    camera
+}
+
+/// At the origin, looking along -z; 10 px per unit, depths from 0 to 100 units.
+fn orthographic() -> Camera {
+    let half = SIZE as f32 / 20.0;
+    Camera {
+        world_from_view: Affine3A::IDENTITY,
+        // Near and far change places: reverse z.
+        clip_from_view: Mat4::orthographic_rh(-half, half, -half, half, 100.0, 0.0),
+        viewport: UVec4::new(0, 0, SIZE, SIZE),
+    }
+}
+
+/// A round Gaussian `z` ahead, of opacity 0.8, whose footprint has a variance of (10 * 0.2 / z)^2 + 0.3 px^2.
+fn ahead(z: f32) -> (Vec3, Vec3, f32) {
+    (Vec3::new(0.0, 0.0, -z), Vec3::splat(0.2), 0.8)
+}
+
+const RED: [f32; 3] = [1.0, 0.0, 0.0];
+const GREEN: [f32; 3] = [0.0, 1.0, 0.0];
+const WHITE: [f32; 3] = [1.0; 3];
+const CENTER: usize = (SIZE * SIZE / 2) as usize;
+
+#[track_caller]
+fn near(found: [f32; 4], expected: [f32; 4]) {
+    let close = found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 2e-3);
+    assert!(close, "found {found:?}, expected {expected:?}");
+}
+
+/// A layer and a depth attachment, with what is drawn into them.
+struct Layer {
+    color: wgpu::Texture,
+    depth: wgpu::Texture,
+    samples: u32,
+}
+
+impl Layer {
+    /// Nothing, in front of a wall at `depth`.
+    fn new(gpu: &HeadlessDevice, size: [u32; 2], samples: u32, depth: f32) -> Self {
+        let layer = Self {
+            color: texture(&gpu.device, size, LAYER_FORMAT, samples),
+            depth: texture(&gpu.device, size, Depth32Float, samples),
+            samples,
+        };
+        layer.pass(gpu, Some(depth), |_| ());
+        layer
+    }
+
+    /// A pass over both; `clear` clears both, the depth to that value. Otherwise the depth is only read.
+    fn pass(&self, gpu: &HeadlessDevice, clear: Option<f32>, draw: impl FnOnce(&mut wgpu::RenderPass)) {
+        let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let (color, depth) = (view(&self.color), view(&self.depth));
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let load = clear.map_or(wgpu::LoadOp::Load, |_| wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT));
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &color,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
+            })],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &depth,
+                depth_ops: clear.map(|depth| wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(depth),
+                    store: wgpu::StoreOp::Store,
+                }),
+                stencil_ops: None,
+            }),
+            ..Default::default()
+        });
+        draw(&mut pass);
+        drop(pass);
+        gpu.queue.submit([encoder.finish()]);
+    }
+
+    /// Draws a scene of one RGB per Gaussian.
+    fn splat(&self, gpu: &HeadlessDevice, scene: &Scene, rgb: &[[f32; 3]], camera: &Camera) {
+        let HeadlessDevice { device, queue, .. } = gpu;
+        let splats = SplatPass::new(device);
+        let pipeline = splats.pipeline(device, self.samples, Some(Depth32Float));
+        let colors = GaussianColors::from_rgb(device, queue, rgb).unwrap();
+        let scene = GpuScene::new(device, scene).unwrap();
+        let cloud =
+            Cloud { scene: &scene, colors: CloudColors::Rgb(&colors), world_from_scene: Affine3A::IDENTITY };
+        let mut view = SplatView::new();
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let settings = SplatSettings::default();
+        splats.prepare(device, queue, &mut encoder, &mut view, camera, &[cloud], &settings).unwrap();
+        queue.submit([encoder.finish()]);
+        self.pass(gpu, None, |pass| splats.draw(pass, &view, &pipeline));
+    }
+
+    /// The layer over `background`, its samples averaged.
+    fn composited(&self, gpu: &HeadlessDevice, background: wgpu::Color) -> Vec<[f32; 4]> {
+        let device = &gpu.device;
+        let (width, height) = (self.color.width(), self.color.height());
+        let composite = Composite::new(device);
+        let pipeline = composite.pipeline(device, Rgba16Float, self.samples, CompositeMode::Encoded);
+        let layer = self.color.create_view(&wgpu::TextureViewDescriptor::default());
+        let input = composite.bind(device, &layer, self.samples, None);
+        let target = texture(device, [width, height], Rgba16Float, self.samples);
+        let single = texture(device, [width, height], Rgba16Float, 1);
+        let resolve = (self.samples > 1).then_some(&single);
+        pass(gpu, &target, resolve, background, |pass| {
+            composite.draw(pass, &pipeline, &input, UVec4::new(0, 0, width, height));
+        });
+        read(gpu, resolve.unwrap_or(&target))
+    }
+}
+
+/// A wall 2 units ahead hides the green splat 3 units ahead, not the red one 1 unit ahead; a wall 4 units ahead hides
+/// neither, one half a unit ahead both.
+#[test]
+fn walls_hide_what_is_behind_them() {
+    let Some(gpu) = gpu() else { return };
+    let both = scene(&[ahead(3.0), ahead(1.0)]);
+    let check = |wall: f32, expected: [f32; 4]| {
+        for samples in [1, 4] {
+            let layer = Layer::new(&gpu, [SIZE; 2], samples, 0.1 / wall);
+            layer.splat(&gpu, &both, &[GREEN, RED], &pinhole());
+            near(layer.composited(&gpu, wgpu::Color::TRANSPARENT)[CENTER], expected);
+        }
+    };
+    check(4.0, [0.8, 0.16, 0.0, 0.96]);
+    check(2.0, [0.8, 0.0, 0.0, 0.8]);
+    check(0.5, [0.0; 4]);
+}
+
+/// A wall whose edge runs through the middle of the pixels of column 4: it hides a white splat behind it in two of four
+/// samples there, in all of them to the left, in none to the right.
+#[test]
+fn walls_hide_sample_by_sample() {
+    let Some(gpu) = gpu() else { return };
+    let layer = Layer::new(&gpu, [SIZE; 2], 4, 0.0);
+    draw_wall(&gpu, &layer);
+    // So large that it is the same everywhere.
+    let behind = scene(&[(Vec3::new(0.0, 0.0, -2.0), Vec3::splat(100.0), 0.8)]);
+    layer.splat(&gpu, &behind, &[WHITE], &pinhole());
+    let picture = layer.composited(&gpu, wgpu::Color::BLACK);
+    let row = &picture[CENTER - 4..CENTER + 5];
+    let expected = [0.0, 0.0, 0.0, 0.0, 0.4, 0.8, 0.8, 0.8, 0.8];
+    for (pixel, expected) in row.iter().zip(expected) {
+        near(*pixel, [expected, expected, expected, 1.0]);
+    }
+}
+
+/// Depth 0.9 over the left half of the picture.
+fn draw_wall(gpu: &HeadlessDevice, layer: &Layer) {
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(
+            "@vertex fn wall(@builtin(vertex_index) i: u32) -> @builtin(position) vec4<f32> {
+                return vec4(f32(i & 1u) - 1.0, f32(i >> 1u) * 2.0 - 1.0, 0.9, 1.0);
+            }"
+            .into(),
+        ),
+    });
+    let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: None,
+        layout: None,
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: None,
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState {
+            topology: wgpu::PrimitiveTopology::TriangleStrip,
+            ..Default::default()
+        },
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: Depth32Float,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState { count: layer.samples, ..Default::default() },
+        fragment: None,
+        multiview_mask: None,
+        cache: None,
+    });
+    let view = layer.depth.create_view(&wgpu::TextureViewDescriptor::default());
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+            view: &view,
+            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Store }),
+            stencil_ops: None,
+        }),
+        ..Default::default()
+    });
+    pass.set_pipeline(&pipeline);
+    pass.draw(0..4, 0..1);
+    drop(pass);
+    gpu.queue.submit([encoder.finish()]);
+}
+
+/// Two cameras share a target, side by side: each draws its picture and nothing outside of it.
+#[test]
+fn viewports_keep_to_themselves() {
+    let Some(gpu) = gpu() else { return };
+    let layer = Layer::new(&gpu, [2 * SIZE + 1, SIZE + 2], 1, 0.0);
+    // Large enough to cover the whole target.
+    let large = scene(&[(Vec3::new(0.0, 0.0, -2.0), Vec3::splat(100.0), 0.8)]);
+    let mut left = pinhole();
+    left.viewport = UVec4::new(0, 2, SIZE, SIZE);
+    layer.splat(&gpu, &large, &[RED], &left);
+    let mut right = pinhole();
+    right.viewport = UVec4::new(SIZE + 1, 0, SIZE, SIZE);
+    layer.splat(&gpu, &scene(&[ahead(2.0)]), &[GREEN], &right);
+
+    let picture = read(&gpu, &layer.color);
+    let pixel = |x: u32, y: u32| picture[(y * (2 * SIZE + 1) + x) as usize];
+    near(pixel(4, 6), [0.8, 0.0, 0.0, 0.8]);
+    near(pixel(0, 2), [0.8, 0.0, 0.0, 0.8]);
+    near(pixel(8, 10), [0.8, 0.0, 0.0, 0.8]);
+    near(pixel(4, 1), [0.0; 4]);
+    near(pixel(9, 5), [0.0; 4]);
+    // Variance (10 * 0.2 / 2)^2 + 0.3 = 1.3 px^2 about the middle of the second viewport.
+    near(pixel(SIZE + 5, 4), [0.0, 0.8, 0.0, 0.8]);
+    let beside = 0.8 * (-0.5f32 / 1.3).exp();
+    near(pixel(SIZE + 6, 4), [0.0, beside, 0.0, beside]);
+    near(pixel(SIZE + 1, 10), [0.0; 4]);
+}
+
+/// 10 px per unit at any distance: variance (10 * 0.2)^2 + 0.3 = 4.3 px^2, 1 unit or 50 units or 0.1 units ahead. What is
+/// behind the camera or beyond its far plane is not drawn.
+#[test]
+fn orthographic_footprints_do_not_shrink() {
+    let Some(gpu) = gpu() else { return };
+    let picture = |z: f32| {
+        let one = scene(&[ahead(z)]);
+        let clouds = [(&one, Colors::Rgb(&[RED]), Affine3A::IDENTITY)];
+        draw(&gpu, &orthographic(), &clouds, &SplatSettings::default()).rgba
+    };
+    let beside = 0.8 * (-0.5f32 / 4.3).exp();
+    for z in [0.1, 1.0, 50.0] {
+        let picture = picture(z);
+        near(picture[CENTER], [0.8, 0.0, 0.0, 0.8]);
+        near(picture[CENTER + 1], [beside, 0.0, 0.0, beside]);
+        near(picture[CENTER - SIZE as usize], [beside, 0.0, 0.0, beside]);
+    }
+    for z in [-1.0, 101.0] {
+        assert!(picture(z).iter().all(|pixel| pixel[3] == 0.0), "{z} ahead");
+    }
+}
+
+/// Every ray of an orthographic camera looks along -z: with f_z of degree 1 alone, red is 0.5 - 0.4886 * 0.5 everywhere.
+#[test]
+fn orthographic_rays_are_parallel() {
+    let Some(gpu) = gpu() else { return };
+    let mut one = scene(&[(Vec3::new(0.3, 0.2, -2.0), Vec3::splat(0.2), 0.8)]);
+    let mut coefficients = vec![0.0; 12];
+    coefficients[6] = 0.5;
+    one.sh = Some(stylegaussian::scene::Sh { degree: 1, coefficients });
+    let clouds = [(&one, Colors::Sh, Affine3A::IDENTITY)];
+    let picture = draw(&gpu, &orthographic(), &clouds, &SplatSettings::default());
+    // 3 px right of the center, 2 px up.
+    let pixel = picture.rgba[CENTER + 3 - 2 * SIZE as usize];
+    near(pixel, [0.8 * (0.5 - 0.488_602_5 * 0.5), 0.4, 0.4, 0.8]);
+}
+
+/// Red splats 1 and 3 units ahead, a green one of another cloud between them: 0.8 red, then 0.2 * 0.8 green, then
+/// 0.2 * 0.2 * 0.8 red. The other cloud got there by its transform.
+#[test]
+fn clouds_interleave() {
+    let Some(gpu) = gpu() else { return };
+    let (red, green) = (scene(&[ahead(3.0), ahead(1.0)]), scene(&[ahead(7.0)]));
+    let moved = Affine3A::from_translation(Vec3::new(0.0, 0.0, 5.0));
+    let clouds =
+        [(&red, Colors::Rgb(&[RED, RED]), Affine3A::IDENTITY), (&green, Colors::Rgb(&[GREEN]), moved)];
+    let picture = draw(&gpu, &pinhole(), &clouds, &SplatSettings::default());
+    near(picture.rgba[CENTER], [0.832, 0.16, 0.0, 0.992]);
+    let swapped = draw(&gpu, &pinhole(), &[clouds[1], clouds[0]], &SplatSettings::default());
+    assert_eq!(picture, swapped);
+}
+
+/// Halfway from white to the scene's own mid-gray, and to red.
+#[test]
+fn colors_fade() {
+    let Some(gpu) = gpu() else { return };
+    let HeadlessDevice { device, queue, .. } = &gpu;
+    let scene = GpuScene::new(device, &scene(&[ahead(1.0)])).unwrap();
+    let white = GaussianColors::from_rgb(device, queue, &[WHITE]).unwrap();
+    let red = GaussianColors::from_rgb(device, queue, &[RED]).unwrap();
+    let check = |from, to, t, expected: [f32; 3]| {
+        let colors = CloudColors::Fade { from, to, t };
+        let cloud = Cloud { scene: &scene, colors, world_from_scene: Affine3A::IDENTITY };
+        let settings = SplatSettings::default();
+        let picture = Headless::new(device).render(device, queue, &pinhole(), &[cloud], &settings).unwrap();
+        let [r, g, b] = expected.map(|c| 0.8 * c);
+        near(picture.rgba[CENTER], [r, g, b, 0.8]);
+    };
+    check(Some(&white), None, 0.0, WHITE);
+    check(Some(&white), None, 0.5, [0.75; 3]);
+    check(None, Some(&red), 0.5, [0.75, 0.25, 0.25]);
+    check(Some(&white), Some(&red), 0.25, [1.0, 0.75, 0.75]);
+    check(Some(&white), Some(&red), 1.0, RED);
+    check(None, None, 0.5, [0.5; 3]);
+}
+
+/// Two splats at the picture's middle line: one nearer along the axis, the other nearer to the eye.
+#[test]
+fn splats_sort_by_depth_or_by_distance() {
+    let Some(gpu) = gpu() else { return };
+    // Depths 2 and 2.2; distances from the eye 2.83 and 2.2. Large, so that both cover the center.
+    let green = (Vec3::new(2.0, 0.0, -2.0), Vec3::new(20.0, 20.0, 1e-3), 0.8);
+    let red = (Vec3::new(0.0, 0.0, -2.2), Vec3::new(20.0, 20.0, 1e-3), 0.8);
+    let both = scene(&[green, red]);
+    let center = |sort_key| {
+        let clouds = [(&both, Colors::Rgb(&[GREEN, RED]), Affine3A::IDENTITY)];
+        let settings = SplatSettings { sort_key, ..SplatSettings::default() };
+        draw(&gpu, &pinhole(), &clouds, &settings).rgba[CENTER]
+    };
+    let by_depth = center(SortKey::ViewZ);
+    let by_distance = center(SortKey::Distance);
+    assert!(by_depth[1] > 0.7 && by_depth[0] < 0.2, "{by_depth:?}");
+    assert!(by_distance[0] > 0.7 && by_distance[1] < 0.2, "{by_distance:?}");
+}

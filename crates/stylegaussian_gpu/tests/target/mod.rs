@@ -1,0 +1,126 @@
+//! Textures to draw to, passes over them, and their texels read back.
+
+#![allow(dead_code, reason = "each test file uses a part")]
+
+use half::f16;
+use stylegaussian_gpu::{
+    device::{DeviceError, HeadlessDevice},
+    splat::LAYER_FORMAT,
+};
+
+/// A device, or `None` (said aloud) where there is none.
+pub fn gpu() -> Option<HeadlessDevice> {
+    gpu_with_limits(|limits| limits)
+}
+
+/// A device with limits made of the adapter's own.
+pub fn gpu_with_limits(limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits) -> Option<HeadlessDevice> {
+    match pollster::block_on(HeadlessDevice::request_with_limits(limits)) {
+        Ok(gpu) => {
+            // A test that draws through validation errors would compare stale pictures.
+            gpu.device.on_uncaptured_error(std::sync::Arc::new(|error| panic!("{error}")));
+            Some(gpu)
+        }
+        Err(DeviceError::NoAdapter(_)) => {
+            eprintln!("SKIPPED: no GPU adapter");
+            None
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// A texture of `[width, height]` that can be drawn to, bound, and (with one sample) copied.
+pub fn texture(
+    device: &wgpu::Device,
+    [width, height]: [u32; 2],
+    format: wgpu::TextureFormat,
+    samples: u32,
+) -> wgpu::Texture {
+    let mut usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
+    if samples == 1 {
+        usage |= wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::COPY_DST;
+    }
+    device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: samples,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    })
+}
+
+/// A layer of one sample that holds `texels`, row by row.
+pub fn layer_of(gpu: &HeadlessDevice, texels: &[[f32; 4]], width: u32) -> wgpu::TextureView {
+    let height = texels.len() as u32 / width;
+    let layer = texture(&gpu.device, [width, height], LAYER_FORMAT, 1);
+    let halves: Vec<f16> = texels.as_flattened().iter().map(|&x| f16::from_f32(x)).collect();
+    let layout =
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(8 * width), rows_per_image: None };
+    gpu.queue.write_texture(layer.as_image_copy(), bytemuck::cast_slice(&halves), layout, layer.size());
+    layer.create_view(&wgpu::TextureViewDescriptor::default())
+}
+
+/// Runs a pass over `target`, cleared to `background`; `resolve` takes the mean of its samples.
+pub fn pass(
+    gpu: &HeadlessDevice,
+    target: &wgpu::Texture,
+    resolve: Option<&wgpu::Texture>,
+    background: wgpu::Color,
+    draw: impl FnOnce(&mut wgpu::RenderPass),
+) {
+    let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+    let (target, resolve) = (view(target), resolve.map(view));
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view: &target,
+            depth_slice: None,
+            resolve_target: resolve.as_ref(),
+            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(background), store: wgpu::StoreOp::Store },
+        })],
+        ..Default::default()
+    });
+    draw(&mut pass);
+    drop(pass);
+    gpu.queue.submit([encoder.finish()]);
+}
+
+/// The texels of a texture of one sample, row by row. Bytes become 0..1, undecoded.
+pub fn read(gpu: &HeadlessDevice, texture: &wgpu::Texture) -> Vec<[f32; 4]> {
+    let texel_bytes = texture.format().block_copy_size(None).unwrap();
+    let bytes_per_row = (texture.width() * texel_bytes).next_multiple_of(256);
+    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: u64::from(bytes_per_row * texture.height()),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let layout =
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(bytes_per_row), rows_per_image: None };
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    encoder.copy_texture_to_buffer(
+        texture.as_image_copy(),
+        wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
+        texture.size(),
+    );
+    gpu.queue.submit([encoder.finish()]);
+    buffer.map_async(wgpu::MapMode::Read, .., Result::unwrap);
+    gpu.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+    let mapped = buffer.get_mapped_range(..);
+    let row_bytes = (texture.width() * texel_bytes) as usize;
+    let rows = mapped.chunks_exact(bytes_per_row as usize).map(|row| &row[..row_bytes]);
+    rows.flat_map(|row| row.chunks_exact(texel_bytes as usize).map(texel)).collect()
+}
+
+/// A texel of four bytes, four f16 or four f32.
+fn texel(bytes: &[u8]) -> [f32; 4] {
+    let channel = |i: usize| match bytes.len() {
+        4 => f32::from(bytes[i]) / 255.0,
+        8 => f16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]).to_f32(),
+        _ => f32::from_le_bytes([bytes[4 * i], bytes[4 * i + 1], bytes[4 * i + 2], bytes[4 * i + 3]]),
+    };
+    [0, 1, 2, 3].map(channel)
+}
