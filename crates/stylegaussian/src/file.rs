@@ -117,11 +117,18 @@ fn kind_of(bytes: &[u8]) -> Result<Kind, Mismatch> {
 /// # Errors
 /// When the file cannot be read, is none of these, contradicts itself, or holds no Gaussian.
 pub fn read_scene(path: &Path) -> Result<Loaded, FileError> {
-    let bytes = read_bytes(path)?;
-    scene_from_bytes(&bytes).map_err(|mismatch| mismatch.at(path))
+    parse_scene(&read_bytes(path)?).map_err(|mismatch| mismatch.at(path))
 }
 
-fn scene_from_bytes(bytes: &[u8]) -> Result<Loaded, Mismatch> {
+/// Reads a scene from the bytes of any file that [`read_scene`] takes; `name` stands for the file in errors.
+///
+/// # Errors
+/// As [`read_scene`].
+pub fn scene_from_bytes(bytes: &[u8], name: &str) -> Result<Loaded, FileError> {
+    parse_scene(bytes).map_err(|mismatch| mismatch.at(Path::new(name)))
+}
+
+fn parse_scene(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     let loaded = match kind_of(bytes)? {
         Kind::Ply => ply::read(bytes),
         Kind::Safetensors => sgs::read(bytes),

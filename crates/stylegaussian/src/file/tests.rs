@@ -392,7 +392,7 @@ fn damaged_files_never_panic() {
     files.push(("ascii.ply", ply::tests::ascii_sample()));
     files.push(("checkpoint.pth", checkpoint::tests::final_sample()));
     let all = |bytes: &[u8]| {
-        let _ = scene_from_bytes(bytes);
+        let _ = parse_scene(bytes);
         let _ = decoder::from_bytes(bytes);
         let _ = style::from_bytes(bytes);
     };

@@ -1,0 +1,67 @@
+//! Assets: scenes, style statistics, decoders. Each is a handle on data that both worlds share.
+
+use std::sync::Arc;
+
+use bevy::prelude::*;
+use stylegaussian::{ChannelStatistics, Decoder, Neighbors, Scene};
+
+/// The window of the default decoder, and the paper's: how many neighbors are found for a scene that names none.
+const N_NEIGHBORS: usize = 8;
+
+/// A captured scene: `.sgs` files, `.ply` files as 3D Gaussian Splatting writes them, and checkpoints of StyleGaussian.
+///
+/// There is one copy of it in main memory, shared by both worlds; cloning is cheap. Only scenes with features can be
+/// styled: `stylegaussian embed` computes them for any other.
+#[derive(Asset, Clone, Debug, Reflect)]
+#[reflect(opaque)]
+#[reflect(Clone, Debug)]
+pub struct GaussianScene {
+    scene: Arc<Scene>,
+    decoder: Option<Arc<Decoder>>,
+}
+
+impl GaussianScene {
+    /// A scene made by a program. Where it has features but no neighbor lists as long as its decoder wants them (8 for
+    /// the default one), they are found here, which takes about a second for half a million Gaussians: call it on the
+    /// task pool for large ones.
+    pub fn new(mut scene: Scene) -> Self {
+        let k = scene.decoder.as_ref().map_or(N_NEIGHBORS, |decoder| decoder.k).max(1);
+        let has_lists = scene.neighbors.as_ref().is_some_and(|neighbors| neighbors.k >= k);
+        if scene.features.is_some() && !has_lists && has_finite_means(&scene) {
+            scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, k));
+        }
+        let decoder = scene.decoder.clone().map(Arc::new);
+        Self { scene: Arc::new(scene), decoder }
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// The decoder that the scene carries, if any.
+    pub fn decoder(&self) -> Option<&Arc<Decoder>> {
+        self.decoder.as_ref()
+    }
+}
+
+/// Files never hold other means; a program may.
+fn has_finite_means(scene: &Scene) -> bool {
+    scene.means.iter().all(|mean| mean.is_finite()) && scene.order.len() == scene.len()
+}
+
+/// Statistics of a style's features, computed beforehand: `.style.safetensors`, as `stylegaussian style IMAGE` writes
+/// them. A style given this way needs no encoder at run time.
+#[derive(Asset, Clone, Debug, Reflect)]
+#[reflect(opaque)]
+#[reflect(Clone, Debug)]
+pub struct StyleStatistics(pub Arc<ChannelStatistics>);
+
+/// A decoder from features to colors: `.decoder.safetensors`, as `stylegaussian train` writes them. [`StyleDecoder`]
+/// puts it to use.
+///
+/// [`StyleDecoder`]: crate::StyleDecoder
+#[derive(Asset, Clone, Debug, Reflect)]
+#[reflect(opaque)]
+#[reflect(Clone, Debug)]
+pub struct GaussianDecoder(pub Arc<Decoder>);

@@ -1,0 +1,287 @@
+//! What each view needs to draw splats: a plan, buffers, a layer.
+//!
+//! Splats blend among themselves in a *layer* of the target's size and sample count, display-referred, with the camera's
+//! depth attached and only read. The layer then goes over the picture, in the picture's own space.
+
+use std::sync::Arc;
+
+use bevy::{
+    camera::{CompositingSpace, MainPassResolutionOverride},
+    core_pipeline::tonemapping::Tonemapping,
+    math::{UVec2, UVec4},
+    platform::collections::HashMap,
+    prelude::*,
+    render::{
+        camera::ExtractedCamera,
+        renderer::{RenderDevice, RenderQueue},
+        sync_world::MainEntity,
+        view::{ExtractedView, RenderVisibleEntities, RetainedViewEntity},
+    },
+};
+use stylegaussian_gpu::splat::{self, CompositeInput, CompositeMode, LAYER_FORMAT, SplatSettings, SplatView};
+
+use crate::pipeline::AtOnce;
+
+use super::{
+    GaussianSplats, SortKey, SplatTonemapping,
+    extract::RenderClouds,
+    pipelines::{CompositeTarget, Luts, SplatPipelines},
+    prepare::GpuScenes,
+};
+
+/// The views that show splats, and the layers that they share: cameras draw one after the other, so those with targets
+/// of one size need one layer.
+#[derive(Resource, Default)]
+pub(super) struct SplatViews {
+    of_view: HashMap<RetainedViewEntity, ViewSplats>,
+    layers: Vec<Arc<Layer>>,
+}
+
+/// What a view keeps from frame to frame.
+#[derive(Default)]
+pub(super) struct ViewSplats {
+    pub(super) buffers: SplatView,
+    /// The clouds that it sees.
+    pub(super) clouds: Vec<MainEntity>,
+    /// How to draw them; `None` while there is nothing to draw, or nothing to draw with.
+    pub(super) plan: Option<Plan>,
+    /// Whether it was told that the device cannot draw all that it sees.
+    pub(super) refused: bool,
+    layer: Option<(Arc<Layer>, CompositeInput)>,
+    /// What the binding undoes.
+    undoes: Option<splat::Tonemapping>,
+    /// What `CompositeInput` was told, in stops.
+    exposure: f32,
+    present: bool,
+}
+
+/// How a view draws its splats.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Plan {
+    /// Of the layer.
+    pub(super) samples: u32,
+    pub(super) composite: CompositeTarget,
+    /// Whether the layer goes over the picture after tonemapping, resolved, and not before.
+    pub(super) after_tonemapping: bool,
+    /// Left, top, width and height in pixels of the target.
+    pub(super) viewport: UVec4,
+    pub(super) settings: SplatSettings,
+    /// Of the target.
+    size: UVec2,
+    /// In stops.
+    exposure: f32,
+}
+
+/// Textures to blend splats in.
+pub(super) struct Layer {
+    size: UVec2,
+    samples: u32,
+    pub(super) color: wgpu::TextureView,
+    /// What the samples are resolved into, where the layer is used after tonemapping.
+    pub(super) resolved: Option<wgpu::TextureView>,
+}
+
+/// A camera's render-world components that decide how its splats are drawn.
+type ViewComponents = (
+    &'static ExtractedView,
+    &'static ExtractedCamera,
+    &'static Msaa,
+    &'static RenderVisibleEntities,
+    Option<&'static Tonemapping>,
+    Option<&'static SplatTonemapping>,
+    Option<&'static SortKey>,
+    Option<&'static MainPassResolutionOverride>,
+);
+
+/// Plans each view, and sees to its pipelines and its layer.
+#[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
+pub(super) fn prepare_views(
+    cameras: Query<ViewComponents>,
+    clouds: Res<RenderClouds>,
+    scenes: Res<GpuScenes>,
+    mut views: ResMut<SplatViews>,
+    mut pipelines: ResMut<SplatPipelines>,
+    luts: Luts,
+    at_once: Res<AtOnce>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+) {
+    let SplatViews { of_view, layers } = &mut *views;
+    of_view.values_mut().for_each(|view| view.present = false);
+    let device = device.wgpu_device();
+    for camera in &cameras {
+        let (extracted, _, _, visible, ..) = camera;
+        let Some(plan) = plan(camera) else { continue };
+        let view = of_view.entry(extracted.retained_view_entity).or_default();
+        view.present = true;
+        view.plan = None;
+        view.clouds.clear();
+        view.clouds.extend(visible.get::<GaussianSplats>().into_iter().flat_map(|class| {
+            let entities = class.iter_visible().map(|(_, &entity)| entity);
+            entities
+                .filter(|entity| clouds.0.get(entity).is_some_and(|cloud| scenes.get(&cloud.scene).is_some()))
+        }));
+        if view.clouds.is_empty() || !pipelines.request(device, at_once.0, plan.samples, plan.composite) {
+            continue;
+        }
+        if let Some(tonemapping) = plan.undoes()
+            && !pipelines.request_table(device, &queue, at_once.0, tonemapping, &luts)
+        {
+            continue;
+        }
+        view.attach_layer(device, &queue, &pipelines, &plan, layers);
+        view.plan = Some(plan);
+    }
+    of_view.retain(|_, view| view.present);
+    layers.retain(|layer| Arc::strong_count(layer) > 1);
+}
+
+impl SplatViews {
+    pub(super) fn get(&self, view: &RetainedViewEntity) -> Option<&ViewSplats> {
+        self.of_view.get(view)
+    }
+
+    pub(super) fn get_mut(&mut self, view: &RetainedViewEntity) -> Option<&mut ViewSplats> {
+        self.of_view.get_mut(view)
+    }
+}
+
+impl ViewSplats {
+    /// The layer, and its binding for the composite; there whenever there is a plan.
+    pub(super) fn layer(&self) -> Option<(&Layer, &CompositeInput)> {
+        self.layer.as_ref().map(|(layer, input)| (&**layer, input))
+    }
+
+    /// Takes a layer that fits the plan, a new one where none of `layers` does.
+    fn attach_layer(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        pipelines: &SplatPipelines,
+        plan: &Plan,
+        layers: &mut Vec<Arc<Layer>>,
+    ) {
+        let fits = self.layer.as_ref().is_some_and(|(layer, _)| layer.fits(plan));
+        if let (false, Some(passes)) = (fits && self.undoes == plan.undoes(), pipelines.passes()) {
+            let layer = match layers.iter().find(|layer| layer.fits(plan)) {
+                Some(layer) => Arc::clone(layer),
+                None => {
+                    let layer = Arc::new(Layer::new(device, plan));
+                    layers.push(Arc::clone(&layer));
+                    layer
+                }
+            };
+            let source = layer.resolved.as_ref().unwrap_or(&layer.color);
+            let table = plan.undoes().and_then(|tonemapping| pipelines.table(tonemapping));
+            let input = passes.composite.bind(device, source, plan.composite.samples, table);
+            self.undoes = plan.undoes();
+            self.layer = Some((layer, input));
+            self.exposure = 0.0;
+        }
+        if let Some((_, input)) = &self.layer
+            && self.exposure != plan.exposure
+        {
+            input.set_exposure(queue, plan.exposure);
+            self.exposure = plan.exposure;
+        }
+    }
+}
+
+impl Layer {
+    fn new(device: &wgpu::Device, plan: &Plan) -> Self {
+        let texture = |sample_count| {
+            let texture = device.create_texture(&wgpu::TextureDescriptor {
+                label: Some("splat_layer"),
+                size: wgpu::Extent3d { width: plan.size.x, height: plan.size.y, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count,
+                dimension: wgpu::TextureDimension::D2,
+                format: LAYER_FORMAT,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            });
+            texture.create_view(&wgpu::TextureViewDescriptor::default())
+        };
+        let (size, samples) = (plan.size, plan.samples);
+        Self { size, samples, color: texture(samples), resolved: plan.resolves().then(|| texture(1)) }
+    }
+
+    fn fits(&self, plan: &Plan) -> bool {
+        (self.size, self.samples, self.resolved.is_some()) == (plan.size, plan.samples, plan.resolves())
+    }
+}
+
+impl Plan {
+    /// Whether the layer's samples are averaged before it is put over the picture.
+    fn resolves(&self) -> bool {
+        self.samples > self.composite.samples
+    }
+
+    /// The tone mapping that takes a table to undo.
+    fn undoes(&self) -> Option<splat::Tonemapping> {
+        match self.composite.mode {
+            CompositeMode::InvertTonemapping(tonemapping) if tonemapping.needs_table() => Some(tonemapping),
+            _ => None,
+        }
+    }
+}
+
+/// How the camera's splats are to be drawn, unless it has no picture.
+fn plan(
+    (view, camera, msaa, _, tonemapping, choice, sort_key, resolution): bevy::ecs::query::QueryItem<
+        '_,
+        '_,
+        ViewComponents,
+    >,
+) -> Option<Plan> {
+    let size = camera.physical_target_size.filter(|size| size.min_element() > 0)?;
+    let mut viewport = view.viewport;
+    if let Some(&MainPassResolutionOverride(size)) = resolution {
+        viewport = viewport.truncate().truncate().extend(size.x).extend(size.y);
+    }
+    let (mode, after_tonemapping) = match tonemapping.filter(|t| camera.hdr && t.is_enabled()) {
+        Some(&tonemapping) => match choice.copied().unwrap_or_default() {
+            SplatTonemapping::Invert => (CompositeMode::InvertTonemapping(method(tonemapping)), false),
+            SplatTonemapping::Bypass => (CompositeMode::LinearFromSrgb, true),
+        },
+        // Meshes are tone-mapped as they are drawn, or not at all.
+        None if camera.compositing_space == Some(CompositingSpace::Srgb) => (CompositeMode::Encoded, false),
+        None => (CompositeMode::LinearFromSrgb, false),
+    };
+    let samples = msaa.samples();
+    let composite = CompositeTarget {
+        format: view.target_format,
+        // Tonemapping ends in a picture of one sample.
+        samples: if after_tonemapping { 1 } else { samples },
+        mode,
+    };
+    let sort_key = match sort_key.copied().unwrap_or_default() {
+        SortKey::ViewZ => splat::SortKey::ViewZ,
+        SortKey::Distance => splat::SortKey::Distance,
+    };
+    let settings = SplatSettings { sort_key, near: near(view) };
+    let exposure = view.color_grading.global.exposure;
+    Some(Plan { samples, composite, after_tonemapping, viewport, settings, size, exposure })
+}
+
+/// How near splats may come, in world units: 0.2 as in training, or twice the camera's near plane, which is 0.1 by
+/// default, where that is less (in a world of another scale).
+fn near(view: &ExtractedView) -> f32 {
+    let near_plane = view.clip_from_view.w_axis.z;
+    SplatSettings::default().near.min(2.0 * near_plane.abs())
+}
+
+/// Bevy's tonemapping in the words of the GPU crate, which knows no Bevy.
+fn method(tonemapping: Tonemapping) -> splat::Tonemapping {
+    match tonemapping {
+        Tonemapping::None => splat::Tonemapping::None,
+        Tonemapping::Reinhard => splat::Tonemapping::Reinhard,
+        Tonemapping::ReinhardLuminance => splat::Tonemapping::ReinhardLuminance,
+        Tonemapping::AcesFitted => splat::Tonemapping::AcesFitted,
+        Tonemapping::AgX => splat::Tonemapping::AgX,
+        Tonemapping::SomewhatBoringDisplayTransform => splat::Tonemapping::SomewhatBoringDisplayTransform,
+        Tonemapping::TonyMcMapface => splat::Tonemapping::TonyMcMapface,
+        Tonemapping::BlenderFilmic => splat::Tonemapping::BlenderFilmic,
+        Tonemapping::KhronosPbrNeutral => splat::Tonemapping::KhronosPbrNeutral,
+    }
+}

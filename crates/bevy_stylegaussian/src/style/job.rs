@@ -1,0 +1,404 @@
+//! The way from a wish to a look, one job per styled entity.
+//!
+//! A job computes one look at a time and remembers only *that* another is wanted, not which: when it is free again it
+//! takes what the entity's components then say. So a thousand changes faster than they complete cost a few
+//! computations, some of the looks in between are seen, and the last change is what stays.
+
+use std::{sync::Arc, time::Duration};
+
+use bevy::{
+    asset::LoadState,
+    ecs::system::SystemParam,
+    platform::{collections::HashSet, time::Instant},
+    prelude::*,
+    render::renderer::RenderAdapterInfo,
+    tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
+};
+
+use crate::{
+    asset::{GaussianDecoder, StyleStatistics},
+    splats::{CloudScene, SceneError, SceneFailed},
+};
+use stylegaussian::fold::StylizeError;
+
+use super::{
+    event::{AppliedStyle, StyleApplied, StyleError, StyleFailed},
+    images::ImageStatistics,
+    look::{GpuReport, GpuReports, Look, LookColors},
+    packed::PackedInputs,
+    settings::{StyleBackend, StyleEncoder},
+    source::{StyleDecoder, StyleInput, StyleSource, StyleTransition},
+    transfer::{Order, Transferred},
+};
+
+/// What is under way for an entity's style.
+#[derive(Component, Default)]
+pub(crate) struct StyleJob {
+    /// Since when another look is wanted than the one under way or shown.
+    wanted: Option<Instant>,
+    stage: Stage,
+    /// Until when (since startup) the present look fades in.
+    fading_until: Duration,
+    /// Whether the GPU has refused the present scene and decoder.
+    gpu_refused: bool,
+}
+
+/// How far the look under way is.
+#[derive(Default)]
+enum Stage {
+    /// There is none.
+    #[default]
+    Idle,
+    /// It is computed in the background.
+    Computing { since: Instant, backend: StyleBackend, task: Task<Result<Transferred, StyleError>> },
+    /// The render world is to run the style pass of this generation.
+    Drawing { since: Instant, generation: u64, style: AppliedStyle },
+}
+
+impl StyleJob {
+    fn want(&mut self) {
+        self.wanted.get_or_insert_with(Instant::now);
+    }
+}
+
+/// Wants a new look where source, decoder or scene changed. A new scene starts from its own colors.
+pub(super) fn ask_for_changed_styles(
+    mut commands: Commands,
+    mut jobs: Query<
+        (Entity, &mut StyleJob, &mut Look, Ref<CloudScene>),
+        Or<(Changed<StyleSource>, Changed<StyleDecoder>, Changed<CloudScene>)>,
+    >,
+) {
+    for (entity, mut job, mut look, scene) in &mut jobs {
+        if scene.is_changed() {
+            *job = StyleJob::default();
+            if !matches!(look.colors, LookColors::Own) {
+                look.set(LookColors::Own);
+                commands.entity(entity).remove::<AppliedStyle>();
+            }
+        }
+        job.gpu_refused = false;
+        job.want();
+    }
+}
+
+/// Wants a new look where an asset changed that the style names, or the encoder that reads its images.
+pub(super) fn ask_for_changed_assets(
+    mut images: MessageReader<AssetEvent<Image>>,
+    mut statistics: MessageReader<AssetEvent<StyleStatistics>>,
+    mut decoders: MessageReader<AssetEvent<GaussianDecoder>>,
+    encoder: Res<StyleEncoder>,
+    mut jobs: Query<(&mut StyleJob, &StyleSource, Option<&StyleDecoder>)>,
+) {
+    let images = modified(&mut images);
+    let statistics = modified(&mut statistics);
+    let decoders = modified(&mut decoders);
+    let new_encoder = encoder.is_changed() && !encoder.is_added();
+    if images.is_empty() && statistics.is_empty() && decoders.is_empty() && !new_encoder {
+        return;
+    }
+    for (mut job, source, decoder) in &mut jobs {
+        let input_changed = source.styles.iter().any(|style| match &style.input {
+            StyleInput::Image(image) => new_encoder || images.contains(&image.id()),
+            StyleInput::Preset(preset) => statistics.contains(&preset.id()),
+        });
+        if input_changed || decoder.is_some_and(|decoder| decoders.contains(&decoder.0.id())) {
+            job.want();
+        }
+    }
+}
+
+/// The assets that were replaced; those that were only added are waited for, not reacted to.
+fn modified<A: Asset>(events: &mut MessageReader<AssetEvent<A>>) -> HashSet<AssetId<A>> {
+    let changed = |event: &AssetEvent<A>| match event {
+        AssetEvent::Modified { id } => Some(*id),
+        _ => None,
+    };
+    events.read().filter_map(changed).collect()
+}
+
+/// Gives entities their own colors back whose source was removed, and wants a new look where a decoder was.
+pub(super) fn drop_removed_styles(
+    mut commands: Commands,
+    mut sources: RemovedComponents<StyleSource>,
+    mut decoders: RemovedComponents<StyleDecoder>,
+    mut jobs: Query<&mut StyleJob, With<StyleSource>>,
+    mut looks: Query<&mut Look>,
+) {
+    for entity in sources.read().filter(|&entity| !jobs.contains(entity)) {
+        if let Ok(mut look) = looks.get_mut(entity) {
+            look.set(LookColors::Own);
+            commands.entity(entity).remove::<(StyleJob, AppliedStyle)>();
+        }
+    }
+    for entity in decoders.read() {
+        if let Ok(mut job) = jobs.get_mut(entity) {
+            job.want();
+        }
+    }
+}
+
+/// Takes over what the render world reports.
+pub(super) fn hear_from_gpu(
+    reports: Res<GpuReports>,
+    mut jobs: Query<(&mut StyleJob, Option<&StyleTransition>)>,
+    backend: Res<StyleBackend>,
+    time: Res<Time>,
+    mut news: News,
+) {
+    for report in reports.take() {
+        match report {
+            GpuReport::Styled { entity, generation } => {
+                let Ok((mut job, transition)) = jobs.get_mut(entity) else { continue };
+                if let Some((since, style)) = job.finish_drawing(generation) {
+                    job.fading_until = time.elapsed() + fade_duration(transition);
+                    news.applied(entity, style, StyleBackend::Gpu, since);
+                }
+            }
+            GpuReport::StyleRefused { entity, generation, reason } => {
+                let Ok((mut job, _)) = jobs.get_mut(entity) else { continue };
+                let Some((since, _)) = job.finish_drawing(generation) else { continue };
+                job.gpu_refused = true;
+                if *backend == StyleBackend::Auto {
+                    warn!("{entity}: the GPU cannot decode its style ({reason}); the processor does");
+                    job.wanted.get_or_insert(since);
+                } else {
+                    news.failed(entity, Arc::new(StyleError::Gpu(reason)));
+                }
+            }
+            GpuReport::SceneRefused { entity, reason } => {
+                let event = SceneFailed { entity, error: Arc::new(SceneError::Gpu(reason)) };
+                error!("{entity}: {}", event.error);
+                news.scene_failed.write(event.clone());
+                news.commands.trigger(event);
+            }
+        }
+    }
+}
+
+impl StyleJob {
+    /// The style whose pass was awaited, if it is of this generation.
+    fn finish_drawing(&mut self, awaited: u64) -> Option<(Instant, AppliedStyle)> {
+        match std::mem::take(&mut self.stage) {
+            Stage::Drawing { since, generation, style } if generation == awaited => Some((since, style)),
+            other => {
+                self.stage = other;
+                None
+            }
+        }
+    }
+}
+
+fn fade_duration(transition: Option<&StyleTransition>) -> Duration {
+    transition.map_or(Duration::ZERO, |transition| transition.duration)
+}
+
+/// An entity whose style is worked on.
+type Styled = (
+    Entity,
+    &'static StyleSource,
+    &'static mut StyleJob,
+    &'static mut Look,
+    Option<&'static CloudScene>,
+    Option<&'static StyleDecoder>,
+    Option<&'static StyleTransition>,
+);
+
+/// Takes over what is computed, then starts what is wanted.
+pub(super) fn advance_jobs(mut jobs: Query<Styled>, mut inputs: Inputs, time: Res<Time>, mut news: News) {
+    let now = time.elapsed();
+    for (entity, source, mut job, mut look, scene, decoder, transition) in &mut jobs {
+        // A look that is ready during a fade waits: a fade has one beginning and one end.
+        if job.is_at_rest() || now < job.fading_until {
+            continue;
+        }
+        let Some(scene) = scene else {
+            job.bypass_change_detection().stage = Stage::Idle;
+            continue;
+        };
+        if source.is_none() {
+            let since = job.wanted.take();
+            job.stage = Stage::Idle;
+            if let Some(since) = since.filter(|_| !matches!(look.colors, LookColors::Own)) {
+                look.set(LookColors::Own);
+                job.fading_until = now + fade_duration(transition);
+                news.commands.entity(entity).remove::<AppliedStyle>();
+                news.tell_applied(entity, StyleBackend::Cpu, since);
+            }
+            continue;
+        }
+        if let Some((result, backend, since)) = job.computed() {
+            match result {
+                // The scene was replaced meanwhile: the colors are another scene's.
+                Ok(transferred) if !Arc::ptr_eq(&transferred.style.scene, scene.0.scene()) => {}
+                Ok(Transferred { style, colors }) => {
+                    look.set(colors);
+                    if backend == StyleBackend::Gpu {
+                        job.stage = Stage::Drawing { since, generation: look.generation, style };
+                    } else {
+                        job.fading_until = now + fade_duration(transition);
+                        news.applied(entity, style, backend, since);
+                    }
+                }
+                // A failure that a later change has made void is nobody's concern.
+                Err(_) if job.wanted.is_some() => {}
+                Err(error) => news.failed(entity, Arc::new(error)),
+            }
+        }
+        if !matches!(job.stage, Stage::Idle) {
+            continue;
+        }
+        let Some(since) = job.wanted else { continue };
+        match inputs.order(source, scene, decoder, job.gpu_refused) {
+            None => {}
+            Some(Ok(order)) => {
+                let backend = order.backend;
+                let task = AsyncComputeTaskPool::get().spawn(async move { order.carry_out() });
+                job.wanted = None;
+                job.stage = Stage::Computing { since, backend, task };
+            }
+            Some(Err(error)) => {
+                job.wanted = None;
+                news.failed(entity, error);
+            }
+        }
+    }
+}
+
+impl StyleJob {
+    fn is_at_rest(&self) -> bool {
+        self.wanted.is_none() && !matches!(self.stage, Stage::Computing { .. })
+    }
+
+    /// What the background has computed, once.
+    fn computed(&mut self) -> Option<(Result<Transferred, StyleError>, StyleBackend, Instant)> {
+        let Stage::Computing { since, backend, task } = &mut self.stage else { return None };
+        let computed = (block_on(poll_once(task))?, *backend, *since);
+        self.stage = Stage::Idle;
+        Some(computed)
+    }
+}
+
+/// Everything that a look is computed from, besides the entity's own components.
+#[derive(SystemParam)]
+pub(super) struct Inputs<'w> {
+    images: Res<'w, Assets<Image>>,
+    statistics: Res<'w, Assets<StyleStatistics>>,
+    decoders: Res<'w, Assets<GaussianDecoder>>,
+    server: Res<'w, AssetServer>,
+    encoder: Res<'w, StyleEncoder>,
+    encoded: ResMut<'w, ImageStatistics>,
+    packed: Res<'w, PackedInputs>,
+    backend: Res<'w, StyleBackend>,
+    adapter: Option<Res<'w, RenderAdapterInfo>>,
+}
+
+impl Inputs<'_> {
+    /// What to compute, or `None` while an asset is awaited.
+    fn order(
+        &mut self,
+        source: &StyleSource,
+        scene: &CloudScene,
+        decoder: Option<&StyleDecoder>,
+        gpu_refused: bool,
+    ) -> Option<Result<Order, Arc<StyleError>>> {
+        if scene.0.scene().features.is_none() {
+            return Some(Err(Arc::new(StylizeError::NoFeatures.into())));
+        }
+        let backend = match self.backend(gpu_refused) {
+            Ok(backend) => backend,
+            Err(error) => return Some(Err(Arc::new(error))),
+        };
+        // Every image is asked for before any is awaited, so that they are encoded side by side.
+        let found: Vec<_> = source.styles.iter().map(|style| self.statistics(&style.input)).collect();
+        let decoder = decoder.map(|decoder| match self.decoders.get(&decoder.0) {
+            Some(decoder) => Some(Ok(Arc::clone(&decoder.0))),
+            None => self.awaited(decoder.0.id()).map(Err),
+        });
+        let mut styles = Vec::with_capacity(found.len());
+        for (statistics, style) in found.into_iter().zip(&source.styles) {
+            match statistics? {
+                Ok(statistics) => styles.push((statistics, f64::from(style.weight))),
+                Err(error) => return Some(Err(error)),
+            }
+        }
+        let decoder = match decoder {
+            None => None,
+            Some(None) => return None,
+            Some(Some(Ok(decoder))) => Some(decoder),
+            Some(Some(Err(error))) => return Some(Err(error)),
+        };
+        let (scene, content) = (scene.0.clone(), f64::from(source.content));
+        Some(Ok(Order { scene, decoder, styles, content, backend, packed: self.packed.clone() }))
+    }
+
+    /// The statistics of one style, or `None` while they are awaited.
+    fn statistics(
+        &mut self,
+        input: &StyleInput,
+    ) -> Option<Result<Arc<stylegaussian::ChannelStatistics>, Arc<StyleError>>> {
+        match input {
+            StyleInput::Preset(preset) => match self.statistics.get(preset) {
+                Some(statistics) => Some(Ok(Arc::clone(&statistics.0))),
+                None => self.awaited(preset.id()).map(Err),
+            },
+            StyleInput::Image(handle) => match self.images.get(handle) {
+                Some(image) => {
+                    let name = || handle.path().map_or_else(|| "a style image".into(), ToString::to_string);
+                    self.encoded.get(handle.id(), name, image, &self.encoder)
+                }
+                None => self.awaited(handle.id()).map(Err),
+            },
+        }
+    }
+
+    /// `None` while an asset may still come, otherwise why it will not.
+    fn awaited<A: Asset>(&self, id: AssetId<A>) -> Option<Arc<StyleError>> {
+        match self.server.get_load_state(id) {
+            Some(LoadState::Failed(error)) => Some(Arc::new(StyleError::Load(error.to_string()))),
+            _ => None,
+        }
+    }
+
+    /// Where to decode: never [`StyleBackend::Auto`].
+    fn backend(&self, gpu_refused: bool) -> Result<StyleBackend, StyleError> {
+        let adapter = self.adapter.as_ref();
+        match *self.backend {
+            StyleBackend::Gpu if adapter.is_none() => Err(StyleError::Gpu("there is no GPU".into())),
+            StyleBackend::Auto => {
+                let is_gpu = adapter.is_some_and(|adapter| adapter.device_type != wgpu::DeviceType::Cpu);
+                Ok(if is_gpu && !gpu_refused { StyleBackend::Gpu } else { StyleBackend::Cpu })
+            }
+            backend => Ok(backend),
+        }
+    }
+}
+
+/// Where results are told.
+#[derive(SystemParam)]
+pub(super) struct News<'w, 's> {
+    commands: Commands<'w, 's>,
+    applied: MessageWriter<'w, StyleApplied>,
+    failed: MessageWriter<'w, StyleFailed>,
+    scene_failed: MessageWriter<'w, SceneFailed>,
+}
+
+impl News<'_, '_> {
+    fn applied(&mut self, entity: Entity, style: AppliedStyle, backend: StyleBackend, since: Instant) {
+        self.commands.entity(entity).try_insert(style);
+        self.tell_applied(entity, backend, since);
+    }
+
+    fn tell_applied(&mut self, entity: Entity, backend: StyleBackend, since: Instant) {
+        let event = StyleApplied { entity, backend, elapsed: since.elapsed() };
+        self.applied.write(event.clone());
+        self.commands.trigger(event);
+    }
+
+    fn failed(&mut self, entity: Entity, error: Arc<StyleError>) {
+        warn!("{entity}: {error}");
+        let event = StyleFailed { entity, error };
+        self.failed.write(event.clone());
+        self.commands.trigger(event);
+    }
+}

@@ -1,0 +1,104 @@
+//! The looks of clouds on the GPU: their colors, and the fades between them.
+
+use std::time::Duration;
+
+use bevy::{
+    prelude::*,
+    render::sync_world::{MainEntity, MainEntityHashMap},
+};
+use stylegaussian_gpu::{
+    colors::{GaussianColors, GaussianColorsError},
+    splat::CloudColors,
+};
+
+/// The looks of all clouds.
+#[derive(Resource, Default)]
+pub(crate) struct CloudLooks(pub(super) MainEntityHashMap<CloudLook>);
+
+/// The look of a cloud, and during a fade the one before it.
+#[derive(Default)]
+pub(super) struct CloudLook {
+    /// Of the look that is on the GPU or was refused; `None` where the cloud is new to the GPU.
+    pub(super) generation: Option<u64>,
+    /// How many Gaussians the cloud has.
+    n_gaussians: usize,
+    /// The buffer in use, and where there are fades the one before.
+    buffers: [Option<GaussianColors>; 2],
+    /// Which of them is shown; `None` for the scene's own colors.
+    shown: Option<usize>,
+    fade: Option<Fade>,
+}
+
+/// A change from one look to the next.
+struct Fade {
+    from: Option<usize>,
+    began: Duration,
+    lasts: Duration,
+}
+
+impl CloudLooks {
+    /// The colors to draw a cloud in, `now` being the time since startup.
+    pub(crate) fn colors(&self, entity: MainEntity, now: Duration) -> CloudColors<'_> {
+        let Some(look) = self.0.get(&entity) else { return CloudColors::Sh };
+        let buffer = |index: Option<usize>| index.and_then(|index| look.buffers[index].as_ref());
+        let progress = look.fade.as_ref().map(|fade| (fade.from, fade.progress(now)));
+        match (progress, buffer(look.shown)) {
+            (Some((from, t)), to) if t < 1.0 => CloudColors::Fade { from: buffer(from), to, t },
+            (_, Some(colors)) => CloudColors::Rgb(colors),
+            (_, None) => CloudColors::Sh,
+        }
+    }
+}
+
+impl Fade {
+    /// 0 at its beginning, 1 at its end.
+    fn progress(&self, now: Duration) -> f32 {
+        now.saturating_sub(self.began).as_secs_f32() / self.lasts.as_secs_f32()
+    }
+}
+
+impl CloudLook {
+    /// Starts anew where the cloud has another scene, whose colors cannot fade from the last one's.
+    pub(super) fn fit(&mut self, n_gaussians: usize) {
+        if self.n_gaussians != n_gaussians {
+            *self = Self { n_gaussians, ..default() };
+        }
+    }
+
+    /// The buffer for the next look: the shown one, or the other where the shown one is to fade away; made where there is
+    /// none.
+    ///
+    /// # Errors
+    /// When the device cannot take it.
+    pub(super) fn next(
+        &mut self,
+        device: &wgpu::Device,
+        lasts: Duration,
+    ) -> Result<(usize, &GaussianColors), GaussianColorsError> {
+        let index = match self.shown {
+            Some(shown) if self.fades(lasts) => 1 - shown,
+            Some(shown) => shown,
+            None => 0,
+        };
+        let buffer = match self.buffers[index].take() {
+            Some(buffer) => buffer,
+            None => GaussianColors::new(device, self.n_gaussians)?,
+        };
+        Ok((index, self.buffers[index].insert(buffer)))
+    }
+
+    /// The first look that the GPU learns of (also after a lost device) is there at once.
+    fn fades(&self, lasts: Duration) -> bool {
+        !lasts.is_zero() && self.generation.is_some()
+    }
+
+    /// Shows the buffer `index`, or the scene's own colors, from `now` on.
+    pub(super) fn show(&mut self, index: Option<usize>, lasts: Duration, now: Duration, generation: u64) {
+        self.fade = self.fades(lasts).then_some(Fade { from: self.shown, began: now, lasts });
+        self.shown = index;
+        self.generation = Some(generation);
+        if index.is_none() && self.fade.is_none() {
+            self.buffers = default();
+        }
+    }
+}

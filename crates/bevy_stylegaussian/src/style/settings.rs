@@ -1,0 +1,52 @@
+//! Settings of the app: where styles are decoded, and which encoder reads images.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::{Arc, OnceLock},
+};
+
+use bevy::prelude::*;
+use stylegaussian_encoder::{Encoder, EncoderError};
+
+/// Where features are decoded to colors.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Resource, Clone, Debug, Default, PartialEq)]
+pub enum StyleBackend {
+    /// On the GPU, unless it is one in name only (software Vulkan), which the processor's own decoder beats.
+    #[default]
+    Auto,
+    /// On the processor, in the background.
+    Cpu,
+    /// On the GPU.
+    Gpu,
+}
+
+/// The encoder that reads style images: VGG-19 weights or an ONNX file, opened in the background when the first image is
+/// to be encoded. Without a path it is the one that the environment variable `STYLEGAUSSIAN_ENCODER` names.
+///
+/// Insert another one to change it: all images are then encoded anew.
+#[derive(Resource, Clone, Default, Reflect)]
+#[reflect(Resource, Clone, Default)]
+pub struct StyleEncoder {
+    path: Option<PathBuf>,
+    #[reflect(ignore)]
+    opened: Arc<OnceLock<Result<Encoder, Arc<EncoderError>>>>,
+}
+
+impl StyleEncoder {
+    /// The encoder in this file: `.safetensors` or `.pth` weights of VGG-19, or `.onnx`.
+    pub fn at(path: impl Into<PathBuf>) -> Self {
+        Self { path: Some(path.into()), ..Self::default() }
+    }
+
+    /// Its file, unless the environment names it.
+    pub fn path(&self) -> Option<&Path> {
+        self.path.as_deref()
+    }
+
+    /// Opens the encoder at the first call, which takes a moment, and keeps it.
+    pub(crate) fn open(&self) -> Result<&Encoder, Arc<EncoderError>> {
+        let opened = || stylegaussian_encoder::resolve(self.path()).map_err(Arc::new);
+        self.opened.get_or_init(opened).as_ref().map_err(Arc::clone)
+    }
+}

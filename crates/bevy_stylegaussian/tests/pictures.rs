@@ -1,0 +1,328 @@
+//! Small pictures whose pixels can be worked out by hand, or by the CPU rasterizer on the same Gaussians.
+
+mod world;
+
+use bevy::{
+    camera::{Viewport, visibility::RenderLayers},
+    core_pipeline::tonemapping::Tonemapping,
+    prelude::*,
+};
+use bevy_stylegaussian::{GaussianSplats, SortKey, StyleBackend};
+use stylegaussian::{Camera as Pinhole, Scene, splat};
+use world::{rendering::*, *};
+
+const SIZE: UVec2 = UVec2::new(64, 64);
+const FOV_Y: f32 = 0.8;
+const RED: [f32; 3] = [0.8, 0.1, 0.1];
+const GREEN: [f32; 3] = [0.1, 0.7, 0.2];
+const BLUE: [f32; 3] = [0.1, 0.2, 0.9];
+
+/// An app, and the picture that its first camera makes.
+struct Studio {
+    app: App,
+    image: Handle<Image>,
+}
+
+impl Studio {
+    fn new() -> Option<Self> {
+        let mut app = app_with_rendering(StyleBackend::Cpu)?;
+        let image = render_target(&mut app, SIZE);
+        Some(Self { app, image })
+    }
+
+    /// A camera on the picture that shows colors as they are.
+    fn camera(&mut self, eye: Vec3, more: impl Bundle) -> Entity {
+        let image = self.image.clone();
+        self.camera_on(&image, eye, more)
+    }
+
+    fn camera_on(&mut self, image: &Handle<Image>, eye: Vec3, more: impl Bundle) -> Entity {
+        let mut camera = self.app.world_mut().spawn((
+            Camera3d::default(),
+            Camera { clear_color: Color::BLACK.into(), ..default() },
+            target(image),
+            Projection::from(PerspectiveProjection { fov: FOV_Y, ..default() }),
+            Transform::from_translation(eye).looking_at(Vec3::ZERO, Vec3::Y),
+            Tonemapping::None,
+        ));
+        camera.insert(more);
+        camera.id()
+    }
+
+    fn splats(&mut self, scene: Scene, transform: Transform) -> Entity {
+        let splats = GaussianSplats(add_scene(&mut self.app, scene));
+        self.app.world_mut().spawn((splats, transform)).id()
+    }
+
+    /// An unlit box; transparent where its color's alpha is under 1.
+    fn cuboid(&mut self, size: Vec3, position: Vec3, [r, g, b]: [f32; 3], alpha: f32) {
+        let alpha_mode = if alpha < 1.0 { AlphaMode::Blend } else { AlphaMode::Opaque };
+        let material = StandardMaterial {
+            base_color: Color::srgba(r, g, b, alpha),
+            unlit: true,
+            alpha_mode,
+            ..default()
+        };
+        let material = add(&mut self.app, material);
+        let mesh = add(&mut self.app, Mesh::from(Cuboid::from_size(size)));
+        let parts = (Mesh3d(mesh), MeshMaterial3d(material), Transform::from_translation(position));
+        self.app.world_mut().spawn(parts);
+    }
+
+    fn shoot(&mut self) -> Vec<[f32; 3]> {
+        let image = self.image.clone();
+        self.shoot_on(&image)
+    }
+
+    fn shoot_on(&mut self, image: &Handle<Image>) -> Vec<[f32; 3]> {
+        for _ in 0..3 {
+            self.app.update();
+        }
+        read_back(&self.app, image).iter().map(|&[r, g, b, _]| [r, g, b]).collect()
+    }
+}
+
+fn pixel(picture: &[[f32; 3]], x: u32, y: u32) -> [f32; 3] {
+    picture[(y * SIZE.x + x) as usize]
+}
+
+/// `top` with `alpha` over `bottom`, display-referred colors blended in linear space.
+fn over(top: [f32; 3], alpha: f32, bottom: [f32; 3]) -> [f32; 3] {
+    let linear = Srgba::gamma_function;
+    let blend = |i: usize| alpha * linear(top[i]) + (1.0 - alpha) * linear(bottom[i]);
+    [0, 1, 2].map(|i| Srgba::gamma_function_inverse(blend(i)))
+}
+
+/// Checks that two colors differ by at most two steps of 8 bits.
+fn check(what: &str, found: [f32; 3], expected: [f32; 3]) {
+    let error = (0..3).map(|i| (found[i] - expected[i]).abs()).fold(0.0, f32::max);
+    assert!(error <= 2.0 / 255.0, "{what}: found {found:?}, expected {expected:?}");
+}
+
+/// What the CPU rasterizer makes of a scene from `eye`, over black.
+fn reference(scene: &Scene, eye: Vec3) -> Vec<[f32; 3]> {
+    let camera = Pinhole::look_at(eye, Vec3::ZERO, Vec3::Y, FOV_Y, SIZE);
+    let view = splat::render(scene, splat::Colors::Sh, &camera);
+    let over_black = |(color, &alpha): (&[f32; 3], &f32)| {
+        over(color.map(|channel| channel / alpha.max(1e-6)), alpha, [0.0; 3]).map(|c| c.clamp(0.0, 1.0))
+    };
+    view.color.iter().zip(&view.alpha).map(over_black).collect()
+}
+
+/// Checks a whole picture against the rasterizer's, where that shows anything.
+fn check_picture(what: &str, found: &[[f32; 3]], expected: &[[f32; 3]]) {
+    let seen = |i: usize| expected[i].iter().any(|&channel| channel > 0.02);
+    assert!((0..expected.len()).filter(|&i| seen(i)).count() > 100, "{what}: hardly anything to compare");
+    let psnr = psnr(found, expected, seen);
+    eprintln!("{what}: {psnr:.1} dB");
+    assert!(psnr > 40.0, "{what}: {psnr:.1} dB");
+}
+
+/// A Gaussian that fills the middle of the picture from the usual distance: its alpha there is its opacity.
+fn backdrop(z: f32, opacity: f32, color: [f32; 3]) -> Ball {
+    Ball { mean: Vec3::new(0.0, 0.0, z), scale: 40.0, opacity, color }
+}
+
+const EYE: Vec3 = Vec3::new(0.0, 0.0, 10.0);
+
+#[test]
+fn meshes_in_front_hide_splats_and_meshes_behind_shine_through() {
+    for msaa in [Msaa::Off, Msaa::Sample4] {
+        let Some(mut studio) = Studio::new() else { return };
+        studio.camera(EYE, msaa);
+        // Thin in z, so that all of it is at its mean's depth or near.
+        studio.splats(balls(&[backdrop(0.0, 0.75, RED)]), Transform::from_scale(Vec3::new(1.0, 1.0, 0.001)));
+        studio.cuboid(Vec3::new(4.0, 8.0, 0.5), Vec3::new(-2.0, 0.0, 1.0), BLUE, 1.0);
+        studio.cuboid(Vec3::new(8.0, 8.0, 0.5), Vec3::new(0.0, 0.0, -1.0), GREEN, 1.0);
+        let picture = studio.shoot();
+        check("behind the blue box", pixel(&picture, 20, 32), BLUE);
+        check("before the green box", pixel(&picture, 44, 32), over(RED, 0.75, GREEN));
+    }
+}
+
+#[test]
+fn a_mesh_through_a_cloud_hides_what_is_behind_it_alone() {
+    let Some(mut studio) = Studio::new() else { return };
+    studio.camera(EYE, Msaa::Off);
+    studio.splats(balls(&[backdrop(2.0, 0.5, RED), backdrop(-2.0, 0.9, GREEN)]), Transform::default());
+    studio.cuboid(Vec3::new(4.0, 8.0, 0.5), Vec3::new(-2.0, 0.0, 0.0), BLUE, 1.0);
+    let picture = studio.shoot();
+    check("box between the two", pixel(&picture, 20, 32), over(RED, 0.5, BLUE));
+    // Splats blend among themselves as they are, display-referred, and then with black behind them.
+    let blended = [0, 1, 2].map(|i| (0.5 * RED[i] + 0.5 * 0.9 * GREEN[i]) / 0.95);
+    check("beside the box", pixel(&picture, 44, 32), over(blended, 0.95, [0.0; 3]));
+}
+
+#[test]
+fn transparent_meshes_in_front_cover_splats() {
+    let Some(mut studio) = Studio::new() else { return };
+    studio.camera(EYE, Msaa::Sample4);
+    studio.splats(balls(&[backdrop(0.0, 0.75, RED)]), Transform::default());
+    studio.cuboid(Vec3::new(4.0, 8.0, 0.1), Vec3::new(-2.0, 0.0, 1.0), BLUE, 0.5);
+    let picture = studio.shoot();
+    let red = over(RED, 0.75, [0.0; 3]);
+    // Only the face toward the camera is drawn.
+    check("glass before the splat", pixel(&picture, 20, 32), over(BLUE, 0.5, red));
+    check("beside the glass", pixel(&picture, 44, 32), red);
+}
+
+#[test]
+fn two_cameras_each_see_their_own_order() {
+    let Some(mut studio) = Studio::new() else { return };
+    let other = render_target(&mut studio.app, SIZE);
+    studio.camera(EYE, Msaa::Sample4);
+    studio.camera_on(&other, -EYE, Msaa::Off);
+    // A count that is no multiple of 4, nearly opaque: the front one is seen.
+    let scene = balls(&[backdrop(1.0, 0.99, RED), backdrop(0.0, 0.99, BLUE), backdrop(-1.0, 0.99, GREEN)]);
+    studio.splats(scene.clone(), Transform::default());
+    let front = studio.shoot();
+    let back = studio.shoot_on(&other);
+    check_picture("from the front", &front, &reference(&scene, EYE));
+    check_picture("from the back", &back, &reference(&scene, -EYE));
+    assert!(pixel(&front, 32, 32)[0] > 0.7 && pixel(&back, 32, 32)[1] > 0.6);
+}
+
+#[test]
+fn two_viewports_share_a_picture() {
+    let Some(mut studio) = Studio::new() else { return };
+    let half = |x: u32| Viewport {
+        physical_position: UVec2::new(x, 0),
+        physical_size: UVec2::new(32, 64),
+        ..default()
+    };
+    let camera = |x: u32, order: isize| Camera {
+        viewport: Some(half(x)),
+        order,
+        clear_color: if order == 0 { Color::BLACK.into() } else { ClearColorConfig::None },
+        ..default()
+    };
+    studio.camera(EYE, (Msaa::Sample4, camera(0, 0)));
+    studio.camera(-EYE, (Msaa::Sample4, camera(32, 1)));
+    studio.splats(balls(&[backdrop(1.0, 0.9, RED), backdrop(-1.0, 0.9, GREEN)]), Transform::default());
+    let picture = studio.shoot();
+    let blend = |front: [f32; 3], back: [f32; 3]| {
+        over([0, 1, 2].map(|i| (0.9 * front[i] + 0.09 * back[i]) / 0.99), 0.99, [0.0; 3])
+    };
+    for x in [2, 16, 30] {
+        check("left", pixel(&picture, x, 32), blend(RED, GREEN));
+        check("right", pixel(&picture, 32 + x, 32), blend(GREEN, RED));
+    }
+}
+
+/// Random translucent Gaussians in two clouds that fill the same space, against one cloud of all of them.
+#[test]
+fn overlapping_clouds_interleave() {
+    let Some(mut studio) = Studio::new() else { return };
+    let mut next = numbers(3);
+    let all: Vec<Ball> = (0..60)
+        .map(|_| Ball {
+            mean: 2.0 * Vec3::new(next(), next(), next()),
+            scale: 0.5 + 0.2 * next(),
+            opacity: 0.6 + 0.3 * next(),
+            color: [0.5 + 0.5 * next(), 0.5 + 0.5 * next(), 0.5 + 0.5 * next()],
+        })
+        .collect();
+    let moved = |balls: &[Ball], by: Vec3| balls.iter().map(|b| Ball { mean: b.mean - by, ..*b }).collect();
+    let by = Vec3::new(0.5, -1.0, 2.0);
+    let second: Vec<Ball> = moved(&all[30..], by);
+    studio.camera(EYE, Msaa::Off);
+    studio.splats(balls(&all[..30]), Transform::default());
+    studio.splats(balls(&second), Transform::from_translation(by));
+    check_picture("two clouds", &studio.shoot(), &reference(&balls(&all), EYE));
+}
+
+#[test]
+fn splats_move_turn_and_grow_with_their_entity() {
+    let Some(mut studio) = Studio::new() else { return };
+    let scene = small_scene(50, 4);
+    studio.camera(EYE, (Msaa::Off, SortKey::ViewZ));
+    let entity = studio.splats(scene.clone(), Transform::default());
+    for step in 0..3 {
+        let (turn, scale) = (Quat::from_axis_angle(Vec3::Y, 0.7 * step as f32), 1.0 + 0.5 * step as f32);
+        let translation = Vec3::new(0.4, -0.3, 0.5) * step as f32;
+        let transform = Transform { translation, rotation: turn, scale: Vec3::splat(scale) };
+        *studio.app.world_mut().get_mut::<Transform>(entity).unwrap() = transform;
+        // Moving the cloud is moving the eye the other way: a picture of the scene as it is, from there.
+        let view_from_scene = Pinhole::look_at(EYE, Vec3::ZERO, Vec3::Y, FOV_Y, SIZE).view_from_world
+            * transform.compute_affine();
+        let scene_from_view = view_from_scene.inverse();
+        // In a world of another scale the view is scaled as well; a scene scaled back makes it rigid again.
+        let scaled = Scene {
+            means: scene.means.iter().map(|mean| scale * mean).collect(),
+            scales: scene.scales.iter().map(|s| scale * s).collect(),
+            ..scene.clone()
+        };
+        let (_, rotation, _) = scene_from_view.to_scale_rotation_translation();
+        let eye = scale * Vec3::from(scene_from_view.translation);
+        let rigid = bevy::math::Affine3A::from_rotation_translation(rotation, eye);
+        let camera = Pinhole {
+            view_from_world: rigid.inverse(),
+            ..Pinhole::look_at(EYE, Vec3::ZERO, Vec3::Y, FOV_Y, SIZE)
+        };
+        let view = splat::render(&scaled, splat::Colors::Sh, &camera);
+        let expected: Vec<[f32; 3]> = view
+            .color
+            .iter()
+            .zip(&view.alpha)
+            .map(|(color, &alpha)| {
+                over(color.map(|channel| channel / alpha.max(1e-6)), alpha, [0.0; 3])
+                    .map(|c| c.clamp(0.0, 1.0))
+            })
+            .collect();
+        check_picture(&format!("step {step}"), &studio.shoot(), &expected);
+    }
+}
+
+#[test]
+fn stretched_entities_stretch_their_splats() {
+    let Some(mut studio) = Studio::new() else { return };
+    let mut scene = balls(&[Ball { mean: Vec3::new(0.5, 0.25, 0.0), scale: 0.3, opacity: 0.9, color: RED }]);
+    studio.camera(EYE, Msaa::Off);
+    let stretch = Vec3::new(3.0, 0.5, -2.0);
+    studio.splats(scene.clone(), Transform::from_scale(stretch));
+    scene.means[0] *= stretch;
+    scene.scales[0] *= stretch.abs();
+    check_picture("stretched", &studio.shoot(), &reference(&scene, EYE));
+}
+
+#[test]
+fn orthographic_cameras_see_no_perspective() {
+    let Some(mut studio) = Studio::new() else { return };
+    let projection = OrthographicProjection {
+        scaling_mode: bevy::camera::ScalingMode::FixedVertical { viewport_height: 8.0 },
+        ..OrthographicProjection::default_3d()
+    };
+    studio.camera(EYE, (Msaa::Off, Projection::from(projection)));
+    let ball = |x: f32, z: f32, color| Ball { mean: Vec3::new(x, 0.0, z), scale: 0.5, opacity: 0.9, color };
+    studio.splats(balls(&[ball(-2.0, 4.0, RED), ball(2.0, -40.0, GREEN)]), Transform::default());
+    let picture = studio.shoot();
+    // 8 pixels to a unit: sigma is 4 pixels (sqrt(16 + 0.3) with the low-pass), centers at x = 16 and 48; a pixel's
+    // center is half a pixel away from there.
+    for (x, color) in [(16, RED), (48, GREEN)] {
+        for dx in [0, 4, 8] {
+            let squared = (dx as f32 + 0.5).powi(2) + 0.25;
+            let alpha = 0.9 * (-squared / (2.0 * 16.3)).exp();
+            check("an even disc", pixel(&picture, x + dx, 32), over(color, alpha, [0.0; 3]));
+        }
+    }
+}
+
+#[test]
+fn hidden_and_layered_splats_are_not_drawn() {
+    let Some(mut studio) = Studio::new() else { return };
+    studio.camera(EYE, Msaa::Off);
+    let entity = studio.splats(balls(&[backdrop(0.0, 0.9, RED)]), Transform::default());
+    let red = over(RED, 0.9, [0.0; 3]);
+    check("shown", pixel(&studio.shoot(), 32, 32), red);
+    studio.app.world_mut().entity_mut(entity).insert(Visibility::Hidden);
+    check("hidden", pixel(&studio.shoot(), 32, 32), [0.0; 3]);
+    studio.app.world_mut().entity_mut(entity).insert((Visibility::Visible, RenderLayers::layer(1)));
+    check("on another layer", pixel(&studio.shoot(), 32, 32), [0.0; 3]);
+    studio.app.world_mut().entity_mut(entity).insert(RenderLayers::layer(0));
+    check("shown again", pixel(&studio.shoot(), 32, 32), red);
+    // The mean is far outside of the picture, the splat is not.
+    *studio.app.world_mut().get_mut::<Transform>(entity).unwrap() = Transform::from_xyz(30.0, 0.0, 0.0);
+    assert!(pixel(&studio.shoot(), 32, 32)[0] > 0.3);
+    studio.app.world_mut().entity_mut(entity).despawn();
+    check("despawned", pixel(&studio.shoot(), 32, 32), [0.0; 3]);
+}

@@ -1,0 +1,261 @@
+//! The main world's half of styling, on the processor: without any renderer.
+
+mod world;
+
+use std::time::Duration;
+
+use bevy::{
+    asset::RenderAssetUsages,
+    prelude::*,
+    render::render_resource::{Extent3d, TextureDimension, TextureFormat},
+};
+use bevy_stylegaussian::{
+    AppliedStyle, GaussianDecoder, GaussianSplats, SceneFailed, StyleApplied, StyleBackend, StyleDecoder,
+    StyleEncoder, StyleError, StyleFailed, StyleInput, StyleSource, StyleTransition,
+};
+use stylegaussian::{ChannelStatistics, Scene, fold};
+use world::*;
+
+/// What the CPU makes of a mix, by the model's own functions.
+fn expected(scene: &Scene, styles: &[(&ChannelStatistics, f64)], content: f64) -> Vec<[f32; 3]> {
+    let map = fold::transfer(scene.features.as_ref().unwrap(), styles, content).unwrap();
+    fold::stylize(scene, scene.decoder.as_ref().unwrap(), &map).unwrap()
+}
+
+fn colors(world: &World, entity: Entity) -> Option<Vec<[f32; 3]>> {
+    world.get::<AppliedStyle>(entity).map(|style| style.colors().unwrap().to_vec())
+}
+
+fn until_applied(app: &mut App) -> Vec<StyleApplied> {
+    let mut applied = Vec::new();
+    update_until(app, "StyleApplied", |world| {
+        applied.extend(world.resource_mut::<Messages<StyleApplied>>().drain());
+        !applied.is_empty()
+    });
+    applied
+}
+
+fn until_failed(app: &mut App) -> StyleFailed {
+    let mut failed = Vec::new();
+    update_until(app, "StyleFailed", |world| {
+        failed.extend(world.resource_mut::<Messages<StyleFailed>>().drain());
+        !failed.is_empty()
+    });
+    failed.remove(0)
+}
+
+#[test]
+fn presets_mixes_and_content_give_the_models_colors() {
+    let mut app = app_without_rendering();
+    let scene = small_scene(64, 1);
+    let (a, b) = (small_style(1), small_style(2));
+    let (handle_a, handle_b) = (add_style(&mut app, a.clone()), add_style(&mut app, b.clone()));
+    let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
+    let entity = app.world_mut().spawn((splats, StyleSource::preset(handle_a.clone()))).id();
+
+    let applied = until_applied(&mut app);
+    assert_eq!((applied[0].entity, applied[0].backend), (entity, StyleBackend::Cpu));
+    assert_eq!(colors(app.world(), entity).unwrap(), expected(&scene, &[(&a, 1.0)], 0.0));
+
+    let mix = [(StyleInput::from(handle_a), 0.3), (StyleInput::from(handle_b), 0.9)];
+    *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = StyleSource::mix(mix).with_content(0.25);
+    until_applied(&mut app);
+    // Weights of f32 and f64 differ in the last places.
+    let found = colors(app.world(), entity).unwrap();
+    let mixed = expected(&scene, &[(&a, 0.3), (&b, 0.9)], 0.25);
+    let error = found.as_flattened().iter().zip(mixed.as_flattened()).map(|(f, e)| (f - e).abs());
+    assert!(error.fold(0.0, f32::max) < 1e-5);
+
+    *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = StyleSource::none();
+    until_applied(&mut app);
+    app.update();
+    assert!(colors(app.world(), entity).is_none());
+}
+
+#[test]
+fn observers_hear_of_the_entity() {
+    #[derive(Resource, Default)]
+    struct Heard(Vec<Entity>);
+    let mut app = app_without_rendering();
+    app.init_resource::<Heard>();
+    app.add_observer(|event: On<StyleApplied>, mut heard: ResMut<Heard>| heard.0.push(event.entity));
+    let style = add_style(&mut app, small_style(1));
+    let splats = GaussianSplats(add_scene(&mut app, small_scene(8, 1)));
+    let entity = app.world_mut().spawn((splats, StyleSource::preset(style))).id();
+    until_applied(&mut app);
+    assert_eq!(app.world().resource::<Heard>().0, [entity]);
+}
+
+#[test]
+fn a_thousand_changes_end_in_the_last() {
+    let mut app = app_without_rendering();
+    let scene = small_scene(256, 1);
+    let styles: Vec<_> = (0..8).map(small_style).collect();
+    let handles: Vec<_> = styles.iter().map(|style| add_style(&mut app, style.clone())).collect();
+    let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
+    let entity = app.world_mut().spawn((splats, StyleSource::none())).id();
+    let mut next = numbers(5);
+    let mut last = 0;
+    for _ in 0..1000 {
+        last = ((next() + 1.0) * 4.0) as usize % 8;
+        *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = match last {
+            0 => StyleSource::none(),
+            i => StyleSource::preset(handles[i].clone()),
+        };
+        if next() > 0.0 {
+            app.update();
+        }
+    }
+    *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = StyleSource::preset(handles[last].clone());
+    let goal = expected(&scene, &[(&styles[last], 1.0)], 0.0);
+    update_until(&mut app, "the last look", |world| colors(world, entity).as_ref() == Some(&goal));
+    // And it stays: nothing older comes after it.
+    for _ in 0..50 {
+        app.update();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert_eq!(colors(app.world(), entity).unwrap(), goal);
+}
+
+#[test]
+fn plain_scenes_say_which_command_embeds_them() {
+    let mut app = app_without_rendering();
+    let style = add_style(&mut app, small_style(1));
+    let scene = Scene { features: None, decoder: None, ..small_scene(8, 1) };
+    let splats = GaussianSplats(add_scene(&mut app, scene));
+    app.world_mut().spawn((splats, StyleSource::preset(style)));
+    let failed = until_failed(&mut app);
+    assert!(failed.error.to_string().contains("stylegaussian embed"), "{}", failed.error);
+}
+
+#[test]
+fn an_image_without_an_encoder_says_what_to_do() {
+    let mut app = app_without_rendering();
+    app.insert_resource(StyleEncoder::default());
+    let image = Image::new_fill(
+        Extent3d { width: 16, height: 16, depth_or_array_layers: 1 },
+        TextureDimension::D2,
+        &[200, 100, 50, 255],
+        TextureFormat::Rgba8UnormSrgb,
+        RenderAssetUsages::default(),
+    );
+    let image = add(&mut app, image);
+    let splats = GaussianSplats(add_scene(&mut app, small_scene(8, 1)));
+    let entity = app.world_mut().spawn((splats, StyleSource::image(image))).id();
+    if std::env::var_os("STYLEGAUSSIAN_ENCODER").is_none() {
+        let failed = until_failed(&mut app);
+        assert!(matches!(*failed.error, StyleError::NoEncoder), "{}", failed.error);
+        for way in ["StyleGaussianPlugin", "STYLEGAUSSIAN_ENCODER", "StyleSource::preset"] {
+            assert!(failed.error.to_string().contains(way), "{}", failed.error);
+        }
+    }
+    // Another encoder is tried at once, and a file that is none is named.
+    app.insert_resource(StyleEncoder::at("no/such/encoder.onnx"));
+    let failed = until_failed(&mut app);
+    assert_eq!(failed.entity, entity);
+    assert!(failed.error.to_string().contains("no/such/encoder.onnx"), "{}", failed.error);
+}
+
+#[test]
+fn wrong_weights_keep_the_look() {
+    let mut app = app_without_rendering();
+    let style = add_style(&mut app, small_style(1));
+    let splats = GaussianSplats(add_scene(&mut app, small_scene(8, 1)));
+    let entity = app.world_mut().spawn((splats, StyleSource::preset(style.clone()))).id();
+    until_applied(&mut app);
+    let before = colors(app.world(), entity).unwrap();
+    for (source, part) in [
+        (StyleSource::mix([(style.clone(), -1.0)]), "mix weights"),
+        (StyleSource::preset(style.clone()).with_content(1.5), "content 1.5"),
+        (StyleSource::preset(style.clone()).with_content(f32::NAN), "content NaN"),
+    ] {
+        *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = source;
+        let failed = until_failed(&mut app);
+        assert!(failed.error.to_string().contains(part), "{}", failed.error);
+    }
+    assert_eq!(colors(app.world(), entity).unwrap(), before);
+}
+
+#[test]
+fn changed_assets_restyle() {
+    let mut app = app_without_rendering();
+    let scene = small_scene(32, 1);
+    let (a, b) = (small_style(1), small_style(2));
+    let style = add_style(&mut app, a.clone());
+    let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
+    let handle = splats.0.clone();
+    let entity = app.world_mut().spawn((splats, StyleSource::preset(style.clone()))).id();
+    until_applied(&mut app);
+
+    // The statistics change.
+    let mut statistics = app.world_mut().resource_mut::<Assets<bevy_stylegaussian::StyleStatistics>>();
+    statistics.get_mut(&style).unwrap().0 = b.clone().into();
+    until_applied(&mut app);
+    assert_eq!(colors(app.world(), entity).unwrap(), expected(&scene, &[(&b, 1.0)], 0.0));
+
+    // The scene does, and has fewer Gaussians.
+    let other = small_scene(20, 7);
+    let mut scenes = app.world_mut().resource_mut::<Assets<bevy_stylegaussian::GaussianScene>>();
+    scenes.insert(&handle, bevy_stylegaussian::GaussianScene::new(other.clone())).unwrap();
+    until_applied(&mut app);
+    assert_eq!(colors(app.world(), entity).unwrap(), expected(&other, &[(&b, 1.0)], 0.0));
+
+    // So does the decoder: the entity's own wins over the scene's.
+    let decoder = small_scene(1, 9).decoder.unwrap();
+    let own = add(&mut app, GaussianDecoder(decoder.clone().into()));
+    app.world_mut().entity_mut(entity).insert(StyleDecoder(own));
+    until_applied(&mut app);
+    let with_decoder = Scene { decoder: Some(decoder), ..other };
+    assert_eq!(colors(app.world(), entity).unwrap(), expected(&with_decoder, &[(&b, 1.0)], 0.0));
+}
+
+#[test]
+fn nothing_happens_without_a_change() {
+    let mut app = app_without_rendering();
+    let style = add_style(&mut app, small_style(1));
+    let splats = GaussianSplats(add_scene(&mut app, small_scene(8, 1)));
+    app.world_mut().spawn((splats, StyleSource::preset(style)));
+    until_applied(&mut app);
+    for _ in 0..20 {
+        app.update();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert!(drain::<StyleApplied>(&mut app).is_empty());
+}
+
+#[test]
+fn a_look_waits_for_the_end_of_a_fade() {
+    let mut app = app_without_rendering();
+    let styles = [1, 2].map(small_style);
+    let handles = styles.clone().map(|style| add_style(&mut app, style));
+    let splats = GaussianSplats(add_scene(&mut app, small_scene(8, 1)));
+    let transition = StyleTransition { duration: Duration::from_millis(200) };
+    let source = StyleSource::preset(handles[0].clone());
+    let entity = app.world_mut().spawn((splats, source, transition)).id();
+    until_applied(&mut app);
+    let began = std::time::Instant::now();
+    *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = StyleSource::preset(handles[1].clone());
+    until_applied(&mut app);
+    assert!(began.elapsed() > Duration::from_millis(150), "{:?}", began.elapsed());
+}
+
+#[test]
+fn scenes_that_cannot_be_are_refused() {
+    let mut app = app_without_rendering();
+    let mut scene = small_scene(8, 1);
+    scene.scales.pop();
+    let splats = GaussianSplats(add_scene(&mut app, scene));
+    let entity = app.world_mut().spawn(splats).id();
+    app.update();
+    let failed = drain::<SceneFailed>(&mut app);
+    assert_eq!(failed[0].entity, entity);
+    assert!(failed[0].error.to_string().contains("7 scales, expected 8"), "{}", failed[0].error);
+
+    let missing: Handle<bevy_stylegaussian::GaussianScene> =
+        app.world().resource::<AssetServer>().load("no_such_scene.sgs");
+    app.world_mut().spawn(GaussianSplats(missing));
+    update_until(&mut app, "SceneFailed", |world| {
+        let failed: Vec<_> = world.resource_mut::<Messages<SceneFailed>>().drain().collect();
+        failed.iter().any(|event| event.error.to_string().contains("no_such_scene.sgs"))
+    });
+}

@@ -1,0 +1,119 @@
+//! Apps that render without a window, and pictures read back from them.
+
+use std::path::Path;
+
+use bevy::{
+    app::TaskPoolPlugin,
+    asset::{AssetPlugin, RenderAssetUsages},
+    camera::{CameraPlugin, RenderTarget},
+    core_pipeline::CorePipelinePlugin,
+    diagnostic::{DiagnosticsPlugin, FrameCountPlugin},
+    input::InputPlugin,
+    light::LightPlugin,
+    mesh::MeshPlugin,
+    pbr::PbrPlugin,
+    prelude::*,
+    render::{
+        RenderApp, RenderPlugin,
+        error_handler::RenderErrorHandler,
+        render_asset::RenderAssets,
+        render_resource::{
+            BufferDescriptor, BufferUsages, CommandEncoderDescriptor, Extent3d, MapMode, PollType,
+            TexelCopyBufferInfo, TexelCopyBufferLayout, TextureDimension, TextureFormat, TextureUsages,
+        },
+        renderer::{RenderDevice, RenderQueue},
+        texture::GpuImage,
+    },
+    time::TimePlugin,
+    window::{ExitCondition, WindowPlugin},
+};
+use bevy_stylegaussian::{StyleBackend, StyleGaussianPlugin};
+
+/// An app that renders without a window, in which any render error fails the test; `None`, loudly, where there is no
+/// adapter.
+pub fn app_with_rendering(backend: StyleBackend) -> Option<App> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let options = wgpu::RequestAdapterOptions::default();
+    if bevy::tasks::block_on(instance.request_adapter(&options)).is_err() {
+        eprintln!("SKIPPED: no GPU adapter");
+        return None;
+    }
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
+    let mut app = App::new();
+    app.add_plugins((
+        TaskPoolPlugin::default(),
+        FrameCountPlugin,
+        TimePlugin,
+        TransformPlugin,
+        DiagnosticsPlugin,
+        InputPlugin,
+        WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() },
+        AssetPlugin { file_path: assets.to_string_lossy().into_owned(), ..default() },
+        RenderPlugin { synchronous_pipeline_compilation: true, ..default() },
+        ImagePlugin::default(),
+        MeshPlugin,
+        CameraPlugin,
+        LightPlugin,
+        CorePipelinePlugin,
+        PbrPlugin::default(),
+    ));
+    app.add_plugins(StyleGaussianPlugin { backend, synchronous_pipeline_compilation: true, ..default() });
+    app.insert_resource(RenderErrorHandler(|error, _, _| panic!("{error:?}")));
+    app.finish();
+    app.cleanup();
+    Some(app)
+}
+
+/// An image to render into.
+pub fn render_target(app: &mut App, size: UVec2) -> Handle<Image> {
+    let extent = Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 };
+    let (format, usages) = (TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::default());
+    let mut image = Image::new_fill(extent, TextureDimension::D2, &[0; 4], format, usages);
+    image.texture_descriptor.usage |= TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;
+    super::add(app, image)
+}
+
+/// A camera's target component.
+pub fn target(image: &Handle<Image>) -> RenderTarget {
+    RenderTarget::Image(image.clone().into())
+}
+
+/// The pixels of a render target, row-major, 0..1 as a display gets them (sRGB).
+pub fn read_back(app: &App, image: &Handle<Image>) -> Vec<[f32; 4]> {
+    let world = app.sub_app(RenderApp).world();
+    let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
+    let gpu = world.resource::<RenderAssets<GpuImage>>().get(image).expect("the target is on the GPU");
+    let size = gpu.texture_descriptor.size;
+    let row = (size.width * 4).next_multiple_of(256);
+    let buffer = device.create_buffer(&BufferDescriptor {
+        label: Some("read_back"),
+        size: u64::from(row * size.height),
+        usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
+    let layout = TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
+    let destination = TexelCopyBufferInfo { buffer: &buffer, layout };
+    encoder.copy_texture_to_buffer(gpu.texture.as_image_copy(), destination, size);
+    queue.submit([encoder.finish()]);
+    buffer.slice(..).map_async(MapMode::Read, |result| result.expect("mapped"));
+    device.poll(PollType::wait_indefinitely()).expect("the device answers");
+    let bytes = buffer.slice(..).get_mapped_range();
+    let pixels = bytes.chunks_exact(row as usize).flat_map(|row| {
+        let texels = row[..size.width as usize * 4].chunks_exact(4);
+        texels.map(|texel| [0, 1, 2, 3].map(|i| f32::from(texel[i]) / 255.0))
+    });
+    pixels.collect()
+}
+
+/// Peak signal-to-noise ratio of the chosen pixels' colors, in dB, for values of 0..1.
+pub fn psnr(a: &[[f32; 3]], b: &[[f32; 3]], chosen: impl Fn(usize) -> bool) -> f32 {
+    let (mut sum, mut n) = (0.0_f64, 0);
+    for i in (0..a.len()).filter(|&i| chosen(i)) {
+        for channel in 0..3 {
+            sum += f64::from(a[i][channel] - b[i][channel]).powi(2);
+            n += 1;
+        }
+    }
+    (-10.0 * (sum / f64::from(n)).log10()) as f32
+}
