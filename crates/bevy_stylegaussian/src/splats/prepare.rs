@@ -18,6 +18,8 @@ use super::extract::RenderClouds;
 #[derive(Resource, Default)]
 pub(crate) struct GpuScenes {
     of_scene: HashMap<usize, Uploaded>,
+    /// Whether it was filled before; a new device starts with nothing.
+    filled: bool,
 }
 
 struct Uploaded {
@@ -46,10 +48,11 @@ pub(super) fn prepare_scenes(
     device: Res<RenderDevice>,
     reports: Res<GpuReports>,
 ) {
-    if !clouds.is_changed() && !scenes.is_added() {
+    if scenes.filled && !clouds.is_changed() {
         return;
     }
     let scenes = &mut *scenes;
+    scenes.filled = true;
     // The map's own reference is the only one left of a scene that nobody shows and no asset holds; an asset's scene
     // that nobody shows is let go of too.
     scenes

@@ -65,6 +65,12 @@ impl CloudLook {
         }
     }
 
+    /// The buffer that is shown, unless it is the scene's own colors.
+    #[cfg(test)]
+    pub(super) fn shown(&self) -> Option<&GaussianColors> {
+        self.shown.and_then(|index| self.buffers[index].as_ref())
+    }
+
     /// The buffer for the next look: the shown one, or the other where the shown one is to fade away; made where there is
     /// none.
     ///

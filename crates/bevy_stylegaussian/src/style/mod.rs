@@ -22,6 +22,8 @@ mod node;
 mod packed;
 mod settings;
 mod source;
+#[cfg(test)]
+mod tests;
 mod transfer;
 
 pub use event::{AppliedStyle, StyleApplied, StyleError, StyleFailed, StylePassCount};
