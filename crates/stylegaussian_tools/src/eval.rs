@@ -252,14 +252,8 @@ fn share_out_of_range(view: &View) -> f64 {
 }
 
 fn sheet_row(painting: Option<&Image>, views: &[View]) -> Vec<Picture> {
-    let first = match painting {
-        None => Picture::filled(UVec2::ONE, [255; 4]),
-        Some(image) => {
-            let byte = |value: f32| (value * 255.0).round() as u8;
-            let rgba = image.rgb.chunks_exact(3).map(|p| [byte(p[0]), byte(p[1]), byte(p[2]), 255]).collect();
-            Picture { size: UVec2::new(image.width, image.height), rgba }
-        }
-    };
+    let first =
+        painting.map_or_else(|| Picture::filled(UVec2::ONE, [255; 4]), |image| Picture::of_image(image));
     let views = views.iter().map(|view| Picture::of(view, Background::Color([255; 3])));
     std::iter::once(first).chain(views).collect()
 }

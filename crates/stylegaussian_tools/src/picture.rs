@@ -6,6 +6,7 @@ use anyhow::{Context, Result};
 use glam::UVec2;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use stylegaussian::{file::write_atomically, splat::View};
+use stylegaussian_encoder::Image;
 
 /// What lies behind a view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +46,13 @@ impl Picture {
             }
         };
         Self { size: view.size, rgba: view.color.iter().zip(&view.alpha).map(pixel).collect() }
+    }
+
+    /// An image as it is.
+    pub fn of_image(image: &Image) -> Self {
+        let opaque = |p: &[f32]| [to_byte(p[0]), to_byte(p[1]), to_byte(p[2]), 255];
+        let rgba = image.rgb.chunks_exact(3).map(opaque).collect();
+        Self { size: UVec2::new(image.width, image.height), rgba }
     }
 
     /// Copies `other` into this picture, its top left corner at `corner`; what falls outside is cut off.

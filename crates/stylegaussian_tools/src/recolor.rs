@@ -1,8 +1,12 @@
 //! Recoloring by mean and covariance: what a color grade alone can do, and where training starts from.
 
-use glam::{DMat3, DVec3};
+use std::f32::consts::TAU;
+
+use glam::{DMat3, DQuat, DVec3, EulerRot};
 use stylegaussian::splat::View;
 use stylegaussian_encoder::Image;
+
+use crate::random::Random;
 
 /// Added to the variances of colors, so that a gray scene or painting has a covariance that can be inverted: a
 /// deviation of a display's step.
@@ -39,6 +43,23 @@ impl ColorMoments {
     pub fn of_pixels(pixels: impl Iterator<Item = ([f32; 3], f32)>) -> Self {
         let covered = pixels.filter(|(_, alpha)| *alpha > 0.5);
         Self::new(covered.map(|(color, alpha)| vector(color.map(|channel| channel / alpha))))
+    }
+
+    /// Of a palette that no painting need have: a mean anywhere but at the ends of the range, and deviations along three
+    /// random axes, the first up to what black and white stripes would have.
+    pub fn random(random: &mut Random) -> Self {
+        let mut between = |low: f32, high: f32| f64::from(low + (high - low) * random.uniform());
+        let mean = DVec3::new(between(0.15, 0.85), between(0.15, 0.85), between(0.15, 0.85));
+        let largest = between(0.12, 0.4);
+        let deviations = DVec3::new(largest, largest * between(0.2, 0.9), largest * between(0.05, 0.5));
+        let axes = DMat3::from_quat(DQuat::from_euler(
+            EulerRot::XYZ,
+            between(0.0, TAU),
+            between(0.0, TAU),
+            between(0.0, TAU),
+        ));
+        let covariance = axes * DMat3::from_diagonal(deviations * deviations) * axes.transpose();
+        Self { mean, covariance: covariance + DMat3::from_diagonal(DVec3::splat(VARIANCE_FLOOR)) }
     }
 
     /// Of several views.

@@ -3,43 +3,14 @@
 #[expect(dead_code, reason = "written for the tests of the command line, of which these use a part")]
 mod support;
 
+#[path = "support/embedded.rs"]
+mod embedded;
+
 use std::{fs, path::Path};
 
-use stylegaussian::{Features, Neighbors, Scene, file};
-use stylegaussian_encoder::Encoder;
+use embedded::{embedded, paintings};
+use stylegaussian::file;
 use support::{Bench, Run, data, stylegaussian};
-
-/// A made-up embedding of [`Bench::plain_scene`]: features of the encoder's width, 3 of 256 channels' directions.
-fn embedded(bench: &Bench, encoder: &Path) -> String {
-    bench.plain_scene("plain.sgs");
-    let mut scene: Scene = bench.scene("plain.sgs");
-    let n = scene.len();
-    let number = |i: usize, step: f64| ((i as f64 * step) % 1.0 * 2.0 - 1.0) as f32;
-    scene.features = Some(Features {
-        values: (0..n * 3).map(|i| number(i, 0.754_877)).collect(),
-        n_low: 3,
-        basis: (0..256 * 3).map(|i| number(i, 0.569_84)).collect(),
-        offset: (0..256).map(|i| number(i, 0.618_034)).collect(),
-        extra: Vec::new(),
-        n_extra: 0,
-        encoder: Some(Encoder::open(encoder).unwrap().id().clone()),
-    });
-    scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, 8));
-    let path = bench.path("embedded.sgs");
-    file::write_scene(path.as_ref(), &scene).unwrap();
-    path
-}
-
-/// Two paintings of stripes, one to train with and one to show.
-fn paintings(bench: &Bench) -> String {
-    let folder = bench.path("paintings");
-    fs::create_dir(&folder).unwrap();
-    for (name, step) in [("a.png", 9), ("b.png", 23)] {
-        let stripe = |x: u32, y: u32| image::Rgb([((x / step) % 2 * 200) as u8, (y / 2) as u8, 90]);
-        image::RgbImage::from_fn(300, 260, stripe).save(Path::new(&folder).join(name)).unwrap();
-    }
-    folder
-}
 
 fn losses(bench: &Bench) -> Vec<[f32; 2]> {
     let text = fs::read_to_string(bench.path("d.losses.csv")).unwrap();

@@ -2,6 +2,7 @@
 
 mod assets;
 mod demo;
+mod packages;
 mod steps;
 mod test;
 
@@ -13,7 +14,7 @@ const USAGE: &str = "\
 Usage: cargo xtask <COMMAND>
 
   test     everything CI runs: formatting, lints, docs, tests, examples, packages
-  demo     stylize the demo scene with every shipped style; pictures go to out/demo
+  demo     the demo scene in every shipped style, in a window; without a display, as pictures in out/demo
   assets   make everything in assets/ and the default decoder anew; needs the test data, and hours";
 
 fn main() -> ExitCode {

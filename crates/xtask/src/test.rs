@@ -4,7 +4,10 @@ use std::{env, fs, process::Command};
 
 use anyhow::{Context, Result};
 
-use crate::steps::{Steps, cargo, data_folder, is_installed, keep_colors};
+use crate::{
+    packages::install_graphics,
+    steps::{Steps, cargo, data_folder, is_installed, keep_colors},
+};
 
 /// Runs every check and prints a summary, also when one fails.
 pub fn run() -> Result<()> {
@@ -29,6 +32,7 @@ pub fn run() -> Result<()> {
 
 fn run_all(steps: &mut Steps) -> Result<()> {
     add_components(steps)?;
+    install_graphics(steps, false)?;
     steps.run("format", &mut cargo(["fmt", "--all", "--check"]))?;
     run_if_installed(steps, "spelling", "typos", &[])?;
     run_if_installed(steps, "toml", "taplo", &["format", "--check"])?;
@@ -89,9 +93,9 @@ fn package() -> Result<Command> {
     Ok(command)
 }
 
-/// The crates whose manifest says `publish = false`; a crate's folder has its name.
+/// The packages whose manifest says `publish = false`: the workspace's own, and crates, whose folders have their names.
 fn unpublished() -> Result<Vec<String>> {
-    let mut names = Vec::new();
+    let mut names = vec![String::from("stylegaussian_workspace")];
     for entry in fs::read_dir("crates").context("cannot list crates/")? {
         let folder = entry.context("cannot list crates/")?.path();
         let manifest = folder.join("Cargo.toml");

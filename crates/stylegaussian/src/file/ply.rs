@@ -18,6 +18,7 @@ use super::{
 };
 
 mod columns;
+mod compressed;
 mod header;
 mod write;
 
@@ -35,7 +36,9 @@ const EXPECTED: &str = "3DGS properties x y z, opacity, scale_0..2, rot_0..3 of 
 
 pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     let header = Header::parse(bytes)?;
-    refuse_compressed(&header)?;
+    if compressed::is_compressed(&header) {
+        return compressed::read(&header);
+    }
     let vertex = header.element("vertex").ok_or_else(|| mismatch("no element `vertex`", EXPECTED))?;
     if u32::try_from(vertex.count).is_err() {
         return Err(mismatch(format_args!("{} Gaussians", vertex.count), "fewer than 2^32"));
@@ -56,16 +59,6 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     let columns = read_columns(&header, "vertex", &names)?;
     let stored = stored_gaussians(&columns, &color);
     Ok(Loaded { scene: activate(stored, &mut warnings), warnings })
-}
-
-/// Names the compressed dialect, which looks like a .ply with the wrong properties.
-fn refuse_compressed(header: &Header) -> Result<(), Mismatch> {
-    let vertex = header.element("vertex");
-    if vertex.is_some_and(|vertex| vertex.properties.contains_key("packed_position")) {
-        let found = "a PlayCanvas compressed .ply (element `chunk`, properties packed_*)";
-        return Err(mismatch(found, format_args!("uncompressed {EXPECTED}; SuperSplat exports it")));
-    }
-    Ok(())
 }
 
 /// Where the colors of a vertex stand.

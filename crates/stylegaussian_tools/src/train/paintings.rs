@@ -29,9 +29,17 @@ const SHORTER_SIDE: u32 = 512;
 /// Crops of each painting; what the networks say of a crop is kept, so only the first look at it costs.
 const CROPS_PER_PAINTING: usize = 16;
 
-/// Of so many crops one keeps its painting's own colors; the others take those of another painting. Palettes are what a
-/// hundred paintings have too few of.
-const OWN_PALETTE: usize = 2;
+/// Palettes are what a hundred paintings have too few of: of every four crops two keep their painting's own, one takes
+/// that of another painting, and one takes a random one, as vivid as prints and posters are.
+const PALETTES: [Palette; 4] = [Palette::Own, Palette::OfAnother, Palette::Own, Palette::Random];
+
+/// Whose colors a crop has.
+#[derive(Clone, Copy)]
+enum Palette {
+    Own,
+    OfAnother,
+    Random,
+}
 
 /// What is known of a crop.
 pub struct Style {
@@ -96,11 +104,8 @@ impl Paintings {
         let key = (random.below(self.paths.len()), random.below(CROPS_PER_PAINTING));
         if !self.known.contains_key(&key) {
             let mut crop = self.crop(key)?;
-            if !key.1.is_multiple_of(OWN_PALETTE) {
-                let mut random = Random::new(self.seed_of(key) ^ 0x5041_4C45);
-                let other = self.crop((random.below(self.paths.len()), key.1))?;
-                let recoloring =
-                    Recoloring::new(&ColorMoments::of_image(&crop), &ColorMoments::of_image(&other));
+            if let Some(palette) = self.palette(key)? {
+                let recoloring = Recoloring::new(&ColorMoments::of_image(&crop), &palette);
                 for pixel in crop.rgb.chunks_exact_mut(3) {
                     let color = recoloring.color([pixel[0], pixel[1], pixel[2]]);
                     pixel.copy_from_slice(&color.map(|channel| channel.clamp(0.0, 1.0)));
@@ -109,6 +114,18 @@ impl Paintings {
             self.known.insert(key, Style::of(&crop, encoder, network, device));
         }
         Ok(&self.known[&key])
+    }
+
+    /// What a crop's colors become; `None` keeps them.
+    fn palette(&self, key: (usize, usize)) -> Result<Option<ColorMoments>> {
+        let mut random = Random::new(self.seed_of(key) ^ 0x5041_4C45);
+        Ok(match PALETTES[key.1 % PALETTES.len()] {
+            Palette::Own => None,
+            Palette::OfAnother => {
+                Some(ColorMoments::of_image(&self.crop((random.below(self.paths.len()), key.1))?))
+            }
+            Palette::Random => Some(ColorMoments::random(&mut random)),
+        })
     }
 
     /// One seed for each crop: which part of the painting it is does not depend on what was looked at before.

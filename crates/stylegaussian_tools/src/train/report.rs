@@ -64,9 +64,7 @@ pub fn write_contact_sheet(
     for painting in paintings {
         let image = Image::open(painting)?;
         let style = style_statistics(encoder, &image, StyleSize::default())?;
-        let bytes = image.rgb.chunks_exact(3).map(|p| [p[0], p[1], p[2]].map(|c| (c * 255.0).round() as u8));
-        let rgba = bytes.map(|[r, g, b]| [r, g, b, 255]).collect();
-        let mut row = vec![Picture { size: UVec2::new(image.width, image.height), rgba }];
+        let mut row = vec![Picture::of_image(&image)];
         for (scene, cameras) in scenes {
             let Some(features) = &scene.features else { continue };
             let colors = stylize(scene, decoder, &transfer(features, &[(&style, 1.0)], 0.0)?)?;

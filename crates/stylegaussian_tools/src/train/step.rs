@@ -144,14 +144,16 @@ pub fn step(
     let behind = view.alpha.iter().flat_map(|alpha| style.mean_color.map(|channel| (1.0 - alpha) * channel));
     let behind = TensorData::new(behind.collect::<Vec<_>>(), [view.alpha.len(), 3]);
     let splats = splat(colors, &view.weights);
-    let palette_loss = palette_distance(splats.clone(), scene, view, style);
+    let palette_loss = (weights.palette > 0.0)
+        .then(|| palette_distance(splats.clone(), scene, view, style) * weights.palette);
     let picture = splats + Tensor::from_data(behind, device);
     let (content_loss, style_loss) =
         perceptual_losses(picture, view.size(), content, style, loss_network, weights);
-    let loss = content_loss.clone()
-        + style_loss.clone() * weights.style
-        + range_loss * weights.range
-        + palette_loss * weights.palette;
+    let loss = content_loss.clone() + style_loss.clone() * weights.style + range_loss * weights.range;
+    let loss = match palette_loss {
+        Some(palette_loss) => loss + palette_loss,
+        None => loss,
+    };
     let gradients = loss.backward();
     adam.update(network, &gradients, rate);
     Ok([content_loss.into_scalar::<f32>(), style_loss.into_scalar::<f32>()])

@@ -21,6 +21,12 @@ impl Columns {
         self.values.chunks_exact(self.n_columns)
     }
 
+    /// The same rows, each with `constants` after it.
+    pub(super) fn with_constants(&self, constants: &[f32]) -> Self {
+        let values = self.rows().flat_map(|row| row.iter().chain(constants).copied()).collect();
+        Self { values, n_columns: self.n_columns + constants.len() }
+    }
+
     pub(super) fn n_rows(&self) -> usize {
         self.values.len() / self.n_columns
     }

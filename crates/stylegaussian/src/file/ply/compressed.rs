@@ -1,0 +1,280 @@
+//! PlayCanvas' compressed .ply: chunks of 256 Gaussians with their ranges, and four packed words for each Gaussian.
+//!
+//! Layout as SuperSplat writes it: element `chunk` (floats `min_x` .. `max_scale_z`, and `min_r` .. `max_b` in newer
+//! files), element `vertex` (unsigned `packed_position`, `packed_rotation`, `packed_scale`, `packed_color`), and, where
+//! the scene has spherical harmonics beyond degree 0, element `sh` of bytes `f_rest_*`.
+
+use std::f32::consts::SQRT_2;
+
+use glam::{Vec3, Vec4};
+
+use super::{
+    Encoding, Loaded, Mismatch,
+    columns::{Columns, read_columns},
+    header::{Header, size_of_scalar},
+    mismatch,
+};
+use crate::{
+    file::activate::{StoredGaussians, activate},
+    scene::Sh,
+    sh::{self, n_coefficients},
+};
+
+/// Gaussians that share a chunk.
+const CHUNK: usize = 256;
+
+/// The words of a Gaussian, in the order in which every writer puts them.
+const PACKED: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
+
+/// Ranges of positions and log scales, minimum then maximum.
+const RANGES: [&str; 12] = [
+    "min_x",
+    "min_y",
+    "min_z",
+    "max_x",
+    "max_y",
+    "max_z",
+    "min_scale_x",
+    "min_scale_y",
+    "min_scale_z",
+    "max_scale_x",
+    "max_scale_y",
+    "max_scale_z",
+];
+
+/// Ranges of colors; files without them hold colors from 0 to 1.
+const COLOR_RANGES: [&str; 6] = ["min_r", "min_g", "min_b", "max_r", "max_g", "max_b"];
+
+/// Whether the header is one of this dialect.
+pub(super) fn is_compressed(header: &Header) -> bool {
+    header.element("vertex").is_some_and(|vertex| vertex.properties.contains_key(PACKED[0]))
+}
+
+/// Reads the scene. All that is packed was quantized: positions to 11, 10 and 11 bits of a chunk's box.
+pub(super) fn read(header: &Header) -> Result<Loaded, Mismatch> {
+    let chunks = chunks(header)?;
+    let words = packed_words(header)?;
+    let n_expected = words.len().div_ceil(CHUNK);
+    if chunks.n_rows() != n_expected {
+        return Err(mismatch(
+            format_args!("{} chunks for {} Gaussians", chunks.n_rows(), words.len()),
+            format_args!("{n_expected}, one for every {CHUNK}"),
+        ));
+    }
+    let mut stored = StoredGaussians {
+        means: Vec::with_capacity(words.len()),
+        log_scales: Vec::with_capacity(words.len()),
+        rotations_wxyz: Vec::with_capacity(words.len()),
+        opacity_logits: Vec::with_capacity(words.len()),
+        sh: None,
+        features: None,
+    };
+    let mut dc = Vec::with_capacity(words.len());
+    for (gaussians, range) in words.chunks(CHUNK).zip(chunks.rows()) {
+        let between = |at: usize, t: Vec3| {
+            let (min, max) = (Vec3::from_slice(&range[at..]), Vec3::from_slice(&range[at + 3..]));
+            min + t * (max - min)
+        };
+        for &[position, rotation, scale, color] in gaussians {
+            stored.means.push(between(0, unpack_11_10_11(position)));
+            stored.log_scales.push(between(6, unpack_11_10_11(scale)));
+            stored.rotations_wxyz.push(unpack_quaternion(rotation));
+            let color = unpack_8888(color);
+            stored.opacity_logits.push(logit_of_byte(color.w));
+            dc.push(sh::dc_from_color(between(12, color.truncate()).to_array()));
+        }
+    }
+    stored.sh = Some(spherical_harmonics(header, dc)?);
+    let mut warnings = Vec::new();
+    Ok(Loaded { scene: activate(stored, &mut warnings), warnings })
+}
+
+/// Ranges of every chunk `[n_chunks, 18]`.
+fn chunks(header: &Header) -> Result<Columns, Mismatch> {
+    let chunk =
+        header.element("chunk").ok_or_else(|| mismatch("no element `chunk`", "one before `vertex`"))?;
+    let has_colors = chunk.properties.contains_key(COLOR_RANGES[0]);
+    let names = RANGES.iter().chain(COLOR_RANGES.iter().filter(|_| has_colors));
+    let names: Vec<String> = names.map(|&name| name.into()).collect();
+    let columns = read_columns(header, "chunk", &names)?;
+    Ok(if has_colors { columns } else { columns.with_constants(&[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]) })
+}
+
+/// The four words of every Gaussian, which f32 columns could not hold.
+fn packed_words(header: &Header) -> Result<Vec<[u32; 4]>, Mismatch> {
+    use ply_rs::ply::{PropertyType::Scalar, ScalarType};
+    if header.encoding() != Encoding::BinaryLittleEndian {
+        return Err(mismatch("packed Gaussians in another encoding", "binary_little_endian"));
+    }
+    let mut start = 0;
+    for element in header.elements() {
+        let size = |property: &ply_rs::ply::PropertyDef| match &property.data_type {
+            Scalar(scalar) => Some(size_of_scalar(scalar)),
+            _ => None,
+        };
+        let row: Option<usize> = element.properties.values().map(size).sum();
+        let row =
+            row.ok_or_else(|| mismatch(format_args!("a list in element `{}`", element.name), "numbers"))?;
+        if element.name != "vertex" {
+            start += row * element.count;
+            continue;
+        }
+        let is_packed = element.properties.values().map(|p| (p.name.as_str(), &p.data_type));
+        if !is_packed.eq(PACKED.iter().map(|&name| (name, &Scalar(ScalarType::UInt)))) {
+            let found: Vec<&str> = element.properties.keys().map(String::as_str).take(20).collect();
+            return Err(mismatch(format_args!("a vertex of {}", found.join(" ")), PACKED.join(" ")));
+        }
+        // The header's counts were checked against the file's size.
+        let rows = header.payload.get(start..).and_then(|bytes| bytes.get(..row * element.count));
+        let rows =
+            rows.ok_or_else(|| mismatch("the end of the file", format_args!("{} Gaussians", element.count)))?;
+        let word = |row: &[u8], i: usize| [0, 1, 2, 3].map(|byte| row[4 * i + byte]);
+        let words = |row: &[u8]| [0, 1, 2, 3].map(|i| u32::from_le_bytes(word(row, i)));
+        return Ok(rows.chunks_exact(row).map(words).collect());
+    }
+    Err(mismatch("no element `vertex`", PACKED.join(" ")))
+}
+
+/// Degree 0 of every Gaussian, and the higher coefficients of element `sh`, which are channel-major there.
+fn spherical_harmonics(header: &Header, dc: Vec<[f32; 3]>) -> Result<Sh, Mismatch> {
+    let Some(element) = header.element("sh") else {
+        return Ok(Sh { degree: 0, coefficients: dc.into_flattened() });
+    };
+    let n_found = element.properties.len();
+    let degree = (1..=sh::MAX_DEGREE).find(|&degree| 3 * (n_coefficients(degree) - 1) == n_found);
+    let degree = degree
+        .ok_or_else(|| mismatch(format_args!("{n_found} properties of element `sh`"), "9, 24 or 45"))?;
+    let names: Vec<String> = (0..n_found).map(|i| format!("f_rest_{i}")).collect();
+    let columns = read_columns(header, "sh", &names)?;
+    if columns.n_rows() != dc.len() {
+        let found = format_args!("{} rows of element `sh`", columns.n_rows());
+        return Err(mismatch(found, format_args!("{}, one for each Gaussian", dc.len())));
+    }
+    let n_rest = n_found / 3;
+    let mut coefficients = Vec::with_capacity(dc.len() * 3 * (n_rest + 1));
+    for (dc, rest) in dc.iter().zip(columns.rows()) {
+        coefficients.extend_from_slice(dc);
+        for i in 0..n_rest {
+            coefficients.extend((0..3).map(|channel| unpack_coefficient(rest[channel * n_rest + i])));
+        }
+    }
+    Ok(Sh { degree, coefficients })
+}
+
+/// A byte of -4..4, which was rounded down; its ends stand for themselves.
+fn unpack_coefficient(byte: f32) -> f32 {
+    let t = if byte <= 0.0 || byte >= 255.0 { byte / 255.0 } else { (byte + 0.5) / 256.0 };
+    (t - 0.5) * 8.0
+}
+
+/// The share `bits` of a word from `shift` on, 0..1.
+fn unpack(word: u32, bits: u32, shift: u32) -> f32 {
+    let largest = (1_u32 << bits) - 1;
+    ((word >> shift) & largest) as f32 / largest as f32
+}
+
+fn unpack_11_10_11(word: u32) -> Vec3 {
+    Vec3::new(unpack(word, 11, 21), unpack(word, 10, 11), unpack(word, 11, 0))
+}
+
+fn unpack_8888(word: u32) -> Vec4 {
+    Vec4::new(unpack(word, 8, 24), unpack(word, 8, 16), unpack(word, 8, 8), unpack(word, 8, 0))
+}
+
+/// Two bits say which component (w, x, y, z) was largest and left out; the others follow in order, each from -1/sqrt 2 to
+/// 1/sqrt 2.
+fn unpack_quaternion(word: u32) -> [f32; 4] {
+    let others = [20, 10, 0].map(|shift| (unpack(word, 10, shift) - 0.5) * SQRT_2);
+    let largest = (1.0 - others.iter().map(|other| other * other).sum::<f32>()).max(0.0).sqrt();
+    let [a, b, c] = others;
+    match word >> 30 {
+        0 => [largest, a, b, c],
+        1 => [a, largest, b, c],
+        2 => [a, b, largest, c],
+        _ => [a, b, c, largest],
+    }
+}
+
+/// The logit of an opacity of whole 255ths; 0 and 1, whose logits are infinite, move in by a quarter of a step.
+fn logit_of_byte(opacity: f32) -> f32 {
+    let opacity = opacity.clamp(0.25 / 255.0, 1.0 - 0.25 / 255.0);
+    (opacity / (1.0 - opacity)).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two Gaussians in a chunk from -1 to 3 on every axis, with scales from 0 to 1 (logs) and colors from 0 to 2.
+    fn file(n_vertices: usize, sh: bool) -> Vec<u8> {
+        let mut text = String::from("ply\nformat binary_little_endian 1.0\nelement chunk 1\n");
+        for name in RANGES.iter().chain(&COLOR_RANGES) {
+            text += &format!("property float {name}\n");
+        }
+        text += &format!("element vertex {n_vertices}\n");
+        for name in PACKED {
+            text += &format!("property uint {name}\n");
+        }
+        if sh {
+            text += &format!("element sh {n_vertices}\n");
+            for i in 0..9 {
+                text += &format!("property uchar f_rest_{i}\n");
+            }
+        }
+        let mut bytes = (text + "end_header\n").into_bytes();
+        let ranges = [-1.0, -1.0, -1.0, 3.0, 3.0, 3.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0_f32];
+        for value in ranges.into_iter().chain([0.0, 0.0, 0.0, 2.0, 2.0, 2.0]) {
+            bytes.extend(value.to_le_bytes());
+        }
+        // x at its largest, y smallest, z in the middle; w left out and x, y, z zero but for the rounding.
+        let position = (2047 << 21) | 1024_u32;
+        let rotation = (512 << 20) | (512 << 10) | 512_u32;
+        for word in [position, rotation, 2047, (255 << 24) | (51 << 8) | 204] {
+            bytes.extend(word.to_le_bytes());
+        }
+        for word in [0, (3 << 30) | rotation, 0, 255_u32] {
+            bytes.extend(word.to_le_bytes());
+        }
+        if sh {
+            bytes.extend([0, 1, 2, 3, 4, 5, 6, 7, 255].repeat(2));
+        }
+        bytes
+    }
+
+    #[test]
+    fn unpacks_what_was_packed() {
+        let loaded = super::super::read(&file(2, false)).unwrap();
+        let scene = loaded.scene;
+        assert!(scene.means[0].abs_diff_eq(Vec3::new(3.0, -1.0, -1.0 + 4.0 * 1024.0 / 2047.0), 1e-6));
+        assert_eq!(scene.means[1], Vec3::NEG_ONE);
+        assert!(scene.scales[0].abs_diff_eq(Vec3::new(1.0, 1.0, 1.0_f32.exp()), 1e-6));
+        // 512 of 1023 is half a step over the middle.
+        assert!(scene.rotations[0].abs_diff_eq(glam::Quat::IDENTITY, 2e-3));
+        assert!(scene.rotations[1].abs_diff_eq(glam::Quat::from_xyzw(0.0, 0.0, 1.0, 0.0), 2e-3));
+        assert!((scene.opacities[0] - 0.8).abs() < 1e-5);
+        assert!(scene.opacities[1] > 0.998);
+        assert!(Vec3::from(scene.base_colors()[0]).abs_diff_eq(Vec3::new(2.0, 0.0, 0.4), 1e-5));
+    }
+
+    #[test]
+    fn higher_harmonics_are_channel_major() {
+        let scene = super::super::read(&file(2, true)).unwrap().scene;
+        let sh = scene.sh.unwrap();
+        assert_eq!((sh.degree, sh.coefficients.len()), (1, 24));
+        let rest = |byte: f32| (byte + 0.5) / 32.0 - 4.0;
+        assert_eq!(sh.coefficients[3..6], [-4.0, rest(3.0), rest(6.0)]);
+        assert_eq!(sh.coefficients[9..12], [rest(2.0), rest(5.0), 4.0]);
+    }
+
+    #[test]
+    fn a_file_that_lies_is_refused() {
+        let whole = file(2, false);
+        let message = |bytes: &[u8]| super::super::read(bytes).unwrap_err().found;
+        assert!(message(&whole[..whole.len() - 1]).contains("bytes after the header"));
+        let text = String::from_utf8_lossy(&whole[..whole.len() - 104]).into_owned();
+        let with = |from: &str, to: &str| [text.replace(from, to).as_bytes(), &whole[text.len()..]].concat();
+        assert!(message(&with("element chunk 1", "element chunk 0")).contains("0 chunks for 2 Gaussians"));
+        assert!(message(&with("uint packed_scale", "int packed_scale")).contains("a vertex of"));
+        assert!(message(&with("little_endian", "big_endian")).contains("another encoding"));
+    }
+}

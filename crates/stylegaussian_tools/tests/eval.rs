@@ -1,0 +1,51 @@
+//! Judging end to end, on a scene of a few hundred Gaussians.
+
+#[expect(dead_code, reason = "written for the tests of the command line, of which these use a part")]
+mod support;
+
+#[path = "support/embedded.rs"]
+mod embedded;
+
+use embedded::{embedded, paintings};
+use serde_json::Value;
+use support::{Bench, data, stylegaussian};
+
+#[test]
+fn every_painting_and_reference_is_measured() {
+    let Some(vgg) = data("vgg") else { return };
+    let bench = Bench::new();
+    let encoder = vgg.join("vgg19_normalised_relu3_1.safetensors");
+    let (scene, styles, sheet) = (embedded(&bench, &encoder), paintings(&bench), bench.path("sheet.png"));
+    let encoder = encoder.to_str().unwrap();
+    let eval = |scene: &str, more: &[&str]| {
+        let common =
+            ["eval", scene, "--styles", &styles, "--views", "2", "--size", "64", "--encoder", encoder];
+        stylegaussian(&[&common, more].concat())
+    };
+    let run = eval(&scene, &["--json", "--sheet", &sheet]).expect_success();
+    let found: Value = serde_json::from_str(&run.stdout).unwrap();
+    let number = |value: &Value| value.as_f64().unwrap();
+    for kind in ["stylized", "unstyled", "recolored"] {
+        let measures = &found[kind];
+        assert!((0.0..=1.0).contains(&number(&measures["own_painting_nearest"])), "{measures}");
+        let layers: f64 = measures["style_errors"].as_array().unwrap().iter().map(number).sum();
+        assert!((layers - number(&measures["style_error"])).abs() < 1e-9 * layers, "{measures}");
+    }
+    // The unstyled scene has one look for all paintings, so in each view one painting of the two is the nearest.
+    assert_eq!(found["unstyled"]["own_painting_nearest"], 0.5);
+    assert_eq!(found["unstyled"]["content_error"], 0.0);
+    assert!(found["adain_2d"].is_null());
+    // What recoloring is for: relu1_1, which is close to the colors themselves.
+    let first = |kind: &str| number(&found[kind]["style_errors"][0]);
+    assert!(first("recolored") < first("unstyled"), "{found}");
+    let paintings = found["paintings"].as_array().unwrap();
+    assert_eq!(paintings.len(), 2);
+    assert_eq!(paintings[0]["nearest_other"], paintings[1]["nearest_other"]);
+    // Three rows (unstyled, then a painting each) of three cells.
+    let sheet = image::open(&sheet).unwrap();
+    assert_eq!((sheet.width(), sheet.height()), (3 * 168 + 8, 3 * 168 + 8));
+
+    let table = eval(&scene, &[]).expect_success().stdout;
+    assert!(table.contains("a.png") && table.contains("recolored"), "{table}");
+    eval(&bench.path("plain.sgs"), &[]).expect_error("no features");
+}

@@ -1,0 +1,71 @@
+//! System packages that cargo cannot bring: a Vulkan driver, and what a window on X11 is made with.
+
+use std::{env, fs, process::Command};
+
+use anyhow::{Result, ensure};
+
+use crate::steps::{Steps, is_installed};
+
+/// Software Vulkan, for machines without any other driver.
+const VULKAN: [&str; 1] = ["mesa-vulkan-drivers"];
+
+/// Libraries that a window on X11 opens at run time.
+const WINDOW: [&str; 5] = ["libx11-6", "libx11-xcb1", "libxcursor1", "libxi6", "libxkbcommon-x11-0"];
+
+/// Where Vulkan's loader looks for drivers.
+const DRIVERS: [&str; 3] = ["/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d"];
+
+/// Whether pictures can be shown: X11 or Wayland on Linux; elsewhere there always is a display.
+pub fn has_display() -> bool {
+    !cfg!(target_os = "linux")
+        || ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| env::var_os(name).is_some_and(|v| !v.is_empty()))
+}
+
+/// Installs what is missing to draw with Vulkan, and into a window where `window` says so. Where this program lacks the
+/// rights, the error says what to run. Nothing happens on other systems than Debian and its kin.
+pub fn install_graphics(steps: &mut Steps, window: bool) -> Result<()> {
+    if !cfg!(target_os = "linux") || !is_installed("dpkg-query") {
+        return Ok(());
+    }
+    let wanted = VULKAN.iter().filter(|_| !has_vulkan_driver()).chain(WINDOW.iter().filter(|_| window));
+    let missing: Vec<&str> = wanted.copied().filter(|package| !has_package(package)).collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let by_hand = format!("sudo apt-get install {}", missing.join(" "));
+    let root = is_root();
+    ensure!(
+        root || has_sudo(),
+        "{} missing, and installing them needs root. Run: {by_hand}",
+        missing.join(", ")
+    );
+    let apt = |arguments: &[&str]| {
+        let words: Vec<&str> = if root { vec![] } else { vec!["sudo", "-n"] };
+        let words: Vec<&str> =
+            words.into_iter().chain(["apt-get"]).chain(arguments.iter().copied()).collect();
+        let mut command = Command::new(words[0]);
+        command.args(&words[1..]).env("DEBIAN_FRONTEND", "noninteractive");
+        command
+    };
+    steps.run("package lists", &mut apt(&["update"]))?;
+    let install = ["install", "-y", "--no-install-recommends"];
+    steps.run("system packages", &mut apt(&[&install[..], &missing].concat()))
+}
+
+fn has_vulkan_driver() -> bool {
+    DRIVERS.iter().any(|folder| fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()))
+}
+
+fn has_package(name: &str) -> bool {
+    let query = Command::new("dpkg-query").args(["-W", "-f", "${db:Status-Status}", name]).output();
+    query.is_ok_and(|output| output.stdout.starts_with(b"installed"))
+}
+
+fn has_sudo() -> bool {
+    Command::new("sudo").args(["-n", "true"]).output().is_ok_and(|output| output.status.success())
+}
+
+fn is_root() -> bool {
+    let id = Command::new("id").arg("-u").output();
+    id.is_ok_and(|output| output.stdout.trim_ascii() == b"0")
+}

@@ -1,0 +1,40 @@
+//! A sky for the examples: a large sphere around everything, whose color fades from below the horizon to above it.
+
+use bevy::{
+    asset::RenderAssetUsages, camera::visibility::NoFrustumCulling, mesh::VertexAttributeValues, prelude::*,
+};
+
+/// In scene units: beyond anything that the examples show.
+const RADIUS: f32 = 400.0;
+
+/// sRGB colors at heights of the unit sphere, from straight down to straight up.
+const FADE: [(f32, Vec3); 5] = [
+    (-1.0, Vec3::new(0.17, 0.23, 0.34)),
+    (-0.55, Vec3::new(0.29, 0.39, 0.52)),
+    (0.0, Vec3::new(0.71, 0.79, 0.85)),
+    (0.12, Vec3::new(0.86, 0.88, 0.87)),
+    (1.0, Vec3::new(0.36, 0.55, 0.78)),
+];
+
+/// A startup system. A camera with `Tonemapping::None` shows the sky's colors as they stand here.
+pub fn spawn(
+    mut commands: Commands,
+    mut meshes: ResMut<Assets<Mesh>>,
+    mut materials: ResMut<Assets<StandardMaterial>>,
+) {
+    let mut mesh = Sphere::new(RADIUS).mesh().uv(32, 96);
+    mesh.asset_usage = RenderAssetUsages::RENDER_WORLD;
+    let positions = mesh.attribute(Mesh::ATTRIBUTE_POSITION).and_then(VertexAttributeValues::as_float3);
+    let colors: Vec<_> = positions.into_iter().flatten().map(|p| color_at(p[1] / RADIUS)).collect();
+    mesh.insert_attribute(Mesh::ATTRIBUTE_COLOR, colors);
+    let material = StandardMaterial { unlit: true, fog_enabled: false, cull_mode: None, ..default() };
+    commands.spawn((Mesh3d(meshes.add(mesh)), MeshMaterial3d(materials.add(material)), NoFrustumCulling));
+}
+
+/// The linear color at a height of the unit sphere.
+fn color_at(height: f32) -> [f32; 4] {
+    let above = FADE.iter().position(|&(stop, _)| height < stop).unwrap_or(FADE.len() - 1).max(1);
+    let ((low, from), (high, to)) = (FADE[above - 1], FADE[above]);
+    let color = from.lerp(to, ((height - low) / (high - low)).clamp(0.0, 1.0));
+    Color::srgb(color.x, color.y, color.z).to_linear().to_f32_array()
+}

@@ -1,0 +1,126 @@
+//! Pictures without a window: once around the demo scene, as captured and then in every shipped style, and a sheet that
+//! shows each look beside its painting.
+//!
+//! ```sh
+//! cargo run --release --example headless [OUT_DIR]    # default: out/demo
+//! ```
+
+use std::{env, f32::consts::TAU, fs, path::Path, time::Instant};
+
+use anyhow::{Context, Result, bail};
+use bevy::{
+    app::PluginsState, camera::RenderTarget, core_pipeline::tonemapping::Tonemapping, prelude::*,
+    render::RenderPlugin, render::render_resource::TextureFormat, render::view::screenshot,
+    winit::WinitPlugin,
+};
+use bevy_stylegaussian::{
+    GaussianScene, GaussianSplats, SceneFailed, StyleApplied, StyleFailed, StyleGaussianPlugin, StyleSource,
+};
+use image::{RgbImage, imageops};
+
+#[path = "backdrop/mod.rs"]
+mod backdrop;
+
+const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
+/// One word on each look: the scene's own, then the shipped styles.
+const LOOKS: [&str; 9] =
+    ["captured", "cubist", "dots", "halftone", "ink", "mosaic", "print", "strokes", "watercolor"];
+const FRAMES_PER_LOOK: usize = 5;
+const N_FRAMES: usize = LOOKS.len() * FRAMES_PER_LOOK;
+
+fn main() -> Result<()> {
+    let out = env::args().nth(1).unwrap_or_else(|| "out/demo".into());
+    let out = Path::new(&out);
+    fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
+    let (begun, mut app) = (Instant::now(), windowless_app());
+    let assets = app.world().resource::<AssetServer>().clone();
+    let target = Image::new_target_texture(960, 540, TextureFormat::Rgba8UnormSrgb, None);
+    let target = app.world_mut().resource_mut::<Assets<Image>>().add(target);
+    let (lens, film) = (PerspectiveProjection { fov: 0.66, ..default() }, RenderTarget::from(target.clone()));
+    // Splats have soft edges: more samples than one would change nothing but the time they take.
+    let camera = (Camera3d::default(), film, Projection::from(lens), Msaa::Off, Tonemapping::None);
+    let camera = app.world_mut().spawn(camera).id();
+    let scene: Handle<GaussianScene> = assets.load("demo.sgs");
+    let splats = app.world_mut().spawn((GaussianSplats(scene.clone()), StyleSource::none())).id();
+    while !app.world().resource::<Assets<GaussianScene>>().contains(&scene) {
+        step(&mut app)?;
+    }
+    for frame in 0..N_FRAMES {
+        let look = frame / FRAMES_PER_LOOK;
+        if look > 0 && frame % FRAMES_PER_LOOK == 0 {
+            let style = assets.load(format!("styles/{}.style.safetensors", LOOKS[look]));
+            app.world_mut().entity_mut(splats).insert(StyleSource::preset(style));
+            while !step(&mut app)? {}
+        }
+        let around = Quat::from_rotation_y(TAU * frame as f32 / N_FRAMES as f32);
+        let eye = Transform::from_translation(around * Vec3::new(0.0, 4.3, 12.3))
+            .looking_at(0.1 * Vec3::Y, Vec3::Y);
+        app.world_mut().entity_mut(camera).insert(eye);
+        let save = screenshot::save_to_disk(out.join(format!("{frame:03}.png")));
+        app.world_mut().spawn(screenshot::Screenshot::image(target.clone())).observe(save);
+        step(&mut app)?;
+        println!("{:>3} of {N_FRAMES}: {}", frame + 1, LOOKS[look]);
+    }
+    // Pictures come back from the GPU a few frames late.
+    while app.world_mut().query::<&screenshot::Screenshot>().iter(app.world()).next().is_some() {
+        step(&mut app)?;
+    }
+    contact_sheet(out)?.save(out.join("sheet.png"))?;
+    println!("{} and {N_FRAMES} frames in {:.0?}", out.join("sheet.png").display(), begun.elapsed());
+    Ok(())
+}
+
+/// Everything but a window and its events.
+fn windowless_app() -> App {
+    let window = WindowPlugin {
+        primary_window: None,
+        exit_condition: bevy::window::ExitCondition::DontExit,
+        ..default()
+    };
+    let files = AssetPlugin { file_path: ASSETS.into(), ..default() };
+    let mut app = App::new();
+    // Every frame is kept: none may go without what is still being compiled.
+    let drawing = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
+    let splats = StyleGaussianPlugin { synchronous_pipeline_compilation: true, ..default() };
+    app.add_plugins((DefaultPlugins.set(window).set(files).set(drawing).disable::<WinitPlugin>(), splats));
+    app.add_systems(Startup, backdrop::spawn);
+    while app.plugins_state() == PluginsState::Adding {
+        bevy::tasks::tick_global_task_pools_on_main_thread();
+    }
+    app.finish();
+    app.cleanup();
+    app
+}
+
+/// Draws one frame; says whether a style was applied in it.
+fn step(app: &mut App) -> Result<bool> {
+    app.update();
+    let world = app.world_mut();
+    let no_scene = world.resource_mut::<Messages<SceneFailed>>().drain().next().map(|m| m.error.to_string());
+    let no_style = world.resource_mut::<Messages<StyleFailed>>().drain().next().map(|m| m.error.to_string());
+    if let Some(error) = no_scene.or(no_style) {
+        bail!(error);
+    }
+    let is_applied = world.resource_mut::<Messages<StyleApplied>>().drain().next().is_some();
+    app.should_exit().map_or(Ok(is_applied), |exit| bail!("the renderer gave up: {exit:?}"))
+}
+
+/// The middle frame of each look, its painting beside it, in three columns.
+fn contact_sheet(out: &Path) -> Result<RgbImage> {
+    let mut sheet = RgbImage::from_pixel(3 * 764 + 8, 3 * 278 + 8, image::Rgb([22, 27, 38]));
+    let mut paste = |path: &Path, width: u32, x: i64, y: i64| -> Result<()> {
+        let picture = image::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+        imageops::replace(&mut sheet, &imageops::thumbnail(&picture.into_rgb8(), width, 270), x, y);
+        Ok(())
+    };
+    for (index, look) in LOOKS.iter().enumerate() {
+        let (x, y) = (8 + 764 * (index as i64 % 3), 8 + 278 * (index as i64 / 3));
+        let paintings =
+            ["jpg", "png"].map(|ending| Path::new(ASSETS).join(format!("styles/{look}.{ending}")));
+        let painting = paintings.iter().find(|path| path.exists());
+        let frame = out.join(format!("{:03}.png", index * FRAMES_PER_LOOK + FRAMES_PER_LOOK / 2));
+        paste(&frame, 480, if painting.is_some() { x } else { x + 138 }, y)?;
+        painting.map_or(Ok(()), |painting| paste(painting, 270, x + 486, y))?;
+    }
+    Ok(sheet)
+}

@@ -1,0 +1,85 @@
+//! Splats among meshes: lit cubes that circle in front of a styled scene, behind it and through it. What is nearer covers
+//! what is farther, on both sides; the pane of glass, drawn after the splats, tints them where it is in front.
+//!
+//! ```sh
+//! cargo run --release --example meshes
+//! ```
+
+use std::f32::consts::TAU;
+
+use bevy::prelude::*;
+use bevy_stylegaussian::{GaussianSplats, StyleGaussianPlugin, StyleSource};
+
+#[path = "backdrop/mod.rs"]
+mod backdrop;
+
+const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
+
+/// A circle around the scene's middle that an entity follows.
+#[derive(Component)]
+struct Circle {
+    /// In scene units; the scene's own radius is about 4.6.
+    radius: f32,
+    height: f32,
+    /// Against the horizontal, in radians.
+    tilt: f32,
+    /// Rounds per second.
+    speed: f32,
+    /// Where it begins, in rounds.
+    start: f32,
+}
+
+fn main() -> AppExit {
+    App::new()
+        .add_plugins(DefaultPlugins.set(AssetPlugin { file_path: ASSETS.into(), ..default() }))
+        .add_plugins(StyleGaussianPlugin::default())
+        .add_systems(Startup, (spawn_scene, spawn_cubes, backdrop::spawn))
+        .add_systems(Update, follow_circles)
+        .run()
+}
+
+fn spawn_scene(mut commands: Commands, assets: Res<AssetServer>) {
+    let camera = Transform::from_xyz(0.0, 4.5, 12.0).looking_at(Vec3::ZERO, Vec3::Y);
+    commands.spawn((Camera3d::default(), AmbientLight { brightness: 400.0, ..default() }, camera));
+    commands.spawn((
+        DirectionalLight { illuminance: 8_000.0, ..default() },
+        Transform::from_xyz(4.0, 8.0, 6.0).looking_at(Vec3::ZERO, Vec3::Y),
+    ));
+    commands.spawn((
+        GaussianSplats(assets.load("demo.sgs")),
+        StyleSource::preset(assets.load("styles/watercolor.style.safetensors")),
+    ));
+}
+
+fn spawn_cubes(
+    mut commands: Commands,
+    mut meshes: ResMut<Assets<Mesh>>,
+    mut materials: ResMut<Assets<StandardMaterial>>,
+) {
+    let cube = meshes.add(Cuboid::from_length(1.0));
+    let pane = meshes.add(Cuboid::new(2.2, 2.2, 0.06));
+    let around = Circle { radius: 5.6, height: 0.4, tilt: 0.0, speed: 0.06, start: 0.25 };
+    let opposite = Circle { start: 0.75, ..around };
+    let through = Circle { radius: 2.6, height: 0.3, tilt: 0.5, speed: 0.09, start: 0.2 };
+    let glass = Circle { radius: 6.0, height: 0.8, tilt: 0.0, speed: 0.06, start: 0.38 };
+    let mut material = |base_color, alpha_mode| {
+        materials.add(StandardMaterial { base_color, alpha_mode, perceptual_roughness: 0.4, ..default() })
+    };
+    let red = material(Color::srgb(0.85, 0.20, 0.15), AlphaMode::Opaque);
+    let yellow = material(Color::srgb(0.95, 0.70, 0.15), AlphaMode::Opaque);
+    let blue = material(Color::srgb(0.15, 0.40, 0.85), AlphaMode::Opaque);
+    let tinted = material(Color::srgba(0.30, 0.90, 0.60, 0.35), AlphaMode::Blend);
+    commands.spawn((around, Mesh3d(cube.clone()), MeshMaterial3d(red)));
+    commands.spawn((opposite, Mesh3d(cube.clone()), MeshMaterial3d(yellow)));
+    commands.spawn((through, Mesh3d(cube), MeshMaterial3d(blue)));
+    commands.spawn((glass, Mesh3d(pane), MeshMaterial3d(tinted)));
+}
+
+fn follow_circles(mut circles: Query<(&Circle, &mut Transform)>, time: Res<Time>) {
+    for (circle, mut transform) in &mut circles {
+        let angle = TAU * (circle.start + circle.speed * time.elapsed_secs());
+        let level = Vec3::new(circle.radius * angle.cos(), circle.height, circle.radius * angle.sin());
+        transform.translation = Quat::from_rotation_z(circle.tilt) * level;
+        transform.rotation = Quat::from_rotation_y(-angle) * Quat::from_rotation_x(0.5 * angle);
+    }
+}

@@ -1,0 +1,116 @@
+//! Two eyes side by side. Both look straight ahead, parallel; what lies at the distance of the screen is brought together
+//! by asymmetric frusta, as headsets and good stereo pictures do it, not by turning the eyes. Look at the left picture
+//! with the left eye and at the right one with the right eye. Parallel eyes see every splat at the same depth, so both blend
+//! them in the same order.
+//!
+//! ```sh
+//! cargo run --release --example stereo
+//! ```
+
+use bevy::{
+    camera::{CameraProjection, SubCameraView, Viewport},
+    math::Vec3A,
+    prelude::*,
+    window::WindowResized,
+};
+use bevy_stylegaussian::{GaussianSplats, StyleGaussianPlugin, StyleSource};
+
+#[path = "backdrop/mod.rs"]
+mod backdrop;
+
+const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
+
+/// Between the eyes, in scene units: a thirtieth of the way to the screen is comfortable.
+const EYE_DISTANCE: f32 = 0.4;
+/// From the eyes to the plane that both see at the same place of their pictures.
+const SCREEN_DISTANCE: f32 = 12.0;
+
+/// A perspective whose axis is off the picture's middle. All but `near` are tangents: lengths at distance 1.
+#[derive(Clone, Debug)]
+struct OffAxis {
+    /// Half the picture's width and height.
+    half_size: Vec2,
+    /// Where the picture's middle is seen from the eye.
+    middle: Vec2,
+    near: f32,
+}
+
+impl CameraProjection for OffAxis {
+    /// Reverse z, without a far plane, as Bevy's own perspective.
+    fn get_clip_from_view(&self) -> Mat4 {
+        let (scale, shift) = (self.half_size.recip(), self.middle / self.half_size);
+        Mat4::from_cols(
+            Vec4::new(scale.x, 0.0, 0.0, 0.0),
+            Vec4::new(0.0, scale.y, 0.0, 0.0),
+            Vec4::new(shift.x, shift.y, 0.0, -1.0),
+            Vec4::new(0.0, 0.0, self.near, 0.0),
+        )
+    }
+
+    fn get_clip_from_view_for_sub(&self, sub: &SubCameraView) -> Mat4 {
+        let (full, size) = (sub.full_size.as_vec2(), sub.size.as_vec2());
+        let middle = (2.0 * sub.offset + size) / full - 1.0;
+        let crop = Mat4::from_scale((full / size).extend(1.0))
+            * Mat4::from_translation(Vec3::new(-middle.x, middle.y, 0.0));
+        crop * self.get_clip_from_view()
+    }
+
+    fn update(&mut self, width: f32, height: f32) {
+        self.half_size.x = self.half_size.y * width / height;
+    }
+
+    fn far(&self) -> f32 {
+        1_000.0
+    }
+
+    fn get_frustum_corners(&self, z_near: f32, z_far: f32) -> [Vec3A; 8] {
+        let corners = [vec2(1.0, -1.0), vec2(1.0, 1.0), vec2(-1.0, 1.0), vec2(-1.0, -1.0)];
+        let at = |z: f32| {
+            corners.map(|corner| ((self.middle + corner * self.half_size) * z.abs()).extend(z).into())
+        };
+        let ([a, b, c, d], [e, f, g, h]) = (at(z_near), at(z_far));
+        [a, b, c, d, e, f, g, h]
+    }
+}
+
+fn main() -> AppExit {
+    App::new()
+        .add_plugins(DefaultPlugins.set(AssetPlugin { file_path: ASSETS.into(), ..default() }))
+        .add_plugins(StyleGaussianPlugin::default())
+        .add_systems(Startup, (setup, backdrop::spawn))
+        .add_systems(Update, place_eyes)
+        .run()
+}
+
+fn setup(mut commands: Commands, assets: Res<AssetServer>) {
+    let style = assets.load("styles/dots.style.safetensors");
+    commands.spawn((GaussianSplats(assets.load("demo.sgs")), StyleSource::preset(style)));
+    let head = Transform::from_xyz(0.0, 4.5, 11.0).looking_at(Vec3::ZERO, Vec3::Y);
+    commands.spawn((head, Visibility::default())).with_children(|head| {
+        for (order, x) in [-0.5 * EYE_DISTANCE, 0.5 * EYE_DISTANCE].into_iter().enumerate() {
+            let middle = Vec2::new(-x / SCREEN_DISTANCE, 0.0);
+            let eye = OffAxis { half_size: Vec2::splat(0.4), middle, near: 0.1 };
+            head.spawn((
+                Camera3d::default(),
+                Camera { order: order as isize, ..default() },
+                Projection::custom(eye),
+                Transform::from_xyz(x, 0.0, 0.0),
+            ));
+        }
+    });
+}
+
+/// Gives each eye its half of the window.
+fn place_eyes(
+    mut eyes: Query<&mut Camera>,
+    window: Single<&Window>,
+    mut resized: MessageReader<WindowResized>,
+) {
+    if resized.read().last().is_some() {
+        let half = (window.physical_size() / UVec2::new(2, 1)).max(UVec2::ONE);
+        for mut eye in &mut eyes {
+            let physical_position = UVec2::new(half.x * eye.order as u32, 0);
+            eye.viewport = Some(Viewport { physical_position, physical_size: half, ..default() });
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! A scene restyled at the press of a key: 1 to 8 for the shipped styles, 0 for none. The old look stays until the new one
+//! is complete, then fades into it.
+//!
+//! ```sh
+//! cargo run --release --example switch_style
+//! ```
+
+use std::time::Duration;
+
+use bevy::prelude::*;
+use bevy_stylegaussian::{
+    GaussianSplats, StyleApplied, StyleFailed, StyleGaussianPlugin, StyleSource, StyleTransition,
+};
+
+#[path = "backdrop/mod.rs"]
+mod backdrop;
+
+const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
+
+/// The keys, and the styles in `assets/styles` that they apply.
+const STYLES: [(KeyCode, &str); 8] = [
+    (KeyCode::Digit1, "cubist"),
+    (KeyCode::Digit2, "dots"),
+    (KeyCode::Digit3, "halftone"),
+    (KeyCode::Digit4, "ink"),
+    (KeyCode::Digit5, "mosaic"),
+    (KeyCode::Digit6, "print"),
+    (KeyCode::Digit7, "strokes"),
+    (KeyCode::Digit8, "watercolor"),
+];
+
+fn main() -> AppExit {
+    let window = Window { title: "Press 1 to 8 for a style, 0 for none".into(), ..default() };
+    App::new()
+        .add_plugins(
+            DefaultPlugins
+                .set(AssetPlugin { file_path: ASSETS.into(), ..default() })
+                .set(WindowPlugin { primary_window: Some(window), ..default() }),
+        )
+        .add_plugins(StyleGaussianPlugin::default())
+        .add_systems(Startup, (setup, backdrop::spawn))
+        .add_systems(Update, (switch, turn))
+        .add_observer(|applied: On<StyleApplied>| info!("restyled after {:?}", applied.elapsed))
+        .add_observer(|failed: On<StyleFailed>| error!("{}", failed.error))
+        .run()
+}
+
+fn setup(mut commands: Commands, assets: Res<AssetServer>) {
+    commands
+        .spawn((Camera3d::default(), Transform::from_xyz(0.0, 4.5, 11.0).looking_at(Vec3::ZERO, Vec3::Y)));
+    commands.spawn((
+        GaussianSplats(assets.load("demo.sgs")),
+        StyleSource::none(),
+        StyleTransition { duration: Duration::from_millis(800) },
+    ));
+}
+
+/// Changing the component is all that restyling takes.
+fn switch(mut source: Single<&mut StyleSource>, keys: Res<ButtonInput<KeyCode>>, assets: Res<AssetServer>) {
+    if keys.just_pressed(KeyCode::Digit0) {
+        **source = StyleSource::none();
+    }
+    for (key, style) in STYLES {
+        if keys.just_pressed(key) {
+            **source = StyleSource::preset(assets.load(format!("styles/{style}.style.safetensors")));
+        }
+    }
+}
+
+fn turn(mut splats: Single<&mut Transform, With<GaussianSplats>>, time: Res<Time>) {
+    splats.rotate_y(0.15 * time.delta_secs());
+}

@@ -1,0 +1,152 @@
+//! A camera that orbits a point, looks around, pans and flies.
+
+use std::f32::consts::FRAC_PI_2;
+
+use bevy::{
+    camera::{CameraOutputMode, Viewport, visibility::RenderLayers},
+    core_pipeline::tonemapping::Tonemapping,
+    input::mouse::{AccumulatedMouseMotion, AccumulatedMouseScroll, MouseScrollUnit},
+    prelude::*,
+    render::render_resource::BlendState,
+};
+use bevy_egui::PrimaryEguiContext;
+
+use crate::{panel::Panel, scene::ShownScene};
+
+/// Full vertical angle of view, in radians: about a 60 mm lens.
+const FIELD_OF_VIEW: f32 = 0.7;
+/// Radians per pixel that the mouse moves.
+const TURN: f32 = 0.006;
+/// Part of the distance that one step of the wheel goes.
+const ZOOM: f32 = 0.12;
+/// Part of the distance that flying covers per second.
+const SPEED: f32 = 0.5;
+/// A slower frame counts as this long, in seconds, so that nobody flies past everything in one.
+const LONGEST_STEP: f32 = 0.25;
+
+/// Where the camera is: at `distance` from `target`, to the side that `yaw` and `pitch` (radians) say.
+#[derive(Component, Clone, Default)]
+pub struct Orbit {
+    target: Vec3,
+    distance: f32,
+    yaw: f32,
+    pitch: f32,
+}
+
+impl Orbit {
+    /// Shows all of a scene, a little from above.
+    pub fn frame(&mut self, scene: &ShownScene) {
+        let (center, radius) = scene.extent;
+        let distance = 0.85 * radius / (0.5 * FIELD_OF_VIEW).sin();
+        *self = Self { target: scene.world_from_scene() * center, distance, yaw: 0.0, pitch: 0.35 };
+    }
+
+    fn rotation(&self) -> Quat {
+        Quat::from_rotation_y(self.yaw) * Quat::from_rotation_x(-self.pitch)
+    }
+
+    fn transform(&self) -> Transform {
+        let rotation = self.rotation();
+        Transform::from_translation(self.target + rotation * Vec3::Z * self.distance).with_rotation(rotation)
+    }
+
+    fn turn(&mut self, by: Vec2) {
+        self.yaw -= by.x * TURN;
+        self.pitch = (self.pitch + by.y * TURN).clamp(0.01 - FRAC_PI_2, FRAC_PI_2 - 0.01);
+    }
+}
+
+/// One camera for the scene, in the part of the window that the panel leaves, and one over it for the panel.
+pub fn spawn(mut commands: Commands) {
+    commands.spawn((
+        Camera3d::default(),
+        Projection::from(PerspectiveProjection { fov: FIELD_OF_VIEW, near: 0.02, ..default() }),
+        // Splats have soft edges and nothing else here has any: more samples would change nothing but the time they take.
+        Msaa::Off,
+        Tonemapping::None,
+        Orbit { distance: 10.0, ..default() },
+    ));
+    commands.spawn((
+        PrimaryEguiContext,
+        Camera2d,
+        Msaa::Off,
+        RenderLayers::none(),
+        Camera {
+            order: 1,
+            output_mode: CameraOutputMode::Write {
+                blend_state: Some(BlendState::ALPHA_BLENDING),
+                clear_color: ClearColorConfig::None,
+            },
+            clear_color: ClearColorConfig::Custom(Color::NONE),
+            ..default()
+        },
+    ));
+}
+
+/// Left: orbit. Right: look around. Middle: pan. Wheel: zoom.
+pub fn drag(
+    buttons: Res<ButtonInput<MouseButton>>,
+    motion: Res<AccumulatedMouseMotion>,
+    scroll: Res<AccumulatedMouseScroll>,
+    mut orbit: Single<&mut Orbit>,
+) {
+    if scroll.delta.y != 0.0 {
+        let pixels_per_step = if scroll.unit == MouseScrollUnit::Pixel { 40.0 } else { 1.0 };
+        orbit.distance *= (-ZOOM * scroll.delta.y / pixels_per_step).exp();
+    }
+    if motion.delta == Vec2::ZERO {
+        return;
+    }
+    if buttons.pressed(MouseButton::Left) {
+        orbit.turn(motion.delta);
+    } else if buttons.pressed(MouseButton::Right) {
+        let eye = orbit.transform().translation;
+        orbit.turn(0.5 * motion.delta);
+        orbit.target = eye - orbit.rotation() * Vec3::Z * orbit.distance;
+    } else if buttons.pressed(MouseButton::Middle) {
+        let shift = Vec3::new(-motion.delta.x, motion.delta.y, 0.0) * orbit.distance * 0.001;
+        orbit.target = orbit.target + orbit.rotation() * shift;
+    }
+}
+
+/// W A S D in the direction of view, Q and E down and up, Shift for haste; F for the whole scene.
+pub fn fly(
+    keys: Res<ButtonInput<KeyCode>>,
+    time: Res<Time>,
+    scene: Res<ShownScene>,
+    mut orbit: Single<&mut Orbit>,
+) {
+    if keys.just_pressed(KeyCode::KeyF) {
+        orbit.frame(&scene);
+    }
+    let axis = |forth, back| f32::from(keys.pressed(forth)) - f32::from(keys.pressed(back));
+    let ahead = Vec3::new(axis(KeyCode::KeyD, KeyCode::KeyA), 0.0, axis(KeyCode::KeyS, KeyCode::KeyW));
+    let step = orbit.rotation() * ahead + Vec3::Y * axis(KeyCode::KeyE, KeyCode::KeyQ);
+    if step != Vec3::ZERO {
+        let haste = if keys.pressed(KeyCode::ShiftLeft) { 4.0 } else { 1.0 };
+        let seconds = time.delta_secs().min(LONGEST_STEP);
+        orbit.target = orbit.target + step * orbit.distance * SPEED * haste * seconds;
+    }
+}
+
+/// Puts the camera where it is to be, and its picture beside the panel.
+pub fn place(
+    camera: Single<(&Orbit, &mut Transform, &mut Camera)>,
+    window: Single<&Window>,
+    panel: Res<Panel>,
+) {
+    let (orbit, mut transform, mut camera) = camera.into_inner();
+    transform.set_if_neq(orbit.transform());
+    let left = (panel.width() * window.scale_factor()).round() as u32;
+    let size = window.physical_size();
+    let viewport = (left > 0 && left < size.x && size.y > 0).then(|| Viewport {
+        physical_position: UVec2::new(left, 0),
+        physical_size: UVec2::new(size.x - left, size.y),
+        ..default()
+    });
+    let rect =
+        |viewport: &Option<Viewport>| viewport.as_ref().map(|v| (v.physical_position, v.physical_size));
+    if rect(&camera.viewport) != rect(&viewport) {
+        camera.viewport = viewport;
+    }
+}

@@ -1,0 +1,94 @@
+//! Files that come in: from the command line, dropped on the window, or named in the panel.
+
+use std::path::{Path, PathBuf, absolute};
+
+use bevy::{prelude::*, window::FileDragAndDrop};
+
+use crate::{panel::Notice, scene::ShownScene, styles::Styles};
+
+/// What the command line names.
+#[derive(Resource)]
+pub struct CommandLine {
+    pub scene: PathBuf,
+    pub styles: Vec<PathBuf>,
+}
+
+/// A file is to be opened, whatever it is.
+#[derive(Message)]
+pub struct OpenFile(pub PathBuf);
+
+enum Kind {
+    Scene,
+    Style,
+}
+
+/// What a file is, by its name.
+fn kind(path: &Path) -> Option<Kind> {
+    let name = path.file_name()?.to_str()?.to_ascii_lowercase();
+    if name.ends_with(".style.safetensors") {
+        return Some(Kind::Style);
+    }
+    match name.rsplit_once('.')?.1 {
+        "sgs" | "ply" => Some(Kind::Scene),
+        "jpg" | "jpeg" | "png" => Some(Kind::Style),
+        _ => None,
+    }
+}
+
+/// Opens what the command line names: the scene, and its styles in equal parts.
+pub fn open_arguments(
+    arguments: Res<CommandLine>,
+    assets: Res<AssetServer>,
+    mut shown: ResMut<ShownScene>,
+    mut styles: ResMut<Styles>,
+) {
+    shown.load(&from_here(&arguments.scene), &assets);
+    let n_listed = styles.list.len();
+    for path in &arguments.styles {
+        styles.add(&from_here(path), &assets);
+    }
+    for style in &mut styles.list[n_listed..] {
+        style.weight = 1.0;
+    }
+}
+
+/// Opens what is dropped on the window.
+pub fn take_dropped(mut drops: MessageReader<FileDragAndDrop>, mut opened: MessageWriter<OpenFile>) {
+    for drop in drops.read() {
+        if let FileDragAndDrop::DroppedFile { path_buf, .. } = drop {
+            opened.write(OpenFile(path_buf.clone()));
+        }
+    }
+}
+
+/// Scenes replace the one that is shown, styles are listed and applied.
+pub fn open(
+    mut opened: MessageReader<OpenFile>,
+    assets: Res<AssetServer>,
+    mut shown: ResMut<ShownScene>,
+    mut styles: ResMut<Styles>,
+    mut notice: ResMut<Notice>,
+) {
+    for OpenFile(path) in opened.read() {
+        let path = from_here(path);
+        notice.clear();
+        match kind(&path) {
+            _ if !path.is_file() => notice.fail(format!("{}: there is no such file", path.display())),
+            Some(Kind::Scene) => shown.load(&path, &assets),
+            Some(Kind::Style) => {
+                styles.add(&path, &assets);
+                let last = styles.list.len() - 1;
+                styles.select(Some(last));
+            }
+            None => notice.fail(format!(
+                "{}: expected a scene (.sgs, .ply), an image (.jpg, .png) or a .style.safetensors",
+                path.display()
+            )),
+        }
+    }
+}
+
+/// The path from the root, as relative ones would be looked for among the app's own files.
+fn from_here(path: &Path) -> PathBuf {
+    absolute(path).unwrap_or_else(|_| path.to_owned())
+}

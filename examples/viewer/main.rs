@@ -1,0 +1,90 @@
+//! The viewer: any captured scene, restyled with a click.
+//!
+//! ```sh
+//! cargo run --release --example viewer [SCENE] [STYLE...]    # default: the demo scene, as it was captured
+//! ```
+//!
+//! `SCENE` is a `.sgs` or `.ply` file, a `STYLE` a `.style.safetensors` or, where `STYLEGAUSSIAN_ENCODER` names an encoder,
+//! a `.jpg` or `.png` image; several are mixed in equal parts. All of them can also be dropped on the window, or opened by
+//! their path in the panel.
+//!
+//! Left drag orbits, right drag looks around, middle drag pans, the wheel zooms; W A S D fly, Q and E sink and rise, Shift
+//! hastens; F brings the whole scene back. Keys 1 to 8 apply the first eight styles, 0 none; F1 hides the panel.
+
+use std::{env, path::PathBuf};
+
+use bevy::{asset::UnapprovedPathMode, diagnostic::FrameTimeDiagnosticsPlugin, prelude::*};
+use bevy_egui::{
+    EguiGlobalSettings, EguiPlugin, EguiPrimaryContextPass,
+    input::{egui_wants_any_keyboard_input, egui_wants_any_pointer_input},
+};
+use bevy_stylegaussian::StyleGaussianPlugin;
+
+#[path = "../backdrop/mod.rs"]
+mod backdrop;
+mod camera;
+mod files;
+mod panel;
+mod save;
+mod scene;
+mod styles;
+mod tile;
+
+/// The repository's own files.
+const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
+
+fn main() -> AppExit {
+    let mut arguments = env::args_os().skip(1).map(PathBuf::from).peekable();
+    if arguments.peek().is_some_and(|first| first.as_os_str().to_string_lossy().starts_with('-')) {
+        println!(
+            "Usage: viewer [SCENE] [STYLE...]\n\nSCENE: .sgs, .ply    STYLE: .style.safetensors, .jpg, .png"
+        );
+        return AppExit::Success;
+    }
+    let scene = arguments.next().unwrap_or_else(|| PathBuf::from(ASSETS).join("demo.sgs"));
+    let window = Window { title: "StyleGaussian".into(), ..default() };
+    // The user's files lie outside of the app's folder.
+    let files = AssetPlugin {
+        file_path: ASSETS.into(),
+        unapproved_path_mode: UnapprovedPathMode::Allow,
+        ..default()
+    };
+    App::new()
+        .add_plugins(
+            DefaultPlugins.set(files).set(WindowPlugin { primary_window: Some(window), ..default() }),
+        )
+        .add_plugins((StyleGaussianPlugin::default(), EguiPlugin::default()))
+        .add_plugins(FrameTimeDiagnosticsPlugin::default())
+        .insert_resource(EguiGlobalSettings { auto_create_primary_context: false, ..default() })
+        .insert_resource(files::CommandLine { scene, styles: arguments.collect() })
+        .init_resource::<panel::Panel>()
+        .init_resource::<panel::Notice>()
+        .init_resource::<panel::LastTransfer>()
+        .init_resource::<save::Saving>()
+        .add_message::<files::OpenFile>()
+        .add_message::<save::Save>()
+        .add_systems(Startup, backdrop::spawn)
+        .add_systems(
+            Startup,
+            (styles::list_shipped, scene::spawn, camera::spawn, files::open_arguments).chain(),
+        )
+        .add_systems(
+            Update,
+            (
+                (files::take_dropped, files::open, scene::show_loaded).chain(),
+                (styles::press_keys, panel::toggle).run_if(not(egui_wants_any_keyboard_input)),
+                (save::take_screenshot, save::save_scene, save::finish_scene).chain(),
+                camera::fly.run_if(not(egui_wants_any_keyboard_input)),
+                camera::drag.run_if(not(egui_wants_any_pointer_input)),
+            ),
+        )
+        .add_systems(
+            PostUpdate,
+            (styles::apply, scene::turn_up, camera::place).before(TransformSystems::Propagate),
+        )
+        .add_systems(EguiPrimaryContextPass, panel::draw)
+        .add_observer(panel::note_applied)
+        .add_observer(panel::note_failed_style)
+        .add_observer(panel::note_failed_scene)
+        .run()
+}

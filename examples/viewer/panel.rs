@@ -1,0 +1,330 @@
+//! The panel: styles, mix, files, statistics, and what went wrong.
+
+use std::{path::PathBuf, time::Duration};
+
+use bevy::{
+    diagnostic::{DiagnosticPath, DiagnosticsStore, FrameTimeDiagnosticsPlugin},
+    ecs::system::SystemParam,
+    prelude::*,
+    render::renderer::RenderAdapterInfo,
+};
+use bevy_egui::{EguiContexts, EguiTextureHandle, egui};
+use bevy_stylegaussian::{SceneFailed, StyleApplied, StyleBackend, StyleFailed};
+use egui::{Color32, ComboBox, Grid, LayerId, RichText, ScrollArea, Slider, TextEdit, Ui, UiBuilder};
+
+use crate::{
+    files::OpenFile,
+    save::{Save, Saving},
+    scene::{AXES, ShownScene},
+    styles::Styles,
+    tile::{self, Picture, Tile},
+};
+
+/// In points: three paintings and what is between them.
+const WIDTH: f32 = 3.0 * tile::SIZE + 41.0;
+const ERROR: Color32 = Color32::from_rgb(255, 120, 105);
+const DONE: Color32 = Color32::from_rgb(140, 210, 140);
+
+/// The panel itself.
+#[derive(Resource, Default)]
+pub struct Panel {
+    is_hidden: bool,
+    /// Hidden for the sake of a picture.
+    is_omitted: bool,
+    /// What is written in the field for a path.
+    path: String,
+}
+
+impl Panel {
+    /// The part of the window that it takes, in points.
+    pub fn width(&self) -> f32 {
+        if self.is_hidden || self.is_omitted { 0.0 } else { WIDTH }
+    }
+
+    /// Leaves it out of the next frame.
+    pub fn omit_once(&mut self) {
+        self.is_omitted = true;
+    }
+}
+
+/// The last thing to tell: an error, or that something was saved.
+#[derive(Resource, Default)]
+pub struct Notice(Option<Result<String, String>>);
+
+impl Notice {
+    /// Says what went wrong.
+    pub fn fail(&mut self, error: String) {
+        error!("{error}");
+        self.0 = Some(Err(error));
+    }
+
+    /// Says where something was saved, or why not.
+    pub fn tell_saved(&mut self, saved: Result<PathBuf, String>) {
+        match saved {
+            Ok(path) => self.0 = Some(Ok(format!("Saved {}", path.display()))),
+            Err(error) => self.fail(error),
+        }
+    }
+
+    /// Nothing to tell.
+    pub fn clear(&mut self) {
+        self.0 = None;
+    }
+}
+
+/// How long the last change of style took, and where it was computed.
+#[derive(Resource, Default)]
+pub struct LastTransfer(Option<(Duration, StyleBackend)>);
+
+/// Notes how long a style took, and that an earlier error no longer holds.
+pub fn note_applied(applied: On<StyleApplied>, mut last: ResMut<LastTransfer>, mut notice: ResMut<Notice>) {
+    last.0 = Some((applied.elapsed, applied.backend));
+    notice.clear();
+}
+
+/// Shows why a style could not be applied.
+pub fn note_failed_style(failed: On<StyleFailed>, mut notice: ResMut<Notice>) {
+    notice.fail(failed.error.to_string());
+}
+
+/// Shows why a scene cannot be drawn.
+pub fn note_failed_scene(failed: On<SceneFailed>, mut notice: ResMut<Notice>) {
+    notice.fail(failed.error.to_string());
+}
+
+/// F1 hides the panel and brings it back.
+pub fn toggle(keys: Res<ButtonInput<KeyCode>>, mut panel: ResMut<Panel>) {
+    if keys.just_pressed(KeyCode::F1) {
+        panel.is_hidden = !panel.is_hidden;
+    }
+}
+
+/// All that the panel shows and changes.
+#[derive(SystemParam)]
+pub struct Shown<'w> {
+    panel: ResMut<'w, Panel>,
+    styles: ResMut<'w, Styles>,
+    scene: ResMut<'w, ShownScene>,
+    notice: ResMut<'w, Notice>,
+    saving: Res<'w, Saving>,
+    transfer: Res<'w, LastTransfer>,
+    adapter: Res<'w, RenderAdapterInfo>,
+    diagnostics: Res<'w, DiagnosticsStore>,
+    opened: MessageWriter<'w, OpenFile>,
+    saved: MessageWriter<'w, Save>,
+}
+
+/// Draws the panel at the window's left.
+pub fn draw(mut contexts: EguiContexts, mut shown: Shown, images: Res<Assets<Image>>) -> Result {
+    if std::mem::take(&mut shown.panel.is_omitted) || shown.panel.is_hidden {
+        return Ok(());
+    }
+    let pictures: Vec<_> = shown
+        .styles
+        .list
+        .iter()
+        .map(|style| {
+            let picture = style.picture.as_ref()?;
+            let ratio = images.get(picture)?.aspect_ratio().ratio();
+            let texture = contexts.add_image(EguiTextureHandle::Strong(picture.clone()));
+            Some(Picture { texture, ratio })
+        })
+        .collect();
+    let ctx = contexts.ctx_mut()?;
+    // Where software draws, a press and its release may be frames of a second apart.
+    ctx.options_mut(|options| options.input_options.max_click_duration = 5.0);
+    let whole = UiBuilder::new().layer_id(LayerId::background()).max_rect(ctx.viewport_rect());
+    let mut window = Ui::new(ctx.clone(), "window".into(), whole);
+    egui::Panel::left("panel").exact_size(WIDTH).resizable(false).show(&mut window, |ui| {
+        ScrollArea::vertical().show(ui, |ui| {
+            ui.spacing_mut().item_spacing.y = 5.0;
+            scene(ui, &mut shown);
+            ui.separator();
+            paintings(ui, &mut shown.styles, &pictures);
+            ui.separator();
+            mix(ui, &mut shown.styles);
+            ui.separator();
+            save(ui, &mut shown);
+            ui.separator();
+            statistics(ui, &shown);
+            controls(ui);
+        });
+    });
+    notice(&mut window, &mut shown.notice);
+    Ok(())
+}
+
+/// The scene's name, what is up in it, and the field to open another.
+fn scene(ui: &mut Ui, shown: &mut Shown) {
+    ui.horizontal(|ui| {
+        match &shown.scene.loading {
+            Some((path, _)) => {
+                ui.spinner();
+                ui.label(path.file_name().unwrap_or_default().to_string_lossy());
+            }
+            None => {
+                ui.heading(&shown.scene.name);
+            }
+        }
+        let up = AXES.iter().find(|(_, axis)| *axis == shown.scene.up);
+        let current = up.map_or("tilted", |&(name, _)| name);
+        let before = shown.scene.up;
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            let said = if shown.scene.up_is_told { "as its file says" } else { "its file does not say" };
+            ComboBox::from_id_salt("up")
+                .width(48.0)
+                .selected_text(current)
+                .show_ui(ui, |ui| {
+                    for (name, axis) in AXES {
+                        ui.selectable_value(&mut shown.scene.up, axis, name);
+                    }
+                })
+                .response
+                .on_hover_text(said);
+            ui.label("up");
+        });
+        if shown.scene.up != before {
+            shown.scene.up_is_told = false;
+        }
+    });
+    ui.horizontal(|ui| {
+        let hint = "scene, image or style: drop it, or its path";
+        let field =
+            ui.add(TextEdit::singleline(&mut shown.panel.path).hint_text(hint).desired_width(WIDTH - 78.0));
+        let entered = field.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+        if (ui.button("Open").clicked() || entered) && !shown.panel.path.trim().is_empty() {
+            shown.opened.write(OpenFile(shown.panel.path.trim().into()));
+        }
+    });
+}
+
+/// Every style with its weight, after the scene's own colors.
+fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
+    let total = styles.total();
+    let mut selected = None;
+    let n_tiles = styles.list.len() + 1;
+    for first in (0..n_tiles).step_by(3) {
+        ui.horizontal(|ui| {
+            for number in first..(first + 3).min(n_tiles) {
+                ui.vertical(|ui| {
+                    let Some(index) = number.checked_sub(1) else {
+                        let own = Tile {
+                            caption: "0  unstyled",
+                            picture: None,
+                            is_used: total == 0.0,
+                            percent: None,
+                        };
+                        if tile::draw(ui, &own) {
+                            selected = Some(None);
+                        }
+                        return;
+                    };
+                    let style = &mut styles.list[index];
+                    let key = if number <= 8 { format!("{number}  ") } else { String::new() };
+                    let is_used = style.weight > 0.0;
+                    let tile = Tile {
+                        caption: &format!("{key}{}", style.name),
+                        picture: pictures[index],
+                        is_used,
+                        percent: is_used.then(|| 100.0 * style.weight / total),
+                    };
+                    if tile::draw(ui, &tile) {
+                        selected = Some(Some(index));
+                    }
+                    tile::weight(ui, &mut style.weight);
+                });
+            }
+        });
+    }
+    if let Some(selected) = selected {
+        styles.select(selected);
+    }
+}
+
+/// What else there is to a style.
+fn mix(ui: &mut Ui, styles: &mut Styles) {
+    ui.spacing_mut().slider_width = WIDTH - 170.0;
+    Grid::new("mix").num_columns(2).show(ui, |ui| {
+        ui.label("content").on_hover_text("how much of the scene's own features stays");
+        ui.add(Slider::new(&mut styles.content, 0.0..=1.0).fixed_decimals(2));
+        ui.end_row();
+        ui.label("fade").on_hover_text("from look to look");
+        ui.add(Slider::new(&mut styles.fade_in_seconds, 0.0..=3.0).fixed_decimals(1).suffix(" s"));
+        ui.end_row();
+    });
+}
+
+/// The buttons that save.
+fn save(ui: &mut Ui, shown: &mut Shown) {
+    ui.horizontal(|ui| {
+        ui.label("save");
+        if ui.button("picture").clicked() {
+            shown.saved.write(Save::Screenshot);
+        }
+        ui.add_enabled_ui(!shown.saving.is_under_way(), |ui| {
+            for extension in ["ply", "sgs"] {
+                let button = ui.button(format!("scene .{extension}"));
+                if button.on_hover_text("in the colors that it is shown in").clicked() {
+                    shown.saved.write(Save::Scene(extension));
+                }
+            }
+        });
+        if shown.saving.is_under_way() {
+            ui.spinner();
+        }
+    });
+}
+
+/// What there is to tell, over the picture.
+fn notice(window: &mut Ui, notice: &mut Notice) {
+    let Some(told) = &notice.0 else { return };
+    let (text, color) = match told {
+        Ok(text) => (text, DONE),
+        Err(text) => (text, ERROR),
+    };
+    let corner = window.max_rect().left_bottom() + egui::vec2(WIDTH + 14.0, -14.0);
+    let area = egui::Area::new("notice".into()).pivot(egui::Align2::LEFT_BOTTOM).fixed_pos(corner);
+    let shown = area.show(window.ctx(), |ui| {
+        egui::Frame::popup(ui.style()).inner_margin(10.0).show(ui, |ui| {
+            ui.set_max_width((window.max_rect().width() - WIDTH - 60.0).min(620.0));
+            ui.add(egui::Label::new(RichText::new(text).color(color)).wrap());
+        });
+    });
+    if shown.response.interact(egui::Sense::click()).on_hover_text("click to dismiss").clicked() {
+        notice.clear();
+    }
+}
+
+fn statistics(ui: &mut Ui, shown: &Shown) {
+    let smoothed =
+        |path: &DiagnosticPath| shown.diagnostics.get(path).and_then(|diagnostic| diagnostic.smoothed());
+    let frame = smoothed(&FrameTimeDiagnosticsPlugin::FRAME_TIME).unwrap_or(0.0);
+    let rate = smoothed(&FrameTimeDiagnosticsPlugin::FPS).unwrap_or(0.0);
+    let transfer = shown.transfer.0.map_or_else(
+        || "-".to_owned(),
+        |(elapsed, backend)| format!("{:.0} ms, {backend:?}", 1e3 * elapsed.as_secs_f32()),
+    );
+    let adapter = format!("{} ({:?})", shown.adapter.name, shown.adapter.backend);
+    let rows = [
+        ("Gaussians", shown.scene.n_gaussians.to_string()),
+        ("transfer", transfer),
+        ("frame", format!("{frame:.1} ms, {rate:.1} fps")),
+        ("adapter", adapter),
+    ];
+    Grid::new("statistics").num_columns(2).spacing([14.0, 2.0]).show(ui, |ui| {
+        for (name, value) in rows {
+            ui.weak(name);
+            ui.add(egui::Label::new(value).truncate());
+            ui.end_row();
+        }
+    });
+}
+
+fn controls(ui: &mut Ui) {
+    ui.collapsing("mouse and keys", |ui| {
+        ui.weak(
+            "drag: orbit (right: look, middle: pan)\nwheel: zoom    W A S D Q E, Shift: fly    F: all of it",
+        );
+        ui.weak("1 to 8: style    0: none    F1: hide this panel");
+    });
+}

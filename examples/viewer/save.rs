@@ -1,0 +1,108 @@
+//! Saving what is shown: a picture of it, or the scene in its present colors.
+
+use std::{fs, path::PathBuf};
+
+use bevy::{
+    prelude::*,
+    render::view::screenshot::{Screenshot, ScreenshotCaptured},
+    tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
+};
+use bevy_stylegaussian::{AppliedStyle, GaussianScene, GaussianSplats};
+use stylegaussian::file::write_scene;
+
+use crate::{
+    panel::{Notice, Panel},
+    scene::ShownScene,
+};
+
+/// Where files go, in the folder that the viewer was started in.
+const FOLDER: &str = "out/viewer";
+
+/// What is to be saved.
+#[derive(Message, Clone, Copy, PartialEq)]
+pub enum Save {
+    /// A picture of the window without the panel.
+    Screenshot,
+    /// The scene, as a file with this extension.
+    Scene(&'static str),
+}
+
+/// A scene that is being written.
+#[derive(Resource, Default)]
+pub struct Saving(Option<Task<Result<PathBuf, String>>>);
+
+impl Saving {
+    /// Whether one is.
+    pub fn is_under_way(&self) -> bool {
+        self.0.is_some()
+    }
+}
+
+/// Takes a picture of a frame that is drawn without the panel.
+pub fn take_screenshot(
+    mut wishes: MessageReader<Save>,
+    mut panel: ResMut<Panel>,
+    shown: Res<ShownScene>,
+    mut commands: Commands,
+) {
+    if !wishes.read().any(|wish| *wish == Save::Screenshot) {
+        return;
+    }
+    panel.omit_once();
+    let name = shown.name.clone();
+    commands.spawn(Screenshot::primary_window()).observe(
+        move |captured: On<ScreenshotCaptured>, mut notice: ResMut<Notice>| {
+            let saved = new_path(&name, "png").and_then(|path| {
+                let picture = captured.image.clone().try_into_dynamic().map_err(|error| error.to_string())?;
+                picture.to_rgb8().save(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+                Ok(path)
+            });
+            notice.tell_saved(saved);
+        },
+    );
+}
+
+/// Writes the scene in the background: where the GPU styled it, its colors are computed anew.
+pub fn save_scene(
+    mut wishes: MessageReader<Save>,
+    shown: Res<ShownScene>,
+    scenes: Res<Assets<GaussianScene>>,
+    splats: Single<(&GaussianSplats, Option<&AppliedStyle>)>,
+    mut saving: ResMut<Saving>,
+) {
+    let extension = wishes.read().find_map(|wish| match wish {
+        Save::Scene(extension) => Some(*extension),
+        Save::Screenshot => None,
+    });
+    let (splats, style) = *splats;
+    let (Some(extension), Some(scene)) = (extension, scenes.get(&splats.0)) else { return };
+    let (name, scene, style) = (shown.name.clone(), scene.scene().clone(), style.cloned());
+    saving.0 = Some(AsyncComputeTaskPool::get().spawn(async move {
+        let path = new_path(&name, extension)?;
+        match style {
+            Some(style) => {
+                let styled = style.styled_scene().map_err(|error| error.to_string())?;
+                write_scene(&path, &styled)
+            }
+            None => write_scene(&path, &scene),
+        }
+        .map_err(|error| error.to_string())?;
+        Ok(path)
+    }));
+}
+
+/// Says where the scene was written.
+pub fn finish_scene(mut saving: ResMut<Saving>, mut notice: ResMut<Notice>) {
+    if let Some(saved) = saving.0.as_mut().and_then(|task| block_on(poll_once(task))) {
+        saving.0 = None;
+        notice.tell_saved(saved);
+    }
+}
+
+/// A path that no file has yet, named after the scene.
+fn new_path(scene: &str, extension: &str) -> Result<PathBuf, String> {
+    fs::create_dir_all(FOLDER).map_err(|error| format!("{FOLDER}: {error}"))?;
+    let stem = scene.rsplit_once('.').map_or(scene, |(stem, _)| stem);
+    let mut paths = (1..).map(|number| PathBuf::from(format!("{FOLDER}/{stem}_{number:03}.{extension}")));
+    paths.find(|path| !path.exists()).ok_or_else(|| format!("{FOLDER} is full"))
+}

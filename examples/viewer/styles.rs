@@ -1,0 +1,108 @@
+//! The styles there are to choose from, and how much of each the scene shows.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use bevy::prelude::*;
+use bevy_stylegaussian::{StyleInput, StyleSource, StyleTransition};
+
+use crate::ASSETS;
+
+/// Statistics that `stylegaussian style` made.
+const PRESET: &str = ".style.safetensors";
+
+/// One style of the panel.
+pub struct Style {
+    pub name: String,
+    pub input: StyleInput,
+    /// The painting, where there is one.
+    pub picture: Option<Handle<Image>>,
+    /// Its part in the mix, 0..1, before the parts are normalized.
+    pub weight: f32,
+}
+
+/// All styles, and how they are mixed.
+#[derive(Resource, Default)]
+pub struct Styles {
+    pub list: Vec<Style>,
+    /// How much of the content's own features stays, 0..1.
+    pub content: f32,
+    /// How long a look fades into the next.
+    pub fade_in_seconds: f32,
+}
+
+impl Styles {
+    /// Appends a file: statistics, with the picture of the same name where one lies beside them, or an image.
+    pub fn add(&mut self, path: &Path, assets: &AssetServer) {
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        let picture = picture_of(path).map(|picture| assets.load::<Image>(picture));
+        let (input, name) = match (name.strip_suffix(PRESET), &picture) {
+            (Some(stem), _) => (StyleInput::Preset(assets.load(path.to_owned())), stem.to_owned()),
+            (None, Some(image)) => (StyleInput::Image(image.clone()), name),
+            (None, None) => return,
+        };
+        self.list.push(Style { name, input, picture, weight: 0.0 });
+    }
+
+    /// Shows one style alone, or none.
+    pub fn select(&mut self, selected: Option<usize>) {
+        for (index, style) in self.list.iter_mut().enumerate() {
+            style.weight = if Some(index) == selected { 1.0 } else { 0.0 };
+        }
+    }
+
+    /// The sum of all weights, which they are normalized by.
+    pub fn total(&self) -> f32 {
+        self.list.iter().map(|style| style.weight).sum()
+    }
+
+    fn source(&self) -> StyleSource {
+        let used = self.list.iter().filter(|style| style.weight > 0.0);
+        StyleSource::mix(used.map(|style| (style.input.clone(), style.weight))).with_content(self.content)
+    }
+}
+
+/// The image that a style file is, or that lies beside its statistics.
+fn picture_of(path: &Path) -> Option<PathBuf> {
+    let whole = path.to_string_lossy();
+    let Some(stem) = whole.strip_suffix(PRESET) else { return Some(path.to_owned()) };
+    ["jpg", "jpeg", "png"]
+        .map(|extension| PathBuf::from(format!("{stem}.{extension}")))
+        .into_iter()
+        .find(|p| p.exists())
+}
+
+/// Lists `assets/styles`.
+pub fn list_shipped(mut commands: Commands, assets: Res<AssetServer>) {
+    let folder = fs::read_dir(Path::new(ASSETS).join("styles")).into_iter().flatten().flatten();
+    let mut presets: Vec<_> = folder.map(|entry| entry.path()).collect();
+    presets.retain(|path| path.to_string_lossy().ends_with(PRESET));
+    presets.sort();
+    let mut styles = Styles { fade_in_seconds: 0.5, ..default() };
+    for preset in presets {
+        styles.add(&preset, &assets);
+    }
+    commands.insert_resource(styles);
+}
+
+/// 1 to 8 for one of the first eight styles, 0 for none.
+pub fn press_keys(keys: Res<ButtonInput<KeyCode>>, mut styles: ResMut<Styles>) {
+    use KeyCode::{Digit0, Digit1, Digit2, Digit3, Digit4, Digit5, Digit6, Digit7, Digit8};
+    for (number, key) in
+        [Digit0, Digit1, Digit2, Digit3, Digit4, Digit5, Digit6, Digit7, Digit8].into_iter().enumerate()
+    {
+        if keys.just_pressed(key) {
+            styles.select(number.checked_sub(1));
+        }
+    }
+}
+
+/// Hands the mix to the scene, where it differs from what the scene was told before.
+pub fn apply(styles: Res<Styles>, scene: Single<(&mut StyleSource, &mut StyleTransition)>) {
+    let (mut source, mut transition) = scene.into_inner();
+    source.set_if_neq(styles.source());
+    transition.set_if_neq(StyleTransition { duration: Duration::from_secs_f32(styles.fade_in_seconds) });
+}
