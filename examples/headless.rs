@@ -10,7 +10,8 @@ use std::{env, f32::consts::TAU, fs, path::Path, time::Instant};
 use anyhow::{Context, Result, bail};
 use bevy::{
     app::PluginsState, camera::RenderTarget, core_pipeline::tonemapping::Tonemapping, prelude::*,
-    render::render_resource::TextureFormat, render::view::screenshot, winit::WinitPlugin,
+    render::RenderPlugin, render::render_resource::TextureFormat, render::view::screenshot,
+    winit::WinitPlugin,
 };
 use bevy_stylegaussian::{
     GaussianScene, GaussianSplats, SceneFailed, StyleApplied, StyleFailed, StyleGaussianPlugin, StyleSource,
@@ -52,8 +53,8 @@ fn main() -> Result<()> {
             while !step(&mut app)? {}
         }
         let around = Quat::from_rotation_y(TAU * frame as f32 / N_FRAMES as f32);
-        let eye =
-            Transform::from_translation(around * Vec3::new(0.0, 4.2, 11.5)).looking_at(Vec3::ZERO, Vec3::Y);
+        let eye = Transform::from_translation(around * Vec3::new(0.0, 4.3, 12.3))
+            .looking_at(0.1 * Vec3::Y, Vec3::Y);
         app.world_mut().entity_mut(camera).insert(eye);
         let save = screenshot::save_to_disk(out.join(format!("{frame:03}.png")));
         app.world_mut().spawn(screenshot::Screenshot::image(target.clone())).observe(save);
@@ -78,8 +79,11 @@ fn windowless_app() -> App {
     };
     let files = AssetPlugin { file_path: ASSETS.into(), ..default() };
     let mut app = App::new();
-    app.add_plugins(DefaultPlugins.set(window).set(files).disable::<WinitPlugin>());
-    app.add_plugins(StyleGaussianPlugin::default()).add_systems(Startup, backdrop::spawn);
+    // Every frame is kept: none may go without what is still being compiled.
+    let drawing = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
+    let splats = StyleGaussianPlugin { synchronous_pipeline_compilation: true, ..default() };
+    app.add_plugins((DefaultPlugins.set(window).set(files).set(drawing).disable::<WinitPlugin>(), splats));
+    app.add_systems(Startup, backdrop::spawn);
     while app.plugins_state() == PluginsState::Adding {
         bevy::tasks::tick_global_task_pools_on_main_thread();
     }
@@ -103,20 +107,20 @@ fn step(app: &mut App) -> Result<bool> {
 
 /// The middle frame of each look, its painting beside it, in three columns.
 fn contact_sheet(out: &Path) -> Result<RgbImage> {
-    let mut sheet = RgbImage::from_pixel(3 * 750, 3 * 270, image::Rgb([24, 31, 44]));
+    let mut sheet = RgbImage::from_pixel(3 * 764 + 8, 3 * 278 + 8, image::Rgb([22, 27, 38]));
     let mut paste = |path: &Path, width: u32, x: i64, y: i64| -> Result<()> {
         let picture = image::open(path).with_context(|| format!("cannot read {}", path.display()))?;
         imageops::replace(&mut sheet, &imageops::thumbnail(&picture.into_rgb8(), width, 270), x, y);
         Ok(())
     };
     for (index, look) in LOOKS.iter().enumerate() {
-        let (x, y) = (750 * (index as i64 % 3), 270 * (index as i64 / 3));
-        paste(&out.join(format!("{:03}.png", index * FRAMES_PER_LOOK + FRAMES_PER_LOOK / 2)), 480, x, y)?;
+        let (x, y) = (8 + 764 * (index as i64 % 3), 8 + 278 * (index as i64 / 3));
         let paintings =
             ["jpg", "png"].map(|ending| Path::new(ASSETS).join(format!("styles/{look}.{ending}")));
-        if let Some(painting) = paintings.iter().find(|path| path.exists()) {
-            paste(painting, 270, x + 480, y)?;
-        }
+        let painting = paintings.iter().find(|path| path.exists());
+        let frame = out.join(format!("{:03}.png", index * FRAMES_PER_LOOK + FRAMES_PER_LOOK / 2));
+        paste(&frame, 480, if painting.is_some() { x } else { x + 138 }, y)?;
+        painting.map_or(Ok(()), |painting| paste(painting, 270, x + 486, y))?;
     }
     Ok(sheet)
 }

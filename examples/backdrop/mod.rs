@@ -9,11 +9,11 @@ const RADIUS: f32 = 400.0;
 
 /// sRGB colors at heights of the unit sphere, from straight down to straight up.
 const FADE: [(f32, Vec3); 5] = [
-    (-1.0, Vec3::new(0.09, 0.13, 0.22)),
-    (-0.55, Vec3::new(0.18, 0.27, 0.40)),
-    (0.0, Vec3::new(0.62, 0.73, 0.82)),
-    (0.12, Vec3::new(0.80, 0.84, 0.86)),
-    (1.0, Vec3::new(0.30, 0.50, 0.76)),
+    (-1.0, Vec3::new(0.17, 0.23, 0.34)),
+    (-0.55, Vec3::new(0.29, 0.39, 0.52)),
+    (0.0, Vec3::new(0.71, 0.79, 0.85)),
+    (0.12, Vec3::new(0.86, 0.88, 0.87)),
+    (1.0, Vec3::new(0.36, 0.55, 0.78)),
 ];
 
 /// A startup system. A camera with `Tonemapping::None` shows the sky's colors as they stand here.

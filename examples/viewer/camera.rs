@@ -37,7 +37,7 @@ impl Orbit {
     /// Shows all of a scene, a little from above.
     pub fn frame(&mut self, scene: &ShownScene) {
         let (center, radius) = scene.extent;
-        let distance = 0.75 * radius / (0.5 * FIELD_OF_VIEW).sin();
+        let distance = 0.85 * radius / (0.5 * FIELD_OF_VIEW).sin();
         *self = Self { target: scene.world_from_scene() * center, distance, yaw: 0.0, pitch: 0.35 };
     }
 

@@ -17,11 +17,11 @@ use crate::{
     save::{Save, Saving},
     scene::{AXES, ShownScene},
     styles::Styles,
-    tile::{self, Picture},
+    tile::{self, Picture, Tile},
 };
 
 /// In points: three paintings and what is between them.
-const WIDTH: f32 = 3.0 * tile::SIZE + 56.0;
+const WIDTH: f32 = 3.0 * tile::SIZE + 41.0;
 const ERROR: Color32 = Color32::from_rgb(255, 120, 105);
 const DONE: Color32 = Color32::from_rgb(140, 210, 140);
 
@@ -131,6 +131,8 @@ pub fn draw(mut contexts: EguiContexts, mut shown: Shown, images: Res<Assets<Ima
         })
         .collect();
     let ctx = contexts.ctx_mut()?;
+    // Where software draws, a press and its release may be frames of a second apart.
+    ctx.options_mut(|options| options.input_options.max_click_duration = 5.0);
     let whole = UiBuilder::new().layer_id(LayerId::background()).max_rect(ctx.viewport_rect());
     let mut window = Ui::new(ctx.clone(), "window".into(), whole);
     egui::Panel::left("panel").exact_size(WIDTH).resizable(false).show(&mut window, |ui| {
@@ -143,12 +145,12 @@ pub fn draw(mut contexts: EguiContexts, mut shown: Shown, images: Res<Assets<Ima
             mix(ui, &mut shown.styles);
             ui.separator();
             save(ui, &mut shown);
-            notice(ui, &mut shown.notice);
             ui.separator();
             statistics(ui, &shown);
             controls(ui);
         });
     });
+    notice(&mut window, &mut shown.notice);
     Ok(())
 }
 
@@ -206,15 +208,27 @@ fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
             for number in first..(first + 3).min(n_tiles) {
                 ui.vertical(|ui| {
                     let Some(index) = number.checked_sub(1) else {
-                        if tile::painting(ui, "0  unstyled", None, if total > 0.0 { 0.0 } else { 1.0 }) {
+                        let own = Tile {
+                            caption: "0  unstyled",
+                            picture: None,
+                            is_used: total == 0.0,
+                            percent: None,
+                        };
+                        if tile::draw(ui, &own) {
                             selected = Some(None);
                         }
                         return;
                     };
                     let style = &mut styles.list[index];
                     let key = if number <= 8 { format!("{number}  ") } else { String::new() };
-                    let share = if total > 0.0 { style.weight / total } else { 0.0 };
-                    if tile::painting(ui, &format!("{key}{}", style.name), pictures[index], share) {
+                    let is_used = style.weight > 0.0;
+                    let tile = Tile {
+                        caption: &format!("{key}{}", style.name),
+                        picture: pictures[index],
+                        is_used,
+                        percent: is_used.then(|| 100.0 * style.weight / total),
+                    };
+                    if tile::draw(ui, &tile) {
                         selected = Some(Some(index));
                     }
                     tile::weight(ui, &mut style.weight);
@@ -261,14 +275,22 @@ fn save(ui: &mut Ui, shown: &mut Shown) {
     });
 }
 
-fn notice(ui: &mut Ui, notice: &mut Notice) {
+/// What there is to tell, over the picture.
+fn notice(window: &mut Ui, notice: &mut Notice) {
     let Some(told) = &notice.0 else { return };
     let (text, color) = match told {
         Ok(text) => (text, DONE),
         Err(text) => (text, ERROR),
     };
-    let label = ui.add(egui::Label::new(RichText::new(text).color(color)).wrap().sense(egui::Sense::click()));
-    if label.on_hover_text("click to dismiss").clicked() {
+    let corner = window.max_rect().left_bottom() + egui::vec2(WIDTH + 14.0, -14.0);
+    let area = egui::Area::new("notice".into()).pivot(egui::Align2::LEFT_BOTTOM).fixed_pos(corner);
+    let shown = area.show(window.ctx(), |ui| {
+        egui::Frame::popup(ui.style()).inner_margin(10.0).show(ui, |ui| {
+            ui.set_max_width((window.max_rect().width() - WIDTH - 60.0).min(620.0));
+            ui.add(egui::Label::new(RichText::new(text).color(color)).wrap());
+        });
+    });
+    if shown.response.interact(egui::Sense::click()).on_hover_text("click to dismiss").clicked() {
         notice.clear();
     }
 }

@@ -1,11 +1,11 @@
 //! One style in the panel: its painting, to be clicked, and its part in the mix, to be dragged.
 
 use bevy_egui::egui::{
-    Align2, Color32, FontId, Rect, Sense, Slider, Stroke, StrokeKind, TextureId, Ui, Vec2, pos2, vec2,
+    Align2, Color32, FontId, Mesh, Rect, Sense, Slider, Stroke, StrokeKind, TextureId, Ui, Vec2, pos2, vec2,
 };
 
 /// Width and height of a painting, in points.
-pub const SIZE: f32 = 92.0;
+pub const SIZE: f32 = 97.0;
 const CAPTION: f32 = 18.0;
 const ROUNDING: u8 = 5;
 const ACCENT: Color32 = Color32::from_rgb(255, 178, 62);
@@ -18,29 +18,39 @@ pub struct Picture {
     pub ratio: f32,
 }
 
-/// Draws the painting; `share` is its part of the mix, 0..1. Says whether it was clicked.
-pub fn painting(ui: &mut Ui, caption: &str, picture: Option<Picture>, share: f32) -> bool {
+/// What is drawn on a tile.
+pub struct Tile<'a> {
+    pub caption: &'a str,
+    /// None for the scene's own colors, or while it is being loaded.
+    pub picture: Option<Picture>,
+    /// Whether the scene shows it.
+    pub is_used: bool,
+    /// Its part of the mix.
+    pub percent: Option<f32>,
+}
+
+/// Draws a tile; says whether it was clicked.
+pub fn draw(ui: &mut Ui, tile: &Tile) -> bool {
     let (rect, response) = ui.allocate_exact_size(Vec2::splat(SIZE), Sense::click());
     let painter = ui.painter_at(rect.expand(2.0));
-    match picture {
+    match tile.picture {
         Some(picture) => {
             painter.image(picture.texture, rect, middle_square(picture.ratio), Color32::WHITE);
         }
         None => {
-            painter.rect_filled(rect, ROUNDING, Color32::from_gray(58));
+            painter.add(land_and_sky(rect));
         }
     }
     let strip = Rect::from_min_max(pos2(rect.left(), rect.bottom() - CAPTION), rect.max);
-    painter.rect_filled(strip, 0, Color32::from_black_alpha(150));
+    painter.rect_filled(strip, 0, Color32::from_black_alpha(215));
     let font = FontId::proportional(11.5);
-    let label = vec2(5.0, -0.5 * CAPTION);
-    painter.text(rect.left_bottom() + label, Align2::LEFT_CENTER, caption, font.clone(), Color32::WHITE);
-    if share > 0.0 {
-        let percent = format!("{:.0}%", 100.0 * share);
-        let corner = rect.right_bottom() + vec2(-5.0, -0.5 * CAPTION);
-        painter.text(corner, Align2::RIGHT_CENTER, percent, font, ACCENT);
-    }
-    let (width, color) = match (share > 0.0, response.hovered()) {
+    let percent = tile.percent.map_or_else(String::new, |percent| format!("{percent:.0}%"));
+    let right = rect.right_bottom() + vec2(-5.0, -0.5 * CAPTION);
+    let percent = painter.text(right, Align2::RIGHT_CENTER, percent, font.clone(), ACCENT);
+    let left = rect.left_bottom() + vec2(5.0, -0.5 * CAPTION);
+    let beside = Rect::from_min_max(strip.min, pos2(percent.left() - 3.0, strip.bottom()));
+    painter.with_clip_rect(beside).text(left, Align2::LEFT_CENTER, tile.caption, font, Color32::WHITE);
+    let (width, color) = match (tile.is_used, response.hovered()) {
         (true, _) => (3.0, ACCENT),
         (false, true) => (2.0, Color32::WHITE),
         (false, false) => (1.0, Color32::from_gray(90)),
@@ -53,6 +63,26 @@ pub fn painting(ui: &mut Ui, caption: &str, picture: Option<Picture>, share: f32
 pub fn weight(ui: &mut Ui, weight: &mut f32) {
     ui.spacing_mut().slider_width = SIZE;
     ui.add(Slider::new(weight, 0.0..=1.0).show_value(false)).on_hover_text("its part in the mix");
+}
+
+/// What stands for a scene as it was captured: blue above, green below.
+fn land_and_sky(rect: Rect) -> Mesh {
+    let sky = [Color32::from_rgb(92, 140, 199), Color32::from_rgb(219, 224, 222)];
+    let land = [Color32::from_rgb(122, 160, 74), Color32::from_rgb(52, 96, 40)];
+    let mut mesh = Mesh::default();
+    for (index, (y, color)) in
+        [(0.0, sky[0]), (0.5, sky[1]), (0.5, land[0]), (1.0, land[1])].into_iter().enumerate()
+    {
+        let y = rect.top() + y * rect.height();
+        mesh.colored_vertex(pos2(rect.left(), y), color);
+        mesh.colored_vertex(pos2(rect.right(), y), color);
+        if index % 2 == 1 {
+            let corner = 2 * index as u32 - 2;
+            mesh.add_triangle(corner, corner + 1, corner + 2);
+            mesh.add_triangle(corner + 1, corner + 2, corner + 3);
+        }
+    }
+    mesh
 }
 
 /// The part of a texture that fills a square.

@@ -25,12 +25,18 @@
 //! - What comes back, as messages and to observers: [`StyleApplied`], [`StyleFailed`], [`SceneFailed`]; on the entity
 //!   [`AppliedStyle`], which can save what is shown.
 
+#[cfg(test)]
+extern crate self as bevy_stylegaussian;
+
 mod asset;
 mod loader;
 mod pipeline;
 mod plugin;
 mod splats;
 mod style;
+#[cfg(test)]
+#[path = "../tests/world/mod.rs"]
+mod world;
 
 pub use asset::{GaussianDecoder, GaussianScene, StyleStatistics};
 pub use plugin::{StyleGaussianPlugin, StyleGaussianSystems};

@@ -5,7 +5,7 @@ mod world;
 use std::time::Duration;
 
 use bevy::{
-    asset::RenderAssetUsages,
+    asset::{AssetPlugin, RenderAssetUsages},
     prelude::*,
     render::render_resource::{Extent3d, TextureDimension, TextureFormat},
 };
@@ -13,7 +13,12 @@ use bevy_stylegaussian::{
     AppliedStyle, GaussianDecoder, GaussianSplats, SceneFailed, StyleApplied, StyleBackend, StyleDecoder,
     StyleEncoder, StyleError, StyleFailed, StyleInput, StyleSource, StyleTransition,
 };
-use stylegaussian::{ChannelStatistics, Scene, fold};
+use stylegaussian::{ChannelStatistics, Scene, file, fold};
+use stylegaussian_encoder::{
+    Encoder, StyleSize,
+    onnx::{ChainWriter, Convolution},
+    style_statistics,
+};
 use world::*;
 
 /// What the CPU makes of a mix, by the model's own functions.
@@ -156,6 +161,58 @@ fn an_image_without_an_encoder_says_what_to_do() {
     assert!(failed.error.to_string().contains("no/such/encoder.onnx"), "{}", failed.error);
 }
 
+/// An image whose left half is of another color than its right.
+fn halves(left: [u8; 3], right: [u8; 3]) -> Image {
+    let extent = Extent3d { width: 16, height: 16, depth_or_array_layers: 1 };
+    let (format, usages) = (TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::default());
+    let mut image = Image::new_fill(extent, TextureDimension::D2, &[0; 4], format, usages);
+    for (i, pixel) in image.data.as_mut().unwrap().chunks_exact_mut(4).enumerate() {
+        let [r, g, b] = if i % 16 < 8 { left } else { right };
+        pixel.copy_from_slice(&[r, g, b, 255]);
+    }
+    image
+}
+
+/// An encoder of 8 channels, which is how many the small scenes have: one convolution and its ReLU.
+fn small_encoder() -> Vec<u8> {
+    let mut next = numbers(77);
+    let convolution = Convolution {
+        shape: [8, 3, 3, 3],
+        weight: (0..8 * 27).map(|_| 0.3 * next()).collect(),
+        bias: (0..8).map(|_| 0.5 + next()).collect(),
+    };
+    ChainWriter::new(3).reflect().convolution(&convolution, 0).relu().finish()
+}
+
+#[test]
+fn images_are_encoded_and_again_when_they_change() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("small.onnx");
+    std::fs::write(&path, small_encoder()).unwrap();
+    let encoder = Encoder::open(&path).unwrap();
+
+    let mut app = app_without_rendering();
+    app.insert_resource(StyleEncoder::at(&path));
+    let mut scene = small_scene(32, 1);
+    scene.features.as_mut().unwrap().encoder = Some(encoder.id().clone());
+    let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
+    let (red, blue) = ([250, 10, 30], [20, 40, 230]);
+    let image = add(&mut app, halves(red, blue));
+    let entity = app.world_mut().spawn((splats, StyleSource::image(image.clone()))).id();
+    let check = |app: &mut App, image: Image| {
+        until_applied(app);
+        let image = image.try_into_dynamic().unwrap().into();
+        let statistics = style_statistics(&encoder, &image, StyleSize::default()).unwrap();
+        assert_eq!(colors(app.world(), entity).unwrap(), expected(&scene, &[(&statistics, 1.0)], 0.0));
+    };
+    check(&mut app, halves(red, blue));
+    let before = colors(app.world(), entity).unwrap();
+    // What a hot reload does.
+    app.world_mut().resource_mut::<Assets<Image>>().insert(&image, halves(blue, [255; 3])).unwrap();
+    check(&mut app, halves(blue, [255; 3]));
+    assert_ne!(colors(app.world(), entity).unwrap(), before);
+}
+
 #[test]
 fn wrong_weights_keep_the_look() {
     let mut app = app_without_rendering();
@@ -258,4 +315,71 @@ fn scenes_that_cannot_be_are_refused() {
         let failed: Vec<_> = world.resource_mut::<Messages<SceneFailed>>().drain().collect();
         failed.iter().any(|event| event.error.to_string().contains("no_such_scene.sgs"))
     });
+}
+
+/// Scenes, statistics and decoders from files; broken ones are named.
+#[test]
+fn files_load_and_broken_ones_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    let (scene, style) = (small_scene(40, 1), small_style(1));
+    file::write_scene(&path("scene.sgs"), &scene).unwrap();
+    file::write_scene(&path("plain.ply"), &scene).unwrap();
+    file::write_style(&path("a.style.safetensors"), &style).unwrap();
+    let decoder = small_scene(1, 9).decoder.unwrap();
+    file::write_decoder(&path("b.decoder.safetensors"), &decoder, file::Precision::F32).unwrap();
+    for name in ["broken.sgs", "broken.style.safetensors"] {
+        std::fs::write(path(name), b"no such thing").unwrap();
+    }
+    let file_path = dir.path().to_string_lossy().into_owned();
+    let mut app = app_with_assets(AssetPlugin { file_path, ..default() });
+    let assets = app.world().resource::<AssetServer>().clone();
+
+    let parts = (
+        GaussianSplats(assets.load("scene.sgs")),
+        StyleSource::preset(assets.load("a.style.safetensors")),
+        StyleDecoder(assets.load("b.decoder.safetensors")),
+    );
+    let entity = app.world_mut().spawn(parts).id();
+    until_applied(&mut app);
+    let read = Scene { decoder: Some(decoder), ..file::read_scene(&path("scene.sgs")).unwrap().scene };
+    assert_eq!(colors(app.world(), entity).unwrap(), expected(&read, &[(&style, 1.0)], 0.0));
+
+    *app.world_mut().get_mut::<StyleSource>(entity).unwrap() =
+        StyleSource::preset(assets.load("broken.style.safetensors"));
+    let message = until_failed(&mut app).error.to_string();
+    assert!(message.contains("broken.style.safetensors"), "{message}");
+
+    let plain: Handle<bevy_stylegaussian::GaussianScene> = assets.load("plain.ply");
+    update_until(&mut app, "plain.ply", |world| {
+        world.resource::<Assets<bevy_stylegaussian::GaussianScene>>().contains(&plain)
+    });
+    app.world_mut().spawn(GaussianSplats(assets.load("broken.sgs")));
+    update_until(&mut app, "SceneFailed", |world| {
+        let failed: Vec<_> = world.resource_mut::<Messages<SceneFailed>>().drain().collect();
+        failed.iter().any(|event| event.error.to_string().contains("broken.sgs"))
+    });
+}
+
+/// Editors and scene files know every component, resource, event and asset.
+#[test]
+fn public_types_are_registered() {
+    use bevy::ecs::reflect::{ReflectComponent, ReflectResource};
+    use bevy_stylegaussian as face;
+    let mut app = app_without_rendering();
+    let registry = app.world_mut().resource::<AppTypeRegistry>().read();
+    macro_rules! check {
+        ($data:ty: $($name:ident),*) => {$(
+            let registration = registry.get(std::any::TypeId::of::<face::$name>());
+            let registration = registration.expect(concat!(stringify!($name), " is not registered"));
+            assert!(registration.data::<$data>().is_some(), stringify!($name));
+        )*};
+        ($($name:ident),*) => {$(
+            assert!(registry.get(std::any::TypeId::of::<face::$name>()).is_some(), stringify!($name));
+        )*};
+    }
+    check!(ReflectComponent: GaussianSplats, StyleSource, StyleTransition, StyleDecoder, AppliedStyle, SplatTonemapping, SortKey);
+    check!(ReflectResource: StyleBackend, StyleEncoder, StylePassCount);
+    check!(GaussianScene, StyleStatistics, GaussianDecoder, StyleInput, WeightedStyle);
+    check!(StyleApplied, StyleFailed, SceneFailed);
 }

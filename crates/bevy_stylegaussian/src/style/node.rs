@@ -20,7 +20,7 @@ use crate::{
 use super::{
     event::StylePassCount,
     look::{FoldedStyle, GpuReport, GpuReports, LookColors},
-    looks::{CloudLook, CloudLooks},
+    looks::{CloudLook, CloudLooks, LookClock},
 };
 
 /// The pipelines of the style pass, and the scenes that it runs on, by the address of their packed inputs.
@@ -28,9 +28,14 @@ use super::{
 pub(super) struct StylePasses {
     pass: Option<Built<Arc<StylePass>>>,
     scenes: HashMap<usize, StyledScene>,
-    /// Whether a look waits for the pipelines.
-    waits: bool,
+    /// Whether every look is up to date; not on a new device, nor while one waits for the pipelines.
+    settled: bool,
+    /// When the last style pass ran, while its scratch memory is kept.
+    ran: Option<Duration>,
 }
+
+/// How long the memory that only style passes need is kept after the last: a slider that is dragged keeps asking.
+const SCRATCH_IS_KEPT: Duration = Duration::from_secs(2);
 
 struct StyledScene {
     /// Keeps the address taken.
@@ -54,17 +59,18 @@ pub(super) fn update_looks(
     at_once: Res<AtOnce>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    time: Res<Time>,
+    clock: Res<LookClock>,
     reports: Res<GpuReports>,
     count: Res<StylePassCount>,
     mut context: RenderContext,
 ) {
-    if !clouds.is_changed() && !looks.is_added() && !passes.waits {
+    passes.release_scratch(clock.0);
+    if passes.settled && !clouds.is_changed() {
         return;
     }
     looks.0.retain(|entity, _| clouds.0.contains_key(entity));
     passes.forget_unused(&clouds);
-    passes.waits = false;
+    passes.settled = true;
     for (&entity, cloud) in &clouds.0 {
         let look = looks.0.entry(entity).or_default();
         look.fit(cloud.scene.len());
@@ -78,12 +84,13 @@ pub(super) fn update_looks(
             LookColors::Rgb(rgb) => upload(device, &queue, look, rgb, cloud.fade).map(Some),
             LookColors::Folded(style) => {
                 let Some(pass) = passes.pass(at_once.0, device) else {
-                    passes.waits = true;
+                    passes.settled = false;
                     continue;
                 };
                 let mut gpu = Gpu { device, queue: &queue, encoder: context.command_encoder() };
                 let decoded = passes.decode(&pass, &mut gpu, style, look, cloud.fade);
                 if decoded.is_ok() {
+                    passes.ran = Some(clock.0);
                     count.add_one();
                     reports.push(GpuReport::Styled { entity: entity.id(), generation });
                 }
@@ -91,7 +98,7 @@ pub(super) fn update_looks(
             }
         };
         match shown {
-            Ok(index) => look.show(index, cloud.fade, time.elapsed(), generation),
+            Ok(index) => look.show(index, cloud.fade, clock.0, generation),
             Err(reason) => {
                 look.generation = Some(generation);
                 reports.push(GpuReport::StyleRefused { entity: entity.id(), generation, reason });
@@ -157,6 +164,14 @@ impl StylePasses {
         let weights = GpuDecoder::new(gpu.device, gpu.queue, &style.layers)?;
         pass.encode(gpu.device, gpu.encoder, &scene.scene, &weights, colors)?;
         Ok(())
+    }
+
+    /// Gives back what only style passes need, once there was none for a while.
+    fn release_scratch(&mut self, now: Duration) {
+        if self.ran.is_some_and(|ran| now > ran + SCRATCH_IS_KEPT) {
+            self.scenes.values().for_each(|scene| scene.scene.release_scratch());
+            self.ran = None;
+        }
     }
 
     /// Lets go of scenes that no look is decoded from.

@@ -22,6 +22,7 @@ use bevy::{
             TexelCopyBufferInfo, TexelCopyBufferLayout, TextureDimension, TextureFormat, TextureUsages,
         },
         renderer::{RenderDevice, RenderQueue},
+        settings::WgpuSettings,
         texture::GpuImage,
     },
     time::TimePlugin,
@@ -32,6 +33,11 @@ use bevy_stylegaussian::{StyleBackend, StyleGaussianPlugin};
 /// An app that renders without a window, in which any render error fails the test; `None`, loudly, where there is no
 /// adapter.
 pub fn app_with_rendering(backend: StyleBackend) -> Option<App> {
+    app_with_settings(backend, WgpuSettings::default())
+}
+
+/// As [`app_with_rendering`], on a device of these settings.
+pub fn app_with_settings(backend: StyleBackend, settings: WgpuSettings) -> Option<App> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let options = wgpu::RequestAdapterOptions::default();
     if bevy::tasks::block_on(instance.request_adapter(&options)).is_err() {
@@ -49,7 +55,11 @@ pub fn app_with_rendering(backend: StyleBackend) -> Option<App> {
         InputPlugin,
         WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() },
         AssetPlugin { file_path: assets.to_string_lossy().into_owned(), ..default() },
-        RenderPlugin { synchronous_pipeline_compilation: true, ..default() },
+        RenderPlugin {
+            render_creation: settings.into(),
+            synchronous_pipeline_compilation: true,
+            ..default()
+        },
         ImagePlugin::default(),
         MeshPlugin,
         CameraPlugin,
@@ -104,6 +114,14 @@ pub fn read_back(app: &App, image: &Handle<Image>) -> Vec<[f32; 4]> {
         texels.map(|texel| [0, 1, 2, 3].map(|i| f32::from(texel[i]) / 255.0))
     });
     pixels.collect()
+}
+
+/// How many allocations live on the device, and their bytes, once all its work is done; `None` where it does not tell.
+pub fn allocations(app: &App) -> Option<(usize, u64)> {
+    let device = app.sub_app(RenderApp).world().resource::<RenderDevice>();
+    device.poll(PollType::wait_indefinitely()).expect("the device answers");
+    let report = device.wgpu_device().generate_allocator_report()?;
+    Some((report.allocations.len(), report.total_allocated_bytes))
 }
 
 /// Peak signal-to-noise ratio of the chosen pixels' colors, in dB, for values of 0..1.

@@ -1,0 +1,210 @@
+//! The style pass in an app: what it computes, how often it runs, what it leaves behind.
+
+use std::path::Path;
+
+use bevy::{
+    prelude::*,
+    render::{
+        RenderApp,
+        renderer::{RenderAdapterInfo, RenderDevice, RenderQueue},
+        sync_world::MainEntity,
+    },
+};
+use stylegaussian::{
+    Scene,
+    file::{self, read_style},
+    fold,
+};
+
+use crate::{
+    GaussianSplats, StyleApplied, StyleBackend, StylePassCount, StyleSource, StyleTransition,
+    world::{rendering::*, *},
+};
+
+use super::{decoder::default_decoder, looks::CloudLooks};
+
+/// The colors that the GPU shows an entity in.
+fn shown(app: &App, entity: Entity) -> Option<Vec<[f32; 3]>> {
+    let world = app.sub_app(RenderApp).world();
+    let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
+    let colors = world.resource::<CloudLooks>().0.get(&MainEntity::from(entity))?.shown()?;
+    Some(colors.read(device.wgpu_device(), queue).unwrap())
+}
+
+fn until_applied(app: &mut App) -> StyleApplied {
+    let mut applied = Vec::new();
+    update_until(app, "StyleApplied", |world| {
+        applied.extend(world.resource_mut::<Messages<StyleApplied>>().drain());
+        !applied.is_empty()
+    });
+    applied.remove(0)
+}
+
+fn n_passes(app: &App) -> u64 {
+    app.world().resource::<StylePassCount>().get()
+}
+
+fn largest_difference(a: &[[f32; 3]], b: &[[f32; 3]]) -> f32 {
+    assert_eq!(a.len(), b.len());
+    a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+/// The shipped decoder on real features: some of the demo scene's Gaussians.
+#[test]
+fn gpu_matches_cpu() {
+    let Some(mut app) = app_with_rendering(StyleBackend::Gpu) else { return };
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
+    let demo = file::read_scene(&assets.join("demo.sgs")).unwrap().scene;
+    let scene = demo.subset(&(0..demo.len() as u32).step_by(64).collect::<Vec<_>>());
+    let style = read_style(&assets.join("styles/mosaic.style.safetensors")).unwrap();
+
+    let preset = add_style(&mut app, style.clone());
+    let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
+    let entity = app.world_mut().spawn((splats, StyleSource::preset(preset).with_content(0.1))).id();
+    let applied = until_applied(&mut app);
+    assert_eq!((applied.entity, applied.backend), (entity, StyleBackend::Gpu));
+    assert_eq!(n_passes(&app), 1);
+
+    let content = f64::from(0.1_f32);
+    let map = fold::transfer(scene.features.as_ref().unwrap(), &[(&style, 1.0)], content).unwrap();
+    let expected = fold::stylize(&scene, &default_decoder().unwrap(), &map).unwrap();
+    let values = expected.as_flattened();
+    let mean = values.iter().sum::<f32>() / values.len() as f32;
+    let deviation = (values.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / values.len() as f32).sqrt();
+    assert!(deviation >= 0.1, "the colors hardly differ: {deviation}");
+    let found = shown(&app, entity).unwrap();
+    let error = largest_difference(&found, &expected);
+    eprintln!("{} Gaussians, deviation {deviation:.3}, error {error:.1e}", scene.len());
+    assert!(error < 2e-3, "{error}");
+}
+
+/// Software that acts as a GPU is slower than the processor's own decoder.
+#[test]
+fn auto_leaves_software_adapters_alone() {
+    let Some(mut app) = app_with_rendering(StyleBackend::Auto) else { return };
+    let is_software = app.world().resource::<RenderAdapterInfo>().device_type == wgpu::DeviceType::Cpu;
+    let style = add_style(&mut app, small_style(1));
+    let splats = GaussianSplats(add_scene(&mut app, small_scene(20, 1)));
+    let entity = app.world_mut().spawn((splats, StyleSource::preset(style))).id();
+    let expected = if is_software { StyleBackend::Cpu } else { StyleBackend::Gpu };
+    assert_eq!(until_applied(&mut app).backend, expected);
+    app.update();
+    assert_eq!(shown(&app, entity).map(|colors| colors.len()), Some(20));
+    assert_eq!(n_passes(&app), u64::from(!is_software));
+}
+
+#[test]
+fn only_changes_run_the_style_pass() {
+    let Some(mut app) = app_with_rendering(StyleBackend::Gpu) else { return };
+    let styles = [1, 2].map(|seed| add_style(&mut app, small_style(seed)));
+    let splats = GaussianSplats(add_scene(&mut app, small_scene(100, 1)));
+    let sources = styles.clone().map(StyleSource::preset);
+    let [a, b] = sources.clone().map(|source| app.world_mut().spawn((splats.clone(), source)).id());
+    update_until(&mut app, "two passes", |world| world.resource::<StylePassCount>().get() == 2);
+    // The same scene twice, in colors of their own.
+    let (in_a, in_b) = (shown(&app, a).unwrap(), shown(&app, b).unwrap());
+    assert!(largest_difference(&in_a, &in_b) > 0.01);
+
+    // Neither time nor moving runs it.
+    for step in 0..20 {
+        app.world_mut().get_mut::<Transform>(a).unwrap().translation.x = step as f32;
+        app.update();
+    }
+    assert_eq!(n_passes(&app), 2);
+
+    *app.world_mut().get_mut::<StyleSource>(a).unwrap() = sources[1].clone();
+    update_until(&mut app, "a third pass", |world| world.resource::<StylePassCount>().get() == 3);
+    for _ in 0..10 {
+        app.update();
+    }
+    assert_eq!(n_passes(&app), 3);
+    assert_eq!(shown(&app, a).unwrap(), shown(&app, b).unwrap());
+
+    *app.world_mut().get_mut::<StyleSource>(a).unwrap() = StyleSource::none();
+    for _ in 0..5 {
+        app.update();
+    }
+    assert!(shown(&app, a).is_none());
+    assert_eq!(n_passes(&app), 3);
+}
+
+/// A thousand changes, most of them faster than they complete, on both backends and with fades: the last one stays, and
+/// the device holds what it held after ten.
+#[test]
+fn a_thousand_changes_leave_nothing_behind() {
+    for (backend, fades) in [(StyleBackend::Gpu, false), (StyleBackend::Cpu, true)] {
+        let Some(mut app) = app_with_rendering(backend) else { return };
+        let image = render_target(&mut app, UVec2::splat(8));
+        app.world_mut().spawn((Camera3d::default(), target(&image), Transform::from_xyz(0.0, 0.0, 5.0)));
+        let styles: Vec<_> = (0..5).map(|seed| add_style(&mut app, small_style(seed))).collect();
+        let splats = GaussianSplats(add_scene(&mut app, small_scene(64, 1)));
+        let entity = app.world_mut().spawn((splats, StyleSource::none())).id();
+        if fades {
+            let duration = std::time::Duration::from_millis(1);
+            app.world_mut().entity_mut(entity).insert(StyleTransition { duration });
+        }
+        let change = |app: &mut App, to: usize| {
+            *app.world_mut().get_mut::<StyleSource>(entity).unwrap() =
+                StyleSource::preset(styles[to].clone());
+        };
+        let settle = |app: &mut App, to: usize| {
+            // From the scene's own colors, so that what is waited for is this look.
+            change(app, to);
+            let goal = {
+                let (scene, style) = (small_scene(64, 1), small_style(to as u64));
+                let map = fold::transfer(scene.features.as_ref().unwrap(), &[(&style, 1.0)], 0.0).unwrap();
+                fold::stylize(&scene, scene.decoder.as_ref().unwrap(), &map).unwrap()
+            };
+            let start = std::time::Instant::now();
+            while !shown(app, entity).is_some_and(|found| largest_difference(&found, &goal) < 2e-3) {
+                assert!(start.elapsed().as_secs() < 60, "the last look is not shown");
+                app.update();
+            }
+            for _ in 0..5 {
+                app.update();
+                allocations(app);
+            }
+        };
+        let mut next = numbers(1);
+        let mut change_at_random = |app: &mut App| {
+            change(app, ((next() + 1.0) * 2.5) as usize % 5);
+            if next() > 0.5 {
+                app.update();
+                // One frame in flight at a time: wgpu keeps buffers of its own for each.
+                allocations(app);
+            }
+        };
+        (0..10).for_each(|_| change_at_random(&mut app));
+        settle(&mut app, 3);
+        let after_10 = allocations(&app);
+        (0..990).for_each(|_| change_at_random(&mut app));
+        settle(&mut app, 3);
+        let after_1000 = allocations(&app);
+        eprintln!("{backend:?}: {after_10:?} after 10 changes, {after_1000:?} after 1,000");
+        let (Some((n_before, bytes_before)), Some((n_after, bytes_after))) = (after_10, after_1000) else {
+            eprintln!("SKIPPED: the device does not report its allocations");
+            continue;
+        };
+        assert_eq!(n_before, n_after);
+        // The allocator counts the padding before a buffer, up to 256 bytes, as the buffer's; 990 leaks of the smallest
+        // would be hundreds of thousands.
+        assert!(bytes_before.abs_diff(bytes_after) < 4096, "{bytes_before} and {bytes_after}");
+    }
+}
+
+/// Plain scenes stay as they are and the app lives on.
+#[test]
+fn a_scene_without_features_is_left_alone() {
+    let Some(mut app) = app_with_rendering(StyleBackend::Gpu) else { return };
+    let style = add_style(&mut app, small_style(1));
+    let scene = Scene { features: None, ..small_scene(20, 1) };
+    let splats = GaussianSplats(add_scene(&mut app, scene));
+    let entity = app.world_mut().spawn((splats, StyleSource::preset(style))).id();
+    update_until(&mut app, "StyleFailed", |world| {
+        !world.resource::<Messages<crate::StyleFailed>>().is_empty()
+    });
+    for _ in 0..5 {
+        app.update();
+    }
+    assert!(shown(&app, entity).is_none());
+}

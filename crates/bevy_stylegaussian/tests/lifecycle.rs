@@ -1,0 +1,205 @@
+//! Bad luck: scenes that do not fit, assets and entities that come and go, a lost device. No render error, no panic.
+
+mod world;
+
+use bevy::{
+    asset::AssetId,
+    prelude::*,
+    render::{
+        RenderApp,
+        error_handler::{ErrorType, RenderErrorHandler, RenderErrorPolicy},
+        render_resource::{Extent3d, PollType},
+        renderer::RenderDevice,
+        settings::{RenderCreation, WgpuLimits, WgpuSettings},
+    },
+};
+use bevy_stylegaussian::{
+    GaussianScene, GaussianSplats, SceneFailed, StyleApplied, StyleBackend, StyleSource, StyleTransition,
+};
+use stylegaussian::Scene;
+use world::{rendering::*, *};
+
+const SIZE: UVec2 = UVec2::new(32, 32);
+
+/// An app with a camera that looks at the origin, and its picture.
+fn app_with_camera(backend: StyleBackend, settings: WgpuSettings) -> Option<(App, Handle<Image>)> {
+    let mut app = app_with_settings(backend, settings)?;
+    let image = render_target(&mut app, SIZE);
+    app.world_mut().spawn((
+        Camera3d::default(),
+        Camera { clear_color: Color::BLACK.into(), ..default() },
+        target(&image),
+        Transform::from_xyz(0.0, 0.0, 4.0),
+    ));
+    Some((app, image))
+}
+
+fn app() -> Option<(App, Handle<Image>)> {
+    app_with_camera(StyleBackend::Gpu, WgpuSettings::default())
+}
+
+fn spawn(app: &mut App, scene: Scene) -> Entity {
+    let splats = GaussianSplats(add_scene(app, scene));
+    app.world_mut().spawn(splats).id()
+}
+
+fn updates(app: &mut App, n: usize) {
+    (0..n).for_each(|_| app.update());
+}
+
+/// The sum of all colors of the picture after a few frames.
+fn light(app: &mut App, image: &Handle<Image>) -> f32 {
+    updates(app, 3);
+    read_back(app, image).iter().map(|pixel| pixel[..3].iter().sum::<f32>()).sum()
+}
+
+#[test]
+fn a_scene_too_large_for_the_device_is_refused_and_the_app_lives_on() {
+    // 1 MiB in a binding is 65,536 splats of 16 bytes.
+    let limits = WgpuLimits { max_storage_buffer_binding_size: 1 << 20, ..WgpuLimits::default() };
+    let settings = WgpuSettings { constrained_limits: Some(limits), ..default() };
+    let Some((mut app, image)) = app_with_camera(StyleBackend::Gpu, settings) else { return };
+    let large = Scene { features: None, decoder: None, ..small_scene(70_000, 1) };
+    let large = GaussianSplats(add_scene(&mut app, large));
+    // Both entities that show it are told.
+    let refused = [0, 1].map(|_| app.world_mut().spawn(large.clone()).id());
+    let mut told = Vec::new();
+    update_until(&mut app, "SceneFailed twice", |world| {
+        told.extend(world.resource_mut::<Messages<SceneFailed>>().drain());
+        told.len() == 2
+    });
+    assert!(refused.iter().all(|entity| told.iter().any(|event| event.entity == *entity)));
+    let message = told[0].error.to_string();
+    assert!(message.contains("70000 Gaussians") && message.contains("1048576"), "{message}");
+    assert_eq!(light(&mut app, &image), 0.0);
+    // Another scene is drawn beside it, and nothing is told twice.
+    spawn(&mut app, small_scene(100, 1));
+    assert!(light(&mut app, &image) > 1.0);
+    assert!(drain::<SceneFailed>(&mut app).is_empty());
+    // Two scenes that fit alone and not together: the view says so, and shows what is left.
+    let half = Scene { features: None, decoder: None, ..small_scene(40_000, 1) };
+    let halves = [0, 1].map(|_| spawn(&mut app, half.clone()));
+    let mut told = Vec::new();
+    update_until(&mut app, "SceneFailed of the view", |world| {
+        told.extend(world.resource_mut::<Messages<SceneFailed>>().drain());
+        !told.is_empty()
+    });
+    app.world_mut().despawn(halves[0]);
+    assert!(light(&mut app, &image) > 1.0);
+}
+
+#[test]
+fn scenes_of_no_and_of_one_gaussian() {
+    let Some((mut app, image)) = app() else { return };
+    let style = add_style(&mut app, small_style(1));
+    let none = spawn(&mut app, small_scene(0, 1));
+    app.world_mut().entity_mut(none).insert(StyleSource::preset(style.clone()));
+    assert_eq!(light(&mut app, &image), 0.0);
+    let mut one = small_scene(1, 1);
+    one.means[0] = Vec3::ZERO;
+    let one = spawn(&mut app, one);
+    assert!(light(&mut app, &image) > 0.1);
+    app.world_mut().entity_mut(one).insert(StyleSource::preset(style));
+    update_until(&mut app, "StyleApplied", |world| {
+        let applied: Vec<_> = world.resource_mut::<Messages<StyleApplied>>().drain().collect();
+        applied.iter().any(|event| event.entity == one)
+    });
+    assert!(light(&mut app, &image) > 0.1);
+}
+
+#[test]
+fn entities_scenes_and_targets_come_and_go() {
+    let Some((mut app, image)) = app() else { return };
+    let style = add_style(&mut app, small_style(1));
+    let entity = spawn(&mut app, small_scene(100, 1));
+    let source = StyleSource::preset(style);
+    app.world_mut().entity_mut(entity).insert((source.clone(), StyleTransition::default()));
+    let first = light(&mut app, &image);
+    assert!(first > 1.0);
+
+    // The scene is replaced by one of another size, while the style is on its way or fading in.
+    let handle = app.world().get::<GaussianSplats>(entity).unwrap().0.clone();
+    for (n, seed) in [(150, 2), (20, 3), (300, 4), (20, 5)] {
+        let scene = GaussianScene::new(small_scene(n, seed));
+        app.world_mut().resource_mut::<Assets<GaussianScene>>().insert(&handle, scene).unwrap();
+        assert!(light(&mut app, &image) > 1.0);
+        updates(&mut app, seed as usize);
+    }
+    // Another handle.
+    let other = add_scene(&mut app, small_scene(60, 6));
+    app.world_mut().get_mut::<GaussianSplats>(entity).unwrap().0 = other;
+    assert!(light(&mut app, &image) > 1.0);
+    // The asset goes, and nothing is drawn.
+    let id: AssetId<GaussianScene> = app.world().get::<GaussianSplats>(entity).unwrap().0.id();
+    app.world_mut().resource_mut::<Assets<GaussianScene>>().remove(id);
+    assert_eq!(light(&mut app, &image), 0.0);
+
+    // Despawned while its style is computed, in many orders.
+    for n_updates in 0..4 {
+        let brief = spawn(&mut app, small_scene(50, 7));
+        app.world_mut().entity_mut(brief).insert(source.clone());
+        updates(&mut app, n_updates);
+        app.world_mut().despawn(brief);
+        updates(&mut app, 2);
+    }
+    // The component goes, and what it brought.
+    let plain = spawn(&mut app, small_scene(50, 7));
+    assert!(light(&mut app, &image) > 1.0);
+    app.world_mut().entity_mut(plain).remove::<GaussianSplats>();
+    assert_eq!(light(&mut app, &image), 0.0);
+
+    // The target changes its size, as a window does.
+    spawn(&mut app, small_scene(100, 1));
+    for side in [16, 64, 1, 33] {
+        let size = Extent3d { width: side, height: side, depth_or_array_layers: 1 };
+        app.world_mut().resource_mut::<Assets<Image>>().get_mut(&image).unwrap().resize(size);
+        assert!(light(&mut app, &image) > 0.1, "{side} pixels");
+    }
+}
+
+#[test]
+fn degenerate_transforms_and_cameras() {
+    let Some((mut app, image)) = app() else { return };
+    let entity = spawn(&mut app, small_scene(100, 1));
+    let flat = Transform::from_scale(Vec3::new(1.0, 0.0, 1.0));
+    let huge = Transform::from_scale(Vec3::splat(1e30));
+    let tiny = Transform::from_scale(Vec3::splat(1e-30));
+    let far = Transform::from_xyz(1e30, 0.0, 0.0);
+    for transform in [flat, huge, tiny, far, Transform::from_scale(Vec3::ZERO)] {
+        *app.world_mut().get_mut::<Transform>(entity).unwrap() = transform;
+        updates(&mut app, 2);
+    }
+    *app.world_mut().get_mut::<Transform>(entity).unwrap() = Transform::default();
+    // In the middle of it.
+    let camera = app.world_mut().query_filtered::<Entity, With<Camera3d>>().single(app.world()).unwrap();
+    *app.world_mut().get_mut::<Transform>(camera).unwrap() = Transform::default();
+    assert!(light(&mut app, &image) > 1.0);
+    // And in the middle of one Gaussian.
+    let mean = small_scene(100, 1).means[7];
+    *app.world_mut().get_mut::<Transform>(camera).unwrap() = Transform::from_translation(mean);
+    updates(&mut app, 2);
+}
+
+#[test]
+fn a_lost_device_brings_styled_scenes_back() {
+    let Some((mut app, image)) = app() else { return };
+    app.insert_resource(RenderErrorHandler(|error, _, _| match error.ty {
+        ErrorType::DeviceLost => RenderErrorPolicy::Recover(RenderCreation::default()),
+        _ => panic!("{error:?}"),
+    }));
+    let style = add_style(&mut app, small_style(1));
+    let entity = spawn(&mut app, small_scene(100, 1));
+    let own = light(&mut app, &image);
+    app.world_mut().entity_mut(entity).insert(StyleSource::preset(style));
+    update_until(&mut app, "StyleApplied", |world| !world.resource::<Messages<StyleApplied>>().is_empty());
+    let styled = light(&mut app, &image);
+    assert!((styled - own).abs() > 1.0, "the style is not seen: {own} and {styled}");
+
+    let device = app.sub_app(RenderApp).world().resource::<RenderDevice>().clone();
+    device.wgpu_device().destroy();
+    // The device tells of its loss when it is asked.
+    let _ = device.poll(PollType::Poll);
+    updates(&mut app, 10);
+    let recovered = light(&mut app, &image);
+    assert!((recovered - styled).abs() < 0.01 * styled, "{recovered} after, {styled} before");
+}
