@@ -5,7 +5,10 @@ use std::path::{Path, PathBuf};
 use bevy::{asset::LoadState, prelude::*};
 use bevy_stylegaussian::{GaussianScene, GaussianSplats, StyleSource, StyleTransition};
 
-use crate::{camera::Orbit, panel::Notice};
+use crate::{
+    camera::Orbit,
+    panel::{LastTransfer, Notice},
+};
 
 /// The axes that a scene may call up.
 pub const AXES: [(&str, Vec3); 6] = [
@@ -56,6 +59,7 @@ pub fn show_loaded(
     mut splats: Single<&mut GaussianSplats>,
     mut orbit: Single<&mut Orbit>,
     mut notice: ResMut<Notice>,
+    mut transfer: ResMut<LastTransfer>,
     scenes: Res<Assets<GaussianScene>>,
     assets: Res<AssetServer>,
 ) {
@@ -79,6 +83,7 @@ pub fn show_loaded(
     };
     splats.0 = handle;
     orbit.frame(&shown);
+    *transfer = LastTransfer::default();
     notice.clear();
 }
 

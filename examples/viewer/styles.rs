@@ -41,7 +41,10 @@ impl Styles {
         let picture = picture_of(path).map(|picture| assets.load::<Image>(picture));
         let (input, name) = match (name.strip_suffix(PRESET), &picture) {
             (Some(stem), _) => (StyleInput::Preset(assets.load(path.to_owned())), stem.to_owned()),
-            (None, Some(image)) => (StyleInput::Image(image.clone()), name),
+            (None, Some(image)) => {
+                let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+                (StyleInput::Image(image.clone()), stem)
+            }
             (None, None) => return,
         };
         self.list.push(Style { name, input, picture, weight: 0.0 });
