@@ -1,11 +1,12 @@
-//! GPU objects that are built in the background: a frame never waits for a shader compiler.
+//! GPU objects that are built in the background: a frame waits neither for a shader compiler nor for the packing of a
+//! scene.
 
 use bevy::{
     prelude::*,
     tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
 };
 
-/// Whether a frame waits for pipelines that it needs.
+/// Whether a frame waits for what it needs, instead.
 #[derive(Resource, Clone, Copy)]
 pub(crate) struct AtOnce(pub(crate) bool);
 

@@ -20,8 +20,9 @@ pub struct StyleGaussianPlugin {
     /// The encoder of style images, where it is not the one that `STYLEGAUSSIAN_ENCODER` names; the resource
     /// [`StyleEncoder`] changes it later. Presets need none.
     pub encoder: Option<PathBuf>,
-    /// Whether a frame waits for the GPU's pipelines where it needs new ones, instead of going without splats until they
-    /// are ready: for pictures without a window, where every frame counts. Bevy's `RenderPlugin` has the same switch.
+    /// Whether a frame that needs new pipelines, or a scene that is not on the GPU yet, waits for them, instead of going
+    /// without these splats until they are ready: for pictures without a window, where every frame counts. Bevy's
+    /// `RenderPlugin` has the same switch.
     pub synchronous_pipeline_compilation: bool,
 }
 

@@ -2,12 +2,15 @@
 
 mod world;
 
+use std::time::Duration;
+
 use bevy::{
     camera::{Viewport, visibility::RenderLayers},
     core_pipeline::tonemapping::Tonemapping,
     prelude::*,
+    time::TimeUpdateStrategy,
 };
-use bevy_stylegaussian::{GaussianSplats, SortKey, StyleBackend};
+use bevy_stylegaussian::{GaussianSplats, SortKey, StyleApplied, StyleBackend, StyleSource, StyleTransition};
 use stylegaussian::{Camera as Pinhole, Scene, splat};
 use world::{rendering::*, *};
 
@@ -325,4 +328,40 @@ fn hidden_and_layered_splats_are_not_drawn() {
     assert!(pixel(&studio.shoot(), 32, 32)[0] > 0.3);
     studio.app.world_mut().entity_mut(entity).despawn();
     check("despawned", pixel(&studio.shoot(), 32, 32), [0.0; 3]);
+}
+
+/// A style that makes everything one color fades in over ten frames of a tenth of its time.
+#[test]
+fn looks_fade_from_one_to_the_next() {
+    let Some(mut studio) = Studio::new() else { return };
+    let step = Duration::from_millis(10);
+    studio.app.insert_resource(TimeUpdateStrategy::ManualDuration(step));
+    studio.camera(EYE, Msaa::Off);
+    // The features' scene, with a decoder of which only the last bias counts.
+    let mut scene = small_scene(1, 1);
+    scene.set_colors(&[RED]);
+    (scene.means[0], scene.scales[0], scene.opacities[0]) = (Vec3::ZERO, Vec3::splat(40.0), 0.9);
+    let last = scene.decoder.as_mut().unwrap().layers.last_mut().unwrap();
+    last.weight.fill(0.0);
+    last.bias = GREEN.to_vec();
+    let style = add_style(&mut studio.app, small_style(1));
+    let entity = studio.splats(scene, Transform::default());
+    let picture = |studio: &mut Studio| {
+        let image = studio.image.clone();
+        let [r, g, b, _] = read_back(&studio.app, &image)[(32 * SIZE.x + 32) as usize];
+        [r, g, b]
+    };
+    studio.shoot();
+    check("before", picture(&mut studio), over(RED, 0.9, [0.0; 3]));
+    let transition = StyleTransition { duration: 10 * step };
+    studio.app.world_mut().entity_mut(entity).insert((StyleSource::preset(style), transition));
+    update_until(&mut studio.app, "StyleApplied", |world| {
+        !world.resource::<Messages<StyleApplied>>().is_empty()
+    });
+    for n_steps in 0..12 {
+        let t = (n_steps as f32 / 10.0).min(1.0);
+        let mix = [0, 1, 2].map(|i| RED[i] + t * (GREEN[i] - RED[i]));
+        check(&format!("after {n_steps} tenths"), picture(&mut studio), over(mix, 0.9, [0.0; 3]));
+        studio.app.update();
+    }
 }

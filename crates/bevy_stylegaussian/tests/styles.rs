@@ -14,6 +14,11 @@ use bevy_stylegaussian::{
     StyleEncoder, StyleError, StyleFailed, StyleInput, StyleSource, StyleTransition,
 };
 use stylegaussian::{ChannelStatistics, Scene, fold};
+use stylegaussian_encoder::{
+    Encoder, StyleSize,
+    onnx::{ChainWriter, Convolution},
+    style_statistics,
+};
 use world::*;
 
 /// What the CPU makes of a mix, by the model's own functions.
@@ -154,6 +159,58 @@ fn an_image_without_an_encoder_says_what_to_do() {
     let failed = until_failed(&mut app);
     assert_eq!(failed.entity, entity);
     assert!(failed.error.to_string().contains("no/such/encoder.onnx"), "{}", failed.error);
+}
+
+/// An image whose left half is of another color than its right.
+fn halves(left: [u8; 3], right: [u8; 3]) -> Image {
+    let extent = Extent3d { width: 16, height: 16, depth_or_array_layers: 1 };
+    let (format, usages) = (TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::default());
+    let mut image = Image::new_fill(extent, TextureDimension::D2, &[0; 4], format, usages);
+    for (i, pixel) in image.data.as_mut().unwrap().chunks_exact_mut(4).enumerate() {
+        let [r, g, b] = if i % 16 < 8 { left } else { right };
+        pixel.copy_from_slice(&[r, g, b, 255]);
+    }
+    image
+}
+
+/// An encoder of 8 channels, which is how many the small scenes have: one convolution and its ReLU.
+fn small_encoder() -> Vec<u8> {
+    let mut next = numbers(77);
+    let convolution = Convolution {
+        shape: [8, 3, 3, 3],
+        weight: (0..8 * 27).map(|_| 0.3 * next()).collect(),
+        bias: (0..8).map(|_| 0.5 + next()).collect(),
+    };
+    ChainWriter::new(3).reflect().convolution(&convolution, 0).relu().finish()
+}
+
+#[test]
+fn images_are_encoded_and_again_when_they_change() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("small.onnx");
+    std::fs::write(&path, small_encoder()).unwrap();
+    let encoder = Encoder::open(&path).unwrap();
+
+    let mut app = app_without_rendering();
+    app.insert_resource(StyleEncoder::at(&path));
+    let mut scene = small_scene(32, 1);
+    scene.features.as_mut().unwrap().encoder = Some(encoder.id().clone());
+    let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
+    let (red, blue) = ([250, 10, 30], [20, 40, 230]);
+    let image = add(&mut app, halves(red, blue));
+    let entity = app.world_mut().spawn((splats, StyleSource::image(image.clone()))).id();
+    let check = |app: &mut App, image: Image| {
+        until_applied(app);
+        let image = image.try_into_dynamic().unwrap().into();
+        let statistics = style_statistics(&encoder, &image, StyleSize::default()).unwrap();
+        assert_eq!(colors(app.world(), entity).unwrap(), expected(&scene, &[(&statistics, 1.0)], 0.0));
+    };
+    check(&mut app, halves(red, blue));
+    let before = colors(app.world(), entity).unwrap();
+    // What a hot reload does.
+    app.world_mut().resource_mut::<Assets<Image>>().insert(&image, halves(blue, [255; 3])).unwrap();
+    check(&mut app, halves(blue, [255; 3]));
+    assert_ne!(colors(app.world(), entity).unwrap(), before);
 }
 
 #[test]

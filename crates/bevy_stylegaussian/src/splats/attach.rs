@@ -43,12 +43,14 @@ pub(super) fn mark_changed_scenes(
 pub(super) fn attach_scenes(
     mut commands: Commands,
     changed: Query<(Entity, &GaussianSplats, Option<&CloudScene>), Changed<GaussianSplats>>,
+    all: Query<(), With<GaussianSplats>>,
     mut removed: RemovedComponents<GaussianSplats>,
     scenes: Res<Assets<GaussianScene>>,
     server: Res<AssetServer>,
     mut failed: MessageWriter<SceneFailed>,
 ) {
-    for entity in removed.read() {
+    // One that was put back at once is among the changed.
+    for entity in removed.read().filter(|&entity| !all.contains(entity)) {
         if let Ok(mut entity) = commands.get_entity(entity) {
             entity.try_remove::<(CloudScene, Aabb)>();
         }

@@ -13,7 +13,7 @@ use wgpu::{
     RenderPassDescriptor, StoreOp,
 };
 
-use crate::style::{CloudLooks, GpuReport, GpuReports};
+use crate::style::{CloudLooks, GpuReport, GpuReports, LookClock};
 
 use super::{
     extract::RenderClouds,
@@ -31,7 +31,7 @@ pub(super) fn draw_splats(
     clouds: Res<RenderClouds>,
     scenes: Res<GpuScenes>,
     looks: Res<CloudLooks>,
-    time: Res<Time>,
+    clock: Res<LookClock>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     reports: Res<GpuReports>,
@@ -51,7 +51,7 @@ pub(super) fn draw_splats(
         .iter()
         .filter_map(|entity| {
             let cloud = clouds.0.get(entity)?;
-            let (scene, colors) = (scenes.get(&cloud.scene)?, looks.colors(*entity, time.elapsed()));
+            let (scene, colors) = (scenes.get(&cloud.scene)?, looks.colors(*entity, clock.0));
             Some(splat::Cloud { scene, colors, world_from_scene: cloud.world_from_scene })
         })
         .collect();

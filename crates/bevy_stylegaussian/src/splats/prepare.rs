@@ -10,7 +10,10 @@ use bevy::{
 use stylegaussian::Scene;
 use stylegaussian_gpu::scene::GpuScene;
 
-use crate::style::{GpuReport, GpuReports};
+use crate::{
+    pipeline::{AtOnce, Built},
+    style::{GpuReport, GpuReports},
+};
 
 use super::extract::RenderClouds;
 
@@ -18,22 +21,22 @@ use super::extract::RenderClouds;
 #[derive(Resource, Default)]
 pub(crate) struct GpuScenes {
     of_scene: HashMap<usize, Uploaded>,
-    /// Whether it was filled before; a new device starts with nothing.
-    filled: bool,
+    /// Whether nothing is left to do; not on a new device, nor while a scene is being packed.
+    settled: bool,
 }
 
 struct Uploaded {
     scene: Arc<Scene>,
     /// Or why the device cannot take it.
-    gpu: Result<GpuScene, String>,
+    gpu: Built<Result<GpuScene, String>>,
     /// The entities that were told so.
     told: MainEntityHashSet,
 }
 
 impl GpuScenes {
-    /// A scene on the GPU, unless it is too large for it.
+    /// A scene on the GPU, unless it is on its way there or too large.
     pub(crate) fn get(&self, scene: &Arc<Scene>) -> Option<&GpuScene> {
-        self.of_scene.get(&address(scene))?.gpu.as_ref().ok()
+        self.of_scene.get(&address(scene))?.gpu.get()?.as_ref().ok()
     }
 }
 
@@ -42,32 +45,37 @@ fn address(scene: &Arc<Scene>) -> usize {
 }
 
 /// Uploads scenes that are new, and lets go of those that no entity shows.
+///
+/// Packing millions of Gaussians takes longer than a frame and happens in the background.
 pub(super) fn prepare_scenes(
     clouds: Res<RenderClouds>,
     mut scenes: ResMut<GpuScenes>,
+    at_once: Res<AtOnce>,
     device: Res<RenderDevice>,
     reports: Res<GpuReports>,
 ) {
-    if scenes.filled && !clouds.is_changed() {
+    if scenes.settled && !clouds.is_changed() {
         return;
     }
     let scenes = &mut *scenes;
-    scenes.filled = true;
-    // The map's own reference is the only one left of a scene that nobody shows and no asset holds; an asset's scene
-    // that nobody shows is let go of too.
-    scenes
-        .of_scene
-        .retain(|_, uploaded| clouds.0.values().any(|cloud| Arc::ptr_eq(&cloud.scene, &uploaded.scene)));
+    scenes.settled = true;
+    let is_shown = |scene: &Arc<Scene>| clouds.0.values().any(|cloud| Arc::ptr_eq(&cloud.scene, scene));
+    scenes.of_scene.retain(|_, uploaded| is_shown(&uploaded.scene));
     for (&entity, cloud) in &clouds.0 {
-        let uploaded = scenes.of_scene.entry(address(&cloud.scene)).or_insert_with(|| Uploaded {
-            scene: Arc::clone(&cloud.scene),
-            gpu: GpuScene::new(device.wgpu_device(), &cloud.scene).map_err(|error| error.to_string()),
-            told: MainEntityHashSet::default(),
+        let uploaded = scenes.of_scene.entry(address(&cloud.scene)).or_insert_with(|| {
+            let (device, scene) = (device.wgpu_device().clone(), Arc::clone(&cloud.scene));
+            let upload = move || GpuScene::new(&device, &scene).map_err(|error| error.to_string());
+            let gpu = Built::start(at_once.0, upload);
+            Uploaded { scene: Arc::clone(&cloud.scene), gpu, told: MainEntityHashSet::default() }
         });
-        if let Err(reason) = &uploaded.gpu
-            && uploaded.told.insert(entity)
-        {
-            reports.push(GpuReport::SceneRefused { entity: entity.id(), reason: reason.clone() });
+        match uploaded.gpu.poll() {
+            None => scenes.settled = false,
+            Some(Ok(_)) => {}
+            Some(Err(reason)) => {
+                if uploaded.told.insert(entity) {
+                    reports.push(GpuReport::SceneRefused { entity: entity.id(), reason: reason.clone() });
+                }
+            }
         }
     }
 }

@@ -96,7 +96,7 @@ type ViewComponents = (
 /// Plans each view, and sees to its pipelines and its layer.
 #[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub(super) fn prepare_views(
-    cameras: Query<ViewComponents>,
+    cameras: Query<ViewComponents, With<Camera3d>>,
     clouds: Res<RenderClouds>,
     scenes: Res<GpuScenes>,
     mut views: ResMut<SplatViews>,

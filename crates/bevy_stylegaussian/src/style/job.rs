@@ -7,11 +7,9 @@
 use std::{sync::Arc, time::Duration};
 
 use bevy::{
-    asset::LoadState,
     ecs::system::SystemParam,
     platform::{collections::HashSet, time::Instant},
     prelude::*,
-    render::renderer::RenderAdapterInfo,
     tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
 };
 
@@ -19,16 +17,14 @@ use crate::{
     asset::{GaussianDecoder, StyleStatistics},
     splats::{CloudScene, SceneError, SceneFailed},
 };
-use stylegaussian::fold::StylizeError;
 
 use super::{
     event::{AppliedStyle, StyleApplied, StyleError, StyleFailed},
-    images::ImageStatistics,
+    inputs::Inputs,
     look::{GpuReport, GpuReports, Look, LookColors},
-    packed::PackedInputs,
     settings::{StyleBackend, StyleEncoder},
     source::{StyleDecoder, StyleInput, StyleSource, StyleTransition},
-    transfer::{Order, Transferred},
+    transfer::Transferred,
 };
 
 /// What is under way for an entity's style.
@@ -77,7 +73,6 @@ pub(super) fn ask_for_changed_styles(
                 commands.entity(entity).remove::<AppliedStyle>();
             }
         }
-        job.gpu_refused = false;
         job.want();
     }
 }
@@ -143,7 +138,7 @@ pub(super) fn hear_from_gpu(
     reports: Res<GpuReports>,
     mut jobs: Query<(&mut StyleJob, Option<&StyleTransition>)>,
     backend: Res<StyleBackend>,
-    time: Res<Time>,
+    time: Res<Time<Real>>,
     mut news: News,
 ) {
     for report in reports.take() {
@@ -205,62 +200,93 @@ type Styled = (
 );
 
 /// Takes over what is computed, then starts what is wanted.
-pub(super) fn advance_jobs(mut jobs: Query<Styled>, mut inputs: Inputs, time: Res<Time>, mut news: News) {
+pub(super) fn advance_jobs(
+    mut jobs: Query<Styled>,
+    mut inputs: Inputs,
+    time: Res<Time<Real>>,
+    mut news: News,
+) {
     let now = time.elapsed();
     for (entity, source, mut job, mut look, scene, decoder, transition) in &mut jobs {
         // A look that is ready during a fade waits: a fade has one beginning and one end.
         if job.is_at_rest() || now < job.fading_until {
             continue;
         }
-        let Some(scene) = scene else {
-            job.bypass_change_detection().stage = Stage::Idle;
-            continue;
-        };
-        if source.is_none() {
-            let since = job.wanted.take();
-            job.stage = Stage::Idle;
-            if let Some(since) = since.filter(|_| !matches!(look.colors, LookColors::Own)) {
-                look.set(LookColors::Own);
-                job.fading_until = now + fade_duration(transition);
-                news.commands.entity(entity).remove::<AppliedStyle>();
-                news.tell_applied(entity, StyleBackend::Cpu, since);
+        let fading_until = now + fade_duration(transition);
+        match scene {
+            // What is under way is for a scene that is gone; what is wanted waits for the next.
+            None => job.stage = Stage::Idle,
+            Some(_) if source.is_none() => job.unstyle(entity, &mut look, fading_until, &mut news),
+            Some(scene) => {
+                job.take_over(entity, scene, &mut look, fading_until, &mut news);
+                job.start(entity, source, scene, decoder, &mut inputs, &mut news);
             }
-            continue;
         }
-        if let Some((result, backend, since)) = job.computed() {
-            match result {
-                // The scene was replaced meanwhile: the colors are another scene's.
-                Ok(transferred) if !Arc::ptr_eq(&transferred.style.scene, scene.0.scene()) => {}
-                Ok(Transferred { style, colors }) => {
-                    look.set(colors);
-                    if backend == StyleBackend::Gpu {
-                        job.stage = Stage::Drawing { since, generation: look.generation, style };
-                    } else {
-                        job.fading_until = now + fade_duration(transition);
-                        news.applied(entity, style, backend, since);
-                    }
+    }
+}
+
+impl StyleJob {
+    /// Gives the entity its own colors back, which takes no computing.
+    fn unstyle(&mut self, entity: Entity, look: &mut Mut<Look>, fading_until: Duration, news: &mut News) {
+        self.stage = Stage::Idle;
+        let Some(since) = self.wanted.take() else { return };
+        if matches!(look.colors, LookColors::Own) {
+            return;
+        }
+        look.set(LookColors::Own);
+        self.fading_until = fading_until;
+        news.commands.entity(entity).remove::<AppliedStyle>();
+        news.tell_applied(entity, StyleBackend::Cpu, since);
+    }
+
+    /// Takes over what the background has computed, if it has.
+    fn take_over(
+        &mut self,
+        entity: Entity,
+        scene: &CloudScene,
+        look: &mut Mut<Look>,
+        fading_until: Duration,
+        news: &mut News,
+    ) {
+        let Some((result, backend, since)) = self.computed() else { return };
+        match result {
+            // The scene was replaced meanwhile: the colors are another scene's.
+            Ok(transferred) if !Arc::ptr_eq(&transferred.style.scene, scene.0.scene()) => {}
+            Ok(Transferred { style, colors }) => {
+                look.set(colors);
+                if backend == StyleBackend::Gpu {
+                    self.stage = Stage::Drawing { since, generation: look.generation, style };
+                } else {
+                    self.fading_until = fading_until;
+                    news.applied(entity, style, backend, since);
                 }
-                // A failure that a later change has made void is nobody's concern.
-                Err(_) if job.wanted.is_some() => {}
-                Err(error) => news.failed(entity, Arc::new(error)),
             }
+            // A failure that a later change has made void is nobody's concern.
+            Err(_) if self.wanted.is_some() => {}
+            Err(error) => news.failed(entity, Arc::new(error)),
         }
-        if !matches!(job.stage, Stage::Idle) {
-            continue;
-        }
-        let Some(since) = job.wanted else { continue };
-        match inputs.order(source, scene, decoder, job.gpu_refused) {
-            None => {}
-            Some(Ok(order)) => {
+    }
+
+    /// Starts to compute what is wanted, if nothing is under way and all that it takes is there.
+    fn start(
+        &mut self,
+        entity: Entity,
+        source: &StyleSource,
+        scene: &CloudScene,
+        decoder: Option<&StyleDecoder>,
+        inputs: &mut Inputs,
+        news: &mut News,
+    ) {
+        let (Stage::Idle, Some(since)) = (&self.stage, self.wanted) else { return };
+        let Some(order) = inputs.order(source, scene, decoder, self.gpu_refused) else { return };
+        self.wanted = None;
+        match order {
+            Ok(order) => {
                 let backend = order.backend;
                 let task = AsyncComputeTaskPool::get().spawn(async move { order.carry_out() });
-                job.wanted = None;
-                job.stage = Stage::Computing { since, backend, task };
+                self.stage = Stage::Computing { since, backend, task };
             }
-            Some(Err(error)) => {
-                job.wanted = None;
-                news.failed(entity, error);
-            }
+            Err(error) => news.failed(entity, error),
         }
     }
 }
@@ -276,101 +302,6 @@ impl StyleJob {
         let computed = (block_on(poll_once(task))?, *backend, *since);
         self.stage = Stage::Idle;
         Some(computed)
-    }
-}
-
-/// Everything that a look is computed from, besides the entity's own components.
-#[derive(SystemParam)]
-pub(super) struct Inputs<'w> {
-    images: Res<'w, Assets<Image>>,
-    statistics: Res<'w, Assets<StyleStatistics>>,
-    decoders: Res<'w, Assets<GaussianDecoder>>,
-    server: Res<'w, AssetServer>,
-    encoder: Res<'w, StyleEncoder>,
-    encoded: ResMut<'w, ImageStatistics>,
-    packed: Res<'w, PackedInputs>,
-    backend: Res<'w, StyleBackend>,
-    adapter: Option<Res<'w, RenderAdapterInfo>>,
-}
-
-impl Inputs<'_> {
-    /// What to compute, or `None` while an asset is awaited.
-    fn order(
-        &mut self,
-        source: &StyleSource,
-        scene: &CloudScene,
-        decoder: Option<&StyleDecoder>,
-        gpu_refused: bool,
-    ) -> Option<Result<Order, Arc<StyleError>>> {
-        if scene.0.scene().features.is_none() {
-            return Some(Err(Arc::new(StylizeError::NoFeatures.into())));
-        }
-        let backend = match self.backend(gpu_refused) {
-            Ok(backend) => backend,
-            Err(error) => return Some(Err(Arc::new(error))),
-        };
-        // Every image is asked for before any is awaited, so that they are encoded side by side.
-        let found: Vec<_> = source.styles.iter().map(|style| self.statistics(&style.input)).collect();
-        let decoder = decoder.map(|decoder| match self.decoders.get(&decoder.0) {
-            Some(decoder) => Some(Ok(Arc::clone(&decoder.0))),
-            None => self.awaited(decoder.0.id()).map(Err),
-        });
-        let mut styles = Vec::with_capacity(found.len());
-        for (statistics, style) in found.into_iter().zip(&source.styles) {
-            match statistics? {
-                Ok(statistics) => styles.push((statistics, f64::from(style.weight))),
-                Err(error) => return Some(Err(error)),
-            }
-        }
-        let decoder = match decoder {
-            None => None,
-            Some(None) => return None,
-            Some(Some(Ok(decoder))) => Some(decoder),
-            Some(Some(Err(error))) => return Some(Err(error)),
-        };
-        let (scene, content) = (scene.0.clone(), f64::from(source.content));
-        Some(Ok(Order { scene, decoder, styles, content, backend, packed: self.packed.clone() }))
-    }
-
-    /// The statistics of one style, or `None` while they are awaited.
-    fn statistics(
-        &mut self,
-        input: &StyleInput,
-    ) -> Option<Result<Arc<stylegaussian::ChannelStatistics>, Arc<StyleError>>> {
-        match input {
-            StyleInput::Preset(preset) => match self.statistics.get(preset) {
-                Some(statistics) => Some(Ok(Arc::clone(&statistics.0))),
-                None => self.awaited(preset.id()).map(Err),
-            },
-            StyleInput::Image(handle) => match self.images.get(handle) {
-                Some(image) => {
-                    let name = || handle.path().map_or_else(|| "a style image".into(), ToString::to_string);
-                    self.encoded.get(handle.id(), name, image, &self.encoder)
-                }
-                None => self.awaited(handle.id()).map(Err),
-            },
-        }
-    }
-
-    /// `None` while an asset may still come, otherwise why it will not.
-    fn awaited<A: Asset>(&self, id: AssetId<A>) -> Option<Arc<StyleError>> {
-        match self.server.get_load_state(id) {
-            Some(LoadState::Failed(error)) => Some(Arc::new(StyleError::Load(error.to_string()))),
-            _ => None,
-        }
-    }
-
-    /// Where to decode: never [`StyleBackend::Auto`].
-    fn backend(&self, gpu_refused: bool) -> Result<StyleBackend, StyleError> {
-        let adapter = self.adapter.as_ref();
-        match *self.backend {
-            StyleBackend::Gpu if adapter.is_none() => Err(StyleError::Gpu("there is no GPU".into())),
-            StyleBackend::Auto => {
-                let is_gpu = adapter.is_some_and(|adapter| adapter.device_type != wgpu::DeviceType::Cpu);
-                Ok(if is_gpu && !gpu_refused { StyleBackend::Gpu } else { StyleBackend::Cpu })
-            }
-            backend => Ok(backend),
-        }
     }
 }
 

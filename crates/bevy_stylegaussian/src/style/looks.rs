@@ -4,12 +4,24 @@ use std::time::Duration;
 
 use bevy::{
     prelude::*,
-    render::sync_world::{MainEntity, MainEntityHashMap},
+    render::{
+        Extract,
+        sync_world::{MainEntity, MainEntityHashMap},
+    },
 };
 use stylegaussian_gpu::{
     colors::{GaussianColors, GaussianColorsError},
     splat::CloudColors,
 };
+
+/// Time since startup, by which looks fade: real time, so that they do in a paused game.
+#[derive(Resource, Clone, Copy, Default)]
+pub(crate) struct LookClock(pub(crate) Duration);
+
+/// Takes over the main world's time.
+pub(super) fn extract_clock(mut clock: ResMut<LookClock>, time: Extract<Res<Time<Real>>>) {
+    clock.0 = time.elapsed();
+}
 
 /// The looks of all clouds.
 #[derive(Resource, Default)]

@@ -7,7 +7,7 @@
 use bevy::{
     core_pipeline::schedule::camera_driver,
     prelude::*,
-    render::{GpuResourceAppExt, RenderApp, renderer::RenderGraph},
+    render::{ExtractSchedule, GpuResourceAppExt, RenderApp, renderer::RenderGraph},
 };
 
 use crate::plugin::StyleGaussianSystems;
@@ -15,6 +15,7 @@ use crate::plugin::StyleGaussianSystems;
 mod decoder;
 mod event;
 mod images;
+mod inputs;
 mod job;
 mod look;
 mod looks;
@@ -31,7 +32,7 @@ pub use settings::{StyleBackend, StyleEncoder};
 pub use source::{StyleDecoder, StyleInput, StyleSource, StyleTransition, WeightedStyle};
 
 pub(crate) use look::{GpuReport, GpuReports, Look};
-pub(crate) use looks::CloudLooks;
+pub(crate) use looks::{CloudLooks, LookClock};
 
 /// Styles [`GaussianSplats`](crate::GaussianSplats).
 pub(crate) struct StylePlugin;
@@ -72,6 +73,8 @@ impl Plugin for StylePlugin {
             render_app
                 .insert_resource(reports)
                 .insert_resource(count)
+                .init_resource::<LookClock>()
+                .add_systems(ExtractSchedule, looks::extract_clock)
                 // Rebuilt from `RenderClouds` after a lost device.
                 .init_gpu_resource::<CloudLooks>()
                 .init_gpu_resource::<node::StylePasses>()

@@ -20,7 +20,7 @@ use crate::{
 use super::{
     event::StylePassCount,
     look::{FoldedStyle, GpuReport, GpuReports, LookColors},
-    looks::{CloudLook, CloudLooks},
+    looks::{CloudLook, CloudLooks, LookClock},
 };
 
 /// The pipelines of the style pass, and the scenes that it runs on, by the address of their packed inputs.
@@ -59,12 +59,12 @@ pub(super) fn update_looks(
     at_once: Res<AtOnce>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    time: Res<Time>,
+    clock: Res<LookClock>,
     reports: Res<GpuReports>,
     count: Res<StylePassCount>,
     mut context: RenderContext,
 ) {
-    passes.release_scratch(time.elapsed());
+    passes.release_scratch(clock.0);
     if passes.settled && !clouds.is_changed() {
         return;
     }
@@ -90,7 +90,7 @@ pub(super) fn update_looks(
                 let mut gpu = Gpu { device, queue: &queue, encoder: context.command_encoder() };
                 let decoded = passes.decode(&pass, &mut gpu, style, look, cloud.fade);
                 if decoded.is_ok() {
-                    passes.ran = Some(time.elapsed());
+                    passes.ran = Some(clock.0);
                     count.add_one();
                     reports.push(GpuReport::Styled { entity: entity.id(), generation });
                 }
@@ -98,7 +98,7 @@ pub(super) fn update_looks(
             }
         };
         match shown {
-            Ok(index) => look.show(index, cloud.fade, time.elapsed(), generation),
+            Ok(index) => look.show(index, cloud.fade, clock.0, generation),
             Err(reason) => {
                 look.generation = Some(generation);
                 reports.push(GpuReport::StyleRefused { entity: entity.id(), generation, reason });
