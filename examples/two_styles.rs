@@ -26,7 +26,7 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((
         Camera3d::default(),
         Tonemapping::None,
-        Transform::from_xyz(0.0, 5.0, 13.5).looking_at(Vec3::ZERO, Vec3::Y),
+        Transform::from_xyz(0.0, 5.0, 14.3).looking_at(Vec3::ZERO, Vec3::Y),
     ));
     let scene = assets.load("demo.sgs");
     for (x, style) in [(-5.0, "dots"), (5.0, "strokes")] {

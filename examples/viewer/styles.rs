@@ -35,19 +35,23 @@ pub struct Styles {
 }
 
 impl Styles {
-    /// Appends a file: statistics, with the picture of the same name where one lies beside them, or an image.
-    pub fn add(&mut self, path: &Path, assets: &AssetServer) {
+    /// Lists a file, unless it is listed: statistics, with the picture of the same name where one lies beside them, or an
+    /// image. Says where.
+    pub fn add(&mut self, path: &Path, assets: &AssetServer) -> usize {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         let picture = picture_of(path).map(|picture| assets.load::<Image>(picture));
         let (input, name) = match (name.strip_suffix(PRESET), &picture) {
-            (Some(stem), _) => (StyleInput::Preset(assets.load(path.to_owned())), stem.to_owned()),
             (None, Some(image)) => {
                 let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
                 (StyleInput::Image(image.clone()), stem)
             }
-            (None, None) => return,
+            (stem, _) => (StyleInput::Preset(assets.load(path.to_owned())), stem.unwrap_or(&name).to_owned()),
         };
-        self.list.push(Style { name, input, picture, weight: 0.0 });
+        let listed = self.list.iter().position(|style| style.input == input);
+        listed.unwrap_or_else(|| {
+            self.list.push(Style { name, input, picture, weight: 0.0 });
+            self.list.len() - 1
+        })
     }
 
     /// Shows one style alone, or none.
