@@ -9,7 +9,7 @@ use std::{
 use bevy::prelude::*;
 use bevy_stylegaussian::{StyleInput, StyleSource, StyleTransition};
 
-use crate::ASSETS;
+use crate::{ASSETS, panel::Transfer};
 
 /// Statistics that `stylegaussian style` made.
 const PRESET: &str = ".style.safetensors";
@@ -108,8 +108,14 @@ pub fn press_keys(keys: Res<ButtonInput<KeyCode>>, mut styles: ResMut<Styles>) {
 }
 
 /// Hands the mix to the scene, where it differs from what the scene was told before.
-pub fn apply(styles: Res<Styles>, scene: Single<(&mut StyleSource, &mut StyleTransition)>) {
+pub fn apply(
+    styles: Res<Styles>,
+    scene: Single<(&mut StyleSource, &mut StyleTransition)>,
+    mut transfer: ResMut<Transfer>,
+) {
     let (mut source, mut transition) = scene.into_inner();
-    source.set_if_neq(styles.source());
+    if source.set_if_neq(styles.source()) {
+        transfer.is_under_way = !source.is_none();
+    }
     transition.set_if_neq(StyleTransition { duration: Duration::from_secs_f32(styles.fade_in_seconds) });
 }
