@@ -5,7 +5,7 @@ mod world;
 use std::time::Duration;
 
 use bevy::{
-    asset::RenderAssetUsages,
+    asset::{AssetPlugin, RenderAssetUsages},
     prelude::*,
     render::render_resource::{Extent3d, TextureDimension, TextureFormat},
 };
@@ -13,7 +13,7 @@ use bevy_stylegaussian::{
     AppliedStyle, GaussianDecoder, GaussianSplats, SceneFailed, StyleApplied, StyleBackend, StyleDecoder,
     StyleEncoder, StyleError, StyleFailed, StyleInput, StyleSource, StyleTransition,
 };
-use stylegaussian::{ChannelStatistics, Scene, fold};
+use stylegaussian::{ChannelStatistics, Scene, file, fold};
 use stylegaussian_encoder::{
     Encoder, StyleSize,
     onnx::{ChainWriter, Convolution},
@@ -315,4 +315,71 @@ fn scenes_that_cannot_be_are_refused() {
         let failed: Vec<_> = world.resource_mut::<Messages<SceneFailed>>().drain().collect();
         failed.iter().any(|event| event.error.to_string().contains("no_such_scene.sgs"))
     });
+}
+
+/// Scenes, statistics and decoders from files; broken ones are named.
+#[test]
+fn files_load_and_broken_ones_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    let (scene, style) = (small_scene(40, 1), small_style(1));
+    file::write_scene(&path("scene.sgs"), &scene).unwrap();
+    file::write_scene(&path("plain.ply"), &scene).unwrap();
+    file::write_style(&path("a.style.safetensors"), &style).unwrap();
+    let decoder = small_scene(1, 9).decoder.unwrap();
+    file::write_decoder(&path("b.decoder.safetensors"), &decoder, file::Precision::F32).unwrap();
+    for name in ["broken.sgs", "broken.style.safetensors"] {
+        std::fs::write(path(name), b"no such thing").unwrap();
+    }
+    let file_path = dir.path().to_string_lossy().into_owned();
+    let mut app = app_with_assets(AssetPlugin { file_path, ..default() });
+    let assets = app.world().resource::<AssetServer>().clone();
+
+    let parts = (
+        GaussianSplats(assets.load("scene.sgs")),
+        StyleSource::preset(assets.load("a.style.safetensors")),
+        StyleDecoder(assets.load("b.decoder.safetensors")),
+    );
+    let entity = app.world_mut().spawn(parts).id();
+    until_applied(&mut app);
+    let read = Scene { decoder: Some(decoder), ..file::read_scene(&path("scene.sgs")).unwrap().scene };
+    assert_eq!(colors(app.world(), entity).unwrap(), expected(&read, &[(&style, 1.0)], 0.0));
+
+    *app.world_mut().get_mut::<StyleSource>(entity).unwrap() =
+        StyleSource::preset(assets.load("broken.style.safetensors"));
+    let message = until_failed(&mut app).error.to_string();
+    assert!(message.contains("broken.style.safetensors"), "{message}");
+
+    let plain: Handle<bevy_stylegaussian::GaussianScene> = assets.load("plain.ply");
+    update_until(&mut app, "plain.ply", |world| {
+        world.resource::<Assets<bevy_stylegaussian::GaussianScene>>().contains(&plain)
+    });
+    app.world_mut().spawn(GaussianSplats(assets.load("broken.sgs")));
+    update_until(&mut app, "SceneFailed", |world| {
+        let failed: Vec<_> = world.resource_mut::<Messages<SceneFailed>>().drain().collect();
+        failed.iter().any(|event| event.error.to_string().contains("broken.sgs"))
+    });
+}
+
+/// Editors and scene files know every component, resource, event and asset.
+#[test]
+fn public_types_are_registered() {
+    use bevy::ecs::reflect::{ReflectComponent, ReflectResource};
+    use bevy_stylegaussian as face;
+    let mut app = app_without_rendering();
+    let registry = app.world_mut().resource::<AppTypeRegistry>().read();
+    macro_rules! check {
+        ($data:ty: $($name:ident),*) => {$(
+            let registration = registry.get(std::any::TypeId::of::<face::$name>());
+            let registration = registration.expect(concat!(stringify!($name), " is not registered"));
+            assert!(registration.data::<$data>().is_some(), stringify!($name));
+        )*};
+        ($($name:ident),*) => {$(
+            assert!(registry.get(std::any::TypeId::of::<face::$name>()).is_some(), stringify!($name));
+        )*};
+    }
+    check!(ReflectComponent: GaussianSplats, StyleSource, StyleTransition, StyleDecoder, AppliedStyle, SplatTonemapping, SortKey);
+    check!(ReflectResource: StyleBackend, StyleEncoder, StylePassCount);
+    check!(GaussianScene, StyleStatistics, GaussianDecoder, StyleInput, WeightedStyle);
+    check!(StyleApplied, StyleFailed, SceneFailed);
 }

@@ -29,15 +29,17 @@ pub(crate) struct RenderCloud {
     pub(crate) fade: Duration,
 }
 
+/// What a cloud is made of.
+type CloudParts =
+    (Entity, &'static CloudScene, &'static GlobalTransform, &'static Look, Option<&'static StyleTransition>);
+
 /// Anything about a cloud that is drawn.
 type AnyChange = Or<(Changed<CloudScene>, Changed<GlobalTransform>, Changed<Look>, Changed<StyleTransition>)>;
 
 /// Takes over clouds that came, changed or went. Touches the resource only then.
 pub(super) fn extract_clouds(
     mut clouds: ResMut<RenderClouds>,
-    changed: Extract<
-        Query<(Entity, &CloudScene, &GlobalTransform, &Look, Option<&StyleTransition>), AnyChange>,
-    >,
+    changed: Extract<Query<CloudParts, AnyChange>>,
     all: Extract<Query<(), With<CloudScene>>>,
     mut removed: Extract<RemovedComponents<CloudScene>>,
     mut transitions: Extract<RemovedComponents<StyleTransition>>,

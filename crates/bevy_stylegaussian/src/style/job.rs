@@ -57,13 +57,13 @@ impl StyleJob {
     }
 }
 
+/// Another look may be wanted.
+type WishChanged = Or<(Changed<StyleSource>, Changed<StyleDecoder>, Changed<CloudScene>)>;
+
 /// Wants a new look where source, decoder or scene changed. A new scene starts from its own colors.
 pub(super) fn ask_for_changed_styles(
     mut commands: Commands,
-    mut jobs: Query<
-        (Entity, &mut StyleJob, &mut Look, Ref<CloudScene>),
-        Or<(Changed<StyleSource>, Changed<StyleDecoder>, Changed<CloudScene>)>,
-    >,
+    mut jobs: Query<(Entity, &mut StyleJob, &mut Look, Ref<CloudScene>), WishChanged>,
 ) {
     for (entity, mut job, mut look, scene) in &mut jobs {
         if scene.is_changed() {

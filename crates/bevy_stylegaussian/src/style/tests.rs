@@ -6,7 +6,7 @@ use bevy::{
     prelude::*,
     render::{
         RenderApp,
-        renderer::{RenderDevice, RenderQueue},
+        renderer::{RenderAdapterInfo, RenderDevice, RenderQueue},
         sync_world::MainEntity,
     },
 };
@@ -76,6 +76,21 @@ fn gpu_matches_cpu() {
     let error = largest_difference(&found, &expected);
     eprintln!("{} Gaussians, deviation {deviation:.3}, error {error:.1e}", scene.len());
     assert!(error < 2e-3, "{error}");
+}
+
+/// Software that acts as a GPU is slower than the processor's own decoder.
+#[test]
+fn auto_leaves_software_adapters_alone() {
+    let Some(mut app) = app_with_rendering(StyleBackend::Auto) else { return };
+    let is_software = app.world().resource::<RenderAdapterInfo>().device_type == wgpu::DeviceType::Cpu;
+    let style = add_style(&mut app, small_style(1));
+    let splats = GaussianSplats(add_scene(&mut app, small_scene(20, 1)));
+    let entity = app.world_mut().spawn((splats, StyleSource::preset(style))).id();
+    let expected = if is_software { StyleBackend::Cpu } else { StyleBackend::Gpu };
+    assert_eq!(until_applied(&mut app).backend, expected);
+    app.update();
+    assert_eq!(shown(&app, entity).map(|colors| colors.len()), Some(20));
+    assert_eq!(n_passes(&app), u64::from(!is_software));
 }
 
 #[test]

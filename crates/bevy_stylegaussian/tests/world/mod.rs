@@ -105,8 +105,13 @@ pub fn small_style(seed: u64) -> ChannelStatistics {
 
 /// An app with the plugin and without rendering.
 pub fn app_without_rendering() -> App {
+    app_with_assets(AssetPlugin::default())
+}
+
+/// As [`app_without_rendering`], with assets from elsewhere.
+pub fn app_with_assets(assets: AssetPlugin) -> App {
     let mut app = App::new();
-    app.add_plugins((MinimalPlugins, AssetPlugin::default(), TransformPlugin));
+    app.add_plugins((MinimalPlugins, assets, TransformPlugin));
     app.init_asset::<Image>().add_plugins(StyleGaussianPlugin::default());
     app.finish();
     app.cleanup();
