@@ -11,7 +11,7 @@ use anyhow::{Context, Result, bail};
 use bevy::{
     app::PluginsState, camera::RenderTarget, core_pipeline::tonemapping::Tonemapping, prelude::*,
     render::RenderPlugin, render::render_resource::TextureFormat, render::view::screenshot,
-    winit::WinitPlugin,
+    window::ExitCondition, winit::WinitPlugin,
 };
 use bevy_stylegaussian::{
     GaussianScene, GaussianSplats, SceneFailed, StyleApplied, StyleFailed, StyleGaussianPlugin, StyleSource,
@@ -52,16 +52,15 @@ fn main() -> Result<()> {
             app.world_mut().entity_mut(splats).insert(StyleSource::preset(style));
             while !step(&mut app)? {}
         }
-        let around = Quat::from_rotation_y(TAU * frame as f32 / N_FRAMES as f32);
-        let eye = Transform::from_translation(around * Vec3::new(0.0, 4.3, 12.3))
-            .looking_at(0.1 * Vec3::Y, Vec3::Y);
+        let eye = Quat::from_rotation_y(TAU * frame as f32 / N_FRAMES as f32) * Vec3::new(0.0, 4.3, 12.3);
+        let eye = Transform::from_translation(eye).looking_at(0.1 * Vec3::Y, Vec3::Y);
         app.world_mut().entity_mut(camera).insert(eye);
         let save = screenshot::save_to_disk(out.join(format!("{frame:03}.png")));
         app.world_mut().spawn(screenshot::Screenshot::image(target.clone())).observe(save);
         step(&mut app)?;
         println!("{:>3} of {N_FRAMES}: {}", frame + 1, LOOKS[look]);
     }
-    // Pictures come back from the GPU a few frames late.
+    // The last pictures come back from the GPU a few frames late.
     while app.world_mut().query::<&screenshot::Screenshot>().iter(app.world()).next().is_some() {
         step(&mut app)?;
     }
@@ -72,11 +71,7 @@ fn main() -> Result<()> {
 
 /// Everything but a window and its events.
 fn windowless_app() -> App {
-    let window = WindowPlugin {
-        primary_window: None,
-        exit_condition: bevy::window::ExitCondition::DontExit,
-        ..default()
-    };
+    let window = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
     let files = AssetPlugin { file_path: ASSETS.into(), ..default() };
     let mut app = App::new();
     // Every frame is kept: none may go without what is still being compiled.
@@ -96,10 +91,10 @@ fn windowless_app() -> App {
 fn step(app: &mut App) -> Result<bool> {
     app.update();
     let world = app.world_mut();
-    let no_scene = world.resource_mut::<Messages<SceneFailed>>().drain().next().map(|m| m.error.to_string());
-    let no_style = world.resource_mut::<Messages<StyleFailed>>().drain().next().map(|m| m.error.to_string());
-    if let Some(error) = no_scene.or(no_style) {
-        bail!(error);
+    if let Some(failed) = world.resource_mut::<Messages<SceneFailed>>().drain().next() {
+        bail!("{}", failed.error);
+    } else if let Some(failed) = world.resource_mut::<Messages<StyleFailed>>().drain().next() {
+        bail!("{}", failed.error);
     }
     let is_applied = world.resource_mut::<Messages<StyleApplied>>().drain().next().is_some();
     app.should_exit().map_or(Ok(is_applied), |exit| bail!("the renderer gave up: {exit:?}"))
@@ -115,8 +110,7 @@ fn contact_sheet(out: &Path) -> Result<RgbImage> {
     };
     for (index, look) in LOOKS.iter().enumerate() {
         let (x, y) = (8 + 764 * (index as i64 % 3), 8 + 278 * (index as i64 / 3));
-        let paintings =
-            ["jpg", "png"].map(|ending| Path::new(ASSETS).join(format!("styles/{look}.{ending}")));
+        let paintings = ["jpg", "png"].map(|end| Path::new(ASSETS).join(format!("styles/{look}.{end}")));
         let painting = paintings.iter().find(|path| path.exists());
         let frame = out.join(format!("{:03}.png", index * FRAMES_PER_LOOK + FRAMES_PER_LOOK / 2));
         paste(&frame, 480, if painting.is_some() { x } else { x + 138 }, y)?;

@@ -1,5 +1,6 @@
 //! Splats among meshes: lit cubes that circle in front of a styled scene, behind it and through it. What is nearer covers
-//! what is farther, on both sides; the pane of glass, drawn after the splats, tints them where it is in front.
+//! what is farther, on both sides. A pane of glass in front tints what is behind it; as splats leave no depth behind,
+//! transparent meshes are always drawn over them.
 //!
 //! ```sh
 //! cargo run --release --example meshes
@@ -39,7 +40,7 @@ fn main() -> AppExit {
 }
 
 fn spawn_scene(mut commands: Commands, assets: Res<AssetServer>) {
-    let camera = Transform::from_xyz(0.0, 4.5, 12.0).looking_at(Vec3::ZERO, Vec3::Y);
+    let camera = Transform::from_xyz(0.0, 4.2, 11.0).looking_at(Vec3::ZERO, Vec3::Y);
     commands.spawn((Camera3d::default(), AmbientLight { brightness: 400.0, ..default() }, camera));
     commands.spawn((
         DirectionalLight { illuminance: 8_000.0, ..default() },
@@ -47,7 +48,7 @@ fn spawn_scene(mut commands: Commands, assets: Res<AssetServer>) {
     ));
     commands.spawn((
         GaussianSplats(assets.load("demo.sgs")),
-        StyleSource::preset(assets.load("styles/watercolor.style.safetensors")),
+        StyleSource::preset(assets.load("styles/strokes.style.safetensors")),
     ));
 }
 
@@ -57,11 +58,10 @@ fn spawn_cubes(
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
     let cube = meshes.add(Cuboid::from_length(1.0));
-    let pane = meshes.add(Cuboid::new(2.2, 2.2, 0.06));
+    let pane = meshes.add(Cuboid::new(1.8, 1.8, 0.06));
     let around = Circle { radius: 5.6, height: 0.4, tilt: 0.0, speed: 0.06, start: 0.25 };
     let opposite = Circle { start: 0.75, ..around };
-    let through = Circle { radius: 2.6, height: 0.3, tilt: 0.5, speed: 0.09, start: 0.2 };
-    let glass = Circle { radius: 6.0, height: 0.8, tilt: 0.0, speed: 0.06, start: 0.38 };
+    let through = Circle { radius: 2.6, height: 0.3, tilt: 0.5, speed: 0.09, start: 0.1 };
     let mut material = |base_color, alpha_mode| {
         materials.add(StandardMaterial { base_color, alpha_mode, perceptual_roughness: 0.4, ..default() })
     };
@@ -72,7 +72,7 @@ fn spawn_cubes(
     commands.spawn((around, Mesh3d(cube.clone()), MeshMaterial3d(red)));
     commands.spawn((opposite, Mesh3d(cube.clone()), MeshMaterial3d(yellow)));
     commands.spawn((through, Mesh3d(cube), MeshMaterial3d(blue)));
-    commands.spawn((glass, Mesh3d(pane), MeshMaterial3d(tinted)));
+    commands.spawn((Transform::from_xyz(-1.7, 1.4, 5.0), Mesh3d(pane), MeshMaterial3d(tinted)));
 }
 
 fn follow_circles(mut circles: Query<(&Circle, &mut Transform)>, time: Res<Time>) {

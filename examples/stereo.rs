@@ -9,9 +9,9 @@
 
 use bevy::{
     camera::{CameraProjection, SubCameraView, Viewport},
+    core_pipeline::tonemapping::Tonemapping,
     math::Vec3A,
     prelude::*,
-    window::WindowResized,
 };
 use bevy_stylegaussian::{GaussianSplats, StyleGaussianPlugin, StyleSource};
 
@@ -85,32 +85,29 @@ fn main() -> AppExit {
 fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     let style = assets.load("styles/dots.style.safetensors");
     commands.spawn((GaussianSplats(assets.load("demo.sgs")), StyleSource::preset(style)));
-    let head = Transform::from_xyz(0.0, 4.5, 11.0).looking_at(Vec3::ZERO, Vec3::Y);
+    let head = Transform::from_xyz(0.0, 4.2, 11.2).looking_at(Vec3::ZERO, Vec3::Y);
     commands.spawn((head, Visibility::default())).with_children(|head| {
         for (order, x) in [-0.5 * EYE_DISTANCE, 0.5 * EYE_DISTANCE].into_iter().enumerate() {
             let middle = Vec2::new(-x / SCREEN_DISTANCE, 0.0);
-            let eye = OffAxis { half_size: Vec2::splat(0.4), middle, near: 0.1 };
+            let eye = OffAxis { half_size: Vec2::splat(0.5), middle, near: 0.1 };
             head.spawn((
                 Camera3d::default(),
                 Camera { order: order as isize, ..default() },
                 Projection::custom(eye),
+                Tonemapping::None,
                 Transform::from_xyz(x, 0.0, 0.0),
             ));
         }
     });
 }
 
-/// Gives each eye its half of the window.
-fn place_eyes(
-    mut eyes: Query<&mut Camera>,
-    window: Single<&Window>,
-    mut resized: MessageReader<WindowResized>,
-) {
-    if resized.read().last().is_some() {
-        let half = (window.physical_size() / UVec2::new(2, 1)).max(UVec2::ONE);
-        for mut eye in &mut eyes {
-            let physical_position = UVec2::new(half.x * eye.order as u32, 0);
-            eye.viewport = Some(Viewport { physical_position, physical_size: half, ..default() });
+/// Gives each eye its half of the window, whatever its size.
+fn place_eyes(mut eyes: Query<&mut Camera>, window: Single<&Window>) {
+    let physical_size = (window.physical_size() / UVec2::new(2, 1)).max(UVec2::ONE);
+    for mut eye in &mut eyes {
+        if eye.viewport.as_ref().is_none_or(|viewport| viewport.physical_size != physical_size) {
+            let physical_position = UVec2::new(physical_size.x * eye.order as u32, 0);
+            eye.viewport = Some(Viewport { physical_position, physical_size, ..default() });
         }
     }
 }

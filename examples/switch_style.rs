@@ -7,7 +7,7 @@
 
 use std::time::Duration;
 
-use bevy::prelude::*;
+use bevy::{core_pipeline::tonemapping::Tonemapping, prelude::*};
 use bevy_stylegaussian::{
     GaussianSplats, StyleApplied, StyleFailed, StyleGaussianPlugin, StyleSource, StyleTransition,
 };
@@ -46,8 +46,11 @@ fn main() -> AppExit {
 }
 
 fn setup(mut commands: Commands, assets: Res<AssetServer>) {
-    commands
-        .spawn((Camera3d::default(), Transform::from_xyz(0.0, 4.5, 11.0).looking_at(Vec3::ZERO, Vec3::Y)));
+    commands.spawn((
+        Camera3d::default(),
+        Tonemapping::None,
+        Transform::from_xyz(0.0, 4.5, 11.0).looking_at(Vec3::ZERO, Vec3::Y),
+    ));
     commands.spawn((
         GaussianSplats(assets.load("demo.sgs")),
         StyleSource::none(),

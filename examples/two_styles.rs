@@ -5,7 +5,7 @@
 //! cargo run --release --example two_styles
 //! ```
 
-use bevy::prelude::*;
+use bevy::{core_pipeline::tonemapping::Tonemapping, prelude::*};
 use bevy_stylegaussian::{GaussianSplats, StyleGaussianPlugin, StyleSource};
 
 #[path = "backdrop/mod.rs"]
@@ -23,8 +23,11 @@ fn main() -> AppExit {
 }
 
 fn setup(mut commands: Commands, assets: Res<AssetServer>) {
-    commands
-        .spawn((Camera3d::default(), Transform::from_xyz(0.0, 6.0, 15.5).looking_at(Vec3::ZERO, Vec3::Y)));
+    commands.spawn((
+        Camera3d::default(),
+        Tonemapping::None,
+        Transform::from_xyz(0.0, 5.0, 14.3).looking_at(Vec3::ZERO, Vec3::Y),
+    ));
     let scene = assets.load("demo.sgs");
     for (x, style) in [(-5.0, "dots"), (5.0, "strokes")] {
         commands.spawn((

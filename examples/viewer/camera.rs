@@ -5,7 +5,7 @@ use std::f32::consts::FRAC_PI_2;
 use bevy::{
     camera::{CameraOutputMode, Viewport, visibility::RenderLayers},
     core_pipeline::tonemapping::Tonemapping,
-    input::mouse::{AccumulatedMouseMotion, AccumulatedMouseScroll, MouseScrollUnit},
+    input::mouse::{AccumulatedMouseScroll, MouseScrollUnit},
     prelude::*,
     render::render_resource::BlendState,
 };
@@ -15,7 +15,7 @@ use crate::{panel::Panel, scene::ShownScene};
 
 /// Full vertical angle of view, in radians: about a 60 mm lens.
 const FIELD_OF_VIEW: f32 = 0.7;
-/// Radians per pixel that the mouse moves.
+/// Radians per point that the cursor moves.
 const TURN: f32 = 0.006;
 /// Part of the distance that one step of the wheel goes.
 const ZOOM: f32 = 0.12;
@@ -86,7 +86,7 @@ pub fn spawn(mut commands: Commands) {
 /// Left: orbit. Right: look around. Middle: pan. Wheel: zoom.
 pub fn drag(
     buttons: Res<ButtonInput<MouseButton>>,
-    motion: Res<AccumulatedMouseMotion>,
+    mut motion: MessageReader<CursorMoved>,
     scroll: Res<AccumulatedMouseScroll>,
     mut orbit: Single<&mut Orbit>,
 ) {
@@ -94,17 +94,19 @@ pub fn drag(
         let pixels_per_step = if scroll.unit == MouseScrollUnit::Pixel { 40.0 } else { 1.0 };
         orbit.distance *= (-ZOOM * scroll.delta.y / pixels_per_step).exp();
     }
-    if motion.delta == Vec2::ZERO {
+    // The cursor's way and not the mouse's own, which remote desktops do not tell.
+    let motion: Vec2 = motion.read().filter_map(|moved| moved.delta).sum();
+    if motion == Vec2::ZERO {
         return;
     }
     if buttons.pressed(MouseButton::Left) {
-        orbit.turn(motion.delta);
+        orbit.turn(motion);
     } else if buttons.pressed(MouseButton::Right) {
         let eye = orbit.transform().translation;
-        orbit.turn(0.5 * motion.delta);
+        orbit.turn(0.5 * motion);
         orbit.target = eye - orbit.rotation() * Vec3::Z * orbit.distance;
     } else if buttons.pressed(MouseButton::Middle) {
-        let shift = Vec3::new(-motion.delta.x, motion.delta.y, 0.0) * orbit.distance * 0.001;
+        let shift = Vec3::new(-motion.x, motion.y, 0.0) * orbit.distance * 0.001;
         orbit.target = orbit.target + orbit.rotation() * shift;
     }
 }

@@ -43,12 +43,9 @@ pub fn open_arguments(
     mut styles: ResMut<Styles>,
 ) {
     shown.load(&from_here(&arguments.scene), &assets);
-    let n_listed = styles.list.len();
     for path in &arguments.styles {
-        styles.add(&from_here(path), &assets);
-    }
-    for style in &mut styles.list[n_listed..] {
-        style.weight = 1.0;
+        let index = styles.add(&from_here(path), &assets);
+        styles.list[index].weight = 1.0;
     }
 }
 
@@ -76,9 +73,8 @@ pub fn open(
             _ if !path.is_file() => notice.fail(format!("{}: there is no such file", path.display())),
             Some(Kind::Scene) => shown.load(&path, &assets),
             Some(Kind::Style) => {
-                styles.add(&path, &assets);
-                let last = styles.list.len() - 1;
-                styles.select(Some(last));
+                let index = styles.add(&path, &assets);
+                styles.select(Some(index));
             }
             None => notice.fail(format!(
                 "{}: expected a scene (.sgs, .ply), an image (.jpg, .png) or a .style.safetensors",

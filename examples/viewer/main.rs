@@ -59,7 +59,7 @@ fn main() -> AppExit {
         .insert_resource(files::CommandLine { scene, styles: arguments.collect() })
         .init_resource::<panel::Panel>()
         .init_resource::<panel::Notice>()
-        .init_resource::<panel::LastTransfer>()
+        .init_resource::<panel::Transfer>()
         .init_resource::<save::Saving>()
         .add_message::<files::OpenFile>()
         .add_message::<save::Save>()

@@ -72,18 +72,28 @@ impl Notice {
     }
 }
 
-/// How long the last change of style took, and where it was computed.
+/// The change of style: the one under way, and the last one.
 #[derive(Resource, Default)]
-pub struct LastTransfer(Option<(Duration, StyleBackend)>);
+pub struct Transfer {
+    /// Whether a style was asked for that is not shown yet.
+    pub is_under_way: bool,
+    /// How long the last one took, and where it was computed.
+    pub last: Option<(Duration, StyleBackend)>,
+}
 
 /// Notes how long a style took, and that an earlier error no longer holds.
-pub fn note_applied(applied: On<StyleApplied>, mut last: ResMut<LastTransfer>, mut notice: ResMut<Notice>) {
-    last.0 = Some((applied.elapsed, applied.backend));
+pub fn note_applied(applied: On<StyleApplied>, mut transfer: ResMut<Transfer>, mut notice: ResMut<Notice>) {
+    *transfer = Transfer { is_under_way: false, last: Some((applied.elapsed, applied.backend)) };
     notice.clear();
 }
 
 /// Shows why a style could not be applied.
-pub fn note_failed_style(failed: On<StyleFailed>, mut notice: ResMut<Notice>) {
+pub fn note_failed_style(
+    failed: On<StyleFailed>,
+    mut transfer: ResMut<Transfer>,
+    mut notice: ResMut<Notice>,
+) {
+    transfer.is_under_way = false;
     notice.fail(failed.error.to_string());
 }
 
@@ -107,7 +117,7 @@ pub struct Shown<'w> {
     scene: ResMut<'w, ShownScene>,
     notice: ResMut<'w, Notice>,
     saving: Res<'w, Saving>,
-    transfer: Res<'w, LastTransfer>,
+    transfer: Res<'w, Transfer>,
     adapter: Res<'w, RenderAdapterInfo>,
     diagnostics: Res<'w, DiagnosticsStore>,
     opened: MessageWriter<'w, OpenFile>,
@@ -300,10 +310,11 @@ fn statistics(ui: &mut Ui, shown: &Shown) {
         |path: &DiagnosticPath| shown.diagnostics.get(path).and_then(|diagnostic| diagnostic.smoothed());
     let frame = smoothed(&FrameTimeDiagnosticsPlugin::FRAME_TIME).unwrap_or(0.0);
     let rate = smoothed(&FrameTimeDiagnosticsPlugin::FPS).unwrap_or(0.0);
-    let transfer = shown.transfer.0.map_or_else(
-        || "-".to_owned(),
-        |(elapsed, backend)| format!("{:.0} ms, {backend:?}", 1e3 * elapsed.as_secs_f32()),
-    );
+    let transfer = match shown.transfer.last {
+        _ if shown.transfer.is_under_way => "...".to_owned(),
+        Some((elapsed, backend)) => format!("{:.0} ms, {backend:?}", 1e3 * elapsed.as_secs_f32()),
+        None => "-".to_owned(),
+    };
     let adapter = format!("{} ({:?})", shown.adapter.name, shown.adapter.backend);
     let rows = [
         ("Gaussians", shown.scene.n_gaussians.to_string()),

@@ -5,7 +5,10 @@ use std::path::{Path, PathBuf};
 use bevy::{asset::LoadState, prelude::*};
 use bevy_stylegaussian::{GaussianScene, GaussianSplats, StyleSource, StyleTransition};
 
-use crate::{camera::Orbit, panel::Notice};
+use crate::{
+    camera::Orbit,
+    panel::{Notice, Transfer},
+};
 
 /// The axes that a scene may call up.
 pub const AXES: [(&str, Vec3); 6] = [
@@ -53,9 +56,10 @@ pub fn spawn(mut commands: Commands) {
 /// Shows the next scene once it is loaded, and all of it.
 pub fn show_loaded(
     mut shown: ResMut<ShownScene>,
-    mut splats: Single<&mut GaussianSplats>,
+    entity: Single<(&mut GaussianSplats, &StyleSource)>,
     mut orbit: Single<&mut Orbit>,
     mut notice: ResMut<Notice>,
+    mut transfer: ResMut<Transfer>,
     scenes: Res<Assets<GaussianScene>>,
     assets: Res<AssetServer>,
 ) {
@@ -77,8 +81,10 @@ pub fn show_loaded(
         extent: extent(&scene.means),
         loading: None,
     };
+    let (mut splats, source) = entity.into_inner();
     splats.0 = handle;
     orbit.frame(&shown);
+    *transfer = Transfer { is_under_way: !source.is_none(), ..default() };
     notice.clear();
 }
 

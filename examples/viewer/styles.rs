@@ -9,7 +9,7 @@ use std::{
 use bevy::prelude::*;
 use bevy_stylegaussian::{StyleInput, StyleSource, StyleTransition};
 
-use crate::ASSETS;
+use crate::{ASSETS, panel::Transfer};
 
 /// Statistics that `stylegaussian style` made.
 const PRESET: &str = ".style.safetensors";
@@ -35,16 +35,23 @@ pub struct Styles {
 }
 
 impl Styles {
-    /// Appends a file: statistics, with the picture of the same name where one lies beside them, or an image.
-    pub fn add(&mut self, path: &Path, assets: &AssetServer) {
+    /// Lists a file, unless it is listed: statistics, with the picture of the same name where one lies beside them, or an
+    /// image. Says where.
+    pub fn add(&mut self, path: &Path, assets: &AssetServer) -> usize {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         let picture = picture_of(path).map(|picture| assets.load::<Image>(picture));
         let (input, name) = match (name.strip_suffix(PRESET), &picture) {
-            (Some(stem), _) => (StyleInput::Preset(assets.load(path.to_owned())), stem.to_owned()),
-            (None, Some(image)) => (StyleInput::Image(image.clone()), name),
-            (None, None) => return,
+            (None, Some(image)) => {
+                let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+                (StyleInput::Image(image.clone()), stem)
+            }
+            (stem, _) => (StyleInput::Preset(assets.load(path.to_owned())), stem.unwrap_or(&name).to_owned()),
         };
-        self.list.push(Style { name, input, picture, weight: 0.0 });
+        let listed = self.list.iter().position(|style| style.input == input);
+        listed.unwrap_or_else(|| {
+            self.list.push(Style { name, input, picture, weight: 0.0 });
+            self.list.len() - 1
+        })
     }
 
     /// Shows one style alone, or none.
@@ -101,8 +108,14 @@ pub fn press_keys(keys: Res<ButtonInput<KeyCode>>, mut styles: ResMut<Styles>) {
 }
 
 /// Hands the mix to the scene, where it differs from what the scene was told before.
-pub fn apply(styles: Res<Styles>, scene: Single<(&mut StyleSource, &mut StyleTransition)>) {
+pub fn apply(
+    styles: Res<Styles>,
+    scene: Single<(&mut StyleSource, &mut StyleTransition)>,
+    mut transfer: ResMut<Transfer>,
+) {
     let (mut source, mut transition) = scene.into_inner();
-    source.set_if_neq(styles.source());
+    if source.set_if_neq(styles.source()) {
+        transfer.is_under_way = !source.is_none();
+    }
     transition.set_if_neq(StyleTransition { duration: Duration::from_secs_f32(styles.fade_in_seconds) });
 }
