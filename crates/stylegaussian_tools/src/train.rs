@@ -2,6 +2,7 @@
 
 mod adam;
 mod args;
+mod average;
 mod checkpoint;
 mod data;
 pub(crate) mod loss_network;
@@ -30,6 +31,7 @@ use stylegaussian_encoder::{Encoder, encoder::ENCODER_VARIABLE, resolve};
 
 use adam::Adam;
 pub use args::TrainArgs;
+use average::Average;
 use checkpoint::Progress;
 use data::TrainingScene;
 use loss_network::LossNetwork;
@@ -58,6 +60,7 @@ struct Trainer {
     paintings: Paintings,
     network: Network,
     adam: Adam,
+    average: Average,
     progress: Progress,
 }
 
@@ -87,7 +90,7 @@ pub fn run(arguments: &TrainArgs) -> Result<()> {
     trainer.warm_start()?;
     trainer.refine()?;
     trainer.save()?;
-    let decoder = trainer.network.decoder();
+    let decoder = trainer.decoder();
     file::write_decoder(&arguments.output, &decoder, Precision::F16)?;
     report::write_losses(&beside(&arguments.output, "losses.png"), &trainer.progress.losses)?;
     let shown: Vec<(&Scene, &[Camera])> =
@@ -217,9 +220,12 @@ impl Trainer {
             training.push(prepared);
         }
         let mut network = Network::new(&decoder, &device)?;
-        let mut adam = Adam::new(&network);
+        let (mut adam, mut average) = (Adam::new(&network), Average::new(&network));
         let progress = match arguments.resume {
-            true => checkpoint::load(&checkpoint_path(&arguments.output), &mut network, &mut adam, &device)?,
+            true => {
+                let path = checkpoint_path(&arguments.output);
+                checkpoint::load(&path, &mut network, &mut adam, &mut average, &device)?
+            }
             false => Progress::default(),
         };
         let weights = LossWeights {
@@ -238,19 +244,26 @@ impl Trainer {
             weights,
             network,
             adam,
+            average,
             progress,
         })
     }
 
     fn save(&self) -> Result<()> {
-        checkpoint::save(&checkpoint_path(&self.arguments.output), &self.network, &self.adam, &self.progress)
+        let path = checkpoint_path(&self.arguments.output);
+        checkpoint::save(&path, &self.network, &self.adam, &self.average, &self.progress)
+    }
+
+    /// What there is to show so far.
+    fn decoder(&self) -> Decoder {
+        self.average.decoder(&self.network)
     }
 
     /// What Ctrl-C leads to: everything is kept, and the message says how to go on.
     fn stop_if_interrupted(&self) -> Result<()> {
         if INTERRUPTED.load(Ordering::Relaxed) {
             self.save()?;
-            file::write_decoder(&self.arguments.output, &self.network.decoder(), Precision::F16)?;
+            file::write_decoder(&self.arguments.output, &self.decoder(), Precision::F16)?;
             bail!(
                 "interrupted after {} steps; the decoder so far is written, --resume goes on",
                 self.progress.steps
@@ -328,8 +341,11 @@ impl Trainer {
             }
             report_step(&bar, self.progress.steps, &format!("content {:.3} style {:.3}", mean[0], mean[1]));
             if self.progress.steps.is_multiple_of(CHECKPOINT_STEPS) {
+                if f64::from(self.progress.steps) > f64::from(total) * (1.0 - self.arguments.average) {
+                    self.average.add(&self.network);
+                }
                 self.save()?;
-                file::write_decoder(&self.arguments.output, &self.network.decoder(), Precision::F16)?;
+                file::write_decoder(&self.arguments.output, &self.decoder(), Precision::F16)?;
             }
         }
         bar.finish();

@@ -33,15 +33,18 @@ const PLAYBOT: &str = "playbot_31k_sh2pad3.ply";
 /// The paintings it is trained on, likely in the public domain; twenty more such are kept out, to judge by.
 const PAINTINGS: &str = "assets/training_paintings.txt";
 
-/// How it is trained: crops of 256 pixels from views of 512, the warm start on recolored scenes, then the paper's loss with
-/// colors kept near what a display shows and, over squares of 16 pixels, near the recolored scene's.
-const TRAINING: [&str; 12] = [
+/// Another one (MIT), which joins it in the second run.
+const BIKER: &str = "biker.compressed.ply";
+/// Cameras around that one: a ring at some distance, and three near ones of 6 each.
+const BIKER_CAMERAS: &str = "assets/biker_cameras.json";
+
+/// How it is trained, in both runs: crops of 256 pixels from views of 512, the paper's loss with colors kept near what a
+/// display shows and, over squares of 16 pixels, near the recolored scene's.
+const TRAINING: [&str; 10] = [
     "--size",
     "512",
-    "--warm-iterations",
-    "1500",
-    "--iterations",
-    "5000",
+    "--holdout-styles",
+    "0",
     "--learning-rate",
     "3e-4",
     "--range-weight",
@@ -50,6 +53,12 @@ const TRAINING: [&str; 12] = [
     "50",
 ];
 
+/// The first run: the warm start on recolored scenes, then the loss.
+const FIRST_RUN: [&str; 4] = ["--warm-iterations", "1500", "--iterations", "5000"];
+
+/// The second run goes on from the first one's decoder.
+const SECOND_RUN: [&str; 4] = ["--seed", "2", "--iterations", "4000"];
+
 /// Files of the test data.
 struct Data {
     encoder: PathBuf,
@@ -57,6 +66,7 @@ struct Data {
     paintings: PathBuf,
     playbot: PathBuf,
     playbot_cameras: PathBuf,
+    biker: PathBuf,
 }
 
 impl Data {
@@ -69,8 +79,11 @@ impl Data {
             paintings: folder.join("styles"),
             playbot: folder.join("splats").join(PLAYBOT),
             playbot_cameras: folder.join("reference/playbot_views.json"),
+            biker: folder.join("splats").join(BIKER),
         };
-        for path in [&data.encoder, &data.relu4, &data.paintings, &data.playbot, &data.playbot_cameras] {
+        let all =
+            [&data.encoder, &data.relu4, &data.paintings, &data.playbot, &data.playbot_cameras, &data.biker];
+        for path in all {
             ensure!(
                 path.exists(),
                 "{} is missing; STYLEGAUSSIAN_DATA names the folder of the test data",
@@ -104,7 +117,9 @@ fn make(steps: &mut Steps, data: &Data) -> Result<()> {
     embed(steps, data, Path::new(&world), Path::new(DEMO), &["--no-neighbors".as_ref()])?;
     let playbot = PathBuf::from(format!("{WORK}/playbot.sgs"));
     embed(steps, data, &data.playbot, &playbot, &["--cameras".as_ref(), data.playbot_cameras.as_os_str()])?;
-    train(steps, data, &playbot)
+    let biker = PathBuf::from(format!("{WORK}/biker.sgs"));
+    embed(steps, data, &data.biker, &biker, &[])?;
+    train(steps, data, &playbot, &biker)
 }
 
 fn generator(package: &str, out: &str) -> Command {
@@ -117,25 +132,40 @@ fn embed(steps: &mut Steps, data: &Data, scene: &Path, out: &Path, options: &[&O
     steps.run(&format!("embed {}", scene.display()), &mut embed)
 }
 
-/// Trains beside the checkpoint, the loss curve and the contact sheet, none of which ship; then copies the decoder.
-fn train(steps: &mut Steps, data: &Data, playbot: &Path) -> Result<()> {
-    let paintings = PathBuf::from(format!("{WORK}/paintings"));
-    fs::create_dir_all(&paintings).with_context(|| format!("cannot create {}", paintings.display()))?;
-    let names = fs::read_to_string(PAINTINGS).with_context(|| format!("cannot read {PAINTINGS}"))?;
-    for name in names.lines() {
-        let image = data.paintings.join(name);
-        fs::copy(&image, paintings.join(name)).with_context(|| format!("cannot copy {}", image.display()))?;
-    }
+/// Trains beside the checkpoints, the loss curves and the contact sheets, none of which ship; then copies the decoder.
+fn train(steps: &mut Steps, data: &Data, playbot: &Path, biker: &Path) -> Result<()> {
+    let paintings = paintings(data)?;
+    let run = |scenes: &[&Path], cameras: &[&Path], out: &str| {
+        let mut train = stylegaussian();
+        train.arg("train").args(scenes).args(["-o", out]).arg("--styles").arg(&paintings);
+        for file in cameras {
+            train.arg("--cameras").arg(file);
+        }
+        train.arg("--encoder").arg(&data.encoder).arg("--relu4").arg(&data.relu4).args(TRAINING);
+        train
+    };
+    let (demo, cameras) =
+        (Path::new(DEMO), [Path::new(DEMO_CAMERAS), &data.playbot_cameras, BIKER_CAMERAS.as_ref()]);
+    let first = format!("{WORK}/first.decoder.safetensors");
+    steps.run("first run", run(&[demo, playbot], &cameras[..2], &first).args(FIRST_RUN))?;
     let decoder = format!("{WORK}/default.decoder.safetensors");
-    let mut train = stylegaussian();
-    train.args(["train", DEMO]).arg(playbot);
-    train.args(["--cameras", DEMO_CAMERAS, "--cameras"]).arg(&data.playbot_cameras);
-    train.arg("--styles").arg(&paintings).args(["--holdout-styles", "0", "-o", &decoder]);
-    train.arg("--encoder").arg(&data.encoder).arg("--relu4").arg(&data.relu4);
-    train.args(TRAINING);
-    steps.run("train", &mut train)?;
+    let mut second = run(&[demo, playbot, biker], &cameras, &decoder);
+    steps.run("second run", second.args(["--init", &first]).args(SECOND_RUN))?;
     fs::copy(&decoder, DECODER).with_context(|| format!("cannot copy {decoder} to {DECODER}"))?;
     Ok(())
+}
+
+/// A folder of what the decoder is trained on: the paintings of the list, and our own eight.
+fn paintings(data: &Data) -> Result<PathBuf> {
+    let folder = PathBuf::from(format!("{WORK}/paintings"));
+    fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    let names = fs::read_to_string(PAINTINGS).with_context(|| format!("cannot read {PAINTINGS}"))?;
+    let listed = names.lines().map(|name| data.paintings.join(name));
+    for image in listed.chain(images(Path::new(STYLES))?) {
+        let to = folder.join(image.file_name().unwrap_or_default());
+        fs::copy(&image, to).with_context(|| format!("cannot copy {}", image.display()))?;
+    }
+    Ok(folder)
 }
 
 /// Pictures in `folder`, by name.

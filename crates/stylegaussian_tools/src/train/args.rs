@@ -68,6 +68,10 @@ pub struct TrainArgs {
     /// Adam's learning rate at the first step with the paper's loss; it falls to a tenth along a cosine.
     #[arg(long, value_name = "RATE", default_value_t = 1e-3)]
     pub learning_rate: f32,
+    /// The decoder written is the mean over this share of the steps, the last ones, a look every 100 steps; 0 takes the
+    /// last step alone, as the paper.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.4, value_parser = share)]
+    pub average: f64,
     /// `sigmoid` (the paper's) or `leaky_relu:SLOPE`, for a decoder that starts from random weights.
     #[arg(long, value_name = "A", default_value = "leaky_relu:0.2")]
     pub activation: Activation,
@@ -106,4 +110,10 @@ pub struct TrainArgs {
 fn at_most_64<const MIN: usize>(text: &str) -> Result<usize, String> {
     let number = text.parse().ok().filter(|number| (MIN..=64).contains(number));
     number.ok_or_else(|| format!("expected a number from {MIN} to 64"))
+}
+
+/// A number from 0 to 1.
+fn share(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number| (0.0..=1.0).contains(number));
+    number.ok_or_else(|| "expected a number from 0 to 1".into())
 }

@@ -9,6 +9,7 @@ use stylegaussian::file;
 
 use super::{
     adam::Adam,
+    average::Average,
     network::{Network, to_vec},
 };
 
@@ -30,11 +31,18 @@ pub struct Progress {
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn save(path: &Path, network: &Network, adam: &Adam, progress: &Progress) -> Result<()> {
+pub fn save(
+    path: &Path,
+    network: &Network,
+    adam: &Adam,
+    average: &Average,
+    progress: &Progress,
+) -> Result<()> {
     let mut tensors: Vec<(String, Vec<usize>, Vec<f32>)> = Vec::new();
     for (i, (parameter, moments)) in network.parameters.iter().zip(&adam.moments).enumerate() {
-        for (name, tensor) in [("value", &parameter.values), ("first", &moments[0]), ("second", &moments[1])]
-        {
+        let [first, second] = moments;
+        let kept = [("value", &parameter.values), ("first", first), ("second", second)];
+        for (name, tensor) in kept.into_iter().chain([("mean", &average.means[i])]) {
             tensors.push((format!("{i}.{name}"), tensor.dims().to_vec(), to_vec(tensor)));
         }
     }
@@ -48,6 +56,7 @@ pub fn save(path: &Path, network: &Network, adam: &Adam, progress: &Progress) ->
     let metadata = HashMap::from([
         ("format".to_owned(), FORMAT.to_owned()),
         ("adam_step".to_owned(), adam.step.to_string()),
+        ("average_count".to_owned(), average.count.to_string()),
         ("warm_steps".to_owned(), progress.warm_steps.to_string()),
         ("steps".to_owned(), progress.steps.to_string()),
     ]);
@@ -56,11 +65,17 @@ pub fn save(path: &Path, network: &Network, adam: &Adam, progress: &Progress) ->
     Ok(())
 }
 
-/// Reads a checkpoint into `network` and `adam`, which must have its shapes.
+/// Reads a checkpoint into `network`, `adam` and `average`, which must have its shapes.
 ///
 /// # Errors
 /// When the file cannot be read, is no checkpoint, or belongs to another decoder.
-pub fn load(path: &Path, network: &mut Network, adam: &mut Adam, device: &Device) -> Result<Progress> {
+pub fn load(
+    path: &Path,
+    network: &mut Network,
+    adam: &mut Adam,
+    average: &mut Average,
+    device: &Device,
+) -> Result<Progress> {
     let name = path.display();
     let bytes = fs::read(path).with_context(|| format!("{name}: cannot read the checkpoint"))?;
     let (_, metadata) =
@@ -91,8 +106,10 @@ pub fn load(path: &Path, network: &mut Network, adam: &mut Adam, device: &Device
         };
         parameter.values = tensor("value")?.require_grad();
         *moments = [tensor("first")?.inner(), tensor("second")?.inner()];
+        average.means[i] = tensor("mean")?.inner();
     }
     adam.step = number("adam_step")?;
+    average.count = number("average_count")?;
     let steps = number("steps")?;
     let losses = read("losses", &[steps as usize, 2])?;
     let losses = losses.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect();

@@ -166,14 +166,16 @@ impl Network {
 
     /// The decoder as it stands.
     pub fn decoder(&self) -> Decoder {
-        let layers = self.parameters.chunks_exact(2).map(|pair| {
-            let [d_out, columns] = pair[0].values.dims();
-            Layer {
-                weight: to_vec(&pair[0].values),
-                bias: to_vec(&pair[1].values),
-                d_in: columns / self.k,
-                d_out,
-            }
+        let values: Vec<Tensor<2>> =
+            self.parameters.iter().map(|parameter| parameter.values.clone()).collect();
+        self.decoder_of(&values)
+    }
+
+    /// The decoder of this shape with other parameters, in the order of `parameters`.
+    pub fn decoder_of(&self, values: &[Tensor<2>]) -> Decoder {
+        let layers = values.chunks_exact(2).map(|pair| {
+            let [d_out, columns] = pair[0].dims();
+            Layer { weight: to_vec(&pair[0]), bias: to_vec(&pair[1]), d_in: columns / self.k, d_out }
         });
         Decoder {
             layers: layers.collect(),
@@ -182,7 +184,7 @@ impl Network {
             residual: false,
             own_color: self.own_color,
             n_noise: self.n_noise,
-            statistics_weight: self.statistics_weight().map_or(Vec::new(), |weight| to_vec(&weight.values)),
+            statistics_weight: values.last().filter(|_| values.len() % 2 == 1).map_or(Vec::new(), to_vec),
             encoder: self.encoder.clone(),
         }
     }
