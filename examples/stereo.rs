@@ -27,12 +27,12 @@ const SCREEN_DISTANCE: f32 = 12.0;
 
 /// A perspective whose axis is off the picture's middle. All but `near` are tangents: lengths at distance 1.
 #[derive(Clone, Debug)]
-struct OffAxis {
+pub struct OffAxis {
     /// Half the picture's width and height.
-    half_size: Vec2,
+    pub half_size: Vec2,
     /// Where the picture's middle is seen from the eye.
-    middle: Vec2,
-    near: f32,
+    pub middle: Vec2,
+    pub near: f32,
 }
 
 impl CameraProjection for OffAxis {
