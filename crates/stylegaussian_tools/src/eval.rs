@@ -252,8 +252,7 @@ fn share_out_of_range(view: &View) -> f64 {
 }
 
 fn sheet_row(painting: Option<&Image>, views: &[View]) -> Vec<Picture> {
-    let first =
-        painting.map_or_else(|| Picture::filled(UVec2::ONE, [255; 4]), |image| Picture::of_image(image));
+    let first = painting.map_or_else(|| Picture::filled(UVec2::ONE, [255; 4]), Picture::of_image);
     let views = views.iter().map(|view| Picture::of(view, Background::Color([255; 3])));
     std::iter::once(first).chain(views).collect()
 }

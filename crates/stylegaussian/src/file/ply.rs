@@ -36,9 +36,13 @@ const EXPECTED: &str = "3DGS properties x y z, opacity, scale_0..2, rot_0..3 of 
 
 pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     let header = Header::parse(bytes)?;
-    if compressed::is_compressed(&header) {
-        return compressed::read(&header);
-    }
+    let is_compressed = compressed::is_compressed(&header);
+    let mut loaded = if is_compressed { compressed::read(&header)? } else { read_native(&header)? };
+    loaded.scene.up = header.up();
+    Ok(loaded)
+}
+
+fn read_native(header: &Header) -> Result<Loaded, Mismatch> {
     let vertex = header.element("vertex").ok_or_else(|| mismatch("no element `vertex`", EXPECTED))?;
     if u32::try_from(vertex.count).is_err() {
         return Err(mismatch(format_args!("{} Gaussians", vertex.count), "fewer than 2^32"));
@@ -56,7 +60,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
         warnings.push("no color (f_dc_0..2 or red green blue): every Gaussian is mid-gray".into());
     }
     let names: Vec<String> = GEOMETRY.into_iter().map(Into::into).chain(color.names()).collect();
-    let columns = read_columns(&header, "vertex", &names)?;
+    let columns = read_columns(header, "vertex", &names)?;
     let stored = stored_gaussians(&columns, &color);
     Ok(Loaded { scene: activate(stored, &mut warnings), warnings })
 }

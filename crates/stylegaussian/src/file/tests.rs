@@ -175,6 +175,7 @@ fn ply_keeps_gaussians_and_colors_in_source_order() {
     let Loaded { scene: read, warnings } = read_scene(&path).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     let sorted = by_source(&scene);
+    assert_eq!(read.up, Some(scene.up.unwrap().normalize()), "a comment in the header");
     assert_eq!(read.means, sorted.means);
     assert_eq!(read.order, (0..20).collect::<Vec<_>>());
     assert_eq!(read.sh.as_ref().unwrap().coefficients, sorted.sh.unwrap().coefficients);

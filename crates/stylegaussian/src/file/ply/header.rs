@@ -1,5 +1,6 @@
 //! The header of a .ply: checked here, parsed by ply-rs.
 
+use glam::Vec3;
 use ply_rs::{
     parser::Parser,
     ply::{DefaultElement, ElementDef, Header as ParsedHeader, PropertyType, ScalarType},
@@ -40,6 +41,17 @@ impl<'a> Header<'a> {
     /// The elements in the file's order.
     pub(super) fn elements(&self) -> impl Iterator<Item = &ElementDef> {
         self.parsed.elements.values()
+    }
+
+    /// What a `comment up X Y Z` says, which we write; other programs' comments may say anything.
+    pub(super) fn up(&self) -> Option<Vec3> {
+        let up = |comment: &String| {
+            let words: Vec<&str> = comment.split_ascii_whitespace().collect();
+            let ["up", x, y, z] = words[..] else { return None };
+            let up = Vec3::new(x.parse().ok()?, y.parse().ok()?, z.parse().ok()?);
+            up.try_normalize()
+        };
+        self.parsed.comments.iter().find_map(up)
     }
 
     pub(super) fn encoding(&self) -> Encoding {

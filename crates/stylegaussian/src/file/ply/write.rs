@@ -9,7 +9,7 @@ use crate::{scene::Scene, sh::n_coefficients};
 pub(in crate::file) fn write(out: &mut dyn Write, scene: &Scene) -> io::Result<()> {
     let degree = scene.sh.as_ref().map_or(0, |sh| sh.degree);
     let n_rest = n_coefficients(degree) - 1;
-    write_header(out, scene.len(), 3 * n_rest)?;
+    write_header(out, scene, 3 * n_rest)?;
     let mut by_source: Vec<u32> = (0..scene.len() as u32).collect();
     by_source.sort_unstable_by_key(|&i| scene.order[i as usize]);
     let mut row = Vec::new();
@@ -21,8 +21,12 @@ pub(in crate::file) fn write(out: &mut dyn Write, scene: &Scene) -> io::Result<(
     Ok(())
 }
 
-fn write_header(out: &mut dyn Write, n_gaussians: usize, n_rest: usize) -> io::Result<()> {
-    write!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {n_gaussians}\n")?;
+fn write_header(out: &mut dyn Write, scene: &Scene, n_rest: usize) -> io::Result<()> {
+    writeln!(out, "ply\nformat binary_little_endian 1.0")?;
+    if let Some(up) = scene.up {
+        writeln!(out, "comment up {} {} {}", up.x, up.y, up.z)?;
+    }
+    writeln!(out, "element vertex {}", scene.len())?;
     let fixed = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
     let mut names = fixed(&["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]);
     names.extend((0..n_rest).map(|i| format!("f_rest_{i}")));
