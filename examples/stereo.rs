@@ -32,6 +32,7 @@ pub struct OffAxis {
     pub half_size: Vec2,
     /// Where the picture's middle is seen from the eye.
     pub middle: Vec2,
+    /// The distance of what is nearest.
     pub near: f32,
 }
 

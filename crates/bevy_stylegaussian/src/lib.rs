@@ -45,3 +45,8 @@ pub use style::{
     AppliedStyle, StyleApplied, StyleBackend, StyleDecoder, StyleEncoder, StyleError, StyleFailed,
     StyleInput, StylePassCount, StyleSource, StyleTransition, WeightedStyle,
 };
+
+/// The examples of the repository's README, as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+mod readme {}
