@@ -9,7 +9,7 @@ use bevy::{
     prelude::*,
     render::render_resource::BlendState,
 };
-use bevy_egui::PrimaryEguiContext;
+use bevy_egui::{PrimaryEguiContext, input::EguiWantsInput};
 
 use crate::{panel::Panel, scene::ShownScene};
 
@@ -83,20 +83,32 @@ pub fn spawn(mut commands: Commands) {
     ));
 }
 
-/// Left: orbit. Right: look around. Middle: pan. Wheel: zoom.
+/// Left: orbit. Right: look around. Middle: pan. Wheel: zoom. What begins on the panel is none of the camera's business.
+#[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub fn drag(
     buttons: Res<ButtonInput<MouseButton>>,
     mut motion: MessageReader<CursorMoved>,
     scroll: Res<AccumulatedMouseScroll>,
+    window: Single<&Window>,
+    panel: Res<Panel>,
+    egui: Res<EguiWantsInput>,
+    mut began_on_picture: Local<bool>,
     mut orbit: Single<&mut Orbit>,
 ) {
-    if scroll.delta.y != 0.0 {
+    let is_on_panel = window.cursor_position().is_none_or(|cursor| cursor.x < panel.width());
+    let is_on_picture = !is_on_panel && !egui.wants_any_pointer_input();
+    if scroll.delta.y != 0.0 && is_on_picture {
         let pixels_per_step = if scroll.unit == MouseScrollUnit::Pixel { 40.0 } else { 1.0 };
         orbit.distance *= (-ZOOM * scroll.delta.y / pixels_per_step).exp();
     }
     // The cursor's way and not the mouse's own, which remote desktops do not tell.
     let motion: Vec2 = motion.read().filter_map(|moved| moved.delta).sum();
-    if motion == Vec2::ZERO {
+    if buttons.get_just_pressed().next().is_some() {
+        // In a slow frame the way to where the button went down is in this motion, too.
+        *began_on_picture = is_on_picture;
+        return;
+    }
+    if motion == Vec2::ZERO || !*began_on_picture {
         return;
     }
     if buttons.pressed(MouseButton::Left) {

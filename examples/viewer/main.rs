@@ -15,8 +15,7 @@ use std::{env, path::PathBuf};
 
 use bevy::{asset::UnapprovedPathMode, diagnostic::FrameTimeDiagnosticsPlugin, prelude::*};
 use bevy_egui::{
-    EguiGlobalSettings, EguiPlugin, EguiPrimaryContextPass,
-    input::{egui_wants_any_keyboard_input, egui_wants_any_pointer_input},
+    EguiGlobalSettings, EguiPlugin, EguiPrimaryContextPass, input::egui_wants_any_keyboard_input,
 };
 use bevy_stylegaussian::StyleGaussianPlugin;
 
@@ -75,7 +74,7 @@ fn main() -> AppExit {
                 (styles::press_keys, panel::toggle).run_if(not(egui_wants_any_keyboard_input)),
                 (save::take_screenshot, save::save_scene, save::finish_scene).chain(),
                 camera::fly.run_if(not(egui_wants_any_keyboard_input)),
-                camera::drag.run_if(not(egui_wants_any_pointer_input)),
+                camera::drag,
             ),
         )
         .add_systems(
