@@ -20,11 +20,11 @@ use clap::Args;
 use glam::UVec2;
 use indicatif::{ProgressBar, ProgressStyle};
 use stylegaussian::{
-    Camera, Decoder, Scene, file,
+    Camera, Decoder, Features, Scene, file,
     fold::{stylize, transfer},
     splat::{Colors, View, render},
 };
-use stylegaussian_encoder::{Image, StyleSize, resolve, style_statistics};
+use stylegaussian_encoder::{Encoder, Image, StyleSize, resolve, style_statistics};
 
 use crate::{
     cameras::read_cameras,
@@ -109,7 +109,7 @@ pub fn run(arguments: &EvalArgs) -> Result<()> {
         (None, None) => default_decoder()?,
     };
     let views = Views::of(arguments, &scene)?;
-    let evaluation = evaluate(arguments, &scene, &decoder, &views)?;
+    let evaluation = evaluate(arguments, &Gallery::open(arguments, &scene, &decoder, &views)?)?;
     print(arguments.json, &evaluation, || evaluation.table())
 }
 
@@ -144,90 +144,156 @@ impl Views {
     }
 }
 
-fn evaluate(arguments: &EvalArgs, scene: &Scene, decoder: &Decoder, views: &Views) -> Result<Evaluation> {
-    let features = scene.features.as_ref();
-    let features =
-        features.with_context(|| format!("{}: no features: embed it first", arguments.scene.display()))?;
-    let encoder = resolve(arguments.encoder.as_deref())?;
-    for (what, id) in [("scene", &features.encoder), ("decoder", &decoder.encoder)] {
-        if let Some(id) = id {
-            ensure!(id == encoder.id(), "the {what} belongs to encoder {id}, expected {}", encoder.id());
+/// The scene's views as they are, the paintings, and who compares them.
+struct Gallery<'a> {
+    scene: &'a Scene,
+    decoder: &'a Decoder,
+    features: &'a Features,
+    encoder: Encoder,
+    judge: Judge,
+    views: &'a Views,
+    unstyled: Vec<View>,
+    unstyled_looks: Vec<Look>,
+    colors: ColorMoments,
+    paths: Vec<PathBuf>,
+    paintings: Vec<Image>,
+    /// The paintings' statistics.
+    targets: Vec<Statistics>,
+    /// For the views, and for those of the consistency.
+    yardsticks: Option<[Yardstick; 2]>,
+}
+
+/// What one painting made of the scene, measured view by view.
+struct Exhibit {
+    stylized: Vec<Measures>,
+    unstyled: Vec<Measures>,
+    recolored: Vec<Measures>,
+    adain_2d: Vec<Measures>,
+    agreement: Agreement,
+    adain_2d_agreement: Option<Agreement>,
+    out_of_range: f64,
+    pictures: Vec<View>,
+}
+
+impl<'a> Gallery<'a> {
+    fn open(arguments: &EvalArgs, scene: &'a Scene, decoder: &'a Decoder, views: &'a Views) -> Result<Self> {
+        let features = scene.features.as_ref();
+        let features = features
+            .with_context(|| format!("{}: no features: embed it first", arguments.scene.display()))?;
+        let encoder = resolve(arguments.encoder.as_deref())?;
+        for (what, id) in [("scene", &features.encoder), ("decoder", &decoder.encoder)] {
+            if let Some(id) = id {
+                ensure!(id == encoder.id(), "the {what} belongs to encoder {id}, expected {}", encoder.id());
+            }
+        }
+        let weights = encoder_path(arguments.encoder.as_deref());
+        let judge = Judge::open(&weights, arguments.relu4.as_deref(), arguments.whole_picture)?;
+        let paths = list_images(&arguments.styles)?;
+        let paintings = paths.iter().map(|path| Image::open(path)).collect::<Result<Vec<_>, _>>()?;
+        let unstyled: Vec<View> =
+            views.cameras.iter().map(|camera| render(scene, Colors::Sh, camera)).collect();
+        let yardstick = |path: &Path| {
+            let of = |views: &[View]| Yardstick::new(Teacher::open(path)?, &encoder, views);
+            Ok::<_, anyhow::Error>([of(&unstyled)?, of(views.consistency.unstyled())?])
+        };
+        Ok(Self {
+            yardsticks: arguments.teacher.as_deref().map(yardstick).transpose()?,
+            targets: paintings.iter().map(|image| judge.painting(image)).collect(),
+            unstyled_looks: unstyled.iter().map(|view| judge.look(view)).collect(),
+            colors: ColorMoments::of_views(&unstyled),
+            scene,
+            decoder,
+            features,
+            encoder,
+            judge,
+            views,
+            unstyled,
+            paths,
+            paintings,
+        })
+    }
+
+    /// The scene in the style of painting `own`; `report` hears of every view.
+    fn exhibit(&self, own: usize, report: impl Fn()) -> Result<Exhibit> {
+        let image = &self.paintings[own];
+        let style = style_statistics(&self.encoder, image, StyleSize::default())?;
+        let colors = stylize(self.scene, self.decoder, &transfer(self.features, &[(&style, 1.0)], 0.0)?)?;
+        let recoloring = Recoloring::new(&self.colors, &ColorMoments::of_image(image));
+        let draw = |camera: &Camera| render(self.scene, Colors::Rgb(&colors), camera);
+        let consistency = &self.views.consistency;
+        let mut exhibit = Exhibit {
+            agreement: consistency.measure(&self.judge, &consistency.cameras().map(draw).collect::<Vec<_>>()),
+            adain_2d_agreement: None,
+            stylized: Vec::new(),
+            unstyled: Vec::new(),
+            recolored: Vec::new(),
+            adain_2d: Vec::new(),
+            out_of_range: 0.0,
+            pictures: self.views.cameras.iter().map(draw).collect(),
+        };
+        for (i, (before, view)) in self.unstyled.iter().zip(&exhibit.pictures).enumerate() {
+            let measure = |look: &Look| look.measures(&self.unstyled_looks[i], &self.targets, own);
+            exhibit.stylized.push(measure(&self.judge.look(view)));
+            exhibit.unstyled.push(measure(&self.unstyled_looks[i]));
+            exhibit.recolored.push(measure(&self.judge.look(&recoloring.view(before))));
+            if let Some([yardstick, _]) = &self.yardsticks {
+                exhibit.adain_2d.push(measure(&self.judge.look(&yardstick.paint(i, before, &style)?)));
+            }
+            exhibit.out_of_range += share_out_of_range(view) / self.unstyled.len() as f64;
+            report();
+        }
+        if let Some([_, yardstick]) = &self.yardsticks {
+            let paint = |(i, before)| yardstick.paint(i, before, &style);
+            let painted = consistency.unstyled().iter().enumerate().map(paint).collect::<Result<Vec<_>>>()?;
+            exhibit.adain_2d_agreement = Some(consistency.measure(&self.judge, &painted));
+        }
+        Ok(exhibit)
+    }
+
+    fn row(&self, own: usize, exhibit: &Exhibit) -> PaintingEvaluation {
+        PaintingEvaluation {
+            path: self.paths[own].clone(),
+            nearest_other: nearest_other(&self.targets, own),
+            stylized: Measures::mean(&exhibit.stylized),
+            recolored: Measures::mean(&exhibit.recolored),
         }
     }
-    let weights = encoder_path(arguments.encoder.as_deref());
-    let judge = Judge::open(&weights, arguments.relu4.as_deref(), arguments.whole_picture)?;
-    let paths = list_images(&arguments.styles)?;
-    let images = paths.iter().map(|path| Image::open(path)).collect::<Result<Vec<_>, _>>()?;
-    let targets: Vec<Statistics> = images.iter().map(|image| judge.painting(image)).collect();
-    let Views { cameras, consistency } = views;
-    let unstyled: Vec<View> = cameras.iter().map(|camera| render(scene, Colors::Sh, camera)).collect();
-    let unstyled_looks: Vec<Look> = unstyled.iter().map(|view| judge.look(view)).collect();
-    let neighboring: Vec<View> = consistency.unstyled().cloned().collect();
+}
 
-    let content_colors = ColorMoments::of_views(&unstyled);
-    let bar = ProgressBar::new((images.len() * cameras.len()) as u64)
+fn evaluate(arguments: &EvalArgs, gallery: &Gallery) -> Result<Evaluation> {
+    let bar = ProgressBar::new((gallery.paintings.len() * gallery.unstyled.len()) as u64)
         .with_style(ProgressStyle::with_template("{bar:40} {pos}/{len} pictures, {eta} left")?);
-    let yardstick = |views: &[View]| {
-        let open = |path: &Path| Yardstick::new(Teacher::open(path)?, &encoder, views);
-        arguments.teacher.as_deref().map(open).transpose()
-    };
-    let (yardstick, neighboring_yardstick) = (yardstick(&unstyled)?, yardstick(&neighboring)?);
-    let mut kinds: [Vec<Measures>; 4] = Default::default();
-    let (mut agreements, mut yardstick_agreements) = (Vec::new(), Vec::new());
-    let (mut rows, mut out_of_range) = (Vec::new(), Vec::new());
-    let mut sheet = vec![sheet_row(None, &unstyled)];
-    for (own, image) in images.iter().enumerate() {
-        let style = style_statistics(&encoder, image, StyleSize::default())?;
-        let colors = stylize(scene, decoder, &transfer(features, &[(&style, 1.0)], 0.0)?)?;
-        let recoloring = Recoloring::new(&content_colors, &ColorMoments::of_image(image));
-        let mut views = Vec::new();
-        for (i, (camera, before)) in cameras.iter().zip(&unstyled).enumerate() {
-            let measure = |look: &Look| look.measures(&unstyled_looks[i], &targets, own);
-            let view = render(scene, Colors::Rgb(&colors), camera);
-            out_of_range.push(share_out_of_range(&view));
-            kinds[0].push(measure(&judge.look(&view)));
-            kinds[1].push(measure(&unstyled_looks[i]));
-            kinds[2].push(measure(&judge.look(&recoloring.view(before))));
-            if let Some(yardstick) = &yardstick {
-                kinds[3].push(measure(&judge.look(&yardstick.paint(i, before, &style)?)));
-            }
-            views.push(view);
-            bar.inc(1);
-        }
-        let along: Vec<View> =
-            consistency.cameras().map(|camera| render(scene, Colors::Rgb(&colors), camera)).collect();
-        agreements.push(consistency.measure(&judge, &along));
-        if let Some(yardstick) = &neighboring_yardstick {
-            let paint = |(i, before)| yardstick.paint(i, before, &style);
-            let along = neighboring.iter().enumerate().map(paint).collect::<Result<Vec<_>>>()?;
-            yardstick_agreements.push(consistency.measure(&judge, &along));
-        }
-        let of_painting = |kind: &[Measures]| Measures::mean(&kind[kind.len() - cameras.len()..]);
-        rows.push(PaintingEvaluation {
-            path: paths[own].clone(),
-            nearest_other: nearest_other(&targets, own),
-            stylized: of_painting(&kinds[0]),
-            recolored: of_painting(&kinds[2]),
-        });
-        sheet.push(sheet_row(Some(image), &views));
+    let mut sheet = vec![sheet_row(None, &gallery.unstyled)];
+    let mut exhibits = Vec::new();
+    for (own, painting) in gallery.paintings.iter().enumerate() {
+        let mut exhibit = gallery.exhibit(own, || bar.inc(1))?;
+        sheet.push(sheet_row(Some(painting), &std::mem::take(&mut exhibit.pictures)));
+        exhibits.push(exhibit);
     }
     bar.finish_and_clear();
     if let Some(path) = &arguments.sheet {
         contact_sheet(&sheet, UVec2::splat(CELL)).write_png(path)?;
     }
-    let [stylized, unstyled, recolored, adain_2d] = kinds.each_ref().map(|kind| Measures::mean(kind));
+    let mean = |kind: fn(&Exhibit) -> &Vec<Measures>| {
+        Measures::mean(&exhibits.iter().flat_map(kind).copied().collect::<Vec<_>>())
+    };
+    let agreement = |of: &dyn Fn(&Exhibit) -> Option<Agreement>| {
+        exhibits.iter().map(of).collect::<Option<Vec<_>>>().map(|all| Agreement::mean(&all))
+    };
+    let (stylized, recolored) = (mean(|e| &e.stylized), mean(|e| &e.recolored));
     let deep = |measures: &Measures| measures.style_errors[1] + measures.style_errors[2];
+    let consistency = &gallery.views.consistency;
     Ok(Evaluation {
         deep_style_error_over_recolored: deep(&stylized) / deep(&recolored).max(f64::MIN_POSITIVE),
         stylized,
-        unstyled,
+        unstyled: mean(|e| &e.unstyled),
         recolored,
-        adain_2d: yardstick.map(|_| adain_2d),
-        consistency: Agreement::mean(&agreements),
-        unstyled_consistency: consistency.measure(&judge, &neighboring),
-        adain_2d_consistency: neighboring_yardstick.map(|_| Agreement::mean(&yardstick_agreements)),
-        out_of_range: out_of_range.iter().sum::<f64>() / out_of_range.len().max(1) as f64,
-        paintings: rows,
+        adain_2d: gallery.yardsticks.as_ref().map(|_| mean(|e| &e.adain_2d)),
+        consistency: agreement(&|e| Some(e.agreement)).unwrap_or_default(),
+        unstyled_consistency: consistency.measure(&gallery.judge, consistency.unstyled()),
+        adain_2d_consistency: agreement(&|e| e.adain_2d_agreement),
+        out_of_range: exhibits.iter().map(|e| e.out_of_range).sum::<f64>() / exhibits.len().max(1) as f64,
+        paintings: exhibits.iter().enumerate().map(|(own, exhibit)| gallery.row(own, exhibit)).collect(),
     })
 }
 

@@ -7,7 +7,7 @@
 //! distance* stands where the paper has LPIPS: unit-normalized relu1_1 to relu3_1 features, squared distance, summed over
 //! layers, all channels weighted alike. It is not LPIPS, whose weights are learned.
 
-use std::{collections::BTreeMap, fs, path::Path};
+use std::{collections::BTreeSet, fs, path::Path};
 
 use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, UVec2, Vec2, Vec3Swizzles};
@@ -155,7 +155,7 @@ impl Warp {
     }
 }
 
-/// A pair of views and what does not depend on their look.
+/// A pair of views, by their positions among those that are used, and what does not depend on their look.
 struct Pair {
     from: usize,
     into: usize,
@@ -164,9 +164,9 @@ struct Pair {
 
 /// The views of a scene that are compared, and how they hang together.
 pub struct Consistency {
-    cameras: BTreeMap<usize, Camera>,
+    cameras: Vec<Camera>,
     /// Without view-dependent color: that differs between views rightly.
-    unstyled: BTreeMap<usize, View>,
+    unstyled: Vec<View>,
     short: Vec<Pair>,
     long: Vec<Pair>,
 }
@@ -175,13 +175,16 @@ impl Consistency {
     /// Renders `scene` and finds the warps between the views that `pairs` names. Pairs that share no surface are left out.
     pub fn new(scene: &Scene, cameras: &[Camera], pairs: &Pairs) -> Self {
         let colors = scene.base_colors();
-        let used = pairs.short.iter().chain(&pairs.long).flatten();
-        let cameras: BTreeMap<usize, Camera> = used.map(|&i| (i, cameras[i].clone())).collect();
-        let unstyled: BTreeMap<usize, View> =
-            cameras.iter().map(|(i, camera)| (*i, render(scene, Colors::Rgb(&colors), camera))).collect();
+        let used: BTreeSet<usize> = pairs.short.iter().chain(&pairs.long).flatten().copied().collect();
+        let used: Vec<usize> = used.into_iter().collect();
+        let cameras: Vec<Camera> = used.iter().map(|&i| cameras[i].clone()).collect();
+        let unstyled: Vec<View> =
+            cameras.iter().map(|camera| render(scene, Colors::Rgb(&colors), camera)).collect();
         let warped = |list: &[[usize; 2]]| -> Vec<Pair> {
-            let pair = |&[from, into]: &[usize; 2]| {
-                let side = |i: usize| (&cameras[&i], &unstyled[&i]);
+            let pair = |numbers: &[usize; 2]| {
+                // The position of a camera's number among those that are used.
+                let [from, into] = numbers.map(|number| used.partition_point(|&i| i < number));
+                let side = |i: usize| (&cameras[i], &unstyled[i]);
                 Pair { from, into, warp: Warp::new(side(from), side(into)) }
             };
             let shares_surface = |pair: &Pair| pair.warp.positions.iter().any(Option::is_some);
@@ -190,24 +193,23 @@ impl Consistency {
         Self { short: warped(&pairs.short), long: warped(&pairs.long), cameras, unstyled }
     }
 
-    /// The views' cameras, by number.
+    /// The views' cameras, by their numbers in the pairs.
     pub fn cameras(&self) -> impl Iterator<Item = &Camera> {
-        self.cameras.values()
+        self.cameras.iter()
     }
 
     /// The views without style, in the order of [`Consistency::cameras`].
-    pub fn unstyled(&self) -> impl Iterator<Item = &View> {
-        self.unstyled.values()
+    pub fn unstyled(&self) -> &[View] {
+        &self.unstyled
     }
 
     /// How well `views`, in the order of [`Consistency::cameras`], agree.
     pub fn measure(&self, judge: &Judge, views: &[View]) -> Agreement {
-        let pictures: BTreeMap<usize, Displayed> =
-            self.cameras.keys().copied().zip(views.iter().map(Displayed::new)).collect();
+        let pictures: Vec<Displayed> = views.iter().map(Displayed::new).collect();
         let of = |pairs: &[Pair]| {
             let differences: Vec<Difference> = pairs
                 .iter()
-                .map(|pair| difference(judge, pair, &pictures[&pair.from], &pictures[&pair.into]))
+                .map(|pair| difference(judge, pair, &pictures[pair.from], &pictures[pair.into]))
                 .collect();
             Difference::mean(&differences)
         };
