@@ -141,8 +141,8 @@ pub fn draw(mut contexts: EguiContexts, mut shown: Shown, images: Res<Assets<Ima
         })
         .collect();
     let ctx = contexts.ctx_mut()?;
-    // Where software draws, a press and its release may be frames of a second apart.
-    ctx.options_mut(|options| options.input_options.max_click_duration = 5.0);
+    // A click however long it takes: where software draws, a press and its release may be slow frames apart.
+    ctx.options_mut(|options| options.input_options.max_click_duration = f64::INFINITY);
     let whole = UiBuilder::new().layer_id(LayerId::background()).max_rect(ctx.viewport_rect());
     let mut window = Ui::new(ctx.clone(), "window".into(), whole);
     egui::Panel::left("panel").exact_size(WIDTH).resizable(false).show(&mut window, |ui| {

@@ -2,8 +2,10 @@
 
 use std::sync::Arc;
 
-use bevy::prelude::*;
-use stylegaussian::{ChannelStatistics, Decoder, Neighbors, Scene};
+use bevy::{camera::primitives::Aabb, prelude::*};
+use stylegaussian::{ChannelStatistics, Decoder, Neighbors, Scene, scene::SceneError};
+
+use crate::splats::bounds;
 
 /// The window of the default decoder, and the paper's: how many neighbors are found for a scene that names none.
 const N_NEIGHBORS: usize = 8;
@@ -18,20 +20,24 @@ const N_NEIGHBORS: usize = 8;
 pub struct GaussianScene {
     scene: Arc<Scene>,
     decoder: Option<Arc<Decoder>>,
+    /// The box around all that is drawn, `None` where nothing is; or why the scene cannot be shown.
+    bounds: Result<Option<Aabb>, SceneError>,
 }
 
 impl GaussianScene {
-    /// A scene made by a program. Where it has features but no neighbor lists as long as its decoder wants them (8 for
-    /// the default one), they are found here, which takes about a second for half a million Gaussians: call it on the
-    /// task pool for large ones.
+    /// A scene made by a program. Its parts are checked here, and where it has features but no neighbor lists as long as
+    /// its decoder wants them (8 for the default one), they are found, which takes about a second for half a million
+    /// Gaussians: call it on the task pool for large ones. What does not fit together is told by a
+    /// [`SceneFailed`](crate::SceneFailed) to whoever shows the scene.
     pub fn new(mut scene: Scene) -> Self {
         let k = scene.decoder.as_ref().map_or(N_NEIGHBORS, |decoder| decoder.k).max(1);
         let has_lists = scene.neighbors.as_ref().is_some_and(|neighbors| neighbors.k >= k);
         if scene.features.is_some() && !has_lists && has_finite_means(&scene) {
             scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, k));
         }
+        let bounds = scene.validate().map(|()| bounds(&scene));
         let decoder = scene.decoder.clone().map(Arc::new);
-        Self { scene: Arc::new(scene), decoder }
+        Self { scene: Arc::new(scene), decoder, bounds }
     }
 
     /// The scene.
@@ -42,6 +48,14 @@ impl GaussianScene {
     /// The decoder that the scene carries, if any.
     pub fn decoder(&self) -> Option<&Arc<Decoder>> {
         self.decoder.as_ref()
+    }
+
+    /// The box around all that is drawn of it; `None` where nothing is.
+    ///
+    /// # Errors
+    /// When its parts do not fit together.
+    pub(crate) fn bounds(&self) -> Result<Option<Aabb>, SceneError> {
+        self.bounds.clone()
     }
 }
 

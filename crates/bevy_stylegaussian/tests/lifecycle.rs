@@ -4,19 +4,21 @@ mod world;
 
 use bevy::{
     asset::AssetId,
+    camera::RenderTarget,
     prelude::*,
     render::{
         RenderApp,
         error_handler::{ErrorType, RenderErrorHandler, RenderErrorPolicy},
         render_resource::{Extent3d, PollType},
-        renderer::RenderDevice,
+        renderer::{RenderAdapterInfo, RenderDevice},
         settings::{RenderCreation, WgpuLimits, WgpuSettings},
     },
 };
 use bevy_stylegaussian::{
-    GaussianScene, GaussianSplats, SceneFailed, StyleApplied, StyleBackend, StyleSource, StyleTransition,
+    GaussianScene, GaussianSplats, SceneFailed, StyleApplied, StyleBackend, StyleFailed, StyleSource,
+    StyleTransition,
 };
-use stylegaussian::Scene;
+use stylegaussian::{Layer, Scene};
 use world::{rendering::*, *};
 
 const SIZE: UVec2 = UVec2::new(32, 32);
@@ -53,12 +55,15 @@ fn light(app: &mut App, image: &Handle<Image>) -> f32 {
     read_back(app, image).iter().map(|pixel| pixel[..3].iter().sum::<f32>()).sum()
 }
 
+/// A device that binds 1 MiB at most: 65,536 splats of 16 bytes.
+fn small_device() -> WgpuSettings {
+    let limits = WgpuLimits { max_storage_buffer_binding_size: 1 << 20, ..WgpuLimits::default() };
+    WgpuSettings { constrained_limits: Some(limits), ..default() }
+}
+
 #[test]
 fn a_scene_too_large_for_the_device_is_refused_and_the_app_lives_on() {
-    // 1 MiB in a binding is 65,536 splats of 16 bytes.
-    let limits = WgpuLimits { max_storage_buffer_binding_size: 1 << 20, ..WgpuLimits::default() };
-    let settings = WgpuSettings { constrained_limits: Some(limits), ..default() };
-    let Some((mut app, image)) = app_with_camera(StyleBackend::Gpu, settings) else { return };
+    let Some((mut app, image)) = app_with_camera(StyleBackend::Gpu, small_device()) else { return };
     let large = Scene { features: None, decoder: None, ..small_scene(70_000, 1) };
     let large = GaussianSplats(add_scene(&mut app, large));
     // Both entities that show it are told.
@@ -86,6 +91,49 @@ fn a_scene_too_large_for_the_device_is_refused_and_the_app_lives_on() {
     });
     app.world_mut().despawn(halves[0]);
     assert!(light(&mut app, &image) > 1.0);
+}
+
+/// A decoder whose weights the device cannot bind: told where the GPU was asked for, else the processor decodes.
+#[test]
+fn a_decoder_too_large_for_the_device_is_refused() {
+    for backend in [StyleBackend::Gpu, StyleBackend::Auto] {
+        let Some((mut app, image)) = app_with_camera(backend, small_device()) else { return };
+        // Software Vulkan would leave the GPU alone by itself.
+        app.world_mut().resource_mut::<RenderAdapterInfo>().0.device_type = wgpu::DeviceType::DiscreteGpu;
+        let mut scene = small_scene(50, 1);
+        let decoder = scene.decoder.as_mut().unwrap();
+        let layer = |d_in: usize, d_out: usize| Layer {
+            weight: vec![0.0; d_out * decoder.k * d_in],
+            bias: vec![0.3; d_out],
+            d_in,
+            d_out,
+        };
+        // 3 * 512 * 512 weights of 4 bytes are 3 MiB.
+        decoder.layers = vec![layer(8, 512), layer(512, 512), layer(512, 3)];
+        let style = add_style(&mut app, small_style(1));
+        let entity = spawn(&mut app, scene);
+        let own = light(&mut app, &image);
+        app.world_mut().entity_mut(entity).insert(StyleSource::preset(style));
+        if backend == StyleBackend::Auto {
+            let mut applied = Vec::new();
+            update_until(&mut app, "StyleApplied", |world| {
+                applied.extend(world.resource_mut::<Messages<StyleApplied>>().drain());
+                !applied.is_empty()
+            });
+            assert_eq!(applied[0].backend, StyleBackend::Cpu);
+            assert!((light(&mut app, &image) - own).abs() > 1.0, "the style is not seen");
+        } else {
+            let mut failed = Vec::new();
+            update_until(&mut app, "StyleFailed", |world| {
+                failed.extend(world.resource_mut::<Messages<StyleFailed>>().drain());
+                !failed.is_empty()
+            });
+            let message = failed[0].error.to_string();
+            let parts = ["style_weights", "1048576", "StyleBackend::Cpu"];
+            assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+            assert_eq!(light(&mut app, &image), own);
+        }
+    }
 }
 
 #[test]
@@ -177,6 +225,9 @@ fn degenerate_transforms_and_cameras() {
     // And in the middle of one Gaussian.
     let mean = small_scene(100, 1).means[7];
     *app.world_mut().get_mut::<Transform>(camera).unwrap() = Transform::from_translation(mean);
+    updates(&mut app, 2);
+    // And without a picture, as that of a minimized window.
+    app.world_mut().spawn((Camera3d::default(), RenderTarget::None { size: UVec2::ZERO }));
     updates(&mut app, 2);
 }
 

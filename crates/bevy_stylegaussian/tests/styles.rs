@@ -223,6 +223,9 @@ fn wrong_weights_keep_the_look() {
     let before = colors(app.world(), entity).unwrap();
     for (source, part) in [
         (StyleSource::mix([(style.clone(), -1.0)]), "mix weights"),
+        (StyleSource::mix([(style.clone(), 0.0)]), "mix weights"),
+        (StyleSource::mix([(style.clone(), 1.0), (style.clone(), f32::NAN)]), "mix weights"),
+        (StyleSource::mix([(style.clone(), f32::INFINITY)]), "mix weights"),
         (StyleSource::preset(style.clone()).with_content(1.5), "content 1.5"),
         (StyleSource::preset(style.clone()).with_content(f32::NAN), "content NaN"),
     ] {
@@ -231,6 +234,11 @@ fn wrong_weights_keep_the_look() {
         assert!(failed.error.to_string().contains(part), "{}", failed.error);
     }
     assert_eq!(colors(app.world(), entity).unwrap(), before);
+    // A mix of nothing is no style.
+    *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = StyleSource::mix::<StyleInput>([]);
+    until_applied(&mut app);
+    app.update();
+    assert!(colors(app.world(), entity).is_none());
 }
 
 #[test]
@@ -296,6 +304,45 @@ fn a_look_waits_for_the_end_of_a_fade() {
     assert!(began.elapsed() > Duration::from_millis(150), "{:?}", began.elapsed());
 }
 
+/// However long a fade is meant to take, nobody counts past the end of time.
+#[test]
+fn a_fade_may_last_forever() {
+    let mut app = app_without_rendering();
+    let style = add_style(&mut app, small_style(1));
+    let splats = GaussianSplats(add_scene(&mut app, small_scene(8, 1)));
+    let transition = StyleTransition { duration: Duration::MAX };
+    let entity = app.world_mut().spawn((splats, StyleSource::preset(style), transition)).id();
+    until_applied(&mut app);
+    *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = StyleSource::none();
+    for _ in 0..3 {
+        app.update();
+    }
+    assert!(colors(app.world(), entity).is_some());
+}
+
+/// What hears of a failure may despawn anything, also an entity that is about to get its scene.
+#[test]
+fn observers_may_despawn_what_they_like() {
+    let mut app = app_without_rendering();
+    app.add_observer(
+        |_: On<SceneFailed>, all: Query<Entity, With<GaussianSplats>>, mut commands: Commands| {
+            all.iter().for_each(|entity| commands.entity(entity).despawn());
+        },
+    );
+    let mut broken = small_scene(8, 1);
+    broken.scales.pop();
+    let style = add_style(&mut app, small_style(1));
+    for scene in [broken, small_scene(8, 2)] {
+        let splats = GaussianSplats(add_scene(&mut app, scene));
+        app.world_mut().spawn((splats, StyleSource::preset(style.clone())));
+    }
+    for _ in 0..3 {
+        app.update();
+    }
+    let n_left = app.world_mut().query::<&GaussianSplats>().iter(app.world()).count();
+    assert_eq!(n_left, 0);
+}
+
 #[test]
 fn scenes_that_cannot_be_are_refused() {
     let mut app = app_without_rendering();
@@ -359,6 +406,34 @@ fn files_load_and_broken_ones_are_named() {
         let failed: Vec<_> = world.resource_mut::<Messages<SceneFailed>>().drain().collect();
         failed.iter().any(|event| event.error.to_string().contains("broken.sgs"))
     });
+}
+
+/// Broken files that are written anew while the app runs: what they are for is shown and styled.
+#[test]
+fn repaired_files_are_taken_over() {
+    let dir = tempfile::tempdir().unwrap();
+    let (scene_path, style_path) = (dir.path().join("scene.sgs"), dir.path().join("a.style.safetensors"));
+    for path in [&scene_path, &style_path] {
+        std::fs::write(path, b"no such thing").unwrap();
+    }
+    let file_path = dir.path().to_string_lossy().into_owned();
+    let mut app = app_with_assets(AssetPlugin { file_path, ..default() });
+    let assets = app.world().resource::<AssetServer>().clone();
+    let source = StyleSource::preset(assets.load("a.style.safetensors"));
+    let entity = app.world_mut().spawn((GaussianSplats(assets.load("scene.sgs")), source)).id();
+    update_until(&mut app, "SceneFailed", |world| !world.resource::<Messages<SceneFailed>>().is_empty());
+
+    file::write_scene(&scene_path, &small_scene(40, 1)).unwrap();
+    assets.reload("scene.sgs");
+    let message = until_failed(&mut app).error.to_string();
+    assert!(message.contains("a.style.safetensors"), "{message}");
+
+    let style = small_style(1);
+    file::write_style(&style_path, &style).unwrap();
+    assets.reload("a.style.safetensors");
+    until_applied(&mut app);
+    let read = file::read_scene(&scene_path).unwrap().scene;
+    assert_eq!(colors(app.world(), entity).unwrap(), expected(&read, &[(&style, 1.0)], 0.0));
 }
 
 /// Editors and scene files know every component, resource, event and asset.

@@ -9,9 +9,9 @@ use bevy::{
     prelude::*,
 };
 
-use crate::asset::GaussianScene;
+use crate::{asset::GaussianScene, style::AppliedStyle};
 
-use super::{GaussianSplats, SceneError, SceneFailed, bounds::bounds};
+use super::{GaussianSplats, SceneError, SceneFailed};
 
 /// The scene of an entity's [`GaussianSplats`], once it is loaded; replaced when the asset changes.
 #[derive(Component, Clone)]
@@ -39,7 +39,12 @@ pub(super) fn mark_changed_scenes(
     }
 }
 
+/// What an entity has because of its scene.
+type OfScene = (CloudScene, Aabb, AppliedStyle);
+
 /// Gives entities their scene and its bounds, or takes them away where the asset is gone.
+///
+/// Observers of [`SceneFailed`] may despawn any entity before the commands of this system reach it.
 pub(super) fn attach_scenes(
     mut commands: Commands,
     changed: Query<(Entity, &GaussianSplats, Option<&CloudScene>), Changed<GaussianSplats>>,
@@ -51,14 +56,12 @@ pub(super) fn attach_scenes(
 ) {
     // One that was put back at once is among the changed.
     for entity in removed.read().filter(|&entity| !all.contains(entity)) {
-        if let Ok(mut entity) = commands.get_entity(entity) {
-            entity.try_remove::<(CloudScene, Aabb)>();
-        }
+        commands.entity(entity).try_remove::<OfScene>();
     }
     for (entity, splats, attached) in &changed {
         let Some(scene) = scenes.get(&splats.0) else {
             if attached.is_some() {
-                commands.entity(entity).remove::<(CloudScene, Aabb)>();
+                commands.entity(entity).try_remove::<OfScene>();
             }
             // Asked for again after it failed: there will be no event.
             if let Some(LoadState::Failed(error)) = server.get_load_state(&splats.0) {
@@ -69,14 +72,17 @@ pub(super) fn attach_scenes(
         if attached.is_some_and(|attached| Arc::ptr_eq(attached.0.scene(), scene.scene())) {
             continue;
         }
-        if let Err(error) = scene.scene().validate() {
-            commands.entity(entity).remove::<(CloudScene, Aabb)>();
-            fail(entity, error.into(), &mut commands, &mut failed);
-            continue;
+        match scene.bounds() {
+            // Without bounds there is nothing to see; without an `Aabb` the entity would be taken for visible everywhere.
+            Ok(bounds) => {
+                let of_scene = (CloudScene(scene.clone()), bounds.unwrap_or_default());
+                commands.entity(entity).try_insert(of_scene);
+            }
+            Err(error) => {
+                commands.entity(entity).try_remove::<OfScene>();
+                fail(entity, error.into(), &mut commands, &mut failed);
+            }
         }
-        // Without bounds there is nothing to see; without an `Aabb` the entity would be taken for visible everywhere.
-        let aabb = bounds(scene.scene()).unwrap_or_default();
-        commands.entity(entity).insert((CloudScene(scene.clone()), aabb));
     }
 }
 

@@ -11,7 +11,7 @@ const ALPHA_MIN: f32 = 1.0 / 255.0;
 
 /// The box around all Gaussians, each out to where its alpha o exp(-r^2 / 2) falls to 1/255, which is
 /// r = sqrt(2 ln(255 o)) standard deviations, at most 3.33. `None` where nothing is ever drawn.
-pub(super) fn bounds(scene: &Scene) -> Option<Aabb> {
+pub(crate) fn bounds(scene: &Scene) -> Option<Aabb> {
     let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for (i, &mean) in scene.means.iter().enumerate() {
         let opacity = scene.opacities[i];

@@ -27,9 +27,12 @@ mod extract;
 mod node;
 mod pipelines;
 mod prepare;
+#[cfg(test)]
+mod tests;
 mod view;
 
 pub(crate) use attach::CloudScene;
+pub(crate) use bounds::bounds;
 pub(crate) use extract::RenderClouds;
 
 /// Shows a scene of Gaussians, wherever the entity's `Transform` puts it (any scale and shear included).
@@ -53,7 +56,8 @@ pub enum SplatTonemapping {
     /// tonemapping never reaches them.
     #[default]
     Invert,
-    /// Draw the splats after tonemapping: exact colors, but transparent meshes in front of them do not cover them.
+    /// Draw the splats after tonemapping: exact colors, but transparent meshes in front of them do not cover them, and
+    /// effects that follow tonemapping, such as FXAA, may not see them.
     Bypass,
 }
 

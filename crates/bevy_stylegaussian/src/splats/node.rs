@@ -133,8 +133,10 @@ fn composite(
 }
 
 /// Puts the layer of a view that bypasses tonemapping over the picture, after it.
+///
+/// Takes the target for itself: effects that follow tonemapping swap its textures, which must not happen meanwhile.
 pub(super) fn composite_after_tonemapping(
-    view: ViewQuery<(&ExtractedView, &ViewTarget)>,
+    view: ViewQuery<(&ExtractedView, &mut ViewTarget)>,
     views: Res<SplatViews>,
     pipelines: Res<SplatPipelines>,
     mut context: RenderContext,

@@ -113,6 +113,12 @@ impl SplatPipelines {
         self.passes.as_ref()?.get().map(|passes| &**passes)
     }
 
+    /// How many pipelines and tables were ever asked for.
+    #[cfg(test)]
+    pub(super) fn n_requested(&self) -> usize {
+        self.draws.len() + self.composites.len() + self.tables.len()
+    }
+
     /// The pipelines for a layer of `samples` samples over `target`, once [requested](Self::request) and ready.
     pub(super) fn get(&self, samples: u32, target: CompositeTarget) -> Option<Ready<'_>> {
         Some(Ready {

@@ -121,7 +121,9 @@ pub(super) fn prepare_views(
             entities
                 .filter(|entity| clouds.0.get(entity).is_some_and(|cloud| scenes.get(&cloud.scene).is_some()))
         }));
-        if view.clouds.is_empty() || !pipelines.request(device, at_once.0, plan.samples, plan.composite) {
+        // Asked for before there is anything to draw, so that splats do not wait for compilers once there is.
+        let is_ready = pipelines.request(device, at_once.0, plan.samples, plan.composite);
+        if view.clouds.is_empty() || !is_ready {
             continue;
         }
         if let Some(tonemapping) = plan.undoes()

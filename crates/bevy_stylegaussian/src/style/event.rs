@@ -92,7 +92,7 @@ pub enum StyleError {
     Gpu(String),
 }
 
-/// The style that an entity shows: there once [`StyleApplied`] was sent, gone with [`StyleSource::none`].
+/// The style that an entity shows: there once [`StyleApplied`] was sent, gone with [`StyleSource::none`] or the scene.
 ///
 /// [`StyleSource::none`]: crate::StyleSource::none
 #[derive(Component, Clone, Reflect)]

@@ -60,24 +60,33 @@ impl StyleJob {
 /// Another look may be wanted.
 type WishChanged = Or<(Changed<StyleSource>, Changed<StyleDecoder>, Changed<CloudScene>)>;
 
+/// What a wish is about.
+type Wishing = (
+    Entity,
+    &'static mut StyleJob,
+    &'static mut Look,
+    Ref<'static, CloudScene>,
+    Option<Ref<'static, StyleDecoder>>,
+);
+
 /// Wants a new look where source, decoder or scene changed. A new scene starts from its own colors.
-pub(super) fn ask_for_changed_styles(
-    mut commands: Commands,
-    mut jobs: Query<(Entity, &mut StyleJob, &mut Look, Ref<CloudScene>), WishChanged>,
-) {
-    for (entity, mut job, mut look, scene) in &mut jobs {
+pub(super) fn ask_for_changed_styles(mut commands: Commands, mut jobs: Query<Wishing, WishChanged>) {
+    for (entity, mut job, mut look, scene, decoder) in &mut jobs {
         if scene.is_changed() {
             *job = StyleJob::default();
             if !matches!(look.colors, LookColors::Own) {
                 look.set(LookColors::Own);
-                commands.entity(entity).remove::<AppliedStyle>();
+                commands.entity(entity).try_remove::<AppliedStyle>();
             }
+        }
+        if decoder.is_some_and(|decoder| decoder.is_changed()) {
+            job.gpu_refused = false;
         }
         job.want();
     }
 }
 
-/// Wants a new look where an asset changed that the style names, or the encoder that reads its images.
+/// Wants a new look where an asset came or changed that the style names, or the encoder that reads its images.
 pub(super) fn ask_for_changed_assets(
     mut images: MessageReader<AssetEvent<Image>>,
     mut statistics: MessageReader<AssetEvent<StyleStatistics>>,
@@ -85,9 +94,9 @@ pub(super) fn ask_for_changed_assets(
     encoder: Res<StyleEncoder>,
     mut jobs: Query<(&mut StyleJob, &StyleSource, Option<&StyleDecoder>)>,
 ) {
-    let images = modified(&mut images);
-    let statistics = modified(&mut statistics);
-    let decoders = modified(&mut decoders);
+    let images = changed(&mut images);
+    let statistics = changed(&mut statistics);
+    let decoders = changed(&mut decoders);
     let new_encoder = encoder.is_changed() && !encoder.is_added();
     if images.is_empty() && statistics.is_empty() && decoders.is_empty() && !new_encoder {
         return;
@@ -97,19 +106,23 @@ pub(super) fn ask_for_changed_assets(
             StyleInput::Image(image) => new_encoder || images.contains(&image.id()),
             StyleInput::Preset(preset) => statistics.contains(&preset.id()),
         });
-        if input_changed || decoder.is_some_and(|decoder| decoders.contains(&decoder.0.id())) {
+        let decoder_changed = decoder.is_some_and(|decoder| decoders.contains(&decoder.0.id()));
+        if decoder_changed {
+            job.gpu_refused = false;
+        }
+        if input_changed || decoder_changed {
             job.want();
         }
     }
 }
 
-/// The assets that were replaced; those that were only added are waited for, not reacted to.
-fn modified<A: Asset>(events: &mut MessageReader<AssetEvent<A>>) -> HashSet<AssetId<A>> {
-    let changed = |event: &AssetEvent<A>| match event {
-        AssetEvent::Modified { id } => Some(*id),
+/// The assets that came or were replaced. One that comes is mostly waited for already; after a failure it is not.
+fn changed<A: Asset>(events: &mut MessageReader<AssetEvent<A>>) -> HashSet<AssetId<A>> {
+    let id = |event: &AssetEvent<A>| match event {
+        AssetEvent::Added { id } | AssetEvent::Modified { id } => Some(*id),
         _ => None,
     };
-    events.read().filter_map(changed).collect()
+    events.read().filter_map(id).collect()
 }
 
 /// Gives entities their own colors back whose source was removed, and wants a new look where a decoder was.
@@ -123,11 +136,12 @@ pub(super) fn drop_removed_styles(
     for entity in sources.read().filter(|&entity| !jobs.contains(entity)) {
         if let Ok(mut look) = looks.get_mut(entity) {
             look.set(LookColors::Own);
-            commands.entity(entity).remove::<(StyleJob, AppliedStyle)>();
+            commands.entity(entity).try_remove::<(StyleJob, AppliedStyle)>();
         }
     }
     for entity in decoders.read() {
         if let Ok(mut job) = jobs.get_mut(entity) {
+            job.gpu_refused = false;
             job.want();
         }
     }
@@ -146,7 +160,7 @@ pub(super) fn hear_from_gpu(
             GpuReport::Styled { entity, generation } => {
                 let Ok((mut job, transition)) = jobs.get_mut(entity) else { continue };
                 if let Some((since, style)) = job.finish_drawing(generation) {
-                    job.fading_until = time.elapsed() + fade_duration(transition);
+                    job.fading_until = time.elapsed().saturating_add(fade_duration(transition));
                     news.applied(entity, style, StyleBackend::Gpu, since);
                 }
             }
@@ -212,7 +226,7 @@ pub(super) fn advance_jobs(
         if job.is_at_rest() || now < job.fading_until {
             continue;
         }
-        let fading_until = now + fade_duration(transition);
+        let fading_until = now.saturating_add(fade_duration(transition));
         match scene {
             // What is under way is for a scene that is gone; what is wanted waits for the next.
             None => job.stage = Stage::Idle,
@@ -235,7 +249,7 @@ impl StyleJob {
         }
         look.set(LookColors::Own);
         self.fading_until = fading_until;
-        news.commands.entity(entity).remove::<AppliedStyle>();
+        news.commands.entity(entity).try_remove::<AppliedStyle>();
         news.tell_applied(entity, StyleBackend::Cpu, since);
     }
 

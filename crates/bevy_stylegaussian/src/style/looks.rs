@@ -1,6 +1,6 @@
 //! The looks of clouds on the GPU: their colors, and the fades between them.
 
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 use bevy::{
     prelude::*,
@@ -9,6 +9,7 @@ use bevy::{
         sync_world::{MainEntity, MainEntityHashMap},
     },
 };
+use stylegaussian::Scene;
 use stylegaussian_gpu::{
     colors::{GaussianColors, GaussianColorsError},
     splat::CloudColors,
@@ -32,8 +33,8 @@ pub(crate) struct CloudLooks(pub(super) MainEntityHashMap<CloudLook>);
 pub(super) struct CloudLook {
     /// Of the look that is on the GPU or was refused; `None` where the cloud is new to the GPU.
     pub(super) generation: Option<u64>,
-    /// How many Gaussians the cloud has.
-    n_gaussians: usize,
+    /// What the colors are for.
+    scene: Option<Arc<Scene>>,
     /// The buffer in use, and where there are fades the one before.
     buffers: [Option<GaussianColors>; 2],
     /// Which of them is shown; `None` for the scene's own colors.
@@ -71,9 +72,9 @@ impl Fade {
 
 impl CloudLook {
     /// Starts anew where the cloud has another scene, whose colors cannot fade from the last one's.
-    pub(super) fn fit(&mut self, n_gaussians: usize) {
-        if self.n_gaussians != n_gaussians {
-            *self = Self { n_gaussians, ..default() };
+    pub(super) fn fit(&mut self, scene: &Arc<Scene>) {
+        if !self.scene.as_ref().is_some_and(|present| Arc::ptr_eq(present, scene)) {
+            *self = Self { scene: Some(Arc::clone(scene)), ..default() };
         }
     }
 
@@ -100,7 +101,7 @@ impl CloudLook {
         };
         let buffer = match self.buffers[index].take() {
             Some(buffer) => buffer,
-            None => GaussianColors::new(device, self.n_gaussians)?,
+            None => GaussianColors::new(device, self.scene.as_ref().map_or(0, |scene| scene.len()))?,
         };
         Ok((index, self.buffers[index].insert(buffer)))
     }

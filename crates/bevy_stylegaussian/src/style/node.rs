@@ -73,7 +73,7 @@ pub(super) fn update_looks(
     passes.settled = true;
     for (&entity, cloud) in &clouds.0 {
         let look = looks.0.entry(entity).or_default();
-        look.fit(cloud.scene.len());
+        look.fit(&cloud.scene);
         let generation = cloud.look.generation;
         if look.generation == Some(generation) {
             continue;

@@ -15,13 +15,17 @@ use stylegaussian::{
     file::{self, read_style},
     fold,
 };
+use stylegaussian_gpu::splat::CloudColors;
 
 use crate::{
-    GaussianSplats, StyleApplied, StyleBackend, StylePassCount, StyleSource, StyleTransition,
+    GaussianScene, GaussianSplats, StyleApplied, StyleBackend, StylePassCount, StyleSource, StyleTransition,
     world::{rendering::*, *},
 };
 
-use super::{decoder::default_decoder, looks::CloudLooks};
+use super::{
+    decoder::default_decoder,
+    looks::{CloudLooks, LookClock},
+};
 
 /// The colors that the GPU shows an entity in.
 fn shown(app: &App, entity: Entity) -> Option<Vec<[f32; 3]>> {
@@ -190,6 +194,29 @@ fn a_thousand_changes_leave_nothing_behind() {
         // would be hundreds of thousands.
         assert!(bytes_before.abs_diff(bytes_after) < 4096, "{bytes_before} and {bytes_after}");
     }
+}
+
+/// A scene that takes a styled one's place is shown in its own colors at once: the last one's were for other Gaussians.
+#[test]
+fn another_scene_does_not_fade_from_the_last() {
+    let Some(mut app) = app_with_rendering(StyleBackend::Cpu) else { return };
+    let style = add_style(&mut app, small_style(1));
+    let splats = GaussianSplats(add_scene(&mut app, small_scene(20, 1)));
+    let handle = splats.0.clone();
+    let entity = app.world_mut().spawn((splats, StyleSource::preset(style))).id();
+    until_applied(&mut app);
+    app.update();
+    let duration = std::time::Duration::from_secs(60);
+    app.world_mut().entity_mut(entity).insert(StyleTransition { duration });
+    app.update();
+    // As many Gaussians as before.
+    let scene = GaussianScene::new(small_scene(20, 2));
+    app.world_mut().resource_mut::<Assets<GaussianScene>>().insert(&handle, scene).unwrap();
+    app.update();
+    let world = app.sub_app(RenderApp).world();
+    let now = world.resource::<LookClock>().0;
+    let colors = world.resource::<CloudLooks>().colors(MainEntity::from(entity), now);
+    assert!(!matches!(colors, CloudColors::Fade { from: Some(_), .. }), "{colors:?}");
 }
 
 /// Plain scenes stay as they are and the app lives on.
