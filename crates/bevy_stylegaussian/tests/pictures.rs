@@ -333,8 +333,8 @@ fn nothing_pops_at_the_edge_of_the_picture() {
     let needle = Scene { scales: vec![Vec3::new(2.0, 0.2, 0.6)], ..balls(&[backdrop(0.0, 0.99, BLUE)]) };
     studio.splats(needle.clone(), Transform::default());
     let mut n_seen = 0;
-    for step in 0..30 {
-        let target = EYE + Quat::from_rotation_y(0.04 * step as f32) * Vec3::NEG_Z;
+    for step in 0..15 {
+        let target = EYE + Quat::from_rotation_y(0.08 * step as f32) * Vec3::NEG_Z;
         let eye = Transform::from_translation(EYE).looking_at(target, Vec3::Y);
         *studio.app.world_mut().get_mut::<Transform>(camera).unwrap() = eye;
         let pinhole = Pinhole::look_at(EYE, target, Vec3::Y, FOV_Y, SIZE);
@@ -344,7 +344,7 @@ fn nothing_pops_at_the_edge_of_the_picture() {
         assert!(error <= 11.0 / 255.0, "step {step}: {error}");
         n_seen += u32::from(expected.iter().any(|color| color[2] > 0.0));
     }
-    assert!((10..28).contains(&n_seen), "seen in {n_seen} steps");
+    assert!((5..14).contains(&n_seen), "seen in {n_seen} steps");
 }
 
 /// A style that makes everything one color fades in over ten frames of a tenth of its time.
