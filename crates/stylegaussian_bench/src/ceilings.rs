@@ -10,32 +10,52 @@ use crate::{
     report::{Report, Row, names},
 };
 
-/// Measures both.
+/// The copy. The product is measured in turns with what is compared with it.
 pub fn run(gpu: &Gpu, plan: &Plan, report: &mut Report) -> Result<()> {
-    let (n, megabytes) = if plan.on_gpu { (4096, 128) } else { (768, 32) };
-    product(gpu, n, report)?;
-    copy(gpu, megabytes << 20, report)
+    copy(gpu, if plan.on_gpu { 128 << 20 } else { 32 << 20 }, report)
 }
 
-fn product(gpu: &Gpu, n: usize, report: &mut Report) -> Result<()> {
-    // Small whole numbers: sums of n of them are exact in f32.
-    let matrix = |step: usize| (0..n * n).map(|i| (i * step % 7) as f32 - 3.0).collect::<Vec<_>>();
-    let (a, b) = (matrix(5), matrix(11));
-    let c = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some("c"),
-        size: 4 * (n * n) as u64,
-        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
-        mapped_at_creation: false,
-    });
-    let kernel =
-        Kernel::new(gpu, "product", include_str!("../wgsl/product.wgsl"), &[("n_quads", n as f64 / 4.0)]);
-    let buffers = [storage(gpu, bytemuck::cast_slice(&a)), storage(gpu, bytemuck::cast_slice(&b)), c];
-    let workgroups = [n as u32 / 128, n as u32 / 64];
-    let samples = Samples::of(1, 5, || gpu.time(|encoder| kernel.run(gpu, encoder, &buffers, workgroups)))?;
-    check_product(gpu, &a, &b, &buffers[2], n)?;
-    let flops = Some(2 * (n as u64).pow(3));
-    report.add(Row { flops, bytes: Some(12 * (n * n) as u64), ..Row::new(names::PRODUCT, n, &samples) });
-    Ok(())
+/// A product of two square matrices, ready to run.
+pub struct Product<'a> {
+    gpu: &'a Gpu,
+    /// Side of the matrices.
+    pub n: usize,
+    kernel: Kernel,
+    buffers: [wgpu::Buffer; 3],
+}
+
+impl<'a> Product<'a> {
+    /// Of matrices that make a GPU busy, or of smaller ones for a CPU; its result is checked.
+    pub fn new(gpu: &'a Gpu, plan: &Plan) -> Result<Self> {
+        let n = if plan.on_gpu { 4096 } else { 768 };
+        // Small whole numbers: sums of n of them are exact in f32.
+        let matrix = |step: usize| (0..n * n).map(|i| (i * step % 7) as f32 - 3.0).collect::<Vec<_>>();
+        let (a, b) = (matrix(5), matrix(11));
+        let c = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("c"),
+            size: 4 * (n * n) as u64,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        let wgsl = include_str!("../wgsl/product.wgsl");
+        let kernel = Kernel::new(gpu, "product", wgsl, &[("n_quads", n as f64 / 4.0)]);
+        let buffers = [storage(gpu, bytemuck::cast_slice(&a)), storage(gpu, bytemuck::cast_slice(&b)), c];
+        let product = Self { gpu, n, kernel, buffers };
+        product.time()?;
+        check_product(gpu, &a, &b, &product.buffers[2], n)?;
+        Ok(product)
+    }
+
+    /// Milliseconds of one product.
+    pub fn time(&self) -> Result<f64> {
+        let workgroups = [self.n as u32 / 128, self.n as u32 / 64];
+        self.gpu.time(|encoder| self.kernel.run(self.gpu, encoder, &self.buffers, workgroups))
+    }
+
+    /// Multiplications and additions.
+    pub fn flops(&self) -> u64 {
+        2 * (self.n as u64).pow(3)
+    }
 }
 
 /// A few elements of the product: a ceiling that computes something else is none.

@@ -24,18 +24,26 @@ const WARM_UP: usize = 4;
 
 /// Every size of every scene, one after another.
 pub fn run(gpu: &Gpu, plan: &Plan, report: &mut Report) -> Result<()> {
-    let kinds: [(&str, fn(usize) -> Scene, fn(f32) -> Affine3A); 2] =
-        [("structured", scenes::structured, around_structured), ("random", scenes::random, around_random)];
-    for (kind, scene, pose) in kinds {
-        for &n in plan.frame_sizes() {
-            let scene = GpuScene::new(&gpu.device, &scene(n))?;
-            for &picture in plan.pictures() {
-                let mut stage = Stage::new(gpu, &scene, picture, pose, plan);
-                let name = format!("{kind}, {}x{}", picture[0], picture[1]);
-                stage.frames(&format!("frame, {name}"), 1, report)?;
-                stage.frames(&format!("frame, {name}, two cameras"), 2, report)?;
-                stage.parts(&name, report)?;
-            }
+    run_kind(gpu, plan, "structured", scenes::structured, around_structured, report)?;
+    run_kind(gpu, plan, "random", scenes::random, around_random, report)
+}
+
+fn run_kind(
+    gpu: &Gpu,
+    plan: &Plan,
+    kind: &str,
+    scene: fn(usize) -> Scene,
+    pose: fn(f32) -> Affine3A,
+    report: &mut Report,
+) -> Result<()> {
+    for &n in plan.frame_sizes() {
+        let scene = GpuScene::new(&gpu.device, &scene(n))?;
+        for &picture in plan.pictures() {
+            let mut stage = Stage::new(gpu, &scene, picture, pose, plan);
+            let name = format!("{kind}, {}x{}", picture[0], picture[1]);
+            stage.frames(&format!("frame, {name}"), 1, report)?;
+            stage.frames(&format!("frame, {name}, two cameras"), 2, report)?;
+            stage.parts(&name, report)?;
         }
     }
     Ok(())

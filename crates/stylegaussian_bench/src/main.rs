@@ -85,7 +85,6 @@ fn groups(arguments: &Arguments) -> Vec<(&'static str, Group<'_>)> {
     };
     vec![
         ("ceilings", needs_gpu(ceilings::run)),
-        ("ceilings, cpu", Box::new(|_, plan, report| cpu::ceiling(plan, report))),
         #[cfg(feature = "offline")]
         ("encode", Box::new(|_, plan, report| encode::run(plan, report))),
         ("style", needs_gpu(style::run)),

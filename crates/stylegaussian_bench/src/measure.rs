@@ -25,13 +25,30 @@ impl Samples {
         Ok(Self { ms, cpu_ms })
     }
 
+    /// Runs several things in turns, so that whatever else the machine does slows all of them down: what is compared must be
+    /// measured so. Each gives its milliseconds.
+    pub fn in_turns(
+        n_warm_up: usize,
+        n_runs: usize,
+        runs: &mut [&mut dyn FnMut() -> Result<f64>],
+    ) -> Result<Vec<Self>> {
+        let mut all = vec![Self { ms: Vec::new(), cpu_ms: Some(0.0) }; runs.len()];
+        for turn in 0..n_warm_up + n_runs {
+            for (run, samples) in runs.iter_mut().zip(&mut all) {
+                let one = Self::of(0, 1, &mut *run)?;
+                if turn >= n_warm_up {
+                    samples.ms.extend(one.ms);
+                    let share = one.cpu_ms.map(|ms| ms / n_runs as f64);
+                    samples.cpu_ms = samples.cpu_ms.zip(share).map(|(sum, share)| sum + share);
+                }
+            }
+        }
+        Ok(all)
+    }
+
     /// [`of`](Self::of) by the clock on the wall.
     pub fn wall(n_warm_up: usize, n_runs: usize, mut run: impl FnMut() -> Result<()>) -> Result<Self> {
-        Self::of(n_warm_up, n_runs, || {
-            let start = Instant::now();
-            run()?;
-            Ok(start.elapsed().as_secs_f64() * 1e3)
-        })
+        Self::of(n_warm_up, n_runs, || wall_ms(&mut run))
     }
 
     /// The middle run; the mean of the two in the middle of an even number.
@@ -57,6 +74,13 @@ impl Samples {
     }
 }
 
+/// Milliseconds that `run` takes by the clock on the wall.
+pub fn wall_ms(mut run: impl FnMut() -> Result<()>) -> Result<f64> {
+    let start = Instant::now();
+    run()?;
+    Ok(start.elapsed().as_secs_f64() * 1e3)
+}
+
 /// User and system time of this process, in milliseconds; Linux counts it in ticks of 10 ms.
 fn process_cpu_ms() -> Option<f64> {
     let stat = fs::read_to_string("/proc/self/stat").ok()?;
@@ -77,6 +101,19 @@ mod tests {
         assert_eq!(samples(&[4.0, 1.0, 10.0, 2.0]).median(), 3.0);
         assert_eq!((samples(&[3.0, 1.0]).least(), samples(&[3.0, 1.0]).most()), (1.0, 3.0));
         assert!(samples(&[]).median().is_nan());
+    }
+
+    #[test]
+    fn turns_alternate() {
+        let order = std::cell::RefCell::new(Vec::new());
+        let mut run = |name: f64| {
+            order.borrow_mut().push(name);
+            Ok(name)
+        };
+        let (mut a, mut b) = (|| run(1.0), || Ok(2.0));
+        let samples = Samples::in_turns(1, 3, &mut [&mut a, &mut b]).unwrap();
+        assert_eq!((&samples[0].ms[..], &samples[1].ms[..]), (&[1.0; 3][..], &[2.0; 3][..]));
+        assert_eq!(order.borrow().len(), 4);
     }
 
     #[test]

@@ -159,17 +159,20 @@ impl Report {
 
     /// Compares rows.
     pub fn compare(&mut self) {
-        let rate = |name: &str| self.row(name, None)?.rate();
-        let of_product = |name: &str, product: &str| Some(rate(name)? / rate(product)?);
+        // Both at the size at which they took turns.
+        let of_product = |name: &str, size_of: &str, product: &str| {
+            let ours = self.row(name, Some(self.row(size_of, None)?.n))?;
+            Some(ours.rate()? / self.row(product, None)?.rate()?)
+        };
         let memory = self.row(names::MEMORY, None);
         let frames = |name: &str, n: u64| self.row(name, Some(n))?.cpu_ms;
         let peer = self.row(names::PEER, None);
         self.ratios = Ratios {
             folded_over_unfolded_cpu: self.faster(names::CPU_DECODE, names::CPU_UNFOLDED),
-            cpu_decode_over_product: of_product(names::CPU_DECODE, names::CPU_PRODUCT),
+            cpu_decode_over_product: of_product(names::CPU_DECODE, names::CPU_UNFOLDED, names::CPU_PRODUCT),
             style_pass_over_literal_wgsl: self.faster(names::STYLE_PASS, names::LITERAL),
             style_pass_over_pytorch: self.faster(names::STYLE_PASS, names::PYTORCH),
-            style_pass_over_product_rate: of_product(names::STYLE_PASS, names::PRODUCT),
+            style_pass_over_product_rate: of_product(names::STYLE_PASS, names::LITERAL, names::PRODUCT),
             style_memory_over_literal: memory
                 .and_then(|row| Some(row.bytes? as f64 / (LITERAL_BYTES * row.n as f64))),
             frame_cpu_ms_over_peer: peer
@@ -190,7 +193,7 @@ impl Report {
         self.rows.iter().for_each(|row| text += &line(row));
         if !self.not_run.is_empty() {
             text += "\n| not run | why |\n| --- | --- |\n";
-            self.not_run.iter().for_each(|it| drop(writeln!(text, "| {} | {} |", it.name, it.reason)));
+            self.not_run.iter().for_each(|it| text += &format!("| {} | {} |\n", it.name, it.reason));
         }
         text += "\n| ratio | |\n| --- | ---: |\n";
         for (name, value) in self.ratios.named() {
@@ -273,7 +276,7 @@ mod tests {
         report.compare();
         let ratios = &report.ratios;
         assert_eq!(ratios.style_pass_over_literal_wgsl, Some(2.0));
-        assert_eq!(ratios.style_pass_over_product_rate, Some(0.4));
+        assert_eq!(ratios.style_pass_over_product_rate, Some(0.5));
         assert_eq!(ratios.cpu_decode_over_product, Some(0.25));
         assert_eq!(ratios.folded_over_unfolded_cpu, Some(1.5));
         assert_eq!(ratios.frame_cpu_ms_over_peer, Some(0.25));

@@ -24,7 +24,12 @@ pub fn run(gpu: &Gpu, plan: &Plan, report: &mut Report) -> Result<()> {
         let scene = scenes::embedded(n, N_LOW);
         let style = OnGpu::new(gpu, &scene, StyleOptions::default())?;
         change(gpu, &pass, &style, report)?;
-        add_pass(gpu, &pass, &style, N_LOW, names::STYLE_PASS, report)?;
+        // The size at which it is compared is measured in turns with the others.
+        if n != plan.literal_size() {
+            let samples = Samples::of(1, 3, || style.time(gpu, &pass))?;
+            let (flops, bytes) = (Some(scenes::flops(n, N_LOW)), Some(style.bytes()));
+            report.add(Row { flops, bytes, ..Row::new(names::STYLE_PASS, n, &samples) });
+        }
         layers(gpu, &pass, &style, report)?;
     }
     for (name, reason) in plan.left_out() {
@@ -78,6 +83,17 @@ impl OnGpu {
     fn n(&self) -> usize {
         self.scene.n_gaussians()
     }
+
+    /// What it takes on the GPU, without colors.
+    pub fn bytes(&self) -> u64 {
+        self.bytes.total()
+    }
+
+    /// Milliseconds of all layers.
+    pub fn time(&self, gpu: &Gpu, pass: &StylePass) -> Result<f64> {
+        let Self { scene, weights, colors, .. } = self;
+        gpu.time(|encoder| Ok(pass.encode(&gpu.device, encoder, scene, weights, colors).map(drop)?))
+    }
 }
 
 fn folded(
@@ -101,26 +117,8 @@ fn change(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> Re
         gpu.wait()
     })?;
     let flops = Some(scenes::flops(style.n(), N_LOW));
-    let bytes = Some(style.bytes.total());
+    let bytes = Some(style.bytes());
     report.add(Row { flops, bytes, ..Row::new("change of style, from statistics", style.n(), &change) });
-    Ok(())
-}
-
-/// All layers of a scene with `n_low` inputs, as row `name`.
-pub fn add_pass(
-    gpu: &Gpu,
-    pass: &StylePass,
-    style: &OnGpu,
-    n_low: usize,
-    name: &str,
-    report: &mut Report,
-) -> Result<()> {
-    let OnGpu { scene, weights, colors, .. } = style;
-    let samples = Samples::of(1, 3, || {
-        gpu.time(|encoder| Ok(pass.encode(&gpu.device, encoder, scene, weights, colors).map(drop)?))
-    })?;
-    let flops = Some(scenes::flops(style.n(), n_low));
-    report.add(Row { flops, bytes: Some(style.bytes.total()), ..Row::new(name, style.n(), &samples) });
     Ok(())
 }
 
@@ -128,21 +126,21 @@ pub fn add_pass(
 fn layers(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> Result<()> {
     const RUNS: usize = 3;
     let operations = style.scene.operations();
-    let mut ms = [[0.0; RUNS]; 5];
-    for run in 0..RUNS {
+    let mut ms = vec![[0.0; 5]; RUNS];
+    for ms in &mut ms {
         let mut progress = StyleProgress::default();
         for (i, &operations) in operations.iter().enumerate() {
             let OnGpu { scene, weights, colors, .. } = style;
             let (device, progress) = (&gpu.device, &mut progress);
-            ms[i % 5][run] += gpu.time(|encoder| {
+            ms[i % 5] += gpu.time(|encoder| {
                 pass.encode_some(device, encoder, scene, weights, colors, progress, operations)?;
                 Ok(())
             })?;
         }
     }
     let moved = moved_by_layers(N_LOW);
-    for (i, (flops, ms)) in scenes::flops_of_layers(N_LOW).into_iter().zip(ms).enumerate() {
-        let samples = Samples { ms: ms.into(), cpu_ms: None };
+    for (i, flops) in scenes::flops_of_layers(N_LOW).into_iter().enumerate() {
+        let samples = Samples { ms: ms.iter().map(|of_run| of_run[i]).collect(), cpu_ms: None };
         let of_all = |of_one: u64| Some(style.n() as u64 * of_one);
         let name = format!("style pass, layer {}", i + 1);
         report.add(Row {

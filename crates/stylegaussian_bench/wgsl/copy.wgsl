@@ -1,7 +1,7 @@
 // A plain copy, 16 bytes for each invocation.
 
-@group(0) @binding(0) var<storage, read> from: array<vec4<u32>>;
-@group(0) @binding(1) var<storage, read_write> to: array<vec4<u32>>;
+@group(0) @binding(0) var<storage, read> source: array<vec4<u32>>;
+@group(0) @binding(1) var<storage, read_write> copied: array<vec4<u32>>;
 
 @compute @workgroup_size(256)
 fn copy(
@@ -10,7 +10,7 @@ fn copy(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let i = (workgroup.y * n_workgroups.x + workgroup.x) * 256u + lane;
-    if i < arrayLength(&to) {
-        to[i] = from[i];
+    if i < arrayLength(&copied) {
+        copied[i] = source[i];
     }
 }
