@@ -106,7 +106,7 @@ mod tests {
     #[test]
     fn turns_alternate() {
         let order = std::cell::RefCell::new(Vec::new());
-        let mut run = |name: f64| {
+        let run = |name: f64| {
             order.borrow_mut().push(name);
             Ok(name)
         };
