@@ -158,3 +158,18 @@ impl Kernel {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+    #[test]
+    fn shaders_are_valid() {
+        for wgsl in [include_str!("../wgsl/product.wgsl"), include_str!("../wgsl/copy.wgsl")] {
+            let module =
+                naga::front::wgsl::parse_str(wgsl).unwrap_or_else(|e| panic!("{}", e.emit_to_string(wgsl)));
+            let valid = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
+            assert!(valid.is_ok(), "{}", valid.unwrap_err().emit_to_string(wgsl));
+        }
+    }
+}

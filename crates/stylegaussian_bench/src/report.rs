@@ -90,7 +90,7 @@ pub mod names {
 }
 
 /// Bytes per Gaussian of the literal method without a gather that is kept: features and the two largest activations
-/// in f32, (256 + 256 + 128) * 4, and 8 neighbors of 4 bytes.
+/// in f32, (256 + 256 + 128) * 4, and 8 neighbors of 4 bytes each.
 pub const LITERAL_BYTES: f64 = 2592.0;
 
 impl Row {
