@@ -89,19 +89,31 @@ pub fn project() -> Source {
     source("splat_project", &[RECORDS, sh, include_str!("../wgsl/splat_project.wgsl")])
 }
 
-/// Count the digits of each tile.
-pub fn sort_histogram() -> Source {
+/// Count the digits of each tile; `serial` for adapters that are a CPU.
+pub fn sort_histogram(serial: bool) -> Source {
+    if serial {
+        let kernel = include_str!("../wgsl/splat_sort_histogram_serial.wgsl");
+        return source("splat_sort_histogram_serial", &[RECORDS, SORT, kernel]);
+    }
     let kernel = include_str!("../wgsl/splat_sort_histogram.wgsl");
     source("splat_sort_histogram", &[RECORDS, SORT, kernel])
 }
 
-/// From counts to places.
-pub fn sort_scan() -> Source {
+/// From counts to places; `serial` for adapters that are a CPU.
+pub fn sort_scan(serial: bool) -> Source {
+    if serial {
+        let kernel = include_str!("../wgsl/splat_sort_scan_serial.wgsl");
+        return source("splat_sort_scan_serial", &[RECORDS, SORT, kernel]);
+    }
     source("splat_sort_scan", &[RECORDS, SORT, SCAN, include_str!("../wgsl/splat_sort_scan.wgsl")])
 }
 
-/// Move keys to their places.
-pub fn sort_scatter() -> Source {
+/// Move keys to their places; `serial` for adapters that are a CPU.
+pub fn sort_scatter(serial: bool) -> Source {
+    if serial {
+        let kernel = include_str!("../wgsl/splat_sort_scatter_serial.wgsl");
+        return source("splat_sort_scatter_serial", &[RECORDS, SORT, kernel]);
+    }
     source("splat_sort_scatter", &[RECORDS, SORT, SCAN, include_str!("../wgsl/splat_sort_scatter.wgsl")])
 }
 
@@ -134,9 +146,12 @@ pub fn inverse_table() -> Source {
 pub fn sources() -> Vec<Source> {
     vec![
         project(),
-        sort_histogram(),
-        sort_scan(),
-        sort_scatter(),
+        sort_histogram(false),
+        sort_scan(false),
+        sort_scatter(false),
+        sort_histogram(true),
+        sort_scan(true),
+        sort_scatter(true),
         sort_counts(),
         draw(),
         composite(false),
@@ -188,7 +203,7 @@ pub fn layouts() -> Vec<Layout> {
 }
 
 /// One chunk of one cloud as one camera sees it. View space is x right, y up, z backward; matrices are kept as rows.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SplatChunk {
     /// View from scene, first row.

@@ -6,10 +6,51 @@ use crate::{Layout, Source, layout};
 
 /// What both kernels share: the layer's shape and buffers.
 pub const LAYER: &str = include_str!("../wgsl/style_layer.wgsl");
-/// A hidden layer, without its number of columns.
+/// A hidden layer, without its number of columns and without how its input and output are kept.
 pub const KNN_CONV: &str = include_str!("../wgsl/style_knn_conv.wgsl");
-/// The last layer.
+/// The last layer, without how its input is kept.
 pub const COLOR: &str = include_str!("../wgsl/style_color.wgsl");
+
+/// How a plane keeps a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Storage {
+    /// Four bytes.
+    F32,
+    /// Two bytes.
+    F16,
+    /// One byte, for numbers in 0..1.
+    Unorm8,
+}
+
+impl Storage {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::F32, Self::F16, Self::Unorm8];
+
+    /// Bytes of a number.
+    pub const fn bytes(self) -> usize {
+        match self {
+            Self::F32 => 4,
+            Self::F16 => 2,
+            Self::Unorm8 => 1,
+        }
+    }
+
+    fn read(self) -> &'static str {
+        match self {
+            Self::F32 => include_str!("../wgsl/style_read_f32.wgsl"),
+            Self::F16 => include_str!("../wgsl/style_read_f16.wgsl"),
+            Self::Unorm8 => include_str!("../wgsl/style_read_unorm8.wgsl"),
+        }
+    }
+
+    fn write(self) -> &'static str {
+        match self {
+            Self::F32 => include_str!("../wgsl/style_write_f32.wgsl"),
+            Self::F16 => include_str!("../wgsl/style_write_f16.wgsl"),
+            Self::Unorm8 => include_str!("../wgsl/style_write_unorm8.wgsl"),
+        }
+    }
+}
 
 /// Gaussians that a workgroup of `style_knn_conv` computes.
 pub const TILE_ROWS: u32 = 128;
@@ -24,7 +65,8 @@ pub const TILE_COLUMNS: [u32; 2] = [32, 64];
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[expect(missing_docs, reason = "the twin in WGSL documents every field")]
 pub struct KnnLayer {
-    pub n_gaussians: u32,
+    pub input_rows: u32,
+    pub output_rows: u32,
     pub first_row: u32,
     pub n_rows: u32,
     pub k: u32,
@@ -39,31 +81,37 @@ pub struct KnnLayer {
     pub is_sigmoid: u32,
     pub slope: f32,
     pub is_residual: u32,
-    pub padding: u32,
+    pub input_is_scene: u32,
+    pub output_is_scene: u32,
+    pub padding: [u32; 2],
 }
 
 /// A hidden layer whose workgroups compute `tile_columns` output channels.
-pub fn knn_conv(tile_columns: u32) -> Source {
-    let wgsl = format!("const TILE_COLUMNS: u32 = {tile_columns}u;\n{LAYER}\n{KNN_CONV}");
+pub fn knn_conv(tile_columns: u32, input: Storage, output: Storage) -> Source {
+    let columns = format!("const TILE_COLUMNS: u32 = {tile_columns}u;");
+    let wgsl = [&columns, LAYER, input.read(), output.write(), KNN_CONV].join("\n");
     Source { label: "style_knn_conv", wgsl }
 }
 
 /// The last layer.
-pub fn color() -> Source {
-    Source { label: "style_color", wgsl: [LAYER, COLOR].join("\n") }
+pub fn color(input: Storage) -> Source {
+    Source { label: "style_color", wgsl: [LAYER, input.read(), COLOR].join("\n") }
 }
 
 /// Every joined source of the style pass.
 pub fn sources() -> Vec<Source> {
-    let mut sources: Vec<Source> = TILE_COLUMNS.into_iter().map(knn_conv).collect();
-    sources.push(color());
-    sources
+    let pairs = Storage::ALL.map(|input| Storage::ALL.map(|output| (input, output)));
+    let hidden = pairs.as_flattened().iter();
+    let hidden =
+        hidden.flat_map(|&(input, output)| TILE_COLUMNS.map(|columns| knn_conv(columns, input, output)));
+    hidden.chain(Storage::ALL.map(color)).collect()
 }
 
 /// Every struct that the style pass shares with Rust.
 pub fn layouts() -> Vec<Layout> {
     vec![layout!(KnnLayer {
-        n_gaussians,
+        input_rows,
+        output_rows,
         first_row,
         n_rows,
         k,
@@ -78,6 +126,8 @@ pub fn layouts() -> Vec<Layout> {
         is_sigmoid,
         slope,
         is_residual,
+        input_is_scene,
+        output_is_scene,
         padding,
     })]
 }

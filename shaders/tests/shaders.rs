@@ -90,10 +90,13 @@ fn constant(source: &Source, name: &str) -> Option<u32> {
 #[test]
 fn constants_match() {
     for columns in style::TILE_COLUMNS {
-        let source = style::knn_conv(columns);
+        let source = style::knn_conv(columns, style::Storage::F16, style::Storage::F16);
         assert_eq!(constant(&source, "TILE_ROWS"), Some(style::TILE_ROWS));
         assert_eq!(constant(&source, "TILE_COLUMNS"), Some(columns));
         assert!(constant(&source, "WORKGROUP_SIZE").is_some_and(|size| size <= 256));
     }
-    assert_eq!(constant(&style::color(), "COLOR_WORKGROUP_SIZE"), Some(style::COLOR_WORKGROUP_SIZE));
+    assert_eq!(
+        constant(&style::color(style::Storage::F16), "COLOR_WORKGROUP_SIZE"),
+        Some(style::COLOR_WORKGROUP_SIZE)
+    );
 }

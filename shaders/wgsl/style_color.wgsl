@@ -5,6 +5,8 @@
 
 const COLOR_WORKGROUP_SIZE: u32 = 128u;
 
+// [N], 4 f16 each
+@group(0) @binding(4) var<storage, read_write> colors: array<vec2<u32>>;
 // [N], 4 f16 each: the Gaussians' own colors; one of them where the decoder is not residual
 @group(0) @binding(6) var<storage, read> base_colors: array<vec2<u32>>;
 
@@ -30,12 +32,12 @@ fn main(@builtin(global_invocation_id) invocation: vec3<u32>) {
         color = sums[row];
     }
     for (var slot = 0u; slot < layer.k; slot++) {
-        let neighbor = neighbors[row * layer.k + slot];
+        let neighbor = input_row(neighbors[row * layer.k + slot]);
         for (var plane = 0u; plane < layer.n_group_planes; plane++) {
-            let packed = inputs[plane * layer.n_gaussians + neighbor];
+            let channels = read_channels(plane, neighbor);
             let first_weight = weight_row(slot, plane);
-            color += weighted(unpack_half4(packed.xy), first_weight);
-            color += weighted(unpack_half4(packed.zw), first_weight + 4u);
+            color += weighted(channels[0], first_weight);
+            color += weighted(channels[1], first_weight + 4u);
         }
     }
     if layer.is_continued != 0u {
@@ -43,8 +45,9 @@ fn main(@builtin(global_invocation_id) invocation: vec3<u32>) {
         return;
     }
     color += bias(0u);
+    let gaussian = output_row(row);
     if layer.is_residual != 0u {
-        color += unpack_half4(base_colors[layer.first_row + row]);
+        color += unpack_half4(base_colors[gaussian]);
     }
-    outputs[layer.first_row + row] = pack_half4(vec4<f32>(color.rgb, 1.0));
+    colors[gaussian] = pack_half4(vec4<f32>(color.rgb, 1.0));
 }

@@ -24,14 +24,14 @@ fn load_inputs(first_pair: u32, tile_row: u32, invocation: u32) {
     for (var i = invocation; i < 2u * TILE_ROWS; i += WORKGROUP_SIZE) {
         let row = i % TILE_ROWS;
         let pair = first_pair + i / TILE_ROWS;
-        var packed = vec4<u32>(0u);
+        var channels = mat2x4<f32>();
         if tile_row + row < layer.n_rows && pair < layer.k * layer.n_group_planes {
-            let gaussian = neighbors[(tile_row + row) * layer.k + pair / layer.n_group_planes];
-            packed = inputs[(pair % layer.n_group_planes) * layer.n_gaussians + gaussian];
+            let neighbor = neighbors[(tile_row + row) * layer.k + pair / layer.n_group_planes];
+            channels = read_channels(pair % layer.n_group_planes, input_row(neighbor));
         }
         let destination = row * ROW_STRIDE + i / TILE_ROWS * 2u;
-        tile_inputs[destination] = unpack_half4(packed.xy);
-        tile_inputs[destination + 1u] = unpack_half4(packed.zw);
+        tile_inputs[destination] = channels[0];
+        tile_inputs[destination + 1u] = channels[1];
     }
 }
 
@@ -94,8 +94,7 @@ fn finish(row: u32, quad: u32, sum: vec4<f32>) {
         return;
     }
     let y = activated(total + bias(layer.first_column / 4u + quad));
-    let plane = quad / 2u;
-    outputs[(plane * layer.n_gaussians + layer.first_row + row) * 2u + quad % 2u] = pack_half4(y);
+    write_channels(quad, layer.first_row + row, y);
 }
 
 @compute @workgroup_size(WORKGROUP_SIZE)

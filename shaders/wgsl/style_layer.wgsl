@@ -1,13 +1,18 @@
 // What the kernels of the style pass share: one KNN convolution's shape and buffers.
 //
-// Activations are planes of 8 channels: plane c / 8 holds the channels c of all N Gaussians, 8 f16 (one vec4<u32>) for
-// each. Rows are gathered by neighbor index from anywhere in the scene, so what is too large for one binding splits by
-// plane and not by Gaussian: a dispatch sees `n_group_planes` of the layer's `n_input_planes`, and sums over dispatches.
+// Activations are planes of 8 channels: plane c / 8 holds the channels c of all rows, as the files `style_read_*` and
+// `style_write_*` say. Rows are gathered by neighbor index from anywhere in a plane, so what is too large for one binding
+// splits by plane and not by row: a dispatch sees `n_group_planes` of the layer's `n_input_planes`, and sums over dispatches.
+//
+// Rows are those of a block: some Gaussians, then the neighbors that its layers need beside them, each layer one
+// neighborhood less than the one before. Only the scene's own arrays, the first layer's input and the colors, are numbered by
+// Gaussian; `gaussians` leads there.
 
 struct KnnLayer {
-    // N, the Gaussians of the scene and of every plane.
-    n_gaussians: u32,
-    // The rows of this dispatch: Gaussians first_row .. first_row + n_rows, whose neighbor lists are bound.
+    // Rows of a plane of the input and of the output.
+    input_rows: u32,
+    output_rows: u32,
+    // The rows of this dispatch: first_row .. first_row + n_rows of the block, whose neighbor lists are bound.
     first_row: u32,
     n_rows: u32,
     // K, the neighbors of a Gaussian.
@@ -30,20 +35,22 @@ struct KnnLayer {
     slope: f32,
     // 1 where the color is an offset from the Gaussian's own.
     is_residual: u32,
-    padding: u32,
+    // 1 where the block is not the whole scene, and rows of the input are Gaussians.
+    input_is_scene: u32,
+    // 1 where the block is not the whole scene, and rows of the output are Gaussians.
+    output_is_scene: u32,
+    padding: vec2<u32>,
 }
 
 @group(0) @binding(0) var<uniform> layer: KnnLayer;
-// [n_rows, K]
+// [n_rows, K], rows of the block
 @group(0) @binding(1) var<storage, read> neighbors: array<u32>;
 // [K * n_input_planes * 8 + 1, weight_stride]: for each neighbor and input channel all output channels; then the bias.
 @group(0) @binding(2) var<storage, read> weights: array<vec4<f32>>;
-// [n_group_planes, N], 8 f16 each
-@group(0) @binding(3) var<storage, read> inputs: array<vec4<u32>>;
-// [planes, N, 2], 4 f16 each; or the colors [N]
-@group(0) @binding(4) var<storage, read_write> outputs: array<vec2<u32>>;
 // [n_rows, n_columns / 4]: sums over planes that do not fit one binding
 @group(0) @binding(5) var<storage, read_write> sums: array<vec4<f32>>;
+// The Gaussian of each row of the block; not read where that is the whole scene.
+@group(0) @binding(7) var<storage, read> gaussians: array<u32>;
 
 fn unpack_half4(packed: vec2<u32>) -> vec4<f32> {
     return vec4<f32>(unpack2x16float(packed.x), unpack2x16float(packed.y));
@@ -53,6 +60,22 @@ fn unpack_half4(packed: vec2<u32>) -> vec4<f32> {
 fn pack_half4(value: vec4<f32>) -> vec2<u32> {
     let finite = clamp(value, vec4<f32>(-65504.0), vec4<f32>(65504.0));
     return vec2<u32>(pack2x16float(finite.xy), pack2x16float(finite.zw));
+}
+
+// Where the input keeps row `row` of the block.
+fn input_row(row: u32) -> u32 {
+    if layer.input_is_scene != 0u {
+        return gaussians[row];
+    }
+    return row;
+}
+
+// Where the output keeps row `row` of the dispatch.
+fn output_row(row: u32) -> u32 {
+    if layer.output_is_scene != 0u {
+        return gaussians[layer.first_row + row];
+    }
+    return layer.first_row + row;
 }
 
 // The first row of weights of neighbor `slot` and of the plane `group_plane` among those bound.

@@ -1,6 +1,10 @@
 //! Colors of N Gaussians on the GPU: where the style pass and the splat pass meet.
 
-use std::sync::mpsc;
+use std::sync::{
+    Arc,
+    atomic::{AtomicU64, Ordering},
+    mpsc,
+};
 
 use half::f16;
 
@@ -10,6 +14,7 @@ use half::f16;
 pub struct GaussianColors {
     buffer: wgpu::Buffer,
     n_gaussians: u32,
+    version: Arc<AtomicU64>,
 }
 
 /// The colors do not fit the device.
@@ -64,7 +69,7 @@ impl GaussianColors {
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
-        Ok(Self { buffer, n_gaussians: n_gaussians as u32 })
+        Ok(Self { buffer, n_gaussians: n_gaussians as u32, version: Arc::default() })
     }
 
     /// Colors that hold `rgb` `[N]`.
@@ -89,6 +94,17 @@ impl GaussianColors {
         assert_eq!(rgb.len(), self.n_gaussians(), "one color per Gaussian");
         let packed: Vec<[f16; 4]> = rgb.iter().map(|&color| pack(color)).collect();
         queue.write_buffer(&self.buffer, 0, bytemuck::cast_slice(&packed));
+        self.mark_changed();
+    }
+
+    /// Tells views that the colors changed: whoever writes to [`buffer`](Self::buffer) must say so.
+    pub fn mark_changed(&self) {
+        self.version.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Another number after each change.
+    pub(crate) fn version(&self) -> u64 {
+        self.version.load(Ordering::Relaxed)
     }
 
     /// N.
@@ -96,7 +112,8 @@ impl GaussianColors {
         self.n_gaussians as usize
     }
 
-    /// `[N]` of `vec2<u32>`; usable as storage, and as source and target of copies.
+    /// `[N]` of `vec2<u32>`; usable as storage, and as source and target of copies. See
+    /// [`mark_changed`](Self::mark_changed).
     pub fn buffer(&self) -> &wgpu::Buffer {
         &self.buffer
     }

@@ -43,22 +43,36 @@ impl HeadlessDevice {
     pub async fn request_with_limits(
         limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits,
     ) -> Result<Self, DeviceError> {
-        Self::of(&fastest_adapter().await?, limits).await
+        Self::of(&fastest_adapter().await?, wgpu::Features::empty(), limits).await
+    }
+
+    /// As [`request`](Self::request), with those of the optional `features` that the adapter has.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub async fn request_with_features(features: wgpu::Features) -> Result<Self, DeviceError> {
+        Self::of(&fastest_adapter().await?, features, |limits| limits).await
     }
 
     /// A real GPU, or `None`; software that acts as one is not even started.
     pub async fn request_gpu() -> Option<Self> {
         let adapter = fastest_adapter().await.ok()?;
-        if is_gpu(&adapter.get_info()) { Self::of(&adapter, |limits| limits).await.ok() } else { None }
+        if is_gpu(&adapter.get_info()) {
+            Self::of(&adapter, wgpu::Features::empty(), |limits| limits).await.ok()
+        } else {
+            None
+        }
     }
 
     async fn of(
         adapter: &wgpu::Adapter,
+        features: wgpu::Features,
         limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits,
     ) -> Result<Self, DeviceError> {
         let info = adapter.get_info();
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("stylegaussian"),
+            required_features: features & adapter.features(),
             required_limits: limits(adapter.limits()),
             ..Default::default()
         };

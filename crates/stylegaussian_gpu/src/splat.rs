@@ -35,6 +35,7 @@ pub use view::SplatView;
 use draw::Draw;
 use project::Project;
 use sort::Sort;
+use view::Change;
 
 /// What splats are sorted by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -117,8 +118,10 @@ impl SplatPass {
 
     /// Projects and sorts what `camera` sees of `clouds`, into `view`.
     ///
-    /// Nothing is allocated and nothing built unless `view` sees more Gaussians, clouds or other colors than before.
-    /// Uniforms travel by `queue`, so the commands must be submitted before `view` is prepared again.
+    /// Nothing is allocated and nothing built unless `view` sees more Gaussians, clouds or other colors than before. Nothing is
+    /// encoded where the camera, the clouds and their colors are those of the last time, and nothing sorted where only
+    /// colors are others; that the last commands and this one's were submitted in order is taken for granted. Uniforms
+    /// travel by `queue`, so the commands must be submitted before `view` is prepared again.
     ///
     /// Clouds under a transform that is not finite or has no volume, and cameras without a picture, show nothing.
     ///
@@ -141,19 +144,24 @@ impl SplatPass {
         let drawn: Vec<&Cloud> = clouds.iter().filter(|cloud| cloud.is_drawable()).collect();
         let n_slots = drawn.iter().map(|cloud| cloud.scene.n_gaussians()).sum();
         if n_slots == 0 || !camera.is_drawable() {
-            view.forget_unused();
+            view.forget_all();
             return Ok(());
         }
         view.reserve(device, self, n_slots)?;
         view.set_camera(queue, camera, n_slots as u32);
-        self.project.write(device, queue, view, camera, &drawn, settings);
+        let change = self.project.write(device, queue, view, camera, &drawn, settings);
+        if change == Change::Nothing {
+            return Ok(());
+        }
         let Some(sort) = view.sort() else { return Ok(()) };
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("splat"),
             timestamp_writes: None,
         });
         self.project.encode(&mut pass, view);
-        self.sort.encode(&mut pass, sort, n_slots as u32);
+        if change == Change::Order {
+            self.sort.encode(&mut pass, sort, n_slots as u32);
+        }
         Ok(())
     }
 

@@ -21,8 +21,11 @@
 //! # Ok(()) }
 //! ```
 
+mod blocks;
+mod budget;
 mod content;
 mod features;
+mod options;
 mod pipelines;
 mod plan;
 mod planes;
@@ -33,28 +36,38 @@ mod weights;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
+pub use budget::{StyleBudget, StyleProgress};
 pub use content::{ContentFold, FoldedLayers};
 pub use features::StyleInputs;
-pub use scene::{StyleScene, StyleSceneError};
+pub use options::{Precision, StyleOptions};
+pub use scene::{StyleBytes, StyleScene, StyleSceneError};
 pub use stylize::{StylizeOnGpuError, stylize};
 pub use weights::GpuDecoder;
 
+use stylegaussian::Activation;
+
 use crate::colors::GaussianColors;
-use pipelines::Pipelines;
-use plan::{Step, steps};
+use pipelines::{N_STORAGE, Pipelines};
+use plan::Step;
 use scratch::Scratch;
 
 /// The pipelines of the style pass on one device.
 #[derive(Debug)]
 pub struct StylePass {
     pipelines: Pipelines,
+    precision: Precision,
     dispatches: AtomicU64,
 }
 
 impl StylePass {
-    /// Compiles the kernels.
+    /// Compiles the kernels for scenes of the default [`Precision`].
     pub fn new(device: &wgpu::Device) -> Self {
-        Self { pipelines: Pipelines::new(device), dispatches: AtomicU64::new(0) }
+        Self::with_precision(device, Precision::default())
+    }
+
+    /// Compiles the kernels for scenes of `precision`.
+    pub fn with_precision(device: &wgpu::Device, precision: Precision) -> Self {
+        Self { pipelines: Pipelines::new(device, precision), precision, dispatches: AtomicU64::new(0) }
     }
 
     /// How many dispatches were encoded so far: a frame in which nothing changed adds none.
@@ -74,8 +87,31 @@ impl StylePass {
         weights: &GpuDecoder,
         colors: &GaussianColors,
     ) -> Result<u64, StyleSceneError> {
-        check(scene, weights, colors)?;
-        let steps = steps(&scene.shape, &scene.split);
+        self.encode_some(device, encoder, scene, weights, colors, &mut StyleProgress::default(), u64::MAX)
+    }
+
+    /// Encodes a part of what [`encode`](Self::encode) does: from where `progress` stands on, `operations`
+    /// multiplications and additions or a little less, at least 128 Gaussians of a layer. Gives the number of dispatches.
+    ///
+    /// All parts of one change must be given the same scene, weights and colors, and be submitted in their order; no other
+    /// change of the same scene may come between them. Colors appear block by block, so colors that are shown belong into
+    /// another buffer until [`StyleProgress::is_done`].
+    ///
+    /// # Errors
+    /// As [`encode`](Self::encode).
+    #[expect(clippy::too_many_arguments, reason = "two of them are what every wgpu call site has at hand")]
+    pub fn encode_some(
+        &self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        scene: &StyleScene,
+        weights: &GpuDecoder,
+        colors: &GaussianColors,
+        progress: &mut StyleProgress,
+        operations: u64,
+    ) -> Result<u64, StyleSceneError> {
+        self.check(scene, weights, colors)?;
+        let steps = progress.take(&scene.steps(), operations);
         if steps.is_empty() {
             return Ok(0);
         }
@@ -88,13 +124,33 @@ impl StylePass {
         for (i, step) in steps.iter().enumerate() {
             let buffers = step_buffers(scene, &scratch, weights, colors, step);
             let bind_group = self.pipelines.bind_group(device, parameters.binding(i), &buffers);
-            pass.set_pipeline(self.pipelines.of(step.kernel));
+            pass.set_pipeline(self.pipelines.of(step));
             pass.set_bind_group(0, &bind_group, &[]);
             pass.dispatch_workgroups(step.workgroups[0], step.workgroups[1], 1);
         }
+        colors.mark_changed();
         let n_dispatches = steps.len() as u64;
         self.dispatches.fetch_add(n_dispatches, Ordering::Relaxed);
         Ok(n_dispatches)
+    }
+
+    fn check(
+        &self,
+        scene: &StyleScene,
+        weights: &GpuDecoder,
+        colors: &GaussianColors,
+    ) -> Result<(), StyleSceneError> {
+        check(scene, weights, colors)?;
+        if self.precision != scene.precision {
+            let (found, expected) = (format!("{:?}", self.precision), format!("{:?}", scene.precision));
+            return Err(StyleSceneError::Mismatch { what: "a precision", found, expected });
+        }
+        if scene.precision == Precision::Unorm8 && weights.activation != Activation::Sigmoid {
+            let (found, expected) =
+                (weights.activation.to_string(), "the sigmoid, to be kept as bytes".into());
+            return Err(StyleSceneError::Mismatch { what: "an activation", found, expected });
+        }
+        Ok(())
     }
 }
 
@@ -124,7 +180,8 @@ fn step_buffers<'a>(
     weights: &'a GpuDecoder,
     colors: &'a GaussianColors,
     step: &Step,
-) -> [wgpu::BufferBinding<'a>; 6] {
+) -> [wgpu::BufferBinding<'a>; N_STORAGE] {
+    let block = &scene.blocks[step.block];
     let inputs = match step.layer {
         0 => &scene.inputs,
         layer => &scratch.activations[(layer - 1) % 2],
@@ -134,11 +191,12 @@ fn step_buffers<'a>(
         plan::Kernel::KnnConv(_) => scratch.activations[step.layer % 2].buffer(step.output),
     };
     [
-        scene.neighbors.binding(step.parameters.first_row, step.parameters.n_rows),
+        block.neighbors.binding(step.parameters.first_row, step.parameters.n_rows),
         weights.layer(step.layer).as_entire_buffer_binding(),
         inputs.buffer(step.input).as_entire_buffer_binding(),
         output.as_entire_buffer_binding(),
         scratch.sums.as_entire_buffer_binding(),
         scene.base_colors.as_entire_buffer_binding(),
+        block.gaussians.as_entire_buffer_binding(),
     ]
 }

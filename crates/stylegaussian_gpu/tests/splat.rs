@@ -11,7 +11,12 @@ use stylegaussian::{
     Camera, Scene, file,
     splat::{Colors, render},
 };
-use stylegaussian_gpu::splat::{self, SplatSettings};
+use stylegaussian_gpu::{
+    colors::GaussianColors,
+    device::HeadlessDevice,
+    scene::GpuScene,
+    splat::{self, SplatSettings},
+};
 use target::gpu;
 
 /// The contract, in decibels.
@@ -122,4 +127,39 @@ fn clouds_interleave() {
     let found = draw(&gpu, &splat::Camera::pinhole(&camera), &clouds, &SplatSettings::default());
     let psnr = psnr(&found.rgba, &expected);
     assert!(psnr >= LEAST, "{psnr:.1} dB");
+}
+
+/// One view through frames of which some only show other colors, and some nothing new.
+#[test]
+fn a_view_keeps_up_with_what_changes() {
+    let Some(gpu) = gpu() else { return };
+    let splat_colors = |seed: u64| {
+        let mut random = randoms(seed);
+        (0..1500).map(|_| [(); 3].map(|()| random())).collect::<Vec<_>>()
+    };
+    let scene = random_scene(1500, 0, 12);
+    let HeadlessDevice { device, queue, .. } = &gpu;
+    let on_gpu = GpuScene::new(device, &scene).unwrap();
+    let colors = GaussianColors::from_rgb(device, queue, &splat_colors(1)).unwrap();
+    let mut headless = splat::Headless::new(device);
+    let front = camera(UVec2::new(120, 90));
+    let mut aside = front.clone();
+    aside.view_from_world = front.view_from_world * Affine3A::from_rotation_y(0.5);
+    for (camera, seed) in [(&front, 1), (&front, 1), (&front, 2), (&aside, 2), (&aside, 3), (&front, 3)] {
+        let rgb = splat_colors(seed);
+        colors.write(queue, &rgb);
+        let cloud = splat::Cloud {
+            scene: &on_gpu,
+            colors: splat::CloudColors::Rgb(&colors),
+            world_from_scene: Affine3A::IDENTITY,
+        };
+        let settings = SplatSettings::default();
+        let found =
+            headless.render(device, queue, &splat::Camera::pinhole(camera), &[cloud], &settings).unwrap();
+        let again =
+            headless.render(device, queue, &splat::Camera::pinhole(camera), &[cloud], &settings).unwrap();
+        assert_eq!(found, again);
+        let psnr = psnr(&found.rgba, &rgba(&render(&scene, Colors::Rgb(&rgb), camera)));
+        assert!(psnr >= LEAST, "{psnr:.1} dB");
+    }
 }

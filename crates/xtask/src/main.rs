@@ -1,6 +1,7 @@
-//! Set-up and chores of the workspace: `cargo xtask test | demo | assets`.
+//! Set-up and chores of the workspace: `cargo xtask test | demo | bench | assets`.
 
 mod assets;
+mod bench;
 mod demo;
 mod packages;
 mod steps;
@@ -15,6 +16,7 @@ Usage: cargo xtask <COMMAND>
 
   test     everything CI runs: formatting, lints, docs, tests, examples, packages
   demo     the demo scene in every shipped style, in a window; without a display, as pictures in out/demo
+  bench    how fast everything is, beside what it could be: [--quick] [--json FILE] [--peer BINARY] [--only WORD]
   assets   make everything in assets/ and the default decoder anew; needs the test data, and hours";
 
 fn main() -> ExitCode {
@@ -34,6 +36,7 @@ fn run() -> Result<()> {
     match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["test"] => test::run(),
         ["demo"] => demo::run(),
+        ["bench", ..] => bench::run(&arguments[1..]),
         ["assets"] => assets::run(),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");

@@ -9,9 +9,9 @@ use stylegaussian_shaders::splat::{
 use super::{
     Camera, Cloud, SortKey, SplatSettings, SplatView,
     bind::{bind_group, compute_pipeline, layout, storage, whole},
-    view::{ChunkBindings, ChunkDispatch},
+    view::{Change, ChunkBindings, ChunkDispatch},
 };
-use crate::scene::Chunk;
+use crate::{colors::GaussianColors, scene::Chunk};
 
 /// Workgroups in one dimension of a dispatch, by WebGPU's default limits.
 const MAX_WORKGROUPS: u32 = 65_535;
@@ -53,7 +53,8 @@ impl Project {
         Self { pipeline, view_layout, chunk_layout, absent }
     }
 
-    /// Writes the uniforms of every chunk of `clouds`, and sees to it that each has bindings.
+    /// Writes the uniforms of every chunk of `clouds`, and sees to it that each has bindings. Gives what changed since
+    /// the records were made.
     pub fn write(
         &self,
         device: &wgpu::Device,
@@ -62,12 +63,14 @@ impl Project {
         camera: &Camera,
         clouds: &[&Cloud],
         settings: &SplatSettings,
-    ) {
+    ) -> Change {
         let n_chunks = clouds.iter().map(|cloud| cloud.scene.chunks().len()).sum();
         view.reserve_chunks(device, self, n_chunks);
         let mut first_slot = 0;
         for cloud in clouds {
             let of_cloud = cloud_uniforms(camera, cloud, settings);
+            let (from, to, _) = cloud.colors.ends();
+            let colors = [from, to].map(|colors| colors.map_or(0, GaussianColors::version));
             for chunk in cloud.scene.chunks() {
                 let uniforms = SplatChunk {
                     n_gaussians: chunk.n_gaussians,
@@ -76,11 +79,11 @@ impl Project {
                     ..of_cloud
                 };
                 let key = self.bindings(chunk, cloud);
-                view.push_chunk(&uniforms, key, |key| self.bind(device, key));
+                view.push_chunk(&uniforms, key, colors, |key| self.bind(device, key));
                 first_slot += chunk.n_gaussians;
             }
         }
-        view.write_chunks(queue);
+        view.write_chunks(queue)
     }
 
     /// Dispatches every chunk that was written.

@@ -66,15 +66,22 @@ struct Groups {
 }
 
 impl Sort {
+    /// The kernels that are fastest on the adapter: those of a GPU wait for one another within a workgroup, which a CPU
+    /// pays for by switching between the invocations it stands for.
     pub fn new(device: &wgpu::Device) -> Self {
+        Self::of_kind(device, device.adapter_info().device_type == wgpu::DeviceType::Cpu)
+    }
+
+    /// The kernels of which one invocation handles a whole tile, or those of which many do.
+    pub fn of_kind(device: &wgpu::Device, serial: bool) -> Self {
         let of_pass = uniform::<SortPass>();
         let (read, write) = (storage(true), storage(false));
         Self {
-            histogram: Kernel::new(device, &shaders::sort_histogram(), &[of_pass, read, read, write]),
-            scan: Kernel::new(device, &shaders::sort_scan(), &[of_pass, read, write, write]),
+            histogram: Kernel::new(device, &shaders::sort_histogram(serial), &[of_pass, read, read, write]),
+            scan: Kernel::new(device, &shaders::sort_scan(serial), &[of_pass, read, write, write]),
             scatter: Kernel::new(
                 device,
-                &shaders::sort_scatter(),
+                &shaders::sort_scatter(serial),
                 &[of_pass, read, read, read, read, read, write, write],
             ),
             counts: Kernel::new(device, &shaders::sort_counts(), &[write, read, write]),

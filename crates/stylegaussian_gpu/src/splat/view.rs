@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use stylegaussian_shaders::splat::{SplatChunk, SplatCounts, SplatDraw, TILE};
+use stylegaussian_shaders::splat::{BY_DISTANCE, SplatChunk, SplatCounts, SplatDraw, TILE};
 
 use super::{
     Camera, SplatError, SplatPass,
@@ -31,6 +31,9 @@ pub struct SplatView {
     chunks: Vec<(u32, wgpu::BindGroup)>,
     /// This frame's uniforms, one chunk every `UNIFORM_STRIDE` bytes.
     staging: Vec<u8>,
+    /// What this frame is made of, and what the records on the GPU were made of.
+    sources: Vec<ChunkSource>,
+    drawn: Vec<ChunkSource>,
     /// Left, top, width and height in pixels; `None` while there is nothing to draw.
     viewport: Option<glam::UVec4>,
 }
@@ -57,6 +60,38 @@ struct ChunkUniforms {
 /// The buffers that a chunk is projected from.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct ChunkBindings(pub [wgpu::Buffer; 4]);
+
+/// All that a chunk's records follow from.
+#[derive(Clone, Debug, PartialEq)]
+struct ChunkSource {
+    uniforms: SplatChunk,
+    buffers: ChunkBindings,
+    /// Versions of both color sources.
+    colors: [u64; 2],
+}
+
+/// How a frame differs from the one whose records are on the GPU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Change {
+    /// Not at all.
+    Nothing,
+    /// Only in colors: what is visible, and its order, stay.
+    Colors,
+    /// Anything else.
+    Order,
+}
+
+impl ChunkSource {
+    /// The uniforms without what only colors follow from.
+    fn placed(&self) -> SplatChunk {
+        let flags = self.uniforms.flags & BY_DISTANCE;
+        SplatChunk { eye: [0.0; 4], fade: 0.0, flags, ..self.uniforms }
+    }
+
+    fn is_placed_like(&self, other: &Self) -> bool {
+        self.placed() == other.placed() && self.buffers.0[0] == other.buffers.0[0]
+    }
+}
 
 #[derive(Debug)]
 struct Cached {
@@ -108,7 +143,14 @@ impl SplatView {
         self.viewport = None;
         self.chunks.clear();
         self.staging.clear();
+        self.sources.clear();
         self.bindings.values_mut().for_each(|cached| cached.in_use = false);
+    }
+
+    /// Lets go of everything that the last frame was made from: nothing is shown.
+    pub(super) fn forget_all(&mut self) {
+        self.drawn.clear();
+        self.forget_unused();
     }
 
     /// Lets go of everything that was not bound since [`clear`](Self::clear).
@@ -129,6 +171,7 @@ impl SplatView {
         }
         if self.buffers.as_ref().is_none_or(|buffers| buffers.n_slots < n_slots) {
             self.buffers = None;
+            self.drawn.clear();
             // Its bindings name the old buffers.
             self.chunk_uniforms = None;
             self.buffers = Some(ViewBuffers::new(device, pass, n_slots));
@@ -165,22 +208,40 @@ impl SplatView {
         &mut self,
         uniforms: &SplatChunk,
         key: ChunkBindings,
+        colors: [u64; 2],
         bind: impl FnOnce(&ChunkBindings) -> wgpu::BindGroup,
     ) {
         self.staging.resize(self.chunks.len() * UNIFORM_STRIDE, 0);
         self.staging.extend_from_slice(bytemuck::bytes_of(uniforms));
+        self.sources.push(ChunkSource { uniforms: *uniforms, buffers: key.clone(), colors });
         let cached = self.bindings.entry(key);
         let cached = cached.or_insert_with_key(|key| Cached { group: bind(key), in_use: true });
         cached.in_use = true;
         self.chunks.push((uniforms.n_gaussians, cached.group.clone()));
     }
 
-    /// Hands the uniforms of this frame's chunks to the GPU.
-    pub(super) fn write_chunks(&mut self, queue: &wgpu::Queue) {
-        if let Some(uniforms) = &self.chunk_uniforms {
+    /// Hands the uniforms of this frame's chunks to the GPU, where they changed.
+    pub(super) fn write_chunks(&mut self, queue: &wgpu::Queue) -> Change {
+        let change = self.change();
+        if change != Change::Nothing
+            && let Some(uniforms) = &self.chunk_uniforms
+        {
             queue.write_buffer(&uniforms.buffer, 0, &self.staging);
         }
+        std::mem::swap(&mut self.sources, &mut self.drawn);
         self.forget_unused();
+        change
+    }
+
+    fn change(&self) -> Change {
+        let mut pairs = self.sources.iter().zip(&self.drawn);
+        if self.sources == self.drawn {
+            Change::Nothing
+        } else if self.sources.len() == self.drawn.len() && pairs.all(|(new, old)| new.is_placed_like(old)) {
+            Change::Colors
+        } else {
+            Change::Order
+        }
     }
 
     /// This frame's dispatches of the project kernel, with the group that goes with each.

@@ -113,6 +113,11 @@ impl StyleShape {
         })
     }
 
+    /// How many layers there are.
+    pub fn n_layers(&self) -> usize {
+        self.widths.len() - 1
+    }
+
     /// The widest of the activations that are written to the first (0) or second (1) scratch buffer: hidden layers take
     /// turns.
     pub fn scratch_width(&self, which: usize) -> usize {

@@ -1,14 +1,19 @@
 //! A scene's inputs to the decoder, packed as the GPU reads them.
 
-use std::{borrow::Cow, sync::Arc};
+use std::sync::Arc;
 
 use half::f16;
 use stylegaussian::{
     Decoder, Scene,
     fold::{self, StylizeError},
 };
+use stylegaussian_shaders::style::Storage;
 
-use super::content::{ContentFold, StyleShape, centered};
+use super::{
+    blocks::Blocks,
+    content::{ContentFold, StyleShape, centered},
+    options::StyleOptions,
+};
 
 /// Channels in a plane: 8 f16 are a `vec4<u32>`, the widest load of a shader.
 pub(super) const PLANE_CHANNELS: usize = 8;
@@ -21,12 +26,27 @@ pub(super) const PLANE_CHANNELS: usize = 8;
 pub struct StyleInputs {
     pub(super) content: Arc<ContentFold>,
     pub(super) shape: StyleShape,
-    /// `[planes, N]`.
-    pub(super) planes: Vec<[f16; PLANE_CHANNELS]>,
-    /// `[N, K]`.
-    pub(super) neighbors: Vec<u32>,
+    pub(super) options: StyleOptions,
+    pub(super) planes: PackedPlanes,
+    pub(super) blocks: Blocks,
     /// `[N]`; empty where the decoder is not residual.
     pub(super) base_colors: Vec<[f16; 4]>,
+}
+
+/// `[planes, N]`.
+#[derive(Clone, Debug)]
+pub(super) enum PackedPlanes {
+    F16(Vec<[f16; PLANE_CHANNELS]>),
+    F32(Vec<[f32; PLANE_CHANNELS]>),
+}
+
+impl PackedPlanes {
+    pub fn bytes(&self) -> &[u8] {
+        match self {
+            Self::F16(planes) => bytemuck::cast_slice(planes),
+            Self::F32(planes) => bytemuck::cast_slice(planes),
+        }
+    }
 }
 
 impl StyleInputs {
@@ -39,28 +59,49 @@ impl StyleInputs {
     /// # Panics
     /// When the parts of the scene do not fit together: see [`Scene::validate`].
     pub fn new(scene: &Scene, decoder: &Decoder) -> Result<Self, StylizeError> {
+        Self::with_options(scene, decoder, StyleOptions::default())
+    }
+
+    /// [`new`](Self::new) with a say in precision and memory.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    ///
+    /// # Panics
+    /// As [`new`](Self::new).
+    pub fn with_options(
+        scene: &Scene,
+        decoder: &Decoder,
+        options: StyleOptions,
+    ) -> Result<Self, StylizeError> {
         let shape = StyleShape::of(scene, decoder)?;
         let inputs = fold::inputs_of(scene, decoder).ok_or(StylizeError::NoFeatures)?;
         let (mean_low, values) = centered(&inputs);
         let scales = channel_scales(&values, shape.widths[0]);
-        let planes = pack_planes(&values, &scales);
+        let planes = match options.precision.of_inputs() {
+            Storage::F32 => PackedPlanes::F32(pack_planes_as(&values, &scales, |value| value)),
+            _ => PackedPlanes::F16(pack_planes(&values, &scales)),
+        };
         let base_colors = if decoder.residual {
             scene.base_colors().iter().map(|&[r, g, b]| [r, g, b, 0.0].map(f16::from_f32)).collect()
         } else {
             Vec::new()
         };
-        let neighbors = match fold::neighbors_for(scene, decoder.k) {
-            Cow::Borrowed(neighbors) => neighbors.indices.clone(),
-            Cow::Owned(neighbors) => neighbors.indices,
-        };
+        let blocks = blocks(scene, &shape, &options);
         let content = Arc::new(ContentFold::new(&inputs, mean_low, scales));
-        Ok(Self { content, shape, planes, neighbors, base_colors })
+        Ok(Self { content, shape, options, planes, blocks, base_colors })
     }
 
     /// What folding needs of the scene.
     pub fn content(&self) -> &Arc<ContentFold> {
         &self.content
     }
+}
+
+/// The blocks that `scene` is decoded in.
+pub(super) fn blocks(scene: &Scene, shape: &StyleShape, options: &StyleOptions) -> Blocks {
+    let neighbors = || fold::neighbors_for(scene, shape.k).into_owned();
+    Blocks::new(shape, &scene.means, neighbors, options.max_rows(shape))
 }
 
 /// For each of `width` channels of `values` `[N, width]` the power of two that brings its largest to 1,024..2,048.
@@ -81,14 +122,22 @@ fn channel_scales(values: &[f32], width: usize) -> Vec<f32> {
 
 /// `values` `[N, width]` times `scales` `[width]`, as planes `[planes, N]` of 8 channels; zeros fill the last plane.
 fn pack_planes(values: &[f32], scales: &[f32]) -> Vec<[f16; PLANE_CHANNELS]> {
+    pack_planes_as(values, scales, f16::from_f32)
+}
+
+fn pack_planes_as<T: Copy>(
+    values: &[f32],
+    scales: &[f32],
+    number: impl Fn(f32) -> T,
+) -> Vec<[T; PLANE_CHANNELS]> {
     let width = scales.len();
     let n = values.len() / width;
-    let mut planes = vec![[f16::ZERO; PLANE_CHANNELS]; width.div_ceil(PLANE_CHANNELS) * n];
+    let mut planes = vec![[number(0.0); PLANE_CHANNELS]; width.div_ceil(PLANE_CHANNELS) * n];
     for (gaussian, row) in values.chunks_exact(width).enumerate() {
         let channels = row.chunks(PLANE_CHANNELS).zip(scales.chunks(PLANE_CHANNELS));
         for (plane, (values, scales)) in channels.enumerate() {
             let packed = planes[plane * n + gaussian].iter_mut();
-            packed.zip(values.iter().zip(scales)).for_each(|(p, (v, s))| *p = f16::from_f32(v * s));
+            packed.zip(values.iter().zip(scales)).for_each(|(p, (v, s))| *p = number(v * s));
         }
     }
     planes

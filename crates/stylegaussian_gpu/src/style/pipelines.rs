@@ -3,21 +3,34 @@
 use stylegaussian::Activation;
 use stylegaussian_shaders::{
     Source,
-    style::{self, KnnLayer, TILE_COLUMNS},
+    style::{self, KnnLayer, Storage, TILE_COLUMNS},
 };
 
 use super::{
+    options::Precision,
     plan::{Kernel, Step},
     weights::GpuDecoder,
 };
 
-/// Bindings 1 to 6 of both kernels, and whether they are only read. `style_knn_conv` leaves the last one alone.
-const STORAGE_IS_READ_ONLY: [bool; 6] = [true, true, true, false, false, true];
+/// Storage bindings of both kernels, from 1 on.
+pub(super) const N_STORAGE: usize = 7;
 
-/// One pipeline for each width of tile, and one for the last layer; they share a layout.
+/// Whether they are only read. `style_knn_conv` leaves the sixth alone.
+const STORAGE_IS_READ_ONLY: [bool; N_STORAGE] = [true, true, true, false, false, true, true];
+
+/// The pipelines of one precision; they share a layout.
 #[derive(Debug)]
 pub(super) struct Pipelines {
     layout: wgpu::BindGroupLayout,
+    /// Of a layer that reads the scene's inputs.
+    first: Kernels,
+    /// Of the others; `None` where activations are kept as the inputs are.
+    hidden: Option<Kernels>,
+}
+
+/// What reads one kind of input: one pipeline for each width of tile, and one for the last layer.
+#[derive(Debug)]
+struct Kernels {
     knn_conv: [wgpu::ComputePipeline; TILE_COLUMNS.len()],
     color: wgpu::ComputePipeline,
 }
@@ -30,23 +43,29 @@ pub(super) struct Parameters {
 }
 
 impl Pipelines {
-    pub fn new(device: &wgpu::Device) -> Self {
+    pub fn new(device: &wgpu::Device, precision: Precision) -> Self {
         let layout = bind_group_layout(device);
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("style"),
             bind_group_layouts: &[Some(&layout)],
             immediate_size: 0,
         });
-        let pipeline = |source: &Source| pipeline(device, &pipeline_layout, source);
-        let knn_conv = TILE_COLUMNS.map(|columns| pipeline(&style::knn_conv(columns)));
-        let color = pipeline(&style::color());
-        Self { layout, knn_conv, color }
+        let pipeline = |source: Source| pipeline(device, &pipeline_layout, &source);
+        let (inputs, activations) = (precision.of_inputs(), precision.of_activations());
+        let kernels = |input: Storage| Kernels {
+            knn_conv: TILE_COLUMNS.map(|columns| pipeline(style::knn_conv(columns, input, activations))),
+            color: pipeline(style::color(input)),
+        };
+        let hidden = (activations != inputs).then(|| kernels(activations));
+        Self { first: kernels(inputs), hidden, layout }
     }
 
-    pub fn of(&self, kernel: Kernel) -> &wgpu::ComputePipeline {
-        match kernel {
-            Kernel::KnnConv(tile) => &self.knn_conv[tile],
-            Kernel::Color => &self.color,
+    pub fn of(&self, step: &Step) -> &wgpu::ComputePipeline {
+        let hidden = self.hidden.as_ref().filter(|_| step.layer > 0);
+        let kernels = hidden.unwrap_or(&self.first);
+        match step.kernel {
+            Kernel::KnnConv(tile) => &kernels.knn_conv[tile],
+            Kernel::Color => &kernels.color,
         }
     }
 
@@ -54,7 +73,7 @@ impl Pipelines {
         &self,
         device: &wgpu::Device,
         parameters: wgpu::BufferBinding,
-        storage: &[wgpu::BufferBinding; 6],
+        storage: &[wgpu::BufferBinding; N_STORAGE],
     ) -> wgpu::BindGroup {
         let bindings = std::iter::once(&parameters).chain(storage).enumerate();
         let entries: Vec<_> = bindings

@@ -1,21 +1,24 @@
-//! Which dispatches decode a scene: by layer, by chunk of Gaussians, and where buffers are split also by output and by
-//! input buffer. Pure arithmetic.
+//! Which dispatches decode a scene: by block, by layer, by chunk of rows, and where buffers are split also by output and
+//! by input buffer. Pure arithmetic.
 
 use stylegaussian_shaders::style::{COLOR_WORKGROUP_SIZE, KnnLayer, TILE_COLUMNS, TILE_ROWS};
 
 use super::{
+    blocks::BlockShape,
     content::StyleShape,
     planes::{PlaneGroup, groups, n_planes},
     weights::stride,
 };
 
-/// Gaussians of one dispatch at most: 65,536 of the paper's widest layer are 34 GFLOP, under 0.1 s on an integrated GPU,
+/// Rows of one dispatch at most: 65,536 of the paper's widest layer are 34 GFLOP, under 0.1 s on an integrated GPU,
 /// so that no driver takes a large scene for a hang, and 512 workgroups of the 65,535 that are allowed.
 pub(super) const CHUNK_ROWS: usize = 65_536;
 
-/// How buffers are split: planes in a buffer of the inputs and of the two scratch activations, Gaussians in a chunk.
+/// How buffers are split: planes in a buffer of the inputs and of the two scratch activations, rows in a chunk.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Split {
+    /// Rows of the scratch activations.
+    pub capacity: usize,
     pub inputs: usize,
     pub scratch: [usize; 2],
     pub chunk_rows: usize,
@@ -35,6 +38,7 @@ pub(super) enum Kernel {
 pub(super) struct Step {
     pub kernel: Kernel,
     pub layer: usize,
+    pub block: usize,
     /// Without what the decoder says: activation, slope, residual.
     pub parameters: KnnLayer,
     /// Which buffer of the layer's input.
@@ -44,22 +48,50 @@ pub(super) struct Step {
     pub workgroups: [u32; 2],
 }
 
-/// The dispatches, in order: each may read what those before it wrote.
-pub(super) fn steps(shape: &StyleShape, split: &Split) -> Vec<Step> {
-    let n_layers = shape.widths.len() - 1;
+impl Step {
+    /// Multiplications and additions, those of padding included.
+    pub fn operations(&self) -> u64 {
+        self.parameters.n_rows as u64 * self.operations_of_row()
+    }
+
+    /// [`operations`](Self::operations) of one row.
+    pub fn operations_of_row(&self) -> u64 {
+        let KnnLayer { k, n_group_planes, n_columns, .. } = self.parameters;
+        2 * u64::from(k) * 8 * u64::from(n_group_planes) * u64::from(n_columns)
+    }
+
+    /// Whether other dispatches sum up the same rows.
+    pub fn is_partial(&self) -> bool {
+        self.parameters.continues + self.parameters.is_continued > 0
+    }
+
+    /// Rows `first .. first + n` of the step's.
+    pub fn part(mut self, first: u32, n: u32) -> Self {
+        self.parameters.first_row += first;
+        self.parameters.n_rows = n;
+        self.workgroups = workgroups(self.kernel, &self.parameters);
+        self
+    }
+}
+
+/// The dispatches of a block, in order: each may read what those before it wrote.
+pub(super) fn steps(shape: &StyleShape, split: &Split, block: usize, rows: &BlockShape) -> Vec<Step> {
     let mut steps = Vec::new();
-    for layer in 0..n_layers {
+    for (layer, &n_rows) in rows.rows.iter().enumerate() {
         let n_inputs = n_planes(shape.widths[layer]);
         let input_groups = groups(n_inputs, input_split(layer, split));
-        for first_row in (0..shape.n_gaussians).step_by(split.chunk_rows) {
-            let n_rows = split.chunk_rows.min(shape.n_gaussians - first_row);
+        for first_row in (0..n_rows).step_by(split.chunk_rows) {
+            let n_rows = split.chunk_rows.min(n_rows - first_row);
             for output in output_groups(shape, layer, split) {
                 for input in input_groups.clone() {
-                    let mut step = step(shape, layer, input, output);
+                    let mut step = step(shape, split, layer, input, output);
+                    step.block = block;
                     step.parameters.first_row = first_row as u32;
                     step.parameters.n_rows = n_rows as u32;
                     step.parameters.continues = u32::from(input.first > 0);
                     step.parameters.is_continued = u32::from(input.first + input.n < n_inputs);
+                    step.parameters.input_is_scene &= u32::from(rows.is_part);
+                    step.parameters.output_is_scene &= u32::from(rows.is_part);
                     step.workgroups = workgroups(step.kernel, &step.parameters);
                     steps.push(step);
                 }
@@ -71,10 +103,9 @@ pub(super) fn steps(shape: &StyleShape, split: &Split) -> Vec<Step> {
 
 /// The columns of the sums that must be kept between dispatches; 0 where every layer's input fits one binding.
 pub(super) fn sum_columns(shape: &StyleShape, split: &Split) -> usize {
-    let n_layers = shape.widths.len() - 1;
     let is_split = |layer: &usize| n_planes(shape.widths[*layer]) > input_split(*layer, split);
     let columns = |layer| output_groups(shape, layer, split).iter().map(|g| n_columns(shape, layer, g)).max();
-    (0..n_layers).filter(is_split).filter_map(columns).max().unwrap_or(0)
+    (0..shape.n_layers()).filter(is_split).filter_map(columns).max().unwrap_or(0)
 }
 
 /// Planes in a buffer of a layer's input: the scene's for the first, then the scratch buffers in turns.
@@ -84,18 +115,22 @@ fn input_split(layer: usize, split: &Split) -> usize {
 
 /// The last layer writes colors: one buffer.
 fn output_groups(shape: &StyleShape, layer: usize, split: &Split) -> Vec<PlaneGroup> {
-    if layer + 2 == shape.widths.len() {
+    if is_last(shape, layer) {
         return vec![PlaneGroup { buffer: 0, first: 0, n: 1 }];
     }
     groups(n_planes(shape.widths[layer + 1]), split.scratch[layer % 2]).collect()
 }
 
 fn n_columns(shape: &StyleShape, layer: usize, output: &PlaneGroup) -> usize {
-    if layer + 2 == shape.widths.len() { 4 } else { 8 * output.n }
+    if is_last(shape, layer) { 4 } else { 8 * output.n }
 }
 
-fn step(shape: &StyleShape, layer: usize, input: PlaneGroup, output: PlaneGroup) -> Step {
-    let is_last = layer + 2 == shape.widths.len();
+fn is_last(shape: &StyleShape, layer: usize) -> bool {
+    layer + 1 == shape.n_layers()
+}
+
+fn step(shape: &StyleShape, split: &Split, layer: usize, input: PlaneGroup, output: PlaneGroup) -> Step {
+    let is_last = is_last(shape, layer);
     let n_columns = n_columns(shape, layer, &output) as u32;
     let kernel = match n_columns {
         _ if is_last => Kernel::Color,
@@ -103,7 +138,10 @@ fn step(shape: &StyleShape, layer: usize, input: PlaneGroup, output: PlaneGroup)
         n => Kernel::KnnConv(usize::from(n > TILE_COLUMNS[0])),
     };
     let parameters = KnnLayer {
-        n_gaussians: shape.n_gaussians as u32,
+        input_rows: if layer == 0 { shape.n_gaussians } else { split.capacity } as u32,
+        output_rows: split.capacity as u32,
+        input_is_scene: u32::from(layer == 0),
+        output_is_scene: u32::from(is_last),
         k: shape.k as u32,
         n_input_planes: n_planes(shape.widths[layer]) as u32,
         first_group_plane: input.first as u32,
@@ -113,7 +151,8 @@ fn step(shape: &StyleShape, layer: usize, input: PlaneGroup, output: PlaneGroup)
         weight_stride: stride(shape.widths[layer + 1], is_last) as u32,
         ..KnnLayer::default()
     };
-    Step { kernel, layer, parameters, input: input.buffer, output: output.buffer, workgroups: [0; 2] }
+    let (input, output) = (input.buffer, output.buffer);
+    Step { kernel, layer, block: 0, parameters, input, output, workgroups: [0; 2] }
 }
 
 fn workgroups(kernel: Kernel, parameters: &KnnLayer) -> [u32; 2] {
@@ -133,7 +172,12 @@ mod tests {
         StyleShape { n_gaussians, k: 8, widths: vec![39, 256, 128, 64, 32, 3], residual: false }
     }
 
-    const WHOLE: Split = Split { inputs: 5, scratch: [32, 16], chunk_rows: CHUNK_ROWS };
+    const WHOLE: Split = Split { capacity: 1000, inputs: 5, scratch: [32, 16], chunk_rows: CHUNK_ROWS };
+
+    /// The dispatches of a whole scene.
+    fn steps(shape: &StyleShape, split: &Split) -> Vec<Step> {
+        super::steps(shape, split, 0, &BlockShape::whole(shape))
+    }
 
     #[test]
     fn one_dispatch_for_each_layer_where_nothing_is_split() {
@@ -153,7 +197,7 @@ mod tests {
 
     #[test]
     fn split_buffers_sum_over_their_planes() {
-        let split = Split { inputs: 3, scratch: [8, 16], chunk_rows: 512 };
+        let split = Split { capacity: 1000, inputs: 3, scratch: [8, 16], chunk_rows: 512 };
         let steps = steps(&shape(1000), &split);
         // Layer 1: 2 chunks, 4 output and 2 input buffers; layer 2: 2 chunks, 4 input buffers.
         let of_layer = |layer: usize| steps.iter().filter(move |step| step.layer == layer);
@@ -164,5 +208,36 @@ mod tests {
         assert_eq!(of_layer(0).next_back().unwrap().parameters.first_column, 192);
         assert_eq!(of_layer(0).next_back().unwrap().parameters.n_rows, 488);
         assert_eq!(sum_columns(&shape(1000), &split), 128);
+    }
+
+    /// Own rows 300, a halo of 40 for each of five layers: rows of hidden layers are those of the block.
+    #[test]
+    fn blocks_compute_fewer_rows_layer_by_layer() {
+        let block = BlockShape { rows: vec![460, 420, 380, 340, 300], is_part: true };
+        let split = Split { capacity: 500, ..WHOLE };
+        let steps = super::steps(&shape(1000), &split, 7, &block);
+        let told =
+            |field: fn(&KnnLayer) -> u32| steps.iter().map(|s| field(&s.parameters)).collect::<Vec<_>>();
+        assert!(steps.iter().all(|step| step.block == 7));
+        assert_eq!(told(|layer| layer.n_rows), [460, 420, 380, 340, 300]);
+        assert_eq!(told(|layer| layer.input_rows), [1000, 500, 500, 500, 500]);
+        assert_eq!(told(|layer| layer.output_rows), [500; 5]);
+        assert_eq!(told(|layer| layer.input_is_scene), [1, 0, 0, 0, 0]);
+        assert_eq!(told(|layer| layer.output_is_scene), [0, 0, 0, 0, 1]);
+        assert!(
+            super::steps(&shape(1000), &split, 0, &BlockShape::whole(&shape(1000))).iter().all(|step| step
+                .parameters
+                .input_is_scene
+                + step.parameters.output_is_scene
+                == 0)
+        );
+    }
+
+    #[test]
+    fn steps_are_cut_by_rows() {
+        let step = steps(&shape(1000), &WHOLE)[1];
+        assert_eq!(step.operations(), 1000 * 2 * 8 * 256 * 128);
+        let part = step.part(128, 256);
+        assert_eq!((part.parameters.first_row, part.parameters.n_rows, part.workgroups), (128, 256, [2, 2]));
     }
 }

@@ -1,14 +1,13 @@
-//! Activations of N Gaussians: planes of 8 f16 channels, in as many buffers as the device's limits ask for.
+//! Activations: planes of 8 channels of all rows, in as many buffers as the device's limits ask for.
+
+use stylegaussian_shaders::style::Storage;
 
 use super::{
     features::PLANE_CHANNELS,
     scene::{StyleSceneError, storage},
 };
 
-/// Bytes of one Gaussian in one plane.
-const PLANE_STRIDE: u64 = 2 * PLANE_CHANNELS as u64;
-
-/// Planes `[planes, N]`.
+/// Planes `[planes, rows]`.
 #[derive(Clone, Debug)]
 pub(super) struct Planes {
     buffers: Vec<wgpu::Buffer>,
@@ -42,16 +41,17 @@ pub(super) fn groups(n_planes: usize, planes_per_buffer: usize) -> impl Iterator
     })
 }
 
-/// How many planes of `n_gaussians` a buffer of planes for `width` channels holds, 1 at least.
+/// How many planes of `n_rows` a buffer of planes for `width` channels holds, 1 at least.
 ///
 /// # Errors
 /// When a single plane is larger than `limit`.
 pub(super) fn planes_per_buffer(
     width: usize,
-    n_gaussians: usize,
+    n_rows: usize,
+    storage: Storage,
     limit: u64,
 ) -> Result<usize, StyleSceneError> {
-    let found = plane_bytes(n_gaussians);
+    let found = plane_bytes(n_rows, storage);
     if found > limit {
         return Err(StyleSceneError::TooLarge { what: "style_inputs", found, limit });
     }
@@ -59,28 +59,28 @@ pub(super) fn planes_per_buffer(
 }
 
 impl Planes {
-    /// Bytes of planes for `width` channels of `n_gaussians`; buffers are never empty.
-    pub fn bytes(width: usize, n_gaussians: usize) -> u64 {
-        n_planes(width) as u64 * plane_bytes(n_gaussians)
+    /// Bytes of planes for `width` channels of `n_rows`; buffers are never empty.
+    pub fn bytes(width: usize, n_rows: usize, storage: Storage) -> u64 {
+        n_planes(width) as u64 * plane_bytes(n_rows, storage)
     }
 
-    /// Planes for `width` channels of `n_gaussians`, `planes_per_buffer` in a buffer; none where the width is 0.
+    /// Planes for `width` channels of `n_rows`, `planes_per_buffer` in a buffer; none where the width is 0.
     pub fn new(
         device: &wgpu::Device,
         label: &'static str,
         width: usize,
-        n_gaussians: usize,
+        n_rows: usize,
+        kept_as: Storage,
         planes_per_buffer: usize,
     ) -> Self {
-        let plane_bytes = plane_bytes(n_gaussians);
+        let plane_bytes = plane_bytes(n_rows, kept_as);
         let buffer = |group: PlaneGroup| storage(device, label, group.n as u64 * plane_bytes);
         let buffers = groups(n_planes(width), planes_per_buffer).map(buffer).collect();
         Self { buffers, planes_per_buffer, plane_bytes }
     }
 
-    /// Fills all planes with `values` `[planes, N]`.
-    pub fn write(&self, queue: &wgpu::Queue, values: &[[half::f16; PLANE_CHANNELS]]) {
-        let bytes: &[u8] = bytemuck::cast_slice(values);
+    /// Fills all planes with numbers `[planes, rows, 8]`.
+    pub fn write(&self, queue: &wgpu::Queue, bytes: &[u8]) {
         let chunk = self.planes_per_buffer * self.plane_bytes as usize;
         for (buffer, bytes) in self.buffers.iter().zip(bytes.chunks(chunk)) {
             queue.write_buffer(buffer, 0, bytes);
@@ -92,8 +92,8 @@ impl Planes {
     }
 }
 
-fn plane_bytes(n_gaussians: usize) -> u64 {
-    PLANE_STRIDE * n_gaussians.max(1) as u64
+fn plane_bytes(n_rows: usize, storage: Storage) -> u64 {
+    (PLANE_CHANNELS * storage.bytes() * n_rows.max(1)) as u64
 }
 
 #[cfg(test)]
@@ -106,7 +106,7 @@ mod tests {
         assert_eq!(split, [(0, 0, 2), (1, 2, 2), (2, 4, 1)]);
         assert_eq!(groups(0, 2).count(), 0);
         // 8.4 million Gaussians fit WebGPU's 128 MiB by the plane.
-        assert!(plane_bytes(8_388_608) <= 128 << 20);
-        assert_eq!(Planes::bytes(39, 10), 5 * 160);
+        assert!(plane_bytes(8_388_608, Storage::F16) <= 128 << 20);
+        assert_eq!(Planes::bytes(39, 10, Storage::F16), 5 * 160);
     }
 }

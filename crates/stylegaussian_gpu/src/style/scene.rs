@@ -5,9 +5,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use stylegaussian::{Decoder, Scene, fold::StylizeError};
 
 use super::{
+    blocks::{Block, BlockShape},
     content::{ContentFold, StyleShape},
-    features::StyleInputs,
-    plan::{CHUNK_ROWS, Split, sum_columns},
+    features::{self, StyleInputs},
+    options::{Precision, StyleOptions, activation_bytes},
+    plan::{CHUNK_ROWS, Split, Step, steps, sum_columns},
     planes::{Planes, largest_binding, planes_per_buffer},
     scratch::Scratch,
 };
@@ -21,9 +23,10 @@ use crate::colors::GaussianColorsError;
 #[derive(Debug)]
 pub struct StyleScene {
     pub(super) shape: StyleShape,
-    pub(super) split: Split,
+    pub(super) precision: Precision,
+    split: Split,
     pub(super) inputs: Planes,
-    pub(super) neighbors: NeighborBuffers,
+    pub(super) blocks: Vec<GpuBlock>,
     pub(super) base_colors: wgpu::Buffer,
     scratch: Mutex<Option<Scratch>>,
     content: Arc<ContentFold>,
@@ -60,7 +63,17 @@ pub enum StyleSceneError {
     },
 }
 
-/// Neighbor lists `[N, K]`, split by Gaussian.
+/// A part of the scene that is decoded at once.
+#[derive(Debug)]
+pub(super) struct GpuBlock {
+    shape: BlockShape,
+    /// Of the rows of the first layer.
+    pub neighbors: NeighborBuffers,
+    /// The Gaussian of each row; a single number where the block is the whole scene.
+    pub gaussians: wgpu::Buffer,
+}
+
+/// Neighbor lists `[rows, K]`, split by row.
 #[derive(Debug)]
 pub(super) struct NeighborBuffers {
     buffers: Vec<wgpu::Buffer>,
@@ -91,17 +104,20 @@ impl StyleScene {
         queue: &wgpu::Queue,
         inputs: &StyleInputs,
     ) -> Result<Self, StyleSceneError> {
-        let shape = inputs.shape.clone();
+        let (shape, precision) = (inputs.shape.clone(), inputs.options.precision);
         let n = shape.n_gaussians;
-        let split = Split::of(&shape, largest_binding(&device.limits()))?;
-        let planes = Planes::new(device, "style_inputs", shape.widths[0], n, split.inputs);
-        let neighbors = NeighborBuffers::new(device, &shape, &split);
-        planes.write(queue, &inputs.planes);
-        neighbors.write(queue, &inputs.neighbors);
+        let limit = largest_binding(&device.limits());
+        let split = Split::of(&shape, inputs.blocks.capacity, precision, limit)?;
+        let kept_as = precision.of_inputs();
+        let planes = Planes::new(device, "style_inputs", shape.widths[0], n, kept_as, split.inputs);
+        planes.write(queue, inputs.planes.bytes());
+        let blocks = inputs.blocks.blocks.iter();
+        let blocks = blocks.map(|block| GpuBlock::new(device, queue, block, shape.k, &split));
+        let blocks = blocks.collect::<Result<_, _>>()?;
         let base_colors = storage(device, "style_base_colors", base_color_bytes(&shape).max(8));
         queue.write_buffer(&base_colors, 0, bytemuck::cast_slice(&inputs.base_colors));
         let (scratch, content) = (Mutex::new(None), inputs.content.clone());
-        Ok(Self { shape, split, inputs: planes, neighbors, base_colors, scratch, content })
+        Ok(Self { shape, precision, split, inputs: planes, blocks, base_colors, scratch, content })
     }
 
     /// Bytes on the GPU that styling `scene` with `decoder` takes, before they are spent: its inputs, neighbor lists and
@@ -111,10 +127,7 @@ impl StyleScene {
     /// # Errors
     /// No features, or a decoder that does not fit them.
     pub fn bytes(scene: &Scene, decoder: &Decoder) -> Result<u64, StylizeError> {
-        let shape = StyleShape::of(scene, decoder)?;
-        let n = shape.n_gaussians;
-        let neighbors = 4 * shape.k as u64 * n as u64;
-        Ok(Planes::bytes(shape.widths[0], n) + neighbors + base_color_bytes(&shape) + scratch_bytes(&shape))
+        Ok(StyleBytes::of(scene, decoder, &StyleOptions::default())?.total())
     }
 
     /// The part of [`bytes`](Self::bytes) that only a change of style needs: the activations that hidden layers write
@@ -123,7 +136,8 @@ impl StyleScene {
     /// # Errors
     /// As [`bytes`](Self::bytes).
     pub fn scratch_bytes(scene: &Scene, decoder: &Decoder) -> Result<u64, StylizeError> {
-        Ok(scratch_bytes(&StyleShape::of(scene, decoder)?))
+        let bytes = StyleBytes::of(scene, decoder, &StyleOptions::default())?;
+        Ok(bytes.activations + bytes.weights)
     }
 
     /// Gives back the memory that only a change of style needs, for scenes that will keep their style for a while. Work
@@ -135,7 +149,24 @@ impl StyleScene {
     /// The memory of a change of style, made where there is none.
     pub(super) fn scratch(&self, device: &wgpu::Device) -> Scratch {
         let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner);
-        scratch.get_or_insert_with(|| Scratch::new(device, &self.shape, &self.split)).clone()
+        let kept_as = self.precision.of_activations();
+        scratch.get_or_insert_with(|| Scratch::new(device, &self.shape, &self.split, kept_as)).clone()
+    }
+
+    /// The dispatches of a change of style, in order.
+    pub(super) fn steps(&self) -> Vec<Step> {
+        let blocks = self.blocks.iter().enumerate();
+        blocks.flat_map(|(i, block)| steps(&self.shape, &self.split, i, &block.shape)).collect()
+    }
+
+    /// Multiplications and additions of a change of style, those of padding and of halos included, layer by layer of
+    /// one block after another `[blocks * layers]`: what [`encode_some`](super::StylePass::encode_some) takes for each.
+    pub fn operations(&self) -> Vec<u64> {
+        let mut operations = vec![0; self.blocks.len() * self.shape.n_layers()];
+        for step in self.steps() {
+            operations[step.block * self.shape.n_layers() + step.layer] += step.operations();
+        }
+        operations
     }
 
     /// What folding needs of the scene.
@@ -149,9 +180,46 @@ impl StyleScene {
     }
 }
 
-fn scratch_bytes(shape: &StyleShape) -> u64 {
-    let planes = |which| Planes::bytes(shape.scratch_width(which), shape.n_gaussians);
-    planes(0) + planes(1) + super::weights::weight_bytes(&shape.widths, shape.k)
+/// What a scene and a decoder take on the GPU, in bytes, before they are spent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StyleBytes {
+    /// What the first layer takes of every Gaussian, and the Gaussians' own colors where they are added in the end.
+    pub features: u64,
+    /// Neighbor lists.
+    pub neighbors: u64,
+    /// Activations between layers, and nothing once the change is over.
+    pub activations: u64,
+    /// The decoder.
+    pub weights: u64,
+}
+
+impl StyleBytes {
+    /// Of `scene`, decoded with `options`; finds neighbors where a scene that is decoded in blocks has none.
+    ///
+    /// # Errors
+    /// No features, or a decoder that does not fit them.
+    pub fn of(scene: &Scene, decoder: &Decoder, options: &StyleOptions) -> Result<Self, StylizeError> {
+        let shape = StyleShape::of(scene, decoder)?;
+        let n = shape.n_gaussians;
+        let (capacity, neighbors) = if n <= options.max_rows(&shape) {
+            (n, 4 * (shape.k * n) as u64)
+        } else {
+            let blocks = features::blocks(scene, &shape, options);
+            (blocks.capacity, blocks.bytes(shape.k))
+        };
+        let inputs = Planes::bytes(shape.widths[0], n, options.precision.of_inputs());
+        Ok(Self {
+            features: inputs + base_color_bytes(&shape),
+            neighbors,
+            activations: activation_bytes(&shape, capacity, options.precision),
+            weights: super::weights::weight_bytes(&shape.widths, shape.k),
+        })
+    }
+
+    /// All of them.
+    pub fn total(&self) -> u64 {
+        self.features + self.neighbors + self.activations + self.weights
+    }
 }
 
 fn base_color_bytes(shape: &StyleShape) -> u64 {
@@ -159,14 +227,22 @@ fn base_color_bytes(shape: &StyleShape) -> u64 {
 }
 
 impl Split {
-    /// The split of a scene by the largest buffer that can be bound: planes of a scene's Gaussians, and chunks of
-    /// Gaussians whose neighbor lists and sums can be bound.
-    fn of(shape: &StyleShape, limit: u64) -> Result<Self, StyleSceneError> {
+    /// The split of a scene by the largest buffer that can be bound: planes of a scene's Gaussians and of a block's rows,
+    /// and chunks of rows whose neighbor lists and sums can be bound.
+    fn of(
+        shape: &StyleShape,
+        capacity: usize,
+        precision: Precision,
+        limit: u64,
+    ) -> Result<Self, StyleSceneError> {
         // Neighbor lists are bound at any chunk: 64 rows are a multiple of 256 bytes, the coarsest alignment of a binding.
         const ROW_MULTIPLE: usize = 64;
-        let planes = |width| planes_per_buffer(width, shape.n_gaussians, limit);
-        let scratch = [planes(shape.scratch_width(0))?, planes(shape.scratch_width(1))?];
-        let mut split = Self { inputs: planes(shape.widths[0])?, scratch, chunk_rows: CHUNK_ROWS };
+        let inputs = planes_per_buffer(shape.widths[0], shape.n_gaussians, precision.of_inputs(), limit)?;
+        let scratch = |which| {
+            planes_per_buffer(shape.scratch_width(which), capacity, precision.of_activations(), limit)
+        };
+        let scratch = [scratch(0)?, scratch(1)?];
+        let mut split = Self { capacity, inputs, scratch, chunk_rows: CHUNK_ROWS };
         let row_bytes = 4 * shape.k.max(sum_columns(shape, &split)) as u64;
         let rows = usize::try_from(limit / row_bytes).unwrap_or(usize::MAX).min(CHUNK_ROWS);
         split.chunk_rows = rows / ROW_MULTIPLE * ROW_MULTIPLE;
@@ -187,14 +263,35 @@ pub(super) fn storage(device: &wgpu::Device, label: &'static str, size: u64) -> 
     })
 }
 
-impl NeighborBuffers {
-    fn new(device: &wgpu::Device, shape: &StyleShape, split: &Split) -> Self {
-        let row_bytes = 4 * shape.k as u64;
+impl GpuBlock {
+    fn new(
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        block: &Block,
+        k: usize,
+        split: &Split,
+    ) -> Result<Self, StyleSceneError> {
         let limit = largest_binding(&device.limits());
-        let rows = usize::try_from(limit / row_bytes).unwrap_or(usize::MAX).min(shape.n_gaussians);
-        let rows_per_buffer = rows.max(split.chunk_rows) / split.chunk_rows * split.chunk_rows;
-        let starts = (0..shape.n_gaussians).step_by(rows_per_buffer);
-        let rows = starts.map(|start| rows_per_buffer.min(shape.n_gaussians - start) as u64);
+        let size = 4 * block.gaussians.len().max(1) as u64;
+        if size > limit {
+            return Err(StyleSceneError::TooLarge { what: "style_gaussians", found: size, limit });
+        }
+        let gaussians = storage(device, "style_gaussians", size);
+        queue.write_buffer(&gaussians, 0, bytemuck::cast_slice(&block.gaussians));
+        let neighbors = NeighborBuffers::new(device, block.shape.n_lists(), k, split.chunk_rows);
+        neighbors.write(queue, &block.neighbors);
+        Ok(Self { shape: block.shape.clone(), neighbors, gaussians })
+    }
+}
+
+impl NeighborBuffers {
+    fn new(device: &wgpu::Device, n_rows: usize, k: usize, chunk_rows: usize) -> Self {
+        let row_bytes = 4 * k as u64;
+        let limit = largest_binding(&device.limits());
+        let rows = usize::try_from(limit / row_bytes).unwrap_or(usize::MAX).min(n_rows);
+        let rows_per_buffer = rows.max(chunk_rows) / chunk_rows * chunk_rows;
+        let starts = (0..n_rows).step_by(rows_per_buffer);
+        let rows = starts.map(|start| rows_per_buffer.min(n_rows - start) as u64);
         let buffers = rows.map(|rows| storage(device, "style_neighbors", rows * row_bytes)).collect();
         Self { buffers, rows_per_buffer, row_bytes }
     }
@@ -206,7 +303,7 @@ impl NeighborBuffers {
         }
     }
 
-    /// The lists of `n_rows` Gaussians from `first_row` on, which starts a chunk.
+    /// The lists of `n_rows` rows from `first_row` on, which starts at a multiple of 64 and is of one chunk.
     pub fn binding(&self, first_row: u32, n_rows: u32) -> wgpu::BufferBinding<'_> {
         let (buffer, row) =
             (first_row as usize / self.rows_per_buffer, first_row as usize % self.rows_per_buffer);

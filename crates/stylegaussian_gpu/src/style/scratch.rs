@@ -1,5 +1,7 @@
 //! The memory that only a change of style needs.
 
+use stylegaussian_shaders::style::Storage;
+
 use super::{
     content::StyleShape,
     plan::{Split, sum_columns},
@@ -15,10 +17,11 @@ pub(super) struct Scratch {
 }
 
 impl Scratch {
-    pub fn new(device: &wgpu::Device, shape: &StyleShape, split: &Split) -> Self {
-        let n = shape.n_gaussians;
+    pub fn new(device: &wgpu::Device, shape: &StyleShape, split: &Split, kept_as: Storage) -> Self {
+        let n = split.capacity;
         let planes = |which: usize| {
-            Planes::new(device, "style_activations", shape.scratch_width(which), n, split.scratch[which])
+            let width = shape.scratch_width(which);
+            Planes::new(device, "style_activations", width, n, kept_as, split.scratch[which])
         };
         let sums = sum_columns(shape, split) * 4 * split.chunk_rows.min(n);
         Self {

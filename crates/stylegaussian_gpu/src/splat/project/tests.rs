@@ -6,12 +6,14 @@ use stylegaussian::{Scene, scene::Sh, sh};
 use stylegaussian_shaders::splat::SplatCounts;
 
 use crate::{
+    colors::GaussianColors,
     device::HeadlessDevice,
     scene::GpuScene,
     splat::{
         Camera, Cloud, CloudColors, SortKey, SplatPass, SplatSettings, SplatView,
         camera::in_f64,
         testing::{gpu, randoms, read},
+        view::Change,
     },
 };
 
@@ -283,4 +285,44 @@ fn nothing_is_allocated_where_nothing_changed() {
     let (still, fewer) = frame(&camera, &[cloud(1)]);
     assert_eq!(still, buffers);
     assert!(fewer.is_subset(&groups) && fewer.len() == 1);
+}
+
+/// What a frame must do again: nothing while all stands still, no sort while only colors change.
+#[test]
+fn only_what_changed_is_done_again() {
+    let Some(gpu) = gpu() else { return };
+    let HeadlessDevice { device, queue, .. } = &gpu;
+    let scenes =
+        [random_scene(50, 1, 42), random_scene(50, 1, 43)].map(|s| GpuScene::new(device, &s).unwrap());
+    let colors = [(); 2].map(|()| GaussianColors::from_rgb(device, queue, &[[0.5; 3]; 50]).unwrap());
+    let place = Affine3A::IDENTITY;
+    let plain = Cloud { scene: &scenes[0], colors: CloudColors::Sh, world_from_scene: place };
+    let fade = |t: f32| CloudColors::Fade { from: None, to: Some(&colors[1]), t };
+    let (pass, mut view) = (SplatPass::new(device), SplatView::new());
+    let camera = Camera {
+        world_from_view: pose(),
+        clip_from_view: Mat4::perspective_infinite_reverse_rh(0.9, 1.0, 0.1),
+        viewport: UVec4::new(0, 0, 64, 64),
+    };
+    let mut change = |camera: &Camera, cloud: &Cloud| {
+        view.clear();
+        view.reserve(device, &pass, 50).unwrap();
+        pass.project.write(device, queue, &mut view, camera, &[cloud], &SplatSettings::default())
+    };
+    assert_eq!(change(&camera, &plain), Change::Order);
+    assert_eq!(change(&camera, &plain), Change::Nothing);
+    for colors in [CloudColors::Rgb(&colors[0]), CloudColors::Rgb(&colors[1]), fade(0.3), fade(0.4)] {
+        assert_eq!(change(&camera, &Cloud { colors, ..plain }), Change::Colors);
+        assert_eq!(change(&camera, &Cloud { colors, ..plain }), Change::Nothing);
+    }
+    colors[1].write(queue, &[[0.1; 3]; 50]);
+    assert_eq!(change(&camera, &Cloud { colors: fade(0.4), ..plain }), Change::Colors);
+    assert_eq!(change(&camera, &Cloud { scene: &scenes[1], ..plain }), Change::Order);
+    let moved = Cloud { world_from_scene: Affine3A::from_translation(Vec3::X), ..plain };
+    assert_eq!(change(&camera, &moved), Change::Order);
+    let wider = Camera { viewport: UVec4::new(0, 0, 65, 64), ..camera };
+    assert_eq!(change(&wider, &moved), Change::Order);
+    view.clear();
+    view.forget_all();
+    assert!(view.resources().1.is_empty());
 }

@@ -9,8 +9,8 @@ use crate::{
 };
 
 /// What the sort makes of `keys`: the slots in order, and the commands.
-fn sorted(gpu: &HeadlessDevice, keys: &[u32], capacity: usize) -> (Vec<u32>, SplatCommands) {
-    let sort = Sort::new(&gpu.device);
+fn sorted(gpu: &HeadlessDevice, serial: bool, keys: &[u32], capacity: usize) -> (Vec<u32>, SplatCommands) {
+    let sort = Sort::of_kind(&gpu.device, serial);
     let buffers = SortBuffers::new(&gpu.device, &sort, capacity);
     let counts = SplatCounts { n_slots: keys.len() as u32, n_visible: 0 };
     gpu.queue.write_buffer(&buffers.counts, 0, bytemuck::bytes_of(&counts));
@@ -35,12 +35,14 @@ fn expected(keys: &[u32]) -> Vec<u32> {
 
 #[track_caller]
 fn check(gpu: &HeadlessDevice, keys: &[u32], capacity: usize) {
-    let (slots, commands) = sorted(gpu, keys, capacity);
     let expected = expected(keys);
-    assert_eq!(slots, expected, "{} keys", keys.len());
-    assert_eq!(commands.n_instances as usize, expected.len());
-    assert_eq!([commands.n_vertices, commands.first_vertex, commands.first_instance], [4, 0, 0]);
-    assert_eq!(commands.n_tiles, commands.n_instances.div_ceil(TILE));
+    for serial in [false, true] {
+        let (slots, commands) = sorted(gpu, serial, keys, capacity);
+        assert_eq!(slots, expected, "{} keys, serial {serial}", keys.len());
+        assert_eq!(commands.n_instances as usize, expected.len());
+        assert_eq!([commands.n_vertices, commands.first_vertex, commands.first_instance], [4, 0, 0]);
+        assert_eq!(commands.n_tiles, commands.n_instances.div_ceil(TILE));
+    }
 }
 
 /// Sizes around a round (256) and a tile (2048); every key many times, a third of them invisible.

@@ -1,0 +1,235 @@
+//! Frames of the splat pass, and their parts: no MSAA, no HDR, a picture in sRGB.
+
+use anyhow::Result;
+use glam::{Affine3A, Mat4, UVec4, Vec3};
+use stylegaussian::Scene;
+use stylegaussian_gpu::{
+    scene::GpuScene,
+    splat::{
+        Camera, Cloud, CloudColors, Composite, CompositeInput, CompositeMode, CompositePipeline,
+        LAYER_FORMAT, SplatPass, SplatPipeline, SplatSettings, SplatView,
+    },
+};
+
+use crate::{
+    gpu::Gpu,
+    measure::Samples,
+    plan::Plan,
+    report::{Report, Row},
+    scenes,
+};
+
+/// Frames before those that count: the first ones allocate.
+const WARM_UP: usize = 4;
+
+/// Every size of every scene, one after another.
+pub fn run(gpu: &Gpu, plan: &Plan, report: &mut Report) -> Result<()> {
+    run_kind(gpu, plan, "structured", scenes::structured, around_structured, report)?;
+    run_kind(gpu, plan, "random", scenes::random, around_random, report)
+}
+
+fn run_kind(
+    gpu: &Gpu,
+    plan: &Plan,
+    kind: &str,
+    scene: fn(usize) -> Scene,
+    pose: fn(f32) -> Affine3A,
+    report: &mut Report,
+) -> Result<()> {
+    for &n in plan.frame_sizes() {
+        let scene = GpuScene::new(&gpu.device, &scene(n))?;
+        for &picture in plan.pictures() {
+            let mut stage = Stage::new(gpu, &scene, picture, pose, plan);
+            let name = format!("{kind}, {}x{}", picture[0], picture[1]);
+            stage.frames(&format!("frame, {name}"), 1, report)?;
+            stage.frames(&format!("frame, {name}, two cameras"), 2, report)?;
+            stage.parts(&name, report)?;
+        }
+    }
+    Ok(())
+}
+
+/// A camera on its way around the structured scene.
+fn around_structured(angle: f32) -> Affine3A {
+    let eye = Vec3::new(5.0 * angle.sin(), 2.6, 5.0 * angle.cos());
+    Affine3A::look_at_rh(eye, Vec3::new(0.0, 0.6, 0.0), Vec3::Y).inverse()
+}
+
+/// A camera on its way around the random scene.
+fn around_random(angle: f32) -> Affine3A {
+    let eye = Vec3::new(45.0 * angle.sin(), 12.0, 45.0 * angle.cos());
+    Affine3A::look_at_rh(eye, Vec3::ZERO, Vec3::Y).inverse()
+}
+
+/// A scene, a picture, and all that draws one into the other.
+struct Stage<'a> {
+    gpu: &'a Gpu,
+    scene: &'a GpuScene,
+    picture: [u32; 2],
+    pose: fn(f32) -> Affine3A,
+    n_frames: usize,
+    /// Frames drawn so far: the camera moves on with each.
+    frame: u32,
+    pass: SplatPass,
+    draw: SplatPipeline,
+    composite: Composite,
+    over: CompositePipeline,
+    input: CompositeInput,
+    layer: wgpu::TextureView,
+    target: wgpu::TextureView,
+    views: [SplatView; 2],
+}
+
+impl<'a> Stage<'a> {
+    fn new(
+        gpu: &'a Gpu,
+        scene: &'a GpuScene,
+        picture: [u32; 2],
+        pose: fn(f32) -> Affine3A,
+        plan: &Plan,
+    ) -> Self {
+        const TARGET: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
+        let device = &gpu.device;
+        let (pass, composite) = (SplatPass::new(device), Composite::new(device));
+        let [layer, target] = [LAYER_FORMAT, TARGET].map(|format| texture(device, picture, format));
+        Self {
+            gpu,
+            scene,
+            picture,
+            pose,
+            n_frames: if plan.quick { 12 } else { 20 },
+            frame: 0,
+            draw: pass.pipeline(device, 1, None),
+            over: composite.pipeline(device, TARGET, 1, CompositeMode::LinearFromSrgb),
+            input: composite.bind(device, &layer, 1, None),
+            pass,
+            composite,
+            layer,
+            target,
+            views: [SplatView::new(), SplatView::new()],
+        }
+    }
+
+    /// The camera of a frame, which sees part `i` of `n` side by side.
+    fn camera(&self, i: u32, n: u32) -> Camera {
+        let [width, height] = [self.picture[0] / n, self.picture[1]];
+        let aspect = width as f32 / height as f32;
+        Camera {
+            world_from_view: (self.pose)(0.5 + 0.02 * self.frame as f32),
+            clip_from_view: Mat4::perspective_infinite_reverse_rh(std::f32::consts::FRAC_PI_4, aspect, 0.1),
+            viewport: UVec4::new(i * width, 0, width, height),
+        }
+    }
+
+    fn prepare(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        i: usize,
+        n: u32,
+        colors: CloudColors,
+    ) -> Result<()> {
+        let camera = self.camera(i as u32, n);
+        let cloud = Cloud { scene: self.scene, colors, world_from_scene: Affine3A::IDENTITY };
+        let Gpu { device, queue, .. } = self.gpu;
+        let settings = SplatSettings::default();
+        self.pass.prepare(device, queue, encoder, &mut self.views[i], &camera, &[cloud], &settings)?;
+        Ok(())
+    }
+
+    fn composite(&self, encoder: &mut wgpu::CommandEncoder) {
+        let [width, height] = self.picture;
+        let viewport = UVec4::new(0, 0, width, height);
+        self.composite.draw(&mut clear(encoder, &self.target), &self.over, &self.input, viewport);
+    }
+
+    /// Whole frames of moving cameras.
+    fn frames(&mut self, name: &str, n_cameras: u32, report: &mut Report) -> Result<()> {
+        let gpu = self.gpu;
+        let samples = Samples::of(WARM_UP, self.n_frames, || {
+            self.frame += 1;
+            gpu.time(|encoder| {
+                for i in 0..n_cameras {
+                    self.prepare(encoder, i as usize, n_cameras, CloudColors::Sh)?;
+                }
+                let mut pass = clear(encoder, &self.layer);
+                for view in &self.views[..n_cameras as usize] {
+                    self.pass.draw(&mut pass, view, &self.draw);
+                }
+                drop(pass);
+                self.composite(encoder);
+                Ok(())
+            })
+        })?;
+        let n = self.scene.n_gaussians();
+        let bytes = u64::from(n_cameras) * SplatView::bytes(n);
+        report.add(Row { bytes: Some(bytes), ..Row::new(name, n, &samples) });
+        Ok(())
+    }
+
+    /// Its parts, each submitted alone.
+    fn parts(&mut self, name: &str, report: &mut Report) -> Result<()> {
+        let (gpu, n, n_frames) = (self.gpu, self.scene.n_gaussians(), self.n_frames);
+        let mut add = |part: &str, run: &mut dyn FnMut() -> Result<f64>| {
+            let samples = Samples::of(WARM_UP, n_frames, run)?;
+            report.add(Row::new(format!("{part}, {name}"), n, &samples));
+            anyhow::Ok(())
+        };
+        add("project and sort", &mut || {
+            self.frame += 1;
+            gpu.time(|encoder| self.prepare(encoder, 0, 1, CloudColors::Sh))
+        })?;
+        // Nothing moves and colors fade: nothing is sorted.
+        let mut t = 0.0;
+        add("project", &mut || {
+            t += 0.01;
+            let fading = CloudColors::Fade { from: None, to: None, t };
+            gpu.time(|encoder| self.prepare(encoder, 0, 1, fading))
+        })?;
+        add("draw", &mut || {
+            gpu.time(|encoder| {
+                self.pass.draw(&mut clear(encoder, &self.layer), &self.views[0], &self.draw);
+                Ok(())
+            })
+        })?;
+        add("composite", &mut || {
+            gpu.time(|encoder| {
+                self.composite(encoder);
+                Ok(())
+            })
+        })
+    }
+}
+
+fn texture(
+    device: &wgpu::Device,
+    [width, height]: [u32; 2],
+    format: wgpu::TextureFormat,
+) -> wgpu::TextureView {
+    let texture = device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+        view_formats: &[],
+    });
+    texture.create_view(&wgpu::TextureViewDescriptor::default())
+}
+
+/// A pass over a cleared target.
+fn clear<'a>(encoder: &'a mut wgpu::CommandEncoder, target: &wgpu::TextureView) -> wgpu::RenderPass<'a> {
+    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view: target,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                store: wgpu::StoreOp::Store,
+            },
+        })],
+        ..Default::default()
+    })
+}

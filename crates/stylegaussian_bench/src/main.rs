@@ -1,0 +1,100 @@
+//! How fast everything is, beside what it could be: `cargo xtask bench`.
+//!
+//! A row is one thing measured at one size: the median, least and most of some runs after a warm-up. Ratios compare rows of
+//! the same run: see [`report::Ratios`].
+
+mod ceilings;
+mod cpu;
+#[cfg(feature = "offline")]
+mod encode;
+mod frame;
+mod gpu;
+mod literal;
+mod measure;
+#[cfg(feature = "offline")]
+mod offline;
+mod peer;
+mod plan;
+mod pytorch;
+mod report;
+mod scenes;
+mod style;
+
+use std::{env, path::PathBuf};
+
+use anyhow::{Context, Result};
+use clap::Parser;
+
+use gpu::Gpu;
+use plan::Plan;
+use report::Report;
+
+/// Measures the style pass, the splat pass, the CPU's decoder and the offline steps, and prints a table.
+#[derive(Debug, Parser)]
+#[command(name = "cargo xtask bench")]
+struct Arguments {
+    /// A part of it, in at most five minutes on two cores.
+    #[arg(long)]
+    quick: bool,
+    /// Also write the rows and ratios to this file.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// The benchmark of `bevy_gaussian_splatting`, to be run beside ours [default: $STYLEGAUSSIAN_PEER_BENCH].
+    #[arg(long, value_name = "BINARY")]
+    peer: Option<PathBuf>,
+    /// Only groups whose name contains this: ceilings, encode, style, literal, cpu, pytorch, frame, peer, offline.
+    #[arg(long, value_name = "WORD")]
+    only: Option<String>,
+}
+
+fn main() -> Result<()> {
+    let mut arguments = Arguments::parse();
+    arguments.peer = arguments.peer.or_else(|| env::var_os("STYLEGAUSSIAN_PEER_BENCH").map(PathBuf::from));
+    let gpu = Gpu::open()?;
+    let plan = Plan::new(arguments.quick, gpu.as_ref().is_some_and(Gpu::is_gpu));
+    let mut report = Report::new(gpu.as_ref());
+    eprintln!("{}; {}", report.adapter, report.machine);
+    for (name, group) in groups(&arguments) {
+        if arguments.only.as_ref().is_some_and(|word| !name.contains(word.as_str())) {
+            continue;
+        }
+        eprintln!("── {name}");
+        // A group that fails is a row that could not run, not the end of the others.
+        if let Err(error) = group(gpu.as_ref(), &plan, &mut report) {
+            report.not_run(name, &format!("{error:#}"));
+        }
+        report.compare();
+        // After each group: what was measured is kept where the rest takes too long.
+        if let Some(path) = &arguments.json {
+            std::fs::write(path, report.json()?)
+                .with_context(|| format!("cannot write {}", path.display()))?;
+        }
+    }
+    print!("{}", report.table());
+    Ok(())
+}
+
+type Group<'a> = Box<dyn Fn(Option<&Gpu>, &Plan, &mut Report) -> Result<()> + 'a>;
+
+fn groups(arguments: &Arguments) -> Vec<(&'static str, Group<'_>)> {
+    let needs_gpu = |run: fn(&Gpu, &Plan, &mut Report) -> Result<()>| -> Group<'_> {
+        Box::new(move |gpu, plan, report| match gpu {
+            Some(gpu) => run(gpu, plan, report),
+            None => anyhow::bail!("found no adapter (Vulkan, Metal or DirectX 12)"),
+        })
+    };
+    vec![
+        ("ceilings", needs_gpu(ceilings::run)),
+        #[cfg(feature = "offline")]
+        ("encode", Box::new(|_, plan, report| encode::run(plan, report))),
+        ("style", needs_gpu(style::run)),
+        ("literal", needs_gpu(literal::run)),
+        ("memory", Box::new(|_, plan, report| style::memory(plan, report))),
+        ("cpu", Box::new(|_, plan, report| cpu::run(plan, report))),
+        ("pytorch", Box::new(|_, plan, report| pytorch::run(plan, report))),
+        ("frame", needs_gpu(frame::run)),
+        ("peer", Box::new(|_, plan, report| peer::run(arguments.peer.as_deref(), plan, report))),
+        #[cfg(feature = "offline")]
+        ("offline", Box::new(|_, plan, report| offline::run(plan, report))),
+    ]
+}

@@ -1,0 +1,62 @@
+//! `bevy_gaussian_splatting` on the same scene and cameras, by a benchmark of its own that is built apart.
+//!
+//! The binary takes `--cloud scene --n N --w W --h H --sort radix32 --frames F --warmup W` and prints a line that starts with
+//! `RESULT` and holds `median_ms=`, `min=`, `p90=` and `cpu_ms_per_frame=`.
+
+use std::{path::Path, process::Command};
+
+use anyhow::{Context, Result, bail};
+
+use crate::{
+    measure::Samples,
+    plan::Plan,
+    report::{Report, Row},
+};
+
+/// The structured scene at all sizes.
+pub fn run(binary: Option<&Path>, plan: &Plan, report: &mut Report) -> Result<()> {
+    let Some(binary) = binary else {
+        bail!("its binary is not named (--peer, or STYLEGAUSSIAN_PEER_BENCH)");
+    };
+    for &[width, height] in plan.pictures() {
+        for &n in plan.frame_sizes() {
+            let samples = frames(binary, n, [width, height], plan)?;
+            report.add(Row::new(format!("frame, structured, {width}x{height}, peer"), n, &samples));
+        }
+    }
+    Ok(())
+}
+
+fn frames(binary: &Path, n: usize, [width, height]: [u32; 2], plan: &Plan) -> Result<Samples> {
+    let mut command = Command::new(binary);
+    command.args(["--cloud", "scene", "--sort", "radix32", "--warmup", "6"]);
+    command.args(["--frames", if plan.quick { "12" } else { "20" }]);
+    for (name, value) in [("--n", n), ("--w", width as usize), ("--h", height as usize)] {
+        command.args([name, &value.to_string()]);
+    }
+    let output = command.output().with_context(|| format!("cannot run {}", binary.display()))?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    let line = text.lines().find(|line| line.starts_with("RESULT"));
+    line.and_then(result).with_context(|| format!("{} printed no RESULT", binary.display()))
+}
+
+/// The times of a line of results.
+fn result(line: &str) -> Option<Samples> {
+    let field = |name: &str| line.split_whitespace().find_map(|word| word.strip_prefix(name)?.parse().ok());
+    let ms = vec![field("min=")?, field("median_ms=")?, field("p90=")?];
+    Some(Samples { ms, cpu_ms: field("cpu_ms_per_frame=") })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_are_read() {
+        let line = "RESULT peer cloud=scene n=5 median_ms=3.5 p10=3.0 p90=4.5 min=2.5 cpu_ms_per_frame=6.0 x";
+        let samples = result(line).unwrap();
+        assert_eq!((samples.median(), samples.least(), samples.most()), (3.5, 2.5, 4.5));
+        assert_eq!(samples.cpu_ms, Some(6.0));
+        assert!(result("RESULT peer").is_none());
+    }
+}

@@ -1,0 +1,288 @@
+//! Rows, ratios, and how they are told.
+
+use std::fmt::Write as _;
+
+use anyhow::Result;
+use serde::Serialize;
+
+use crate::{gpu::Gpu, measure::Samples};
+
+/// One thing measured at one size.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// What.
+    pub name: String,
+    /// Gaussians, or the side of a matrix, or bytes that are copied.
+    pub n: u64,
+    /// Of all runs.
+    pub median_ms: f64,
+    /// The fastest run.
+    pub min_ms: f64,
+    /// The slowest run.
+    pub max_ms: f64,
+    /// Of the processor per run, all threads together.
+    pub cpu_ms: Option<f64>,
+    /// Memory that it takes on the GPU or, on the CPU, holds in its arrays.
+    pub bytes: Option<u64>,
+    /// Bytes that one run reads and writes, each gathered row counted.
+    pub moved: Option<u64>,
+    /// Multiplications and additions of one run.
+    pub flops: Option<u64>,
+}
+
+/// What could not run, and why.
+#[derive(Clone, Debug, Serialize)]
+pub struct NotRun {
+    /// Of the row or rows.
+    pub name: String,
+    /// Why not.
+    pub reason: String,
+}
+
+/// Rows compared. For speeds `x_over_y` is the time of y by the time of x: larger is better. `*_product*` is our rate of
+/// operations by that of a plain matrix product. `None` where one side could not run.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Ratios {
+    /// The CPU's decoder on folded, 32-wide features beside the same one on 256-wide features.
+    pub folded_over_unfolded_cpu: Option<f64>,
+    /// Rate of the CPU's decoder by that of a plain product.
+    pub cpu_decode_over_product: Option<f64>,
+    /// The style pass beside the literal method in WGSL: 256-wide, unfolded, f32.
+    pub style_pass_over_literal_wgsl: Option<f64>,
+    /// The style pass beside the literal method in PyTorch, f32 without TF32.
+    pub style_pass_over_pytorch: Option<f64>,
+    /// Rate of the style pass by that of a plain f32 product in WGSL.
+    pub style_pass_over_product_rate: Option<f64>,
+    /// Our bytes for features, neighbors and scratch by those of the literal method: smaller is better.
+    pub style_memory_over_literal: Option<f64>,
+    /// Processor time of our frame by that of the peer's: smaller is better.
+    pub frame_cpu_ms_over_peer: Option<f64>,
+}
+
+/// Everything measured.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// The GPU adapter and its driver.
+    pub adapter: String,
+    /// Processor and cores.
+    pub machine: String,
+    /// In the order of measuring.
+    pub rows: Vec<Row>,
+    /// What is missing.
+    pub not_run: Vec<NotRun>,
+    /// Rows compared.
+    pub ratios: Ratios,
+}
+
+/// The names of rows that are compared.
+pub mod names {
+    pub const PRODUCT: &str = "product, WGSL f32";
+    pub const COPY: &str = "copy, WGSL";
+    pub const CPU_PRODUCT: &str = "product, CPU f32";
+    pub const CPU_DECODE: &str = "decode, CPU";
+    pub const CPU_UNFOLDED: &str = "decode, CPU, literal";
+    pub const STYLE_PASS: &str = "style pass";
+    pub const LITERAL: &str = "style pass, literal f32";
+    pub const PYTORCH: &str = "style pass, literal, PyTorch f32";
+    pub const MEMORY: &str = "memory of the style pass";
+    pub const FRAME: &str = "frame, structured, 512x512";
+    pub const PEER: &str = "frame, structured, 512x512, peer";
+}
+
+/// Bytes per Gaussian of the literal method without a gather that is kept: features and the two largest activations
+/// in f32, (256 + 256 + 128) * 4, and 8 neighbors of 4 bytes each.
+pub const LITERAL_BYTES: f64 = 2592.0;
+
+impl Row {
+    /// Of `samples`.
+    pub fn new(name: impl Into<String>, n: usize, samples: &Samples) -> Self {
+        Self {
+            name: name.into(),
+            n: n as u64,
+            median_ms: samples.median(),
+            min_ms: samples.least(),
+            max_ms: samples.most(),
+            cpu_ms: samples.cpu_ms,
+            bytes: None,
+            moved: None,
+            flops: None,
+        }
+    }
+
+    /// A row that only tells bytes.
+    pub fn of_memory(name: impl Into<String>, n: usize, bytes: u64) -> Self {
+        let nothing = Samples { ms: vec![0.0], cpu_ms: None };
+        Self { bytes: Some(bytes), ..Self::new(name, n, &nothing) }
+    }
+
+    /// Operations per second.
+    fn rate(&self) -> Option<f64> {
+        Some(self.flops? as f64 / (self.median_ms * 1e-3))
+    }
+}
+
+impl Report {
+    /// Nothing measured yet.
+    pub fn new(gpu: Option<&Gpu>) -> Self {
+        Self {
+            adapter: gpu.map_or_else(|| "no adapter".into(), Gpu::name),
+            machine: machine(),
+            rows: Vec::new(),
+            not_run: Vec::new(),
+            ratios: Ratios::default(),
+        }
+    }
+
+    /// Adds a row and tells it.
+    pub fn add(&mut self, row: Row) {
+        eprintln!("   {}", line(&row).trim_end());
+        self.rows.push(row);
+    }
+
+    /// Says why something is missing.
+    pub fn not_run(&mut self, name: &str, reason: &str) {
+        eprintln!("   {name}: NOT RUN, {reason}");
+        self.not_run.push(NotRun { name: name.into(), reason: reason.into() });
+    }
+
+    /// The row `name`, at `n` where that is told, the largest otherwise.
+    fn row(&self, name: &str, n: Option<u64>) -> Option<&Row> {
+        let rows = self.rows.iter().filter(|row| row.name == name && n.is_none_or(|n| row.n == n));
+        rows.max_by_key(|row| row.n)
+    }
+
+    /// How much faster `x` is than `y`, at the size of `y`.
+    fn faster(&self, x: &str, y: &str) -> Option<f64> {
+        let y = self.row(y, None)?;
+        Some(y.median_ms / self.row(x, Some(y.n))?.median_ms)
+    }
+
+    /// Compares rows.
+    pub fn compare(&mut self) {
+        // Both at the size at which they took turns.
+        let of_product = |name: &str, size_of: &str, product: &str| {
+            let ours = self.row(name, Some(self.row(size_of, None)?.n))?;
+            Some(ours.rate()? / self.row(product, None)?.rate()?)
+        };
+        let memory = self.row(names::MEMORY, None);
+        let frames = |name: &str, n: u64| self.row(name, Some(n))?.cpu_ms;
+        let peer = self.row(names::PEER, None);
+        self.ratios = Ratios {
+            folded_over_unfolded_cpu: self.faster(names::CPU_DECODE, names::CPU_UNFOLDED),
+            cpu_decode_over_product: of_product(names::CPU_DECODE, names::CPU_UNFOLDED, names::CPU_PRODUCT),
+            style_pass_over_literal_wgsl: self.faster(names::STYLE_PASS, names::LITERAL),
+            style_pass_over_pytorch: self.faster(names::STYLE_PASS, names::PYTORCH),
+            style_pass_over_product_rate: of_product(names::STYLE_PASS, names::LITERAL, names::PRODUCT),
+            style_memory_over_literal: memory
+                .and_then(|row| Some(row.bytes? as f64 / (LITERAL_BYTES * row.n as f64))),
+            frame_cpu_ms_over_peer: peer
+                .and_then(|row| Some(frames(names::FRAME, row.n)? / frames(names::PEER, row.n)?)),
+        };
+    }
+
+    /// For programs.
+    pub fn json(&self) -> Result<String> {
+        Ok(serde_json::to_string_pretty(self)? + "\n")
+    }
+
+    /// For people: Markdown.
+    pub fn table(&self) -> String {
+        let mut text = format!("\n{}\n\n{}\n\n", self.adapter, self.machine);
+        text += "| row | n | median ms | min | max | CPU ms | GPU MB | GB/s | GFLOP/s |\n";
+        text += "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n";
+        self.rows.iter().for_each(|row| text += &line(row));
+        if !self.not_run.is_empty() {
+            text += "\n| not run | why |\n| --- | --- |\n";
+            self.not_run.iter().for_each(|it| text += &format!("| {} | {} |\n", it.name, it.reason));
+        }
+        text += "\n| ratio | |\n| --- | ---: |\n";
+        for (name, value) in self.ratios.named() {
+            let value = value.map_or_else(|| "not measured".into(), |value| format!("{value:.3}"));
+            // Writing to a string does not fail.
+            let _ = writeln!(text, "| `{name}` | {value} |");
+        }
+        text
+    }
+}
+
+impl Ratios {
+    fn named(&self) -> [(&'static str, Option<f64>); 7] {
+        [
+            ("folded_over_unfolded_cpu", self.folded_over_unfolded_cpu),
+            ("cpu_decode_over_product", self.cpu_decode_over_product),
+            ("style_pass_over_literal_wgsl", self.style_pass_over_literal_wgsl),
+            ("style_pass_over_pytorch", self.style_pass_over_pytorch),
+            ("style_pass_over_product_rate", self.style_pass_over_product_rate),
+            ("style_memory_over_literal", self.style_memory_over_literal),
+            ("frame_cpu_ms_over_peer", self.frame_cpu_ms_over_peer),
+        ]
+    }
+}
+
+fn line(row: &Row) -> String {
+    let number = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.1}"));
+    let per_second = |amount: Option<u64>| number(amount.map(|n| n as f64 / (row.median_ms * 1e6)));
+    let time = |ms: f64| if row.max_ms > 0.0 { format!("{ms:.2}") } else { String::new() };
+    format!(
+        "| {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
+        row.name,
+        row.n,
+        time(row.median_ms),
+        time(row.min_ms),
+        time(row.max_ms),
+        number(row.cpu_ms),
+        number(row.bytes.map(|bytes| bytes as f64 / 1e6)),
+        per_second(row.moved),
+        per_second(row.flops),
+    )
+}
+
+/// The processor as the system names it, and how many threads it runs at once.
+fn machine() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": "));
+    let model = model.map_or("processor of unknown name", |(_, name)| name);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    format!("{model}, {threads} threads, {}", std::env::consts::OS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(name: &str, n: u64, median_ms: f64) -> Row {
+        let samples = Samples { ms: vec![median_ms], cpu_ms: Some(2.0 * median_ms) };
+        Row { flops: Some(1000), ..Row::new(name, n as usize, &samples) }
+    }
+
+    #[test]
+    fn ratios_say_how_much_faster_or_smaller_ours_is() {
+        let mut report = Report::new(None);
+        for row in [
+            row(names::PRODUCT, 512, 1.0),
+            row(names::STYLE_PASS, 4096, 2.0),
+            row(names::STYLE_PASS, 20_000, 2.5),
+            row(names::LITERAL, 4096, 4.0),
+            row(names::CPU_PRODUCT, 512, 1.0),
+            row(names::CPU_DECODE, 100, 4.0),
+            row(names::CPU_UNFOLDED, 100, 6.0),
+            row(names::FRAME, 100, 5.0),
+            row(names::FRAME, 200, 7.0),
+            row(names::PEER, 100, 20.0),
+            Row::of_memory(names::MEMORY, 1000, 259_200),
+        ] {
+            report.rows.push(row);
+        }
+        report.compare();
+        let ratios = &report.ratios;
+        assert_eq!(ratios.style_pass_over_literal_wgsl, Some(2.0));
+        assert_eq!(ratios.style_pass_over_product_rate, Some(0.5));
+        assert_eq!(ratios.cpu_decode_over_product, Some(0.25));
+        assert_eq!(ratios.folded_over_unfolded_cpu, Some(1.5));
+        assert_eq!(ratios.frame_cpu_ms_over_peer, Some(0.25));
+        assert_eq!(ratios.style_memory_over_literal, Some(0.1));
+        assert_eq!(ratios.style_pass_over_pytorch, None);
+        assert!(report.json().unwrap().contains("\"style_pass_over_pytorch\": null"));
+        assert!(report.table().contains("| `style_pass_over_pytorch` | not measured |"));
+    }
+}

@@ -1,0 +1,255 @@
+//! Blocks: parts of a scene that are decoded one after another, so that scratch memory does not grow with the scene.
+//!
+//! A layer needs the layer before it at the neighbors of its rows. A block is some Gaussians that lie together, then their
+//! neighbors that are not among them, then those of these, one *halo* for each layer: the last layer computes the
+//! Gaussians alone, the one before it the first halo too, and so on. Layers number rows as they stand in the block's list,
+//! in which each layer's rows come first, so one list of neighbors serves all layers.
+//!
+//! Halos are computed by several blocks. Captured scenes are surfaces, where 8 neighbors reach sqrt(8 / pi) = 1.6 spacings
+//! far: the widest of four halos around a square of 256 x 256 Gaussians makes it 269 x 269, a tenth more.
+
+use stylegaussian::{morton, neighbors::Neighbors};
+
+use super::content::StyleShape;
+
+/// Blocks whose own Gaussians would be fewer than this part of what fits are not worth their halos: the lists of such a
+/// scene are not those of near Gaussians. (Half of what fits is halos where Gaussians fill a volume.)
+const SMALLEST_PART: usize = 8;
+
+/// What of a block's room its own Gaussians take at first; the halos get the rest.
+const OWN_SHARE: f64 = 0.8;
+
+/// What the layers compute of a block.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct BlockShape {
+    /// How many rows each layer computes `[layers]`, from the front of the block's list; the last one the own Gaussians.
+    pub rows: Vec<usize>,
+    /// Whether the block is not the whole scene.
+    pub is_part: bool,
+}
+
+/// One block.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Block {
+    pub shape: BlockShape,
+    /// The Gaussian of each row; empty where the block is the whole scene, in its order.
+    pub gaussians: Vec<u32>,
+    /// The neighbors of the rows of the first layer `[rows, K]`, as rows.
+    pub neighbors: Vec<u32>,
+}
+
+/// A scene cut into blocks: one that is the whole scene, or several.
+#[derive(Clone, Debug)]
+pub(super) struct Blocks {
+    pub blocks: Vec<Block>,
+    /// The most rows that a hidden layer computes of a block.
+    pub capacity: usize,
+}
+
+impl BlockShape {
+    /// A scene of `shape` at once.
+    pub fn whole(shape: &StyleShape) -> Self {
+        Self { rows: vec![shape.n_gaussians; shape.n_layers()], is_part: false }
+    }
+
+    /// Rows that have neighbor lists.
+    pub fn n_lists(&self) -> usize {
+        self.rows[0]
+    }
+}
+
+impl Blocks {
+    /// A scene of `shape` with `neighbors`, in blocks whose hidden layers compute at most `max_rows` rows: as one block
+    /// where it fits, or where its neighbors are not near one another.
+    pub fn new(
+        shape: &StyleShape,
+        means: &[glam::Vec3],
+        neighbors: impl FnOnce() -> Neighbors,
+        max_rows: usize,
+    ) -> Self {
+        if shape.n_gaussians <= max_rows {
+            return Self::whole(shape, neighbors().indices);
+        }
+        let neighbors = neighbors();
+        match Cut::new(&neighbors, shape.n_layers(), max_rows).blocks(&morton::order(means)) {
+            Some(blocks) => {
+                let capacity = blocks.iter().map(|block| block.shape.n_lists()).max().unwrap_or(0);
+                Self { blocks, capacity }
+            }
+            None => Self::whole(shape, neighbors.indices),
+        }
+    }
+
+    /// One block with the scene's own neighbor lists `[N, K]`.
+    pub fn whole(shape: &StyleShape, neighbors: Vec<u32>) -> Self {
+        let block = Block { shape: BlockShape::whole(shape), gaussians: Vec::new(), neighbors };
+        Self { blocks: vec![block], capacity: shape.n_gaussians }
+    }
+
+    /// Bytes of all lists on the GPU, for lists of K.
+    pub fn bytes(&self, k: usize) -> u64 {
+        let of_block = |block: &Block| 4 * (block.gaussians.len() + k * block.shape.n_lists()) as u64;
+        self.blocks.iter().map(of_block).sum()
+    }
+}
+
+/// What cutting keeps at hand.
+struct Cut<'a> {
+    neighbors: &'a Neighbors,
+    n_layers: usize,
+    max_rows: usize,
+    /// The row of each Gaussian in the block at hand `[N]`, or `ABSENT`.
+    row_from_gaussian: Vec<u32>,
+}
+
+const ABSENT: u32 = u32::MAX;
+
+impl<'a> Cut<'a> {
+    fn new(neighbors: &'a Neighbors, n_layers: usize, max_rows: usize) -> Self {
+        let n = neighbors.indices.len() / neighbors.k;
+        Self { neighbors, n_layers, max_rows, row_from_gaussian: vec![ABSENT; n] }
+    }
+
+    /// Blocks of runs of `order`; `None` where neighbors are not near one another.
+    fn blocks(mut self, order: &[u32]) -> Option<Vec<Block>> {
+        let smallest = self.max_rows.div_ceil(SMALLEST_PART);
+        let mut size = ((self.max_rows as f64 * OWN_SHARE) as usize).max(1);
+        let (mut blocks, mut rest) = (Vec::new(), order);
+        while !rest.is_empty() {
+            // Of equal sizes, as far as the rest goes.
+            let n = rest.len().div_ceil(rest.len().div_ceil(size));
+            if let Some(block) = self.block(&rest[..n]) {
+                blocks.push(block);
+                rest = &rest[n..];
+            } else {
+                size = n * 3 / 4;
+                if size < smallest {
+                    return None;
+                }
+            }
+        }
+        Some(blocks)
+    }
+
+    /// The block of `own` Gaussians; `None` where its halos are too large.
+    fn block(&mut self, own: &[u32]) -> Option<Block> {
+        let mut gaussians = Vec::with_capacity(self.max_rows);
+        own.iter().for_each(|&gaussian| self.add(gaussian, &mut gaussians));
+        let (mut rows, mut first) = (Vec::with_capacity(self.n_layers), 0);
+        for _ in 0..self.n_layers {
+            let n = gaussians.len();
+            if n > self.max_rows {
+                break;
+            }
+            rows.push(n);
+            // The neighbors of earlier rows are there already.
+            for row in first..n {
+                for &neighbor in self.list(gaussians[row]) {
+                    self.add(neighbor, &mut gaussians);
+                }
+            }
+            first = n;
+        }
+        rows.reverse();
+        let fits = rows.len() == self.n_layers;
+        let lists = gaussians.iter().take(if fits { rows[0] } else { 0 });
+        let neighbors = lists.flat_map(|&gaussian| self.list(gaussian));
+        let neighbors = neighbors.map(|&gaussian| self.row_from_gaussian[gaussian as usize]).collect();
+        gaussians.iter().for_each(|&gaussian| self.row_from_gaussian[gaussian as usize] = ABSENT);
+        fits.then_some(Block { shape: BlockShape { rows, is_part: true }, gaussians, neighbors })
+    }
+
+    fn list(&self, gaussian: u32) -> &'a [u32] {
+        let k = self.neighbors.k;
+        &self.neighbors.indices[gaussian as usize * k..][..k]
+    }
+
+    fn add(&mut self, gaussian: u32, gaussians: &mut Vec<u32>) {
+        let row = &mut self.row_from_gaussian[gaussian as usize];
+        if *row == ABSENT {
+            *row = gaussians.len() as u32;
+            gaussians.push(gaussian);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    fn shape(n_gaussians: usize, n_layers: usize) -> StyleShape {
+        let widths = std::iter::repeat_n(8, n_layers).chain([3]).collect();
+        StyleShape { n_gaussians, k: 3, widths, residual: false }
+    }
+
+    /// 12 Gaussians in a row, each with the one before and the one after.
+    fn row() -> (Vec<Vec3>, Neighbors) {
+        let means: Vec<Vec3> = (0..12).map(|i| Vec3::new(i as f32, 0.0, 0.0)).collect();
+        let near = |i: u32| [i, i.saturating_sub(1), (i + 1).min(11)];
+        (means, Neighbors { k: 3, indices: (0..12).flat_map(near).collect() })
+    }
+
+    #[test]
+    fn halos_stand_around_their_gaussians() {
+        let (means, neighbors) = row();
+        let cut = Blocks::new(&shape(12, 2), &means, || neighbors, 8);
+        let [first, second] = &cut.blocks[..] else { panic!("{cut:?}") };
+        assert_eq!(cut.capacity, 7);
+        // The last layer 0..6, the first layer 0..7, which looks at 0..8.
+        assert_eq!(first.shape, BlockShape { rows: vec![7, 6], is_part: true });
+        assert_eq!(first.gaussians, [0, 1, 2, 3, 4, 5, 6, 7]);
+        assert_eq!(first.neighbors[15..], [5, 4, 6, 6, 5, 7]);
+        assert_eq!(second.shape, first.shape);
+        assert_eq!(second.gaussians, [6, 7, 8, 9, 10, 11, 5, 4]);
+        assert_eq!(second.neighbors[..3], [0, 6, 1]);
+        assert_eq!(cut.bytes(3), 4 * 2 * (8 + 3 * 7));
+    }
+
+    #[test]
+    fn what_fits_stays_whole() {
+        let (means, neighbors) = row();
+        let lists = neighbors.indices.clone();
+        let cut = Blocks::new(&shape(12, 2), &means, || neighbors, 12);
+        let whole = BlockShape { rows: vec![12; 2], is_part: false };
+        assert_eq!(cut.blocks, [Block { shape: whole, gaussians: vec![], neighbors: lists }]);
+    }
+
+    /// Every Gaussian with two that are anywhere.
+    #[test]
+    fn neighbors_that_are_not_near_stay_whole() {
+        let n = 4000;
+        let (means, near) = (vec![Vec3::ZERO; n as usize], |i: u32| [i, i * 7919 % n, i * 104_729 % n]);
+        let neighbors = Neighbors { k: 3, indices: (0..n).flat_map(near).collect() };
+        let cut = Blocks::new(&shape(n as usize, 5), &means, || neighbors, 200);
+        assert_eq!((cut.blocks.len(), cut.capacity), (1, n as usize));
+    }
+
+    /// Every row of every layer finds its neighbors among the rows of the layer before.
+    #[test]
+    fn each_layer_computes_what_the_next_one_reads() {
+        let (means, neighbors) = row();
+        for n_layers in 1..4 {
+            let cut = Blocks::new(&shape(12, n_layers), &means, || neighbors.clone(), 11);
+            let mut decoded = Vec::new();
+            for block in &cut.blocks {
+                assert!(block.shape.is_part);
+                decoded.extend_from_slice(&block.gaussians[..block.shape.rows[n_layers - 1]]);
+                for (layer, &n) in block.shape.rows.iter().enumerate() {
+                    let available =
+                        if layer == 0 { block.gaussians.len() } else { block.shape.rows[layer - 1] };
+                    for row in 0..n {
+                        let list = &neighbors.indices[block.gaussians[row] as usize * 3..][..3];
+                        let local = &block.neighbors[row * 3..][..3];
+                        let found = local.iter().map(|&row| block.gaussians[row as usize]);
+                        assert!(found.eq(list.iter().copied()));
+                        assert!(local.iter().all(|&row| (row as usize) < available));
+                    }
+                }
+            }
+            decoded.sort_unstable();
+            assert!(decoded.into_iter().eq(0..12));
+        }
+    }
+}

@@ -1,0 +1,16 @@
+//! `cargo xtask bench`: builds the harness for speed, and calls it.
+
+use anyhow::Result;
+
+use crate::{
+    packages::install_graphics,
+    steps::{Steps, cargo},
+};
+
+/// Calls the harness with `arguments`, which it explains itself (`--help`).
+pub fn run(arguments: &[String]) -> Result<()> {
+    let mut steps = Steps::default();
+    install_graphics(&mut steps, false)?;
+    let harness = ["run", "--release", "--locked", "--package", "stylegaussian_bench", "--"];
+    steps.run("bench", cargo(harness).args(arguments))
+}
