@@ -100,13 +100,13 @@ impl ChainWriter {
         self
     }
 
-    /// What the chain has come to, for [`ChainWriter::add`].
+    /// What the chain has come to, for [`ChainWriter::add_from`].
     pub fn here(&self) -> Place {
         Place(self.value())
     }
 
     /// Adds the values at an earlier place, which must have the same shape.
-    pub fn add(mut self, place: &Place) -> Self {
+    pub fn add_from(mut self, place: &Place) -> Self {
         self.node("Add", &[&place.0], &[]);
         self
     }

@@ -229,7 +229,7 @@ impl Student {
                 Conv { .. } => convolved(chain),
                 Residual => {
                     let before = chain.here();
-                    convolved(chain).add(&before)
+                    convolved(chain).add_from(&before)
                 }
                 MaxPool => chain.max_pool(true),
             };
