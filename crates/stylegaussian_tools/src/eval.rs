@@ -6,27 +6,25 @@
 //! stands beside two others: how often it is smallest for the picture's own painting, and the *content error*, the mean
 //! squared distance of relu3_1 from the unstyled view's. References are the unstyled scene; the scene recolored so that its
 //! colors have the painting's mean and covariance, which takes no network; and, where a 2D decoder is at hand, AdaIN on
-//! each view for itself.
+//! each view for itself. Whether the views agree is the matter of `consistency`.
 
+mod consistency;
+mod judge;
+mod report;
 mod yardstick;
 
-use std::{
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use burn::tensor::Device;
 use clap::Args;
 use glam::UVec2;
 use indicatif::{ProgressBar, ProgressStyle};
-use serde::Serialize;
 use stylegaussian::{
-    Camera, Decoder, Scene, file,
+    Camera, Decoder, Features, Scene, file,
     fold::{stylize, transfer},
     splat::{Colors, View, render},
 };
-use stylegaussian_encoder::{Image, StyleSize, style_statistics};
+use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
 
 use crate::{
     cameras::read_cameras,
@@ -39,16 +37,12 @@ use crate::{
     picture::{Background, Picture},
     recolor::{ColorMoments, Recoloring},
     teacher::Teacher,
-    train::{
-        loss_network::{LossNetwork, RELU3_1},
-        network::to_vec,
-        ops::row_statistics,
-        paintings::{list_images, picture_tensor},
-        scaled,
-        step::{coverage_of_cells, shares},
-    },
-    views::choose_views,
+    train::{paintings::list_images, scaled},
+    views::{choose_views, orbit},
 };
+use consistency::{Agreement, Consistency, N_ORBIT, Pairs};
+use judge::{Judge, Look, Statistics, nearest_other};
+use report::{Evaluation, Measures, PaintingEvaluation};
 use yardstick::Yardstick;
 
 /// Side of a contact sheet's cells, in pixels.
@@ -81,9 +75,16 @@ pub struct EvalArgs {
     /// scene alone.
     #[arg(long)]
     whole_picture: bool,
+    /// Pairs of the cameras whose views should agree, as JSON: {"short": [[0, 1], ...], "long": [[0, 7], ...]}. Otherwise
+    /// pairs on an orbit of 36 views.
+    #[arg(long, value_name = "FILE", requires = "cameras")]
+    pairs: Option<PathBuf>,
     /// A decoder of 2D feature maps (safetensors, relu3_1 to RGB), for a yardstick: AdaIN on each view for itself.
     #[arg(long, value_name = "FILE")]
     teacher: Option<PathBuf>,
+    /// Weights that stand in for VGG-19 at relu4_1, to tell the style error there too.
+    #[arg(long, value_name = "FILE")]
+    relu4: Option<PathBuf>,
     /// Writes a contact sheet here (PNG): a row for each painting, the unstyled scene first.
     #[arg(long, value_name = "FILE")]
     sheet: Option<PathBuf>,
@@ -99,52 +100,6 @@ pub struct EvalArgs {
     json: bool,
 }
 
-/// What `eval` found.
-#[derive(Clone, Debug, Serialize)]
-pub struct Evaluation {
-    /// The scene in the paintings' styles.
-    pub stylized: Measures,
-    /// The scene as it is.
-    pub unstyled: Measures,
-    /// The scene recolored to each painting's mean color and covariance.
-    pub recolored: Measures,
-    /// AdaIN on each view for itself, where a 2D decoder is named.
-    pub adain_2d: Option<Measures>,
-    /// Style error of `stylized` at relu2_1 and relu3_1 over that of `recolored`.
-    pub deep_style_error_over_recolored: f64,
-    /// Share of stylized color values outside 0..1, which no display shows.
-    pub out_of_range: f64,
-    /// Painting by painting.
-    pub paintings: Vec<PaintingEvaluation>,
-}
-
-/// Means over all pictures of one kind.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
-pub struct Measures {
-    /// Share of the pictures whose style error is smallest for their own painting.
-    pub own_painting_nearest: f64,
-    /// Style error at relu1_1, relu2_1 and relu3_1.
-    pub style_errors: [f64; 3],
-    /// Their sum.
-    pub style_error: f64,
-    /// Mean squared distance of relu3_1 from the unstyled view's.
-    pub content_error: f64,
-}
-
-/// What `eval` found for one painting, as means over the views.
-#[derive(Clone, Debug, Serialize)]
-pub struct PaintingEvaluation {
-    path: PathBuf,
-    /// The distance, in the measure of the style error, to the painting that is most like this one: what the style error
-    /// has to stay well below.
-    nearest_other: f64,
-    stylized: Measures,
-    recolored: Measures,
-}
-
-/// Channel means, then deviations, at each of VGG's layers.
-type Statistics = Vec<Vec<f32>>;
-
 /// Runs the command.
 ///
 /// # Errors
@@ -158,93 +113,192 @@ pub fn run(arguments: &EvalArgs) -> Result<()> {
         (None, Some(decoder)) => decoder.clone(),
         (None, None) => default_decoder()?,
     };
-    let cameras = cameras(arguments, &scene)?;
-    let evaluation = evaluate(arguments, &scene, &decoder, &cameras)?;
+    let views = Views::of(arguments, &scene)?;
+    let evaluation = evaluate(arguments, &Gallery::open(arguments, &scene, &decoder, &views)?)?;
     print(arguments.json, &evaluation, || evaluation.table())
 }
 
-fn cameras(arguments: &EvalArgs, scene: &Scene) -> Result<Vec<Camera>> {
-    let n_views = arguments.views as usize;
-    let Some(path) = &arguments.cameras else {
-        return Ok(choose_views(scene, n_views, UVec2::splat(arguments.size)));
-    };
-    let all = read_cameras(path)?.cameras;
-    let stride = all.len().div_ceil(n_views).max(1);
-    Ok(all.iter().step_by(stride).map(|posed| scaled(&posed.camera, arguments.size)).collect())
+/// Where the scene is looked at from.
+struct Views {
+    /// For style and content.
+    cameras: Vec<Camera>,
+    /// For consistency.
+    consistency: Consistency,
 }
 
-fn evaluate(
-    arguments: &EvalArgs,
-    scene: &Scene,
-    decoder: &Decoder,
-    cameras: &[Camera],
-) -> Result<Evaluation> {
-    let features = scene.features.as_ref();
-    let features =
-        features.with_context(|| format!("{}: no features: embed it first", arguments.scene.display()))?;
-    let encoder = open_encoder(arguments.encoder.as_deref())?;
-    for (what, id) in [("scene", &features.encoder), ("decoder", &decoder.encoder)] {
-        if let Some(id) = id {
-            ensure!(id == encoder.id(), "the {what} belongs to encoder {id}, expected {}", encoder.id());
+impl Views {
+    fn of(arguments: &EvalArgs, scene: &Scene) -> Result<Self> {
+        let (n_views, size) = (arguments.views as usize, UVec2::splat(arguments.size));
+        let on_orbit = || Ok::<_, anyhow::Error>((orbit(scene, N_ORBIT, size), Pairs::of_orbit()?));
+        let Some(path) = &arguments.cameras else {
+            let (cameras, pairs) = on_orbit()?;
+            let consistency = Consistency::new(scene, &cameras, &pairs);
+            return Ok(Self { cameras: choose_views(scene, n_views, size), consistency });
+        };
+        let all = read_cameras(path)?.cameras;
+        let all: Vec<Camera> = all.iter().map(|posed| scaled(&posed.camera, arguments.size)).collect();
+        let stride = all.len().div_ceil(n_views).max(1);
+        let consistency = match &arguments.pairs {
+            Some(pairs) => Consistency::new(scene, &all, &Pairs::read(pairs, all.len())?),
+            None => {
+                let (cameras, pairs) = on_orbit()?;
+                Consistency::new(scene, &cameras, &pairs)
+            }
+        };
+        Ok(Self { cameras: all.into_iter().step_by(stride).collect(), consistency })
+    }
+}
+
+/// The scene's views as they are, the paintings, and who compares them.
+struct Gallery<'a> {
+    scene: &'a Scene,
+    decoder: &'a Decoder,
+    features: &'a Features,
+    encoder: Encoder,
+    judge: Judge,
+    views: &'a Views,
+    unstyled: Vec<View>,
+    unstyled_looks: Vec<Look>,
+    colors: ColorMoments,
+    paths: Vec<PathBuf>,
+    paintings: Vec<Image>,
+    /// The paintings' statistics.
+    targets: Vec<Statistics>,
+    /// For the views, and for those of the consistency.
+    yardsticks: Option<[Yardstick; 2]>,
+}
+
+/// What one painting made of the scene, measured view by view.
+struct Exhibit {
+    stylized: Vec<Measures>,
+    unstyled: Vec<Measures>,
+    recolored: Vec<Measures>,
+    adain_2d: Vec<Measures>,
+    agreement: Agreement,
+    adain_2d_agreement: Option<Agreement>,
+    out_of_range: f64,
+    pictures: Vec<View>,
+}
+
+impl<'a> Gallery<'a> {
+    fn open(arguments: &EvalArgs, scene: &'a Scene, decoder: &'a Decoder, views: &'a Views) -> Result<Self> {
+        let features = scene.features.as_ref();
+        let features = features
+            .with_context(|| format!("{}: no features: embed it first", arguments.scene.display()))?;
+        let encoder = open_encoder(arguments.encoder.as_deref())?;
+        for (what, id) in [("scene", &features.encoder), ("decoder", &decoder.encoder)] {
+            if let Some(id) = id {
+                ensure!(id == encoder.id(), "the {what} belongs to encoder {id}, expected {}", encoder.id());
+            }
+        }
+        let weights = loss_weights(arguments.vgg.as_deref(), arguments.encoder.as_deref())?;
+        let judge = Judge::open(&weights, arguments.relu4.as_deref(), arguments.whole_picture)?;
+        let paths = list_images(&arguments.styles)?;
+        let paintings = paths.iter().map(|path| Image::open(path)).collect::<Result<Vec<_>, _>>()?;
+        let unstyled: Vec<View> =
+            views.cameras.iter().map(|camera| render(scene, Colors::Sh, camera)).collect();
+        let yardstick = |path: &Path| {
+            let of = |views: &[View]| Yardstick::new(Teacher::open(path)?, &encoder, views);
+            Ok::<_, anyhow::Error>([of(&unstyled)?, of(views.consistency.unstyled())?])
+        };
+        Ok(Self {
+            yardsticks: arguments.teacher.as_deref().map(yardstick).transpose()?,
+            targets: paintings.iter().map(|image| judge.painting(image)).collect(),
+            unstyled_looks: unstyled.iter().map(|view| judge.look(view)).collect(),
+            colors: ColorMoments::of_views(&unstyled),
+            scene,
+            decoder,
+            features,
+            encoder,
+            judge,
+            views,
+            unstyled,
+            paths,
+            paintings,
+        })
+    }
+
+    /// The scene in the style of painting `own`; `report` hears of every view.
+    fn exhibit(&self, own: usize, report: impl Fn()) -> Result<Exhibit> {
+        let image = &self.paintings[own];
+        let style = style_statistics(&self.encoder, image, StyleSize::default())?;
+        let colors = stylize(self.scene, self.decoder, &transfer(self.features, &[(&style, 1.0)], 0.0)?)?;
+        let recoloring = Recoloring::new(&self.colors, &ColorMoments::of_image(image));
+        let draw = |camera: &Camera| render(self.scene, Colors::Rgb(&colors), camera);
+        let consistency = &self.views.consistency;
+        let mut exhibit = Exhibit {
+            agreement: consistency.measure(&self.judge, &consistency.cameras().map(draw).collect::<Vec<_>>()),
+            adain_2d_agreement: None,
+            stylized: Vec::new(),
+            unstyled: Vec::new(),
+            recolored: Vec::new(),
+            adain_2d: Vec::new(),
+            out_of_range: 0.0,
+            pictures: self.views.cameras.iter().map(draw).collect(),
+        };
+        for (i, (before, view)) in self.unstyled.iter().zip(&exhibit.pictures).enumerate() {
+            let measure = |look: &Look| look.measures(&self.unstyled_looks[i], &self.targets, own);
+            exhibit.stylized.push(measure(&self.judge.look(view)));
+            exhibit.unstyled.push(measure(&self.unstyled_looks[i]));
+            exhibit.recolored.push(measure(&self.judge.look(&recoloring.view(before))));
+            if let Some([yardstick, _]) = &self.yardsticks {
+                exhibit.adain_2d.push(measure(&self.judge.look(&yardstick.paint(i, before, &style)?)));
+            }
+            exhibit.out_of_range += share_out_of_range(view) / self.unstyled.len() as f64;
+            report();
+        }
+        if let Some([_, yardstick]) = &self.yardsticks {
+            let paint = |(i, before)| yardstick.paint(i, before, &style);
+            let painted = consistency.unstyled().iter().enumerate().map(paint).collect::<Result<Vec<_>>>()?;
+            exhibit.adain_2d_agreement = Some(consistency.measure(&self.judge, &painted));
+        }
+        Ok(exhibit)
+    }
+
+    fn row(&self, own: usize, exhibit: &Exhibit) -> PaintingEvaluation {
+        PaintingEvaluation {
+            path: self.paths[own].clone(),
+            nearest_other: nearest_other(&self.targets, own),
+            stylized: Measures::mean(&exhibit.stylized),
+            recolored: Measures::mean(&exhibit.recolored),
         }
     }
-    let weights = loss_weights(arguments.vgg.as_deref(), arguments.encoder.as_deref())?;
-    let judge = Judge::open(&weights, arguments.whole_picture)?;
-    let paths = list_images(&arguments.styles)?;
-    let images = paths.iter().map(|path| Image::open(path)).collect::<Result<Vec<_>, _>>()?;
-    let targets: Vec<Statistics> = images.iter().map(|image| judge.painting(image)).collect();
-    let unstyled: Vec<View> = cameras.iter().map(|camera| render(scene, Colors::Sh, camera)).collect();
-    let unstyled_looks: Vec<Look> = unstyled.iter().map(|view| judge.look(view)).collect();
+}
 
-    let content_colors = ColorMoments::of_views(&unstyled);
-    let bar = ProgressBar::new((images.len() * cameras.len()) as u64)
+fn evaluate(arguments: &EvalArgs, gallery: &Gallery) -> Result<Evaluation> {
+    let bar = ProgressBar::new((gallery.paintings.len() * gallery.unstyled.len()) as u64)
         .with_style(ProgressStyle::with_template("{bar:40} {pos}/{len} pictures, {eta} left")?);
-    let yardstick = arguments.teacher.as_deref().map(Teacher::open).transpose()?;
-    let yardstick = yardstick.map(|teacher| Yardstick::new(teacher, &encoder, &unstyled)).transpose()?;
-    let mut kinds: [Vec<Measures>; 4] = Default::default();
-    let (mut rows, mut out_of_range) = (Vec::new(), Vec::new());
-    let mut sheet = vec![sheet_row(None, &unstyled)];
-    for (own, image) in images.iter().enumerate() {
-        let style = style_statistics(&encoder, image, StyleSize::default())?;
-        let colors = stylize(scene, decoder, &transfer(features, &[(&style, 1.0)], 0.0)?)?;
-        let recoloring = Recoloring::new(&content_colors, &ColorMoments::of_image(image));
-        let mut views = Vec::new();
-        for (i, (camera, before)) in cameras.iter().zip(&unstyled).enumerate() {
-            let measure = |look: &Look| look.measures(&unstyled_looks[i], &targets, own);
-            let view = render(scene, Colors::Rgb(&colors), camera);
-            out_of_range.push(share_out_of_range(&view));
-            kinds[0].push(measure(&judge.look(&view)));
-            kinds[1].push(measure(&unstyled_looks[i]));
-            kinds[2].push(measure(&judge.look(&recoloring.view(before))));
-            if let Some(yardstick) = &yardstick {
-                kinds[3].push(measure(&judge.look(&yardstick.paint(i, before, &style)?)));
-            }
-            views.push(view);
-            bar.inc(1);
-        }
-        let of_painting = |kind: &[Measures]| Measures::mean(&kind[kind.len() - cameras.len()..]);
-        rows.push(PaintingEvaluation {
-            path: paths[own].clone(),
-            nearest_other: nearest_other(&targets, own),
-            stylized: of_painting(&kinds[0]),
-            recolored: of_painting(&kinds[2]),
-        });
-        sheet.push(sheet_row(Some(image), &views));
+    let mut sheet = vec![sheet_row(None, &gallery.unstyled)];
+    let mut exhibits = Vec::new();
+    for (own, painting) in gallery.paintings.iter().enumerate() {
+        let mut exhibit = gallery.exhibit(own, || bar.inc(1))?;
+        sheet.push(sheet_row(Some(painting), &std::mem::take(&mut exhibit.pictures)));
+        exhibits.push(exhibit);
     }
     bar.finish_and_clear();
     if let Some(path) = &arguments.sheet {
         contact_sheet(&sheet, UVec2::splat(CELL)).write_png(path)?;
     }
-    let [stylized, unstyled, recolored, adain_2d] = kinds.each_ref().map(|kind| Measures::mean(kind));
+    let mean = |kind: fn(&Exhibit) -> &Vec<Measures>| {
+        Measures::mean(&exhibits.iter().flat_map(kind).copied().collect::<Vec<_>>())
+    };
+    let agreement = |of: &dyn Fn(&Exhibit) -> Option<Agreement>| {
+        exhibits.iter().map(of).collect::<Option<Vec<_>>>().map(|all| Agreement::mean(&all))
+    };
+    let (stylized, recolored) = (mean(|e| &e.stylized), mean(|e| &e.recolored));
     let deep = |measures: &Measures| measures.style_errors[1] + measures.style_errors[2];
+    let consistency = &gallery.views.consistency;
     Ok(Evaluation {
         deep_style_error_over_recolored: deep(&stylized) / deep(&recolored).max(f64::MIN_POSITIVE),
         stylized,
-        unstyled,
+        unstyled: mean(|e| &e.unstyled),
         recolored,
-        adain_2d: yardstick.map(|_| adain_2d),
-        out_of_range: out_of_range.iter().sum::<f64>() / out_of_range.len().max(1) as f64,
-        paintings: rows,
+        adain_2d: gallery.yardsticks.as_ref().map(|_| mean(|e| &e.adain_2d)),
+        consistency: agreement(&|e| Some(e.agreement)).unwrap_or_default(),
+        unstyled_consistency: consistency.measure(&gallery.judge, consistency.unstyled()),
+        adain_2d_consistency: agreement(&|e| e.adain_2d_agreement),
+        out_of_range: exhibits.iter().map(|e| e.out_of_range).sum::<f64>() / exhibits.len().max(1) as f64,
+        paintings: exhibits.iter().enumerate().map(|(own, exhibit)| gallery.row(own, exhibit)).collect(),
     })
 }
 
@@ -259,160 +313,4 @@ fn sheet_row(painting: Option<&Image>, views: &[View]) -> Vec<Picture> {
     let first = painting.map_or_else(|| Picture::filled(UVec2::ONE, [255; 4]), Picture::of_image);
     let views = views.iter().map(|view| Picture::of(view, Background::Color([255; 3])));
     std::iter::once(first).chain(views).collect()
-}
-
-/// VGG-19 as a judge.
-struct Judge {
-    network: LossNetwork,
-    device: Device,
-    whole_picture: bool,
-}
-
-/// What the judge saw of a picture.
-struct Look {
-    statistics: Statistics,
-    /// relu3_1 `[h * w, D]`, and the coverage of its cells, summing to 1.
-    content: Vec<f32>,
-    coverage: Vec<f32>,
-}
-
-impl Judge {
-    fn open(weights: &Path, whole_picture: bool) -> Result<Self> {
-        let device = Device::flex();
-        Ok(Self { network: LossNetwork::open(weights, None, &device)?, device, whole_picture })
-    }
-
-    /// Statistics of a painting, as large as AdaIN sees it.
-    fn painting(&self, image: &Image) -> Statistics {
-        let image = StyleSize::default().resize(image);
-        let size = [image.width as usize, image.height as usize];
-        let maps = self.network.features(picture_tensor(&image.rgb, &self.device), size);
-        maps.iter().take(RELU3_1 + 1).map(|map| to_vec(&map.statistics())).collect()
-    }
-
-    /// Looks at a view as a display shows it, over mid-gray.
-    fn look(&self, view: &View) -> Look {
-        let size = [view.size.x as usize, view.size.y as usize];
-        let pixels = view.color.iter().zip(&view.alpha);
-        let rgb: Vec<f32> =
-            pixels.flat_map(|(color, a)| color.map(|c| (c + (1.0 - a) * 0.5).clamp(0.0, 1.0))).collect();
-        let maps = self.network.features(picture_tensor(&rgb, &self.device), size);
-        let mut look = Look { statistics: Vec::new(), content: Vec::new(), coverage: Vec::new() };
-        for (layer, map) in maps.into_iter().take(RELU3_1 + 1).enumerate() {
-            let coverage = Arc::new(shares(&coverage_of_cells(&view.alpha, size, map.size)));
-            look.statistics.push(match self.whole_picture {
-                true => to_vec(&map.statistics()),
-                false => to_vec(&row_statistics(map.rows.clone(), &coverage)),
-            });
-            if layer == RELU3_1 {
-                look.content = to_vec(&map.rows);
-                look.coverage = coverage.to_vec();
-            }
-        }
-        look
-    }
-}
-
-impl Look {
-    /// How this picture of a view fares against the painting `own` among all, and against the view `before`.
-    fn measures(&self, before: &Self, targets: &[Statistics], own: usize) -> Measures {
-        let style_errors = style_errors(&self.statistics, &targets[own]);
-        Measures {
-            own_painting_nearest: f64::from(u8::from(nearest_target(self, targets) == Some(own))),
-            style_error: style_errors.iter().sum(),
-            style_errors,
-            content_error: self.content_error(before),
-        }
-    }
-
-    /// Mean squared distance of relu3_1 from another picture of the same view, where the scene covers it.
-    fn content_error(&self, other: &Self) -> f64 {
-        let n_channels = self.content.len() / self.coverage.len().max(1);
-        let cell = |((a, b), share): ((&[f32], &[f32]), &f32)| -> f64 {
-            let squares = a.iter().zip(b).map(|(a, b)| f64::from((a - b) * (a - b)));
-            f64::from(*share) * squares.sum::<f64>() / n_channels as f64
-        };
-        let cells =
-            self.content.chunks_exact(n_channels.max(1)).zip(other.content.chunks_exact(n_channels.max(1)));
-        cells.zip(&self.coverage).map(cell).sum()
-    }
-}
-
-/// For each layer, the mean over channels of the squared distances of mean and of deviation.
-fn style_errors(found: &Statistics, target: &Statistics) -> [f64; 3] {
-    let layer = |(found, wanted): (&Vec<f32>, &Vec<f32>)| {
-        let squares = found.iter().zip(wanted).map(|(a, b)| f64::from((a - b) * (a - b)));
-        squares.sum::<f64>() / (found.len() / 2) as f64
-    };
-    [0, 1, 2].map(|i| layer((&found[i], &target[i])))
-}
-
-/// Which painting's statistics are nearest.
-fn nearest_target(look: &Look, targets: &[Statistics]) -> Option<usize> {
-    let error = |target| sum(&style_errors(&look.statistics, target));
-    (0..targets.len()).min_by(|&a, &b| error(&targets[a]).total_cmp(&error(&targets[b])))
-}
-
-fn nearest_other(targets: &[Statistics], own: usize) -> f64 {
-    let others = targets.iter().enumerate().filter(|(i, _)| *i != own);
-    others.map(|(_, other)| sum(&style_errors(&targets[own], other))).fold(f64::INFINITY, f64::min)
-}
-
-fn sum(errors: &[f64]) -> f64 {
-    errors.iter().sum()
-}
-
-impl Evaluation {
-    fn table(&self) -> String {
-        let mut text = format!(
-            "{:<40} {:>8} {:>8} {:>8} {:>10} {:>8}\n",
-            "painting", "nearest", "style", "content", "recolored", "other"
-        );
-        for row in &self.paintings {
-            let name = row.path.file_name().unwrap_or_default().to_string_lossy();
-            text += &format!(
-                "{:<40} {:>7.0}% {:>8.3} {:>8.3} {:>10.3} {:>8.3}\n",
-                name.chars().take(40).collect::<String>(),
-                100.0 * row.stylized.own_painting_nearest,
-                row.stylized.style_error,
-                row.stylized.content_error,
-                row.recolored.style_error,
-                row.nearest_other,
-            );
-        }
-        text += &format!(
-            "\n{:<10} {:>8} {:>8} {:>8}   relu1_1, relu2_1, relu3_1\n",
-            "mean", "nearest", "style", "content"
-        );
-        let kinds = [("stylized", Some(self.stylized)), ("unstyled", Some(self.unstyled))];
-        let references = [("recolored", Some(self.recolored)), ("2D AdaIN", self.adain_2d)];
-        for (name, measures) in kinds.into_iter().chain(references) {
-            let Some(found) = measures else { continue };
-            text += &format!(
-                "{name:<10} {:>7.0}% {:>8.3} {:>8.3}   {:.3?}\n",
-                100.0 * found.own_painting_nearest,
-                found.style_error,
-                found.content_error,
-                found.style_errors
-            );
-        }
-        text + &format!(
-            "style error at relu2_1 and relu3_1 over that of recoloring: {:.3}; colors out of range: {:.1}%",
-            self.deep_style_error_over_recolored,
-            100.0 * self.out_of_range
-        )
-    }
-}
-
-impl Measures {
-    fn mean(all: &[Self]) -> Self {
-        let n = all.len().max(1) as f64;
-        let mean = |part: &dyn Fn(&Self) -> f64| all.iter().map(part).sum::<f64>() / n;
-        Self {
-            own_painting_nearest: mean(&|measures| measures.own_painting_nearest),
-            style_errors: [0, 1, 2].map(|layer| mean(&|measures| measures.style_errors[layer])),
-            style_error: mean(&|measures| measures.style_error),
-            content_error: mean(&|measures| measures.content_error),
-        }
-    }
 }

@@ -103,7 +103,7 @@ pub fn run(arguments: &TrainArgs) -> Result<()> {
     file::write_decoder(&arguments.output, &decoder, Precision::F16)?;
     report::write_losses(&beside(&arguments.output, "losses.png"), &trainer.progress.losses)?;
     let shown: Vec<(&Scene, &[Camera])> =
-        scenes.iter().map(|(_, scene, cameras)| (scene, &cameras[..cameras.len().min(2)])).collect();
+        scenes.iter().map(|(_, scene, cameras)| (scene, &cameras[0][..cameras[0].len().min(2)])).collect();
     let sheet = beside(&arguments.output, "sheet.png");
     report::write_contact_sheet(&sheet, &shown, &decoder, &held_out, &trainer.encoder)?;
     eprintln!("wrote {}; contact sheet {}", arguments.output.display(), sheet.display());
@@ -146,7 +146,8 @@ fn split_paintings(folder: &Path, n_held_out: usize) -> Result<(Vec<PathBuf>, Ve
     Ok((without_index(training), without_index(held_out)))
 }
 
-type LoadedScene = (PathBuf, Scene, Vec<Camera>);
+/// A scene and its cameras, at each size.
+type LoadedScene = (PathBuf, Scene, Vec<Vec<Camera>>);
 
 fn load_scenes(arguments: &TrainArgs) -> Result<Vec<LoadedScene>> {
     let sources: Vec<&PathBuf> = arguments.photos.iter().chain(&arguments.cameras).collect();
@@ -163,10 +164,12 @@ fn load_scenes(arguments: &TrainArgs) -> Result<Vec<LoadedScene>> {
             Some(source) => {
                 let all = read_cameras(source)?.cameras;
                 let stride = all.len().div_ceil(arguments.views.max(1)).max(1);
-                all.iter().step_by(stride).map(|posed| scaled(&posed.camera, arguments.size)).collect()
+                all.into_iter().step_by(stride).map(|posed| posed.camera).collect()
             }
-            None => choose_views(&loaded.scene, arguments.views, UVec2::splat(arguments.size)),
+            None => choose_views(&loaded.scene, arguments.views, UVec2::splat(256)),
         };
+        let at = |size: &u32| cameras.iter().map(|camera| scaled(camera, *size)).collect();
+        let cameras: Vec<Vec<Camera>> = arguments.size.iter().map(at).collect();
         Ok((path.clone(), loaded.scene, cameras))
     };
     arguments.scenes.iter().enumerate().map(load).collect()
@@ -202,7 +205,11 @@ impl Trainer {
             let prepared = TrainingScene::new(scene, cameras, arguments.crop, &decoder);
             let prepared =
                 prepared.with_context(|| format!("{}: no features: embed it first", path.display()))?;
-            ensure!(!prepared.views.is_empty(), "{}: no view shows any of its Gaussians", path.display());
+            ensure!(
+                prepared.views.iter().all(|views| !views.is_empty()),
+                "{}: no view shows any of its Gaussians",
+                path.display()
+            );
             let expected = prepared.features.n_channels() + prepared.features.n_extra;
             ensure!(
                 decoder.n_inputs() == expected,
@@ -210,14 +217,15 @@ impl Trainer {
                 path.display(),
                 decoder.n_inputs()
             );
-            eprintln!(
-                "{}: {} pictures, {} of {} Gaussians in one on average",
-                path.display(),
-                prepared.views.len(),
-                prepared.views.iter().map(|view| view.output_rows.len()).sum::<usize>()
-                    / prepared.views.len(),
-                scene.len()
-            );
+            for (size, views) in arguments.size.iter().zip(&prepared.views) {
+                eprintln!(
+                    "{}: {} pictures of views of {size} pixels, {} of {} Gaussians in one on average",
+                    path.display(),
+                    views.len(),
+                    views.iter().map(|view| view.output_rows.len()).sum::<usize>() / views.len(),
+                    scene.len()
+                );
+            }
             training.push(prepared);
         }
         let mut network = Network::new(&decoder, &device)?;
@@ -306,19 +314,20 @@ impl Trainer {
         let total = self.arguments.iterations;
         let bar = bar(total, "training");
         bar.set_position(u64::from(self.progress.steps));
-        let mut contents: HashMap<(usize, usize), Content> = HashMap::new();
+        let mut contents: HashMap<(usize, usize, usize), Content> = HashMap::new();
         let mut mean = [f32::NAN; 2];
         while self.progress.steps < total {
             self.stop_if_interrupted()?;
             let done = self.progress.steps;
             let mut random = Random::new(self.arguments.seed ^ (u64::from(done) << 20) ^ 0x5354_4550);
             let scene_index = random.below(self.scenes.len());
-            let view_index = random.below(self.scenes[scene_index].views.len());
+            let size_index = random.below(self.scenes[scene_index].views.len());
+            let view_index = random.below(self.scenes[scene_index].views[size_index].len());
             let style = self.paintings.pick(&mut random, &self.encoder, &self.loss_network, &self.device)?;
             let scene = &self.scenes[scene_index];
-            let view = &scene.views[view_index];
+            let view = &scene.views[size_index][view_index];
             let content = contents
-                .entry((scene_index, view_index))
+                .entry((scene_index, size_index, view_index))
                 .or_insert_with(|| Content::new(view, &self.loss_network, &self.weights, &self.device));
             let rate = cosine(self.arguments.learning_rate, done, total);
             let losses = step::step(

@@ -41,6 +41,16 @@ fn every_painting_and_reference_is_measured() {
     let paintings = found["paintings"].as_array().unwrap();
     assert_eq!(paintings.len(), 2);
     assert_eq!(paintings[0]["nearest_other"], paintings[1]["nearest_other"]);
+    // Unstyled views of one surface differ by resampling alone; what noise does to a picture, it does to its views' agreement.
+    let agreement = |kind: &str, range: &str, measure: &str| number(&found[kind][range][measure]);
+    for range in ["short", "long"] {
+        let unstyled = agreement("unstyled_consistency", range, "rmse");
+        assert!(unstyled > 0.0 && unstyled < 0.2, "{found}");
+        for kind in ["consistency", "unstyled_consistency"] {
+            assert!(agreement(kind, range, "rmse_over_std_dev") > agreement(kind, range, "rmse"), "{found}");
+            assert!(agreement(kind, range, "vgg_distance") > 0.0, "{found}");
+        }
+    }
     // Three rows (unstyled, then a painting each) of three cells.
     let sheet = image::open(&sheet).unwrap();
     assert_eq!((sheet.width(), sheet.height()), (3 * 168 + 8, 3 * 168 + 8));
@@ -48,4 +58,12 @@ fn every_painting_and_reference_is_measured() {
     let table = eval(&scene, &[]).expect_success().stdout;
     assert!(table.contains("a.png") && table.contains("recolored"), "{table}");
     eval(&bench.path("plain.sgs"), &[]).expect_error("no features");
+
+    let (cameras, pairs) = (bench.path("transforms.json"), bench.path("pairs.json"));
+    let camera = |x: f32| format!(r#"{{"transform_matrix": [[1,0,0,{x}],[0,1,0,0],[0,0,1,5],[0,0,0,1]]}}"#);
+    let text = format!(r#"{{"w": 64, "h": 64, "fl_x": 64, "frames": [{}, {}]}}"#, camera(0.0), camera(0.2));
+    std::fs::write(&cameras, text).unwrap();
+    std::fs::write(&pairs, r#"{"short": [[0, 1]], "long": [[0, 99]]}"#).unwrap();
+    let run = eval(&scene, &["--cameras", &cameras, "--pairs", &pairs]);
+    run.expect_error("found camera 99");
 }

@@ -32,9 +32,10 @@ pub struct TrainArgs {
     /// Views of each scene, chosen to suit it, where neither photos nor cameras are named.
     #[arg(long, value_name = "N", default_value_t = 24)]
     pub views: usize,
-    /// Longer side of a training view, in pixels.
-    #[arg(long, value_name = "PX", default_value_t = 256, value_parser = clap::value_parser!(u32).range(32..=4096))]
-    pub size: u32,
+    /// Longer side of a training view, in pixels; several, separated by commas, are trained on in turn, so that the decoder
+    /// learns how a style looks from near and from far.
+    #[arg(long, value_name = "PX", value_delimiter = ',', default_value = "256", value_parser = clap::value_parser!(u32).range(32..=4096))]
+    pub size: Vec<u32>,
     /// Larger views are cut into overlapping crops of at most this many pixels on a side: a step then sees fewer
     /// Gaussians from nearer.
     #[arg(long, value_name = "PX", default_value_t = 256, value_parser = clap::value_parser!(u32).range(32..=2048))]

@@ -39,8 +39,8 @@ pub struct TrainingScene {
     pub base_colors: Vec<[f32; 3]>,
     /// Mean and covariance of the colors in the views.
     pub colors: ColorMoments,
-    /// The views.
-    pub views: Vec<View>,
+    /// The views, at each size.
+    pub views: Vec<Vec<View>>,
 }
 
 /// One view of a scene.
@@ -60,20 +60,23 @@ pub struct View {
 }
 
 impl TrainingScene {
-    /// Prepares `scene` as seen by `cameras` for decoders shaped like `decoder`; `None` when it was never embedded. Pictures larger than `crop` pixels on a side are cut into crops of that size, which overlap by half. A
-    /// view that shows nothing is left out.
-    pub fn new(scene: &Scene, cameras: &[Camera], crop: u32, decoder: &Decoder) -> Option<Self> {
+    /// Prepares `scene` as seen by `cameras`, at each size, for decoders shaped like `decoder`; `None` when it was never
+    /// embedded. Pictures larger than `crop` pixels on a side are cut into crops of that size, which overlap by half. A view
+    /// that shows nothing is left out.
+    pub fn new(scene: &Scene, cameras: &[Vec<Camera>], crop: u32, decoder: &Decoder) -> Option<Self> {
         let features = inputs_of(scene, decoder)?.into_owned();
         let (k, n_layers) = (decoder.k, decoder.layers.len());
         let mean_low = mean_low(&features);
         let neighbors = neighbors_for(scene, k).into_owned();
         let base_colors = scene.base_colors();
-        let crops =
-            cameras.iter().flat_map(|camera| crops(without_faint(&blend_weights(scene, camera)), crop));
-        let views = crops.filter_map(|weights| View::new(weights, &neighbors, &base_colors, n_layers));
-        let views: Vec<View> = views.collect();
+        let at_size = |cameras: &Vec<Camera>| -> Vec<View> {
+            let crops =
+                cameras.iter().flat_map(|camera| crops(without_faint(&blend_weights(scene, camera)), crop));
+            crops.filter_map(|weights| View::new(weights, &neighbors, &base_colors, n_layers)).collect()
+        };
+        let views: Vec<Vec<View>> = cameras.iter().map(at_size).collect();
         Some(Self {
-            colors: ColorMoments::of_pixels(views.iter().flat_map(View::pixels)),
+            colors: ColorMoments::of_pixels(views.iter().flatten().flat_map(View::pixels)),
             views,
             inputs: centered_inputs(&features, &mean_low),
             n_inputs: features.n_low + features.n_extra,

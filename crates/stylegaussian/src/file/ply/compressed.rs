@@ -195,7 +195,7 @@ fn unpack_quaternion(word: u32) -> [f32; 4] {
     }
 }
 
-/// The logit of an opacity of whole 255ths; 0 and 1, whose logits are infinite, move in by a quarter of a step.
+/// The logit of an opacity that is a whole number over 255; 0 and 1, whose logits are infinite, move in by a quarter of a step.
 fn logit_of_byte(opacity: f32) -> f32 {
     let opacity = opacity.clamp(0.25 / 255.0, 1.0 - 0.25 / 255.0);
     (opacity / (1.0 - opacity)).ln()
