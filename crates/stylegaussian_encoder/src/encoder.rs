@@ -99,18 +99,27 @@ pub enum EncoderError {
     },
 }
 
-/// Opens the encoder that `explicit` names, else the one that [`ENCODER_VARIABLE`] names.
+/// An ONNX file's name without its extension, and its bytes: an encoder that a program carries with it.
+pub type BuiltIn<'a> = (&'a str, &'a [u8]);
+
+/// Opens the encoder that `explicit` names, else the one that [`ENCODER_VARIABLE`] names, else the one that is built in.
 ///
 /// # Errors
-/// When neither is given, which the message explains, or when the file cannot be opened.
-pub fn resolve(explicit: Option<&Path>) -> Result<Encoder, EncoderError> {
+/// When there is none of them, which the message explains, or when the one there is cannot be opened.
+pub fn resolve(explicit: Option<&Path>, built_in: Option<BuiltIn<'_>>) -> Result<Encoder, EncoderError> {
     if let Some(path) = explicit {
         return Encoder::open(path);
     }
-    match env::var_os(ENCODER_VARIABLE).filter(|path| !path.is_empty()) {
-        Some(path) => Encoder::open(Path::new(&path)),
-        None => Err(EncoderError::NoEncoder),
+    match (named_by_environment(), built_in) {
+        (Some(path), _) => Encoder::open(&path),
+        (None, Some((name, onnx))) => Encoder::from_onnx(name, onnx.to_vec()),
+        (None, None) => Err(EncoderError::NoEncoder),
     }
+}
+
+/// The file that [`ENCODER_VARIABLE`] names.
+pub fn named_by_environment() -> Option<PathBuf> {
+    env::var_os(ENCODER_VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from)
 }
 
 impl Encoder {
@@ -126,21 +135,32 @@ impl Encoder {
     pub fn open(path: &Path) -> Result<Self, EncoderError> {
         let read = |source| EncoderError::Read { path: path.into(), source };
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-        let mut min_side = MIN_SIDE;
-        let onnx = match extension.to_ascii_lowercase().as_str() {
+        let (min_side, onnx) = match extension.to_ascii_lowercase().as_str() {
             "onnx" => {
                 let onnx = fs::read(path).map_err(read)?;
-                min_side = least_side(path, &onnx)?;
-                onnx
+                (least_side(&path.display().to_string(), &onnx)?, onnx)
             }
-            "safetensors" | "pth" | "pt" => vgg::graph(&Weights::open(path)?)?,
+            "safetensors" | "pth" | "pt" => (MIN_SIDE, vgg::graph(&Weights::open(path)?)?),
             _ => return Err(EncoderError::Extension { path: path.into() }),
         };
         let id = EncoderId {
             name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-            hash: file_hash(path).map_err(read)?,
+            hash: hash(fs::File::open(path).map_err(read)?).map_err(read)?,
         };
-        let network = Network::load(path.display().to_string(), onnx)?;
+        Self::new(id, Network::load(path.display().to_string(), onnx)?, min_side)
+    }
+
+    /// An ONNX file's bytes, as [`Encoder::open`] would take them from a file of this name, which goes without `.onnx`.
+    ///
+    /// # Errors
+    /// When the bytes are no ONNX graph, or when it is not an encoder's or does not run.
+    pub fn from_onnx(name: &str, onnx: Vec<u8>) -> Result<Self, EncoderError> {
+        let min_side = least_side(name, &onnx)?;
+        let hash = hash(&onnx[..]).map_err(|source| EncoderError::Read { path: name.into(), source })?;
+        Self::new(EncoderId { name: name.into(), hash }, Network::load(name, onnx)?, min_side)
+    }
+
+    fn new(id: EncoderId, network: Network, min_side: u32) -> Result<Self, EncoderError> {
         let mut encoder = Self { id, network, n_channels: 0, min_side };
         encoder.n_channels = encoder.probe()?;
         Ok(encoder)
@@ -221,21 +241,21 @@ impl Encoder {
 }
 
 /// The least side of an image for a foreign graph, having made sure that tract does not panic over it.
-fn least_side(path: &Path, onnx: &[u8]) -> Result<u32, EncoderError> {
+fn least_side(name: &str, onnx: &[u8]) -> Result<u32, EncoderError> {
     let runtime = Runtime::get().map_err(NetworkError::from)?;
     match runtime.engine {
         // Reports what it cannot do, small images included.
         Engine::OnnxRuntime => Ok(MIN_SIDE),
         Engine::Tract => rehearse(onnx).map_err(|reason| {
-            let (name, runtime) = (path.display().to_string(), runtime.name().into());
+            let (name, runtime) = (name.into(), runtime.name().into());
             NetworkError::Load { name, runtime, reason }.into()
         }),
     }
 }
 
-/// The first 16 hexadecimal digits of the file's SHA-256.
-fn file_hash(path: &Path) -> io::Result<String> {
+/// The first 16 hexadecimal digits of a file's SHA-256.
+fn hash(mut file: impl io::Read) -> io::Result<String> {
     let mut hasher = Sha256::new();
-    io::copy(&mut fs::File::open(path)?, &mut hasher)?;
+    io::copy(&mut file, &mut hasher)?;
     Ok(hasher.finalize()[..8].iter().map(|byte| format!("{byte:02x}")).collect())
 }

@@ -3,7 +3,7 @@
 //! ```no_run
 //! use stylegaussian_encoder::{Image, StyleSize, resolve, style_statistics};
 //!
-//! let encoder = resolve(Some("vgg19_normalised_relu3_1.safetensors".as_ref()))?;
+//! let encoder = resolve(Some("vgg19_normalised_relu3_1.safetensors".as_ref()), None)?;
 //! let image = Image::open("starry_night.jpg".as_ref())?;
 //! let statistics = style_statistics(&encoder, &image, StyleSize::default())?;
 //! assert_eq!(statistics.mean.len(), encoder.n_channels());

@@ -22,10 +22,14 @@ pub struct Convolution {
     pub bias: Vec<f32>,
 }
 
+/// A value of a chain.
+pub struct Place(String);
+
 /// A chain of layers over a tensor `[1, channels, height, width]`, of any height and width.
 pub struct ChainWriter {
     nodes: Message,
     initializers: Message,
+    descriptions: Message,
     input_channels: usize,
     channels: usize,
     n_values: usize,
@@ -37,15 +41,28 @@ impl ChainWriter {
         Self {
             nodes: Message::default(),
             initializers: Message::default(),
+            descriptions: Message::default(),
             input_channels,
             channels: input_channels,
             n_values: 0,
         }
     }
 
+    /// A note for people that the file carries: a name and a text.
+    pub fn describe(mut self, name: &str, text: &str) -> Self {
+        self.descriptions = self.descriptions.message(14, Message::default().text(1, name).text(2, text));
+        self
+    }
+
     /// Reflection padding of one pixel on each side; the border pixel itself is not repeated.
-    pub fn reflect(mut self) -> Self {
-        let pads = self.integers(&[0, 0, 1, 1, 0, 0, 1, 1]);
+    pub fn reflect(self) -> Self {
+        self.reflect_by(1, 1)
+    }
+
+    /// Reflection padding of `before` pixels above and to the left, and of `after` below and to the right.
+    pub fn reflect_by(mut self, before: u32, after: u32) -> Self {
+        let [before, after] = [before, after].map(i64::from);
+        let pads = self.integers(&[0, 0, before, before, 0, 0, after, after]);
         self.node("Pad", &[&pads], &[Attribute::Text("mode", "reflect")]);
         self
     }
@@ -53,13 +70,25 @@ impl ChainWriter {
     /// Convolution of stride 1 with `zero_padding` zeros on each side.
     ///
     /// The convolution's inputs must be the chain's channels so far; readers of weights check that at the door.
-    pub fn convolution(mut self, convolution: &Convolution, zero_padding: u64) -> Self {
+    pub fn convolution(self, convolution: &Convolution, zero_padding: u64) -> Self {
+        self.any_convolution(convolution, zero_padding, 1)
+    }
+
+    /// Convolution without padding at every `stride`-th row and column.
+    pub fn strided_convolution(self, convolution: &Convolution, stride: u64) -> Self {
+        self.any_convolution(convolution, 0, stride)
+    }
+
+    fn any_convolution(mut self, convolution: &Convolution, zero_padding: u64, stride: u64) -> Self {
         let [out, _, height, width] = convolution.shape;
         let weight = self.floats(&convolution.shape, &convolution.weight);
         let bias = self.floats(&[out], &convolution.bias);
         let kernel = [height as u64, width as u64];
-        let attributes =
-            [Attribute::Integers("kernel_shape", &kernel), Attribute::Integers("pads", &[zero_padding; 4])];
+        let attributes = [
+            Attribute::Integers("kernel_shape", &kernel),
+            Attribute::Integers("pads", &[zero_padding; 4]),
+            Attribute::Integers("strides", &[stride; 2]),
+        ];
         self.node("Conv", &[&weight, &bias], &attributes);
         self.channels = out;
         self
@@ -68,6 +97,17 @@ impl ChainWriter {
     /// max(x, 0).
     pub fn relu(mut self) -> Self {
         self.node("Relu", &[], &[]);
+        self
+    }
+
+    /// What the chain has come to, for [`ChainWriter::add_from`].
+    pub fn here(&self) -> Place {
+        Place(self.value())
+    }
+
+    /// Adds the values at an earlier place, which must have the same shape.
+    pub fn add_from(mut self, place: &Place) -> Self {
+        self.node("Add", &[&place.0], &[]);
         self
     }
 
@@ -108,6 +148,7 @@ impl ChainWriter {
             .text(2, "stylegaussian_encoder")
             .message(7, graph)
             .message(8, Message::default().text(1, "").integer(2, OPERATOR_SET))
+            .append(self.descriptions)
             .0
     }
 

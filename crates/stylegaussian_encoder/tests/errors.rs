@@ -210,6 +210,6 @@ fn no_encoder_says_how_to_name_one() {
         eprintln!("SKIPPED: STYLEGAUSSIAN_ENCODER is set");
         return;
     }
-    let message = resolve(None).err().unwrap().to_string();
+    let message = resolve(None, None).err().unwrap().to_string();
     contains_all(&message, &["--encoder", "STYLEGAUSSIAN_ENCODER", "ONNX", ".safetensors"]);
 }

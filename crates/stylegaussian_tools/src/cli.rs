@@ -17,7 +17,7 @@ pub use arguments::Backend;
 pub use output::error_chain;
 pub(crate) use stylization::default_decoder;
 
-use crate::{embed, eval, train};
+use crate::{distill, embed, eval, train};
 
 /// Restyle 3D Gaussian Splatting scenes with any painting: embed once, then stylize in a moment.
 #[derive(Debug, Parser)]
@@ -37,6 +37,7 @@ enum Command {
     Stylize(stylize::StylizeArgs),
     Render(render::RenderArgs),
     Eval(eval::EvalArgs),
+    Distill(distill::DistillArgs),
 }
 
 impl Cli {
@@ -54,6 +55,7 @@ impl Cli {
             Command::Stylize(arguments) => stylize::run(&arguments),
             Command::Render(arguments) => render::run(&arguments),
             Command::Eval(arguments) => eval::run(&arguments),
+            Command::Distill(arguments) => distill::run(&arguments),
         }
     }
 }

@@ -24,7 +24,7 @@ use stylegaussian::{
     fold::{stylize, transfer},
     splat::{Colors, View, render},
 };
-use stylegaussian_encoder::{Encoder, Image, StyleSize, resolve, style_statistics};
+use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
 
 use crate::{
     cameras::read_cameras,
@@ -33,10 +33,11 @@ use crate::{
         output::{print, warn},
     },
     contact_sheet::contact_sheet,
+    encoder::{loss_weights, open_encoder},
     picture::{Background, Picture},
     recolor::{ColorMoments, Recoloring},
     teacher::Teacher,
-    train::{encoder_path, paintings::list_images, scaled},
+    train::{paintings::list_images, scaled},
     views::{choose_views, orbit},
 };
 use consistency::{Agreement, Consistency, N_ORBIT, Pairs};
@@ -87,9 +88,13 @@ pub struct EvalArgs {
     /// Writes a contact sheet here (PNG): a row for each painting, the unstyled scene first.
     #[arg(long, value_name = "FILE")]
     sheet: Option<PathBuf>,
-    /// VGG-19 weights (safetensors), for AdaIN and the errors.
+    /// The encoder that the scene was embedded with: an ONNX file, or VGG-19 weights. Otherwise the one that
+    /// STYLEGAUSSIAN_ENCODER names.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
+    /// VGG-19 weights (safetensors) for the errors, where the encoder is something else.
+    #[arg(long, value_name = "FILE")]
+    vgg: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -180,13 +185,13 @@ impl<'a> Gallery<'a> {
         let features = scene.features.as_ref();
         let features = features
             .with_context(|| format!("{}: no features: embed it first", arguments.scene.display()))?;
-        let encoder = resolve(arguments.encoder.as_deref())?;
+        let encoder = open_encoder(arguments.encoder.as_deref())?;
         for (what, id) in [("scene", &features.encoder), ("decoder", &decoder.encoder)] {
             if let Some(id) = id {
                 ensure!(id == encoder.id(), "the {what} belongs to encoder {id}, expected {}", encoder.id());
             }
         }
-        let weights = encoder_path(arguments.encoder.as_deref());
+        let weights = loss_weights(arguments.vgg.as_deref(), arguments.encoder.as_deref())?;
         let judge = Judge::open(&weights, arguments.relu4.as_deref(), arguments.whole_picture)?;
         let paths = list_images(&arguments.styles)?;
         let paintings = paths.iter().map(|path| Image::open(path)).collect::<Result<Vec<_>, _>>()?;

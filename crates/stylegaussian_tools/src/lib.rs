@@ -3,7 +3,9 @@
 pub mod cameras;
 pub mod cli;
 pub mod contact_sheet;
+pub mod distill;
 pub mod embed;
+mod encoder;
 pub mod eval;
 pub mod picture;
 pub mod random;

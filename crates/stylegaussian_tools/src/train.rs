@@ -1,9 +1,9 @@
 //! Training one decoder from embedded scenes and paintings.
 
-mod adam;
+pub(crate) mod adam;
 mod args;
-mod average;
-mod checkpoint;
+pub(crate) mod average;
+pub(crate) mod checkpoint;
 mod data;
 pub(crate) mod loss_network;
 pub(crate) mod network;
@@ -27,7 +27,7 @@ use stylegaussian::{
     Camera, Decoder, Scene,
     file::{self, Precision},
 };
-use stylegaussian_encoder::{Encoder, encoder::ENCODER_VARIABLE, resolve};
+use stylegaussian_encoder::Encoder;
 
 use adam::Adam;
 pub use args::TrainArgs;
@@ -39,16 +39,25 @@ use network::Network;
 use paintings::{Paintings, list_images};
 use step::{Content, LossWeights, content_layer};
 
-use crate::{cameras::read_cameras, cli::Backend, random::Random, views::choose_views};
+use crate::{
+    cameras::read_cameras,
+    cli::Backend,
+    encoder::{loss_weights, open_encoder},
+    random::Random,
+    views::choose_views,
+};
 
 /// Steps between two checkpoints.
 const CHECKPOINT_STEPS: u32 = 100;
+
+/// Metadata value that tells a decoder's checkpoint from other safetensors files.
+const FORMAT: &str = "stylegaussian-training";
 
 /// Adam's learning rate at the warm start, which compares colors and tolerates larger steps than the paper's loss.
 const WARM_RATE: f32 = 1e-3;
 
 /// Set by Ctrl-C; checked between steps.
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+pub(crate) static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 struct Trainer {
     arguments: TrainArgs,
@@ -70,7 +79,7 @@ struct Trainer {
 /// The message names the file or the option at fault.
 pub fn run(arguments: &TrainArgs) -> Result<()> {
     let device = device(arguments.backend)?.autodiff();
-    let encoder = resolve(arguments.encoder.as_deref())?;
+    let encoder = open_encoder(arguments.encoder.as_deref())?;
     eprintln!("encoder {} on {}", encoder.id(), encoder.runtime());
     let (training, held_out) = split_paintings(&arguments.styles, arguments.holdout_styles)?;
     let scenes = load_scenes(arguments)?;
@@ -102,13 +111,13 @@ pub fn run(arguments: &TrainArgs) -> Result<()> {
 }
 
 /// OUT.decoder.safetensors -> OUT.`suffix`.
-fn beside(output: &Path, suffix: &str) -> PathBuf {
+pub(crate) fn beside(output: &Path, suffix: &str) -> PathBuf {
     let name = output.file_name().unwrap_or_default().to_string_lossy();
     let stem = name.trim_end_matches(".safetensors").trim_end_matches(".decoder");
     output.with_file_name(format!("{stem}.{suffix}"))
 }
 
-fn device(backend: Backend) -> Result<Device> {
+pub(crate) fn device(backend: Backend) -> Result<Device> {
     match backend {
         Backend::Auto | Backend::Cpu => Ok(Device::flex()),
         #[cfg(feature = "gpu")]
@@ -166,14 +175,6 @@ fn load_scenes(arguments: &TrainArgs) -> Result<Vec<LoadedScene>> {
     arguments.scenes.iter().enumerate().map(load).collect()
 }
 
-/// The file that [`resolve`] opens: the loss takes its weights out of it.
-pub(crate) fn encoder_path(named: Option<&Path>) -> PathBuf {
-    named
-        .map(PathBuf::from)
-        .or_else(|| std::env::var_os(ENCODER_VARIABLE).map(Into::into))
-        .unwrap_or_default()
-}
-
 /// The same view with its longer side `longer_side` pixels long, and no side shorter than 16.
 pub(crate) fn scaled(camera: &Camera, longer_side: u32) -> Camera {
     let factor = longer_side as f32 / camera.size.max_element().max(1) as f32;
@@ -188,7 +189,7 @@ impl Trainer {
         paintings: Vec<PathBuf>,
         scenes: &[LoadedScene],
     ) -> Result<Self> {
-        let weights_path = encoder_path(arguments.encoder.as_deref());
+        let weights_path = loss_weights(arguments.vgg.as_deref(), arguments.encoder.as_deref())?;
         let loss_network = LossNetwork::open(&weights_path, arguments.relu4.as_deref(), &device)?;
         let default_layer = if loss_network.n_layers() == 4 { "relu4_1" } else { "relu3_1" };
         let names = match arguments.content_layers.as_slice() {
@@ -228,11 +229,11 @@ impl Trainer {
             training.push(prepared);
         }
         let mut network = Network::new(&decoder, &device)?;
-        let (mut adam, mut average) = (Adam::new(&network), Average::new(&network));
+        let (mut adam, mut average) = (Adam::new(&network.parameters), Average::new(&network.parameters));
         let progress = match arguments.resume {
             true => {
                 let path = checkpoint_path(&arguments.output);
-                checkpoint::load(&path, &mut network, &mut adam, &mut average, &device)?
+                checkpoint::load(&path, FORMAT, &mut network.parameters, &mut adam, &mut average, &device)?
             }
             false => Progress::default(),
         };
@@ -244,7 +245,7 @@ impl Trainer {
         };
         Ok(Self {
             arguments: arguments.clone(),
-            paintings: Paintings::new(paintings, arguments.seed),
+            paintings: Paintings::new(paintings, arguments.seed, arguments.vgg.is_none()),
             scenes: training,
             device,
             encoder,
@@ -259,7 +260,7 @@ impl Trainer {
 
     fn save(&self) -> Result<()> {
         let path = checkpoint_path(&self.arguments.output);
-        checkpoint::save(&path, &self.network, &self.adam, &self.average, &self.progress)
+        checkpoint::save(&path, FORMAT, &self.network.parameters, &self.adam, &self.average, &self.progress)
     }
 
     /// What there is to show so far.
@@ -292,8 +293,7 @@ impl Trainer {
             let done = self.progress.warm_steps;
             let mut random = Random::new(self.arguments.seed ^ (u64::from(done) << 20) ^ 0x5741_524D);
             let scene = &self.scenes[random.below(self.scenes.len())];
-            let style =
-                self.paintings.pick(&mut random, self.encoder.id(), &self.loss_network, &self.device)?;
+            let style = self.paintings.pick(&mut random, &self.encoder, &self.loss_network, &self.device)?;
             let rate = cosine(WARM_RATE, done, total);
             let (network, adam) = (&mut self.network, &mut self.adam);
             let error = warm_start::step(network, adam, scene, style, &mut random, rate, &self.device)?;
@@ -306,7 +306,7 @@ impl Trainer {
         }
         bar.finish();
         // The two losses' gradients differ in scale: Adam's moments start anew.
-        self.adam = Adam::new(&self.network);
+        self.adam = Adam::new(&self.network.parameters);
         self.save()
     }
 
@@ -323,8 +323,7 @@ impl Trainer {
             let scene_index = random.below(self.scenes.len());
             let size_index = random.below(self.scenes[scene_index].views.len());
             let view_index = random.below(self.scenes[scene_index].views[size_index].len());
-            let style =
-                self.paintings.pick(&mut random, self.encoder.id(), &self.loss_network, &self.device)?;
+            let style = self.paintings.pick(&mut random, &self.encoder, &self.loss_network, &self.device)?;
             let scene = &self.scenes[scene_index];
             let view = &scene.views[size_index][view_index];
             let content = contents
@@ -351,7 +350,7 @@ impl Trainer {
             report_step(&bar, self.progress.steps, &format!("content {:.3} style {:.3}", mean[0], mean[1]));
             if self.progress.steps.is_multiple_of(CHECKPOINT_STEPS) {
                 if f64::from(self.progress.steps) > f64::from(total) * (1.0 - self.arguments.average) {
-                    self.average.add(&self.network);
+                    self.average.add(&self.network.parameters);
                 }
                 self.save()?;
                 file::write_decoder(&self.arguments.output, &self.decoder(), Precision::F16)?;
@@ -385,7 +384,7 @@ fn cosine(rate: f32, done: u32, total: u32) -> f32 {
     rate * (0.1 + 0.9 * course)
 }
 
-fn bar(total: u32, what: &'static str) -> ProgressBar {
+pub(crate) fn bar(total: u32, what: &'static str) -> ProgressBar {
     let style = ProgressStyle::with_template("{prefix} {pos}/{len} [{elapsed} < {eta}] {msg} {wide_bar}");
     let bar = ProgressBar::new(u64::from(total)).with_prefix(what);
     bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
@@ -393,7 +392,7 @@ fn bar(total: u32, what: &'static str) -> ProgressBar {
 }
 
 /// Moves the bar; where there is no terminal, a line now and then.
-fn report_step(bar: &ProgressBar, done: u32, message: &str) {
+pub(crate) fn report_step(bar: &ProgressBar, done: u32, message: &str) {
     bar.set_position(u64::from(done));
     bar.set_message(message.to_owned());
     if bar.is_hidden() && done.is_multiple_of(CHECKPOINT_STEPS) {

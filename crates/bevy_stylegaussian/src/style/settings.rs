@@ -46,7 +46,7 @@ impl StyleEncoder {
 
     /// Opens the encoder at the first call, which takes a moment, and keeps it.
     pub(crate) fn open(&self) -> Result<&Encoder, Arc<EncoderError>> {
-        let opened = || stylegaussian_encoder::resolve(self.path()).map_err(Arc::new);
+        let opened = || stylegaussian_encoder::resolve(self.path(), None).map_err(Arc::new);
         self.opened.get_or_init(opened).as_ref().map_err(Arc::clone)
     }
 }

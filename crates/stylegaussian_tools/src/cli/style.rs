@@ -6,12 +6,10 @@ use anyhow::{Context, Result};
 use clap::{Args, CommandFactory, error::ErrorKind};
 use serde::Serialize;
 use stylegaussian::{ChannelStatistics, EncoderId, file};
-use stylegaussian_encoder::{Encoder, Image, StyleSize, resolve, style_statistics};
+use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
 
-use super::{
-    Cli,
-    output::{print, warn},
-};
+use super::{Cli, output::print};
+use crate::encoder::open_encoder;
 
 /// Compute the style statistics of an image once and for all.
 #[derive(Args, Debug)]
@@ -58,13 +56,6 @@ pub fn run(arguments: &StyleArgs) -> Result<()> {
     let encoder = statistics.encoder.as_ref().map(EncoderId::to_string);
     let written = Written { image, output, n_channels, encoder };
     print(*json, &written, || format!("{}: mean and std of {n_channels} channels", output.display()))
-}
-
-/// Opens the encoder that `path` names, or else the environment, and prints its warning.
-pub fn open_encoder(path: Option<&Path>) -> Result<Encoder> {
-    let encoder = resolve(path)?;
-    warn(encoder.warning());
-    Ok(encoder)
 }
 
 /// Style statistics of the image at `path`.

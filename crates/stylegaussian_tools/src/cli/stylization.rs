@@ -16,8 +16,9 @@ use super::{
     arguments::{Backend, WeightedStyle, fraction},
     compute::Compute,
     output::warn,
-    style::{image_statistics, open_encoder},
+    style::image_statistics,
 };
+use crate::encoder::open_encoder;
 
 /// How to stylize.
 #[derive(Args, Debug)]

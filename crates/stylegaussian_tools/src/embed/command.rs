@@ -11,7 +11,6 @@ use glam::UVec2;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use stylegaussian::{Neighbors, Scene, file};
-use stylegaussian_encoder::resolve;
 
 use super::{EmbedOptions, EmbedReport, Progress, Stage, TrainingView, Watch, embed};
 use crate::{
@@ -20,6 +19,7 @@ use crate::{
         Backend,
         output::{print, warn},
     },
+    encoder::open_encoder,
     views::choose_views,
 };
 
@@ -100,8 +100,8 @@ pub fn run(arguments: &EmbedArgs) -> Result<()> {
 
     let loaded = file::read_scene(path)?;
     let mut scene = loaded.scene;
-    let encoder = resolve(arguments.encoder.as_deref())?;
-    warn(loaded.warnings.iter().map(String::as_str).chain(encoder.warning()));
+    warn(&loaded.warnings);
+    let encoder = open_encoder(arguments.encoder.as_deref())?;
     let mut views = arguments.training_views(&scene)?;
     if let Some((width, height)) = encoder.input_size() {
         views.iter_mut().for_each(|view| view.camera = view.camera.resized(UVec2::new(width, height)));

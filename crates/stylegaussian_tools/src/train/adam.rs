@@ -2,7 +2,7 @@
 
 use burn::tensor::{Gradients, Tensor};
 
-use super::network::Network;
+use super::network::Parameter;
 
 const BETA_1: f32 = 0.9;
 const BETA_2: f32 = 0.999;
@@ -22,17 +22,17 @@ pub struct Adam {
 
 impl Adam {
     /// No step taken.
-    pub fn new(network: &Network) -> Self {
+    pub fn new(parameters: &[Parameter]) -> Self {
         let zeros = |tensor: &Tensor<2>| Tensor::zeros(tensor.dims(), &tensor.device()).inner();
-        let moments = network.parameters.iter().map(|p| [zeros(&p.values), zeros(&p.values)]).collect();
+        let moments = parameters.iter().map(|p| [zeros(&p.values), zeros(&p.values)]).collect();
         Self { step: 0, moments }
     }
 
     /// Moves the parameters against the gradients. Returns the gradients' norm before clipping; a norm that is not
     /// finite moves nothing.
-    pub fn update(&mut self, network: &mut Network, gradients: &Gradients, rate: f32) -> f32 {
+    pub fn update(&mut self, parameters: &mut [Parameter], gradients: &Gradients, rate: f32) -> f32 {
         let grads: Vec<Option<Tensor<2>>> =
-            network.parameters.iter().map(|parameter| parameter.values.grad(gradients)).collect();
+            parameters.iter().map(|parameter| parameter.values.grad(gradients)).collect();
         let squares =
             grads.iter().flatten().map(|grad| grad.clone().powi_scalar(2).sum().into_scalar::<f32>());
         let norm = squares.sum::<f32>().sqrt();
@@ -42,7 +42,7 @@ impl Adam {
         self.step += 1;
         let clip = (MAX_NORM / norm.max(1e-12)).min(1.0);
         let corrections = [1.0 - BETA_1.powi(self.step as i32), 1.0 - BETA_2.powi(self.step as i32)];
-        for ((parameter, grad), moments) in network.parameters.iter_mut().zip(grads).zip(&mut self.moments) {
+        for ((parameter, grad), moments) in parameters.iter_mut().zip(grads).zip(&mut self.moments) {
             let Some(grad) = grad.map(|grad| grad * clip) else { continue };
             let [first, second] = moments;
             *first = first.clone() * BETA_1 + grad.clone() * (1.0 - BETA_1);

@@ -60,7 +60,7 @@ pub struct TrainArgs {
     /// relu1_1,relu2_1,relu3_1,relu4_1 as the paper's text. relu3_1 where no weights reach relu4_1.
     #[arg(long, value_name = "LAYERS", value_delimiter = ',')]
     pub content_layers: Vec<String>,
-    /// Weights that stand in for VGG-19 at relu4_1, where the encoder's end at relu3_1.
+    /// Weights that stand in for VGG-19 at relu4_1, where the loss's end at relu3_1.
     #[arg(long, value_name = "FILE")]
     pub relu4: Option<PathBuf>,
     /// Steps of the warm start, which teaches the decoder to recolor; none where `--init` names a decoder.
@@ -99,9 +99,13 @@ pub struct TrainArgs {
     /// Goes on from OUT.checkpoint.safetensors.
     #[arg(long)]
     pub resume: bool,
-    /// VGG-19 weights (safetensors), for AdaIN and the loss.
+    /// The encoder that the scenes were embedded with: an ONNX file, or VGG-19 weights. Otherwise the one that
+    /// STYLEGAUSSIAN_ENCODER names.
     #[arg(long, value_name = "FILE")]
     pub encoder: Option<PathBuf>,
+    /// VGG-19 weights (safetensors) for the loss, where the encoder is something else.
+    #[arg(long, value_name = "FILE")]
+    pub vgg: Option<PathBuf>,
     /// What computes: `gpu` needs a build with the `gpu` feature and never falls back silently.
     #[arg(long, value_enum, default_value = "auto")]
     pub backend: Backend,

@@ -4,7 +4,7 @@
 use burn::tensor::Tensor;
 use stylegaussian::Decoder;
 
-use super::network::Network;
+use super::network::{Network, Parameter};
 
 /// A running mean of every parameter.
 pub struct Average {
@@ -16,15 +16,15 @@ pub struct Average {
 
 impl Average {
     /// Of nothing yet.
-    pub fn new(network: &Network) -> Self {
+    pub fn new(parameters: &[Parameter]) -> Self {
         let zeros = |tensor: &Tensor<2>| Tensor::zeros(tensor.dims(), &tensor.device()).inner();
-        Self { count: 0, means: network.parameters.iter().map(|p| zeros(&p.values)).collect() }
+        Self { count: 0, means: parameters.iter().map(|p| zeros(&p.values)).collect() }
     }
 
-    /// Takes in the network as it is.
-    pub fn add(&mut self, network: &Network) {
+    /// Takes in the parameters as they are.
+    pub fn add(&mut self, parameters: &[Parameter]) {
         self.count += 1;
-        for (mean, parameter) in self.means.iter_mut().zip(&network.parameters) {
+        for (mean, parameter) in self.means.iter_mut().zip(parameters) {
             let difference = parameter.values.clone().inner() - mean.clone();
             *mean = mean.clone() + difference / self.count as f32;
         }
@@ -60,7 +60,7 @@ mod tests {
     fn the_mean_of_three_states() {
         let device = Device::flex().autodiff();
         let mut network = Network::new(&decoder(9.0, 9.0), &device).unwrap();
-        let mut average = Average::new(&network);
+        let mut average = Average::new(&network.parameters);
         assert_eq!(average.decoder(&network), decoder(9.0, 9.0), "of nothing: the network's own");
         for (weight, bias) in [(1.0, 0.0), (2.0, 0.5), (6.0, 1.0)] {
             let values = |value: f32, shape: [usize; 2]| {
@@ -68,7 +68,7 @@ mod tests {
             };
             network.parameters[0].values = values(weight, [3, 1]);
             network.parameters[1].values = values(bias, [1, 3]);
-            average.add(&network);
+            average.add(&network.parameters);
         }
         assert_eq!(average.decoder(&network), decoder(3.0, 0.5));
     }

@@ -10,11 +10,8 @@ use stylegaussian::file;
 use super::{
     adam::Adam,
     average::Average,
-    network::{Network, to_vec},
+    network::{Parameter, to_vec},
 };
-
-/// Metadata value that tells a checkpoint from other safetensors files.
-const FORMAT: &str = "stylegaussian-training";
 
 /// Progress beside the parameters.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -23,23 +20,24 @@ pub struct Progress {
     pub warm_steps: u32,
     /// Steps of the paper's loss taken.
     pub steps: u32,
-    /// Content and style loss of every step taken.
+    /// The two losses of every step taken: content and style, for a decoder.
     pub losses: Vec<[f32; 2]>,
 }
 
-/// Writes parameters, moments and progress, whole or not at all.
+/// Writes parameters, moments and progress, whole or not at all. `format` says what is trained.
 ///
 /// # Errors
 /// When the file cannot be written.
 pub fn save(
     path: &Path,
-    network: &Network,
+    format: &str,
+    parameters: &[Parameter],
     adam: &Adam,
     average: &Average,
     progress: &Progress,
 ) -> Result<()> {
     let mut tensors: Vec<(String, Vec<usize>, Vec<f32>)> = Vec::new();
-    for (i, (parameter, moments)) in network.parameters.iter().zip(&adam.moments).enumerate() {
+    for (i, (parameter, moments)) in parameters.iter().zip(&adam.moments).enumerate() {
         let [first, second] = moments;
         let kept = [("value", &parameter.values), ("first", first), ("second", second)];
         for (name, tensor) in kept.into_iter().chain([("mean", &average.means[i])]) {
@@ -54,7 +52,7 @@ pub fn save(
     });
     let views = views.collect::<Result<Vec<_>, safetensors::SafeTensorError>>()?;
     let metadata = HashMap::from([
-        ("format".to_owned(), FORMAT.to_owned()),
+        ("format".to_owned(), format.to_owned()),
         ("adam_step".to_owned(), adam.step.to_string()),
         ("average_count".to_owned(), average.count.to_string()),
         ("warm_steps".to_owned(), progress.warm_steps.to_string()),
@@ -65,13 +63,14 @@ pub fn save(
     Ok(())
 }
 
-/// Reads a checkpoint into `network`, `adam` and `average`, which must have its shapes.
+/// Reads a checkpoint of this `format` into `parameters`, `adam` and `average`, which must have its shapes.
 ///
 /// # Errors
-/// When the file cannot be read, is no checkpoint, or belongs to another decoder.
+/// When the file cannot be read, is no such checkpoint, or belongs to another network.
 pub fn load(
     path: &Path,
-    network: &mut Network,
+    format: &str,
+    parameters: &mut [Parameter],
     adam: &mut Adam,
     average: &mut Average,
     device: &Device,
@@ -82,7 +81,7 @@ pub fn load(
         SafeTensors::read_metadata(&bytes).with_context(|| format!("{name}: no safetensors file"))?;
     let entries = metadata.metadata().clone().unwrap_or_default();
     let found = entries.get("format").map_or("nothing", String::as_str);
-    ensure!(found == FORMAT, "{name}: its format is {found}, expected {FORMAT}");
+    ensure!(found == format, "{name}: its format is {found}, expected {format}");
     let number = |key: &str| -> Result<u32> {
         let text = entries.get(key).map_or("", String::as_str);
         text.parse().with_context(|| format!("{name}: `{key}` is `{text}`, expected a number"))
@@ -92,13 +91,13 @@ pub fn load(
         let tensor = tensors.tensor(key).with_context(|| format!("{name}: no tensor `{key}`"))?;
         ensure!(
             tensor.shape() == shape && tensor.dtype() == Dtype::F32,
-            "{name}: `{key}` is {:?} {:?}, expected F32 {shape:?}: it belongs to another decoder",
+            "{name}: `{key}` is {:?} {:?}, expected F32 {shape:?}: it belongs to another network",
             tensor.dtype(),
             tensor.shape()
         );
         Ok(bytemuck::pod_collect_to_vec(tensor.data()))
     };
-    for (i, (parameter, moments)) in network.parameters.iter_mut().zip(&mut adam.moments).enumerate() {
+    for (i, (parameter, moments)) in parameters.iter_mut().zip(&mut adam.moments).enumerate() {
         let shape = parameter.values.dims();
         let tensor = |key: &str| -> Result<Tensor<2>> {
             let values = read(&format!("{i}.{key}"), &shape)?;

@@ -71,21 +71,9 @@ struct Grid {
 }
 
 impl Grid {
-    fn new([width, height]: [usize; 2]) -> Self {
-        let reflect = |i: usize, step: usize, n: usize| match (i + step).checked_sub(1) {
-            None => 1.min(n - 1),
-            Some(j) if j == n => n.saturating_sub(2),
-            Some(j) => j,
-        };
-        let n = width * height;
-        let neighborhood = |i: usize| {
-            let (x, y) = (i % width, i / width);
-            (0..9).map(move |k| (reflect(y, k / 3, height) * width + reflect(x, k % 3, width)) as u32)
-        };
-        Self {
-            neighborhoods: Arc::new(Windows::new((0..n).flat_map(neighborhood).collect(), 9, n)),
-            cells: Arc::new(Windows::new((0..n as u32).collect(), 1, n)),
-        }
+    fn new(size: [usize; 2]) -> Self {
+        let windows = |kernel| Arc::new(Windows::of_pictures(size, 1, kernel, 1));
+        Self { neighborhoods: windows(3), cells: windows(1) }
     }
 }
 

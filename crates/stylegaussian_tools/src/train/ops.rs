@@ -18,6 +18,7 @@ use stylegaussian::{
 
 mod autodiff;
 mod composed;
+mod pictures;
 mod pixels;
 
 /// The windows of one KNN convolution: which rows of the input each output row sees.

@@ -9,7 +9,7 @@ use std::{
 use anyhow::{Context, Result, ensure};
 use burn::tensor::{Device, Tensor, TensorData};
 use stylegaussian::{ChannelStatistics, EncoderId};
-use stylegaussian_encoder::Image;
+use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
 
 use super::{
     loss_network::{FeatureRows, LossNetwork, RELU3_1},
@@ -57,6 +57,7 @@ pub struct Style {
 pub struct Paintings {
     paths: Vec<PathBuf>,
     seed: u64,
+    encoder_is_loss: bool,
     known: HashMap<(usize, usize), Style>,
 }
 
@@ -85,9 +86,9 @@ pub fn list_images(folder: &Path) -> Result<Vec<PathBuf>> {
 }
 
 impl Paintings {
-    /// The paintings at `paths`; `seed` chooses the crops.
-    pub fn new(paths: Vec<PathBuf>, seed: u64) -> Self {
-        Self { paths, seed, known: HashMap::new() }
+    /// The paintings at `paths`; `seed` chooses the crops. `encoder_is_loss`: the loss's network has the encoder's weights.
+    pub fn new(paths: Vec<PathBuf>, seed: u64, encoder_is_loss: bool) -> Self {
+        Self { paths, seed, encoder_is_loss, known: HashMap::new() }
     }
 
     /// The crop that `random` picks of the painting that it picks.
@@ -97,7 +98,7 @@ impl Paintings {
     pub fn pick(
         &mut self,
         random: &mut Random,
-        encoder: &EncoderId,
+        encoder: &Encoder,
         network: &LossNetwork,
         device: &Device,
     ) -> Result<&Style> {
@@ -111,7 +112,11 @@ impl Paintings {
                     pixel.copy_from_slice(&color.map(|channel| channel.clamp(0.0, 1.0)));
                 }
             }
-            self.known.insert(key, Style::of(&crop, encoder, network, device));
+            let mut style = Style::of(&crop, encoder.id(), network, device);
+            if !self.encoder_is_loss {
+                style.statistics = style_statistics(encoder, &crop, StyleSize::default())?;
+            }
+            self.known.insert(key, style);
         }
         Ok(&self.known[&key])
     }
@@ -150,7 +155,7 @@ impl Paintings {
 
 impl Style {
     /// Looks at a picture for AdaIN and for the loss. `network` holds the weights of `encoder`.
-    pub fn of(image: &Image, encoder: &EncoderId, network: &LossNetwork, device: &Device) -> Self {
+    fn of(image: &Image, encoder: &EncoderId, network: &LossNetwork, device: &Device) -> Self {
         let size = [image.width as usize, image.height as usize];
         let features = network.features(picture_tensor(&image.rgb, device), size);
         let targets: Vec<_> = features.iter().map(FeatureRows::statistics).collect();

@@ -155,7 +155,7 @@ pub fn step(
         None => loss,
     };
     let gradients = loss.backward();
-    adam.update(network, &gradients, rate);
+    adam.update(&mut network.parameters, &gradients, rate);
     Ok([content_loss.into_scalar::<f32>(), style_loss.into_scalar::<f32>()])
 }
 

@@ -55,7 +55,7 @@ pub fn step(
         scene.base_colors[rows].iter().flat_map(|color| recoloring.color(*color).map(|c| c.clamp(0.0, 1.0)));
     let loss = (colors - tensor(target.collect(), 3)).abs().mean();
     let gradients = loss.backward();
-    adam.update(network, &gradients, rate);
+    adam.update(&mut network.parameters, &gradients, rate);
     Ok(loss.into_scalar::<f32>())
 }
 
