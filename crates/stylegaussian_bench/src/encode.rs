@@ -15,7 +15,7 @@ const SIDE: u32 = 256;
 
 /// The encoder that the environment names.
 pub fn encoder() -> Result<Encoder> {
-    resolve(None).context("weights of VGG-19 do not ship with the repository")
+    resolve(None, None).context("weights of VGG-19 do not ship with the repository")
 }
 
 /// An image of noise.
