@@ -334,7 +334,7 @@ fn nothing_pops_at_the_edge_of_the_picture() {
     studio.splats(needle.clone(), Transform::default());
     let mut n_seen = 0;
     for step in 0..15 {
-        let target = EYE + Quat::from_rotation_y(0.08 * step as f32) * Vec3::NEG_Z;
+        let target = EYE + Quat::from_rotation_y(0.1 * step as f32) * Vec3::NEG_Z;
         let eye = Transform::from_translation(EYE).looking_at(target, Vec3::Y);
         *studio.app.world_mut().get_mut::<Transform>(camera).unwrap() = eye;
         let pinhole = Pinhole::look_at(EYE, target, Vec3::Y, FOV_Y, SIZE);

@@ -321,7 +321,9 @@ impl Trainer {
             let done = self.progress.steps;
             let mut random = Random::new(self.arguments.seed ^ (u64::from(done) << 20) ^ 0x5354_4550);
             let scene_index = random.below(self.scenes.len());
-            let size_index = random.below(self.scenes[scene_index].views.len());
+            // One size takes no choice: the views are drawn as they would be without any other.
+            let n_sizes = self.scenes[scene_index].views.len();
+            let size_index = if n_sizes > 1 { random.below(n_sizes) } else { 0 };
             let view_index = random.below(self.scenes[scene_index].views[size_index].len());
             let style = self.paintings.pick(&mut random, &self.encoder, &self.loss_network, &self.device)?;
             let scene = &self.scenes[scene_index];

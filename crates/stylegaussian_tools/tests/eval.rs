@@ -57,7 +57,7 @@ fn every_painting_and_reference_is_measured() {
 
     let table = eval(&scene, &[]).expect_success().stdout;
     assert!(table.contains("a.png") && table.contains("recolored"), "{table}");
-    eval(&bench.path("plain.sgs"), &[]).expect_error("no features");
+    eval(&bench.plain_scene("plain.sgs"), &[]).expect_error("no features");
 
     let (cameras, pairs) = (bench.path("transforms.json"), bench.path("pairs.json"));
     let camera = |x: f32| format!(r#"{{"transform_matrix": [[1,0,0,{x}],[0,1,0,0],[0,0,1,5],[0,0,0,1]]}}"#);

@@ -85,7 +85,7 @@ pub struct Agreement {
     pub long: Difference,
 }
 
-/// How a view differs from another that was warped into it.
+/// How a view differs from another that was warped into it; NaN (`null` in JSON) where no two views share a surface.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Difference {
     /// Root of the mean squared difference of displayed colors, 0..1.
@@ -226,8 +226,9 @@ impl Agreement {
 }
 
 impl Difference {
+    /// The mean of several, NaN for none: nothing was seen, not that all was well.
     fn mean(all: &[Self]) -> Self {
-        let n = all.len().max(1) as f64;
+        let n = all.len() as f64;
         let mean = |part: fn(&Self) -> f64| all.iter().map(part).sum::<f64>() / n;
         Self {
             rmse: mean(|d| d.rmse),

@@ -2,16 +2,30 @@
 
 use std::{fs, path::Path};
 
+use glam::{Quat, Vec3};
 use stylegaussian::{Features, Neighbors, Scene, file};
 use stylegaussian_encoder::Encoder;
 
 use crate::support::Bench;
 
-/// A made-up embedding of [`Bench::plain_scene`]: features of the encoder's width, 3 of 256 channels' directions.
+/// A board of 24 x 24 opaque Gaussians of many colors, lying flat: a surface that is seen from all around and above, with a
+/// made-up embedding: features of the encoder's width, 3 of 256 channels' directions.
 pub fn embedded(bench: &Bench, encoder: &Path) -> String {
-    bench.plain_scene("plain.sgs");
-    let mut scene: Scene = bench.scene("plain.sgs");
-    let n = scene.len();
+    const SIDE: usize = 24;
+    let n = SIDE * SIDE;
+    let at = |i: usize| i as f32 - (SIDE - 1) as f32 / 2.0;
+    let mut scene = Scene {
+        means: (0..n).map(|i| Vec3::new(0.1 * at(i % SIDE), 0.0, 0.1 * at(i / SIDE))).collect(),
+        rotations: vec![Quat::IDENTITY; n],
+        scales: vec![Vec3::new(0.1, 0.002, 0.1); n],
+        opacities: vec![0.99; n],
+        order: (0..n as u32).collect(),
+        n_source: n,
+        up: Some(Vec3::Y),
+        ..Scene::default()
+    };
+    let shade = |i: usize, step: f32| 0.5 + 0.4 * (i as f32 * step).sin();
+    scene.set_colors(&(0..n).map(|i| [shade(i, 0.31), shade(i, 0.17), shade(i, 0.05)]).collect::<Vec<_>>());
     let number = |i: usize, step: f64| ((i as f64 * step) % 1.0 * 2.0 - 1.0) as f32;
     scene.features = Some(Features {
         values: (0..n * 3).map(|i| number(i, 0.754_877)).collect(),
