@@ -33,7 +33,7 @@ use report::Report;
 #[derive(Debug, Parser)]
 #[command(name = "cargo xtask bench")]
 struct Arguments {
-    /// A part of it, in at most five minutes on two cores.
+    /// A part of it, meant to take five minutes on two quiet cores.
     #[arg(long)]
     quick: bool,
     /// Also write the rows and ratios to this file.
