@@ -11,17 +11,16 @@ use crate::{
     world::{rendering::*, *},
 };
 
-/// How many allocations the device holds, how many pipelines were asked for, and where the view's layer is. Bytes differ
-/// from frame to frame by the padding before Bevy's own buffers.
-fn held(app: &mut App) -> (Option<usize>, usize, Vec<usize>) {
-    let n_allocations = allocations(app).map(|(n, _)| n);
+/// What the device holds, how many pipelines were asked for, and where the view's layer is.
+fn held(app: &mut App) -> (Option<Allocations>, usize, Vec<usize>) {
+    let allocations = allocations(app);
     let world = app.sub_app_mut(RenderApp).world_mut();
     let n_pipelines = world.resource::<SplatPipelines>().n_requested();
     let views: Vec<_> =
         world.query::<&ExtractedView>().iter(world).map(|view| view.retained_view_entity).collect();
     let views = views.iter().filter_map(|view| world.resource::<SplatViews>().get(view));
     let layers = views.filter_map(|view| Some(std::ptr::from_ref(view.layer()?.0).addr())).collect();
-    (n_allocations, n_pipelines, layers)
+    (allocations, n_pipelines, layers)
 }
 
 #[test]

@@ -185,14 +185,11 @@ fn a_thousand_changes_leave_nothing_behind() {
         settle(&mut app, 3);
         let after_1000 = allocations(&app);
         eprintln!("{backend:?}: {after_10:?} after 10 changes, {after_1000:?} after 1,000");
-        let (Some((n_before, bytes_before)), Some((n_after, bytes_after))) = (after_10, after_1000) else {
+        let (Some(after_10), Some(after_1000)) = (after_10, after_1000) else {
             eprintln!("SKIPPED: the device does not report its allocations");
             continue;
         };
-        assert_eq!(n_before, n_after);
-        // The allocator counts the padding before a buffer, up to 256 bytes, as the buffer's; 990 leaks of the smallest
-        // would be hundreds of thousands.
-        assert!(bytes_before.abs_diff(bytes_after) < 4096, "{bytes_before} and {bytes_after}");
+        assert_eq!(after_10, after_1000);
     }
 }
 

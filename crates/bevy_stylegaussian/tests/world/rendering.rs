@@ -116,12 +116,33 @@ pub fn read_back(app: &App, image: &Handle<Image>) -> Vec<[f32; 4]> {
     pixels.collect()
 }
 
-/// How many allocations live on the device, and their bytes, once all its work is done; `None` where it does not tell.
-pub fn allocations(app: &App) -> Option<(usize, u64)> {
+/// What lives on the device.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Allocations {
+    /// Allocations of the allocator's report. Its bytes count the padding before a resource as the resource's, so that
+    /// they tell where a resource lies too; those below are the resources' own.
+    pub n: usize,
+    pub n_buffers: isize,
+    pub n_textures: isize,
+    pub buffer_bytes: isize,
+    pub texture_bytes: isize,
+}
+
+/// What lives on the device once all its work is done; `None` where it does not tell.
+pub fn allocations(app: &App) -> Option<Allocations> {
     let device = app.sub_app(RenderApp).world().resource::<RenderDevice>();
     device.poll(PollType::wait_indefinitely()).expect("the device answers");
-    let report = device.wgpu_device().generate_allocator_report()?;
-    Some((report.allocations.len(), report.total_allocated_bytes))
+    let n = device.wgpu_device().generate_allocator_report()?.allocations.len();
+    let counters = device.wgpu_device().get_internal_counters().hal;
+    let found = Allocations {
+        n,
+        n_buffers: counters.buffers.read(),
+        n_textures: counters.textures.read(),
+        buffer_bytes: counters.buffer_memory.read(),
+        texture_bytes: counters.texture_memory.read(),
+    };
+    assert!(found.buffer_bytes > 0 && found.texture_bytes > 0, "wgpu counts nothing: {found:?}");
+    Some(found)
 }
 
 /// Peak signal-to-noise ratio of the chosen pixels' colors, in dB, for values of 0..1.
