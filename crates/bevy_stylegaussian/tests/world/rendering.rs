@@ -123,7 +123,6 @@ pub struct Allocations {
     /// they tell where a resource lies too; those below are the resources' own.
     pub n: usize,
     pub n_buffers: isize,
-    pub n_textures: isize,
     pub buffer_bytes: isize,
     pub texture_bytes: isize,
 }
@@ -137,7 +136,6 @@ pub fn allocations(app: &App) -> Option<Allocations> {
     let found = Allocations {
         n,
         n_buffers: counters.buffers.read(),
-        n_textures: counters.textures.read(),
         buffer_bytes: counters.buffer_memory.read(),
         texture_bytes: counters.texture_memory.read(),
     };
