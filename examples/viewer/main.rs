@@ -4,8 +4,7 @@
 //! cargo run --release --example viewer [SCENE] [STYLE...]    # default: the demo scene, as it was captured
 //! ```
 //!
-//! `SCENE` is a `.sgs` or `.ply` file, a `STYLE` a `.style.safetensors` or, where `STYLEGAUSSIAN_ENCODER` names an encoder,
-//! a `.jpg` or `.png` image; several are mixed in equal parts. All of them can also be dropped on the window, or opened by
+//! `SCENE` is a `.sgs` or `.ply` file, a `STYLE` a `.style.safetensors` or a `.jpg` or `.png` image; several are mixed in equal parts. All of them can also be dropped on the window, or opened by
 //! their path in the panel.
 //!
 //! Left drag orbits, right drag looks around, middle drag pans, the wheel zooms; W A S D fly, Q and E sink and rise, Shift

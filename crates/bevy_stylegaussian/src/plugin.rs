@@ -17,8 +17,8 @@ use crate::{
 pub struct StyleGaussianPlugin {
     /// Where styles are decoded; the resource [`StyleBackend`] changes it later.
     pub backend: StyleBackend,
-    /// The encoder of style images, where it is not the one that `STYLEGAUSSIAN_ENCODER` names; the resource
-    /// [`StyleEncoder`] changes it later. Presets need none.
+    /// The encoder of style images, where it is neither the one that `STYLEGAUSSIAN_ENCODER` names nor the default one; the
+    /// resource [`StyleEncoder`] changes it later. Presets need none.
     pub encoder: Option<PathBuf>,
     /// Whether a frame that needs new pipelines, or a scene that is not on the GPU yet, waits for them, instead of going
     /// without these splats until they are ready: for pictures without a window, where every frame counts. Bevy's

@@ -1,7 +1,8 @@
 //! From an image in memory to style statistics.
 
-use anyhow::{Context, Result};
-use stylegaussian_encoder::{Encoder, Image, StyleSize, resolve, style_features};
+use anyhow::Result;
+use stylegaussian_encoder::{Image, StyleSize, style_features};
+use stylegaussian_tools::encoder::open_encoder;
 
 use crate::{
     measure::Samples,
@@ -13,11 +14,6 @@ use crate::{
 /// Width and height of the image: what style images are scaled to.
 const SIDE: u32 = 256;
 
-/// The encoder that the environment names.
-pub fn encoder() -> Result<Encoder> {
-    resolve(None, None).context("weights of VGG-19 do not ship with the repository")
-}
-
 /// An image of noise.
 pub fn noise(side: u32) -> image::RgbImage {
     let mut random = Random::new();
@@ -26,7 +22,8 @@ pub fn noise(side: u32) -> image::RgbImage {
 
 /// Features, then their statistics.
 pub fn run(_plan: &Plan, report: &mut Report) -> Result<()> {
-    let encoder = encoder()?;
+    // The one that the environment names, otherwise the default one.
+    let encoder = open_encoder(None)?;
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("noise.png");
     noise(SIDE).save(&path)?;

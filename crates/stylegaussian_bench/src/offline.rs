@@ -10,10 +10,11 @@ use stylegaussian_encoder::Encoder;
 use stylegaussian_tools::{
     cli::Cli,
     embed::{EmbedMethod, EmbedOptions, TrainingView, Watch, embed},
+    encoder::open_encoder,
 };
 
 use crate::{
-    encode::{encoder, noise},
+    encode::noise,
     measure::Samples,
     plan::Plan,
     report::{Report, Row},
@@ -25,7 +26,7 @@ const SIDE: u32 = 256;
 
 /// Steps of embedding, then of training.
 pub fn run(plan: &Plan, report: &mut Report) -> Result<()> {
-    let encoder = encoder()?;
+    let encoder = open_encoder(None)?;
     let n = if plan.quick { 5_000 } else { 20_000 };
     let mut scene = scenes::structured(n);
     scene.sort_by_morton();

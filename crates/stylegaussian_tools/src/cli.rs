@@ -17,7 +17,7 @@ pub use arguments::Backend;
 pub use output::error_chain;
 pub(crate) use stylization::default_decoder;
 
-use crate::{distill, embed, eval, train};
+use crate::{distill, embed, eval, fetch_vgg, train};
 
 /// Restyle 3D Gaussian Splatting scenes with any painting: embed once, then stylize in a moment.
 #[derive(Debug, Parser)]
@@ -38,6 +38,7 @@ enum Command {
     Render(render::RenderArgs),
     Eval(eval::EvalArgs),
     Distill(distill::DistillArgs),
+    FetchVgg(fetch_vgg::FetchVggArgs),
 }
 
 impl Cli {
@@ -56,6 +57,7 @@ impl Cli {
             Command::Render(arguments) => render::run(&arguments),
             Command::Eval(arguments) => eval::run(&arguments),
             Command::Distill(arguments) => distill::run(&arguments),
+            Command::FetchVgg(arguments) => fetch_vgg::run(&arguments),
         }
     }
 }

@@ -16,7 +16,7 @@ use stylegaussian::file;
 use stylegaussian_encoder::Encoder;
 
 pub use args::DistillArgs;
-pub use report::Report;
+pub use report::{Report, compare};
 
 use crate::{
     cli::output::{print, warn},

@@ -3,16 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
 use stylegaussian_encoder::{Encoder, encoder::named_by_environment, resolve};
 
 use crate::cli::output::warn;
 
-/// Opens the encoder that `path` names, or else the environment, and prints its warning.
+/// Opens the encoder that `path` names, else the environment's, else the default one, and prints its warning.
 ///
 /// # Errors
-/// When there is none, or it cannot be opened.
+/// When it cannot be opened.
 pub fn open_encoder(path: Option<&Path>) -> Result<Encoder> {
-    let encoder = resolve(path, None)?;
+    let encoder = resolve(path, Some((ENCODER_NAME, ENCODER)))?;
     warn(encoder.warning());
     Ok(encoder)
 }

@@ -89,7 +89,7 @@ pub struct EvalArgs {
     #[arg(long, value_name = "FILE")]
     sheet: Option<PathBuf>,
     /// The encoder that the scene was embedded with: an ONNX file, or VGG-19 weights. Otherwise the one that
-    /// STYLEGAUSSIAN_ENCODER names.
+    /// STYLEGAUSSIAN_ENCODER names, otherwise the default one.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
     /// VGG-19 weights (safetensors) for the errors, where the encoder is something else.

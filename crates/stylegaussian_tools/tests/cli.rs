@@ -237,13 +237,20 @@ fn a_scene_without_features_says_which_command_embeds_it() {
 }
 
 #[test]
-fn an_image_without_an_encoder_says_how_to_name_one() {
+fn an_image_is_read_by_the_default_encoder() {
     let bench = Bench::new();
-    let scene = bench.embedded_scene("a.sgs");
-    let run = stylegaussian(&["stylize", &scene, "--style", "painting.png", "-o", &bench.path("b.ply")]);
-    run.expect_error("--encoder");
-    stylegaussian(&["style", "painting.png", "-o", &bench.path("s.style.safetensors")])
-        .expect_error("--encoder");
+    let (scene, painting) = (bench.embedded_scene("a.sgs"), bench.path("painting.png"));
+    image::RgbImage::from_fn(40, 30, |x, y| image::Rgb([x as u8 * 6, y as u8 * 8, 99]))
+        .save(&painting)
+        .unwrap();
+    let style = bench.path("s.style.safetensors");
+    stylegaussian(&["style", &painting, "-o", &style]).expect_success();
+    let statistics = stylegaussian::file::read_style(style.as_ref()).unwrap();
+    assert_eq!(statistics.mean.len(), 256);
+    assert_eq!(statistics.encoder.unwrap().name, stylegaussian_defaults::ENCODER_NAME);
+    // The scene is another encoder's.
+    let run = stylegaussian(&["stylize", &scene, "--style", &painting, "-o", &bench.path("b.ply")]);
+    run.expect_error("belongs to encoder distilled_relu3_1@");
 }
 
 #[test]

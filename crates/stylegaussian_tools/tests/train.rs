@@ -96,6 +96,9 @@ fn what_cannot_be_trained_on_is_named() {
         assert!(!Path::new(&out).exists());
     };
     fails_with(train(&plain, &styles, &["--holdout-styles", "1"]), "no features");
+    let without_vgg =
+        stylegaussian(&["train", &plain, "--styles", &styles, "-o", &out, "--holdout-styles", "1"]);
+    fails_with(without_vgg, "--vgg");
     fails_with(train(&plain, bench.dir().to_str().unwrap(), &[]), "found no painting");
     fails_with(train(&plain, &styles, &["--holdout-styles", "2"]), "expected more than the 2 to hold out");
     let layers = ["--content-layers", "relu9_1", "--holdout-styles", "0"];

@@ -1,8 +1,9 @@
-//! `cargo xtask assets`: everything in `assets/` and the default decoder, made anew by the commands of this file.
+//! `cargo xtask assets`: everything in `assets/`, the default encoder and the default decoder, made anew by the commands of
+//! this file.
 //!
 //! The demo scene and the paintings come out bit for bit the same; what is embedded and trained, within what the order
-//! of floating-point sums allows. What trains the decoder is not ours to ship and lies in the test data: VGG-19, paintings
-//! likely in the public domain, and a scene under an open licence.
+//! of floating-point sums allows. What trains encoder and decoder is not ours to ship and lies in the test data: VGG-19,
+//! paintings likely in the public domain, and scenes under open licences.
 
 use std::{
     ffi::OsStr,
@@ -22,6 +23,8 @@ use crate::{
 const STYLES: &str = "assets/styles";
 /// The demo scene with its features.
 const DEMO: &str = "assets/demo.sgs";
+/// The default encoder.
+const ENCODER: &str = "crates/stylegaussian_defaults/distilled_relu3_1.onnx";
 /// The default decoder.
 const DECODER: &str = "crates/stylegaussian_defaults/default.decoder.safetensors";
 /// Everything that does not ship.
@@ -30,8 +33,10 @@ const WORK: &str = "out/assets";
 const DEMO_CAMERAS: &str = "assets/demo_cameras.json";
 /// A scene of the test data that the decoder is trained on besides the demo scene (CC BY 4.0).
 const PLAYBOT: &str = "playbot_31k_sh2pad3.ply";
-/// The paintings it is trained on, likely in the public domain; twenty more such are kept out, to judge by.
+/// The paintings that encoder and decoder are trained on, likely in the public domain; twenty more such are kept out.
 const PAINTINGS: &str = "assets/training_paintings.txt";
+/// Ten of those, to judge by.
+const HELD_OUT: &str = "assets/held_out_paintings.txt";
 
 /// Another one (MIT), which joins it in the second run.
 const BIKER: &str = "biker.compressed.ply";
@@ -59,9 +64,20 @@ const FIRST_RUN: [&str; 4] = ["--warm-iterations", "1500", "--iterations", "5000
 /// The second run goes on from the first one's decoder.
 const SECOND_RUN: [&str; 4] = ["--seed", "2", "--iterations", "4000"];
 
+/// Steps of the encoder's training.
+const DISTILLING: [&str; 2] = ["--iterations", "11300"];
+
+/// Views that it learns from besides the paintings, of the demo scene, playbot and biker: how many around each, and on what
+/// background, so that it has seen splats before both light and dark.
+const VIEWS: [[(&str, &str); 2]; 3] = [
+    [("10", "ffffff"), ("6", "203050")],
+    [("8", "000000"), ("6", "ffffff")],
+    [("8", "808080"), ("6", "e0d0c0")],
+];
+
 /// Files of the test data.
 struct Data {
-    encoder: PathBuf,
+    vgg: PathBuf,
     relu4: PathBuf,
     paintings: PathBuf,
     playbot: PathBuf,
@@ -74,7 +90,7 @@ impl Data {
         let folder = data_folder();
         let vgg = folder.join("vgg");
         let data = Self {
-            encoder: vgg.join("vgg19_normalised_relu3_1.safetensors"),
+            vgg: vgg.join("vgg19_normalised_relu3_1.safetensors"),
             relu4: vgg.join("distilled16x_encoder_relu4_1.safetensors"),
             paintings: folder.join("styles"),
             playbot: folder.join("splats").join(PLAYBOT),
@@ -82,7 +98,7 @@ impl Data {
             biker: folder.join("splats").join(BIKER),
         };
         let all =
-            [&data.encoder, &data.relu4, &data.paintings, &data.playbot, &data.playbot_cameras, &data.biker];
+            [&data.vgg, &data.relu4, &data.paintings, &data.playbot, &data.playbot_cameras, &data.biker];
         for path in all {
             ensure!(
                 path.exists(),
@@ -109,39 +125,71 @@ fn make(steps: &mut Steps, data: &Data) -> Result<()> {
     let world = format!("{WORK}/demo.sgs");
     steps.run("paintings", &mut generator("demo_paintings", STYLES))?;
     steps.run("world", &mut generator("demo_world", &world))?;
+    let trained_on = paintings(data, "paintings", PAINTINGS)?;
+    for image in images(Path::new(STYLES))? {
+        copy_into(&trained_on, &image)?;
+    }
+    distill(steps, data, Path::new(&world), &trained_on)?;
     for image in images(Path::new(STYLES))? {
         let mut style = stylegaussian();
         style.arg("style").arg(&image).arg("-o").arg(image.with_extension("style.safetensors"));
-        steps.run(&format!("style {}", image.display()), style.arg("--encoder").arg(&data.encoder))?;
+        steps.run(&format!("style {}", image.display()), &mut style)?;
     }
-    embed(steps, data, Path::new(&world), Path::new(DEMO), &["--no-neighbors".as_ref()])?;
+    embed(steps, Path::new(&world), Path::new(DEMO), &["--no-neighbors".as_ref()])?;
     let playbot = PathBuf::from(format!("{WORK}/playbot.sgs"));
-    embed(steps, data, &data.playbot, &playbot, &["--cameras".as_ref(), data.playbot_cameras.as_os_str()])?;
+    embed(steps, &data.playbot, &playbot, &["--cameras".as_ref(), data.playbot_cameras.as_os_str()])?;
     let biker = PathBuf::from(format!("{WORK}/biker.sgs"));
-    embed(steps, data, &data.biker, &biker, &[])?;
-    train(steps, data, &playbot, &biker)
+    embed(steps, &data.biker, &biker, &[])?;
+    train(steps, data, &playbot, &biker, &trained_on)
+}
+
+/// Trains the encoder beside its checkpoint, then copies it: the commands after this one are built with it.
+fn distill(steps: &mut Steps, data: &Data, world: &Path, paintings: &Path) -> Result<()> {
+    let renders = PathBuf::from(format!("{WORK}/renders"));
+    fs::create_dir_all(&renders).with_context(|| format!("cannot create {}", renders.display()))?;
+    for (scene, views) in [world, &data.playbot, &data.biker].into_iter().zip(VIEWS) {
+        for (n, background) in views {
+            let name = scene.file_stem().unwrap_or_default().to_string_lossy();
+            let folder = format!("{WORK}/views/{name}_{background}");
+            let mut render = stylegaussian();
+            render.arg("render").arg(scene).args(["--orbit", n, "--background", background]);
+            render.args(["--size", "512x512", "--backend", "cpu", "-o", &folder]);
+            steps.run(&format!("views of {name}"), &mut render)?;
+            for view in images(Path::new(&folder))? {
+                let file = view.file_name().unwrap_or_default().to_string_lossy();
+                let to = renders.join(format!("{name}_{background}_{file}"));
+                fs::copy(&view, to).with_context(|| format!("cannot copy {}", view.display()))?;
+            }
+        }
+    }
+    let encoder = format!("{WORK}/distilled_relu3_1.onnx");
+    let mut distill = stylegaussian();
+    distill.arg("distill").arg("--teacher").arg(&data.vgg).arg("--images").args([paintings, &renders]);
+    distill.arg("--held-out").arg(self::paintings(data, "held_out", HELD_OUT)?).args(["-o", &encoder]);
+    steps.run("distill", distill.args(DISTILLING))?;
+    fs::copy(&encoder, ENCODER).with_context(|| format!("cannot copy {encoder} to {ENCODER}"))?;
+    Ok(())
 }
 
 fn generator(package: &str, out: &str) -> Command {
     cargo(["run", "--release", "--quiet", "--locked", "--package", package, "--", out])
 }
 
-fn embed(steps: &mut Steps, data: &Data, scene: &Path, out: &Path, options: &[&OsStr]) -> Result<()> {
+fn embed(steps: &mut Steps, scene: &Path, out: &Path, options: &[&OsStr]) -> Result<()> {
     let mut embed = stylegaussian();
-    embed.arg("embed").arg(scene).arg("-o").arg(out).arg("--encoder").arg(&data.encoder).args(options);
+    embed.arg("embed").arg(scene).arg("-o").arg(out).args(options);
     steps.run(&format!("embed {}", scene.display()), &mut embed)
 }
 
 /// Trains beside the checkpoints, the loss curves and the contact sheets, none of which ship; then copies the decoder.
-fn train(steps: &mut Steps, data: &Data, playbot: &Path, biker: &Path) -> Result<()> {
-    let paintings = paintings(data)?;
+fn train(steps: &mut Steps, data: &Data, playbot: &Path, biker: &Path, paintings: &Path) -> Result<()> {
     let run = |scenes: &[&Path], cameras: &[&Path], out: &str| {
         let mut train = stylegaussian();
-        train.arg("train").args(scenes).args(["-o", out]).arg("--styles").arg(&paintings);
+        train.arg("train").args(scenes).args(["-o", out]).arg("--styles").arg(paintings);
         for file in cameras {
             train.arg("--cameras").arg(file);
         }
-        train.arg("--encoder").arg(&data.encoder).arg("--relu4").arg(&data.relu4).args(TRAINING);
+        train.arg("--vgg").arg(&data.vgg).arg("--relu4").arg(&data.relu4).args(TRAINING);
         train
     };
     let (demo, cameras) =
@@ -155,17 +203,19 @@ fn train(steps: &mut Steps, data: &Data, playbot: &Path, biker: &Path) -> Result
     Ok(())
 }
 
-/// A folder of what the decoder is trained on: the paintings of the list, and our own eight.
-fn paintings(data: &Data) -> Result<PathBuf> {
-    let folder = PathBuf::from(format!("{WORK}/paintings"));
+/// A folder `name` of the paintings of the test data that `list` names.
+fn paintings(data: &Data, name: &str, list: &str) -> Result<PathBuf> {
+    let folder = PathBuf::from(format!("{WORK}/{name}"));
     fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    let names = fs::read_to_string(PAINTINGS).with_context(|| format!("cannot read {PAINTINGS}"))?;
-    let listed = names.lines().map(|name| data.paintings.join(name));
-    for image in listed.chain(images(Path::new(STYLES))?) {
-        let to = folder.join(image.file_name().unwrap_or_default());
-        fs::copy(&image, to).with_context(|| format!("cannot copy {}", image.display()))?;
-    }
+    let names = fs::read_to_string(list).with_context(|| format!("cannot read {list}"))?;
+    names.lines().try_for_each(|name| copy_into(&folder, &data.paintings.join(name)))?;
     Ok(folder)
+}
+
+fn copy_into(folder: &Path, file: &Path) -> Result<()> {
+    let to = folder.join(file.file_name().unwrap_or_default());
+    fs::copy(file, to).with_context(|| format!("cannot copy {}", file.display()))?;
+    Ok(())
 }
 
 /// Pictures in `folder`, by name.
@@ -188,7 +238,7 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>> {
 fn report_sizes() -> Result<()> {
     let mut paths = files(Path::new("assets"))?;
     paths.extend(files(Path::new(STYLES))?);
-    paths.push(DECODER.into());
+    paths.extend([ENCODER.into(), DECODER.into()]);
     let mut total = 0;
     for path in paths {
         let n_bytes = fs::metadata(&path).with_context(|| format!("cannot read {}", path.display()))?.len();

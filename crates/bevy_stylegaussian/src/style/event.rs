@@ -61,11 +61,11 @@ pub enum StyleError {
          add a StyleDecoder to the entity"
     )]
     NoDecoder,
-    /// An image is to be encoded and nobody named an encoder.
+    /// An image is to be encoded, nobody named an encoder, and the plugin was built without its default one.
     #[error(
-        "a style image needs an encoder: name its file in StyleGaussianPlugin {{ encoder }}, in the resource StyleEncoder \
-         or in the environment variable STYLEGAUSSIAN_ENCODER; StyleSource::preset needs none (`stylegaussian style \
-         IMAGE` makes presets)"
+        "a style image needs an encoder: enable the feature `defaults`, or name its file in StyleGaussianPlugin {{ encoder \
+         }}, in the resource StyleEncoder or in the environment variable STYLEGAUSSIAN_ENCODER; StyleSource::preset needs \
+         none (`stylegaussian style IMAGE` makes presets)"
     )]
     NoEncoder,
     /// The encoder could not be opened or used.

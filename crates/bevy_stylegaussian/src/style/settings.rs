@@ -6,7 +6,14 @@ use std::{
 };
 
 use bevy::prelude::*;
-use stylegaussian_encoder::{Encoder, EncoderError};
+use stylegaussian_encoder::{Encoder, EncoderError, encoder::BuiltIn};
+
+/// The encoder that comes with the plugin.
+#[cfg(feature = "defaults")]
+const BUILT_IN: Option<BuiltIn<'_>> =
+    Some((stylegaussian_defaults::ENCODER_NAME, stylegaussian_defaults::ENCODER));
+#[cfg(not(feature = "defaults"))]
+const BUILT_IN: Option<BuiltIn<'_>> = None;
 
 /// Where features are decoded to colors.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
@@ -22,7 +29,8 @@ pub enum StyleBackend {
 }
 
 /// The encoder that reads style images: VGG-19 weights or an ONNX file, opened in the background when the first image is
-/// to be encoded. Without a path it is the one that the environment variable `STYLEGAUSSIAN_ENCODER` names.
+/// to be encoded. Without a path it is the one that the environment variable `STYLEGAUSSIAN_ENCODER` names, otherwise the
+/// default one, which comes with the feature `defaults`.
 ///
 /// Insert another one to change it: all images are then encoded anew.
 #[derive(Resource, Clone, Default, Reflect)]
@@ -46,7 +54,7 @@ impl StyleEncoder {
 
     /// Opens the encoder at the first call, which takes a moment, and keeps it.
     pub(crate) fn open(&self) -> Result<&Encoder, Arc<EncoderError>> {
-        let opened = || stylegaussian_encoder::resolve(self.path(), None).map_err(Arc::new);
+        let opened = || stylegaussian_encoder::resolve(self.path(), BUILT_IN).map_err(Arc::new);
         self.opened.get_or_init(opened).as_ref().map_err(Arc::clone)
     }
 }

@@ -20,7 +20,7 @@ pub struct StyleArgs {
     #[arg(short, long, value_name = "OUT.style.safetensors")]
     output: PathBuf,
     /// The encoder: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Otherwise the one that
-    /// STYLEGAUSSIAN_ENCODER names.
+    /// STYLEGAUSSIAN_ENCODER names, otherwise the default one.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
     /// Squash the image to 256x256 whatever its proportions, as the paper's code does.

@@ -33,7 +33,7 @@ pub struct StylizationArgs {
     #[arg(long, value_name = "FILE")]
     decoder: Option<PathBuf>,
     /// The encoder for style images: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Otherwise
-    /// the one that STYLEGAUSSIAN_ENCODER names.
+    /// the one that STYLEGAUSSIAN_ENCODER names, otherwise the default one.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
     /// What computes; `gpu` never falls back silently.

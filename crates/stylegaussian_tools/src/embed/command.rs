@@ -62,7 +62,7 @@ pub struct EmbedArgs {
     #[arg(long)]
     no_neighbors: bool,
     /// The encoder: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Otherwise the one that
-    /// STYLEGAUSSIAN_ENCODER names.
+    /// STYLEGAUSSIAN_ENCODER names, otherwise the default one.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
     /// What computes; `gpu` never falls back silently.

@@ -100,7 +100,7 @@ pub struct TrainArgs {
     #[arg(long)]
     pub resume: bool,
     /// The encoder that the scenes were embedded with: an ONNX file, or VGG-19 weights. Otherwise the one that
-    /// STYLEGAUSSIAN_ENCODER names.
+    /// STYLEGAUSSIAN_ENCODER names, otherwise the default one.
     #[arg(long, value_name = "FILE")]
     pub encoder: Option<PathBuf>,
     /// VGG-19 weights (safetensors) for the loss, where the encoder is something else.

@@ -22,7 +22,7 @@ pub const LAYERS: [&str; 4] = ["relu1_1", "relu2_1", "relu3_1", "relu4_1"];
 pub const RELU3_1: usize = 2;
 
 /// VGG-19's first 3x3 convolutions: name, output channels, and whether a 2x2 max-pool comes before.
-const CONVOLUTIONS: [(&str, usize, bool); 9] = [
+pub(crate) const CONVOLUTIONS: [(&str, usize, bool); 9] = [
     ("conv1_1", 64, false),
     ("conv1_2", 64, false),
     ("conv2_1", 128, true),
@@ -35,7 +35,7 @@ const CONVOLUTIONS: [(&str, usize, bool); 9] = [
 ];
 
 /// A convolution as [`windows_conv_relu`] takes it: weight `[D_out, k * D_in]` and bias `[D_out]`.
-type Kernel = (Tensor<2>, Tensor<1>);
+pub(crate) type Kernel = (Tensor<2>, Tensor<1>);
 
 struct Step {
     kernel: Kernel,
@@ -128,7 +128,7 @@ impl LossNetwork {
 }
 
 /// OIHW to `[D_out, k * D_in]`.
-fn kernel(convolution: &Convolution, device: &Device) -> Kernel {
+pub(crate) fn kernel(convolution: &Convolution, device: &Device) -> Kernel {
     let [d_out, d_in, height, width] = convolution.shape;
     let k = height * width;
     let source = |i: usize| {
@@ -143,7 +143,7 @@ fn kernel(convolution: &Convolution, device: &Device) -> Kernel {
 }
 
 /// A convolution behind a 1x1 one of the picture's channels is one convolution; reflection does not mind.
-fn behind(input: &Convolution, mut convolution: Convolution) -> Convolution {
+pub(crate) fn behind(input: &Convolution, mut convolution: Convolution) -> Convolution {
     let [d_out, d_in, height, width] = convolution.shape;
     let k = height * width;
     let source = convolution.weight.clone();
