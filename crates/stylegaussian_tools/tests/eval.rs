@@ -14,12 +14,12 @@ use support::{Bench, data, stylegaussian};
 fn every_painting_and_reference_is_measured() {
     let Some(vgg) = data("vgg") else { return };
     let bench = Bench::new();
-    let encoder = vgg.join("vgg19_normalised_relu3_1.safetensors");
-    let (scene, styles, sheet) = (embedded(&bench, &encoder), paintings(&bench), bench.path("sheet.png"));
-    let encoder = encoder.to_str().unwrap();
+    let vgg = vgg.join("vgg19_normalised_relu3_1.safetensors");
+    let encoder = concat!(env!("CARGO_MANIFEST_DIR"), "/../stylegaussian_defaults/distilled_relu3_1.onnx");
+    let scene = embedded(&bench, encoder.as_ref());
+    let (styles, sheet, vgg) = (paintings(&bench), bench.path("sheet.png"), vgg.to_str().unwrap());
     let eval = |scene: &str, more: &[&str]| {
-        let common =
-            ["eval", scene, "--styles", &styles, "--views", "2", "--size", "64", "--encoder", encoder];
+        let common = ["eval", scene, "--styles", &styles, "--views", "2", "--size", "64", "--vgg", vgg];
         stylegaussian(&[&common, more].concat())
     };
     let run = eval(&scene, &["--json", "--sheet", &sheet]).expect_success();
