@@ -43,26 +43,31 @@ const BIKER: &str = "biker.compressed.ply";
 /// Cameras around that one: a ring at some distance, and three near ones of 6 each.
 const BIKER_CAMERAS: &str = "assets/biker_cameras.json";
 
-/// How it is trained, in both runs: crops of 256 pixels from views of 512, the paper's loss with colors kept near what a
-/// display shows and, over squares of 16 pixels, near the recolored scene's.
-const TRAINING: [&str; 10] = [
-    "--size",
-    "512",
-    "--holdout-styles",
-    "0",
-    "--learning-rate",
-    "3e-4",
-    "--range-weight",
-    "300",
-    "--palette-weight",
-    "50",
-];
+/// How it is trained, in all runs: the paper's loss with colors kept near what a display shows.
+const TRAINING: [&str; 6] = ["--holdout-styles", "0", "--learning-rate", "3e-4", "--range-weight", "300"];
 
-/// The first run: the warm start on recolored scenes, then the loss.
-const FIRST_RUN: [&str; 4] = ["--warm-iterations", "1500", "--iterations", "5000"];
+/// The first run: the warm start on recolored scenes, then the loss, on crops of 256 pixels from views of 512; over squares of
+/// 16 pixels colors are kept near the recolored scene's.
+const FIRST_RUN: [&str; 8] =
+    ["--warm-iterations", "1500", "--iterations", "5000", "--size", "512", "--palette-weight", "50"];
 
 /// The second run goes on from the first one's decoder.
-const SECOND_RUN: [&str; 4] = ["--seed", "2", "--iterations", "4000"];
+const SECOND_RUN: [&str; 8] =
+    ["--seed", "2", "--iterations", "4000", "--size", "512", "--palette-weight", "50"];
+
+/// The third goes on from there, with small views too, in which many Gaussians share a pixel.
+const THIRD_RUN: [&str; 10] = [
+    "--seed",
+    "5",
+    "--iterations",
+    "1800",
+    "--average",
+    "0.4",
+    "--size",
+    "512,256",
+    "--palette-weight",
+    "30",
+];
 
 /// Steps of the encoder's training.
 const DISTILLING: [&str; 2] = ["--iterations", "11300"];
@@ -196,9 +201,12 @@ fn train(steps: &mut Steps, data: &Data, playbot: &Path, biker: &Path, paintings
         (Path::new(DEMO), [Path::new(DEMO_CAMERAS), &data.playbot_cameras, BIKER_CAMERAS.as_ref()]);
     let first = format!("{WORK}/first.decoder.safetensors");
     steps.run("first run", run(&[demo, playbot], &cameras[..2], &first).args(FIRST_RUN))?;
+    let second = format!("{WORK}/second.decoder.safetensors");
+    let mut train = run(&[demo, playbot, biker], &cameras, &second);
+    steps.run("second run", train.args(["--init", &first]).args(SECOND_RUN))?;
     let decoder = format!("{WORK}/default.decoder.safetensors");
-    let mut second = run(&[demo, playbot, biker], &cameras, &decoder);
-    steps.run("second run", second.args(["--init", &first]).args(SECOND_RUN))?;
+    let mut train = run(&[demo, playbot, biker], &cameras, &decoder);
+    steps.run("third run", train.args(["--init", &second]).args(THIRD_RUN))?;
     fs::copy(&decoder, DECODER).with_context(|| format!("cannot copy {decoder} to {DECODER}"))?;
     Ok(())
 }
