@@ -19,7 +19,7 @@ use crate::train::INTERRUPTED;
 const TRIES: u32 = 5;
 const PAUSE: Duration = Duration::from_secs(1);
 
-/// How long a server may take to answer, or to send something more.
+/// How long a server may take to answer. What it sends then has no limit.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
 /// What one request came to.
