@@ -21,7 +21,8 @@
 //! - What to spawn: [`GaussianSplats`] shows a [`GaussianScene`] (`.sgs`, or a plain 3DGS `.ply`); [`StyleSource`]
 //!   styles it by images, by [`StyleStatistics`] (`.style.safetensors`), or by a mix; change it at any time.
 //!   [`StyleTransition`] fades from look to look, [`StyleDecoder`] takes another [`GaussianDecoder`].
-//! - What to set on cameras: [`SplatTonemapping`], [`SortKey`]. For the app: [`StyleBackend`], [`StyleEncoder`].
+//! - What to set on cameras: [`SplatTonemapping`], [`SortKey`]. For the app: [`StyleBackend`], [`StyleBudget`],
+//!   [`StyleEncoder`].
 //! - What comes back, as messages and to observers: [`StyleApplied`], [`StyleFailed`], [`SceneFailed`]; on the entity
 //!   [`AppliedStyle`], which can save what is shown.
 
@@ -42,8 +43,8 @@ pub use asset::{GaussianDecoder, GaussianScene, StyleStatistics};
 pub use plugin::{StyleGaussianPlugin, StyleGaussianSystems};
 pub use splats::{GaussianSplats, SceneError, SceneFailed, SortKey, SplatTonemapping};
 pub use style::{
-    AppliedStyle, StyleApplied, StyleBackend, StyleDecoder, StyleEncoder, StyleError, StyleFailed,
-    StyleInput, StylePassCount, StyleSource, StyleTransition, WeightedStyle,
+    AppliedStyle, StyleApplied, StyleBackend, StyleBudget, StyleDecoder, StyleEncoder, StyleError,
+    StyleFailed, StyleInput, StylePassCount, StyleSource, StyleTransition, WeightedStyle,
 };
 
 /// The examples of the repository's README, as tests.

@@ -458,7 +458,7 @@ fn public_types_are_registered() {
         )*};
     }
     check!(ReflectComponent: GaussianSplats, StyleSource, StyleTransition, StyleDecoder, AppliedStyle, SplatTonemapping, SortKey);
-    check!(ReflectResource: StyleBackend, StyleEncoder, StylePassCount);
+    check!(ReflectResource: StyleBackend, StyleBudget, StyleEncoder, StylePassCount);
     check!(GaussianScene, StyleStatistics, GaussianDecoder, StyleInput, WeightedStyle);
     check!(StyleApplied, StyleFailed, SceneFailed);
 }

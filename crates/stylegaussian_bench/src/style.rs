@@ -5,7 +5,8 @@ use stylegaussian::{ChannelStatistics, Decoder, Scene};
 use stylegaussian_gpu::{
     colors::GaussianColors,
     style::{
-        FoldedLayers, GpuDecoder, StyleBytes, StyleInputs, StyleOptions, StylePass, StyleProgress, StyleScene,
+        FoldedLayers, GpuDecoder, StyleBudget, StyleBytes, StyleInputs, StyleOptions, StylePass,
+        StyleProgress, StyleScene,
     },
 };
 
@@ -31,6 +32,12 @@ pub fn run(gpu: &Gpu, plan: &Plan, report: &mut Report) -> Result<()> {
             report.add(Row { flops, bytes, ..Row::new(names::STYLE_PASS, n, &samples) });
         }
         layers(gpu, &pass, &style, report)?;
+        if gpu.is_gpu() {
+            budgeted(gpu, &pass, &style, report)?;
+        }
+    }
+    if !gpu.is_gpu() {
+        report.not_run(&budgeted_name(), "an adapter that is a CPU does not tell how long its work took");
     }
     for (name, reason) in plan.left_out() {
         report.not_run(name, reason);
@@ -132,8 +139,9 @@ fn layers(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> Re
         for (i, &operations) in operations.iter().enumerate() {
             let OnGpu { scene, weights, colors, .. } = style;
             let (device, progress) = (&gpu.device, &mut progress);
+            let budget = &mut StyleBudget::of_operations(operations);
             ms[i % 5] += gpu.time(|encoder| {
-                pass.encode_some(device, encoder, scene, weights, colors, progress, operations)?;
+                pass.encode_some(device, encoder, scene, weights, colors, progress, budget)?;
                 Ok(())
             })?;
         }
@@ -149,6 +157,30 @@ fn layers(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> Re
             ..Row::new(name, style.n(), &samples)
         });
     }
+    Ok(())
+}
+
+/// Milliseconds of a frame that [`budgeted`] allows: an eighth of a frame at 60 Hz.
+const BUDGET_MS: f32 = 2.0;
+
+fn budgeted_name() -> String {
+    format!("style pass, a frame's part of {BUDGET_MS} ms")
+}
+
+/// What a change within a budget takes of each of its frames, from the first one on, when nothing is known of the GPU.
+fn budgeted(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> Result<()> {
+    let OnGpu { scene, weights, colors, .. } = style;
+    let (device, mut progress) = (&gpu.device, StyleProgress::default());
+    let mut budget = StyleBudget::new(BUDGET_MS).timed(device, &gpu.queue);
+    let mut ms = Vec::new();
+    while !progress.is_done() {
+        budget.begin_frame();
+        ms.push(gpu.time(|encoder| {
+            pass.encode_some(device, encoder, scene, weights, colors, &mut progress, &mut budget)?;
+            Ok(())
+        })?);
+    }
+    report.add(Row::new(budgeted_name(), style.n(), &Samples { ms, cpu_ms: None }));
     Ok(())
 }
 

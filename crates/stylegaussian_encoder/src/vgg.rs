@@ -102,19 +102,24 @@ pub fn graph(weights: &Weights) -> Result<Vec<u8>, WeightsError> {
     Ok(chain.finish())
 }
 
-/// From RGB 0..1 to what conv1_1 expects, as a 1x1 convolution.
-///
-/// torchvision's is not folded into conv1_1: it pads with zeros *after* normalizing, which is the mean color and not
-/// black, and a folded convolution would differ along the borders.
+/// From RGB 0..1 to what conv1_1 expects.
 fn input_transform(weights: &Weights, layout: Layout) -> Result<Convolution, WeightsError> {
-    if layout != Layout::Torchvision {
-        return weights.convolution("conv0", [3, 3, 1, 1]);
+    match layout {
+        Layout::Torchvision => Ok(imagenet_input()),
+        Layout::Normalized | Layout::Distilled => weights.convolution("conv0", [3, 3, 1, 1]),
     }
+}
+
+/// From RGB 0..1 to what torchvision's models expect, as a 1x1 convolution `[3, 3, 1, 1]`.
+///
+/// It is not folded into conv1_1, which pads with zeros *after* normalizing, the mean color and not black: a folded
+/// convolution would differ along the borders.
+pub fn imagenet_input() -> Convolution {
     let mut weight = vec![0.0; 9];
     let mut bias = vec![0.0; 3];
     for channel in 0..3 {
         weight[channel * 4] = 1.0 / IMAGENET_STD_DEV[channel];
         bias[channel] = -IMAGENET_MEAN[channel] / IMAGENET_STD_DEV[channel];
     }
-    Ok(Convolution { shape: [3, 3, 1, 1], weight, bias })
+    Convolution { shape: [3, 3, 1, 1], weight, bias }
 }

@@ -32,6 +32,7 @@ mod planes;
 mod scene;
 mod scratch;
 mod stylize;
+mod timer;
 mod weights;
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -87,11 +88,12 @@ impl StylePass {
         weights: &GpuDecoder,
         colors: &GaussianColors,
     ) -> Result<u64, StyleSceneError> {
-        self.encode_some(device, encoder, scene, weights, colors, &mut StyleProgress::default(), u64::MAX)
+        let (mut progress, mut budget) = (StyleProgress::default(), StyleBudget::unlimited());
+        self.encode_some(device, encoder, scene, weights, colors, &mut progress, &mut budget)
     }
 
-    /// Encodes a part of what [`encode`](Self::encode) does: from where `progress` stands on, `operations`
-    /// multiplications and additions or a little less, at least 128 Gaussians of a layer. Gives the number of dispatches.
+    /// Encodes a part of what [`encode`](Self::encode) does: from where `progress` stands on, what `budget` has left of this
+    /// frame, at least 128 Gaussians of a layer unless it is used up. Gives the number of dispatches.
     ///
     /// All parts of one change must be given the same scene, weights and colors, and be submitted in their order; no other
     /// change of the same scene may come between them. Colors appear block by block, so colors that are shown belong into
@@ -108,18 +110,20 @@ impl StylePass {
         weights: &GpuDecoder,
         colors: &GaussianColors,
         progress: &mut StyleProgress,
-        operations: u64,
+        budget: &mut StyleBudget,
     ) -> Result<u64, StyleSceneError> {
         self.check(scene, weights, colors)?;
+        let Some(operations) = budget.left() else { return Ok(0) };
         let steps = progress.take(&scene.steps(), operations);
         if steps.is_empty() {
             return Ok(0);
         }
+        let timing = budget.grant(steps.iter().map(Step::operations).sum());
         let scratch = scene.scratch(device);
         let parameters = self.pipelines.parameters(device, &steps, weights);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("style_pass"),
-            timestamp_writes: None,
+            timestamp_writes: timing.and_then(|timing| budget.timestamps(timing)),
         });
         for (i, step) in steps.iter().enumerate() {
             let buffers = step_buffers(scene, &scratch, weights, colors, step);
@@ -127,6 +131,10 @@ impl StylePass {
             pass.set_pipeline(self.pipelines.of(step));
             pass.set_bind_group(0, &bind_group, &[]);
             pass.dispatch_workgroups(step.workgroups[0], step.workgroups[1], 1);
+        }
+        drop(pass);
+        if let Some(timing) = timing {
+            budget.resolve(encoder, timing);
         }
         colors.mark_changed();
         let n_dispatches = steps.len() as u64;

@@ -8,8 +8,8 @@ use stylegaussian_gpu::{
     colors::GaussianColors,
     device::{DeviceError, HeadlessDevice},
     style::{
-        FoldedLayers, GpuDecoder, Precision, StyleBytes, StyleInputs, StyleOptions, StylePass, StyleProgress,
-        StyleScene, StyleSceneError,
+        FoldedLayers, GpuDecoder, Precision, StyleBudget, StyleBytes, StyleInputs, StyleOptions, StylePass,
+        StyleProgress, StyleScene, StyleSceneError,
     },
 };
 
@@ -46,15 +46,21 @@ fn case(gpu: &HeadlessDevice, scene: &Scene, decoder: &Decoder, options: StyleOp
     }
 }
 
-/// Colors after parts of `operations`, and how many parts there were.
-fn colors(gpu: &HeadlessDevice, pass: &StylePass, case: &Case, operations: u64) -> (Vec<[f32; 3]>, usize) {
+/// Colors after as many frames as the budget takes, and how many these were.
+fn colors(
+    gpu: &HeadlessDevice,
+    pass: &StylePass,
+    case: &Case,
+    mut budget: StyleBudget,
+) -> (Vec<[f32; 3]>, usize) {
     let HeadlessDevice { device, queue, .. } = gpu;
     let colors = GaussianColors::new(device, case.expected.len()).unwrap();
     let (mut progress, mut n_parts) = (StyleProgress::default(), 0);
     while !progress.is_done() {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let Case { scene, weights, .. } = case;
-        pass.encode_some(device, &mut encoder, scene, weights, &colors, &mut progress, operations).unwrap();
+        budget.begin_frame();
+        pass.encode_some(device, &mut encoder, scene, weights, &colors, &mut progress, &mut budget).unwrap();
         queue.submit([encoder.finish()]);
         n_parts += 1;
     }
@@ -118,14 +124,51 @@ fn parts_add_up() {
     let pass = StylePass::new(&gpu.device);
     for scratch_bytes in [64 << 20, 2000 * 192] {
         let case = case(&gpu, &scene, &decoder, StyleOptions { scratch_bytes, ..StyleOptions::default() });
-        let (at_once, n_parts) = colors(&gpu, &pass, &case, u64::MAX);
+        let (at_once, n_parts) = colors(&gpu, &pass, &case, StyleBudget::unlimited());
         assert_eq!(n_parts, 1);
         assert!(largest_difference(&case.expected, &at_once) < 2e-3);
         let all: u64 = case.scene.operations().iter().sum();
-        let (in_parts, n_parts) = colors(&gpu, &pass, &case, all / 6);
+        let (in_parts, n_parts) = colors(&gpu, &pass, &case, StyleBudget::of_operations(all / 6));
         assert!((6..20).contains(&n_parts), "{n_parts} parts");
         assert_eq!(at_once, in_parts);
     }
+}
+
+/// Timestamps come back, and tell another speed than the one that is assumed at first, which on software's clock means
+/// nothing; the colors are the same.
+#[test]
+fn a_timed_budget_learns_a_speed() {
+    let asked = HeadlessDevice::request_with_features(wgpu::Features::TIMESTAMP_QUERY);
+    let gpu = match pollster::block_on(asked) {
+        Ok(gpu) => gpu,
+        Err(error) => return eprintln!("SKIPPED: {error}"),
+    };
+    let HeadlessDevice { device, queue, info } = &gpu;
+    let mut budget = StyleBudget::new(0.05).timed(device, queue);
+    if !budget.is_timed() {
+        return eprintln!("SKIPPED: {} has no timestamps", info.name);
+    }
+    let mut random = Random(41);
+    let scene = random.scene(3000, 12, 1, 8);
+    let decoder = random.decoder(&scene, 8, &[48, 40, 3], LEAKY);
+    let pass = StylePass::new(device);
+    let Case { scene, weights, expected } = case(&gpu, &scene, &decoder, StyleOptions::default());
+    let colors = GaussianColors::new(device, expected.len()).unwrap();
+    let assumed = budget.operations();
+    let (mut progress, mut n_frames) = (StyleProgress::default(), 0);
+    while !progress.is_done() {
+        budget.begin_frame();
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        pass.encode_some(device, &mut encoder, &scene, &weights, &colors, &mut progress, &mut budget)
+            .unwrap();
+        queue.submit([encoder.finish()]);
+        device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+        n_frames += 1;
+    }
+    eprintln!("{n_frames} frames; {assumed} operations assumed, {} found", budget.operations());
+    assert!(n_frames > 3, "{n_frames}");
+    assert_ne!(assumed, budget.operations());
+    assert!(largest_difference(&expected, &colors.read(device, queue).unwrap()) < 2e-3);
 }
 
 /// The bounds that [`Precision`] states.

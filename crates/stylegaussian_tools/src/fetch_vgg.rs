@@ -13,7 +13,7 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use safetensors::{Dtype, tensor::TensorView};
 use stylegaussian::file::write_atomically;
-use stylegaussian_encoder::{onnx::Convolution, weights::Weights};
+use stylegaussian_encoder::{onnx::Convolution, vgg::imagenet_input, weights::Weights};
 
 use crate::train::{INTERRUPTED, loss_network::CONVOLUTIONS};
 use download::download;
@@ -26,9 +26,8 @@ const OFFICIAL: &str = "https://download.pytorch.org/models/vgg19-dcbb9e9d.pth";
 /// torchvision's names of [`CONVOLUTIONS`]: places among VGG-19's modules.
 const MODULES: [usize; 9] = [0, 2, 5, 7, 10, 12, 14, 16, 19];
 
-/// Mean and standard deviation of ImageNet's RGB 0..1, as torchvision's models expect their input normalized.
-const IMAGENET_MEAN: [f32; 3] = [0.485, 0.456, 0.406];
-const IMAGENET_STD_DEV: [f32; 3] = [0.229, 0.224, 0.225];
+/// So many digits of a checksum at least: as many as PyTorch's names have.
+const MIN_DIGITS: usize = 8;
 
 /// Download the official VGG-19 weights (575 MB) and keep what encoders and losses need, up to relu4_1 (14 MB).
 ///
@@ -45,8 +44,8 @@ pub struct FetchVggArgs {
     /// Where from; a `.pth` of torchvision's, or its tensors as `.safetensors`.
     #[arg(long, default_value = OFFICIAL)]
     url: String,
-    /// The first digits of the file's SHA-256, or all of them. Otherwise those in its name, before the extension.
-    #[arg(long, value_name = "HEX")]
+    /// The first 8 or more digits of the file's SHA-256. Otherwise those in its name, before the extension.
+    #[arg(long, value_name = "HEX", value_parser = digest)]
     sha256: Option<String>,
 }
 
@@ -63,7 +62,7 @@ pub fn run(arguments: &FetchVggArgs) -> Result<()> {
     let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
     let name = url.rsplit('/').next().unwrap_or_default();
     let download_to = output.with_file_name(format!("{name}.part.{}", extension(name)));
-    download(url, &download_to, &digest.to_lowercase())?;
+    download(url, &download_to, &digest)?;
     let mut convolutions = read(&download_to)?;
     if let Some(folder) = images {
         normalize(&mut convolutions, folder)?;
@@ -77,8 +76,16 @@ pub fn run(arguments: &FetchVggArgs) -> Result<()> {
 /// `dcbb9e9d` of `vgg19-dcbb9e9d.pth`.
 fn digest_in_name(url: &str) -> Option<String> {
     let stem = url.rsplit('/').next()?.rsplit_once('.')?.0;
-    let digest = stem.rsplit_once('-')?.1;
-    (digest.len() >= 8 && digest.chars().all(|digit| digit.is_ascii_hexdigit())).then(|| digest.to_owned())
+    digest(stem.rsplit_once('-')?.1).ok()
+}
+
+/// The beginning of a SHA-256, in lower case.
+fn digest(text: &str) -> Result<String, String> {
+    if (MIN_DIGITS..=64).contains(&text.len()) && text.chars().all(|digit| digit.is_ascii_hexdigit()) {
+        Ok(text.to_lowercase())
+    } else {
+        Err(format!("expected {MIN_DIGITS} to 64 hexadecimal digits"))
+    }
 }
 
 fn extension(name: &str) -> &str {
@@ -89,12 +96,7 @@ fn extension(name: &str) -> &str {
 /// 0..1 to what they expect.
 fn read(path: &Path) -> Result<Vec<(&'static str, Convolution)>> {
     let weights = Weights::open(path)?;
-    let mut input = Convolution { shape: [3, 3, 1, 1], weight: vec![0.0; 9], bias: Vec::new() };
-    for channel in 0..3 {
-        input.weight[channel * 4] = 1.0 / IMAGENET_STD_DEV[channel];
-        input.bias.push(-IMAGENET_MEAN[channel] / IMAGENET_STD_DEV[channel]);
-    }
-    let mut convolutions = vec![("conv0", input)];
+    let mut convolutions = vec![("conv0", imagenet_input())];
     let mut d_in = 3;
     for ((name, d_out, _), module) in CONVOLUTIONS.into_iter().zip(MODULES) {
         let convolution = weights.convolution(&format!("features.{module}"), [d_out, d_in, 3, 3])?;
@@ -124,6 +126,14 @@ mod tests {
         assert_eq!(digest_in_name(OFFICIAL).as_deref(), Some("dcbb9e9d"));
         for without in ["https://a.org/vgg19.pth", "https://a.org/vgg-19.pth", "vgg19-notahash.pth", ""] {
             assert_eq!(digest_in_name(without), None, "{without}");
+        }
+    }
+
+    #[test]
+    fn a_checksum_says_something() {
+        assert_eq!(digest("DCBB9E9D").as_deref(), Ok("dcbb9e9d"));
+        for short_or_long in ["", "dcbb9e9", "dcbb9e9g", &"0".repeat(65)] {
+            assert!(digest(short_or_long).is_err(), "{short_or_long}");
         }
     }
 }

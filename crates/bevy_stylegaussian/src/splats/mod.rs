@@ -33,7 +33,7 @@ mod view;
 
 pub(crate) use attach::CloudScene;
 pub(crate) use bounds::bounds;
-pub(crate) use extract::RenderClouds;
+pub(crate) use extract::{RenderCloud, RenderClouds};
 
 /// Shows a scene of Gaussians, wherever the entity's `Transform` puts it (any scale and shear included).
 ///

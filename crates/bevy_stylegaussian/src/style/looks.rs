@@ -84,30 +84,34 @@ impl CloudLook {
         self.shown.and_then(|index| self.buffers[index].as_ref())
     }
 
-    /// The buffer for the next look: the shown one, or the other where the shown one is to fade away; made where there is
-    /// none.
+    /// Where the next look goes: into the shown buffer, or into the other one where what is shown has to stay, to fade away
+    /// or until the next look is complete.
+    pub(super) fn next(&self, stays: bool) -> usize {
+        match self.shown {
+            Some(shown) if stays => 1 - shown,
+            Some(shown) => shown,
+            None => 0,
+        }
+    }
+
+    /// The buffer `index`, made where there is none.
     ///
     /// # Errors
     /// When the device cannot take it.
-    pub(super) fn next(
+    pub(super) fn buffer(
         &mut self,
         device: &wgpu::Device,
-        lasts: Duration,
-    ) -> Result<(usize, &GaussianColors), GaussianColorsError> {
-        let index = match self.shown {
-            Some(shown) if self.fades(lasts) => 1 - shown,
-            Some(shown) => shown,
-            None => 0,
-        };
+        index: usize,
+    ) -> Result<&GaussianColors, GaussianColorsError> {
         let buffer = match self.buffers[index].take() {
             Some(buffer) => buffer,
             None => GaussianColors::new(device, self.scene.as_ref().map_or(0, |scene| scene.len()))?,
         };
-        Ok((index, self.buffers[index].insert(buffer)))
+        Ok(self.buffers[index].insert(buffer))
     }
 
     /// The first look that the GPU learns of (also after a lost device) is there at once.
-    fn fades(&self, lasts: Duration) -> bool {
+    pub(super) fn fades(&self, lasts: Duration) -> bool {
         !lasts.is_zero() && self.generation.is_some()
     }
 

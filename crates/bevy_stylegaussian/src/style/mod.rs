@@ -7,7 +7,10 @@
 use bevy::{
     core_pipeline::schedule::camera_driver,
     prelude::*,
-    render::{ExtractSchedule, GpuResourceAppExt, RenderApp, renderer::RenderGraph},
+    render::{
+        ExtractSchedule, GpuResourceAppExt, RenderApp, extract_resource::ExtractResourcePlugin,
+        renderer::RenderGraph,
+    },
 };
 
 use crate::plugin::StyleGaussianSystems;
@@ -28,7 +31,7 @@ mod tests;
 mod transfer;
 
 pub use event::{AppliedStyle, StyleApplied, StyleError, StyleFailed, StylePassCount};
-pub use settings::{StyleBackend, StyleEncoder};
+pub use settings::{StyleBackend, StyleBudget, StyleEncoder};
 pub use source::{StyleDecoder, StyleInput, StyleSource, StyleTransition, WeightedStyle};
 
 pub(crate) use look::{GpuReport, GpuReports, Look};
@@ -43,12 +46,15 @@ impl Plugin for StylePlugin {
             .init_resource::<packed::PackedInputs>()
             .init_resource::<GpuReports>()
             .init_resource::<StylePassCount>()
+            .init_resource::<StyleBudget>()
+            .add_plugins(ExtractResourcePlugin::<StyleBudget>::default())
             .add_message::<StyleApplied>()
             .add_message::<StyleFailed>()
             .register_type::<StyleSource>()
             .register_type::<StyleTransition>()
             .register_type::<StyleDecoder>()
             .register_type::<StyleBackend>()
+            .register_type::<StyleBudget>()
             .register_type::<StyleEncoder>()
             .register_type::<StyleApplied>()
             .register_type::<StyleFailed>()

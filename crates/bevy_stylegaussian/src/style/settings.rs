@@ -5,7 +5,7 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-use bevy::prelude::*;
+use bevy::{prelude::*, render::extract_resource::ExtractResource};
 use stylegaussian_encoder::{Encoder, EncoderError, encoder::BuiltIn};
 
 /// The encoder that comes with the plugin.
@@ -26,6 +26,25 @@ pub enum StyleBackend {
     Cpu,
     /// On the GPU.
     Gpu,
+}
+
+/// How much of each frame changes of style may take on the GPU, all of them together. A change that takes longer is spread
+/// over frames; the old look stays until the new one is complete.
+///
+/// What the GPU does in that time is measured by its own clock; where it has none, an old integrated GPU is assumed. A frame
+/// can exceed the budget by what decodes 128 Gaussians in one layer. It says nothing about [`StyleBackend::Cpu`], which
+/// works in the background.
+#[derive(Resource, ExtractResource, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Resource, Clone, Debug, Default, PartialEq)]
+pub struct StyleBudget {
+    /// Milliseconds, at least 0. Infinite by default: a change is complete in the frame in which it begins.
+    pub ms_per_frame: f32,
+}
+
+impl Default for StyleBudget {
+    fn default() -> Self {
+        Self { ms_per_frame: f32::INFINITY }
+    }
 }
 
 /// The encoder that reads style images: VGG-19 weights or an ONNX file, opened in the background when the first image is

@@ -18,7 +18,8 @@ use stylegaussian::{
 use stylegaussian_gpu::splat::CloudColors;
 
 use crate::{
-    GaussianScene, GaussianSplats, StyleApplied, StyleBackend, StylePassCount, StyleSource, StyleTransition,
+    GaussianScene, GaussianSplats, StyleApplied, StyleBackend, StyleBudget, StylePassCount, StyleSource,
+    StyleTransition,
     world::{rendering::*, *},
 };
 
@@ -132,12 +133,74 @@ fn only_changes_run_the_style_pass() {
     assert_eq!(n_passes(&app), 3);
 }
 
-/// A thousand changes, most of them faster than they complete, on both backends and with fades: the last one stays, and
-/// the device holds what it held after ten.
+/// A budget that allows nothing, so that each frame decodes 128 rows of a layer: two entities that share a scene change one
+/// after the other, and what was shown stays until all of the next look is there.
+#[test]
+fn a_change_is_spread_over_frames() {
+    let Some(mut app) = app_with_rendering(StyleBackend::Gpu) else { return };
+    let styles = [1, 2].map(|seed| add_style(&mut app, small_style(seed)));
+    let scene = small_scene(1000, 1);
+    let expected = [1, 2].map(|seed| {
+        let map =
+            fold::transfer(scene.features.as_ref().unwrap(), &[(&small_style(seed), 1.0)], 0.0).unwrap();
+        fold::stylize(&scene, scene.decoder.as_ref().unwrap(), &map).unwrap()
+    });
+    let splats = GaussianSplats(add_scene(&mut app, scene));
+    let first = StyleSource::preset(styles[0].clone());
+    let entities = [(); 2].map(|()| app.world_mut().spawn((splats.clone(), first.clone())).id());
+    update_until(&mut app, "two passes", |world| world.resource::<StylePassCount>().get() == 2);
+
+    app.insert_resource(StyleBudget { ms_per_frame: 0.0 });
+    for entity in entities {
+        *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = StyleSource::preset(styles[1].clone());
+    }
+    // As many frames as layers have tiles, for each entity, and those before the folded weights are there.
+    let mut frames_of_each_count = [0; 3];
+    while n_passes(&app) < 4 {
+        frames_of_each_count[n_passes(&app) as usize - 2] += 1;
+        app.update();
+        let is_new = entities.map(|entity| {
+            let found = shown(&app, entity).unwrap();
+            let errors = expected.each_ref().map(|colors| largest_difference(colors, &found));
+            assert!(errors[0].min(errors[1]) < 2e-3, "neither the one look nor the other: {errors:?}");
+            errors[1] < 2e-3
+        });
+        assert_eq!(is_new.into_iter().filter(|new| *new).count() as u64, n_passes(&app) - 2);
+    }
+    eprintln!("frames: {frames_of_each_count:?}");
+    assert!(frames_of_each_count[..2].iter().all(|&n| n >= 16), "{frames_of_each_count:?}");
+
+    // A look that nobody wants any more is left halfway, and the scene is free for the other entity.
+    for entity in entities {
+        *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = first.clone();
+    }
+    for _ in 0..12 {
+        app.update();
+    }
+    *app.world_mut().get_mut::<StyleSource>(entities[0]).unwrap() = StyleSource::none();
+    update_until(&mut app, "a fifth pass", |world| world.resource::<StylePassCount>().get() == 5);
+    app.update();
+    assert!(shown(&app, entities[0]).is_none());
+    assert!(largest_difference(&expected[0], &shown(&app, entities[1]).unwrap()) < 2e-3);
+    app.world_mut().despawn(entities[0]);
+    for _ in 0..30 {
+        app.update();
+    }
+    assert_eq!(n_passes(&app), 5);
+}
+
+/// A thousand changes, most of them faster than they complete, on both backends, with fades and in parts: the last one stays,
+/// and the device holds what it held after ten.
 #[test]
 fn a_thousand_changes_leave_nothing_behind() {
-    for (backend, fades) in [(StyleBackend::Gpu, false), (StyleBackend::Cpu, true)] {
+    let cases = [
+        (StyleBackend::Gpu, false, f32::INFINITY),
+        (StyleBackend::Gpu, false, 0.0),
+        (StyleBackend::Cpu, true, f32::INFINITY),
+    ];
+    for (backend, fades, ms_per_frame) in cases {
         let Some(mut app) = app_with_rendering(backend) else { return };
+        app.insert_resource(StyleBudget { ms_per_frame });
         let image = render_target(&mut app, UVec2::splat(8));
         app.world_mut().spawn((Camera3d::default(), target(&image), Transform::from_xyz(0.0, 0.0, 5.0)));
         let styles: Vec<_> = (0..5).map(|seed| add_style(&mut app, small_style(seed))).collect();
@@ -184,7 +247,9 @@ fn a_thousand_changes_leave_nothing_behind() {
         (0..990).for_each(|_| change_at_random(&mut app));
         settle(&mut app, 3);
         let after_1000 = allocations(&app);
-        eprintln!("{backend:?}: {after_10:?} after 10 changes, {after_1000:?} after 1,000");
+        eprintln!(
+            "{backend:?}, {ms_per_frame} ms: {after_10:?} after 10 changes, {after_1000:?} after 1,000"
+        );
         let (Some(after_10), Some(after_1000)) = (after_10, after_1000) else {
             eprintln!("SKIPPED: the device does not report its allocations");
             continue;

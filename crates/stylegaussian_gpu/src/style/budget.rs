@@ -4,7 +4,10 @@ use std::time::Duration;
 
 use stylegaussian_shaders::style::TILE_ROWS;
 
-use super::plan::Step;
+use super::{
+    plan::Step,
+    timer::{Timer, Timing},
+};
 
 /// How far a change of style has come: see [`StylePass::encode_some`](super::StylePass::encode_some).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -47,17 +50,21 @@ impl StyleProgress {
     }
 }
 
-/// How much of a frame a change of style may take, and how fast it is: what tells
+/// How much of a frame changes of style may take, and how fast the GPU is: what tells
 /// [`StylePass::encode_some`](super::StylePass::encode_some) how much to encode.
 ///
-/// Tell it by [`observe`](Self::observe) what parts took on the GPU, e.g. by timestamps around them; until then it assumes the
-/// slowest GPU that it is meant for.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// It learns the speed by timestamps around what it granted ([`timed`](Self::timed)) or from what
+/// [`observe`](Self::observe) is told; until then it assumes the slowest GPU that it is meant for. What a frame takes passes
+/// the budget by a tile of 128 rows at most, or where sums over planes are kept by a chunk.
+#[derive(Debug)]
 pub struct StyleBudget {
-    /// Milliseconds of GPU time in each frame.
+    /// Milliseconds of GPU time in each frame; infinite for all at once.
     pub ms_per_frame: f32,
     /// Multiplications and additions in a millisecond.
     operations_per_ms: f64,
+    /// What this frame has been granted so far.
+    granted: u64,
+    timer: Option<Timer>,
 }
 
 /// An integrated GPU of ten years ago reaches 0.1 TFLOP/s in products of matrices.
@@ -69,13 +76,74 @@ const NEWEST: f64 = 0.25;
 impl StyleBudget {
     /// At most `ms_per_frame` milliseconds of each frame.
     pub fn new(ms_per_frame: f32) -> Self {
-        Self { ms_per_frame, operations_per_ms: SLOWEST }
+        Self { ms_per_frame, operations_per_ms: SLOWEST, granted: 0, timer: None }
     }
 
-    /// How much to encode in a frame.
+    /// So many multiplications and additions in each frame, however long they take.
+    pub fn of_operations(operations: u64) -> Self {
+        Self { operations_per_ms: operations as f64, ..Self::new(1.0) }
+    }
+
+    /// Everything at once.
+    pub fn unlimited() -> Self {
+        Self::new(f32::INFINITY)
+    }
+
+    /// Measures what it grants by the GPU's own clock, where the device has `TIMESTAMP_QUERY`. Not for software that acts as a
+    /// GPU: it tells the time at which it took work up, not at which it did it.
+    pub fn timed(mut self, device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
+        self.timer = Timer::new(device, queue);
+        self
+    }
+
+    /// Whether a change may take more than one frame.
+    pub fn is_limited(&self) -> bool {
+        self.ms_per_frame != f32::INFINITY
+    }
+
+    /// Whether it measures.
+    pub fn is_timed(&self) -> bool {
+        self.timer.is_some()
+    }
+
+    /// Grants anew, and takes over what was measured of earlier frames, whose commands have been submitted.
+    pub fn begin_frame(&mut self) {
+        self.granted = 0;
+        let measured = self.timer.as_mut().map(Timer::read).unwrap_or_default();
+        for (operations, time) in measured {
+            self.observe(operations, time);
+        }
+    }
+
+    /// How much a frame is granted.
     pub fn operations(&self) -> u64 {
         // Casts of what is not positive give 0: a tile of rows is encoded all the same.
         (f64::from(self.ms_per_frame) * self.operations_per_ms) as u64
+    }
+
+    /// What is left of this frame's; `None` once it is used up. What has not been begun is granted at least nothing: a tile.
+    pub(super) fn left(&self) -> Option<u64> {
+        let left = self.operations().saturating_sub(self.granted);
+        (left > 0 || self.granted == 0).then_some(left)
+    }
+
+    /// Notes what was taken of it. Gives the timestamps to write around it, to be resolved by [`Self::resolve`].
+    pub(super) fn grant(&mut self, operations: u64) -> Option<Timing> {
+        self.granted = self.granted.saturating_add(operations);
+        let is_limited = self.is_limited();
+        self.timer.as_mut().filter(|_| is_limited).and_then(|timer| timer.start(operations))
+    }
+
+    /// The queries of a timing's two timestamps.
+    pub(super) fn timestamps(&self, timing: Timing) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+        self.timer.as_ref().map(|timer| timer.timestamps(timing))
+    }
+
+    /// Encodes the way back of a timing's timestamps, behind the pass that wrote them.
+    pub(super) fn resolve(&self, encoder: &mut wgpu::CommandEncoder, timing: Timing) {
+        if let Some(timer) = &self.timer {
+            timer.resolve(encoder, timing);
+        }
     }
 
     /// Tells that `operations` took `time` on the GPU. A slower GPU than thought is believed at once, a faster one bit by
@@ -165,5 +233,25 @@ mod tests {
         budget.observe(0, Duration::ZERO);
         assert_eq!(budget.operations(), 2_000_000);
         assert_eq!(StyleBudget::new(-1.0).operations(), 0);
+        assert_eq!(StyleBudget::unlimited().operations(), u64::MAX);
+        assert_eq!(StyleBudget::of_operations(123_456_789).operations(), 123_456_789);
+    }
+
+    /// Several scenes share a frame; the last one to be granted anything may exceed it.
+    #[test]
+    fn a_frame_is_granted_once() {
+        let mut budget = StyleBudget::new(1.0);
+        assert_eq!(budget.left(), Some(100_000_000));
+        budget.grant(60_000_000);
+        assert_eq!(budget.left(), Some(40_000_000));
+        budget.grant(50_000_000);
+        assert_eq!(budget.left(), None);
+        budget.begin_frame();
+        assert_eq!(budget.left(), Some(100_000_000));
+        // Nothing is granted at all, but changes complete.
+        let mut none = StyleBudget::new(0.0);
+        assert_eq!(none.left(), Some(0));
+        none.grant(1);
+        assert_eq!(none.left(), None);
     }
 }

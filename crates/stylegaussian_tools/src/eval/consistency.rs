@@ -260,7 +260,7 @@ fn difference(judge: &Judge, pair: &Pair, from: &Displayed, into: &Displayed) ->
     let std_dev = root_mean_square(&into.rgb, &vec![mean; into.rgb.len()], &visible);
     let features = |rgb: &[[f32; 3]], size: UVec2| {
         let picture = picture_tensor(rgb.as_flattened(), &judge.device);
-        judge.network.features(picture, [size.x as usize, size.y as usize])
+        judge.network.features_to_relu3_1(picture, [size.x as usize, size.y as usize])
     };
     let share: Vec<f32> = visible.iter().map(|visible| f32::from(u8::from(*visible))).collect();
     let layers = features(&warped, into.size).into_iter().zip(features(&into.rgb, into.size));

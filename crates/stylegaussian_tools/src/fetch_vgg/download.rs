@@ -4,9 +4,12 @@ use std::{
     fs::{self, File, OpenOptions},
     io::{self, Read, Write},
     path::Path,
-    sync::atomic::Ordering,
+    sync::{
+        atomic::Ordering,
+        mpsc::{Receiver, RecvTimeoutError, sync_channel},
+    },
     thread,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use anyhow::{Context, Result, bail, ensure};
@@ -19,8 +22,11 @@ use crate::train::INTERRUPTED;
 const TRIES: u32 = 5;
 const PAUSE: Duration = Duration::from_secs(1);
 
-/// How long a server may take to answer. What it sends then has no limit.
+/// How long a server may take to answer, and then to send anything more.
 const TIMEOUT: Duration = Duration::from_secs(30);
+
+/// How soon Ctrl-C is noticed.
+const LOOK: Duration = Duration::from_millis(200);
 
 /// What one request came to.
 enum Outcome {
@@ -74,7 +80,7 @@ fn request(url: &str, path: &Path, bar: &ProgressBar) -> Result<Outcome> {
         .build();
     let request = ureq::Agent::from(config).get(url);
     let request = if have > 0 { request.header("Range", format!("bytes={have}-")) } else { request };
-    let mut response = match request.call() {
+    let response = match request.call() {
         Ok(response) => response,
         Err(error @ (ureq::Error::BadUri(_) | ureq::Error::RequireHttpsOnly(_))) => bail!("{url}: {error}"),
         Err(error) => return Ok(Outcome::Cut(error.to_string())),
@@ -90,7 +96,9 @@ fn request(url: &str, path: &Path, bar: &ProgressBar) -> Result<Outcome> {
         416 if total_of_range == Some(have) => return Ok(Outcome::Complete),
         416 => {
             fs::remove_file(path).with_context(|| format!("cannot remove {}", path.display()))?;
-            return Ok(Outcome::Cut(format!("the server has no byte {have}")));
+            let reason = format!("the server has no byte {have}, so the file is another one");
+            bar.println(format!("{url}: {reason}; beginning anew"));
+            return Ok(Outcome::Cut(reason));
         }
         status => {
             bail!("{url}: the server answers {status} {range:?}, expected 200, or 206 from byte {have}")
@@ -100,25 +108,77 @@ fn request(url: &str, path: &Path, bar: &ProgressBar) -> Result<Outcome> {
     let at = |error: io::Error| anyhow::Error::new(error).context(format!("cannot write {}", path.display()));
     let mut file = OpenOptions::new().create(true).append(true).open(path).map_err(at)?;
     file.set_len(start).map_err(at)?;
-    let (mut body, mut buffer, mut have) = (response.body_mut().as_reader(), vec![0; 1 << 16], start);
-    loop {
-        bar.set_position(have);
-        if INTERRUPTED.load(Ordering::Relaxed) {
-            bail!("interrupted; {have} bytes are kept in {}, the same command goes on", path.display());
+    let body = chunks(response.into_body().into_reader());
+    let have = match receive(&body, &mut file, start, TIMEOUT, bar).map_err(at)? {
+        Received::All(have) => have,
+        Received::Cut(reason) => return Ok(Outcome::Cut(reason)),
+        Received::Interrupted(have) => {
+            bail!("interrupted; {have} bytes are kept in {}, the same command goes on", path.display())
         }
-        match body.read(&mut buffer) {
-            Ok(0) => break,
-            Ok(n) => {
-                file.write_all(&buffer[..n]).map_err(at)?;
-                have += n as u64;
-            }
-            Err(error) => return Ok(Outcome::Cut(error.to_string())),
-        }
-    }
+    };
     Ok(match total.filter(|&total| have < total) {
         Some(total) => Outcome::Cut(format!("the connection ended after {have} of {total} bytes")),
         None => Outcome::Complete,
     })
+}
+
+/// Reads on a thread of its own, so that whoever waits for a server that has stalled can stop waiting. The last chunk is
+/// empty, or an error.
+fn chunks(mut body: impl Read + Send + 'static) -> Receiver<io::Result<Vec<u8>>> {
+    let (sender, receiver) = sync_channel(4);
+    thread::spawn(move || {
+        loop {
+            let mut buffer = vec![0; 1 << 16];
+            let chunk = body.read(&mut buffer).map(|n| {
+                buffer.truncate(n);
+                buffer
+            });
+            let is_last = chunk.as_ref().map_or(true, Vec::is_empty);
+            if sender.send(chunk).is_err() || is_last {
+                break;
+            }
+        }
+    });
+    receiver
+}
+
+/// How the body of an answer ended, and at which byte of the file.
+#[derive(Debug, PartialEq, Eq)]
+enum Received {
+    All(u64),
+    Cut(String),
+    Interrupted(u64),
+}
+
+/// Writes what comes behind byte `have` of a file. Gives up when nothing comes for as long as `timeout`.
+fn receive(
+    chunks: &Receiver<io::Result<Vec<u8>>>,
+    file: &mut impl Write,
+    mut have: u64,
+    timeout: Duration,
+    bar: &ProgressBar,
+) -> io::Result<Received> {
+    let mut last = Instant::now();
+    loop {
+        bar.set_position(have);
+        if INTERRUPTED.load(Ordering::Relaxed) {
+            return Ok(Received::Interrupted(have));
+        }
+        match chunks.recv_timeout(LOOK.min(timeout)) {
+            Ok(Ok(chunk)) if chunk.is_empty() => return Ok(Received::All(have)),
+            Ok(Ok(chunk)) => {
+                file.write_all(&chunk)?;
+                have += chunk.len() as u64;
+                last = Instant::now();
+            }
+            Ok(Err(error)) => return Ok(Received::Cut(error.to_string())),
+            Err(RecvTimeoutError::Timeout) if last.elapsed() < timeout => {}
+            Err(RecvTimeoutError::Timeout) => {
+                return Ok(Received::Cut(format!("nothing came for {} s", timeout.as_secs_f32())));
+            }
+            Err(RecvTimeoutError::Disconnected) => return Ok(Received::Cut("the connection is lost".into())),
+        }
+    }
 }
 
 /// In hexadecimal digits.
@@ -126,4 +186,41 @@ fn sha256(path: &Path) -> io::Result<String> {
     let mut hasher = Sha256::new();
     io::copy(&mut File::open(path)?, &mut hasher)?;
     Ok(hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A body that brings some bytes and then nothing, and never ends.
+    struct Stalls(Option<Vec<u8>>);
+
+    impl Read for Stalls {
+        fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+            let Some(bytes) = self.0.take() else {
+                thread::park();
+                return Err(io::ErrorKind::TimedOut.into());
+            };
+            buffer[..bytes.len()].copy_from_slice(&bytes);
+            Ok(bytes.len())
+        }
+    }
+
+    #[test]
+    fn a_server_that_stalls_is_left() {
+        let (mut file, bar) = (Vec::new(), ProgressBar::hidden());
+        let body = chunks(Stalls(Some(vec![1, 2, 3])));
+        let received = receive(&body, &mut file, 10, Duration::from_millis(20), &bar).unwrap();
+        assert_eq!(received, Received::Cut("nothing came for 0.02 s".into()));
+        assert_eq!(file, [1, 2, 3]);
+    }
+
+    #[test]
+    fn all_bytes_arrive_in_order() {
+        let bytes: Vec<u8> = (0..200_000_u32).map(|i| i as u8).collect();
+        let (mut file, bar) = (Vec::new(), ProgressBar::hidden());
+        let body = chunks(io::Cursor::new(bytes.clone()));
+        assert_eq!(receive(&body, &mut file, 5, TIMEOUT, &bar).unwrap(), Received::All(200_005));
+        assert_eq!(file, bytes);
+    }
 }

@@ -119,11 +119,16 @@ impl LossNetwork {
 
     /// Features of a picture `[H * W, 3]`, RGB 0..1, `size` = [W, H], at each layer.
     pub fn features(&self, picture: Tensor<2>, size: [usize; 2]) -> Vec<FeatureRows> {
-        let mut features = self.main.features(picture.clone(), size, &self.grids);
+        let mut features = self.features_to_relu3_1(picture.clone(), size);
         if let Some(deep) = &self.deep {
             features.extend(deep.features(picture, size, &self.grids));
         }
         features
+    }
+
+    /// [`features`](Self::features) without the stand-in for relu4_1.
+    pub fn features_to_relu3_1(&self, picture: Tensor<2>, size: [usize; 2]) -> Vec<FeatureRows> {
+        self.main.features(picture, size, &self.grids)
     }
 }
 
