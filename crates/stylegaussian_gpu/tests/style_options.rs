@@ -79,7 +79,7 @@ fn largest_difference(expected: &[[f32; 3]], found: &[[f32; 3]]) -> f32 {
 fn check(gpu: &HeadlessDevice, scene: &Scene, decoder: &Decoder, options: StyleOptions, tolerance: f32) {
     let pass = StylePass::with_precision(&gpu.device, options.precision);
     let case = case(gpu, scene, decoder, options);
-    let (found, _) = colors(gpu, &pass, &case, u64::MAX);
+    let (found, _) = colors(gpu, &pass, &case, StyleBudget::unlimited());
     let difference = largest_difference(&case.expected, &found);
     eprintln!("{options:?}: largest difference {difference:.2e}");
     assert!(difference < tolerance, "{options:?}: {difference} from the CPU");
