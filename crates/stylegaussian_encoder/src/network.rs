@@ -6,6 +6,7 @@ use ort::{
     session::{Session, builder::GraphOptimizationLevel},
     value::{Outlet, TensorElementType, TensorRef},
 };
+use tract_linalg::multithread::{Executor, multithread_tract_scope};
 
 use crate::runtime::{Engine, Runtime, RuntimeError};
 
@@ -150,7 +151,10 @@ impl Network {
                     Some(session) => session,
                     None => start(&self.name, &self.onnx, self.runtime)?,
                 };
-                let output = self.run_session(&mut session, input);
+                // Products on all cores, by the threads that everything else here uses: one image alone would leave the
+                // others idle.
+                let output =
+                    multithread_tract_scope(Executor::RayonGlobal, || self.run_session(&mut session, input));
                 let mut sessions = self.lock();
                 if sessions.len() < rayon::current_num_threads() {
                     sessions.push(session);

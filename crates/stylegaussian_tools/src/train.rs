@@ -353,6 +353,9 @@ impl Trainer {
             if self.progress.steps.is_multiple_of(CHECKPOINT_STEPS) {
                 if f64::from(self.progress.steps) > f64::from(total) * (1.0 - self.arguments.average) {
                     self.average.add(&self.network.parameters);
+                } else {
+                    // What a shorter training that is gone on with has averaged is not the end any more.
+                    self.average = Average::new(&self.network.parameters);
                 }
                 self.save()?;
                 file::write_decoder(&self.arguments.output, &self.decoder(), Precision::F16)?;
