@@ -23,11 +23,11 @@ const ROWS: [(EmbedMethod, Option<u32>); 9] = [
     (EmbedMethod::Optimize, Some(100)),
     (EmbedMethod::Optimize, Some(300)),
     (EmbedMethod::Optimize, Some(1000)),
-    (EmbedMethod::Optimize, Some(2000)),
+    (EmbedMethod::Optimize, None),
+    (EmbedMethod::Optimize, Some(5000)),
     (EmbedMethod::Default, Some(50)),
     (EmbedMethod::Default, Some(100)),
     (EmbedMethod::Default, None),
-    (EmbedMethod::Default, Some(400)),
 ];
 
 fn main() -> anyhow::Result<()> {
