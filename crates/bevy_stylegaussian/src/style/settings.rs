@@ -32,8 +32,8 @@ pub enum StyleBackend {
 /// over frames; the old look stays until the new one is complete.
 ///
 /// What the GPU does in that time is measured by its own clock; where it has none, an old integrated GPU is assumed. A frame
-/// can exceed the budget by what decodes 128 Gaussians in one layer. It says nothing about [`StyleBackend::Cpu`], which
-/// works in the background.
+/// can exceed the budget by what decodes 128 Gaussians in one layer (more on devices whose small limits cut a layer's
+/// inputs). It says nothing about [`StyleBackend::Cpu`], which works in the background.
 #[derive(Resource, ExtractResource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Clone, Debug, Default, PartialEq)]
 pub struct StyleBudget {
