@@ -10,7 +10,9 @@ pub use knn_conv::{
     knn_conv_backward_weight,
 };
 
-use crate::{encoder_id::EncoderId, neighbors::Neighbors};
+use rayon::prelude::*;
+
+use crate::{encoder_id::EncoderId, neighbors::Neighbors, noise::NoiseKind};
 
 /// One KNN convolution: y_p = sum_k W_k x_{n(p,k)} + B.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,6 +41,8 @@ pub struct Decoder {
     /// How many channels of noise the first layer takes after the scene's features, one number for each Gaussian that is
     /// always the same (see [`noise`](crate::noise)). Features are smooth, paintings are not: strokes are made of it.
     pub n_noise: usize,
+    /// What that noise is.
+    pub noise_kind: NoiseKind,
     /// Whether the first layer also takes the Gaussian's own, unstyled color (SH 0): three more inputs, the last ones,
     /// [`OWN_COLOR_SCALE`](Self::OWN_COLOR_SCALE) (c - 0.5). Features are blurred over the cells of a feature map; colors
     /// keep the detail.
@@ -47,6 +51,9 @@ pub struct Decoder {
     /// layer's bias, so that every Gaussian knows what the whole picture should look like. It folds: a change of style
     /// costs one more product of a matrix and a vector, and a Gaussian nothing.
     pub statistics_weight: Vec<f32>,
+    /// Whether the decoded colors are averaged over each Gaussian's window in the end ([`window_means`]). What neighbors do
+    /// not agree on, views do not agree on either: each blends them with weights of its own.
+    pub smooth: bool,
     /// The encoder its input belongs to; `None` when the file did not say.
     pub encoder: Option<EncoderId>,
 }
@@ -62,6 +69,20 @@ impl Decoder {
     /// How many inputs the first layer takes that no scene file holds: noise and the own color.
     pub fn n_beside(&self) -> usize {
         self.n_noise.saturating_add(if self.own_color { 3 } else { 0 })
+    }
+
+    /// How many neighborhoods a color depends on: the layers', and one more where colors are averaged.
+    pub fn n_windows(&self) -> usize {
+        self.layers.len() + usize::from(self.smooth)
+    }
+
+    /// The average over windows as a layer, 3 colors to 3; no activation comes before it.
+    pub fn averaging_layer(&self) -> Layer {
+        let mut weight = vec![0.0; 3 * self.k * 3];
+        for (output, row) in weight.chunks_exact_mut((self.k * 3).max(1)).enumerate() {
+            row.iter_mut().skip(output).step_by(3).for_each(|w| *w = 1.0 / self.k as f32);
+        }
+        Layer { weight, bias: vec![0.0; 3], d_in: 3, d_out: 3 }
     }
 
     /// D + E, the noise, and 3 more with the own color: the channels the first layer takes; 0 without layers.
@@ -98,4 +119,17 @@ pub fn run_layers(
         });
     }
     x
+}
+
+/// The mean color of each Gaussian's window `[N]`: the end of a decoder that is [`smooth`](Decoder::smooth).
+pub fn window_means(colors: &[[f32; 3]], neighbors: &Neighbors) -> Vec<[f32; 3]> {
+    let share = 1.0 / neighbors.k.max(1) as f32;
+    let mean = |window: &[u32]| {
+        let mut sum = [0.0; 3];
+        for &neighbor in window {
+            sum.iter_mut().zip(colors[neighbor as usize]).for_each(|(sum, channel)| *sum += channel);
+        }
+        sum.map(|channel| channel * share)
+    };
+    neighbors.indices.par_chunks_exact(neighbors.k.max(1)).map(mean).collect()
 }

@@ -8,10 +8,10 @@
 use std::borrow::Cow;
 
 use crate::{
-    decoder::{Decoder, Layer, run_layers},
+    decoder::{Decoder, Layer, run_layers, window_means},
     encoder_id::EncoderId,
     neighbors::Neighbors,
-    noise::noise,
+    noise::{NoiseKind, Waves, noise},
     scene::{Features, Scene},
     statistics::{ChannelStatistics, ContentStatistics},
 };
@@ -205,9 +205,18 @@ pub fn inputs_of<'a>(scene: &'a Scene, decoder: &Decoder) -> Option<Cow<'a, Feat
     let mut inputs = features.clone();
     inputs.n_extra += decoder.n_beside();
     inputs.extra.clear();
+    let waves = match decoder.noise_kind {
+        NoiseKind::White => None,
+        NoiseKind::Waves => Some(Waves::new(&scene.means, decoder.n_noise)),
+    };
     for (i, (color, source_index)) in scene.base_colors().iter().zip(&scene.order).enumerate() {
         inputs.extra.extend_from_slice(&features.extra[i * features.n_extra..][..features.n_extra]);
-        inputs.extra.extend((0..decoder.n_noise as u32).map(|channel| noise(*source_index, channel)));
+        match &waves {
+            Some(waves) => inputs.extra.extend(waves.at(scene.means[i])),
+            None => {
+                inputs.extra.extend((0..decoder.n_noise as u32).map(|channel| noise(*source_index, channel)));
+            }
+        }
         if decoder.own_color {
             inputs.extra.extend(color.map(|channel| Decoder::OWN_COLOR_SCALE * (channel - 0.5)));
         }
@@ -311,6 +320,9 @@ pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec
     let inputs = centered_inputs(features, &mean_low);
     let rgb = run_layers(&layers, decoder.activation, &neighbors, inputs);
     let mut colors: Vec<[f32; 3]> = rgb.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
+    if decoder.smooth {
+        colors = window_means(&colors, &neighbors);
+    }
     if decoder.residual {
         for (color, base) in colors.iter_mut().zip(scene.base_colors()) {
             color.iter_mut().zip(base).for_each(|(c, b)| *c += b);

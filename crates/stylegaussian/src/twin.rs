@@ -42,7 +42,7 @@ pub fn adain(f: &[Vec<f64>], style: &ChannelStatistics) -> Vec<Vec<f64>> {
     f.iter().map(|row| (0..n_channels).map(|d| channel(row, d)).collect()).collect()
 }
 
-/// The decoder on full-width features `[N][D + E]`: `[N][3]`.
+/// The decoder on full-width features `[N][D + E]`: `[N][3]`, before a residual decoder adds the own color.
 pub fn decode(decoder: &Decoder, neighbors: &Neighbors, mut x: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     for (i, layer) in decoder.layers.iter().enumerate() {
         let is_last = i + 1 == decoder.layers.len();
@@ -57,6 +57,13 @@ pub fn decode(decoder: &Decoder, neighbors: &Neighbors, mut x: Vec<Vec<f64>>) ->
         };
         let windows = neighbors.indices.chunks_exact(neighbors.k);
         x = windows.map(|window| (0..layer.d_out).map(|o| output(window, o)).collect()).collect();
+    }
+    if decoder.smooth {
+        let mean = |window: &[u32], o: usize| {
+            window.iter().map(|&neighbor| x[neighbor as usize][o]).sum::<f64>() / decoder.k as f64
+        };
+        let windows = neighbors.indices.chunks_exact(neighbors.k);
+        x = windows.map(|window| (0..3).map(|o| mean(window, o)).collect()).collect();
     }
     x
 }

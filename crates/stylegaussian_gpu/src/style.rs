@@ -158,6 +158,11 @@ impl StylePass {
                 (weights.activation.to_string(), "the sigmoid, to be kept as bytes".into());
             return Err(StyleSceneError::Mismatch { what: "an activation", found, expected });
         }
+        if scene.precision == Precision::Unorm8 && weights.smooth {
+            let (found, expected) =
+                ("colors to be averaged".into(), "a decoder without, to be kept as bytes".into());
+            return Err(StyleSceneError::Mismatch { what: "a decoder", found, expected });
+        }
         Ok(())
     }
 }
@@ -166,11 +171,11 @@ fn check(scene: &StyleScene, weights: &GpuDecoder, colors: &GaussianColors) -> R
     let mismatch =
         |what, found: String, expected: String| StyleSceneError::Mismatch { what, found, expected };
     let shape = &scene.shape;
-    let of_scene = (&shape.widths, shape.k, shape.residual);
-    let of_weights = (&weights.widths, weights.k, weights.residual);
+    let of_scene = (&shape.widths, shape.k, shape.residual, shape.smooth);
+    let of_weights = (&weights.widths, weights.k, weights.residual, weights.smooth);
     if of_scene != of_weights {
-        let name = |(widths, k, residual): (&Vec<usize>, _, _)| {
-            format!("widths {widths:?}, K {k}, residual {residual}")
+        let name = |(widths, k, residual, smooth): (&Vec<usize>, _, _, _)| {
+            format!("widths {widths:?}, K {k}, residual {residual}, smooth {smooth}")
         };
         return Err(mismatch("weights", name(of_weights), name(of_scene)));
     }

@@ -100,7 +100,9 @@ fn blocks_give_the_same_colors() {
         for residual in [false, true] {
             let mut random = Random(n as u64 + max_rows as u64);
             let scene = random.scene(n, 12, 1, 8);
-            let decoder = Decoder { residual, n_noise: 2, ..random.empty(8, LEAKY) };
+            // Both at once, to have either with and without blocks' borders.
+            let smooth = residual;
+            let decoder = Decoder { residual, smooth, n_noise: 2, ..random.empty(8, LEAKY) };
             let decoder = random.layers(decoder, &scene, widths, false);
             let row_bytes: usize = 2 * (widths[0] + widths.get(1).copied().unwrap_or(0));
             let scratch_bytes = (max_rows * row_bytes) as u64;
@@ -195,8 +197,8 @@ fn precisions_that_do_not_fit_are_errors() {
     let mut random = Random(41);
     let scene = random.scene(50, 8, 0, 8);
     let decoder = random.decoder(&scene, 8, &[16, 3], LEAKY);
-    let refused = |of_pass, precision| {
-        let case = case(&gpu, &scene, &decoder, StyleOptions { precision, ..StyleOptions::default() });
+    let refused = |decoder: &Decoder, of_pass, precision| {
+        let case = case(&gpu, &scene, decoder, StyleOptions { precision, ..StyleOptions::default() });
         let colors = GaussianColors::new(&gpu.device, 50).unwrap();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let pass = StylePass::with_precision(&gpu.device, of_pass);
@@ -205,7 +207,11 @@ fn precisions_that_do_not_fit_are_errors() {
         assert!(matches!(error, StyleSceneError::Mismatch { .. }), "{error}");
         error.to_string()
     };
-    assert!(refused(Precision::F32, Precision::F16).contains("a precision of F32, the scene has F16"));
-    let bytes = refused(Precision::Unorm8, Precision::Unorm8);
+    let precisions = refused(&decoder, Precision::F32, Precision::F16);
+    assert!(precisions.contains("a precision of F32, the scene has F16"), "{precisions}");
+    let bytes = refused(&decoder, Precision::Unorm8, Precision::Unorm8);
     assert!(bytes.contains("leaky_relu:0.2"), "{bytes}");
+    let averaged = Decoder { smooth: true, activation: Activation::Sigmoid, ..decoder };
+    let averaged = refused(&averaged, Precision::Unorm8, Precision::Unorm8);
+    assert!(averaged.contains("averaged"), "{averaged}");
 }

@@ -376,11 +376,26 @@ fn initial_decoder(arguments: &TrainArgs, encoder: &Encoder, scenes: &[LoadedSce
         let id = Some(encoder.id().clone());
         return Ok(Network::random(arguments, encoder.n_channels(), n_extra, id));
     };
-    let decoder = file::read_decoder(path)?;
+    let mut decoder = file::read_decoder(path)?;
+    decoder.smooth = arguments.smooth.unwrap_or(decoder.smooth);
+    if let Some(kind) = arguments.noise_kind.filter(|kind| *kind != decoder.noise_kind) {
+        forget_noise(&mut decoder);
+        decoder.noise_kind = kind;
+    }
     if let Some(found) = &decoder.encoder {
         ensure!(found == encoder.id(), "{}: belongs to {found}, expected {}", path.display(), encoder.id());
     }
     Ok(decoder)
+}
+
+/// Sets the first layer's weights on noise to 0: those inputs are the last ones but for the own color.
+fn forget_noise(decoder: &mut Decoder) {
+    let n_noise = decoder.n_noise;
+    let Some(first) = decoder.layers.first_mut() else { return };
+    let start = first.d_in - n_noise - if decoder.own_color { 3 } else { 0 };
+    for row in first.weight.chunks_exact_mut(first.d_in) {
+        row[start..start + n_noise].fill(0.0);
+    }
 }
 
 /// From `rate` to a tenth of it along half a cosine.

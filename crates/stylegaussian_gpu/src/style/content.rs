@@ -58,6 +58,8 @@ pub struct FoldedLayers {
     pub(super) k: usize,
     pub(super) activation: Activation,
     pub(super) residual: bool,
+    /// Whether the last layer averages colors: no activation comes before it.
+    pub(super) smooth: bool,
 }
 
 impl FoldedLayers {
@@ -81,8 +83,15 @@ impl FoldedLayers {
         for row in first.weight.chunks_exact_mut(first.d_in) {
             row.iter_mut().zip(&content.input_scales).for_each(|(weight, scale)| *weight /= scale);
         }
-        let layers = std::iter::once(first).chain(decoder.layers[1..].iter().cloned()).collect();
-        Ok(Self { layers, k: decoder.k, activation: decoder.activation, residual: decoder.residual })
+        let averaging = decoder.smooth.then(|| decoder.averaging_layer());
+        let layers = std::iter::once(first).chain(decoder.layers[1..].iter().cloned()).chain(averaging);
+        Ok(Self {
+            layers: layers.collect(),
+            k: decoder.k,
+            activation: decoder.activation,
+            residual: decoder.residual,
+            smooth: decoder.smooth,
+        })
     }
 }
 
@@ -93,10 +102,12 @@ pub(super) struct StyleShape {
     pub n_gaussians: usize,
     /// K.
     pub k: usize,
-    /// L + E, then the outputs of each layer, 3 in the end.
+    /// L + E, then the outputs of each layer, 3 in the end; the average over windows is a layer too.
     pub widths: Vec<usize>,
     /// Whether the Gaussians' own colors are added.
     pub residual: bool,
+    /// Whether the last layer averages colors.
+    pub smooth: bool,
 }
 
 impl StyleShape {
@@ -104,12 +115,13 @@ impl StyleShape {
     pub fn of(scene: &Scene, decoder: &Decoder) -> Result<Self, StylizeError> {
         let features = fold::check_decoder(scene, decoder)?;
         let n_inputs = features.n_low + features.n_extra + decoder.n_beside();
-        let outputs = decoder.layers.iter().map(|layer| layer.d_out);
+        let outputs = decoder.layers.iter().map(|layer| layer.d_out).chain(decoder.smooth.then_some(3));
         Ok(Self {
             n_gaussians: scene.len(),
             k: decoder.k,
             widths: std::iter::once(n_inputs).chain(outputs).collect(),
             residual: decoder.residual,
+            smooth: decoder.smooth,
         })
     }
 

@@ -12,7 +12,8 @@ pub enum Precision {
     /// f16: colors of the paper's layers are within 2e-3 of f32's.
     #[default]
     F16,
-    /// Bytes, for decoders whose activation is the sigmoid, which lives in 0..1; features f16. Each activation is rounded
+    /// Bytes, for decoders whose activation is the sigmoid, which lives in 0..1, and which do not average colors, which do
+    /// not; features f16. Each activation is rounded
     /// by at most 1/510: colors of the paper's layers are within 5e-3 of f32's. Half the scratch memory of f16.
     Unorm8,
 }

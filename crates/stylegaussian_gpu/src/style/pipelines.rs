@@ -101,7 +101,7 @@ impl Pipelines {
         });
         let mut bytes = vec![0; stride as usize * steps.len()];
         for (step, slot) in steps.iter().zip(bytes.chunks_exact_mut(stride as usize)) {
-            let parameters = with_decoder(step.parameters, weights);
+            let parameters = with_decoder(step, weights);
             slot[..size_of::<KnnLayer>()].copy_from_slice(bytemuck::bytes_of(&parameters));
         }
         buffer.get_mapped_range_mut(..).copy_from_slice(&bytes);
@@ -121,12 +121,12 @@ impl Parameters {
     }
 }
 
-fn with_decoder(parameters: KnnLayer, weights: &GpuDecoder) -> KnnLayer {
-    let (is_sigmoid, slope) = match weights.activation {
+fn with_decoder(step: &Step, weights: &GpuDecoder) -> KnnLayer {
+    let (is_sigmoid, slope) = match weights.activation_after(step.layer) {
         Activation::Sigmoid => (1, 0.0),
         Activation::LeakyRelu { slope } => (0, slope),
     };
-    KnnLayer { is_sigmoid, slope, is_residual: u32::from(weights.residual), ..parameters }
+    KnnLayer { is_sigmoid, slope, is_residual: u32::from(weights.residual), ..step.parameters }
 }
 
 fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {

@@ -169,7 +169,13 @@ mod tests {
     use super::*;
 
     fn shape(n_gaussians: usize) -> StyleShape {
-        StyleShape { n_gaussians, k: 8, widths: vec![39, 256, 128, 64, 32, 3], residual: false }
+        StyleShape {
+            n_gaussians,
+            k: 8,
+            widths: vec![39, 256, 128, 64, 32, 3],
+            residual: false,
+            smooth: false,
+        }
     }
 
     const WHOLE: Split = Split { capacity: 1000, inputs: 5, scratch: [32, 16], chunk_rows: CHUNK_ROWS };

@@ -21,6 +21,7 @@ pub struct GpuDecoder {
     pub(super) widths: Vec<usize>,
     pub(super) activation: Activation,
     pub(super) residual: bool,
+    pub(super) smooth: bool,
 }
 
 impl GpuDecoder {
@@ -53,6 +54,7 @@ impl GpuDecoder {
             widths: widths(&folded.layers),
             activation: folded.activation,
             residual: folded.residual,
+            smooth: folded.smooth,
         };
         decoder.upload(queue, folded);
         Ok(decoder)
@@ -64,7 +66,7 @@ impl GpuDecoder {
         if self.k != folded.k || self.widths != widths(&folded.layers) {
             return false;
         }
-        (self.activation, self.residual) = (folded.activation, folded.residual);
+        (self.activation, self.residual, self.smooth) = (folded.activation, folded.residual, folded.smooth);
         self.upload(queue, folded);
         true
     }
@@ -82,6 +84,12 @@ impl GpuDecoder {
     /// Bytes of all weights.
     pub fn bytes(&self) -> u64 {
         self.layers.iter().map(wgpu::Buffer::size).sum()
+    }
+
+    /// The activation after a layer; there is none between the decoder and the average over its colors.
+    pub(super) fn activation_after(&self, layer: usize) -> Activation {
+        let is_averaged = self.smooth && layer + 2 == self.layers.len();
+        if is_averaged { Activation::LeakyRelu { slope: 1.0 } } else { self.activation }
     }
 
     pub(super) fn layer(&self, index: usize) -> &wgpu::Buffer {

@@ -76,6 +76,8 @@ impl Random {
             activation,
             residual: false,
             n_noise: 0,
+            noise_kind: stylegaussian::noise::NoiseKind::White,
+            smooth: false,
             own_color: false,
             statistics_weight: Vec::new(),
             encoder: None,

@@ -66,6 +66,10 @@ struct DecoderInfo {
     residual: bool,
     /// Channels of noise among the inputs.
     n_noise: usize,
+    /// `white` or `waves`.
+    noise_kind: &'static str,
+    /// Whether colors are averaged over windows in the end.
+    smooth: bool,
     /// Whether the Gaussian's own color is among the inputs.
     own_color: bool,
     /// Whether the style's statistics are added to the first layer's bias.
@@ -147,6 +151,8 @@ impl DecoderInfo {
             },
             residual: decoder.residual,
             n_noise: decoder.n_noise,
+            noise_kind: decoder.noise_kind.name(),
+            smooth: decoder.smooth,
             own_color: decoder.own_color,
             statistics: !decoder.statistics_weight.is_empty(),
             encoder: decoder.encoder.as_ref().map(EncoderId::to_string),
@@ -191,7 +197,8 @@ fn text(info: &Info) -> String {
             let marks = [
                 (d.residual, ", residual".to_owned()),
                 (d.own_color, ", sees own colors".to_owned()),
-                (d.n_noise > 0, format!(", {} channels of noise", d.n_noise)),
+                (d.n_noise > 0, format!(", {} channels of {} noise", d.n_noise, d.noise_kind)),
+                (d.smooth, ", smoothed".to_owned()),
                 (d.statistics, ", the style's statistics".to_owned()),
             ];
             let marks: String = marks.into_iter().filter(|(has, _)| *has).map(|(_, mark)| mark).collect();
@@ -230,6 +237,8 @@ mod tests {
             residual: false,
             own_color: false,
             n_noise: 0,
+            noise_kind: stylegaussian::noise::NoiseKind::White,
+            smooth: false,
             statistics_weight: Vec::new(),
             encoder: None,
         };

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use stylegaussian::Activation;
+use stylegaussian::{Activation, noise::NoiseKind};
 
 use crate::cli::Backend;
 
@@ -79,6 +79,15 @@ pub struct TrainArgs {
     /// Channels of noise that a decoder which starts from random weights sees: texture is made of it.
     #[arg(long, value_name = "N", default_value = "4", value_parser = at_most_64::<0>)]
     pub noise: usize,
+    /// What that noise is: `white`, a number for each Gaussian that its neighbors know nothing of, or `waves`, which change
+    /// smoothly over the scene. Otherwise what `--init`'s decoder has, or waves; where it is to change, weights on the old
+    /// kind are forgotten.
+    #[arg(long, value_name = "KIND")]
+    pub noise_kind: Option<NoiseKind>,
+    /// Whether decoded colors are averaged over each Gaussian's window in the end. Otherwise what `--init`'s decoder does,
+    /// or true; the paper's does not.
+    #[arg(long, value_name = "BOOL", action = clap::ArgAction::Set)]
+    pub smooth: Option<bool>,
     /// Whether a decoder that starts from random weights also sees each Gaussian's own color, which keeps fine detail;
     /// the paper's does not.
     #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]

@@ -65,7 +65,7 @@ impl TrainingScene {
     /// that shows nothing is left out.
     pub fn new(scene: &Scene, cameras: &[Vec<Camera>], crop: u32, decoder: &Decoder) -> Option<Self> {
         let features = inputs_of(scene, decoder)?.into_owned();
-        let (k, n_layers) = (decoder.k, decoder.layers.len());
+        let (k, n_layers) = (decoder.k, decoder.n_windows());
         let mean_low = mean_low(&features);
         let neighbors = neighbors_for(scene, k).into_owned();
         let base_colors = scene.base_colors();

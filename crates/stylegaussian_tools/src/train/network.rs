@@ -8,7 +8,8 @@ use burn::tensor::{
     activation::{leaky_relu, sigmoid},
 };
 use stylegaussian::{
-    Activation, Decoder, EncoderId, Features, Layer, fold::ChannelMap, statistics::ContentStatistics,
+    Activation, Decoder, EncoderId, Features, Layer, fold::ChannelMap, noise::NoiseKind,
+    statistics::ContentStatistics,
 };
 
 use super::args::TrainArgs;
@@ -24,6 +25,8 @@ pub struct Network {
     activation: Activation,
     own_color: bool,
     n_noise: usize,
+    noise_kind: NoiseKind,
+    smooth: bool,
     encoder: Option<EncoderId>,
 }
 
@@ -84,6 +87,8 @@ impl Network {
         encoder: Option<EncoderId>,
     ) -> Decoder {
         let TrainArgs { k, activation, own_color, noise: n_noise, statistics, seed, .. } = *arguments;
+        let noise_kind = arguments.noise_kind.unwrap_or(NoiseKind::Waves);
+        let smooth = arguments.smooth.unwrap_or(true);
         let n_statistics = if statistics { 2 * n_channels } else { 0 };
         let n_inputs = n_channels + n_extra + n_noise + if own_color { 3 } else { 0 };
         let mut random = Random::new(seed);
@@ -118,7 +123,18 @@ impl Network {
         }
         // Nothing is known of statistics at first.
         let statistics_weight = vec![0.0; Decoder::WIDTHS[0] * n_statistics];
-        Decoder { layers, k, activation, residual: false, own_color, n_noise, statistics_weight, encoder }
+        Decoder {
+            layers,
+            k,
+            activation,
+            residual: false,
+            own_color,
+            n_noise,
+            noise_kind,
+            smooth,
+            statistics_weight,
+            encoder,
+        }
     }
 
     /// Takes over a decoder's parameters.
@@ -150,6 +166,8 @@ impl Network {
             activation: decoder.activation,
             own_color: decoder.own_color,
             n_noise: decoder.n_noise,
+            noise_kind: decoder.noise_kind,
+            smooth: decoder.smooth,
             encoder: decoder.encoder.clone(),
         })
     }
@@ -159,9 +177,9 @@ impl Network {
         self.parameters.last().filter(|_| self.parameters.len() % 2 == 1)
     }
 
-    /// How many layers.
-    pub fn n_layers(&self) -> usize {
-        self.parameters.len() / 2
+    /// How many sets of windows [`forward`](Self::forward) takes.
+    pub fn n_windows(&self) -> usize {
+        self.parameters.len() / 2 + usize::from(self.smooth)
     }
 
     /// The decoder as it stands.
@@ -184,12 +202,15 @@ impl Network {
             residual: false,
             own_color: self.own_color,
             n_noise: self.n_noise,
+            noise_kind: self.noise_kind,
+            smooth: self.smooth,
             statistics_weight: values.last().filter(|_| values.len() % 2 == 1).map_or(Vec::new(), to_vec),
             encoder: self.encoder.clone(),
         }
     }
 
-    /// Colors `[M, 3]` of centered inputs `[N_0, L + E]` through one set of windows for each layer.
+    /// Colors `[M, 3]` of centered inputs `[N_0, L + E]` through one set of windows for each layer, and one more where
+    /// colors are averaged in the end.
     pub fn forward(&self, inputs: Tensor<2>, folded: &FoldedInputs, windows: &[Arc<Windows>]) -> Tensor<2> {
         let (weight, bias) = self.folded_layer(folded, inputs.dims()[1]);
         let mut x = windows_conv(inputs, weight, bias, &windows[0]);
@@ -201,7 +222,10 @@ impl Network {
             let d_out = pair[0].values.dims()[0];
             x = windows_conv(x, pair[0].values.clone(), pair[1].values.clone().reshape([d_out]), windows);
         }
-        x
+        match windows.last() {
+            Some(windows) if self.smooth => window_means(x, windows),
+            _ => x,
+        }
     }
 
     /// The first layer on `n_inputs` = L + E inputs: W_k diag(g) A beside the extra columns, and the bias that the
@@ -225,6 +249,16 @@ impl Network {
         let bias = shift.reshape([d_out]) + self.parameters[1].values.clone().reshape([d_out]);
         (weight.reshape([d_out, self.k * n_inputs]), bias)
     }
+}
+
+/// The mean of each window `[N_out, 3]` over colors `[N_in, 3]`.
+fn window_means(colors: Tensor<2>, windows: &Arc<Windows>) -> Tensor<2> {
+    let device = colors.device();
+    let share = 1.0 / windows.k as f32;
+    let weight: Vec<f32> =
+        (0..9 * windows.k).map(|i| if i / (3 * windows.k) == i % 3 { share } else { 0.0 }).collect();
+    let weight = Tensor::from_data(TensorData::new(weight, [3, 3 * windows.k]), &device);
+    windows_conv(colors, weight, Tensor::zeros([3], &device), windows)
 }
 
 /// The values of a tensor, row-major.

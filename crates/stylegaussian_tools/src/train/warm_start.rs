@@ -41,7 +41,7 @@ pub fn step(
     let start = random.below(n - len + 1);
     let rows = start..start + len;
     let windows = Arc::new(patch_windows(scene, start, len));
-    let windows: Vec<_> = (0..network.n_layers()).map(|_| windows.clone()).collect();
+    let windows: Vec<_> = (0..network.n_windows()).map(|_| windows.clone()).collect();
     let inputs = scene.inputs[start * scene.n_inputs..][..len * scene.n_inputs].to_vec();
     let tensor =
         |values: Vec<f32>, columns| Tensor::<2>::from_data(TensorData::new(values, [len, columns]), device);
