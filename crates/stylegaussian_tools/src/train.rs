@@ -78,6 +78,7 @@ struct Trainer {
 /// # Errors
 /// The message names the file or the option at fault.
 pub fn run(arguments: &TrainArgs) -> Result<()> {
+    let arguments = &arguments.spelled_out();
     let device = device(arguments.backend)?.autodiff();
     let encoder = open_encoder(arguments.encoder.as_deref())?;
     eprintln!("encoder {} on {}", encoder.id(), encoder.runtime());
@@ -241,6 +242,7 @@ impl Trainer {
             style: arguments.style_weight,
             range: arguments.range_weight,
             palette: arguments.palette_weight,
+            roughness: arguments.roughness_weight,
             content_layers,
         };
         Ok(Self {

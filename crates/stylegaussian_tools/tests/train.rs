@@ -9,7 +9,7 @@ mod embedded;
 use std::{fs, path::Path};
 
 use embedded::{embedded, paintings};
-use stylegaussian::file;
+use stylegaussian::{Activation, Decoder, file, noise::NoiseKind};
 use support::{Bench, Run, data, stylegaussian};
 
 fn losses(bench: &Bench) -> Vec<[f32; 2]> {
@@ -44,7 +44,8 @@ fn training_learns_resumes_and_reports() {
         assert!(Path::new(&bench.path(name)).is_file(), "{name}");
     }
     let decoder = file::read_decoder(out.as_ref()).unwrap();
-    assert!(decoder.own_color && decoder.n_noise == 4 && decoder.k == 8);
+    assert!(decoder.own_color && decoder.n_noise == 4 && decoder.k == 8 && decoder.smooth);
+    assert_eq!(decoder.noise_kind, NoiseKind::Waves);
     assert_eq!(decoder.n_inputs(), 256 + 4 + 3);
 
     train(&["--warm-iterations", "3", "--iterations", "12", "--resume"]).expect_success();
@@ -71,6 +72,43 @@ fn training_learns_resumes_and_reports() {
     ])
     .expect_success();
     assert!(bench.colors("c.safetensors").iter().flatten().all(|channel| channel.is_finite()));
+}
+
+/// One step each: from a decoder to another kind of noise, and by the paper's recipe.
+#[test]
+fn a_decoder_s_kind_can_be_told() {
+    let Some(vgg) = data("vgg") else { return };
+    let bench = Bench::new();
+    let encoder = vgg.join("vgg19_normalised_relu3_1.safetensors");
+    let (scene, styles) = (embedded(&bench, &encoder), paintings(&bench));
+    let train = |name: &str, more: &[&str]| {
+        let out = bench.path(name);
+        let mut arguments = vec!["train", &scene, "--styles", &styles, "-o", &out, "--holdout-styles", "1"];
+        arguments.extend(["--views", "1", "--size", "64", "--encoder", encoder.to_str().unwrap()]);
+        arguments.extend(["--iterations", "1"]);
+        arguments.extend(more);
+        stylegaussian(&arguments).expect_success();
+        file::read_decoder(out.as_ref()).unwrap()
+    };
+    let first = train("a.decoder.safetensors", &["--warm-iterations", "1", "--noise", "2"]);
+    let init = bench.path("a.decoder.safetensors");
+    let same = train("b.decoder.safetensors", &["--init", &init, "--roughness-weight", "100"]);
+    assert!(same.smooth && same.noise_kind == NoiseKind::Waves);
+    let other =
+        train("c.decoder.safetensors", &["--init", &init, "--noise-kind", "white", "--smooth", "false"]);
+    assert!(!other.smooth && other.noise_kind == NoiseKind::White && other.n_noise == 2);
+    // Of a row's inputs, the noise comes before the own color. Adam's first step moves a weight by the rate, 1e-3.
+    let on_noise = |decoder: &Decoder| {
+        let rows = decoder.layers[0].weight.chunks_exact(256 + 2 + 3);
+        rows.flat_map(|row| &row[256..258]).fold(0.0_f32, |largest, weight| largest.max(weight.abs()))
+    };
+    assert!(on_noise(&first) > 0.02 && on_noise(&other) < 2e-3, "{}, {}", on_noise(&first), on_noise(&other));
+
+    let paper = train("d.decoder.safetensors", &["--paper"]);
+    assert_eq!((paper.activation, paper.n_noise, paper.n_inputs()), (Activation::Sigmoid, 0, 256));
+    assert!(!paper.smooth && !paper.own_color && paper.statistics_weight.is_empty());
+    let refused = ["train", &scene, "--styles", &styles, "-o", "x", "--paper", "--noise", "4"];
+    assert_eq!(stylegaussian(&refused).code, Some(2));
 }
 
 #[test]

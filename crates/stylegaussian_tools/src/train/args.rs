@@ -43,6 +43,12 @@ pub struct TrainArgs {
     /// A decoder to start from; it gives window, activation and widths.
     #[arg(long, value_name = "DECODER")]
     pub init: Option<PathBuf>,
+    /// The paper's decoder and recipe: sigmoids; no noise, own color, statistics or average over windows; no warm start, no
+    /// average over steps. A scene embedded by `embed --method optimize` goes with it.
+    #[arg(long, conflicts_with_all = [
+        "init", "activation", "noise", "noise_kind", "own_color", "statistics", "smooth", "warm_iterations", "average",
+    ])]
+    pub paper: bool,
     /// Steps with the paper's loss.
     #[arg(long, value_name = "N", default_value_t = 3000)]
     pub iterations: u32,
@@ -56,6 +62,10 @@ pub struct TrainArgs {
     /// that the warm start has learned; the paper has none.
     #[arg(long, value_name = "W", default_value_t = 0.0)]
     pub palette_weight: f32,
+    /// Factor of the mean squared distance of a Gaussian's decoded color from its neighbors', for decoders that average
+    /// colors: strokes and not grain; the paper has none.
+    #[arg(long, value_name = "W", default_value_t = 0.0)]
+    pub roughness_weight: f32,
     /// Layers the content loss compares: relu4_1 as the original implementation, or
     /// relu1_1,relu2_1,relu3_1,relu4_1 as the paper's text. relu3_1 where no weights reach relu4_1.
     #[arg(long, value_name = "LAYERS", value_delimiter = ',')]
@@ -118,6 +128,25 @@ pub struct TrainArgs {
     /// What computes: `gpu` needs a build with the `gpu` feature and never falls back silently.
     #[arg(long, value_enum, default_value = "auto")]
     pub backend: Backend,
+}
+
+impl TrainArgs {
+    /// With what [`paper`](Self::paper) stands for spelled out.
+    pub fn spelled_out(&self) -> Self {
+        if !self.paper {
+            return self.clone();
+        }
+        Self {
+            activation: Activation::Sigmoid,
+            noise: 0,
+            own_color: false,
+            statistics: false,
+            smooth: Some(false),
+            warm_iterations: 0,
+            average: 0.0,
+            ..self.clone()
+        }
+    }
 }
 
 /// A number from `MIN` to 64: no decoder of this shape needs more.

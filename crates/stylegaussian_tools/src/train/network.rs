@@ -212,6 +212,11 @@ impl Network {
     /// Colors `[M, 3]` of centered inputs `[N_0, L + E]` through one set of windows for each layer, and one more where
     /// colors are averaged in the end.
     pub fn forward(&self, inputs: Tensor<2>, folded: &FoldedInputs, windows: &[Arc<Windows>]) -> Tensor<2> {
+        self.averaged(self.decode(inputs, folded, windows), windows)
+    }
+
+    /// What the layers give, before it is averaged: more rows than there are colors in the end, for those to be means of.
+    pub fn decode(&self, inputs: Tensor<2>, folded: &FoldedInputs, windows: &[Arc<Windows>]) -> Tensor<2> {
         let (weight, bias) = self.folded_layer(folded, inputs.dims()[1]);
         let mut x = windows_conv(inputs, weight, bias, &windows[0]);
         for (pair, windows) in self.parameters.chunks_exact(2).skip(1).zip(&windows[1..]) {
@@ -222,10 +227,22 @@ impl Network {
             let d_out = pair[0].values.dims()[0];
             x = windows_conv(x, pair[0].values.clone(), pair[1].values.clone().reshape([d_out]), windows);
         }
+        x
+    }
+
+    /// Colors `[M, 3]` of what the layers gave.
+    pub fn averaged(&self, decoded: Tensor<2>, windows: &[Arc<Windows>]) -> Tensor<2> {
         match windows.last() {
-            Some(windows) if self.smooth => window_means(x, windows),
-            _ => x,
+            Some(windows) if self.smooth => of_windows(decoded, windows, 0.0),
+            _ => decoded,
         }
+    }
+
+    /// Mean squared distance of what the layers gave from the mean of its window: what averaging takes away. `None` where
+    /// nothing is averaged.
+    pub fn roughness(&self, decoded: Tensor<2>, windows: &[Arc<Windows>]) -> Option<Tensor<1>> {
+        let windows = windows.last().filter(|_| self.smooth)?;
+        Some(of_windows(decoded, windows, 1.0).powi_scalar(2).mean())
     }
 
     /// The first layer on `n_inputs` = L + E inputs: W_k diag(g) A beside the extra columns, and the bias that the
@@ -251,12 +268,16 @@ impl Network {
     }
 }
 
-/// The mean of each window `[N_out, 3]` over colors `[N_in, 3]`.
-fn window_means(colors: Tensor<2>, windows: &Arc<Windows>) -> Tensor<2> {
+/// For each window over colors `[N_in, 3]` its mean, or, with `own` = 1, how far the first of it, the Gaussian itself, is
+/// from that mean: own x_p - mean, up to the sign of the mean `[N_out, 3]`.
+fn of_windows(colors: Tensor<2>, windows: &Arc<Windows>, own: f32) -> Tensor<2> {
     let device = colors.device();
-    let share = 1.0 / windows.k as f32;
-    let weight: Vec<f32> =
-        (0..9 * windows.k).map(|i| if i / (3 * windows.k) == i % 3 { share } else { 0.0 }).collect();
+    let mean = if own > 0.0 { -1.0 } else { 1.0 } / windows.k as f32;
+    let weight = |i: usize| {
+        let (output, slot, input) = (i / (3 * windows.k), i / 3 % windows.k, i % 3);
+        if output == input { mean + if slot == 0 { own } else { 0.0 } } else { 0.0 }
+    };
+    let weight: Vec<f32> = (0..9 * windows.k).map(weight).collect();
     let weight = Tensor::from_data(TensorData::new(weight, [3, 3 * windows.k]), &device);
     windows_conv(colors, weight, Tensor::zeros([3], &device), windows)
 }

@@ -29,6 +29,9 @@ pub struct LossWeights {
     pub range: f32,
     /// Factor of the distance from the recolored scene's colors, over squares of [`SQUARE`] pixels (0 in the paper).
     pub palette: f32,
+    /// Factor of the mean squared distance of a Gaussian's color from its window's mean, before colors are averaged (0 in the
+    /// paper).
+    pub roughness: f32,
     /// Which of [`LAYERS`] the content loss compares.
     pub content_layers: Vec<usize>,
 }
@@ -137,8 +140,10 @@ pub fn step(
     let map = ChannelMap::adain(&scene.statistics, &style.statistics)?;
     let folded = FoldedInputs::new(&scene.features, &scene.mean_low, &scene.statistics, &map, device);
     let rows = TensorData::new(scene.input_rows(&view.input_rows), [view.input_rows.len(), scene.n_inputs]);
-    let colors = network.forward(Tensor::from_data(rows, device), &folded, &view.windows);
-    let excess = relu(colors.clone() - 1.0) + relu(-colors.clone());
+    let decoded = network.decode(Tensor::from_data(rows, device), &folded, &view.windows);
+    let colors = network.averaged(decoded.clone(), &view.windows);
+    // Of what is averaged, too: otherwise the decoder would make up for that by exaggerating.
+    let excess = relu(decoded.clone() - 1.0) + relu(-decoded.clone());
     let range_loss = excess.powi_scalar(2).mean();
 
     let behind = view.alpha.iter().flat_map(|alpha| style.mean_color.map(|channel| (1.0 - alpha) * channel));
@@ -150,6 +155,11 @@ pub fn step(
     let (content_loss, style_loss) =
         perceptual_losses(picture, view.size(), content, style, loss_network, weights);
     let loss = content_loss.clone() + style_loss.clone() * weights.style + range_loss * weights.range;
+    let roughness = network.roughness(decoded, &view.windows).filter(|_| weights.roughness > 0.0);
+    let loss = match roughness {
+        Some(roughness) => loss + roughness * weights.roughness,
+        None => loss,
+    };
     let loss = match palette_loss {
         Some(palette_loss) => loss + palette_loss,
         None => loss,
