@@ -41,7 +41,7 @@ impl std::str::FromStr for NoiseKind {
 /// Plane waves in a channel of [`Waves`]: enough that their sum shows no stripes.
 const N_WAVES: u32 = 12;
 
-/// Smooth noise over a scene: in each channel the sum of [`N_WAVES`] plane waves of random directions, phases and lengths
+/// Smooth noise over a scene: in each channel the sum of a dozen plane waves of random directions, phases and lengths
 /// within an octave, with mean 0 and deviation 1.
 ///
 /// Channel c's waves are about radius / 2^(c + 1) long, where the *radius* is the median distance of the Gaussians from
