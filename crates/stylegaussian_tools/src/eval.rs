@@ -68,6 +68,10 @@ pub struct EvalArgs {
     /// Longer side of a view, in pixels.
     #[arg(long, value_name = "PX", default_value_t = 256, value_parser = clap::value_parser!(u32).range(32..=2048))]
     size: u32,
+    /// Longer side of the views that consistency is measured on, in pixels. Where a pixel is coarser than the scene, it is
+    /// the warp's sampling between pixels that differs most.
+    #[arg(long, value_name = "PX", default_value_t = 640, value_parser = clap::value_parser!(u32).range(32..=2048))]
+    consistency_size: u32,
     /// The decoder, *.decoder.safetensors. Otherwise the scene's own, otherwise the default one.
     #[arg(long, value_name = "FILE")]
     decoder: Option<PathBuf>,
@@ -129,23 +133,27 @@ struct Views {
 impl Views {
     fn of(arguments: &EvalArgs, scene: &Scene) -> Result<Self> {
         let (n_views, size) = (arguments.views as usize, UVec2::splat(arguments.size));
-        let on_orbit = || Ok::<_, anyhow::Error>((orbit(scene, N_ORBIT, size), Pairs::of_orbit()?));
+        let orbit_size = UVec2::splat(arguments.consistency_size);
+        let on_orbit = || Ok::<_, anyhow::Error>((orbit(scene, N_ORBIT, orbit_size), Pairs::of_orbit()?));
         let Some(path) = &arguments.cameras else {
             let (cameras, pairs) = on_orbit()?;
             let consistency = Consistency::new(scene, &cameras, &pairs);
             return Ok(Self { cameras: choose_views(scene, n_views, size), consistency });
         };
         let all = read_cameras(path)?.cameras;
-        let all: Vec<Camera> = all.iter().map(|posed| scaled(&posed.camera, arguments.size)).collect();
+        let at = |size| all.iter().map(|posed| scaled(&posed.camera, size)).collect::<Vec<Camera>>();
         let stride = all.len().div_ceil(n_views).max(1);
         let consistency = match &arguments.pairs {
-            Some(pairs) => Consistency::new(scene, &all, &Pairs::read(pairs, all.len())?),
+            Some(pairs) => {
+                let pairs = Pairs::read(pairs, all.len())?;
+                Consistency::new(scene, &at(arguments.consistency_size), &pairs)
+            }
             None => {
                 let (cameras, pairs) = on_orbit()?;
                 Consistency::new(scene, &cameras, &pairs)
             }
         };
-        Ok(Self { cameras: all.into_iter().step_by(stride).collect(), consistency })
+        Ok(Self { cameras: at(arguments.size).into_iter().step_by(stride).collect(), consistency })
     }
 }
 

@@ -56,6 +56,9 @@ const FORMAT: &str = "stylegaussian-training";
 /// Adam's learning rate at the warm start, which compares colors and tolerates larger steps than the paper's loss.
 const WARM_RATE: f32 = 1e-3;
 
+/// How many other paintings a picture is told from in a step: their statistics are known, so they cost next to nothing.
+const N_OTHERS: usize = 24;
+
 /// Set by Ctrl-C; checked between steps.
 pub(crate) static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
@@ -243,6 +246,7 @@ impl Trainer {
             range: arguments.range_weight,
             palette: arguments.palette_weight,
             roughness: arguments.roughness_weight,
+            recognition: arguments.recognition_weight,
             content_layers,
         };
         Ok(Self {
@@ -295,7 +299,8 @@ impl Trainer {
             let done = self.progress.warm_steps;
             let mut random = Random::new(self.arguments.seed ^ (u64::from(done) << 20) ^ 0x5741_524D);
             let scene = &self.scenes[random.below(self.scenes.len())];
-            let style = self.paintings.pick(&mut random, &self.encoder, &self.loss_network, &self.device)?;
+            let key = self.paintings.pick(&mut random, &self.encoder, &self.loss_network, &self.device)?;
+            let style = self.paintings.style(key);
             let rate = cosine(WARM_RATE, done, total);
             let (network, adam) = (&mut self.network, &mut self.adam);
             let error = warm_start::step(network, adam, scene, style, &mut random, rate, &self.device)?;
@@ -327,7 +332,10 @@ impl Trainer {
             let n_sizes = self.scenes[scene_index].views.len();
             let size_index = if n_sizes > 1 { random.below(n_sizes) } else { 0 };
             let view_index = random.below(self.scenes[scene_index].views[size_index].len());
-            let style = self.paintings.pick(&mut random, &self.encoder, &self.loss_network, &self.device)?;
+            let key = self.paintings.pick(&mut random, &self.encoder, &self.loss_network, &self.device)?;
+            let style = self.paintings.style(key);
+            let n_others = if self.weights.recognition > 0.0 { N_OTHERS } else { 0 };
+            let others = self.paintings.others(key, n_others, &mut random);
             let scene = &self.scenes[scene_index];
             let view = &scene.views[size_index][view_index];
             let content = contents
@@ -341,6 +349,7 @@ impl Trainer {
                 view,
                 content,
                 style,
+                &others,
                 &self.loss_network,
                 &self.weights,
                 rate,

@@ -66,6 +66,10 @@ pub struct TrainArgs {
     /// colors: strokes and not grain; the paper has none.
     #[arg(long, value_name = "W", default_value_t = 0.0)]
     pub roughness_weight: f32,
+    /// Factor of the cross-entropy of telling the picture's own painting among others by their style errors: what is like
+    /// several paintings should become like its own; the paper has none.
+    #[arg(long, value_name = "W", default_value_t = 0.0)]
+    pub recognition_weight: f32,
     /// Layers the content loss compares: relu4_1 as the original implementation, or
     /// relu1_1,relu2_1,relu3_1,relu4_1 as the paper's text. relu3_1 where no weights reach relu4_1.
     #[arg(long, value_name = "LAYERS", value_delimiter = ',')]

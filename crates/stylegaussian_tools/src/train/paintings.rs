@@ -58,8 +58,13 @@ pub struct Paintings {
     paths: Vec<PathBuf>,
     seed: u64,
     encoder_is_loss: bool,
-    known: HashMap<(usize, usize), Style>,
+    known: HashMap<CropKey, Style>,
+    /// The keys of `known`, in the order in which they were looked at.
+    seen: Vec<CropKey>,
 }
+
+/// Which painting, and which of its crops.
+pub type CropKey = (usize, usize);
 
 /// Files in `folder` with the extension of an image, in the order of their names.
 ///
@@ -88,10 +93,10 @@ pub fn list_images(folder: &Path) -> Result<Vec<PathBuf>> {
 impl Paintings {
     /// The paintings at `paths`; `seed` chooses the crops. `encoder_is_loss`: the loss's network has the encoder's weights.
     pub fn new(paths: Vec<PathBuf>, seed: u64, encoder_is_loss: bool) -> Self {
-        Self { paths, seed, encoder_is_loss, known: HashMap::new() }
+        Self { paths, seed, encoder_is_loss, known: HashMap::new(), seen: Vec::new() }
     }
 
-    /// The crop that `random` picks of the painting that it picks.
+    /// The crop that `random` picks of the painting that it picks; looks at it, where it is the first time.
     ///
     /// # Errors
     /// When an image cannot be read.
@@ -101,7 +106,7 @@ impl Paintings {
         encoder: &Encoder,
         network: &LossNetwork,
         device: &Device,
-    ) -> Result<&Style> {
+    ) -> Result<CropKey> {
         let key = (random.below(self.paths.len()), random.below(CROPS_PER_PAINTING));
         if !self.known.contains_key(&key) {
             let mut crop = self.crop(key)?;
@@ -117,8 +122,24 @@ impl Paintings {
                 style.statistics = style_statistics(encoder, &crop, StyleSize::default())?;
             }
             self.known.insert(key, style);
+            self.seen.push(key);
         }
-        Ok(&self.known[&key])
+        Ok(key)
+    }
+
+    /// What is known of a crop that was picked.
+    pub fn style(&self, key: CropKey) -> &Style {
+        &self.known[&key]
+    }
+
+    /// `n` crops, or as many as were picked so far, of other paintings than `key`'s.
+    pub fn others(&self, key: CropKey, n: usize, random: &mut Random) -> Vec<&Style> {
+        let mut others: Vec<CropKey> = self.seen.iter().copied().filter(|other| other.0 != key.0).collect();
+        for i in 0..n.min(others.len()) {
+            let chosen = i + random.below(others.len() - i);
+            others.swap(i, chosen);
+        }
+        others.iter().take(n).map(|other| &self.known[other]).collect()
     }
 
     /// What a crop's colors become; `None` keeps them.

@@ -3,7 +3,10 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use burn::tensor::{Device, Tensor, TensorData, activation::relu};
+use burn::tensor::{
+    Device, Tensor, TensorData,
+    activation::{log_softmax, relu},
+};
 use stylegaussian::fold::ChannelMap;
 
 use super::{
@@ -32,9 +35,15 @@ pub struct LossWeights {
     /// Factor of the mean squared distance of a Gaussian's color from its window's mean, before colors are averaged (0 in the
     /// paper).
     pub roughness: f32,
+    /// Factor of the cross-entropy of telling the own painting among others (0 in the paper).
+    pub recognition: f32,
     /// Which of [`LAYERS`] the content loss compares.
     pub content_layers: Vec<usize>,
 }
+
+/// The difference of two style errors that makes one painting e times as likely as the other: about what lies between
+/// paintings that are alike.
+const TEMPERATURE: f64 = 0.5;
 
 /// Features of the unstyled picture that the content loss compares with, and where.
 pub struct Content {
@@ -93,15 +102,27 @@ pub fn content_layer(name: &str, network: &LossNetwork) -> Result<usize> {
     })
 }
 
-/// Content and style loss of a stylized picture `[H * W, 3]`, `size` = [W, H].
+/// What is wrong with a stylized picture.
+pub struct PerceptualLosses {
+    /// Of its content.
+    pub content: Tensor<1>,
+    /// Of its style.
+    pub style: Tensor<1>,
+    /// Minus the logarithm of the share of the own painting among all, each with exp(-style error / [`TEMPERATURE`]); 0
+    /// without others.
+    pub recognition: Tensor<1>,
+}
+
+/// Losses of a stylized picture `[H * W, 3]`, `size` = [W, H].
 pub fn perceptual_losses(
     picture: Tensor<2>,
     size: [usize; 2],
     content: &Content,
     style: &Style,
+    others: &[&Style],
     network: &LossNetwork,
     weights: &LossWeights,
-) -> (Tensor<1>, Tensor<1>) {
+) -> PerceptualLosses {
     let features = network.features(picture, size);
     let mut content_loss = Tensor::zeros([1], &features[0].rows.device());
     for ((&layer, target), coverage) in
@@ -111,13 +132,22 @@ pub fn perceptual_losses(
         content_loss = content_loss + squares.mean();
     }
     let mut style_loss = Tensor::zeros([1], &features[0].rows.device());
+    let mut errors: Tensor<2> = Tensor::zeros([1 + others.len(), 1], &style_loss.device());
     let targets = style.targets.iter().zip(&content.style_coverage);
-    for (features, (target, coverage)) in features.into_iter().zip(targets) {
+    for (layer, (features, (target, coverage))) in features.into_iter().zip(targets).enumerate() {
         let found = row_statistics(features.rows, coverage);
         // Means and deviations: their mean squares are to be added, not averaged.
-        style_loss = style_loss + (found - target.clone()).powi_scalar(2).mean() * 2.0;
+        style_loss = style_loss + (found.clone() - target.clone()).powi_scalar(2).mean() * 2.0;
+        if !others.is_empty() {
+            let n_statistics = found.shape().num_elements();
+            let row = |target: &Tensor<2>| target.clone().reshape([1, n_statistics]);
+            let all = std::iter::once(style).chain(others.iter().copied());
+            let all = Tensor::cat(all.map(|style| row(&style.targets[layer])).collect(), 0);
+            errors = errors + (all - row(&found)).powi_scalar(2).mean_dim(1) * 2.0;
+        }
     }
-    (content_loss, style_loss)
+    let recognition = -log_softmax(errors / -TEMPERATURE, 0).narrow(0, 0, 1).reshape([1]);
+    PerceptualLosses { content: content_loss, style: style_loss, recognition }
 }
 
 /// One step on one view in one style; returns content and style loss.
@@ -132,6 +162,7 @@ pub fn step(
     view: &View,
     content: &Content,
     style: &Style,
+    others: &[&Style],
     loss_network: &LossNetwork,
     weights: &LossWeights,
     rate: f32,
@@ -152,9 +183,10 @@ pub fn step(
     let palette_loss = (weights.palette > 0.0)
         .then(|| palette_distance(splats.clone(), scene, view, style) * weights.palette);
     let picture = splats + Tensor::from_data(behind, device);
-    let (content_loss, style_loss) =
-        perceptual_losses(picture, view.size(), content, style, loss_network, weights);
+    let PerceptualLosses { content: content_loss, style: style_loss, recognition } =
+        perceptual_losses(picture, view.size(), content, style, others, loss_network, weights);
     let loss = content_loss.clone() + style_loss.clone() * weights.style + range_loss * weights.range;
+    let loss = if others.is_empty() { loss } else { loss + recognition * weights.recognition };
     let roughness = network.roughness(decoded, &view.windows).filter(|_| weights.roughness > 0.0);
     let loss = match roughness {
         Some(roughness) => loss + roughness * weights.roughness,
