@@ -69,7 +69,6 @@ fn decoder() -> Decoder {
         residual: false,
         own_color: false,
         n_noise: 0,
-        noise_kind: stylegaussian::noise::NoiseKind::White,
         smooth: false,
         statistics_weight: Vec::new(),
         encoder: None,

@@ -12,7 +12,7 @@ pub use knn_conv::{
 
 use rayon::prelude::*;
 
-use crate::{encoder_id::EncoderId, neighbors::Neighbors, noise::NoiseKind};
+use crate::{encoder_id::EncoderId, neighbors::Neighbors};
 
 /// One KNN convolution: y_p = sum_k W_k x_{n(p,k)} + B.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,8 +41,6 @@ pub struct Decoder {
     /// How many channels of noise the first layer takes after the scene's features, one number for each Gaussian that is
     /// always the same (see [`noise`](crate::noise)). Features are smooth, paintings are not: strokes are made of it.
     pub n_noise: usize,
-    /// What that noise is.
-    pub noise_kind: NoiseKind,
     /// Whether the first layer also takes the Gaussian's own, unstyled color (SH 0): three more inputs, the last ones,
     /// [`OWN_COLOR_SCALE`](Self::OWN_COLOR_SCALE) (c - 0.5). Features are blurred over the cells of a feature map; colors
     /// keep the detail.

@@ -11,7 +11,7 @@ use crate::{
     decoder::{Decoder, Layer, run_layers, window_means},
     encoder_id::EncoderId,
     neighbors::Neighbors,
-    noise::{NoiseKind, Waves, noise},
+    noise::noise,
     scene::{Features, Scene},
     statistics::{ChannelStatistics, ContentStatistics},
 };
@@ -205,18 +205,9 @@ pub fn inputs_of<'a>(scene: &'a Scene, decoder: &Decoder) -> Option<Cow<'a, Feat
     let mut inputs = features.clone();
     inputs.n_extra += decoder.n_beside();
     inputs.extra.clear();
-    let waves = match decoder.noise_kind {
-        NoiseKind::White => None,
-        NoiseKind::Waves => Some(Waves::new(&scene.means, decoder.n_noise)),
-    };
     for (i, (color, source_index)) in scene.base_colors().iter().zip(&scene.order).enumerate() {
         inputs.extra.extend_from_slice(&features.extra[i * features.n_extra..][..features.n_extra]);
-        match &waves {
-            Some(waves) => inputs.extra.extend(waves.at(scene.means[i])),
-            None => {
-                inputs.extra.extend((0..decoder.n_noise as u32).map(|channel| noise(*source_index, channel)));
-            }
-        }
+        inputs.extra.extend((0..decoder.n_noise as u32).map(|channel| noise(*source_index, channel)));
         if decoder.own_color {
             inputs.extra.extend(color.map(|channel| Decoder::OWN_COLOR_SCALE * (channel - 0.5)));
         }

@@ -4,7 +4,7 @@ use glam::{Quat, Vec3};
 use stylegaussian::{
     Activation, ChannelStatistics, Decoder, Features, Layer, Neighbors, Scene,
     fold::{ChannelMap, StylizeError, stylize, transfer},
-    noise::{NoiseKind, Waves, noise},
+    noise::noise,
     scene::Sh,
     twin,
 };
@@ -87,7 +87,6 @@ fn decoder(random: &mut Random, n_inputs: usize, activation: Activation) -> Deco
         residual: false,
         own_color: false,
         n_noise: 0,
-        noise_kind: stylegaussian::noise::NoiseKind::White,
         smooth: false,
         statistics_weight: Vec::new(),
         encoder: None,
@@ -181,11 +180,11 @@ fn folded_equals_unfolded_at_ten_thousand() {
 /// the statistics of the style.
 #[test]
 fn a_decoder_may_see_more() {
-    check_all_inputs(NoiseKind::White, false);
-    check_all_inputs(NoiseKind::Waves, true);
+    check_all_inputs(false);
+    check_all_inputs(true);
 }
 
-fn check_all_inputs(noise_kind: NoiseKind, smooth: bool) {
+fn check_all_inputs(smooth: bool) {
     let mut random = Random(11);
     let mut scene = scene(&mut random, 40, 32, 2);
     scene.sh = Some(Sh { degree: 0, coefficients: random.normals(40 * 3, 0.5) });
@@ -193,7 +192,6 @@ fn check_all_inputs(noise_kind: NoiseKind, smooth: bool) {
     let decoder = Decoder {
         own_color: true,
         n_noise,
-        noise_kind,
         smooth,
         statistics_weight: random.normals(256 * 2 * N_CHANNELS, 0.02),
         ..decoder(&mut random, N_CHANNELS + 2 + n_noise + 3, Activation::LeakyRelu { slope: 0.2 })
@@ -218,17 +216,13 @@ fn check_all_inputs(noise_kind: NoiseKind, smooth: bool) {
         *bias += row.iter().zip(&statistics).map(|(w, s)| f64::from(*w) * s).sum::<f64>() as f32;
     }
     let mut rows = with_extra(&scene, mixed);
-    let waves = Waves::new(&scene.means, n_noise);
-    for (i, (row, color)) in rows.iter_mut().zip(scene.base_colors()).enumerate() {
-        match noise_kind {
-            NoiseKind::White => row.extend([0, 1].map(|channel| f64::from(noise(scene.order[i], channel)))),
-            NoiseKind::Waves => row.extend(waves.at(scene.means[i]).map(f64::from)),
-        }
+    for ((row, color), source_index) in rows.iter_mut().zip(scene.base_colors()).zip(&scene.order) {
+        row.extend((0..n_noise as u32).map(|channel| f64::from(noise(*source_index, channel))));
         row.extend(color.map(|channel| 4.0 * (f64::from(channel) - 0.5)));
     }
     let expected = twin::decode(&unfolded, scene.neighbors.as_ref().unwrap(), rows);
     let map = transfer(features, &[(&styles[0], 1.0), (&styles[1], 3.0)], 0.0).unwrap();
-    let what = format!("extra inputs of every kind, {noise_kind:?}, smooth {smooth}");
+    let what = format!("extra inputs of every kind, smooth {smooth}");
     check_close(&stylize(&scene, &decoder, &map).unwrap(), &expected, &what);
 }
 

@@ -389,9 +389,10 @@ fn initial_decoder(arguments: &TrainArgs, encoder: &Encoder, scenes: &[LoadedSce
     };
     let mut decoder = file::read_decoder(path)?;
     decoder.smooth = arguments.smooth.unwrap_or(decoder.smooth);
-    if let Some(kind) = arguments.noise_kind.filter(|kind| *kind != decoder.noise_kind) {
-        forget_noise(&mut decoder);
-        decoder.noise_kind = kind;
+    if let Some(n) = arguments.noise {
+        let found = decoder.n_noise;
+        ensure!(n <= found, "{}: sees {found} channels of noise, expected {n} at least", path.display());
+        forget_noise(&mut decoder, n);
     }
     if let Some(found) = &decoder.encoder {
         ensure!(found == encoder.id(), "{}: belongs to {found}, expected {}", path.display(), encoder.id());
@@ -399,14 +400,16 @@ fn initial_decoder(arguments: &TrainArgs, encoder: &Encoder, scenes: &[LoadedSce
     Ok(decoder)
 }
 
-/// Sets the first layer's weights on noise to 0: those inputs are the last ones but for the own color.
-fn forget_noise(decoder: &mut Decoder) {
-    let n_noise = decoder.n_noise;
+/// Takes the inputs that are noise away, all but `n`: they are the first layer's last ones, but for the own color.
+fn forget_noise(decoder: &mut Decoder, n: usize) {
+    let after = if decoder.own_color { 3 } else { 0 };
+    let n_forgotten = decoder.n_noise - n;
     let Some(first) = decoder.layers.first_mut() else { return };
-    let start = first.d_in - n_noise - if decoder.own_color { 3 } else { 0 };
-    for row in first.weight.chunks_exact_mut(first.d_in) {
-        row[start..start + n_noise].fill(0.0);
-    }
+    let kept = first.d_in - after - n_forgotten;
+    let without = |row: &[f32]| [&row[..kept], &row[kept + n_forgotten..]].concat();
+    first.weight = first.weight.chunks_exact(first.d_in).flat_map(without).collect();
+    first.d_in -= n_forgotten;
+    decoder.n_noise = n;
 }
 
 /// From `rate` to a tenth of it along half a cosine.

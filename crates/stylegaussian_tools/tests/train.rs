@@ -9,7 +9,7 @@ mod embedded;
 use std::{fs, path::Path};
 
 use embedded::{embedded, paintings};
-use stylegaussian::{Activation, Decoder, file, noise::NoiseKind};
+use stylegaussian::{Activation, file};
 use support::{Bench, Run, data, stylegaussian};
 
 fn losses(bench: &Bench) -> Vec<[f32; 2]> {
@@ -44,9 +44,8 @@ fn training_learns_resumes_and_reports() {
         assert!(Path::new(&bench.path(name)).is_file(), "{name}");
     }
     let decoder = file::read_decoder(out.as_ref()).unwrap();
-    assert!(decoder.own_color && decoder.n_noise == 4 && decoder.k == 8 && decoder.smooth);
-    assert_eq!(decoder.noise_kind, NoiseKind::Waves);
-    assert_eq!(decoder.n_inputs(), 256 + 4 + 3);
+    assert!(decoder.own_color && decoder.n_noise == 0 && decoder.k == 8 && decoder.smooth);
+    assert_eq!(decoder.n_inputs(), 256 + 3);
 
     train(&["--warm-iterations", "3", "--iterations", "12", "--resume"]).expect_success();
     let resumed = losses(&bench);
@@ -90,19 +89,37 @@ fn a_decoder_s_kind_can_be_told() {
         stylegaussian(&arguments).expect_success();
         file::read_decoder(out.as_ref()).unwrap()
     };
-    let first = train("a.decoder.safetensors", &["--warm-iterations", "1", "--noise", "2"]);
+    let first = train("a.decoder.safetensors", &["--warm-iterations", "1", "--noise", "3"]);
+    assert_eq!((first.smooth, first.n_noise, first.n_inputs()), (true, 3, 256 + 3 + 3));
     let init = bench.path("a.decoder.safetensors");
-    let same = train("b.decoder.safetensors", &["--init", &init, "--roughness-weight", "100"]);
-    assert!(same.smooth && same.noise_kind == NoiseKind::Waves);
-    let other =
-        train("c.decoder.safetensors", &["--init", &init, "--noise-kind", "white", "--smooth", "false"]);
-    assert!(!other.smooth && other.noise_kind == NoiseKind::White && other.n_noise == 2);
-    // Of a row's inputs, the noise comes before the own color. Adam's first step moves a weight by the rate, 1e-3.
-    let on_noise = |decoder: &Decoder| {
-        let rows = decoder.layers[0].weight.chunks_exact(256 + 2 + 3);
-        rows.flat_map(|row| &row[256..258]).fold(0.0_f32, |largest, weight| largest.max(weight.abs()))
-    };
-    assert!(on_noise(&first) > 0.02 && on_noise(&other) < 2e-3, "{}, {}", on_noise(&first), on_noise(&other));
+    let weights = ["--init", &init, "--roughness-weight", "100", "--recognition-weight", "1"];
+    let same = train("b.decoder.safetensors", &weights);
+    assert_eq!((same.smooth, same.n_noise), (true, 3));
+    let other = train("c.decoder.safetensors", &["--init", &init, "--noise", "1", "--smooth", "false"]);
+    assert_eq!((other.smooth, other.n_noise, other.n_inputs()), (false, 1, 256 + 1 + 3));
+    // Features, the noise that is kept, and the own color stand where they stood. Adam's first step moves a weight by the
+    // rate, 1e-3, and files keep f16.
+    let (from, to) = (&first.layers[0].weight, &other.layers[0].weight);
+    let rows = from.chunks_exact(256 + 6).zip(to.chunks_exact(256 + 4));
+    let moved = rows.flat_map(|(from, to)| {
+        let kept = from[..257].iter().chain(&from[259..]);
+        kept.zip(to).map(|(a, b)| (a - b).abs()).collect::<Vec<_>>()
+    });
+    assert!(moved.fold(0.0, f32::max) < 2e-3);
+    let more = [
+        "train",
+        &scene,
+        "--styles",
+        &styles,
+        "-o",
+        "x.decoder.safetensors",
+        "--init",
+        &init,
+        "--noise",
+        "4",
+    ];
+    let more = [&more[..], &["--holdout-styles", "1", "--encoder", encoder.to_str().unwrap()]].concat();
+    stylegaussian(&more).expect_error("sees 3 channels of noise, expected 4 at least");
 
     let paper = train("d.decoder.safetensors", &["--paper"]);
     assert_eq!((paper.activation, paper.n_noise, paper.n_inputs()), (Activation::Sigmoid, 0, 256));

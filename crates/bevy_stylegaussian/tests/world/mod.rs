@@ -59,7 +59,6 @@ pub fn small_scene(n: usize, seed: u64) -> Scene {
             activation: Activation::Sigmoid,
             residual: false,
             n_noise: 0,
-            noise_kind: stylegaussian::noise::NoiseKind::White,
             smooth: false,
             own_color: false,
             statistics_weight: Vec::new(),

@@ -173,7 +173,6 @@ fn final_model(features: Tensor, state: &State) -> Result<(Features, Option<Deco
         residual: false,
         own_color: false,
         n_noise: 0,
-        noise_kind: crate::noise::NoiseKind::White,
         smooth: false,
         statistics_weight: Vec::new(),
         encoder: None,

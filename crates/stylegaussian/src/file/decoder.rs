@@ -3,14 +3,11 @@
 //! Tensors `decoder.layers.{i}.weight` f16 or f32 `[D_out, K, D_in]` and `decoder.layers.{i}.bias` f32 `[D_out]`;
 //! where the decoder sees the style's statistics `decoder.statistics.weight` f16 or f32 `[D_out of the first, 2 D]`;
 //! metadata `k`, `activation` (`sigmoid` or `leaky_relu:slope`), `residual` (`true` or `false`), `transfer` (`adain`),
-//! `layers` (how many), `noise` (how many inputs are noise, where any is), `noise_kind` (`waves` where it is not white),
-//! `smooth` (`true` where colors are averaged over windows in the end), `own_color` (`true` where the last three inputs
+//! `layers` (how many), `noise` (how many inputs are noise, where any is), `smooth` (`true` where colors are averaged over
+//! windows in the end), `own_color` (`true` where the last three inputs
 //! are the Gaussian's own color) and, where known, `encoder`.
 
-use crate::{
-    decoder::{Activation, Decoder, Layer},
-    noise::NoiseKind,
-};
+use crate::decoder::{Activation, Decoder, Layer};
 
 use super::{
     Mismatch, Precision, mismatch,
@@ -52,7 +49,6 @@ pub(super) fn from_tensors(reader: &Reader) -> Result<Decoder, Mismatch> {
     let residual = reader.required("residual", "`residual` = `true` or `false`")?;
     let own_color = reader.parsed("own_color", "`own_color` = `true` or `false`")?.unwrap_or(false);
     let n_noise = reader.parsed("noise", "`noise` = a number of channels")?.unwrap_or(0);
-    let noise_kind = reader.parsed("noise_kind", "`noise_kind` = `white` or `waves`")?.unwrap_or_default();
     let smooth = reader.parsed("smooth", "`smooth` = `true` or `false`")?.unwrap_or(false);
     let n_tensors = reader.names().iter().filter(|name| name.starts_with("decoder.layers.")).count();
     let has_statistics = reader.names().contains(&STATISTICS);
@@ -68,18 +64,8 @@ pub(super) fn from_tensors(reader: &Reader) -> Result<Decoder, Mismatch> {
         _ => Vec::new(),
     };
     let encoder = reader.parsed("encoder", "an encoder `name@hash`")?;
-    let decoder = Decoder {
-        layers,
-        k,
-        activation,
-        residual,
-        own_color,
-        n_noise,
-        noise_kind,
-        smooth,
-        statistics_weight,
-        encoder,
-    };
+    let decoder =
+        Decoder { layers, k, activation, residual, own_color, n_noise, smooth, statistics_weight, encoder };
     validate(&decoder)?;
     Ok(decoder)
 }
@@ -108,9 +94,6 @@ pub(super) fn to_tensors<'a>(
     }
     if decoder.n_noise > 0 {
         writer.set("noise", decoder.n_noise);
-        if decoder.noise_kind != NoiseKind::White {
-            writer.set("noise_kind", decoder.noise_kind.name());
-        }
     }
     if decoder.smooth {
         writer.set("smooth", true);

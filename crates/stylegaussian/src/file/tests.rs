@@ -42,7 +42,6 @@ fn decoder(channels: &[usize], k: usize, next: &mut impl FnMut() -> f32) -> Deco
         residual: true,
         own_color: true,
         n_noise: 2,
-        noise_kind: crate::noise::NoiseKind::Waves,
         smooth: true,
         statistics_weight: values(channels[1] * 6, next),
         encoder: None,

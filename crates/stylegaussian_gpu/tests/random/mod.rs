@@ -76,7 +76,6 @@ impl Random {
             activation,
             residual: false,
             n_noise: 0,
-            noise_kind: stylegaussian::noise::NoiseKind::White,
             smooth: false,
             own_color: false,
             statistics_weight: Vec::new(),

@@ -66,8 +66,6 @@ struct DecoderInfo {
     residual: bool,
     /// Channels of noise among the inputs.
     n_noise: usize,
-    /// `white` or `waves`.
-    noise_kind: &'static str,
     /// Whether colors are averaged over windows in the end.
     smooth: bool,
     /// Whether the Gaussian's own color is among the inputs.
@@ -151,7 +149,6 @@ impl DecoderInfo {
             },
             residual: decoder.residual,
             n_noise: decoder.n_noise,
-            noise_kind: decoder.noise_kind.name(),
             smooth: decoder.smooth,
             own_color: decoder.own_color,
             statistics: !decoder.statistics_weight.is_empty(),
@@ -197,7 +194,7 @@ fn text(info: &Info) -> String {
             let marks = [
                 (d.residual, ", residual".to_owned()),
                 (d.own_color, ", sees own colors".to_owned()),
-                (d.n_noise > 0, format!(", {} channels of {} noise", d.n_noise, d.noise_kind)),
+                (d.n_noise > 0, format!(", {} channels of noise", d.n_noise)),
                 (d.smooth, ", smoothed".to_owned()),
                 (d.statistics, ", the style's statistics".to_owned()),
             ];
@@ -237,7 +234,6 @@ mod tests {
             residual: false,
             own_color: false,
             n_noise: 0,
-            noise_kind: stylegaussian::noise::NoiseKind::White,
             smooth: false,
             statistics_weight: Vec::new(),
             encoder: None,

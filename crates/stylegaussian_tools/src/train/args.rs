@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use stylegaussian::{Activation, noise::NoiseKind};
+use stylegaussian::Activation;
 
 use crate::cli::Backend;
 
@@ -46,7 +46,7 @@ pub struct TrainArgs {
     /// The paper's decoder and recipe: sigmoids; no noise, own color, statistics or average over windows; no warm start, no
     /// average over steps. A scene embedded by `embed --method optimize` goes with it.
     #[arg(long, conflicts_with_all = [
-        "init", "activation", "noise", "noise_kind", "own_color", "statistics", "smooth", "warm_iterations", "average",
+        "init", "activation", "noise", "own_color", "statistics", "smooth", "warm_iterations", "average",
     ])]
     pub paper: bool,
     /// Steps with the paper's loss.
@@ -90,14 +90,10 @@ pub struct TrainArgs {
     /// `sigmoid` (the paper's) or `leaky_relu:SLOPE`, for a decoder that starts from random weights.
     #[arg(long, value_name = "A", default_value = "leaky_relu:0.2")]
     pub activation: Activation,
-    /// Channels of noise that a decoder which starts from random weights sees: texture is made of it.
-    #[arg(long, value_name = "N", default_value = "4", value_parser = at_most_64::<0>)]
-    pub noise: usize,
-    /// What that noise is: `white`, a number for each Gaussian that its neighbors know nothing of, or `waves`, which change
-    /// smoothly over the scene. Otherwise what `--init`'s decoder has, or waves; where it is to change, weights on the old
-    /// kind are forgotten.
-    #[arg(long, value_name = "KIND")]
-    pub noise_kind: Option<NoiseKind>,
+    /// Channels of noise that the decoder sees: grain is made of it, for decoders that do not average colors. Otherwise as
+    /// many as `--init`'s sees, or none; of more than N, the last are forgotten.
+    #[arg(long, value_name = "N", value_parser = at_most_64::<0>)]
+    pub noise: Option<usize>,
     /// Whether decoded colors are averaged over each Gaussian's window in the end. Otherwise what `--init`'s decoder does,
     /// or true; the paper's does not.
     #[arg(long, value_name = "BOOL", action = clap::ArgAction::Set)]
@@ -142,7 +138,7 @@ impl TrainArgs {
         }
         Self {
             activation: Activation::Sigmoid,
-            noise: 0,
+            noise: Some(0),
             own_color: false,
             statistics: false,
             smooth: Some(false),

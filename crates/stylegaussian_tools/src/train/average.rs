@@ -50,7 +50,6 @@ mod tests {
             activation: Activation::Sigmoid,
             residual: false,
             n_noise: 0,
-            noise_kind: stylegaussian::noise::NoiseKind::White,
             smooth: false,
             own_color: false,
             statistics_weight: Vec::new(),

@@ -8,8 +8,7 @@ use burn::tensor::{
     activation::{leaky_relu, sigmoid},
 };
 use stylegaussian::{
-    Activation, Decoder, EncoderId, Features, Layer, fold::ChannelMap, noise::NoiseKind,
-    statistics::ContentStatistics,
+    Activation, Decoder, EncoderId, Features, Layer, fold::ChannelMap, statistics::ContentStatistics,
 };
 
 use super::args::TrainArgs;
@@ -25,7 +24,6 @@ pub struct Network {
     activation: Activation,
     own_color: bool,
     n_noise: usize,
-    noise_kind: NoiseKind,
     smooth: bool,
     encoder: Option<EncoderId>,
 }
@@ -86,8 +84,8 @@ impl Network {
         n_extra: usize,
         encoder: Option<EncoderId>,
     ) -> Decoder {
-        let TrainArgs { k, activation, own_color, noise: n_noise, statistics, seed, .. } = *arguments;
-        let noise_kind = arguments.noise_kind.unwrap_or(NoiseKind::Waves);
+        let TrainArgs { k, activation, own_color, statistics, seed, .. } = *arguments;
+        let n_noise = arguments.noise.unwrap_or(0);
         let smooth = arguments.smooth.unwrap_or(true);
         let n_statistics = if statistics { 2 * n_channels } else { 0 };
         let n_inputs = n_channels + n_extra + n_noise + if own_color { 3 } else { 0 };
@@ -130,7 +128,6 @@ impl Network {
             residual: false,
             own_color,
             n_noise,
-            noise_kind,
             smooth,
             statistics_weight,
             encoder,
@@ -166,7 +163,6 @@ impl Network {
             activation: decoder.activation,
             own_color: decoder.own_color,
             n_noise: decoder.n_noise,
-            noise_kind: decoder.noise_kind,
             smooth: decoder.smooth,
             encoder: decoder.encoder.clone(),
         })
@@ -202,7 +198,6 @@ impl Network {
             residual: false,
             own_color: self.own_color,
             n_noise: self.n_noise,
-            noise_kind: self.noise_kind,
             smooth: self.smooth,
             statistics_weight: values.last().filter(|_| values.len() % 2 == 1).map_or(Vec::new(), to_vec),
             encoder: self.encoder.clone(),

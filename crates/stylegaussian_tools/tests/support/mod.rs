@@ -155,7 +155,6 @@ impl Bench {
             residual: false,
             own_color: false,
             n_noise: 0,
-            noise_kind: stylegaussian::noise::NoiseKind::White,
             smooth: false,
             statistics_weight: Vec::new(),
             encoder: Some(encoder("test", "00")),
