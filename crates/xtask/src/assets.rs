@@ -48,8 +48,20 @@ const TRAINING: [&str; 6] = ["--holdout-styles", "0", "--learning-rate", "3e-4",
 
 /// The first run: the warm start on recolored scenes, then the loss, on crops of 256 pixels from views of 512; over squares of
 /// 16 pixels colors are kept near the recolored scene's.
-const FIRST_RUN: [&str; 8] =
-    ["--warm-iterations", "1500", "--iterations", "5000", "--size", "512", "--palette-weight", "50"];
+const FIRST_RUN: [&str; 12] = [
+    "--noise",
+    "4",
+    "--smooth",
+    "false",
+    "--warm-iterations",
+    "1500",
+    "--iterations",
+    "5000",
+    "--size",
+    "512",
+    "--palette-weight",
+    "50",
+];
 
 /// The second run goes on from the first one's decoder.
 const SECOND_RUN: [&str; 8] =
@@ -67,6 +79,29 @@ const THIRD_RUN: [&str; 10] = [
     "512,256",
     "--palette-weight",
     "30",
+];
+
+/// The fourth forgets the noise, which had become grain, and averages colors over windows; what the average takes away costs,
+/// and so does a picture that is as like another painting as its own.
+const FOURTH_RUN: [&str; 18] = [
+    "--noise",
+    "0",
+    "--smooth",
+    "true",
+    "--seed",
+    "11",
+    "--iterations",
+    "1950",
+    "--average",
+    "0.4",
+    "--size",
+    "512,256",
+    "--palette-weight",
+    "30",
+    "--roughness-weight",
+    "2500",
+    "--recognition-weight",
+    "10",
 ];
 
 /// Steps of the encoder's training.
@@ -204,9 +239,12 @@ fn train(steps: &mut Steps, data: &Data, playbot: &Path, biker: &Path, paintings
     let second = format!("{WORK}/second.decoder.safetensors");
     let mut train = run(&[demo, playbot, biker], &cameras, &second);
     steps.run("second run", train.args(["--init", &first]).args(SECOND_RUN))?;
+    let third = format!("{WORK}/third.decoder.safetensors");
+    let mut train = run(&[demo, playbot, biker], &cameras, &third);
+    steps.run("third run", train.args(["--init", &second]).args(THIRD_RUN))?;
     let decoder = format!("{WORK}/default.decoder.safetensors");
     let mut train = run(&[demo, playbot, biker], &cameras, &decoder);
-    steps.run("third run", train.args(["--init", &second]).args(THIRD_RUN))?;
+    steps.run("fourth run", train.args(["--init", &third]).args(FOURTH_RUN))?;
     fs::copy(&decoder, DECODER).with_context(|| format!("cannot copy {decoder} to {DECODER}"))?;
     Ok(())
 }
