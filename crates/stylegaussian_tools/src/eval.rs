@@ -70,7 +70,7 @@ pub struct EvalArgs {
     size: u32,
     /// Longer side of the views that consistency is measured on, in pixels. Where a pixel is coarser than the scene, it is
     /// the warp's sampling between pixels that differs most.
-    #[arg(long, value_name = "PX", default_value_t = 640, value_parser = clap::value_parser!(u32).range(32..=2048))]
+    #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=2048))]
     consistency_size: u32,
     /// The decoder, *.decoder.safetensors. Otherwise the scene's own, otherwise the default one.
     #[arg(long, value_name = "FILE")]

@@ -20,7 +20,8 @@ fn every_painting_and_reference_is_measured() {
     let (styles, sheet, vgg) = (paintings(&bench), bench.path("sheet.png"), vgg.to_str().unwrap());
     let eval = |scene: &str, more: &[&str]| {
         let common = ["eval", scene, "--styles", &styles, "--views", "2", "--size", "64", "--vgg", vgg];
-        stylegaussian(&[&common, more].concat())
+        let common = [&common[..], &["--consistency-size", "64"]].concat();
+        stylegaussian(&[&common[..], more].concat())
     };
     let run = eval(&scene, &["--json", "--sheet", &sheet]).expect_success();
     let found: Value = serde_json::from_str(&run.stdout).unwrap();
