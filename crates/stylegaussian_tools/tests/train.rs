@@ -106,20 +106,13 @@ fn a_decoder_s_kind_can_be_told() {
         kept.zip(to).map(|(a, b)| (a - b).abs()).collect::<Vec<_>>()
     });
     assert!(moved.fold(0.0, f32::max) < 2e-3);
-    let more = [
-        "train",
-        &scene,
-        "--styles",
-        &styles,
-        "-o",
-        "x.decoder.safetensors",
-        "--init",
-        &init,
-        "--noise",
-        "4",
-    ];
-    let more = [&more[..], &["--holdout-styles", "1", "--encoder", encoder.to_str().unwrap()]].concat();
-    stylegaussian(&more).expect_error("sees 3 channels of noise, expected 4 at least");
+    let mut more = vec!["train", &scene, "--styles", &styles, "-o", "x", "--init", &init, "--noise", "4"];
+    more.extend(["--holdout-styles", "1", "--encoder", encoder.to_str().unwrap()]);
+    let run = stylegaussian(&more);
+    assert_eq!(run.code, Some(1), "{run:?}");
+    let error = run.stderr.lines().last().unwrap_or_default();
+    assert!(error.starts_with("error: ") && error.contains("a.decoder.safetensors"), "{error}");
+    assert!(error.contains("sees 3 channels of noise, expected 4 at least"), "{error}");
 
     let paper = train("d.decoder.safetensors", &["--paper"]);
     assert_eq!((paper.activation, paper.n_noise, paper.n_inputs()), (Activation::Sigmoid, 0, 256));
