@@ -10,6 +10,15 @@ pub const WORKGROUP: u32 = 256;
 pub const TILE: u32 = 2048;
 /// Values of one digit of the sort.
 pub const N_DIGITS: u32 = WORKGROUP;
+/// Pixels along a side of a cell.
+pub const CELL: u32 = 8;
+/// Runs of consecutive splats that cells are filled from; more than CPUs have cores would only add counters.
+pub const N_RUNS: u32 = 32;
+/// Invocations in a workgroup of kernels for adapters that are a CPU: as many as its vectors have numbers (256 bits), so
+/// that each thread has one workgroup's invocations in step.
+pub const IN_STEP: u32 = 8;
+/// Cells that one workgroup blends.
+pub const CELLS_OF_GROUP: u32 = 16;
 /// The key of a Gaussian that no pixel sees. Keys of depths are below it: it would be that of a NaN.
 pub const INVISIBLE: u32 = u32::MAX;
 /// `SplatChunk::sh_degree` of a scene that keeps no colors of its own.
@@ -49,6 +58,7 @@ pub const CURVE_TONY_MC_MAPFACE: u32 = 4;
 pub const CURVE_BLENDER_FILMIC: u32 = 5;
 
 const RECORDS: &str = include_str!("../wgsl/splat_records.wgsl");
+const CELLS: &str = include_str!("../wgsl/splat_cells.wgsl");
 const SCAN: &str = include_str!("../wgsl/splat_scan.wgsl");
 const SORT: &str = include_str!("../wgsl/splat_sort.wgsl");
 
@@ -57,6 +67,11 @@ fn constants() -> String {
     let constants = [
         ("WORKGROUP", WORKGROUP),
         ("TILE", TILE),
+        ("CELL", CELL),
+        ("N_RUNS", N_RUNS),
+        ("IN_STEP", IN_STEP),
+        ("CELLS_OF_GROUP", CELLS_OF_GROUP),
+        ("QUARTERS_OF_GROUP", 4 * CELLS_OF_GROUP),
         ("INVISIBLE", INVISIBLE),
         ("NO_SH", NO_SH),
         ("FROM_OWN_COLORS", FROM_OWN_COLORS),
@@ -127,6 +142,30 @@ pub fn draw() -> Source {
     source("splat_draw", &[RECORDS, include_str!("../wgsl/splat_draw.wgsl")])
 }
 
+/// Count the splats of each cell.
+pub fn cells_count() -> Source {
+    source("splat_cells_count", &[RECORDS, CELLS, include_str!("../wgsl/splat_cells_count.wgsl")])
+}
+
+/// From counts to places in the lists of cells.
+pub fn cells_scan() -> Source {
+    source("splat_cells_scan", &[RECORDS, CELLS, include_str!("../wgsl/splat_cells_scan.wgsl")])
+}
+
+/// Write the lists of cells.
+pub fn cells_scatter() -> Source {
+    source("splat_cells_scatter", &[RECORDS, CELLS, include_str!("../wgsl/splat_cells_scatter.wgsl")])
+}
+
+/// Blend the lists of cells, with or without a depth texture.
+pub fn cells_blend(tested: bool) -> Source {
+    let depth = match tested {
+        false => include_str!("../wgsl/splat_cells_untested.wgsl"),
+        true => include_str!("../wgsl/splat_cells_tested.wgsl"),
+    };
+    source("splat_cells_blend", &[RECORDS, CELLS, depth, include_str!("../wgsl/splat_cells_blend.wgsl")])
+}
+
 /// Put the layer over a picture of one sample per pixel, or of several.
 pub fn composite(multisampled: bool) -> Source {
     let target = match multisampled {
@@ -154,6 +193,11 @@ pub fn sources() -> Vec<Source> {
         sort_scatter(true),
         sort_counts(),
         draw(),
+        cells_count(),
+        cells_scan(),
+        cells_scatter(),
+        cells_blend(false),
+        cells_blend(true),
         composite(false),
         composite(true),
         inverse_table(),
@@ -198,6 +242,17 @@ pub fn layouts() -> Vec<Layout> {
             first_instance,
         }),
         layout!(SplatDraw { viewport }),
+        layout!(SplatCells { viewport, n_cells, capacity, padding }),
+        layout!(SplatCellCommands {
+            n_groups,
+            one_y,
+            one_z,
+            padding,
+            n_vertices,
+            n_instances,
+            first_vertex,
+            first_instance,
+        }),
         layout!(SplatComposite { exposure }),
     ]
 }
@@ -310,6 +365,42 @@ pub struct SplatCommands {
 pub struct SplatDraw {
     /// Left, top, width and height of the viewport, in pixels of the target.
     pub viewport: [f32; 4],
+}
+
+/// The cells of a view.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SplatCells {
+    /// Left, top, width and height of the viewport, in pixels of the target.
+    pub viewport: [f32; 4],
+    /// Columns and rows of cells.
+    pub n_cells: [u32; 2],
+    /// How many entries all lists together have room for.
+    pub capacity: u32,
+    /// Unused.
+    pub padding: u32,
+}
+
+/// Whether the lists of cells have room, as arguments of indirect commands.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct SplatCellCommands {
+    /// Workgroups that blend lists: none where the lists do not fit.
+    pub n_groups: u32,
+    /// Their workgroups in y.
+    pub one_y: u32,
+    /// Their workgroups in z.
+    pub one_z: u32,
+    /// Unused.
+    pub padding: u32,
+    /// Corners of a splat's quad.
+    pub n_vertices: u32,
+    /// Visible splats where the lists do not fit, otherwise none.
+    pub n_instances: u32,
+    /// Zero.
+    pub first_vertex: u32,
+    /// Zero.
+    pub first_instance: u32,
 }
 
 /// How the layer becomes the target's.

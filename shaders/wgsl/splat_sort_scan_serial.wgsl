@@ -5,9 +5,10 @@
 /// Keys with each digit `[digit]`.
 @group(0) @binding(3) var<storage, read_write> digit_counts: array<u32>;
 
-@compute @workgroup_size(1)
-fn splat_sort_scan_serial(@builtin(workgroup_id) workgroup: vec3<u32>) {
-    let row = workgroup.x * tile_stride();
+@compute @workgroup_size(IN_STEP)
+fn splat_sort_scan_serial(@builtin(global_invocation_id) invocation: vec3<u32>) {
+    let digit = invocation.x;
+    let row = digit * tile_stride();
     let n_tiles = (n_keys() + TILE - 1u) / TILE;
     var before = 0u;
     for (var tile = 0u; tile < n_tiles; tile++) {
@@ -15,5 +16,5 @@ fn splat_sort_scan_serial(@builtin(workgroup_id) workgroup: vec3<u32>) {
         tile_counts[row + tile] = before;
         before += count;
     }
-    digit_counts[workgroup.x] = before;
+    digit_counts[digit] = before;
 }

@@ -1,4 +1,5 @@
-// `splat_sort_scatter` on adapters that are a CPU: one invocation moves a tile, key by key.
+// `splat_sort_scatter` on adapters that are a CPU: one invocation moves a tile, key by key, in step with
+// those of the tiles beside it.
 
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>;
 @group(0) @binding(3) var<storage, read> values_in: array<u32>;
@@ -9,25 +10,34 @@
 @group(0) @binding(6) var<storage, read_write> keys_out: array<u32>;
 @group(0) @binding(7) var<storage, read_write> values_out: array<u32>;
 
-/// Where the next key with each digit goes.
-var<workgroup> next: array<u32, N_DIGITS>;
+/// Where the next key with each digit goes `[digit, lane]`.
+var<workgroup> next: array<u32, N_DIGITS * IN_STEP>;
 
-@compute @workgroup_size(1)
-fn splat_sort_scatter_serial(@builtin(workgroup_id) workgroup: vec3<u32>) {
+@compute @workgroup_size(IN_STEP)
+fn splat_sort_scatter_serial(
+    @builtin(global_invocation_id) invocation: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let tile = invocation.x;
+    let first = tile * TILE;
+    // There are as many workgroups as tiles: the last ones have nothing to do.
+    if first >= n_keys() {
+        return;
+    }
     var before = 0u;
     for (var digit = 0u; digit < N_DIGITS; digit++) {
-        next[digit] = before + tile_offsets[digit * tile_stride() + workgroup.x];
+        next[digit * IN_STEP + lane] = before + tile_offsets[digit * tile_stride() + tile];
         before += digit_counts[digit];
     }
-    let end = min((workgroup.x + 1u) * TILE, n_keys());
-    for (var i = workgroup.x * TILE; i < end; i++) {
+    let end = min(first + TILE, n_keys());
+    for (var i = first; i < end; i++) {
         let key = keys_in[i];
         if key == INVISIBLE {
             continue;
         }
-        let digit = digit_of(key);
-        let place = next[digit];
-        next[digit] = place + 1u;
+        let of_digit = digit_of(key) * IN_STEP + lane;
+        let place = next[of_digit];
+        next[of_digit] = place + 1u;
         keys_out[place] = key;
         if sort_pass.first == 1u {
             values_out[place] = i;

@@ -7,7 +7,7 @@ use stylegaussian_gpu::{
     scene::GpuScene,
     splat::{
         Camera, Cloud, CloudColors, Composite, CompositeInput, CompositeMode, CompositePipeline,
-        LAYER_FORMAT, SplatPass, SplatPipeline, SplatSettings, SplatView,
+        LAYER_FORMAT, Layer, SplatPass, SplatPipeline, SplatSettings, SplatView,
     },
 };
 
@@ -91,7 +91,8 @@ impl<'a> Stage<'a> {
         const TARGET: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
         let device = &gpu.device;
         let (pass, composite) = (SplatPass::new(device), Composite::new(device));
-        let [layer, target] = [LAYER_FORMAT, TARGET].map(|format| texture(device, picture, format));
+        let layer = texture(device, picture, LAYER_FORMAT, pass.layer_usages());
+        let target = texture(device, picture, TARGET, wgpu::TextureUsages::empty());
         Self {
             gpu,
             scene,
@@ -136,10 +137,29 @@ impl<'a> Stage<'a> {
         Ok(())
     }
 
-    fn composite(&self, encoder: &mut wgpu::CommandEncoder) {
-        let [width, height] = self.picture;
-        let viewport = UVec4::new(0, 0, width, height);
-        self.composite.draw(&mut clear(encoder, &self.target), &self.over, &self.input, viewport);
+    fn draw(&mut self, encoder: &mut wgpu::CommandEncoder, i: usize) {
+        let Gpu { device, queue, .. } = self.gpu;
+        let layer = Layer { color: &self.layer, resolved: None, depth: None };
+        self.pass.draw_layer(device, queue, encoder, &mut self.views[i], &layer, &self.draw);
+    }
+
+    /// Puts the layer over part `i` of `n` of the picture.
+    fn composite(&self, encoder: &mut wgpu::CommandEncoder, i: u32, n: u32) {
+        let load = match i {
+            0 => wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+            _ => wgpu::LoadOp::Load,
+        };
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &self.target,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
+            })],
+            ..Default::default()
+        });
+        let viewport = self.camera(i, n).viewport;
+        self.composite.draw(&mut pass, &self.over, &self.input, viewport);
     }
 
     /// Whole frames of moving cameras.
@@ -150,13 +170,9 @@ impl<'a> Stage<'a> {
             gpu.time(|encoder| {
                 for i in 0..n_cameras {
                     self.prepare(encoder, i as usize, n_cameras, CloudColors::Sh)?;
+                    self.draw(encoder, i as usize);
+                    self.composite(encoder, i, n_cameras);
                 }
-                let mut pass = clear(encoder, &self.layer);
-                for view in &self.views[..n_cameras as usize] {
-                    self.pass.draw(&mut pass, view, &self.draw);
-                }
-                drop(pass);
-                self.composite(encoder);
                 Ok(())
             })
         })?;
@@ -187,13 +203,13 @@ impl<'a> Stage<'a> {
         })?;
         add("draw", &mut || {
             gpu.time(|encoder| {
-                self.pass.draw(&mut clear(encoder, &self.layer), &self.views[0], &self.draw);
+                self.draw(encoder, 0);
                 Ok(())
             })
         })?;
         add("composite", &mut || {
             gpu.time(|encoder| {
-                self.composite(encoder);
+                self.composite(encoder, 0, 1);
                 Ok(())
             })
         })
@@ -204,6 +220,7 @@ fn texture(
     device: &wgpu::Device,
     [width, height]: [u32; 2],
     format: wgpu::TextureFormat,
+    more: wgpu::TextureUsages,
 ) -> wgpu::TextureView {
     let texture = device.create_texture(&wgpu::TextureDescriptor {
         label: None,
@@ -212,24 +229,8 @@ fn texture(
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
         format,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING | more,
         view_formats: &[],
     });
     texture.create_view(&wgpu::TextureViewDescriptor::default())
-}
-
-/// A pass over a cleared target.
-fn clear<'a>(encoder: &'a mut wgpu::CommandEncoder, target: &wgpu::TextureView) -> wgpu::RenderPass<'a> {
-    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-            view: target,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations {
-                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                store: wgpu::StoreOp::Store,
-            },
-        })],
-        ..Default::default()
-    })
 }

@@ -4,15 +4,17 @@
 //!    records and keys per view;
 //! 2. *sort* (`sort`): one radix sort over what is visible of all clouds, so clouds interleave where they overlap;
 //! 3. *draw* (`draw`): one indirect draw of quads, back to front, premultiplied over, into a *layer* of the target's size
-//!    and sample count in which splats blend among themselves, display-referred;
+//!    and sample count in which splats blend among themselves, display-referred; on adapters that are a CPU, where the
+//!    layer has one sample per pixel, compute instead (`cells`), which takes a ninth of the time;
 //! 4. *composite* (`composite`): the layer over the picture, in the picture's own space.
 //!
-//! [`SplatPass::prepare`] encodes 1 and 2, [`SplatPass::draw`] 3, [`Composite::draw`] 4. The rules are those of
-//! `stylegaussian::splat`, which is the CPU twin; two things differ: no pixel is finished early (the rest of its light
+//! [`SplatPass::prepare`] encodes 1 and 2, [`SplatPass::draw_layer`] 3, [`Composite::draw`] 4. The rules are those of
+//! `stylegaussian::splat`, which is the CPU twin; two things differ: quads finish no pixel early (the rest of its light
 //! is under 1e-4), and records keep colors and opacities as f16.
 
 mod bind;
 mod camera;
+mod cells;
 mod cloud;
 mod composite;
 mod draw;
@@ -32,6 +34,7 @@ pub use headless::{Headless, HeadlessError, Picture};
 pub use tonemapping::{InverseTable, ToneCurve, Tonemapping};
 pub use view::SplatView;
 
+use cells::Cells;
 use draw::Draw;
 use project::Project;
 use sort::Sort;
@@ -97,12 +100,68 @@ pub struct SplatPass {
     project: Project,
     sort: Sort,
     draw: Draw,
+    /// On adapters that are a CPU.
+    cells: Option<Cells>,
+}
+
+/// Where splats blend among themselves.
+#[derive(Clone, Copy, Debug)]
+pub struct Layer<'a> {
+    /// Of [`LAYER_FORMAT`].
+    pub color: &'a wgpu::TextureView,
+    /// What the samples of `color` are averaged into, which are then not kept.
+    pub resolved: Option<&'a wgpu::TextureView>,
+    /// Depths of what is there already, reverse z; only read.
+    pub depth: Option<&'a wgpu::TextureView>,
+}
+
+impl Layer<'_> {
+    /// Whether compute can draw into it: single samples, and a depth texture that shaders may read.
+    fn takes_cells(&self) -> bool {
+        let color = self.color.texture();
+        let is_readable = |depth: &wgpu::TextureView| {
+            depth.texture().usage().contains(wgpu::TextureUsages::TEXTURE_BINDING)
+        };
+        color.sample_count() == 1
+            && color.usage().contains(wgpu::TextureUsages::STORAGE_BINDING)
+            && self.depth.is_none_or(is_readable)
+    }
+
+    /// A pass over the cleared layer.
+    fn cleared<'a>(&self, encoder: &'a mut wgpu::CommandEncoder) -> wgpu::RenderPass<'a> {
+        let store = match self.resolved {
+            Some(_) => wgpu::StoreOp::Discard,
+            None => wgpu::StoreOp::Store,
+        };
+        encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("splat_draw"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: self.color,
+                depth_slice: None,
+                resolve_target: self.resolved,
+                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store },
+            })],
+            // Without operations it is read only.
+            depth_stencil_attachment: self.depth.map(|view| wgpu::RenderPassDepthStencilAttachment {
+                view,
+                depth_ops: None,
+                stencil_ops: None,
+            }),
+            ..Default::default()
+        })
+    }
 }
 
 impl SplatPass {
     /// Compiles everything but the draw, which depends on the target: see [`pipeline`](Self::pipeline).
     pub fn new(device: &wgpu::Device) -> Self {
-        Self { project: Project::new(device), sort: Sort::new(device), draw: Draw::new(device) }
+        let is_cpu = device.adapter_info().device_type == wgpu::DeviceType::Cpu;
+        Self { cells: is_cpu.then(|| Cells::new(device)), ..Self::by_quads(device) }
+    }
+
+    /// The pass that draws as on a GPU, whatever the adapter.
+    pub fn by_quads(device: &wgpu::Device) -> Self {
+        Self { project: Project::new(device), sort: Sort::new(device), draw: Draw::new(device), cells: None }
     }
 
     /// The draw into a layer of [`LAYER_FORMAT`] at `samples` samples, tested against a depth attachment of
@@ -153,6 +212,9 @@ impl SplatPass {
         if change == Change::Nothing {
             return Ok(());
         }
+        if change == Change::Order {
+            view.empty_cells();
+        }
         let Some(sort) = view.sort() else { return Ok(()) };
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("splat"),
@@ -165,8 +227,46 @@ impl SplatPass {
         Ok(())
     }
 
-    /// Draws what [`prepare`](Self::prepare) put into `view`, within the camera's viewport. `pipeline` must fit the
-    /// attachments of `pass`.
+    /// What the texture of a layer must allow besides being an attachment.
+    pub fn layer_usages(&self) -> wgpu::TextureUsages {
+        match self.cells {
+            Some(_) => wgpu::TextureUsages::STORAGE_BINDING,
+            None => wgpu::TextureUsages::empty(),
+        }
+    }
+
+    /// Clears a layer and draws into it what [`prepare`](Self::prepare) put into `view`, within the camera's viewport, by
+    /// whatever is fastest on the adapter. `pipeline` must fit the layer.
+    pub fn draw_layer(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        encoder: &mut wgpu::CommandEncoder,
+        view: &mut SplatView,
+        layer: &Layer,
+        pipeline: &SplatPipeline,
+    ) {
+        let Some(cells) = self.cells.as_ref().filter(|_| layer.takes_cells()) else {
+            self.draw(&mut layer.cleared(encoder), view, pipeline);
+            return;
+        };
+        let Some(lists) = view.to_fill(device, queue, cells) else {
+            layer.cleared(encoder);
+            return;
+        };
+        cells.fill(encoder, lists);
+        // No quad, but where the lists did not fit.
+        let commands = lists.commands().clone();
+        let mut pass = layer.cleared(encoder);
+        self.draw.encode_indirect(&mut pass, view, pipeline, &commands, cells::QUADS);
+        drop(pass);
+        if let Some(lists) = view.to_fill(device, queue, cells) {
+            cells.blend(device, encoder, lists, layer.color, layer.depth);
+        }
+    }
+
+    /// Draws what [`prepare`](Self::prepare) put into `view` by quads, within the camera's viewport. `pipeline` must fit the
+    /// attachments of `pass`. What [`draw_layer`](Self::draw_layer) does on a GPU.
     pub fn draw(&self, pass: &mut wgpu::RenderPass, view: &SplatView, pipeline: &SplatPipeline) {
         self.draw.encode(pass, view, pipeline);
     }

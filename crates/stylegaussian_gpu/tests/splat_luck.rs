@@ -4,7 +4,7 @@ mod pictures;
 mod target;
 
 use glam::{Affine3A, Mat3, Mat4, Quat, UVec2, UVec4, Vec3};
-use pictures::{camera, draw, random_scene, scene};
+use pictures::{camera, draw, draw_both_ways, random_scene, scene};
 use stylegaussian::{Scene, splat::Colors};
 use stylegaussian_gpu::{
     colors::GaussianColors,
@@ -23,9 +23,11 @@ fn default_camera() -> Camera {
 /// Coverage of a picture, summed over its pixels. Fails on what is not a number.
 fn coverage(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(&Scene, Affine3A)]) -> f32 {
     let clouds: Vec<_> = clouds.iter().map(|&(scene, place)| (scene, Colors::Sh, place)).collect();
-    let picture = draw(gpu, camera, &clouds, &SplatSettings::default());
-    assert!(picture.rgba.as_flattened().iter().all(|x| x.is_finite()));
-    picture.rgba.iter().map(|pixel| pixel[3]).sum()
+    let pictures = draw_both_ways(gpu, camera, &clouds, &SplatSettings::default());
+    assert!(pictures.iter().all(|picture| picture.rgba.as_flattened().iter().all(|x| x.is_finite())));
+    let [picture, by_quads] = pictures.map(|picture| picture.rgba.iter().map(|pixel| pixel[3]).sum::<f32>());
+    assert_eq!(picture > 0.0, by_quads > 0.0, "{picture} and by quads {by_quads}");
+    picture
 }
 
 #[test]

@@ -12,8 +12,8 @@ use stylegaussian_gpu::{
     device::HeadlessDevice,
     scene::GpuScene,
     splat::{
-        Camera, Cloud, CloudColors, Composite, CompositeMode, Headless, LAYER_FORMAT, SortKey, SplatPass,
-        SplatSettings, SplatView,
+        Camera, Cloud, CloudColors, Composite, CompositeMode, Headless, LAYER_FORMAT, Layer, SortKey,
+        SplatPass, SplatSettings, SplatView,
     },
 };
 use target::{gpu, pass, read, texture};
@@ -64,13 +64,13 @@ fn near(found: [f32; 4], expected: [f32; 4]) {
 }
 
 /// A layer and a depth attachment, with what is drawn into them.
-struct Layer {
+struct Target {
     color: wgpu::Texture,
     depth: wgpu::Texture,
     samples: u32,
 }
 
-impl Layer {
+impl Target {
     /// Nothing, in front of a wall at `depth`.
     fn new(gpu: &HeadlessDevice, size: [u32; 2], samples: u32, depth: f32) -> Self {
         let layer = Self {
@@ -127,6 +127,26 @@ impl Layer {
         self.pass(gpu, None, |pass| splats.draw(pass, &view, &pipeline));
     }
 
+    /// Draws a scene of one RGB per Gaussian in the adapter's way, into the cleared layer.
+    fn splat_layer(&self, gpu: &HeadlessDevice, scene: &Scene, rgb: &[[f32; 3]], camera: &Camera) {
+        let HeadlessDevice { device, queue, .. } = gpu;
+        let splats = SplatPass::new(device);
+        let pipeline = splats.pipeline(device, self.samples, Some(Depth32Float));
+        let colors = GaussianColors::from_rgb(device, queue, rgb).unwrap();
+        let scene = GpuScene::new(device, scene).unwrap();
+        let cloud =
+            Cloud { scene: &scene, colors: CloudColors::Rgb(&colors), world_from_scene: Affine3A::IDENTITY };
+        let mut view = SplatView::new();
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let settings = SplatSettings::default();
+        splats.prepare(device, queue, &mut encoder, &mut view, camera, &[cloud], &settings).unwrap();
+        let [color, depth] =
+            [&self.color, &self.depth].map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
+        let layer = Layer { color: &color, resolved: None, depth: Some(&depth) };
+        splats.draw_layer(device, queue, &mut encoder, &mut view, &layer, &pipeline);
+        queue.submit([encoder.finish()]);
+    }
+
     /// The layer over `background`, its samples averaged.
     fn composited(&self, gpu: &HeadlessDevice, background: wgpu::Color) -> Vec<[f32; 4]> {
         let device = &gpu.device;
@@ -153,8 +173,10 @@ fn walls_hide_what_is_behind_them() {
     let both = scene(&[ahead(3.0), ahead(1.0)]);
     let check = |wall: f32, expected: [f32; 4]| {
         for samples in [1, 4] {
-            let layer = Layer::new(&gpu, [SIZE; 2], samples, 0.1 / wall);
+            let layer = Target::new(&gpu, [SIZE; 2], samples, 0.1 / wall);
             layer.splat(&gpu, &both, &[GREEN, RED], &pinhole());
+            near(layer.composited(&gpu, wgpu::Color::TRANSPARENT)[CENTER], expected);
+            layer.splat_layer(&gpu, &both, &[GREEN, RED], &pinhole());
             near(layer.composited(&gpu, wgpu::Color::TRANSPARENT)[CENTER], expected);
         }
     };
@@ -168,7 +190,7 @@ fn walls_hide_what_is_behind_them() {
 #[test]
 fn walls_hide_sample_by_sample() {
     let Some(gpu) = gpu() else { return };
-    let layer = Layer::new(&gpu, [SIZE; 2], 4, 0.0);
+    let layer = Target::new(&gpu, [SIZE; 2], 4, 0.0);
     draw_wall(&gpu, &layer);
     // So large that it is the same everywhere.
     let behind = scene(&[(Vec3::new(0.0, 0.0, -2.0), Vec3::splat(100.0), 0.8)]);
@@ -181,8 +203,62 @@ fn walls_hide_sample_by_sample() {
     }
 }
 
+/// The same wall before single samples, which it hides where their middles lie on it.
+#[test]
+fn walls_hide_pixel_by_pixel() {
+    let Some(gpu) = gpu() else { return };
+    let layer = Target::new(&gpu, [SIZE; 2], 1, 0.0);
+    draw_wall(&gpu, &layer);
+    let behind = scene(&[(Vec3::new(0.0, 0.0, -2.0), Vec3::splat(100.0), 0.8)]);
+    layer.splat_layer(&gpu, &behind, &[WHITE], &pinhole());
+    let picture = read(&gpu, &layer.color);
+    for row in picture.chunks_exact(SIZE as usize) {
+        for (x, pixel) in row.iter().enumerate().filter(|&(x, _)| x != SIZE as usize / 2) {
+            near(*pixel, if x < SIZE as usize / 2 { [0.0; 4] } else { [0.8; 4] });
+        }
+    }
+}
+
+/// A layer drawn in the adapter's way is cleared all over and drawn to within the viewport.
+#[test]
+fn a_layer_is_cleared_around_its_viewport() {
+    let Some(gpu) = gpu() else { return };
+    let size = [2 * SIZE + 1, SIZE + 2];
+    let layer = Target::new(&gpu, size, 1, 0.0);
+    let large = scene(&[(Vec3::new(0.0, 0.0, -2.0), Vec3::splat(100.0), 0.8)]);
+    let mut camera = pinhole();
+    for viewport in [UVec4::new(0, 2, SIZE, SIZE), UVec4::new(SIZE + 1, 0, SIZE, SIZE)] {
+        camera.viewport = viewport;
+        layer.splat_layer(&gpu, &large, &[RED], &camera);
+        for (i, pixel) in read(&gpu, &layer.color).into_iter().enumerate() {
+            let at = UVec2::new(i as u32 % size[0], i as u32 / size[0]);
+            let corner = UVec2::new(viewport.x, viewport.y);
+            let inside = at.cmpge(corner).all() && at.cmplt(corner + SIZE).all();
+            near(pixel, if inside { [0.8, 0.0, 0.0, 0.8] } else { [0.0; 4] });
+        }
+    }
+}
+
+/// Lists that do not fit are drawn all the same: 2,500 splats that each cover all 1,600 cells of a picture.
+#[test]
+fn splats_without_room_in_lists_are_drawn() {
+    let Some(gpu) = gpu() else { return };
+    let faint: Vec<_> =
+        (0..2500).map(|i| (Vec3::new(0.0, 0.0, -2.0 - 0.001 * i as f32), Vec3::splat(100.0), 0.01)).collect();
+    let camera = Camera { viewport: UVec4::new(0, 0, 320, 320), ..pinhole() };
+    let rgb: Vec<_> = (0..2500).map(|i| if i < 100 { RED } else { GREEN }).collect();
+    let clouds = [(&scene(&faint), Colors::Rgb(&rgb), Affine3A::IDENTITY)];
+    let picture = draw(&gpu, &camera, &clouds, &SplatSettings::default()).rgba;
+    // A hundred layers of 1% red before everything else, which is green.
+    let red = 1.0 - 0.99f32.powi(100);
+    for pixel in picture {
+        let close = [pixel[0] - red, pixel[1] - (1.0 - red)].iter().all(|error| error.abs() < 0.04);
+        assert!(close, "{pixel:?}, expected {red} red");
+    }
+}
+
 /// Depth 0.9 over the left half of the picture.
-fn draw_wall(gpu: &HeadlessDevice, layer: &Layer) {
+fn draw_wall(gpu: &HeadlessDevice, layer: &Target) {
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
         source: wgpu::ShaderSource::Wgsl(
@@ -237,7 +313,7 @@ fn draw_wall(gpu: &HeadlessDevice, layer: &Layer) {
 #[test]
 fn viewports_keep_to_themselves() {
     let Some(gpu) = gpu() else { return };
-    let layer = Layer::new(&gpu, [2 * SIZE + 1, SIZE + 2], 1, 0.0);
+    let layer = Target::new(&gpu, [2 * SIZE + 1, SIZE + 2], 1, 0.0);
     // Large enough to cover the whole target.
     let large = scene(&[(Vec3::new(0.0, 0.0, -2.0), Vec3::splat(100.0), 0.8)]);
     let mut left = pinhole();

@@ -7,7 +7,7 @@ use bevy::{
     camera::visibility::{VisibilityClass, VisibilitySystems, add_visibility_class},
     core_pipeline::{
         Core3d, Core3dSystems,
-        core_3d::{main_opaque_pass_3d, main_transparent_pass_3d},
+        core_3d::{main_opaque_pass_3d, main_transparent_pass_3d, prepare_core_3d_depth_textures},
         tonemapping::tonemapping,
     },
     pbr::main_transmissive_pass_3d,
@@ -161,9 +161,14 @@ impl Plugin for SplatsPlugin {
             .add_systems(ExtractSchedule, extract::extract_clouds)
             .add_systems(
                 Render,
-                (prepare::prepare_scenes, view::prepare_views)
-                    .chain()
-                    .in_set(RenderSystems::PrepareResources),
+                (
+                    view::allow_reading_depth
+                        .in_set(RenderSystems::PrepareResources)
+                        .before(prepare_core_3d_depth_textures),
+                    (prepare::prepare_scenes, view::prepare_views)
+                        .chain()
+                        .in_set(RenderSystems::PrepareResources),
+                ),
             )
             .add_systems(
                 Core3d,

@@ -8,10 +8,7 @@ use bevy::{
     },
 };
 use stylegaussian_gpu::splat;
-use wgpu::{
-    Color, LoadOp, Operations, RenderPassColorAttachment, RenderPassDepthStencilAttachment,
-    RenderPassDescriptor, StoreOp,
-};
+use wgpu::{LoadOp, Operations, RenderPassColorAttachment, RenderPassDescriptor, StoreOp};
 
 use crate::style::{CloudLooks, GpuReport, GpuReports, LookClock};
 
@@ -69,8 +66,8 @@ pub(super) fn draw_splats(
         return;
     }
     splats.refused = false;
-    let encoder = context.command_encoder();
-    draw_layer(encoder, &ready, splats, depth);
+    let (device, encoder) = (device.wgpu_device(), context.command_encoder());
+    draw_layer(device, &queue, encoder, &ready, splats, depth);
     if !plan.after_tonemapping {
         let attachment = target.get_color_attachment();
         composite(encoder, &ready, splats, attachment);
@@ -90,30 +87,17 @@ fn refuse(splats: &mut ViewSplats, reports: &GpuReports, reason: &str) {
 
 /// Blends splats in the view's layer.
 fn draw_layer(
+    device: &wgpu::Device,
+    queue: &wgpu::Queue,
     encoder: &mut wgpu::CommandEncoder,
     ready: &Ready,
-    splats: &ViewSplats,
+    splats: &mut ViewSplats,
     depth: &ViewDepthTexture,
 ) {
-    let Some((layer, _)) = splats.layer() else { return };
-    let store = if layer.resolved.is_some() { StoreOp::Discard } else { StoreOp::Store };
-    let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
-        label: Some("splat_draw"),
-        color_attachments: &[Some(RenderPassColorAttachment {
-            view: &layer.color,
-            depth_slice: None,
-            resolve_target: layer.resolved.as_ref(),
-            ops: Operations { load: LoadOp::Clear(Color::TRANSPARENT), store },
-        })],
-        // Without operations it is read only.
-        depth_stencil_attachment: Some(RenderPassDepthStencilAttachment {
-            view: depth.view(),
-            depth_ops: None,
-            stencil_ops: None,
-        }),
-        ..default()
-    });
-    ready.passes.splat.draw(&mut pass, &splats.buffers, ready.draw);
+    let Some((layer, buffers)) = splats.layer_and_buffers() else { return };
+    let layer =
+        splat::Layer { color: &layer.color, resolved: layer.resolved.as_ref(), depth: Some(depth.view()) };
+    ready.passes.splat.draw_layer(device, queue, encoder, buffers, &layer, ready.draw);
 }
 
 /// Puts the view's layer over a picture.

@@ -13,7 +13,7 @@ use bevy::{
     prelude::*,
     render::{
         camera::ExtractedCamera,
-        renderer::{RenderDevice, RenderQueue},
+        renderer::{RenderAdapterInfo, RenderDevice, RenderQueue},
         sync_world::MainEntity,
         view::{ExtractedView, RenderVisibleEntities, RetainedViewEntity},
     },
@@ -93,6 +93,15 @@ type ViewComponents = (
     Option<&'static MainPassResolutionOverride>,
 );
 
+/// Lets shaders read depths where the adapter is a CPU, whose splats are drawn by compute.
+pub(super) fn allow_reading_depth(adapter: Res<RenderAdapterInfo>, mut cameras: Query<&mut Camera3d>) {
+    if adapter.device_type == wgpu::DeviceType::Cpu {
+        for mut camera in &mut cameras {
+            camera.depth_texture_usages.0 |= wgpu::TextureUsages::TEXTURE_BINDING.bits();
+        }
+    }
+}
+
 /// Plans each view, and sees to its pipelines and its layer.
 #[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub(super) fn prepare_views(
@@ -154,6 +163,12 @@ impl ViewSplats {
         self.layer.as_ref().map(|(layer, input)| (&**layer, input))
     }
 
+    /// The layer to draw into, and what to draw it with.
+    pub(super) fn layer_and_buffers(&mut self) -> Option<(&Layer, &mut SplatView)> {
+        let (layer, _) = self.layer.as_ref()?;
+        Some((&**layer, &mut self.buffers))
+    }
+
     /// Takes a layer that fits the plan, a new one where none of `layers` does.
     fn attach_layer(
         &mut self,
@@ -168,7 +183,7 @@ impl ViewSplats {
             let layer = match layers.iter().find(|layer| layer.fits(plan)) {
                 Some(layer) => Arc::clone(layer),
                 None => {
-                    let layer = Arc::new(Layer::new(device, plan));
+                    let layer = Arc::new(Layer::new(device, plan, passes.splat.layer_usages()));
                     layers.push(Arc::clone(&layer));
                     layer
                 }
@@ -190,7 +205,9 @@ impl ViewSplats {
 }
 
 impl Layer {
-    fn new(device: &wgpu::Device, plan: &Plan) -> Self {
+    fn new(device: &wgpu::Device, plan: &Plan, more: wgpu::TextureUsages) -> Self {
+        // Only single samples can be bound as storage.
+        let more = if plan.samples == 1 { more } else { wgpu::TextureUsages::empty() };
         let texture = |sample_count| {
             let texture = device.create_texture(&wgpu::TextureDescriptor {
                 label: Some("splat_layer"),
@@ -199,7 +216,7 @@ impl Layer {
                 sample_count,
                 dimension: wgpu::TextureDimension::D2,
                 format: LAYER_FORMAT,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING | more,
                 view_formats: &[],
             });
             texture.create_view(&wgpu::TextureViewDescriptor::default())

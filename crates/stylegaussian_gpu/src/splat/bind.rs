@@ -77,3 +77,29 @@ pub(super) fn compute_pipeline(
         cache: None,
     })
 }
+
+/// A kernel that binds one group of buffers.
+#[derive(Debug)]
+pub(super) struct Kernel {
+    pub pipeline: wgpu::ComputePipeline,
+    pub layout: wgpu::BindGroupLayout,
+    pub label: &'static str,
+}
+
+impl Kernel {
+    pub fn new(
+        device: &wgpu::Device,
+        source: &stylegaussian_shaders::Source,
+        bindings: &[wgpu::BindingType],
+    ) -> Self {
+        let layout = layout(device, source.label, wgpu::ShaderStages::COMPUTE, bindings);
+        let pipeline = compute_pipeline(device, source, &[&layout]);
+        Self { pipeline, layout, label: source.label }
+    }
+
+    /// A group of whole buffers.
+    pub fn bind(&self, device: &wgpu::Device, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
+        let resources: Vec<_> = buffers.iter().map(|buffer| whole(buffer)).collect();
+        bind_group(device, self.label, &self.layout, &resources)
+    }
+}

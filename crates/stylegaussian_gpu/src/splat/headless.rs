@@ -3,7 +3,9 @@
 use glam::UVec2;
 use half::f16;
 
-use super::{Camera, Cloud, LAYER_FORMAT, SplatError, SplatPass, SplatPipeline, SplatSettings, SplatView};
+use super::{
+    Camera, Cloud, LAYER_FORMAT, Layer, SplatError, SplatPass, SplatPipeline, SplatSettings, SplatView,
+};
 
 /// What a camera sees of splats over nothing. Row-major `[H, W]`, from the top left.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,6 +47,7 @@ pub struct Headless {
 #[derive(Debug)]
 struct Target {
     layer: wgpu::Texture,
+    view: wgpu::TextureView,
     read_back: wgpu::Buffer,
 }
 
@@ -54,7 +57,15 @@ const TEXEL: u32 = 8;
 impl Headless {
     /// Compiles the pass for pictures of one sample per pixel.
     pub fn new(device: &wgpu::Device) -> Self {
-        let pass = SplatPass::new(device);
+        Self::of(device, SplatPass::new(device))
+    }
+
+    /// The same, drawing as on a GPU, whatever the adapter.
+    pub fn by_quads(device: &wgpu::Device) -> Self {
+        Self::of(device, SplatPass::by_quads(device))
+    }
+
+    fn of(device: &wgpu::Device, pass: SplatPass) -> Self {
         let pipeline = pass.pipeline(device, 1, None);
         Self { pass, pipeline, view: SplatView::new(), target: None }
     }
@@ -81,24 +92,10 @@ impl Headless {
         self.pass.prepare(device, queue, &mut encoder, &mut self.view, camera, clouds, settings)?;
         let target = match self.target.take() {
             Some(target) if target.size() == size => self.target.insert(target),
-            _ => self.target.insert(Target::new(device, size)),
+            _ => self.target.insert(Target::new(device, size, self.pass.layer_usages())),
         };
-        let view = target.layer.create_view(&wgpu::TextureViewDescriptor::default());
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("splat_draw"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &view,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
-            ..Default::default()
-        });
-        self.pass.draw(&mut pass, &self.view, &self.pipeline);
-        drop(pass);
+        let layer = Layer { color: &target.view, resolved: None, depth: None };
+        self.pass.draw_layer(device, queue, &mut encoder, &mut self.view, &layer, &self.pipeline);
         target.copy(&mut encoder);
         queue.submit([encoder.finish()]);
         target.read(device)
@@ -106,7 +103,7 @@ impl Headless {
 }
 
 impl Target {
-    fn new(device: &wgpu::Device, size: UVec2) -> Self {
+    fn new(device: &wgpu::Device, size: UVec2, more: wgpu::TextureUsages) -> Self {
         let layer = device.create_texture(&wgpu::TextureDescriptor {
             label: Some("splat_layer"),
             size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
@@ -114,7 +111,7 @@ impl Target {
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format: LAYER_FORMAT,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC | more,
             view_formats: &[],
         });
         let read_back = device.create_buffer(&wgpu::BufferDescriptor {
@@ -123,7 +120,8 @@ impl Target {
             usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
             mapped_at_creation: false,
         });
-        Self { layer, read_back }
+        let view = layer.create_view(&wgpu::TextureViewDescriptor::default());
+        Self { layer, view, read_back }
     }
 
     fn size(&self) -> UVec2 {

@@ -1,9 +1,11 @@
 //! The sort stage on the GPU: `splat_sort_*`, a stable radix sort of what is visible.
 
-use stylegaussian_shaders::splat::{self as shaders, N_DIGITS, SortPass, SplatCommands, SplatCounts, TILE};
+use stylegaussian_shaders::splat::{
+    self as shaders, IN_STEP, N_DIGITS, SortPass, SplatCommands, SplatCounts, TILE,
+};
 use wgpu::util::DeviceExt;
 
-use super::bind::{bind_group, compute_pipeline, layout, storage, uniform, whole};
+use super::bind::{Kernel, storage, uniform};
 
 /// Digits of 8 bits in a key of 32.
 const N_PASSES: usize = 4;
@@ -15,32 +17,10 @@ pub(super) struct Sort {
     scan: Kernel,
     scatter: Kernel,
     counts: Kernel,
+    /// Workgroups of the scan.
+    n_scans: u32,
     /// Uniforms of each pass.
     passes: [wgpu::Buffer; N_PASSES],
-}
-
-#[derive(Debug)]
-struct Kernel {
-    pipeline: wgpu::ComputePipeline,
-    layout: wgpu::BindGroupLayout,
-    label: &'static str,
-}
-
-impl Kernel {
-    fn new(
-        device: &wgpu::Device,
-        source: &stylegaussian_shaders::Source,
-        bindings: &[wgpu::BindingType],
-    ) -> Self {
-        let layout = layout(device, source.label, wgpu::ShaderStages::COMPUTE, bindings);
-        let pipeline = compute_pipeline(device, source, &[&layout]);
-        Self { pipeline, layout, label: source.label }
-    }
-
-    fn bind(&self, device: &wgpu::Device, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
-        let resources: Vec<_> = buffers.iter().map(|buffer| whole(buffer)).collect();
-        bind_group(device, self.label, &self.layout, &resources)
-    }
 }
 
 /// Keys and values on their way through the sort, for up to a number of slots.
@@ -85,6 +65,7 @@ impl Sort {
                 &[of_pass, read, read, read, read, read, write, write],
             ),
             counts: Kernel::new(device, &shaders::sort_counts(), &[write, read, write]),
+            n_scans: if serial { N_DIGITS / IN_STEP } else { N_DIGITS },
             passes: std::array::from_fn(|i| {
                 let pass = SortPass { shift: 8 * i as u32, first: u32::from(i == 0), padding: [0; 2] };
                 device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
@@ -111,7 +92,7 @@ impl Sort {
             dispatch_tiles(pass);
             pass.set_pipeline(&self.scan.pipeline);
             pass.set_bind_group(0, &groups.scan[i], &[]);
-            pass.dispatch_workgroups(N_DIGITS, 1, 1);
+            pass.dispatch_workgroups(self.n_scans, 1, 1);
             pass.set_pipeline(&self.scatter.pipeline);
             pass.set_bind_group(0, &groups.scatter[i], &[]);
             dispatch_tiles(pass);

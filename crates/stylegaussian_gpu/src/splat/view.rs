@@ -7,6 +7,7 @@ use stylegaussian_shaders::splat::{BY_DISTANCE, SplatChunk, SplatCounts, SplatDr
 use super::{
     Camera, SplatError, SplatPass,
     bind::{bind_group, whole},
+    cells::{CellBuffers, Cells},
     project::Project,
     sort::SortBuffers,
 };
@@ -49,6 +50,8 @@ struct ViewBuffers {
     draw_group: wgpu::BindGroup,
     /// What the GPU has been told: slots in use, viewport.
     told: Option<(u32, glam::UVec4)>,
+    /// Once a layer was drawn by cells.
+    cells: Option<CellBuffers>,
 }
 
 #[derive(Debug)]
@@ -265,6 +268,31 @@ impl SplatView {
         Some((&buffers.draw_group, &buffers.sort.commands, self.viewport?))
     }
 
+    /// The lists for the picture's cells, and the draw for what does not fit; `None` where nothing was prepared.
+    pub(super) fn to_fill(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        cells: &Cells,
+    ) -> Option<&mut CellBuffers> {
+        let (buffers, viewport) = (self.buffers.as_mut()?, self.viewport?);
+        if buffers.cells.as_ref().is_none_or(|lists| !lists.fits(viewport)) {
+            let records = [buffers.places.clone(), buffers.looks.clone()];
+            let (sort, n_slots) = (&buffers.sort, buffers.n_slots);
+            buffers.cells = Some(CellBuffers::new(device, cells, sort, records, n_slots, viewport));
+        }
+        let lists = buffers.cells.as_mut()?;
+        lists.set_viewport(queue, viewport);
+        Some(lists)
+    }
+
+    /// Says that the order of the splats is about to be another.
+    pub(super) fn empty_cells(&mut self) {
+        if let Some(lists) = self.buffers.as_mut().and_then(|buffers| buffers.cells.as_mut()) {
+            lists.empty();
+        }
+    }
+
     /// Everything that was allocated: buffers, and bindings of chunks.
     #[cfg(test)]
     pub(super) fn resources(&self) -> (Vec<wgpu::Buffer>, std::collections::BTreeSet<wgpu::BindGroup>) {
@@ -299,7 +327,7 @@ impl ViewBuffers {
         let sort = SortBuffers::new(device, &pass.sort, n_slots);
         let resources = [&draw_uniforms, &sort.counts, &sort.slots, &places, &looks].map(whole);
         let draw_group = bind_group(device, "splat_draw", &pass.draw.layout, &resources);
-        Self { n_slots, places, looks, draw_uniforms, sort, draw_group, told: None }
+        Self { n_slots, places, looks, draw_uniforms, sort, draw_group, told: None, cells: None }
     }
 }
 

@@ -62,13 +62,28 @@ pub fn camera(size: UVec2) -> Camera {
     Camera::look_at(Vec3::new(0.3, -0.2, -1.5), Vec3::new(0.0, 0.1, 2.0), Vec3::NEG_Y, 1.0, size)
 }
 
-/// What the GPU draws of clouds, each with its scene's own colors or those given.
+/// What the GPU draws of clouds, each with its scene's own colors or those given: in the adapter's way, which by quads must
+/// not differ from by more than the contract's 45 dB.
+#[track_caller]
 pub fn draw(
     gpu: &HeadlessDevice,
     camera: &splat::Camera,
     clouds: &[(&Scene, Colors, Affine3A)],
     settings: &SplatSettings,
 ) -> Picture {
+    let [picture, by_quads] = draw_both_ways(gpu, camera, clouds, settings);
+    let psnr = psnr(&picture.rgba, &by_quads.rgba);
+    assert!(psnr >= 45.0, "{psnr:.1} dB from what quads draw");
+    picture
+}
+
+/// The same in the adapter's way and by quads.
+pub fn draw_both_ways(
+    gpu: &HeadlessDevice,
+    camera: &splat::Camera,
+    clouds: &[(&Scene, Colors, Affine3A)],
+    settings: &SplatSettings,
+) -> [Picture; 2] {
     let HeadlessDevice { device, queue, .. } = gpu;
     let scenes: Vec<_> = clouds.iter().map(|(scene, ..)| GpuScene::new(device, scene).unwrap()).collect();
     let colors: Vec<_> = clouds
@@ -85,7 +100,8 @@ pub fn draw(
             world_from_scene: clouds[i].2,
         })
         .collect();
-    Headless::new(device).render(device, queue, camera, &clouds, settings).unwrap()
+    let ways = [Headless::new(device), Headless::by_quads(device)];
+    ways.map(|mut way| way.render(device, queue, camera, &clouds, settings).unwrap())
 }
 
 /// What the GPU draws of one scene where it is.

@@ -40,6 +40,9 @@ pub fn texture(
     if samples == 1 {
         usage |= wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::COPY_DST;
     }
+    if format == LAYER_FORMAT && samples == 1 {
+        usage |= wgpu::TextureUsages::STORAGE_BINDING;
+    }
     device.create_texture(&wgpu::TextureDescriptor {
         label: None,
         size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },

@@ -1,0 +1,40 @@
+// The picture in cells: squares of `CELL` by `CELL` pixels, each with a list of the splats whose footprints reach into it,
+// front to back. On adapters that are a CPU, which draw faster from such lists than by quads (see `splat_cells_blend`).
+
+/// The cells of a view.
+struct SplatCells {
+    /// Left, top, width and height of the viewport, in pixels of the target.
+    viewport: vec4<f32>,
+    /// Columns and rows of cells.
+    n_cells: vec2<u32>,
+    /// How many entries all lists together have room for.
+    capacity: u32,
+    padding: u32,
+}
+
+/// Columns and rows of the cells that a footprint may reach into, `last` included.
+struct Reach {
+    first: vec2<u32>,
+    last: vec2<u32>,
+}
+
+fn reach(splat: Splat) -> Reach {
+    let k = cutoff(splat.opacity);
+    // The extents of an ellipse go with the square roots of its variances.
+    let variance_y = 1.0 / splat.y_precision;
+    let variance_x = 1.0 / splat.row_precision + splat.slope * splat.slope * variance_y;
+    let extent = sqrt(k * vec2(variance_x, variance_y));
+    // Pixels are seen at their middles.
+    let center = splat.center - cells.viewport.xy - 0.5;
+    let end = vec2<f32>(cells.n_cells) - 1.0;
+    let side = f32(CELL);
+    return Reach(
+        vec2<u32>(clamp(floor(ceil(center - extent) / side), vec2(0.0), end)),
+        vec2<u32>(clamp(floor(floor(center + extent) / side), vec2(0.0), end)),
+    );
+}
+
+/// The first of the sorted splats of a run; runs are of equal length, so that several processors share the work.
+fn first_of_run(run: u32, n_visible: u32) -> u32 {
+    return min(run * ((n_visible + N_RUNS - 1u) / N_RUNS), n_visible);
+}
