@@ -250,7 +250,7 @@ impl SplatPass {
             self.draw(&mut layer.cleared(encoder), view, pipeline);
             return;
         };
-        let Some(lists) = view.to_fill(device, queue, cells) else {
+        let Some(lists) = view.lists(device, queue, cells) else {
             layer.cleared(encoder);
             return;
         };
@@ -260,7 +260,7 @@ impl SplatPass {
         let mut pass = layer.cleared(encoder);
         self.draw.encode_indirect(&mut pass, view, pipeline, &commands, cells::QUADS);
         drop(pass);
-        if let Some(lists) = view.to_fill(device, queue, cells) {
+        if let Some(lists) = view.lists(device, queue, cells) {
             cells.blend(device, encoder, lists, layer.color, layer.depth);
         }
     }

@@ -269,7 +269,7 @@ impl SplatView {
     }
 
     /// The lists for the picture's cells, and the draw for what does not fit; `None` where nothing was prepared.
-    pub(super) fn to_fill(
+    pub(super) fn lists(
         &mut self,
         device: &wgpu::Device,
         queue: &wgpu::Queue,

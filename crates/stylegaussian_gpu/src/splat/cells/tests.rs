@@ -82,7 +82,7 @@ fn gpu_matches_cpu() {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let settings = SplatSettings::default();
         pass.prepare(device, queue, &mut encoder, &mut view, &camera, &[cloud], &settings).unwrap();
-        let lists = view.to_fill(device, queue, &cells).unwrap();
+        let lists = view.lists(device, queue, &cells).unwrap();
         cells.fill(&mut encoder, lists);
         assert!(lists.is_filled);
         queue.submit([encoder.finish()]);
