@@ -17,6 +17,11 @@ pub const N_RUNS: u32 = 32;
 /// Invocations in a workgroup of kernels for adapters that are a CPU: as many as its vectors have numbers (256 bits), so
 /// that each thread has one workgroup's invocations in step.
 pub const IN_STEP: u32 = 8;
+/// Rounds that the loops of an invocation take for a run in one dispatch. llvmpipe ends an invocation after 65,535, and counts
+/// the rounds of [`IN_STEP`] invocations that may each keep the others waiting.
+pub const ROUNDS_OF_RUN: u32 = 65_535 / IN_STEP - 100;
+/// Cells whose lists are counted from a common start: a thousand counters are summed in one go.
+pub const CELLS_OF_SEGMENT: u32 = 32;
 /// Cells that one workgroup blends.
 pub const CELLS_OF_GROUP: u32 = 16;
 /// The key of a Gaussian that no pixel sees. Keys of depths are below it: it would be that of a NaN.
@@ -70,6 +75,8 @@ fn constants() -> String {
         ("CELL", CELL),
         ("N_RUNS", N_RUNS),
         ("IN_STEP", IN_STEP),
+        ("ROUNDS_OF_RUN", ROUNDS_OF_RUN),
+        ("CELLS_OF_SEGMENT", CELLS_OF_SEGMENT),
         ("CELLS_OF_GROUP", CELLS_OF_GROUP),
         ("QUARTERS_OF_GROUP", 4 * CELLS_OF_GROUP),
         ("INVISIBLE", INVISIBLE),
@@ -152,6 +159,11 @@ pub fn cells_scan() -> Source {
     source("splat_cells_scan", &[RECORDS, CELLS, include_str!("../wgsl/splat_cells_scan.wgsl")])
 }
 
+/// Where segments begin, and whether the lists fit.
+pub fn cells_total() -> Source {
+    source("splat_cells_total", &[RECORDS, CELLS, include_str!("../wgsl/splat_cells_total.wgsl")])
+}
+
 /// Write the lists of cells.
 pub fn cells_scatter() -> Source {
     source("splat_cells_scatter", &[RECORDS, CELLS, include_str!("../wgsl/splat_cells_scatter.wgsl")])
@@ -195,6 +207,7 @@ pub fn sources() -> Vec<Source> {
         draw(),
         cells_count(),
         cells_scan(),
+        cells_total(),
         cells_scatter(),
         cells_blend(false),
         cells_blend(true),
@@ -243,6 +256,7 @@ pub fn layouts() -> Vec<Layout> {
         }),
         layout!(SplatDraw { viewport }),
         layout!(SplatCells { viewport, n_cells, capacity, padding }),
+        layout!(RunProgress { n_splats, n_cells }),
         layout!(SplatCellCommands {
             n_groups,
             one_y,
@@ -379,6 +393,16 @@ pub struct SplatCells {
     pub capacity: u32,
     /// Unused.
     pub padding: u32,
+}
+
+/// How far a run has come.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct RunProgress {
+    /// Splats that are done.
+    pub n_splats: u32,
+    /// Cells of the next one that are done.
+    pub n_cells: u32,
 }
 
 /// Whether the lists of cells have room, as arguments of indirect commands.

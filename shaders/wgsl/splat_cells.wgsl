@@ -38,3 +38,11 @@ fn reach(splat: Splat) -> Reach {
 fn first_of_run(run: u32, n_visible: u32) -> u32 {
     return min(run * ((n_visible + N_RUNS - 1u) / N_RUNS), n_visible);
 }
+
+/// How far a run has come.
+struct RunProgress {
+    /// Splats that are done.
+    n_splats: u32,
+    /// Cells of the next one that are done.
+    n_cells: u32,
+}

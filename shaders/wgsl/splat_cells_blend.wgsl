@@ -4,13 +4,15 @@
 // eight invocations in step reads each splat once for 128 pixels, where a rasterizer walks every footprint block by block.
 
 @group(0) @binding(0) var<uniform> cells: SplatCells;
-/// Where each run's part of a cell's list ends `[cell, run]`.
+/// Where each run's part of a cell's list ends within its segment `[cell, run]`.
 @group(0) @binding(1) var<storage, read> run_ends: array<u32>;
+/// Where each segment begins.
+@group(0) @binding(2) var<storage, read> segments: array<u32>;
 /// The lists, one after the other: slots, front to back.
-@group(0) @binding(2) var<storage, read> entries: array<u32>;
-@group(0) @binding(3) var<storage, read> places: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> looks: array<vec4<u32>>;
-@group(0) @binding(5) var layer: texture_storage_2d<rgba16float, write>;
+@group(0) @binding(3) var<storage, read> entries: array<u32>;
+@group(0) @binding(4) var<storage, read> places: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> looks: array<vec4<u32>>;
+@group(0) @binding(6) var layer: texture_storage_2d<rgba16float, write>;
 
 /// No splat hides what is behind it completely.
 const MAX_ALPHA: f32 = 0.99;
@@ -18,6 +20,11 @@ const MAX_ALPHA: f32 = 0.99;
 const MIN_LIGHT: f32 = 1e-4;
 /// log2(e) / 2: exp(-q / 2) is exp2(-HALF_LOG2_E q).
 const HALF_LOG2_E: f32 = 0.72134752;
+
+/// Where a cell's list ends and the next one's begins.
+fn end_of_list(cell: u32) -> u32 {
+    return segments[cell / CELLS_OF_SEGMENT] + run_ends[cell * N_RUNS + N_RUNS - 1u];
+}
 
 /// Four pixels side by side.
 struct Row {
@@ -84,10 +91,10 @@ fn splat_cells_blend(
     var row_1 = row_at(pixel + below);
     var row_2 = row_at(pixel + 2u * below);
     var row_3 = row_at(pixel + 3u * below);
-    let end = run_ends[cell * N_RUNS + N_RUNS - 1u];
+    let end = end_of_list(cell);
     var i = 0u;
     if cell > 0u {
-        i = run_ends[cell * N_RUNS - 1u];
+        i = end_of_list(cell - 1u);
     }
     for (; i < end; i++) {
         let slot = entries[i];

@@ -1,4 +1,5 @@
-// How many splats of each run reach into each cell. One invocation handles a run.
+// How many splats of each run reach into each cell. One invocation handles a run; dispatched again and again until all runs are
+// done, because llvmpipe ends an invocation whose loops have taken 65,535 rounds.
 
 @group(0) @binding(0) var<uniform> cells: SplatCells;
 @group(0) @binding(1) var<storage, read> counts: SplatCounts;
@@ -10,21 +11,32 @@
 @group(0) @binding(5) var<storage, read_write> run_counts: array<u32>;
 /// What each of the sorted splats reaches: first and last column, first and last row, as 16 bits each.
 @group(0) @binding(6) var<storage, read_write> reaches: array<vec2<u32>>;
+/// `[run]`, zero before.
+@group(0) @binding(7) var<storage, read_write> counted: array<RunProgress>;
 
 @compute @workgroup_size(IN_STEP)
 fn splat_cells_count(@builtin(global_invocation_id) invocation: vec3<u32>) {
     let run = invocation.x;
+    let first_splat = first_of_run(run, counts.n_visible);
     let end = first_of_run(run + 1u, counts.n_visible);
-    for (var i = first_of_run(run, counts.n_visible); i < end; i++) {
+    var progress = counted[run];
+    var rounds = ROUNDS_OF_RUN;
+    while first_splat + progress.n_splats < end && rounds > 0u {
+        let i = first_splat + progress.n_splats;
         let slot = slots[i];
         let reached = reach(unpacked(places[slot], looks[slot]));
         reaches[i] = vec2(reached.first.x | (reached.last.x << 16u), reached.first.y | (reached.last.y << 16u));
-        // One loop instead of two: lanes that run in step wait for one another once.
-        var at = reached.first;
-        while at.y <= reached.last.y {
+        let size = reached.last - reached.first + 1u;
+        let stop = min(size.x * size.y, progress.n_cells + rounds);
+        rounds -= min(rounds, stop - progress.n_cells + 1u);
+        var at = reached.first + vec2(progress.n_cells % size.x, progress.n_cells / size.x);
+        for (; progress.n_cells < stop; progress.n_cells++) {
             run_counts[(at.y * cells.n_cells.x + at.x) * N_RUNS + run] += 1u;
-            let ends_row = at.x == reached.last.x;
-            at = select(vec2(at.x + 1u, at.y), vec2(reached.first.x, at.y + 1u), ends_row);
+            at = select(vec2(at.x + 1u, at.y), vec2(reached.first.x, at.y + 1u), at.x == reached.last.x);
+        }
+        if stop == size.x * size.y {
+            progress = RunProgress(progress.n_splats + 1u, 0u);
         }
     }
+    counted[run] = progress;
 }

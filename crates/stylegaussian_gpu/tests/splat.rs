@@ -39,6 +39,24 @@ fn gpu_matches_cpu() {
     check(&gpu, "mid-gray", &scene, Colors::Sh, &camera, LEAST);
 }
 
+/// More cells, and more splats for each of them, than one invocation of software may take rounds for: 14,400 cells, of which
+/// large splats cover all.
+#[test]
+fn large_pictures_are_drawn_to_their_last_row() {
+    let Some(gpu) = gpu() else { return };
+    let camera = splat::Camera::pinhole(&camera(UVec2::new(1280, 720)));
+    let mut all = random_scene(3000, 0, 13);
+    for i in 0..60 {
+        all.means[i] = Vec3::new(0.0, 0.0, 1.0 + 0.05 * i as f32);
+        all.scales[i] = Vec3::splat(20.0);
+        all.opacities[i] = 0.05;
+    }
+    let clouds = [(&all, Colors::Sh, Affine3A::IDENTITY)];
+    let picture = draw(&gpu, &camera, &clouds, &SplatSettings::default());
+    let last_row = &picture.rgba[719 * 1280..];
+    assert!(last_row.iter().all(|pixel| pixel[3] > 0.5));
+}
+
 /// A part of the demo scene, from a camera that the whole fills.
 #[test]
 fn the_demo_scene_matches() {

@@ -4,7 +4,10 @@
 //! registers until it is finished, and eight invocations read a splat at once.
 
 use glam::{UVec2, UVec4};
-use stylegaussian_shaders::splat::{self as shaders, CELL, IN_STEP, N_RUNS, SplatCellCommands, SplatCells};
+use stylegaussian_shaders::splat::{
+    self as shaders, CELL, CELLS_OF_SEGMENT, IN_STEP, N_RUNS, ROUNDS_OF_RUN, RunProgress, SplatCellCommands,
+    SplatCells,
+};
 
 use super::{
     LAYER_FORMAT,
@@ -25,6 +28,7 @@ pub(super) const QUADS: u64 = std::mem::offset_of!(SplatCellCommands, n_vertices
 pub(super) struct Cells {
     count: Kernel,
     scan: Kernel,
+    total: Kernel,
     scatter: Kernel,
     /// Without and with a depth texture.
     blend: [Kernel; 2],
@@ -44,21 +48,22 @@ impl Cells {
             view_dimension: wgpu::TextureViewDimension::D2,
             multisampled: false,
         };
-        let blended = [of_view, read, read, read, read, layer, depth];
+        let blended = [of_view, read, read, read, read, read, layer, depth];
         Self {
             count: Kernel::new(
                 device,
                 &shaders::cells_count(),
-                &[of_view, read, read, read, read, write, write],
+                &[of_view, read, read, read, read, write, write, write],
             ),
-            scan: Kernel::new(device, &shaders::cells_scan(), &[of_view, read, write, write]),
+            scan: Kernel::new(device, &shaders::cells_scan(), &[of_view, write, write]),
+            total: Kernel::new(device, &shaders::cells_total(), &[of_view, read, write, read, write]),
             scatter: Kernel::new(
                 device,
                 &shaders::cells_scatter(),
-                &[of_view, read, read, read, write, write],
+                &[of_view, read, read, read, write, read, write, write],
             ),
             blend: [
-                Kernel::new(device, &shaders::cells_blend(false), &blended[..6]),
+                Kernel::new(device, &shaders::cells_blend(false), &blended[..7]),
                 Kernel::new(device, &shaders::cells_blend(true), &blended),
             ],
         }
@@ -70,18 +75,24 @@ impl Cells {
             return;
         }
         encoder.clear_buffer(&buffers.run_counts, 0, Some(run_counts_bytes(buffers.n_cells)));
+        encoder.clear_buffer(&buffers.progress[0], 0, None);
+        encoder.clear_buffer(&buffers.progress[1], 0, None);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("splat_cells"),
             timestamp_writes: None,
         });
-        for (kernel, group, n_groups) in [
-            (&self.count, &buffers.count, N_RUNS / IN_STEP),
-            (&self.scan, &buffers.scan, 1),
-            (&self.scatter, &buffers.scatter, N_RUNS / IN_STEP),
+        let n_segments = (product(buffers.n_cells) as u32).div_ceil(CELLS_OF_SEGMENT);
+        for (kernel, group, n_groups, n_times) in [
+            (&self.count, &buffers.count, N_RUNS / IN_STEP, buffers.n_times),
+            (&self.scan, &buffers.scan, n_segments.div_ceil(IN_STEP), 1),
+            (&self.total, &buffers.total, 1, 1),
+            (&self.scatter, &buffers.scatter, N_RUNS / IN_STEP, buffers.n_times),
         ] {
             pass.set_pipeline(&kernel.pipeline);
             pass.set_bind_group(0, group, &[]);
-            pass.dispatch_workgroups(n_groups, 1, 1);
+            for _ in 0..n_times {
+                pass.dispatch_workgroups(n_groups, 1, 1);
+            }
         }
     }
 
@@ -122,13 +133,19 @@ pub(super) struct CellBuffers {
     n_cells: UVec2,
     /// Whether the lists are those of what was sorted last.
     is_filled: bool,
+    /// Dispatches after which runs are done whose lists fit, unless some are much longer than others.
+    n_times: u32,
     uniforms: wgpu::Buffer,
     run_counts: wgpu::Buffer,
+    segments: wgpu::Buffer,
     entries: wgpu::Buffer,
+    /// `RunProgress` of the count and of the scatter `[run]`.
+    progress: [wgpu::Buffer; 2],
     commands: wgpu::Buffer,
     records: [wgpu::Buffer; 2],
     count: wgpu::BindGroup,
     scan: wgpu::BindGroup,
+    total: wgpu::BindGroup,
     scatter: wgpu::BindGroup,
     /// The layer and the depth texture of the last frame, bound.
     blend: Option<((wgpu::TextureView, Option<wgpu::TextureView>), wgpu::BindGroup)>,
@@ -174,6 +191,14 @@ impl CellBuffers {
         let uniforms =
             buffer("splat_cells", size_of::<SplatCells>() as u64, wgpu::BufferUsages::UNIFORM | written);
         let run_counts = buffer("splat_run_counts", run_counts_bytes(n_cells), storage | written);
+        let n_segments = product(n_cells).div_ceil(u64::from(CELLS_OF_SEGMENT));
+        let segments = buffer("splat_segments", 4 * n_segments, storage);
+        let progress = [(); 2].map(|()| {
+            let bytes = u64::from(N_RUNS) * size_of::<RunProgress>() as u64;
+            buffer("splat_run_progress", bytes, storage | written)
+        });
+        let rounds = u64::from(capacity) + n_slots as u64;
+        let n_times = rounds.div_ceil(u64::from(N_RUNS * ROUNDS_OF_RUN)) as u32 + 1;
         let reaches = buffer("splat_reaches", 8 * n_slots as u64, storage);
         let entries = buffer("splat_entries", 4 * u64::from(capacity), storage);
         let commands = buffer(
@@ -189,15 +214,23 @@ impl CellBuffers {
             viewport: UVec4::ZERO,
             n_cells,
             is_filled: false,
-            count: cells
-                .count
-                .bind(device, &[&uniforms, counts, slots, places, looks, &run_counts, &reaches]),
-            scan: cells.scan.bind(device, &[&uniforms, counts, &run_counts, &commands]),
-            scatter: cells.scatter.bind(device, &[&uniforms, counts, slots, &reaches, &run_counts, &entries]),
+            n_times,
+            count: cells.count.bind(
+                device,
+                &[&uniforms, counts, slots, places, looks, &run_counts, &reaches, &progress[0]],
+            ),
+            scan: cells.scan.bind(device, &[&uniforms, &run_counts, &segments]),
+            total: cells.total.bind(device, &[&uniforms, counts, &segments, &progress[0], &commands]),
+            scatter: cells.scatter.bind(
+                device,
+                &[&uniforms, counts, slots, &reaches, &run_counts, &segments, &entries, &progress[1]],
+            ),
             blend: None,
             uniforms,
             run_counts,
+            segments,
             entries,
+            progress,
             commands,
             records,
         }
@@ -243,7 +276,9 @@ impl CellBuffers {
     ) -> wgpu::BindGroup {
         let [places, looks] = &self.records;
         let mut resources: Vec<_> =
-            [&self.uniforms, &self.run_counts, &self.entries, places, looks].map(whole).into();
+            [&self.uniforms, &self.run_counts, &self.segments, &self.entries, places, looks]
+                .map(whole)
+                .into();
         resources.push(wgpu::BindingResource::TextureView(layer));
         resources.extend(depth.map(wgpu::BindingResource::TextureView));
         bind_group(device, kernel.label, &kernel.layout, &resources)

@@ -88,6 +88,7 @@ fn gpu_matches_cpu() {
         queue.submit([encoder.finish()]);
 
         let (ends, entries) = (read::<u32>(&gpu, &lists.run_counts), read::<u32>(&gpu, &lists.entries));
+        let segments = read::<u32>(&gpu, &lists.segments);
         let commands = read::<SplatCellCommands>(&gpu, &lists.commands)[0];
         let columns = lists.n_cells.x;
         let n_cells = product(lists.n_cells) as u32;
@@ -100,7 +101,9 @@ fn gpu_matches_cpu() {
 
         let mut begin = 0;
         for cell in 0..n_cells {
-            let end = ends[(cell * N_RUNS + N_RUNS - 1) as usize] as usize;
+            let end =
+                segments[(cell / CELLS_OF_SEGMENT) as usize] + ends[(cell * N_RUNS + N_RUNS - 1) as usize];
+            let end = end as usize;
             let mut list = entries[begin..end].iter().peekable();
             begin = end;
             let corner = UVec2::new(cell % columns, cell / columns) * CELL;
