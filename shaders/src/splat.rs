@@ -12,8 +12,8 @@ pub const TILE: u32 = 2048;
 pub const N_DIGITS: u32 = WORKGROUP;
 /// Pixels along a side of a cell.
 pub const CELL: u32 = 8;
-/// Runs of consecutive splats that cells are filled from; more than CPUs have cores would only add counters.
-pub const N_RUNS: u32 = 32;
+/// Runs of consecutive splats that cells are filled from: more need fewer dispatches, and more counters.
+pub const N_RUNS: u32 = 64;
 /// Invocations in a workgroup of kernels for adapters that are a CPU: as many as its vectors have numbers (256 bits), so
 /// that each thread has one workgroup's invocations in step.
 pub const IN_STEP: u32 = 8;
@@ -21,7 +21,7 @@ pub const IN_STEP: u32 = 8;
 /// the rounds of [`IN_STEP`] invocations that may each keep the others waiting.
 pub const ROUNDS_OF_RUN: u32 = 65_535 / IN_STEP - 100;
 /// Cells whose lists are counted from a common start: a thousand counters are summed in one go.
-pub const CELLS_OF_SEGMENT: u32 = 32;
+pub const CELLS_OF_SEGMENT: u32 = 16;
 /// Cells that one workgroup blends.
 pub const CELLS_OF_GROUP: u32 = 16;
 /// The key of a Gaussian that no pixel sees. Keys of depths are below it: it would be that of a NaN.
