@@ -5,7 +5,7 @@
 //! 2. *sort* (`sort`): one radix sort over what is visible of all clouds, so clouds interleave where they overlap;
 //! 3. *draw* (`draw`): one indirect draw of quads, back to front, premultiplied over, into a *layer* of the target's size
 //!    and sample count in which splats blend among themselves, display-referred; on adapters that are a CPU, where the
-//!    layer has one sample per pixel, compute instead (`cells`), in a seventh of the time;
+//!    layer has one sample per pixel, compute instead (`cells`), in a quarter of the time;
 //! 4. *composite* (`composite`): the layer over the picture, in the picture's own space.
 //!
 //! [`SplatPass::prepare`] encodes 1 and 2, [`SplatPass::draw_layer`] 3, [`Composite::draw`] 4. The rules are those of
