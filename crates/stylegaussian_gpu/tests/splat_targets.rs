@@ -110,39 +110,22 @@ impl Target {
         gpu.queue.submit([encoder.finish()]);
     }
 
-    /// Draws a scene of one RGB per Gaussian.
+    /// Draws a scene of one RGB per Gaussian by quads, over what is there.
     fn splat(&self, gpu: &HeadlessDevice, scene: &Scene, rgb: &[[f32; 3]], camera: &Camera) {
-        let HeadlessDevice { device, queue, .. } = gpu;
-        let splats = SplatPass::new(device);
-        let pipeline = splats.pipeline(device, self.samples, Some(Depth32Float));
-        let colors = GaussianColors::from_rgb(device, queue, rgb).unwrap();
-        let scene = GpuScene::new(device, scene).unwrap();
-        let cloud =
-            Cloud { scene: &scene, colors: CloudColors::Rgb(&colors), world_from_scene: Affine3A::IDENTITY };
-        let mut view = SplatView::new();
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let settings = SplatSettings::default();
-        splats.prepare(device, queue, &mut encoder, &mut view, camera, &[cloud], &settings).unwrap();
-        queue.submit([encoder.finish()]);
+        let (splats, view) = prepared(gpu, scene, rgb, camera);
+        let pipeline = splats.pipeline(&gpu.device, self.samples, Some(Depth32Float));
         self.pass(gpu, None, |pass| splats.draw(pass, &view, &pipeline));
     }
 
-    /// Draws a scene of one RGB per Gaussian in the adapter's way, into the cleared layer.
+    /// The same in the adapter's way, into the cleared layer.
     fn splat_layer(&self, gpu: &HeadlessDevice, scene: &Scene, rgb: &[[f32; 3]], camera: &Camera) {
         let HeadlessDevice { device, queue, .. } = gpu;
-        let splats = SplatPass::new(device);
+        let (splats, mut view) = prepared(gpu, scene, rgb, camera);
         let pipeline = splats.pipeline(device, self.samples, Some(Depth32Float));
-        let colors = GaussianColors::from_rgb(device, queue, rgb).unwrap();
-        let scene = GpuScene::new(device, scene).unwrap();
-        let cloud =
-            Cloud { scene: &scene, colors: CloudColors::Rgb(&colors), world_from_scene: Affine3A::IDENTITY };
-        let mut view = SplatView::new();
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let settings = SplatSettings::default();
-        splats.prepare(device, queue, &mut encoder, &mut view, camera, &[cloud], &settings).unwrap();
         let [color, depth] =
             [&self.color, &self.depth].map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
         let layer = Layer { color: &color, resolved: None, depth: Some(&depth) };
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         splats.draw_layer(device, queue, &mut encoder, &mut view, &layer, &pipeline);
         queue.submit([encoder.finish()]);
     }
@@ -163,6 +146,27 @@ impl Target {
         });
         read(gpu, resolve.unwrap_or(&target))
     }
+}
+
+/// What a camera sees of a scene of one RGB per Gaussian, projected and sorted.
+fn prepared(
+    gpu: &HeadlessDevice,
+    scene: &Scene,
+    rgb: &[[f32; 3]],
+    camera: &Camera,
+) -> (SplatPass, SplatView) {
+    let HeadlessDevice { device, queue, .. } = gpu;
+    let splats = SplatPass::new(device);
+    let colors = GaussianColors::from_rgb(device, queue, rgb).unwrap();
+    let scene = GpuScene::new(device, scene).unwrap();
+    let cloud =
+        Cloud { scene: &scene, colors: CloudColors::Rgb(&colors), world_from_scene: Affine3A::IDENTITY };
+    let mut view = SplatView::new();
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let settings = SplatSettings::default();
+    splats.prepare(device, queue, &mut encoder, &mut view, camera, &[cloud], &settings).unwrap();
+    queue.submit([encoder.finish()]);
+    (splats, view)
 }
 
 /// A wall 2 units ahead hides the green splat 3 units ahead, not the red one 1 unit ahead; a wall 4 units ahead hides
