@@ -245,7 +245,7 @@ pub fn layouts() -> Vec<Layout> {
         layout!(SplatCounts { n_slots, n_visible }),
         layout!(SortPass { shift, first, padding }),
         layout!(SplatCommands {
-            n_tiles,
+            n_groups,
             one_y,
             one_z,
             padding,
@@ -257,16 +257,6 @@ pub fn layouts() -> Vec<Layout> {
         layout!(SplatDraw { viewport }),
         layout!(SplatCells { viewport, n_cells, capacity, padding }),
         layout!(RunProgress { n_splats, n_cells }),
-        layout!(SplatCellCommands {
-            n_groups,
-            one_y,
-            one_z,
-            padding,
-            n_vertices,
-            n_instances,
-            first_vertex,
-            first_instance,
-        }),
         layout!(SplatComposite { exposure }),
     ]
 }
@@ -351,21 +341,21 @@ pub struct SortPass {
     pub padding: [u32; 2],
 }
 
-/// Arguments of the indirect commands, written by the sort.
+/// Arguments of indirect commands: a dispatch, and the draw by quads.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct SplatCommands {
-    /// Workgroups of a kernel that runs over tiles of visible splats.
-    pub n_tiles: u32,
-    /// Its workgroups in y.
+    /// Workgroups.
+    pub n_groups: u32,
+    /// Workgroups in y.
     pub one_y: u32,
-    /// Its workgroups in z.
+    /// Workgroups in z.
     pub one_z: u32,
     /// Unused.
     pub padding: u32,
     /// Corners of a splat's quad.
     pub n_vertices: u32,
-    /// Visible splats.
+    /// Splats.
     pub n_instances: u32,
     /// Zero.
     pub first_vertex: u32,
@@ -403,28 +393,6 @@ pub struct RunProgress {
     pub n_splats: u32,
     /// Cells of the next one that are done.
     pub n_cells: u32,
-}
-
-/// Whether the lists of cells have room, as arguments of indirect commands.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct SplatCellCommands {
-    /// Workgroups that blend lists: none where the lists do not fit.
-    pub n_groups: u32,
-    /// Their workgroups in y.
-    pub one_y: u32,
-    /// Their workgroups in z.
-    pub one_z: u32,
-    /// Unused.
-    pub padding: u32,
-    /// Corners of a splat's quad.
-    pub n_vertices: u32,
-    /// Visible splats where the lists do not fit, otherwise none.
-    pub n_instances: u32,
-    /// Zero.
-    pub first_vertex: u32,
-    /// Zero.
-    pub first_instance: u32,
 }
 
 /// How the layer becomes the target's.

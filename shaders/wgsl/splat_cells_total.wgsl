@@ -1,26 +1,13 @@
 // Where each segment begins, and whether all of them fit. One invocation.
 
-/// Whether the lists have room, as arguments of indirect commands.
-struct SplatCellCommands {
-    /// Workgroups of `splat_cells_blend`: none where the lists do not fit.
-    n_groups: u32,
-    one_y: u32,
-    one_z: u32,
-    padding: u32,
-    /// The draw by quads, for lists that do not fit: otherwise of none.
-    n_vertices: u32,
-    n_instances: u32,
-    first_vertex: u32,
-    first_instance: u32,
-}
-
 @group(0) @binding(0) var<uniform> cells: SplatCells;
 @group(0) @binding(1) var<storage, read> counts: SplatCounts;
 /// Entries of each segment; afterwards where each begins.
 @group(0) @binding(2) var<storage, read_write> segments: array<u32>;
 /// How far `splat_cells_count` has come `[run]`.
 @group(0) @binding(3) var<storage, read> counted: array<RunProgress>;
-@group(0) @binding(4) var<storage, read_write> commands: SplatCellCommands;
+/// The workgroups of `splat_cells_blend` and no quad where the lists fit, otherwise no workgroup and all quads.
+@group(0) @binding(4) var<storage, read_write> commands: SplatCommands;
 
 @compute @workgroup_size(1)
 fn splat_cells_total() {
@@ -37,7 +24,7 @@ fn splat_cells_total() {
         fits = fits && counted[run].n_splats == n_splats;
     }
     let n_groups = (n_cells + CELLS_OF_GROUP - 1u) / CELLS_OF_GROUP;
-    commands = SplatCellCommands(
+    commands = SplatCommands(
         select(0u, n_groups, fits), 1u, 1u, 0u,
         4u, select(counts.n_visible, 0u, fits), 0u, 0u,
     );

@@ -8,6 +8,19 @@ struct SplatCounts {
     n_visible: u32,
 }
 
+/// Arguments of indirect commands: a dispatch, and the draw by quads.
+struct SplatCommands {
+    n_groups: u32,
+    one_y: u32,
+    one_z: u32,
+    padding: u32,
+    /// A strip of four corners for each visible splat.
+    n_vertices: u32,
+    n_instances: u32,
+    first_vertex: u32,
+    first_instance: u32,
+}
+
 /// The footprint of one Gaussian, 32 bytes in two arrays, so that either array stays bindable twice as long.
 ///
 /// With (dx, dy) the offset from the center in pixels, alpha is opacity exp(-q / 2), where

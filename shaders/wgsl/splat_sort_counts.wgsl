@@ -1,22 +1,9 @@
 // How many splats are visible, as the commands of everything that runs over them. One workgroup.
 
-/// Arguments of the indirect commands.
-struct SplatCommands {
-    /// Workgroups of a kernel that runs over tiles of visible splats.
-    n_tiles: u32,
-    one_y: u32,
-    one_z: u32,
-    padding: u32,
-    /// The draw: a strip of four corners for each visible splat.
-    n_vertices: u32,
-    n_instances: u32,
-    first_vertex: u32,
-    first_instance: u32,
-}
-
 @group(0) @binding(0) var<storage, read_write> counts: SplatCounts;
 /// Keys with each digit `[digit]`, of the first pass.
 @group(0) @binding(1) var<storage, read> digit_counts: array<u32>;
+/// A workgroup for each tile of visible splats, a quad for each of them.
 @group(0) @binding(2) var<storage, read_write> commands: SplatCommands;
 
 var<workgroup> n_visible: atomic<u32>;

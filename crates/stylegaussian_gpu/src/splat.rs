@@ -258,7 +258,7 @@ impl SplatPass {
         // No quad, but where the lists did not fit.
         let commands = lists.commands().clone();
         let mut pass = layer.cleared(encoder);
-        self.draw.encode_indirect(&mut pass, view, pipeline, &commands, cells::QUADS);
+        self.draw.encode_indirect(&mut pass, view, pipeline, &commands);
         drop(pass);
         if let Some(lists) = view.lists(device, queue, cells) {
             cells.blend(device, encoder, lists, layer.color, layer.depth);

@@ -5,8 +5,8 @@
 
 use glam::{UVec2, UVec4};
 use stylegaussian_shaders::splat::{
-    self as shaders, CELL, CELLS_OF_SEGMENT, IN_STEP, N_RUNS, ROUNDS_OF_RUN, RunProgress, SplatCellCommands,
-    SplatCells,
+    self as shaders, CELL, CELLS_OF_SEGMENT, IN_STEP, N_RUNS, ROUNDS_OF_RUN, RunProgress, SplatCells,
+    SplatCommands,
 };
 
 use super::{
@@ -19,9 +19,6 @@ use super::{
 const ENTRIES_OF_SLOT: u64 = 32;
 /// Entries that the lists have room for, for each cell, where that is more: a few large splats cover it.
 const ENTRIES_OF_CELL: u64 = 256;
-
-/// Where the arguments of the indirect draw start in `SplatCellCommands`, in bytes.
-pub(super) const QUADS: u64 = std::mem::offset_of!(SplatCellCommands, n_vertices) as u64;
 
 /// The pipelines.
 #[derive(Debug)]
@@ -203,7 +200,7 @@ impl CellBuffers {
         let entries = buffer("splat_entries", 4 * u64::from(capacity), storage);
         let commands = buffer(
             "splat_cell_commands",
-            size_of::<SplatCellCommands>() as u64,
+            size_of::<SplatCommands>() as u64,
             storage | wgpu::BufferUsages::INDIRECT,
         );
         let [places, looks] = &records;
@@ -262,7 +259,7 @@ impl CellBuffers {
         self.is_filled = false;
     }
 
-    /// `SplatCellCommands`.
+    /// `SplatCommands`.
     pub fn commands(&self) -> &wgpu::Buffer {
         &self.commands
     }

@@ -90,23 +90,22 @@ impl Draw {
 
     pub fn encode(&self, pass: &mut wgpu::RenderPass, view: &SplatView, pipeline: &SplatPipeline) {
         let Some((_, commands, _)) = view.to_draw() else { return };
-        self.encode_indirect(pass, view, pipeline, commands, DRAW_ARGUMENTS);
+        self.encode_indirect(pass, view, pipeline, commands);
     }
 
-    /// The draw of as many quads as `commands` say from `offset` on.
+    /// The draw of as many quads as `commands` (`SplatCommands`) say.
     pub fn encode_indirect(
         &self,
         pass: &mut wgpu::RenderPass,
         view: &SplatView,
         pipeline: &SplatPipeline,
         commands: &wgpu::Buffer,
-        offset: u64,
     ) {
         let Some((group, _, viewport)) = view.to_draw() else { return };
         let [x, y, width, height] = viewport.as_vec4().to_array();
         pass.set_viewport(x, y, width, height, 0.0, 1.0);
         pass.set_pipeline(&pipeline.0);
         pass.set_bind_group(0, group, &[]);
-        pass.draw_indirect(commands, offset);
+        pass.draw_indirect(commands, DRAW_ARGUMENTS);
     }
 }

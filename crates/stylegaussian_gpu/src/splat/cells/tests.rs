@@ -89,7 +89,7 @@ fn gpu_matches_cpu() {
 
         let (ends, entries) = (read::<u32>(&gpu, &lists.run_counts), read::<u32>(&gpu, &lists.entries));
         let segments = read::<u32>(&gpu, &lists.segments);
-        let commands = read::<SplatCellCommands>(&gpu, &lists.commands)[0];
+        let commands = read::<SplatCommands>(&gpu, &lists.commands)[0];
         let columns = lists.n_cells.x;
         let n_cells = product(lists.n_cells) as u32;
         assert_eq!((commands.n_groups, commands.n_instances), (n_cells.div_ceil(shaders::CELLS_OF_GROUP), 0));

@@ -41,7 +41,7 @@ fn check(gpu: &HeadlessDevice, keys: &[u32], capacity: usize) {
         assert_eq!(slots, expected, "{} keys, serial {serial}", keys.len());
         assert_eq!(commands.n_instances as usize, expected.len());
         assert_eq!([commands.n_vertices, commands.first_vertex, commands.first_instance], [4, 0, 0]);
-        assert_eq!(commands.n_tiles, commands.n_instances.div_ceil(TILE));
+        assert_eq!(commands.n_groups, commands.n_instances.div_ceil(TILE));
     }
 }
 
