@@ -1,5 +1,5 @@
-// The last layer: rgb_p = sum_k W_k x_{n(p,k)} + B, plus the Gaussian's own color where the decoder is residual; no
-// activation and no clamp. CPU twins: stylegaussian::decoder::knn_conv and the end of stylegaussian::fold::stylize.
+// The last layer: rgb_p = sum_k W_k x_{n(p,k)} + B, plus a share of the Gaussian's own color where the decoder is residual;
+// no activation and no clamp. CPU twins: stylegaussian::decoder::knn_conv and the end of stylegaussian::fold::stylize.
 //
 // Three columns are too few to tile: an invocation decodes one Gaussian and reads weights that all of them read.
 
@@ -46,8 +46,8 @@ fn main(@builtin(global_invocation_id) invocation: vec3<u32>) {
     }
     color += bias(0u);
     let gaussian = output_row(row);
-    if layer.is_residual != 0u {
-        color += unpack_half4(base_colors[gaussian]);
+    if layer.residual != 0.0 {
+        color += layer.residual * unpack_half4(base_colors[gaussian]);
     }
     colors[gaussian] = pack_half4(vec4<f32>(color.rgb, 1.0));
 }

@@ -33,8 +33,8 @@ struct KnnLayer {
     // Activation: the sigmoid where 1, otherwise x for x > 0 and slope * x for the rest.
     is_sigmoid: u32,
     slope: f32,
-    // 1 where the color is an offset from the Gaussian's own.
-    is_residual: u32,
+    // What the Gaussian's own color is multiplied with before it is added.
+    residual: f32,
     // 1 where the block is not the whole scene, and rows of the input are Gaussians.
     input_is_scene: u32,
     // 1 where the block is not the whole scene, and rows of the output are Gaussians.

@@ -66,10 +66,10 @@ fn decoder() -> Decoder {
         layers: Decoder::WIDTHS.map(layer).into(),
         k: K,
         activation: Activation::Sigmoid,
-        residual: false,
+        residual: 0.0,
         own_color: false,
         n_noise: 0,
-        smooth: false,
+        n_averages: 0,
         statistics_weight: Vec::new(),
         encoder: None,
     }

@@ -36,8 +36,9 @@ pub struct Decoder {
     pub k: usize,
     /// The activation between layers.
     pub activation: Activation,
-    /// Whether the output is an offset from the Gaussian's unstyled color (SH 0) and not the color itself.
-    pub residual: bool,
+    /// What the Gaussian's unstyled color (SH 0) is multiplied with before it is added to the output: 0 for the color itself,
+    /// 1 for an offset, between them for a share of the unstyled scene.
+    pub residual: f32,
     /// How many channels of noise the first layer takes after the scene's features, one number for each Gaussian that is
     /// always the same (see [`noise`](crate::noise)). Features are smooth, paintings are not: strokes are made of it.
     pub n_noise: usize,
@@ -49,9 +50,9 @@ pub struct Decoder {
     /// layer's bias, so that every Gaussian knows what the whole picture should look like. It folds: a change of style
     /// costs one more product of a matrix and a vector, and a Gaussian nothing.
     pub statistics_weight: Vec<f32>,
-    /// Whether the decoded colors are averaged over each Gaussian's window in the end ([`window_means`]). What neighbors do
-    /// not agree on, views do not agree on either: each blends them with weights of its own.
-    pub smooth: bool,
+    /// How many times the decoded colors are averaged over each Gaussian's window in the end ([`window_means`]). What
+    /// neighbors do not agree on, views do not agree on either: each blends them with weights of its own.
+    pub n_averages: usize,
     /// The encoder its input belongs to; `None` when the file did not say.
     pub encoder: Option<EncoderId>,
 }
@@ -69,9 +70,9 @@ impl Decoder {
         self.n_noise.saturating_add(if self.own_color { 3 } else { 0 })
     }
 
-    /// How many neighborhoods a color depends on: the layers', and one more where colors are averaged.
+    /// How many neighborhoods a color depends on: the layers', and one more for each average.
     pub fn n_windows(&self) -> usize {
-        self.layers.len() + usize::from(self.smooth)
+        self.layers.len() + self.n_averages
     }
 
     /// The average over windows as a layer, 3 colors to 3; no activation comes before it.
@@ -119,7 +120,7 @@ pub fn run_layers(
     x
 }
 
-/// The mean color of each Gaussian's window `[N]`: the end of a decoder that is [`smooth`](Decoder::smooth).
+/// The mean color of each Gaussian's window `[N]`: the end of a decoder that averages colors, once.
 pub fn window_means(colors: &[[f32; 3]], neighbors: &Neighbors) -> Vec<[f32; 3]> {
     let share = 1.0 / neighbors.k.max(1) as f32;
     let mean = |window: &[u32]| {

@@ -311,12 +311,12 @@ pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec
     let inputs = centered_inputs(features, &mean_low);
     let rgb = run_layers(&layers, decoder.activation, &neighbors, inputs);
     let mut colors: Vec<[f32; 3]> = rgb.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
-    if decoder.smooth {
+    for _ in 0..decoder.n_averages {
         colors = window_means(&colors, &neighbors);
     }
-    if decoder.residual {
+    if decoder.residual != 0.0 {
         for (color, base) in colors.iter_mut().zip(scene.base_colors()) {
-            color.iter_mut().zip(base).for_each(|(c, b)| *c += b);
+            color.iter_mut().zip(base).for_each(|(c, b)| *c += decoder.residual * b);
         }
     }
     Ok(colors)

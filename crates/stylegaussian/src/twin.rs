@@ -58,7 +58,7 @@ pub fn decode(decoder: &Decoder, neighbors: &Neighbors, mut x: Vec<Vec<f64>>) ->
         let windows = neighbors.indices.chunks_exact(neighbors.k);
         x = windows.map(|window| (0..layer.d_out).map(|o| output(window, o)).collect()).collect();
     }
-    if decoder.smooth {
+    for _ in 0..decoder.n_averages {
         let mean = |window: &[u32], o: usize| {
             window.iter().map(|&neighbor| x[neighbor as usize][o]).sum::<f64>() / decoder.k as f64
         };

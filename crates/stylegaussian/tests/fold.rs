@@ -84,10 +84,10 @@ fn decoder(random: &mut Random, n_inputs: usize, activation: Activation) -> Deco
         layers,
         k: K,
         activation,
-        residual: false,
+        residual: 0.0,
         own_color: false,
         n_noise: 0,
-        smooth: false,
+        n_averages: 0,
         statistics_weight: Vec::new(),
         encoder: None,
     }
@@ -180,11 +180,12 @@ fn folded_equals_unfolded_at_ten_thousand() {
 /// the statistics of the style.
 #[test]
 fn a_decoder_may_see_more() {
-    check_all_inputs(false);
-    check_all_inputs(true);
+    check_all_inputs(0);
+    check_all_inputs(1);
+    check_all_inputs(3);
 }
 
-fn check_all_inputs(smooth: bool) {
+fn check_all_inputs(n_averages: usize) {
     let mut random = Random(11);
     let mut scene = scene(&mut random, 40, 32, 2);
     scene.sh = Some(Sh { degree: 0, coefficients: random.normals(40 * 3, 0.5) });
@@ -192,7 +193,8 @@ fn check_all_inputs(smooth: bool) {
     let decoder = Decoder {
         own_color: true,
         n_noise,
-        smooth,
+        n_averages,
+        residual: 0.25,
         statistics_weight: random.normals(256 * 2 * N_CHANNELS, 0.02),
         ..decoder(&mut random, N_CHANNELS + 2 + n_noise + 3, Activation::LeakyRelu { slope: 0.2 })
     };
@@ -220,9 +222,12 @@ fn check_all_inputs(smooth: bool) {
         row.extend((0..n_noise as u32).map(|channel| f64::from(noise(*source_index, channel))));
         row.extend(color.map(|channel| 4.0 * (f64::from(channel) - 0.5)));
     }
-    let expected = twin::decode(&unfolded, scene.neighbors.as_ref().unwrap(), rows);
+    let mut expected = twin::decode(&unfolded, scene.neighbors.as_ref().unwrap(), rows);
+    for (expected, own) in expected.iter_mut().zip(scene.base_colors()) {
+        expected.iter_mut().zip(own).for_each(|(channel, own)| *channel += 0.25 * f64::from(own));
+    }
     let map = transfer(features, &[(&styles[0], 1.0), (&styles[1], 3.0)], 0.0).unwrap();
-    let what = format!("extra inputs of every kind, smooth {smooth}");
+    let what = format!("extra inputs of every kind, {n_averages} averages");
     check_close(&stylize(&scene, &decoder, &map).unwrap(), &expected, &what);
 }
 

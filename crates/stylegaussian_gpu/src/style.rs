@@ -158,7 +158,7 @@ impl StylePass {
                 (weights.activation.to_string(), "the sigmoid, to be kept as bytes".into());
             return Err(StyleSceneError::Mismatch { what: "an activation", found, expected });
         }
-        if scene.precision == Precision::Unorm8 && weights.smooth {
+        if scene.precision == Precision::Unorm8 && weights.n_averages > 0 {
             let (found, expected) =
                 ("colors to be averaged".into(), "a decoder without, to be kept as bytes".into());
             return Err(StyleSceneError::Mismatch { what: "a decoder", found, expected });
@@ -171,11 +171,11 @@ fn check(scene: &StyleScene, weights: &GpuDecoder, colors: &GaussianColors) -> R
     let mismatch =
         |what, found: String, expected: String| StyleSceneError::Mismatch { what, found, expected };
     let shape = &scene.shape;
-    let of_scene = (&shape.widths, shape.k, shape.residual, shape.smooth);
-    let of_weights = (&weights.widths, weights.k, weights.residual, weights.smooth);
+    let of_scene = (&shape.widths, shape.k, shape.residual, shape.n_averages);
+    let of_weights = (&weights.widths, weights.k, weights.residual != 0.0, weights.n_averages);
     if of_scene != of_weights {
-        let name = |(widths, k, residual, smooth): (&Vec<usize>, _, _, _)| {
-            format!("widths {widths:?}, K {k}, residual {residual}, smooth {smooth}")
+        let name = |(widths, k, residual, n_averages): (&Vec<usize>, _, _, _)| {
+            format!("widths {widths:?}, K {k}, residual {residual}, {n_averages} averages")
         };
         return Err(mismatch("weights", name(of_weights), name(of_scene)));
     }

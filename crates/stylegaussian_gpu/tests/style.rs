@@ -92,16 +92,16 @@ fn gpu_matches_cpu() {
 #[test]
 fn gpu_matches_cpu_with_all_that_decoders_take() {
     let Some(gpu) = device() else { return };
-    for (residual, smooth) in [(false, false), (true, false), (false, true), (true, true)] {
+    for (residual, n_averages) in [(0.0, 0), (1.0, 0), (0.0, 1), (0.25, 4)] {
         let mut random = Random(11);
         let mut scene = random.scene(400, 16, 2, 8);
         // Neighbors are found where the scene holds none.
         scene.neighbors = None;
         let decoder = random.empty(8, LEAKY);
-        let decoder = Decoder { residual, n_noise: 4, smooth, own_color: true, ..decoder };
+        let decoder = Decoder { residual, n_noise: 4, n_averages, own_color: true, ..decoder };
         for widths in [&[32, 16, 3][..], &[3]] {
             let decoder = random.layers(decoder.clone(), &scene, widths, true);
-            let what = format!("residual {residual}, smooth {smooth}, {widths:?}");
+            let what = format!("residual {residual}, {n_averages} averages, {widths:?}");
             check(&gpu, &what, &scene, &decoder, 0.1);
         }
     }

@@ -97,12 +97,11 @@ fn blocks_give_the_same_colors() {
         (500, &[3], 50),
     ];
     for (n, widths, max_rows) in cases {
-        for residual in [false, true] {
+        for (residual, n_averages) in [(0.0, 0), (0.5, 2)] {
             let mut random = Random(n as u64 + max_rows as u64);
             let scene = random.scene(n, 12, 1, 8);
             // Both at once, to have either with and without blocks' borders.
-            let smooth = residual;
-            let decoder = Decoder { residual, smooth, n_noise: 2, ..random.empty(8, LEAKY) };
+            let decoder = Decoder { residual, n_averages, n_noise: 2, ..random.empty(8, LEAKY) };
             let decoder = random.layers(decoder, &scene, widths, false);
             let row_bytes: usize = 2 * (widths[0] + widths.get(1).copied().unwrap_or(0));
             let scratch_bytes = (max_rows * row_bytes) as u64;
@@ -211,7 +210,7 @@ fn precisions_that_do_not_fit_are_errors() {
     assert!(precisions.contains("a precision of F32, the scene has F16"), "{precisions}");
     let bytes = refused(&decoder, Precision::Unorm8, Precision::Unorm8);
     assert!(bytes.contains("leaky_relu:0.2"), "{bytes}");
-    let averaged = Decoder { smooth: true, activation: Activation::Sigmoid, ..decoder };
+    let averaged = Decoder { n_averages: 1, activation: Activation::Sigmoid, ..decoder };
     let averaged = refused(&averaged, Precision::Unorm8, Precision::Unorm8);
     assert!(averaged.contains("averaged"), "{averaged}");
 }

@@ -13,7 +13,7 @@ mod stylize;
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 
-pub use arguments::Backend;
+pub use arguments::{Backend, WeightedPath};
 pub use output::error_chain;
 pub(crate) use stylization::default_decoder;
 

@@ -10,6 +10,7 @@ pub(crate) mod network;
 pub mod ops;
 pub(crate) mod paintings;
 mod report;
+mod start;
 pub(crate) mod step;
 mod warm_start;
 
@@ -203,7 +204,8 @@ impl Trainer {
         let content_layers =
             names.iter().map(|name| content_layer(name, &loss_network)).collect::<Result<Vec<_>>>()?;
         eprintln!("content loss at {names:?}, style loss at {} layers", loss_network.n_layers());
-        let decoder = initial_decoder(arguments, &encoder, scenes)?;
+        let n_extra = scenes[0].1.features.as_ref().map_or(0, |features| features.n_extra);
+        let decoder = start::decoder(arguments, &encoder, n_extra)?;
         let mut training = Vec::new();
         for (path, scene, cameras) in scenes {
             let prepared = TrainingScene::new(scene, cameras, arguments.crop, &decoder);
@@ -288,7 +290,7 @@ impl Trainer {
     }
 
     fn warm_start(&mut self) -> Result<()> {
-        let total = if self.arguments.init.is_some() { 0 } else { self.arguments.warm_iterations };
+        let total = if !self.arguments.init.is_empty() { 0 } else { self.arguments.warm_iterations };
         if self.progress.warm_steps >= total {
             return Ok(());
         }
@@ -379,37 +381,6 @@ impl Trainer {
 
 fn checkpoint_path(output: &Path) -> PathBuf {
     beside(output, "checkpoint.safetensors")
-}
-
-fn initial_decoder(arguments: &TrainArgs, encoder: &Encoder, scenes: &[LoadedScene]) -> Result<Decoder> {
-    let Some(path) = &arguments.init else {
-        let n_extra = scenes[0].1.features.as_ref().map_or(0, |features| features.n_extra);
-        let id = Some(encoder.id().clone());
-        return Ok(Network::random(arguments, encoder.n_channels(), n_extra, id));
-    };
-    let mut decoder = file::read_decoder(path)?;
-    decoder.smooth = arguments.smooth.unwrap_or(decoder.smooth);
-    if let Some(n) = arguments.noise {
-        let found = decoder.n_noise;
-        ensure!(n <= found, "{}: sees {found} channels of noise, expected {n} at least", path.display());
-        forget_noise(&mut decoder, n);
-    }
-    if let Some(found) = &decoder.encoder {
-        ensure!(found == encoder.id(), "{}: belongs to {found}, expected {}", path.display(), encoder.id());
-    }
-    Ok(decoder)
-}
-
-/// Takes the inputs that are noise away, all but `n`: they are the first layer's last ones, but for the own color.
-fn forget_noise(decoder: &mut Decoder, n: usize) {
-    let after = if decoder.own_color { 3 } else { 0 };
-    let n_forgotten = decoder.n_noise - n;
-    let Some(first) = decoder.layers.first_mut() else { return };
-    let kept = first.d_in - after - n_forgotten;
-    let without = |row: &[f32]| [&row[..kept], &row[kept + n_forgotten..]].concat();
-    first.weight = first.weight.chunks_exact(first.d_in).flat_map(without).collect();
-    first.d_in -= n_forgotten;
-    decoder.n_noise = n;
 }
 
 /// From `rate` to a tenth of it along half a cosine.

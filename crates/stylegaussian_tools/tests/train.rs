@@ -44,7 +44,7 @@ fn training_learns_resumes_and_reports() {
         assert!(Path::new(&bench.path(name)).is_file(), "{name}");
     }
     let decoder = file::read_decoder(out.as_ref()).unwrap();
-    assert!(decoder.own_color && decoder.n_noise == 0 && decoder.k == 8 && decoder.smooth);
+    assert!(decoder.own_color && decoder.n_noise == 0 && decoder.k == 8 && decoder.n_averages == 1);
     assert_eq!(decoder.n_inputs(), 256 + 3);
 
     train(&["--warm-iterations", "3", "--iterations", "12", "--resume"]).expect_success();
@@ -84,19 +84,24 @@ fn a_decoder_s_kind_can_be_told() {
         let out = bench.path(name);
         let mut arguments = vec!["train", &scene, "--styles", &styles, "-o", &out, "--holdout-styles", "1"];
         arguments.extend(["--views", "1", "--size", "64", "--encoder", encoder.to_str().unwrap()]);
-        arguments.extend(["--iterations", "1"]);
+        if !more.contains(&"--iterations") {
+            arguments.extend(["--iterations", "1"]);
+        }
         arguments.extend(more);
         stylegaussian(&arguments).expect_success();
         file::read_decoder(out.as_ref()).unwrap()
     };
     let first = train("a.decoder.safetensors", &["--warm-iterations", "1", "--noise", "3"]);
-    assert_eq!((first.smooth, first.n_noise, first.n_inputs()), (true, 3, 256 + 3 + 3));
+    assert_eq!((first.n_averages, first.n_noise, first.n_inputs()), (1, 3, 256 + 3 + 3));
     let init = bench.path("a.decoder.safetensors");
     let weights = ["--init", &init, "--roughness-weight", "100", "--recognition-weight", "1"];
     let same = train("b.decoder.safetensors", &weights);
-    assert_eq!((same.smooth, same.n_noise), (true, 3));
-    let other = train("c.decoder.safetensors", &["--init", &init, "--noise", "1", "--smooth", "false"]);
-    assert_eq!((other.smooth, other.n_noise, other.n_inputs()), (false, 1, 256 + 1 + 3));
+    assert_eq!((same.n_averages, same.n_noise), (1, 3));
+    let other = train(
+        "c.decoder.safetensors",
+        &["--init", &init, "--noise", "1", "--smooth", "3", "--residual", "0.2"],
+    );
+    assert_eq!((other.n_averages, other.n_noise, other.n_inputs()), (3, 1, 256 + 1 + 3));
     // Features, the noise that is kept, and the own color stand where they stood. Adam's first step moves a weight by the
     // rate, 1e-3, and files keep f16.
     let (from, to) = (&first.layers[0].weight, &other.layers[0].weight);
@@ -106,6 +111,43 @@ fn a_decoder_s_kind_can_be_told() {
         kept.zip(to).map(|(a, b)| (a - b).abs()).collect::<Vec<_>>()
     });
     assert!(moved.fold(0.0, f32::max) < 2e-3);
+    // No step: a mean of two, a quarter of whose colors is the scene's own.
+    let (quarter, rest) = (format!("{init}:1"), format!("{}:3", bench.path("b.decoder.safetensors")));
+    let mean = train(
+        "m.decoder.safetensors",
+        &["--iterations", "0", "--init", &quarter, "--init", &rest, "--residual", "0.25"],
+    );
+    assert_eq!((mean.residual, mean.n_noise), (0.25, 3));
+    for (layer, factor) in [(0, 1.0), (4, 0.75)] {
+        let [a, b, found] = [&first, &same, &mean].map(|decoder| &decoder.layers[layer].weight);
+        for ((a, b), found) in a.iter().zip(b).zip(found) {
+            let expected = factor * (0.25 * a + 0.75 * b);
+            assert!((found - expected).abs() <= 1e-3 * expected.abs() + 1e-6, "{found}, expected {expected}");
+        }
+    }
+    let unlike = bench.path("c.decoder.safetensors");
+    let run = stylegaussian(&[
+        "train",
+        &scene,
+        "--styles",
+        &styles,
+        "-o",
+        "x",
+        "--init",
+        &init,
+        "--init",
+        &unlike,
+        "--holdout-styles",
+        "1",
+        "--encoder",
+        encoder.to_str().unwrap(),
+    ]);
+    let error = run.stderr.lines().last().unwrap_or_default();
+    assert!(
+        error.starts_with("error: ") && error.contains("c.decoder.safetensors: found a decoder unlike"),
+        "{error}"
+    );
+
     let mut more = vec!["train", &scene, "--styles", &styles, "-o", "x", "--init", &init, "--noise", "4"];
     more.extend(["--holdout-styles", "1", "--encoder", encoder.to_str().unwrap()]);
     let run = stylegaussian(&more);
@@ -116,7 +158,12 @@ fn a_decoder_s_kind_can_be_told() {
 
     let paper = train("d.decoder.safetensors", &["--paper"]);
     assert_eq!((paper.activation, paper.n_noise, paper.n_inputs()), (Activation::Sigmoid, 0, 256));
-    assert!(!paper.smooth && !paper.own_color && paper.statistics_weight.is_empty());
+    assert!(
+        paper.n_averages == 0
+            && paper.residual == 0.0
+            && !paper.own_color
+            && paper.statistics_weight.is_empty()
+    );
     let refused = ["train", &scene, "--styles", &styles, "-o", "x", "--paper", "--noise", "4"];
     assert_eq!(stylegaussian(&refused).code, Some(2));
 }

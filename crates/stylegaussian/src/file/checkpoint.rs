@@ -170,10 +170,10 @@ fn final_model(features: Tensor, state: &State) -> Result<(Features, Option<Deco
         layers,
         k,
         activation: Activation::Sigmoid,
-        residual: false,
+        residual: 0.0,
         own_color: false,
         n_noise: 0,
-        smooth: false,
+        n_averages: 0,
         statistics_weight: Vec::new(),
         encoder: None,
     };

@@ -2,10 +2,11 @@
 //!
 //! Tensors `decoder.layers.{i}.weight` f16 or f32 `[D_out, K, D_in]` and `decoder.layers.{i}.bias` f32 `[D_out]`;
 //! where the decoder sees the style's statistics `decoder.statistics.weight` f16 or f32 `[D_out of the first, 2 D]`;
-//! metadata `k`, `activation` (`sigmoid` or `leaky_relu:slope`), `residual` (`true` or `false`), `transfer` (`adain`),
-//! `layers` (how many), `noise` (how many inputs are noise, where any is), `smooth` (`true` where colors are averaged over
-//! windows in the end), `own_color` (`true` where the last three inputs
-//! are the Gaussian's own color) and, where known, `encoder`.
+//! metadata `k`, `activation` (`sigmoid` or `leaky_relu:slope`), `residual` (what the own color is multiplied with before
+//! it is added; `false` is 0, `true` is 1), `transfer` (`adain`),
+//! `layers` (how many), `noise` (how many inputs are noise, where any is), `smooth` (how many times
+//! colors are averaged over windows in the end; `true` is 1), `own_color` (`true` where the last three inputs are the
+//! Gaussian's own color) and, where known, `encoder`.
 
 use crate::decoder::{Activation, Decoder, Layer};
 
@@ -21,6 +22,9 @@ const FORMAT: &str = "stylegaussian-decoder";
 
 /// The weight on the style's statistics.
 const STATISTICS: &str = "decoder.statistics.weight";
+
+/// More averages over windows leave one color.
+const MAX_AVERAGES: usize = 64;
 
 /// The transfer that decoders are trained behind; there is no other yet.
 const TRANSFER: &str = "adain";
@@ -46,10 +50,13 @@ pub(super) fn from_tensors(reader: &Reader) -> Result<Decoder, Mismatch> {
     let k = reader.required("k", "`k` = the window's size")?;
     let n_layers: usize = reader.required("layers", "`layers` = the number of layers")?;
     let activation = activation_from_text(&reader.required::<String>("activation", "`activation`")?)?;
-    let residual = reader.required("residual", "`residual` = `true` or `false`")?;
+    let residual = residual_from_text(&reader.required::<String>("residual", "`residual`")?)?;
     let own_color = reader.parsed("own_color", "`own_color` = `true` or `false`")?.unwrap_or(false);
     let n_noise = reader.parsed("noise", "`noise` = a number of channels")?.unwrap_or(0);
-    let smooth = reader.parsed("smooth", "`smooth` = `true` or `false`")?.unwrap_or(false);
+    let n_averages = match reader.parsed::<String>("smooth", "`smooth`")? {
+        Some(text) => averages_from_text(&text)?,
+        None => 0,
+    };
     let n_tensors = reader.names().iter().filter(|name| name.starts_with("decoder.layers.")).count();
     let has_statistics = reader.names().contains(&STATISTICS);
     if n_layers.checked_mul(2) != Some(n_tensors) {
@@ -64,8 +71,17 @@ pub(super) fn from_tensors(reader: &Reader) -> Result<Decoder, Mismatch> {
         _ => Vec::new(),
     };
     let encoder = reader.parsed("encoder", "an encoder `name@hash`")?;
-    let decoder =
-        Decoder { layers, k, activation, residual, own_color, n_noise, smooth, statistics_weight, encoder };
+    let decoder = Decoder {
+        layers,
+        k,
+        activation,
+        residual,
+        own_color,
+        n_noise,
+        n_averages,
+        statistics_weight,
+        encoder,
+    };
     validate(&decoder)?;
     Ok(decoder)
 }
@@ -95,8 +111,8 @@ pub(super) fn to_tensors<'a>(
     if decoder.n_noise > 0 {
         writer.set("noise", decoder.n_noise);
     }
-    if decoder.smooth {
-        writer.set("smooth", true);
+    if decoder.n_averages > 0 {
+        writer.set("smooth", decoder.n_averages);
     }
     writer.set("activation", activation_to_text(decoder.activation));
     for (i, layer) in decoder.layers.iter().enumerate() {
@@ -122,6 +138,28 @@ fn weight<'a>(
         Precision::F16 => writer.f16(name, shape, values),
         Precision::F32 => writer.f32(name, shape, values),
     }
+}
+
+/// The factor of the own color.
+fn residual_from_text(text: &str) -> Result<f32, Mismatch> {
+    let residual = match text {
+        "false" => Some(0.0),
+        "true" => Some(1.0),
+        _ => text.parse().ok(),
+    };
+    let expected = "a number, what the own color is multiplied with before it is added";
+    residual.ok_or_else(|| mismatch(format_args!("`residual` = `{text}`"), expected))
+}
+
+/// How many times colors are averaged.
+fn averages_from_text(text: &str) -> Result<usize, Mismatch> {
+    let n_averages = match text {
+        "false" => Some(0),
+        "true" => Some(1),
+        _ => text.parse().ok(),
+    };
+    let expected = "a number, how many times colors are averaged over windows";
+    n_averages.ok_or_else(|| mismatch(format_args!("`smooth` = `{text}`"), expected))
 }
 
 /// Checks that the layers chain, end in RGB, and are finite.
@@ -150,6 +188,10 @@ pub(super) fn validate(decoder: &Decoder) -> Result<(), Mismatch> {
         }
         expect_finite(&name, &layer.weight)?;
         expect_finite(&name, &layer.bias)?;
+    }
+    if !decoder.residual.is_finite() || decoder.n_averages > MAX_AVERAGES {
+        let found = format!("`residual` = {} and `smooth` = {}", decoder.residual, decoder.n_averages);
+        return Err(mismatch(found, format_args!("a finite number, and at most {MAX_AVERAGES}")));
     }
     if decoder.n_beside() >= decoder.layers[0].d_in {
         let found = format!("`noise` = {} and `own_color` = {}", decoder.n_noise, decoder.own_color);

@@ -39,10 +39,10 @@ fn decoder(channels: &[usize], k: usize, next: &mut impl FnMut() -> f32) -> Deco
         layers,
         k,
         activation: Activation::LeakyRelu { slope: 0.2 },
-        residual: true,
+        residual: 0.25,
         own_color: true,
         n_noise: 2,
-        smooth: true,
+        n_averages: 1,
         statistics_weight: values(channels[1] * 6, next),
         encoder: None,
     }
@@ -238,7 +238,8 @@ fn decoder_round_trips_in_both_precisions() {
         assert!(a.weight.iter().zip(&b.weight).all(|(a, b)| (a - b).abs() <= 0.0005 * a.abs() + 1e-7));
     }
     original.activation = Activation::Sigmoid;
-    original.residual = false;
+    original.residual = 0.0;
+    original.n_averages = 4;
     write_decoder(&path, &original, Precision::F32).unwrap();
     assert_eq!(read_decoder(&path).unwrap(), original);
 }
@@ -292,7 +293,9 @@ fn lying_safetensors_are_refused() {
     check(replaced(&bytes, r#""version":"1""#, r#""version":"2""#), "`version` = `2`");
     check(replaced(&bytes, "leaky_relu:0.2", "leaky_relu:abc"), "activation `leaky_relu:abc`");
     check(replaced(&bytes, r#""transfer":"adain""#, r#""transfer":"wctxx""#), "`transfer` = `wctxx`");
-    check(replaced(&bytes, r#""residual":"true""#, r#""residual":"True""#), "`residual` = `True`");
+    check(replaced(&bytes, r#""residual":"0.25""#, r#""residual":"0.2x""#), "`residual` = `0.2x`");
+    check(replaced(&bytes, r#""residual":"0.25""#, r#""residual":" NaN""#), "`residual` = ");
+    check(replaced(&bytes, r#""smooth":"1""#, r#""smooth":"x""#), "`smooth` = `x`");
     check(replaced(&bytes, r#""k":"3""#, r#""k":"4""#), "decoder.layers.0.weight");
     check(replaced(&bytes, r#""noise":"2""#, r#""noise":"9""#), "`noise` = 9");
     check(replaced(&bytes, r#""layers":"2""#, r#""layers":"9""#), "4 decoder tensors");

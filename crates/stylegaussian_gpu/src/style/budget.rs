@@ -170,7 +170,7 @@ mod tests {
 
     fn plan(inputs: usize) -> Vec<Step> {
         let shape =
-            StyleShape { n_gaussians: 1000, k: 8, widths: vec![32, 64, 3], residual: false, smooth: false };
+            StyleShape { n_gaussians: 1000, k: 8, widths: vec![32, 64, 3], residual: false, n_averages: 0 };
         let split = Split { capacity: 1000, inputs, scratch: [8, 1], chunk_rows: CHUNK_ROWS };
         steps(&shape, &split, 0, &BlockShape::whole(&shape))
     }

@@ -57,9 +57,9 @@ pub struct FoldedLayers {
     pub(super) layers: Vec<Layer>,
     pub(super) k: usize,
     pub(super) activation: Activation,
-    pub(super) residual: bool,
-    /// Whether the last layer averages colors: no activation comes before it.
-    pub(super) smooth: bool,
+    pub(super) residual: f32,
+    /// How many of the last layers average colors: no activation comes before them.
+    pub(super) n_averages: usize,
 }
 
 impl FoldedLayers {
@@ -83,14 +83,14 @@ impl FoldedLayers {
         for row in first.weight.chunks_exact_mut(first.d_in) {
             row.iter_mut().zip(&content.input_scales).for_each(|(weight, scale)| *weight /= scale);
         }
-        let averaging = decoder.smooth.then(|| decoder.averaging_layer());
+        let averaging = std::iter::repeat_n(decoder.averaging_layer(), decoder.n_averages);
         let layers = std::iter::once(first).chain(decoder.layers[1..].iter().cloned()).chain(averaging);
         Ok(Self {
             layers: layers.collect(),
             k: decoder.k,
             activation: decoder.activation,
             residual: decoder.residual,
-            smooth: decoder.smooth,
+            n_averages: decoder.n_averages,
         })
     }
 }
@@ -102,12 +102,12 @@ pub(super) struct StyleShape {
     pub n_gaussians: usize,
     /// K.
     pub k: usize,
-    /// L + E, then the outputs of each layer, 3 in the end; the average over windows is a layer too.
+    /// L + E, then the outputs of each layer, 3 in the end; each average over windows is a layer too.
     pub widths: Vec<usize>,
     /// Whether the Gaussians' own colors are added.
     pub residual: bool,
-    /// Whether the last layer averages colors.
-    pub smooth: bool,
+    /// How many of the last layers average colors.
+    pub n_averages: usize,
 }
 
 impl StyleShape {
@@ -115,13 +115,14 @@ impl StyleShape {
     pub fn of(scene: &Scene, decoder: &Decoder) -> Result<Self, StylizeError> {
         let features = fold::check_decoder(scene, decoder)?;
         let n_inputs = features.n_low + features.n_extra + decoder.n_beside();
-        let outputs = decoder.layers.iter().map(|layer| layer.d_out).chain(decoder.smooth.then_some(3));
+        let outputs =
+            decoder.layers.iter().map(|layer| layer.d_out).chain(std::iter::repeat_n(3, decoder.n_averages));
         Ok(Self {
             n_gaussians: scene.len(),
             k: decoder.k,
             widths: std::iter::once(n_inputs).chain(outputs).collect(),
-            residual: decoder.residual,
-            smooth: decoder.smooth,
+            residual: decoder.residual != 0.0,
+            n_averages: decoder.n_averages,
         })
     }
 

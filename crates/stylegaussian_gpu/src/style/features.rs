@@ -82,7 +82,7 @@ impl StyleInputs {
             Storage::F32 => PackedPlanes::F32(pack_planes_as(&values, &scales, |value| value)),
             _ => PackedPlanes::F16(pack_planes(&values, &scales)),
         };
-        let base_colors = if decoder.residual {
+        let base_colors = if shape.residual {
             scene.base_colors().iter().map(|&[r, g, b]| [r, g, b, 0.0].map(f16::from_f32)).collect()
         } else {
             Vec::new()

@@ -126,7 +126,7 @@ fn with_decoder(step: &Step, weights: &GpuDecoder) -> KnnLayer {
         Activation::Sigmoid => (1, 0.0),
         Activation::LeakyRelu { slope } => (0, slope),
     };
-    KnnLayer { is_sigmoid, slope, is_residual: u32::from(weights.residual), ..step.parameters }
+    KnnLayer { is_sigmoid, slope, residual: weights.residual, ..step.parameters }
 }
 
 fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {

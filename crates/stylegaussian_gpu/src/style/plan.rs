@@ -174,7 +174,7 @@ mod tests {
             k: 8,
             widths: vec![39, 256, 128, 64, 32, 3],
             residual: false,
-            smooth: false,
+            n_averages: 0,
         }
     }
 

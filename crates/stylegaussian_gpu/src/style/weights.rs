@@ -20,8 +20,8 @@ pub struct GpuDecoder {
     /// Inputs of the first layer, then the outputs of each.
     pub(super) widths: Vec<usize>,
     pub(super) activation: Activation,
-    pub(super) residual: bool,
-    pub(super) smooth: bool,
+    pub(super) residual: f32,
+    pub(super) n_averages: usize,
 }
 
 impl GpuDecoder {
@@ -54,7 +54,7 @@ impl GpuDecoder {
             widths: widths(&folded.layers),
             activation: folded.activation,
             residual: folded.residual,
-            smooth: folded.smooth,
+            n_averages: folded.n_averages,
         };
         decoder.upload(queue, folded);
         Ok(decoder)
@@ -66,7 +66,8 @@ impl GpuDecoder {
         if self.k != folded.k || self.widths != widths(&folded.layers) {
             return false;
         }
-        (self.activation, self.residual, self.smooth) = (folded.activation, folded.residual, folded.smooth);
+        (self.activation, self.residual) = (folded.activation, folded.residual);
+        self.n_averages = folded.n_averages;
         self.upload(queue, folded);
         true
     }
@@ -86,9 +87,9 @@ impl GpuDecoder {
         self.layers.iter().map(wgpu::Buffer::size).sum()
     }
 
-    /// The activation after a layer; there is none between the decoder and the average over its colors.
+    /// The activation after a layer; there is none between the decoder and the averages over its colors.
     pub(super) fn activation_after(&self, layer: usize) -> Activation {
-        let is_averaged = self.smooth && layer + 2 == self.layers.len();
+        let is_averaged = layer + 1 + self.n_averages >= self.layers.len();
         if is_averaged { Activation::LeakyRelu { slope: 1.0 } } else { self.activation }
     }
 

@@ -11,16 +11,16 @@ use crate::picture::Background;
 /// Longest side of a picture, in pixels.
 pub const MAX_SIDE: u32 = 16_384;
 
-/// A style and its share in a mix: `path` or `path:weight`.
+/// A file and its share in a mix: `path` or `path:weight`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct WeightedStyle {
-    /// An image or a `*.style.safetensors`.
+pub struct WeightedPath {
+    /// The file.
     pub path: PathBuf,
     /// Not negative; 1 where none was given.
     pub weight: f64,
 }
 
-impl FromStr for WeightedStyle {
+impl FromStr for WeightedPath {
     type Err = String;
 
     /// Splits at the last colon, and only where a number follows: `C:\paintings\a.png` is a path.
@@ -111,7 +111,7 @@ mod tests {
 
     #[track_caller]
     fn check_style(text: &str, path: &str, weight: f64) {
-        assert_eq!(text.parse(), Ok(WeightedStyle { path: path.into(), weight }), "{text}");
+        assert_eq!(text.parse(), Ok(WeightedPath { path: path.into(), weight }), "{text}");
     }
 
     #[test]
@@ -141,7 +141,7 @@ mod tests {
     #[test]
     fn impossible_weights_are_refused() {
         for text in ["a:-1", "a:1e999", ":0.5", ""] {
-            assert!(text.parse::<WeightedStyle>().is_err(), "{text}");
+            assert!(text.parse::<WeightedPath>().is_err(), "{text}");
         }
     }
 

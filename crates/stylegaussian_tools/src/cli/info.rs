@@ -63,11 +63,12 @@ struct DecoderInfo {
     widths: Vec<usize>,
     k: usize,
     activation: String,
-    residual: bool,
+    /// What the Gaussian's own color is multiplied with before it is added.
+    residual: f32,
     /// Channels of noise among the inputs.
     n_noise: usize,
-    /// Whether colors are averaged over windows in the end.
-    smooth: bool,
+    /// How many times colors are averaged over windows in the end.
+    smooth: usize,
     /// Whether the Gaussian's own color is among the inputs.
     own_color: bool,
     /// Whether the style's statistics are added to the first layer's bias.
@@ -149,7 +150,7 @@ impl DecoderInfo {
             },
             residual: decoder.residual,
             n_noise: decoder.n_noise,
-            smooth: decoder.smooth,
+            smooth: decoder.n_averages,
             own_color: decoder.own_color,
             statistics: !decoder.statistics_weight.is_empty(),
             encoder: decoder.encoder.as_ref().map(EncoderId::to_string),
@@ -192,10 +193,10 @@ fn text(info: &Info) -> String {
         info.decoder.as_ref().map_or("none: the default one serves".into(), |d| {
             let widths: Vec<_> = d.widths.iter().map(ToString::to_string).collect();
             let marks = [
-                (d.residual, ", residual".to_owned()),
+                (d.residual != 0.0, format!(", {} of the own color", d.residual)),
                 (d.own_color, ", sees own colors".to_owned()),
                 (d.n_noise > 0, format!(", {} channels of noise", d.n_noise)),
-                (d.smooth, ", smoothed".to_owned()),
+                (d.smooth > 0, format!(", averaged {} times", d.smooth)),
                 (d.statistics, ", the style's statistics".to_owned()),
             ];
             let marks: String = marks.into_iter().filter(|(has, _)| *has).map(|(_, mark)| mark).collect();
@@ -231,10 +232,10 @@ mod tests {
             layers: vec![layer(256, 64), layer(64, 32), layer(32, 3)],
             k: 8,
             activation: Activation::Sigmoid,
-            residual: false,
+            residual: 0.0,
             own_color: false,
             n_noise: 0,
-            smooth: false,
+            n_averages: 0,
             statistics_weight: Vec::new(),
             encoder: None,
         };

@@ -13,7 +13,7 @@ use stylegaussian_encoder::StyleSize;
 
 use super::{
     Cli,
-    arguments::{Backend, WeightedStyle, fraction},
+    arguments::{Backend, WeightedPath, fraction},
     compute::Compute,
     output::warn,
     style::image_statistics,
@@ -25,7 +25,7 @@ use crate::encoder::open_encoder;
 pub struct StylizationArgs {
     /// Style image or *.style.safetensors, several for a mix; weights are normalized to sum 1.
     #[arg(long = "style", value_name = "S[:WEIGHT]", num_args = 1..)]
-    styles: Vec<WeightedStyle>,
+    styles: Vec<WeightedPath>,
     /// How much of the content's own features to keep: 0 (the style alone) to 1 (decodes the content).
     #[arg(long, value_name = "0..1", default_value = "0", allow_negative_numbers = true, value_parser = fraction)]
     content: f64,
@@ -120,7 +120,7 @@ impl StylizationArgs {
             .map_err(anyhow::Error::from)
             .and_then(|map| compute.stylize(scene, &decoder, &map))
             .with_context(|| format!("{} with decoder {decoder_name}", scene_path.display()))?;
-        let share = |style: &WeightedStyle| Share { path: style.path.clone(), weight: style.weight / total };
+        let share = |style: &WeightedPath| Share { path: style.path.clone(), weight: style.weight / total };
         Ok(Stylization {
             colors,
             styles: self.styles.iter().map(share).collect(),
@@ -150,7 +150,7 @@ impl StylizationArgs {
             true => None,
             false => Some(open_encoder(self.encoder.as_deref())?),
         };
-        let of_style = |style: &WeightedStyle| match &encoder {
+        let of_style = |style: &WeightedPath| match &encoder {
             Some(encoder) if !is_file(&style.path) => {
                 image_statistics(encoder, &style.path, StyleSize::default())
             }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use stylegaussian::Activation;
 
-use crate::cli::Backend;
+use crate::cli::{Backend, WeightedPath};
 
 /// Train one decoder from embedded scenes and a folder of paintings.
 ///
@@ -40,13 +40,15 @@ pub struct TrainArgs {
     /// Gaussians from nearer.
     #[arg(long, value_name = "PX", default_value_t = 256, value_parser = clap::value_parser!(u32).range(32..=2048))]
     pub crop: u32,
-    /// A decoder to start from; it gives window, activation and widths.
-    #[arg(long, value_name = "DECODER")]
-    pub init: Option<PathBuf>,
+    /// A decoder to start from; it gives window, activation and widths. Named several times, the weighted mean of their
+    /// parameters: what lies between two states of one training may be better than either.
+    #[arg(long, value_name = "DECODER[:WEIGHT]")]
+    pub init: Vec<WeightedPath>,
     /// The paper's decoder and recipe: sigmoids; no noise, own color, statistics or average over windows; no warm start, no
     /// average over steps. A scene embedded by `embed --method optimize` goes with it.
     #[arg(long, conflicts_with_all = [
-        "init", "activation", "noise", "own_color", "statistics", "smooth", "warm_iterations", "average",
+        "init", "activation", "noise", "own_color", "statistics", "smooth", "residual",
+        "warm_iterations", "average",
     ])]
     pub paper: bool,
     /// Steps with the paper's loss.
@@ -94,10 +96,14 @@ pub struct TrainArgs {
     /// many as `--init`'s sees, or none; of more than N, the last are forgotten.
     #[arg(long, value_name = "N", value_parser = at_most_64::<0>)]
     pub noise: Option<usize>,
-    /// Whether decoded colors are averaged over each Gaussian's window in the end. Otherwise what `--init`'s decoder does,
-    /// or true; the paper's does not.
-    #[arg(long, value_name = "BOOL", action = clap::ArgAction::Set)]
-    pub smooth: Option<bool>,
+    /// How many times decoded colors are averaged over each Gaussian's window in the end, so that views agree. Otherwise as
+    /// `--init`'s decoder, or once; the paper's decoder does not.
+    #[arg(long, value_name = "N", value_parser = at_most_64::<0>)]
+    pub smooth: Option<usize>,
+    /// The unstyled scene's share of the colors, at least 0 and less than 1: the decoder's is what is left. Otherwise as
+    /// `--init`'s decoder, or 0, as the paper's.
+    #[arg(long, value_name = "SHARE", value_parser = less_than_1)]
+    pub residual: Option<f32>,
     /// Whether a decoder that starts from random weights also sees each Gaussian's own color, which keeps fine detail;
     /// the paper's does not.
     #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
@@ -141,7 +147,8 @@ impl TrainArgs {
             noise: Some(0),
             own_color: false,
             statistics: false,
-            smooth: Some(false),
+            smooth: Some(0),
+            residual: Some(0.0),
             warm_iterations: 0,
             average: 0.0,
             ..self.clone()
@@ -153,6 +160,12 @@ impl TrainArgs {
 fn at_most_64<const MIN: usize>(text: &str) -> Result<usize, String> {
     let number = text.parse().ok().filter(|number| (MIN..=64).contains(number));
     number.ok_or_else(|| format!("expected a number from {MIN} to 64"))
+}
+
+/// A number from 0 to 1, without 1.
+fn less_than_1(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|number| (0.0..1.0).contains(number));
+    number.ok_or_else(|| "expected a number of at least 0 and less than 1".into())
 }
 
 /// A number from 0 to 1.

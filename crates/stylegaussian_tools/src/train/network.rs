@@ -22,9 +22,10 @@ pub struct Network {
     pub parameters: Vec<Parameter>,
     k: usize,
     activation: Activation,
+    residual: f32,
     own_color: bool,
     n_noise: usize,
-    smooth: bool,
+    n_averages: usize,
     encoder: Option<EncoderId>,
 }
 
@@ -86,7 +87,8 @@ impl Network {
     ) -> Decoder {
         let TrainArgs { k, activation, own_color, statistics, seed, .. } = *arguments;
         let n_noise = arguments.noise.unwrap_or(0);
-        let smooth = arguments.smooth.unwrap_or(true);
+        let n_averages = arguments.smooth.unwrap_or(1);
+        let residual = arguments.residual.unwrap_or(0.0);
         let n_statistics = if statistics { 2 * n_channels } else { 0 };
         let n_inputs = n_channels + n_extra + n_noise + if own_color { 3 } else { 0 };
         let mut random = Random::new(seed);
@@ -114,7 +116,7 @@ impl Network {
             };
             let mut bias: Vec<f32> = weight.chunks_exact(k * d_in).map(center).collect();
             if is_last {
-                bias.iter_mut().for_each(|b| *b += 0.5);
+                bias.iter_mut().for_each(|b| *b += 0.5 * (1.0 - residual));
             }
             layers.push(Layer { weight, bias, d_in, d_out });
             d_in = d_out;
@@ -125,10 +127,10 @@ impl Network {
             layers,
             k,
             activation,
-            residual: false,
+            residual,
             own_color,
             n_noise,
-            smooth,
+            n_averages,
             statistics_weight,
             encoder,
         }
@@ -137,9 +139,13 @@ impl Network {
     /// Takes over a decoder's parameters.
     ///
     /// # Errors
-    /// A decoder of a kind that is not trained here (one that adds to the original color).
+    /// A decoder of a kind that is not trained here: one whose output is an offset from the original color.
     pub fn new(decoder: &Decoder, device: &Device) -> Result<Self> {
-        ensure!(!decoder.residual, "a residual decoder cannot be trained further: expected residual = false");
+        let residual = decoder.residual;
+        ensure!(
+            (0.0..1.0).contains(&residual),
+            "a decoder with residual = {residual} cannot be trained further: expected 0 or more, and less than 1"
+        );
         let parameter = |values: &[f32], shape: [usize; 2]| Parameter {
             values: Tensor::from_data(TensorData::new(values.to_vec(), shape), device).require_grad(),
         };
@@ -161,9 +167,10 @@ impl Network {
             parameters,
             k: decoder.k,
             activation: decoder.activation,
+            residual,
             own_color: decoder.own_color,
             n_noise: decoder.n_noise,
-            smooth: decoder.smooth,
+            n_averages: decoder.n_averages,
             encoder: decoder.encoder.clone(),
         })
     }
@@ -175,7 +182,7 @@ impl Network {
 
     /// How many sets of windows [`forward`](Self::forward) takes.
     pub fn n_windows(&self) -> usize {
-        self.parameters.len() / 2 + usize::from(self.smooth)
+        self.parameters.len() / 2 + self.n_averages
     }
 
     /// The decoder as it stands.
@@ -195,19 +202,25 @@ impl Network {
             layers: layers.collect(),
             k: self.k,
             activation: self.activation,
-            residual: false,
+            residual: self.residual,
             own_color: self.own_color,
             n_noise: self.n_noise,
-            smooth: self.smooth,
+            n_averages: self.n_averages,
             statistics_weight: values.last().filter(|_| values.len() % 2 == 1).map_or(Vec::new(), to_vec),
             encoder: self.encoder.clone(),
         }
     }
 
-    /// Colors `[M, 3]` of centered inputs `[N_0, L + E]` through one set of windows for each layer, and one more where
-    /// colors are averaged in the end.
-    pub fn forward(&self, inputs: Tensor<2>, folded: &FoldedInputs, windows: &[Arc<Windows>]) -> Tensor<2> {
-        self.averaged(self.decode(inputs, folded, windows), windows)
+    /// Colors `[M, 3]` of centered inputs `[N_0, L + E]` through one set of windows for each layer and each average;
+    /// `own_colors` `[M, 3]` are the unstyled ones.
+    pub fn forward(
+        &self,
+        inputs: Tensor<2>,
+        own_colors: Tensor<2>,
+        folded: &FoldedInputs,
+        windows: &[Arc<Windows>],
+    ) -> Tensor<2> {
+        self.finished(self.decode(inputs, folded, windows), own_colors, windows)
     }
 
     /// What the layers give, before it is averaged: more rows than there are colors in the end, for those to be means of.
@@ -225,18 +238,22 @@ impl Network {
         x
     }
 
-    /// Colors `[M, 3]` of what the layers gave.
-    pub fn averaged(&self, decoded: Tensor<2>, windows: &[Arc<Windows>]) -> Tensor<2> {
-        match windows.last() {
-            Some(windows) if self.smooth => of_windows(decoded, windows, 0.0),
-            _ => decoded,
-        }
+    /// Colors `[M, 3]` of what the layers gave and of the Gaussians' own `[M, 3]`.
+    pub fn finished(&self, decoded: Tensor<2>, own_colors: Tensor<2>, windows: &[Arc<Windows>]) -> Tensor<2> {
+        let averages = &windows[windows.len() - self.n_averages..];
+        let averaged = averages.iter().fold(decoded, |colors, windows| of_windows(colors, windows, 0.0));
+        averaged + own_colors * self.residual
+    }
+
+    /// The share of a color that the layers give: colors of 0..1 are theirs times this, and the own ones' rest.
+    pub fn share(&self) -> f32 {
+        1.0 - self.residual
     }
 
     /// Mean squared distance of what the layers gave from the mean of its window: what averaging takes away. `None` where
     /// nothing is averaged.
     pub fn roughness(&self, decoded: Tensor<2>, windows: &[Arc<Windows>]) -> Option<Tensor<1>> {
-        let windows = windows.last().filter(|_| self.smooth)?;
+        let windows = windows[windows.len() - self.n_averages..].first()?;
         Some(of_windows(decoded, windows, 1.0).powi_scalar(2).mean())
     }
 

@@ -172,9 +172,11 @@ pub fn step(
     let folded = FoldedInputs::new(&scene.features, &scene.mean_low, &scene.statistics, &map, device);
     let rows = TensorData::new(scene.input_rows(&view.input_rows), [view.input_rows.len(), scene.n_inputs]);
     let decoded = network.decode(Tensor::from_data(rows, device), &folded, &view.windows);
-    let colors = network.averaged(decoded.clone(), &view.windows);
+    let own_colors = view.output_rows.iter().flat_map(|&row| scene.base_colors[row as usize]);
+    let own_colors = TensorData::new(own_colors.collect::<Vec<_>>(), [view.output_rows.len(), 3]);
+    let colors = network.finished(decoded.clone(), Tensor::from_data(own_colors, device), &view.windows);
     // Of what is averaged, too: otherwise the decoder would make up for that by exaggerating.
-    let excess = relu(decoded.clone() - 1.0) + relu(-decoded.clone());
+    let excess = relu(decoded.clone() - network.share()) + relu(-decoded.clone());
     let range_loss = excess.powi_scalar(2).mean();
 
     let behind = view.alpha.iter().flat_map(|alpha| style.mean_color.map(|channel| (1.0 - alpha) * channel));

@@ -47,7 +47,8 @@ pub fn step(
         |values: Vec<f32>, columns| Tensor::<2>::from_data(TensorData::new(values, [len, columns]), device);
     let map = ChannelMap::adain(&scene.statistics, &style.statistics)?;
     let folded = FoldedInputs::new(&scene.features, &scene.mean_low, &scene.statistics, &map, device);
-    let colors = network.forward(tensor(inputs, scene.n_inputs), &folded, &windows);
+    let own_colors = tensor(scene.base_colors[rows.clone()].iter().flatten().copied().collect(), 3);
+    let colors = network.forward(tensor(inputs, scene.n_inputs), own_colors, &folded, &windows);
 
     let recoloring = Recoloring::new(&scene.colors, &style.colors);
     // What a display cannot show is not worth learning.

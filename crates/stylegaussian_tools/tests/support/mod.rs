@@ -152,10 +152,10 @@ impl Bench {
             layers: vec![layer(6, 5, 4), layer(5, 3, 5)],
             k: 3,
             activation: Activation::Sigmoid,
-            residual: false,
+            residual: 0.0,
             own_color: false,
             n_noise: 0,
-            smooth: false,
+            n_averages: 0,
             statistics_weight: Vec::new(),
             encoder: Some(encoder("test", "00")),
         });

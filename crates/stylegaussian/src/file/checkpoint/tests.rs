@@ -46,7 +46,7 @@ fn reads_a_trained_model_that_torch_saved() {
     let identity: Vec<f32> = (0..25).map(|i| if i % 6 == 0 { 1.0 } else { 0.0 }).collect();
     assert_eq!((&features.basis, &features.offset), (&identity, &vec![0.0; 5]));
     let decoder = scene.decoder.as_ref().unwrap();
-    assert_eq!((decoder.k, decoder.activation, decoder.residual), (3, Activation::Sigmoid, false));
+    assert_eq!((decoder.k, decoder.activation, decoder.residual), (3, Activation::Sigmoid, 0.0));
     let [first, second] = &decoder.layers[..] else { panic!("{} layers", decoder.layers.len()) };
     assert_eq!((first.d_in, first.d_out, &first.weight), (5, 4, &ramp(6, 60)));
     assert_eq!(first.bias, ramp(8, 4));
