@@ -1,15 +1,19 @@
-//! Shaders of the style pass: hidden layers (`style_knn_conv`) and the last one (`style_color`).
+//! Shaders of the style pass: hidden layers (`style_knn_conv`), the last one (`style_color`), and the averages behind it
+//! (`style_window_means`).
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::{Layout, Source, layout};
 
-/// What both kernels share: the layer's shape and buffers.
+/// What all kernels share: the layer's shape and buffers.
 pub const LAYER: &str = include_str!("../wgsl/style_layer.wgsl");
 /// A hidden layer, without its number of columns and without how its input and output are kept.
 pub const KNN_CONV: &str = include_str!("../wgsl/style_knn_conv.wgsl");
 /// The last layer, without how its input is kept.
 pub const COLOR: &str = include_str!("../wgsl/style_color.wgsl");
+
+/// An average of colors over windows, behind the last layer.
+pub const WINDOW_MEANS: &str = include_str!("../wgsl/style_window_means.wgsl");
 
 /// How a plane keeps a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -54,7 +58,7 @@ impl Storage {
 
 /// Gaussians that a workgroup of `style_knn_conv` computes.
 pub const TILE_ROWS: u32 = 128;
-/// Gaussians that a workgroup of `style_color` computes.
+/// Gaussians that a workgroup of `style_color` or `style_window_means` computes.
 pub const COLOR_WORKGROUP_SIZE: u32 = 128;
 /// Output channels that a workgroup of `style_knn_conv` computes, of each variant: 64 need 256 invocations, as many as
 /// every adapter has; 32 leave none idle in the paper's narrowest hidden layer.
@@ -98,13 +102,18 @@ pub fn color(input: Storage) -> Source {
     Source { label: "style_color", wgsl: [LAYER, input.read(), COLOR].join("\n") }
 }
 
+/// An average of colors over windows.
+pub fn window_means() -> Source {
+    Source { label: "style_window_means", wgsl: [LAYER, WINDOW_MEANS].join("\n") }
+}
+
 /// Every joined source of the style pass.
 pub fn sources() -> Vec<Source> {
     let pairs = Storage::ALL.map(|input| Storage::ALL.map(|output| (input, output)));
     let hidden = pairs.as_flattened().iter();
     let hidden =
         hidden.flat_map(|&(input, output)| TILE_COLUMNS.map(|columns| knn_conv(columns, input, output)));
-    hidden.chain(Storage::ALL.map(color)).collect()
+    hidden.chain(Storage::ALL.map(color)).chain([window_means()]).collect()
 }
 
 /// Every struct that the style pass shares with Rust.

@@ -1,5 +1,5 @@
-// The last layer: rgb_p = sum_k W_k x_{n(p,k)} + B, plus a share of the Gaussian's own color where the decoder is residual;
-// no activation and no clamp. CPU twins: stylegaussian::decoder::knn_conv and the end of stylegaussian::fold::stylize.
+// The last layer: rgb_p = sum_k W_k x_{n(p,k)} + B, plus a share of the Gaussian's own color where the decoder is residual
+// and averages no colors; no activation and no clamp. CPU twins: stylegaussian::decoder::knn_conv and the end of stylegaussian::fold::stylize.
 //
 // Three columns are too few to tile: an invocation decodes one Gaussian and reads weights that all of them read.
 

@@ -75,15 +75,6 @@ impl Decoder {
         self.layers.len() + self.n_averages
     }
 
-    /// The average over windows as a layer, 3 colors to 3; no activation comes before it.
-    pub fn averaging_layer(&self) -> Layer {
-        let mut weight = vec![0.0; 3 * self.k * 3];
-        for (output, row) in weight.chunks_exact_mut((self.k * 3).max(1)).enumerate() {
-            row.iter_mut().skip(output).step_by(3).for_each(|w| *w = 1.0 / self.k as f32);
-        }
-        Layer { weight, bias: vec![0.0; 3], d_in: 3, d_out: 3 }
-    }
-
     /// D + E, the noise, and 3 more with the own color: the channels the first layer takes; 0 without layers.
     pub fn n_inputs(&self) -> usize {
         self.layers.first().map_or(0, |layer| layer.d_in)

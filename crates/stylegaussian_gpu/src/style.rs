@@ -158,11 +158,6 @@ impl StylePass {
                 (weights.activation.to_string(), "the sigmoid, to be kept as bytes".into());
             return Err(StyleSceneError::Mismatch { what: "an activation", found, expected });
         }
-        if scene.precision == Precision::Unorm8 && weights.n_averages > 0 {
-            let (found, expected) =
-                ("colors to be averaged".into(), "a decoder without, to be kept as bytes".into());
-            return Err(StyleSceneError::Mismatch { what: "a decoder", found, expected });
-        }
         Ok(())
     }
 }
@@ -195,18 +190,30 @@ fn step_buffers<'a>(
     step: &Step,
 ) -> [wgpu::BufferBinding<'a>; N_STORAGE] {
     let block = &scene.blocks[step.block];
-    let inputs = match step.layer {
-        0 => &scene.inputs,
-        layer => &scratch.activations[(layer - 1) % 2],
+    // To and fro, so that the last average writes what is asked for.
+    let colors_before = |n_averages: usize| {
+        if (scene.shape.n_averages - n_averages).is_multiple_of(2) {
+            colors.buffer()
+        } else {
+            &scratch.colors
+        }
+    };
+    let n_layers = scene.shape.n_layers();
+    let input = match (step.layer, step.kernel) {
+        (layer, plan::Kernel::WindowMeans) => colors_before(layer - n_layers),
+        (0, _) => scene.inputs.buffer(step.input),
+        (layer, _) => scratch.activations[(layer - 1) % 2].buffer(step.input),
     };
     let output = match step.kernel {
-        plan::Kernel::Color => colors.buffer(),
+        plan::Kernel::WindowMeans => colors_before(step.layer - n_layers + 1),
+        plan::Kernel::Color => colors_before(0),
         plan::Kernel::KnnConv(_) => scratch.activations[step.layer % 2].buffer(step.output),
     };
     [
         block.neighbors.binding(step.parameters.first_row, step.parameters.n_rows),
-        weights.layer(step.layer).as_entire_buffer_binding(),
-        inputs.buffer(step.input).as_entire_buffer_binding(),
+        // Averages have no weights, and read none.
+        weights.layer(step.layer.min(n_layers - 1)).as_entire_buffer_binding(),
+        input.as_entire_buffer_binding(),
         output.as_entire_buffer_binding(),
         scratch.sums.as_entire_buffer_binding(),
         scene.base_colors.as_entire_buffer_binding(),

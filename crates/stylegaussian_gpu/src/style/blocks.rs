@@ -52,6 +52,11 @@ impl BlockShape {
         Self { rows: vec![shape.n_gaussians; shape.n_layers()], is_part: false }
     }
 
+    /// The block's own Gaussians, which the last layer computes.
+    pub fn n_own(&self) -> usize {
+        self.rows.last().copied().unwrap_or(0)
+    }
+
     /// Rows that have neighbor lists.
     pub fn n_lists(&self) -> usize {
         self.rows[0]

@@ -58,7 +58,7 @@ pub struct FoldedLayers {
     pub(super) k: usize,
     pub(super) activation: Activation,
     pub(super) residual: f32,
-    /// How many of the last layers average colors: no activation comes before them.
+    /// How many times colors are averaged behind the layers.
     pub(super) n_averages: usize,
 }
 
@@ -83,8 +83,7 @@ impl FoldedLayers {
         for row in first.weight.chunks_exact_mut(first.d_in) {
             row.iter_mut().zip(&content.input_scales).for_each(|(weight, scale)| *weight /= scale);
         }
-        let averaging = std::iter::repeat_n(decoder.averaging_layer(), decoder.n_averages);
-        let layers = std::iter::once(first).chain(decoder.layers[1..].iter().cloned()).chain(averaging);
+        let layers = std::iter::once(first).chain(decoder.layers[1..].iter().cloned());
         Ok(Self {
             layers: layers.collect(),
             k: decoder.k,
@@ -102,11 +101,11 @@ pub(super) struct StyleShape {
     pub n_gaussians: usize,
     /// K.
     pub k: usize,
-    /// L + E, then the outputs of each layer, 3 in the end; each average over windows is a layer too.
+    /// L + E, then the outputs of each layer, 3 in the end.
     pub widths: Vec<usize>,
     /// Whether the Gaussians' own colors are added.
     pub residual: bool,
-    /// How many of the last layers average colors.
+    /// How many times colors are averaged behind the layers.
     pub n_averages: usize,
 }
 
@@ -115,8 +114,7 @@ impl StyleShape {
     pub fn of(scene: &Scene, decoder: &Decoder) -> Result<Self, StylizeError> {
         let features = fold::check_decoder(scene, decoder)?;
         let n_inputs = features.n_low + features.n_extra + decoder.n_beside();
-        let outputs =
-            decoder.layers.iter().map(|layer| layer.d_out).chain(std::iter::repeat_n(3, decoder.n_averages));
+        let outputs = decoder.layers.iter().map(|layer| layer.d_out);
         Ok(Self {
             n_gaussians: scene.len(),
             k: decoder.k,

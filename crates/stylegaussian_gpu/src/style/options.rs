@@ -2,7 +2,7 @@
 
 use stylegaussian_shaders::style::Storage;
 
-use super::{content::StyleShape, planes::Planes};
+use super::{content::StyleShape, planes::Planes, scratch::color_bytes};
 
 /// How numbers are kept between layers. Sums are f32 in any case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -12,9 +12,8 @@ pub enum Precision {
     /// f16: colors of the paper's layers are within 2e-3 of f32's.
     #[default]
     F16,
-    /// Bytes, for decoders whose activation is the sigmoid, which lives in 0..1, and which do not average colors, which do
-    /// not; features f16. Each activation is rounded
-    /// by at most 1/510: colors of the paper's layers are within 5e-3 of f32's. Half the scratch memory of f16.
+    /// Bytes, for decoders whose activation is the sigmoid, which lives in 0..1; features f16. Each activation is rounded by at
+    /// most 1/510: colors of the paper's layers are within 5e-3 of f32's. Half the scratch memory of f16.
     Unorm8,
 }
 
@@ -42,7 +41,8 @@ impl Precision {
 pub struct StyleOptions {
     /// How numbers are kept between layers.
     pub precision: Precision,
-    /// The most bytes that activations take on the GPU. A scene that would need more is decoded in blocks, one after
+    /// The most bytes that activations take on the GPU, and beside them the colors between averages, 8 for each Gaussian, as
+    /// far as these leave a quarter. A scene that would need more is decoded in blocks, one after
     /// another, whose borders are computed by each that they touch. Scenes whose neighbor lists do not name near Gaussians
     /// cannot be cut and take what they need.
     pub scratch_bytes: u64,
@@ -59,7 +59,8 @@ impl StyleOptions {
     /// Rows of `shape` whose activations fit.
     pub(super) fn max_rows(&self, shape: &StyleShape) -> usize {
         let of_row = activation_bytes(shape, 1, self.precision);
-        usize::try_from(self.scratch_bytes / of_row.max(1)).unwrap_or(usize::MAX).max(1)
+        let left = self.scratch_bytes.saturating_sub(color_bytes(shape)).max(self.scratch_bytes / 4);
+        usize::try_from(left / of_row.max(1)).unwrap_or(usize::MAX).max(1)
     }
 }
 

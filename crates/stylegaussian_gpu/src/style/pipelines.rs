@@ -12,7 +12,7 @@ use super::{
     weights::GpuDecoder,
 };
 
-/// Storage bindings of both kernels, from 1 on.
+/// Storage bindings of all kernels, from 1 on.
 pub(super) const N_STORAGE: usize = 7;
 
 /// Whether they are only read. `style_knn_conv` leaves the sixth alone.
@@ -26,6 +26,8 @@ pub(super) struct Pipelines {
     first: Kernels,
     /// Of the others; `None` where activations are kept as the inputs are.
     hidden: Option<Kernels>,
+    /// Of the averages behind the layers.
+    window_means: wgpu::ComputePipeline,
 }
 
 /// What reads one kind of input: one pipeline for each width of tile, and one for the last layer.
@@ -57,7 +59,8 @@ impl Pipelines {
             color: pipeline(style::color(input)),
         };
         let hidden = (activations != inputs).then(|| kernels(activations));
-        Self { first: kernels(inputs), hidden, layout }
+        let window_means = pipeline(style::window_means());
+        Self { first: kernels(inputs), hidden, window_means, layout }
     }
 
     pub fn of(&self, step: &Step) -> &wgpu::ComputePipeline {
@@ -66,6 +69,7 @@ impl Pipelines {
         match step.kernel {
             Kernel::KnnConv(tile) => &kernels.knn_conv[tile],
             Kernel::Color => &kernels.color,
+            Kernel::WindowMeans => &self.window_means,
         }
     }
 
@@ -122,11 +126,14 @@ impl Parameters {
 }
 
 fn with_decoder(step: &Step, weights: &GpuDecoder) -> KnnLayer {
-    let (is_sigmoid, slope) = match weights.activation_after(step.layer) {
+    // The own color is added once, in the end.
+    let n_steps = weights.widths.len() - 1 + weights.n_averages;
+    let residual = if step.layer + 1 == n_steps { weights.residual } else { 0.0 };
+    let (is_sigmoid, slope) = match weights.activation {
         Activation::Sigmoid => (1, 0.0),
         Activation::LeakyRelu { slope } => (0, slope),
     };
-    KnnLayer { is_sigmoid, slope, residual: weights.residual, ..step.parameters }
+    KnnLayer { is_sigmoid, slope, residual, ..step.parameters }
 }
 
 fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {

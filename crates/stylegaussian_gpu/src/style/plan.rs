@@ -31,12 +31,15 @@ pub(super) enum Kernel {
     KnnConv(usize),
     /// `style_color`.
     Color,
+    /// `style_window_means`.
+    WindowMeans,
 }
 
 /// One dispatch.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
     pub kernel: Kernel,
+    /// The layer, or behind the last one the average.
     pub layer: usize,
     pub block: usize,
     /// Without what the decoder says: activation, slope, residual.
@@ -101,6 +104,35 @@ pub(super) fn steps(shape: &StyleShape, split: &Split, block: usize, rows: &Bloc
     steps
 }
 
+/// The dispatches of one of the averages behind the layers on the Gaussians of a block, which may only follow the dispatches
+/// of all blocks before it.
+pub(super) fn average(
+    shape: &StyleShape,
+    split: &Split,
+    block: usize,
+    rows: &BlockShape,
+    index: usize,
+) -> Vec<Step> {
+    let n_rows = rows.n_own();
+    let step = |first_row: usize| {
+        let parameters = KnnLayer {
+            first_row: first_row as u32,
+            n_rows: split.chunk_rows.min(n_rows - first_row) as u32,
+            input_is_scene: u32::from(rows.is_part),
+            output_is_scene: u32::from(rows.is_part),
+            k: shape.k as u32,
+            // Of what is read of a neighbor: a vector of four.
+            n_group_planes: 1,
+            n_columns: 4,
+            ..KnnLayer::default()
+        };
+        let (kernel, layer) = (Kernel::WindowMeans, shape.n_layers() + index);
+        let workgroups = workgroups(kernel, &parameters);
+        Step { kernel, layer, block, parameters, input: 0, output: 0, workgroups }
+    };
+    (0..n_rows).step_by(split.chunk_rows).map(step).collect()
+}
+
 /// The columns of the sums that must be kept between dispatches; 0 where every layer's input fits one binding.
 pub(super) fn sum_columns(shape: &StyleShape, split: &Split) -> usize {
     let is_split = |layer: &usize| n_planes(shape.widths[*layer]) > input_split(*layer, split);
@@ -160,7 +192,7 @@ fn workgroups(kernel: Kernel, parameters: &KnnLayer) -> [u32; 2] {
         Kernel::KnnConv(tile) => {
             [parameters.n_rows.div_ceil(TILE_ROWS), parameters.n_columns.div_ceil(TILE_COLUMNS[tile])]
         }
-        Kernel::Color => [parameters.n_rows.div_ceil(COLOR_WORKGROUP_SIZE), 1],
+        Kernel::Color | Kernel::WindowMeans => [parameters.n_rows.div_ceil(COLOR_WORKGROUP_SIZE), 1],
     }
 }
 
@@ -237,6 +269,22 @@ mod tests {
                 + step.parameters.output_is_scene
                 == 0)
         );
+    }
+
+    /// Averages need no halo: they read and write colors of the scene, and follow the layers of all blocks.
+    #[test]
+    fn averages_compute_the_own_rows() {
+        let shape = StyleShape { n_averages: 2, ..shape(1000) };
+        let block = BlockShape { rows: vec![460, 420, 380, 340, 300], is_part: true };
+        let split = Split { capacity: 500, chunk_rows: 128, ..WHOLE };
+        let steps = average(&shape, &split, 7, &block, 1);
+        let rows: Vec<_> =
+            steps.iter().map(|step| (step.parameters.first_row, step.parameters.n_rows)).collect();
+        assert_eq!(rows, [(0, 128), (128, 128), (256, 44)]);
+        for Step { kernel, layer, block, parameters, .. } in steps {
+            assert_eq!((kernel, layer, block), (Kernel::WindowMeans, 6, 7));
+            assert_eq!((parameters.input_is_scene, parameters.output_is_scene), (1, 1));
+        }
     }
 
     #[test]

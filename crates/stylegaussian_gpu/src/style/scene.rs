@@ -9,9 +9,9 @@ use super::{
     content::{ContentFold, StyleShape},
     features::{self, StyleInputs},
     options::{Precision, StyleOptions, activation_bytes},
-    plan::{CHUNK_ROWS, Split, Step, steps, sum_columns},
+    plan::{CHUNK_ROWS, Split, Step, average, steps, sum_columns},
     planes::{Planes, largest_binding, planes_per_buffer},
-    scratch::Scratch,
+    scratch::{Scratch, color_bytes},
 };
 use crate::colors::GaussianColorsError;
 
@@ -155,16 +155,21 @@ impl StyleScene {
 
     /// The dispatches of a change of style, in order.
     pub(super) fn steps(&self) -> Vec<Step> {
-        let blocks = self.blocks.iter().enumerate();
-        blocks.flat_map(|(i, block)| steps(&self.shape, &self.split, i, &block.shape)).collect()
+        let blocks = || self.blocks.iter().enumerate();
+        let layers = blocks().flat_map(|(i, block)| steps(&self.shape, &self.split, i, &block.shape));
+        let averages = (0..self.shape.n_averages).flat_map(|index| {
+            blocks().flat_map(move |(i, block)| average(&self.shape, &self.split, i, &block.shape, index))
+        });
+        layers.chain(averages).collect()
     }
 
-    /// Multiplications and additions of a change of style, those of padding and of halos included, layer by layer of
-    /// one block after another `[blocks * layers]`: what [`encode_some`](super::StylePass::encode_some) takes for each.
+    /// Multiplications and additions of a change of style, those of padding and of halos included, layer by layer, and average
+    /// by average behind them, of one block after another `[blocks * (layers + averages)]`: what [`encode_some`](super::StylePass::encode_some) takes for each.
     pub fn operations(&self) -> Vec<u64> {
-        let mut operations = vec![0; self.blocks.len() * self.shape.n_layers()];
+        let of_block = self.shape.n_layers() + self.shape.n_averages;
+        let mut operations = vec![0; self.blocks.len() * of_block];
         for step in self.steps() {
-            operations[step.block * self.shape.n_layers() + step.layer] += step.operations();
+            operations[step.block * of_block + step.layer] += step.operations();
         }
         operations
     }
@@ -187,7 +192,7 @@ pub struct StyleBytes {
     pub features: u64,
     /// Neighbor lists.
     pub neighbors: u64,
-    /// Activations between layers, and nothing once the change is over.
+    /// Activations between layers and colors between averages, and nothing once the change is over.
     pub activations: u64,
     /// The decoder.
     pub weights: u64,
@@ -211,7 +216,7 @@ impl StyleBytes {
         Ok(Self {
             features: inputs + base_color_bytes(&shape),
             neighbors,
-            activations: activation_bytes(&shape, capacity, options.precision),
+            activations: activation_bytes(&shape, capacity, options.precision) + color_bytes(&shape),
             weights: super::weights::weight_bytes(&shape.widths, shape.k),
         })
     }

@@ -8,12 +8,21 @@ use super::{
     planes::Planes,
     scene::storage,
 };
+use crate::colors::GaussianColors;
+
+/// Bytes of [`Scratch::colors`] that a scene needs.
+pub(super) fn color_bytes(shape: &StyleShape) -> u64 {
+    if shape.n_averages > 0 { GaussianColors::bytes(shape.n_gaussians) } else { 0 }
+}
 
 /// Activations of hidden layers, which write them in turns, and sums over planes that do not fit one binding.
 #[derive(Clone, Debug)]
 pub(super) struct Scratch {
     pub activations: [Planes; 2],
     pub sums: wgpu::Buffer,
+    /// Colors `[N]` between averages, which go to and fro between these and the ones that are asked for; a single one where
+    /// there are no averages.
+    pub colors: wgpu::Buffer,
 }
 
 impl Scratch {
@@ -27,6 +36,7 @@ impl Scratch {
         Self {
             activations: [planes(0), planes(1)],
             sums: storage(device, "style_sums", (sums as u64).max(16)),
+            colors: storage(device, "style_colors", color_bytes(shape).max(GaussianColors::STRIDE)),
         }
     }
 }

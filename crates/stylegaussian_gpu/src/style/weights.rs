@@ -87,12 +87,6 @@ impl GpuDecoder {
         self.layers.iter().map(wgpu::Buffer::size).sum()
     }
 
-    /// The activation after a layer; there is none between the decoder and the averages over its colors.
-    pub(super) fn activation_after(&self, layer: usize) -> Activation {
-        let is_averaged = layer + 1 + self.n_averages >= self.layers.len();
-        if is_averaged { Activation::LeakyRelu { slope: 1.0 } } else { self.activation }
-    }
-
     pub(super) fn layer(&self, index: usize) -> &wgpu::Buffer {
         &self.layers[index]
     }
