@@ -12,6 +12,7 @@ use stylegaussian_gpu::{
 };
 
 use crate::{
+    fidelity,
     gpu::Gpu,
     measure::Samples,
     plan::Plan,
@@ -37,20 +38,31 @@ fn run_kind(
     report: &mut Report,
 ) -> Result<()> {
     for &n in plan.frame_sizes() {
-        let scene = GpuScene::new(&gpu.device, &scene(n))?;
+        let source = scene(n);
+        let scene = GpuScene::new(&gpu.device, &source)?;
         for &picture in plan.pictures() {
             let mut stage = Stage::new(gpu, &scene, picture, pose, plan);
             let name = format!("{kind}, {}x{}", picture[0], picture[1]);
             stage.frames(&format!("frame, {name}"), 1, report)?;
             stage.frames(&format!("frame, {name}, two cameras"), 2, report)?;
             stage.parts(&name, report)?;
+            let found = stage.picture()?;
+            let expected = fidelity::reference(&source, pose(FIRST_ANGLE), FOV, picture);
+            let psnr = fidelity::psnr(&found, &expected);
+            report.add(Row::of_picture(format!("picture, {name}"), n, psnr));
         }
     }
     Ok(())
 }
 
+/// Where cameras start on their way, in radians; pictures are compared there.
+pub const FIRST_ANGLE: f32 = 0.5;
+
+/// Their vertical field of view.
+pub const FOV: f32 = std::f32::consts::FRAC_PI_4;
+
 /// A camera on its way around the structured scene.
-fn around_structured(angle: f32) -> Affine3A {
+pub fn around_structured(angle: f32) -> Affine3A {
     let eye = Vec3::new(5.0 * angle.sin(), 2.6, 5.0 * angle.cos());
     Affine3A::look_at_rh(eye, Vec3::new(0.0, 0.6, 0.0), Vec3::Y).inverse()
 }
@@ -92,7 +104,7 @@ impl<'a> Stage<'a> {
         let device = &gpu.device;
         let (pass, composite) = (SplatPass::new(device), Composite::new(device));
         let layer = texture(device, picture, LAYER_FORMAT, pass.layer_usages());
-        let target = texture(device, picture, TARGET, wgpu::TextureUsages::empty());
+        let target = texture(device, picture, TARGET, wgpu::TextureUsages::COPY_SRC);
         Self {
             gpu,
             scene,
@@ -116,8 +128,8 @@ impl<'a> Stage<'a> {
         let [width, height] = [self.picture[0] / n, self.picture[1]];
         let aspect = width as f32 / height as f32;
         Camera {
-            world_from_view: (self.pose)(0.5 + 0.02 * self.frame as f32),
-            clip_from_view: Mat4::perspective_infinite_reverse_rh(std::f32::consts::FRAC_PI_4, aspect, 0.1),
+            world_from_view: (self.pose)(FIRST_ANGLE + 0.02 * self.frame as f32),
+            clip_from_view: Mat4::perspective_infinite_reverse_rh(FOV, aspect, 0.1),
             viewport: UVec4::new(i * width, 0, width, height),
         }
     }
@@ -180,6 +192,47 @@ impl<'a> Stage<'a> {
         let bytes = u64::from(n_cameras) * SplatView::bytes(n);
         report.add(Row { bytes: Some(bytes), ..Row::new(name, n, &samples) });
         Ok(())
+    }
+
+    /// What the first camera sees `[H, W]`.
+    fn picture(&mut self) -> Result<Vec<[u8; 3]>> {
+        let Gpu { device, queue, .. } = self.gpu;
+        self.frame = 0;
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.prepare(&mut encoder, 0, 1, CloudColors::Sh)?;
+        self.draw(&mut encoder, 0);
+        self.composite(&mut encoder, 0, 1);
+        let [width, height] = self.picture;
+        let row_bytes = (4 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let copy = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("picture"),
+            size: u64::from(row_bytes * height),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        encoder.copy_texture_to_buffer(
+            self.target.texture().as_image_copy(),
+            wgpu::TexelCopyBufferInfo {
+                buffer: &copy,
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(row_bytes),
+                    rows_per_image: None,
+                },
+            },
+            self.target.texture().size(),
+        );
+        queue.submit([encoder.finish()]);
+        let (sender, receiver) = std::sync::mpsc::channel();
+        copy.map_async(wgpu::MapMode::Read, .., move |result| {
+            // A receiver that is gone no longer wants to know.
+            let _ = sender.send(result);
+        });
+        self.gpu.wait()?;
+        receiver.recv()??;
+        let bytes = copy.get_mapped_range(..);
+        let rows = bytes.chunks_exact(row_bytes as usize).map(|row| &row[..4 * width as usize]);
+        Ok(rows.flat_map(|row| row.chunks_exact(4).map(|p| [p[0], p[1], p[2]])).collect())
     }
 
     /// Its parts, each submitted alone.

@@ -7,6 +7,7 @@ mod ceilings;
 mod cpu;
 #[cfg(feature = "offline")]
 mod encode;
+mod fidelity;
 mod frame;
 mod gpu;
 mod literal;

@@ -1,16 +1,19 @@
 //! `bevy_gaussian_splatting` on the same scene and cameras, by a benchmark of its own that is built apart.
 //!
 //! The binary takes `--cloud scene --n N --w W --h H --sort radix32 --frames F --warmup W` and prints a line that starts with
-//! `RESULT` and holds `median_ms=`, `min=`, `p90=` and `cpu_ms_per_frame=`.
+//! `RESULT` and holds `median_ms=`, `min=`, `p90=` and `cpu_ms_per_frame=`. With `--png FILE` it keeps what its first camera
+//! sees.
 
 use std::{path::Path, process::Command};
 
 use anyhow::{Context, Result, bail};
 
 use crate::{
+    fidelity, frame,
     measure::Samples,
     plan::Plan,
     report::{Report, Row},
+    scenes,
 };
 
 /// The structured scene at all sizes.
@@ -20,20 +23,34 @@ pub fn run(binary: Option<&Path>, plan: &Plan, report: &mut Report) -> Result<()
     };
     for &[width, height] in plan.pictures() {
         for &n in plan.frame_sizes() {
-            let samples = frames(binary, n, [width, height], plan)?;
+            let picture = tempfile::Builder::new().suffix(".png").tempfile()?;
+            let samples = frames(binary, n, [width, height], plan, picture.path())?;
             report.add(Row::new(format!("frame, structured, {width}x{height}, peer"), n, &samples));
+            let found = image::open(picture.path()).context("the peer's picture")?.to_rgb8();
+            let found: Vec<[u8; 3]> = found.pixels().map(|pixel| pixel.0).collect();
+            let pose = frame::around_structured(frame::FIRST_ANGLE);
+            let expected = fidelity::reference(&scenes::structured(n), pose, frame::FOV, [width, height]);
+            let psnr = fidelity::psnr(&found, &expected);
+            report.add(Row::of_picture(format!("picture, structured, {width}x{height}, peer"), n, psnr));
         }
     }
     Ok(())
 }
 
-fn frames(binary: &Path, n: usize, [width, height]: [u32; 2], plan: &Plan) -> Result<Samples> {
+fn frames(
+    binary: &Path,
+    n: usize,
+    [width, height]: [u32; 2],
+    plan: &Plan,
+    picture: &Path,
+) -> Result<Samples> {
     let mut command = Command::new(binary);
     command.args(["--cloud", "scene", "--sort", "radix32", "--warmup", "6"]);
     command.args(["--frames", if plan.quick { "12" } else { "20" }]);
     for (name, value) in [("--n", n), ("--w", width as usize), ("--h", height as usize)] {
         command.args([name, &value.to_string()]);
     }
+    command.arg("--png").arg(picture);
     let output = command.output().with_context(|| format!("cannot run {}", binary.display()))?;
     let text = String::from_utf8_lossy(&output.stdout);
     let line = text.lines().find(|line| line.starts_with("RESULT"));

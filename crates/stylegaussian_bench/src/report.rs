@@ -28,6 +28,8 @@ pub struct Row {
     pub moved: Option<u64>,
     /// Multiplications and additions of one run.
     pub flops: Option<u64>,
+    /// How near a picture comes to the reference, in dB.
+    pub psnr_db: Option<f64>,
 }
 
 /// What could not run, and why.
@@ -106,6 +108,7 @@ impl Row {
             bytes: None,
             moved: None,
             flops: None,
+            psnr_db: None,
         }
     }
 
@@ -113,6 +116,11 @@ impl Row {
     pub fn of_memory(name: impl Into<String>, n: usize, bytes: u64) -> Self {
         let nothing = Samples { ms: vec![0.0], cpu_ms: None };
         Self { bytes: Some(bytes), ..Self::new(name, n, &nothing) }
+    }
+
+    /// A row that only tells how near a picture comes to the reference.
+    pub fn of_picture(name: impl Into<String>, n: usize, psnr_db: f64) -> Self {
+        Self { bytes: None, psnr_db: Some(psnr_db), ..Self::of_memory(name, n, 0) }
     }
 
     /// Operations per second.
@@ -188,8 +196,8 @@ impl Report {
     /// For people: Markdown.
     pub fn table(&self) -> String {
         let mut text = format!("\n{}\n\n{}\n\n", self.adapter, self.machine);
-        text += "| row | n | median ms | min | max | CPU ms | GPU MB | GB/s | GFLOP/s |\n";
-        text += "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n";
+        text += "| row | n | median ms | min | max | CPU ms | GPU MB | GB/s | GFLOP/s | PSNR dB |\n";
+        text += "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n";
         self.rows.iter().for_each(|row| text += &line(row));
         if !self.not_run.is_empty() {
             text += "\n| not run | why |\n| --- | --- |\n";
@@ -224,7 +232,7 @@ fn line(row: &Row) -> String {
     let per_second = |amount: Option<u64>| number(amount.map(|n| n as f64 / (row.median_ms * 1e6)));
     let time = |ms: f64| if row.max_ms > 0.0 { format!("{ms:.2}") } else { String::new() };
     format!(
-        "| {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
+        "| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
         row.name,
         row.n,
         time(row.median_ms),
@@ -234,6 +242,7 @@ fn line(row: &Row) -> String {
         number(row.bytes.map(|bytes| bytes as f64 / 1e6)),
         per_second(row.moved),
         per_second(row.flops),
+        number(row.psnr_db),
     )
 }
 
