@@ -6,14 +6,18 @@ use stylegaussian::{
     splat::{Colors, render},
 };
 
-/// Displayed red, green and blue `[H, W]` of `scene` over black, from `world_from_view`, a pose that looks along -z with y up,
+/// Coverage from which on a pixel counts: what lies behind shows less than half a step of 255. Elsewhere the pictures differ by
+/// whether the background is blended in the display's space or in linear light, which is not the splats' doing.
+const COVERED: f32 = 0.998;
+
+/// Displayed red, green and blue `[H, W]` of `scene`, where it covers the picture, from `world_from_view`, a pose that looks along -z with y up,
 /// and with the vertical field of view `fov` in radians.
 pub fn reference(
     scene: &Scene,
     world_from_view: Affine3A,
     fov: f32,
     [width, height]: [u32; 2],
-) -> Vec<[u8; 3]> {
+) -> Vec<Option<[u8; 3]>> {
     let size = UVec2::new(width, height);
     let camera = Camera {
         // Its views look along z with y down.
@@ -23,17 +27,18 @@ pub fn reference(
         size,
     };
     let view = render(scene, Colors::Sh, &camera);
-    view.color
-        .iter()
-        .map(|color| color.map(|channel| (255.0 * channel.clamp(0.0, 1.0)).round() as u8))
-        .collect()
+    let displayed = |color: &[f32; 3]| color.map(|channel| (255.0 * channel.clamp(0.0, 1.0)).round() as u8);
+    let pixels = view.color.iter().zip(&view.alpha);
+    pixels.map(|(color, &alpha)| (alpha >= COVERED).then(|| displayed(color))).collect()
 }
 
-/// Peak signal-to-noise ratio of two pictures, in dB; infinite where they are equal.
-pub fn psnr(a: &[[u8; 3]], b: &[[u8; 3]]) -> f64 {
-    let square = |(a, b): (&u8, &u8)| (f64::from(*a) - f64::from(*b)).powi(2);
-    let sum: f64 = a.as_flattened().iter().zip(b.as_flattened()).map(square).sum();
-    let mean = sum / a.as_flattened().len().max(1) as f64;
+/// Peak signal-to-noise ratio of a picture where the reference covers it, in dB; infinite where they are equal.
+pub fn psnr(found: &[[u8; 3]], expected: &[Option<[u8; 3]>]) -> f64 {
+    let covered = || found.iter().zip(expected).filter_map(|(found, expected)| Some((found, (*expected)?)));
+    let square = |(a, b): (&u8, u8)| (f64::from(*a) - f64::from(b)).powi(2);
+    let sum: f64 =
+        covered().map(|(found, expected)| found.iter().zip(expected).map(square).sum::<f64>()).sum();
+    let mean = sum / (3 * covered().count().max(1)) as f64;
     10.0 * (255.0 * 255.0 / mean).log10()
 }
 
@@ -44,34 +49,34 @@ mod tests {
     #[test]
     fn psnr_by_hand() {
         // One channel of six is off by 51: the mean square is 433.5.
-        let found = psnr(&[[0, 0, 51], [9, 9, 9]], &[[0, 0, 0], [9, 9, 9]]);
+        let expected = [Some([0, 0, 0]), None, Some([9, 9, 9])];
+        let found = psnr(&[[0, 0, 51], [99, 99, 99], [9, 9, 9]], &expected);
         assert!((found - 10.0 * (65_025.0_f64 / 433.5).log10()).abs() < 1e-9, "{found}");
-        assert_eq!(psnr(&[[7, 8, 9]], &[[7, 8, 9]]), f64::INFINITY);
+        assert_eq!(psnr(&[[7, 8, 9]], &[Some([7, 8, 9])]), f64::INFINITY);
     }
 
-    /// A red Gaussian to the right of a camera's axis and above it.
+    /// Two red Gaussians in one place, to the right of a camera's axis and above it.
     #[test]
     fn the_reference_looks_where_the_frame_does() {
-        let rgb = [1.0, 0.0, 0.0];
+        let red = stylegaussian::sh::dc_from_color([1.0, 0.0, 0.0]);
         let scene = Scene {
-            means: vec![Vec3::new(0.5, 0.5, -5.0)],
-            rotations: vec![glam::Quat::IDENTITY],
-            scales: vec![Vec3::splat(0.1)],
-            opacities: vec![0.9],
-            sh: Some(stylegaussian::scene::Sh {
-                degree: 0,
-                coefficients: stylegaussian::sh::dc_from_color(rgb).to_vec(),
-            }),
-            order: vec![0],
-            n_source: 1,
+            means: vec![Vec3::new(0.5, 0.5, -5.0); 2],
+            rotations: vec![glam::Quat::IDENTITY; 2],
+            scales: vec![Vec3::splat(0.1); 2],
+            opacities: vec![0.99; 2],
+            sh: Some(stylegaussian::scene::Sh { degree: 0, coefficients: red.repeat(2) }),
+            order: vec![0, 1],
+            n_source: 2,
             ..Scene::default()
         };
         let picture = reference(&scene, Affine3A::IDENTITY, std::f32::consts::FRAC_PI_4, [64, 64]);
-        let brightest = (0..64 * 64).max_by_key(|i| picture[*i][0]).unwrap();
-        // 0.1 of the distance is 7.7 of 64 pixels at 45 degrees.
-        assert!(
-            (39..=40).contains(&(brightest % 64)) && (23..=24).contains(&(brightest / 64)),
-            "{brightest}"
-        );
+        let covered: Vec<usize> = (0..64 * 64).filter(|i| picture[*i].is_some()).collect();
+        assert!(covered.iter().all(|i| picture[*i].is_some_and(|[r, g, b]| r > 250 && g + b == 0)));
+        let mean = |of: fn(usize) -> usize| {
+            covered.iter().map(|i| of(*i) as f32 + 0.5).sum::<f32>() / covered.len() as f32
+        };
+        // A tenth of the distance is 7.7 pixels of half a picture's 32, which 22.5 degrees see.
+        let (x, y) = (mean(|i| i % 64), mean(|i| i / 64));
+        assert!((x - 39.7).abs() < 0.5 && (y - 24.3).abs() < 0.5, "{x}, {y}");
     }
 }
