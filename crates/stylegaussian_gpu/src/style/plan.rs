@@ -228,6 +228,34 @@ mod tests {
         assert_eq!(sum_columns(&shape(1000), &WHOLE), 0);
     }
 
+    /// 10 million Gaussians, decoded whole with a plane (160 MB) in each buffer: every row once in each layer, workgroups that
+    /// every adapter allows, and indices that 32 bits hold.
+    #[test]
+    fn ten_million_gaussians_are_cut_into_chunks() {
+        let n = 10_000_000;
+        let shape = StyleShape { n_averages: 6, ..shape(n) };
+        let split = Split { capacity: n, inputs: 1, scratch: [1, 1], chunk_rows: CHUNK_ROWS };
+        let whole = BlockShape::whole(&shape);
+        let averages = (0..6).flat_map(|index| average(&shape, &split, 0, &whole, index));
+        let steps: Vec<Step> = steps(&shape, &split).into_iter().chain(averages).collect();
+        for layer in 0..shape.n_layers() + 6 {
+            let of_layer = steps.iter().filter(|step| step.layer == layer);
+            let of_layer: Vec<_> = of_layer.filter(|step| step.input + step.output == 0).collect();
+            let mut next = 0;
+            for step in &of_layer {
+                assert_eq!(step.parameters.first_row, next, "layer {layer}");
+                next += step.parameters.n_rows;
+            }
+            assert_eq!((of_layer.len(), next), (153, 10_000_000), "layer {layer}");
+        }
+        for step in &steps {
+            assert!(step.workgroups.iter().all(|n| (1..=65_535).contains(n)), "{step:?}");
+            let largest = |planes: u32, rows: u32| u64::from(planes) * u64::from(rows);
+            assert!(largest(step.parameters.n_group_planes, step.parameters.input_rows) < 1 << 32);
+            assert!(largest(step.parameters.k, step.parameters.n_rows) < 1 << 32);
+        }
+    }
+
     #[test]
     fn no_gaussians_no_dispatch() {
         assert!(steps(&shape(0), &WHOLE).is_empty());
