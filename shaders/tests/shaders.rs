@@ -95,8 +95,7 @@ fn constants_match() {
         assert_eq!(constant(&source, "TILE_COLUMNS"), Some(columns));
         assert!(constant(&source, "WORKGROUP_SIZE").is_some_and(|size| size <= 256));
     }
-    assert_eq!(
-        constant(&style::color(style::Storage::F16), "COLOR_WORKGROUP_SIZE"),
-        Some(style::COLOR_WORKGROUP_SIZE)
-    );
+    for source in [style::color(style::Storage::F16), style::window_means()] {
+        assert_eq!(constant(&source, "COLOR_WORKGROUP_SIZE"), Some(style::COLOR_WORKGROUP_SIZE));
+    }
 }

@@ -70,60 +70,21 @@ const FIRST_RUN: [&str; 12] = [
 const SECOND_RUN: [&str; 8] =
     ["--seed", "2", "--iterations", "4000", "--size", "512", "--palette-weight", "50"];
 
-/// The third goes on from there, with small views too, in which many Gaussians share a pixel.
-const THIRD_RUN: [&str; 10] = [
-    "--seed",
-    "5",
-    "--iterations",
-    "1800",
-    "--average",
-    "0.4",
-    "--size",
-    "512,256",
-    "--palette-weight",
-    "30",
-];
+/// From the third run on.
+const LATE_RUNS: [&str; 6] = ["--average", "0.4", "--size", "512,256", "--palette-weight", "30"];
 
-/// The fourth forgets the noise, which had become grain, and averages colors over windows; what the average takes away
-/// costs.
-const FOURTH_RUN: [&str; 16] = [
-    "--noise",
-    "0",
-    "--smooth",
-    "1",
-    "--seed",
-    "11",
-    "--iterations",
-    "1150",
-    "--average",
-    "0.4",
-    "--size",
-    "512,256",
-    "--palette-weight",
-    "30",
-    "--roughness-weight",
-    "2500",
-];
+/// What an average over windows takes away costs.
+const ROUGHNESS: [&str; 2] = ["--roughness-weight", "2500"];
+
+/// The third goes on from there, with small views too, in which many Gaussians share a pixel.
+const THIRD_RUN: [&str; 4] = ["--seed", "5", "--iterations", "1800"];
+
+/// The fourth forgets the noise, which had become grain, and averages colors over windows.
+const FOURTH_RUN: [&str; 8] = ["--noise", "0", "--smooth", "1", "--seed", "11", "--iterations", "1150"];
 
 /// In the fifth a picture that is as like another painting as its own costs, too.
-const FIFTH_RUN: [&str; 16] = [
-    "--learning-rate",
-    "2e-4",
-    "--seed",
-    "12",
-    "--iterations",
-    "800",
-    "--average",
-    "0.4",
-    "--size",
-    "512,256",
-    "--palette-weight",
-    "30",
-    "--roughness-weight",
-    "2500",
-    "--recognition-weight",
-    "10",
-];
+const FIFTH_RUN: [&str; 8] =
+    ["--learning-rate", "2e-4", "--seed", "12", "--iterations", "800", "--recognition-weight", "10"];
 
 /// What lies between the two is better than either; colors are averaged six times, and a tenth of them is the scene's own.
 const SHARES: [&str; 2] = ["35", "65"];
@@ -263,16 +224,16 @@ fn train(steps: &mut Steps, data: &Data, playbot: &Path, biker: &Path, paintings
     let mut last = file("first");
     steps.run("first run", run(&[demo, playbot], &cameras[..2], &last).args(RATE).args(FIRST_RUN))?;
     let all = [demo, playbot, biker];
-    let later: [(&str, &[&str], &[&str]); 4] = [
-        ("second", &RATE, &SECOND_RUN),
-        ("third", &RATE, &THIRD_RUN),
-        ("fourth", &RATE, &FOURTH_RUN),
-        ("fifth", &[], &FIFTH_RUN),
+    let later: [(&str, &[&[&str]]); 4] = [
+        ("second", &[&RATE, &SECOND_RUN]),
+        ("third", &[&RATE, &LATE_RUNS, &THIRD_RUN]),
+        ("fourth", &[&RATE, &LATE_RUNS, &ROUGHNESS, &FOURTH_RUN]),
+        ("fifth", &[&LATE_RUNS, &ROUGHNESS, &FIFTH_RUN]),
     ];
-    for (name, rate, arguments) in later {
+    for (name, arguments) in later {
         let out = file(name);
         let mut train = run(&all, &cameras, &out);
-        steps.run(&format!("{name} run"), train.args(["--init", &last]).args(rate).args(arguments))?;
+        steps.run(&format!("{name} run"), train.args(["--init", &last]).args(arguments.concat()))?;
         last = out;
     }
     let decoder = file("default");

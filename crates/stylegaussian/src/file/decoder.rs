@@ -3,10 +3,11 @@
 //! Tensors `decoder.layers.{i}.weight` f16 or f32 `[D_out, K, D_in]` and `decoder.layers.{i}.bias` f32 `[D_out]`;
 //! where the decoder sees the style's statistics `decoder.statistics.weight` f16 or f32 `[D_out of the first, 2 D]`;
 //! metadata `k`, `activation` (`sigmoid` or `leaky_relu:slope`), `residual` (what the own color is multiplied with before
-//! it is added; `false` is 0, `true` is 1), `transfer` (`adain`),
-//! `layers` (how many), `noise` (how many inputs are noise, where any is), `smooth` (how many times
-//! colors are averaged over windows in the end; `true` is 1), `own_color` (`true` where the last three inputs are the
-//! Gaussian's own color) and, where known, `encoder`.
+//! it is added; `false` is 0, `true` is 1), `transfer` (`adain`), `layers` (how many), `noise` (how many inputs are noise,
+//! where any is), `smooth` (how many times colors are averaged over windows in the end; `true` is 1), `own_color` (`true`
+//! where the last three inputs are the Gaussian's own color) and, where known, `encoder`.
+
+use std::str::FromStr;
 
 use crate::decoder::{Activation, Decoder, Layer};
 
@@ -23,7 +24,7 @@ const FORMAT: &str = "stylegaussian-decoder";
 /// The weight on the style's statistics.
 const STATISTICS: &str = "decoder.statistics.weight";
 
-/// More averages over windows leave one color.
+/// No decoder averages colors as often; a file that asks for billions would never be decoded.
 const MAX_AVERAGES: usize = 64;
 
 /// The transfer that decoders are trained behind; there is no other yet.
@@ -50,13 +51,18 @@ pub(super) fn from_tensors(reader: &Reader) -> Result<Decoder, Mismatch> {
     let k = reader.required("k", "`k` = the window's size")?;
     let n_layers: usize = reader.required("layers", "`layers` = the number of layers")?;
     let activation = activation_from_text(&reader.required::<String>("activation", "`activation`")?)?;
-    let residual = residual_from_text(&reader.required::<String>("residual", "`residual`")?)?;
+    let residual = number_or_flag(
+        "residual",
+        &reader.required::<String>("residual", "`residual`")?,
+        "a number, what the own color is multiplied with before it is added",
+    )?;
     let own_color = reader.parsed("own_color", "`own_color` = `true` or `false`")?.unwrap_or(false);
     let n_noise = reader.parsed("noise", "`noise` = a number of channels")?.unwrap_or(0);
-    let n_averages = match reader.parsed::<String>("smooth", "`smooth`")? {
-        Some(text) => averages_from_text(&text)?,
-        None => 0,
-    };
+    let n_averages = number_or_flag(
+        "smooth",
+        &reader.parsed::<String>("smooth", "`smooth`")?.unwrap_or_else(|| "0".into()),
+        "a number, how many times colors are averaged over windows",
+    )?;
     let n_tensors = reader.names().iter().filter(|name| name.starts_with("decoder.layers.")).count();
     let has_statistics = reader.names().contains(&STATISTICS);
     if n_layers.checked_mul(2) != Some(n_tensors) {
@@ -140,26 +146,14 @@ fn weight<'a>(
     }
 }
 
-/// The factor of the own color.
-fn residual_from_text(text: &str) -> Result<f32, Mismatch> {
-    let residual = match text {
-        "false" => Some(0.0),
-        "true" => Some(1.0),
+/// A number, or `false` for 0 and `true` for 1, as files say that were written before these were numbers.
+fn number_or_flag<T: FromStr + From<u8>>(name: &str, text: &str, expected: &str) -> Result<T, Mismatch> {
+    let number = match text {
+        "false" => Some(T::from(0)),
+        "true" => Some(T::from(1)),
         _ => text.parse().ok(),
     };
-    let expected = "a number, what the own color is multiplied with before it is added";
-    residual.ok_or_else(|| mismatch(format_args!("`residual` = `{text}`"), expected))
-}
-
-/// How many times colors are averaged.
-fn averages_from_text(text: &str) -> Result<usize, Mismatch> {
-    let n_averages = match text {
-        "false" => Some(0),
-        "true" => Some(1),
-        _ => text.parse().ok(),
-    };
-    let expected = "a number, how many times colors are averaged over windows";
-    n_averages.ok_or_else(|| mismatch(format_args!("`smooth` = `{text}`"), expected))
+    number.ok_or_else(|| mismatch(format_args!("`{name}` = `{text}`"), expected))
 }
 
 /// Checks that the layers chain, end in RGB, and are finite.

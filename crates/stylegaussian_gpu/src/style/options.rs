@@ -42,9 +42,9 @@ pub struct StyleOptions {
     /// How numbers are kept between layers.
     pub precision: Precision,
     /// The most bytes that activations take on the GPU, and beside them the colors between averages, 8 for each Gaussian, as
-    /// far as these leave a quarter. A scene that would need more is decoded in blocks, one after
-    /// another, whose borders are computed by each that they touch. Scenes whose neighbor lists do not name near Gaussians
-    /// cannot be cut and take what they need.
+    /// far as these leave a quarter. A scene that would need more is decoded in blocks, one after another, whose borders are
+    /// computed by each that they touch. Scenes whose neighbor lists do not name near Gaussians cannot be cut and take what
+    /// they need.
     pub scratch_bytes: u64,
 }
 
