@@ -126,7 +126,7 @@ pub(crate) fn device(backend: Backend) -> Result<Device> {
     match backend {
         Backend::Auto | Backend::Cpu => Ok(Device::flex()),
         #[cfg(feature = "gpu")]
-        Backend::Gpu => Ok(Device::vulkan(burn::tensor::DeviceKind::DefaultDevice)),
+        Backend::Gpu => Ok(Device::wgpu(burn::tensor::DeviceKind::DefaultDevice)),
         #[cfg(not(feature = "gpu"))]
         Backend::Gpu => {
             bail!("this build cannot train on a GPU: build with `--features gpu`, or use --backend cpu")

@@ -1,7 +1,7 @@
 //! The two custom operations of training, the KNN convolution and the splat render, for every backend of burn.
 //!
 //! On the CPU both run the model's own kernels with their hand-written gradients. Elsewhere the default bodies compose
-//! the same sums from gathers, products and scatter-adds, so that any GPU backend trains; a test holds the two against
+//! the same from gathers, products and sums, so that any GPU backend trains; a test holds the two against
 //! each other.
 
 use std::sync::Arc;

@@ -1,15 +1,23 @@
-//! The custom operations as sums of gathers, products and scatter-adds, for backends without a kernel of their own.
+//! The custom operations as gathers, products and sums, for backends without a kernel of their own.
+//!
+//! No scatter-adds: GPU backends run those as one invocation for each channel, which walks all rows. Rows that are added
+//! up lie side by side instead ([`segment_sums`]).
 
 use burn::{
     backend::{
         Backend, TensorMetadata,
         tensor::{Device, FloatTensor, IntTensor},
     },
-    tensor::{FloatDType, IndexingUpdateOp, Shape, TensorData},
+    tensor::{FloatDType, Shape, Slice, TensorData},
 };
 use stylegaussian::splat::BlendWeights;
 
 use super::{Windows, pixels::VARIANCE_EPSILON};
+
+/// Values that an operation gathers at a time: 64 MiB of f32, half of what every WebGPU adapter binds, so that memory
+/// does not grow with pictures and scenes.
+/// In tests so few that every operation is cut.
+const GATHERED_VALUES: usize = if cfg!(test) { 100 } else { 16 << 20 };
 
 pub(super) fn windows_conv<B: Backend>(
     x: FloatTensor<B>,
@@ -18,7 +26,10 @@ pub(super) fn windows_conv<B: Backend>(
     windows: &Windows,
 ) -> FloatTensor<B> {
     let (n_out, d_out) = (windows.n_out(), weight.shape()[0]);
-    let y = B::float_matmul(gather_windows::<B>(x, windows), B::float_transpose(weight));
+    let weight = B::float_transpose(weight);
+    let parts = window_parts::<B>(&x, windows)
+        .map(|part| B::float_matmul(gather_windows::<B>(&x, part, windows.k), weight.clone()));
+    let y = concatenate::<B>(parts.collect(), 0);
     let bias = B::float_reshape(bias, Shape::new([1, d_out]));
     B::float_add(y, B::float_expand(bias, Shape::new([n_out, d_out])))
 }
@@ -28,12 +39,22 @@ pub(super) fn windows_conv_backward_input<B: Backend>(
     grad: FloatTensor<B>,
     windows: &Windows,
 ) -> FloatTensor<B> {
-    let device = grad.device();
-    let d_in = weight.shape()[1] / windows.k;
-    let rows = B::float_reshape(B::float_matmul(grad, weight), Shape::new([windows.neighbors.len(), d_in]));
-    let zeros = B::float_zeros(Shape::new([windows.reverse.n_in(), d_in]), &device, FloatDType::F32);
-    let indices = indices::<B>(&windows.neighbors, &device);
-    B::float_select_assign(zeros, 0, indices, rows, IndexingUpdateOp::Add)
+    let (d_out, k, n_entries) = (weight.shape()[0], windows.k, windows.neighbors.len());
+    let d_in = weight.shape()[1] / k;
+    let weight = B::float_reshape(weight, Shape::new([d_out, k, d_in]));
+    let n_channels = (GATHERED_VALUES / n_entries.max(1)).max(1);
+    let parts = (0..d_in).step_by(n_channels).map(|first| {
+        let channels = first..d_in.min(first + n_channels);
+        let n_channels = channels.len();
+        let slices = [Slice::from(..), Slice::from(..), Slice::from(channels)];
+        let weight = B::float_slice(weight.clone(), &slices);
+        let weight = B::float_reshape(weight, Shape::new([d_out, k * n_channels]));
+        let rows = B::float_matmul(grad.clone(), weight);
+        let rows = B::float_reshape(rows, Shape::new([n_entries, n_channels]));
+        let entries = (0..n_entries as u32).map(|i| (i, 1.0));
+        segment_sums::<B>(rows, Segments::new(&windows.neighbors, entries, windows.reverse.n_in()))
+    });
+    concatenate::<B>(parts.collect(), 1)
 }
 
 pub(super) fn windows_conv_backward_weight<B: Backend>(
@@ -41,7 +62,28 @@ pub(super) fn windows_conv_backward_weight<B: Backend>(
     grad: FloatTensor<B>,
     windows: &Windows,
 ) -> FloatTensor<B> {
-    B::float_matmul(B::float_transpose(grad), gather_windows::<B>(x, windows))
+    let grad = B::float_transpose(grad);
+    let mut start = 0;
+    let parts = window_parts::<B>(&x, windows).map(|part| {
+        let end = start + part.len() / windows.k;
+        let grad = B::float_slice(grad.clone(), &[Slice::from(..), Slice::from(start..end)]);
+        start = end;
+        B::float_matmul(grad, gather_windows::<B>(&x, part, windows.k))
+    });
+    parts.reduce(B::float_add).unwrap_or_else(|| {
+        let shape = Shape::new([grad.shape()[0], windows.k * x.shape()[1]]);
+        B::float_zeros(shape, &x.device(), FloatDType::F32)
+    })
+}
+
+/// The windows `[N, K]` in parts, of as many as [`GATHERED_VALUES`] holds of rows like x's.
+fn window_parts<'a, B: Backend>(x: &FloatTensor<B>, windows: &'a Windows) -> std::slice::Chunks<'a, u32> {
+    let width = windows.k * x.shape()[1];
+    windows.neighbors.chunks((GATHERED_VALUES / width.max(1)).max(1) * windows.k)
+}
+
+fn concatenate<B: Backend>(mut parts: Vec<FloatTensor<B>>, dim: usize) -> FloatTensor<B> {
+    if parts.len() == 1 { parts.remove(0) } else { B::float_cat(parts, dim) }
 }
 
 pub(super) fn splat<B: Backend>(colors: FloatTensor<B>, weights: &BlendWeights) -> FloatTensor<B> {
@@ -132,11 +174,10 @@ fn indices<B: Backend>(rows: &[u32], device: &Device<B>) -> IntTensor<B> {
     B::int_from_data(TensorData::new(rows, shape), device)
 }
 
-/// `[N_out, K * D_in]`.
-fn gather_windows<B: Backend>(x: FloatTensor<B>, windows: &Windows) -> FloatTensor<B> {
-    let (d_in, device) = (x.shape()[1], x.device());
-    let gathered = B::float_select(x, 0, indices::<B>(&windows.neighbors, &device));
-    B::float_reshape(gathered, Shape::new([windows.n_out(), windows.k * d_in]))
+/// `[N, K * D_in]` of windows `[N, K]`.
+fn gather_windows<B: Backend>(x: &FloatTensor<B>, windows: &[u32], k: usize) -> FloatTensor<B> {
+    let gathered = B::float_select(x.clone(), 0, indices::<B>(windows, &x.device()));
+    B::float_reshape(gathered, Shape::new([windows.len() / k, k * x.shape()[1]]))
 }
 
 /// The pixel of every blending weight.
@@ -153,11 +194,107 @@ fn blend<B: Backend>(
     to: &[u32],
     n_target: usize,
 ) -> FloatTensor<B> {
+    let entries = from.iter().copied().zip(weights.weights.iter().copied());
+    segment_sums::<B>(source, Segments::new(to, entries, n_target))
+}
+
+/// Rows that one round of [`segment_sums`] adds up. Segments are padded to a multiple of it, and the number of rounds is
+/// the longest segment's logarithm to this base: 8 is the length of most decoder windows read backwards.
+const FAN_IN: usize = 8;
+
+/// For each target, which rows of a source are added up, and by which factors.
+#[derive(Clone)]
+pub(super) struct Segments {
+    /// Where each target's entries start `[n_target + 1]`.
+    starts: Vec<usize>,
+    /// Source row and factor of each entry, in the targets' order.
+    entries: Vec<(u32, f32)>,
+}
+
+impl Segments {
+    /// Entry i goes to target `to[i]`.
+    pub(super) fn new(to: &[u32], entries: impl Iterator<Item = (u32, f32)>, n_target: usize) -> Self {
+        let mut starts = vec![0; n_target + 1];
+        to.iter().for_each(|&target| starts[target as usize + 1] += 1);
+        (1..starts.len()).for_each(|i| starts[i] += starts[i - 1]);
+        let mut next = starts.clone();
+        let mut sorted = vec![(0, 0.0); to.len()];
+        for (entry, &target) in entries.zip(to) {
+            let position = &mut next[target as usize];
+            sorted[*position] = entry;
+            *position += 1;
+        }
+        Self { starts, entries: sorted }
+    }
+
+    /// Each segment padded with rows that do not count, to a multiple of [`FAN_IN`] and at least once that; then the
+    /// segments of the sums.
+    fn pad(self) -> (Vec<(u32, f32)>, Self) {
+        let mut padded = Vec::with_capacity(self.entries.len() + self.starts.len() * FAN_IN / 2);
+        let mut starts = vec![0];
+        for span in self.starts.windows(2) {
+            padded.extend_from_slice(&self.entries[span[0]..span[1]]);
+            let n_sums = (span[1] - span[0]).div_ceil(FAN_IN).max(1);
+            let end = starts.last().map_or(n_sums, |start| start + n_sums);
+            padded.resize(end * FAN_IN, (0, 0.0));
+            starts.push(end);
+        }
+        let entries = (0..padded.len() / FAN_IN).map(|i| (i as u32, 1.0)).collect();
+        (padded, Self { starts, entries })
+    }
+
+    /// Cut between targets where more than `n_slots` padded entries would come together.
+    pub(super) fn split(self, n_slots: usize) -> Vec<Self> {
+        let mut parts = Vec::new();
+        let (mut first, mut slots) = (0, 0);
+        for target in 0..=self.n_targets() {
+            let length = self.starts.get(target + 1).map_or(0, |end| end - self.starts[target]);
+            let padded = length.div_ceil(FAN_IN).max(1) * FAN_IN;
+            if target == self.n_targets() || (slots + padded > n_slots && target > first) {
+                let start = self.starts[first];
+                let starts: Vec<usize> = self.starts[first..=target].iter().map(|at| at - start).collect();
+                let entries = self.entries[start..self.starts[target]].to_vec();
+                parts.push(Self { starts, entries });
+                (first, slots) = (target, 0);
+            }
+            slots += padded;
+        }
+        parts
+    }
+
+    /// Whether each target has one row.
+    fn is_done(&self) -> bool {
+        self.entries.len() == self.n_targets()
+    }
+
+    pub(super) fn n_targets(&self) -> usize {
+        self.starts.len() - 1
+    }
+}
+
+/// One row for each target, of the rows of `source` `[N, C]`, a part of the targets at a time.
+pub(super) fn segment_sums<B: Backend>(source: FloatTensor<B>, segments: Segments) -> FloatTensor<B> {
+    let n_slots = GATHERED_VALUES / source.shape()[1].max(1);
+    let parts = segments.split(n_slots);
+    concatenate::<B>(parts.into_iter().map(|part| sums::<B>(source.clone(), part)).collect(), 0)
+}
+
+/// Rounds of [`FAN_IN`] rows each, all segments at once.
+fn sums<B: Backend>(source: FloatTensor<B>, mut segments: Segments) -> FloatTensor<B> {
     let (n_channels, device) = (source.shape()[1], source.device());
-    let n = weights.weights.len();
-    let factors = B::float_from_data(TensorData::new(weights.weights.clone(), [n, 1]), &device);
-    let rows = B::float_select(source, 0, indices::<B>(from, &device));
-    let rows = B::float_mul(rows, B::float_expand(factors, Shape::new([n, n_channels])));
-    let zeros = B::float_zeros(Shape::new([n_target, n_channels]), &device, FloatDType::F32);
-    B::float_select_assign(zeros, 0, indices::<B>(to, &device), rows, IndexingUpdateOp::Add)
+    let mut rows = source;
+    loop {
+        let (padded, sums) = segments.pad();
+        let (from, factors): (Vec<u32>, Vec<f32>) = padded.into_iter().unzip();
+        let n = from.len();
+        let factors = B::float_from_data(TensorData::new(factors, [n, 1]), &device);
+        let gathered = B::float_select(rows, 0, indices::<B>(&from, &device));
+        let weighted = B::float_mul(gathered, B::float_expand(factors, Shape::new([n, n_channels])));
+        let grouped = B::float_reshape(weighted, Shape::new([n / FAN_IN, FAN_IN, n_channels]));
+        rows = B::float_reshape(B::float_sum_dim(grouped, 1), Shape::new([n / FAN_IN, n_channels]));
+        segments = sums;
+        if segments.is_done() {
+            return rows;
+        }
+    }
 }

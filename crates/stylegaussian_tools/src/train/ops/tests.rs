@@ -70,6 +70,35 @@ fn picture_kernels_match_composed_operations() {
     );
 }
 
+#[test]
+fn segments_of_any_length_add_up() {
+    let mut random = Random::new(8);
+    // None, one, a full round, one more, and two rounds of rounds.
+    let lengths = [0, 1, 8, 9, 0, 130];
+    let to: Vec<u32> = lengths
+        .iter()
+        .enumerate()
+        .flat_map(|(target, &n)| std::iter::repeat_n(target as u32, n))
+        .rev()
+        .collect();
+    let from: Vec<u32> = to.iter().map(|_| random.below(20) as u32).collect();
+    let factors: Vec<f32> = to.iter().map(|_| random.normal()).collect();
+    let source = tensor(&mut random, [20, 3]);
+    let mut expected = vec![0.0_f32; lengths.len() * 3];
+    for ((&to, &from), factor) in to.iter().zip(&from).zip(&factors) {
+        for channel in 0..3 {
+            expected[to as usize * 3 + channel] +=
+                factor * source.storage::<f32>()[from as usize * 3 + channel];
+        }
+    }
+    let expected = FloatTensor::<Flex>::from_data(TensorData::new(expected, [lengths.len(), 3]));
+    let segments = composed::Segments::new(&to, from.into_iter().zip(factors), lengths.len());
+    check_close("segment_sums", expected, composed::segment_sums::<Flex>(source, segments.clone()));
+    // Parts of the targets: at most two padded segments, but the longest alone.
+    let parts = segments.split(16);
+    assert_eq!(parts.iter().map(composed::Segments::n_targets).collect::<Vec<_>>(), [2, 1, 1, 1, 1]);
+}
+
 /// A ReLU's convolution against the plain one, whose gradients are checked below.
 #[test]
 fn a_rectified_convolution_is_the_plain_one_and_a_relu() {
