@@ -1,7 +1,7 @@
 //! The command line `stylegaussian`: its commands, what they print, and how they fail.
 
 pub(crate) mod arguments;
-mod compute;
+pub(crate) mod compute;
 mod convert;
 mod info;
 pub(crate) mod output;

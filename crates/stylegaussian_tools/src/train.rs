@@ -40,6 +40,8 @@ use network::Network;
 use paintings::{Paintings, list_images};
 use step::{Content, LossWeights, content_layer};
 
+#[cfg(feature = "gpu")]
+use crate::cli::compute::Compute;
 use crate::{
     cameras::read_cameras,
     cli::Backend,
@@ -122,16 +124,18 @@ pub(crate) fn beside(output: &Path, suffix: &str) -> PathBuf {
     output.with_file_name(format!("{stem}.{suffix}"))
 }
 
+/// What trains: with the `gpu` feature any adapter where a GPU is asked for, and by itself a real one.
 pub(crate) fn device(backend: Backend) -> Result<Device> {
-    match backend {
-        Backend::Auto | Backend::Cpu => Ok(Device::flex()),
-        #[cfg(feature = "gpu")]
-        Backend::Gpu => Ok(Device::wgpu(burn::tensor::DeviceKind::DefaultDevice)),
-        #[cfg(not(feature = "gpu"))]
-        Backend::Gpu => {
-            bail!("this build cannot train on a GPU: build with `--features gpu`, or use --backend cpu")
-        }
+    #[cfg(feature = "gpu")]
+    if let Some(adapter) = Compute::open(backend)?.adapter() {
+        eprintln!("training on {adapter}");
+        return Ok(Device::wgpu(burn::tensor::DeviceKind::DefaultDevice));
     }
+    ensure!(
+        cfg!(feature = "gpu") || backend != Backend::Gpu,
+        "this build cannot train on a GPU: build with `--features gpu`, or use --backend cpu"
+    );
+    Ok(Device::flex())
 }
 
 /// Paintings to train with, and every so many-th kept out.
