@@ -7,6 +7,8 @@
 
 use std::borrow::Cow;
 
+use rayon::prelude::*;
+
 use crate::{
     decoder::{Decoder, Layer, run_layers, window_means},
     encoder_id::EncoderId,
@@ -165,22 +167,26 @@ pub fn fold_layer(layer: &Layer, k: usize, features: &Features, map: &ChannelMap
         .collect();
     let d_in = n_low + n_extra;
     let mut weight = vec![0.0_f32; layer.d_out * k * d_in];
-    let mut bias: Vec<f64> = layer.bias.iter().map(|b| f64::from(*b)).collect();
-    let rows = layer.weight.chunks_exact(layer.d_in).zip(weight.chunks_exact_mut(d_in));
-    let mut folded = vec![0.0_f64; n_low];
-    for (row, (source, target)) in rows.enumerate() {
-        folded.fill(0.0);
-        for (d, &w) in source[..n_channels].iter().enumerate() {
-            let w = f64::from(w);
-            bias[row / k] += w * center[d];
-            for (sum, a) in folded.iter_mut().zip(&basis[d * n_low..][..n_low]) {
-                *sum += w * a;
+    let sources = layer.weight.par_chunks_exact((k * layer.d_in).max(1)).zip(&layer.bias);
+    let outputs = weight.par_chunks_exact_mut((k * d_in).max(1)).zip(sources);
+    let bias = outputs.map(|(weight, (source, bias))| {
+        let mut bias = f64::from(*bias);
+        let mut folded = vec![0.0_f64; n_low];
+        for (target, source) in weight.chunks_exact_mut(d_in).zip(source.chunks_exact(layer.d_in)) {
+            folded.fill(0.0);
+            for (d, &w) in source[..n_channels].iter().enumerate() {
+                let w = f64::from(w);
+                bias += w * center[d];
+                for (sum, a) in folded.iter_mut().zip(&basis[d * n_low..][..n_low]) {
+                    *sum += w * a;
+                }
             }
+            target[..n_low].iter_mut().zip(&folded).for_each(|(t, f)| *t = *f as f32);
+            target[n_low..].copy_from_slice(&source[n_channels..]);
         }
-        target[..n_low].iter_mut().zip(&folded).for_each(|(t, f)| *t = *f as f32);
-        target[n_low..].copy_from_slice(&source[n_channels..]);
-    }
-    Layer { weight, bias: bias.into_iter().map(|b| b as f32).collect(), d_in, d_out: layer.d_out }
+        bias as f32
+    });
+    Layer { bias: bias.collect(), weight, d_in, d_out: layer.d_out }
 }
 
 /// f' - m' beside the extra inputs, `[N, L + E]`: what a folded first layer takes.

@@ -53,6 +53,17 @@ fn gather(target: &mut Vec<f32>, x: &[f32], d_in: usize, rows: impl Iterator<Ite
     }
 }
 
+/// `[D_out, K * D_in]` -> `[K * D_in, D_out]`: a product's right side, which is packed for each block of rows, then lies in
+/// the order that it is packed in.
+fn transpose(weight: &[f32], d_out: usize) -> Vec<f32> {
+    let width = weight.len() / d_out;
+    let mut transposed = vec![0.0; weight.len()];
+    for (column, target) in transposed.chunks_exact_mut(d_out).enumerate() {
+        target.iter_mut().zip(weight[column..].iter().step_by(width)).for_each(|(to, from)| *to = *from);
+    }
+    transposed
+}
+
 /// y `[N_out, D_out]` of x `[N_in, D_in]`, neighbors `[N_out, K]` (rows of x), weight `[D_out, K, D_in]`, bias
 /// `[D_out]`. `finish` is applied to each finished block of y while it is still in the cache.
 ///
@@ -68,6 +79,7 @@ pub fn knn_conv(
 ) -> Vec<f32> {
     shape.check(x, neighbors, weight);
     assert_eq!(bias.len(), shape.d_out, "bias [D_out]");
+    let weight = transpose(weight, shape.d_out);
     let mut y = vec![0.0; neighbors.len() / shape.k * shape.d_out];
     y.par_chunks_mut(BLOCK_ROWS * shape.d_out).zip(neighbors.par_chunks(BLOCK_ROWS * shape.k)).for_each_init(
         Vec::new,
@@ -82,7 +94,8 @@ pub fn knn_conv(
                 let windows = neighbors.chunks_exact(shape.k);
                 gather(gathered, x, shape.d_in, windows.flat_map(|window| &window[k..k + n]).copied());
                 let gathered = Matrix::dense(gathered, rows, n * shape.d_in);
-                product(y, true, gathered, shape.slots(weight, k, n).transposed());
+                let weight = &weight[k * shape.d_in * shape.d_out..];
+                product(y, true, gathered, Matrix::dense(weight, n * shape.d_in, shape.d_out));
             }
             finish(y);
         },
