@@ -15,8 +15,8 @@ use super::{
     sort::SortBuffers,
 };
 
-/// Entries that the lists have room for, for each slot: footprints of 36 by 36 pixels.
-const ENTRIES_OF_SLOT: u64 = 32;
+/// Entries that the lists have room for, for each slot: footprints of 56 by 56 pixels.
+const ENTRIES_OF_SLOT: u64 = 64;
 /// Entries that the lists have room for, for each cell, where that is more: a few large splats cover it.
 const ENTRIES_OF_CELL: u64 = 256;
 
