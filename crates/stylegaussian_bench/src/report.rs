@@ -1,7 +1,5 @@
 //! Rows, ratios, and how they are told.
 
-use std::fmt::Write as _;
-
 use anyhow::Result;
 use serde::Serialize;
 
@@ -61,6 +59,18 @@ pub struct Ratios {
     pub frame_cpu_ms_over_peer: Option<f64>,
 }
 
+/// How times grow with the number of Gaussians, N: the exponent e of N^e between two sizes. 1 is linear; smaller is better.
+/// `None` where one of them could not run.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Exponents {
+    /// The CPU's decoder from 20,000 to 300,000.
+    pub cpu_decode: Option<f64>,
+    /// The style pass from 300,000 to 3 million.
+    pub style_pass: Option<f64>,
+    /// A frame of the structured scene at 512x512, from 300,000 to 3 million.
+    pub frame: Option<f64>,
+}
+
 /// Everything measured.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
@@ -74,6 +84,8 @@ pub struct Report {
     pub not_run: Vec<NotRun>,
     /// Rows compared.
     pub ratios: Ratios,
+    /// How times grow.
+    pub exponents: Exponents,
 }
 
 /// The names of rows that are compared.
@@ -138,6 +150,7 @@ impl Report {
             rows: Vec::new(),
             not_run: Vec::new(),
             ratios: Ratios::default(),
+            exponents: Exponents::default(),
         }
     }
 
@@ -165,6 +178,12 @@ impl Report {
         Some(y.median_ms / self.row(x, Some(y.n))?.median_ms)
     }
 
+    /// The exponent of a row's time between two sizes.
+    fn exponent(&self, name: &str, [from, to]: [u64; 2]) -> Option<f64> {
+        let times = self.row(name, Some(to))?.median_ms / self.row(name, Some(from))?.median_ms;
+        Some(times.ln() / (to as f64 / from as f64).ln())
+    }
+
     /// Compares rows.
     pub fn compare(&mut self) {
         // Both at the size at which they took turns.
@@ -186,6 +205,11 @@ impl Report {
             frame_cpu_ms_over_peer: peer
                 .and_then(|row| Some(frames(names::FRAME, row.n)? / frames(names::PEER, row.n)?)),
         };
+        self.exponents = Exponents {
+            cpu_decode: self.exponent(names::CPU_DECODE, [20_000, 300_000]),
+            style_pass: self.exponent(names::STYLE_PASS, [300_000, 3_000_000]),
+            frame: self.exponent(names::FRAME, [300_000, 3_000_000]),
+        };
     }
 
     /// For programs.
@@ -203,12 +227,8 @@ impl Report {
             text += "\n| not run | why |\n| --- | --- |\n";
             self.not_run.iter().for_each(|it| text += &format!("| {} | {} |\n", it.name, it.reason));
         }
-        text += "\n| ratio | |\n| --- | ---: |\n";
-        for (name, value) in self.ratios.named() {
-            let value = value.map_or_else(|| "not measured".into(), |value| format!("{value:.3}"));
-            // Writing to a string does not fail.
-            let _ = writeln!(text, "| `{name}` | {value} |");
-        }
+        append_named(&mut text, "ratio", &self.ratios.named());
+        append_named(&mut text, "exponent of N", &self.exponents.named());
         text
     }
 }
@@ -224,6 +244,20 @@ impl Ratios {
             ("style_memory_over_literal", self.style_memory_over_literal),
             ("frame_cpu_ms_over_peer", self.frame_cpu_ms_over_peer),
         ]
+    }
+}
+
+impl Exponents {
+    fn named(&self) -> [(&'static str, Option<f64>); 3] {
+        [("cpu_decode", self.cpu_decode), ("style_pass", self.style_pass), ("frame", self.frame)]
+    }
+}
+
+fn append_named(text: &mut String, title: &str, values: &[(&str, Option<f64>)]) {
+    *text += &format!("\n| {title} | |\n| --- | ---: |\n");
+    for (name, value) in values {
+        let value = value.map_or_else(|| "not measured".into(), |value| format!("{value:.3}"));
+        *text += &format!("| `{name}` | {value} |\n");
     }
 }
 
@@ -274,6 +308,8 @@ mod tests {
             row(names::LITERAL, 4096, 4.0),
             row(names::CPU_PRODUCT, 512, 1.0),
             row(names::CPU_DECODE, 100, 4.0),
+            row(names::STYLE_PASS, 300_000, 10.0),
+            row(names::STYLE_PASS, 3_000_000, 1000.0),
             row(names::CPU_UNFOLDED, 100, 6.0),
             row(names::FRAME, 100, 5.0),
             row(names::FRAME, 200, 7.0),
@@ -291,6 +327,8 @@ mod tests {
         assert_eq!(ratios.frame_cpu_ms_over_peer, Some(0.25));
         assert_eq!(ratios.style_memory_over_literal, Some(0.1));
         assert_eq!(ratios.style_pass_over_pytorch, None);
+        assert!((report.exponents.style_pass.unwrap() - 2.0).abs() < 1e-9);
+        assert_eq!(report.exponents.cpu_decode, None);
         assert!(report.json().unwrap().contains("\"style_pass_over_pytorch\": null"));
         assert!(report.table().contains("| `style_pass_over_pytorch` | not measured |"));
     }
