@@ -43,6 +43,10 @@ struct Arguments {
     /// The benchmark of `bevy_gaussian_splatting`, to be run beside ours [default: $STYLEGAUSSIAN_PEER_BENCH].
     #[arg(long, value_name = "BINARY")]
     peer: Option<PathBuf>,
+    /// VGG-19 weights (safetensors), which a step of training looks through.
+    #[cfg(feature = "offline")]
+    #[arg(long, value_name = "FILE")]
+    vgg: Option<PathBuf>,
     /// Only groups whose name contains this: ceilings, encode, style, literal, cpu, pytorch, frame, peer, offline.
     #[arg(long, value_name = "WORD")]
     only: Option<String>,
@@ -96,6 +100,6 @@ fn groups(arguments: &Arguments) -> Vec<(&'static str, Group<'_>)> {
         ("frame", needs_gpu(frame::run)),
         ("peer", Box::new(|_, plan, report| peer::run(arguments.peer.as_deref(), plan, report))),
         #[cfg(feature = "offline")]
-        ("offline", Box::new(|_, plan, report| offline::run(plan, report))),
+        ("offline", Box::new(|_, plan, report| offline::run(arguments.vgg.as_deref(), plan, report))),
     ]
 }

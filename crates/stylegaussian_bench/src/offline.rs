@@ -24,14 +24,20 @@ use crate::{
 /// Width and height of views, in pixels.
 const SIDE: u32 = 256;
 
-/// Steps of embedding, then of training.
-pub fn run(plan: &Plan, report: &mut Report) -> Result<()> {
+/// The row that needs more than the repository has.
+const TRAINING: &str = "train, a step";
+
+/// Steps of embedding, then of training, whose loss looks through the weights `vgg`.
+pub fn run(vgg: Option<&Path>, plan: &Plan, report: &mut Report) -> Result<()> {
     let encoder = open_encoder(None)?;
     let n = if plan.quick { 5_000 } else { 20_000 };
     let mut scene = scenes::structured(n);
     scene.sort_by_morton();
     embed_steps(&mut scene, &encoder, report)?;
-    train_steps(&scene, plan, report)
+    if let Err(error) = train_steps(&scene, vgg, plan, report) {
+        report.not_run(TRAINING, &format!("{error:#}"));
+    }
+    Ok(())
 }
 
 /// Descent on four views of the scene.
@@ -54,7 +60,7 @@ fn embed_steps(scene: &mut Scene, encoder: &Encoder, report: &mut Report) -> Res
 }
 
 /// The difference between a long and a short training, so that loading does not count.
-fn train_steps(scene: &Scene, plan: &Plan, report: &mut Report) -> Result<()> {
+fn train_steps(scene: &Scene, vgg: Option<&Path>, plan: &Plan, report: &mut Report) -> Result<()> {
     let folder = tempfile::tempdir()?;
     let path = |name: &str| folder.path().join(name);
     file::write_scene(&path("scene.sgs"), scene)?;
@@ -64,21 +70,22 @@ fn train_steps(scene: &Scene, plan: &Plan, report: &mut Report) -> Result<()> {
     let mut seconds = [0.0; 2];
     for (seconds, steps) in seconds.iter_mut().zip(steps) {
         let start = Instant::now();
-        train(folder.path(), steps)?;
+        train(folder.path(), vgg, steps)?;
         *seconds = start.elapsed().as_secs_f64();
     }
     let ms = vec![1e3 * (seconds[1] - seconds[0]) / f64::from(steps[1] - steps[0])];
-    report.add(Row::new("train, a step", scene.len(), &Samples { ms, cpu_ms: None }));
+    report.add(Row::new(TRAINING, scene.len(), &Samples { ms, cpu_ms: None }));
     Ok(())
 }
 
-fn train(folder: &Path, steps: u32) -> Result<()> {
+fn train(folder: &Path, vgg: Option<&Path>, steps: u32) -> Result<()> {
     let paths = [folder.join("scene.sgs"), folder.join("paintings"), folder.join("out.decoder.safetensors")];
     let [scene, paintings, out] = paths.map(|path| path.into_os_string());
     let words =
         ["stylegaussian".into(), "train".into(), scene, "--styles".into(), paintings, "-o".into(), out];
     let options = ["--views", "4", "--size", "256", "--warm-iterations", "0", "--holdout-styles", "0"];
     let iterations = ["--iterations".into(), steps.to_string().into()];
-    let words = words.into_iter().chain(options.map(Into::into)).chain(iterations);
+    let vgg = vgg.into_iter().flat_map(|file| ["--vgg".into(), file.as_os_str().to_owned()]);
+    let words = words.into_iter().chain(options.map(Into::into)).chain(iterations).chain(vgg);
     Cli::try_parse_from(words)?.run()
 }
