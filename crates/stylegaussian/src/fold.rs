@@ -10,7 +10,11 @@ use std::borrow::Cow;
 use rayon::prelude::*;
 
 use crate::{
-    decoder::{Decoder, Layer, run_layers, window_means},
+    decoder::{
+        Decoder, Layer,
+        product::{Matrix, product},
+        run_layers, window_means,
+    },
     encoder_id::EncoderId,
     neighbors::Neighbors,
     noise::noise,
@@ -155,34 +159,34 @@ pub enum StylizeError {
 pub fn fold_layer(layer: &Layer, k: usize, features: &Features, map: &ChannelMap, mean_low: &[f64]) -> Layer {
     let (n_channels, n_low, n_extra) = (features.n_channels(), features.n_low, features.n_extra);
     assert_eq!(layer.d_in, n_channels + n_extra, "the first layer takes D + E inputs");
-    // G A [D, L] and what a Gaussian at the mean becomes [D].
-    let basis: Vec<f64> =
-        (0..n_channels * n_low).map(|i| map.gain[i / n_low] * f64::from(features.basis[i])).collect();
-    let center: Vec<f64> = (0..n_channels)
-        .map(|d| {
-            let row = features.basis[d * n_low..][..n_low].iter().zip(mean_low);
-            let mean = f64::from(features.offset[d]) + row.map(|(a, m)| f64::from(*a) * m).sum::<f64>();
-            map.gain[d] * mean + map.shift[d]
-        })
-        .collect();
+    // G A and, beside it, what a Gaussian at the mean becomes [D, L + 1].
+    let width = n_low + 1;
+    let mut basis = Vec::with_capacity(n_channels * width);
+    for (d, row) in features.basis.chunks_exact(n_low).enumerate() {
+        let gain = map.gain[d];
+        let mean: f64 = row.iter().zip(mean_low).map(|(a, m)| f64::from(*a) * m).sum();
+        basis.extend(row.iter().map(|a| gain * f64::from(*a)));
+        basis.push(gain * (f64::from(features.offset[d]) + mean) + map.shift[d]);
+    }
     let d_in = n_low + n_extra;
     let mut weight = vec![0.0_f32; layer.d_out * k * d_in];
     let sources = layer.weight.par_chunks_exact((k * layer.d_in).max(1)).zip(&layer.bias);
     let outputs = weight.par_chunks_exact_mut((k * d_in).max(1)).zip(sources);
     let bias = outputs.map(|(weight, (source, bias))| {
+        // One output's k rows: few, but its own, so that threads share nothing.
+        let slots = source.chunks_exact(layer.d_in);
+        let wide: Vec<f64> =
+            slots.clone().flat_map(|slot| &slot[..n_channels]).map(|w| f64::from(*w)).collect();
+        let mut folded = vec![0.0; k * width];
+        let (wide, basis) = (Matrix::dense(&wide, k, n_channels), Matrix::dense(&basis, n_channels, width));
+        product(&mut folded, false, wide, basis);
         let mut bias = f64::from(*bias);
-        let mut folded = vec![0.0_f64; n_low];
-        for (target, source) in weight.chunks_exact_mut(d_in).zip(source.chunks_exact(layer.d_in)) {
-            folded.fill(0.0);
-            for (d, &w) in source[..n_channels].iter().enumerate() {
-                let w = f64::from(w);
-                bias += w * center[d];
-                for (sum, a) in folded.iter_mut().zip(&basis[d * n_low..][..n_low]) {
-                    *sum += w * a;
-                }
-            }
-            target[..n_low].iter_mut().zip(&folded).for_each(|(t, f)| *t = *f as f32);
+        for ((target, source), folded) in
+            weight.chunks_exact_mut(d_in).zip(slots).zip(folded.chunks_exact(width))
+        {
+            target[..n_low].iter_mut().zip(folded).for_each(|(t, f)| *t = *f as f32);
             target[n_low..].copy_from_slice(&source[n_channels..]);
+            bias += folded[n_low];
         }
         bias as f32
     });

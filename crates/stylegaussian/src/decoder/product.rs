@@ -1,18 +1,18 @@
 //! A safe face for the SIMD matrix product.
 
-/// A strided view of a matrix of f32.
+/// A strided view of a matrix, of f32 or f64.
 #[derive(Clone, Copy)]
-pub struct Matrix<'a> {
-    values: &'a [f32],
+pub struct Matrix<'a, T = f32> {
+    values: &'a [T],
     rows: usize,
     columns: usize,
     row_stride: usize,
     column_stride: usize,
 }
 
-impl<'a> Matrix<'a> {
+impl<'a, T> Matrix<'a, T> {
     /// `rows` rows of `columns` values, each row starting `row_stride` after the one before.
-    pub fn strided(values: &'a [f32], rows: usize, columns: usize, row_stride: usize) -> Self {
+    pub fn strided(values: &'a [T], rows: usize, columns: usize, row_stride: usize) -> Self {
         assert!(
             rows == 0 || columns == 0 || (rows - 1) * row_stride + columns <= values.len(),
             "a matrix of {rows} rows of {columns} with row stride {row_stride} does not fit {} values",
@@ -22,7 +22,7 @@ impl<'a> Matrix<'a> {
     }
 
     /// A dense row-major matrix.
-    pub fn dense(values: &'a [f32], rows: usize, columns: usize) -> Self {
+    pub fn dense(values: &'a [T], rows: usize, columns: usize) -> Self {
         Self::strided(values, rows, columns, columns)
     }
 
@@ -40,7 +40,7 @@ impl<'a> Matrix<'a> {
 
 /// target = lhs rhs, or target += lhs rhs when `accumulate`; target is dense row-major `[lhs.rows, rhs.columns]`.
 /// Runs on the calling thread: callers split rows over threads.
-pub fn product(target: &mut [f32], accumulate: bool, lhs: Matrix, rhs: Matrix) {
+pub fn product<T: From<f32> + 'static>(target: &mut [T], accumulate: bool, lhs: Matrix<T>, rhs: Matrix<T>) {
     assert_eq!(lhs.columns, rhs.rows, "inner dimensions of a product");
     assert!(target.len() >= lhs.rows * rhs.columns, "the product's target is too small");
     if lhs.rows == 0 || rhs.columns == 0 {
@@ -65,8 +65,8 @@ pub fn product(target: &mut [f32], accumulate: bool, lhs: Matrix, rhs: Matrix) {
             rhs.values.as_ptr(),
             rhs.column_stride as isize,
             rhs.row_stride as isize,
-            1.0,
-            1.0,
+            1.0.into(),
+            1.0.into(),
             false,
             false,
             false,
