@@ -42,6 +42,8 @@ pub(super) fn windows_conv_backward_input<B: Backend>(
     let (d_out, k, n_entries) = (weight.shape()[0], windows.k, windows.neighbors.len());
     let d_in = weight.shape()[1] / k;
     let weight = B::float_reshape(weight, Shape::new([d_out, k, d_in]));
+    let entries = (0..n_entries as u32).map(|i| (i, 1.0));
+    let segments = Segments::new(&windows.neighbors, entries, windows.reverse.n_in());
     let n_channels = (GATHERED_VALUES / n_entries.max(1)).max(1);
     let parts = (0..d_in).step_by(n_channels).map(|first| {
         let channels = first..d_in.min(first + n_channels);
@@ -51,8 +53,7 @@ pub(super) fn windows_conv_backward_input<B: Backend>(
         let weight = B::float_reshape(weight, Shape::new([d_out, k * n_channels]));
         let rows = B::float_matmul(grad.clone(), weight);
         let rows = B::float_reshape(rows, Shape::new([n_entries, n_channels]));
-        let entries = (0..n_entries as u32).map(|i| (i, 1.0));
-        segment_sums::<B>(rows, Segments::new(&windows.neighbors, entries, windows.reverse.n_in()))
+        segment_sums::<B>(rows, segments.clone())
     });
     concatenate::<B>(parts.collect(), 1)
 }
