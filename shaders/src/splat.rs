@@ -29,9 +29,9 @@ pub const INVISIBLE: u32 = u32::MAX;
 /// `SplatChunk::sh_degree` of a scene that keeps no colors of its own.
 pub const NO_SH: u32 = u32::MAX;
 /// `SplatChunk::flags`: the first color source is the scene's own colors.
-pub const FROM_OWN_COLORS: u32 = 1;
+pub const FROM_CAPTURED_COLORS: u32 = 1;
 /// `SplatChunk::flags`: the second color source is the scene's own colors.
-pub const TO_OWN_COLORS: u32 = 2;
+pub const TO_CAPTURED_COLORS: u32 = 2;
 /// `SplatChunk::flags`: sort by the distance from the eye instead of by view depth.
 pub const BY_DISTANCE: u32 = 4;
 
@@ -81,8 +81,8 @@ fn constants() -> String {
         ("QUARTERS_OF_GROUP", 4 * CELLS_OF_GROUP),
         ("INVISIBLE", INVISIBLE),
         ("NO_SH", NO_SH),
-        ("FROM_OWN_COLORS", FROM_OWN_COLORS),
-        ("TO_OWN_COLORS", TO_OWN_COLORS),
+        ("FROM_CAPTURED_COLORS", FROM_CAPTURED_COLORS),
+        ("TO_CAPTURED_COLORS", TO_CAPTURED_COLORS),
         ("BY_DISTANCE", BY_DISTANCE),
         ("MODE_ENCODED", MODE_ENCODED),
         ("MODE_LINEAR", MODE_LINEAR),
@@ -299,7 +299,7 @@ pub struct SplatChunk {
     pub first_slot: u32,
     /// Degree of the spherical harmonics, or [`NO_SH`].
     pub sh_degree: u32,
-    /// [`FROM_OWN_COLORS`], [`TO_OWN_COLORS`], [`BY_DISTANCE`].
+    /// [`FROM_CAPTURED_COLORS`], [`TO_CAPTURED_COLORS`], [`BY_DISTANCE`].
     pub flags: u32,
     /// Unused.
     pub padding: [u32; 2],

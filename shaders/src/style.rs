@@ -1,5 +1,5 @@
 //! Shaders of the style pass: hidden layers (`style_knn_conv`), the last one (`style_color`), and the averages behind it
-//! (`style_window_means`).
+//! (`style_smoothing_pass`).
 
 use bytemuck::{Pod, Zeroable};
 
@@ -13,7 +13,7 @@ pub const KNN_CONV: &str = include_str!("../wgsl/style_knn_conv.wgsl");
 pub const COLOR: &str = include_str!("../wgsl/style_color.wgsl");
 
 /// An average of colors over windows, behind the last layer.
-pub const WINDOW_MEANS: &str = include_str!("../wgsl/style_window_means.wgsl");
+pub const SMOOTHING_PASS: &str = include_str!("../wgsl/style_smoothing_pass.wgsl");
 
 /// How a plane keeps a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -58,7 +58,7 @@ impl Storage {
 
 /// Gaussians that a workgroup of `style_knn_conv` computes.
 pub const TILE_ROWS: u32 = 128;
-/// Gaussians that a workgroup of `style_color` or `style_window_means` computes.
+/// Gaussians that a workgroup of `style_color` or `style_smoothing_pass` computes.
 pub const COLOR_WORKGROUP_SIZE: u32 = 128;
 /// Output channels that a workgroup of `style_knn_conv` computes, of each variant: 64 need 256 invocations, as many as
 /// every adapter has; 32 leave none idle in the paper's narrowest hidden layer.
@@ -103,8 +103,8 @@ pub fn color(input: Storage) -> Source {
 }
 
 /// An average of colors over windows.
-pub fn window_means() -> Source {
-    Source { label: "style_window_means", wgsl: [LAYER, WINDOW_MEANS].join("\n") }
+pub fn smoothing_pass() -> Source {
+    Source { label: "style_smoothing_pass", wgsl: [LAYER, SMOOTHING_PASS].join("\n") }
 }
 
 /// Every joined source of the style pass.
@@ -113,7 +113,7 @@ pub fn sources() -> Vec<Source> {
     let hidden = pairs.as_flattened().iter();
     let hidden =
         hidden.flat_map(|&(input, output)| TILE_COLUMNS.map(|columns| knn_conv(columns, input, output)));
-    hidden.chain(Storage::ALL.map(color)).chain([window_means()]).collect()
+    hidden.chain(Storage::ALL.map(color)).chain([smoothing_pass()]).collect()
 }
 
 /// Every struct that the style pass shares with Rust.

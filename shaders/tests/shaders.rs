@@ -95,7 +95,7 @@ fn constants_match() {
         assert_eq!(constant(&source, "TILE_COLUMNS"), Some(columns));
         assert!(constant(&source, "WORKGROUP_SIZE").is_some_and(|size| size <= 256));
     }
-    for source in [style::color(style::Storage::F16), style::window_means()] {
+    for source in [style::color(style::Storage::F16), style::smoothing_pass()] {
         assert_eq!(constant(&source, "COLOR_WORKGROUP_SIZE"), Some(style::COLOR_WORKGROUP_SIZE));
     }
 }

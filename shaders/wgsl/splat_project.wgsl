@@ -37,7 +37,7 @@ struct SplatChunk {
     first_slot: u32,
     /// Degree of the spherical harmonics, or `NO_SH`.
     sh_degree: u32,
-    /// `FROM_OWN_COLORS`, `TO_OWN_COLORS`, `BY_DISTANCE`.
+    /// `FROM_CAPTURED_COLORS`, `TO_CAPTURED_COLORS`, `BY_DISTANCE`.
     flags: u32,
     padding: vec2<u32>,
 }
@@ -145,7 +145,7 @@ fn project(gaussian: PackedGaussian) -> Projected {
 }
 
 /// The scene's own color, seen from the camera; mid-gray where it keeps none.
-fn own_color(index: u32, mean: vec3<f32>) -> vec3<f32> {
+fn captured_color(index: u32, mean: vec3<f32>) -> vec3<f32> {
     if chunk.sh_degree == NO_SH {
         return vec3(0.5);
     }
@@ -163,16 +163,16 @@ fn unpacked_color(words: vec2<u32>) -> vec3<f32> {
 fn color(index: u32, mean: vec3<f32>) -> vec3<f32> {
     let in_scene = chunk.first_gaussian + index;
     var own = vec3(0.0);
-    if (chunk.flags & (FROM_OWN_COLORS | TO_OWN_COLORS)) != 0u {
-        own = own_color(index, mean);
+    if (chunk.flags & (FROM_CAPTURED_COLORS | TO_CAPTURED_COLORS)) != 0u {
+        own = captured_color(index, mean);
     }
     var mixed = own;
-    if (chunk.flags & FROM_OWN_COLORS) == 0u {
+    if (chunk.flags & FROM_CAPTURED_COLORS) == 0u {
         mixed = unpacked_color(colors_from[in_scene]);
     }
     if chunk.fade > 0.0 {
         var second = own;
-        if (chunk.flags & TO_OWN_COLORS) == 0u {
+        if (chunk.flags & TO_CAPTURED_COLORS) == 0u {
             second = unpacked_color(colors_to[in_scene]);
         }
         mixed = mix(mixed, second, chunk.fade);

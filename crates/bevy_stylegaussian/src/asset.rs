@@ -7,9 +7,6 @@ use stylegaussian::{ChannelStatistics, Decoder, Neighbors, Scene, scene::SceneEr
 
 use crate::splats::bounds;
 
-/// The window of the default decoder, and the paper's: how many neighbors are found for a scene that names none.
-const N_NEIGHBORS: usize = 8;
-
 /// A captured scene: `.sgs` files, `.ply` files as 3D Gaussian Splatting writes them, and checkpoints of StyleGaussian.
 ///
 /// There is one copy of it in main memory, shared by both worlds; cloning is cheap. Only scenes with features can be
@@ -30,7 +27,7 @@ impl GaussianScene {
     /// Gaussians: call it on the task pool for large ones. What does not fit together is told by a
     /// [`SceneFailed`](crate::SceneFailed) to whoever shows the scene.
     pub fn new(mut scene: Scene) -> Self {
-        let k = scene.decoder.as_ref().map_or(N_NEIGHBORS, |decoder| decoder.k).max(1);
+        let k = scene.decoder.as_ref().map_or(Decoder::K, |decoder| decoder.k).max(1);
         let has_lists = scene.neighbors.as_ref().is_some_and(|neighbors| neighbors.k >= k);
         if scene.features.is_some() && !has_lists && has_finite_means(&scene) {
             scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, k));

@@ -22,7 +22,7 @@ fn demo_scene() -> Scene {
 /// The rasterizer's picture over black, blended with the background in linear space as a camera does, and its coverage.
 fn reference(scene: &Scene) -> (Vec<[f32; 3]>, Vec<f32>) {
     let camera = Camera::look_at(EYE, Vec3::ZERO, Vec3::Y, FOV_Y, SIZE);
-    let view = splat::render(scene, splat::Colors::Sh, &camera);
+    let view = splat::render(scene, splat::Colors::Captured, &camera);
     let over_black = |(color, alpha): (&[f32; 3], &f32)| {
         let linear = |channel: f32| alpha * Srgba::gamma_function(channel / alpha.max(1e-6));
         color.map(|channel| Srgba::gamma_function_inverse(linear(channel)).clamp(0.0, 1.0))

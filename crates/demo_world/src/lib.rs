@@ -70,7 +70,7 @@ pub fn build() -> Scene {
         n_source: n,
         up: Some(Vec3::Y),
         source: Some("demo_world".into()),
-        licence: Some("MIT OR Apache-2.0".into()),
+        license: Some("MIT OR Apache-2.0".into()),
         ..Scene::default()
     };
     scene.sort_by_morton();

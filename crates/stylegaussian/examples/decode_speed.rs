@@ -25,7 +25,7 @@ fn numbers(n: usize, deviation: f32) -> Vec<f32> {
     (0..n).map(|i| deviation * ((i as f64 * 0.754_877_666) % 1.0 - 0.5) as f32 * 3.46).collect()
 }
 
-fn scene(n: usize, n_low: usize) -> Scene {
+fn scene(n: usize, n_latent: usize) -> Scene {
     let position = |i: usize| {
         Vec3::from(
             [0.754_877_666, 0.569_840_291, 0.438_579_2].map(|step: f64| (i as f64 * step % 1.0) as f32),
@@ -42,9 +42,9 @@ fn scene(n: usize, n_low: usize) -> Scene {
     };
     scene.sort_by_morton();
     scene.features = Some(Features {
-        values: numbers(n * n_low, 1.0),
-        n_low,
-        basis: numbers(N_CHANNELS * n_low, 0.1),
+        values: numbers(n * n_latent, 1.0),
+        n_latent,
+        basis: numbers(N_CHANNELS * n_latent, 0.1),
         offset: numbers(N_CHANNELS, 1.0),
         extra: Vec::new(),
         n_extra: 0,
@@ -62,17 +62,7 @@ fn decoder() -> Decoder {
         d_in = d_out;
         layer
     };
-    Decoder {
-        layers: Decoder::WIDTHS.map(layer).into(),
-        k: K,
-        activation: Activation::Sigmoid,
-        residual: 0.0,
-        own_color: false,
-        n_noise: 0,
-        n_averages: 0,
-        statistics_weight: Vec::new(),
-        encoder: None,
-    }
+    Decoder { layers: Decoder::WIDTHS.map(layer).into(), k: K, ..Decoder::default() }
 }
 
 /// Median seconds of [`RUNS`] runs after one that warms up.
@@ -133,8 +123,8 @@ fn multiply_adds(n: usize, n_inputs: usize) -> f64 {
 fn main() {
     let n = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(100_000);
     let decoder = decoder();
-    let time = |n_low: usize| {
-        let scene = scene(n, n_low);
+    let time = |n_latent: usize| {
+        let scene = scene(n, n_latent);
         median(|| {
             black_box(stylize(&scene, &decoder, &ChannelMap::identity(N_CHANNELS)).unwrap());
         })

@@ -28,6 +28,8 @@ pub struct Layer {
 }
 
 /// KNN convolutions with an activation between them, from D + E input channels to RGB.
+///
+/// The default has no layers, the paper's K and activation, and none of the options that the paper's decoder lacks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decoder {
     /// The layers, first to last.
@@ -43,36 +45,55 @@ pub struct Decoder {
     /// always the same (see [`noise`](crate::noise)). Features are smooth, paintings are not: strokes are made of it.
     pub n_noise: usize,
     /// Whether the first layer also takes the Gaussian's own, unstyled color (SH 0): three more inputs, the last ones,
-    /// [`OWN_COLOR_SCALE`](Self::OWN_COLOR_SCALE) (c - 0.5). Features are blurred over the cells of a feature map; colors
+    /// [`BASE_COLOR_SCALE`](Self::BASE_COLOR_SCALE) (c - 0.5). Features are blurred over the cells of a feature map; colors
     /// keep the detail.
-    pub own_color: bool,
+    pub base_color: bool,
     /// S `[D_out of the first layer, 2 D]`, or empty: S (mean, std) of the transferred features is added to the first
     /// layer's bias, so that every Gaussian knows what the whole picture should look like. It folds: a change of style
     /// costs one more product of a matrix and a vector, and a Gaussian nothing.
     pub statistics_weight: Vec<f32>,
-    /// How many times the decoded colors are averaged over each Gaussian's window in the end ([`window_means`]). What
+    /// How many times the decoded colors are averaged over each Gaussian's window in the end ([`smoothing_pass`]). What
     /// neighbors do not agree on, views do not agree on either: each blends them with weights of its own.
-    pub n_averages: usize,
+    pub smoothing_passes: usize,
     /// The encoder its input belongs to; `None` when the file did not say.
     pub encoder: Option<EncoderId>,
 }
 
+impl Default for Decoder {
+    fn default() -> Self {
+        Self {
+            layers: Vec::new(),
+            k: Self::K,
+            activation: Activation::Sigmoid,
+            residual: 0.0,
+            n_noise: 0,
+            base_color: false,
+            statistics_weight: Vec::new(),
+            smoothing_passes: 0,
+            encoder: None,
+        }
+    }
+}
+
 impl Decoder {
+    /// K of the paper's decoder and of the default one: each Gaussian and its 7 nearest neighbors.
+    pub const K: usize = 8;
+
     /// The paper's layer widths from D = 256 input channels (plus E extra ones) to RGB.
     pub const WIDTHS: [usize; 5] = [256, 128, 64, 32, 3];
 
     /// What the own color's distance from mid-gray is multiplied with: colors of a scene deviate by about a quarter, and
     /// the other inputs by about 1.
-    pub const OWN_COLOR_SCALE: f32 = 4.0;
+    pub const BASE_COLOR_SCALE: f32 = 4.0;
 
     /// How many inputs the first layer takes that no scene file holds: noise and the own color.
-    pub fn n_beside(&self) -> usize {
-        self.n_noise.saturating_add(if self.own_color { 3 } else { 0 })
+    pub fn n_procedural(&self) -> usize {
+        self.n_noise.saturating_add(if self.base_color { 3 } else { 0 })
     }
 
     /// How many neighborhoods a color depends on: the layers', and one more for each average.
-    pub fn n_windows(&self) -> usize {
-        self.layers.len() + self.n_averages
+    pub fn n_neighborhoods(&self) -> usize {
+        self.layers.len() + self.smoothing_passes
     }
 
     /// D + E, the noise, and 3 more with the own color: the channels the first layer takes; 0 without layers.
@@ -112,7 +133,7 @@ pub fn run_layers(
 }
 
 /// The mean color of each Gaussian's window `[N]`: the end of a decoder that averages colors, once.
-pub fn window_means(colors: &[[f32; 3]], neighbors: &Neighbors) -> Vec<[f32; 3]> {
+pub fn smoothing_pass(colors: &[[f32; 3]], neighbors: &Neighbors) -> Vec<[f32; 3]> {
     let share = 1.0 / neighbors.k.max(1) as f32;
     let mean = |window: &[u32]| {
         let mut sum = [0.0; 3];

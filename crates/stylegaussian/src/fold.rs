@@ -13,7 +13,7 @@ use crate::{
     decoder::{
         Decoder, Layer,
         product::{Matrix, product},
-        run_layers, window_means,
+        run_layers, smoothing_pass,
     },
     encoder_id::EncoderId,
     neighbors::Neighbors,
@@ -152,23 +152,29 @@ pub enum StylizeError {
 }
 
 /// Folds the basis, the offset and a channel map into a first layer of D + E inputs; gives a layer of L + E inputs that
-/// takes *centered* features: f' - `mean_low`.
+/// takes *centered* features: f' - `mean_latent`.
 ///
 /// # Panics
 /// When the layer does not take D + E inputs.
-pub fn fold_layer(layer: &Layer, k: usize, features: &Features, map: &ChannelMap, mean_low: &[f64]) -> Layer {
-    let (n_channels, n_low, n_extra) = (features.n_channels(), features.n_low, features.n_extra);
+pub fn fold_layer(
+    layer: &Layer,
+    k: usize,
+    features: &Features,
+    map: &ChannelMap,
+    mean_latent: &[f64],
+) -> Layer {
+    let (n_channels, n_latent, n_extra) = (features.n_channels(), features.n_latent, features.n_extra);
     assert_eq!(layer.d_in, n_channels + n_extra, "the first layer takes D + E inputs");
     // G A and, beside it, what a Gaussian at the mean becomes [D, L + 1].
-    let width = n_low + 1;
+    let width = n_latent + 1;
     let mut basis = Vec::with_capacity(n_channels * width);
-    for (d, row) in features.basis.chunks_exact(n_low).enumerate() {
+    for (d, row) in features.basis.chunks_exact(n_latent).enumerate() {
         let gain = map.gain[d];
-        let mean: f64 = row.iter().zip(mean_low).map(|(a, m)| f64::from(*a) * m).sum();
+        let mean: f64 = row.iter().zip(mean_latent).map(|(a, m)| f64::from(*a) * m).sum();
         basis.extend(row.iter().map(|a| gain * f64::from(*a)));
         basis.push(gain * (f64::from(features.offset[d]) + mean) + map.shift[d]);
     }
-    let d_in = n_low + n_extra;
+    let d_in = n_latent + n_extra;
     let mut weight = vec![0.0_f32; layer.d_out * k * d_in];
     let sources = layer.weight.par_chunks_exact((k * layer.d_in).max(1)).zip(&layer.bias);
     let outputs = weight.par_chunks_exact_mut((k * d_in).max(1)).zip(sources);
@@ -184,9 +190,9 @@ pub fn fold_layer(layer: &Layer, k: usize, features: &Features, map: &ChannelMap
         for ((target, source), folded) in
             weight.chunks_exact_mut(d_in).zip(slots).zip(folded.chunks_exact(width))
         {
-            target[..n_low].iter_mut().zip(folded).for_each(|(t, f)| *t = *f as f32);
-            target[n_low..].copy_from_slice(&source[n_channels..]);
-            bias += folded[n_low];
+            target[..n_latent].iter_mut().zip(folded).for_each(|(t, f)| *t = *f as f32);
+            target[n_latent..].copy_from_slice(&source[n_channels..]);
+            bias += folded[n_latent];
         }
         bias as f32
     });
@@ -194,12 +200,12 @@ pub fn fold_layer(layer: &Layer, k: usize, features: &Features, map: &ChannelMap
 }
 
 /// f' - m' beside the extra inputs, `[N, L + E]`: what a folded first layer takes.
-pub fn centered_inputs(features: &Features, mean_low: &[f64]) -> Vec<f32> {
-    let (n_low, n_extra) = (features.n_low, features.n_extra);
-    let n = features.values.len() / n_low;
-    let mut inputs = Vec::with_capacity(n * (n_low + n_extra));
-    for (i, row) in features.values.chunks_exact(n_low).enumerate() {
-        inputs.extend(row.iter().zip(mean_low).map(|(value, mean)| (f64::from(*value) - mean) as f32));
+pub fn centered_inputs(features: &Features, mean_latent: &[f64]) -> Vec<f32> {
+    let (n_latent, n_extra) = (features.n_latent, features.n_extra);
+    let n = features.values.len() / n_latent;
+    let mut inputs = Vec::with_capacity(n * (n_latent + n_extra));
+    for (i, row) in features.values.chunks_exact(n_latent).enumerate() {
+        inputs.extend(row.iter().zip(mean_latent).map(|(value, mean)| (f64::from(*value) - mean) as f32));
         inputs.extend_from_slice(&features.extra[i * n_extra..][..n_extra]);
     }
     inputs
@@ -209,17 +215,17 @@ pub fn centered_inputs(features: &Features, mean_low: &[f64]) -> Vec<f32> {
 /// inputs where the decoder asks for them. `None` without features.
 pub fn inputs_of<'a>(scene: &'a Scene, decoder: &Decoder) -> Option<Cow<'a, Features>> {
     let features = scene.features.as_ref()?;
-    if decoder.n_beside() == 0 {
+    if decoder.n_procedural() == 0 {
         return Some(Cow::Borrowed(features));
     }
     let mut inputs = features.clone();
-    inputs.n_extra += decoder.n_beside();
+    inputs.n_extra += decoder.n_procedural();
     inputs.extra.clear();
     for (i, (color, source_index)) in scene.base_colors().iter().zip(&scene.order).enumerate() {
         inputs.extra.extend_from_slice(&features.extra[i * features.n_extra..][..features.n_extra]);
         inputs.extra.extend((0..decoder.n_noise as u32).map(|channel| noise(*source_index, channel)));
-        if decoder.own_color {
-            inputs.extra.extend(color.map(|channel| Decoder::OWN_COLOR_SCALE * (channel - 0.5)));
+        if decoder.base_color {
+            inputs.extra.extend(color.map(|channel| Decoder::BASE_COLOR_SCALE * (channel - 0.5)));
         }
     }
     Some(Cow::Owned(inputs))
@@ -276,7 +282,7 @@ fn check_encoder(
 pub fn check_decoder<'a>(scene: &'a Scene, decoder: &Decoder) -> Result<&'a Features, StylizeError> {
     let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
     check_encoder("the decoder", decoder.encoder.as_ref(), features.encoder.as_ref())?;
-    let n_inputs = (features.n_channels() + features.n_extra).saturating_add(decoder.n_beside());
+    let n_inputs = (features.n_channels() + features.n_extra).saturating_add(decoder.n_procedural());
     if decoder.n_inputs() != n_inputs {
         return Err(StylizeError::DecoderChannels { found: decoder.n_inputs(), expected: n_inputs });
     }
@@ -311,18 +317,18 @@ pub fn fold_statistics(first: &mut Layer, decoder: &Decoder, map: &ChannelMap, c
 pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec<[f32; 3]>, StylizeError> {
     check_decoder(scene, decoder)?;
     let features = &*inputs_of(scene, decoder).ok_or(StylizeError::NoFeatures)?;
-    let mean_low = crate::statistics::mean_low(features);
-    let mut first = fold_layer(&decoder.layers[0], decoder.k, features, map, &mean_low);
+    let mean_latent = crate::statistics::mean_latent(features);
+    let mut first = fold_layer(&decoder.layers[0], decoder.k, features, map, &mean_latent);
     if !decoder.statistics_weight.is_empty() {
         fold_statistics(&mut first, decoder, map, &ContentStatistics::of(features));
     }
     let layers: Vec<&Layer> = std::iter::once(&first).chain(&decoder.layers[1..]).collect();
     let neighbors = neighbors_for(scene, decoder.k);
-    let inputs = centered_inputs(features, &mean_low);
+    let inputs = centered_inputs(features, &mean_latent);
     let rgb = run_layers(&layers, decoder.activation, &neighbors, inputs);
     let mut colors: Vec<[f32; 3]> = rgb.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
-    for _ in 0..decoder.n_averages {
-        colors = window_means(&colors, &neighbors);
+    for _ in 0..decoder.smoothing_passes {
+        colors = smoothing_pass(&colors, &neighbors);
     }
     if decoder.residual != 0.0 {
         for (color, base) in colors.iter_mut().zip(scene.base_colors()) {

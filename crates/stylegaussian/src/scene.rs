@@ -31,8 +31,8 @@ pub struct Scene {
     pub up: Option<Vec3>,
     /// Where the scene comes from, for people.
     pub source: Option<String>,
-    /// The licence of the capture.
-    pub licence: Option<String>,
+    /// The license of the capture.
+    pub license: Option<String>,
 }
 
 /// Spherical harmonics of N Gaussians.
@@ -50,7 +50,7 @@ pub struct Features {
     /// f' of every Gaussian `[N, L]`, row-major.
     pub values: Vec<f32>,
     /// L, the number of stored channels.
-    pub n_low: usize,
+    pub n_latent: usize,
     /// A `[D, L]`, row-major.
     pub basis: Vec<f32>,
     /// b `[D]`.
@@ -72,8 +72,8 @@ impl Features {
     /// The features of the Gaussians at `indices`.
     fn subset(&self, indices: &[u32]) -> Self {
         Self {
-            values: gather(&self.values, self.n_low, indices),
-            n_low: self.n_low,
+            values: gather(&self.values, self.n_latent, indices),
+            n_latent: self.n_latent,
             basis: self.basis.clone(),
             offset: self.offset.clone(),
             extra: gather(&self.extra, self.n_extra, indices),
@@ -133,7 +133,7 @@ impl Scene {
             decoder: self.decoder.clone(),
             up: self.up,
             source: self.source.clone(),
-            licence: self.licence.clone(),
+            license: self.license.clone(),
         }
     }
 
@@ -183,8 +183,8 @@ impl Scene {
             self.expect_len("SH coefficients", sh.coefficients.len(), n * per_gaussian)?;
         }
         if let Some(features) = &self.features {
-            self.expect_len("feature values", features.values.len(), n * features.n_low)?;
-            self.expect_len("basis values", features.basis.len(), features.n_channels() * features.n_low)?;
+            self.expect_len("feature values", features.values.len(), n * features.n_latent)?;
+            self.expect_len("basis values", features.basis.len(), features.n_channels() * features.n_latent)?;
             self.expect_len("extra values", features.extra.len(), n * features.n_extra)?;
         }
         if let Some(neighbors) = &self.neighbors {
@@ -267,7 +267,7 @@ mod tests {
             n_source: 14,
             features: Some(Features {
                 values: xs.iter().flat_map(|&x| [x, 10.0 * x]).collect(),
-                n_low: 2,
+                n_latent: 2,
                 basis: vec![1.0; 6],
                 offset: vec![0.0; 3],
                 extra: xs.to_vec(),
@@ -338,6 +338,6 @@ mod tests {
         check(|s| s.order[0] = 11, "source index 11 twice");
         check(|s| s.order[0] = 14, "source index 14");
         check(|s| s.sh.as_mut().unwrap().degree = 4, "SH degree 4");
-        check(|s| s.features.as_mut().unwrap().n_low = 3, "8 feature values, expected 12");
+        check(|s| s.features.as_mut().unwrap().n_latent = 3, "8 feature values, expected 12");
     }
 }

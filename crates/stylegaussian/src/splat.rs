@@ -25,19 +25,25 @@ use bands::{Bands, TILE};
 use project::{Splat, project};
 pub use weights::BlendWeights;
 
+/// Smallest alpha that is drawn: one step of an 8-bit picture (Kerbl et al. 2023). A splat ends where it falls below.
+pub const MIN_ALPHA: f32 = 1.0 / 255.0;
+
+/// Largest alpha of a splat (Kerbl et al. 2023): no splat hides everything behind it, so transmittance stays positive.
+pub const MAX_ALPHA: f32 = 0.99;
+
 /// Which colors to draw a scene with.
 #[derive(Clone, Copy, Debug)]
 pub enum Colors<'a> {
     /// The scene's own, view-dependent: its spherical harmonics, clamped at 0 from below. A scene without any is
     /// mid-gray.
-    Sh,
+    Captured,
     /// One RGB per Gaussian `[N]`, e.g. a stylized scene's; not clamped.
     Rgb(&'a [[f32; 3]]),
 }
 
 /// A rendered picture. All planes are row-major `[H, W]`, from the top left.
 #[derive(Clone, Debug, PartialEq)]
-pub struct View {
+pub struct RenderedImage {
     /// Width and height, in pixels.
     pub size: UVec2,
     /// Premultiplied, display-referred RGB `[H, W]`.
@@ -52,7 +58,7 @@ pub struct View {
 ///
 /// # Panics
 /// When `colors` holds another number of colors than the scene has Gaussians.
-pub fn render(scene: &Scene, colors: Colors, camera: &Camera) -> View {
+pub fn render(scene: &Scene, colors: Colors, camera: &Camera) -> RenderedImage {
     if let Colors::Rgb(rgb) = colors {
         assert_eq!(rgb.len(), scene.len(), "one color per Gaussian");
     }
@@ -61,7 +67,7 @@ pub fn render(scene: &Scene, colors: Colors, camera: &Camera) -> View {
     let bands = Bands::new(&splats, camera.size);
 
     let n_pixels = camera.size.x as usize * camera.size.y as usize;
-    let mut view = View {
+    let mut view = RenderedImage {
         size: camera.size,
         color: vec![[0.0; 3]; n_pixels],
         alpha: vec![0.0; n_pixels],
@@ -103,8 +109,8 @@ fn splat_colors(scene: &Scene, colors: Colors, camera: &Camera, splats: &[Splat]
         let gaussian = splat.gaussian as usize;
         match (colors, &scene.sh) {
             (Colors::Rgb(rgb), _) => rgb[gaussian],
-            (Colors::Sh, None) => [0.5; 3],
-            (Colors::Sh, Some(of_scene)) => {
+            (Colors::Captured, None) => [0.5; 3],
+            (Colors::Captured, Some(of_scene)) => {
                 let n = 3 * (usize::from(of_scene.degree) + 1).pow(2);
                 let coefficients = &of_scene.coefficients[gaussian * n..(gaussian + 1) * n];
                 let direction: Vec3 = (scene.means[gaussian] - eye).normalize_or_zero();

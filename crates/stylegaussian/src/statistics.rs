@@ -37,15 +37,16 @@ impl ContentStatistics {
     /// Statistics of all Gaussians, each counting the same (as in the paper), through the low-dimensional covariance:
     /// std(f)_d = sqrt((A Cov(f') A^T)_dd) + 1e-8, unbiased; 0 + 1e-8 when N <= 1.
     pub fn of(features: &Features) -> Self {
-        let n_low = features.n_low;
-        let (mean_low, covariance) = (mean_low(features), covariance_low(features));
-        let row = |d: usize| features.basis[d * n_low..][..n_low].iter().map(|a| f64::from(*a));
-        let mean =
-            |d: usize| f64::from(features.offset[d]) + row(d).zip(&mean_low).map(|(a, m)| a * m).sum::<f64>();
+        let n_latent = features.n_latent;
+        let (mean_latent, covariance) = (mean_latent(features), covariance_latent(features));
+        let row = |d: usize| features.basis[d * n_latent..][..n_latent].iter().map(|a| f64::from(*a));
+        let mean = |d: usize| {
+            f64::from(features.offset[d]) + row(d).zip(&mean_latent).map(|(a, m)| a * m).sum::<f64>()
+        };
         let variance = |d: usize| -> f64 {
             row(d)
                 .enumerate()
-                .map(|(i, a)| a * row(d).zip(&covariance[i * n_low..]).map(|(a, c)| a * c).sum::<f64>())
+                .map(|(i, a)| a * row(d).zip(&covariance[i * n_latent..]).map(|(a, c)| a * c).sum::<f64>())
                 .sum()
         };
         let channels = 0..features.n_channels();
@@ -62,10 +63,10 @@ impl ContentStatistics {
 }
 
 /// mean(f') `[L]` in f64; zeros without Gaussians.
-pub fn mean_low(features: &Features) -> Vec<f64> {
-    let n = (features.values.len() / features.n_low).max(1) as f64;
-    let mut mean = vec![0.0; features.n_low];
-    for row in features.values.chunks_exact(features.n_low) {
+pub fn mean_latent(features: &Features) -> Vec<f64> {
+    let n = (features.values.len() / features.n_latent).max(1) as f64;
+    let mut mean = vec![0.0; features.n_latent];
+    for row in features.values.chunks_exact(features.n_latent) {
         mean.iter_mut().zip(row).for_each(|(sum, value)| *sum += f64::from(*value));
     }
     mean.iter_mut().for_each(|sum| *sum /= n);
@@ -74,24 +75,24 @@ pub fn mean_low(features: &Features) -> Vec<f64> {
 
 /// Unbiased Cov(f') `[L, L]` in f64; zeros when N <= 1. Blocks of rows are centered and multiplied in f64, then added
 /// in order, so the result does not depend on the number of threads.
-pub fn covariance_low(features: &Features) -> Vec<f64> {
+pub fn covariance_latent(features: &Features) -> Vec<f64> {
     const BLOCK_ROWS: usize = 1024;
-    let n_low = features.n_low;
-    let n = features.values.len() / n_low;
-    let mean = mean_low(features);
+    let n_latent = features.n_latent;
+    let n = features.values.len() / n_latent;
+    let mean = mean_latent(features);
     let block_sum = |rows: &[f32]| {
         let centered: Vec<f64> =
-            rows.iter().enumerate().map(|(i, value)| f64::from(*value) - mean[i % n_low]).collect();
-        let mut sum = vec![0.0; n_low * n_low];
-        for row in centered.chunks_exact(n_low) {
-            for (target, a) in sum.chunks_exact_mut(n_low).zip(row) {
+            rows.iter().enumerate().map(|(i, value)| f64::from(*value) - mean[i % n_latent]).collect();
+        let mut sum = vec![0.0; n_latent * n_latent];
+        for row in centered.chunks_exact(n_latent) {
+            for (target, a) in sum.chunks_exact_mut(n_latent).zip(row) {
                 target.iter_mut().zip(row).for_each(|(t, b)| *t += a * b);
             }
         }
         sum
     };
-    let blocks: Vec<Vec<f64>> = features.values.par_chunks(BLOCK_ROWS * n_low).map(block_sum).collect();
-    let mut covariance = vec![0.0; n_low * n_low];
+    let blocks: Vec<Vec<f64>> = features.values.par_chunks(BLOCK_ROWS * n_latent).map(block_sum).collect();
+    let mut covariance = vec![0.0; n_latent * n_latent];
     for block in blocks {
         covariance.iter_mut().zip(block).for_each(|(sum, value)| *sum += value);
     }

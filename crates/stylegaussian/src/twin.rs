@@ -12,16 +12,16 @@ use crate::{
 
 /// f = A f' + b of every Gaussian, `[N][D]`.
 pub fn full_features(features: &Features) -> Vec<Vec<f64>> {
-    let n_low = features.n_low;
+    let n_latent = features.n_latent;
     let full = |row: &[f32]| {
         let channel = |d: usize| {
-            let basis = &features.basis[d * n_low..][..n_low];
+            let basis = &features.basis[d * n_latent..][..n_latent];
             let sum: f64 = basis.iter().zip(row).map(|(a, f)| f64::from(*a) * f64::from(*f)).sum();
             sum + f64::from(features.offset[d])
         };
         (0..features.n_channels()).map(channel).collect()
     };
-    features.values.chunks_exact(n_low).map(full).collect()
+    features.values.chunks_exact(n_latent).map(full).collect()
 }
 
 /// AdaIN of every row: std_s (f - mean(f)) / (std(f) + 1e-8) + mean_s, std unbiased, 0 when N <= 1.
@@ -58,7 +58,7 @@ pub fn decode(decoder: &Decoder, neighbors: &Neighbors, mut x: Vec<Vec<f64>>) ->
         let windows = neighbors.indices.chunks_exact(neighbors.k);
         x = windows.map(|window| (0..layer.d_out).map(|o| output(window, o)).collect()).collect();
     }
-    for _ in 0..decoder.n_averages {
+    for _ in 0..decoder.smoothing_passes {
         let mean = |window: &[u32], o: usize| {
             window.iter().map(|&neighbor| x[neighbor as usize][o]).sum::<f64>() / decoder.k as f64
         };

@@ -34,11 +34,11 @@ impl Random {
 const N_CHANNELS: usize = 256;
 const K: usize = 8;
 
-fn scene(random: &mut Random, n: usize, n_low: usize, n_extra: usize) -> Scene {
-    let basis = if n_low == N_CHANNELS {
-        (0..n_low * n_low).map(|i| if i % (n_low + 1) == 0 { 1.0 } else { 0.0 }).collect()
+fn scene(random: &mut Random, n: usize, n_latent: usize, n_extra: usize) -> Scene {
+    let basis = if n_latent == N_CHANNELS {
+        (0..n_latent * n_latent).map(|i| if i % (n_latent + 1) == 0 { 1.0 } else { 0.0 }).collect()
     } else {
-        random.normals(N_CHANNELS * n_low, 1.0 / (n_low as f32).sqrt())
+        random.normals(N_CHANNELS * n_latent, 1.0 / (n_latent as f32).sqrt())
     };
     let mut scene = Scene {
         means: (0..n).map(|_| Vec3::new(random.normal(), random.normal(), random.normal())).collect(),
@@ -48,8 +48,8 @@ fn scene(random: &mut Random, n: usize, n_low: usize, n_extra: usize) -> Scene {
         order: (0..n as u32).collect(),
         n_source: n,
         features: Some(Features {
-            values: random.normals(n * n_low, 1.0),
-            n_low,
+            values: random.normals(n * n_latent, 1.0),
+            n_latent,
             basis,
             offset: random.normals(N_CHANNELS, 1.0),
             extra: random.normals(n * n_extra, 1.0),
@@ -80,17 +80,7 @@ fn decoder(random: &mut Random, n_inputs: usize, activation: Activation) -> Deco
         layer
     };
     let layers = Decoder::WIDTHS.map(layer).into();
-    Decoder {
-        layers,
-        k: K,
-        activation,
-        residual: 0.0,
-        own_color: false,
-        n_noise: 0,
-        n_averages: 0,
-        statistics_weight: Vec::new(),
-        encoder: None,
-    }
+    Decoder { layers, k: K, activation, ..Decoder::default() }
 }
 
 fn style(random: &mut Random) -> ChannelStatistics {
@@ -128,15 +118,15 @@ fn deviation(rows: &[Vec<f64>]) -> f64 {
     (0..3).map(channel).sum::<f64>() / 3.0
 }
 
-fn check_fold(n: usize, n_low: usize, n_extra: usize, activation: Activation) {
-    let mut random = Random((n * 1000 + n_low) as u64);
-    let scene = scene(&mut random, n, n_low, n_extra);
+fn check_fold(n: usize, n_latent: usize, n_extra: usize, activation: Activation) {
+    let mut random = Random((n * 1000 + n_latent) as u64);
+    let scene = scene(&mut random, n, n_latent, n_extra);
     let decoder = decoder(&mut random, N_CHANNELS + n_extra, activation);
     let (a, b) = (style(&mut random), style(&mut random));
     let features = scene.features.as_ref().unwrap();
     let neighbors = scene.neighbors.as_ref().unwrap();
     let f = twin::full_features(features);
-    let what = format!("N = {n}, L = {n_low}, E = {n_extra}");
+    let what = format!("N = {n}, L = {n_latent}, E = {n_extra}");
 
     let map = transfer(features, &[(&a, 1.0)], 0.0).unwrap();
     let expected = twin::decode(&decoder, neighbors, with_extra(&scene, twin::adain(&f, &a)));
@@ -163,9 +153,9 @@ fn check_fold(n: usize, n_low: usize, n_extra: usize, activation: Activation) {
 #[test]
 fn folded_equals_unfolded() {
     for n in [1, 7, 300] {
-        for n_low in [32, 256] {
-            check_fold(n, n_low, 0, Activation::Sigmoid);
-            check_fold(n, n_low, 5, Activation::LeakyRelu { slope: 0.2 });
+        for n_latent in [32, 256] {
+            check_fold(n, n_latent, 0, Activation::Sigmoid);
+            check_fold(n, n_latent, 5, Activation::LeakyRelu { slope: 0.2 });
         }
     }
 }
@@ -185,15 +175,15 @@ fn a_decoder_may_see_more() {
     check_all_inputs(3);
 }
 
-fn check_all_inputs(n_averages: usize) {
+fn check_all_inputs(smoothing_passes: usize) {
     let mut random = Random(11);
     let mut scene = scene(&mut random, 40, 32, 2);
     scene.sh = Some(Sh { degree: 0, coefficients: random.normals(40 * 3, 0.5) });
     let n_noise = 2;
     let decoder = Decoder {
-        own_color: true,
+        base_color: true,
         n_noise,
-        n_averages,
+        smoothing_passes,
         residual: 0.25,
         statistics_weight: random.normals(256 * 2 * N_CHANNELS, 0.02),
         ..decoder(&mut random, N_CHANNELS + 2 + n_noise + 3, Activation::LeakyRelu { slope: 0.2 })
@@ -227,7 +217,7 @@ fn check_all_inputs(n_averages: usize) {
         expected.iter_mut().zip(own).for_each(|(channel, own)| *channel += 0.25 * f64::from(own));
     }
     let map = transfer(features, &[(&styles[0], 1.0), (&styles[1], 3.0)], 0.0).unwrap();
-    let what = format!("extra inputs of every kind, {n_averages} averages");
+    let what = format!("extra inputs of every kind, {smoothing_passes} averages");
     check_close(&stylize(&scene, &decoder, &map).unwrap(), &expected, &what);
 }
 

@@ -8,7 +8,7 @@ use serde_json::Value;
 use stylegaussian::{
     Camera, Scene,
     file::read_scene,
-    splat::{Colors, View, render},
+    splat::{Colors, RenderedImage, render},
 };
 
 /// The folder of test data, or `None` (said aloud) where it is absent.
@@ -70,7 +70,7 @@ fn matches_the_float64_reference_renders() {
     for frame in json(data.join("reference/cameras.json"))["frames"].as_array().unwrap() {
         let name = frame["name"].as_str().unwrap();
         let scene = scene(&data, frame["scene"].as_str().unwrap());
-        let view = render(&scene, Colors::Sh, &camera(frame, frame));
+        let view = render(&scene, Colors::Captured, &camera(frame, frame));
 
         let expected = halves(format!("{name}.color"));
         let color = psnr(view.color.as_flattened().iter().copied().zip(expected));
@@ -89,7 +89,7 @@ fn matches_the_float64_reference_renders() {
 
 /// How well `view`, premultiplied as it is, matches the photo where it covers at least 95%, and on which share of the
 /// pixels that is.
-fn photo_psnr(view: &View, photo: &image::RgbImage) -> (f64, f64) {
+fn photo_psnr(view: &RenderedImage, photo: &image::RgbImage) -> (f64, f64) {
     let covered: Vec<usize> = (0..view.alpha.len()).filter(|&p| view.alpha[p] > 0.95).collect();
     let pairs = covered.iter().flat_map(|&p| {
         let photo = photo.as_raw()[3 * p..3 * p + 3].iter().map(|&byte| f32::from(byte) / 255.0);
@@ -108,7 +108,7 @@ fn matches_the_photographs() {
         [(0, 18.87, 0.29), (60, 20.04, 0.23), (120, 20.47, 0.30), (200, 17.97, 0.31)]
     {
         let frame = &transforms["frames"][index];
-        let view = render(&scene, Colors::Sh, &camera(&transforms, frame));
+        let view = render(&scene, Colors::Captured, &camera(&transforms, frame));
         let photo = image::open(folder.join(frame["file_path"].as_str().unwrap())).unwrap().to_rgb8();
         let (found, share) = photo_psnr(&view, &photo);
         println!("frame {index}: {found:.3} dB on {:.1}% of the pixels", 100.0 * share);

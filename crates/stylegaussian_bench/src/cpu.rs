@@ -22,7 +22,7 @@ const N: usize = 2048;
 pub fn run(plan: &Plan, report: &mut Report) -> Result<()> {
     let decoder = scenes::decoder();
     let n = plan.cpu_sizes()[0];
-    let [folded, literal] = [N_LOW, N_CHANNELS].map(|n_low| scenes::embedded(n, n_low));
+    let [folded, literal] = [N_LOW, N_CHANNELS].map(|n_latent| scenes::embedded(n, n_latent));
     let mut random = Random::new();
     let (a, b, mut c) = (random.many(N * N, 1.0), random.many(N * N, 1.0), vec![0.0; N * N]);
     let samples = Samples::in_turns(
@@ -33,8 +33,8 @@ pub fn run(plan: &Plan, report: &mut Report) -> Result<()> {
         }],
     )?;
     let rows = [(names::CPU_DECODE, N_LOW), (names::CPU_UNFOLDED, N_CHANNELS)];
-    for ((name, n_low), samples) in rows.into_iter().zip(&samples) {
-        report.add(Row { flops: Some(scenes::flops(n, n_low)), ..Row::new(name, n, samples) });
+    for ((name, n_latent), samples) in rows.into_iter().zip(&samples) {
+        report.add(Row { flops: Some(scenes::flops(n, n_latent)), ..Row::new(name, n, samples) });
     }
     report.add(Row { flops: Some(2 * (N as u64).pow(3)), ..Row::new(names::CPU_PRODUCT, N, &samples[2]) });
     for &n in &plan.cpu_sizes()[1..] {

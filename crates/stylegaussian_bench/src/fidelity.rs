@@ -26,7 +26,7 @@ pub fn reference(
         center: 0.5 * size.as_vec2(),
         size,
     };
-    let view = render(scene, Colors::Sh, &camera);
+    let view = render(scene, Colors::Captured, &camera);
     let displayed = |color: &[f32; 3]| color.map(|channel| (255.0 * channel.clamp(0.0, 1.0)).round() as u8);
     let pixels = view.color.iter().zip(&view.alpha);
     pixels.map(|(color, &alpha)| (alpha >= COVERED).then(|| displayed(color))).collect()

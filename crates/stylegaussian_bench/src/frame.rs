@@ -3,12 +3,9 @@
 use anyhow::Result;
 use glam::{Affine3A, Mat4, UVec4, Vec3};
 use stylegaussian::Scene;
-use stylegaussian_gpu::{
-    scene::GpuScene,
-    splat::{
-        Camera, Cloud, CloudColors, Composite, CompositeInput, CompositeMode, CompositePipeline,
-        LAYER_FORMAT, Layer, SplatPass, SplatPipeline, SplatSettings, SplatView,
-    },
+use stylegaussian_gpu::splat::{
+    Camera, Cloud, CloudColors, Composite, CompositeInput, CompositeMode, CompositePipeline, GpuScene,
+    LAYER_FORMAT, Layer, SplatPass, SplatPipeline, SplatSettings, SplatView,
 };
 
 use crate::{
@@ -181,7 +178,7 @@ impl<'a> Stage<'a> {
             self.frame += 1;
             gpu.time(|encoder| {
                 for i in 0..n_cameras {
-                    self.prepare(encoder, i as usize, n_cameras, CloudColors::Sh)?;
+                    self.prepare(encoder, i as usize, n_cameras, CloudColors::Captured)?;
                     self.draw(encoder, i as usize);
                     self.composite(encoder, i, n_cameras);
                 }
@@ -199,7 +196,7 @@ impl<'a> Stage<'a> {
         let Gpu { device, queue, .. } = self.gpu;
         self.frame = 0;
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.prepare(&mut encoder, 0, 1, CloudColors::Sh)?;
+        self.prepare(&mut encoder, 0, 1, CloudColors::Captured)?;
         self.draw(&mut encoder, 0);
         self.composite(&mut encoder, 0, 1);
         let [width, height] = self.picture;
@@ -245,7 +242,7 @@ impl<'a> Stage<'a> {
         };
         add("project and sort", &mut || {
             self.frame += 1;
-            gpu.time(|encoder| self.prepare(encoder, 0, 1, CloudColors::Sh))
+            gpu.time(|encoder| self.prepare(encoder, 0, 1, CloudColors::Captured))
         })?;
         // Nothing moves and colors fade: nothing is sorted.
         let mut t = 0.0;

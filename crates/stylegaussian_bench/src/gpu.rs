@@ -38,14 +38,14 @@ impl Gpu {
         };
         let HeadlessDevice { device, queue, .. } = headless.clone();
         // Software tells the time at which it took work up, not at which it did it.
-        let has_clock = headless.is_gpu() && device.features().contains(features);
+        let has_clock = !headless.is_software() && device.features().contains(features);
         let timestamps = has_clock.then(|| Timestamps::new(&device, &queue));
         Ok(Some(Self { device, queue, headless, timestamps }))
     }
 
-    /// Whether it is a GPU and not software that acts as one.
-    pub fn is_gpu(&self) -> bool {
-        self.headless.is_gpu()
+    /// Whether the adapter is software.
+    pub fn is_software(&self) -> bool {
+        self.headless.is_software()
     }
 
     /// The adapter and its driver.

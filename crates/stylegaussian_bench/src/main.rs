@@ -56,7 +56,7 @@ fn main() -> Result<()> {
     let mut arguments = Arguments::parse();
     arguments.peer = arguments.peer.or_else(|| env::var_os("STYLEGAUSSIAN_PEER_BENCH").map(PathBuf::from));
     let gpu = Gpu::open()?;
-    let plan = Plan::new(arguments.quick, gpu.as_ref().is_some_and(Gpu::is_gpu));
+    let plan = Plan::new(arguments.quick, gpu.as_ref().is_some_and(|gpu| !gpu.is_software()));
     let mut report = Report::new(gpu.as_ref());
     eprintln!("{}; {}", report.adapter, report.machine);
     for (name, group) in groups(&arguments) {

@@ -105,17 +105,17 @@ fn colored(rgb: impl ExactSizeIterator<Item = Vec3>) -> Scene {
     }
 }
 
-/// The structured scene in Morton order, as files keep it, with `n_low` features for 256 channels and neighbor lists. The
+/// The structured scene in Morton order, as files keep it, with `n_latent` features for 256 channels and neighbor lists. The
 /// features are noise: times do not depend on them. With 256 of them they are the channels themselves: the literal method.
-pub fn embedded(n: usize, n_low: usize) -> Scene {
+pub fn embedded(n: usize, n_latent: usize) -> Scene {
     let scene = structured(n);
     let mut scene = scene.subset(&morton::order(&scene.means));
     scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, K));
     let mut random = Random::new();
-    let basis = if n_low == N_CHANNELS { identity() } else { random.many(N_CHANNELS * n_low, 1.0) };
+    let basis = if n_latent == N_CHANNELS { identity() } else { random.many(N_CHANNELS * n_latent, 1.0) };
     scene.features = Some(Features {
-        values: random.many(n * n_low, 1.0),
-        n_low,
+        values: random.many(n * n_latent, 1.0),
+        n_latent,
         basis,
         offset: vec![0.0; N_CHANNELS],
         extra: Vec::new(),
@@ -140,22 +140,12 @@ pub fn decoder() -> Decoder {
         d_in = d_out;
         layer
     });
-    Decoder {
-        layers: layers.into(),
-        k: K,
-        activation: Activation::Sigmoid,
-        residual: 0.0,
-        n_noise: 0,
-        n_averages: 0,
-        own_color: false,
-        statistics_weight: Vec::new(),
-        encoder: None,
-    }
+    Decoder { layers: layers.into(), k: K, ..Decoder::default() }
 }
 
-/// Multiplications and additions of each layer for one Gaussian, with `n_low` inputs.
-pub fn flops_of_layers(n_low: usize) -> [u64; 5] {
-    let mut d_in = n_low;
+/// Multiplications and additions of each layer for one Gaussian, with `n_latent` inputs.
+pub fn flops_of_layers(n_latent: usize) -> [u64; 5] {
+    let mut d_in = n_latent;
     Decoder::WIDTHS.map(|d_out| {
         let flops = 2 * (K * d_in * d_out) as u64;
         d_in = d_out;
@@ -163,9 +153,9 @@ pub fn flops_of_layers(n_low: usize) -> [u64; 5] {
     })
 }
 
-/// Multiplications and additions of all layers for `n` Gaussians, with `n_low` inputs.
-pub fn flops(n: usize, n_low: usize) -> u64 {
-    n as u64 * flops_of_layers(n_low).iter().sum::<u64>()
+/// Multiplications and additions of all layers for `n` Gaussians, with `n_latent` inputs.
+pub fn flops(n: usize, n_latent: usize) -> u64 {
+    n as u64 * flops_of_layers(n_latent).iter().sum::<u64>()
 }
 
 #[cfg(test)]

@@ -5,8 +5,8 @@ use stylegaussian::{ChannelStatistics, Decoder, Scene};
 use stylegaussian_gpu::{
     colors::GaussianColors,
     style::{
-        FoldedLayers, GpuDecoder, StyleBudget, StyleBytes, StyleInputs, StyleOptions, StylePass,
-        StyleProgress, StyleScene,
+        FoldedLayers, GpuDecoder, StyleBytes, StyleInputs, StyleOptions, StylePass, StyleProgress,
+        StyleScene, WorkMeter,
     },
 };
 
@@ -32,11 +32,11 @@ pub fn run(gpu: &Gpu, plan: &Plan, report: &mut Report) -> Result<()> {
             report.add(Row { flops, bytes, ..Row::new(names::STYLE_PASS, n, &samples) });
         }
         layers(gpu, &pass, &style, report)?;
-        if gpu.is_gpu() {
+        if !gpu.is_software() {
             budgeted(gpu, &pass, &style, report)?;
         }
     }
-    if !gpu.is_gpu() {
+    if gpu.is_software() {
         report.not_run(&budgeted_name(), "an adapter that is a CPU does not tell how long its work took");
     }
     for (name, reason) in plan.left_out() {
@@ -139,7 +139,7 @@ fn layers(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> Re
         for (i, &operations) in operations.iter().enumerate() {
             let OnGpu { scene, weights, colors, .. } = style;
             let (device, progress) = (&gpu.device, &mut progress);
-            let budget = &mut StyleBudget::of_operations(operations);
+            let budget = &mut WorkMeter::of_operations(operations);
             ms[i % 5] += gpu.time(|encoder| {
                 pass.encode_some(device, encoder, scene, weights, colors, progress, budget)?;
                 Ok(())
@@ -171,7 +171,7 @@ fn budgeted_name() -> String {
 fn budgeted(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> Result<()> {
     let OnGpu { scene, weights, colors, .. } = style;
     let (device, mut progress) = (&gpu.device, StyleProgress::default());
-    let mut budget = StyleBudget::new(BUDGET_MS).timed(device, &gpu.queue);
+    let mut budget = WorkMeter::new(BUDGET_MS).timed(device, &gpu.queue);
     let mut ms = Vec::new();
     while !progress.is_done() {
         budget.begin_frame();
@@ -185,8 +185,8 @@ fn budgeted(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> 
 }
 
 /// Bytes that each layer gathers and writes for one Gaussian, f16: K rows of inputs and of indices, and one of outputs.
-fn moved_by_layers(n_low: usize) -> [u64; 5] {
-    let mut d_in = n_low;
+fn moved_by_layers(n_latent: usize) -> [u64; 5] {
+    let mut d_in = n_latent;
     Decoder::WIDTHS.map(|d_out| {
         let moved = scenes::K * (2 * d_in + 4) + 2 * d_out.max(4);
         d_in = d_out;

@@ -54,13 +54,13 @@ impl HeadlessDevice {
         Self::of(&fastest_adapter().await?, features, |limits| limits).await
     }
 
-    /// A real GPU, or `None`; software that acts as one is not even started.
-    pub async fn request_gpu() -> Option<Self> {
+    /// A hardware GPU, or `None`. No device is made on a software adapter.
+    pub async fn request_hardware() -> Option<Self> {
         let adapter = fastest_adapter().await.ok()?;
-        if is_gpu(&adapter.get_info()) {
-            Self::of(&adapter, wgpu::Features::empty(), |limits| limits).await.ok()
-        } else {
+        if is_software(&adapter.get_info()) {
             None
+        } else {
+            Self::of(&adapter, wgpu::Features::empty(), |limits| limits).await.ok()
         }
     }
 
@@ -82,9 +82,9 @@ impl HeadlessDevice {
         }
     }
 
-    /// Whether the adapter is a GPU and not software that acts as one, which is slower than the CPU's own code.
-    pub fn is_gpu(&self) -> bool {
-        is_gpu(&self.info)
+    /// Whether the adapter is software: see [`is_software`].
+    pub fn is_software(&self) -> bool {
+        is_software(&self.info)
     }
 }
 
@@ -97,7 +97,8 @@ async fn fastest_adapter() -> Result<wgpu::Adapter, wgpu::RequestAdapterError> {
     instance.request_adapter(&options).await
 }
 
-/// Whether an adapter is a GPU and not software that acts as one.
-pub fn is_gpu(info: &wgpu::AdapterInfo) -> bool {
-    matches!(info.device_type, wgpu::DeviceType::DiscreteGpu | wgpu::DeviceType::IntegratedGpu)
+/// Whether an adapter is software that runs shaders on the CPU (llvmpipe, SwiftShader, WARP). The CPU's own code is faster
+/// there. Virtual GPUs and adapters of unknown type count as hardware.
+pub fn is_software(info: &wgpu::AdapterInfo) -> bool {
+    info.device_type == wgpu::DeviceType::Cpu
 }

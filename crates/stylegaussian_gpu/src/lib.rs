@@ -5,6 +5,5 @@
 
 pub mod colors;
 pub mod device;
-pub mod scene;
 pub mod splat;
 pub mod style;

@@ -20,6 +20,7 @@ mod composite;
 mod draw;
 mod headless;
 mod project;
+mod scene;
 mod sort;
 #[cfg(test)]
 mod testing;
@@ -31,8 +32,11 @@ pub use cloud::{Cloud, CloudColors};
 pub use composite::{Composite, CompositeInput, CompositeMode, CompositePipeline};
 pub use draw::{LAYER_FORMAT, SplatPipeline};
 pub use headless::{Headless, HeadlessError, Picture};
+pub use scene::{GpuScene, GpuSceneError};
 pub use tonemapping::{InverseTable, ToneCurve, Tonemapping};
 pub use view::SplatView;
+
+use crate::device::is_software;
 
 use cells::Cells;
 use draw::Draw;
@@ -155,8 +159,8 @@ impl Layer<'_> {
 impl SplatPass {
     /// Compiles everything but the draw, which depends on the target: see [`pipeline`](Self::pipeline).
     pub fn new(device: &wgpu::Device) -> Self {
-        let is_cpu = device.adapter_info().device_type == wgpu::DeviceType::Cpu;
-        Self { cells: is_cpu.then(|| Cells::new(device)), ..Self::by_quads(device) }
+        let is_software = is_software(&device.adapter_info());
+        Self { cells: is_software.then(|| Cells::new(device)), ..Self::by_quads(device) }
     }
 
     /// The pass that draws as on a GPU, whatever the adapter.

@@ -22,7 +22,6 @@
 //! ```
 
 mod blocks;
-mod budget;
 mod content;
 mod features;
 mod options;
@@ -34,16 +33,17 @@ mod scratch;
 mod stylize;
 mod timer;
 mod weights;
+mod work_meter;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-pub use budget::{StyleBudget, StyleProgress};
 pub use content::{ContentFold, FoldedLayers};
 pub use features::StyleInputs;
 pub use options::{Precision, StyleOptions};
 pub use scene::{StyleBytes, StyleScene, StyleSceneError};
 pub use stylize::{StylizeOnGpuError, stylize};
 pub use weights::GpuDecoder;
+pub use work_meter::{StyleProgress, WorkMeter};
 
 use stylegaussian::Activation;
 
@@ -88,7 +88,7 @@ impl StylePass {
         weights: &GpuDecoder,
         colors: &GaussianColors,
     ) -> Result<u64, StyleSceneError> {
-        let (mut progress, mut budget) = (StyleProgress::default(), StyleBudget::unlimited());
+        let (mut progress, mut budget) = (StyleProgress::default(), WorkMeter::unlimited());
         self.encode_some(device, encoder, scene, weights, colors, &mut progress, &mut budget)
     }
 
@@ -110,7 +110,7 @@ impl StylePass {
         weights: &GpuDecoder,
         colors: &GaussianColors,
         progress: &mut StyleProgress,
-        budget: &mut StyleBudget,
+        budget: &mut WorkMeter,
     ) -> Result<u64, StyleSceneError> {
         self.check(scene, weights, colors)?;
         let Some(operations) = budget.left() else { return Ok(0) };
@@ -166,11 +166,11 @@ fn check(scene: &StyleScene, weights: &GpuDecoder, colors: &GaussianColors) -> R
     let mismatch =
         |what, found: String, expected: String| StyleSceneError::Mismatch { what, found, expected };
     let shape = &scene.shape;
-    let of_scene = (&shape.widths, shape.k, shape.residual, shape.n_averages);
-    let of_weights = (&weights.widths, weights.k, weights.residual != 0.0, weights.n_averages);
+    let of_scene = (&shape.widths, shape.k, shape.residual, shape.smoothing_passes);
+    let of_weights = (&weights.widths, weights.k, weights.residual != 0.0, weights.smoothing_passes);
     if of_scene != of_weights {
-        let name = |(widths, k, residual, n_averages): (&Vec<usize>, _, _, _)| {
-            format!("widths {widths:?}, K {k}, residual {residual}, {n_averages} averages")
+        let name = |(widths, k, residual, smoothing_passes): (&Vec<usize>, _, _, _)| {
+            format!("widths {widths:?}, K {k}, residual {residual}, {smoothing_passes} averages")
         };
         return Err(mismatch("weights", name(of_weights), name(of_scene)));
     }
@@ -191,8 +191,8 @@ fn step_buffers<'a>(
 ) -> [wgpu::BufferBinding<'a>; N_STORAGE] {
     let block = &scene.blocks[step.block];
     // To and fro, so that the last average writes what is asked for.
-    let colors_before = |n_averages: usize| {
-        if (scene.shape.n_averages - n_averages).is_multiple_of(2) {
+    let colors_before = |smoothing_passes: usize| {
+        if (scene.shape.smoothing_passes - smoothing_passes).is_multiple_of(2) {
             colors.buffer()
         } else {
             &scratch.colors
@@ -200,12 +200,12 @@ fn step_buffers<'a>(
     };
     let n_layers = scene.shape.n_layers();
     let input = match (step.layer, step.kernel) {
-        (layer, plan::Kernel::WindowMeans) => colors_before(layer - n_layers),
+        (layer, plan::Kernel::SmoothingPass) => colors_before(layer - n_layers),
         (0, _) => scene.inputs.buffer(step.input),
         (layer, _) => scratch.activations[(layer - 1) % 2].buffer(step.input),
     };
     let output = match step.kernel {
-        plan::Kernel::WindowMeans => colors_before(step.layer - n_layers + 1),
+        plan::Kernel::SmoothingPass => colors_before(step.layer - n_layers + 1),
         plan::Kernel::Color => colors_before(0),
         plan::Kernel::KnnConv(_) => scratch.activations[step.layer % 2].buffer(step.output),
     };

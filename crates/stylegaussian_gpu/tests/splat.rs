@@ -14,8 +14,7 @@ use stylegaussian::{
 use stylegaussian_gpu::{
     colors::GaussianColors,
     device::HeadlessDevice,
-    scene::GpuScene,
-    splat::{self, SplatSettings},
+    splat::{self, GpuScene, SplatSettings},
 };
 use target::gpu;
 
@@ -29,14 +28,14 @@ fn gpu_matches_cpu() {
     let camera = camera(UVec2::new(160, 120));
     for degree in 0..=3 {
         let scene = random_scene(2000, degree, 7);
-        check(&gpu, &format!("degree {degree}"), &scene, Colors::Sh, &camera, LEAST);
+        check(&gpu, &format!("degree {degree}"), &scene, Colors::Captured, &camera, LEAST);
     }
     let mut scene = random_scene(2000, 0, 8);
     let mut random = randoms(3);
     let colors: Vec<_> = (0..2000).map(|_| [(); 3].map(|()| 1.6 * random() - 0.3)).collect();
     check(&gpu, "colors", &scene, Colors::Rgb(&colors), &camera, LEAST);
     scene.sh = None;
-    check(&gpu, "mid-gray", &scene, Colors::Sh, &camera, LEAST);
+    check(&gpu, "mid-gray", &scene, Colors::Captured, &camera, LEAST);
 }
 
 /// More cells, and more splats for each of them, than one invocation of software may take rounds for: 14,400 cells, of which
@@ -51,7 +50,7 @@ fn large_pictures_are_drawn_to_their_last_row() {
         all.scales[i] = Vec3::splat(20.0);
         all.opacities[i] = 0.05;
     }
-    let clouds = [(&all, Colors::Sh, Affine3A::IDENTITY)];
+    let clouds = [(&all, Colors::Captured, Affine3A::IDENTITY)];
     let picture = draw(&gpu, &camera, &clouds, &SplatSettings::default());
     let last_row = &picture.rgba[719 * 1280..];
     assert!(last_row.iter().all(|pixel| pixel[3] > 0.5));
@@ -71,7 +70,7 @@ fn the_demo_scene_matches() {
     let aside = up.any_orthonormal_vector();
     let eye = center + (high - low).length() * (0.22 * aside + 0.1 * up);
     let camera = Camera::look_at(eye, center, up, 1.0, UVec2::new(160, 120));
-    check(&gpu, "demo", &scene, Colors::Sh, &camera, LEAST);
+    check(&gpu, "demo", &scene, Colors::Captured, &camera, LEAST);
 }
 
 /// The principal point far from the middle: one eye of a headset, or a tile of a wall.
@@ -82,7 +81,7 @@ fn off_axis_projections_match() {
     let mut camera = camera(UVec2::new(120, 90));
     camera.center = Vec2::new(95.0, 10.0);
     camera.focal = Vec2::new(100.0, 60.0);
-    check(&gpu, "off-axis", &scene, Colors::Sh, &camera, LEAST);
+    check(&gpu, "off-axis", &scene, Colors::Captured, &camera, LEAST);
 }
 
 /// Footprint variance (10 * 0.2 / 2)^2 + 0.3 = 1.3 px^2 on both axes, as in the CPU twin's own test.
@@ -125,8 +124,8 @@ fn a_moved_cloud_is_the_scene_of_moved_gaussians() {
         moved.scales[i] = scale * still.scales[i];
     }
     let camera = camera(UVec2::new(120, 90));
-    let expected = rgba(&render(&moved, Colors::Sh, &camera));
-    let clouds = [(&still, Colors::Sh, world_from_scene)];
+    let expected = rgba(&render(&moved, Colors::Captured, &camera));
+    let clouds = [(&still, Colors::Captured, world_from_scene)];
     let found = draw(&gpu, &splat::Camera::pinhole(&camera), &clouds, &SplatSettings::default());
     let psnr = psnr(&found.rgba, &expected);
     assert!(psnr >= LEAST, "{psnr:.1} dB");
@@ -140,8 +139,9 @@ fn clouds_interleave() {
     let half = |first: u32| -> Scene { whole.subset(&(first..2000).step_by(2).collect::<Vec<_>>()) };
     let (even, odd) = (half(0), half(1));
     let camera = camera(UVec2::new(120, 90));
-    let expected = rgba(&render(&whole, Colors::Sh, &camera));
-    let clouds = [(&even, Colors::Sh, Affine3A::IDENTITY), (&odd, Colors::Sh, Affine3A::IDENTITY)];
+    let expected = rgba(&render(&whole, Colors::Captured, &camera));
+    let clouds =
+        [(&even, Colors::Captured, Affine3A::IDENTITY), (&odd, Colors::Captured, Affine3A::IDENTITY)];
     let found = draw(&gpu, &splat::Camera::pinhole(&camera), &clouds, &SplatSettings::default());
     let psnr = psnr(&found.rgba, &expected);
     assert!(psnr >= LEAST, "{psnr:.1} dB");

@@ -9,8 +9,10 @@ use stylegaussian::{Scene, splat::Colors};
 use stylegaussian_gpu::{
     colors::GaussianColors,
     device::HeadlessDevice,
-    scene::{GpuScene, GpuSceneError},
-    splat::{Camera, Cloud, CloudColors, Headless, HeadlessError, SplatError, SplatSettings, SplatView},
+    splat::{
+        Camera, Cloud, CloudColors, GpuScene, GpuSceneError, Headless, HeadlessError, SplatError,
+        SplatSettings, SplatView,
+    },
 };
 use target::{gpu, gpu_with_limits};
 
@@ -22,7 +24,7 @@ fn default_camera() -> Camera {
 
 /// Coverage of a picture, summed over its pixels. Fails on what is not a number.
 fn coverage(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(&Scene, Affine3A)]) -> f32 {
-    let clouds: Vec<_> = clouds.iter().map(|&(scene, place)| (scene, Colors::Sh, place)).collect();
+    let clouds: Vec<_> = clouds.iter().map(|&(scene, place)| (scene, Colors::Captured, place)).collect();
     let pictures = draw_both_ways(gpu, camera, &clouds, &SplatSettings::default());
     assert!(pictures.iter().all(|picture| picture.rgba.as_flattened().iter().all(|x| x.is_finite())));
     let [picture, by_quads] = pictures.map(|picture| picture.rgba.iter().map(|pixel| pixel[3]).sum::<f32>());
@@ -161,13 +163,13 @@ fn small_limits_are_kept() {
 
     let scene = random_scene(4096, 3, 6);
     let on_gpu = GpuScene::new(device, &scene).unwrap();
-    let cloud = Cloud { scene: &on_gpu, colors: CloudColors::Sh, world_from_scene: Affine3A::IDENTITY };
+    let cloud = Cloud { scene: &on_gpu, colors: CloudColors::Captured, world_from_scene: Affine3A::IDENTITY };
     let mut headless = Headless::new(device);
     let mut render = |clouds: &[Cloud]| {
         headless.render(device, queue, &default_camera(), clouds, &SplatSettings::default())
     };
     let found = render(&[cloud]).unwrap();
-    let expected = stylegaussian::splat::render(&scene, Colors::Sh, &camera(SIZE));
+    let expected = stylegaussian::splat::render(&scene, Colors::Captured, &camera(SIZE));
     assert!(pictures::psnr(&found.rgba, &pictures::rgba(&expected)) > 45.0);
 
     let error = render(&[cloud, cloud]).unwrap_err();

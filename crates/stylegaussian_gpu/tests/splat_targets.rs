@@ -10,10 +10,9 @@ use stylegaussian::{Scene, splat::Colors};
 use stylegaussian_gpu::{
     colors::GaussianColors,
     device::HeadlessDevice,
-    scene::GpuScene,
     splat::{
-        Camera, Cloud, CloudColors, Composite, CompositeMode, Headless, LAYER_FORMAT, Layer, SortKey,
-        SplatPass, SplatSettings, SplatView,
+        Camera, Cloud, CloudColors, Composite, CompositeMode, GpuScene, Headless, LAYER_FORMAT, Layer,
+        SortKey, SplatPass, SplatSettings, SplatView,
     },
 };
 use target::{gpu, pass, read, texture};
@@ -371,7 +370,7 @@ fn orthographic_rays_are_parallel() {
     let mut coefficients = vec![0.0; 12];
     coefficients[6] = 0.5;
     one.sh = Some(stylegaussian::scene::Sh { degree: 1, coefficients });
-    let clouds = [(&one, Colors::Sh, Affine3A::IDENTITY)];
+    let clouds = [(&one, Colors::Captured, Affine3A::IDENTITY)];
     let picture = draw(&gpu, &orthographic(), &clouds, &SplatSettings::default());
     // 3 px right of the center, 2 px up.
     let pixel = picture.rgba[CENTER + 3 - 2 * SIZE as usize];

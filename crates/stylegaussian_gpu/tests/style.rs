@@ -81,27 +81,33 @@ fn gpu_matches_cpu() {
         (300, 5, 1, 1, &[9, 17, 3], LEAKY, 1.0),
         (200, 12, 0, 64, &[3], Activation::Sigmoid, 0.0),
     ];
-    for (seed, (n, n_low, n_extra, k, widths, activation, content)) in cases.into_iter().enumerate() {
+    for (seed, (n, n_latent, n_extra, k, widths, activation, content)) in cases.into_iter().enumerate() {
         let mut random = Random(seed as u64 + 1);
-        let scene = random.scene(n, n_low, n_extra, k);
+        let scene = random.scene(n, n_latent, n_extra, k);
         let decoder = random.decoder(&scene, k, widths, activation);
-        check(&gpu, &format!("N {n}, L {n_low}, E {n_extra}, K {k}, {widths:?}"), &scene, &decoder, content);
+        check(
+            &gpu,
+            &format!("N {n}, L {n_latent}, E {n_extra}, K {k}, {widths:?}"),
+            &scene,
+            &decoder,
+            content,
+        );
     }
 }
 
 #[test]
 fn gpu_matches_cpu_with_all_that_decoders_take() {
     let Some(gpu) = device() else { return };
-    for (residual, n_averages) in [(0.0, 0), (1.0, 0), (0.0, 1), (0.25, 4)] {
+    for (residual, smoothing_passes) in [(0.0, 0), (1.0, 0), (0.0, 1), (0.25, 4)] {
         let mut random = Random(11);
         let mut scene = random.scene(400, 16, 2, 8);
         // Neighbors are found where the scene holds none.
         scene.neighbors = None;
         let decoder = random.empty(8, LEAKY);
-        let decoder = Decoder { residual, n_noise: 4, n_averages, own_color: true, ..decoder };
+        let decoder = Decoder { residual, n_noise: 4, smoothing_passes, base_color: true, ..decoder };
         for widths in [&[32, 16, 3][..], &[3]] {
             let decoder = random.layers(decoder.clone(), &scene, widths, true);
-            let what = format!("residual {residual}, {n_averages} averages, {widths:?}");
+            let what = format!("residual {residual}, {smoothing_passes} averages, {widths:?}");
             check(&gpu, &what, &scene, &decoder, 0.1);
         }
     }

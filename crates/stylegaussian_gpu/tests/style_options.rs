@@ -8,8 +8,8 @@ use stylegaussian_gpu::{
     colors::GaussianColors,
     device::{DeviceError, HeadlessDevice},
     style::{
-        FoldedLayers, GpuDecoder, Precision, StyleBudget, StyleBytes, StyleInputs, StyleOptions, StylePass,
-        StyleProgress, StyleScene, StyleSceneError,
+        FoldedLayers, GpuDecoder, Precision, StyleBytes, StyleInputs, StyleOptions, StylePass, StyleProgress,
+        StyleScene, StyleSceneError, WorkMeter,
     },
 };
 
@@ -51,7 +51,7 @@ fn colors(
     gpu: &HeadlessDevice,
     pass: &StylePass,
     case: &Case,
-    mut budget: StyleBudget,
+    mut budget: WorkMeter,
 ) -> (Vec<[f32; 3]>, usize) {
     let HeadlessDevice { device, queue, .. } = gpu;
     let colors = GaussianColors::new(device, case.expected.len()).unwrap();
@@ -79,7 +79,7 @@ fn largest_difference(expected: &[[f32; 3]], found: &[[f32; 3]]) -> f32 {
 fn check(gpu: &HeadlessDevice, scene: &Scene, decoder: &Decoder, options: StyleOptions, tolerance: f32) {
     let pass = StylePass::with_precision(&gpu.device, options.precision);
     let case = case(gpu, scene, decoder, options);
-    let (found, _) = colors(gpu, &pass, &case, StyleBudget::unlimited());
+    let (found, _) = colors(gpu, &pass, &case, WorkMeter::unlimited());
     let difference = largest_difference(&case.expected, &found);
     eprintln!("{options:?}: largest difference {difference:.2e}");
     assert!(difference < tolerance, "{options:?}: {difference} from the CPU");
@@ -97,11 +97,11 @@ fn blocks_give_the_same_colors() {
         (500, &[3], 50),
     ];
     for (n, widths, max_rows) in cases {
-        for (residual, n_averages) in [(0.0, 0), (0.5, 2)] {
+        for (residual, smoothing_passes) in [(0.0, 0), (0.5, 2)] {
             let mut random = Random(n as u64 + max_rows as u64);
             let scene = random.scene(n, 12, 1, 8);
             // Both at once, to have either with and without blocks' borders.
-            let decoder = Decoder { residual, n_averages, n_noise: 2, ..random.empty(8, LEAKY) };
+            let decoder = Decoder { residual, smoothing_passes, n_noise: 2, ..random.empty(8, LEAKY) };
             let decoder = random.layers(decoder, &scene, widths, false);
             let row_bytes: usize = 2 * (widths[0] + widths.get(1).copied().unwrap_or(0));
             let scratch_bytes = (max_rows * row_bytes) as u64;
@@ -125,11 +125,11 @@ fn parts_add_up() {
     let pass = StylePass::new(&gpu.device);
     for scratch_bytes in [64 << 20, 2000 * 192] {
         let case = case(&gpu, &scene, &decoder, StyleOptions { scratch_bytes, ..StyleOptions::default() });
-        let (at_once, n_parts) = colors(&gpu, &pass, &case, StyleBudget::unlimited());
+        let (at_once, n_parts) = colors(&gpu, &pass, &case, WorkMeter::unlimited());
         assert_eq!(n_parts, 1);
         assert!(largest_difference(&case.expected, &at_once) < 2e-3);
         let all: u64 = case.scene.operations().iter().sum();
-        let (in_parts, n_parts) = colors(&gpu, &pass, &case, StyleBudget::of_operations(all / 6));
+        let (in_parts, n_parts) = colors(&gpu, &pass, &case, WorkMeter::of_operations(all / 6));
         assert!((6..20).contains(&n_parts), "{n_parts} parts");
         assert_eq!(at_once, in_parts);
     }
@@ -145,7 +145,7 @@ fn a_timed_budget_learns_a_speed() {
         Err(error) => return eprintln!("SKIPPED: {error}"),
     };
     let HeadlessDevice { device, queue, info } = &gpu;
-    let mut budget = StyleBudget::new(0.05).timed(device, queue);
+    let mut budget = WorkMeter::new(0.05).timed(device, queue);
     if !budget.is_timed() {
         return eprintln!("SKIPPED: {} has no timestamps", info.name);
     }
@@ -186,7 +186,7 @@ fn precisions_keep_their_bounds() {
         check(&gpu, &scene, decoder, options(Precision::F16), 2e-3);
     }
     check(&gpu, &scene, &sigmoid, options(Precision::Unorm8), 5e-3);
-    let averaged = Decoder { n_averages: 3, ..sigmoid };
+    let averaged = Decoder { smoothing_passes: 3, ..sigmoid };
     check(&gpu, &scene, &averaged, options(Precision::Unorm8), 5e-3);
     check(&gpu, &scene, &averaged, options(Precision::F32), 6e-4);
     check(&gpu, &scene, &random.decoder(&scene, 8, &[3], LEAKY), options(Precision::F32), 6e-4);

@@ -253,7 +253,7 @@ pub fn embed(
     };
     scene.features = Some(Features {
         values: model.features,
-        n_low: model.n_low,
+        n_latent: model.n_latent,
         basis: model.basis,
         offset: model.offset,
         extra: Vec::new(),

@@ -22,7 +22,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use stylegaussian::{
     Camera, Decoder, Features, Scene, file,
     fold::{stylize, transfer},
-    splat::{Colors, View, render},
+    splat::{Colors, RenderedImage, render},
 };
 use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
 
@@ -165,7 +165,7 @@ struct Gallery<'a> {
     encoder: Encoder,
     judge: Judge,
     views: &'a Views,
-    unstyled: Vec<View>,
+    unstyled: Vec<RenderedImage>,
     unstyled_looks: Vec<Look>,
     colors: ColorMoments,
     paths: Vec<PathBuf>,
@@ -185,7 +185,7 @@ struct Exhibit {
     agreement: Agreement,
     adain_2d_agreement: Option<Agreement>,
     out_of_range: f64,
-    pictures: Vec<View>,
+    pictures: Vec<RenderedImage>,
 }
 
 impl<'a> Gallery<'a> {
@@ -203,10 +203,10 @@ impl<'a> Gallery<'a> {
         let judge = Judge::open(&weights, arguments.relu4.as_deref(), arguments.whole_picture)?;
         let paths = list_images(&arguments.styles)?;
         let paintings = paths.iter().map(|path| Image::open(path)).collect::<Result<Vec<_>, _>>()?;
-        let unstyled: Vec<View> =
-            views.cameras.iter().map(|camera| render(scene, Colors::Sh, camera)).collect();
+        let unstyled: Vec<RenderedImage> =
+            views.cameras.iter().map(|camera| render(scene, Colors::Captured, camera)).collect();
         let yardstick = |path: &Path| {
-            let of = |views: &[View]| Yardstick::new(Teacher::open(path)?, &encoder, views);
+            let of = |views: &[RenderedImage]| Yardstick::new(Teacher::open(path)?, &encoder, views);
             Ok::<_, anyhow::Error>([of(&unstyled)?, of(views.consistency.unstyled())?])
         };
         Ok(Self {
@@ -311,13 +311,13 @@ fn evaluate(arguments: &EvalArgs, gallery: &Gallery) -> Result<Evaluation> {
 }
 
 /// Of the color values where the scene covers more than half of a pixel.
-fn share_out_of_range(view: &View) -> f64 {
+fn share_out_of_range(view: &RenderedImage) -> f64 {
     let covered = || view.color.iter().zip(&view.alpha).filter(|(_, alpha)| **alpha > 0.5);
     let outside = covered().flat_map(|(color, alpha)| color.map(|c| c < -0.01 || c > alpha + 0.01));
     outside.filter(|outside| *outside).count() as f64 / (3 * covered().count().max(1)) as f64
 }
 
-fn sheet_row(painting: Option<&Image>, views: &[View]) -> Vec<Picture> {
+fn sheet_row(painting: Option<&Image>, views: &[RenderedImage]) -> Vec<Picture> {
     let first = painting.map_or_else(|| Picture::filled(UVec2::ONE, [255; 4]), Picture::of_image);
     let views = views.iter().map(|view| Picture::of(view, Background::Color([255; 3])));
     std::iter::once(first).chain(views).collect()

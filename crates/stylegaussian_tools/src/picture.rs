@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use glam::UVec2;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-use stylegaussian::{file::write_atomically, splat::View};
+use stylegaussian::{file::write_atomically, splat::RenderedImage};
 use stylegaussian_encoder::Image;
 
 /// What lies behind a view.
@@ -33,7 +33,7 @@ impl Picture {
     }
 
     /// The picture of a view over `background`. Colors out of range are clamped, after division by alpha.
-    pub fn of(view: &View, background: Background) -> Self {
+    pub fn of(view: &RenderedImage, background: Background) -> Self {
         let pixel = |(color, &alpha): (&[f32; 3], &f32)| match background {
             Background::Transparent if alpha <= 0.0 => [0; 4],
             Background::Transparent => {
@@ -91,8 +91,8 @@ fn to_byte(value: f32) -> u8 {
 mod tests {
     use super::*;
 
-    fn view(color: [f32; 3], alpha: f32) -> View {
-        View { size: UVec2::ONE, color: vec![color], alpha: vec![alpha], depth: vec![0.0] }
+    fn view(color: [f32; 3], alpha: f32) -> RenderedImage {
+        RenderedImage { size: UVec2::ONE, color: vec![color], alpha: vec![alpha], depth: vec![0.0] }
     }
 
     #[track_caller]

@@ -3,7 +3,7 @@
 use std::f32::consts::TAU;
 
 use glam::{DMat3, DQuat, DVec3, EulerRot};
-use stylegaussian::splat::View;
+use stylegaussian::splat::RenderedImage;
 use stylegaussian_encoder::Image;
 
 use crate::random::Random;
@@ -63,7 +63,7 @@ impl ColorMoments {
     }
 
     /// Of several views.
-    pub fn of_views(views: &[View]) -> Self {
+    pub fn of_views(views: &[RenderedImage]) -> Self {
         Self::of_pixels(
             views.iter().flat_map(|view| view.color.iter().copied().zip(view.alpha.iter().copied())),
         )
@@ -97,9 +97,9 @@ impl Recoloring {
     }
 
     /// A view with every Gaussian's color mapped: the render is linear in color, so its pictures map alike.
-    pub fn view(&self, view: &View) -> View {
+    pub fn view(&self, view: &RenderedImage) -> RenderedImage {
         let pixel = |(color, alpha): (&[f32; 3], &f32)| self.premultiplied(*color, *alpha);
-        View { color: view.color.iter().zip(&view.alpha).map(pixel).collect(), ..view.clone() }
+        RenderedImage { color: view.color.iter().zip(&view.alpha).map(pixel).collect(), ..view.clone() }
     }
 }
 
@@ -137,7 +137,7 @@ mod tests {
     fn recolored_views_have_the_paintings_moments() {
         let color = |i: usize| [(i % 7) as f32 / 7.0, (i % 5) as f32 / 9.0, (i % 3) as f32 / 3.0];
         let n = 105;
-        let view = View {
+        let view = RenderedImage {
             size: UVec2::new(n as u32, 1),
             color: (0..n).map(color).collect(),
             alpha: vec![1.0; n],

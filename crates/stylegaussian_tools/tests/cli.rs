@@ -141,7 +141,7 @@ fn info_tells_what_a_scene_holds() {
     let json = stylegaussian(&["info", &scene, "--json"]).expect_success().json();
     assert_eq!(json["n_gaussians"], 40);
     assert_eq!(json["sh_degree"], 1);
-    assert_eq!(json["features"]["n_low"], 4);
+    assert_eq!(json["features"]["n_latent"], 4);
     assert_eq!(json["features"]["n_channels"], 6);
     assert_eq!(json["decoder"]["widths"].as_array().unwrap().len(), 3);
     assert_eq!(json["neighbors"], 3);

@@ -44,7 +44,7 @@ fn training_learns_resumes_and_reports() {
         assert!(Path::new(&bench.path(name)).is_file(), "{name}");
     }
     let decoder = file::read_decoder(out.as_ref()).unwrap();
-    assert!(decoder.own_color && decoder.n_noise == 0 && decoder.k == 8 && decoder.n_averages == 1);
+    assert!(decoder.base_color && decoder.n_noise == 0 && decoder.k == 8 && decoder.smoothing_passes == 1);
     assert_eq!(decoder.n_inputs(), 256 + 3);
 
     train(&["--warm-iterations", "3", "--iterations", "12", "--resume"]).expect_success();
@@ -92,16 +92,16 @@ fn a_decoder_s_kind_can_be_told() {
         file::read_decoder(out.as_ref()).unwrap()
     };
     let first = train("a.decoder.safetensors", &["--warm-iterations", "1", "--noise", "3"]);
-    assert_eq!((first.n_averages, first.n_noise, first.n_inputs()), (1, 3, 256 + 3 + 3));
+    assert_eq!((first.smoothing_passes, first.n_noise, first.n_inputs()), (1, 3, 256 + 3 + 3));
     let init = bench.path("a.decoder.safetensors");
     let weights = ["--init", &init, "--roughness-weight", "100", "--recognition-weight", "1"];
     let same = train("b.decoder.safetensors", &weights);
-    assert_eq!((same.n_averages, same.n_noise), (1, 3));
+    assert_eq!((same.smoothing_passes, same.n_noise), (1, 3));
     let other = train(
         "c.decoder.safetensors",
         &["--init", &init, "--noise", "1", "--smooth", "3", "--residual", "0.2"],
     );
-    assert_eq!((other.n_averages, other.n_noise, other.n_inputs()), (3, 1, 256 + 1 + 3));
+    assert_eq!((other.smoothing_passes, other.n_noise, other.n_inputs()), (3, 1, 256 + 1 + 3));
     // Features, the noise that is kept, and the own color stand where they stood. Adam's first step moves a weight by the
     // rate, 1e-3, and files keep f16.
     let (from, to) = (&first.layers[0].weight, &other.layers[0].weight);
@@ -159,9 +159,9 @@ fn a_decoder_s_kind_can_be_told() {
     let paper = train("d.decoder.safetensors", &["--paper"]);
     assert_eq!((paper.activation, paper.n_noise, paper.n_inputs()), (Activation::Sigmoid, 0, 256));
     assert!(
-        paper.n_averages == 0
+        paper.smoothing_passes == 0
             && paper.residual == 0.0
-            && !paper.own_color
+            && !paper.base_color
             && paper.statistics_weight.is_empty()
     );
     let refused = ["train", &scene, "--styles", &styles, "-o", "x", "--paper", "--noise", "4"];

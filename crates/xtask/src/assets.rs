@@ -3,7 +3,7 @@
 //!
 //! The demo scene and the paintings come out bit for bit the same; what is embedded and trained, within what the order
 //! of floating-point sums allows. What trains encoder and decoder is not ours to ship and lies in the test data: VGG-19,
-//! paintings likely in the public domain, and scenes under open licences.
+//! paintings likely in the public domain, and scenes under open licenses.
 
 use std::{
     ffi::OsStr,

@@ -36,7 +36,7 @@ fn run_all(steps: &mut Steps) -> Result<()> {
     steps.run("format", &mut cargo(["fmt", "--all", "--check"]))?;
     run_if_installed(steps, "spelling", "typos", &[])?;
     run_if_installed(steps, "toml", "taplo", &["format", "--check"])?;
-    run_if_installed(steps, "licences", "cargo-deny", &["check", "licenses", "sources"])?;
+    run_if_installed(steps, "licenses", "cargo-deny", &["check", "licenses", "sources"])?;
     steps.run(
         "lints",
         &mut cargo(["clippy", "--locked", "--workspace", "--all-targets", "--", "-D", "warnings"]),

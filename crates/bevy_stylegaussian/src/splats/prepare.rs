@@ -8,7 +8,7 @@ use bevy::{
     render::{renderer::RenderDevice, sync_world::MainEntityHashSet},
 };
 use stylegaussian::Scene;
-use stylegaussian_gpu::scene::GpuScene;
+use stylegaussian_gpu::splat::GpuScene;
 
 use crate::{
     pipeline::{AtOnce, Built},

@@ -95,7 +95,7 @@ type ViewComponents = (
 
 /// Lets shaders read depths where the adapter is a CPU, whose splats are drawn by compute.
 pub(super) fn allow_reading_depth(adapter: Res<RenderAdapterInfo>, mut cameras: Query<&mut Camera3d>) {
-    if adapter.device_type == wgpu::DeviceType::Cpu {
+    if stylegaussian_gpu::device::is_software(&adapter) {
         for mut camera in &mut cameras {
             camera.depth_texture_usages.0 |= wgpu::TextureUsages::TEXTURE_BINDING.bits();
         }

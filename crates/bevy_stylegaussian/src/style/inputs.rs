@@ -103,8 +103,9 @@ impl Inputs<'_> {
         match *self.backend {
             StyleBackend::Gpu if adapter.is_none() => Err(StyleError::Gpu("there is no GPU".into())),
             StyleBackend::Auto => {
-                let is_gpu = adapter.is_some_and(|adapter| adapter.device_type != wgpu::DeviceType::Cpu);
-                Ok(if is_gpu && !gpu_refused { StyleBackend::Gpu } else { StyleBackend::Cpu })
+                let is_hardware =
+                    adapter.is_some_and(|adapter| !stylegaussian_gpu::device::is_software(adapter));
+                Ok(if is_hardware && !gpu_refused { StyleBackend::Gpu } else { StyleBackend::Cpu })
             }
             backend => Ok(backend),
         }

@@ -74,8 +74,8 @@ pub(super) fn ask_for_changed_styles(mut commands: Commands, mut jobs: Query<Wis
     for (entity, mut job, mut look, scene, decoder) in &mut jobs {
         if scene.is_changed() {
             *job = StyleJob::default();
-            if !matches!(look.colors, LookColors::Own) {
-                look.set(LookColors::Own);
+            if !matches!(look.colors, LookColors::Captured) {
+                look.set(LookColors::Captured);
                 commands.entity(entity).try_remove::<AppliedStyle>();
             }
         }
@@ -135,7 +135,7 @@ pub(super) fn drop_removed_styles(
 ) {
     for entity in sources.read().filter(|&entity| !jobs.contains(entity)) {
         if let Ok(mut look) = looks.get_mut(entity) {
-            look.set(LookColors::Own);
+            look.set(LookColors::Captured);
             commands.entity(entity).try_remove::<(StyleJob, AppliedStyle)>();
         }
     }
@@ -244,10 +244,10 @@ impl StyleJob {
     fn unstyle(&mut self, entity: Entity, look: &mut Mut<Look>, fading_until: Duration, news: &mut News) {
         self.stage = Stage::Idle;
         let Some(since) = self.wanted.take() else { return };
-        if matches!(look.colors, LookColors::Own) {
+        if matches!(look.colors, LookColors::Captured) {
             return;
         }
-        look.set(LookColors::Own);
+        look.set(LookColors::Captured);
         self.fading_until = fading_until;
         news.commands.entity(entity).try_remove::<AppliedStyle>();
         news.tell_applied(entity, StyleBackend::Cpu, since);

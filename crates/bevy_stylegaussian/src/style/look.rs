@@ -17,7 +17,7 @@ pub(crate) struct Look {
 pub(crate) enum LookColors {
     /// The scene's own.
     #[default]
-    Own,
+    Captured,
     /// Decoded already `[N]`.
     Rgb(Arc<[[f32; 3]]>),
     /// The GPU is to decode them.

@@ -52,13 +52,13 @@ struct Fade {
 impl CloudLooks {
     /// The colors to draw a cloud in, `now` being the time since startup.
     pub(crate) fn colors(&self, entity: MainEntity, now: Duration) -> CloudColors<'_> {
-        let Some(look) = self.0.get(&entity) else { return CloudColors::Sh };
+        let Some(look) = self.0.get(&entity) else { return CloudColors::Captured };
         let buffer = |index: Option<usize>| index.and_then(|index| look.buffers[index].as_ref());
         let progress = look.fade.as_ref().map(|fade| (fade.from, fade.progress(now)));
         match (progress, buffer(look.shown)) {
             (Some((from, t)), to) if t < 1.0 => CloudColors::Fade { from: buffer(from), to, t },
             (_, Some(colors)) => CloudColors::Rgb(colors),
-            (_, None) => CloudColors::Sh,
+            (_, None) => CloudColors::Captured,
         }
     }
 }

@@ -11,7 +11,7 @@ use bevy::{
     },
 };
 use stylegaussian_gpu::{
-    device::is_gpu,
+    device::is_software,
     style::{self, GpuDecoder, StyleInputs, StylePass, StyleProgress, StyleScene},
 };
 
@@ -33,7 +33,7 @@ pub(super) struct StylePasses {
     pass: Option<Built<Arc<StylePass>>>,
     scenes: HashMap<usize, StyledScene>,
     /// What a frame may take.
-    budget: Option<style::StyleBudget>,
+    budget: Option<style::WorkMeter>,
     /// Whether every look is up to date; not on a new device, nor while one is under way or waits for the pipelines.
     settled: bool,
     /// When the last style pass ran, while its scratch memory is kept.
@@ -102,7 +102,7 @@ pub(super) fn update_looks(
         }
         let device = device.wgpu_device();
         let shown = match &cloud.look.colors {
-            LookColors::Own => Ok(None),
+            LookColors::Captured => Ok(None),
             LookColors::Rgb(rgb) => upload(device, &queue, look, rgb, cloud.fade).map(Some),
             LookColors::Folded(style) => {
                 let Some(pass) = passes.pass(at_once.0, device) else {
@@ -173,8 +173,8 @@ impl StylePasses {
         ms_per_frame: f32,
     ) {
         let budget = self.budget.get_or_insert_with(|| {
-            let budget = style::StyleBudget::new(ms_per_frame);
-            if is_gpu(adapter) { budget.timed(device, queue) } else { budget }
+            let budget = style::WorkMeter::new(ms_per_frame);
+            if is_software(adapter) { budget } else { budget.timed(device, queue) }
         });
         budget.ms_per_frame = ms_per_frame;
         budget.begin_frame();

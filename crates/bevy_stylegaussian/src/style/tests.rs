@@ -87,7 +87,7 @@ fn gpu_matches_cpu() {
 #[test]
 fn auto_leaves_software_adapters_alone() {
     let Some(mut app) = app_with_rendering(StyleBackend::Auto) else { return };
-    let is_software = app.world().resource::<RenderAdapterInfo>().device_type == wgpu::DeviceType::Cpu;
+    let is_software = stylegaussian_gpu::device::is_software(app.world().resource::<RenderAdapterInfo>());
     let style = add_style(&mut app, small_style(1));
     let splats = GaussianSplats(add_scene(&mut app, small_scene(20, 1)));
     let entity = app.world_mut().spawn((splats, StyleSource::preset(style))).id();

@@ -46,7 +46,7 @@ pub fn small_scene(n: usize, seed: u64) -> Scene {
         n_source: n,
         features: Some(Features {
             values: many(L * n, 1.0),
-            n_low: L,
+            n_latent: L,
             basis: many(D * L, 1.0),
             offset: many(D, 1.0),
             extra: Vec::new(),
@@ -56,13 +56,7 @@ pub fn small_scene(n: usize, seed: u64) -> Scene {
         decoder: Some(Decoder {
             layers: vec![layer(D, 16, &mut many), layer(16, 8, &mut many), layer(8, 3, &mut many)],
             k: K,
-            activation: Activation::Sigmoid,
-            residual: 0.0,
-            n_noise: 0,
-            n_averages: 0,
-            own_color: false,
-            statistics_weight: Vec::new(),
-            encoder: None,
+            ..Decoder::default()
         }),
         ..Scene::default()
     }

@@ -166,17 +166,7 @@ fn final_model(features: Tensor, state: &State) -> Result<(Features, Option<Deco
         layers.push(Layer { weight: kernel.values, bias, d_in, d_out });
         d_in = d_out;
     }
-    let decoder = Decoder {
-        layers,
-        k,
-        activation: Activation::Sigmoid,
-        residual: 0.0,
-        own_color: false,
-        n_noise: 0,
-        n_averages: 0,
-        statistics_weight: Vec::new(),
-        encoder: None,
-    };
+    let decoder = Decoder { layers, k, ..Decoder::default() };
     decoder::validate(&decoder)?;
     let mut basis = vec![0.0; d * d];
     basis.iter_mut().step_by(d + 1).for_each(|diagonal| *diagonal = 1.0);
@@ -195,8 +185,8 @@ fn feature_model(features: Tensor, state: &State) -> Result<Features, Mismatch> 
     Ok(features_of(features.values, l, basis.values, offset.values))
 }
 
-fn features_of(values: Vec<f32>, n_low: usize, basis: Vec<f32>, offset: Vec<f32>) -> Features {
-    Features { values, n_low, basis, offset, extra: Vec::new(), n_extra: 0, encoder: None }
+fn features_of(values: Vec<f32>, n_latent: usize, basis: Vec<f32>, offset: Vec<f32>) -> Features {
+    Features { values, n_latent, basis, offset, extra: Vec::new(), n_extra: 0, encoder: None }
 }
 
 #[cfg(test)]

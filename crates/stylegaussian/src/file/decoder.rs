@@ -25,7 +25,7 @@ const FORMAT: &str = "stylegaussian-decoder";
 const STATISTICS: &str = "decoder.statistics.weight";
 
 /// No decoder averages colors as often; a file that asks for billions would never be decoded.
-const MAX_AVERAGES: usize = 64;
+const MAX_SMOOTHING_PASSES: usize = 64;
 
 /// The transfer that decoders are trained behind; there is no other yet.
 const TRANSFER: &str = "adain";
@@ -56,9 +56,9 @@ pub(super) fn from_tensors(reader: &Reader) -> Result<Decoder, Mismatch> {
         &reader.required::<String>("residual", "`residual`")?,
         "a number, what the own color is multiplied with before it is added",
     )?;
-    let own_color = reader.parsed("own_color", "`own_color` = `true` or `false`")?.unwrap_or(false);
+    let base_color = reader.parsed("own_color", "`own_color` = `true` or `false`")?.unwrap_or(false);
     let n_noise = reader.parsed("noise", "`noise` = a number of channels")?.unwrap_or(0);
-    let n_averages = number_or_flag(
+    let smoothing_passes = number_or_flag(
         "smooth",
         &reader.parsed::<String>("smooth", "`smooth`")?.unwrap_or_else(|| "0".into()),
         "a number, how many times colors are averaged over windows",
@@ -82,9 +82,9 @@ pub(super) fn from_tensors(reader: &Reader) -> Result<Decoder, Mismatch> {
         k,
         activation,
         residual,
-        own_color,
+        base_color,
         n_noise,
-        n_averages,
+        smoothing_passes,
         statistics_weight,
         encoder,
     };
@@ -111,14 +111,14 @@ pub(super) fn to_tensors<'a>(
     writer.set("k", decoder.k);
     writer.set("layers", decoder.layers.len());
     writer.set("residual", decoder.residual);
-    if decoder.own_color {
+    if decoder.base_color {
         writer.set("own_color", true);
     }
     if decoder.n_noise > 0 {
         writer.set("noise", decoder.n_noise);
     }
-    if decoder.n_averages > 0 {
-        writer.set("smooth", decoder.n_averages);
+    if decoder.smoothing_passes > 0 {
+        writer.set("smooth", decoder.smoothing_passes);
     }
     writer.set("activation", activation_to_text(decoder.activation));
     for (i, layer) in decoder.layers.iter().enumerate() {
@@ -183,12 +183,12 @@ pub(super) fn validate(decoder: &Decoder) -> Result<(), Mismatch> {
         expect_finite(&name, &layer.weight)?;
         expect_finite(&name, &layer.bias)?;
     }
-    if !decoder.residual.is_finite() || decoder.n_averages > MAX_AVERAGES {
-        let found = format!("`residual` = {} and `smooth` = {}", decoder.residual, decoder.n_averages);
-        return Err(mismatch(found, format_args!("a finite number, and at most {MAX_AVERAGES}")));
+    if !decoder.residual.is_finite() || decoder.smoothing_passes > MAX_SMOOTHING_PASSES {
+        let found = format!("`residual` = {} and `smooth` = {}", decoder.residual, decoder.smoothing_passes);
+        return Err(mismatch(found, format_args!("a finite number, and at most {MAX_SMOOTHING_PASSES}")));
     }
-    if decoder.n_beside() >= decoder.layers[0].d_in {
-        let found = format!("`noise` = {} and `own_color` = {}", decoder.n_noise, decoder.own_color);
+    if decoder.n_procedural() >= decoder.layers[0].d_in {
+        let found = format!("`noise` = {} and `own_color` = {}", decoder.n_noise, decoder.base_color);
         return Err(mismatch(
             found,
             format_args!("fewer than the first layer's {} inputs", decoder.layers[0].d_in),

@@ -14,7 +14,7 @@
 //! | `decoder.layers.{i}.*` | | see the decoder's format |
 //!
 //! Every f16 tensor may be f32 as well. Metadata: `format`, `version`, `source_count`, and where known `encoder`, `up`
-//! (`x y z`), `source`, `licence`, and those of the decoder. Gaussians are written in Morton order.
+//! (`x y z`), `source`, `license`, and those of the decoder. Gaussians are written in Morton order.
 
 use std::{borrow::Cow, path::Path};
 
@@ -74,7 +74,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     }
     scene.up = reader.metadata("up").map(up_from_text).transpose()?;
     scene.source = reader.metadata("source").map(Into::into);
-    scene.licence = reader.metadata("licence").map(Into::into);
+    // Files of earlier versions spell it `licence`.
+    let license = reader.metadata("license").or_else(|| reader.metadata("licence"));
+    scene.license = license.map(Into::into);
     check_scene(&scene)?;
     Ok(Loaded { scene, warnings })
 }
@@ -123,19 +125,20 @@ fn features(reader: &Reader, n: usize) -> Result<Option<Features>, Mismatch> {
     let offset = reader.floats("offset", &[Any("D")])?;
     let d = offset.len();
     let basis = reader.floats("basis", &[Is(d), Any("L")])?;
-    let n_low = basis.len().checked_div(d).unwrap_or(0);
-    if n_low == 0 {
+    let n_latent = basis.len().checked_div(d).unwrap_or(0);
+    if n_latent == 0 {
         return Err(mismatch(
-            format_args!("features of {d} channels, {n_low} stored"),
+            format_args!("features of {d} channels, {n_latent} stored"),
             "at least one of each",
         ));
     }
-    let values = reader.floats("features", &[Is(n), Is(n_low)])?;
+    let values = reader.floats("features", &[Is(n), Is(n_latent)])?;
     let extra = match reader.has("extra") {
         true => reader.floats("extra", &[Is(n), Any("E")])?,
         false => Vec::new(),
     };
-    for (name, shape) in [("feature_mean", &[Is(n_low)][..]), ("feature_covariance", &[Is(n_low), Is(n_low)])]
+    for (name, shape) in
+        [("feature_mean", &[Is(n_latent)][..]), ("feature_covariance", &[Is(n_latent), Is(n_latent)])]
     {
         if reader.has(name) {
             reader.floats(name, shape)?;
@@ -143,7 +146,7 @@ fn features(reader: &Reader, n: usize) -> Result<Option<Features>, Mismatch> {
     }
     let n_extra = extra.len().checked_div(n).unwrap_or(0);
     let encoder = reader.parsed("encoder", "an encoder `name@hash`")?;
-    Ok(Some(Features { values, n_low, basis, offset, extra, n_extra, encoder }))
+    Ok(Some(Features { values, n_latent, basis, offset, extra, n_extra, encoder }))
 }
 
 fn neighbors(reader: &Reader, n: usize) -> Result<Option<Neighbors>, Mismatch> {
@@ -207,7 +210,7 @@ fn prepare(scene: &Scene) -> Result<Writer<'_>, Mismatch> {
 }
 
 fn add_features<'a>(features: &'a Features, n: usize, writer: &mut Writer<'a>) -> Result<(), Mismatch> {
-    let (d, l) = (features.n_channels(), features.n_low);
+    let (d, l) = (features.n_channels(), features.n_latent);
     if d == 0 || l == 0 {
         return Err(mismatch(format_args!("features of {d} channels, {l} stored"), "at least one of each"));
     }
@@ -254,8 +257,8 @@ fn add_metadata(scene: &Scene, writer: &mut Writer) -> Result<(), Mismatch> {
     if let Some(source) = &scene.source {
         writer.set("source", source);
     }
-    if let Some(licence) = &scene.licence {
-        writer.set("licence", licence);
+    if let Some(license) = &scene.license {
+        writer.set("license", license);
     }
     Ok(())
 }

@@ -40,11 +40,11 @@ fn decoder(channels: &[usize], k: usize, next: &mut impl FnMut() -> f32) -> Deco
         k,
         activation: Activation::LeakyRelu { slope: 0.2 },
         residual: 0.25,
-        own_color: true,
+        base_color: true,
         n_noise: 2,
-        n_averages: 1,
+        smoothing_passes: 1,
         statistics_weight: values(channels[1] * 6, next),
-        encoder: None,
+        ..Decoder::default()
     }
 }
 
@@ -72,7 +72,7 @@ fn full_scene() -> Scene {
         n_source: 25,
         features: Some(Features {
             values: features,
-            n_low: 4,
+            n_latent: 4,
             basis: values(24, &mut next),
             offset: values(6, &mut next),
             extra,
@@ -86,7 +86,7 @@ fn full_scene() -> Scene {
         decoder: Some(decoder),
         up: Some(Vec3::new(0.0, -1.0, 0.25)),
         source: Some("made up, \"quoted\"".into()),
-        licence: Some("CC0-1.0".into()),
+        license: Some("CC0-1.0".into()),
     }
 }
 
@@ -125,11 +125,11 @@ fn sgs_keeps_everything() {
     assert_eq!(b.n_source, 25);
     assert_eq!(a.neighbors, b.neighbors);
     assert_eq!(a.decoder, b.decoder);
-    assert_eq!((a.up, a.source, a.licence), (b.up, b.source, b.licence));
+    assert_eq!((a.up, a.source, a.license), (b.up, b.source, b.license));
     let (a_sh, b_sh) = (a.sh.unwrap(), b.sh.unwrap());
     assert_eq!((a_sh.degree, a_sh.coefficients), (b_sh.degree, b_sh.coefficients));
     let (a, b) = (a.features.unwrap(), b.features.unwrap());
-    assert_eq!((a.values, a.n_low, a.basis, a.offset), (b.values, b.n_low, b.basis, b.offset));
+    assert_eq!((a.values, a.n_latent, a.basis, a.offset), (b.values, b.n_latent, b.basis, b.offset));
     assert_eq!((a.extra, a.n_extra, a.encoder), (b.extra, b.n_extra, b.encoder));
 }
 
@@ -239,7 +239,7 @@ fn decoder_round_trips_in_both_precisions() {
     }
     original.activation = Activation::Sigmoid;
     original.residual = 0.0;
-    original.n_averages = 4;
+    original.smoothing_passes = 4;
     write_decoder(&path, &original, Precision::F32).unwrap();
     assert_eq!(read_decoder(&path).unwrap(), original);
 }

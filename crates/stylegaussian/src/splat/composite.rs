@@ -2,11 +2,7 @@
 
 use std::ops::Range;
 
-use super::bands::TILE;
-use super::project::{MIN_ALPHA, Splat};
-
-/// No splat hides what is behind it completely.
-const MAX_ALPHA: f32 = 0.99;
+use super::{MAX_ALPHA, MIN_ALPHA, bands::TILE, project::Splat};
 
 /// A pixel is finished before the splat that would bring its transmittance under this.
 const MIN_TRANSMITTANCE: f32 = 1e-4;

@@ -3,6 +3,7 @@
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::MIN_ALPHA;
 use crate::{camera::Camera, scene::Scene};
 
 /// Gaussians at this view-space z or nearer are not drawn, as in the original rasterizer.
@@ -13,9 +14,6 @@ const LOW_PASS: f32 = 0.3;
 
 /// How far outside the picture, in half pictures, the projection is still linearized where it is.
 const LINEARIZED_WITHIN: f32 = 1.3;
-
-/// The smallest alpha that is drawn.
-pub(super) const MIN_ALPHA: f32 = 1.0 / 255.0;
 
 /// The footprint of one Gaussian.
 ///

@@ -89,7 +89,8 @@ fn one_splat_at_the_center() {
 /// q = 2 ln(255 * 0.5) = 9.696: at variance 1.3 the footprint ends 3.55 px from the center.
 #[test]
 fn the_footprint_ends_where_alpha_reaches_one_in_255() {
-    let view = render(&scene(&[(Vec3::new(0.0, 0.0, 2.0), Vec3::splat(0.2), 0.5)]), Colors::Sh, &camera());
+    let view =
+        render(&scene(&[(Vec3::new(0.0, 0.0, 2.0), Vec3::splat(0.2), 0.5)]), Colors::Captured, &camera());
     check("3 px", view.alpha[4 * 9 + 7], 0.5 * (-4.5f32 / 1.3).exp());
     assert_eq!(view.alpha[4 * 9 + 8], 0.0, "4 px away");
     assert!(view.alpha[6 * 9 + 6] > 0.0, "2.83 px away");
@@ -102,7 +103,7 @@ fn an_opaque_splat_reaches_beyond_three_sigma() {
     let sigma = 1.3f32.sqrt();
     let mut camera = camera();
     camera.center.x -= 3.2 * sigma;
-    let view = render(&far_out, Colors::Sh, &camera);
+    let view = render(&far_out, Colors::Captured, &camera);
     check("3.2 sigma", view.alpha[4 * 9 + 4], (-0.5f32 * 3.2 * 3.2).exp());
 }
 
@@ -130,7 +131,7 @@ fn equal_depths_blend_in_scene_order() {
 #[test]
 fn alpha_is_capped_and_a_pixel_stops_before_it_is_full() {
     let at = |z: f32| (Vec3::new(0.0, 0.0, z), Vec3::splat(0.2), 1.0);
-    let one = render(&scene(&[at(2.0)]), Colors::Sh, &camera());
+    let one = render(&scene(&[at(2.0)]), Colors::Captured, &camera());
     check("one opaque splat", one.alpha[4 * 9 + 4], 0.99);
 
     let half = (Vec3::new(0.0, 0.0, 2.5), Vec3::splat(0.2), 0.5);
@@ -147,8 +148,11 @@ fn what_is_near_or_behind_or_faint_is_not_drawn() {
     for (z, opacity, drawn) in
         [(0.2, 1.0, false), (0.2001, 1.0, true), (-2.0, 1.0, false), (2.0, 0.0039, false), (2.0, 0.004, true)]
     {
-        let view =
-            render(&scene(&[(Vec3::new(0.0, 0.0, z), Vec3::splat(0.01), opacity)]), Colors::Sh, &camera());
+        let view = render(
+            &scene(&[(Vec3::new(0.0, 0.0, z), Vec3::splat(0.01), opacity)]),
+            Colors::Captured,
+            &camera(),
+        );
         assert_eq!(view.alpha[4 * 9 + 4] > 0.0, drawn, "z {z}, opacity {opacity}");
     }
 }
@@ -159,7 +163,7 @@ fn what_is_near_or_behind_or_faint_is_not_drawn() {
 fn a_turned_anisotropic_splat_matches_the_hand_calculation() {
     let mut turned = scene(&[(Vec3::new(0.0, 0.0, 2.0), Vec3::new(0.4, 0.1, 0.3), 0.9)]);
     turned.rotations[0] = Quat::from_rotation_z(30f32.to_radians());
-    let view = render(&turned, Colors::Sh, &camera());
+    let view = render(&turned, Colors::Captured, &camera());
     let (a, b, c) = (3.3625, 3.75 * 0.75f32.sqrt() * 0.5, 1.4875);
     let det = a * c - b * b;
     for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1), (2, 1), (-2, -1), (1, -1)] {
@@ -176,8 +180,11 @@ fn a_turned_anisotropic_splat_matches_the_hand_calculation() {
 fn perspective_skews_off_axis_splats() {
     let mut camera = camera();
     camera.center.x = -0.5;
-    let view =
-        render(&scene(&[(Vec3::new(1.0, 0.0, 2.0), Vec3::new(0.0, 0.0, 0.2), 0.5)]), Colors::Sh, &camera);
+    let view = render(
+        &scene(&[(Vec3::new(1.0, 0.0, 2.0), Vec3::new(0.0, 0.0, 0.2), 0.5)]),
+        Colors::Captured,
+        &camera,
+    );
     check("center", view.alpha[4 * 9 + 4], 0.5);
     check("in x", view.alpha[4 * 9 + 5], 0.5 * (-0.5f32 / 0.55).exp());
     check("in y", view.alpha[5 * 9 + 4], 0.5 * (-0.5f32 / 0.3).exp());
@@ -188,8 +195,11 @@ fn perspective_skews_off_axis_splats() {
 fn the_jacobian_is_clamped_outside_the_picture() {
     let mut camera = camera();
     camera.center.x = -5.5;
-    let view =
-        render(&scene(&[(Vec3::new(2.0, 0.0, 2.0), Vec3::new(0.0, 0.0, 0.4), 0.5)]), Colors::Sh, &camera);
+    let view = render(
+        &scene(&[(Vec3::new(2.0, 0.0, 2.0), Vec3::new(0.0, 0.0, 0.4), 0.5)]),
+        Colors::Captured,
+        &camera,
+    );
     let sigma = 10.0 / 2.0 * 0.585 * 0.4f32;
     check("in x", view.alpha[4 * 9 + 5], 0.5 * (-0.5 / (sigma * sigma + 0.3)).exp());
 }
@@ -202,7 +212,7 @@ fn spherical_harmonics_color_by_direction() {
     coefficients[6 + 1] = 1.0; // green, z
     coefficients[2] = -10.0; // blue, constant: clamped at 0
     seen.sh = Some(crate::scene::Sh { degree: 1, coefficients });
-    let color = render(&seen, Colors::Sh, &camera()).color[4 * 9 + 4];
+    let color = render(&seen, Colors::Captured, &camera()).color[4 * 9 + 4];
     check("red", color[0], 0.5 * (0.5 + 0.282_094_8));
     check("green", color[1], 0.5 * (0.5 + 0.488_602_5));
     check("blue", color[2], 0.0);
@@ -307,12 +317,12 @@ fn apply_transposed_is_the_adjoint_and_ignores_the_number_of_threads() {
 #[test]
 fn empty_scenes_and_empty_pictures_are_fine() {
     let empty = Scene::default();
-    assert!(render(&empty, Colors::Sh, &camera()).alpha.iter().all(|&a| a == 0.0));
+    assert!(render(&empty, Colors::Captured, &camera()).alpha.iter().all(|&a| a == 0.0));
     assert!(blend_weights(&empty, &camera()).apply_transposed(&[1.0; 81 * 2], 2).is_empty());
     let one = scene(&[(Vec3::new(0.0, 0.0, 2.0), Vec3::splat(0.2), 0.5)]);
     for size in [UVec2::new(0, 5), UVec2::new(5, 0)] {
         let nothing = Camera { size, ..camera() };
-        assert!(render(&one, Colors::Sh, &nothing).alpha.is_empty());
+        assert!(render(&one, Colors::Captured, &nothing).alpha.is_empty());
         assert_eq!(blend_weights(&one, &nothing).starts, [0]);
     }
 }
@@ -327,7 +337,7 @@ fn overflowing_gaussians_leave_no_nan() {
         (Vec3::new(0.0, 0.0, 2.0), Vec3::splat(f32::INFINITY), f32::NAN),
         (Vec3::new(0.0, 0.0, 2.0), Vec3::new(1e9, 1e-9, 0.0), 0.5),
     ];
-    let view = render(&scene(&wild), Colors::Sh, &camera());
+    let view = render(&scene(&wild), Colors::Captured, &camera());
     assert!(view.alpha.iter().all(|a| (0.0..=1.0).contains(a)), "{:?}", view.alpha);
     assert!(view.color.as_flattened().iter().all(|c| c.is_finite()));
 }

@@ -2,8 +2,8 @@
 
 use glam::Affine3A;
 
-use super::SplatError;
-use crate::{colors::GaussianColors, scene::GpuScene};
+use super::{GpuScene, SplatError};
+use crate::colors::GaussianColors;
 
 /// A scene in the world.
 #[derive(Clone, Copy, Debug)]
@@ -20,7 +20,7 @@ pub struct Cloud<'a> {
 #[derive(Clone, Copy, Debug)]
 pub enum CloudColors<'a> {
     /// The scene's own, view-dependent, clamped at 0 from below; mid-gray where it keeps none.
-    Sh,
+    Captured,
     /// One RGB per Gaussian, not clamped.
     Rgb(&'a GaussianColors),
     /// On the way from one to the other; `None` stands for the scene's own.
@@ -38,7 +38,7 @@ impl<'a> CloudColors<'a> {
     /// Both ends of the fade, and how far it is.
     pub(super) fn ends(self) -> (Option<&'a GaussianColors>, Option<&'a GaussianColors>, f32) {
         match self {
-            Self::Sh => (None, None, 0.0),
+            Self::Captured => (None, None, 0.0),
             Self::Rgb(colors) => (Some(colors), Some(colors), 0.0),
             // A fade that is over does not read what it came from.
             Self::Fade { to, t, .. } if t >= 1.0 => (to, to, 0.0),

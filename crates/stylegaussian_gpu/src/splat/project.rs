@@ -3,7 +3,7 @@
 use bytemuck::Zeroable;
 use glam::Affine3A;
 use stylegaussian_shaders::splat::{
-    self as shaders, BY_DISTANCE, FROM_OWN_COLORS, NO_SH, SplatChunk, TO_OWN_COLORS, WORKGROUP,
+    self as shaders, BY_DISTANCE, FROM_CAPTURED_COLORS, NO_SH, SplatChunk, TO_CAPTURED_COLORS, WORKGROUP,
 };
 
 use super::{
@@ -11,7 +11,7 @@ use super::{
     bind::{bind_group, compute_pipeline, layout, storage, whole},
     view::{Change, ChunkBindings, ChunkDispatch},
 };
-use crate::{colors::GaussianColors, scene::Chunk};
+use crate::colors::GaussianColors;
 
 /// Workgroups in one dimension of a dispatch, by WebGPU's default limits.
 const MAX_WORKGROUPS: u32 = 65_535;
@@ -140,8 +140,8 @@ fn cloud_uniforms(camera: &Camera, cloud: &Cloud, settings: &SplatSettings) -> S
         scale_unit: cloud.scene.scale_unit(),
         fade,
         sh_degree: cloud.scene.sh_degree().map_or(NO_SH, u32::from),
-        flags: flag(from.is_none(), FROM_OWN_COLORS)
-            | flag(to.is_none(), TO_OWN_COLORS)
+        flags: flag(from.is_none(), FROM_CAPTURED_COLORS)
+            | flag(to.is_none(), TO_CAPTURED_COLORS)
             | flag(settings.sort_key == SortKey::Distance, BY_DISTANCE),
         ..SplatChunk::zeroed()
     }

@@ -49,7 +49,7 @@ impl Sort {
     /// The kernels that are fastest on the adapter: those of a GPU wait for one another within a workgroup, which a CPU
     /// pays for by switching between the invocations it stands for.
     pub fn new(device: &wgpu::Device) -> Self {
-        Self::of_kind(device, device.adapter_info().device_type == wgpu::DeviceType::Cpu)
+        Self::of_kind(device, is_software(&device.adapter_info()))
     }
 
     /// The kernels of which one invocation handles a whole tile, or those of which many do.

@@ -186,7 +186,7 @@ mod tests {
 
     fn shape(n_gaussians: usize, n_layers: usize) -> StyleShape {
         let widths = std::iter::repeat_n(8, n_layers).chain([3]).collect();
-        StyleShape { n_gaussians, k: 3, widths, residual: false, n_averages: 0 }
+        StyleShape { n_gaussians, k: 3, widths, residual: false, smoothing_passes: 0 }
     }
 
     /// 12 Gaussians in a row, each with the one before and the one after.

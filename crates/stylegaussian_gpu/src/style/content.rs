@@ -3,7 +3,7 @@
 use stylegaussian::{
     Activation, ChannelStatistics, Decoder, Features, Layer, Scene,
     fold::{self, ChannelMap, StylizeError},
-    statistics::{ContentStatistics, mean_low},
+    statistics::{ContentStatistics, mean_latent},
 };
 
 /// The part of a scene that a change of style needs on the CPU: its basis and statistics, and nothing for each
@@ -13,7 +13,7 @@ use stylegaussian::{
 pub struct ContentFold {
     /// Basis, offset and encoder; without rows. `n_extra` counts what the decoder takes beside the scene's own.
     basis: Features,
-    mean_low: Vec<f64>,
+    mean_latent: Vec<f64>,
     statistics: ContentStatistics,
     input_scales: Vec<f32>,
 }
@@ -21,7 +21,7 @@ pub struct ContentFold {
 impl ContentFold {
     /// Of `inputs`, the scene's features with all that the decoder takes beside them
     /// ([`fold::inputs_of`]), and the scales that their centered values `[L + E]` are stored with.
-    pub(super) fn new(inputs: &Features, mean_low: Vec<f64>, input_scales: Vec<f32>) -> Self {
+    pub(super) fn new(inputs: &Features, mean_latent: Vec<f64>, input_scales: Vec<f32>) -> Self {
         let basis = Features {
             values: Vec::new(),
             extra: Vec::new(),
@@ -30,7 +30,7 @@ impl ContentFold {
             encoder: inputs.encoder.clone(),
             ..*inputs
         };
-        Self { basis, mean_low, statistics: ContentStatistics::of(inputs), input_scales }
+        Self { basis, mean_latent, statistics: ContentStatistics::of(inputs), input_scales }
     }
 
     /// The channel map of a mix of styles: c f + (1 - c) sum_j w_j AdaIN_j.
@@ -59,7 +59,7 @@ pub struct FoldedLayers {
     pub(super) activation: Activation,
     pub(super) residual: f32,
     /// How many times colors are averaged behind the layers.
-    pub(super) n_averages: usize,
+    pub(super) smoothing_passes: usize,
 }
 
 impl FoldedLayers {
@@ -77,7 +77,7 @@ impl FoldedLayers {
             return Err(StylizeError::StyleChannels { found: map.gain.len(), expected: n_channels });
         }
         let mut first =
-            fold::fold_layer(&decoder.layers[0], decoder.k, &content.basis, map, &content.mean_low);
+            fold::fold_layer(&decoder.layers[0], decoder.k, &content.basis, map, &content.mean_latent);
         fold::fold_statistics(&mut first, decoder, map, &content.statistics);
         // Inputs are stored times their scale.
         for row in first.weight.chunks_exact_mut(first.d_in) {
@@ -89,7 +89,7 @@ impl FoldedLayers {
             k: decoder.k,
             activation: decoder.activation,
             residual: decoder.residual,
-            n_averages: decoder.n_averages,
+            smoothing_passes: decoder.smoothing_passes,
         })
     }
 }
@@ -106,21 +106,21 @@ pub(super) struct StyleShape {
     /// Whether the Gaussians' own colors are added.
     pub residual: bool,
     /// How many times colors are averaged behind the layers.
-    pub n_averages: usize,
+    pub smoothing_passes: usize,
 }
 
 impl StyleShape {
     /// Of `decoder` on `scene`.
     pub fn of(scene: &Scene, decoder: &Decoder) -> Result<Self, StylizeError> {
         let features = fold::check_decoder(scene, decoder)?;
-        let n_inputs = features.n_low + features.n_extra + decoder.n_beside();
+        let n_inputs = features.n_latent + features.n_extra + decoder.n_procedural();
         let outputs = decoder.layers.iter().map(|layer| layer.d_out);
         Ok(Self {
             n_gaussians: scene.len(),
             k: decoder.k,
             widths: std::iter::once(n_inputs).chain(outputs).collect(),
             residual: decoder.residual != 0.0,
-            n_averages: decoder.n_averages,
+            smoothing_passes: decoder.smoothing_passes,
         })
     }
 
@@ -139,7 +139,7 @@ impl StyleShape {
 
 /// mean(f') of the inputs in f64, and their centered values `[N, L + E]`.
 pub(super) fn centered(inputs: &Features) -> (Vec<f64>, Vec<f32>) {
-    let mean = mean_low(inputs);
+    let mean = mean_latent(inputs);
     let values = fold::centered_inputs(inputs, &mean);
     (mean, values)
 }

@@ -76,7 +76,7 @@ impl StyleInputs {
     ) -> Result<Self, StylizeError> {
         let shape = StyleShape::of(scene, decoder)?;
         let inputs = fold::inputs_of(scene, decoder).ok_or(StylizeError::NoFeatures)?;
-        let (mean_low, values) = centered(&inputs);
+        let (mean_latent, values) = centered(&inputs);
         let scales = channel_scales(&values, shape.widths[0]);
         let planes = match options.precision.of_inputs() {
             Storage::F32 => PackedPlanes::F32(pack_planes_as(&values, &scales, |value| value)),
@@ -88,7 +88,7 @@ impl StyleInputs {
             Vec::new()
         };
         let blocks = blocks(scene, &shape, &options);
-        let content = Arc::new(ContentFold::new(&inputs, mean_low, scales));
+        let content = Arc::new(ContentFold::new(&inputs, mean_latent, scales));
         Ok(Self { content, shape, options, planes, blocks, base_colors })
     }
 

@@ -27,7 +27,7 @@ pub(super) struct Pipelines {
     /// Of the others; `None` where activations are kept as the inputs are.
     hidden: Option<Kernels>,
     /// Of the averages behind the layers.
-    window_means: wgpu::ComputePipeline,
+    smoothing_pass: wgpu::ComputePipeline,
 }
 
 /// What reads one kind of input: one pipeline for each width of tile, and one for the last layer.
@@ -59,8 +59,8 @@ impl Pipelines {
             color: pipeline(style::color(input)),
         };
         let hidden = (activations != inputs).then(|| kernels(activations));
-        let window_means = pipeline(style::window_means());
-        Self { first: kernels(inputs), hidden, window_means, layout }
+        let smoothing_pass = pipeline(style::smoothing_pass());
+        Self { first: kernels(inputs), hidden, smoothing_pass, layout }
     }
 
     pub fn of(&self, step: &Step) -> &wgpu::ComputePipeline {
@@ -69,7 +69,7 @@ impl Pipelines {
         match step.kernel {
             Kernel::KnnConv(tile) => &kernels.knn_conv[tile],
             Kernel::Color => &kernels.color,
-            Kernel::WindowMeans => &self.window_means,
+            Kernel::SmoothingPass => &self.smoothing_pass,
         }
     }
 
@@ -127,7 +127,7 @@ impl Parameters {
 
 fn with_decoder(step: &Step, weights: &GpuDecoder) -> KnnLayer {
     // The own color is added once, in the end.
-    let n_steps = weights.widths.len() - 1 + weights.n_averages;
+    let n_steps = weights.widths.len() - 1 + weights.smoothing_passes;
     let residual = if step.layer + 1 == n_steps { weights.residual } else { 0.0 };
     let (is_sigmoid, slope) = match weights.activation {
         Activation::Sigmoid => (1, 0.0),

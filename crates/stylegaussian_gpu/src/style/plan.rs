@@ -31,8 +31,8 @@ pub(super) enum Kernel {
     KnnConv(usize),
     /// `style_color`.
     Color,
-    /// `style_window_means`.
-    WindowMeans,
+    /// `style_smoothing_pass`.
+    SmoothingPass,
 }
 
 /// One dispatch.
@@ -126,7 +126,7 @@ pub(super) fn average(
             n_columns: 4,
             ..KnnLayer::default()
         };
-        let (kernel, layer) = (Kernel::WindowMeans, shape.n_layers() + index);
+        let (kernel, layer) = (Kernel::SmoothingPass, shape.n_layers() + index);
         let workgroups = workgroups(kernel, &parameters);
         Step { kernel, layer, block, parameters, input: 0, output: 0, workgroups }
     };
@@ -192,7 +192,7 @@ fn workgroups(kernel: Kernel, parameters: &KnnLayer) -> [u32; 2] {
         Kernel::KnnConv(tile) => {
             [parameters.n_rows.div_ceil(TILE_ROWS), parameters.n_columns.div_ceil(TILE_COLUMNS[tile])]
         }
-        Kernel::Color | Kernel::WindowMeans => [parameters.n_rows.div_ceil(COLOR_WORKGROUP_SIZE), 1],
+        Kernel::Color | Kernel::SmoothingPass => [parameters.n_rows.div_ceil(COLOR_WORKGROUP_SIZE), 1],
     }
 }
 
@@ -206,7 +206,7 @@ mod tests {
             k: 8,
             widths: vec![39, 256, 128, 64, 32, 3],
             residual: false,
-            n_averages: 0,
+            smoothing_passes: 0,
         }
     }
 
@@ -233,7 +233,7 @@ mod tests {
     #[test]
     fn ten_million_gaussians_are_cut_into_chunks() {
         let n = 10_000_000;
-        let shape = StyleShape { n_averages: 6, ..shape(n) };
+        let shape = StyleShape { smoothing_passes: 6, ..shape(n) };
         let split = Split { capacity: n, inputs: 1, scratch: [1, 1], chunk_rows: CHUNK_ROWS };
         let whole = BlockShape::whole(&shape);
         let averages = (0..6).flat_map(|index| average(&shape, &split, 0, &whole, index));
@@ -302,7 +302,7 @@ mod tests {
     /// Averages need no halo: they read and write colors of the scene, and follow the layers of all blocks.
     #[test]
     fn averages_compute_the_own_rows() {
-        let shape = StyleShape { n_averages: 2, ..shape(1000) };
+        let shape = StyleShape { smoothing_passes: 2, ..shape(1000) };
         let block = BlockShape { rows: vec![460, 420, 380, 340, 300], is_part: true };
         let split = Split { capacity: 500, chunk_rows: 128, ..WHOLE };
         let steps = average(&shape, &split, 7, &block, 1);
@@ -310,7 +310,7 @@ mod tests {
             steps.iter().map(|step| (step.parameters.first_row, step.parameters.n_rows)).collect();
         assert_eq!(rows, [(0, 128), (128, 128), (256, 44)]);
         for Step { kernel, layer, block, parameters, .. } in steps {
-            assert_eq!((kernel, layer, block), (Kernel::WindowMeans, 6, 7));
+            assert_eq!((kernel, layer, block), (Kernel::SmoothingPass, 6, 7));
             assert_eq!((parameters.input_is_scene, parameters.output_is_scene), (1, 1));
         }
     }

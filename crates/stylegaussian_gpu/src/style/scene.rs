@@ -157,7 +157,7 @@ impl StyleScene {
     pub(super) fn steps(&self) -> Vec<Step> {
         let blocks = || self.blocks.iter().enumerate();
         let layers = blocks().flat_map(|(i, block)| steps(&self.shape, &self.split, i, &block.shape));
-        let averages = (0..self.shape.n_averages).flat_map(|index| {
+        let averages = (0..self.shape.smoothing_passes).flat_map(|index| {
             blocks().flat_map(move |(i, block)| average(&self.shape, &self.split, i, &block.shape, index))
         });
         layers.chain(averages).collect()
@@ -166,7 +166,7 @@ impl StyleScene {
     /// Multiplications and additions of a change of style, those of padding and of halos included, layer by layer, and average
     /// by average behind them, of one block after another `[blocks * (layers + averages)]`: what [`encode_some`](super::StylePass::encode_some) takes for each.
     pub fn operations(&self) -> Vec<u64> {
-        let of_block = self.shape.n_layers() + self.shape.n_averages;
+        let of_block = self.shape.n_layers() + self.shape.smoothing_passes;
         let mut operations = vec![0; self.blocks.len() * of_block];
         for step in self.steps() {
             operations[step.block * of_block + step.layer] += step.operations();

@@ -12,7 +12,7 @@ use crate::colors::GaussianColors;
 
 /// Bytes of [`Scratch::colors`] that a scene needs.
 pub(super) fn color_bytes(shape: &StyleShape) -> u64 {
-    if shape.n_averages > 0 { GaussianColors::bytes(shape.n_gaussians) } else { 0 }
+    if shape.smoothing_passes > 0 { GaussianColors::bytes(shape.n_gaussians) } else { 0 }
 }
 
 /// Activations of hidden layers, which write them in turns, and sums over planes that do not fit one binding.

@@ -21,7 +21,7 @@ pub struct GpuDecoder {
     pub(super) widths: Vec<usize>,
     pub(super) activation: Activation,
     pub(super) residual: f32,
-    pub(super) n_averages: usize,
+    pub(super) smoothing_passes: usize,
 }
 
 impl GpuDecoder {
@@ -54,7 +54,7 @@ impl GpuDecoder {
             widths: widths(&folded.layers),
             activation: folded.activation,
             residual: folded.residual,
-            n_averages: folded.n_averages,
+            smoothing_passes: folded.smoothing_passes,
         };
         decoder.upload(queue, folded);
         Ok(decoder)
@@ -67,7 +67,7 @@ impl GpuDecoder {
             return false;
         }
         (self.activation, self.residual) = (folded.activation, folded.residual);
-        self.n_averages = folded.n_averages;
+        self.smoothing_passes = folded.smoothing_passes;
         self.upload(queue, folded);
         true
     }

@@ -7,13 +7,12 @@ use stylegaussian::{
     Camera, Scene,
     scene::Sh,
     sh::n_coefficients,
-    splat::{Colors, View, render},
+    splat::{Colors, RenderedImage, render},
 };
 use stylegaussian_gpu::{
     colors::GaussianColors,
     device::HeadlessDevice,
-    scene::GpuScene,
-    splat::{self, Cloud, CloudColors, Headless, Picture, SplatSettings},
+    splat::{self, Cloud, CloudColors, GpuScene, Headless, Picture, SplatSettings},
 };
 
 /// Pseudo-random numbers in 0..1 (a linear congruential generator).
@@ -89,14 +88,14 @@ pub fn draw_both_ways(
     let colors: Vec<_> = clouds
         .iter()
         .map(|&(_, colors, _)| match colors {
-            Colors::Sh => None,
+            Colors::Captured => None,
             Colors::Rgb(rgb) => Some(GaussianColors::from_rgb(device, queue, rgb).unwrap()),
         })
         .collect();
     let clouds: Vec<Cloud> = (0..clouds.len())
         .map(|i| Cloud {
             scene: &scenes[i],
-            colors: colors[i].as_ref().map_or(CloudColors::Sh, CloudColors::Rgb),
+            colors: colors[i].as_ref().map_or(CloudColors::Captured, CloudColors::Rgb),
             world_from_scene: clouds[i].2,
         })
         .collect();
@@ -111,7 +110,7 @@ pub fn draw_scene(gpu: &HeadlessDevice, scene: &Scene, colors: Colors, camera: &
 }
 
 /// The CPU's picture in the GPU's form.
-pub fn rgba(view: &View) -> Vec<[f32; 4]> {
+pub fn rgba(view: &RenderedImage) -> Vec<[f32; 4]> {
     view.color.iter().zip(&view.alpha).map(|(&[r, g, b], &alpha)| [r, g, b, alpha]).collect()
 }
 

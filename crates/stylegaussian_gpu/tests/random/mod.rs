@@ -26,16 +26,16 @@ impl Random {
 
     /// `n` embedded Gaussians in a cube; low channels of sizes from 10 down to 0.1 about means that are not 0, as those
     /// of a principal component analysis.
-    pub fn scene(&mut self, n: usize, n_low: usize, n_extra: usize, k: usize) -> Scene {
+    pub fn scene(&mut self, n: usize, n_latent: usize, n_extra: usize, k: usize) -> Scene {
         let means: Vec<Vec3> =
             (0..n).map(|_| Vec3::new(self.signed(), self.signed(), self.signed())).collect();
         let order: Vec<u32> = (0..n as u32).collect();
-        let size = |channel: usize| 10.0 * 0.01_f32.powf(channel as f32 / n_low as f32);
-        let values = (0..n * n_low).map(|i| size(i % n_low) * (self.signed() + 0.5)).collect();
+        let size = |channel: usize| 10.0 * 0.01_f32.powf(channel as f32 / n_latent as f32);
+        let values = (0..n * n_latent).map(|i| size(i % n_latent) * (self.signed() + 0.5)).collect();
         let features = Features {
             values,
-            n_low,
-            basis: self.many(N_CHANNELS * n_low, 1.0),
+            n_latent,
+            basis: self.many(N_CHANNELS * n_latent, 1.0),
             offset: self.many(N_CHANNELS, 3.0),
             extra: self.many(n * n_extra, 1.0),
             n_extra,
@@ -70,17 +70,7 @@ impl Random {
 
     /// A decoder without layers.
     pub fn empty(&self, k: usize, activation: Activation) -> Decoder {
-        Decoder {
-            layers: Vec::new(),
-            k,
-            activation,
-            residual: 0.0,
-            n_noise: 0,
-            n_averages: 0,
-            own_color: false,
-            statistics_weight: Vec::new(),
-            encoder: None,
-        }
+        Decoder { layers: Vec::new(), k, activation, ..Decoder::default() }
     }
 
     /// A decoder of these widths for a scene.
@@ -99,7 +89,7 @@ impl Random {
         sees_statistics: bool,
     ) -> Decoder {
         let features = scene.features.as_ref().expect("an embedded scene");
-        let mut d_in = features.n_channels() + features.n_extra + decoder.n_beside();
+        let mut d_in = features.n_channels() + features.n_extra + decoder.n_procedural();
         // A feature is a sum of L numbers of up to 10.
         let mut size = 10.0;
         for (i, &d_out) in widths.iter().enumerate() {

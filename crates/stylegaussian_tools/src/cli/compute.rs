@@ -5,13 +5,12 @@ use glam::Affine3A;
 use stylegaussian::{
     Camera, Decoder, Scene,
     fold::{self, ChannelMap},
-    splat::{self, Colors, View},
+    splat::{self, Colors, RenderedImage},
 };
 use stylegaussian_gpu::{
     colors::GaussianColors,
     device::HeadlessDevice,
-    scene::GpuScene,
-    splat::{Cloud, CloudColors, Headless, SplatSettings},
+    splat::{Cloud, CloudColors, GpuScene, Headless, SplatSettings},
     style::{self, StylizeOnGpuError},
 };
 
@@ -29,10 +28,10 @@ impl Compute {
     pub fn open(backend: Backend) -> Result<Self> {
         let gpu = match backend {
             Backend::Cpu => None,
-            Backend::Auto => pollster::block_on(HeadlessDevice::request_gpu()),
+            Backend::Auto => pollster::block_on(HeadlessDevice::request_hardware()),
             Backend::Gpu => Some(pollster::block_on(HeadlessDevice::request()).context("--backend gpu")?),
         };
-        if let Some(software) = gpu.as_ref().filter(|gpu| !gpu.is_gpu()) {
+        if let Some(software) = gpu.as_ref().filter(|gpu| gpu.is_software()) {
             let name = &software.info.name;
             warn([format!("{name} is not a GPU but software that acts as one: the CPU is faster")]);
         }
@@ -108,7 +107,7 @@ impl Drawing<'_> {
     }
 
     /// What `camera` sees; without depth where the GPU draws.
-    pub fn view(&mut self, camera: &Camera) -> Result<View> {
+    pub fn view(&mut self, camera: &Camera) -> Result<RenderedImage> {
         match self {
             Self::Cpu(scene, colors) => Ok(splat::render(scene, *colors, camera)),
             Self::Gpu(gpu, on_gpu) => {
@@ -124,7 +123,7 @@ impl OnGpu {
         let scope = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let gpu_scene = GpuScene::new(device, scene);
         let colors = match colors {
-            Colors::Sh => Ok(None),
+            Colors::Captured => Ok(None),
             Colors::Rgb(rgb) => GaussianColors::from_rgb(device, queue, rgb).map(Some),
         };
         if let Some(error) = scope.pop().await {
@@ -133,16 +132,16 @@ impl OnGpu {
         Ok(Self { headless: Headless::new(device), scene: gpu_scene?, colors: colors? })
     }
 
-    fn view(&mut self, gpu: &HeadlessDevice, camera: &Camera) -> Result<View> {
+    fn view(&mut self, gpu: &HeadlessDevice, camera: &Camera) -> Result<RenderedImage> {
         let cloud = Cloud {
             scene: &self.scene,
-            colors: self.colors.as_ref().map_or(CloudColors::Sh, CloudColors::Rgb),
+            colors: self.colors.as_ref().map_or(CloudColors::Captured, CloudColors::Rgb),
             world_from_scene: Affine3A::IDENTITY,
         };
         let camera = stylegaussian_gpu::splat::Camera::pinhole(camera);
         let settings = SplatSettings::default();
         let picture = self.headless.render(&gpu.device, &gpu.queue, &camera, &[cloud], &settings)?;
-        Ok(View {
+        Ok(RenderedImage {
             size: picture.size,
             color: picture.rgba.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
             alpha: picture.rgba.iter().map(|&[.., alpha]| alpha).collect(),

@@ -37,7 +37,7 @@ struct Info<'a> {
     bounds: Option<[[f32; 3]; 2]>,
     up: Option<[f32; 3]>,
     source: Option<&'a str>,
-    licence: Option<&'a str>,
+    license: Option<&'a str>,
     features: Option<FeaturesInfo>,
     /// K of the stored neighbor lists.
     neighbors: Option<usize>,
@@ -49,7 +49,8 @@ struct Info<'a> {
 #[derive(Debug, Serialize)]
 struct FeaturesInfo {
     /// L.
-    n_low: usize,
+    #[serde(rename = "n_low")]
+    n_latent: usize,
     /// D.
     n_channels: usize,
     /// E.
@@ -70,7 +71,8 @@ struct DecoderInfo {
     /// How many times colors are averaged over windows in the end.
     smooth: usize,
     /// Whether the Gaussian's own color is among the inputs.
-    own_color: bool,
+    #[serde(rename = "own_color")]
+    base_color: bool,
     /// Whether the style's statistics are added to the first layer's bias.
     statistics: bool,
     encoder: Option<String>,
@@ -118,7 +120,7 @@ fn describe<'a>(path: &'a Path, scene: &'a Scene, warnings: Vec<String>) -> Info
         bounds: scene.bounds().map(|(min, max)| [min.to_array(), max.to_array()]),
         up: scene.up.map(|up| up.to_array()),
         source: scene.source.as_deref(),
-        licence: scene.licence.as_deref(),
+        license: scene.license.as_deref(),
         features: scene.features.as_ref().map(FeaturesInfo::of),
         neighbors: scene.neighbors.as_ref().map(|neighbors| neighbors.k),
         decoder: scene.decoder.as_ref().map(DecoderInfo::of),
@@ -130,7 +132,7 @@ fn describe<'a>(path: &'a Path, scene: &'a Scene, warnings: Vec<String>) -> Info
 impl FeaturesInfo {
     fn of(features: &Features) -> Self {
         Self {
-            n_low: features.n_low,
+            n_latent: features.n_latent,
             n_channels: features.n_channels(),
             n_extra: features.n_extra,
             encoder: features.encoder.as_ref().map(EncoderId::to_string),
@@ -150,8 +152,8 @@ impl DecoderInfo {
             },
             residual: decoder.residual,
             n_noise: decoder.n_noise,
-            smooth: decoder.n_averages,
-            own_color: decoder.own_color,
+            smooth: decoder.smoothing_passes,
+            base_color: decoder.base_color,
             statistics: !decoder.statistics_weight.is_empty(),
             encoder: decoder.encoder.as_ref().map(EncoderId::to_string),
         }
@@ -174,14 +176,19 @@ fn text(info: &Info) -> String {
     if let Some(up) = info.up {
         row("up", format!("{up:?}"));
     }
-    let strings = [("source", info.source), ("licence", info.licence)];
+    let strings = [("source", info.source), ("license", info.license)];
     strings.into_iter().for_each(|(name, value)| value.into_iter().for_each(|value| row(name, value.into())));
     row(
         "features",
         info.features.as_ref().map_or("none: `stylegaussian embed` adds them".into(), |f| {
             let extra =
                 if f.n_extra > 0 { format!(" and {} extra inputs", f.n_extra) } else { String::new() };
-            format!("{} low channels of {}{extra}, encoder {}", f.n_low, f.n_channels, or_unknown(&f.encoder))
+            format!(
+                "{} low channels of {}{extra}, encoder {}",
+                f.n_latent,
+                f.n_channels,
+                or_unknown(&f.encoder)
+            )
         }),
     );
     row(
@@ -194,7 +201,7 @@ fn text(info: &Info) -> String {
             let widths: Vec<_> = d.widths.iter().map(ToString::to_string).collect();
             let marks = [
                 (d.residual != 0.0, format!(", {} of the own color", d.residual)),
-                (d.own_color, ", sees own colors".to_owned()),
+                (d.base_color, ", sees own colors".to_owned()),
                 (d.n_noise > 0, format!(", {} channels of noise", d.n_noise)),
                 (d.smooth > 0, format!(", averaged {} times", d.smooth)),
                 (d.statistics, ", the style's statistics".to_owned()),
@@ -228,17 +235,8 @@ mod tests {
     #[test]
     fn gpu_bytes_by_hand() {
         let layer = |d_in, d_out| Layer { weight: vec![], bias: vec![], d_in, d_out };
-        let decoder = Decoder {
-            layers: vec![layer(256, 64), layer(64, 32), layer(32, 3)],
-            k: 8,
-            activation: Activation::Sigmoid,
-            residual: 0.0,
-            own_color: false,
-            n_noise: 0,
-            n_averages: 0,
-            statistics_weight: Vec::new(),
-            encoder: None,
-        };
+        let decoder =
+            Decoder { layers: vec![layer(256, 64), layer(64, 32), layer(32, 3)], k: 8, ..Decoder::default() };
         let mut scene = Scene { means: vec![glam::Vec3::ZERO; 10], ..Scene::default() };
         scene.sh = Some(Sh { degree: 1, coefficients: vec![0.0; 10 * 12] });
         assert_eq!(
@@ -247,7 +245,7 @@ mod tests {
         );
         scene.features = Some(Features {
             values: vec![0.0; 320],
-            n_low: 32,
+            n_latent: 32,
             basis: vec![0.0; 256 * 32],
             offset: vec![0.0; 256],
             extra: vec![],

@@ -85,7 +85,7 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
     let cameras = arguments.cameras(&scene)?;
     let stylized =
         if stylization.has_style() { Some(stylization.stylize(&scene, path, &mut compute)?) } else { None };
-    let colors = stylized.as_ref().map_or(Colors::Sh, |stylized| Colors::Rgb(&stylized.colors));
+    let colors = stylized.as_ref().map_or(Colors::Captured, |stylized| Colors::Rgb(&stylized.colors));
     let mut drawing = compute.drawing(&scene, colors)?;
     let pictures = render_all(&mut drawing, &cameras, arguments.background, output)?;
     let n_pictures = pictures.len();

@@ -27,15 +27,15 @@ struct Moments {
     covariance: Vec<f64>,
 }
 
-/// PCA basis and lifted features of `n_gaussians` Gaussians, at most `n_low` channels. Gaussians that no view sees get
+/// PCA basis and lifted features of `n_gaussians` Gaussians, at most `n_latent` channels. Gaussians that no view sees get
 /// 0, the mean.
-pub fn closed_form(views: &[&[Samples]], n_channels: usize, n_gaussians: usize, n_low: usize) -> Model {
-    let n_low = n_low.min(n_channels);
+pub fn closed_form(views: &[&[Samples]], n_channels: usize, n_gaussians: usize, n_latent: usize) -> Model {
+    let n_latent = n_latent.min(n_channels);
     // The first part of each view stands for all: thousands of cells are plenty for a covariance.
     let first_parts: Vec<&Samples> = views.iter().filter_map(|view| view.first()).collect();
     let Moments { mean, covariance } = moments(&first_parts, n_channels);
-    let basis = principal_directions(&covariance, n_channels, n_low);
-    let mut model = Model { features: vec![0.0; n_gaussians * n_low], basis, offset: mean, n_low };
+    let basis = principal_directions(&covariance, n_channels, n_latent);
+    let mut model = Model { features: vec![0.0; n_gaussians * n_latent], basis, offset: mean, n_latent };
     let parts: Vec<&Samples> = views.iter().copied().flatten().collect();
     let weights = lift(&mut model, &parts);
     equalize(&mut model, &weights);
@@ -134,19 +134,19 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// Sets f'_p = sum w F' / sum w, and returns the sums of weights `[N]`, in cells.
 fn lift(model: &mut Model, parts: &[&Samples]) -> Vec<f32> {
-    let n_low = model.n_low;
+    let n_latent = model.n_latent;
     let coordinates: Vec<Vec<f32>> = parts.par_iter().map(|samples| coordinates(model, samples)).collect();
-    let mut weights = vec![0.0; model.features.len() / n_low.max(1)];
-    let pieces = model.features.par_chunks_mut(GAUSSIANS_PER_PIECE * n_low.max(1));
+    let mut weights = vec![0.0; model.features.len() / n_latent.max(1)];
+    let pieces = model.features.par_chunks_mut(GAUSSIANS_PER_PIECE * n_latent.max(1));
     pieces.zip(weights.par_chunks_mut(GAUSSIANS_PER_PIECE)).enumerate().for_each(
         |(piece, (features, weights))| {
             for (samples, coordinates) in parts.iter().zip(&coordinates) {
                 for (row, place) in samples.seen_in_piece(piece) {
                     weights[place] +=
-                        samples.gather(row, coordinates, &mut features[place * n_low..][..n_low]);
+                        samples.gather(row, coordinates, &mut features[place * n_latent..][..n_latent]);
                 }
             }
-            for (feature, &weight) in features.chunks_exact_mut(n_low).zip(weights.iter()) {
+            for (feature, &weight) in features.chunks_exact_mut(n_latent).zip(weights.iter()) {
                 let factor = if weight > 0.0 { 1.0 / weight } else { 0.0 };
                 feature.iter_mut().for_each(|value| *value *= factor);
             }
@@ -163,17 +163,17 @@ fn coordinates(model: &Model, samples: &Samples) -> Vec<f32> {
     for row in rows.chunks_exact_mut(n_channels.max(1)) {
         add_scaled(row, -1.0, &model.offset);
     }
-    let mut coordinates = vec![0.0; samples.n_cells() * model.n_low];
-    let basis = Matrix::dense(&model.basis, n_channels, model.n_low);
+    let mut coordinates = vec![0.0; samples.n_cells() * model.n_latent];
+    let basis = Matrix::dense(&model.basis, n_channels, model.n_latent);
     product(&mut coordinates, false, Matrix::dense(&rows, samples.n_cells(), n_channels), basis);
     coordinates
 }
 
 /// Divides each channel of f' by its root mean square, weighted by how much of each Gaussian is seen; A takes it.
 fn equalize(model: &mut Model, weights: &[f32]) {
-    let n_low = model.n_low;
-    let mut squares = vec![0.0_f64; n_low];
-    for (feature, &weight) in model.features.chunks_exact(n_low.max(1)).zip(weights) {
+    let n_latent = model.n_latent;
+    let mut squares = vec![0.0_f64; n_latent];
+    for (feature, &weight) in model.features.chunks_exact(n_latent.max(1)).zip(weights) {
         squares.iter_mut().zip(feature).for_each(|(sum, value)| *sum += f64::from(weight * value * value));
     }
     let total: f64 = weights.iter().map(|&weight| f64::from(weight)).sum();

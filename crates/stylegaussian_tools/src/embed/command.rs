@@ -10,7 +10,7 @@ use anyhow::{Result, ensure};
 use glam::UVec2;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
-use stylegaussian::{Neighbors, Scene, file};
+use stylegaussian::{Decoder, Neighbors, Scene, file};
 
 use super::{EmbedOptions, EmbedReport, Progress, Stage, TrainingView, Watch, embed};
 use crate::{
@@ -22,9 +22,6 @@ use crate::{
     encoder::open_encoder,
     views::choose_views,
 };
-
-/// K, the window of the paper's decoder; the lists are stored with the scene.
-const N_NEIGHBORS: usize = 8;
 
 /// Views rendered where nothing else is asked for.
 const DEFAULT_VIEWS: u32 = 60;
@@ -113,7 +110,7 @@ pub fn run(arguments: &EmbedArgs) -> Result<()> {
     let watch = Watch { progress: &progress, interrupted: &INTERRUPTED };
     let report = embed(&mut scene, &views, &encoder, options, watch)?;
     bar.finish_and_clear();
-    let find = || Neighbors::find(&scene.means, &scene.order, N_NEIGHBORS);
+    let find = || Neighbors::find(&scene.means, &scene.order, Decoder::K);
     scene.neighbors = (!arguments.no_neighbors).then(find);
     file::write_scene(output, &scene)?;
 

@@ -45,17 +45,17 @@ pub fn settle(model: &mut Model, seen_weights: &[f32], neighbors: &Neighbors) ->
 
 /// The first round: every Gaussian with a well-seen neighbor, from the features as they were. Marks those as known.
 fn draw_to_neighbors(model: &mut Model, weights: &[f32], neighbors: &Neighbors, known: &mut [bool]) {
-    let n_low = model.n_low;
+    let n_latent = model.n_latent;
     let before = model.features.clone();
     let was_known = known.to_vec();
-    let rows = model.features.par_chunks_exact_mut(n_low).zip(known.par_iter_mut());
+    let rows = model.features.par_chunks_exact_mut(n_latent).zip(known.par_iter_mut());
     rows.zip(neighbors.indices.par_chunks_exact(neighbors.k)).enumerate().for_each(
         |(p, ((feature, known), neighbors))| {
             let others = neighbors.iter().map(|&q| q as usize).filter(|&q| q != p && was_known[q]);
             let mut total = 0.0;
-            let mut sum = vec![0.0; n_low];
+            let mut sum = vec![0.0; n_latent];
             for q in others {
-                add_scaled(&mut sum, weights[q], &before[q * n_low..][..n_low]);
+                add_scaled(&mut sum, weights[q], &before[q * n_latent..][..n_latent]);
                 total += weights[q];
             }
             if total > 0.0 {
@@ -73,7 +73,7 @@ fn draw_to_neighbors(model: &mut Model, weights: &[f32], neighbors: &Neighbors, 
 
 /// Round after round, unknown Gaussians with known neighbors take their plain mean.
 fn spread(model: &mut Model, neighbors: &Neighbors, known: &mut [bool]) {
-    let n_low = model.n_low;
+    let n_latent = model.n_latent;
     let mut unknown: Vec<usize> = (0..known.len()).filter(|&p| !known[p]).collect();
     loop {
         let found: Vec<(usize, Vec<f32>)> = unknown
@@ -81,9 +81,13 @@ fn spread(model: &mut Model, neighbors: &Neighbors, known: &mut [bool]) {
             .filter_map(|&p| {
                 let list = &neighbors.indices[p * neighbors.k..][..neighbors.k];
                 let sources: Vec<usize> = list.iter().map(|&q| q as usize).filter(|&q| known[q]).collect();
-                let mut mean = vec![0.0; n_low];
+                let mut mean = vec![0.0; n_latent];
                 for &q in &sources {
-                    add_scaled(&mut mean, 1.0 / sources.len() as f32, &model.features[q * n_low..][..n_low]);
+                    add_scaled(
+                        &mut mean,
+                        1.0 / sources.len() as f32,
+                        &model.features[q * n_latent..][..n_latent],
+                    );
                 }
                 (!sources.is_empty()).then_some((p, mean))
             })
@@ -92,7 +96,7 @@ fn spread(model: &mut Model, neighbors: &Neighbors, known: &mut [bool]) {
             return;
         }
         for (p, mean) in found {
-            model.features[p * n_low..][..n_low].copy_from_slice(&mean);
+            model.features[p * n_latent..][..n_latent].copy_from_slice(&mean);
             known[p] = true;
         }
         unknown.retain(|&p| !known[p]);
@@ -101,16 +105,16 @@ fn spread(model: &mut Model, neighbors: &Neighbors, known: &mut [bool]) {
 
 /// Gives Gaussians that are still unknown the mean of the others, weighted by how much they were seen.
 fn fill_with_mean(model: &mut Model, weights: &[f32], known: &[bool]) {
-    let n_low = model.n_low;
-    let (mut sum, mut total) = (vec![0.0_f64; n_low], 0.0);
+    let n_latent = model.n_latent;
+    let (mut sum, mut total) = (vec![0.0_f64; n_latent], 0.0);
     for ((feature, &weight), _) in
-        model.features.chunks_exact(n_low).zip(weights).zip(known).filter(|&(_, &known)| known)
+        model.features.chunks_exact(n_latent).zip(weights).zip(known).filter(|&(_, &known)| known)
     {
         sum.iter_mut().zip(feature).for_each(|(sum, &value)| *sum += f64::from(weight * value));
         total += f64::from(weight);
     }
     let mean = sum.iter().map(|sum| if total > 0.0 { (sum / total) as f32 } else { 0.0 }).collect::<Vec<_>>();
-    for (feature, _) in model.features.chunks_exact_mut(n_low).zip(known).filter(|&(_, &known)| !known) {
+    for (feature, _) in model.features.chunks_exact_mut(n_latent).zip(known).filter(|&(_, &known)| !known) {
         feature.copy_from_slice(&mean);
     }
 }

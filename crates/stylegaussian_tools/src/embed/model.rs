@@ -23,7 +23,7 @@ pub struct Model {
     /// b `[D]`.
     pub offset: Vec<f32>,
     /// L.
-    pub n_low: usize,
+    pub n_latent: usize,
 }
 
 /// Derivative of a loss with respect to A, b, and what each cell shows of f'.
@@ -61,14 +61,14 @@ struct Scratch {
 
 impl Model {
     /// The paper's start: f' standard normal, A uniform in +-1/sqrt(L) (a linear layer's usual start), b = 0.
-    pub fn noise(n_gaussians: usize, n_channels: usize, n_low: usize, random: &mut Random) -> Self {
-        let n_low = n_low.min(n_channels);
-        let bound = 1.0 / (n_low as f32).sqrt();
+    pub fn noise(n_gaussians: usize, n_channels: usize, n_latent: usize, random: &mut Random) -> Self {
+        let n_latent = n_latent.min(n_channels);
+        let bound = 1.0 / (n_latent as f32).sqrt();
         Self {
-            features: (0..n_gaussians * n_low).map(|_| random.normal()).collect(),
-            basis: (0..n_channels * n_low).map(|_| bound * (2.0 * random.uniform() - 1.0)).collect(),
+            features: (0..n_gaussians * n_latent).map(|_| random.normal()).collect(),
+            basis: (0..n_channels * n_latent).map(|_| bound * (2.0 * random.uniform() - 1.0)).collect(),
             offset: vec![0.0; n_channels],
-            n_low,
+            n_latent,
         }
     }
 
@@ -88,10 +88,10 @@ impl Model {
     /// stays as it is.
     pub fn rescale(&mut self, scales: &[f32]) {
         let scales: Vec<f32> = scales.iter().map(|&scale| if scale > 0.0 { scale } else { 1.0 }).collect();
-        for row in self.features.chunks_exact_mut(self.n_low) {
+        for row in self.features.chunks_exact_mut(self.n_latent) {
             row.iter_mut().zip(&scales).for_each(|(value, scale)| *value /= scale);
         }
-        for row in self.basis.chunks_exact_mut(self.n_low) {
+        for row in self.basis.chunks_exact_mut(self.n_latent) {
             row.iter_mut().zip(&scales).for_each(|(value, scale)| *value *= scale);
         }
     }
@@ -99,20 +99,20 @@ impl Model {
     /// Brings each channel of f' to mean 0 and standard deviation 1 over the Gaussians; A and b change so that f stays.
     /// This is how features are stored: 16-bit floats are then exact to 2^-11 of a deviation at one deviation.
     pub fn standardize(&mut self) {
-        let n_low = self.n_low;
-        let n = (self.features.len() / n_low.max(1)).max(1) as f64;
+        let n_latent = self.n_latent;
+        let n = (self.features.len() / n_latent.max(1)).max(1) as f64;
         let mean_of = |features: &[f32], of: fn(f64) -> f64| -> Vec<f64> {
-            let mut mean = vec![0.0; n_low];
-            for row in features.chunks_exact(n_low) {
+            let mut mean = vec![0.0; n_latent];
+            for row in features.chunks_exact(n_latent) {
                 mean.iter_mut().zip(row).for_each(|(mean, &value)| *mean += of(f64::from(value)) / n);
             }
             mean
         };
         let mean: Vec<f32> = mean_of(&self.features, |value| value).iter().map(|&mean| mean as f32).collect();
-        for row in self.features.chunks_exact_mut(n_low) {
+        for row in self.features.chunks_exact_mut(n_latent) {
             add_scaled(row, -1.0, &mean);
         }
-        for (offset, row) in self.offset.iter_mut().zip(self.basis.chunks_exact(n_low)) {
+        for (offset, row) in self.offset.iter_mut().zip(self.basis.chunks_exact(n_latent)) {
             *offset += row.iter().zip(&mean).map(|(a, mean)| a * mean).sum::<f32>();
         }
         let variance = mean_of(&self.features, |value| value * value);
@@ -121,17 +121,17 @@ impl Model {
 
     /// `scale` times the L1 error of some cells, and its gradient (at a residual of exactly 0: 0).
     pub fn gradient(&self, samples: &Samples, scale: f32) -> Gradient {
-        let (n_low, n_channels) = (self.n_low, self.n_channels());
-        let mut cells = vec![0.0; samples.n_cells() * n_low];
+        let (n_latent, n_channels) = (self.n_latent, self.n_channels());
+        let mut cells = vec![0.0; samples.n_cells() * n_latent];
         let pieces: Vec<Gradient> = cells
-            .par_chunks_mut(CELLS_PER_PIECE * n_low)
+            .par_chunks_mut(CELLS_PER_PIECE * n_latent)
             .enumerate()
             .map_init(Scratch::default, |scratch, (piece, cells)| {
                 self.piece_gradient(samples, piece * CELLS_PER_PIECE, scale, scratch, cells)
             })
             .collect();
         let zero = Gradient {
-            basis: vec![0.0; n_channels * n_low],
+            basis: vec![0.0; n_channels * n_latent],
             offset: vec![0.0; n_channels],
             cells: Vec::new(),
             loss: 0.0,
@@ -148,8 +148,8 @@ impl Model {
         scratch: &mut Scratch,
         cells: &mut [f32],
     ) -> Gradient {
-        let (n_low, n_channels) = (self.n_low, self.n_channels());
-        let n_cells = cells.len() / n_low;
+        let (n_latent, n_channels) = (self.n_latent, self.n_channels());
+        let n_cells = cells.len() / n_latent;
         self.residuals(samples, first..first + n_cells, true, scratch);
         let Scratch { low, residuals, .. } = scratch;
         let mut offset = vec![0.0; n_channels];
@@ -162,9 +162,9 @@ impl Model {
             }
         }
         let signs = Matrix::dense(residuals, n_cells, n_channels);
-        let mut basis = vec![0.0; n_channels * n_low];
-        product(&mut basis, false, signs.transposed(), Matrix::dense(low, n_cells, n_low));
-        product(cells, false, signs, Matrix::dense(&self.basis, n_channels, n_low));
+        let mut basis = vec![0.0; n_channels * n_latent];
+        product(&mut basis, false, signs.transposed(), Matrix::dense(low, n_cells, n_latent));
+        product(cells, false, signs, Matrix::dense(&self.basis, n_channels, n_latent));
         Gradient { basis, offset, cells: Vec::new(), loss }
     }
 
@@ -176,13 +176,13 @@ impl Model {
         weighted: bool,
         Scratch { low, targets, residuals }: &mut Scratch,
     ) {
-        let (n_low, n_channels) = (self.n_low, self.n_channels());
+        let (n_latent, n_channels) = (self.n_latent, self.n_channels());
         let coverage = &samples.coverage()[cells.clone()];
-        samples.render(&self.features, n_low, cells.clone(), low);
+        samples.render(&self.features, n_latent, cells.clone(), low);
         samples.targets(cells, targets);
         residuals.resize(targets.len(), 0.0);
-        let basis = Matrix::dense(&self.basis, n_channels, n_low);
-        product(residuals, false, Matrix::dense(low, coverage.len(), n_low), basis.transposed());
+        let basis = Matrix::dense(&self.basis, n_channels, n_latent);
+        product(residuals, false, Matrix::dense(low, coverage.len(), n_latent), basis.transposed());
         let rows = residuals.chunks_exact_mut(n_channels).zip(targets.chunks_exact(n_channels));
         for ((row, targets), &coverage) in rows.zip(coverage) {
             let weight = if weighted { coverage } else { 1.0 };

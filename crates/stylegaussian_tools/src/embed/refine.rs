@@ -105,7 +105,7 @@ impl Adam {
     fn new(model: &Model) -> Self {
         Self {
             features: Moments::zeros(model.features.len()),
-            row_steps: vec![0; model.features.len() / model.n_low.max(1)],
+            row_steps: vec![0; model.features.len() / model.n_latent.max(1)],
             basis: Moments::zeros(model.basis.len()),
             offset: Moments::zeros(model.offset.len()),
             steps: 0,
@@ -126,14 +126,14 @@ impl Adam {
     }
 
     fn step_features(&mut self, model: &mut Model, batch: &[Samples], gradients: &[Gradient], rate: f32) {
-        let n_low = model.n_low;
-        let piece = GAUSSIANS_PER_PIECE * n_low;
+        let n_latent = model.n_latent;
+        let piece = GAUSSIANS_PER_PIECE * n_latent;
         let values = model.features.par_chunks_mut(piece);
         let first = self.features.first.par_chunks_mut(piece);
         let second = self.features.second.par_chunks_mut(piece);
         let row_steps = self.row_steps.par_chunks_mut(GAUSSIANS_PER_PIECE);
         values.zip(first).zip(second).zip(row_steps).enumerate().for_each_init(
-            || RowGradients::new(n_low),
+            || RowGradients::new(n_latent),
             |rows, (piece, (((values, first), second), row_steps))| {
                 for (samples, gradient) in batch.iter().zip(gradients) {
                     rows.add(samples, piece, &gradient.cells);
@@ -141,7 +141,7 @@ impl Adam {
                 rows.drain(|place, gradient| {
                     row_steps[place] += 1;
                     let rate = Rate::new(rate, row_steps[place]);
-                    let range = place * n_low..(place + 1) * n_low;
+                    let range = place * n_latent..(place + 1) * n_latent;
                     let (first, second) = (&mut first[range.clone()], &mut second[range.clone()]);
                     rate.apply(&mut values[range], gradient, first, second);
                 });
@@ -152,27 +152,28 @@ impl Adam {
 
 /// Gradients of the rows of f' of one piece of Gaussians.
 struct RowGradients {
-    n_low: usize,
+    n_latent: usize,
     /// `[GAUSSIANS_PER_PIECE, L]`, 0 where nothing was added.
     sums: Vec<f32>,
     seen: [bool; GAUSSIANS_PER_PIECE],
 }
 
 impl RowGradients {
-    fn new(n_low: usize) -> Self {
-        Self { n_low, sums: vec![0.0; GAUSSIANS_PER_PIECE * n_low], seen: [false; GAUSSIANS_PER_PIECE] }
+    fn new(n_latent: usize) -> Self {
+        Self { n_latent, sums: vec![0.0; GAUSSIANS_PER_PIECE * n_latent], seen: [false; GAUSSIANS_PER_PIECE] }
     }
 
     fn add(&mut self, samples: &Samples, piece: usize, cells: &[f32]) {
         for (row, place) in samples.seen_in_piece(piece) {
-            samples.gather(row, cells, &mut self.sums[place * self.n_low..][..self.n_low]);
+            samples.gather(row, cells, &mut self.sums[place * self.n_latent..][..self.n_latent]);
             self.seen[place] = true;
         }
     }
 
     /// Hands out the rows that something was added to, and clears them.
     fn drain(&mut self, mut take: impl FnMut(usize, &[f32])) {
-        for (place, (sum, seen)) in self.sums.chunks_exact_mut(self.n_low).zip(&mut self.seen).enumerate() {
+        for (place, (sum, seen)) in self.sums.chunks_exact_mut(self.n_latent).zip(&mut self.seen).enumerate()
+        {
             if std::mem::take(seen) {
                 take(place, sum);
                 sum.fill(0.0);

@@ -173,12 +173,12 @@ impl Samples {
     }
 
     /// Renders values `[N, L]` of the Gaussians into `cells` `[cells, L]`: sum_i w_i v_i.
-    pub fn render(&self, values: &[f32], n_low: usize, cells: std::ops::Range<usize>, out: &mut Vec<f32>) {
+    pub fn render(&self, values: &[f32], n_latent: usize, cells: std::ops::Range<usize>, out: &mut Vec<f32>) {
         out.clear();
-        out.resize(cells.len() * n_low, 0.0);
-        for (out, cell) in out.chunks_exact_mut(n_low).zip(cells) {
+        out.resize(cells.len() * n_latent, 0.0);
+        for (out, cell) in out.chunks_exact_mut(n_latent).zip(cells) {
             for (gaussian, weight) in self.by_cell.row(cell) {
-                add_scaled(out, weight, &values[gaussian * n_low..][..n_low]);
+                add_scaled(out, weight, &values[gaussian * n_latent..][..n_latent]);
             }
         }
     }

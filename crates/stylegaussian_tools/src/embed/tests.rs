@@ -61,8 +61,8 @@ fn random_view(n_gaussians: usize, truth: &Model, contrast: f32, bare: f32, seed
 }
 
 fn dot_row(model: &Model, d: usize, p: usize) -> f32 {
-    let row = &model.basis[d * model.n_low..][..model.n_low];
-    row.iter().zip(&model.features[p * model.n_low..]).map(|(a, f)| a * f).sum()
+    let row = &model.basis[d * model.n_latent..][..model.n_latent];
+    row.iter().zip(&model.features[p * model.n_latent..]).map(|(a, f)| a * f).sum()
 }
 
 fn of_slices(views: &[Vec<Samples>]) -> Vec<&[Samples]> {
@@ -150,7 +150,7 @@ fn lifting_is_the_weighted_mean() {
     let picture = weights([2, 1], 3, &[&[(0, 0.5)], &[(0, 0.25), (1, 0.75)]]);
     let view = Samples::of_view(&picture, &features([2, 1], 1, vec![1.0, 4.0])).unwrap();
     let model = closed_form(&[&view], 1, 3, 32);
-    assert_eq!(model.n_low, 1, "no more channels than the encoder has");
+    assert_eq!(model.n_latent, 1, "no more channels than the encoder has");
     let feature = |p: usize| model.offset[0] + dot_row(&model, 0, p);
     // The PCA looks at the first part alone, whose only cell has no variance: then A = 0 and f = b = the mean.
     assert!((feature(0) - 1.0).abs() < 1e-3);
@@ -287,7 +287,7 @@ fn unseen_gaussians_take_features_from_neighbors() {
     let seen = seen_weights(&[&view], 4);
     assert!((seen[0] - 1.0).abs() < 1e-3 && seen[1..] == [0.0; 3], "{seen:?}");
     let mut model =
-        Model { features: vec![5.0, f32::MAX, 7.0, 8.0], basis: vec![1.0], offset: vec![0.0], n_low: 1 };
+        Model { features: vec![5.0, f32::MAX, 7.0, 8.0], basis: vec![1.0], offset: vec![0.0], n_latent: 1 };
     assert_eq!(settle(&mut model, &seen, &neighbors), 3);
     assert_eq!(model.features, [5.0; 4], "spread along the line");
 }
@@ -296,7 +296,7 @@ fn unseen_gaussians_take_features_from_neighbors() {
 fn a_well_seen_gaussian_keeps_its_features() {
     // Two neighbors, seen by 10 cells and by 0.1: the first keeps 10 / 10.1, the second half, from those before.
     let neighbors = Neighbors { k: 2, indices: vec![0, 1, 1, 0] };
-    let mut model = Model { features: vec![1.0, 2.0], basis: vec![1.0], offset: vec![0.0], n_low: 1 };
+    let mut model = Model { features: vec![1.0, 2.0], basis: vec![1.0], offset: vec![0.0], n_latent: 1 };
     assert_eq!(settle(&mut model, &[10.0, 0.1], &neighbors), 0);
     assert!((model.features[0] - (1.0 + 0.1 / 10.1)).abs() < 1e-5, "{:?}", model.features);
     assert!((model.features[1] - 1.5).abs() < 1e-5, "{:?}", model.features);

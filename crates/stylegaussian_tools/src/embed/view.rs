@@ -57,7 +57,7 @@ impl TrainingView {
         match &self.picture {
             Picture::Photo(path) => Ok(Image::open(path)?.resized(size.x, size.y)),
             Picture::Rendered => {
-                let view = render(scene, Colors::Sh, &self.camera);
+                let view = render(scene, Colors::Captured, &self.camera);
                 let over = |(color, alpha): (&[f32; 3], &f32)| {
                     color.map(|channel| (channel + (1.0 - alpha) * BACKGROUND).clamp(0.0, 1.0))
                 };

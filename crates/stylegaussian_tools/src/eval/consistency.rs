@@ -14,7 +14,7 @@ use glam::{Affine3A, UVec2, Vec2, Vec3Swizzles};
 use serde::{Deserialize, Serialize};
 use stylegaussian::{
     Camera, Scene,
-    splat::{Colors, View, render},
+    splat::{Colors, RenderedImage, render},
 };
 
 use super::judge::Judge;
@@ -120,13 +120,13 @@ fn corners(at: Vec2, size: UVec2) -> Option<[(usize, f32); 4]> {
 }
 
 /// The depth of the surface at a pixel; none where the scene does not cover it.
-fn surface_depth(view: &View, pixel: usize) -> Option<f32> {
+fn surface_depth(view: &RenderedImage, pixel: usize) -> Option<f32> {
     (view.alpha[pixel] > COVERED).then(|| view.depth[pixel] / view.alpha[pixel])
 }
 
 impl Warp {
     /// The warp of the view `from` into the view `into`.
-    fn new(from: (&Camera, &View), into: (&Camera, &View)) -> Self {
+    fn new(from: (&Camera, &RenderedImage), into: (&Camera, &RenderedImage)) -> Self {
         let world_from_into: Affine3A = into.0.view_from_world.inverse();
         let from_into = from.0.view_from_world * world_from_into;
         let position = |pixel: usize| {
@@ -166,7 +166,7 @@ struct Pair {
 pub struct Consistency {
     cameras: Vec<Camera>,
     /// Without view-dependent color: that differs between views rightly.
-    unstyled: Vec<View>,
+    unstyled: Vec<RenderedImage>,
     short: Vec<Pair>,
     long: Vec<Pair>,
 }
@@ -178,7 +178,7 @@ impl Consistency {
         let used: BTreeSet<usize> = pairs.short.iter().chain(&pairs.long).flatten().copied().collect();
         let used: Vec<usize> = used.into_iter().collect();
         let cameras: Vec<Camera> = used.iter().map(|&i| cameras[i].clone()).collect();
-        let unstyled: Vec<View> =
+        let unstyled: Vec<RenderedImage> =
             cameras.iter().map(|camera| render(scene, Colors::Rgb(&colors), camera)).collect();
         let warped = |list: &[[usize; 2]]| -> Vec<Pair> {
             let pair = |numbers: &[usize; 2]| {
@@ -199,12 +199,12 @@ impl Consistency {
     }
 
     /// The views without style, in the order of [`Consistency::cameras`].
-    pub fn unstyled(&self) -> &[View] {
+    pub fn unstyled(&self) -> &[RenderedImage] {
         &self.unstyled
     }
 
     /// How well `views`, in the order of [`Consistency::cameras`], agree.
-    pub fn measure(&self, judge: &Judge, views: &[View]) -> Agreement {
+    pub fn measure(&self, judge: &Judge, views: &[RenderedImage]) -> Agreement {
         let pictures: Vec<Displayed> = views.iter().map(Displayed::new).collect();
         let of = |pairs: &[Pair]| {
             let differences: Vec<Difference> = pairs
@@ -245,7 +245,7 @@ struct Displayed {
 }
 
 impl Displayed {
-    fn new(view: &View) -> Self {
+    fn new(view: &RenderedImage) -> Self {
         let pixels = view.color.iter().zip(&view.alpha);
         let rgb = pixels.map(|(color, a)| color.map(|c| (c + (1.0 - a) * 0.5).clamp(0.0, 1.0))).collect();
         Self { size: view.size, rgb }
@@ -320,7 +320,7 @@ mod tests {
     }
 
     /// A wall at z = 4 whose color is its x coordinate, seen by a camera at `x`.
-    fn wall(x: f32) -> (Camera, View) {
+    fn wall(x: f32) -> (Camera, RenderedImage) {
         let size = UVec2::new(16, 8);
         let camera = Camera {
             view_from_world: Affine3A::from_translation(Vec3::new(-x, 0.0, 0.0)),
@@ -331,7 +331,7 @@ mod tests {
         let n = (size.x * size.y) as usize;
         let world_x = |i: usize| (i as f32 % 16.0 + 0.5 - 8.0) / 8.0 * 4.0 + x;
         let color = (0..n).map(|i| [world_x(i) / 20.0 + 0.5, 0.5, 0.0]).collect();
-        (camera, View { size, color, alpha: vec![1.0; n], depth: vec![4.0; n] })
+        (camera, RenderedImage { size, color, alpha: vec![1.0; n], depth: vec![4.0; n] })
     }
 
     /// A step of 0.8 to the right moves the wall by 8 * 0.8 / 4 = 1.6 pixels; colors that belong to the wall agree.

@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use anyhow::Result;
 use burn::tensor::Device;
-use stylegaussian::splat::View;
+use stylegaussian::splat::RenderedImage;
 use stylegaussian_encoder::{Image, StyleSize};
 
 use super::report::Measures;
@@ -56,7 +56,7 @@ impl Judge {
     }
 
     /// Looks at a view as a display shows it, over mid-gray.
-    pub fn look(&self, view: &View) -> Look {
+    pub fn look(&self, view: &RenderedImage) -> Look {
         let size = [view.size.x as usize, view.size.y as usize];
         let pixels = view.color.iter().zip(&view.alpha);
         let rgb: Vec<f32> =

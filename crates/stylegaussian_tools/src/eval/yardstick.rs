@@ -5,7 +5,7 @@ use anyhow::Result;
 use stylegaussian::{
     ChannelStatistics,
     fold::ChannelMap,
-    splat::View,
+    splat::RenderedImage,
     statistics::{ContentStatistics, STD_DEV_EPSILON},
 };
 use stylegaussian_encoder::{Encoder, FeatureMap, Image};
@@ -25,8 +25,8 @@ impl Yardstick {
     ///
     /// # Errors
     /// When the encoder fails.
-    pub fn new(teacher: Teacher, encoder: &Encoder, views: &[View]) -> Result<Self> {
-        let encode = |view: &View| {
+    pub fn new(teacher: Teacher, encoder: &Encoder, views: &[RenderedImage]) -> Result<Self> {
+        let encode = |view: &RenderedImage| {
             let pixels = view.color.iter().zip(&view.alpha);
             let rgb = pixels.flat_map(|(color, alpha)| color.map(|c| c + (1.0 - alpha) * 0.5)).collect();
             Ok(encoder.encode(&Image { width: view.size.x, height: view.size.y, rgb })?)
@@ -46,7 +46,12 @@ impl Yardstick {
     ///
     /// # Errors
     /// When the style belongs to other features, or the decoder fails.
-    pub fn paint(&self, index: usize, view: &View, style: &ChannelStatistics) -> Result<View> {
+    pub fn paint(
+        &self,
+        index: usize,
+        view: &RenderedImage,
+        style: &ChannelStatistics,
+    ) -> Result<RenderedImage> {
         let map = ChannelMap::adain(&self.statistics, style)?;
         let mut features = self.maps[index].clone();
         for row in features.values.chunks_exact_mut(map.gain.len()) {
@@ -58,7 +63,7 @@ impl Yardstick {
         let painted = self.teacher.decode(&features)?.resized(view.size.x, view.size.y);
         let pixels = painted.rgb.chunks_exact(3).zip(&view.alpha);
         let color = pixels.map(|(c, alpha)| [c[0] * alpha, c[1] * alpha, c[2] * alpha]).collect();
-        Ok(View { color, ..view.clone() })
+        Ok(RenderedImage { color, ..view.clone() })
     }
 }
 

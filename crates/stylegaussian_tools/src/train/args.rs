@@ -47,7 +47,7 @@ pub struct TrainArgs {
     /// The paper's decoder and recipe: sigmoids; no noise, own color, statistics or average over windows; no warm start, no
     /// average over steps. A scene embedded by `embed --method optimize` goes with it.
     #[arg(long, conflicts_with_all = [
-        "init", "activation", "noise", "own_color", "statistics", "smooth", "residual",
+        "init", "activation", "noise", "base_color", "statistics", "smooth", "residual",
         "warm_iterations", "average",
     ])]
     pub paper: bool,
@@ -106,8 +106,8 @@ pub struct TrainArgs {
     pub residual: Option<f32>,
     /// Whether a decoder that starts from random weights also sees each Gaussian's own color, which keeps fine detail;
     /// the paper's does not.
-    #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
-    pub own_color: bool,
+    #[arg(long, alias = "own-color", value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
+    pub base_color: bool,
     /// Whether a decoder that starts from random weights also sees the mean and deviation of all transferred features;
     /// the paper's sees those of its window alone.
     #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
@@ -145,7 +145,7 @@ impl TrainArgs {
         Self {
             activation: Activation::Sigmoid,
             noise: Some(0),
-            own_color: false,
+            base_color: false,
             statistics: false,
             smooth: Some(0),
             residual: Some(0.0),

@@ -47,13 +47,7 @@ mod tests {
         Decoder {
             layers: vec![Layer { weight: vec![weight; 3], bias: vec![bias; 3], d_in: 1, d_out: 3 }],
             k: 1,
-            activation: Activation::Sigmoid,
-            residual: 0.0,
-            n_noise: 0,
-            n_averages: 0,
-            own_color: false,
-            statistics_weight: Vec::new(),
-            encoder: None,
+            ..Decoder::default()
         }
     }
 

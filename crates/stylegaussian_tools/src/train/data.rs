@@ -8,7 +8,7 @@ use stylegaussian::{
     Camera, Decoder, Features, Neighbors, Scene,
     fold::{centered_inputs, inputs_of, neighbors_for},
     splat::{BlendWeights, blend_weights},
-    statistics::{ContentStatistics, mean_low},
+    statistics::{ContentStatistics, mean_latent},
 };
 
 use super::ops::Windows;
@@ -30,7 +30,7 @@ pub struct TrainingScene {
     /// The features, for the fold.
     pub features: Features,
     /// The mean of f' `[L]`.
-    pub mean_low: Vec<f64>,
+    pub mean_latent: Vec<f64>,
     /// Content statistics, for AdaIN.
     pub statistics: ContentStatistics,
     /// Neighbor lists at the decoder's K.
@@ -65,8 +65,8 @@ impl TrainingScene {
     /// that shows nothing is left out.
     pub fn new(scene: &Scene, cameras: &[Vec<Camera>], crop: u32, decoder: &Decoder) -> Option<Self> {
         let features = inputs_of(scene, decoder)?.into_owned();
-        let (k, n_layers) = (decoder.k, decoder.n_windows());
-        let mean_low = mean_low(&features);
+        let (k, n_layers) = (decoder.k, decoder.n_neighborhoods());
+        let mean_latent = mean_latent(&features);
         let neighbors = neighbors_for(scene, k).into_owned();
         let base_colors = scene.base_colors();
         let at_size = |cameras: &Vec<Camera>| -> Vec<View> {
@@ -78,11 +78,11 @@ impl TrainingScene {
         Some(Self {
             colors: ColorMoments::of_pixels(views.iter().flatten().flat_map(View::pixels)),
             views,
-            inputs: centered_inputs(&features, &mean_low),
-            n_inputs: features.n_low + features.n_extra,
+            inputs: centered_inputs(&features, &mean_latent),
+            n_inputs: features.n_latent + features.n_extra,
             statistics: ContentStatistics::of(&features),
             features,
-            mean_low,
+            mean_latent,
             neighbors,
             base_colors,
         })

@@ -23,9 +23,9 @@ pub struct Network {
     k: usize,
     activation: Activation,
     residual: f32,
-    own_color: bool,
+    base_color: bool,
     n_noise: usize,
-    n_averages: usize,
+    smoothing_passes: usize,
     encoder: Option<EncoderId>,
 }
 
@@ -50,20 +50,20 @@ impl FoldedInputs {
     /// From a scene's features, the mean of its f' `[L]`, its content statistics and a channel map.
     pub fn new(
         features: &Features,
-        mean_low: &[f64],
+        mean_latent: &[f64],
         content: &ContentStatistics,
         map: &ChannelMap,
         device: &Device,
     ) -> Self {
-        let (n_channels, n_low) = (features.n_channels(), features.n_low);
+        let (n_channels, n_latent) = (features.n_channels(), features.n_latent);
         let basis: Vec<f32> = features
             .basis
             .iter()
             .enumerate()
-            .map(|(i, a)| (map.gain[i / n_low] * f64::from(*a)) as f32)
+            .map(|(i, a)| (map.gain[i / n_latent] * f64::from(*a)) as f32)
             .collect();
         let center = |d: usize| {
-            let row = features.basis[d * n_low..][..n_low].iter().zip(mean_low);
+            let row = features.basis[d * n_latent..][..n_latent].iter().zip(mean_latent);
             let mean = f64::from(features.offset[d]) + row.map(|(a, m)| f64::from(*a) * m).sum::<f64>();
             (map.gain[d] * mean + map.shift[d]) as f32
         };
@@ -71,7 +71,7 @@ impl FoldedInputs {
         let statistics: Vec<f32> = map.statistics(content).into_iter().map(|value| value as f32).collect();
         Self {
             statistics: Tensor::from_data(TensorData::new(statistics, [2 * n_channels, 1]), device),
-            basis: Tensor::from_data(TensorData::new(basis, [n_channels, n_low]), device),
+            basis: Tensor::from_data(TensorData::new(basis, [n_channels, n_latent]), device),
             center: Tensor::from_data(TensorData::new(center, [n_channels, 1]), device),
         }
     }
@@ -85,12 +85,12 @@ impl Network {
         n_extra: usize,
         encoder: Option<EncoderId>,
     ) -> Decoder {
-        let TrainArgs { k, activation, own_color, statistics, seed, .. } = *arguments;
+        let TrainArgs { k, activation, base_color, statistics, seed, .. } = *arguments;
         let n_noise = arguments.noise.unwrap_or(0);
-        let n_averages = arguments.smooth.unwrap_or(1);
+        let smoothing_passes = arguments.smooth.unwrap_or(1);
         let residual = arguments.residual.unwrap_or(0.0);
         let n_statistics = if statistics { 2 * n_channels } else { 0 };
-        let n_inputs = n_channels + n_extra + n_noise + if own_color { 3 } else { 0 };
+        let n_inputs = n_channels + n_extra + n_noise + if base_color { 3 } else { 0 };
         let mut random = Random::new(seed);
         let gain = match activation {
             // A unit-normal input leaves the sigmoid with deviation 0.21.
@@ -128,9 +128,9 @@ impl Network {
             k,
             activation,
             residual,
-            own_color,
+            base_color,
             n_noise,
-            n_averages,
+            smoothing_passes,
             statistics_weight,
             encoder,
         }
@@ -168,9 +168,9 @@ impl Network {
             k: decoder.k,
             activation: decoder.activation,
             residual,
-            own_color: decoder.own_color,
+            base_color: decoder.base_color,
             n_noise: decoder.n_noise,
-            n_averages: decoder.n_averages,
+            smoothing_passes: decoder.smoothing_passes,
             encoder: decoder.encoder.clone(),
         })
     }
@@ -181,8 +181,8 @@ impl Network {
     }
 
     /// How many sets of windows [`forward`](Self::forward) takes.
-    pub fn n_windows(&self) -> usize {
-        self.parameters.len() / 2 + self.n_averages
+    pub fn n_neighborhoods(&self) -> usize {
+        self.parameters.len() / 2 + self.smoothing_passes
     }
 
     /// The decoder as it stands.
@@ -203,9 +203,9 @@ impl Network {
             k: self.k,
             activation: self.activation,
             residual: self.residual,
-            own_color: self.own_color,
+            base_color: self.base_color,
             n_noise: self.n_noise,
-            n_averages: self.n_averages,
+            smoothing_passes: self.smoothing_passes,
             statistics_weight: values.last().filter(|_| values.len() % 2 == 1).map_or(Vec::new(), to_vec),
             encoder: self.encoder.clone(),
         }
@@ -240,7 +240,7 @@ impl Network {
 
     /// Colors `[M, 3]` of what the layers gave and of the Gaussians' own `[M, 3]`.
     pub fn finished(&self, decoded: Tensor<2>, own_colors: Tensor<2>, windows: &[Arc<Windows>]) -> Tensor<2> {
-        let averages = &windows[windows.len() - self.n_averages..];
+        let averages = &windows[windows.len() - self.smoothing_passes..];
         let averaged = averages.iter().fold(decoded, |colors, windows| of_windows(colors, windows, 0.0));
         averaged + own_colors * self.residual
     }
@@ -253,15 +253,15 @@ impl Network {
     /// Mean squared distance of what the layers gave from the mean of its window: what averaging takes away. `None` where
     /// nothing is averaged.
     pub fn roughness(&self, decoded: Tensor<2>, windows: &[Arc<Windows>]) -> Option<Tensor<1>> {
-        let windows = windows[windows.len() - self.n_averages..].first()?;
+        let windows = windows[windows.len() - self.smoothing_passes..].first()?;
         Some(of_windows(decoded, windows, 1.0).powi_scalar(2).mean())
     }
 
     /// The first layer on `n_inputs` = L + E inputs: W_k diag(g) A beside the extra columns, and the bias that the
     /// center makes.
     fn folded_layer(&self, folded: &FoldedInputs, n_inputs: usize) -> (Tensor<2>, Tensor<1>) {
-        let [n_channels, n_low] = folded.basis.dims();
-        let n_extra = n_inputs - n_low;
+        let [n_channels, n_latent] = folded.basis.dims();
+        let n_extra = n_inputs - n_latent;
         let [d_out, _] = self.parameters[0].values.dims();
         let rows = self.parameters[0].values.clone().reshape([d_out * self.k, n_channels + n_extra]);
         let on_features = rows.clone().narrow(1, 0, n_channels);

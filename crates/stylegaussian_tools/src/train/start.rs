@@ -18,7 +18,7 @@ pub fn decoder(arguments: &TrainArgs, encoder: &Encoder, n_extra: usize) -> Resu
     };
     let path = first.path.display();
     let mut decoder = mean(&arguments.init)?;
-    decoder.n_averages = arguments.smooth.unwrap_or(decoder.n_averages);
+    decoder.smoothing_passes = arguments.smooth.unwrap_or(decoder.smoothing_passes);
     if let Some(residual) = arguments.residual {
         set_residual(&mut decoder, residual);
     }
@@ -87,7 +87,7 @@ fn set_residual(decoder: &mut Decoder, residual: f32) {
 
 /// Takes the inputs that are noise away, all but `n`: they are the first layer's last ones, but for the own color.
 fn forget_noise(decoder: &mut Decoder, n: usize) {
-    let after = if decoder.own_color { 3 } else { 0 };
+    let after = if decoder.base_color { 3 } else { 0 };
     let n_forgotten = decoder.n_noise - n;
     let Some(first) = decoder.layers.first_mut() else { return };
     let kept = first.d_in - after - n_forgotten;

@@ -169,7 +169,7 @@ pub fn step(
     device: &Device,
 ) -> Result<[f32; 2]> {
     let map = ChannelMap::adain(&scene.statistics, &style.statistics)?;
-    let folded = FoldedInputs::new(&scene.features, &scene.mean_low, &scene.statistics, &map, device);
+    let folded = FoldedInputs::new(&scene.features, &scene.mean_latent, &scene.statistics, &map, device);
     let rows = TensorData::new(scene.input_rows(&view.input_rows), [view.input_rows.len(), scene.n_inputs]);
     let decoded = network.decode(Tensor::from_data(rows, device), &folded, &view.windows);
     let own_colors = view.output_rows.iter().flat_map(|&row| scene.base_colors[row as usize]);

@@ -41,12 +41,12 @@ pub fn step(
     let start = random.below(n - len + 1);
     let rows = start..start + len;
     let windows = Arc::new(patch_windows(scene, start, len));
-    let windows: Vec<_> = (0..network.n_windows()).map(|_| windows.clone()).collect();
+    let windows: Vec<_> = (0..network.n_neighborhoods()).map(|_| windows.clone()).collect();
     let inputs = scene.inputs[start * scene.n_inputs..][..len * scene.n_inputs].to_vec();
     let tensor =
         |values: Vec<f32>, columns| Tensor::<2>::from_data(TensorData::new(values, [len, columns]), device);
     let map = ChannelMap::adain(&scene.statistics, &style.statistics)?;
-    let folded = FoldedInputs::new(&scene.features, &scene.mean_low, &scene.statistics, &map, device);
+    let folded = FoldedInputs::new(&scene.features, &scene.mean_latent, &scene.statistics, &map, device);
     let own_colors = tensor(scene.base_colors[rows.clone()].iter().flatten().copied().collect(), 3);
     let colors = network.forward(tensor(inputs, scene.n_inputs), own_colors, &folded, &windows);
 

@@ -93,7 +93,7 @@ fn an_object_is_seen_from_outside_and_above_its_floor_too() {
         assert_eq!(camera.size, SIZE);
         assert!(camera.position().length() > 2.5, "eye at {}", camera.position());
         assert!(picture_up(camera).y > 0.3, "tilted: {}", picture_up(camera));
-        let covered = render(&scene, Colors::Sh, camera).alpha.iter().sum::<f32>() / (48.0 * 32.0);
+        let covered = render(&scene, Colors::Captured, camera).alpha.iter().sum::<f32>() / (48.0 * 32.0);
         assert!(covered > 0.1, "an empty picture from {}", camera.position());
     }
     assert!(share_framed(&scene, &cameras) > 0.98);
@@ -112,7 +112,7 @@ fn a_place_is_seen_from_within() {
         for camera in &cameras {
             assert!(inside(camera), "eye at {}", camera.position());
             assert!(picture_up(camera).y > 0.8, "tilted: {}", picture_up(camera));
-            let alpha = render(&scene, Colors::Sh, camera).alpha;
+            let alpha = render(&scene, Colors::Captured, camera).alpha;
             assert!(alpha.iter().sum::<f32>() > 0.9 * alpha.len() as f32, "a hole in the wall?");
         }
     }
@@ -125,7 +125,7 @@ fn the_unit_of_length_does_not_matter() {
     for factor in [1e-3, 0.05, 30.0] {
         let scene = scaled(&box_on_a_floor(), factor);
         for camera in choose_views(&scene, 4, SIZE) {
-            let covered = render(&scene, Colors::Sh, &camera).alpha.iter().sum::<f32>() / (48.0 * 32.0);
+            let covered = render(&scene, Colors::Captured, &camera).alpha.iter().sum::<f32>() / (48.0 * 32.0);
             assert!(covered > 0.1, "scaled by {factor}: an empty picture from {}", camera.position());
         }
     }

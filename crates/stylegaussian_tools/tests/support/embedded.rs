@@ -29,7 +29,7 @@ pub fn embedded(bench: &Bench, encoder: &Path) -> String {
     let number = |i: usize, step: f64| ((i as f64 * step) % 1.0 * 2.0 - 1.0) as f32;
     scene.features = Some(Features {
         values: (0..n * 3).map(|i| number(i, 0.754_877)).collect(),
-        n_low: 3,
+        n_latent: 3,
         basis: (0..256 * 3).map(|i| number(i, 0.569_84)).collect(),
         offset: (0..256).map(|i| number(i, 0.618_034)).collect(),
         extra: Vec::new(),

@@ -140,7 +140,7 @@ impl Bench {
         let n = scene.len();
         scene.features = Some(Features {
             values: noise(n * 4, 1),
-            n_low: 4,
+            n_latent: 4,
             basis: noise(6 * 4, 2),
             offset: noise(6, 3),
             extra: Vec::new(),
@@ -151,13 +151,8 @@ impl Bench {
         scene.decoder = Some(Decoder {
             layers: vec![layer(6, 5, 4), layer(5, 3, 5)],
             k: 3,
-            activation: Activation::Sigmoid,
-            residual: 0.0,
-            own_color: false,
-            n_noise: 0,
-            n_averages: 0,
-            statistics_weight: Vec::new(),
             encoder: Some(encoder("test", "00")),
+            ..Decoder::default()
         });
         self.write(name, &scene)
     }

@@ -42,7 +42,7 @@ fn reads_a_trained_model_that_torch_saved() {
     check_gaussians(&scene);
     let features = scene.features.as_ref().unwrap();
     // A view that starts at the third row of its storage.
-    assert_eq!((features.n_low, &features.values[..]), (5, &ramp(5, 40)[10..]));
+    assert_eq!((features.n_latent, &features.values[..]), (5, &ramp(5, 40)[10..]));
     let identity: Vec<f32> = (0..25).map(|i| if i % 6 == 0 { 1.0 } else { 0.0 }).collect();
     assert_eq!((&features.basis, &features.offset), (&identity, &vec![0.0; 5]));
     let decoder = scene.decoder.as_ref().unwrap();
@@ -64,7 +64,7 @@ fn reads_a_feature_model_saved_with_its_iteration() {
     check_gaussians(&scene);
     assert!(scene.decoder.is_none());
     let features = scene.features.unwrap();
-    assert_eq!((features.n_low, features.values), (2, ramp(12, 12)));
+    assert_eq!((features.n_latent, features.values), (2, ramp(12, 12)));
     assert_eq!((features.basis, features.offset), (ramp(10, 10), ramp(11, 5)));
 }
 

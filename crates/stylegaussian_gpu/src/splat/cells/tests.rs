@@ -7,9 +7,8 @@ use stylegaussian_shaders::splat::SplatCounts;
 use super::*;
 use crate::{
     device::HeadlessDevice,
-    scene::GpuScene,
     splat::{
-        Camera, Cloud, CloudColors, SplatPass, SplatSettings, SplatView,
+        Camera, Cloud, CloudColors, GpuScene, SplatPass, SplatSettings, SplatView,
         testing::{gpu, randoms, read},
     },
 };
@@ -78,7 +77,8 @@ fn gpu_matches_cpu() {
             ),
             viewport,
         };
-        let cloud = Cloud { scene: &scene, colors: CloudColors::Sh, world_from_scene: Affine3A::IDENTITY };
+        let cloud =
+            Cloud { scene: &scene, colors: CloudColors::Captured, world_from_scene: Affine3A::IDENTITY };
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let settings = SplatSettings::default();
         pass.prepare(device, queue, &mut encoder, &mut view, &camera, &[cloud], &settings).unwrap();

@@ -8,9 +8,8 @@ use stylegaussian_shaders::splat::SplatCounts;
 use crate::{
     colors::GaussianColors,
     device::HeadlessDevice,
-    scene::GpuScene,
     splat::{
-        Camera, Cloud, CloudColors, SortKey, SplatPass, SplatSettings, SplatView,
+        Camera, Cloud, CloudColors, GpuScene, SortKey, SplatPass, SplatSettings, SplatView,
         camera::in_f64,
         testing::{gpu, randoms, read},
         view::Change,
@@ -121,7 +120,11 @@ fn records(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(Scene, Affine3A)]) 
     let clouds: Vec<_> = clouds
         .iter()
         .zip(&scenes)
-        .map(|(&(_, world_from_scene), scene)| Cloud { scene, colors: CloudColors::Sh, world_from_scene })
+        .map(|(&(_, world_from_scene), scene)| Cloud {
+            scene,
+            colors: CloudColors::Captured,
+            world_from_scene,
+        })
         .collect();
     let (pass, mut view) = (SplatPass::new(device), SplatView::new());
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -263,8 +266,11 @@ fn nothing_is_allocated_where_nothing_changed() {
     let HeadlessDevice { device, queue, .. } = &gpu;
     let scenes =
         [random_scene(500, 1, 40), random_scene(900, 1, 41)].map(|s| GpuScene::new(device, &s).unwrap());
-    let cloud =
-        |i: usize| Cloud { scene: &scenes[i], colors: CloudColors::Sh, world_from_scene: Affine3A::IDENTITY };
+    let cloud = |i: usize| Cloud {
+        scene: &scenes[i],
+        colors: CloudColors::Captured,
+        world_from_scene: Affine3A::IDENTITY,
+    };
     let (pass, mut view) = (SplatPass::new(device), SplatView::new());
     let mut camera = Camera {
         world_from_view: pose(),
@@ -296,7 +302,7 @@ fn only_what_changed_is_done_again() {
         [random_scene(50, 1, 42), random_scene(50, 1, 43)].map(|s| GpuScene::new(device, &s).unwrap());
     let colors = [(); 2].map(|()| GaussianColors::from_rgb(device, queue, &[[0.5; 3]; 50]).unwrap());
     let place = Affine3A::IDENTITY;
-    let plain = Cloud { scene: &scenes[0], colors: CloudColors::Sh, world_from_scene: place };
+    let plain = Cloud { scene: &scenes[0], colors: CloudColors::Captured, world_from_scene: place };
     let fade = |t: f32| CloudColors::Fade { from: None, to: Some(&colors[1]), t };
     let (pass, mut view) = (SplatPass::new(device), SplatView::new());
     let camera = Camera {

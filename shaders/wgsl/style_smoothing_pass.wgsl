@@ -1,5 +1,5 @@
 // The mean color of each Gaussian's window, and in the end a share of its own color: one of the averages behind the last
-// layer. CPU twin: stylegaussian::decoder::window_means.
+// layer. CPU twin: stylegaussian::decoder::smoothing_pass.
 
 const COLOR_WORKGROUP_SIZE: u32 = 128u;
 

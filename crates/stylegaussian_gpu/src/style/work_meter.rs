@@ -57,7 +57,7 @@ impl StyleProgress {
 /// [`observe`](Self::observe) is told; until then it assumes the slowest GPU that it is meant for. What a frame takes passes
 /// the budget by a tile of 128 rows at most, or where sums over planes are kept by a chunk.
 #[derive(Debug)]
-pub struct StyleBudget {
+pub struct WorkMeter {
     /// Milliseconds of GPU time in each frame; infinite for all at once.
     pub ms_per_frame: f32,
     /// Multiplications and additions in a millisecond.
@@ -73,7 +73,7 @@ const SLOWEST: f64 = 1e8;
 /// Share of the newest observation: a GPU's clock settles within some frames.
 const NEWEST: f64 = 0.25;
 
-impl StyleBudget {
+impl WorkMeter {
     /// At most `ms_per_frame` milliseconds of each frame.
     pub fn new(ms_per_frame: f32) -> Self {
         Self { ms_per_frame, operations_per_ms: SLOWEST, granted: 0, timer: None }
@@ -169,8 +169,13 @@ mod tests {
     };
 
     fn plan(inputs: usize) -> Vec<Step> {
-        let shape =
-            StyleShape { n_gaussians: 1000, k: 8, widths: vec![32, 64, 3], residual: false, n_averages: 0 };
+        let shape = StyleShape {
+            n_gaussians: 1000,
+            k: 8,
+            widths: vec![32, 64, 3],
+            residual: false,
+            smoothing_passes: 0,
+        };
         let split = Split { capacity: 1000, inputs, scratch: [8, 1], chunk_rows: CHUNK_ROWS };
         steps(&shape, &split, 0, &BlockShape::whole(&shape))
     }
@@ -225,7 +230,7 @@ mod tests {
 
     #[test]
     fn slowness_is_believed_at_once() {
-        let mut budget = StyleBudget::new(2.0);
+        let mut budget = WorkMeter::new(2.0);
         assert_eq!(budget.operations(), 200_000_000);
         budget.observe(400_000_000, Duration::from_millis(1));
         assert_eq!(budget.operations(), 350_000_000);
@@ -233,15 +238,15 @@ mod tests {
         assert_eq!(budget.operations(), 2_000_000);
         budget.observe(0, Duration::ZERO);
         assert_eq!(budget.operations(), 2_000_000);
-        assert_eq!(StyleBudget::new(-1.0).operations(), 0);
-        assert_eq!(StyleBudget::unlimited().operations(), u64::MAX);
-        assert_eq!(StyleBudget::of_operations(123_456_789).operations(), 123_456_789);
+        assert_eq!(WorkMeter::new(-1.0).operations(), 0);
+        assert_eq!(WorkMeter::unlimited().operations(), u64::MAX);
+        assert_eq!(WorkMeter::of_operations(123_456_789).operations(), 123_456_789);
     }
 
     /// Several scenes share a frame; the last one to be granted anything may exceed it.
     #[test]
     fn a_frame_is_granted_once() {
-        let mut budget = StyleBudget::new(1.0);
+        let mut budget = WorkMeter::new(1.0);
         assert_eq!(budget.left(), Some(100_000_000));
         budget.grant(60_000_000);
         assert_eq!(budget.left(), Some(40_000_000));
@@ -250,7 +255,7 @@ mod tests {
         budget.begin_frame();
         assert_eq!(budget.left(), Some(100_000_000));
         // Nothing is granted at all, but changes complete.
-        let mut none = StyleBudget::new(0.0);
+        let mut none = WorkMeter::new(0.0);
         assert_eq!(none.left(), Some(0));
         none.grant(1);
         assert_eq!(none.left(), None);

@@ -12,7 +12,7 @@ use stylegaussian::{Scene, scene::Sh, sh};
 use stylegaussian_shaders::splat::PackedGaussian;
 use wgpu::util::DeviceExt;
 
-use crate::splat::SplatView;
+use super::SplatView;
 
 /// N Gaussians on the GPU: means, rotations, scales, opacities and spherical harmonics. Never changes.
 #[derive(Debug)]
