@@ -23,7 +23,7 @@ pub use asset::GaussianScene;
 pub use failure::{GaussianSceneError, GaussianSceneFailed};
 
 pub(crate) use attach::LoadedScene;
-pub(crate) use extract::{RenderCloud, RenderClouds};
+pub(crate) use extract::RenderClouds;
 pub(crate) use failure::SceneRefused;
 pub(crate) use gpu::{GpuScenes, upload_scenes};
 
