@@ -11,7 +11,7 @@ use std::{hint::black_box, time::Instant};
 
 use glam::{Quat, Vec3};
 use stylegaussian::{
-    Activation, Decoder, Features, Layer, Neighbors, Scene,
+    Decoder, Features, Layer, Neighbors, Scene,
     fold::{ChannelMap, stylize},
 };
 

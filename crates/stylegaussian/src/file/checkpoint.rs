@@ -11,7 +11,7 @@
 use glam::Vec3;
 
 use crate::{
-    decoder::{Activation, Decoder, Layer},
+    decoder::{Decoder, Layer},
     scene::{Features, Scene},
 };
 
