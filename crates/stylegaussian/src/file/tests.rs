@@ -143,6 +143,20 @@ fn sgs_is_the_same_byte_for_byte() {
     assert_eq!(fs::read(&paths[0]).unwrap(), fs::read(&paths[1]).unwrap());
 }
 
+/// Files of earlier versions spell the key the British way.
+#[test]
+fn the_license_is_read_under_its_old_key() {
+    let dir = dir();
+    let path = dir.path().join("scene.sgs");
+    write_scene(&path, &full_scene()).unwrap();
+    let bytes = fs::read(&path).unwrap();
+    let old = replaced(&bytes, r#""license":"CC0-1.0""#, r#""licence":"CC0-1.0""#);
+    fs::write(&path, old).unwrap();
+    let Loaded { scene, warnings } = read_scene(&path).unwrap();
+    assert_eq!(scene.license.as_deref(), Some("CC0-1.0"));
+    assert!(warnings.is_empty(), "{warnings:?}");
+}
+
 #[test]
 fn full_rank_and_checkpoint_features_stay_exact() {
     let dir = dir();
