@@ -21,8 +21,8 @@ impl Camera {
         self.view_from_world.inverse().translation.into()
     }
 
-    /// A camera from its pose in OpenGL axes (x right, y up, z *backward*), the convention of transforms.json. The pose must
-    /// be rigid; `focal`, `center` and `size` are in pixels.
+    /// A camera from its pose in OpenGL axes (x right, y up, z *backward*), the convention of transforms.json. The pose
+    /// must be rigid; `focal`, `center` and `size` are in pixels.
     pub fn from_opengl(world_from_camera: DAffine3, focal: Vec2, center: Vec2, size: UVec2) -> Self {
         let camera_from_view = DAffine3::from_mat3(DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)));
         let view_from_world = (world_from_camera * camera_from_view).inverse();
@@ -37,8 +37,8 @@ impl Camera {
         Self { focal: self.focal * ratio, center: self.center * ratio, size, ..self.clone() }
     }
 
-    /// A camera at `eye` that looks at `target`. `up` is the world's up direction, and `fov_y` the full vertical angle in
-    /// radians.
+    /// A camera at `eye` that looks at `target`. `up` is the world's up direction, and `fov_y` the full vertical angle
+    /// in radians.
     pub fn look_at(eye: Vec3, target: Vec3, up: Vec3, fov_y: f32, size: UVec2) -> Self {
         let forward = (target - eye).normalize();
         let right = forward.cross(up).normalize();

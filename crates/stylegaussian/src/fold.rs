@@ -1,7 +1,7 @@
 //! Folding all that is affine in the latent features into the decoder's first layer.
 //!
-//! f = A f' + b, AdaIN, mixing and the blend with the content are affine. The pre-activation of the first layer is therefore
-//! affine in f':
+//! f = A f' + b, AdaIN, mixing and the blend with the content are affine. The pre-activation of the first layer is
+//! therefore affine in f':
 //!
 //! sum_k W_k (g * (A f'_{n(p,k)} + b) + s) + B = sum_k (W_k diag(g) A) (f'_{n(p,k)} - m') + const,
 //!
@@ -81,8 +81,8 @@ impl ChannelMap {
         Ok(Self { gain: sum(|map| &map.gain), shift: sum(|map| &map.shift) })
     }
 
-    /// The map's blend with the identity: c f + (1 - c) map(f), with `content` c from 0 (the map alone) to 1 (the content's
-    /// features as they are).
+    /// The map's blend with the identity: c f + (1 - c) map(f), with `content` c from 0 (the map alone) to 1 (the
+    /// content's features as they are).
     ///
     /// # Errors
     /// If `content` is not in 0..=1.
@@ -121,7 +121,7 @@ pub enum StylizeError {
     /// A decoder that takes statistics of another width.
     #[error("the decoder sees statistics of {found} channels, the scene's features have {expected}")]
     DecoderStatistics {
-        /// Channels whose statistics the decoder takes.
+        /// Number of channels of the statistics that the decoder takes.
         found: usize,
         /// D of the scene.
         expected: usize,
@@ -149,8 +149,8 @@ pub enum StylizeError {
     Encoder(#[from] EncoderMismatch),
 }
 
-/// Folds the basis, the offset and a channel map into a first layer of D + E inputs. The result has L + E inputs and takes
-/// *centered* latent features, f' - `mean_latent`.
+/// Folds the basis, the offset and a channel map into a first layer of D + E inputs. The result has L + E inputs and
+/// takes *centered* latent features, f' - `mean_latent`.
 ///
 /// # Panics
 /// If the layer does not take D + E inputs.
@@ -163,8 +163,8 @@ pub fn fold_layer(
 ) -> Layer {
     let (n_channels, n_latent, n_extra) = (features.n_channels(), features.n_latent, features.n_extra);
     assert_eq!(layer.d_in, n_channels + n_extra, "the first layer takes D + E inputs");
-    // diag(g) A and, as one more column, the mapped features of a Gaussian at the mean [D, L + 1]. One product then folds
-    // weights and bias together.
+    // diag(g) A and, as one more column, the mapped features of a Gaussian at the mean [D, L + 1]. One product then
+    // folds weights and bias together.
     let width = n_latent + 1;
     let mut basis = Vec::with_capacity(n_channels * width);
     for (d, row) in features.basis.chunks_exact(n_latent).enumerate() {
@@ -210,8 +210,8 @@ pub fn centered_inputs(features: &Features, mean_latent: &[f64]) -> Vec<f32> {
     inputs
 }
 
-/// A scene's features with the decoder's procedural inputs (noise and base color) appended to the extra inputs, or `None` if
-/// the scene has no features.
+/// A scene's features with the decoder's procedural inputs (noise and base color) appended to the extra inputs, or
+/// `None` if the scene has no features.
 pub fn inputs_of<'a>(scene: &'a Scene, decoder: &Decoder) -> Option<Cow<'a, Features>> {
     let features = scene.features.as_ref()?;
     if decoder.n_procedural() == 0 {
@@ -263,8 +263,8 @@ pub fn transfer_from(
 /// The scene's part in an [`EncoderMismatch`].
 const FEATURES: &str = "the scene's features";
 
-/// Checks that `decoder` can run on `scene`, and returns the scene's features. Encoders and widths must agree, and the layers
-/// must chain and end in 3 colors.
+/// Checks that `decoder` can run on `scene`, and returns the scene's features. Encoders and widths must agree, and the
+/// layers must chain and end in 3 colors.
 ///
 /// # Errors
 /// If the scene has no features, or the decoder does not fit them.
@@ -329,7 +329,8 @@ pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec
     Ok(colors)
 }
 
-/// The scene's neighbor lists at K. Longer lists are shortened, and a search runs only if there are none of that length.
+/// The scene's neighbor lists at K. Longer lists are shortened, and a search runs only if there are none of that
+/// length.
 pub fn neighbors_for(scene: &Scene, k: usize) -> Cow<'_, Neighbors> {
     match &scene.neighbors {
         Some(neighbors) if neighbors.k == k => Cow::Borrowed(neighbors),

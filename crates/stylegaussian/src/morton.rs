@@ -11,8 +11,8 @@ const LAST_CELL: f64 = ((1_u32 << BITS) - 1) as f64;
 
 /// Spreads the low 21 bits of `value` so that two zero bits stand between each.
 ///
-/// Each step halves the groups of bits that are still together and moves the upper half up. The mask drops the copies that
-/// the shift leaves behind.
+/// Each step halves the groups of bits that are still together and moves the upper half up. The mask drops the copies
+/// that the shift leaves behind.
 fn spread(value: u32) -> u64 {
     let mut v = u64::from(value) & 0x1f_ffff;
     v = (v | (v << 32)) & 0x001f_0000_0000_ffff;

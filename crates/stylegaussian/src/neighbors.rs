@@ -8,9 +8,9 @@ use rayon::prelude::*;
 
 /// Neighbor lists `[N, K]`, row-major.
 ///
-/// A list begins with the Gaussian itself. The others follow by ascending distance, and at equal distances by source index,
-/// so that lists depend neither on the order in memory nor on the search. If there are fewer than K Gaussians, the
-/// Gaussian itself fills the rest of its list.
+/// A list begins with the Gaussian itself. The others follow by ascending distance, and at equal distances by source
+/// index, so that lists depend neither on the order in memory nor on the search. If there are fewer than K Gaussians,
+/// the Gaussian itself fills the rest of its list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Neighbors {
     /// K, the length of each list.
@@ -93,8 +93,8 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The nearest K + 1 Gaussians of a point as (squared distance, source index, Gaussian), sorted. One more than K, since
-    /// the Gaussian that asks may be among them, and moves to the front of its list.
+    /// The nearest K + 1 Gaussians of a point as (squared distance, source index, Gaussian), sorted. One more than K,
+    /// since the Gaussian that asks may be among them, and moves to the front of its list.
     fn nearest(&self, cluster: usize, found: &mut Vec<(f64, u32, u32)>) {
         found.clear();
         let Some(tree) = &self.tree else { return };

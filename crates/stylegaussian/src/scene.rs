@@ -59,7 +59,7 @@ pub struct Features {
     pub extra: Vec<f32>,
     /// E, the number of extra inputs.
     pub n_extra: usize,
-    /// The encoder whose D channels these are, or `None` if the file does not name it.
+    /// The encoder of the D channels, or `None` if the file does not name it.
     pub encoder: Option<EncoderId>,
 }
 
@@ -112,8 +112,8 @@ impl Scene {
 
     /// The Gaussians at `indices`, in that order, with everything that belongs to them.
     ///
-    /// `order` keeps pointing into the source file. Neighbors are renumbered. If a kept Gaussian has a neighbor that is not
-    /// kept, its list would be wrong, and the new scene has no neighbor lists at all.
+    /// `order` keeps pointing into the source file. Neighbors are renumbered. If a kept Gaussian has a neighbor that is
+    /// not kept, its list would be wrong, and the new scene has no neighbor lists at all.
     ///
     /// # Panics
     /// If an index is not below N.
@@ -143,8 +143,8 @@ impl Scene {
         *self = self.subset(&morton::order(&self.means));
     }
 
-    /// Replaces the captured colors by `rgb` `[N]`, display-referred. They become spherical harmonics of degree 0, the same
-    /// from every direction.
+    /// Replaces the captured colors by `rgb` `[N]`, display-referred. They become spherical harmonics of degree 0, the
+    /// same from every direction.
     ///
     /// # Panics
     /// If `rgb` does not hold one color per Gaussian.
@@ -154,8 +154,8 @@ impl Scene {
         self.sh = Some(Sh { degree: 0, coefficients });
     }
 
-    /// The base colors `[N]`: the view-independent part (SH 0) of the captured colors, unclamped. Mid-gray if the scene keeps
-    /// none.
+    /// The base colors `[N]`: the view-independent part (SH 0) of the captured colors, unclamped. Mid-gray if the scene
+    /// keeps none.
     pub fn base_colors(&self) -> Vec<[f32; 3]> {
         match &self.sh {
             Some(sh) => sh
@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn validate_names_what_does_not_fit() {
+    fn validate_names_the_part_that_does_not_fit() {
         let check = |change: fn(&mut Scene), part: &str| {
             let mut scene = line();
             change(&mut scene);

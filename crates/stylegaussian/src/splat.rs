@@ -9,8 +9,8 @@
 //! splat still has alpha 0.011.
 //!
 //! The stages, one module each: `project` (cull, project, sort by depth), `bands` (list the splats of each tile),
-//! `composite` (blend one tile), `weights` (keep the blend weights in place of a picture). `alpha` holds the limits that
-//! they share, and `bounds` the box around all that is drawn.
+//! `composite` (blend one tile), `weights` (keep the blend weights in place of a picture). `alpha` holds the limits
+//! that they share, and `bounds` the box around all that is drawn.
 
 mod alpha;
 mod bands;
@@ -35,8 +35,8 @@ pub use weights::BlendWeights;
 /// The colors that a scene is drawn with.
 #[derive(Clone, Copy, Debug)]
 pub enum Colors<'a> {
-    /// The scene's captured colors: its spherical harmonics seen from the camera, clamped at 0 from below. A scene without
-    /// any is mid-gray.
+    /// The scene's captured colors: its spherical harmonics seen from the camera, clamped at 0 from below. A scene
+    /// without any is mid-gray.
     Captured,
     /// One RGB per Gaussian `[N]`, such as a stylized scene's. Not clamped.
     Rgb(&'a [[f32; 3]]),

@@ -13,7 +13,7 @@ pub struct ChannelStatistics {
     pub std_dev: Vec<f32>,
     /// Unbiased covariance `[D, D]`, row-major, for transfers beyond AdaIN.
     pub covariance: Option<Vec<f32>>,
-    /// The encoder whose channels these are, or `None` if the file does not name it.
+    /// The encoder of these channels, or `None` if the file does not name it.
     pub encoder: Option<EncoderId>,
 }
 
@@ -26,21 +26,22 @@ pub struct ContentStatistics {
     pub std_dev: Vec<f64>,
 }
 
-/// Added to every standard deviation, so that AdaIN never divides by zero. The value is that of the paper's implementation.
+/// Added to every standard deviation, so that AdaIN never divides by zero. The value is that of the paper's
+/// implementation.
 pub const STD_DEV_EPSILON: f64 = 1e-8;
 
 /// Least std(f) as a share of its median over channels. Without it AdaIN would magnify channels that hardly vary in the
 /// scene without bound.
 ///
-/// Applies to scenes that name their encoder. Checkpoints of the original name none and keep [`STD_DEV_EPSILON`] alone, so
-/// that they stylize exactly like the original.
+/// Applies to scenes that name their encoder. Checkpoints of the original name none and keep [`STD_DEV_EPSILON`] alone,
+/// so that they stylize exactly like the original.
 pub const STD_DEV_FLOOR: f64 = 1e-3;
 
 impl ContentStatistics {
     /// Statistics over all Gaussians, each with the same weight, as in the paper.
     ///
-    /// Computed from the covariance of the latent features: std(f)_d = sqrt((A Cov(f') A^T)_dd) + 1e-8, unbiased. The full
-    /// features `[N, D]` are never formed. If N <= 1, std(f) is 1e-8.
+    /// Computed from the covariance of the latent features: std(f)_d = sqrt((A Cov(f') A^T)_dd) + 1e-8, unbiased. The
+    /// full features `[N, D]` are never formed. If N <= 1, std(f) is 1e-8.
     pub fn of(features: &Features) -> Self {
         let n_latent = features.n_latent;
         let (mean_latent, covariance) = (mean_latent(features), covariance_latent(features));
@@ -81,8 +82,8 @@ pub fn mean_latent(features: &Features) -> Vec<f64> {
 
 /// Unbiased Cov(f') `[L, L]` in f64, or zeros if N <= 1.
 ///
-/// Blocks of rows are centered and multiplied in f64, then added in order, so the result does not depend on the number of
-/// threads.
+/// Blocks of rows are centered and multiplied in f64, then added in order, so the result does not depend on the number
+/// of threads.
 pub fn covariance_latent(features: &Features) -> Vec<f64> {
     // Large enough that the L x L sum of a block costs little beside its rows, small enough to occupy all threads.
     const BLOCK_ROWS: usize = 1024;

@@ -2,22 +2,22 @@
 //!
 //! Place k of a neighborhood is called *slot* k: W_k applies to the neighbor in it.
 //!
-//! Output rows are processed in blocks of `BLOCK_ROWS`. For a few slots at a time, the block's neighbors are gathered into
-//! a scratch matrix that stays in a core's L2 cache, and one SIMD product accumulates into the block's output.
+//! Output rows are processed in blocks of `BLOCK_ROWS`. For a few slots at a time, the block's neighbors are gathered
+//! into a scratch matrix that stays in a core's L2 cache, and one SIMD product accumulates into the block's output.
 //!
-//! All three kernels are products of the same size, 2 N K D_in D_out operations. None needs an atomic, and each result is
-//! the same for any number of threads.
+//! All three kernels are products of the same size, 2 N K D_in D_out operations. None needs an atomic, and each result
+//! is the same for any number of threads.
 
 use rayon::prelude::*;
 
 use super::product::{Matrix, product};
 
-/// Rows gathered at a time. 512 rows of 256 f32 are 512 KiB, a quarter of a server core's L2 cache and half of a desktop's.
-/// The weights are packed anew for each block, which costs 1/512 of the product's operations.
+/// Rows gathered at a time. 512 rows of 256 f32 are 512 KiB, a quarter of a server core's L2 cache and half of a
+/// desktop's. The weights are packed anew for each block, which costs 1/512 of the product's operations.
 const BLOCK_ROWS: usize = 512;
 
-/// Most channels of the slots that are gathered together. Narrow slots are joined, since a product with an inner dimension
-/// of 32 spends its time on loading and storing the output.
+/// Most channels of the slots that are gathered together. Narrow slots are joined, since a product with an inner
+/// dimension of 32 spends its time on loading and storing the output.
 const GROUP_WIDTH: usize = 256;
 
 /// The shape of a KNN convolution.
@@ -60,8 +60,8 @@ fn gather(target: &mut Vec<f32>, x: &[f32], d_in: usize, rows: impl Iterator<Ite
 
 /// The transpose `[K * D_in, D_out]` of a weight `[D_out, K * D_in]`.
 ///
-/// The weight is the right side of a product, which gemm packs for each block of rows. Transposed once, it lies in the order
-/// in which it is packed.
+/// The weight is the right side of a product, which gemm packs for each block of rows. Transposed once, it lies in the
+/// order in which it is packed.
 fn transpose(weight: &[f32], d_out: usize) -> Vec<f32> {
     let width = weight.len() / d_out;
     let mut transposed = vec![0.0; weight.len()];
@@ -207,8 +207,8 @@ impl ReverseNeighbors {
 
 /// Gradient of a loss with respect to x `[N_in, D_in]`: dx_q = sum_k (sum_{p: n(p,k) = q} dy_p) W_k.
 ///
-/// The inner sums are gathered through the reversed neighbor lists. The product then has the size of the forward pass, and
-/// no sum needs an atomic.
+/// The inner sums are gathered through the reversed neighbor lists. The product then has the size of the forward pass,
+/// and no sum needs an atomic.
 pub fn knn_conv_backward_input(
     shape: KnnConvShape,
     reverse: &ReverseNeighbors,

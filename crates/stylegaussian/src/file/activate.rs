@@ -47,8 +47,8 @@ pub(super) fn activate(stored: StoredGaussians, warnings: &mut Vec<String>) -> S
     scene.subset(&kept)
 }
 
-/// The stored quaternion at length 1, or NaN if it is zero. In f64, since squares of f32 values overflow and underflow in
-/// f32.
+/// The stored quaternion at length 1, or NaN if it is zero. In f64, since squares of f32 values overflow and underflow
+/// in f32.
 fn unit_quaternion([w, x, y, z]: [f32; 4]) -> Quat {
     let stored = DQuat::from_xyzw(x.into(), y.into(), z.into(), w.into());
     (stored * stored.length().recip()).as_quat()
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn drops_what_is_not_finite_and_keeps_tiny_quaternions() {
+    fn drops_infinite_gaussians_and_keeps_tiny_quaternions() {
         let mut gaussians = stored(8);
         gaussians.means[0].y = f32::NAN;
         gaussians.rotations_wxyz[1] = [0.0; 4];

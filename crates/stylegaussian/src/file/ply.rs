@@ -1,8 +1,8 @@
 //! 3DGS scenes as `.ply`, in every dialect in use.
 //!
 //! The crate ply-rs parses the header, after a check for lines on which it would panic. The rows are read by our own
-//! reader: ply-rs returns every value with a fresh copy of its property's name, and its ascii numbers include neither NaN
-//! nor `1E5`.
+//! reader: ply-rs returns every value with a fresh copy of its property's name, and its ascii numbers include neither
+//! NaN nor `1E5`.
 
 use glam::Vec3;
 
@@ -71,15 +71,15 @@ fn read_native(header: &Header) -> Result<Loaded, Mismatch> {
 enum Color {
     /// `f_dc_0..2` and the higher coefficients `f_rest_*` of this degree.
     SphericalHarmonics(u8),
-    /// `red green blue`, whose brightest value is this.
+    /// `red green blue`, from 0 to this brightest value.
     Rgb(f32),
     /// There are none.
     None,
 }
 
 impl Color {
-    /// The spherical harmonics if there are any, otherwise `red green blue`. Point-cloud tools add the latter to 3DGS files
-    /// for display.
+    /// The spherical harmonics if there are any, otherwise `red green blue`. Point-cloud tools add the latter to 3DGS
+    /// files for display.
     fn choose(vertex: &ply_rs::ply::ElementDef) -> Result<Self, Mismatch> {
         use ply_rs::ply::{PropertyType::Scalar, ScalarType};
         let has = |name: &str| vertex.properties.contains_key(name);

@@ -13,8 +13,8 @@
 //! | `feature_mean`, `feature_covariance` | f32 `[L]`, `[L, L]` | optional caches of other writers; read for their shapes only |
 //! | `decoder.layers.{i}.*` | | see the decoder's format |
 //!
-//! Every f16 tensor may be f32 as well. Metadata: `format`, `version`, `source_count`, if known `encoder`, `up` (`x y z`),
-//! `source` and `license`, and the decoder's. Gaussians are written in Morton order.
+//! Every f16 tensor may be f32 as well. Metadata: `format`, `version`, `source_count`, if known `encoder`, `up` (`x y
+//! z`), `source` and `license`, and the decoder's. Gaussians are written in Morton order.
 
 use std::{borrow::Cow, path::Path};
 

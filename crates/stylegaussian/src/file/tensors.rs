@@ -274,8 +274,8 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// The JSON header, padded to 8 bytes. Ours, since the safetensors crate writes metadata in a hash map's random order,
-    /// and equal scenes are to give equal files.
+    /// The JSON header, padded to 8 bytes. Ours, since the safetensors crate writes metadata in a hash map's random
+    /// order, and equal scenes are to give equal files.
     fn header(&self) -> Vec<u8> {
         let mut header = serde_json::Map::new();
         header.insert("__metadata__".into(), json!(self.metadata));

@@ -1,7 +1,7 @@
 //! The limits of a splat's alpha, all of them Kerbl et al.'s (2023).
 
-/// Smallest alpha that is drawn: one step of an 8-bit picture. A splat ends at the distance from its center at which its
-/// alpha falls below this.
+/// Smallest alpha that is drawn: one step of an 8-bit picture. A splat ends at the distance from its center at which
+/// its alpha falls below this.
 pub const MIN_ALPHA: f32 = 1.0 / 255.0;
 
 /// Largest alpha of a splat. It keeps transmittance positive: no splat hides everything behind it.

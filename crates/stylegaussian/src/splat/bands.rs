@@ -49,7 +49,7 @@ impl Bands {
         }
     }
 
-    /// For each tile of a band, the positions of the splats whose footprint reaches it.
+    /// For each tile of a band, the positions of the splats with a footprint that reaches it.
     fn tile_lists(&self, band: usize, splats: &[Splat]) -> Vec<Vec<u32>> {
         let n_tiles = (self.size.x as usize).div_ceil(TILE);
         let top = (band * TILE) as f32;
@@ -73,8 +73,8 @@ fn extent_within(splat: &Splat, top: f32, bottom: f32) -> (f32, f32) {
         let within_row = (splat.cutoff - dy * dy * splat.y_precision).max(0.0);
         splat.center.x + splat.slope * dy + side * (within_row / splat.row_precision).sqrt()
     };
-    // Each side of an ellipse is furthest out at one height and monotonic on either side of it, so within the band it is
-    // furthest out at that height clamped to the band.
+    // Each side of an ellipse is furthest out at one height and monotonic on either side of it, so within the band it
+    // is furthest out at that height clamped to the band.
     let left = edge((-splat.rightmost_dy).clamp(from, to), -1.0);
     let right = edge(splat.rightmost_dy.clamp(from, to), 1.0);
     (left, right)

@@ -6,7 +6,8 @@ use super::alpha::{MIN_ALPHA, cutoff};
 use crate::scene::Scene;
 
 impl Scene {
-    /// The smallest and the largest corner of the box around all that is drawn, in scene units, or `None` if nothing is.
+    /// The smallest and the largest corner of the box around all that is drawn, in scene units, or `None` if nothing
+    /// is.
     ///
     /// Each Gaussian counts out to where its alpha falls to [`MIN_ALPHA`], which is at most 3.33 standard deviations
     /// from its mean. [`bounds`](Self::bounds) has the box around the means alone. The low-pass filter of
@@ -39,7 +40,7 @@ mod tests {
 
     use super::*;
 
-    /// A needle along its own x, turned to the world's y, at (1, 2, 3).
+    /// A needle along its local x, turned to the world's y, at (1, 2, 3).
     #[test]
     fn a_needle_reaches_as_far_as_its_alpha() {
         let scene = Scene {

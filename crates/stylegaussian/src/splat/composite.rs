@@ -103,12 +103,12 @@ impl Pixels {
     }
 }
 
-/// A word whose bits `pixels` are set. `TILE` < 32, so that no shift overflows.
+/// A word with the bits `pixels` set. `TILE` < 32, so that no shift overflows.
 fn bits(pixels: Range<usize>) -> u32 {
     (1u32 << pixels.end) - (1u32 << pixels.start.min(pixels.end))
 }
 
-/// The pixels, of `n` in a row, whose centers lie between `low` and `high`.
+/// The pixels, of `n` in a row, with centers between `low` and `high`.
 fn pixels_between(low: f32, high: f32, n: usize) -> Range<usize> {
     // A thousandth of a pixel covers the rounding of the range. A pixel too many costs time only: its alpha is tested.
     let first = (low - 0.5 - 1e-3).ceil().max(0.0) as usize;

@@ -19,7 +19,7 @@ const LINEARIZED_WITHIN: f32 = 1.3;
 /// The footprint of one Gaussian.
 ///
 /// With (dx, dy) the offset from its center in pixels and (a, b, c) the 2D covariance, alpha is
-/// opacity exp(-q / 2), where q = (dx, dy) cov^-1 (dx, dy)^T. Completing the square gives
+/// opacity exp(-q / 2) with q = (dx, dy) cov^-1 (dx, dy)^T. Completing the square gives
 /// q = (c / det) (dx - (b / c) dy)^2 + dy^2 / c. This sum of two squares loses no digits on needles, and gives the
 /// extent of a row of pixels directly.
 #[derive(Clone, Copy, Debug)]

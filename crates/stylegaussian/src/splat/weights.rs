@@ -17,7 +17,8 @@ pub struct BlendWeights {
     pub size: UVec2,
     /// N, the number of Gaussians in the scene.
     pub n_gaussians: usize,
-    /// Position of each pixel's first entry `[H * W + 1]`, row-major from the top left. The last is the number of entries.
+    /// Position of each pixel's first entry `[H * W + 1]`, row-major from the top left. The last is the number of
+    /// entries.
     pub starts: Vec<u32>,
     /// The Gaussian of each entry, front to back within a pixel.
     pub indices: Vec<u32>,
@@ -100,8 +101,8 @@ impl BlendWeights {
         pixels
     }
 
-    /// The adjoint of [`apply`](Self::apply) for a per-pixel `gradient` `[H * W, C]`: sum_p w_{p,i} g_p for each Gaussian
-    /// `[N, C]`.
+    /// The adjoint of [`apply`](Self::apply) for a per-pixel `gradient` `[H * W, C]`: sum_p w_{p,i} g_p for each
+    /// Gaussian `[N, C]`.
     ///
     /// The result does not depend on the number of threads, since every Gaussian sums its pixels in picture order.
     ///
@@ -113,8 +114,8 @@ impl BlendWeights {
         if sums.is_empty() {
             return sums;
         }
-        // Each thread owns every n-th block of Gaussians, reads all entries, and adds up those of its own blocks. No sum is
-        // atomic, so the order of additions never changes.
+        // Each thread owns every n-th block of Gaussians, reads all entries, and adds up those of its own blocks. No
+        // sum is atomic, so the order of additions never changes.
         let n_shares = rayon::current_num_threads();
         let mut shares: Vec<Vec<&mut [f32]>> = (0..n_shares).map(|_| Vec::new()).collect();
         for (block, rows) in sums.chunks_mut(BLOCK * c).enumerate() {

@@ -199,8 +199,8 @@ fn unpack_quaternion(word: u32) -> [f32; 4] {
     }
 }
 
-/// The logit of an opacity that is a multiple of 1/255. Opacities 0 and 1 have infinite logits, and are moved inward by a
-/// quarter of a step.
+/// The logit of an opacity that is a multiple of 1/255. Opacities 0 and 1 have infinite logits, and are moved inward by
+/// a quarter of a step.
 fn logit_of_byte(opacity: f32) -> f32 {
     let opacity = opacity.clamp(0.25 / 255.0, 1.0 - 0.25 / 255.0);
     (opacity / (1.0 - opacity)).ln()
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn unpacks_what_was_packed() {
+    fn unpacks_hand_packed_gaussians() {
         let loaded = super::super::read(&file(2, false)).unwrap();
         let scene = loaded.scene;
         assert!(scene.means[0].abs_diff_eq(Vec3::new(3.0, -1.0, -1.0 + 4.0 * 1024.0 / 2047.0), 1e-6));

@@ -120,7 +120,7 @@ fn split(bytes: &[u8]) -> Result<(String, &[u8]), Mismatch> {
     Err(mismatch("a header without an end", "a line `end_header`"))
 }
 
-/// Checks the lines on whose numbers ply-rs would panic, and counts the declarations.
+/// Checks lines with numbers that would make ply-rs panic, and counts the declarations.
 fn check_lines(text: &str) -> Result<usize, Mismatch> {
     let mut n_declared = 0;
     for line in text.lines() {

@@ -4,8 +4,8 @@ use std::io::{self, Write};
 
 use crate::{scene::Scene, sh::n_coefficients};
 
-/// Writes Gaussians and their spherical harmonics in the source's order, mid-gray if the scene keeps no colors. Features,
-/// neighbors and decoder have no place in a `.ply`.
+/// Writes Gaussians and their spherical harmonics in the source's order, mid-gray if the scene keeps no colors.
+/// Features, neighbors and decoder have no place in a `.ply`.
 pub(in crate::file) fn write(out: &mut dyn Write, scene: &Scene) -> io::Result<()> {
     let degree = scene.sh.as_ref().map_or(0, |sh| sh.degree);
     let n_rest = n_coefficients(degree) - 1;
