@@ -21,9 +21,9 @@ pub struct Layer {
     pub weight: Vec<f32>,
     /// B `[D_out]`.
     pub bias: Vec<f32>,
-    /// D_in.
+    /// D_in, the number of input channels.
     pub d_in: usize,
-    /// D_out.
+    /// D_out, the number of output channels.
     pub d_out: usize,
 }
 

@@ -3,7 +3,9 @@
 //! f = A f' + b, AdaIN, mixing and the blend with the content are affine. The pre-activation of the first layer is
 //! therefore affine in f':
 //!
-//! sum_k W_k (g * (A f'_{n(p,k)} + b) + s) + B = sum_k (W_k diag(g) A) (f'_{n(p,k)} - m') + const,
+//! ```text
+//! sum_k W_k (g * (A f'_{n(p,k)} + b) + s) + B = sum_k (W_k diag(g) A) (f'_{n(p,k)} - m') + const
+//! ```
 //!
 //! with m' the mean of f'. Features enter centered, so that a large gain (a nearly constant channel) multiplies small
 //! numbers and not the difference of two large ones. Folding costs the same for any number of Gaussians, and is done in

@@ -25,28 +25,24 @@ const GROUP_WIDTH: usize = 256;
 pub struct KnnConvShape {
     /// K, the number of neighbors of each output row.
     pub k: usize,
-    /// D_in.
+    /// D_in, the number of channels of each input row.
     pub d_in: usize,
-    /// D_out.
+    /// D_out, the number of channels of each output row.
     pub d_out: usize,
 }
 
 impl KnnConvShape {
     /// Checks the lengths of slices that every kernel takes.
     fn check(&self, x: &[f32], neighbors: &[u32], weight: &[f32]) {
-        assert_eq!(weight.len(), self.d_out * self.k * self.d_in, "weight [D_out, K, D_in]");
+        let n_weights = [self.d_out, self.k, self.d_in].into_iter().try_fold(1, usize::checked_mul);
+        assert_eq!(Some(weight.len()), n_weights, "weight [D_out, K, D_in]");
         assert_eq!(x.len() % self.d_in, 0, "x [N_in, D_in]");
         assert_eq!(neighbors.len() % self.k, 0, "neighbors [N_out, K]");
     }
 
     /// W_k `[D_out, D_in]`, the part of a weight `[D_out, K, D_in]` for slot k.
     fn slot<'a>(&self, weight: &'a [f32], k: usize) -> Matrix<'a> {
-        self.slots(weight, k, 1)
-    }
-
-    /// W_k, W_{k+1}, ... of `n` slots, side by side `[D_out, n * D_in]`.
-    fn slots<'a>(&self, weight: &'a [f32], k: usize, n: usize) -> Matrix<'a> {
-        Matrix::strided(&weight[k * self.d_in..], self.d_out, n * self.d_in, self.k * self.d_in)
+        Matrix::strided(&weight[k * self.d_in..], self.d_out, self.d_in, self.k * self.d_in)
     }
 }
 
