@@ -77,6 +77,7 @@ impl Canvas {
             .collect();
         let Some(&last) = arcs.last() else { return };
         let length = (last + path[path.len() - 1].distance(path[path.len() - 2])).max(1e-3);
+        // The radius is sampled, and a pixel added for the soft edge.
         let widest = (0..=8).map(|i| radius(i as f32 / 8.0)).fold(0.0, f32::max) + 1.0;
         let low = path.iter().fold(Vec2::MAX, |a, &b| a.min(b)) - widest;
         let high = path.iter().fold(Vec2::MIN, |a, &b| a.max(b)) + widest;
@@ -154,6 +155,7 @@ impl Canvas {
                 let (x, y) = (i % SIZE, i / SIZE);
                 let dx = at(x + 1, y) - at(x.saturating_sub(1), y);
                 let dy = at(x, y + 1) - at(x, y.saturating_sub(1));
+                // Toward the light: 3, 4, 5 are the sides of a right triangle.
                 let slope = (0.6 * dx + 0.8 * dy).clamp(-2.0, 2.0);
                 let shine = gloss * (slope - 0.45).clamp(0.0, 1.0);
                 (self.color[i] * (1.0 + relief * slope).max(0.25) + Vec3::splat(shine))

@@ -109,6 +109,7 @@ impl Noise {
         };
         let top = corner(0, 0) + (corner(1, 0) - corner(0, 0)) * fade.x;
         let bottom = corner(0, 1) + (corner(1, 1) - corner(0, 1)) * fade.x;
+        // The dot products reach sqrt(1/2) at most in the middle of a cell.
         (top + (bottom - top) * fade.y) * std::f32::consts::SQRT_2
     }
 

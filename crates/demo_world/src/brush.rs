@@ -188,6 +188,7 @@ impl Canvas {
         let columns = (size.0 / spacing).ceil().max(1.0);
         let sigma = (size.0 / columns * SIGMA_PER_SPACING, size.1 / rows / 0.866 * SIGMA_PER_SPACING);
         for row in 0..rows as u32 {
+            // Odd rows are moved by half a column, which makes the grid hexagonal.
             let shift = if row % 2 == 0 { 0.25 } else { 0.75 };
             for column in 0..columns as u32 {
                 let x = size.0 * (column as f32 + shift) / columns;
@@ -210,6 +211,7 @@ impl Canvas {
         let length = (to - from).length();
         let frame = Frame::facing(from, normal, to - from);
         let strand = width / strands as f32;
+        // Gaussians along a strand are about three times as long as wide, like fibers of wood.
         let count = (length / (strand * 2.8)).ceil().max(1.0);
         let step = length / count;
         for index in 0..strands {
@@ -237,6 +239,7 @@ impl Canvas {
         for ring in 0..rings as u32 {
             let along = (ring as f32 + 0.5) / rings;
             let radius = radii.0 + (radii.1 - radii.0) * along;
+            // At least three Gaussians, the fewest that close a ring.
             let around = (std::f32::consts::TAU * radius / spacing).ceil().max(3.0);
             for index in 0..around as u32 {
                 let angle = std::f32::consts::TAU * (index as f32 + 0.5 * (ring % 2) as f32) / around;

@@ -38,6 +38,7 @@ impl Grid {
             low = low.min(dab.frame.origin);
             high = high.max(dab.frame.origin);
         }
+        // A margin around the outermost centers, as dabs and rays reach beyond them.
         let origin = low - Vec3::splat(3.0 * CELL);
         let size = ((high - origin) / CELL).ceil().as_ivec3() + IVec3::splat(4);
         let extinction = vec![0.0; (size.x * size.y * size.z) as usize];
@@ -135,6 +136,7 @@ pub fn bake(dabs: &[Dab]) -> Vec<Vec3> {
     dabs.par_iter()
         .map(|dab| {
             let from = dab.frame.origin + dab.shade * LIFT;
+            // Wrapped diffuse light: at `wrap` 0 this is the cosine, at 1 even the far side gets some.
             let facing = ((dab.shade.dot(SUN) + dab.wrap) / (1.0 + dab.wrap)).max(0.0);
             let mut sun = 0.0;
             if facing > 0.0 {
@@ -148,6 +150,7 @@ pub fn bake(dabs: &[Dab]) -> Vec<Vec3> {
                 let direction = around.vector(local.x, local.y, local.z);
                 ambient += sky(direction) * grid.passes(from, direction, SKY_REACH);
             }
+            // The weights of sun, sky and a little light from everywhere were set by eye.
             let light = sunlight * facing * sun + ambient * (0.62 / SKY_RAYS as f32) + Vec3::splat(0.03);
             let lit = dab.color * light + dab.glow;
             let display = |x: f32| libm::powf(shoulder(x), 1.0 / 2.2).clamp(0.0, 1.0);

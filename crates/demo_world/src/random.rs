@@ -58,6 +58,7 @@ impl Random {
         loop {
             let candidate = self.cube();
             let squared = candidate.length_squared();
+            // Points near the center are dropped as well: their direction would be inexact.
             if (0.01..1.0).contains(&squared) {
                 return candidate / squared.sqrt();
             }
@@ -67,6 +68,7 @@ impl Random {
     /// One of the given values, each with the same probability.
     pub fn pick<T: Copy>(&mut self, values: &[T]) -> T {
         let index = (self.unit() * values.len() as f32) as usize;
+        // The product may round up to the length.
         values[index.min(values.len() - 1)]
     }
 }
@@ -107,6 +109,7 @@ pub fn fractal3(p: Vec3) -> f32 {
     for _ in 0..4 {
         sum += weight * noise3(at);
         weight *= 0.5;
+        // Not quite twice as fine, and shifted, so that the lattices of octaves do not coincide.
         at = at * 2.03 + Vec3::new(17.1, 31.7, 5.3);
     }
     sum
@@ -135,6 +138,7 @@ pub fn cell(p: Vec3) -> Cell {
     let mut second = f32::MAX;
     for step in 0..27 {
         let (x, y, z) = (base.x + step % 3 - 1, base.y + step / 3 % 3 - 1, base.z + step / 9 - 1);
+        // One lattice at three places far apart gives three independent numbers.
         let jitter = Vec3::new(lattice(x, y, z), lattice(x, y, z + 7919), lattice(x + 6007, y, z));
         let offset = p - (Vec3::new(x as f32, y as f32, z as f32) + jitter);
         let distance = offset.length();

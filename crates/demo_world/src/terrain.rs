@@ -99,6 +99,7 @@ pub fn height(p: Vec2) -> f32 {
         + 0.2 * bump(p, Vec2::new(-2.7, 1.1), 1.3);
     let rim = 0.25 * smoothstep(0.86, 1.02, rim_share(p));
     let wild = rolling + hills - rim;
+    // House, mill and garden stand on level ground, paths are trodden in, and the shore leads down to the bed.
     let house = smoothstep(1.5, 1.0, (p - HOUSE.0).length());
     let mill = smoothstep(0.75, 0.45, (p - MILL).length());
     let settled = wild + (0.12 - wild) * house;

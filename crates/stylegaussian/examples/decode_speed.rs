@@ -88,8 +88,8 @@ fn product_seconds(n: usize) -> f64 {
     let mut target = vec![0.0_f32; rows * columns];
     let seconds = median(|| {
         let threads = gemm::Parallelism::Rayon(0);
-        // SAFETY: the three slices were made above with rows * inner, inner * columns and rows * columns values, the extents
-        // that these dimensions and strides address, and the target overlaps no operand.
+        // SAFETY: the three slices were made above with rows * inner, inner * columns and rows * columns values, the
+        // extents that these dimensions and strides address, and the target overlaps no operand.
         #[expect(unsafe_code, reason = "gemm takes pointers; the slices have the stated shapes")]
         unsafe {
             gemm::gemm(

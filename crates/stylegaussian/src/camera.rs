@@ -24,6 +24,7 @@ impl Camera {
     /// A camera from its pose in OpenGL axes (x right, y up, z *backward*), the convention of transforms.json. The pose
     /// must be rigid; `focal`, `center` and `size` are in pixels.
     pub fn from_opengl(world_from_camera: DAffine3, focal: Vec2, center: Vec2, size: UVec2) -> Self {
+        // In f64: poses of captures may lie far from the origin, where the inverse in f32 would lose digits.
         let camera_from_view = DAffine3::from_mat3(DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)));
         let view_from_world = (world_from_camera * camera_from_view).inverse();
         let rotation = view_from_world.matrix3.as_mat3();

@@ -127,6 +127,7 @@ pub fn run_layers(
     for (i, layer) in layers.iter().enumerate() {
         let shape = layer.shape(neighbors.k);
         let is_last = i + 1 == layers.len();
+        // The activation runs block by block within the convolution, while the block is in the cache.
         x = knn_conv(shape, &x, &neighbors.indices, &layer.weight, &layer.bias, |y| {
             if !is_last {
                 activation.apply(y);

@@ -41,6 +41,7 @@ fn kind_of(bytes: &[u8]) -> Result<Kind, Mismatch> {
         [] => Err(mismatch("an empty file", EXPECTED)),
         [b'p', b'l', b'y', b'\n' | b'\r' | b' ' | b'\t', ..] => Ok(Kind::Ply),
         [b'P', b'K', 3, 4, ..] => Ok(Kind::Checkpoint),
+        // Safetensors begin with the length of their JSON header, 8 bytes.
         [_, _, _, _, _, _, _, _, b'{', ..] => Ok(Kind::Safetensors),
         [b'N', b'G', b'S', b'P', ..] => Err(mismatch("an SPZ file", EXPECTED)),
         [0x1f, 0x8b, ..] => Err(mismatch("a gzip stream (SPZ?)", EXPECTED)),

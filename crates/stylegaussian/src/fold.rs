@@ -52,6 +52,7 @@ impl ChannelMap {
         if style.mean.len() != n_channels || style.std_dev.len() != n_channels {
             return Err(StylizeError::StyleChannels { found: style.mean.len(), expected: n_channels });
         }
+        // No division by zero: content deviations include an epsilon.
         let gain: Vec<f64> =
             style.std_dev.iter().zip(&content.std_dev).map(|(s, c)| f64::from(*s) / c).collect();
         let shifts = style.mean.iter().zip(&gain).zip(&content.mean);
@@ -63,6 +64,7 @@ impl ChannelMap {
     pub fn statistics(&self, content: &ContentStatistics) -> Vec<f64> {
         let channels = || self.gain.iter().zip(&self.shift).zip(content.mean.iter().zip(&content.std_dev));
         let means = channels().map(|((gain, shift), (mean, _))| gain * mean + shift);
+        // A negative gain mirrors a channel, and deviations stay positive.
         means.chain(channels().map(|((gain, _), (_, std_dev))| gain.abs() * std_dev)).collect()
     }
 
@@ -72,6 +74,7 @@ impl ChannelMap {
     /// If there is no map, or the weights are not finite, negative, or sum to 0.
     pub fn mix(maps: &[(Self, f64)]) -> Result<Self, StylizeError> {
         let total: f64 = maps.iter().map(|(_, weight)| weight).sum();
+        // Comparisons with NaN are false, so that NaN is refused too.
         let valid = maps.iter().all(|(_, weight)| *weight >= 0.0) && total.is_finite() && total > 0.0;
         let Some((first, _)) = maps.first().filter(|_| valid) else {
             return Err(StylizeError::MixWeights { found: maps.iter().map(|(_, weight)| *weight).collect() });
@@ -177,6 +180,7 @@ pub fn fold_layer(
     }
     let d_in = n_latent + n_extra;
     let mut weight = vec![0.0_f32; layer.d_out * k * d_in];
+    // Chunks of no values panic, and a layer without inputs or outputs must not.
     let sources = layer.weight.par_chunks_exact((k * layer.d_in).max(1)).zip(&layer.bias);
     let outputs = weight.par_chunks_exact_mut((k * d_in).max(1)).zip(sources);
     let bias = outputs.map(|(weight, (source, bias))| {
@@ -222,6 +226,7 @@ pub fn inputs_of<'a>(scene: &'a Scene, decoder: &Decoder) -> Option<Cow<'a, Feat
     let mut inputs = features.clone();
     inputs.n_extra += decoder.n_procedural();
     inputs.extra.clear();
+    // Noise goes by the index in the source, so that sorting or thinning a scene leaves its strokes alone.
     for (i, (color, source_index)) in scene.base_colors().iter().zip(&scene.order).enumerate() {
         inputs.extra.extend_from_slice(&features.extra[i * features.n_extra..][..features.n_extra]);
         inputs.extra.extend((0..decoder.n_noise as u32).map(|channel| noise(*source_index, channel)));
@@ -274,6 +279,7 @@ pub fn check_decoder<'a>(scene: &'a Scene, decoder: &Decoder) -> Result<&'a Feat
     let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
     let encoders = (decoder.encoder.as_ref(), features.encoder.as_ref());
     EncoderId::expect_same(("the decoder", encoders.0), (FEATURES, encoders.1))?;
+    // Saturating, since a file may ask for any number of noise inputs. Such a decoder fails the next check.
     let n_inputs = (features.n_channels() + features.n_extra).saturating_add(decoder.n_procedural());
     if decoder.n_inputs() != n_inputs {
         return Err(StylizeError::DecoderChannels { found: decoder.n_inputs(), expected: n_inputs });

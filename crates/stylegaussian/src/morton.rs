@@ -37,6 +37,7 @@ pub fn order(means: &[Vec3]) -> Vec<u32> {
     // In f64: of the 24 bits of an f32, 21-bit cells would leave three for rounding.
     let (min, max) = (min.as_dvec3(), max.as_dvec3());
     let extent = (max - min).max_element();
+    // If all means are at one point, all of them are in cell 0.
     let cells_per_unit = if extent > 0.0 { LAST_CELL / extent } else { 0.0 };
     let mut keys: Vec<(u64, u32)> = means
         .par_iter()

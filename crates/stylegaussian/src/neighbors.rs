@@ -73,6 +73,7 @@ fn cluster_equal_points(means: &[Vec3], order: &[u32]) -> (Vec<[f64; 3]>, Vec<Cl
     let mut cluster_from_gaussian = vec![0; means.len()];
     for (position, &i) in by_point.iter().enumerate() {
         if position == 0 || key(by_point[position - 1]) != key(i) {
+            // In f64 squared distances of f32 points are nearly exact, so that rounding hardly ever makes or breaks a tie.
             points.push(means[i as usize].to_array().map(f64::from));
             clusters.push(Vec::new());
         }
@@ -100,7 +101,9 @@ impl Search<'_> {
         let Some(tree) = &self.tree else { return };
         let (query, wanted) = (&self.points[cluster], self.n_nearest.saturating_add(1));
         let nearest = tree.query(query).nearest_n::<SquaredEuclidean<f64>>(wanted).execute();
-        // If the last two distances are equal, further points at that distance may have been left out.
+        // With the point itself among them, the last of the K + 1 enters no list, and an arbitrary choice of it does no
+        // harm. If the one before it is as far away, the choice matters, and further points at that distance may have
+        // been left out.
         let full = nearest.len() == wanted.get() && self.points.len() > wanted.get();
         let radius = nearest.last().map_or(0.0, |item| item.distance);
         let tied = full && nearest.iter().rev().nth(1).is_some_and(|item| item.distance == radius);
@@ -116,6 +119,7 @@ impl Search<'_> {
         } else {
             nearest.iter().for_each(|item| add(item.distance, item.item as usize));
         }
+        // Source indices are distinct, so an unstable sort gives one order only.
         found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         found.truncate(wanted.get());
     }

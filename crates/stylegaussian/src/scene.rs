@@ -200,6 +200,7 @@ impl Scene {
 
     /// Checks that `order` holds distinct indices into the source. Colors are written there by these indices.
     fn validate_order(&self) -> Result<(), SceneError> {
+        // Sorting takes N entries, while a table of marks would take as many as an unchecked `n_source` says.
         let mut sorted = self.order.clone();
         sorted.sort_unstable();
         if let Some(pair) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
@@ -238,6 +239,7 @@ fn gather<T: Copy>(values: &[T], width: usize, indices: &[u32]) -> Vec<T> {
 
 /// The neighbor lists of the Gaussians at `indices`, renumbered, or `None` if a neighbor is not among them.
 fn relabeled(neighbors: &Neighbors, n_gaussians: usize, indices: &[u32]) -> Option<Neighbors> {
+    // u32::MAX marks Gaussians that are not kept. It is no index, as files hold fewer than 2^32 Gaussians.
     let mut new_from_old = vec![u32::MAX; n_gaussians];
     for (new, &old) in indices.iter().enumerate() {
         new_from_old[old as usize] = new as u32;

@@ -71,6 +71,7 @@ pub fn evaluate(degree: u8, coefficients: &[f32], direction: Vec3) -> Vec3 {
         .iter()
         .zip(coefficients[..3 * n].chunks_exact(3))
         .fold(Vec3::ZERO, |sum, (&b, rgb)| sum + b * Vec3::from_slice(rgb));
+    // Training adds 0.5, so that coefficients of 0 are mid-gray, and clamps from below only.
     (sum + 0.5).max(Vec3::ZERO)
 }
 

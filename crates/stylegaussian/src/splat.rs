@@ -74,6 +74,8 @@ pub fn render(scene: &Scene, colors: Colors, camera: &Camera) -> RenderedImage {
         alpha: vec![0.0; n_pixels],
         depth: vec![0.0; n_pixels],
     };
+    // Bands are contiguous in each plane, so threads write to slices of their own. A picture of width 0 still needs
+    // chunks of some length.
     let pixels_per_band = (camera.size.x as usize * TILE).max(1);
     view.color
         .par_chunks_mut(pixels_per_band)
@@ -114,6 +116,7 @@ fn splat_colors(scene: &Scene, colors: Colors, camera: &Camera, splats: &[Splat]
             (Colors::Captured, Some(captured)) => {
                 let n = 3 * (usize::from(captured.degree) + 1).pow(2);
                 let coefficients = &captured.coefficients[gaussian * n..(gaussian + 1) * n];
+                // A Gaussian at the eye itself has no direction, and is culled in any case.
                 let direction: Vec3 = (scene.means[gaussian] - eye).normalize_or_zero();
                 sh::evaluate(captured.degree, coefficients, direction).to_array()
             }

@@ -60,6 +60,7 @@ impl ContentStatistics {
             // Rounding can leave a variance of zero slightly below it.
             channels.clone().into_par_iter().map(|d| variance(d).max(0.0).sqrt() + STD_DEV_EPSILON).collect();
         if features.encoder.is_some() {
+            // The median, and not the mean, which a few strong channels would dominate.
             let mut sorted = std_dev.clone();
             sorted.sort_by(f64::total_cmp);
             let floor = STD_DEV_FLOOR * sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
@@ -72,6 +73,7 @@ impl ContentStatistics {
 /// mean(f') `[L]` in f64, or zeros if there is no Gaussian.
 pub fn mean_latent(features: &Features) -> Vec<f64> {
     let n = (features.values.len() / features.n_latent).max(1) as f64;
+    // One thread, so that the order of additions is fixed. Beside the covariance it costs little.
     let mut mean = vec![0.0; features.n_latent];
     for row in features.values.chunks_exact(features.n_latent) {
         mean.iter_mut().zip(row).for_each(|(sum, value)| *sum += f64::from(*value));

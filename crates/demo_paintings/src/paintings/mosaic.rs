@@ -40,6 +40,7 @@ pub fn paint() -> Canvas {
         .map(|center| Tile { center, axis: axis(center) })
         .collect();
     let edges = edges();
+    // Enough for the tiles to settle.
     for _ in 0..14 {
         relax(&mut tiles, &edges);
     }
@@ -48,6 +49,7 @@ pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(GROUT));
     canvas.shade(|p| {
         let (first, second) = grid.nearest(&tiles, p);
+        // Distance to the tile's edge: halfway to the second nearest, but no farther out than a square tile's side.
         let inset = (0.5 * (second.1 - first.1)).min(5.6 - first.1) - 0.75;
         let (color, tilt) = looks[first.0];
         let bevel = 0.75 + 0.25 * smoothstep(0.0, 1.8, inset);

@@ -41,6 +41,7 @@ pub fn write_atomically(
         let mut out = BufWriter::with_capacity(1 << 18, File::create(path).map_err(at)?);
         return write(&mut out).and_then(|()| out.flush()).map_err(at);
     }
+    // `create_new` refuses a path that exists, so that no link there is followed.
     let mut partial = Partial { path: beside(path).map_err(at)?, renamed: false };
     let file = File::create_new(&partial.path).map_err(at)?;
     let mut out = BufWriter::with_capacity(1 << 18, file);
@@ -61,6 +62,8 @@ fn beside(path: &Path) -> io::Result<PathBuf> {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"));
     };
     let count = COUNTER.fetch_add(1, Ordering::Relaxed);
+    // In the same directory, since a rename is atomic within one file system only. Process and count keep writers
+    // apart.
     let name = format!(".{}.{}-{count}.partial", name.to_string_lossy(), process::id());
     Ok(path.with_file_name(name))
 }

@@ -88,6 +88,7 @@ pub(super) fn from_tensors(reader: &Reader) -> Result<Decoder, Mismatch> {
     )?;
     let n_tensors = reader.names().iter().filter(|name| name.starts_with("decoder.layers.")).count();
     let has_statistics = reader.names().contains(&STATISTICS);
+    // Compared before any loop over layers, since the count comes from an unchecked file.
     if n_layers.checked_mul(2) != Some(n_tensors) {
         return Err(mismatch(
             format_args!("{n_tensors} decoder tensors"),
@@ -212,6 +213,7 @@ pub(super) fn validate(decoder: &Decoder) -> Result<(), Mismatch> {
         let found = format!("`residual` = {} and `smooth` = {}", decoder.residual, decoder.smoothing_passes);
         return Err(mismatch(found, format_args!("a finite number, and at most {MAX_SMOOTHING_PASSES}")));
     }
+    // At least one input must come from the features.
     if decoder.n_procedural() >= decoder.layers[0].d_in {
         let found = format!("`noise` = {} and `own_color` = {}", decoder.n_noise, decoder.base_color);
         return Err(mismatch(

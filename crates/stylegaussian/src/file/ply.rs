@@ -83,6 +83,7 @@ impl Color {
     fn choose(vertex: &ply_rs::ply::ElementDef) -> Result<Self, Mismatch> {
         use ply_rs::ply::{PropertyType::Scalar, ScalarType};
         let has = |name: &str| vertex.properties.contains_key(name);
+        // The count decides the degree. Gaps in the numbering show up when the columns are read by name.
         let rest = vertex.properties.keys().filter(|name| name.starts_with("f_rest_")).count();
         if ["f_dc_0", "f_dc_1", "f_dc_2"].into_iter().all(has) {
             let degree = (0..=sh::MAX_DEGREE).find(|&degree| 3 * (n_coefficients(degree) - 1) == rest);

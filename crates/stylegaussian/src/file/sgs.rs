@@ -180,6 +180,7 @@ fn up_from_text(text: &str) -> Result<Vec3, Mismatch> {
 /// Writes a scene that has passed [`check_scene`].
 pub(super) fn write(path: &Path, scene: &Scene) -> Result<(), FileError> {
     let order = morton::order(&scene.means);
+    // A scene that is in this order already, as every `.sgs` is, need not be copied.
     let sorted = match order.is_sorted() {
         true => Cow::Borrowed(scene),
         false => Cow::Owned(scene.subset(&order)),

@@ -195,6 +195,7 @@ impl Values<'_> {
 
     /// Appends the little-endian bytes of the values in `range`.
     fn append(&self, range: Range<usize>, bytes: &mut Vec<u8>) {
+        // Clamped, since a value that rounds to infinity would make the file unreadable.
         let (min, max) = (f16::MIN.to_f32(), f16::MAX.to_f32());
         let half = |value: &f32| f16::from_f32(value.clamp(min, max)).to_le_bytes();
         match self {
@@ -277,6 +278,7 @@ impl<'a> Writer<'a> {
     /// The JSON header, padded to 8 bytes. Ours, since the safetensors crate writes metadata in a hash map's random
     /// order, and equal scenes are to give equal files.
     fn header(&self) -> Vec<u8> {
+        // This map keeps its keys sorted, so that the bytes do not depend on the order of calls.
         let mut header = serde_json::Map::new();
         header.insert("__metadata__".into(), json!(self.metadata));
         let mut start = 0;

@@ -45,6 +45,7 @@ impl BlendWeights {
             .collect();
 
         let n_entries: usize = of_bands.iter().map(|band| band.indices.len()).sum();
+        // 32 bits halve the memory of `starts`, and 2^32 entries would take 32 GiB.
         assert!(u32::try_from(n_entries).is_ok(), "{n_entries} blend weights: more than 32 bits can count");
         let n_pixels = bands.size.x as usize * bands.size.y as usize;
         let mut starts = Vec::with_capacity(n_pixels + 1);

@@ -189,6 +189,7 @@ fn unpack_8888(word: u32) -> Vec4 {
 /// order, each from -1/sqrt 2 to 1/sqrt 2, since no other component of a unit quaternion can be larger.
 fn unpack_quaternion(word: u32) -> [f32; 4] {
     let others = [20, 10, 0].map(|shift| (unpack(word, 10, shift) - 0.5) * SQRT_2);
+    // Quantized components may have a length slightly above 1 together.
     let largest = (1.0 - others.iter().map(|other| other * other).sum::<f32>()).max(0.0).sqrt();
     let [a, b, c] = others;
     match word >> 30 {
