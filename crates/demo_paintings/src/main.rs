@@ -8,9 +8,9 @@ use image::ExtendedColorType::Rgb8;
 use image::ImageEncoder;
 use image::codecs::{jpeg, png};
 
-/// Most bytes of a PNG file. Eight files of this size and the next fit in 900 KB.
+/// Largest PNG file, in bytes. With this limit and the next the eight paintings take less than 900 KB together.
 const MAX_PNG: usize = 120_000;
-/// Most bytes of a JPEG file.
+/// Largest JPEG file, in bytes.
 const MAX_JPEG: usize = 110_000;
 
 fn main() -> Result<()> {
@@ -31,7 +31,7 @@ fn main() -> Result<()> {
 }
 
 /// The file's extension and bytes: PNG if that fits, as it does for flat art, otherwise JPEG at the highest quality
-/// that fits, from 90 down to 60.
+/// that fits, from 90 down to 60, which is taken in any case.
 fn smallest(rgb: &[u8]) -> Result<(&'static str, Vec<u8>)> {
     let size = SIZE as u32;
     let mut bytes = Vec::new();

@@ -27,7 +27,7 @@ const FLOWERS: [(Vec2, f32, u32); 5] = [
     (vec2(438.0, 250.0), 44.0, ROSE),
 ];
 
-/// Distance to the flowers' paper, which stems and leaves leave free since flowers stand before them.
+/// Distance to the inner 80% of the nearest flower. Stems and leaves stop there, since flowers stand before them.
 fn beside_flowers(p: Vec2) -> f32 {
     FLOWERS.iter().map(|&(center, size, _)| p.distance(center) - 0.8 * size).fold(f32::MAX, f32::min)
 }
