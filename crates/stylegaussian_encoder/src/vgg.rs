@@ -32,7 +32,12 @@ pub struct VggConvolution {
 
 /// VGG-19 up to conv4_1, the deepest layer that anything here looks at.
 pub const CONVOLUTIONS: [VggConvolution; 9] = {
-    const fn layer(name: &'static str, module: usize, n_channels: usize, pools_before: bool) -> VggConvolution {
+    const fn layer(
+        name: &'static str,
+        module: usize,
+        n_channels: usize,
+        pools_before: bool,
+    ) -> VggConvolution {
         VggConvolution { name, module, n_channels, pools_before }
     }
     [
@@ -61,7 +66,7 @@ const IMAGENET_STD_DEV: [f32; 3] = [0.229, 0.224, 0.225];
 /// The family of a weights file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
-    /// The rescaled Caffe weights of AdaIN and WCT, whose mean activations are about 1.
+    /// The rescaled Caffe weights of AdaIN and WCT, with mean activations of about 1.
     Normalized,
     /// torchvision's VGG-19, which the original StyleGaussian uses.
     Torchvision,

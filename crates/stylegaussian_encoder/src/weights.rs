@@ -6,9 +6,9 @@ use std::{
 };
 
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
-use stylegaussian::{
+use stylegaussian::file::{
     FileError,
-    file::pytorch::{StateDict, read_state_dict},
+    pytorch::{StateDict, read_state_dict},
 };
 
 use crate::onnx::Convolution;

@@ -11,7 +11,7 @@
 //! if let Some(kernel) = state.tensor("features.0.weight")? {
 //!     assert_eq!(kernel.shape, [64, 3, 3, 3]);
 //! }
-//! # Ok::<(), stylegaussian::FileError>(())
+//! # Ok::<(), stylegaussian::file::FileError>(())
 //! ```
 
 use std::path::{Path, PathBuf};

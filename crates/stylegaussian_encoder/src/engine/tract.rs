@@ -39,16 +39,18 @@ impl Graph {
     /// Runs the graph. The first output's shape and values.
     ///
     /// # Errors
-    /// The reason of tract's refusal or panic.
+    /// The reason of tract's refusal or panic, or that the input is too small for the graph.
     pub(crate) fn run(&self, input: &Planes) -> Result<(Vec<usize>, Vec<f32>), String> {
         // Matrix products use the threads that everything else here uses: a single image would leave the other cores
         // idle. The panic is caught inside, because the scope restores its thread's executor only on return.
         multithread_tract_scope(Executor::RayonGlobal, || {
             caught(|| {
+                check_sizes(self.plan.model(), input.shape())?;
                 let input = Tensor::from_shape(&input.shape(), &input.values).map_err(text)?;
                 let outputs = self.plan.run(tvec!(input.into())).map_err(text)?;
                 let output = outputs.first().ok_or("it gave no output")?;
-                let values = output.try_as_plain_ram().and_then(|plain| plain.as_slice::<f32>()).map_err(text)?;
+                let values =
+                    output.try_as_plain_ram().and_then(|plain| plain.as_slice::<f32>()).map_err(text)?;
                 Ok((output.shape().to_vec(), values.to_vec()))
             })
         })
@@ -80,8 +82,7 @@ fn check_memory(model: InferenceModel) -> Result<(), String> {
         let size = shape.dim(axis)?.concretize()?.to_i64().ok()?;
         usize::try_from(size).ok()
     };
-    let input =
-        [1, fixed(1).unwrap_or(3), fixed(2).unwrap_or(PROBE_SIDE), fixed(3).unwrap_or(PROBE_SIDE)];
+    let input = [1, fixed(1).unwrap_or(3), fixed(2).unwrap_or(PROBE_SIDE), fixed(3).unwrap_or(PROBE_SIDE)];
     let model = model.with_input_fact(0, f32::fact(input).into()).and_then(|model| model.into_typed());
     let model = model.map_err(text)?;
     let mut facts = model.nodes().iter().flat_map(|node| &node.outputs);
@@ -91,6 +92,30 @@ fn check_memory(model: InferenceModel) -> Result<(), String> {
         return Ok(());
     }
     Err(format!("for an input of {input:?} a step of it makes more than {MAX_VALUES} values"))
+}
+
+/// Checks that every step of the graph makes values of an input of this shape. tract does not: a convolution over less
+/// than its kernel reads past its input, which no `catch_unwind` survives.
+fn check_sizes(model: &TypedModel, input: [usize; 4]) -> Result<(), String> {
+    let mut sizes = SymbolValues::default();
+    for (size, value) in model.input_fact(0).map_err(text)?.shape.iter().zip(input) {
+        if let TDim::Sym(symbol) = size {
+            sizes.set(symbol, value as i64);
+        }
+    }
+    // Constants may be empty, such as the region of interest that exporters give to a Resize.
+    let is_possible = |size: &TDim| {
+        let least = if matches!(size, TDim::Val(_)) { 0 } else { 1 };
+        // A size that depends on values is not known beforehand.
+        size.eval_to_i64(&sizes).ok().is_none_or(|size| size >= least)
+    };
+    for node in model.nodes() {
+        if let Some(output) = node.outputs.iter().find(|output| !output.fact.shape.iter().all(is_possible)) {
+            let sizes: Vec<TDim> = output.fact.shape.iter().map(|size| size.eval(&sizes)).collect();
+            return Err(format!("an input of {input:?} is too small: `{}` would make {sizes:?}", node.name));
+        }
+    }
+    Ok(())
 }
 
 fn outlet(fact: &TypedFact) -> Outlet {

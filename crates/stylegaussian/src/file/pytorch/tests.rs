@@ -190,7 +190,9 @@ fn vector(key: &str, class: &str, rebuild: &str, last: &[u8]) -> Vec<u8> {
 /// A state dict as Python 2 and PyTorch 0.3 wrote it: the items are an argument of OrderedDict, tensors have four
 /// arguments, storages follow the pickles.
 fn old_state_dict(class: &str) -> Vec<u8> {
-    let item = |name: &str, tensor: Vec<u8>| [&b"](U"[..], &[name.len() as u8], name.as_bytes(), &tensor, b"e"].concat();
+    let item = |name: &str, tensor: Vec<u8>| {
+        [&b"](U"[..], &[name.len() as u8], name.as_bytes(), &tensor, b"e"].concat()
+    };
     let items = [
         item("weight", vector("7", "FloatStorage", "_rebuild_tensor", b"")),
         item("count", vector("5", class, "_rebuild_tensor_v2", b"\x89N")),
