@@ -218,9 +218,9 @@ fn paths_without_a_file_or_an_extension() {
     contains_all(&failure("VGG.ONNX", b"no graph"), &["cannot load this ONNX graph"]);
 }
 
+/// A convolution over less than its kernel makes tract read past its input.
 #[test]
-fn an_engine_that_failed_stays_usable() {
-    // Opening tries 8x8 and 16x16 pixels, which are smaller than the kernel: tract fails, by an error or by a panic.
+fn images_smaller_than_a_kernel_are_refused() {
     let wide = Convolution { shape: [2, 3, 17, 17], weight: vec![0.01; 2 * 3 * 17 * 17], bias: vec![0.0; 2] };
     let encoder = Encoder::from_onnx("wide", ChainWriter::new(3).convolution(&wide, 0).finish()).unwrap();
     let image = |side: u32| Image { width: side, height: side, rgb: vec![0.5; (side * side * 3) as usize] };
@@ -229,4 +229,12 @@ fn an_engine_that_failed_stays_usable() {
     assert_eq!((features.width, features.height, features.n_channels), (16, 16, 2));
     // 3 x 17 x 17 weights of 0.01 over gray.
     assert!(features.values.iter().all(|value| (value - 4.335).abs() < 1e-4), "{:?}", features.values[0]);
+
+    // Four pixels remain of 64 after four halvings: too few for a kernel of 5.
+    let halved = (0..4).fold(ChainWriter::new(3), |chain, _| chain.max_pool(false));
+    let five = Convolution { shape: [1, 3, 5, 5], weight: vec![0.1; 75], bias: vec![0.0] };
+    let message = failure("halved.onnx", &halved.convolution(&five, 0).finish());
+    if message.contains("tract") {
+        contains_all(&message, &["[1, 3, 64, 64]", "too small"]);
+    }
 }

@@ -111,8 +111,9 @@ fn check_sizes(model: &TypedModel, input: [usize; 4]) -> Result<(), String> {
     };
     for node in model.nodes() {
         if let Some(output) = node.outputs.iter().find(|output| !output.fact.shape.iter().all(is_possible)) {
-            let sizes: Vec<TDim> = output.fact.shape.iter().map(|size| size.eval(&sizes)).collect();
-            return Err(format!("an input of {input:?} is too small: `{}` would make {sizes:?}", node.name));
+            let sizes: Vec<String> =
+                output.fact.shape.iter().map(|size| size.eval(&sizes).to_string()).collect();
+            return Err(format!("it is too small: step `{}` would make [{}]", node.name, sizes.join(", ")));
         }
     }
     Ok(())
@@ -124,9 +125,9 @@ fn outlet(fact: &TypedFact) -> Outlet {
     Outlet { is_f32, shape: fact.shape.iter().map(size).collect(), description: format!("{fact:?}") }
 }
 
-/// tract's error with its causes.
+/// tract's error with its causes, without the zero bytes that names in a damaged file may bring into it.
 fn text(error: TractError) -> String {
-    format!("{error:#}")
+    format!("{error:#}").replace('\0', "")
 }
 
 /// Turns a panic of `work` into an error.

@@ -224,11 +224,16 @@ fn a_stream_of_pickles_and_storages() {
     assert!(message.contains("vgg.pth") && message.contains("`count` of integers"), "{message}");
 }
 
-#[test]
-fn a_zipped_state_dict() {
+/// A state dict of the scalar `one` = 2.5.
+fn zipped_state_dict(zip64: bool) -> Vec<u8> {
     let item = [&text("one")[..], &scalar_pickle()[2..scalar_pickle().len() - 1], b"s."].concat();
     let entries = [("a/data.pkl", [b"}", &item[..]].concat()), ("a/data/0", 2.5_f32.to_le_bytes().to_vec())];
-    let state = read_dict(&archive(&entries, false)).unwrap();
+    archive(&entries, zip64)
+}
+
+#[test]
+fn a_zipped_state_dict() {
+    let state = read_dict(&zipped_state_dict(false)).unwrap();
     let expected = Tensor { shape: Vec::new(), values: vec![2.5] };
     assert_eq!(state.tensor("one").unwrap(), Some(expected));
 }
@@ -256,4 +261,20 @@ fn files_without_a_state_dict_are_errors() {
     let count = whole.len() - 16 - 8;
     lying[count..count + 8].fill(0xff);
     check(&lying, "storage `7` past the end");
+}
+
+#[test]
+fn damaged_state_dicts_never_panic() {
+    for whole in [zipped_state_dict(true), old_state_dict("LongStorage")] {
+        for at in 0..whole.len() {
+            for change in [0x00, 0xff, whole[at] ^ 0x01, whole[at] ^ 0x80, b'9'] {
+                let mut damaged = whole.clone();
+                damaged[at] = change;
+                let Ok(state) = read_dict(&damaged) else { continue };
+                for name in state.names() {
+                    let _ = state.tensor(name);
+                }
+            }
+        }
+    }
 }
