@@ -136,7 +136,7 @@ impl<B: AsRef<[u8]>> PytorchFile<B> {
 }
 
 /// The containers, for messages.
-const EXPECTED: &str = "a PyTorch file: a zip archive, or the pickle stream of versions 0.1.10 to 1.5";
+const EXPECTED: &str = "a PyTorch file: a zip archive, or the pickle stream of versions before 1.6";
 
 /// The objects of a zip archive, and the positions of its storages.
 fn zipped(bytes: &[u8]) -> Result<(Pickle, Storages), Mismatch> {

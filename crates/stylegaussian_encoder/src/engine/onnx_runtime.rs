@@ -46,7 +46,7 @@ impl Graph {
 
 fn open(environment: &Environment, onnx: &[u8]) -> ort::Result<Session> {
     let builder = Session::builder(environment)?;
-    Ok(builder.with_optimization_level(GraphOptimizationLevel::All)?.commit_from_memory(onnx)?)
+    builder.with_optimization_level(GraphOptimizationLevel::All)?.commit_from_memory(onnx)
 }
 
 fn outlet(outlet: &value::Outlet) -> Outlet {
