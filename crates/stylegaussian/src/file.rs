@@ -15,6 +15,7 @@ mod colors;
 mod decoder;
 mod error;
 mod ply;
+pub mod pytorch;
 mod sgs;
 mod style;
 mod tensors;
