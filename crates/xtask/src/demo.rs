@@ -45,7 +45,7 @@ pub fn stylegaussian() -> Command {
         "--quiet",
         "--locked",
         "--package",
-        "stylegaussian_tools",
+        "stylegaussian_cli",
         "--bin",
         "stylegaussian",
         "--",

@@ -1,0 +1,186 @@
+//! A camera of a capture, the errors of reading cameras, and the checks that all formats share.
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec2, DVec3, UVec2};
+use stylegaussian::Camera;
+
+/// One camera of a capture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PosedCamera {
+    /// The photo's name as the file gives it, or the camera's number where it gives none.
+    pub name: String,
+    /// Pose and intrinsics; the size is the one the file states, the photo may be smaller or larger.
+    pub camera: Camera,
+    /// Where the photo should be; nobody has looked whether it is there. `None` when the file names none.
+    pub photo: Option<PathBuf>,
+}
+
+impl PosedCamera {
+    /// The photo's path, for a caller who needs the photo.
+    ///
+    /// # Errors
+    /// When no photo is named, or the one that is named does not exist.
+    pub fn require_photo(&self) -> Result<&Path, CamerasError> {
+        match &self.photo {
+            Some(path) if path.is_file() => Ok(path),
+            Some(path) => Err(CamerasError::NoPhoto { camera: self.name.clone(), photo: path.clone() }),
+            None => Err(CamerasError::NoPhotoName { camera: self.name.clone() }),
+        }
+    }
+}
+
+/// The cameras of a capture, and what reading them passed over.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraSet {
+    /// At least one camera; COLMAP's by name, the others in file order.
+    pub cameras: Vec<PosedCamera>,
+    /// What a person should know, e.g. that lens distortion is ignored.
+    pub warnings: Vec<String>,
+}
+
+/// Why cameras could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum CamerasError {
+    /// The file system says no.
+    #[error("{path}: {source}", path = .path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// Its reason.
+        source: io::Error,
+    },
+    /// The JSON is malformed, or lacks what the format demands.
+    #[error("{path}: {source}", path = .path.display())]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// Where and what.
+        source: serde_json::Error,
+    },
+    /// Nothing here is a known format.
+    #[error(
+        "{path}: found no cameras, expected transforms.json, 3DGS cameras.json, or a COLMAP model \
+         (cameras and images, .txt or .bin, here or in sparse/0)",
+        path = .path.display()
+    )]
+    Unrecognized {
+        /// The file or folder.
+        path: PathBuf,
+    },
+    /// A part of the file cannot be what it should be.
+    #[error("{path}: {what}: found {found}, expected {expected}", path = .path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// Which part of it, e.g. a camera's name or a line.
+        what: String,
+        /// What stands there.
+        found: String,
+        /// What should.
+        expected: &'static str,
+    },
+    /// The photo that a camera names does not exist.
+    #[error("camera {camera}: the photo {photo} does not exist", photo = .photo.display())]
+    NoPhoto {
+        /// The camera's name.
+        camera: String,
+        /// Where the photo should be.
+        photo: PathBuf,
+    },
+    /// The camera file names no photo for this camera.
+    #[error("camera {camera}: the camera file names no photo for it")]
+    NoPhotoName {
+        /// The camera's name.
+        camera: String,
+    },
+    /// The photo that a camera's size should be taken from cannot be read.
+    #[error("{photo}: cannot take the picture's size from it: {source}", photo = .photo.display())]
+    PhotoSize {
+        /// The photo.
+        photo: PathBuf,
+        /// Why not.
+        source: image::ImageError,
+    },
+}
+
+pub(super) fn read(path: &Path) -> Result<Vec<u8>, CamerasError> {
+    fs::read(path).map_err(|source| CamerasError::Io { path: path.into(), source })
+}
+
+pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<serde_json::Value, CamerasError> {
+    serde_json::from_slice(bytes).map_err(|source| CamerasError::Json { path: path.into(), source })
+}
+
+pub(super) fn invalid(path: &Path, what: &str, found: impl ToString, expected: &'static str) -> CamerasError {
+    CamerasError::Invalid { path: path.into(), what: what.into(), found: found.to_string(), expected }
+}
+
+/// What a pinhole camera is besides its pose, all in pixels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Intrinsics {
+    pub focal: DVec2,
+    pub center: DVec2,
+    pub size: UVec2,
+}
+
+impl Intrinsics {
+    /// The camera at `view_from_world`; `what` names it in errors about `path`.
+    pub fn camera(self, view_from_world: DAffine3, path: &Path, what: &str) -> Result<Camera, CamerasError> {
+        if self.size.min_element() == 0 {
+            return Err(invalid(path, what, self.size, "a picture size above 0"));
+        }
+        if !(self.focal.is_finite() && self.focal.min_element() > 0.0) {
+            return Err(invalid(path, what, self.focal, "focal lengths above 0"));
+        }
+        if !self.center.is_finite() {
+            return Err(invalid(path, what, self.center, "a finite principal point"));
+        }
+        let rotation = view_from_world.matrix3.as_mat3();
+        let translation = view_from_world.translation.as_vec3();
+        Ok(Camera {
+            view_from_world: Affine3A::from_mat3_translation(rotation, translation),
+            focal: self.focal.as_vec2(),
+            center: self.center.as_vec2(),
+            size: self.size,
+        })
+    }
+}
+
+/// How far the product of a pose's rotation with its transpose may be from the identity: files round to a few digits.
+const RIGID_WITHIN: f64 = 1e-3;
+
+/// The pose with these columns, its rotation made exact; an error where it is not close to rigid.
+pub(super) fn rigid(
+    rotation: DMat3,
+    translation: DVec3,
+    path: &Path,
+    what: &str,
+) -> Result<DAffine3, CamerasError> {
+    let off = rotation * rotation.transpose() - DMat3::IDENTITY;
+    let is_rotation = off.is_finite() && off.abs_diff_eq(DMat3::ZERO, RIGID_WITHIN);
+    if !(is_rotation && rotation.determinant() > 0.0 && translation.is_finite()) {
+        let found = format!("the matrix {rotation}, {translation}");
+        return Err(invalid(path, what, found, "a rotation and a translation"));
+    }
+    let rotation = DQuat::from_mat3(&rotation).normalize();
+    Ok(DAffine3::from_rotation_translation(rotation, translation))
+}
+
+/// The first of `name` in `folder`, or with a picture's extension appended, that exists; otherwise plain `name`.
+pub(super) fn photo_path(folder: &Path, name: &str) -> PathBuf {
+    let plain = folder.join(name);
+    if plain.is_file() {
+        return plain;
+    }
+    let extended = ["png", "jpg", "jpeg", "JPG", "JPEG", "PNG"].map(|extension| {
+        let mut path = plain.clone().into_os_string();
+        path.push(".");
+        path.push(extension);
+        PathBuf::from(path)
+    });
+    extended.into_iter().find(|path| path.is_file()).unwrap_or(plain)
+}

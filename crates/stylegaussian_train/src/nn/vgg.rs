@@ -1,0 +1,71 @@
+//! VGG-19's convolutions up to conv4_1, and weights files with them.
+
+use std::path::Path;
+
+use safetensors::{Dtype, tensor::TensorView};
+use stylegaussian::file::write_atomically;
+use stylegaussian_encoder::{onnx::Convolution, vgg::imagenet_input, weights::Weights};
+
+use crate::error::TrainError;
+
+/// One of VGG-19's 3x3 convolutions.
+#[derive(Clone, Copy, Debug)]
+pub struct VggLayer {
+    /// The name of its tensors in our weights files, before `.weight` and `.bias`.
+    pub name: &'static str,
+    /// The index of the module in torchvision's VGG-19.
+    pub module: usize,
+    /// Output channels.
+    pub width: usize,
+    /// Whether a 2x2 max-pool comes before.
+    pub pools_before: bool,
+}
+
+const fn layer(name: &'static str, module: usize, width: usize, pools_before: bool) -> VggLayer {
+    VggLayer { name, module, width, pools_before }
+}
+
+/// VGG-19's convolutions up to conv4_1.
+pub const LAYERS: [VggLayer; 9] = [
+    layer("conv1_1", 0, 64, false),
+    layer("conv1_2", 2, 64, false),
+    layer("conv2_1", 5, 128, true),
+    layer("conv2_2", 7, 128, false),
+    layer("conv3_1", 10, 256, true),
+    layer("conv3_2", 12, 256, false),
+    layer("conv3_3", 14, 256, false),
+    layer("conv3_4", 16, 256, false),
+    layer("conv4_1", 19, 512, true),
+];
+
+/// Reads torchvision's VGG-19 up to conv4_1 under the names of [`LAYERS`]. The first convolution, `conv0`, is the 1x1 one
+/// that takes RGB 0..1 to the input that VGG-19 expects.
+///
+/// # Errors
+/// If the file cannot be read or a tensor is missing or has another shape.
+pub fn read_torchvision(path: &Path) -> Result<Vec<(&'static str, Convolution)>, TrainError> {
+    let weights = Weights::open(path)?;
+    let mut convolutions = vec![("conv0", imagenet_input())];
+    let mut d_in = 3;
+    for VggLayer { name, module, width, .. } in LAYERS {
+        let convolution = weights.convolution(&format!("features.{module}"), [width, d_in, 3, 3])?;
+        convolutions.push((name, convolution));
+        d_in = width;
+    }
+    Ok(convolutions)
+}
+
+/// Writes convolutions as safetensors, as `NAME.weight` and `NAME.bias`.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write_weights(path: &Path, convolutions: &[(&str, Convolution)]) -> Result<(), TrainError> {
+    let mut views = Vec::new();
+    for (name, Convolution { shape, weight, bias }) in convolutions {
+        let view = |values, shape| TensorView::new(Dtype::F32, shape, bytemuck::cast_slice(values));
+        views.push((format!("{name}.weight"), view(weight, shape.to_vec())?));
+        views.push((format!("{name}.bias"), view(bias, vec![shape[0]])?));
+    }
+    let bytes = safetensors::serialize(views, None)?;
+    Ok(write_atomically(path, |out| out.write_all(&bytes))?)
+}
