@@ -1,29 +1,31 @@
-//! Values on the command line: weighted styles, fractions, sizes, backgrounds, backends.
+//! Values on the command line: weighted files, fractions, sizes, backgrounds, backends, names of outputs.
 
-use std::{path::PathBuf, str::FromStr};
+use std::{
+    path::{Path, PathBuf},
+    str::FromStr,
+};
 
 use anyhow::{Result, bail};
 use clap::ValueEnum;
 use glam::UVec2;
-
-use crate::picture::Background;
+use stylegaussian_train::picture::Background;
 
 /// Longest side of a picture, in pixels.
 pub const MAX_SIDE: u32 = 16_384;
 
-/// A file and its share in a mix: `path` or `path:weight`.
+/// A file and its weight in a mix: `path` or `path:weight`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeightedPath {
     /// The file.
     pub path: PathBuf,
-    /// Not negative; 1 where none was given.
+    /// The weight, 0 or more. 1 if none is given.
     pub weight: f64,
 }
 
 impl FromStr for WeightedPath {
     type Err = String;
 
-    /// Splits at the last colon, and only where a number follows: `C:\paintings\a.png` is a path.
+    /// Splits at the last colon, but only if a number follows: `C:\paintings\a.png` is a path.
     fn from_str(text: &str) -> Result<Self, String> {
         let (path, weight) = match text.rsplit_once(':') {
             Some((path, number)) if is_number(number) => {
@@ -41,7 +43,7 @@ impl FromStr for WeightedPath {
     }
 }
 
-/// Whether `text` is meant as a number. Rust also parses `inf` and `nan`, which are likelier names.
+/// Whether `text` is meant as a number. Rust also parses `inf` and `nan`, but these are more likely names.
 fn is_number(text: &str) -> bool {
     text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) && text.parse::<f64>().is_ok()
 }
@@ -56,6 +58,18 @@ pub fn fraction(text: &str) -> Result<f64, String> {
         Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
         _ => Err("expected a number from 0 to 1".into()),
     }
+}
+
+/// A number from 0 to 1, without 1.
+pub fn less_than_1(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|number| (0.0..1.0).contains(number));
+    number.ok_or_else(|| "expected a number of at least 0 and less than 1".into())
+}
+
+/// A number from `MIN` to 64: no decoder of this shape needs more.
+pub fn at_most_64<const MIN: usize>(text: &str) -> Result<usize, String> {
+    let number = text.parse().ok().filter(|number| (MIN..=64).contains(number));
+    number.ok_or_else(|| format!("expected a number from {MIN} to 64"))
 }
 
 /// Width and height of a picture, as in `640x480`.
@@ -81,10 +95,10 @@ pub fn background(text: &str) -> Result<Background, String> {
     }
 }
 
-/// What computes.
+/// The device that computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Backend {
-    /// A GPU where there is one, otherwise the CPU.
+    /// A hardware GPU if there is one, otherwise the CPU.
     Auto,
     /// The CPU.
     Cpu,
@@ -93,16 +107,23 @@ pub enum Backend {
 }
 
 impl Backend {
-    /// Refuses the GPU for `what`, which only the CPU can do: nothing falls back silently.
+    /// Refuses the GPU for `what`, which only the CPU can do. Falling back silently would hide that.
     ///
     /// # Errors
-    /// When a GPU is asked for.
+    /// If the GPU is asked for.
     pub fn expect_cpu(self, what: &str) -> Result<()> {
         if self == Self::Gpu {
             bail!("--backend gpu: {what} has no GPU backend; use --backend cpu or auto");
         }
         Ok(())
     }
+}
+
+/// A file beside the output: OUT.decoder.safetensors -> OUT.`suffix`.
+pub fn beside(output: &Path, suffix: &str) -> PathBuf {
+    let name = output.file_name().unwrap_or_default().to_string_lossy();
+    let stem = name.trim_end_matches(".safetensors").trim_end_matches(".decoder");
+    output.with_file_name(format!("{stem}.{suffix}"))
 }
 
 #[cfg(test)]
@@ -115,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_style_splits_at_the_last_colon_where_a_number_follows() {
+    fn a_style_splits_at_the_last_colon_if_a_number_follows() {
         check_style("a.png", "a.png", 1.0);
         check_style("a.png:0.3", "a.png", 0.3);
         check_style("a.png:2", "a.png", 2.0);

@@ -1,25 +1,22 @@
-//! The command line `stylegaussian`: its commands, what they print, and how they fail.
+//! The commands, one module each. They share the modules beside this one, and do not import one another.
 
-pub(crate) mod arguments;
-pub(crate) mod compute;
 mod convert;
+mod distill;
+mod embed;
+mod eval;
+mod fetch_vgg;
 mod info;
-pub(crate) mod output;
 mod render;
 mod style;
-mod stylization;
 mod stylize;
+mod train;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 
-pub use arguments::{Backend, WeightedPath};
-pub use output::error_chain;
-pub(crate) use stylization::default_decoder;
+use crate::terminal::Interrupt;
 
-use crate::{distill, embed, eval, fetch_vgg, train};
-
-/// Restyle 3D Gaussian Splatting scenes with any painting: embed once, then stylize in a moment.
+/// Restyle 3D Gaussian Splatting scenes with any painting: embed a scene once, then stylize it in an instant.
 #[derive(Debug, Parser)]
 #[command(name = "stylegaussian", version)]
 pub struct Cli {
@@ -32,7 +29,7 @@ enum Command {
     Info(info::InfoArgs),
     Convert(convert::ConvertArgs),
     Embed(embed::EmbedArgs),
-    Train(train::TrainArgs),
+    Train(Box<train::TrainArgs>),
     Style(style::StyleArgs),
     Stylize(stylize::StylizeArgs),
     Render(render::RenderArgs),
@@ -45,19 +42,19 @@ impl Cli {
     /// Runs the command.
     ///
     /// # Errors
-    /// A [`clap::Error`] where the arguments contradict one another; anything else names the file or the value at fault.
-    pub fn run(self) -> Result<()> {
+    /// A [`clap::Error`] if the arguments contradict one another; otherwise an error that names the file or the value.
+    pub fn run(self, interrupt: &Interrupt) -> Result<()> {
         match self.command {
             Command::Info(arguments) => info::run(&arguments),
             Command::Convert(arguments) => convert::run(&arguments),
-            Command::Embed(arguments) => embed::run(&arguments),
-            Command::Train(arguments) => train::run(&arguments),
+            Command::Embed(arguments) => embed::run(&arguments, interrupt),
+            Command::Train(arguments) => train::run(&arguments, interrupt),
             Command::Style(arguments) => style::run(&arguments),
             Command::Stylize(arguments) => stylize::run(&arguments),
             Command::Render(arguments) => render::run(&arguments),
-            Command::Eval(arguments) => eval::run(&arguments),
-            Command::Distill(arguments) => distill::run(&arguments),
-            Command::FetchVgg(arguments) => fetch_vgg::run(&arguments),
+            Command::Eval(arguments) => eval::run(&arguments, interrupt),
+            Command::Distill(arguments) => distill::run(&arguments, interrupt),
+            Command::FetchVgg(arguments) => fetch_vgg::run(&arguments, interrupt),
         }
     }
 }
@@ -71,5 +68,14 @@ mod tests {
     #[test]
     fn the_arguments_are_consistent() {
         Cli::command().debug_assert();
+    }
+
+    /// Renamed flags keep their old names.
+    #[test]
+    fn old_flags_still_work() {
+        let words = ["stylegaussian", "train", "a.sgs", "--styles", "d", "-o", "b"];
+        let old =
+            ["--recognition-weight", "1", "--palette-weight", "2", "--smooth", "3", "--own-color", "false"];
+        assert!(Cli::try_parse_from(words.into_iter().chain(old)).is_ok());
     }
 }

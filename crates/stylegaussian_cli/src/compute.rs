@@ -1,6 +1,6 @@
-//! What `--backend` comes to: the CPU, or a GPU without a window.
+//! The meaning of `--backend`: the CPU, or a GPU without a window.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use glam::Affine3A;
 use stylegaussian::{
     Camera, Decoder, Scene,
@@ -14,17 +14,24 @@ use stylegaussian_gpu::{
     style::{self, StylizeOnGpuError},
 };
 
-use super::{arguments::Backend, output::warn};
+use stylegaussian_train::nn::Processor;
 
-/// What computes.
+#[cfg(feature = "gpu")]
+use crate::terminal::note;
+use crate::{arguments::Backend, terminal::warn};
+
+/// The device that stylizes and draws.
 pub struct Compute {
     backend: Backend,
     gpu: Option<HeadlessDevice>,
 }
 
 impl Compute {
-    /// `gpu` takes any adapter, and is an error where there is none; `auto` takes real GPUs only, because software that
-    /// acts as one is slower than the CPU's own code.
+    /// Opens the device. `gpu` takes any adapter, and is an error if there is none. `auto` takes only hardware GPUs, because
+    /// software adapters are slower than our CPU code.
+    ///
+    /// # Errors
+    /// If a GPU is asked for and there is none.
     pub fn open(backend: Backend) -> Result<Self> {
         let gpu = match backend {
             Backend::Cpu => None,
@@ -48,8 +55,11 @@ impl Compute {
         self.gpu.as_ref().map(|gpu| gpu.info.name.clone())
     }
 
-    /// Colors `[N]` of a scene's mapped features. Where `auto` chose the GPU and the scene does not fit it, the CPU takes
-    /// over and a warning says so.
+    /// Colors `[N]` of a scene's mapped features. If `auto` chose the GPU and the scene does not fit it, the CPU takes over
+    /// and a warning says so.
+    ///
+    /// # Errors
+    /// If scene, decoder and map do not fit one another, or the GPU that was asked for fails.
     pub fn stylize(&mut self, scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec<[f32; 3]>> {
         if let Some(gpu) = &self.gpu {
             match pollster::block_on(style::stylize(gpu, scene, decoder, map)) {
@@ -61,7 +71,10 @@ impl Compute {
         Ok(fold::stylize(scene, decoder, map)?)
     }
 
-    /// Prepares to draw `scene` in `colors`; falls back as [`stylize`](Self::stylize) does.
+    /// Prepares to draw `scene` in `colors`. Falls back as [`stylize`](Self::stylize) does.
+    ///
+    /// # Errors
+    /// If the GPU that was asked for fails.
     pub fn drawing<'a>(&'a mut self, scene: &'a Scene, colors: Colors<'a>) -> Result<Drawing<'a>> {
         if let Some(gpu) = &self.gpu {
             match pollster::block_on(OnGpu::new(gpu, scene, colors)) {
@@ -72,7 +85,7 @@ impl Compute {
         Ok(Drawing::Cpu(scene, colors))
     }
 
-    /// Goes on with the CPU where `auto` chose the GPU, and says so.
+    /// Continues on the CPU with a warning if `auto` chose the GPU.
     fn fall_back(&mut self, error: anyhow::Error) -> Result<()> {
         let error = error.context(format!("on {}", self.adapter().unwrap_or_default()));
         if self.backend != Backend::Auto {
@@ -84,13 +97,32 @@ impl Compute {
     }
 }
 
+/// The device that training runs on. With the `gpu` feature, `gpu` takes any adapter and `auto` only a hardware GPU.
+///
+/// # Errors
+/// If a GPU is asked for, but there is none or this build cannot train on one.
+pub fn processor(backend: Backend) -> Result<Processor> {
+    #[cfg(feature = "gpu")]
+    if let Some(adapter) = Compute::open(backend)?.adapter() {
+        note(format!("training on {adapter}"));
+        return Ok(Processor::Gpu);
+    }
+    ensure!(
+        cfg!(feature = "gpu") || backend != Backend::Gpu,
+        "this build cannot train on a GPU: build with `--features gpu`, or use --backend cpu"
+    );
+    Ok(Processor::Cpu)
+}
+
 /// A scene in its colors, ready to be drawn from any camera.
 pub enum Drawing<'a> {
+    /// On the CPU.
     Cpu(&'a Scene, Colors<'a>),
+    /// On a GPU.
     Gpu(HeadlessDevice, Box<OnGpu>),
 }
 
-/// What drawing keeps on the GPU.
+/// The scene and the renderer on the GPU.
 pub struct OnGpu {
     headless: Headless,
     scene: GpuScene,
@@ -106,7 +138,10 @@ impl Drawing<'_> {
         }
     }
 
-    /// What `camera` sees; without depth where the GPU draws.
+    /// The view of `camera`. Without depth if the GPU draws.
+    ///
+    /// # Errors
+    /// If the GPU fails.
     pub fn view(&mut self, camera: &Camera) -> Result<RenderedImage> {
         match self {
             Self::Cpu(scene, colors) => Ok(splat::render(scene, *colors, camera)),

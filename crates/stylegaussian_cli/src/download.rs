@@ -1,11 +1,11 @@
-//! A file over HTTP, in as many goes as it takes.
+//! Downloads over HTTP that resume after a broken connection.
 
 use std::{
     fs::{self, File, OpenOptions},
     io::{self, Read, Write},
     path::Path,
     sync::{
-        atomic::Ordering,
+        atomic::{AtomicBool, Ordering},
         mpsc::{Receiver, RecvTimeoutError, sync_channel},
     },
     thread,
@@ -13,43 +13,40 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail, ensure};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use sha2::{Digest, Sha256};
 
-use crate::train::INTERRUPTED;
+use crate::terminal::bar;
 
-/// Goes in a row that bring nothing before it gives up, and the pause before each.
+/// Attempts in a row that may bring nothing, and the pause before each.
 const TRIES: u32 = 5;
 const PAUSE: Duration = Duration::from_secs(1);
 
-/// How long a server may take to answer, and then to send anything more.
+/// Time that a server may take to answer, and then to send more bytes.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// How soon Ctrl-C is noticed.
-const LOOK: Duration = Duration::from_millis(200);
+/// Time after which an interruption is noticed, at the latest.
+const POLL: Duration = Duration::from_millis(200);
 
-/// What one request came to.
+/// Outcome of one request.
 enum Outcome {
     Complete,
-    /// The connection ended early, for this reason; what came is kept.
+    /// The connection ended early, for this reason. The bytes that came are kept.
     Cut(String),
 }
 
-/// Downloads `url` to `path`, going on behind what is there already, and compares its SHA-256 with `digest`, its first
-/// digits in lower case.
+/// Downloads `url` to `path`, after the bytes that are there already, and compares the file's SHA-256 with `digest`, its
+/// first digits in lower case.
 ///
 /// # Errors
-/// When the server refuses, when five goes in a row bring nothing, on Ctrl-C (all three keep what has come), and when the
-/// checksum is another one (the file is then removed, since going on with it would not help).
-pub fn download(url: &str, path: &Path, digest: &str) -> Result<()> {
-    let bar = ProgressBar::new(0);
-    let style =
-        ProgressStyle::with_template("{bytes}/{total_bytes} [{elapsed} < {eta}] {bytes_per_sec} {wide_bar}");
-    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+/// If the server refuses, five attempts in a row bring nothing, or `interrupted` is set; the bytes that came are then kept.
+/// If the checksum differs; the file is then removed, because resuming would not help.
+pub fn download(url: &str, path: &Path, digest: &str, interrupted: &AtomicBool) -> Result<()> {
+    let bar = bar(0, "{bytes}/{total_bytes} [{elapsed} < {eta}] {bytes_per_sec} {wide_bar}");
     let mut failures = 0;
     loop {
         let before = length(path);
-        let reason = match request(url, path, &bar)? {
+        let reason = match request(url, path, interrupted, &bar)? {
             Outcome::Complete => break,
             Outcome::Cut(reason) => reason,
         };
@@ -70,8 +67,8 @@ fn length(path: &Path) -> u64 {
     fs::metadata(path).map_or(0, |found| found.len())
 }
 
-/// Asks for what is missing.
-fn request(url: &str, path: &Path, bar: &ProgressBar) -> Result<Outcome> {
+/// Requests the missing bytes.
+fn request(url: &str, path: &Path, interrupted: &AtomicBool, bar: &ProgressBar) -> Result<Outcome> {
     let have = length(path);
     let config = ureq::Agent::config_builder()
         .http_status_as_error(false)
@@ -89,10 +86,10 @@ fn request(url: &str, path: &Path, bar: &ProgressBar) -> Result<Outcome> {
     let range = range.and_then(|range| range.strip_prefix("bytes ")).unwrap_or_default().to_owned();
     let total_of_range = range.rsplit_once('/').and_then(|(_, total)| total.parse::<u64>().ok());
     let (start, total) = match response.status().as_u16() {
-        // The whole file, whatever was asked for.
+        // The whole file: this server ignores ranges.
         200 => (0, response.body().content_length()),
         206 if range.starts_with(&format!("{have}-")) => (have, total_of_range),
-        // Nothing behind what there is.
+        // There is nothing after the bytes that we have.
         416 if total_of_range == Some(have) => return Ok(Outcome::Complete),
         416 => {
             fs::remove_file(path).with_context(|| format!("cannot remove {}", path.display()))?;
@@ -109,7 +106,7 @@ fn request(url: &str, path: &Path, bar: &ProgressBar) -> Result<Outcome> {
     let mut file = OpenOptions::new().create(true).append(true).open(path).map_err(at)?;
     file.set_len(start).map_err(at)?;
     let body = chunks(response.into_body().into_reader());
-    let have = match receive(&body, &mut file, start, TIMEOUT, bar).map_err(at)? {
+    let have = match receive(&body, &mut file, start, TIMEOUT, interrupted, bar).map_err(at)? {
         Received::All(have) => have,
         Received::Cut(reason) => return Ok(Outcome::Cut(reason)),
         Received::Interrupted(have) => {
@@ -122,8 +119,8 @@ fn request(url: &str, path: &Path, bar: &ProgressBar) -> Result<Outcome> {
     })
 }
 
-/// Reads on a thread of its own, so that whoever waits for a server that has stalled can stop waiting. The last chunk is
-/// empty, or an error.
+/// Reads on a separate thread, so that the caller can stop waiting for a server that has stalled. The last chunk is empty
+/// or an error.
 fn chunks(mut body: impl Read + Send + 'static) -> Receiver<io::Result<Vec<u8>>> {
     let (sender, receiver) = sync_channel(4);
     thread::spawn(move || {
@@ -142,7 +139,7 @@ fn chunks(mut body: impl Read + Send + 'static) -> Receiver<io::Result<Vec<u8>>>
     receiver
 }
 
-/// How the body of an answer ended, and at which byte of the file.
+/// The end of an answer's body, and the byte of the file at which it came.
 #[derive(Debug, PartialEq, Eq)]
 enum Received {
     All(u64),
@@ -150,21 +147,22 @@ enum Received {
     Interrupted(u64),
 }
 
-/// Writes what comes behind byte `have` of a file. Gives up when nothing comes for as long as `timeout`.
+/// Writes the received bytes after byte `have` of a file. Gives up if nothing comes for `timeout`.
 fn receive(
     chunks: &Receiver<io::Result<Vec<u8>>>,
     file: &mut impl Write,
     mut have: u64,
     timeout: Duration,
+    interrupted: &AtomicBool,
     bar: &ProgressBar,
 ) -> io::Result<Received> {
     let mut last = Instant::now();
     loop {
         bar.set_position(have);
-        if INTERRUPTED.load(Ordering::Relaxed) {
+        if interrupted.load(Ordering::Relaxed) {
             return Ok(Received::Interrupted(have));
         }
-        match chunks.recv_timeout(LOOK.min(timeout)) {
+        match chunks.recv_timeout(POLL.min(timeout)) {
             Ok(Ok(chunk)) if chunk.is_empty() => return Ok(Received::All(have)),
             Ok(Ok(chunk)) => {
                 file.write_all(&chunk)?;
@@ -210,7 +208,8 @@ mod tests {
     fn a_server_that_stalls_is_left() {
         let (mut file, bar) = (Vec::new(), ProgressBar::hidden());
         let body = chunks(Stalls(Some(vec![1, 2, 3])));
-        let received = receive(&body, &mut file, 10, Duration::from_millis(20), &bar).unwrap();
+        let received =
+            receive(&body, &mut file, 10, Duration::from_millis(20), &AtomicBool::new(false), &bar).unwrap();
         assert_eq!(received, Received::Cut("nothing came for 0.02 s".into()));
         assert_eq!(file, [1, 2, 3]);
     }
@@ -220,7 +219,10 @@ mod tests {
         let bytes: Vec<u8> = (0..200_000_u32).map(|i| i as u8).collect();
         let (mut file, bar) = (Vec::new(), ProgressBar::hidden());
         let body = chunks(io::Cursor::new(bytes.clone()));
-        assert_eq!(receive(&body, &mut file, 5, TIMEOUT, &bar).unwrap(), Received::All(200_005));
+        assert_eq!(
+            receive(&body, &mut file, 5, TIMEOUT, &AtomicBool::new(false), &bar).unwrap(),
+            Received::All(200_005)
+        );
         assert_eq!(file, bytes);
     }
 }

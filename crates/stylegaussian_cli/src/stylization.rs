@@ -1,47 +1,46 @@
-//! What `stylize` and `render` share: from `--style`, `--content` and `--decoder` to one color for each Gaussian.
+//! Stylizing for `stylize` and `render`: from `--style`, `--content` and `--decoder` to one color for each Gaussian.
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
-use clap::{Args, CommandFactory, error::ErrorKind};
+use anyhow::{Context, Result};
+use clap::Args;
 use serde::Serialize;
 use stylegaussian::{
-    ChannelStatistics, Decoder, EncoderId, Scene, file,
+    ChannelStatistics, Scene, file,
     fold::{self, StylizeError},
 };
-use stylegaussian_encoder::StyleSize;
+use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
+use stylegaussian_train::same_encoder;
 
-use super::{
-    Cli,
+use crate::{
     arguments::{Backend, WeightedPath, fraction},
+    choose::{self, NamedDecoder, open_encoder},
     compute::Compute,
-    output::warn,
-    style::image_statistics,
+    terminal::{usage_error, warn},
 };
-use crate::encoder::open_encoder;
 
-/// How to stylize.
+/// Options of stylizing.
 #[derive(Args, Debug)]
 pub struct StylizationArgs {
-    /// Style image or *.style.safetensors, several for a mix; weights are normalized to sum 1.
+    /// Style image or *.style.safetensors. Several give a mix, and their weights are normalized to sum 1.
     #[arg(long = "style", value_name = "S[:WEIGHT]", num_args = 1..)]
     styles: Vec<WeightedPath>,
-    /// How much of the content's own features to keep: 0 (the style alone) to 1 (decodes the content).
+    /// How much of the scene's own features to keep, from 0 (full style) to 1 (no style).
     #[arg(long, value_name = "0..1", default_value = "0", allow_negative_numbers = true, value_parser = fraction)]
     content: f64,
-    /// The decoder, *.decoder.safetensors. Otherwise the scene's own, otherwise the default one.
+    /// The decoder, *.decoder.safetensors. Default: the scene's own, else the built-in one.
     #[arg(long, value_name = "FILE")]
     decoder: Option<PathBuf>,
-    /// The encoder for style images: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Otherwise
-    /// the one that STYLEGAUSSIAN_ENCODER names, otherwise the default one.
+    /// The encoder for style images: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Default: the file
+    /// in STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
-    /// What computes; `gpu` never falls back silently.
+    /// Where to compute. If `gpu` is given and there is no GPU, the command fails.
     #[arg(long, value_enum, default_value = "auto")]
     backend: Backend,
 }
 
-/// A stylized scene's colors, and what they were made of.
+/// A stylized scene's colors, and the settings that gave them.
 #[derive(Debug, Serialize)]
 pub struct Stylization {
     /// Display-referred RGB `[N]`, not clamped.
@@ -52,10 +51,11 @@ pub struct Stylization {
     content: f64,
     /// The decoder's path, `scene` or `default`.
     decoder: String,
-    /// What computed: `cpu` or `gpu`.
+    /// The device: `cpu` or `gpu`.
     backend: &'static str,
     /// The GPU's name.
     adapter: Option<String>,
+    /// Warnings that were printed.
     pub warnings: Vec<String>,
 }
 
@@ -66,19 +66,18 @@ struct Share {
 }
 
 impl StylizationArgs {
-    /// Whether a style is asked for.
+    /// Whether any style is given.
     pub fn has_style(&self) -> bool {
         !self.styles.is_empty()
     }
 
-    /// Checks what can be checked before any file is read, and opens the backend.
+    /// Checks the arguments before any file is read, and opens the backend.
     ///
     /// # Errors
-    /// A usage error where all weights are 0; an error where the GPU is asked for and there is none.
+    /// If all weights are 0 (a usage error), or if the GPU is asked for and there is none.
     pub fn open(&self) -> Result<Compute> {
         if self.has_style() && self.total_weight() <= 0.0 {
-            let message = "the weights of the styles are all 0: at least one must be positive";
-            return Err(Cli::command().error(ErrorKind::ValueValidation, message).into());
+            return Err(usage_error("the weights of the styles are all 0: at least one must be positive"));
         }
         Compute::open(self.backend)
     }
@@ -87,16 +86,16 @@ impl StylizationArgs {
         self.styles.iter().map(|style| style.weight).sum()
     }
 
-    /// Stylizes `scene`, which `scene_path` names in errors, with what [`open`](Self::open) gave.
+    /// Stylizes `scene`, which `scene_path` names in errors, on the backend that [`open`](Self::open) gave.
     ///
     /// # Errors
-    /// When the scene has no features, a file cannot be read, or encoders differ.
+    /// If the scene has no features, a file cannot be read, or encoders differ.
     pub fn stylize(&self, scene: &Scene, scene_path: &Path, compute: &mut Compute) -> Result<Stylization> {
-        // Before anything expensive.
+        // Checked before the expensive steps.
         let features = scene.features.as_ref();
         let features =
             features.ok_or(StylizeError::NoFeatures).with_context(|| scene_path.display().to_string())?;
-        let (decoder, decoder_name) = self.decoder(scene)?;
+        let NamedDecoder { decoder, name: decoder_name } = choose::decoder(self.decoder.as_deref(), scene)?;
         let statistics = self.statistics()?;
 
         let mut parts = vec![
@@ -107,7 +106,7 @@ impl StylizationArgs {
         parts.extend(
             styles.map(|(style, statistics)| (style.path.display().to_string(), statistics.encoder.as_ref())),
         );
-        let warnings = check_encoders(&parts)?;
+        let warnings = same_encoder(&parts)?;
         warn(&warnings);
 
         let total = self.total_weight();
@@ -132,16 +131,7 @@ impl StylizationArgs {
         })
     }
 
-    /// The decoder and a name for it: the one asked for, else the scene's own, else the default one.
-    fn decoder(&self, scene: &Scene) -> Result<(Decoder, String)> {
-        match (&self.decoder, &scene.decoder) {
-            (Some(path), _) => Ok((file::read_decoder(path)?, path.display().to_string())),
-            (None, Some(decoder)) => Ok((decoder.clone(), "scene".into())),
-            (None, None) => Ok((default_decoder()?, "default".into())),
-        }
-    }
-
-    /// Statistics of each style, in order. The encoder is opened only where an image needs it.
+    /// Statistics of each style, in order. The encoder is opened only if an image needs it.
     fn statistics(&self) -> Result<Vec<ChannelStatistics>> {
         let is_file = |path: &Path| {
             path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("safetensors"))
@@ -160,59 +150,11 @@ impl StylizationArgs {
     }
 }
 
-/// The default decoder, which serves every scene that brings none.
-pub fn default_decoder() -> Result<Decoder> {
-    Ok(file::decoder_from_bytes(stylegaussian_defaults::DECODER, "the default decoder")?)
-}
-
-/// Names the parts that do not name their encoder.
+/// Style statistics of the image at `path`.
 ///
 /// # Errors
-/// When two parts name different encoders.
-fn check_encoders(parts: &[(String, Option<&EncoderId>)]) -> Result<Vec<String>> {
-    let known = |(part, encoder): &(String, Option<&EncoderId>)| {
-        encoder.map(|encoder| (part.clone(), encoder.clone()))
-    };
-    let mut named = parts.iter().filter_map(known);
-    if let Some((first, expected)) = named.next() {
-        for (part, found) in named {
-            ensure!(
-                found == expected,
-                "{part} belongs to encoder {found}, {first} to {expected}: one encoder must have made both"
-            );
-        }
-    }
-    let unnamed = parts.iter().filter(|(_, encoder)| encoder.is_none());
-    Ok(unnamed
-        .map(|(part, _)| format!("{part} does not name its encoder, so it may not fit the rest"))
-        .collect())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn encoder(hash: &str) -> EncoderId {
-        EncoderId { name: "vgg".into(), hash: hash.into() }
-    }
-
-    #[test]
-    fn two_encoders_are_an_error_that_names_both() {
-        let (a, b) = (encoder("aa"), encoder("bb"));
-        let error =
-            check_encoders(&[("x.sgs".into(), None), ("d".into(), Some(&a)), ("s.png".into(), Some(&b))]);
-        let message = error.unwrap_err().to_string();
-        for part in ["s.png", "vgg@bb", "d to", "vgg@aa"] {
-            assert!(message.contains(part), "{message}");
-        }
-    }
-
-    #[test]
-    fn a_missing_encoder_is_a_warning() {
-        let a = encoder("aa");
-        let warnings = check_encoders(&[("x.sgs".into(), None), ("d".into(), Some(&a))]).unwrap();
-        assert_eq!(warnings.len(), 1);
-        assert!(warnings[0].starts_with("x.sgs "));
-        assert!(check_encoders(&[("d".into(), Some(&a)), ("e".into(), Some(&a))]).unwrap().is_empty());
-    }
+/// If the image cannot be read or encoded.
+pub fn image_statistics(encoder: &Encoder, path: &Path, size: StyleSize) -> Result<ChannelStatistics> {
+    let image = Image::open(path)?;
+    style_statistics(encoder, &image, size).with_context(|| path.display().to_string())
 }

@@ -1,4 +1,4 @@
-//! The binary as its users meet it: exit codes, messages, and what is left on the disk.
+//! The binary from its users' side: exit codes, messages, and files left on the disk.
 
 mod support;
 
@@ -80,7 +80,7 @@ fn the_gpu_backend_never_falls_back() {
     assert_eq!(with("auto").expect_success().json()["backend"], "cpu");
 }
 
-/// Runs with `--backend gpu`, or says loudly that there is none.
+/// Runs with `--backend gpu`, or returns `None`, loudly, if there is no GPU.
 fn on_gpu(arguments: &[&str]) -> Option<Run> {
     let run = stylegaussian(&[arguments, &["--backend", "gpu"]].concat());
     if run.stderr.contains("no GPU adapter") {
@@ -90,7 +90,7 @@ fn on_gpu(arguments: &[&str]) -> Option<Run> {
     Some(run.expect_success())
 }
 
-/// Colors are the same on both: a contract of 2e-3, in display-referred units.
+/// Colors agree to 2e-3 in display-referred units, which the documentation promises.
 #[test]
 fn stylizing_on_the_gpu_matches_the_cpu() {
     let bench = Bench::new();
@@ -131,17 +131,17 @@ fn rendering_on_the_gpu_matches_the_cpu() {
 }
 
 #[test]
-fn info_tells_what_a_scene_holds() {
+fn info_describes_a_scene() {
     let bench = Bench::new();
     let scene = bench.embedded_scene("a.sgs");
     let text = stylegaussian(&["info", &scene]).expect_success().stdout;
-    for part in ["40", "4 low channels of 6", "test@00", "6 > 5 > 3", "GPU memory"] {
+    for part in ["40", "4 latent features of 6", "test@00", "6 > 5 > 3", "GPU memory"] {
         assert!(text.contains(part), "{part}: {text}");
     }
     let json = stylegaussian(&["info", &scene, "--json"]).expect_success().json();
     assert_eq!(json["n_gaussians"], 40);
     assert_eq!(json["sh_degree"], 1);
-    assert_eq!(json["features"]["n_latent"], 4);
+    assert_eq!(json["features"]["n_low"], 4);
     assert_eq!(json["features"]["n_channels"], 6);
     assert_eq!(json["decoder"]["widths"].as_array().unwrap().len(), 3);
     assert_eq!(json["neighbors"], 3);
@@ -248,7 +248,7 @@ fn an_image_is_read_by_the_default_encoder() {
     let statistics = stylegaussian::file::read_style(style.as_ref()).unwrap();
     assert_eq!(statistics.mean.len(), 256);
     assert_eq!(statistics.encoder.unwrap().name, stylegaussian_defaults::ENCODER_NAME);
-    // The scene is another encoder's.
+    // The scene belongs to another encoder.
     let run = stylegaussian(&["stylize", &scene, "--style", &painting, "-o", &bench.path("b.ply")]);
     run.expect_error("belongs to encoder distilled_relu3_1@");
 }
@@ -336,7 +336,7 @@ fn expected(name: &str) -> Vec<&str> {
     names
 }
 
-/// Every command that reads a file, on a file that is not what it should be.
+/// Runs every command that reads a file on a file that is not as it should be.
 #[track_caller]
 fn expect_all_refuse(bench: &Bench, name: &str) {
     let path = bench.path(name);

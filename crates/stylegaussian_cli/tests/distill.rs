@@ -1,4 +1,4 @@
-//! Distilling end to end, from a made-up teacher of 8 channels.
+//! Distillation end to end, from a made-up teacher of 8 channels.
 
 #[expect(dead_code, reason = "written for the tests of the command line, of which these use a part")]
 mod support;
@@ -22,7 +22,7 @@ fn teacher(bench: &Bench, name: &str, n_channels: usize, stride: u64) -> String 
     path
 }
 
-/// Four pictures of stripes and one that is none, each in a folder of its own kind.
+/// Four pictures of stripes in one folder, and a broken picture in another.
 fn images(bench: &Bench) -> [String; 2] {
     let [good, bad] = ["good", "bad"].map(|name| bench.path(name));
     fs::create_dir_all(&good).unwrap();
@@ -66,7 +66,7 @@ fn a_student_learns_resumes_and_is_judged() {
     assert!((itself["correlation_least"].as_f64().unwrap() - 1.0).abs() < 1e-6, "{itself}");
     assert_eq!((itself["mean_error"].as_f64(), itself["n_images"].as_f64()), (Some(0.0), Some(4.0)));
 
-    // What was learned from one teacher does not go on with another.
+    // A distillation does not continue with another teacher.
     let other = self::teacher(&bench, "other.onnx", 6, 4);
     distill(&other, &images, &out, &["--resume"])
         .expect_error("expected stylegaussian-distillation of other@");

@@ -1,4 +1,4 @@
-//! Judging end to end, on a scene of a few hundred Gaussians.
+//! Evaluation end to end, on a scene of a few hundred Gaussians.
 
 #[expect(dead_code, reason = "written for the tests of the command line, of which these use a part")]
 mod support;
@@ -36,13 +36,13 @@ fn every_painting_and_reference_is_measured() {
     assert_eq!(found["unstyled"]["own_painting_nearest"], 0.5);
     assert_eq!(found["unstyled"]["content_error"], 0.0);
     assert!(found["adain_2d"].is_null());
-    // What recoloring is for: relu1_1, which is close to the colors themselves.
+    // Recoloring helps most at relu1_1, which is close to the colors themselves.
     let first = |kind: &str| number(&found[kind]["style_errors"][0]);
     assert!(first("recolored") < first("unstyled"), "{found}");
     let paintings = found["paintings"].as_array().unwrap();
     assert_eq!(paintings.len(), 2);
     assert_eq!(paintings[0]["nearest_other"], paintings[1]["nearest_other"]);
-    // Unstyled views of one surface differ by resampling alone; what noise does to a picture, it does to its views' agreement.
+    // Unstyled views of one surface differ by resampling alone.
     let agreement = |kind: &str, range: &str, measure: &str| number(&found[kind][range][measure]);
     for range in ["short", "long"] {
         let unstyled = agreement("unstyled_consistency", range, "rmse");

@@ -1,4 +1,4 @@
-//! `fetch-vgg` against a server of our own, which does what servers do.
+//! `fetch-vgg` with a local server that behaves like real ones.
 
 #[expect(dead_code, reason = "written for the tests of the command line, of which these use a part")]
 mod support;
@@ -17,17 +17,17 @@ use sha2::{Digest, Sha256};
 use stylegaussian_encoder::{Encoder, Image};
 use support::{Bench, stylegaussian};
 
-/// Places among torchvision's modules, and channels, of VGG-19's convolutions up to conv4_1.
+/// Indices of torchvision's modules, and channels, of VGG-19's convolutions up to conv4_1.
 const MODULES: [(usize, usize); 9] =
     [(0, 64), (2, 64), (5, 128), (7, 128), (10, 256), (12, 256), (14, 256), (16, 256), (19, 512)];
 
-/// How a server answers.
+/// Behavior of a server.
 #[derive(Clone, Copy)]
 enum Server {
     Sound,
     /// Closes the connection after so many bytes of each answer.
     Cuts(usize),
-    /// Sends everything whatever is asked for.
+    /// Ignores the requested range and sends everything.
     IgnoresRanges,
     Refuses,
 }
@@ -40,7 +40,7 @@ fn serve(bytes: Vec<u8>, server: Server) -> (String, Arc<Mutex<Vec<usize>>>) {
     let seen = starts.clone();
     thread::spawn(move || {
         for stream in listener.incoming() {
-            // A client that went away is no failure of the server's.
+            // If the client went away, the server goes on.
             let _ = answer(&stream.unwrap(), &bytes, server, &seen);
         }
     });
@@ -167,7 +167,7 @@ fn failures_name_the_address_and_what_came() {
     let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     fetch(&format!("http://{port}/vgg19-00000000.pth"), &[]).expect_error("0 bytes are kept in");
     bench.expect_files(&[]);
-    // Another file than expected: kept bytes would spoil every later go.
+    // Another file than expected: kept bytes would spoil every later attempt.
     let (address, _) = serve(bytes.clone(), Server::Sound);
     fetch(&format!("{address}/vgg19-00000000.safetensors"), &[]).expect_error("expected 00000000");
     bench.expect_files(&[]);

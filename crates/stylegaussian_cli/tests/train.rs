@@ -73,9 +73,9 @@ fn training_learns_resumes_and_reports() {
     assert!(bench.colors("c.safetensors").iter().flatten().all(|channel| channel.is_finite()));
 }
 
-/// One step each: from a decoder to another kind of noise, and by the paper's recipe.
+/// One step each: from a decoder with other options, and by the paper's recipe.
 #[test]
-fn a_decoder_s_kind_can_be_told() {
+fn the_kind_of_a_decoder_can_be_chosen() {
     let Some(vgg) = data("vgg") else { return };
     let bench = Bench::new();
     let encoder = vgg.join("vgg19_normalised_relu3_1.safetensors");
@@ -94,16 +94,16 @@ fn a_decoder_s_kind_can_be_told() {
     let first = train("a.decoder.safetensors", &["--warm-iterations", "1", "--noise", "3"]);
     assert_eq!((first.smoothing_passes, first.n_noise, first.n_inputs()), (1, 3, 256 + 3 + 3));
     let init = bench.path("a.decoder.safetensors");
-    let weights = ["--init", &init, "--roughness-weight", "100", "--recognition-weight", "1"];
+    let weights = ["--init", &init, "--roughness-weight", "100", "--contrastive-weight", "1"];
     let same = train("b.decoder.safetensors", &weights);
     assert_eq!((same.smoothing_passes, same.n_noise), (1, 3));
     let other = train(
         "c.decoder.safetensors",
-        &["--init", &init, "--noise", "1", "--smooth", "3", "--residual", "0.2"],
+        &["--init", &init, "--noise", "1", "--smoothing", "3", "--residual", "0.2"],
     );
     assert_eq!((other.smoothing_passes, other.n_noise, other.n_inputs()), (3, 1, 256 + 1 + 3));
-    // Features, the noise that is kept, and the own color stand where they stood. Adam's first step moves a weight by the
-    // rate, 1e-3, and files keep f16.
+    // Features, the kept noise and the base color keep their positions. Adam's first step moves a weight by the rate, 1e-3,
+    // and files store f16.
     let (from, to) = (&first.layers[0].weight, &other.layers[0].weight);
     let rows = from.chunks_exact(256 + 6).zip(to.chunks_exact(256 + 4));
     let moved = rows.flat_map(|(from, to)| {
@@ -111,7 +111,7 @@ fn a_decoder_s_kind_can_be_told() {
         kept.zip(to).map(|(a, b)| (a - b).abs()).collect::<Vec<_>>()
     });
     assert!(moved.fold(0.0, f32::max) < 2e-3);
-    // No step: a mean of two, a quarter of whose colors is the scene's own.
+    // No step: a mean of two decoders, with a quarter of the base color.
     let (quarter, rest) = (format!("{init}:1"), format!("{}:3", bench.path("b.decoder.safetensors")));
     let mean = train(
         "m.decoder.safetensors",

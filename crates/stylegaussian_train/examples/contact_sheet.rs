@@ -20,7 +20,7 @@ fn main() -> Result<()> {
     };
     ensure!(rows.len() % 2 == 0, "every painting needs a folder of pictures");
     let rows = rows.chunks_exact(2).map(|pair| row(&pair[0], &pair[1])).collect::<Result<Vec<_>>>()?;
-    contact_sheet(&rows, CELL).write_png(out)
+    Ok(contact_sheet(&rows, CELL).write_png(out)?)
 }
 
 /// The painting (or an empty cell) and then every PNG in `folder`, by name.

@@ -1,16 +1,16 @@
-//! A contact sheet: many pictures on one page, to judge at a glance which painting made which view.
+//! Contact sheets: many pictures on one page, to compare paintings and views at a glance.
 
 use glam::UVec2;
 
 use crate::picture::Picture;
 
-/// Between pictures and around them, in pixels.
+/// Space between pictures and around them, in pixels.
 const GAP: u32 = 8;
-/// Paper.
+/// Color of the page.
 const PAPER: [u8; 4] = [255; 4];
 
 /// Lays out rows of pictures, e.g. a painting and then the views in its style. Every picture is shrunk or enlarged to
-/// fit a cell and centered in it; a row that has fewer pictures ends with empty cells.
+/// fit a cell and centered in it. If a row has fewer pictures than others, it ends with empty cells.
 pub fn contact_sheet(rows: &[Vec<Picture>], cell: UVec2) -> Picture {
     let n_columns = rows.iter().map(Vec::len).max().unwrap_or(0) as u32;
     let pitch = cell + GAP;
@@ -25,7 +25,7 @@ pub fn contact_sheet(rows: &[Vec<Picture>], cell: UVec2) -> Picture {
     sheet
 }
 
-/// The picture over paper, in its own proportions, as large as `cell` allows.
+/// The picture over the page, with its own proportions, as large as `cell` allows.
 fn fit(picture: &Picture, cell: UVec2) -> Picture {
     let over_paper = picture.rgba.iter().flat_map(|&[r, g, b, a]| {
         [r, g, b].map(|channel| {

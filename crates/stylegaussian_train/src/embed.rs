@@ -95,24 +95,24 @@ impl EmbedOptions {
 pub struct EmbedReport {
     /// The method used.
     pub method: EmbedMethod,
-    /// Views learned from.
+    /// Training views.
     pub n_training_views: usize,
     /// Views held out.
     pub n_held_out_views: usize,
     /// Steps of descent taken.
     pub iterations: u32,
-    /// Mean over training views of the mean |rendered - encoder's| over channels and the cells that the scene covers to
-    /// more than 0.9; absent when no cell is.
+    /// Mean over training views of the mean |rendered - encoder's| over channels and the cells with a coverage above 0.9.
+    /// `None` if there is no such cell.
     pub training_error: Option<f64>,
     /// The same on the held-out views.
     pub held_out_error: Option<f64>,
-    /// Gaussians seen in less than a tenth of a cell over all training views; they got their features from neighbors.
+    /// Gaussians that fill less than a tenth of a cell over all training views. They took their features from neighbors.
     pub n_badly_seen: usize,
-    /// Seconds spent on the views: rendering, encoding, blend weights.
+    /// Seconds for the views: rendering, encoding, blend weights.
     pub view_seconds: f64,
-    /// Seconds spent on finding features from them.
+    /// Seconds for the fit of features to them.
     pub fit_seconds: f64,
-    /// Whether it was interrupted, and so had fewer views or steps than asked for.
+    /// Whether it was interrupted, so that it used fewer views or steps than asked for.
     pub interrupted: bool,
 }
 
@@ -122,12 +122,12 @@ pub enum EmbedError {
     /// The scene has no Gaussian.
     #[error("the scene is empty, expected at least one Gaussian")]
     EmptyScene,
-    /// There is nothing to learn from.
+    /// All views are held out.
     #[error("{n_views} views with every {holdout}-th held out leave none to learn from")]
     NoTrainingViews {
         /// All views.
         n_views: usize,
-        /// Every how many-th is held out.
+        /// The option [`EmbedOptions::holdout`].
         holdout: u32,
     },
     /// No training view shows the scene.
@@ -136,7 +136,7 @@ pub enum EmbedError {
         /// Training views.
         n_views: usize,
     },
-    /// Interrupted before there was anything to keep.
+    /// The caller interrupted before the first view was ready.
     #[error("interrupted before the first view was ready")]
     Interrupted,
     /// A photo could not be read.
@@ -147,7 +147,7 @@ pub enum EmbedError {
     Encoder {
         /// The view's name.
         view: String,
-        /// What the encoder says.
+        /// The encoder's error.
         source: Box<EncoderError>,
     },
     /// The encoder's feature map does not fit the view.
@@ -162,11 +162,11 @@ pub enum EmbedError {
 
 /// Gives `scene` the features of `encoder`, learned from `views`.
 ///
-/// Features come out with mean 0 and standard deviation 1 per channel over the Gaussians. The result depends on the
-/// options and the views alone, not on the number of threads. Badly seen Gaussians take features from their neighbors.
+/// Features have mean 0 and standard deviation 1 per channel over the Gaussians. The result depends on the options and the
+/// views alone, not on the number of threads. Under-observed Gaussians take features from their neighbors.
 ///
 /// # Errors
-/// When the scene is empty, a view cannot be read or encoded, or no view shows the scene. The scene is then as before.
+/// If the scene is empty, a view cannot be read or encoded, or no view shows the scene. The scene is then unchanged.
 pub fn embed(
     scene: &mut Scene,
     views: &[TrainingView],
@@ -218,7 +218,7 @@ pub fn embed(
     Ok(report)
 }
 
-/// Samples of the views in order, each with its view's index; fewer when interrupted.
+/// Samples of the views in order, each with its view's index. Fewer if interrupted.
 fn sample_views(
     scene: &Scene,
     views: &[TrainingView],
@@ -249,7 +249,7 @@ fn sample_view(scene: &Scene, view: &TrainingView, encoder: &Encoder) -> Result<
         .map_err(|source| EmbedError::CellSize { view: view.name.clone(), source })
 }
 
-/// The method itself: the model, and the steps of descent taken.
+/// Fits the model, and returns it with the number of steps taken.
 fn fit(
     views: &[&[Samples]],
     n_gaussians: usize,
@@ -260,7 +260,7 @@ fn fit(
     if views.is_empty() {
         return Err(EmbedError::Interrupted);
     }
-    // A view that shows nothing would only waste steps.
+    // A view without any of the scene would only waste steps.
     let n_views = views.len();
     let views: Vec<&[Samples]> = views.iter().copied().filter(|parts| !parts.is_empty()).collect();
     if views.is_empty() {
@@ -286,7 +286,7 @@ fn fit(
     Ok((model, iterations))
 }
 
-/// Cares for badly seen Gaussians and returns their number.
+/// Fills in under-observed Gaussians and returns their number.
 fn settle(model: &mut Model, views: &[&[Samples]], scene: &Scene) -> usize {
     let seen_weights = evidence::seen_weights(views, scene.len());
     let neighbors = Neighbors::find(&scene.means, &scene.order, N_EVIDENCE_NEIGHBORS);

@@ -5,14 +5,14 @@ use std::error::Error;
 /// Training, distillation or evaluation failed.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
-    /// A file, a scene or a setting is not as required. The message names it, says what was found and what was expected.
+    /// A file, a scene or a setting is not as required. The message names it, and says the found and the expected value.
     #[error("{0}")]
     Invalid(String),
     /// An operation failed for a reason of its own.
-    #[error("{what}")]
+    #[error("{operation}")]
     Failed {
         /// The file or the operation.
-        what: String,
+        operation: String,
         /// The reason.
         source: Box<dyn Error + Send + Sync>,
     },
@@ -50,12 +50,12 @@ caused_by!(
 /// Adds the name of a file or an operation to an error.
 pub(crate) trait Context<T> {
     /// Turns the error into [`TrainError::Failed`] with this description.
-    fn context<S: Into<String>>(self, what: impl FnOnce() -> S) -> Result<T, TrainError>;
+    fn context<S: Into<String>>(self, operation: impl FnOnce() -> S) -> Result<T, TrainError>;
 }
 
 impl<T, E: Into<Box<dyn Error + Send + Sync>>> Context<T> for Result<T, E> {
-    fn context<S: Into<String>>(self, what: impl FnOnce() -> S) -> Result<T, TrainError> {
-        self.map_err(|source| TrainError::Failed { what: what().into(), source: source.into() })
+    fn context<S: Into<String>>(self, operation: impl FnOnce() -> S) -> Result<T, TrainError> {
+        self.map_err(|source| TrainError::Failed { operation: operation().into(), source: source.into() })
     }
 }
 

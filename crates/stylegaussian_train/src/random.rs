@@ -1,4 +1,4 @@
-//! Random numbers that are the same on every machine and in every version.
+//! Random numbers that are equal on every machine and in every version.
 
 /// SplitMix64 (Steele, Lea and Flood 2014).
 #[derive(Clone, Debug)]
@@ -7,7 +7,7 @@ pub struct Random {
 }
 
 impl Random {
-    /// The sequence of `seed`.
+    /// Starts the sequence of `seed`.
     pub fn new(seed: u64) -> Self {
         Self { state: seed }
     }
@@ -25,7 +25,7 @@ impl Random {
         ((self.next() >> 40) as f32 + 0.5) / (1_u32 << 24) as f32
     }
 
-    /// Uniform among 0..n.
+    /// Uniform in 0..n, or 0 if n is 0.
     pub fn below(&mut self, n: usize) -> usize {
         (self.next() % (n.max(1) as u64)) as usize
     }

@@ -1,4 +1,4 @@
-//! Recoloring by mean and covariance: what a color grade alone can do, and where training starts from.
+//! Color transfer by mean and covariance: the reference for training without shapes, and its warm start.
 
 use std::f32::consts::TAU;
 
@@ -8,8 +8,8 @@ use stylegaussian_encoder::Image;
 
 use crate::random::Random;
 
-/// Added to the variances of colors, so that a gray scene or painting has a covariance that can be inverted: a
-/// deviation of a display's step.
+/// Added to the variances of colors: the square of a display's step. Without it, the covariance of a gray scene or painting
+/// could not be inverted.
 const VARIANCE_FLOOR: f64 = 1.0 / (255.0 * 255.0);
 
 /// Mean and covariance of colors.
@@ -34,19 +34,19 @@ impl ColorMoments {
         Self { mean, covariance: products * (1.0 / n) - outer(mean) + floor }
     }
 
-    /// Of an image.
+    /// Moments of an image.
     pub fn of_image(image: &Image) -> Self {
         Self::new(image.rgb.chunks_exact(3).map(|p| vector([p[0], p[1], p[2]])))
     }
 
-    /// Of premultiplied pixels with their coverage, where the scene covers more than half.
+    /// Moments of premultiplied pixels with their coverage. Only pixels covered to more than half count.
     pub fn of_pixels(pixels: impl Iterator<Item = ([f32; 3], f32)>) -> Self {
         let covered = pixels.filter(|(_, alpha)| *alpha > 0.5);
         Self::new(covered.map(|(color, alpha)| vector(color.map(|channel| channel / alpha))))
     }
 
-    /// Of a palette that no painting need have: a mean anywhere but at the ends of the range, and deviations along three
-    /// random axes, the first up to what black and white stripes would have.
+    /// Moments of a random palette: a mean away from the ends of the range, and deviations along three random axes. The
+    /// largest possible deviation is near that of black and white stripes.
     pub fn random(random: &mut Random) -> Self {
         let mut between = |low: f32, high: f32| f64::from(low + (high - low) * random.uniform());
         let mean = DVec3::new(between(0.15, 0.85), between(0.15, 0.85), between(0.15, 0.85));
@@ -62,7 +62,7 @@ impl ColorMoments {
         Self { mean, covariance: covariance + DMat3::from_diagonal(DVec3::splat(VARIANCE_FLOOR)) }
     }
 
-    /// Of several views.
+    /// Moments of several views.
     pub fn of_views(views: &[RenderedImage]) -> Self {
         Self::of_pixels(
             views.iter().flat_map(|view| view.color.iter().copied().zip(view.alpha.iter().copied())),
@@ -77,8 +77,8 @@ pub struct Recoloring {
 }
 
 impl Recoloring {
-    /// The map that takes colors of some mean and covariance to another, moving them as little as can be (the optimal
-    /// transport between two normal distributions).
+    /// The map from colors of one mean and covariance to another that moves colors least: the optimal transport between two
+    /// normal distributions.
     pub fn new(from: &ColorMoments, to: &ColorMoments) -> Self {
         let root = square_root(from.covariance);
         let inverse = root.inverse();
@@ -86,17 +86,17 @@ impl Recoloring {
         Self { gain, shift: to.mean - gain * from.mean }
     }
 
-    /// One color.
+    /// Maps a color.
     pub fn color(&self, color: [f32; 3]) -> [f32; 3] {
         self.premultiplied(color, 1.0)
     }
 
-    /// A premultiplied color.
+    /// Maps a premultiplied color.
     pub fn premultiplied(&self, color: [f32; 3], alpha: f32) -> [f32; 3] {
         (self.gain * vector(color) + self.shift * f64::from(alpha)).as_vec3().to_array()
     }
 
-    /// A view with every Gaussian's color mapped: the render is linear in color, so its pictures map alike.
+    /// Maps a view as if every Gaussian's color were mapped. This is exact, because rendering is linear in color.
     pub fn view(&self, view: &RenderedImage) -> RenderedImage {
         let pixel = |(color, alpha): (&[f32; 3], &f32)| self.premultiplied(*color, *alpha);
         RenderedImage { color: view.color.iter().zip(&view.alpha).map(pixel).collect(), ..view.clone() }
@@ -111,7 +111,8 @@ fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 
-/// The square root of a positive definite matrix, by Denman and Beavers' iteration, which converges quadratically.
+/// The square root of a positive definite matrix, by the iteration of Denman and Beavers (1976), which converges
+/// quadratically.
 fn square_root(matrix: DMat3) -> DMat3 {
     let (mut root, mut inverse) = (matrix, DMat3::IDENTITY);
     for _ in 0..40 {

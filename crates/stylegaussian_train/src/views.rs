@@ -1,13 +1,12 @@
 //! Cameras for a scene that comes without photos.
 //!
-//! A scene is either an *object*, seen from outside, or a *place*, seen from within. Which of the two is found by
-//! looking: test views are taken from all around it and from free spots inside it, and whichever shows more of its
-//! Gaussians wins (a place must surround its spots, too). Among many candidate cameras of the winning kind (overviews and closer looks), a greedy choice takes
-//! at each step the one that adds most to what has been seen so far, so that any number of views covers the scene as
-//! well as that many views can.
+//! A scene is either an *object*, seen from outside, or a *place*, seen from within. Test views decide: some from all around
+//! the scene and some from free spots inside it. If those inside show more of its Gaussians and are surrounded by it, the
+//! scene is a place. Among many candidate cameras of that kind (overviews and closer looks), each step then takes the one
+//! that adds most to the views before it. Any number of views thus covers the scene as well as that many views can.
 //!
-//! The stages, one module each: `survey` (size, middle and a thinned-out stand-in of the scene), `up` (which way is
-//! up), `candidates` (cameras that could be taken), `coverage` (what a camera sees, and the choice).
+//! The stages, one module each: `survey` (size, middle and a simplified version of the scene), `up` (the up direction),
+//! `candidates` (candidate cameras), `coverage` (the Gaussians that a camera sees, and the choice).
 
 mod candidates;
 mod coverage;
@@ -23,18 +22,17 @@ use candidates::Candidate;
 use coverage::TestViews;
 use survey::Survey;
 
-/// A scene is a place only if test views within it show this much more than such around it: a closed shell shows the
-/// same from both sides, and is taken for an object.
+/// Factor by which test views within a place must show more than those around it. A closed shell shows the same from both
+/// sides, and counts as an object.
 const PLACE_SHOWS_MORE: f32 = 1.15;
 
-/// ... and if this much of what one sees from within is something: one stands in a place, and floats over an object.
+/// Least share of a place's inner views that must show the scene. A place surrounds its viewer, an object does not.
 const PLACE_ENCLOSES: f32 = 0.7;
 
-/// `n` cameras with pictures of `size` pixels that together see as much of `scene` as they can, upright, the most
-/// telling first; none when there is nothing to see.
+/// Chooses `n` upright cameras with pictures of `size` pixels that together see as much of `scene` as possible, the most
+/// useful first. Returns none if nothing of the scene is visible.
 ///
-/// Up is [`Scene::up`], or is guessed from the scene's surfaces where the file does not tell. The choice depends on the
-/// scene alone: one scene, one set of cameras.
+/// Up is [`Scene::up`], or a guess from the scene's surfaces if that is `None`. The choice depends on the scene alone.
 pub fn choose_views(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
     let Some(survey) = Survey::new(scene) else { return Vec::new() };
     let (overviews, closer) = match Overviews::take(&survey) {
@@ -58,7 +56,7 @@ pub fn orbit(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
     let Some(survey) = Survey::new(scene) else { return Vec::new() };
     let circle = match Overviews::take(&survey) {
         Overviews::Around(_) => candidates::circle_around(&survey, n),
-        // The most telling overview stands where most can be seen.
+        // The first choice stands at the spot from which most can be seen.
         Overviews::Within(views) => match views.choose(1).first() {
             Some(best) => candidates::turn_within(&survey, best, n),
             None => candidates::circle_around(&survey, n),
@@ -74,9 +72,9 @@ fn cameras(candidates: Vec<Candidate>, size: UVec2) -> Vec<Camera> {
 
 /// Test views of the whole scene, of the kind that suits it.
 enum Overviews {
-    /// Of an object.
+    /// Around an object.
     Around(TestViews),
-    /// Of a place.
+    /// Within a place.
     Within(TestViews),
 }
 

@@ -1,4 +1,4 @@
-//! Whether building one crate and building the workspace compile the same dependencies.
+//! Checks that building one crate and building the workspace compile the same dependencies.
 //!
 //! Cargo unites features over the crates that one command selects. If the union for `-p CRATE` differs from that for
 //! `--workspace`, switching between the two compiles every affected dependency twice (minutes for Bevy, burn and tract).
@@ -46,7 +46,7 @@ pub fn check() -> Result<()> {
     Ok(())
 }
 
-/// What cargo compiles for this selection.
+/// The packages and features that cargo compiles for this selection.
 fn features(selection: &[&str]) -> Result<Features> {
     let mut command = cargo(["tree", "--locked", "--prefix", "none", "--no-dedupe", "--format", "{p}|{f}"]);
     let output = command.args(selection).output().context("cannot run `cargo tree`")?;

@@ -1,4 +1,4 @@
-//! `stylegaussian convert`: one scene format to another.
+//! `stylegaussian convert`: converts between scene formats.
 
 use std::path::{Path, PathBuf};
 
@@ -7,15 +7,15 @@ use clap::Args;
 use serde::Serialize;
 use stylegaussian::file::{self, Precision};
 
-use super::output::{print, warn};
+use crate::terminal::{print, warn};
 
-/// Convert a scene from any readable format to any writable one, chosen by extension.
+/// Convert a scene between formats, chosen by extension.
 #[derive(Args, Debug)]
 pub struct ConvertArgs {
     /// A scene: 3DGS .ply, .sgs, or a StyleGaussian checkpoint (.pth).
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// .sgs (everything), .ply (geometry and colors) or .decoder.safetensors (the scene's decoder alone).
+    /// The file to write: .sgs (everything), .ply (geometry and colors) or .decoder.safetensors (only the scene's decoder).
     #[arg(value_name = "OUT")]
     output: PathBuf,
     /// Print JSON.

@@ -1,39 +1,33 @@
-//! `stylegaussian embed`: a scene file in, the scene with features out.
+//! `stylegaussian embed`: reads a scene and writes it with features.
 
-use std::{
-    path::{Path, PathBuf},
-    process,
-    sync::atomic::{AtomicBool, Ordering},
-};
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, ensure};
+use clap::{Args, ValueEnum};
 use glam::UVec2;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use stylegaussian::{Decoder, Neighbors, Scene, file};
-
-use super::{EmbedOptions, EmbedReport, Progress, Stage, TrainingView, Watch, embed};
-use crate::{
+use stylegaussian_train::{
+    Watch,
     cameras::{CameraSet, PosedCamera, read_cameras},
-    cli::{
-        Backend,
-        output::{print, warn},
-    },
-    encoder::open_encoder,
+    embed::{EmbedMethod, EmbedOptions, EmbedReport, TrainingView, embed},
     views::choose_views,
 };
 
-/// Views rendered where nothing else is asked for.
+use crate::{
+    arguments::Backend,
+    choose::open_encoder,
+    terminal::{Interrupt, ProgressLine, print, warn},
+};
+
+/// Views rendered if neither photos, cameras nor a number is given.
 const DEFAULT_VIEWS: u32 = 60;
 
-/// Set by the first Ctrl-C.
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
-/// Give a scene features, once, so that any style can be applied to it at once.
+/// Give a scene features, once, so that any style can be applied to it instantly.
 ///
-/// Learns from photos with known poses, or else from pictures of the scene itself. Ctrl-C finishes early with what there
-/// is.
-#[derive(Debug, clap::Args)]
+/// Learns from photos with known poses, or from pictures of the scene itself. Ctrl-C finishes early with the views and steps
+/// done so far.
+#[derive(Args, Debug)]
 pub struct EmbedArgs {
     /// A scene: 3DGS .ply or .sgs.
     scene: PathBuf,
@@ -46,23 +40,33 @@ pub struct EmbedArgs {
     /// Learn from pictures of the scene itself, from these cameras: transforms.json, a COLMAP model or 3DGS cameras.json.
     #[arg(long, value_name = "FILE", conflicts_with = "views")]
     cameras: Option<PathBuf>,
-    /// Learn from this many pictures of the scene itself, from cameras chosen for it; 60 where nothing is said.
+    /// Learn from this many pictures of the scene itself, from cameras chosen for it [default: 60].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     views: Option<u32>,
-    /// Longer side of the pictures, in pixels; photos are never enlarged. Larger pictures give finer features, in time
-    /// that grows with their area.
+    /// Longer side of the pictures, in pixels. Photos are never enlarged. Larger pictures give finer features; the time grows
+    /// with their area.
     #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=4096))]
     size: u32,
-    #[command(flatten)]
-    options: EmbedOptions,
-    /// Leave the neighbor lists out of the file, which every later load then finds anew: 32 bytes fewer per Gaussian.
+    /// The method of embedding.
+    #[arg(long, value_enum, default_value_t)]
+    method: Method,
+    /// Steps of the descent [default: 20 per view with the default method, 2000 with optimize].
+    #[arg(long, value_name = "N")]
+    iterations: Option<u32>,
+    /// Hold every K-th view, including the first, out of training and report the error on those. 0 trains on all.
+    #[arg(long, value_name = "K", default_value_t = EmbedOptions::default().holdout)]
+    holdout: u32,
+    /// Seed of the starting noise and of the order of views. Equal seeds give equal results.
+    #[arg(long, default_value_t = EmbedOptions::default().seed)]
+    seed: u64,
+    /// Leave the neighbor lists out of the file. It is 32 bytes per Gaussian smaller, and every load computes them anew.
     #[arg(long)]
     no_neighbors: bool,
-    /// The encoder: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Otherwise the one that
-    /// STYLEGAUSSIAN_ENCODER names, otherwise the default one.
+    /// The encoder: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Default: the file in
+    /// STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
-    /// What computes; `gpu` never falls back silently.
+    /// Where to compute. Embedding has no GPU backend: `gpu` is an error.
     #[arg(long, value_enum, default_value = "auto")]
     backend: Backend,
     /// Print JSON.
@@ -70,7 +74,19 @@ pub struct EmbedArgs {
     json: bool,
 }
 
-/// What `--json` prints.
+/// `--method`.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum Method {
+    /// Closed form, then a short descent of the L1 error with falling learning rates.
+    #[default]
+    Default,
+    /// PCA basis and weighted means only: immediate, less exact.
+    ClosedForm,
+    /// The paper's method: descent from noise, with its learning rates.
+    Optimize,
+}
+
+/// The JSON output.
 #[derive(Serialize)]
 struct Written<'a> {
     scene: &'a Path,
@@ -84,9 +100,9 @@ struct Written<'a> {
 /// Runs the command.
 ///
 /// # Errors
-/// When a file cannot be read or written, the scene cannot be embedded, or the GPU is asked for.
-pub fn run(arguments: &EmbedArgs) -> Result<()> {
-    let EmbedArgs { scene: path, output, options, .. } = arguments;
+/// If a file cannot be read or written, the scene cannot be embedded, or the GPU is asked for.
+pub fn run(arguments: &EmbedArgs, interrupt: &Interrupt) -> Result<()> {
+    let EmbedArgs { scene: path, output, .. } = arguments;
     arguments.backend.expect_cpu("embedding")?;
     let is_sgs = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("sgs"));
     ensure!(
@@ -104,12 +120,10 @@ pub fn run(arguments: &EmbedArgs) -> Result<()> {
         views.iter_mut().for_each(|view| view.camera = view.camera.resized(UVec2::new(width, height)));
     }
 
-    finish_on_interrupt()?;
-    let bar = ProgressBar::no_length();
-    let progress = |progress| show(&bar, progress);
-    let watch = Watch { progress: &progress, interrupted: &INTERRUPTED };
-    let report = embed(&mut scene, &views, &encoder, options, watch)?;
-    bar.finish_and_clear();
+    let progress = ProgressLine::new();
+    let watch = Watch { progress: &|now| progress.show(now), interrupted: interrupt.watch() };
+    let report = embed(&mut scene, &views, &encoder, &arguments.options(), watch)?;
+    progress.finish();
     let find = || Neighbors::find(&scene.means, &scene.order, Decoder::K);
     scene.neighbors = (!arguments.no_neighbors).then(find);
     file::write_scene(output, &scene)?;
@@ -121,6 +135,15 @@ pub fn run(arguments: &EmbedArgs) -> Result<()> {
 }
 
 impl EmbedArgs {
+    fn options(&self) -> EmbedOptions {
+        let method = match self.method {
+            Method::Default => EmbedMethod::Default,
+            Method::ClosedForm => EmbedMethod::ClosedForm,
+            Method::Optimize => EmbedMethod::Optimize,
+        };
+        EmbedOptions { method, iterations: self.iterations, holdout: self.holdout, seed: self.seed }
+    }
+
     fn training_views(&self, scene: &Scene) -> Result<Vec<TrainingView>> {
         if let Some(folder) = &self.photos {
             let view = |posed: PosedCamera| {
@@ -151,42 +174,13 @@ fn read(path: &Path) -> Result<CameraSet> {
     Ok(set)
 }
 
-/// The first Ctrl-C finishes with what there is, the second ends at once.
-fn finish_on_interrupt() -> Result<()> {
-    /// What a shell reports for a program ended by Ctrl-C.
-    const EXIT_CODE: i32 = 130;
-    ctrlc::set_handler(|| {
-        if INTERRUPTED.swap(true, Ordering::Relaxed) {
-            process::exit(EXIT_CODE);
-        }
-        eprintln!("finishing with what there is; Ctrl-C again ends at once");
-    })?;
-    Ok(())
-}
-
-/// Draws the progress on a terminal.
-fn show(bar: &ProgressBar, progress: Progress) {
-    let template = match progress.stage {
-        Stage::Views => "{bar:40} {pos}/{len} views encoded, {eta} left",
-        Stage::Refine => "{bar:40} {pos}/{len} steps, {eta} left",
-    };
-    if bar.length() != Some(u64::from(progress.total)) || progress.done == 0 {
-        bar.reset();
-        bar.set_length(u64::from(progress.total));
-        if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style);
-        }
-    }
-    bar.set_position(u64::from(progress.done));
-}
-
 fn summary(Written { output, n_gaussians, report, .. }: &Written) -> String {
     let error = |name: &str, error: Option<f64>| {
         error.map_or(String::new(), |error| format!(", {name} error {error:.4}"))
     };
     format!(
-        "{}: {n_gaussians} Gaussians from {} views, {} steps{}{}, {:.1} s for views, {:.1} s for features, {} badly \
-         seen{}",
+        "{}: {n_gaussians} Gaussians from {} views, {} steps{}{}, {:.1} s for views, {:.1} s for features, {} \
+         under-observed{}",
         output.display(),
         report.n_training_views,
         report.iterations,

@@ -1,4 +1,4 @@
-//! `stylegaussian info`: what a scene file holds.
+//! `stylegaussian info`: describes a scene file.
 
 use std::{
     fmt::Write as _,
@@ -8,15 +8,15 @@ use std::{
 use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
-use stylegaussian::{Activation, Decoder, EncoderId, Features, Scene, file};
-use stylegaussian_gpu::{colors::GaussianColors, scene::GpuScene, style::StyleScene};
+use stylegaussian::{Decoder, EncoderId, Features, Scene, file};
+use stylegaussian_gpu::{colors::GaussianColors, splat::GpuScene, style::StyleScene};
 
-use super::{
-    output::{print, warn},
-    stylization::default_decoder,
+use crate::{
+    choose,
+    terminal::{print, warn},
 };
 
-/// Show what a scene holds: counts, SH degree, bounds, features, encoder, decoder, memory needed at run time.
+/// Describe a scene: counts, SH degree, bounds, features, encoder, decoder, and memory needed at run time.
 #[derive(Args, Debug)]
 pub struct InfoArgs {
     /// A scene: 3DGS .ply, .sgs, or a StyleGaussian checkpoint (.pth).
@@ -64,28 +64,28 @@ struct DecoderInfo {
     widths: Vec<usize>,
     k: usize,
     activation: String,
-    /// What the Gaussian's own color is multiplied with before it is added.
+    /// The share of the base color in the final color.
     residual: f32,
-    /// Channels of noise among the inputs.
+    /// Number of noise inputs.
     n_noise: usize,
-    /// How many times colors are averaged over windows in the end.
+    /// Smoothing passes over the decoded colors.
     smooth: usize,
-    /// Whether the Gaussian's own color is among the inputs.
+    /// Whether the base color is an input.
     #[serde(rename = "own_color")]
     base_color: bool,
-    /// Whether the style's statistics are added to the first layer's bias.
+    /// Whether the style's statistics are inputs.
     statistics: bool,
     encoder: Option<String>,
 }
 
-/// Bytes on the GPU, by arithmetic; what a picture takes of its own is not among them.
+/// Bytes on the GPU, computed and not measured. Memory for the picture itself is not included.
 #[derive(Debug, PartialEq, Serialize)]
 struct GpuBytes {
-    /// What stays: geometry, SH in f16 and a color of 4 f16 for each Gaussian; with features the decoder's inputs and
-    /// neighbor lists.
+    /// Permanent memory: geometry, SH in f16 and a color of 4 f16 for each Gaussian; with features also the decoder's inputs
+    /// and neighbor lists.
     scene: u64,
-    /// What only a change of style needs: activations that one layer writes and the next one reads, and the decoder's
-    /// weights. 0 without features, and where the decoder does not fit them.
+    /// Memory during a change of style: activations between layers, and the decoder's weights. 0 without features, and if
+    /// the decoder does not fit them.
     style_pass: u64,
 }
 
@@ -110,8 +110,8 @@ pub fn run(arguments: &InfoArgs) -> Result<()> {
 }
 
 fn describe<'a>(path: &'a Path, scene: &'a Scene, warnings: Vec<String>) -> Info<'a> {
-    let default = default_decoder().ok().filter(|_| scene.features.is_some());
-    let gpu_bytes = GpuBytes::of(scene, scene.decoder.as_ref().or(default.as_ref()));
+    let decoder = scene.features.as_ref().and_then(|_| choose::decoder(None, scene).ok());
+    let gpu_bytes = GpuBytes::of(scene, decoder.as_ref().map(|named| &named.decoder));
     Info {
         path,
         n_gaussians: scene.len(),
@@ -146,10 +146,7 @@ impl DecoderInfo {
         Self {
             widths: std::iter::once(decoder.n_inputs()).chain(outputs).collect(),
             k: decoder.k,
-            activation: match decoder.activation {
-                Activation::Sigmoid => "sigmoid".into(),
-                Activation::LeakyRelu { slope } => format!("leaky_relu:{slope}"),
-            },
+            activation: decoder.activation.to_string(),
             residual: decoder.residual,
             n_noise: decoder.n_noise,
             smooth: decoder.smoothing_passes,
@@ -169,7 +166,7 @@ fn text(info: &Info) -> String {
     let dropped = info.n_source.saturating_sub(info.n_gaussians);
     let of_source = if dropped > 0 { format!(" ({} in its source)", info.n_source) } else { String::new() };
     row("Gaussians", format!("{}{of_source}", info.n_gaussians));
-    row("SH degree", info.sh_degree.map_or("none: no colors of its own".into(), |degree| degree.to_string()));
+    row("SH degree", info.sh_degree.map_or("none: no captured colors".into(), |degree| degree.to_string()));
     if let Some([min, max]) = info.bounds {
         row("bounds", format!("{min:?} to {max:?}"));
     }
@@ -184,7 +181,7 @@ fn text(info: &Info) -> String {
             let extra =
                 if f.n_extra > 0 { format!(" and {} extra inputs", f.n_extra) } else { String::new() };
             format!(
-                "{} low channels of {}{extra}, encoder {}",
+                "{} latent features of {} channels{extra}, encoder {}",
                 f.n_latent,
                 f.n_channels,
                 or_unknown(&f.encoder)
@@ -197,13 +194,13 @@ fn text(info: &Info) -> String {
     );
     row(
         "decoder",
-        info.decoder.as_ref().map_or("none: the default one serves".into(), |d| {
+        info.decoder.as_ref().map_or("none: the built-in one is used".into(), |d| {
             let widths: Vec<_> = d.widths.iter().map(ToString::to_string).collect();
             let marks = [
-                (d.residual != 0.0, format!(", {} of the own color", d.residual)),
-                (d.base_color, ", sees own colors".to_owned()),
+                (d.residual != 0.0, format!(", {} of the base color", d.residual)),
+                (d.base_color, ", sees base colors".to_owned()),
                 (d.n_noise > 0, format!(", {} channels of noise", d.n_noise)),
-                (d.smooth > 0, format!(", averaged {} times", d.smooth)),
+                (d.smooth > 0, format!(", {} smoothing passes", d.smooth)),
                 (d.statistics, ", the style's statistics".to_owned()),
             ];
             let marks: String = marks.into_iter().filter(|(has, _)| *has).map(|(_, mark)| mark).collect();

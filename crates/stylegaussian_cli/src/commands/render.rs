@@ -1,4 +1,4 @@
-//! `stylegaussian render`: pictures of a scene, as it is or in a style.
+//! `stylegaussian render`: renders pictures of a scene, unstyled or in a style.
 
 use std::{
     fs,
@@ -8,25 +8,24 @@ use std::{
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use glam::UVec2;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use stylegaussian::{Camera, Scene, file, splat::Colors};
-
-use super::{
-    arguments::{MAX_SIDE, background, picture_size},
-    compute::Drawing,
-    output::{print, warn},
-    stylization::{Stylization, StylizationArgs},
-};
-use crate::{
+use stylegaussian_train::{
     cameras::read_cameras,
     picture::{Background, Picture},
     views::orbit,
 };
 
-/// Views of `--orbit` where nothing else is asked for.
+use crate::{
+    arguments::{MAX_SIDE, background, picture_size},
+    compute::Drawing,
+    stylization::{Stylization, StylizationArgs},
+    terminal::{bar, print, warn},
+};
+
+/// Views of `--orbit` if neither cameras nor a number is given.
 const DEFAULT_ORBIT: u32 = 8;
-/// Pictures of `--orbit` where `--size` says nothing.
+/// Size of the pictures of `--orbit` if `--size` is not given, in pixels.
 const DEFAULT_SIZE: UVec2 = UVec2::new(800, 600);
 
 /// Render a scene to PNG files 000000.png, 000001.png, ... in camera order.
@@ -38,19 +37,19 @@ pub struct RenderArgs {
     scene: PathBuf,
     #[command(flatten)]
     stylization: StylizationArgs,
-    /// This many views around the scene; 8 unless cameras are given.
+    /// Number of views on a circle around the scene. Default: 8, unless cameras are given.
     #[arg(long, value_name = "N", conflicts_with = "cameras", value_parser = clap::value_parser!(u32).range(1..=999_999))]
     orbit: Option<u32>,
     /// Cameras: transforms.json, a COLMAP model, or 3DGS cameras.json.
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
-    /// The pictures' size; otherwise each camera's own (800x600 for an orbit).
+    /// Size of the pictures in pixels. Default: each camera's own, and 800x600 for an orbit.
     #[arg(long, value_name = "WxH", value_parser = picture_size)]
     size: Option<UVec2>,
-    /// What lies behind the scene: `transparent` or a color.
+    /// Background of the scene: `transparent` or a color.
     #[arg(long, value_name = "transparent|RRGGBB", default_value = "transparent", value_parser = background)]
     background: Background,
-    /// The folder for the pictures; made where it is missing.
+    /// The folder for the pictures. It is created if it does not exist.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Print JSON.
@@ -62,7 +61,7 @@ pub struct RenderArgs {
 struct Rendered<'a> {
     scene: &'a Path,
     pictures: Vec<RenderedPicture>,
-    /// What drew: `cpu` or `gpu`.
+    /// The device that drew: `cpu` or `gpu`.
     drawn_by: &'static str,
     #[serde(flatten)]
     stylization: Option<&'a Stylization>,
@@ -115,8 +114,7 @@ fn render_all(
     folder: &Path,
 ) -> Result<Vec<RenderedPicture>> {
     fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
-    let progress = ProgressBar::new(cameras.len() as u64)
-        .with_style(ProgressStyle::with_template("{bar:40} {pos}/{len} pictures, {eta} left")?);
+    let progress = bar(cameras.len() as u64, "{bar:40} {pos}/{len} pictures, {eta} left");
     let mut pictures = Vec::with_capacity(cameras.len());
     for (i, camera) in cameras.iter().enumerate() {
         let path = folder.join(format!("{i:06}.png"));
@@ -129,7 +127,7 @@ fn render_all(
     Ok(pictures)
 }
 
-/// Cameras of a file, none of them larger than a picture can be.
+/// Cameras of a file, checked for the size of their pictures.
 fn cameras_of_file(path: &Path) -> Result<Vec<Camera>> {
     let set = read_cameras(path)?;
     warn(&set.warnings);

@@ -1,17 +1,20 @@
-//! `stylegaussian style`: an image's style statistics as a file, so that stylizing needs no encoder.
+//! `stylegaussian style`: writes an image's style statistics to a file, so that stylizing needs no encoder.
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
-use clap::{Args, CommandFactory, error::ErrorKind};
+use anyhow::Result;
+use clap::Args;
 use serde::Serialize;
-use stylegaussian::{ChannelStatistics, EncoderId, file};
-use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
+use stylegaussian::{EncoderId, file};
+use stylegaussian_encoder::StyleSize;
 
-use super::{Cli, output::print};
-use crate::encoder::open_encoder;
+use crate::{
+    choose::open_encoder,
+    stylization::image_statistics,
+    terminal::{print, usage_error},
+};
 
-/// Compute the style statistics of an image once and for all.
+/// Compute the style statistics of an image, so that stylizing needs no encoder.
 #[derive(Args, Debug)]
 pub struct StyleArgs {
     /// The painting: PNG or JPEG.
@@ -19,11 +22,11 @@ pub struct StyleArgs {
     /// The file to write: *.style.safetensors.
     #[arg(short, long, value_name = "OUT.style.safetensors")]
     output: PathBuf,
-    /// The encoder: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Otherwise the one that
-    /// STYLEGAUSSIAN_ENCODER names, otherwise the default one.
+    /// The encoder: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Default: the file in
+    /// STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
-    /// Squash the image to 256x256 whatever its proportions, as the paper's code does.
+    /// Resize the image to 256x256 without keeping its proportions, as the paper's code does.
     #[arg(long)]
     squash: bool,
     /// Print JSON.
@@ -45,8 +48,7 @@ pub fn run(arguments: &StyleArgs) -> Result<()> {
     let is_safetensors =
         output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("safetensors"));
     if !is_safetensors {
-        let message = format!("{}: expected extension .style.safetensors", output.display());
-        return Err(Cli::command().error(ErrorKind::ValueValidation, message).into());
+        return Err(usage_error(format!("{}: expected extension .style.safetensors", output.display())));
     }
     let encoder = open_encoder(encoder.as_deref())?;
     let size = if *squash { StyleSize::Squash256 } else { StyleSize::default() };
@@ -56,10 +58,4 @@ pub fn run(arguments: &StyleArgs) -> Result<()> {
     let encoder = statistics.encoder.as_ref().map(EncoderId::to_string);
     let written = Written { image, output, n_channels, encoder };
     print(*json, &written, || format!("{}: mean and std of {n_channels} channels", output.display()))
-}
-
-/// Style statistics of the image at `path`.
-pub fn image_statistics(encoder: &Encoder, path: &Path, size: StyleSize) -> Result<ChannelStatistics> {
-    let image = Image::open(path)?;
-    style_statistics(encoder, &image, size).with_context(|| path.display().to_string())
 }

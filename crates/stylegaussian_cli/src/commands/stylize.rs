@@ -1,16 +1,15 @@
-//! `stylegaussian stylize`: a scene in a style, as a file.
+//! `stylegaussian stylize`: writes a scene in a style to a file.
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
-use clap::{Args, CommandFactory, error::ErrorKind};
+use anyhow::Result;
+use clap::Args;
 use serde::Serialize;
 use stylegaussian::{Scene, file};
 
-use super::{
-    Cli,
-    output::{print, warn},
+use crate::{
     stylization::{Stylization, StylizationArgs},
+    terminal::{print, usage_error, warn},
 };
 
 /// Stylize an embedded scene with one painting or a mix of several.
@@ -21,8 +20,8 @@ pub struct StylizeArgs {
     scene: PathBuf,
     #[command(flatten)]
     stylization: StylizationArgs,
-    /// .ply or .sgs: the scene with the stylized colors as SH 0. .safetensors: a tensor `rgb` f32 [N, 3], not clamped,
-    /// one row for each Gaussian of the source, NaN where it was dropped.
+    /// The file to write. As .ply or .sgs: the scene with the stylized colors as SH of degree 0. As .safetensors: a tensor
+    /// `rgb` f32 [N, 3], not clamped, with one row for each Gaussian of the source, NaN if the Gaussian was dropped.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     /// Print JSON.
@@ -39,7 +38,7 @@ struct Stylized<'a> {
     stylization: &'a Stylization,
 }
 
-/// The formats that stylized scenes are written in.
+/// The format of the output.
 #[derive(Clone, Copy)]
 enum Format {
     Scene,
@@ -53,8 +52,8 @@ impl Format {
             "ply" | "sgs" => Ok(Self::Scene),
             "safetensors" => Ok(Self::Colors),
             _ => {
-                let message = format!("{}: expected extension .ply, .sgs or .safetensors", path.display());
-                bail!(Cli::command().error(ErrorKind::ValueValidation, message))
+                let path = path.display();
+                Err(usage_error(format!("{path}: expected extension .ply, .sgs or .safetensors")))
             }
         }
     }

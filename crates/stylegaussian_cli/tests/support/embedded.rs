@@ -1,4 +1,4 @@
-//! What training and judging need: an embedded scene and a folder of paintings, both made up.
+//! Made-up inputs of training and evaluation: an embedded scene and a folder of paintings.
 
 use std::{fs, path::Path};
 
@@ -8,8 +8,8 @@ use stylegaussian_encoder::Encoder;
 
 use crate::support::Bench;
 
-/// A board of 24 x 24 opaque Gaussians of many colors, lying flat: a surface that is seen from all around and above, with a
-/// made-up embedding: features of the encoder's width, 3 of 256 channels' directions.
+/// A flat board of 24 x 24 opaque Gaussians of many colors, visible from all around and above. Its made-up features have the
+/// encoder's 256 channels and 3 latent features.
 pub fn embedded(bench: &Bench, encoder: &Path) -> String {
     const SIDE: usize = 24;
     let n = SIDE * SIDE;

@@ -1,4 +1,4 @@
-//! Runs the binary, and makes the small files that it is run on.
+//! Runs the binary, and makes small files for it.
 
 use std::{
     env, fs,
@@ -12,10 +12,10 @@ use stylegaussian::{
 };
 use tempfile::TempDir;
 
-/// What a run came to.
+/// Outcome of a run.
 #[derive(Debug)]
 pub struct Run {
-    /// The exit code; `None` after a signal.
+    /// The exit code, or `None` after a signal.
     pub code: Option<i32>,
     pub stdout: String,
     pub stderr: String,
@@ -26,7 +26,7 @@ pub fn stylegaussian(arguments: &[&str]) -> Run {
     run(env!("CARGO_BIN_EXE_stylegaussian"), arguments)
 }
 
-/// The same where the Vulkan loader finds no driver.
+/// The same, but the Vulkan loader finds no driver.
 #[cfg(target_os = "linux")]
 pub fn stylegaussian_without_gpu(arguments: &[&str]) -> Run {
     let mut command = Command::new(env!("CARGO_BIN_EXE_stylegaussian"));
@@ -79,7 +79,7 @@ impl Run {
     }
 }
 
-/// A folder of the shared test data, or `None`, said loudly, where it is absent.
+/// A folder of the shared test data, or `None`, reported loudly, if it is absent.
 pub fn data(folder: &str) -> Option<PathBuf> {
     let root = env::var_os("STYLEGAUSSIAN_DATA")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
@@ -107,7 +107,7 @@ impl Bench {
         self.dir().join(name).to_str().unwrap().to_owned()
     }
 
-    /// That the folder holds just these, no partial files.
+    /// Checks that the folder holds exactly these files, and no partial ones.
     #[track_caller]
     pub fn expect_files(&self, expected: &[&str]) {
         let entries = fs::read_dir(self.dir()).unwrap();
@@ -134,7 +134,7 @@ impl Bench {
         self.write(name, &plain())
     }
 
-    /// The same with 4 of 6 channels of features, 3 neighbors and a decoder of two layers.
+    /// The same with 4 latent features of 6 channels, 3 neighbors and a decoder of two layers.
     pub fn embedded_scene(&self, name: &str) -> String {
         let mut scene = plain();
         let n = scene.len();
@@ -187,7 +187,7 @@ impl Bench {
         path
     }
 
-    /// That two files hold the same Gaussians, whatever their order.
+    /// Checks that two files hold the same Gaussians in any order.
     #[track_caller]
     pub fn check_same_scene(&self, a: &str, b: &str) {
         let (a, b) = (self.scene(a), self.scene(b));

@@ -19,14 +19,14 @@ struct Lens {
     model: &'static Model,
     width: u64,
     height: u64,
-    /// As many as the model has.
+    /// The model's parameters, in its order.
     parameters: Vec<f64>,
 }
 
 /// A registered photo.
 struct Image {
     name: String,
-    /// View from world: w, x, y, z.
+    /// Rotation of the view from the world: w, x, y, z.
     rotation: [f64; 4],
     translation: [f64; 3],
     camera_id: u32,
@@ -38,7 +38,7 @@ struct Model {
     /// The number in binary files.
     id: i32,
     n_parameters: usize,
-    /// How many focal lengths lead the parameters, where the model is a pinhole but for its distortion.
+    /// Number of focal lengths at the start of the parameters, if the model is a pinhole apart from its distortion.
     n_focal: Option<usize>,
 }
 
@@ -46,7 +46,7 @@ const fn model(name: &'static str, id: i32, n_parameters: usize, n_focal: Option
     Model { name, id, n_parameters, n_focal }
 }
 
-/// COLMAP's `src/colmap/sensor/models.h`.
+/// The models of COLMAP's `src/colmap/sensor/models.h`.
 const MODELS: [Model; 12] = [
     model("SIMPLE_PINHOLE", 0, 3, Some(1)),
     model("PINHOLE", 1, 4, Some(2)),
@@ -70,7 +70,8 @@ pub(super) fn is_model(folder: &Path) -> bool {
     has("bin") || has("txt")
 }
 
-/// Reads the model in `folder`, binary where there are both; cameras sorted by name, since COLMAP's order is arbitrary.
+/// Reads the model in `folder`, the binary one if there are both. Cameras are sorted by name, because COLMAP's order is
+/// arbitrary.
 /// Photos are expected in the `images` folder here, or one or two levels up.
 pub(super) fn read(folder: &Path) -> Result<CameraSet, CamerasError> {
     let (cameras_path, images_path) = (folder.join("cameras.bin"), folder.join("images.bin"));
@@ -134,7 +135,7 @@ impl Lens {
         self.parameters[n_pinhole..].iter().any(|&k| k != 0.0)
     }
 
-    /// `what` names the image in errors about `path`.
+    /// The posed camera. `what` names the image in errors about `path`.
     fn intrinsics(&self, path: &Path, what: &str) -> Result<Intrinsics, CamerasError> {
         let (focal, center) = match (self.model.n_focal, self.parameters.as_slice()) {
             (Some(1), &[f, cx, cy, ..]) => (DVec2::splat(f), DVec2::new(cx, cy)),

@@ -11,11 +11,11 @@ use stylegaussian::Camera;
 /// One camera of a capture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PosedCamera {
-    /// The photo's name as the file gives it, or the camera's number where it gives none.
+    /// The photo's name as the file gives it, or the camera's number if it gives none.
     pub name: String,
-    /// Pose and intrinsics; the size is the one the file states, the photo may be smaller or larger.
+    /// Pose and intrinsics. The size is the file's; the photo itself may be smaller or larger.
     pub camera: Camera,
-    /// Where the photo should be; nobody has looked whether it is there. `None` when the file names none.
+    /// The path at which the photo should be, not checked. `None` if the file names no photo.
     pub photo: Option<PathBuf>,
 }
 
@@ -23,7 +23,7 @@ impl PosedCamera {
     /// The photo's path, for a caller who needs the photo.
     ///
     /// # Errors
-    /// When no photo is named, or the one that is named does not exist.
+    /// If no photo is named, or the named one does not exist.
     pub fn require_photo(&self) -> Result<&Path, CamerasError> {
         match &self.photo {
             Some(path) if path.is_file() => Ok(path),
@@ -33,35 +33,35 @@ impl PosedCamera {
     }
 }
 
-/// The cameras of a capture, and what reading them passed over.
+/// The cameras of a capture, and warnings from reading them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraSet {
-    /// At least one camera; COLMAP's by name, the others in file order.
+    /// At least one camera. COLMAP's are sorted by name, others are in file order.
     pub cameras: Vec<PosedCamera>,
-    /// What a person should know, e.g. that lens distortion is ignored.
+    /// Warnings for people, e.g. that lens distortion is ignored.
     pub warnings: Vec<String>,
 }
 
-/// Why cameras could not be read.
+/// Cameras could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum CamerasError {
-    /// The file system says no.
+    /// A file or folder could not be read.
     #[error("{path}: {source}", path = .path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// Its reason.
+        /// The system's error.
         source: io::Error,
     },
-    /// The JSON is malformed, or lacks what the format demands.
+    /// The JSON is malformed, or lacks a field that the format requires.
     #[error("{path}: {source}", path = .path.display())]
     Json {
         /// The file.
         path: PathBuf,
-        /// Where and what.
+        /// The position and the reason.
         source: serde_json::Error,
     },
-    /// Nothing here is a known format.
+    /// The file or folder has no known format.
     #[error(
         "{path}: found no cameras, expected transforms.json, 3DGS cameras.json, or a COLMAP model \
          (cameras and images, .txt or .bin, here or in sparse/0)",
@@ -71,16 +71,16 @@ pub enum CamerasError {
         /// The file or folder.
         path: PathBuf,
     },
-    /// A part of the file cannot be what it should be.
+    /// A value in the file is impossible.
     #[error("{path}: {what}: found {found}, expected {expected}", path = .path.display())]
     Invalid {
         /// The file.
         path: PathBuf,
-        /// Which part of it, e.g. a camera's name or a line.
+        /// The part of the file, e.g. a camera's name or a line.
         what: String,
-        /// What stands there.
+        /// The value found.
         found: String,
-        /// What should.
+        /// The values expected.
         expected: &'static str,
     },
     /// The photo that a camera names does not exist.
@@ -88,7 +88,7 @@ pub enum CamerasError {
     NoPhoto {
         /// The camera's name.
         camera: String,
-        /// Where the photo should be.
+        /// The path at which the photo should be.
         photo: PathBuf,
     },
     /// The camera file names no photo for this camera.
@@ -97,12 +97,12 @@ pub enum CamerasError {
         /// The camera's name.
         camera: String,
     },
-    /// The photo that a camera's size should be taken from cannot be read.
+    /// The photo that should give a camera's size cannot be read.
     #[error("{photo}: cannot take the picture's size from it: {source}", photo = .photo.display())]
     PhotoSize {
         /// The photo.
         photo: PathBuf,
-        /// Why not.
+        /// The reason.
         source: image::ImageError,
     },
 }
@@ -119,7 +119,7 @@ pub(super) fn invalid(path: &Path, what: &str, found: impl ToString, expected: &
     CamerasError::Invalid { path: path.into(), what: what.into(), found: found.to_string(), expected }
 }
 
-/// What a pinhole camera is besides its pose, all in pixels.
+/// Intrinsics of a pinhole camera, in pixels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Intrinsics {
     pub focal: DVec2,
@@ -128,7 +128,7 @@ pub(super) struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// The camera at `view_from_world`; `what` names it in errors about `path`.
+    /// The camera at `view_from_world`. `what` names it in errors about `path`.
     pub fn camera(self, view_from_world: DAffine3, path: &Path, what: &str) -> Result<Camera, CamerasError> {
         if self.size.min_element() == 0 {
             return Err(invalid(path, what, self.size, "a picture size above 0"));
@@ -150,10 +150,10 @@ impl Intrinsics {
     }
 }
 
-/// How far the product of a pose's rotation with its transpose may be from the identity: files round to a few digits.
+/// Largest difference of a rotation's product with its transpose from the identity. Files round to a few digits.
 const RIGID_WITHIN: f64 = 1e-3;
 
-/// The pose with these columns, its rotation made exact; an error where it is not close to rigid.
+/// The pose with these columns and an exact rotation, or an error if the matrix is not nearly rigid.
 pub(super) fn rigid(
     rotation: DMat3,
     translation: DVec3,
@@ -170,7 +170,7 @@ pub(super) fn rigid(
     Ok(DAffine3::from_rotation_translation(rotation, translation))
 }
 
-/// The first of `name` in `folder`, or with a picture's extension appended, that exists; otherwise plain `name`.
+/// The path of `name` in `folder`, as it is or with a picture's extension, if such a file exists; otherwise the plain path.
 pub(super) fn photo_path(folder: &Path, name: &str) -> PathBuf {
     let plain = folder.join(name);
     if plain.is_file() {

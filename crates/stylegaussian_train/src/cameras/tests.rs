@@ -1,4 +1,4 @@
-//! Each format by a hand-written fixture: one camera, in whose picture a known point must land where it should.
+//! A hand-written fixture for each format: one camera, and a known point that must land on a known pixel.
 
 use std::{fs, path::Path};
 
@@ -18,7 +18,7 @@ fn folder(files: &[(&str, &[u8])]) -> TempDir {
     folder
 }
 
-/// Where `camera` sees a point of the world, in pixels.
+/// The position of a point of the world in the picture of `camera`, in pixels.
 fn pixel(camera: &Camera, world: Vec3) -> Vec2 {
     let view = camera.view_from_world.transform_point3(world);
     assert!(view.z > 0.0, "{world} is behind the camera: {view}");

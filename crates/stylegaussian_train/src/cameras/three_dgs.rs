@@ -1,4 +1,4 @@
-//! The cameras.json that the 3DGS trainer writes beside its models: camera-to-world poses in OpenCV axes.
+//! The cameras.json of the 3DGS trainer: camera-to-world poses in OpenCV axes.
 
 use std::path::Path;
 
@@ -11,20 +11,20 @@ use super::posed::{CameraSet, CamerasError, Intrinsics, PosedCamera, photo_path,
 #[derive(Deserialize)]
 struct Entry {
     img_name: String,
-    /// In pixels.
+    /// Pixels.
     width: u32,
     height: u32,
-    /// The camera's place in the world.
+    /// Position of the camera in the world.
     position: [f64; 3],
     /// Rows of the camera-to-world rotation.
     rotation: [[f64; 3]; 3],
-    /// In pixels.
+    /// Pixels.
     fx: f64,
     fy: f64,
 }
 
-/// Reads the parsed file at `path`; photos are expected in `images` beside it. The format has no principal point: it
-/// is the picture's middle.
+/// Reads the parsed file at `path`. Photos are expected in `images` beside it. The format has no principal point, so the
+/// picture's middle is used.
 pub(super) fn read(path: &Path, json: Value) -> Result<CameraSet, CamerasError> {
     let entries: Vec<Entry> =
         serde_json::from_value(json).map_err(|source| CamerasError::Json { path: path.into(), source })?;

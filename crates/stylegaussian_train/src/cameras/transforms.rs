@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::posed::{CameraSet, CamerasError, Intrinsics, PosedCamera, invalid, photo_path, rigid};
 
-/// The file, or as much of it as matters.
+/// The fields of the file that are used.
 #[derive(Deserialize)]
 struct Transforms {
     #[serde(flatten)]
@@ -24,7 +24,7 @@ struct Frame {
     transform_matrix: Vec<Vec<f64>>,
 }
 
-/// Intrinsics, given for the file or for a frame; the frame's win, number by number.
+/// Intrinsics of the file or of a frame. If both have a number, the frame's is used.
 #[derive(Clone, Default, Deserialize)]
 struct Lens {
     camera_model: Option<String>,
@@ -46,10 +46,10 @@ struct Lens {
     p2: Option<f64>,
 }
 
-/// Models that are a pinhole but for their distortion. Files without a model are taken for pinholes.
+/// Models that are pinholes apart from their distortion. Files without a model are read as pinholes.
 const MODELS: [&str; 5] = ["PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL"];
 
-/// Reads the parsed file at `path`; photos are named relative to its folder.
+/// Reads the parsed file at `path`. Photos are named relative to its folder.
 pub(super) fn read(path: &Path, json: Value) -> Result<CameraSet, CamerasError> {
     let file: Transforms =
         serde_json::from_value(json).map_err(|source| CamerasError::Json { path: path.into(), source })?;
@@ -74,7 +74,7 @@ pub(super) fn read(path: &Path, json: Value) -> Result<CameraSet, CamerasError> 
     Ok(CameraSet { cameras, warnings })
 }
 
-/// View from world, of a camera-to-world matrix in OpenGL axes.
+/// The view from the world, from a camera-to-world matrix in OpenGL axes.
 fn pose(rows: &[Vec<f64>], path: &Path, what: &str) -> Result<DAffine3, CamerasError> {
     let is_affine = match rows {
         [_, _, _] => true,
@@ -150,7 +150,7 @@ impl Lens {
     }
 }
 
-/// The focal length in pixels that spreads `angle` (full, radians) over `side` pixels.
+/// The focal length in pixels at which `side` pixels see `angle` (full, in radians).
 fn focal(side: u32, angle: f64) -> f64 {
     f64::from(side) / (2.0 * (angle / 2.0).tan())
 }

@@ -135,7 +135,7 @@ pub struct LossWeights {
 }
 
 impl Default for LossWeights {
-    /// The paper's: 10 for the style and 0 for what the paper does not have.
+    /// The paper's factors: 10 for the style, and 0 for losses that the paper does not have.
     fn default() -> Self {
         Self { style: 10.0, range: 0.0, color_transfer: 0.0, roughness: 0.0, contrastive: 0.0 }
     }

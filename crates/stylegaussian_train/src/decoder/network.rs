@@ -182,7 +182,7 @@ impl Network {
         1.0 - self.kind.residual
     }
 
-    /// Mean squared distance of decoded colors from the mean of their neighborhoods, which is what the first smoothing pass
+    /// Mean squared distance of decoded colors from the mean of their neighborhoods: the part that the first smoothing pass
     /// removes. `None` if there is no smoothing.
     pub fn roughness(&self, decoded: Tensor<2>, neighborhoods: &Neighborhoods) -> Option<Tensor<1>> {
         let windows = neighborhoods.smoothing.first()?;

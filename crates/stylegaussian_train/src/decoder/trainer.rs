@@ -234,8 +234,8 @@ impl<'a> Trainer<'a> {
         }
     }
 
-    /// Takes all steps that are left. Calls `save` every [`CHECKPOINT_STEPS`] and at the end of each stage. Returns whether all
-    /// steps were taken, which is false if `watch` interrupted.
+    /// Takes all steps that are left. Calls `save` every [`CHECKPOINT_STEPS`], at the end of the warm start and when it stops.
+    /// Returns whether all steps were taken, which is false if `watch` interrupted.
     ///
     /// # Errors
     /// If a step or `save` fails.
@@ -245,12 +245,8 @@ impl<'a> Trainer<'a> {
         mut save: impl FnMut(&Self) -> Result<(), E>,
     ) -> Result<bool, E> {
         let mut means = RunningMeans::new(["color error", ""], REPORTED_RATE);
-        while self.is_cold() {
-            if watch.is_interrupted() {
-                return Ok(false);
-            }
-            let error = self.warm_up()?;
-            means.add([error, 0.0]);
+        while self.is_cold() && !watch.is_interrupted() {
+            means.add([self.warm_up()?, 0.0]);
             let (done, losses) = (self.history.warm_steps, [means.losses()[0], None]);
             let total = self.config.warm_steps();
             (watch.progress)(Progress { stage: Stage::WarmStart, done, total, losses });
@@ -260,19 +256,17 @@ impl<'a> Trainer<'a> {
         }
         let mut means = RunningMeans::new(["content", "style"], REPORTED_RATE);
         let total = self.config.iterations;
-        while self.history.steps < total {
-            if watch.is_interrupted() {
-                return Ok(false);
-            }
+        while self.history.steps < total && !watch.is_interrupted() {
             let losses = self.step()?;
             means.add([losses.content, losses.style]);
             let done = self.history.steps;
             (watch.progress)(Progress { stage: Stage::Training, done, total, losses: means.losses() });
-            if done.is_multiple_of(CHECKPOINT_STEPS) || done == total {
+            if done.is_multiple_of(CHECKPOINT_STEPS) && done < total {
                 save(self)?;
             }
         }
-        Ok(true)
+        save(self)?;
+        Ok(!self.is_cold() && self.history.steps >= total)
     }
 }
 

@@ -1,9 +1,9 @@
-//! The start without any iteration over views: a PCA basis, and weighted means of what each Gaussian is seen as.
+//! The start without any iteration over views: a PCA basis, and weighted means over the cells of each Gaussian.
 //!
-//! b is the mean of the views' features weighted by coverage, A their first L principal directions. With orthonormal
-//! columns, F' = A^T (F - b) are the best coordinates of a cell, and each Gaussian gets the mean of those of its cells:
-//! f'_p = sum w F' / sum w. Each channel is then brought to unit variance (A takes the factor), so that one learning
-//! rate suits all.
+//! b is the mean of the views' features weighted by coverage, and A has their first L principal directions. Because the
+//! columns are orthonormal, F' = A^T (F - b) are the best coordinates of a cell. Each Gaussian gets the mean over its cells:
+//! f'_p = sum w F' / sum w. Each channel is then scaled to unit variance, and A takes the factor, so that one learning rate
+//! suits all.
 
 use rayon::prelude::*;
 use stylegaussian::decoder::product::{Matrix, product};
@@ -14,9 +14,9 @@ use super::{
 };
 use crate::random::Random;
 
-/// Directions iterated beyond the L wanted: the error of the L-th falls with the ratio of eigenvalues L + 8 to L.
+/// Directions that are iterated beyond the L wanted. The error of the L-th falls with the ratio of eigenvalues L + 8 and L.
 const OVERSAMPLING: usize = 8;
-/// Rounds of orthogonal iteration. The last directions mix where eigenvalues are nearly equal, which does no harm.
+/// Rounds of orthogonal iteration. Directions with nearly equal eigenvalues stay mixed, which does no harm.
 const ROUNDS: usize = 40;
 
 /// Mean and covariance of the views' features, cells weighted by coverage.
@@ -27,8 +27,8 @@ struct Moments {
     covariance: Vec<f64>,
 }
 
-/// PCA basis and lifted features of `n_gaussians` Gaussians, at most `n_latent` channels. Gaussians that no view sees get
-/// 0, the mean.
+/// PCA basis and lifted features of `n_gaussians` Gaussians, with at most `n_latent` latent features. Gaussians that no view
+/// sees get 0, the mean.
 pub fn closed_form(views: &[&[Samples]], n_channels: usize, n_gaussians: usize, n_latent: usize) -> Model {
     let n_latent = n_latent.min(n_channels);
     // The first part of each view stands for all: thousands of cells are plenty for a covariance.
@@ -58,7 +58,7 @@ fn moments(views: &[&Samples], n_channels: usize) -> Moments {
     Moments { mean, covariance }
 }
 
-/// Sums over the cells of a view of a and a F `[D]`.
+/// Sums of a and of a F `[D]` over the cells of a view.
 fn weighted_sum(samples: &Samples) -> (f64, Vec<f64>) {
     let mut sum = vec![0.0; samples.n_channels()];
     let mut targets = Vec::new();
@@ -69,7 +69,7 @@ fn weighted_sum(samples: &Samples) -> (f64, Vec<f64>) {
     (samples.coverage().iter().map(|&coverage| f64::from(coverage)).sum(), sum)
 }
 
-/// sum over the cells of a view of a (F - mean) (F - mean)^T `[D, D]`.
+/// Sum of a (F - mean) (F - mean)^T `[D, D]` over the cells of a view.
 fn centered_products(samples: &Samples, mean: &[f32]) -> Vec<f32> {
     let n_channels = mean.len();
     let mut rows = Vec::new();
@@ -107,7 +107,7 @@ fn principal_directions(covariance: &[f64], n_channels: usize, n: usize) -> Vec<
     basis
 }
 
-/// Gram-Schmidt; vectors left shorter than `floor` become 0.
+/// Gram-Schmidt orthonormalization. Vectors that become shorter than `floor` are set to 0.
 fn orthonormalize(vectors: &mut [Vec<f64>], floor: f64) {
     for i in 0..vectors.len() {
         let (before, [vector, ..]) = vectors.split_at_mut(i) else { return };
@@ -121,7 +121,7 @@ fn orthonormalize(vectors: &mut [Vec<f64>], floor: f64) {
     }
 }
 
-/// In eight partial sums, which the compiler turns into SIMD.
+/// The scalar product, in eight partial sums, which the compiler turns into SIMD.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
     for (a, b) in a.chunks(8).zip(b.chunks(8)) {
@@ -169,7 +169,7 @@ fn coordinates(model: &Model, samples: &Samples) -> Vec<f32> {
     coordinates
 }
 
-/// Divides each channel of f' by its root mean square, weighted by how much of each Gaussian is seen; A takes it.
+/// Divides each channel of f' by its root mean square, weighted by how much of each Gaussian is seen. A takes the factor.
 fn equalize(model: &mut Model, weights: &[f32]) {
     let n_latent = model.n_latent;
     let mut squares = vec![0.0_f64; n_latent];

@@ -1,9 +1,8 @@
-//! Care for Gaussians that the views hardly see: undersides, insides, fringes.
+//! Filling in under-observed Gaussians: undersides, insides, fringes.
 //!
-//! A Gaussian's own estimate counts as much as it was seen: s_p = sum w over all views, in cells. Its neighbors' mean
-//! counts as [`PRIOR`] cells: f'_p <- (s_p f'_p + PRIOR n_p) / (s_p + PRIOR). On the playbot scene this changes the
-//! held-out error by less than 0.1% (it is the Gaussians that no view shows that gain), and stays that neutral up to
-//! five times this strength.
+//! A Gaussian's own estimate is weighted by how much it was seen: s_p = sum w over all views, in cells. Its neighbors' mean
+//! n_p has the weight of [`PRIOR`] cells: f'_p <- (s_p f'_p + PRIOR n_p) / (s_p + PRIOR). On the playbot scene this changes the
+//! held-out error by less than 0.1%, even with five times this weight. It helps the Gaussians that no view shows.
 
 use rayon::prelude::*;
 use stylegaussian::Neighbors;
@@ -13,8 +12,8 @@ use super::{
     samples::{GAUSSIANS_PER_PIECE, Samples, add_scaled},
 };
 
-/// How much the neighbors' mean weighs, in cells. A Gaussian seen less than this is badly seen: it gives nothing to
-/// others, and takes more than half from them.
+/// Weight of the neighbors' mean, in cells. A Gaussian seen less than this is under-observed: it gives nothing to others, and
+/// takes more than half from them.
 const PRIOR: f32 = 0.1;
 
 /// Sum of weights of each Gaussian over all views `[N]`, in cells.
@@ -30,10 +29,10 @@ pub fn seen_weights(views: &[&[Samples]], n_gaussians: usize) -> Vec<f32> {
     weights
 }
 
-/// Draws f' toward that of the neighbors, the more the less a Gaussian was seen, and returns how many are badly seen.
+/// Draws f' toward the neighbors' mean, more if a Gaussian was seen less. Returns the number of under-observed Gaussians.
 ///
-/// Where no neighbor is well seen either, features spread from neighbor to neighbor until all are reached; what never is
-/// gets the mean of all well-seen Gaussians.
+/// If no neighbor is well seen either, features spread from neighbor to neighbor. A Gaussian that they never reach gets the
+/// mean of all well-seen ones.
 pub fn settle(model: &mut Model, seen_weights: &[f32], neighbors: &Neighbors) -> usize {
     let mut known: Vec<bool> = seen_weights.iter().map(|&weight| weight >= PRIOR).collect();
     let n_badly_seen = known.iter().filter(|&&known| !known).count();
@@ -43,7 +42,8 @@ pub fn settle(model: &mut Model, seen_weights: &[f32], neighbors: &Neighbors) ->
     n_badly_seen
 }
 
-/// The first round: every Gaussian with a well-seen neighbor, from the features as they were. Marks those as known.
+/// The first round, for every Gaussian with a well-seen neighbor. It uses the features before the round, so that their order
+/// does not matter, and marks these Gaussians as known.
 fn draw_to_neighbors(model: &mut Model, weights: &[f32], neighbors: &Neighbors, known: &mut [bool]) {
     let n_latent = model.n_latent;
     let before = model.features.clone();
@@ -71,7 +71,7 @@ fn draw_to_neighbors(model: &mut Model, weights: &[f32], neighbors: &Neighbors, 
     );
 }
 
-/// Round after round, unknown Gaussians with known neighbors take their plain mean.
+/// Gives unknown Gaussians the plain mean of their known neighbors, in rounds, until nothing changes.
 fn spread(model: &mut Model, neighbors: &Neighbors, known: &mut [bool]) {
     let n_latent = model.n_latent;
     let mut unknown: Vec<usize> = (0..known.len()).filter(|&p| !known[p]).collect();

@@ -6,14 +6,14 @@ use stylegaussian::decoder::product::{Matrix, product};
 use super::samples::{Samples, add_scaled};
 use crate::random::Random;
 
-/// Cells per parallel piece. Fixed, and sums over pieces run in order, so that results do not depend on the number of
-/// threads; small enough that the residuals of a piece stay in the second-level cache.
+/// Cells per parallel piece. The number is fixed and sums over pieces run in order, so that results do not depend on the
+/// number of threads. It is so small that the residuals of a piece stay in the second-level cache.
 const CELLS_PER_PIECE: usize = 128;
 
-/// The error is measured where the scene covers at least this much of a cell, as its features are then the scene's.
+/// Least coverage of the cells on which the error is measured. Their features are those of the scene.
 const MEASURED_COVERAGE: f32 = 0.9;
 
-/// What embedding determines. Rendered, it gives A sum_i w_i f'_i + b sum_i w_i.
+/// The result of embedding. Rendered, it gives A sum_i w_i f'_i + b sum_i w_i.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// f' `[N, L]`.
@@ -26,21 +26,21 @@ pub struct Model {
     pub n_latent: usize,
 }
 
-/// Derivative of a loss with respect to A, b, and what each cell shows of f'.
+/// Derivative of a loss with respect to A, b, and the rendered f' of each cell.
 #[derive(Clone, Debug)]
 pub struct Gradient {
     /// `[D, L]`.
     pub basis: Vec<f32>,
     /// `[D]`.
     pub offset: Vec<f32>,
-    /// With respect to sum_i w_i f'_i of each cell `[C, L]`; [`Samples::gather`] takes it on to f'.
+    /// With respect to sum_i w_i f'_i of each cell `[C, L]`. [`Samples::gather`] continues it to f'.
     pub cells: Vec<f32>,
-    /// Sum of |sum_i w_i (A f'_i + b) - a F| over cells and channels, times the scale asked for.
+    /// Sum of |sum_i w_i (A f'_i + b) - a F| over cells and channels, times the given scale.
     pub loss: f64,
 }
 
 impl Gradient {
-    /// The sum of two losses; cells are not kept.
+    /// The gradient of a sum of two losses, without cells.
     pub fn plus(mut self, other: Self) -> Self {
         add_scaled(&mut self.basis, 1.0, &other.basis);
         add_scaled(&mut self.offset, 1.0, &other.offset);
@@ -48,11 +48,11 @@ impl Gradient {
     }
 }
 
-/// Scratch of one thread.
+/// Temporary arrays of one thread.
 #[derive(Default)]
 struct Scratch {
     /// sum_i w_i f'_i `[cells, L]`.
-    low: Vec<f32>,
+    latent: Vec<f32>,
     /// `[cells, D]`.
     targets: Vec<f32>,
     /// `[cells, D]`.
@@ -60,7 +60,7 @@ struct Scratch {
 }
 
 impl Model {
-    /// The paper's start: f' standard normal, A uniform in +-1/sqrt(L) (a linear layer's usual start), b = 0.
+    /// The paper's start: f' standard normal, A uniform in +-1/sqrt(L), as usual for a linear layer, and b = 0.
     pub fn noise(n_gaussians: usize, n_channels: usize, n_latent: usize, random: &mut Random) -> Self {
         let n_latent = n_latent.min(n_channels);
         let bound = 1.0 / (n_latent as f32).sqrt();
@@ -72,20 +72,19 @@ impl Model {
         }
     }
 
-    /// D.
+    /// D, the number of channels.
     pub fn n_channels(&self) -> usize {
         self.offset.len()
     }
 
-    /// Standard deviation of a channel of f, in the root mean square over channels, where f' has unit variance and no
-    /// correlation between channels.
+    /// Root mean square over channels of the standard deviation of f, if f' has unit variance and uncorrelated channels.
     pub fn deviation(&self) -> f32 {
         let variance: f32 = self.basis.iter().map(|a| a * a).sum();
         (variance / self.n_channels().max(1) as f32).sqrt()
     }
 
-    /// Divides each channel of f' by `scales` `[L]` and multiplies A's column by it: f stays. A channel whose scale is 0
-    /// stays as it is.
+    /// Divides each channel of f' by `scales` `[L]` and multiplies A's column by it, so that f stays the same. A channel with
+    /// scale 0 is not changed.
     pub fn rescale(&mut self, scales: &[f32]) {
         let scales: Vec<f32> = scales.iter().map(|&scale| if scale > 0.0 { scale } else { 1.0 }).collect();
         for row in self.features.chunks_exact_mut(self.n_latent) {
@@ -96,8 +95,8 @@ impl Model {
         }
     }
 
-    /// Brings each channel of f' to mean 0 and standard deviation 1 over the Gaussians; A and b change so that f stays.
-    /// This is how features are stored: 16-bit floats are then exact to 2^-11 of a deviation at one deviation.
+    /// Scales and shifts each channel of f' to mean 0 and standard deviation 1 over the Gaussians, and A and b so that f stays
+    /// the same. Files store features so, because 16-bit floats are then exact to 2^-11 of a deviation at one deviation.
     pub fn standardize(&mut self) {
         let n_latent = self.n_latent;
         let n = (self.features.len() / n_latent.max(1)).max(1) as f64;
@@ -119,7 +118,7 @@ impl Model {
         self.rescale(&variance.iter().map(|variance| variance.sqrt() as f32).collect::<Vec<_>>());
     }
 
-    /// `scale` times the L1 error of some cells, and its gradient (at a residual of exactly 0: 0).
+    /// The gradient of `scale` times the L1 error of some cells, and that error. At a residual of exactly 0, it is 0.
     pub fn gradient(&self, samples: &Samples, scale: f32) -> Gradient {
         let (n_latent, n_channels) = (self.n_latent, self.n_channels());
         let mut cells = vec![0.0; samples.n_cells() * n_latent];
@@ -139,7 +138,7 @@ impl Model {
         Gradient { cells, ..pieces.into_iter().fold(zero, Gradient::plus) }
     }
 
-    /// The gradient of one piece's cells, from `first` on; `cells` `[cells, L]` receives the part of each cell.
+    /// The gradient of one piece's cells, from `first` on. `cells` `[cells, L]` receives the part of each cell.
     fn piece_gradient(
         &self,
         samples: &Samples,
@@ -151,7 +150,7 @@ impl Model {
         let (n_latent, n_channels) = (self.n_latent, self.n_channels());
         let n_cells = cells.len() / n_latent;
         self.residuals(samples, first..first + n_cells, true, scratch);
-        let Scratch { low, residuals, .. } = scratch;
+        let Scratch { latent, residuals, .. } = scratch;
         let mut offset = vec![0.0; n_channels];
         let mut loss = 0.0;
         for (row, coverage) in residuals.chunks_exact_mut(n_channels).zip(&samples.coverage()[first..]) {
@@ -163,26 +162,26 @@ impl Model {
         }
         let signs = Matrix::dense(residuals, n_cells, n_channels);
         let mut basis = vec![0.0; n_channels * n_latent];
-        product(&mut basis, false, signs.transposed(), Matrix::dense(low, n_cells, n_latent));
+        product(&mut basis, false, signs.transposed(), Matrix::dense(latent, n_cells, n_latent));
         product(cells, false, signs, Matrix::dense(&self.basis, n_channels, n_latent));
         Gradient { basis, offset, cells: Vec::new(), loss }
     }
 
-    /// Rendered features minus the cells' target: a F when `weighted` by coverage, else F.
+    /// Rendered features minus the cells' target: a F if `weighted` by coverage, otherwise F.
     fn residuals(
         &self,
         samples: &Samples,
         cells: std::ops::Range<usize>,
         weighted: bool,
-        Scratch { low, targets, residuals }: &mut Scratch,
+        Scratch { latent, targets, residuals }: &mut Scratch,
     ) {
         let (n_latent, n_channels) = (self.n_latent, self.n_channels());
         let coverage = &samples.coverage()[cells.clone()];
-        samples.render(&self.features, n_latent, cells.clone(), low);
+        samples.render(&self.features, n_latent, cells.clone(), latent);
         samples.targets(cells, targets);
         residuals.resize(targets.len(), 0.0);
         let basis = Matrix::dense(&self.basis, n_channels, n_latent);
-        product(residuals, false, Matrix::dense(low, coverage.len(), n_latent), basis.transposed());
+        product(residuals, false, Matrix::dense(latent, coverage.len(), n_latent), basis.transposed());
         let rows = residuals.chunks_exact_mut(n_channels).zip(targets.chunks_exact(n_channels));
         for ((row, targets), &coverage) in rows.zip(coverage) {
             let weight = if weighted { coverage } else { 1.0 };
@@ -192,8 +191,8 @@ impl Model {
         }
     }
 
-    /// The mean over views of the mean of |rendered - true| over the channels of the cells that the scene covers well,
-    /// where a view is all its parts; `None` when no view has such a cell.
+    /// The mean over views of the mean |rendered - true| over the channels of well-covered cells, in all parts of the view.
+    /// `None` if no view has such a cell.
     pub fn mean_error(&self, views: &[&[Samples]]) -> Option<f64> {
         let error = |view: &&[Samples]| {
             let sums = view.iter().map(|part| self.error_sum(part));
@@ -225,7 +224,7 @@ impl Model {
     }
 }
 
-/// -1, 0 or 1.
+/// The sign: -1, 0 or 1.
 fn sign(value: f32) -> f32 {
     if value > 0.0 {
         1.0

@@ -1,8 +1,8 @@
-//! Stochastic descent of the L1 error, one view or part of a view per step, by Adam (Kingma and Ba 2015).
+//! Stochastic descent of the L1 error with Adam (Kingma and Ba 2015), one view or part of a view per step.
 //!
-//! The rows of f' that a step does not see are left alone in its step, moments included, and each row counts its own
-//! steps. Against PyTorch's dense Adam, whose moments move unseen rows on, the held-out error is the same to 0.001 and a
-//! step costs what the view sees and not what the scene holds.
+//! A step changes only the rows of f' that it sees, and their moments, and each row counts its own steps. PyTorch's dense Adam
+//! also moves unseen rows. The held-out error is the same to 0.001, and the cost of a step depends on the view instead of
+//! the scene.
 
 use rayon::prelude::*;
 
@@ -16,7 +16,7 @@ const BETA_1: f32 = 0.9;
 const BETA_2: f32 = 0.999;
 const EPSILON: f32 = 1e-8;
 
-/// How to descend.
+/// Steps and learning rates of a descent.
 #[derive(Clone, Copy, Debug)]
 pub struct Schedule {
     /// Steps, one batch each.
@@ -35,16 +35,16 @@ impl Schedule {
         Self { iterations, feature_rate: 0.01, map_rate: 0.001, decay: false }
     }
 
-    /// Rates for a few steps from a closed form, whose f' have unit variance: ten and about sixty times the paper's. The
-    /// rate of A and b goes with the encoder's scale, which the closed form's A has.
+    /// Rates for a few steps from a closed form with f' of unit variance: ten and about sixty times the paper's. The rate of A
+    /// and b is proportional to the encoder's scale, which is that of the closed form's A.
     ///
-    /// On the playbot scene half of either rate costs 0.3% to 1% of the held-out error, twice of either changes nothing.
+    /// On the playbot scene, half of either rate increases the held-out error by 0.3% to 1%, and twice changes nothing.
     pub fn after_closed_form(iterations: u32, closed_form: &Model) -> Self {
         let map_rate = 0.05 * closed_form.deviation();
         Self { iterations, feature_rate: 0.1, map_rate, decay: true }
     }
 
-    /// The factor on both rates in step `step` of 0..iterations.
+    /// The factor on both rates at step `step` of 0..iterations.
     fn factor(&self, step: u32) -> f32 {
         if !self.decay {
             return 1.0;
@@ -54,8 +54,8 @@ impl Schedule {
     }
 }
 
-/// Descends, one batch of `batches` per step in random order, calling `before_step(step)` before each and stopping when
-/// it returns false. Returns the steps taken.
+/// Descends with one batch of `batches` per step, in random order. Calls `before_step(step)` before each step, and stops if it
+/// returns false. Returns the number of steps taken.
 pub fn refine(
     model: &mut Model,
     batches: &[&[Samples]],
@@ -94,7 +94,7 @@ impl Moments {
 /// The state of the descent.
 struct Adam {
     features: Moments,
-    /// Steps each row of f' has had `[N]`.
+    /// Steps that changed each row of f' `[N]`.
     row_steps: Vec<u32>,
     basis: Moments,
     offset: Moments,
@@ -112,7 +112,7 @@ impl Adam {
         }
     }
 
-    /// One step on the mean absolute error over the cells and channels of a batch.
+    /// Takes a step on the mean absolute error over the cells and channels of a batch.
     fn step(&mut self, model: &mut Model, batch: &[Samples], schedule: Schedule, factor: f32) {
         let n_terms = batch.iter().map(Samples::n_cells).sum::<usize>() * model.n_channels();
         let gradients: Vec<Gradient> =
@@ -153,7 +153,7 @@ impl Adam {
 /// Gradients of the rows of f' of one piece of Gaussians.
 struct RowGradients {
     n_latent: usize,
-    /// `[GAUSSIANS_PER_PIECE, L]`, 0 where nothing was added.
+    /// Sums of gradients `[GAUSSIANS_PER_PIECE, L]`, 0 if nothing was added.
     sums: Vec<f32>,
     seen: [bool; GAUSSIANS_PER_PIECE],
 }
@@ -170,7 +170,7 @@ impl RowGradients {
         }
     }
 
-    /// Hands out the rows that something was added to, and clears them.
+    /// Passes on the rows to which something was added, and clears them.
     fn drain(&mut self, mut take: impl FnMut(usize, &[f32])) {
         for (place, (sum, seen)) in self.sums.chunks_exact_mut(self.n_latent).zip(&mut self.seen).enumerate()
         {

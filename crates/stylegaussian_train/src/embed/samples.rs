@@ -1,32 +1,32 @@
-//! What one view teaches: the encoder's features of its cells, and which Gaussians make up each cell.
+//! Training data of one view: the encoder's features of its cells, and the Gaussians in each cell.
 //!
-//! A cell of the feature map stands for a square of pixels, so the weight of a Gaussian in a cell is the mean of its
-//! blend weights over those pixels. Rendering at the feature map's own size instead would widen every splat by the
-//! rasterizer's 0.3 px^2, which is a lot in pixels of four times the size: on the playbot scene that costs a quarter of
-//! the held-out error.
+//! A cell of the feature map covers a square of pixels, so the weight of a Gaussian in a cell is the mean of its blend
+//! weights over those pixels. Rendering at the feature map's own size would be wrong: the rasterizer widens every splat by
+//! 0.3 px^2, which is much in pixels of four times the size. On the playbot scene that adds a quarter to the held-out error.
 //!
-//! A cell with coverage a = sum_i w_i shows a parts scene and 1 - a parts of what is behind it, so the scene's part of
-//! the cell's features F is taken to be a F: the residual is sum_i w_i (A f'_i + b) - a F. It weighs cells by coverage,
-//! and those that the scene does not cover drop out.
+//! A cell with coverage a = sum_i w_i shows the scene with weight a and the background with weight 1 - a. The scene's part
+//! of the cell's features F is therefore taken as a F, and the residual is sum_i w_i (A f'_i + b) - a F. It weighs cells by
+//! coverage, so cells without scene have no influence.
 //!
-//! The cells of a view are dealt into four parts like the squares of a chess board with four colors: neighboring cells
-//! show much the same Gaussians, so that a quarter of them gives nearly the gradient of all.
+//! The cells of a view are split into four interleaved parts, like a chess board with four colors. Neighboring cells show
+//! nearly the same Gaussians, so a quarter of the cells gives nearly the gradient of all.
 
 use half::{f16, slice::HalfFloatSliceExt};
 use rayon::prelude::*;
 use stylegaussian::splat::BlendWeights;
 use stylegaussian_encoder::FeatureMap;
 
-/// Cells with less coverage are left out: they hold nearly nothing but background.
+/// Cells with less coverage are left out, because they show hardly anything but background.
 const MIN_COVERAGE: f32 = 0.05;
 
-/// Blend weights are kept as multiples of this: 16 bits, at most 0.8e-5 from the true weight.
+/// Blend weights are stored as multiples of this, in 16 bits. The error is at most 0.8e-5.
 const WEIGHT_UNIT: f32 = 1.0 / 65_535.0;
 
-/// Gaussians per parallel piece of [`Samples::gather`]. Fixed, so that results do not depend on the thread count.
+/// Gaussians per parallel piece of [`Samples::gather`]. The number is fixed, so that results do not depend on the number of
+/// threads.
 pub const GAUSSIANS_PER_PIECE: usize = 1024;
 
-/// A feature map is not that of the view.
+/// A feature map does not fit the view's size.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "the encoder's feature map is {}x{} for a picture of {}x{}, expected the same power of two fewer cells both ways",
@@ -37,7 +37,7 @@ pub struct CellSizeError {
     picture: [u32; 2],
 }
 
-/// Parts on a side of the square that is repeated: 2x2 interleaved parts.
+/// Parts on a side of the repeated square: there are 2x2 interleaved parts.
 const PARTS_PER_SIDE: usize = 2;
 
 /// Covered cells of one part of a view, C of them, with sparse weights both ways: by cell and by Gaussian.
@@ -58,7 +58,7 @@ pub struct Samples {
 /// Rows of (index, weight) pairs.
 #[derive(Clone, Debug, Default)]
 struct Sparse {
-    /// Where each row starts, and where the last ends `[rows + 1]`.
+    /// Start of each row, and end of the last `[rows + 1]`.
     starts: Vec<u32>,
     indices: Vec<u32>,
     /// In [`WEIGHT_UNIT`]s.
@@ -77,7 +77,7 @@ impl Sparse {
         self.weights.push(weight);
     }
 
-    /// Columns that hold anything, and the transpose with one row for each of them, in ascending order.
+    /// Columns with any entry, in ascending order, and the transpose with one row for each of them.
     fn transposed(&self, n_columns: usize) -> (Vec<u32>, Self) {
         let mut slots = vec![0_u32; n_columns];
         for &column in &self.indices {
@@ -102,11 +102,11 @@ impl Sparse {
 }
 
 impl Samples {
-    /// Averages `weights`, at the picture's size, over the cells of `features`, and deals the covered cells into parts.
-    /// A part without any is left out.
+    /// Averages `weights`, at the picture's size, over the cells of `features`, and splits the covered cells into parts. A part
+    /// without cells is left out.
     ///
     /// # Errors
-    /// When a cell is not a square of pixels whose side is a power of two.
+    /// If a cell is not a square of pixels whose side is a power of two.
     pub fn of_view(weights: &BlendWeights, features: &FeatureMap) -> Result<Vec<Self>, CellSizeError> {
         let side = cell_side(features, weights)?;
         let columns = features.width as usize;
@@ -146,7 +146,7 @@ impl Samples {
         }
         self.by_cell.starts.push(self.by_cell.indices.len() as u32);
         self.coverage.push(coverage);
-        // A finite value beyond 16 bits' range stays finite.
+        // A finite value outside the range of 16 bits must stay finite.
         let stored = |&value: &f32| f16::from_f32(value.clamp(f16::MIN.to_f32(), f16::MAX.to_f32()));
         self.targets.extend(target.iter().map(stored));
     }
@@ -156,7 +156,7 @@ impl Samples {
         self.coverage.len()
     }
 
-    /// D.
+    /// D, the number of channels.
     pub fn n_channels(&self) -> usize {
         self.n_channels
     }
@@ -183,8 +183,8 @@ impl Samples {
         }
     }
 
-    /// Rows of the seen Gaussians of a piece, which is the piece-th run of [`GAUSSIANS_PER_PIECE`] Gaussians, each with
-    /// its place within the piece.
+    /// Rows of the seen Gaussians of the `piece`-th run of [`GAUSSIANS_PER_PIECE`] Gaussians, each with its index within the
+    /// run.
     pub fn seen_in_piece(&self, piece: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
         let first = piece * GAUSSIANS_PER_PIECE;
         let start = self.seen.partition_point(|&gaussian| (gaussian as usize) < first);
@@ -192,8 +192,8 @@ impl Samples {
         (start..).zip(gaussians.take_while(|&place| place < GAUSSIANS_PER_PIECE))
     }
 
-    /// The transpose of [`Self::render`] for one seen Gaussian: adds sum_c w_c v_c over cell values `[C, L]` to `out`
-    /// `[L]`, and returns sum_c w_c.
+    /// The transpose of [`Self::render`] for one seen Gaussian. Adds sum_c w_c v_c over cell values `[C, L]` to `out` `[L]`, and
+    /// returns sum_c w_c.
     pub fn gather(&self, row: usize, cell_values: &[f32], out: &mut [f32]) -> f32 {
         let mut sum = 0.0;
         for (cell, weight) in self.by_gaussian.row(row) {
@@ -214,7 +214,7 @@ fn cell_side(features: &FeatureMap, weights: &BlendWeights) -> Result<usize, Cel
     side.map(|side| side as usize).ok_or(CellSizeError { map, picture })
 }
 
-/// The weights of one cell, by ascending Gaussian: means over its pixels. `entries` is scratch.
+/// The weights of one cell, means over its pixels, in ascending order of Gaussians. `entries` is temporary.
 fn cell_weights(
     weights: &BlendWeights,
     side: usize,
@@ -230,7 +230,7 @@ fn cell_weights(
             n_pixels += 1;
         }
     }
-    // Stable: equal Gaussians stay in pixel order, so that their sum is always the same.
+    // A stable sort keeps the entries of one Gaussian in pixel order, so that their sum is always the same.
     entries.sort_by_key(|&(gaussian, _)| gaussian);
     let unit = WEIGHT_UNIT * n_pixels as f32;
     let of_one_gaussian = entries.chunk_by(|a, b| a.0 == b.0);
@@ -241,7 +241,7 @@ fn cell_weights(
     means.filter(|&(_, weight)| weight > 0).collect()
 }
 
-/// sum += factor * values.
+/// Adds `factor * values` to `sum`.
 pub fn add_scaled(sum: &mut [f32], factor: f32, values: &[f32]) {
     for (sum, value) in sum.iter_mut().zip(values) {
         *sum += factor * value;

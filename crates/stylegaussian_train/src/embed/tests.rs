@@ -247,7 +247,7 @@ fn one_seed_gives_one_result_on_any_number_of_threads() {
 }
 
 #[test]
-fn stops_when_told() {
+fn stops_if_asked_to() {
     let truth = Model::noise(9, 5, 3, &mut Random::new(1));
     let view = random_view(9, &truth, 1.0, 0.0, 4);
     let mut model = truth.clone();

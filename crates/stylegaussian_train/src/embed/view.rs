@@ -1,4 +1,4 @@
-//! Pictures to learn from: photos, or views rendered from the scene itself.
+//! Pictures to learn from: photos, or rendered views of the scene itself.
 
 use std::path::PathBuf;
 
@@ -9,24 +9,24 @@ use stylegaussian::{
 };
 use stylegaussian_encoder::{Image, ImageError, encoder::MIN_SIDE};
 
-/// What lies behind a scene that is rendered: white, as paper. Encoders see it in cells at the silhouette.
+/// Background of rendered views: white, as paper. Encoders see it in cells at the silhouette.
 const BACKGROUND: f32 = 1.0;
 
-/// Width and height of pictures are multiples of this, so that relu3_1's cells, 4x4 pixels each, fill them.
+/// Width and height of pictures are multiples of this, in pixels, so that relu3_1's cells of 4x4 pixels fill them.
 const SIZE_STEP: u32 = 4;
 
 /// A picture of the scene from a known camera.
 #[derive(Clone, Debug)]
 pub struct TrainingView {
-    /// A name for people.
+    /// A name for messages.
     pub name: String,
-    /// The camera, at the size the picture is used at.
+    /// The camera, at the size at which the picture is used.
     pub camera: Camera,
-    /// Where the picture comes from.
+    /// The source of the picture.
     pub picture: Picture,
 }
 
-/// Where a picture comes from. Pictures are made when needed, so that hundreds of views need no memory.
+/// The source of a picture. Pictures are made on demand, so that hundreds of views need no memory.
 #[derive(Clone, Debug)]
 pub enum Picture {
     /// An image file.
@@ -36,14 +36,14 @@ pub enum Picture {
 }
 
 impl TrainingView {
-    /// A photo, scaled to `longer_side` pixels where it is larger.
+    /// A photo, scaled to `longer_side` pixels if it is larger.
     pub fn photo(path: PathBuf, camera: &Camera, longer_side: u32) -> Self {
         let longer_side = longer_side.min(camera.size.max_element());
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Self { name, camera: fitted(camera, longer_side), picture: Picture::Photo(path) }
     }
 
-    /// The scene as `camera` sees it, `longer_side` pixels on the longer side.
+    /// The scene as seen by `camera`, with `longer_side` pixels on the longer side.
     pub fn rendered(name: String, camera: &Camera, longer_side: u32) -> Self {
         Self { name, camera: fitted(camera, longer_side), picture: Picture::Rendered }
     }
@@ -51,7 +51,7 @@ impl TrainingView {
     /// The picture, at the camera's size.
     ///
     /// # Errors
-    /// When a photo cannot be read.
+    /// If a photo cannot be read.
     pub fn load(&self, scene: &Scene) -> Result<Image, ImageError> {
         let size = self.camera.size;
         match &self.picture {

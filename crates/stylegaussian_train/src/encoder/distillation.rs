@@ -73,9 +73,9 @@ impl Default for DistillConfig {
 /// Mean squared errors of a step, in units of the teacher's deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DistillLosses {
-    /// Of the features.
+    /// Error of the features.
     pub features: f32,
-    /// Of the features' mean and deviation on each crop.
+    /// Error of their mean and deviation on each crop.
     pub statistics: f32,
 }
 
@@ -194,7 +194,7 @@ impl<'a> Distillation<'a> {
         Ok(losses)
     }
 
-    /// Takes all steps that are left. Calls `save` every 200 steps and at the end. Returns whether all steps were taken, which
+    /// Takes all steps that are left. Calls `save` every 200 steps and when it stops. Returns whether all steps were taken, which
     /// is false if `watch` interrupted.
     ///
     /// # Errors
@@ -206,20 +206,17 @@ impl<'a> Distillation<'a> {
     ) -> Result<bool, E> {
         let mut means = RunningMeans::new(["features", "statistics"], REPORTED_RATE);
         let total = self.config.iterations;
-        while self.history.steps < total {
-            if watch.is_interrupted() {
-                return Ok(false);
-            }
+        while self.history.steps < total && !watch.is_interrupted() {
             let DistillLosses { features, statistics } = self.step()?;
             means.add([features, statistics]);
             let done = self.history.steps;
             (watch.progress)(Progress { stage: Stage::Distillation, done, total, losses: means.losses() });
-            if done.is_multiple_of(CHECKPOINT_STEPS) {
+            if done.is_multiple_of(CHECKPOINT_STEPS) && done < total {
                 save(self)?;
             }
         }
         save(self)?;
-        Ok(true)
+        Ok(self.history.steps >= total)
     }
 }
 

@@ -1,11 +1,11 @@
-//! Whether the views of a stylized scene agree, in the manner of the paper's Table 1: one view is warped into another, and
-//! where both see the same surface, the two pictures should be equal.
+//! Agreement between the views of a stylized scene, as in the paper's Table 1. One view is warped into another, and on
+//! surfaces that both see, the two pictures should be equal.
 //!
-//! The paper warps along optical flow. Here the splats know where they are: a pixel's mean depth gives its surface, and the
-//! surface its place in the other view, so warp and visibility belong to the scene and not to its look. The *RMSE* is that of
-//! displayed colors; a gray picture has none, so it is also told over the picture's own standard deviation. The *VGG
-//! distance* stands where the paper has LPIPS: unit-normalized relu1_1 to relu3_1 features, squared distance, summed over
-//! layers, all channels weighted alike. It is not LPIPS, whose weights are learned.
+//! The paper warps along optical flow. Here a pixel's mean depth gives its surface, and the surface gives its position in the
+//! other view, so warp and visibility depend on the scene and not on its style. The *RMSE* is that of displayed colors. A gray
+//! picture has none, so the RMSE is also reported relative to the picture's standard deviation. The *VGG distance* replaces the
+//! paper's LPIPS: the squared distance of unit-normalized features from relu1_1 to relu3_1, summed over layers with equal
+//! weights for all channels. LPIPS itself has learned weights.
 
 use std::{collections::BTreeSet, fs, path::Path};
 
@@ -26,23 +26,23 @@ use crate::{
     },
 };
 
-/// A pixel's mean depth is that of a surface only where little shines through.
+/// Least coverage at which a pixel's mean depth counts as that of a surface.
 const COVERED: f32 = 0.95;
 
-/// Two depths are of the same surface when they differ by no more than this share: bilinear positions on surfaces seen at an
-/// angle differ by less, an object's edge and what lies behind it by more.
+/// Largest relative difference between two depths of the same surface. Bilinear positions on slanted surfaces differ by
+/// less, an object's edge and its background by more.
 const SAME_SURFACE: f32 = 0.02;
 
-/// Views of an orbit that [`Pairs::of_orbit`] speaks of, 10 degrees apart.
+/// Views of the orbit of [`Pairs::of_orbit`], 10 degrees apart.
 pub const N_ORBIT: usize = 36;
 
-/// Pairs of cameras, by their numbers: the first's view is warped into the second's.
+/// Pairs of cameras by their numbers. The first's view is warped into the second's.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pairs {
-    /// Next to one another.
+    /// Neighboring views.
     short: Vec<[usize; 2]>,
-    /// Some way apart.
+    /// Views some way apart.
     long: Vec<[usize; 2]>,
 }
 
@@ -77,7 +77,7 @@ impl Pairs {
     }
 }
 
-/// How well views agree, as means over pairs.
+/// Agreement between views, as means over pairs.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Agreement {
     /// Between neighboring views.
@@ -86,25 +86,25 @@ pub struct Agreement {
     pub long: Difference,
 }
 
-/// How a view differs from another that was warped into it; NaN (`null` in JSON) where no two views share a surface.
+/// Difference between a view and another that was warped into it. NaN (`null` in JSON) if no two views share a surface.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Difference {
     /// Root of the mean squared difference of displayed colors, 0..1.
     pub rmse: f64,
-    /// The same over the standard deviation of the view's colors.
+    /// The same relative to the standard deviation of the view's colors.
     pub rmse_over_std_dev: f64,
     /// Squared distance of unit-normalized features, summed over layers.
     pub vgg_distance: f64,
 }
 
-/// Where the surfaces that one view sees stand in another.
+/// Positions in one view of the surfaces that another sees.
 struct Warp {
-    /// For each pixel of the view that is warped into `[H, W]`, the position in the other, in pixels from the center of the
-    /// first; none where the other does not see that surface.
+    /// For each pixel of the target view `[H, W]` the position in the source view, in pixels from the center of the first.
+    /// `None` if the source view does not see that surface.
     positions: Vec<Option<Vec2>>,
 }
 
-/// Pixel indices around a position and their bilinear weights; none at the border or outside.
+/// Pixel indices around a position and their bilinear weights, or `None` at the border and outside.
 fn corners(at: Vec2, size: UVec2) -> Option<[(usize, f32); 4]> {
     let corner = at.floor();
     let inside = corner.cmpge(Vec2::ZERO).all() && (corner + 1.0).cmplt(size.as_vec2()).all();
@@ -120,7 +120,7 @@ fn corners(at: Vec2, size: UVec2) -> Option<[(usize, f32); 4]> {
     })
 }
 
-/// The depth of the surface at a pixel; none where the scene does not cover it.
+/// The depth of the surface at a pixel, or `None` if the scene does not cover it.
 fn surface_depth(view: &RenderedImage, pixel: usize) -> Option<f32> {
     (view.alpha[pixel] > COVERED).then(|| view.depth[pixel] / view.alpha[pixel])
 }
@@ -145,8 +145,8 @@ impl Warp {
         Self { positions: (0..into.1.alpha.len()).map(position).collect() }
     }
 
-    /// `picture` of the view `from` warped into the view whose picture is `into`, whose own pixels stay where nothing is
-    /// known of the other.
+    /// Warps `picture`, of the view `from`, into the view with the picture `into`. Pixels without a position keep the color of
+    /// `into`.
     fn apply(&self, picture: &[[f32; 3]], size: UVec2, into: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let pixel = |(position, own): (&Option<Vec2>, &[f32; 3])| {
             let Some(around) = position.and_then(|at| corners(at, size)) else { return *own };
@@ -156,17 +156,17 @@ impl Warp {
     }
 }
 
-/// A pair of views, by their positions among those that are used, and what does not depend on their look.
+/// A pair of views, by their indices among those that are used, and the warp between them.
 struct Pair {
     from: usize,
     into: usize,
     warp: Warp,
 }
 
-/// The views of a scene that are compared, and how they hang together.
+/// The views of a scene that are compared, and the warps between them.
 pub struct Consistency {
     cameras: Vec<Camera>,
-    /// Without view-dependent color: that differs between views rightly.
+    /// Without view-dependent color, which differs between views for good reason.
     unstyled: Vec<RenderedImage>,
     short: Vec<Pair>,
     long: Vec<Pair>,
@@ -204,7 +204,7 @@ impl Consistency {
         &self.unstyled
     }
 
-    /// How well `views`, in the order of [`Consistency::cameras`], agree.
+    /// Agreement of `views`, in the order of [`Consistency::cameras`].
     ///
     /// # Errors
     /// If the device fails.
@@ -230,7 +230,7 @@ impl Agreement {
 }
 
 impl Difference {
-    /// The mean of several, NaN for none: nothing was seen, not that all was well.
+    /// The mean of several, or NaN if there are none, because 0 would mean perfect agreement.
     fn mean(all: &[Self]) -> Self {
         let n = all.len() as f64;
         let mean = |part: fn(&Self) -> f64| all.iter().map(part).sum::<f64>() / n;
@@ -299,7 +299,7 @@ fn root_mean_square(a: &[[f32; 3]], b: &[[f32; 3]], visible: &[bool]) -> f64 {
     (seen.map(square).sum::<f64>() / n as f64).sqrt()
 }
 
-/// Mean squared distance of rows `[cells, D]` of unit length, by the cells' shares.
+/// Mean squared distance of rows `[cells, D]` after scaling to unit length, weighted by the cells' shares.
 fn feature_distance(a: &[f32], b: &[f32], cells: &[f32]) -> f64 {
     let n_channels = (a.len() / cells.len().max(1)).max(1);
     let length = |row: &[f32]| row.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt().max(1e-10);

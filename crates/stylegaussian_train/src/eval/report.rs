@@ -1,4 +1,4 @@
-//! What `eval` found, for programs and for people.
+//! Results of an evaluation, for programs and for people.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::consistency::Agreement;
 
-/// What `eval` found.
+/// Results of an evaluation.
 #[derive(Clone, Debug, Serialize)]
 pub struct Evaluation {
     /// The scene in the paintings' styles.
@@ -15,17 +15,17 @@ pub struct Evaluation {
     pub unstyled: Measures,
     /// The scene recolored to each painting's mean color and covariance.
     pub recolored: Measures,
-    /// AdaIN on each view for itself, where a 2D decoder is named.
+    /// AdaIN on each view separately, if a 2D decoder is given.
     pub adain_2d: Option<Measures>,
     /// Style error of `stylized` at relu2_1 and relu3_1 over that of `recolored`.
     pub deep_style_error_over_recolored: f64,
-    /// How well views of the stylized scene agree, as means over the paintings.
+    /// Agreement of views of the stylized scene, as means over the paintings.
     pub consistency: Agreement,
-    /// How well views of the scene agree that is not stylized, its view-dependent color left out.
+    /// Agreement of views of the unstyled scene, without view-dependent color.
     pub unstyled_consistency: Agreement,
-    /// How well pictures agree that were each painted for themselves, where a 2D decoder is named.
+    /// Agreement of pictures that were painted separately, if a 2D decoder is given.
     pub adain_2d_consistency: Option<Agreement>,
-    /// Share of stylized color values outside 0..1, which no display shows.
+    /// Share of stylized color values outside 0..1, the range that a display shows.
     pub out_of_range: f64,
     /// Painting by painting.
     pub paintings: Vec<PaintingEvaluation>,
@@ -34,34 +34,33 @@ pub struct Evaluation {
 /// Means over all pictures of one kind.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Measures {
-    /// Share of the pictures whose style error is smallest for their own painting.
+    /// Share of the pictures with the smallest style error for their own painting.
     pub own_painting_nearest: f64,
     /// Style error at relu1_1, relu2_1 and relu3_1.
     pub style_errors: [f64; 3],
-    /// Their sum.
+    /// Sum of the style errors.
     pub style_error: f64,
-    /// The same at relu4_1, of a network that stands in for VGG-19 there, where one is named.
+    /// Style error at relu4_1, if weights reach that layer.
     pub relu4_1_style_error: Option<f64>,
-    /// Mean squared distance of relu3_1 from the unstyled view's.
+    /// Content error: mean squared distance of relu3_1 from the unstyled view's.
     pub content_error: f64,
 }
 
-/// What `eval` found for one painting, as means over the views.
+/// Results for one painting, as means over the views.
 #[derive(Clone, Debug, Serialize)]
 pub struct PaintingEvaluation {
     /// The painting's file.
     pub path: PathBuf,
-    /// The distance, in the measure of the style error, to the painting that is most like this one: what the style error
-    /// has to stay well below.
+    /// Style error between this painting and the most similar other one. A good style error is well below it.
     pub nearest_other: f64,
     /// The scene in its style.
     pub stylized: Measures,
-    /// The scene in its colors.
+    /// The scene recolored to its colors.
     pub recolored: Measures,
 }
 
 impl Evaluation {
-    /// For people to read.
+    /// A table for people.
     pub fn table(&self) -> String {
         let mut text = format!(
             "{:<40} {:>8} {:>8} {:>8} {:>10} {:>8}\n",
@@ -123,7 +122,7 @@ impl Evaluation {
 }
 
 impl Measures {
-    /// The mean of several; that of none is 0.
+    /// The mean of several, or 0 if there are none.
     pub fn mean(all: &[Self]) -> Self {
         let n = all.len().max(1) as f64;
         let mean = |part: &dyn Fn(&Self) -> f64| all.iter().map(part).sum::<f64>() / n;

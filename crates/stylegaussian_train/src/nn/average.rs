@@ -1,4 +1,4 @@
-//! The mean of the parameters over the last part of a training. A step sees one view and one painting, and what it fits
+//! The mean of the parameters over the last part of a training. A step sees one view and one painting, and its fit
 //! to these alone averages out (Polyak and Juditsky 1992).
 
 use burn::tensor::Tensor;

@@ -13,9 +13,9 @@ use stylegaussian_encoder::{
 };
 
 use super::{
-    Processor,
     ops::{Windows, max_pool, row_statistics, windows_conv_relu},
-    vgg::{self, VggLayer},
+    processor::Processor,
+    vgg::{CONVOLUTIONS, VggConvolution},
 };
 use crate::error::{Context, TrainError, ensure};
 
@@ -100,13 +100,13 @@ impl LossNetwork {
             "{}: the loss needs VGG-19 weights as safetensors with tensors `conv1_1.weight` and so on; there is none",
             main.display()
         );
-        let n_steps = if weights.contains("conv4_1.weight") { vgg::LAYERS.len() } else { 5 };
+        let n_steps = if weights.contains("conv4_1.weight") { CONVOLUTIONS.len() } else { 5 };
         let chain = Chain::load(&weights, n_steps, 1, &[0, 2, 4, 8], device)?;
         let deep = match deep.filter(|_| n_steps == 5) {
             None => None,
             Some(path) => {
                 let weights = Weights::open(path)?;
-                let chain = Chain::load(&weights, vgg::LAYERS.len(), 4, &[8], device);
+                let chain = Chain::load(&weights, CONVOLUTIONS.len(), 4, &[8], device);
                 Some(chain.context(|| format!("{}: cannot stand in for relu4_1", path.display()))?)
             }
         };
@@ -120,7 +120,7 @@ impl LossNetwork {
 
     /// Number of [`LAYERS`] that it computes: 4 with weights for relu4_1, otherwise 3.
     pub fn n_layers(&self) -> usize {
-        if self.deep.is_some() || self.main.steps.len() == vgg::LAYERS.len() { 4 } else { 3 }
+        if self.deep.is_some() || self.main.steps.len() == CONVOLUTIONS.len() { 4 } else { 3 }
     }
 
     /// Features of a picture `[H * W, 3]`, RGB 0..1, `size` = [W, H], at each layer.
@@ -186,7 +186,9 @@ impl Chain {
         };
         let mut steps = Vec::new();
         let mut d_in = 3;
-        for (i, &VggLayer { name, width, pools_before, .. }) in vgg::LAYERS[..n_steps].iter().enumerate() {
+        for (i, &VggConvolution { name, n_channels: width, pools_before, .. }) in
+            CONVOLUTIONS[..n_steps].iter().enumerate()
+        {
             let d_out = width / narrowing;
             let convolution = weights.convolution(name, [d_out, d_in, 3, 3])?;
             let convolution = match input.as_ref().filter(|_| i == 0) {

@@ -10,7 +10,7 @@ use super::{
     loss_network::{behind, kernel},
     ops::{Windows, max_pool, windows_conv_relu},
     parameter::to_vec,
-    vgg::{LAYERS, VggLayer},
+    vgg::{CONVOLUTIONS, VggConvolution},
 };
 use crate::{
     error::{Context, TrainError},
@@ -35,7 +35,9 @@ pub fn normalize(convolutions: &mut [(&str, Convolution)], folder: &Path) -> Res
     let Some((input, rest)) = convolutions.split_first_mut() else { return Ok(()) };
     let mut size = [SIDE as usize; 2];
     let mut means: Vec<f32> = Vec::new();
-    for (i, ((_, convolution), VggLayer { pools_before, .. })) in rest.iter_mut().zip(LAYERS).enumerate() {
+    for (i, ((_, convolution), VggConvolution { pools_before, .. })) in
+        rest.iter_mut().zip(CONVOLUTIONS).enumerate()
+    {
         if pools_before {
             pictures = pictures.into_iter().map(|x| max_pool(x, size)).collect();
             size = size.map(|side| side.div_ceil(2));

@@ -1,8 +1,7 @@
-//! The two custom operations of training, the KNN convolution and the splat render, for every backend of burn.
+//! The custom operations of training, above all the KNN convolution and the splat render, for every backend of burn.
 //!
-//! On the CPU both run the model's own kernels with their hand-written gradients. Elsewhere the default bodies compose
-//! the same from gathers, products and sums, so that any GPU backend trains; a test holds the two against
-//! each other.
+//! On the CPU they run the model's own kernels with their hand-written gradients. On other backends the default bodies
+//! compose the same operations from gathers, products and sums, so that any GPU backend can train. A test compares the two.
 
 use std::sync::Arc;
 
@@ -21,14 +20,15 @@ mod composed;
 mod pictures;
 mod pixels;
 
-/// The windows of one KNN convolution: which rows of the input each output row sees.
+/// The rows of the input that each output row of a convolution sees: a Gaussian's neighborhood, or a kernel's window on a
+/// picture.
 #[derive(Debug)]
 pub struct Windows {
-    /// K.
+    /// K, the number of rows in a window.
     pub k: usize,
     /// Rows of the input `[N_out, K]`.
     pub neighbors: Vec<u32>,
-    /// The same lists read backwards.
+    /// The reverse lists, for gradients: for each input row the windows that hold it.
     pub reverse: ReverseNeighbors,
 }
 
@@ -39,7 +39,7 @@ impl Windows {
         Self { k, neighbors, reverse }
     }
 
-    /// N_out.
+    /// N_out, the number of output rows.
     pub fn n_out(&self) -> usize {
         self.neighbors.len() / self.k
     }
@@ -76,7 +76,7 @@ pub trait TrainingOps: Backend {
         composed::windows_conv_backward_weight::<Self>(x, grad, &windows)
     }
 
-    /// y = max(0, windows_conv(x)), differentiable in x alone: a layer of a network that is not trained.
+    /// y = max(0, windows_conv(x)), differentiable in x alone, for networks that are not trained.
     fn windows_conv_relu(
         x: FloatTensor<Self>,
         weight: FloatTensor<Self>,
@@ -93,11 +93,11 @@ pub trait TrainingOps: Backend {
         grad: FloatTensor<Self>,
         windows: Arc<Windows>,
     ) -> FloatTensor<Self> {
-        // y is never negative: its sign is 1 where it lets the gradient through and 0 elsewhere.
+        // y is never negative. If it lets the gradient through its sign is 1, otherwise 0.
         Self::windows_conv_backward_input(weight, Self::float_mul(grad, Self::float_sign(y)), windows)
     }
 
-    /// 2x2 max-pooling of a picture x `[H * W, C]`, `size` = [W, H]; an odd side keeps its last line.
+    /// 2x2 max-pooling of a picture x `[H * W, C]`, `size` = [W, H]. If a side is odd, its last line is kept.
     fn max_pool(x: FloatTensor<Self>, size: [usize; 2]) -> FloatTensor<Self> {
         composed::max_pool::<Self>(x, size)
     }
@@ -112,7 +112,7 @@ pub trait TrainingOps: Backend {
         composed::max_pool_backward::<Self>(x, y, grad, size)
     }
 
-    /// Mean and standard deviation `[2, C]` of rows x `[N, C]` of which each counts for its share `[N]`.
+    /// Mean and standard deviation `[2, C]` of rows x `[N, C]`, weighted by their shares `[N]`.
     fn row_statistics(x: FloatTensor<Self>, shares: Arc<Vec<f32>>) -> FloatTensor<Self> {
         composed::row_statistics::<Self>(x, &shares)
     }
@@ -127,7 +127,7 @@ pub trait TrainingOps: Backend {
         composed::row_statistics_backward::<Self>(x, statistics, grad, &shares)
     }
 
-    /// A picture `[H * W, 3]` of colors `[M, 3]`: the blending weights' linear map.
+    /// A picture `[H * W, 3]` of colors `[M, 3]`: the linear map of the blend weights.
     fn splat(colors: FloatTensor<Self>, weights: Arc<BlendWeights>) -> FloatTensor<Self> {
         composed::splat::<Self>(colors, &weights)
     }
@@ -291,7 +291,7 @@ pub fn windows_conv(x: Tensor<2>, weight: Tensor<2>, bias: Tensor<1>, windows: &
     ))
 }
 
-/// y = max(0, [`windows_conv`]), differentiable in x alone: a layer of a network that is not trained.
+/// y = max(0, [`windows_conv`]), differentiable in x alone, for networks that are not trained.
 pub fn windows_conv_relu(
     x: Tensor<2>,
     weight: Tensor<2>,
@@ -303,13 +303,13 @@ pub fn windows_conv_relu(
     Tensor::from_dispatch(y)
 }
 
-/// 2x2 max-pooling of a picture x `[H * W, C]`, `size` = [W, H]; an odd side keeps its last line.
+/// 2x2 max-pooling of a picture x `[H * W, C]`, `size` = [W, H]. If a side is odd, its last line is kept.
 pub fn max_pool(x: Tensor<2>, size: [usize; 2]) -> Tensor<2> {
     Tensor::from_dispatch(<Dispatch as TrainingOps>::max_pool(x.into_dispatch(), size))
 }
 
-/// Mean and standard deviation `[2, C]` of rows x `[N, C]` of which each counts for its share `[N]`; shares sum to 1. A
-/// variance of 1e-8 is added under the root.
+/// Mean and standard deviation `[2, C]` of rows x `[N, C]`, weighted by their shares `[N]`, which sum to 1. A variance of
+/// 1e-8 is added under the root.
 pub fn row_statistics(x: Tensor<2>, shares: &Arc<Vec<f32>>) -> Tensor<2> {
     Tensor::from_dispatch(<Dispatch as TrainingOps>::row_statistics(x.into_dispatch(), shares.clone()))
 }

@@ -10,23 +10,23 @@ use crate::error::TrainError;
 
 /// One of VGG-19's 3x3 convolutions.
 #[derive(Clone, Copy, Debug)]
-pub struct VggLayer {
+pub struct VggConvolution {
     /// The name of its tensors in our weights files, before `.weight` and `.bias`.
     pub name: &'static str,
     /// The index of the module in torchvision's VGG-19.
     pub module: usize,
     /// Output channels.
-    pub width: usize,
+    pub n_channels: usize,
     /// Whether a 2x2 max-pool comes before.
     pub pools_before: bool,
 }
 
-const fn layer(name: &'static str, module: usize, width: usize, pools_before: bool) -> VggLayer {
-    VggLayer { name, module, width, pools_before }
+const fn layer(name: &'static str, module: usize, n_channels: usize, pools_before: bool) -> VggConvolution {
+    VggConvolution { name, module, n_channels, pools_before }
 }
 
 /// VGG-19's convolutions up to conv4_1.
-pub const LAYERS: [VggLayer; 9] = [
+pub const CONVOLUTIONS: [VggConvolution; 9] = [
     layer("conv1_1", 0, 64, false),
     layer("conv1_2", 2, 64, false),
     layer("conv2_1", 5, 128, true),
@@ -38,7 +38,7 @@ pub const LAYERS: [VggLayer; 9] = [
     layer("conv4_1", 19, 512, true),
 ];
 
-/// Reads torchvision's VGG-19 up to conv4_1 under the names of [`LAYERS`]. The first convolution, `conv0`, is the 1x1 one
+/// Reads torchvision's VGG-19 up to conv4_1 under the names of [`CONVOLUTIONS`]. The first convolution, `conv0`, is the 1x1 one
 /// that takes RGB 0..1 to the input that VGG-19 expects.
 ///
 /// # Errors
@@ -47,10 +47,10 @@ pub fn read_torchvision(path: &Path) -> Result<Vec<(&'static str, Convolution)>,
     let weights = Weights::open(path)?;
     let mut convolutions = vec![("conv0", imagenet_input())];
     let mut d_in = 3;
-    for VggLayer { name, module, width, .. } in LAYERS {
-        let convolution = weights.convolution(&format!("features.{module}"), [width, d_in, 3, 3])?;
+    for VggConvolution { name, module, n_channels, .. } in CONVOLUTIONS {
+        let convolution = weights.convolution(&format!("features.{module}"), [n_channels, d_in, 3, 3])?;
         convolutions.push((name, convolution));
-        d_in = width;
+        d_in = n_channels;
     }
     Ok(convolutions)
 }

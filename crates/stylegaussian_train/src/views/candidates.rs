@@ -1,4 +1,4 @@
-//! Cameras that could be taken.
+//! Candidate cameras.
 
 use std::f32::consts::TAU;
 
@@ -7,19 +7,19 @@ use stylegaussian::Camera;
 
 use super::survey::{Survey, quantiles};
 
-/// Half the angle of an object's overview, in radians: a normal lens, little perspective distortion.
+/// Half the angle of an object's overview, in radians: a normal lens with little perspective distortion.
 const OBJECT_HALF_ANGLE: f32 = 0.42;
-/// The share of the mass that an overview frames, and how much room it leaves around it.
+/// The share of the mass that an overview frames, and the factor of room around it.
 const FRAMED: f32 = 0.97;
 const MARGIN: f32 = 1.1;
-/// How much closer than an overview a closer look is.
+/// Factor by which a closer look is closer than an overview.
 const CLOSER: f32 = 2.2;
-/// Elevations of the rings around an object, in radians over the horizon, and how many cameras each has.
+/// Elevations of the rings around an object, in radians over the horizon, and their numbers of cameras.
 const RINGS: [(f32, usize); 4] = [(-0.25, 8), (0.12, 16), (0.5, 12), (0.95, 8)];
-/// Spots of an object that closer looks aim at.
+/// Number of spots on an object at which closer looks aim.
 const N_TARGETS: usize = 24;
 
-/// Overviews that each such spot is looked at from: those nearest to it.
+/// Number of closer looks at each spot, from the nearest overviews.
 const N_EYES: usize = 6;
 /// Elevation of the circle for showing an object, in radians over the horizon.
 const ORBIT_ELEVATION: f32 = 0.3;
@@ -28,31 +28,31 @@ const ORBIT_ELEVATION: f32 = 0.3;
 const PLACE_HALF_ANGLE: f32 = 0.65;
 /// Half the angle of a closer look within a place, in radians.
 const PLACE_CLOSER_HALF_ANGLE: f32 = 0.35;
-/// Headings from each spot of a place.
+/// Number of headings at each spot of a place.
 const N_HEADINGS: usize = 8;
 /// Elevations of views within a place, in radians over the horizon.
 const PITCHES: [f32; 2] = [-0.35, 0.1];
 /// Elevation of the turn for showing a place, in radians over the horizon.
 const TURN_PITCH: f32 = -0.1;
-/// Spots to stand on within a place.
+/// Number of spots to stand on within a place.
 const N_SPOTS: usize = 10;
-/// Standing room about a spot, in radii of the scene.
+/// Standing room around a spot, in radii of the scene.
 const STANDING_ROOM: f32 = 0.12;
 
-/// The rasterizer draws nothing nearer than 0.2; nothing of interest should be nearer than this, in scene units.
+/// Least distance of anything of interest, in scene units. The rasterizer draws nothing nearer than 0.2.
 const NEAREST: f32 = 0.3;
 
-/// A camera but for the picture's size.
+/// A camera without a picture size.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
     eye: Vec3,
     target: Vec3,
     up: Vec3,
-    /// Tangent of the angle from the axis to the nearer pair of the picture's edges.
+    /// Tangent of the angle between the axis and the nearer pair of the picture's edges.
     tan_half: f32,
-    /// Whether it shows the scene at large, and is not a closer look at a part.
+    /// Whether it shows the whole scene. Otherwise it is a closer look at a part.
     pub is_overview: bool,
-    /// Things nearer than this are in the way, in scene units.
+    /// Distance below which things are in the way, in scene units.
     pub clearance: f32,
 }
 
@@ -70,8 +70,8 @@ fn direction(up: Vec3, azimuth: f32, elevation: f32) -> Vec3 {
     elevation.cos() * (azimuth.cos() * x + azimuth.sin() * z) + elevation.sin() * up
 }
 
-/// An overview from `direction`, a unit vector: far enough away that nothing is nearer than [`NEAREST`], with a lens
-/// that just frames the scene.
+/// An overview from `direction`, a unit vector. It is so far away that nothing is nearer than [`NEAREST`], and its lens just
+/// frames the scene.
 fn overview_from(survey: &Survey, direction: Vec3) -> Candidate {
     let distance = (survey.radius / OBJECT_HALF_ANGLE.sin()).max(survey.radius + NEAREST);
     let candidate = Candidate {
@@ -85,7 +85,7 @@ fn overview_from(survey: &Survey, direction: Vec3) -> Candidate {
     Candidate { tan_half: framing(&candidate, survey), ..candidate }
 }
 
-/// The tangent of the half angle within which `candidate` has nearly all of the scene.
+/// The tangent of the half angle at which `candidate` sees nearly all of the scene.
 fn framing(candidate: &Candidate, survey: &Survey) -> f32 {
     let view_from_world = candidate.camera(UVec2::ONE).view_from_world;
     let tangents = survey.stand_in.means.iter().map(|&mean| {
@@ -110,7 +110,7 @@ pub(super) fn around(survey: &Survey) -> Vec<Candidate> {
 
 /// Closer looks at an object: from the eyes of its `overviews` at spots on its surface.
 ///
-/// They are longer lenses, not shorter distances: an eye outside the object stays in the open.
+/// They use longer lenses instead of shorter distances, so that an eye outside the object stays in the open.
 pub(super) fn closer_looks_around(survey: &Survey, overviews: &[Candidate]) -> Vec<Candidate> {
     let targets = spread(&survey.stand_in.means, N_TARGETS, |i| {
         survey.masses[i] > 0.0 && (survey.stand_in.means[i] - survey.center).length() < survey.radius
@@ -119,7 +119,7 @@ pub(super) fn closer_looks_around(survey: &Survey, overviews: &[Candidate]) -> V
         let mut eyes: Vec<&Candidate> = overviews.iter().collect();
         eyes.sort_by(|a, b| a.eye.distance_squared(target).total_cmp(&b.eye.distance_squared(target)));
         eyes.into_iter().take(N_EYES).map(move |&overview| Candidate {
-            // Spots lie on the rim; a little inward there is more to see.
+            // Spots lie on the rim. There is more to see a little further in.
             target: survey.center + 0.8 * (target - survey.center),
             tan_half: overview.tan_half / CLOSER,
             is_overview: false,
@@ -190,7 +190,7 @@ fn spots(survey: &Survey) -> Vec<Vec3> {
     spread(&free, N_SPOTS, |_| true)
 }
 
-/// Whether next to no mass lies within `room` of `spot`.
+/// Whether hardly any mass lies within `room` of `spot`.
 fn is_free(survey: &Survey, spot: Vec3, room: f32) -> bool {
     let distances = survey
         .stand_in
@@ -198,12 +198,12 @@ fn is_free(survey: &Survey, spot: Vec3, room: f32) -> bool {
         .iter()
         .zip(&survey.stand_in.scales)
         .map(|(mean, scales)| mean.distance(spot) - scales.max_element());
-    // A thousandth: stray Gaussians float everywhere.
+    // A thousandth of the mass may be nearer, because stray Gaussians float everywhere.
     let [nearest] = quantiles(distances, &survey.masses, [0.001]);
     nearest > room
 }
 
-/// Up to `n` of the points that are `eligible`, each as far from those before it as can be; the first eligible first.
+/// Up to `n` of the points that are `eligible`, beginning with the first and each as far as possible from those before it.
 fn spread(points: &[Vec3], n: usize, eligible: impl Fn(usize) -> bool) -> Vec<Vec3> {
     let points: Vec<Vec3> = (0..points.len()).filter(|&i| eligible(i)).map(|i| points[i]).collect();
     let Some(&first) = points.first() else { return Vec::new() };

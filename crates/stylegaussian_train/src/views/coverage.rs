@@ -1,4 +1,4 @@
-//! What cameras see of a scene, and the choice among them.
+//! The Gaussians that candidate cameras see, and the choice among the cameras.
 
 use glam::UVec2;
 use rayon::prelude::*;
@@ -9,31 +9,32 @@ use super::{candidates::Candidate, survey::Survey};
 /// Size of test views, in pixels.
 const TEST_SIZE: UVec2 = UVec2::splat(64);
 
-/// A Gaussian counts as seen from this many pixels of a test view.
+/// Pixels of a test view from which on a Gaussian counts as seen.
 const SEEN: f32 = 0.02;
 
-/// Pixels of a test view at which seeing a Gaussian again, or larger, begins to matter less.
+/// Pixels of a test view from which on it matters less to see a Gaussian again, or larger.
 const WELL_SEEN: f32 = 0.2;
 
-/// The share of a picture that may be blocked by things in the way.
+/// Largest share of a picture that things in the way may block.
 const MOST_BLOCKED: f32 = 0.15;
 
-/// The share of a picture that must show something.
+/// Least share of a picture that must show the scene.
 const LEAST_COVERED: f32 = 0.1;
 
-/// One in this many chosen views is an overview, whatever closer looks would add: style lives in large shapes too.
+/// One in this many chosen views is an overview, even if closer looks would add more, because style lives in large shapes
+/// too.
 const OVERVIEW_EVERY: usize = 2;
 
-/// Candidates and what each of them sees.
+/// Candidates and the Gaussians that each of them sees.
 pub(super) struct TestViews(Vec<TestView>);
 
 struct TestView {
     candidate: Candidate,
-    /// How many pixels of the test view each Gaussian of the stand-in fills `[n]`.
+    /// Pixels of the test view that each Gaussian of the simplified scene fills `[n]`.
     pixels: Vec<f32>,
-    /// The share of the picture that shows something, 0..1.
+    /// The share of the picture that shows the scene, 0..1.
     covered: f32,
-    /// Whether the picture is worth taking: something is in it, and nothing in the way.
+    /// Whether the picture shows enough of the scene and nothing is in the way.
     usable: bool,
 }
 
@@ -52,7 +53,7 @@ impl TestView {
         Self { candidate, pixels, covered, usable: blocked < MOST_BLOCKED && covered > LEAST_COVERED }
     }
 
-    /// What this view adds to sum_i log(1 + pixels of i / [`WELL_SEEN`]) when `total` has been seen.
+    /// The increase of sum_i log(1 + pixels of i / [`WELL_SEEN`]) by this view, if `total` has been seen before.
     fn gain(&self, total: &[f32]) -> f64 {
         let log = |(total, pixels): (&f32, &f32)| f64::from((pixels / (WELL_SEEN + total)).ln_1p());
         total.iter().zip(&self.pixels).map(log).sum()
@@ -60,29 +61,29 @@ impl TestView {
 }
 
 impl TestViews {
-    /// Looks from each of `candidates`.
+    /// Renders a test view from each of `candidates`.
     pub fn take(survey: &Survey, candidates: Vec<Candidate>) -> Self {
         Self(candidates.into_par_iter().map(|candidate| TestView::take(survey, candidate)).collect())
     }
 
-    /// These views and `others`.
+    /// These views together with `others`.
     pub fn and(mut self, others: Self) -> Self {
         self.0.extend(others.0);
         self
     }
 
-    /// The candidates whose pictures are worth taking.
+    /// The candidates with usable pictures.
     pub fn usable(&self) -> Vec<Candidate> {
         self.0.iter().filter(|view| view.usable).map(|view| view.candidate).collect()
     }
 
-    /// The mean share of the usable pictures that shows something, 0..1; 0 when none is usable.
+    /// The mean share of the usable pictures that shows the scene, 0..1, or 0 if none is usable.
     pub fn covered(&self) -> f32 {
         let usable: Vec<f32> = self.0.iter().filter(|view| view.usable).map(|view| view.covered).collect();
         usable.iter().sum::<f32>() / usable.len().max(1) as f32
     }
 
-    /// The share of the scene's Gaussians that are in any usable picture, 0..1.
+    /// The share of the scene's Gaussians that any usable picture shows, 0..1.
     pub fn share_seen(&self) -> f32 {
         let Some(n) = self.0.first().map(|view| view.pixels.len()) else { return 0.0 };
         let usable: Vec<&TestView> = self.0.iter().filter(|view| view.usable).collect();
@@ -90,8 +91,8 @@ impl TestViews {
         (0..n).filter(is_seen).count() as f32 / n.max(1) as f32
     }
 
-    /// The `n` candidates that, one after the other, add most to what has been seen, overviews and whatever is best by
-    /// turns. Once all usable ones are taken they are taken again.
+    /// Chooses `n` candidates, at each step the one that adds most to the views before it. Overviews alternate with the best
+    /// of all candidates. If all usable ones are taken, they are taken again.
     pub fn choose(self, n: usize) -> Vec<Candidate> {
         let any_usable = self.0.iter().any(|view| view.usable);
         let pool: Vec<&TestView> = self.0.iter().filter(|view| view.usable || !any_usable).collect();

@@ -1,24 +1,24 @@
-//! What a scene is like, measured so that stray Gaussians do not matter.
+//! Size, middle and direction of a scene, measured so that stray Gaussians do not matter.
 
 use glam::Vec3;
 use stylegaussian::Scene;
 
 use super::up::up;
 
-/// Gaussians of the stand-in: enough to tell surfaces from gaps at the size of test views.
+/// Number of Gaussians of the simplified scene: enough to distinguish surfaces from gaps at the size of test views.
 const N_STAND_IN: usize = 30_000;
 
-/// The share of the mass on either side, along each axis, that the box does not cover.
+/// The share of the mass on either side of the box, along each axis.
 const OUTSIDE_BOX: f32 = 0.02;
 
 /// The share of the mass within the radius.
 const WITHIN_RADIUS: f32 = 0.97;
 
-/// Size, middle and direction of a scene, and a stand-in for looking at it quickly.
+/// Size, middle and direction of a scene, and a simplified scene that renders quickly.
 pub(super) struct Survey {
-    /// Every so-many-th Gaussian of the scene, enlarged to fill the gaps.
+    /// A regular selection of the scene's Gaussians, enlarged to fill the gaps.
     pub stand_in: Scene,
-    /// Opacity times visible area, with the area of outsize Gaussians bounded `[n]`: the mass that quantiles refer to.
+    /// Mass of each Gaussian `[n]`, for quantiles: opacity times visible area, with a limit on the area of huge Gaussians.
     pub masses: Vec<f32>,
     /// The middle of the box that holds nearly all mass.
     pub center: Vec3,
@@ -26,12 +26,12 @@ pub(super) struct Survey {
     pub half_size: Vec3,
     /// Radius of the ball about the middle that holds nearly all mass, in scene units; above 0.
     pub radius: f32,
-    /// Unit vector.
+    /// The up direction, a unit vector.
     pub up: Vec3,
 }
 
 impl Survey {
-    /// `None` when the scene has nothing to see.
+    /// Surveys a scene, or returns `None` if nothing of it is visible.
     pub fn new(scene: &Scene) -> Option<Self> {
         let stand_in = stand_in(scene);
         let masses = masses(&stand_in);
@@ -57,8 +57,8 @@ impl Survey {
     }
 }
 
-/// A scene of [`N_STAND_IN`] Gaussians or fewer that looks much the same from afar: what remains is enlarged so that
-/// the total area stays.
+/// A scene of at most [`N_STAND_IN`] Gaussians that looks similar from afar. The remaining Gaussians are enlarged, so that the
+/// total area stays the same.
 fn stand_in(scene: &Scene) -> Scene {
     let stride = scene.len().div_ceil(N_STAND_IN).max(1);
     let indices: Vec<u32> = (0..scene.len() as u32).step_by(stride).collect();
@@ -84,12 +84,12 @@ fn masses(scene: &Scene) -> Vec<f32> {
             (a * b).max(b * c).max(c * a)
         })
         .collect();
-    // Backdrops are a few huge Gaussians; they must not outweigh what stands before them.
+    // Backdrops are a few huge Gaussians. They must not outweigh the things before them.
     let [bound] = quantiles(areas.iter().copied(), &vec![1.0; areas.len()], [0.9]);
     areas.iter().zip(&scene.opacities).map(|(area, opacity)| opacity * area.min(bound)).collect()
 }
 
-/// The values below which the given shares of the mass lie; 0 where there is no mass.
+/// The values below which the given shares of the mass lie, or 0 if there is no mass.
 pub(super) fn quantiles<const N: usize>(
     values: impl Iterator<Item = f32>,
     masses: &[f32],

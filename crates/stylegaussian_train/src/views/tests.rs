@@ -1,4 +1,4 @@
-//! Scenes of known shape: where may cameras stand, and what must they see?
+//! Scenes of known shape: positions of cameras, and the parts that they must see.
 
 use glam::{Quat, Vec3};
 use stylegaussian::splat::{Colors, render};
@@ -40,7 +40,7 @@ fn box_on_a_floor() -> Scene {
     scene
 }
 
-/// A room of 8 x 3 x 6, y up (told: floor and ceiling are alike), with furniture that is finer than the walls.
+/// A room of 8 x 3 x 6 with furniture finer than the walls. Its file gives y as up, because floor and ceiling are alike.
 fn room() -> Scene {
     let mut scene = Scene { up: Some(Vec3::Y), ..Scene::default() };
     add_box(&mut scene, Vec3::ZERO, Vec3::new(8.0, 3.0, 6.0), 24);
@@ -97,7 +97,7 @@ fn an_object_is_seen_from_outside_and_above_its_floor_too() {
         assert!(covered > 0.1, "an empty picture from {}", camera.position());
     }
     assert!(share_framed(&scene, &cameras) > 0.98);
-    // Overviews and closer looks by turns.
+    // Overviews and closer looks alternate.
     assert!(cameras[1].focal.x > 1.5 * cameras[0].focal.x);
 }
 
@@ -119,7 +119,7 @@ fn a_place_is_seen_from_within() {
     assert!(share_framed(&scene, &choose_views(&scene, 24, SIZE)) > 0.9);
 }
 
-/// Neither tiny nor huge scenes, whose overviews would lie within the rasterizer's near plane or far out.
+/// Tiny and huge scenes work too, although their overviews would lie within the near plane or far out.
 #[test]
 fn the_unit_of_length_does_not_matter() {
     for factor in [1e-3, 0.05, 30.0] {
@@ -148,7 +148,7 @@ fn up_is_told_or_guessed() {
     let mut poster = Scene::default();
     add_rectangle(&mut poster, Vec3::ZERO, 3.0 * Vec3::X, 2.0 * Vec3::Y, 20);
     check("a poster stands, y down", &poster, Vec3::NEG_Y);
-    // Without any normals, custom decides.
+    // Without any normals, the convention decides.
     let round = Scene { scales: vec![Vec3::splat(0.1); scene.len()], ..scene.clone() };
     check("no surface", &round, Vec3::NEG_Y);
 }

@@ -1,24 +1,24 @@
-//! Which way is up, where no file tells.
+//! The up direction of a scene whose file does not give one.
 //!
-//! Captures carry no gravity, but what people build and stand on does: floors and table tops are the one direction that
-//! surfaces share most. Trainers start from COLMAP, whose y axis mostly points down, so that axis is believed first.
+//! Captures do not record gravity, but floors and table tops show it: up is the direction that most surfaces share.
+//! Trainers start from COLMAP, and its y axis mostly points down, so that axis is the first guess.
 
 use glam::{Mat3, Vec3};
 use stylegaussian::Scene;
 
 /// Gaussians flatter than this (thinnest over middle axis) have a normal.
 const FLAT: f32 = 0.5;
-/// Normals within these cosines of a direction pull it towards them (25, 12 and 8 degrees), one step each.
+/// Normals within these cosines of a direction pull it toward them (25, 12 and 8 degrees), one step each.
 const PULLING_COSINES: [f32; 6] = [0.906, 0.906, 0.978, 0.978, 0.99, 0.99];
 /// Normals within this cosine of a direction belong to its surfaces (12 degrees).
 const LEVEL_COSINE: f32 = 0.978;
-/// How many times more level mass another axis needs before y is not believed.
+/// Factor of level mass that another axis needs over y to replace it.
 const PRIOR_OF_Y: f32 = 2.5;
-/// A scene thinner than this along a rival axis, in its larger extents, is a panel that could as well stand upright.
+/// A scene thinner than this along another axis, relative to its larger extents, is a panel that could stand upright.
 const PANEL: f32 = 0.25;
-/// How many times more level mass must lie on one side before it, and not custom, says where down is.
+/// Factor of level mass on one side over the other from which on it decides where down is, instead of the convention.
 const FLOOR_OVER_CEILING: f32 = 2.0;
-/// ... and the least share of all mass that makes a floor.
+/// Least share of all mass that counts as a floor.
 const FLOOR_SHARE: f32 = 0.1;
 
 /// A unit vector: the scene's own `up`, or a guess. `half_size` is half the scene's box, along the world's axes.
@@ -27,7 +27,7 @@ pub(super) fn up(scene: &Scene, masses: &[f32], half_size: Vec3) -> Vec3 {
         return up;
     }
     let normals = normals(scene, masses);
-    // By custom: y down (3DGS), z up (Blender), and x up, which nobody uses.
+    // The conventions: y down (3DGS), z up (Blender); x up is not used by anyone.
     let [x, y, z] = [Vec3::X, Vec3::NEG_Y, Vec3::Z].map(|custom| {
         let axis = refined(custom, &normals);
         (axis, level_mass(axis, &normals))
@@ -38,7 +38,7 @@ pub(super) fn up(scene: &Scene, masses: &[f32], half_size: Vec3) -> Vec3 {
     if is_upside_down(axis, &normals) { -axis } else { axis }
 }
 
-/// A flat Gaussian: where it is, which way it faces (either sign), and its mass.
+/// A flat Gaussian: its position, its normal (of either sign) and its mass.
 struct Surface {
     at: Vec3,
     normal: Vec3,
@@ -82,7 +82,7 @@ fn level_mass(axis: Vec3, surfaces: &[Surface]) -> f32 {
     level.map(|surface| surface.mass).sum()
 }
 
-/// Whether level surfaces lie above what else there is: things stand on floors.
+/// Whether level surfaces lie above everything else. Then the guess is upside down, because things stand on floors.
 fn is_upside_down(axis: Vec3, surfaces: &[Surface]) -> bool {
     let total: f32 = surfaces.iter().map(|surface| surface.mass).sum();
     let middle = surfaces.iter().map(|surface| surface.mass * surface.at.dot(axis)).sum::<f32>() / total;

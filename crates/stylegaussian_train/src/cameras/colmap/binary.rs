@@ -49,7 +49,7 @@ pub(super) fn images(path: &Path) -> Result<Vec<Image>, CamerasError> {
     Ok(images)
 }
 
-/// What is left of a file.
+/// The rest of a file.
 struct Bytes<'a> {
     path: &'a Path,
     rest: &'a [u8],

@@ -5,7 +5,7 @@ use std::{path::Path, str::FromStr};
 use super::{CamerasError, Image, Lens, Lenses, MODELS, invalid};
 use crate::cameras::posed::read;
 
-/// The lenses of cameras.txt: a line each, CAMERA_ID MODEL WIDTH HEIGHT PARAMETERS...
+/// The lenses of cameras.txt, one line each: CAMERA_ID MODEL WIDTH HEIGHT PARAMETERS...
 pub(super) fn cameras(path: &Path) -> Result<Lenses, CamerasError> {
     let mut lenses = Lenses::new();
     for (number, line) in lines(path)? {
@@ -29,8 +29,8 @@ pub(super) fn cameras(path: &Path) -> Result<Lenses, CamerasError> {
     Ok(lenses)
 }
 
-/// The images of images.txt: two lines each, IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then the image's points,
-/// which may be an empty line.
+/// The images of images.txt, two lines each: IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then the image's points, which
+/// may be an empty line.
 pub(super) fn images(path: &Path) -> Result<Vec<Image>, CamerasError> {
     let mut images = Vec::new();
     let mut lines = lines(path)?.into_iter();
@@ -56,7 +56,7 @@ pub(super) fn images(path: &Path) -> Result<Vec<Image>, CamerasError> {
     Ok(images)
 }
 
-/// The trimmed lines that are no comments, with their numbers from 1.
+/// The trimmed lines that are not comments, with their numbers from 1.
 fn lines(path: &Path) -> Result<Vec<(usize, String)>, CamerasError> {
     let bytes = read(path)?;
     let text = String::from_utf8_lossy(&bytes);
@@ -64,7 +64,7 @@ fn lines(path: &Path) -> Result<Vec<(usize, String)>, CamerasError> {
     Ok(numbered.filter(|(_, line)| !line.starts_with('#')).collect())
 }
 
-/// A line being read word by word.
+/// A line, read word by word.
 struct Line<'a> {
     path: &'a Path,
     what: String,

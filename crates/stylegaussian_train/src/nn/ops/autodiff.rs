@@ -1,4 +1,4 @@
-//! How gradients pass through the custom operations.
+//! Gradients of the custom operations.
 
 use std::sync::Arc;
 
@@ -44,7 +44,7 @@ impl<B: TrainingOps> Backward<B, 3> for WindowsConv {
     }
 }
 
-/// An operation's one argument gets `gradient`, made of the state and of the result's gradient.
+/// Registers the gradient of an operation's one argument, computed from the state and the result's gradient.
 fn pass_back<B: Backend, S>(
     ops: Ops<S, 1>,
     grads: &mut Gradients,

@@ -1,7 +1,7 @@
-//! The custom operations as gathers, products and sums, for backends without a kernel of their own.
+//! The custom operations as gathers, products and sums, for backends without their own kernels.
 //!
-//! No scatter-adds: GPU backends run those as one invocation for each channel, which walks all rows. Rows that are added
-//! up lie side by side instead ([`segment_sums`]).
+//! They use no scatter-adds, because GPU backends run those as one invocation for each channel, which visits all rows.
+//! Instead, rows that are added up lie side by side ([`segment_sums`]).
 
 use burn::{
     backend::{
@@ -14,9 +14,8 @@ use stylegaussian::splat::BlendWeights;
 
 use super::{Windows, pixels::VARIANCE_EPSILON};
 
-/// Values that an operation gathers at a time: 64 MiB of f32, half of what every WebGPU adapter binds, so that memory
-/// does not grow with pictures and scenes.
-/// In tests so few that every operation is cut.
+/// Values that an operation gathers at a time: 64 MiB of f32, half of the binding size that every WebGPU adapter supports.
+/// Memory then does not grow with pictures and scenes. Tests use so few that every operation is cut.
 const GATHERED_VALUES: usize = if cfg!(test) { 100 } else { 16 << 20 };
 
 pub(super) fn windows_conv<B: Backend>(
@@ -77,7 +76,7 @@ pub(super) fn windows_conv_backward_weight<B: Backend>(
     })
 }
 
-/// The windows `[N, K]` in parts, of as many as [`GATHERED_VALUES`] holds of rows like x's.
+/// The windows `[N, K]` in parts, each with as many windows of x's rows as [`GATHERED_VALUES`] allows.
 fn window_parts<'a, B: Backend>(x: &FloatTensor<B>, windows: &'a Windows) -> std::slice::Chunks<'a, u32> {
     let width = windows.k * x.shape()[1];
     windows.neighbors.chunks((GATHERED_VALUES / width.max(1)).max(1) * windows.k)
@@ -95,7 +94,7 @@ pub(super) fn splat_backward<B: Backend>(grad: FloatTensor<B>, weights: &BlendWe
     blend::<B>(grad, weights, &pixels(weights), &weights.indices, weights.n_gaussians)
 }
 
-/// The cells of each pooled cell, one in four windows `[h * w]`; beyond the edge the last line again.
+/// The four pixels of each pooled pixel, as four lists `[h * w]`. Beyond the edge the last line is repeated.
 fn pooled_cells([width, height]: [usize; 2]) -> [Vec<u32>; 4] {
     let (columns, lines) = (width.div_ceil(2), height.div_ceil(2));
     [0, 1, 2, 3].map(|corner| {
@@ -128,13 +127,13 @@ pub(super) fn max_pool_backward<B: Backend>(
     let pooled = |i: usize| (i / width / 2 * width.div_ceil(2) + i % width / 2) as u32;
     let pooled: Vec<u32> = (0..width * height).map(pooled).collect();
     let spread = |tensor| B::float_select(tensor, 0, indices::<B>(&pooled, &device));
-    // 1 where x is its window's largest, 0 where it is less.
+    // 1 if x is the largest of its window, otherwise 0.
     let below = B::float_sign(B::float_sub(spread(y), x));
     let spread_grad = spread(grad);
     B::float_sub(spread_grad.clone(), B::float_mul(spread_grad, below))
 }
 
-/// Shares `[N, C]`, one row for each.
+/// Shares as rows `[N, C]`.
 fn spread_shares<B: Backend>(x: &FloatTensor<B>, shares: &[f32]) -> FloatTensor<B> {
     let column = B::float_from_data(TensorData::new(shares.to_vec(), [shares.len(), 1]), &x.device());
     B::float_expand(column, x.shape().clone())
@@ -175,19 +174,19 @@ fn indices<B: Backend>(rows: &[u32], device: &Device<B>) -> IntTensor<B> {
     B::int_from_data(TensorData::new(rows, shape), device)
 }
 
-/// `[N, K * D_in]` of windows `[N, K]`.
+/// The rows of x in each of the windows `[N, K]`, side by side `[N, K * D_in]`.
 fn gather_windows<B: Backend>(x: &FloatTensor<B>, windows: &[u32], k: usize) -> FloatTensor<B> {
     let gathered = B::float_select(x.clone(), 0, indices::<B>(windows, &x.device()));
     B::float_reshape(gathered, Shape::new([windows.len() / k, k * x.shape()[1]]))
 }
 
-/// The pixel of every blending weight.
+/// The pixel of every blend weight.
 fn pixels(weights: &BlendWeights) -> Vec<u32> {
     let spans = weights.starts.windows(2).enumerate();
     spans.flat_map(|(pixel, span)| (span[0]..span[1]).map(move |_| pixel as u32)).collect()
 }
 
-/// target[to_i] += w_i source[from_i].
+/// Sums of rows: target[to_i] += w_i source[from_i].
 fn blend<B: Backend>(
     source: FloatTensor<B>,
     weights: &BlendWeights,
@@ -200,13 +199,13 @@ fn blend<B: Backend>(
 }
 
 /// Rows that one round of [`segment_sums`] adds up. Segments are padded to a multiple of it, and the number of rounds is
-/// the longest segment's logarithm to this base: 8 is the length of most decoder windows read backwards.
+/// the longest segment's logarithm to this base. Most reverse lists of decoder neighborhoods have 8 entries.
 const FAN_IN: usize = 8;
 
-/// For each target, which rows of a source are added up, and by which factors.
+/// The rows of a source that are added up for each target, and their factors.
 #[derive(Clone)]
 pub(super) struct Segments {
-    /// Where each target's entries start `[n_target + 1]`.
+    /// Start of each target's entries `[n_target + 1]`.
     starts: Vec<usize>,
     /// Source row and factor of each entry, in the targets' order.
     entries: Vec<(u32, f32)>,
@@ -228,8 +227,8 @@ impl Segments {
         Self { starts, entries: sorted }
     }
 
-    /// Each segment padded with rows that do not count, to a multiple of [`FAN_IN`] and at least once that; then the
-    /// segments of the sums.
+    /// Segments padded with rows of factor 0 to a multiple of [`FAN_IN`], at least one multiple; then the segments of the
+    /// sums.
     fn pad(self) -> (Vec<(u32, f32)>, Self) {
         let mut padded = Vec::with_capacity(self.entries.len() + self.starts.len() * FAN_IN / 2);
         let mut starts = vec![0];
@@ -244,7 +243,7 @@ impl Segments {
         (padded, Self { starts, entries })
     }
 
-    /// Cut between targets where more than `n_slots` padded entries would come together.
+    /// Cuts between targets, so that no part has more than `n_slots` padded entries.
     pub(super) fn split(self, n_slots: usize) -> Vec<Self> {
         let mut parts = Vec::new();
         let (mut first, mut slots) = (0, 0);
@@ -273,14 +272,14 @@ impl Segments {
     }
 }
 
-/// One row for each target, of the rows of `source` `[N, C]`, a part of the targets at a time.
+/// One row for each target, from the rows of `source` `[N, C]`, for a part of the targets at a time.
 pub(super) fn segment_sums<B: Backend>(source: FloatTensor<B>, segments: Segments) -> FloatTensor<B> {
     let n_slots = GATHERED_VALUES / source.shape()[1].max(1);
     let parts = segments.split(n_slots);
     concatenate::<B>(parts.into_iter().map(|part| sums::<B>(source.clone(), part)).collect(), 0)
 }
 
-/// Rounds of [`FAN_IN`] rows each, all segments at once.
+/// Adds up all segments at once, in rounds of [`FAN_IN`] rows each.
 fn sums<B: Backend>(source: FloatTensor<B>, mut segments: Segments) -> FloatTensor<B> {
     let (n_channels, device) = (source.shape()[1], source.device());
     let mut rows = source;

@@ -1,8 +1,8 @@
-//! The windows of convolutions over pictures in rows, `[n * H * W, C]`.
+//! The windows of convolutions over pictures in rows `[n * H * W, C]`.
 
 use super::Windows;
 
-/// Line `i`, which may lie outside, of a picture of `n` lines: reflected at the border, which is not repeated itself.
+/// The line of a picture of `n` lines that `i` reflects to, if it lies outside. The border itself is not repeated.
 fn reflected(i: isize, n: usize) -> usize {
     let last = n as isize - 1;
     let i = i.abs();
@@ -10,11 +10,11 @@ fn reflected(i: isize, n: usize) -> usize {
 }
 
 impl Windows {
-    /// The `kernel` x `kernel` windows at every `stride`-th line and column of `n` pictures below one another, each of
+    /// The `kernel` x `kernel` windows at every `stride`-th line and column of `n` pictures, stacked vertically, each of
     /// `size` = [W, H] and reflected at its own border.
     ///
-    /// A window's middle, or the cell before it where the kernel is even, is at the window's own place: there are
-    /// ceil(W / stride) x ceil(H / stride) of them in each picture.
+    /// A window's middle is at the window's own position; if the kernel is even, that is the pixel before the middle. Each
+    /// picture has ceil(W / stride) x ceil(H / stride) windows.
     pub fn of_pictures(size: [usize; 2], n: usize, kernel: usize, stride: usize) -> Self {
         let [width, height] = size;
         let [columns, lines] = size.map(|side| side.div_ceil(stride));

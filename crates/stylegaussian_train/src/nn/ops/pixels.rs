@@ -1,14 +1,15 @@
-//! CPU kernels of the loss's network on pictures in rows, `[H * W, C]`: max-pooling, channel statistics.
+//! CPU kernels of the loss network on pictures in rows `[H * W, C]`: max-pooling and channel statistics.
 
 use rayon::prelude::*;
 
-/// Rows summed in f32 before their sum goes on in f64.
+/// Rows that are summed in f32 before their sum is added in f64.
 const BLOCK_ROWS: usize = 512;
 
-/// Added to variances under the root, whose gradient has no bound at 0.
+/// Added to variances under the root, because the root's gradient is unbounded at 0.
 pub const VARIANCE_EPSILON: f32 = 1e-8;
 
-/// 2x2 max-pooling of x `[H * W, C]`, `size` = [W, H]; an odd side keeps its last line. Gives `[h * w, C]`.
+/// 2x2 max-pooling of x `[H * W, C]`, `size` = [W, H], to `[h * w, C]`. If a side is odd, its last
+/// line is kept.
 pub fn max_pool(x: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     let n_channels = x.len() / (width * height);
     let n_columns = width.div_ceil(2);
@@ -23,8 +24,8 @@ pub fn max_pool(x: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     y
 }
 
-/// Gradient with respect to x, from y = [`max_pool`] (x) and its gradient: each goes to where the maximum came from.
-/// Cells that are equal share their gradient whole, which happens only behind a ReLU, at 0, where none goes on.
+/// Gradient with respect to x, from y = [`max_pool`] (x) and its gradient, which goes to the maximum of each window. If
+/// several are equal, each gets the whole gradient. That happens only after a ReLU, at 0, which lets no gradient through.
 pub fn max_pool_backward(x: &[f32], y: &[f32], grad_y: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     let n_channels = x.len() / (width * height);
     let n_columns = width.div_ceil(2);
@@ -45,7 +46,7 @@ pub fn max_pool_backward(x: &[f32], y: &[f32], grad_y: &[f32], [width, height]: 
     grad_x
 }
 
-/// Mean and standard deviation `[2, C]` of rows x `[N, C]` of which each counts for its share `[N]`; shares sum to 1.
+/// Mean and standard deviation `[2, C]` of rows x `[N, C]` weighted by their shares `[N]`, which sum to 1.
 pub fn row_statistics(x: &[f32], shares: &[f32]) -> Vec<f32> {
     let n_channels = x.len() / shares.len();
     let mean = weighted_sum(x, shares, n_channels, |value, _| value);
@@ -77,7 +78,7 @@ fn weighted_sum(
 }
 
 /// Gradient with respect to x, from `statistics` = [`row_statistics`] (x) `[2, C]` and their gradient:
-/// share (g_mean + g_std (x - mean) / std). The deviation's dependence on the mean cancels, as shares sum to 1.
+/// share (g_mean + g_std (x - mean) / std). The deviation's dependence on the mean cancels, because shares sum to 1.
 pub fn row_statistics_backward(x: &[f32], shares: &[f32], statistics: &[f32], grad: &[f32]) -> Vec<f32> {
     let n_channels = x.len() / shares.len();
     let (mean, std_dev) = statistics.split_at(n_channels);

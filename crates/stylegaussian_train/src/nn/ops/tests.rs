@@ -1,4 +1,4 @@
-//! The CPU kernels against the composed operations, and recorded gradients against finite differences.
+//! Compares the CPU kernels with the composed operations, and recorded gradients with finite differences.
 
 use burn::tensor::Shape;
 use glam::UVec2;
@@ -99,7 +99,7 @@ fn segments_of_any_length_add_up() {
     assert_eq!(parts.iter().map(composed::Segments::n_targets).collect::<Vec<_>>(), [2, 1, 1, 1, 1]);
 }
 
-/// A ReLU's convolution against the plain one, whose gradients are checked below.
+/// Compares a convolution with ReLU with the plain one. The latter's gradients are checked below.
 #[test]
 fn a_rectified_convolution_is_the_plain_one_and_a_relu() {
     let device = burn::tensor::Device::flex().autodiff();
@@ -150,7 +150,7 @@ fn splat_matches_composed_operations() {
     );
 }
 
-/// The gradients that autodiff records against finite differences of a loss that is linear in each argument.
+/// Compares recorded gradients with finite differences of a loss that is linear in each argument.
 #[test]
 fn recorded_gradients_match_finite_differences() {
     let device = burn::tensor::Device::flex().autodiff();
