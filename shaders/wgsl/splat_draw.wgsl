@@ -9,27 +9,25 @@ struct SplatDraw {
 
 @group(0) @binding(0) var<uniform> view: SplatDraw;
 @group(0) @binding(1) var<storage, read> counts: SplatCounts;
-/// Slots of the visible splats, front to back.
-@group(0) @binding(2) var<storage, read> slots: array<u32>;
-@group(0) @binding(3) var<storage, read> places: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> looks: array<vec4<u32>>;
+/// Record indices of the visible splats, front to back.
+@group(0) @binding(2) var<storage, read> record_indices: array<u32>;
+@group(0) @binding(3) var<storage, read> geometry_halves: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> color_halves: array<vec4<u32>>;
 
-/// No splat hides what is behind it completely.
-const MAX_ALPHA: f32 = 0.99;
 
 struct Quad {
     @builtin(position) position: vec4<f32>,
     /// Center in pixels of the target, slope, row_precision.
-    @location(0) @interpolate(flat) place: vec4<f32>,
+    @location(0) @interpolate(flat) geometry: vec4<f32>,
     @location(1) @interpolate(flat) y_precision: f32,
     @location(2) @interpolate(flat) color: vec4<f32>,
 }
 
 @vertex
 fn splat_draw_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32) -> Quad {
-    let slot = slots[counts.n_visible - 1u - instance];
-    let place = places[slot];
-    let splat = unpacked(place, looks[slot]);
+    let record = record_indices[counts.n_visible - 1u - instance];
+    let geometry = geometry_halves[record];
+    let splat = unpacked(geometry, color_halves[record]);
 
     // The footprint is where q <= cutoff. Its two squares are the coordinates in which it is a circle, so the square
     // around that circle is the parallelogram around the footprint; no parallelogram around it is smaller.
@@ -39,14 +37,14 @@ fn splat_draw_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index
     let dx = square.x * reach * inverseSqrt(splat.row_precision) + splat.slope * dy;
     let pixel = splat.center + vec2(dx, dy) - view.viewport.xy;
     let ndc = (pixel / view.viewport.zw * 2.0 - 1.0) * vec2(1.0, -1.0);
-    return Quad(vec4(ndc, splat.depth, 1.0), place, splat.y_precision, vec4(splat.color, splat.opacity));
+    return Quad(vec4(ndc, splat.depth, 1.0), geometry, splat.y_precision, vec4(splat.color, splat.opacity));
 }
 
 @fragment
 fn splat_draw_fragment(quad: Quad) -> @location(0) vec4<f32> {
-    let d = quad.position.xy - quad.place.xy;
-    let du = d.x - quad.place.z * d.y;
-    let q = quad.place.w * du * du + quad.y_precision * d.y * d.y;
+    let d = quad.position.xy - quad.geometry.xy;
+    let du = d.x - quad.geometry.z * d.y;
+    let q = quad.geometry.w * du * du + quad.y_precision * d.y * d.y;
     let alpha = min(MAX_ALPHA, quad.color.a * exp(-0.5 * q));
     if alpha < MIN_ALPHA {
         discard;

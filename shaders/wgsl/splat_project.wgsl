@@ -34,7 +34,7 @@ struct SplatChunk {
     /// Index of the chunk's first Gaussian in its scene.
     first_gaussian: u32,
     /// Index of the chunk's first record.
-    first_slot: u32,
+    first_record: u32,
     /// Degree of the spherical harmonics, or `NO_SH`.
     sh_degree: u32,
     /// `FROM_CAPTURED_COLORS`, `TO_CAPTURED_COLORS`, `BY_DISTANCE`.
@@ -54,8 +54,8 @@ struct PackedGaussian {
 
 @group(0) @binding(0) var<uniform> chunk: SplatChunk;
 @group(0) @binding(1) var<storage, read_write> keys: array<u32>;
-@group(0) @binding(2) var<storage, read_write> places: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read_write> looks: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read_write> geometry_halves: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> color_halves: array<vec4<u32>>;
 @group(1) @binding(0) var<storage, read> gaussians: array<PackedGaussian>;
 @group(1) @binding(2) var<storage, read> colors_from: array<vec2<u32>>;
 @group(1) @binding(3) var<storage, read> colors_to: array<vec2<u32>>;
@@ -196,15 +196,15 @@ fn splat_project(
     if index >= chunk.n_gaussians {
         return;
     }
-    let slot = chunk.first_slot + index;
+    let record = chunk.first_record + index;
     let gaussian = gaussians[index];
     var projected = project(gaussian);
     if !projected.visible {
-        keys[slot] = INVISIBLE;
+        keys[record] = INVISIBLE;
         return;
     }
     projected.splat.color = color(index, gaussian.mean);
-    keys[slot] = sort_key(projected.distance);
-    places[slot] = packed_place(projected.splat);
-    looks[slot] = packed_look(projected.splat);
+    keys[record] = sort_key(projected.distance);
+    geometry_halves[record] = packed_geometry(projected.splat);
+    color_halves[record] = packed_color(projected.splat);
 }

@@ -3,7 +3,7 @@
 /// How many records a view has room for, and how many of them hold a visible splat.
 struct SplatCounts {
     /// One for each Gaussian of each cloud; written by the CPU.
-    n_slots: u32,
+    n_records: u32,
     /// Written by `splat_sort_counts`.
     n_visible: u32,
 }
@@ -44,12 +44,12 @@ struct Splat {
 }
 
 /// The half of a record that tells where: center, slope, row_precision.
-fn packed_place(splat: Splat) -> vec4<f32> {
+fn packed_geometry(splat: Splat) -> vec4<f32> {
     return vec4(splat.center, splat.slope, splat.row_precision);
 }
 
 /// The half of a record that tells what: y_precision, depth, color and opacity as f16.
-fn packed_look(splat: Splat) -> vec4<u32> {
+fn packed_color(splat: Splat) -> vec4<u32> {
     return vec4(
         bitcast<u32>(splat.y_precision),
         bitcast<u32>(splat.depth),
@@ -58,22 +58,20 @@ fn packed_look(splat: Splat) -> vec4<u32> {
     );
 }
 
-fn unpacked(place: vec4<f32>, look: vec4<u32>) -> Splat {
-    let red_green = unpack2x16float(look.z);
-    let blue_opacity = unpack2x16float(look.w);
+fn unpacked(geometry: vec4<f32>, color: vec4<u32>) -> Splat {
+    let red_green = unpack2x16float(color.z);
+    let blue_opacity = unpack2x16float(color.w);
     return Splat(
-        place.xy,
-        place.z,
-        place.w,
-        bitcast<f32>(look.x),
-        bitcast<f32>(look.y),
+        geometry.xy,
+        geometry.z,
+        geometry.w,
+        bitcast<f32>(color.x),
+        bitcast<f32>(color.y),
         vec3(red_green, blue_opacity.x),
         blue_opacity.y,
     );
 }
 
-/// The smallest alpha that is drawn.
-const MIN_ALPHA: f32 = 1.0 / 255.0;
 
 /// The q at which alpha falls to `MIN_ALPHA`.
 fn cutoff(opacity: f32) -> f32 {

@@ -1,20 +1,20 @@
 // The radix sort of splats by key, least significant digit first (Satish, Harris and Garland, "Designing Efficient
 // Sorting Algorithms for Manycore GPUs", 2009): stable, so ties keep the order of their Gaussians and never flicker.
 //
-// A pass sorts by one digit in three kernels: `splat_sort_histogram` counts each tile's digits, `splat_sort_scan` turns
+// A pass sorts by one digit in three kernels: `splat_sort_histogram` counts each partition's digits, `splat_sort_scan` turns
 // the counts into places, `splat_sort_scatter` moves keys there. The first pass also drops what no pixel sees: the keys
-// of all slots go in, those of the visible ones come out.
+// of all record indices go in, those of the visible ones come out.
 
 /// Values of a digit of 8 bits: one for each invocation of a workgroup.
 const N_DIGITS: u32 = WORKGROUP;
 /// Keys that each invocation handles.
-const ROUNDS: u32 = TILE / N_DIGITS;
+const ROUNDS: u32 = SORT_PARTITION / N_DIGITS;
 
 /// One of the passes of the sort.
 struct SortPass {
     /// Position of the digit's lowest bit.
     shift: u32,
-    /// 1 in the first pass, whose values are the slots themselves.
+    /// 1 in the first pass, whose values are the record indices themselves.
     first: u32,
     padding: vec2<u32>,
 }
@@ -24,12 +24,12 @@ struct SortPass {
 
 /// How many keys go into this pass.
 fn n_keys() -> u32 {
-    return select(counts.n_visible, counts.n_slots, sort_pass.first == 1u);
+    return select(counts.n_visible, counts.n_records, sort_pass.first == 1u);
 }
 
-/// From one digit's counts to the next one's: tiles in the largest pass.
-fn tile_stride() -> u32 {
-    return (counts.n_slots + TILE - 1u) / TILE;
+/// From one digit's counts to the next one's: partitions in the largest pass.
+fn partition_stride() -> u32 {
+    return (counts.n_records + SORT_PARTITION - 1u) / SORT_PARTITION;
 }
 
 fn digit_of(key: u32) -> u32 {

@@ -1,41 +1,41 @@
-// `splat_sort_scatter` on adapters that are a CPU: one invocation moves a tile, key by key, in step with
-// those of the tiles beside it.
+// `splat_sort_scatter` on adapters that are a CPU: one invocation moves a partition, key by key, in step with
+// those of the partitions beside it.
 
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>;
 @group(0) @binding(3) var<storage, read> values_in: array<u32>;
-/// `[digit, tile]`: keys with that digit in the tiles before.
-@group(0) @binding(4) var<storage, read> tile_offsets: array<u32>;
+/// `[digit, partition]`: keys with that digit in the partitions before.
+@group(0) @binding(4) var<storage, read> partition_offsets: array<u32>;
 /// Keys with each digit `[digit]`.
 @group(0) @binding(5) var<storage, read> digit_counts: array<u32>;
 @group(0) @binding(6) var<storage, read_write> keys_out: array<u32>;
 @group(0) @binding(7) var<storage, read_write> values_out: array<u32>;
 
 /// Where the next key with each digit goes `[digit, lane]`.
-var<workgroup> next: array<u32, N_DIGITS * IN_STEP>;
+var<workgroup> next: array<u32, N_DIGITS * SOFTWARE_WORKGROUP>;
 
-@compute @workgroup_size(IN_STEP)
+@compute @workgroup_size(SOFTWARE_WORKGROUP)
 fn splat_sort_scatter_serial(
     @builtin(global_invocation_id) invocation: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let tile = invocation.x;
-    let first = tile * TILE;
-    // There are as many workgroups as tiles: the last ones have nothing to do.
+    let partition = invocation.x;
+    let first = partition * SORT_PARTITION;
+    // There are as many workgroups as partitions: the last ones have nothing to do.
     if first >= n_keys() {
         return;
     }
     var before = 0u;
     for (var digit = 0u; digit < N_DIGITS; digit++) {
-        next[digit * IN_STEP + lane] = before + tile_offsets[digit * tile_stride() + tile];
+        next[digit * SOFTWARE_WORKGROUP + lane] = before + partition_offsets[digit * partition_stride() + partition];
         before += digit_counts[digit];
     }
-    let end = min(first + TILE, n_keys());
+    let end = min(first + SORT_PARTITION, n_keys());
     for (var i = first; i < end; i++) {
         let key = keys_in[i];
         if key == INVISIBLE {
             continue;
         }
-        let of_digit = digit_of(key) * IN_STEP + lane;
+        let of_digit = digit_of(key) * SOFTWARE_WORKGROUP + lane;
         let place = next[of_digit];
         next[of_digit] = place + 1u;
         keys_out[place] = key;

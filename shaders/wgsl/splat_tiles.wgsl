@@ -1,18 +1,18 @@
-// The picture in cells: squares of `CELL` by `CELL` pixels, each with a list of the splats whose footprints reach into it,
-// front to back. On adapters that are a CPU, which draw faster from such lists than by quads (see `splat_cells_blend`).
+// The picture in tiles: squares of `TILE_SIZE` by `TILE_SIZE` pixels, each with a list of the splats whose footprints reach into it,
+// front to back. On adapters that are a CPU, which draw faster from such lists than by quads (see `splat_tiles_blend`).
 
-/// The cells of a view.
-struct SplatCells {
+/// The tiles of a view.
+struct SplatTiles {
     /// Left, top, width and height of the viewport, in pixels of the target.
     viewport: vec4<f32>,
-    /// Columns and rows of cells.
-    n_cells: vec2<u32>,
+    /// Columns and rows of tiles.
+    n_tiles: vec2<u32>,
     /// How many entries all lists together have room for.
     capacity: u32,
     padding: u32,
 }
 
-/// Columns and rows of the cells that a footprint may reach into, `last` included.
+/// Columns and rows of the tiles that a footprint may reach into, `last` included.
 struct Reach {
     first: vec2<u32>,
     last: vec2<u32>,
@@ -25,9 +25,9 @@ fn reach(splat: Splat) -> Reach {
     let variance_x = 1.0 / splat.row_precision + splat.slope * splat.slope * variance_y;
     let extent = sqrt(k * vec2(variance_x, variance_y));
     // Pixels are seen at their middles.
-    let center = splat.center - cells.viewport.xy - 0.5;
-    let end = vec2<f32>(cells.n_cells) - 1.0;
-    let side = f32(CELL);
+    let center = splat.center - tiles.viewport.xy - 0.5;
+    let end = vec2<f32>(tiles.n_tiles) - 1.0;
+    let side = f32(TILE_SIZE);
     return Reach(
         vec2<u32>(clamp(floor(ceil(center - extent) / side), vec2(0.0), end)),
         vec2<u32>(clamp(floor(floor(center + extent) / side), vec2(0.0), end)),
@@ -43,6 +43,6 @@ fn first_of_run(run: u32, n_visible: u32) -> u32 {
 struct RunProgress {
     /// Splats that are done.
     n_splats: u32,
-    /// Cells of the next one that are done.
-    n_cells: u32,
+    /// Tiles of the next one that are done.
+    n_tiles: u32,
 }
