@@ -7,8 +7,8 @@ use crate::{Layout, Source, layout};
 
 /// Invocations in a workgroup of every kernel of the pass.
 pub const WORKGROUP: u32 = 256;
-/// Keys in a partition of the sort: those that one workgroup handles.
-pub const SORT_PARTITION: u32 = 2048;
+/// Keys in a batch of the sort: those that one workgroup handles.
+pub const SORT_BATCH: u32 = 2048;
 /// Values of one digit of the sort.
 pub const N_DIGITS: u32 = WORKGROUP;
 /// Pixels along a side of a tile.
@@ -72,7 +72,7 @@ const SORT: &str = include_str!("../wgsl/splat_sort.wgsl");
 fn constants() -> String {
     let integers = crate::constants(&[
         ("WORKGROUP", WORKGROUP),
-        ("SORT_PARTITION", SORT_PARTITION),
+        ("SORT_BATCH", SORT_BATCH),
         ("TILE_SIZE", TILE_SIZE),
         ("N_RUNS", N_RUNS),
         ("SOFTWARE_WORKGROUP", SOFTWARE_WORKGROUP),
@@ -115,7 +115,7 @@ pub fn project() -> Source {
     source("splat_project", &[RECORDS, sh, include_str!("../wgsl/splat_project.wgsl")])
 }
 
-/// Counts the digits of each partition. `serial` is for software adapters.
+/// Counts the digits of each batch. `serial` is for software adapters.
 pub fn sort_histogram(serial: bool) -> Source {
     if serial {
         let kernel = include_str!("../wgsl/splat_sort_histogram_serial.wgsl");

@@ -1,14 +1,14 @@
 // The radix sort of splats by key, least significant digit first (Satish, Harris and Garland, "Designing Efficient
 // Sorting Algorithms for Manycore GPUs", 2009): stable, so ties keep the order of their Gaussians and never flicker.
 //
-// A pass sorts by one digit in three kernels: `splat_sort_histogram` counts each partition's digits, `splat_sort_scan` turns
+// A pass sorts by one digit in three kernels: `splat_sort_histogram` counts each batch's digits, `splat_sort_scan` turns
 // the counts into places, `splat_sort_scatter` moves keys there. The first pass also drops what no pixel sees: the keys
 // of all record indices go in, those of the visible ones come out.
 
 /// Values of a digit of 8 bits: one for each invocation of a workgroup.
 const N_DIGITS: u32 = WORKGROUP;
 /// Keys that each invocation handles.
-const ROUNDS: u32 = SORT_PARTITION / N_DIGITS;
+const ROUNDS: u32 = SORT_BATCH / N_DIGITS;
 
 /// One of the passes of the sort.
 struct SortPass {
@@ -27,9 +27,9 @@ fn n_keys() -> u32 {
     return select(counts.n_visible, counts.n_records, sort_pass.first == 1u);
 }
 
-/// From one digit's counts to the next one's: partitions in the largest pass.
-fn partition_stride() -> u32 {
-    return (counts.n_records + SORT_PARTITION - 1u) / SORT_PARTITION;
+/// From one digit's counts to the next one's: batches in the largest pass.
+fn batch_stride() -> u32 {
+    return (counts.n_records + SORT_BATCH - 1u) / SORT_BATCH;
 }
 
 fn digit_of(key: u32) -> u32 {

@@ -1,12 +1,12 @@
-// Moves the keys of a partition, and their values, to their places. One workgroup per partition.
+// Moves the keys of a batch, and their values, to their places. One workgroup per batch.
 //
 // 256 keys at a time: each sets its bit in the mask of its digit, so the bits before it count the keys that go before it.
 // That keeps the order without atomics deciding it, and needs no subgroups.
 
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>;
 @group(0) @binding(3) var<storage, read> values_in: array<u32>;
-/// `[digit, partition]`: keys with that digit in the partitions before.
-@group(0) @binding(4) var<storage, read> partition_offsets: array<u32>;
+/// `[digit, batch]`: keys with that digit in the batches before.
+@group(0) @binding(4) var<storage, read> batch_offsets: array<u32>;
 /// Keys with each digit `[digit]`.
 @group(0) @binding(5) var<storage, read> digit_counts: array<u32>;
 @group(0) @binding(6) var<storage, read_write> keys_out: array<u32>;
@@ -24,9 +24,9 @@ fn splat_sort_scatter(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(loca
     let n = n_keys();
     let word = lane / 32u;
     let bit = 1u << (lane % 32u);
-    next[lane] = sum_before(lane, digit_counts[lane]) + partition_offsets[lane * partition_stride() + workgroup.x];
+    next[lane] = sum_before(lane, digit_counts[lane]) + batch_offsets[lane * batch_stride() + workgroup.x];
     for (var round = 0u; round < ROUNDS; round++) {
-        let i = workgroup.x * SORT_PARTITION + round * N_DIGITS + lane;
+        let i = workgroup.x * SORT_BATCH + round * N_DIGITS + lane;
         var key = INVISIBLE;
         if i < n {
             key = keys_in[i];

@@ -1,10 +1,10 @@
-// `splat_sort_scatter` on adapters that are a CPU: one invocation moves a partition, key by key, in step with
-// those of the partitions beside it.
+// `splat_sort_scatter` on adapters that are a CPU: one invocation moves a batch, key by key, in step with
+// those of the batches beside it.
 
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>;
 @group(0) @binding(3) var<storage, read> values_in: array<u32>;
-/// `[digit, partition]`: keys with that digit in the partitions before.
-@group(0) @binding(4) var<storage, read> partition_offsets: array<u32>;
+/// `[digit, batch]`: keys with that digit in the batches before.
+@group(0) @binding(4) var<storage, read> batch_offsets: array<u32>;
 /// Keys with each digit `[digit]`.
 @group(0) @binding(5) var<storage, read> digit_counts: array<u32>;
 @group(0) @binding(6) var<storage, read_write> keys_out: array<u32>;
@@ -18,18 +18,18 @@ fn splat_sort_scatter_serial(
     @builtin(global_invocation_id) invocation: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let partition = invocation.x;
-    let first = partition * SORT_PARTITION;
-    // There are as many workgroups as partitions: the last ones have nothing to do.
+    let batch = invocation.x;
+    let first = batch * SORT_BATCH;
+    // There are as many workgroups as batches: the last ones have nothing to do.
     if first >= n_keys() {
         return;
     }
     var before = 0u;
     for (var digit = 0u; digit < N_DIGITS; digit++) {
-        next[digit * SOFTWARE_WORKGROUP + lane] = before + partition_offsets[digit * partition_stride() + partition];
+        next[digit * SOFTWARE_WORKGROUP + lane] = before + batch_offsets[digit * batch_stride() + batch];
         before += digit_counts[digit];
     }
-    let end = min(first + SORT_PARTITION, n_keys());
+    let end = min(first + SORT_BATCH, n_keys());
     for (var i = first; i < end; i++) {
         let key = keys_in[i];
         if key == INVISIBLE {

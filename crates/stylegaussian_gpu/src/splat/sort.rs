@@ -1,7 +1,7 @@
 //! The sort stage on the GPU: `splat_sort_*`, a stable radix sort of the visible splats.
 
 use stylegaussian_shaders::splat::{
-    self as shaders, N_DIGITS, SOFTWARE_WORKGROUP, SORT_PARTITION, SortPass, SplatCommands, SplatCounts,
+    self as shaders, N_DIGITS, SOFTWARE_WORKGROUP, SORT_BATCH, SortPass, SplatCommands, SplatCounts,
 };
 use wgpu::util::DeviceExt;
 
@@ -56,7 +56,7 @@ impl Sort {
         Self::of_kind(device, is_software(&device.adapter_info()))
     }
 
-    /// The kernels that handle a partition by one invocation (`serial`) or by a workgroup.
+    /// The kernels that handle a batch by one invocation (`serial`) or by a workgroup.
     pub fn of_kind(device: &wgpu::Device, serial: bool) -> Self {
         let uniforms = uniform_binding::<SortPass>();
         let (read, write) = (storage_binding(true), storage_binding(false));
@@ -87,19 +87,19 @@ impl Sort {
         let groups = &buffers.groups;
         for i in 0..N_PASSES {
             // Only the first pass sees every record. The CPU does not know how many are left after it.
-            let dispatch_partitions = |pass: &mut wgpu::ComputePass| match i {
-                0 => pass.dispatch_workgroups(n_records.div_ceil(SORT_PARTITION), 1, 1),
+            let dispatch_batches = |pass: &mut wgpu::ComputePass| match i {
+                0 => pass.dispatch_workgroups(n_records.div_ceil(SORT_BATCH), 1, 1),
                 _ => pass.dispatch_workgroups_indirect(&buffers.commands, 0),
             };
             pass.set_pipeline(&self.histogram.pipeline);
             pass.set_bind_group(0, &groups.histogram[i], &[]);
-            dispatch_partitions(pass);
+            dispatch_batches(pass);
             pass.set_pipeline(&self.scan.pipeline);
             pass.set_bind_group(0, &groups.scan[i], &[]);
             pass.dispatch_workgroups(self.n_scans, 1, 1);
             pass.set_pipeline(&self.scatter.pipeline);
             pass.set_bind_group(0, &groups.scatter[i], &[]);
-            dispatch_partitions(pass);
+            dispatch_batches(pass);
             if i == 0 {
                 pass.set_pipeline(&self.counts.pipeline);
                 pass.set_bind_group(0, &groups.counts, &[]);
@@ -113,7 +113,7 @@ impl SortBuffers {
     /// Bytes of the largest buffer for `n_records`.
     pub fn largest(n_records: usize) -> u64 {
         let n = n_records as u64;
-        (4 * n).max(4 * u64::from(N_DIGITS) * n.div_ceil(u64::from(SORT_PARTITION)))
+        (4 * n).max(4 * u64::from(N_DIGITS) * n.div_ceil(u64::from(SORT_BATCH)))
     }
 
     /// Buffers for up to `n_records`, at least one.
@@ -126,8 +126,8 @@ impl SortBuffers {
         let bytes = 4 * n_records as u64;
         let keys = [(); 2].map(|()| buffer("splat_keys", bytes, wgpu::BufferUsages::COPY_DST));
         let values = [(); 2].map(|()| buffer("splat_record_indices", bytes, none));
-        let n_partitions = (n_records as u64).div_ceil(u64::from(SORT_PARTITION));
-        let partition_counts = buffer("splat_partition_counts", 4 * u64::from(N_DIGITS) * n_partitions, none);
+        let n_batches = (n_records as u64).div_ceil(u64::from(SORT_BATCH));
+        let batch_counts = buffer("splat_batch_counts", 4 * u64::from(N_DIGITS) * n_batches, none);
         let digit_counts = buffer("splat_digit_counts", 4 * u64::from(N_DIGITS), none);
         let counts = buffer("splat_counts", size_of::<SplatCounts>() as u64, wgpu::BufferUsages::COPY_DST);
         let commands =
@@ -136,10 +136,10 @@ impl SortBuffers {
         // Keys go back and forth between two buffers. After an even number of passes they are in the first one again.
         let groups = Groups {
             histogram: std::array::from_fn(|i| {
-                sort.histogram.bind(device, &[&sort.passes[i], &counts, &keys[i % 2], &partition_counts])
+                sort.histogram.bind(device, &[&sort.passes[i], &counts, &keys[i % 2], &batch_counts])
             }),
             scan: std::array::from_fn(|i| {
-                sort.scan.bind(device, &[&sort.passes[i], &counts, &partition_counts, &digit_counts])
+                sort.scan.bind(device, &[&sort.passes[i], &counts, &batch_counts, &digit_counts])
             }),
             scatter: std::array::from_fn(|i| {
                 let (from, to) = (i % 2, (i + 1) % 2);
@@ -147,7 +147,7 @@ impl SortBuffers {
                 let [keys_in, values_in] = into_pass;
                 let [keys_out, values_out] = out;
                 let of_pass = &sort.passes[i];
-                let offsets = [&partition_counts, &digit_counts];
+                let offsets = [&batch_counts, &digit_counts];
                 sort.scatter.bind(
                     device,
                     &[of_pass, &counts, keys_in, values_in, offsets[0], offsets[1], keys_out, values_out],

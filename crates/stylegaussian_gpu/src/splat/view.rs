@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use stylegaussian_shaders::splat::{BY_DISTANCE, SORT_PARTITION, SplatChunk, SplatCounts, SplatDraw};
+use stylegaussian_shaders::splat::{BY_DISTANCE, SORT_BATCH, SplatChunk, SplatCounts, SplatDraw};
 
 use super::{
     camera::Camera,
@@ -21,8 +21,8 @@ const HALF_RECORD: u64 = 16;
 /// Bytes from one chunk's uniforms to the next one's: the coarsest alignment of dynamic offsets that a device may ask for.
 const UNIFORM_STRIDE: usize = 256;
 
-/// The most partitions that the sort can dispatch: WebGPU's default limit on workgroups in one dimension.
-const MAX_PARTITIONS: u64 = 65_535;
+/// The most batches that the sort can dispatch: WebGPU's default limit on workgroups in one dimension.
+const MAX_BATCHES: u64 = 65_535;
 
 /// One view of the splat pass: a camera, or one of its pictures. Memory grows to the largest number of Gaussians seen and
 /// stays. Drop the view to give it back.
@@ -139,14 +139,14 @@ impl SplatView {
     pub fn bytes(n_gaussians: usize) -> u64 {
         // Both halves, then keys and values, twice each.
         let per_record = 2 * HALF_RECORD + 4 * size_of::<u32>() as u64;
-        // A count of 4 bytes for each of 256 digits of a partition.
-        per_record * n_gaussians as u64 + 1024 * (n_gaussians as u64).div_ceil(u64::from(SORT_PARTITION))
+        // A count of 4 bytes for each of 256 digits of a batch.
+        per_record * n_gaussians as u64 + 1024 * (n_gaussians as u64).div_ceil(u64::from(SORT_BATCH))
     }
 
     /// Bytes of the largest buffer that the records of a view may take.
     pub(crate) fn record_limit(device: &wgpu::Device) -> u64 {
-        // The sort would need a second dimension of workgroups beyond that many partitions.
-        let sortable = MAX_PARTITIONS * u64::from(SORT_PARTITION) * HALF_RECORD;
+        // The sort would need a second dimension of workgroups beyond that many batches.
+        let sortable = MAX_BATCHES * u64::from(SORT_BATCH) * HALF_RECORD;
         buffers::largest_binding(device).min(sortable)
     }
 

@@ -9,7 +9,7 @@ use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
 use stylegaussian::{Activation, Decoder, EncoderId, Features, Scene, file};
-use stylegaussian_gpu::{colors::GaussianColors, scene::GpuScene, style::StyleScene};
+use stylegaussian_gpu::{colors::GaussianColors, splat::GpuScene, style::StyleScene};
 
 use super::{
     output::{print, warn},

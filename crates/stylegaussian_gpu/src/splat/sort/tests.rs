@@ -41,11 +41,11 @@ fn check(gpu: &HeadlessDevice, keys: &[u32], capacity: usize) {
         assert_eq!(indices, expected, "{} keys, serial {serial}", keys.len());
         assert_eq!(commands.n_instances as usize, expected.len());
         assert_eq!([commands.n_vertices, commands.first_vertex, commands.first_instance], [4, 0, 0]);
-        assert_eq!(commands.n_groups, commands.n_instances.div_ceil(SORT_PARTITION));
+        assert_eq!(commands.n_groups, commands.n_instances.div_ceil(SORT_BATCH));
     }
 }
 
-/// Sizes around a round (256) and a partition (2048); every key many times, a third of them invisible.
+/// Sizes around a round (256) and a batch (2048); every key many times, a third of them invisible.
 #[test]
 fn gpu_matches_cpu() {
     let Some(gpu) = gpu() else { return };
