@@ -21,7 +21,7 @@ pub const SOFTWARE_WORKGROUP: u32 = 8;
 /// Loop iterations that an invocation spends on a run in one dispatch. llvmpipe ends an invocation after 65,535 iterations.
 /// It counts those of [`SOFTWARE_WORKGROUP`] invocations together, because each may keep the others waiting.
 pub const ITERATIONS_PER_DISPATCH: u32 = 65_535 / SOFTWARE_WORKGROUP - 100;
-/// Tiles in a segment, whose lists are counted from a common start: a thousand counters, which one invocation sums up.
+/// Tiles in a segment. Their lists are counted from a common start: a thousand counters, which one invocation sums up.
 pub const TILES_PER_SEGMENT: u32 = 16;
 /// Tiles that one workgroup blends.
 pub const TILES_PER_WORKGROUP: u32 = 16;

@@ -113,7 +113,7 @@ fn source(label: &'static str, files: &[&str]) -> Source {
     Source { label, wgsl: constants + &files.join("\n") }
 }
 
-/// A hidden layer whose workgroups compute `columns` output channels.
+/// A hidden layer. Its workgroups compute `columns` output channels.
 pub fn knn_conv(columns: u32, input: NumberFormat, output: NumberFormat) -> Source {
     let columns = constants(&[("COLUMNS_PER_WORKGROUP", columns)]);
     let kernel = include_str!("../wgsl/style_knn_conv.wgsl");

@@ -1,7 +1,7 @@
 // Draws the sorted splats back to front, premultiplied over: one quad per splat. CPU twin: `stylegaussian::splat`, module
 // `composite`.
 
-/// Where a view is drawn.
+/// The uniforms of the draw.
 struct SplatDraw {
     /// Left, top, width and height of the viewport, in pixels of the target.
     viewport: vec4<f32>,
@@ -17,7 +17,7 @@ struct SplatDraw {
 
 struct Quad {
     @builtin(position) position: vec4<f32>,
-    /// Center in pixels of the target, slope, row_precision.
+    /// The geometry half of the record: center in pixels of the target, slope, row_precision.
     @location(0) @interpolate(flat) geometry: vec4<f32>,
     @location(1) @interpolate(flat) y_precision: f32,
     @location(2) @interpolate(flat) color: vec4<f32>,
@@ -25,12 +25,13 @@ struct Quad {
 
 @vertex
 fn splat_draw_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32) -> Quad {
+    // Indices go front to back, blending goes back to front.
     let record = record_indices[counts.n_visible - 1u - instance];
     let geometry = geometry_halves[record];
     let splat = unpacked(geometry, color_halves[record]);
 
-    // The footprint is where q <= cutoff. Its two squares are the coordinates in which it is a circle, so the square
-    // around that circle is the parallelogram around the footprint; no parallelogram around it is smaller.
+    // The footprint is the ellipse q <= cutoff. The two terms that q squares are coordinates in which it is a circle. The
+    // square around that circle is a parallelogram in pixels, and no parallelogram around the ellipse has a smaller area.
     let square = vec2(f32(corner & 1u), f32(corner >> 1u)) * 2.0 - 1.0;
     let reach = sqrt(cutoff(splat.opacity));
     let dy = square.y * reach * inverseSqrt(splat.y_precision);

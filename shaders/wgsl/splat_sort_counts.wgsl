@@ -1,7 +1,7 @@
-// How many splats are visible, as the commands of everything that runs over them. One workgroup.
+// Counts the visible splats, and writes the commands of everything that runs over them. One workgroup.
 
 @group(0) @binding(0) var<storage, read_write> counts: SplatCounts;
-/// Keys with each digit `[digit]`, of the first pass.
+/// Keys with each digit `[digit]` in the first pass.
 @group(0) @binding(1) var<storage, read> digit_counts: array<u32>;
 /// A workgroup for each batch of visible splats, a quad for each of them.
 @group(0) @binding(2) var<storage, read_write> commands: SplatCommands;

@@ -1,7 +1,7 @@
-// How often each digit occurs in each batch. One workgroup per batch.
+// Counts each digit in each batch. One workgroup per batch.
 
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>;
-/// `[digit, batch]`.
+/// Counts `[digit, batch]`: the scan reads those of a digit in order.
 @group(0) @binding(3) var<storage, read_write> batch_counts: array<u32>;
 
 var<workgroup> histogram: array<atomic<u32>, WORKGROUP>;

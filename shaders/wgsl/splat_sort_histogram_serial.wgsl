@@ -1,11 +1,11 @@
-// `splat_sort_histogram` on adapters that are a CPU: one invocation counts a batch, for which it waits for nobody, in step with
-// those of the batches beside it.
+// `splat_sort_histogram` for software adapters. One invocation counts a batch: it waits for no other invocation, and runs in
+// lockstep with those of the neighboring batches.
 
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>;
-/// `[digit, batch]`.
+/// Counts `[digit, batch]`.
 @group(0) @binding(3) var<storage, read_write> batch_counts: array<u32>;
 
-/// `[digit, lane]`.
+/// Counts `[digit, lane]`: lanes in lockstep access consecutive words.
 var<workgroup> histogram: array<u32, N_DIGITS * SOFTWARE_WORKGROUP>;
 
 @compute @workgroup_size(SOFTWARE_WORKGROUP)
@@ -15,7 +15,8 @@ fn splat_sort_histogram_serial(
 ) {
     let batch = invocation.x;
     let first = batch * SORT_BATCH;
-    // There are as many workgroups as batches: the last ones have nothing to do.
+    // A dispatch has as many workgroups as the other kernel, one per batch. Eight batches share a workgroup here, so most of
+    // them have nothing to do.
     if first >= n_keys() {
         return;
     }

@@ -1,6 +1,6 @@
-// Where each batch's keys with one digit start among all keys with that digit. One workgroup per digit.
+// Finds where each batch's keys with one digit start among all keys with that digit. One workgroup per digit.
 
-/// `[digit, batch]`: counts in, sums of the batches before out.
+/// Counts in, sums over the earlier batches out `[digit, batch]`.
 @group(0) @binding(2) var<storage, read_write> batch_counts: array<u32>;
 /// Keys with each digit `[digit]`.
 @group(0) @binding(3) var<storage, read_write> digit_counts: array<u32>;
@@ -10,7 +10,7 @@ fn splat_sort_scan(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_i
     let digit = workgroup.x;
     let row = digit * batch_stride();
     let n_batches = (n_keys() + SORT_BATCH - 1u) / SORT_BATCH;
-    // Each invocation takes a run of batches, so one scan over 256 sums serves any number of them.
+    // Each invocation sums consecutive batches, so that one scan over 256 sums serves any number of batches.
     let run = (n_batches + WORKGROUP - 1u) / WORKGROUP;
     let start = min(lane * run, n_batches);
     let end = min(start + run, n_batches);

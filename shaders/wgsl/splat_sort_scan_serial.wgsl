@@ -1,6 +1,6 @@
-// `splat_sort_scan` on adapters that are a CPU: one invocation sums up a digit.
+// `splat_sort_scan` for software adapters: one invocation sums up a digit.
 
-/// `[digit, batch]`: counts in, sums of the batches before out.
+/// Counts in, sums over the earlier batches out `[digit, batch]`.
 @group(0) @binding(2) var<storage, read_write> batch_counts: array<u32>;
 /// Keys with each digit `[digit]`.
 @group(0) @binding(3) var<storage, read_write> digit_counts: array<u32>;

@@ -1,16 +1,16 @@
-// `splat_sort_scatter` on adapters that are a CPU: one invocation moves a batch, key by key, in step with
-// those of the batches beside it.
+// `splat_sort_scatter` for software adapters. One invocation moves a batch, key by key, in lockstep with those of the
+// neighboring batches.
 
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>;
 @group(0) @binding(3) var<storage, read> values_in: array<u32>;
-/// `[digit, batch]`: keys with that digit in the batches before.
+/// Keys with a digit in earlier batches `[digit, batch]`.
 @group(0) @binding(4) var<storage, read> batch_offsets: array<u32>;
 /// Keys with each digit `[digit]`.
 @group(0) @binding(5) var<storage, read> digit_counts: array<u32>;
 @group(0) @binding(6) var<storage, read_write> keys_out: array<u32>;
 @group(0) @binding(7) var<storage, read_write> values_out: array<u32>;
 
-/// Where the next key with each digit goes `[digit, lane]`.
+/// Position of the next key with each digit `[digit, lane]`.
 var<workgroup> next: array<u32, N_DIGITS * SOFTWARE_WORKGROUP>;
 
 @compute @workgroup_size(SOFTWARE_WORKGROUP)
@@ -20,7 +20,7 @@ fn splat_sort_scatter_serial(
 ) {
     let batch = invocation.x;
     let first = batch * SORT_BATCH;
-    // There are as many workgroups as batches: the last ones have nothing to do.
+    // As in `splat_sort_histogram_serial`, most workgroups have nothing to do.
     if first >= n_keys() {
         return;
     }
@@ -36,13 +36,13 @@ fn splat_sort_scatter_serial(
             continue;
         }
         let of_digit = digit_of(key) * SOFTWARE_WORKGROUP + lane;
-        let place = next[of_digit];
-        next[of_digit] = place + 1u;
-        keys_out[place] = key;
+        let position = next[of_digit];
+        next[of_digit] = position + 1u;
+        keys_out[position] = key;
         if sort_pass.first == 1u {
-            values_out[place] = i;
+            values_out[position] = i;
         } else {
-            values_out[place] = values_in[i];
+            values_out[position] = values_in[i];
         }
     }
 }

@@ -1,12 +1,13 @@
 // Blends the list of each tile, front to back, over nothing: the layer. CPU twin: `stylegaussian::splat`, module `composite`.
 //
-// An invocation handles a quarter of a tile, four rows of four pixels, which it keeps in registers: software that runs
-// eight invocations in step reads each splat once for 128 pixels, where a rasterizer walks every footprint block by block.
+// An invocation handles a quarter of a tile: four rows of four pixels, which it keeps in registers. A software adapter that
+// runs eight invocations in lockstep reads each splat once for 128 pixels. A rasterizer would walk every footprint block by
+// block, and load and store the pixels each time.
 
 @group(0) @binding(0) var<uniform> tiles: SplatTiles;
-/// Where each run's part of a tile's list ends within its segment `[tile, run]`.
+/// End of each run's part of a tile's list, within the tile's segment `[tile, run]`.
 @group(0) @binding(1) var<storage, read> run_ends: array<u32>;
-/// Where each segment begins.
+/// Start of each segment in `entries`.
 @group(0) @binding(2) var<storage, read> segments: array<u32>;
 /// The lists, one after the other: record indices, front to back.
 @group(0) @binding(3) var<storage, read> entries: array<u32>;
@@ -14,28 +15,28 @@
 @group(0) @binding(5) var<storage, read> color_halves: array<vec4<u32>>;
 @group(0) @binding(6) var layer: texture_storage_2d<rgba16float, write>;
 
-/// A pixel that lets less light through is finished: the original rasterizer's.
+/// A pixel is finished if it lets less light through than this (the original rasterizer's bound).
 const MIN_LIGHT: f32 = 1e-4;
 /// log2(e) / 2: exp(-q / 2) is exp2(-HALF_LOG2_E q).
 const HALF_LOG2_E: f32 = 0.72134752;
 
-/// Where a tile's list ends and the next one's begins.
+/// End of a tile's list, which is the start of the next one.
 fn end_of_list(tile: u32) -> u32 {
     return segments[tile / TILES_PER_SEGMENT] + run_ends[tile * N_RUNS + N_RUNS - 1u];
 }
 
 /// Four pixels side by side.
 struct Row {
-    /// What they let through from behind.
+    /// Share of the light from behind that the pixels still let through.
     light: vec4<f32>,
     red: vec4<f32>,
     green: vec4<f32>,
     blue: vec4<f32>,
-    /// Splats of a smaller depth are hidden.
+    /// Splats with a smaller depth are hidden (reverse z).
     depth: vec4<f32>,
 }
 
-/// A row that nothing was put into.
+/// A row without splats.
 fn row_at(pixel: vec2<u32>) -> Row {
     let depth = vec4(
         depth_at(pixel),
@@ -46,7 +47,7 @@ fn row_at(pixel: vec2<u32>) -> Row {
     return Row(vec4(1.0), vec4(0.0), vec4(0.0), vec4(0.0), depth);
 }
 
-/// Puts a splat behind what a row shows. `dx` and `dy` are from its center.
+/// Blends a splat behind the earlier ones of a row. `dx` and `dy` are offsets from its center.
 fn blend(row: ptr<function, Row>, splat: Splat, dx: vec4<f32>, dy: f32) {
     let du = dx - splat.slope * dy;
     let power = splat.row_precision * du * du + splat.y_precision * dy * dy;
@@ -59,7 +60,7 @@ fn blend(row: ptr<function, Row>, splat: Splat, dx: vec4<f32>, dy: f32) {
     (*row).light -= weight;
 }
 
-/// Writes a row, where it is within the picture.
+/// Writes the pixels of a row that are within the picture.
 fn store(row: Row, pixel: vec2<u32>, end: vec2<u32>) {
     if pixel.y >= end.y {
         return;
@@ -97,6 +98,7 @@ fn splat_tiles_blend(
     for (; i < end; i++) {
         let record = entries[i];
         var splat = unpacked(geometry_halves[record], color_halves[record]);
+        // Scaled once per splat instead of once per pixel, for the exp2 of `blend`.
         splat.row_precision *= -HALF_LOG2_E;
         splat.y_precision *= -HALF_LOG2_E;
         let d = middle - splat.center;

@@ -1,5 +1,5 @@
-// How many splats of each run reach into each tile. One invocation handles a run; dispatched again and again until all runs are
-// done, because llvmpipe ends an invocation whose loops have taken 65,535 iterations.
+// Counts the splats of each run that reach into each tile. One invocation handles a run. The kernel is dispatched again until
+// all runs are finished, because llvmpipe ends an invocation after 65,535 loop iterations.
 
 @group(0) @binding(0) var<uniform> tiles: SplatTiles;
 @group(0) @binding(1) var<storage, read> counts: SplatCounts;
@@ -7,11 +7,11 @@
 @group(0) @binding(2) var<storage, read> record_indices: array<u32>;
 @group(0) @binding(3) var<storage, read> geometry_halves: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> color_halves: array<vec4<u32>>;
-/// `[tile, run]`, zero before.
+/// Counts `[tile, run]`, zero before the first dispatch.
 @group(0) @binding(5) var<storage, read_write> run_counts: array<u32>;
-/// What each of the sorted splats reaches: first and last column, first and last row, as 16 bits each.
+/// The tiles that each sorted splat reaches: first and last column, first and last row, as 16 bits each.
 @group(0) @binding(6) var<storage, read_write> reaches: array<vec2<u32>>;
-/// `[run]`, zero before.
+/// Progress `[run]`, zero before the first dispatch.
 @group(0) @binding(7) var<storage, read_write> counted: array<RunProgress>;
 
 @compute @workgroup_size(SOFTWARE_WORKGROUP)

@@ -1,8 +1,8 @@
-// From how many to where within a segment, which is the lists of a few consecutive tiles: each count becomes the sum of those
-// before it. One invocation handles a segment.
+// Turns counts into positions within a segment, which holds the lists of a few consecutive tiles: each count becomes the sum of
+// the counts before it. One invocation handles a segment.
 
 @group(0) @binding(0) var<uniform> tiles: SplatTiles;
-/// `[tile, run]`.
+/// Counts in, positions out `[tile, run]`.
 @group(0) @binding(1) var<storage, read_write> run_counts: array<u32>;
 /// Entries of each segment.
 @group(0) @binding(2) var<storage, read_write> segments: array<u32>;

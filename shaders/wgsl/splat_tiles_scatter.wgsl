@@ -1,19 +1,19 @@
-// Writes the lists. One invocation handles a run, in as many dispatches as `splat_tiles_count`; runs follow one another in each
-// list, and so do the splats of a run.
+// Writes the lists of tiles. One invocation handles a run, in as many dispatches as `splat_tiles_count`. Runs follow one another
+// in each list, and so do the splats of a run: lists stay front to back without a sort.
 
 @group(0) @binding(0) var<uniform> tiles: SplatTiles;
 @group(0) @binding(1) var<storage, read> counts: SplatCounts;
 /// Record indices of the visible splats, front to back.
 @group(0) @binding(2) var<storage, read> record_indices: array<u32>;
-/// What each of them reaches, as `splat_tiles_count` writes it.
+/// The tiles that each sorted splat reaches, as `splat_tiles_count` writes them.
 @group(0) @binding(3) var<storage, read> reaches: array<vec2<u32>>;
-/// Where each run's part of a tile's list begins within its segment `[tile, run]`; afterwards where it ends.
+/// Start of each run's part of a tile's list within the tile's segment `[tile, run]`; its end afterwards.
 @group(0) @binding(4) var<storage, read_write> run_ends: array<u32>;
-/// Where each segment begins.
+/// Start of each segment in `entries`.
 @group(0) @binding(5) var<storage, read> segments: array<u32>;
 /// The lists, one after the other: record indices.
 @group(0) @binding(6) var<storage, read_write> entries: array<u32>;
-/// `[run]`, zero before.
+/// Progress `[run]`, zero before the first dispatch.
 @group(0) @binding(7) var<storage, read_write> written: array<RunProgress>;
 
 @compute @workgroup_size(SOFTWARE_WORKGROUP)
@@ -36,9 +36,10 @@ fn splat_tiles_scatter(@builtin(global_invocation_id) invocation: vec3<u32>) {
             let tile = at.y * tiles.n_tiles.x + at.x;
             let in_segment = run_ends[tile * N_RUNS + run];
             run_ends[tile * N_RUNS + run] = in_segment + 1u;
-            let place = segments[tile / TILES_PER_SEGMENT] + in_segment;
-            if place < tiles.capacity {
-                entries[place] = record;
+            let position = segments[tile / TILES_PER_SEGMENT] + in_segment;
+            // Lists that do not fit are not blended; only writes out of bounds must not happen.
+            if position < tiles.capacity {
+                entries[position] = record;
             }
             at = select(vec2(at.x + 1u, at.y), vec2(first.x, at.y + 1u), at.x == last.x);
         }

@@ -1,12 +1,13 @@
-// Where each segment begins, and whether all of them fit. One invocation.
+// Finds where each segment begins, and whether all lists fit. One invocation, for the 900 segments of a
+// picture of 1280 x 720.
 
 @group(0) @binding(0) var<uniform> tiles: SplatTiles;
 @group(0) @binding(1) var<storage, read> counts: SplatCounts;
-/// Entries of each segment; afterwards where each begins.
+/// Entries of each segment; its start afterwards.
 @group(0) @binding(2) var<storage, read_write> segments: array<u32>;
-/// How far `splat_tiles_count` has come `[run]`.
+/// Progress of `splat_tiles_count` `[run]`.
 @group(0) @binding(3) var<storage, read> counted: array<RunProgress>;
-/// The workgroups of `splat_tiles_blend` and no quad where the lists fit, otherwise no workgroup and all quads.
+/// If the lists fit, the workgroups of `splat_tiles_blend` and no quad. Otherwise no workgroup and all quads.
 @group(0) @binding(4) var<storage, read_write> commands: SplatCommands;
 
 @compute @workgroup_size(1)
@@ -19,6 +20,7 @@ fn splat_tiles_total() {
         n_entries += n;
     }
     var fits = n_entries <= tiles.capacity;
+    // Counts of an unfinished run are incomplete.
     for (var run = 0u; run < N_RUNS; run++) {
         let n_splats = first_of_run(run + 1u, counts.n_visible) - first_of_run(run, counts.n_visible);
         fits = fits && counted[run].n_splats == n_splats;

@@ -187,7 +187,7 @@ fn curves_with_an_inverse_are_undone_exactly() {
     };
     check(Tonemapping::None, 0.0, |c| c);
     check(Tonemapping::None, 1.5, |c| c);
-    // White is asked for as 0.998.
+    // White is inverted as 0.998.
     check(Tonemapping::Reinhard, -1.0, forward::reinhard);
     check(Tonemapping::ReinhardLuminance, 0.5, forward::reinhard_luminance);
 }

@@ -56,7 +56,7 @@ fn large_pictures_are_drawn_to_their_last_row() {
     assert!(last_row.iter().all(|pixel| pixel[3] > 0.5));
 }
 
-/// A part of the demo scene, from a camera whose picture the whole scene fills.
+/// A part of the demo scene. The whole scene would fill the picture.
 #[test]
 fn the_demo_scene_matches() {
     let Some(gpu) = gpu() else { return };

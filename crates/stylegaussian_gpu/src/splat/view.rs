@@ -176,7 +176,7 @@ impl SplatView {
         self.bindings.retain(|_, cached| cached.in_use);
     }
 
-    /// Makes room for `n_records` records, for a draw whose group has `draw_layout`.
+    /// Makes room for `n_records` records. `draw_layout` is the layout of the draw's group.
     pub(super) fn reserve(
         &mut self,
         device: &wgpu::Device,

@@ -34,7 +34,7 @@ pub(super) struct BlockShape {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Block {
     pub shape: BlockShape,
-    /// The Gaussian of each row. Empty if the block is the whole scene, whose rows are its Gaussians.
+    /// The Gaussian of each row. Empty if the block is the whole scene.
     pub gaussians: Vec<u32>,
     /// The neighbors of the rows of the first layer `[rows, K]`, as rows.
     pub neighbors: Vec<u32>,
@@ -66,14 +66,14 @@ impl BlockShape {
 }
 
 impl Blocks {
-    /// The blocks of `scene` whose scratch memory keeps to `options`. Finds neighbors if the scene has none.
+    /// Cuts `scene` into blocks that keep to the scratch memory of `options`. Finds neighbors if the scene has none.
     pub fn of_scene(scene: &Scene, shape: &StyleShape, options: &StyleOptions) -> Self {
         let neighbors = || fold::neighbors_for(scene, shape.k).into_owned();
         Self::cut(shape, &scene.means, neighbors, options.max_rows(shape))
     }
 
-    /// Cuts a scene of `shape` into blocks whose hidden layers compute at most `max_rows` rows. It stays whole if it fits, or
-    /// if its neighbors are not near one another.
+    /// Cuts a scene of `shape` into blocks. Their hidden layers compute at most `max_rows` rows. The scene stays whole if it
+    /// fits, or if its neighbors are not near one another.
     fn cut(
         shape: &StyleShape,
         means: &[glam::Vec3],

@@ -91,7 +91,7 @@ impl Timer {
         }
     }
 
-    /// Encodes the copy of the timestamps to where the CPU reads them.
+    /// Encodes the copy of the timestamps to the buffer that the CPU reads.
     pub(super) fn resolve(&self, encoder: &mut wgpu::CommandEncoder, Timing(index): Timing) {
         let (first, at) = (2 * index as u32, STRIDE * index as u64);
         encoder.resolve_query_set(&self.queries, first..first + 2, &self.resolved, at);

@@ -1,5 +1,5 @@
 //! Records against a twin in f64 that shares no formula with the shader: full covariance matrices, and the projection's
-//! derivative by differences. It knows what the CPU rasterizer does not: transforms of clouds and any projection matrix.
+//! derivative by differences. Unlike the CPU rasterizer, it handles transforms of clouds and any projection matrix.
 
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec2, DVec3, DVec4, Mat4, Quat, UVec4, Vec3};
 use stylegaussian::{Scene, scene::Sh, sh};
@@ -24,11 +24,12 @@ struct Twin {
     depth: f64,
     distance: f64,
     color: Vec3,
-    /// How far inside of what is drawn, in pixels and the like: negative outside, near 0 where rounding decides.
+    /// Distance inside of all culling bounds, in pixels and other units: positive if the Gaussian is drawn, negative if it is
+    /// culled, near 0 if rounding decides.
     margin: f64,
 }
 
-/// The pixel where a point of view space is seen, and its depth.
+/// Pixel and depth of a point of view space.
 fn pixel(camera: &Camera, clip_from_view: DMat4, p: DVec3) -> (DVec2, f64) {
     let clip = clip_from_view * DVec4::from((p, 1.0));
     let ndc = clip.truncate() / clip.w;
@@ -48,7 +49,7 @@ fn twin(camera: &Camera, world_from_scene: &Affine3A, scene: &Scene, i: usize) -
 
     let p = view_from_scene.transform_point3(scene.means[i].as_dvec3());
     let is_perspective = clip_from_view.w_axis.w == 0.0;
-    // Linearized no farther from the axis than 1.3 half pictures.
+    // Linearized within 1.3 half pictures of the axis.
     let limit = 1.3 * -p.z / DVec2::new(clip_from_view.x_axis.x, clip_from_view.y_axis.y);
     let at = match is_perspective {
         true => p.truncate().clamp(-limit.abs(), limit.abs()).extend(p.z),
@@ -115,7 +116,7 @@ fn random_scene(n: usize, degree: u8, seed: u64) -> Scene {
 /// Indices of the visible records in order, and all records.
 fn records(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(Scene, Affine3A)]) -> (Vec<u32>, Vec<Record>) {
     let HeadlessDevice { device, queue, .. } = gpu;
-    // Chunks far smaller than any limit asks for.
+    // Chunks far smaller than any limit requires.
     let scenes: Vec<_> = clouds.iter().map(|(scene, _)| GpuScene::in_chunks(device, scene, 300)).collect();
     let clouds: Vec<_> = clouds
         .iter()
@@ -183,7 +184,7 @@ fn check(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(Scene, Affine3A)]) {
         })
         .collect();
     for (i, ((twin, opacity), record)) in twins.iter().zip(&records).enumerate() {
-        // A hundredth of a pixel is what rounding may decide.
+        // Rounding may decide up to a hundredth of a pixel.
         if twin.margin.abs() > 0.01 {
             assert_eq!(is_visible[i], twin.margin > 0.0, "record {i}: margin {}", twin.margin);
         }
@@ -207,7 +208,7 @@ fn check(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(Scene, Affine3A)]) {
     }
 }
 
-/// Three clouds: as it is, turned and stretched, sheared and mirrored.
+/// Three clouds: one in place, one turned and stretched, one sheared and mirrored.
 fn clouds(degree: u8) -> Vec<(Scene, Affine3A)> {
     let stretched = Affine3A::from_scale_rotation_translation(
         Vec3::new(0.5, 2.0, 1.2),
@@ -241,8 +242,8 @@ fn gpu_matches_cpu() {
     }
 }
 
-/// Far from the world's origin, single precision geometry a cloud to a sixteenth of a unit; what a camera beside it sees
-/// does not tremble for that.
+/// Far from the world's origin, f32 places a cloud to a sixteenth of a unit. The picture of a camera beside it does not change for
+/// that.
 #[test]
 fn far_from_the_origin_nothing_changes() {
     let Some(gpu) = gpu() else { return };
@@ -265,7 +266,7 @@ fn far_from_the_origin_nothing_changes() {
 
 /// The second frame of an unchanged view, and of one that sees less, makes no buffer and no bindings.
 #[test]
-fn nothing_is_allocated_where_nothing_changed() {
+fn nothing_is_allocated_if_nothing_changed() {
     let Some(gpu) = gpu() else { return };
     let HeadlessDevice { device, queue, .. } = &gpu;
     let scenes =
@@ -297,7 +298,7 @@ fn nothing_is_allocated_where_nothing_changed() {
     assert!(fewer.is_subset(&groups) && fewer.len() == 1);
 }
 
-/// What a frame must do again: nothing while all stands still, no sort while only colors change.
+/// A frame repeats nothing if nothing changed, and does not sort if only colors changed.
 #[test]
 fn only_what_changed_is_done_again() {
     let Some(gpu) = gpu() else { return };

@@ -29,7 +29,7 @@ fn random_scene(n: usize) -> Scene {
     scene
 }
 
-/// A record's place, inverse variance along y, and opacity.
+/// The parts of a record that determine alpha.
 struct Footprint {
     center: DVec2,
     slope: f64,
@@ -50,7 +50,7 @@ impl Footprint {
         self.opacity * (-0.5 * (self.precision.x * du * du + self.precision.y * d.y * d.y)).exp()
     }
 
-    /// How far the footprint reaches from its center.
+    /// Half the size of the bounding box.
     fn extent(&self) -> DVec2 {
         let variance_y = 1.0 / self.precision.y;
         let variance = DVec2::new(1.0 / self.precision.x + self.slope * self.slope * variance_y, variance_y);
@@ -59,8 +59,8 @@ impl Footprint {
     }
 }
 
-/// Each list names in order what a pixel of its tile sees, and nothing whose rectangle ends before the tile. Pictures of
-/// whole and of cut tiles, in the middle of a target, one after the other in one view.
+/// Each list names in order all splats that a pixel of its tile shows, and none whose bounding box ends before the tile. Pictures
+/// of whole and of cut tiles, in the middle of a target, one after the other in one view.
 #[test]
 fn gpu_matches_cpu() {
     let Some(gpu) = gpu() else { return };
@@ -115,7 +115,7 @@ fn gpu_matches_cpu() {
             for &record in &sorted[..n_visible] {
                 let footprint = Footprint::new(geometry[record as usize], color[record as usize]);
                 let pixels = (0..size.x * size.y).map(|i| first + UVec2::new(i % size.x, i / size.x));
-                // Rounding decides what is drawn with an alpha of 1/255.
+                // Rounding decides whether an alpha of 1/255 is drawn.
                 let is_seen =
                     pixels.into_iter().any(|pixel| footprint.alpha(pixel.as_dvec2() + 0.5) > 1.01 / 255.0);
                 let is_listed = list.next_if_eq(&&record).is_some();
@@ -123,7 +123,7 @@ fn gpu_matches_cpu() {
                 let middle = first.as_dvec2() + f64::from(TILE_SIZE) / 2.0;
                 let apart = (footprint.center - middle).abs() - footprint.extent();
                 let is_near = apart.max_element() < f64::from(TILE_SIZE) / 2.0 + 0.01;
-                // What is beside the picture may be listed at its edge.
+                // Splats beside the picture may be listed at its edge.
                 let center = footprint.center - DVec2::new(f64::from(viewport.x), f64::from(viewport.y));
                 let last = DVec2::new(f64::from(viewport.z), f64::from(viewport.w));
                 let is_within = center.cmpge(DVec2::ZERO).all() && center.cmplt(last).all();
