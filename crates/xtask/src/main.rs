@@ -3,6 +3,7 @@
 mod assets;
 mod bench;
 mod demo;
+mod features;
 mod packages;
 mod steps;
 mod test;

@@ -84,6 +84,16 @@ impl Steps {
         outcome
     }
 
+    /// Runs `check`, which needs no program of its own to be reported on.
+    pub fn check(&mut self, name: &str, check: impl FnOnce() -> Result<()>) -> Result<()> {
+        eprintln!("\n── {name}");
+        let start = Instant::now();
+        let outcome = check();
+        let passed = if outcome.is_ok() { Outcome::Passed } else { Outcome::Failed };
+        self.done.push((name.into(), passed(start.elapsed())));
+        outcome.with_context(|| format!("{name} failed"))
+    }
+
     /// Notes that a step does not run here, and why.
     pub fn not_run(&mut self, name: &str, reason: &str) {
         eprintln!("\n── {name}: NOT RUN, {reason}");

@@ -5,6 +5,7 @@ use std::{env, fs, process::Command};
 use anyhow::{Context, Result};
 
 use crate::{
+    features,
     packages::install_graphics,
     steps::{Steps, cargo, data_folder, is_installed, keep_colors},
 };
@@ -37,6 +38,7 @@ fn run_all(steps: &mut Steps) -> Result<()> {
     run_if_installed(steps, "spelling", "typos", &[])?;
     run_if_installed(steps, "toml", "taplo", &["format", "--check"])?;
     run_if_installed(steps, "licenses", "cargo-deny", &["check", "licenses", "sources"])?;
+    steps.check("features", features::check)?;
     steps.run(
         "lints",
         &mut cargo(["clippy", "--locked", "--workspace", "--all-targets", "--", "-D", "warnings"]),

@@ -1,0 +1,3 @@
+//! Empty: cargo looks at build dependencies only if there is a build script.
+
+fn main() {}
