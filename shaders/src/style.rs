@@ -78,8 +78,8 @@ pub struct KnnLayer {
     pub first_group_plane: u32,
     /// Bound planes of the input.
     pub n_group_planes: u32,
-    /// First column (output channel) of this dispatch: the first channel of the first bound output plane. A multiple of 8
-    /// if planes are written.
+    /// First column (output channel) of this dispatch: the first channel of the first bound output plane. A multiple
+    /// of 8 if planes are written.
     pub first_column: u32,
     /// Columns of this dispatch. A multiple of 8 if planes are written.
     pub n_columns: u32,

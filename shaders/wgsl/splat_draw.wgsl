@@ -1,5 +1,5 @@
-// Draws the sorted splats back to front, premultiplied over: one quad per splat. CPU twin: `stylegaussian::splat`, module
-// `composite`.
+// Draws the sorted splats back to front, premultiplied over: one quad per splat. CPU twin: `stylegaussian::splat`,
+// module `composite`.
 
 /// The uniforms of the draw.
 struct SplatDraw {
@@ -30,8 +30,9 @@ fn splat_draw_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index
     let geometry = geometry_halves[record];
     let splat = unpacked(geometry, color_halves[record]);
 
-    // The footprint is the ellipse q <= cutoff. The two terms that q squares are coordinates in which it is a circle. The
-    // square around that circle is a parallelogram in pixels, and no parallelogram around the ellipse has a smaller area.
+    // The footprint is the ellipse q <= cutoff. The two terms that q squares are coordinates in which it is a circle.
+    // The square around that circle is a parallelogram in pixels, and no parallelogram around the ellipse has a
+    // smaller area.
     let square = vec2(f32(corner & 1u), f32(corner >> 1u)) * 2.0 - 1.0;
     let reach = sqrt(cutoff(splat.opacity));
     let dy = square.y * reach * inverseSqrt(splat.y_precision);
@@ -47,6 +48,7 @@ fn splat_draw_fragment(quad: Quad) -> @location(0) vec4<f32> {
     let du = d.x - quad.geometry.z * d.y;
     let q = quad.geometry.w * du * du + quad.y_precision * d.y * d.y;
     let alpha = min(MAX_ALPHA, quad.color.a * exp(-0.5 * q));
+    // Corners of the parallelogram are outside of the ellipse.
     if alpha < MIN_ALPHA {
         discard;
     }

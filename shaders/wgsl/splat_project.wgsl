@@ -1,10 +1,10 @@
-// Turns Gaussians into splats: culls, projects and colors them. One invocation per Gaussian of one chunk of one cloud; the
-// records of all clouds go into one array. CPU twin: `stylegaussian::splat`, module `project`.
+// Turns Gaussians into splats: culls, projects and colors them. One invocation per Gaussian of one chunk of one
+// cloud; the records of all clouds go into one array. CPU twin: `stylegaussian::splat`, module `project`.
 //
 // A Gaussian with covariance S is drawn as its first-order projection J W S W^T J^T (Zwicker et al., "EWA Volume
-// Splatting", 2001) plus `LOW_PASS` on the diagonal. J is written for any projection matrix P: with clip = P p, a pixel
-// coordinate is clip.x / clip.w up to scale, and its gradient is (P_x - (clip.x / clip.w) P_w) / clip.w. Perspective, off-axis
-// and orthographic cameras differ in P only.
+// Splatting", 2001) plus `LOW_PASS` on the diagonal. J is written for any projection matrix P: with clip = P p, a
+// pixel coordinate is clip.x / clip.w up to scale, and its gradient is (P_x - (clip.x / clip.w) P_w) / clip.w.
+// Perspective, off-axis and orthographic cameras differ in P only.
 
 /// One chunk of one cloud as one camera sees it. View space is x right, y up, z backward.
 struct SplatChunk {
@@ -62,8 +62,9 @@ struct PackedGaussian {
 
 /// Variance added to the diagonal of every 2D covariance, in px^2, so that no splat is thinner than about a pixel.
 const LOW_PASS: f32 = 0.3;
-/// Distance from the image axis, in half pictures, up to which the projection is linearized at the mean itself. Beyond, the
-/// linearization at the mean stretches splats without bound; that of this distance is used instead (as in the original).
+/// Distance from the image axis, in half pictures, up to which the projection is linearized at the mean itself.
+/// Beyond, the linearization at the mean stretches splats without bound; that of this distance is used instead (as in
+/// the original).
 const LINEARIZED_WITHIN: f32 = 1.3;
 /// Larger numbers count as overflow, because their squares would be infinite.
 const HUGE: f32 = 1e18;
@@ -83,8 +84,8 @@ fn unrotated(rotation: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
     return v + rotation.w * t + cross(t, rotation.xyz);
 }
 
-/// A row of J W R S, in pixels. The 2D covariance is the Gram matrix of the two rows. `j` is the gradient of a pixel coordinate in
-/// view space.
+/// A row of J W R S, in pixels. The 2D covariance is the Gram matrix of the two rows. `j` is the gradient of a pixel
+/// coordinate in view space.
 fn footprint_axis(gaussian: PackedGaussian, j: vec3<f32>) -> vec3<f32> {
     let in_scene = j.x * chunk.view_from_scene_x.xyz + j.y * chunk.view_from_scene_y.xyz
         + j.z * chunk.view_from_scene_z.xyz;
@@ -172,6 +173,7 @@ fn color(index: u32, mean: vec3<f32>) -> vec3<f32> {
     if (chunk.flags & FROM_CAPTURED_COLORS) == 0u {
         mixed = unpacked_color(colors_from[in_scene]);
     }
+    // Most clouds do not fade, and skip the reads of a second source.
     if chunk.fade > 0.0 {
         var second = captured;
         if (chunk.flags & TO_CAPTURED_COLORS) == 0u {
@@ -179,11 +181,12 @@ fn color(index: u32, mean: vec3<f32>) -> vec3<f32> {
         }
         mixed = mix(mixed, second, chunk.fade);
     }
+    // WGSL leaves packing of larger numbers to f16 undefined.
     return clamp(mixed, vec3(-MAX_COLOR), vec3(MAX_COLOR));
 }
 
-/// A key that sorts like `distance`. The bits of floats compare like integers if the sign bit of positive floats is set and all
-/// bits of negative floats are inverted.
+/// A key that sorts like `distance`. The bits of floats compare like integers if the sign bit of positive floats is
+/// set and all bits of negative floats are inverted.
 fn sort_key(distance: f32) -> u32 {
     let bits = bitcast<u32>(distance);
     return bits ^ select(0x80000000u, 0xffffffffu, (bits >> 31u) != 0u);
@@ -195,6 +198,7 @@ fn splat_project(
     @builtin(num_workgroups) n_workgroups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
+    // Large chunks take two dimensions of workgroups: one is limited to 65,535.
     let index = (workgroup.y * n_workgroups.x + workgroup.x) * WORKGROUP + lane;
     if index >= chunk.n_gaussians {
         return;

@@ -12,6 +12,7 @@ var<workgroup> n_visible: atomic<u32>;
 fn splat_sort_counts(@builtin(local_invocation_index) lane: u32) {
     atomicAdd(&n_visible, digit_counts[lane]);
     workgroupBarrier();
+    // Every lane has added before one of them reads.
     if lane == 0u {
         let n = atomicLoad(&n_visible);
         counts.n_visible = n;

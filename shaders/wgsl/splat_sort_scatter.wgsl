@@ -1,7 +1,8 @@
 // Moves the keys of a batch, and their values, to their positions. One workgroup per batch.
 //
-// It takes 256 keys at a time. Each key sets its bit in the mask of its digit; the bits before it then count the keys that go
-// before it. The order of atomic operations does not matter to a mask, so the sort stays stable, and needs no subgroups.
+// It takes 256 keys at a time. Each key sets its bit in the mask of its digit; the bits before it then count the keys
+// that go before it. The order of atomic operations does not matter to a mask, so the sort stays stable, and needs no
+// subgroups.
 
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>;
 @group(0) @binding(3) var<storage, read> values_in: array<u32>;
@@ -27,6 +28,7 @@ fn splat_sort_scatter(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(loca
     next[lane] = sum_before(lane, digit_counts[lane]) + batch_offsets[lane * batch_stride() + workgroup.x];
     for (var round = 0u; round < ROUNDS; round++) {
         let i = workgroup.x * SORT_BATCH + round * N_DIGITS + lane;
+        // Lanes beyond the last key take part in the barriers, but in nothing else.
         var key = INVISIBLE;
         if i < n {
             key = keys_in[i];

@@ -1,5 +1,6 @@
-// The picture in tiles: squares of `TILE_SIZE` by `TILE_SIZE` pixels, each with a list of the splats whose footprints reach
-// into it, front to back. For software adapters, which draw faster from such lists than by quads (see `splat_tiles_blend`).
+// The picture in tiles: squares of `TILE_SIZE` by `TILE_SIZE` pixels, each with a list of the splats whose footprints
+// reach into it, front to back. For software adapters, which draw faster from such lists than by quads (see
+// `splat_tiles_blend`).
 
 /// The tiles of a view.
 struct SplatTiles {
@@ -34,8 +35,8 @@ fn reach(splat: Splat) -> Reach {
     );
 }
 
-/// The first splat of a run. Runs are consecutive parts of the sorted splats, of equal length, so that several threads share
-/// the work.
+/// The first splat of a run. Runs are consecutive parts of the sorted splats, of equal length, so that several
+/// threads share the work.
 fn first_of_run(run: u32, n_visible: u32) -> u32 {
     return min(run * ((n_visible + N_RUNS - 1u) / N_RUNS), n_visible);
 }

@@ -1,8 +1,9 @@
-// Blends the list of each tile, front to back, over nothing: the layer. CPU twin: `stylegaussian::splat`, module `composite`.
+// Blends the list of each tile, front to back, over nothing: the layer. CPU twin: `stylegaussian::splat`, module
+// `composite`.
 //
-// An invocation handles a quarter of a tile: four rows of four pixels, which it keeps in registers. A software adapter that
-// runs eight invocations in lockstep reads each splat once for 128 pixels. A rasterizer would walk every footprint block by
-// block, and load and store the pixels each time.
+// An invocation handles a quarter of a tile: four rows of four pixels, which it keeps in registers. A software
+// adapter that runs eight invocations in lockstep reads each splat once for 128 pixels. A rasterizer would walk every
+// footprint block by block, and load and store the pixels each time.
 
 @group(0) @binding(0) var<uniform> tiles: SplatTiles;
 /// End of each run's part of a tile's list, within the tile's segment `[tile, run]`.

@@ -1,5 +1,5 @@
-// Counts the splats of each run that reach into each tile. One invocation handles a run. The kernel is dispatched again until
-// all runs are finished, because llvmpipe ends an invocation after 65,535 loop iterations.
+// Counts the splats of each run that reach into each tile. One invocation handles a run. The kernel is dispatched
+// again until all runs are finished, because llvmpipe ends an invocation after 65,535 loop iterations.
 
 @group(0) @binding(0) var<uniform> tiles: SplatTiles;
 @group(0) @binding(1) var<storage, read> counts: SplatCounts;
@@ -27,11 +27,13 @@ fn splat_tiles_count(@builtin(global_invocation_id) invocation: vec3<u32>) {
         let reached = reach(unpacked(geometry_halves[record], color_halves[record]));
         reaches[i] = vec2(reached.first.x | (reached.last.x << 16u), reached.first.y | (reached.last.y << 16u));
         let size = reached.last - reached.first + 1u;
+        // A large splat may take several dispatches: its progress is kept tile by tile.
         let stop = min(size.x * size.y, progress.n_tiles + iterations);
         iterations -= min(iterations, stop - progress.n_tiles + 1u);
         var at = reached.first + vec2(progress.n_tiles % size.x, progress.n_tiles / size.x);
         for (; progress.n_tiles < stop; progress.n_tiles++) {
             run_counts[(at.y * tiles.n_tiles.x + at.x) * N_RUNS + run] += 1u;
+            // A select instead of a division per tile.
             at = select(vec2(at.x + 1u, at.y), vec2(reached.first.x, at.y + 1u), at.x == reached.last.x);
         }
         if stop == size.x * size.y {

@@ -1,10 +1,10 @@
 // One hidden layer: y_p = activation(sum_k W_k x_{n(p,k)} + B), computed as a product of gathered rows with the weights.
 // CPU twin: `stylegaussian::decoder::knn_conv`.
 //
-// A workgroup computes ROWS_PER_WORKGROUP Gaussians times COLUMNS_PER_WORKGROUP channels, an invocation 8 x 4 of them. The
-// inner dimension is the sequence of all (neighbor, plane) pairs. A step takes two pairs, which are 16 channels. Both
-// operands of a step lie in workgroup memory, (128 * 5 + 16 * COLUMNS_PER_WORKGROUP / 4) * 16 bytes: 14 KiB for 64 columns,
-// within the 16 KiB that WebGPU guarantees.
+// A workgroup computes ROWS_PER_WORKGROUP Gaussians times COLUMNS_PER_WORKGROUP channels, an invocation 8 x 4 of
+// them. The inner dimension is the sequence of all (neighbor, plane) pairs. A step takes two pairs, which are 16
+// channels. Both operands of a step lie in workgroup memory, (128 * 5 + 16 * COLUMNS_PER_WORKGROUP / 4) * 16 bytes:
+// 14 KiB for 64 columns, within the 16 KiB that WebGPU guarantees.
 
 /// Rows that neighboring invocations of one column compute: together they write 16 consecutive Gaussians.
 const LANE_ROWS: u32 = 16u;

@@ -64,6 +64,7 @@ impl GaussianColors {
 
     /// Makes views draw the colors anew. Call it after every write to [`buffer`](Self::buffer).
     pub fn mark_changed(&self) {
+        // Only compared for equality, and submissions order the writes themselves.
         self.version.fetch_add(1, Ordering::Relaxed);
     }
 

@@ -89,8 +89,8 @@ async fn fastest_adapter() -> Result<wgpu::Adapter, wgpu::RequestAdapterError> {
     instance.request_adapter(&options).await
 }
 
-/// Whether an adapter is software that runs shaders on the CPU (llvmpipe, SwiftShader, WARP). The CPU's own code is faster
-/// there. Virtual GPUs and adapters of unknown type count as hardware.
+/// Whether an adapter is software that runs shaders on the CPU (llvmpipe, SwiftShader, WARP). The CPU's own code is
+/// faster there. Virtual GPUs and adapters of unknown type count as hardware.
 pub fn is_software(info: &wgpu::AdapterInfo) -> bool {
     info.device_type == wgpu::DeviceType::Cpu
 }

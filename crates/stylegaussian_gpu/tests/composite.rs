@@ -156,8 +156,8 @@ fn srgb_from_linear(c: f32) -> f32 {
     if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Composites display-referred `colors` under a camera's tone mapping. Returns the mean and the largest error of a channel in the
-/// camera's picture, encoded.
+/// Composites display-referred `colors` under a camera's tone mapping. Returns the mean and the largest error of a
+/// channel in the camera's picture, encoded.
 fn errors(
     gpu: &HeadlessDevice,
     mode: CompositeMode,
@@ -192,8 +192,9 @@ fn curves_with_an_inverse_are_undone_exactly() {
     check(Tonemapping::ReinhardLuminance, 0.5, forward::reinhard_luminance);
 }
 
-/// Colors that a curve shows are undone to about three steps of 8 bits, and on average to less than one. Any other color becomes
-/// something near it. `least_mean` bounds the mean error of any color; it depends on how much of the cube the curve cannot show.
+/// Colors that a curve shows are undone to about three steps of 8 bits, and on average to less than one. Any other
+/// color becomes something near it. `least_mean` bounds the mean error of any color; it depends on how much of the
+/// cube the curve cannot show.
 fn check_table(
     gpu: &HeadlessDevice,
     curve: ToneCurve,

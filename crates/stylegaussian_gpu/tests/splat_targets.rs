@@ -1,5 +1,5 @@
-//! The draw into targets of all kinds: depth attachments, multisampling, viewports, orthographic cameras. Each picture has
-//! a known result.
+//! The draw into targets of all kinds: depth attachments, multisampling, viewports, orthographic cameras. Each
+//! picture has a known result.
 
 mod pictures;
 mod target;
@@ -21,7 +21,8 @@ use wgpu::TextureFormat::{Depth32Float, Rgba16Float};
 /// Width and height of most pictures, in pixels: the center of pixel (4, 4) lies on the axis.
 const SIZE: u32 = 9;
 
-/// A camera at the origin that looks along -z. Focal length 10 px, reverse z with an infinite far plane: depth is 0.1 / z.
+/// A camera at the origin that looks along -z. Focal length 10 px, reverse z with an infinite far plane: depth is 0.1
+/// / z.
 fn pinhole() -> Camera {
     let pinhole = stylegaussian::Camera {
         view_from_world: Affine3A::IDENTITY,
@@ -163,8 +164,8 @@ fn sorted(gpu: &HeadlessDevice, scene: &Scene, rgb: &[[f32; 3]], camera: &Camera
     (splats, view)
 }
 
-/// A wall 2 units ahead hides the green splat 3 units ahead, but not the red one 1 unit ahead. A wall 4 units ahead hides
-/// neither, a wall half a unit ahead hides both.
+/// A wall 2 units ahead hides the green splat 3 units ahead, but not the red one 1 unit ahead. A wall 4 units ahead
+/// hides neither, a wall half a unit ahead hides both.
 #[test]
 fn walls_hide_splats_behind_them() {
     let Some(gpu) = gpu() else { return };
@@ -183,8 +184,8 @@ fn walls_hide_splats_behind_them() {
     check(0.5, [0.0; 4]);
 }
 
-/// The edge of a wall runs through the middle of the pixels of column 4. The wall hides a white splat behind it in two of four
-/// samples there, in all samples to the left, and in none to the right.
+/// The edge of a wall runs through the middle of the pixels of column 4. The wall hides a white splat behind it in
+/// two of four samples there, in all samples to the left, and in none to the right.
 #[test]
 fn walls_hide_sample_by_sample() {
     let Some(gpu) = gpu() else { return };
@@ -335,8 +336,8 @@ fn viewports_keep_to_themselves() {
     near(pixel(SIZE + 1, 10), [0.0; 4]);
 }
 
-/// 10 px per unit at any distance: variance (10 * 0.2)^2 + 0.3 = 4.3 px^2, 1 unit or 50 units or 0.1 units ahead. Gaussians
-/// behind the camera or beyond its far plane are not drawn.
+/// 10 px per unit at any distance: variance (10 * 0.2)^2 + 0.3 = 4.3 px^2, 1 unit or 50 units or 0.1 units ahead.
+/// Gaussians behind the camera or beyond its far plane are not drawn.
 #[test]
 fn orthographic_footprints_do_not_shrink() {
     let Some(gpu) = gpu() else { return };

@@ -85,8 +85,8 @@ fn check(gpu: &HeadlessDevice, scene: &Scene, decoder: &Decoder, options: StyleO
     assert!(difference < tolerance, "{options:?}: {difference} from the CPU");
 }
 
-/// Scratch memory for a half and for a tenth of the scene, one to five layers, with and without base colors. Gaussians on the
-/// borders of blocks get the same colors as those inside.
+/// Scratch memory for a half and for a tenth of the scene, one to five layers, with and without base colors.
+/// Gaussians on the borders of blocks get the same colors as those inside.
 #[test]
 fn blocks_give_the_same_colors() {
     let Some(gpu) = device() else { return };
@@ -135,8 +135,8 @@ fn parts_add_up() {
     }
 }
 
-/// Timestamps arrive and change the assumed speed, although the clock of a software adapter measures nothing useful. The colors
-/// stay the same.
+/// Timestamps arrive and change the assumed speed, although the clock of a software adapter measures nothing useful.
+/// The colors stay the same.
 #[test]
 fn a_timed_budget_learns_a_speed() {
     let features = wgpu::Features::TIMESTAMP_QUERY;

@@ -13,7 +13,8 @@ pub struct Camera {
     pub viewport: UVec4,
 }
 
-/// The near plane of [`Camera::pinhole`], in scene units. It only scales depths: nothing nearer than 0.2 is drawn by default.
+/// The near plane of [`Camera::pinhole`], in scene units. It only scales depths: nothing nearer than 0.2 is drawn by
+/// default.
 const PINHOLE_NEAR: f32 = 0.01;
 
 impl Camera {
@@ -29,6 +30,7 @@ impl Camera {
             Vec4::new(-axis.x, -axis.y, 0.0, -1.0),
             Vec4::new(0.0, 0.0, PINHOLE_NEAR, 0.0),
         );
+        // The CPU rasterizer's view space is x right, y down, z forward.
         let flipped = Affine3A::from_scale(Vec3::new(1.0, -1.0, -1.0));
         Self {
             world_from_view: camera.view_from_world.inverse() * flipped,
@@ -55,8 +57,8 @@ impl Camera {
         if axis.is_finite() { axis } else { Vec2::ZERO }
     }
 
-    /// View from a space that `world_from_scene` places in the world. The product is computed in f64, because far from the
-    /// world's origin both factors are large and their product is not.
+    /// View from a space that `world_from_scene` places in the world. The product is computed in f64, because far
+    /// from the world's origin both factors are large and their product is not.
     pub(super) fn view_from(&self, world_from_scene: &Affine3A) -> Affine3A {
         let view_from_scene = in_f64(&self.world_from_view).inverse() * in_f64(world_from_scene);
         Affine3A::from_mat3_translation(
@@ -65,8 +67,8 @@ impl Camera {
         )
     }
 
-    /// Origin of the rays in a space that `world_from_scene` places in the world: (eye, 1), or (-direction, 0) if they are
-    /// parallel.
+    /// Origin of the rays in a space that `world_from_scene` places in the world: (eye, 1), or (-direction, 0) if
+    /// they are parallel.
     pub(super) fn eye_in(&self, world_from_scene: &Affine3A) -> Vec4 {
         let scene_from_view = in_f64(world_from_scene).inverse() * in_f64(&self.world_from_view);
         if self.is_orthographic() {

@@ -14,7 +14,8 @@ pub enum CompositeMode {
     Encoded,
     /// Display-referred and linear: sRGB textures, and anything after tone mapping.
     LinearFromSrgb,
-    /// Linear, and tone-mapped later. The layer goes in as the scene color that the tone mapping turns into the layer's color.
+    /// Linear, and tone-mapped later. The layer goes in as the scene color that the tone mapping turns into the
+    /// layer's color.
     InvertTonemapping(Tonemapping),
 }
 
@@ -159,6 +160,7 @@ impl Composite {
         input: &CompositeInput,
         viewport: UVec4,
     ) {
+        // WebGPU rejects an empty viewport.
         if viewport.z == 0 || viewport.w == 0 {
             return;
         }

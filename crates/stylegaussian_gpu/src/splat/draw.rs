@@ -41,6 +41,7 @@ impl Draw {
     ) -> SplatPipeline {
         let depth_stencil = depth_format.map(|format| wgpu::DepthStencilState {
             format,
+            // Splats are transparent: meshes hide them, but they do not hide one another.
             depth_write_enabled: Some(false),
             depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
             stencil: wgpu::StencilState::default(),

@@ -98,6 +98,7 @@ impl Headless {
         }
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.pass.project_and_sort(device, queue, &mut encoder, &mut self.view, camera, clouds, settings)?;
+        // The target is kept as long as pictures have one size.
         let target = match self.target.take() {
             Some(target) if target.size() == size => self.target.insert(target),
             _ => self.target.insert(Target::new(device, size, self.pass.layer_usages())),

@@ -127,8 +127,8 @@ impl SplatPass {
             return;
         };
         tiles.fill(encoder, lists);
-        // The CPU does not know whether the lists fit. If they do, the GPU sets this draw to no quads at all; otherwise it
-        // sets the blend to no workgroups.
+        // The CPU does not know whether the lists fit. If they do, the GPU sets this draw to no quads at all;
+        // otherwise it sets the blend to no workgroups.
         let commands = lists.commands().clone();
         let mut pass = layer.cleared(encoder);
         if let Some(source) = view.draw_source() {

@@ -90,6 +90,7 @@ impl Project {
         pass.set_pipeline(&self.pipeline);
         for (of_view, ChunkDispatch { offset, n_gaussians, bind_group }) in view.chunk_dispatches() {
             let n = n_gaussians.div_ceil(WORKGROUP);
+            // Workgroups beyond the limit go into a second dimension.
             let x = n.min(MAX_WORKGROUPS);
             pass.set_bind_group(0, of_view, &[offset]);
             pass.set_bind_group(1, bind_group, &[]);

@@ -1,7 +1,7 @@
 //! The geometry and captured colors of a scene on the GPU, for the splat pass.
 //!
-//! Projecting reads each Gaussian once and gathers nothing. A scene that would exceed the largest binding of the device is
-//! therefore cut into *chunks* of consecutive Gaussians.
+//! Projecting reads each Gaussian once and gathers nothing. A scene that would exceed the largest binding of the
+//! device is therefore cut into *chunks* of consecutive Gaussians.
 
 use std::ops::Range;
 
@@ -116,8 +116,8 @@ impl Chunk {
     }
 }
 
-/// A power of two, in which the largest scale is about 2^14. f16 (up to 65504, down to 6e-8) then still holds scales that are
-/// a billion times smaller.
+/// A power of two, in which the largest scale is about 2^14. f16 (up to 65504, down to 6e-8) then still holds scales
+/// that are a billion times smaller.
 fn scale_unit(scales: &[Vec3]) -> f32 {
     let largest = scales.iter().map(|s| s.max_element()).filter(|s| s.is_finite()).fold(0.0, f32::max);
     if largest > 0.0 { (largest.log2().floor() - 14.0).max(-120.0).exp2() } else { 1.0 }
@@ -132,6 +132,7 @@ fn packed_gaussian(scene: &Scene, i: usize, scale_unit: f32) -> PackedGaussian {
         return PackedGaussian::zeroed();
     }
     let pair = |low: u16, high: u16| u32::from(low) | u32::from(high) << 16;
+    // The inverse of WGSL's unpack2x16snorm, which divides by 32767.
     let snorm = |x: f32| ((x.clamp(-1.0, 1.0) * 32767.0).round() as i16).cast_unsigned();
     let half = |x: f32| f16::from_f32(x / scale_unit).to_bits();
     let [x, y, z, w] = rotation.normalize().to_array();
@@ -156,6 +157,7 @@ fn packed_sh(sh: &Sh, range: Range<usize>) -> Vec<u32> {
     for (column, i) in range.enumerate() {
         let coefficients = &sh.coefficients[i * n_values..(i + 1) * n_values];
         for (k, &value) in coefficients.iter().enumerate() {
+            // A coefficient that f16 cannot hold would turn into infinity and spoil the whole color.
             let value = if value.is_finite() { value.clamp(-65504.0, 65504.0) } else { 0.0 };
             words[k / 2 * n + column] |= u32::from(f16::from_f32(value).to_bits()) << (16 * (k % 2));
         }

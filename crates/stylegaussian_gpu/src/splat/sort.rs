@@ -50,8 +50,8 @@ struct Groups {
 }
 
 impl Sort {
-    /// The kernels that are fastest on the adapter. Invocations of the GPU kernels wait for one another within a workgroup;
-    /// a software adapter pays for every wait by switching between the invocations that it emulates.
+    /// The kernels that are fastest on the adapter. Invocations of the GPU kernels wait for one another within a
+    /// workgroup; a software adapter pays for every wait by switching between the invocations that it emulates.
     pub fn new(device: &wgpu::Device) -> Self {
         Self::of_kind(device, is_software(&device.adapter_info()))
     }
@@ -81,8 +81,8 @@ impl Sort {
         }
     }
 
-    /// Sorts the indices of the records whose keys are not `INVISIBLE`, stably, and counts them. `n_records` is the number
-    /// that the CPU wrote to `SplatCounts`, at most that of the buffers.
+    /// Sorts the indices of the records whose keys are not `INVISIBLE`, stably, and counts them. `n_records` is the
+    /// number that the CPU wrote to `SplatCounts`, at most that of the buffers.
     pub fn encode(&self, pass: &mut wgpu::ComputePass, buffers: &SortBuffers, n_records: u32) {
         let groups = &buffers.groups;
         for i in 0..N_PASSES {
@@ -100,6 +100,7 @@ impl Sort {
             pass.set_pipeline(&self.scatter.pipeline);
             pass.set_bind_group(0, &groups.scatter[i], &[]);
             dispatch_batches(pass);
+            // Counts of the first pass are the number of visible records. Later passes are dispatched by it.
             if i == 0 {
                 pass.set_pipeline(&self.counts.pipeline);
                 pass.set_bind_group(0, &groups.counts, &[]);

@@ -1,7 +1,7 @@
 //! The draw on software adapters: `splat_tiles_*`, a list of splats for each tile of the picture, blended by compute.
 //!
-//! Software rasterizers walk every quad block by block, and load and store the pixels behind it each time. Here a pixel stays
-//! in registers until it is finished, and eight invocations share each read of a splat.
+//! Software rasterizers walk every quad block by block, and load and store the pixels behind it each time. Here a
+//! pixel stays in registers until it is finished, and eight invocations share each read of a splat.
 
 use glam::{UVec2, UVec4};
 use stylegaussian_shaders::splat::{
@@ -71,6 +71,7 @@ impl Tiles {
         if std::mem::replace(&mut lists.is_filled, true) {
             return;
         }
+        // Counts and progress accumulate over dispatches. Buffers may be larger than this picture needs.
         encoder.clear_buffer(&lists.run_counts, 0, Some(run_counts_bytes(lists.n_tiles)));
         encoder.clear_buffer(&lists.progress[0], 0, None);
         encoder.clear_buffer(&lists.progress[1], 0, None);
@@ -87,14 +88,15 @@ impl Tiles {
         ] {
             pass.set_pipeline(&kernel.pipeline);
             pass.set_bind_group(0, group, &[]);
+            // Each dispatch goes on from the progress of the one before: see `ITERATIONS_PER_DISPATCH`.
             for _ in 0..n_times {
                 pass.dispatch_workgroups(n_groups, 1, 1);
             }
         }
     }
 
-    /// Blends the lists into `layer`. If `depth` (reverse z) is given, splats behind it are hidden. Lists that did not fit
-    /// are left to the quads.
+    /// Blends the lists into `layer`. If `depth` (reverse z) is given, splats behind it are hidden. Lists that did
+    /// not fit are left to the quads.
     pub fn blend(
         &self,
         device: &wgpu::Device,
@@ -105,6 +107,7 @@ impl Tiles {
     ) {
         let kernel = &self.blend[usize::from(depth.is_some())];
         let textures = (layer.clone(), depth.cloned());
+        // Textures change if a window is resized, but hardly otherwise.
         if lists.blend.as_ref().is_none_or(|(of, _)| *of != textures) {
             let group = lists.bind_blend(device, kernel, layer, depth);
             lists.blend = Some((textures, group));
@@ -187,6 +190,7 @@ impl TileLists {
             let bytes = u64::from(N_RUNS) * size_of::<RunProgress>() as u64;
             buffers::create(device, "splat_run_progress", bytes, storage | written)
         });
+        // An iteration for each entry and each splat. Runs differ in length, so one dispatch more than the mean needs.
         let iterations = u64::from(capacity) + n_records as u64;
         let n_times = iterations.div_ceil(u64::from(N_RUNS * ITERATIONS_PER_DISPATCH)) as u32 + 1;
         let reaches = buffers::create(device, "splat_reaches", 8 * n_records as u64, storage);

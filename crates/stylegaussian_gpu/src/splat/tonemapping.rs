@@ -20,14 +20,15 @@ pub enum Tonemapping {
 }
 
 impl Tonemapping {
-    /// Whether undoing it takes an [`InverseTable`], because not all colors have an inverse. The others are undone exactly.
+    /// Whether undoing it takes an [`InverseTable`], because not all colors have an inverse. The others are undone
+    /// exactly.
     pub fn needs_table(self) -> bool {
         !matches!(self, Self::None | Self::Reinhard | Self::ReinhardLuminance)
     }
 }
 
-/// A tone mapping that needs a table to be undone. Three of them are tables themselves: Bevy's three-dimensional textures,
-/// in a format that can be filtered.
+/// A tone mapping that needs a table to be undone. Three of them are tables themselves: Bevy's three-dimensional
+/// textures, in a format that can be filtered.
 #[derive(Clone, Copy, Debug)]
 #[expect(missing_docs, reason = "named like the variants of Bevy's `Tonemapping`, where they are explained")]
 pub enum ToneCurve<'a> {
@@ -59,8 +60,9 @@ impl<'a> ToneCurve<'a> {
     }
 }
 
-/// The inverse of a tone mapping: for every display color, the scene color that comes out nearest to it. Most curves never
-/// show colors that are both bright and saturated; such a display color becomes the nearest one that the curve shows.
+/// The inverse of a tone mapping: for every display color, the scene color that comes out nearest to it. Most curves
+/// never show colors that are both bright and saturated; such a display color becomes the nearest one that the curve
+/// shows.
 #[derive(Clone, Debug)]
 pub struct InverseTable(wgpu::TextureView);
 
@@ -81,6 +83,7 @@ impl InverseTable {
             texture.create_view(&wgpu::TextureViewDescriptor::default())
         };
         let table = texture("splat_inverse_table", TABLE_SIZE, wgpu::TextureUsages::STORAGE_BINDING);
+        // A binding needs some texture, also for curves that read none.
         let unread = texture("splat_no_table", 1, wgpu::TextureUsages::empty());
 
         let kernel = kernel(device, curve.constant());

@@ -18,14 +18,15 @@ use crate::{
 /// Bytes of one half of a record.
 const HALF_RECORD: u64 = 16;
 
-/// Bytes from one chunk's uniforms to the next one's: the coarsest alignment of dynamic offsets that a device may ask for.
+/// Bytes from one chunk's uniforms to the next one's: the coarsest alignment of dynamic offsets that a device may ask
+/// for.
 const UNIFORM_STRIDE: usize = 256;
 
 /// The most batches that the sort can dispatch: WebGPU's default limit on workgroups in one dimension.
 const MAX_BATCHES: u64 = 65_535;
 
-/// One view of the splat pass: a camera, or one of its pictures. Memory grows to the largest number of Gaussians seen and
-/// stays. Drop the view to give it back.
+/// One view of the splat pass: a camera, or one of its pictures. Memory grows to the largest number of Gaussians seen
+/// and stays. Drop the view to give it back.
 #[derive(Debug, Default)]
 pub struct SplatView {
     buffers: Option<ViewBuffers>,
@@ -235,6 +236,7 @@ impl SplatView {
         colors: [u64; 2],
         bind: impl FnOnce(&ChunkBindings) -> wgpu::BindGroup,
     ) {
+        // Padding up to the offset of this chunk.
         self.staging.resize(self.chunks.len() * UNIFORM_STRIDE, 0);
         self.staging.extend_from_slice(bytemuck::bytes_of(uniforms));
         self.sources.push(ChunkSource { uniforms: *uniforms, buffers: key.clone(), colors });
@@ -252,6 +254,7 @@ impl SplatView {
         {
             queue.write_buffer(&uniforms.buffer, 0, &self.staging);
         }
+        // Swapping keeps both allocations for the next frames.
         std::mem::swap(&mut self.sources, &mut self.drawn);
         self.forget_unused();
         change

@@ -8,8 +8,8 @@ use stylegaussian::{
 
 /// The part of a scene that a change of style needs on the CPU: its basis and statistics, and nothing for each
 /// Gaussian. The statistics cost a pass over the features and are therefore computed once. Every change is then
-/// [`transfer`](Self::transfer) and [`FoldedLayers::new`](super::FoldedLayers::new), which cost the same for any number of
-/// Gaussians.
+/// [`transfer`](Self::transfer) and [`FoldedLayers::new`](super::FoldedLayers::new), which cost the same for any
+/// number of Gaussians.
 #[derive(Clone, Debug)]
 pub struct ContentFold {
     /// Basis, offset and encoder, without rows. `n_extra` counts the decoder's procedural inputs, too.

@@ -19,8 +19,9 @@ use super::{
 
 /// The part of a scene that the style pass uploads. It is made without a GPU: an engine makes it off its main thread.
 ///
-/// Features are centered, and each channel is multiplied by the power of two that brings its largest value to 1,024..2,048.
-/// f16 keeps 11 bits of values down to 6e-5, so no value that matters in its channel is rounded more coarsely than that.
+/// Features are centered, and each channel is multiplied by the power of two that brings its largest value to
+/// 1,024..2,048. f16 keeps 11 bits of values down to 6e-5, so no value that matters in its channel is rounded more
+/// coarsely than that.
 #[derive(Clone, Debug)]
 pub struct StyleInputs {
     pub(super) content: Arc<ContentFold>,
@@ -49,8 +50,8 @@ impl PackedPlanes {
 }
 
 impl StyleInputs {
-    /// Packs the inputs of `decoder` on `scene`: features, noise, base colors, and the K nearest neighbors. Neighbors are
-    /// found anew if the scene has none (give it [`Neighbors`](stylegaussian::Neighbors) to save that time).
+    /// Packs the inputs of `decoder` on `scene`: features, noise, base colors, and the K nearest neighbors. Neighbors
+    /// are found anew if the scene has none (give it [`Neighbors`](stylegaussian::Neighbors) to save that time).
     ///
     /// # Errors
     /// If the scene has no features, or if the decoder does not fit them.
@@ -103,6 +104,7 @@ fn channel_scales(values: &[f32], width: usize) -> Vec<f32> {
     for row in values.chunks_exact(width) {
         largest.iter_mut().zip(row).for_each(|(max, value)| *max = max.max(value.abs()));
     }
+    // Powers of two change no digit. The clamp keeps the scale and its inverse finite.
     let scale = |max: f32| {
         if max > 0.0 && max.is_finite() {
             2.0_f32.powi((10 - max.log2().floor() as i32).clamp(-100, 100))

@@ -1,5 +1,5 @@
-//! The dispatches that decode a scene: by block, by layer, by chunk of rows, and also by output buffer and input buffer if
-//! these are split. Pure arithmetic.
+//! The dispatches that decode a scene: by block, by layer, by chunk of rows, and also by output buffer and input
+//! buffer if these are split. Pure arithmetic.
 
 use stylegaussian_shaders::style::{
     COLOR_WORKGROUP_SIZE, COLUMNS_PER_WORKGROUP, KnnLayer, ROWS_PER_WORKGROUP,
@@ -14,8 +14,8 @@ use super::{
 };
 use crate::buffers::TooLarge;
 
-/// The most rows of one dispatch. 65,536 rows of the paper's widest layer are 34 GFLOP, under 0.1 s on an integrated GPU, so that
-/// no driver takes a large scene for a hang; and 512 workgroups, of which 65,535 are allowed.
+/// The most rows of one dispatch. 65,536 rows of the paper's widest layer are 34 GFLOP, under 0.1 s on an integrated
+/// GPU, so that no driver takes a large scene for a hang; and 512 workgroups, of which 65,535 are allowed.
 pub(super) const CHUNK_ROWS: usize = 65_536;
 
 /// The split of buffers by the largest binding.
@@ -32,8 +32,8 @@ pub(super) struct Split {
 }
 
 impl Split {
-    /// Splits planes of a scene's Gaussians and of a block's rows, and chunks of rows with neighbor lists and sums, so that each
-    /// piece can be bound.
+    /// Splits planes of a scene's Gaussians and of a block's rows, and chunks of rows with neighbor lists and sums,
+    /// so that each piece can be bound.
     ///
     /// # Errors
     /// If a single plane, or the lists of a few rows, are larger than `limit`.
@@ -43,7 +43,8 @@ impl Split {
         precision: Precision,
         limit: u64,
     ) -> Result<Self, TooLarge> {
-        // Neighbor lists are bound from any chunk on: 64 rows are a multiple of 256 bytes, the coarsest alignment of a binding.
+        // Neighbor lists are bound from any chunk on: 64 rows are a multiple of 256 bytes, the coarsest alignment of
+        // a binding.
         const ROW_MULTIPLE: usize = 64;
         let inputs = planes_per_buffer(shape.widths[0], shape.n_gaussians, precision.input_format(), limit)?;
         let scratch = |which| {
@@ -121,6 +122,8 @@ pub(super) fn steps(shape: &StyleShape, split: &Split, block: usize, rows: &Bloc
         for first_row in (0..n_rows).step_by(split.chunk_rows) {
             let n_rows = split.chunk_rows.min(n_rows - first_row);
             for output in output_groups(shape, layer, split) {
+                // Innermost, because the dispatches that share sums must follow one another: the next chunk
+                // overwrites them.
                 for input in input_groups.clone() {
                     let mut step = step(shape, split, layer, input, output);
                     step.block = block;
@@ -128,6 +131,7 @@ pub(super) fn steps(shape: &StyleShape, split: &Split, block: usize, rows: &Bloc
                     step.parameters.n_rows = n_rows as u32;
                     step.parameters.continues = u32::from(input.first > 0);
                     step.parameters.is_continued = u32::from(input.first + input.n < n_inputs);
+                    // Rows of a block that is the whole scene are its Gaussians already.
                     step.parameters.input_is_scene &= u32::from(rows.is_part);
                     step.parameters.output_is_scene &= u32::from(rows.is_part);
                     step.workgroups = workgroups(step.kind, &step.parameters);
@@ -139,8 +143,8 @@ pub(super) fn steps(shape: &StyleShape, split: &Split, block: usize, rows: &Bloc
     steps
 }
 
-/// The dispatches of smoothing pass `index` on the Gaussians of a block. They read colors of other blocks, so the layers and
-/// earlier passes of all blocks come before.
+/// The dispatches of smoothing pass `index` on the Gaussians of a block. They read colors of other blocks, so the
+/// layers and earlier passes of all blocks come before.
 pub(super) fn smoothing_steps(
     shape: &StyleShape,
     split: &Split,
@@ -264,8 +268,8 @@ mod tests {
         assert_eq!(sum_columns(&shape(1000), &WHOLE), 0);
     }
 
-    /// 10 million Gaussians, decoded whole with a plane (160 MB) in each buffer. Every layer computes each row once, all numbers of
-    /// workgroups are allowed on every adapter, and all indices fit 32 bits.
+    /// 10 million Gaussians, decoded whole with a plane (160 MB) in each buffer. Every layer computes each row once,
+    /// all numbers of workgroups are allowed on every adapter, and all indices fit 32 bits.
     #[test]
     fn ten_million_gaussians_are_cut_into_chunks() {
         let n = 10_000_000;

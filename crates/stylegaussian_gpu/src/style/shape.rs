@@ -45,8 +45,8 @@ impl StyleShape {
         self.widths.len() - 1
     }
 
-    /// Width of the first (0) or second (1) scratch buffer. Hidden layers write to them in turns, so it is the largest width
-    /// of every second hidden layer.
+    /// Width of the first (0) or second (1) scratch buffer. Hidden layers write to them in turns, so it is the
+    /// largest width of every second hidden layer.
     pub fn scratch_width(&self, which: usize) -> usize {
         let hidden = &self.widths[1..self.widths.len() - 1];
         hidden.iter().skip(which).step_by(2).copied().max().unwrap_or(0)

@@ -37,8 +37,8 @@ impl From<StyleSceneError> for StylizeOnGpuError {
     }
 }
 
-/// Decodes a scene's mapped features to colors `[N]` on the GPU and waits for them: display-referred RGB, not clamped, in the
-/// precision of f16.
+/// Decodes a scene's mapped features to colors `[N]` on the GPU and waits for them: display-referred RGB, not
+/// clamped, in the precision of f16.
 ///
 /// # Errors
 /// If the decoder or the map does not fit the scene, or if the scene does not fit the device.

@@ -8,10 +8,11 @@ use super::{
 };
 use crate::buffers::{self, TooLarge};
 
-/// The weights of a folded decoder in f32: one buffer for each layer, `[K * planes * 8 + 1, columns]`, with the bias last.
+/// The weights of a folded decoder in f32: one buffer for each layer, `[K * planes * 8 + 1, columns]`, with the bias
+/// last.
 ///
-/// They are not f16, because a folded first layer multiplies the basis with gains of any size. The paper's layers on 32 latent
-/// features take 1.3 MB.
+/// They are not f16, because a folded first layer multiplies the basis with gains of any size. The paper's layers on
+/// 32 latent features take 1.3 MB.
 #[derive(Debug)]
 pub struct GpuDecoder {
     layers: Vec<wgpu::Buffer>,
@@ -48,8 +49,8 @@ impl GpuDecoder {
         Ok(decoder)
     }
 
-    /// Replaces the weights by those of another style of the same decoder and scene, and allocates nothing. Returns `false` and
-    /// does nothing if the layers have other shapes; they need a new `GpuDecoder`.
+    /// Replaces the weights by those of another style of the same decoder and scene, and allocates nothing. Returns
+    /// `false` and does nothing if the layers have other shapes; they need a new `GpuDecoder`.
     pub fn write(&mut self, queue: &wgpu::Queue, folded: &FoldedLayers) -> bool {
         if self.k != folded.k || self.widths != widths(&folded.layers) {
             return false;
@@ -104,11 +105,12 @@ fn with_last(layers: &[Layer]) -> impl Iterator<Item = (&Layer, bool)> {
     layers.iter().enumerate().map(|(i, layer)| (layer, i + 1 == layers.len()))
 }
 
-/// A layer's weight `[D_out, K, D_in]` and bias as rows of `quads` vec4: all outputs for each neighbor and each channel of the
-/// input's planes, then the bias. Padding is 0.
+/// A layer's weight `[D_out, K, D_in]` and bias as rows of `quads` vec4: all outputs for each neighbor and each
+/// channel of the input's planes, then the bias. Padding is 0.
 fn packed(layer: &Layer, k: usize, quads: usize) -> Vec<f32> {
     let (columns, d_in) = (4 * quads, layer.d_in);
     let padded_in = n_planes(d_in) * PLANE_CHANNELS;
+    // Transposed: the kernels load four outputs of one input at once.
     let mut rows = vec![0.0; n_rows(layer, k) * columns];
     for (output, weight) in layer.weight.chunks_exact((k * d_in).max(1)).enumerate() {
         for (i, value) in weight.iter().enumerate() {

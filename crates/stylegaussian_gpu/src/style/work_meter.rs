@@ -37,6 +37,7 @@ impl StyleProgress {
             let workgroups =
                 (affordable / ROWS_PER_WORKGROUP).max(u32::from(taken.is_empty())) * ROWS_PER_WORKGROUP;
             let n = if whole { rest } else { workgroups.min(rest) };
+            // A step that is not cut waits for the next frame, unless it would be the first one of this frame.
             if n == 0 || (affordable < rest && whole && !taken.is_empty()) {
                 return taken;
             }
@@ -55,9 +56,9 @@ impl StyleProgress {
 /// GPU time per frame for all style changes together, and an estimate of the GPU's speed. It limits how much
 /// [`StylePass::encode_some`](super::StylePass::encode_some) encodes.
 ///
-/// The speed comes from timestamps around the granted work ([`timed`](Self::timed)) or from [`observe`](Self::observe). Until
-/// then, the meter assumes the slowest GPU that this crate is meant for. A frame exceeds its budget by at most one workgroup of
-/// 128 rows, or by one chunk if sums over planes are kept.
+/// The speed comes from timestamps around the granted work ([`timed`](Self::timed)) or from
+/// [`observe`](Self::observe). Until then, the meter assumes the slowest GPU that this crate is meant for. A frame
+/// exceeds its budget by at most one workgroup of 128 rows, or by one chunk if sums over planes are kept.
 #[derive(Debug)]
 pub struct WorkMeter {
     /// Milliseconds of GPU time in each frame. Infinity puts the whole change into one frame.
@@ -69,7 +70,8 @@ pub struct WorkMeter {
     timer: Option<Timer>,
 }
 
-/// Operations per millisecond assumed at first: an integrated GPU of ten years ago reaches 0.1 TFLOP/s in products of matrices.
+/// Operations per millisecond assumed at first: an integrated GPU of ten years ago reaches 0.1 TFLOP/s in products of
+/// matrices.
 const SLOWEST: f64 = 1e8;
 
 /// Share of the newest observation in the estimate. A GPU's clock settles within some frames.
@@ -91,8 +93,8 @@ impl WorkMeter {
         Self::new(f32::INFINITY)
     }
 
-    /// Measures granted work by the GPU's own clock, if the device has `TIMESTAMP_QUERY`. Do not use it on software adapters:
-    /// they report when they accepted the work, not when they did it.
+    /// Measures granted work by the GPU's own clock, if the device has `TIMESTAMP_QUERY`. Do not use it on software
+    /// adapters: they report when they accepted the work, not when they did it.
     pub fn timed(mut self, device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         self.timer = Timer::new(device, queue);
         self
@@ -124,17 +126,19 @@ impl WorkMeter {
         (f64::from(self.ms_per_frame) * self.operations_per_ms) as u64
     }
 
-    /// Operations left in this frame's budget, or `None` if it is spent. The first call of a frame always returns `Some`, so at
-    /// least one workgroup of rows is encoded and every change completes.
+    /// Operations left in this frame's budget, or `None` if it is spent. The first call of a frame always returns
+    /// `Some`, so at least one workgroup of rows is encoded and every change completes.
     pub(super) fn left(&self) -> Option<u64> {
         let left = self.operations().saturating_sub(self.granted);
         (left > 0 || self.granted == 0).then_some(left)
     }
 
-    /// Takes `operations` from the budget. Returns a measurement to write around them, to be resolved by [`Self::resolve`].
+    /// Takes `operations` from the budget. Returns a measurement to write around them, to be resolved by
+    /// [`Self::resolve`].
     pub(super) fn grant(&mut self, operations: u64) -> Option<Timing> {
         self.granted = self.granted.saturating_add(operations);
         let is_limited = self.is_limited();
+        // Nobody asks for the speed if everything runs at once.
         self.timer.as_mut().filter(|_| is_limited).and_then(|timer| timer.reserve(operations))
     }
 
@@ -150,8 +154,8 @@ impl WorkMeter {
         }
     }
 
-    /// Learns that `operations` took `time` on the GPU. The estimate drops at once if the GPU is slower than assumed, and rises
-    /// gradually if it is faster: a frame that comes too late is worse than a change that takes longer.
+    /// Learns that `operations` took `time` on the GPU. The estimate drops at once if the GPU is slower than assumed,
+    /// and rises gradually if it is faster: a frame that comes too late is worse than a change that takes longer.
     pub fn observe(&mut self, operations: u64, time: Duration) {
         let ms = time.as_secs_f64() * 1e3;
         if operations == 0 || ms <= 0.0 {

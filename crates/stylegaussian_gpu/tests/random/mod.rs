@@ -24,8 +24,8 @@ impl Random {
         (0..n).map(|_| scale * self.signed()).collect()
     }
 
-    /// `n` embedded Gaussians in a cube. Latent features have sizes from 10 down to 0.1, as after a principal component analysis,
-    /// about means that are not 0.
+    /// `n` embedded Gaussians in a cube. Latent features have sizes from 10 down to 0.1, as after a principal
+    /// component analysis, about means that are not 0.
     pub fn scene(&mut self, n: usize, n_latent: usize, n_extra: usize, k: usize) -> Scene {
         let means: Vec<Vec3> =
             (0..n).map(|_| Vec3::new(self.signed(), self.signed(), self.signed())).collect();
@@ -79,8 +79,8 @@ impl Random {
         self.layers(empty, scene, widths, false)
     }
 
-    /// `decoder` with layers of these widths. Their weights keep activations at about the same size and give colors that deviate
-    /// by a quarter, like those of a picture. f16 holds numbers up to 2 to 5e-4.
+    /// `decoder` with layers of these widths. Their weights keep activations at about the same size and give colors
+    /// that deviate by a quarter, like those of a picture. f16 holds numbers up to 2 to 5e-4.
     pub fn layers(
         &mut self,
         mut decoder: Decoder,

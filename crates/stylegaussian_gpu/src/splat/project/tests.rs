@@ -24,8 +24,8 @@ struct Twin {
     depth: f64,
     distance: f64,
     color: Vec3,
-    /// Distance inside of all culling bounds, in pixels and other units: positive if the Gaussian is drawn, negative if it is
-    /// culled, near 0 if rounding decides.
+    /// Distance inside of all culling bounds, in pixels and other units: positive if the Gaussian is drawn, negative
+    /// if it is culled, near 0 if rounding decides.
     margin: f64,
 }
 
@@ -242,8 +242,8 @@ fn gpu_matches_cpu() {
     }
 }
 
-/// Far from the world's origin, f32 places a cloud to a sixteenth of a unit. The picture of a camera beside it does not change for
-/// that.
+/// Far from the world's origin, f32 places a cloud to a sixteenth of a unit. The picture of a camera beside it does
+/// not change for that.
 #[test]
 fn far_from_the_origin_nothing_changes() {
     let Some(gpu) = gpu() else { return };
