@@ -42,7 +42,7 @@ pub(crate) fn largest_binding(device: &wgpu::Device) -> u64 {
     limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
 }
 
-/// A buffer with undefined contents; wgpu fills it with zeros.
+/// A buffer of zeros.
 pub(crate) fn create(
     device: &wgpu::Device,
     label: &str,

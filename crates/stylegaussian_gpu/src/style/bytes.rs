@@ -19,7 +19,7 @@ pub struct StyleBytes {
     pub neighbors: u64,
     /// Activations between layers and colors between smoothing passes. They can be released after a change of style.
     pub activations: u64,
-    /// The decoder.
+    /// Weights of the decoder.
     pub weights: u64,
 }
 
