@@ -142,7 +142,15 @@ impl<'a> Stage<'a> {
         let cloud = Cloud { scene: self.scene, colors, world_from_scene: Affine3A::IDENTITY };
         let Gpu { device, queue, .. } = self.gpu;
         let settings = SplatSettings::default();
-        self.pass.prepare(device, queue, encoder, &mut self.views[i], &camera, &[cloud], &settings)?;
+        self.pass.project_and_sort(
+            device,
+            queue,
+            encoder,
+            &mut self.views[i],
+            &camera,
+            &[cloud],
+            &settings,
+        )?;
         Ok(())
     }
 

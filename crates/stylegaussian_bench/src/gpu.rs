@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use stylegaussian_gpu::device::{DeviceError, HeadlessDevice};
+use stylegaussian_gpu::device::{DeviceError, DeviceOptions, HeadlessDevice};
 
 /// A device and its clock.
 #[derive(Debug)]
@@ -32,7 +32,8 @@ impl Gpu {
     /// The fastest adapter, or `None` if there is none.
     pub fn open() -> Result<Option<Self>> {
         let features = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
-        let headless = match pollster::block_on(HeadlessDevice::request_with_features(features)) {
+        let options = DeviceOptions { features, ..Default::default() };
+        let headless = match pollster::block_on(HeadlessDevice::request(options)) {
             Err(DeviceError::NoAdapter(_)) => return Ok(None),
             result => result?,
         };

@@ -9,7 +9,7 @@ use stylegaussian::{
 };
 use stylegaussian_gpu::{
     colors::GaussianColors,
-    device::HeadlessDevice,
+    device::{DeviceOptions, HeadlessDevice},
     splat::{Cloud, CloudColors, GpuScene, Headless, SplatSettings},
     style::{self, StylizeOnGpuError},
 };
@@ -35,8 +35,14 @@ impl Compute {
     pub fn open(backend: Backend) -> Result<Self> {
         let gpu = match backend {
             Backend::Cpu => None,
-            Backend::Auto => pollster::block_on(HeadlessDevice::request_hardware()),
-            Backend::Gpu => Some(pollster::block_on(HeadlessDevice::request()).context("--backend gpu")?),
+            Backend::Auto => {
+                let options = DeviceOptions { hardware_only: true, ..Default::default() };
+                pollster::block_on(HeadlessDevice::request(options)).ok()
+            }
+            Backend::Gpu => {
+                let gpu = pollster::block_on(HeadlessDevice::request(DeviceOptions::default()));
+                Some(gpu.context("--backend gpu")?)
+            }
         };
         if let Some(software) = gpu.as_ref().filter(|gpu| gpu.is_software()) {
             let name = &software.info.name;

@@ -29,7 +29,7 @@ fn random_scene(n: usize) -> Scene {
     scene
 }
 
-/// A record's place, inverse variance along y, and opacity.
+/// The parts of a record that determine alpha.
 struct Footprint {
     center: DVec2,
     slope: f64,
@@ -38,9 +38,9 @@ struct Footprint {
 }
 
 impl Footprint {
-    fn new([x, y, slope, row]: [f32; 4], look: [u32; 4]) -> Self {
-        let opacity = half::f16::from_bits((look[3] >> 16) as u16).to_f64();
-        let precision = DVec2::new(f64::from(row), f64::from(f32::from_bits(look[0])));
+    fn new([x, y, slope, row]: [f32; 4], color: [u32; 4]) -> Self {
+        let opacity = half::f16::from_bits((color[3] >> 16) as u16).to_f64();
+        let precision = DVec2::new(f64::from(row), f64::from(f32::from_bits(color[0])));
         Self { center: DVec2::new(f64::from(x), f64::from(y)), slope: f64::from(slope), precision, opacity }
     }
 
@@ -50,7 +50,7 @@ impl Footprint {
         self.opacity * (-0.5 * (self.precision.x * du * du + self.precision.y * d.y * d.y)).exp()
     }
 
-    /// How far the footprint reaches from its center.
+    /// Half the size of the bounding box.
     fn extent(&self) -> DVec2 {
         let variance_y = 1.0 / self.precision.y;
         let variance = DVec2::new(1.0 / self.precision.x + self.slope * self.slope * variance_y, variance_y);
@@ -59,14 +59,14 @@ impl Footprint {
     }
 }
 
-/// Each list names in order what a pixel of its cell sees, and nothing whose rectangle ends before the cell. Pictures of
-/// whole and of cut cells, in the middle of a target, one after the other in one view.
+/// Each list names in order all splats that a pixel of its tile shows, and none whose bounding box ends before the
+/// tile. Pictures of whole and of cut tiles, in the middle of a target, one after the other in one view.
 #[test]
 fn gpu_matches_cpu() {
     let Some(gpu) = gpu() else { return };
     let HeadlessDevice { device, queue, .. } = &gpu;
     let scene = GpuScene::new(device, &random_scene(700)).unwrap();
-    let (pass, cells, mut view) = (SplatPass::by_quads(device), Cells::new(device), SplatView::new());
+    let (pass, tiles, mut view) = (SplatPass::by_quads(device), Tiles::new(device), SplatView::new());
     for viewport in [UVec4::new(0, 0, 64, 48), UVec4::new(5, 3, 61, 45), UVec4::new(7, 0, 90, 9)] {
         let camera = Camera {
             world_from_view: Affine3A::IDENTITY,
@@ -81,52 +81,55 @@ fn gpu_matches_cpu() {
             Cloud { scene: &scene, colors: CloudColors::Captured, world_from_scene: Affine3A::IDENTITY };
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let settings = SplatSettings::default();
-        pass.prepare(device, queue, &mut encoder, &mut view, &camera, &[cloud], &settings).unwrap();
-        let lists = view.lists(device, queue, &cells).unwrap();
-        cells.fill(&mut encoder, lists);
+        pass.project_and_sort(device, queue, &mut encoder, &mut view, &camera, &[cloud], &settings).unwrap();
+        let lists = view.lists(device, queue, &tiles).unwrap();
+        tiles.fill(&mut encoder, lists);
         assert!(lists.is_filled);
         queue.submit([encoder.finish()]);
 
         let (ends, entries) = (read::<u32>(&gpu, &lists.run_counts), read::<u32>(&gpu, &lists.entries));
         let segments = read::<u32>(&gpu, &lists.segments);
         let commands = read::<SplatCommands>(&gpu, &lists.commands)[0];
-        let columns = lists.n_cells.x;
-        let n_cells = product(lists.n_cells) as u32;
-        assert_eq!((commands.n_groups, commands.n_instances), (n_cells.div_ceil(shaders::CELLS_OF_GROUP), 0));
+        let columns = lists.n_tiles.x;
+        let n_tiles = product(lists.n_tiles) as u32;
+        assert_eq!(
+            (commands.n_groups, commands.n_instances),
+            (n_tiles.div_ceil(shaders::TILES_PER_WORKGROUP), 0)
+        );
         let sort = view.sort().unwrap();
         let n_visible = read::<SplatCounts>(&gpu, &sort.counts)[0].n_visible as usize;
-        let slots: Vec<u32> = read(&gpu, &sort.slots);
-        let (places, looks) = view.records().unwrap();
-        let (places, looks): (Vec<[f32; 4]>, Vec<[u32; 4]>) = (read(&gpu, places), read(&gpu, looks));
+        let sorted: Vec<u32> = read(&gpu, &sort.record_indices);
+        let (geometry, color) = view.records().unwrap();
+        let (geometry, color): (Vec<[f32; 4]>, Vec<[u32; 4]>) = (read(&gpu, geometry), read(&gpu, color));
 
         let mut begin = 0;
-        for cell in 0..n_cells {
+        for tile in 0..n_tiles {
             let end =
-                segments[(cell / CELLS_OF_SEGMENT) as usize] + ends[(cell * N_RUNS + N_RUNS - 1) as usize];
+                segments[(tile / TILES_PER_SEGMENT) as usize] + ends[(tile * N_RUNS + N_RUNS - 1) as usize];
             let end = end as usize;
             let mut list = entries[begin..end].iter().peekable();
             begin = end;
-            let corner = UVec2::new(cell % columns, cell / columns) * CELL;
+            let corner = UVec2::new(tile % columns, tile / columns) * TILE_SIZE;
             let first = corner + UVec2::new(viewport.x, viewport.y);
-            let size = UVec2::splat(CELL).min(UVec2::new(viewport.z, viewport.w) - corner);
-            for &slot in &slots[..n_visible] {
-                let footprint = Footprint::new(places[slot as usize], looks[slot as usize]);
+            let size = UVec2::splat(TILE_SIZE).min(UVec2::new(viewport.z, viewport.w) - corner);
+            for &record in &sorted[..n_visible] {
+                let footprint = Footprint::new(geometry[record as usize], color[record as usize]);
                 let pixels = (0..size.x * size.y).map(|i| first + UVec2::new(i % size.x, i / size.x));
-                // Rounding decides what is drawn with an alpha of 1/255.
+                // Rounding decides whether an alpha of 1/255 is drawn.
                 let is_seen =
                     pixels.into_iter().any(|pixel| footprint.alpha(pixel.as_dvec2() + 0.5) > 1.01 / 255.0);
-                let is_listed = list.next_if_eq(&&slot).is_some();
-                assert!(is_listed || !is_seen, "cell {cell} does not list {slot}");
-                let middle = first.as_dvec2() + f64::from(CELL) / 2.0;
+                let is_listed = list.next_if_eq(&&record).is_some();
+                assert!(is_listed || !is_seen, "tile {tile} does not list {record}");
+                let middle = first.as_dvec2() + f64::from(TILE_SIZE) / 2.0;
                 let apart = (footprint.center - middle).abs() - footprint.extent();
-                let is_near = apart.max_element() < f64::from(CELL) / 2.0 + 0.01;
-                // What is beside the picture may be listed at its edge.
+                let is_near = apart.max_element() < f64::from(TILE_SIZE) / 2.0 + 0.01;
+                // Splats beside the picture may be listed at its edge.
                 let center = footprint.center - DVec2::new(f64::from(viewport.x), f64::from(viewport.y));
                 let last = DVec2::new(f64::from(viewport.z), f64::from(viewport.w));
                 let is_within = center.cmpge(DVec2::ZERO).all() && center.cmplt(last).all();
-                assert!(!is_listed || is_near || !is_within, "cell {cell} lists {slot} in vain");
+                assert!(!is_listed || is_near || !is_within, "tile {tile} lists {record} in vain");
             }
-            assert_eq!(list.next(), None, "cell {cell} lists what is out of order or not visible");
+            assert_eq!(list.next(), None, "tile {tile} lists what is out of order or not visible");
         }
         assert!(begin > 1000, "only {begin} entries");
     }

@@ -7,21 +7,21 @@ use stylegaussian::{
     Decoder, Scene,
     fold::{self, StylizeError},
 };
-use stylegaussian_shaders::style::Storage;
+use stylegaussian_shaders::style::NumberFormat;
 
 use super::{
     blocks::Blocks,
-    content::{ContentFold, StyleShape, centered},
+    content::{ContentFold, centered},
     options::StyleOptions,
+    planes::PLANE_CHANNELS,
+    shape::StyleShape,
 };
 
-/// Channels in a plane: 8 f16 are a `vec4<u32>`, the widest load of a shader.
-pub(super) const PLANE_CHANNELS: usize = 8;
-
-/// Everything that the style pass uploads of a scene, made without a GPU: an engine makes it off its main thread.
+/// The part of a scene that the style pass uploads. It is made without a GPU: an engine makes it off its main thread.
 ///
-/// Features are centered, each channel times a power of two that brings its largest value to 1,024 or just above: f16
-/// keeps 11 bits of values down to 6e-5, so nothing that matters in a channel is rounded more coarsely than that.
+/// Features are centered, and each channel is multiplied by the power of two that brings its largest value to
+/// 1,024..2,048. f16 keeps 11 bits of values down to 6e-5, so no value that matters in its channel is rounded more
+/// coarsely than that.
 #[derive(Clone, Debug)]
 pub struct StyleInputs {
     pub(super) content: Arc<ContentFold>,
@@ -29,11 +29,11 @@ pub struct StyleInputs {
     pub(super) options: StyleOptions,
     pub(super) planes: PackedPlanes,
     pub(super) blocks: Blocks,
-    /// `[N]`; empty where the decoder is not residual.
+    /// Base colors `[N]`; empty if the decoder is not residual.
     pub(super) base_colors: Vec<[f16; 4]>,
 }
 
-/// `[planes, N]`.
+/// Planes of all Gaussians `[planes, N]`.
 #[derive(Clone, Debug)]
 pub(super) enum PackedPlanes {
     F16(Vec<[f16; PLANE_CHANNELS]>),
@@ -50,19 +50,19 @@ impl PackedPlanes {
 }
 
 impl StyleInputs {
-    /// Packs what `decoder` takes of `scene`: features, noise, own colors, and the K nearest neighbors, which are found
-    /// anew where the scene holds none (give it [`Neighbors`](stylegaussian::Neighbors) to spare that).
+    /// Packs the inputs of `decoder` on `scene`: features, noise, base colors, and the K nearest neighbors. Neighbors
+    /// are found anew if the scene has none (give it [`Neighbors`](stylegaussian::Neighbors) to save that time).
     ///
     /// # Errors
-    /// No features, or a decoder that does not fit them.
+    /// If the scene has no features, or if the decoder does not fit them.
     ///
     /// # Panics
-    /// When the parts of the scene do not fit together: see [`Scene::validate`].
+    /// If the parts of the scene do not fit together: see [`Scene::validate`].
     pub fn new(scene: &Scene, decoder: &Decoder) -> Result<Self, StylizeError> {
         Self::with_options(scene, decoder, StyleOptions::default())
     }
 
-    /// [`new`](Self::new) with a say in precision and memory.
+    /// [`new`](Self::new) with a choice of precision and memory.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -78,8 +78,8 @@ impl StyleInputs {
         let inputs = fold::inputs_of(scene, decoder).ok_or(StylizeError::NoFeatures)?;
         let (mean_latent, values) = centered(&inputs);
         let scales = channel_scales(&values, shape.widths[0]);
-        let planes = match options.precision.of_inputs() {
-            Storage::F32 => PackedPlanes::F32(pack_planes_as(&values, &scales, |value| value)),
+        let planes = match options.precision.input_format() {
+            NumberFormat::F32 => PackedPlanes::F32(pack_planes_as(&values, &scales, |value| value)),
             _ => PackedPlanes::F16(pack_planes(&values, &scales)),
         };
         let base_colors = if shape.residual {
@@ -87,29 +87,24 @@ impl StyleInputs {
         } else {
             Vec::new()
         };
-        let blocks = blocks(scene, &shape, &options);
+        let blocks = Blocks::of_scene(scene, &shape, &options);
         let content = Arc::new(ContentFold::new(&inputs, mean_latent, scales));
         Ok(Self { content, shape, options, planes, blocks, base_colors })
     }
 
-    /// What folding needs of the scene.
+    /// The part of the scene that folding needs.
     pub fn content(&self) -> &Arc<ContentFold> {
         &self.content
     }
 }
 
-/// The blocks that `scene` is decoded in.
-pub(super) fn blocks(scene: &Scene, shape: &StyleShape, options: &StyleOptions) -> Blocks {
-    let neighbors = || fold::neighbors_for(scene, shape.k).into_owned();
-    Blocks::new(shape, &scene.means, neighbors, options.max_rows(shape))
-}
-
-/// For each of `width` channels of `values` `[N, width]` the power of two that brings its largest to 1,024..2,048.
+/// For each channel of `values` `[N, width]`, the power of two that brings its largest value to 1,024..2,048.
 fn channel_scales(values: &[f32], width: usize) -> Vec<f32> {
     let mut largest = vec![0.0_f32; width];
     for row in values.chunks_exact(width) {
         largest.iter_mut().zip(row).for_each(|(max, value)| *max = max.max(value.abs()));
     }
+    // Powers of two change no digit. The clamp keeps the scale and its inverse finite.
     let scale = |max: f32| {
         if max > 0.0 && max.is_finite() {
             2.0_f32.powi((10 - max.log2().floor() as i32).clamp(-100, 100))
@@ -120,7 +115,7 @@ fn channel_scales(values: &[f32], width: usize) -> Vec<f32> {
     largest.into_iter().map(scale).collect()
 }
 
-/// `values` `[N, width]` times `scales` `[width]`, as planes `[planes, N]` of 8 channels; zeros fill the last plane.
+/// `values` `[N, width]` times `scales` `[width]`, as planes `[planes, N]` of 8 channels. Zeros fill the last plane.
 fn pack_planes(values: &[f32], scales: &[f32]) -> Vec<[f16; PLANE_CHANNELS]> {
     pack_planes_as(values, scales, f16::from_f32)
 }
