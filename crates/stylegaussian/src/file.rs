@@ -16,6 +16,7 @@ mod checkpoint;
 mod colors;
 mod decoder;
 mod ply;
+pub mod pytorch;
 mod sgs;
 mod style;
 mod tensors;
