@@ -25,8 +25,8 @@ impl Samples {
         Ok(Self { ms, cpu_ms })
     }
 
-    /// Runs several functions in turns, so that other work on the machine slows all of them down. Everything that is compared
-    /// must be measured so. Each run returns its milliseconds.
+    /// Runs several functions in turns, so that other work on the machine slows all of them down. Everything that is
+    /// compared must be measured so. Each run returns its milliseconds.
     pub fn in_turns(
         n_warm_up: usize,
         n_runs: usize,

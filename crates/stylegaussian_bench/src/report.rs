@@ -39,8 +39,8 @@ pub struct NotRun {
     pub reason: String,
 }
 
-/// Ratios of rows. For speeds, `x_over_y` is the time of y divided by the time of x; larger is better. `*_product*` is our rate
-/// of operations divided by that of a plain matrix product. `None` if one side could not run.
+/// Ratios of rows. For speeds, `x_over_y` is the time of y divided by the time of x; larger is better. `*_product*`
+/// is our rate of operations divided by that of a plain matrix product. `None` if one side could not run.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Ratios {
     /// The CPU's decoder on folded, 32-wide features, relative to the same one on 256-wide features.

@@ -105,9 +105,9 @@ fn colored(rgb: impl ExactSizeIterator<Item = Vec3>) -> Scene {
     }
 }
 
-/// The structured scene in Morton order, as files keep it, with `n_latent` features for 256 channels and neighbor lists. The
-/// features are noise, because times do not depend on them. If there are 256, they are the channels themselves, as in the
-/// literal method.
+/// The structured scene in Morton order, as files keep it, with `n_latent` features for 256 channels and neighbor
+/// lists. The features are noise, because times do not depend on them. If there are 256, they are the channels
+/// themselves, as in the literal method.
 pub fn embedded(n: usize, n_latent: usize) -> Scene {
     let scene = structured(n);
     let mut scene = scene.subset(&morton::order(&scene.means));

@@ -184,7 +184,8 @@ fn budgeted(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> 
     Ok(())
 }
 
-/// Bytes that each layer gathers and writes for one Gaussian, in f16: K rows of inputs and of indices, and one of outputs.
+/// Bytes that each layer gathers and writes for one Gaussian, in f16: K rows of inputs and of indices, and one of
+/// outputs.
 fn moved_by_layers(n_latent: usize) -> [u64; 5] {
     let mut d_in = n_latent;
     Decoder::WIDTHS.map(|d_out| {

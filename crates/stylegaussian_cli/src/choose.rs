@@ -6,7 +6,7 @@ use std::{
 };
 
 use anyhow::{Context, Result};
-use stylegaussian::{Decoder, Scene, file};
+use stylegaussian::{Decoder, EncoderId, Scene, file};
 use stylegaussian_defaults::{DECODER, ENCODER, ENCODER_NAME};
 use stylegaussian_encoder::Encoder;
 
@@ -65,4 +65,51 @@ pub fn decoder(path: Option<&Path>, scene: &Scene) -> Result<NamedDecoder> {
         (None, None) => (file::decoder_from_bytes(DECODER, "the default decoder")?, "default".into()),
     };
     Ok(NamedDecoder { decoder, name })
+}
+
+/// Checks that parts were made with one encoder. Returns a warning for each part that does not name its encoder.
+///
+/// Each part is a name for messages, such as a file, and the encoder that the part names.
+///
+/// # Errors
+/// If two parts name different encoders.
+pub fn check_encoders(parts: &[(String, Option<&EncoderId>)]) -> Result<Vec<String>> {
+    if let Some((first, expected)) = parts.iter().find(|(_, encoder)| encoder.is_some()) {
+        for (part, found) in parts {
+            EncoderId::expect_same((part, *found), (first, *expected))?;
+        }
+    }
+    let unnamed = parts.iter().filter(|(_, encoder)| encoder.is_none());
+    Ok(unnamed
+        .map(|(part, _)| format!("{part} does not name its encoder, so it may not fit the rest"))
+        .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn encoder(hash: &str) -> EncoderId {
+        EncoderId { name: "vgg".into(), hash: hash.into() }
+    }
+
+    #[test]
+    fn two_encoders_are_an_error_that_names_both() {
+        let (a, b) = (encoder("aa"), encoder("bb"));
+        let error =
+            check_encoders(&[("x.sgs".into(), None), ("d".into(), Some(&a)), ("s.png".into(), Some(&b))]);
+        let message = error.unwrap_err().to_string();
+        for part in ["s.png", "vgg@bb", "d to", "vgg@aa"] {
+            assert!(message.contains(part), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_missing_encoder_is_a_warning() {
+        let a = encoder("aa");
+        let warnings = check_encoders(&[("x.sgs".into(), None), ("d".into(), Some(&a))]).unwrap();
+        assert_eq!(warnings.len(), 1);
+        assert!(warnings[0].starts_with("x.sgs "));
+        assert!(check_encoders(&[("d".into(), Some(&a)), ("e".into(), Some(&a))]).unwrap().is_empty());
+    }
 }

@@ -27,8 +27,8 @@ pub struct Compute {
 }
 
 impl Compute {
-    /// Opens the device. `gpu` takes any adapter, and is an error if there is none. `auto` takes only hardware GPUs, because
-    /// software adapters are slower than our CPU code.
+    /// Opens the device. `gpu` takes any adapter, and is an error if there is none. `auto` takes only hardware GPUs,
+    /// because software adapters are slower than our CPU code.
     ///
     /// # Errors
     /// If a GPU is asked for and there is none.
@@ -61,8 +61,8 @@ impl Compute {
         self.gpu.as_ref().map(|gpu| gpu.info.name.clone())
     }
 
-    /// Colors `[N]` of a scene's mapped features. If `auto` chose the GPU and the scene does not fit it, the CPU takes over
-    /// and a warning says so.
+    /// Colors `[N]` of a scene's mapped features. If `auto` chose the GPU and the scene does not fit it, the CPU
+    /// takes over and a warning says so.
     ///
     /// # Errors
     /// If scene, decoder and map do not fit one another, or the GPU that was asked for fails.

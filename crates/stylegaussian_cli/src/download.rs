@@ -35,12 +35,12 @@ enum Outcome {
     Cut(String),
 }
 
-/// Downloads `url` to `path`, after the bytes that are there already, and compares the file's SHA-256 with `digest`, its
-/// first digits in lower case.
+/// Downloads `url` to `path`, after the bytes that are there already, and compares the file's SHA-256 with `digest`,
+/// its first digits in lower case.
 ///
 /// # Errors
-/// If the server refuses, five attempts in a row bring nothing, or `interrupted` is set; the bytes that came are then kept.
-/// If the checksum differs; the file is then removed, because resuming would not help.
+/// If the server refuses, five attempts in a row bring nothing, or `interrupted` is set; the bytes that came are then
+/// kept. If the checksum differs; the file is then removed, because resuming would not help.
 pub fn download(url: &str, path: &Path, digest: &str, interrupted: &AtomicBool) -> Result<()> {
     let bar = bar(0, "{bytes}/{total_bytes} [{elapsed} < {eta}] {bytes_per_sec} {wide_bar}");
     let mut failures = 0;
@@ -119,8 +119,8 @@ fn request(url: &str, path: &Path, interrupted: &AtomicBool, bar: &ProgressBar) 
     })
 }
 
-/// Reads on a separate thread, so that the caller can stop waiting for a server that has stalled. The last chunk is empty
-/// or an error.
+/// Reads on a separate thread, so that the caller can stop waiting for a server that has stalled. The last chunk is
+/// empty or an error.
 fn chunks(mut body: impl Read + Send + 'static) -> Receiver<io::Result<Vec<u8>>> {
     let (sender, receiver) = sync_channel(4);
     thread::spawn(move || {

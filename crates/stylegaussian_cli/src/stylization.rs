@@ -10,11 +10,10 @@ use stylegaussian::{
     fold::{self, StylizeError},
 };
 use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
-use stylegaussian_train::same_encoder;
 
 use crate::{
     arguments::{Backend, WeightedPath, fraction},
-    choose::{self, NamedDecoder, open_encoder},
+    choose::{self, NamedDecoder, check_encoders, open_encoder},
     compute::Compute,
     terminal::{usage_error, warn},
 };
@@ -31,8 +30,8 @@ pub struct StylizationArgs {
     /// The decoder, *.decoder.safetensors. Default: the scene's own, else the built-in one.
     #[arg(long, value_name = "FILE")]
     decoder: Option<PathBuf>,
-    /// The encoder for style images: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Default: the file
-    /// in STYLEGAUSSIAN_ENCODER, else the built-in encoder.
+    /// The encoder for style images: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Default:
+    /// the file in STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
     /// Where to compute. If `gpu` is given and there is no GPU, the command fails.
@@ -106,7 +105,7 @@ impl StylizationArgs {
         parts.extend(
             styles.map(|(style, statistics)| (style.path.display().to_string(), statistics.encoder.as_ref())),
         );
-        let warnings = same_encoder(&parts)?;
+        let warnings = check_encoders(&parts)?;
         warn(&warnings);
 
         let total = self.total_weight();

@@ -22,8 +22,8 @@ use posed::{invalid, parse, read};
 /// of these (in this order: transforms.json, COLMAP in sparse/0, sparse or the folder itself, cameras.json).
 ///
 /// # Errors
-/// If the file is missing, truncated or malformed, a pose is not rigid, the lens is no pinhole (distortion alone is only a
-/// warning), or the file has no camera.
+/// If the file is missing, truncated or malformed, a pose is not rigid, the lens is no pinhole (distortion alone is
+/// only a warning), or the file has no camera.
 pub fn read_cameras(path: &Path) -> Result<CameraSet, CamerasError> {
     let metadata = fs::metadata(path).map_err(|source| CamerasError::Io { path: path.into(), source })?;
     let set = if metadata.is_dir() { read_folder(path) } else { read_file(path) }?;

@@ -4,8 +4,9 @@
 //! view's features are A sum_i w_i f'_i + b sum_i w_i with the blend weights w of the rasterizer. Embedding finds the
 //! f', A and b that minimize the mean absolute difference between rendered features and the encoder's.
 //!
-//! The stages, one module each: `view` (pictures to learn from), `samples` (training data of a view), `closed_form` (PCA
-//! and weighted means), `refine` (descent), `evidence` (filling in under-observed Gaussians), `model` (the model itself).
+//! The stages, one module each: `view` (pictures to learn from), `samples` (training data of a view), `closed_form`
+//! (PCA and weighted means), `refine` (descent), `evidence` (filling in under-observed Gaussians), `model` (the model
+//! itself).
 
 mod closed_form;
 mod evidence;
@@ -42,13 +43,13 @@ pub const N_LATENT: usize = 32;
 /// many of them are under-observed too.
 const N_EVIDENCE_NEIGHBORS: usize = 16;
 
-/// Steps of the default method for each view; a step uses a quarter of a view. On the playbot scene (20 views) the held-out
-/// error after 5, 10, 20 and 40 steps for each view is 1.316, 1.304, 1.293 and 1.288.
+/// Steps of the default method for each view; a step uses a quarter of a view. On the playbot scene (20 views) the
+/// held-out error after 5, 10, 20 and 40 steps for each view is 1.316, 1.304, 1.293 and 1.288.
 const DEFAULT_ITERATIONS_PER_VIEW: u32 = 20;
 /// Least number of steps of the default method: if there are few views, each must be used more often.
 const DEFAULT_MIN_ITERATIONS: u32 = 200;
-/// Steps of `optimize`: on the playbot scene its held-out error is least about here, 1.294, from 1.311 after half of them to
-/// 1.309 after 5,000.
+/// Steps of `optimize`: on the playbot scene its held-out error is least about here, 1.294, from 1.311 after half of
+/// them to 1.309 after 5,000.
 const OPTIMIZE_ITERATIONS: u32 = 2000;
 
 /// The method of embedding.
@@ -101,12 +102,13 @@ pub struct EmbedReport {
     pub n_held_out_views: usize,
     /// Steps of descent taken.
     pub iterations: u32,
-    /// Mean over training views of the mean |rendered - encoder's| over channels and the cells with a coverage above 0.9.
-    /// `None` if there is no such cell.
+    /// Mean over training views of the mean |rendered - encoder's| over channels and the cells with a coverage above
+    /// 0.9. `None` if there is no such cell.
     pub training_error: Option<f64>,
     /// The same on the held-out views.
     pub held_out_error: Option<f64>,
-    /// Gaussians that fill less than a tenth of a cell over all training views. They took their features from neighbors.
+    /// Gaussians that fill less than a tenth of a cell over all training views. They took their features from
+    /// neighbors.
     pub n_badly_seen: usize,
     /// Seconds for the views: rendering, encoding, blend weights.
     pub view_seconds: f64,
@@ -162,8 +164,8 @@ pub enum EmbedError {
 
 /// Gives `scene` the features of `encoder`, learned from `views`.
 ///
-/// Features have mean 0 and standard deviation 1 per channel over the Gaussians. The result depends on the options and the
-/// views alone, not on the number of threads. Under-observed Gaussians take features from their neighbors.
+/// Features have mean 0 and standard deviation 1 per channel over the Gaussians. The result depends on the options
+/// and the views alone, not on the number of threads. Under-observed Gaussians take features from their neighbors.
 ///
 /// # Errors
 /// If the scene is empty, a view cannot be read or encoded, or no view shows the scene. The scene is then unchanged.

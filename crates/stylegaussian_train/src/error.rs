@@ -5,7 +5,8 @@ use std::error::Error;
 /// Training, distillation or evaluation failed.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
-    /// A file, a scene or a setting is not as required. The message names it, and says the found and the expected value.
+    /// A file, a scene or a setting is not as required. The message names it, and says the found and the expected
+    /// value.
     #[error("{0}")]
     Invalid(String),
     /// An operation failed for a reason of its own.
@@ -39,6 +40,7 @@ caused_by!(
     crate::cameras::CamerasError,
     burn::tensor::TensorReadError,
     safetensors::SafeTensorError,
+    stylegaussian::encoder_id::EncoderMismatch,
     stylegaussian::file::FileError,
     stylegaussian::fold::StylizeError,
     stylegaussian_encoder::EncoderError,

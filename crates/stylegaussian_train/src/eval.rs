@@ -2,13 +2,13 @@
 //!
 //! For every painting and view, the *style error* is the squared distance between the channel means and deviations of
 //! VGG-19's relu1_1, relu2_1 and relu3_1 on the picture and on the painting, averaged over channels and summed over
-//! layers: the paper's style loss without relu4_1. A decoder could lower it by painting everything in one contrasty way.
-//! Two other numbers show that: how often the error is smallest for the picture's own painting, and the *content error*,
-//! the mean squared distance of relu3_1 from the unstyled view's.
+//! layers: the paper's style loss without relu4_1. A decoder could lower it by painting everything in one contrasty
+//! way. Two other numbers show that: how often the error is smallest for the picture's own painting, and the *content
+//! error*, the mean squared distance of relu3_1 from the unstyled view's.
 //!
-//! References are the unstyled scene; the scene recolored to the painting's mean and covariance, which needs no network;
-//! and, if a 2D decoder is given, AdaIN on each view separately. Whether the views agree is measured by warping one into
-//! another.
+//! References are the unstyled scene; the scene recolored to the painting's mean and covariance, which needs no
+//! network; and, if a 2D decoder is given, AdaIN on each view separately. Whether the views agree is measured by
+//! warping one into another.
 
 mod baseline;
 mod consistency;

@@ -53,10 +53,8 @@ pub mod nn;
 pub mod picture;
 mod random;
 mod recolor;
-mod same_encoder;
 pub mod views;
 mod watch;
 
 pub use error::TrainError;
-pub use same_encoder::same_encoder;
 pub use watch::{Progress, Stage, Watch};

@@ -8,8 +8,8 @@ use stylegaussian_encoder::Image;
 
 use crate::random::Random;
 
-/// Added to the variances of colors: the square of a display's step. Without it, the covariance of a gray scene or painting
-/// could not be inverted.
+/// Added to the variances of colors: the square of a display's step. Without it, the covariance of a gray scene or
+/// painting could not be inverted.
 const VARIANCE_FLOOR: f64 = 1.0 / (255.0 * 255.0);
 
 /// Mean and covariance of colors.
@@ -77,8 +77,8 @@ pub struct Recoloring {
 }
 
 impl Recoloring {
-    /// The map from colors of one mean and covariance to another that moves colors least: the optimal transport between two
-    /// normal distributions.
+    /// The map from colors of one mean and covariance to another that moves colors least: the optimal transport
+    /// between two normal distributions.
     pub fn new(from: &ColorMoments, to: &ColorMoments) -> Self {
         let root = square_root(from.covariance);
         let inverse = root.inverse();

@@ -1,9 +1,10 @@
 //! Cameras for a scene that comes without photos.
 //!
-//! A scene is either an *object*, seen from outside, or a *place*, seen from within. Test views decide: some from all around
-//! the scene and some from free spots inside it. If those inside show more of its Gaussians and are surrounded by it, the
-//! scene is a place. Among many candidate cameras of that kind (overviews and closer looks), each step then takes the one
-//! that adds most to the views before it. Any number of views thus covers the scene as well as that many views can.
+//! A scene is either an *object*, seen from outside, or a *place*, seen from within. Test views decide: some from all
+//! around the scene and some from free spots inside it. If those inside show more of its Gaussians and are surrounded
+//! by it, the scene is a place. Among many candidate cameras of that kind (overviews and closer looks), each step
+//! then takes the one that adds most to the views before it. Any number of views thus covers the scene as well as
+//! that many views can.
 //!
 //! The stages, one module each: `survey` (size, middle and a simplified version of the scene), `up` (the up direction),
 //! `candidates` (candidate cameras), `coverage` (the Gaussians that a camera sees, and the choice).
@@ -22,15 +23,15 @@ use candidates::Candidate;
 use coverage::TestViews;
 use survey::Survey;
 
-/// Factor by which test views within a place must show more than those around it. A closed shell shows the same from both
-/// sides, and counts as an object.
+/// Factor by which test views within a place must show more than those around it. A closed shell shows the same from
+/// both sides, and counts as an object.
 const PLACE_SHOWS_MORE: f32 = 1.15;
 
 /// Least share of a place's inner views that must show the scene. A place surrounds its viewer, an object does not.
 const PLACE_ENCLOSES: f32 = 0.7;
 
-/// Chooses `n` upright cameras with pictures of `size` pixels that together see as much of `scene` as possible, the most
-/// useful first. Returns none if nothing of the scene is visible.
+/// Chooses `n` upright cameras with pictures of `size` pixels that together see as much of `scene` as possible, the
+/// most useful first. Returns none if nothing of the scene is visible.
 ///
 /// Up is [`Scene::up`], or a guess from the scene's surfaces if that is `None`. The choice depends on the scene alone.
 pub fn choose_views(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {

@@ -1,27 +1,17 @@
 //! The encoder that ships.
 
-use std::{
-    env, fs,
-    path::{Path, PathBuf},
-};
+#[expect(dead_code, reason = "the tests share these, and each uses a part")]
+mod support;
+
+use std::{fs, path::Path};
 
 use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
 use stylegaussian_encoder::{Encoder, Image};
 use stylegaussian_train::encoder::compare;
+use support::data;
 
 /// Most bytes that it may have: the crate's limit is 5 MB, and the decoder has 2.
 const MAX_BYTES: usize = 2 << 20;
-
-/// A folder of the shared test data, or `None`, reported loudly, if it is absent.
-fn data(folder: &str) -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let path = env::var_os("STYLEGAUSSIAN_DATA").map_or_else(beside, PathBuf::from).join(folder);
-    if !path.is_dir() {
-        eprintln!("SKIPPED: {} is absent; STYLEGAUSSIAN_DATA names another place", path.display());
-        return None;
-    }
-    Some(path)
-}
 
 fn repository() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))

@@ -1,20 +1,11 @@
 //! The 2D decoder on real weights and a real photo.
 
-use std::path::PathBuf;
+#[expect(dead_code, reason = "the tests share these, and each uses a part")]
+mod support;
 
 use stylegaussian_encoder::{Encoder, FeatureMap, Image};
 use stylegaussian_train::eval::ImageDecoder;
-
-/// The folder of shared data, unless the machine has none.
-fn shared_data() -> Option<PathBuf> {
-    let beside = || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data"));
-    let folder = std::env::var_os("STYLEGAUSSIAN_DATA").map_or_else(beside, PathBuf::from);
-    if !folder.is_dir() {
-        eprintln!("SKIPPED: no shared data at {}", folder.display());
-        return None;
-    }
-    Some(folder)
-}
+use support::data;
 
 /// Peak signal to noise ratio of two images of one size.
 fn decibels(a: &Image, b: &Image) -> f64 {
@@ -24,10 +15,10 @@ fn decibels(a: &Image, b: &Image) -> f64 {
 
 #[test]
 fn a_photo_comes_back_from_its_features() {
-    let Some(data) = shared_data() else { return };
-    let encoder = Encoder::open(&data.join("vgg/vgg19_normalised_relu3_1.safetensors")).unwrap();
-    let decoder = ImageDecoder::open(&data.join("vgg/wct_decoder_relu3_1.safetensors")).unwrap();
-    let photos = std::fs::read_dir(data.join("photos/snowmiku/images")).unwrap();
+    let (Some(vgg), Some(photos)) = (data("vgg"), data("photos")) else { return };
+    let encoder = Encoder::open(&vgg.join("vgg19_normalised_relu3_1.safetensors")).unwrap();
+    let decoder = ImageDecoder::open(&vgg.join("wct_decoder_relu3_1.safetensors")).unwrap();
+    let photos = std::fs::read_dir(photos.join("snowmiku/images")).unwrap();
     let photo = photos.map(|photo| photo.unwrap().path()).min().unwrap();
     let photo = Image::open(&photo).unwrap().resized(512, 384);
     let found = decoder.decode(&encoder.encode(&photo).unwrap()).unwrap();
@@ -43,8 +34,8 @@ fn a_photo_comes_back_from_its_features() {
 
 #[test]
 fn weights_of_another_decoder_are_refused() {
-    let Some(data) = shared_data() else { return };
-    let path = data.join("vgg/distilled16x_decoder_relu3_1.safetensors");
+    let Some(vgg) = data("vgg") else { return };
+    let path = vgg.join("distilled16x_decoder_relu3_1.safetensors");
     let message = ImageDecoder::open(&path).err().expect("a decoder of 64 channels opened").to_string();
     assert!(
         message.contains("distilled16x_decoder_relu3_1") && message.contains("[128, 256, 3, 3]"),

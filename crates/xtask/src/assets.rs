@@ -1,8 +1,8 @@
 //! `cargo xtask assets`: makes everything in `assets/`, the default encoder and the default decoder anew.
 //!
-//! The demo scene and the paintings are reproduced bit for bit. Embedded features and trained networks can differ by the
-//! order of floating-point sums. The training data of encoder and decoder is not ours to ship and is in the test data:
-//! VGG-19, paintings likely in the public domain, and scenes under open licenses.
+//! The demo scene and the paintings are reproduced bit for bit. Embedded features and trained networks can differ by
+//! the order of floating-point sums. The training data of encoder and decoder is not ours to ship and is in the test
+//! data: VGG-19, paintings likely in the public domain, and scenes under open licenses.
 
 use std::{
     ffi::OsStr,
@@ -85,8 +85,8 @@ const FOURTH_RUN: [&str; 8] = ["--noise", "0", "--smoothing", "1", "--seed", "11
 const FIFTH_RUN: [&str; 8] =
     ["--learning-rate", "2e-4", "--seed", "12", "--iterations", "800", "--contrastive-weight", "10"];
 
-/// Weights of the mean of the last two runs, which is better than either, and the flags of the final decoder: six smoothing
-/// passes and a tenth of the base color.
+/// Weights of the mean of the last two runs, which is better than either, and the flags of the final decoder: six
+/// smoothing passes and a tenth of the base color.
 const SHARES: [&str; 2] = ["35", "65"];
 const FINISH: [&str; 6] = ["--iterations", "0", "--smoothing", "6", "--residual", "0.1"];
 

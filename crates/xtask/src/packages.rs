@@ -21,8 +21,8 @@ pub fn has_display() -> bool {
         || ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| env::var_os(name).is_some_and(|v| !v.is_empty()))
 }
 
-/// Installs the missing packages for drawing with Vulkan, and into a window if `window` is set. Does nothing on systems other
-/// than Debian and its derivatives.
+/// Installs the missing packages for drawing with Vulkan, and into a window if `window` is set. Does nothing on
+/// systems other than Debian and its derivatives.
 ///
 /// # Errors
 /// If this program lacks the rights. The message has the command to run.

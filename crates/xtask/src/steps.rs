@@ -64,8 +64,8 @@ impl Steps {
         self.time(name, command, |command| Ok(command.status()?.success()))
     }
 
-    /// Like [`Steps::run`], and repeats in the summary the lines of its output that `is_closing` picks: the closing lines of a
-    /// test runner.
+    /// Like [`Steps::run`], and repeats in the summary the lines of its output that `is_closing` picks: the closing
+    /// lines of a test runner.
     pub fn run_keeping(
         &mut self,
         name: &str,

@@ -82,8 +82,8 @@ fn run_if_installed(steps: &mut Steps, name: &str, program: &str, arguments: &[&
     }
 }
 
-/// Packs the published crates, without building them from their packages. Uncommitted changes are included, except on CI,
-/// which requires a clean tree.
+/// Packs the published crates, without building them from their packages. Uncommitted changes are included, except on
+/// CI, which requires a clean tree.
 fn package() -> Result<Command> {
     let mut command = cargo(["package", "--locked", "--offline", "--workspace", "--no-verify"]);
     for name in unpublished()? {

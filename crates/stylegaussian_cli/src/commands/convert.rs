@@ -15,7 +15,8 @@ pub struct ConvertArgs {
     /// A scene: 3DGS .ply, .sgs, or a StyleGaussian checkpoint (.pth).
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// The file to write: .sgs (everything), .ply (geometry and colors) or .decoder.safetensors (only the scene's decoder).
+    /// The file to write: .sgs (everything), .ply (geometry and colors) or .decoder.safetensors (only the scene's
+    /// decoder).
     #[arg(value_name = "OUT")]
     output: PathBuf,
     /// Print JSON.

@@ -23,9 +23,9 @@ const HELD_OUT_STRIDE: usize = 16;
 
 /// Train a small encoder to give the features of a large one.
 ///
-/// The student sees random crops of the images, also in other sizes and colors, and learns the teacher's features of each. At
-/// the end it is compared with the teacher on held-out images. The state is kept in OUT.checkpoint.safetensors. Ctrl-C saves
-/// it and stops.
+/// The student sees random crops of the images, also in other sizes and colors, and learns the teacher's features of
+/// each. At the end it is compared with the teacher on held-out images. The state is kept in
+/// OUT.checkpoint.safetensors. Ctrl-C saves it and stops.
 #[derive(Args, Debug)]
 pub struct DistillArgs {
     /// The encoder to learn from: VGG-19 weights (.safetensors, .pth) or an ONNX file.

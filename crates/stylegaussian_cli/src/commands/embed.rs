@@ -25,8 +25,8 @@ const DEFAULT_VIEWS: u32 = 60;
 
 /// Give a scene features, once, so that any style can be applied to it instantly.
 ///
-/// Learns from photos with known poses, or from pictures of the scene itself. Ctrl-C finishes early with the views and steps
-/// done so far.
+/// Learns from photos with known poses, or from pictures of the scene itself. Ctrl-C finishes early with the views
+/// and steps done so far.
 #[derive(Args, Debug)]
 pub struct EmbedArgs {
     /// A scene: 3DGS .ply or .sgs.
@@ -37,14 +37,15 @@ pub struct EmbedArgs {
     /// Learn from photos: a folder with transforms.json, a COLMAP model or 3DGS cameras.json, and the photos it names.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["cameras", "views"])]
     photos: Option<PathBuf>,
-    /// Learn from pictures of the scene itself, from these cameras: transforms.json, a COLMAP model or 3DGS cameras.json.
+    /// Learn from pictures of the scene itself, from these cameras: transforms.json, a COLMAP model or 3DGS
+    /// cameras.json.
     #[arg(long, value_name = "FILE", conflicts_with = "views")]
     cameras: Option<PathBuf>,
     /// Learn from this many pictures of the scene itself, from cameras chosen for it [default: 60].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     views: Option<u32>,
-    /// Longer side of the pictures, in pixels. Photos are never enlarged. Larger pictures give finer features; the time grows
-    /// with their area.
+    /// Longer side of the pictures, in pixels. Photos are never enlarged. Larger pictures give finer features; the
+    /// time grows with their area.
     #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=4096))]
     size: u32,
     /// The method of embedding.
@@ -59,7 +60,8 @@ pub struct EmbedArgs {
     /// Seed of the starting noise and of the order of views. Equal seeds give equal results.
     #[arg(long, default_value_t = EmbedOptions::default().seed)]
     seed: u64,
-    /// Leave the neighbor lists out of the file. It is 32 bytes per Gaussian smaller, and every load computes them anew.
+    /// Leave the neighbor lists out of the file. It is 32 bytes per Gaussian smaller, and every load computes them
+    /// anew.
     #[arg(long)]
     no_neighbors: bool,
     /// The encoder: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Default: the file in

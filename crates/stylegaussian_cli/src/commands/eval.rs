@@ -19,8 +19,8 @@ use crate::{
 
 /// Measure how well a stylized scene shows paintings that the decoder has never seen.
 ///
-/// Prints for every painting the style error of its pictures, that of the scene merely recolored, and the share of views in
-/// which the painting is the nearest of all.
+/// Prints for every painting the style error of its pictures, that of the scene merely recolored, and the share of
+/// views in which the painting is the nearest of all.
 #[derive(Args, Debug)]
 pub struct EvalArgs {
     /// An embedded scene (.sgs).
@@ -37,19 +37,19 @@ pub struct EvalArgs {
     /// Longer side of a view, in pixels.
     #[arg(long, value_name = "PX", default_value_t = 256, value_parser = clap::value_parser!(u32).range(32..=2048))]
     size: u32,
-    /// Longer side of the views for consistency, in pixels. If pixels are coarser than the scene, sampling between pixels
-    /// dominates the difference.
+    /// Longer side of the views for consistency, in pixels. If pixels are coarser than the scene, sampling between
+    /// pixels dominates the difference.
     #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=2048))]
     consistency_size: u32,
     /// The decoder, *.decoder.safetensors. Default: the scene's own, else the built-in one.
     #[arg(long, value_name = "FILE")]
     decoder: Option<PathBuf>,
-    /// Also count pixels that the scene does not cover, as mid-gray. By default a picture's statistics are those of the scene
-    /// alone.
+    /// Also count pixels that the scene does not cover, as mid-gray. By default a picture's statistics are those of
+    /// the scene alone.
     #[arg(long)]
     whole_picture: bool,
-    /// Pairs of cameras whose views should agree, as JSON: {"short": [[0, 1], ...], "long": [[0, 7], ...]}. Default: pairs on
-    /// an orbit of 36 views.
+    /// Pairs of cameras whose views should agree, as JSON: {"short": [[0, 1], ...], "long": [[0, 7], ...]}. Default:
+    /// pairs on an orbit of 36 views.
     #[arg(long, value_name = "FILE", requires = "cameras")]
     pairs: Option<PathBuf>,
     /// A decoder of 2D feature maps (safetensors, relu3_1 to RGB). Adds a baseline: AdaIN on each view separately.

@@ -29,8 +29,9 @@ pub struct FetchVggArgs {
     /// The weights to write.
     #[arg(short, long, value_name = "OUT.safetensors")]
     output: PathBuf,
-    /// A folder of images. The weights are scaled so that over these images every channel has mean 1, which keeps single
-    /// channels or layers from dominating a style error. A ReLU network is otherwise unchanged. Default: no scaling.
+    /// A folder of images. The weights are scaled so that over these images every channel has mean 1, which keeps
+    /// single channels or layers from dominating a style error. A ReLU network is otherwise unchanged. Default: no
+    /// scaling.
     #[arg(long, value_name = "DIR")]
     images: Option<PathBuf>,
     /// The address of torchvision's `.pth`, or of its tensors as `.safetensors`.

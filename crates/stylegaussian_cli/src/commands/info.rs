@@ -81,11 +81,11 @@ struct DecoderInfo {
 /// Bytes on the GPU, computed and not measured. Memory for the picture itself is not included.
 #[derive(Debug, PartialEq, Serialize)]
 struct GpuBytes {
-    /// Permanent memory: geometry, SH in f16 and a color of 4 f16 for each Gaussian; with features also the decoder's inputs
-    /// and neighbor lists.
+    /// Permanent memory: geometry, SH in f16 and a color of 4 f16 for each Gaussian; with features also the decoder's
+    /// inputs and neighbor lists.
     scene: u64,
-    /// Memory during a change of style: activations between layers, and the decoder's weights. 0 without features, and if
-    /// the decoder does not fit them.
+    /// Memory during a change of style: activations between layers, and the decoder's weights. 0 without features,
+    /// and if the decoder does not fit them.
     style_pass: u64,
 }
 

@@ -20,8 +20,9 @@ pub struct StylizeArgs {
     scene: PathBuf,
     #[command(flatten)]
     stylization: StylizationArgs,
-    /// The file to write. As .ply or .sgs: the scene with the stylized colors as SH of degree 0. As .safetensors: a tensor
-    /// `rgb` f32 [N, 3], not clamped, with one row for each Gaussian of the source, NaN if the Gaussian was dropped.
+    /// The file to write. As .ply or .sgs: the scene with the stylized colors as SH of degree 0. As .safetensors: a
+    /// tensor `rgb` f32 [N, 3], not clamped, with one row for each Gaussian of the source, NaN if the Gaussian was
+    /// dropped.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     /// Print JSON.

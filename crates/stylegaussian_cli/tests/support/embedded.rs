@@ -8,8 +8,8 @@ use stylegaussian_encoder::Encoder;
 
 use crate::support::Bench;
 
-/// A flat board of 24 x 24 opaque Gaussians of many colors, visible from all around and above. Its made-up features have the
-/// encoder's 256 channels and 3 latent features.
+/// A flat board of 24 x 24 opaque Gaussians of many colors, visible from all around and above. Its made-up features
+/// have the encoder's 256 channels and 3 latent features.
 pub fn embedded(bench: &Bench, encoder: &Path) -> String {
     const SIDE: usize = 24;
     let n = SIDE * SIDE;

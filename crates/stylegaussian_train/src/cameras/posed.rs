@@ -170,7 +170,8 @@ pub(super) fn rigid(
     Ok(DAffine3::from_rotation_translation(rotation, translation))
 }
 
-/// The path of `name` in `folder`, as it is or with a picture's extension, if such a file exists; otherwise the plain path.
+/// The path of `name` in `folder`, as it is or with a picture's extension, if such a file exists; otherwise the plain
+/// path.
 pub(super) fn photo_path(folder: &Path, name: &str) -> PathBuf {
     let plain = folder.join(name);
     if plain.is_file() {

@@ -17,8 +17,8 @@ use crate::{cameras::scaled, nn::ops::Windows, recolor::ColorMoments};
 /// Crops of a view with less coverage are left out, unless all have less.
 const MIN_COVERAGE: f32 = 0.6;
 
-/// Blend weights below this are dropped, and the rest of the pixel is scaled up to its alpha. Together the dropped weights
-/// carry about a hundredth of a picture, but half of the Gaussians.
+/// Blend weights below this are dropped, and the rest of the pixel is scaled up to its alpha. Together the dropped
+/// weights carry about a hundredth of a picture, but half of the Gaussians.
 const MIN_WEIGHT: f32 = 2e-3;
 
 /// A scene to train on, and the cameras that it is seen from.
@@ -79,8 +79,9 @@ pub struct View {
 }
 
 impl PreparedScene {
-    /// Prepares a scene for decoders shaped like `decoder`, or returns `None` if it has no features. Views larger than `crop`
-    /// pixels on a side are cut into crops of that size, which overlap by half. A view that shows nothing is left out.
+    /// Prepares a scene for decoders shaped like `decoder`, or returns `None` if it has no features. Views larger
+    /// than `crop` pixels on a side are cut into crops of that size, which overlap by half. A view that shows nothing
+    /// is left out.
     pub fn new(scene: &TrainingScene, crop: u32, decoder: &Decoder) -> Option<Self> {
         let (views, scene) = (&scene.views, scene.scene);
         let features = inputs_of(scene, decoder)?.into_owned();
@@ -154,8 +155,8 @@ impl View {
     }
 }
 
-/// The rows that each stage must compute, from the last stage back to the first: those in the next stage's neighborhoods.
-/// This is exact, because no row outside is used.
+/// The rows that each stage must compute, from the last stage back to the first: those in the next stage's
+/// neighborhoods. This is exact, because no row outside is used.
 fn window_chain(
     neighbors: &Neighbors,
     output_rows: &[u32],

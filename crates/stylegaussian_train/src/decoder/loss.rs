@@ -35,7 +35,8 @@ const SQUARE: usize = 16;
 /// about the difference between similar paintings.
 const TEMPERATURE: f64 = 0.5;
 
-/// The losses of a step: numbers, or tensors before the gradients are computed. Losses that are switched off are `None`.
+/// The losses of a step: numbers, or tensors before the gradients are computed. Losses that are switched off are
+/// `None`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Losses<T = f32> {
     /// Mean squared distance of VGG-19's features from those of the unstyled view.
@@ -92,7 +93,8 @@ pub struct Content {
     /// Coverage at each content layer's size `[h * w, 1]`. Pixels without scene have no content.
     coverage: Vec<Tensor<2>>,
     /// Coverage at every layer's size, summing to 1 `[h * w]`. The style loss compares statistics of the scene alone:
-    /// otherwise a scene that fills a part of the picture would have to exaggerate its contrast to make up for the rest.
+    /// otherwise a scene that fills a part of the picture would have to exaggerate its contrast to make up for the
+    /// rest.
     style_coverage: Vec<Arc<Vec<f32>>>,
 }
 

@@ -34,8 +34,8 @@ impl Neighborhoods {
 
 /// A decoder whose parameters record gradients.
 pub struct Network {
-    /// Weight `[D_out, K * D_in]` and bias `[1, D_out]` of each layer; last, if the decoder sees the style's statistics, the
-    /// weight on them `[D_out, 2 D]`.
+    /// Weight `[D_out, K * D_in]` and bias `[1, D_out]` of each layer; last, if the decoder sees the style's
+    /// statistics, the weight on them `[D_out, 2 D]`.
     pub parameters: Vec<Parameter>,
     /// The decoder without its parameters.
     kind: Decoder,
@@ -110,7 +110,8 @@ impl Network {
         Ok(Self { parameters, kind })
     }
 
-    /// The weight on the style's statistics, if the decoder has one: layers have two parameters each, so it is the odd one.
+    /// The weight on the style's statistics, if the decoder has one: layers have two parameters each, so it is the
+    /// odd one.
     fn statistics_weight(&self) -> Option<&Parameter> {
         self.parameters.last().filter(|_| self.parameters.len() % 2 == 1)
     }
@@ -143,8 +144,8 @@ impl Network {
         })
     }
 
-    /// Colors `[N_out, 3]` that the layers give to centered inputs `[N_0, L + E]`, before smoothing. Smoothing needs more rows
-    /// than the picture shows.
+    /// Colors `[N_out, 3]` that the layers give to centered inputs `[N_0, L + E]`, before smoothing. Smoothing needs
+    /// more rows than the picture shows.
     pub fn decode(
         &self,
         inputs: Tensor<2>,
@@ -182,15 +183,15 @@ impl Network {
         1.0 - self.kind.residual
     }
 
-    /// Mean squared distance of decoded colors from the mean of their neighborhoods: the part that the first smoothing pass
-    /// removes. `None` if there is no smoothing.
+    /// Mean squared distance of decoded colors from the mean of their neighborhoods: the part that the first
+    /// smoothing pass removes. `None` if there is no smoothing.
     pub fn roughness(&self, decoded: Tensor<2>, neighborhoods: &Neighborhoods) -> Option<Tensor<1>> {
         let windows = neighborhoods.smoothing.first()?;
         Some(smoothing_pass(decoded, windows, 1.0).powi_scalar(2).mean())
     }
 
-    /// The first layer on `n_inputs` = L + E inputs: W_k diag(g) A beside the extra columns, and the bias with the center's
-    /// part.
+    /// The first layer on `n_inputs` = L + E inputs: W_k diag(g) A beside the extra columns, and the bias with the
+    /// center's part.
     fn folded_layer(&self, folded: &FoldedInputs, n_inputs: usize) -> (Tensor<2>, Tensor<1>) {
         let [n_channels, n_latent] = folded.basis.dims();
         let n_extra = n_inputs - n_latent;
@@ -212,8 +213,8 @@ impl Network {
     }
 }
 
-/// The mean of colors `[N_in, 3]` over each neighborhood `[N_out, 3]`; or, with `own` = 1, the difference between the color
-/// of the Gaussian itself, the first of its neighborhood, and that mean.
+/// The mean of colors `[N_in, 3]` over each neighborhood `[N_out, 3]`; or, with `own` = 1, the difference between the
+/// color of the Gaussian itself, the first of its neighborhood, and that mean.
 fn smoothing_pass(colors: Tensor<2>, windows: &Arc<Windows>, own: f32) -> Tensor<2> {
     let device = colors.device();
     let mean = if own > 0.0 { -1.0 } else { 1.0 } / windows.k as f32;

@@ -19,15 +19,15 @@ use crate::{
 /// Side of a crop in pixels, as in the paper.
 const CROP: u32 = 256;
 
-/// Shorter side of a painting before cropping, in pixels. Strokes then have the scale that they have if a whole painting is
-/// encoded.
+/// Shorter side of a painting before cropping, in pixels. Strokes then have the scale that they have if a whole
+/// painting is encoded.
 const SHORTER_SIDE: u32 = 512;
 
 /// Crops of each painting. The statistics of a crop are kept, so only its first use costs time.
 const CROPS_PER_PAINTING: usize = 16;
 
-/// Palettes of every four crops. A hundred paintings have too few palettes, so two crops keep their painting's, one takes
-/// another painting's, and one takes a random palette as vivid as prints and posters.
+/// Palettes of every four crops. A hundred paintings have too few palettes, so two crops keep their painting's, one
+/// takes another painting's, and one takes a random palette as vivid as prints and posters.
 const PALETTES: [Palette; 4] = [Palette::Own, Palette::OfAnother, Palette::Own, Palette::Random];
 
 /// The colors of a crop.
@@ -81,8 +81,8 @@ impl<'a> Paintings<'a> {
         }
     }
 
-    /// Takes the encoder's features from the loss network. For a loss network with the encoder's own weights, which then
-    /// sees each painting only once.
+    /// Takes the encoder's features from the loss network. For a loss network with the encoder's own weights, which
+    /// then sees each painting only once.
     pub fn with_encoder_in_loss(mut self) -> Self {
         self.loss_is_encoder = true;
         self

@@ -102,8 +102,8 @@ impl DecoderChanges {
     }
 }
 
-/// The weighted mean of the parameters of decoders of one kind. A decoder between two states of one training can be better
-/// than both.
+/// The weighted mean of the parameters of decoders of one kind. A decoder between two states of one training can be
+/// better than both.
 ///
 /// # Errors
 /// If a file cannot be read, the decoders differ in more than their parameters, or no weight is positive.

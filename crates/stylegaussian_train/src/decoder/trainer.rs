@@ -3,7 +3,7 @@
 use std::{collections::HashMap, path::Path};
 
 use burn::tensor::Device;
-use stylegaussian::Decoder;
+use stylegaussian::{Decoder, EncoderId};
 
 use super::{
     config::{Start, TrainConfig},
@@ -23,7 +23,6 @@ use crate::{
         schedule::cosine,
     },
     random::Random,
-    same_encoder::same_encoder,
     watch::{Progress, RunningMeans, Stage, Watch},
 };
 
@@ -48,10 +47,10 @@ const REPORTED_RATE: f32 = 0.02;
 
 /// Trains one decoder on scenes and paintings.
 ///
-/// A new decoder first takes [`warm_up`](Self::warm_up) steps, as many as [`TrainConfig::warm_iterations`] says, and then
-/// [`step`](Self::step)s with the paper's loss. [`run`](Self::run) takes all steps that are left. Equal seeds and inputs
-/// give equal decoders, and a training that is resumed from a checkpoint takes the same steps as one that was not
-/// interrupted.
+/// A new decoder first takes [`warm_up`](Self::warm_up) steps, as many as [`TrainConfig::warm_iterations`] says, and
+/// then [`step`](Self::step)s with the paper's loss. [`run`](Self::run) takes all steps that are left. Equal seeds
+/// and inputs give equal decoders, and a training that is resumed from a checkpoint takes the same steps as one that
+/// was not interrupted.
 pub struct Trainer<'a> {
     config: TrainConfig,
     device: Device,
@@ -83,8 +82,8 @@ pub struct ViewCount {
 }
 
 impl<'a> Trainer<'a> {
-    /// Prepares a training: computes the blend weights of all views and makes the decoder to start from. Training runs on
-    /// the loss network's processor.
+    /// Prepares a training: computes the blend weights of all views and makes the decoder to start from. Training
+    /// runs on the loss network's processor.
     ///
     /// # Errors
     /// If there is no scene, a scene has no features or is not visible in its views, scenes and decoder belong to other
@@ -234,8 +233,8 @@ impl<'a> Trainer<'a> {
         }
     }
 
-    /// Takes all steps that are left. Calls `save` every [`CHECKPOINT_STEPS`], at the end of the warm start and when it stops.
-    /// Returns whether all steps were taken, which is false if `watch` interrupted.
+    /// Takes all steps that are left. Calls `save` every [`CHECKPOINT_STEPS`], at the end of the warm start and when
+    /// it stops. Returns whether all steps were taken, which is false if `watch` interrupted.
     ///
     /// # Errors
     /// If a step or `save` fails.
@@ -287,13 +286,12 @@ fn start(
         }
         Start::From(decoder) => (**decoder).clone(),
     };
-    let mut parts = vec![("the encoder".to_owned(), Some(encoder.id()))];
+    let expected = ("the encoder", Some(encoder.id()));
     for scene in scenes {
-        let id = scene.scene.features.as_ref().and_then(|features| features.encoder.as_ref());
-        parts.push((scene.name.clone(), id));
+        let found = scene.scene.features.as_ref().and_then(|features| features.encoder.as_ref());
+        EncoderId::expect_same((&scene.name, found), expected)?;
     }
-    parts.push(("the decoder to start from".to_owned(), decoder.encoder.as_ref()));
-    same_encoder(&parts)?;
+    EncoderId::expect_same(("the decoder to start from", decoder.encoder.as_ref()), expected)?;
     Ok(decoder)
 }
 

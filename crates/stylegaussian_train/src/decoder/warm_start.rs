@@ -1,8 +1,8 @@
 //! The warm start: regression of the decoder on the scene recolored to each painting's mean color and covariance.
 //!
-//! From random weights, the paper's loss needs tens of thousands of steps before the decoder knows which color a feature
-//! has. Recolored Gaussians say so directly, for any painting and at no cost: a step needs neither a render nor VGG, so it
-//! costs a fraction of a step with the paper's loss, and every step can show another painting.
+//! From random weights, the paper's loss needs tens of thousands of steps before the decoder knows which color a
+//! feature has. Recolored Gaussians say so directly, for any painting and at no cost: a step needs neither a render
+//! nor VGG, so it costs a fraction of a step with the paper's loss, and every step can show another painting.
 
 use std::{iter, sync::Arc};
 

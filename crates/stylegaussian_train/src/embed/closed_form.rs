@@ -1,9 +1,9 @@
 //! The start without any iteration over views: a PCA basis, and weighted means over the cells of each Gaussian.
 //!
-//! b is the mean of the views' features weighted by coverage, and A has their first L principal directions. Because the
-//! columns are orthonormal, F' = A^T (F - b) are the best coordinates of a cell. Each Gaussian gets the mean over its cells:
-//! f'_p = sum w F' / sum w. Each channel is then scaled to unit variance, and A takes the factor, so that one learning rate
-//! suits all.
+//! b is the mean of the views' features weighted by coverage, and A has their first L principal directions. Because
+//! the columns are orthonormal, F' = A^T (F - b) are the best coordinates of a cell. Each Gaussian gets the mean over
+//! its cells: f'_p = sum w F' / sum w. Each channel is then scaled to unit variance, and A takes the factor, so that
+//! one learning rate suits all.
 
 use rayon::prelude::*;
 use stylegaussian::decoder::product::{Matrix, product};
@@ -14,7 +14,8 @@ use super::{
 };
 use crate::random::Random;
 
-/// Directions that are iterated beyond the L wanted. The error of the L-th falls with the ratio of eigenvalues L + 8 and L.
+/// Directions that are iterated beyond the L wanted. The error of the L-th falls with the ratio of eigenvalues L + 8
+/// and L.
 const OVERSAMPLING: usize = 8;
 /// Rounds of orthogonal iteration. Directions with nearly equal eigenvalues stay mixed, which does no harm.
 const ROUNDS: usize = 40;
@@ -27,8 +28,8 @@ struct Moments {
     covariance: Vec<f64>,
 }
 
-/// PCA basis and lifted features of `n_gaussians` Gaussians, with at most `n_latent` latent features. Gaussians that no view
-/// sees get 0, the mean.
+/// PCA basis and lifted features of `n_gaussians` Gaussians, with at most `n_latent` latent features. Gaussians that
+/// no view sees get 0, the mean.
 pub fn closed_form(views: &[&[Samples]], n_channels: usize, n_gaussians: usize, n_latent: usize) -> Model {
     let n_latent = n_latent.min(n_channels);
     // The first part of each view stands for all: thousands of cells are plenty for a covariance.
@@ -169,7 +170,8 @@ fn coordinates(model: &Model, samples: &Samples) -> Vec<f32> {
     coordinates
 }
 
-/// Divides each channel of f' by its root mean square, weighted by how much of each Gaussian is seen. A takes the factor.
+/// Divides each channel of f' by its root mean square, weighted by how much of each Gaussian is seen. A takes the
+/// factor.
 fn equalize(model: &mut Model, weights: &[f32]) {
     let n_latent = model.n_latent;
     let mut squares = vec![0.0_f64; n_latent];

@@ -6,8 +6,8 @@ use stylegaussian::decoder::product::{Matrix, product};
 use super::samples::{Samples, add_scaled};
 use crate::random::Random;
 
-/// Cells per parallel piece. The number is fixed and sums over pieces run in order, so that results do not depend on the
-/// number of threads. It is so small that the residuals of a piece stay in the second-level cache.
+/// Cells per parallel piece. The number is fixed and sums over pieces run in order, so that results do not depend on
+/// the number of threads. It is so small that the residuals of a piece stay in the second-level cache.
 const CELLS_PER_PIECE: usize = 128;
 
 /// Least coverage of the cells on which the error is measured. Their features are those of the scene.
@@ -77,14 +77,15 @@ impl Model {
         self.offset.len()
     }
 
-    /// Root mean square over channels of the standard deviation of f, if f' has unit variance and uncorrelated channels.
+    /// Root mean square over channels of the standard deviation of f, if f' has unit variance and uncorrelated
+    /// channels.
     pub fn deviation(&self) -> f32 {
         let variance: f32 = self.basis.iter().map(|a| a * a).sum();
         (variance / self.n_channels().max(1) as f32).sqrt()
     }
 
-    /// Divides each channel of f' by `scales` `[L]` and multiplies A's column by it, so that f stays the same. A channel with
-    /// scale 0 is not changed.
+    /// Divides each channel of f' by `scales` `[L]` and multiplies A's column by it, so that f stays the same. A
+    /// channel with scale 0 is not changed.
     pub fn rescale(&mut self, scales: &[f32]) {
         let scales: Vec<f32> = scales.iter().map(|&scale| if scale > 0.0 { scale } else { 1.0 }).collect();
         for row in self.features.chunks_exact_mut(self.n_latent) {
@@ -95,8 +96,9 @@ impl Model {
         }
     }
 
-    /// Scales and shifts each channel of f' to mean 0 and standard deviation 1 over the Gaussians, and A and b so that f stays
-    /// the same. Files store features so, because 16-bit floats are then exact to 2^-11 of a deviation at one deviation.
+    /// Scales and shifts each channel of f' to mean 0 and standard deviation 1 over the Gaussians, and A and b so
+    /// that f stays the same. Files store features so, because 16-bit floats are then exact to 2^-11 of a deviation
+    /// at one deviation.
     pub fn standardize(&mut self) {
         let n_latent = self.n_latent;
         let n = (self.features.len() / n_latent.max(1)).max(1) as f64;
@@ -191,8 +193,8 @@ impl Model {
         }
     }
 
-    /// The mean over views of the mean |rendered - true| over the channels of well-covered cells, in all parts of the view.
-    /// `None` if no view has such a cell.
+    /// The mean over views of the mean |rendered - true| over the channels of well-covered cells, in all parts of the
+    /// view. `None` if no view has such a cell.
     pub fn mean_error(&self, views: &[&[Samples]]) -> Option<f64> {
         let error = |view: &&[Samples]| {
             let sums = view.iter().map(|part| self.error_sum(part));

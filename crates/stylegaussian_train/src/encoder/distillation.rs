@@ -37,8 +37,8 @@ const STEPS_PER_CROP: u32 = 4;
 /// Crops made before the first step. The teacher's deviations are measured on them.
 const FIRST_CROPS: u64 = 128;
 
-/// Factor of the statistics' loss. AdaIN uses only the statistics of a painting, and squared errors alone are smallest for
-/// features with too small deviations.
+/// Factor of the statistics' loss. AdaIN uses only the statistics of a painting, and squared errors alone are
+/// smallest for features with too small deviations.
 const STATISTICS_WEIGHT: f32 = 1.0;
 
 /// Steps between two checkpoints.
@@ -194,8 +194,8 @@ impl<'a> Distillation<'a> {
         Ok(losses)
     }
 
-    /// Takes all steps that are left. Calls `save` every 200 steps and when it stops. Returns whether all steps were taken, which
-    /// is false if `watch` interrupted.
+    /// Takes all steps that are left. Calls `save` every 200 steps and when it stops. Returns whether all steps were
+    /// taken, which is false if `watch` interrupted.
     ///
     /// # Errors
     /// If a step or `save` fails.

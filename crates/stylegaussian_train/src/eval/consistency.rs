@@ -1,11 +1,11 @@
 //! Agreement between the views of a stylized scene, as in the paper's Table 1. One view is warped into another, and on
 //! surfaces that both see, the two pictures should be equal.
 //!
-//! The paper warps along optical flow. Here a pixel's mean depth gives its surface, and the surface gives its position in the
-//! other view, so warp and visibility depend on the scene and not on its style. The *RMSE* is that of displayed colors. A gray
-//! picture has none, so the RMSE is also reported relative to the picture's standard deviation. The *VGG distance* replaces the
-//! paper's LPIPS: the squared distance of unit-normalized features from relu1_1 to relu3_1, summed over layers with equal
-//! weights for all channels. LPIPS itself has learned weights.
+//! The paper warps along optical flow. Here a pixel's mean depth gives its surface, and the surface gives its
+//! position in the other view, so warp and visibility depend on the scene and not on its style. The *RMSE* is that of
+//! displayed colors. A gray picture has none, so the RMSE is also reported relative to the picture's standard
+//! deviation. The *VGG distance* replaces the paper's LPIPS: the squared distance of unit-normalized features from
+//! relu1_1 to relu3_1, summed over layers with equal weights for all channels. LPIPS itself has learned weights.
 
 use std::{collections::BTreeSet, fs, path::Path};
 
@@ -99,8 +99,8 @@ pub struct Difference {
 
 /// Positions in one view of the surfaces that another sees.
 struct Warp {
-    /// For each pixel of the target view `[H, W]` the position in the source view, in pixels from the center of the first.
-    /// `None` if the source view does not see that surface.
+    /// For each pixel of the target view `[H, W]` the position in the source view, in pixels from the center of the
+    /// first. `None` if the source view does not see that surface.
     positions: Vec<Option<Vec2>>,
 }
 
@@ -145,8 +145,8 @@ impl Warp {
         Self { positions: (0..into.1.alpha.len()).map(position).collect() }
     }
 
-    /// Warps `picture`, of the view `from`, into the view with the picture `into`. Pixels without a position keep the color of
-    /// `into`.
+    /// Warps `picture`, of the view `from`, into the view with the picture `into`. Pixels without a position keep the
+    /// color of `into`.
     fn apply(&self, picture: &[[f32; 3]], size: UVec2, into: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let pixel = |(position, own): (&Option<Vec2>, &[f32; 3])| {
             let Some(around) = position.and_then(|at| corners(at, size)) else { return *own };
@@ -173,7 +173,8 @@ pub struct Consistency {
 }
 
 impl Consistency {
-    /// Renders `scene` and finds the warps between the views that `pairs` names. Pairs that share no surface are left out.
+    /// Renders `scene` and finds the warps between the views that `pairs` names. Pairs that share no surface are left
+    /// out.
     pub fn new(scene: &Scene, cameras: &[Camera], pairs: &Pairs) -> Self {
         let colors = scene.base_colors();
         let used: BTreeSet<usize> = pairs.short.iter().chain(&pairs.long).flatten().copied().collect();

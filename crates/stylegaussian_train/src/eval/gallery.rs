@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use glam::UVec2;
 use stylegaussian::{
-    Camera, Decoder, Features, Scene,
+    Camera, Decoder, EncoderId, Features, Scene,
     fold::{stylize, transfer},
     splat::{Colors, RenderedImage, render},
 };
@@ -23,7 +23,6 @@ use crate::{
     error::TrainError,
     picture::{Background, Picture},
     recolor::{ColorMoments, Recoloring},
-    same_encoder::same_encoder,
     views::{choose_views, orbit},
     watch::{Stage, Watch},
 };
@@ -53,8 +52,8 @@ pub struct Views {
 }
 
 impl Views {
-    /// `n` views chosen to suit the scene, with a longer side of `size` pixels. Consistency is measured on an orbit with views
-    /// of `consistency_size` pixels.
+    /// `n` views chosen to suit the scene, with a longer side of `size` pixels. Consistency is measured on an orbit
+    /// with views of `consistency_size` pixels.
     ///
     /// # Errors
     /// Never in practice: the list of pairs on the orbit is part of the program.
@@ -63,8 +62,8 @@ impl Views {
         Ok(Self { cameras: choose_views(scene, n, UVec2::splat(size)), consistency })
     }
 
-    /// `n` of these cameras, spread over the list. Consistency is measured on `pairs` of the cameras, or on an orbit if there
-    /// are none.
+    /// `n` of these cameras, spread over the list. Consistency is measured on `pairs` of the cameras, or on an orbit
+    /// if there are none.
     ///
     /// # Errors
     /// Never in practice: the list of pairs on the orbit is part of the program.
@@ -98,8 +97,8 @@ pub struct Outcome {
     pub sheet: Picture,
 }
 
-/// Evaluates a decoder on paintings that it was not trained on. If `decoder_2d` is given, AdaIN on each view separately is a
-/// further reference.
+/// Evaluates a decoder on paintings that it was not trained on. If `decoder_2d` is given, AdaIN on each view
+/// separately is a further reference.
 ///
 /// # Errors
 /// If the scene has no features, parts belong to different encoders, an image cannot be read, or `watch` interrupts.
@@ -173,11 +172,9 @@ impl<'a> Gallery<'a> {
         let Some(features) = scene.features.as_ref() else {
             return Err(TrainError::Invalid(format!("{name}: no features: embed it first")));
         };
-        same_encoder(&[
-            ("the encoder".into(), Some(encoder.id())),
-            (name.into(), features.encoder.as_ref()),
-            ("the decoder".into(), decoder.encoder.as_ref()),
-        ])?;
+        let expected = ("the encoder", Some(encoder.id()));
+        EncoderId::expect_same((name, features.encoder.as_ref()), expected)?;
+        EncoderId::expect_same(("the decoder", decoder.encoder.as_ref()), expected)?;
         let paintings = paths.iter().map(|path| Image::open(path)).collect::<Result<Vec<_>, _>>()?;
         let unstyled: Vec<RenderedImage> =
             views.cameras.iter().map(|camera| render(scene, Colors::Captured, camera)).collect();

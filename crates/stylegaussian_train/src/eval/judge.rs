@@ -35,8 +35,8 @@ pub struct Look {
 }
 
 impl Judge {
-    /// VGG-19 from `weights`, with a substitute for relu4_1 if one is given. If `whole_picture` is set, pixels without scene
-    /// count too.
+    /// VGG-19 from `weights`, with a substitute for relu4_1 if one is given. If `whole_picture` is set, pixels
+    /// without scene count too.
     ///
     /// # Errors
     /// If the weights cannot be read.

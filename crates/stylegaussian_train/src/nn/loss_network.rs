@@ -9,13 +9,13 @@ use std::{
 use burn::tensor::{Device, Tensor, TensorData};
 use stylegaussian_encoder::{
     onnx::Convolution,
+    vgg::{CONVOLUTIONS, VggConvolution},
     weights::{Weights, WeightsError},
 };
 
 use super::{
     ops::{Windows, max_pool, row_statistics, windows_conv_relu},
     processor::Processor,
-    vgg::{CONVOLUTIONS, VggConvolution},
 };
 use crate::error::{Context, TrainError, ensure};
 
@@ -79,9 +79,9 @@ pub struct LossNetwork {
 }
 
 impl LossNetwork {
-    /// Reads VGG-19 weights from `main` (safetensors with tensors `conv1_1.weight` ...), up to conv4_1 if the file has it.
-    /// `deep` names a narrow substitute for relu4_1: VGG-19 with a quarter of the channels and 1x1 `aux` convolutions.
-    /// Training runs on the same processor.
+    /// Reads VGG-19 weights from `main` (safetensors with tensors `conv1_1.weight` ...), up to conv4_1 if the file
+    /// has it. `deep` names a narrow substitute for relu4_1: VGG-19 with a quarter of the channels and 1x1 `aux`
+    /// convolutions. Training runs on the same processor.
     ///
     /// # Errors
     /// If a file cannot be read or a tensor is missing or has another shape.

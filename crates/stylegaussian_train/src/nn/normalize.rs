@@ -1,16 +1,18 @@
-//! Scaling of a network of convolutions and ReLUs so that every channel has mean 1. The scaled network distinguishes the
-//! same inputs: ReLU(s x) = s ReLU(x) for s > 0, and the next layer divides by s again.
+//! Scaling of a network of convolutions and ReLUs so that every channel has mean 1. The scaled network distinguishes
+//! the same inputs: ReLU(s x) = s ReLU(x) for s > 0, and the next layer divides by s again.
 
 use std::{path::Path, sync::Arc};
 
 use burn::tensor::{Device, Tensor, TensorData};
-use stylegaussian_encoder::onnx::Convolution;
+use stylegaussian_encoder::{
+    onnx::Convolution,
+    vgg::{CONVOLUTIONS, VggConvolution},
+};
 
 use super::{
     loss_network::{behind, kernel},
     ops::{Windows, max_pool, windows_conv_relu},
     parameter::to_vec,
-    vgg::{CONVOLUTIONS, VggConvolution},
 };
 use crate::{
     error::{Context, TrainError},
@@ -23,8 +25,8 @@ const SIDE: u32 = 256;
 /// A channel with a smaller mean is dead and is not scaled.
 const LEAST_MEAN: f32 = 1e-6;
 
-/// Scales the convolutions of [`read_torchvision`](super::vgg::read_torchvision) so that over the images in `folder` the
-/// mean of every channel is 1. The first one, which maps RGB 0..1 to VGG's input, is left as it is.
+/// Scales the convolutions of [`read_torchvision`](super::vgg::read_torchvision) so that over the images in `folder`
+/// the mean of every channel is 1. The first one, which maps RGB 0..1 to VGG's input, is left as it is.
 ///
 /// # Errors
 /// If the folder holds no image or one cannot be read.

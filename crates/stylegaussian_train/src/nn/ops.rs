@@ -1,7 +1,8 @@
 //! The custom operations of training, above all the KNN convolution and the splat render, for every backend of burn.
 //!
-//! On the CPU they run the model's own kernels with their hand-written gradients. On other backends the default bodies
-//! compose the same operations from gathers, products and sums, so that any GPU backend can train. A test compares the two.
+//! On the CPU they run the model's own kernels with their hand-written gradients. On other backends the default
+//! bodies compose the same operations from gathers, products and sums, so that any GPU backend can train. A test
+//! compares the two.
 
 use std::sync::Arc;
 
@@ -20,8 +21,8 @@ mod composed;
 mod pictures;
 mod pixels;
 
-/// The rows of the input that each output row of a convolution sees: a Gaussian's neighborhood, or a kernel's window on a
-/// picture.
+/// The rows of the input that each output row of a convolution sees: a Gaussian's neighborhood, or a kernel's window
+/// on a picture.
 #[derive(Debug)]
 pub struct Windows {
     /// K, the number of rows in a window.
@@ -308,8 +309,8 @@ pub fn max_pool(x: Tensor<2>, size: [usize; 2]) -> Tensor<2> {
     Tensor::from_dispatch(<Dispatch as TrainingOps>::max_pool(x.into_dispatch(), size))
 }
 
-/// Mean and standard deviation `[2, C]` of rows x `[N, C]`, weighted by their shares `[N]`, which sum to 1. A variance of
-/// 1e-8 is added under the root.
+/// Mean and standard deviation `[2, C]` of rows x `[N, C]`, weighted by their shares `[N]`, which sum to 1. A
+/// variance of 1e-8 is added under the root.
 pub fn row_statistics(x: Tensor<2>, shares: &Arc<Vec<f32>>) -> Tensor<2> {
     Tensor::from_dispatch(<Dispatch as TrainingOps>::row_statistics(x.into_dispatch(), shares.clone()))
 }

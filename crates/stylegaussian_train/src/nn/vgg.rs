@@ -1,45 +1,19 @@
-//! VGG-19's convolutions up to conv4_1, and weights files with them.
+//! VGG-19's weights up to conv4_1: reading torchvision's files and writing ours.
 
 use std::path::Path;
 
 use safetensors::{Dtype, tensor::TensorView};
 use stylegaussian::file::write_atomically;
-use stylegaussian_encoder::{onnx::Convolution, vgg::imagenet_input, weights::Weights};
+use stylegaussian_encoder::{
+    onnx::Convolution,
+    vgg::{CONVOLUTIONS, VggConvolution, imagenet_input},
+    weights::Weights,
+};
 
 use crate::error::TrainError;
 
-/// One of VGG-19's 3x3 convolutions.
-#[derive(Clone, Copy, Debug)]
-pub struct VggConvolution {
-    /// The name of its tensors in our weights files, before `.weight` and `.bias`.
-    pub name: &'static str,
-    /// The index of the module in torchvision's VGG-19.
-    pub module: usize,
-    /// Output channels.
-    pub n_channels: usize,
-    /// Whether a 2x2 max-pool comes before.
-    pub pools_before: bool,
-}
-
-const fn layer(name: &'static str, module: usize, n_channels: usize, pools_before: bool) -> VggConvolution {
-    VggConvolution { name, module, n_channels, pools_before }
-}
-
-/// VGG-19's convolutions up to conv4_1.
-pub const CONVOLUTIONS: [VggConvolution; 9] = [
-    layer("conv1_1", 0, 64, false),
-    layer("conv1_2", 2, 64, false),
-    layer("conv2_1", 5, 128, true),
-    layer("conv2_2", 7, 128, false),
-    layer("conv3_1", 10, 256, true),
-    layer("conv3_2", 12, 256, false),
-    layer("conv3_3", 14, 256, false),
-    layer("conv3_4", 16, 256, false),
-    layer("conv4_1", 19, 512, true),
-];
-
-/// Reads torchvision's VGG-19 up to conv4_1 under the names of [`CONVOLUTIONS`]. The first convolution, `conv0`, is the 1x1 one
-/// that takes RGB 0..1 to the input that VGG-19 expects.
+/// Reads torchvision's VGG-19 up to conv4_1 under the names of [`CONVOLUTIONS`]. The first convolution, `conv0`, is
+/// the 1x1 one that takes RGB 0..1 to the input that VGG-19 expects.
 ///
 /// # Errors
 /// If the file cannot be read or a tensor is missing or has another shape.

@@ -70,8 +70,8 @@ fn direction(up: Vec3, azimuth: f32, elevation: f32) -> Vec3 {
     elevation.cos() * (azimuth.cos() * x + azimuth.sin() * z) + elevation.sin() * up
 }
 
-/// An overview from `direction`, a unit vector. It is so far away that nothing is nearer than [`NEAREST`], and its lens just
-/// frames the scene.
+/// An overview from `direction`, a unit vector. It is so far away that nothing is nearer than [`NEAREST`], and its
+/// lens just frames the scene.
 fn overview_from(survey: &Survey, direction: Vec3) -> Candidate {
     let distance = (survey.radius / OBJECT_HALF_ANGLE.sin()).max(survey.radius + NEAREST);
     let candidate = Candidate {
@@ -203,7 +203,8 @@ fn is_free(survey: &Survey, spot: Vec3, room: f32) -> bool {
     nearest > room
 }
 
-/// Up to `n` of the points that are `eligible`, beginning with the first and each as far as possible from those before it.
+/// Up to `n` of the points that are `eligible`, beginning with the first and each as far as possible from those
+/// before it.
 fn spread(points: &[Vec3], n: usize, eligible: impl Fn(usize) -> bool) -> Vec<Vec3> {
     let points: Vec<Vec3> = (0..points.len()).filter(|&i| eligible(i)).map(|i| points[i]).collect();
     let Some(&first) = points.first() else { return Vec::new() };

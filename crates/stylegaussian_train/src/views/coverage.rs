@@ -21,8 +21,8 @@ const MOST_BLOCKED: f32 = 0.15;
 /// Least share of a picture that must show the scene.
 const LEAST_COVERED: f32 = 0.1;
 
-/// One in this many chosen views is an overview, even if closer looks would add more, because style lives in large shapes
-/// too.
+/// One in this many chosen views is an overview, even if closer looks would add more, because style lives in large
+/// shapes too.
 const OVERVIEW_EVERY: usize = 2;
 
 /// Candidates and the Gaussians that each of them sees.
@@ -91,8 +91,8 @@ impl TestViews {
         (0..n).filter(is_seen).count() as f32 / n.max(1) as f32
     }
 
-    /// Chooses `n` candidates, at each step the one that adds most to the views before it. Overviews alternate with the best
-    /// of all candidates. If all usable ones are taken, they are taken again.
+    /// Chooses `n` candidates, at each step the one that adds most to the views before it. Overviews alternate with
+    /// the best of all candidates. If all usable ones are taken, they are taken again.
     pub fn choose(self, n: usize) -> Vec<Candidate> {
         let any_usable = self.0.iter().any(|view| view.usable);
         let pool: Vec<&TestView> = self.0.iter().filter(|view| view.usable || !any_usable).collect();

@@ -18,7 +18,8 @@ const WITHIN_RADIUS: f32 = 0.97;
 pub(super) struct Survey {
     /// A regular selection of the scene's Gaussians, enlarged to fill the gaps.
     pub stand_in: Scene,
-    /// Mass of each Gaussian `[n]`, for quantiles: opacity times visible area, with a limit on the area of huge Gaussians.
+    /// Mass of each Gaussian `[n]`, for quantiles: opacity times visible area, with a limit on the area of huge
+    /// Gaussians.
     pub masses: Vec<f32>,
     /// The middle of the box that holds nearly all mass.
     pub center: Vec3,
@@ -57,8 +58,8 @@ impl Survey {
     }
 }
 
-/// A scene of at most [`N_STAND_IN`] Gaussians that looks similar from afar. The remaining Gaussians are enlarged, so that the
-/// total area stays the same.
+/// A scene of at most [`N_STAND_IN`] Gaussians that looks similar from afar. The remaining Gaussians are enlarged, so
+/// that the total area stays the same.
 fn stand_in(scene: &Scene) -> Scene {
     let stride = scene.len().div_ceil(N_STAND_IN).max(1);
     let indices: Vec<u32> = (0..scene.len() as u32).step_by(stride).collect();

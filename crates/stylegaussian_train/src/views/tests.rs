@@ -40,7 +40,8 @@ fn box_on_a_floor() -> Scene {
     scene
 }
 
-/// A room of 8 x 3 x 6 with furniture finer than the walls. Its file gives y as up, because floor and ceiling are alike.
+/// A room of 8 x 3 x 6 with furniture finer than the walls. Its file gives y as up, because floor and ceiling are
+/// alike.
 fn room() -> Scene {
     let mut scene = Scene { up: Some(Vec3::Y), ..Scene::default() };
     add_box(&mut scene, Vec3::ZERO, Vec3::new(8.0, 3.0, 6.0), 24);

@@ -14,8 +14,8 @@ use stylegaussian::splat::BlendWeights;
 
 use super::{Windows, pixels::VARIANCE_EPSILON};
 
-/// Values that an operation gathers at a time: 64 MiB of f32, half of the binding size that every WebGPU adapter supports.
-/// Memory then does not grow with pictures and scenes. Tests use so few that every operation is cut.
+/// Values that an operation gathers at a time: 64 MiB of f32, half of the binding size that every WebGPU adapter
+/// supports. Memory then does not grow with pictures and scenes. Tests use so few that every operation is cut.
 const GATHERED_VALUES: usize = if cfg!(test) { 100 } else { 16 << 20 };
 
 pub(super) fn windows_conv<B: Backend>(
@@ -198,8 +198,8 @@ fn blend<B: Backend>(
     segment_sums::<B>(source, Segments::new(to, entries, n_target))
 }
 
-/// Rows that one round of [`segment_sums`] adds up. Segments are padded to a multiple of it, and the number of rounds is
-/// the longest segment's logarithm to this base. Most reverse lists of decoder neighborhoods have 8 entries.
+/// Rows that one round of [`segment_sums`] adds up. Segments are padded to a multiple of it, and the number of rounds
+/// is the longest segment's logarithm to this base. Most reverse lists of decoder neighborhoods have 8 entries.
 const FAN_IN: usize = 8;
 
 /// The rows of a source that are added up for each target, and their factors.
@@ -227,8 +227,8 @@ impl Segments {
         Self { starts, entries: sorted }
     }
 
-    /// Segments padded with rows of factor 0 to a multiple of [`FAN_IN`], at least one multiple; then the segments of the
-    /// sums.
+    /// Segments padded with rows of factor 0 to a multiple of [`FAN_IN`], at least one multiple; then the segments of
+    /// the sums.
     fn pad(self) -> (Vec<(u32, f32)>, Self) {
         let mut padded = Vec::with_capacity(self.entries.len() + self.starts.len() * FAN_IN / 2);
         let mut starts = vec![0];

@@ -10,11 +10,11 @@ fn reflected(i: isize, n: usize) -> usize {
 }
 
 impl Windows {
-    /// The `kernel` x `kernel` windows at every `stride`-th line and column of `n` pictures, stacked vertically, each of
-    /// `size` = [W, H] and reflected at its own border.
+    /// The `kernel` x `kernel` windows at every `stride`-th line and column of `n` pictures, stacked vertically, each
+    /// of `size` = [W, H] and reflected at its own border.
     ///
-    /// A window's middle is at the window's own position; if the kernel is even, that is the pixel before the middle. Each
-    /// picture has ceil(W / stride) x ceil(H / stride) windows.
+    /// A window's middle is at the window's own position; if the kernel is even, that is the pixel before the middle.
+    /// Each picture has ceil(W / stride) x ceil(H / stride) windows.
     pub fn of_pictures(size: [usize; 2], n: usize, kernel: usize, stride: usize) -> Self {
         let [width, height] = size;
         let [columns, lines] = size.map(|side| side.div_ceil(stride));
