@@ -1,21 +1,23 @@
-//! The zip container of PyTorch checkpoints: stored entries, found through the central directory.
+//! The zip container of PyTorch files: stored entries, found through the central directory.
 //!
 //! PKWARE's APPNOTE 6.3: end of central directory record (4.3.16), its zip64 forms (4.3.14, 4.3.15), central headers
 //! (4.3.12), local headers (4.3.7).
 
-use std::collections::HashMap;
+use std::{collections::HashMap, ops::Range};
 
 use crate::file::{Mismatch, mismatch};
 
 const EXPECTED: &str = "a whole zip archive of stored entries, as torch.save writes it";
 
-/// The entries of an archive by name.
-pub(super) struct Archive<'a> {
-    entries: HashMap<&'a str, &'a [u8]>,
+/// An archive in memory.
+pub(in crate::file) struct Archive<'a> {
+    bytes: &'a [u8],
+    /// Position of each entry's contents in `bytes`, by the entry's name.
+    entries: HashMap<&'a str, Range<usize>>,
 }
 
 impl<'a> Archive<'a> {
-    pub(super) fn open(bytes: &'a [u8]) -> Result<Self, Mismatch> {
+    pub(in crate::file) fn open(bytes: &'a [u8]) -> Result<Self, Mismatch> {
         let (n_entries, directory) = central_directory(bytes)?;
         let mut entries = HashMap::new();
         let mut at = 0;
@@ -24,16 +26,21 @@ impl<'a> Archive<'a> {
             entries.insert(name, data);
             at = next;
         }
-        Ok(Self { entries })
+        Ok(Self { bytes, entries })
     }
 
-    /// The contents of an entry.
-    pub(super) fn get(&self, name: &str) -> Option<&'a [u8]> {
-        self.entries.get(name).copied()
+    /// The contents of an entry, or `None` if there is no such entry.
+    pub(in crate::file) fn get(&self, name: &str) -> Option<&'a [u8]> {
+        self.bytes.get(self.range(name)?)
+    }
+
+    /// The position of an entry's contents in the file, or `None` if there is no such entry.
+    pub(super) fn range(&self, name: &str) -> Option<Range<usize>> {
+        self.entries.get(name).cloned()
     }
 
     /// The names of all entries.
-    pub(super) fn names(&self) -> impl Iterator<Item = &'a str> {
+    pub(in crate::file) fn names(&self) -> impl Iterator<Item = &'a str> {
         self.entries.keys().copied()
     }
 }
@@ -95,12 +102,12 @@ fn central_directory(bytes: &[u8]) -> Result<(usize, &[u8]), Mismatch> {
     Ok((n_entries, slice(bytes, start, size)?))
 }
 
-/// Name and contents of the entry whose central header starts at `at`, and where the next header starts.
+/// Reads the central header at `at`: the entry's name, the position of its contents, and the start of the next header.
 fn entry<'a>(
-    bytes: &'a [u8],
+    bytes: &[u8],
     directory: &'a [u8],
     at: usize,
-) -> Result<(&'a str, &'a [u8], usize), Mismatch> {
+) -> Result<(&'a str, Range<usize>, usize), Mismatch> {
     const HEADER: usize = 46;
     let header = slice(directory, at, HEADER)?;
     if header[..4] != *b"PK\x01\x02" {
@@ -114,6 +121,7 @@ fn entry<'a>(
     let name = std::str::from_utf8(slice(directory, at + HEADER, n_name)?)
         .map_err(|_| broken("a name that is no UTF-8"))?;
     let method = u16_at(header, 10)?;
+    // torch.save only stores, so that tensors can be mapped into memory.
     if method != 0 {
         return Err(broken(&format!("entry `{name}` compressed (method {method})")));
     }
@@ -123,7 +131,7 @@ fn entry<'a>(
     Ok((name, data, at + HEADER + n_name + n_extra + n_comment))
 }
 
-/// The entry's size and the position of its local header: 32-bit fields, or where they are full the zip64 extra field.
+/// The entry's size and the position of its local header: 32-bit fields, or the zip64 extra field if they are full.
 fn size_and_offset(header: &[u8], extra: &[u8]) -> Result<(usize, usize), Mismatch> {
     let (compressed, size, local) = (u32_at(header, 20)?, u32_at(header, 24)?, u32_at(header, 42)?);
     let mut zip64 = Zip64::find(extra)?;
@@ -158,13 +166,16 @@ impl<'a> Zip64<'a> {
     }
 }
 
-/// An entry's bytes behind its local header.
-fn local_data(bytes: &[u8], local: usize, size: usize) -> Result<&[u8], Mismatch> {
+/// The position of an entry's contents, which follow its local header.
+fn local_data(bytes: &[u8], local: usize, size: usize) -> Result<Range<usize>, Mismatch> {
     const HEADER: usize = 30;
     let header = slice(bytes, local, HEADER)?;
     if header[..4] != *b"PK\x03\x04" {
         return Err(broken("no entry where its directory points"));
     }
     let skipped = HEADER + usize::from(u16_at(header, 26)?) + usize::from(u16_at(header, 28)?);
-    slice(bytes, local.saturating_add(skipped), size)
+    // The local header repeats name and extra field with lengths of its own: torch pads there to align storages.
+    let start = local.saturating_add(skipped);
+    slice(bytes, start, size)?;
+    Ok(start..start + size)
 }

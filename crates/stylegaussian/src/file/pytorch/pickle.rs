@@ -1,38 +1,71 @@
-//! A reader for the pickles inside PyTorch checkpoints. It executes nothing: the few globals that tensors need are
-//! known by name, and any other is an error.
+//! A reader for the pickles inside PyTorch files. It executes nothing: the few globals that tensors need are known by
+//! name, and any other is an error.
 //!
 //! Opcodes are those of Python's `pickletools`. Objects live in an arena and refer to one another by index, as pickles
-//! do: no recursion on reading or dropping, however deep the nesting.
+//! do, so that neither reading nor dropping recurses, however deep the nesting.
 
 use std::collections::HashMap;
 
 use crate::file::{Mismatch, mismatch};
 
-/// Index of an object.
-pub(super) type Id = usize;
+/// Index of an object in its [`Pickle`].
+pub(in crate::file) type Id = usize;
 
 /// The element type of a storage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum StorageType {
+pub(in crate::file) enum StorageType {
     F16,
     BF16,
     F32,
     F64,
-    /// Integers and the like: read past, never into.
-    Other,
+    /// Integers and booleans: skipped, never decoded.
+    Integer {
+        /// Bytes of one element.
+        width: usize,
+    },
+    /// Any other type, such as quantized numbers.
+    Unknown,
 }
 
-/// What a pickle holds.
+impl StorageType {
+    /// The type that a class of the module `torch` stands for.
+    fn of_class(name: &str) -> Self {
+        match name {
+            "HalfStorage" => Self::F16,
+            "BFloat16Storage" => Self::BF16,
+            "FloatStorage" => Self::F32,
+            "DoubleStorage" => Self::F64,
+            "BoolStorage" | "ByteStorage" | "CharStorage" => Self::Integer { width: 1 },
+            "ShortStorage" => Self::Integer { width: 2 },
+            "IntStorage" => Self::Integer { width: 4 },
+            "LongStorage" => Self::Integer { width: 8 },
+            _ => Self::Unknown,
+        }
+    }
+
+    /// Bytes of one element, or `None` if the type is unknown.
+    pub(super) fn width(self) -> Option<usize> {
+        match self {
+            Self::F16 | Self::BF16 => Some(2),
+            Self::F32 => Some(4),
+            Self::F64 => Some(8),
+            Self::Integer { width } => Some(width),
+            Self::Unknown => None,
+        }
+    }
+}
+
+/// A pickled object.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Object {
+pub(in crate::file) enum Object {
     None,
     Integer(i64),
-    /// A float, which no part of a scene is stored as.
+    /// A float, whose value no tensor needs.
     Float,
     Text(String),
     /// A tuple or a list.
     Sequence(Vec<Id>),
-    /// A dictionary, ordered or not.
+    /// A dictionary, ordered or not, as keys and values in the order of the pickle.
     Dictionary(Vec<(Id, Id)>),
     Global(Global),
     Storage(StorageId),
@@ -41,25 +74,25 @@ pub(super) enum Object {
 
 /// A class or function by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Global {
+pub(in crate::file) enum Global {
     OrderedDict,
     Storage(StorageType),
     RebuildParameter,
     RebuildTensor,
 }
 
-/// A storage outside of the pickle.
+/// A reference to a storage, which lies outside of the pickle.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct StorageId {
+pub(in crate::file) struct StorageId {
     pub storage_type: StorageType,
-    /// The name of the entry under `data/`.
+    /// Name of the storage: of the archive's entry under `data/`, or in the list of a stream's storages.
     pub key: String,
     pub n_elements: usize,
 }
 
 /// A strided view into a storage.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct TensorInfo {
+pub(in crate::file) struct TensorInfo {
     /// The object that is the storage; several tensors may share one.
     pub storage: Id,
     pub offset: usize,
@@ -68,34 +101,40 @@ pub(super) struct TensorInfo {
 }
 
 /// All objects of a pickle.
-pub(super) struct Pickle {
+#[derive(Debug)]
+pub(in crate::file) struct Pickle {
     objects: Vec<Object>,
-    /// The object that the pickle is of.
-    pub(super) root: Id,
+    /// The object that was pickled; all others are parts of it.
+    pub(in crate::file) root: Id,
 }
 
 impl Pickle {
-    pub(super) fn read(bytes: &[u8]) -> Result<Self, Mismatch> {
+    pub(in crate::file) fn read(bytes: &[u8]) -> Result<Self, Mismatch> {
+        Self::read_first(bytes).map(|(pickle, _)| pickle)
+    }
+
+    /// The first of several pickles, and the bytes after it.
+    pub(super) fn read_first(bytes: &[u8]) -> Result<(Self, &[u8]), Mismatch> {
         let mut machine = Machine { bytes, ..Machine::default() };
         let root = loop {
             if let Some(root) = machine.step()? {
                 break root;
             }
         };
-        Ok(Self { objects: machine.objects, root })
+        Ok((Self { objects: machine.objects, root }, machine.bytes))
     }
 
-    pub(super) fn object(&self, id: Id) -> &Object {
+    pub(in crate::file) fn object(&self, id: Id) -> &Object {
         &self.objects[id]
     }
 
     /// All objects, in the order of their creation.
-    pub(super) fn ids(&self) -> impl Iterator<Item = Id> {
+    pub(in crate::file) fn ids(&self) -> impl Iterator<Item = Id> {
         0..self.objects.len()
     }
 
-    /// The entries of a dictionary whose keys are text.
-    pub(super) fn entries(&self, id: Id) -> impl Iterator<Item = (&str, &Object)> {
+    /// The entries of a dictionary, without those that have another key than a text. Other objects have no entries.
+    pub(in crate::file) fn entries(&self, id: Id) -> impl Iterator<Item = (&str, &Object)> {
         let pairs = match &self.objects[id] {
             Object::Dictionary(pairs) => pairs.as_slice(),
             _ => &[],
@@ -105,13 +144,25 @@ impl Pickle {
             _ => None,
         })
     }
+
+    /// The texts in a list or tuple. Other objects have none.
+    pub(super) fn texts(&self, id: Id) -> impl Iterator<Item = &str> {
+        let items = match &self.objects[id] {
+            Object::Sequence(items) => items.as_slice(),
+            _ => &[],
+        };
+        items.iter().filter_map(|&item| match &self.objects[item] {
+            Object::Text(text) => Some(&text[..]),
+            _ => None,
+        })
+    }
 }
 
 fn broken(what: impl std::fmt::Display) -> Mismatch {
-    mismatch(format_args!("a pickle with {what}"), "a checkpoint of StyleGaussian (tensors, a state dict)")
+    mismatch(format_args!("a pickle with {what}"), "a whole pickle of tensors, as torch.save writes it")
 }
 
-/// The pickle machine: a stack of objects, marks in it, and a memo.
+/// Python's pickle machine: a stack of objects, marks in the stack, and a memo of objects that occur again.
 #[derive(Default)]
 struct Machine<'a> {
     bytes: &'a [u8],
@@ -122,7 +173,7 @@ struct Machine<'a> {
 }
 
 impl<'a> Machine<'a> {
-    /// Executes one opcode; gives the root at the last one.
+    /// Executes one opcode. The last one, STOP, returns the root.
     fn step(&mut self) -> Result<Option<Id>, Mismatch> {
         match self.byte()? {
             0x80 => self.take(1).map(|_| ())?, // PROTO
@@ -262,16 +313,18 @@ impl<'a> Machine<'a> {
                 let function = self.pop()?;
                 self.reduce(function, arguments)?
             }
-            // Attributes set on an object, like a state dict's `_metadata`: nothing that a scene needs.
+            // BUILD sets attributes, such as a state dict's `_metadata`. No tensor needs them.
             _ => return self.pop().map(|_| ()),
         };
         self.push(object);
         Ok(())
     }
 
-    /// The storage that a persistent id names: ('storage', type, key, location, number of elements).
+    /// The storage of a persistent id: ('storage', type, key, location, number of elements). Before version 1.6 a sixth
+    /// item followed: `None`, or a part of the storage, which is refused.
     fn storage(&self, id: Id) -> Result<Object, Mismatch> {
-        if let [tag, storage_type, key, _location, n_elements] = self.sequence(id)?
+        if let [tag, storage_type, key, _location, n_elements, part @ ..] = self.sequence(id)?
+            && part.iter().all(|&item| self.objects[item] == Object::None)
             && let Object::Text(tag) = &self.objects[*tag]
             && tag == "storage"
             && let Object::Global(Global::Storage(storage_type)) = self.objects[*storage_type]
@@ -288,6 +341,8 @@ impl<'a> Machine<'a> {
         let arguments = self.sequence(arguments)?;
         match (&self.objects[function], arguments) {
             (Object::Global(Global::OrderedDict), []) => Ok(Object::Dictionary(Vec::new())),
+            // Python 2 passes the items; Python 3 sets them one by one afterwards.
+            (Object::Global(Global::OrderedDict), &[items]) => self.pairs(items).map(Object::Dictionary),
             (Object::Global(Global::RebuildParameter), [data, ..]) => match &self.objects[*data] {
                 tensor @ Object::Tensor(_) => Ok(tensor.clone()),
                 other => Err(broken(format_args!("a parameter made of {}", name_of(other)))),
@@ -306,6 +361,15 @@ impl<'a> Machine<'a> {
         }
     }
 
+    /// A sequence of (key, value).
+    fn pairs(&self, id: Id) -> Result<Vec<(Id, Id)>, Mismatch> {
+        let pair = |&item: &Id| match self.sequence(item)? {
+            &[key, value] => Ok((key, value)),
+            other => Err(broken(format_args!("a dictionary's item of {} parts", other.len()))),
+        };
+        self.sequence(id)?.iter().map(pair).collect()
+    }
+
     fn sequence(&self, id: Id) -> Result<&[Id], Mismatch> {
         match &self.objects[id] {
             Object::Sequence(items) => Ok(items),
@@ -322,7 +386,8 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// The counts of a shape. What shares it copies it, so it must be short.
+    /// The sizes of a shape, or its strides. Limited to 8, as each tensor copies a shape that it shares with others: a
+    /// short pickle could name one long shape many times.
     fn counts(&self, id: Id) -> Result<Vec<usize>, Mismatch> {
         match self.sequence(id)? {
             dimensions if dimensions.len() <= 8 => dimensions.iter().map(|&id| self.count(id)).collect(),
@@ -343,7 +408,7 @@ impl<'a> Machine<'a> {
         self.pop_many(1).map(|items| items[0])
     }
 
-    /// The top `n` objects, lowest first; none from under the last mark.
+    /// The top `n` objects, lowest first. Objects below the last mark are out of reach.
     fn pop_many(&mut self, n: usize) -> Result<Vec<Id>, Mismatch> {
         let floor = self.marks.last().copied().unwrap_or(0);
         match self.stack.len().checked_sub(n) {
@@ -392,21 +457,15 @@ impl<'a> Machine<'a> {
 
 /// The globals that tensors and state dicts are made of.
 fn global(module: &str, name: &str) -> Result<Global, Mismatch> {
-    let storage = |name: &str| match name {
-        "FloatStorage" => StorageType::F32,
-        "DoubleStorage" => StorageType::F64,
-        "HalfStorage" => StorageType::F16,
-        "BFloat16Storage" => StorageType::BF16,
-        _ => StorageType::Other,
-    };
     match (module, name) {
         ("collections", "OrderedDict") => Ok(Global::OrderedDict),
         ("torch._utils", "_rebuild_parameter") => Ok(Global::RebuildParameter),
-        ("torch._utils", "_rebuild_tensor_v2") => Ok(Global::RebuildTensor),
-        ("torch", name) if name.ends_with("Storage") => Ok(Global::Storage(storage(name))),
+        // The first form, before version 0.4, lacks trailing arguments that are ignored here.
+        ("torch._utils", "_rebuild_tensor" | "_rebuild_tensor_v2") => Ok(Global::RebuildTensor),
+        ("torch", name) if name.ends_with("Storage") => Ok(Global::Storage(StorageType::of_class(name))),
         _ => Err(mismatch(
             format_args!("global `{}.{}` in the pickle", module.escape_debug(), name.escape_debug()),
-            "only OrderedDict, torch storages, _rebuild_tensor_v2 and _rebuild_parameter; nothing else is executed",
+            "only OrderedDict, torch storages, _rebuild_tensor and _rebuild_parameter; nothing else is executed",
         )),
     }
 }
@@ -419,8 +478,8 @@ fn long(bytes: &[u8]) -> Result<i64, Mismatch> {
     Ok(i64::from_le_bytes(array))
 }
 
-/// What an object is, for messages.
-fn name_of(object: &Object) -> &'static str {
+/// The kind of an object, for messages.
+pub(super) fn name_of(object: &Object) -> &'static str {
     match object {
         Object::None => "None",
         Object::Integer(_) => "an integer",
