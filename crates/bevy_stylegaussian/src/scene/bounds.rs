@@ -1,24 +1,23 @@
-//! The box that frustum culling tests: all that a scene's splats may cover, not their means alone.
+//! The box that frustum culling tests. It encloses whole splats, not only their means.
 
 use bevy::{
     camera::primitives::Aabb,
     math::{Mat3, Vec3},
 };
-use stylegaussian::Scene;
+use stylegaussian::{Scene, splat::MIN_ALPHA};
 
-/// Least opacity that is drawn: a splat ends where its alpha falls under one step of an 8-bit picture.
-const ALPHA_MIN: f32 = 1.0 / 255.0;
-
-/// The box around all Gaussians, each out to where its alpha o exp(-r^2 / 2) falls to 1/255, which is
-/// r = sqrt(2 ln(255 o)) standard deviations, at most 3.33. `None` where nothing is ever drawn.
-pub(crate) fn bounds(scene: &Scene) -> Option<Aabb> {
+/// The box around all visible splats, or `None` if there are none.
+///
+/// A splat of opacity o ends at r standard deviations, where its alpha o exp(-r^2 / 2) falls to [`MIN_ALPHA`] (1/255):
+/// r = sqrt(2 ln(255 o)), at most 3.33.
+pub(super) fn bounds(scene: &Scene) -> Option<Aabb> {
     let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for (i, &mean) in scene.means.iter().enumerate() {
         let opacity = scene.opacities[i];
-        if opacity < ALPHA_MIN || !mean.is_finite() {
+        if opacity < MIN_ALPHA || !mean.is_finite() {
             continue;
         }
-        let n_deviations = (2.0 * (opacity / ALPHA_MIN).ln()).sqrt();
+        let n_deviations = (2.0 * (opacity / MIN_ALPHA).ln()).sqrt();
         // The ellipsoid R S u, |u| = 1, reaches as far along an axis as that row of R S is long.
         let axes = Mat3::from_quat(scene.rotations[i]) * Mat3::from_diagonal(scene.scales[i]);
         let rows = axes.transpose();
