@@ -1,8 +1,10 @@
 //! The WGSL of `stylegaussian_gpu`, and the Rust twins of its structs.
 //!
-//! One file in `wgsl/` has one purpose; kernels that share code are joined from strings here, one level deep. What is
-//! validated (see the crate's tests) is always the joined text, so [`style::sources`] and [`splat::sources`] list every
-//! variant that is ever compiled, and their `layouts` every struct that both sides write or read.
+//! Each file in `wgsl/` has one purpose. Kernels that share code are joined from several files here, one level deep,
+//! behind constants that Rust writes. A kernel's entry point, its file and its label have the same name.
+//!
+//! The tests of this crate validate joined texts only: [`style::sources`] and [`splat::sources`] list every variant
+//! that is ever compiled, and `layouts` every struct that both sides read or write.
 
 pub mod splat;
 pub mod style;
@@ -10,9 +12,10 @@ pub mod style;
 /// One joined shader.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// The stem of the kernel's file, and its label on the GPU.
+    /// The stem of the kernel's file. It is also the kernel's entry point and its label on the GPU; shaders with two
+    /// entry points append `_vertex` and `_fragment`.
     pub label: &'static str,
-    /// The joined text, as it is compiled.
+    /// The joined text that is compiled.
     pub wgsl: String,
 }
 
@@ -27,11 +30,11 @@ pub struct Layout {
     pub members: Vec<(&'static str, usize)>,
 }
 
-/// The [`Layout`] of a struct: `layout!(Camera { position, up })`. Leaving a member out fails to compile.
+/// The [`Layout`] of a struct: `layout!(Camera { position, up })`. It does not compile if a member is missing.
 #[macro_export]
 macro_rules! layout {
     ($name:ident { $($member:ident),+ $(,)? }) => {{
-        // A pattern that names every member: one that is missing here is a compile error.
+        // A pattern must name every member, so that a missing one is a compile error.
         let $name { $($member: _),+ } = <$name as ::bytemuck::Zeroable>::zeroed();
         $crate::Layout {
             name: stringify!($name),
@@ -39,4 +42,9 @@ macro_rules! layout {
             members: vec![$((stringify!($member), ::std::mem::offset_of!($name, $member))),+],
         }
     }};
+}
+
+/// WGSL declarations of `u32` constants.
+fn constants(constants: &[(&str, u32)]) -> String {
+    constants.iter().map(|(name, value)| format!("const {name}: u32 = {value}u;\n")).collect()
 }

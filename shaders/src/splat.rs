@@ -1,36 +1,38 @@
 //! Shaders of the splat pass: project, sort, draw, composite.
 
 use bytemuck::{Pod, Zeroable};
+use stylegaussian::splat::{MAX_ALPHA, MIN_ALPHA};
 
 use crate::{Layout, Source, layout};
 
 /// Invocations in a workgroup of every kernel of the pass.
 pub const WORKGROUP: u32 = 256;
-/// Keys that one workgroup of the sort handles.
-pub const TILE: u32 = 2048;
+/// Keys in a batch of the sort: those that one workgroup handles.
+pub const SORT_BATCH: u32 = 2048;
 /// Values of one digit of the sort.
 pub const N_DIGITS: u32 = WORKGROUP;
-/// Pixels along a side of a cell.
-pub const CELL: u32 = 8;
-/// Runs of consecutive splats that cells are filled from: more need fewer dispatches, and more counters.
+/// Pixels along a side of a tile.
+pub const TILE_SIZE: u32 = 8;
+/// Runs of consecutive splats that fill the lists of tiles. More runs need fewer dispatches, and more counters.
 pub const N_RUNS: u32 = 64;
-/// Invocations in a workgroup of kernels for adapters that are a CPU: as many as its vectors have numbers (256 bits), so
-/// that each thread has one workgroup's invocations in step.
-pub const IN_STEP: u32 = 8;
-/// Rounds that the loops of an invocation take for a run in one dispatch. llvmpipe ends an invocation after 65,535, and counts
-/// the rounds of [`IN_STEP`] invocations that may each keep the others waiting.
-pub const ROUNDS_OF_RUN: u32 = 65_535 / IN_STEP - 100;
-/// Cells whose lists are counted from a common start: a thousand counters are summed in one go.
-pub const CELLS_OF_SEGMENT: u32 = 16;
-/// Cells that one workgroup blends.
-pub const CELLS_OF_GROUP: u32 = 16;
-/// The key of a Gaussian that no pixel sees. Keys of depths are below it: it would be that of a NaN.
+/// Invocations in a workgroup of the kernels for software adapters: as many as a CPU vector of 256 bits has numbers,
+/// so that each thread runs one workgroup's invocations in lockstep.
+pub const SOFTWARE_WORKGROUP: u32 = 8;
+/// Loop iterations that an invocation spends on a run in one dispatch. llvmpipe ends an invocation after 65,535
+/// iterations. It counts those of [`SOFTWARE_WORKGROUP`] invocations together, because each may keep the others
+/// waiting.
+pub const ITERATIONS_PER_DISPATCH: u32 = 65_535 / SOFTWARE_WORKGROUP - 100;
+/// Tiles in a segment. Their lists are counted from a common start: a thousand counters, which one invocation sums up.
+pub const TILES_PER_SEGMENT: u32 = 16;
+/// Tiles that one workgroup blends.
+pub const TILES_PER_WORKGROUP: u32 = 16;
+/// The key of a Gaussian that no pixel sees. Keys of depths are smaller: only a NaN would have this one.
 pub const INVISIBLE: u32 = u32::MAX;
-/// `SplatChunk::sh_degree` of a scene that keeps no colors of its own.
+/// `SplatChunk::sh_degree` of a scene without spherical harmonics.
 pub const NO_SH: u32 = u32::MAX;
-/// `SplatChunk::flags`: the first color source is the scene's own colors.
+/// `SplatChunk::flags`: the first color source is the scene's captured colors.
 pub const FROM_CAPTURED_COLORS: u32 = 1;
-/// `SplatChunk::flags`: the second color source is the scene's own colors.
+/// `SplatChunk::flags`: the second color source is the scene's captured colors.
 pub const TO_CAPTURED_COLORS: u32 = 2;
 /// `SplatChunk::flags`: sort by the distance from the eye instead of by view depth.
 pub const BY_DISTANCE: u32 = 4;
@@ -39,13 +41,13 @@ pub const BY_DISTANCE: u32 = 4;
 pub const MODE_ENCODED: u32 = 0;
 /// `mode` of the composite: from sRGB's encoding to linear.
 pub const MODE_LINEAR: u32 = 1;
-/// `mode` of the composite: to linear, exposure undone.
+/// `mode` of the composite: to linear, then undo exposure.
 pub const MODE_EXPOSED: u32 = 2;
-/// `mode` of the composite: to linear, Reinhard and exposure undone.
+/// `mode` of the composite: to linear, then undo Reinhard and exposure.
 pub const MODE_REINHARD: u32 = 3;
-/// `mode` of the composite: to linear, Reinhard of the luminance and exposure undone.
+/// `mode` of the composite: to linear, then undo Reinhard of the luminance and exposure.
 pub const MODE_REINHARD_LUMINANCE: u32 = 4;
-/// `mode` of the composite: a tone mapping undone by table, then exposure.
+/// `mode` of the composite: undo tone mapping by a table, then exposure.
 pub const MODE_TABLE: u32 = 5;
 /// Texels along a side of a table of inverses.
 pub const TABLE_SIZE: u32 = 32;
@@ -63,22 +65,22 @@ pub const CURVE_TONY_MC_MAPFACE: u32 = 4;
 pub const CURVE_BLENDER_FILMIC: u32 = 5;
 
 const RECORDS: &str = include_str!("../wgsl/splat_records.wgsl");
-const CELLS: &str = include_str!("../wgsl/splat_cells.wgsl");
+const TILES: &str = include_str!("../wgsl/splat_tiles.wgsl");
 const SCAN: &str = include_str!("../wgsl/splat_scan.wgsl");
 const SORT: &str = include_str!("../wgsl/splat_sort.wgsl");
 
-/// The constants above, in WGSL.
+/// The constants above in WGSL, and the bounds of alpha that both rasterizers share.
 fn constants() -> String {
-    let constants = [
+    let integers = crate::constants(&[
         ("WORKGROUP", WORKGROUP),
-        ("TILE", TILE),
-        ("CELL", CELL),
+        ("SORT_BATCH", SORT_BATCH),
+        ("TILE_SIZE", TILE_SIZE),
         ("N_RUNS", N_RUNS),
-        ("IN_STEP", IN_STEP),
-        ("ROUNDS_OF_RUN", ROUNDS_OF_RUN),
-        ("CELLS_OF_SEGMENT", CELLS_OF_SEGMENT),
-        ("CELLS_OF_GROUP", CELLS_OF_GROUP),
-        ("QUARTERS_OF_GROUP", 4 * CELLS_OF_GROUP),
+        ("SOFTWARE_WORKGROUP", SOFTWARE_WORKGROUP),
+        ("ITERATIONS_PER_DISPATCH", ITERATIONS_PER_DISPATCH),
+        ("TILES_PER_SEGMENT", TILES_PER_SEGMENT),
+        ("TILES_PER_WORKGROUP", TILES_PER_WORKGROUP),
+        ("QUARTERS_PER_WORKGROUP", 4 * TILES_PER_WORKGROUP),
         ("INVISIBLE", INVISIBLE),
         ("NO_SH", NO_SH),
         ("FROM_CAPTURED_COLORS", FROM_CAPTURED_COLORS),
@@ -96,8 +98,11 @@ fn constants() -> String {
         ("CURVE_AGX", CURVE_AGX),
         ("CURVE_TONY_MC_MAPFACE", CURVE_TONY_MC_MAPFACE),
         ("CURVE_BLENDER_FILMIC", CURVE_BLENDER_FILMIC),
-    ];
-    constants.iter().map(|(name, value)| format!("const {name}: u32 = {value}u;\n")).collect()
+    ]);
+    // `{:?}` writes the shortest digits that parse to the same f32.
+    let alphas = [("MIN_ALPHA", MIN_ALPHA), ("MAX_ALPHA", MAX_ALPHA)]
+        .map(|(name, value)| format!("const {name}: f32 = {value:?}f;\n"));
+    integers + &alphas.concat()
 }
 
 /// A shader from the constants and its files.
@@ -105,13 +110,13 @@ fn source(label: &'static str, files: &[&str]) -> Source {
     Source { label, wgsl: constants() + &files.join("\n") }
 }
 
-/// Cull, project, color.
+/// Culls, projects and colors Gaussians.
 pub fn project() -> Source {
     let sh = include_str!("../wgsl/splat_sh.wgsl");
     source("splat_project", &[RECORDS, sh, include_str!("../wgsl/splat_project.wgsl")])
 }
 
-/// Count the digits of each tile; `serial` for adapters that are a CPU.
+/// Counts the digits of each batch. `serial` is for software adapters.
 pub fn sort_histogram(serial: bool) -> Source {
     if serial {
         let kernel = include_str!("../wgsl/splat_sort_histogram_serial.wgsl");
@@ -121,7 +126,7 @@ pub fn sort_histogram(serial: bool) -> Source {
     source("splat_sort_histogram", &[RECORDS, SORT, kernel])
 }
 
-/// From counts to places; `serial` for adapters that are a CPU.
+/// Turns counts into positions. `serial` is for software adapters.
 pub fn sort_scan(serial: bool) -> Source {
     if serial {
         let kernel = include_str!("../wgsl/splat_sort_scan_serial.wgsl");
@@ -130,7 +135,7 @@ pub fn sort_scan(serial: bool) -> Source {
     source("splat_sort_scan", &[RECORDS, SORT, SCAN, include_str!("../wgsl/splat_sort_scan.wgsl")])
 }
 
-/// Move keys to their places; `serial` for adapters that are a CPU.
+/// Moves keys to their positions. `serial` is for software adapters.
 pub fn sort_scatter(serial: bool) -> Source {
     if serial {
         let kernel = include_str!("../wgsl/splat_sort_scatter_serial.wgsl");
@@ -139,46 +144,46 @@ pub fn sort_scatter(serial: bool) -> Source {
     source("splat_sort_scatter", &[RECORDS, SORT, SCAN, include_str!("../wgsl/splat_sort_scatter.wgsl")])
 }
 
-/// Write the indirect commands.
+/// Writes the indirect commands.
 pub fn sort_counts() -> Source {
     source("splat_sort_counts", &[RECORDS, include_str!("../wgsl/splat_sort_counts.wgsl")])
 }
 
-/// Draw the sorted splats.
+/// Draws the sorted splats.
 pub fn draw() -> Source {
     source("splat_draw", &[RECORDS, include_str!("../wgsl/splat_draw.wgsl")])
 }
 
-/// Count the splats of each cell.
-pub fn cells_count() -> Source {
-    source("splat_cells_count", &[RECORDS, CELLS, include_str!("../wgsl/splat_cells_count.wgsl")])
+/// Counts the splats of each tile.
+pub fn tiles_count() -> Source {
+    source("splat_tiles_count", &[RECORDS, TILES, include_str!("../wgsl/splat_tiles_count.wgsl")])
 }
 
-/// From counts to places in the lists of cells.
-pub fn cells_scan() -> Source {
-    source("splat_cells_scan", &[RECORDS, CELLS, include_str!("../wgsl/splat_cells_scan.wgsl")])
+/// Turns counts into positions in the lists of tiles.
+pub fn tiles_scan() -> Source {
+    source("splat_tiles_scan", &[RECORDS, TILES, include_str!("../wgsl/splat_tiles_scan.wgsl")])
 }
 
-/// Where segments begin, and whether the lists fit.
-pub fn cells_total() -> Source {
-    source("splat_cells_total", &[RECORDS, CELLS, include_str!("../wgsl/splat_cells_total.wgsl")])
+/// Finds where segments begin, and whether the lists fit.
+pub fn tiles_total() -> Source {
+    source("splat_tiles_total", &[RECORDS, TILES, include_str!("../wgsl/splat_tiles_total.wgsl")])
 }
 
-/// Write the lists of cells.
-pub fn cells_scatter() -> Source {
-    source("splat_cells_scatter", &[RECORDS, CELLS, include_str!("../wgsl/splat_cells_scatter.wgsl")])
+/// Writes the lists of tiles.
+pub fn tiles_scatter() -> Source {
+    source("splat_tiles_scatter", &[RECORDS, TILES, include_str!("../wgsl/splat_tiles_scatter.wgsl")])
 }
 
-/// Blend the lists of cells, with or without a depth texture.
-pub fn cells_blend(tested: bool) -> Source {
+/// Blends the lists of tiles, with or without a depth texture.
+pub fn tiles_blend(tested: bool) -> Source {
     let depth = match tested {
-        false => include_str!("../wgsl/splat_cells_untested.wgsl"),
-        true => include_str!("../wgsl/splat_cells_tested.wgsl"),
+        false => include_str!("../wgsl/splat_tiles_untested.wgsl"),
+        true => include_str!("../wgsl/splat_tiles_tested.wgsl"),
     };
-    source("splat_cells_blend", &[RECORDS, CELLS, depth, include_str!("../wgsl/splat_cells_blend.wgsl")])
+    source("splat_tiles_blend", &[RECORDS, TILES, depth, include_str!("../wgsl/splat_tiles_blend.wgsl")])
 }
 
-/// Put the layer over a picture of one sample per pixel, or of several.
+/// Puts the layer over a picture of one sample per pixel, or of several.
 pub fn composite(multisampled: bool) -> Source {
     let target = match multisampled {
         false => include_str!("../wgsl/splat_composite_single.wgsl"),
@@ -187,7 +192,7 @@ pub fn composite(multisampled: bool) -> Source {
     source("splat_composite", &[include_str!("../wgsl/splat_composite.wgsl"), target])
 }
 
-/// Undo a tone mapping, once for all colors.
+/// Undoes a tone mapping, once for all colors.
 pub fn inverse_table() -> Source {
     let tonemapping = include_str!("../wgsl/splat_tonemapping.wgsl");
     source("splat_inverse_table", &[tonemapping, include_str!("../wgsl/splat_inverse_table.wgsl")])
@@ -205,12 +210,12 @@ pub fn sources() -> Vec<Source> {
         sort_scatter(true),
         sort_counts(),
         draw(),
-        cells_count(),
-        cells_scan(),
-        cells_total(),
-        cells_scatter(),
-        cells_blend(false),
-        cells_blend(true),
+        tiles_count(),
+        tiles_scan(),
+        tiles_total(),
+        tiles_scatter(),
+        tiles_blend(false),
+        tiles_blend(true),
         composite(false),
         composite(true),
         inverse_table(),
@@ -236,13 +241,13 @@ pub fn layouts() -> Vec<Layout> {
             fade,
             n_gaussians,
             first_gaussian,
-            first_slot,
+            first_record,
             sh_degree,
             flags,
             padding,
         }),
         layout!(PackedGaussian { mean, opacity, rotation, scales }),
-        layout!(SplatCounts { n_slots, n_visible }),
+        layout!(SplatCounts { n_records, n_visible }),
         layout!(SortPass { shift, first, padding }),
         layout!(SplatCommands {
             n_groups,
@@ -255,13 +260,13 @@ pub fn layouts() -> Vec<Layout> {
             first_instance,
         }),
         layout!(SplatDraw { viewport }),
-        layout!(SplatCells { viewport, n_cells, capacity, padding }),
-        layout!(RunProgress { n_splats, n_cells }),
+        layout!(SplatTiles { viewport, n_tiles, capacity, padding }),
+        layout!(RunProgress { n_splats, n_tiles }),
         layout!(SplatComposite { exposure }),
     ]
 }
 
-/// One chunk of one cloud as one camera sees it. View space is x right, y up, z backward; matrices are kept as rows.
+/// One chunk of one cloud as one camera sees it. View space is x right, y up, z backward. Matrices are stored as rows.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SplatChunk {
@@ -281,11 +286,11 @@ pub struct SplatChunk {
     pub clip_from_view_w: [f32; 4],
     /// Left, top, width and height of the viewport, in pixels of the target.
     pub viewport: [f32; 4],
-    /// Where rays come from, in the scene's space: (eye, 1), or (-direction, 0) where they are parallel.
+    /// Origin of the rays in the scene's space: (eye, 1), or (-direction, 0) if they are parallel.
     pub eye: [f32; 4],
-    /// Where the image axis (view -z) meets the picture, in normalized device coordinates.
+    /// The point where the image axis (view -z) meets the picture, in normalized device coordinates.
     pub axis: [f32; 2],
-    /// View depth at which Gaussians and nearer ones are culled, in world units.
+    /// Gaussians at this view depth or nearer are culled, in world units.
     pub near: f32,
     /// The unit of [`PackedGaussian::scales`], in scene units.
     pub scale_unit: f32,
@@ -296,7 +301,7 @@ pub struct SplatChunk {
     /// Index of the chunk's first Gaussian in its scene.
     pub first_gaussian: u32,
     /// Index of the chunk's first record.
-    pub first_slot: u32,
+    pub first_record: u32,
     /// Degree of the spherical harmonics, or [`NO_SH`].
     pub sh_degree: u32,
     /// [`FROM_CAPTURED_COLORS`], [`TO_CAPTURED_COLORS`], [`BY_DISTANCE`].
@@ -311,7 +316,7 @@ pub struct SplatChunk {
 pub struct PackedGaussian {
     /// Mean, in scene units.
     pub mean: [f32; 3],
-    /// 0..1.
+    /// Opacity, 0..1.
     pub opacity: f32,
     /// Unit quaternion (x, y, z, w) as 16-bit signed fractions, two to a word, the first in the low bits.
     pub rotation: [u32; 2],
@@ -319,23 +324,23 @@ pub struct PackedGaussian {
     pub scales: [u32; 2],
 }
 
-/// How many records a view has room for, and how many of them hold a visible splat.
+/// The number of records of a view, and how many of them hold a visible splat.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct SplatCounts {
-    /// One for each Gaussian of each cloud.
-    pub n_slots: u32,
+    /// One record for each Gaussian of each cloud; written by the CPU.
+    pub n_records: u32,
     /// Written by the sort.
     pub n_visible: u32,
 }
 
-/// One of the passes of the sort.
+/// One pass of the sort.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct SortPass {
     /// Position of the digit's lowest bit.
     pub shift: u32,
-    /// 1 in the first pass, whose values are the slots themselves.
+    /// 1 in the first pass, which reads no values: they are the record indices themselves.
     pub first: u32,
     /// Unused.
     pub padding: [u32; 2],
@@ -363,7 +368,7 @@ pub struct SplatCommands {
     pub first_instance: u32,
 }
 
-/// Where a view is drawn.
+/// The uniforms of the draw.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct SplatDraw {
@@ -371,34 +376,34 @@ pub struct SplatDraw {
     pub viewport: [f32; 4],
 }
 
-/// The cells of a view.
+/// The tiles of a view.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct SplatCells {
+pub struct SplatTiles {
     /// Left, top, width and height of the viewport, in pixels of the target.
     pub viewport: [f32; 4],
-    /// Columns and rows of cells.
-    pub n_cells: [u32; 2],
-    /// How many entries all lists together have room for.
+    /// Columns and rows of tiles.
+    pub n_tiles: [u32; 2],
+    /// Entries that all lists together have room for.
     pub capacity: u32,
     /// Unused.
     pub padding: u32,
 }
 
-/// How far a run has come.
+/// Progress of a run, which may take several dispatches.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct RunProgress {
-    /// Splats that are done.
+    /// Splats that are finished.
     pub n_splats: u32,
-    /// Cells of the next one that are done.
-    pub n_cells: u32,
+    /// Finished tiles of the next splat.
+    pub n_tiles: u32,
 }
 
-/// How the layer becomes the target's.
+/// The uniforms of the composite.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct SplatComposite {
-    /// What the camera multiplies colors with before tone mapping: 2^exposure of its color grading.
+    /// The camera's factor on colors before tone mapping: 2^exposure of its color grading.
     pub exposure: f32,
 }

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
+use stylegaussian::splat::{MAX_ALPHA, MIN_ALPHA};
 use stylegaussian_shaders::{Layout, Source, splat, style};
 
 fn sources() -> Vec<Source> {
@@ -13,10 +14,10 @@ fn layouts() -> Vec<Layout> {
     [style::layouts(), splat::layouts()].concat()
 }
 
-/// What every adapter offers that WebGPU's core demands; naga counts them as optional for OpenGL's sake.
+/// Capabilities of every WebGPU adapter that naga counts as optional, because OpenGL may lack them.
 const CORE: Capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32.union(Capabilities::MULTISAMPLED_SHADING);
 
-/// Parses and validates with no optional capability: what passes runs on every adapter.
+/// Parses and validates without optional capabilities: a shader that passes runs on every adapter.
 fn validated(source: &Source) -> Result<naga::Module, String> {
     let module =
         naga::front::wgsl::parse_str(&source.wgsl).map_err(|error| error.emit_to_string(&source.wgsl))?;
@@ -77,25 +78,43 @@ fn layouts_match() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// The value of a `const NAME: u32` of a module.
-fn constant(source: &Source, name: &str) -> Option<u32> {
+/// The value of a constant of a module.
+fn constant(source: &Source, name: &str) -> Option<naga::Literal> {
     let module = validated(source).ok()?;
     let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name))?;
     match module.global_expressions[constant.init] {
-        naga::Expression::Literal(naga::Literal::U32(value)) => Some(value),
+        naga::Expression::Literal(value) => Some(value),
         _ => None,
     }
 }
 
 #[test]
 fn constants_match() {
-    for columns in style::TILE_COLUMNS {
-        let source = style::knn_conv(columns, style::Storage::F16, style::Storage::F16);
-        assert_eq!(constant(&source, "TILE_ROWS"), Some(style::TILE_ROWS));
-        assert_eq!(constant(&source, "TILE_COLUMNS"), Some(columns));
-        assert!(constant(&source, "WORKGROUP_SIZE").is_some_and(|size| size <= 256));
+    let integer = |source: &Source, name| match constant(source, name) {
+        Some(naga::Literal::U32(value)) => value,
+        other => panic!("{}: {name} is {other:?}", source.label),
+    };
+    for columns in style::COLUMNS_PER_WORKGROUP {
+        let source = style::knn_conv(columns, style::NumberFormat::F16, style::NumberFormat::F16);
+        assert_eq!(integer(&source, "COLUMNS_PER_WORKGROUP"), columns);
+        assert_eq!(integer(&source, "ROWS_PER_WORKGROUP"), style::ROWS_PER_WORKGROUP);
+        // Every adapter has 256 invocations in a workgroup.
+        assert!(integer(&source, "WORKGROUP_SIZE") <= 256);
     }
-    for source in [style::color(style::Storage::F16), style::smoothing_pass()] {
-        assert_eq!(constant(&source, "COLOR_WORKGROUP_SIZE"), Some(style::COLOR_WORKGROUP_SIZE));
+    // Both rasterizers end a splat at the same alpha, to the last bit.
+    for (name, expected) in [("MIN_ALPHA", MIN_ALPHA), ("MAX_ALPHA", MAX_ALPHA)] {
+        assert_eq!(constant(&splat::draw(), name), Some(naga::Literal::F32(expected)), "{name}");
+    }
+}
+
+/// A kernel's entry point has its file's name. Shaders that draw have a vertex and a fragment stage.
+#[test]
+fn entry_points_are_named_like_their_files() {
+    for source in sources() {
+        let module = validated(&source).unwrap_or_else(|error| panic!("{}:\n{error}", source.label));
+        let names: Vec<_> = module.entry_points.iter().map(|entry| entry.name.clone()).collect();
+        let label = source.label;
+        let is_drawn = names == [format!("{label}_vertex"), format!("{label}_fragment")];
+        assert!(names == [label] || is_drawn, "{label} has {names:?}");
     }
 }

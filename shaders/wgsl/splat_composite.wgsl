@@ -1,13 +1,13 @@
-// The layer of splats over the picture, sample by sample: a triangle over the whole viewport.
+// Puts the layer of splats over the picture, sample by sample: a triangle over the whole viewport.
 
-/// How the layer becomes the target's.
+/// The uniforms of the composite.
 struct SplatComposite {
-    /// What the camera multiplies colors with before tone mapping: 2^exposure of its color grading.
+    /// The camera's factor on colors before tone mapping: 2^exposure of its color grading.
     exposure: f32,
 }
 
 @group(0) @binding(0) var<uniform> composite: SplatComposite;
-/// Made by `splat_inverse_table`.
+/// The result of `splat_inverse_table`.
 @group(0) @binding(2) var inverse_table: texture_3d<f32>;
 @group(0) @binding(3) var table_sampler: sampler;
 
@@ -19,21 +19,21 @@ fn linear_from_srgb(c: vec3<f32>) -> vec3<f32> {
     return select(pow((c + 0.055) / 1.055, vec3(2.4)), c / 12.92, c <= vec3(0.04045));
 }
 
-/// What curves that never reach 1 are asked for at most. It is shown as 255 of 255.
+/// The brightest color that is inverted for curves that never reach 1. It is shown as 255 of 255.
 const BRIGHTEST: f32 = 0.998;
 
-/// Reinhard's c = x / (1 + x).
+/// The inverse of Reinhard's c = x / (1 + x).
 fn inverse_reinhard(c: vec3<f32>) -> vec3<f32> {
     let limited = min(c, vec3(BRIGHTEST));
     return limited / (1.0 - limited);
 }
 
-/// The same for the luminance, by Rec. 709; hue and saturation stay.
+/// The inverse of Reinhard on the luminance (Rec. 709). Hue and saturation stay.
 fn inverse_reinhard_luminance(c: vec3<f32>) -> vec3<f32> {
     return c / (1.0 - min(dot(c, vec3(0.2126, 0.7152, 0.0722)), BRIGHTEST));
 }
 
-/// A curve without an inverse for all colors.
+/// The inverse of a curve that has none for all colors.
 fn inverse_by_table(encoded: vec3<f32>) -> vec3<f32> {
     // The table's axes: see `splat_inverse_table`. Texel centers lie half a texel from the edges.
     let along = asin(sqrt(encoded)) / radians(90.0);
@@ -42,7 +42,7 @@ fn inverse_by_table(encoded: vec3<f32>) -> vec3<f32> {
     return inverse_reinhard(textureSampleLevel(inverse_table, table_sampler, at, 0.0).rgb);
 }
 
-/// A texel of the layer as the target counts colors, premultiplied.
+/// A texel of the layer in the target's space, premultiplied.
 fn composited(texel: vec4<f32>) -> vec4<f32> {
     if texel.a <= 0.0 {
         discard;
@@ -50,7 +50,7 @@ fn composited(texel: vec4<f32>) -> vec4<f32> {
     if mode == MODE_ENCODED {
         return texel;
     }
-    // Only what a screen can show can be decoded.
+    // sRGB's decoding is only defined for colors that a screen can show.
     let encoded = clamp(texel.rgb / texel.a, vec3(0.0), vec3(1.0));
     var color = linear_from_srgb(encoded);
     switch mode {

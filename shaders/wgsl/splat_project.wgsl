@@ -1,10 +1,10 @@
-// From Gaussians to splats: cull, project, color. One invocation per Gaussian of one chunk of one cloud; the records of
-// all clouds go into one array. CPU twin: `stylegaussian::splat`, module `project`.
+// Turns Gaussians into splats: culls, projects and colors them. One invocation per Gaussian of one chunk of one
+// cloud; the records of all clouds go into one array. CPU twin: `stylegaussian::splat`, module `project`.
 //
 // A Gaussian with covariance S is drawn as its first-order projection J W S W^T J^T (Zwicker et al., "EWA Volume
-// Splatting", 2001) plus `LOW_PASS` on the diagonal. J is written for any projection matrix: with clip = P p, a pixel
-// coordinate is clip.x / clip.w up to scale, whose gradient is (P_x - (clip.x / clip.w) P_w) / clip.w. Perspective,
-// off-axis and orthographic cameras differ in P only.
+// Splatting", 2001) plus `LOW_PASS` on the diagonal. J is written for any projection matrix P: with clip = P p, a
+// pixel coordinate is clip.x / clip.w up to scale, and its gradient is (P_x - (clip.x / clip.w) P_w) / clip.w.
+// Perspective, off-axis and orthographic cameras differ in P only.
 
 /// One chunk of one cloud as one camera sees it. View space is x right, y up, z backward.
 struct SplatChunk {
@@ -19,13 +19,13 @@ struct SplatChunk {
     clip_from_view_w: vec4<f32>,
     /// Left, top, width and height of the viewport, in pixels of the target.
     viewport: vec4<f32>,
-    /// Where rays come from, in the scene's space: (eye, 1), or (-direction, 0) where they are parallel.
+    /// Origin of the rays in the scene's space: (eye, 1), or (-direction, 0) if they are parallel.
     eye: vec4<f32>,
-    /// Where the image axis (view -z) meets the picture, in normalized device coordinates.
+    /// The point where the image axis (view -z) meets the picture, in normalized device coordinates.
     axis: vec2<f32>,
-    /// View depth at which Gaussians and nearer ones are culled, in world units.
+    /// Gaussians at this view depth or nearer are culled, in world units.
     near: f32,
-    /// Scales are stored in this unit, in scene units.
+    /// The unit of stored scales, in scene units.
     scale_unit: f32,
     /// Share of the second color source, 0..1.
     fade: f32,
@@ -34,7 +34,7 @@ struct SplatChunk {
     /// Index of the chunk's first Gaussian in its scene.
     first_gaussian: u32,
     /// Index of the chunk's first record.
-    first_slot: u32,
+    first_record: u32,
     /// Degree of the spherical harmonics, or `NO_SH`.
     sh_degree: u32,
     /// `FROM_CAPTURED_COLORS`, `TO_CAPTURED_COLORS`, `BY_DISTANCE`.
@@ -54,35 +54,37 @@ struct PackedGaussian {
 
 @group(0) @binding(0) var<uniform> chunk: SplatChunk;
 @group(0) @binding(1) var<storage, read_write> keys: array<u32>;
-@group(0) @binding(2) var<storage, read_write> places: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read_write> looks: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read_write> geometry_halves: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> color_halves: array<vec4<u32>>;
 @group(1) @binding(0) var<storage, read> gaussians: array<PackedGaussian>;
 @group(1) @binding(2) var<storage, read> colors_from: array<vec2<u32>>;
 @group(1) @binding(3) var<storage, read> colors_to: array<vec2<u32>>;
 
-/// Added to the diagonal of every 2D covariance, in px^2: no splat is thinner than about a pixel.
+/// Variance added to the diagonal of every 2D covariance, in px^2, so that no splat is thinner than about a pixel.
 const LOW_PASS: f32 = 0.3;
-/// How far from the image axis, in half pictures, the projection is still linearized where it is.
+/// Distance from the image axis, in half pictures, up to which the projection is linearized at the mean itself.
+/// Beyond, the linearization at the mean stretches splats without bound; that of this distance is used instead (as in
+/// the original).
 const LINEARIZED_WITHIN: f32 = 1.3;
-/// Numbers beyond this are taken for overflow: their squares would be infinite.
+/// Larger numbers count as overflow, because their squares would be infinite.
 const HUGE: f32 = 1e18;
-/// The largest color that a record holds.
+/// The largest color that a record holds, the largest f16.
 const MAX_COLOR: f32 = 65504.0;
 
-/// A splat and how far away it is, by the sort's measure.
+/// A splat, and its distance in the measure of the sort.
 struct Projected {
     splat: Splat,
     distance: f32,
     visible: bool,
 }
 
-/// The vector that `rotation` turns into `v`.
+/// The vector that `rotation` turns into `v`: the inverse rotation of `v`.
 fn unrotated(rotation: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
     let t = 2.0 * cross(v, rotation.xyz);
     return v + rotation.w * t + cross(t, rotation.xyz);
 }
 
-/// A row of J W R S, in pixels: the 2D covariance is the Gram matrix of both. `j` is the gradient of a pixel
+/// A row of J W R S, in pixels. The 2D covariance is the Gram matrix of the two rows. `j` is the gradient of a pixel
 /// coordinate in view space.
 fn footprint_axis(gaussian: PackedGaussian, j: vec3<f32>) -> vec3<f32> {
     let in_scene = j.x * chunk.view_from_scene_x.xyz + j.y * chunk.view_from_scene_y.xyz
@@ -108,7 +110,7 @@ fn project(gaussian: PackedGaussian) -> Projected {
         dot(chunk.clip_from_view_z, view),
     );
     let w = dot(chunk.clip_from_view_w, view);
-    // Every test is written so that NaN is culled too.
+    // Comparisons with NaN are false, so these conditions also cull NaN.
     let in_front = -view.z > chunk.near && w > 0.0 && clip.z >= 0.0 && clip.z <= w;
     if !(in_front && gaussian.opacity >= MIN_ALPHA) {
         return out;
@@ -125,11 +127,11 @@ fn project(gaussian: PackedGaussian) -> Projected {
     let a = dot(row_x, row_x) + LOW_PASS;
     let b = dot(row_x, row_y);
     let c = dot(row_y, row_y) + LOW_PASS;
-    // Lagrange's identity: a c - b^2 without subtracting large numbers.
+    // Lagrange's identity gives a c - b^2 as a sum of positive terms; the difference itself would cancel on needles.
     let normal = cross(row_x, row_y);
     let det = dot(normal, normal) + LOW_PASS * (a + c - LOW_PASS);
 
-    // Culled by the footprint, not by its center: nothing pops at the picture's edge.
+    // Culled by the footprint and not by its center, so that nothing pops at the picture's edge.
     let reach = sqrt(cutoff(gaussian.opacity) * vec2(a, c));
     let offset = abs(center - (chunk.viewport.xy + half_size));
     let inside = all(offset <= half_size + reach);
@@ -144,11 +146,12 @@ fn project(gaussian: PackedGaussian) -> Projected {
     return out;
 }
 
-/// The scene's own color, seen from the camera; mid-gray where it keeps none.
+/// The captured color as seen from the camera; mid-gray if the scene has none.
 fn captured_color(index: u32, mean: vec3<f32>) -> vec3<f32> {
     if chunk.sh_degree == NO_SH {
         return vec3(0.5);
     }
+    // Works for both kinds of `eye`: mean - eye, or the direction of parallel rays.
     let ray = mean * chunk.eye.w - chunk.eye.xyz;
     let squared = dot(ray, ray);
     let direction = select(vec3(0.0), ray * inverseSqrt(squared), squared > 0.0);
@@ -159,28 +162,31 @@ fn unpacked_color(words: vec2<u32>) -> vec3<f32> {
     return vec3(unpack2x16float(words.x), unpack2x16float(words.y).x);
 }
 
-/// The color on the way from the first source to the second.
+/// The color between the first source and the second.
 fn color(index: u32, mean: vec3<f32>) -> vec3<f32> {
     let in_scene = chunk.first_gaussian + index;
-    var own = vec3(0.0);
+    var captured = vec3(0.0);
     if (chunk.flags & (FROM_CAPTURED_COLORS | TO_CAPTURED_COLORS)) != 0u {
-        own = captured_color(index, mean);
+        captured = captured_color(index, mean);
     }
-    var mixed = own;
+    var mixed = captured;
     if (chunk.flags & FROM_CAPTURED_COLORS) == 0u {
         mixed = unpacked_color(colors_from[in_scene]);
     }
+    // Most clouds do not fade, and skip the reads of a second source.
     if chunk.fade > 0.0 {
-        var second = own;
+        var second = captured;
         if (chunk.flags & TO_CAPTURED_COLORS) == 0u {
             second = unpacked_color(colors_to[in_scene]);
         }
         mixed = mix(mixed, second, chunk.fade);
     }
+    // WGSL leaves packing of larger numbers to f16 undefined.
     return clamp(mixed, vec3(-MAX_COLOR), vec3(MAX_COLOR));
 }
 
-/// A key that sorts like `distance`: floats compare like their bits once negative ones are turned around.
+/// A key that sorts like `distance`. The bits of floats compare like integers if the sign bit of positive floats is
+/// set and all bits of negative floats are inverted.
 fn sort_key(distance: f32) -> u32 {
     let bits = bitcast<u32>(distance);
     return bits ^ select(0x80000000u, 0xffffffffu, (bits >> 31u) != 0u);
@@ -192,19 +198,20 @@ fn splat_project(
     @builtin(num_workgroups) n_workgroups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
+    // Large chunks take two dimensions of workgroups: one is limited to 65,535.
     let index = (workgroup.y * n_workgroups.x + workgroup.x) * WORKGROUP + lane;
     if index >= chunk.n_gaussians {
         return;
     }
-    let slot = chunk.first_slot + index;
+    let record = chunk.first_record + index;
     let gaussian = gaussians[index];
     var projected = project(gaussian);
     if !projected.visible {
-        keys[slot] = INVISIBLE;
+        keys[record] = INVISIBLE;
         return;
     }
     projected.splat.color = color(index, gaussian.mean);
-    keys[slot] = sort_key(projected.distance);
-    places[slot] = packed_place(projected.splat);
-    looks[slot] = packed_look(projected.splat);
+    keys[record] = sort_key(projected.distance);
+    geometry_halves[record] = packed_geometry(projected.splat);
+    color_halves[record] = packed_color(projected.splat);
 }

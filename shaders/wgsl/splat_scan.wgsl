@@ -12,9 +12,11 @@ fn sum_before(lane: u32, value: u32) -> u32 {
         if lane >= step {
             sum += scan_sums[lane - step];
         }
+        // All lanes have read before any of them writes.
         workgroupBarrier();
         scan_sums[lane] = sum;
         workgroupBarrier();
     }
+    // The sums include `value` itself.
     return scan_sums[lane] - value;
 }

@@ -1,8 +1,8 @@
-// How often each digit occurs in each tile. One workgroup per tile.
+// Counts each digit in each batch. One workgroup per batch.
 
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>;
-/// `[digit, tile]`.
-@group(0) @binding(3) var<storage, read_write> tile_counts: array<u32>;
+/// Counts `[digit, batch]`: the scan reads those of a digit in order.
+@group(0) @binding(3) var<storage, read_write> batch_counts: array<u32>;
 
 var<workgroup> histogram: array<atomic<u32>, WORKGROUP>;
 
@@ -11,7 +11,7 @@ fn splat_sort_histogram(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(lo
     // Workgroup memory starts as zero.
     let n = n_keys();
     for (var round = 0u; round < ROUNDS; round++) {
-        let i = workgroup.x * TILE + round * N_DIGITS + lane;
+        let i = workgroup.x * SORT_BATCH + round * N_DIGITS + lane;
         if i < n {
             let key = keys_in[i];
             if key != INVISIBLE {
@@ -20,5 +20,5 @@ fn splat_sort_histogram(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(lo
         }
     }
     workgroupBarrier();
-    tile_counts[lane * tile_stride() + workgroup.x] = atomicLoad(&histogram[lane]);
+    batch_counts[lane * batch_stride() + workgroup.x] = atomicLoad(&histogram[lane]);
 }

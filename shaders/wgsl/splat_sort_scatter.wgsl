@@ -1,12 +1,13 @@
-// Moves the keys of a tile, and their values, to their places. One workgroup per tile.
+// Moves the keys of a batch, and their values, to their positions. One workgroup per batch.
 //
-// 256 keys at a time: each sets its bit in the mask of its digit, so the bits before it count the keys that go before it.
-// That keeps the order without atomics deciding it, and needs no subgroups.
+// It takes 256 keys at a time. Each key sets its bit in the mask of its digit; the bits before it then count the keys
+// that go before it. The order of atomic operations does not matter to a mask, so the sort stays stable, and needs no
+// subgroups.
 
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>;
 @group(0) @binding(3) var<storage, read> values_in: array<u32>;
-/// `[digit, tile]`: keys with that digit in the tiles before.
-@group(0) @binding(4) var<storage, read> tile_offsets: array<u32>;
+/// Keys with a digit in earlier batches `[digit, batch]`.
+@group(0) @binding(4) var<storage, read> batch_offsets: array<u32>;
 /// Keys with each digit `[digit]`.
 @group(0) @binding(5) var<storage, read> digit_counts: array<u32>;
 @group(0) @binding(6) var<storage, read_write> keys_out: array<u32>;
@@ -16,7 +17,7 @@
 const MASK_WORDS: u32 = WORKGROUP / 32u;
 /// One bit per key `[digit, word]`.
 var<workgroup> masks: array<atomic<u32>, WORKGROUP * MASK_WORDS>;
-/// Where the next key with each digit goes.
+/// Position of the next key with each digit.
 var<workgroup> next: array<u32, WORKGROUP>;
 
 @compute @workgroup_size(WORKGROUP)
@@ -24,9 +25,10 @@ fn splat_sort_scatter(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(loca
     let n = n_keys();
     let word = lane / 32u;
     let bit = 1u << (lane % 32u);
-    next[lane] = sum_before(lane, digit_counts[lane]) + tile_offsets[lane * tile_stride() + workgroup.x];
+    next[lane] = sum_before(lane, digit_counts[lane]) + batch_offsets[lane * batch_stride() + workgroup.x];
     for (var round = 0u; round < ROUNDS; round++) {
-        let i = workgroup.x * TILE + round * N_DIGITS + lane;
+        let i = workgroup.x * SORT_BATCH + round * N_DIGITS + lane;
+        // Lanes beyond the last key take part in the barriers, but in nothing else.
         var key = INVISIBLE;
         if i < n {
             key = keys_in[i];
@@ -37,18 +39,19 @@ fn splat_sort_scatter(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(loca
         }
         workgroupBarrier();
         if key != INVISIBLE {
-            var place = next[mask / MASK_WORDS] + countOneBits(atomicLoad(&masks[mask + word]) & (bit - 1u));
+            var position = next[mask / MASK_WORDS] + countOneBits(atomicLoad(&masks[mask + word]) & (bit - 1u));
             for (var before = 0u; before < word; before++) {
-                place += countOneBits(atomicLoad(&masks[mask + before]));
+                position += countOneBits(atomicLoad(&masks[mask + before]));
             }
-            keys_out[place] = key;
+            keys_out[position] = key;
             if sort_pass.first == 1u {
-                values_out[place] = i;
+                values_out[position] = i;
             } else {
-                values_out[place] = values_in[i];
+                values_out[position] = values_in[i];
             }
         }
         workgroupBarrier();
+        // Each lane advances its own digit, and clears its mask for the next round.
         for (var of_digit = 0u; of_digit < MASK_WORDS; of_digit++) {
             next[lane] += countOneBits(atomicExchange(&masks[lane * MASK_WORDS + of_digit], 0u));
         }

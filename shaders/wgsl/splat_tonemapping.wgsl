@@ -1,19 +1,19 @@
-// Bevy's tone mapping curves that have no exact inverse for all colors: linear scene color in, linear display color out
+// Bevy's tone mapping curves without an exact inverse for all colors: linear scene color in, linear display color out
 // (bevy_core_pipeline 0.19, tonemapping_shared.wgsl).
 
-/// Bevy's table of the curve, for the curves that have one.
+/// Bevy's table of the curve, if it has one.
 @group(0) @binding(1) var curve_table: texture_3d<f32>;
 @group(0) @binding(2) var curve_sampler: sampler;
 
 /// One of the `CURVE_` constants.
 override curve: u32;
 
-/// Rec. 709.
+/// Luminance by Rec. 709.
 fn luminance(c: vec3<f32>) -> f32 {
     return dot(c, vec3(0.2126, 0.7152, 0.0722));
 }
 
-/// Stephen Hill's fit of ACES, before what is out of 0..1 is clamped.
+/// Stephen Hill's fit of ACES, not yet clamped to 0..1.
 fn aces_fitted(c: vec3<f32>) -> vec3<f32> {
     let v = vec3(
         dot(c, vec3(0.59719, 0.35458, 0.04823)),
@@ -28,7 +28,7 @@ fn aces_fitted(c: vec3<f32>) -> vec3<f32> {
     );
 }
 
-/// Where PBR Neutral's compression starts, and how fast it desaturates.
+/// The peak at which PBR Neutral's compression starts, and the rate of its desaturation.
 const NEUTRAL_START: f32 = 0.8 - 0.04;
 const NEUTRAL_DESATURATION: f32 = 0.15;
 
@@ -46,7 +46,7 @@ fn pbr_neutral(c: vec3<f32>) -> vec3<f32> {
     return mix(above_toe * (new_peak / peak), vec3(new_peak), gray);
 }
 
-/// Its inverse, exact for colors that it shows; others may get negative channels.
+/// The inverse of PBR Neutral. It is exact for colors that the curve shows; others may get negative channels.
 fn inverse_pbr_neutral(c: vec3<f32>) -> vec3<f32> {
     var above_toe = c;
     let peak = min(max(c.r, max(c.g, c.b)), 0.999);
@@ -72,13 +72,13 @@ fn somewhat_boring(c: vec3<f32>) -> vec3<f32> {
     return 0.97 * mix(by_luminance, by_channel, bt * bt);
 }
 
-/// Bevy's table at `at`, 0..1 from the center of the first texel to that of the last one.
+/// Bevy's table at `at`: 0 is the center of the first texel, 1 that of the last.
 fn from_table(at: vec3<f32>) -> vec3<f32> {
     let size = f32(textureDimensions(curve_table).x);
     return textureSampleLevel(curve_table, curve_sampler, (saturate(at) * (size - 1.0) + 0.5) / size, 0.0).rgb;
 }
 
-/// The table's axis of AgX and Filmic: stops from middle gray.
+/// Coordinates in the tables of AgX and Filmic: stops from middle gray, from `lowest` to `highest` as 0 to 1.
 fn normalized_stops(c: vec3<f32>, lowest: f32, highest: f32) -> vec3<f32> {
     let lifted = select(c, 0.00001525878 + c, c < vec3(0.00003051757));
     return (clamp(log2(lifted / 0.18), vec3(lowest), vec3(highest)) - lowest) / (highest - lowest);

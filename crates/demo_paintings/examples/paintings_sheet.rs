@@ -1,11 +1,11 @@
-//! Puts images side by side in one PNG, for looking at: `paintings_sheet OUT.png COLUMNS IMAGE...`.
+//! Puts images side by side into one PNG, to look at them together: `paintings_sheet OUT.png COLUMNS IMAGE...`.
 
 use std::env;
 
 use anyhow::{Context, Result};
 use image::{GenericImage, RgbImage};
 
-const USAGE: &str = "usage: contact_sheet OUT.png COLUMNS IMAGE...";
+const USAGE: &str = "usage: paintings_sheet OUT.png COLUMNS IMAGE...";
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = env::args().skip(1).collect();

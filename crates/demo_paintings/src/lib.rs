@@ -1,7 +1,7 @@
-//! Eight style images of our own, painted by code, for the demo and its tests.
+//! Eight style images, painted by code, for the demo and its tests.
 //!
-//! Each painting is as far from the others as paintings can be, in palette and in texture at the scale of
-//! 5 to 40 pixels, which is what style statistics see. The same pixels come out on every machine.
+//! The paintings differ as much as possible in colors and in texture at the scale of 5 to 40 pixels, the scale of style
+//! statistics. They are the same pixel for pixel on every machine.
 
 pub mod canvas;
 pub mod noise;
@@ -13,13 +13,13 @@ pub use canvas::{Canvas, SIZE};
 /// A painting: its file stem and the function that paints it.
 #[derive(Clone, Copy, Debug)]
 pub struct Painting {
-    /// Short lower-case name, also the stem of its file.
+    /// Short name in lower case, also the stem of its file.
     pub name: &'static str,
-    /// Paints it, the same each time.
+    /// Paints it. Every call gives the same pixels.
     pub paint: fn() -> Canvas,
 }
 
-/// All eight, in the order in which they are shown.
+/// All eight paintings, in the order of the demo.
 pub const PAINTINGS: [Painting; 8] = [
     Painting { name: "strokes", paint: paintings::strokes::paint },
     Painting { name: "dots", paint: paintings::dots::paint },

@@ -8,8 +8,9 @@ use image::ExtendedColorType::Rgb8;
 use image::ImageEncoder;
 use image::codecs::{jpeg, png};
 
-/// The most that one file should take, losslessly or not: eight of them then fit in 900 KB.
+/// Largest PNG file, in bytes. With this limit and the next the eight paintings take less than 900 KB together.
 const MAX_PNG: usize = 120_000;
+/// Largest JPEG file, in bytes.
 const MAX_JPEG: usize = 110_000;
 
 fn main() -> Result<()> {
@@ -29,7 +30,8 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// PNG where that fits, as flat art does; else JPEG at quality 90, or the highest below that fits.
+/// The file's extension and bytes: PNG if that fits, as it does for flat art, otherwise JPEG at the highest quality
+/// that fits, from 90 down to 60, which is taken in any case.
 fn smallest(rgb: &[u8]) -> Result<(&'static str, Vec<u8>)> {
     let size = SIZE as u32;
     let mut bytes = Vec::new();

@@ -1,7 +1,7 @@
 //! Randomness that is the same on every machine: a small generator and gradient noise.
 //!
-//! Only IEEE basic operations, square roots and `libm` are used in this crate, never the platform's own
-//! transcendental functions, so that a painting is bit for bit identical everywhere.
+//! This crate uses IEEE basic operations, square roots and `libm` only. The platform's transcendental functions differ
+//! in their last bits, and paintings are to be identical bit for bit.
 
 use glam::Vec2;
 
@@ -10,7 +10,7 @@ use glam::Vec2;
 pub struct Random(u64);
 
 impl Random {
-    /// A generator whose sequence depends on `seed` only.
+    /// A generator. Equal seeds give equal sequences.
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }
@@ -21,7 +21,7 @@ impl Random {
         (mix(self.0) >> 32) as u32
     }
 
-    /// Uniform in `[0, 1)`, with the 24 bits that an `f32` holds exactly.
+    /// Uniform in `[0, 1)`, with 24 bits, all of which an `f32` holds exactly.
     pub fn unit(&mut self) -> f32 {
         (self.bits() >> 8) as f32 / (1 << 24) as f32
     }
@@ -36,12 +36,15 @@ impl Random {
         self.unit() < probability
     }
 
-    /// Bell-shaped in `(-1, 1)`: the sum of three uniforms, whose standard deviation is 1/3.
+    /// Bell-shaped in `(-1, 1)` with standard deviation 1/3: the sum of three uniform numbers.
     pub fn bell(&mut self) -> f32 {
         (self.unit() + self.unit() + self.unit()) * (2.0 / 3.0) - 1.0
     }
 
-    /// One of `choices`, which is not empty.
+    /// One of `choices`, each with the same probability.
+    ///
+    /// # Panics
+    /// If there are none.
     pub fn pick<T: Copy>(&mut self, choices: &[T]) -> T {
         choices[self.bits() as usize % choices.len()]
     }
@@ -51,15 +54,15 @@ impl Random {
         Vec2::new(self.range(-1.0, 1.0), self.range(-1.0, 1.0))
     }
 
-    /// Fisher-Yates.
+    /// Shuffles `items` (Fisher and Yates).
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         for i in (1..items.len()).rev() {
             items.swap(i, self.bits() as usize % (i + 1));
         }
     }
 
-    /// The points of a jittered grid over the square `[-margin, size + margin)^2`, in random order: an even
-    /// cover without visible rows.
+    /// The points of a jittered grid over the square `[-margin, size + margin)^2`, in random order. They cover it
+    /// evenly without visible rows.
     pub fn scatter(&mut self, size: f32, margin: f32, spacing: f32) -> Vec<Vec2> {
         let n = ((size + 2.0 * margin) / spacing) as usize + 1;
         let mut points = Vec::with_capacity(n * n);
@@ -82,22 +85,23 @@ fn mix(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// A uniform number in `[0, 1)` that belongs to a lattice point.
+/// A uniform number in `[0, 1)`, a hash of a lattice point.
 pub fn hash(seed: u64, x: i32, y: i32) -> f32 {
     let key = ((x as u32 as u64) << 32) | y as u32 as u64;
     (mix(key ^ mix(seed.wrapping_add(0x9e37_79b9_7f4a_7c15))) >> 40) as f32 / (1 << 24) as f32
 }
 
-/// Perlin's gradient noise over the integer lattice.
+/// Perlin's gradient noise over the integer lattice, by its seed.
 #[derive(Clone, Copy, Debug)]
 pub struct Noise(pub u64);
 
 impl Noise {
-    /// Smooth noise, about in `[-1, 1]`, with features of size one.
+    /// Smooth noise at `p`, about in `[-1, 1]`, with features of size one.
     pub fn at(self, p: Vec2) -> f32 {
         let cell = p.floor();
         let (x, y) = (cell.x as i32, cell.y as i32);
         let f = p - cell;
+        // Perlin's quintic of 2002: its second derivative is 0 on the lattice, so that no creases show there.
         let fade = f * f * f * (f * (f * 6.0 - 15.0) + 10.0);
         let corner = |dx: i32, dy: i32| {
             let angle = hash(self.0, x + dx, y + dy) * std::f32::consts::TAU;
@@ -105,6 +109,7 @@ impl Noise {
         };
         let top = corner(0, 0) + (corner(1, 0) - corner(0, 0)) * fade.x;
         let bottom = corner(0, 1) + (corner(1, 1) - corner(0, 1)) * fade.x;
+        // The dot products reach sqrt(1/2) at most in the middle of a cell.
         (top + (bottom - top) * fade.y) * std::f32::consts::SQRT_2
     }
 
@@ -119,7 +124,7 @@ impl Noise {
         sum
     }
 
-    /// A vector of two independent fractal noises, for bending shapes.
+    /// A vector of two independent fractal noises, by which shapes are bent.
     pub fn warp(self, p: Vec2, octaves: u32) -> Vec2 {
         Vec2::new(self.fractal(p, octaves), Noise(self.0 ^ 0x5eed).fractal(p, octaves))
     }

@@ -2,7 +2,7 @@
 
 use glam::Vec2;
 
-/// Where on the segment from `a` to `b` (0..1) the point nearest to `p` lies.
+/// Position (0..1) on the segment from `a` to `b` of the point nearest to `p`.
 pub fn along_segment(p: Vec2, a: Vec2, b: Vec2) -> f32 {
     let ab = b - a;
     ((p - a).dot(ab) / ab.length_squared().max(1e-6)).clamp(0.0, 1.0)
@@ -18,7 +18,7 @@ pub fn polyline(p: Vec2, path: &[Vec2]) -> f32 {
     path.windows(2).map(|ends| segment(p, ends[0], ends[1])).fold(f32::MAX, f32::min)
 }
 
-/// Signed distance to a closed polygon, by even-odd crossings.
+/// Signed distance to a closed polygon. A point is inside if a ray from it crosses the edges an odd number of times.
 pub fn polygon(p: Vec2, corners: &[Vec2]) -> f32 {
     let (mut nearest, mut inside) = (f32::MAX, false);
     for i in 0..corners.len() {
@@ -31,7 +31,7 @@ pub fn polygon(p: Vec2, corners: &[Vec2]) -> f32 {
     if inside { -nearest } else { nearest }
 }
 
-/// A list of points with the box around them, so that far positions cost little.
+/// A list of points with the box around them, which makes distances from far away cheap.
 #[derive(Clone, Debug)]
 pub struct Outline {
     points: Vec<Vec2>,
@@ -40,7 +40,7 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// Farther than this from the box, in pixels, the distance to the box stands for the distance.
+    /// Beyond this distance from the box, in pixels, the distance to the box replaces the exact one.
     const FAR: f32 = 30.0;
 
     /// Wraps a path or a polygon's corners.
@@ -55,6 +55,7 @@ impl Outline {
         &self.points
     }
 
+    /// The distance to the box, if it is above [`FAR`](Self::FAR).
     fn beyond(&self, p: Vec2) -> Option<f32> {
         let gap = (self.low - p).max(p - self.high).max_element();
         (gap > Self::FAR).then_some(gap)
@@ -71,8 +72,7 @@ impl Outline {
     }
 }
 
-/// Approximate signed distance to an ellipse with half-axes `radii`, turned so that its x axis points along
-/// the unit vector `axis`.
+/// Approximate signed distance to an ellipse with half-axes `radii`. Its x axis points along the unit vector `axis`.
 pub fn ellipse(p: Vec2, center: Vec2, radii: Vec2, axis: Vec2) -> f32 {
     let q = turned(p - center, axis);
     let k = (q / radii).length();
@@ -80,12 +80,13 @@ pub fn ellipse(p: Vec2, center: Vec2, radii: Vec2, axis: Vec2) -> f32 {
     if slope < 1e-6 { -radii.min_element() } else { k * (k - 1.0) / slope }
 }
 
-/// `v` in the frame whose x axis is the unit vector `axis`.
+/// `v` in the frame that has the unit vector `axis` as its x axis.
 pub fn turned(v: Vec2, axis: Vec2) -> Vec2 {
     Vec2::new(v.dot(axis), axis.perp_dot(v))
 }
 
-/// A smooth curve through `knots` (Catmull-Rom), `steps` points per span; ends are doubled.
+/// A smooth curve through `knots` (Catmull-Rom), `steps` points per span. The first and the last knot count twice, so
+/// that the curve reaches them.
 pub fn curve(knots: &[Vec2], steps: usize) -> Vec<Vec2> {
     let knot = |i: isize| knots[i.clamp(0, knots.len() as isize - 1) as usize];
     let mut points = Vec::with_capacity(knots.len() * steps);
@@ -107,7 +108,7 @@ pub fn curve(knots: &[Vec2], steps: usize) -> Vec<Vec2> {
     points
 }
 
-/// Shorthand for a list of points.
+/// A list of points from their coordinates.
 pub fn points<const N: usize>(list: [(f32, f32); N]) -> Vec<Vec2> {
     list.into_iter().map(Vec2::from).collect()
 }

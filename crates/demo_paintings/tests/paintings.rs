@@ -8,8 +8,8 @@ use demo_paintings::{PAINTINGS, SIZE};
 static PIXELS: LazyLock<Vec<Vec<u8>>> =
     LazyLock::new(|| PAINTINGS.iter().map(|painting| (painting.paint)().to_rgb()).collect());
 
-/// FNV-1a of each painting's pixels, in the order of `PAINTINGS`. A change of a painting changes its line here:
-/// anything else that does is a loss of determinism.
+/// FNV-1a of each painting's pixels, in the order of `PAINTINGS`. Only a change of a painting may change its line. If
+/// anything else does, determinism is lost.
 const HASHES: [u64; 8] = [
     0x1006_e647_a7a5_d5ab,
     0xe165_ceac_9c80_eea8,
@@ -43,7 +43,7 @@ fn color_statistics(pixels: &[u8]) -> ([f64; 3], [[f64; 3]; 3]) {
     (mean, std::array::from_fn(|i| std::array::from_fn(|j| products[i][j] / n - mean[i] * mean[j])))
 }
 
-/// Distance of the means plus the root of the covariances' Frobenius distance: both in units of color.
+/// Distance of the means plus the root of the covariances' Frobenius distance, both in units of color.
 fn distance(a: &[u8], b: &[u8]) -> f64 {
     let ((mean_a, covariance_a), (mean_b, covariance_b)) = (color_statistics(a), color_statistics(b));
     let mean: f64 = (0..3).map(|i| (mean_a[i] - mean_b[i]).powi(2)).sum();

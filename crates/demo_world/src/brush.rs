@@ -1,28 +1,29 @@
-//! The brush: surfaces become flat, oriented Gaussians.
+//! The brush, which turns surfaces into flat, oriented Gaussians.
 //!
 //! All arithmetic is scalar f32 in a fixed order (`Vec3`, no SIMD types), so the result is the same on every machine.
 
 use glam::{Quat, Vec3};
 
-/// Standard deviation along the normal of a surface: thin, yet thick enough to be a Gaussian at grazing angles.
+/// Standard deviation along the normal of a surface, in scene units: thin, yet thick enough to be seen at grazing
+/// angles.
 const SKIN: f32 = 0.004;
 
-/// How wide a Gaussian is for the spacing of its grid: neighbors at one spacing then leave no holes (three of them at
-/// the center of a hexagonal triangle let less than a tenth through) and details of one spacing stay visible.
+/// Standard deviation of a Gaussian for the spacing of its grid. Neighbors then leave no holes (the three around the
+/// center of a hexagonal grid's triangle let less than a tenth through), and details of one spacing stay visible.
 pub const SIGMA_PER_SPACING: f32 = 0.56;
 
-/// A linear color from an sRGB hexadecimal (power 2.2).
+/// The linear color of `0xRRGGBB` in sRGB (by a power of 2.2).
 pub fn paint(rgb: u32) -> Vec3 {
     let channel = |shift: u32| libm::powf(((rgb >> shift) & 255) as f32 / 255.0, 2.2);
     Vec3::new(channel(16), channel(8), channel(0))
 }
 
-/// A color between two, both linear.
+/// A mix of two linear colors, `a` at 0 and `b` at 1.
 pub fn mix(a: Vec3, b: Vec3, t: f32) -> Vec3 {
     a + (b - a) * t.clamp(0.0, 1.0)
 }
 
-/// 0 below `low`, 1 above `high`, smooth between.
+/// A smooth step of `x`: 0 below `low`, 1 above `high`, cubic between. If `low` > `high`, it falls.
 pub fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
@@ -31,7 +32,7 @@ pub fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
 /// A right-handed coordinate frame in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
-    /// Where the frame's (0, 0, 0) lies.
+    /// The world position of the frame's (0, 0, 0).
     pub origin: Vec3,
     /// The world direction of the frame's x.
     pub x: Vec3,
@@ -42,13 +43,13 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A frame that stands upright: z is `front` made horizontal.
+    /// A frame that stands upright. Its z is `front` made horizontal.
     pub fn upright(origin: Vec3, front: Vec3) -> Self {
         let z = Vec3::new(front.x, 0.0, front.z).normalize();
         Self { origin, x: Vec3::Y.cross(z), y: Vec3::Y, z }
     }
 
-    /// A frame whose z is `normal` and whose x is as near `along` as it can be.
+    /// A frame with `normal` as its z and an x as close to `along` as possible.
     pub fn facing(origin: Vec3, normal: Vec3, along: Vec3) -> Self {
         let z = normal.normalize();
         let x = (along - z * along.dot(z)).try_normalize().unwrap_or_else(|| any_tangent(z));
@@ -70,8 +71,10 @@ impl Frame {
         Self { origin: self.at(x, y, z), ..*self }
     }
 
-    /// The rotation that takes the unit axes to this frame's, from the trace where it is large and from the largest
-    /// diagonal element elsewhere (Shepperd 1978); scalar, unlike the engine's.
+    /// The rotation that takes the unit axes to this frame's.
+    ///
+    /// Shepperd's method (1978): it starts from the trace if that is positive, otherwise from the largest diagonal
+    /// element, and so never divides by a small number. Scalar, unlike glam's own.
     pub fn rotation(&self) -> Quat {
         let (x, y, z) = (self.x, self.y, self.z);
         let quaternion = if x.x + y.y + z.z > 0.0 {
@@ -95,7 +98,7 @@ pub fn any_tangent(normal: Vec3) -> Vec3 {
     other.cross(normal).normalize()
 }
 
-/// One stroke: a Gaussian with the material that light will turn into a color.
+/// One stroke: a Gaussian with a material, which light turns into a color.
 #[derive(Clone, Copy, Debug)]
 pub struct Dab {
     /// Center, and the directions of the three standard deviations.
@@ -106,18 +109,18 @@ pub struct Dab {
     pub color: Vec3,
     /// Opacity, 0..1.
     pub opacity: f32,
-    /// The normal that light sees; leaves and grass take it from their crown or ground, not from the leaf.
+    /// The normal for lighting. Leaves and grass take that of their crown or ground, which looks softer than a leaf's.
     pub shade: Vec3,
-    /// How far light wraps around the form: 0 for stone, more for leaves and clouds.
+    /// Share of light that reaches around the form: 0 for stone, more for leaves and clouds.
     pub wrap: f32,
-    /// Linear light of its own.
+    /// Emitted light, linear.
     pub glow: Vec3,
-    /// How much of its area blocks light, 0..1.
+    /// Share of its area that blocks light, 0..1.
     pub blocks: f32,
 }
 
 impl Dab {
-    /// A flat ellipse on a surface: `along` is the direction of the first standard deviation.
+    /// A flat ellipse on a surface. `along` is the direction of the first standard deviation.
     pub fn flat(center: Vec3, normal: Vec3, along: Vec3, sigma: (f32, f32), color: Vec3) -> Self {
         let frame = Frame::facing(center, normal, along);
         Self {
@@ -137,22 +140,22 @@ impl Dab {
         Self { sigma: Vec3::splat(sigma), ..Self::flat(center, shade, Vec3::X, (sigma, sigma), color) }
     }
 
-    /// With another opacity.
+    /// The same with another opacity.
     pub fn opacity(self, opacity: f32) -> Self {
         Self { opacity, ..self }
     }
 
-    /// Lit as foliage is: with the normal of the whole, and light wrapping around.
+    /// The same, lit as foliage: with the normal of the whole crown, and with light that wraps around.
     pub fn lit_as(self, shade: Vec3, wrap: f32) -> Self {
         Self { shade: shade.normalize(), wrap, ..self }
     }
 
-    /// With light of its own.
+    /// The same with emitted light.
     pub fn glowing(self, glow: Vec3) -> Self {
         Self { glow, ..self }
     }
 
-    /// Blocking only part of the light.
+    /// The same, blocking only a share of the light.
     pub fn blocking(self, blocks: f32) -> Self {
         Self { blocks, ..self }
     }
@@ -171,8 +174,8 @@ impl Canvas {
         self.dabs.push(dab);
     }
 
-    /// Covers a rectangle of the frame's x-y plane, from (0, 0) to `size`, with a hexagonal grid. `color` answers for a
-    /// point of the rectangle, `None` leaving it open.
+    /// Covers a rectangle of the frame's x-y plane, from (0, 0) to `size`, with a hexagonal grid. `color` gives the
+    /// color at a point of the rectangle, or `None` if it stays open.
     pub fn sheet(
         &mut self,
         frame: Frame,
@@ -180,10 +183,12 @@ impl Canvas {
         spacing: f32,
         mut color: impl FnMut(f32, f32) -> Option<Vec3>,
     ) {
+        // Rows of a hexagonal grid are sin 60 degrees = 0.866 spacings apart.
         let rows = (size.1 / (spacing * 0.866)).ceil().max(1.0);
         let columns = (size.0 / spacing).ceil().max(1.0);
         let sigma = (size.0 / columns * SIGMA_PER_SPACING, size.1 / rows / 0.866 * SIGMA_PER_SPACING);
         for row in 0..rows as u32 {
+            // Odd rows are moved by half a column, which makes the grid hexagonal.
             let shift = if row % 2 == 0 { 0.25 } else { 0.75 };
             for column in 0..columns as u32 {
                 let x = size.0 * (column as f32 + shift) / columns;
@@ -195,7 +200,7 @@ impl Canvas {
         }
     }
 
-    /// A flat board from `from` to `to` that faces `normal`: strands of wood along its length.
+    /// A flat board from `from` to `to` that faces `normal`, made of strands of wood along its length.
     pub fn board(
         &mut self,
         (from, to): (Vec3, Vec3),
@@ -206,6 +211,7 @@ impl Canvas {
         let length = (to - from).length();
         let frame = Frame::facing(from, normal, to - from);
         let strand = width / strands as f32;
+        // Gaussians along a strand are about three times as long as wide, like fibers of wood.
         let count = (length / (strand * 2.8)).ceil().max(1.0);
         let step = length / count;
         for index in 0..strands {
@@ -218,7 +224,7 @@ impl Canvas {
         }
     }
 
-    /// A round tube whose radius goes from `radii.0` to `radii.1`; `color` answers for the way along (0..1) and the
+    /// A round tube with a radius from `radii.0` to `radii.1`. `color` takes the position along it (0..1) and the
     /// outward normal.
     pub fn tube(
         &mut self,
@@ -233,6 +239,7 @@ impl Canvas {
         for ring in 0..rings as u32 {
             let along = (ring as f32 + 0.5) / rings;
             let radius = radii.0 + (radii.1 - radii.0) * along;
+            // At least three Gaussians, the fewest that close a ring.
             let around = (std::f32::consts::TAU * radius / spacing).ceil().max(3.0);
             for index in 0..around as u32 {
                 let angle = std::f32::consts::TAU * (index as f32 + 0.5 * (ring % 2) as f32) / around;
@@ -245,7 +252,7 @@ impl Canvas {
     }
 }
 
-/// `count` nearly even directions on the sphere (the golden-angle spiral); the first points down, the last up.
+/// `count` nearly even directions on the sphere (the golden-angle spiral). The first points down, the last up.
 pub fn sphere(count: u32) -> impl Iterator<Item = Vec3> {
     const GOLDEN_ANGLE: f32 = 2.399_963_2;
     (0..count).map(move |index| {

@@ -8,15 +8,20 @@ use crate::{
     terrain,
 };
 
-/// Half of the length along the ridge, half of the depth, height of the walls, height of the gable above them.
+/// Half of the length along the ridge.
 const HALF_LENGTH: f32 = 0.85;
+/// Half of the depth.
 const HALF_DEPTH: f32 = 0.6;
+/// Height of the walls.
 const WALL: f32 = 0.96;
+/// Height of the gable above the walls.
 const GABLE: f32 = 0.72;
+/// Height of the stone base.
 const BASE: f32 = 0.2;
+/// Width of the roof beyond the walls.
 const OVERHANG: f32 = 0.12;
 
-/// An opening of a wall: left and right, bottom and top.
+/// An opening of a wall, by its edges in the wall's frame.
 #[derive(Clone, Copy)]
 struct Opening {
     left: f32,
@@ -40,7 +45,7 @@ impl Opening {
     }
 }
 
-/// One wall: its frame starts at the lower left corner seen from outside, z outward.
+/// One wall. Its frame starts at the lower left corner as seen from outside, with z outward.
 struct Wall<'a> {
     frame: Frame,
     width: f32,
@@ -217,7 +222,7 @@ fn hang_door(canvas: &mut Canvas, wall: &Wall, o: &Opening, random: &mut Random)
     }
 }
 
-/// A shingled slope: the frame's x runs along the eaves, y up the slope, z outward. `color` answers for a shingle's
+/// A shingled slope. The frame's x runs along the eaves, y up the slope, and z outward. `color` takes a shingle's
 /// column and row.
 pub fn shingles(
     canvas: &mut Canvas,
@@ -291,7 +296,7 @@ fn roof(canvas: &mut Canvas, house: Frame, random: &mut Random) {
     canvas.tube(ridge, (0.035, 0.035), 0.04, |_, _| wood(random, 0x8a3a2a, 0xc46a45));
 }
 
-/// A square shaft of bricks, standing on the frame's origin.
+/// A square shaft of bricks that stands on the frame's origin.
 fn chimney(canvas: &mut Canvas, foot: Frame, random: &mut Random) {
     let (half, height) = (0.11, 0.62);
     for side in 0..4 {
@@ -384,7 +389,7 @@ pub fn paint_house(canvas: &mut Canvas) {
     chimney(canvas, house.moved(0.45, WALL + 0.42, -0.2), &mut random);
 }
 
-/// Where the chimney lets out its smoke.
+/// The top of the chimney, from which smoke rises.
 pub fn chimney_top() -> Vec3 {
     cottage().at(0.45, WALL + 0.42 + 0.66, -0.2)
 }

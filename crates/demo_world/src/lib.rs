@@ -1,6 +1,8 @@
-//! The demo scene: a small floating island with a cottage, a windmill, trees, a pond and a waterfall, as 60 to 70
-//! thousand flat Gaussians with baked light. The same bit for bit on every machine: integer random numbers, scalar f32
-//! arithmetic in a fixed order, and transcendental functions in software (`libm`).
+//! The demo scene: a small floating island with a cottage, a windmill, trees, a pond and a waterfall, made of 60 to 70
+//! thousand flat Gaussians with baked light.
+//!
+//! It is the same bit for bit on every machine. Random numbers are integers, f32 arithmetic is scalar and in a fixed
+//! order, and transcendental functions are computed in software (`libm`).
 
 use glam::Vec3;
 use stylegaussian::scene::{Scene, Sh};
@@ -22,13 +24,13 @@ use brush::Canvas;
 /// Value of the constant spherical harmonic, 1 / (2 sqrt(pi)).
 const SH_0: f32 = 0.282_094_79;
 
-/// Where cameras should look, in scene units.
+/// The point to look at, in scene units.
 pub const CENTER: Vec3 = Vec3::ZERO;
 
-/// How far a turntable's cameras should stand, for a vertical angle of 40 degrees.
+/// Distance of a turntable's cameras from [`CENTER`] for a vertical angle of 40 degrees, in scene units.
 pub const ORBIT_RADIUS: f32 = 11.2;
 
-/// Paints everything, in a fixed order; water comes late since it mirrors what stands around it.
+/// Paints everything, in a fixed order. Water comes late, since it mirrors the things around it.
 pub fn paint_island() -> Canvas {
     let mut canvas = Canvas::default();
     terrain::paint_ground(&mut canvas);
@@ -53,7 +55,7 @@ pub fn paint_island() -> Canvas {
     canvas
 }
 
-/// The finished scene: lit, with spherical harmonics of degree 0, in Morton order.
+/// The finished scene, lit, with spherical harmonics of degree 0, in Morton order.
 pub fn build() -> Scene {
     let canvas = paint_island();
     let colors = light::bake(&canvas.dabs);
@@ -74,7 +76,7 @@ pub fn build() -> Scene {
         ..Scene::default()
     };
     scene.sort_by_morton();
-    // The painter's order is of no interest to anyone: this order is the source.
+    // Nobody needs the order of painting, so the sorted order counts as the source's.
     scene.order = (0..n as u32).collect();
     scene
 }

@@ -1,28 +1,28 @@
-//! Baked light: a sun with soft shadows, and a sky that every Gaussian sees as far as its neighborhood lets it.
+//! Baked light: a sun with soft shadows, and a sky with ambient occlusion.
 //!
-//! All Gaussians together become a grid of extinction: a cell's value is the area that blocks light per volume (a flat
-//! Gaussian of standard deviations a and b blocks 2 pi a b times its opacity, the integral of its profile). Rays march
-//! through that grid.
+//! All Gaussians together become a grid of extinction, and rays march through it. A cell's value is the blocked area
+//! per volume. A flat Gaussian of standard deviations a and b blocks 2 pi a b times its opacity, the integral of its
+//! profile.
 
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::brush::{Dab, Frame, paint, smoothstep};
 
-/// Edge of a cell. About the spacing of the surfaces.
+/// Edge of a cell, in scene units: about the spacing of Gaussians on surfaces.
 const CELL: f32 = 0.055;
-/// How far a ray starts from the surface, so that a surface does not shadow itself.
+/// Distance of a ray's start from its surface, in scene units, so that a surface does not shadow itself.
 const LIFT: f32 = 1.7 * CELL;
-/// Toward the sun.
+/// Unit vector toward the sun.
 pub const SUN: Vec3 = Vec3::new(0.53, 0.68, 0.506);
-/// Directions of the sky asked per Gaussian.
+/// Number of sky rays per Gaussian.
 const SKY_RAYS: u32 = 28;
-/// How far sky rays look.
+/// Length of sky rays, in scene units.
 const SKY_REACH: f32 = 1.5;
-/// How far sun rays look: across the island.
+/// Length of sun rays, in scene units: across the island.
 const SUN_REACH: f32 = 7.0;
 
-/// Extinction per unit length, in cells.
+/// Extinction per unit length, in a grid of cells.
 #[derive(Debug)]
 struct Grid {
     origin: Vec3,
@@ -38,6 +38,7 @@ impl Grid {
             low = low.min(dab.frame.origin);
             high = high.max(dab.frame.origin);
         }
+        // A margin around the outermost centers, as dabs and rays reach beyond them.
         let origin = low - Vec3::splat(3.0 * CELL);
         let size = ((high - origin) / CELL).ceil().as_ivec3() + IVec3::splat(4);
         let extinction = vec![0.0; (size.x * size.y * size.z) as usize];
@@ -48,7 +49,7 @@ impl Grid {
         grid
     }
 
-    /// Spreads a dab's area over five points of its ellipse, which the Gaussian's mass surrounds evenly.
+    /// Spreads a dab's area over five points of its ellipse, the center and one on each half-axis.
     fn deposit(&mut self, dab: &Dab) {
         let area = std::f32::consts::TAU * dab.sigma.x * dab.sigma.y * dab.opacity * dab.blocks;
         let (x, y) = (dab.frame.x * dab.sigma.x * 1.1, dab.frame.y * dab.sigma.y * 1.1);
@@ -59,6 +60,7 @@ impl Grid {
         }
     }
 
+    /// Index of the cell around a position, or `None` if it is outside the grid.
     fn index(&self, position: Vec3) -> Option<usize> {
         let at = ((position - self.origin) / CELL).floor().as_ivec3();
         let inside = at.min(self.size - IVec3::ONE).max(IVec3::ZERO) == at;
@@ -75,17 +77,18 @@ impl Grid {
                 Some(index) => depth += self.extinction[index] * CELL,
                 None => break,
             }
+            // Hardly any light passes from here on.
             if depth > 5.0 {
                 return 0.0;
             }
             at += step;
         }
-        // exp(-depth) by its rational approximation: exact enough here, and the same everywhere.
+        // exp(-depth) by the reciprocal of a truncated series: exact enough here, cheap, and the same everywhere.
         1.0 / (1.0 + depth + 0.5 * depth * depth + depth * depth * depth / 6.0)
     }
 }
 
-/// The light that comes from a direction of the sky, or off the ground below.
+/// Light from a direction of the sky, or from the ground below.
 fn sky(direction: Vec3) -> Vec3 {
     let zenith = Vec3::new(0.40, 0.58, 0.98);
     let horizon = Vec3::new(0.86, 0.86, 0.92);
@@ -96,7 +99,7 @@ fn sky(direction: Vec3) -> Vec3 {
     horizon.lerp(zenith, smoothstep(0.0, 0.8, direction.y))
 }
 
-/// Rays toward the sun's disc, widened for soft shadows.
+/// Directions toward the sun's disc, which is widened for soft shadows.
 fn sun_rays() -> [Vec3; 7] {
     let frame = Frame::facing(Vec3::ZERO, SUN, Vec3::X);
     let ring = |index: u32| {
@@ -106,7 +109,8 @@ fn sun_rays() -> [Vec3; 7] {
     [frame.z, ring(0), ring(1), ring(2), ring(3), ring(4), ring(5)]
 }
 
-/// Directions about +z with density proportional to their cosine (Malley: a disc lifted onto the hemisphere).
+/// Directions about +z with a density proportional to their cosine, by Malley's method: points of a disc are lifted
+/// onto the hemisphere.
 fn cosine_directions() -> Vec<Vec3> {
     const GOLDEN_ANGLE: f32 = 2.399_963_2;
     (0..SKY_RAYS)
@@ -118,7 +122,7 @@ fn cosine_directions() -> Vec<Vec3> {
         .collect()
 }
 
-/// Straight up to 0.8, then bending so that no light clips.
+/// Tone curve: linear up to 0.7, then bending toward 1, so that no light clips.
 fn shoulder(x: f32) -> f32 {
     const KNEE: f32 = 0.7;
     if x <= KNEE { x } else { KNEE + (1.0 - KNEE) * (1.0 - 1.0 / (1.0 + (x - KNEE) / (1.0 - KNEE))) }
@@ -132,6 +136,7 @@ pub fn bake(dabs: &[Dab]) -> Vec<Vec3> {
     dabs.par_iter()
         .map(|dab| {
             let from = dab.frame.origin + dab.shade * LIFT;
+            // Wrapped diffuse light: at `wrap` 0 this is the cosine, at 1 even the far side gets some.
             let facing = ((dab.shade.dot(SUN) + dab.wrap) / (1.0 + dab.wrap)).max(0.0);
             let mut sun = 0.0;
             if facing > 0.0 {
@@ -145,6 +150,7 @@ pub fn bake(dabs: &[Dab]) -> Vec<Vec3> {
                 let direction = around.vector(local.x, local.y, local.z);
                 ambient += sky(direction) * grid.passes(from, direction, SKY_REACH);
             }
+            // The weights of sun, sky and a little light from everywhere were set by eye.
             let light = sunlight * facing * sun + ambient * (0.62 / SKY_RAYS as f32) + Vec3::splat(0.03);
             let lit = dab.color * light + dab.glow;
             let display = |x: f32| libm::powf(shoulder(x), 1.0 / 2.2).clamp(0.0, 1.0);

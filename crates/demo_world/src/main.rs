@@ -1,4 +1,4 @@
-//! `demo_world OUT.(sgs|ply)`: writes the demo scene.
+//! Writes the demo scene: `demo_world OUT.(sgs|ply)`.
 
 use std::{path::PathBuf, process::ExitCode};
 

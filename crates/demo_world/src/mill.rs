@@ -17,7 +17,8 @@ fn radius(share: f32) -> f32 {
     FOOT_RADIUS + (TOP_RADIUS - FOOT_RADIUS) * share
 }
 
-/// A point of the tower's wall: angle from the front, share of the height.
+/// A point of the tower's wall at an angle from the front, a share of the height, and `lift` above the surface; and the
+/// normal there.
 fn wall(mill: &Frame, angle: f32, share: f32, lift: f32) -> (Vec3, Vec3) {
     let out = mill.vector(libm::sinf(angle), 0.0, libm::cosf(angle));
     (mill.at(0.0, share * HEIGHT, 0.0) + out * (radius(share) + lift), (out + Vec3::Y * 0.1).normalize())
@@ -40,7 +41,7 @@ fn tower(canvas: &mut Canvas, mill: &Frame, random: &mut Random) {
         for stone in 0..stones {
             let angle = std::f32::consts::TAU * (stone as f32 + 0.5 * (course % 2) as f32) / stones as f32;
             let (at, normal) = wall(mill, angle, share, 0.014);
-            // Plaster covers the upper wall but for where it has fallen off.
+            // Plaster covers the upper wall, except in patches from which it has fallen off.
             if share > 0.3 && noise3(at * 3.3) < 0.62 {
                 continue;
             }
@@ -148,7 +149,7 @@ fn sails(canvas: &mut Canvas, mill: &Frame, random: &mut Random) {
     }
 }
 
-/// The whole windmill, its sails toward the house and the pond.
+/// Paints the windmill, with its sails toward the house and the pond.
 pub fn paint_mill(canvas: &mut Canvas) {
     let mut random = Random::new(101);
     let foot = terrain::ground(terrain::MILL) - Vec3::Y * 0.04;

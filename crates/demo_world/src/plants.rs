@@ -8,7 +8,7 @@ use crate::{
     terrain,
 };
 
-/// What a leafy tree looks like.
+/// The shape and colors of a leafy tree.
 struct Leafy {
     place: Vec2,
     /// Height of the crown's middle above the ground.
@@ -21,7 +21,7 @@ struct Leafy {
     leaves: u32,
     /// Standard deviation of a leaf's longer axis.
     leaf: f32,
-    /// From shaded to sunlit.
+    /// Colors of leaves, from shaded to sunlit.
     colors: [u32; 4],
     bark: [u32; 2],
     trunk: f32,
@@ -118,7 +118,7 @@ fn leafy(canvas: &mut Canvas, tree: &Leafy) {
     }
 }
 
-/// A color along a scale of four, `t` in 0..1.
+/// The color at `t` (0..1) of a gradient through four.
 fn shade_of(colors: &[Vec3; 4], t: f32) -> Vec3 {
     let at = t.clamp(0.0, 0.999) * 3.0;
     let index = at as usize;
@@ -186,7 +186,7 @@ fn bush(canvas: &mut Canvas, place: Vec2, radius: f32, bloom: Option<u32>, seed:
     }
 }
 
-/// Leaves or petals that have fallen around a tree.
+/// Fallen leaves or petals around a tree.
 fn litter(canvas: &mut Canvas, place: Vec2, radius: f32, colors: [u32; 3], count: u32, seed: u64) {
     let mut random = Random::new(seed);
     for _ in 0..count {
@@ -203,7 +203,7 @@ fn litter(canvas: &mut Canvas, place: Vec2, radius: f32, colors: [u32; 3], count
     }
 }
 
-/// Every tree and bush of the island.
+/// Paints every tree and bush of the island.
 pub fn paint_trees(canvas: &mut Canvas) {
     let brown = [0x4a3424, 0x8a6a4c];
     let white = [0x3b3836, 0xf1ece0];
@@ -311,7 +311,7 @@ pub fn paint_trees(canvas: &mut Canvas) {
     litter(canvas, Vec2::new(3.1, 0.0), 0.55, [0xeccb3c, 0xd8a820, 0xfff08a], 140, 63);
 }
 
-/// Grass blades, flowers and reeds.
+/// Paints grass blades, flowers and reeds.
 pub fn paint_meadow(canvas: &mut Canvas) {
     let mut random = Random::new(71);
     let mut blades = 0;

@@ -1,4 +1,4 @@
-//! Random numbers and noise from integer arithmetic alone, so that they are the same on every machine.
+//! Random numbers and noise, made with integer arithmetic so that they are the same on every machine.
 
 use glam::{Vec2, Vec3};
 
@@ -6,19 +6,20 @@ use glam::{Vec2, Vec3};
 /// 2014).
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// SplitMix64's output function: a bijection of u64 that scatters neighboring inputs.
+/// SplitMix64's output function, a bijection of u64 that scatters neighboring inputs.
 fn scatter(mut bits: u64) -> u64 {
     bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     bits ^ (bits >> 31)
 }
 
-/// The upper 24 bits as a number in [0, 1): every f32 of that form is exact.
+/// The upper 24 bits as a number in [0, 1). An f32 holds each of these numbers exactly.
 fn unit(bits: u64) -> f32 {
     (bits >> 40) as f32 / (1 << 24) as f32
 }
 
-/// A stream of random numbers. Every part of the world has its own, so that changing one leaves the others alone.
+/// A stream of random numbers. Every part of the world has its own stream, so that a change of one part leaves the
+/// others alone.
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
@@ -51,25 +52,28 @@ impl Random {
         Vec3::new(x, y, self.signed())
     }
 
-    /// Uniform on the unit sphere (Marsaglia's rejection, which needs no trigonometry).
+    /// Uniform on the unit sphere, by rejection: points of the cube outside the ball are dropped. It needs no
+    /// trigonometry.
     pub fn direction(&mut self) -> Vec3 {
         loop {
             let candidate = self.cube();
             let squared = candidate.length_squared();
+            // Points near the center are dropped as well: their direction would be inexact.
             if (0.01..1.0).contains(&squared) {
                 return candidate / squared.sqrt();
             }
         }
     }
 
-    /// One of the given values.
+    /// One of the given values, each with the same probability.
     pub fn pick<T: Copy>(&mut self, values: &[T]) -> T {
         let index = (self.unit() * values.len() as f32) as usize;
+        // The product may round up to the length.
         values[index.min(values.len() - 1)]
     }
 }
 
-/// A uniform number in [0, 1) that belongs to a lattice point.
+/// A uniform number in [0, 1), a hash of a lattice point.
 pub fn lattice(x: i32, y: i32, z: i32) -> f32 {
     let key = (x as u32 as u64) | ((y as u32 as u64) << 32);
     unit(scatter(scatter(key.wrapping_add(GOLDEN)) ^ (z as u32 as u64).wrapping_mul(GOLDEN)))
@@ -79,7 +83,7 @@ fn smooth(t: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Value noise in [0, 1), one feature per unit.
+/// Value noise of space, in [0, 1), with one feature per unit.
 pub fn noise3(p: Vec3) -> f32 {
     let corner = p.floor();
     let (t, at) = (p - corner, corner.as_ivec3());
@@ -105,6 +109,7 @@ pub fn fractal3(p: Vec3) -> f32 {
     for _ in 0..4 {
         sum += weight * noise3(at);
         weight *= 0.5;
+        // Not quite twice as fine, and shifted, so that the lattices of octaves do not coincide.
         at = at * 2.03 + Vec3::new(17.1, 31.7, 5.3);
     }
     sum
@@ -115,14 +120,14 @@ pub fn fractal2(p: Vec2) -> f32 {
     fractal3(Vec3::new(p.x, 0.5, p.y))
 }
 
-/// The nearest and second nearest of randomly placed cell centers (Worley's cellular noise), one cell per unit.
+/// A point's place in cellular noise (Worley): cells around randomly placed centers, one per unit.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell {
-    /// From the nearest center to the point asked for.
+    /// Vector from the nearest center to the point.
     pub offset: Vec3,
-    /// How much farther the second center is: 0 on the seams between cells.
+    /// Difference of the distances to the second nearest and the nearest center: 0 on the seams between cells.
     pub seam: f32,
-    /// A uniform number in [0, 1) that belongs to the cell.
+    /// A uniform number in [0, 1), the same all over the cell.
     pub id: f32,
 }
 
@@ -133,6 +138,7 @@ pub fn cell(p: Vec3) -> Cell {
     let mut second = f32::MAX;
     for step in 0..27 {
         let (x, y, z) = (base.x + step % 3 - 1, base.y + step / 3 % 3 - 1, base.z + step / 9 - 1);
+        // One lattice at three places far apart gives three independent numbers.
         let jitter = Vec3::new(lattice(x, y, z), lattice(x, y, z + 7919), lattice(x + 6007, y, z));
         let offset = p - (Vec3::new(x as f32, y as f32, z as f32) + jitter);
         let distance = offset.length();

@@ -1,4 +1,4 @@
-//! Sheep, for those sides of the island where nobody built anything.
+//! Sheep, on the sides of the island without buildings.
 
 use glam::{Vec2, Vec3};
 
@@ -35,7 +35,7 @@ fn sheep(canvas: &mut Canvas, place: Vec2, heading: Vec2, random: &mut Random) {
     }
 }
 
-/// The flock.
+/// Paints the flock.
 pub fn paint_sheep(canvas: &mut Canvas) {
     let mut random = Random::new(141);
     let flock = [

@@ -1,4 +1,4 @@
-//! What floats around the island: clouds, a balloon, birds, smoke, and a few small rocks.
+//! Things that float around the island: clouds, a balloon, birds, smoke, and a few small rocks.
 
 use glam::{Vec2, Vec3};
 
@@ -44,8 +44,9 @@ fn cloud(canvas: &mut Canvas, center: Vec3, size: f32, seed: u64) {
     }
 }
 
+/// Radius of the balloon and height over its mouth, in radii of the balloon, from the mouth (t = 0) to the crown (t =
+/// 1).
 fn envelope(t: f32) -> (f32, f32) {
-    // From the mouth (t = 0) to the crown (t = 1): radius and height over the mouth, in radii of the balloon.
     let angle = std::f32::consts::PI * (0.14 + 0.86 * t);
     let radius = libm::sinf(angle) * (1.0 - 0.25 * (1.0 - t) * (1.0 - t));
     (radius, 1.15 - 1.15 * libm::cosf(angle) - 0.1)
@@ -140,7 +141,7 @@ fn islet(canvas: &mut Canvas, center: Vec3, radius: f32, seed: u64) {
     }
 }
 
-/// Everything in the air. The clouds keep low or high, so that none stands between a camera and the village.
+/// Paints everything in the air. Clouds are low or high, so that none hides the village from a camera.
 pub fn paint_sky(canvas: &mut Canvas, chimney: Vec3) {
     let clouds = [
         (Vec3::new(2.5, -1.75, 3.3), 0.5),

@@ -1,4 +1,4 @@
-//! The lie of the land: outline, heights, paths and water's edge; then its grass, earth and cobbles.
+//! The land: its outline, heights, paths and shore, and its grass, earth and cobbles.
 
 use glam::{Vec2, Vec3};
 
@@ -11,9 +11,9 @@ use crate::{
 const SPACING: f32 = 0.0655;
 /// Height of the water's surface.
 pub const WATER_LEVEL: f32 = -0.07;
-/// Where the house stands, and the direction its front looks to.
+/// Position of the house, and the direction of its front.
 pub const HOUSE: (Vec2, Vec2) = (Vec2::new(-1.15, -0.35), Vec2::new(0.35, 0.937));
-/// Where the windmill stands.
+/// Position of the windmill.
 pub const MILL: Vec2 = Vec2::new(1.75, -1.85);
 /// The vegetable garden: center and half size, along the world's axes.
 pub const GARDEN: (Vec2, Vec2) = (Vec2::new(0.62, -0.75), Vec2::new(0.55, 0.42));
@@ -70,7 +70,8 @@ pub fn path_distance(p: Vec2) -> f32 {
     PATHS.iter().map(|path| polyline_distance(path, p)).fold(f32::MAX, f32::min) - PATH_HALF_WIDTH + wobble
 }
 
-/// Distance from the island's axis to its rim, in a horizontal unit direction. Harmonics by the angle-sum formulas.
+/// Distance from the island's axis to its rim, in a horizontal unit direction. Harmonics of the angle come from the
+/// angle-sum formulas, without trigonometry.
 pub fn rim(direction: Vec2) -> f32 {
     let (c, s) = (direction.x, direction.y);
     let (c2, s2) = (c * c - s * s, 2.0 * c * s);
@@ -79,7 +80,7 @@ pub fn rim(direction: Vec2) -> f32 {
     3.95 * (1.0 + wave + 0.05 * (noise2(direction * 5.0) - 0.5) + 0.03 * (noise2(direction * 13.0) - 0.5))
 }
 
-/// How near a point is to the rim: 0 at the axis, 1 at the rim.
+/// Position of a point between the axis (0) and the rim (1).
 pub fn rim_share(p: Vec2) -> f32 {
     let length = p.length();
     if length < 1e-3 { 0.0 } else { length / rim(p / length) }
@@ -90,7 +91,7 @@ fn bump(p: Vec2, center: Vec2, radius: f32) -> f32 {
     t * t
 }
 
-/// Height of the ground, under water the bed's.
+/// Height of the ground, or of the bed if it is under water.
 pub fn height(p: Vec2) -> f32 {
     let rolling = 0.05 + 0.22 * (fractal2(p * 0.9) - 0.4);
     let hills = 0.62 * bump(p, MILL, 1.7)
@@ -98,6 +99,7 @@ pub fn height(p: Vec2) -> f32 {
         + 0.2 * bump(p, Vec2::new(-2.7, 1.1), 1.3);
     let rim = 0.25 * smoothstep(0.86, 1.02, rim_share(p));
     let wild = rolling + hills - rim;
+    // House, mill and garden stand on level ground, paths are trodden in, and the shore leads down to the bed.
     let house = smoothstep(1.5, 1.0, (p - HOUSE.0).length());
     let mill = smoothstep(0.75, 0.45, (p - MILL).length());
     let settled = wild + (0.12 - wild) * house;
@@ -109,7 +111,7 @@ pub fn height(p: Vec2) -> f32 {
     -0.34 + (trodden + 0.34) * dry
 }
 
-/// The ground's point above or below a place of the plan.
+/// The point of the ground above or below a place of the plan.
 pub fn ground(p: Vec2) -> Vec3 {
     Vec3::new(p.x, height(p), p.y)
 }
@@ -121,7 +123,7 @@ pub fn normal(p: Vec2) -> Vec3 {
     Vec3::new(-slope(Vec2::X), 1.0, -slope(Vec2::Y)).normalize()
 }
 
-/// Whether grass and flowers may grow here.
+/// Whether grass and flowers may grow at a place.
 pub fn is_meadow(p: Vec2) -> bool {
     let from_house = (p - HOUSE.0).length();
     let from_garden = ((p - GARDEN.0).abs() - GARDEN.1).max_element();
@@ -133,7 +135,7 @@ pub fn is_meadow(p: Vec2) -> bool {
         && (p - MILL).length() > 0.5
 }
 
-/// Color of the grass at a place: patches, mown stripes of light, and dry tufts.
+/// Color of the grass at a place, with patches, mown stripes of light, and dry tufts.
 pub fn grass(p: Vec2) -> Vec3 {
     let lush = mix(paint(0x4f8f2b), paint(0x86b83c), fractal2(p * 1.3 + Vec2::new(9.0, 3.0)) * 1.7 - 0.4);
     let dry = smoothstep(0.55, 0.78, fractal2(p * 0.8 + Vec2::new(40.0, 7.0)));
@@ -169,7 +171,7 @@ fn ground_color(p: Vec2, random: &mut Random) -> Vec3 {
     mix(mix(green, sand, beach), earth(p, random), worn)
 }
 
-/// The ground itself: a hexagonal grid over the plan, every dab a short stroke on its slope.
+/// Paints the ground: a hexagonal grid over the plan, of which every dab is a short stroke on its slope.
 pub fn paint_ground(canvas: &mut Canvas) {
     let mut random = Random::new(11);
     let rows = (9.6 / (SPACING * 0.866)) as i32;
@@ -191,7 +193,7 @@ pub fn paint_ground(canvas: &mut Canvas) {
     }
 }
 
-/// Cobbles on the paths: one rounded stone per cell of a cellular noise.
+/// Paints cobbles on the paths, one rounded stone per cell of a cellular noise.
 pub fn paint_cobbles(canvas: &mut Canvas) {
     const SIZE: f32 = 0.115;
     let mut random = Random::new(12);
@@ -213,7 +215,7 @@ pub fn paint_cobbles(canvas: &mut Canvas) {
     }
 }
 
-/// Depth of the rock below the rim, at a share of the way from the rim (0) to the axis (1).
+/// The rock's surface before it is broken into chunks, at a share of the way from the rim (0) to the axis (1).
 fn underside(share: f32, direction: Vec2) -> Vec3 {
     let radius = rim(direction);
     let lumps = fractal2(direction * 3.1 + Vec2::splat(20.0));
@@ -226,7 +228,7 @@ fn underside(share: f32, direction: Vec2) -> Vec3 {
     Vec3::new(direction.x * reach, top - depth, direction.y * reach)
 }
 
-/// The rock face at a share of the way down, broken into chunks that stand out by cells.
+/// The rock's surface at a share of the way from the rim to the axis, broken into chunks by cellular noise.
 fn rock(share: f32, angle: f32) -> Vec3 {
     let direction = Vec2::new(libm::cosf(angle), libm::sinf(angle));
     let smooth = underside(share, direction);
@@ -254,7 +256,7 @@ fn rock_color(at: Vec3, share: f32, random: &mut Random) -> Vec3 {
     mix(mix(stone, paint(0x5f7d35), 0.75 * moss), paint(0x6a4528) * random.range(0.7, 1.2), soil)
 }
 
-/// The cliffs around and below: rings from the rim to the tip.
+/// Paints the cliffs around and below, in rings from the rim to the tip.
 pub fn paint_cliffs(canvas: &mut Canvas) {
     const CLIFF_SPACING: f32 = 0.094;
     const RINGS: u32 = 40;
@@ -282,7 +284,7 @@ pub fn paint_cliffs(canvas: &mut Canvas) {
     }
 }
 
-/// Grass that hangs over the rim and covers the seam between meadow and rock.
+/// Paints grass that hangs over the rim and covers the seam between meadow and rock.
 pub fn paint_rim(canvas: &mut Canvas) {
     const TUFTS: u32 = 1100;
     let mut random = Random::new(14);

@@ -1,7 +1,7 @@
 //! Pond, stream and waterfall.
 //!
-//! A Gaussian here has one color for all directions, so reflections are those of the average view: rays leave the
-//! water at a low angle all around, and what they meet of trees, banks and bridges tints it.
+//! A Gaussian of this scene has one color for all directions, so its reflection is that of the average view. Rays leave
+//! the water at a low angle all around, and the trees, banks and bridges that they meet tint it.
 
 use glam::{Vec2, Vec3};
 
@@ -13,7 +13,7 @@ use crate::{
 
 const SPACING: f32 = 0.052;
 
-/// How much of the low horizon around a point of the water is hidden by what stands near it, and its mean color.
+/// The things near the water, which hide parts of the low horizon and are reflected.
 struct Mirror<'a> {
     near: Vec<&'a Dab>,
 }
@@ -28,7 +28,8 @@ impl<'a> Mirror<'a> {
         Self { near: canvas.dabs.iter().filter(is_near).collect() }
     }
 
-    /// Solid angle and color of the things around, seen from the mirror image of an eye 30 degrees above the water.
+    /// Solid angle and mean color of the things around a point, seen from the mirror image of an eye 30 degrees above
+    /// the water.
     fn at(&self, p: Vec3) -> (f32, Vec3) {
         let (mut weight, mut color) = (0.0, Vec3::ZERO);
         for dab in &self.near {
@@ -43,7 +44,7 @@ impl<'a> Mirror<'a> {
     }
 }
 
-/// Pond and stream, with ripples along the flow, reflections and a bright line at the shore.
+/// Paints pond and stream, with ripples along the flow, reflections and a bright line at the shore.
 pub fn paint_water(canvas: &mut Canvas) {
     let mirror_of = canvas.clone();
     let mirror = Mirror::new(&mirror_of);
@@ -107,7 +108,7 @@ fn lilies(canvas: &mut Canvas, random: &mut Random) {
     }
 }
 
-/// Where the stream leaves the island, and its direction there.
+/// The point at which the stream leaves the island, and its direction there.
 fn lip() -> (Vec2, Vec2) {
     let (from, to) = (terrain::STREAM[2], terrain::STREAM[3]);
     let along = (to - from).normalize();
@@ -118,7 +119,7 @@ fn lip() -> (Vec2, Vec2) {
     (p, along)
 }
 
-/// The fall: strands of water that leave the lip level and bend down, breaking into spray.
+/// Paints the fall: strands of water leave the lip level, bend down and break into spray.
 pub fn paint_waterfall(canvas: &mut Canvas) {
     let mut random = Random::new(82);
     let (start, along) = lip();

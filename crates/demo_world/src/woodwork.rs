@@ -1,4 +1,4 @@
-//! What the villagers built: bridge, jetty, boat, fence, garden, rocks they sit on.
+//! The villagers' works: bridge, jetty, boat, garden with fence, well, woodpile and bench; and the rocks they sit on.
 
 use glam::{Vec2, Vec3};
 
@@ -13,7 +13,7 @@ fn grain(random: &mut Random, dark: u32, light: u32) -> Vec3 {
     mix(paint(dark), paint(light), random.unit())
 }
 
-/// An arched footbridge over the stream.
+/// Paints an arched footbridge over the stream.
 pub fn paint_bridge(canvas: &mut Canvas) {
     const PLANKS: u32 = 24;
     let mut random = Random::new(91);
@@ -52,7 +52,7 @@ pub fn paint_bridge(canvas: &mut Canvas) {
     }
 }
 
-/// A jetty on posts, and a rowing boat beside it.
+/// Paints a jetty on posts, and a rowing boat beside it.
 pub fn paint_boat(canvas: &mut Canvas) {
     let mut random = Random::new(92);
     let foot = Vec2::new(0.35, 0.86);
@@ -137,13 +137,13 @@ fn pickets(canvas: &mut Canvas, from: Vec2, to: Vec2, random: &mut Random) {
             });
         }
     }
-    // Thin boards are seen from both sides: light them as if from above.
+    // Thin boards are seen from both sides, so both get the light from above.
     for dab in &mut canvas.dabs[first..] {
         *dab = dab.lit_as(Vec3::Y, 0.5);
     }
 }
 
-/// The vegetable garden inside its picket fence.
+/// Paints the vegetable garden inside its picket fence.
 pub fn paint_garden(canvas: &mut Canvas) {
     let mut random = Random::new(93);
     let (center, half) = terrain::GARDEN;
@@ -222,7 +222,7 @@ fn boulder(canvas: &mut Canvas, place: Vec2, radius: f32, random: &mut Random) {
     }
 }
 
-/// A roofed well behind the house.
+/// Paints a roofed well behind the house.
 pub fn paint_well(canvas: &mut Canvas) {
     let mut random = Random::new(96);
     let well = Frame::upright(terrain::ground(Vec2::new(-2.0, -1.35)), Vec3::new(-0.6, 0.0, -0.8));
@@ -253,7 +253,7 @@ pub fn paint_well(canvas: &mut Canvas) {
     }
 }
 
-/// Firewood, stacked against the back of the house.
+/// Paints firewood, stacked against the back of the house.
 pub fn paint_woodpile(canvas: &mut Canvas) {
     let mut random = Random::new(97);
     let (house, front) = terrain::HOUSE;
@@ -277,7 +277,7 @@ pub fn paint_woodpile(canvas: &mut Canvas) {
     }
 }
 
-/// A bench and a lamp post where the path ends.
+/// Paints a bench and a lamp post at the end of the path.
 pub fn paint_bench(canvas: &mut Canvas) {
     let mut random = Random::new(95);
     let seat = Frame::upright(terrain::ground(Vec2::new(1.55, 3.1)), Vec3::new(-0.35, 0.0, -1.0));
@@ -304,7 +304,7 @@ pub fn paint_bench(canvas: &mut Canvas) {
         .tube((post.at(0.0, 0.6, 0.0), post.at(0.0, 0.66, 0.0)), (0.07, 0.01), 0.022, |_, _| paint(0x2f3a3c));
 }
 
-/// Boulders on the banks, by the paths and along the rim.
+/// Paints boulders on the banks, by the paths and along the rim.
 pub fn paint_rocks(canvas: &mut Canvas) {
     let mut random = Random::new(94);
     let boulders = [

@@ -1,4 +1,4 @@
-//! The demo scene as a whole: its size, its validity, and that it never changes unnoticed.
+//! The demo scene as a whole: its size, its validity, and a fingerprint against unnoticed changes.
 
 use std::sync::LazyLock;
 
@@ -6,7 +6,7 @@ use stylegaussian::Scene;
 
 static ISLAND: LazyLock<Scene> = LazyLock::new(demo_world::build);
 
-/// FNV-1a of the scene's numbers. Where a change of the world is meant, the failing test names the new value.
+/// FNV-1a of the scene's numbers. If a change of the world is intended, the failing test names the new value.
 const FINGERPRINT: u64 = 0x79d2_220d_f3d4_0d65;
 
 fn fingerprint(scene: &Scene) -> u64 {

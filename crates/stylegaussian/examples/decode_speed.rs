@@ -1,7 +1,8 @@
-//! How fast the folded decoder is, against the unfolded one and against plain matrix products of the same size.
+//! Speed of the folded decoder, compared with the unfolded one and with a plain matrix product.
 //!
 //! Prints medians and two ratios: `folded_over_unfolded_cpu` (time of the unfolded decoder / time of the folded one)
-//! and `cpu_decode_over_product` (the decoder's rate / a large product's). Run it on a quiet machine:
+//! and `cpu_decode_over_product` (rate of the decoder / rate of a large product). Run it on a machine without other
+//! load:
 //!
 //! ```sh
 //! cargo run --release -p stylegaussian --example decode_speed -- 100000
@@ -11,17 +12,18 @@ use std::{hint::black_box, time::Instant};
 
 use glam::{Quat, Vec3};
 use stylegaussian::{
-    Activation, Decoder, Features, Layer, Neighbors, Scene,
+    Decoder, Features, Layer, Neighbors, Scene,
     fold::{ChannelMap, stylize},
 };
 
 const N_CHANNELS: usize = 256;
-const N_LOW: usize = 32;
+const N_LATENT: usize = 32;
 const K: usize = 8;
 const RUNS: usize = 5;
 
 fn numbers(n: usize, deviation: f32) -> Vec<f32> {
-    // A low-discrepancy sequence: any numbers do, so long as none is denormal or zero.
+    // A low-discrepancy sequence. Any numbers do, if none is denormal or zero: those would change the speed of
+    // arithmetic.
     (0..n).map(|i| deviation * ((i as f64 * 0.754_877_666) % 1.0 - 0.5) as f32 * 3.46).collect()
 }
 
@@ -65,7 +67,7 @@ fn decoder() -> Decoder {
     Decoder { layers: Decoder::WIDTHS.map(layer).into(), k: K, ..Decoder::default() }
 }
 
-/// Median seconds of [`RUNS`] runs after one that warms up.
+/// Median time of [`RUNS`] runs after a warm-up, in seconds.
 fn median(mut run: impl FnMut()) -> f64 {
     run();
     let mut seconds: Vec<f64> = (0..RUNS)
@@ -79,13 +81,15 @@ fn median(mut run: impl FnMut()) -> f64 {
     seconds[RUNS / 2]
 }
 
-/// Seconds of one product with the multiply-adds of the folded decoder over `n` Gaussians.
+/// Time of a matrix product with the folded decoder's number of multiply-adds over `n` Gaussians, in seconds.
 fn product_seconds(n: usize) -> f64 {
     let (rows, inner, columns) = (n, 2048, 128);
     let (lhs, rhs) = (numbers(rows * inner, 1.0), numbers(inner * columns, 1.0));
     let mut target = vec![0.0_f32; rows * columns];
     let seconds = median(|| {
         let threads = gemm::Parallelism::Rayon(0);
+        // SAFETY: the three slices were made above with rows * inner, inner * columns and rows * columns values, the
+        // extents that these dimensions and strides address, and the target overlaps no operand.
         #[expect(unsafe_code, reason = "gemm takes pointers; the slices have the stated shapes")]
         unsafe {
             gemm::gemm(
@@ -112,7 +116,7 @@ fn product_seconds(n: usize) -> f64 {
         }
         black_box(&target);
     });
-    seconds * multiply_adds(n, N_LOW) / (rows * inner * columns) as f64
+    seconds * multiply_adds(n, N_LATENT) / (rows * inner * columns) as f64
 }
 
 fn multiply_adds(n: usize, n_inputs: usize) -> f64 {
@@ -129,12 +133,12 @@ fn main() {
             black_box(stylize(&scene, &decoder, &ChannelMap::identity(N_CHANNELS)).unwrap());
         })
     };
-    let (folded, unfolded, product) = (time(N_LOW), time(N_CHANNELS), product_seconds(n));
+    let (folded, unfolded, product) = (time(N_LATENT), time(N_CHANNELS), product_seconds(n));
     let rate = |seconds: f64, n_inputs: usize| multiply_adds(n, n_inputs) * 2e-9 / seconds;
     println!("N = {n}, {} threads", rayon::current_num_threads());
-    println!("folded   (L = {N_LOW})  {folded:.3} s  {:.1} GFLOP/s", rate(folded, N_LOW));
+    println!("folded   (L = {N_LATENT})  {folded:.3} s  {:.1} GFLOP/s", rate(folded, N_LATENT));
     println!("unfolded (D = {N_CHANNELS}) {unfolded:.3} s  {:.1} GFLOP/s", rate(unfolded, N_CHANNELS));
-    println!("product            {product:.3} s  {:.1} GFLOP/s", rate(product, N_LOW));
+    println!("product            {product:.3} s  {:.1} GFLOP/s", rate(product, N_LATENT));
     println!("folded_over_unfolded_cpu {:.2}", unfolded / folded);
     println!("cpu_decode_over_product {:.2}", product / folded);
 }

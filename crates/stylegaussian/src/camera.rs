@@ -5,7 +5,7 @@ use glam::{Affine3A, DAffine3, DMat3, DVec3, UVec2, Vec2, Vec3};
 /// A pinhole camera. View space is x right, y down, z forward; u = focal.x x / z + center.x, in pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
-    /// View from world; a rigid transform.
+    /// View from world, a rigid transform.
     pub view_from_world: Affine3A,
     /// Focal lengths, in pixels.
     pub focal: Vec2,
@@ -21,9 +21,10 @@ impl Camera {
         self.view_from_world.inverse().translation.into()
     }
 
-    /// A camera from its pose in OpenGL axes (x right, y up, z *backward*), as transforms.json keeps it; `focal`,
-    /// `center` and `size` are in pixels. The pose must be rigid.
+    /// A camera from its pose in OpenGL axes (x right, y up, z *backward*), the convention of transforms.json. The pose
+    /// must be rigid; `focal`, `center` and `size` are in pixels.
     pub fn from_opengl(world_from_camera: DAffine3, focal: Vec2, center: Vec2, size: UVec2) -> Self {
+        // In f64: poses of captures may lie far from the origin, where the inverse in f32 would lose digits.
         let camera_from_view = DAffine3::from_mat3(DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)));
         let view_from_world = (world_from_camera * camera_from_view).inverse();
         let rotation = view_from_world.matrix3.as_mat3();
@@ -31,14 +32,14 @@ impl Camera {
         Self { view_from_world: Affine3A::from_mat3_translation(rotation, translation), focal, center, size }
     }
 
-    /// The same view at another size in pixels; intrinsics scale along.
+    /// The same view at another size in pixels. Focal lengths and center scale with it.
     pub fn resized(&self, size: UVec2) -> Self {
         let ratio = size.as_vec2() / self.size.as_vec2();
         Self { focal: self.focal * ratio, center: self.center * ratio, size, ..self.clone() }
     }
 
-    /// A camera at `eye` that looks at `target`. `up` is the world's up direction; `fov_y` the full vertical angle in
-    /// radians.
+    /// A camera at `eye` that looks at `target`. `up` is the world's up direction, and `fov_y` the full vertical angle
+    /// in radians.
     pub fn look_at(eye: Vec3, target: Vec3, up: Vec3, fov_y: f32, size: UVec2) -> Self {
         let forward = (target - eye).normalize();
         let right = forward.cross(up).normalize();

@@ -1,4 +1,4 @@
-//! The decoder: a CNN whose window is each Gaussian's K nearest neighbors.
+//! The decoder: a CNN over neighborhoods, each Gaussian's K nearest neighbors in place of a window of pixels.
 
 mod activation;
 mod knn_conv;
@@ -21,9 +21,9 @@ pub struct Layer {
     pub weight: Vec<f32>,
     /// B `[D_out]`.
     pub bias: Vec<f32>,
-    /// D_in.
+    /// D_in, the number of input channels.
     pub d_in: usize,
-    /// D_out.
+    /// D_out, the number of output channels.
     pub d_out: usize,
 }
 
@@ -34,28 +34,29 @@ pub struct Layer {
 pub struct Decoder {
     /// The layers, first to last.
     pub layers: Vec<Layer>,
-    /// K, the window of every layer.
+    /// K, the size of every neighborhood, the Gaussian itself included.
     pub k: usize,
-    /// The activation between layers.
+    /// The activation between layers. There is none after the last.
     pub activation: Activation,
-    /// What the Gaussian's unstyled color (SH 0) is multiplied with before it is added to the output: 0 for the color itself,
-    /// 1 for an offset, between them for a share of the unstyled scene.
+    /// Factor of the base color (SH 0) that is added to the output. At 0 the layers give the color itself, at 1 an
+    /// offset from the base color. Between them a share of the captured scene shows through.
     pub residual: f32,
-    /// How many channels of noise the first layer takes after the scene's features, one number for each Gaussian that is
-    /// always the same (see [`noise`](crate::noise)). Features are smooth, paintings are not: strokes are made of it.
+    /// Number of noise inputs of the first layer, after the scene's features and extra inputs. Each is one number per
+    /// Gaussian that is always the same (see [`noise`](crate::noise)). Features are smooth and paintings are not, so a
+    /// decoder needs noise to make strokes.
     pub n_noise: usize,
-    /// Whether the first layer also takes the Gaussian's own, unstyled color (SH 0): three more inputs, the last ones,
-    /// [`BASE_COLOR_SCALE`](Self::BASE_COLOR_SCALE) (c - 0.5). Features are blurred over the cells of a feature map; colors
-    /// keep the detail.
+    /// If true, the last three inputs of the first layer are the base color (SH 0), as
+    /// [`BASE_COLOR_SCALE`](Self::BASE_COLOR_SCALE) (c - 0.5). Features are blurred over the cells of a feature map,
+    /// and base colors keep the detail.
     pub base_color: bool,
-    /// S `[D_out of the first layer, 2 D]`, or empty: S (mean, std) of the transferred features is added to the first
-    /// layer's bias, so that every Gaussian knows what the whole picture should look like. It folds: a change of style
-    /// costs one more product of a matrix and a vector, and a Gaussian nothing.
+    /// S `[D_out of the first layer, 2 D]`, or empty. S (mean, std) of the transferred features is added to the first
+    /// layer's bias, so every color depends on the style as a whole and not on its neighborhood alone. A change of
+    /// style costs one more product of a matrix and a vector, and a Gaussian costs nothing.
     pub statistics_weight: Vec<f32>,
-    /// How many times the decoded colors are averaged over each Gaussian's window in the end ([`smoothing_pass`]). What
-    /// neighbors do not agree on, views do not agree on either: each blends them with weights of its own.
+    /// Number of smoothing passes over the decoded colors ([`smoothing_pass`]). If neighbors differ in color, so do
+    /// views, since each view blends the same Gaussians with other weights. Smoothing makes views consistent.
     pub smoothing_passes: usize,
-    /// The encoder its input belongs to; `None` when the file did not say.
+    /// The encoder of its input features, or `None` if the file does not name it.
     pub encoder: Option<EncoderId>,
 }
 
@@ -82,21 +83,22 @@ impl Decoder {
     /// The paper's layer widths from D = 256 input channels (plus E extra ones) to RGB.
     pub const WIDTHS: [usize; 5] = [256, 128, 64, 32, 3];
 
-    /// What the own color's distance from mid-gray is multiplied with: colors of a scene deviate by about a quarter, and
-    /// the other inputs by about 1.
+    /// Factor that brings base colors, which deviate from mid-gray by about a quarter, to the deviation of about 1 of
+    /// the other inputs.
     pub const BASE_COLOR_SCALE: f32 = 4.0;
 
-    /// How many inputs the first layer takes that no scene file holds: noise and the own color.
+    /// Number of procedural inputs, which no scene file holds: noise and the base color.
     pub fn n_procedural(&self) -> usize {
         self.n_noise.saturating_add(if self.base_color { 3 } else { 0 })
     }
 
-    /// How many neighborhoods a color depends on: the layers', and one more for each average.
+    /// Number of neighborhoods through which a color depends on other Gaussians: one per layer and one per smoothing
+    /// pass.
     pub fn n_neighborhoods(&self) -> usize {
         self.layers.len() + self.smoothing_passes
     }
 
-    /// D + E, the noise, and 3 more with the own color: the channels the first layer takes; 0 without layers.
+    /// Number of inputs of the first layer, D + E and the procedural ones; 0 if there are no layers.
     pub fn n_inputs(&self) -> usize {
         self.layers.first().map_or(0, |layer| layer.d_in)
     }
@@ -109,11 +111,13 @@ impl Layer {
     }
 }
 
-/// Runs layers over x `[N, D_in of the first]`, the activation between them and none after the last; gives
-/// `[N, D_out of the last]`. Memory: the two widest consecutive activations, nothing of width K.
+/// Runs layers over x `[N, D_in of the first]`, with the activation between them and none after the last. Returns
+/// `[N, D_out of the last]`.
+///
+/// Holds the outputs of two consecutive layers at a time, and nothing of width K.
 ///
 /// # Panics
-/// When the layers do not chain or the neighbors are not N lists.
+/// If the layers do not chain or the neighbors are not N lists.
 pub fn run_layers(
     layers: &[&Layer],
     activation: Activation,
@@ -123,6 +127,7 @@ pub fn run_layers(
     for (i, layer) in layers.iter().enumerate() {
         let shape = layer.shape(neighbors.k);
         let is_last = i + 1 == layers.len();
+        // The activation runs block by block within the convolution, while the block is in the cache.
         x = knn_conv(shape, &x, &neighbors.indices, &layer.weight, &layer.bias, |y| {
             if !is_last {
                 activation.apply(y);
@@ -132,12 +137,12 @@ pub fn run_layers(
     x
 }
 
-/// The mean color of each Gaussian's window `[N]`: the end of a decoder that averages colors, once.
+/// One smoothing pass: the mean color of each Gaussian's neighborhood `[N]`.
 pub fn smoothing_pass(colors: &[[f32; 3]], neighbors: &Neighbors) -> Vec<[f32; 3]> {
     let share = 1.0 / neighbors.k.max(1) as f32;
-    let mean = |window: &[u32]| {
+    let mean = |neighborhood: &[u32]| {
         let mut sum = [0.0; 3];
-        for &neighbor in window {
+        for &neighbor in neighborhood {
             sum.iter_mut().zip(colors[neighbor as usize]).for_each(|(sum, channel)| *sum += channel);
         }
         sum.map(|channel| channel * share)

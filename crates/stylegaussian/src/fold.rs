@@ -1,9 +1,15 @@
-//! Folding everything that is affine in the stored features into the first layer.
+//! Folding all that is affine in the latent features into the decoder's first layer.
 //!
-//! f = A f' + b, AdaIN, mixing and the blend with the content are affine, so the first layer's pre-activation is affine
-//! in f': sum_k W_k (g * (A f'_{n(p,k)} + b) + s) + B = sum_k (W_k diag(g) A) (f'_{n(p,k)} - m') + const, with m' the
-//! mean of f'. Features enter centered, so that a large gain (a nearly constant channel) multiplies small numbers and
-//! not the difference of two large ones. All of it is done in f64 and costs the same for any number of Gaussians.
+//! f = A f' + b, AdaIN, mixing and the blend with the content are affine. The pre-activation of the first layer is
+//! therefore affine in f':
+//!
+//! ```text
+//! sum_k W_k (g * (A f'_{n(p,k)} + b) + s) + B = sum_k (W_k diag(g) A) (f'_{n(p,k)} - m') + const
+//! ```
+//!
+//! with m' the mean of f'. Features enter centered, so that a large gain (a nearly constant channel) multiplies small
+//! numbers and not the difference of two large ones. Folding costs the same for any number of Gaussians, and is done in
+//! f64: gains reach 1e8 (1 / [`STD_DEV_EPSILON`](crate::statistics::STD_DEV_EPSILON)), beyond the digits of f32.
 
 use std::borrow::Cow;
 
@@ -15,14 +21,14 @@ use crate::{
         product::{Matrix, product},
         run_layers, smoothing_pass,
     },
-    encoder_id::EncoderId,
+    encoder_id::{EncoderId, EncoderMismatch},
     neighbors::Neighbors,
     noise::noise,
     scene::{Features, Scene},
     statistics::{ChannelStatistics, ContentStatistics},
 };
 
-/// A channel-wise affine map of features, f -> gain * f + shift, in the encoder's D channels.
+/// An affine map of features, f -> gain * f + shift, in each of the encoder's D channels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChannelMap {
     /// Factor of each channel `[D]`.
@@ -40,12 +46,13 @@ impl ChannelMap {
     /// AdaIN (Huang and Belongie 2017, eq. 8): f -> std_s (f - mean(f)) / std(f) + mean_s.
     ///
     /// # Errors
-    /// When the style has another number of channels than the content.
+    /// If the style has another number of channels than the content.
     pub fn adain(content: &ContentStatistics, style: &ChannelStatistics) -> Result<Self, StylizeError> {
         let n_channels = content.mean.len();
         if style.mean.len() != n_channels || style.std_dev.len() != n_channels {
             return Err(StylizeError::StyleChannels { found: style.mean.len(), expected: n_channels });
         }
+        // No division by zero: content deviations include an epsilon.
         let gain: Vec<f64> =
             style.std_dev.iter().zip(&content.std_dev).map(|(s, c)| f64::from(*s) / c).collect();
         let shifts = style.mean.iter().zip(&gain).zip(&content.mean);
@@ -53,19 +60,21 @@ impl ChannelMap {
         Ok(Self { gain, shift })
     }
 
-    /// Mean, then standard deviation, of the content's features after the map `[2 D]`.
+    /// Means, then standard deviations, of the content's features after the map `[2 D]`.
     pub fn statistics(&self, content: &ContentStatistics) -> Vec<f64> {
         let channels = || self.gain.iter().zip(&self.shift).zip(content.mean.iter().zip(&content.std_dev));
         let means = channels().map(|((gain, shift), (mean, _))| gain * mean + shift);
+        // A negative gain mirrors a channel, and deviations stay positive.
         means.chain(channels().map(|((gain, _), (_, std_dev))| gain.abs() * std_dev)).collect()
     }
 
-    /// sum_j w_j map_j; weights are normalized to sum 1.
+    /// The weighted mean of maps: sum_j w_j map_j, with weights normalized to sum 1.
     ///
     /// # Errors
-    /// When there is no map, or the weights are not finite, negative, or sum to 0.
+    /// If there is no map, or the weights are not finite, negative, or sum to 0.
     pub fn mix(maps: &[(Self, f64)]) -> Result<Self, StylizeError> {
         let total: f64 = maps.iter().map(|(_, weight)| weight).sum();
+        // Comparisons with NaN are false, so that NaN is refused too.
         let valid = maps.iter().all(|(_, weight)| *weight >= 0.0) && total.is_finite() && total > 0.0;
         let Some((first, _)) = maps.first().filter(|_| valid) else {
             return Err(StylizeError::MixWeights { found: maps.iter().map(|(_, weight)| *weight).collect() });
@@ -77,10 +86,11 @@ impl ChannelMap {
         Ok(Self { gain: sum(|map| &map.gain), shift: sum(|map| &map.shift) })
     }
 
-    /// c f + (1 - c) map(f): `content` c from 0 (the transfer alone) to 1 (the content's own features).
+    /// The map's blend with the identity: c f + (1 - c) map(f), with `content` c from 0 (the map alone) to 1 (the
+    /// content's features as they are).
     ///
     /// # Errors
-    /// When `content` is not in 0..=1.
+    /// If `content` is not in 0..=1.
     pub fn with_content(mut self, content: f64) -> Result<Self, StylizeError> {
         if !(0.0..=1.0).contains(&content) {
             return Err(StylizeError::Content { found: content });
@@ -91,7 +101,7 @@ impl ChannelMap {
     }
 }
 
-/// Why a scene could not be stylized.
+/// A scene that could not be stylized.
 #[derive(Debug, thiserror::Error)]
 pub enum StylizeError {
     /// The scene was never embedded.
@@ -113,10 +123,10 @@ pub enum StylizeError {
         /// D + E of the scene.
         expected: usize,
     },
-    /// A decoder that sees statistics of another width.
+    /// A decoder that takes statistics of another width.
     #[error("the decoder sees statistics of {found} channels, the scene's features have {expected}")]
     DecoderStatistics {
-        /// Channels whose statistics the decoder takes.
+        /// Number of channels of the statistics that the decoder takes.
         found: usize,
         /// D of the scene.
         expected: usize,
@@ -127,7 +137,7 @@ pub enum StylizeError {
         /// The layers' widths.
         found: String,
     },
-    /// Mixing weights that cannot be normalized.
+    /// Mix weights that cannot be normalized.
     #[error("mix weights {found:?}: expected non-negative numbers with a positive sum")]
     MixWeights {
         /// The weights.
@@ -140,22 +150,15 @@ pub enum StylizeError {
         found: f64,
     },
     /// Two parts were made with different encoders.
-    #[error("{part} belongs to encoder {found}, the scene's features to {expected}")]
-    Encoder {
-        /// Which part: the decoder, or a style.
-        part: &'static str,
-        /// Its encoder.
-        found: String,
-        /// The scene's encoder.
-        expected: String,
-    },
+    #[error(transparent)]
+    Encoder(#[from] EncoderMismatch),
 }
 
-/// Folds the basis, the offset and a channel map into a first layer of D + E inputs; gives a layer of L + E inputs that
-/// takes *centered* features: f' - `mean_latent`.
+/// Folds the basis, the offset and a channel map into a first layer of D + E inputs. The result has L + E inputs and
+/// takes *centered* latent features, f' - `mean_latent`.
 ///
 /// # Panics
-/// When the layer does not take D + E inputs.
+/// If the layer does not take D + E inputs.
 pub fn fold_layer(
     layer: &Layer,
     k: usize,
@@ -165,7 +168,8 @@ pub fn fold_layer(
 ) -> Layer {
     let (n_channels, n_latent, n_extra) = (features.n_channels(), features.n_latent, features.n_extra);
     assert_eq!(layer.d_in, n_channels + n_extra, "the first layer takes D + E inputs");
-    // G A and, beside it, what a Gaussian at the mean becomes [D, L + 1].
+    // diag(g) A and, as one more column, the mapped features of a Gaussian at the mean [D, L + 1]. One product then
+    // folds weights and bias together.
     let width = n_latent + 1;
     let mut basis = Vec::with_capacity(n_channels * width);
     for (d, row) in features.basis.chunks_exact(n_latent).enumerate() {
@@ -176,10 +180,11 @@ pub fn fold_layer(
     }
     let d_in = n_latent + n_extra;
     let mut weight = vec![0.0_f32; layer.d_out * k * d_in];
+    // Chunks of no values panic, and a layer without inputs or outputs must not.
     let sources = layer.weight.par_chunks_exact((k * layer.d_in).max(1)).zip(&layer.bias);
     let outputs = weight.par_chunks_exact_mut((k * d_in).max(1)).zip(sources);
     let bias = outputs.map(|(weight, (source, bias))| {
-        // One output's k rows: few, but its own, so that threads share nothing.
+        // The K rows of one output. The products are small, but threads share nothing.
         let slots = source.chunks_exact(layer.d_in);
         let wide: Vec<f64> =
             slots.clone().flat_map(|slot| &slot[..n_channels]).map(|w| f64::from(*w)).collect();
@@ -199,7 +204,7 @@ pub fn fold_layer(
     Layer { bias: bias.collect(), weight, d_in, d_out: layer.d_out }
 }
 
-/// f' - m' beside the extra inputs, `[N, L + E]`: what a folded first layer takes.
+/// Inputs of a folded first layer: f' - m' beside the extra inputs `[N, L + E]`.
 pub fn centered_inputs(features: &Features, mean_latent: &[f64]) -> Vec<f32> {
     let (n_latent, n_extra) = (features.n_latent, features.n_extra);
     let n = features.values.len() / n_latent;
@@ -211,8 +216,8 @@ pub fn centered_inputs(features: &Features, mean_latent: &[f64]) -> Vec<f32> {
     inputs
 }
 
-/// A scene's features with all that `decoder` takes beside them: noise and the scene's own colors become the last extra
-/// inputs where the decoder asks for them. `None` without features.
+/// A scene's features with the decoder's procedural inputs (noise and base color) appended to the extra inputs, or
+/// `None` if the scene has no features.
 pub fn inputs_of<'a>(scene: &'a Scene, decoder: &Decoder) -> Option<Cow<'a, Features>> {
     let features = scene.features.as_ref()?;
     if decoder.n_procedural() == 0 {
@@ -221,6 +226,7 @@ pub fn inputs_of<'a>(scene: &'a Scene, decoder: &Decoder) -> Option<Cow<'a, Feat
     let mut inputs = features.clone();
     inputs.n_extra += decoder.n_procedural();
     inputs.extra.clear();
+    // Noise goes by the index in the source, so that sorting or thinning a scene leaves its strokes alone.
     for (i, (color, source_index)) in scene.base_colors().iter().zip(&scene.order).enumerate() {
         inputs.extra.extend_from_slice(&features.extra[i * features.n_extra..][..features.n_extra]);
         inputs.extra.extend((0..decoder.n_noise as u32).map(|channel| noise(*source_index, channel)));
@@ -234,7 +240,7 @@ pub fn inputs_of<'a>(scene: &'a Scene, decoder: &Decoder) -> Option<Cow<'a, Feat
 /// The channel map of a mix of styles over a scene: c f + (1 - c) sum_j w_j AdaIN_j.
 ///
 /// # Errors
-/// No style, weights or content out of range, channels or encoders that differ.
+/// If there is no style, a weight or `content` is out of range, or channels or encoders differ.
 pub fn transfer(
     features: &Features,
     styles: &[(&ChannelStatistics, f64)],
@@ -243,7 +249,7 @@ pub fn transfer(
     transfer_from(&ContentStatistics::of(features), features.encoder.as_ref(), styles, content)
 }
 
-/// [`transfer`] for a scene whose statistics are known already; `encoder` is the one its features belong to.
+/// [`transfer`] for a scene with known statistics. `encoder` is the one that its features belong to.
 ///
 /// # Errors
 /// As [`transfer`].
@@ -255,33 +261,25 @@ pub fn transfer_from(
 ) -> Result<ChannelMap, StylizeError> {
     let mut maps = Vec::with_capacity(styles.len());
     for (style, weight) in styles {
-        check_encoder("a style", style.encoder.as_ref(), encoder)?;
+        EncoderId::expect_same(("a style", style.encoder.as_ref()), (FEATURES, encoder))?;
         maps.push((ChannelMap::adain(statistics, style)?, *weight));
     }
     ChannelMap::mix(&maps)?.with_content(content)
 }
 
-fn check_encoder(
-    part: &'static str,
-    found: Option<&EncoderId>,
-    expected: Option<&EncoderId>,
-) -> Result<(), StylizeError> {
-    match (found, expected) {
-        (Some(found), Some(expected)) if found != expected => {
-            Err(StylizeError::Encoder { part, found: found.to_string(), expected: expected.to_string() })
-        }
-        _ => Ok(()),
-    }
-}
+/// The scene's part in an [`EncoderMismatch`].
+const FEATURES: &str = "the scene's features";
 
-/// Checks that `decoder` can run on `scene`: the same encoder, the widths of the features, layers that chain and lead to
-/// 3 colors. Gives the scene's features.
+/// Checks that `decoder` can run on `scene`, and returns the scene's features. Encoders and widths must agree, and the
+/// layers must chain and end in 3 colors.
 ///
 /// # Errors
-/// No features, or a decoder that does not fit them.
+/// If the scene has no features, or the decoder does not fit them.
 pub fn check_decoder<'a>(scene: &'a Scene, decoder: &Decoder) -> Result<&'a Features, StylizeError> {
     let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
-    check_encoder("the decoder", decoder.encoder.as_ref(), features.encoder.as_ref())?;
+    let encoders = (decoder.encoder.as_ref(), features.encoder.as_ref());
+    EncoderId::expect_same(("the decoder", encoders.0), (FEATURES, encoders.1))?;
+    // Saturating, since a file may ask for any number of noise inputs. Such a decoder fails the next check.
     let n_inputs = (features.n_channels() + features.n_extra).saturating_add(decoder.n_procedural());
     if decoder.n_inputs() != n_inputs {
         return Err(StylizeError::DecoderChannels { found: decoder.n_inputs(), expected: n_inputs });
@@ -300,7 +298,7 @@ pub fn check_decoder<'a>(scene: &'a Scene, decoder: &Decoder) -> Result<&'a Feat
     Ok(features)
 }
 
-/// Adds what the decoder makes of the transferred features' statistics to the bias of its folded first layer.
+/// Adds the decoder's response to the statistics of the transferred features to the bias of its folded first layer.
 pub fn fold_statistics(first: &mut Layer, decoder: &Decoder, map: &ChannelMap, content: &ContentStatistics) {
     let statistics = map.statistics(content);
     let rows = decoder.statistics_weight.chunks_exact(statistics.len().max(1));
@@ -313,7 +311,7 @@ pub fn fold_statistics(first: &mut Layer, decoder: &Decoder, map: &ChannelMap, c
 /// Decodes a scene's mapped features to colors `[N]`, display-referred RGB, not clamped.
 ///
 /// # Errors
-/// No features, or a decoder that does not fit them.
+/// If the scene has no features, or the decoder does not fit them.
 pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec<[f32; 3]>, StylizeError> {
     check_decoder(scene, decoder)?;
     let features = &*inputs_of(scene, decoder).ok_or(StylizeError::NoFeatures)?;
@@ -327,6 +325,7 @@ pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec
     let inputs = centered_inputs(features, &mean_latent);
     let rgb = run_layers(&layers, decoder.activation, &neighbors, inputs);
     let mut colors: Vec<[f32; 3]> = rgb.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
+    // The base color is added after smoothing, which would blur its detail.
     for _ in 0..decoder.smoothing_passes {
         colors = smoothing_pass(&colors, &neighbors);
     }
@@ -338,7 +337,8 @@ pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec
     Ok(colors)
 }
 
-/// The scene's neighbor lists at K, found anew where the scene holds none that long.
+/// The scene's neighbor lists at K. Longer lists are shortened, and a search runs only if there are none of that
+/// length.
 pub fn neighbors_for(scene: &Scene, k: usize) -> Cow<'_, Neighbors> {
     match &scene.neighbors {
         Some(neighbors) if neighbors.k == k => Cow::Borrowed(neighbors),

@@ -1,4 +1,23 @@
 //! The model of StyleGaussian without an engine: scene, statistics and fold, decoder, neighbors, splatting, files.
+//!
+//! A [`Scene`] holds Gaussians and, once embedded, latent [`Features`]. [`fold::transfer`] turns the statistics of
+//! styles into a map of features, and [`fold::stylize`] decodes the mapped features to one color per Gaussian:
+//!
+//! ```no_run
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use stylegaussian::{file, fold};
+//!
+//! let mut scene = file::read_scene("scene.sgs".as_ref())?.scene;
+//! let style = file::read_style("painting.style.safetensors".as_ref())?;
+//! let decoder = file::read_decoder("a.decoder.safetensors".as_ref())?;
+//! let features = scene.features.as_ref().ok_or("the scene was never embedded")?;
+//! let map = fold::transfer(features, &[(&style, 1.0)], 0.0)?;
+//! let colors = fold::stylize(&scene, &decoder, &map)?;
+//! scene.set_colors(&colors);
+//! file::write_scene("styled.ply".as_ref(), &scene)?;
+//! # Ok(())
+//! # }
+//! ```
 
 pub mod camera;
 pub mod decoder;
@@ -16,7 +35,7 @@ pub mod twin;
 
 pub use camera::Camera;
 pub use decoder::{Activation, Decoder, Layer};
-pub use encoder_id::EncoderId;
+pub use encoder_id::{EncoderId, EncoderMismatch};
 pub use neighbors::Neighbors;
 pub use scene::{Features, Scene};
 pub use statistics::ChannelStatistics;

@@ -1,15 +1,18 @@
-//! Morton (z-curve) order: Gaussians that are close in space become close in memory.
+//! Morton (z-curve) order, which puts Gaussians that are close in space close together in memory.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Bits per axis: three of them make a 63-bit code.
+/// Bits per axis. Three times 21 make a 63-bit code, the longest that fits a `u64`.
 const BITS: u32 = 21;
 
 /// The largest coordinate of a cell, 2^21 - 1.
 const LAST_CELL: f64 = ((1_u32 << BITS) - 1) as f64;
 
 /// Spreads the low 21 bits of `value` so that two zero bits stand between each.
+///
+/// Each step halves the groups of bits that are still together and moves the upper half up. The mask drops the copies
+/// that the shift leaves behind.
 fn spread(value: u32) -> u64 {
     let mut v = u64::from(value) & 0x1f_ffff;
     v = (v | (v << 32)) & 0x001f_0000_0000_ffff;
@@ -19,30 +22,33 @@ fn spread(value: u32) -> u64 {
     (v | (v << 2)) & 0x1249_2492_4924_9249
 }
 
-/// The 63-bit Morton code of a cell; x takes the lowest bit of each triple.
+/// The 63-bit Morton code of a cell. x takes the lowest bit of each triple, z the highest.
 pub fn code(x: u32, y: u32, z: u32) -> u64 {
     spread(x) | (spread(y) << 1) | (spread(z) << 2)
 }
 
 /// The permutation that sorts `means` `[N]` along the z-curve: entry i is the index of the i-th mean in that order.
 ///
-/// Cells are cubes, 2^21 to the longest side of the bounds, so that the curve is as local along short sides as along
-/// long ones. Means in one cell keep the order they have.
+/// Cells are cubes, 2^21 along the longest side of the bounds, so the curve is as local along short sides as along long
+/// ones. Means in one cell keep their order.
 pub fn order(means: &[Vec3]) -> Vec<u32> {
     let Some(&first) = means.first() else { return Vec::new() };
     let (min, max) = means.iter().fold((first, first), |(min, max), &m| (min.min(m), max.max(m)));
+    // In f64: of the 24 bits of an f32, 21-bit cells would leave three for rounding.
     let (min, max) = (min.as_dvec3(), max.as_dvec3());
     let extent = (max - min).max_element();
+    // If all means are at one point, all of them are in cell 0.
     let cells_per_unit = if extent > 0.0 { LAST_CELL / extent } else { 0.0 };
     let mut keys: Vec<(u64, u32)> = means
         .par_iter()
         .zip(0..means.len() as u32)
         .map(|(mean, index)| {
-            // Float to integer casts saturate, so even a mean that is not finite gets some cell.
+            // Casts from float to integer saturate, so even a mean that is not finite gets a cell.
             let cell: DVec3 = (mean.as_dvec3() - min) * cells_per_unit;
             (code(cell.x as u32, cell.y as u32, cell.z as u32), index)
         })
         .collect();
+    // The index breaks ties, so an unstable sort keeps the order within a cell.
     keys.par_sort_unstable();
     keys.into_iter().map(|(_, index)| index).collect()
 }

@@ -1,15 +1,17 @@
-//! Noise that belongs to a Gaussian: the same in every run, on every machine, and whatever order a file has.
+//! Noise that belongs to a Gaussian: the same in every run, on every machine, and in every order of the file.
 
-/// Channel `channel` of the noise of the Gaussian with index `source_index` in its source file: uniform between -sqrt(3)
-/// and sqrt(3), so that its deviation is 1. A hash (the finalizer of MurmurHash3 by Appleby, over both numbers), so that
-/// nothing needs to be stored.
+/// Channel `channel` of the noise of the Gaussian with index `source_index` in its source file.
+///
+/// Uniform between -sqrt(3) and sqrt(3), so that the standard deviation is 1. It is a hash of both numbers (the
+/// finalizer of MurmurHash3 by Appleby), so nothing needs to be stored.
 pub fn noise(source_index: u32, channel: u32) -> f32 {
-    // 2^32 divided by the golden ratio, odd: neighboring channels start far apart.
+    // 0x9E3779B9 is 2^32 divided by the golden ratio, and odd. Multiples of it lie far apart, so channels of one
+    // Gaussian do not meet those of its neighbors in the file.
     let mut h = source_index.wrapping_add(channel.wrapping_add(1).wrapping_mul(0x9E37_79B9));
     h = (h ^ (h >> 16)).wrapping_mul(0x85EB_CA6B);
     h = (h ^ (h >> 13)).wrapping_mul(0xC2B2_AE35);
     h ^= h >> 16;
-    // The upper 24 bits, each value in the middle of its step.
+    // The upper 24 bits, which f32 holds exactly, each value in the middle of its step so that the mean is 0.
     let unit = ((h >> 8) as f32 + 0.5) / (1_u32 << 24) as f32;
     (2.0 * unit - 1.0) * 3.0_f32.sqrt()
 }
@@ -33,7 +35,8 @@ mod tests {
         }
     }
 
-    /// Decoders are trained on it. The numbers were worked out with integers of any size.
+    /// Decoders are trained on this noise, so it may never change. The expected numbers come from an implementation
+    /// with integers of unlimited size.
     #[test]
     fn noise_never_changes() {
         let known = [

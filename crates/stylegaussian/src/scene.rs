@@ -1,10 +1,10 @@
-//! The scene: N Gaussians, and what embedding adds to them.
+//! The scene: N Gaussians, and the features, neighbors and decoder that come with them.
 
 use glam::{Quat, Vec3};
 
 use crate::{decoder::Decoder, encoder_id::EncoderId, morton, neighbors::Neighbors, sh};
 
-/// N 3D Gaussians in structure-of-arrays form, with optional features, neighbors and decoder.
+/// N Gaussians in structure-of-arrays form, with optional features, neighbors and decoder.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
     /// Means `[N]`, in scene units.
@@ -15,21 +15,21 @@ pub struct Scene {
     pub scales: Vec<Vec3>,
     /// Opacities `[N]`, 0..1.
     pub opacities: Vec<f32>,
-    /// Unstyled colors; `None` for checkpoints, which keep none (their unstyled color is mid-gray).
+    /// Captured colors. `None` if the file keeps none, as checkpoints; the scene is then mid-gray until styled.
     pub sh: Option<Sh>,
     /// Index of each Gaussian in the source file `[N]`.
     pub order: Vec<u32>,
-    /// How many Gaussians the source file held, those dropped at loading included.
+    /// Number of Gaussians in the source file, including those dropped at loading.
     pub n_source: usize,
-    /// What embedding adds.
+    /// Features, which embedding adds. A scene without them cannot be stylized.
     pub features: Option<Features>,
-    /// The K nearest neighbors of every Gaussian, where already known.
+    /// The K nearest neighbors of every Gaussian, or `None` if nobody has searched for them yet.
     pub neighbors: Option<Neighbors>,
-    /// A decoder trained for this scene; it wins over the default one.
+    /// A decoder trained for this scene. It takes precedence over the default decoder.
     pub decoder: Option<Decoder>,
-    /// Which direction is up in the scene, where the file tells. The loader never rotates a scene.
+    /// The scene's up direction, or `None` if the file does not give it. The loader never rotates a scene.
     pub up: Option<Vec3>,
-    /// Where the scene comes from, for people.
+    /// Origin of the scene, for people.
     pub source: Option<String>,
     /// The license of the capture.
     pub license: Option<String>,
@@ -44,7 +44,7 @@ pub struct Sh {
     pub coefficients: Vec<f32>,
 }
 
-/// Low-dimensional features and the affine map to the encoder's D channels: f = A f' + b.
+/// Latent features f' and the affine map to the encoder's D channels: f = A f' + b.
 #[derive(Clone, Debug)]
 pub struct Features {
     /// f' of every Gaussian `[N, L]`, row-major.
@@ -55,11 +55,11 @@ pub struct Features {
     pub basis: Vec<f32>,
     /// b `[D]`.
     pub offset: Vec<f32>,
-    /// Inputs that the transfer does not touch `[N, E]`, row-major; empty when E = 0.
+    /// Decoder inputs that the style transfer leaves alone `[N, E]`, row-major; empty if E = 0.
     pub extra: Vec<f32>,
     /// E, the number of extra inputs.
     pub n_extra: usize,
-    /// The encoder the D channels belong to; `None` when the file did not say.
+    /// The encoder of the D channels, or `None` if the file does not name it.
     pub encoder: Option<EncoderId>,
 }
 
@@ -103,7 +103,8 @@ impl Scene {
         self.means.is_empty()
     }
 
-    /// The smallest and the largest corner of the box around the means, or `None` for an empty scene.
+    /// The smallest and the largest corner of the box around the means, or `None` if the scene is empty.
+    /// [`splat_bounds`](Self::splat_bounds) has the box around all that is drawn.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let first = *self.means.first()?;
         Some(self.means.iter().fold((first, first), |(min, max), &mean| (min.min(mean), max.max(mean))))
@@ -111,11 +112,11 @@ impl Scene {
 
     /// The Gaussians at `indices`, in that order, with everything that belongs to them.
     ///
-    /// `order` keeps pointing into the source file. Neighbors are renumbered; where a kept Gaussian has a neighbor that
-    /// is not kept, its list would be wrong, so the new scene has none.
+    /// `order` keeps pointing into the source file. Neighbors are renumbered. If a kept Gaussian has a neighbor that is
+    /// not kept, its list would be wrong, and the new scene has no neighbor lists at all.
     ///
     /// # Panics
-    /// When an index is not below N.
+    /// If an index is not below N.
     pub fn subset(&self, indices: &[u32]) -> Self {
         Self {
             means: gather(&self.means, 1, indices),
@@ -137,23 +138,24 @@ impl Scene {
         }
     }
 
-    /// Reorders the Gaussians along the Morton curve, so that neighbors in space are close in memory.
+    /// Reorders the Gaussians along the Morton curve, which puts neighbors in space close together in memory.
     pub fn sort_by_morton(&mut self) {
         *self = self.subset(&morton::order(&self.means));
     }
 
-    /// Replaces the unstyled colors by `rgb` `[N]`, display-referred and the same from every side: spherical harmonics
-    /// of degree 0.
+    /// Replaces the captured colors by `rgb` `[N]`, display-referred. They become spherical harmonics of degree 0, the
+    /// same from every direction.
     ///
     /// # Panics
-    /// When `rgb` does not hold one color per Gaussian.
+    /// If `rgb` does not hold one color per Gaussian.
     pub fn set_colors(&mut self, rgb: &[[f32; 3]]) {
         assert_eq!(rgb.len(), self.len(), "one color per Gaussian");
         let coefficients = rgb.iter().flat_map(|&color| sh::dc_from_color(color)).collect();
         self.sh = Some(Sh { degree: 0, coefficients });
     }
 
-    /// The view-independent part of the unstyled colors `[N]`, unclamped; mid-gray where the scene keeps none.
+    /// The base colors `[N]`: the view-independent part (SH 0) of the captured colors, unclamped. Mid-gray if the scene
+    /// keeps none.
     pub fn base_colors(&self) -> Vec<[f32; 3]> {
         match &self.sh {
             Some(sh) => sh
@@ -168,7 +170,7 @@ impl Scene {
     /// Checks that all arrays have the lengths their documented shapes demand and all indices are in range.
     ///
     /// # Errors
-    /// Names the first part that does not fit.
+    /// If a part does not fit. The message names the first one.
     pub fn validate(&self) -> Result<(), SceneError> {
         let n = self.len();
         self.expect_len("rotations", self.rotations.len(), n)?;
@@ -196,8 +198,9 @@ impl Scene {
         self.validate_order()
     }
 
-    /// Checks that `order` names distinct Gaussians of the source.
+    /// Checks that `order` holds distinct indices into the source. Colors are written there by these indices.
     fn validate_order(&self) -> Result<(), SceneError> {
+        // Sorting takes N entries, while a table of marks would take as many as an unchecked `n_source` says.
         let mut sorted = self.order.clone();
         sorted.sort_unstable();
         if let Some(pair) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
@@ -234,8 +237,9 @@ fn gather<T: Copy>(values: &[T], width: usize, indices: &[u32]) -> Vec<T> {
     rows
 }
 
-/// The neighbor lists of the Gaussians at `indices`, in new numbers, or `None` where a neighbor is not among them.
+/// The neighbor lists of the Gaussians at `indices`, renumbered, or `None` if a neighbor is not among them.
 fn relabeled(neighbors: &Neighbors, n_gaussians: usize, indices: &[u32]) -> Option<Neighbors> {
+    // u32::MAX marks Gaussians that are not kept. It is no index, as files hold fewer than 2^32 Gaussians.
     let mut new_from_old = vec![u32::MAX; n_gaussians];
     for (new, &old) in indices.iter().enumerate() {
         new_from_old[old as usize] = new as u32;
@@ -326,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn validate_names_what_does_not_fit() {
+    fn validate_names_the_part_that_does_not_fit() {
         let check = |change: fn(&mut Scene), part: &str| {
             let mut scene = line();
             change(&mut scene);

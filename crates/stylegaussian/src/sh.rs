@@ -1,4 +1,4 @@
-//! Spherical harmonics, degrees 0 to 3: the view-dependent color of an unstyled Gaussian.
+//! Spherical harmonics, degrees 0 to 3: the captured, view-dependent color of a Gaussian.
 //!
 //! Real spherical harmonics with the Condon-Shortley phase, in the order and with the signs that trained 3DGS scenes
 //! use: coefficient `l (l + 1) + m` for m = -l..=l.
@@ -20,16 +20,17 @@ const C_2: [f32; 3] = [1.092_548_4, 0.315_391_57, 0.546_274_2];
 /// sqrt(35 / (32 pi)), sqrt(105 / (4 pi)), sqrt(21 / (32 pi)), sqrt(7 / (16 pi)), sqrt(105 / (16 pi)).
 const C_3: [f32; 5] = [0.590_043_6, 2.890_611_4, 0.457_045_8, 0.373_176_34, 1.445_305_7];
 
-/// How many coefficients a channel has at `degree`: (degree + 1)^2.
+/// Number of coefficients of a channel at `degree`: (degree + 1)^2.
 pub const fn n_coefficients(degree: u8) -> usize {
     let n = degree as usize + 1;
     n * n
 }
 
-/// The first (degree + 1)^2 basis functions at a unit direction; the others are zero.
+/// The first (degree + 1)^2 basis functions at a unit direction. The remaining entries are zero.
 pub fn basis(degree: u8, direction: Vec3) -> [f32; 16] {
     let Vec3 { x, y, z } = direction;
     let (xx, yy, zz) = (x * x, y * y, z * z);
+    // Polynomials, order and signs are those of the 3DGS rasterizer, on which trained coefficients depend.
     let mut b = [0.0; 16];
     b[0] = Y_0;
     if degree >= 1 {
@@ -62,7 +63,7 @@ pub fn basis(degree: u8, direction: Vec3) -> [f32; 16] {
 /// camera to the mean, in the scene's own space.
 ///
 /// # Panics
-/// When `coefficients` is shorter than its degree demands.
+/// If `coefficients` is shorter than its degree demands.
 pub fn evaluate(degree: u8, coefficients: &[f32], direction: Vec3) -> Vec3 {
     let n = n_coefficients(degree.min(MAX_DEGREE));
     let basis = basis(degree, direction);
@@ -70,15 +71,16 @@ pub fn evaluate(degree: u8, coefficients: &[f32], direction: Vec3) -> Vec3 {
         .iter()
         .zip(coefficients[..3 * n].chunks_exact(3))
         .fold(Vec3::ZERO, |sum, (&b, rgb)| sum + b * Vec3::from_slice(rgb));
+    // Training adds 0.5, so that coefficients of 0 are mid-gray, and clamps from below only.
     (sum + 0.5).max(Vec3::ZERO)
 }
 
-/// The color that a constant coefficient stands for: 0.5 + Y_0 dc, unclamped.
+/// The color of a constant coefficient: 0.5 + Y_0 dc, unclamped.
 pub fn color_from_dc(dc: [f32; 3]) -> [f32; 3] {
     dc.map(|dc| 0.5 + Y_0 * dc)
 }
 
-/// The constant coefficient of a color: the inverse of [`color_from_dc`].
+/// The constant coefficient of a color, the inverse of [`color_from_dc`].
 pub fn dc_from_color(color: [f32; 3]) -> [f32; 3] {
     color.map(|c| (c - 0.5) / Y_0)
 }

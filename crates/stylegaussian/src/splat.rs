@@ -1,15 +1,20 @@
-//! EWA splatting on the CPU: what a camera sees of a scene, and with which weights.
+//! EWA splatting on the CPU: pictures of a scene, and the weights with which its Gaussians blend.
 //!
 //! A Gaussian with covariance S is drawn as its 2D footprint, a *splat*: the first-order projection J W S W^T J^T
 //! (Zwicker et al., "EWA Volume Splatting", 2001) plus 0.3 px^2 on the diagonal. Splats blend front to back:
-//! color = sum_i w_i c_i with w_i = alpha_i prod_{j < i} (1 - alpha_j). The rules are those of the 3D Gaussian
-//! Splatting rasterizer (Kerbl et al. 2023) but for the footprint, which here covers every pixel where alpha reaches
-//! 1/255 (the original stops at three standard deviations, where an opaque splat still has alpha 0.011).
+//! color = sum_i w_i c_i with w_i = alpha_i prod_{j < i} (1 - alpha_j).
 //!
-//! The stages, one module each: `project` (cull, project, sort by depth), `bands` (which tile sees which splat),
-//! `composite` (blend one tile), `weights` (keep the blend weights instead of a picture).
+//! The rules are those of the 3D Gaussian Splatting rasterizer (Kerbl et al. 2023) with one exception. Here a footprint
+//! covers every pixel in which alpha reaches 1/255. The original stops at three standard deviations, at which an opaque
+//! splat still has alpha 0.011.
+//!
+//! The stages, one module each: `project` (cull, project, sort by depth), `bands` (list the splats of each tile),
+//! `composite` (blend one tile), `weights` (keep the blend weights in place of a picture). `alpha` holds the limits
+//! that they share, and `bounds` the box around all that is drawn.
 
+mod alpha;
 mod bands;
+mod bounds;
 mod composite;
 mod project;
 mod weights;
@@ -21,23 +26,19 @@ use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 
 use crate::{camera::Camera, scene::Scene, sh};
-use bands::{Bands, TILE};
+pub use alpha::{MAX_ALPHA, MIN_ALPHA};
+use bands::Bands;
+use composite::TILE;
 use project::{Splat, project};
 pub use weights::BlendWeights;
 
-/// Smallest alpha that is drawn: one step of an 8-bit picture (Kerbl et al. 2023). A splat ends where it falls below.
-pub const MIN_ALPHA: f32 = 1.0 / 255.0;
-
-/// Largest alpha of a splat (Kerbl et al. 2023): no splat hides everything behind it, so transmittance stays positive.
-pub const MAX_ALPHA: f32 = 0.99;
-
-/// Which colors to draw a scene with.
+/// The colors that a scene is drawn with.
 #[derive(Clone, Copy, Debug)]
 pub enum Colors<'a> {
-    /// The scene's own, view-dependent: its spherical harmonics, clamped at 0 from below. A scene without any is
-    /// mid-gray.
+    /// The scene's captured colors: its spherical harmonics seen from the camera, clamped at 0 from below. A scene
+    /// without any is mid-gray.
     Captured,
-    /// One RGB per Gaussian `[N]`, e.g. a stylized scene's; not clamped.
+    /// One RGB per Gaussian `[N]`, such as a stylized scene's. Not clamped.
     Rgb(&'a [[f32; 3]]),
 }
 
@@ -50,14 +51,14 @@ pub struct RenderedImage {
     pub color: Vec<[f32; 3]>,
     /// Coverage `[H, W]`, 0..1: the sum of the blend weights.
     pub alpha: Vec<f32>,
-    /// View-space z accumulated with the blend weights `[H, W]`, in scene units; divide by `alpha` for the mean depth.
+    /// View-space z times the blend weights, summed `[H, W]`, in scene units. Divide by `alpha` for the mean depth.
     pub depth: Vec<f32>,
 }
 
 /// Draws `scene` as `camera` sees it.
 ///
 /// # Panics
-/// When `colors` holds another number of colors than the scene has Gaussians.
+/// If `colors` holds another number of colors than the scene has Gaussians.
 pub fn render(scene: &Scene, colors: Colors, camera: &Camera) -> RenderedImage {
     if let Colors::Rgb(rgb) = colors {
         assert_eq!(rgb.len(), scene.len(), "one color per Gaussian");
@@ -73,6 +74,8 @@ pub fn render(scene: &Scene, colors: Colors, camera: &Camera) -> RenderedImage {
         alpha: vec![0.0; n_pixels],
         depth: vec![0.0; n_pixels],
     };
+    // Bands are contiguous in each plane, so threads write to slices of their own. A picture of width 0 still needs
+    // chunks of some length.
     let pixels_per_band = (camera.size.x as usize * TILE).max(1);
     view.color
         .par_chunks_mut(pixels_per_band)
@@ -92,10 +95,10 @@ pub fn render(scene: &Scene, colors: Colors, camera: &Camera) -> RenderedImage {
     view
 }
 
-/// The weight of every Gaussian in every pixel of `camera`: what [`render`] multiplies colors with.
+/// The weight of every Gaussian in every pixel of `camera`, by which [`render`] multiplies colors.
 ///
-/// Colors do not enter, so one set of weights serves any number of per-Gaussian values (colors, features) and the
-/// gradients with respect to them.
+/// The weights do not depend on colors, so one set of them serves any number of per-Gaussian values (colors, features)
+/// and their gradients.
 pub fn blend_weights(scene: &Scene, camera: &Camera) -> BlendWeights {
     let splats = project(scene, camera);
     let bands = Bands::new(&splats, camera.size);
@@ -110,11 +113,12 @@ fn splat_colors(scene: &Scene, colors: Colors, camera: &Camera, splats: &[Splat]
         match (colors, &scene.sh) {
             (Colors::Rgb(rgb), _) => rgb[gaussian],
             (Colors::Captured, None) => [0.5; 3],
-            (Colors::Captured, Some(of_scene)) => {
-                let n = 3 * (usize::from(of_scene.degree) + 1).pow(2);
-                let coefficients = &of_scene.coefficients[gaussian * n..(gaussian + 1) * n];
+            (Colors::Captured, Some(captured)) => {
+                let n = 3 * (usize::from(captured.degree) + 1).pow(2);
+                let coefficients = &captured.coefficients[gaussian * n..(gaussian + 1) * n];
+                // A Gaussian at the eye itself has no direction, and is culled in any case.
                 let direction: Vec3 = (scene.means[gaussian] - eye).normalize_or_zero();
-                sh::evaluate(of_scene.degree, coefficients, direction).to_array()
+                sh::evaluate(captured.degree, coefficients, direction).to_array()
             }
         }
     };

@@ -1,4 +1,4 @@
-//! Channel statistics of features: what AdaIN matches.
+//! Channel statistics of features, which AdaIN matches.
 
 use rayon::prelude::*;
 
@@ -13,7 +13,7 @@ pub struct ChannelStatistics {
     pub std_dev: Vec<f32>,
     /// Unbiased covariance `[D, D]`, row-major, for transfers beyond AdaIN.
     pub covariance: Option<Vec<f32>>,
-    /// The encoder the channels belong to; `None` when the file did not say.
+    /// The encoder of these channels, or `None` if the file does not name it.
     pub encoder: Option<EncoderId>,
 }
 
@@ -22,20 +22,26 @@ pub struct ChannelStatistics {
 pub struct ContentStatistics {
     /// mean(f) = A mean(f') + b `[D]`.
     pub mean: Vec<f64>,
-    /// std(f) `[D]`, with AdaIN's 1e-8 added and, for scenes that name their encoder, the floor below.
+    /// std(f) `[D]`, with [`STD_DEV_EPSILON`] added. If the scene names its encoder, [`STD_DEV_FLOOR`] applies as well.
     pub std_dev: Vec<f64>,
 }
 
-/// Added to every standard deviation, so that AdaIN divides by no zero; the value of the paper's implementation.
+/// Added to every standard deviation, so that AdaIN never divides by zero. The value is that of the paper's
+/// implementation.
 pub const STD_DEV_EPSILON: f64 = 1e-8;
 
-/// Channels that hardly vary in the scene would be magnified without bound by AdaIN. Scenes of our own floor std(f) at
-/// this share of its median over channels; checkpoints of the original keep [`STD_DEV_EPSILON`] alone.
+/// Least std(f) as a share of its median over channels. Without it AdaIN would magnify channels that hardly vary in the
+/// scene without bound.
+///
+/// Applies to scenes that name their encoder. Checkpoints of the original name none and keep [`STD_DEV_EPSILON`] alone,
+/// so that they stylize exactly like the original.
 pub const STD_DEV_FLOOR: f64 = 1e-3;
 
 impl ContentStatistics {
-    /// Statistics of all Gaussians, each counting the same (as in the paper), through the low-dimensional covariance:
-    /// std(f)_d = sqrt((A Cov(f') A^T)_dd) + 1e-8, unbiased; 0 + 1e-8 when N <= 1.
+    /// Statistics over all Gaussians, each with the same weight, as in the paper.
+    ///
+    /// Computed from the covariance of the latent features: std(f)_d = sqrt((A Cov(f') A^T)_dd) + 1e-8, unbiased. The
+    /// full features `[N, D]` are never formed. If N <= 1, std(f) is 1e-8.
     pub fn of(features: &Features) -> Self {
         let n_latent = features.n_latent;
         let (mean_latent, covariance) = (mean_latent(features), covariance_latent(features));
@@ -51,8 +57,10 @@ impl ContentStatistics {
         };
         let channels = 0..features.n_channels();
         let mut std_dev: Vec<f64> =
+            // Rounding can leave a variance of zero slightly below it.
             channels.clone().into_par_iter().map(|d| variance(d).max(0.0).sqrt() + STD_DEV_EPSILON).collect();
         if features.encoder.is_some() {
+            // The median, and not the mean, which a few strong channels would dominate.
             let mut sorted = std_dev.clone();
             sorted.sort_by(f64::total_cmp);
             let floor = STD_DEV_FLOOR * sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
@@ -62,9 +70,10 @@ impl ContentStatistics {
     }
 }
 
-/// mean(f') `[L]` in f64; zeros without Gaussians.
+/// mean(f') `[L]` in f64, or zeros if there is no Gaussian.
 pub fn mean_latent(features: &Features) -> Vec<f64> {
     let n = (features.values.len() / features.n_latent).max(1) as f64;
+    // One thread, so that the order of additions is fixed. Beside the covariance it costs little.
     let mut mean = vec![0.0; features.n_latent];
     for row in features.values.chunks_exact(features.n_latent) {
         mean.iter_mut().zip(row).for_each(|(sum, value)| *sum += f64::from(*value));
@@ -73,9 +82,12 @@ pub fn mean_latent(features: &Features) -> Vec<f64> {
     mean
 }
 
-/// Unbiased Cov(f') `[L, L]` in f64; zeros when N <= 1. Blocks of rows are centered and multiplied in f64, then added
-/// in order, so the result does not depend on the number of threads.
+/// Unbiased Cov(f') `[L, L]` in f64, or zeros if N <= 1.
+///
+/// Blocks of rows are centered and multiplied in f64, then added in order, so the result does not depend on the number
+/// of threads.
 pub fn covariance_latent(features: &Features) -> Vec<f64> {
+    // Large enough that the L x L sum of a block costs little beside its rows, small enough to occupy all threads.
     const BLOCK_ROWS: usize = 1024;
     let n_latent = features.n_latent;
     let n = features.values.len() / n_latent;

@@ -1,7 +1,7 @@
-//! The paper's equations, literally, in f64: what the fast path is compared with.
+//! The paper's equations, literally, in f64: the reference for tests of the fast path.
 //!
-//! Everything is formed that the fast path avoids: f = A f' + b for every Gaussian, its statistics, AdaIN on it, and
-//! unfolded layers. Slow and wide on purpose.
+//! This twin forms everything that the fast path avoids: f = A f' + b for every Gaussian, its statistics, AdaIN on it,
+//! and unfolded layers. It is slow and wide on purpose.
 
 use crate::{
     decoder::Decoder,
@@ -24,7 +24,7 @@ pub fn full_features(features: &Features) -> Vec<Vec<f64>> {
     features.values.chunks_exact(n_latent).map(full).collect()
 }
 
-/// AdaIN of every row: std_s (f - mean(f)) / (std(f) + 1e-8) + mean_s, std unbiased, 0 when N <= 1.
+/// AdaIN of every row: std_s (f - mean(f)) / (std(f) + 1e-8) + mean_s. std is unbiased, and 0 if N <= 1.
 pub fn adain(f: &[Vec<f64>], style: &ChannelStatistics) -> Vec<Vec<f64>> {
     let n = f.len() as f64;
     let n_channels = style.mean.len();
@@ -42,28 +42,31 @@ pub fn adain(f: &[Vec<f64>], style: &ChannelStatistics) -> Vec<Vec<f64>> {
     f.iter().map(|row| (0..n_channels).map(|d| channel(row, d)).collect()).collect()
 }
 
-/// The decoder on full-width features `[N][D + E]`: `[N][3]`, before a residual decoder adds the own color.
+/// Colors `[N][3]` of full-width features and procedural inputs `[N][D + E]`, before a residual decoder adds the base
+/// color.
 pub fn decode(decoder: &Decoder, neighbors: &Neighbors, mut x: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     for (i, layer) in decoder.layers.iter().enumerate() {
         let is_last = i + 1 == decoder.layers.len();
-        let output = |window: &[u32], o: usize| {
+        let output = |neighborhood: &[u32], o: usize| {
             let mut sum = f64::from(layer.bias[o]);
-            for (k, &neighbor) in window.iter().enumerate() {
+            for (k, &neighbor) in neighborhood.iter().enumerate() {
                 let weight = &layer.weight[(o * decoder.k + k) * layer.d_in..][..layer.d_in];
                 let row = &x[neighbor as usize];
                 sum += weight.iter().zip(row).map(|(w, v)| f64::from(*w) * v).sum::<f64>();
             }
             if is_last { sum } else { decoder.activation.evaluate(sum) }
         };
-        let windows = neighbors.indices.chunks_exact(neighbors.k);
-        x = windows.map(|window| (0..layer.d_out).map(|o| output(window, o)).collect()).collect();
+        let neighborhoods = neighbors.indices.chunks_exact(neighbors.k);
+        x = neighborhoods
+            .map(|neighborhood| (0..layer.d_out).map(|o| output(neighborhood, o)).collect())
+            .collect();
     }
     for _ in 0..decoder.smoothing_passes {
-        let mean = |window: &[u32], o: usize| {
-            window.iter().map(|&neighbor| x[neighbor as usize][o]).sum::<f64>() / decoder.k as f64
+        let mean = |neighborhood: &[u32], o: usize| {
+            neighborhood.iter().map(|&neighbor| x[neighbor as usize][o]).sum::<f64>() / decoder.k as f64
         };
-        let windows = neighbors.indices.chunks_exact(neighbors.k);
-        x = windows.map(|window| (0..3).map(|o| mean(window, o)).collect()).collect();
+        let neighborhoods = neighbors.indices.chunks_exact(neighbors.k);
+        x = neighborhoods.map(|neighborhood| (0..3).map(|o| mean(neighborhood, o)).collect()).collect();
     }
     x
 }

@@ -9,7 +9,7 @@ use stylegaussian::{
     twin,
 };
 
-/// SplitMix64: a few lines that give the same numbers everywhere.
+/// SplitMix64, which gives the same numbers everywhere.
 struct Random(u64);
 
 impl Random {
@@ -62,9 +62,9 @@ fn scene(random: &mut Random, n: usize, n_latent: usize, n_extra: usize) -> Scen
     scene
 }
 
-/// Weights and biases that keep pre-activations at about mean 0 and deviation 1 over Gaussians, so that nothing
-/// saturates: inputs of a first layer have deviation 1; a sigmoid of a unit normal has mean 0.5 and deviation 0.21, and
-/// windows overlap little on random points.
+/// A decoder with pre-activations of about mean 0 and deviation 1 over Gaussians, so that nothing saturates. Inputs of
+/// a first layer have deviation 1, a sigmoid of a unit normal has mean 0.5 and deviation 0.21, and neighborhoods of
+/// random points overlap little.
 fn decoder(random: &mut Random, n_inputs: usize, activation: Activation) -> Decoder {
     let mut d_in = n_inputs;
     let layer = |d_out: usize| {
@@ -135,7 +135,7 @@ fn check_fold(n: usize, n_latent: usize, n_extra: usize, activation: Activation)
         assert!(deviation(&expected) > 0.1, "{what}: an output that hardly varies proves nothing");
     }
     if n > 1000 {
-        return; // mixing and content cost as much again and depend on N no more than the above
+        return; // mixing and content cost as much again, and depend on N no more than the transfer above
     }
 
     let map = transfer(features, &[(&a, 0.6), (&b, 1.4)], 0.0).unwrap();
@@ -166,7 +166,7 @@ fn folded_equals_unfolded_at_ten_thousand() {
     check_fold(10_000, 256, 0, Activation::Sigmoid);
 }
 
-/// Everything that a decoder may see beside the paper's features: the scene's extra inputs, noise, its own colors, and
+/// All inputs that a decoder may have beside the paper's features: the scene's extra inputs, noise, base colors, and
 /// the statistics of the style.
 #[test]
 fn a_decoder_may_see_more() {
@@ -195,7 +195,8 @@ fn check_all_inputs(smoothing_passes: usize) {
         let [a, b] = styles.each_ref().map(|style| twin::adain(&f, style));
         a.iter().zip(&b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| 0.25 * a + 0.75 * b).collect()).collect()
     };
-    // AdaIN's outcome has the statistics of the style, and a mix of two maps of one scene the mix of theirs.
+    // Features after AdaIN have the statistics of the style. A mix of two maps of one scene has the mix of their
+    // statistics.
     let mix = |part: fn(&ChannelStatistics) -> &Vec<f32>| {
         let [a, b] = styles.each_ref().map(part);
         a.iter().zip(b).map(|(a, b)| 0.25 * f64::from(*a) + 0.75 * f64::from(*b)).collect::<Vec<f64>>()
@@ -213,11 +214,11 @@ fn check_all_inputs(smoothing_passes: usize) {
         row.extend(color.map(|channel| 4.0 * (f64::from(channel) - 0.5)));
     }
     let mut expected = twin::decode(&unfolded, scene.neighbors.as_ref().unwrap(), rows);
-    for (expected, own) in expected.iter_mut().zip(scene.base_colors()) {
-        expected.iter_mut().zip(own).for_each(|(channel, own)| *channel += 0.25 * f64::from(own));
+    for (expected, base) in expected.iter_mut().zip(scene.base_colors()) {
+        expected.iter_mut().zip(base).for_each(|(channel, base)| *channel += 0.25 * f64::from(base));
     }
     let map = transfer(features, &[(&styles[0], 1.0), (&styles[1], 3.0)], 0.0).unwrap();
-    let what = format!("extra inputs of every kind, {smoothing_passes} averages");
+    let what = format!("extra inputs of every kind, {smoothing_passes} smoothing passes");
     check_close(&stylize(&scene, &decoder, &map).unwrap(), &expected, &what);
 }
 

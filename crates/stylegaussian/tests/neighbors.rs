@@ -1,9 +1,10 @@
-//! Neighbors against a search through all pairs.
+//! Neighbor lists against a search through all pairs.
 
 use glam::Vec3;
 use stylegaussian::Neighbors;
 
-/// All pairs, in f64: self first, then ascending distance, ties by source index, self again where N < K.
+/// The lists by definition, in f64: itself first, then ascending distance, ties by source index, and itself again if N
+/// < K.
 fn all_pairs(means: &[Vec3], order: &[u32], k: usize) -> Vec<u32> {
     let list = |i: usize| {
         let mut others: Vec<usize> = (0..means.len()).filter(|&j| j != i).collect();
@@ -17,7 +18,7 @@ fn all_pairs(means: &[Vec3], order: &[u32], k: usize) -> Vec<u32> {
 
 fn check(means: &[Vec3], k: usize, what: &str) {
     let n = means.len() as u32;
-    // Source indices in an order of their own: 7 is coprime to every n used here.
+    // Source indices in another order than memory. 7 is coprime to every n used here.
     let order: Vec<u32> = (0..n).map(|i| (i * 7 + 3) % n.max(1)).collect();
     assert_eq!(Neighbors::find(means, &order, k).indices, all_pairs(means, &order, k), "{what}");
 }

@@ -11,7 +11,7 @@ use stylegaussian::{
     splat::{Colors, RenderedImage, render},
 };
 
-/// The folder of test data, or `None` (said aloud) where it is absent.
+/// The folder of test data, or `None` with a notice if it is absent.
 fn data() -> Option<PathBuf> {
     let beside = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
     let folder = std::env::var_os("STYLEGAUSSIAN_DATA").map_or_else(beside, PathBuf::from);
@@ -26,7 +26,7 @@ fn scene(data: &std::path::Path, name: &str) -> Scene {
     read_scene(&data.join("splats").join(name)).unwrap_or_else(|error| panic!("{error}")).scene
 }
 
-/// A camera of a transforms.json: `intrinsics` holds fl_x and the like, `frame` the pose.
+/// A camera of a transforms.json. `intrinsics` holds fl_x and the like, `frame` the pose.
 fn camera(intrinsics: &Value, frame: &Value) -> Camera {
     let number = |name: &str| intrinsics[name].as_f64().unwrap();
     let rows: Vec<f64> = frame["transform_matrix"]
@@ -87,8 +87,8 @@ fn matches_the_float64_reference_renders() {
     }
 }
 
-/// How well `view`, premultiplied as it is, matches the photo where it covers at least 95%, and on which share of the
-/// pixels that is.
+/// Peak signal-to-noise ratio of `view` (premultiplied as it is) against the photo, over the pixels that it covers by
+/// more than 95%, and the share of these pixels.
 fn photo_psnr(view: &RenderedImage, photo: &image::RgbImage) -> (f64, f64) {
     let covered: Vec<usize> = (0..view.alpha.len()).filter(|&p| view.alpha[p] > 0.95).collect();
     let pairs = covered.iter().flat_map(|&p| {

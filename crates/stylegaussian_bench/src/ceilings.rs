@@ -1,4 +1,4 @@
-//! What the adapter can do at most: a plain product of matrices, and a plain copy.
+//! The adapter's limits: a plain product of matrices, and a plain copy.
 
 use anyhow::{Result, ensure};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
@@ -10,7 +10,7 @@ use crate::{
     report::{Report, Row, names},
 };
 
-/// The copy. The product is measured in turns with what is compared with it.
+/// Measures the copy. The product is measured in turns with the rows that are compared with it.
 pub fn run(gpu: &Gpu, plan: &Plan, report: &mut Report) -> Result<()> {
     copy(gpu, if plan.on_gpu { 128 << 20 } else { 32 << 20 }, report)
 }
@@ -25,7 +25,7 @@ pub struct Product<'a> {
 }
 
 impl<'a> Product<'a> {
-    /// Of matrices that make a GPU busy, or of smaller ones for a CPU; its result is checked.
+    /// A product of matrices that keep a GPU busy, or of smaller ones for a software adapter. The result is checked.
     pub fn new(gpu: &'a Gpu, plan: &Plan) -> Result<Self> {
         let n = if plan.on_gpu { 4096 } else { 768 };
         // Small whole numbers: sums of n of them are exact in f32.
@@ -52,13 +52,13 @@ impl<'a> Product<'a> {
         self.gpu.time(|encoder| self.kernel.run(self.gpu, encoder, &self.buffers, workgroups))
     }
 
-    /// Multiplications and additions.
+    /// Number of multiplications and additions.
     pub fn flops(&self) -> u64 {
         2 * (self.n as u64).pow(3)
     }
 }
 
-/// A few elements of the product: a ceiling that computes something else is none.
+/// Checks a few elements of the product, because a limit that computes something else is worthless.
 fn check_product(gpu: &Gpu, a: &[f32], b: &[f32], c: &wgpu::Buffer, n: usize) -> Result<()> {
     for (row, column) in [(0, 0), (1, n - 1), (n / 2 + 3, 17), (n - 1, n - 2)] {
         let expected: f32 = (0..n).map(|k| a[row * n + k] * b[k * n + column]).sum();

@@ -1,4 +1,4 @@
-//! The decoder on the CPU beside the literal one and a plain product, in turns.
+//! The decoder on the CPU, in turns with the literal one and a plain product.
 
 use anyhow::Result;
 use rayon::prelude::*;
@@ -18,7 +18,7 @@ use crate::{
 /// Side of the matrices of the product.
 const N: usize = 2048;
 
-/// Compared at the smallest size; folded at the others too.
+/// Measures all three at the smallest size, and the folded decoder at the others too.
 pub fn run(plan: &Plan, report: &mut Report) -> Result<()> {
     let decoder = scenes::decoder();
     let n = plan.cpu_sizes()[0];
@@ -50,7 +50,7 @@ fn decode(scene: &Scene, decoder: &Decoder) -> Result<f64> {
     wall_ms(|| Ok(stylize(scene, decoder, &map).map(drop)?))
 }
 
-/// By the `gemm` crate, rows split over all threads.
+/// The product by the `gemm` crate, with rows split over all threads.
 fn multiply(a: &[f32], b: &[f32], c: &mut [f32]) -> Result<f64> {
     let rows = N.div_ceil(rayon::current_num_threads());
     wall_ms(|| {

@@ -1,8 +1,8 @@
-//! From an image in memory to style statistics.
+//! Encoding an image in memory to style statistics.
 
 use anyhow::Result;
-use stylegaussian_encoder::{Image, StyleSize, style_features};
-use stylegaussian_tools::encoder::open_encoder;
+use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
+use stylegaussian_encoder::{Encoder, Image, StyleSize, style_features};
 
 use crate::{
     measure::Samples,
@@ -11,8 +11,13 @@ use crate::{
     scenes::Random,
 };
 
-/// Width and height of the image: what style images are scaled to.
+/// Width and height of the image in pixels, to which style images are scaled.
 const SIDE: u32 = 256;
+
+/// The built-in encoder.
+pub fn default_encoder() -> Result<Encoder> {
+    Ok(Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec())?)
+}
 
 /// An image of noise.
 pub fn noise(side: u32) -> image::RgbImage {
@@ -20,10 +25,9 @@ pub fn noise(side: u32) -> image::RgbImage {
     image::RgbImage::from_fn(side, side, |_, _| image::Rgb([(); 3].map(|()| (255.0 * random.next()) as u8)))
 }
 
-/// Features, then their statistics.
+/// Measures features, then their statistics.
 pub fn run(_plan: &Plan, report: &mut Report) -> Result<()> {
-    // The one that the environment names, otherwise the default one.
-    let encoder = open_encoder(None)?;
+    let encoder = default_encoder()?;
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("noise.png");
     noise(SIDE).save(&path)?;

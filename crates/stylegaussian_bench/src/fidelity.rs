@@ -1,4 +1,4 @@
-//! How near a frame comes to the reference: the CPU's splatting in f32, sorted exactly.
+//! The difference of a frame from the reference: the CPU's splatting in f32, sorted exactly.
 
 use glam::{Affine3A, UVec2, Vec2, Vec3};
 use stylegaussian::{
@@ -6,12 +6,12 @@ use stylegaussian::{
     splat::{Colors, render},
 };
 
-/// Coverage from which on a pixel counts: what lies behind shows less than half a step of 255. Elsewhere the pictures differ by
-/// whether the background is blended in the display's space or in linear light, which is not the splats' doing.
+/// Least coverage of a pixel that counts: the background then shows less than half a step of 255. On other pixels the
+/// pictures differ because one blends the background in the display's space and the other in linear light.
 const COVERED: f32 = 0.998;
 
-/// Displayed red, green and blue `[H, W]` of `scene`, where it covers the picture, from `world_from_view`, a pose that looks along -z with y up,
-/// and with the vertical field of view `fov` in radians.
+/// Displayed red, green and blue `[H, W]` of `scene`, or `None` if it does not cover the pixel. `world_from_view` is
+/// a pose that looks along -z with y up, and `fov` the vertical field of view in radians.
 pub fn reference(
     scene: &Scene,
     world_from_view: Affine3A,
@@ -32,7 +32,8 @@ pub fn reference(
     pixels.map(|(color, &alpha)| (alpha >= COVERED).then(|| displayed(color))).collect()
 }
 
-/// Peak signal-to-noise ratio of a picture where the reference covers it, in dB; infinite where they are equal.
+/// Peak signal-to-noise ratio of a picture, in dB, over the pixels that the reference covers. Infinite if they are
+/// equal.
 pub fn psnr(found: &[[u8; 3]], expected: &[Option<[u8; 3]>]) -> f64 {
     let covered = || found.iter().zip(expected).filter_map(|(found, expected)| Some((found, (*expected)?)));
     let square = |(a, b): (&u8, u8)| (f64::from(*a) - f64::from(b)).powi(2);
@@ -55,7 +56,7 @@ mod tests {
         assert_eq!(psnr(&[[7, 8, 9]], &[Some([7, 8, 9])]), f64::INFINITY);
     }
 
-    /// Two red Gaussians in one place, to the right of a camera's axis and above it.
+    /// Two red Gaussians in one position, to the right of a camera's axis and above it.
     #[test]
     fn the_reference_looks_where_the_frame_does() {
         let red = stylegaussian::sh::dc_from_color([1.0, 0.0, 0.0]);

@@ -20,7 +20,7 @@ use crate::{
 /// Frames before those that count: the first ones allocate.
 const WARM_UP: usize = 4;
 
-/// Every size of every scene, one after another.
+/// Measures every size of every scene.
 pub fn run(gpu: &Gpu, plan: &Plan, report: &mut Report) -> Result<()> {
     run_kind(gpu, plan, "structured", scenes::structured, around_structured, report)?;
     run_kind(gpu, plan, "random", scenes::random, around_random, report)
@@ -52,10 +52,10 @@ fn run_kind(
     Ok(())
 }
 
-/// Where cameras start on their way, in radians; pictures are compared there.
+/// Start of the cameras' way, in radians. Pictures are compared there.
 pub const FIRST_ANGLE: f32 = 0.5;
 
-/// Their vertical field of view.
+/// Vertical field of view of the cameras, in radians.
 pub const FOV: f32 = std::f32::consts::FRAC_PI_4;
 
 /// A camera on its way around the structured scene.
@@ -70,14 +70,14 @@ fn around_random(angle: f32) -> Affine3A {
     Affine3A::look_at_rh(eye, Vec3::ZERO, Vec3::Y).inverse()
 }
 
-/// A scene, a picture, and all that draws one into the other.
+/// A scene, a picture, and the passes that draw one into the other.
 struct Stage<'a> {
     gpu: &'a Gpu,
     scene: &'a GpuScene,
     picture: [u32; 2],
     pose: fn(f32) -> Affine3A,
     n_frames: usize,
-    /// Frames drawn so far: the camera moves on with each.
+    /// Frames drawn so far. The camera moves with each.
     frame: u32,
     pass: SplatPass,
     draw: SplatPipeline,
@@ -120,7 +120,7 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// The camera of a frame, which sees part `i` of `n` side by side.
+    /// The camera of a frame for part `i` of `n`, side by side.
     fn camera(&self, i: u32, n: u32) -> Camera {
         let [width, height] = [self.picture[0] / n, self.picture[1]];
         let aspect = width as f32 / height as f32;
@@ -142,7 +142,15 @@ impl<'a> Stage<'a> {
         let cloud = Cloud { scene: self.scene, colors, world_from_scene: Affine3A::IDENTITY };
         let Gpu { device, queue, .. } = self.gpu;
         let settings = SplatSettings::default();
-        self.pass.prepare(device, queue, encoder, &mut self.views[i], &camera, &[cloud], &settings)?;
+        self.pass.project_and_sort(
+            device,
+            queue,
+            encoder,
+            &mut self.views[i],
+            &camera,
+            &[cloud],
+            &settings,
+        )?;
         Ok(())
     }
 
@@ -152,7 +160,7 @@ impl<'a> Stage<'a> {
         self.pass.draw_layer(device, queue, encoder, &mut self.views[i], &layer, &self.draw);
     }
 
-    /// Puts the layer over part `i` of `n` of the picture.
+    /// Composites the layer over part `i` of `n` of the picture.
     fn composite(&self, encoder: &mut wgpu::CommandEncoder, i: u32, n: u32) {
         let load = match i {
             0 => wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
@@ -191,7 +199,7 @@ impl<'a> Stage<'a> {
         Ok(())
     }
 
-    /// What the first camera sees `[H, W]`.
+    /// The first camera's picture `[H, W]`.
     fn picture(&mut self) -> Result<Vec<[u8; 3]>> {
         let Gpu { device, queue, .. } = self.gpu;
         self.frame = 0;
@@ -232,7 +240,7 @@ impl<'a> Stage<'a> {
         Ok(rows.flat_map(|row| row.chunks_exact(4).map(|p| [p[0], p[1], p[2]])).collect())
     }
 
-    /// Its parts, each submitted alone.
+    /// Measures the parts of a frame, each submitted alone.
     fn parts(&mut self, name: &str, report: &mut Report) -> Result<()> {
         let (gpu, n, n_frames) = (self.gpu, self.scene.n_gaussians(), self.n_frames);
         let mut add = |part: &str, run: &mut dyn FnMut() -> Result<f64>| {
@@ -244,7 +252,7 @@ impl<'a> Stage<'a> {
             self.frame += 1;
             gpu.time(|encoder| self.prepare(encoder, 0, 1, CloudColors::Captured))
         })?;
-        // Nothing moves and colors fade: nothing is sorted.
+        // If nothing moves and colors fade, nothing is sorted.
         let mut t = 0.0;
         add("project", &mut || {
             t += 0.01;

@@ -1,22 +1,22 @@
-//! The adapter, and how long it takes.
+//! The adapter, and the times of its commands.
 
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use stylegaussian_gpu::device::{DeviceError, HeadlessDevice};
+use stylegaussian_gpu::device::{DeviceError, DeviceOptions, HeadlessDevice};
 
 /// A device and its clock.
 #[derive(Debug)]
 pub struct Gpu {
     /// The device.
     pub device: wgpu::Device,
-    /// Its queue.
+    /// The device's queue.
     pub queue: wgpu::Queue,
     headless: HeadlessDevice,
     timestamps: Option<Timestamps>,
 }
 
-/// Two timestamps, and where they are read.
+/// Two timestamps, and the buffer for reading them.
 #[derive(Debug)]
 struct Timestamps {
     queries: wgpu::QuerySet,
@@ -29,15 +29,16 @@ struct Timestamps {
 const TWO: u64 = 16;
 
 impl Gpu {
-    /// The fastest adapter; `None` where there is none at all.
+    /// The fastest adapter, or `None` if there is none.
     pub fn open() -> Result<Option<Self>> {
         let features = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
-        let headless = match pollster::block_on(HeadlessDevice::request_with_features(features)) {
+        let options = DeviceOptions { features, ..Default::default() };
+        let headless = match pollster::block_on(HeadlessDevice::request(options)) {
             Err(DeviceError::NoAdapter(_)) => return Ok(None),
             result => result?,
         };
         let HeadlessDevice { device, queue, .. } = headless.clone();
-        // Software tells the time at which it took work up, not at which it did it.
+        // Software adapters report the time at which they accept work, not at which they do it.
         let has_clock = !headless.is_software() && device.features().contains(features);
         let timestamps = has_clock.then(|| Timestamps::new(&device, &queue));
         Ok(Some(Self { device, queue, headless, timestamps }))
@@ -55,8 +56,8 @@ impl Gpu {
         format!("{} ({} {}), {clock}", info.name, info.driver, info.driver_info)
     }
 
-    /// Milliseconds that the commands of `encode` take: by the GPU's own clock where it has one, otherwise from their
-    /// submission to their end.
+    /// Milliseconds that the commands of `encode` take: by the GPU's clock if it has one, otherwise from submission
+    /// to end.
     pub fn time(&self, encode: impl FnOnce(&mut wgpu::CommandEncoder) -> Result<()>) -> Result<f64> {
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         if let Some(timestamps) = &self.timestamps {
@@ -74,7 +75,7 @@ impl Gpu {
         self.timestamps.as_ref().map_or(Ok(waited), |timestamps| timestamps.read(&self.device))
     }
 
-    /// Until all that was submitted is done.
+    /// Waits until all submitted work is done.
     pub fn wait(&self) -> Result<()> {
         self.device.poll(wgpu::PollType::wait_indefinitely())?;
         Ok(())

@@ -1,7 +1,7 @@
-//! The style pass beside the literal method and beside a plain product, in turns.
+//! The style pass, in turns with the literal method and a plain product.
 //!
-//! The literal method as WGSL: 256-wide features stored, layers unfolded, all f32, by the same kernels. Its transfer is folded
-//! into the first layer's weights all the same, which spares it a pass over the features.
+//! The literal method in WGSL stores 256-wide features, does not fold layers and uses f32, with the same kernels. Its
+//! transfer is still folded into the first layer's weights, which saves it a pass over the features.
 
 use anyhow::Result;
 use stylegaussian_gpu::style::{Precision, StyleOptions, StylePass};
@@ -16,10 +16,10 @@ use crate::{
     style::OnGpu,
 };
 
-/// Ours in f16, as it is used, and in f32; the literal method; a product.
+/// Measures our method in f16, as it is used, and in f32, the literal method, and a product.
 pub fn run(gpu: &Gpu, plan: &Plan, report: &mut Report) -> Result<()> {
     let n = plan.literal_size();
-    // Whole: blocks are ours, and cost operations.
+    // As a whole: blocks belong to our method and cost operations.
     let f32 = StyleOptions { precision: Precision::F32, scratch_bytes: u64::MAX };
     let [pass, pass_f32] =
         [Precision::F16, Precision::F32].map(|p| StylePass::with_precision(&gpu.device, p));

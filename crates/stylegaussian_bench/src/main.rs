@@ -1,7 +1,7 @@
-//! How fast everything is, beside what it could be: `cargo xtask bench`.
+//! Speed of all parts, relative to limits and references: `cargo xtask bench`.
 //!
-//! A row is one thing measured at one size: the median, least and most of some runs after a warm-up. Ratios compare rows of
-//! the same run: see [`report::Ratios`].
+//! A row is one measurement at one size: the median, minimum and maximum of some runs after a warm-up. Ratios compare
+//! rows of the same run; see [`report::Ratios`].
 
 mod ceilings;
 mod cpu;
@@ -34,20 +34,20 @@ use report::Report;
 #[derive(Debug, Parser)]
 #[command(name = "cargo xtask bench")]
 struct Arguments {
-    /// A part of it, meant to take five minutes on two quiet cores.
+    /// Measure only a part, which takes about five minutes on two idle cores.
     #[arg(long)]
     quick: bool,
     /// Also write the rows and ratios to this file.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// The benchmark of `bevy_gaussian_splatting`, to be run beside ours [default: $STYLEGAUSSIAN_PEER_BENCH].
+    /// The benchmark of `bevy_gaussian_splatting`, to run beside ours [default: $STYLEGAUSSIAN_PEER_BENCH].
     #[arg(long, value_name = "BINARY")]
     peer: Option<PathBuf>,
-    /// VGG-19 weights (safetensors), which a step of training looks through.
+    /// VGG-19 weights (safetensors) for a step of training.
     #[cfg(feature = "offline")]
     #[arg(long, value_name = "FILE")]
     vgg: Option<PathBuf>,
-    /// Only groups whose name contains this: ceilings, encode, style, literal, cpu, pytorch, frame, peer, offline.
+    /// Run only groups with this in their name: ceilings, encode, style, literal, cpu, pytorch, frame, peer, offline.
     #[arg(long, value_name = "WORD")]
     only: Option<String>,
 }
@@ -64,12 +64,12 @@ fn main() -> Result<()> {
             continue;
         }
         eprintln!("── {name}");
-        // A group that fails is a row that could not run, not the end of the others.
+        // If a group fails, the others still run.
         if let Err(error) = group(gpu.as_ref(), &plan, &mut report) {
             report.not_run(name, &format!("{error:#}"));
         }
         report.compare();
-        // After each group: what was measured is kept where the rest takes too long.
+        // Written after each group, so that nothing is lost if the rest takes too long.
         if let Some(path) = &arguments.json {
             std::fs::write(path, report.json()?)
                 .with_context(|| format!("cannot write {}", path.display()))?;

@@ -4,17 +4,17 @@ use std::{fs, time::Instant};
 
 use anyhow::Result;
 
-/// What some runs took, in milliseconds.
+/// Times of some runs, in milliseconds.
 #[derive(Clone, Debug, Default)]
 pub struct Samples {
-    /// Of each run.
+    /// Time of each run.
     pub ms: Vec<f64>,
-    /// Of the processor per run, all threads together; `None` where the system does not tell.
+    /// Processor time per run, over all threads. `None` if the system does not report it.
     pub cpu_ms: Option<f64>,
 }
 
 impl Samples {
-    /// Runs `run` to warm up and then `n_runs` times; each gives its milliseconds.
+    /// Runs `run` to warm up and then `n_runs` times. Each run returns its milliseconds.
     pub fn of(n_warm_up: usize, n_runs: usize, mut run: impl FnMut() -> Result<f64>) -> Result<Self> {
         for _ in 0..n_warm_up {
             run()?;
@@ -25,8 +25,8 @@ impl Samples {
         Ok(Self { ms, cpu_ms })
     }
 
-    /// Runs several things in turns, so that whatever else the machine does slows all of them down: what is compared must be
-    /// measured so. Each gives its milliseconds.
+    /// Runs several functions in turns, so that other work on the machine slows all of them down. Everything that is
+    /// compared must be measured so. Each run returns its milliseconds.
     pub fn in_turns(
         n_warm_up: usize,
         n_runs: usize,
@@ -46,12 +46,12 @@ impl Samples {
         Ok(all)
     }
 
-    /// [`of`](Self::of) by the clock on the wall.
+    /// Like [`of`](Self::of), by wall-clock time.
     pub fn wall(n_warm_up: usize, n_runs: usize, mut run: impl FnMut() -> Result<()>) -> Result<Self> {
         Self::of(n_warm_up, n_runs, || wall_ms(&mut run))
     }
 
-    /// The middle run; the mean of the two in the middle of an even number.
+    /// The median. For an even number of runs, the mean of the two in the middle.
     pub fn median(&self) -> f64 {
         let mut sorted = self.ms.clone();
         sorted.sort_by(f64::total_cmp);
@@ -74,14 +74,14 @@ impl Samples {
     }
 }
 
-/// Milliseconds that `run` takes by the clock on the wall.
+/// Wall-clock milliseconds that `run` takes.
 pub fn wall_ms(mut run: impl FnMut() -> Result<()>) -> Result<f64> {
     let start = Instant::now();
     run()?;
     Ok(start.elapsed().as_secs_f64() * 1e3)
 }
 
-/// User and system time of this process, in milliseconds; Linux counts it in ticks of 10 ms.
+/// User and system time of this process, in milliseconds. Linux counts it in ticks of 10 ms.
 fn process_cpu_ms() -> Option<f64> {
     let stat = fs::read_to_string("/proc/self/stat").ok()?;
     // The second field is the program's name, in parentheses, and may hold spaces.

@@ -1,20 +1,21 @@
 //! Steps of embedding and of training.
 
-use std::{fs, path::Path, sync::atomic::AtomicBool, time::Instant};
+use std::path::Path;
 
-use anyhow::Result;
-use clap::Parser;
+use anyhow::{Context, Result};
 use glam::{UVec2, Vec3};
-use stylegaussian::{Camera, Scene, file};
+use stylegaussian::{Camera, Scene};
 use stylegaussian_encoder::Encoder;
-use stylegaussian_tools::{
-    cli::Cli,
-    embed::{EmbedMethod, EmbedOptions, TrainingView, Watch, embed},
-    encoder::open_encoder,
+use stylegaussian_train::{
+    Watch,
+    decoder::{Paintings, TrainConfig, Trainer, TrainingScene},
+    embed::{EmbedMethod, EmbedOptions, TrainingView, embed},
+    nn::{LossNetwork, Processor},
+    views::choose_views,
 };
 
 use crate::{
-    encode::noise,
+    encode::{default_encoder, noise},
     measure::Samples,
     plan::Plan,
     report::{Report, Row},
@@ -24,23 +25,23 @@ use crate::{
 /// Width and height of views, in pixels.
 const SIDE: u32 = 256;
 
-/// The row that needs more than the repository has.
+/// The row that needs VGG-19's weights, which the repository does not have.
 const TRAINING: &str = "train, a step";
 
-/// Steps of embedding, then of training, whose loss looks through the weights `vgg`.
+/// Measures steps of embedding, then of training with the VGG-19 weights `vgg`.
 pub fn run(vgg: Option<&Path>, plan: &Plan, report: &mut Report) -> Result<()> {
-    let encoder = open_encoder(None)?;
+    let encoder = default_encoder()?;
     let n = if plan.quick { 5_000 } else { 20_000 };
     let mut scene = scenes::structured(n);
     scene.sort_by_morton();
     embed_steps(&mut scene, &encoder, report)?;
-    if let Err(error) = train_steps(&scene, vgg, plan, report) {
+    if let Err(error) = train_steps(&scene, &encoder, vgg, plan, report) {
         report.not_run(TRAINING, &format!("{error:#}"));
     }
     Ok(())
 }
 
-/// Descent on four views of the scene.
+/// Steps of the descent on four views of the scene.
 fn embed_steps(scene: &mut Scene, encoder: &Encoder, report: &mut Report) -> Result<()> {
     let views: Vec<TrainingView> = (0..4)
         .map(|i| {
@@ -52,40 +53,32 @@ fn embed_steps(scene: &mut Scene, encoder: &Encoder, report: &mut Report) -> Res
         .collect();
     let options =
         EmbedOptions { method: EmbedMethod::Optimize, iterations: Some(20), ..EmbedOptions::default() };
-    let watch = Watch { progress: &|_| (), interrupted: &AtomicBool::new(false) };
-    let fit = embed(scene, &views, encoder, &options, watch)?;
+    let fit = embed(scene, &views, encoder, &options, Watch::default())?;
     let ms = vec![1e3 * fit.fit_seconds / f64::from(fit.iterations)];
     report.add(Row::new("embed, a step", scene.len(), &Samples { ms, cpu_ms: None }));
     Ok(())
 }
 
-/// The difference between a long and a short training, so that loading does not count.
-fn train_steps(scene: &Scene, vgg: Option<&Path>, plan: &Plan, report: &mut Report) -> Result<()> {
+/// Steps with the paper's loss. The first ones also compute statistics of paintings and views, which are kept; they
+/// are the warm-up.
+fn train_steps(
+    scene: &Scene,
+    encoder: &Encoder,
+    vgg: Option<&Path>,
+    plan: &Plan,
+    report: &mut Report,
+) -> Result<()> {
+    let vgg = vgg.context("the loss needs VGG-19: name its weights (safetensors) with --vgg FILE")?;
     let folder = tempfile::tempdir()?;
-    let path = |name: &str| folder.path().join(name);
-    file::write_scene(&path("scene.sgs"), scene)?;
-    fs::create_dir(path("paintings"))?;
-    noise(SIDE).save(path("paintings").join("noise.png"))?;
-    let steps: [u32; 2] = if plan.quick { [4, 8] } else { [10, 30] };
-    let mut seconds = [0.0; 2];
-    for (seconds, steps) in seconds.iter_mut().zip(steps) {
-        let start = Instant::now();
-        train(folder.path(), vgg, steps)?;
-        *seconds = start.elapsed().as_secs_f64();
-    }
-    let ms = vec![1e3 * (seconds[1] - seconds[0]) / f64::from(steps[1] - steps[0])];
-    report.add(Row::new(TRAINING, scene.len(), &Samples { ms, cpu_ms: None }));
+    let painting = folder.path().join("noise.png");
+    noise(SIDE).save(&painting)?;
+    let cameras = choose_views(scene, 4, UVec2::splat(SIDE));
+    let loss_network = LossNetwork::open(vgg, None, Processor::Cpu)?;
+    let paintings = Paintings::new(vec![painting], encoder, loss_network);
+    let scenes = [TrainingScene::new("scene", scene, &cameras, &[SIDE])];
+    let mut trainer = Trainer::new(TrainConfig::default(), &scenes, paintings)?;
+    let [n_warm_up, n_measured] = if plan.quick { [4, 4] } else { [10, 20] };
+    let samples = Samples::wall(n_warm_up, n_measured, || Ok(trainer.step().map(drop)?))?;
+    report.add(Row::new(TRAINING, scene.len(), &samples));
     Ok(())
-}
-
-fn train(folder: &Path, vgg: Option<&Path>, steps: u32) -> Result<()> {
-    let paths = [folder.join("scene.sgs"), folder.join("paintings"), folder.join("out.decoder.safetensors")];
-    let [scene, paintings, out] = paths.map(|path| path.into_os_string());
-    let words =
-        ["stylegaussian".into(), "train".into(), scene, "--styles".into(), paintings, "-o".into(), out];
-    let options = ["--views", "4", "--size", "256", "--warm-iterations", "0", "--holdout-styles", "0"];
-    let iterations = ["--iterations".into(), steps.to_string().into()];
-    let vgg = vgg.into_iter().flat_map(|file| ["--vgg".into(), file.as_os_str().to_owned()]);
-    let words = words.into_iter().chain(options.map(Into::into)).chain(iterations).chain(vgg);
-    Cli::try_parse_from(words)?.run()
 }

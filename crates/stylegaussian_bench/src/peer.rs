@@ -1,8 +1,8 @@
-//! `bevy_gaussian_splatting` on the same scene and cameras, by a benchmark of its own that is built apart.
+//! `bevy_gaussian_splatting` on the same scene and cameras, by its own benchmark, which is built separately.
 //!
-//! The binary takes `--cloud scene --n N --w W --h H --sort radix32 --frames F --warmup W` and prints a line that starts with
-//! `RESULT` and holds `median_ms=`, `min=`, `p90=` and `cpu_ms_per_frame=`. With `--png FILE` it keeps what its first camera
-//! sees.
+//! The binary takes `--cloud scene --n N --w W --h H --sort radix32 --frames F --warmup W` and prints a line that
+//! starts with `RESULT` and holds `median_ms=`, `min=`, `p90=` and `cpu_ms_per_frame=`. With `--png FILE` it keeps
+//! the picture of its first camera.
 
 use std::{path::Path, process::Command};
 
@@ -16,7 +16,7 @@ use crate::{
     scenes,
 };
 
-/// The structured scene at all sizes.
+/// Measures the structured scene at all sizes.
 pub fn run(binary: Option<&Path>, plan: &Plan, report: &mut Report) -> Result<()> {
     let Some(binary) = binary else {
         bail!("its binary is not named (--peer, or STYLEGAUSSIAN_PEER_BENCH)");

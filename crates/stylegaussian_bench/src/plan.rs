@@ -1,21 +1,21 @@
-//! What is measured at which sizes.
+//! The sizes at which each row is measured.
 
-/// The sizes of a run: what its time allows on this machine.
+/// The sizes of a run, chosen for its time on this machine.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Whether it is the quick one.
+    /// Whether it is the quick run.
     pub quick: bool,
-    /// Whether the adapter is a GPU and not software that acts as one.
+    /// Whether the adapter is a GPU and not a software adapter.
     pub on_gpu: bool,
 }
 
 impl Plan {
-    /// Of a run.
+    /// The plan of a run.
     pub fn new(quick: bool, on_gpu: bool) -> Self {
         Self { quick, on_gpu }
     }
 
-    /// Gaussians of the style pass on the adapter. Software takes seconds for a few thousand.
+    /// Gaussians of the style pass on the adapter. A software adapter takes seconds for a few thousand.
     pub fn style_sizes(&self) -> &'static [usize] {
         match (self.on_gpu, self.quick) {
             (true, true) => &[20_000, 300_000],
@@ -54,12 +54,12 @@ impl Plan {
         }
     }
 
-    /// Sizes that are part of the table and not of this run, with the reason.
+    /// Sizes of the table that this run leaves out, with the reason.
     pub fn left_out(&self) -> Vec<(&'static str, &'static str)> {
         let mut left_out = Vec::new();
         if !self.on_gpu {
-            left_out.push(("style pass, 100k to 3M", "an adapter that is a CPU takes seconds for each 20k"));
-            left_out.push(("frames, 1M and 3M", "an adapter that is a CPU takes seconds for each frame"));
+            left_out.push(("style pass, 100k to 3M", "a software adapter takes seconds for each 20k"));
+            left_out.push(("frames, 1M and 3M", "a software adapter takes seconds for each frame"));
         }
         if self.quick {
             left_out.push(("the other sizes", "--quick"));

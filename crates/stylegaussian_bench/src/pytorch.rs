@@ -1,4 +1,4 @@
-//! The literal method in PyTorch, where Python has it.
+//! The literal method in PyTorch, if Python has it.
 
 use std::{
     io::Write,
@@ -17,7 +17,7 @@ use crate::{
 
 const SCRIPT: &str = include_str!("../benches/literal.py");
 
-/// What the script prints.
+/// The script's output.
 #[derive(Debug, Deserialize)]
 struct Found {
     device: String,
@@ -27,7 +27,7 @@ struct Found {
     tf32: Vec<f64>,
 }
 
-/// The literal method without and, on a GPU, with TF32.
+/// Measures the literal method without TF32 and, on a GPU, with it.
 pub fn run(plan: &Plan, report: &mut Report) -> Result<()> {
     let n = plan.literal_size();
     let found = ask(n)?;
@@ -49,7 +49,7 @@ fn ask(n: usize) -> Result<Found> {
     let mut python = Command::new("python3");
     let mut child =
         python.args(["-", &n.to_string()]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
-    // Dropped at the end of the statement, which ends the script's text.
+    // The pipe is dropped at the end of the statement, which ends the script's text.
     child.stdin.take().context("python3 has no input")?.write_all(SCRIPT.as_bytes())?;
     let output = child.wait_with_output()?;
     serde_json::from_slice(&output.stdout).context("the script did not tell times")

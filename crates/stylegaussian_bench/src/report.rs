@@ -1,66 +1,66 @@
-//! Rows, ratios, and how they are told.
+//! Rows, ratios, and the table of them.
 
 use anyhow::Result;
 use serde::Serialize;
 
 use crate::{gpu::Gpu, measure::Samples};
 
-/// One thing measured at one size.
+/// One measurement at one size.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// What.
+    /// Name of the row.
     pub name: String,
-    /// Gaussians, or the side of a matrix, or bytes that are copied.
+    /// Number of Gaussians, the side of a matrix, or the number of bytes copied.
     pub n: u64,
-    /// Of all runs.
+    /// Median of all runs.
     pub median_ms: f64,
     /// The fastest run.
     pub min_ms: f64,
     /// The slowest run.
     pub max_ms: f64,
-    /// Of the processor per run, all threads together.
+    /// Processor time per run, over all threads.
     pub cpu_ms: Option<f64>,
-    /// Memory that it takes on the GPU or, on the CPU, holds in its arrays.
+    /// Memory on the GPU, or in the CPU's arrays.
     pub bytes: Option<u64>,
-    /// Bytes that one run reads and writes, each gathered row counted.
+    /// Bytes that one run reads and writes, with each gathered row counted.
     pub moved: Option<u64>,
-    /// Multiplications and additions of one run.
+    /// Number of multiplications and additions of one run.
     pub flops: Option<u64>,
-    /// How near a picture comes to the reference, in dB.
+    /// Peak signal-to-noise ratio to the reference, in dB.
     pub psnr_db: Option<f64>,
 }
 
-/// What could not run, and why.
+/// A row that could not run, and the reason.
 #[derive(Clone, Debug, Serialize)]
 pub struct NotRun {
-    /// Of the row or rows.
+    /// Name of the row or rows.
     pub name: String,
-    /// Why not.
+    /// The reason.
     pub reason: String,
 }
 
-/// Rows compared. For speeds `x_over_y` is the time of y by the time of x: larger is better. `*_product*` is our rate of
-/// operations by that of a plain matrix product. `None` where one side could not run.
+/// Ratios of rows. For speeds, `x_over_y` is the time of y divided by the time of x; larger is better. `*_product*`
+/// is our rate of operations divided by that of a plain matrix product. `None` if one side could not run.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Ratios {
-    /// The CPU's decoder on folded, 32-wide features beside the same one on 256-wide features.
+    /// The CPU's decoder on folded, 32-wide features, relative to the same one on 256-wide features.
     pub folded_over_unfolded_cpu: Option<f64>,
-    /// Rate of the CPU's decoder by that of a plain product.
+    /// Rate of the CPU's decoder, relative to a plain product.
     pub cpu_decode_over_product: Option<f64>,
-    /// The style pass beside the literal method in WGSL: 256-wide, unfolded, f32.
+    /// The style pass, relative to the literal method in WGSL: 256-wide, unfolded, f32.
     pub style_pass_over_literal_wgsl: Option<f64>,
-    /// The style pass beside the literal method in PyTorch, f32 without TF32.
+    /// The style pass, relative to the literal method in PyTorch, f32 without TF32.
     pub style_pass_over_pytorch: Option<f64>,
-    /// Rate of the style pass by that of a plain f32 product in WGSL.
+    /// Rate of the style pass, relative to a plain f32 product in WGSL.
     pub style_pass_over_product_rate: Option<f64>,
-    /// Our bytes for features, neighbors and scratch by those of the literal method: smaller is better.
+    /// Our bytes for features, neighbors and scratch, relative to the literal method. Smaller is better.
     pub style_memory_over_literal: Option<f64>,
-    /// Processor time of our frame by that of the peer's: smaller is better.
+    /// Processor time of our frame, relative to the peer's. Smaller is better.
     pub frame_cpu_ms_over_peer: Option<f64>,
 }
 
-/// How times grow with the number of Gaussians, N: the exponent e of N^e between two sizes. 1 is linear; smaller is better.
-/// `None` where one of them could not run.
+/// Growth of times with the number of Gaussians N: the exponent e of N^e between two sizes. 1 is linear, and smaller is
+/// better. `None` if one of the sizes could not run.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Exponents {
     /// The CPU's decoder from 20,000 to 300,000.
@@ -71,20 +71,20 @@ pub struct Exponents {
     pub frame: Option<f64>,
 }
 
-/// Everything measured.
+/// All results.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// The GPU adapter and its driver.
     pub adapter: String,
-    /// Processor and cores.
+    /// Processor and number of cores.
     pub machine: String,
-    /// In the order of measuring.
+    /// Rows in the order of measuring.
     pub rows: Vec<Row>,
-    /// What is missing.
+    /// Rows that could not run.
     pub not_run: Vec<NotRun>,
-    /// Rows compared.
+    /// Ratios of rows.
     pub ratios: Ratios,
-    /// How times grow.
+    /// Growth of times.
     pub exponents: Exponents,
 }
 
@@ -103,12 +103,12 @@ pub mod names {
     pub const PEER: &str = "frame, structured, 512x512, peer";
 }
 
-/// Bytes per Gaussian of the literal method without a gather that is kept: features and the two largest activations
-/// in f32, (256 + 256 + 128) * 4, and 8 neighbors of 4 bytes each.
+/// Bytes per Gaussian of the literal method without stored gathers: features and the two largest activations in f32,
+/// (256 + 256 + 128) * 4, and 8 neighbors of 4 bytes each.
 pub const LITERAL_BYTES: f64 = 2592.0;
 
 impl Row {
-    /// Of `samples`.
+    /// A row with the times of `samples`.
     pub fn new(name: impl Into<String>, n: usize, samples: &Samples) -> Self {
         Self {
             name: name.into(),
@@ -124,13 +124,13 @@ impl Row {
         }
     }
 
-    /// A row that only tells bytes.
+    /// A row with bytes alone.
     pub fn of_memory(name: impl Into<String>, n: usize, bytes: u64) -> Self {
         let nothing = Samples { ms: vec![0.0], cpu_ms: None };
         Self { bytes: Some(bytes), ..Self::new(name, n, &nothing) }
     }
 
-    /// A row that only tells how near a picture comes to the reference.
+    /// A row with a peak signal-to-noise ratio alone.
     pub fn of_picture(name: impl Into<String>, n: usize, psnr_db: f64) -> Self {
         Self { bytes: None, psnr_db: Some(psnr_db), ..Self::of_memory(name, n, 0) }
     }
@@ -142,7 +142,7 @@ impl Row {
 }
 
 impl Report {
-    /// Nothing measured yet.
+    /// An empty report.
     pub fn new(gpu: Option<&Gpu>) -> Self {
         Self {
             adapter: gpu.map_or_else(|| "no adapter".into(), Gpu::name),
@@ -154,25 +154,25 @@ impl Report {
         }
     }
 
-    /// Adds a row and tells it.
+    /// Adds a row and prints it.
     pub fn add(&mut self, row: Row) {
         eprintln!("   {}", line(&row).trim_end());
         self.rows.push(row);
     }
 
-    /// Says why something is missing.
+    /// Notes why a row is missing.
     pub fn not_run(&mut self, name: &str, reason: &str) {
         eprintln!("   {name}: NOT RUN, {reason}");
         self.not_run.push(NotRun { name: name.into(), reason: reason.into() });
     }
 
-    /// The row `name`, at `n` where that is told, the largest otherwise.
+    /// The row `name` at size `n`, or at its largest size if `n` is `None`.
     fn row(&self, name: &str, n: Option<u64>) -> Option<&Row> {
         let rows = self.rows.iter().filter(|row| row.name == name && n.is_none_or(|n| row.n == n));
         rows.max_by_key(|row| row.n)
     }
 
-    /// How much faster `x` is than `y`, at the size of `y`.
+    /// Factor by which `x` is faster than `y`, at the size of `y`.
     fn faster(&self, x: &str, y: &str) -> Option<f64> {
         let y = self.row(y, None)?;
         Some(y.median_ms / self.row(x, Some(y.n))?.median_ms)
@@ -184,9 +184,9 @@ impl Report {
         Some(times.ln() / (to as f64 / from as f64).ln())
     }
 
-    /// Compares rows.
+    /// Computes ratios and growth.
     pub fn compare(&mut self) {
-        // Both at the size at which they took turns.
+        // Both at the size at which they were measured in turns.
         let of_product = |name: &str, size_of: &str, product: &str| {
             let ours = self.row(name, Some(self.row(size_of, None)?.n))?;
             Some(ours.rate()? / self.row(product, None)?.rate()?)
@@ -212,12 +212,12 @@ impl Report {
         };
     }
 
-    /// For programs.
+    /// The report as JSON.
     pub fn json(&self) -> Result<String> {
         Ok(serde_json::to_string_pretty(self)? + "\n")
     }
 
-    /// For people: Markdown.
+    /// The report as a Markdown table.
     pub fn table(&self) -> String {
         let mut text = format!("\n{}\n\n{}\n\n", self.adapter, self.machine);
         text += "| row | n | median ms | min | max | CPU ms | GPU MB | GB/s | GFLOP/s | PSNR dB |\n";
@@ -280,7 +280,7 @@ fn line(row: &Row) -> String {
     )
 }
 
-/// The processor as the system names it, and how many threads it runs at once.
+/// The processor's name, and the number of threads that it runs at once.
 fn machine() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": "));

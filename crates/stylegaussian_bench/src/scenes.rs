@@ -1,4 +1,4 @@
-//! Scenes and decoders to measure with: always the same, and their numbers of any size.
+//! Scenes and decoders for measurements, always the same, and of any size.
 
 use std::f32::consts::TAU;
 
@@ -16,7 +16,7 @@ pub const K: usize = 8;
 pub struct Random(u64);
 
 impl Random {
-    /// The same sequence every time.
+    /// Starts the sequence, which is always the same.
     pub fn new() -> Self {
         Self(0x9e37_79b9_7f4a_7c15)
     }
@@ -35,7 +35,7 @@ impl Random {
     }
 }
 
-/// Where one Gaussian is, what it lies flat on, the area that falls to it times n, and its color.
+/// A Gaussian on a surface: its position, the surface's normal, its area times n, and its color.
 struct Patch {
     mean: Vec3,
     normal: Vec3,
@@ -93,7 +93,7 @@ pub fn random(n: usize) -> Scene {
     Scene { means, rotations, scales, opacities, ..colored(colors.into_iter()) }
 }
 
-/// A scene that only has colors yet.
+/// A scene with colors and without features.
 fn colored(rgb: impl ExactSizeIterator<Item = Vec3>) -> Scene {
     let n = rgb.len();
     let coefficients = rgb.flat_map(|rgb| stylegaussian::sh::dc_from_color(rgb.to_array())).collect();
@@ -105,8 +105,9 @@ fn colored(rgb: impl ExactSizeIterator<Item = Vec3>) -> Scene {
     }
 }
 
-/// The structured scene in Morton order, as files keep it, with `n_latent` features for 256 channels and neighbor lists. The
-/// features are noise: times do not depend on them. With 256 of them they are the channels themselves: the literal method.
+/// The structured scene in Morton order, as files keep it, with `n_latent` features for 256 channels and neighbor
+/// lists. The features are noise, because times do not depend on them. If there are 256, they are the channels
+/// themselves, as in the literal method.
 pub fn embedded(n: usize, n_latent: usize) -> Scene {
     let scene = structured(n);
     let mut scene = scene.subset(&morton::order(&scene.means));
@@ -129,7 +130,7 @@ fn identity() -> Vec<f32> {
     (0..N_CHANNELS * N_CHANNELS).map(|i| if i % (N_CHANNELS + 1) == 0 { 1.0 } else { 0.0 }).collect()
 }
 
-/// The paper's decoder with random weights that keep the size of what passes through.
+/// The paper's decoder with random weights that keep the scale of activations.
 pub fn decoder() -> Decoder {
     let mut random = Random::new();
     let mut d_in = N_CHANNELS;
@@ -143,7 +144,7 @@ pub fn decoder() -> Decoder {
     Decoder { layers: layers.into(), k: K, ..Decoder::default() }
 }
 
-/// Multiplications and additions of each layer for one Gaussian, with `n_latent` inputs.
+/// Number of multiplications and additions of each layer for one Gaussian, with `n_latent` inputs.
 pub fn flops_of_layers(n_latent: usize) -> [u64; 5] {
     let mut d_in = n_latent;
     Decoder::WIDTHS.map(|d_out| {
@@ -153,7 +154,7 @@ pub fn flops_of_layers(n_latent: usize) -> [u64; 5] {
     })
 }
 
-/// Multiplications and additions of all layers for `n` Gaussians, with `n_latent` inputs.
+/// Number of multiplications and additions of all layers for `n` Gaussians, with `n_latent` inputs.
 pub fn flops(n: usize, n_latent: usize) -> u64 {
     n as u64 * flops_of_layers(n_latent).iter().sum::<u64>()
 }

@@ -18,14 +18,14 @@ use crate::{
     scenes::{self, N_CHANNELS, N_LOW, Random},
 };
 
-/// Every size.
+/// Measures every size.
 pub fn run(gpu: &Gpu, plan: &Plan, report: &mut Report) -> Result<()> {
     let pass = StylePass::new(&gpu.device);
     for &n in plan.style_sizes() {
         let scene = scenes::embedded(n, N_LOW);
         let style = OnGpu::new(gpu, &scene, StyleOptions::default())?;
         change(gpu, &pass, &style, report)?;
-        // The size at which it is compared is measured in turns with the others.
+        // The size of the comparison is measured in turns with the other methods.
         if n != plan.literal_size() {
             let samples = Samples::of(1, 3, || style.time(gpu, &pass))?;
             let (flops, bytes) = (Some(scenes::flops(n, N_LOW)), Some(style.bytes()));
@@ -45,8 +45,8 @@ pub fn run(gpu: &Gpu, plan: &Plan, report: &mut Report) -> Result<()> {
     Ok(())
 }
 
-/// Bytes of a style of 300,000 Gaussians, the paper's largest scene, and of other sizes; by arithmetic on their real neighbor
-/// lists.
+/// Bytes of a change of style for 300,000 Gaussians, the paper's largest scene, and for other sizes, computed from real
+/// neighbor lists.
 pub fn memory(plan: &Plan, report: &mut Report) -> Result<()> {
     let sizes: &[usize] = if plan.quick { &[300_000] } else { &[20_000, 100_000, 300_000] };
     for &n in sizes {
@@ -68,7 +68,7 @@ pub struct OnGpu {
 }
 
 impl OnGpu {
-    /// Of `scene`, decoded with `options`.
+    /// Uploads `scene` for decoding with `options`.
     pub fn new(gpu: &Gpu, scene: &Scene, options: StyleOptions) -> Result<Self> {
         let Gpu { device, queue, .. } = gpu;
         let decoder = scenes::decoder();
@@ -91,12 +91,12 @@ impl OnGpu {
         self.scene.n_gaussians()
     }
 
-    /// What it takes on the GPU, without colors.
+    /// Bytes on the GPU, without colors.
     pub fn bytes(&self) -> u64 {
         self.bytes.total()
     }
 
-    /// Milliseconds of all layers.
+    /// Milliseconds that all layers take.
     pub fn time(&self, gpu: &Gpu, pass: &StylePass) -> Result<f64> {
         let Self { scene, weights, colors, .. } = self;
         gpu.time(|encoder| Ok(pass.encode(&gpu.device, encoder, scene, weights, colors).map(drop)?))
@@ -111,7 +111,7 @@ fn folded(
     Ok(FoldedLayers::new(content, decoder, &content.transfer(&[(style, 1.0)], 0.0)?)?)
 }
 
-/// From a style's statistics to colors: fold, upload, decode.
+/// Measures a change of style from statistics to colors: fold, upload, decode.
 fn change(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> Result<()> {
     let fold = Samples::wall(1, 5, || folded(style.scene.content(), &style.decoder, &style.style).map(drop))?;
     report.add(Row::new("fold", style.n(), &fold));
@@ -129,7 +129,7 @@ fn change(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> Re
     Ok(())
 }
 
-/// Each layer alone; of a scene in blocks, the sum over its blocks.
+/// Measures each layer alone. For a scene in blocks, the sum over its blocks.
 fn layers(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> Result<()> {
     const RUNS: usize = 3;
     let operations = style.scene.operations();
@@ -160,14 +160,14 @@ fn layers(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> Re
     Ok(())
 }
 
-/// Milliseconds of a frame that [`budgeted`] allows: an eighth of a frame at 60 Hz.
+/// Milliseconds per frame that [`budgeted`] allows: an eighth of a frame at 60 Hz.
 const BUDGET_MS: f32 = 2.0;
 
 fn budgeted_name() -> String {
     format!("style pass, a frame's part of {BUDGET_MS} ms")
 }
 
-/// What a change within a budget takes of each of its frames, from the first one on, when nothing is known of the GPU.
+/// Measures the frames of a change within a budget, from the first one on, at which the GPU's speed is still unknown.
 fn budgeted(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> Result<()> {
     let OnGpu { scene, weights, colors, .. } = style;
     let (device, mut progress) = (&gpu.device, StyleProgress::default());
@@ -184,7 +184,8 @@ fn budgeted(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> 
     Ok(())
 }
 
-/// Bytes that each layer gathers and writes for one Gaussian, f16: K rows of inputs and of indices, and one of outputs.
+/// Bytes that each layer gathers and writes for one Gaussian, in f16: K rows of inputs and of indices, and one of
+/// outputs.
 fn moved_by_layers(n_latent: usize) -> [u64; 5] {
     let mut d_in = n_latent;
     Decoder::WIDTHS.map(|d_out| {

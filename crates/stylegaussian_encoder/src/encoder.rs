@@ -1,7 +1,7 @@
 //! The encoder: a file of weights or an ONNX graph, opened and checked.
 
 use std::{
-    env, fs, io,
+    fs, io,
     path::{Path, PathBuf},
 };
 
@@ -10,25 +10,18 @@ use stylegaussian::EncoderId;
 
 use crate::{
     FeatureMap, Image,
+    engine::PROBE_SIDE,
     features::transposed,
     network::{Network, NetworkError, Planes},
-    rehearsal::rehearse,
-    runtime::{Engine, Runtime},
     vgg,
     weights::{Weights, WeightsError},
 };
 
 /// Least width and height of an image for any encoder, in pixels. VGG with reflection padding needs 5; with 8 there are
-/// 2x2 cells, so that a standard deviation exists.
+/// 2x2 positions, so that a standard deviation exists.
 pub const MIN_SIDE: u32 = 8;
 
-/// The environment variable that names the encoder's file when no flag does.
-pub const ENCODER_VARIABLE: &str = "STYLEGAUSSIAN_ENCODER";
-
-/// Size of the image on which an ONNX file is tried when it is opened.
-pub(crate) const PROBE_SIDE: usize = 64;
-
-/// An image encoder. Shared by reference between threads: [`Encoder::encode`] runs on all of them at once.
+/// An image encoder. Shared by reference between threads, which may call [`Encoder::encode`] at the same time.
 pub struct Encoder {
     id: EncoderId,
     network: Network,
@@ -39,12 +32,6 @@ pub struct Encoder {
 /// An encoder could not be opened or used.
 #[derive(Debug, thiserror::Error)]
 pub enum EncoderError {
-    /// Nobody named an encoder.
-    #[error(
-        "no encoder is known: name one with `--encoder FILE` or in the environment variable {ENCODER_VARIABLE}; it is \
-         VGG-19 weights (.safetensors, or torchvision's .pth) or an ONNX file (.onnx, 1x3xHxW RGB 0..1 to 1xDxhxw)"
-    )]
-    NoEncoder,
     /// The file could not be read.
     #[error("{}: {source}", path.display())]
     Read {
@@ -53,7 +40,7 @@ pub enum EncoderError {
         /// The system's error.
         source: io::Error,
     },
-    /// The file's extension is none of the known ones.
+    /// The file's extension is not that of an encoder.
     #[error("{}: not an encoder's file; expected .safetensors, .pth, .pt or .onnx", path.display())]
     Extension {
         /// The file.
@@ -65,7 +52,7 @@ pub enum EncoderError {
     /// The graph cannot be loaded or run, or is not an encoder's.
     #[error(transparent)]
     Network(#[from] NetworkError),
-    /// The graph gives infinite values or such that are not numbers.
+    /// The graph's output is infinite or not a number.
     #[error("{encoder}: the encoder gave {found} on an image of {width}x{height}, expected finite numbers")]
     NotFinite {
         /// The encoder's file.
@@ -84,10 +71,10 @@ pub enum EncoderError {
         width: u32,
         /// Its rows.
         height: u32,
-        /// What the encoder needs.
+        /// Least number of columns and rows that the encoder takes.
         min_side: u32,
     },
-    /// The image's values are not as many as its size says.
+    /// The image has more or fewer values than its size requires.
     #[error("the image of {width}x{height} has {found} values, expected 3 for each pixel")]
     ImageValues {
         /// Its columns.
@@ -99,29 +86,6 @@ pub enum EncoderError {
     },
 }
 
-/// An ONNX file's name without its extension, and its bytes: an encoder that a program carries with it.
-pub type BuiltIn<'a> = (&'a str, &'a [u8]);
-
-/// Opens the encoder that `explicit` names, else the one that [`ENCODER_VARIABLE`] names, else the one that is built in.
-///
-/// # Errors
-/// When there is none of them, which the message explains, or when the one there is cannot be opened.
-pub fn resolve(explicit: Option<&Path>, built_in: Option<BuiltIn<'_>>) -> Result<Encoder, EncoderError> {
-    if let Some(path) = explicit {
-        return Encoder::open(path);
-    }
-    match (named_by_environment(), built_in) {
-        (Some(path), _) => Encoder::open(&path),
-        (None, Some((name, onnx))) => Encoder::from_onnx(name, onnx.to_vec()),
-        (None, None) => Err(EncoderError::NoEncoder),
-    }
-}
-
-/// The file that [`ENCODER_VARIABLE`] names.
-pub fn named_by_environment() -> Option<PathBuf> {
-    env::var_os(ENCODER_VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from)
-}
-
 impl Encoder {
     /// Opens an encoder by its file's extension.
     ///
@@ -130,53 +94,53 @@ impl Encoder {
     /// - `.pth`, `.pt`: torchvision's VGG-19 state dict.
     ///
     /// # Errors
-    /// When the file is not what its extension says, when a tensor has another shape or is not finite, or when the
-    /// graph does not run.
+    /// If the file is not of the kind that its extension claims, if a tensor has another shape or is not finite, or if
+    /// the graph does not run.
     pub fn open(path: &Path) -> Result<Self, EncoderError> {
         let read = |source| EncoderError::Read { path: path.into(), source };
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-        let (min_side, onnx) = match extension.to_ascii_lowercase().as_str() {
-            "onnx" => {
-                let onnx = fs::read(path).map_err(read)?;
-                (least_side(&path.display().to_string(), &onnx)?, onnx)
-            }
-            "safetensors" | "pth" | "pt" => (MIN_SIDE, vgg::graph(&Weights::open(path)?)?),
+        let onnx = match extension.to_ascii_lowercase().as_str() {
+            "onnx" => fs::read(path).map_err(read)?,
+            "safetensors" | "pth" | "pt" => vgg::graph(&Weights::open(path)?)?,
             _ => return Err(EncoderError::Extension { path: path.into() }),
         };
         let id = EncoderId {
             name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
             hash: hash(fs::File::open(path).map_err(read)?).map_err(read)?,
         };
-        Self::new(id, Network::load(path.display().to_string(), onnx)?, min_side)
+        Self::new(id, Network::load(path.display().to_string(), onnx)?)
     }
 
-    /// An ONNX file's bytes, as [`Encoder::open`] would take them from a file of this name, which goes without `.onnx`.
+    /// Opens an encoder from the bytes of an ONNX file, for programs that carry one with them. `name` is the file's name
+    /// without `.onnx`.
     ///
     /// # Errors
-    /// When the bytes are no ONNX graph, or when it is not an encoder's or does not run.
+    /// If the bytes are no ONNX graph, or if the graph is not an encoder's or does not run.
     pub fn from_onnx(name: &str, onnx: Vec<u8>) -> Result<Self, EncoderError> {
-        let min_side = least_side(name, &onnx)?;
         let hash = hash(&onnx[..]).map_err(|source| EncoderError::Read { path: name.into(), source })?;
-        Self::new(EncoderId { name: name.into(), hash }, Network::load(name, onnx)?, min_side)
+        Self::new(EncoderId { name: name.into(), hash }, Network::load(name, onnx)?)
     }
 
-    fn new(id: EncoderId, network: Network, min_side: u32) -> Result<Self, EncoderError> {
-        let mut encoder = Self { id, network, n_channels: 0, min_side };
-        encoder.n_channels = encoder.probe()?;
-        Ok(encoder)
+    /// Tries the graph on gray images, so that one that cannot run, or gives no numbers, is refused when it is opened.
+    fn new(id: EncoderId, network: Network) -> Result<Self, EncoderError> {
+        let input = network.gray(PROBE_SIDE, PROBE_SIDE);
+        let output = network.run(&input)?;
+        check_finite(&network, &input, &output)?;
+        let min_side = least_side(&network)?;
+        Ok(Self { id, network, n_channels: output.channels, min_side })
     }
 
-    /// Name and content hash, for the files that depend on this encoder.
+    /// Name and content hash. Files that depend on this encoder record them.
     pub fn id(&self) -> &EncoderId {
         &self.id
     }
 
-    /// The engine that runs it: `tract 0.23`, or `ONNX Runtime 1.24.1, /path/libonnxruntime.so`.
+    /// Name of the engine that runs it: `tract 0.23`, or `ONNX Runtime 1.24.1, /path/libonnxruntime.so`.
     pub fn runtime(&self) -> &str {
         self.network.runtime().name()
     }
 
-    /// What a user should know: `ORT_DYLIB_PATH` was set, but what it names is not usable.
+    /// A warning for the user if `ORT_DYLIB_PATH` names a library that cannot be used, otherwise `None`.
     pub fn warning(&self) -> Option<&str> {
         self.network.runtime().warning()
     }
@@ -186,7 +150,7 @@ impl Encoder {
         self.n_channels
     }
 
-    /// The only (width, height) that an ONNX file takes, where it fixes both.
+    /// The only (width, height) that an ONNX file takes, or `None` if it leaves one of them open.
     pub fn input_size(&self) -> Option<(u32, u32)> {
         let [_, height, width] = self.network.input();
         Some((u32::try_from(width?).ok()?, u32::try_from(height?).ok()?))
@@ -194,11 +158,12 @@ impl Encoder {
 
     /// Features of an image.
     ///
-    /// Several threads may encode at once. With tract each call runs on its caller's thread; ONNX Runtime spreads one
-    /// call over all cores and takes calls in turn.
+    /// Several threads may encode at once. tract runs each call on its caller's thread and spreads matrix products over
+    /// rayon's; ONNX Runtime spreads one call over all cores and takes calls in turn.
     ///
     /// # Errors
-    /// When the image is smaller than [`MIN_SIDE`], or has another size than the graph takes, or the engine fails.
+    /// If the image is smaller than [`MIN_SIDE`] or than the graph needs, if the graph takes another size, or if the
+    /// engine fails.
     pub fn encode(&self, image: &Image) -> Result<FeatureMap, EncoderError> {
         let (width, height) = (image.width, image.height);
         let n_pixels = width as usize * height as usize;
@@ -215,40 +180,35 @@ impl Encoder {
             width: width as usize,
             values: transposed(&image.rgb, n_pixels, 3),
         };
-        Ok(FeatureMap::from(&self.run(&input)?))
-    }
-
-    fn run(&self, input: &Planes) -> Result<Planes, EncoderError> {
-        let output = self.network.run(input)?;
-        match output.values.iter().find(|value| !value.is_finite()) {
-            None => Ok(output),
-            Some(&found) => Err(EncoderError::NotFinite {
-                encoder: self.network.name().into(),
-                found,
-                width: input.width,
-                height: input.height,
-            }),
-        }
-    }
-
-    /// Runs a gray image, so that a graph that cannot run, or gives no numbers, is refused when it is opened.
-    fn probe(&self) -> Result<usize, EncoderError> {
-        let [_, height, width] = self.network.input();
-        let (height, width) = (height.unwrap_or(PROBE_SIDE), width.unwrap_or(PROBE_SIDE));
-        let values = vec![0.5; 3 * height * width];
-        Ok(self.run(&Planes { channels: 3, height, width, values })?.channels)
+        let output = self.network.run(&input)?;
+        check_finite(&self.network, &input, &output)?;
+        Ok(FeatureMap::from(&output))
     }
 }
 
-/// The least side of an image for a foreign graph, having made sure that tract does not panic over it.
-fn least_side(name: &str, onnx: &[u8]) -> Result<u32, EncoderError> {
-    let runtime = Runtime::get().map_err(NetworkError::from)?;
-    match runtime.engine {
-        // Reports what it cannot do, small images included.
-        Engine::OnnxRuntime => Ok(MIN_SIDE),
-        Engine::Tract => rehearse(onnx).map_err(|reason| {
-            let (name, runtime) = (name.into(), runtime.name().into());
-            NetworkError::Load { name, runtime, reason }.into()
+/// Finds the least side of an image that the graph takes. If the graph leaves height and width open, it has to take any
+/// size above that, so an odd one is tried as well.
+fn least_side(network: &Network) -> Result<u32, EncoderError> {
+    let [_, height, width] = network.input();
+    // ONNX Runtime reports each size that it cannot run, small ones included, and needs no trial.
+    if (height, width) != (None, None) || !network.runtime().is_tract() {
+        return Ok(MIN_SIDE);
+    }
+    let run = |height, width| network.run(&network.gray(height, width));
+    run(PROBE_SIDE + 1, PROBE_SIDE + 7)?;
+    let sides = [MIN_SIDE, 2 * MIN_SIDE, 4 * MIN_SIDE];
+    let least = sides.into_iter().find(|&side| run(side as usize, side as usize).is_ok());
+    Ok(least.unwrap_or(PROBE_SIDE as u32))
+}
+
+fn check_finite(network: &Network, input: &Planes, output: &Planes) -> Result<(), EncoderError> {
+    match output.values.iter().find(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(&found) => Err(EncoderError::NotFinite {
+            encoder: network.name().into(),
+            found,
+            width: input.width,
+            height: input.height,
         }),
     }
 }

@@ -4,7 +4,7 @@ use stylegaussian::ChannelStatistics;
 
 use crate::network::Planes;
 
-/// What an encoder makes of an image: D channels for each cell of a grid, a quarter of the image's size for relu3_1.
+/// Features of an image: D channels for each cell of a grid. The grid has a quarter of the image's size for relu3_1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FeatureMap {
     /// Columns of the grid.
@@ -18,11 +18,12 @@ pub struct FeatureMap {
 }
 
 impl FeatureMap {
-    /// Mean and unbiased standard deviation of each channel over the cells, accumulated in f64.
+    /// Mean and unbiased standard deviation of each channel over the cells, accumulated in f64. If there is only one
+    /// cell, the deviation is 0.
     ///
-    /// Without a covariance and without an encoder's name: this map does not know its encoder.
-    /// A single cell has a deviation of 0.
+    /// The covariance and the encoder are `None`: this map does not know its encoder.
     pub fn statistics(&self) -> ChannelStatistics {
+        // In two passes: the mean of the squares less the square of the mean would cancel if the mean is large.
         let mean = self.means();
         let mut squares = vec![0.0_f64; self.n_channels];
         for cell in self.values.chunks_exact(self.n_channels.max(1)) {
@@ -50,6 +51,7 @@ impl FeatureMap {
                 *centered = f64::from(value) - mean;
             }
             for (row, products) in products.chunks_exact_mut(n_channels).enumerate() {
+                // Only the upper triangle: the matrix is symmetric.
                 let factor = centered[row];
                 for (product, other) in products[row..].iter_mut().zip(&centered[row..]) {
                     *product += factor * other;
@@ -68,7 +70,7 @@ impl FeatureMap {
         self.values.len() / self.n_channels.max(1)
     }
 
-    /// n - 1, or 1 for a single cell, whose sum of squares is 0.
+    /// n - 1, or 1 if there is only one cell: its sum of squares is 0.
     fn unbiased_divisor(&self) -> f64 {
         self.n_cells().saturating_sub(1).max(1) as f64
     }
@@ -107,7 +109,7 @@ impl From<&FeatureMap> for Planes {
     }
 }
 
-/// `[rows, columns]` to `[columns, rows]`, by blocks that stay in the first cache.
+/// Transposes `[rows, columns]` to `[columns, rows]`, by blocks that stay in the first-level cache (2 x 4 KiB).
 pub fn transposed(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
     const BLOCK: usize = 32;
     let mut out = vec![0.0; values.len()];

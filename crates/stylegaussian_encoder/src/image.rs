@@ -1,4 +1,4 @@
-//! Images as the encoder takes them: RGB 0..1, display-referred sRGB values as they stand in the file.
+//! Images as the encoder takes them: RGB 0..1, the display-referred sRGB values of the file.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use ::image::{
 pub const MAX_SIDE: u32 = 16_384;
 /// Most pixels that are read: 8192 x 8192, 768 MiB as f32 RGB.
 pub const MAX_PIXELS: u64 = 1 << 26;
-/// Most bytes that decoding may take, which is 16-bit RGBA of [`MAX_PIXELS`].
+/// Most bytes that decoding may take: 16-bit RGBA of [`MAX_PIXELS`].
 const MAX_DECODER_BYTES: u64 = MAX_PIXELS * 8;
 
 /// An RGB image.
@@ -19,7 +19,7 @@ const MAX_DECODER_BYTES: u64 = MAX_PIXELS * 8;
 pub struct Image {
     /// Columns.
     pub width: u32,
-    /// Rows, the first being the top one.
+    /// Rows, from the top.
     pub height: u32,
     /// Row-major, interleaved, 0..1 `[height, width, 3]`.
     pub rgb: Vec<f32>,
@@ -44,7 +44,7 @@ pub enum ImageError {
         /// The decoder's error.
         source: DecodeError,
     },
-    /// The image is larger than what is read.
+    /// The image is larger than [`MAX_SIDE`] or [`MAX_PIXELS`].
     #[error(
         "{}: the image is {width}x{height}, expected at most {MAX_SIDE} on a side and {MAX_PIXELS} pixels",
         path.display()
@@ -64,8 +64,8 @@ impl Image {
     /// pixels are laid over white, as on paper.
     ///
     /// # Errors
-    /// When the file is absent, is no image, or is larger than [`MAX_SIDE`] and [`MAX_PIXELS`]; the size is checked
-    /// before any pixel is allocated.
+    /// If the file is absent, is no image, or is larger than [`MAX_SIDE`] or [`MAX_PIXELS`]. The size is checked before
+    /// any pixel is allocated.
     pub fn open(path: &Path) -> Result<Self, ImageError> {
         let read = |source| ImageError::Read { path: path.into(), source };
         let decode = |source| ImageError::Decode { path: path.into(), source };
@@ -87,7 +87,7 @@ impl Image {
         Ok(Self::from(image))
     }
 
-    /// The image at another size, each pixel averaging what it covers (Lanczos of 3 lobes, clamped to 0..1).
+    /// The image at another size. Each pixel averages the area that it covers (Lanczos of 3 lobes, clamped to 0..1).
     pub fn resized(&self, width: u32, height: u32) -> Self {
         self.resized_with(width, height, FilterType::Lanczos3)
     }
@@ -101,12 +101,13 @@ impl Image {
             return Self { width, height, rgb: vec![0.0; width as usize * height as usize * 3] };
         };
         let mut rgb = imageops::resize(&view, width, height, filter).into_raw();
+        // Lanczos has negative lobes and overshoots at edges.
         rgb.iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
         Self { width, height, rgb }
     }
 }
 
-/// Alpha is laid over white.
+/// Composites alpha over white.
 impl From<DynamicImage> for Image {
     fn from(image: DynamicImage) -> Self {
         let (width, height) = (image.width(), image.height());
@@ -126,7 +127,7 @@ impl From<&RgbImage> for Image {
     }
 }
 
-/// Rounded to 8 bits; a pixel that `rgb` lacks is black.
+/// Rounds to 8 bits. If `rgb` is too short, the missing pixels are black.
 impl From<&Image> for RgbImage {
     fn from(image: &Image) -> Self {
         let mut out = Self::new(image.width, image.height);

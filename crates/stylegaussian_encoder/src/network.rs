@@ -1,49 +1,29 @@
 //! An ONNX graph ready to run: `[1, C, H, W]` in, `[1, D, h, w]` out, from any number of threads.
 
-use std::sync::{Mutex, PoisonError};
-
-use ort::{
-    session::{Session, builder::GraphOptimizationLevel},
-    value::{Outlet, TensorElementType, TensorRef},
+use crate::{
+    engine::{MAX_VALUES, Outlet, Signature, onnx_runtime, tract},
+    runtime::Runtime,
 };
-use tract_linalg::multithread::{Executor, multithread_tract_scope};
 
-use crate::runtime::{Engine, Runtime, RuntimeError};
-
-/// Most values that a graph may take, or a step of it make, when it is tried: 1 GiB. VGG's largest step makes 2^18 of
-/// 64x64 pixels.
-pub(crate) const MAX_VALUES: usize = 1 << 28;
+pub use crate::engine::Planes;
 
 /// A graph of one image-like input and one image-like output.
 pub struct Network {
     name: String,
-    onnx: Vec<u8>,
-    runtime: &'static Runtime,
-    /// ONNX Runtime: the one session, which uses all cores by itself. tract: sessions at rest, one per thread so far.
-    sessions: Mutex<Vec<Session>>,
+    engine: Engine,
     input: [Option<usize>; 3],
     output_channels: Option<usize>,
 }
 
-/// Values `[1, channels, height, width]`, row-major.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Planes {
-    /// Number of planes.
-    pub channels: usize,
-    /// Rows of each plane.
-    pub height: usize,
-    /// Columns of each plane.
-    pub width: usize,
-    /// `[channels, height, width]`.
-    pub values: Vec<f32>,
+/// A loaded graph, by the engine that runs it.
+enum Engine {
+    Tract(tract::Graph),
+    OnnxRuntime(onnx_runtime::Graph),
 }
 
 /// An ONNX graph could not be loaded or run.
 #[derive(Debug, thiserror::Error)]
 pub enum NetworkError {
-    /// No engine.
-    #[error(transparent)]
-    Runtime(#[from] RuntimeError),
     /// The engine refused the graph.
     #[error("{name}: {runtime} cannot load this ONNX graph: {reason}")]
     Load {
@@ -51,7 +31,7 @@ pub enum NetworkError {
         name: String,
         /// The engine.
         runtime: String,
-        /// What the engine said.
+        /// The engine's message.
         reason: String,
     },
     /// The engine failed while running the graph.
@@ -63,70 +43,87 @@ pub enum NetworkError {
         runtime: String,
         /// Shape of the input.
         input: Vec<usize>,
-        /// What the engine said.
+        /// The engine's message.
         reason: String,
     },
-    /// The graph is not of the kind that is needed here.
+    /// The graph's input or output has another type or shape than needed here.
     #[error("{name}: the ONNX graph's {what} is {found}, expected {expected}")]
     Signature {
         /// The graph's file.
         name: String,
-        /// Which part.
+        /// The part of the graph: its input or its output.
         what: &'static str,
-        /// What the file has.
+        /// The file's type and shape.
         found: String,
-        /// What is needed.
+        /// The type and shape that are needed.
         expected: String,
     },
+}
+
+impl Engine {
+    fn load(runtime: &Runtime, onnx: &[u8]) -> Result<(Self, Signature), String> {
+        Ok(match runtime.environment() {
+            None => {
+                let (graph, signature) = tract::Graph::load(onnx)?;
+                (Self::Tract(graph), signature)
+            }
+            Some(environment) => {
+                let (graph, signature) = onnx_runtime::Graph::load(environment, onnx)?;
+                (Self::OnnxRuntime(graph), signature)
+            }
+        })
+    }
+
+    fn run(&self, input: &Planes) -> Result<(Vec<usize>, Vec<f32>), String> {
+        match self {
+            Self::Tract(graph) => graph.run(input),
+            Self::OnnxRuntime(graph) => graph.run(input),
+        }
+    }
 }
 
 impl Network {
     /// Loads a graph; `name` is for messages.
     ///
     /// # Errors
-    /// When the bytes are no ONNX graph that the engine can run, or when it is not one f32 tensor `[1, C, H, W]` to
-    /// one f32 tensor `[1, D, h, w]` (unknown sizes are allowed).
+    /// If the bytes are no ONNX graph that the engine can run, if a step of it needs an absurd amount of memory, or if
+    /// it does not lead from one f32 tensor `[1, C, H, W]` to one f32 tensor `[1, D, h, w]` (open sizes are allowed).
     pub fn load(name: impl Into<String>, onnx: Vec<u8>) -> Result<Self, NetworkError> {
-        let name = name.into();
-        let runtime = Runtime::get()?;
-        let session = start(&name, &onnx, runtime)?;
-        let [_, channels, height, width] = image_like(&name, "input", session.inputs())?;
-        let fixed = [channels, height, width].into_iter().flatten();
-        if fixed.map(|size| size as f64).product::<f64>() > MAX_VALUES as f64 {
+        let (name, runtime) = (name.into(), Runtime::get());
+        let (engine, signature) = match Engine::load(runtime, &onnx) {
+            Ok(loaded) => loaded,
+            Err(reason) => return Err(NetworkError::Load { name, runtime: runtime.name().into(), reason }),
+        };
+        let input = image_like(&name, "input", &signature.inputs)?;
+        // ONNX Runtime would take this input; the probe would have to allocate it.
+        if input.iter().flatten().map(|&size| size as f64).product::<f64>() > MAX_VALUES as f64 {
             return Err(NetworkError::Signature {
                 name,
                 what: "input",
-                found: shape_text(&[channels, height, width]),
+                found: shape_text(&input),
                 expected: format!("at most {MAX_VALUES} values"),
             });
         }
-        let [_, output_channels, ..] = image_like(&name, "output", session.outputs())?;
-        Ok(Self {
-            onnx,
-            runtime,
-            sessions: Mutex::new(vec![session]),
-            input: [channels, height, width],
-            output_channels,
-            name,
-        })
+        let [output_channels, ..] = image_like(&name, "output", &signature.outputs)?;
+        Ok(Self { name, engine, input, output_channels })
     }
 
-    /// What messages call it: its file.
+    /// Name in messages: the graph's file.
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// The engine.
     pub fn runtime(&self) -> &'static Runtime {
-        self.runtime
+        Runtime::get()
     }
 
-    /// Channels, height and width of the input, where the graph fixes them.
+    /// Channels, height and width of the input; `None` for each that the graph leaves open.
     pub fn input(&self) -> [Option<usize>; 3] {
         self.input
     }
 
-    /// Channels of the output, where the graph states them.
+    /// Channels of the output, or `None` if the graph does not state them.
     pub fn output_channels(&self) -> Option<usize> {
         self.output_channels
     }
@@ -134,38 +131,28 @@ impl Network {
     /// Runs the graph on planes of one image.
     ///
     /// # Errors
-    /// When the input's shape is not the graph's, or the engine fails.
+    /// If the input's shape is not the graph's, or if the engine fails.
     pub fn run(&self, input: &Planes) -> Result<Planes, NetworkError> {
         self.check_input(input)?;
-        match self.runtime.engine {
-            Engine::OnnxRuntime => {
-                let mut sessions = self.lock();
-                match sessions.first_mut() {
-                    Some(session) => self.run_session(session, input),
-                    None => Err(self.run_error(input, "its session is gone")),
-                }
+        let (shape, values) = self.engine.run(input).map_err(|reason| NetworkError::Run {
+            name: self.name.clone(),
+            runtime: self.runtime().name().into(),
+            input: input.shape().to_vec(),
+            reason,
+        })?;
+        match shape[..] {
+            [1, channels, height, width] if channels > 0 && height > 0 && width > 0 => {
+                Ok(Planes { channels, height, width, values })
             }
-            Engine::Tract => {
-                let resting = self.lock().pop();
-                let mut session = match resting {
-                    Some(session) => session,
-                    None => start(&self.name, &self.onnx, self.runtime)?,
-                };
-                // Products on all cores, by the threads that everything else here uses: one image alone would leave the
-                // others idle.
-                let output =
-                    multithread_tract_scope(Executor::RayonGlobal, || self.run_session(&mut session, input));
-                let mut sessions = self.lock();
-                if sessions.len() < rayon::current_num_threads() {
-                    sessions.push(session);
-                }
-                output
-            }
+            _ => Err(self.signature("output", format!("{shape:?}"), "[1, channels, height, width]".into())),
         }
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Session>> {
-        self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
+    /// A gray RGB image of this size, or of the graph's own size if it fixes one.
+    pub(crate) fn gray(&self, height: usize, width: usize) -> Planes {
+        let [_, fixed_height, fixed_width] = self.input;
+        let (height, width) = (fixed_height.unwrap_or(height), fixed_width.unwrap_or(width));
+        Planes { channels: 3, height, width, values: vec![0.5; 3 * height * width] }
     }
 
     fn check_input(&self, input: &Planes) -> Result<(), NetworkError> {
@@ -182,55 +169,18 @@ impl Network {
         ))
     }
 
-    fn run_session(&self, session: &mut Session, input: &Planes) -> Result<Planes, NetworkError> {
-        let shape = [1, input.channels, input.height, input.width];
-        let failed = |error: ort::Error| self.run_error(input, &error.to_string());
-        let tensor = TensorRef::from_array_view((shape, &input.values[..])).map_err(failed)?;
-        let outputs = session.run(ort::inputs![tensor]).map_err(failed)?;
-        let (_, value) = outputs.iter().next().ok_or_else(|| self.run_error(input, "it gave no output"))?;
-        let (shape, values) = value.try_extract_tensor::<f32>().map_err(failed)?;
-        match shape[..] {
-            [1, channels, height, width] if channels > 0 && height > 0 && width > 0 => Ok(Planes {
-                channels: channels as usize,
-                height: height as usize,
-                width: width as usize,
-                values: values.to_vec(),
-            }),
-            _ => Err(self.signature("output", format!("{shape:?}"), "[1, channels, height, width]".into())),
-        }
-    }
-
-    fn run_error(&self, input: &Planes, reason: &str) -> NetworkError {
-        NetworkError::Run {
-            name: self.name.clone(),
-            runtime: self.runtime.name().into(),
-            input: vec![1, input.channels, input.height, input.width],
-            reason: reason.into(),
-        }
-    }
-
     fn signature(&self, what: &'static str, found: String, expected: String) -> NetworkError {
         NetworkError::Signature { name: self.name.clone(), what, found, expected }
     }
 }
 
-fn start(name: &str, onnx: &[u8], runtime: &'static Runtime) -> Result<Session, NetworkError> {
-    let failed =
-        |reason: String| NetworkError::Load { name: name.into(), runtime: runtime.name().into(), reason };
-    Session::builder(&runtime.environment)
-        .map_err(|error| failed(error.to_string()))?
-        .with_optimization_level(GraphOptimizationLevel::All)
-        .map_err(|error| failed(error.to_string()))?
-        .commit_from_memory(onnx)
-        .map_err(|error| failed(error.to_string()))
-}
-
-/// The shape of the only input or output, `None` where it is unknown, when it is one f32 tensor `[1, _, _, _]`.
+/// Channels, height and width of the only input or output, if it is one f32 tensor `[1, C, H, W]`; `None` for each that
+/// is open.
 fn image_like(
     name: &str,
     what: &'static str,
     outlets: &[Outlet],
-) -> Result<[Option<usize>; 4], NetworkError> {
+) -> Result<[Option<usize>; 3], NetworkError> {
     let wrong = |found: String| NetworkError::Signature {
         name: name.into(),
         what,
@@ -240,15 +190,9 @@ fn image_like(
     let [outlet] = outlets else {
         return Err(wrong(format!("{} tensors", outlets.len())));
     };
-    let shape = outlet.dtype().tensor_shape().map(|shape| shape.to_vec());
-    match (outlet.dtype().tensor_type(), shape.as_deref()) {
-        (Some(TensorElementType::Float32), Some(&[batch, ref sizes @ ..]))
-            if sizes.len() == 3 && batch <= 1 =>
-        {
-            let known = |size: i64| usize::try_from(size).ok();
-            Ok([known(batch), known(sizes[0]), known(sizes[1]), known(sizes[2])])
-        }
-        (element, shape) => Err(wrong(format!("{element:?} {shape:?}"))),
+    match outlet.shape[..] {
+        [None | Some(0 | 1), channels, height, width] if outlet.is_f32 => Ok([channels, height, width]),
+        _ => Err(wrong(outlet.description.clone())),
     }
 }
 

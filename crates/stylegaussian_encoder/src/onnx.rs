@@ -1,9 +1,9 @@
 //! Writes small ONNX graphs: a chain of layers from one image-like input to one output.
 //!
-//! ONNX is a protobuf message; what the graphs of this crate need of that format is integers, byte strings and
-//! nesting, which is less code than a dependency. Field numbers are those of `onnx.proto3`.
+//! ONNX is a protobuf message. The graphs of this crate need only integers, byte strings and nesting, which is less
+//! code than a dependency. Field numbers are from `onnx.proto3`.
 
-/// ONNX operator set of the graphs. 13 is the first in which every operator used here has its final shape.
+/// ONNX operator set of the graphs: 13, the first in which all operators used here have their final shape.
 const OPERATOR_SET: u64 = 13;
 /// `onnx.proto3`'s IR version of that operator set.
 const IR_VERSION: u64 = 7;
@@ -22,7 +22,7 @@ pub struct Convolution {
     pub bias: Vec<f32>,
 }
 
-/// A value of a chain.
+/// A value inside a chain, to which a later layer can refer.
 pub struct Place(String);
 
 /// A chain of layers over a tensor `[1, channels, height, width]`, of any height and width.
@@ -48,7 +48,7 @@ impl ChainWriter {
         }
     }
 
-    /// A note for people that the file carries: a name and a text.
+    /// Adds a note for people to the file: a name and a text.
     pub fn describe(mut self, name: &str, text: &str) -> Self {
         self.descriptions = self.descriptions.message(14, Message::default().text(1, name).text(2, text));
         self
@@ -69,7 +69,7 @@ impl ChainWriter {
 
     /// Convolution of stride 1 with `zero_padding` zeros on each side.
     ///
-    /// The convolution's inputs must be the chain's channels so far; readers of weights check that at the door.
+    /// The convolution must have as many inputs as the chain has channels. Readers of weights check that.
     pub fn convolution(self, convolution: &Convolution, zero_padding: u64) -> Self {
         self.any_convolution(convolution, zero_padding, 1)
     }
@@ -100,7 +100,7 @@ impl ChainWriter {
         self
     }
 
-    /// What the chain has come to, for [`ChainWriter::add_from`].
+    /// The chain's value at this point, for [`ChainWriter::add_from`].
     pub fn here(&self) -> Place {
         Place(self.value())
     }
@@ -111,7 +111,7 @@ impl ChainWriter {
         self
     }
 
-    /// 2x2 maximum with stride 2; an odd last row or column makes a cell of its own when `ceil`, else is dropped.
+    /// 2x2 maximum with stride 2. An odd last row or column is kept if `ceil`, otherwise dropped.
     pub fn max_pool(mut self, ceil: bool) -> Self {
         let attributes = [
             Attribute::Integers("kernel_shape", &[2, 2]),
@@ -122,7 +122,7 @@ impl ChainWriter {
         self
     }
 
-    /// Each pixel becomes a 2x2 block.
+    /// Doubles width and height: each pixel becomes a 2x2 block.
     pub fn upsample(mut self) -> Self {
         let scales = self.floats(&[4], &[1.0, 1.0, 2.0, 2.0]);
         let attributes = [
@@ -204,7 +204,7 @@ fn value_info(name: &str, channels: usize, size: [&str; 2]) -> Message {
     Message::default().text(1, name).message(2, Message::default().message(1, tensor))
 }
 
-/// An operator's attribute; the numbers in `write` are `AttributeProto`'s fields and types.
+/// An attribute of an operator. The numbers in `write` are the fields and types of `AttributeProto`.
 enum Attribute<'a> {
     Integer(&'a str, u64),
     Integers(&'a str, &'a [u64]),
@@ -229,6 +229,7 @@ impl Attribute<'_> {
 struct Message(Vec<u8>);
 
 impl Message {
+    /// Appends 7 bits at a time, lowest first; the eighth bit marks that more follow.
     fn varint(&mut self, mut value: u64) {
         while value >= 0x80 {
             self.0.push(value as u8 | 0x80);
@@ -237,6 +238,7 @@ impl Message {
         self.0.push(value as u8);
     }
 
+    // A field's tag is its number and its wire type: 0 for a varint, 2 for bytes with their length before them.
     fn integer(mut self, field: u64, value: u64) -> Self {
         self.varint(field << 3);
         self.varint(value);

@@ -1,48 +1,39 @@
-//! Which engine runs the graphs: ONNX Runtime when the user has it, otherwise tract.
+//! The engine that runs the graphs: tract, or ONNX Runtime if the user names its library.
 //!
-//! The choice is made once per process, at the first use. `ORT_DYLIB_PATH` names a shared library of ONNX Runtime
-//! 1.24 or later; when it cannot be loaded, tract takes over and [`Runtime::warning`] says why. Both give the same
-//! features to about 2e-5; ONNX Runtime is three to four times faster.
+//! tract is pure Rust, built in, and keeps no state in the process. If the environment variable `ORT_DYLIB_PATH` names
+//! a shared library of ONNX Runtime 1.24 or later, that is loaded instead, once per process and at the first use. If it
+//! cannot be used, tract takes over and [`Runtime::warning`] says why. Both give the same features to about 2e-5; ONNX
+//! Runtime is three to four times faster.
 
-use std::{path::Path, sync::OnceLock};
+use std::{
+    env,
+    path::{Path, PathBuf},
+    sync::OnceLock,
+};
 
-use ort::environment::{Environment, EnvironmentBuilder};
+use ort::environment::Environment;
+
+use crate::engine::tract;
 
 /// The environment variable that names a shared library of ONNX Runtime.
 pub const DYLIB_VARIABLE: &str = "ORT_DYLIB_PATH";
 
 /// The engine of this process.
 pub struct Runtime {
-    pub(crate) environment: Environment,
-    pub(crate) engine: Engine,
+    /// ONNX Runtime's environment, or `None` if tract runs the graphs.
+    environment: Option<Environment>,
     name: String,
     warning: Option<String>,
 }
 
-/// What differs in use between the two engines.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Engine {
-    /// Runs each graph on all cores by itself, so one session is shared.
-    OnnxRuntime,
-    /// Runs each graph on the caller's thread, so every thread gets a session.
-    Tract,
-}
-
-/// No engine could be started.
-#[derive(Clone, Debug, thiserror::Error)]
-#[error("no runtime for ONNX graphs: {reason}")]
-pub struct RuntimeError {
-    reason: String,
-}
-
 impl Runtime {
     /// The engine of this process, chosen at the first call.
-    ///
-    /// # Errors
-    /// When another part of the process already owns an `ort` environment.
-    pub fn get() -> Result<&'static Self, RuntimeError> {
-        static RUNTIME: OnceLock<Result<Runtime, RuntimeError>> = OnceLock::new();
-        RUNTIME.get_or_init(Self::start).as_ref().map_err(Clone::clone)
+    pub fn get() -> &'static Self {
+        static RUNTIME: OnceLock<Runtime> = OnceLock::new();
+        RUNTIME.get_or_init(|| {
+            let library = env::var_os(DYLIB_VARIABLE).filter(|path| !path.is_empty());
+            library.map_or_else(|| Self::tract(None), |path| Self::onnx_runtime(&PathBuf::from(path)))
+        })
     }
 
     /// Name and version for people: `tract 0.23`, or `ONNX Runtime 1.24.1, /path/libonnxruntime.so`.
@@ -50,49 +41,50 @@ impl Runtime {
         &self.name
     }
 
-    /// Why `ORT_DYLIB_PATH` was not honored, when it was set and could not be.
+    /// The reason why the library named by `ORT_DYLIB_PATH` is not used; `None` if it is used, or if none is named.
     pub fn warning(&self) -> Option<&str> {
         self.warning.as_deref()
     }
 
-    fn start() -> Result<Self, RuntimeError> {
-        let Some(path) = std::env::var_os(DYLIB_VARIABLE).filter(|path| !path.is_empty()) else {
-            return Self::start_tract(None);
-        };
-        match ort::init_from(Path::new(&path)) {
-            Ok(builder) => {
-                let environment = build(builder)?;
-                let path = Path::new(&path);
-                let name = format!("ONNX Runtime {}, {}", onnx_runtime_version(path), path.display());
-                Ok(Self { environment, engine: Engine::OnnxRuntime, name, warning: None })
+    /// Whether tract runs the graphs.
+    pub(crate) fn is_tract(&self) -> bool {
+        self.environment.is_none()
+    }
+
+    pub(crate) fn environment(&self) -> Option<&Environment> {
+        self.environment.as_ref()
+    }
+
+    fn tract(warning: Option<String>) -> Self {
+        Self { environment: None, name: format!("tract {}", tract::VERSION), warning }
+    }
+
+    fn onnx_runtime(path: &Path) -> Self {
+        let builder = match ort::init_from(path) {
+            Ok(builder) => builder,
+            Err(error) => {
+                return Self::tract(Some(format!(
+                    "{DYLIB_VARIABLE} does not name a usable ONNX Runtime, so tract is used: {error}"
+                )));
             }
-            Err(error) => Self::start_tract(Some(format!(
-                "{DYLIB_VARIABLE} does not name a usable ONNX Runtime, so tract is used: {error}"
+        };
+        // ort allows one environment in a process and hands it to nobody but its maker. If another part of the program
+        // has made it, that part keeps it.
+        match builder.with_name("stylegaussian").with_telemetry(false).build() {
+            Ok(environment) => {
+                let name = format!("ONNX Runtime {}, {}", onnx_runtime_version(path), path.display());
+                Self { environment: Some(environment), name, warning: None }
+            }
+            Err(error) => Self::tract(Some(format!(
+                "ONNX Runtime ({DYLIB_VARIABLE}={}) cannot be started here, so tract is used: {error}",
+                path.display()
             ))),
         }
     }
-
-    fn start_tract(warning: Option<String>) -> Result<Self, RuntimeError> {
-        if !ort::set_api(ort_tract::api()) {
-            return Err(RuntimeError {
-                reason: "another part of this process already chose ort's backend".into(),
-            });
-        }
-        let environment = build(ort::init())?;
-        Ok(Self { environment, engine: Engine::Tract, name: format!("tract {}", tract_version()), warning })
-    }
-}
-
-fn build(builder: EnvironmentBuilder) -> Result<Environment, RuntimeError> {
-    builder
-        .with_name("stylegaussian")
-        .with_telemetry(false)
-        .build()
-        .map_err(|error| RuntimeError { reason: error.to_string() })
 }
 
 /// From the file's name (`libonnxruntime.so.1.24.1`), else from `ORT Build Info: git-branch=rel-1.24.1, ...`: `ort`
-/// does not tell the version otherwise, and not every build's branch is named after it.
+/// has no other source of the version, and not every build's branch is named after it.
 fn onnx_runtime_version(path: &Path) -> String {
     let file = path.canonicalize().unwrap_or_else(|_| path.into());
     let in_name = file.file_name().and_then(|name| version_in(&name.to_string_lossy()));
@@ -107,11 +99,7 @@ fn version_in(text: &str) -> Option<String> {
     numbers.find(|number| number.contains('.')).map(String::from)
 }
 
-/// From `ORT Build Info: backend=ort-tract, version=0.5.0+0.23`: what follows the plus is tract's version.
-fn tract_version() -> &'static str {
-    between(ort::info(), "version=", ',').map_or("", |version| version.rsplit('+').next().unwrap_or(version))
-}
-
+/// The text after `start` and before the next `end`.
 fn between<'a>(text: &'a str, start: &str, end: char) -> Option<&'a str> {
     let (_, rest) = text.split_once(start)?;
     rest.split(end).next()
@@ -127,6 +115,7 @@ mod tests {
         assert_eq!(version_in("libonnxruntime.1.25.0.dylib").as_deref(), Some("1.25.0"));
         assert_eq!(version_in("rel-1.24").as_deref(), Some("1.24"));
         assert_eq!(version_in("onnxruntime.dll"), None);
-        assert_eq!(between("backend=ort-tract, version=0.5.0+0.23", "version=", ','), Some("0.5.0+0.23"));
+        let info = "ORT Build Info: git-branch=rel-1.24.1, git-commit-id=0";
+        assert_eq!(between(info, "git-branch=", ','), Some("rel-1.24.1"));
     }
 }

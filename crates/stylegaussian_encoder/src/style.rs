@@ -1,23 +1,23 @@
-//! From a style image to the statistics that AdaIN matches.
+//! Statistics of a style image, which AdaIN matches.
 
 use image::imageops::FilterType;
 use stylegaussian::ChannelStatistics;
 
 use crate::{Encoder, EncoderError, FeatureMap, Image, encoder::MIN_SIDE};
 
-/// At which size a style image is encoded.
+/// The size at which a style image is encoded.
 ///
 /// relu3_1 sees strokes of a few dozen pixels, so the same painting at another size is another style.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StyleSize {
-    /// Keeps the proportions and shrinks to at most this many pixels; never enlarges, as that adds no stroke.
+    /// Keeps the proportions and shrinks to at most this many pixels. Never enlarges, because that adds no strokes.
     Area(u32),
-    /// Squashes to 256x256, whatever the proportions, with the triangle filter: what the paper's code does.
+    /// Squashes to 256x256, whatever the proportions, with the triangle filter, as the paper's code does.
     Squash256,
 }
 
-/// 512x512 pixels: decoders are trained on crops of paintings whose shorter side is 512, and strokes should come at the
-/// scale they were trained with. Bounding the area and not the shorter side keeps the cost of a panorama the same.
+/// 512x512 pixels. Decoders are trained on crops of paintings with a shorter side of 512, and strokes should have the
+/// scale that they were trained with. The limit is on the area, not on the shorter side, so that a panorama costs no more.
 impl Default for StyleSize {
     fn default() -> Self {
         Self::Area(512 * 512)
@@ -49,7 +49,7 @@ impl StyleSize {
     }
 }
 
-/// Features of a style image at the given size, or at the encoder's own where it has a fixed one.
+/// Features of a style image at the given size, or at the encoder's own size if it has a fixed one.
 ///
 /// # Errors
 /// As [`Encoder::encode`].
@@ -62,7 +62,7 @@ pub fn style_features(encoder: &Encoder, image: &Image, size: StyleSize) -> Resu
 
 /// Mean and standard deviation of a style image's features, naming the encoder.
 ///
-/// For transfers beyond AdaIN, [`FeatureMap::covariance`] of [`style_features`] fills the covariance.
+/// The covariance is `None`. Transfers beyond AdaIN need it, from [`FeatureMap::covariance`] of [`style_features`].
 ///
 /// # Errors
 /// As [`Encoder::encode`].

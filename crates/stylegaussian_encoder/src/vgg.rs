@@ -1,7 +1,7 @@
 //! VGG-19 up to relu3_1, from weights to an ONNX graph.
 //!
-//! Three layouts of weights are known, told apart by the names of their tensors. They differ in more than names: an
-//! encoder is only the same one with the padding and pooling it was made for.
+//! Three layouts of weights are known, recognized by the names of their tensors. They differ in more than names: the
+//! same weights give other features with another padding or pooling than they were made for.
 //!
 //! | layout | tensors | input | padding | pooling |
 //! | --- | --- | --- | --- | --- |
@@ -15,16 +15,58 @@ use crate::{
 };
 
 /// Channels at relu3_1.
-pub const N_CHANNELS: usize = 256;
+pub const N_CHANNELS: usize = CONVOLUTIONS[N_CONVOLUTIONS - 1].n_channels;
 
-/// Mean and standard deviation of ImageNet's RGB 0..1, as torchvision's models expect their input normalized.
+/// One of VGG-19's 3x3 convolutions, which a ReLU follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VggConvolution {
+    /// Name in the paper's scheme, `conv{block}_{layer}`.
+    pub name: &'static str,
+    /// Index among torchvision's `features`, whose tensors are `features.{module}.weight` and `.bias`.
+    pub module: usize,
+    /// Output channels.
+    pub n_channels: usize,
+    /// Whether a 2x2 max-pool comes before it.
+    pub pools_before: bool,
+}
+
+/// VGG-19 up to conv4_1, the deepest layer that anything here looks at.
+pub const CONVOLUTIONS: [VggConvolution; 9] = {
+    const fn layer(
+        name: &'static str,
+        module: usize,
+        n_channels: usize,
+        pools_before: bool,
+    ) -> VggConvolution {
+        VggConvolution { name, module, n_channels, pools_before }
+    }
+    [
+        layer("conv1_1", 0, 64, false),
+        layer("conv1_2", 2, 64, false),
+        layer("conv2_1", 5, 128, true),
+        layer("conv2_2", 7, 128, false),
+        layer("conv3_1", 10, 256, true),
+        layer("conv3_2", 12, 256, false),
+        layer("conv3_3", 14, 256, false),
+        layer("conv3_4", 16, 256, false),
+        layer("conv4_1", 19, 512, true),
+    ]
+};
+
+/// Number of [`CONVOLUTIONS`] in an encoder, which ends with conv3_1.
+pub const N_CONVOLUTIONS: usize = 5;
+
+/// The distilled network has a quarter of VGG's channels in every layer but the last.
+const DISTILLED_SHARE: usize = 4;
+
+/// Mean and standard deviation of ImageNet's RGB 0..1. torchvision's models expect input that these normalize.
 const IMAGENET_MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 const IMAGENET_STD_DEV: [f32; 3] = [0.229, 0.224, 0.225];
 
-/// Which family a weights file belongs to.
+/// The family of a weights file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
-    /// The rescaled Caffe weights of AdaIN and WCT, whose mean activations are about 1.
+    /// The rescaled Caffe weights of AdaIN and WCT, with mean activations of about 1.
     Normalized,
     /// torchvision's VGG-19, which the original StyleGaussian uses.
     Torchvision,
@@ -33,7 +75,7 @@ pub enum Layout {
 }
 
 impl Layout {
-    /// Tells the layout by the tensors' names; `None` when it is none of the known ones.
+    /// Recognizes the layout by the tensors' names; `None` if it is unknown.
     pub fn of(weights: &Weights) -> Option<Self> {
         if weights.contains("conv3_1_aux.weight") {
             Some(Self::Distilled)
@@ -46,19 +88,19 @@ impl Layout {
         }
     }
 
-    /// Names of the five 3x3 convolutions.
-    fn names(self) -> [&'static str; 5] {
+    /// Name of a convolution's tensors, without `.weight` and `.bias`.
+    fn name(self, convolution: &VggConvolution) -> String {
         match self {
-            Self::Torchvision => ["features.0", "features.2", "features.5", "features.7", "features.10"],
-            Self::Normalized | Self::Distilled => ["conv1_1", "conv1_2", "conv2_1", "conv2_2", "conv3_1"],
+            Self::Torchvision => format!("features.{}", convolution.module),
+            Self::Normalized | Self::Distilled => convolution.name.into(),
         }
     }
 
-    /// Channels before, between and after the five 3x3 convolutions.
-    fn channels(self) -> [usize; 6] {
+    /// Output channels of a 3x3 convolution.
+    fn n_channels(self, convolution: &VggConvolution) -> usize {
         match self {
-            Self::Normalized | Self::Torchvision => [3, 64, 64, 128, 128, N_CHANNELS],
-            Self::Distilled => [3, 16, 16, 32, 32, 64],
+            Self::Normalized | Self::Torchvision => convolution.n_channels,
+            Self::Distilled => convolution.n_channels / DISTILLED_SHARE,
         }
     }
 }
@@ -66,7 +108,7 @@ impl Layout {
 /// The ONNX graph of an encoder: RGB 0..1 `[1, 3, H, W]` to relu3_1 `[1, 256, h, w]`, a quarter of the size.
 ///
 /// # Errors
-/// When a tensor is missing or is not what the layout needs; a file of no known layout misses `conv1_1.weight`.
+/// If a tensor is missing or has another shape than the layout needs. A file of unknown layout lacks `conv1_1.weight`.
 pub fn graph(weights: &Weights) -> Result<Vec<u8>, WeightsError> {
     let layout =
         Layout::of(weights).ok_or_else(|| weights.missing("conv1_1.weight` or `features.0.weight"))?;
@@ -77,32 +119,37 @@ pub fn graph(weights: &Weights) -> Result<Vec<u8>, WeightsError> {
         );
     }
     let mut chain = ChainWriter::new(3);
-    let mut names = layout.names();
-    if weights.contains("conv1_1_rgb01.weight") {
-        names[0] = "conv1_1_rgb01";
-    } else {
+    // Some files have preprocessing folded into the first layer, under a name of its own.
+    let folded_input = weights.contains("conv1_1_rgb01.weight").then_some("conv1_1_rgb01");
+    if folded_input.is_none() {
         chain = chain.convolution(&input_transform(weights, layout)?, 0);
     }
-    let channels = layout.channels();
-    for (layer, name) in names.into_iter().enumerate() {
-        let convolution = weights.convolution(name, [channels[layer + 1], channels[layer], 3, 3])?;
+    let mut n_inputs = 3;
+    for (index, convolution) in CONVOLUTIONS[..N_CONVOLUTIONS].iter().enumerate() {
+        if convolution.pools_before {
+            chain = chain.max_pool(layout == Layout::Normalized);
+        }
+        let name = match folded_input {
+            Some(name) if index == 0 => name.into(),
+            _ => layout.name(convolution),
+        };
+        let n_outputs = layout.n_channels(convolution);
+        let convolution = weights.convolution(&name, [n_outputs, n_inputs, 3, 3])?;
         chain = match layout {
             Layout::Torchvision => chain.convolution(&convolution, 1),
             Layout::Normalized | Layout::Distilled => chain.reflect().convolution(&convolution, 0),
         };
         chain = chain.relu();
-        if layer == 1 || layer == 3 {
-            chain = chain.max_pool(layout == Layout::Normalized);
-        }
+        n_inputs = n_outputs;
     }
     if layout == Layout::Distilled {
-        let up = weights.convolution("conv3_1_aux", [N_CHANNELS, channels[5], 1, 1])?;
+        let up = weights.convolution("conv3_1_aux", [N_CHANNELS, n_inputs, 1, 1])?;
         chain = chain.convolution(&up, 0).relu();
     }
     Ok(chain.finish())
 }
 
-/// From RGB 0..1 to what conv1_1 expects.
+/// The convolution from RGB 0..1 to the colors that conv1_1 expects.
 fn input_transform(weights: &Weights, layout: Layout) -> Result<Convolution, WeightsError> {
     match layout {
         Layout::Torchvision => Ok(imagenet_input()),
@@ -110,10 +157,10 @@ fn input_transform(weights: &Weights, layout: Layout) -> Result<Convolution, Wei
     }
 }
 
-/// From RGB 0..1 to what torchvision's models expect, as a 1x1 convolution `[3, 3, 1, 1]`.
+/// The 1x1 convolution `[3, 3, 1, 1]` from RGB 0..1 to the colors that torchvision's models expect.
 ///
-/// It is not folded into conv1_1, which pads with zeros *after* normalizing, the mean color and not black: a folded
-/// convolution would differ along the borders.
+/// It is not folded into conv1_1, which pads with zeros *after* normalizing, that is, with the mean color and not with
+/// black. A folded convolution would differ along the borders.
 pub fn imagenet_input() -> Convolution {
     let mut weight = vec![0.0; 9];
     let mut bias = vec![0.0; 3];

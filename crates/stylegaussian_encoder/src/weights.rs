@@ -1,16 +1,19 @@
-//! Convolution weights from safetensors files and PyTorch checkpoints, checked at the door.
+//! Convolution weights from safetensors files and PyTorch state dicts, checked when they are read.
 
 use std::{
     fs,
     path::{Path, PathBuf},
 };
 
-use pytorch_reader::{PytorchError, PytorchReader};
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
+use stylegaussian::file::{
+    FileError,
+    pytorch::{StateDict, read_state_dict},
+};
 
 use crate::onnx::Convolution;
 
-/// A weights file whose bytes are at hand.
+/// A weights file in memory.
 pub struct Weights {
     path: PathBuf,
     source: Source,
@@ -18,10 +21,10 @@ pub struct Weights {
 
 enum Source {
     Safetensors(Vec<u8>),
-    Pytorch(PytorchReader),
+    Pytorch(StateDict),
 }
 
-/// A weights file is not what it should be.
+/// A weights file could not be used.
 #[derive(Debug, thiserror::Error)]
 pub enum WeightsError {
     /// The file could not be read.
@@ -32,22 +35,17 @@ pub enum WeightsError {
         /// The system's error.
         source: std::io::Error,
     },
-    /// The file is no safetensors file.
+    /// The file is not in the format of safetensors.
     #[error("{}: not a readable safetensors file: {source}", path.display())]
     Safetensors {
         /// The file.
         path: PathBuf,
-        /// What the reader found.
+        /// The reader's error.
         source: SafeTensorError,
     },
-    /// The file is no PyTorch checkpoint of tensors.
-    #[error("{}: not a readable PyTorch state dict: {source}", path.display())]
-    Pytorch {
-        /// The file.
-        path: PathBuf,
-        /// What the reader found.
-        source: PytorchError,
-    },
+    /// The file is no PyTorch state dict, or one of its tensors cannot be read.
+    #[error(transparent)]
+    Pytorch(#[from] FileError),
     /// A tensor is absent.
     #[error("{}: there is no tensor `{tensor}`; the file has {found}", path.display())]
     Missing {
@@ -55,7 +53,7 @@ pub enum WeightsError {
         path: PathBuf,
         /// The tensor's name.
         tensor: String,
-        /// The first names that the file has.
+        /// The first names in the file.
         found: String,
     },
     /// A tensor has another shape or type.
@@ -67,7 +65,7 @@ pub enum WeightsError {
         tensor: String,
         /// Its type and shape.
         found: String,
-        /// The type and shape that are needed.
+        /// The type and shape needed.
         expected: String,
     },
     /// A weight is infinite or not a number.
@@ -79,16 +77,16 @@ pub enum WeightsError {
         tensor: String,
         /// The value.
         found: f32,
-        /// Where it is in the flattened tensor.
+        /// Its position in the flattened tensor.
         index: usize,
     },
 }
 
 impl Weights {
-    /// Opens a `.safetensors` file, or a PyTorch checkpoint (zip, legacy or tar container) of any other extension.
+    /// Opens a `.safetensors` file, or with any other extension a PyTorch state dict.
     ///
     /// # Errors
-    /// When the file cannot be read or its container is broken.
+    /// If the file cannot be read, or if its container is broken.
     pub fn open(path: &Path) -> Result<Self, WeightsError> {
         let source = if path.extension().is_some_and(|extension| extension == "safetensors") {
             let bytes = fs::read(path).map_err(|source| WeightsError::Read { path: path.into(), source })?;
@@ -96,9 +94,7 @@ impl Weights {
                 .map_err(|source| WeightsError::Safetensors { path: path.into(), source })?;
             Source::Safetensors(bytes)
         } else {
-            let reader = PytorchReader::new(path)
-                .map_err(|source| WeightsError::Pytorch { path: path.into(), source })?;
-            Source::Pytorch(reader)
+            Source::Pytorch(read_state_dict(path)?)
         };
         Ok(Self { path: path.into(), source })
     }
@@ -114,14 +110,15 @@ impl Weights {
             Source::Safetensors(bytes) => {
                 SafeTensors::deserialize(bytes).is_ok_and(|file| file.tensor(tensor).is_ok())
             }
-            Source::Pytorch(reader) => reader.get(tensor).is_some(),
+            Source::Pytorch(state) => state.shape(tensor).is_some(),
         }
     }
 
     /// `name.weight` of this shape `[out, in, height, width]` and `name.bias` `[out]`.
     ///
     /// # Errors
-    /// When a tensor is missing, has another shape, is not f32, or holds a value that is not finite.
+    /// If a tensor is missing, has another shape or holds a value that is not finite, or if its elements are not f32
+    /// (safetensors) or not floating-point numbers (PyTorch).
     pub fn convolution(&self, name: &str, shape: [usize; 4]) -> Result<Convolution, WeightsError> {
         let weight = self.tensor(&format!("{name}.weight"), &shape)?;
         let bias = self.tensor(&format!("{name}.bias"), &shape[..1])?;
@@ -132,7 +129,7 @@ impl Weights {
     fn tensor(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, WeightsError> {
         let values = match &self.source {
             Source::Safetensors(bytes) => self.safetensors_tensor(bytes, name, shape)?,
-            Source::Pytorch(reader) => self.pytorch_tensor(reader, name, shape)?,
+            Source::Pytorch(state) => self.pytorch_tensor(state, name, shape)?,
         };
         match values.iter().position(|value| !value.is_finite()) {
             None => Ok(values),
@@ -154,46 +151,33 @@ impl Weights {
         let file = SafeTensors::deserialize(bytes)
             .map_err(|source| WeightsError::Safetensors { path: self.path.clone(), source })?;
         let tensor = file.tensor(name).map_err(|_| self.missing(name))?;
-        self.check(
-            name,
-            tensor.dtype() == Dtype::F32,
-            format!("{:?}", tensor.dtype()),
-            tensor.shape(),
-            shape,
-        )?;
+        if tensor.dtype() != Dtype::F32 || tensor.shape() != shape {
+            return Err(self.unexpected(name, &format!("{:?}", tensor.dtype()), tensor.shape(), shape));
+        }
         Ok(tensor.data().as_chunks::<4>().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect())
     }
 
     fn pytorch_tensor(
         &self,
-        reader: &PytorchReader,
+        state: &StateDict,
         name: &str,
         shape: &[usize],
     ) -> Result<Vec<f32>, WeightsError> {
-        let tensor = reader.get(name).ok_or_else(|| self.missing(name))?;
-        let is_f32 = tensor.dtype() == pytorch_reader::DType::F32;
-        self.check(name, is_f32, format!("{:?}", tensor.dtype()), tensor.shape(), shape)?;
-        let bytes = tensor.read().map_err(|source| WeightsError::Read { path: self.path.clone(), source })?;
-        Ok(bytes.as_chunks::<4>().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect())
+        let found = state.shape(name).ok_or_else(|| self.missing(name))?;
+        if found != shape {
+            return Err(self.unexpected(name, "a tensor", found, shape));
+        }
+        let tensor = state.tensor(name)?.ok_or_else(|| self.missing(name))?;
+        Ok(tensor.values)
     }
 
-    fn check(
-        &self,
-        name: &str,
-        is_f32: bool,
-        dtype: String,
-        found: &[usize],
-        expected: &[usize],
-    ) -> Result<(), WeightsError> {
-        if is_f32 && found == expected {
-            return Ok(());
-        }
-        Err(WeightsError::Tensor {
+    fn unexpected(&self, name: &str, element: &str, found: &[usize], expected: &[usize]) -> WeightsError {
+        WeightsError::Tensor {
             path: self.path.clone(),
             tensor: name.into(),
-            found: format!("{dtype} {found:?}"),
+            found: format!("{element} {found:?}"),
             expected: format!("F32 {expected:?}"),
-        })
+        }
     }
 
     pub(crate) fn missing(&self, tensor: &str) -> WeightsError {
@@ -202,13 +186,14 @@ impl Weights {
 
     fn first_names(&self) -> String {
         const SHOWN: usize = 6;
-        let mut names = match &self.source {
+        let mut names: Vec<String> = match &self.source {
             Source::Safetensors(bytes) => match SafeTensors::deserialize(bytes) {
                 Ok(file) => file.names().into_iter().map(String::from).collect(),
                 Err(_) => Vec::new(),
             },
-            Source::Pytorch(reader) => reader.tensors().values().map(|tensor| tensor.name.clone()).collect(),
+            Source::Pytorch(state) => state.names().map(String::from).collect(),
         };
+        // A safetensors header has no order.
         names.sort();
         let rest = names.len().saturating_sub(SHOWN);
         names.truncate(SHOWN);

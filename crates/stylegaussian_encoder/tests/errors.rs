@@ -6,7 +6,7 @@ use safetensors::{Dtype, serialize, tensor::TensorView};
 use stylegaussian_encoder::{
     Encoder, Image, StyleSize,
     onnx::{ChainWriter, Convolution},
-    resolve, style_features, style_statistics,
+    style_features, style_statistics,
 };
 
 /// An encoder of 2 channels, a half of the image's size: red + green, and 1 - blue.
@@ -26,7 +26,8 @@ fn failure(name: &str, bytes: &[u8]) -> String {
     message
 }
 
-/// VGG's tensors, all zero but for `change`, which gives a tensor another shape, or removes it when empty.
+/// VGG's tensors, all zero. The tensor `change` gets the shape `to` and is filled with `value`, or is removed if `to` is
+/// empty.
 fn vgg(change: &str, to: &[usize], value: f32) -> Vec<u8> {
     let layers = [
         ("conv1_1_rgb01", 64, 3),
@@ -131,7 +132,7 @@ fn garbage_onnx() {
     }
 }
 
-/// tract panics over many of these, which behind its C interface would end the process.
+/// tract panics over many of these files.
 #[test]
 fn corrupted_onnx_never_panics() {
     let weight = vec![0.5; 3 * 9];
@@ -204,12 +205,36 @@ fn images_that_cannot_be_encoded() {
 }
 
 #[test]
-fn no_encoder_says_how_to_name_one() {
-    // Set by a person who runs the tests with an encoder of their own: then there is nothing to test here.
-    if std::env::var_os("STYLEGAUSSIAN_ENCODER").is_some() {
-        eprintln!("SKIPPED: STYLEGAUSSIAN_ENCODER is set");
-        return;
+fn paths_without_a_file_or_an_extension() {
+    let folder = tempfile::tempdir().unwrap();
+    let message = |path: &Path| Encoder::open(path).err().unwrap().to_string();
+    contains_all(&message(Path::new("")), &["expected .safetensors, .pth, .pt or .onnx"]);
+    contains_all(&message(folder.path()), &[&folder.path().display().to_string()]);
+    for name in ["folder.onnx", "folder.pth", "folder.safetensors"] {
+        let path = folder.path().join(name);
+        fs::create_dir(&path).unwrap();
+        contains_all(&message(&path), &[name]);
     }
-    let message = resolve(None, None).err().unwrap().to_string();
-    contains_all(&message, &["--encoder", "STYLEGAUSSIAN_ENCODER", "ONNX", ".safetensors"]);
+    contains_all(&failure("VGG.ONNX", b"no graph"), &["cannot load this ONNX graph"]);
+}
+
+/// A convolution over less than its kernel makes tract read past its input.
+#[test]
+fn images_smaller_than_a_kernel_are_refused() {
+    let wide = Convolution { shape: [2, 3, 17, 17], weight: vec![0.01; 2 * 3 * 17 * 17], bias: vec![0.0; 2] };
+    let encoder = Encoder::from_onnx("wide", ChainWriter::new(3).convolution(&wide, 0).finish()).unwrap();
+    let image = |side: u32| Image { width: side, height: side, rgb: vec![0.5; (side * side * 3) as usize] };
+    assert!(encoder.encode(&image(16)).is_err());
+    let features = encoder.encode(&image(32)).unwrap();
+    assert_eq!((features.width, features.height, features.n_channels), (16, 16, 2));
+    // 3 x 17 x 17 weights of 0.01 over gray.
+    assert!(features.values.iter().all(|value| (value - 4.335).abs() < 1e-4), "{:?}", features.values[0]);
+
+    // Four pixels remain of 64 after four halvings: too few for a kernel of 5.
+    let halved = (0..4).fold(ChainWriter::new(3), |chain, _| chain.max_pool(false));
+    let five = Convolution { shape: [1, 3, 5, 5], weight: vec![0.1; 75], bias: vec![0.0] };
+    let message = failure("halved.onnx", &halved.convolution(&five, 0).finish());
+    if message.contains("tract") {
+        contains_all(&message, &["[1, 3, 64, 64]", "too small"]);
+    }
 }

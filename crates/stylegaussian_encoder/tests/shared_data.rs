@@ -1,11 +1,11 @@
-//! Real VGG weights on real photos: skipped, saying so, where the shared data is absent.
+//! Real VGG weights on real photos. Skipped, with a message, if the shared data is absent.
 
 use std::{path::PathBuf, time::Instant};
 
 use rayon::prelude::*;
 use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
 
-/// The folder of shared data, unless the machine has none.
+/// The folder of shared data, or `None` if the machine has none.
 fn shared_data() -> Option<PathBuf> {
     let folder = std::env::var_os("STYLEGAUSSIAN_DATA").map_or_else(
         || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
@@ -82,7 +82,7 @@ fn folded_preprocessing_changes_nothing() {
     assert!(error < 2e-4, "{error}");
 }
 
-/// Prints times; what it asserts is that threads do not change a result.
+/// Prints times, and asserts that threads do not change a result.
 #[test]
 fn views_encode_in_parallel() {
     let Some(data) = shared_data() else { return };

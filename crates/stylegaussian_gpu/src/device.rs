@@ -3,77 +3,69 @@
 /// A device, its queue, and the adapter they belong to.
 #[derive(Clone, Debug)]
 pub struct HeadlessDevice {
-    /// The device, with all that the adapter's limits allow.
+    /// The device.
     pub device: wgpu::Device,
-    /// Its queue.
+    /// The device's queue.
     pub queue: wgpu::Queue,
-    /// What the adapter is.
+    /// Name, type and driver of the adapter.
     pub info: wgpu::AdapterInfo,
+}
+
+/// Requirements on a [`HeadlessDevice`]. By default any adapter serves, with all of its limits and without optional
+/// features.
+#[derive(Clone, Copy, Debug)]
+pub struct DeviceOptions {
+    /// Whether to refuse software adapters: see [`is_software`]. No device is made on a refused adapter.
+    pub hardware_only: bool,
+    /// Optional features. Those that the adapter lacks are left out.
+    pub features: wgpu::Features,
+    /// Maps the adapter's limits to those of the device.
+    pub limits: fn(wgpu::Limits) -> wgpu::Limits,
+}
+
+impl Default for DeviceOptions {
+    fn default() -> Self {
+        Self { hardware_only: false, features: wgpu::Features::empty(), limits: |limits| limits }
+    }
 }
 
 /// There is no device.
 #[derive(Debug, thiserror::Error)]
 pub enum DeviceError {
-    /// Nothing on this machine can compute.
+    /// This machine has no adapter.
     #[error("found no GPU adapter (Vulkan, Metal or DirectX 12): {0}")]
     NoAdapter(#[from] wgpu::RequestAdapterError),
-    /// An adapter that gives no device.
+    /// The fastest adapter is software, and the options ask for hardware.
+    #[error("found no hardware GPU: {name} is a software adapter")]
+    Software {
+        /// Name of the adapter.
+        name: String,
+    },
+    /// The adapter has no device with these limits, or none at all.
     #[error("the adapter {name} gave no device: {source}")]
     NoDevice {
-        /// The adapter.
+        /// Name of the adapter.
         name: String,
-        /// Why.
+        /// The reason.
         source: wgpu::RequestDeviceError,
     },
 }
 
 impl HeadlessDevice {
-    /// Asks for the fastest adapter that there is, software included, with all of its limits and no optional feature.
+    /// Requests a device of the machine's fastest adapter.
     ///
     /// # Errors
-    /// When there is no adapter, or it gives no device.
-    pub async fn request() -> Result<Self, DeviceError> {
-        Self::request_with_limits(|limits| limits).await
-    }
-
-    /// As [`request`](Self::request), with limits that `limits` makes of the adapter's own.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request), or when the limits exceed the adapter's.
-    pub async fn request_with_limits(
-        limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits,
-    ) -> Result<Self, DeviceError> {
-        Self::of(&fastest_adapter().await?, wgpu::Features::empty(), limits).await
-    }
-
-    /// As [`request`](Self::request), with those of the optional `features` that the adapter has.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request).
-    pub async fn request_with_features(features: wgpu::Features) -> Result<Self, DeviceError> {
-        Self::of(&fastest_adapter().await?, features, |limits| limits).await
-    }
-
-    /// A hardware GPU, or `None`. No device is made on a software adapter.
-    pub async fn request_hardware() -> Option<Self> {
-        let adapter = fastest_adapter().await.ok()?;
-        if is_software(&adapter.get_info()) {
-            None
-        } else {
-            Self::of(&adapter, wgpu::Features::empty(), |limits| limits).await.ok()
-        }
-    }
-
-    async fn of(
-        adapter: &wgpu::Adapter,
-        features: wgpu::Features,
-        limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits,
-    ) -> Result<Self, DeviceError> {
+    /// If there is no adapter, if it does not meet the options, or if it gives no device.
+    pub async fn request(options: DeviceOptions) -> Result<Self, DeviceError> {
+        let adapter = fastest_adapter().await?;
         let info = adapter.get_info();
+        if options.hardware_only && is_software(&info) {
+            return Err(DeviceError::Software { name: info.name });
+        }
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("stylegaussian"),
-            required_features: features & adapter.features(),
-            required_limits: limits(adapter.limits()),
+            required_features: options.features & adapter.features(),
+            required_limits: (options.limits)(adapter.limits()),
             ..Default::default()
         };
         match adapter.request_device(&descriptor).await {
@@ -97,8 +89,8 @@ async fn fastest_adapter() -> Result<wgpu::Adapter, wgpu::RequestAdapterError> {
     instance.request_adapter(&options).await
 }
 
-/// Whether an adapter is software that runs shaders on the CPU (llvmpipe, SwiftShader, WARP). The CPU's own code is faster
-/// there. Virtual GPUs and adapters of unknown type count as hardware.
+/// Whether an adapter is software that runs shaders on the CPU (llvmpipe, SwiftShader, WARP). The CPU's own code is
+/// faster there. Virtual GPUs and adapters of unknown type count as hardware.
 pub fn is_software(info: &wgpu::AdapterInfo) -> bool {
     info.device_type == wgpu::DeviceType::Cpu
 }

@@ -1,8 +1,10 @@
 //! StyleGaussian on the GPU, in raw wgpu and without an engine: the style pass and the splat pass.
 //!
-//! The two passes know nothing of one another. They meet in [`colors::GaussianColors`]: the style pass writes it, on
-//! change; the splat pass reads it, every frame.
+//! The two passes do not know one another. They meet in [`colors::GaussianColors`]: the style pass writes colors when a
+//! style changes, and the splat pass reads them every frame.
 
+mod bindings;
+pub mod buffers;
 pub mod colors;
 pub mod device;
 pub mod splat;

@@ -1,15 +1,16 @@
-//! The style pass: from a scene's features and a folded decoder to one color for each Gaussian.
+//! The style pass: computes one color for each Gaussian from a scene's features and a folded decoder.
 //!
-//! On change only. [`StyleInputs`] packs a scene on the CPU and [`StyleScene`] uploads it, once; a change of style folds
-//! the decoder's first layer ([`FoldedLayers`], independent of N), uploads the weights ([`GpuDecoder`]) and encodes the
-//! layers ([`StylePass::encode`]). The result equals [`stylegaussian::fold::stylize`] up to the rounding of
-//! activations to f16.
+//! It runs only if something changes. [`StyleInputs`] packs a scene on the CPU and [`StyleScene`] uploads it, once. A
+//! change of style folds the decoder's first layer ([`FoldedLayers`], at a cost independent of N), uploads the
+//! weights ([`GpuDecoder`]) and encodes the layers ([`StylePass::encode`]). The result equals
+//! [`stylegaussian::fold::stylize`] up to the rounding of activations to f16.
 //!
 //! ```no_run
-//! use stylegaussian_gpu::{colors::GaussianColors, device::HeadlessDevice, style::*};
+//! use stylegaussian_gpu::{colors::GaussianColors, device::{DeviceOptions, HeadlessDevice}, style::*};
 //! # fn f(scene: &stylegaussian::Scene, decoder: &stylegaussian::Decoder, style: &stylegaussian::ChannelStatistics)
 //! # -> Result<(), Box<dyn std::error::Error>> {
-//! let HeadlessDevice { device, queue, .. } = pollster::block_on(HeadlessDevice::request())?;
+//! let gpu = pollster::block_on(HeadlessDevice::request(DeviceOptions::default()))?;
+//! let HeadlessDevice { device, queue, .. } = gpu;
 //! let pass = StylePass::new(&device);
 //! let gpu_scene = StyleScene::new(&device, &queue, scene, decoder)?;
 //! let colors = GaussianColors::new(&device, scene.len())?;
@@ -22,201 +23,32 @@
 //! ```
 
 mod blocks;
+mod bytes;
 mod content;
-mod features;
+mod error;
+mod folded_layers;
+mod inputs;
 mod options;
+mod pass;
 mod pipelines;
 mod plan;
 mod planes;
 mod scene;
 mod scratch;
+mod shape;
 mod stylize;
 mod timer;
 mod weights;
 mod work_meter;
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
-pub use content::{ContentFold, FoldedLayers};
-pub use features::StyleInputs;
+pub use bytes::StyleBytes;
+pub use content::ContentFold;
+pub use error::StyleSceneError;
+pub use folded_layers::FoldedLayers;
+pub use inputs::StyleInputs;
 pub use options::{Precision, StyleOptions};
-pub use scene::{StyleBytes, StyleScene, StyleSceneError};
+pub use pass::StylePass;
+pub use scene::StyleScene;
 pub use stylize::{StylizeOnGpuError, stylize};
 pub use weights::GpuDecoder;
 pub use work_meter::{StyleProgress, WorkMeter};
-
-use stylegaussian::Activation;
-
-use crate::colors::GaussianColors;
-use pipelines::{N_STORAGE, Pipelines};
-use plan::Step;
-use scratch::Scratch;
-
-/// The pipelines of the style pass on one device.
-#[derive(Debug)]
-pub struct StylePass {
-    pipelines: Pipelines,
-    precision: Precision,
-    dispatches: AtomicU64,
-}
-
-impl StylePass {
-    /// Compiles the kernels for scenes of the default [`Precision`].
-    pub fn new(device: &wgpu::Device) -> Self {
-        Self::with_precision(device, Precision::default())
-    }
-
-    /// Compiles the kernels for scenes of `precision`.
-    pub fn with_precision(device: &wgpu::Device, precision: Precision) -> Self {
-        Self { pipelines: Pipelines::new(device, precision), precision, dispatches: AtomicU64::new(0) }
-    }
-
-    /// How many dispatches were encoded so far: a frame in which nothing changed adds none.
-    pub fn dispatches(&self) -> u64 {
-        self.dispatches.load(Ordering::Relaxed)
-    }
-
-    /// Encodes the decoder's layers on `scene`, whose result replaces `colors`. Gives the number of dispatches.
-    ///
-    /// # Errors
-    /// When the weights or the colors are not those of the scene.
-    pub fn encode(
-        &self,
-        device: &wgpu::Device,
-        encoder: &mut wgpu::CommandEncoder,
-        scene: &StyleScene,
-        weights: &GpuDecoder,
-        colors: &GaussianColors,
-    ) -> Result<u64, StyleSceneError> {
-        let (mut progress, mut budget) = (StyleProgress::default(), WorkMeter::unlimited());
-        self.encode_some(device, encoder, scene, weights, colors, &mut progress, &mut budget)
-    }
-
-    /// Encodes a part of what [`encode`](Self::encode) does: from where `progress` stands on, what `budget` has left of this
-    /// frame, at least 128 Gaussians of a layer unless it is used up. Gives the number of dispatches.
-    ///
-    /// All parts of one change must be given the same scene, weights and colors, and be submitted in their order; no other
-    /// change of the same scene may come between them. Colors appear block by block, so colors that are shown belong into
-    /// another buffer until [`StyleProgress::is_done`].
-    ///
-    /// # Errors
-    /// As [`encode`](Self::encode).
-    #[expect(clippy::too_many_arguments, reason = "two of them are what every wgpu call site has at hand")]
-    pub fn encode_some(
-        &self,
-        device: &wgpu::Device,
-        encoder: &mut wgpu::CommandEncoder,
-        scene: &StyleScene,
-        weights: &GpuDecoder,
-        colors: &GaussianColors,
-        progress: &mut StyleProgress,
-        budget: &mut WorkMeter,
-    ) -> Result<u64, StyleSceneError> {
-        self.check(scene, weights, colors)?;
-        let Some(operations) = budget.left() else { return Ok(0) };
-        let steps = progress.take(&scene.steps(), operations);
-        if steps.is_empty() {
-            return Ok(0);
-        }
-        let timing = budget.grant(steps.iter().map(Step::operations).sum());
-        let scratch = scene.scratch(device);
-        let parameters = self.pipelines.parameters(device, &steps, weights);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("style_pass"),
-            timestamp_writes: timing.and_then(|timing| budget.timestamps(timing)),
-        });
-        for (i, step) in steps.iter().enumerate() {
-            let buffers = step_buffers(scene, &scratch, weights, colors, step);
-            let bind_group = self.pipelines.bind_group(device, parameters.binding(i), &buffers);
-            pass.set_pipeline(self.pipelines.of(step));
-            pass.set_bind_group(0, &bind_group, &[]);
-            pass.dispatch_workgroups(step.workgroups[0], step.workgroups[1], 1);
-        }
-        drop(pass);
-        if let Some(timing) = timing {
-            budget.resolve(encoder, timing);
-        }
-        colors.mark_changed();
-        let n_dispatches = steps.len() as u64;
-        self.dispatches.fetch_add(n_dispatches, Ordering::Relaxed);
-        Ok(n_dispatches)
-    }
-
-    fn check(
-        &self,
-        scene: &StyleScene,
-        weights: &GpuDecoder,
-        colors: &GaussianColors,
-    ) -> Result<(), StyleSceneError> {
-        check(scene, weights, colors)?;
-        if self.precision != scene.precision {
-            let (found, expected) = (format!("{:?}", self.precision), format!("{:?}", scene.precision));
-            return Err(StyleSceneError::Mismatch { what: "a precision", found, expected });
-        }
-        if scene.precision == Precision::Unorm8 && weights.activation != Activation::Sigmoid {
-            let (found, expected) =
-                (weights.activation.to_string(), "the sigmoid, to be kept as bytes".into());
-            return Err(StyleSceneError::Mismatch { what: "an activation", found, expected });
-        }
-        Ok(())
-    }
-}
-
-fn check(scene: &StyleScene, weights: &GpuDecoder, colors: &GaussianColors) -> Result<(), StyleSceneError> {
-    let mismatch =
-        |what, found: String, expected: String| StyleSceneError::Mismatch { what, found, expected };
-    let shape = &scene.shape;
-    let of_scene = (&shape.widths, shape.k, shape.residual, shape.smoothing_passes);
-    let of_weights = (&weights.widths, weights.k, weights.residual != 0.0, weights.smoothing_passes);
-    if of_scene != of_weights {
-        let name = |(widths, k, residual, smoothing_passes): (&Vec<usize>, _, _, _)| {
-            format!("widths {widths:?}, K {k}, residual {residual}, {smoothing_passes} averages")
-        };
-        return Err(mismatch("weights", name(of_weights), name(of_scene)));
-    }
-    if colors.n_gaussians() != shape.n_gaussians {
-        let name = |n: usize| format!("{n} Gaussians");
-        return Err(mismatch("colors", name(colors.n_gaussians()), name(shape.n_gaussians)));
-    }
-    Ok(())
-}
-
-/// The buffers of one dispatch, in the order of their bindings, after the parameters.
-fn step_buffers<'a>(
-    scene: &'a StyleScene,
-    scratch: &'a Scratch,
-    weights: &'a GpuDecoder,
-    colors: &'a GaussianColors,
-    step: &Step,
-) -> [wgpu::BufferBinding<'a>; N_STORAGE] {
-    let block = &scene.blocks[step.block];
-    // To and fro, so that the last average writes what is asked for.
-    let colors_before = |smoothing_passes: usize| {
-        if (scene.shape.smoothing_passes - smoothing_passes).is_multiple_of(2) {
-            colors.buffer()
-        } else {
-            &scratch.colors
-        }
-    };
-    let n_layers = scene.shape.n_layers();
-    let input = match (step.layer, step.kernel) {
-        (layer, plan::Kernel::SmoothingPass) => colors_before(layer - n_layers),
-        (0, _) => scene.inputs.buffer(step.input),
-        (layer, _) => scratch.activations[(layer - 1) % 2].buffer(step.input),
-    };
-    let output = match step.kernel {
-        plan::Kernel::SmoothingPass => colors_before(step.layer - n_layers + 1),
-        plan::Kernel::Color => colors_before(0),
-        plan::Kernel::KnnConv(_) => scratch.activations[step.layer % 2].buffer(step.output),
-    };
-    [
-        block.neighbors.binding(step.parameters.first_row, step.parameters.n_rows),
-        // Averages have no weights, and read none.
-        weights.layer(step.layer.min(n_layers - 1)).as_entire_buffer_binding(),
-        input.as_entire_buffer_binding(),
-        output.as_entire_buffer_binding(),
-        scratch.sums.as_entire_buffer_binding(),
-        scene.base_colors.as_entire_buffer_binding(),
-        block.gaussians.as_entire_buffer_binding(),
-    ]
-}

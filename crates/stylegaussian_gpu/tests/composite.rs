@@ -1,4 +1,4 @@
-//! The composite: what a target holds after a known layer went over a known picture.
+//! The composite: a known layer over a known picture gives a known target.
 
 mod target;
 
@@ -14,7 +14,7 @@ use wgpu::TextureFormat::{Rgba8Unorm, Rgba8UnormSrgb, Rgba16Float};
 /// Width of every picture, in pixels.
 const WIDTH: u32 = 8;
 
-/// A one-row target that was `background` and has `layer` over it.
+/// A target of `background` with `layer` over it.
 fn composited(
     gpu: &HeadlessDevice,
     layer: &[[f32; 4]],
@@ -67,7 +67,7 @@ fn encoded_goes_over_as_it_is() {
     near(floats[2], [1.5, -0.5, 0.2, 1.0], 1e-3);
 }
 
-/// Straight (0.5, 1, 0) at half coverage over linear blue. An opaque texel comes back as the byte it was.
+/// Straight (0.5, 1, 0) at half coverage over linear blue. An opaque texel comes back as the same byte.
 #[test]
 fn linear_targets_get_decoded_colors() {
     let Some(gpu) = gpu() else { return };
@@ -145,7 +145,7 @@ fn any_color() -> Vec<Vec3> {
     (0..512).map(|i| Vec3::new(steps[i % 8], steps[i / 8 % 8], steps[i / 64])).collect()
 }
 
-/// What a curve shows of scene colors from 6 stops under to 2 stops over 1, encoded.
+/// Display colors of scene colors from 6 stops under to 2 stops over 1, encoded.
 fn shown_colors(forward: impl Fn(Vec3) -> Vec3) -> Vec<Vec3> {
     let stops = |i: usize| 8.0 / 7.0 * i as f32 - 6.0;
     let scene = (0..512).map(|i| Vec3::new(stops(i % 8), stops(i / 8 % 8), stops(i / 64)).exp2());
@@ -156,8 +156,8 @@ fn srgb_from_linear(c: f32) -> f32 {
     if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// What a camera shows of display-referred `colors` that went under its tone mapping: the mean and the worst error of a
-/// channel, encoded.
+/// Composites display-referred `colors` under a camera's tone mapping. Returns the mean and the largest error of a
+/// channel in the camera's picture, encoded.
 fn errors(
     gpu: &HeadlessDevice,
     mode: CompositeMode,
@@ -187,13 +187,14 @@ fn curves_with_an_inverse_are_undone_exactly() {
     };
     check(Tonemapping::None, 0.0, |c| c);
     check(Tonemapping::None, 1.5, |c| c);
-    // White is asked for as 0.998.
+    // White is inverted as 0.998.
     check(Tonemapping::Reinhard, -1.0, forward::reinhard);
     check(Tonemapping::ReinhardLuminance, 0.5, forward::reinhard_luminance);
 }
 
-/// What a curve shows is undone to about three steps of 8 bits, on average to less than one; anything else becomes something near. `least_mean` is
-/// for any color: how much of the cube a curve cannot show differs.
+/// Colors that a curve shows are undone to about three steps of 8 bits, and on average to less than one. Any other
+/// color becomes something near it. `least_mean` bounds the mean error of any color; it depends on how much of the
+/// cube the curve cannot show.
 fn check_table(
     gpu: &HeadlessDevice,
     curve: ToneCurve,
@@ -214,7 +215,7 @@ fn check_table(
 }
 
 #[test]
-fn curves_without_an_inverse_are_undone_where_they_can_be() {
+fn curves_without_an_inverse_are_undone_as_far_as_possible() {
     let Some(gpu) = gpu() else { return };
     let check = |curve, tonemapping, least_mean, forward: fn(Vec3) -> Vec3| {
         check_table(&gpu, curve, tonemapping, least_mean, forward);
@@ -225,7 +226,7 @@ fn curves_without_an_inverse_are_undone_where_they_can_be() {
     check(boring.0, boring.1, 0.03, forward::somewhat_boring);
 }
 
-/// A table that shows each coordinate as it is, so that the curves come down to their axes.
+/// A table that maps each coordinate to itself, so that only the axes of the curves are tested.
 fn identity_table(gpu: &HeadlessDevice, size: u32) -> wgpu::TextureView {
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: None,
@@ -248,7 +249,7 @@ fn identity_table(gpu: &HeadlessDevice, size: u32) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor::default())
 }
 
-/// Stops from middle gray, from the lowest to the highest as 0 to 1.
+/// Stops from middle gray. `lowest` becomes 0, `highest` becomes 1.
 fn stops_between(c: Vec3, lowest: f32, highest: f32) -> Vec3 {
     c.map(|c| ((c.max(1.5e-5) / 0.18).log2().clamp(lowest, highest) - lowest) / (highest - lowest))
 }

@@ -18,7 +18,7 @@ use stylegaussian_gpu::{
 };
 use target::gpu;
 
-/// The contract, in decibels.
+/// The agreement with the CPU that the documentation promises, in decibels.
 const LEAST: f64 = 45.0;
 
 /// Degrees 0 to 3, and colors that are not clamped.
@@ -38,8 +38,8 @@ fn gpu_matches_cpu() {
     check(&gpu, "mid-gray", &scene, Colors::Captured, &camera, LEAST);
 }
 
-/// More cells, and more splats for each of them, than one invocation of software may take rounds for: 14,400 cells, of which
-/// large splats cover all.
+/// More tiles, and more splats for each of them, than one invocation of a software adapter has loop iterations for:
+/// 14,400 tiles, all of them covered by large splats.
 #[test]
 fn large_pictures_are_drawn_to_their_last_row() {
     let Some(gpu) = gpu() else { return };
@@ -56,7 +56,7 @@ fn large_pictures_are_drawn_to_their_last_row() {
     assert!(last_row.iter().all(|pixel| pixel[3] > 0.5));
 }
 
-/// A part of the demo scene, from a camera that the whole fills.
+/// A part of the demo scene. The whole scene would fill the picture.
 #[test]
 fn the_demo_scene_matches() {
     let Some(gpu) = gpu() else { return };
@@ -73,7 +73,7 @@ fn the_demo_scene_matches() {
     check(&gpu, "demo", &scene, Colors::Captured, &camera, LEAST);
 }
 
-/// The principal point far from the middle: one eye of a headset, or a tile of a wall.
+/// The principal point far from the middle, as for one eye of a headset or one screen of a video wall.
 #[test]
 fn off_axis_projections_match() {
     let Some(gpu) = gpu() else { return };
@@ -109,7 +109,7 @@ fn one_splat_at_the_center() {
     assert_eq!(picture.rgba[center + 4][3], 0.0);
 }
 
-/// A cloud under a rotation, a uniform scale and a translation is the scene of the moved Gaussians.
+/// A cloud under a rotation, a uniform scale and a translation looks like the scene of the moved Gaussians.
 #[test]
 fn a_moved_cloud_is_the_scene_of_moved_gaussians() {
     let Some(gpu) = gpu() else { return };
@@ -131,7 +131,7 @@ fn a_moved_cloud_is_the_scene_of_moved_gaussians() {
     assert!(psnr >= LEAST, "{psnr:.1} dB");
 }
 
-/// Two halves of one scene are that scene, however their Gaussians interleave in depth.
+/// Two halves of one scene look like that scene, however their Gaussians interleave in depth.
 #[test]
 fn clouds_interleave() {
     let Some(gpu) = gpu() else { return };
@@ -147,7 +147,7 @@ fn clouds_interleave() {
     assert!(psnr >= LEAST, "{psnr:.1} dB");
 }
 
-/// One view through frames of which some only show other colors, and some nothing new.
+/// One view over several frames. Some only change colors, and some change nothing.
 #[test]
 fn a_view_keeps_up_with_what_changes() {
     let Some(gpu) = gpu() else { return };

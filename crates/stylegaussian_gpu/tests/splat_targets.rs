@@ -1,5 +1,5 @@
-//! The draw into targets of all kinds: depth attachments, multisampling, viewports, orthographic cameras. Each picture has
-//! a known answer.
+//! The draw into targets of all kinds: depth attachments, multisampling, viewports, orthographic cameras. Each
+//! picture has a known result.
 
 mod pictures;
 mod target;
@@ -21,7 +21,8 @@ use wgpu::TextureFormat::{Depth32Float, Rgba16Float};
 /// Width and height of most pictures, in pixels: the center of pixel (4, 4) lies on the axis.
 const SIZE: u32 = 9;
 
-/// At the origin, looking along -z; focal length 10 px, reverse z with an infinite far plane: depth is 0.1 / z.
+/// A camera at the origin that looks along -z. Focal length 10 px, reverse z with an infinite far plane: depth is 0.1
+/// / z.
 fn pinhole() -> Camera {
     let pinhole = stylegaussian::Camera {
         view_from_world: Affine3A::IDENTITY,
@@ -35,7 +36,7 @@ fn pinhole() -> Camera {
     camera
 }
 
-/// At the origin, looking along -z; 10 px per unit, depths from 0 to 100 units.
+/// A camera at the origin that looks along -z. 10 px per unit, depths from 0 to 100 units.
 fn orthographic() -> Camera {
     let half = SIZE as f32 / 20.0;
     Camera {
@@ -46,7 +47,7 @@ fn orthographic() -> Camera {
     }
 }
 
-/// A round Gaussian `z` ahead, of opacity 0.8, whose footprint has a variance of (10 * 0.2 / z)^2 + 0.3 px^2.
+/// A round Gaussian `z` ahead of opacity 0.8. Its footprint has a variance of (10 * 0.2 / z)^2 + 0.3 px^2.
 fn ahead(z: f32) -> (Vec3, Vec3, f32) {
     (Vec3::new(0.0, 0.0, -z), Vec3::splat(0.2), 0.8)
 }
@@ -62,7 +63,7 @@ fn near(found: [f32; 4], expected: [f32; 4]) {
     assert!(close, "found {found:?}, expected {expected:?}");
 }
 
-/// A layer and a depth attachment, with what is drawn into them.
+/// A layer and a depth attachment.
 struct Target {
     color: wgpu::Texture,
     depth: wgpu::Texture,
@@ -70,7 +71,7 @@ struct Target {
 }
 
 impl Target {
-    /// Nothing, in front of a wall at `depth`.
+    /// An empty layer in front of a wall at `depth`.
     fn new(gpu: &HeadlessDevice, size: [u32; 2], samples: u32, depth: f32) -> Self {
         let layer = Self {
             color: texture(&gpu.device, size, LAYER_FORMAT, samples),
@@ -81,7 +82,7 @@ impl Target {
         layer
     }
 
-    /// A pass over both; `clear` clears both, the depth to that value. Otherwise the depth is only read.
+    /// A pass over both. If `clear` is given, it clears both, the depth to that value. Otherwise the depth is only read.
     fn pass(&self, gpu: &HeadlessDevice, clear: Option<f32>, draw: impl FnOnce(&mut wgpu::RenderPass)) {
         let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let (color, depth) = (view(&self.color), view(&self.depth));
@@ -109,17 +110,17 @@ impl Target {
         gpu.queue.submit([encoder.finish()]);
     }
 
-    /// Draws a scene of one RGB per Gaussian by quads, over what is there.
+    /// Draws a scene of one RGB per Gaussian by quads, over the earlier content.
     fn splat(&self, gpu: &HeadlessDevice, scene: &Scene, rgb: &[[f32; 3]], camera: &Camera) {
-        let (splats, view) = prepared(gpu, scene, rgb, camera);
+        let (splats, view) = sorted(gpu, scene, rgb, camera);
         let pipeline = splats.pipeline(&gpu.device, self.samples, Some(Depth32Float));
         self.pass(gpu, None, |pass| splats.draw(pass, &view, &pipeline));
     }
 
-    /// The same in the adapter's way, into the cleared layer.
+    /// Draws the same by the adapter's fastest way, into the cleared layer.
     fn splat_layer(&self, gpu: &HeadlessDevice, scene: &Scene, rgb: &[[f32; 3]], camera: &Camera) {
         let HeadlessDevice { device, queue, .. } = gpu;
-        let (splats, mut view) = prepared(gpu, scene, rgb, camera);
+        let (splats, mut view) = sorted(gpu, scene, rgb, camera);
         let pipeline = splats.pipeline(device, self.samples, Some(Depth32Float));
         let [color, depth] =
             [&self.color, &self.depth].map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
@@ -147,13 +148,8 @@ impl Target {
     }
 }
 
-/// What a camera sees of a scene of one RGB per Gaussian, projected and sorted.
-fn prepared(
-    gpu: &HeadlessDevice,
-    scene: &Scene,
-    rgb: &[[f32; 3]],
-    camera: &Camera,
-) -> (SplatPass, SplatView) {
+/// A scene of one RGB per Gaussian, projected and sorted for a camera.
+fn sorted(gpu: &HeadlessDevice, scene: &Scene, rgb: &[[f32; 3]], camera: &Camera) -> (SplatPass, SplatView) {
     let HeadlessDevice { device, queue, .. } = gpu;
     let splats = SplatPass::new(device);
     let colors = GaussianColors::from_rgb(device, queue, rgb).unwrap();
@@ -163,15 +159,15 @@ fn prepared(
     let mut view = SplatView::new();
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let settings = SplatSettings::default();
-    splats.prepare(device, queue, &mut encoder, &mut view, camera, &[cloud], &settings).unwrap();
+    splats.project_and_sort(device, queue, &mut encoder, &mut view, camera, &[cloud], &settings).unwrap();
     queue.submit([encoder.finish()]);
     (splats, view)
 }
 
-/// A wall 2 units ahead hides the green splat 3 units ahead, not the red one 1 unit ahead; a wall 4 units ahead hides
-/// neither, one half a unit ahead both.
+/// A wall 2 units ahead hides the green splat 3 units ahead, but not the red one 1 unit ahead. A wall 4 units ahead
+/// hides neither, a wall half a unit ahead hides both.
 #[test]
-fn walls_hide_what_is_behind_them() {
+fn walls_hide_splats_behind_them() {
     let Some(gpu) = gpu() else { return };
     let both = scene(&[ahead(3.0), ahead(1.0)]);
     let check = |wall: f32, expected: [f32; 4]| {
@@ -188,8 +184,8 @@ fn walls_hide_what_is_behind_them() {
     check(0.5, [0.0; 4]);
 }
 
-/// A wall whose edge runs through the middle of the pixels of column 4: it hides a white splat behind it in two of four
-/// samples there, in all of them to the left, in none to the right.
+/// The edge of a wall runs through the middle of the pixels of column 4. The wall hides a white splat behind it in
+/// two of four samples there, in all samples to the left, and in none to the right.
 #[test]
 fn walls_hide_sample_by_sample() {
     let Some(gpu) = gpu() else { return };
@@ -206,7 +202,7 @@ fn walls_hide_sample_by_sample() {
     }
 }
 
-/// The same wall before single samples, which it hides where their middles lie on it.
+/// The same wall with one sample per pixel: a pixel is hidden if its middle lies on the wall.
 #[test]
 fn walls_hide_pixel_by_pixel() {
     let Some(gpu) = gpu() else { return };
@@ -222,7 +218,7 @@ fn walls_hide_pixel_by_pixel() {
     }
 }
 
-/// A layer drawn in the adapter's way is cleared all over and drawn to within the viewport.
+/// A layer drawn by the adapter's fastest way is cleared everywhere, and drawn to within the viewport.
 #[test]
 fn a_layer_is_cleared_around_its_viewport() {
     let Some(gpu) = gpu() else { return };
@@ -242,7 +238,7 @@ fn a_layer_is_cleared_around_its_viewport() {
     }
 }
 
-/// Lists that do not fit are drawn all the same: 2,500 splats that each cover all 1,600 cells of a picture.
+/// Splats are drawn even if the lists of tiles are too small: 2,500 splats that each cover all 1,600 tiles of a picture.
 #[test]
 fn splats_without_room_in_lists_are_drawn() {
     let Some(gpu) = gpu() else { return };
@@ -340,8 +336,8 @@ fn viewports_keep_to_themselves() {
     near(pixel(SIZE + 1, 10), [0.0; 4]);
 }
 
-/// 10 px per unit at any distance: variance (10 * 0.2)^2 + 0.3 = 4.3 px^2, 1 unit or 50 units or 0.1 units ahead. What is
-/// behind the camera or beyond its far plane is not drawn.
+/// 10 px per unit at any distance: variance (10 * 0.2)^2 + 0.3 = 4.3 px^2, 1 unit or 50 units or 0.1 units ahead.
+/// Gaussians behind the camera or beyond its far plane are not drawn.
 #[test]
 fn orthographic_footprints_do_not_shrink() {
     let Some(gpu) = gpu() else { return };
@@ -392,7 +388,7 @@ fn clouds_interleave() {
     assert_eq!(picture, swapped);
 }
 
-/// Halfway from white to the scene's own mid-gray, and to red.
+/// Halfway from white to the mid-gray of a scene without colors, and to red.
 #[test]
 fn colors_fade() {
     let Some(gpu) = gpu() else { return };
@@ -416,7 +412,7 @@ fn colors_fade() {
     check(None, None, 0.5, [0.5; 3]);
 }
 
-/// Two splats at the picture's middle line: one nearer along the axis, the other nearer to the eye.
+/// Two splats on the picture's middle line: one is nearer along the axis, the other nearer to the eye.
 #[test]
 fn splats_sort_by_depth_or_by_distance() {
     let Some(gpu) = gpu() else { return };

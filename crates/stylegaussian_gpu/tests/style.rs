@@ -5,12 +5,13 @@ mod random;
 use random::Random;
 use stylegaussian::{Activation, Decoder, Neighbors, Scene, file, fold};
 use stylegaussian_gpu::{
+    buffers::TooLarge,
     colors::GaussianColors,
-    device::{DeviceError, HeadlessDevice},
+    device::{DeviceError, DeviceOptions, HeadlessDevice},
     style::{FoldedLayers, GpuDecoder, StylePass, StyleScene, StyleSceneError},
 };
 
-/// The contract: colors agree with the CPU to this, in display-referred units.
+/// The largest difference from the CPU that the documentation promises, in display-referred units.
 const TOLERANCE: f32 = 2e-3;
 
 const LEAKY: Activation = Activation::LeakyRelu { slope: 0.2 };
@@ -19,8 +20,8 @@ fn device() -> Option<HeadlessDevice> {
     device_with_limits(|limits| limits)
 }
 
-fn device_with_limits(limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits) -> Option<HeadlessDevice> {
-    match pollster::block_on(HeadlessDevice::request_with_limits(limits)) {
+fn device_with_limits(limits: fn(wgpu::Limits) -> wgpu::Limits) -> Option<HeadlessDevice> {
+    match pollster::block_on(HeadlessDevice::request(DeviceOptions { limits, ..Default::default() })) {
         Ok(device) => Some(device),
         Err(DeviceError::NoAdapter(_)) => {
             eprintln!("SKIPPED: no GPU adapter");
@@ -30,7 +31,7 @@ fn device_with_limits(limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits) -> Opti
     }
 }
 
-/// Both sides' colors of a scene in a mix of two random styles.
+/// Colors of a scene in a mix of two random styles: the CPU's, then the GPU's.
 fn both(gpu: &HeadlessDevice, scene: &Scene, decoder: &Decoder, content: f64) -> [Vec<[f32; 3]>; 2] {
     let features = scene.features.as_ref().unwrap();
     let mut random = Random(7);
@@ -50,7 +51,7 @@ fn largest_difference([expected, found]: &[Vec<[f32; 3]>; 2]) -> f32 {
     expected.as_flattened().iter().zip(found.as_flattened()).map(difference).fold(0.0, f32::max)
 }
 
-/// Deviation of all numbers from their mean.
+/// Standard deviation of all numbers.
 fn deviation(colors: &[[f32; 3]]) -> f32 {
     let values = colors.as_flattened();
     let mean = values.iter().sum::<f32>() / values.len() as f32;
@@ -101,13 +102,13 @@ fn gpu_matches_cpu_with_all_that_decoders_take() {
     for (residual, smoothing_passes) in [(0.0, 0), (1.0, 0), (0.0, 1), (0.25, 4)] {
         let mut random = Random(11);
         let mut scene = random.scene(400, 16, 2, 8);
-        // Neighbors are found where the scene holds none.
+        // Neighbors are found if the scene has none.
         scene.neighbors = None;
         let decoder = random.empty(8, LEAKY);
         let decoder = Decoder { residual, n_noise: 4, smoothing_passes, base_color: true, ..decoder };
         for widths in [&[32, 16, 3][..], &[3]] {
             let decoder = random.layers(decoder.clone(), &scene, widths, true);
-            let what = format!("residual {residual}, {smoothing_passes} averages, {widths:?}");
+            let what = format!("residual {residual}, {smoothing_passes} smoothing passes, {widths:?}");
             check(&gpu, &what, &scene, &decoder, 0.1);
         }
     }
@@ -130,7 +131,7 @@ fn gpu_matches_cpu_on_the_demo_scene() {
     let path = format!("{root}/crates/stylegaussian_defaults/default.decoder.safetensors");
     let decoder = file::read_decoder(path.as_ref()).unwrap();
     let whole = file::read_scene(format!("{root}/assets/demo.sgs").as_ref()).unwrap().scene;
-    // Every 37th: all parts of the scene, so that colors differ as they do in a picture.
+    // Every 37th Gaussian, so that all parts of the scene contribute and colors differ as they do in a picture.
     let some: Vec<u32> = (0..whole.len() as u32).step_by(37).collect();
     let scene = whole.subset(&some);
     let colors = both(&gpu, &scene, &decoder, 0.0);
@@ -139,8 +140,8 @@ fn gpu_matches_cpu_on_the_demo_scene() {
     assert!(difference < TOLERANCE && deviation >= 0.1, "{difference} from the CPU, deviation {deviation}");
 }
 
-/// Channels that hardly vary about a large mean, as checkpoints have them, each brought to the style's deviation: gains
-/// up to 3e5. Uncentered f16 would lose them entirely.
+/// Channels that hardly vary about a large mean, as in checkpoints, each scaled to the style's deviation by gains of
+/// up to 3e5. f16 would lose them entirely if they were not centered.
 #[test]
 fn nearly_constant_channels_keep_their_precision() {
     let Some(gpu) = device() else { return };
@@ -174,7 +175,7 @@ fn nearly_constant_channels_keep_their_precision() {
 /// 3,000 Gaussians under limits that put two planes in a buffer.
 #[test]
 fn split_buffers_give_the_same_colors() {
-    let limits = |limits| wgpu::Limits {
+    let limits = |limits: wgpu::Limits| wgpu::Limits {
         max_storage_buffer_binding_size: 100_000,
         max_buffer_size: 200_000,
         ..limits
@@ -186,7 +187,7 @@ fn split_buffers_give_the_same_colors() {
     check(&gpu, "split", &scene, &decoder, 0.0);
 }
 
-/// What is too large is an error, and nothing that wgpu would complain of (its default handler panics).
+/// A scene that is too large is an error, and reaches no validation of wgpu (whose default handler panics).
 #[test]
 fn a_scene_beyond_the_limits_is_refused() {
     let limits =
@@ -196,11 +197,11 @@ fn a_scene_beyond_the_limits_is_refused() {
     let scene = random.scene(300, 8, 0, 8);
     let decoder = random.decoder(&scene, 8, &[8, 3], LEAKY);
     let error = StyleScene::new(&gpu.device, &gpu.queue, &scene, &decoder).unwrap_err();
-    assert!(matches!(error, StyleSceneError::TooLarge { found: 4800, limit: 4096, .. }), "{error}");
+    assert!(matches!(error, StyleSceneError::TooLarge(TooLarge { found: 4800, limit: 4096, .. })), "{error}");
     assert!(error.to_string().contains("4800 bytes"), "{error}");
 }
 
-/// One scene, two styles in turns: the same buffers serve both, dispatches are counted, bytes are as foretold.
+/// One scene, two styles in turns. The same buffers serve both, and dispatches are counted.
 #[test]
 fn weights_are_replaced_in_place() {
     let Some(gpu) = device() else { return };
@@ -219,7 +220,7 @@ fn weights_are_replaced_in_place() {
     let pass = StylePass::new(device);
     assert_eq!(pass.dispatches(), 0);
     for i in [0, 1, 0] {
-        // The second change takes its memory anew, the third finds that of the second.
+        // The second change allocates its memory anew, the third one reuses it.
         if i == 1 {
             gpu_scene.release_scratch();
         }
@@ -241,7 +242,7 @@ fn weights_are_replaced_in_place() {
 }
 
 #[test]
-fn bytes_are_told_before_they_are_spent() {
+fn bytes_are_known_before_they_are_allocated() {
     let mut random = Random(3);
     let scene = random.scene(200, 30, 3, 8);
     let decoder = random.decoder(&scene, 8, &[256, 128, 64, 32, 3], LEAKY);

@@ -6,7 +6,7 @@ use random::Random;
 use stylegaussian::{Activation, Decoder, Scene, fold};
 use stylegaussian_gpu::{
     colors::GaussianColors,
-    device::{DeviceError, HeadlessDevice},
+    device::{DeviceError, DeviceOptions, HeadlessDevice},
     style::{
         FoldedLayers, GpuDecoder, Precision, StyleBytes, StyleInputs, StyleOptions, StylePass, StyleProgress,
         StyleScene, StyleSceneError, WorkMeter,
@@ -17,7 +17,7 @@ const LEAKY: Activation = Activation::LeakyRelu { slope: 0.2 };
 const PAPER: [usize; 5] = [256, 128, 64, 32, 3];
 
 fn device() -> Option<HeadlessDevice> {
-    match pollster::block_on(HeadlessDevice::request()) {
+    match pollster::block_on(HeadlessDevice::request(DeviceOptions::default())) {
         Ok(device) => Some(device),
         Err(DeviceError::NoAdapter(_)) => {
             eprintln!("SKIPPED: no GPU adapter");
@@ -27,7 +27,7 @@ fn device() -> Option<HeadlessDevice> {
     }
 }
 
-/// A scene on the GPU with the weights of one style, and the CPU's colors.
+/// A scene on the GPU with the weights of one style, and the colors that the CPU computes.
 struct Case {
     scene: StyleScene,
     weights: GpuDecoder,
@@ -46,7 +46,7 @@ fn case(gpu: &HeadlessDevice, scene: &Scene, decoder: &Decoder, options: StyleOp
     }
 }
 
-/// Colors after as many frames as the budget takes, and how many these were.
+/// Colors after as many frames as the budget needs, and the number of these frames.
 fn colors(
     gpu: &HeadlessDevice,
     pass: &StylePass,
@@ -85,8 +85,8 @@ fn check(gpu: &HeadlessDevice, scene: &Scene, decoder: &Decoder, options: StyleO
     assert!(difference < tolerance, "{options:?}: {difference} from the CPU");
 }
 
-/// Scratch memory for a half and for a tenth of the scene, one to five layers, with and without own colors: the Gaussians on
-/// the borders of blocks get the same colors as those within.
+/// Scratch memory for a half and for a tenth of the scene, one to five layers, with and without base colors.
+/// Gaussians on the borders of blocks get the same colors as those inside.
 #[test]
 fn blocks_give_the_same_colors() {
     let Some(gpu) = device() else { return };
@@ -100,7 +100,7 @@ fn blocks_give_the_same_colors() {
         for (residual, smoothing_passes) in [(0.0, 0), (0.5, 2)] {
             let mut random = Random(n as u64 + max_rows as u64);
             let scene = random.scene(n, 12, 1, 8);
-            // Both at once, to have either with and without blocks' borders.
+            // Both options change together: that covers each of them with and without borders of blocks.
             let decoder = Decoder { residual, smoothing_passes, n_noise: 2, ..random.empty(8, LEAKY) };
             let decoder = random.layers(decoder, &scene, widths, false);
             let row_bytes: usize = 2 * (widths[0] + widths.get(1).copied().unwrap_or(0));
@@ -115,7 +115,7 @@ fn blocks_give_the_same_colors() {
     }
 }
 
-/// A change in parts is the change at once, to the last bit, also where it is cut into blocks.
+/// A change in parts gives the same colors as the change at once, to the last bit, also if the scene is cut into blocks.
 #[test]
 fn parts_add_up() {
     let Some(gpu) = device() else { return };
@@ -135,12 +135,13 @@ fn parts_add_up() {
     }
 }
 
-/// Timestamps come back, and tell another speed than the one that is assumed at first, which on software's clock means
-/// nothing; the colors are the same.
+/// Timestamps arrive and change the assumed speed, although the clock of a software adapter measures nothing useful.
+/// The colors stay the same.
 #[test]
 fn a_timed_budget_learns_a_speed() {
-    let asked = HeadlessDevice::request_with_features(wgpu::Features::TIMESTAMP_QUERY);
-    let gpu = match pollster::block_on(asked) {
+    let features = wgpu::Features::TIMESTAMP_QUERY;
+    let options = DeviceOptions { features, ..Default::default() };
+    let gpu = match pollster::block_on(HeadlessDevice::request(options)) {
         Ok(gpu) => gpu,
         Err(error) => return eprintln!("SKIPPED: {error}"),
     };
@@ -172,7 +173,7 @@ fn a_timed_budget_learns_a_speed() {
     assert!(largest_difference(&expected, &colors.read(device, queue).unwrap()) < 2e-3);
 }
 
-/// The bounds that [`Precision`] states.
+/// The bounds in the documentation of [`Precision`].
 #[test]
 fn precisions_keep_their_bounds() {
     let Some(gpu) = device() else { return };
@@ -192,7 +193,7 @@ fn precisions_keep_their_bounds() {
     check(&gpu, &scene, &random.decoder(&scene, 8, &[3], LEAKY), options(Precision::F32), 6e-4);
 }
 
-/// A pass of another precision, and bytes for what does not live in 0..1, are refused before wgpu sees them.
+/// A pass of another precision, and bytes for activations outside of 0..1, are refused before wgpu sees them.
 #[test]
 fn precisions_that_do_not_fit_are_errors() {
     let Some(gpu) = device() else { return };

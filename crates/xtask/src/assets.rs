@@ -1,9 +1,8 @@
-//! `cargo xtask assets`: everything in `assets/`, the default encoder and the default decoder, made anew by the commands of
-//! this file.
+//! `cargo xtask assets`: makes everything in `assets/`, the default encoder and the default decoder anew.
 //!
-//! The demo scene and the paintings come out bit for bit the same; what is embedded and trained, within what the order
-//! of floating-point sums allows. What trains encoder and decoder is not ours to ship and lies in the test data: VGG-19,
-//! paintings likely in the public domain, and scenes under open licenses.
+//! The demo scene and the paintings are reproduced bit for bit. Embedded features and trained networks can differ by
+//! the order of floating-point sums. The training data of encoder and decoder is not ours to ship and is in the test
+//! data: VGG-19, paintings likely in the public domain, and scenes under open licenses.
 
 use std::{
     ffi::OsStr,
@@ -27,34 +26,34 @@ const DEMO: &str = "assets/demo.sgs";
 const ENCODER: &str = "crates/stylegaussian_defaults/distilled_relu3_1.onnx";
 /// The default decoder.
 const DECODER: &str = "crates/stylegaussian_defaults/default.decoder.safetensors";
-/// Everything that does not ship.
+/// Intermediate files, which do not ship.
 const WORK: &str = "out/assets";
-/// Cameras that the decoder sees the demo scene from: three rings, of 8 each.
+/// Cameras around the demo scene for the decoder's training: three rings of 8 each.
 const DEMO_CAMERAS: &str = "assets/demo_cameras.json";
-/// A scene of the test data that the decoder is trained on besides the demo scene (CC BY 4.0).
+/// A scene of the test data on which the decoder is trained besides the demo scene (CC BY 4.0).
 const PLAYBOT: &str = "playbot_31k_sh2pad3.ply";
-/// The paintings that encoder and decoder are trained on, likely in the public domain; twenty more such are kept out.
+/// The paintings on which encoder and decoder are trained, likely in the public domain. Twenty more are held out.
 const PAINTINGS: &str = "assets/training_paintings.txt";
-/// Ten of those, to judge by.
+/// Ten of the held-out paintings, for evaluation.
 const HELD_OUT: &str = "assets/held_out_paintings.txt";
 
-/// Another one (MIT), which joins it in the second run.
+/// A further scene (MIT), from the second run on.
 const BIKER: &str = "biker.compressed.ply";
-/// Cameras around that one: a ring at some distance, and three near ones of 6 each.
+/// Cameras around that scene: a ring at some distance, and three near rings of 6 each.
 const BIKER_CAMERAS: &str = "assets/biker_cameras.json";
 
-/// How it is trained, in all runs: the paper's loss with colors kept near what a display shows.
+/// Flags of all training runs: the paper's loss, and colors kept near the range of a display.
 const TRAINING: [&str; 4] = ["--holdout-styles", "0", "--range-weight", "300"];
 
-/// Adam's rate in all runs but the last.
+/// Adam's learning rate in all runs but the last.
 const RATE: [&str; 2] = ["--learning-rate", "3e-4"];
 
-/// The first run: the warm start on recolored scenes, then the loss, on crops of 256 pixels from views of 512; over squares of
-/// 16 pixels colors are kept near the recolored scene's.
+/// The first run: the warm start on recolored scenes, then the loss on crops of 256 pixels from views of 512. The
+/// color-transfer loss keeps colors near the recolored scene's.
 const FIRST_RUN: [&str; 12] = [
     "--noise",
     "4",
-    "--smooth",
+    "--smoothing",
     "0",
     "--warm-iterations",
     "1500",
@@ -62,39 +61,40 @@ const FIRST_RUN: [&str; 12] = [
     "5000",
     "--size",
     "512",
-    "--palette-weight",
+    "--color-transfer-weight",
     "50",
 ];
 
-/// The second run goes on from the first one's decoder.
+/// The second run continues from the first one's decoder.
 const SECOND_RUN: [&str; 8] =
-    ["--seed", "2", "--iterations", "4000", "--size", "512", "--palette-weight", "50"];
+    ["--seed", "2", "--iterations", "4000", "--size", "512", "--color-transfer-weight", "50"];
 
-/// From the third run on.
-const LATE_RUNS: [&str; 6] = ["--average", "0.4", "--size", "512,256", "--palette-weight", "30"];
+/// Flags from the third run on.
+const LATE_RUNS: [&str; 6] = ["--average", "0.4", "--size", "512,256", "--color-transfer-weight", "30"];
 
-/// What an average over windows takes away costs.
+/// The penalty on roughness, for decoders with smoothing.
 const ROUGHNESS: [&str; 2] = ["--roughness-weight", "2500"];
 
-/// The third goes on from there, with small views too, in which many Gaussians share a pixel.
+/// The third run adds small views, in which many Gaussians share a pixel.
 const THIRD_RUN: [&str; 4] = ["--seed", "5", "--iterations", "1800"];
 
-/// The fourth forgets the noise, which had become grain, and averages colors over windows.
-const FOURTH_RUN: [&str; 8] = ["--noise", "0", "--smooth", "1", "--seed", "11", "--iterations", "1150"];
+/// The fourth run drops the noise inputs, which had become grain, and smooths colors over neighborhoods.
+const FOURTH_RUN: [&str; 8] = ["--noise", "0", "--smoothing", "1", "--seed", "11", "--iterations", "1150"];
 
-/// In the fifth a picture that is as like another painting as its own costs, too.
+/// The fifth run adds the contrastive loss: a picture must match its own painting better than others.
 const FIFTH_RUN: [&str; 8] =
-    ["--learning-rate", "2e-4", "--seed", "12", "--iterations", "800", "--recognition-weight", "10"];
+    ["--learning-rate", "2e-4", "--seed", "12", "--iterations", "800", "--contrastive-weight", "10"];
 
-/// What lies between the two is better than either; colors are averaged six times, and a tenth of them is the scene's own.
+/// Weights of the mean of the last two runs, which is better than either, and the flags of the final decoder: six
+/// smoothing passes and a tenth of the base color.
 const SHARES: [&str; 2] = ["35", "65"];
-const FINISH: [&str; 6] = ["--iterations", "0", "--smooth", "6", "--residual", "0.1"];
+const FINISH: [&str; 6] = ["--iterations", "0", "--smoothing", "6", "--residual", "0.1"];
 
 /// Steps of the encoder's training.
 const DISTILLING: [&str; 2] = ["--iterations", "11300"];
 
-/// Views that it learns from besides the paintings, of the demo scene, playbot and biker: how many around each, and on what
-/// background, so that it has seen splats before both light and dark.
+/// Views for the encoder's training besides the paintings, of the demo scene, playbot and biker: their numbers and
+/// backgrounds. Light and dark backgrounds are both needed, because style images have both.
 const VIEWS: [[(&str, &str); 2]; 3] = [
     [("10", "ffffff"), ("6", "203050")],
     [("8", "000000"), ("6", "ffffff")],
@@ -169,7 +169,7 @@ fn make(steps: &mut Steps, data: &Data) -> Result<()> {
     train(steps, data, &playbot, &biker, &trained_on)
 }
 
-/// Trains the encoder beside its checkpoint, then copies it: the commands after this one are built with it.
+/// Trains the encoder beside its checkpoint, then copies it. The commands after this one are built with it.
 fn distill(steps: &mut Steps, data: &Data, world: &Path, paintings: &Path) -> Result<()> {
     let renders = PathBuf::from(format!("{WORK}/renders"));
     fs::create_dir_all(&renders).with_context(|| format!("cannot create {}", renders.display()))?;
@@ -207,7 +207,7 @@ fn embed(steps: &mut Steps, scene: &Path, out: &Path, options: &[&OsStr]) -> Res
     steps.run(&format!("embed {}", scene.display()), &mut embed)
 }
 
-/// Trains beside the checkpoints, the loss curves and the contact sheets, none of which ship; then copies the decoder.
+/// Trains the decoder beside checkpoints, loss curves and contact sheets, which do not ship, then copies it.
 fn train(steps: &mut Steps, data: &Data, playbot: &Path, biker: &Path, paintings: &Path) -> Result<()> {
     let run = |scenes: &[&Path], cameras: &[&Path], out: &str| {
         let mut train = stylegaussian();
@@ -246,7 +246,7 @@ fn train(steps: &mut Steps, data: &Data, playbot: &Path, biker: &Path, paintings
     Ok(())
 }
 
-/// A folder `name` of the paintings of the test data that `list` names.
+/// Makes a folder `name` with the paintings of the test data that `list` names.
 fn paintings(data: &Data, name: &str, list: &str) -> Result<PathBuf> {
     let folder = PathBuf::from(format!("{WORK}/{name}"));
     fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;

@@ -7,7 +7,7 @@ use crate::{
     steps::{Steps, cargo},
 };
 
-/// Calls the harness with `arguments`, which it explains itself (`--help`).
+/// Calls the harness with `arguments`. It explains them with `--help`.
 pub fn run(arguments: &[String]) -> Result<()> {
     let mut steps = Steps::default();
     install_graphics(&mut steps, false)?;

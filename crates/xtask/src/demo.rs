@@ -1,4 +1,4 @@
-//! `cargo xtask demo`: the demo scene in every shipped style, in a window or, where there is none, as pictures.
+//! `cargo xtask demo`: the demo scene in every shipped style, in a window, or as pictures if there is no display.
 
 use std::{path::Path, process::Command};
 
@@ -12,7 +12,7 @@ use crate::{
 const SCENE: &str = "assets/demo.sgs";
 const OUT: &str = "out/demo";
 
-/// Opens the viewer; without a display, renders a turntable and says where the pictures are.
+/// Opens the viewer. If there is no display, renders a turntable and prints the paths of the pictures.
 pub fn run() -> Result<()> {
     ensure!(Path::new(SCENE).is_file(), "{SCENE} is missing; `cargo xtask assets` makes it");
     let window = has_display();
@@ -32,12 +32,12 @@ pub fn run() -> Result<()> {
     Ok(())
 }
 
-/// An example of the workspace, built for speed.
+/// An example of the workspace, as a release build.
 fn example(name: &str) -> Command {
     cargo(["run", "--release", "--locked", "--example", name, "--"])
 }
 
-/// The command line tool, built for speed.
+/// The command line tool, as a release build.
 pub fn stylegaussian() -> Command {
     cargo([
         "run",
@@ -45,7 +45,7 @@ pub fn stylegaussian() -> Command {
         "--quiet",
         "--locked",
         "--package",
-        "stylegaussian_tools",
+        "stylegaussian_cli",
         "--bin",
         "stylegaussian",
         "--",

@@ -1,8 +1,9 @@
-//! Whether building one crate and building the workspace compile the same dependencies.
+//! Checks that building one crate and building the workspace compile the same dependencies.
 //!
 //! Cargo unites features over the crates that one command selects. If the union for `-p CRATE` differs from that for
-//! `--workspace`, switching between the two compiles every affected dependency twice (minutes for Bevy, burn and tract).
-//! `crates/stylegaussian_features` and the sections `cfg(stylegaussian_workspace)` of the manifests keep the unions equal.
+//! `--workspace`, switching between the two compiles every affected dependency twice (minutes for Bevy, burn and
+//! tract). `crates/stylegaussian_features` and the sections `cfg(stylegaussian_workspace)` of the manifests keep the
+//! unions equal.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,17 +12,18 @@ use anyhow::{Context, Result, ensure};
 use crate::steps::cargo;
 
 /// The crates that people build alone. The other members depend on these, or compile in seconds.
-const BUILT_ALONE: [&str; 6] = [
+const BUILT_ALONE: [&str; 7] = [
     "stylegaussian",
     "stylegaussian_encoder",
     "stylegaussian_gpu",
     "bevy_stylegaussian",
-    "stylegaussian_tools",
+    "stylegaussian_train",
+    "stylegaussian_cli",
     "stylegaussian_bench",
 ];
 
-/// The sets of features that each package is compiled with. A package has two if build scripts and derive macros use it with
-/// other features than the program does.
+/// The sets of features that each package is compiled with. A package has two if build scripts and derive macros use
+/// it with other features than the program does.
 type Features = BTreeMap<String, BTreeSet<String>>;
 
 /// Compares each crate alone, and the workspace without its tests and examples, with the workspace as a whole.
@@ -45,7 +47,7 @@ pub fn check() -> Result<()> {
     Ok(())
 }
 
-/// What cargo compiles for this selection.
+/// The packages and features that cargo compiles for this selection.
 fn features(selection: &[&str]) -> Result<Features> {
     let mut command = cargo(["tree", "--locked", "--prefix", "none", "--no-dedupe", "--format", "{p}|{f}"]);
     let output = command.args(selection).output().context("cannot run `cargo tree`")?;

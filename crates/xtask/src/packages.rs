@@ -1,4 +1,4 @@
-//! System packages that cargo cannot bring: a Vulkan driver, and what a window on X11 is made with.
+//! System packages that cargo cannot install: a Vulkan driver and X11 libraries for a window.
 
 use std::{env, fs, process::Command};
 
@@ -9,20 +9,23 @@ use crate::steps::{Steps, is_installed};
 /// Software Vulkan, for machines without any other driver.
 const VULKAN: [&str; 1] = ["mesa-vulkan-drivers"];
 
-/// Libraries that a window on X11 opens at run time.
+/// Libraries that a window on X11 loads at run time.
 const WINDOW: [&str; 5] = ["libx11-6", "libx11-xcb1", "libxcursor1", "libxi6", "libxkbcommon-x11-0"];
 
-/// Where Vulkan's loader looks for drivers.
+/// Folders in which Vulkan's loader looks for drivers.
 const DRIVERS: [&str; 3] = ["/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d"];
 
-/// Whether pictures can be shown: X11 or Wayland on Linux; elsewhere there always is a display.
+/// Whether there is a display: X11 or Wayland on Linux. Other systems always have one.
 pub fn has_display() -> bool {
     !cfg!(target_os = "linux")
         || ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| env::var_os(name).is_some_and(|v| !v.is_empty()))
 }
 
-/// Installs what is missing to draw with Vulkan, and into a window where `window` says so. Where this program lacks the
-/// rights, the error says what to run. Nothing happens on other systems than Debian and its kin.
+/// Installs the missing packages for drawing with Vulkan, and into a window if `window` is set. Does nothing on
+/// systems other than Debian and its derivatives.
+///
+/// # Errors
+/// If this program lacks the rights. The message has the command to run.
 pub fn install_graphics(steps: &mut Steps, window: bool) -> Result<()> {
     if !cfg!(target_os = "linux") || !is_installed("dpkg-query") {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Running other programs, one step after another, and telling how each one went.
+//! Runs other programs, one step after another, and reports the outcome of each.
 
 use std::{
     env,
@@ -17,7 +17,7 @@ pub fn workspace_root() -> PathBuf {
     here.ancestors().nth(2).unwrap_or(here).to_path_buf()
 }
 
-/// Where tests look for real captures and photos, which the repository does not hold.
+/// The folder in which tests look for real captures and photos, which are not in the repository.
 pub fn data_folder() -> PathBuf {
     env::var_os("STYLEGAUSSIAN_DATA").map_or_else(
         || {
@@ -28,7 +28,7 @@ pub fn data_folder() -> PathBuf {
     )
 }
 
-/// The cargo that runs this program, with `arguments`, never touching `Cargo.lock`.
+/// The cargo that runs this program, with `arguments`.
 pub fn cargo<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Command {
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.args(arguments).stdin(Stdio::null());
@@ -48,7 +48,7 @@ enum Outcome {
     NotRun(String),
 }
 
-/// What has run so far. Dropping nothing, telling everything: the summary names every step.
+/// The steps so far. The summary names every one of them.
 #[derive(Default)]
 pub struct Steps {
     done: Vec<(String, Outcome)>,
@@ -56,13 +56,16 @@ pub struct Steps {
 }
 
 impl Steps {
-    /// Runs `command` with its output on the terminal. An error when it cannot start or fails.
+    /// Runs `command` with its output on the terminal.
+    ///
+    /// # Errors
+    /// If it cannot start or fails.
     pub fn run(&mut self, name: &str, command: &mut Command) -> Result<()> {
         self.time(name, command, |command| Ok(command.status()?.success()))
     }
 
-    /// Like [`Steps::run`], and repeats in the summary the lines of its output that `is_closing` picks: those in which
-    /// a test runner says how it ended.
+    /// Like [`Steps::run`], and repeats in the summary the lines of its output that `is_closing` picks: the closing
+    /// lines of a test runner.
     pub fn run_keeping(
         &mut self,
         name: &str,
@@ -84,7 +87,7 @@ impl Steps {
         outcome
     }
 
-    /// Runs `check`, which needs no program of its own to be reported on.
+    /// Runs `check` in this process, as a step.
     pub fn check(&mut self, name: &str, check: impl FnOnce() -> Result<()>) -> Result<()> {
         eprintln!("\n── {name}");
         let start = Instant::now();
@@ -94,7 +97,7 @@ impl Steps {
         outcome.with_context(|| format!("{name} failed"))
     }
 
-    /// Notes that a step does not run here, and why.
+    /// Notes that a step does not run here, and the reason.
     pub fn not_run(&mut self, name: &str, reason: &str) {
         eprintln!("\n── {name}: NOT RUN, {reason}");
         self.done.push((name.into(), Outcome::NotRun(reason.into())));
@@ -135,14 +138,14 @@ impl Steps {
     }
 }
 
-/// Copies `from` to `to` line by line as it comes; returns the closing lines.
+/// Copies `from` to `to` line by line. Returns the closing lines.
 fn forward(from: Option<impl io::Read>, mut to: impl Write, is_closing: fn(&str) -> bool) -> Vec<String> {
     let mut kept = Vec::new();
     let Some(from) = from else { return kept };
     let mut reader = BufReader::new(from);
     let mut line = Vec::new();
     while reader.read_until(b'\n', &mut line).is_ok_and(|n_bytes| n_bytes > 0) {
-        // A closed terminal is no reason to stop reading: the child would block.
+        // If the terminal is closed, go on reading: otherwise the child would block.
         let _ = to.write_all(&line);
         let text = String::from_utf8_lossy(&line);
         if is_closing(&text) {
@@ -153,7 +156,7 @@ fn forward(from: Option<impl io::Read>, mut to: impl Write, is_closing: fn(&str)
     kept
 }
 
-/// Asks a child whose output is piped for colors when a person watches.
+/// Asks a child with piped output for colors if a person watches.
 pub fn keep_colors(command: &mut Command) -> &mut Command {
     if io::stderr().is_terminal() {
         command.env("CARGO_TERM_COLOR", "always");
@@ -161,7 +164,7 @@ pub fn keep_colors(command: &mut Command) -> &mut Command {
     command
 }
 
-/// The command as one would type it.
+/// The command as typed in a shell.
 fn command_line(command: &Command) -> String {
     let program = Path::new(command.get_program()).file_name().unwrap_or(command.get_program());
     let variables = command.get_envs().filter_map(|(name, value)| {

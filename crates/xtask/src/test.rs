@@ -1,4 +1,4 @@
-//! `cargo xtask test`: everything CI runs, cheapest first, stopping at the first failure.
+//! `cargo xtask test`: everything that CI runs, cheapest first. Stops at the first failure.
 
 use std::{env, fs, process::Command};
 
@@ -10,7 +10,7 @@ use crate::{
     steps::{Steps, cargo, data_folder, is_installed, keep_colors},
 };
 
-/// Runs every check and prints a summary, also when one fails.
+/// Runs every check and prints a summary, also if one fails.
 pub fn run() -> Result<()> {
     let mut steps = Steps::default();
     let outcome = run_all(&mut steps);
@@ -52,7 +52,7 @@ fn run_all(steps: &mut Steps) -> Result<()> {
     steps.run("packages", &mut package()?)
 }
 
-/// A minimal toolchain comes without these.
+/// Installs rustfmt and clippy if the toolchain lacks them, as minimal ones do.
 fn add_components(steps: &mut Steps) -> Result<()> {
     let is_there = |tool| cargo([tool, "--version"]).output().is_ok_and(|output| output.status.success());
     if is_there("fmt") && is_there("clippy") {
@@ -82,8 +82,8 @@ fn run_if_installed(steps: &mut Steps, name: &str, program: &str, arguments: &[&
     }
 }
 
-/// Packs the crates that are published, without building them from their packages. A contributor's uncommitted changes
-/// are packed along; CI insists on a clean tree.
+/// Packs the published crates, without building them from their packages. Uncommitted changes are included, except on
+/// CI, which requires a clean tree.
 fn package() -> Result<Command> {
     let mut command = cargo(["package", "--locked", "--offline", "--workspace", "--no-verify"]);
     for name in unpublished()? {
@@ -95,7 +95,8 @@ fn package() -> Result<Command> {
     Ok(command)
 }
 
-/// The packages whose manifest says `publish = false`: the workspace's own, and crates, whose folders have their names.
+/// The packages with `publish = false` in their manifest: the workspace's own, and crates. Crates are named like their
+/// folders.
 fn unpublished() -> Result<Vec<String>> {
     let mut names = vec![String::from("stylegaussian_workspace")];
     for entry in fs::read_dir("crates").context("cannot list crates/")? {

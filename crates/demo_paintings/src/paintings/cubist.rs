@@ -1,5 +1,7 @@
-//! Facets: a guitar, a bottle and a newspaper on a table, seen from several sides at once. The plane is cut by
-//! a tree of random lines; each facet shows the still life shifted and turned, shaded from one edge to another.
+//! Facets: a guitar, a bottle and a newspaper on a table, seen from several sides at once.
+//!
+//! A tree of random lines cuts the plane into facets. Each shows the still life shifted and turned, and is shaded from
+//! one edge to another.
 
 use glam::{Vec2, Vec3, vec2};
 
@@ -10,7 +12,7 @@ use crate::shapes::{ellipse, points, polygon, segment, turned};
 const NOISE: Noise = Noise(44);
 const INK: u32 = 0x17140f;
 
-/// Paints it.
+/// Paints the still life in facets.
 pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(0x8c7a58));
     let mut random = Random::new(40);
@@ -27,7 +29,7 @@ pub fn paint() -> Canvas {
     canvas
 }
 
-/// Cuts a convex polygon by random lines until its pieces are small: smaller in the middle.
+/// Cuts a convex polygon by random lines until its pieces are small, and smaller toward the middle of the picture.
 fn cut(shape: &[Vec2], random: &mut Random, pieces: &mut Vec<Vec<Vec2>>) {
     let center = shape.iter().sum::<Vec2>() / shape.len() as f32;
     let limit = (1100.0 + 20.0 * center.distance(vec2(256.0, 256.0))) * random.range(0.7, 2.0);
@@ -35,7 +37,7 @@ fn cut(shape: &[Vec2], random: &mut Random, pieces: &mut Vec<Vec<Vec2>>) {
         pieces.push(shape.to_vec());
         return;
     }
-    // Few directions keep the planes related; cut across the longest side to avoid slivers.
+    // Few directions keep the planes related. Cuts run across the longest side, which avoids slivers.
     let long = (0..shape.len())
         .map(|i| shape[(i + 1) % shape.len()] - shape[i])
         .max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
@@ -79,6 +81,7 @@ fn bounds(shape: &[Vec2]) -> (Vec2, Vec2) {
     (low - 1.0, high + 1.0)
 }
 
+/// Paints one facet: the still life in its own shift, turn and zoom, with light from one side.
 fn plane(canvas: &mut Canvas, random: &mut Random, facet: &[Vec2]) {
     let (low, high) = bounds(facet);
     let center = facet.iter().sum::<Vec2>() / facet.len() as f32;
@@ -101,7 +104,7 @@ fn plane(canvas: &mut Canvas, random: &mut Random, facet: &[Vec2]) {
     );
 }
 
-/// Some edges are drawn, others let the planes pass into each other.
+/// Draws some of a facet's edges. Across the others planes pass into each other.
 fn edges(canvas: &mut Canvas, random: &mut Random, facet: &[Vec2]) {
     for i in 0..facet.len() {
         let (a, b) = (facet[i], facet[(i + 1) % facet.len()]);
@@ -193,7 +196,7 @@ fn guitar(p: Vec2, over: &mut impl FnMut(f32, Vec3, f32)) {
     }
 }
 
-/// Columns of type that can be read from no distance.
+/// Columns of illegible type.
 fn newsprint(p: Vec2) -> Vec3 {
     let q = turned(p, direction(-0.185));
     let row = (q.y / 8.0).floor();

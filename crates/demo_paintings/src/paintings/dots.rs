@@ -1,5 +1,7 @@
-//! Points of pure pigment: a lake shore at noon. Each dot takes the pigment nearest to the scene's color after
-//! a random push, so that tones mix in the eye, and shade is full of complements.
+//! Points of pure pigment: a lake shore at noon.
+//!
+//! Each dot takes the pigment nearest to the scene's color after a random push. Tones mix in the eye, and shade is full
+//! of complementary colors.
 
 use glam::{Vec2, Vec3, vec2};
 
@@ -8,13 +10,13 @@ use crate::noise::{Noise, Random, direction};
 use crate::shapes::{ellipse, polygon, segment};
 
 const NOISE: Noise = Noise(22);
-/// Pure pigments of the palette.
+/// Pure pigments.
 const PIGMENTS: [u32; 18] = [
     0xfff3c4, 0xffe03a, 0xffb61e, 0xff8a1c, 0xf2552c, 0xd92a4a, 0xf49ac1, 0xb04fb0, 0x6a3fa8, 0x3a3fa0,
     0x2f6fd0, 0x35b0e0, 0x8fdcd8, 0x12897a, 0x3fa83a, 0x9ccb2a, 0xd8e84a, 0xfffdf0,
 ];
 
-/// Paints it.
+/// Paints the lake shore.
 pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(0xf8edc9));
     let mut random = Random::new(2);
@@ -47,6 +49,7 @@ fn dot(canvas: &mut Canvas, random: &mut Random, at: Vec2, radius: f32, push: f3
     );
 }
 
+/// The pigment nearest to a color.
 fn nearest(wanted: Vec3) -> Vec3 {
     let mut best = (f32::MAX, Vec3::ZERO);
     for pigment in PIGMENTS.map(rgb) {
@@ -58,7 +61,7 @@ fn nearest(wanted: Vec3) -> Vec3 {
     best.1
 }
 
-/// Color and the slant of the dots.
+/// Color of the scene at a point, and the angle of the dots there.
 fn scene(p: Vec2) -> (Vec3, f32) {
     let leaf = 10.0 * NOISE.fractal(p / 26.0, 2);
     let canopy = ellipse(p, vec2(84.0, 96.0), vec2(150.0, 86.0), vec2(1.0, 0.12)) + leaf;

@@ -1,5 +1,4 @@
-//! Pop art: a weeping eye and a burst, in four inks. Tones are dot screens, every shape has a thick black
-//! contour.
+//! Pop art: a weeping eye and a burst, in four inks. Tones are dot screens, and every shape has a thick black contour.
 
 use glam::{Vec2, Vec3, vec2};
 
@@ -15,7 +14,7 @@ const CYAN: u32 = 0x00a4e4;
 const BLUE: u32 = 0x1238b0;
 const BANG: Vec2 = vec2(150.0, 132.0);
 
-/// Paints it.
+/// Paints the eye and the burst.
 pub fn paint() -> Canvas {
     let drawing = Drawing::new();
     let mut canvas = Canvas::new(rgb(WHITE));
@@ -23,7 +22,7 @@ pub fn paint() -> Canvas {
     canvas
 }
 
-/// The shapes, built once.
+/// The shapes of the drawing, built once for all pixels.
 struct Drawing {
     burst: Outline,
     core: Outline,
@@ -190,11 +189,12 @@ fn star(center: Vec2, spikes: usize, inner: f32, outer: f32) -> Outline {
     Outline::new((0..2 * spikes).map(corner).collect())
 }
 
-/// A dot screen: `paint` dots on `paper`, covering the share `tone` (0..1) of it.
+/// A dot screen: `paint` dots that cover the share `tone` (0..1) of the `paper`.
 fn screen(p: Vec2, angle: f32, pitch: f32, tone: f32, paper: u32, paint: u32) -> u32 {
     let q = turned(p, direction(angle)) / pitch;
     let d = (q - q.floor() - 0.5).length();
-    // A dot of radius r covers pi r^2 of its cell; from r = 0.5 on, neighbors merge.
+    // A dot of radius r covers pi r^2 of its cell. From r = 0.5 on neighbors merge and cover less, so dark tones get
+    // larger dots.
     let tone = tone.clamp(0.0, 1.0);
     let radius = libm::sqrtf(tone / std::f32::consts::PI) * (1.0 + 0.2 * tone);
     if d < radius { paint } else { paper }

@@ -1,5 +1,5 @@
-//! Ink on paper: bamboo before mountains in mist. Washes stain the paper wet in wet, the bamboo is drawn with a
-//! loaded brush that runs dry, and a red seal signs it.
+//! Ink on paper: bamboo before mountains in mist. Washes stain the paper wet in wet, a loaded brush that runs dry draws
+//! the bamboo, and a red seal signs it.
 
 use glam::{Vec2, Vec3, vec2};
 
@@ -9,7 +9,7 @@ use crate::shapes::{curve, points, segment};
 
 const NOISE: Noise = Noise(66);
 
-/// Paints it.
+/// Paints the bamboo.
 pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(0xece8de));
     let mut random = Random::new(6);
@@ -34,7 +34,7 @@ pub fn paint() -> Canvas {
     canvas
 }
 
-/// Ink darkens what is below it: `density` 1 leaves almost black, slightly warm.
+/// A color stained by ink. `density` 1 leaves almost black, slightly warm.
 fn stain(color: Vec3, density: f32) -> Vec3 {
     let absorb = Vec3::new(2.9, 2.85, 2.65) * density.max(0.0);
     color * Vec3::new(libm::expf(-absorb.x), libm::expf(-absorb.y), libm::expf(-absorb.z))
@@ -49,7 +49,7 @@ fn moon(canvas: &mut Canvas) {
     });
 }
 
-/// A ridge whose ink sinks into mist below, with texture strokes down its slopes.
+/// A mountain ridge. Its ink fades into mist below, and texture strokes run down its slopes.
 fn mountain(
     canvas: &mut Canvas,
     random: &mut Random,
@@ -88,7 +88,8 @@ fn mountain(
     }
 }
 
-/// A brush stroke: widths at its ends and in its middle, ink, and how dry the brush is (0..1).
+/// A brush stroke of two widths, at its ends and in its middle. `ink` is its density, and `dry` the dryness of the
+/// brush (0..1).
 fn brush(canvas: &mut Canvas, seed: u32, path: &[Vec2], (ends, middle): (f32, f32), ink: f32, dry: f32) {
     let hairs = Noise(seed as u64);
     let radius = |t: f32| ends + (middle - ends) * libm::sinf(3.1 * t.max(0.02)).max(0.0);
@@ -113,7 +114,7 @@ fn reflections(canvas: &mut Canvas, random: &mut Random) {
     brush(canvas, random.bits(), &[vec2(160.0, 436.0), vec2(128.0, 486.0)], (0.7, 0.9), 1.0, 0.2);
 }
 
-/// A bamboo stalk: segments with dark joints, then its twigs and leaves.
+/// A bamboo stalk: segments with dark joints, and their twigs and leaves.
 fn stalk(canvas: &mut Canvas, random: &mut Random, foot: Vec2, top: Vec2, width: f32, ink: f32) {
     let mut from = foot;
     while from.y > top.y {

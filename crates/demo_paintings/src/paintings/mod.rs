@@ -1,4 +1,4 @@
-//! One module per painting; each has one public function, `paint`.
+//! One module per painting. Each has one public function, `paint`.
 
 pub mod cubist;
 pub mod dots;

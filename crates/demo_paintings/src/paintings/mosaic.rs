@@ -1,5 +1,7 @@
-//! Glass and gold: a peacock in tesserae. Tiles are spread by Lloyd's method in a square metric turned along
-//! the drawing's contours (Hausner, "Simulating Decorative Mosaics", 2001), so that their rows follow it.
+//! Glass and gold: a peacock in tesserae.
+//!
+//! Lloyd's method spreads the tiles in a square metric that is turned along the drawing's contours, so that rows of
+//! tiles follow it (Hausner, "Simulating Decorative Mosaics", 2001).
 
 use glam::{Vec2, Vec3, vec2};
 
@@ -13,23 +15,23 @@ const SPACING: f32 = 10.6;
 const ROOT: Vec2 = vec2(256.0, 372.0);
 const HEAD: Vec2 = vec2(254.0, 206.0);
 
-/// One tessera: where it is, and where its side points.
+/// One tessera: its center, and the direction of one of its sides.
 #[derive(Clone, Copy)]
 struct Tile {
     center: Vec2,
     axis: Vec2,
 }
 
-/// What the drawing says at a point.
+/// The drawing at a point.
 struct Spot {
-    /// Tiles avoid lying across two regions.
+    /// Number of the region. Tiles avoid lying across two regions.
     region: u32,
     color: Vec3,
-    /// Rows of tiles follow the level lines of this.
+    /// A function of the plane. Rows of tiles follow its level lines.
     contour: f32,
 }
 
-/// Paints it.
+/// Lays the peacock.
 pub fn paint() -> Canvas {
     let mut random = Random::new(5);
     let mut tiles: Vec<Tile> = random
@@ -38,6 +40,7 @@ pub fn paint() -> Canvas {
         .map(|center| Tile { center, axis: axis(center) })
         .collect();
     let edges = edges();
+    // Enough for the tiles to settle.
     for _ in 0..14 {
         relax(&mut tiles, &edges);
     }
@@ -46,6 +49,7 @@ pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(GROUT));
     canvas.shade(|p| {
         let (first, second) = grid.nearest(&tiles, p);
+        // Distance to the tile's edge: halfway to the second nearest, but no farther out than a square tile's side.
         let inset = (0.5 * (second.1 - first.1)).min(5.6 - first.1) - 0.75;
         let (color, tilt) = looks[first.0];
         let bevel = 0.75 + 0.25 * smoothstep(0.0, 1.8, inset);
@@ -56,7 +60,7 @@ pub fn paint() -> Canvas {
     canvas
 }
 
-/// Color and tilt of a tile: glass varies a little, gold leaf a lot.
+/// Color and tilt of a tile. Glass varies a little, gold leaf a lot.
 fn look(random: &mut Random, at: Vec2) -> (Vec3, Vec2) {
     let color = spot(at).color;
     let gold = color.x > 0.6 && color.y > 0.4 && color.z < 0.4;
@@ -65,12 +69,13 @@ fn look(random: &mut Random, at: Vec2) -> (Vec3, Vec2) {
     (color * (1.0 + vary * random.bell()) + tint, random.offset() * 0.03)
 }
 
+/// The direction of a tile's side at a point: the slope of the contour function.
 fn axis(p: Vec2) -> Vec2 {
     let slope = |d: Vec2| spot(p + d).contour - spot(p - d).contour;
     vec2(slope(vec2(1.5, 0.0)), slope(vec2(0.0, 1.5))).normalize_or(Vec2::X)
 }
 
-/// True where regions meet.
+/// For each pixel, whether regions meet there.
 fn edges() -> Vec<bool> {
     (0..SIZE * SIZE)
         .map(|i| {
@@ -83,7 +88,8 @@ fn edges() -> Vec<bool> {
         .collect()
 }
 
-/// One step of Lloyd's method: each tile moves to the middle of the pixels nearest to it.
+/// One step of Lloyd's method: each tile moves to the mean of the pixels nearest to it. Pixels at region edges do not
+/// count, which pushes tiles off the edges.
 fn relax(tiles: &mut [Tile], edges: &[bool]) {
     let grid = Grid::new(tiles);
     let mut sums = vec![(Vec2::ZERO, 0.0f32); tiles.len()];
@@ -100,7 +106,7 @@ fn relax(tiles: &mut [Tile], edges: &[bool]) {
     }
 }
 
-/// Tiles by square cells, for finding the nearest ones.
+/// Tiles sorted into square cells, for finding the nearest ones.
 struct Grid {
     cells: Vec<Vec<usize>>,
 }
@@ -123,7 +129,7 @@ impl Grid {
         (clip(p.x), clip(p.y))
     }
 
-    /// The nearest and the second nearest tile, with their distances in the tile's own square metric.
+    /// The nearest and the second nearest tile, with their distances in each tile's square metric.
     fn nearest(&self, tiles: &[Tile], p: Vec2) -> ((usize, f32), (usize, f32)) {
         let (cx, cy) = Self::cell(p);
         let (mut first, mut second) = ((0, f32::MAX), (0, f32::MAX));

@@ -1,5 +1,5 @@
-//! A woodblock print: a breaking wave before a mountain and a red sun. Flat inks, graded bands, carved
-//! outlines, and the grain of the block.
+//! A woodblock print: a breaking wave before a mountain and a red sun, in flat inks and graded bands with carved
+//! outlines and the grain of the block.
 
 use glam::{Vec2, Vec3, vec2};
 
@@ -14,7 +14,7 @@ const BLUE: u32 = 0x2d5f93;
 const PALE: u32 = 0x9fc0c0;
 const RED: u32 = 0xd8402a;
 
-/// Paints it.
+/// Prints the wave.
 pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(PAPER));
     sky(&mut canvas);
@@ -72,7 +72,7 @@ fn mountain(canvas: &mut Canvas) {
     );
 }
 
-/// Fills a shape and carves its outline, `width` pixels wide, inside its edge.
+/// Fills a shape and draws its outline, `width` pixels wide, inside its edge.
 fn outlined(
     canvas: &mut Canvas,
     bounds: (Vec2, Vec2),
@@ -88,7 +88,7 @@ fn outlined(
     canvas.fill(bounds, line, |_, _| rgb(INDIGO));
 }
 
-/// The great wave: its back rises from the left, its lip curls over to the right.
+/// The great wave. Its back rises from the left, and its lip curls over to the right.
 fn breaker(canvas: &mut Canvas) {
     let back = curve(
         &points([(-30.0, 190.0), (40.0, 150.0), (110.0, 92.0), (190.0, 66.0), (262.0, 96.0), (296.0, 160.0)]),
@@ -141,7 +141,7 @@ fn breaker(canvas: &mut Canvas) {
     foam(canvas, &back, &lip);
 }
 
-/// Clustered scallops along the wave's lip, larger to the tip, with fingers and spray before it.
+/// Foam: clustered scallops along the wave's lip, larger toward its tip, with fingers and spray before it.
 fn foam(canvas: &mut Canvas, back: &[Vec2], lip: &[Vec2]) {
     let mut random = Random::new(3);
     let mut blobs = Vec::new();
@@ -179,7 +179,7 @@ fn foam(canvas: &mut Canvas, back: &[Vec2], lip: &[Vec2]) {
     }
 }
 
-/// A row of rolling waves, whose inside is combed by lines parallel to the crest.
+/// A row of rolling waves, combed by lines parallel to their crests.
 fn swell(canvas: &mut Canvas, level: f32, height: f32, length: f32, phase: f32) {
     let crest = |x: f32| {
         let t = ((x / length + phase) - (x / length + phase).floor()) * 2.0 - 1.0;

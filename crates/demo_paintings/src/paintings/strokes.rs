@@ -1,5 +1,5 @@
-//! Thick oil: a night river under a turning sky. Long bristled strokes follow the lines of a stream function;
-//! their relief is lit from the top left.
+//! Thick oil: a night river under a turning sky. Long bristled strokes follow the lines of a stream function, and their
+//! relief is lit from the top left.
 
 use glam::{Vec2, Vec3, vec2};
 
@@ -8,7 +8,7 @@ use crate::noise::{Noise, Random};
 
 const NOISE: Noise = Noise(11);
 const MOON: Vec2 = vec2(376.0, 108.0);
-/// Center, radius, and strength with the sense of turning.
+/// Center, radius and strength of each whirl. The sign of the strength is its sense of turning.
 const WHIRLS: [(Vec2, f32, f32); 5] = [
     (MOON, 62.0, 3.4),
     (vec2(190.0, 150.0), 58.0, -3.6),
@@ -16,7 +16,7 @@ const WHIRLS: [(Vec2, f32, f32); 5] = [
     (vec2(282.0, 236.0), 34.0, 3.0),
     (vec2(250.0, 34.0), 28.0, -2.6),
 ];
-/// Center and reach of the light.
+/// Center of each star, and the reach of its light.
 const STARS: [(Vec2, f32); 7] = [
     (vec2(66.0, 60.0), 17.0),
     (vec2(250.0, 34.0), 13.0),
@@ -28,7 +28,7 @@ const STARS: [(Vec2, f32); 7] = [
 ];
 const SHORE: f32 = 342.0;
 
-/// Paints it.
+/// Paints the night river.
 pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(0x14204a));
     let mut random = Random::new(1);
@@ -70,7 +70,7 @@ fn stroke(canvas: &mut Canvas, random: &mut Random, start: Vec2, radius: f32, st
     );
 }
 
-/// The stream function, whose lines the sky's strokes follow and whose value bands its color.
+/// The stream function. The sky's strokes follow its level lines, and its value makes bands of color.
 fn stream(p: Vec2) -> f32 {
     let drift = p.y + 0.12 * p.x + 34.0 * NOISE.fractal(p / 170.0, 2);
     WHIRLS.iter().fold(drift, |sum, &(center, radius, turn)| {
@@ -78,7 +78,7 @@ fn stream(p: Vec2) -> f32 {
     })
 }
 
-/// Unit direction of the brush.
+/// Unit direction of the brush at a point.
 fn flow(p: Vec2) -> Vec2 {
     let raw = if tree(p) < 0.0 {
         vec2(0.45 * libm::sinf(p.y * 0.05 + p.x * 0.06), -1.0)

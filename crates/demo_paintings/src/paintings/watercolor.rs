@@ -1,5 +1,5 @@
-//! Watercolor: poppies and leaves on white paper. Each wash absorbs light from what is below it, with a
-//! darker rim where it dried, blooms inside, and pigment settled in the paper's hollows.
+//! Watercolor: poppies and leaves on white paper. Each wash absorbs light from the layers below it. Its dried rim is
+//! darker, blooms form inside, and pigment settles in the paper's hollows.
 
 use std::f32::consts::TAU;
 
@@ -18,7 +18,7 @@ const LEAF: u32 = 0x86bf8c;
 const SEA: u32 = 0x7fc4c0;
 const SUN: u32 = 0xf7d27a;
 
-/// Center, size and color.
+/// Center, size and color of each flower.
 const FLOWERS: [(Vec2, f32, u32); 5] = [
     (vec2(176.0, 180.0), 92.0, ROSE),
     (vec2(352.0, 132.0), 70.0, CORAL),
@@ -27,12 +27,12 @@ const FLOWERS: [(Vec2, f32, u32); 5] = [
     (vec2(438.0, 250.0), 44.0, ROSE),
 ];
 
-/// Distance to the paper kept free of stems and leaves: the flowers stand before them.
+/// Distance to the inner 80% of the nearest flower. Stems and leaves stop there, since flowers stand before them.
 fn beside_flowers(p: Vec2) -> f32 {
     FLOWERS.iter().map(|&(center, size, _)| p.distance(center) - 0.8 * size).fold(f32::MAX, f32::min)
 }
 
-/// Paints it.
+/// Paints the poppies.
 pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(0xfcfaf5));
     let mut random = Random::new(7);
@@ -56,8 +56,8 @@ pub fn paint() -> Canvas {
     canvas
 }
 
-/// Lays one wash: `distance` is the shape's signed distance, bent at its rim by up to `rough` pixels; `load` is
-/// the amount of pigment.
+/// Lays one wash. `distance` is the shape's signed distance, which is bent at the rim by up to `rough` pixels, and
+/// `load` the amount of pigment.
 fn wash(
     canvas: &mut Canvas,
     seed: u32,
@@ -85,13 +85,14 @@ fn wash(
     });
 }
 
-/// Light that passes pigment of the given color, `density` times as thick as gives that color on white.
+/// The light that remains after a layer of pigment. At `density` 1 the layer has the given `color` on white paper, and
+/// thicker layers absorb exponentially more (Beer and Lambert).
 fn absorb(below: Vec3, color: Vec3, density: f32) -> Vec3 {
     let through = |c: f32| libm::powf(c.max(0.02), density);
     below * Vec3::new(through(color.x), through(color.y), through(color.z))
 }
 
-/// Petals in two rounds, each its own wash, then the heart.
+/// A flower: petals in two rounds, one wash each, then the heart.
 fn flower(canvas: &mut Canvas, random: &mut Random, center: Vec2, size: f32, color: Vec3) {
     let turn = random.range(0.0, TAU);
     for (count, reach, load) in [(5, 1.0, 0.62), (4, 0.66, 0.5)] {
@@ -150,7 +151,7 @@ fn foliage(canvas: &mut Canvas, random: &mut Random) {
     }
 }
 
-/// A leaf in two halves, with the vein left white between them.
+/// A leaf in two halves, with a white vein between them.
 fn leaf(canvas: &mut Canvas, random: &mut Random, root: Vec2, toward: Vec2, length: f32, color: Vec3) {
     let bow = random.range(-0.22, 0.22);
     for side in [-1.0, 1.0] {

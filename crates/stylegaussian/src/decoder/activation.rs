@@ -1,8 +1,10 @@
-//! What stands between the decoder's layers.
+//! The activation between the decoder's layers.
 
 use std::{fmt, str::FromStr};
 
-/// What stands between the layers; there is none after the last.
+/// The activation between layers. There is none after the last.
+///
+/// Its text form, in files and on the command line, is `sigmoid` or `leaky_relu:SLOPE`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Activation {
     /// 1 / (1 + exp(-x)), the paper's.
@@ -25,7 +27,7 @@ impl Activation {
         }
     }
 
-    /// The activation of one value in f64, for twins.
+    /// The activation of one value by its definition, in f64, for comparisons with [`apply`](Self::apply).
     pub fn evaluate(self, x: f64) -> f64 {
         match self {
             Self::Sigmoid => 1.0 / (1.0 + (-x).exp()),
@@ -40,21 +42,27 @@ impl Activation {
     }
 }
 
-/// 1 / (1 + 2^t), t = -x / ln 2, without a branch or a call, so that the compiler vectorises it; within 2e-7.
+/// 1 / (1 + 2^t) with t = -x / ln 2, within 2e-7.
 ///
-/// 2^t = 2^i 2^f with i = round(t): adding 1.5 * 2^23 leaves i in the low bits of the sum's representation; 2^f for
-/// |f| <= 1/2 is the Taylor series of exp(f ln 2), whose sixth-order remainder is (0.3466)^7 / 7! = 1.2e-7.
+/// It has neither a branch nor a call, so the compiler vectorizes it. 2^t is 2^i 2^f with i = round(t) and |f| <= 1/2.
+/// 2^f is the Taylor series of exp(f ln 2) to the sixth order, with a remainder of (0.3466)^7 / 7! = 1.2e-7.
 fn sigmoid(x: f32) -> f32 {
+    // 1.5 * 2^23. From 2^23 to 2^24 an f32 has no bits below 1, so adding this rounds t to an integer, which then
+    // stands in the low bits of the sum. Starting at the middle of that range leaves room for negative integers.
     const ROUND: f32 = 12_582_912.0;
+    // Within these bounds the exponent field below neither overflows nor reaches 0. Beyond them the sigmoid is 0 or 1
+    // within 2^-125.
     let t = (x * -std::f32::consts::LOG2_E).clamp(-125.0, 125.0);
     let shifted = t + ROUND;
     let y = (t - (shifted - ROUND)) * std::f32::consts::LN_2;
     let series = 1.0
         + y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y * (1.0 / 24.0 + y * (1.0 / 120.0 + y * (1.0 / 720.0))))));
+    // 2^i: i plus the bias of 127, in the exponent's place. NaN passes through `series`.
     let exponent = shifted.to_bits().wrapping_sub(ROUND.to_bits()).wrapping_add(127) << 23;
     1.0 / (1.0 + series * f32::from_bits(exponent))
 }
 
+/// The text form, which [`FromStr`] parses.
 impl fmt::Display for Activation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -64,7 +72,7 @@ impl fmt::Display for Activation {
     }
 }
 
-/// The text named no activation.
+/// A text that names no activation.
 #[derive(Debug, thiserror::Error)]
 #[error("activation `{found}`: expected `sigmoid` or `leaky_relu:SLOPE` with a slope from 0 to 1")]
 pub struct ActivationError {
@@ -102,6 +110,9 @@ mod tests {
 
     #[test]
     fn names_round_trip_and_unknown_ones_are_errors() {
+        // Files hold these texts.
+        assert_eq!(Activation::Sigmoid.to_string(), "sigmoid");
+        assert_eq!(Activation::LeakyRelu { slope: 0.2 }.to_string(), "leaky_relu:0.2");
         for activation in [Activation::Sigmoid, Activation::LeakyRelu { slope: 0.1 }] {
             assert_eq!(activation.to_string().parse::<Activation>().unwrap(), activation);
         }

@@ -1,51 +1,52 @@
 //! The KNN convolution, y_p = sum_k W_k x_{n(p,k)} + B, and its gradients.
 //!
-//! Rows are gathered a few neighbor slots at a time, `BLOCK_ROWS` of them, into a scratch matrix that stays in a core's
-//! L2 cache, and one SIMD product for each accumulates into the block's output. All three kernels are products of the
-//! same size, 2 N K D_in D_out operations; none needs an atomic, and each result is the same for any number of
-//! threads.
+//! Place k of a neighborhood is called *slot* k: W_k applies to the neighbor in it.
+//!
+//! Output rows are processed in blocks of `BLOCK_ROWS`. For a few slots at a time, the block's neighbors are gathered
+//! into a scratch matrix that stays in a core's L2 cache, and one SIMD product accumulates into the block's output.
+//!
+//! All three kernels are products of the same size, 2 N K D_in D_out operations. None needs an atomic, and each result
+//! is the same for any number of threads.
 
 use rayon::prelude::*;
 
 use super::product::{Matrix, product};
 
-/// Rows gathered at a time: 512 rows of 256 f32 are 512 KiB, a quarter of a server core's L2 cache and half of a
-/// desktop's, while packing the weights anew for each block costs 1/512 of the product's operations.
+/// Rows gathered at a time. 512 rows of 256 f32 are 512 KiB, a quarter of a server core's L2 cache and half of a
+/// desktop's. The weights are packed anew for each block, which costs 1/512 of the product's operations.
 const BLOCK_ROWS: usize = 512;
 
-/// Slots are gathered together as long as they are no wider than this: a product whose inner dimension is 32 spends its
-/// time on loading and storing the output.
+/// Most channels of the slots that are gathered together. Narrow slots are joined, since a product with an inner
+/// dimension of 32 spends its time on loading and storing the output.
 const GROUP_WIDTH: usize = 256;
 
-/// Shape of one KNN convolution.
+/// The shape of a KNN convolution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KnnConvShape {
-    /// K, neighbors per output row.
+    /// K, the number of neighbors of each output row.
     pub k: usize,
-    /// D_in.
+    /// D_in, the number of channels of each input row.
     pub d_in: usize,
-    /// D_out.
+    /// D_out, the number of channels of each output row.
     pub d_out: usize,
 }
 
 impl KnnConvShape {
+    /// Checks the lengths of slices that every kernel takes.
     fn check(&self, x: &[f32], neighbors: &[u32], weight: &[f32]) {
-        assert_eq!(weight.len(), self.d_out * self.k * self.d_in, "weight [D_out, K, D_in]");
+        let n_weights = [self.d_out, self.k, self.d_in].into_iter().try_fold(1, usize::checked_mul);
+        assert_eq!(Some(weight.len()), n_weights, "weight [D_out, K, D_in]");
         assert_eq!(x.len() % self.d_in, 0, "x [N_in, D_in]");
         assert_eq!(neighbors.len() % self.k, 0, "neighbors [N_out, K]");
     }
 
-    /// W_k `[D_out, D_in]` of a weight `[D_out, K, D_in]`.
+    /// W_k `[D_out, D_in]`, the part of a weight `[D_out, K, D_in]` for slot k.
     fn slot<'a>(&self, weight: &'a [f32], k: usize) -> Matrix<'a> {
-        self.slots(weight, k, 1)
-    }
-
-    /// W_k, W_{k+1}, ... of `n` slots side by side `[D_out, n * D_in]`.
-    fn slots<'a>(&self, weight: &'a [f32], k: usize, n: usize) -> Matrix<'a> {
-        Matrix::strided(&weight[k * self.d_in..], self.d_out, n * self.d_in, self.k * self.d_in)
+        Matrix::strided(&weight[k * self.d_in..], self.d_out, self.d_in, self.k * self.d_in)
     }
 }
 
+/// Fills `target` with the given rows of x `[N, D_in]`.
 fn gather(target: &mut Vec<f32>, x: &[f32], d_in: usize, rows: impl Iterator<Item = u32>) {
     target.clear();
     for row in rows {
@@ -53,8 +54,10 @@ fn gather(target: &mut Vec<f32>, x: &[f32], d_in: usize, rows: impl Iterator<Ite
     }
 }
 
-/// `[D_out, K * D_in]` -> `[K * D_in, D_out]`: a product's right side, which is packed for each block of rows, then lies in
-/// the order that it is packed in.
+/// The transpose `[K * D_in, D_out]` of a weight `[D_out, K * D_in]`.
+///
+/// The weight is the right side of a product, which gemm packs for each block of rows. Transposed once, it lies in the
+/// order in which it is packed.
 fn transpose(weight: &[f32], d_out: usize) -> Vec<f32> {
     let width = weight.len() / d_out;
     let mut transposed = vec![0.0; weight.len()];
@@ -64,11 +67,13 @@ fn transpose(weight: &[f32], d_out: usize) -> Vec<f32> {
     transposed
 }
 
-/// y `[N_out, D_out]` of x `[N_in, D_in]`, neighbors `[N_out, K]` (rows of x), weight `[D_out, K, D_in]`, bias
-/// `[D_out]`. `finish` is applied to each finished block of y while it is still in the cache.
+/// The KNN convolution y `[N_out, D_out]` of x `[N_in, D_in]` with neighbors `[N_out, K]` (rows of x), weight
+/// `[D_out, K, D_in]` and bias `[D_out]`.
+///
+/// `finish` is applied to each finished block of y, some of its rows, while the block is still in the cache.
 ///
 /// # Panics
-/// When a slice does not have the stated shape or a neighbor is not a row of x.
+/// If a slice does not have the stated shape or a neighbor is not a row of x.
 pub fn knn_conv(
     shape: KnnConvShape,
     x: &[f32],
@@ -91,8 +96,9 @@ pub fn knn_conv(
             let group = (GROUP_WIDTH / shape.d_in.max(1)).clamp(1, shape.k);
             for k in (0..shape.k).step_by(group) {
                 let n = group.min(shape.k - k);
-                let windows = neighbors.chunks_exact(shape.k);
-                gather(gathered, x, shape.d_in, windows.flat_map(|window| &window[k..k + n]).copied());
+                let neighborhoods = neighbors.chunks_exact(shape.k);
+                let slots = neighborhoods.flat_map(|neighborhood| &neighborhood[k..k + n]);
+                gather(gathered, x, shape.d_in, slots.copied());
                 let gathered = Matrix::dense(gathered, rows, n * shape.d_in);
                 let weight = &weight[k * shape.d_in * shape.d_out..];
                 product(y, true, gathered, Matrix::dense(weight, n * shape.d_in, shape.d_out));
@@ -104,7 +110,9 @@ pub fn knn_conv(
 }
 
 /// Gradient of a loss with respect to the weight `[D_out, K, D_in]`, from x and `grad_y` `[N_out, D_out]`:
-/// dW_k = sum_p dy_p x_{n(p,k)}^T. The gather is done again instead of kept: K x D_in floats per row are too many.
+/// dW_k = sum_p dy_p x_{n(p,k)}^T.
+///
+/// The rows are gathered again and not kept from the forward pass, since K D_in floats per row are too many to hold.
 pub fn knn_conv_backward_weight(
     shape: KnnConvShape,
     x: &[f32],
@@ -113,6 +121,7 @@ pub fn knn_conv_backward_weight(
 ) -> Vec<f32> {
     let KnnConvShape { k: n_slots, d_in, d_out } = shape;
     assert_eq!(grad_y.len() / d_out, neighbors.len() / n_slots, "grad_y [N_out, D_out]");
+    // Threads share out slots and not blocks of rows: each sum then has one owner and one order.
     let slots: Vec<Vec<f32>> = (0..n_slots)
         .into_par_iter()
         .map(|k| {
@@ -138,6 +147,7 @@ pub fn knn_conv_backward_weight(
 
 /// Gradient of a loss with respect to the bias `[D_out]`: dB = sum_p dy_p.
 pub fn knn_conv_backward_bias(d_out: usize, grad_y: &[f32]) -> Vec<f32> {
+    // One sum over all N rows, in f64: f32 would lose the small terms of a million rows.
     let mut grad = vec![0.0_f64; d_out];
     for row in grad_y.chunks_exact(d_out) {
         for (sum, value) in grad.iter_mut().zip(row) {
@@ -147,18 +157,19 @@ pub fn knn_conv_backward_bias(d_out: usize, grad_y: &[f32]) -> Vec<f32> {
     grad.into_iter().map(|sum| sum as f32).collect()
 }
 
-/// For every row q of x and every slot k, the output rows p with n(p,k) = q: the neighbor lists read backwards.
+/// Neighbor lists reversed: for every row q of x and every slot k, the output rows p with n(p,k) = q.
 #[derive(Clone, Debug)]
 pub struct ReverseNeighbors {
     k: usize,
-    /// Where the rows of (q, k) start in `rows`, `[N_in * K + 1]`.
+    /// Position in `rows` of the first row of each (q, k) `[N_in * K + 1]`.
     starts: Vec<u32>,
-    /// Output rows, `[N_out * K]`.
+    /// Output rows `[N_out * K]`.
     rows: Vec<u32>,
 }
 
 impl ReverseNeighbors {
-    /// Reads `neighbors` `[N_out, K]`, which index `n_in` rows, backwards.
+    /// Reverses `neighbors` `[N_out, K]`, which index `n_in` rows, by a counting sort. It is stable, so that each list
+    /// ascends and gradients always sum in the same order.
     pub fn new(neighbors: &[u32], k: usize, n_in: usize) -> Self {
         let mut starts = vec![0_u32; n_in * k + 1];
         let slot = |(i, &q): (usize, &u32)| q as usize * k + i % k;
@@ -178,19 +189,22 @@ impl ReverseNeighbors {
         Self { k, starts, rows }
     }
 
+    /// The output rows that have q in slot k.
     fn rows(&self, q: usize, k: usize) -> &[u32] {
         let slot = q * self.k + k;
         &self.rows[self.starts[slot] as usize..self.starts[slot + 1] as usize]
     }
 
-    /// N_in.
+    /// N_in, the number of rows of x.
     pub fn n_in(&self) -> usize {
         (self.starts.len() - 1) / self.k
     }
 }
 
-/// Gradient of a loss with respect to x `[N_in, D_in]`: dx_q = sum_k (sum_{p: n(p,k) = q} dy_p) W_k. The inner sums
-/// are gathered through the reversed neighbor lists, so the product has the forward pass's size and nothing is atomic.
+/// Gradient of a loss with respect to x `[N_in, D_in]`: dx_q = sum_k (sum_{p: n(p,k) = q} dy_p) W_k.
+///
+/// The inner sums are gathered through the reversed neighbor lists. The product then has the size of the forward pass,
+/// and no sum needs an atomic.
 pub fn knn_conv_backward_input(
     shape: KnnConvShape,
     reverse: &ReverseNeighbors,

@@ -1,8 +1,10 @@
-//! From stored parameters to a scene: what 3DGS files and checkpoints have in common.
+//! From stored parameters to a scene, for 3DGS files and checkpoints alike.
 
 use glam::{DQuat, Quat, Vec3};
 
 use crate::scene::{Features, Scene, Sh};
+
+use super::check::is_finite;
 
 /// Gaussians as training stores them: before the activations.
 pub(super) struct StoredGaussians {
@@ -14,14 +16,14 @@ pub(super) struct StoredGaussians {
     pub rotations_wxyz: Vec<[f32; 4]>,
     /// Opacities `[N]` before the sigmoid.
     pub opacity_logits: Vec<f32>,
-    /// Colors.
+    /// Captured colors, or `None` if the file keeps none.
     pub sh: Option<Sh>,
-    /// Features.
+    /// Features, or `None` if the scene was never embedded.
     pub features: Option<Features>,
 }
 
-/// Applies exp, sigmoid and normalization, and drops Gaussians that are not finite or have a zero quaternion, counted
-/// in a warning.
+/// Applies exp, sigmoid and normalization. Drops Gaussians that are not finite or have a zero quaternion, and adds a
+/// warning that counts them.
 pub(super) fn activate(stored: StoredGaussians, warnings: &mut Vec<String>) -> Scene {
     let n = stored.means.len();
     let scene = Scene {
@@ -35,8 +37,8 @@ pub(super) fn activate(stored: StoredGaussians, warnings: &mut Vec<String>) -> S
         features: stored.features,
         ..Scene::default()
     };
-    // An infinite logit has a finite opacity: it is looked for where it is stored.
-    let usable = |i: usize| stored.opacity_logits[i].is_finite() && is_usable(&scene, i);
+    // The sigmoid makes a finite opacity of an infinite logit, so the stored value is checked.
+    let usable = |i: usize| stored.opacity_logits[i].is_finite() && is_finite(&scene, i);
     let kept: Vec<u32> = (0..n).filter(|&i| usable(i)).map(|i| i as u32).collect();
     if kept.len() == n {
         return scene;
@@ -45,26 +47,14 @@ pub(super) fn activate(stored: StoredGaussians, warnings: &mut Vec<String>) -> S
     scene.subset(&kept)
 }
 
-/// Whether everything about Gaussian `i` is finite. A quaternion that could not be normalized is NaN.
-pub(super) fn is_usable(scene: &Scene, i: usize) -> bool {
-    let finite_row = |values: &[f32]| {
-        let width = values.len() / scene.len();
-        values[i * width..(i + 1) * width].iter().all(|value| value.is_finite())
-    };
-    scene.means[i].is_finite()
-        && scene.scales[i].is_finite()
-        && scene.rotations[i].is_finite()
-        && scene.opacities[i].is_finite()
-        && scene.sh.as_ref().is_none_or(|sh| finite_row(&sh.coefficients))
-        && scene.features.as_ref().is_none_or(|f| finite_row(&f.values) && finite_row(&f.extra))
-}
-
-/// The unit quaternion along a stored one; NaN for zero. In f64, where no f32 over- or underflows when squared.
+/// The stored quaternion at length 1, or NaN if it is zero. In f64, since squares of f32 values overflow and underflow
+/// in f32.
 fn unit_quaternion([w, x, y, z]: [f32; 4]) -> Quat {
     let stored = DQuat::from_xyzw(x.into(), y.into(), z.into(), w.into());
     (stored * stored.length().recip()).as_quat()
 }
 
+/// 1 / (1 + exp(-logit)), rounded once: the decoder's faster sigmoid is off by up to 2e-7.
 fn sigmoid(logit: f32) -> f32 {
     (1.0 / (1.0 + (-f64::from(logit)).exp())) as f32
 }
@@ -95,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn drops_what_is_not_finite_and_keeps_tiny_quaternions() {
+    fn drops_infinite_gaussians_and_keeps_tiny_quaternions() {
         let mut gaussians = stored(8);
         gaussians.means[0].y = f32::NAN;
         gaussians.rotations_wxyz[1] = [0.0; 4];

@@ -1,4 +1,4 @@
-//! Writing a file so that it is there whole or not at all.
+//! Writing a file as a whole or not at all.
 
 use std::{
     fs::{self, File},
@@ -8,9 +8,9 @@ use std::{
     sync::atomic::{AtomicU32, Ordering},
 };
 
-use super::FileError;
+use super::error::FileError;
 
-/// Removes the partial file unless it was renamed: on an error, and on a panic too.
+/// A partial file, removed on drop unless it was renamed. Drop runs on an error, and on a panic too.
 struct Partial {
     path: PathBuf,
     renamed: bool,
@@ -19,19 +19,19 @@ struct Partial {
 impl Drop for Partial {
     fn drop(&mut self) {
         if !self.renamed {
-            // The error that led here is the one worth reporting.
+            // A failure to remove it is not reported: the error that led here is the one worth reading.
             let _ = fs::remove_file(&self.path);
         }
     }
 }
 
-/// Writes a file beside `path`, syncs it to disk and renames it to `path`, replacing what was there.
+/// Writes a file beside `path`, syncs it to disk and renames it to `path`, replacing an older file.
 ///
-/// On failure the partial file is removed and whatever `path` held stays as it was. A device or a pipe (`/dev/full`)
-/// is written to directly: it must not be replaced by a file.
+/// On failure the partial file is removed and an older file stays as it was. If `path` is a device or a pipe
+/// (`/dev/full`), it is written to directly, since a file must not replace it.
 ///
 /// # Errors
-/// When `write` fails or the operating system refuses.
+/// If `write` fails or the operating system refuses.
 pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
@@ -41,11 +41,13 @@ pub fn write_atomically(
         let mut out = BufWriter::with_capacity(1 << 18, File::create(path).map_err(at)?);
         return write(&mut out).and_then(|()| out.flush()).map_err(at);
     }
+    // `create_new` refuses a path that exists, so that no link there is followed.
     let mut partial = Partial { path: beside(path).map_err(at)?, renamed: false };
     let file = File::create_new(&partial.path).map_err(at)?;
     let mut out = BufWriter::with_capacity(1 << 18, file);
     write(&mut out).map_err(at)?;
     let file = out.into_inner().map_err(|error| at(error.into_error()))?;
+    // Without this a power failure may leave the new name with none of the data.
     file.sync_all().map_err(at)?;
     drop(file);
     fs::rename(&partial.path, path).map_err(at)?;
@@ -60,6 +62,8 @@ fn beside(path: &Path) -> io::Result<PathBuf> {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"));
     };
     let count = COUNTER.fetch_add(1, Ordering::Relaxed);
+    // In the same directory, since a rename is atomic within one file system only. Process and count keep writers
+    // apart.
     let name = format!(".{}.{}-{count}.partial", name.to_string_lossy(), process::id());
     Ok(path.with_file_name(name))
 }

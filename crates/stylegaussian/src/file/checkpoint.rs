@@ -11,7 +11,7 @@
 use glam::Vec3;
 
 use crate::{
-    decoder::{Activation, Decoder, Layer},
+    decoder::{Decoder, Layer},
     scene::{Features, Scene},
 };
 
@@ -19,34 +19,22 @@ use super::{
     Loaded, Mismatch,
     activate::{StoredGaussians, activate},
     decoder, mismatch,
+    pytorch::{
+        PytorchFile, Tensor,
+        pickle::{Id, Object, Pickle, TensorInfo},
+    },
     tensors::expect_finite,
 };
 
-mod pickle;
-mod tensor;
-mod zip;
-
-use pickle::{Id, Object, Pickle, TensorInfo};
-use tensor::{Storages, Tensor};
-
-/// What a checkpoint holds, for messages.
+/// A checkpoint's contents, for messages.
 const EXPECTED: &str =
     "a tuple (xyz, scaling, rotation, opacity, features, state dict) as StyleGaussian saves it";
 
 pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
-    let archive = zip::Archive::open(bytes)?;
-    let (prefix, data) = archive
-        .names()
-        .find_map(|name| {
-            let prefix = name.strip_suffix("data.pkl")?;
-            (prefix.is_empty() || prefix.ends_with('/')).then_some((prefix, archive.get(name)?))
-        })
-        .ok_or_else(|| mismatch("a zip archive without `data.pkl`", "a PyTorch checkpoint"))?;
-    let pickle = Pickle::read(data)?;
-    let parts = find_parts(&pickle)?;
-    let storages = Storages::new(&archive, prefix, &pickle)?;
+    let file = PytorchFile::parse(bytes)?;
+    let parts = find_parts(&file.pickle)?;
     let mut warnings = Vec::new();
-    let scene = scene(&parts, &pickle, &storages, &mut warnings)?;
+    let scene = scene(&parts, &file, &mut warnings)?;
     Ok(Loaded { scene, warnings })
 }
 
@@ -56,7 +44,7 @@ struct Parts<'a> {
     state: Id,
 }
 
-/// Finds the tuple: at the root, or within it when it was saved together with, say, the iteration.
+/// Finds the tuple: at the root, or within it if it was saved together with, say, the iteration.
 fn find_parts(pickle: &Pickle) -> Result<Parts<'_>, Mismatch> {
     let parts_of = |id: Id| -> Option<Parts> {
         let Object::Sequence(items) = pickle.object(id) else { return None };
@@ -73,19 +61,14 @@ fn find_parts(pickle: &Pickle) -> Result<Parts<'_>, Mismatch> {
         .ok_or_else(|| mismatch("a checkpoint with other contents", EXPECTED))
 }
 
-fn scene(
-    parts: &Parts,
-    pickle: &Pickle,
-    storages: &Storages,
-    warnings: &mut Vec<String>,
-) -> Result<Scene, Mismatch> {
+fn scene(parts: &Parts, file: &PytorchFile<&[u8]>, warnings: &mut Vec<String>) -> Result<Scene, Mismatch> {
     let [xyz, scaling, rotation, opacity, features] = parts.tensors;
     let n = xyz.shape.first().copied().unwrap_or(0);
     if u32::try_from(n).is_err() {
         return Err(mismatch(format_args!("{n} Gaussians"), "fewer than 2^32"));
     }
     let rows = |name: &str, info: &TensorInfo, width: Option<usize>| -> Result<Tensor, Mismatch> {
-        let tensor = storages.read(name, info)?;
+        let tensor = file.read(name, info)?;
         // Opacity may lack its second dimension.
         let found = if let [n] = tensor.shape[..] { [n, 1] } else { tensor.matrix(name)? };
         if found[0] == n && width.is_none_or(|width| found[1] == width) {
@@ -95,7 +78,7 @@ fn scene(
         Err(mismatch(format_args!("{name} {:?}", info.shape), format_args!("[{n}, {width}]")))
     };
     let vec3 = |tensor: Tensor| tensor.values.chunks_exact(3).map(Vec3::from_slice).collect();
-    let state = State { pickle, storages, id: parts.state };
+    let state = State { file, id: parts.state };
     let features = rows("features", features, None)?;
     let (features, decoder) = match state.find("kernels.0") {
         Some(_) => final_model(features, &state)?,
@@ -114,16 +97,15 @@ fn scene(
 
 /// The state dict of the network beside the Gaussians.
 struct State<'a> {
-    pickle: &'a Pickle,
-    storages: &'a Storages<'a>,
+    file: &'a PytorchFile<&'a [u8]>,
     id: Id,
 }
 
 impl<'a> State<'a> {
-    /// The tensor of this name, whatever module names stand before it. Of two entries the later one counts.
+    /// The tensor of this name, with or without names of modules before it. If two entries match, the later one counts.
     fn find(&self, name: &str) -> Option<&'a TensorInfo> {
         let is_named = |key: &str| key.strip_suffix(name).is_some_and(|p| p.is_empty() || p.ends_with('.'));
-        let mut found = self.pickle.entries(self.id).filter_map(|(key, value)| match value {
+        let mut found = self.file.pickle.entries(self.id).filter_map(|(key, value)| match value {
             Object::Tensor(tensor) if is_named(key) => Some(tensor),
             _ => None,
         });
@@ -133,13 +115,13 @@ impl<'a> State<'a> {
 
     fn read(&self, name: &str) -> Result<Tensor, Mismatch> {
         let info = self.find(name).ok_or_else(|| {
-            let keys: Vec<&str> = self.pickle.entries(self.id).map(|(key, _)| key).take(12).collect();
+            let keys: Vec<&str> = self.file.pickle.entries(self.id).map(|(key, _)| key).take(12).collect();
             mismatch(
                 format_args!("a state dict without `{name}` (it has: {})", keys.join(" ")),
                 "`kernels.{i}` and `bias.{i}`, or `layer.weight` and `layer.bias`",
             )
         })?;
-        let tensor = self.storages.read(name, info)?;
+        let tensor = self.file.read(name, info)?;
         expect_finite(name, &tensor.values)?;
         Ok(tensor)
     }

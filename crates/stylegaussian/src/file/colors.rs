@@ -4,13 +4,17 @@ use std::path::Path;
 
 use crate::scene::Scene;
 
-use super::{FileError, mismatch, tensors::Writer, write_atomically};
+use super::{
+    atomic::write_atomically,
+    error::{FileError, mismatch},
+    tensors::Writer,
+};
 
-/// Writes `rgb` `[N]`, in scene order and unclamped, as tensor `rgb` f32 `[n_source, 3]` in source order, NaN where a
-/// Gaussian was dropped.
+/// Writes `rgb` `[N]`, in scene order and unclamped, as tensor `rgb` f32 `[n_source, 3]` in source order. Gaussians of
+/// the source that the scene lacks are NaN.
 ///
 /// # Errors
-/// When there is not one color per Gaussian, the scene contradicts itself, or the file cannot be written.
+/// If there is not one color per Gaussian, the scene contradicts itself, or the file cannot be written.
 pub fn write_colors(path: &Path, rgb: &[[f32; 3]], scene: &Scene) -> Result<(), FileError> {
     let invalid = |found: String, expected: String| mismatch(found, expected).at(path);
     scene.validate().map_err(|error| invalid(format!("an inconsistent {error}"), "a valid scene".into()))?;
@@ -19,6 +23,8 @@ pub fn write_colors(path: &Path, rgb: &[[f32; 3]], scene: &Scene) -> Result<(), 
     }
     let mut by_source: Vec<u32> = (0..scene.len() as u32).collect();
     by_source.sort_unstable_by_key(|&i| scene.order[i as usize]);
+    // Each value is looked up when it is written: a scene file may claim a source of any size, which must not be
+    // allocated.
     let value = |flat: usize| {
         let found = by_source.binary_search_by_key(&(flat / 3), |&i| scene.order[i as usize] as usize);
         found.map_or(f32::NAN, |at| rgb[by_source[at] as usize][flat % 3])

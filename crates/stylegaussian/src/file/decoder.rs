@@ -1,18 +1,29 @@
 //! Decoders: `*.decoder.safetensors`, and the same tensors inside a scene file.
 //!
-//! Tensors `decoder.layers.{i}.weight` f16 or f32 `[D_out, K, D_in]` and `decoder.layers.{i}.bias` f32 `[D_out]`;
-//! where the decoder sees the style's statistics `decoder.statistics.weight` f16 or f32 `[D_out of the first, 2 D]`;
-//! metadata `k`, `activation` (`sigmoid` or `leaky_relu:slope`), `residual` (what the own color is multiplied with before
-//! it is added; `false` is 0, `true` is 1), `transfer` (`adain`), `layers` (how many), `noise` (how many inputs are noise,
-//! where any is), `smooth` (how many times colors are averaged over windows in the end; `true` is 1), `own_color` (`true`
-//! where the last three inputs are the Gaussian's own color) and, where known, `encoder`.
+//! | tensor | type and shape | |
+//! | --- | --- | --- |
+//! | `decoder.layers.{i}.weight` | f16 or f32 `[D_out, K, D_in]` | |
+//! | `decoder.layers.{i}.bias` | f32 `[D_out]` | |
+//! | `decoder.statistics.weight` | f16 or f32 `[D_out of the first, 2 D]` | present if the decoder sees the style's statistics |
+//!
+//! | metadata | value | |
+//! | --- | --- | --- |
+//! | `k` | a count | neighbors per Gaussian |
+//! | `layers` | a count | |
+//! | `activation` | `sigmoid` or `leaky_relu:slope` | |
+//! | `transfer` | `adain` | |
+//! | `residual` | a number | factor of the base color in the output; `false` is 0, `true` is 1 |
+//! | `noise` | a count | noise inputs; absent if there are none |
+//! | `own_color` | `true` or `false` | whether the last three inputs are the base color; absent if not |
+//! | `smooth` | a count | smoothing passes; `true` is 1; absent if there are none |
+//! | `encoder` | `name@hash` | absent if unknown |
 
 use std::str::FromStr;
 
 use crate::decoder::{Activation, Decoder, Layer};
 
 use super::{
-    Mismatch, Precision, mismatch,
+    error::{Mismatch, mismatch},
     tensors::{
         Dimension::{Any, Is},
         Reader, Writer, expect_finite,
@@ -21,21 +32,33 @@ use super::{
 
 const FORMAT: &str = "stylegaussian-decoder";
 
-/// The weight on the style's statistics.
+/// The precision of stored decoder weights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// Half precision: half the size, relative error 2^-11.
+    F16,
+    /// Single precision: exact.
+    F32,
+}
+
+/// Name of the tensor of weights on the style's statistics.
 const STATISTICS: &str = "decoder.statistics.weight";
 
-/// No decoder averages colors as often; a file that asks for billions would never be decoded.
+/// Most smoothing passes of a file. No decoder needs as many, and a damaged file that asks for billions would never
+/// finish.
 const MAX_SMOOTHING_PASSES: usize = 64;
 
-/// The transfer that decoders are trained behind; there is no other yet.
+/// The transfer from which decoders take their features. There is no other so far.
 const TRANSFER: &str = "adain";
 
+/// Reads a decoder file.
 pub(super) fn from_bytes(bytes: &[u8]) -> Result<Decoder, Mismatch> {
     let reader = Reader::new(bytes)?;
     reader.expect_format(FORMAT)?;
     from_tensors(&reader)
 }
 
+/// The tensors and metadata of a decoder file.
 pub(super) fn prepare(decoder: &Decoder, precision: Precision) -> Result<Writer<'_>, Mismatch> {
     let mut writer = Writer::new(FORMAT);
     to_tensors(decoder, precision, &mut writer)?;
@@ -48,23 +71,24 @@ pub(super) fn prepare(decoder: &Decoder, precision: Precision) -> Result<Writer<
 /// Reads the decoder's tensors and metadata out of a decoder or scene file.
 pub(super) fn from_tensors(reader: &Reader) -> Result<Decoder, Mismatch> {
     reader.expect_value("transfer", TRANSFER)?;
-    let k = reader.required("k", "`k` = the window's size")?;
+    let k = reader.required("k", "`k` = the number of neighbors")?;
     let n_layers: usize = reader.required("layers", "`layers` = the number of layers")?;
     let activation = activation_from_text(&reader.required::<String>("activation", "`activation`")?)?;
     let residual = number_or_flag(
         "residual",
         &reader.required::<String>("residual", "`residual`")?,
-        "a number, what the own color is multiplied with before it is added",
+        "a number, the factor of the base color in the output",
     )?;
     let base_color = reader.parsed("own_color", "`own_color` = `true` or `false`")?.unwrap_or(false);
     let n_noise = reader.parsed("noise", "`noise` = a number of channels")?.unwrap_or(0);
     let smoothing_passes = number_or_flag(
         "smooth",
         &reader.parsed::<String>("smooth", "`smooth`")?.unwrap_or_else(|| "0".into()),
-        "a number, how many times colors are averaged over windows",
+        "a number of smoothing passes",
     )?;
     let n_tensors = reader.names().iter().filter(|name| name.starts_with("decoder.layers.")).count();
     let has_statistics = reader.names().contains(&STATISTICS);
+    // Compared before any loop over layers, since the count comes from an unchecked file.
     if n_layers.checked_mul(2) != Some(n_tensors) {
         return Err(mismatch(
             format_args!("{n_tensors} decoder tensors"),
@@ -92,6 +116,7 @@ pub(super) fn from_tensors(reader: &Reader) -> Result<Decoder, Mismatch> {
     Ok(decoder)
 }
 
+/// Layer `i` of the file, its widths from the shapes of its tensors.
 fn layer(reader: &Reader, i: usize, k: usize) -> Result<Layer, Mismatch> {
     let bias = reader.floats(&format!("decoder.layers.{i}.bias"), &[Any("D_out")])?;
     let d_out = bias.len();
@@ -120,7 +145,7 @@ pub(super) fn to_tensors<'a>(
     if decoder.smoothing_passes > 0 {
         writer.set("smooth", decoder.smoothing_passes);
     }
-    writer.set("activation", activation_to_text(decoder.activation));
+    writer.set("activation", decoder.activation);
     for (i, layer) in decoder.layers.iter().enumerate() {
         let shape = [layer.d_out, decoder.k, layer.d_in];
         weight(writer, precision, format!("decoder.layers.{i}.weight"), &shape, &layer.weight);
@@ -133,6 +158,7 @@ pub(super) fn to_tensors<'a>(
     Ok(())
 }
 
+/// Adds weights in the given precision.
 fn weight<'a>(
     writer: &mut Writer<'a>,
     precision: Precision,
@@ -146,7 +172,7 @@ fn weight<'a>(
     }
 }
 
-/// A number, or `false` for 0 and `true` for 1, as files say that were written before these were numbers.
+/// A number, or `false` for 0 and `true` for 1: the value was a flag in earlier files.
 fn number_or_flag<T: FromStr + From<u8>>(name: &str, text: &str, expected: &str) -> Result<T, Mismatch> {
     let number = match text {
         "false" => Some(T::from(0)),
@@ -187,6 +213,7 @@ pub(super) fn validate(decoder: &Decoder) -> Result<(), Mismatch> {
         let found = format!("`residual` = {} and `smooth` = {}", decoder.residual, decoder.smoothing_passes);
         return Err(mismatch(found, format_args!("a finite number, and at most {MAX_SMOOTHING_PASSES}")));
     }
+    // At least one input must come from the features.
     if decoder.n_procedural() >= decoder.layers[0].d_in {
         let found = format!("`noise` = {} and `own_color` = {}", decoder.n_noise, decoder.base_color);
         return Err(mismatch(
@@ -202,13 +229,8 @@ pub(super) fn validate(decoder: &Decoder) -> Result<(), Mismatch> {
     expect_finite(STATISTICS, &decoder.statistics_weight)
 }
 
-fn activation_to_text(activation: Activation) -> String {
-    match activation {
-        Activation::Sigmoid => "sigmoid".into(),
-        Activation::LeakyRelu { slope } => format!("leaky_relu:{slope}"),
-    }
-}
-
+/// The activation of a file. Its slope may be any finite number, while `Activation::from_str` takes 0..1 only: that
+/// parser is for settings of new decoders, and this one must read decoders of other programs.
 fn activation_from_text(text: &str) -> Result<Activation, Mismatch> {
     let slope = |text: &str| text.parse().ok().filter(|slope: &f32| slope.is_finite());
     match text.split_once(':') {

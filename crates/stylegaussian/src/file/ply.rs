@@ -1,10 +1,10 @@
-//! 3DGS scenes as `.ply`, in every dialect that people have.
+//! 3DGS scenes as `.ply`, in every dialect in use.
 //!
-//! The header goes through ply-rs after a check that it cannot upset it. The rows are read by our own reader: ply-rs
-//! hands out every value with a fresh copy of its property's name, and its ascii numbers know neither NaN nor `1E5`.
+//! The crate ply-rs parses the header, after a check for lines on which it would panic. The rows are read by our own
+//! reader: ply-rs returns every value with a fresh copy of its property's name, and its ascii numbers include neither
+//! NaN nor `1E5`.
 
 use glam::Vec3;
-use ply_rs::ply::Encoding;
 
 use crate::{
     scene::Sh,
@@ -12,9 +12,8 @@ use crate::{
 };
 
 use super::{
-    Loaded, Mismatch,
     activate::{StoredGaussians, activate},
-    mismatch,
+    error::{Loaded, Mismatch, mismatch},
 };
 
 mod columns;
@@ -27,13 +26,14 @@ use header::Header;
 
 pub(super) use write::write;
 
-/// What each vertex must have.
+/// Properties that each vertex must have, in the order of the columns that are read.
 const GEOMETRY: [&str; 11] =
     ["x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"];
 
-/// What a 3DGS file is expected to hold, for messages.
+/// The properties of a 3DGS file, for messages.
 const EXPECTED: &str = "3DGS properties x y z, opacity, scale_0..2, rot_0..3 of element `vertex`";
 
+/// Reads a scene of either layout, compressed or native.
 pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     let header = Header::parse(bytes)?;
     let is_compressed = compressed::is_compressed(&header);
@@ -42,6 +42,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     Ok(loaded)
 }
 
+/// Reads the layout of the 3DGS reference implementation: one vertex per Gaussian, before the activations.
 fn read_native(header: &Header) -> Result<Loaded, Mismatch> {
     let vertex = header.element("vertex").ok_or_else(|| mismatch("no element `vertex`", EXPECTED))?;
     if u32::try_from(vertex.count).is_err() {
@@ -65,20 +66,24 @@ fn read_native(header: &Header) -> Result<Loaded, Mismatch> {
     Ok(Loaded { scene: activate(stored, &mut warnings), warnings })
 }
 
-/// Where the colors of a vertex stand.
+/// The properties that hold a vertex's color.
 #[derive(Clone, Debug, PartialEq)]
 enum Color {
     /// `f_dc_0..2` and the higher coefficients `f_rest_*` of this degree.
     SphericalHarmonics(u8),
-    /// `red green blue`, of which this value is the brightest.
+    /// `red green blue`, from 0 to this brightest value.
     Rgb(f32),
+    /// There are none.
     None,
 }
 
 impl Color {
+    /// The spherical harmonics if there are any, otherwise `red green blue`. Point-cloud tools add the latter to 3DGS
+    /// files for display.
     fn choose(vertex: &ply_rs::ply::ElementDef) -> Result<Self, Mismatch> {
         use ply_rs::ply::{PropertyType::Scalar, ScalarType};
         let has = |name: &str| vertex.properties.contains_key(name);
+        // The count decides the degree. Gaps in the numbering show up when the columns are read by name.
         let rest = vertex.properties.keys().filter(|name| name.starts_with("f_rest_")).count();
         if ["f_dc_0", "f_dc_1", "f_dc_2"].into_iter().all(has) {
             let degree = (0..=sh::MAX_DEGREE).find(|&degree| 3 * (n_coefficients(degree) - 1) == rest);
@@ -96,7 +101,7 @@ impl Color {
         }))
     }
 
-    /// The properties to read; those of spherical harmonics are channel-major.
+    /// The properties to read. Higher spherical harmonics are channel-major: first all of red, then green, then blue.
     fn names(&self) -> Vec<String> {
         match self {
             Self::SphericalHarmonics(degree) => {
@@ -122,6 +127,7 @@ fn stored_gaussians(columns: &Columns, color: &Color) -> StoredGaussians {
     }
 }
 
+/// The colors as coefficients in the order of [`Sh`], RGB innermost.
 fn spherical_harmonics(columns: &Columns, color: &Color) -> Option<Sh> {
     let start = GEOMETRY.len();
     let (degree, coefficients) = match *color {

@@ -5,22 +5,23 @@
 //! | `means`, `scales` | f32 `[N, 3]` | scales linear |
 //! | `rotations` | f32 `[N, 4]` | unit quaternions x, y, z, w |
 //! | `opacities` | f32 `[N]` | 0..1 |
-//! | `sh` | f16 `[N, (degree + 1)^2, 3]` | absent where the scene keeps no colors |
-//! | `order` | u32 `[N]` | index in the source file; absent = identity |
+//! | `sh` | f16 `[N, (degree + 1)^2, 3]` | absent if the scene keeps no colors |
+//! | `order` | u32 `[N]` | index in the source file; if absent, 0, 1, 2, ... |
 //! | `features`, `basis`, `offset` | f16 or f32 `[N, L]`, f32 `[D, L]`, f32 `[D]` | all or none |
 //! | `extra` | f16 `[N, E]` | optional, with features |
 //! | `neighbors` | u32 `[N, K]` | optional |
-//! | `feature_mean`, `feature_covariance` | f32 `[L]`, `[L, L]` | optional caches of other writers; only their shapes matter here |
+//! | `feature_mean`, `feature_covariance` | f32 `[L]`, `[L, L]` | optional caches of other writers; read for their shapes only |
 //! | `decoder.layers.{i}.*` | | see the decoder's format |
 //!
-//! Every f16 tensor may be f32 as well. Metadata: `format`, `version`, `source_count`, and where known `encoder`, `up`
-//! (`x y z`), `source`, `license`, and those of the decoder. Gaussians are written in Morton order.
+//! Every f16 tensor may be f32 as well. Metadata: `format`, `version`, `source_count`, if known `encoder`, `up` (`x y
+//! z`), `source` and `license`, and the decoder's. Gaussians are written in Morton order.
 
 use std::{borrow::Cow, path::Path};
 
 use glam::{Quat, Vec3};
 
 use crate::{
+    encoder_id::EncoderId,
     morton,
     neighbors::Neighbors,
     scene::{Features, Scene, Sh},
@@ -28,17 +29,19 @@ use crate::{
 };
 
 use super::{
-    FileError, Loaded, Mismatch, Precision, check_scene, decoder, mismatch,
+    atomic::write_atomically,
+    check::check_scene,
+    decoder::{self, Precision},
+    error::{FileError, Loaded, Mismatch, mismatch},
     tensors::{
         Dimension::{Any, Is},
         Reader, Writer, expect_finite,
     },
-    write_atomically,
 };
 
 const FORMAT: &str = "stylegaussian-scene";
 
-/// Tensors that a scene file may hold, besides the decoder's.
+/// Tensors of a scene file, besides the decoder's.
 const KNOWN: [&str; 13] = [
     "means",
     "rotations",
@@ -55,6 +58,7 @@ const KNOWN: [&str; 13] = [
     "feature_covariance",
 ];
 
+/// Reads a scene. Unknown tensors are ignored with a warning, so that other programs can add their own.
 pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     let reader = Reader::new(bytes)?;
     reader.expect_format(FORMAT)?;
@@ -95,7 +99,7 @@ fn gaussians(reader: &Reader) -> Result<Scene, Mismatch> {
         true => reader.indices("order", &[Is(n)])?,
         false => (0..n as u32).collect(),
     };
-    // Files of other writers may lack the count; then nothing is known to be missing after the last Gaussian.
+    // Files of other writers may lack the count. The last Gaussian kept is then taken for the source's last.
     let least = order.iter().max().map_or(0, |&last| last as usize + 1);
     Ok(Scene {
         means,
@@ -173,9 +177,10 @@ fn up_from_text(text: &str) -> Result<Vec3, Mismatch> {
     }
 }
 
-/// Writes a valid scene.
+/// Writes a scene that has passed [`check_scene`].
 pub(super) fn write(path: &Path, scene: &Scene) -> Result<(), FileError> {
     let order = morton::order(&scene.means);
+    // A scene that is in this order already, as every `.sgs` is, need not be copied.
     let sorted = match order.is_sorted() {
         true => Cow::Borrowed(scene),
         false => Cow::Owned(scene.subset(&order)),
@@ -216,7 +221,8 @@ fn add_features<'a>(features: &'a Features, n: usize, writer: &mut Writer<'a>) -
     }
     expect_finite("basis", &features.basis)?;
     expect_finite("offset", &features.offset)?;
-    // Checkpoints must stylize exactly like the original: they keep f32. They are full-rank, or name no encoder.
+    // Features of checkpoints stay f32, since they must stylize exactly like the original. Such features have full rank
+    // or name no encoder.
     if l == d || features.encoder.is_none() || exceeds_f16(&features.values) {
         writer.f32("features", &[n, l], &features.values);
     } else {
@@ -232,6 +238,7 @@ fn add_features<'a>(features: &'a Features, n: usize, writer: &mut Writer<'a>) -
     Ok(())
 }
 
+/// Whether rounding to f16 would clamp a value.
 fn exceeds_f16(values: &[f32]) -> bool {
     values.iter().any(|value| value.abs() > half::f16::MAX.to_f32())
 }
@@ -239,14 +246,11 @@ fn exceeds_f16(values: &[f32]) -> bool {
 fn add_metadata(scene: &Scene, writer: &mut Writer) -> Result<(), Mismatch> {
     let of_features = scene.features.as_ref().and_then(|features| features.encoder.as_ref());
     let of_decoder = scene.decoder.as_ref().and_then(|decoder| decoder.encoder.as_ref());
-    if let (Some(features), Some(decoder)) = (of_features, of_decoder)
-        && features != decoder
-    {
-        return Err(mismatch(
-            format_args!("a decoder for encoder `{decoder}`"),
-            format_args!("one for the features' encoder `{features}`"),
-        ));
-    }
+    // The file has one key for both.
+    EncoderId::expect_same(("the decoder", of_decoder), ("the features", of_features)).map_err(|error| {
+        let found = format_args!("a decoder for encoder `{}`", error.found).to_string();
+        mismatch(found, format_args!("one for the features' encoder `{}`", error.expected))
+    })?;
     if let Some(encoder) = of_features.or(of_decoder) {
         writer.set("encoder", encoder);
     }

@@ -1,12 +1,12 @@
 //! Style statistics: `*.style.safetensors`.
 //!
-//! Tensors `mean` and `std_dev` f32 `[D]`, optionally `covariance` f32 `[D, D]`; metadata `format`, `version` and,
-//! where known, `encoder`.
+//! Tensors `mean` and `std_dev` f32 `[D]`, optionally `covariance` f32 `[D, D]`. Metadata `format`, `version` and, if
+//! known, `encoder`.
 
 use crate::statistics::ChannelStatistics;
 
 use super::{
-    Mismatch, mismatch,
+    error::{Mismatch, mismatch},
     tensors::{
         Dimension::{Any, Is},
         Reader, Writer, expect_finite,

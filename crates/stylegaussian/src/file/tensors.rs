@@ -1,4 +1,4 @@
-//! Safetensors: typed, checked reading, and writing that streams and is the same byte for byte every time.
+//! Safetensors: typed and checked reading, and streamed writing that gives the same bytes every time.
 
 use std::{
     borrow::Cow,
@@ -12,9 +12,9 @@ use half::f16;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use serde_json::json;
 
-use super::{Mismatch, mismatch};
+use super::error::{Mismatch, mismatch};
 
-/// The version that this build reads and writes.
+/// The version of all our formats that this build reads and writes.
 const VERSION: &str = "1";
 
 /// A safetensors file in memory.
@@ -24,7 +24,7 @@ pub(super) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// Parses the header; counts, offsets and sizes are checked against the bytes there are.
+    /// Parses the header, and checks counts, offsets and sizes against the size of the file.
     pub(super) fn new(bytes: &'a [u8]) -> Result<Self, Mismatch> {
         let broken = |error| mismatch(format_args!("a broken header ({error})"), "a whole safetensors file");
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(broken)?;
@@ -48,38 +48,41 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// Metadata `key`, or `None` if there is none.
     pub(super) fn metadata(&self, key: &str) -> Option<&str> {
         self.metadata.get(key).map(String::as_str)
     }
 
-    /// Metadata `key` parsed as a `T`, where present.
+    /// Metadata `key` parsed as a `T`, or `None` if there is none.
     pub(super) fn parsed<T: FromStr>(&self, key: &str, expected: &str) -> Result<Option<T>, Mismatch> {
         let Some(text) = self.metadata(key) else { return Ok(None) };
         let found = || mismatch(format_args!("metadata `{key}` = `{}`", shortened(text)), expected);
         text.parse().map(Some).map_err(|_| found())
     }
 
-    /// Metadata `key` parsed as a `T`.
+    /// Metadata `key` parsed as a `T`; an error if there is none.
     pub(super) fn required<T: FromStr>(&self, key: &str, expected: &str) -> Result<T, Mismatch> {
         self.parsed(key, expected)?.ok_or_else(|| mismatch(format_args!("no metadata `{key}`"), expected))
     }
 
+    /// Names of all tensors, sorted.
     pub(super) fn names(&self) -> Vec<&str> {
         let mut names = self.tensors.names();
         names.sort_unstable();
         names
     }
 
+    /// Whether there is a tensor of this name.
     pub(super) fn has(&self, name: &str) -> bool {
         self.tensors.tensor(name).is_ok()
     }
 
-    /// The shape of a tensor, where present.
+    /// The shape of a tensor, or `None` if there is none of this name.
     pub(super) fn shape(&self, name: &str) -> Option<Vec<usize>> {
         self.tensors.tensor(name).ok().map(|tensor| tensor.shape().to_vec())
     }
 
-    /// A tensor of finite numbers, f16 or f32. `shape` names each dimension and gives its size where that is known.
+    /// A tensor of finite numbers, f16 or f32. `shape` has the size of each dimension, or its name if any size will do.
     pub(super) fn floats(&self, name: &str, shape: &[Dimension]) -> Result<Vec<f32>, Mismatch> {
         let tensor = self.tensor(name, shape)?;
         let values: Vec<f32> = match tensor.dtype() {
@@ -128,7 +131,7 @@ impl<'a> Reader<'a> {
 pub(super) enum Dimension {
     /// Exactly this size.
     Is(usize),
-    /// Any size; the letter that documentation calls it.
+    /// Any size. The text is the dimension's letter in the documentation, such as D.
     Any(&'static str),
 }
 
@@ -160,7 +163,7 @@ pub(super) fn expect_finite(name: &str, values: &[f32]) -> Result<(), Mismatch> 
     }
 }
 
-/// The beginning of a text from a file, for messages.
+/// The beginning of a text from a file, for messages: a damaged file may hold megabytes of it.
 fn shortened(text: &str) -> Cow<'_, str> {
     const MOST: usize = 60;
     match text.char_indices().nth(MOST) {
@@ -169,11 +172,13 @@ fn shortened(text: &str) -> Cow<'_, str> {
     }
 }
 
-/// Where the values of a tensor to be written come from.
+/// The values of a tensor to be written.
 enum Values<'a> {
+    /// Written as they are.
     F32(&'a [f32]),
-    /// Rounded to f16 on the way; values past its range are clamped to it.
+    /// Rounded to f16 when written. Values beyond its range are clamped to it.
     F16(&'a [f32]),
+    /// Written as they are.
     U32(&'a [u32]),
     /// f32, each made from its flat index when it is written.
     Made(Box<dyn Fn(usize) -> f32 + 'a>),
@@ -190,6 +195,7 @@ impl Values<'_> {
 
     /// Appends the little-endian bytes of the values in `range`.
     fn append(&self, range: Range<usize>, bytes: &mut Vec<u8>) {
+        // Clamped, since a value that rounds to infinity would make the file unreadable.
         let (min, max) = (f16::MIN.to_f32(), f16::MAX.to_f32());
         let half = |value: &f32| f16::from_f32(value.clamp(min, max)).to_le_bytes();
         match self {
@@ -216,7 +222,7 @@ pub(super) struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
-    /// A file of this format and the present version.
+    /// A file of this format and the current version.
     pub(super) fn new(format: &str) -> Self {
         let mut writer = Self::default();
         writer.set("format", format);
@@ -229,12 +235,12 @@ impl<'a> Writer<'a> {
         self.metadata.insert(key.into(), value.to_string());
     }
 
-    /// Adds a f32 tensor.
+    /// Adds an f32 tensor.
     pub(super) fn f32(&mut self, name: impl Into<String>, shape: &[usize], values: &'a [f32]) {
         self.add(name.into(), shape, Values::F32(values));
     }
 
-    /// Adds a tensor rounded to f16; values past its range are clamped to it.
+    /// Adds a tensor rounded to f16. Values beyond its range are clamped to it.
     pub(super) fn f16(&mut self, name: impl Into<String>, shape: &[usize], values: &'a [f32]) {
         self.add(name.into(), shape, Values::F16(values));
     }
@@ -244,7 +250,7 @@ impl<'a> Writer<'a> {
         self.add(name.into(), shape, Values::U32(values));
     }
 
-    /// Adds a f32 tensor too large to be held; `value` makes each number from its flat index.
+    /// Adds an f32 tensor that is too large for memory. `value` computes each number from its flat index.
     pub(super) fn made(&mut self, name: &str, shape: &[usize], value: impl Fn(usize) -> f32 + 'a) {
         self.add(name.into(), shape, Values::Made(Box::new(value)));
     }
@@ -269,8 +275,10 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// The JSON header, padded to 8 bytes. The safetensors crate would keep metadata in a hash map's random order.
+    /// The JSON header, padded to 8 bytes. Ours, since the safetensors crate writes metadata in a hash map's random
+    /// order, and equal scenes are to give equal files.
     fn header(&self) -> Vec<u8> {
+        // This map keeps its keys sorted, so that the bytes do not depend on the order of calls.
         let mut header = serde_json::Map::new();
         header.insert("__metadata__".into(), json!(self.metadata));
         let mut start = 0;
@@ -289,7 +297,7 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// Writes a tensor's values, some at a time so that none is held twice.
+/// Writes a tensor's values chunk by chunk, so that memory never holds all of them twice.
 fn write_values(tensor: &Tensor, out: &mut dyn Write) -> io::Result<()> {
     const CHUNK: usize = 1 << 16;
     let n_values: usize = tensor.shape.iter().product();

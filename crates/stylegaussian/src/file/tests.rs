@@ -12,7 +12,7 @@ use crate::{
     scene::{Features, Sh},
 };
 
-/// A deterministic stream of numbers in -1..1.
+/// A stream of numbers in -1..1, the same in every run (xorshift).
 fn noise() -> impl FnMut() -> f32 {
     let mut state = 0x9e37_79b9_u32;
     move || {
@@ -48,7 +48,7 @@ fn decoder(channels: &[usize], k: usize, next: &mut impl FnMut() -> f32) -> Deco
     }
 }
 
-/// A scene with everything: 20 of 25 source Gaussians, all numbers exact in f16 where files hold f16.
+/// A scene with every optional part, 20 of 25 source Gaussians. Numbers that files hold as f16 are exact in f16.
 fn full_scene() -> Scene {
     let mut next = noise();
     let n = 20;
@@ -90,14 +90,14 @@ fn full_scene() -> Scene {
     }
 }
 
-/// Where a source Gaussian stands in a scene.
+/// The scene in the source's order.
 fn by_source(scene: &Scene) -> Scene {
     let mut indices: Vec<u32> = (0..scene.len() as u32).collect();
     indices.sort_by_key(|&i| scene.order[i as usize]);
     scene.subset(&indices)
 }
 
-/// The message of an error that must come.
+/// The message of an expected error.
 fn refused<T>(result: Result<T, FileError>) -> String {
     match result {
         Ok(_) => panic!("no error"),
@@ -141,6 +141,20 @@ fn sgs_is_the_same_byte_for_byte() {
         write_scene(path, &full_scene()).unwrap();
     }
     assert_eq!(fs::read(&paths[0]).unwrap(), fs::read(&paths[1]).unwrap());
+}
+
+/// Files of earlier versions spell the key the British way.
+#[test]
+fn the_license_is_read_under_its_old_key() {
+    let dir = dir();
+    let path = dir.path().join("scene.sgs");
+    write_scene(&path, &full_scene()).unwrap();
+    let bytes = fs::read(&path).unwrap();
+    let old = replaced(&bytes, r#""license":"CC0-1.0""#, r#""licence":"CC0-1.0""#);
+    fs::write(&path, old).unwrap();
+    let Loaded { scene, warnings } = read_scene(&path).unwrap();
+    assert_eq!(scene.license.as_deref(), Some("CC0-1.0"));
+    assert!(warnings.is_empty(), "{warnings:?}");
 }
 
 #[test]
@@ -341,7 +355,7 @@ fn values_out_of_range_are_refused() {
 }
 
 #[test]
-fn what_is_no_scene_is_named() {
+fn files_of_other_kinds_are_named() {
     let dir = dir();
     let check = |bytes: &[u8], part: &str| {
         let path = dir.path().join("thing.ply");
@@ -384,7 +398,7 @@ fn decoders_that_do_not_chain_are_refused() {
     check(|d| d.k = 3, "decoder.layers.0");
 }
 
-/// Every format, cut and changed at many places: an error or a scene, never a panic.
+/// Every format, cut and changed at many places, gives an error or a scene and never a panic.
 #[test]
 fn damaged_files_never_panic() {
     let dir = dir();
@@ -405,7 +419,7 @@ fn damaged_files_never_panic() {
         for end in (0..bytes.len()).step_by(1 + bytes.len() / 400) {
             all(&bytes[..end]);
         }
-        // Headers and directories are where counts stand: change those byte by byte.
+        // Counts stand in headers and directories, at the ends of a file. Those are changed byte by byte.
         let edge = 700.min(bytes.len() / 2);
         let inner = (edge..bytes.len() - edge).step_by(1 + bytes.len() / 400);
         for at in (0..edge).chain(inner).chain(bytes.len() - edge..bytes.len()) {

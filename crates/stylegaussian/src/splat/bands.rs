@@ -1,28 +1,26 @@
-//! Which tile of the picture sees which splats.
+//! Finding the splats that each tile of the picture sees.
 //!
-//! The picture is cut into tiles of 16 x 16 pixels. A *band* is one row of tiles: its pixels are contiguous in a
-//! row-major picture, so bands are what threads share out among themselves.
+//! The picture is cut into tiles of 16 x 16 pixels. A *band* is one row of tiles. Its pixels are contiguous in a
+//! row-major picture, so each thread can own whole bands.
 
 use std::ops::Range;
 
 use glam::UVec2;
 
-use super::composite::Tile;
+use super::composite::{TILE, Tile};
 use super::project::Splat;
-
-/// Width and height of a tile, in pixels.
-pub(super) const TILE: usize = 16;
 
 /// For each band, the splats that may touch it, front to back.
 pub(super) struct Bands {
     /// Width and height of the picture, in pixels.
     pub size: UVec2,
-    /// Positions in the list of splats, ascending, for each band.
+    /// For each band, positions in the list of splats, ascending.
     pub splats: Vec<Vec<u32>>,
 }
 
 impl Bands {
-    /// Deals `splats`, sorted front to back, out to the bands of a picture of `size` pixels.
+    /// Assigns `splats`, sorted front to back, to the bands of a picture of `size` pixels. A splat that crosses several
+    /// bands is in the list of each.
     pub fn new(splats: &[Splat], size: UVec2) -> Self {
         let n_bands = (size.y as usize).div_ceil(TILE);
         let mut bands = vec![Vec::new(); n_bands];
@@ -37,7 +35,7 @@ impl Bands {
 
     /// Blends the splats of one band, calling `blend(pixel in the band, position of the splat, weight)`.
     ///
-    /// The calls for any one pixel come front to back.
+    /// The calls for any one pixel come front to back. Calls for different pixels come in no useful order.
     pub fn composite(&self, band: usize, splats: &[Splat], mut blend: impl FnMut(usize, usize, f32)) {
         let width = self.size.x as usize;
         let y = band * TILE;
@@ -51,7 +49,7 @@ impl Bands {
         }
     }
 
-    /// For each tile of a band, the positions of the splats whose footprint reaches it.
+    /// For each tile of a band, the positions of the splats with a footprint that reaches it.
     fn tile_lists(&self, band: usize, splats: &[Splat]) -> Vec<Vec<u32>> {
         let n_tiles = (self.size.x as usize).div_ceil(TILE);
         let top = (band * TILE) as f32;
@@ -66,7 +64,7 @@ impl Bands {
     }
 }
 
-/// The x range of the part of a footprint that lies between two heights; all in pixels.
+/// The x range of the part of a footprint between the heights `top` and `bottom`, all in pixels.
 fn extent_within(splat: &Splat, top: f32, bottom: f32) -> (f32, f32) {
     let (lowest, highest) = (-splat.half_size.y, splat.half_size.y);
     let from = (top - splat.center.y).clamp(lowest, highest);
@@ -75,15 +73,17 @@ fn extent_within(splat: &Splat, top: f32, bottom: f32) -> (f32, f32) {
         let within_row = (splat.cutoff - dy * dy * splat.y_precision).max(0.0);
         splat.center.x + splat.slope * dy + side * (within_row / splat.row_precision).sqrt()
     };
-    // Each side of an ellipse is furthest out at one height and monotonic on either side of it.
+    // Each side of an ellipse is furthest out at one height and monotonic on either side of it, so within the band it
+    // is furthest out at that height clamped to the band.
     let left = edge((-splat.rightmost_dy).clamp(from, to), -1.0);
     let right = edge(splat.rightmost_dy.clamp(from, to), 1.0);
     (left, right)
 }
 
-/// The tiles, of `n` in a row, that overlap the range from `low` to `high` in pixels.
+/// The tiles, of `n` in a row, that overlap the range from `low` to `high` pixels.
 fn tiles_between(low: f32, high: f32, n: usize) -> Range<usize> {
-    // A thousandth of a pixel covers the rounding of the range; the blend itself tests each pixel.
+    // A thousandth of a pixel covers the rounding of the range. A tile too many costs time only, since the blend tests
+    // each pixel.
     let first = ((low - 1e-3) / TILE as f32).floor().max(0.0) as usize;
     let end = ((high + 1e-3) / TILE as f32).ceil().max(0.0) as usize;
     first.min(n)..end.min(n)

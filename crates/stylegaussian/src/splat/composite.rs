@@ -2,22 +2,30 @@
 
 use std::ops::Range;
 
-use super::{MAX_ALPHA, MIN_ALPHA, bands::TILE, project::Splat};
+use super::{
+    alpha::{MAX_ALPHA, MIN_ALPHA, MIN_TRANSMITTANCE},
+    project::Splat,
+};
 
-/// A pixel is finished before the splat that would bring its transmittance under this.
-const MIN_TRANSMITTANCE: f32 = 1e-4;
+/// Width and height of a tile, in pixels. A tile's transmittances (1 KiB) stay in a core's first-level cache, and one
+/// row of its pixels fits the bits of a word.
+pub(super) const TILE: usize = 16;
 
-/// A tile's place in the picture, in pixels.
+/// The place of a tile in the picture, in pixels.
 pub(super) struct Tile {
+    /// Left edge.
     pub x: usize,
+    /// Top edge.
     pub y: usize,
+    /// Width: [`TILE`], or less at the picture's right edge.
     pub width: usize,
+    /// Height: [`TILE`], or less at the picture's bottom edge.
     pub height: usize,
 }
 
 impl Tile {
-    /// Calls `blend(column, row, position of the splat, weight)` for each splat in each pixel it reaches, pixel and
-    /// row counted within the tile; `in_tile` lists the splats front to back.
+    /// Calls `blend(column, row, position of the splat, weight)` for each splat and each pixel that it reaches. Column
+    /// and row count from the tile's top left; `in_tile` lists the splats front to back.
     pub fn composite(
         &self,
         splats: &[Splat],
@@ -28,6 +36,7 @@ impl Tile {
         for &position in in_tile {
             let splat = &splats[position as usize];
             let (y, half_height) = (splat.center.y - self.y as f32, splat.half_size.y);
+            // Standard deviation within a row, in pixels.
             let row_sigma = splat.row_precision.sqrt().recip();
             for row in pixels_between(y - half_height, y + half_height, self.height) {
                 if pixels.unfinished[row] == 0 {
@@ -38,10 +47,12 @@ impl Tile {
                 let middle = splat.center.x - self.x as f32 + splat.slope * dy;
                 let half_width = (splat.cutoff - q_row).max(0.0).sqrt() * row_sigma;
                 let reached = pixels_between(middle - half_width, middle + half_width, self.width);
-                let mut left = bits(reached) & pixels.unfinished[row];
-                while left != 0 {
-                    let column = left.trailing_zeros() as usize;
-                    left &= left - 1;
+                // Pixels that are reached and not finished, as bits: finished ones cost nothing.
+                let mut remaining = bits(reached) & pixels.unfinished[row];
+                while remaining != 0 {
+                    let column = remaining.trailing_zeros() as usize;
+                    // Clears the lowest bit, which is this column's.
+                    remaining &= remaining - 1;
                     let du = column as f32 + 0.5 - middle;
                     let q = q_row + du * du * splat.row_precision;
                     let alpha = (splat.opacity * (-0.5 * q).exp()).min(MAX_ALPHA);
@@ -57,12 +68,13 @@ impl Tile {
     }
 }
 
-/// How far the pixels of a tile have come.
+/// The state of a tile's pixels between two splats.
 struct Pixels {
-    /// What is left to pass through each pixel, 0..1.
+    /// Share of the light from behind that still passes through each pixel, 0..1.
     transmittance: [[f32; TILE]; TILE],
-    /// One bit per pixel, a word per row: most splats of a deep scene lie behind finished pixels only.
+    /// One bit per pixel, one word per row: most splats of a deep scene lie behind finished pixels only.
     unfinished: [u32; TILE],
+    /// Number of bits set in `unfinished`.
     n_unfinished: usize,
 }
 
@@ -73,13 +85,14 @@ impl Pixels {
         Self { transmittance: [[1.0; TILE]; TILE], unfinished, n_unfinished: width * height }
     }
 
-    /// Puts a splat behind what an unfinished pixel has; its weight, or `None` where it is not drawn.
+    /// Puts a splat behind all that an unfinished pixel has. Returns its weight, or `None` if it is not drawn.
     fn cover(&mut self, row: usize, column: usize, alpha: f32) -> Option<f32> {
         if alpha < MIN_ALPHA {
             return None;
         }
         let before = self.transmittance[row][column];
         let after = before * (1.0 - alpha);
+        // The splat that would finish a pixel is dropped and not drawn last, as in the original rasterizer.
         if after < MIN_TRANSMITTANCE {
             self.unfinished[row] &= !(1 << column);
             self.n_unfinished -= 1;
@@ -90,14 +103,14 @@ impl Pixels {
     }
 }
 
-/// A word with the bits of `pixels` set.
+/// A word with the bits `pixels` set. `TILE` < 32, so that no shift overflows.
 fn bits(pixels: Range<usize>) -> u32 {
     (1u32 << pixels.end) - (1u32 << pixels.start.min(pixels.end))
 }
 
-/// The pixels, of `n` in a row, whose centers lie between `low` and `high`.
+/// The pixels, of `n` in a row, with centers between `low` and `high`.
 fn pixels_between(low: f32, high: f32, n: usize) -> Range<usize> {
-    // A thousandth of a pixel covers the rounding of the range; alpha decides in the end.
+    // A thousandth of a pixel covers the rounding of the range. A pixel too many costs time only: its alpha is tested.
     let first = (low - 0.5 - 1e-3).ceil().max(0.0) as usize;
     let end = ((high - 0.5 + 1e-3).floor() + 1.0).max(0.0) as usize;
     first.min(n)..end.min(n)

@@ -3,29 +3,30 @@
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::MIN_ALPHA;
+use super::alpha::{MIN_ALPHA, cutoff};
 use crate::{camera::Camera, scene::Scene};
 
-/// Gaussians at this view-space z or nearer are not drawn, as in the original rasterizer.
+/// Gaussians at this view-space z or nearer are not drawn, in scene units, as in the original rasterizer.
 const NEAR: f32 = 0.2;
 
-/// Added to the diagonal of every 2D covariance, in px^2: no splat is thinner than about a pixel.
+/// Added to the diagonal of every 2D covariance, in px^2, so that no splat is thinner than about a pixel.
 const LOW_PASS: f32 = 0.3;
 
-/// How far outside the picture, in half pictures, the projection is still linearized where it is.
+/// A Gaussian farther from the picture's center than this, in half pictures, is linearized as if it were at this
+/// distance. The Jacobian grows without bound toward the side, and would smear such a Gaussian over the picture.
 const LINEARIZED_WITHIN: f32 = 1.3;
 
 /// The footprint of one Gaussian.
 ///
 /// With (dx, dy) the offset from its center in pixels and (a, b, c) the 2D covariance, alpha is
-/// opacity exp(-q / 2), where q = (dx, dy) cov^-1 (dx, dy)^T. Completing the square gives
-/// q = (c / det) (dx - (b / c) dy)^2 + dy^2 / c: a sum of two squares, which loses no digits on needles and hands the
-/// extent of a row of pixels over directly.
+/// opacity exp(-q / 2) with q = (dx, dy) cov^-1 (dx, dy)^T. Completing the square gives
+/// q = (c / det) (dx - (b / c) dy)^2 + dy^2 / c. This sum of two squares loses no digits on needles, and gives the
+/// extent of a row of pixels directly.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Splat {
     /// Projected mean, in pixels.
     pub center: Vec2,
-    /// b / c: by how much the middle of a row moves in x per pixel in y.
+    /// b / c: how far the middle of a row moves in x per pixel in y.
     pub slope: f32,
     /// c / det, in px^-2: the inverse variance within a row.
     pub row_precision: f32,
@@ -35,23 +36,24 @@ pub(super) struct Splat {
     pub half_size: Vec2,
     /// The offset in y of the footprint's rightmost point (its leftmost is at the negative), in pixels.
     pub rightmost_dy: f32,
-    /// 0..1.
+    /// Alpha at the center, 0..1, before it is capped.
     pub opacity: f32,
-    /// The q at which alpha falls to [`MIN_ALPHA`]: 2 ln(255 opacity).
+    /// The q at which alpha falls to [`MIN_ALPHA`]: see [`cutoff`].
     pub cutoff: f32,
     /// View-space z of the mean, in scene units.
     pub depth: f32,
-    /// Which Gaussian of the scene this is.
+    /// Index of the Gaussian in the scene.
     pub gaussian: u32,
 }
 
-/// The splats that can touch the picture, by ascending view-space z, ties by Gaussian index.
+/// The splats that can touch the picture, by ascending view-space z and, if that is equal, by Gaussian index.
 pub(super) fn project(scene: &Scene, camera: &Camera) -> Vec<Splat> {
     let projection = Projection::new(camera);
     let splats: Vec<Splat> =
         (0..scene.len()).into_par_iter().filter_map(|i| projection.splat(scene, i)).collect();
 
-    // Positive floats compare like their bits, so one integer holds the depth and, below it, the tie-breaker.
+    // Positive floats compare like their bits, so one integer holds the depth and, in its lower half, the tie-breaker.
+    // Positions are ascending Gaussian indices here, since the parallel filter keeps the order.
     let mut keys: Vec<u64> = splats
         .par_iter()
         .enumerate()
@@ -61,9 +63,10 @@ pub(super) fn project(scene: &Scene, camera: &Camera) -> Vec<Splat> {
     keys.par_iter().map(|&key| splats[key as u32 as usize]).collect()
 }
 
-/// What projecting needs of a camera.
+/// A camera with the values that projecting every Gaussian needs.
 struct Projection<'a> {
     camera: &'a Camera,
+    /// View from world, without the translation.
     rotation: Mat3,
     /// The largest |x / z| and |y / z| at which the projection is linearized.
     limit: Vec2,
@@ -75,7 +78,7 @@ impl<'a> Projection<'a> {
         Self { camera, rotation: camera.view_from_world.matrix3.into(), limit }
     }
 
-    /// The splat of Gaussian `i`, or `None` where no pixel would see it.
+    /// The splat of Gaussian `i`, or `None` if no pixel would see it.
     fn splat(&self, scene: &Scene, i: usize) -> Option<Splat> {
         let mean: Vec3 = self.camera.view_from_world.transform_point3(scene.means[i]);
         let opacity = scene.opacities[i];
@@ -91,10 +94,10 @@ impl<'a> Projection<'a> {
         let a = row_x.length_squared() + LOW_PASS;
         let b = row_x.dot(row_y);
         let c = row_y.length_squared() + LOW_PASS;
-        // Lagrange's identity: a c - b^2 without subtracting large numbers.
+        // a c - b^2 by Lagrange's identity. Subtracting the two products would cancel all digits of a needle.
         let det = row_x.cross(row_y).length_squared() + LOW_PASS * (a + c - LOW_PASS);
 
-        let cutoff = 2.0 * (opacity / MIN_ALPHA).ln();
+        let cutoff = cutoff(opacity);
         let half_size = (cutoff * Vec2::new(a, c)).sqrt();
         let low = center + half_size;
         let high = center - half_size - self.camera.size.as_vec2();
@@ -113,7 +116,7 @@ impl<'a> Projection<'a> {
         })
     }
 
-    /// The two rows of J W R S, in pixels: the 2D covariance is their Gram matrix.
+    /// The two rows of J W R S, in pixels. The 2D covariance is their Gram matrix, so it is never indefinite.
     fn footprint_axes(&self, scene: &Scene, i: usize, ray: Vec2, z: f32) -> (Vec3, Vec3) {
         let ray = ray.clamp(-self.limit, self.limit);
         let pixels_per_unit = self.camera.focal / z;

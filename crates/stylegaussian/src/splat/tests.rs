@@ -4,8 +4,8 @@ use glam::{Affine3A, Quat, UVec2, Vec2, Vec3};
 
 use super::*;
 
-/// A camera at the origin that looks along +z: focal length 10 px, 9 x 9 pixels, so that the center of pixel (4, 4)
-/// lies on the axis.
+/// A camera at the origin that looks along +z, with a focal length of 10 px and 9 x 9 pixels. The center of pixel (4,
+/// 4) lies on the axis.
 fn camera() -> Camera {
     Camera {
         view_from_world: Affine3A::IDENTITY,
@@ -127,7 +127,7 @@ fn equal_depths_blend_in_scene_order() {
     assert_eq!(center, [(0, 0.5), (1, 0.25), (2, 0.125)]);
 }
 
-/// Alpha is capped at 0.99; the second cap leaves 1e-4 * (1 - rounding), so the pixel stops before it.
+/// Alpha is capped at 0.99. A second capped splat would leave 1e-4 * (1 - rounding), so the pixel stops before it.
 #[test]
 fn alpha_is_capped_and_a_pixel_stops_before_it_is_full() {
     let at = |z: f32| (Vec3::new(0.0, 0.0, z), Vec3::splat(0.2), 1.0);
@@ -144,7 +144,7 @@ fn alpha_is_capped_and_a_pixel_stops_before_it_is_full() {
 }
 
 #[test]
-fn what_is_near_or_behind_or_faint_is_not_drawn() {
+fn near_hidden_and_faint_gaussians_are_not_drawn() {
     for (z, opacity, drawn) in
         [(0.2, 1.0, false), (0.2001, 1.0, true), (-2.0, 1.0, false), (2.0, 0.0039, false), (2.0, 0.004, true)]
     {
@@ -218,7 +218,7 @@ fn spherical_harmonics_color_by_direction() {
     check("blue", color[2], 0.0);
 }
 
-/// Every pixel by the plain definition, in f64, without tiles or footprints.
+/// Every pixel by the definition, in f64, without tiles or footprints.
 #[test]
 fn tiles_change_nothing() {
     let (scene, camera) = (random_scene(300), random_camera());
@@ -327,7 +327,7 @@ fn empty_scenes_and_empty_pictures_are_fine() {
     }
 }
 
-/// Gaussians too wild for single precision must vanish, not poison the picture.
+/// Gaussians that overflow in single precision must vanish and not spread NaN over the picture.
 #[test]
 fn overflowing_gaussians_leave_no_nan() {
     let wild = [
@@ -348,7 +348,7 @@ mod plain {
 
     use crate::{camera::Camera, scene::Scene};
 
-    /// What alpha needs of every Gaussian; `None` where it is culled.
+    /// Center, inverse covariance and opacity of every Gaussian's footprint, or `None` if it is culled.
     pub struct Alphas(Vec<Option<(DVec2, DMat2, f64)>>);
 
     impl Alphas {

@@ -3,36 +3,41 @@
 use glam::UVec2;
 use rayon::prelude::*;
 
-use super::bands::{Bands, TILE};
+use super::bands::Bands;
+use super::composite::TILE;
 use super::project::Splat;
 
 /// The blend weights w of one view: a sparse `[H * W, N]` matrix in compressed rows, one row per pixel.
 ///
-/// A picture of any per-Gaussian values v is w v ([`apply`](Self::apply)); its gradient with respect to v is w^T times
-/// the gradient with respect to the picture ([`apply_transposed`](Self::apply_transposed)).
+/// A picture of any per-Gaussian values v is w v ([`apply`](Self::apply)). The gradient of a loss with respect to v is
+/// w^T times its gradient with respect to the picture ([`apply_transposed`](Self::apply_transposed)).
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlendWeights {
     /// Width and height, in pixels.
     pub size: UVec2,
     /// N, the number of Gaussians in the scene.
     pub n_gaussians: usize,
-    /// Where each pixel's entries start `[H * W + 1]`, row-major from the top left; the last is the number of entries.
+    /// Position of each pixel's first entry `[H * W + 1]`, row-major from the top left. The last is the number of
+    /// entries.
     pub starts: Vec<u32>,
-    /// Which Gaussian each entry belongs to; front to back within a pixel.
+    /// The Gaussian of each entry, front to back within a pixel.
     pub indices: Vec<u32>,
-    /// The weight of each entry, above 0; they sum to the pixel's alpha.
+    /// The weight of each entry, above 0. Those of a pixel sum to its alpha.
     pub weights: Vec<f32>,
 }
 
 /// The entries of one band, in pixel order.
 struct BandWeights {
+    /// Number of entries of each pixel.
     counts: Vec<u32>,
+    /// The Gaussian of each entry.
     indices: Vec<u32>,
+    /// The weight of each entry.
     weights: Vec<f32>,
 }
 
 impl BlendWeights {
-    /// Collects the weights that blending `splats` uses.
+    /// Collects the weights with which `splats` blend.
     pub(super) fn gather(splats: &[Splat], bands: &Bands, n_gaussians: usize) -> Self {
         let of_bands: Vec<BandWeights> = (0..bands.splats.len())
             .into_par_iter()
@@ -40,6 +45,7 @@ impl BlendWeights {
             .collect();
 
         let n_entries: usize = of_bands.iter().map(|band| band.indices.len()).sum();
+        // 32 bits halve the memory of `starts`, and 2^32 entries would take 32 GiB.
         assert!(u32::try_from(n_entries).is_ok(), "{n_entries} blend weights: more than 32 bits can count");
         let n_pixels = bands.size.x as usize * bands.size.y as usize;
         let mut starts = Vec::with_capacity(n_pixels + 1);
@@ -61,7 +67,7 @@ impl BlendWeights {
     /// The weights of a part of the picture, `size` pixels from `corner` on.
     ///
     /// # Panics
-    /// When the part reaches beyond the picture.
+    /// If the part reaches beyond the picture.
     pub fn crop(&self, corner: UVec2, size: UVec2) -> Self {
         assert!(
             (corner + size).cmple(self.size).all(),
@@ -81,10 +87,10 @@ impl BlendWeights {
         crop
     }
 
-    /// sum_i w_i v_i for each pixel `[H * W, C]`, row-major, of per-Gaussian `values` `[N, C]`.
+    /// A picture of per-Gaussian `values` `[N, C]`: sum_i w_i v_i for each pixel `[H * W, C]`, row-major.
     ///
     /// # Panics
-    /// When `values` does not hold N x `c` numbers.
+    /// If `values` does not hold N x `c` numbers.
     pub fn apply(&self, values: &[f32], c: usize) -> Vec<f32> {
         assert_eq!(values.len(), self.n_gaussians * c, "values must be [N, C]");
         let mut pixels = vec![0.0; (self.starts.len() - 1) * c];
@@ -96,20 +102,21 @@ impl BlendWeights {
         pixels
     }
 
-    /// The adjoint of [`apply`](Self::apply): sum_p w_{p,i} g_p for each Gaussian `[N, C]` of per-pixel `gradient`
-    /// `[H * W, C]`.
+    /// The adjoint of [`apply`](Self::apply) for a per-pixel `gradient` `[H * W, C]`: sum_p w_{p,i} g_p for each
+    /// Gaussian `[N, C]`.
     ///
-    /// The result does not depend on the number of threads: every Gaussian sums its pixels in picture order.
+    /// The result does not depend on the number of threads, since every Gaussian sums its pixels in picture order.
     ///
     /// # Panics
-    /// When `gradient` does not hold H x W x `c` numbers.
+    /// If `gradient` does not hold H x W x `c` numbers.
     pub fn apply_transposed(&self, gradient: &[f32], c: usize) -> Vec<f32> {
         assert_eq!(gradient.len(), (self.starts.len() - 1) * c, "gradient must be [H * W, C]");
         let mut sums = vec![0.0; self.n_gaussians * c];
         if sums.is_empty() {
             return sums;
         }
-        // Blocks of Gaussians are dealt out to the threads; each thread reads all entries and keeps its own.
+        // Each thread owns every n-th block of Gaussians, reads all entries, and adds up those of its own blocks. No
+        // sum is atomic, so the order of additions never changes.
         let n_shares = rayon::current_num_threads();
         let mut shares: Vec<Vec<&mut [f32]>> = (0..n_shares).map(|_| Vec::new()).collect();
         for (block, rows) in sums.chunks_mut(BLOCK * c).enumerate() {
@@ -145,7 +152,7 @@ impl BlendWeights {
     }
 }
 
-/// Gaussians per block in [`BlendWeights::apply_transposed`]: small enough that the blocks of a busy corner of the
+/// Gaussians per block in [`BlendWeights::apply_transposed`]. Blocks are so small that those of a busy corner of the
 /// scene spread over all threads.
 const BLOCK: usize = 64;
 
@@ -167,15 +174,15 @@ impl BandWeights {
         for &(pixel, ..) in &entries {
             counts[pixel as usize] += 1;
         }
-        // A counting sort by pixel; stable, so each pixel stays front to back.
+        // A counting sort by pixel. It is stable, so each pixel's entries stay front to back.
         let mut next: Vec<u32> =
             counts.iter().scan(0, |start, &count| Some(std::mem::replace(start, *start + count))).collect();
         let (mut indices, mut weights) = (vec![0; entries.len()], vec![0.0; entries.len()]);
         for (pixel, gaussian, weight) in entries {
-            let slot = &mut next[pixel as usize];
-            indices[*slot as usize] = gaussian;
-            weights[*slot as usize] = weight;
-            *slot += 1;
+            let position = &mut next[pixel as usize];
+            indices[*position as usize] = gaussian;
+            weights[*position as usize] = weight;
+            *position += 1;
         }
         Self { counts, indices, weights }
     }

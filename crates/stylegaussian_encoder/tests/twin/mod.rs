@@ -3,7 +3,7 @@
 
 use stylegaussian_encoder::Image;
 
-/// What lies beyond the border of a feature.
+/// Values beyond the border of a feature.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Border {
     Zero,
@@ -75,7 +75,7 @@ fn recolored(image: &Feature, matrix: &[f32], shift: &[f32]) -> Feature {
     Feature { values: (0..3 * n_pixels).map(|i| color(i / n_pixels, i % n_pixels)).collect(), ..*image }
 }
 
-/// The index that a position stands for; `None` for a zero.
+/// The index that a position stands for, or `None` if it stands for a zero.
 fn source(position: isize, size: usize, border: Border) -> Option<usize> {
     let last = size as isize - 1;
     match border {

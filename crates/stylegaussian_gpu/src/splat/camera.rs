@@ -1,8 +1,8 @@
-//! Cameras as the splat pass takes them: any projection matrix.
+//! Cameras of the splat pass, with any projection matrix.
 
 use glam::{Affine3A, DAffine3, DVec3, Mat4, UVec4, Vec2, Vec3, Vec4};
 
-/// A camera: where it is, how it projects, and which part of the target is its picture.
+/// A camera: its place, its projection, and the part of the target that its picture takes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     /// World from view; a rigid transform. View space is x right, y up, z backward.
@@ -13,15 +13,16 @@ pub struct Camera {
     pub viewport: UVec4,
 }
 
-/// The near plane of [`Camera::pinhole`], in scene units; nothing nearer than 0.2 is drawn anyway.
+/// The near plane of [`Camera::pinhole`], in scene units. It only scales depths: nothing nearer than 0.2 is drawn by
+/// default.
 const PINHOLE_NEAR: f32 = 0.01;
 
 impl Camera {
-    /// The camera of the CPU rasterizer, its picture at the target's top left corner.
+    /// The camera of the CPU rasterizer, with its picture at the target's top left corner.
     pub fn pinhole(camera: &stylegaussian::Camera) -> Self {
         let size = camera.size.as_vec2();
         let scale = 2.0 * camera.focal / size;
-        // Where the image axis meets the picture, in normalized device coordinates.
+        // The point where the image axis meets the picture, in normalized device coordinates.
         let axis = (2.0 * camera.center / size - 1.0) * Vec2::new(1.0, -1.0);
         let clip_from_view = Mat4::from_cols(
             Vec4::new(scale.x, 0.0, 0.0, 0.0),
@@ -29,6 +30,7 @@ impl Camera {
             Vec4::new(-axis.x, -axis.y, 0.0, -1.0),
             Vec4::new(0.0, 0.0, PINHOLE_NEAR, 0.0),
         );
+        // The CPU rasterizer's view space is x right, y down, z forward.
         let flipped = Affine3A::from_scale(Vec3::new(1.0, -1.0, -1.0));
         Self {
             world_from_view: camera.view_from_world.inverse() * flipped,
@@ -37,7 +39,7 @@ impl Camera {
         }
     }
 
-    /// Whether there is a picture, and numbers to make it with.
+    /// Whether the picture has pixels and all numbers are finite.
     pub(super) fn is_drawable(&self) -> bool {
         let finite = self.world_from_view.is_finite() && self.clip_from_view.is_finite();
         finite && self.viewport.z > 0 && self.viewport.w > 0
@@ -48,15 +50,15 @@ impl Camera {
         self.clip_from_view.row(3).truncate() == Vec3::ZERO
     }
 
-    /// Where view -z meets the picture, in normalized device coordinates. Orthographic cameras have no use for it.
+    /// The point where view -z meets the picture, in normalized device coordinates. Orthographic cameras do not use it.
     pub(super) fn axis(&self) -> Vec2 {
         let ahead = self.clip_from_view * Vec4::new(0.0, 0.0, -1.0, 0.0);
         let axis = Vec2::new(ahead.x, ahead.y) / ahead.w;
         if axis.is_finite() { axis } else { Vec2::ZERO }
     }
 
-    /// View from a space that `world_from_scene` places in the world. In f64: far from the world's origin, both
-    /// transforms are large and their product is not.
+    /// View from a space that `world_from_scene` places in the world. The product is computed in f64, because far
+    /// from the world's origin both factors are large and their product is not.
     pub(super) fn view_from(&self, world_from_scene: &Affine3A) -> Affine3A {
         let view_from_scene = in_f64(&self.world_from_view).inverse() * in_f64(world_from_scene);
         Affine3A::from_mat3_translation(
@@ -65,8 +67,8 @@ impl Camera {
         )
     }
 
-    /// Where rays come from, in a space that `world_from_scene` places in the world: (eye, 1), or (-direction, 0)
-    /// where they are parallel.
+    /// Origin of the rays in a space that `world_from_scene` places in the world: (eye, 1), or (-direction, 0) if
+    /// they are parallel.
     pub(super) fn eye_in(&self, world_from_scene: &Affine3A) -> Vec4 {
         let scene_from_view = in_f64(world_from_scene).inverse() * in_f64(&self.world_from_view);
         if self.is_orthographic() {

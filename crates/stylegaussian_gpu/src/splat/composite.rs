@@ -4,19 +4,18 @@ use glam::UVec4;
 use stylegaussian_shaders::splat::{self as shaders, SplatComposite};
 use wgpu::util::DeviceExt;
 
-use super::{
-    bind::{bind_group, layout, uniform, whole},
-    tonemapping::{InverseTable, Tonemapping},
-};
+use super::tonemapping::{InverseTable, Tonemapping};
+use crate::bindings::{bind_group, group_layout, pipeline_layout, shader_module, uniform_binding};
 
-/// In which space the target keeps its colors.
+/// The space in which the target stores its colors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CompositeMode {
-    /// The layer's own: display-referred and encoded as sRGB, e.g. the bytes of a PNG.
+    /// The layer's own space: display-referred and encoded as sRGB, e.g. the bytes of a PNG.
     Encoded,
     /// Display-referred and linear: sRGB textures, and anything after tone mapping.
     LinearFromSrgb,
-    /// Linear, and tone-mapped later: the layer goes in as what comes out right.
+    /// Linear, and tone-mapped later. The layer goes in as the scene color that the tone mapping turns into the
+    /// layer's color.
     InvertTonemapping(Tonemapping),
 }
 
@@ -33,13 +32,13 @@ impl CompositeMode {
     }
 }
 
-/// What all composites share.
+/// The shaders and resources that all composites share.
 #[derive(Debug)]
 pub struct Composite {
     single: Variant,
     multi: Variant,
     sampler: wgpu::Sampler,
-    /// Bound where no table is needed.
+    /// Bound if no table is needed.
     no_table: wgpu::TextureView,
 }
 
@@ -63,7 +62,7 @@ pub struct CompositeInput {
 }
 
 impl Composite {
-    /// Compiles the shaders; pipelines depend on the target: see [`pipeline`](Self::pipeline).
+    /// Compiles the shaders. Pipelines depend on the target: see [`pipeline`](Self::pipeline).
     pub fn new(device: &wgpu::Device) -> Self {
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("splat_composite"),
@@ -89,7 +88,7 @@ impl Composite {
         }
     }
 
-    /// The composite over targets of `format` with `samples` samples, the layer's own number. The pass has no depth
+    /// The composite over targets of `format` with `samples` samples, as many as the layer has. The pass has no depth
     /// attachment.
     pub fn pipeline(
         &self,
@@ -130,7 +129,7 @@ impl Composite {
     }
 
     /// Binds a layer of `samples` samples, and the table of a tone mapping that
-    /// [`needs_table`](Tonemapping::needs_table): undone without one, every color becomes black.
+    /// [`needs_table`](Tonemapping::needs_table). If that table is missing, every color becomes black.
     pub fn bind(
         &self,
         device: &wgpu::Device,
@@ -144,7 +143,7 @@ impl Composite {
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
         });
         let resources = [
-            whole(&uniforms),
+            uniforms.as_entire_binding(),
             wgpu::BindingResource::TextureView(layer),
             wgpu::BindingResource::TextureView(table.map_or(&self.no_table, InverseTable::view)),
             wgpu::BindingResource::Sampler(&self.sampler),
@@ -153,7 +152,7 @@ impl Composite {
         CompositeInput { uniforms, group }
     }
 
-    /// Puts the layer over what `pass` draws to, within `viewport` (left, top, width, height in pixels of both).
+    /// Puts the layer over the target of `pass`, within `viewport` (left, top, width, height in pixels of both).
     pub fn draw(
         &self,
         pass: &mut wgpu::RenderPass,
@@ -161,6 +160,7 @@ impl Composite {
         input: &CompositeInput,
         viewport: UVec4,
     ) {
+        // WebGPU rejects an empty viewport.
         if viewport.z == 0 || viewport.w == 0 {
             return;
         }
@@ -177,8 +177,8 @@ impl Composite {
 }
 
 impl CompositeInput {
-    /// Tells how many stops brighter the camera makes colors before it tone-maps them; 0 at first. Undone by
-    /// [`CompositeMode::InvertTonemapping`].
+    /// Sets by how many stops the camera brightens colors before it tone-maps them; 0 at first.
+    /// [`CompositeMode::InvertTonemapping`] undoes it.
     pub fn set_exposure(&self, queue: &wgpu::Queue, stops: f32) {
         queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&stops.exp2()));
     }
@@ -187,27 +187,21 @@ impl CompositeInput {
 impl Variant {
     fn new(device: &wgpu::Device, multisampled: bool) -> Self {
         let source = shaders::composite(multisampled);
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(source.label),
-            source: wgpu::ShaderSource::Wgsl(source.wgsl.into()),
-        });
+        let label = source.label;
         let texture = |view_dimension, filterable, multisampled| wgpu::BindingType::Texture {
             sample_type: wgpu::TextureSampleType::Float { filterable },
             view_dimension,
             multisampled,
         };
         let bindings = [
-            uniform::<SplatComposite>(),
+            uniform_binding::<SplatComposite>(),
             texture(wgpu::TextureViewDimension::D2, false, multisampled),
             texture(wgpu::TextureViewDimension::D3, true, false),
             wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
         ];
-        let layout = layout(device, source.label, wgpu::ShaderStages::FRAGMENT, &bindings);
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(source.label),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
+        let layout = group_layout(device, label, wgpu::ShaderStages::FRAGMENT, &bindings);
+        let pipeline_layout = pipeline_layout(device, label, &[&layout]);
+        let module = shader_module(device, source);
         Self { module, layout, pipeline_layout }
     }
 }

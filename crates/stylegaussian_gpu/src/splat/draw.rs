@@ -2,24 +2,18 @@
 
 use stylegaussian_shaders::splat::{self as shaders, SplatDraw};
 
-use super::{
-    SplatView,
-    bind::{layout, storage, uniform},
-};
+use super::{layer::LAYER_FORMAT, view::DrawSource};
+use crate::bindings::{group_layout, pipeline_layout, shader_module, storage_binding, uniform_binding};
 
-/// The format of the layer that splats blend in: stylized colors are not clamped, and 8 bits would round thousands of
-/// times.
-pub const LAYER_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
-
-/// Where the indirect draw's arguments start in `SplatCommands`, in bytes.
+/// Offset of the indirect draw's arguments in `SplatCommands`, in bytes.
 const DRAW_ARGUMENTS: u64 = std::mem::offset_of!(shaders::SplatCommands, n_vertices) as u64;
 
-/// What all draws share.
+/// The shader and the layouts that all draws share.
 #[derive(Debug)]
 pub(super) struct Draw {
     module: wgpu::ShaderModule,
     pipeline_layout: wgpu::PipelineLayout,
-    /// Uniforms, counts, sorted slots, and both halves of the records.
+    /// Uniforms, counts, sorted record indices, and both halves of the records.
     pub layout: wgpu::BindGroupLayout,
 }
 
@@ -30,18 +24,12 @@ pub struct SplatPipeline(wgpu::RenderPipeline);
 impl Draw {
     pub fn new(device: &wgpu::Device) -> Self {
         let source = shaders::draw();
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(source.label),
-            source: wgpu::ShaderSource::Wgsl(source.wgsl.into()),
-        });
-        let read = storage(true);
-        let bindings = [uniform::<SplatDraw>(), read, read, read, read];
-        let layout = layout(device, source.label, wgpu::ShaderStages::VERTEX, &bindings);
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(source.label),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
+        let label = source.label;
+        let read = storage_binding(true);
+        let bindings = [uniform_binding::<SplatDraw>(), read, read, read, read];
+        let layout = group_layout(device, label, wgpu::ShaderStages::VERTEX, &bindings);
+        let pipeline_layout = pipeline_layout(device, label, &[&layout]);
+        let module = shader_module(device, source);
         Self { module, pipeline_layout, layout }
     }
 
@@ -53,6 +41,7 @@ impl Draw {
     ) -> SplatPipeline {
         let depth_stencil = depth_format.map(|format| wgpu::DepthStencilState {
             format,
+            // Splats are transparent: meshes hide them, but they do not hide one another.
             depth_write_enabled: Some(false),
             depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
             stencil: wgpu::StencilState::default(),
@@ -87,25 +76,15 @@ impl Draw {
             cache: None,
         }))
     }
+}
 
-    pub fn encode(&self, pass: &mut wgpu::RenderPass, view: &SplatView, pipeline: &SplatPipeline) {
-        let Some((_, commands, _)) = view.to_draw() else { return };
-        self.encode_indirect(pass, view, pipeline, commands);
-    }
-
-    /// The draw of as many quads as `commands` (`SplatCommands`) say.
-    pub fn encode_indirect(
-        &self,
-        pass: &mut wgpu::RenderPass,
-        view: &SplatView,
-        pipeline: &SplatPipeline,
-        commands: &wgpu::Buffer,
-    ) {
-        let Some((group, _, viewport)) = view.to_draw() else { return };
-        let [x, y, width, height] = viewport.as_vec4().to_array();
+impl SplatPipeline {
+    /// Encodes as many quads as `commands` (`SplatCommands`) ask for.
+    pub(super) fn encode(&self, pass: &mut wgpu::RenderPass, source: &DrawSource, commands: &wgpu::Buffer) {
+        let [x, y, width, height] = source.viewport.as_vec4().to_array();
         pass.set_viewport(x, y, width, height, 0.0, 1.0);
-        pass.set_pipeline(&pipeline.0);
-        pass.set_bind_group(0, group, &[]);
+        pass.set_pipeline(&self.0);
+        pass.set_bind_group(0, source.bind_group, &[]);
         pass.draw_indirect(commands, DRAW_ARGUMENTS);
     }
 }

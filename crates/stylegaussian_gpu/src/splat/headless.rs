@@ -4,10 +4,18 @@ use glam::UVec2;
 use half::f16;
 
 use super::{
-    Camera, Cloud, LAYER_FORMAT, Layer, SplatError, SplatPass, SplatPipeline, SplatSettings, SplatView,
+    camera::Camera,
+    cloud::Cloud,
+    draw::SplatPipeline,
+    error::SplatError,
+    layer::{LAYER_FORMAT, Layer},
+    pass::SplatPass,
+    settings::SplatSettings,
+    view::SplatView,
 };
+use crate::buffers::{self, ReadBackError};
 
-/// What a camera sees of splats over nothing. Row-major `[H, W]`, from the top left.
+/// A picture of splats over nothing. Row-major `[H, W]`, from the top left.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     /// Width and height, in pixels.
@@ -16,8 +24,8 @@ pub struct Picture {
     pub rgba: Vec<[f32; 4]>,
 }
 
-/// No picture came out.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+/// A picture could not be drawn or read back.
+#[derive(Debug, thiserror::Error)]
 pub enum HeadlessError {
     /// The clouds cannot be drawn.
     #[error(transparent)]
@@ -27,15 +35,15 @@ pub enum HeadlessError {
     Size {
         /// Width and height.
         found: UVec2,
-        /// Of textures.
+        /// The largest width or height of a texture.
         limit: u32,
     },
     /// The picture could not be read back.
-    #[error("the picture could not be read from the GPU: {0}")]
-    Lost(String),
+    #[error("the picture: {0}")]
+    ReadBack(#[from] ReadBackError),
 }
 
-/// Renders pictures one by one, each waited for.
+/// Renders pictures one by one and waits for each.
 #[derive(Debug)]
 pub struct Headless {
     pass: SplatPass,
@@ -60,7 +68,7 @@ impl Headless {
         Self::of(device, SplatPass::new(device))
     }
 
-    /// The same, drawing as on a GPU, whatever the adapter.
+    /// The same, but draws by quads on any adapter, software included.
     pub fn by_quads(device: &wgpu::Device) -> Self {
         Self::of(device, SplatPass::by_quads(device))
     }
@@ -70,10 +78,10 @@ impl Headless {
         Self { pass, pipeline, view: SplatView::new(), target: None }
     }
 
-    /// What `camera` sees of `clouds`. The picture ends where the camera's viewport does.
+    /// Draws `clouds` as `camera` sees them. The picture ends with the camera's viewport.
     ///
     /// # Errors
-    /// When the clouds or the picture are too large for the device, or it is lost.
+    /// If the clouds or the picture are too large for the device, or if it is lost.
     pub fn render(
         &mut self,
         device: &wgpu::Device,
@@ -89,7 +97,8 @@ impl Headless {
             return Err(HeadlessError::Size { found: size, limit });
         }
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.pass.prepare(device, queue, &mut encoder, &mut self.view, camera, clouds, settings)?;
+        self.pass.project_and_sort(device, queue, &mut encoder, &mut self.view, camera, clouds, settings)?;
+        // The target is kept as long as pictures have one size.
         let target = match self.target.take() {
             Some(target) if target.size() == size => self.target.insert(target),
             _ => self.target.insert(Target::new(device, size, self.pass.layer_usages())),
@@ -114,12 +123,8 @@ impl Target {
             usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC | more,
             view_formats: &[],
         });
-        let read_back = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("splat_read_back"),
-            size: u64::from(bytes_per_row(size)) * u64::from(size.y),
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
+        let size_in_bytes = u64::from(bytes_per_row(size)) * u64::from(size.y);
+        let read_back = buffers::read_back(device, "splat_read_back", size_in_bytes);
         let view = layer.create_view(&wgpu::TextureViewDescriptor::default());
         Self { layer, view, read_back }
     }
@@ -143,27 +148,17 @@ impl Target {
 
     /// The picture, once the GPU is done.
     fn read(&self, device: &wgpu::Device) -> Result<Picture, HeadlessError> {
-        let lost = |error: &dyn std::fmt::Display| HeadlessError::Lost(error.to_string());
-        let (sender, receiver) = std::sync::mpsc::channel();
-        self.read_back.map_async(wgpu::MapMode::Read, .., move |result| {
-            // The receiver waits below.
-            let _ = sender.send(result);
-        });
-        device.poll(wgpu::PollType::wait_indefinitely()).map_err(|error| lost(&error))?;
-        receiver.recv().map_err(|error| lost(&error))?.map_err(|error| lost(&error))?;
-
         let size = self.size();
-        let mapped = self.read_back.get_mapped_range(..);
         let row_bytes = (size.x * TEXEL) as usize;
-        let rows = mapped.chunks_exact(bytes_per_row(size) as usize).map(|row| &row[..row_bytes]);
-        let rgba = rows.flat_map(|row| row.chunks_exact(TEXEL as usize).map(texel)).collect();
-        drop(mapped);
-        self.read_back.unmap();
+        let rgba = buffers::read_mapped(device, &self.read_back, |bytes| {
+            let rows = bytes.chunks_exact(bytes_per_row(size) as usize).map(|row| &row[..row_bytes]);
+            rows.flat_map(|row| row.chunks_exact(TEXEL as usize).map(texel)).collect()
+        })?;
         Ok(Picture { size, rgba })
     }
 }
 
-/// Rows of a copy start at multiples of 256 bytes.
+/// Bytes of a row in the buffer: WebGPU starts rows of a copy at multiples of 256 bytes.
 fn bytes_per_row(size: UVec2) -> u32 {
     (size.x * TEXEL).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)
 }

@@ -7,24 +7,30 @@ use stylegaussian_shaders::splat::{
 };
 
 use super::{
-    Camera, Cloud, SortKey, SplatSettings, SplatView,
-    bind::{bind_group, compute_pipeline, layout, storage, whole},
-    view::{Change, ChunkBindings, ChunkDispatch},
+    camera::Camera,
+    cloud::Cloud,
+    scene::Chunk,
+    settings::{SortKey, SplatSettings},
+    view::{Change, ChunkBindings, ChunkDispatch, SplatView},
 };
-use crate::colors::GaussianColors;
+use crate::{
+    bindings::{bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding},
+    buffers,
+    colors::GaussianColors,
+};
 
 /// Workgroups in one dimension of a dispatch, by WebGPU's default limits.
 const MAX_WORKGROUPS: u32 = 65_535;
 
-/// The pipeline, and what its bindings look like.
+/// The pipeline and the layouts of its bindings.
 #[derive(Debug)]
 pub(super) struct Project {
     pipeline: wgpu::ComputePipeline,
     /// Group 0: the chunk's uniforms, keys, and both halves of the records.
-    pub view_layout: wgpu::BindGroupLayout,
+    view_layout: wgpu::BindGroupLayout,
     /// Group 1: Gaussians, spherical harmonics, both color sources.
     chunk_layout: wgpu::BindGroupLayout,
-    /// Bound where a scene has no spherical harmonics, or a color source is not read.
+    /// Bound if a scene has no spherical harmonics, or if a color source is not read.
     absent: wgpu::Buffer,
 }
 
@@ -35,26 +41,19 @@ impl Project {
             has_dynamic_offset: true,
             min_binding_size: wgpu::BufferSize::new(size_of::<SplatChunk>() as u64),
         };
-        let view_layout = layout(
-            device,
-            "splat_project_view",
-            wgpu::ShaderStages::COMPUTE,
-            &[uniforms, storage(false), storage(false), storage(false)],
-        );
-        let chunk_layout =
-            layout(device, "splat_project_chunk", wgpu::ShaderStages::COMPUTE, &[storage(true); 4]);
-        let absent = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("splat_absent"),
-            size: 16,
-            usage: wgpu::BufferUsages::STORAGE,
-            mapped_at_creation: false,
-        });
-        let pipeline = compute_pipeline(device, &shaders::project(), &[&view_layout, &chunk_layout]);
+        let (label, compute) = ("splat_project", wgpu::ShaderStages::COMPUTE);
+        let write = storage_binding(false);
+        let view_layout = group_layout(device, label, compute, &[uniforms, write, write, write]);
+        let chunk_layout = group_layout(device, label, compute, &[storage_binding(true); 4]);
+        let absent = buffers::create(device, "splat_absent", 16, wgpu::BufferUsages::STORAGE);
+        let layout = pipeline_layout(device, label, &[&view_layout, &chunk_layout]);
+        let options = wgpu::PipelineCompilationOptions::default();
+        let pipeline = compute_pipeline(device, shaders::project(), &layout, options);
         Self { pipeline, view_layout, chunk_layout, absent }
     }
 
-    /// Writes the uniforms of every chunk of `clouds`, and sees to it that each has bindings. Gives what changed since
-    /// the records were made.
+    /// Uploads the uniforms of every chunk of `clouds`, and makes bindings for chunks that have none. Returns the
+    /// difference from the frame that made the records.
     pub fn write(
         &self,
         device: &wgpu::Device,
@@ -65,8 +64,8 @@ impl Project {
         settings: &SplatSettings,
     ) -> Change {
         let n_chunks = clouds.iter().map(|cloud| cloud.scene.chunks().len()).sum();
-        view.reserve_chunks(device, self, n_chunks);
-        let mut first_slot = 0;
+        view.reserve_chunks(device, &self.view_layout, n_chunks);
+        let mut first_record = 0;
         for cloud in clouds {
             let of_cloud = cloud_uniforms(camera, cloud, settings);
             let (from, to, _) = cloud.colors.ends();
@@ -75,12 +74,12 @@ impl Project {
                 let uniforms = SplatChunk {
                     n_gaussians: chunk.n_gaussians,
                     first_gaussian: chunk.first,
-                    first_slot,
+                    first_record,
                     ..of_cloud
                 };
                 let key = self.bindings(chunk, cloud);
                 view.push_chunk(&uniforms, key, colors, |key| self.bind(device, key));
-                first_slot += chunk.n_gaussians;
+                first_record += chunk.n_gaussians;
             }
         }
         view.write_chunks(queue)
@@ -91,6 +90,7 @@ impl Project {
         pass.set_pipeline(&self.pipeline);
         for (of_view, ChunkDispatch { offset, n_gaussians, bind_group }) in view.chunk_dispatches() {
             let n = n_gaussians.div_ceil(WORKGROUP);
+            // Workgroups beyond the limit go into a second dimension.
             let x = n.min(MAX_WORKGROUPS);
             pass.set_bind_group(0, of_view, &[offset]);
             pass.set_bind_group(1, bind_group, &[]);
@@ -111,11 +111,16 @@ impl Project {
     }
 
     fn bind(&self, device: &wgpu::Device, ChunkBindings(buffers): &ChunkBindings) -> wgpu::BindGroup {
-        bind_group(device, "splat_project_chunk", &self.chunk_layout, &buffers.each_ref().map(whole))
+        bind_group(
+            device,
+            "splat_project_chunk",
+            &self.chunk_layout,
+            &buffers.each_ref().map(wgpu::Buffer::as_entire_binding),
+        )
     }
 }
 
-/// What the chunks of a cloud have in common.
+/// The uniforms that the chunks of a cloud share.
 fn cloud_uniforms(camera: &Camera, cloud: &Cloud, settings: &SplatSettings) -> SplatChunk {
     let [view_from_scene_x, view_from_scene_y, view_from_scene_z] =
         rows(&camera.view_from(&cloud.world_from_scene));
@@ -132,10 +137,10 @@ fn cloud_uniforms(camera: &Camera, cloud: &Cloud, settings: &SplatSettings) -> S
         clip_from_view_z: clip_row(2),
         clip_from_view_w: clip_row(3),
         viewport: camera.viewport.as_vec4().to_array(),
-        // Nearly flat clouds can put the eye out of range; they are then seen from nowhere in particular.
+        // The eye of a nearly flat cloud can overflow. Any finite direction will do for its colors then.
         eye: if eye.is_finite() { eye.to_array() } else { [0.0; 4] },
         axis: camera.axis().to_array(),
-        // Parallel rays have no singularity; the near plane alone culls.
+        // Parallel rays have no singularity at the camera, so the near plane alone culls.
         near: if camera.is_orthographic() { f32::MIN } else { settings.near },
         scale_unit: cloud.scene.scale_unit(),
         fade,

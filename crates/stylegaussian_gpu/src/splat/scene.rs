@@ -1,7 +1,7 @@
-//! The geometry and own colors of a scene on the GPU: what the splat pass needs of it.
+//! The geometry and captured colors of a scene on the GPU, for the splat pass.
 //!
-//! Projecting touches each Gaussian once and gathers nothing, so a scene is cut into *chunks* of consecutive Gaussians
-//! wherever a buffer would pass what the device binds.
+//! Projecting reads each Gaussian once and gathers nothing. A scene that would exceed the largest binding of the
+//! device is therefore cut into *chunks* of consecutive Gaussians.
 
 use std::ops::Range;
 
@@ -12,9 +12,10 @@ use stylegaussian::{Scene, scene::Sh, sh};
 use stylegaussian_shaders::splat::PackedGaussian;
 use wgpu::util::DeviceExt;
 
-use super::SplatView;
+use super::view::SplatView;
+use crate::buffers::TooLarge;
 
-/// N Gaussians on the GPU: means, rotations, scales, opacities and spherical harmonics. Never changes.
+/// N Gaussians on the GPU: means, rotations, scales, opacities and spherical harmonics. It never changes.
 #[derive(Debug)]
 pub struct GpuScene {
     chunks: Vec<Chunk>,
@@ -28,26 +29,12 @@ pub struct GpuScene {
 pub(crate) struct Chunk {
     /// Index of the first Gaussian.
     pub first: u32,
-    /// How many.
+    /// The number of Gaussians.
     pub n_gaussians: u32,
     /// `[n]` of `PackedGaussian`.
     pub gaussians: wgpu::Buffer,
-    /// f16 coefficients, planes of words `[word, n]`; `None` where the scene has none.
+    /// f16 coefficients as planes of words `[word, n]`; `None` if the scene has none.
     pub sh: Option<wgpu::Buffer>,
-}
-
-/// A scene does not fit the device.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "scene of {n_gaussians} Gaussians: drawing it takes a buffer of {found} bytes, the device allows {limit}"
-)]
-pub struct GpuSceneError {
-    /// N.
-    pub n_gaussians: usize,
-    /// Bytes of the buffer that would be too large.
-    pub found: u64,
-    /// Bytes of the largest buffer that can be bound.
-    pub limit: u64,
 }
 
 /// Bytes of a packed Gaussian.
@@ -56,18 +43,17 @@ const GAUSSIAN_BYTES: u64 = size_of::<PackedGaussian>() as u64;
 impl GpuScene {
     /// Uploads the geometry and the spherical harmonics of `scene`.
     ///
-    /// Gaussians that are not finite are kept, so that indices stay what they are, and never drawn.
+    /// Gaussians that are not finite are kept, so that indices stay the same, and are never drawn.
     ///
     /// # Errors
-    /// When no view could hold the scene's splats on this device.
-    pub fn new(device: &wgpu::Device, scene: &Scene) -> Result<Self, GpuSceneError> {
+    /// If no view could hold the scene's splats on this device.
+    pub fn new(device: &wgpu::Device, scene: &Scene) -> Result<Self, TooLarge> {
         let n = scene.len();
-        let limit = SplatView::binding_limit(device);
+        let limit = SplatView::record_limit(device);
         let sh_bytes = 4 * scene.sh.as_ref().map_or(0, |sh| sh_words(sh.degree)) as u64;
+        // The records of a view cannot be cut, and a chunk holds one Gaussian at least.
         let found = [SplatView::record_bytes(n), GAUSSIAN_BYTES, sh_bytes].into_iter().max().unwrap_or(0);
-        if found > limit || u32::try_from(n).is_err() {
-            return Err(GpuSceneError { n_gaussians: n, found, limit });
-        }
+        TooLarge::check("splats of the scene", found, limit)?;
         let per_chunk = (limit / GAUSSIAN_BYTES.max(sh_bytes)) as usize;
         Ok(Self::in_chunks(device, scene, per_chunk))
     }
@@ -89,7 +75,7 @@ impl GpuScene {
         self.n_gaussians
     }
 
-    /// The bytes of GPU memory that `scene` will take.
+    /// Bytes of GPU memory that `scene` will take.
     pub fn bytes(scene: &Scene) -> u64 {
         let sh_bytes = 4 * scene.sh.as_ref().map_or(0, |sh| sh_words(sh.degree)) as u64;
         scene.len() as u64 * (GAUSSIAN_BYTES + sh_bytes)
@@ -99,12 +85,12 @@ impl GpuScene {
         &self.chunks
     }
 
-    /// Degree of the spherical harmonics; `None` where the scene has none.
+    /// Degree of the spherical harmonics; `None` if the scene has none.
     pub(crate) fn sh_degree(&self) -> Option<u8> {
         self.sh_degree
     }
 
-    /// What a stored scale of 1 means, in scene units.
+    /// The unit of stored scales, in scene units.
     pub(crate) fn scale_unit(&self) -> f32 {
         self.scale_unit
     }
@@ -130,13 +116,14 @@ impl Chunk {
     }
 }
 
-/// A power of two for which the largest scale is about 2^14: f16 then resolves scales a billion times smaller.
+/// A power of two, in which the largest scale is about 2^14. f16 (up to 65504, down to 6e-8) then still holds scales
+/// that are a billion times smaller.
 fn scale_unit(scales: &[Vec3]) -> f32 {
     let largest = scales.iter().map(|s| s.max_element()).filter(|s| s.is_finite()).fold(0.0, f32::max);
     if largest > 0.0 { (largest.log2().floor() - 14.0).max(-120.0).exp2() } else { 1.0 }
 }
 
-/// Gaussian `i`; one that is not finite becomes one that is never drawn.
+/// Gaussian `i`. A Gaussian that is not finite becomes one of opacity 0, which is never drawn.
 fn packed_gaussian(scene: &Scene, i: usize, scale_unit: f32) -> PackedGaussian {
     let (mean, rotation, scales) = (scene.means[i], scene.rotations[i], scene.scales[i]);
     let opacity = scene.opacities[i];
@@ -145,6 +132,7 @@ fn packed_gaussian(scene: &Scene, i: usize, scale_unit: f32) -> PackedGaussian {
         return PackedGaussian::zeroed();
     }
     let pair = |low: u16, high: u16| u32::from(low) | u32::from(high) << 16;
+    // The inverse of WGSL's unpack2x16snorm, which divides by 32767.
     let snorm = |x: f32| ((x.clamp(-1.0, 1.0) * 32767.0).round() as i16).cast_unsigned();
     let half = |x: f32| f16::from_f32(x / scale_unit).to_bits();
     let [x, y, z, w] = rotation.normalize().to_array();
@@ -156,7 +144,7 @@ fn packed_gaussian(scene: &Scene, i: usize, scale_unit: f32) -> PackedGaussian {
     }
 }
 
-/// Words of 2 x f16 that the coefficients of one Gaussian take: three for each pair of coefficients.
+/// Words of 2 x f16 for the coefficients of one Gaussian: three for each pair of coefficients.
 fn sh_words(degree: u8) -> usize {
     3 * sh::n_coefficients(degree).div_ceil(2)
 }
@@ -169,6 +157,7 @@ fn packed_sh(sh: &Sh, range: Range<usize>) -> Vec<u32> {
     for (column, i) in range.enumerate() {
         let coefficients = &sh.coefficients[i * n_values..(i + 1) * n_values];
         for (k, &value) in coefficients.iter().enumerate() {
+            // A coefficient that f16 cannot hold would turn into infinity and spoil the whole color.
             let value = if value.is_finite() { value.clamp(-65504.0, 65504.0) } else { 0.0 };
             words[k / 2 * n + column] |= u32::from(f16::from_f32(value).to_bits()) << (16 * (k % 2));
         }
@@ -195,7 +184,7 @@ mod tests {
         assert_eq!(scale_unit(&[Vec3::ZERO]), 1.0);
     }
 
-    /// Degree 1 has 12 values in 6 words; the words of one Gaussian lie n apart.
+    /// Degree 1 has 12 values in 6 words. The words of one Gaussian lie n apart.
     #[test]
     fn coefficients_lie_in_planes() {
         let coefficients = (0..24).map(|i| i as f32).collect();

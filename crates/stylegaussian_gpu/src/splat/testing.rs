@@ -1,10 +1,13 @@
-//! What this module's tests share: a device, and buffers read back.
+//! Helpers of this module's tests: a device, buffers read back, random numbers.
 
-use crate::device::{DeviceError, HeadlessDevice};
+use crate::{
+    buffers,
+    device::{DeviceError, DeviceOptions, HeadlessDevice},
+};
 
-/// A device, or `None` (said aloud) where there is none.
+/// A device, or `None` with a message if there is none.
 pub fn gpu() -> Option<HeadlessDevice> {
-    match pollster::block_on(HeadlessDevice::request()) {
+    match pollster::block_on(HeadlessDevice::request(DeviceOptions::default())) {
         Ok(gpu) => Some(gpu),
         Err(DeviceError::NoAdapter(_)) => {
             eprintln!("SKIPPED: no GPU adapter");
@@ -16,18 +19,7 @@ pub fn gpu() -> Option<HeadlessDevice> {
 
 /// The contents of a buffer that can be copied from.
 pub fn read<T: bytemuck::Pod>(gpu: &HeadlessDevice, buffer: &wgpu::Buffer) -> Vec<T> {
-    let copy = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: None,
-        size: buffer.size(),
-        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-        mapped_at_creation: false,
-    });
-    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, buffer.size());
-    gpu.queue.submit([encoder.finish()]);
-    copy.map_async(wgpu::MapMode::Read, .., Result::unwrap);
-    gpu.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
-    bytemuck::pod_collect_to_vec(&copy.get_mapped_range(..))
+    buffers::read(&gpu.device, &gpu.queue, buffer, |bytes| bytemuck::pod_collect_to_vec(bytes)).unwrap()
 }
 
 /// Pseudo-random numbers in 0..1 (a linear congruential generator).

@@ -2,7 +2,7 @@
 
 use stylegaussian_shaders::splat::{self as shaders, TABLE_SIZE};
 
-use super::bind::{bind_group, layout};
+use crate::bindings::{Kernel, bind_group};
 
 /// Bevy's tone mapping methods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -20,14 +20,15 @@ pub enum Tonemapping {
 }
 
 impl Tonemapping {
-    /// Whether undoing it takes an [`InverseTable`]: it has no inverse for all colors. The others are undone exactly.
+    /// Whether undoing it takes an [`InverseTable`], because not all colors have an inverse. The others are undone
+    /// exactly.
     pub fn needs_table(self) -> bool {
         !matches!(self, Self::None | Self::Reinhard | Self::ReinhardLuminance)
     }
 }
 
-/// A tone mapping that needs a table to be undone; three of them are tables themselves: Bevy's, three-dimensional, with
-/// a format that can be filtered.
+/// A tone mapping that needs a table to be undone. Three of them are tables themselves: Bevy's three-dimensional
+/// textures, in a format that can be filtered.
 #[derive(Clone, Copy, Debug)]
 #[expect(missing_docs, reason = "named like the variants of Bevy's `Tonemapping`, where they are explained")]
 pub enum ToneCurve<'a> {
@@ -59,13 +60,14 @@ impl<'a> ToneCurve<'a> {
     }
 }
 
-/// For every display color, the scene color that a tone mapping shows nearest to it. Display colors that the curve never
-/// shows (most show no color that is both bright and saturated) become the nearest that it does.
+/// The inverse of a tone mapping: for every display color, the scene color that comes out nearest to it. Most curves
+/// never show colors that are both bright and saturated; such a display color becomes the nearest one that the curve
+/// shows.
 #[derive(Clone, Debug)]
 pub struct InverseTable(wgpu::TextureView);
 
 impl InverseTable {
-    /// Encodes the search for the inverse of `curve`: milliseconds on a GPU, once for as long as the device lives.
+    /// Encodes the search for the inverse of `curve`. It takes milliseconds on a GPU, once in the life of a device.
     pub fn new(device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder, curve: ToneCurve) -> Self {
         let texture = |label, size, usage| {
             let texture = device.create_texture(&wgpu::TextureDescriptor {
@@ -81,9 +83,10 @@ impl InverseTable {
             texture.create_view(&wgpu::TextureViewDescriptor::default())
         };
         let table = texture("splat_inverse_table", TABLE_SIZE, wgpu::TextureUsages::STORAGE_BINDING);
+        // A binding needs some texture, also for curves that read none.
         let unread = texture("splat_no_table", 1, wgpu::TextureUsages::empty());
 
-        let (pipeline, layout) = pipeline(device, curve.constant());
+        let kernel = kernel(device, curve.constant());
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
@@ -94,12 +97,12 @@ impl InverseTable {
             wgpu::BindingResource::TextureView(curve.table().unwrap_or(&unread)),
             wgpu::BindingResource::Sampler(&sampler),
         ];
-        let group = bind_group(device, "splat_inverse_table", &layout, &resources);
+        let group = bind_group(device, kernel.label, &kernel.layout, &resources);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("splat_inverse_table"),
+            label: Some(kernel.label),
             timestamp_writes: None,
         });
-        pass.set_pipeline(&pipeline);
+        pass.set_pipeline(&kernel.pipeline);
         pass.set_bind_group(0, &group, &[]);
         // Workgroups are cubes of 4 x 4 x 4.
         let n = TABLE_SIZE.div_ceil(4);
@@ -113,8 +116,7 @@ impl InverseTable {
     }
 }
 
-fn pipeline(device: &wgpu::Device, curve: u32) -> (wgpu::ComputePipeline, wgpu::BindGroupLayout) {
-    let source = shaders::inverse_table();
+fn kernel(device: &wgpu::Device, curve: u32) -> Kernel {
     let bindings = [
         wgpu::BindingType::StorageTexture {
             access: wgpu::StorageTextureAccess::WriteOnly,
@@ -128,26 +130,7 @@ fn pipeline(device: &wgpu::Device, curve: u32) -> (wgpu::ComputePipeline, wgpu::
         },
         wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
     ];
-    let layout = layout(device, source.label, wgpu::ShaderStages::COMPUTE, &bindings);
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(source.label),
-        source: wgpu::ShaderSource::Wgsl(source.wgsl.into()),
-    });
-    let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some(source.label),
-        bind_group_layouts: &[Some(&layout)],
-        immediate_size: 0,
-    });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some(source.label),
-        layout: Some(&pipeline_layout),
-        module: &module,
-        entry_point: Some(source.label),
-        compilation_options: wgpu::PipelineCompilationOptions {
-            constants: &[("curve", f64::from(curve))],
-            ..Default::default()
-        },
-        cache: None,
-    });
-    (pipeline, layout)
+    let constants = [("curve", f64::from(curve))];
+    let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
+    Kernel::with_options(device, shaders::inverse_table(), &bindings, options)
 }

@@ -1,28 +1,32 @@
-//! What one view keeps from frame to frame: buffers that only grow, and bindings for what it shows.
+//! The state that one view keeps from frame to frame: buffers that only grow, and bindings for the clouds it shows.
 
 use std::collections::HashMap;
 
-use stylegaussian_shaders::splat::{BY_DISTANCE, SplatChunk, SplatCounts, SplatDraw, TILE};
+use stylegaussian_shaders::splat::{BY_DISTANCE, SORT_BATCH, SplatChunk, SplatCounts, SplatDraw};
 
 use super::{
-    Camera, SplatError, SplatPass,
-    bind::{bind_group, whole},
-    cells::{CellBuffers, Cells},
-    project::Project,
-    sort::SortBuffers,
+    camera::Camera,
+    error::SplatError,
+    sort::{Sort, SortBuffers},
+    tiles::{TileLists, Tiles},
+};
+use crate::{
+    bindings::bind_group,
+    buffers::{self, TooLarge},
 };
 
 /// Bytes of one half of a record.
 const HALF_RECORD: u64 = 16;
 
-/// From one chunk's uniforms to the next one's: what every device aligns dynamic offsets to.
+/// Bytes from one chunk's uniforms to the next one's: the coarsest alignment of dynamic offsets that a device may ask
+/// for.
 const UNIFORM_STRIDE: usize = 256;
 
-/// Workgroups in one dimension of a dispatch, by WebGPU's default limits: the sort's.
-const MAX_TILES: u64 = 65_535;
+/// The most batches that the sort can dispatch: WebGPU's default limit on workgroups in one dimension.
+const MAX_BATCHES: u64 = 65_535;
 
 /// One view of the splat pass: a camera, or one of its pictures. Memory grows to the largest number of Gaussians seen
-/// and stays; drop the view to give it back.
+/// and stays. Drop the view to give it back.
 #[derive(Debug, Default)]
 pub struct SplatView {
     buffers: Option<ViewBuffers>,
@@ -32,26 +36,27 @@ pub struct SplatView {
     chunks: Vec<(u32, wgpu::BindGroup)>,
     /// This frame's uniforms, one chunk every `UNIFORM_STRIDE` bytes.
     staging: Vec<u8>,
-    /// What this frame is made of, and what the records on the GPU were made of.
+    /// The sources of this frame's records.
     sources: Vec<ChunkSource>,
+    /// The sources of the records that are on the GPU.
     drawn: Vec<ChunkSource>,
-    /// Left, top, width and height in pixels; `None` while there is nothing to draw.
+    /// Left, top, width and height in pixels; `None` if there is nothing to draw.
     viewport: Option<glam::UVec4>,
 }
 
-/// The buffers whose size goes with the number of slots.
+/// The buffers with a size that depends on the number of records.
 #[derive(Debug)]
 struct ViewBuffers {
-    n_slots: usize,
-    places: wgpu::Buffer,
-    looks: wgpu::Buffer,
+    n_records: usize,
+    geometry_halves: wgpu::Buffer,
+    color_halves: wgpu::Buffer,
     draw_uniforms: wgpu::Buffer,
     sort: SortBuffers,
     draw_group: wgpu::BindGroup,
-    /// What the GPU has been told: slots in use, viewport.
-    told: Option<(u32, glam::UVec4)>,
-    /// Once a layer was drawn by cells.
-    cells: Option<CellBuffers>,
+    /// The number of records in use and the viewport that the uniforms hold, if they hold any.
+    uploaded: Option<(u32, glam::UVec4)>,
+    /// The lists of tiles, once a layer was drawn by them.
+    lists: Option<TileLists>,
 }
 
 #[derive(Debug)]
@@ -64,7 +69,7 @@ struct ChunkUniforms {
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct ChunkBindings(pub [wgpu::Buffer; 4]);
 
-/// All that a chunk's records follow from.
+/// Everything that determines a chunk's records.
 #[derive(Clone, Debug, PartialEq)]
 struct ChunkSource {
     uniforms: SplatChunk,
@@ -73,26 +78,26 @@ struct ChunkSource {
     colors: [u64; 2],
 }
 
-/// How a frame differs from the one whose records are on the GPU.
+/// The difference between a frame and the one that made the records on the GPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Change {
-    /// Not at all.
+    /// There is none.
     Nothing,
-    /// Only in colors: what is visible, and its order, stay.
+    /// Only colors differ. The visible splats and their order are the same.
     Colors,
-    /// Anything else.
+    /// Anything else differs, so that the order may, too.
     Order,
 }
 
 impl ChunkSource {
-    /// The uniforms without what only colors follow from.
-    fn placed(&self) -> SplatChunk {
+    /// The uniforms without those that only colors depend on.
+    fn geometry(&self) -> SplatChunk {
         let flags = self.uniforms.flags & BY_DISTANCE;
         SplatChunk { eye: [0.0; 4], fade: 0.0, flags, ..self.uniforms }
     }
 
-    fn is_placed_like(&self, other: &Self) -> bool {
-        self.placed() == other.placed() && self.buffers.0[0] == other.buffers.0[0]
+    fn has_geometry_of(&self, other: &Self) -> bool {
+        self.geometry() == other.geometry() && self.buffers.0[0] == other.buffers.0[0]
     }
 }
 
@@ -104,10 +109,20 @@ struct Cached {
 
 /// One dispatch of the project kernel.
 pub(super) struct ChunkDispatch<'a> {
-    /// Of the chunk's uniforms, in bytes.
+    /// Offset of the chunk's uniforms, in bytes.
     pub offset: u32,
     pub n_gaussians: u32,
     pub bind_group: &'a wgpu::BindGroup,
+}
+
+/// The input of the draw by quads.
+pub(super) struct DrawSource<'a> {
+    /// The group of the draw's layout.
+    pub bind_group: &'a wgpu::BindGroup,
+    /// `SplatCommands` for all visible splats.
+    pub commands: &'a wgpu::Buffer,
+    /// Left, top, width and height in pixels.
+    pub viewport: glam::UVec4,
 }
 
 impl SplatView {
@@ -123,25 +138,26 @@ impl SplatView {
 
     /// Bytes of GPU memory that a view of `n_gaussians` takes.
     pub fn bytes(n_gaussians: usize) -> u64 {
-        let per_slot = 2 * HALF_RECORD + 4 * size_of::<u32>() as u64;
-        per_slot * n_gaussians as u64 + 1024 * (n_gaussians as u64).div_ceil(u64::from(TILE))
+        // Both halves, then keys and values, twice each.
+        let per_record = 2 * HALF_RECORD + 4 * size_of::<u32>() as u64;
+        // A count of 4 bytes for each of 256 digits of a batch.
+        per_record * n_gaussians as u64 + 1024 * (n_gaussians as u64).div_ceil(u64::from(SORT_BATCH))
     }
 
-    /// The largest buffer that can be bound, in bytes.
-    pub(crate) fn binding_limit(device: &wgpu::Device) -> u64 {
-        let limits = device.limits();
-        // Past that many tiles the sort would need a second dimension.
-        let sortable = MAX_TILES * u64::from(TILE) * HALF_RECORD;
-        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(sortable)
+    /// Bytes of the largest buffer that the records of a view may take.
+    pub(crate) fn record_limit(device: &wgpu::Device) -> u64 {
+        // The sort would need a second dimension of workgroups beyond that many batches.
+        let sortable = MAX_BATCHES * u64::from(SORT_BATCH) * HALF_RECORD;
+        buffers::largest_binding(device).min(sortable)
     }
 
-    /// Counts of this view on the GPU: `u32` slots, `u32` visible splats; can be copied from. `None` before the first
-    /// frame that shows something.
-    pub fn counts(&self) -> Option<&wgpu::Buffer> {
+    /// The buffer of this view's counts on the GPU: `u32` records, `u32` visible splats. It can be copied from. `None`
+    /// before the first frame that shows something.
+    pub fn counts_buffer(&self) -> Option<&wgpu::Buffer> {
         self.buffers.as_ref().map(|buffers| &buffers.sort.counts)
     }
 
-    /// Forgets what was prepared.
+    /// Starts a frame that shows nothing yet.
     pub(super) fn clear(&mut self) {
         self.viewport = None;
         self.chunks.clear();
@@ -150,63 +166,69 @@ impl SplatView {
         self.bindings.values_mut().for_each(|cached| cached.in_use = false);
     }
 
-    /// Lets go of everything that the last frame was made from: nothing is shown.
+    /// Ends a frame that shows nothing: releases everything that the last frame was made from.
     pub(super) fn forget_all(&mut self) {
         self.drawn.clear();
         self.forget_unused();
     }
 
-    /// Lets go of everything that was not bound since [`clear`](Self::clear).
+    /// Releases the bindings that were not used since [`clear`](Self::clear).
     pub(super) fn forget_unused(&mut self) {
         self.bindings.retain(|_, cached| cached.in_use);
     }
 
-    /// Sees to it that there is room for `n_slots` records.
+    /// Makes room for `n_records` records. `draw_layout` is the layout of the draw's group.
     pub(super) fn reserve(
         &mut self,
         device: &wgpu::Device,
-        pass: &SplatPass,
-        n_slots: usize,
+        sort: &Sort,
+        draw_layout: &wgpu::BindGroupLayout,
+        n_records: usize,
     ) -> Result<(), SplatError> {
-        let (found, limit) = (Self::record_bytes(n_slots), Self::binding_limit(device));
-        if found > limit {
-            return Err(SplatError::TooManyGaussians { n_gaussians: n_slots, found, limit });
-        }
-        if self.buffers.as_ref().is_none_or(|buffers| buffers.n_slots < n_slots) {
+        let (found, limit) = (Self::record_bytes(n_records), Self::record_limit(device));
+        TooLarge::check("splats", found, limit)
+            .map_err(|too_large| SplatError::TooManyGaussians { n_gaussians: n_records, too_large })?;
+        if self.buffers.as_ref().is_none_or(|buffers| buffers.n_records < n_records) {
+            // The old buffers go first, so that both are never in memory together.
             self.buffers = None;
             self.drawn.clear();
-            // Its bindings name the old buffers.
+            // Their group names the old buffers.
             self.chunk_uniforms = None;
-            self.buffers = Some(ViewBuffers::new(device, pass, n_slots));
+            self.buffers = Some(ViewBuffers::new(device, sort, draw_layout, n_records));
         }
         Ok(())
     }
 
-    /// Tells the GPU how many slots are in use and where the picture is.
-    pub(super) fn set_camera(&mut self, queue: &wgpu::Queue, camera: &Camera, n_slots: u32) {
+    /// Uploads the number of records in use and the viewport, if they changed.
+    pub(super) fn set_camera(&mut self, queue: &wgpu::Queue, camera: &Camera, n_records: u32) {
         self.viewport = Some(camera.viewport);
         let Some(buffers) = &mut self.buffers else { return };
-        let now = Some((n_slots, camera.viewport));
-        if buffers.told != now {
-            let counts = SplatCounts { n_slots, n_visible: 0 };
+        let now = Some((n_records, camera.viewport));
+        if buffers.uploaded != now {
+            let counts = SplatCounts { n_records, n_visible: 0 };
             queue.write_buffer(&buffers.sort.counts, 0, bytemuck::bytes_of(&counts));
             let draw = SplatDraw { viewport: camera.viewport.as_vec4().to_array() };
             queue.write_buffer(&buffers.draw_uniforms, 0, bytemuck::bytes_of(&draw));
-            buffers.told = now;
+            buffers.uploaded = now;
         }
     }
 
-    /// Sees to it that there is room for the uniforms of `n_chunks`.
-    pub(super) fn reserve_chunks(&mut self, device: &wgpu::Device, project: &Project, n_chunks: usize) {
+    /// Makes room for the uniforms of `n_chunks`, in a group of `layout`.
+    pub(super) fn reserve_chunks(
+        &mut self,
+        device: &wgpu::Device,
+        layout: &wgpu::BindGroupLayout,
+        n_chunks: usize,
+    ) {
         let size = (UNIFORM_STRIDE * n_chunks) as u64;
         let fits = |uniforms: &ChunkUniforms| uniforms.buffer.size() >= size;
         let Some(buffers) = &self.buffers else { return };
         if !self.chunk_uniforms.as_ref().is_some_and(fits) {
-            self.chunk_uniforms = Some(ChunkUniforms::new(device, project, buffers, size));
+            self.chunk_uniforms = Some(ChunkUniforms::new(device, layout, buffers, size));
         }
     }
 
-    /// Adds a chunk to this frame; `bind` makes its bindings where there are none yet.
+    /// Adds a chunk to this frame. `bind` makes its bindings if there are none yet.
     pub(super) fn push_chunk(
         &mut self,
         uniforms: &SplatChunk,
@@ -214,6 +236,7 @@ impl SplatView {
         colors: [u64; 2],
         bind: impl FnOnce(&ChunkBindings) -> wgpu::BindGroup,
     ) {
+        // Padding up to the offset of this chunk.
         self.staging.resize(self.chunks.len() * UNIFORM_STRIDE, 0);
         self.staging.extend_from_slice(bytemuck::bytes_of(uniforms));
         self.sources.push(ChunkSource { uniforms: *uniforms, buffers: key.clone(), colors });
@@ -223,7 +246,7 @@ impl SplatView {
         self.chunks.push((uniforms.n_gaussians, cached.group.clone()));
     }
 
-    /// Hands the uniforms of this frame's chunks to the GPU, where they changed.
+    /// Uploads the uniforms of this frame's chunks, if they changed.
     pub(super) fn write_chunks(&mut self, queue: &wgpu::Queue) -> Change {
         let change = self.change();
         if change != Change::Nothing
@@ -231,6 +254,7 @@ impl SplatView {
         {
             queue.write_buffer(&uniforms.buffer, 0, &self.staging);
         }
+        // Swapping keeps both allocations for the next frames.
         std::mem::swap(&mut self.sources, &mut self.drawn);
         self.forget_unused();
         change
@@ -240,14 +264,14 @@ impl SplatView {
         let mut pairs = self.sources.iter().zip(&self.drawn);
         if self.sources == self.drawn {
             Change::Nothing
-        } else if self.sources.len() == self.drawn.len() && pairs.all(|(new, old)| new.is_placed_like(old)) {
+        } else if self.sources.len() == self.drawn.len() && pairs.all(|(new, old)| new.has_geometry_of(old)) {
             Change::Colors
         } else {
             Change::Order
         }
     }
 
-    /// This frame's dispatches of the project kernel, with the group that goes with each.
+    /// This frame's dispatches of the project kernel, each with the group of its uniforms.
     pub(super) fn chunk_dispatches(&self) -> impl Iterator<Item = (&wgpu::BindGroup, ChunkDispatch<'_>)> {
         self.chunk_uniforms.iter().flat_map(|uniforms| {
             self.chunks.iter().enumerate().map(|(i, (n_gaussians, bind_group))| {
@@ -257,38 +281,39 @@ impl SplatView {
         })
     }
 
-    /// The sort's buffers, once there are any.
+    /// The sort's buffers, if there are any yet.
     pub(super) fn sort(&self) -> Option<&SortBuffers> {
         self.buffers.as_ref().map(|buffers| &buffers.sort)
     }
 
-    /// What the draw binds and where it draws; `None` where nothing was prepared.
-    pub(super) fn to_draw(&self) -> Option<(&wgpu::BindGroup, &wgpu::Buffer, glam::UVec4)> {
+    /// The input of the draw; `None` if there is nothing to draw.
+    pub(super) fn draw_source(&self) -> Option<DrawSource<'_>> {
         let buffers = self.buffers.as_ref()?;
-        Some((&buffers.draw_group, &buffers.sort.commands, self.viewport?))
+        let (bind_group, commands) = (&buffers.draw_group, &buffers.sort.commands);
+        Some(DrawSource { bind_group, commands, viewport: self.viewport? })
     }
 
-    /// The lists for the picture's cells, and the draw for what does not fit; `None` where nothing was prepared.
+    /// The lists of the picture's tiles; `None` if there is nothing to draw.
     pub(super) fn lists(
         &mut self,
         device: &wgpu::Device,
         queue: &wgpu::Queue,
-        cells: &Cells,
-    ) -> Option<&mut CellBuffers> {
+        tiles: &Tiles,
+    ) -> Option<&mut TileLists> {
         let (buffers, viewport) = (self.buffers.as_mut()?, self.viewport?);
-        if buffers.cells.as_ref().is_none_or(|lists| !lists.fits(viewport)) {
-            let records = [buffers.places.clone(), buffers.looks.clone()];
-            let (sort, n_slots) = (&buffers.sort, buffers.n_slots);
-            buffers.cells = Some(CellBuffers::new(device, cells, sort, records, n_slots, viewport));
+        if buffers.lists.as_ref().is_none_or(|lists| !lists.fits(viewport)) {
+            let records = [buffers.geometry_halves.clone(), buffers.color_halves.clone()];
+            let (sort, n_records) = (&buffers.sort, buffers.n_records);
+            buffers.lists = Some(TileLists::new(device, tiles, sort, records, n_records, viewport));
         }
-        let lists = buffers.cells.as_mut()?;
+        let lists = buffers.lists.as_mut()?;
         lists.set_viewport(queue, viewport);
         Some(lists)
     }
 
-    /// Says that the order of the splats is about to be another.
-    pub(super) fn empty_cells(&mut self) {
-        if let Some(lists) = self.buffers.as_mut().and_then(|buffers| buffers.cells.as_mut()) {
+    /// Marks the lists of tiles as stale, because the order of the splats is about to change.
+    pub(super) fn empty_lists(&mut self) {
+        if let Some(lists) = self.buffers.as_mut().and_then(|buffers| buffers.lists.as_mut()) {
             lists.empty();
         }
     }
@@ -297,57 +322,63 @@ impl SplatView {
     #[cfg(test)]
     pub(super) fn resources(&self) -> (Vec<wgpu::Buffer>, std::collections::BTreeSet<wgpu::BindGroup>) {
         let uniforms = self.chunk_uniforms.iter().map(|uniforms| &uniforms.buffer);
-        let of_view = self.buffers.iter().flat_map(|b| [&b.places, &b.looks, &b.draw_uniforms, &b.sort.keys]);
+        let of_view = self
+            .buffers
+            .iter()
+            .flat_map(|b| [&b.geometry_halves, &b.color_halves, &b.draw_uniforms, &b.sort.keys]);
         let groups = self.bindings.values().map(|cached| cached.group.clone());
         (uniforms.chain(of_view).cloned().collect(), groups.collect())
     }
 
-    /// Both halves of the records.
+    /// Both halves of the records: geometry, then colors.
     #[cfg(test)]
     pub(super) fn records(&self) -> Option<(&wgpu::Buffer, &wgpu::Buffer)> {
-        self.buffers.as_ref().map(|buffers| (&buffers.places, &buffers.looks))
+        self.buffers.as_ref().map(|buffers| (&buffers.geometry_halves, &buffers.color_halves))
     }
 }
 
 impl ViewBuffers {
-    fn new(device: &wgpu::Device, pass: &SplatPass, n_slots: usize) -> Self {
-        let buffer = |label, size, usage| {
-            device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size,
-                usage,
-                mapped_at_creation: false,
-            })
-        };
-        let records = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-        let places = buffer("splat_places", HALF_RECORD * n_slots as u64, records);
-        let looks = buffer("splat_looks", HALF_RECORD * n_slots as u64, records);
-        let uniforms = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let draw_uniforms = buffer("splat_draw", size_of::<SplatDraw>() as u64, uniforms);
-        let sort = SortBuffers::new(device, &pass.sort, n_slots);
-        let resources = [&draw_uniforms, &sort.counts, &sort.slots, &places, &looks].map(whole);
-        let draw_group = bind_group(device, "splat_draw", &pass.draw.layout, &resources);
-        Self { n_slots, places, looks, draw_uniforms, sort, draw_group, told: None, cells: None }
+    fn new(
+        device: &wgpu::Device,
+        sort: &Sort,
+        draw_layout: &wgpu::BindGroupLayout,
+        n_records: usize,
+    ) -> Self {
+        let [geometry_halves, color_halves] = ["splat_geometry_halves", "splat_color_halves"].map(|label| {
+            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+            buffers::create(device, label, HALF_RECORD * n_records as u64, usage)
+        });
+        let draw_uniforms = buffers::uniforms(device, "splat_draw", size_of::<SplatDraw>() as u64);
+        let sort = SortBuffers::new(device, sort, n_records);
+        let bound = [&draw_uniforms, &sort.counts, &sort.record_indices, &geometry_halves, &color_halves];
+        let resources = bound.map(wgpu::Buffer::as_entire_binding);
+        let draw_group = bind_group(device, "splat_draw", draw_layout, &resources);
+        Self {
+            n_records,
+            geometry_halves,
+            color_halves,
+            draw_uniforms,
+            sort,
+            draw_group,
+            uploaded: None,
+            lists: None,
+        }
     }
 }
 
 impl ChunkUniforms {
-    fn new(device: &wgpu::Device, project: &Project, buffers: &ViewBuffers, size: u64) -> Self {
-        let buffer = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("splat_project_view"),
-            size,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+    fn new(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, buffers: &ViewBuffers, size: u64) -> Self {
+        let buffer = buffers::uniforms(device, "splat_project_view", size);
+        // The binding covers one chunk; a dynamic offset selects which.
         let one_chunk = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
             buffer: &buffer,
             offset: 0,
             size: wgpu::BufferSize::new(size_of::<SplatChunk>() as u64),
         });
-        let records = [&buffers.sort.keys, &buffers.places, &buffers.looks].map(whole);
-        let [keys, places, looks] = records;
-        let resources = [one_chunk, keys, places, looks];
-        let group = bind_group(device, "splat_project_view", &project.view_layout, &resources);
+        let records = [&buffers.sort.keys, &buffers.geometry_halves, &buffers.color_halves];
+        let [keys, geometry, color] = records.map(wgpu::Buffer::as_entire_binding);
+        let resources = [one_chunk, keys, geometry, color];
+        let group = bind_group(device, "splat_project_view", layout, &resources);
         Self { buffer, group }
     }
 }

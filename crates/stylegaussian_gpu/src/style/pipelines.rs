@@ -3,41 +3,45 @@
 use stylegaussian::Activation;
 use stylegaussian_shaders::{
     Source,
-    style::{self, KnnLayer, Storage, TILE_COLUMNS},
+    style::{self, COLUMNS_PER_WORKGROUP, KnnLayer, NumberFormat},
 };
 
 use super::{
     options::Precision,
-    plan::{Kernel, Step},
+    plan::{Step, StepKind},
     weights::GpuDecoder,
 };
+use crate::bindings::{
+    bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding, uniform_binding,
+};
 
-/// Storage bindings of all kernels, from 1 on.
+/// The number of storage bindings, which follow the uniforms. All kernels share one layout.
 pub(super) const N_STORAGE: usize = 7;
 
-/// Whether they are only read. `style_knn_conv` leaves the sixth alone.
+/// Whether each storage binding is only read. `style_knn_conv` does not use the sixth.
 const STORAGE_IS_READ_ONLY: [bool; N_STORAGE] = [true, true, true, false, false, true, true];
 
 /// The pipelines of one precision; they share a layout.
 #[derive(Debug)]
 pub(super) struct Pipelines {
     layout: wgpu::BindGroupLayout,
-    /// Of a layer that reads the scene's inputs.
-    first: Kernels,
-    /// Of the others; `None` where activations are kept as the inputs are.
-    hidden: Option<Kernels>,
-    /// Of the averages behind the layers.
+    /// Pipelines of the layer that reads the scene's inputs.
+    first: LayerPipelines,
+    /// Pipelines of the other layers; `None` if activations have the format of the inputs.
+    hidden: Option<LayerPipelines>,
+    /// The pipeline of the smoothing passes behind the layers.
     smoothing_pass: wgpu::ComputePipeline,
 }
 
-/// What reads one kind of input: one pipeline for each width of tile, and one for the last layer.
+/// The pipelines that read one format of input: one for each number of columns of a workgroup, and one for the last
+/// layer.
 #[derive(Debug)]
-struct Kernels {
-    knn_conv: [wgpu::ComputePipeline; TILE_COLUMNS.len()],
+struct LayerPipelines {
+    knn_conv: [wgpu::ComputePipeline; COLUMNS_PER_WORKGROUP.len()],
     color: wgpu::ComputePipeline,
 }
 
-/// The parameters of successive steps in one buffer.
+/// The uniforms of successive steps, in one buffer.
 #[derive(Debug)]
 pub(super) struct Parameters {
     buffer: wgpu::Buffer,
@@ -46,30 +50,36 @@ pub(super) struct Parameters {
 
 impl Pipelines {
     pub fn new(device: &wgpu::Device, precision: Precision) -> Self {
-        let layout = bind_group_layout(device);
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("style"),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        let pipeline = |source: Source| pipeline(device, &pipeline_layout, &source);
-        let (inputs, activations) = (precision.of_inputs(), precision.of_activations());
-        let kernels = |input: Storage| Kernels {
-            knn_conv: TILE_COLUMNS.map(|columns| pipeline(style::knn_conv(columns, input, activations))),
+        let read_only = STORAGE_IS_READ_ONLY.map(storage_binding);
+        let bindings = [&[uniform_binding::<KnnLayer>()], &read_only[..]].concat();
+        let layout = group_layout(device, "style", wgpu::ShaderStages::COMPUTE, &bindings);
+        let pipeline_layout = pipeline_layout(device, "style", &[&layout]);
+        let pipeline = |source: Source| {
+            let options = wgpu::PipelineCompilationOptions {
+                // Every step of `style_knn_conv` writes all of the workgroup memory that it reads.
+                zero_initialize_workgroup_memory: false,
+                ..Default::default()
+            };
+            compute_pipeline(device, source, &pipeline_layout, options)
+        };
+        let (inputs, activations) = (precision.input_format(), precision.activation_format());
+        let pipelines = |input: NumberFormat| LayerPipelines {
+            knn_conv: COLUMNS_PER_WORKGROUP
+                .map(|columns| pipeline(style::knn_conv(columns, input, activations))),
             color: pipeline(style::color(input)),
         };
-        let hidden = (activations != inputs).then(|| kernels(activations));
+        let hidden = (activations != inputs).then(|| pipelines(activations));
         let smoothing_pass = pipeline(style::smoothing_pass());
-        Self { first: kernels(inputs), hidden, smoothing_pass, layout }
+        Self { first: pipelines(inputs), hidden, smoothing_pass, layout }
     }
 
     pub fn of(&self, step: &Step) -> &wgpu::ComputePipeline {
         let hidden = self.hidden.as_ref().filter(|_| step.layer > 0);
-        let kernels = hidden.unwrap_or(&self.first);
-        match step.kernel {
-            Kernel::KnnConv(tile) => &kernels.knn_conv[tile],
-            Kernel::Color => &kernels.color,
-            Kernel::SmoothingPass => &self.smoothing_pass,
+        let pipelines = hidden.unwrap_or(&self.first);
+        match step.kind {
+            StepKind::KnnConv(variant) => &pipelines.knn_conv[variant],
+            StepKind::Color => &pipelines.color,
+            StepKind::SmoothingPass => &self.smoothing_pass,
         }
     }
 
@@ -79,21 +89,12 @@ impl Pipelines {
         parameters: wgpu::BufferBinding,
         storage: &[wgpu::BufferBinding; N_STORAGE],
     ) -> wgpu::BindGroup {
-        let bindings = std::iter::once(&parameters).chain(storage).enumerate();
-        let entries: Vec<_> = bindings
-            .map(|(i, binding)| wgpu::BindGroupEntry {
-                binding: i as u32,
-                resource: wgpu::BindingResource::Buffer(binding.clone()),
-            })
-            .collect();
-        device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("style"),
-            layout: &self.layout,
-            entries: &entries,
-        })
+        let buffers = std::iter::once(&parameters).chain(storage).cloned();
+        let resources: Vec<_> = buffers.map(wgpu::BindingResource::Buffer).collect();
+        bind_group(device, "style", &self.layout, &resources)
     }
 
-    /// The steps' parameters with what the decoder says.
+    /// The uniforms of `steps`, completed by those of the decoder.
     pub fn parameters(&self, device: &wgpu::Device, steps: &[Step], weights: &GpuDecoder) -> Parameters {
         let alignment = u64::from(device.limits().min_uniform_buffer_offset_alignment);
         let stride = (size_of::<KnnLayer>() as u64).next_multiple_of(alignment);
@@ -104,9 +105,9 @@ impl Pipelines {
             mapped_at_creation: true,
         });
         let mut bytes = vec![0; stride as usize * steps.len()];
-        for (step, slot) in steps.iter().zip(bytes.chunks_exact_mut(stride as usize)) {
+        for (step, bytes) in steps.iter().zip(bytes.chunks_exact_mut(stride as usize)) {
             let parameters = with_decoder(step, weights);
-            slot[..size_of::<KnnLayer>()].copy_from_slice(bytemuck::bytes_of(&parameters));
+            bytes[..size_of::<KnnLayer>()].copy_from_slice(bytemuck::bytes_of(&parameters));
         }
         buffer.get_mapped_range_mut(..).copy_from_slice(&bytes);
         buffer.unmap();
@@ -115,7 +116,7 @@ impl Pipelines {
 }
 
 impl Parameters {
-    /// Those of step `index`.
+    /// The uniforms of step `index`.
     pub fn binding(&self, index: usize) -> wgpu::BufferBinding<'_> {
         wgpu::BufferBinding {
             buffer: &self.buffer,
@@ -126,7 +127,7 @@ impl Parameters {
 }
 
 fn with_decoder(step: &Step, weights: &GpuDecoder) -> KnnLayer {
-    // The own color is added once, in the end.
+    // The base color is added once, by the last step.
     let n_steps = weights.widths.len() - 1 + weights.smoothing_passes;
     let residual = if step.layer + 1 == n_steps { weights.residual } else { 0.0 };
     let (is_sigmoid, slope) = match weights.activation {
@@ -134,40 +135,4 @@ fn with_decoder(step: &Step, weights: &GpuDecoder) -> KnnLayer {
         Activation::LeakyRelu { slope } => (0, slope),
     };
     KnnLayer { is_sigmoid, slope, residual, ..step.parameters }
-}
-
-fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let entry = |binding: usize, ty| wgpu::BindGroupLayoutEntry {
-        binding: binding as u32,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-        count: None,
-    };
-    let storage = STORAGE_IS_READ_ONLY.iter().enumerate();
-    let storage = storage.map(|(i, &read_only)| entry(i + 1, wgpu::BufferBindingType::Storage { read_only }));
-    let entries: Vec<_> =
-        std::iter::once(entry(0, wgpu::BufferBindingType::Uniform)).chain(storage).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("style"),
-        entries: &entries,
-    })
-}
-
-fn pipeline(device: &wgpu::Device, layout: &wgpu::PipelineLayout, source: &Source) -> wgpu::ComputePipeline {
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(source.label),
-        source: wgpu::ShaderSource::Wgsl(source.wgsl.as_str().into()),
-    });
-    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some(source.label),
-        layout: Some(layout),
-        module: &module,
-        entry_point: Some("main"),
-        compilation_options: wgpu::PipelineCompilationOptions {
-            // Every step writes all of what it reads.
-            zero_initialize_workgroup_memory: false,
-            ..Default::default()
-        },
-        cache: None,
-    })
 }

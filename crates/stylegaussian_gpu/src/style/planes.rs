@@ -1,11 +1,11 @@
-//! Activations: planes of 8 channels of all rows, in as many buffers as the device's limits ask for.
+//! Activations: planes of 8 channels of all rows, in as many buffers as the device's limits require.
 
-use stylegaussian_shaders::style::Storage;
+use stylegaussian_shaders::style::{self as shaders, NumberFormat};
 
-use super::{
-    features::PLANE_CHANNELS,
-    scene::{StyleSceneError, storage},
-};
+use crate::buffers::{self, TooLarge};
+
+/// Channels in a plane.
+pub(super) const PLANE_CHANNELS: usize = shaders::PLANE_CHANNELS as usize;
 
 /// Planes `[planes, rows]`.
 #[derive(Clone, Debug)]
@@ -23,17 +23,12 @@ pub(super) struct PlaneGroup {
     pub n: usize,
 }
 
-/// How many planes hold `width` channels.
+/// The number of planes for `width` channels.
 pub(super) fn n_planes(width: usize) -> usize {
     width.div_ceil(PLANE_CHANNELS)
 }
 
-/// The largest buffer that a device can bind as storage.
-pub(super) fn largest_binding(limits: &wgpu::Limits) -> u64 {
-    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
-}
-
-/// The first `n_planes`, by the buffers that `planes_per_buffer` puts them in.
+/// Planes 0..`n_planes` grouped by buffer, `planes_per_buffer` in each.
 pub(super) fn groups(n_planes: usize, planes_per_buffer: usize) -> impl Iterator<Item = PlaneGroup> + Clone {
     (0..n_planes.div_ceil(planes_per_buffer)).map(move |buffer| {
         let first = buffer * planes_per_buffer;
@@ -41,40 +36,38 @@ pub(super) fn groups(n_planes: usize, planes_per_buffer: usize) -> impl Iterator
     })
 }
 
-/// How many planes of `n_rows` a buffer of planes for `width` channels holds, 1 at least.
+/// The number of planes of `n_rows` that a buffer for `width` channels holds, at least 1.
 ///
 /// # Errors
-/// When a single plane is larger than `limit`.
+/// If a single plane is larger than `limit`.
 pub(super) fn planes_per_buffer(
     width: usize,
     n_rows: usize,
-    storage: Storage,
+    format: NumberFormat,
     limit: u64,
-) -> Result<usize, StyleSceneError> {
-    let found = plane_bytes(n_rows, storage);
-    if found > limit {
-        return Err(StyleSceneError::TooLarge { what: "style_inputs", found, limit });
-    }
+) -> Result<usize, TooLarge> {
+    let found = plane_bytes(n_rows, format);
+    TooLarge::check("eight channels of all rows", found, limit)?;
     Ok(usize::try_from(limit / found).unwrap_or(usize::MAX).min(n_planes(width)).max(1))
 }
 
 impl Planes {
-    /// Bytes of planes for `width` channels of `n_rows`; buffers are never empty.
-    pub fn bytes(width: usize, n_rows: usize, storage: Storage) -> u64 {
-        n_planes(width) as u64 * plane_bytes(n_rows, storage)
+    /// Bytes of planes for `width` channels of `n_rows`. A plane has one row at least, because buffers cannot be empty.
+    pub fn bytes(width: usize, n_rows: usize, format: NumberFormat) -> u64 {
+        n_planes(width) as u64 * plane_bytes(n_rows, format)
     }
 
-    /// Planes for `width` channels of `n_rows`, `planes_per_buffer` in a buffer; none where the width is 0.
+    /// Planes for `width` channels of `n_rows`, `planes_per_buffer` in a buffer. There are none if the width is 0.
     pub fn new(
         device: &wgpu::Device,
         label: &'static str,
         width: usize,
         n_rows: usize,
-        kept_as: Storage,
+        format: NumberFormat,
         planes_per_buffer: usize,
     ) -> Self {
-        let plane_bytes = plane_bytes(n_rows, kept_as);
-        let buffer = |group: PlaneGroup| storage(device, label, group.n as u64 * plane_bytes);
+        let plane_bytes = plane_bytes(n_rows, format);
+        let buffer = |group: PlaneGroup| buffers::storage(device, label, group.n as u64 * plane_bytes);
         let buffers = groups(n_planes(width), planes_per_buffer).map(buffer).collect();
         Self { buffers, planes_per_buffer, plane_bytes }
     }
@@ -92,8 +85,8 @@ impl Planes {
     }
 }
 
-fn plane_bytes(n_rows: usize, storage: Storage) -> u64 {
-    (PLANE_CHANNELS * storage.bytes() * n_rows.max(1)) as u64
+fn plane_bytes(n_rows: usize, format: NumberFormat) -> u64 {
+    (PLANE_CHANNELS * format.bytes() * n_rows.max(1)) as u64
 }
 
 #[cfg(test)]
@@ -106,7 +99,7 @@ mod tests {
         assert_eq!(split, [(0, 0, 2), (1, 2, 2), (2, 4, 1)]);
         assert_eq!(groups(0, 2).count(), 0);
         // 8.4 million Gaussians fit WebGPU's 128 MiB by the plane.
-        assert!(plane_bytes(8_388_608, Storage::F16) <= 128 << 20);
-        assert_eq!(Planes::bytes(39, 10, Storage::F16), 5 * 160);
+        assert!(plane_bytes(8_388_608, NumberFormat::F16) <= 128 << 20);
+        assert_eq!(Planes::bytes(39, 10, NumberFormat::F16), 5 * 160);
     }
 }

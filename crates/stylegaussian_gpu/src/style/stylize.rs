@@ -5,11 +5,11 @@ use stylegaussian::{
     fold::{ChannelMap, StylizeError},
 };
 
-use super::{FoldedLayers, GpuDecoder, StylePass, StyleScene, StyleSceneError};
-use crate::{
-    colors::{GaussianColors, ReadColorsError},
-    device::HeadlessDevice,
+use super::{
+    error::StyleSceneError, folded_layers::FoldedLayers, pass::StylePass, scene::StyleScene,
+    weights::GpuDecoder,
 };
+use crate::{buffers::ReadBackError, colors::GaussianColors, device::HeadlessDevice};
 
 /// A scene could not be stylized on the GPU.
 #[derive(Debug, thiserror::Error)]
@@ -25,7 +25,7 @@ pub enum StylizeOnGpuError {
     OutOfMemory(wgpu::Error),
     /// The colors did not come back.
     #[error(transparent)]
-    Read(#[from] ReadColorsError),
+    ReadBack(#[from] ReadBackError),
 }
 
 impl From<StyleSceneError> for StylizeOnGpuError {
@@ -37,11 +37,11 @@ impl From<StyleSceneError> for StylizeOnGpuError {
     }
 }
 
-/// Decodes a scene's mapped features to colors `[N]` on the GPU, display-referred RGB, not clamped, f16. Waits for
-/// them.
+/// Decodes a scene's mapped features to colors `[N]` on the GPU and waits for them: display-referred RGB, not
+/// clamped, in the precision of f16.
 ///
 /// # Errors
-/// A decoder or a map that does not fit the scene; a scene that does not fit the device.
+/// If the decoder or the map does not fit the scene, or if the scene does not fit the device.
 pub async fn stylize(
     gpu: &HeadlessDevice,
     scene: &Scene,
@@ -65,7 +65,7 @@ fn submit(
     let HeadlessDevice { device, queue, .. } = gpu;
     let style_scene = StyleScene::new(device, queue, scene, decoder)?;
     let folded = FoldedLayers::new(style_scene.content(), decoder, map)?;
-    let weights = GpuDecoder::new(device, queue, &folded)?;
+    let weights = GpuDecoder::new(device, queue, &folded).map_err(StyleSceneError::from)?;
     let colors = GaussianColors::new(device, scene.len()).map_err(StyleSceneError::from)?;
     let mut encoder =
         device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("stylize") });

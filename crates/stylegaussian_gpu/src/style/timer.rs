@@ -1,17 +1,19 @@
-//! How long commands take by the GPU's own clock, told some frames later.
+//! The time that commands take by the GPU's own clock, available some frames later.
 
 use std::{
     sync::{Arc, OnceLock},
     time::Duration,
 };
 
-/// Timings under way at once: more than frames are in flight, so that hardly any goes without.
-const SLOTS: usize = 4;
+use crate::buffers;
 
-/// Bytes from one slot's timestamps to the next one's: where a query set may be resolved to.
+/// Measurements under way at once. More than the frames in flight, so that hardly any work goes unmeasured.
+const N_MEASUREMENTS: usize = 4;
+
+/// Bytes from the timestamps of one measurement to the next: the alignment of a resolved query set.
 const STRIDE: u64 = wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT;
 
-/// Two timestamps.
+/// Bytes of two timestamps.
 const BYTES: u64 = 2 * wgpu::QUERY_SIZE as u64;
 
 /// Measures compute passes of a device that has `TIMESTAMP_QUERY`.
@@ -20,12 +22,12 @@ pub(super) struct Timer {
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
     ns_per_tick: f64,
-    slots: [Slot; SLOTS],
+    measurements: [Measurement; N_MEASUREMENTS],
 }
 
-/// A pair of timestamps under way.
+/// A pair of timestamps, from the pass to main memory.
 #[derive(Debug)]
-struct Slot {
+struct Measurement {
     copy: wgpu::Buffer,
     state: State,
 }
@@ -33,7 +35,7 @@ struct Slot {
 #[derive(Debug)]
 enum State {
     Free,
-    /// Encoded: submitted before the next frame begins.
+    /// Encoded, and submitted before the next frame begins.
     Encoded {
         operations: u64,
     },
@@ -44,50 +46,44 @@ enum State {
     },
 }
 
-/// A slot that was given away.
+/// Index of a measurement that is in use.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Timing(usize);
 
 impl Timer {
-    /// `None` where the device has no timestamps.
+    /// A timer, or `None` if the device has no timestamps.
     pub(super) fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Option<Self> {
         if !device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
             return None;
         }
-        let buffer = |label, size, usage| {
-            device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size,
-                usage,
-                mapped_at_creation: false,
-            })
-        };
         let to_resolve = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
-        let to_read = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let size = STRIDE * N_MEASUREMENTS as u64;
         Some(Self {
             queries: device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("style_timestamps"),
                 ty: wgpu::QueryType::Timestamp,
-                count: 2 * SLOTS as u32,
+                count: 2 * N_MEASUREMENTS as u32,
             }),
-            resolved: buffer("style_timestamps", STRIDE * SLOTS as u64, to_resolve),
+            resolved: buffers::create(device, "style_timestamps", size, to_resolve),
             ns_per_tick: f64::from(queue.get_timestamp_period()),
-            slots: std::array::from_fn(|_| Slot {
-                copy: buffer("style_timestamps_copy", BYTES, to_read),
+            measurements: std::array::from_fn(|_| Measurement {
+                copy: buffers::read_back(device, "style_timestamps_copy", BYTES),
                 state: State::Free,
             }),
         })
     }
 
-    /// Takes a slot for `operations`, if one is free.
-    pub(super) fn start(&mut self, operations: u64) -> Option<Timing> {
-        let free = self.slots.iter().position(|slot| matches!(slot.state, State::Free))?;
-        self.slots[free].state = State::Encoded { operations };
+    /// Reserves a measurement of `operations`, if one is free.
+    pub(super) fn reserve(&mut self, operations: u64) -> Option<Timing> {
+        let is_free = |measurement: &Measurement| matches!(measurement.state, State::Free);
+        let free = self.measurements.iter().position(is_free)?;
+        self.measurements[free].state = State::Encoded { operations };
         Some(Timing(free))
     }
 
-    pub(super) fn timestamps(&self, Timing(slot): Timing) -> wgpu::ComputePassTimestampWrites<'_> {
-        let first = 2 * slot as u32;
+    /// The queries around a pass.
+    pub(super) fn timestamps(&self, Timing(index): Timing) -> wgpu::ComputePassTimestampWrites<'_> {
+        let first = 2 * index as u32;
         wgpu::ComputePassTimestampWrites {
             query_set: &self.queries,
             beginning_of_pass_write_index: Some(first),
@@ -95,26 +91,22 @@ impl Timer {
         }
     }
 
-    pub(super) fn resolve(&self, encoder: &mut wgpu::CommandEncoder, Timing(slot): Timing) {
-        let (first, at) = (2 * slot as u32, STRIDE * slot as u64);
+    /// Encodes the copy of the timestamps to the buffer that the CPU reads.
+    pub(super) fn resolve(&self, encoder: &mut wgpu::CommandEncoder, Timing(index): Timing) {
+        let (first, at) = (2 * index as u32, STRIDE * index as u64);
         encoder.resolve_query_set(&self.queries, first..first + 2, &self.resolved, at);
-        encoder.copy_buffer_to_buffer(&self.resolved, at, &self.slots[slot].copy, 0, BYTES);
+        encoder.copy_buffer_to_buffer(&self.resolved, at, &self.measurements[index].copy, 0, BYTES);
     }
 
-    /// Asks for what was encoded before, and gives what has come: operations and how long they took. Never waits.
+    /// Requests the timestamps of work that was submitted, and returns those that have arrived: operations and their
+    /// time. It never waits.
     pub(super) fn read(&mut self) -> Vec<(u64, Duration)> {
         let mut measured = Vec::new();
-        for Slot { copy, state } in &mut self.slots {
+        for Measurement { copy, state } in &mut self.measurements {
             match state {
                 State::Free => {}
                 &mut State::Encoded { operations } => {
-                    let mapped = Arc::new(OnceLock::new());
-                    let told = Arc::clone(&mapped);
-                    copy.map_async(wgpu::MapMode::Read, .., move |result| {
-                        // Called once.
-                        let _ = told.set(result.is_ok());
-                    });
-                    *state = State::Mapping { operations, mapped };
+                    *state = State::Mapping { operations, mapped: buffers::start_mapping(copy) };
                 }
                 State::Mapping { operations, mapped } => {
                     let Some(&is_mapped) = mapped.get() else { continue };
@@ -130,7 +122,7 @@ impl Timer {
     }
 }
 
-/// What lies between the two timestamps in a buffer that is mapped; 0 where the clock was set back in between.
+/// The time between the two timestamps in a mapped buffer; 0 if the clock was reset in between.
 fn duration(copy: &wgpu::Buffer, ns_per_tick: f64) -> Duration {
     let bytes = copy.get_mapped_range(..);
     let tick = |i: usize| bytes.get(8 * i..8 * i + 8).map_or(0, bytemuck::pod_read_unaligned::<u64>);

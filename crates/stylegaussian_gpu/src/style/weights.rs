@@ -3,21 +3,21 @@
 use stylegaussian::{Activation, Layer};
 
 use super::{
-    content::FoldedLayers,
-    features::PLANE_CHANNELS,
-    planes::{largest_binding, n_planes},
-    scene::StyleSceneError,
+    folded_layers::FoldedLayers,
+    planes::{PLANE_CHANNELS, n_planes},
 };
+use crate::buffers::{self, TooLarge};
 
-/// The weights of a folded decoder, f32: one buffer for each layer, `[K * planes * 8 + 1, columns]`, the bias last.
+/// The weights of a folded decoder in f32: one buffer for each layer, `[K * planes * 8 + 1, columns]`, with the bias
+/// last.
 ///
-/// f32 and not f16, because a folded first layer multiplies the basis with gains of any size; 1.3 MB for the paper's
-/// layers on 32 low channels.
+/// They are not f16, because a folded first layer multiplies the basis with gains of any size. The paper's layers on
+/// 32 latent features take 1.3 MB.
 #[derive(Debug)]
 pub struct GpuDecoder {
     layers: Vec<wgpu::Buffer>,
     pub(super) k: usize,
-    /// Inputs of the first layer, then the outputs of each.
+    /// Inputs of the first layer, then outputs of each layer.
     pub(super) widths: Vec<usize>,
     pub(super) activation: Activation,
     pub(super) residual: f32,
@@ -28,25 +28,14 @@ impl GpuDecoder {
     /// Uploads folded layers.
     ///
     /// # Errors
-    /// When a layer is larger than the device can bind.
-    pub fn new(
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        folded: &FoldedLayers,
-    ) -> Result<Self, StyleSceneError> {
-        let limit = largest_binding(&device.limits());
+    /// If a layer is larger than the device can bind.
+    pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, folded: &FoldedLayers) -> Result<Self, TooLarge> {
+        let limit = buffers::largest_binding(device);
         let mut layers = Vec::with_capacity(folded.layers.len());
         for (layer, is_last) in with_last(&folded.layers) {
-            let size = 16 * (n_rows(layer, folded.k) * quads(layer, is_last)) as u64;
-            if size > limit {
-                return Err(StyleSceneError::TooLarge { what: "style_weights", found: size, limit });
-            }
-            layers.push(device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("style_weights"),
-                size,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            }));
+            let size = 16 * (n_rows(layer, folded.k) * stride(layer.d_out, is_last)) as u64;
+            TooLarge::check("weights of a layer", size, limit)?;
+            layers.push(buffers::storage(device, "style_weights", size));
         }
         let decoder = Self {
             layers,
@@ -60,8 +49,8 @@ impl GpuDecoder {
         Ok(decoder)
     }
 
-    /// Replaces the weights by those of another style of the same decoder and scene; allocates nothing. `false`, and
-    /// nothing done, where the layers have other shapes: make a new one then.
+    /// Replaces the weights by those of another style of the same decoder and scene, and allocates nothing. Returns
+    /// `false` and does nothing if the layers have other shapes; they need a new `GpuDecoder`.
     pub fn write(&mut self, queue: &wgpu::Queue, folded: &FoldedLayers) -> bool {
         if self.k != folded.k || self.widths != widths(&folded.layers) {
             return false;
@@ -74,11 +63,8 @@ impl GpuDecoder {
 
     fn upload(&self, queue: &wgpu::Queue, folded: &FoldedLayers) {
         for (buffer, (layer, is_last)) in self.layers.iter().zip(with_last(&folded.layers)) {
-            queue.write_buffer(
-                buffer,
-                0,
-                bytemuck::cast_slice(&packed(layer, folded.k, quads(layer, is_last))),
-            );
+            let rows = packed(layer, folded.k, stride(layer.d_out, is_last));
+            queue.write_buffer(buffer, 0, bytemuck::cast_slice(&rows));
         }
     }
 
@@ -101,13 +87,9 @@ pub(super) fn weight_bytes(widths: &[usize], k: usize) -> u64 {
     widths.windows(2).enumerate().map(layer).sum()
 }
 
-/// vec4 in a row of weights: whole planes of a hidden layer, one color of the last.
+/// vec4 in a row of weights: whole planes for a hidden layer, a single color for the last.
 pub(super) fn stride(d_out: usize, is_last: bool) -> usize {
     if is_last { 1 } else { n_planes(d_out) * 2 }
-}
-
-fn quads(layer: &Layer, is_last: bool) -> usize {
-    stride(layer.d_out, is_last)
 }
 
 fn n_rows(layer: &Layer, k: usize) -> usize {
@@ -123,11 +105,12 @@ fn with_last(layers: &[Layer]) -> impl Iterator<Item = (&Layer, bool)> {
     layers.iter().enumerate().map(|(i, layer)| (layer, i + 1 == layers.len()))
 }
 
-/// A layer's weight `[D_out, K, D_in]` and bias as rows of `quads` vec4: for each neighbor and each channel of the
-/// input's planes all outputs, then the bias. What has no channel is 0.
+/// A layer's weight `[D_out, K, D_in]` and bias as rows of `quads` vec4: all outputs for each neighbor and each
+/// channel of the input's planes, then the bias. Padding is 0.
 fn packed(layer: &Layer, k: usize, quads: usize) -> Vec<f32> {
     let (columns, d_in) = (4 * quads, layer.d_in);
     let padded_in = n_planes(d_in) * PLANE_CHANNELS;
+    // Transposed: the kernels load four outputs of one input at once.
     let mut rows = vec![0.0; n_rows(layer, k) * columns];
     for (output, weight) in layer.weight.chunks_exact((k * d_in).max(1)).enumerate() {
         for (i, value) in weight.iter().enumerate() {
@@ -144,7 +127,7 @@ mod tests {
 
     #[test]
     fn weights_are_transposed_and_padded() {
-        // [D_out 2, K 2, D_in 9], each weight telling where it is.
+        // [D_out 2, K 2, D_in 9]; each weight spells its indices.
         let weight =
             (0..36).map(|i| (i / 18 * 100 + i / 9 % 2 * 10 + i % 9) as f32 + 0.5).collect::<Vec<_>>();
         let layer = Layer { weight, bias: vec![7.0, 8.0], d_in: 9, d_out: 2 };

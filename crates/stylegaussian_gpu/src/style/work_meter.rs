@@ -2,18 +2,19 @@
 
 use std::time::Duration;
 
-use stylegaussian_shaders::style::TILE_ROWS;
+use stylegaussian_shaders::style::ROWS_PER_WORKGROUP;
 
 use super::{
     plan::Step,
     timer::{Timer, Timing},
 };
 
-/// How far a change of style has come: see [`StylePass::encode_some`](super::StylePass::encode_some).
+/// The progress of a change of style: see [`StylePass::encode_some`](super::StylePass::encode_some).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StyleProgress {
-    /// The dispatch at hand, and how many of its rows are done.
+    /// Index of the current dispatch.
     step: usize,
+    /// Rows of it that are encoded.
     row: u32,
     is_done: bool,
 }
@@ -24,17 +25,19 @@ impl StyleProgress {
         self.is_done
     }
 
-    /// The next dispatches: `operations` of them at most, but at least a tile of rows.
+    /// The next dispatches, with `operations` at most, but at least one workgroup of rows.
     pub(super) fn take(&mut self, steps: &[Step], operations: u64) -> Vec<Step> {
         let (mut taken, mut left) = (Vec::new(), operations);
         while let Some(step) = steps.get(self.step) {
             let of_row = step.operations_of_row().max(1);
             let rest = step.parameters.n_rows - self.row;
             let affordable = u32::try_from(left / of_row).unwrap_or(u32::MAX);
-            // Sums over planes are kept by row of the dispatch: those steps are not cut.
+            // Sums over planes are stored by row of the dispatch, so a step that shares them is not cut.
             let whole = affordable >= rest || step.is_partial();
-            let tiles = (affordable / TILE_ROWS).max(u32::from(taken.is_empty())) * TILE_ROWS;
-            let n = if whole { rest } else { tiles.min(rest) };
+            let workgroups =
+                (affordable / ROWS_PER_WORKGROUP).max(u32::from(taken.is_empty())) * ROWS_PER_WORKGROUP;
+            let n = if whole { rest } else { workgroups.min(rest) };
+            // A step that is not cut waits for the next frame, unless it would be the first one of this frame.
             if n == 0 || (affordable < rest && whole && !taken.is_empty()) {
                 return taken;
             }
@@ -50,47 +53,48 @@ impl StyleProgress {
     }
 }
 
-/// How much of a frame changes of style may take, and how fast the GPU is: what tells
-/// [`StylePass::encode_some`](super::StylePass::encode_some) how much to encode.
+/// GPU time per frame for all style changes together, and an estimate of the GPU's speed. It limits how much
+/// [`StylePass::encode_some`](super::StylePass::encode_some) encodes.
 ///
-/// It learns the speed by timestamps around what it granted ([`timed`](Self::timed)) or from what
-/// [`observe`](Self::observe) is told; until then it assumes the slowest GPU that it is meant for. What a frame takes passes
-/// the budget by a tile of 128 rows at most, or where sums over planes are kept by a chunk.
+/// The speed comes from timestamps around the granted work ([`timed`](Self::timed)) or from
+/// [`observe`](Self::observe). Until then, the meter assumes the slowest GPU that this crate is meant for. A frame
+/// exceeds its budget by at most one workgroup of 128 rows, or by one chunk if sums over planes are kept.
 #[derive(Debug)]
 pub struct WorkMeter {
-    /// Milliseconds of GPU time in each frame; infinite for all at once.
+    /// Milliseconds of GPU time in each frame. Infinity puts the whole change into one frame.
     pub ms_per_frame: f32,
-    /// Multiplications and additions in a millisecond.
+    /// Estimated multiplications and additions in a millisecond.
     operations_per_ms: f64,
-    /// What this frame has been granted so far.
+    /// Operations granted in this frame so far.
     granted: u64,
     timer: Option<Timer>,
 }
 
-/// An integrated GPU of ten years ago reaches 0.1 TFLOP/s in products of matrices.
+/// Operations per millisecond assumed at first: an integrated GPU of ten years ago reaches 0.1 TFLOP/s in products of
+/// matrices.
 const SLOWEST: f64 = 1e8;
 
-/// Share of the newest observation: a GPU's clock settles within some frames.
+/// Share of the newest observation in the estimate. A GPU's clock settles within some frames.
 const NEWEST: f64 = 0.25;
 
 impl WorkMeter {
-    /// At most `ms_per_frame` milliseconds of each frame.
+    /// A budget of `ms_per_frame` milliseconds in each frame.
     pub fn new(ms_per_frame: f32) -> Self {
         Self { ms_per_frame, operations_per_ms: SLOWEST, granted: 0, timer: None }
     }
 
-    /// So many multiplications and additions in each frame, however long they take.
+    /// A budget of multiplications and additions in each frame, whatever time they take.
     pub fn of_operations(operations: u64) -> Self {
         Self { operations_per_ms: operations as f64, ..Self::new(1.0) }
     }
 
-    /// Everything at once.
+    /// No limit: a change is encoded at once.
     pub fn unlimited() -> Self {
         Self::new(f32::INFINITY)
     }
 
-    /// Measures what it grants by the GPU's own clock, where the device has `TIMESTAMP_QUERY`. Not for software that acts as a
-    /// GPU: it tells the time at which it took work up, not at which it did it.
+    /// Measures granted work by the GPU's own clock, if the device has `TIMESTAMP_QUERY`. Do not use it on software
+    /// adapters: they report when they accepted the work, not when they did it.
     pub fn timed(mut self, device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         self.timer = Timer::new(device, queue);
         self
@@ -101,12 +105,13 @@ impl WorkMeter {
         self.ms_per_frame != f32::INFINITY
     }
 
-    /// Whether it measures.
+    /// Whether granted work is measured.
     pub fn is_timed(&self) -> bool {
         self.timer.is_some()
     }
 
-    /// Grants anew, and takes over what was measured of earlier frames, whose commands have been submitted.
+    /// Starts a frame with a full budget, and learns from measurements of earlier frames. Their commands must have been
+    /// submitted.
     pub fn begin_frame(&mut self) {
         self.granted = 0;
         let measured = self.timer.as_mut().map(Timer::read).unwrap_or_default();
@@ -115,39 +120,42 @@ impl WorkMeter {
         }
     }
 
-    /// How much a frame is granted.
+    /// The budget of a frame, in operations.
     pub fn operations(&self) -> u64 {
-        // Casts of what is not positive give 0: a tile of rows is encoded all the same.
+        // A cast of a negative number gives 0. A workgroup of rows is encoded all the same.
         (f64::from(self.ms_per_frame) * self.operations_per_ms) as u64
     }
 
-    /// What is left of this frame's; `None` once it is used up. What has not been begun is granted at least nothing: a tile.
+    /// Operations left in this frame's budget, or `None` if it is spent. The first call of a frame always returns
+    /// `Some`, so at least one workgroup of rows is encoded and every change completes.
     pub(super) fn left(&self) -> Option<u64> {
         let left = self.operations().saturating_sub(self.granted);
         (left > 0 || self.granted == 0).then_some(left)
     }
 
-    /// Notes what was taken of it. Gives the timestamps to write around it, to be resolved by [`Self::resolve`].
+    /// Takes `operations` from the budget. Returns a measurement to write around them, to be resolved by
+    /// [`Self::resolve`].
     pub(super) fn grant(&mut self, operations: u64) -> Option<Timing> {
         self.granted = self.granted.saturating_add(operations);
         let is_limited = self.is_limited();
-        self.timer.as_mut().filter(|_| is_limited).and_then(|timer| timer.start(operations))
+        // Nobody asks for the speed if everything runs at once.
+        self.timer.as_mut().filter(|_| is_limited).and_then(|timer| timer.reserve(operations))
     }
 
-    /// The queries of a timing's two timestamps.
+    /// The queries of a measurement's two timestamps.
     pub(super) fn timestamps(&self, timing: Timing) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         self.timer.as_ref().map(|timer| timer.timestamps(timing))
     }
 
-    /// Encodes the way back of a timing's timestamps, behind the pass that wrote them.
+    /// Encodes the copy of a measurement's timestamps, behind the pass that wrote them.
     pub(super) fn resolve(&self, encoder: &mut wgpu::CommandEncoder, timing: Timing) {
         if let Some(timer) = &self.timer {
             timer.resolve(encoder, timing);
         }
     }
 
-    /// Tells that `operations` took `time` on the GPU. A slower GPU than thought is believed at once, a faster one bit by
-    /// bit.
+    /// Learns that `operations` took `time` on the GPU. The estimate drops at once if the GPU is slower than assumed,
+    /// and rises gradually if it is faster: a frame that comes too late is worse than a change that takes longer.
     pub fn observe(&mut self, operations: u64, time: Duration) {
         let ms = time.as_secs_f64() * 1e3;
         if operations == 0 || ms <= 0.0 {
@@ -164,8 +172,8 @@ mod tests {
     use super::*;
     use crate::style::{
         blocks::BlockShape,
-        content::StyleShape,
         plan::{CHUNK_ROWS, Split, steps},
+        shape::StyleShape,
     };
 
     fn plan(inputs: usize) -> Vec<Step> {
@@ -212,9 +220,9 @@ mod tests {
         );
     }
 
-    /// Each row of each layer once, and a tile where the budget is too small for one.
+    /// Every row of every layer once, and a workgroup of rows if the budget is too small for one.
     #[test]
-    fn the_smallest_part_is_a_tile() {
+    fn the_smallest_part_is_a_workgroup() {
         let parts = parts(&plan(4), 0);
         assert!(parts[..parts.len() - 1].iter().all(|part| part.len() == 1));
         let rows = parts.concat();

@@ -1,4 +1,4 @@
-//! What the tests of the splat pass share: random scenes, pictures of both rasterizers, and how far they are apart.
+//! Random scenes for the tests of the splat pass, pictures of both rasterizers, and their difference.
 
 #![allow(dead_code, reason = "each test file uses a part")]
 
@@ -56,13 +56,13 @@ pub fn scene(gaussians: &[(Vec3, Vec3, f32)]) -> Scene {
     }
 }
 
-/// A camera outside the random scenes that does not see all of them.
+/// A camera outside the random scenes that sees a part of them.
 pub fn camera(size: UVec2) -> Camera {
     Camera::look_at(Vec3::new(0.3, -0.2, -1.5), Vec3::new(0.0, 0.1, 2.0), Vec3::NEG_Y, 1.0, size)
 }
 
-/// What the GPU draws of clouds, each with its scene's own colors or those given: in the adapter's way, which by quads must
-/// not differ from by more than the contract's 45 dB.
+/// The GPU's picture of clouds, drawn by the adapter's fastest way. Each cloud has its captured colors or the given
+/// ones. The picture by quads must agree to the promised 45 dB.
 #[track_caller]
 pub fn draw(
     gpu: &HeadlessDevice,
@@ -76,7 +76,7 @@ pub fn draw(
     picture
 }
 
-/// The same in the adapter's way and by quads.
+/// Two pictures of the same: by the adapter's fastest way, and by quads.
 pub fn draw_both_ways(
     gpu: &HeadlessDevice,
     camera: &splat::Camera,
@@ -103,13 +103,13 @@ pub fn draw_both_ways(
     ways.map(|mut way| way.render(device, queue, camera, &clouds, settings).unwrap())
 }
 
-/// What the GPU draws of one scene where it is.
+/// The GPU's picture of one scene in its own place.
 pub fn draw_scene(gpu: &HeadlessDevice, scene: &Scene, colors: Colors, camera: &Camera) -> Picture {
     let camera = splat::Camera::pinhole(camera);
     draw(gpu, &camera, &[(scene, colors, Affine3A::IDENTITY)], &SplatSettings::default())
 }
 
-/// The CPU's picture in the GPU's form.
+/// The CPU's picture in the format of the GPU's.
 pub fn rgba(view: &RenderedImage) -> Vec<[f32; 4]> {
     view.color.iter().zip(&view.alpha).map(|(&[r, g, b], &alpha)| [r, g, b, alpha]).collect()
 }
@@ -122,7 +122,7 @@ pub fn psnr(a: &[[f32; 4]], b: &[[f32; 4]]) -> f64 {
     -10.0 * (sum / (4 * a.len()) as f64).log10()
 }
 
-/// Draws a scene on both sides and compares.
+/// Draws a scene on the CPU and on the GPU, and compares.
 #[track_caller]
 pub fn check(gpu: &HeadlessDevice, what: &str, scene: &Scene, colors: Colors, camera: &Camera, least: f64) {
     let expected = rgba(&render(scene, colors, camera));

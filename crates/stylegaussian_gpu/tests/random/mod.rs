@@ -24,8 +24,8 @@ impl Random {
         (0..n).map(|_| scale * self.signed()).collect()
     }
 
-    /// `n` embedded Gaussians in a cube; low channels of sizes from 10 down to 0.1 about means that are not 0, as those
-    /// of a principal component analysis.
+    /// `n` embedded Gaussians in a cube. Latent features have sizes from 10 down to 0.1, as after a principal
+    /// component analysis, about means that are not 0.
     pub fn scene(&mut self, n: usize, n_latent: usize, n_extra: usize, k: usize) -> Scene {
         let means: Vec<Vec3> =
             (0..n).map(|_| Vec3::new(self.signed(), self.signed(), self.signed())).collect();
@@ -55,11 +55,11 @@ impl Random {
         }
     }
 
-    /// A style whose statistics resemble those of the content.
+    /// A style with statistics like those of the content.
     pub fn style(&mut self, features: &Features) -> ChannelStatistics {
         let content = ContentStatistics::of(features);
         let near = |random: &mut Self, value: &f64| *value as f32 * (1.0 + 0.5 * random.signed());
-        // With one Gaussian the content does not vary, and neither may what it is scaled to.
+        // If there is one Gaussian, the content has no deviation, and neither may the style.
         ChannelStatistics {
             mean: content.mean.iter().map(|mean| near(self, mean)).collect(),
             std_dev: content.std_dev.iter().map(|std_dev| near(self, std_dev)).collect(),
@@ -79,8 +79,8 @@ impl Random {
         self.layers(empty, scene, widths, false)
     }
 
-    /// `decoder` with layers of these widths, whose weights keep the size of what passes through, and lead to colors that
-    /// deviate by a quarter as those of a picture do: f16 holds numbers up to 2 to 5e-4.
+    /// `decoder` with layers of these widths. Their weights keep activations at about the same size and give colors
+    /// that deviate by a quarter, like those of a picture. f16 holds numbers up to 2 to 5e-4.
     pub fn layers(
         &mut self,
         mut decoder: Decoder,

@@ -4,20 +4,20 @@
 
 use half::f16;
 use stylegaussian_gpu::{
-    device::{DeviceError, HeadlessDevice},
+    device::{DeviceError, DeviceOptions, HeadlessDevice},
     splat::LAYER_FORMAT,
 };
 
-/// A device, or `None` (said aloud) where there is none.
+/// A device, or `None` with a message if there is none.
 pub fn gpu() -> Option<HeadlessDevice> {
     gpu_with_limits(|limits| limits)
 }
 
-/// A device with limits made of the adapter's own.
-pub fn gpu_with_limits(limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits) -> Option<HeadlessDevice> {
-    match pollster::block_on(HeadlessDevice::request_with_limits(limits)) {
+/// A device with limits that `limits` makes of the adapter's.
+pub fn gpu_with_limits(limits: fn(wgpu::Limits) -> wgpu::Limits) -> Option<HeadlessDevice> {
+    match pollster::block_on(HeadlessDevice::request(DeviceOptions { limits, ..Default::default() })) {
         Ok(gpu) => {
-            // A test that draws through validation errors would compare stale pictures.
+            // Without it, a test would draw on after a validation error and compare stale pictures.
             gpu.device.on_uncaptured_error(std::sync::Arc::new(|error| panic!("{error}")));
             Some(gpu)
         }
@@ -66,7 +66,7 @@ pub fn layer_of(gpu: &HeadlessDevice, texels: &[[f32; 4]], width: u32) -> wgpu::
     layer.create_view(&wgpu::TextureViewDescriptor::default())
 }
 
-/// Runs a pass over `target`, cleared to `background`; `resolve` takes the mean of its samples.
+/// Runs a pass over `target`, cleared to `background`. `resolve` receives the mean of its samples.
 pub fn pass(
     gpu: &HeadlessDevice,
     target: &wgpu::Texture,

@@ -2,13 +2,10 @@
 
 use std::str::SplitAsciiWhitespace;
 
-use ply_rs::ply::{ElementDef, PropertyType, ScalarType};
+use ply_rs::ply::{ElementDef, Encoding, PropertyType, ScalarType};
 
-use super::{
-    Encoding, Mismatch,
-    header::{Header, size_of_scalar},
-    mismatch,
-};
+use super::header::{Header, size_of_scalar};
+use crate::file::error::{Mismatch, mismatch};
 
 /// Values `[n_rows, n_columns]`, row-major.
 pub(super) struct Columns {
@@ -17,22 +14,24 @@ pub(super) struct Columns {
 }
 
 impl Columns {
+    /// The rows, first to last.
     pub(super) fn rows(&self) -> std::slice::ChunksExact<'_, f32> {
         self.values.chunks_exact(self.n_columns)
     }
 
-    /// The same rows, each with `constants` after it.
+    /// The same rows, each followed by `constants`.
     pub(super) fn with_constants(&self, constants: &[f32]) -> Self {
         let values = self.rows().flat_map(|row| row.iter().chain(constants).copied()).collect();
         Self { values, n_columns: self.n_columns + constants.len() }
     }
 
+    /// Number of rows.
     pub(super) fn n_rows(&self) -> usize {
         self.values.len() / self.n_columns
     }
 }
 
-/// Reads the properties `names` of the element called `wanted`, in that order; skips all else.
+/// Reads the properties `names` of the element called `wanted`, in that order, and skips all others.
 pub(super) fn read_columns(header: &Header, wanted: &str, names: &[String]) -> Result<Columns, Mismatch> {
     match header.encoding() {
         Encoding::Ascii => {
@@ -48,7 +47,7 @@ pub(super) fn read_columns(header: &Header, wanted: &str, names: &[String]) -> R
     }
 }
 
-/// Goes through the elements up to the wanted one.
+/// Reads the elements in the file's order up to the wanted one. Those before it are parsed to find their end.
 fn walk(
     header: &Header,
     mut source: impl Source,
@@ -65,6 +64,7 @@ fn walk(
     Err(mismatch("no such element", format_args!("element `{wanted}`")))
 }
 
+/// Reads all rows of one element.
 fn element_columns(
     element: &ElementDef,
     source: &mut impl Source,
@@ -76,17 +76,17 @@ fn element_columns(
             format_args!("`{missing}`"),
         ));
     }
-    // The column that each property goes to, in the file's order.
+    // Type and target column of each property, in the file's order.
     let plan: Vec<(&PropertyType, Option<usize>)> = element
         .properties
         .values()
         .map(|property| (&property.data_type, names.iter().position(|name| *name == property.name)))
         .collect();
     let n_columns = names.len();
-    // The header was checked: every row that it declares has at least a byte for each of its properties.
+    // The count is safe to allocate for: the header's check gave every declared row at least a byte per property.
     let mut values = Vec::with_capacity(element.count * n_columns);
     let mut row = vec![0.0; n_columns];
-    // Rows without properties are no bytes at all, and may be declared to be many.
+    // Rows without properties take no bytes, so a small file can declare 10^18 of them.
     let n_rows = if plan.is_empty() { 0 } else { element.count };
     for i in 0..n_rows {
         read_row(&plan, source, &mut row).map_err(|Mismatch { found, expected }| {
@@ -116,14 +116,17 @@ fn read_row(
     Ok(())
 }
 
-/// Numbers one after the other.
+/// A sequence of numbers in one of the encodings.
 trait Source {
+    /// The next number.
     fn number(&mut self, scalar: &ScalarType) -> Result<f32, Mismatch>;
+    /// The next number as the length of a list.
     fn length(&mut self, scalar: &ScalarType) -> Result<usize, Mismatch>;
+    /// Skips the next `count` numbers.
     fn skip(&mut self, scalar: &ScalarType, count: usize) -> Result<(), Mismatch>;
 }
 
-/// Numbers between white space; line ends mean nothing.
+/// Numbers between white space. Line ends have no meaning, as in other readers.
 struct Ascii<'a> {
     words: SplitAsciiWhitespace<'a>,
 }
@@ -165,6 +168,7 @@ impl<'a, const BIG_ENDIAN: bool> Binary<'a, BIG_ENDIAN> {
         Ok(taken)
     }
 
+    /// The next `N` bytes as little endian.
     fn array<const N: usize>(&mut self) -> Result<[u8; N], Mismatch> {
         let mut array = [0; N];
         array.copy_from_slice(self.take(N)?);
@@ -206,6 +210,7 @@ impl<const BIG_ENDIAN: bool> Source for Binary<'_, BIG_ENDIAN> {
     }
 
     fn skip(&mut self, scalar: &ScalarType, count: usize) -> Result<(), Mismatch> {
+        // A product that does not fit saturates, and is then more than the file holds.
         self.take(count.saturating_mul(size_of_scalar(scalar))).map(|_| ())
     }
 }

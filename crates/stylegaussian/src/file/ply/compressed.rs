@@ -1,32 +1,35 @@
 //! PlayCanvas' compressed .ply: chunks of 256 Gaussians with their ranges, and four packed words for each Gaussian.
 //!
-//! Layout as SuperSplat writes it: element `chunk` (floats `min_x` .. `max_scale_z`, and `min_r` .. `max_b` in newer
-//! files), element `vertex` (unsigned `packed_position`, `packed_rotation`, `packed_scale`, `packed_color`), and, where
-//! the scene has spherical harmonics beyond degree 0, element `sh` of bytes `f_rest_*`.
+//! The layout is that of SuperSplat's files:
+//! - element `chunk`: floats `min_x` .. `max_scale_z`, and `min_r` .. `max_b` in newer files,
+//! - element `vertex`: unsigned `packed_position`, `packed_rotation`, `packed_scale`, `packed_color`,
+//! - element `sh`, if the scene has spherical harmonics beyond degree 0: bytes `f_rest_*`.
 
 use std::f32::consts::SQRT_2;
 
 use glam::{Vec3, Vec4};
+use ply_rs::ply::Encoding;
 
 use super::{
-    Encoding, Loaded, Mismatch,
     columns::{Columns, read_columns},
     header::{Header, size_of_scalar},
-    mismatch,
 };
 use crate::{
-    file::activate::{StoredGaussians, activate},
+    file::{
+        activate::{StoredGaussians, activate},
+        error::{Loaded, Mismatch, mismatch},
+    },
     scene::Sh,
     sh::{self, n_coefficients},
 };
 
-/// Gaussians that share a chunk.
+/// Number of Gaussians in a chunk.
 const CHUNK: usize = 256;
 
-/// The words of a Gaussian, in the order in which every writer puts them.
+/// The words of a Gaussian, in the order of all known files.
 const PACKED: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
 
-/// Ranges of positions and log scales, minimum then maximum.
+/// Ranges of positions and of log scales, the minimum before the maximum.
 const RANGES: [&str; 12] = [
     "min_x",
     "min_y",
@@ -42,15 +45,15 @@ const RANGES: [&str; 12] = [
     "max_scale_z",
 ];
 
-/// Ranges of colors; files without them hold colors from 0 to 1.
+/// Ranges of colors. Files without them hold colors from 0 to 1.
 const COLOR_RANGES: [&str; 6] = ["min_r", "min_g", "min_b", "max_r", "max_g", "max_b"];
 
-/// Whether the header is one of this dialect.
+/// Whether the header belongs to this layout.
 pub(super) fn is_compressed(header: &Header) -> bool {
     header.element("vertex").is_some_and(|vertex| vertex.properties.contains_key(PACKED[0]))
 }
 
-/// Reads the scene. All that is packed was quantized: positions to 11, 10 and 11 bits of a chunk's box.
+/// Reads the scene. The packed values are quantized: positions to 11, 10 and 11 bits of their chunk's box.
 pub(super) fn read(header: &Header) -> Result<Loaded, Mismatch> {
     let chunks = chunks(header)?;
     let words = packed_words(header)?;
@@ -89,7 +92,7 @@ pub(super) fn read(header: &Header) -> Result<Loaded, Mismatch> {
     Ok(Loaded { scene: activate(stored, &mut warnings), warnings })
 }
 
-/// Ranges of every chunk `[n_chunks, 18]`.
+/// Ranges of every chunk `[n_chunks, 18]`: positions, log scales, colors.
 fn chunks(header: &Header) -> Result<Columns, Mismatch> {
     let chunk =
         header.element("chunk").ok_or_else(|| mismatch("no element `chunk`", "one before `vertex`"))?;
@@ -100,7 +103,7 @@ fn chunks(header: &Header) -> Result<Columns, Mismatch> {
     Ok(if has_colors { columns } else { columns.with_constants(&[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]) })
 }
 
-/// The four words of every Gaussian, which f32 columns could not hold.
+/// The four words of every Gaussian. The column reader gives f32, which cannot hold 32-bit words exactly.
 fn packed_words(header: &Header) -> Result<Vec<[u32; 4]>, Mismatch> {
     use ply_rs::ply::{PropertyType::Scalar, ScalarType};
     if header.encoding() != Encoding::BinaryLittleEndian {
@@ -124,7 +127,7 @@ fn packed_words(header: &Header) -> Result<Vec<[u32; 4]>, Mismatch> {
             let found: Vec<&str> = element.properties.keys().map(String::as_str).take(20).collect();
             return Err(mismatch(format_args!("a vertex of {}", found.join(" ")), PACKED.join(" ")));
         }
-        // The header's counts were checked against the file's size.
+        // No sum or product overflows: the header's counts were checked against the file's size.
         let rows = header.payload.get(start..).and_then(|bytes| bytes.get(..row * element.count));
         let rows =
             rows.ok_or_else(|| mismatch("the end of the file", format_args!("{} Gaussians", element.count)))?;
@@ -135,7 +138,7 @@ fn packed_words(header: &Header) -> Result<Vec<[u32; 4]>, Mismatch> {
     Err(mismatch("no element `vertex`", PACKED.join(" ")))
 }
 
-/// Degree 0 of every Gaussian, and the higher coefficients of element `sh`, which are channel-major there.
+/// Degree 0 of every Gaussian, and the higher coefficients of element `sh` (channel-major in the file).
 fn spherical_harmonics(header: &Header, dc: Vec<[f32; 3]>) -> Result<Sh, Mismatch> {
     let Some(element) = header.element("sh") else {
         return Ok(Sh { degree: 0, coefficients: dc.into_flattened() });
@@ -161,13 +164,14 @@ fn spherical_harmonics(header: &Header, dc: Vec<[f32; 3]>) -> Result<Sh, Mismatc
     Ok(Sh { degree, coefficients })
 }
 
-/// A byte of -4..4, which was rounded down; its ends stand for themselves.
+/// A coefficient in -4..4 from its byte. Writers round down, so a byte stands for the middle of its step, except that 0
+/// and 255 stand for the ends.
 fn unpack_coefficient(byte: f32) -> f32 {
     let t = if byte <= 0.0 || byte >= 255.0 { byte / 255.0 } else { (byte + 0.5) / 256.0 };
     (t - 0.5) * 8.0
 }
 
-/// The share `bits` of a word from `shift` on, 0..1.
+/// The `bits` of a word from bit `shift` up, as a number 0..1.
 fn unpack(word: u32, bits: u32, shift: u32) -> f32 {
     let largest = (1_u32 << bits) - 1;
     ((word >> shift) & largest) as f32 / largest as f32
@@ -181,10 +185,11 @@ fn unpack_8888(word: u32) -> Vec4 {
     Vec4::new(unpack(word, 8, 24), unpack(word, 8, 16), unpack(word, 8, 8), unpack(word, 8, 0))
 }
 
-/// Two bits say which component (w, x, y, z) was largest and left out; the others follow in order, each from -1/sqrt 2 to
-/// 1/sqrt 2.
+/// A quaternion (w, x, y, z). The upper two bits name its largest component, which is left out. The others follow in
+/// order, each from -1/sqrt 2 to 1/sqrt 2, since no other component of a unit quaternion can be larger.
 fn unpack_quaternion(word: u32) -> [f32; 4] {
     let others = [20, 10, 0].map(|shift| (unpack(word, 10, shift) - 0.5) * SQRT_2);
+    // Quantized components may have a length slightly above 1 together.
     let largest = (1.0 - others.iter().map(|other| other * other).sum::<f32>()).max(0.0).sqrt();
     let [a, b, c] = others;
     match word >> 30 {
@@ -195,7 +200,8 @@ fn unpack_quaternion(word: u32) -> [f32; 4] {
     }
 }
 
-/// The logit of an opacity that is a whole number over 255; 0 and 1, whose logits are infinite, move in by a quarter of a step.
+/// The logit of an opacity that is a multiple of 1/255. Opacities 0 and 1 have infinite logits, and are moved inward by
+/// a quarter of a step.
 fn logit_of_byte(opacity: f32) -> f32 {
     let opacity = opacity.clamp(0.25 / 255.0, 1.0 - 0.25 / 255.0);
     (opacity / (1.0 - opacity)).ln()
@@ -205,7 +211,7 @@ fn logit_of_byte(opacity: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Two Gaussians in a chunk from -1 to 3 on every axis, with scales from 0 to 1 (logs) and colors from 0 to 2.
+    /// Two Gaussians in a chunk from -1 to 3 on every axis, with log scales from 0 to 1 and colors from 0 to 2.
     fn file(n_vertices: usize, sh: bool) -> Vec<u8> {
         let mut text = String::from("ply\nformat binary_little_endian 1.0\nelement chunk 1\n");
         for name in RANGES.iter().chain(&COLOR_RANGES) {
@@ -226,7 +232,7 @@ mod tests {
         for value in ranges.into_iter().chain([0.0, 0.0, 0.0, 2.0, 2.0, 2.0]) {
             bytes.extend(value.to_le_bytes());
         }
-        // x at its largest, y smallest, z in the middle; w left out and x, y, z zero but for the rounding.
+        // x at its maximum, y at its minimum, z in the middle. w is left out, and x, y, z are zero up to rounding.
         let position = (2047 << 21) | 1024_u32;
         let rotation = (512 << 20) | (512 << 10) | 512_u32;
         for word in [position, rotation, 2047, (255 << 24) | (51 << 8) | 204] {
@@ -242,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn unpacks_what_was_packed() {
+    fn unpacks_hand_packed_gaussians() {
         let loaded = super::super::read(&file(2, false)).unwrap();
         let scene = loaded.scene;
         assert!(scene.means[0].abs_diff_eq(Vec3::new(3.0, -1.0, -1.0 + 4.0 * 1024.0 / 2047.0), 1e-6));

@@ -3,15 +3,15 @@
 use glam::Vec3;
 use ply_rs::{
     parser::Parser,
-    ply::{DefaultElement, ElementDef, Header as ParsedHeader, PropertyType, ScalarType},
+    ply::{DefaultElement, ElementDef, Encoding, Header as ParsedHeader, PropertyType, ScalarType},
 };
 
-use super::{Encoding, Mismatch, mismatch};
+use crate::file::error::{Mismatch, mismatch};
 
-/// No sane header is longer; the files that claim to be are something else.
+/// Most bytes of a header. Longer ones belong to files of other kinds, which are not searched to their end.
 const LONGEST: usize = 1 << 20;
 
-/// A parsed header and the bytes after it. Counts fit the bytes there are.
+/// A parsed header and the bytes after it. The bytes suffice for the declared counts.
 pub(super) struct Header<'a> {
     parsed: ParsedHeader,
     /// Everything after the line `end_header`.
@@ -19,6 +19,7 @@ pub(super) struct Header<'a> {
 }
 
 impl<'a> Header<'a> {
+    /// Splits off, checks and parses the header.
     pub(super) fn parse(bytes: &'a [u8]) -> Result<Self, Mismatch> {
         let (text, payload) = split(bytes)?;
         let n_declared = check_lines(&text)?;
@@ -26,6 +27,7 @@ impl<'a> Header<'a> {
             mismatch(format_args!("a header that does not parse ({error})"), "a PLY header")
         })?;
         let n_parsed: usize = parsed.elements.values().map(|element| 1 + element.properties.len()).sum();
+        // ply-rs keeps elements and properties in maps, so that one declared twice is lost.
         if n_parsed != n_declared {
             return Err(mismatch("an element or property declared twice", "each name once"));
         }
@@ -34,6 +36,7 @@ impl<'a> Header<'a> {
         Ok(header)
     }
 
+    /// The element of this name.
     pub(super) fn element(&self, name: &str) -> Option<&ElementDef> {
         self.parsed.elements.get(name)
     }
@@ -43,7 +46,8 @@ impl<'a> Header<'a> {
         self.parsed.elements.values()
     }
 
-    /// What a `comment up X Y Z` says, which we write; other programs' comments may say anything.
+    /// The direction of a `comment up X Y Z`, as our files have it. Comments of other programs may say anything, so one
+    /// that does not parse is no error.
     pub(super) fn up(&self) -> Option<Vec3> {
         let up = |comment: &String| {
             let words: Vec<&str> = comment.split_ascii_whitespace().collect();
@@ -54,14 +58,15 @@ impl<'a> Header<'a> {
         self.parsed.comments.iter().find_map(up)
     }
 
+    /// The encoding of the rows.
     pub(super) fn encoding(&self) -> Encoding {
         self.parsed.encoding
     }
 
-    /// Checks that the declared elements fit into the bytes there are, each list being empty at least.
+    /// Checks that the file is long enough for the declared elements, if every list were empty.
     fn check_size(&self) -> Result<(), Mismatch> {
         let least: u128 = self.elements().map(|e| e.count as u128 * self.least_row(e) as u128).sum();
-        // The last ascii number needs nothing after it.
+        // The last ascii number needs no separator after it.
         let available = self.payload.len() as u128 + u128::from(self.encoding() == Encoding::Ascii);
         if least <= available {
             return Ok(());
@@ -73,7 +78,7 @@ impl<'a> Header<'a> {
         ))
     }
 
-    /// The fewest bytes that a row of `element` takes: in ascii a digit and a separator for each number.
+    /// The fewest bytes that a row of `element` takes. In ascii that is a digit and a separator for each number.
     fn least_row(&self, element: &ElementDef) -> usize {
         let ascii = self.encoding() == Encoding::Ascii;
         let sizes = element.properties.values().map(|property| match &property.data_type {
@@ -84,7 +89,7 @@ impl<'a> Header<'a> {
     }
 }
 
-/// Bytes of a binary scalar.
+/// Size of a binary scalar, in bytes.
 pub(super) fn size_of_scalar(scalar: &ScalarType) -> usize {
     match scalar {
         ScalarType::Char | ScalarType::UChar => 1,
@@ -94,7 +99,7 @@ pub(super) fn size_of_scalar(scalar: &ScalarType) -> usize {
     }
 }
 
-/// The header as text up to and with `end_header`, line ends made uniform, and the payload.
+/// The header as text up to and including `end_header`, with uniform line ends, and the payload.
 fn split(bytes: &[u8]) -> Result<(String, &[u8]), Mismatch> {
     let mut text = String::new();
     let mut rest = &bytes[..bytes.len()];
@@ -115,7 +120,7 @@ fn split(bytes: &[u8]) -> Result<(String, &[u8]), Mismatch> {
     Err(mismatch("a header without an end", "a line `end_header`"))
 }
 
-/// Checks the lines whose numbers ply-rs would panic on, and counts the declarations.
+/// Checks lines with numbers that would make ply-rs panic, and counts the declarations.
 fn check_lines(text: &str) -> Result<usize, Mismatch> {
     let mut n_declared = 0;
     for line in text.lines() {

@@ -1,4 +1,4 @@
-//! Dialects of .ply, made here line by line, and real files.
+//! Dialects of .ply, written here line by line, and real files.
 
 use std::{f32::consts::LN_2, fmt::Write as _, time::Instant};
 
@@ -53,7 +53,8 @@ fn push(value: f64, kind: &str, format: Format, bytes: &mut Vec<u8>) {
     bytes.extend(number);
 }
 
-/// A file of these vertices, with more header lines after the format line and payload before and behind.
+/// A file of these vertices. `elements` are header lines before and after them, `payload` their data, and `end` the
+/// line end.
 fn file(
     properties: &[Property],
     format: Format,

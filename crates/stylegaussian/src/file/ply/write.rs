@@ -4,8 +4,8 @@ use std::io::{self, Write};
 
 use crate::{scene::Scene, sh::n_coefficients};
 
-/// Writes Gaussians and their spherical harmonics, as they were ordered in the source; mid-gray where the scene keeps
-/// no colors. Features, neighbors and decoder have no place in a `.ply`.
+/// Writes Gaussians and their spherical harmonics in the source's order, mid-gray if the scene keeps no colors.
+/// Features, neighbors and decoder have no place in a `.ply`.
 pub(in crate::file) fn write(out: &mut dyn Write, scene: &Scene) -> io::Result<()> {
     let degree = scene.sh.as_ref().map_or(0, |sh| sh.degree);
     let n_rest = n_coefficients(degree) - 1;
@@ -21,6 +21,7 @@ pub(in crate::file) fn write(out: &mut dyn Write, scene: &Scene) -> io::Result<(
     Ok(())
 }
 
+/// Writes the header, with `n_rest` coefficients beyond degree 0 per Gaussian.
 fn write_header(out: &mut dyn Write, scene: &Scene, n_rest: usize) -> io::Result<()> {
     writeln!(out, "ply\nformat binary_little_endian 1.0")?;
     if let Some(up) = scene.up {
@@ -37,7 +38,7 @@ fn write_header(out: &mut dyn Write, scene: &Scene, n_rest: usize) -> io::Result
     writeln!(out, "end_header")
 }
 
-/// Appends the values of Gaussian `i` before their activations, each as its little-endian bits.
+/// Appends the values of Gaussian `i` before their activations, each in little endian.
 fn push_row(scene: &Scene, i: usize, n_rest: usize, row: &mut Vec<[u8; 4]>) {
     let mut push = |value: f32| row.push(value.to_le_bytes());
     scene.means[i].to_array().into_iter().chain([0.0; 3]).for_each(&mut push);
@@ -55,14 +56,14 @@ fn push_row(scene: &Scene, i: usize, n_rest: usize, row: &mut Vec<[u8; 4]>) {
     [rotation.w, rotation.x, rotation.y, rotation.z].into_iter().for_each(&mut push);
 }
 
-/// The inverse of the sigmoid, finite: opacities are kept at least half an f32 step of 1 away from 0 and 1.
+/// The inverse of the sigmoid, kept finite. Opacities 0 and 1 are moved inward by half the f32 step below 1 (2^-25).
 fn logit(opacity: f32) -> f32 {
     const EDGE: f64 = f32::EPSILON as f64 / 4.0;
     let opacity = f64::from(opacity).clamp(EDGE, 1.0 - EDGE);
     (opacity / (1.0 - opacity)).ln() as f32
 }
 
-/// The logarithm, finite: a flat Gaussian gets the smallest normal number for its thickness.
+/// The logarithm, kept finite: the thickness of a flat Gaussian becomes the smallest normal number.
 fn log_scale(scale: f32) -> f32 {
     scale.max(f32::MIN_POSITIVE).ln()
 }

@@ -1,5 +1,5 @@
 //! Records against a twin in f64 that shares no formula with the shader: full covariance matrices, and the projection's
-//! derivative by differences. It knows what the CPU rasterizer does not: transforms of clouds and any projection matrix.
+//! derivative by differences. Unlike the CPU rasterizer, it handles transforms of clouds and any projection matrix.
 
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec2, DVec3, DVec4, Mat4, Quat, UVec4, Vec3};
 use stylegaussian::{Scene, scene::Sh, sh};
@@ -24,11 +24,12 @@ struct Twin {
     depth: f64,
     distance: f64,
     color: Vec3,
-    /// How far inside of what is drawn, in pixels and the like: negative outside, near 0 where rounding decides.
+    /// Distance inside of all culling bounds, in pixels and other units: positive if the Gaussian is drawn, negative
+    /// if it is culled, near 0 if rounding decides.
     margin: f64,
 }
 
-/// The pixel where a point of view space is seen, and its depth.
+/// Pixel and depth of a point of view space.
 fn pixel(camera: &Camera, clip_from_view: DMat4, p: DVec3) -> (DVec2, f64) {
     let clip = clip_from_view * DVec4::from((p, 1.0));
     let ndc = clip.truncate() / clip.w;
@@ -48,7 +49,7 @@ fn twin(camera: &Camera, world_from_scene: &Affine3A, scene: &Scene, i: usize) -
 
     let p = view_from_scene.transform_point3(scene.means[i].as_dvec3());
     let is_perspective = clip_from_view.w_axis.w == 0.0;
-    // Linearized no farther from the axis than 1.3 half pictures.
+    // Linearized within 1.3 half pictures of the axis.
     let limit = 1.3 * -p.z / DVec2::new(clip_from_view.x_axis.x, clip_from_view.y_axis.y);
     let at = match is_perspective {
         true => p.truncate().clamp(-limit.abs(), limit.abs()).extend(p.z),
@@ -112,10 +113,10 @@ fn random_scene(n: usize, degree: u8, seed: u64) -> Scene {
     scene
 }
 
-/// What is visible, by slot and in order, and the records of all slots.
+/// Indices of the visible records in order, and all records.
 fn records(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(Scene, Affine3A)]) -> (Vec<u32>, Vec<Record>) {
     let HeadlessDevice { device, queue, .. } = gpu;
-    // Chunks far smaller than any limit asks for.
+    // Chunks far smaller than any limit requires.
     let scenes: Vec<_> = clouds.iter().map(|(scene, _)| GpuScene::in_chunks(device, scene, 300)).collect();
     let clouds: Vec<_> = clouds
         .iter()
@@ -128,16 +129,20 @@ fn records(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(Scene, Affine3A)]) 
         .collect();
     let (pass, mut view) = (SplatPass::new(device), SplatView::new());
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    pass.prepare(device, queue, &mut encoder, &mut view, camera, &clouds, &SplatSettings::default()).unwrap();
+    pass.project_and_sort(device, queue, &mut encoder, &mut view, camera, &clouds, &SplatSettings::default())
+        .unwrap();
     queue.submit([encoder.finish()]);
     let sort = view.sort().unwrap();
     let n_visible = read::<SplatCounts>(gpu, &sort.counts)[0].n_visible as usize;
-    let mut slots: Vec<u32> = read(gpu, &sort.slots);
-    slots.truncate(n_visible);
-    let (places, looks) = view.records().unwrap();
-    let places: Vec<[f32; 4]> = read(gpu, places);
-    let looks: Vec<[u32; 4]> = read(gpu, looks);
-    (slots, places.into_iter().zip(looks).map(|(place, look)| Record::unpacked(place, look)).collect())
+    let mut sorted: Vec<u32> = read(gpu, &sort.record_indices);
+    sorted.truncate(n_visible);
+    let (geometry, colors) = view.records().unwrap();
+    let geometry: Vec<[f32; 4]> = read(gpu, geometry);
+    let colors: Vec<[u32; 4]> = read(gpu, colors);
+    (
+        sorted,
+        geometry.into_iter().zip(colors).map(|(geometry, color)| Record::unpacked(geometry, color)).collect(),
+    )
 }
 
 /// A record as the draw reads it.
@@ -150,27 +155,27 @@ struct Record {
 }
 
 impl Record {
-    fn unpacked([x, y, slope, row_precision]: [f32; 4], look: [u32; 4]) -> Self {
+    fn unpacked([x, y, slope, row_precision]: [f32; 4], color: [u32; 4]) -> Self {
         let half = |word: u32, high: u32| half::f16::from_bits((word >> (16 * high)) as u16).to_f32();
-        let c = 1.0 / f64::from(f32::from_bits(look[0]));
+        let c = 1.0 / f64::from(f32::from_bits(color[0]));
         let b = f64::from(slope) * c;
         let a = 1.0 / f64::from(row_precision) + b * b / c;
         Self {
             center: DVec2::new(x.into(), y.into()),
             covariance: [a, c, b],
-            depth: f32::from_bits(look[1]),
-            color: Vec3::new(half(look[2], 0), half(look[2], 1), half(look[3], 0)),
-            opacity: half(look[3], 1),
+            depth: f32::from_bits(color[1]),
+            color: Vec3::new(half(color[2], 0), half(color[2], 1), half(color[3], 0)),
+            opacity: half(color[3], 1),
         }
     }
 }
 
 #[track_caller]
 fn check(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(Scene, Affine3A)]) {
-    let (slots, records) = records(gpu, camera, clouds);
+    let (sorted, records) = records(gpu, camera, clouds);
     let mut is_visible = vec![false; records.len()];
-    slots.iter().for_each(|&slot| is_visible[slot as usize] = true);
-    assert!(slots.len() > records.len() / 20, "only {} visible", slots.len());
+    sorted.iter().for_each(|&i| is_visible[i as usize] = true);
+    assert!(sorted.len() > records.len() / 20, "only {} visible", sorted.len());
 
     let twins: Vec<(Twin, f32)> = clouds
         .iter()
@@ -178,32 +183,32 @@ fn check(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(Scene, Affine3A)]) {
             (0..scene.len()).map(|i| (twin(camera, place, scene, i), scene.opacities[i]))
         })
         .collect();
-    for (slot, ((twin, opacity), record)) in twins.iter().zip(&records).enumerate() {
-        // A hundredth of a pixel is what rounding may decide.
+    for (i, ((twin, opacity), record)) in twins.iter().zip(&records).enumerate() {
+        // Rounding may decide up to a hundredth of a pixel.
         if twin.margin.abs() > 0.01 {
-            assert_eq!(is_visible[slot], twin.margin > 0.0, "slot {slot}: margin {}", twin.margin);
+            assert_eq!(is_visible[i], twin.margin > 0.0, "record {i}: margin {}", twin.margin);
         }
-        if !is_visible[slot] {
+        if !is_visible[i] {
             continue;
         }
         let size: f64 = twin.covariance[0] + twin.covariance[1];
         let moved = record.center.distance(twin.center);
-        assert!(moved <= 1e-3 + 1e-6 * twin.center.length(), "slot {slot}: moved by {moved} px");
+        assert!(moved <= 1e-3 + 1e-6 * twin.center.length(), "record {i}: moved by {moved} px");
         for (found, expected) in record.covariance.iter().zip(twin.covariance) {
-            assert!((found - expected).abs() < 2e-3 * size, "slot {slot}: {found} for {expected} px^2");
+            assert!((found - expected).abs() < 2e-3 * size, "record {i}: {found} for {expected} px^2");
         }
-        assert!((f64::from(record.depth) - twin.depth).abs() < 1e-5, "slot {slot}: depth {}", record.depth);
-        assert!((record.opacity - opacity).abs() < 1e-3, "slot {slot}: opacity {}", record.opacity);
+        assert!((f64::from(record.depth) - twin.depth).abs() < 1e-5, "record {i}: depth {}", record.depth);
+        assert!((record.opacity - opacity).abs() < 1e-3, "record {i}: opacity {}", record.opacity);
         let wrong = (record.color - twin.color).abs().max_element();
-        assert!(wrong < 5e-3, "slot {slot}: color {} for {}", record.color, twin.color);
+        assert!(wrong < 5e-3, "record {i}: color {} for {}", record.color, twin.color);
     }
-    for pair in slots.windows(2) {
-        let [near, far] = [pair[0], pair[1]].map(|slot| twins[slot as usize].0.distance);
+    for pair in sorted.windows(2) {
+        let [near, far] = [pair[0], pair[1]].map(|i| twins[i as usize].0.distance);
         assert!(near <= far + 1e-5 * (1.0 + far.abs()), "{near} drawn over {far}");
     }
 }
 
-/// Three clouds: as it is, turned and stretched, sheared and mirrored.
+/// Three clouds: one in place, one turned and stretched, one sheared and mirrored.
 fn clouds(degree: u8) -> Vec<(Scene, Affine3A)> {
     let stretched = Affine3A::from_scale_rotation_translation(
         Vec3::new(0.5, 2.0, 1.2),
@@ -228,7 +233,7 @@ fn gpu_matches_cpu() {
     let perspective = Mat4::perspective_infinite_reverse_rh(0.9, aspect, 0.1);
     let mut off_axis = perspective;
     (off_axis.z_axis.x, off_axis.z_axis.y) = (0.7, -0.4);
-    // Near and far change places: reverse z.
+    // Near and far change geometry: reverse z.
     let finite = Mat4::perspective_rh(1.2, aspect, 6.0, 1.0);
     let orthographic = Mat4::orthographic_rh(-3.0, 2.0, -2.0, 1.5, 6.0, 0.0);
     for (degree, clip_from_view) in [perspective, off_axis, finite, orthographic].into_iter().enumerate() {
@@ -237,8 +242,8 @@ fn gpu_matches_cpu() {
     }
 }
 
-/// Far from the world's origin, single precision places a cloud to a sixteenth of a unit; what a camera beside it sees
-/// does not tremble for that.
+/// Far from the world's origin, f32 places a cloud to a sixteenth of a unit. The picture of a camera beside it does
+/// not change for that.
 #[test]
 fn far_from_the_origin_nothing_changes() {
     let Some(gpu) = gpu() else { return };
@@ -261,7 +266,7 @@ fn far_from_the_origin_nothing_changes() {
 
 /// The second frame of an unchanged view, and of one that sees less, makes no buffer and no bindings.
 #[test]
-fn nothing_is_allocated_where_nothing_changed() {
+fn nothing_is_allocated_if_nothing_changed() {
     let Some(gpu) = gpu() else { return };
     let HeadlessDevice { device, queue, .. } = &gpu;
     let scenes =
@@ -280,7 +285,7 @@ fn nothing_is_allocated_where_nothing_changed() {
     let mut frame = |camera: &Camera, clouds: &[Cloud]| {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let settings = SplatSettings { sort_key: SortKey::Distance, ..SplatSettings::default() };
-        pass.prepare(device, queue, &mut encoder, &mut view, camera, clouds, &settings).unwrap();
+        pass.project_and_sort(device, queue, &mut encoder, &mut view, camera, clouds, &settings).unwrap();
         queue.submit([encoder.finish()]);
         view.resources()
     };
@@ -293,7 +298,7 @@ fn nothing_is_allocated_where_nothing_changed() {
     assert!(fewer.is_subset(&groups) && fewer.len() == 1);
 }
 
-/// What a frame must do again: nothing while all stands still, no sort while only colors change.
+/// A frame repeats nothing if nothing changed, and does not sort if only colors changed.
 #[test]
 fn only_what_changed_is_done_again() {
     let Some(gpu) = gpu() else { return };
@@ -312,7 +317,7 @@ fn only_what_changed_is_done_again() {
     };
     let mut change = |camera: &Camera, cloud: &Cloud| {
         view.clear();
-        view.reserve(device, &pass, 50).unwrap();
+        view.reserve(device, &pass.sort, &pass.draw.layout, 50).unwrap();
         pass.project.write(device, queue, &mut view, camera, &[cloud], &SplatSettings::default())
     };
     assert_eq!(change(&camera, &plain), Change::Order);

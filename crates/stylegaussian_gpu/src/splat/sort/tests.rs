@@ -8,11 +8,11 @@ use crate::{
     splat::testing::{gpu, randoms, read},
 };
 
-/// What the sort makes of `keys`: the slots in order, and the commands.
+/// Sorts `keys`. Returns record indices in order, and the commands.
 fn sorted(gpu: &HeadlessDevice, serial: bool, keys: &[u32], capacity: usize) -> (Vec<u32>, SplatCommands) {
     let sort = Sort::of_kind(&gpu.device, serial);
     let buffers = SortBuffers::new(&gpu.device, &sort, capacity);
-    let counts = SplatCounts { n_slots: keys.len() as u32, n_visible: 0 };
+    let counts = SplatCounts { n_records: keys.len() as u32, n_visible: 0 };
     gpu.queue.write_buffer(&buffers.counts, 0, bytemuck::bytes_of(&counts));
     gpu.queue.write_buffer(&buffers.keys, 0, bytemuck::cast_slice(keys));
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -22,30 +22,30 @@ fn sorted(gpu: &HeadlessDevice, serial: bool, keys: &[u32], capacity: usize) -> 
     gpu.queue.submit([encoder.finish()]);
 
     let n_visible = read::<SplatCounts>(gpu, &buffers.counts)[0].n_visible as usize;
-    let mut slots: Vec<u32> = read(gpu, &buffers.slots);
-    slots.truncate(n_visible);
-    (slots, read(gpu, &buffers.commands)[0])
+    let mut indices: Vec<u32> = read(gpu, &buffers.record_indices);
+    indices.truncate(n_visible);
+    (indices, read(gpu, &buffers.commands)[0])
 }
 
 fn expected(keys: &[u32]) -> Vec<u32> {
-    let mut slots: Vec<u32> = (0..keys.len() as u32).filter(|&i| keys[i as usize] != INVISIBLE).collect();
-    slots.sort_by_key(|&i| keys[i as usize]);
-    slots
+    let mut indices: Vec<u32> = (0..keys.len() as u32).filter(|&i| keys[i as usize] != INVISIBLE).collect();
+    indices.sort_by_key(|&i| keys[i as usize]);
+    indices
 }
 
 #[track_caller]
 fn check(gpu: &HeadlessDevice, keys: &[u32], capacity: usize) {
     let expected = expected(keys);
     for serial in [false, true] {
-        let (slots, commands) = sorted(gpu, serial, keys, capacity);
-        assert_eq!(slots, expected, "{} keys, serial {serial}", keys.len());
+        let (indices, commands) = sorted(gpu, serial, keys, capacity);
+        assert_eq!(indices, expected, "{} keys, serial {serial}", keys.len());
         assert_eq!(commands.n_instances as usize, expected.len());
         assert_eq!([commands.n_vertices, commands.first_vertex, commands.first_instance], [4, 0, 0]);
-        assert_eq!(commands.n_groups, commands.n_instances.div_ceil(TILE));
+        assert_eq!(commands.n_groups, commands.n_instances.div_ceil(SORT_BATCH));
     }
 }
 
-/// Sizes around a round (256) and a tile (2048); every key many times, a third of them invisible.
+/// Sizes around a round (256) and a batch (2048); every key many times, a third of them invisible.
 #[test]
 fn gpu_matches_cpu() {
     let Some(gpu) = gpu() else { return };

@@ -1,0 +1,195 @@
+//! Values on the command line: weighted files, fractions, sizes, backgrounds, backends, names of outputs.
+
+use std::{
+    path::{Path, PathBuf},
+    str::FromStr,
+};
+
+use anyhow::{Result, bail};
+use clap::ValueEnum;
+use glam::UVec2;
+use stylegaussian_train::picture::Background;
+
+/// Longest side of a picture, in pixels.
+pub const MAX_SIDE: u32 = 16_384;
+
+/// A file and its weight in a mix: `path` or `path:weight`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WeightedPath {
+    /// The file.
+    pub path: PathBuf,
+    /// The weight, 0 or more. 1 if none is given.
+    pub weight: f64,
+}
+
+impl FromStr for WeightedPath {
+    type Err = String;
+
+    /// Splits at the last colon, but only if a number follows: `C:\paintings\a.png` is a path.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (path, weight) = match text.rsplit_once(':') {
+            Some((path, number)) if is_number(number) => {
+                (path, number.parse().map_err(|_| not_a_weight(number))?)
+            }
+            _ => (text, 1.0),
+        };
+        if path.is_empty() {
+            return Err("the path is missing".into());
+        }
+        if !(0.0..=f64::from(f32::MAX)).contains(&weight) {
+            return Err(not_a_weight(&weight.to_string()));
+        }
+        Ok(Self { path: path.into(), weight })
+    }
+}
+
+/// Whether `text` is meant as a number. Rust also parses `inf` and `nan`, but these are more likely names.
+fn is_number(text: &str) -> bool {
+    text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) && text.parse::<f64>().is_ok()
+}
+
+fn not_a_weight(found: &str) -> String {
+    format!("weight {found}: expected a finite number, 0 or more")
+}
+
+/// A number from 0 to 1.
+pub fn fraction(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
+        _ => Err("expected a number from 0 to 1".into()),
+    }
+}
+
+/// A number from 0 to 1, without 1.
+pub fn less_than_1(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|number| (0.0..1.0).contains(number));
+    number.ok_or_else(|| "expected a number of at least 0 and less than 1".into())
+}
+
+/// A number from `MIN` to 64: no decoder of this shape needs more.
+pub fn at_most_64<const MIN: usize>(text: &str) -> Result<usize, String> {
+    let number = text.parse().ok().filter(|number| (MIN..=64).contains(number));
+    number.ok_or_else(|| format!("expected a number from {MIN} to 64"))
+}
+
+/// Width and height of a picture, as in `640x480`.
+pub fn picture_size(text: &str) -> Result<UVec2, String> {
+    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
+    text.split_once('x')
+        .and_then(|(width, height)| Some(UVec2::new(side(width)?, side(height)?)))
+        .ok_or_else(|| format!("expected WIDTHxHEIGHT in pixels, 1 to {MAX_SIDE} each, as in 640x480"))
+}
+
+/// `transparent`, or a color as `RRGGBB` or `#RRGGBB`.
+pub fn background(text: &str) -> Result<Background, String> {
+    if text == "transparent" {
+        return Ok(Background::Transparent);
+    }
+    let digits = text.strip_prefix('#').unwrap_or(text);
+    match u32::from_str_radix(digits, 16) {
+        Ok(rgb) if digits.len() == 6 && !digits.starts_with('+') => {
+            let [_, r, g, b] = rgb.to_be_bytes();
+            Ok(Background::Color([r, g, b]))
+        }
+        _ => Err("expected `transparent` or six hexadecimal digits RRGGBB".into()),
+    }
+}
+
+/// The device that computes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Backend {
+    /// A hardware GPU if there is one, otherwise the CPU.
+    Auto,
+    /// The CPU.
+    Cpu,
+    /// The GPU, or an error.
+    Gpu,
+}
+
+impl Backend {
+    /// Refuses the GPU for `what`, which only the CPU can do. Falling back silently would hide that.
+    ///
+    /// # Errors
+    /// If the GPU is asked for.
+    pub fn expect_cpu(self, what: &str) -> Result<()> {
+        if self == Self::Gpu {
+            bail!("--backend gpu: {what} has no GPU backend; use --backend cpu or auto");
+        }
+        Ok(())
+    }
+}
+
+/// A file beside the output: OUT.decoder.safetensors -> OUT.`suffix`.
+pub fn beside(output: &Path, suffix: &str) -> PathBuf {
+    let name = output.file_name().unwrap_or_default().to_string_lossy();
+    let stem = name.trim_end_matches(".safetensors").trim_end_matches(".decoder");
+    output.with_file_name(format!("{stem}.{suffix}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check_style(text: &str, path: &str, weight: f64) {
+        assert_eq!(text.parse(), Ok(WeightedPath { path: path.into(), weight }), "{text}");
+    }
+
+    #[test]
+    fn a_style_splits_at_the_last_colon_if_a_number_follows() {
+        check_style("a.png", "a.png", 1.0);
+        check_style("a.png:0.3", "a.png", 0.3);
+        check_style("a.png:2", "a.png", 2.0);
+        check_style("a.png:.5", "a.png", 0.5);
+        check_style("a.png:1e-3", "a.png", 1e-3);
+        check_style("dir:1/a.png", "dir:1/a.png", 1.0);
+        check_style("a:1:2", "a:1", 2.0);
+        check_style("a:b", "a:b", 1.0);
+        check_style("a.png:", "a.png:", 1.0);
+        check_style("12:34.png", "12:34.png", 1.0);
+        check_style("a:nan", "a:nan", 1.0);
+        check_style("a:inf", "a:inf", 1.0);
+        check_style("0.5", "0.5", 1.0);
+    }
+
+    #[test]
+    fn windows_paths_keep_their_drive() {
+        check_style(r"C:\paintings\a.png", r"C:\paintings\a.png", 1.0);
+        check_style(r"C:\paintings\a.png:0.25", r"C:\paintings\a.png", 0.25);
+        check_style("C:/paintings/a.png:1", "C:/paintings/a.png", 1.0);
+    }
+
+    #[test]
+    fn impossible_weights_are_refused() {
+        for text in ["a:-1", "a:1e999", ":0.5", ""] {
+            assert!(text.parse::<WeightedPath>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn fractions_end_at_0_and_1() {
+        assert_eq!(fraction("0"), Ok(0.0));
+        assert_eq!(fraction("1.0"), Ok(1.0));
+        for text in ["-0.1", "1.01", "nan", "NaN", "inf", "", "half"] {
+            assert!(fraction(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn sizes() {
+        assert_eq!(picture_size("640x480"), Ok(UVec2::new(640, 480)));
+        for text in ["640", "640x", "0x480", "640x-1", "100000x1", "640x480x3", "axb"] {
+            assert!(picture_size(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn backgrounds() {
+        assert_eq!(background("transparent"), Ok(Background::Transparent));
+        assert_eq!(background("ff8000"), Ok(Background::Color([255, 128, 0])));
+        assert_eq!(background("#FF8000"), Ok(Background::Color([255, 128, 0])));
+        for text in ["white", "fff", "ff80000", "gg0000", "+f8000", ""] {
+            assert!(background(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! The choice of decoder, encoder and loss weights that all commands share.
+
+use std::{
+    env,
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context, Result};
+use stylegaussian::{Decoder, EncoderId, Scene, file};
+use stylegaussian_defaults::{DECODER, ENCODER, ENCODER_NAME};
+use stylegaussian_encoder::Encoder;
+
+use crate::terminal::warn;
+
+/// The environment variable that names the encoder's file if no flag does.
+const ENCODER_VARIABLE: &str = "STYLEGAUSSIAN_ENCODER";
+
+/// Opens the encoder that `path` names, else the environment's, else the default one, and prints its warning.
+///
+/// # Errors
+/// If it cannot be opened.
+pub fn open_encoder(path: Option<&Path>) -> Result<Encoder> {
+    let encoder = match path.map(PathBuf::from).or_else(named_by_environment) {
+        Some(path) => Encoder::open(&path)?,
+        None => Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec())?,
+    };
+    warn(encoder.warning());
+    Ok(encoder)
+}
+
+/// The file that [`ENCODER_VARIABLE`] names.
+fn named_by_environment() -> Option<PathBuf> {
+    env::var_os(ENCODER_VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from)
+}
+
+/// VGG-19's weights for losses: the file that `vgg` names, or the encoder's own.
+///
+/// # Errors
+/// If the encoder is not VGG-19. The message names the flag.
+pub fn loss_weights(vgg: Option<&Path>, encoder: Option<&Path>) -> Result<PathBuf> {
+    let is_onnx = |path: &PathBuf| path.extension().is_some_and(|name| name.eq_ignore_ascii_case("onnx"));
+    let of_encoder =
+        || encoder.map(PathBuf::from).or_else(named_by_environment).filter(|path| !is_onnx(path));
+    vgg.map(PathBuf::from).or_else(of_encoder).context(
+        "the loss needs VGG-19, whatever the encoder is: name its weights (safetensors) with --vgg FILE",
+    )
+}
+
+/// A decoder and its name: its path, `scene` or `default`.
+pub struct NamedDecoder {
+    /// The decoder.
+    pub decoder: Decoder,
+    /// The name.
+    pub name: String,
+}
+
+/// The decoder that `path` names, else the scene's own, else the default one.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn decoder(path: Option<&Path>, scene: &Scene) -> Result<NamedDecoder> {
+    let (decoder, name) = match (path, &scene.decoder) {
+        (Some(path), _) => (file::read_decoder(path)?, path.display().to_string()),
+        (None, Some(decoder)) => (decoder.clone(), "scene".into()),
+        (None, None) => (file::decoder_from_bytes(DECODER, "the default decoder")?, "default".into()),
+    };
+    Ok(NamedDecoder { decoder, name })
+}
+
+/// Checks that parts were made with one encoder. Returns a warning for each part that does not name its encoder.
+///
+/// Each part is a name for messages, such as a file, and the encoder that the part names.
+///
+/// # Errors
+/// If two parts name different encoders.
+pub fn check_encoders(parts: &[(String, Option<&EncoderId>)]) -> Result<Vec<String>> {
+    if let Some((first, expected)) = parts.iter().find(|(_, encoder)| encoder.is_some()) {
+        for (part, found) in parts {
+            EncoderId::expect_same((part, *found), (first, *expected))?;
+        }
+    }
+    let unnamed = parts.iter().filter(|(_, encoder)| encoder.is_none());
+    Ok(unnamed
+        .map(|(part, _)| format!("{part} does not name its encoder, so it may not fit the rest"))
+        .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn encoder(hash: &str) -> EncoderId {
+        EncoderId { name: "vgg".into(), hash: hash.into() }
+    }
+
+    #[test]
+    fn two_encoders_are_an_error_that_names_both() {
+        let (a, b) = (encoder("aa"), encoder("bb"));
+        let error =
+            check_encoders(&[("x.sgs".into(), None), ("d".into(), Some(&a)), ("s.png".into(), Some(&b))]);
+        let message = error.unwrap_err().to_string();
+        for part in ["s.png", "vgg@bb", "d to", "vgg@aa"] {
+            assert!(message.contains(part), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_missing_encoder_is_a_warning() {
+        let a = encoder("aa");
+        let warnings = check_encoders(&[("x.sgs".into(), None), ("d".into(), Some(&a))]).unwrap();
+        assert_eq!(warnings.len(), 1);
+        assert!(warnings[0].starts_with("x.sgs "));
+        assert!(check_encoders(&[("d".into(), Some(&a)), ("e".into(), Some(&a))]).unwrap().is_empty());
+    }
+}

@@ -1,0 +1,81 @@
+//! The commands, one module each. They share the modules beside this one, and do not import one another.
+
+mod convert;
+mod distill;
+mod embed;
+mod eval;
+mod fetch_vgg;
+mod info;
+mod render;
+mod style;
+mod stylize;
+mod train;
+
+use anyhow::Result;
+use clap::{Parser, Subcommand};
+
+use crate::terminal::Interrupt;
+
+/// Restyle 3D Gaussian Splatting scenes with any painting: embed a scene once, then stylize it in an instant.
+#[derive(Debug, Parser)]
+#[command(name = "stylegaussian", version)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Info(info::InfoArgs),
+    Convert(convert::ConvertArgs),
+    Embed(embed::EmbedArgs),
+    Train(Box<train::TrainArgs>),
+    Style(style::StyleArgs),
+    Stylize(stylize::StylizeArgs),
+    Render(render::RenderArgs),
+    Eval(eval::EvalArgs),
+    Distill(distill::DistillArgs),
+    FetchVgg(fetch_vgg::FetchVggArgs),
+}
+
+impl Cli {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// A [`clap::Error`] if the arguments contradict one another; otherwise an error that names the file or the value.
+    pub fn run(self, interrupt: &Interrupt) -> Result<()> {
+        match self.command {
+            Command::Info(arguments) => info::run(&arguments),
+            Command::Convert(arguments) => convert::run(&arguments),
+            Command::Embed(arguments) => embed::run(&arguments, interrupt),
+            Command::Train(arguments) => train::run(&arguments, interrupt),
+            Command::Style(arguments) => style::run(&arguments),
+            Command::Stylize(arguments) => stylize::run(&arguments),
+            Command::Render(arguments) => render::run(&arguments),
+            Command::Eval(arguments) => eval::run(&arguments, interrupt),
+            Command::Distill(arguments) => distill::run(&arguments, interrupt),
+            Command::FetchVgg(arguments) => fetch_vgg::run(&arguments, interrupt),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    /// Renamed flags keep their old names.
+    #[test]
+    fn old_flags_still_work() {
+        let words = ["stylegaussian", "train", "a.sgs", "--styles", "d", "-o", "b"];
+        let old =
+            ["--recognition-weight", "1", "--palette-weight", "2", "--smooth", "3", "--own-color", "false"];
+        assert!(Cli::try_parse_from(words.into_iter().chain(old)).is_ok());
+    }
+}

@@ -1,0 +1,118 @@
+//! `stylegaussian eval`: measures how well a stylized scene shows its paintings.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use clap::Args;
+use stylegaussian::{Camera, Scene, file};
+use stylegaussian_train::{
+    Watch,
+    cameras::read_cameras,
+    eval::{ImageDecoder, Judge, Outcome, Pairs, Subject, Views, evaluate},
+    images::list_images,
+};
+
+use crate::{
+    choose::{self, loss_weights, open_encoder},
+    terminal::{Interrupt, ProgressLine, print, warn},
+};
+
+/// Measure how well a stylized scene shows paintings that the decoder has never seen.
+///
+/// Prints for every painting the style error of its pictures, that of the scene merely recolored, and the share of
+/// views in which the painting is the nearest of all.
+#[derive(Args, Debug)]
+pub struct EvalArgs {
+    /// An embedded scene (.sgs).
+    scene: PathBuf,
+    /// A folder of paintings (.jpg, .png) that the decoder was not trained on.
+    #[arg(long, value_name = "DIR")]
+    styles: PathBuf,
+    /// Cameras: transforms.json, a COLMAP model, or 3DGS cameras.json.
+    #[arg(long, value_name = "FILE")]
+    cameras: Option<PathBuf>,
+    /// Number of views, spread over the cameras, or chosen to suit the scene if there are none.
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    views: u32,
+    /// Longer side of a view, in pixels.
+    #[arg(long, value_name = "PX", default_value_t = 256, value_parser = clap::value_parser!(u32).range(32..=2048))]
+    size: u32,
+    /// Longer side of the views for consistency, in pixels. If pixels are coarser than the scene, sampling between
+    /// pixels dominates the difference.
+    #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=2048))]
+    consistency_size: u32,
+    /// The decoder, *.decoder.safetensors. Default: the scene's own, else the built-in one.
+    #[arg(long, value_name = "FILE")]
+    decoder: Option<PathBuf>,
+    /// Also count pixels that the scene does not cover, as mid-gray. By default a picture's statistics are those of
+    /// the scene alone.
+    #[arg(long)]
+    whole_picture: bool,
+    /// Pairs of cameras whose views should agree, as JSON: {"short": [[0, 1], ...], "long": [[0, 7], ...]}. Default:
+    /// pairs on an orbit of 36 views.
+    #[arg(long, value_name = "FILE", requires = "cameras")]
+    pairs: Option<PathBuf>,
+    /// A decoder of 2D feature maps (safetensors, relu3_1 to RGB). Adds a baseline: AdaIN on each view separately.
+    #[arg(long, value_name = "FILE")]
+    teacher: Option<PathBuf>,
+    /// Weights that replace VGG-19 at relu4_1. Adds the style error at that layer.
+    #[arg(long, value_name = "FILE")]
+    relu4: Option<PathBuf>,
+    /// Write a contact sheet (PNG): a row for each painting, the unstyled scene first.
+    #[arg(long, value_name = "FILE")]
+    sheet: Option<PathBuf>,
+    /// The encoder that the scene was embedded with: an ONNX file, or VGG-19 weights. Default: the file in
+    /// STYLEGAUSSIAN_ENCODER, else the built-in encoder.
+    #[arg(long, value_name = "FILE")]
+    encoder: Option<PathBuf>,
+    /// VGG-19 weights (safetensors) for the errors, if the encoder is not VGG-19.
+    #[arg(long, value_name = "FILE")]
+    vgg: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// The message names the file or the option at fault.
+pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
+    let loaded = file::read_scene(&arguments.scene)?;
+    warn(&loaded.warnings);
+    let scene = loaded.scene;
+    let named = choose::decoder(arguments.decoder.as_deref(), &scene)?;
+    let encoder_file = arguments.encoder.as_deref();
+    let encoder = open_encoder(encoder_file)?;
+    let weights = loss_weights(arguments.vgg.as_deref(), encoder_file)?;
+    let judge = Judge::open(&weights, arguments.relu4.as_deref(), arguments.whole_picture)?;
+    let decoder_2d = arguments.teacher.as_deref().map(ImageDecoder::open).transpose()?;
+    let views = arguments.views(&scene)?;
+    let name = arguments.scene.display().to_string();
+    let subject = Subject { name: &name, scene: &scene, decoder: &named.decoder, encoder: &encoder };
+
+    let progress = ProgressLine::new();
+    let watch = Watch { progress: &|now| progress.show(now), interrupted: interrupt.watch() };
+    let paintings = list_images(&arguments.styles)?;
+    let Outcome { evaluation, sheet } =
+        evaluate(subject, &views, judge, paintings, decoder_2d.as_ref(), watch)?;
+    progress.finish();
+    if let Some(path) = &arguments.sheet {
+        sheet.write_png(path)?;
+    }
+    print(arguments.json, &evaluation, || evaluation.table())
+}
+
+impl EvalArgs {
+    fn views(&self, scene: &Scene) -> Result<Views> {
+        let n = self.views as usize;
+        let Some(path) = &self.cameras else {
+            return Ok(Views::choose(scene, n, self.size, self.consistency_size)?);
+        };
+        let cameras: Vec<Camera> =
+            read_cameras(path)?.cameras.into_iter().map(|posed| posed.camera).collect();
+        let pairs = self.pairs.as_deref().map(|path| Pairs::read(path, cameras.len())).transpose()?;
+        let sizes = [self.size, self.consistency_size];
+        Ok(Views::of_cameras(scene, &cameras, n, sizes, pairs.as_ref())?)
+    }
+}

@@ -1,0 +1,257 @@
+//! `stylegaussian info`: describes a scene file.
+
+use std::{
+    fmt::Write as _,
+    path::{Path, PathBuf},
+};
+
+use anyhow::Result;
+use clap::Args;
+use serde::Serialize;
+use stylegaussian::{Decoder, EncoderId, Features, Scene, file};
+use stylegaussian_gpu::{colors::GaussianColors, splat::GpuScene, style::StyleScene};
+
+use crate::{
+    choose,
+    terminal::{print, warn},
+};
+
+/// Describe a scene: counts, SH degree, bounds, features, encoder, decoder, and memory needed at run time.
+#[derive(Args, Debug)]
+pub struct InfoArgs {
+    /// A scene: 3DGS .ply, .sgs, or a StyleGaussian checkpoint (.pth).
+    scene: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct Info<'a> {
+    path: &'a Path,
+    /// Gaussians in the scene.
+    n_gaussians: usize,
+    /// Gaussians in the file it was made of.
+    n_source: usize,
+    sh_degree: Option<u8>,
+    bounds: Option<[[f32; 3]; 2]>,
+    up: Option<[f32; 3]>,
+    source: Option<&'a str>,
+    license: Option<&'a str>,
+    features: Option<FeaturesInfo>,
+    /// K of the stored neighbor lists.
+    neighbors: Option<usize>,
+    decoder: Option<DecoderInfo>,
+    gpu_bytes: GpuBytes,
+    warnings: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct FeaturesInfo {
+    /// L.
+    #[serde(rename = "n_low")]
+    n_latent: usize,
+    /// D.
+    n_channels: usize,
+    /// E.
+    n_extra: usize,
+    encoder: Option<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct DecoderInfo {
+    /// Inputs of the first layer, then outputs of each.
+    widths: Vec<usize>,
+    k: usize,
+    activation: String,
+    /// The share of the base color in the final color.
+    residual: f32,
+    /// Number of noise inputs.
+    n_noise: usize,
+    /// Smoothing passes over the decoded colors.
+    smooth: usize,
+    /// Whether the base color is an input.
+    #[serde(rename = "own_color")]
+    base_color: bool,
+    /// Whether the style's statistics are inputs.
+    statistics: bool,
+    encoder: Option<String>,
+}
+
+/// Bytes on the GPU, computed and not measured. Memory for the picture itself is not included.
+#[derive(Debug, PartialEq, Serialize)]
+struct GpuBytes {
+    /// Permanent memory: geometry, SH in f16 and a color of 4 f16 for each Gaussian; with features also the decoder's
+    /// inputs and neighbor lists.
+    scene: u64,
+    /// Memory during a change of style: activations between layers, and the decoder's weights. 0 without features,
+    /// and if the decoder does not fit them.
+    style_pass: u64,
+}
+
+impl GpuBytes {
+    fn of(scene: &Scene, decoder: Option<&Decoder>) -> Self {
+        let geometry = GpuScene::bytes(scene) + GaussianColors::bytes(scene.len());
+        let style = decoder.and_then(|decoder| {
+            let scratch = StyleScene::scratch_bytes(scene, decoder).ok()?;
+            Some((StyleScene::bytes(scene, decoder).ok()? - scratch, scratch))
+        });
+        let (inputs, style_pass) = style.unwrap_or_default();
+        Self { scene: geometry + inputs, style_pass }
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &InfoArgs) -> Result<()> {
+    let loaded = file::read_scene(&arguments.scene)?;
+    warn(&loaded.warnings);
+    let info = describe(&arguments.scene, &loaded.scene, loaded.warnings);
+    print(arguments.json, &info, || text(&info))
+}
+
+fn describe<'a>(path: &'a Path, scene: &'a Scene, warnings: Vec<String>) -> Info<'a> {
+    let decoder = scene.features.as_ref().and_then(|_| choose::decoder(None, scene).ok());
+    let gpu_bytes = GpuBytes::of(scene, decoder.as_ref().map(|named| &named.decoder));
+    Info {
+        path,
+        n_gaussians: scene.len(),
+        n_source: scene.n_source,
+        sh_degree: scene.sh.as_ref().map(|sh| sh.degree),
+        bounds: scene.bounds().map(|(min, max)| [min.to_array(), max.to_array()]),
+        up: scene.up.map(|up| up.to_array()),
+        source: scene.source.as_deref(),
+        license: scene.license.as_deref(),
+        features: scene.features.as_ref().map(FeaturesInfo::of),
+        neighbors: scene.neighbors.as_ref().map(|neighbors| neighbors.k),
+        decoder: scene.decoder.as_ref().map(DecoderInfo::of),
+        gpu_bytes,
+        warnings,
+    }
+}
+
+impl FeaturesInfo {
+    fn of(features: &Features) -> Self {
+        Self {
+            n_latent: features.n_latent,
+            n_channels: features.n_channels(),
+            n_extra: features.n_extra,
+            encoder: features.encoder.as_ref().map(EncoderId::to_string),
+        }
+    }
+}
+
+impl DecoderInfo {
+    fn of(decoder: &Decoder) -> Self {
+        let outputs = decoder.layers.iter().map(|layer| layer.d_out);
+        Self {
+            widths: std::iter::once(decoder.n_inputs()).chain(outputs).collect(),
+            k: decoder.k,
+            activation: decoder.activation.to_string(),
+            residual: decoder.residual,
+            n_noise: decoder.n_noise,
+            smooth: decoder.smoothing_passes,
+            base_color: decoder.base_color,
+            statistics: !decoder.statistics_weight.is_empty(),
+            encoder: decoder.encoder.as_ref().map(EncoderId::to_string),
+        }
+    }
+}
+
+fn text(info: &Info) -> String {
+    let mut text = info.path.display().to_string();
+    let mut row = |name: &str, value: String| {
+        // Writing to a String cannot fail.
+        let _ = write!(text, "\n  {name:<11} {value}");
+    };
+    let dropped = info.n_source.saturating_sub(info.n_gaussians);
+    let of_source = if dropped > 0 { format!(" ({} in its source)", info.n_source) } else { String::new() };
+    row("Gaussians", format!("{}{of_source}", info.n_gaussians));
+    row("SH degree", info.sh_degree.map_or("none: no captured colors".into(), |degree| degree.to_string()));
+    if let Some([min, max]) = info.bounds {
+        row("bounds", format!("{min:?} to {max:?}"));
+    }
+    if let Some(up) = info.up {
+        row("up", format!("{up:?}"));
+    }
+    let strings = [("source", info.source), ("license", info.license)];
+    strings.into_iter().for_each(|(name, value)| value.into_iter().for_each(|value| row(name, value.into())));
+    row(
+        "features",
+        info.features.as_ref().map_or("none: `stylegaussian embed` adds them".into(), |f| {
+            let extra =
+                if f.n_extra > 0 { format!(" and {} extra inputs", f.n_extra) } else { String::new() };
+            format!(
+                "{} latent features of {} channels{extra}, encoder {}",
+                f.n_latent,
+                f.n_channels,
+                or_unknown(&f.encoder)
+            )
+        }),
+    );
+    row(
+        "neighbors",
+        info.neighbors.map_or("none: found when needed".into(), |k| format!("{k} of each Gaussian")),
+    );
+    row(
+        "decoder",
+        info.decoder.as_ref().map_or("none: the built-in one is used".into(), |d| {
+            let widths: Vec<_> = d.widths.iter().map(ToString::to_string).collect();
+            let marks = [
+                (d.residual != 0.0, format!(", {} of the base color", d.residual)),
+                (d.base_color, ", sees base colors".to_owned()),
+                (d.n_noise > 0, format!(", {} channels of noise", d.n_noise)),
+                (d.smooth > 0, format!(", {} smoothing passes", d.smooth)),
+                (d.statistics, ", the style's statistics".to_owned()),
+            ];
+            let marks: String = marks.into_iter().filter(|(has, _)| *has).map(|(_, mark)| mark).collect();
+            let encoder = or_unknown(&d.encoder);
+            format!("{}, K = {}, {}{marks}, encoder {encoder}", widths.join(" > "), d.k, d.activation)
+        }),
+    );
+    let mb = |bytes: u64| bytes as f64 / 1e6;
+    let GpuBytes { scene, style_pass } = info.gpu_bytes;
+    let restyling = if style_pass > 0 {
+        format!(", and {:.1} MB while a style changes", mb(style_pass))
+    } else {
+        String::new()
+    };
+    row("GPU memory", format!("{:.1} MB{restyling}", mb(scene)));
+    text
+}
+
+fn or_unknown(encoder: &Option<String>) -> &str {
+    encoder.as_deref().unwrap_or("unknown")
+}
+
+#[cfg(test)]
+mod tests {
+    use stylegaussian::{Layer, scene::Sh};
+
+    use super::*;
+
+    #[test]
+    fn gpu_bytes_by_hand() {
+        let layer = |d_in, d_out| Layer { weight: vec![], bias: vec![], d_in, d_out };
+        let decoder =
+            Decoder { layers: vec![layer(256, 64), layer(64, 32), layer(32, 3)], k: 8, ..Decoder::default() };
+        let mut scene = Scene { means: vec![glam::Vec3::ZERO; 10], ..Scene::default() };
+        scene.sh = Some(Sh { degree: 1, coefficients: vec![0.0; 10 * 12] });
+        assert_eq!(
+            GpuBytes::of(&scene, Some(&decoder)),
+            GpuBytes { scene: 10 * (32 + 24 + 8), style_pass: 0 }
+        );
+        scene.features = Some(Features {
+            values: vec![0.0; 320],
+            n_latent: 32,
+            basis: vec![0.0; 256 * 32],
+            offset: vec![0.0; 256],
+            extra: vec![],
+            n_extra: 0,
+            encoder: None,
+        });
+        // The last layer's rows hold 4 columns.
+        let weights = 64 * (8 * 32 + 1) + 32 * (8 * 64 + 1) + 4 * (8 * 32 + 1);
+        let expected = GpuBytes { scene: 10 * (64 + 64 + 32), style_pass: 2 * 10 * (64 + 32) + 4 * weights };
+        assert_eq!(GpuBytes::of(&scene, Some(&decoder)), expected);
+    }
+}

@@ -1,0 +1,146 @@
+//! `stylegaussian render`: renders pictures of a scene, unstyled or in a style.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+use glam::UVec2;
+use serde::Serialize;
+use stylegaussian::{Camera, Scene, file, splat::Colors};
+use stylegaussian_train::{
+    cameras::read_cameras,
+    picture::{Background, Picture},
+    views::orbit,
+};
+
+use crate::{
+    arguments::{MAX_SIDE, background, picture_size},
+    compute::Drawing,
+    stylization::{Stylization, StylizationArgs},
+    terminal::{bar, print, warn},
+};
+
+/// Views of `--orbit` if neither cameras nor a number is given.
+const DEFAULT_ORBIT: u32 = 8;
+/// Size of the pictures of `--orbit` if `--size` is not given, in pixels.
+const DEFAULT_SIZE: UVec2 = UVec2::new(800, 600);
+
+/// Render a scene to PNG files 000000.png, 000001.png, ... in camera order.
+#[derive(Args, Debug)]
+#[command(mut_arg("content", |content| content.requires("styles")))]
+#[command(mut_arg("decoder", |decoder| decoder.requires("styles")))]
+pub struct RenderArgs {
+    /// A scene: 3DGS .ply, .sgs, or a StyleGaussian checkpoint (.pth).
+    scene: PathBuf,
+    #[command(flatten)]
+    stylization: StylizationArgs,
+    /// Number of views on a circle around the scene. Default: 8, unless cameras are given.
+    #[arg(long, value_name = "N", conflicts_with = "cameras", value_parser = clap::value_parser!(u32).range(1..=999_999))]
+    orbit: Option<u32>,
+    /// Cameras: transforms.json, a COLMAP model, or 3DGS cameras.json.
+    #[arg(long, value_name = "FILE")]
+    cameras: Option<PathBuf>,
+    /// Size of the pictures in pixels. Default: each camera's own, and 800x600 for an orbit.
+    #[arg(long, value_name = "WxH", value_parser = picture_size)]
+    size: Option<UVec2>,
+    /// Background of the scene: `transparent` or a color.
+    #[arg(long, value_name = "transparent|RRGGBB", default_value = "transparent", value_parser = background)]
+    background: Background,
+    /// The folder for the pictures. It is created if it does not exist.
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Rendered<'a> {
+    scene: &'a Path,
+    pictures: Vec<RenderedPicture>,
+    /// The device that drew: `cpu` or `gpu`.
+    drawn_by: &'static str,
+    #[serde(flatten)]
+    stylization: Option<&'a Stylization>,
+}
+
+#[derive(Serialize)]
+struct RenderedPicture {
+    path: PathBuf,
+    /// Width and height, in pixels.
+    size: [u32; 2],
+}
+
+/// Runs the command.
+pub fn run(arguments: &RenderArgs) -> Result<()> {
+    let RenderArgs { scene: path, stylization, output, json, .. } = arguments;
+    let mut compute = stylization.open()?;
+    let loaded = file::read_scene(path)?;
+    warn(&loaded.warnings);
+    let scene = loaded.scene;
+    let cameras = arguments.cameras(&scene)?;
+    let stylized =
+        if stylization.has_style() { Some(stylization.stylize(&scene, path, &mut compute)?) } else { None };
+    let colors = stylized.as_ref().map_or(Colors::Captured, |stylized| Colors::Rgb(&stylized.colors));
+    let mut drawing = compute.drawing(&scene, colors)?;
+    let pictures = render_all(&mut drawing, &cameras, arguments.background, output)?;
+    let n_pictures = pictures.len();
+    let drawn_by = drawing.name();
+    let rendered = Rendered { scene: path, pictures, drawn_by, stylization: stylized.as_ref() };
+    print(*json, &rendered, || format!("{n_pictures} pictures in {}", output.display()))
+}
+
+impl RenderArgs {
+    /// The cameras at the sizes of the pictures.
+    fn cameras(&self, scene: &Scene) -> Result<Vec<Camera>> {
+        let cameras = match &self.cameras {
+            Some(path) => cameras_of_file(path)?,
+            None => {
+                orbit(scene, self.orbit.unwrap_or(DEFAULT_ORBIT) as usize, self.size.unwrap_or(DEFAULT_SIZE))
+            }
+        };
+        let resize = |camera: Camera| self.size.map_or(camera.clone(), |size| camera.resized(size));
+        Ok(cameras.into_iter().map(resize).collect())
+    }
+}
+
+fn render_all(
+    drawing: &mut Drawing,
+    cameras: &[Camera],
+    background: Background,
+    folder: &Path,
+) -> Result<Vec<RenderedPicture>> {
+    fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    let progress = bar(cameras.len() as u64, "{bar:40} {pos}/{len} pictures, {eta} left");
+    let mut pictures = Vec::with_capacity(cameras.len());
+    for (i, camera) in cameras.iter().enumerate() {
+        let path = folder.join(format!("{i:06}.png"));
+        let view = drawing.view(camera)?;
+        Picture::of(&view, background).write_png(&path)?;
+        pictures.push(RenderedPicture { path, size: camera.size.to_array() });
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+    Ok(pictures)
+}
+
+/// Cameras of a file, checked for the size of their pictures.
+fn cameras_of_file(path: &Path) -> Result<Vec<Camera>> {
+    let set = read_cameras(path)?;
+    warn(&set.warnings);
+    for posed in &set.cameras {
+        let size = posed.camera.size;
+        ensure!(
+            size.min_element() > 0 && size.max_element() <= MAX_SIDE,
+            "{}: camera {}: found {}x{} pixels, expected 1 to {MAX_SIDE} on a side",
+            path.display(),
+            posed.name,
+            size.x,
+            size.y
+        );
+    }
+    Ok(set.cameras.into_iter().map(|posed| posed.camera).collect())
+}

@@ -1,0 +1,61 @@
+//! `stylegaussian style`: writes an image's style statistics to a file, so that stylizing needs no encoder.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use clap::Args;
+use serde::Serialize;
+use stylegaussian::{EncoderId, file};
+use stylegaussian_encoder::StyleSize;
+
+use crate::{
+    choose::open_encoder,
+    stylization::image_statistics,
+    terminal::{print, usage_error},
+};
+
+/// Compute the style statistics of an image, so that stylizing needs no encoder.
+#[derive(Args, Debug)]
+pub struct StyleArgs {
+    /// The painting: PNG or JPEG.
+    image: PathBuf,
+    /// The file to write: *.style.safetensors.
+    #[arg(short, long, value_name = "OUT.style.safetensors")]
+    output: PathBuf,
+    /// The encoder: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Default: the file in
+    /// STYLEGAUSSIAN_ENCODER, else the built-in encoder.
+    #[arg(long, value_name = "FILE")]
+    encoder: Option<PathBuf>,
+    /// Resize the image to 256x256 without keeping its proportions, as the paper's code does.
+    #[arg(long)]
+    squash: bool,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Written<'a> {
+    image: &'a Path,
+    output: &'a Path,
+    n_channels: usize,
+    encoder: Option<String>,
+}
+
+/// Runs the command.
+pub fn run(arguments: &StyleArgs) -> Result<()> {
+    let StyleArgs { image, output, encoder, squash, json } = arguments;
+    let is_safetensors =
+        output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("safetensors"));
+    if !is_safetensors {
+        return Err(usage_error(format!("{}: expected extension .style.safetensors", output.display())));
+    }
+    let encoder = open_encoder(encoder.as_deref())?;
+    let size = if *squash { StyleSize::Squash256 } else { StyleSize::default() };
+    let statistics = image_statistics(&encoder, image, size)?;
+    file::write_style(output, &statistics)?;
+    let n_channels = statistics.mean.len();
+    let encoder = statistics.encoder.as_ref().map(EncoderId::to_string);
+    let written = Written { image, output, n_channels, encoder };
+    print(*json, &written, || format!("{}: mean and std of {n_channels} channels", output.display()))
+}

@@ -1,0 +1,192 @@
+//! The meaning of `--backend`: the CPU, or a GPU without a window.
+
+use anyhow::{Context, Result, ensure};
+use glam::Affine3A;
+use stylegaussian::{
+    Camera, Decoder, Scene,
+    fold::{self, ChannelMap},
+    splat::{self, Colors, RenderedImage},
+};
+use stylegaussian_gpu::{
+    colors::GaussianColors,
+    device::{DeviceOptions, HeadlessDevice},
+    splat::{Cloud, CloudColors, GpuScene, Headless, SplatSettings},
+    style::{self, StylizeOnGpuError},
+};
+
+use stylegaussian_train::nn::Processor;
+
+#[cfg(feature = "gpu")]
+use crate::terminal::note;
+use crate::{arguments::Backend, terminal::warn};
+
+/// The device that stylizes and draws.
+pub struct Compute {
+    backend: Backend,
+    gpu: Option<HeadlessDevice>,
+}
+
+impl Compute {
+    /// Opens the device. `gpu` takes any adapter, and is an error if there is none. `auto` takes only hardware GPUs,
+    /// because software adapters are slower than our CPU code.
+    ///
+    /// # Errors
+    /// If a GPU is asked for and there is none.
+    pub fn open(backend: Backend) -> Result<Self> {
+        let gpu = match backend {
+            Backend::Cpu => None,
+            Backend::Auto => {
+                let options = DeviceOptions { hardware_only: true, ..Default::default() };
+                pollster::block_on(HeadlessDevice::request(options)).ok()
+            }
+            Backend::Gpu => {
+                let gpu = pollster::block_on(HeadlessDevice::request(DeviceOptions::default()));
+                Some(gpu.context("--backend gpu")?)
+            }
+        };
+        if let Some(software) = gpu.as_ref().filter(|gpu| gpu.is_software()) {
+            let name = &software.info.name;
+            warn([format!("{name} is not a GPU but software that acts as one: the CPU is faster")]);
+        }
+        Ok(Self { backend, gpu })
+    }
+
+    /// `cpu` or `gpu`.
+    pub fn name(&self) -> &'static str {
+        if self.gpu.is_some() { "gpu" } else { "cpu" }
+    }
+
+    /// The GPU's name.
+    pub fn adapter(&self) -> Option<String> {
+        self.gpu.as_ref().map(|gpu| gpu.info.name.clone())
+    }
+
+    /// Colors `[N]` of a scene's mapped features. If `auto` chose the GPU and the scene does not fit it, the CPU
+    /// takes over and a warning says so.
+    ///
+    /// # Errors
+    /// If scene, decoder and map do not fit one another, or the GPU that was asked for fails.
+    pub fn stylize(&mut self, scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec<[f32; 3]>> {
+        if let Some(gpu) = &self.gpu {
+            match pollster::block_on(style::stylize(gpu, scene, decoder, map)) {
+                Ok(colors) => return Ok(colors),
+                Err(StylizeOnGpuError::Stylize(error)) => return Err(error.into()),
+                Err(error) => self.fall_back(error.into())?,
+            }
+        }
+        Ok(fold::stylize(scene, decoder, map)?)
+    }
+
+    /// Prepares to draw `scene` in `colors`. Falls back as [`stylize`](Self::stylize) does.
+    ///
+    /// # Errors
+    /// If the GPU that was asked for fails.
+    pub fn drawing<'a>(&'a mut self, scene: &'a Scene, colors: Colors<'a>) -> Result<Drawing<'a>> {
+        if let Some(gpu) = &self.gpu {
+            match pollster::block_on(OnGpu::new(gpu, scene, colors)) {
+                Ok(on_gpu) => return Ok(Drawing::Gpu(gpu.clone(), Box::new(on_gpu))),
+                Err(error) => self.fall_back(error)?,
+            }
+        }
+        Ok(Drawing::Cpu(scene, colors))
+    }
+
+    /// Continues on the CPU with a warning if `auto` chose the GPU.
+    fn fall_back(&mut self, error: anyhow::Error) -> Result<()> {
+        let error = error.context(format!("on {}", self.adapter().unwrap_or_default()));
+        if self.backend != Backend::Auto {
+            return Err(error);
+        }
+        warn([format!("{error:#}; the CPU takes over")]);
+        self.gpu = None;
+        Ok(())
+    }
+}
+
+/// The device that training runs on. With the `gpu` feature, `gpu` takes any adapter and `auto` only a hardware GPU.
+///
+/// # Errors
+/// If a GPU is asked for, but there is none or this build cannot train on one.
+pub fn processor(backend: Backend) -> Result<Processor> {
+    #[cfg(feature = "gpu")]
+    if let Some(adapter) = Compute::open(backend)?.adapter() {
+        note(format!("training on {adapter}"));
+        return Ok(Processor::Gpu);
+    }
+    ensure!(
+        cfg!(feature = "gpu") || backend != Backend::Gpu,
+        "this build cannot train on a GPU: build with `--features gpu`, or use --backend cpu"
+    );
+    Ok(Processor::Cpu)
+}
+
+/// A scene in its colors, ready to be drawn from any camera.
+pub enum Drawing<'a> {
+    /// On the CPU.
+    Cpu(&'a Scene, Colors<'a>),
+    /// On a GPU.
+    Gpu(HeadlessDevice, Box<OnGpu>),
+}
+
+/// The scene and the renderer on the GPU.
+pub struct OnGpu {
+    headless: Headless,
+    scene: GpuScene,
+    colors: Option<GaussianColors>,
+}
+
+impl Drawing<'_> {
+    /// `cpu` or `gpu`.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Cpu(..) => "cpu",
+            Self::Gpu(..) => "gpu",
+        }
+    }
+
+    /// The view of `camera`. Without depth if the GPU draws.
+    ///
+    /// # Errors
+    /// If the GPU fails.
+    pub fn view(&mut self, camera: &Camera) -> Result<RenderedImage> {
+        match self {
+            Self::Cpu(scene, colors) => Ok(splat::render(scene, *colors, camera)),
+            Self::Gpu(gpu, on_gpu) => {
+                on_gpu.view(gpu, camera).with_context(|| format!("on {}", gpu.info.name))
+            }
+        }
+    }
+}
+
+impl OnGpu {
+    async fn new(gpu: &HeadlessDevice, scene: &Scene, colors: Colors<'_>) -> Result<Self> {
+        let HeadlessDevice { device, queue, .. } = gpu;
+        let scope = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let gpu_scene = GpuScene::new(device, scene);
+        let colors = match colors {
+            Colors::Captured => Ok(None),
+            Colors::Rgb(rgb) => GaussianColors::from_rgb(device, queue, rgb).map(Some),
+        };
+        if let Some(error) = scope.pop().await {
+            return Err(error).context("the GPU has no memory left for the scene");
+        }
+        Ok(Self { headless: Headless::new(device), scene: gpu_scene?, colors: colors? })
+    }
+
+    fn view(&mut self, gpu: &HeadlessDevice, camera: &Camera) -> Result<RenderedImage> {
+        let cloud = Cloud {
+            scene: &self.scene,
+            colors: self.colors.as_ref().map_or(CloudColors::Captured, CloudColors::Rgb),
+            world_from_scene: Affine3A::IDENTITY,
+        };
+        let camera = stylegaussian_gpu::splat::Camera::pinhole(camera);
+        let settings = SplatSettings::default();
+        let picture = self.headless.render(&gpu.device, &gpu.queue, &camera, &[cloud], &settings)?;
+        Ok(RenderedImage {
+            size: picture.size,
+            color: picture.rgba.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
+            alpha: picture.rgba.iter().map(|&[.., alpha]| alpha).collect(),
+            depth: Vec::new(),
+        })
+    }
+}

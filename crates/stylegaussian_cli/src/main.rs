@@ -1,0 +1,46 @@
+//! The binary `stylegaussian`: see `stylegaussian --help`.
+
+mod arguments;
+mod choose;
+mod commands;
+mod compute;
+mod download;
+mod stylization;
+mod terminal;
+
+use std::{env, process::ExitCode};
+
+use clap::Parser;
+
+use commands::Cli;
+use terminal::{Interrupt, error_chain, is_broken_pipe};
+
+/// 0 on success, 1 on an error, 2 on a usage error.
+fn main() -> ExitCode {
+    quiet_headless_vulkan();
+    let cli = Cli::parse();
+    match Interrupt::new().and_then(|interrupt| cli.run(&interrupt)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            // Some contradictions between arguments are found only after parsing.
+            if let Some(usage) = error.downcast_ref::<clap::Error>() {
+                usage.exit();
+            }
+            if !is_broken_pipe(&error) {
+                eprintln!("error: {}", error_chain(&error));
+            }
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Keeps Mesa's device-selection layer out of Vulkan on Linux without a session. Every Vulkan program loads this
+/// layer, and without a display it prints an error although it has nothing to select.
+fn quiet_headless_vulkan() {
+    if cfg!(target_os = "linux") && env::var_os("XDG_RUNTIME_DIR").is_none() {
+        #[expect(unsafe_code, reason = "sound before the first thread starts, and nothing has run yet")]
+        unsafe {
+            env::set_var("NODEVICE_SELECT", "1");
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! Evaluation end to end, on a scene of a few hundred Gaussians.
+
+#[expect(dead_code, reason = "written for the tests of the command line, of which these use a part")]
+mod support;
+
+#[path = "support/embedded.rs"]
+mod embedded;
+
+use embedded::{embedded, paintings};
+use serde_json::Value;
+use support::{Bench, data, stylegaussian};
+
+#[test]
+fn every_painting_and_reference_is_measured() {
+    let Some(vgg) = data("vgg") else { return };
+    let bench = Bench::new();
+    let vgg = vgg.join("vgg19_normalised_relu3_1.safetensors");
+    let encoder = concat!(env!("CARGO_MANIFEST_DIR"), "/../stylegaussian_defaults/distilled_relu3_1.onnx");
+    let scene = embedded(&bench, encoder.as_ref());
+    let (styles, sheet, vgg) = (paintings(&bench), bench.path("sheet.png"), vgg.to_str().unwrap());
+    let eval = |scene: &str, more: &[&str]| {
+        let common = ["eval", scene, "--styles", &styles, "--views", "2", "--size", "64", "--vgg", vgg];
+        let common = [&common[..], &["--consistency-size", "64"]].concat();
+        stylegaussian(&[&common[..], more].concat())
+    };
+    let run = eval(&scene, &["--json", "--sheet", &sheet]).expect_success();
+    let found: Value = serde_json::from_str(&run.stdout).unwrap();
+    let number = |value: &Value| value.as_f64().unwrap();
+    for kind in ["stylized", "unstyled", "recolored"] {
+        let measures = &found[kind];
+        assert!((0.0..=1.0).contains(&number(&measures["own_painting_nearest"])), "{measures}");
+        let layers: f64 = measures["style_errors"].as_array().unwrap().iter().map(number).sum();
+        assert!((layers - number(&measures["style_error"])).abs() < 1e-9 * layers, "{measures}");
+    }
+    // The unstyled scene has one look for all paintings, so in each view one painting of the two is the nearest.
+    assert_eq!(found["unstyled"]["own_painting_nearest"], 0.5);
+    assert_eq!(found["unstyled"]["content_error"], 0.0);
+    assert!(found["adain_2d"].is_null());
+    // Recoloring helps most at relu1_1, which is close to the colors themselves.
+    let first = |kind: &str| number(&found[kind]["style_errors"][0]);
+    assert!(first("recolored") < first("unstyled"), "{found}");
+    let paintings = found["paintings"].as_array().unwrap();
+    assert_eq!(paintings.len(), 2);
+    assert_eq!(paintings[0]["nearest_other"], paintings[1]["nearest_other"]);
+    // Unstyled views of one surface differ by resampling alone.
+    let agreement = |kind: &str, range: &str, measure: &str| number(&found[kind][range][measure]);
+    for range in ["short", "long"] {
+        let unstyled = agreement("unstyled_consistency", range, "rmse");
+        assert!(unstyled > 0.0 && unstyled < 0.2, "{found}");
+        for kind in ["consistency", "unstyled_consistency"] {
+            assert!(agreement(kind, range, "rmse_over_std_dev") > agreement(kind, range, "rmse"), "{found}");
+            assert!(agreement(kind, range, "vgg_distance") > 0.0, "{found}");
+        }
+    }
+    // Three rows (unstyled, then a painting each) of three cells.
+    let sheet = image::open(&sheet).unwrap();
+    assert_eq!((sheet.width(), sheet.height()), (3 * 168 + 8, 3 * 168 + 8));
+
+    let table = eval(&scene, &[]).expect_success().stdout;
+    assert!(table.contains("a.png") && table.contains("recolored"), "{table}");
+    eval(&bench.plain_scene("plain.sgs"), &[]).expect_error("no features");
+
+    let (cameras, pairs) = (bench.path("transforms.json"), bench.path("pairs.json"));
+    let camera = |x: f32| format!(r#"{{"transform_matrix": [[1,0,0,{x}],[0,1,0,0],[0,0,1,5],[0,0,0,1]]}}"#);
+    let text = format!(r#"{{"w": 64, "h": 64, "fl_x": 64, "frames": [{}, {}]}}"#, camera(0.0), camera(0.2));
+    std::fs::write(&cameras, text).unwrap();
+    std::fs::write(&pairs, r#"{"short": [[0, 1]], "long": [[0, 99]]}"#).unwrap();
+    let run = eval(&scene, &["--cameras", &cameras, "--pairs", &pairs]);
+    run.expect_error("found camera 99");
+}

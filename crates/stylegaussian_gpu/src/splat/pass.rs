@@ -1,0 +1,150 @@
+//! The splat pass as a whole: its pipelines, and the order of its stages.
+
+use super::{
+    camera::Camera,
+    cloud::{self, Cloud},
+    draw::{Draw, SplatPipeline},
+    error::SplatError,
+    layer::Layer,
+    project::Project,
+    settings::SplatSettings,
+    sort::Sort,
+    tiles::Tiles,
+    view::{Change, SplatView},
+};
+use crate::device::is_software;
+
+/// The pipelines of the splat pass. One pass serves any number of views.
+#[derive(Debug)]
+pub struct SplatPass {
+    pub(super) project: Project,
+    pub(super) sort: Sort,
+    pub(super) draw: Draw,
+    /// The compute rasterizer of software adapters.
+    tiles: Option<Tiles>,
+}
+
+impl SplatPass {
+    /// Compiles everything but the draw, which depends on the target: see [`pipeline`](Self::pipeline).
+    pub fn new(device: &wgpu::Device) -> Self {
+        let is_software = is_software(&device.adapter_info());
+        Self { tiles: is_software.then(|| Tiles::new(device)), ..Self::by_quads(device) }
+    }
+
+    /// The pass that draws by quads on any adapter, software included.
+    pub fn by_quads(device: &wgpu::Device) -> Self {
+        Self { project: Project::new(device), sort: Sort::new(device), draw: Draw::new(device), tiles: None }
+    }
+
+    /// The draw into a layer of [`LAYER_FORMAT`](super::LAYER_FORMAT) at `samples` samples. If `depth_format` is given,
+    /// splats are tested against a depth attachment of that format (reverse z).
+    pub fn pipeline(
+        &self,
+        device: &wgpu::Device,
+        samples: u32,
+        depth_format: Option<wgpu::TextureFormat>,
+    ) -> SplatPipeline {
+        self.draw.pipeline(device, samples, depth_format)
+    }
+
+    /// Projects and sorts the splats of `clouds` that `camera` sees, into `view`.
+    ///
+    /// Skips everything if camera, clouds and colors are unchanged, and skips the sort if only colors changed. Commands
+    /// must be submitted in the order in which they were encoded, and before `view` is used again, because uniforms are
+    /// written by `queue`. Nothing is allocated unless `view` sees more Gaussians, other clouds or other color buffers
+    /// than before.
+    ///
+    /// Clouds with a transform that is not finite or has no volume, and cameras without a picture, show nothing.
+    ///
+    /// # Errors
+    /// If the clouds have too many Gaussians for the device, or if colors belong to another scene. Nothing is encoded
+    /// then, and `view` shows nothing.
+    #[expect(clippy::too_many_arguments, reason = "three of them are wgpu's own at every call")]
+    pub fn project_and_sort(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        encoder: &mut wgpu::CommandEncoder,
+        view: &mut SplatView,
+        camera: &Camera,
+        clouds: &[Cloud],
+        settings: &SplatSettings,
+    ) -> Result<(), SplatError> {
+        view.clear();
+        cloud::check(clouds)?;
+        let drawn: Vec<&Cloud> = clouds.iter().filter(|cloud| cloud.is_drawable()).collect();
+        let n_records = drawn.iter().map(|cloud| cloud.scene.n_gaussians()).sum();
+        if n_records == 0 || !camera.is_drawable() {
+            view.forget_all();
+            return Ok(());
+        }
+        view.reserve(device, &self.sort, &self.draw.layout, n_records)?;
+        view.set_camera(queue, camera, n_records as u32);
+        let change = self.project.write(device, queue, view, camera, &drawn, settings);
+        if change == Change::Nothing {
+            return Ok(());
+        }
+        if change == Change::Order {
+            view.empty_lists();
+        }
+        let Some(sort) = view.sort() else { return Ok(()) };
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("splat"),
+            timestamp_writes: None,
+        });
+        self.project.encode(&mut pass, view);
+        if change == Change::Order {
+            self.sort.encode(&mut pass, sort, n_records as u32);
+        }
+        Ok(())
+    }
+
+    /// Usages that the texture of a layer needs besides that of an attachment.
+    pub fn layer_usages(&self) -> wgpu::TextureUsages {
+        match self.tiles {
+            Some(_) => wgpu::TextureUsages::STORAGE_BINDING,
+            None => wgpu::TextureUsages::empty(),
+        }
+    }
+
+    /// Clears a layer and draws `view` into it, within the camera's viewport, by the fastest way of the adapter.
+    /// [`project_and_sort`](Self::project_and_sort) comes before. `pipeline` must fit the layer.
+    pub fn draw_layer(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        encoder: &mut wgpu::CommandEncoder,
+        view: &mut SplatView,
+        layer: &Layer,
+        pipeline: &SplatPipeline,
+    ) {
+        let Some(tiles) = self.tiles.as_ref().filter(|_| layer.takes_tiles()) else {
+            self.draw(&mut layer.cleared(encoder), view, pipeline);
+            return;
+        };
+        let Some(lists) = view.lists(device, queue, tiles) else {
+            layer.cleared(encoder);
+            return;
+        };
+        tiles.fill(encoder, lists);
+        // The CPU does not know whether the lists fit. If they do, the GPU sets this draw to no quads at all;
+        // otherwise it sets the blend to no workgroups.
+        let commands = lists.commands().clone();
+        let mut pass = layer.cleared(encoder);
+        if let Some(source) = view.draw_source() {
+            pipeline.encode(&mut pass, &source, &commands);
+        }
+        drop(pass);
+        if let Some(lists) = view.lists(device, queue, tiles) {
+            tiles.blend(device, encoder, lists, layer.color, layer.depth);
+        }
+    }
+
+    /// Draws `view` by quads, within the camera's viewport, as [`draw_layer`](Self::draw_layer) does on a GPU.
+    /// [`project_and_sort`](Self::project_and_sort) comes before. `pipeline` must fit the attachments of `pass`.
+    pub fn draw(&self, pass: &mut wgpu::RenderPass, view: &SplatView, pipeline: &SplatPipeline) {
+        if let Some(source) = view.draw_source() {
+            pipeline.encode(pass, &source, source.commands);
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! COLMAP models: `cameras` and `images`, as text or binary. World-to-view poses in our axes.
+//!
+//! The format: <https://colmap.github.io/format.html>.
+
+mod binary;
+mod text;
+
+use std::{
+    collections::{BTreeSet, HashMap},
+    path::{Path, PathBuf},
+};
+
+use glam::{DAffine3, DQuat, DVec2, DVec3, UVec2};
+
+use super::posed::{CameraSet, CamerasError, Intrinsics, PosedCamera, invalid, photo_path};
+
+/// A lens of the model.
+struct Lens {
+    model: &'static Model,
+    width: u64,
+    height: u64,
+    /// The model's parameters, in its order.
+    parameters: Vec<f64>,
+}
+
+/// A registered photo.
+struct Image {
+    name: String,
+    /// Rotation of the view from the world: w, x, y, z.
+    rotation: [f64; 4],
+    translation: [f64; 3],
+    camera_id: u32,
+}
+
+/// One of COLMAP's camera models.
+struct Model {
+    name: &'static str,
+    /// The number in binary files.
+    id: i32,
+    n_parameters: usize,
+    /// Number of focal lengths at the start of the parameters, if the model is a pinhole apart from its distortion.
+    n_focal: Option<usize>,
+}
+
+const fn model(name: &'static str, id: i32, n_parameters: usize, n_focal: Option<usize>) -> Model {
+    Model { name, id, n_parameters, n_focal }
+}
+
+/// The models of COLMAP's `src/colmap/sensor/models.h`.
+const MODELS: [Model; 12] = [
+    model("SIMPLE_PINHOLE", 0, 3, Some(1)),
+    model("PINHOLE", 1, 4, Some(2)),
+    model("SIMPLE_RADIAL", 2, 4, Some(1)),
+    model("RADIAL", 3, 5, Some(1)),
+    model("OPENCV", 4, 8, Some(2)),
+    model("OPENCV_FISHEYE", 5, 8, None),
+    model("FULL_OPENCV", 6, 12, Some(2)),
+    model("FOV", 7, 5, None),
+    model("SIMPLE_RADIAL_FISHEYE", 8, 4, None),
+    model("RADIAL_FISHEYE", 9, 5, None),
+    model("THIN_PRISM_FISHEYE", 10, 12, None),
+    model("RAD_TAN_THIN_PRISM_FISHEYE", 11, 16, None),
+];
+
+/// Whether `folder` itself holds a model.
+pub(super) fn is_model(folder: &Path) -> bool {
+    let has = |extension| {
+        ["cameras", "images"].iter().all(|stem| folder.join(stem).with_extension(extension).is_file())
+    };
+    has("bin") || has("txt")
+}
+
+/// Reads the model in `folder`, the binary one if there are both. Cameras are sorted by name, because COLMAP's order is
+/// arbitrary.
+/// Photos are expected in the `images` folder here, or one or two levels up.
+pub(super) fn read(folder: &Path) -> Result<CameraSet, CamerasError> {
+    let (cameras_path, images_path) = (folder.join("cameras.bin"), folder.join("images.bin"));
+    let is_binary = cameras_path.is_file() && images_path.is_file();
+    let (lenses, mut images, images_path) = if is_binary {
+        (binary::cameras(&cameras_path)?, binary::images(&images_path)?, images_path)
+    } else {
+        let images_path = folder.join("images.txt");
+        (text::cameras(&folder.join("cameras.txt"))?, text::images(&images_path)?, images_path)
+    };
+    images.sort_by(|a, b| a.name.cmp(&b.name));
+
+    let photos = photo_folder(folder);
+    let mut distorted = BTreeSet::new();
+    let mut cameras = Vec::new();
+    for image in images {
+        let what = format!("image {}", image.name);
+        let Some(lens) = lenses.get(&image.camera_id) else {
+            return Err(invalid(
+                &images_path,
+                &what,
+                format!("camera {}", image.camera_id),
+                "a known camera",
+            ));
+        };
+        if lens.is_distorted() {
+            distorted.insert(lens.model.name);
+        }
+        let pose = image.pose(&images_path, &what)?;
+        let camera = lens.intrinsics(&images_path, &what)?.camera(pose, &images_path, &what)?;
+        let photo = Some(photo_path(&photos, &image.name));
+        cameras.push(PosedCamera { name: image.name, camera, photo });
+    }
+    let warning = |model| format!("{}: the distortion of {model} cameras is ignored", folder.display());
+    Ok(CameraSet { cameras, warnings: distorted.into_iter().map(warning).collect() })
+}
+
+fn photo_folder(model: &Path) -> PathBuf {
+    let candidates = ["images", "../images", "../../images"].map(|relative| model.join(relative));
+    let found = candidates.iter().find(|folder| folder.is_dir());
+    found.unwrap_or(&candidates[2]).clone()
+}
+
+impl Image {
+    /// View from world.
+    fn pose(&self, path: &Path, what: &str) -> Result<DAffine3, CamerasError> {
+        let [w, x, y, z] = self.rotation;
+        let rotation = DQuat::from_xyzw(x, y, z, w);
+        let translation = DVec3::from(self.translation);
+        if !(rotation.is_finite() && rotation.length() > 0.1 && translation.is_finite()) {
+            let found = format!("rotation {:?}, translation {translation}", self.rotation);
+            return Err(invalid(path, what, found, "a quaternion of unit length and a finite translation"));
+        }
+        Ok(DAffine3::from_rotation_translation(rotation.normalize(), translation))
+    }
+}
+
+impl Lens {
+    fn is_distorted(&self) -> bool {
+        let n_pinhole = self.model.n_focal.map_or(0, |n| n + 2);
+        self.parameters[n_pinhole..].iter().any(|&k| k != 0.0)
+    }
+
+    /// The posed camera. `what` names the image in errors about `path`.
+    fn intrinsics(&self, path: &Path, what: &str) -> Result<Intrinsics, CamerasError> {
+        let (focal, center) = match (self.model.n_focal, self.parameters.as_slice()) {
+            (Some(1), &[f, cx, cy, ..]) => (DVec2::splat(f), DVec2::new(cx, cy)),
+            (Some(2), &[fx, fy, cx, cy, ..]) => (DVec2::new(fx, fy), DVec2::new(cx, cy)),
+            _ => {
+                let found = format!("camera model {}", self.model.name);
+                return Err(invalid(path, what, found, "a pinhole camera (undistort the photos first)"));
+            }
+        };
+        let (Ok(width), Ok(height)) = (u32::try_from(self.width), u32::try_from(self.height)) else {
+            let found = format!("a picture of {} x {}", self.width, self.height);
+            return Err(invalid(path, what, found, "a size in pixels"));
+        };
+        Ok(Intrinsics { focal, center, size: UVec2::new(width, height) })
+    }
+}
+
+/// Lenses by camera number.
+type Lenses = HashMap<u32, Lens>;

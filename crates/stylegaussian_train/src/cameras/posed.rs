@@ -1,0 +1,187 @@
+//! A camera of a capture, the errors of reading cameras, and the checks that all formats share.
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec2, DVec3, UVec2};
+use stylegaussian::Camera;
+
+/// One camera of a capture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PosedCamera {
+    /// The photo's name as the file gives it, or the camera's number if it gives none.
+    pub name: String,
+    /// Pose and intrinsics. The size is the file's; the photo itself may be smaller or larger.
+    pub camera: Camera,
+    /// The path at which the photo should be, not checked. `None` if the file names no photo.
+    pub photo: Option<PathBuf>,
+}
+
+impl PosedCamera {
+    /// The photo's path, for a caller who needs the photo.
+    ///
+    /// # Errors
+    /// If no photo is named, or the named one does not exist.
+    pub fn require_photo(&self) -> Result<&Path, CamerasError> {
+        match &self.photo {
+            Some(path) if path.is_file() => Ok(path),
+            Some(path) => Err(CamerasError::NoPhoto { camera: self.name.clone(), photo: path.clone() }),
+            None => Err(CamerasError::NoPhotoName { camera: self.name.clone() }),
+        }
+    }
+}
+
+/// The cameras of a capture, and warnings from reading them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraSet {
+    /// At least one camera. COLMAP's are sorted by name, others are in file order.
+    pub cameras: Vec<PosedCamera>,
+    /// Warnings for people, e.g. that lens distortion is ignored.
+    pub warnings: Vec<String>,
+}
+
+/// Cameras could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum CamerasError {
+    /// A file or folder could not be read.
+    #[error("{path}: {source}", path = .path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// The JSON is malformed, or lacks a field that the format requires.
+    #[error("{path}: {source}", path = .path.display())]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// The position and the reason.
+        source: serde_json::Error,
+    },
+    /// The file or folder has no known format.
+    #[error(
+        "{path}: found no cameras, expected transforms.json, 3DGS cameras.json, or a COLMAP model \
+         (cameras and images, .txt or .bin, here or in sparse/0)",
+        path = .path.display()
+    )]
+    Unrecognized {
+        /// The file or folder.
+        path: PathBuf,
+    },
+    /// A value in the file is impossible.
+    #[error("{path}: {what}: found {found}, expected {expected}", path = .path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// The part of the file, e.g. a camera's name or a line.
+        what: String,
+        /// The value found.
+        found: String,
+        /// The values expected.
+        expected: &'static str,
+    },
+    /// The photo that a camera names does not exist.
+    #[error("camera {camera}: the photo {photo} does not exist", photo = .photo.display())]
+    NoPhoto {
+        /// The camera's name.
+        camera: String,
+        /// The path at which the photo should be.
+        photo: PathBuf,
+    },
+    /// The camera file names no photo for this camera.
+    #[error("camera {camera}: the camera file names no photo for it")]
+    NoPhotoName {
+        /// The camera's name.
+        camera: String,
+    },
+    /// The photo that should give a camera's size cannot be read.
+    #[error("{photo}: cannot take the picture's size from it: {source}", photo = .photo.display())]
+    PhotoSize {
+        /// The photo.
+        photo: PathBuf,
+        /// The reason.
+        source: image::ImageError,
+    },
+}
+
+pub(super) fn read(path: &Path) -> Result<Vec<u8>, CamerasError> {
+    fs::read(path).map_err(|source| CamerasError::Io { path: path.into(), source })
+}
+
+pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<serde_json::Value, CamerasError> {
+    serde_json::from_slice(bytes).map_err(|source| CamerasError::Json { path: path.into(), source })
+}
+
+pub(super) fn invalid(path: &Path, what: &str, found: impl ToString, expected: &'static str) -> CamerasError {
+    CamerasError::Invalid { path: path.into(), what: what.into(), found: found.to_string(), expected }
+}
+
+/// Intrinsics of a pinhole camera, in pixels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Intrinsics {
+    pub focal: DVec2,
+    pub center: DVec2,
+    pub size: UVec2,
+}
+
+impl Intrinsics {
+    /// The camera at `view_from_world`. `what` names it in errors about `path`.
+    pub fn camera(self, view_from_world: DAffine3, path: &Path, what: &str) -> Result<Camera, CamerasError> {
+        if self.size.min_element() == 0 {
+            return Err(invalid(path, what, self.size, "a picture size above 0"));
+        }
+        if !(self.focal.is_finite() && self.focal.min_element() > 0.0) {
+            return Err(invalid(path, what, self.focal, "focal lengths above 0"));
+        }
+        if !self.center.is_finite() {
+            return Err(invalid(path, what, self.center, "a finite principal point"));
+        }
+        let rotation = view_from_world.matrix3.as_mat3();
+        let translation = view_from_world.translation.as_vec3();
+        Ok(Camera {
+            view_from_world: Affine3A::from_mat3_translation(rotation, translation),
+            focal: self.focal.as_vec2(),
+            center: self.center.as_vec2(),
+            size: self.size,
+        })
+    }
+}
+
+/// Largest difference of a rotation's product with its transpose from the identity. Files round to a few digits.
+const RIGID_WITHIN: f64 = 1e-3;
+
+/// The pose with these columns and an exact rotation, or an error if the matrix is not nearly rigid.
+pub(super) fn rigid(
+    rotation: DMat3,
+    translation: DVec3,
+    path: &Path,
+    what: &str,
+) -> Result<DAffine3, CamerasError> {
+    let off = rotation * rotation.transpose() - DMat3::IDENTITY;
+    let is_rotation = off.is_finite() && off.abs_diff_eq(DMat3::ZERO, RIGID_WITHIN);
+    if !(is_rotation && rotation.determinant() > 0.0 && translation.is_finite()) {
+        let found = format!("the matrix {rotation}, {translation}");
+        return Err(invalid(path, what, found, "a rotation and a translation"));
+    }
+    let rotation = DQuat::from_mat3(&rotation).normalize();
+    Ok(DAffine3::from_rotation_translation(rotation, translation))
+}
+
+/// The path of `name` in `folder`, as it is or with a picture's extension, if such a file exists; otherwise the plain
+/// path.
+pub(super) fn photo_path(folder: &Path, name: &str) -> PathBuf {
+    let plain = folder.join(name);
+    if plain.is_file() {
+        return plain;
+    }
+    let extended = ["png", "jpg", "jpeg", "JPG", "JPEG", "PNG"].map(|extension| {
+        let mut path = plain.clone().into_os_string();
+        path.push(".");
+        path.push(extension);
+        PathBuf::from(path)
+    });
+    extended.into_iter().find(|path| path.is_file()).unwrap_or(plain)
+}

@@ -1,0 +1,24 @@
+//! Evaluation: how well a stylized scene shows its paintings, in numbers.
+//!
+//! For every painting and view, the *style error* is the squared distance between the channel means and deviations of
+//! VGG-19's relu1_1, relu2_1 and relu3_1 on the picture and on the painting, averaged over channels and summed over
+//! layers: the paper's style loss without relu4_1. A decoder could lower it by painting everything in one contrasty
+//! way. Two other numbers show that: how often the error is smallest for the picture's own painting, and the *content
+//! error*, the mean squared distance of relu3_1 from the unstyled view's.
+//!
+//! References are the unstyled scene; the scene recolored to the painting's mean and covariance, which needs no
+//! network; and, if a 2D decoder is given, AdaIN on each view separately. Whether the views agree is measured by
+//! warping one into another.
+
+mod baseline;
+mod consistency;
+mod gallery;
+mod image_decoder;
+mod judge;
+mod report;
+
+pub use consistency::{Agreement, Difference, Pairs};
+pub use gallery::{Outcome, Subject, Views, evaluate};
+pub use image_decoder::ImageDecoder;
+pub use judge::Judge;
+pub use report::{Evaluation, Measures, PaintingEvaluation};

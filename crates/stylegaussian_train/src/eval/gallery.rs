@@ -1,0 +1,289 @@
+//! The evaluation itself: every painting on every view, beside the references.
+
+use std::path::PathBuf;
+
+use glam::UVec2;
+use stylegaussian::{
+    Camera, Decoder, EncoderId, Features, Scene,
+    fold::{stylize, transfer},
+    splat::{Colors, RenderedImage, render},
+};
+use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
+
+use super::{
+    baseline::Baseline,
+    consistency::{Agreement, Consistency, N_ORBIT, Pairs},
+    image_decoder::ImageDecoder,
+    judge::{Judge, Look, Statistics, nearest_other},
+    report::{Evaluation, Measures, PaintingEvaluation},
+};
+use crate::{
+    cameras::scaled,
+    contact_sheet::contact_sheet,
+    error::TrainError,
+    picture::{Background, Picture},
+    recolor::{ColorMoments, Recoloring},
+    views::{choose_views, orbit},
+    watch::{Stage, Watch},
+};
+
+/// Side of a contact sheet's pictures, in pixels.
+const SHEET_SIDE: u32 = 160;
+
+/// The scene and the decoder that are evaluated, and their encoder.
+#[derive(Clone, Copy)]
+pub struct Subject<'a> {
+    /// A name for messages, such as the scene's file.
+    pub name: &'a str,
+    /// The scene, with features.
+    pub scene: &'a Scene,
+    /// The decoder.
+    pub decoder: &'a Decoder,
+    /// The encoder that the scene was embedded with.
+    pub encoder: &'a Encoder,
+}
+
+/// The views on which a scene is evaluated.
+pub struct Views {
+    /// For style and content.
+    cameras: Vec<Camera>,
+    /// For the agreement between views.
+    consistency: Consistency,
+}
+
+impl Views {
+    /// `n` views chosen to suit the scene, with a longer side of `size` pixels. Consistency is measured on an orbit
+    /// with views of `consistency_size` pixels.
+    ///
+    /// # Errors
+    /// Never in practice: the list of pairs on the orbit is part of the program.
+    pub fn choose(scene: &Scene, n: usize, size: u32, consistency_size: u32) -> Result<Self, TrainError> {
+        let consistency = on_orbit(scene, consistency_size)?;
+        Ok(Self { cameras: choose_views(scene, n, UVec2::splat(size)), consistency })
+    }
+
+    /// `n` of these cameras, spread over the list. Consistency is measured on `pairs` of the cameras, or on an orbit
+    /// if there are none.
+    ///
+    /// # Errors
+    /// Never in practice: the list of pairs on the orbit is part of the program.
+    pub fn of_cameras(
+        scene: &Scene,
+        cameras: &[Camera],
+        n: usize,
+        [size, consistency_size]: [u32; 2],
+        pairs: Option<&Pairs>,
+    ) -> Result<Self, TrainError> {
+        let at = |size| cameras.iter().map(|camera| scaled(camera, size)).collect::<Vec<Camera>>();
+        let stride = cameras.len().div_ceil(n).max(1);
+        let consistency = match pairs {
+            Some(pairs) => Consistency::new(scene, &at(consistency_size), pairs),
+            None => on_orbit(scene, consistency_size)?,
+        };
+        Ok(Self { cameras: at(size).into_iter().step_by(stride).collect(), consistency })
+    }
+}
+
+fn on_orbit(scene: &Scene, size: u32) -> Result<Consistency, TrainError> {
+    let cameras = orbit(scene, N_ORBIT, UVec2::splat(size));
+    Ok(Consistency::new(scene, &cameras, &Pairs::of_orbit()?))
+}
+
+/// Result of an evaluation.
+pub struct Outcome {
+    /// The numbers.
+    pub evaluation: Evaluation,
+    /// A contact sheet with a row for each painting, the unstyled scene first.
+    pub sheet: Picture,
+}
+
+/// Evaluates a decoder on paintings that it was not trained on. If `decoder_2d` is given, AdaIN on each view
+/// separately is a further reference.
+///
+/// # Errors
+/// If the scene has no features, parts belong to different encoders, an image cannot be read, or `watch` interrupts.
+pub fn evaluate(
+    subject: Subject,
+    views: &Views,
+    judge: Judge,
+    paintings: Vec<PathBuf>,
+    decoder_2d: Option<&ImageDecoder>,
+    watch: Watch,
+) -> Result<Outcome, TrainError> {
+    let gallery = Gallery::new(subject, views, judge, paintings, decoder_2d)?;
+    let total = (gallery.paintings.len() * gallery.unstyled.len()) as u32;
+    let mut done = 0;
+    let mut sheet = vec![sheet_row(None, &gallery.unstyled)];
+    let mut exhibits = Vec::new();
+    for (own, painting) in gallery.paintings.iter().enumerate() {
+        let mut exhibit = gallery.exhibit(own, || {
+            if watch.is_interrupted() {
+                return Err(TrainError::Interrupted);
+            }
+            done += 1;
+            watch.report(Stage::Evaluation, done, total);
+            Ok(())
+        })?;
+        sheet.push(sheet_row(Some(painting), &std::mem::take(&mut exhibit.pictures)));
+        exhibits.push(exhibit);
+    }
+    let sheet = contact_sheet(&sheet, UVec2::splat(SHEET_SIDE));
+    Ok(Outcome { evaluation: gallery.evaluation(&exhibits)?, sheet })
+}
+
+/// The unstyled views, the paintings, and the networks that compare them.
+struct Gallery<'a> {
+    subject: Subject<'a>,
+    features: &'a Features,
+    judge: Judge,
+    views: &'a Views,
+    unstyled: Vec<RenderedImage>,
+    unstyled_looks: Vec<Look>,
+    colors: ColorMoments,
+    paths: Vec<PathBuf>,
+    paintings: Vec<Image>,
+    /// The paintings' statistics.
+    targets: Vec<Statistics>,
+    /// For the views of style and content, and for those of consistency.
+    baselines: Option<[Baseline<'a>; 2]>,
+}
+
+/// The scene in one style, measured view by view.
+struct Exhibit {
+    stylized: Vec<Measures>,
+    unstyled: Vec<Measures>,
+    recolored: Vec<Measures>,
+    adain_2d: Vec<Measures>,
+    agreement: Agreement,
+    adain_2d_agreement: Option<Agreement>,
+    out_of_range: f64,
+    pictures: Vec<RenderedImage>,
+}
+
+impl<'a> Gallery<'a> {
+    fn new(
+        subject: Subject<'a>,
+        views: &'a Views,
+        judge: Judge,
+        paths: Vec<PathBuf>,
+        decoder_2d: Option<&'a ImageDecoder>,
+    ) -> Result<Self, TrainError> {
+        let Subject { name, scene, decoder, encoder } = subject;
+        let Some(features) = scene.features.as_ref() else {
+            return Err(TrainError::Invalid(format!("{name}: no features: embed it first")));
+        };
+        let expected = ("the encoder", Some(encoder.id()));
+        EncoderId::expect_same((name, features.encoder.as_ref()), expected)?;
+        EncoderId::expect_same(("the decoder", decoder.encoder.as_ref()), expected)?;
+        let paintings = paths.iter().map(|path| Image::open(path)).collect::<Result<Vec<_>, _>>()?;
+        let unstyled: Vec<RenderedImage> =
+            views.cameras.iter().map(|camera| render(scene, Colors::Captured, camera)).collect();
+        let baselines = |decoder_2d| -> Result<_, TrainError> {
+            let of = |views: &[RenderedImage]| Baseline::new(decoder_2d, encoder, views);
+            Ok([of(&unstyled)?, of(views.consistency.unstyled())?])
+        };
+        Ok(Self {
+            baselines: decoder_2d.map(baselines).transpose()?,
+            targets: paintings.iter().map(|image| judge.painting(image)).collect::<Result<_, _>>()?,
+            unstyled_looks: unstyled.iter().map(|view| judge.look(view)).collect::<Result<_, _>>()?,
+            colors: ColorMoments::of_views(&unstyled),
+            subject,
+            features,
+            judge,
+            views,
+            unstyled,
+            paths,
+            paintings,
+        })
+    }
+
+    /// The scene in the style of painting `own`. Calls `report` after every view.
+    fn exhibit(
+        &self,
+        own: usize,
+        mut report: impl FnMut() -> Result<(), TrainError>,
+    ) -> Result<Exhibit, TrainError> {
+        let Subject { scene, decoder, encoder, .. } = self.subject;
+        let image = &self.paintings[own];
+        let style = style_statistics(encoder, image, StyleSize::default())?;
+        let colors = stylize(scene, decoder, &transfer(self.features, &[(&style, 1.0)], 0.0)?)?;
+        let recoloring = Recoloring::new(&self.colors, &ColorMoments::of_image(image));
+        let draw = |camera: &Camera| render(scene, Colors::Rgb(&colors), camera);
+        let consistency = &self.views.consistency;
+        let drawn: Vec<RenderedImage> = consistency.cameras().map(draw).collect();
+        let mut exhibit = Exhibit {
+            agreement: consistency.measure(&self.judge, &drawn)?,
+            adain_2d_agreement: None,
+            stylized: Vec::new(),
+            unstyled: Vec::new(),
+            recolored: Vec::new(),
+            adain_2d: Vec::new(),
+            out_of_range: 0.0,
+            pictures: self.views.cameras.iter().map(draw).collect(),
+        };
+        for (i, (before, view)) in self.unstyled.iter().zip(&exhibit.pictures).enumerate() {
+            let measure = |look: &Look| look.measures(&self.unstyled_looks[i], &self.targets, own);
+            exhibit.stylized.push(measure(&self.judge.look(view)?));
+            exhibit.unstyled.push(measure(&self.unstyled_looks[i]));
+            exhibit.recolored.push(measure(&self.judge.look(&recoloring.view(before))?));
+            if let Some([baseline, _]) = &self.baselines {
+                exhibit.adain_2d.push(measure(&self.judge.look(&baseline.paint(i, before, &style)?)?));
+            }
+            exhibit.out_of_range += share_out_of_range(view) / self.unstyled.len() as f64;
+            report()?;
+        }
+        if let Some([_, baseline]) = &self.baselines {
+            let paint = |(i, before)| baseline.paint(i, before, &style);
+            let painted =
+                consistency.unstyled().iter().enumerate().map(paint).collect::<Result<Vec<_>, _>>()?;
+            exhibit.adain_2d_agreement = Some(consistency.measure(&self.judge, &painted)?);
+        }
+        Ok(exhibit)
+    }
+
+    fn evaluation(&self, exhibits: &[Exhibit]) -> Result<Evaluation, TrainError> {
+        let mean = |kind: fn(&Exhibit) -> &Vec<Measures>| {
+            Measures::mean(&exhibits.iter().flat_map(kind).copied().collect::<Vec<_>>())
+        };
+        let agreement = |of: &dyn Fn(&Exhibit) -> Option<Agreement>| {
+            exhibits.iter().map(of).collect::<Option<Vec<_>>>().map(|all| Agreement::mean(&all))
+        };
+        let (stylized, recolored) = (mean(|e| &e.stylized), mean(|e| &e.recolored));
+        let deep = |measures: &Measures| measures.style_errors[1] + measures.style_errors[2];
+        let consistency = &self.views.consistency;
+        Ok(Evaluation {
+            deep_style_error_over_recolored: deep(&stylized) / deep(&recolored).max(f64::MIN_POSITIVE),
+            stylized,
+            unstyled: mean(|e| &e.unstyled),
+            recolored,
+            adain_2d: self.baselines.as_ref().map(|_| mean(|e| &e.adain_2d)),
+            consistency: agreement(&|e| Some(e.agreement)).unwrap_or_default(),
+            unstyled_consistency: consistency.measure(&self.judge, consistency.unstyled())?,
+            adain_2d_consistency: agreement(&|e| e.adain_2d_agreement),
+            out_of_range: exhibits.iter().map(|e| e.out_of_range).sum::<f64>() / exhibits.len().max(1) as f64,
+            paintings: exhibits.iter().enumerate().map(|(own, exhibit)| self.row(own, exhibit)).collect(),
+        })
+    }
+
+    fn row(&self, own: usize, exhibit: &Exhibit) -> PaintingEvaluation {
+        PaintingEvaluation {
+            path: self.paths[own].clone(),
+            nearest_other: nearest_other(&self.targets, own),
+            stylized: Measures::mean(&exhibit.stylized),
+            recolored: Measures::mean(&exhibit.recolored),
+        }
+    }
+}
+
+/// The share of color values outside 0..1, in pixels of which the scene covers more than half.
+fn share_out_of_range(view: &RenderedImage) -> f64 {
+    let covered = || view.color.iter().zip(&view.alpha).filter(|(_, alpha)| **alpha > 0.5);
+    let outside = covered().flat_map(|(color, alpha)| color.map(|c| c < -0.01 || c > alpha + 0.01));
+    outside.filter(|outside| *outside).count() as f64 / (3 * covered().count().max(1)) as f64
+}
+
+fn sheet_row(painting: Option<&Image>, views: &[RenderedImage]) -> Vec<Picture> {
+    let first = painting.map_or_else(|| Picture::filled(UVec2::ONE, [255; 4]), Picture::of_image);
+    let views = views.iter().map(|view| Picture::of(view, Background::Color([255; 3])));
+    std::iter::once(first).chain(views).collect()
+}

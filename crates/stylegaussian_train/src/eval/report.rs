@@ -1,0 +1,141 @@
+//! Results of an evaluation, for programs and for people.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::consistency::Agreement;
+
+/// Results of an evaluation.
+#[derive(Clone, Debug, Serialize)]
+pub struct Evaluation {
+    /// The scene in the paintings' styles.
+    pub stylized: Measures,
+    /// The scene as it is.
+    pub unstyled: Measures,
+    /// The scene recolored to each painting's mean color and covariance.
+    pub recolored: Measures,
+    /// AdaIN on each view separately, if a 2D decoder is given.
+    pub adain_2d: Option<Measures>,
+    /// Style error of `stylized` at relu2_1 and relu3_1 over that of `recolored`.
+    pub deep_style_error_over_recolored: f64,
+    /// Agreement of views of the stylized scene, as means over the paintings.
+    pub consistency: Agreement,
+    /// Agreement of views of the unstyled scene, without view-dependent color.
+    pub unstyled_consistency: Agreement,
+    /// Agreement of pictures that were painted separately, if a 2D decoder is given.
+    pub adain_2d_consistency: Option<Agreement>,
+    /// Share of stylized color values outside 0..1, the range that a display shows.
+    pub out_of_range: f64,
+    /// Painting by painting.
+    pub paintings: Vec<PaintingEvaluation>,
+}
+
+/// Means over all pictures of one kind.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Measures {
+    /// Share of the pictures with the smallest style error for their own painting.
+    pub own_painting_nearest: f64,
+    /// Style error at relu1_1, relu2_1 and relu3_1.
+    pub style_errors: [f64; 3],
+    /// Sum of the style errors.
+    pub style_error: f64,
+    /// Style error at relu4_1, if weights reach that layer.
+    pub relu4_1_style_error: Option<f64>,
+    /// Content error: mean squared distance of relu3_1 from the unstyled view's.
+    pub content_error: f64,
+}
+
+/// Results for one painting, as means over the views.
+#[derive(Clone, Debug, Serialize)]
+pub struct PaintingEvaluation {
+    /// The painting's file.
+    pub path: PathBuf,
+    /// Style error between this painting and the most similar other one. A good style error is well below it.
+    pub nearest_other: f64,
+    /// The scene in its style.
+    pub stylized: Measures,
+    /// The scene recolored to its colors.
+    pub recolored: Measures,
+}
+
+impl Evaluation {
+    /// A table for people.
+    pub fn table(&self) -> String {
+        let mut text = format!(
+            "{:<40} {:>8} {:>8} {:>8} {:>10} {:>8}\n",
+            "painting", "nearest", "style", "content", "recolored", "other"
+        );
+        for row in &self.paintings {
+            let name = row.path.file_name().unwrap_or_default().to_string_lossy();
+            text += &format!(
+                "{:<40} {:>7.0}% {:>8.3} {:>8.3} {:>10.3} {:>8.3}\n",
+                name.chars().take(40).collect::<String>(),
+                100.0 * row.stylized.own_painting_nearest,
+                row.stylized.style_error,
+                row.stylized.content_error,
+                row.recolored.style_error,
+                row.nearest_other,
+            );
+        }
+        text += &format!(
+            "\n{:<10} {:>8} {:>8} {:>8}   relu1_1, relu2_1, relu3_1 (relu4_1)\n",
+            "mean", "nearest", "style", "content"
+        );
+        let kinds = [("stylized", Some(self.stylized)), ("unstyled", Some(self.unstyled))];
+        let references = [("recolored", Some(self.recolored)), ("2D AdaIN", self.adain_2d)];
+        for (name, measures) in kinds.into_iter().chain(references) {
+            let Some(found) = measures else { continue };
+            text += &format!(
+                "{name:<10} {:>7.0}% {:>8.3} {:>8.3}   {:.3?}{}\n",
+                100.0 * found.own_painting_nearest,
+                found.style_error,
+                found.content_error,
+                found.style_errors,
+                found.relu4_1_style_error.map_or_else(String::new, |error| format!(" ({error:.3})"))
+            );
+        }
+        text += &format!(
+            "\n{:<12} {:>9} {:>9} {:>9} {:>12} {:>9} {:>9}\n",
+            "consistency", "short", "/ std", "vgg", "long", "/ std", "vgg"
+        );
+        let agreements =
+            [("stylized", Some(self.consistency)), ("unstyled", Some(self.unstyled_consistency))];
+        for (name, agreement) in agreements.into_iter().chain([("2D AdaIN", self.adain_2d_consistency)]) {
+            let Some(Agreement { short, long }) = agreement else { continue };
+            text += &format!(
+                "{name:<12} {:>9.4} {:>9.4} {:>9.4} {:>12.4} {:>9.4} {:>9.4}\n",
+                short.rmse,
+                short.rmse_over_std_dev,
+                short.vgg_distance,
+                long.rmse,
+                long.rmse_over_std_dev,
+                long.vgg_distance
+            );
+        }
+        text + &format!(
+            "\nstyle error at relu2_1 and relu3_1 over that of recoloring: {:.3}; colors out of range: {:.1}%",
+            self.deep_style_error_over_recolored,
+            100.0 * self.out_of_range
+        )
+    }
+}
+
+impl Measures {
+    /// The mean of several, or 0 if there are none.
+    pub fn mean(all: &[Self]) -> Self {
+        let n = all.len().max(1) as f64;
+        let mean = |part: &dyn Fn(&Self) -> f64| all.iter().map(part).sum::<f64>() / n;
+        Self {
+            own_painting_nearest: mean(&|measures| measures.own_painting_nearest),
+            style_errors: [0, 1, 2].map(|layer| mean(&|measures| measures.style_errors[layer])),
+            style_error: mean(&|measures| measures.style_error),
+            relu4_1_style_error: all
+                .iter()
+                .map(|measures| measures.relu4_1_style_error)
+                .sum::<Option<f64>>()
+                .map(|sum| sum / n),
+            content_error: mean(&|measures| measures.content_error),
+        }
+    }
+}

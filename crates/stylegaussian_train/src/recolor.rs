@@ -1,0 +1,158 @@
+//! Color transfer by mean and covariance: the reference for training without shapes, and its warm start.
+
+use std::f32::consts::TAU;
+
+use glam::{DMat3, DQuat, DVec3, EulerRot};
+use stylegaussian::splat::RenderedImage;
+use stylegaussian_encoder::Image;
+
+use crate::random::Random;
+
+/// Added to the variances of colors: the square of a display's step. Without it, the covariance of a gray scene or
+/// painting could not be inverted.
+const VARIANCE_FLOOR: f64 = 1.0 / (255.0 * 255.0);
+
+/// Mean and covariance of colors.
+#[derive(Clone, Copy, Debug)]
+pub struct ColorMoments {
+    mean: DVec3,
+    /// With [`VARIANCE_FLOOR`] on its diagonal.
+    covariance: DMat3,
+}
+
+impl ColorMoments {
+    fn new(colors: impl Iterator<Item = DVec3>) -> Self {
+        let (mut n, mut sum, mut products) = (0.0, DVec3::ZERO, DMat3::ZERO);
+        for color in colors {
+            n += 1.0;
+            sum += color;
+            products += outer(color);
+        }
+        let n = f64::max(n, 1.0);
+        let mean = sum / n;
+        let floor = DMat3::from_diagonal(DVec3::splat(VARIANCE_FLOOR));
+        Self { mean, covariance: products * (1.0 / n) - outer(mean) + floor }
+    }
+
+    /// Moments of an image.
+    pub fn of_image(image: &Image) -> Self {
+        Self::new(image.rgb.chunks_exact(3).map(|p| vector([p[0], p[1], p[2]])))
+    }
+
+    /// Moments of premultiplied pixels with their coverage. Only pixels covered to more than half count.
+    pub fn of_pixels(pixels: impl Iterator<Item = ([f32; 3], f32)>) -> Self {
+        let covered = pixels.filter(|(_, alpha)| *alpha > 0.5);
+        Self::new(covered.map(|(color, alpha)| vector(color.map(|channel| channel / alpha))))
+    }
+
+    /// Moments of a random palette: a mean away from the ends of the range, and deviations along three random axes. The
+    /// largest possible deviation is near that of black and white stripes.
+    pub fn random(random: &mut Random) -> Self {
+        let mut between = |low: f32, high: f32| f64::from(low + (high - low) * random.uniform());
+        let mean = DVec3::new(between(0.15, 0.85), between(0.15, 0.85), between(0.15, 0.85));
+        let largest = between(0.12, 0.4);
+        let deviations = DVec3::new(largest, largest * between(0.2, 0.9), largest * between(0.05, 0.5));
+        let axes = DMat3::from_quat(DQuat::from_euler(
+            EulerRot::XYZ,
+            between(0.0, TAU),
+            between(0.0, TAU),
+            between(0.0, TAU),
+        ));
+        let covariance = axes * DMat3::from_diagonal(deviations * deviations) * axes.transpose();
+        Self { mean, covariance: covariance + DMat3::from_diagonal(DVec3::splat(VARIANCE_FLOOR)) }
+    }
+
+    /// Moments of several views.
+    pub fn of_views(views: &[RenderedImage]) -> Self {
+        Self::of_pixels(
+            views.iter().flat_map(|view| view.color.iter().copied().zip(view.alpha.iter().copied())),
+        )
+    }
+}
+
+/// An affine map of colors.
+pub struct Recoloring {
+    gain: DMat3,
+    shift: DVec3,
+}
+
+impl Recoloring {
+    /// The map from colors of one mean and covariance to another that moves colors least: the optimal transport
+    /// between two normal distributions.
+    pub fn new(from: &ColorMoments, to: &ColorMoments) -> Self {
+        let root = square_root(from.covariance);
+        let inverse = root.inverse();
+        let gain = inverse * square_root(root * to.covariance * root) * inverse;
+        Self { gain, shift: to.mean - gain * from.mean }
+    }
+
+    /// Maps a color.
+    pub fn color(&self, color: [f32; 3]) -> [f32; 3] {
+        self.premultiplied(color, 1.0)
+    }
+
+    /// Maps a premultiplied color.
+    pub fn premultiplied(&self, color: [f32; 3], alpha: f32) -> [f32; 3] {
+        (self.gain * vector(color) + self.shift * f64::from(alpha)).as_vec3().to_array()
+    }
+
+    /// Maps a view as if every Gaussian's color were mapped. This is exact, because rendering is linear in color.
+    pub fn view(&self, view: &RenderedImage) -> RenderedImage {
+        let pixel = |(color, alpha): (&[f32; 3], &f32)| self.premultiplied(*color, *alpha);
+        RenderedImage { color: view.color.iter().zip(&view.alpha).map(pixel).collect(), ..view.clone() }
+    }
+}
+
+fn vector(color: [f32; 3]) -> DVec3 {
+    DVec3::from_array(color.map(f64::from))
+}
+
+fn outer(v: DVec3) -> DMat3 {
+    DMat3::from_cols(v * v.x, v * v.y, v * v.z)
+}
+
+/// The square root of a positive definite matrix, by the iteration of Denman and Beavers (1976), which converges
+/// quadratically.
+fn square_root(matrix: DMat3) -> DMat3 {
+    let (mut root, mut inverse) = (matrix, DMat3::IDENTITY);
+    for _ in 0..40 {
+        (root, inverse) = ((root + inverse.inverse()) * 0.5, (inverse + root.inverse()) * 0.5);
+    }
+    root
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::UVec2;
+
+    use super::*;
+
+    #[test]
+    fn a_square_root_squares_to_the_matrix() {
+        let matrix = DMat3::from_cols_array(&[2.0, 0.3, 0.1, 0.3, 1.0, -0.2, 0.1, -0.2, 0.5]);
+        let root = square_root(matrix);
+        assert!((root * root).abs_diff_eq(matrix, 1e-12));
+    }
+
+    #[test]
+    fn recolored_views_have_the_paintings_moments() {
+        let color = |i: usize| [(i % 7) as f32 / 7.0, (i % 5) as f32 / 9.0, (i % 3) as f32 / 3.0];
+        let n = 105;
+        let view = RenderedImage {
+            size: UVec2::new(n as u32, 1),
+            color: (0..n).map(color).collect(),
+            alpha: vec![1.0; n],
+            depth: vec![0.0; n],
+        };
+        let rgb: Vec<f32> =
+            (0..n).flat_map(|i| [(i % 4) as f32 / 4.0, (i % 9) as f32 / 20.0, 0.25]).collect();
+        let painting = Image { width: n as u32, height: 1, rgb };
+        let to = ColorMoments::of_image(&painting);
+        let recoloring = Recoloring::new(&ColorMoments::of_views(std::slice::from_ref(&view)), &to);
+        let recolored = ColorMoments::of_views(&[recoloring.view(&view)]);
+        assert!(recolored.mean.abs_diff_eq(to.mean, 1e-6));
+        // The floor is added once more to what was just measured.
+        assert!(recolored.covariance.abs_diff_eq(to.covariance, 2.0 * VARIANCE_FLOOR));
+        assert_eq!(recoloring.color(view.color[3]), recoloring.view(&view).color[3]);
+    }
+}

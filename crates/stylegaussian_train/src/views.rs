@@ -1,0 +1,93 @@
+//! Cameras for a scene that comes without photos.
+//!
+//! A scene is either an *object*, seen from outside, or a *place*, seen from within. Test views decide: some from all
+//! around the scene and some from free spots inside it. If those inside show more of its Gaussians and are surrounded
+//! by it, the scene is a place. Among many candidate cameras of that kind (overviews and closer looks), each step
+//! then takes the one that adds most to the views before it. Any number of views thus covers the scene as well as
+//! that many views can.
+//!
+//! The stages, one module each: `survey` (size, middle and a simplified version of the scene), `up` (the up direction),
+//! `candidates` (candidate cameras), `coverage` (the Gaussians that a camera sees, and the choice).
+
+mod candidates;
+mod coverage;
+mod survey;
+#[cfg(test)]
+mod tests;
+mod up;
+
+use glam::UVec2;
+use stylegaussian::{Camera, Scene};
+
+use candidates::Candidate;
+use coverage::TestViews;
+use survey::Survey;
+
+/// Factor by which test views within a place must show more than those around it. A closed shell shows the same from
+/// both sides, and counts as an object.
+const PLACE_SHOWS_MORE: f32 = 1.15;
+
+/// Least share of a place's inner views that must show the scene. A place surrounds its viewer, an object does not.
+const PLACE_ENCLOSES: f32 = 0.7;
+
+/// Chooses `n` upright cameras with pictures of `size` pixels that together see as much of `scene` as possible, the
+/// most useful first. Returns none if nothing of the scene is visible.
+///
+/// Up is [`Scene::up`], or a guess from the scene's surfaces if that is `None`. The choice depends on the scene alone.
+pub fn choose_views(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
+    let Some(survey) = Survey::new(scene) else { return Vec::new() };
+    let (overviews, closer) = match Overviews::take(&survey) {
+        Overviews::Around(views) => {
+            let closer = candidates::closer_looks_around(&survey, &views.usable());
+            (views, closer)
+        }
+        Overviews::Within(views) => {
+            let closer = candidates::closer_looks_within(&views.usable());
+            (views, closer)
+        }
+    };
+    let chosen = overviews.and(TestViews::take(&survey, closer)).choose(n);
+    cameras(chosen, size)
+}
+
+/// `n` cameras on a circle for showing `scene`: around an object, or turning on the spot in a place.
+///
+/// The circle runs counter-clockwise as seen from above.
+pub fn orbit(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
+    let Some(survey) = Survey::new(scene) else { return Vec::new() };
+    let circle = match Overviews::take(&survey) {
+        Overviews::Around(_) => candidates::circle_around(&survey, n),
+        // The first choice stands at the spot from which most can be seen.
+        Overviews::Within(views) => match views.choose(1).first() {
+            Some(best) => candidates::turn_within(&survey, best, n),
+            None => candidates::circle_around(&survey, n),
+        },
+    };
+    cameras(circle, size)
+}
+
+fn cameras(candidates: Vec<Candidate>, size: UVec2) -> Vec<Camera> {
+    let size = size.max(UVec2::ONE);
+    candidates.into_iter().map(|candidate| candidate.camera(size)).collect()
+}
+
+/// Test views of the whole scene, of the kind that suits it.
+enum Overviews {
+    /// Around an object.
+    Around(TestViews),
+    /// Within a place.
+    Within(TestViews),
+}
+
+impl Overviews {
+    fn take(survey: &Survey) -> Self {
+        let around = TestViews::take(survey, candidates::around(survey));
+        let within = TestViews::take(survey, candidates::within(survey));
+        let encloses = within.covered() > PLACE_ENCLOSES;
+        if encloses && within.share_seen() > PLACE_SHOWS_MORE * around.share_seen() {
+            Self::Within(within)
+        } else {
+            Self::Around(around)
+        }
+    }
+}

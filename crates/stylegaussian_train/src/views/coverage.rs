@@ -1,0 +1,120 @@
+//! The Gaussians that candidate cameras see, and the choice among the cameras.
+
+use glam::UVec2;
+use rayon::prelude::*;
+use stylegaussian::splat::blend_weights;
+
+use super::{candidates::Candidate, survey::Survey};
+
+/// Size of test views, in pixels.
+const TEST_SIZE: UVec2 = UVec2::splat(64);
+
+/// Pixels of a test view from which on a Gaussian counts as seen.
+const SEEN: f32 = 0.02;
+
+/// Pixels of a test view from which on it matters less to see a Gaussian again, or larger.
+const WELL_SEEN: f32 = 0.2;
+
+/// Largest share of a picture that things in the way may block.
+const MOST_BLOCKED: f32 = 0.15;
+
+/// Least share of a picture that must show the scene.
+const LEAST_COVERED: f32 = 0.1;
+
+/// One in this many chosen views is an overview, even if closer looks would add more, because style lives in large
+/// shapes too.
+const OVERVIEW_EVERY: usize = 2;
+
+/// Candidates and the Gaussians that each of them sees.
+pub(super) struct TestViews(Vec<TestView>);
+
+struct TestView {
+    candidate: Candidate,
+    /// Pixels of the test view that each Gaussian of the simplified scene fills `[n]`.
+    pixels: Vec<f32>,
+    /// The share of the picture that shows the scene, 0..1.
+    covered: f32,
+    /// Whether the picture shows enough of the scene and nothing is in the way.
+    usable: bool,
+}
+
+impl TestView {
+    fn take(survey: &Survey, candidate: Candidate) -> Self {
+        let camera = candidate.camera(TEST_SIZE);
+        let weights = blend_weights(&survey.stand_in, &camera);
+        let n_pixels = TEST_SIZE.element_product() as usize;
+        let z = |&mean| camera.view_from_world.transform_point3(mean).z;
+        let depths = weights.apply(&survey.stand_in.means.iter().map(z).collect::<Vec<f32>>(), 1);
+        let alphas = weights.alpha();
+        let in_the_way = |(z, a): &(&f32, &f32)| **a > 0.3 && **z < candidate.clearance * **a;
+        let blocked = depths.iter().zip(&alphas).filter(in_the_way).count() as f32 / n_pixels as f32;
+        let covered = alphas.iter().sum::<f32>() / n_pixels as f32;
+        let pixels = weights.apply_transposed(&vec![1.0; n_pixels], 1);
+        Self { candidate, pixels, covered, usable: blocked < MOST_BLOCKED && covered > LEAST_COVERED }
+    }
+
+    /// The increase of sum_i log(1 + pixels of i / [`WELL_SEEN`]) by this view, if `total` has been seen before.
+    fn gain(&self, total: &[f32]) -> f64 {
+        let log = |(total, pixels): (&f32, &f32)| f64::from((pixels / (WELL_SEEN + total)).ln_1p());
+        total.iter().zip(&self.pixels).map(log).sum()
+    }
+}
+
+impl TestViews {
+    /// Renders a test view from each of `candidates`.
+    pub fn take(survey: &Survey, candidates: Vec<Candidate>) -> Self {
+        Self(candidates.into_par_iter().map(|candidate| TestView::take(survey, candidate)).collect())
+    }
+
+    /// These views together with `others`.
+    pub fn and(mut self, others: Self) -> Self {
+        self.0.extend(others.0);
+        self
+    }
+
+    /// The candidates with usable pictures.
+    pub fn usable(&self) -> Vec<Candidate> {
+        self.0.iter().filter(|view| view.usable).map(|view| view.candidate).collect()
+    }
+
+    /// The mean share of the usable pictures that shows the scene, 0..1, or 0 if none is usable.
+    pub fn covered(&self) -> f32 {
+        let usable: Vec<f32> = self.0.iter().filter(|view| view.usable).map(|view| view.covered).collect();
+        usable.iter().sum::<f32>() / usable.len().max(1) as f32
+    }
+
+    /// The share of the scene's Gaussians that any usable picture shows, 0..1.
+    pub fn share_seen(&self) -> f32 {
+        let Some(n) = self.0.first().map(|view| view.pixels.len()) else { return 0.0 };
+        let usable: Vec<&TestView> = self.0.iter().filter(|view| view.usable).collect();
+        let is_seen = |&i: &usize| usable.iter().any(|view| view.pixels[i] > SEEN);
+        (0..n).filter(is_seen).count() as f32 / n.max(1) as f32
+    }
+
+    /// Chooses `n` candidates, at each step the one that adds most to the views before it. Overviews alternate with
+    /// the best of all candidates. If all usable ones are taken, they are taken again.
+    pub fn choose(self, n: usize) -> Vec<Candidate> {
+        let any_usable = self.0.iter().any(|view| view.usable);
+        let pool: Vec<&TestView> = self.0.iter().filter(|view| view.usable || !any_usable).collect();
+        let Some(first) = pool.first() else { return Vec::new() };
+        let mut total = vec![0.0f32; first.pixels.len()];
+        let (mut left, mut chosen) = (Vec::new(), Vec::new());
+        while chosen.len() < n {
+            if left.is_empty() {
+                left.clone_from(&pool);
+            }
+            let turn =
+                chosen.len() % OVERVIEW_EVERY == 0 && left.iter().any(|view| view.candidate.is_overview);
+            let gain =
+                |view: &&TestView| if turn && !view.candidate.is_overview { -1.0 } else { view.gain(&total) };
+            let gains: Vec<f64> = left.par_iter().map(gain).collect();
+            let best = (0..left.len()).fold(0, |best, i| if gains[i] > gains[best] { i } else { best });
+            let best = left.remove(best);
+            for (total, pixels) in total.iter_mut().zip(&best.pixels) {
+                *total += pixels;
+            }
+            chosen.push(best.candidate);
+        }
+        chosen
+    }
+}

@@ -1,0 +1,110 @@
+//! Size, middle and direction of a scene, measured so that stray Gaussians do not matter.
+
+use glam::Vec3;
+use stylegaussian::Scene;
+
+use super::up::up;
+
+/// Number of Gaussians of the simplified scene: enough to distinguish surfaces from gaps at the size of test views.
+const N_STAND_IN: usize = 30_000;
+
+/// The share of the mass on either side of the box, along each axis.
+const OUTSIDE_BOX: f32 = 0.02;
+
+/// The share of the mass within the radius.
+const WITHIN_RADIUS: f32 = 0.97;
+
+/// Size, middle and direction of a scene, and a simplified scene that renders quickly.
+pub(super) struct Survey {
+    /// A regular selection of the scene's Gaussians, enlarged to fill the gaps.
+    pub stand_in: Scene,
+    /// Mass of each Gaussian `[n]`, for quantiles: opacity times visible area, with a limit on the area of huge
+    /// Gaussians.
+    pub masses: Vec<f32>,
+    /// The middle of the box that holds nearly all mass.
+    pub center: Vec3,
+    /// Half the box's size, along the world's axes, in scene units.
+    pub half_size: Vec3,
+    /// Radius of the ball about the middle that holds nearly all mass, in scene units; above 0.
+    pub radius: f32,
+    /// The up direction, a unit vector.
+    pub up: Vec3,
+}
+
+impl Survey {
+    /// Surveys a scene, or returns `None` if nothing of it is visible.
+    pub fn new(scene: &Scene) -> Option<Self> {
+        let stand_in = stand_in(scene);
+        let masses = masses(&stand_in);
+        if masses.iter().all(|&mass| mass <= 0.0) {
+            return None;
+        }
+        let axis = |i: usize| {
+            let along = stand_in.means.iter().map(|mean| mean[i]);
+            let [low, high] = quantiles(along, &masses, [OUTSIDE_BOX, 1.0 - OUTSIDE_BOX]);
+            ((low + high) / 2.0, (high - low) / 2.0)
+        };
+        let [x, y, z] = [axis(0), axis(1), axis(2)];
+        let center = Vec3::new(x.0, y.0, z.0);
+        let half_size = Vec3::new(x.1, y.1, z.1);
+        let distances = stand_in
+            .means
+            .iter()
+            .zip(&stand_in.scales)
+            .map(|(mean, scales)| (mean - center).length() + scales.max_element());
+        let [radius] = quantiles(distances, &masses, [WITHIN_RADIUS]);
+        let up = up(&stand_in, &masses, half_size);
+        Some(Self { radius: radius.max(1e-6), stand_in, masses, center, half_size, up })
+    }
+}
+
+/// A scene of at most [`N_STAND_IN`] Gaussians that looks similar from afar. The remaining Gaussians are enlarged, so
+/// that the total area stays the same.
+fn stand_in(scene: &Scene) -> Scene {
+    let stride = scene.len().div_ceil(N_STAND_IN).max(1);
+    let indices: Vec<u32> = (0..scene.len() as u32).step_by(stride).collect();
+    let enlarged = (stride as f32).sqrt();
+    Scene {
+        means: indices.iter().map(|&i| scene.means[i as usize]).collect(),
+        rotations: indices.iter().map(|&i| scene.rotations[i as usize]).collect(),
+        scales: indices.iter().map(|&i| scene.scales[i as usize] * enlarged).collect(),
+        opacities: indices.iter().map(|&i| scene.opacities[i as usize]).collect(),
+        n_source: indices.len(),
+        up: scene.up,
+        order: indices,
+        ..Default::default()
+    }
+}
+
+fn masses(scene: &Scene) -> Vec<f32> {
+    let areas: Vec<f32> = scene
+        .scales
+        .iter()
+        .map(|scales| {
+            let [a, b, c] = scales.to_array();
+            (a * b).max(b * c).max(c * a)
+        })
+        .collect();
+    // Backdrops are a few huge Gaussians. They must not outweigh the things before them.
+    let [bound] = quantiles(areas.iter().copied(), &vec![1.0; areas.len()], [0.9]);
+    areas.iter().zip(&scene.opacities).map(|(area, opacity)| opacity * area.min(bound)).collect()
+}
+
+/// The values below which the given shares of the mass lie, or 0 if there is no mass.
+pub(super) fn quantiles<const N: usize>(
+    values: impl Iterator<Item = f32>,
+    masses: &[f32],
+    shares: [f32; N],
+) -> [f32; N] {
+    let mut sorted: Vec<(f32, f32)> = values.zip(masses.iter().copied()).collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = sorted.iter().map(|(_, mass)| f64::from(*mass)).sum();
+    shares.map(|share| {
+        let mut below = f64::from(share) * total;
+        let found = sorted.iter().find(|(_, mass)| {
+            below -= f64::from(*mass);
+            below <= 0.0
+        });
+        found.or(sorted.last()).map_or(0.0, |(value, _)| *value)
+    })
+}

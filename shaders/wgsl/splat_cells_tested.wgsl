@@ -1,8 +1,0 @@
-// Views with meshes, which hide splats that are behind them.
-
-@group(0) @binding(7) var depths: texture_depth_2d;
-
-/// The depth of what is there already, reverse z.
-fn depth_at(pixel: vec2<u32>) -> f32 {
-    return textureLoad(depths, pixel, 0);
-}
