@@ -43,7 +43,8 @@ fn until_applied(app: &mut App) -> StyleApplied {
 }
 
 fn n_passes(app: &App) -> u64 {
-    app.sub_app(RenderApp).world().resource::<StylePasses>().n_decoded
+    // The first frame makes the resource.
+    app.sub_app(RenderApp).world().get_resource::<StylePasses>().map_or(0, |passes| passes.n_decoded)
 }
 
 fn until_passes(app: &mut App, n: u64) {

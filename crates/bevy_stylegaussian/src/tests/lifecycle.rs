@@ -76,7 +76,8 @@ fn a_scene_too_large_for_the_device_is_refused_and_the_app_lives_on() {
     });
     assert!(refused.iter().all(|entity| told.iter().any(|event| event.entity == *entity)));
     let message = told[0].error.to_string();
-    assert!(message.contains("70000 Gaussians") && message.contains("1048576"), "{message}");
+    // 70,000 splats of 16 bytes.
+    assert!(message.contains("1120000 bytes") && message.contains("1048576"), "{message}");
     assert_eq!(light(&mut app, &image), 0.0);
     // Another scene is drawn beside it, and nothing is reported twice.
     spawn(&mut app, small_scene(100, 1));
@@ -130,7 +131,7 @@ fn a_decoder_too_large_for_the_device_is_refused() {
                 !failed.is_empty()
             });
             let message = failed[0].error.to_string();
-            let parts = ["style_weights", "1048576", "StyleBackend::Cpu"];
+            let parts = ["weights of a layer", "3147776", "1048576", "StyleBackend::Cpu"];
             assert!(parts.iter().all(|part| message.contains(part)), "{message}");
             assert_eq!(light(&mut app, &image), own);
         }
