@@ -24,13 +24,16 @@ pub(crate) struct RenderWish {
     pub(crate) fade: Duration,
 }
 
+/// A wish and its fade.
+type WishParts = (Entity, &'static ColorWish, Option<&'static StyleTransition>);
+
 /// The wish or its fade changed.
 type WishChanged = Or<(Changed<ColorWish>, Changed<StyleTransition>)>;
 
 /// Copies wishes that came, changed or went. Marks the resource as changed only then.
 pub(super) fn extract_wishes(
     mut wishes: ResMut<RenderWishes>,
-    changed: Extract<Query<(Entity, &ColorWish, Option<&StyleTransition>), WishChanged>>,
+    changed: Extract<Query<WishParts, WishChanged>>,
     all: Extract<Query<(), With<ColorWish>>>,
     mut removed: Extract<RemovedComponents<ColorWish>>,
     mut transitions: Extract<RemovedComponents<StyleTransition>>,

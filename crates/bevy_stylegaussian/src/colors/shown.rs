@@ -10,10 +10,7 @@ use bevy::{
     },
 };
 use stylegaussian::Scene;
-use stylegaussian_gpu::{
-    colors::{GaussianColors, GaussianColorsError},
-    splat::CloudColors,
-};
+use stylegaussian_gpu::{buffers::TooLarge, colors::GaussianColors, splat::CloudColors};
 
 use crate::{reports::Reports, scene::RenderClouds};
 
@@ -142,7 +139,7 @@ impl EntityColors {
         &mut self,
         device: &wgpu::Device,
         index: usize,
-    ) -> Result<&GaussianColors, GaussianColorsError> {
+    ) -> Result<&GaussianColors, TooLarge> {
         let buffer = match self.buffers[index].take() {
             Some(buffer) => buffer,
             None => GaussianColors::new(device, self.scene.as_ref().map_or(0, |scene| scene.len()))?,

@@ -7,8 +7,6 @@ use stylegaussian::{Decoder, Neighbors, Scene, file, scene::SceneError};
 
 use crate::loader::FromFile;
 
-use super::bounds::bounds;
-
 /// A captured scene. It loads from `.sgs` files, from `.ply` files of 3D Gaussian Splatting, and from checkpoints of
 /// StyleGaussian. The content of the file decides its kind, not the name.
 ///
@@ -39,7 +37,8 @@ impl GaussianScene {
         if scene.features.is_some() && !has_lists && has_finite_means(&scene) {
             scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, k));
         }
-        let bounds = scene.validate().map(|()| bounds(&scene));
+        let bounds = scene.validate().map(|()| scene.splat_bounds());
+        let bounds = bounds.map(|bounds| bounds.map(|[min, max]| Aabb::from_min_max(min, max)));
         let decoder = scene.decoder.clone().map(Arc::new);
         Self { scene: Arc::new(scene), decoder, bounds }
     }

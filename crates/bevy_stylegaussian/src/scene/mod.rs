@@ -14,7 +14,6 @@ use crate::{loader::FileLoader, reports::Reports, systems::StyleGaussianSystems}
 
 mod asset;
 mod attach;
-mod bounds;
 mod extract;
 mod failure;
 mod gpu;

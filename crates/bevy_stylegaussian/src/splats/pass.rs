@@ -71,7 +71,7 @@ pub(super) fn draw_splats(
         diagnostics: diagnostics.as_deref(),
     };
     let span = gpu.diagnostics.time_span(gpu.encoder, "splat_project_and_sort");
-    let prepared = ready.passes.splat.prepare(
+    let sorted = ready.passes.splat.project_and_sort(
         gpu.device,
         gpu.queue,
         gpu.encoder,
@@ -81,7 +81,7 @@ pub(super) fn draw_splats(
         &plan.settings,
     );
     span.end(gpu.encoder);
-    if let Err(error) = prepared {
+    if let Err(error) = sorted {
         refuse(splats, &reports, &error.to_string());
         return;
     }
