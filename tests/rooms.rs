@@ -1,9 +1,10 @@
-//! The rooms of the crates: which module may import which. Sources are read as text, so the rule needs no build.
+//! The rooms of the crates: which module may import which, and how large a circle of imports may be. Sources are read as
+//! text, so the rules need no build.
 //!
 //! ARCHITECTURE.md has the reasons. In short: styling and drawing do not know of one another, they meet in the colors.
 
 use std::{
-    collections::BTreeSet,
+    collections::{BTreeMap, BTreeSet},
     fs,
     path::{Path, PathBuf},
 };
@@ -51,6 +52,8 @@ fn crate_paths(source: &str, module: &[&str]) -> BTreeSet<ModulePath> {
     while at < tokens.len() {
         let mut root: Vec<String> = module.iter().map(ToString::to_string).collect();
         let start = at;
+        // The reach of a visibility, as in `pub(in crate::file)`, is no import.
+        let is_visibility = at > 0 && tokens[at - 1] == "in";
         while tokens[at..].starts_with(&["super".into(), "::".into()]) {
             root.pop();
             at += 2;
@@ -59,10 +62,10 @@ fn crate_paths(source: &str, module: &[&str]) -> BTreeSet<ModulePath> {
             root.clear();
             at += 2;
         }
-        if at > start {
+        if at > start && !is_visibility {
             at = tree_paths(&tokens, at, &root, &mut paths);
         } else {
-            at += 1;
+            at = at.max(start + 1);
         }
     }
     paths
@@ -242,6 +245,7 @@ fn imports_are_found_however_they_are_written() {
         "use super::splats::pass;",
         "use stylegaussian_gpu::splats;",
         "use crate::colors::splats;",
+        "pub(in crate::splats) fn f() {}",
         "use crate::scene::{LoadedScene as splats, GpuScenes};",
         "const QUOTE: char = '\"'; const RAW: &str = r#\"use crate::splats;\"#;",
     ] {
@@ -252,4 +256,154 @@ fn imports_are_found_however_they_are_written() {
     let names = |names: [&str; 3]| BTreeSet::from(names.map(String::from));
     assert_eq!(rooms(source, &["style"], &[]), names(["colors", "scene", "event"]));
     assert_eq!(found(source), names(["colors", "scene", "style"]));
+}
+
+/// The most files that may import one another in a circle. Two or three are a module and its parts; more is a room whose
+/// parts cannot be read alone.
+const LARGEST_CIRCLE: usize = 5;
+
+/// Folders of the crates that have more than a few files.
+const CRATES: [&str; 7] = [
+    PLUGIN,
+    GPU,
+    MODEL,
+    "crates/stylegaussian_encoder/src",
+    "crates/stylegaussian_train/src",
+    "crates/stylegaussian_cli/src",
+    "crates/stylegaussian_bench/src",
+];
+
+/// Paths that a file names relative to itself: those that begin with one of its own modules, as in `pub use wish::Wish`.
+fn child_paths(source: &str, module: &[&str]) -> BTreeSet<ModulePath> {
+    let tokens = tokens(source);
+    let children: BTreeSet<&String> = tokens
+        .windows(3)
+        .filter(|window| window[0] == "mod" && window[2] == ";")
+        .map(|window| &window[1])
+        .collect();
+    let root: Vec<String> = module.iter().map(ToString::to_string).collect();
+    let mut paths = BTreeSet::new();
+    for at in 0..tokens.len() {
+        let is_path = tokens.get(at + 1).is_some_and(|token| token == "::");
+        let begins = at == 0 || tokens[at - 1] != "::";
+        if is_path && begins && children.contains(&tokens[at]) {
+            tree_paths(&tokens, at, &root, &mut paths);
+        }
+    }
+    paths
+}
+
+/// The files of a crate by module path, tests left out: they may look at everything.
+fn modules_of(sources: &Path) -> BTreeMap<ModulePath, PathBuf> {
+    let mut modules = BTreeMap::new();
+    let mut folders = vec![(sources.to_owned(), Vec::new())];
+    while let Some((folder, module)) = folders.pop() {
+        for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let mut inner = module.clone();
+            if !["mod", "lib", "main"].contains(&stem.as_str()) {
+                inner.push(stem.clone());
+            }
+            if stem == "tests" || stem == "testing" {
+                continue;
+            } else if path.is_dir() {
+                folders.push((path, inner));
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                modules.insert(inner, path);
+            }
+        }
+    }
+    modules
+}
+
+/// For each module the modules that it imports.
+fn imports_of(sources: &BTreeMap<ModulePath, String>) -> BTreeMap<ModulePath, BTreeSet<ModulePath>> {
+    let file_of = |path: &ModulePath| {
+        let prefixes = (1..=path.len()).rev().map(|n| path[..n].to_vec());
+        prefixes.into_iter().find(|prefix| sources.contains_key(prefix))
+    };
+    let imports = |(module, source): (&ModulePath, &String)| {
+        // Tests at a file's end may import what the file itself must not.
+        let source = source.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
+        let names: Vec<&str> = module.iter().map(String::as_str).collect();
+        let mut paths = crate_paths(source, &names);
+        paths.extend(child_paths(source, &names));
+        let files = paths.iter().filter_map(file_of).filter(|file| file != module);
+        (module.clone(), files.collect())
+    };
+    sources.iter().map(imports).collect()
+}
+
+/// The modules that can be reached from `start` by imports.
+fn reachable(
+    start: &ModulePath,
+    imports: &BTreeMap<ModulePath, BTreeSet<ModulePath>>,
+) -> BTreeSet<ModulePath> {
+    let mut found = BTreeSet::new();
+    let mut next = vec![start];
+    while let Some(module) = next.pop() {
+        for import in imports.get(module).into_iter().flatten() {
+            if found.insert(import.clone()) {
+                next.push(import);
+            }
+        }
+    }
+    found
+}
+
+/// Groups of modules that import one another, directly or through others.
+fn circles(imports: &BTreeMap<ModulePath, BTreeSet<ModulePath>>) -> BTreeSet<BTreeSet<ModulePath>> {
+    let reach: BTreeMap<&ModulePath, BTreeSet<ModulePath>> =
+        imports.keys().map(|module| (module, reachable(module, imports))).collect();
+    let circle = |(module, reached): (&&ModulePath, &BTreeSet<ModulePath>)| -> BTreeSet<ModulePath> {
+        reached
+            .iter()
+            .filter(|other| reach.get(other).is_some_and(|back| back.contains(*module)))
+            .cloned()
+            .collect()
+    };
+    reach.iter().map(circle).filter(|circle| circle.len() > 1).collect()
+}
+
+#[test]
+fn no_circle_of_imports_is_large() {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut large = Vec::new();
+    for folder in CRATES {
+        let modules = modules_of(&repository.join(folder));
+        assert!(!modules.is_empty(), "{folder} has no sources");
+        let read =
+            |(module, path): (&ModulePath, &PathBuf)| (module.clone(), fs::read_to_string(path).unwrap());
+        let imports = imports_of(&modules.iter().map(read).collect());
+        for circle in circles(&imports) {
+            let names: Vec<String> = circle.iter().map(|module| module.join("::")).collect();
+            println!("{folder}: {}", names.join(", "));
+            if circle.len() > LARGEST_CIRCLE {
+                large.push(format!(
+                    "{folder}: {} files import one another: {}",
+                    circle.len(),
+                    names.join(", ")
+                ));
+            }
+        }
+    }
+    assert!(large.is_empty(), "{}", large.join("\n"));
+}
+
+/// A made-up crate in which `a` imports its part `a::b`, that imports `c`, and that imports `a`.
+#[test]
+fn a_circle_is_found_through_parts_and_parents() {
+    let path = |text: &str| -> ModulePath { text.split("::").map(String::from).collect() };
+    let sources = |c: &str| {
+        BTreeMap::from([
+            (path("a"), "mod b;\npub use b::B;".to_owned()),
+            (path("a::b"), "use crate::{c::C, d};".to_owned()),
+            (path("c"), c.to_owned()),
+            (path("d"), "#[cfg(test)]\nmod tests {\n    use crate::a::B;\n}".to_owned()),
+        ])
+    };
+    let found = circles(&imports_of(&sources("use super::a::B;")));
+    assert_eq!(found, BTreeSet::from([BTreeSet::from(["a", "a::b", "c"].map(path))]));
+    assert!(circles(&imports_of(&sources("use crate::d::D;"))).is_empty());
 }
