@@ -1,7 +1,7 @@
 //! Colors: the meeting place of styling and drawing.
 //!
 //! An entity's [`ColorWish`] says which colors its splats should have. It is extracted to the render world
-//! ([`extract`]), where [`ShownColors`] holds what is on the GPU and fades from the old colors to the new ([`fade`]).
+//! ([`extract`]), and [`ShownColors`] holds the colors on the GPU and fades from the old colors to the new ([`fade`]).
 //! Captured and known colors are applied here ([`shown`]); folded styles are decoded by the style pass, which reports back
 //! through [`ColorReport`]. The splat pass reads `ShownColors` and knows nothing of styles.
 

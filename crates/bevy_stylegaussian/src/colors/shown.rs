@@ -64,6 +64,7 @@ pub(crate) fn update_colors(
         let shown = match &wished.wish.source {
             ColorSource::Captured => Ok(None),
             ColorSource::Rgb(rgb) => colors.upload(device.wgpu_device(), &queue, rgb, wished.fade).map(Some),
+            // The old colors stay until the style pass has decoded the new ones.
             ColorSource::Folded(_) => continue,
         };
         match shown {

@@ -8,7 +8,7 @@ use stylegaussian_gpu::style::{FoldedLayers, StyleInputs};
 /// The colors that an entity's splats should have. Entities without it have the captured colors.
 #[derive(Component, Clone, Default)]
 pub(crate) struct ColorWish {
-    /// Number of changes so far. It tells an outdated answer of the render world from a current one.
+    /// Number of changes so far. An answer of the render world to an earlier generation is ignored.
     pub(crate) generation: u64,
     pub(crate) source: ColorSource,
 }

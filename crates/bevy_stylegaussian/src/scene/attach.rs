@@ -105,7 +105,7 @@ pub(super) fn attach_scenes(
     }
 }
 
-/// Sends a failure for each entity that waits for an asset whose load failed.
+/// Sends a failure for each entity that waits for an asset that failed to load.
 pub(super) fn report_failed_loads(
     mut events: MessageReader<AssetLoadFailedEvent<GaussianScene>>,
     splats: Query<(Entity, &GaussianSplats)>,

@@ -81,6 +81,7 @@ pub(super) fn draw_splats(
         &plan.settings,
     );
     span.end(gpu.encoder);
+    // The span is ended before an early return: one that is left open would be logged as an error.
     if let Err(error) = sorted {
         refuse(splats, &reports, &error.to_string());
         return;

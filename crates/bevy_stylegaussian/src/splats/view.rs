@@ -49,7 +49,7 @@ pub(super) struct ViewSplats {
     /// Whether it was reported that the device cannot draw all that the view sees.
     pub(super) refused: bool,
     layer: Option<(Arc<Layer>, CompositeInput)>,
-    /// The tonemapping whose inverse table is bound, or `None` if none is needed.
+    /// The tonemapping of the bound inverse table, or `None` if none is needed.
     inverted: Option<splat::Tonemapping>,
     /// The exposure that was written to `CompositeInput`, in stops.
     exposure: f32,

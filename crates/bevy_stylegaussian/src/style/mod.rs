@@ -74,7 +74,7 @@ impl Plugin for StylePlugin {
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app.init_gpu_resource::<pass::StylePasses>().add_systems(
                 RenderGraph,
-                // Wishes for captured colors come first: they free the scene for the style of another entity.
+                // `update_colors` makes the entries that styles are decoded into, and drops those of replaced scenes.
                 pass::decode_styles.after(update_colors).before(camera_driver),
             );
         }

@@ -182,6 +182,7 @@ impl StylePasses {
             }
         };
         let styled = &mut self.scenes[index];
+        // Taken out, so that an error on the way drops it.
         let mut under_way = match styled.under_way.take() {
             Some(under_way) if under_way.entity == wish.entity => under_way,
             Some(of_another) => {

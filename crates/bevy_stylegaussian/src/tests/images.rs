@@ -66,7 +66,7 @@ fn small_encoder(seed: u64) -> Vec<u8> {
     ChainWriter::new(3).reflect().convolution(&convolution, 0).relu().finish()
 }
 
-/// An app whose encoder is an asset in a folder, with one entity in the style of an image.
+/// An app with an encoder asset in a folder, and one entity in the style of an image.
 struct Painted {
     app: App,
     folder: tempfile::TempDir,
