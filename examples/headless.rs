@@ -1,5 +1,5 @@
-//! Pictures without a window: once around the demo scene, as captured and then in every shipped style, and a sheet that
-//! shows each look beside its painting.
+//! Images without a window: a turntable of the demo scene, as captured and in every shipped style, and a contact sheet that
+//! shows each style beside its painting.
 //!
 //! ```sh
 //! cargo run --release --example headless [OUT_DIR]    # default: out/demo
@@ -14,7 +14,8 @@ use bevy::{
     window::ExitCondition, winit::WinitPlugin,
 };
 use bevy_stylegaussian::{
-    GaussianScene, GaussianSplats, SceneFailed, StyleApplied, StyleFailed, StyleGaussianPlugin, StyleSource,
+    GaussianScene, GaussianSceneFailed, GaussianSplats, StyleApplied, StyleFailed, StyleGaussianPlugin,
+    StyleSource,
 };
 use image::{RgbImage, imageops};
 
@@ -22,7 +23,7 @@ use image::{RgbImage, imageops};
 mod backdrop;
 
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
-/// One word on each look: the scene's own, then the shipped styles.
+/// The captured colors, then the shipped styles.
 const LOOKS: [&str; 9] =
     ["captured", "cubist", "dots", "halftone", "ink", "mosaic", "print", "strokes", "watercolor"];
 const FRAMES_PER_LOOK: usize = 5;
@@ -37,7 +38,7 @@ fn main() -> Result<()> {
     let target = Image::new_target_texture(960, 540, TextureFormat::Rgba8UnormSrgb, None);
     let target = app.world_mut().resource_mut::<Assets<Image>>().add(target);
     let (lens, film) = (PerspectiveProjection { fov: 0.66, ..default() }, RenderTarget::from(target.clone()));
-    // Splats have soft edges: more samples than one would change nothing but the time they take.
+    // Splats have soft edges, so multisampling would only take more time.
     let camera = (Camera3d::default(), film, Projection::from(lens), Msaa::Off, Tonemapping::None);
     let camera = app.world_mut().spawn(camera).id();
     let scene: Handle<GaussianScene> = assets.load("demo.sgs");
@@ -60,7 +61,7 @@ fn main() -> Result<()> {
         step(&mut app)?;
         println!("{:>3} of {N_FRAMES}: {}", frame + 1, LOOKS[look]);
     }
-    // The last pictures come back from the GPU a few frames late.
+    // The last images arrive from the GPU a few frames late.
     while app.world_mut().query::<&screenshot::Screenshot>().iter(app.world()).next().is_some() {
         step(&mut app)?;
     }
@@ -69,14 +70,14 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Everything but a window and its events.
+/// An app without a window and its events.
 fn windowless_app() -> App {
     let window = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
     let files = AssetPlugin { file_path: ASSETS.into(), ..default() };
     let mut app = App::new();
-    // Every frame is kept: none may go without what is still being compiled.
+    // Every frame is saved, so none may be drawn without a pipeline that is still being compiled.
     let drawing = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
-    let splats = StyleGaussianPlugin { synchronous_pipeline_compilation: true, ..default() };
+    let splats = StyleGaussianPlugin { synchronous_pipeline_compilation: true };
     app.add_plugins((DefaultPlugins.set(window).set(files).set(drawing).disable::<WinitPlugin>(), splats));
     app.add_systems(Startup, backdrop::spawn);
     while app.plugins_state() == PluginsState::Adding {
@@ -87,11 +88,11 @@ fn windowless_app() -> App {
     app
 }
 
-/// Draws one frame; says whether a style was applied in it.
+/// Draws one frame. Returns whether a style was applied in it.
 fn step(app: &mut App) -> Result<bool> {
     app.update();
     let world = app.world_mut();
-    if let Some(failed) = world.resource_mut::<Messages<SceneFailed>>().drain().next() {
+    if let Some(failed) = world.resource_mut::<Messages<GaussianSceneFailed>>().drain().next() {
         bail!("{}", failed.error);
     } else if let Some(failed) = world.resource_mut::<Messages<StyleFailed>>().drain().next() {
         bail!("{}", failed.error);
@@ -100,7 +101,7 @@ fn step(app: &mut App) -> Result<bool> {
     app.should_exit().map_or(Ok(is_applied), |exit| bail!("the renderer gave up: {exit:?}"))
 }
 
-/// The middle frame of each look, its painting beside it, in three columns.
+/// The middle frame of each style with its painting beside it, in three columns.
 fn contact_sheet(out: &Path) -> Result<RgbImage> {
     let mut sheet = RgbImage::from_pixel(3 * 764 + 8, 3 * 278 + 8, image::Rgb([22, 27, 38]));
     let mut paste = |path: &Path, width: u32, x: i64, y: i64| -> Result<()> {

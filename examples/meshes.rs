@@ -1,6 +1,6 @@
-//! Splats among meshes: lit cubes that circle in front of a styled scene, behind it and through it. What is nearer covers
-//! what is farther, on both sides. A pane of glass in front tints what is behind it; as splats leave no depth behind,
-//! transparent meshes are always drawn over them.
+//! Splats among meshes: lit cubes circle in front of a styled scene, behind it and through it. Cubes cover splats behind
+//! them, and splats cover cubes. A pane of glass in front tints the scene. Splats write no depth, so transparent meshes are
+//! always drawn over them.
 //!
 //! ```sh
 //! cargo run --release --example meshes
@@ -9,24 +9,24 @@
 use std::f32::consts::TAU;
 
 use bevy::prelude::*;
-use bevy_stylegaussian::{GaussianSplats, StyleGaussianPlugin, StyleSource};
+use bevy_stylegaussian::prelude::*;
 
 #[path = "backdrop/mod.rs"]
 mod backdrop;
 
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
 
-/// A circle around the scene's middle that an entity follows.
+/// A circle around the middle of the scene that an entity follows.
 #[derive(Component)]
 struct Circle {
-    /// In scene units; the scene's own radius is about 4.6.
+    /// In scene units. The scene's radius is about 4.6.
     radius: f32,
     height: f32,
-    /// Against the horizontal, in radians.
+    /// Angle to the horizontal, in radians.
     tilt: f32,
-    /// Rounds per second.
+    /// Revolutions per second.
     speed: f32,
-    /// Where it begins, in rounds.
+    /// Start, in revolutions.
     start: f32,
 }
 

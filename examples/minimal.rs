@@ -1,11 +1,11 @@
-//! The least that shows a styled scene: the plugin, a camera, and one entity.
+//! The shortest app that shows a styled scene: the plugin, a camera, and one entity.
 //!
 //! ```sh
 //! cargo run --release --example minimal
 //! ```
 
 use bevy::prelude::*;
-use bevy_stylegaussian::{GaussianSplats, StyleGaussianPlugin, StyleSource};
+use bevy_stylegaussian::prelude::*;
 
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
 

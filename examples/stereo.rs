@@ -1,7 +1,6 @@
-//! Two eyes side by side. Both look straight ahead, parallel; what lies at the distance of the screen is brought together
-//! by asymmetric frusta, as headsets and good stereo pictures do it, not by turning the eyes. Look at the left picture
-//! with the left eye and at the right one with the right eye. Parallel eyes see every splat at the same depth, so both blend
-//! them in the same order.
+//! Two eyes side by side. Both look straight ahead. Asymmetric frusta, as in headsets, make their images agree at the
+//! distance of the screen; the eyes are not turned. Look at the left image with the left eye and at the right one with the
+//! right eye. Parallel eyes see every splat at the same depth, so both blend splats in the same order.
 //!
 //! ```sh
 //! cargo run --release --example stereo
@@ -13,31 +12,31 @@ use bevy::{
     math::Vec3A,
     prelude::*,
 };
-use bevy_stylegaussian::{GaussianSplats, StyleGaussianPlugin, StyleSource};
+use bevy_stylegaussian::prelude::*;
 
 #[path = "backdrop/mod.rs"]
 mod backdrop;
 
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
 
-/// Between the eyes, in scene units: a thirtieth of the way to the screen is comfortable.
+/// Distance between the eyes, in scene units. A thirtieth of the distance to the screen is comfortable.
 const EYE_DISTANCE: f32 = 0.4;
-/// From the eyes to the plane that both see at the same place of their pictures.
+/// Distance to the screen: the plane that both eyes see at the same place of their images.
 const SCREEN_DISTANCE: f32 = 12.0;
 
-/// A perspective whose axis is off the picture's middle. All but `near` are tangents: lengths at distance 1.
+/// An off-axis perspective projection. All but `near` are tangents: lengths at distance 1.
 #[derive(Clone, Debug)]
 pub struct OffAxis {
-    /// Half the picture's width and height.
+    /// Half of the image's width and height.
     pub half_size: Vec2,
-    /// Where the picture's middle is seen from the eye.
+    /// Direction from the eye to the middle of the image.
     pub middle: Vec2,
-    /// The distance of what is nearest.
+    /// Distance of the near plane.
     pub near: f32,
 }
 
 impl CameraProjection for OffAxis {
-    /// Reverse z, without a far plane, as Bevy's own perspective.
+    /// Reverse z without a far plane, like Bevy's own perspective.
     fn get_clip_from_view(&self) -> Mat4 {
         let (scale, shift) = (self.half_size.recip(), self.middle / self.half_size);
         Mat4::from_cols(
@@ -102,7 +101,7 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     });
 }
 
-/// Gives each eye its half of the window, whatever its size.
+/// Gives each eye its half of the window.
 fn place_eyes(mut eyes: Query<&mut Camera>, window: Single<&Window>) {
     let physical_size = (window.physical_size() / UVec2::new(2, 1)).max(UVec2::ONE);
     for mut eye in &mut eyes {

@@ -1,5 +1,5 @@
-//! A scene restyled at the press of a key: 1 to 8 for the shipped styles, 0 for none. The old look stays until the new one
-//! is complete, then fades into it.
+//! A scene restyled at the press of a key: 1 to 8 for the shipped styles, 0 for none. The old colors stay until the new ones
+//! are complete, then fade into them.
 //!
 //! ```sh
 //! cargo run --release --example switch_style
@@ -8,16 +8,14 @@
 use std::time::Duration;
 
 use bevy::{core_pipeline::tonemapping::Tonemapping, prelude::*};
-use bevy_stylegaussian::{
-    GaussianSplats, StyleApplied, StyleFailed, StyleGaussianPlugin, StyleSource, StyleTransition,
-};
+use bevy_stylegaussian::prelude::*;
 
 #[path = "backdrop/mod.rs"]
 mod backdrop;
 
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
 
-/// The keys, and the styles in `assets/styles` that they apply.
+/// The keys and their styles in `assets/styles`.
 const STYLES: [(KeyCode, &str); 8] = [
     (KeyCode::Digit1, "cubist"),
     (KeyCode::Digit2, "dots"),
@@ -58,7 +56,7 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     ));
 }
 
-/// Changing the component is all that restyling takes.
+/// Restyles the scene: changing the component is enough.
 fn switch(mut source: Single<&mut StyleSource>, keys: Res<ButtonInput<KeyCode>>, assets: Res<AssetServer>) {
     if keys.just_pressed(KeyCode::Digit0) {
         **source = StyleSource::none();

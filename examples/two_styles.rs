@@ -1,12 +1,12 @@
-//! One scene shown twice, in two styles. Both entities share the scene, in main memory and on the GPU: all that the second
-//! one adds is its colors, 8 bytes per Gaussian.
+//! One scene shown twice, in two styles. Both entities share the scene, in main memory and on the GPU. The second one adds
+//! only its colors, 8 bytes per Gaussian.
 //!
 //! ```sh
 //! cargo run --release --example two_styles
 //! ```
 
 use bevy::{core_pipeline::tonemapping::Tonemapping, prelude::*};
-use bevy_stylegaussian::{GaussianSplats, StyleGaussianPlugin, StyleSource};
+use bevy_stylegaussian::prelude::*;
 
 #[path = "backdrop/mod.rs"]
 mod backdrop;

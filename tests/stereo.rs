@@ -1,13 +1,14 @@
-//! The example `stereo`: what an eye sees in its half of a picture is what it sees alone.
+//! The example `stereo`: an eye sees the same in its half of an image as alone.
 
 #[expect(dead_code, reason = "an example is a program; its projection is what is tested")]
 #[path = "../examples/stereo.rs"]
 mod stereo;
-#[path = "../crates/bevy_stylegaussian/tests/world/mod.rs"]
+#[path = "../crates/bevy_stylegaussian/src/tests/world/mod.rs"]
 mod world;
 
 use bevy::{camera::Viewport, core_pipeline::tonemapping::Tonemapping, prelude::*};
-use bevy_stylegaussian::{GaussianSplats, StyleBackend};
+// `world` is written for the plugin's own tests and finds these names in its crate.
+use bevy_stylegaussian::{GaussianScene, GaussianSplats, StyleBackend, StyleGaussianPlugin, StyleStatistics};
 use stereo::OffAxis;
 use world::{add_scene, rendering::*, small_scene};
 

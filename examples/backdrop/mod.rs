@@ -1,13 +1,13 @@
-//! A sky for the examples: a large sphere around everything, whose color fades from below the horizon to above it.
+//! A sky for the examples: a large sphere with a vertical color gradient.
 
 use bevy::{
     asset::RenderAssetUsages, camera::visibility::NoFrustumCulling, mesh::VertexAttributeValues, prelude::*,
 };
 
-/// In scene units: beyond anything that the examples show.
+/// Radius of the sphere in scene units, larger than everything in the examples.
 const RADIUS: f32 = 400.0;
 
-/// sRGB colors at heights of the unit sphere, from straight down to straight up.
+/// sRGB colors by height on the unit sphere, from -1 (down) to 1 (up).
 const FADE: [(f32, Vec3); 5] = [
     (-1.0, Vec3::new(0.17, 0.23, 0.34)),
     (-0.55, Vec3::new(0.29, 0.39, 0.52)),
@@ -16,7 +16,7 @@ const FADE: [(f32, Vec3); 5] = [
     (1.0, Vec3::new(0.36, 0.55, 0.78)),
 ];
 
-/// A startup system. A camera with `Tonemapping::None` shows the sky's colors as they stand here.
+/// A startup system that spawns the sky. A camera with `Tonemapping::None` shows exactly these colors.
 pub fn spawn(
     mut commands: Commands,
     mut meshes: ResMut<Assets<Mesh>>,
@@ -31,7 +31,7 @@ pub fn spawn(
     commands.spawn((Mesh3d(meshes.add(mesh)), MeshMaterial3d(materials.add(material)), NoFrustumCulling));
 }
 
-/// The linear color at a height of the unit sphere.
+/// The linear color at a height on the unit sphere.
 fn color_at(height: f32) -> [f32; 4] {
     let above = FADE.iter().position(|&(stop, _)| height < stop).unwrap_or(FADE.len() - 1).max(1);
     let ((low, from), (high, to)) = (FADE[above - 1], FADE[above]);

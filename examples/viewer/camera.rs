@@ -13,18 +13,18 @@ use bevy_egui::{PrimaryEguiContext, input::EguiWantsInput};
 
 use crate::{panel::Panel, scene::ShownScene};
 
-/// Full vertical angle of view, in radians: about a 60 mm lens.
+/// Vertical angle of view in radians, about that of a 60 mm lens.
 const FIELD_OF_VIEW: f32 = 0.7;
-/// Radians per point that the cursor moves.
+/// Radians per point of cursor movement.
 const TURN: f32 = 0.006;
-/// Part of the distance that one step of the wheel goes.
+/// Share of the distance covered by one step of the wheel.
 const ZOOM: f32 = 0.12;
-/// Part of the distance that flying covers per second.
+/// Share of the distance covered per second of flying.
 const SPEED: f32 = 0.5;
-/// A slower frame counts as this long, in seconds, so that nobody flies past everything in one.
+/// Longest time step in seconds: a slower frame counts as this long, so that flying never jumps past the scene.
 const LONGEST_STEP: f32 = 0.25;
 
-/// Where the camera is: at `distance` from `target`, to the side that `yaw` and `pitch` (radians) say.
+/// Position of the camera: at `distance` from `target`, in the direction given by `yaw` and `pitch` (radians).
 #[derive(Component, Clone, Default)]
 pub struct Orbit {
     target: Vec3,
@@ -34,7 +34,7 @@ pub struct Orbit {
 }
 
 impl Orbit {
-    /// Shows all of a scene, a little from above.
+    /// Shows the whole scene, slightly from above.
     pub fn frame(&mut self, scene: &ShownScene) {
         let (center, radius) = scene.extent;
         let distance = 0.85 * radius / (0.5 * FIELD_OF_VIEW).sin();
@@ -56,12 +56,12 @@ impl Orbit {
     }
 }
 
-/// One camera for the scene, in the part of the window that the panel leaves, and one over it for the panel.
+/// Spawns a camera for the scene, beside the panel, and one over it for the panel.
 pub fn spawn(mut commands: Commands) {
     commands.spawn((
         Camera3d::default(),
         Projection::from(PerspectiveProjection { fov: FIELD_OF_VIEW, near: 0.02, ..default() }),
-        // Splats have soft edges and nothing else here has any: more samples would change nothing but the time they take.
+        // Splats have soft edges and nothing else is drawn, so multisampling would only take more time.
         Msaa::Off,
         Tonemapping::None,
         Orbit { distance: 10.0, ..default() },
@@ -83,7 +83,7 @@ pub fn spawn(mut commands: Commands) {
     ));
 }
 
-/// Left: orbit. Right: look around. Middle: pan. Wheel: zoom. What begins on the panel is none of the camera's business.
+/// Left button: orbit. Right: look around. Middle: pan. Wheel: zoom. Drags that begin on the panel are ignored.
 #[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub fn drag(
     buttons: Res<ButtonInput<MouseButton>>,
@@ -101,10 +101,10 @@ pub fn drag(
         let pixels_per_step = if scroll.unit == MouseScrollUnit::Pixel { 40.0 } else { 1.0 };
         orbit.distance *= (-ZOOM * scroll.delta.y / pixels_per_step).exp();
     }
-    // The cursor's way and not the mouse's own, which remote desktops do not tell.
+    // Movement of the cursor, since remote desktops do not report raw mouse movement.
     let motion: Vec2 = motion.read().filter_map(|moved| moved.delta).sum();
     if buttons.get_just_pressed().next().is_some() {
-        // In a slow frame the way to where the button went down is in this motion, too.
+        // In a slow frame, this motion includes the way to the place of the click.
         *began_on_picture = is_on_picture;
         return;
     }
@@ -123,7 +123,7 @@ pub fn drag(
     }
 }
 
-/// W A S D in the direction of view, Q and E down and up, Shift for haste; F for the whole scene.
+/// Flies: W A S D in the direction of view, Q and E down and up, Shift faster. F shows the whole scene.
 pub fn fly(
     keys: Res<ButtonInput<KeyCode>>,
     time: Res<Time>,
@@ -143,7 +143,7 @@ pub fn fly(
     }
 }
 
-/// Puts the camera where it is to be, and its picture beside the panel.
+/// Places the camera, and its viewport beside the panel.
 pub fn place(
     camera: Single<(&Orbit, &mut Transform, &mut Camera)>,
     window: Single<&Window>,

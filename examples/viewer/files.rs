@@ -1,4 +1,4 @@
-//! Files that come in: from the command line, dropped on the window, or named in the panel.
+//! Files to open: from the command line, dropped on the window, or named in the panel.
 
 use std::path::{Path, PathBuf, absolute};
 
@@ -6,14 +6,14 @@ use bevy::{prelude::*, window::FileDragAndDrop};
 
 use crate::{panel::Notice, scene::ShownScene, styles::Styles};
 
-/// What the command line names.
+/// The files on the command line.
 #[derive(Resource)]
 pub struct CommandLine {
     pub scene: PathBuf,
     pub styles: Vec<PathBuf>,
 }
 
-/// A file is to be opened, whatever it is.
+/// A request to open a file of any kind.
 #[derive(Message)]
 pub struct OpenFile(pub PathBuf);
 
@@ -22,7 +22,7 @@ enum Kind {
     Style,
 }
 
-/// What a file is, by its name.
+/// The kind of a file by its name, or `None` if it is unknown.
 fn kind(path: &Path) -> Option<Kind> {
     let name = path.file_name()?.to_str()?.to_ascii_lowercase();
     if name.ends_with(".style.safetensors") {
@@ -35,7 +35,7 @@ fn kind(path: &Path) -> Option<Kind> {
     }
 }
 
-/// Opens what the command line names: the scene, and its styles in equal parts.
+/// Opens the files on the command line. Several styles are mixed in equal parts.
 pub fn open_arguments(
     arguments: Res<CommandLine>,
     assets: Res<AssetServer>,
@@ -49,7 +49,7 @@ pub fn open_arguments(
     }
 }
 
-/// Opens what is dropped on the window.
+/// Opens files that are dropped on the window.
 pub fn take_dropped(mut drops: MessageReader<FileDragAndDrop>, mut opened: MessageWriter<OpenFile>) {
     for drop in drops.read() {
         if let FileDragAndDrop::DroppedFile { path_buf, .. } = drop {
@@ -58,7 +58,7 @@ pub fn take_dropped(mut drops: MessageReader<FileDragAndDrop>, mut opened: Messa
     }
 }
 
-/// Scenes replace the one that is shown, styles are listed and applied.
+/// Opens files: a scene replaces the present one, a style is listed and applied.
 pub fn open(
     mut opened: MessageReader<OpenFile>,
     assets: Res<AssetServer>,
@@ -84,7 +84,7 @@ pub fn open(
     }
 }
 
-/// The path from the root, as relative ones would be looked for among the app's own files.
+/// The absolute path. The asset server would look for relative ones in the app's own folder.
 fn from_here(path: &Path) -> PathBuf {
     absolute(path).unwrap_or_else(|_| path.to_owned())
 }

@@ -1,14 +1,14 @@
-//! The viewer: any captured scene, restyled with a click.
+//! The viewer: shows any captured scene and restyles it with a click.
 //!
 //! ```sh
 //! cargo run --release --example viewer [SCENE] [STYLE...]    # default: the demo scene, as it was captured
 //! ```
 //!
-//! `SCENE` is a `.sgs` or `.ply` file, a `STYLE` a `.style.safetensors` or a `.jpg` or `.png` image; several are mixed in equal parts. All of them can also be dropped on the window, or opened by
-//! their path in the panel.
+//! `SCENE` is a `.sgs` or `.ply` file. `STYLE` is a `.style.safetensors` file or a `.jpg` or `.png` image; several are mixed
+//! in equal parts. Files can also be dropped on the window, or opened by their path in the panel.
 //!
-//! Left drag orbits, right drag looks around, middle drag pans, the wheel zooms; W A S D fly, Q and E sink and rise, Shift
-//! hastens; F brings the whole scene back. Keys 1 to 8 apply the first eight styles, 0 none; F1 hides the panel.
+//! Left drag orbits, right drag looks around, middle drag pans, the wheel zooms. W A S D fly, Q and E go down and up, Shift
+//! makes it faster, F shows the whole scene. Keys 1 to 8 apply the first eight styles, 0 none. F1 hides the panel.
 
 use std::{env, path::PathBuf};
 
@@ -28,7 +28,7 @@ mod scene;
 mod styles;
 mod tile;
 
-/// The repository's own files.
+/// Folder of the repository's assets.
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
 
 fn main() -> AppExit {
@@ -41,7 +41,7 @@ fn main() -> AppExit {
     }
     let scene = arguments.next().unwrap_or_else(|| PathBuf::from(ASSETS).join("demo.sgs"));
     let window = Window { title: "StyleGaussian".into(), ..default() };
-    // The user's files lie outside of the app's folder.
+    // The user's files are outside of the app's folder.
     let files = AssetPlugin {
         file_path: ASSETS.into(),
         unapproved_path_mode: UnapprovedPathMode::Allow,

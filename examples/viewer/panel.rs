@@ -1,4 +1,4 @@
-//! The panel: styles, mix, files, statistics, and what went wrong.
+//! The panel: styles, mix, files, statistics and errors.
 
 use std::{path::PathBuf, time::Duration};
 
@@ -9,7 +9,7 @@ use bevy::{
     render::renderer::RenderAdapterInfo,
 };
 use bevy_egui::{EguiContexts, EguiTextureHandle, egui};
-use bevy_stylegaussian::{SceneFailed, StyleApplied, StyleBackend, StyleFailed};
+use bevy_stylegaussian::{GaussianSceneFailed, StyleApplied, StyleBackend, StyleFailed};
 use egui::{Color32, ComboBox, Grid, LayerId, RichText, ScrollArea, Slider, TextEdit, Ui, UiBuilder};
 
 use crate::{
@@ -20,7 +20,7 @@ use crate::{
     tile::{self, Picture, Tile},
 };
 
-/// In points: three paintings and what is between them.
+/// Width in points: three paintings and the space between them.
 const WIDTH: f32 = 3.0 * tile::SIZE + 41.0;
 const ERROR: Color32 = Color32::from_rgb(255, 120, 105);
 const DONE: Color32 = Color32::from_rgb(140, 210, 140);
@@ -29,36 +29,36 @@ const DONE: Color32 = Color32::from_rgb(140, 210, 140);
 #[derive(Resource, Default)]
 pub struct Panel {
     is_hidden: bool,
-    /// Hidden for the sake of a picture.
+    /// Hidden in the next frame, for a screenshot.
     is_omitted: bool,
-    /// What is written in the field for a path.
+    /// Text of the path field.
     path: String,
 }
 
 impl Panel {
-    /// The part of the window that it takes, in points.
+    /// Width of the panel in the window, in points. 0 if it is hidden.
     pub fn width(&self) -> f32 {
         if self.is_hidden || self.is_omitted { 0.0 } else { WIDTH }
     }
 
-    /// Leaves it out of the next frame.
+    /// Hides it in the next frame.
     pub fn omit_once(&mut self) {
         self.is_omitted = true;
     }
 }
 
-/// The last thing to tell: an error, or that something was saved.
+/// The last message: an error, or the path of a saved file.
 #[derive(Resource, Default)]
 pub struct Notice(Option<Result<String, String>>);
 
 impl Notice {
-    /// Says what went wrong.
+    /// Shows and logs an error.
     pub fn fail(&mut self, error: String) {
         error!("{error}");
         self.0 = Some(Err(error));
     }
 
-    /// Says where something was saved, or why not.
+    /// Shows the path of a saved file, or the error.
     pub fn tell_saved(&mut self, saved: Result<PathBuf, String>) {
         match saved {
             Ok(path) => self.0 = Some(Ok(format!("Saved {}", path.display()))),
@@ -66,28 +66,28 @@ impl Notice {
         }
     }
 
-    /// Nothing to tell.
+    /// Removes the message.
     pub fn clear(&mut self) {
         self.0 = None;
     }
 }
 
-/// The change of style: the one under way, and the last one.
+/// The change of style under way, and the last one.
 #[derive(Resource, Default)]
 pub struct Transfer {
-    /// Whether a style was asked for that is not shown yet.
+    /// Whether a style was requested that is not shown yet.
     pub is_under_way: bool,
-    /// How long the last one took, and where it was computed.
+    /// Duration and backend of the last change.
     pub last: Option<(Duration, StyleBackend)>,
 }
 
-/// Notes how long a style took, and that an earlier error no longer holds.
+/// Records the duration of a style, and clears an earlier error.
 pub fn note_applied(applied: On<StyleApplied>, mut transfer: ResMut<Transfer>, mut notice: ResMut<Notice>) {
     *transfer = Transfer { is_under_way: false, last: Some((applied.elapsed, applied.backend)) };
     notice.clear();
 }
 
-/// Shows why a style could not be applied.
+/// Shows the error of a style.
 pub fn note_failed_style(
     failed: On<StyleFailed>,
     mut transfer: ResMut<Transfer>,
@@ -97,19 +97,19 @@ pub fn note_failed_style(
     notice.fail(failed.error.to_string());
 }
 
-/// Shows why a scene cannot be drawn.
-pub fn note_failed_scene(failed: On<SceneFailed>, mut notice: ResMut<Notice>) {
+/// Shows the error of a scene.
+pub fn note_failed_scene(failed: On<GaussianSceneFailed>, mut notice: ResMut<Notice>) {
     notice.fail(failed.error.to_string());
 }
 
-/// F1 hides the panel and brings it back.
+/// F1 hides and shows the panel.
 pub fn toggle(keys: Res<ButtonInput<KeyCode>>, mut panel: ResMut<Panel>) {
     if keys.just_pressed(KeyCode::F1) {
         panel.is_hidden = !panel.is_hidden;
     }
 }
 
-/// All that the panel shows and changes.
+/// Everything that the panel shows and changes.
 #[derive(SystemParam)]
 pub struct Shown<'w> {
     panel: ResMut<'w, Panel>,
@@ -124,7 +124,7 @@ pub struct Shown<'w> {
     saved: MessageWriter<'w, Save>,
 }
 
-/// Draws the panel at the window's left.
+/// Draws the panel at the left of the window.
 pub fn draw(mut contexts: EguiContexts, mut shown: Shown, images: Res<Assets<Image>>) -> Result {
     if std::mem::take(&mut shown.panel.is_omitted) || shown.panel.is_hidden {
         return Ok(());
@@ -141,7 +141,7 @@ pub fn draw(mut contexts: EguiContexts, mut shown: Shown, images: Res<Assets<Ima
         })
         .collect();
     let ctx = contexts.ctx_mut()?;
-    // A click however long it takes: where software draws, a press and its release may be slow frames apart.
+    // No limit to the duration of a click: with software rendering, press and release may be several slow frames apart.
     ctx.options_mut(|options| options.input_options.max_click_duration = f64::INFINITY);
     let whole = UiBuilder::new().layer_id(LayerId::background()).max_rect(ctx.viewport_rect());
     let mut window = Ui::new(ctx.clone(), "window".into(), whole);
@@ -164,7 +164,7 @@ pub fn draw(mut contexts: EguiContexts, mut shown: Shown, images: Res<Assets<Ima
     Ok(())
 }
 
-/// The scene's name, what is up in it, and the field to open another.
+/// The scene's name, its up axis, and the field to open another file.
 fn scene(ui: &mut Ui, shown: &mut Shown) {
     ui.horizontal(|ui| {
         match &shown.scene.loading {
@@ -208,7 +208,7 @@ fn scene(ui: &mut Ui, shown: &mut Shown) {
     });
 }
 
-/// Every style with its weight, after the scene's own colors.
+/// The captured colors, then every style with its weight.
 fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
     let total = styles.total();
     let mut selected = None;
@@ -251,7 +251,7 @@ fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
     }
 }
 
-/// What else there is to a style.
+/// The sliders for content and fade.
 fn mix(ui: &mut Ui, styles: &mut Styles) {
     ui.spacing_mut().slider_width = WIDTH - 170.0;
     Grid::new("mix").num_columns(2).show(ui, |ui| {
@@ -264,7 +264,7 @@ fn mix(ui: &mut Ui, styles: &mut Styles) {
     });
 }
 
-/// The buttons that save.
+/// The save buttons.
 fn save(ui: &mut Ui, shown: &mut Shown) {
     ui.horizontal(|ui| {
         ui.label("save");
@@ -285,7 +285,7 @@ fn save(ui: &mut Ui, shown: &mut Shown) {
     });
 }
 
-/// What there is to tell, over the picture.
+/// The message, over the image.
 fn notice(window: &mut Ui, notice: &mut Notice) {
     let Some(told) = &notice.0 else { return };
     let (text, color) = match told {

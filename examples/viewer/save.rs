@@ -1,4 +1,4 @@
-//! Saving what is shown: a picture of it, or the scene in its present colors.
+//! Saving a screenshot, or the scene in its present colors.
 
 use std::{fs, path::PathBuf};
 
@@ -7,38 +7,37 @@ use bevy::{
     render::view::screenshot::{Screenshot, ScreenshotCaptured},
     tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
 };
-use bevy_stylegaussian::{AppliedStyle, GaussianScene, GaussianSplats};
-use stylegaussian::file::write_scene;
+use bevy_stylegaussian::{AppliedStyle, GaussianScene, GaussianSplats, stylegaussian::file::write_scene};
 
 use crate::{
     panel::{Notice, Panel},
     scene::ShownScene,
 };
 
-/// Where files go, in the folder that the viewer was started in.
+/// Output folder, relative to the working directory.
 const FOLDER: &str = "out/viewer";
 
-/// What is to be saved.
+/// A request to save something.
 #[derive(Message, Clone, Copy, PartialEq)]
 pub enum Save {
-    /// A picture of the window without the panel.
+    /// A screenshot of the window without the panel.
     Screenshot,
     /// The scene, as a file with this extension.
     Scene(&'static str),
 }
 
-/// A scene that is being written.
+/// The task that writes a scene, or `None`.
 #[derive(Resource, Default)]
 pub struct Saving(Option<Task<Result<PathBuf, String>>>);
 
 impl Saving {
-    /// Whether one is.
+    /// Whether a scene is being written.
     pub fn is_under_way(&self) -> bool {
         self.0.is_some()
     }
 }
 
-/// Takes a picture of a frame that is drawn without the panel.
+/// Takes a screenshot of a frame that is drawn without the panel.
 pub fn take_screenshot(
     mut wishes: MessageReader<Save>,
     mut panel: ResMut<Panel>,
@@ -62,7 +61,7 @@ pub fn take_screenshot(
     );
 }
 
-/// Writes the scene in the background: where the GPU styled it, its colors are computed anew.
+/// Writes the scene in the background. If the GPU styled it, its colors are computed again.
 pub fn save_scene(
     mut wishes: MessageReader<Save>,
     shown: Res<ShownScene>,
@@ -91,7 +90,7 @@ pub fn save_scene(
     }));
 }
 
-/// Says where the scene was written.
+/// Shows the path of the written scene.
 pub fn finish_scene(mut saving: ResMut<Saving>, mut notice: ResMut<Notice>) {
     if let Some(saved) = saving.0.as_mut().and_then(|task| block_on(poll_once(task))) {
         saving.0 = None;
@@ -99,7 +98,7 @@ pub fn finish_scene(mut saving: ResMut<Saving>, mut notice: ResMut<Notice>) {
     }
 }
 
-/// A path that no file has yet, named after the scene.
+/// An unused path, named after the scene.
 fn new_path(scene: &str, extension: &str) -> Result<PathBuf, String> {
     fs::create_dir_all(FOLDER).map_err(|error| format!("{FOLDER}: {error}"))?;
     let stem = scene.rsplit_once('.').map_or(scene, |(stem, _)| stem);

@@ -1,4 +1,4 @@
-//! The scene that is shown, and the one that is being loaded to replace it.
+//! The present scene, and the one that is being loaded to replace it.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use crate::{
     panel::{Notice, Transfer},
 };
 
-/// The axes that a scene may call up.
+/// The axes that can be up in a scene.
 pub const AXES: [(&str, Vec3); 6] = [
     ("+Y", Vec3::Y),
     ("-Y", Vec3::NEG_Y),
@@ -20,23 +20,23 @@ pub const AXES: [(&str, Vec3); 6] = [
     ("-X", Vec3::NEG_X),
 ];
 
-/// What the panel says about the scene.
+/// Facts about the scene for the panel.
 #[derive(Resource, Default)]
 pub struct ShownScene {
     pub name: String,
     pub n_gaussians: usize,
-    /// The scene's up, which is turned to the world's y.
+    /// The scene's up direction, which is turned to the world's y.
     pub up: Vec3,
-    /// Whether its file told so.
+    /// Whether `up` is from the file.
     pub up_is_told: bool,
-    /// Around the middle of the scene, in its own axes: center and radius.
+    /// Center and radius of the bulk of the scene, in its own axes.
     pub extent: (Vec3, f32),
-    /// The next scene.
+    /// Path and handle of the next scene, or `None` if none is being loaded.
     pub loading: Option<(PathBuf, Handle<GaussianScene>)>,
 }
 
 impl ShownScene {
-    /// Loads a file; the present scene stays until then, and also when that fails.
+    /// Loads a file. The present scene stays until it is loaded, or if loading fails.
     pub fn load(&mut self, path: &Path, assets: &AssetServer) {
         self.loading = Some((path.to_owned(), assets.load(path.to_owned())));
     }
@@ -47,13 +47,13 @@ impl ShownScene {
     }
 }
 
-/// The entity that shows scenes, without any yet.
+/// Spawns the entity that shows scenes.
 pub fn spawn(mut commands: Commands) {
     commands.init_resource::<ShownScene>();
     commands.spawn((GaussianSplats::default(), StyleSource::none(), StyleTransition::default()));
 }
 
-/// Shows the next scene once it is loaded, and all of it.
+/// Shows the next scene once it is loaded, and moves the camera to see all of it.
 pub fn show_loaded(
     mut shown: ResMut<ShownScene>,
     entity: Single<(&mut GaussianSplats, &StyleSource)>,
@@ -75,7 +75,7 @@ pub fn show_loaded(
     *shown = ShownScene {
         name: path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
         n_gaussians: scene.len(),
-        // Captures that do not say are mostly in the axes of structure from motion, whose y points down.
+        // Captures without an up axis are usually in the axes of structure from motion, with y down.
         up: scene.up.unwrap_or(Vec3::NEG_Y),
         up_is_told: scene.up.is_some(),
         extent: extent(&scene.means),
@@ -88,12 +88,12 @@ pub fn show_loaded(
     notice.clear();
 }
 
-/// Turns the scene's up to the world's.
+/// Rotates the scene upright.
 pub fn turn_up(shown: Res<ShownScene>, mut splats: Single<&mut Transform, With<GaussianSplats>>) {
     splats.set_if_neq(Transform::from_rotation(shown.world_from_scene()));
 }
 
-/// Center and radius of the bulk of a scene: captures have a few Gaussians far away.
+/// Center and radius of the bulk of a scene. Captures have a few Gaussians far away, which are ignored.
 fn extent(means: &[Vec3]) -> (Vec3, f32) {
     const N_SAMPLES: usize = 20_000;
     let samples = means.iter().step_by(means.len().div_ceil(N_SAMPLES).max(1));

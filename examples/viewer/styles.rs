@@ -1,4 +1,4 @@
-//! The styles there are to choose from, and how much of each the scene shows.
+//! The list of styles and their weights.
 
 use std::{
     fs,
@@ -11,32 +11,32 @@ use bevy_stylegaussian::{StyleInput, StyleSource, StyleTransition};
 
 use crate::{ASSETS, panel::Transfer};
 
-/// Statistics that `stylegaussian style` made.
+/// File ending of statistics made by `stylegaussian style`.
 const PRESET: &str = ".style.safetensors";
 
 /// One style of the panel.
 pub struct Style {
     pub name: String,
     pub input: StyleInput,
-    /// The painting, where there is one.
+    /// The painting, or `None` if there is none.
     pub picture: Option<Handle<Image>>,
-    /// Its part in the mix, 0..1, before the parts are normalized.
+    /// Weight in the mix, 0..1, before normalization.
     pub weight: f32,
 }
 
-/// All styles, and how they are mixed.
+/// All styles and their mix.
 #[derive(Resource, Default)]
 pub struct Styles {
     pub list: Vec<Style>,
-    /// How much of the content's own features stays, 0..1.
+    /// Share of the content's features that stays, 0..1.
     pub content: f32,
-    /// How long a look fades into the next.
+    /// Duration of a fade from one style to the next.
     pub fade_in_seconds: f32,
 }
 
 impl Styles {
-    /// Lists a file, unless it is listed: statistics, with the picture of the same name where one lies beside them, or an
-    /// image. Says where.
+    /// Adds a file to the list, if it is not listed, and returns its index. The file is an image, or statistics; if there is
+    /// an image of the same name beside the statistics, it becomes their picture.
     pub fn add(&mut self, path: &Path, assets: &AssetServer) -> usize {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         let picture = picture_of(path).map(|picture| assets.load::<Image>(picture));
@@ -54,14 +54,14 @@ impl Styles {
         })
     }
 
-    /// Shows one style alone, or none.
+    /// Selects one style alone, or none.
     pub fn select(&mut self, selected: Option<usize>) {
         for (index, style) in self.list.iter_mut().enumerate() {
             style.weight = if Some(index) == selected { 1.0 } else { 0.0 };
         }
     }
 
-    /// The sum of all weights, which they are normalized by.
+    /// The sum of all weights, for normalization.
     pub fn total(&self) -> f32 {
         self.list.iter().map(|style| style.weight).sum()
     }
@@ -72,7 +72,7 @@ impl Styles {
     }
 }
 
-/// The image that a style file is, or that lies beside its statistics.
+/// The image of a style file: the file itself, or one beside the statistics.
 fn picture_of(path: &Path) -> Option<PathBuf> {
     let whole = path.to_string_lossy();
     let Some(stem) = whole.strip_suffix(PRESET) else { return Some(path.to_owned()) };
@@ -95,7 +95,7 @@ pub fn list_shipped(mut commands: Commands, assets: Res<AssetServer>) {
     commands.insert_resource(styles);
 }
 
-/// 1 to 8 for one of the first eight styles, 0 for none.
+/// Keys 1 to 8 select one of the first eight styles, 0 none.
 pub fn press_keys(keys: Res<ButtonInput<KeyCode>>, mut styles: ResMut<Styles>) {
     use KeyCode::{Digit0, Digit1, Digit2, Digit3, Digit4, Digit5, Digit6, Digit7, Digit8};
     for (number, key) in
@@ -107,7 +107,7 @@ pub fn press_keys(keys: Res<ButtonInput<KeyCode>>, mut styles: ResMut<Styles>) {
     }
 }
 
-/// Hands the mix to the scene, where it differs from what the scene was told before.
+/// Applies the mix to the scene if it changed.
 pub fn apply(
     styles: Res<Styles>,
     scene: Single<(&mut StyleSource, &mut StyleTransition)>,

@@ -1,4 +1,4 @@
-//! One style in the panel: its painting, to be clicked, and its part in the mix, to be dragged.
+//! One style in the panel: its painting to click, and a slider for its weight.
 
 use bevy_egui::egui::{
     Align2, Color32, FontId, Mesh, Rect, Sense, Slider, Stroke, StrokeKind, TextureId, Ui, Vec2, pos2, vec2,
@@ -10,26 +10,26 @@ const CAPTION: f32 = 18.0;
 const ROUNDING: u8 = 5;
 const ACCENT: Color32 = Color32::from_rgb(255, 178, 62);
 
-/// A painting as egui knows it.
+/// A painting as an egui texture.
 #[derive(Clone, Copy)]
 pub struct Picture {
     pub texture: TextureId,
-    /// Width by height.
+    /// Width divided by height.
     pub ratio: f32,
 }
 
-/// What is drawn on a tile.
+/// Content of a tile.
 pub struct Tile<'a> {
     pub caption: &'a str,
-    /// None for the scene's own colors, or while it is being loaded.
+    /// The painting, or `None` for the captured colors and while it is being loaded.
     pub picture: Option<Picture>,
-    /// Whether the scene shows it.
+    /// Whether the scene shows the style.
     pub is_used: bool,
-    /// Its part of the mix.
+    /// Share of the mix, or `None` if it is not used.
     pub percent: Option<f32>,
 }
 
-/// Draws a tile; says whether it was clicked.
+/// Draws a tile. Returns whether it was clicked.
 pub fn draw(ui: &mut Ui, tile: &Tile) -> bool {
     let (rect, response) = ui.allocate_exact_size(Vec2::splat(SIZE), Sense::click());
     let painter = ui.painter_at(rect.expand(2.0));
@@ -65,7 +65,7 @@ pub fn weight(ui: &mut Ui, weight: &mut f32) {
     ui.add(Slider::new(weight, 0.0..=1.0).show_value(false)).on_hover_text("its part in the mix");
 }
 
-/// What stands for a scene as it was captured: blue above, green below.
+/// A picture for the captured colors: blue above, green below.
 fn land_and_sky(rect: Rect) -> Mesh {
     let sky = [Color32::from_rgb(92, 140, 199), Color32::from_rgb(219, 224, 222)];
     let land = [Color32::from_rgb(122, 160, 74), Color32::from_rgb(52, 96, 40)];

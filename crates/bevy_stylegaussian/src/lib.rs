@@ -18,36 +18,61 @@
 //! }
 //! ```
 //!
-//! - What to spawn: [`GaussianSplats`] shows a [`GaussianScene`] (`.sgs`, or a plain 3DGS `.ply`); [`StyleSource`]
+//! - Components of scenes: [`GaussianSplats`] shows a [`GaussianScene`] (`.sgs`, or a plain 3DGS `.ply`). [`StyleSource`]
 //!   styles it by images, by [`StyleStatistics`] (`.style.safetensors`), or by a mix; change it at any time.
-//!   [`StyleTransition`] fades from look to look, [`StyleDecoder`] takes another [`GaussianDecoder`].
-//! - What to set on cameras: [`SplatTonemapping`], [`SortKey`]. For the app: [`StyleBackend`], [`StyleBudget`],
-//!   [`StyleEncoder`].
-//! - What comes back, as messages and to observers: [`StyleApplied`], [`StyleFailed`], [`SceneFailed`]; on the entity
-//!   [`AppliedStyle`], which can save what is shown.
+//!   [`StyleTransition`] fades from one style to the next. [`StyleDecoder`] selects another [`GaussianDecoder`].
+//! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
+//! - Resources: [`StyleBackend`], [`StyleBudget`], [`StyleEncoder`].
+//! - Events, as messages and for observers: [`StyleApplied`], [`StyleFailed`], [`GaussianSceneFailed`]. The component
+//!   [`AppliedStyle`] holds the style that an entity shows, and can save the styled scene.
+//!
+//! With Bevy's `RenderDiagnosticsPlugin`, the times of `splat_project_and_sort`, `splat_draw`, `splat_composite` and
+//! `style_pass` are among the render diagnostics.
+//!
+//! The features of cargo: `bundled_models` (default) compiles the default encoder and decoder in, so that a game works
+//! offline.
 
-#[cfg(test)]
-extern crate self as bevy_stylegaussian;
-
-mod asset;
+mod background;
+mod colors;
 mod loader;
-mod pipeline;
 mod plugin;
+mod reports;
+mod scene;
 mod splats;
 mod style;
+mod systems;
 #[cfg(test)]
-#[path = "../tests/world/mod.rs"]
-mod world;
+mod tests;
 
-pub use asset::{GaussianDecoder, GaussianScene, StyleStatistics};
-pub use plugin::{StyleGaussianPlugin, StyleGaussianSystems};
-pub use splats::{GaussianSplats, SceneError, SceneFailed, SortKey, SplatTonemapping};
+pub use colors::StyleTransition;
+pub use plugin::StyleGaussianPlugin;
+pub use scene::{GaussianScene, GaussianSceneError, GaussianSceneFailed, GaussianSplats};
+pub use splats::{SplatSortKey, SplatTonemapping};
 pub use style::{
-    AppliedStyle, StyleApplied, StyleBackend, StyleBudget, StyleDecoder, StyleEncoder, StyleError,
-    StyleFailed, StyleInput, StylePassCount, StyleSource, StyleTransition, WeightedStyle,
+    AppliedStyle, GaussianDecoder, ImageEncoder, StyleApplied, StyleBackend, StyleBudget, StyleDecoder,
+    StyleEncoder, StyleError, StyleFailed, StyleInput, StyleSource, StyleStatistics, WeightedStyle,
 };
+pub use systems::StyleGaussianSystems;
 
-/// The examples of the repository's README, as tests.
+/// The model crate: the types inside of assets, such as [`stylegaussian::Scene`].
+pub use stylegaussian;
+/// The encoder crate: the type inside of [`ImageEncoder`], [`stylegaussian_encoder::Encoder`].
+pub use stylegaussian_encoder;
+
+/// The plugin and the components, resources and events that most apps use.
+///
+/// ```
+/// use bevy_stylegaussian::prelude::*;
+/// ```
+pub mod prelude {
+    pub use crate::{
+        AppliedStyle, GaussianScene, GaussianSceneFailed, GaussianSplats, SplatSortKey, SplatTonemapping,
+        StyleApplied, StyleBackend, StyleBudget, StyleDecoder, StyleEncoder, StyleFailed,
+        StyleGaussianPlugin, StyleInput, StyleSource, StyleTransition,
+    };
+}
+
+/// The examples of the repository's README, as doc tests.
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
 mod readme {}

@@ -1,17 +1,23 @@
-//! Asset loaders: the bytes of a file to a scene, style statistics or a decoder.
+//! One asset loader for all assets that are parsed from a single file.
 
-use std::sync::Arc;
+use std::{error::Error, marker::PhantomData};
 
 use bevy::{
     asset::{AssetLoader, LoadContext, io::Reader},
     prelude::*,
     tasks::AsyncComputeTaskPool,
 };
-use stylegaussian::file::{self, FileError};
 
-use crate::asset::{GaussianDecoder, GaussianScene, StyleStatistics};
+/// An asset that is parsed from the bytes of one file.
+pub(crate) trait FromFile: Asset + Sized {
+    /// File extensions, without the leading dot.
+    const EXTENSIONS: &[&str];
 
-/// Why an asset could not be loaded. Both name the asset.
+    /// Parses the file's bytes. `path` is the asset's path, for messages.
+    fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>>;
+}
+
+/// An asset could not be loaded. Both messages name the asset.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum LoadError {
     /// The bytes could not be read.
@@ -19,20 +25,26 @@ pub(crate) enum LoadError {
     Read {
         /// The asset's path.
         path: String,
-        /// What the asset's source said.
+        /// The error of the asset's source.
         source: std::io::Error,
     },
-    /// The bytes are not what they must be.
-    #[error(transparent)]
-    File(#[from] FileError),
+    /// The bytes could not be parsed.
+    #[error("{0}")]
+    Parse(Box<dyn Error + Send + Sync>),
 }
 
-/// Loads [`GaussianScene`]s. The content decides which kind of file it is, not the name.
-#[derive(Default, TypePath)]
-pub(crate) struct GaussianSceneLoader;
+/// Loads assets of type `A`.
+#[derive(TypePath)]
+pub(crate) struct FileLoader<A: TypePath>(PhantomData<fn() -> A>);
 
-impl AssetLoader for GaussianSceneLoader {
-    type Asset = GaussianScene;
+impl<A: TypePath> Default for FileLoader<A> {
+    fn default() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl<A: FromFile> AssetLoader for FileLoader<A> {
+    type Asset = A;
     type Settings = ();
     type Error = LoadError;
 
@@ -41,79 +53,18 @@ impl AssetLoader for GaussianSceneLoader {
         reader: &mut dyn Reader,
         _settings: &(),
         context: &mut LoadContext<'_>,
-    ) -> Result<GaussianScene, LoadError> {
-        let (bytes, name) = read(reader, context).await?;
-        // Parsing and finding neighbors take seconds for large scenes: not on the pool that waits for files.
-        let parsing = AsyncComputeTaskPool::get().spawn(async move {
-            let loaded = file::scene_from_bytes(&bytes, &name)?;
-            drop(bytes);
-            for warning in &loaded.warnings {
-                warn!("{name}: {warning}");
-            }
-            Ok(GaussianScene::new(loaded.scene))
-        });
-        parsing.await
+    ) -> Result<A, LoadError> {
+        let path = context.path().to_string();
+        let mut bytes = Vec::new();
+        if let Err(source) = reader.read_to_end(&mut bytes).await {
+            return Err(LoadError::Read { path, source });
+        }
+        // Parsing a large scene takes seconds, which would block the pool on which other assets wait for their files.
+        let parsing = AsyncComputeTaskPool::get().spawn(async move { A::from_file(bytes, &path) });
+        parsing.await.map_err(LoadError::Parse)
     }
 
     fn extensions(&self) -> &[&str] {
-        &["sgs", "ply"]
-    }
-}
-
-/// Loads [`StyleStatistics`].
-#[derive(Default, TypePath)]
-pub(crate) struct StyleStatisticsLoader;
-
-impl AssetLoader for StyleStatisticsLoader {
-    type Asset = StyleStatistics;
-    type Settings = ();
-    type Error = LoadError;
-
-    async fn load(
-        &self,
-        reader: &mut dyn Reader,
-        _settings: &(),
-        context: &mut LoadContext<'_>,
-    ) -> Result<StyleStatistics, LoadError> {
-        let (bytes, name) = read(reader, context).await?;
-        Ok(StyleStatistics(Arc::new(file::style_from_bytes(&bytes, &name)?)))
-    }
-
-    fn extensions(&self) -> &[&str] {
-        &["style.safetensors"]
-    }
-}
-
-/// Loads [`GaussianDecoder`]s.
-#[derive(Default, TypePath)]
-pub(crate) struct GaussianDecoderLoader;
-
-impl AssetLoader for GaussianDecoderLoader {
-    type Asset = GaussianDecoder;
-    type Settings = ();
-    type Error = LoadError;
-
-    async fn load(
-        &self,
-        reader: &mut dyn Reader,
-        _settings: &(),
-        context: &mut LoadContext<'_>,
-    ) -> Result<GaussianDecoder, LoadError> {
-        let (bytes, name) = read(reader, context).await?;
-        Ok(GaussianDecoder(Arc::new(file::decoder_from_bytes(&bytes, &name)?)))
-    }
-
-    fn extensions(&self) -> &[&str] {
-        &["decoder.safetensors"]
-    }
-}
-
-/// The asset's bytes, and its path to name it by.
-async fn read(reader: &mut dyn Reader, context: &LoadContext<'_>) -> Result<(Vec<u8>, String), LoadError> {
-    let path = context.path().to_string();
-    let mut bytes = Vec::new();
-    match reader.read_to_end(&mut bytes).await {
-        Ok(_) => Ok((bytes, path)),
-        Err(source) => Err(LoadError::Read { path, source }),
+        A::EXTENSIONS
     }
 }

@@ -1,60 +1,50 @@
-//! The plugin: assets, settings, and the two features, splats and style.
-
-use std::path::PathBuf;
+//! The plugin: the four rooms, put together.
 
 use bevy::{prelude::*, render::RenderApp};
 
 use crate::{
-    asset::{GaussianDecoder, GaussianScene, StyleStatistics},
-    loader::{GaussianDecoderLoader, GaussianSceneLoader, StyleStatisticsLoader},
-    pipeline::AtOnce,
-    splats::SplatsPlugin,
-    style::{StyleBackend, StyleEncoder, StylePlugin},
+    background::SynchronousCompilation, colors::ColorsPlugin, scene::ScenePlugin, splats::SplatsPlugin,
+    style::StylePlugin, systems::StyleGaussianSystems,
 };
 
 /// Loads, draws and styles captured scenes. Add it after `DefaultPlugins`.
+///
+/// Settings that an app may change while it runs are resources: [`StyleBackend`], [`StyleBudget`] and [`StyleEncoder`].
+/// Insert them before or after the plugin; without them, their defaults apply.
+///
+/// [`StyleBackend`]: crate::StyleBackend
+/// [`StyleBudget`]: crate::StyleBudget
+/// [`StyleEncoder`]: crate::StyleEncoder
 #[derive(Clone, Debug, Default)]
 pub struct StyleGaussianPlugin {
-    /// Where styles are decoded; the resource [`StyleBackend`] changes it later.
-    pub backend: StyleBackend,
-    /// The encoder of style images, where it is neither the one that `STYLEGAUSSIAN_ENCODER` names nor the default one; the
-    /// resource [`StyleEncoder`] changes it later. Presets need none.
-    pub encoder: Option<PathBuf>,
-    /// Whether a frame that needs new pipelines, or a scene that is not on the GPU yet, waits for them, instead of going
-    /// without these splats until they are ready: for pictures without a window, where every frame counts. Bevy's
+    /// If true, a frame that needs a new pipeline or a scene that is not on the GPU yet waits for it. If false, which is
+    /// the default, the frame is drawn without these splats. Use it to render images where every frame counts. Bevy's
     /// `RenderPlugin` has the same switch.
     pub synchronous_pipeline_compilation: bool,
 }
 
-/// When the plugin works, in `PostUpdate`: changes made before are on the screen in the same frame, as far as they take
-/// no computing.
-#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
-pub enum StyleGaussianSystems {
-    /// Entities get their loaded scene and its bounds.
-    Scenes,
-    /// Styles are asked for, computed in the background and taken over; [`StyleApplied`](crate::StyleApplied) and
-    /// [`StyleFailed`](crate::StyleFailed) are sent.
-    Styles,
-}
-
 impl Plugin for StyleGaussianPlugin {
     fn build(&self, app: &mut App) {
-        let encoder = self.encoder.clone().map_or_else(StyleEncoder::default, StyleEncoder::at);
-        app.insert_resource(self.backend)
-            .insert_resource(encoder)
-            .init_asset::<GaussianScene>()
-            .init_asset::<StyleStatistics>()
-            .init_asset::<GaussianDecoder>()
-            .init_asset_loader::<GaussianSceneLoader>()
-            .init_asset_loader::<StyleStatisticsLoader>()
-            .init_asset_loader::<GaussianDecoderLoader>()
-            .register_type::<GaussianScene>()
-            .register_type::<StyleStatistics>()
-            .register_type::<GaussianDecoder>()
-            .configure_sets(PostUpdate, (StyleGaussianSystems::Scenes, StyleGaussianSystems::Styles).chain())
-            .add_plugins((SplatsPlugin, StylePlugin));
+        app.add_plugins(GaussianSplatsPlugin {
+            synchronous_pipeline_compilation: self.synchronous_pipeline_compilation,
+        })
+        .configure_sets(PostUpdate, (StyleGaussianSystems::Scenes, StyleGaussianSystems::Styles).chain())
+        .add_plugins(StylePlugin);
+    }
+}
+
+/// Loads and draws captured scenes in the colors they were captured with. [`StyleGaussianPlugin`] contains it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct GaussianSplatsPlugin {
+    /// As in [`StyleGaussianPlugin`].
+    pub(crate) synchronous_pipeline_compilation: bool,
+}
+
+impl Plugin for GaussianSplatsPlugin {
+    fn build(&self, app: &mut App) {
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
-            render_app.insert_resource(AtOnce(self.synchronous_pipeline_compilation));
+            render_app.insert_resource(SynchronousCompilation(self.synchronous_pipeline_compilation));
         }
+        app.add_plugins((ScenePlugin, ColorsPlugin, SplatsPlugin));
     }
 }

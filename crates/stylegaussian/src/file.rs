@@ -9,6 +9,7 @@ use crate::{decoder::Decoder, scene::Scene, statistics::ChannelStatistics};
 
 mod activate;
 mod atomic;
+mod bytes;
 mod check;
 mod checkpoint;
 mod colors;
@@ -21,6 +22,7 @@ mod style;
 mod tensors;
 
 pub use atomic::write_atomically;
+use bytes::read_bytes;
 use check::check_scene;
 pub use colors::write_colors;
 pub use decoder::Precision;
@@ -153,10 +155,6 @@ pub fn style_from_bytes(bytes: &[u8], name: &str) -> Result<ChannelStatistics, F
 pub fn write_style(path: &Path, style: &ChannelStatistics) -> Result<(), FileError> {
     let tensors = style::prepare(style).map_err(|mismatch| mismatch.at(path))?;
     write_atomically(path, |out| tensors.write(out))
-}
-
-fn read_bytes(path: &Path) -> Result<Vec<u8>, FileError> {
-    std::fs::read(path).map_err(|source| FileError::Io { path: path.into(), source })
 }
 
 /// The extension in lower case, or an empty text if there is none.

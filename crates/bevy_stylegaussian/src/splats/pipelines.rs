@@ -1,4 +1,4 @@
-//! The pipelines of the splat pass, one for each kind of target, built in the background.
+//! The pipelines of the splat pass, one for each kind of target. They are built in the background.
 
 use std::sync::Arc;
 
@@ -14,24 +14,24 @@ use stylegaussian_gpu::splat::{
     Tonemapping,
 };
 
-use crate::pipeline::Built;
+use crate::background::{Background, SynchronousCompilation};
 
-/// All that is built, or being built, on the present device.
+/// All pipelines and tables on the present device, ready or being built.
 #[derive(Resource, Default)]
 pub(super) struct SplatPipelines {
-    passes: Option<Built<Arc<Passes>>>,
-    draws: HashMap<u32, Built<SplatPipeline>>,
-    composites: HashMap<CompositeTarget, Built<CompositePipeline>>,
-    tables: HashMap<Tonemapping, Built<InverseTable>>,
+    passes: Option<Background<Arc<Passes>>>,
+    draws: HashMap<u32, Background<SplatPipeline>>,
+    composites: HashMap<CompositeTarget, Background<CompositePipeline>>,
+    tables: HashMap<Tonemapping, Background<InverseTable>>,
 }
 
-/// What does not depend on the target.
+/// The passes, which do not depend on the target.
 pub(super) struct Passes {
     pub(super) splat: SplatPass,
     pub(super) composite: Composite,
 }
 
-/// What the layer is put over.
+/// The kind of image that the layer is composited over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct CompositeTarget {
     pub(super) format: TextureFormat,
@@ -47,42 +47,42 @@ pub(super) struct Ready<'a> {
 }
 
 impl SplatPipelines {
-    /// Starts to build what is missing for a layer of `samples` samples over `target`, or with `at_once` builds it.
-    /// Whether all is ready.
+    /// Starts to build the pipelines that a layer of `samples` samples over `target` needs and that are missing. Returns
+    /// whether all are ready.
     pub(super) fn request(
         &mut self,
         device: &wgpu::Device,
-        at_once: bool,
+        synchronous: SynchronousCompilation,
         samples: u32,
         target: CompositeTarget,
     ) -> bool {
         let build = |device: wgpu::Device| {
             move || Arc::new(Passes { splat: SplatPass::new(&device), composite: Composite::new(&device) })
         };
-        let passes = self.passes.get_or_insert_with(|| Built::start(at_once, build(device.clone())));
+        let passes = self.passes.get_or_insert_with(|| Background::start(synchronous, build(device.clone())));
         let Some(passes) = passes.poll() else { return false };
         let draw = self.draws.entry(samples).or_insert_with(|| {
             let (passes, device) = (Arc::clone(passes), device.clone());
             let build = move || passes.splat.pipeline(&device, samples, Some(CORE_3D_DEPTH_FORMAT));
-            Built::start(at_once, build)
+            Background::start(synchronous, build)
         });
         let composite = self.composites.entry(target).or_insert_with(|| {
             let (passes, device) = (Arc::clone(passes), device.clone());
             let CompositeTarget { format, samples, mode } = target;
-            Built::start(at_once, move || passes.composite.pipeline(&device, format, samples, mode))
+            Background::start(synchronous, move || passes.composite.pipeline(&device, format, samples, mode))
         });
-        // Both are polled, so that neither waits for the other to be asked for.
+        // Both are polled: `&&` on the calls would leave the second one running until the first is ready.
         let (draw, composite) = (draw.poll().is_some(), composite.poll().is_some());
         draw && composite
     }
 
-    /// Starts to build what undoes a tone mapping that has no inverse, or with `at_once` builds it. Whether it is ready,
-    /// which takes the table that defines the tone mapping.
+    /// Starts to build the table that inverts a tonemapping without a formula for its inverse. Returns whether the table is
+    /// ready. It cannot be built before Bevy's table of that tonemapping is on the GPU.
     pub(super) fn request_table(
         &mut self,
         device: &wgpu::Device,
         queue: &wgpu::Queue,
-        at_once: bool,
+        synchronous: SynchronousCompilation,
         tonemapping: Tonemapping,
         luts: &Luts,
     ) -> bool {
@@ -91,7 +91,7 @@ impl SplatPipelines {
             Entry::Vacant(entry) => {
                 let Some(curve) = luts.curve(tonemapping) else { return false };
                 let (device, queue) = (device.clone(), queue.clone());
-                entry.insert(Built::start(at_once, move || {
+                entry.insert(Background::start(synchronous, move || {
                     let mut encoder =
                         device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
                     let table = InverseTable::new(&device, &mut encoder, curve.borrow());
@@ -103,23 +103,24 @@ impl SplatPipelines {
         table.poll().is_some()
     }
 
-    /// What undoes a tone mapping that has no inverse, once [requested](Self::request_table) and ready.
+    /// The table that inverts a tonemapping, or `None` if it was not [requested](Self::request_table) or is not ready.
     pub(super) fn table(&self, tonemapping: Tonemapping) -> Option<&InverseTable> {
         self.tables.get(&tonemapping)?.get()
     }
 
-    /// What does not depend on the target, once it is ready.
+    /// The passes, or `None` if they are not ready.
     pub(super) fn passes(&self) -> Option<&Passes> {
         self.passes.as_ref()?.get().map(|passes| &**passes)
     }
 
-    /// How many pipelines and tables were ever asked for.
+    /// Number of pipelines and tables requested so far.
     #[cfg(test)]
     pub(super) fn n_requested(&self) -> usize {
         self.draws.len() + self.composites.len() + self.tables.len()
     }
 
-    /// The pipelines for a layer of `samples` samples over `target`, once [requested](Self::request) and ready.
+    /// The pipelines for a layer of `samples` samples over `target`, or `None` if they were not [requested](Self::request)
+    /// or are not ready.
     pub(super) fn get(&self, samples: u32, target: CompositeTarget) -> Option<Ready<'_>> {
         Some(Ready {
             passes: self.passes()?,
@@ -129,21 +130,21 @@ impl SplatPipelines {
     }
 }
 
-/// The tables that define some of Bevy's tone mappings.
+/// The tables that define some of Bevy's tonemappings.
 #[derive(SystemParam)]
 pub(super) struct Luts<'w> {
     handles: Res<'w, TonemappingLuts>,
     images: Res<'w, RenderAssets<GpuImage>>,
 }
 
-/// A tone mapping to undo, with its table where it is one.
+/// A tonemapping to invert, with its table if it is defined by one.
 struct Curve {
     tonemapping: Tonemapping,
     table: Option<wgpu::TextureView>,
 }
 
 impl Luts<'_> {
-    /// A tone mapping to undo; `None` while its table is not on the GPU.
+    /// A tonemapping to invert, or `None` while its table is not on the GPU.
     fn curve(&self, tonemapping: Tonemapping) -> Option<Curve> {
         let handle = match tonemapping {
             Tonemapping::AgX => Some(&self.handles.agx),

@@ -1,7 +1,7 @@
-//! What each view needs to draw splats: a plan, buffers, a layer.
+//! The state of each view that draws splats: a plan, buffers and a layer.
 //!
-//! Splats blend among themselves in a *layer* of the target's size and sample count, display-referred, with the camera's
-//! depth attached and only read. The layer then goes over the picture, in the picture's own space.
+//! Splats blend among themselves in a *layer* of the target's size and sample count, in display-referred colors, tested
+//! against the camera's depth. The layer is then composited over the image in the image's color space.
 
 use std::sync::Arc;
 
@@ -20,68 +20,70 @@ use bevy::{
 };
 use stylegaussian_gpu::splat::{self, CompositeInput, CompositeMode, LAYER_FORMAT, SplatSettings, SplatView};
 
-use crate::pipeline::AtOnce;
-
-use super::{
-    GaussianSplats, SortKey, SplatTonemapping,
-    extract::RenderClouds,
-    pipelines::{CompositeTarget, Luts, SplatPipelines},
-    prepare::GpuScenes,
+use crate::{
+    background::SynchronousCompilation,
+    scene::{GaussianSplats, GpuScenes, RenderClouds},
 };
 
-/// The views that show splats, and the layers that they share: cameras draw one after the other, so those with targets
-/// of one size need one layer.
+use super::{
+    SplatSortKey, SplatTonemapping,
+    pipelines::{CompositeTarget, Luts, SplatPipelines},
+};
+
+/// The views that show splats, and their layers. Cameras draw one after the other, so views with targets of the same size
+/// share a layer.
 #[derive(Resource, Default)]
 pub(super) struct SplatViews {
     of_view: HashMap<RetainedViewEntity, ViewSplats>,
     layers: Vec<Arc<Layer>>,
 }
 
-/// What a view keeps from frame to frame.
+/// State of a view from frame to frame.
 #[derive(Default)]
 pub(super) struct ViewSplats {
     pub(super) buffers: SplatView,
     /// The clouds that it sees.
     pub(super) clouds: Vec<MainEntity>,
-    /// How to draw them; `None` while there is nothing to draw, or nothing to draw with.
+    /// The way to draw them, or `None` if nothing is visible or pipelines are missing.
     pub(super) plan: Option<Plan>,
-    /// Whether it was told that the device cannot draw all that it sees.
+    /// Whether it was reported that the device cannot draw all that the view sees.
     pub(super) refused: bool,
     layer: Option<(Arc<Layer>, CompositeInput)>,
-    /// What the binding undoes.
-    undoes: Option<splat::Tonemapping>,
-    /// What `CompositeInput` was told, in stops.
+    /// The tonemapping whose inverse table is bound, or `None` if none is needed.
+    inverted: Option<splat::Tonemapping>,
+    /// The exposure that was written to `CompositeInput`, in stops.
     exposure: f32,
+    /// Whether the view's camera exists in this frame.
     present: bool,
 }
 
-/// How a view draws its splats.
+/// The way in which a view draws its splats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Plan {
-    /// Of the layer.
+    /// Samples per pixel of the layer.
     pub(super) samples: u32,
     pub(super) composite: CompositeTarget,
-    /// Whether the layer goes over the picture after tonemapping, resolved, and not before.
+    /// Whether the layer is composited after tonemapping. It is then resolved first.
     pub(super) after_tonemapping: bool,
     /// Left, top, width and height in pixels of the target.
     pub(super) viewport: UVec4,
     pub(super) settings: SplatSettings,
-    /// Of the target.
+    /// Size of the target.
     size: UVec2,
-    /// In stops.
+    /// The camera's exposure, in stops.
     exposure: f32,
 }
 
-/// Textures to blend splats in.
+/// Textures in which splats blend.
 pub(super) struct Layer {
     size: UVec2,
     samples: u32,
     pub(super) color: wgpu::TextureView,
-    /// What the samples are resolved into, where the layer is used after tonemapping.
+    /// Target of the resolved samples, if the layer is composited after tonemapping.
     pub(super) resolved: Option<wgpu::TextureView>,
 }
 
-/// A camera's render-world components that decide how its splats are drawn.
+/// The components of a camera in the render world that its plan depends on.
 type ViewComponents = (
     &'static ExtractedView,
     &'static ExtractedCamera,
@@ -89,11 +91,11 @@ type ViewComponents = (
     &'static RenderVisibleEntities,
     Option<&'static Tonemapping>,
     Option<&'static SplatTonemapping>,
-    Option<&'static SortKey>,
+    Option<&'static SplatSortKey>,
     Option<&'static MainPassResolutionOverride>,
 );
 
-/// Lets shaders read depths where the adapter is a CPU, whose splats are drawn by compute.
+/// Lets shaders read depth on software adapters, on which a compute shader draws the splats.
 pub(super) fn allow_reading_depth(adapter: Res<RenderAdapterInfo>, mut cameras: Query<&mut Camera3d>) {
     if stylegaussian_gpu::device::is_software(&adapter) {
         for mut camera in &mut cameras {
@@ -102,7 +104,7 @@ pub(super) fn allow_reading_depth(adapter: Res<RenderAdapterInfo>, mut cameras: 
     }
 }
 
-/// Plans each view, and sees to its pipelines and its layer.
+/// Plans each view, requests its pipelines and gives it a layer.
 #[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub(super) fn prepare_views(
     cameras: Query<ViewComponents, With<Camera3d>>,
@@ -111,7 +113,7 @@ pub(super) fn prepare_views(
     mut views: ResMut<SplatViews>,
     mut pipelines: ResMut<SplatPipelines>,
     luts: Luts,
-    at_once: Res<AtOnce>,
+    synchronous: Res<SynchronousCompilation>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
@@ -130,13 +132,13 @@ pub(super) fn prepare_views(
             entities
                 .filter(|entity| clouds.0.get(entity).is_some_and(|cloud| scenes.get(&cloud.scene).is_some()))
         }));
-        // Asked for before there is anything to draw, so that splats do not wait for compilers once there is.
-        let is_ready = pipelines.request(device, at_once.0, plan.samples, plan.composite);
+        // Requested before there is anything to draw, so that compiling overlaps with the loading of scenes.
+        let is_ready = pipelines.request(device, *synchronous, plan.samples, plan.composite);
         if view.clouds.is_empty() || !is_ready {
             continue;
         }
-        if let Some(tonemapping) = plan.undoes()
-            && !pipelines.request_table(device, &queue, at_once.0, tonemapping, &luts)
+        if let Some(tonemapping) = plan.inverted()
+            && !pipelines.request_table(device, &queue, *synchronous, tonemapping, &luts)
         {
             continue;
         }
@@ -158,18 +160,18 @@ impl SplatViews {
 }
 
 impl ViewSplats {
-    /// The layer, and its binding for the composite; there whenever there is a plan.
+    /// The layer and its binding for the composite. Present if there is a plan.
     pub(super) fn layer(&self) -> Option<(&Layer, &CompositeInput)> {
         self.layer.as_ref().map(|(layer, input)| (&**layer, input))
     }
 
-    /// The layer to draw into, and what to draw it with.
+    /// The layer to draw into, and the buffers to draw from.
     pub(super) fn layer_and_buffers(&mut self) -> Option<(&Layer, &mut SplatView)> {
         let (layer, _) = self.layer.as_ref()?;
         Some((&**layer, &mut self.buffers))
     }
 
-    /// Takes a layer that fits the plan, a new one where none of `layers` does.
+    /// Takes a layer that fits the plan, or a new one if none of `layers` does.
     fn attach_layer(
         &mut self,
         device: &wgpu::Device,
@@ -179,7 +181,7 @@ impl ViewSplats {
         layers: &mut Vec<Arc<Layer>>,
     ) {
         let fits = self.layer.as_ref().is_some_and(|(layer, _)| layer.fits(plan));
-        if let (false, Some(passes)) = (fits && self.undoes == plan.undoes(), pipelines.passes()) {
+        if let (false, Some(passes)) = (fits && self.inverted == plan.inverted(), pipelines.passes()) {
             let layer = match layers.iter().find(|layer| layer.fits(plan)) {
                 Some(layer) => Arc::clone(layer),
                 None => {
@@ -189,9 +191,9 @@ impl ViewSplats {
                 }
             };
             let source = layer.resolved.as_ref().unwrap_or(&layer.color);
-            let table = plan.undoes().and_then(|tonemapping| pipelines.table(tonemapping));
+            let table = plan.inverted().and_then(|tonemapping| pipelines.table(tonemapping));
             let input = passes.composite.bind(device, source, plan.composite.samples, table);
-            self.undoes = plan.undoes();
+            self.inverted = plan.inverted();
             self.layer = Some((layer, input));
             self.exposure = 0.0;
         }
@@ -206,7 +208,7 @@ impl ViewSplats {
 
 impl Layer {
     fn new(device: &wgpu::Device, plan: &Plan, more: wgpu::TextureUsages) -> Self {
-        // Only single samples can be bound as storage.
+        // Textures with several samples per pixel cannot be bound as storage.
         let more = if plan.samples == 1 { more } else { wgpu::TextureUsages::empty() };
         let texture = |sample_count| {
             let texture = device.create_texture(&wgpu::TextureDescriptor {
@@ -231,13 +233,13 @@ impl Layer {
 }
 
 impl Plan {
-    /// Whether the layer's samples are averaged before it is put over the picture.
+    /// Whether the layer's samples are averaged before it is composited.
     fn resolves(&self) -> bool {
         self.samples > self.composite.samples
     }
 
-    /// The tone mapping that takes a table to undo.
-    fn undoes(&self) -> Option<splat::Tonemapping> {
+    /// The tonemapping to invert, if that needs a table.
+    fn inverted(&self) -> Option<splat::Tonemapping> {
         match self.composite.mode {
             CompositeMode::InvertTonemapping(tonemapping) if tonemapping.needs_table() => Some(tonemapping),
             _ => None,
@@ -245,7 +247,7 @@ impl Plan {
     }
 }
 
-/// How the camera's splats are to be drawn, unless it has no picture.
+/// The plan for a camera, or `None` if its target has no pixels.
 fn plan(
     (view, camera, msaa, _, tonemapping, choice, sort_key, resolution): bevy::ecs::query::QueryItem<
         '_,
@@ -263,34 +265,34 @@ fn plan(
             SplatTonemapping::Invert => (CompositeMode::InvertTonemapping(method(tonemapping)), false),
             SplatTonemapping::Bypass => (CompositeMode::LinearFromSrgb, true),
         },
-        // Meshes are tone-mapped as they are drawn, or not at all.
+        // Without HDR, meshes are tonemapped by their own shaders, so the target is display-referred already.
         None if camera.compositing_space == Some(CompositingSpace::Srgb) => (CompositeMode::Encoded, false),
         None => (CompositeMode::LinearFromSrgb, false),
     };
     let samples = msaa.samples();
     let composite = CompositeTarget {
         format: view.target_format,
-        // Tonemapping ends in a picture of one sample.
+        // Tonemapping writes an image of one sample per pixel.
         samples: if after_tonemapping { 1 } else { samples },
         mode,
     };
     let sort_key = match sort_key.copied().unwrap_or_default() {
-        SortKey::ViewZ => splat::SortKey::ViewZ,
-        SortKey::Distance => splat::SortKey::Distance,
+        SplatSortKey::ViewZ => splat::SortKey::ViewZ,
+        SplatSortKey::Distance => splat::SortKey::Distance,
     };
     let settings = SplatSettings { sort_key, near: near(view) };
     let exposure = view.color_grading.global.exposure;
     Some(Plan { samples, composite, after_tonemapping, viewport, settings, size, exposure })
 }
 
-/// How near splats may come, in world units: 0.2 as in training, or twice the camera's near plane, which is 0.1 by
-/// default, where that is less (in a world of another scale).
+/// Least view depth of splats, in world units: 0.2 as in training, or twice the camera's near plane if that is less. Bevy's
+/// default near plane of 0.1 gives 0.2; a world of a smaller scale has a nearer one.
 fn near(view: &ExtractedView) -> f32 {
     let near_plane = view.clip_from_view.w_axis.z;
     SplatSettings::default().near.min(2.0 * near_plane.abs())
 }
 
-/// Bevy's tonemapping in the words of the GPU crate, which knows no Bevy.
+/// Bevy's tonemapping as the GPU crate's enum. That crate does not depend on Bevy.
 fn method(tonemapping: Tonemapping) -> splat::Tonemapping {
     match tonemapping {
         Tonemapping::None => splat::Tonemapping::None,

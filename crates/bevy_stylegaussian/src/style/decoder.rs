@@ -1,34 +1,37 @@
-//! Which decoder styles a scene: the entity's, else the scene's own, else the default one.
+//! The choice of the decoder that styles a scene.
 
 use std::sync::Arc;
 
 use stylegaussian::Decoder;
 
-use super::event::StyleError;
+use super::error::StyleError;
 
-/// The decoder for a scene without one.
+/// The decoder of an entity's style: the entity's own, else the one that its scene carries, else the bundled one.
 ///
 /// # Errors
-/// When the plugin was built without its feature `defaults`.
-#[cfg(feature = "defaults")]
-pub(super) fn default_decoder() -> Result<Arc<Decoder>, StyleError> {
-    use std::sync::OnceLock;
+/// If it is the bundled one, and that is not compiled in or does not parse.
+pub(super) fn choose_decoder(
+    of_entity: Option<&Arc<Decoder>>,
+    of_scene: Option<&Arc<Decoder>>,
+) -> Result<Arc<Decoder>, StyleError> {
+    of_entity.or(of_scene).map_or_else(bundled_decoder, |decoder| Ok(Arc::clone(decoder)))
+}
+
+/// The bundled decoder, parsed at the first call.
+#[cfg(feature = "bundled_models")]
+fn bundled_decoder() -> Result<Arc<Decoder>, StyleError> {
+    use std::sync::LazyLock;
 
     use stylegaussian::file::decoder_from_bytes;
 
-    static DECODER: OnceLock<Option<Arc<Decoder>>> = OnceLock::new();
-    let parsed = || {
-        let decoder = decoder_from_bytes(stylegaussian_defaults::DECODER, "the default decoder");
-        decoder.inspect_err(|error| bevy::log::error!("{error}")).ok().map(Arc::new)
-    };
-    DECODER.get_or_init(parsed).clone().ok_or(StyleError::NoDecoder)
+    static DECODER: LazyLock<Result<Arc<Decoder>, String>> = LazyLock::new(|| {
+        let decoder = decoder_from_bytes(stylegaussian_defaults::DECODER, "the bundled decoder");
+        decoder.map(Arc::new).map_err(|error| error.to_string())
+    });
+    DECODER.clone().map_err(StyleError::BundledDecoder)
 }
 
-/// The decoder for a scene without one.
-///
-/// # Errors
-/// Always: the plugin was built without its feature `defaults`.
-#[cfg(not(feature = "defaults"))]
-pub(super) fn default_decoder() -> Result<Arc<Decoder>, StyleError> {
+#[cfg(not(feature = "bundled_models"))]
+fn bundled_decoder() -> Result<Arc<Decoder>, StyleError> {
     Err(StyleError::NoDecoder)
 }

@@ -1,30 +1,33 @@
-//! Everything that a look is computed from: the assets that a source names, waited for, and the app's settings.
+//! Inputs of a style: the assets that a source names, and the app's settings.
 
 use std::sync::Arc;
 
 use bevy::{asset::LoadState, ecs::system::SystemParam, prelude::*, render::renderer::RenderAdapterInfo};
 use stylegaussian::{ChannelStatistics, fold::StylizeError};
+use stylegaussian_gpu::device::is_software;
 
-use crate::{
-    asset::{GaussianDecoder, StyleStatistics},
-    splats::CloudScene,
-};
+use crate::scene::LoadedScene;
 
 use super::{
-    event::StyleError,
+    asset::{GaussianDecoder, ImageEncoder, StyleStatistics},
+    error::StyleError,
     images::ImageStatistics,
     packed::PackedInputs,
+    request::StyleRequest,
     settings::{StyleBackend, StyleEncoder},
     source::{StyleDecoder, StyleInput, StyleSource},
-    transfer::Order,
 };
 
-/// Everything that a look is computed from, besides the entity's own components.
+/// An input, or `Ok(None)` while it is being loaded or computed.
+type Input<T> = Result<Option<T>, Arc<StyleError>>;
+
+/// Everything that a style is computed from, except the entity's components.
 #[derive(SystemParam)]
 pub(super) struct Inputs<'w> {
     images: Res<'w, Assets<Image>>,
     statistics: Res<'w, Assets<StyleStatistics>>,
     decoders: Res<'w, Assets<GaussianDecoder>>,
+    encoders: Res<'w, Assets<ImageEncoder>>,
     server: Res<'w, AssetServer>,
     encoder: Res<'w, StyleEncoder>,
     encoded: ResMut<'w, ImageStatistics>,
@@ -34,80 +37,86 @@ pub(super) struct Inputs<'w> {
 }
 
 impl Inputs<'_> {
-    /// What to compute, or `None` while an asset is awaited.
-    pub(super) fn order(
+    /// The request for an entity's style, or `Ok(None)` while an input is missing.
+    pub(super) fn request(
         &mut self,
         source: &StyleSource,
-        scene: &CloudScene,
+        scene: &LoadedScene,
         decoder: Option<&StyleDecoder>,
         gpu_refused: bool,
-    ) -> Option<Result<Order, Arc<StyleError>>> {
-        if scene.0.scene().features.is_none() {
-            return Some(Err(Arc::new(StylizeError::NoFeatures.into())));
+    ) -> Input<StyleRequest> {
+        if scene.scene().features.is_none() {
+            return Err(Arc::new(StylizeError::NoFeatures.into()));
         }
-        let backend = match self.backend(gpu_refused) {
-            Ok(backend) => backend,
-            Err(error) => return Some(Err(Arc::new(error))),
-        };
-        // Every image is asked for before any is awaited, so that they are encoded side by side.
-        let found: Vec<_> = source.styles.iter().map(|style| self.statistics(&style.input)).collect();
-        let decoder = decoder.map(|decoder| match self.decoders.get(&decoder.0) {
-            Some(decoder) => Some(Ok(Arc::clone(&decoder.0))),
-            None => self.awaited(decoder.0.id()).map(Err),
-        });
-        let mut styles = Vec::with_capacity(found.len());
-        for (statistics, style) in found.into_iter().zip(&source.styles) {
-            match statistics? {
-                Ok(statistics) => styles.push((statistics, f64::from(style.weight))),
-                Err(error) => return Some(Err(error)),
-            }
+        let backend = self.backend(gpu_refused)?;
+        // All images are asked for before the first one is waited for, so that they are encoded side by side.
+        let inputs: Vec<_> = source.styles.iter().map(|style| self.statistics(&style.input)).collect();
+        let mut styles = Vec::with_capacity(inputs.len());
+        for (statistics, style) in inputs.into_iter().zip(&source.styles) {
+            let Some(statistics) = statistics? else { return Ok(None) };
+            styles.push((statistics, f64::from(style.weight)));
         }
         let decoder = match decoder {
+            Some(decoder) => match loaded(&self.server, &self.decoders, &decoder.0)? {
+                Some(decoder) => Some(Arc::clone(&decoder.0)),
+                None => return Ok(None),
+            },
             None => None,
-            Some(None) => return None,
-            Some(Some(Ok(decoder))) => Some(decoder),
-            Some(Some(Err(error))) => return Some(Err(error)),
         };
-        let (scene, content) = (scene.0.clone(), f64::from(source.content));
-        Some(Ok(Order { scene, decoder, styles, content, backend, packed: self.packed.clone() }))
+        Ok(Some(StyleRequest {
+            scene: scene.asset.clone(),
+            decoder,
+            styles,
+            content: f64::from(source.content),
+            backend,
+            packed: self.packed.clone(),
+        }))
     }
 
-    /// The statistics of one style, or `None` while they are awaited.
-    fn statistics(&mut self, input: &StyleInput) -> Option<Result<Arc<ChannelStatistics>, Arc<StyleError>>> {
+    /// The statistics of one style.
+    fn statistics(&mut self, input: &StyleInput) -> Input<Arc<ChannelStatistics>> {
         match input {
-            StyleInput::Preset(preset) => match self.statistics.get(preset) {
-                Some(statistics) => Some(Ok(Arc::clone(&statistics.0))),
-                None => self.awaited(preset.id()).map(Err),
-            },
-            StyleInput::Image(handle) => match self.images.get(handle) {
-                Some(image) => {
-                    let name = || handle.path().map_or_else(|| "a style image".into(), ToString::to_string);
-                    self.encoded.get(handle.id(), name, image, &self.encoder)
-                }
-                None => self.awaited(handle.id()).map(Err),
-            },
+            StyleInput::Preset(preset) => {
+                let statistics = loaded(&self.server, &self.statistics, preset)?;
+                Ok(statistics.map(|statistics| Arc::clone(&statistics.0)))
+            }
+            StyleInput::Image(handle) => {
+                let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
+                let Some(encoder) = loaded(&self.server, &self.encoders, &self.encoder.0)? else {
+                    // Nobody will ever load the default asset: it is there from the start if it is bundled.
+                    let is_default = self.encoder.0 == Handle::default();
+                    return if is_default { Err(Arc::new(StyleError::NoEncoder)) } else { Ok(None) };
+                };
+                self.encoded.get(handle, image, encoder).transpose()
+            }
         }
     }
 
-    /// `None` while an asset may still come, otherwise why it will not.
-    fn awaited<A: Asset>(&self, id: AssetId<A>) -> Option<Arc<StyleError>> {
-        match self.server.get_load_state(id) {
-            Some(LoadState::Failed(error)) => Some(Arc::new(StyleError::Load(error.to_string()))),
-            _ => None,
-        }
-    }
-
-    /// Where to decode: never [`StyleBackend::Auto`].
-    fn backend(&self, gpu_refused: bool) -> Result<StyleBackend, StyleError> {
+    /// The backend to decode on: never [`StyleBackend::Auto`].
+    fn backend(&self, gpu_refused: bool) -> Result<StyleBackend, Arc<StyleError>> {
         let adapter = self.adapter.as_ref();
         match *self.backend {
-            StyleBackend::Gpu if adapter.is_none() => Err(StyleError::Gpu("there is no GPU".into())),
+            StyleBackend::Gpu if adapter.is_none() => Err(Arc::new(StyleError::NoGpu)),
             StyleBackend::Auto => {
-                let is_hardware =
-                    adapter.is_some_and(|adapter| !stylegaussian_gpu::device::is_software(adapter));
+                let is_hardware = adapter.is_some_and(|adapter| !is_software(adapter));
                 Ok(if is_hardware && !gpu_refused { StyleBackend::Gpu } else { StyleBackend::Cpu })
             }
             backend => Ok(backend),
         }
+    }
+}
+
+/// An asset, or `Ok(None)` while it may still come.
+fn loaded<'a, A: Asset>(
+    server: &AssetServer,
+    assets: &'a Assets<A>,
+    handle: &Handle<A>,
+) -> Result<Option<&'a A>, Arc<StyleError>> {
+    let asset = assets.get(handle);
+    match server.get_load_state(handle) {
+        Some(LoadState::Failed(error)) if asset.is_none() => {
+            Err(Arc::new(StyleError::Load(error.to_string())))
+        }
+        _ => Ok(asset),
     }
 }

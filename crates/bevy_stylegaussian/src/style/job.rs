@@ -1,54 +1,56 @@
-//! The way from a wish to a look, one job per styled entity.
+//! The way from a changed source to new colors: one job per styled entity.
 //!
-//! A job computes one look at a time and remembers only *that* another is wanted, not which: when it is free again it
-//! takes what the entity's components then say. So a thousand changes faster than they complete cost a few
-//! computations, some of the looks in between are seen, and the last change is what stays.
+//! A job computes one style at a time and remembers only *that* another is wanted, not which: when it is free again it
+//! reads the entity's components as they are then. So a thousand changes that come faster than they complete cost a few
+//! computations, some of the styles in between are seen, and the last change is the one that stays.
 
 use std::{sync::Arc, time::Duration};
 
 use bevy::{
-    ecs::system::SystemParam,
     platform::{collections::HashSet, time::Instant},
     prelude::*,
-    tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
+    tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
 };
 
 use crate::{
-    asset::{GaussianDecoder, StyleStatistics},
-    splats::{CloudScene, SceneError, SceneFailed},
+    colors::{ColorReport, ColorSource, ColorWish, StyleTransition},
+    reports::Reports,
+    scene::LoadedScene,
 };
 
 use super::{
-    event::{AppliedStyle, StyleApplied, StyleError, StyleFailed},
+    applied::AppliedStyle,
+    asset::{GaussianDecoder, ImageEncoder, StyleStatistics},
+    error::StyleError,
+    event::StyleEvents,
     inputs::Inputs,
-    look::{GpuReport, GpuReports, Look, LookColors},
+    request::StyleResult,
     settings::{StyleBackend, StyleEncoder},
-    source::{StyleDecoder, StyleInput, StyleSource, StyleTransition},
-    transfer::Transferred,
+    source::{StyleDecoder, StyleInput, StyleSource},
 };
 
-/// What is under way for an entity's style.
+/// Progress of an entity's style.
 #[derive(Component, Default)]
 pub(crate) struct StyleJob {
-    /// Since when another look is wanted than the one under way or shown.
+    /// Time of the first change that neither the style under way nor the shown one answers, or `None` if both are current.
     wanted: Option<Instant>,
     stage: Stage,
-    /// Until when (since startup) the present look fades in.
+    /// End of the present fade, since startup.
     fading_until: Duration,
     /// Whether the GPU has refused the present scene and decoder.
     gpu_refused: bool,
 }
 
-/// How far the look under way is.
+/// Stage of the style under way.
 #[derive(Default)]
 enum Stage {
-    /// There is none.
+    /// Nothing is under way.
     #[default]
     Idle,
-    /// It is computed in the background.
-    Computing { since: Instant, backend: StyleBackend, task: Task<Result<Transferred, StyleError>> },
-    /// The render world is to run the style pass of this generation.
-    Drawing { since: Instant, generation: u64, style: AppliedStyle },
+    /// A task computes the style.
+    Computing { since: Instant, backend: StyleBackend, task: Task<Result<StyleResult, StyleError>> },
+    /// The render world has to fulfil the wish of this generation.
+    Decoding { since: Instant, generation: u64, style: AppliedStyle },
 }
 
 impl StyleJob {
@@ -57,25 +59,25 @@ impl StyleJob {
     }
 }
 
-/// Another look may be wanted.
-type WishChanged = Or<(Changed<StyleSource>, Changed<StyleDecoder>, Changed<CloudScene>)>;
+/// One of the entity's components that a style depends on changed.
+type InputChanged = Or<(Changed<StyleSource>, Changed<StyleDecoder>, Changed<LoadedScene>)>;
 
-/// What a wish is about.
-type Wishing = (
+/// The components that show which input changed.
+type ChangedInputs = (
     Entity,
     &'static mut StyleJob,
-    &'static mut Look,
-    Ref<'static, CloudScene>,
+    &'static mut ColorWish,
+    Ref<'static, LoadedScene>,
     Option<Ref<'static, StyleDecoder>>,
 );
 
-/// Wants a new look where source, decoder or scene changed. A new scene starts from its own colors.
-pub(super) fn ask_for_changed_styles(mut commands: Commands, mut jobs: Query<Wishing, WishChanged>) {
-    for (entity, mut job, mut look, scene, decoder) in &mut jobs {
+/// Wants a new style if source, decoder or scene changed. A new scene starts in its captured colors.
+pub(super) fn want_changed_styles(mut commands: Commands, mut jobs: Query<ChangedInputs, InputChanged>) {
+    for (entity, mut job, mut wish, scene, decoder) in &mut jobs {
         if scene.is_changed() {
             *job = StyleJob::default();
-            if !matches!(look.colors, LookColors::Captured) {
-                look.set(LookColors::Captured);
+            if !matches!(wish.source, ColorSource::Captured) {
+                wish.set(ColorSource::Captured);
                 commands.entity(entity).try_remove::<AppliedStyle>();
             }
         }
@@ -86,24 +88,26 @@ pub(super) fn ask_for_changed_styles(mut commands: Commands, mut jobs: Query<Wis
     }
 }
 
-/// Wants a new look where an asset came or changed that the style names, or the encoder that reads its images.
-pub(super) fn ask_for_changed_assets(
+/// Wants a new style if an asset that the style names came or changed, or the encoder of its images.
+pub(super) fn want_changed_assets(
     mut images: MessageReader<AssetEvent<Image>>,
     mut statistics: MessageReader<AssetEvent<StyleStatistics>>,
     mut decoders: MessageReader<AssetEvent<GaussianDecoder>>,
+    mut encoders: MessageReader<AssetEvent<ImageEncoder>>,
     encoder: Res<StyleEncoder>,
     mut jobs: Query<(&mut StyleJob, &StyleSource, Option<&StyleDecoder>)>,
 ) {
     let images = changed(&mut images);
     let statistics = changed(&mut statistics);
     let decoders = changed(&mut decoders);
-    let new_encoder = encoder.is_changed() && !encoder.is_added();
-    if images.is_empty() && statistics.is_empty() && decoders.is_empty() && !new_encoder {
+    let encoder_asset_changed = changed(&mut encoders).contains(&encoder.0.id());
+    let encoder_changed = encoder_asset_changed || (encoder.is_changed() && !encoder.is_added());
+    if images.is_empty() && statistics.is_empty() && decoders.is_empty() && !encoder_changed {
         return;
     }
     for (mut job, source, decoder) in &mut jobs {
         let input_changed = source.styles.iter().any(|style| match &style.input {
-            StyleInput::Image(image) => new_encoder || images.contains(&image.id()),
+            StyleInput::Image(image) => encoder_changed || images.contains(&image.id()),
             StyleInput::Preset(preset) => statistics.contains(&preset.id()),
         });
         let decoder_changed = decoder.is_some_and(|decoder| decoders.contains(&decoder.0.id()));
@@ -116,7 +120,7 @@ pub(super) fn ask_for_changed_assets(
     }
 }
 
-/// The assets that came or were replaced. One that comes is mostly waited for already; after a failure it is not.
+/// The assets that came or were replaced. A job usually waits for an asset that comes, but not after a failure.
 fn changed<A: Asset>(events: &mut MessageReader<AssetEvent<A>>) -> HashSet<AssetId<A>> {
     let id = |event: &AssetEvent<A>| match event {
         AssetEvent::Added { id } | AssetEvent::Modified { id } => Some(*id),
@@ -125,17 +129,18 @@ fn changed<A: Asset>(events: &mut MessageReader<AssetEvent<A>>) -> HashSet<Asset
     events.read().filter_map(id).collect()
 }
 
-/// Gives entities their own colors back whose source was removed, and wants a new look where a decoder was.
+/// Resets entities to their captured colors if their source was removed, and wants a new style if their decoder was.
 pub(super) fn drop_removed_styles(
     mut commands: Commands,
     mut sources: RemovedComponents<StyleSource>,
     mut decoders: RemovedComponents<StyleDecoder>,
     mut jobs: Query<&mut StyleJob, With<StyleSource>>,
-    mut looks: Query<&mut Look>,
+    mut wishes: Query<&mut ColorWish>,
 ) {
     for entity in sources.read().filter(|&entity| !jobs.contains(entity)) {
-        if let Ok(mut look) = looks.get_mut(entity) {
-            look.set(LookColors::Captured);
+        // The wish stays: the next one must have a higher generation.
+        if let Ok(mut wish) = wishes.get_mut(entity) {
+            wish.set(ColorSource::Captured);
             commands.entity(entity).try_remove::<(StyleJob, AppliedStyle)>();
         }
     }
@@ -147,49 +152,40 @@ pub(super) fn drop_removed_styles(
     }
 }
 
-/// Takes over what the render world reports.
-pub(super) fn hear_from_gpu(
-    reports: Res<GpuReports>,
+/// Takes over the reports of the render world.
+pub(super) fn read_gpu_reports(
+    reports: Res<Reports<ColorReport>>,
     mut jobs: Query<(&mut StyleJob, Option<&StyleTransition>)>,
     backend: Res<StyleBackend>,
     time: Res<Time<Real>>,
-    mut news: News,
+    mut events: StyleEvents,
 ) {
-    for report in reports.take() {
-        match report {
-            GpuReport::Styled { entity, generation } => {
-                let Ok((mut job, transition)) = jobs.get_mut(entity) else { continue };
-                if let Some((since, style)) = job.finish_drawing(generation) {
-                    job.fading_until = time.elapsed().saturating_add(fade_duration(transition));
-                    news.applied(entity, style, StyleBackend::Gpu, since);
-                }
+    for ColorReport { entity, generation, result } in reports.take() {
+        let Ok((mut job, transition)) = jobs.get_mut(entity) else { continue };
+        let Some((since, style)) = job.finish_decoding(generation) else { continue };
+        match result {
+            Ok(()) => {
+                job.fading_until = time.elapsed().saturating_add(fade_duration(transition));
+                events.applied(entity, style, StyleBackend::Gpu, since);
             }
-            GpuReport::StyleRefused { entity, generation, reason } => {
-                let Ok((mut job, _)) = jobs.get_mut(entity) else { continue };
-                let Some((since, _)) = job.finish_drawing(generation) else { continue };
+            Err(reason) => {
                 job.gpu_refused = true;
                 if *backend == StyleBackend::Auto {
-                    warn!("{entity}: the GPU cannot decode its style ({reason}); the processor does");
+                    warn!("{entity}: the GPU cannot decode its style ({reason}); the CPU does");
                     job.wanted.get_or_insert(since);
                 } else {
-                    news.failed(entity, Arc::new(StyleError::Gpu(reason)));
+                    events.failed(entity, Arc::new(StyleError::Gpu(reason)));
                 }
-            }
-            GpuReport::SceneRefused { entity, reason } => {
-                let event = SceneFailed { entity, error: Arc::new(SceneError::Gpu(reason)) };
-                error!("{entity}: {}", event.error);
-                news.scene_failed.write(event.clone());
-                news.commands.trigger(event);
             }
         }
     }
 }
 
 impl StyleJob {
-    /// The style whose pass was awaited, if it is of this generation.
-    fn finish_drawing(&mut self, awaited: u64) -> Option<(Instant, AppliedStyle)> {
+    /// The style that the render world was to decode, or `None` if it is not of this generation.
+    fn finish_decoding(&mut self, reported: u64) -> Option<(Instant, AppliedStyle)> {
         match std::mem::take(&mut self.stage) {
-            Stage::Drawing { since, generation, style } if generation == awaited => Some((since, style)),
+            Stage::Decoding { since, generation, style } if generation == reported => Some((since, style)),
             other => {
                 self.stage = other;
                 None
@@ -202,148 +198,123 @@ fn fade_duration(transition: Option<&StyleTransition>) -> Duration {
     transition.map_or(Duration::ZERO, |transition| transition.duration)
 }
 
-/// An entity whose style is worked on.
-type Styled = (
+/// The components of a styled entity.
+type StyledEntity = (
     Entity,
     &'static StyleSource,
     &'static mut StyleJob,
-    &'static mut Look,
-    Option<&'static CloudScene>,
+    &'static mut ColorWish,
+    Option<&'static LoadedScene>,
     Option<&'static StyleDecoder>,
     Option<&'static StyleTransition>,
 );
 
-/// Takes over what is computed, then starts what is wanted.
+/// Takes over results of tasks, then starts wanted styles.
 pub(super) fn advance_jobs(
-    mut jobs: Query<Styled>,
+    mut jobs: Query<StyledEntity>,
     mut inputs: Inputs,
     time: Res<Time<Real>>,
-    mut news: News,
+    mut events: StyleEvents,
 ) {
     let now = time.elapsed();
-    for (entity, source, mut job, mut look, scene, decoder, transition) in &mut jobs {
-        // A look that is ready during a fade waits: a fade has one beginning and one end.
+    for (entity, source, mut job, mut wish, scene, decoder, transition) in &mut jobs {
+        // A style that is ready during a fade waits: a fade has one beginning and one end.
         if job.is_at_rest() || now < job.fading_until {
             continue;
         }
         let fading_until = now.saturating_add(fade_duration(transition));
         match scene {
-            // What is under way is for a scene that is gone; what is wanted waits for the next.
+            // The style under way is for a scene that is gone; the wanted one waits for the next scene.
             None => job.stage = Stage::Idle,
-            Some(_) if source.is_none() => job.unstyle(entity, &mut look, fading_until, &mut news),
+            Some(_) if source.is_none() => job.unstyle(entity, &mut wish, fading_until, &mut events),
             Some(scene) => {
-                job.take_over(entity, scene, &mut look, fading_until, &mut news);
-                job.start(entity, source, scene, decoder, &mut inputs, &mut news);
+                job.take_over(entity, scene, &mut wish, fading_until, &mut events);
+                job.start(entity, source, scene, decoder, &mut inputs, &mut events);
             }
         }
     }
 }
 
 impl StyleJob {
-    /// Gives the entity its own colors back, which takes no computing.
-    fn unstyle(&mut self, entity: Entity, look: &mut Mut<Look>, fading_until: Duration, news: &mut News) {
+    /// Resets the entity to its captured colors, which needs no task.
+    fn unstyle(
+        &mut self,
+        entity: Entity,
+        wish: &mut Mut<ColorWish>,
+        fading_until: Duration,
+        events: &mut StyleEvents,
+    ) {
         self.stage = Stage::Idle;
         let Some(since) = self.wanted.take() else { return };
-        if matches!(look.colors, LookColors::Captured) {
+        if matches!(wish.source, ColorSource::Captured) {
             return;
         }
-        look.set(LookColors::Captured);
+        wish.set(ColorSource::Captured);
         self.fading_until = fading_until;
-        news.commands.entity(entity).try_remove::<AppliedStyle>();
-        news.tell_applied(entity, StyleBackend::Cpu, since);
+        events.removed(entity, since);
     }
 
-    /// Takes over what the background has computed, if it has.
+    /// Takes over the task's result if it is ready.
     fn take_over(
         &mut self,
         entity: Entity,
-        scene: &CloudScene,
-        look: &mut Mut<Look>,
+        scene: &LoadedScene,
+        wish: &mut Mut<ColorWish>,
         fading_until: Duration,
-        news: &mut News,
+        events: &mut StyleEvents,
     ) {
         let Some((result, backend, since)) = self.computed() else { return };
         match result {
-            // The scene was replaced meanwhile: the colors are another scene's.
-            Ok(transferred) if !Arc::ptr_eq(&transferred.style.scene, scene.0.scene()) => {}
-            Ok(Transferred { style, colors }) => {
-                look.set(colors);
+            // The scene was replaced meanwhile: the colors belong to another one.
+            Ok(result) if !Arc::ptr_eq(&result.style.scene, scene.scene()) => {}
+            Ok(StyleResult { style, colors }) => {
+                wish.set(colors);
                 if backend == StyleBackend::Gpu {
-                    self.stage = Stage::Drawing { since, generation: look.generation, style };
+                    self.stage = Stage::Decoding { since, generation: wish.generation, style };
                 } else {
                     self.fading_until = fading_until;
-                    news.applied(entity, style, backend, since);
+                    events.applied(entity, style, backend, since);
                 }
             }
-            // A failure that a later change has made void is nobody's concern.
+            // A later change has made the failure obsolete.
             Err(_) if self.wanted.is_some() => {}
-            Err(error) => news.failed(entity, Arc::new(error)),
+            Err(error) => events.failed(entity, Arc::new(error)),
         }
     }
 
-    /// Starts to compute what is wanted, if nothing is under way and all that it takes is there.
+    /// Starts the wanted style if nothing is under way and all inputs are available.
     fn start(
         &mut self,
         entity: Entity,
         source: &StyleSource,
-        scene: &CloudScene,
+        scene: &LoadedScene,
         decoder: Option<&StyleDecoder>,
         inputs: &mut Inputs,
-        news: &mut News,
+        events: &mut StyleEvents,
     ) {
         let (Stage::Idle, Some(since)) = (&self.stage, self.wanted) else { return };
-        let Some(order) = inputs.order(source, scene, decoder, self.gpu_refused) else { return };
-        self.wanted = None;
-        match order {
-            Ok(order) => {
-                let backend = order.backend;
-                let task = AsyncComputeTaskPool::get().spawn(async move { order.carry_out() });
+        match inputs.request(source, scene, decoder, self.gpu_refused) {
+            Ok(None) => return,
+            Ok(Some(request)) => {
+                let backend = request.backend;
+                let task = AsyncComputeTaskPool::get().spawn(async move { request.run() });
                 self.stage = Stage::Computing { since, backend, task };
             }
-            Err(error) => news.failed(entity, error),
+            Err(error) => events.failed(entity, error),
         }
+        self.wanted = None;
     }
-}
 
-impl StyleJob {
+    /// Whether there is nothing to do until something changes or the render world reports.
     fn is_at_rest(&self) -> bool {
         self.wanted.is_none() && !matches!(self.stage, Stage::Computing { .. })
     }
 
-    /// What the background has computed, once.
-    fn computed(&mut self) -> Option<(Result<Transferred, StyleError>, StyleBackend, Instant)> {
+    /// The task's result if it is ready, once.
+    fn computed(&mut self) -> Option<(Result<StyleResult, StyleError>, StyleBackend, Instant)> {
         let Stage::Computing { since, backend, task } = &mut self.stage else { return None };
-        let computed = (block_on(poll_once(task))?, *backend, *since);
+        let computed = (check_ready(task)?, *backend, *since);
         self.stage = Stage::Idle;
         Some(computed)
-    }
-}
-
-/// Where results are told.
-#[derive(SystemParam)]
-pub(super) struct News<'w, 's> {
-    commands: Commands<'w, 's>,
-    applied: MessageWriter<'w, StyleApplied>,
-    failed: MessageWriter<'w, StyleFailed>,
-    scene_failed: MessageWriter<'w, SceneFailed>,
-}
-
-impl News<'_, '_> {
-    fn applied(&mut self, entity: Entity, style: AppliedStyle, backend: StyleBackend, since: Instant) {
-        self.commands.entity(entity).try_insert(style);
-        self.tell_applied(entity, backend, since);
-    }
-
-    fn tell_applied(&mut self, entity: Entity, backend: StyleBackend, since: Instant) {
-        let event = StyleApplied { entity, backend, elapsed: since.elapsed() };
-        self.applied.write(event.clone());
-        self.commands.trigger(event);
-    }
-
-    fn failed(&mut self, entity: Entity, error: Arc<StyleError>) {
-        warn!("{entity}: {error}");
-        let event = StyleFailed { entity, error };
-        self.failed.write(event.clone());
-        self.commands.trigger(event);
     }
 }

@@ -1,90 +1,96 @@
-//! Style: what an entity should look like, and how it comes to.
+//! Styling: from a [`StyleSource`] to a wish for colors.
 //!
-//! A change of a [`StyleSource`] (or of an asset it names) asks its [`job`] for a new look. The job waits for the assets,
-//! has images encoded ([`images`]), and folds the transfer into weights, or decodes the colors too, in the background
-//! ([`transfer`]). Then the entity's [`Look`] changes, and with it what the render world draws.
+//! A changed [`StyleSource`], or a changed asset that it names, makes the entity's [`job`] want a new style. The job waits
+//! for the assets and has images encoded ([`images`]). Then a task folds the style into the decoder's weights and, on the
+//! CPU backend, decodes the colors too ([`request`]). The result becomes the entity's
+//! [`ColorWish`](crate::colors::ColorWish). Folded weights are decoded on the GPU by the style pass ([`pass`]).
 
 use bevy::{
     core_pipeline::schedule::camera_driver,
     prelude::*,
-    render::{
-        ExtractSchedule, GpuResourceAppExt, RenderApp, extract_resource::ExtractResourcePlugin,
-        renderer::RenderGraph,
-    },
+    render::{GpuResourceAppExt, RenderApp, extract_resource::ExtractResourcePlugin, renderer::RenderGraph},
 };
 
-use crate::plugin::StyleGaussianSystems;
+use crate::{colors::update_colors, loader::FileLoader, systems::StyleGaussianSystems};
 
+mod applied;
+mod asset;
 mod decoder;
+mod error;
 mod event;
 mod images;
 mod inputs;
 mod job;
-mod look;
-mod looks;
-mod node;
 mod packed;
+mod pass;
+mod request;
 mod settings;
 mod source;
 #[cfg(test)]
 mod tests;
-mod transfer;
 
-pub use event::{AppliedStyle, StyleApplied, StyleError, StyleFailed, StylePassCount};
+pub use applied::AppliedStyle;
+pub use asset::{GaussianDecoder, ImageEncoder, StyleStatistics};
+pub use error::StyleError;
+pub use event::{StyleApplied, StyleFailed};
 pub use settings::{StyleBackend, StyleBudget, StyleEncoder};
-pub use source::{StyleDecoder, StyleInput, StyleSource, StyleTransition, WeightedStyle};
+pub use source::{StyleDecoder, StyleInput, StyleSource, WeightedStyle};
 
-pub(crate) use look::{GpuReport, GpuReports, Look};
-pub(crate) use looks::{CloudLooks, LookClock};
-
-/// Styles [`GaussianSplats`](crate::GaussianSplats).
+/// Styles the entities that show a scene.
 pub(crate) struct StylePlugin;
 
 impl Plugin for StylePlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<images::ImageStatistics>()
-            .init_resource::<packed::PackedInputs>()
-            .init_resource::<GpuReports>()
-            .init_resource::<StylePassCount>()
+        app.init_asset::<StyleStatistics>()
+            .init_asset::<GaussianDecoder>()
+            .init_asset::<ImageEncoder>()
+            .init_asset_loader::<FileLoader<StyleStatistics>>()
+            .init_asset_loader::<FileLoader<GaussianDecoder>>()
+            .init_asset_loader::<FileLoader<ImageEncoder>>()
+            .init_resource::<StyleBackend>()
             .init_resource::<StyleBudget>()
+            .init_resource::<StyleEncoder>()
+            .init_resource::<images::ImageStatistics>()
+            .init_resource::<packed::PackedInputs>()
             .add_plugins(ExtractResourcePlugin::<StyleBudget>::default())
             .add_message::<StyleApplied>()
             .add_message::<StyleFailed>()
-            .register_type::<StyleSource>()
-            .register_type::<StyleTransition>()
-            .register_type::<StyleDecoder>()
-            .register_type::<StyleBackend>()
-            .register_type::<StyleBudget>()
-            .register_type::<StyleEncoder>()
-            .register_type::<StyleApplied>()
-            .register_type::<StyleFailed>()
-            .register_type::<AppliedStyle>()
-            .register_type::<StylePassCount>()
             .add_systems(
                 PostUpdate,
                 (
                     images::forget_changed_images,
-                    job::ask_for_changed_styles,
-                    job::ask_for_changed_assets,
+                    job::want_changed_styles,
+                    job::want_changed_assets,
                     job::drop_removed_styles,
-                    job::hear_from_gpu,
+                    job::read_gpu_reports,
                     job::advance_jobs,
                 )
                     .chain()
                     .in_set(StyleGaussianSystems::Styles),
             );
-        let reports = app.world().resource::<GpuReports>().clone();
-        let count = app.world().resource::<StylePassCount>().clone();
+        register_types(app);
+        #[cfg(feature = "bundled_models")]
+        asset::add_bundled_encoder(app.world_mut());
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
-            render_app
-                .insert_resource(reports)
-                .insert_resource(count)
-                .init_resource::<LookClock>()
-                .add_systems(ExtractSchedule, looks::extract_clock)
-                // Rebuilt from `RenderClouds` after a lost device.
-                .init_gpu_resource::<CloudLooks>()
-                .init_gpu_resource::<node::StylePasses>()
-                .add_systems(RenderGraph, node::update_looks.before(camera_driver));
+            render_app.init_gpu_resource::<pass::StylePasses>().add_systems(
+                RenderGraph,
+                // Wishes for captured colors come first: they free the scene for the style of another entity.
+                pass::decode_styles.after(update_colors).before(camera_driver),
+            );
         }
     }
+}
+
+fn register_types(app: &mut App) {
+    app.register_type::<StyleStatistics>()
+        .register_type::<GaussianDecoder>()
+        .register_type::<ImageEncoder>()
+        .register_type::<StyleSource>()
+        .register_type::<StyleDecoder>()
+        .register_type::<StyleBackend>()
+        .register_type::<StyleBudget>()
+        .register_type::<StyleEncoder>()
+        .register_type::<StyleApplied>()
+        .register_type::<StyleFailed>()
+        .register_type::<AppliedStyle>();
 }

@@ -1,4 +1,4 @@
-//! What styling takes of a scene on the GPU, packed once for each scene and decoder, in the background.
+//! Inputs of the style pass, packed once for each scene and decoder, in a task.
 
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
@@ -6,54 +6,43 @@ use bevy::prelude::*;
 use stylegaussian::{Decoder, Scene, fold::StylizeError};
 use stylegaussian_gpu::style::StyleInputs;
 
-/// Packed inputs that a look still uses. Nothing here keeps them, or the scene, alive.
+/// Packed inputs that are still in use. They are held weakly: nothing here keeps them or the scene alive.
 #[derive(Resource, Clone, Default)]
 pub(super) struct PackedInputs(Arc<Mutex<Vec<Packed>>>);
 
 struct Packed {
     scene: Weak<Scene>,
     decoder: Weak<Decoder>,
-    /// Locked while they are packed: whoever wants the same waits instead of packing them twice.
-    inputs: Arc<Mutex<Weak<StyleInputs>>>,
+    inputs: Weak<StyleInputs>,
 }
 
 impl PackedInputs {
-    /// The inputs of `scene` for `decoder`, packed now where they are not known. Takes a while: not for the main thread.
+    /// The inputs of `scene` for `decoder`, packed now if nobody uses them yet. Takes a while: not for the main thread.
     ///
     /// # Errors
-    /// When the decoder does not fit the scene.
+    /// If the decoder does not fit the scene.
     pub(super) fn get(
         &self,
         scene: &Arc<Scene>,
         decoder: &Arc<Decoder>,
     ) -> Result<Arc<StyleInputs>, StylizeError> {
-        let place = self.place(scene, decoder);
-        let mut packed = place.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(inputs) = packed.upgrade() {
-            return Ok(inputs);
-        }
-        let inputs = Arc::new(StyleInputs::new(scene, decoder)?);
-        *packed = Arc::downgrade(&inputs);
-        Ok(inputs)
-    }
-
-    /// Where the inputs of `scene` for `decoder` are, or will be. While both are alive, their addresses are theirs.
-    fn place(&self, scene: &Arc<Scene>, decoder: &Arc<Decoder>) -> Arc<Mutex<Weak<StyleInputs>>> {
+        // Locked while packing: a second task that needs the same inputs waits for them instead of packing them twice.
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        all.retain(|packed| packed.scene.strong_count() > 0 && packed.decoder.strong_count() > 0);
+        all.retain(|packed| packed.inputs.strong_count() > 0);
+        // A weak pointer keeps its address taken, so equal addresses mean the same scene and decoder.
         let is_of = |packed: &&Packed| {
             packed.scene.as_ptr() == Arc::as_ptr(scene) && packed.decoder.as_ptr() == Arc::as_ptr(decoder)
         };
-        if let Some(packed) = all.iter().find(is_of) {
-            return Arc::clone(&packed.inputs);
+        if let Some(inputs) = all.iter().find(is_of).and_then(|packed| packed.inputs.upgrade()) {
+            return Ok(inputs);
         }
-        let inputs = Arc::default();
+        let inputs = Arc::new(StyleInputs::new(scene, decoder)?);
         all.push(Packed {
             scene: Arc::downgrade(scene),
             decoder: Arc::downgrade(decoder),
-            inputs: Arc::clone(&inputs),
+            inputs: Arc::downgrade(&inputs),
         });
-        inputs
+        Ok(inputs)
     }
 }
 
@@ -62,9 +51,9 @@ mod tests {
     use std::sync::Barrier;
 
     use super::*;
-    use crate::world::small_scene;
+    use crate::tests::world::small_scene;
 
-    /// The same scene twice, in two styles from the start.
+    /// The same scene is styled twice from the start, in two styles.
     #[test]
     fn two_who_ask_at_once_share_what_is_packed() {
         let scene = Arc::new(small_scene(20_000, 1));
@@ -80,8 +69,8 @@ mod tests {
         });
         assert!(Arc::ptr_eq(&a, &b));
         drop((a, b));
-        // Nobody uses them: nothing is kept.
-        assert!(packed.place(&scene, &decoder).lock().unwrap().upgrade().is_none());
+        // Nothing is kept if nobody uses it.
+        assert!(packed.0.lock().unwrap().iter().all(|packed| packed.inputs.upgrade().is_none()));
         drop(scene);
         assert!(packed.0.lock().unwrap().iter().all(|packed| packed.scene.upgrade().is_none()));
     }

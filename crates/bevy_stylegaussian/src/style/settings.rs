@@ -1,39 +1,30 @@
-//! Settings of the app: where styles are decoded, and which encoder reads images.
-
-use std::{
-    path::{Path, PathBuf},
-    sync::{Arc, OnceLock},
-};
+//! Settings of the app: three resources.
 
 use bevy::{prelude::*, render::extract_resource::ExtractResource};
-use stylegaussian_encoder::{Encoder, EncoderError, encoder::BuiltIn};
 
-/// The encoder that comes with the plugin.
-#[cfg(feature = "defaults")]
-const BUILT_IN: Option<BuiltIn<'_>> =
-    Some((stylegaussian_defaults::ENCODER_NAME, stylegaussian_defaults::ENCODER));
-#[cfg(not(feature = "defaults"))]
-const BUILT_IN: Option<BuiltIn<'_>> = None;
+use super::asset::ImageEncoder;
 
-/// Where features are decoded to colors.
+/// Backend that decodes features to colors. A resource; changing it affects later changes of style.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Clone, Debug, Default, PartialEq)]
 pub enum StyleBackend {
-    /// On the GPU, unless it is one in name only (software Vulkan), which the processor's own decoder beats.
+    /// The GPU, or the CPU if the adapter is software (such as llvmpipe), where the CPU's own decoder is faster. Also the
+    /// CPU if the scene or its decoder is too large for the GPU.
     #[default]
     Auto,
-    /// On the processor, in the background.
+    /// The CPU, in the background.
     Cpu,
-    /// On the GPU.
+    /// The GPU.
     Gpu,
 }
 
-/// How much of each frame changes of style may take on the GPU, all of them together. A change that takes longer is spread
-/// over frames; the old look stays until the new one is complete.
+/// GPU time per frame for all style changes together. A resource.
 ///
-/// What the GPU does in that time is measured by its own clock; where it has none, an old integrated GPU is assumed. A frame
-/// can exceed the budget by what decodes 128 Gaussians in one layer (more on devices whose small limits cut a layer's
-/// inputs). It says nothing about [`StyleBackend::Cpu`], which works in the background.
+/// A change that takes longer is spread over several frames, and the old colors stay until the new ones are complete. The
+/// GPU's timestamps measure the time. If the device has no timestamps, the speed of an old integrated GPU is assumed.
+///
+/// Each frame decodes at least 128 Gaussians in one layer, even if that exceeds the budget. Devices with small limits split
+/// the inputs of a layer and may exceed it by more. [`StyleBackend::Cpu`] has no budget: it works in the background.
 #[derive(Resource, ExtractResource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Clone, Debug, Default, PartialEq)]
 pub struct StyleBudget {
@@ -47,33 +38,18 @@ impl Default for StyleBudget {
     }
 }
 
-/// The encoder that reads style images: VGG-19 weights or an ONNX file, opened in the background when the first image is
-/// to be encoded. Without a path it is the one that the environment variable `STYLEGAUSSIAN_ENCODER` names, otherwise the
-/// default one, which comes with the feature `defaults`.
+/// The encoder of style images. A resource.
 ///
-/// Insert another one to change it: all images are then encoded anew.
-#[derive(Resource, Clone, Default, Reflect)]
-#[reflect(Resource, Clone, Default)]
-pub struct StyleEncoder {
-    path: Option<PathBuf>,
-    #[reflect(ignore)]
-    opened: Arc<OnceLock<Result<Encoder, Arc<EncoderError>>>>,
-}
-
-impl StyleEncoder {
-    /// The encoder in this file: `.safetensors` or `.pth` weights of VGG-19, or `.onnx`.
-    pub fn at(path: impl Into<PathBuf>) -> Self {
-        Self { path: Some(path.into()), ..Self::default() }
-    }
-
-    /// Its file, unless the environment names it.
-    pub fn path(&self) -> Option<&Path> {
-        self.path.as_deref()
-    }
-
-    /// Opens the encoder at the first call, which takes a moment, and keeps it.
-    pub(crate) fn open(&self) -> Result<&Encoder, Arc<EncoderError>> {
-        let opened = || stylegaussian_encoder::resolve(self.path(), BUILT_IN).map_err(Arc::new);
-        self.opened.get_or_init(opened).as_ref().map_err(Arc::clone)
-    }
-}
+/// The default handle names the bundled encoder, which needs the feature `bundled_models` and is opened in the background
+/// when the first image has to be encoded. If the handle or its asset changes, all images are encoded again.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_stylegaussian::StyleEncoder;
+/// # fn system(mut commands: Commands, assets: Res<AssetServer>) {
+/// commands.insert_resource(StyleEncoder(assets.load("vgg19_relu3_1.onnx")));
+/// # }
+/// ```
+#[derive(Resource, Clone, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Resource, Clone, Debug, Default, PartialEq)]
+pub struct StyleEncoder(pub Handle<ImageEncoder>);

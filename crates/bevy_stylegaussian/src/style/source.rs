@@ -1,15 +1,16 @@
-//! What an entity's splats should look like.
-
-use std::time::Duration;
+//! The style of an entity.
 
 use bevy::prelude::*;
 
-use crate::asset::{GaussianDecoder, StyleStatistics};
+use crate::colors::ColorWish;
 
-use super::job::StyleJob;
+use super::{
+    asset::{GaussianDecoder, StyleStatistics},
+    job::StyleJob,
+};
 
-/// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images and presets, blended
-/// with the content itself. Change it at any time; the old look stays until the new one is complete.
+/// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images and presets, blended with
+/// the content itself. Change it at any time. The old colors stay until the new ones are complete.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -23,13 +24,13 @@ use super::job::StyleJob;
 /// # }
 /// ```
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
-#[require(StyleJob)]
+#[require(StyleJob, ColorWish)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct StyleSource {
-    /// The styles and how much of each; weights are normalized to sum 1. Without any, the splats keep their own colors.
+    /// The styles and their weights, which are normalized to sum 1. If it is empty, the splats have their captured colors.
     pub styles: Vec<WeightedStyle>,
-    /// How much of the content's own features stays, 0..1: transferred = c f + (1 - c) sum_j w_j AdaIN_j. At 1 the
-    /// decoder shows what it makes of the content, which is not the original color.
+    /// Share of the content's features that stays, 0..1: transferred = c f + (1 - c) sum_j w_j AdaIN_j. At 1, the colors
+    /// are the decoder's reconstruction of the content, which differs from the captured colors.
     pub content: f32,
 }
 
@@ -43,14 +44,14 @@ pub struct WeightedStyle {
     pub weight: f32,
 }
 
-/// Where a style comes from.
+/// The source of a style.
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[reflect(Clone, Debug, PartialEq)]
 pub enum StyleInput {
-    /// An image, encoded off the main thread the first time it is used, and again when it changes. Needs an encoder: see
+    /// An image. It is encoded in the background at its first use and again if it changes, by the
     /// [`StyleEncoder`](crate::StyleEncoder).
     Image(Handle<Image>),
-    /// Statistics computed beforehand.
+    /// Precomputed statistics.
     Preset(Handle<StyleStatistics>),
 }
 
@@ -72,23 +73,23 @@ impl StyleSource {
         Self::mix([(image, 1.0)])
     }
 
-    /// A style whose statistics are known.
+    /// The style of precomputed statistics.
     pub fn preset(statistics: Handle<StyleStatistics>) -> Self {
         Self::mix([(statistics, 1.0)])
     }
 
-    /// A mix of styles and their weights, which are at least 0 and are normalized to sum 1.
+    /// A mix of styles and their weights. Weights are at least 0 and are normalized to sum 1.
     pub fn mix<I: Into<StyleInput>>(styles: impl IntoIterator<Item = (I, f32)>) -> Self {
         let weighted = |(input, weight): (I, f32)| WeightedStyle { input: input.into(), weight };
         Self { styles: styles.into_iter().map(weighted).collect(), content: 0.0 }
     }
 
-    /// No style: the splats keep their own colors.
+    /// No style: the splats have their captured colors.
     pub fn none() -> Self {
         Self::default()
     }
 
-    /// The same with `content` of the content's own features, 0..1.
+    /// The same styles with this share of the content's features, 0..1.
     pub fn with_content(self, content: f32) -> Self {
         Self { content, ..self }
     }
@@ -99,24 +100,8 @@ impl StyleSource {
     }
 }
 
-/// How long an entity's splats take to fade from one look to the next once that is complete; without this component they
-/// change at once. A look that is ready during a fade waits for its end.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
-#[reflect(Component, Clone, Debug, Default, PartialEq)]
-pub struct StyleTransition {
-    /// From the first frame that shows anything of the new look to the first that shows it alone.
-    pub duration: Duration,
-}
-
-impl Default for StyleTransition {
-    /// Half a second.
-    fn default() -> Self {
-        Self { duration: Duration::from_millis(500) }
-    }
-}
-
-/// The decoder of an entity's style, where it is to be another than the one that the scene carries or, for scenes without
-/// any, the default one.
+/// The decoder of an entity's style. Without this component, the scene's own decoder is used if it has one, otherwise the
+/// bundled decoder.
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct StyleDecoder(pub Handle<GaussianDecoder>);

@@ -1,4 +1,4 @@
-//! The style pass in an app: what it computes, how often it runs, what it leaves behind.
+//! The style pass in an app: its results, the number of its runs, and the memory that it leaves behind.
 
 use std::path::Path;
 
@@ -18,21 +18,18 @@ use stylegaussian::{
 use stylegaussian_gpu::splat::CloudColors;
 
 use crate::{
-    GaussianScene, GaussianSplats, StyleApplied, StyleBackend, StyleBudget, StylePassCount, StyleSource,
-    StyleTransition,
-    world::{rendering::*, *},
+    GaussianScene, GaussianSplats, StyleApplied, StyleBackend, StyleBudget, StyleSource, StyleTransition,
+    colors::{FadeClock, ShownColors},
+    tests::world::{rendering::*, *},
 };
 
-use super::{
-    decoder::default_decoder,
-    looks::{CloudLooks, LookClock},
-};
+use super::{decoder::choose_decoder, pass::StylePasses};
 
-/// The colors that the GPU shows an entity in.
+/// The colors of an entity on the GPU.
 fn shown(app: &App, entity: Entity) -> Option<Vec<[f32; 3]>> {
     let world = app.sub_app(RenderApp).world();
     let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
-    let colors = world.resource::<CloudLooks>().0.get(&MainEntity::from(entity))?.shown()?;
+    let colors = world.resource::<ShownColors>().of_entity.get(&MainEntity::from(entity))?.shown()?;
     Some(colors.read(device.wgpu_device(), queue).unwrap())
 }
 
@@ -46,7 +43,20 @@ fn until_applied(app: &mut App) -> StyleApplied {
 }
 
 fn n_passes(app: &App) -> u64 {
-    app.world().resource::<StylePassCount>().get()
+    app.sub_app(RenderApp).world().resource::<StylePasses>().n_decoded
+}
+
+fn until_passes(app: &mut App, n: u64) {
+    let start = std::time::Instant::now();
+    while n_passes(app) != n {
+        assert!(
+            start.elapsed().as_secs() < 60,
+            "not within a minute: {n} style passes, found {}",
+            n_passes(app)
+        );
+        app.update();
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
 }
 
 fn largest_difference(a: &[[f32; 3]], b: &[[f32; 3]]) -> f32 {
@@ -54,7 +64,7 @@ fn largest_difference(a: &[[f32; 3]], b: &[[f32; 3]]) -> f32 {
     a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-/// The shipped decoder on real features: some of the demo scene's Gaussians.
+/// The bundled decoder on real features: every 64th Gaussian of the demo scene.
 #[test]
 fn gpu_matches_cpu() {
     let Some(mut app) = app_with_rendering(StyleBackend::Gpu) else { return };
@@ -72,7 +82,7 @@ fn gpu_matches_cpu() {
 
     let content = f64::from(0.1_f32);
     let map = fold::transfer(scene.features.as_ref().unwrap(), &[(&style, 1.0)], content).unwrap();
-    let expected = fold::stylize(&scene, &default_decoder().unwrap(), &map).unwrap();
+    let expected = fold::stylize(&scene, &choose_decoder(None, None).unwrap(), &map).unwrap();
     let values = expected.as_flattened();
     let mean = values.iter().sum::<f32>() / values.len() as f32;
     let deviation = (values.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / values.len() as f32).sqrt();
@@ -83,7 +93,7 @@ fn gpu_matches_cpu() {
     assert!(error < 2e-3, "{error}");
 }
 
-/// Software that acts as a GPU is slower than the processor's own decoder.
+/// The GPU code is slower on a software adapter than the CPU's own decoder.
 #[test]
 fn auto_leaves_software_adapters_alone() {
     let Some(mut app) = app_with_rendering(StyleBackend::Auto) else { return };
@@ -105,12 +115,12 @@ fn only_changes_run_the_style_pass() {
     let splats = GaussianSplats(add_scene(&mut app, small_scene(100, 1)));
     let sources = styles.clone().map(StyleSource::preset);
     let [a, b] = sources.clone().map(|source| app.world_mut().spawn((splats.clone(), source)).id());
-    update_until(&mut app, "two passes", |world| world.resource::<StylePassCount>().get() == 2);
-    // The same scene twice, in colors of their own.
+    until_passes(&mut app, 2);
+    // The same scene twice, in different colors.
     let (in_a, in_b) = (shown(&app, a).unwrap(), shown(&app, b).unwrap());
     assert!(largest_difference(&in_a, &in_b) > 0.01);
 
-    // Neither time nor moving runs it.
+    // Neither time nor movement runs it.
     for step in 0..20 {
         app.world_mut().get_mut::<Transform>(a).unwrap().translation.x = step as f32;
         app.update();
@@ -118,7 +128,7 @@ fn only_changes_run_the_style_pass() {
     assert_eq!(n_passes(&app), 2);
 
     *app.world_mut().get_mut::<StyleSource>(a).unwrap() = sources[1].clone();
-    update_until(&mut app, "a third pass", |world| world.resource::<StylePassCount>().get() == 3);
+    until_passes(&mut app, 3);
     for _ in 0..10 {
         app.update();
     }
@@ -133,8 +143,8 @@ fn only_changes_run_the_style_pass() {
     assert_eq!(n_passes(&app), 3);
 }
 
-/// A budget that allows nothing, so that each frame decodes 128 rows of a layer: two entities that share a scene change one
-/// after the other, and what was shown stays until all of the next look is there.
+/// With a budget of zero, each frame decodes 128 Gaussians of a layer. Two entities that share a scene change one after the
+/// other, and the old colors stay until all of the new ones are complete.
 #[test]
 fn a_change_is_spread_over_frames() {
     let Some(mut app) = app_with_rendering(StyleBackend::Gpu) else { return };
@@ -148,13 +158,13 @@ fn a_change_is_spread_over_frames() {
     let splats = GaussianSplats(add_scene(&mut app, scene));
     let first = StyleSource::preset(styles[0].clone());
     let entities = [(); 2].map(|()| app.world_mut().spawn((splats.clone(), first.clone())).id());
-    update_until(&mut app, "two passes", |world| world.resource::<StylePassCount>().get() == 2);
+    until_passes(&mut app, 2);
 
     app.insert_resource(StyleBudget { ms_per_frame: 0.0 });
     for entity in entities {
         *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = StyleSource::preset(styles[1].clone());
     }
-    // As many frames as layers have tiles, for each entity, and those before the folded weights are there.
+    // Each entity needs a frame per tile of a layer, and a few before the folded weights are available.
     let mut frames_of_each_count = [0; 3];
     while n_passes(&app) < 4 {
         frames_of_each_count[n_passes(&app) as usize - 2] += 1;
@@ -170,7 +180,7 @@ fn a_change_is_spread_over_frames() {
     eprintln!("frames: {frames_of_each_count:?}");
     assert!(frames_of_each_count[..2].iter().all(|&n| n >= 16), "{frames_of_each_count:?}");
 
-    // A look that nobody wants any more is left halfway, and the scene is free for the other entity.
+    // A style that is no longer wanted is dropped halfway, and the scene is free for the other entity.
     for entity in entities {
         *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = first.clone();
     }
@@ -178,7 +188,7 @@ fn a_change_is_spread_over_frames() {
         app.update();
     }
     *app.world_mut().get_mut::<StyleSource>(entities[0]).unwrap() = StyleSource::none();
-    update_until(&mut app, "a fifth pass", |world| world.resource::<StylePassCount>().get() == 5);
+    until_passes(&mut app, 5);
     app.update();
     assert!(shown(&app, entities[0]).is_none());
     assert!(largest_difference(&expected[0], &shown(&app, entities[1]).unwrap()) < 2e-3);
@@ -189,8 +199,8 @@ fn a_change_is_spread_over_frames() {
     assert_eq!(n_passes(&app), 5);
 }
 
-/// A thousand changes, most of them faster than they complete, on both backends, with fades and in parts: the last one stays,
-/// and the device holds what it held after ten.
+/// A thousand changes that come faster than they complete, on both backends, with fades and with a budget: the last one
+/// stays, and the device holds the same memory as after ten.
 #[test]
 fn a_thousand_changes_leave_nothing_behind() {
     let cases = [
@@ -215,7 +225,7 @@ fn a_thousand_changes_leave_nothing_behind() {
                 StyleSource::preset(styles[to].clone());
         };
         let settle = |app: &mut App, to: usize| {
-            // From the scene's own colors, so that what is waited for is this look.
+            // Wait for the colors themselves: `StyleApplied` may be of an earlier change.
             change(app, to);
             let goal = {
                 let (scene, style) = (small_scene(64, 1), small_style(to as u64));
@@ -237,7 +247,7 @@ fn a_thousand_changes_leave_nothing_behind() {
             change(app, ((next() + 1.0) * 2.5) as usize % 5);
             if next() > 0.5 {
                 app.update();
-                // One frame in flight at a time: wgpu keeps buffers of its own for each.
+                // One frame in flight at a time, since wgpu keeps buffers for each.
                 allocations(app);
             }
         };
@@ -258,7 +268,7 @@ fn a_thousand_changes_leave_nothing_behind() {
     }
 }
 
-/// A scene that takes a styled one's place is shown in its own colors at once: the last one's were for other Gaussians.
+/// A scene that replaces a styled one is shown in its captured colors at once: the old colors belong to other Gaussians.
 #[test]
 fn another_scene_does_not_fade_from_the_last() {
     let Some(mut app) = app_with_rendering(StyleBackend::Cpu) else { return };
@@ -271,17 +281,17 @@ fn another_scene_does_not_fade_from_the_last() {
     let duration = std::time::Duration::from_secs(60);
     app.world_mut().entity_mut(entity).insert(StyleTransition { duration });
     app.update();
-    // As many Gaussians as before.
+    // The new scene has the same number of Gaussians, so sizes give nothing away.
     let scene = GaussianScene::new(small_scene(20, 2));
     app.world_mut().resource_mut::<Assets<GaussianScene>>().insert(&handle, scene).unwrap();
     app.update();
     let world = app.sub_app(RenderApp).world();
-    let now = world.resource::<LookClock>().0;
-    let colors = world.resource::<CloudLooks>().colors(MainEntity::from(entity), now);
+    let now = world.resource::<FadeClock>().0;
+    let colors = world.resource::<ShownColors>().get(MainEntity::from(entity), now);
     assert!(!matches!(colors, CloudColors::Fade { from: Some(_), .. }), "{colors:?}");
 }
 
-/// Plain scenes stay as they are and the app lives on.
+/// A scene without features keeps its captured colors and the app goes on.
 #[test]
 fn a_scene_without_features_is_left_alone() {
     let Some(mut app) = app_with_rendering(StyleBackend::Gpu) else { return };

@@ -16,9 +16,9 @@ use crate::{
 };
 
 use super::{
-    Loaded, Mismatch,
     activate::{StoredGaussians, activate},
-    decoder, mismatch,
+    decoder,
+    error::{Loaded, Mismatch, mismatch},
     pytorch::{
         PytorchFile, Tensor,
         pickle::{Id, Object, Pickle, TensorInfo},

@@ -16,7 +16,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{FileError, Mismatch, mismatch, read_bytes};
+use super::{
+    bytes::read_bytes,
+    error::{FileError, Mismatch, mismatch},
+};
 
 mod legacy;
 pub(super) mod pickle;

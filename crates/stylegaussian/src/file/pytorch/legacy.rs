@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 
-use crate::file::{Mismatch, mismatch};
+use crate::file::error::{Mismatch, mismatch};
 
 use super::{
     pickle::{Object, Pickle, StorageType},

@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 
-use crate::file::{Mismatch, mismatch};
+use crate::file::error::{Mismatch, mismatch};
 
 /// Index of an object in its [`Pickle`].
 pub(in crate::file) type Id = usize;

@@ -4,7 +4,7 @@ use std::{collections::HashMap, ops::Range};
 
 use half::{bf16, f16};
 
-use crate::file::{Mismatch, mismatch};
+use crate::file::error::{Mismatch, mismatch};
 
 use super::{
     Tensor,

@@ -5,7 +5,7 @@
 
 use std::{collections::HashMap, ops::Range};
 
-use crate::file::{Mismatch, mismatch};
+use crate::file::error::{Mismatch, mismatch};
 
 const EXPECTED: &str = "a whole zip archive of stored entries, as torch.save writes it";
 

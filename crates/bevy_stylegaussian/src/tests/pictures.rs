@@ -1,6 +1,4 @@
-//! Small pictures whose pixels can be worked out by hand, or by the CPU rasterizer on the same Gaussians.
-
-mod world;
+//! Small images with pixels that are worked out by hand, or by the CPU rasterizer from the same Gaussians.
 
 use std::time::Duration;
 
@@ -10,9 +8,11 @@ use bevy::{
     prelude::*,
     time::TimeUpdateStrategy,
 };
-use bevy_stylegaussian::{GaussianSplats, SortKey, StyleApplied, StyleBackend, StyleSource, StyleTransition};
 use stylegaussian::{Camera as Pinhole, Scene, splat};
-use world::{rendering::*, *};
+
+use crate::{GaussianSplats, SplatSortKey, StyleApplied, StyleBackend, StyleSource, StyleTransition};
+
+use super::world::{rendering::*, *};
 
 const SIZE: UVec2 = UVec2::new(64, 64);
 const FOV_Y: f32 = 0.8;
@@ -20,7 +20,7 @@ const RED: [f32; 3] = [0.8, 0.1, 0.1];
 const GREEN: [f32; 3] = [0.1, 0.7, 0.2];
 const BLUE: [f32; 3] = [0.1, 0.2, 0.9];
 
-/// An app, and the picture that its first camera makes.
+/// An app and the image of its first camera.
 struct Studio {
     app: App,
     image: Handle<Image>,
@@ -33,7 +33,7 @@ impl Studio {
         Some(Self { app, image })
     }
 
-    /// A camera on the picture that shows colors as they are.
+    /// A camera on the image, without tonemapping.
     fn camera(&mut self, eye: Vec3, more: impl Bundle) -> Entity {
         let image = self.image.clone();
         self.camera_on(&image, eye, more)
@@ -57,7 +57,7 @@ impl Studio {
         self.app.world_mut().spawn((splats, transform)).id()
     }
 
-    /// An unlit box; transparent where its color's alpha is under 1.
+    /// An unlit box, transparent if `alpha` is less than 1.
     fn cuboid(&mut self, size: Vec3, position: Vec3, [r, g, b]: [f32; 3], alpha: f32) {
         let alpha_mode = if alpha < 1.0 { AlphaMode::Blend } else { AlphaMode::Opaque };
         let material = StandardMaterial {
@@ -89,7 +89,7 @@ fn pixel(picture: &[[f32; 3]], x: u32, y: u32) -> [f32; 3] {
     picture[(y * SIZE.x + x) as usize]
 }
 
-/// `top` with `alpha` over `bottom`, display-referred colors blended in linear space.
+/// `top` with `alpha` over `bottom`: display-referred colors, blended in linear space.
 fn over(top: [f32; 3], alpha: f32, bottom: [f32; 3]) -> [f32; 3] {
     let linear = Srgba::gamma_function;
     let blend = |i: usize| alpha * linear(top[i]) + (1.0 - alpha) * linear(bottom[i]);
@@ -102,12 +102,12 @@ fn check(what: &str, found: [f32; 3], expected: [f32; 3]) {
     assert!(error <= 2.0 / 255.0, "{what}: found {found:?}, expected {expected:?}");
 }
 
-/// What the CPU rasterizer makes of a scene from `eye`, over black.
+/// The CPU rasterizer's image of a scene from `eye`, over black.
 fn reference(scene: &Scene, eye: Vec3) -> Vec<[f32; 3]> {
     rasterized(scene, &Pinhole::look_at(eye, Vec3::ZERO, Vec3::Y, FOV_Y, SIZE))
 }
 
-/// What the CPU rasterizer makes of a scene, over black.
+/// The CPU rasterizer's image of a scene, over black.
 fn rasterized(scene: &Scene, camera: &Pinhole) -> Vec<[f32; 3]> {
     let view = splat::render(scene, splat::Colors::Captured, camera);
     let over_black = |(color, &alpha): (&[f32; 3], &f32)| {
@@ -116,7 +116,7 @@ fn rasterized(scene: &Scene, camera: &Pinhole) -> Vec<[f32; 3]> {
     view.color.iter().zip(&view.alpha).map(over_black).collect()
 }
 
-/// Checks a whole picture against the rasterizer's, where that shows anything.
+/// Checks a whole image against the rasterizer's, over the pixels that are not black in the latter.
 fn check_picture(what: &str, found: &[[f32; 3]], expected: &[[f32; 3]]) {
     let seen = |i: usize| expected[i].iter().any(|&channel| channel > 0.02);
     assert!((0..expected.len()).filter(|&i| seen(i)).count() > 100, "{what}: hardly anything to compare");
@@ -125,7 +125,7 @@ fn check_picture(what: &str, found: &[[f32; 3]], expected: &[[f32; 3]]) {
     assert!(psnr > 40.0, "{what}: {psnr:.1} dB");
 }
 
-/// A Gaussian that fills the middle of the picture from the usual distance: its alpha there is its opacity.
+/// A Gaussian so large that its alpha in the middle of the image is its opacity.
 fn backdrop(z: f32, opacity: f32, color: [f32; 3]) -> Ball {
     Ball { mean: Vec3::new(0.0, 0.0, z), scale: 40.0, opacity, color }
 }
@@ -137,7 +137,7 @@ fn meshes_in_front_hide_splats_and_meshes_behind_shine_through() {
     for msaa in [Msaa::Off, Msaa::Sample4] {
         let Some(mut studio) = Studio::new() else { return };
         studio.camera(EYE, msaa);
-        // Thin in z, so that all of it is at its mean's depth or near.
+        // Thin in z, so that all of it is near the depth of its mean.
         studio.splats(balls(&[backdrop(0.0, 0.75, RED)]), Transform::from_scale(Vec3::new(1.0, 1.0, 0.001)));
         studio.cuboid(Vec3::new(4.0, 8.0, 0.5), Vec3::new(-2.0, 0.0, 1.0), BLUE, 1.0);
         studio.cuboid(Vec3::new(8.0, 8.0, 0.5), Vec3::new(0.0, 0.0, -1.0), GREEN, 1.0);
@@ -155,7 +155,7 @@ fn a_mesh_through_a_cloud_hides_what_is_behind_it_alone() {
     studio.cuboid(Vec3::new(4.0, 8.0, 0.5), Vec3::new(-2.0, 0.0, 0.0), BLUE, 1.0);
     let picture = studio.shoot();
     check("box between the two", pixel(&picture, 20, 32), over(RED, 0.5, BLUE));
-    // Splats blend among themselves as they are, display-referred, and then with black behind them.
+    // Splats blend among themselves in display-referred colors, and the result blends with black in linear space.
     let blended = [0, 1, 2].map(|i| (0.5 * RED[i] + 0.5 * 0.9 * GREEN[i]) / 0.95);
     check("beside the box", pixel(&picture, 44, 32), over(blended, 0.95, [0.0; 3]));
 }
@@ -168,7 +168,7 @@ fn transparent_meshes_in_front_cover_splats() {
     studio.cuboid(Vec3::new(4.0, 8.0, 0.1), Vec3::new(-2.0, 0.0, 1.0), BLUE, 0.5);
     let picture = studio.shoot();
     let red = over(RED, 0.75, [0.0; 3]);
-    // Only the face toward the camera is drawn.
+    // Only the face toward the camera is drawn, so the glass blends once.
     check("glass before the splat", pixel(&picture, 20, 32), over(BLUE, 0.5, red));
     check("beside the glass", pixel(&picture, 44, 32), red);
 }
@@ -179,7 +179,7 @@ fn two_cameras_each_see_their_own_order() {
     let other = render_target(&mut studio.app, SIZE);
     studio.camera(EYE, Msaa::Sample4);
     studio.camera_on(&other, -EYE, Msaa::Off);
-    // A count that is no multiple of 4, nearly opaque: the front one is seen.
+    // Nearly opaque, so the front one is seen. Three of them: a kernel that takes four at a time must handle the rest.
     let scene = balls(&[backdrop(1.0, 0.99, RED), backdrop(0.0, 0.99, BLUE), backdrop(-1.0, 0.99, GREEN)]);
     studio.splats(scene.clone(), Transform::default());
     let front = studio.shoot();
@@ -216,7 +216,7 @@ fn two_viewports_share_a_picture() {
     }
 }
 
-/// Random translucent Gaussians in two clouds that fill the same space, against one cloud of all of them.
+/// Random translucent Gaussians in two clouds that fill the same space, compared with one cloud of all of them.
 #[test]
 fn overlapping_clouds_interleave() {
     let Some(mut studio) = Studio::new() else { return };
@@ -242,18 +242,18 @@ fn overlapping_clouds_interleave() {
 fn splats_move_turn_and_grow_with_their_entity() {
     let Some(mut studio) = Studio::new() else { return };
     let scene = small_scene(50, 4);
-    studio.camera(EYE, (Msaa::Off, SortKey::ViewZ));
+    studio.camera(EYE, (Msaa::Off, SplatSortKey::ViewZ));
     let entity = studio.splats(scene.clone(), Transform::default());
     for step in 0..3 {
         let (turn, scale) = (Quat::from_axis_angle(Vec3::Y, 0.7 * step as f32), 1.0 + 0.5 * step as f32);
         let translation = Vec3::new(0.4, -0.3, 0.5) * step as f32;
         let transform = Transform { translation, rotation: turn, scale: Vec3::splat(scale) };
         *studio.app.world_mut().get_mut::<Transform>(entity).unwrap() = transform;
-        // Moving the cloud is moving the eye the other way: a picture of the scene as it is, from there.
+        // Moving the cloud is the same as moving the eye the other way, so the reference shows the scene from there.
         let view_from_scene = Pinhole::look_at(EYE, Vec3::ZERO, Vec3::Y, FOV_Y, SIZE).view_from_world
             * transform.compute_affine();
         let scene_from_view = view_from_scene.inverse();
-        // In a world of another scale the view is scaled as well; a scene scaled back makes it rigid again.
+        // The scale of the entity is in the view as well. Scaling the scene instead makes the view rigid again.
         let scaled = Scene {
             means: scene.means.iter().map(|mean| scale * mean).collect(),
             scales: scene.scales.iter().map(|s| scale * s).collect(),
@@ -317,15 +317,15 @@ fn hidden_and_layered_splats_are_not_drawn() {
     check("on another layer", pixel(&studio.shoot(), 32, 32), [0.0; 3]);
     studio.app.world_mut().entity_mut(entity).insert(RenderLayers::layer(0));
     check("shown again", pixel(&studio.shoot(), 32, 32), red);
-    // The mean is far outside of the picture, the splat is not.
+    // The mean is far outside of the image, the splat is not.
     *studio.app.world_mut().get_mut::<Transform>(entity).unwrap() = Transform::from_xyz(30.0, 0.0, 0.0);
     assert!(pixel(&studio.shoot(), 32, 32)[0] > 0.3);
     studio.app.world_mut().entity_mut(entity).despawn();
     check("despawned", pixel(&studio.shoot(), 32, 32), [0.0; 3]);
 }
 
-/// A camera that turns away sees of a scene what the rasterizer sees, which culls nothing but splats: until the last light
-/// of its last splat has left the picture, the scene is drawn.
+/// A camera that turns away from a scene sees the same as the rasterizer, which culls single splats but no scenes: the scene
+/// is drawn until its last splat has left the image.
 #[test]
 fn nothing_pops_at_the_edge_of_the_picture() {
     let Some(mut studio) = Studio::new() else { return };
@@ -339,7 +339,7 @@ fn nothing_pops_at_the_edge_of_the_picture() {
         *studio.app.world_mut().get_mut::<Transform>(camera).unwrap() = eye;
         let pinhole = Pinhole::look_at(EYE, target, Vec3::Y, FOV_Y, SIZE);
         let (found, expected) = (studio.shoot(), rasterized(&needle, &pinhole));
-        // Where alpha falls to 1/255 a splat may end or not: over black, this is 10 steps of sRGB for this blue.
+        // At an alpha of 1/255, rounding decides whether a splat is drawn: 10 steps of sRGB for this blue over black.
         let error = found.iter().zip(&expected).map(|(a, b)| (a[2] - b[2]).abs()).fold(0.0, f32::max);
         assert!(error <= 11.0 / 255.0, "step {step}: {error}");
         n_seen += u32::from(expected.iter().any(|color| color[2] > 0.0));
@@ -347,14 +347,14 @@ fn nothing_pops_at_the_edge_of_the_picture() {
     assert!((5..14).contains(&n_seen), "seen in {n_seen} steps");
 }
 
-/// A style that makes everything one color fades in over ten frames of a tenth of its time.
+/// A style of a single color fades in over ten frames, each a tenth of the fade's duration.
 #[test]
 fn looks_fade_from_one_to_the_next() {
     let Some(mut studio) = Studio::new() else { return };
     let step = Duration::from_millis(10);
     studio.app.insert_resource(TimeUpdateStrategy::ManualDuration(step));
     studio.camera(EYE, Msaa::Off);
-    // The features' scene, with a decoder of which only the last bias counts.
+    // A decoder that ignores features: only its last bias counts.
     let mut scene = small_scene(1, 1);
     scene.set_colors(&[RED]);
     (scene.means[0], scene.scales[0], scene.opacities[0]) = (Vec3::ZERO, Vec3::splat(40.0), 0.9);

@@ -1,6 +1,5 @@
-//! Bad luck: scenes that do not fit, assets and entities that come and go, a lost device. No render error, no panic.
-
-mod world;
+//! Unusual events: scenes that are too large, assets and entities that come and go, a lost device. None may cause a render
+//! error or a panic.
 
 use bevy::{
     asset::AssetId,
@@ -14,16 +13,18 @@ use bevy::{
         settings::{RenderCreation, WgpuLimits, WgpuSettings},
     },
 };
-use bevy_stylegaussian::{
-    GaussianScene, GaussianSplats, SceneFailed, StyleApplied, StyleBackend, StyleFailed, StyleSource,
+use stylegaussian::{Layer, Scene};
+
+use crate::{
+    GaussianScene, GaussianSceneFailed, GaussianSplats, StyleApplied, StyleBackend, StyleFailed, StyleSource,
     StyleTransition,
 };
-use stylegaussian::{Layer, Scene};
-use world::{rendering::*, *};
+
+use super::world::{rendering::*, *};
 
 const SIZE: UVec2 = UVec2::new(32, 32);
 
-/// An app with a camera that looks at the origin, and its picture.
+/// An app with a camera that looks at the origin, and the camera's image.
 fn app_with_camera(backend: StyleBackend, settings: WgpuSettings) -> Option<(App, Handle<Image>)> {
     let mut app = app_with_settings(backend, settings)?;
     let image = render_target(&mut app, SIZE);
@@ -49,13 +50,13 @@ fn updates(app: &mut App, n: usize) {
     (0..n).for_each(|_| app.update());
 }
 
-/// The sum of all colors of the picture after a few frames.
+/// The sum of all colors of the image after a few frames.
 fn light(app: &mut App, image: &Handle<Image>) -> f32 {
     updates(app, 3);
     read_back(app, image).iter().map(|pixel| pixel[..3].iter().sum::<f32>()).sum()
 }
 
-/// A device that binds 1 MiB at most: 65,536 splats of 16 bytes.
+/// A device with storage bindings of at most 1 MiB: 65,536 splats of 16 bytes.
 fn small_device() -> WgpuSettings {
     let limits = WgpuLimits { max_storage_buffer_binding_size: 1 << 20, ..WgpuLimits::default() };
     WgpuSettings { constrained_limits: Some(limits), ..default() }
@@ -66,39 +67,39 @@ fn a_scene_too_large_for_the_device_is_refused_and_the_app_lives_on() {
     let Some((mut app, image)) = app_with_camera(StyleBackend::Gpu, small_device()) else { return };
     let large = Scene { features: None, decoder: None, ..small_scene(70_000, 1) };
     let large = GaussianSplats(add_scene(&mut app, large));
-    // Both entities that show it are told.
+    // It is reported for both entities that show it.
     let refused = [0, 1].map(|_| app.world_mut().spawn(large.clone()).id());
     let mut told = Vec::new();
-    update_until(&mut app, "SceneFailed twice", |world| {
-        told.extend(world.resource_mut::<Messages<SceneFailed>>().drain());
+    update_until(&mut app, "GaussianSceneFailed twice", |world| {
+        told.extend(world.resource_mut::<Messages<GaussianSceneFailed>>().drain());
         told.len() == 2
     });
     assert!(refused.iter().all(|entity| told.iter().any(|event| event.entity == *entity)));
     let message = told[0].error.to_string();
     assert!(message.contains("70000 Gaussians") && message.contains("1048576"), "{message}");
     assert_eq!(light(&mut app, &image), 0.0);
-    // Another scene is drawn beside it, and nothing is told twice.
+    // Another scene is drawn beside it, and nothing is reported twice.
     spawn(&mut app, small_scene(100, 1));
     assert!(light(&mut app, &image) > 1.0);
-    assert!(drain::<SceneFailed>(&mut app).is_empty());
-    // Two scenes that fit alone and not together: the view says so, and shows what is left.
+    assert!(drain::<GaussianSceneFailed>(&mut app).is_empty());
+    // Two scenes that fit alone but not together: the view reports it, and draws again once one of them is gone.
     let half = Scene { features: None, decoder: None, ..small_scene(40_000, 1) };
     let halves = [0, 1].map(|_| spawn(&mut app, half.clone()));
     let mut told = Vec::new();
-    update_until(&mut app, "SceneFailed of the view", |world| {
-        told.extend(world.resource_mut::<Messages<SceneFailed>>().drain());
+    update_until(&mut app, "GaussianSceneFailed of the view", |world| {
+        told.extend(world.resource_mut::<Messages<GaussianSceneFailed>>().drain());
         !told.is_empty()
     });
     app.world_mut().despawn(halves[0]);
     assert!(light(&mut app, &image) > 1.0);
 }
 
-/// A decoder whose weights the device cannot bind: told where the GPU was asked for, else the processor decodes.
+/// The device cannot bind the decoder's weights. This is an error if the GPU was asked for; otherwise the CPU decodes.
 #[test]
 fn a_decoder_too_large_for_the_device_is_refused() {
     for backend in [StyleBackend::Gpu, StyleBackend::Auto] {
         let Some((mut app, image)) = app_with_camera(backend, small_device()) else { return };
-        // Software Vulkan would leave the GPU alone by itself.
+        // `Auto` does not use the GPU on a software adapter, so pretend to be hardware.
         app.world_mut().resource_mut::<RenderAdapterInfo>().0.device_type = wgpu::DeviceType::DiscreteGpu;
         let mut scene = small_scene(50, 1);
         let decoder = scene.decoder.as_mut().unwrap();
@@ -108,7 +109,7 @@ fn a_decoder_too_large_for_the_device_is_refused() {
             d_in,
             d_out,
         };
-        // 3 * 512 * 512 weights of 4 bytes are 3 MiB.
+        // 3 * 512 * 512 weights of 4 bytes are 3 MiB, three times the limit.
         decoder.layers = vec![layer(8, 512), layer(512, 512), layer(512, 3)];
         let style = add_style(&mut app, small_style(1));
         let entity = spawn(&mut app, scene);
@@ -165,7 +166,7 @@ fn entities_scenes_and_targets_come_and_go() {
     let first = light(&mut app, &image);
     assert!(first > 1.0);
 
-    // The scene is replaced by one of another size, while the style is on its way or fading in.
+    // The scene is replaced by one of another size while the style is computed or fades in.
     let handle = app.world().get::<GaussianSplats>(entity).unwrap().0.clone();
     for (n, seed) in [(150, 2), (20, 3), (300, 4), (20, 5)] {
         let scene = GaussianScene::new(small_scene(n, seed));
@@ -177,12 +178,12 @@ fn entities_scenes_and_targets_come_and_go() {
     let other = add_scene(&mut app, small_scene(60, 6));
     app.world_mut().get_mut::<GaussianSplats>(entity).unwrap().0 = other;
     assert!(light(&mut app, &image) > 1.0);
-    // The asset goes, and nothing is drawn.
+    // The asset is removed, and nothing is drawn.
     let id: AssetId<GaussianScene> = app.world().get::<GaussianSplats>(entity).unwrap().0.id();
     app.world_mut().resource_mut::<Assets<GaussianScene>>().remove(id);
     assert_eq!(light(&mut app, &image), 0.0);
 
-    // Despawned while its style is computed, in many orders.
+    // The entity is despawned at different stages of its style.
     for n_updates in 0..4 {
         let brief = spawn(&mut app, small_scene(50, 7));
         app.world_mut().entity_mut(brief).insert(source.clone());
@@ -190,13 +191,13 @@ fn entities_scenes_and_targets_come_and_go() {
         app.world_mut().despawn(brief);
         updates(&mut app, 2);
     }
-    // The component goes, and what it brought.
+    // The component is removed, and with it the entity's scene and bounds.
     let plain = spawn(&mut app, small_scene(50, 7));
     assert!(light(&mut app, &image) > 1.0);
     app.world_mut().entity_mut(plain).remove::<GaussianSplats>();
     assert_eq!(light(&mut app, &image), 0.0);
 
-    // The target changes its size, as a window does.
+    // The target is resized, like a window.
     spawn(&mut app, small_scene(100, 1));
     for side in [16, 64, 1, 33] {
         let size = Extent3d { width: side, height: side, depth_or_array_layers: 1 };
@@ -218,15 +219,15 @@ fn degenerate_transforms_and_cameras() {
         updates(&mut app, 2);
     }
     *app.world_mut().get_mut::<Transform>(entity).unwrap() = Transform::default();
-    // In the middle of it.
+    // The camera in the middle of the scene.
     let camera = app.world_mut().query_filtered::<Entity, With<Camera3d>>().single(app.world()).unwrap();
     *app.world_mut().get_mut::<Transform>(camera).unwrap() = Transform::default();
     assert!(light(&mut app, &image) > 1.0);
-    // And in the middle of one Gaussian.
+    // The camera at the mean of one Gaussian.
     let mean = small_scene(100, 1).means[7];
     *app.world_mut().get_mut::<Transform>(camera).unwrap() = Transform::from_translation(mean);
     updates(&mut app, 2);
-    // And without a picture, as that of a minimized window.
+    // A target without pixels, like a minimized window.
     app.world_mut().spawn((Camera3d::default(), RenderTarget::None { size: UVec2::ZERO }));
     updates(&mut app, 2);
 }
@@ -248,7 +249,7 @@ fn a_lost_device_brings_styled_scenes_back() {
 
     let device = app.sub_app(RenderApp).world().resource::<RenderDevice>().clone();
     device.wgpu_device().destroy();
-    // The device tells of its loss when it is asked.
+    // The loss is reported at the next poll.
     let _ = device.poll(PollType::Poll);
     updates(&mut app, 10);
     let recovered = light(&mut app, &image);

@@ -1,4 +1,4 @@
-//! Apps that render without a window, and pictures read back from them.
+//! Apps that render without a window, and images read back from them.
 
 use std::path::Path;
 
@@ -28,16 +28,26 @@ use bevy::{
     time::TimePlugin,
     window::{ExitCondition, WindowPlugin},
 };
-use bevy_stylegaussian::{StyleBackend, StyleGaussianPlugin};
 
-/// An app that renders without a window, in which any render error fails the test; `None`, loudly, where there is no
-/// adapter.
+use crate::{StyleBackend, StyleGaussianPlugin};
+
+/// An app that renders without a window, in which any render error fails the test. If there is no adapter, it prints
+/// `SKIPPED` and returns `None`.
 pub fn app_with_rendering(backend: StyleBackend) -> Option<App> {
     app_with_settings(backend, WgpuSettings::default())
 }
 
 /// As [`app_with_rendering`], on a device of these settings.
 pub fn app_with_settings(backend: StyleBackend, settings: WgpuSettings) -> Option<App> {
+    let mut app = app_without_splats(settings)?;
+    app.insert_resource(backend);
+    app.add_plugins(StyleGaussianPlugin { synchronous_pipeline_compilation: true });
+    Some(finish(app))
+}
+
+/// An app that renders, before any plugin of ours is added and before it is [finished](finish). `None` if there is no
+/// adapter.
+pub fn app_without_splats(settings: WgpuSettings) -> Option<App> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let options = wgpu::RequestAdapterOptions::default();
     if bevy::tasks::block_on(instance.request_adapter(&options)).is_err() {
@@ -67,11 +77,15 @@ pub fn app_with_settings(backend: StyleBackend, settings: WgpuSettings) -> Optio
         CorePipelinePlugin,
         PbrPlugin::default(),
     ));
-    app.add_plugins(StyleGaussianPlugin { backend, synchronous_pipeline_compilation: true, ..default() });
     app.insert_resource(RenderErrorHandler(|error, _, _| panic!("{error:?}")));
+    Some(app)
+}
+
+/// Finishes the plugins of an app, as a runner does.
+pub fn finish(mut app: App) -> App {
     app.finish();
     app.cleanup();
-    Some(app)
+    app
 }
 
 /// An image to render into.
@@ -88,7 +102,7 @@ pub fn target(image: &Handle<Image>) -> RenderTarget {
     RenderTarget::Image(image.clone().into())
 }
 
-/// The pixels of a render target, row-major, 0..1 as a display gets them (sRGB).
+/// The pixels of a render target, row-major, in sRGB values of 0..1.
 pub fn read_back(app: &App, image: &Handle<Image>) -> Vec<[f32; 4]> {
     let world = app.sub_app(RenderApp).world();
     let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
@@ -116,18 +130,18 @@ pub fn read_back(app: &App, image: &Handle<Image>) -> Vec<[f32; 4]> {
     pixels.collect()
 }
 
-/// What lives on the device.
+/// Allocations on the device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Allocations {
-    /// Allocations of the allocator's report. Its bytes count the padding before a resource as the resource's, so that
-    /// they tell where a resource lies too; those below are the resources' own.
+    /// Number of allocations in the allocator's report. The report's bytes include the padding before a resource, so they
+    /// depend on its place; the bytes below do not.
     pub n: usize,
     pub n_buffers: isize,
     pub buffer_bytes: isize,
     pub texture_bytes: isize,
 }
 
-/// What lives on the device once all its work is done; `None` where it does not tell.
+/// Allocations once all work of the device is done, or `None` if it does not report them.
 pub fn allocations(app: &App) -> Option<Allocations> {
     let device = app.sub_app(RenderApp).world().resource::<RenderDevice>();
     device.poll(PollType::wait_indefinitely()).expect("the device answers");

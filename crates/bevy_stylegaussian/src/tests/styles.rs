@@ -1,37 +1,28 @@
-//! The main world's half of styling, on the processor: without any renderer.
-
-mod world;
+//! Styling on the CPU, in apps without a renderer.
 
 use std::time::Duration;
 
-use bevy::{
-    asset::{AssetPlugin, RenderAssetUsages},
-    prelude::*,
-    render::render_resource::{Extent3d, TextureDimension, TextureFormat},
-};
-use bevy_stylegaussian::{
-    AppliedStyle, GaussianDecoder, GaussianSplats, SceneFailed, StyleApplied, StyleBackend, StyleDecoder,
-    StyleEncoder, StyleFailed, StyleInput, StyleSource, StyleTransition,
-};
+use bevy::{asset::AssetPlugin, prelude::*};
 use stylegaussian::{ChannelStatistics, Scene, file, fold};
-use stylegaussian_encoder::{
-    Encoder, StyleSize,
-    onnx::{ChainWriter, Convolution},
-    style_statistics,
-};
-use world::*;
 
-/// What the CPU makes of a mix, by the model's own functions.
-fn expected(scene: &Scene, styles: &[(&ChannelStatistics, f64)], content: f64) -> Vec<[f32; 3]> {
+use crate::{
+    AppliedStyle, GaussianDecoder, GaussianSceneFailed, GaussianSplats, StyleApplied, StyleBackend,
+    StyleDecoder, StyleFailed, StyleInput, StyleSource, StyleTransition,
+};
+
+use super::world::*;
+
+/// The colors of a mix by the model crate's own functions.
+pub(super) fn expected(scene: &Scene, styles: &[(&ChannelStatistics, f64)], content: f64) -> Vec<[f32; 3]> {
     let map = fold::transfer(scene.features.as_ref().unwrap(), styles, content).unwrap();
     fold::stylize(scene, scene.decoder.as_ref().unwrap(), &map).unwrap()
 }
 
-fn colors(world: &World, entity: Entity) -> Option<Vec<[f32; 3]>> {
+pub(super) fn colors(world: &World, entity: Entity) -> Option<Vec<[f32; 3]>> {
     world.get::<AppliedStyle>(entity).map(|style| style.colors().unwrap().to_vec())
 }
 
-fn until_applied(app: &mut App) -> Vec<StyleApplied> {
+pub(super) fn until_applied(app: &mut App) -> Vec<StyleApplied> {
     let mut applied = Vec::new();
     update_until(app, "StyleApplied", |world| {
         applied.extend(world.resource_mut::<Messages<StyleApplied>>().drain());
@@ -40,7 +31,7 @@ fn until_applied(app: &mut App) -> Vec<StyleApplied> {
     applied
 }
 
-fn until_failed(app: &mut App) -> StyleFailed {
+pub(super) fn until_failed(app: &mut App) -> StyleFailed {
     let mut failed = Vec::new();
     update_until(app, "StyleFailed", |world| {
         failed.extend(world.resource_mut::<Messages<StyleFailed>>().drain());
@@ -65,7 +56,7 @@ fn presets_mixes_and_content_give_the_models_colors() {
     let mix = [(StyleInput::from(handle_a), 0.3), (StyleInput::from(handle_b), 0.9)];
     *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = StyleSource::mix(mix).with_content(0.25);
     until_applied(&mut app);
-    // Weights of f32 and f64 differ in the last places.
+    // The component holds f32 weights, the model was given f64: they differ in the last places.
     let found = colors(app.world(), entity).unwrap();
     let mixed = expected(&scene, &[(&a, 0.3), (&b, 0.9)], 0.25);
     let error = found.as_flattened().iter().zip(mixed.as_flattened()).map(|(f, e)| (f - e).abs());
@@ -114,7 +105,7 @@ fn a_thousand_changes_end_in_the_last() {
     *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = StyleSource::preset(handles[last].clone());
     let goal = expected(&scene, &[(&styles[last], 1.0)], 0.0);
     update_until(&mut app, "the last look", |world| colors(world, entity).as_ref() == Some(&goal));
-    // And it stays: nothing older comes after it.
+    // It stays: no older style comes after it.
     for _ in 0..50 {
         app.update();
         std::thread::sleep(Duration::from_millis(1));
@@ -134,87 +125,14 @@ fn plain_scenes_say_which_command_embeds_them() {
 }
 
 #[test]
-fn an_image_is_read_by_the_default_encoder_or_says_what_to_do() {
+fn a_gpu_that_is_not_there_is_not_called_too_small() {
     let mut app = app_without_rendering();
-    app.insert_resource(StyleEncoder::default());
-    let image = Image::new_fill(
-        Extent3d { width: 16, height: 16, depth_or_array_layers: 1 },
-        TextureDimension::D2,
-        &[200, 100, 50, 255],
-        TextureFormat::Rgba8UnormSrgb,
-        RenderAssetUsages::default(),
-    );
-    let image = add(&mut app, image);
+    app.insert_resource(StyleBackend::Gpu);
+    let style = add_style(&mut app, small_style(1));
     let splats = GaussianSplats(add_scene(&mut app, small_scene(8, 1)));
-    let entity = app.world_mut().spawn((splats, StyleSource::image(image))).id();
-    if std::env::var_os("STYLEGAUSSIAN_ENCODER").is_none() {
-        let failed = until_failed(&mut app);
-        let expected: &[&str] = match cfg!(feature = "defaults") {
-            // It was encoded; the small scene's features are another encoder's, of 8 channels.
-            true => &["256 channels", "8"],
-            false => &["`defaults`", "StyleGaussianPlugin", "STYLEGAUSSIAN_ENCODER", "StyleSource::preset"],
-        };
-        for words in expected {
-            assert!(failed.error.to_string().contains(words), "{}", failed.error);
-        }
-    }
-    // Another encoder is tried at once, and a file that is none is named.
-    app.insert_resource(StyleEncoder::at("no/such/encoder.onnx"));
-    let failed = until_failed(&mut app);
-    assert_eq!(failed.entity, entity);
-    assert!(failed.error.to_string().contains("no/such/encoder.onnx"), "{}", failed.error);
-}
-
-/// An image whose left half is of another color than its right.
-fn halves(left: [u8; 3], right: [u8; 3]) -> Image {
-    let extent = Extent3d { width: 16, height: 16, depth_or_array_layers: 1 };
-    let (format, usages) = (TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::default());
-    let mut image = Image::new_fill(extent, TextureDimension::D2, &[0; 4], format, usages);
-    for (i, pixel) in image.data.as_mut().unwrap().chunks_exact_mut(4).enumerate() {
-        let [r, g, b] = if i % 16 < 8 { left } else { right };
-        pixel.copy_from_slice(&[r, g, b, 255]);
-    }
-    image
-}
-
-/// An encoder of 8 channels, which is how many the small scenes have: one convolution and its ReLU.
-fn small_encoder() -> Vec<u8> {
-    let mut next = numbers(77);
-    let convolution = Convolution {
-        shape: [8, 3, 3, 3],
-        weight: (0..8 * 27).map(|_| 0.3 * next()).collect(),
-        bias: (0..8).map(|_| 0.5 + next()).collect(),
-    };
-    ChainWriter::new(3).reflect().convolution(&convolution, 0).relu().finish()
-}
-
-#[test]
-fn images_are_encoded_and_again_when_they_change() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("small.onnx");
-    std::fs::write(&path, small_encoder()).unwrap();
-    let encoder = Encoder::open(&path).unwrap();
-
-    let mut app = app_without_rendering();
-    app.insert_resource(StyleEncoder::at(&path));
-    let mut scene = small_scene(32, 1);
-    scene.features.as_mut().unwrap().encoder = Some(encoder.id().clone());
-    let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
-    let (red, blue) = ([250, 10, 30], [20, 40, 230]);
-    let image = add(&mut app, halves(red, blue));
-    let entity = app.world_mut().spawn((splats, StyleSource::image(image.clone()))).id();
-    let check = |app: &mut App, image: Image| {
-        until_applied(app);
-        let image = image.try_into_dynamic().unwrap().into();
-        let statistics = style_statistics(&encoder, &image, StyleSize::default()).unwrap();
-        assert_eq!(colors(app.world(), entity).unwrap(), expected(&scene, &[(&statistics, 1.0)], 0.0));
-    };
-    check(&mut app, halves(red, blue));
-    let before = colors(app.world(), entity).unwrap();
-    // What a hot reload does.
-    app.world_mut().resource_mut::<Assets<Image>>().insert(&image, halves(blue, [255; 3])).unwrap();
-    check(&mut app, halves(blue, [255; 3]));
-    assert_ne!(colors(app.world(), entity).unwrap(), before);
+    app.world_mut().spawn((splats, StyleSource::preset(style)));
+    let error = until_failed(&mut app).error.to_string();
+    assert!(error.contains("no GPU") && !error.contains("this GPU"), "{error}");
 }
 
 #[test]
@@ -238,7 +156,7 @@ fn wrong_weights_keep_the_look() {
         assert!(failed.error.to_string().contains(part), "{}", failed.error);
     }
     assert_eq!(colors(app.world(), entity).unwrap(), before);
-    // A mix of nothing is no style.
+    // An empty mix is no style.
     *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = StyleSource::mix::<StyleInput>([]);
     until_applied(&mut app);
     app.update();
@@ -257,19 +175,19 @@ fn changed_assets_restyle() {
     until_applied(&mut app);
 
     // The statistics change.
-    let mut statistics = app.world_mut().resource_mut::<Assets<bevy_stylegaussian::StyleStatistics>>();
+    let mut statistics = app.world_mut().resource_mut::<Assets<crate::StyleStatistics>>();
     statistics.get_mut(&style).unwrap().0 = b.clone().into();
     until_applied(&mut app);
     assert_eq!(colors(app.world(), entity).unwrap(), expected(&scene, &[(&b, 1.0)], 0.0));
 
-    // The scene does, and has fewer Gaussians.
+    // The scene changes, to one of fewer Gaussians.
     let other = small_scene(20, 7);
-    let mut scenes = app.world_mut().resource_mut::<Assets<bevy_stylegaussian::GaussianScene>>();
-    scenes.insert(&handle, bevy_stylegaussian::GaussianScene::new(other.clone())).unwrap();
+    let mut scenes = app.world_mut().resource_mut::<Assets<crate::GaussianScene>>();
+    scenes.insert(&handle, crate::GaussianScene::new(other.clone())).unwrap();
     until_applied(&mut app);
     assert_eq!(colors(app.world(), entity).unwrap(), expected(&other, &[(&b, 1.0)], 0.0));
 
-    // So does the decoder: the entity's own wins over the scene's.
+    // The decoder changes: the entity's own takes precedence over the scene's.
     let decoder = small_scene(1, 9).decoder.unwrap();
     let own = add(&mut app, GaussianDecoder(decoder.clone().into()));
     app.world_mut().entity_mut(entity).insert(StyleDecoder(own));
@@ -308,7 +226,7 @@ fn a_look_waits_for_the_end_of_a_fade() {
     assert!(began.elapsed() > Duration::from_millis(150), "{:?}", began.elapsed());
 }
 
-/// However long a fade is meant to take, nobody counts past the end of time.
+/// The end of a fade of any duration is computed without overflow.
 #[test]
 fn a_fade_may_last_forever() {
     let mut app = app_without_rendering();
@@ -324,12 +242,12 @@ fn a_fade_may_last_forever() {
     assert!(colors(app.world(), entity).is_some());
 }
 
-/// What hears of a failure may despawn anything, also an entity that is about to get its scene.
+/// An observer of a failure may despawn any entity, also one that is about to get its scene.
 #[test]
 fn observers_may_despawn_what_they_like() {
     let mut app = app_without_rendering();
     app.add_observer(
-        |_: On<SceneFailed>, all: Query<Entity, With<GaussianSplats>>, mut commands: Commands| {
+        |_: On<GaussianSceneFailed>, all: Query<Entity, With<GaussianSplats>>, mut commands: Commands| {
             all.iter().for_each(|entity| commands.entity(entity).despawn());
         },
     );
@@ -355,20 +273,20 @@ fn scenes_that_cannot_be_are_refused() {
     let splats = GaussianSplats(add_scene(&mut app, scene));
     let entity = app.world_mut().spawn(splats).id();
     app.update();
-    let failed = drain::<SceneFailed>(&mut app);
+    let failed = drain::<GaussianSceneFailed>(&mut app);
     assert_eq!(failed[0].entity, entity);
     assert!(failed[0].error.to_string().contains("7 scales, expected 8"), "{}", failed[0].error);
 
-    let missing: Handle<bevy_stylegaussian::GaussianScene> =
+    let missing: Handle<crate::GaussianScene> =
         app.world().resource::<AssetServer>().load("no_such_scene.sgs");
     app.world_mut().spawn(GaussianSplats(missing));
-    update_until(&mut app, "SceneFailed", |world| {
-        let failed: Vec<_> = world.resource_mut::<Messages<SceneFailed>>().drain().collect();
+    update_until(&mut app, "GaussianSceneFailed", |world| {
+        let failed: Vec<_> = world.resource_mut::<Messages<GaussianSceneFailed>>().drain().collect();
         failed.iter().any(|event| event.error.to_string().contains("no_such_scene.sgs"))
     });
 }
 
-/// Scenes, statistics and decoders from files; broken ones are named.
+/// Scenes, statistics and decoders load from files. Errors name a broken file.
 #[test]
 fn files_load_and_broken_ones_are_named() {
     let dir = tempfile::tempdir().unwrap();
@@ -401,18 +319,18 @@ fn files_load_and_broken_ones_are_named() {
     let message = until_failed(&mut app).error.to_string();
     assert!(message.contains("broken.style.safetensors"), "{message}");
 
-    let plain: Handle<bevy_stylegaussian::GaussianScene> = assets.load("plain.ply");
+    let plain: Handle<crate::GaussianScene> = assets.load("plain.ply");
     update_until(&mut app, "plain.ply", |world| {
-        world.resource::<Assets<bevy_stylegaussian::GaussianScene>>().contains(&plain)
+        world.resource::<Assets<crate::GaussianScene>>().contains(&plain)
     });
     app.world_mut().spawn(GaussianSplats(assets.load("broken.sgs")));
-    update_until(&mut app, "SceneFailed", |world| {
-        let failed: Vec<_> = world.resource_mut::<Messages<SceneFailed>>().drain().collect();
+    update_until(&mut app, "GaussianSceneFailed", |world| {
+        let failed: Vec<_> = world.resource_mut::<Messages<GaussianSceneFailed>>().drain().collect();
         failed.iter().any(|event| event.error.to_string().contains("broken.sgs"))
     });
 }
 
-/// Broken files that are written anew while the app runs: what they are for is shown and styled.
+/// If broken files are repaired while the app runs, the scene is shown and styled.
 #[test]
 fn repaired_files_are_taken_over() {
     let dir = tempfile::tempdir().unwrap();
@@ -425,7 +343,9 @@ fn repaired_files_are_taken_over() {
     let assets = app.world().resource::<AssetServer>().clone();
     let source = StyleSource::preset(assets.load("a.style.safetensors"));
     let entity = app.world_mut().spawn((GaussianSplats(assets.load("scene.sgs")), source)).id();
-    update_until(&mut app, "SceneFailed", |world| !world.resource::<Messages<SceneFailed>>().is_empty());
+    update_until(&mut app, "GaussianSceneFailed", |world| {
+        !world.resource::<Messages<GaussianSceneFailed>>().is_empty()
+    });
 
     file::write_scene(&scene_path, &small_scene(40, 1)).unwrap();
     assets.reload("scene.sgs");
@@ -440,11 +360,11 @@ fn repaired_files_are_taken_over() {
     assert_eq!(colors(app.world(), entity).unwrap(), expected(&read, &[(&style, 1.0)], 0.0));
 }
 
-/// Editors and scene files know every component, resource, event and asset.
+/// All components, resources, events and assets are registered, for editors and scene files.
 #[test]
 fn public_types_are_registered() {
+    use crate as face;
     use bevy::ecs::reflect::{ReflectComponent, ReflectResource};
-    use bevy_stylegaussian as face;
     let mut app = app_without_rendering();
     let registry = app.world_mut().resource::<AppTypeRegistry>().read();
     macro_rules! check {
@@ -457,8 +377,8 @@ fn public_types_are_registered() {
             assert!(registry.get(std::any::TypeId::of::<face::$name>()).is_some(), stringify!($name));
         )*};
     }
-    check!(ReflectComponent: GaussianSplats, StyleSource, StyleTransition, StyleDecoder, AppliedStyle, SplatTonemapping, SortKey);
-    check!(ReflectResource: StyleBackend, StyleBudget, StyleEncoder, StylePassCount);
-    check!(GaussianScene, StyleStatistics, GaussianDecoder, StyleInput, WeightedStyle);
-    check!(StyleApplied, StyleFailed, SceneFailed);
+    check!(ReflectComponent: GaussianSplats, StyleSource, StyleTransition, StyleDecoder, AppliedStyle, SplatTonemapping, SplatSortKey);
+    check!(ReflectResource: StyleBackend, StyleBudget, StyleEncoder);
+    check!(GaussianScene, StyleStatistics, GaussianDecoder, ImageEncoder, StyleInput, WeightedStyle);
+    check!(StyleApplied, StyleFailed, GaussianSceneFailed);
 }

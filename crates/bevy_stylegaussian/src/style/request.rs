@@ -1,4 +1,4 @@
-//! The computing of a look, in the background: from statistics to colors, or to what the GPU needs for them.
+//! The computation of a style, in a task: from statistics to colors, or to the weights that the GPU needs for them.
 
 use std::sync::Arc;
 
@@ -6,49 +6,46 @@ use stylegaussian::{
     ChannelStatistics, Decoder,
     fold::{self, StylizeError},
 };
-
-use crate::asset::GaussianScene;
-
 use stylegaussian_gpu::style::FoldedLayers;
 
+use crate::{
+    colors::{ColorSource, FoldedStyle},
+    scene::GaussianScene,
+};
+
 use super::{
-    decoder::default_decoder,
-    event::{AppliedStyle, StyleError},
-    look::{FoldedStyle, LookColors},
-    packed::PackedInputs,
+    applied::AppliedStyle, decoder::choose_decoder, error::StyleError, packed::PackedInputs,
     settings::StyleBackend,
 };
 
-/// All that a look is computed from.
-pub(super) struct Order {
+/// Everything that a style is computed from.
+pub(super) struct StyleRequest {
     pub(super) scene: GaussianScene,
-    /// The entity's own decoder.
+    /// The entity's decoder, or `None` if it has none of its own.
     pub(super) decoder: Option<Arc<Decoder>>,
+    /// Styles and their weights.
     pub(super) styles: Vec<(Arc<ChannelStatistics>, f64)>,
-    /// How much of the content stays, 0..1.
+    /// Share of the content's features that stays, 0..1.
     pub(super) content: f64,
-    /// Where to decode.
+    /// The backend to decode on.
     pub(super) backend: StyleBackend,
     pub(super) packed: PackedInputs,
 }
 
-/// A computed look.
-pub(super) struct Transferred {
+/// A computed style.
+pub(super) struct StyleResult {
     pub(super) style: AppliedStyle,
-    pub(super) colors: LookColors,
+    pub(super) colors: ColorSource,
 }
 
-impl Order {
-    /// Folds the transfer, and on the processor decodes the colors.
+impl StyleRequest {
+    /// Folds the style into the decoder. On the CPU backend, decodes the colors too.
     ///
     /// # Errors
-    /// No features, no decoder, or parts that do not go together.
-    pub(super) fn carry_out(self) -> Result<Transferred, StyleError> {
+    /// If there are no features or no decoder, or if the parts do not go together.
+    pub(super) fn run(self) -> Result<StyleResult, StyleError> {
         let scene = Arc::clone(self.scene.scene());
-        let decoder = match self.decoder.as_ref().or(self.scene.decoder()) {
-            Some(decoder) => Arc::clone(decoder),
-            None => default_decoder()?,
-        };
+        let decoder = choose_decoder(self.decoder.as_ref(), self.scene.decoder())?;
         let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
         let styles: Vec<_> = self.styles.iter().map(|(style, weight)| (&**style, *weight)).collect();
         if self.backend == StyleBackend::Gpu {
@@ -56,15 +53,13 @@ impl Order {
             let map = inputs.content().transfer(&styles, self.content)?;
             let layers = FoldedLayers::new(inputs.content(), &decoder, &map)?;
             let style = AppliedStyle { scene, decoder, map: Arc::new(map), colors: None };
-            return Ok(Transferred {
-                style,
-                colors: LookColors::Folded(Arc::new(FoldedStyle { inputs, layers })),
-            });
+            let colors = ColorSource::Folded(Arc::new(FoldedStyle { inputs, layers }));
+            return Ok(StyleResult { style, colors });
         }
         let map = Arc::new(fold::transfer(features, &styles, self.content)?);
         let mut style = AppliedStyle { scene, decoder, map, colors: None };
         let rgb = style.colors()?;
         style.colors = Some(Arc::clone(&rgb));
-        Ok(Transferred { style, colors: LookColors::Rgb(rgb) })
+        Ok(StyleResult { style, colors: ColorSource::Rgb(rgb) })
     }
 }

@@ -1,13 +1,13 @@
-//! The demo scene through a camera, beside the CPU rasterizer's picture of it.
-
-mod world;
+//! Images of the demo scene, compared with those of the CPU rasterizer.
 
 use std::path::Path;
 
 use bevy::{camera::Hdr, core_pipeline::tonemapping::Tonemapping, prelude::*};
-use bevy_stylegaussian::{GaussianSplats, SplatTonemapping, StyleBackend};
 use stylegaussian::{Camera, Scene, file, splat};
-use world::{rendering::*, *};
+
+use crate::{GaussianSplats, SplatTonemapping, StyleBackend};
+
+use super::world::{rendering::*, *};
 
 const SIZE: UVec2 = UVec2::new(320, 240);
 const FOV_Y: f32 = 0.7;
@@ -15,11 +15,11 @@ const EYE: Vec3 = Vec3::new(0.0, 3.9, 9.7);
 
 fn demo_scene() -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/demo.sgs");
-    // Without features no neighbors are looked for: nothing is styled here.
+    // Nothing is styled here. Without features, no neighbors are searched.
     Scene { features: None, ..file::read_scene(&path).unwrap().scene }
 }
 
-/// The rasterizer's picture over black, blended with the background in linear space as a camera does, and its coverage.
+/// The rasterizer's image and its coverage. The background is black and blended in linear space, as a camera does.
 fn reference(scene: &Scene) -> (Vec<[f32; 3]>, Vec<f32>) {
     let camera = Camera::look_at(EYE, Vec3::ZERO, Vec3::Y, FOV_Y, SIZE);
     let view = splat::render(scene, splat::Colors::Captured, &camera);
@@ -30,7 +30,7 @@ fn reference(scene: &Scene) -> (Vec<[f32; 3]>, Vec<f32>) {
     (view.color.iter().zip(&view.alpha).map(over_black).collect(), view.alpha)
 }
 
-/// The camera's picture with these components more.
+/// The image of a camera with these additional components.
 fn picture(scene: Scene, camera: impl Bundle) -> Option<Vec<[f32; 3]>> {
     let mut app = app_with_rendering(StyleBackend::Cpu)?;
     let image = render_target(&mut app, SIZE);
@@ -50,7 +50,7 @@ fn picture(scene: Scene, camera: impl Bundle) -> Option<Vec<[f32; 3]>> {
     Some(read_back(&app, &image).iter().map(|&[r, g, b, _]| [r, g, b]).collect())
 }
 
-/// Checks that the picture is at least `least` dB from the reference where that is mostly covered.
+/// Checks that the PSNR against the reference is at least `least` dB, over pixels of which splats cover more than half.
 fn check(name: &str, camera: impl Bundle, least: f32) {
     let scene = demo_scene();
     let (expected, alpha) = reference(&scene);

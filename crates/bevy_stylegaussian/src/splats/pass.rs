@@ -1,8 +1,9 @@
-//! The splat pass of a view: projected, sorted, drawn into its layer, and the layer over the picture.
+//! The splat pass of a view: projects and sorts the splats, draws them into the view's layer, and composites the layer.
 
 use bevy::{
     prelude::*,
     render::{
+        diagnostic::{DiagnosticsRecorder, RecordDiagnostics},
         renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery},
         view::{ExtractedView, ViewDepthTexture, ViewTarget},
     },
@@ -10,16 +11,26 @@ use bevy::{
 use stylegaussian_gpu::splat;
 use wgpu::{LoadOp, Operations, RenderPassColorAttachment, RenderPassDescriptor, StoreOp};
 
-use crate::style::{CloudLooks, GpuReport, GpuReports, LookClock};
+use crate::{
+    colors::{FadeClock, ShownColors},
+    reports::Reports,
+    scene::{GpuScenes, RenderClouds, SceneRefused},
+};
 
 use super::{
-    extract::RenderClouds,
     pipelines::{Ready, SplatPipelines},
-    prepare::GpuScenes,
     view::{SplatViews, ViewSplats},
 };
 
-/// Draws a view's splats into its layer, and unless it is meant for later, the layer over the picture.
+/// Access to the GPU while encoding a view.
+struct Gpu<'a> {
+    device: &'a wgpu::Device,
+    queue: &'a wgpu::Queue,
+    encoder: &'a mut wgpu::CommandEncoder,
+    diagnostics: Option<&'a DiagnosticsRecorder>,
+}
+
+/// Draws a view's splats into its layer, and composites the layer unless that happens after tonemapping.
 #[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub(super) fn draw_splats(
     view: ViewQuery<(&ExtractedView, &ViewTarget, &ViewDepthTexture)>,
@@ -27,11 +38,11 @@ pub(super) fn draw_splats(
     pipelines: Res<SplatPipelines>,
     clouds: Res<RenderClouds>,
     scenes: Res<GpuScenes>,
-    looks: Res<CloudLooks>,
-    clock: Res<LookClock>,
+    colors: Res<ShownColors>,
+    clock: Res<FadeClock>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    reports: Res<GpuReports>,
+    reports: Res<Reports<SceneRefused>>,
     mut context: RenderContext,
 ) {
     let (extracted, target, depth) = view.into_inner();
@@ -48,92 +59,102 @@ pub(super) fn draw_splats(
         .iter()
         .filter_map(|entity| {
             let cloud = clouds.0.get(entity)?;
-            let (scene, colors) = (scenes.get(&cloud.scene)?, looks.colors(*entity, clock.0));
+            let (scene, colors) = (scenes.get(&cloud.scene)?, colors.get(*entity, clock.0));
             Some(splat::Cloud { scene, colors, world_from_scene: cloud.world_from_scene })
         })
         .collect();
-    let prepared = ready.passes.splat.prepare(
-        device.wgpu_device(),
-        &queue,
-        context.command_encoder(),
+    let diagnostics = context.diagnostic_recorder();
+    let mut gpu = Gpu {
+        device: device.wgpu_device(),
+        queue: &queue,
+        encoder: context.command_encoder(),
+        diagnostics: diagnostics.as_deref(),
+    };
+    let span = gpu.diagnostics.time_span(gpu.encoder, "splat_project_and_sort");
+    let sorted = ready.passes.splat.project_and_sort(
+        gpu.device,
+        gpu.queue,
+        gpu.encoder,
         &mut splats.buffers,
         &camera,
         &drawn,
         &plan.settings,
     );
-    if let Err(error) = prepared {
+    span.end(gpu.encoder);
+    if let Err(error) = sorted {
         refuse(splats, &reports, &error.to_string());
         return;
     }
     splats.refused = false;
-    let (device, encoder) = (device.wgpu_device(), context.command_encoder());
-    draw_layer(device, &queue, encoder, &ready, splats, depth);
+    draw_layer(&mut gpu, &ready, splats, depth);
     if !plan.after_tonemapping {
-        let attachment = target.get_color_attachment();
-        composite(encoder, &ready, splats, attachment);
+        composite(&mut gpu, &ready, splats, target.get_color_attachment());
     }
 }
 
-/// Tells once why the view shows no splats.
-fn refuse(splats: &mut ViewSplats, reports: &GpuReports, reason: &str) {
+/// Reports why the view shows no splats, unless it did so before.
+fn refuse(splats: &mut ViewSplats, reports: &Reports<SceneRefused>, reason: &str) {
     splats.plan = None;
     if std::mem::replace(&mut splats.refused, true) {
         return;
     }
     for entity in &splats.clouds {
-        reports.push(GpuReport::SceneRefused { entity: entity.id(), reason: reason.into() });
+        reports.push(SceneRefused { entity: entity.id(), reason: reason.into() });
     }
 }
 
 /// Blends splats in the view's layer.
-fn draw_layer(
-    device: &wgpu::Device,
-    queue: &wgpu::Queue,
-    encoder: &mut wgpu::CommandEncoder,
-    ready: &Ready,
-    splats: &mut ViewSplats,
-    depth: &ViewDepthTexture,
-) {
+fn draw_layer(gpu: &mut Gpu, ready: &Ready, splats: &mut ViewSplats, depth: &ViewDepthTexture) {
     let Some((layer, buffers)) = splats.layer_and_buffers() else { return };
     let layer =
         splat::Layer { color: &layer.color, resolved: layer.resolved.as_ref(), depth: Some(depth.view()) };
-    ready.passes.splat.draw_layer(device, queue, encoder, buffers, &layer, ready.draw);
+    let span = gpu.diagnostics.time_span(gpu.encoder, "splat_draw");
+    ready.passes.splat.draw_layer(gpu.device, gpu.queue, gpu.encoder, buffers, &layer, ready.draw);
+    span.end(gpu.encoder);
 }
 
-/// Puts the view's layer over a picture.
-fn composite(
-    encoder: &mut wgpu::CommandEncoder,
-    ready: &Ready,
-    splats: &ViewSplats,
-    picture: RenderPassColorAttachment,
-) {
+/// Composites the view's layer over an image.
+fn composite(gpu: &mut Gpu, ready: &Ready, splats: &ViewSplats, image: RenderPassColorAttachment) {
     let (Some((_, input)), Some(plan)) = (splats.layer(), splats.plan) else { return };
-    let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
+    let span = gpu.diagnostics.time_span(gpu.encoder, "splat_composite");
+    let mut pass = gpu.encoder.begin_render_pass(&RenderPassDescriptor {
         label: Some("splat_composite"),
-        color_attachments: &[Some(picture)],
+        color_attachments: &[Some(image)],
         ..default()
     });
     ready.passes.composite.draw(&mut pass, ready.composite, input, plan.viewport);
+    drop(pass);
+    span.end(gpu.encoder);
 }
 
-/// Puts the layer of a view that bypasses tonemapping over the picture, after it.
+/// Composites the layer of a view that bypasses tonemapping.
 ///
-/// Takes the target for itself: effects that follow tonemapping swap its textures, which must not happen meanwhile.
+/// The mutable target keeps other systems away: effects after tonemapping swap its textures, which must not happen
+/// meanwhile.
 pub(super) fn composite_after_tonemapping(
     view: ViewQuery<(&ExtractedView, &mut ViewTarget)>,
     views: Res<SplatViews>,
     pipelines: Res<SplatPipelines>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
     mut context: RenderContext,
 ) {
     let (extracted, target) = view.into_inner();
     let Some(splats) = views.get(&extracted.retained_view_entity) else { return };
     let Some(plan) = splats.plan.filter(|plan| plan.after_tonemapping) else { return };
     let Some(ready) = pipelines.get(plan.samples, plan.composite) else { return };
-    let picture = RenderPassColorAttachment {
+    let image = RenderPassColorAttachment {
         view: target.main_texture_view(),
         depth_slice: None,
         resolve_target: None,
         ops: Operations { load: LoadOp::Load, store: StoreOp::Store },
     };
-    composite(context.command_encoder(), &ready, splats, picture);
+    let diagnostics = context.diagnostic_recorder();
+    let mut gpu = Gpu {
+        device: device.wgpu_device(),
+        queue: &queue,
+        encoder: context.command_encoder(),
+        diagnostics: diagnostics.as_deref(),
+    };
+    composite(&mut gpu, &ready, splats, image);
 }

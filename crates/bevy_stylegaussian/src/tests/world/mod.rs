@@ -1,4 +1,4 @@
-//! What the tests share: small scenes that can be styled, and apps without a window.
+//! Shared by the tests: small scenes that can be styled, and apps without a window.
 #![allow(dead_code, reason = "each test uses its part")]
 
 pub mod rendering;
@@ -6,15 +6,16 @@ pub mod rendering;
 use std::{sync::Arc, time::Duration};
 
 use bevy::{asset::AssetPlugin, prelude::*};
-use bevy_stylegaussian::{GaussianScene, StyleGaussianPlugin, StyleStatistics};
-use stylegaussian::{Activation, ChannelStatistics, Decoder, Features, Layer, Scene, scene::Sh};
+use stylegaussian::{ChannelStatistics, Decoder, Features, Layer, Scene, scene::Sh};
 
-/// Channels of the encoder, of the stored features, and the decoder's window, in the small scenes.
+use crate::{GaussianScene, StyleGaussianPlugin, StyleStatistics};
+
+/// Channels of the encoder, latent features, and the decoder's neighbors, in the small scenes.
 const D: usize = 8;
 const L: usize = 4;
 const K: usize = 3;
 
-/// Numbers in -1..1 that look random and are always the same (a linear congruence of 64 bits, Knuth's constants).
+/// Pseudorandom numbers in -1..1 (a linear congruential generator of 64 bits with Knuth's constants).
 pub fn numbers(seed: u64) -> impl FnMut() -> f32 {
     let mut state = seed.wrapping_mul(2) + 1;
     move || {
@@ -23,7 +24,7 @@ pub fn numbers(seed: u64) -> impl FnMut() -> f32 {
     }
 }
 
-/// `n` Gaussians in the cube -1..1, with spherical harmonics of degree 1, features, neighbors and a decoder of its own.
+/// `n` Gaussians in the cube -1..1, with spherical harmonics of degree 1, features and a decoder.
 pub fn small_scene(n: usize, seed: u64) -> Scene {
     let mut next = numbers(seed);
     let mut many = |count: usize, scale: f32| (0..count).map(|_| scale * next()).collect::<Vec<f32>>();
@@ -71,7 +72,7 @@ pub struct Ball {
     pub color: [f32; 3],
 }
 
-/// A plain scene of round Gaussians, the same from every side.
+/// A scene of round Gaussians without features. It looks the same from every side.
 pub fn balls(balls: &[Ball]) -> Scene {
     let n = balls.len();
     let mut scene = Scene {
@@ -103,7 +104,7 @@ pub fn app_without_rendering() -> App {
     app_with_assets(AssetPlugin::default())
 }
 
-/// As [`app_without_rendering`], with assets from elsewhere.
+/// As [`app_without_rendering`], with assets from another source.
 pub fn app_with_assets(assets: AssetPlugin) -> App {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, assets, TransformPlugin));
@@ -128,7 +129,7 @@ pub fn add_style(app: &mut App, style: ChannelStatistics) -> Handle<StyleStatist
     add(app, StyleStatistics(Arc::new(style)))
 }
 
-/// Updates until `done` or, after a minute, fails.
+/// Updates until `done` returns true. Fails after a minute.
 pub fn update_until(app: &mut App, what: &str, mut done: impl FnMut(&mut World) -> bool) {
     let start = std::time::Instant::now();
     while !done(app.world_mut()) {

@@ -1,0 +1,82 @@
+//! The scene asset.
+
+use std::{error::Error, sync::Arc};
+
+use bevy::{camera::primitives::Aabb, prelude::*};
+use stylegaussian::{Decoder, Neighbors, Scene, file, scene::SceneError};
+
+use crate::loader::FromFile;
+
+/// A captured scene. It loads from `.sgs` files, from `.ply` files of 3D Gaussian Splatting, and from checkpoints of
+/// StyleGaussian. The content of the file decides its kind, not the name.
+///
+/// Only scenes with features can be styled. `stylegaussian embed` computes features for any scene.
+///
+/// There is one copy in main memory, shared by both worlds, so cloning is cheap. The copy always stays, and there is no
+/// `RenderAssetUsages` setting to drop it: styling on the CPU, saving a styled scene and restoring a lost GPU device all
+/// read it.
+#[derive(Asset, Clone, Debug, Reflect)]
+#[reflect(opaque)]
+#[reflect(Clone, Debug)]
+pub struct GaussianScene {
+    scene: Arc<Scene>,
+    decoder: Option<Arc<Decoder>>,
+    /// The box around all visible splats, or `None` if there are none. An error if the scene cannot be shown.
+    bounds: Result<Option<Aabb>, SceneError>,
+}
+
+impl GaussianScene {
+    /// Makes an asset of a scene and checks the scene's parts. If they do not fit together, entities that show the scene
+    /// get a [`GaussianSceneFailed`](crate::GaussianSceneFailed).
+    ///
+    /// If the scene has features but no neighbor lists of the length that its decoder needs (8 for the default one), the
+    /// neighbors are found here. This takes about a second for half a million Gaussians, so use a task for large scenes.
+    pub fn new(mut scene: Scene) -> Self {
+        let k = scene.decoder.as_ref().map_or(Decoder::K, |decoder| decoder.k).max(1);
+        let has_lists = scene.neighbors.as_ref().is_some_and(|neighbors| neighbors.k >= k);
+        if scene.features.is_some() && !has_lists && has_finite_means(&scene) {
+            scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, k));
+        }
+        let bounds = scene.validate().map(|()| scene.splat_bounds());
+        let bounds = bounds.map(|bounds| bounds.map(|[min, max]| Aabb::from_min_max(min, max)));
+        let decoder = scene.decoder.clone().map(Arc::new);
+        Self { scene: Arc::new(scene), decoder, bounds }
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// The decoder that the scene carries, or `None` if it has none.
+    pub fn decoder(&self) -> Option<&Arc<Decoder>> {
+        self.decoder.as_ref()
+    }
+
+    /// The box around all visible splats, or `None` if there are none.
+    ///
+    /// # Errors
+    /// If the scene's parts do not fit together.
+    pub(crate) fn bounds(&self) -> Result<Option<Aabb>, SceneError> {
+        self.bounds.clone()
+    }
+}
+
+impl FromFile for GaussianScene {
+    const EXTENSIONS: &[&str] = &["sgs", "ply"];
+
+    fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
+        let loaded = file::scene_from_bytes(&bytes, path)?;
+        // Finding neighbors takes as much memory again as a large file: free the file first.
+        drop(bytes);
+        for warning in &loaded.warnings {
+            warn!("{path}: {warning}");
+        }
+        Ok(Self::new(loaded.scene))
+    }
+}
+
+/// Whether neighbors can be searched. Scenes from files always have finite means; a program's may not.
+fn has_finite_means(scene: &Scene) -> bool {
+    scene.means.iter().all(|mean| mean.is_finite()) && scene.order.len() == scene.len()
+}

@@ -1,0 +1,119 @@
+//! Attaches loaded scenes to the entities that show them. Rendering and styling read the attached scene.
+
+use std::sync::Arc;
+
+use bevy::{
+    asset::{AssetLoadFailedEvent, LoadState},
+    camera::primitives::Aabb,
+    platform::collections::HashSet,
+    prelude::*,
+};
+use stylegaussian::Scene;
+
+use super::{
+    GaussianScene, GaussianSplats,
+    failure::{GaussianSceneError, SceneFailures},
+};
+
+/// The scene of an entity's [`GaussianSplats`]. Present while the asset is loaded and valid, replaced if it changes: so
+/// `Changed<LoadedScene>` is true exactly if the entity shows other Gaussians.
+#[derive(Component, Clone)]
+pub(crate) struct LoadedScene {
+    pub(crate) id: AssetId<GaussianScene>,
+    pub(crate) asset: GaussianScene,
+}
+
+impl LoadedScene {
+    /// The scene's data.
+    pub(crate) fn scene(&self) -> &Arc<Scene> {
+        self.asset.scene()
+    }
+}
+
+/// The components that an entity has because of its scene.
+type SceneParts = (LoadedScene, Aabb);
+
+/// Detaches scenes from entities that lost their [`GaussianSplats`], or if the asset is gone, which `AssetChanged` does not
+/// detect.
+pub(super) fn detach_scenes(
+    mut commands: Commands,
+    mut events: MessageReader<AssetEvent<GaussianScene>>,
+    mut removed: RemovedComponents<GaussianSplats>,
+    splats: Query<(Entity, &GaussianSplats)>,
+    scenes: Res<Assets<GaussianScene>>,
+) {
+    // A component that was put back in the same frame is in `splats`.
+    for entity in removed.read().filter(|&entity| !splats.contains(entity)) {
+        commands.entity(entity).try_remove::<SceneParts>();
+    }
+    let gone: HashSet<AssetId<GaussianScene>> = events
+        .read()
+        .filter_map(|event| match event {
+            AssetEvent::Removed { id } if !scenes.contains(*id) => Some(*id),
+            _ => None,
+        })
+        .collect();
+    if gone.is_empty() {
+        return;
+    }
+    for (entity, _) in splats.iter().filter(|(_, splats)| gone.contains(&splats.0.id())) {
+        commands.entity(entity).try_remove::<SceneParts>();
+    }
+}
+
+/// The entity shows another asset, or its asset came or changed.
+type SceneChanged = Or<(Changed<GaussianSplats>, AssetChanged<GaussianSplats>)>;
+
+/// Attaches scenes that came or changed.
+///
+/// Observers of [`GaussianSceneFailed`](super::GaussianSceneFailed) may despawn any entity before the commands of this
+/// system are applied, hence `try_insert` and `try_remove`.
+pub(super) fn attach_scenes(
+    mut commands: Commands,
+    changed: Query<(Entity, &GaussianSplats, Option<&LoadedScene>), SceneChanged>,
+    scenes: Res<Assets<GaussianScene>>,
+    server: Res<AssetServer>,
+    mut failures: SceneFailures,
+) {
+    for (entity, splats, attached) in &changed {
+        let id = splats.0.id();
+        let Some(asset) = scenes.get(id) else {
+            if attached.is_some() {
+                commands.entity(entity).try_remove::<SceneParts>();
+            }
+            // A load that failed before this entity asked for it sends no further event.
+            if let Some(LoadState::Failed(error)) = server.get_load_state(id) {
+                failures.send(entity, GaussianSceneError::Load(error.to_string()));
+            }
+            continue;
+        };
+        let is_attached = |old: &LoadedScene| old.id == id && Arc::ptr_eq(old.scene(), asset.scene());
+        if attached.is_some_and(is_attached) {
+            continue;
+        }
+        match asset.bounds() {
+            // An empty scene gets an empty box: an entity without any `Aabb` counts as visible everywhere.
+            Ok(bounds) => {
+                let scene = LoadedScene { id, asset: asset.clone() };
+                commands.entity(entity).try_insert((scene, bounds.unwrap_or_default()));
+            }
+            Err(error) => {
+                commands.entity(entity).try_remove::<SceneParts>();
+                failures.send(entity, error.into());
+            }
+        }
+    }
+}
+
+/// Sends a failure for each entity that waits for an asset whose load failed.
+pub(super) fn report_failed_loads(
+    mut events: MessageReader<AssetLoadFailedEvent<GaussianScene>>,
+    splats: Query<(Entity, &GaussianSplats)>,
+    mut failures: SceneFailures,
+) {
+    for event in events.read() {
+        for (entity, _) in splats.iter().filter(|(_, splats)| splats.0.id() == event.id) {
+            failures.send(entity, GaussianSceneError::Load(event.error.to_string()));
+        }
+    }
+}

@@ -1,0 +1,26 @@
+//! A view into the room for tests: the objects that it holds.
+
+use bevy::{prelude::*, render::view::ExtractedView};
+
+use super::{pipelines::SplatPipelines, view::SplatViews};
+
+/// Objects that frames without changes must not create.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Held {
+    /// Number of pipelines and tables requested so far.
+    pub(crate) n_pipelines: usize,
+    /// Addresses of the views' layers.
+    pub(crate) layers: Vec<usize>,
+}
+
+impl Held {
+    /// The objects in the render world.
+    pub(crate) fn of(world: &mut World) -> Self {
+        let n_pipelines = world.resource::<SplatPipelines>().n_requested();
+        let views: Vec<_> =
+            world.query::<&ExtractedView>().iter(world).map(|view| view.retained_view_entity).collect();
+        let views = views.iter().filter_map(|view| world.resource::<SplatViews>().get(view));
+        let layers = views.filter_map(|view| Some(std::ptr::from_ref(view.layer()?.0).addr())).collect();
+        Self { n_pipelines, layers }
+    }
+}

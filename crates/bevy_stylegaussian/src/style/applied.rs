@@ -1,0 +1,48 @@
+//! The style that an entity shows.
+
+use std::sync::Arc;
+
+use bevy::prelude::*;
+use stylegaussian::{
+    Decoder, Scene,
+    fold::{self, ChannelMap, StylizeError},
+};
+
+/// The style that an entity shows. It is inserted when [`StyleApplied`](crate::StyleApplied), the event, is sent, and
+/// removed with [`StyleSource::none`](crate::StyleSource::none) or with the scene.
+#[derive(Component, Clone, Reflect)]
+#[reflect(opaque)]
+#[reflect(Component, Clone)]
+pub struct AppliedStyle {
+    pub(super) scene: Arc<Scene>,
+    pub(super) decoder: Arc<Decoder>,
+    pub(super) map: Arc<ChannelMap>,
+    /// The colors `[N]` if the CPU computed them.
+    pub(super) colors: Option<Arc<[[f32; 3]]>>,
+}
+
+impl AppliedStyle {
+    /// One color per Gaussian of the scene `[N]`, display-referred RGB, not clamped.
+    ///
+    /// If the GPU styled the entity, the colors are computed again on the CPU. This can take seconds, so call it in a task.
+    ///
+    /// # Errors
+    /// None for a style that is shown: scene, decoder and style have been checked.
+    pub fn colors(&self) -> Result<Arc<[[f32; 3]]>, StylizeError> {
+        match &self.colors {
+            Some(colors) => Ok(Arc::clone(colors)),
+            None => Ok(fold::stylize(&self.scene, &self.decoder, &self.map)?.into()),
+        }
+    }
+
+    /// The scene in the colors that it is shown in. Write it to a file with `stylegaussian::file::write_scene`.
+    ///
+    /// # Errors
+    /// As [`Self::colors`].
+    pub fn styled_scene(&self) -> Result<Scene, StylizeError> {
+        let colors = self.colors()?;
+        let mut scene = Scene::clone(&self.scene);
+        scene.set_colors(&colors);
+        Ok(scene)
+    }
+}

@@ -1,0 +1,89 @@
+//! Assets that a style is made of: statistics, decoders and encoders.
+
+use std::{
+    error::Error,
+    path::Path,
+    sync::{Arc, LazyLock},
+};
+
+use bevy::prelude::*;
+use stylegaussian::{ChannelStatistics, Decoder, file};
+use stylegaussian_encoder::{Encoder, EncoderError};
+
+use crate::loader::FromFile;
+
+/// Precomputed statistics of a style's features: `.style.safetensors`, as `stylegaussian style IMAGE` writes them. A style
+/// given this way needs no encoder at run time.
+#[derive(Asset, Clone, Debug, Reflect)]
+#[reflect(opaque)]
+#[reflect(Clone, Debug)]
+pub struct StyleStatistics(pub Arc<ChannelStatistics>);
+
+impl FromFile for StyleStatistics {
+    const EXTENSIONS: &[&str] = &["style.safetensors"];
+
+    fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
+        Ok(Self(Arc::new(file::style_from_bytes(&bytes, path)?)))
+    }
+}
+
+/// A decoder from features to colors: `.decoder.safetensors`, as `stylegaussian train` writes them. Use it with
+/// [`StyleDecoder`](crate::StyleDecoder).
+#[derive(Asset, Clone, Debug, Reflect)]
+#[reflect(opaque)]
+#[reflect(Clone, Debug)]
+pub struct GaussianDecoder(pub Arc<Decoder>);
+
+impl FromFile for GaussianDecoder {
+    const EXTENSIONS: &[&str] = &["decoder.safetensors"];
+
+    fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
+        Ok(Self(Arc::new(file::decoder_from_bytes(&bytes, path)?)))
+    }
+}
+
+/// An encoder of style images: an `.onnx` file from RGB 0..1 `[1, 3, H, W]` to features `[1, D, h, w]`. Use it with
+/// [`StyleEncoder`](crate::StyleEncoder).
+#[derive(Asset, Clone, Reflect)]
+#[reflect(opaque)]
+#[reflect(Clone)]
+pub struct ImageEncoder(Arc<LazyLock<Opened, Box<dyn FnOnce() -> Opened + Send>>>);
+
+/// An open encoder, or the reason why it cannot be used.
+type Opened = Result<Encoder, Arc<EncoderError>>;
+
+impl ImageEncoder {
+    /// An encoder that a program has opened, for example from VGG-19 weights: see [`Encoder::open`].
+    pub fn new(encoder: Encoder) -> Self {
+        Self::lazy(move || Ok(encoder))
+    }
+
+    fn lazy(open: impl FnOnce() -> Opened + Send + 'static) -> Self {
+        Self(Arc::new(LazyLock::new(Box::new(open))))
+    }
+
+    /// The encoder. The first call opens the bundled one, which takes a moment: not for the main thread.
+    pub(super) fn get(&self) -> Result<&Encoder, Arc<EncoderError>> {
+        LazyLock::force(&self.0).as_ref().map_err(Arc::clone)
+    }
+}
+
+impl FromFile for ImageEncoder {
+    const EXTENSIONS: &[&str] = &["onnx"];
+
+    fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
+        // Features and decoders name the encoder that they belong to by its file's stem.
+        let name = Path::new(path).file_stem().unwrap_or_default().to_string_lossy();
+        Ok(Self::new(Encoder::from_onnx(&name, bytes)?))
+    }
+}
+
+/// Adds the bundled encoder as the default asset, so that `Handle::default()` names it. It is opened at its first use.
+#[cfg(feature = "bundled_models")]
+pub(super) fn add_bundled_encoder(world: &mut World) {
+    use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
+
+    let bundled = ImageEncoder::lazy(|| Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec()).map_err(Arc::new));
+    let added = world.resource_mut::<Assets<ImageEncoder>>().insert(AssetId::default(), bundled);
+    added.expect("the default id is a UUID, which is always valid");
+}

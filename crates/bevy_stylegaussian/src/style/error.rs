@@ -1,0 +1,57 @@
+//! Errors of styling.
+
+use std::sync::Arc;
+
+use stylegaussian::fold::StylizeError;
+use stylegaussian_encoder::EncoderError;
+
+/// A style cannot be applied.
+#[derive(Debug, thiserror::Error)]
+pub enum StyleError {
+    /// Scene, decoder, styles or weights do not go together, or the scene was never embedded.
+    #[error(transparent)]
+    Stylize(#[from] StylizeError),
+    /// Neither entity nor scene has a decoder, and the plugin was built without the bundled one.
+    #[error(
+        "the scene carries no decoder and the plugin was built without the bundled one: enable the feature \
+         `bundled_models`, or add a StyleDecoder to the entity"
+    )]
+    NoDecoder,
+    /// The bundled decoder is damaged.
+    #[error("the decoder that is bundled with the plugin cannot be read: {0}")]
+    BundledDecoder(String),
+    /// An image has to be encoded, but no encoder is set and the plugin was built without the bundled one.
+    #[error(
+        "a style image needs an encoder, and the plugin was built without the bundled one: enable the feature \
+         `bundled_models`, or set the resource StyleEncoder to an `.onnx` asset; StyleSource::preset needs no encoder \
+         (`stylegaussian style IMAGE` makes presets)"
+    )]
+    NoEncoder,
+    /// The encoder cannot be opened or used.
+    #[error("{image}: {source}")]
+    Encoder {
+        /// The image.
+        image: String,
+        /// The encoder's error.
+        source: Arc<EncoderError>,
+    },
+    /// The image has no pixels that can be encoded.
+    #[error("{image}: the image cannot be encoded: {found}")]
+    Image {
+        /// The image.
+        image: String,
+        /// The reason. An image needs 8-bit pixels in main memory.
+        found: String,
+    },
+    /// An asset that the style needs could not be loaded. The message names it.
+    #[error("{0}")]
+    Load(String),
+    /// [`StyleBackend::Gpu`](crate::StyleBackend::Gpu) is set, but the app does not render.
+    #[error(
+        "StyleBackend::Gpu is set but the app has no GPU; StyleBackend::Auto and StyleBackend::Cpu need none"
+    )]
+    NoGpu,
+    /// The scene or the decoder is too large for the GPU.
+    #[error("the scene cannot be styled on this GPU: {0}; StyleBackend::Cpu can style it")]
+    Gpu(String),
+}
