@@ -3,7 +3,7 @@
 use std::f32::consts::TAU;
 
 use glam::{Quat, Vec3};
-use stylegaussian::{Activation, Decoder, Features, Layer, Neighbors, Scene, morton, scene::Sh};
+use stylegaussian::{Decoder, Features, Layer, Neighbors, Scene, morton, scene::Sh};
 
 /// The encoder's channels D.
 pub const N_CHANNELS: usize = 256;

@@ -177,9 +177,10 @@ pub fn run(arguments: &TrainArgs, interrupt: &Interrupt) -> Result<()> {
     let (training, held_out) = hold_out(list_images(styles)?, arguments.holdout_styles)
         .with_context(|| styles.display().to_string())?;
     let loaded = arguments.load_scenes()?;
-    let scene =
-        |loaded: &Loaded| TrainingScene::new(&loaded.name, &loaded.scene, &loaded.cameras, &arguments.size);
-    let scenes: Vec<TrainingScene> = loaded.iter().map(scene).collect();
+    let scenes: Vec<TrainingScene> = loaded
+        .iter()
+        .map(|Loaded { name, scene, cameras }| TrainingScene::new(name, scene, cameras, &arguments.size))
+        .collect();
     let loss_network = LossNetwork::open(
         &loss_weights(vgg.as_deref(), encoder_file)?,
         arguments.relu4.as_deref(),

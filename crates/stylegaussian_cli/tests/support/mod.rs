@@ -8,7 +8,7 @@ use std::{
 
 use glam::{Quat, Vec3};
 use stylegaussian::{
-    Activation, ChannelStatistics, Decoder, EncoderId, Features, Layer, Neighbors, Scene, file, scene::Sh,
+    ChannelStatistics, Decoder, EncoderId, Features, Layer, Neighbors, Scene, file, scene::Sh,
 };
 use tempfile::TempDir;
 
