@@ -64,7 +64,8 @@ impl<T, E: Into<Box<dyn Error + Send + Sync>>> Context<T> for Result<T, E> {
 /// Returns [`TrainError::Invalid`] with a formatted message if a condition does not hold.
 macro_rules! ensure {
     ($condition:expr, $($message:tt)+) => {
-        if !$condition {
+        let holds: bool = $condition;
+        if !holds {
             return Err($crate::TrainError::Invalid(format!($($message)+)));
         }
     };
