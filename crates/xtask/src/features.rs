@@ -49,7 +49,7 @@ pub fn check() -> Result<()> {
 
 /// The packages and features that cargo compiles for this selection.
 fn features(selection: &[&str]) -> Result<Features> {
-    let mut command = cargo(["tree", "--locked", "--prefix", "none", "--no-dedupe", "--format", "{p}|{f}"]);
+    let mut command = cargo(["tree", "--locked", "--prefix", "none", "--format", "{p}|{f}"]);
     let output = command.args(selection).output().context("cannot run `cargo tree`")?;
     ensure!(output.status.success(), "cargo tree: {}", String::from_utf8_lossy(&output.stderr).trim());
     Ok(parsed(&String::from_utf8_lossy(&output.stdout)))

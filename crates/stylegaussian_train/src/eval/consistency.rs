@@ -47,7 +47,7 @@ pub struct Pairs {
 }
 
 impl Pairs {
-    /// Neighbors, and views 40 degrees apart, on an orbit of [`N_ORBIT`].
+    /// Neighbors, and views 40 degrees apart, on an orbit of `N_ORBIT` views.
     ///
     /// # Errors
     /// Never: the list is part of the program, and a test reads it.
