@@ -5,16 +5,16 @@
 //! f', A and b that minimize the mean absolute difference between rendered features and the encoder's.
 //!
 //! The stages, one module each: `view` (pictures to learn from), `samples` (training data of a view), `closed_form`
-//! (PCA and weighted means), `refine` (descent), `evidence` (filling in under-observed Gaussians), `model` (the model
-//! itself).
+//! (PCA and weighted means), `refine` (descent), `under_observed` (filling in Gaussians that views
+//! hardly show), `model` (the model itself).
 
 mod closed_form;
-mod evidence;
 mod model;
 mod refine;
 mod samples;
 #[cfg(test)]
 mod tests;
+mod under_observed;
 mod view;
 
 use std::{
@@ -41,7 +41,7 @@ pub const N_LATENT: usize = 32;
 
 /// Neighbors from which an under-observed Gaussian may take features. More than the decoder's neighborhood has, because
 /// many of them are under-observed too.
-const N_EVIDENCE_NEIGHBORS: usize = 16;
+const N_FILLING_NEIGHBORS: usize = 16;
 
 /// Steps of the default method for each view; a step uses a quarter of a view. On the playbot scene (20 views) the
 /// held-out error after 5, 10, 20 and 40 steps for each view is 1.316, 1.304, 1.293 and 1.288.
@@ -194,7 +194,7 @@ pub fn embed(
 
     let start = Instant::now();
     let (mut model, iterations) = fit(&training, scene.len(), encoder.n_channels(), options, watch)?;
-    let n_badly_seen = settle(&mut model, &training, scene);
+    let n_badly_seen = fill_in(&mut model, &training, scene);
     model.standardize();
     let report = EmbedReport {
         method: options.method,
@@ -289,8 +289,8 @@ fn fit(
 }
 
 /// Fills in under-observed Gaussians and returns their number.
-fn settle(model: &mut Model, views: &[&[Samples]], scene: &Scene) -> usize {
-    let seen_weights = evidence::seen_weights(views, scene.len());
-    let neighbors = Neighbors::find(&scene.means, &scene.order, N_EVIDENCE_NEIGHBORS);
-    evidence::settle(model, &seen_weights, &neighbors)
+fn fill_in(model: &mut Model, views: &[&[Samples]], scene: &Scene) -> usize {
+    let seen_weights = under_observed::seen_weights(views, scene.len());
+    let neighbors = Neighbors::find(&scene.means, &scene.order, N_FILLING_NEIGHBORS);
+    under_observed::fill_in(model, &seen_weights, &neighbors)
 }

@@ -6,10 +6,10 @@ use stylegaussian_encoder::FeatureMap;
 
 use super::{
     closed_form::closed_form,
-    evidence::{seen_weights, settle},
     model::Model,
     refine::{Schedule, refine},
     samples::Samples,
+    under_observed::{fill_in, seen_weights},
 };
 use crate::random::Random;
 
@@ -288,7 +288,7 @@ fn unseen_gaussians_take_features_from_neighbors() {
     assert!((seen[0] - 1.0).abs() < 1e-3 && seen[1..] == [0.0; 3], "{seen:?}");
     let mut model =
         Model { features: vec![5.0, f32::MAX, 7.0, 8.0], basis: vec![1.0], offset: vec![0.0], n_latent: 1 };
-    assert_eq!(settle(&mut model, &seen, &neighbors), 3);
+    assert_eq!(fill_in(&mut model, &seen, &neighbors), 3);
     assert_eq!(model.features, [5.0; 4], "spread along the line");
 }
 
@@ -297,7 +297,7 @@ fn a_well_seen_gaussian_keeps_its_features() {
     // Two neighbors, seen by 10 cells and by 0.1: the first keeps 10 / 10.1, the second half, from those before.
     let neighbors = Neighbors { k: 2, indices: vec![0, 1, 1, 0] };
     let mut model = Model { features: vec![1.0, 2.0], basis: vec![1.0], offset: vec![0.0], n_latent: 1 };
-    assert_eq!(settle(&mut model, &[10.0, 0.1], &neighbors), 0);
+    assert_eq!(fill_in(&mut model, &[10.0, 0.1], &neighbors), 0);
     assert!((model.features[0] - (1.0 + 0.1 / 10.1)).abs() < 1e-5, "{:?}", model.features);
     assert!((model.features[1] - 1.5).abs() < 1e-5, "{:?}", model.features);
 }
@@ -311,7 +311,7 @@ fn one_gaussian_one_cell() {
     let schedule = Schedule::after_closed_form(20, &model);
     refine(&mut model, &[&view], schedule, &mut Random::new(0), |_| true);
     let seen = seen_weights(&[&view], 1);
-    settle(&mut model, &seen, &Neighbors::find(&[Vec3::ZERO], &[0], 16));
+    fill_in(&mut model, &seen, &Neighbors::find(&[Vec3::ZERO], &[0], 16));
     model.standardize();
     assert!(all_finite(&model), "{model:?}");
     assert_eq!(model.features, [0.0; 3], "one Gaussian is its own mean");

@@ -35,7 +35,7 @@ pub fn seen_weights(views: &[&[Samples]], n_gaussians: usize) -> Vec<f32> {
 ///
 /// If no neighbor is well seen either, features spread from neighbor to neighbor. A Gaussian that they never reach
 /// gets the mean of all well-seen ones.
-pub fn settle(model: &mut Model, seen_weights: &[f32], neighbors: &Neighbors) -> usize {
+pub fn fill_in(model: &mut Model, seen_weights: &[f32], neighbors: &Neighbors) -> usize {
     let mut known: Vec<bool> = seen_weights.iter().map(|&weight| weight >= PRIOR).collect();
     let n_badly_seen = known.iter().filter(|&&known| !known).count();
     draw_to_neighbors(model, seen_weights, neighbors, &mut known);
