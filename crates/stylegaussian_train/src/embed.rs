@@ -179,6 +179,7 @@ pub fn embed(
     if scene.is_empty() {
         return Err(EmbedError::EmptyScene);
     }
+    // Counted over all views, before any is dropped by an interruption, so the same views are held out each time.
     let is_held_out = |view: usize| options.holdout > 0 && view.is_multiple_of(options.holdout as usize);
     if (0..views.len()).all(is_held_out) {
         return Err(EmbedError::NoTrainingViews { n_views: views.len(), holdout: options.holdout });
@@ -194,6 +195,7 @@ pub fn embed(
 
     let start = Instant::now();
     let (mut model, iterations) = fit(&training, scene.len(), encoder.n_channels(), options, watch)?;
+    // Before standardization, whose mean and deviation are over all Gaussians, filled in or not.
     let n_badly_seen = fill_in(&mut model, &training, scene);
     model.standardize();
     let report = EmbedReport {
@@ -238,10 +240,12 @@ fn sample_views(
             watch.report(Stage::Views, done, total);
             Some(samples.map(|samples| (index, samples)))
         };
+    // The collected order is that of the views, however they were scheduled.
     views.par_iter().enumerate().filter_map(sample).collect()
 }
 
 fn sample_view(scene: &Scene, view: &TrainingView, encoder: &Encoder) -> Result<Vec<Samples>, EmbedError> {
+    // At the picture's full size. `Samples` averages over cells, because rendering at the map's size widens splats.
     let weights = stylegaussian::splat::blend_weights(scene, &view.camera);
     let picture = view.load(scene)?;
     let features = encoder
@@ -271,10 +275,12 @@ fn fit(
     let total = options.iterations(views.len());
     let mut random = Random::new(options.seed);
     let (mut model, schedule, batches) = match options.method {
+        // The paper takes a whole view in each step.
         EmbedMethod::Optimize => {
             (Model::noise(n_gaussians, n_channels, N_LATENT, &mut random), Schedule::optimize(total), views)
         }
         EmbedMethod::ClosedForm | EmbedMethod::Default => {
+            // A batch is one of a view's four parts: nearly the gradient of the view at a quarter of its cost.
             let parts = views.iter().flat_map(|view| view.chunks(1)).collect();
             let model = closed_form::closed_form(&views, n_channels, n_gaussians, N_LATENT);
             let schedule = Schedule::after_closed_form(total, &model);

@@ -46,6 +46,7 @@ pub fn choose_views(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
             (views, closer)
         }
     };
+    // Overviews come first in the pool. Of equal gains the first wins, which makes the choice the same each time.
     let chosen = overviews.and(TestViews::take(&survey, closer)).choose(n);
     cameras(chosen, size)
 }

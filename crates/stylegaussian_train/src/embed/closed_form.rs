@@ -44,6 +44,8 @@ pub fn closed_form(views: &[&[Samples]], n_channels: usize, n_gaussians: usize, 
 }
 
 fn moments(views: &[&Samples], n_channels: usize) -> Moments {
+    // Two passes, mean first. A single pass would subtract the mean's square from the mean of squares, and lose the
+    // digits of channels whose mean is large.
     let sums: Vec<(f64, Vec<f64>)> = views.par_iter().map(|samples| weighted_sum(samples)).collect();
     let total = sums.iter().map(|(weight, _)| weight).sum::<f64>().max(f64::MIN_POSITIVE);
     let mut mean = vec![0.0; n_channels];
@@ -52,6 +54,7 @@ fn moments(views: &[&Samples], n_channels: usize) -> Moments {
     }
     let mean: Vec<f32> = mean.iter().map(|&mean| mean as f32).collect();
     let products: Vec<Vec<f32>> = views.par_iter().map(|samples| centered_products(samples, &mean)).collect();
+    // In the order of the views, and in f64: f32 is precise enough for the cells of one view, not for all views.
     let mut covariance = vec![0.0; n_channels * n_channels];
     for products in products {
         covariance.iter_mut().zip(products).for_each(|(sum, value)| *sum += f64::from(value) / total);
@@ -76,6 +79,7 @@ fn centered_products(samples: &Samples, mean: &[f32]) -> Vec<f32> {
     let mut rows = Vec::new();
     samples.targets(0..samples.n_cells(), &mut rows);
     for (row, coverage) in rows.chunks_exact_mut(n_channels.max(1)).zip(samples.coverage()) {
+        // Both factors of the product get the root, so the product gets the coverage.
         let weight = coverage.sqrt();
         row.iter_mut().zip(mean).for_each(|(value, mean)| *value = weight * (*value - mean));
     }
@@ -88,10 +92,13 @@ fn centered_products(samples: &Samples, mean: &[f32]) -> Vec<f32> {
 /// The `n` leading eigenvectors of a covariance `[D, D]` as columns `[D, n]`, by orthogonal iteration. Directions
 /// without variance are 0.
 fn principal_directions(covariance: &[f64], n_channels: usize, n: usize) -> Vec<f32> {
+    // Not the option's seed: the directions found hardly depend on where the iteration starts.
     let mut random = Random::new(0);
     let n_directions = (n + OVERSAMPLING).min(n_channels);
     let mut directions: Vec<Vec<f64>> =
         (0..n_directions).map(|_| (0..n_channels).map(|_| f64::from(random.normal())).collect()).collect();
+    // The sum of all eigenvalues. A vector that multiplication shrinks to a billionth of it holds only rounding
+    // errors, and normalizing it would make a direction of them.
     let trace: f64 = (0..n_channels).map(|d| covariance[d * n_channels + d]).sum();
     for _ in 0..ROUNDS {
         directions.par_iter_mut().for_each(|direction| {
@@ -112,6 +119,8 @@ fn principal_directions(covariance: &[f64], n_channels: usize, n: usize) -> Vec<
 fn orthonormalize(vectors: &mut [Vec<f64>], floor: f64) {
     for i in 0..vectors.len() {
         let (before, [vector, ..]) = vectors.split_at_mut(i) else { return };
+        // Modified Gram-Schmidt: each projection is of what the previous ones have left, which is stable in finite
+        // precision.
         for other in before.iter() {
             let along = dot(vector, other);
             vector.iter_mut().zip(other).for_each(|(value, other)| *value -= along * other);
@@ -138,6 +147,7 @@ fn lift(model: &mut Model, parts: &[&Samples]) -> Vec<f32> {
     let n_latent = model.n_latent;
     let coordinates: Vec<Vec<f32>> = parts.par_iter().map(|samples| coordinates(model, samples)).collect();
     let mut weights = vec![0.0; model.features.len() / n_latent.max(1)];
+    // Threads share Gaussians and not views: no two write to one sum, and each sum runs over the views in order.
     let pieces = model.features.par_chunks_mut(GAUSSIANS_PER_PIECE * n_latent.max(1));
     pieces.zip(weights.par_chunks_mut(GAUSSIANS_PER_PIECE)).enumerate().for_each(
         |(piece, (features, weights))| {
@@ -148,6 +158,7 @@ fn lift(model: &mut Model, parts: &[&Samples]) -> Vec<f32> {
                 }
             }
             for (feature, &weight) in features.chunks_exact_mut(n_latent).zip(weights.iter()) {
+                // An unseen Gaussian keeps 0, the mean. Its division would be 0 / 0.
                 let factor = if weight > 0.0 { 1.0 / weight } else { 0.0 };
                 feature.iter_mut().for_each(|value| *value *= factor);
             }
@@ -179,6 +190,7 @@ fn equalize(model: &mut Model, weights: &[f32]) {
         squares.iter_mut().zip(feature).for_each(|(sum, value)| *sum += f64::from(weight * value * value));
     }
     let total: f64 = weights.iter().map(|&weight| f64::from(weight)).sum();
+    // NaN if nothing is seen. `rescale` then leaves the channels as they are.
     let deviations: Vec<f32> = squares.iter().map(|square| (square / total).sqrt() as f32).collect();
     model.rescale(&deviations);
 }

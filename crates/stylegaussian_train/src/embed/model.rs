@@ -87,6 +87,7 @@ impl Model {
     /// Divides each channel of f' by `scales` `[L]` and multiplies A's column by it, so that f stays the same. A
     /// channel with scale 0 is not changed.
     pub fn rescale(&mut self, scales: &[f32]) {
+        // The comparison is false for NaN too.
         let scales: Vec<f32> = scales.iter().map(|&scale| if scale > 0.0 { scale } else { 1.0 }).collect();
         for row in self.features.chunks_exact_mut(self.n_latent) {
             row.iter_mut().zip(&scales).for_each(|(value, scale)| *value /= scale);
@@ -110,12 +111,14 @@ impl Model {
             mean
         };
         let mean: Vec<f32> = mean_of(&self.features, |value| value).iter().map(|&mean| mean as f32).collect();
+        // First the shift, then the scale: b takes A m' with the A that belongs to features of the old scale.
         for row in self.features.chunks_exact_mut(n_latent) {
             add_scaled(row, -1.0, &mean);
         }
         for (offset, row) in self.offset.iter_mut().zip(self.basis.chunks_exact(n_latent)) {
             *offset += row.iter().zip(&mean).map(|(a, mean)| a * mean).sum::<f32>();
         }
+        // Of centered values: the squares of values far from 0 would swamp a small variance.
         let variance = mean_of(&self.features, |value| value * value);
         self.rescale(&variance.iter().map(|variance| variance.sqrt() as f32).collect::<Vec<_>>());
     }
@@ -156,9 +159,12 @@ impl Model {
         let mut offset = vec![0.0; n_channels];
         let mut loss = 0.0;
         for (row, coverage) in residuals.chunks_exact_mut(n_channels).zip(&samples.coverage()[first..]) {
+            // A row has D terms, few enough for f32. Rows are many, so their sum is in f64.
             loss += f64::from(row.iter().map(|residual| residual.abs()).sum::<f32>() * scale);
             for (residual, offset) in row.iter_mut().zip(&mut offset) {
+                // The derivative of |r| replaces r, which nothing needs any more. Both products below read it.
                 *residual = sign(*residual) * scale;
+                // b enters a cell with sum_i w_i, which is its coverage.
                 *offset += coverage * *residual;
             }
         }
@@ -214,6 +220,7 @@ impl Model {
             .map_init(Scratch::default, |scratch, piece| {
                 let first = piece * CELLS_PER_PIECE;
                 let cells = first..(first + CELLS_PER_PIECE).min(samples.n_cells());
+                // Unweighted: the error is against the encoder's features themselves, in the encoder's units.
                 self.residuals(samples, cells.clone(), false, scratch);
                 let rows = scratch.residuals.chunks_exact(n_channels).zip(&samples.coverage()[cells]);
                 let measured = rows.filter(|&(_, &coverage)| coverage > MEASURED_COVERAGE);

@@ -49,6 +49,7 @@ impl Schedule {
         if !self.decay {
             return 1.0;
         }
+        // The middle of the step, so that the last step still moves.
         let progress = (step as f32 + 0.5) / self.iterations as f32;
         0.5 * (1.0 + (std::f32::consts::PI * progress).cos())
     }
@@ -66,6 +67,7 @@ pub fn refine(
     let mut adam = Adam::new(model);
     let mut order = Vec::new();
     for step in 0..schedule.iterations {
+        // Every batch once before any comes again. Drawing with replacement would leave views out for long.
         if order.is_empty() {
             order = random.permutation(batches.len());
         }
@@ -115,6 +117,7 @@ impl Adam {
     /// Takes a step on the mean absolute error over the cells and channels of a batch.
     fn step(&mut self, model: &mut Model, batch: &[Samples], schedule: Schedule, factor: f32) {
         let n_terms = batch.iter().map(Samples::n_cells).sum::<usize>() * model.n_channels();
+        // All gradients before any parameter moves: those of f' depend on A, and those of A on f'.
         let gradients: Vec<Gradient> =
             batch.iter().map(|samples| model.gradient(samples, 1.0 / n_terms as f32)).collect();
         self.step_features(model, batch, &gradients, schedule.feature_rate * factor);
@@ -132,6 +135,7 @@ impl Adam {
         let first = self.features.first.par_chunks_mut(piece);
         let second = self.features.second.par_chunks_mut(piece);
         let row_steps = self.row_steps.par_chunks_mut(GAUSSIANS_PER_PIECE);
+        // Threads share Gaussians, as in the closed form, so sums do not depend on the number of threads.
         values.zip(first).zip(second).zip(row_steps).enumerate().for_each_init(
             || RowGradients::new(n_latent),
             |rows, (piece, (((values, first), second), row_steps))| {
@@ -139,6 +143,8 @@ impl Adam {
                     rows.add(samples, piece, &gradient.cells);
                 }
                 rows.drain(|place, gradient| {
+                    // The bias correction of a row counts the row's own steps. With the common count, rows first seen
+                    // late would start with steps three times too large: 0.1 / sqrt(0.001).
                     row_steps[place] += 1;
                     let rate = Rate::new(rate, row_steps[place]);
                     let range = place * n_latent..(place + 1) * n_latent;
@@ -174,6 +180,7 @@ impl RowGradients {
     fn drain(&mut self, mut take: impl FnMut(usize, &[f32])) {
         for (place, (sum, seen)) in self.sums.chunks_exact_mut(self.n_latent).zip(&mut self.seen).enumerate()
         {
+            // Rayon hands these arrays from one piece to the next, so they must leave as they came: all zero.
             if std::mem::take(seen) {
                 take(place, sum);
                 sum.fill(0.0);
@@ -191,6 +198,7 @@ struct Rate {
 impl Rate {
     fn new(rate: f32, steps: u32) -> Self {
         // From here on both corrections are 1 to the last bit of an f32.
+        // 0.999^20,000 = 2e-9, less than half of an f32's last bit at 1.
         let steps = steps.min(20_000) as i32;
         Self { step: rate / (1.0 - BETA_1.powi(steps)), second_correction: 1.0 / (1.0 - BETA_2.powi(steps)) }
     }

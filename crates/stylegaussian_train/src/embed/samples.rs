@@ -80,6 +80,8 @@ impl Sparse {
 
     /// Columns with any entry, in ascending order, and the transpose with one row for each of them.
     fn transposed(&self, n_columns: usize) -> (Vec<u32>, Self) {
+        // A counting sort. `slots` first holds the number of entries of each column, then the place of its next
+        // entry.
         let mut slots = vec![0_u32; n_columns];
         for &column in &self.indices {
             slots[column as usize] += 1;
@@ -88,9 +90,11 @@ impl Sparse {
         let mut starts = vec![0_u32];
         for &column in &columns {
             let start = starts[starts.len() - 1];
+            // Reads the count and leaves the start of the column's row in its place.
             starts.push(start + std::mem::replace(&mut slots[column as usize], start));
         }
         let (mut indices, mut weights) = (vec![0; self.indices.len()], vec![0; self.weights.len()]);
+        // Rows in ascending order, so each transposed row is ascending too, and sums over it have one order.
         for row in 0..self.starts.len() - 1 {
             for entry in self.starts[row] as usize..self.starts[row + 1] as usize {
                 let slot = &mut slots[self.indices[entry] as usize];
@@ -118,6 +122,7 @@ impl Samples {
             })
             .collect();
         let mut parts = vec![Self::empty(features.n_channels); PARTS_PER_SIDE * PARTS_PER_SIDE];
+        // Chunks of 0 values would panic. A map without channels gives no targets.
         let targets = features.values.chunks_exact(features.n_channels.max(1));
         for (cell, (entries, target)) in cells.iter().zip(targets).enumerate() {
             let [column, row] = [cell % columns, cell / columns].map(|place| place % PARTS_PER_SIDE);
@@ -137,6 +142,8 @@ impl Samples {
     }
 
     fn push_cell(&mut self, entries: &[(u32, u16)], target: &[f32]) {
+        // A sum of whole numbers is exact. It is that of the weights as stored, so a F and sum_i w_i agree in the
+        // residual.
         let units: u32 = entries.iter().map(|&(_, weight)| u32::from(weight)).sum();
         let coverage = units as f32 * WEIGHT_UNIT;
         if coverage < MIN_COVERAGE {
@@ -188,6 +195,7 @@ impl Samples {
     /// within the run.
     pub fn seen_in_piece(&self, piece: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
         let first = piece * GAUSSIANS_PER_PIECE;
+        // `seen` is ascending, so a piece's Gaussians are one run of it.
         let start = self.seen.partition_point(|&gaussian| (gaussian as usize) < first);
         let gaussians = self.seen[start..].iter().map(move |&gaussian| gaussian as usize - first);
         (start..).zip(gaussians.take_while(|&place| place < GAUSSIANS_PER_PIECE))
@@ -209,8 +217,10 @@ impl Samples {
 fn cell_side(features: &FeatureMap, weights: &BlendWeights) -> Result<usize, CellSizeError> {
     let (map, picture) = ([features.width, features.height], weights.size.to_array());
     let fits = |side: u32| {
+        // An encoder either keeps the last odd line at each halving, as ours do, or drops it.
         map == picture.map(|pixels| pixels.div_ceil(side)) || map == picture.map(|pixels| pixels / side)
     };
+    // The smallest side that fits. Small maps can fit several.
     let side = (0..8).map(|power| 1 << power).find(|&side| fits(side));
     side.map(|side| side as usize).ok_or(CellSizeError { map, picture })
 }
@@ -237,8 +247,11 @@ fn cell_weights(
     let of_one_gaussian = entries.chunk_by(|a, b| a.0 == b.0);
     let means = of_one_gaussian.map(|run| {
         let sum: f32 = run.iter().map(|&(_, weight)| weight).sum();
+        // A pixel's weights sum to at most 1, so the mean is at most 65,535 units. The cast saturates if rounding
+        // exceeds it.
         (run[0].0, (sum / unit).round() as u16)
     });
+    // Weights that round to 0 would only lengthen the lists.
     means.filter(|&(_, weight)| weight > 0).collect()
 }
 

@@ -40,6 +40,7 @@ fn random_view(n_gaussians: usize, truth: &Model, contrast: f32, bare: f32, seed
     let mut random = Random::new(seed);
     let size = [12, 6];
     let (mut pixels, mut values) = (Vec::new(), Vec::new());
+    // 12 * 6 cells. Weights of 0.05 to 0.33 keep the sum of three below 1.
     for cell in 0..72 {
         let mut pixel: Vec<(u32, f32)> = Vec::new();
         if cell % 5 != 0 {
@@ -123,6 +124,7 @@ fn gradients_match_finite_differences() {
     for (row, p) in part.seen_in_piece(0) {
         part.gather(row, &gradient.cells, &mut of_features[p * 3..][..3]);
     }
+    // Small against the residuals, so that no sign changes, and large against the rounding of the loss.
     let h = 2e-3;
     let check = |name: &str, analytic: &[f32], values: fn(&mut Model) -> &mut Vec<f32>| {
         for (i, analytic) in analytic.iter().enumerate() {
@@ -211,6 +213,7 @@ fn descent_finds_the_median_and_not_the_mean() {
     let feature = |model: &Model| model.offset[0] + dot_row(model, 0, 0);
     assert!((feature(&model) - 4.0).abs() < 1e-3);
     let batches: Vec<&[Samples]> = view.chunks(1).collect();
+    // The rate that follows from A would mean nothing here: one Gaussian is its own mean, so f' is a rounding error.
     let schedule = Schedule { map_rate: 0.05, ..Schedule::after_closed_form(1000, &model) };
     refine(&mut model, &batches, schedule, &mut Random::new(0), |_| true);
     assert!((feature(&model) - 2.0).abs() < 0.05, "{}", feature(&model));

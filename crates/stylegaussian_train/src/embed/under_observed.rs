@@ -23,6 +23,7 @@ pub fn seen_weights(views: &[&[Samples]], n_gaussians: usize) -> Vec<f32> {
     weights.par_chunks_mut(GAUSSIANS_PER_PIECE).enumerate().for_each(|(piece, weights)| {
         for samples in views.iter().copied().flatten() {
             for (row, place) in samples.seen_in_piece(piece) {
+                // With L = 0 only the sum of weights is left of gathering.
                 weights[place] += samples.gather(row, &[], &mut []);
             }
         }
@@ -36,6 +37,7 @@ pub fn seen_weights(views: &[&[Samples]], n_gaussians: usize) -> Vec<f32> {
 /// If no neighbor is well seen either, features spread from neighbor to neighbor. A Gaussian that they never reach
 /// gets the mean of all well-seen ones.
 pub fn fill_in(model: &mut Model, seen_weights: &[f32], neighbors: &Neighbors) -> usize {
+    // The three stages share `known`. Each fills in what those before could not reach.
     let mut known: Vec<bool> = seen_weights.iter().map(|&weight| weight >= PRIOR).collect();
     let n_badly_seen = known.iter().filter(|&&known| !known).count();
     draw_to_neighbors(model, seen_weights, neighbors, &mut known);
@@ -53,6 +55,7 @@ fn draw_to_neighbors(model: &mut Model, weights: &[f32], neighbors: &Neighbors, 
     let rows = model.features.par_chunks_exact_mut(n_latent).zip(known.par_iter_mut());
     rows.zip(neighbors.indices.par_chunks_exact(neighbors.k)).enumerate().for_each(
         |(p, ((feature, known), neighbors))| {
+            // The list begins with p itself, and p's own share is added below.
             let others = neighbors.iter().map(|&q| q as usize).filter(|&q| q != p && was_known[q]);
             let mut total = 0.0;
             let mut sum = vec![0.0; n_latent];
@@ -61,6 +64,7 @@ fn draw_to_neighbors(model: &mut Model, weights: &[f32], neighbors: &Neighbors, 
                 total += weights[q];
             }
             if total > 0.0 {
+                // 0 for an unseen Gaussian, whatever its features are.
                 let own = weights[p] / (weights[p] + PRIOR);
                 let of_neighbors = (1.0 - own) / total;
                 feature
@@ -78,6 +82,7 @@ fn spread(model: &mut Model, neighbors: &Neighbors, known: &mut [bool]) {
     let n_latent = model.n_latent;
     let mut unknown: Vec<usize> = (0..known.len()).filter(|&p| !known[p]).collect();
     loop {
+        // A round reads only what earlier rounds wrote, so the order within a round does not matter.
         let found: Vec<(usize, Vec<f32>)> = unknown
             .par_iter()
             .filter_map(|&p| {
@@ -94,6 +99,7 @@ fn spread(model: &mut Model, neighbors: &Neighbors, known: &mut [bool]) {
                 (!sources.is_empty()).then_some((p, mean))
             })
             .collect();
+        // Ends: every other round makes at least one Gaussian known.
         if found.is_empty() {
             return;
         }

@@ -38,6 +38,7 @@ pub enum Picture {
 impl TrainingView {
     /// A photo, scaled to `longer_side` pixels if it is larger.
     pub fn photo(path: PathBuf, camera: &Camera, longer_side: u32) -> Self {
+        // Enlarging adds no detail, and costs time in proportion to the area.
         let longer_side = longer_side.min(camera.size.max_element());
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Self { name, camera: fitted(camera, longer_side), picture: Picture::Photo(path) }
@@ -59,6 +60,8 @@ impl TrainingView {
             Picture::Rendered => {
                 let view = render(scene, Colors::Captured, &self.camera);
                 let over = |(color, alpha): (&[f32; 3], &f32)| {
+                    // Colors are premultiplied. Spherical harmonics can leave 0..1, which no picture that an encoder
+                    // learned from does.
                     color.map(|channel| (channel + (1.0 - alpha) * BACKGROUND).clamp(0.0, 1.0))
                 };
                 let rgb = view.color.iter().zip(&view.alpha).flat_map(over).collect();
@@ -73,6 +76,7 @@ fn fitted(camera: &Camera, longer_side: u32) -> Camera {
     let factor = longer_side as f32 / camera.size.max_element() as f32;
     let fit = |pixels: u32| {
         let steps = (pixels as f32 * factor / SIZE_STEP as f32).round() as u32;
+        // Very long pictures would otherwise have a side that the encoder refuses.
         (steps * SIZE_STEP).max(MIN_SIDE)
     };
     camera.resized(UVec2::new(fit(camera.size.x), fit(camera.size.y)))

@@ -50,7 +50,8 @@ impl Adam {
         }
         self.step += 1;
         let clip = (MAX_NORM / norm.max(1e-12)).min(1.0);
-        // The moments start at zero; without these factors the first steps would be too small.
+        // The moments start at zero. Without these factors the first step would be 0.1 / sqrt(0.001), three times,
+        // too large.
         let corrections = [1.0 - BETA_1.powi(self.step as i32), 1.0 - BETA_2.powi(self.step as i32)];
         for ((parameter, grad), moments) in parameters.iter_mut().zip(grads).zip(&mut self.moments) {
             let Some(grad) = grad.map(|grad| grad * clip) else { continue };

@@ -59,6 +59,7 @@ pub(super) struct Candidate {
 impl Candidate {
     /// The camera with a picture of `size` pixels.
     pub fn camera(&self, size: UVec2) -> Camera {
+        // `tan_half` belongs to the shorter side, and a longer one sees more at the same focal length.
         let fov_y = 2.0 * (self.tan_half * size.y as f32 / size.min_element() as f32).atan();
         Camera::look_at(self.eye, self.target, self.up, fov_y, size)
     }
@@ -73,6 +74,7 @@ fn direction(up: Vec3, azimuth: f32, elevation: f32) -> Vec3 {
 /// An overview from `direction`, a unit vector. It is so far away that nothing is nearer than [`NEAREST`], and its
 /// lens just frames the scene.
 fn overview_from(survey: &Survey, direction: Vec3) -> Candidate {
+    // At this distance the ball of the scene touches the sides of the cone of view.
     let distance = (survey.radius / OBJECT_HALF_ANGLE.sin()).max(survey.radius + NEAREST);
     let candidate = Candidate {
         eye: survey.center + distance * direction,
@@ -80,6 +82,7 @@ fn overview_from(survey: &Survey, direction: Vec3) -> Candidate {
         up: survey.up,
         tan_half: OBJECT_HALF_ANGLE.tan(),
         is_overview: true,
+        // Nothing of an object comes so near. What does floats between it and the eye.
         clearance: 0.25 * distance,
     };
     Candidate { tan_half: framing(&candidate, survey), ..candidate }
@@ -93,6 +96,7 @@ fn framing(candidate: &Candidate, survey: &Survey) -> f32 {
         view.x.abs().max(view.y.abs()) / view.z.max(NEAREST)
     });
     let [tangent] = quantiles(tangents, &survey.masses, [FRAMED]);
+    // Never wider than the normal lens, and never a field of view of 0, as of a single tiny Gaussian.
     (MARGIN * tangent).clamp(1e-4, candidate.tan_half)
 }
 
@@ -102,6 +106,7 @@ pub(super) fn around(survey: &Survey) -> Vec<Candidate> {
         .iter()
         .enumerate()
         .flat_map(|(ring, &(elevation, n))| {
+            // Every second ring is turned by half a step, so that not all rings begin at one azimuth.
             (0..n).map(move |i| (TAU * (i as f32 + 0.5 * (ring % 2) as f32) / n as f32, elevation))
         })
         .map(|(azimuth, elevation)| overview_from(survey, direction(survey.up, azimuth, elevation)))
@@ -160,6 +165,7 @@ pub(super) fn circle_around(survey: &Survey, n: usize) -> Vec<Candidate> {
     let azimuth = |i: usize| TAU * i as f32 / n as f32;
     let mut circle: Vec<Candidate> =
         (0..n).map(|i| overview_from(survey, direction(survey.up, azimuth(i), ORBIT_ELEVATION))).collect();
+    // One lens for all, or the object would pulse while the camera goes around it.
     let widest = circle.iter().fold(0.0f32, |widest, candidate| widest.max(candidate.tan_half));
     for candidate in &mut circle {
         candidate.tan_half = widest;
@@ -183,9 +189,11 @@ fn spots(survey: &Survey) -> Vec<Vec3> {
     });
     let room = (STANDING_ROOM * survey.radius).max(NEAREST);
     let mut free: Vec<Vec3> = grid
+        // Seven steps along each axis, out to 80% of the box, whose sides are the walls of a room.
         .map(|step| survey.center + 0.8 / STEPS as f32 * step * survey.half_size)
         .filter(|&spot| is_free(survey, spot, room))
         .collect();
+    // `spread` begins with the first, so the most central spot is always among the chosen.
     free.sort_by(|a, b| a.distance_squared(survey.center).total_cmp(&b.distance_squared(survey.center)));
     spread(&free, N_SPOTS, |_| true)
 }
@@ -197,6 +205,7 @@ fn is_free(survey: &Survey, spot: Vec3, room: f32) -> bool {
         .means
         .iter()
         .zip(&survey.stand_in.scales)
+        // To a sphere around the Gaussian at one standard deviation.
         .map(|(mean, scales)| mean.distance(spot) - scales.max_element());
     // A thousandth of the mass may be nearer, because stray Gaussians float everywhere.
     let [nearest] = quantiles(distances, &survey.masses, [0.001]);

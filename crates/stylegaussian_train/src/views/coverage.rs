@@ -43,18 +43,22 @@ impl TestView {
         let camera = candidate.camera(TEST_SIZE);
         let weights = blend_weights(&survey.stand_in, &camera);
         let n_pixels = TEST_SIZE.element_product() as usize;
+        // The sum of w z over a pixel is its depth times its alpha.
         let z = |&mean| camera.view_from_world.transform_point3(mean).z;
         let depths = weights.apply(&survey.stand_in.means.iter().map(z).collect::<Vec<f32>>(), 1);
         let alphas = weights.alpha();
+        // Compared without a division by alpha, which may be 0. Pixels of less than 0.3 block little.
         let in_the_way = |(z, a): &(&f32, &f32)| **a > 0.3 && **z < candidate.clearance * **a;
         let blocked = depths.iter().zip(&alphas).filter(in_the_way).count() as f32 / n_pixels as f32;
         let covered = alphas.iter().sum::<f32>() / n_pixels as f32;
+        // The transpose applied to ones sums each Gaussian's weights over the picture.
         let pixels = weights.apply_transposed(&vec![1.0; n_pixels], 1);
         Self { candidate, pixels, covered, usable: blocked < MOST_BLOCKED && covered > LEAST_COVERED }
     }
 
     /// The increase of sum_i log(1 + pixels of i / [`WELL_SEEN`]) by this view, if `total` has been seen before.
     fn gain(&self, total: &[f32]) -> f64 {
+        // log(1 + (t + p) / w) - log(1 + t / w) = log(1 + p / (w + t)). `ln_1p` keeps the digits of small p.
         let log = |(total, pixels): (&f32, &f32)| f64::from((pixels / (WELL_SEEN + total)).ln_1p());
         total.iter().zip(&self.pixels).map(log).sum()
     }
@@ -95,6 +99,7 @@ impl TestViews {
     /// the best of all candidates. If all usable ones are taken, they are taken again.
     pub fn choose(self, n: usize) -> Vec<Candidate> {
         let any_usable = self.0.iter().any(|view| view.usable);
+        // If nothing is usable, a poor picture is better than none.
         let pool: Vec<&TestView> = self.0.iter().filter(|view| view.usable || !any_usable).collect();
         let Some(first) = pool.first() else { return Vec::new() };
         let mut total = vec![0.0f32; first.pixels.len()];
@@ -105,9 +110,11 @@ impl TestViews {
             }
             let turn =
                 chosen.len() % OVERVIEW_EVERY == 0 && left.iter().any(|view| view.candidate.is_overview);
+            // A gain is never negative, so -1 puts closer looks behind every overview.
             let gain =
                 |view: &&TestView| if turn && !view.candidate.is_overview { -1.0 } else { view.gain(&total) };
             let gains: Vec<f64> = left.par_iter().map(gain).collect();
+            // The first of equal gains, whichever thread computed them.
             let best = (0..left.len()).fold(0, |best, i| if gains[i] > gains[best] { i } else { best });
             let best = left.remove(best);
             for (total, pixels) in total.iter_mut().zip(&best.pixels) {

@@ -54,6 +54,7 @@ impl Survey {
             .map(|(mean, scales)| (mean - center).length() + scales.max_element());
         let [radius] = quantiles(distances, &masses, [WITHIN_RADIUS]);
         let up = up(&stand_in, &masses, half_size);
+        // Distances and lenses divide by it.
         Some(Self { radius: radius.max(1e-6), stand_in, masses, center, half_size, up })
     }
 }
@@ -63,12 +64,14 @@ impl Survey {
 fn stand_in(scene: &Scene) -> Scene {
     let stride = scene.len().div_ceil(N_STAND_IN).max(1);
     let indices: Vec<u32> = (0..scene.len() as u32).step_by(stride).collect();
+    // Areas grow with the square of scales, and each Gaussian that is left stands for `stride`.
     let enlarged = (stride as f32).sqrt();
     Scene {
         means: indices.iter().map(|&i| scene.means[i as usize]).collect(),
         rotations: indices.iter().map(|&i| scene.rotations[i as usize]).collect(),
         scales: indices.iter().map(|&i| scene.scales[i as usize] * enlarged).collect(),
         opacities: indices.iter().map(|&i| scene.opacities[i as usize]).collect(),
+        // No colors: only blend weights are computed of this scene, and they do not depend on color.
         n_source: indices.len(),
         up: scene.up,
         order: indices,
@@ -98,6 +101,7 @@ pub(super) fn quantiles<const N: usize>(
 ) -> [f32; N] {
     let mut sorted: Vec<(f32, f32)> = values.zip(masses.iter().copied()).collect();
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // In f64, because shares of a thousandth are compared with sums over 30,000.
     let total: f64 = sorted.iter().map(|(_, mass)| f64::from(*mass)).sum();
     shares.map(|share| {
         let mut below = f64::from(share) * total;
@@ -105,6 +109,7 @@ pub(super) fn quantiles<const N: usize>(
             below -= f64::from(*mass);
             below <= 0.0
         });
+        // Rounding can leave a little of the mass below even the last value.
         found.or(sorted.last()).map_or(0.0, |(value, _)| *value)
     })
 }

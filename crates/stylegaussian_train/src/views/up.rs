@@ -33,6 +33,7 @@ pub(super) fn up(scene: &Scene, masses: &[f32], half_size: Vec3) -> Vec3 {
         (axis, level_mass(axis, &normals))
     });
     let (rival, half_height) = if x.1 > z.1 { (x, half_size.x) } else { (z, half_size.z) };
+    // A panel's normals all point one way, which is no sign that it lies flat.
     let is_panel = half_height < PANEL * half_size.max_element();
     let axis = if rival.1 > PRIOR_OF_Y * y.1 && !is_panel { rival.0 } else { y.0 };
     if is_upside_down(axis, &normals) { -axis } else { axis }
@@ -60,6 +61,7 @@ fn normals(scene: &Scene, masses: &[f32]) -> Vec<Surface> {
             sorted.sort_by(f32::total_cmp);
             [sorted[0], sorted[1]]
         };
+        // The thinnest axis of the ellipsoid, in the world.
         let normal = Mat3::from_quat(scene.rotations[i]).col(thinnest);
         (low < FLAT * middle).then_some(Surface { at: scene.means[i], normal, mass: masses[i] })
     };
@@ -71,6 +73,7 @@ fn refined(axis: Vec3, surfaces: &[Surface]) -> Vec3 {
     PULLING_COSINES.into_iter().fold(axis, |axis, near| {
         let pull = |surface: &Surface| {
             let cosine = surface.normal.dot(axis);
+            // A normal has no sign of its own. It takes the axis' before it is added.
             if cosine.abs() < near { Vec3::ZERO } else { surface.mass * cosine.signum() * surface.normal }
         };
         surfaces.iter().map(pull).sum::<Vec3>().try_normalize().unwrap_or(axis)
@@ -85,6 +88,7 @@ fn level_mass(axis: Vec3, surfaces: &[Surface]) -> f32 {
 /// Whether level surfaces lie above everything else. Then the guess is upside down, because things stand on floors.
 fn is_upside_down(axis: Vec3, surfaces: &[Surface]) -> bool {
     let total: f32 = surfaces.iter().map(|surface| surface.mass).sum();
+    // NaN without surfaces. No comparison with it is true, so the axis stays as it is.
     let middle = surfaces.iter().map(|surface| surface.mass * surface.at.dot(axis)).sum::<f32>() / total;
     let side = |sign: f32| -> f32 {
         let there = surfaces.iter().filter(|surface| sign * (surface.at.dot(axis) - middle) > 0.0);
