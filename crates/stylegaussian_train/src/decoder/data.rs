@@ -91,6 +91,7 @@ impl PreparedScene {
         let base_colors = scene.base_colors();
         let at_size = |(_, cameras): &(u32, Vec<Camera>)| -> Vec<View> {
             let crops =
+                // Faint weights go first, so that crops and lists of rows are made of what is left.
                 cameras.iter().flat_map(|camera| crops(without_faint(&blend_weights(scene, camera)), crop));
             crops.filter_map(|weights| View::new(weights, &neighbors, &base_colors, decoder)).collect()
         };
@@ -166,10 +167,12 @@ fn window_chain(
     let mut rows = output_rows.to_vec();
     let mut windows = Vec::new();
     for _ in 0..n_layers {
+        // Three uses in turn: MAX if a row is not needed, 0 if it is, then its place among the needed ones.
         let mut position = vec![u32::MAX; n];
         let lists =
             || rows.iter().flat_map(|&row| &neighbors.indices[row as usize * neighbors.k..][..neighbors.k]);
         lists().for_each(|&row| position[row as usize] = 0);
+        // Ascending, so rows keep the scene's order, in which neighbors are close in memory.
         let needed: Vec<u32> = (0..n as u32).filter(|&row| position[row as usize] == 0).collect();
         needed.iter().enumerate().for_each(|(i, &row)| position[row as usize] = i as u32);
         let local: Vec<u32> = lists().map(|&row| position[row as usize]).collect();
@@ -184,6 +187,7 @@ fn window_chain(
 fn crops(weights: BlendWeights, side: u32) -> Vec<BlendWeights> {
     let size = weights.size.min(UVec2::splat(side));
     let corners = |whole: u32, part: u32| {
+        // Steps of at most half a crop. The last crop ends at the border.
         let n_steps = (whole - part).div_ceil(part.div_ceil(2));
         (0..=n_steps).map(move |i| (whole - part) * i / n_steps.max(1))
     };
@@ -195,6 +199,7 @@ fn crops(weights: BlendWeights, side: u32) -> Vec<BlendWeights> {
             (crop.weights.iter().sum::<f32>() / (size.x * size.y) as f32, crop)
         })
         .collect();
+    // The best first, so truncation keeps the covered ones, and a stable sort keeps the order of equal ones.
     crops.sort_by(|(a, _), (b, _)| b.total_cmp(a));
     let n_covered = crops.iter().filter(|(coverage, _)| *coverage >= MIN_COVERAGE).count();
     crops.truncate(n_covered.max(1));
@@ -214,6 +219,7 @@ fn without_faint(weights: &BlendWeights) -> BlendWeights {
                     kept.push((gaussian, weight));
                 }
             }
+            // If all weights of a pixel are faint, it becomes empty.
             let scale = if kept_total > 0.0 { total / kept_total } else { 0.0 };
             kept.iter_mut().for_each(|(_, weight)| *weight *= scale);
             kept

@@ -105,6 +105,7 @@ impl Content {
             .picture
             .chunks_exact(3)
             .zip(&view.alpha)
+            // The picture is premultiplied, so only the background is weighted.
             .flat_map(|(c, alpha)| [0, 1, 2].map(|i| c[i] + (1.0 - alpha) * 0.5))
             .collect();
         let device = network.device();
@@ -114,6 +115,7 @@ impl Content {
         let column =
             |cells: &Vec<f32>| Tensor::from_data(TensorData::new(cells.clone(), [cells.len(), 1]), device);
         let coverage = content_layers.iter().map(|&layer| column(&cells[layer])).collect();
+        // Of all layers, because the style loss compares all.
         let style_coverage = cells.iter().map(|cells| Arc::new(shares(cells))).collect();
         let features = content_layers.iter().map(|&layer| features[layer].rows.clone()).collect();
         Self { features, coverage, style_coverage }
@@ -172,11 +174,13 @@ impl Sample<'_> {
         let folded = FoldedInputs::new(&scene.features, &scene.mean_latent, &scene.statistics, &map, device);
         let rows =
             TensorData::new(scene.input_rows(&view.input_rows), [view.input_rows.len(), scene.n_inputs]);
+        // The fold is part of the graph: gradients reach the first layer's weights through W A.
         let decoded = network.decode(Tensor::from_data(rows, device), &folded, &view.neighborhoods);
         let base_colors = view.output_rows.iter().flat_map(|&row| scene.base_colors[row as usize]);
         let base_colors = TensorData::new(base_colors.collect::<Vec<_>>(), [view.output_rows.len(), 3]);
         let base_colors = Tensor::from_data(base_colors, device);
         let colors = network.finished(decoded.clone(), base_colors, &view.neighborhoods);
+        // Premultiplied colors without a background.
         let splats = splat(colors, &view.weights);
         let perceptual =
             self.perceptual(splats.clone() + self.background(device), loss_network, content_layers);
@@ -212,6 +216,7 @@ impl Sample<'_> {
         }
         let mut style_loss = zero;
         let mut errors: Tensor<2> = Tensor::zeros([1 + others.len(), 1], network.device());
+        // All tensors here are `[2, D]`: means, then deviations.
         let targets = style.targets.iter().zip(&content.style_coverage);
         for (layer, (features, (target, coverage))) in features.into_iter().zip(targets).enumerate() {
             let found = row_statistics(features.rows, coverage);
@@ -220,6 +225,7 @@ impl Sample<'_> {
             if !others.is_empty() {
                 let n_statistics = found.shape().num_elements();
                 let row = |target: &Tensor<2>| target.clone().reshape([1, n_statistics]);
+                // The painting itself first: the cross-entropy below takes row 0 as the right answer.
                 let all = std::iter::once(style).chain(others.iter().copied());
                 let all = Tensor::cat(all.map(|style| row(&style.targets[layer])).collect(), 0);
                 errors = errors + (all - row(&found)).powi_scalar(2).mean_dim(1) * 2.0;
@@ -237,6 +243,7 @@ impl Sample<'_> {
         let Self { scene, view, style, .. } = self;
         let [width, height] = view.size();
         let recoloring = Recoloring::new(&scene.colors, &style.colors);
+        // Premultiplied: what a display can show ends at alpha.
         let recolored = view.picture.chunks_exact(3).zip(&view.alpha).flat_map(|(c, alpha)| {
             recoloring.premultiplied([c[0], c[1], c[2]], *alpha).map(|channel| channel.clamp(0.0, *alpha))
         });
@@ -244,6 +251,8 @@ impl Sample<'_> {
         let difference = splats.clone() - Tensor::from_data(recolored, &splats.device());
         let [side_x, side_y] = [SQUARE.min(width), SQUARE.min(height)];
         let [columns, rows] = [width / side_x, height / side_y];
+        // Cut to whole squares, then two means: over the lines of a square, then over its columns. Rows are H, W, 3,
+        // so a square's columns and its colors are side by side.
         let squares = difference
             .reshape([height, width, 3])
             .narrow(0, 0, rows * side_y)
@@ -267,6 +276,7 @@ struct Perceptual {
 /// Mean squared excess of decoded colors `[N, 3]` over 0..`share`, the decoder's part of the range 0..1. It is measured
 /// before smoothing: otherwise the decoder would exaggerate to make up for the smoothing.
 fn range_loss(decoded: &Tensor<2>, share: f32) -> Tensor<1> {
+    // Only one of the two is above 0.
     let excess = relu(decoded.clone() - share) + relu(-decoded.clone());
     excess.powi_scalar(2).mean()
 }

@@ -65,6 +65,7 @@ impl FoldedInputs {
             .basis
             .iter()
             .enumerate()
+            // Products in f64, because gains of nearly constant channels are huge, and f32 only at the end.
             .map(|(i, a)| (map.gain[i / n_latent] * f64::from(*a)) as f32)
             .collect();
         let center = |d: usize| {
@@ -173,6 +174,7 @@ impl Network {
         base_colors: Tensor<2>,
         neighborhoods: &Neighborhoods,
     ) -> Tensor<2> {
+        // The base color is added after smoothing, so its detail stays.
         let passes = neighborhoods.smoothing.iter();
         let smoothed = passes.fold(decoded, |colors, windows| smoothing_pass(colors, windows, 0.0));
         smoothed + base_colors * self.kind.residual
@@ -203,6 +205,7 @@ impl Network {
             0 => weight,
             _ => Tensor::cat(vec![weight, rows.narrow(1, n_channels, n_extra)], 1),
         };
+        // The center is one number per channel for all K neighbors, so their parts add up to a bias.
         let shift = on_features.matmul(folded.center.clone()).reshape([d_out, self.kind.k]).sum_dim(1);
         let shift = match self.statistics_weight() {
             None => shift,
@@ -217,9 +220,12 @@ impl Network {
 /// color of the Gaussian itself, the first of its neighborhood, and that mean.
 fn smoothing_pass(colors: Tensor<2>, windows: &Arc<Windows>, own: f32) -> Tensor<2> {
     let device = colors.device();
+    // A convolution with fixed weights: the custom operation and its gradient serve smoothing too, on any backend.
     let mean = if own > 0.0 { -1.0 } else { 1.0 } / windows.k as f32;
     let weight = |i: usize| {
+        // The inverse of ((output K) + neighbor) 3 + input, the order of a convolution's weight.
         let (output, neighbor, input) = (i / (3 * windows.k), i / 3 % windows.k, i % 3);
+        // Channels do not mix.
         if output == input { mean + if neighbor == 0 { own } else { 0.0 } } else { 0.0 }
     };
     let weight: Vec<f32> = (0..9 * windows.k).map(weight).collect();

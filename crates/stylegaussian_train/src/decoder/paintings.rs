@@ -94,6 +94,7 @@ impl<'a> Paintings<'a> {
     /// If there is no painting or an image cannot be read.
     pub fn pick(&mut self, random: &mut Random) -> Result<CropKey, TrainError> {
         ensure!(!self.paths.is_empty(), "found no painting, expected at least one");
+        // Always two numbers, known crop or not, so that what follows in a step does not depend on earlier steps.
         let key = (random.below(self.paths.len()), random.below(CROPS_PER_PAINTING));
         if !self.styles.contains_key(&key) {
             let style = self.compute(key)?;
@@ -114,6 +115,7 @@ impl<'a> Paintings<'a> {
         }
         let mut style = Style::of(&crop, self.encoder.id(), &self.loss_network)?;
         if !self.loss_is_encoder {
+            // The recolored crop, not the file: both networks must see the same picture.
             style.statistics = style_statistics(self.encoder, &crop, StyleSize::default())?;
         }
         Ok(style)
@@ -126,7 +128,9 @@ impl<'a> Paintings<'a> {
 
     /// Random crops of other paintings than `key`'s, `n` or as many as were picked so far.
     pub fn others(&self, key: CropKey, n: usize, random: &mut Random) -> Vec<&Style> {
+        // Only crops whose statistics are there already. A resumed training has none at first.
         let mut others: Vec<CropKey> = self.used.iter().copied().filter(|other| other.0 != key.0).collect();
+        // The first n steps of a Fisher-Yates shuffle.
         for i in 0..n.min(others.len()) {
             let chosen = i + random.below(others.len() - i);
             others.swap(i, chosen);
@@ -136,9 +140,11 @@ impl<'a> Paintings<'a> {
 
     /// The palette that a crop takes, or `None` if it keeps its own.
     fn palette(&self, key: CropKey) -> Result<Option<ColorMoments>, TrainError> {
+        // `PALE` in ASCII: other numbers than those that place the crop.
         let mut random = Random::new(self.seed_of(key) ^ 0x5041_4C45);
         Ok(match PALETTES[key.1 % PALETTES.len()] {
             Palette::Own => None,
+            // The draw can be the painting itself, whose crop then keeps its colors.
             Palette::OfAnother => {
                 Some(ColorMoments::of_image(&self.crop((random.below(self.paths.len()), key.1))?))
             }
@@ -155,6 +161,7 @@ impl<'a> Paintings<'a> {
         let image = Image::open(&self.paths[painting])?;
         let shorter = image.width.min(image.height);
         let scaled = |side: u32| {
+            // In 64 bits, because a side times 512 can overflow 32.
             (u64::from(side) * u64::from(SHORTER_SIDE) / u64::from(shorter)).max(u64::from(CROP)) as u32
         };
         let image = image.resized(scaled(image.width), scaled(image.height));

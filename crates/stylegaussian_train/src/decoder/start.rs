@@ -27,6 +27,7 @@ impl NewDecoder {
         let mut layers = Vec::new();
         for (i, d_out) in Decoder::WIDTHS.into_iter().enumerate() {
             let is_last = i + 1 == Decoder::WIDTHS.len();
+            // A sum of k d_in products of unit variance has deviation sqrt(k d_in).
             let deviation = gain(activation, i, is_last) / ((k * d_in) as f32).sqrt();
             let weight: Vec<f32> = (0..d_out * k * d_in).map(|_| deviation * random.normal()).collect();
             let center = |row: &[f32]| match activation {
@@ -36,6 +37,7 @@ impl NewDecoder {
             };
             let mut bias: Vec<f32> = weight.chunks_exact(k * d_in).map(center).collect();
             if is_last {
+                // The residual's share of the base color gives the rest of the gray on average.
                 bias.iter_mut().for_each(|b| *b += 0.5 * (1.0 - residual));
             }
             layers.push(Layer { weight, bias, d_in, d_out });
@@ -60,6 +62,7 @@ impl NewDecoder {
 /// The factor on a layer's He-normal weights.
 fn gain(activation: Activation, layer: usize, is_last: bool) -> f32 {
     if is_last {
+        // Small, so that the first pictures are near the bias' gray, in the range of a display.
         return 0.1;
     }
     if layer == 0 {
@@ -68,6 +71,7 @@ fn gain(activation: Activation, layer: usize, is_last: bool) -> f32 {
     match activation {
         // A unit-normal input leaves the sigmoid with deviation 0.21.
         Activation::Sigmoid => 1.0 / 0.21,
+        // He et al. 2015: a normal input keeps (1 + slope^2) / 2 of its mean square.
         Activation::LeakyRelu { slope } => (2.0 / (1.0 + slope * slope)).sqrt(),
     }
 }
@@ -114,6 +118,7 @@ pub fn mean_decoder(files: &[(PathBuf, f64)]) -> Result<Decoder, TrainError> {
     for (path, weight) in files {
         let mut decoder = file::read_decoder(path)?;
         let share = (weight / total) as f32;
+        // Scaled before it is compared: the comparison leaves out parameters.
         parameters(&mut decoder).into_iter().flatten().for_each(|value| *value *= share);
         let Some((sum, first)) = &mut mean else {
             mean = Some((decoder, path));
@@ -152,6 +157,7 @@ fn is_alike(a: &Decoder, b: &Decoder) -> bool {
 /// Makes `residual` the share of the base color, and scales the last layer to give the rest.
 fn set_residual(decoder: &mut Decoder, residual: f32) {
     let factor = (1.0 - residual) / (1.0 - decoder.residual);
+    // A decoder with residual 1 has no share to scale. `Network::new` refuses it later, with a message.
     if let Some(last) = decoder.layers.last_mut().filter(|_| factor.is_finite()) {
         last.weight.iter_mut().chain(&mut last.bias).for_each(|value| *value *= factor);
         decoder.residual = residual;
@@ -163,6 +169,7 @@ fn drop_noise(decoder: &mut Decoder, n: usize) {
     let after = if decoder.base_color { 3 } else { 0 };
     let n_dropped = decoder.n_noise - n;
     let Some(first) = decoder.layers.first_mut() else { return };
+    // A neighbor's inputs in order: features, extra, noise, base color.
     let kept = first.d_in - after - n_dropped;
     let without = |row: &[f32]| [&row[..kept], &row[kept + n_dropped..]].concat();
     first.weight = first.weight.chunks_exact(first.d_in).flat_map(without).collect();

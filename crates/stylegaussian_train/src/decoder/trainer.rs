@@ -50,7 +50,7 @@ const REPORTED_RATE: f32 = 0.02;
 /// A new decoder first takes [`warm_up`](Self::warm_up) steps, as many as [`TrainConfig::warm_iterations`] says, and
 /// then [`step`](Self::step)s with the paper's loss. [`run`](Self::run) takes all steps that are left. Equal seeds
 /// and inputs give equal decoders, and a training that is resumed from a checkpoint takes the same steps as one that
-/// was not interrupted.
+/// was not interrupted. The contrastive loss is an exception: its other paintings are those picked since the start.
 pub struct Trainer<'a> {
     config: TrainConfig,
     device: Device,
@@ -171,6 +171,8 @@ impl<'a> Trainer<'a> {
     /// If a painting cannot be read or belongs to another encoder, or the device fails.
     pub fn warm_up(&mut self) -> Result<f32, TrainError> {
         let (done, total) = (self.history.warm_steps, self.config.warm_steps());
+        // A new sequence for each step, so that a resumed training draws the same numbers. The shift keeps steps
+        // apart from small seeds. The last number is `WARM` in ASCII: it keeps this stage apart from the next.
         let mut random = Random::new(self.config.seed ^ (u64::from(done) << 20) ^ 0x5741_524D);
         let scene = &self.scenes[random.below(self.scenes.len())];
         let key = self.paintings.pick(&mut random)?;
@@ -192,6 +194,7 @@ impl<'a> Trainer<'a> {
     /// If a painting cannot be read or belongs to another encoder, or the device fails.
     pub fn step(&mut self) -> Result<Losses, TrainError> {
         let (done, total) = (self.history.steps, self.config.iterations);
+        // `STEP`, as in the warm start.
         let mut random = Random::new(self.config.seed ^ (u64::from(done) << 20) ^ 0x5354_4550);
         let scene_index = random.below(self.scenes.len());
         let scene = &self.scenes[scene_index];
@@ -204,6 +207,7 @@ impl<'a> Trainer<'a> {
         let n_others = if weights.contrastive > 0.0 { N_OTHERS } else { 0 };
         let others = self.paintings.others(key, n_others, &mut random);
         let (style, loss_network) = (self.paintings.style(key), &self.paintings.loss_network);
+        // The first use costs a pass through VGG-19; a training uses each view many times.
         let content = self
             .contents
             .entry([scene_index, size_index, view_index])
@@ -225,6 +229,7 @@ impl<'a> Trainer<'a> {
         if !steps.is_multiple_of(CHECKPOINT_STEPS) {
             return;
         }
+        // Multiplied in f64, in which every step number is exact.
         if f64::from(steps) > f64::from(self.config.iterations) * (1.0 - self.config.average) {
             self.average.add(&self.network.parameters);
         } else {
@@ -260,11 +265,14 @@ impl<'a> Trainer<'a> {
             means.add([losses.content, losses.style]);
             let done = self.history.steps;
             (watch.progress)(Progress { stage: Stage::Training, done, total, losses: means.losses() });
+            // The last state is saved after the loop.
             if done.is_multiple_of(CHECKPOINT_STEPS) && done < total {
                 save(self)?;
             }
         }
         save(self)?;
+        // An interruption during the warm start skips the second loop too, and a training of 0 steps would look
+        // complete.
         Ok(!self.is_cold() && self.history.steps >= total)
     }
 }

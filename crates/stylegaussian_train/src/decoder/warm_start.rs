@@ -33,9 +33,12 @@ pub fn loss(
 ) -> Result<Tensor<1>, TrainError> {
     let n = scene.base_colors.len();
     let len = n.min(PATCH);
+    // A whole patch always fits.
     let start = random.below(n - len + 1);
     let rows = start..start + len;
     let windows = Arc::new(patch_windows(scene, start, len));
+    // Every stage works on the whole patch, so all share one list. The restricted lists of a view would be other ones
+    // for each patch.
     let repeated = |n: usize| iter::repeat_n(windows.clone(), n).collect();
     let neighborhoods = Neighborhoods {
         layers: repeated(network.n_layers()),
@@ -63,6 +66,7 @@ fn patch_windows(scene: &PreparedScene, start: usize, len: usize) -> Windows {
     let local = |(i, &row): (usize, &u32)| {
         // Wraps for rows before the patch, which makes them larger than `len` too.
         let row = (row as usize).wrapping_sub(start);
+        // `i` counts entries; `i / k` is the Gaussian whose neighborhood it is in.
         (if row < len { row } else { i / k }) as u32
     };
     Windows::new(lists.map(local).collect(), k, len)

@@ -107,6 +107,7 @@ struct Warp {
 /// Pixel indices around a position and their bilinear weights, or `None` at the border and outside.
 fn corners(at: Vec2, size: UVec2) -> Option<[(usize, f32); 4]> {
     let corner = at.floor();
+    // All four corners must exist: a position on the last line has nothing beyond it.
     let inside = corner.cmpge(Vec2::ZERO).all() && (corner + 1.0).cmplt(size.as_vec2()).all();
     inside.then(|| {
         let (f, width) = (at - corner, size.x as usize);
@@ -122,6 +123,7 @@ fn corners(at: Vec2, size: UVec2) -> Option<[(usize, f32); 4]> {
 
 /// The depth of the surface at a pixel, or `None` if the scene does not cover it.
 fn surface_depth(view: &RenderedImage, pixel: usize) -> Option<f32> {
+    // The rasterizer's depth is summed with the blend weights, as colors are.
     (view.alpha[pixel] > COVERED).then(|| view.depth[pixel] / view.alpha[pixel])
 }
 
@@ -135,8 +137,11 @@ impl Warp {
             let (x, y) = (pixel % into.1.size.x as usize, pixel / into.1.size.x as usize);
             let ray = (Vec2::new(x as f32 + 0.5, y as f32 + 0.5) - into.0.center) / into.0.focal;
             let seen = from_into.transform_point3((ray * depth).extend(depth));
+            // Pixel centers are at integer + 0.5; positions here count from the first center.
             let at = from.0.focal * seen.xy() / seen.z + from.0.center - 0.5;
+            // Behind the camera the division mirrors the point into the picture.
             let around = corners(at, from.1.size).filter(|_| seen.z > 0.0)?;
+            // All four corners, or the bilinear color would mix two surfaces.
             let same = |(pixel, _): &(usize, f32)| {
                 surface_depth(from.1, *pixel).is_some_and(|z| (z - seen.z).abs() <= SAME_SURFACE * seen.z)
             };
@@ -177,6 +182,7 @@ impl Consistency {
     /// out.
     pub fn new(scene: &Scene, cameras: &[Camera], pairs: &Pairs) -> Self {
         let colors = scene.base_colors();
+        // Sorted, so that a number's position can be found by bisection, and each view is rendered once.
         let used: BTreeSet<usize> = pairs.short.iter().chain(&pairs.long).flatten().copied().collect();
         let used: Vec<usize> = used.into_iter().collect();
         let cameras: Vec<Camera> = used.iter().map(|&i| cameras[i].clone()).collect();
@@ -233,6 +239,7 @@ impl Agreement {
 impl Difference {
     /// The mean of several, or NaN if there are none, because 0 would mean perfect agreement.
     fn mean(all: &[Self]) -> Self {
+        // 0 / 0 is NaN.
         let n = all.len() as f64;
         let mean = |part: fn(&Self) -> f64| all.iter().map(part).sum::<f64>() / n;
         Self {
@@ -267,6 +274,7 @@ fn difference(
     let visible: Vec<bool> = pair.warp.positions.iter().map(Option::is_some).collect();
     let rmse = root_mean_square(&warped, &into.rgb, &visible);
     let mean = mean_color(&into.rgb, &visible);
+    // The deviation from one mean color is the distance from a picture of that color.
     let std_dev = root_mean_square(&into.rgb, &vec![mean; into.rgb.len()], &visible);
     let features = |rgb: &[[f32; 3]], size: UVec2| {
         let picture = picture_tensor(rgb.as_flattened(), judge.network.device());
@@ -280,6 +288,7 @@ fn difference(
     };
     Ok(Difference {
         rmse,
+        // A gray picture compared with itself gives 0 and not NaN.
         rmse_over_std_dev: rmse / std_dev.max(f64::MIN_POSITIVE),
         vgg_distance: layers.take(RELU3_1 + 1).map(distance).sum::<Result<f64, TrainError>>()?,
     })

@@ -124,6 +124,7 @@ pub fn evaluate(
             watch.report(Stage::Evaluation, done, total);
             Ok(())
         })?;
+        // Taken out, because the renders of all paintings would fill the memory.
         sheet.push(sheet_row(Some(painting), &std::mem::take(&mut exhibit.pictures)));
         exhibits.push(exhibit);
     }
@@ -278,6 +279,8 @@ impl<'a> Gallery<'a> {
 /// The share of color values outside 0..1, in pixels of which the scene covers more than half.
 fn share_out_of_range(view: &RenderedImage) -> f64 {
     let covered = || view.color.iter().zip(&view.alpha).filter(|(_, alpha)| **alpha > 0.5);
+    // Colors are premultiplied, so the largest displayable value is alpha. Rounding within a hundredth is not out of
+    // range.
     let outside = covered().flat_map(|(color, alpha)| color.map(|c| c < -0.01 || c > alpha + 0.01));
     outside.filter(|outside| *outside).count() as f64 / (3 * covered().count().max(1)) as f64
 }

@@ -133,6 +133,7 @@ impl Measures {
             relu4_1_style_error: all
                 .iter()
                 .map(|measures| measures.relu4_1_style_error)
+                // `None` if any is: a mean over some pictures would not compare with the others.
                 .sum::<Option<f64>>()
                 .map(|sum| sum / n),
             content_error: mean(&|measures| measures.content_error),

@@ -54,6 +54,7 @@ impl Adam {
         // too large.
         let corrections = [1.0 - BETA_1.powi(self.step as i32), 1.0 - BETA_2.powi(self.step as i32)];
         for ((parameter, grad), moments) in parameters.iter_mut().zip(grads).zip(&mut self.moments) {
+            // Parameters outside of the graph, such as the student's deviations, have no gradient and stay.
             let Some(grad) = grad.map(|grad| grad * clip) else { continue };
             let [first, second] = moments;
             *first = first.clone() * BETA_1 + grad.clone() * (1.0 - BETA_1);
@@ -61,6 +62,7 @@ impl Adam {
             let scale = (second.clone() / corrections[1]).sqrt() + EPSILON;
             let change = first.clone() / scale * (rate / corrections[0]);
             let moved = parameter.values.clone().inner() - change;
+            // A new leaf: otherwise the graph of every step would hang on the one before.
             parameter.values = Tensor::from_inner(moved).require_grad();
         }
         Ok(norm)

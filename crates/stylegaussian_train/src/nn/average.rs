@@ -24,6 +24,7 @@ impl Average {
     pub fn add(&mut self, parameters: &[Parameter]) {
         self.count += 1;
         for (mean, parameter) in self.means.iter_mut().zip(parameters) {
+            // A running mean, and not a sum to be divided, which would lose digits of the differences between states.
             let difference = parameter.values.clone().inner() - mean.clone();
             *mean = mean.clone() + difference / self.count as f32;
         }

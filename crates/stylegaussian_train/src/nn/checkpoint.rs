@@ -37,6 +37,7 @@ pub fn save(
     history: &History,
 ) -> Result<(), TrainError> {
     let mut tensors: Vec<(String, Vec<usize>, Vec<f32>)> = Vec::new();
+    // Parameters have no names of their own, so their position names their tensors.
     for (i, (parameter, moments)) in parameters.iter().zip(&adam.moments).enumerate() {
         let [first, second] = moments;
         let kept = [("value", &parameter.values), ("first", first), ("second", second)];
@@ -103,6 +104,7 @@ pub fn load(
             let values = read(&format!("{i}.{key}"), &shape)?;
             Ok(Tensor::from_data(TensorData::new(values, shape), device))
         };
+        // Values record gradients. Moments and means are plain tensors, of the backend without autodiff.
         parameter.values = tensor("value")?.require_grad();
         *moments = [tensor("first")?.inner(), tensor("second")?.inner()];
         average.means[i] = tensor("mean")?.inner();

@@ -100,7 +100,10 @@ impl LossNetwork {
             "{}: the loss needs VGG-19 weights as safetensors with tensors `conv1_1.weight` and so on; there is none",
             main.display()
         );
+        // Five convolutions reach relu3_1.
         let n_steps = if weights.contains("conv4_1.weight") { CONVOLUTIONS.len() } else { 5 };
+        // The taps are the positions of conv1_1, conv2_1, conv3_1 and conv4_1. Those beyond `n_steps` are never
+        // reached.
         let chain = Chain::load(&weights, n_steps, 1, &[0, 2, 4, 8], device)?;
         let deep = match deep.filter(|_| n_steps == 5) {
             None => None,
@@ -142,6 +145,7 @@ impl LossNetwork {
 pub(crate) fn kernel(convolution: &Convolution, device: &Device) -> Kernel {
     let [d_out, d_in, height, width] = convolution.shape;
     let k = height * width;
+    // From channel-major to the order of windows, in which each pixel's channels are side by side.
     let source = |i: usize| {
         let (o, tap, d) = (i / (k * d_in), i / d_in % k, i % d_in);
         convolution.weight[(o * d_in + d) * k + tap]
@@ -160,6 +164,7 @@ pub(crate) fn behind(input: &Convolution, mut convolution: Convolution) -> Convo
     let k = height * width;
     let source = convolution.weight.clone();
     for o in 0..d_out {
+        // Read from a copy: a tap's new weights depend on all its old ones.
         for tap in 0..k {
             let weights: Vec<f32> = (0..d_in).map(|d| source[(o * d_in + d) * k + tap]).collect();
             for d in 0..d_in {
@@ -180,6 +185,7 @@ impl Chain {
         taps: &[usize],
         device: &Device,
     ) -> Result<Self, WeightsError> {
+        // Weights without conv0 take RGB 0..1 as it is.
         let input = match weights.contains("conv0.weight") {
             true => Some(weights.convolution("conv0", [3, 3, 1, 1])?),
             false => None,
@@ -216,6 +222,7 @@ impl Chain {
         grids: &Mutex<HashMap<[usize; 2], Arc<Grid>>>,
     ) -> Vec<FeatureRows> {
         let grid = |size| {
+            // A panic elsewhere cannot leave the map half written: insertion is the only change.
             let mut grids = grids.lock().unwrap_or_else(PoisonError::into_inner);
             grids.entry(size).or_insert_with(|| Arc::new(Grid::new(size))).clone()
         };
@@ -227,6 +234,7 @@ impl Chain {
         for step in &self.steps {
             if step.pools_before {
                 x = max_pool(x, size);
+                // The pool keeps the last odd line.
                 size = size.map(|side| side.div_ceil(2));
             }
             let grid = grid(size);
@@ -247,6 +255,7 @@ impl FeatureRows {
     pub fn statistics(&self) -> Tensor<2> {
         let n = self.size[0] * self.size[1];
         let found = row_statistics(self.rows.clone(), &Arc::new(vec![1.0 / n as f32; n]));
+        // The encoder's style statistics are unbiased, and training takes these in their place.
         let unbiased = (n as f32 / (n.max(2) - 1) as f32).sqrt();
         Tensor::cat(vec![found.clone().narrow(0, 0, 1), found.narrow(0, 1, 1) * unbiased], 0)
     }

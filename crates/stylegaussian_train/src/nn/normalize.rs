@@ -44,7 +44,10 @@ pub fn normalize(convolutions: &mut [(&str, Convolution)], folder: &Path) -> Res
             pictures = pictures.into_iter().map(|x| max_pool(x, size)).collect();
             size = size.map(|side| side.div_ceil(2));
         }
+        // The pictures are scaled already, so this layer must first take them as they are now. Biases add to sums
+        // over inputs and need no change.
         multiply_inputs(convolution, &means);
+        // The first convolution sees pictures through conv0, which keeps its own place in the file.
         let seen = if i == 0 { behind(&input.1, convolution.clone()) } else { convolution.clone() };
         let (weight, bias) = kernel(&seen, &device);
         let windows = Arc::new(Windows::of_pictures(size, 1, 3, 1));
@@ -52,6 +55,7 @@ pub fn normalize(convolutions: &mut [(&str, Convolution)], folder: &Path) -> Res
         pictures = pictures.into_iter().map(conv).collect();
         means = mean_of_channels(&pictures)?;
         divide_outputs(convolution, &means);
+        // Dividing the features gives what the scaled layer would give, without another convolution.
         let inverse: Vec<f32> = means.iter().map(|mean| 1.0 / mean).collect();
         let inverse = Tensor::<1>::from_data(TensorData::from(&inverse[..]), &device).unsqueeze::<2>();
         pictures = pictures.into_iter().map(|x| x * inverse.clone()).collect();

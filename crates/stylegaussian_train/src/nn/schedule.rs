@@ -2,6 +2,7 @@
 
 /// The learning rate at step `done` of `total`: from `rate` to `rate * end` along half a cosine.
 pub fn cosine(rate: f32, end: f32, done: u32, total: u32) -> f32 {
+    // A schedule of 0 steps still has a rate.
     let course = 0.5 * (1.0 + (std::f32::consts::PI * done as f32 / total.max(1) as f32).cos());
     rate * (end + (1.0 - end) * course)
 }
