@@ -38,6 +38,7 @@ fn read_folder(folder: &Path) -> Result<CameraSet, CamerasError> {
     if transforms.is_file() {
         return read_file(&transforms);
     }
+    // COLMAP's mapper numbers its models from 0. Its undistorter writes to sparse itself.
     for model in [folder.join("sparse/0"), folder.join("sparse"), folder.into()] {
         if colmap::is_model(&model) {
             return colmap::read(&model);
@@ -54,6 +55,7 @@ fn read_file(path: &Path) -> Result<CameraSet, CamerasError> {
     let folder = path.parent().unwrap_or(Path::new(""));
     match path.extension().and_then(|extension| extension.to_str()) {
         Some("bin" | "txt") if colmap::is_model(folder) => colmap::read(folder),
+        // 3DGS trainers write a list, all others an object.
         Some("json") => {
             let json: serde_json::Value = parse(path, &read(path)?)?;
             if json.is_array() { three_dgs::read(path, json) } else { transforms::read(path, json) }

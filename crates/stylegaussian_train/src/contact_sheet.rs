@@ -36,6 +36,7 @@ fn fit(picture: &Picture, cell: UVec2) -> Picture {
     let whole =
         image::RgbImage::from_raw(picture.size.x, picture.size.y, over_paper.collect()).unwrap_or_default();
     let ratio = (cell.as_vec2() / picture.size.max(UVec2::ONE).as_vec2()).min_element();
+    // A very thin picture keeps at least a pixel.
     let size = (picture.size.as_vec2() * ratio).round().as_uvec2().clamp(UVec2::ONE, cell);
     let scaled = image::imageops::resize(&whole, size.x, size.y, image::imageops::FilterType::Triangle);
     Picture { size, rgba: scaled.pixels().map(|pixel| [pixel[0], pixel[1], pixel[2], 255]).collect() }

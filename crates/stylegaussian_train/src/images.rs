@@ -26,6 +26,7 @@ pub fn list_images(folder: &Path) -> Result<Vec<PathBuf>, TrainError> {
         "{}: found no painting; expected images (.jpg, .jpeg, .png) in the folder",
         folder.display()
     );
+    // The order of a folder differs between systems, and seeds choose by position.
     paths.sort();
     Ok(paths)
 }
@@ -36,7 +37,9 @@ pub fn list_images(folder: &Path) -> Result<Vec<PathBuf>, TrainError> {
 /// If `n` leaves none to train on.
 pub fn hold_out(paths: Vec<PathBuf>, n: usize) -> Result<(Vec<PathBuf>, Vec<PathBuf>), TrainError> {
     ensure!(n < paths.len(), "found {} paintings, expected more than the {n} to hold out", paths.len());
+    // No index has the remainder MAX / 2, so n = 0 holds out nothing.
     let stride = paths.len().checked_div(n).unwrap_or(usize::MAX);
+    // The middle of each stretch. If n does not divide the number, a last short stretch could give one too many.
     Ok(split(paths, |i| i % stride == stride / 2 && i / stride < n))
 }
 

@@ -85,6 +85,7 @@ impl Picture {
 
 /// 0..1 to 0..255, rounded; NaN becomes 0.
 fn to_byte(value: f32) -> u8 {
+    // NaN passes through the clamp, and the cast makes it 0.
     (value * 255.0).round().clamp(0.0, 255.0) as u8
 }
 

@@ -20,18 +20,20 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Uniform in the open interval (0, 1): the middle of one of 2^24 steps.
+    /// Uniform in 0..=1 without 0: the middle of one of 2^24 steps.
     pub fn uniform(&mut self) -> f32 {
         ((self.next() >> 40) as f32 + 0.5) / (1_u32 << 24) as f32
     }
 
     /// Uniform in 0..n, or 0 if n is 0.
     pub fn below(&mut self, n: usize) -> usize {
+        // The remainder favors small numbers by at most n / 2^64.
         (self.next() % (n.max(1) as u64)) as usize
     }
 
     /// Standard normal (Box and Muller).
     pub fn normal(&mut self) -> f32 {
+        // `uniform` is never 0, so the logarithm is finite.
         let radius = (-2.0 * self.uniform().ln()).sqrt();
         radius * (std::f32::consts::TAU * self.uniform()).cos()
     }

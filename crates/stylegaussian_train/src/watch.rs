@@ -78,6 +78,7 @@ impl RunningMeans {
     /// Adds the losses of a step.
     pub fn add(&mut self, losses: [f32; 2]) {
         for (mean, loss) in self.means.iter_mut().zip(losses) {
+            // Begins at the first loss: from 0, the display would show a rise that is none.
             *mean = Some(mean.map_or(loss, |mean| (1.0 - self.rate) * mean + self.rate * loss));
         }
     }

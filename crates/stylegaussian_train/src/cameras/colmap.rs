@@ -97,6 +97,7 @@ pub(super) fn read(folder: &Path) -> Result<CameraSet, CamerasError> {
                 "a known camera",
             ));
         };
+        // Models that are no pinholes at all are refused by `intrinsics` below.
         if lens.is_distorted() {
             distorted.insert(lens.model.name);
         }
@@ -121,6 +122,8 @@ impl Image {
         let [w, x, y, z] = self.rotation;
         let rotation = DQuat::from_xyzw(x, y, z, w);
         let translation = DVec3::from(self.translation);
+        // Any clear length is accepted and normalized, because text files round. A quaternion near 0 has no
+        // direction.
         if !(rotation.is_finite() && rotation.length() > 0.1 && translation.is_finite()) {
             let found = format!("rotation {:?}, translation {translation}", self.rotation);
             return Err(invalid(path, what, found, "a quaternion of unit length and a finite translation"));
@@ -131,6 +134,7 @@ impl Image {
 
 impl Lens {
     fn is_distorted(&self) -> bool {
+        // Focal lengths and the principal point come first. What follows bends the lens.
         let n_pinhole = self.model.n_focal.map_or(0, |n| n + 2);
         self.parameters[n_pinhole..].iter().any(|&k| k != 0.0)
     }

@@ -160,12 +160,14 @@ pub(super) fn rigid(
     path: &Path,
     what: &str,
 ) -> Result<DAffine3, CamerasError> {
+    // R R^T = I also holds for mirrors, which the determinant tells apart.
     let off = rotation * rotation.transpose() - DMat3::IDENTITY;
     let is_rotation = off.is_finite() && off.abs_diff_eq(DMat3::ZERO, RIGID_WITHIN);
     if !(is_rotation && rotation.determinant() > 0.0 && translation.is_finite()) {
         let found = format!("the matrix {rotation}, {translation}");
         return Err(invalid(path, what, found, "a rotation and a translation"));
     }
+    // Through a quaternion, which removes the file's rounding errors.
     let rotation = DQuat::from_mat3(&rotation).normalize();
     Ok(DAffine3::from_rotation_translation(rotation, translation))
 }

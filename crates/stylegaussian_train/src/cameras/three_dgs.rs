@@ -31,6 +31,7 @@ pub(super) fn read(path: &Path, json: Value) -> Result<CameraSet, CamerasError> 
     let photos = path.parent().unwrap_or(Path::new("")).join("images");
     let camera = |(i, entry): (usize, Entry)| {
         let what = format!("camera {i} ({})", entry.img_name);
+        // The file has rows, glam takes columns.
         let rotation = DMat3::from_cols_array_2d(&entry.rotation).transpose();
         let world_from_view = rigid(rotation, DVec3::from(entry.position), path, &what)?;
         let size = UVec2::new(entry.width, entry.height);

@@ -77,6 +77,7 @@ pub(super) fn read(path: &Path, json: Value) -> Result<CameraSet, CamerasError> 
 /// The view from the world, from a camera-to-world matrix in OpenGL axes.
 fn pose(rows: &[Vec<f64>], path: &Path, what: &str) -> Result<DAffine3, CamerasError> {
     let is_affine = match rows {
+        // The last row is always 0 0 0 1, so it may be left out.
         [_, _, _] => true,
         [_, _, _, last] => last[..] == [0.0, 0.0, 0.0, 1.0],
         _ => false,
@@ -89,6 +90,7 @@ fn pose(rows: &[Vec<f64>], path: &Path, what: &str) -> Result<DAffine3, CamerasE
     let rotation = DMat3::from_cols(row(0), row(1), row(2)).transpose();
     let translation = DVec3::new(rows[0][3], rows[1][3], rows[2][3]);
     let world_from_camera = rigid(rotation, translation, path, what)?;
+    // OpenGL's camera has y up and looks along -z, ours has y down and looks along z.
     let camera_from_view = DAffine3::from_mat3(DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)));
     Ok((world_from_camera * camera_from_view).inverse())
 }
@@ -126,6 +128,7 @@ impl Lens {
         let Some(fl_x) = self.fl_x.or(angle_x) else {
             return Err(invalid(path, what, "no focal length", "fl_x or camera_angle_x"));
         };
+        // Square pixels, if nothing else is said.
         let fl_y = self.fl_y.or(angle_y).unwrap_or(fl_x);
         let middle = size.as_dvec2() / 2.0;
         let center = DVec2::new(self.cx.unwrap_or(middle.x), self.cy.unwrap_or(middle.y));

@@ -84,8 +84,10 @@ impl<'a> Crops<'a> {
     }
 
     fn crop(&self, number: u64) -> Result<Crop, TrainError> {
+        // A sequence for each number, so crops can be made in any order and on any thread.
         let mut random = Random::new(self.seed ^ number.wrapping_mul(0x9E37_79B9_97F4_A7C1));
         let image = &self.images[random.below(self.images.len())];
+        // Uniform in the logarithm: as many crops shrink by a factor as grow by it.
         let scale = SCALES[0] * (SCALES[1] / SCALES[0]).powf(random.uniform());
         let side = ((SIDE as f32 / scale) as u32).min(image.width()).min(image.height());
         let x = random.below((image.width() - side + 1) as usize) as u32;
@@ -105,6 +107,7 @@ impl<'a> Crops<'a> {
             features.width,
             features.height
         );
+        // Half the memory of f32, with errors far below the student's.
         Ok(Crop { rgb, features: features.values.into_iter().map(f16::from_f32).collect() })
     }
 }
@@ -150,6 +153,7 @@ fn recolor(rgb: &mut [f32], random: &mut Random) {
         return;
     }
     let mut between = |low: f32, high: f32| low + (high - low) * random.uniform();
+    // Exponentials, so that a factor and its inverse are equally likely.
     let gamma = between(-0.7, 0.7).exp();
     let contrast = between(-0.5, 0.5).exp();
     let saturation = between(0.0, 1.8);
@@ -184,9 +188,11 @@ pub fn deviations(crops: &[Crop], n_channels: usize) -> Result<Vec<f32>, TrainEr
             *squares += value * value;
         }
     }
+    // Rounding can make the variance of a constant channel negative.
     let deviation = |[sum, squares]: &[f64; 2]| ((squares / n - (sum / n).powi(2)).max(0.0)).sqrt() as f32;
     let deviations: Vec<f32> = moments.iter().map(deviation).collect();
     let largest = deviations.iter().copied().fold(0.0, f32::max);
     ensure!(largest > 0.0, "the teacher gives the same features everywhere");
+    // A dead channel would otherwise weigh infinitely much.
     Ok(deviations.into_iter().map(|deviation| deviation.max(1e-3 * largest)).collect())
 }

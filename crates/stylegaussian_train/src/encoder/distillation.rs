@@ -145,6 +145,7 @@ impl<'a> Distillation<'a> {
         let Self { student, adam, average, device, .. } = self;
         self.history = checkpoint::load(path, &format, &mut student.parameters, adam, average, device)?;
         let next = new_crops(self.history.steps);
+        // Not all crops that were kept: encoding them takes long, and new ones soon follow.
         if next > FIRST_CROPS {
             self.crops.replace(self.crops.make(next - FIRST_CROPS..next)?);
         }
@@ -172,6 +173,7 @@ impl<'a> Distillation<'a> {
     /// If the teacher or the device fails.
     pub fn step(&mut self) -> Result<DistillLosses, TrainError> {
         let (done, config) = (self.history.steps, &self.config);
+        // A sequence for each step; the last number is `DIST` in ASCII.
         let mut random = Random::new(config.seed ^ (u64::from(done) << 20) ^ 0x4449_5354);
         let kept = self.crops.kept();
         let batch: Vec<&Crop> = (0..BATCH).map(|_| &kept[random.below(kept.len())]).collect();
@@ -182,6 +184,7 @@ impl<'a> Distillation<'a> {
             || crops.make(new_crops(done)..new_crops(done + 1)),
             || learn(student, adam, grids, &batch, rate, device),
         );
+        // The new crops are kept after the step, so the batch does not depend on which of the two ends first.
         let losses = losses?;
         self.crops.keep(new?);
         self.history.losses.push([losses.features, losses.statistics]);
@@ -239,6 +242,7 @@ fn learn(
     let [n_cells, n_channels] = found.dims();
     let truth: Vec<f32> = batch.iter().flat_map(|crop| &crop.features).map(|value| value.to_f32()).collect();
     let truth = Tensor::<2>::from_data(TensorData::new(truth, [n_cells, n_channels]), device);
+    // In these units each channel has the same weight, whatever its scale.
     let truth = truth / student.deviations();
     let n = n_cells / batch.len();
     // With the channels of all crops side by side, one operation computes the statistics of all.

@@ -46,6 +46,7 @@ struct Moments {
 
 impl Moments {
     fn add(&mut self, t: f64, f: f64) {
+        // In f64, because the differences of these sums nearly cancel.
         self.t += t;
         self.f += f;
         self.tt += t * t;
@@ -59,6 +60,7 @@ impl Moments {
         let variances =
             [(self.tt, self.t), (self.ff, self.f)].map(|(squares, sum)| squares / n - (sum / n).powi(2));
         let [true_variance, variance] = variances;
+        // A student's constant channel gives 0 instead of 0 / 0.
         (true_variance > 1e-12).then(|| covariance / (true_variance * variance.max(1e-12)).sqrt())
     }
 
@@ -142,6 +144,7 @@ fn milliseconds(encoder: &Encoder) -> Result<f64, TrainError> {
     for _ in 0..TIMED_RUNS {
         let start = Instant::now();
         style_statistics(encoder, &image, StyleSize::default())?;
+        // The fastest run is the one that other work disturbed least.
         fastest = fastest.min(start.elapsed().as_secs_f64() * 1e3);
     }
     Ok(fastest)

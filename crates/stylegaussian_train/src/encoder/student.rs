@@ -124,6 +124,8 @@ impl Grids {
                 Some(MaxPool) => (2, 2),
                 None => (1, 1),
             };
+            // Max-pooling takes the batch as one tall picture. That is right if heights are even, as they are for
+            // crops.
             let stacked = [size[0], size[1] * n];
             let windows = Windows::of_pictures(size, n, kernel, stride);
             size = size.map(|side| side.div_ceil(stride));
@@ -143,6 +145,7 @@ impl Student {
     pub fn new(steps: &[Step], deviations: &[f32], random: &mut Random, device: &Device) -> Self {
         let parameter = |values, shape| Parameter::new(values, shape, device);
         let mut parameters = Vec::new();
+        // The last convolution starts small too, hence the `true` at the end.
         let adds = steps.iter().filter(|step| **step != MaxPool).map(|step| *step == Residual);
         for (Kernel { side, d_in, d_out, .. }, adds) in
             kernels(steps, deviations.len()).into_iter().zip(adds.chain([true]))
@@ -166,6 +169,7 @@ impl Student {
 
     /// Features of pictures in units of the teacher's deviations `[n * h * w, D]`, from [`Student::patches`].
     pub fn forward(&self, patches: Tensor<2>, grids: &Grids) -> Tensor<2> {
+        // The deviations are the odd one at the end, which `chunks_exact` leaves out.
         let mut kernels = self.parameters.chunks_exact(2).map(|pair| {
             let d_out = pair[0].values.dims()[0];
             (pair[0].values.clone(), pair[1].values.clone().reshape([d_out]))
@@ -207,12 +211,15 @@ impl Student {
         let convolution = |i: usize| {
             let Kernel { side, d_in, d_out, .. } = kernels[i];
             let (mut weight, mut bias) = (values[2 * i].clone(), values[2 * i + 1].clone());
+            // W (GAIN (x - CENTER)) + b = (GAIN W) x + (b - GAIN CENTER sum W). Exact at the border too, where
+            // padding reflects pixels and adds no zeros.
             if i == 0 {
                 for (row, bias) in weight.chunks_exact_mut(side * side * d_in).zip(&mut bias) {
                     *bias -= GAIN * CENTER * row.iter().sum::<f32>();
                     row.iter_mut().for_each(|value| *value *= GAIN);
                 }
             }
+            // Deviations are positive, so they can be multiplied before the ReLU instead of after it.
             if i == last {
                 let rows = weight.chunks_exact_mut(d_in).zip(&mut bias);
                 for ((row, bias), deviation) in rows.zip(deviations) {
@@ -252,6 +259,7 @@ impl Student {
 /// A weight `[D_out, k * k, D_in]` in ONNX's order.
 fn oihw(weight: &[f32], bias: Vec<f32>, side: usize, d_in: usize, d_out: usize) -> Convolution {
     let k = side * side;
+    // From [D_out, tap, D_in] to [D_out, D_in, tap].
     let source = |i: usize| weight[i / (d_in * k) * d_in * k + i % k * d_in + i / k % d_in];
     Convolution { shape: [d_out, d_in, side, side], weight: (0..weight.len()).map(source).collect(), bias }
 }

@@ -150,6 +150,7 @@ fn on_values<const N: usize>(
 ) -> FloatTensor<Flex> {
     let shapes = tensors.each_ref().map(|tensor| tensor.shape().iter().copied().collect::<Vec<usize>>());
     let shape = shape(shapes.each_ref().map(Vec::as_slice));
+    // A transposed or sliced tensor is a view of other values. The kernels take rows as they lie in memory.
     let tensors = tensors.map(|tensor| tensor.to_contiguous());
     let values = kernel(tensors.each_ref().map(|tensor| tensor.storage::<f32>()));
     FloatTensor::<Flex>::from_data(TensorData::new(values, shape))
@@ -207,6 +208,7 @@ impl TrainingOps for Flex {
         windows: Arc<Windows>,
     ) -> FloatTensor<Self> {
         let shape = conv_shape(&weight.shape()[..], windows.k);
+        // Applied while a block is in the cache, instead of in a pass of its own.
         let relu = |block: &mut [f32]| block.iter_mut().for_each(|value| *value = value.max(0.0));
         on_values(
             [x, weight, bias],
@@ -228,6 +230,7 @@ impl TrainingOps for Flex {
             |[y, weight, grad]| {
                 let pairs = y.par_iter().zip(grad);
                 let passed: Vec<f32> = pairs.map(|(y, grad)| if *y > 0.0 { *grad } else { 0.0 }).collect();
+                // By reverse lists each input row gathers its sum, so no two threads add to one row.
                 knn_conv_backward_input(shape, &windows.reverse, weight, &passed)
             },
         )

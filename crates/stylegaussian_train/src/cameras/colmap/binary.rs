@@ -13,6 +13,7 @@ pub(super) fn cameras(path: &Path) -> Result<Lenses, CamerasError> {
     let bytes = read(path)?;
     let mut bytes = Bytes { path, rest: &bytes, total: bytes.len() };
     let mut lenses = Lenses::new();
+    // Nothing is reserved for the count: a damaged file ends the loop with an error at its first missing byte.
     for _ in 0..bytes.u64("the number of cameras")? {
         let id = bytes.u32("a camera's number")?;
         let model_id = bytes.u32("a camera's model")? as i32;
@@ -43,6 +44,7 @@ pub(super) fn images(path: &Path) -> Result<Vec<Image>, CamerasError> {
         let camera_id = bytes.u32("an image's camera")?;
         let name = bytes.name()?;
         let n_points = bytes.u64("an image's number of points")?;
+        // A product too large for 64 bits is too large for the file too.
         bytes.skip(n_points.saturating_mul(POINT_SIZE), "an image's points")?;
         images.push(Image { name, rotation: [qw, qx, qy, qz], translation: [tx, ty, tz], camera_id });
     }

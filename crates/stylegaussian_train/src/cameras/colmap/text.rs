@@ -46,6 +46,7 @@ pub(super) fn images(path: &Path) -> Result<Vec<Image>, CamerasError> {
         }
         let [qw, qx, qy, qz, tx, ty, tz] = numbers;
         let camera_id = line.number("a camera number")?;
+        // The rest of the line: names may hold spaces.
         let name = line.words.collect::<Vec<_>>().join(" ");
         if name.is_empty() {
             return Err(invalid(path, &line.what, "the end of the line", "the photo's name"));
@@ -60,6 +61,7 @@ pub(super) fn images(path: &Path) -> Result<Vec<Image>, CamerasError> {
 fn lines(path: &Path) -> Result<Vec<(usize, String)>, CamerasError> {
     let bytes = read(path)?;
     let text = String::from_utf8_lossy(&bytes);
+    // Empty lines stay, because an image without points has one.
     let numbered = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim().to_owned()));
     Ok(numbered.filter(|(_, line)| !line.starts_with('#')).collect())
 }

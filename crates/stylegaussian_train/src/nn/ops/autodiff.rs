@@ -27,6 +27,7 @@ impl<B: TrainingOps> Backward<B, 3> for WindowsConv {
     fn backward(self, ops: Ops<Self::State, 3>, grads: &mut Gradients, _: &mut Checkpointer) {
         let (x, weight, windows) = ops.state;
         let grad = grads.consume::<B>(&ops.node);
+        // An argument that records no gradient has no node, and its gradient is not computed.
         let [x_node, weight_node, bias_node] = ops.parents;
         if let Some(node) = x_node {
             grads.register::<B>(
@@ -111,6 +112,7 @@ impl<B: TrainingOps, C: CheckpointStrategy> TrainingOps for Autodiff<B, C> {
         bias: FloatTensor<Self>,
         windows: Arc<Windows>,
     ) -> FloatTensor<Self> {
+        // `compute_bound` keeps the result for the backward pass. Computing it anew would double the costliest step.
         let nodes = [x.node(), weight.node(), bias.node()];
         let [x, weight, bias] = [x, weight, bias].map(|tensor| tensor.into_primitive());
         let y = B::windows_conv(x.clone(), weight.clone(), bias, windows.clone());
@@ -130,6 +132,7 @@ impl<B: TrainingOps, C: CheckpointStrategy> TrainingOps for Autodiff<B, C> {
         let [x, weight, bias] = [x, weight, bias].map(|tensor| tensor.into_primitive());
         let y = B::windows_conv_relu(x, weight.clone(), bias, windows.clone());
         match WindowsConvRelu.prepare::<C>(nodes).compute_bound().stateful() {
+            // y instead of x: it tells where the ReLU let a value through.
             OpsKind::Tracked(prep) => prep.finish((y.clone(), weight, windows), y),
             OpsKind::UnTracked(prep) => prep.finish(y),
         }
@@ -159,6 +162,7 @@ impl<B: TrainingOps, C: CheckpointStrategy> TrainingOps for Autodiff<B, C> {
         let nodes = [colors.node()];
         let picture = B::splat(colors.into_primitive(), weights.clone());
         match Splat.prepare::<C>(nodes).compute_bound().stateful() {
+            // The map is linear, so the colors themselves are not needed.
             OpsKind::Tracked(prep) => prep.finish(weights, picture),
             OpsKind::UnTracked(prep) => prep.finish(picture),
         }

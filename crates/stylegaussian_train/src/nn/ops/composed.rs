@@ -43,6 +43,7 @@ pub(super) fn windows_conv_backward_input<B: Backend>(
     let weight = B::float_reshape(weight, Shape::new([d_out, k, d_in]));
     let entries = (0..n_entries as u32).map(|i| (i, 1.0));
     let segments = Segments::new(&windows.neighbors, entries, windows.reverse.n_in());
+    // Cut by channels and not by windows: an input row's entries come from windows anywhere.
     let n_channels = (GATHERED_VALUES / n_entries.max(1)).max(1);
     let parts = (0..d_in).step_by(n_channels).map(|first| {
         let channels = first..d_in.min(first + n_channels);
@@ -70,6 +71,7 @@ pub(super) fn windows_conv_backward_weight<B: Backend>(
         start = end;
         B::float_matmul(grad, gather_windows::<B>(&x, part, windows.k))
     });
+    // Without windows there is no part, and the gradient is 0.
     parts.reduce(B::float_add).unwrap_or_else(|| {
         let shape = Shape::new([grad.shape()[0], windows.k * x.shape()[1]]);
         B::float_zeros(shape, &x.device(), FloatDType::F32)
@@ -128,6 +130,7 @@ pub(super) fn max_pool_backward<B: Backend>(
     let pooled: Vec<u32> = (0..width * height).map(pooled).collect();
     let spread = |tensor| B::float_select(tensor, 0, indices::<B>(&pooled, &device));
     // 1 if x is the largest of its window, otherwise 0.
+    // Ties pass the whole gradient to each, as the CPU kernel does.
     let below = B::float_sign(B::float_sub(spread(y), x));
     let spread_grad = spread(grad);
     B::float_sub(spread_grad.clone(), B::float_mul(spread_grad, below))
@@ -162,6 +165,7 @@ pub(super) fn row_statistics_backward<B: Backend>(
     let row = |tensor: &FloatTensor<B>, i: u32| {
         spread_rows::<B>(B::float_select(tensor.clone(), 0, indices::<B>(&[i], &device)), &x)
     };
+    // The standard deviation has [`VARIANCE_EPSILON`] under its root, so it is never 0.
     let slope = B::float_div(row(&grad, 1), row(&statistics, 1));
     let deviation = B::float_sub(x.clone(), row(&statistics, 0));
     let per_share = B::float_add(row(&grad, 0), B::float_mul(slope, deviation));
@@ -169,6 +173,7 @@ pub(super) fn row_statistics_backward<B: Backend>(
 }
 
 fn indices<B: Backend>(rows: &[u32], device: &Device<B>) -> IntTensor<B> {
+    // Scenes and pictures have fewer rows than 2^31.
     let rows: Vec<i32> = rows.iter().map(|&row| row as i32).collect();
     let shape = [rows.len()];
     B::int_from_data(TensorData::new(rows, shape), device)
@@ -217,6 +222,7 @@ impl Segments {
         let mut starts = vec![0; n_target + 1];
         to.iter().for_each(|&target| starts[target as usize + 1] += 1);
         (1..starts.len()).for_each(|i| starts[i] += starts[i - 1]);
+        // A stable counting sort: a target's entries keep their order, and so does their sum.
         let mut next = starts.clone();
         let mut sorted = vec![(0, 0.0); to.len()];
         for (entry, &target) in entries.zip(to) {
@@ -234,8 +240,10 @@ impl Segments {
         let mut starts = vec![0];
         for span in self.starts.windows(2) {
             padded.extend_from_slice(&self.entries[span[0]..span[1]]);
+            // An empty segment becomes one sum of zeros, so every target has a row.
             let n_sums = (span[1] - span[0]).div_ceil(FAN_IN).max(1);
             let end = starts.last().map_or(n_sums, |start| start + n_sums);
+            // Row 0 exists in any source that is not empty, and the factor removes it.
             padded.resize(end * FAN_IN, (0, 0.0));
             starts.push(end);
         }
@@ -250,6 +258,7 @@ impl Segments {
         for target in 0..=self.n_targets() {
             let length = self.starts.get(target + 1).map_or(0, |end| end - self.starts[target]);
             let padded = length.div_ceil(FAN_IN).max(1) * FAN_IN;
+            // A single target may exceed the limit: its sum cannot be cut here.
             if target == self.n_targets() || (slots + padded > n_slots && target > first) {
                 let start = self.starts[first];
                 let starts: Vec<usize> = self.starts[first..=target].iter().map(|at| at - start).collect();
@@ -284,6 +293,7 @@ fn sums<B: Backend>(source: FloatTensor<B>, mut segments: Segments) -> FloatTens
     let (n_channels, device) = (source.shape()[1], source.device());
     let mut rows = source;
     loop {
+        // Each round divides the entries by FAN_IN, until every target has one.
         let (padded, sums) = segments.pad();
         let (from, factors): (Vec<u32>, Vec<f32>) = padded.into_iter().unzip();
         let n = from.len();

@@ -6,6 +6,7 @@ use super::Windows;
 fn reflected(i: isize, n: usize) -> usize {
     let last = n as isize - 1;
     let i = i.abs();
+    // The clamp is for pictures narrower than the kernel, where one reflection does not lead inside.
     (if i > last { 2 * last - i } else { i }).clamp(0, last) as usize
 }
 

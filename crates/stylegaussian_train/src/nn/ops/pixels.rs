@@ -14,6 +14,7 @@ pub fn max_pool(x: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     let n_channels = x.len() / (width * height);
     let n_columns = width.div_ceil(2);
     let mut y = vec![f32::NEG_INFINITY; n_columns * height.div_ceil(2) * n_channels];
+    // Two lines of the picture for each pooled one. The last odd line is a shorter chunk.
     let lines = y.par_chunks_mut(n_columns * n_channels).zip(x.par_chunks(2 * width * n_channels));
     lines.for_each(|(y, x)| {
         for (i, cell) in x.chunks_exact(n_channels).enumerate() {
@@ -51,6 +52,7 @@ pub fn max_pool_backward(x: &[f32], y: &[f32], grad_y: &[f32], [width, height]: 
 pub fn row_statistics(x: &[f32], shares: &[f32]) -> Vec<f32> {
     let n_channels = x.len() / shares.len();
     let mean = weighted_sum(x, shares, n_channels, |value, _| value);
+    // A second pass around the mean: E[x^2] - E[x]^2 cancels in f32, and can be negative.
     let variance = weighted_sum(x, shares, n_channels, |value, c| (value - mean[c]).powi(2));
     let std_dev = variance.iter().map(|variance| (variance + VARIANCE_EPSILON).sqrt());
     mean.iter().copied().chain(std_dev).collect()
@@ -85,6 +87,7 @@ pub fn row_statistics_backward(x: &[f32], shares: &[f32], statistics: &[f32], gr
     let (mean, std_dev) = statistics.split_at(n_channels);
     let (grad_mean, grad_std_dev) = grad.split_at(n_channels);
     let slope: Vec<f32> = grad_std_dev.iter().zip(std_dev).map(|(grad, std_dev)| grad / std_dev).collect();
+    // slope (x - mean) + g_mean as slope x + offset, with one multiplication per value.
     let offset: Vec<f32> =
         grad_mean.iter().zip(&slope).zip(mean).map(|((grad, slope), mean)| grad - slope * mean).collect();
     let mut grad_x = vec![0.0; x.len()];
