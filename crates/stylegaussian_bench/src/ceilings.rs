@@ -48,6 +48,7 @@ impl<'a> Product<'a> {
 
     /// Milliseconds of one product.
     pub fn time(&self) -> Result<f64> {
+        // The kernel's tile: 128 rows and 16 quads of columns.
         let workgroups = [self.n as u32 / 128, self.n as u32 / 64];
         self.gpu.time(|encoder| self.kernel.run(self.gpu, encoder, &self.buffers, workgroups))
     }
@@ -61,6 +62,7 @@ impl<'a> Product<'a> {
 /// Checks a few elements of the product, because a limit that computes something else is worthless.
 fn check_product(gpu: &Gpu, a: &[f32], b: &[f32], c: &wgpu::Buffer, n: usize) -> Result<()> {
     for (row, column) in [(0, 0), (1, n - 1), (n / 2 + 3, 17), (n - 1, n - 2)] {
+        // Equality and no tolerance: at most 4096 products of at most 9 are far below 2^24.
         let expected: f32 = (0..n).map(|k| a[row * n + k] * b[k * n + column]).sum();
         let found = read(gpu, c, 4 * (row * n + column) as u64)?;
         ensure!(found == expected, "the product is wrong at {row}, {column}: {found}, expected {expected}");
@@ -93,8 +95,10 @@ fn copy(gpu: &Gpu, bytes: usize, report: &mut Report) -> Result<()> {
     let kernel = Kernel::new(gpu, "copy", include_str!("../wgsl/copy.wgsl"), &[]);
     let buffers = [storage(gpu, &vec![1; bytes]), storage(gpu, &vec![0; bytes])];
     let n = (bytes / 16).div_ceil(256) as u32;
+    // WebGPU allows 65,535 workgroups along an axis. The kernel joins both axes to one index.
     let workgroups = [n.min(32_768), n.div_ceil(32_768)];
     let samples = Samples::of(2, 9, || gpu.time(|encoder| kernel.run(gpu, encoder, &buffers, workgroups)))?;
+    // Each byte is read once and written once.
     let bytes = 2 * bytes as u64;
     report.add(Row {
         moved: Some(bytes),
@@ -128,6 +132,7 @@ impl Kernel {
             entry_point: Some(name),
             compilation_options: wgpu::PipelineCompilationOptions {
                 constants,
+                // The kernels write before they read. Zeroing would cost time that is not the limit's.
                 zero_initialize_workgroup_memory: false,
             },
             cache: None,

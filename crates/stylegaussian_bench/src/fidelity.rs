@@ -39,6 +39,7 @@ pub fn psnr(found: &[[u8; 3]], expected: &[Option<[u8; 3]>]) -> f64 {
     let square = |(a, b): (&u8, u8)| (f64::from(*a) - f64::from(b)).powi(2);
     let sum: f64 =
         covered().map(|(found, expected)| found.iter().zip(expected).map(square).sum::<f64>()).sum();
+    // 0 if nothing differs: the logarithm is then infinite.
     let mean = sum / (3 * covered().count().max(1)) as f64;
     10.0 * (255.0 * 255.0 / mean).log10()
 }

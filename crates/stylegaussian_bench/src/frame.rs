@@ -125,6 +125,7 @@ impl<'a> Stage<'a> {
         let [width, height] = [self.picture[0] / n, self.picture[1]];
         let aspect = width as f32 / height as f32;
         Camera {
+            // About a degree per frame. A camera that stands still would skip the sort.
             world_from_view: (self.pose)(FIRST_ANGLE + 0.02 * self.frame as f32),
             clip_from_view: Mat4::perspective_infinite_reverse_rh(FOV, aspect, 0.1),
             viewport: UVec4::new(i * width, 0, width, height),
@@ -202,12 +203,14 @@ impl<'a> Stage<'a> {
     /// The first camera's picture `[H, W]`.
     fn picture(&mut self) -> Result<Vec<[u8; 3]>> {
         let Gpu { device, queue, .. } = self.gpu;
+        // At the first angle, where the reference stands.
         self.frame = 0;
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.prepare(&mut encoder, 0, 1, CloudColors::Captured)?;
         self.draw(&mut encoder, 0);
         self.composite(&mut encoder, 0, 1);
         let [width, height] = self.picture;
+        // WebGPU copies textures in rows of a multiple of 256 bytes. The padding is cut off below.
         let row_bytes = (4 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
         let copy = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("picture"),

@@ -67,6 +67,7 @@ impl Gpu {
         if let Some(timestamps) = &self.timestamps {
             timestamps.end(&mut encoder);
         }
+        // Recording is timed by neither clock.
         let commands = encoder.finish();
         let start = Instant::now();
         self.queue.submit([commands]);
@@ -120,6 +121,7 @@ impl Timestamps {
         receiver.recv().context("the device was lost")??;
         let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&self.read_back.get_mapped_range(..));
         self.read_back.unmap();
+        // Ticks that go backward must not wrap to centuries.
         Ok(ticks[1].saturating_sub(ticks[0]) as f64 * self.ns_per_tick * 1e-6)
     }
 }

@@ -35,6 +35,7 @@ impl Samples {
         let mut all = vec![Self { ms: Vec::new(), cpu_ms: Some(0.0) }; runs.len()];
         for turn in 0..n_warm_up + n_runs {
             for (run, samples) in runs.iter_mut().zip(&mut all) {
+                // Warm-up turns are run and dropped here, because a warm-up of each alone would not be in turns.
                 let one = Self::of(0, 1, &mut *run)?;
                 if turn >= n_warm_up {
                     samples.ms.extend(one.ms);
@@ -86,6 +87,7 @@ fn process_cpu_ms() -> Option<f64> {
     let stat = fs::read_to_string("/proc/self/stat").ok()?;
     // The second field is the program's name, in parentheses, and may hold spaces.
     let fields: Vec<&str> = stat.rsplit(')').next()?.split_whitespace().collect();
+    // After the name, fields count from the third: user time is the 14th, system time the 15th.
     let ticks = |i: usize| fields.get(i)?.parse::<f64>().ok();
     Some((ticks(11)? + ticks(12)?) * 10.0)
 }

@@ -60,6 +60,7 @@ fn frames(
 /// The times of a line of results.
 fn result(line: &str) -> Option<Samples> {
     let field = |name: &str| line.split_whitespace().find_map(|word| word.strip_prefix(name)?.parse().ok());
+    // Three numbers stand for all frames. Their median is the median; their most is the 90th percentile.
     let ms = vec![field("min=")?, field("median_ms=")?, field("p90=")?];
     Some(Samples { ms, cpu_ms: field("cpu_ms_per_frame=") })
 }

@@ -181,6 +181,7 @@ impl Report {
     /// The exponent of a row's time between two sizes.
     fn exponent(&self, name: &str, [from, to]: [u64; 2]) -> Option<f64> {
         let times = self.row(name, Some(to))?.median_ms / self.row(name, Some(from))?.median_ms;
+        // t2 / t1 = (n2 / n1)^e.
         Some(times.ln() / (to as f64 / from as f64).ln())
     }
 
@@ -264,6 +265,7 @@ fn append_named(text: &mut String, title: &str, values: &[(&str, Option<f64>)]) 
 fn line(row: &Row) -> String {
     let number = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.1}"));
     let per_second = |amount: Option<u64>| number(amount.map(|n| n as f64 / (row.median_ms * 1e6)));
+    // Rows of memory and of pictures have no time.
     let time = |ms: f64| if row.max_ms > 0.0 { format!("{ms:.2}") } else { String::new() };
     format!(
         "| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",

@@ -26,6 +26,7 @@ impl Random {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
+        // The upper 24 bits, as many as an f32 holds exactly.
         (self.0 >> 40) as f32 / (1u64 << 24) as f32
     }
 
@@ -65,17 +66,20 @@ fn patch(random: &mut Random) -> Patch {
         let r = (1.0 - z * z).sqrt();
         let normal = Vec3::new(r * a.cos(), z, r * a.sin());
         let rgb = Vec3::new(0.5 + 0.5 * (4.0 * a).sin(), 0.35, 0.5 + 0.5 * z);
+        // The sphere's area is 4 pi = 12.57. It has 0.4 n Gaussians.
         Patch { mean: normal + Vec3::Y, normal, area: 12.57 / 0.4, rgb }
     } else if kind < 0.6 {
         let (a, b) = (TAU * u, TAU * v);
         let ring = Vec3::new(a.cos(), 0.0, a.sin());
         let normal = ring * b.cos() + Vec3::Y * b.sin();
         let rgb = Vec3::new(0.9, 0.6 + 0.3 * b.sin(), 0.1);
+        // 4 pi^2 1.8 * 0.25 = 17.8, and 0.2 n Gaussians.
         Patch { mean: 1.8 * ring + 0.25 * normal + 0.6 * Vec3::Y, normal, area: 17.8 / 0.2, rgb }
     } else {
         let (x, z) = (8.0 * u - 4.0, 8.0 * v - 4.0);
         let is_light = (x.floor() as i32 + z.floor() as i32) & 1 == 0;
         let rgb = Vec3::splat(if is_light { 0.85 } else { 0.2 });
+        // 8 x 8, and 0.4 n Gaussians.
         Patch { mean: Vec3::new(x, 0.0, z), normal: Vec3::Y, area: 64.0 / 0.4, rgb }
     }
 }
@@ -135,6 +139,7 @@ pub fn decoder() -> Decoder {
     let mut random = Random::new();
     let mut d_in = N_CHANNELS;
     let layers = Decoder::WIDTHS.map(|d_out| {
+        // Uniform numbers in -s..s have variance s^2 / 3: this makes it 1 / (K d_in).
         let scale = (3.0 / (K * d_in) as f32).sqrt();
         let weight = random.many(d_out * K * d_in, scale);
         let layer = Layer { weight, bias: vec![0.0; d_out], d_in, d_out };
@@ -148,6 +153,7 @@ pub fn decoder() -> Decoder {
 pub fn flops_of_layers(n_latent: usize) -> [u64; 5] {
     let mut d_in = n_latent;
     Decoder::WIDTHS.map(|d_out| {
+        // A multiplication and an addition for each weight.
         let flops = 2 * (K * d_in * d_out) as u64;
         d_in = d_out;
         flops

@@ -140,6 +140,7 @@ fn layers(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> Re
             let OnGpu { scene, weights, colors, .. } = style;
             let (device, progress) = (&gpu.device, &mut progress);
             let budget = &mut WorkMeter::of_operations(operations);
+            // Five layers for each block, block after block.
             ms[i % 5] += gpu.time(|encoder| {
                 pass.encode_some(device, encoder, scene, weights, colors, progress, budget)?;
                 Ok(())
@@ -189,6 +190,7 @@ fn budgeted(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> 
 fn moved_by_layers(n_latent: usize) -> [u64; 5] {
     let mut d_in = n_latent;
     Decoder::WIDTHS.map(|d_out| {
+        // The last layer's three colors are stored as four numbers.
         let moved = scenes::K * (2 * d_in + 4) + 2 * d_out.max(4);
         d_in = d_out;
         moved as u64

@@ -36,6 +36,7 @@ impl FromStr for WeightedPath {
         if path.is_empty() {
             return Err("the path is missing".into());
         }
+        // Also false for infinity, which `1e999` parses to. Sums of a few such weights stay finite in f64.
         if !(0.0..=f64::from(f32::MAX)).contains(&weight) {
             return Err(not_a_weight(&weight.to_string()));
         }
@@ -87,6 +88,7 @@ pub fn background(text: &str) -> Result<Background, String> {
     }
     let digits = text.strip_prefix('#').unwrap_or(text);
     match u32::from_str_radix(digits, 16) {
+        // `from_str_radix` takes a sign, which would pass as a digit.
         Ok(rgb) if digits.len() == 6 && !digits.starts_with('+') => {
             let [_, r, g, b] = rgb.to_be_bytes();
             Ok(Background::Color([r, g, b]))
@@ -122,6 +124,7 @@ impl Backend {
 /// A file beside the output: OUT.decoder.safetensors -> OUT.`suffix`.
 pub fn beside(output: &Path, suffix: &str) -> PathBuf {
     let name = output.file_name().unwrap_or_default().to_string_lossy();
+    // Not `file_stem`, which would keep `.decoder`.
     let stem = name.trim_end_matches(".safetensors").trim_end_matches(".decoder");
     output.with_file_name(format!("{stem}.{suffix}"))
 }

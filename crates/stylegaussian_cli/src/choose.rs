@@ -30,6 +30,7 @@ pub fn open_encoder(path: Option<&Path>) -> Result<Encoder> {
 
 /// The file that [`ENCODER_VARIABLE`] names.
 fn named_by_environment() -> Option<PathBuf> {
+    // An empty variable is how shells switch one off.
     env::var_os(ENCODER_VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from)
 }
 
@@ -39,6 +40,7 @@ fn named_by_environment() -> Option<PathBuf> {
 /// If the encoder is not VGG-19. The message names the flag.
 pub fn loss_weights(vgg: Option<&Path>, encoder: Option<&Path>) -> Result<PathBuf> {
     let is_onnx = |path: &PathBuf| path.extension().is_some_and(|name| name.eq_ignore_ascii_case("onnx"));
+    // An ONNX file is a graph without named layers. Anything else that opened as an encoder holds VGG-19's weights.
     let of_encoder =
         || encoder.map(PathBuf::from).or_else(named_by_environment).filter(|path| !is_onnx(path));
     vgg.map(PathBuf::from).or_else(of_encoder).context(
@@ -74,6 +76,7 @@ pub fn decoder(path: Option<&Path>, scene: &Scene) -> Result<NamedDecoder> {
 /// # Errors
 /// If two parts name different encoders.
 pub fn check_encoders(parts: &[(String, Option<&EncoderId>)]) -> Result<Vec<String>> {
+    // All are compared with the first part that names its encoder, so equality of all follows.
     if let Some((first, expected)) = parts.iter().find(|(_, encoder)| encoder.is_some()) {
         for (part, found) in parts {
             EncoderId::expect_same((part, *found), (first, *expected))?;

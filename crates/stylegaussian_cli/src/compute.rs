@@ -37,6 +37,7 @@ impl Compute {
             Backend::Cpu => None,
             Backend::Auto => {
                 let options = DeviceOptions { hardware_only: true, ..Default::default() };
+                // No error: `auto` without a GPU means the CPU.
                 pollster::block_on(HeadlessDevice::request(options)).ok()
             }
             Backend::Gpu => {
@@ -70,6 +71,7 @@ impl Compute {
         if let Some(gpu) = &self.gpu {
             match pollster::block_on(style::stylize(gpu, scene, decoder, map)) {
                 Ok(colors) => return Ok(colors),
+                // The inputs are at fault, and the CPU would refuse them too.
                 Err(StylizeOnGpuError::Stylize(error)) => return Err(error.into()),
                 Err(error) => self.fall_back(error.into())?,
             }
@@ -98,6 +100,7 @@ impl Compute {
             return Err(error);
         }
         warn([format!("{error:#}; the CPU takes over")]);
+        // For the rest of the command, so that stylizing and drawing use one device.
         self.gpu = None;
         Ok(())
     }
@@ -161,6 +164,7 @@ impl Drawing<'_> {
 impl OnGpu {
     async fn new(gpu: &HeadlessDevice, scene: &Scene, colors: Colors<'_>) -> Result<Self> {
         let HeadlessDevice { device, queue, .. } = gpu;
+        // wgpu reports a lack of memory through a scope and not as a result. No `?` before it is popped.
         let scope = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let gpu_scene = GpuScene::new(device, scene);
         let colors = match colors {
@@ -186,6 +190,7 @@ impl OnGpu {
             size: picture.size,
             color: picture.rgba.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
             alpha: picture.rgba.iter().map(|&[.., alpha]| alpha).collect(),
+            // The splat pass draws no depth of its own.
             depth: Vec::new(),
         })
     }

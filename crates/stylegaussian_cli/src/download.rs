@@ -50,6 +50,7 @@ pub fn download(url: &str, path: &Path, digest: &str, interrupted: &AtomicBool) 
             Outcome::Complete => break,
             Outcome::Cut(reason) => reason,
         };
+        // A download whose connection breaks often still arrives: only attempts that bring nothing count.
         failures = if length(path) > before { 0 } else { failures + 1 };
         ensure!(failures < TRIES, "{url}: {reason}; {} bytes are kept in {}", length(path), path.display());
         thread::sleep(PAUSE);
@@ -76,6 +77,7 @@ fn request(url: &str, path: &Path, interrupted: &AtomicBool, bar: &ProgressBar) 
         .timeout_recv_response(Some(TIMEOUT))
         .build();
     let request = ureq::Agent::from(config).get(url);
+    // From the first missing byte to the end.
     let request = if have > 0 { request.header("Range", format!("bytes={have}-")) } else { request };
     let response = match request.call() {
         Ok(response) => response,
@@ -88,6 +90,7 @@ fn request(url: &str, path: &Path, interrupted: &AtomicBool, bar: &ProgressBar) 
     let (start, total) = match response.status().as_u16() {
         // The whole file: this server ignores ranges.
         200 => (0, response.body().content_length()),
+        // A server may answer with another range than was asked for. Its bytes would be written at the wrong place.
         206 if range.starts_with(&format!("{have}-")) => (have, total_of_range),
         // There is nothing after the bytes that we have.
         416 if total_of_range == Some(have) => return Ok(Outcome::Complete),
@@ -104,6 +107,7 @@ fn request(url: &str, path: &Path, interrupted: &AtomicBool, bar: &ProgressBar) 
     bar.set_length(total.unwrap_or(0));
     let at = |error: io::Error| anyhow::Error::new(error).context(format!("cannot write {}", path.display()));
     let mut file = OpenOptions::new().create(true).append(true).open(path).map_err(at)?;
+    // Drops the old bytes if the server sends the whole file. Appending then begins at `start` in both cases.
     file.set_len(start).map_err(at)?;
     let body = chunks(response.into_body().into_reader());
     let have = match receive(&body, &mut file, start, TIMEOUT, interrupted, bar).map_err(at)? {
@@ -113,6 +117,7 @@ fn request(url: &str, path: &Path, interrupted: &AtomicBool, bar: &ProgressBar) 
             bail!("interrupted; {have} bytes are kept in {}, the same command goes on", path.display())
         }
     };
+    // Without a length the end of the body counts as the end of the file. The checksum finds out.
     Ok(match total.filter(|&total| have < total) {
         Some(total) => Outcome::Cut(format!("the connection ended after {have} of {total} bytes")),
         None => Outcome::Complete,
@@ -122,6 +127,7 @@ fn request(url: &str, path: &Path, interrupted: &AtomicBool, bar: &ProgressBar) 
 /// Reads on a separate thread, so that the caller can stop waiting for a server that has stalled. The last chunk is
 /// empty or an error.
 fn chunks(mut body: impl Read + Send + 'static) -> Receiver<io::Result<Vec<u8>>> {
+    // Bounded, so that a fast server cannot fill the memory while the disk is slow: 4 chunks of 64 KiB.
     let (sender, receiver) = sync_channel(4);
     thread::spawn(move || {
         loop {
@@ -131,6 +137,7 @@ fn chunks(mut body: impl Read + Send + 'static) -> Receiver<io::Result<Vec<u8>>>
                 buffer
             });
             let is_last = chunk.as_ref().map_or(true, Vec::is_empty);
+            // The caller has stopped waiting. A thread that is still in `read` ends with the program.
             if sender.send(chunk).is_err() || is_last {
                 break;
             }
@@ -162,6 +169,7 @@ fn receive(
         if interrupted.load(Ordering::Relaxed) {
             return Ok(Received::Interrupted(have));
         }
+        // Short waits, so that Ctrl-C is noticed while the server is silent.
         match chunks.recv_timeout(POLL.min(timeout)) {
             Ok(Ok(chunk)) if chunk.is_empty() => return Ok(Received::All(have)),
             Ok(Ok(chunk)) => {
@@ -196,6 +204,7 @@ mod tests {
     impl Read for Stalls {
         fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
             let Some(bytes) = self.0.take() else {
+                // Longer than the test: the thread is left behind.
                 thread::park();
                 return Err(io::ErrorKind::TimedOut.into());
             };

@@ -17,6 +17,7 @@ use terminal::{Interrupt, error_chain, is_broken_pipe};
 
 /// 0 on success, 1 on an error, 2 on a usage error.
 fn main() -> ExitCode {
+    // First of all: setting a variable is sound only while there is one thread, and `Interrupt` starts another.
     quiet_headless_vulkan();
     let cli = Cli::parse();
     match Interrupt::new().and_then(|interrupt| cli.run(&interrupt)) {
@@ -26,6 +27,7 @@ fn main() -> ExitCode {
             if let Some(usage) = error.downcast_ref::<clap::Error>() {
                 usage.exit();
             }
+            // The exit code tells of the failure all the same.
             if !is_broken_pipe(&error) {
                 eprintln!("error: {}", error_chain(&error));
             }

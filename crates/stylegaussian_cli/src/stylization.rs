@@ -108,6 +108,7 @@ impl StylizationArgs {
         let warnings = check_encoders(&parts)?;
         warn(&warnings);
 
+        // Above 0: `open` has checked it.
         let total = self.total_weight();
         let weighted: Vec<_> = statistics
             .iter()

@@ -69,8 +69,10 @@ pub fn note(line: impl std::fmt::Display) {
 pub fn print(json: bool, value: &impl Serialize, text: impl FnOnce() -> String) -> Result<()> {
     let mut line = if json { serde_json::to_string_pretty(value)? } else { text() };
     line.push('\n');
+    // Not `println!`, which panics if the reader has gone.
     let mut stdout = io::stdout().lock();
     stdout.write_all(line.as_bytes())?;
+    // A buffered error would otherwise be lost at exit.
     stdout.flush()?;
     Ok(())
 }
@@ -96,6 +98,7 @@ impl Interrupt {
         let state = Arc::new(InterruptState::default());
         let seen = state.clone();
         ctrlc::set_handler(move || {
+            // Relaxed is enough: the flag guards no other data.
             let again = seen.is_requested.swap(true, Ordering::Relaxed);
             if again || !seen.is_watched.load(Ordering::Relaxed) {
                 process::exit(INTERRUPTED);
@@ -136,6 +139,7 @@ impl ProgressLine {
         let Progress { stage, done, total, losses } = progress;
         let (name, template) = display(stage);
         let mut shown = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        // A new stage counts anew, so its time left must not include the stage before.
         if shown.replace(stage) != Some(stage) {
             self.bar.reset();
             self.bar.set_length(u64::from(total));
@@ -148,6 +152,7 @@ impl ProgressLine {
             losses.iter().flatten().map(|(name, mean)| format!("{name} {mean:.4}")).collect();
         self.bar.set_position(u64::from(done));
         self.bar.set_message(losses.join(" "));
+        // Logs and pipes get lines in place of the bar.
         if self.bar.is_hidden() && !losses.is_empty() && done.is_multiple_of(STEPS_PER_LINE) {
             eprintln!("{name} {done}/{total} {}", losses.join(" "));
         }

@@ -92,6 +92,7 @@ fn weights() -> (HashMap<String, Vec<f32>>, Vec<u8>) {
     };
     let (mut tensors, mut shapes, mut d_in) = (HashMap::new(), Vec::new(), 3);
     for (module, d_out) in MODULES {
+        // He et al. 2015. Uniform numbers in -1..1 have deviation 1 / sqrt(3), which the 1.7 below undoes.
         let scale = (2.0 / (9 * d_in) as f32).sqrt();
         let shape = vec![d_out, d_in, 3, 3];
         for (name, n, shape) in [("weight", d_out * d_in * 9, shape), ("bias", d_out, vec![d_out])] {
@@ -125,6 +126,7 @@ fn a_connection_that_breaks_is_taken_up_where_it_ended() {
     // PyTorch's way: the first digits of the checksum are in the name.
     let url = format!("{address}/vgg19-{}.safetensors", &sha256(&bytes)[..8]);
     stylegaussian(&["fetch-vgg", "-o", &bench.path("vgg.safetensors"), "--url", &url]).expect_success();
+    // 14 MB in answers of at most 6 MB.
     assert_eq!(*starts.lock().unwrap(), [0, 6_000_000, 12_000_000]);
     bench.expect_files(&["vgg.safetensors"]);
     let file = fs::read(bench.path("vgg.safetensors")).unwrap();
@@ -195,6 +197,7 @@ fn channels_of_mean_one_tell_the_same_apart() {
     let image = Image::open(bench.path("images/a.png").as_ref()).unwrap();
     let [plain, scaled] = [plain, scaled]
         .map(|path| Encoder::open(path.as_ref()).unwrap().encode(&image).unwrap().statistics());
+    // Random layers have channels that are 0 everywhere, which are not scaled.
     let alive: Vec<usize> = (0..256).filter(|&i| plain.mean[i] > 1e-3).collect();
     assert!(alive.len() > 100, "{} channels live", alive.len());
     for i in alive {

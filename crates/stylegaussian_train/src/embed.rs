@@ -5,8 +5,8 @@
 //! f', A and b that minimize the mean absolute difference between rendered features and the encoder's.
 //!
 //! The stages, one module each: `view` (pictures to learn from), `samples` (training data of a view), `closed_form`
-//! (PCA and weighted means), `refine` (descent), `under_observed` (filling in Gaussians that views
-//! hardly show), `model` (the model itself).
+//! (PCA and weighted means), `refine` (descent), `under_observed` (filling in Gaussians that views hardly show),
+//! `model` (the model itself).
 
 mod closed_form;
 mod model;
@@ -39,8 +39,8 @@ pub use view::{Picture, TrainingView};
 /// L, the number of latent features f' of each Gaussian, as in the paper.
 pub const N_LATENT: usize = 32;
 
-/// Neighbors from which an under-observed Gaussian may take features. More than the decoder's neighborhood has, because
-/// many of them are under-observed too.
+/// Neighbors from which an under-observed Gaussian may take features. These are more than a decoder's neighborhood has,
+/// because many of them are under-observed too.
 const N_FILLING_NEIGHBORS: usize = 16;
 
 /// Steps of the default method for each view; a step uses a quarter of a view. On the playbot scene (20 views) the

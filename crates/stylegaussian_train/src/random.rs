@@ -22,6 +22,7 @@ impl Random {
 
     /// Uniform in 0..=1 without 0: the middle of one of 2^24 steps.
     pub fn uniform(&mut self) -> f32 {
+        // Above 2^23 an f32 has no bit for the half, so the last step rounds to 1.
         ((self.next() >> 40) as f32 + 0.5) / (1_u32 << 24) as f32
     }
 

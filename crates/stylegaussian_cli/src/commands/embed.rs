@@ -106,6 +106,7 @@ struct Written<'a> {
 pub fn run(arguments: &EmbedArgs, interrupt: &Interrupt) -> Result<()> {
     let EmbedArgs { scene: path, output, .. } = arguments;
     arguments.backend.expect_cpu("embedding")?;
+    // Checked before the minutes of work whose result could not be written.
     let is_sgs = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("sgs"));
     ensure!(
         is_sgs,
@@ -118,6 +119,7 @@ pub fn run(arguments: &EmbedArgs, interrupt: &Interrupt) -> Result<()> {
     warn(&loaded.warnings);
     let encoder = open_encoder(arguments.encoder.as_deref())?;
     let mut views = arguments.training_views(&scene)?;
+    // A graph can accept one size only. The cameras then take its proportions too.
     if let Some((width, height)) = encoder.input_size() {
         views.iter_mut().for_each(|view| view.camera = view.camera.resized(UVec2::new(width, height)));
     }
@@ -126,6 +128,7 @@ pub fn run(arguments: &EmbedArgs, interrupt: &Interrupt) -> Result<()> {
     let watch = Watch { progress: &|now| progress.show(now), interrupted: interrupt.watch() };
     let report = embed(&mut scene, &views, &encoder, &arguments.options(), watch)?;
     progress.finish();
+    // For the decoder. Embedding itself uses longer lists, which are not kept.
     let find = || Neighbors::find(&scene.means, &scene.order, Decoder::K);
     scene.neighbors = (!arguments.no_neighbors).then(find);
     file::write_scene(output, &scene)?;

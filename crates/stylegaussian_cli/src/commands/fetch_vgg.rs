@@ -52,6 +52,8 @@ pub fn run(arguments: &FetchVggArgs, interrupt: &Interrupt) -> Result<()> {
         bail!("{url}: its name holds no checksum; name the first digits of its SHA-256 with --sha256 HEX");
     };
     let name = url.rsplit('/').next().unwrap_or_default();
+    // A name that does not change, so that the same command finds the part. The extension stays last, because reading
+    // goes by it.
     let download_to = output.with_file_name(format!("{name}.part.{}", extension(name)));
     download(url, &download_to, &digest, interrupt.watch())?;
     let mut convolutions = read_torchvision(&download_to)?;
@@ -59,6 +61,7 @@ pub fn run(arguments: &FetchVggArgs, interrupt: &Interrupt) -> Result<()> {
         normalize(&mut convolutions, folder)?;
     }
     write_weights(output, &convolutions)?;
+    // Last: if writing fails, 575 MB need not come again.
     fs::remove_file(&download_to).with_context(|| format!("cannot remove {}", download_to.display()))?;
     note(format!("wrote {}: name it with --encoder or --vgg", output.display()));
     Ok(())

@@ -102,6 +102,7 @@ impl RenderArgs {
                 orbit(scene, self.orbit.unwrap_or(DEFAULT_ORBIT) as usize, self.size.unwrap_or(DEFAULT_SIZE))
             }
         };
+        // An orbit's cameras have this size already, and stay as they are.
         let resize = |camera: Camera| self.size.map_or(camera.clone(), |size| camera.resized(size));
         Ok(cameras.into_iter().map(resize).collect())
     }

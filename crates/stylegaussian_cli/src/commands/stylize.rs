@@ -63,12 +63,14 @@ impl Format {
 /// Runs the command.
 pub fn run(arguments: &StylizeArgs) -> Result<()> {
     let StylizeArgs { scene: path, stylization, output, json } = arguments;
+    // Before anything is read, because it is a usage error.
     let format = Format::of(output)?;
     let mut compute = stylization.open()?;
     let loaded = file::read_scene(path)?;
     warn(&loaded.warnings);
     let mut scene = loaded.scene;
     let mut result = stylization.stylize(&scene, path, &mut compute)?;
+    // Both kinds are printed already. In JSON they come in the order of printing.
     result.warnings.splice(0..0, loaded.warnings);
     write(format, output, &mut scene, &result.colors)?;
     let stylized = Stylized { scene: path, output, n_gaussians: scene.len(), stylization: &result };

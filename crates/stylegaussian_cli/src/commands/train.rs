@@ -188,6 +188,7 @@ pub fn run(arguments: &TrainArgs, interrupt: &Interrupt) -> Result<()> {
     )?;
     note(format!("style loss at {} layers", loss_network.n_layers()));
     let mut paintings = Paintings::new(training, &encoder, loss_network);
+    // Then the loss network's weights are the encoder's.
     if vgg.is_none() {
         paintings = paintings.with_encoder_in_loss();
     }
@@ -205,6 +206,7 @@ pub fn run(arguments: &TrainArgs, interrupt: &Interrupt) -> Result<()> {
 
     let progress = ProgressLine::new();
     let watch = Watch { progress: &|now| progress.show(now), interrupted: interrupt.watch() };
+    // The decoder is written with every checkpoint, so it can be tried while training goes on.
     let is_complete = trainer.run(watch, |trainer| -> Result<()> {
         trainer.save(&checkpoint)?;
         Ok(file::write_decoder(output, &trainer.decoder()?, Precision::F16)?)
@@ -293,9 +295,11 @@ impl TrainArgs {
             let cameras: Vec<Camera> = match sources.get(i) {
                 Some(source) => {
                     let all = read_cameras(source)?.cameras;
+                    // Rounded up, so never more than `views`, and perhaps fewer.
                     let stride = all.len().div_ceil(self.views.max(1)).max(1);
                     all.into_iter().step_by(stride).map(|posed| posed.camera).collect()
                 }
+                // Any square does: each training size scales the cameras again.
                 None => choose_views(&loaded.scene, self.views, UVec2::splat(256)),
             };
             Ok(Loaded { name: path.display().to_string(), scene: loaded.scene, cameras })

@@ -26,6 +26,7 @@ pub fn embedded(bench: &Bench, encoder: &Path) -> String {
     };
     let shade = |i: usize, step: f32| 0.5 + 0.4 * (i as f32 * step).sin();
     scene.set_colors(&(0..n).map(|i| [shade(i, 0.31), shade(i, 0.17), shade(i, 0.05)]).collect::<Vec<_>>());
+    // Multiples of an irrational number, modulo 1, fill the interval evenly.
     let number = |i: usize, step: f64| ((i as f64 * step) % 1.0 * 2.0 - 1.0) as f32;
     scene.features = Some(Features {
         values: (0..n * 3).map(|i| number(i, 0.754_877)).collect(),

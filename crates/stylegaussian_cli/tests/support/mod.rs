@@ -43,11 +43,13 @@ fn finish(mut command: Command, arguments: &[&str]) -> Run {
     command
         .args(arguments)
         .stdin(Stdio::null())
+        // The developer's own setting would replace the built-in encoder.
         .env_remove("STYLEGAUSSIAN_ENCODER")
         .env("RUST_BACKTRACE", "1");
     let output = command.output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
     let run = Run { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) };
+    // Whatever the test expects: no user's data may cause a panic.
     assert!(!run.stderr.contains("panicked"), "{arguments:?}: {}", run.stderr);
     run
 }
@@ -63,6 +65,7 @@ impl Run {
     #[track_caller]
     pub fn expect_error(&self, message: &str) {
         assert_eq!(self.code, Some(1), "{self:?}");
+        // Warnings come first, and are not part of the one line.
         let mut errors = self.stderr.lines().skip_while(|line| line.starts_with("warning: "));
         let error = errors.next().unwrap_or_default();
         assert!(

@@ -26,6 +26,7 @@ pub(super) fn windows_conv<B: Backend>(
 ) -> FloatTensor<B> {
     let (n_out, d_out) = (windows.n_out(), weight.shape()[0]);
     let weight = B::float_transpose(weight);
+    // Gathered rows times the weights, for a part of the windows at a time.
     let parts = window_parts::<B>(&x, windows)
         .map(|part| B::float_matmul(gather_windows::<B>(&x, part, windows.k), weight.clone()));
     let y = concatenate::<B>(parts.collect(), 0);
