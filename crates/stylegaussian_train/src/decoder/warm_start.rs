@@ -37,8 +37,8 @@ pub fn loss(
     let start = random.below(n - len + 1);
     let rows = start..start + len;
     let windows = Arc::new(patch_windows(scene, start, len));
-    // Every stage works on the whole patch, so all share one list. The restricted lists of a view would be other ones
-    // for each patch.
+    // Every stage works on the whole patch, so all share one list. Lists restricted to each stage's rows, as views
+    // have them, would have to be made for every patch.
     let repeated = |n: usize| iter::repeat_n(windows.clone(), n).collect();
     let neighborhoods = Neighborhoods {
         layers: repeated(network.n_layers()),

@@ -99,7 +99,7 @@ fn spread(model: &mut Model, neighbors: &Neighbors, known: &mut [bool]) {
                 (!sources.is_empty()).then_some((p, mean))
             })
             .collect();
-        // Ends: every other round makes at least one Gaussian known.
+        // Every round before this one made a Gaussian known, so the rounds end.
         if found.is_empty() {
             return;
         }

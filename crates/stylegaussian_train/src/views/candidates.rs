@@ -189,7 +189,7 @@ fn spots(survey: &Survey) -> Vec<Vec3> {
     });
     let room = (STANDING_ROOM * survey.radius).max(NEAREST);
     let mut free: Vec<Vec3> = grid
-        // Seven steps along each axis, out to 80% of the box, whose sides are the walls of a room.
+        // Seven spots along each axis, out to 80% of the box, whose sides are the walls of a room.
         .map(|step| survey.center + 0.8 / STEPS as f32 * step * survey.half_size)
         .filter(|&spot| is_free(survey, spot, room))
         .collect();

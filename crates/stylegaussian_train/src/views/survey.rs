@@ -54,7 +54,7 @@ impl Survey {
             .map(|(mean, scales)| (mean - center).length() + scales.max_element());
         let [radius] = quantiles(distances, &masses, [WITHIN_RADIUS]);
         let up = up(&stand_in, &masses, half_size);
-        // Distances and lenses divide by it.
+        // Above 0 even if Gaussians of no size lie in one point.
         Some(Self { radius: radius.max(1e-6), stand_in, masses, center, half_size, up })
     }
 }
@@ -109,7 +109,7 @@ pub(super) fn quantiles<const N: usize>(
             below -= f64::from(*mass);
             below <= 0.0
         });
-        // Rounding can leave a little of the mass below even the last value.
+        // Rounding can leave `below` above 0 after the last value.
         found.or(sorted.last()).map_or(0.0, |(value, _)| *value)
     })
 }
