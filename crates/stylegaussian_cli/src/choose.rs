@@ -40,7 +40,8 @@ fn named_by_environment() -> Option<PathBuf> {
 /// If the encoder is not VGG-19. The message names the flag.
 pub fn loss_weights(vgg: Option<&Path>, encoder: Option<&Path>) -> Result<PathBuf> {
     let is_onnx = |path: &PathBuf| path.extension().is_some_and(|name| name.eq_ignore_ascii_case("onnx"));
-    // An ONNX file is a graph without named layers. Anything else that opened as an encoder holds VGG-19's weights.
+    // An ONNX file is a graph, from which the loss cannot take VGG-19's layers. Any other encoder is VGG-19's
+    // weights.
     let of_encoder =
         || encoder.map(PathBuf::from).or_else(named_by_environment).filter(|path| !is_onnx(path));
     vgg.map(PathBuf::from).or_else(of_encoder).context(

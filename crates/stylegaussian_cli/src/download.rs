@@ -50,7 +50,7 @@ pub fn download(url: &str, path: &Path, digest: &str, interrupted: &AtomicBool) 
             Outcome::Complete => break,
             Outcome::Cut(reason) => reason,
         };
-        // A download whose connection breaks often still arrives: only attempts that bring nothing count.
+        // An attempt that leaves the file longer does not count, so a connection that breaks often still gets there.
         failures = if length(path) > before { 0 } else { failures + 1 };
         ensure!(failures < TRIES, "{url}: {reason}; {} bytes are kept in {}", length(path), path.display());
         thread::sleep(PAUSE);
@@ -77,7 +77,6 @@ fn request(url: &str, path: &Path, interrupted: &AtomicBool, bar: &ProgressBar) 
         .timeout_recv_response(Some(TIMEOUT))
         .build();
     let request = ureq::Agent::from(config).get(url);
-    // From the first missing byte to the end.
     let request = if have > 0 { request.header("Range", format!("bytes={have}-")) } else { request };
     let response = match request.call() {
         Ok(response) => response,

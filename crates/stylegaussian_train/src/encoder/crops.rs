@@ -87,7 +87,7 @@ impl<'a> Crops<'a> {
         // A sequence for each number, so crops can be made in any order and on any thread.
         let mut random = Random::new(self.seed ^ number.wrapping_mul(0x9E37_79B9_97F4_A7C1));
         let image = &self.images[random.below(self.images.len())];
-        // Uniform in the logarithm: as many crops shrink by a factor as grow by it.
+        // Uniform in the logarithm, because scales are ratios: 0.35 to 0.7 is as likely as 0.65 to 1.3.
         let scale = SCALES[0] * (SCALES[1] / SCALES[0]).powf(random.uniform());
         let side = ((SIDE as f32 / scale) as u32).min(image.width()).min(image.height());
         let x = random.below((image.width() - side + 1) as usize) as u32;

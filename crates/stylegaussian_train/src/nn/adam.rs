@@ -50,8 +50,8 @@ impl Adam {
         }
         self.step += 1;
         let clip = (MAX_NORM / norm.max(1e-12)).min(1.0);
-        // The moments start at zero. Without these factors the first step would be 0.1 / sqrt(0.001), three times,
-        // too large.
+        // The moments start at zero. Without these factors the first step would be three times too large: 0.1 /
+        // sqrt(0.001).
         let corrections = [1.0 - BETA_1.powi(self.step as i32), 1.0 - BETA_2.powi(self.step as i32)];
         for ((parameter, grad), moments) in parameters.iter_mut().zip(grads).zip(&mut self.moments) {
             // Parameters outside of the graph, such as the student's deviations, have no gradient and stay.

@@ -9,7 +9,7 @@ pub fn coverage_of_cells(alpha: &[f32], [width, height]: [usize; 2], [w, h]: [us
 
 /// Values divided by their sum.
 pub fn shares(values: &[f32]) -> Vec<f32> {
-    // A picture without scene has shares of 0, and so no loss, instead of NaN.
+    // A picture without scene has shares of 0, and so no gradient, instead of NaN.
     let total = values.iter().sum::<f32>().max(1e-6);
     values.iter().map(|value| value / total).collect()
 }

@@ -130,8 +130,7 @@ pub(super) fn max_pool_backward<B: Backend>(
     let pooled = |i: usize| (i / width / 2 * width.div_ceil(2) + i % width / 2) as u32;
     let pooled: Vec<u32> = (0..width * height).map(pooled).collect();
     let spread = |tensor| B::float_select(tensor, 0, indices::<B>(&pooled, &device));
-    // 1 if x is the largest of its window, otherwise 0.
-    // Ties pass the whole gradient to each, as the CPU kernel does.
+    // 0 if x is the largest of its window, otherwise 1. Ties pass the whole gradient to each, as the CPU kernel does.
     let below = B::float_sign(B::float_sub(spread(y), x));
     let spread_grad = spread(grad);
     B::float_sub(spread_grad.clone(), B::float_mul(spread_grad, below))
@@ -166,7 +165,7 @@ pub(super) fn row_statistics_backward<B: Backend>(
     let row = |tensor: &FloatTensor<B>, i: u32| {
         spread_rows::<B>(B::float_select(tensor.clone(), 0, indices::<B>(&[i], &device)), &x)
     };
-    // The standard deviation has [`VARIANCE_EPSILON`] under its root, so it is never 0.
+    // The standard deviation has `VARIANCE_EPSILON` under its root, so it is never 0.
     let slope = B::float_div(row(&grad, 1), row(&statistics, 1));
     let deviation = B::float_sub(x.clone(), row(&statistics, 0));
     let per_share = B::float_add(row(&grad, 0), B::float_mul(slope, deviation));
