@@ -52,6 +52,7 @@ fn decode(scene: &Scene, decoder: &Decoder) -> Result<f64> {
 
 /// The product by the `gemm` crate, with rows split over all threads.
 fn multiply(a: &[f32], b: &[f32], c: &mut [f32]) -> Result<f64> {
+    // One piece for each thread: a limit that leaves threads idle is none.
     let rows = N.div_ceil(rayon::current_num_threads());
     wall_ms(|| {
         c.par_chunks_mut(rows * N).zip(a.par_chunks(rows * N)).for_each(|(c, a)| {

@@ -28,6 +28,7 @@ pub fn run(gpu: &Gpu, plan: &Plan, report: &mut Report) -> Result<()> {
     let ours_f32 = OnGpu::new(gpu, &scene, f32)?;
     let literal = OnGpu::new(gpu, &scenes::embedded(n, N_CHANNELS), f32)?;
     let product = Product::new(gpu, plan)?;
+    // In turns, because ratios of these four are reported.
     let samples = Samples::in_turns(
         1,
         3,

@@ -51,6 +51,7 @@ fn embed_steps(scene: &mut Scene, encoder: &Encoder, report: &mut Report) -> Res
             TrainingView::rendered(format!("view {i}"), &camera, SIDE)
         })
         .collect();
+    // The paper's method, because `fit_seconds` would include the time of a closed form.
     let options =
         EmbedOptions { method: EmbedMethod::Optimize, iterations: Some(20), ..EmbedOptions::default() };
     let fit = embed(scene, &views, encoder, &options, Watch::default())?;

@@ -42,6 +42,7 @@ fn a_watch_follows_and_interrupts_an_embedding() {
         interrupted.store(now.stage == Stage::Refine && now.done == 3, Ordering::Relaxed);
     };
     let watch = Watch { progress: &progress, interrupted: &interrupted };
+    // The refinement reports before each step, so the report of 3 comes before the fourth.
     let report = embed(&mut scene, &views(), &encoder, &options, watch).unwrap();
     assert_eq!((report.n_training_views, report.iterations, report.interrupted), (2, 3, true));
     let seen = seen.into_inner().unwrap();

@@ -39,8 +39,10 @@ pub fn write_losses(path: &Path, losses: &[[f32; 2]]) -> Result<(), TrainError> 
             .chunks(SMOOTHING)
             .map(|chunk| chunk.iter().map(|pair| pair[channel]).sum::<f32>() / chunk.len() as f32)
             .collect();
+        // Above 0 even if all losses are 0.
         let largest = means.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
         for x in 0..CURVE.x {
+            // Columns of the curve are spread over the means; there can be fewer or more of them.
             let Some(mean) = means.get(x as usize * means.len() / CURVE.x as usize) else { continue };
             let y = ((1.0 - mean / largest) * (CURVE.y - 3) as f32).clamp(0.0, (CURVE.y - 3) as f32) as u32;
             (y..y + 3).for_each(|y| curve.rgba[(y * CURVE.x + x) as usize] = color);

@@ -64,6 +64,7 @@ impl<'a> Baseline<'a> {
                 *value = ((gain * f64::from(*value) + shift) as f32).max(0.0);
             }
         }
+        // The features' size was rounded up, so the painted picture can be larger by up to three pixels.
         let painted = self.decoder.decode(&features)?.resized(view.size.x, view.size.y);
         let pixels = painted.rgb.chunks_exact(3).zip(&view.alpha);
         let color = pixels.map(|(c, alpha)| [c[0] * alpha, c[1] * alpha, c[2] * alpha]).collect();

@@ -43,6 +43,7 @@ impl ImageDecoder {
         for (layer, (name, outputs, inputs, doubles)) in LAYERS.into_iter().enumerate() {
             let convolution = weights.convolution(name, [outputs, inputs, 3, 3])?;
             chain = chain.reflect().convolution(&convolution, 0);
+            // The last layer gives colors, which a ReLU would cut at 0 and leave open above. `decode` clamps both.
             if layer + 1 < LAYERS.len() {
                 chain = chain.relu();
             }

@@ -23,6 +23,7 @@ pub fn data(folder: &str) -> Option<PathBuf> {
 pub fn board() -> Scene {
     const SIDE: usize = 16;
     let n = SIDE * SIDE;
+    // Centered, so that both cameras look at the middle.
     let at = |i: usize| i as f32 - (SIDE - 1) as f32 / 2.0;
     let mut scene = Scene {
         means: (0..n).map(|i| Vec3::new(0.1 * at(i % SIDE), 0.0, 0.1 * at(i / SIDE))).collect(),
