@@ -63,6 +63,7 @@ fn small_encoder(seed: u64) -> Vec<u8> {
         weight: (0..8 * 27).map(|_| 0.3 * next()).collect(),
         bias: (0..8).map(|_| 0.5 + next()).collect(),
     };
+    // The biases are mostly positive, which keeps most ReLUs open.
     ChainWriter::new(3).reflect().convolution(&convolution, 0).relu().finish()
 }
 
@@ -98,6 +99,8 @@ fn painted(image: Image, names: impl FnOnce(&Encoder) -> Option<EncoderId>) -> (
     let handle = app.world().resource::<AssetServer>().load("small.onnx");
     app.insert_resource(StyleEncoder(handle));
     let mut scene = small_scene(32, 1);
+    // A scene of a named encoder refuses statistics of any other, so tests that change the encoder leave the name
+    // out.
     scene.features.as_mut().unwrap().encoder = names(&encoder);
     let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
     let image = add(&mut app, image);
