@@ -14,6 +14,7 @@ use crate::{
 pub fn run() -> Result<()> {
     let mut steps = Steps::default();
     let outcome = run_all(&mut steps);
+    // Before the outcome is returned: a failure needs the summary most.
     steps.print_summary();
     let data = data_folder();
     if data.is_dir() {
@@ -69,6 +70,7 @@ fn tests(steps: &mut Steps) -> Result<()> {
         let mut test = cargo(["test", "--locked", "--workspace", "--lib", "--bins", "--tests"]);
         steps.run_keeping("tests", keep_colors(&mut test), |line| line.starts_with("test result"))?;
     }
+    // nextest runs no doc tests.
     let mut doc = cargo(["test", "--locked", "--workspace", "--doc"]);
     steps.run_keeping("doc tests", keep_colors(&mut doc), |line| line.starts_with("test result"))
 }
