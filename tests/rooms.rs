@@ -54,6 +54,7 @@ fn crate_paths(source: &str, module: &[&str]) -> BTreeSet<ModulePath> {
         let start = at;
         // The reach of a visibility, as in `pub(in crate::file)`, is no import.
         let is_visibility = at > 0 && tokens[at - 1] == "in";
+        // Each further `super` goes one module up.
         while tokens[at..].starts_with(&["super".into(), "::".into()]) {
             root.pop();
             at += 2;
@@ -65,6 +66,7 @@ fn crate_paths(source: &str, module: &[&str]) -> BTreeSet<ModulePath> {
         if at > start && !is_visibility {
             at = tree_paths(&tokens, at, &root, &mut paths);
         } else {
+            // Not a path, or one that is passed over: at least one token further, so that the loop ends.
             at = at.max(start + 1);
         }
     }
@@ -79,6 +81,7 @@ fn tree_paths(tokens: &[String], mut at: usize, root: &[String], paths: &mut BTr
             at += 1;
             while tokens.get(at).is_some_and(|token| token != "}") {
                 at =
+                    // Broken source must not stop the loop either.
                     if tokens[at] == "," { at + 1 } else { tree_paths(tokens, at, &path, paths).max(at + 1) };
             }
             return at + 1;
@@ -107,6 +110,8 @@ fn tokens(source: &str) -> Vec<String> {
             rest.find('\n').unwrap_or(rest.len())
         } else if rest.starts_with("/*") {
             rest.find("*/").map_or(rest.len(), |end| end + 2)
+        // The one character literal that would look like the start of a string. Lifetimes need no care: their names
+        // are words.
         } else if rest.starts_with("'\"'") {
             3
         } else if rest.starts_with("r#\"") {
@@ -320,6 +325,7 @@ fn modules_of(sources: &Path) -> BTreeMap<ModulePath, PathBuf> {
 /// For each module the modules that it imports.
 fn imports_of(sources: &BTreeMap<ModulePath, String>) -> BTreeMap<ModulePath, BTreeSet<ModulePath>> {
     let file_of = |path: &ModulePath| {
+        // The longest first: `scene::gpu::GpuScenes` is in the file of `scene::gpu`, not of `scene`.
         let prefixes = (1..=path.len()).rev().map(|n| path[..n].to_vec());
         prefixes.into_iter().find(|prefix| sources.contains_key(prefix))
     };
@@ -344,6 +350,7 @@ fn reachable(
     let mut next = vec![start];
     while let Some(module) = next.pop() {
         for import in imports.get(module).into_iter().flatten() {
+            // Each module once, so circles end.
             if found.insert(import.clone()) {
                 next.push(import);
             }
@@ -378,6 +385,7 @@ fn no_circle_of_imports_is_large() {
         let imports = imports_of(&modules.iter().map(read).collect());
         for circle in circles(&imports) {
             let names: Vec<String> = circle.iter().map(|module| module.join("::")).collect();
+            // Small circles are printed too, to see them grow.
             println!("{folder}: {}", names.join(", "));
             if circle.len() > LARGEST_CIRCLE {
                 large.push(format!(

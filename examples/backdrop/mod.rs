@@ -23,16 +23,19 @@ pub fn spawn(
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
     let mut mesh = Sphere::new(RADIUS).mesh().uv(32, 96);
+    // Nothing reads the sphere after it is uploaded.
     mesh.asset_usage = RenderAssetUsages::RENDER_WORLD;
     let positions = mesh.attribute(Mesh::ATTRIBUTE_POSITION).and_then(VertexAttributeValues::as_float3);
     let colors: Vec<_> = positions.into_iter().flatten().map(|p| color_at(p[1] / RADIUS)).collect();
     mesh.insert_attribute(Mesh::ATTRIBUTE_COLOR, colors);
+    // Seen from inside, so back faces must not be culled.
     let material = StandardMaterial { unlit: true, fog_enabled: false, cull_mode: None, ..default() };
     commands.spawn((Mesh3d(meshes.add(mesh)), MeshMaterial3d(materials.add(material)), NoFrustumCulling));
 }
 
 /// The linear color at a height on the unit sphere.
 fn color_at(height: f32) -> [f32; 4] {
+    // At least 1, so that there is always a stop below.
     let above = FADE.iter().position(|&(stop, _)| height < stop).unwrap_or(FADE.len() - 1).max(1);
     let ((low, from), (high, to)) = (FADE[above - 1], FADE[above]);
     let color = from.lerp(to, ((height - low) / (high - low)).clamp(0.0, 1.0));
