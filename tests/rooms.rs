@@ -110,9 +110,9 @@ fn tokens(source: &str) -> Vec<String> {
             rest.find('\n').unwrap_or(rest.len())
         } else if rest.starts_with("/*") {
             rest.find("*/").map_or(rest.len(), |end| end + 2)
-        // The one character literal that would look like the start of a string. Lifetimes need no care: their names
-        // are words.
         } else if rest.starts_with("'\"'") {
+            // The one character literal that would look like the start of a string. Lifetimes need no care: their
+            // names are words.
             3
         } else if rest.starts_with("r#\"") {
             rest.find("\"#").map_or(rest.len(), |end| end + 2)

@@ -90,7 +90,7 @@ impl ShownColors {
         // fade.
         let progress = colors.fade.as_ref().map(|fade| (fade.from, fade.progress(now)));
         match (progress, buffer(colors.shown)) {
-            // A fade that is over needs no clean-up: it only stops being drawn, and the next `show` replaces it.
+            // A fade that is over is not removed. It only stops being drawn, and the next `show` replaces it.
             (Some((from, t)), to) if t < 1.0 => CloudColors::Fade { from: buffer(from), to, t },
             (_, Some(rgb)) => CloudColors::Rgb(rgb),
             (_, None) => CloudColors::Captured,

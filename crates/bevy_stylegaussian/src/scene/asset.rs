@@ -32,8 +32,7 @@ impl GaussianScene {
     /// If the scene has features but no neighbor lists of the length that its decoder needs (8 for the default one), the
     /// neighbors are found here. This takes about a second for half a million Gaussians, so use a task for large scenes.
     pub fn new(mut scene: Scene) -> Self {
-        // A decoder may come with the entity and not with the scene; `max(1)` guards against a made-up decoder with k
-        // = 0.
+        // At least 1: a decoder that a program made may have k = 0.
         let k = scene.decoder.as_ref().map_or(Decoder::K, |decoder| decoder.k).max(1);
         let has_lists = scene.neighbors.as_ref().is_some_and(|neighbors| neighbors.k >= k);
         // Scenes that cannot be styled need no neighbors. Longer lists serve as well: a decoder reads the first k.

@@ -47,9 +47,11 @@ impl FromFile for GaussianDecoder {
 #[derive(Asset, Clone, Reflect)]
 #[reflect(opaque)]
 #[reflect(Clone)]
-// Lazy, so that an app that uses presets alone never pays for opening the bundled encoder. The lock opens it once,
-// even if two images need it at the same time.
-pub struct ImageEncoder(Arc<LazyLock<Opened, Box<dyn FnOnce() -> Opened + Send>>>);
+pub struct ImageEncoder(
+    // Lazy, so that an app that uses presets alone never pays for opening the bundled encoder. The lock opens it once,
+    // even if two images need it at the same time.
+    Arc<LazyLock<Opened, Box<dyn FnOnce() -> Opened + Send>>>,
+);
 
 /// An open encoder, or the reason why it cannot be used.
 type Opened = Result<Encoder, Arc<EncoderError>>;
