@@ -60,7 +60,6 @@ fn spawn_cubes(
     let cube = meshes.add(Cuboid::from_length(1.0));
     let pane = meshes.add(Cuboid::new(1.8, 1.8, 0.06));
     let around = Circle { radius: 5.6, height: 0.4, tilt: 0.0, speed: 0.06, start: 0.25 };
-    // Half a revolution from the other.
     let opposite = Circle { start: 0.75, ..around };
     let through = Circle { radius: 2.6, height: 0.3, tilt: 0.5, speed: 0.09, start: 0.1 };
     let mut material = |base_color, alpha_mode| {

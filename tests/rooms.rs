@@ -54,7 +54,6 @@ fn crate_paths(source: &str, module: &[&str]) -> BTreeSet<ModulePath> {
         let start = at;
         // The reach of a visibility, as in `pub(in crate::file)`, is no import.
         let is_visibility = at > 0 && tokens[at - 1] == "in";
-        // Each further `super` goes one module up.
         while tokens[at..].starts_with(&["super".into(), "::".into()]) {
             root.pop();
             at += 2;
@@ -350,7 +349,6 @@ fn reachable(
     let mut next = vec![start];
     while let Some(module) = next.pop() {
         for import in imports.get(module).into_iter().flatten() {
-            // Each module once, so circles end.
             if found.insert(import.clone()) {
                 next.push(import);
             }
@@ -385,7 +383,6 @@ fn no_circle_of_imports_is_large() {
         let imports = imports_of(&modules.iter().map(read).collect());
         for circle in circles(&imports) {
             let names: Vec<String> = circle.iter().map(|module| module.join("::")).collect();
-            // Small circles are printed too, to see them grow.
             println!("{folder}: {}", names.join(", "));
             if circle.len() > LARGEST_CIRCLE {
                 large.push(format!(

@@ -45,7 +45,6 @@ fn picture(size: UVec2, cameras: impl IntoIterator<Item = (f32, Option<Viewport>
 
 #[test]
 fn each_eye_sees_what_it_sees_alone() {
-    // Far enough apart that their pictures differ clearly.
     let eyes = [-0.4, 0.4];
     let half = |i: u32| {
         let physical_position = UVec2::new(i * SIZE.x, 0);

@@ -35,7 +35,6 @@ pub fn spawn(
 
 /// The linear color at a height on the unit sphere.
 fn color_at(height: f32) -> [f32; 4] {
-    // At least 1, so that there is always a stop below.
     let above = FADE.iter().position(|&(stop, _)| height < stop).unwrap_or(FADE.len() - 1).max(1);
     let ((low, from), (high, to)) = (FADE[above - 1], FADE[above]);
     let color = from.lerp(to, ((height - low) / (high - low)).clamp(0.0, 1.0));

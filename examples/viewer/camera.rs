@@ -73,7 +73,6 @@ pub fn spawn(mut commands: Commands) {
         PrimaryEguiContext,
         Camera2d,
         Msaa::Off,
-        // It sees nothing but the panel.
         RenderLayers::none(),
         Camera {
             // Over the scene: its picture is blended and the scene's is not cleared.

@@ -234,7 +234,6 @@ fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
                         return;
                     };
                     let style = &mut styles.list[index];
-                    // Only the first eight styles have a key.
                     let key = if number <= 8 { format!("{number}  ") } else { String::new() };
                     let is_used = style.weight > 0.0;
                     let tile = Tile {

@@ -182,11 +182,9 @@ impl Encoder {
             channels: 3,
             height: height as usize,
             width: width as usize,
-            // Pixels interleave their channels. A graph takes one plane after the other.
             values: transposed(&image.rgb, n_pixels, 3),
         };
         let output = self.network.run(&input)?;
-        // Checked for each image, since finite weights may overflow on some of them.
         check_finite(&self.network, &input, &output)?;
         Ok(FeatureMap::from(&output))
     }

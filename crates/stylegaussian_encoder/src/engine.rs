@@ -38,7 +38,6 @@ pub(crate) struct Signature {
 
 /// An input or output of a graph.
 pub(crate) struct Outlet {
-    // The only element type that the images and features here have.
     pub is_f32: bool,
     /// Size of each dimension, or `None` if the graph leaves it open.
     pub shape: Vec<Option<usize>>,

@@ -113,7 +113,6 @@ impl Image {
 impl From<DynamicImage> for Image {
     fn from(image: DynamicImage) -> Self {
         let (width, height) = (image.width(), image.height());
-        // Four channels would take a third more memory for nothing.
         if !image.color().has_alpha() {
             return Self { width, height, rgb: image.into_rgb32f().into_raw() };
         }

@@ -167,7 +167,6 @@ pub fn imagenet_input() -> Convolution {
     let mut weight = vec![0.0; 9];
     let mut bias = vec![0.0; 3];
     for channel in 0..3 {
-        // The diagonal of a 3x3 matrix: (x - mean) / deviation.
         weight[channel * 4] = 1.0 / IMAGENET_STD_DEV[channel];
         bias[channel] = -IMAGENET_MEAN[channel] / IMAGENET_STD_DEV[channel];
     }

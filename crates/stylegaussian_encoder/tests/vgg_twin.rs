@@ -72,7 +72,6 @@ fn normalized_weights_match_the_twin() {
     let vgg = Vgg::new(&tensors, NORMALIZED, None, Border::Reflect, true);
     // Odd sizes: ceil pooling makes 53 -> 27 -> 14 and 37 -> 19 -> 10.
     check(&tensors, &vgg, (53, 37));
-    // The least side of any encoder.
     check(&tensors, &vgg, (8, 8));
 }
 

@@ -69,7 +69,6 @@ fn has_package(name: &str) -> bool {
 }
 
 fn has_sudo() -> bool {
-    // Asks whether sudo works without a password, by running nothing.
     Command::new("sudo").args(["-n", "true"]).output().is_ok_and(|output| output.status.success())
 }
 

@@ -14,7 +14,6 @@ use anyhow::{Context, Result, bail};
 /// The workspace's root folder.
 pub fn workspace_root() -> PathBuf {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    // `crates/xtask` is two levels below the root.
     here.ancestors().nth(2).unwrap_or(here).to_path_buf()
 }
 

@@ -14,7 +14,6 @@ use crate::{
 pub fn run() -> Result<()> {
     let mut steps = Steps::default();
     let outcome = run_all(&mut steps);
-    // Before the outcome is returned: a failure needs the summary most.
     steps.print_summary();
     let data = data_folder();
     if data.is_dir() {

@@ -49,7 +49,6 @@ pub(super) fn extract_wishes(
         }
     }
     for (entity, wish, transition) in &changed {
-        // A whole wish is copied, since cloning one only clones `Arc`s.
         let fade = transition.map_or(Duration::ZERO, |transition| transition.duration);
         wishes.0.insert(entity.into(), RenderWish { wish: wish.clone(), fade });
     }

@@ -63,7 +63,6 @@ pub(crate) fn upload_scenes(
     if scenes.settled && !clouds.is_changed() {
         return;
     }
-    // One borrow through `ResMut`, so that the fields below can be borrowed apart.
     let scenes = &mut *scenes;
     scenes.settled = true;
     // Also drops data that a changed asset has replaced. A task that still packs it is canceled.

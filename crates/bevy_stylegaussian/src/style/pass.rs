@@ -178,7 +178,6 @@ impl StylePasses {
         wish: FoldedWish,
         colors: &mut EntityColors,
     ) -> Result<Option<usize>, String> {
-        // `begin_frame` has made it.
         let Some(meter) = &mut self.meter else { return Ok(None) };
         let inputs = &wish.style.inputs;
         // A short list: one entry per scene and decoder that is styled. Equal `Arc`s mean equal features on the GPU.

@@ -63,7 +63,6 @@ fn small_encoder(seed: u64) -> Vec<u8> {
         weight: (0..8 * 27).map(|_| 0.3 * next()).collect(),
         bias: (0..8).map(|_| 0.5 + next()).collect(),
     };
-    // The biases are mostly positive, which keeps most ReLUs open.
     ChainWriter::new(3).reflect().convolution(&convolution, 0).relu().finish()
 }
 

@@ -164,7 +164,6 @@ mod tests {
     #[test]
     fn panics_become_errors() {
         assert_eq!(caught(|| Ok(7)), Ok(7));
-        // Otherwise the compiler refuses the index.
         let index = std::hint::black_box(3);
         let error = caught(|| Ok([1, 2][index])).unwrap_err();
         assert!(error.starts_with("the graph is malformed (index out of bounds"), "{error}");
