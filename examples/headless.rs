@@ -43,6 +43,7 @@ fn main() -> Result<()> {
     let camera = app.world_mut().spawn(camera).id();
     let scene: Handle<GaussianScene> = assets.load("demo.sgs");
     let splats = app.world_mut().spawn((GaussianSplats(scene.clone()), StyleSource::none())).id();
+    // Otherwise the first frames would be saved without the scene.
     while !app.world().resource::<Assets<GaussianScene>>().contains(&scene) {
         step(&mut app)?;
     }
@@ -51,12 +52,15 @@ fn main() -> Result<()> {
         if look > 0 && frame % FRAMES_PER_LOOK == 0 {
             let style = assets.load(format!("styles/{}.style.safetensors", LOOKS[look]));
             app.world_mut().entity_mut(splats).insert(StyleSource::preset(style));
+            // The picture waits for the style: frames here cost nothing but time.
             while !step(&mut app)? {}
         }
+        // By the frame's number and not by time, so that the same pictures come out on any machine.
         let eye = Quat::from_rotation_y(TAU * frame as f32 / N_FRAMES as f32) * Vec3::new(0.0, 4.3, 12.3);
         let eye = Transform::from_translation(eye).looking_at(0.1 * Vec3::Y, Vec3::Y);
         app.world_mut().entity_mut(camera).insert(eye);
         let save = screenshot::save_to_disk(out.join(format!("{frame:03}.png")));
+        // Spawned before the update that draws the frame that it takes.
         app.world_mut().spawn(screenshot::Screenshot::image(target.clone())).observe(save);
         step(&mut app)?;
         println!("{:>3} of {N_FRAMES}: {}", frame + 1, LOOKS[look]);
@@ -80,6 +84,7 @@ fn windowless_app() -> App {
     let splats = StyleGaussianPlugin { synchronous_pipeline_compilation: true };
     app.add_plugins((DefaultPlugins.set(window).set(files).set(drawing).disable::<WinitPlugin>(), splats));
     app.add_systems(Startup, backdrop::spawn);
+    // The renderer is created asynchronously. A runner would wait for it like this.
     while app.plugins_state() == PluginsState::Adding {
         bevy::tasks::tick_global_task_pools_on_main_thread();
     }
@@ -98,11 +103,13 @@ fn step(app: &mut App) -> Result<bool> {
         bail!("{}", failed.error);
     }
     let is_applied = world.resource_mut::<Messages<StyleApplied>>().drain().next().is_some();
+    // Bevy answers a render error by an exit, which only a runner would act on.
     app.should_exit().map_or(Ok(is_applied), |exit| bail!("the renderer gave up: {exit:?}"))
 }
 
 /// The middle frame of each style with its painting beside it, in three columns.
 fn contact_sheet(out: &Path) -> Result<RgbImage> {
+    // A cell is 480 + 6 + 270 wide and 270 high, with 8 between cells.
     let mut sheet = RgbImage::from_pixel(3 * 764 + 8, 3 * 278 + 8, image::Rgb([22, 27, 38]));
     let mut paste = |path: &Path, width: u32, x: i64, y: i64| -> Result<()> {
         let picture = image::open(path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -113,6 +120,7 @@ fn contact_sheet(out: &Path) -> Result<RgbImage> {
         let (x, y) = (8 + 764 * (index as i64 % 3), 8 + 278 * (index as i64 / 3));
         let paintings = ["jpg", "png"].map(|end| Path::new(ASSETS).join(format!("styles/{look}.{end}")));
         let painting = paintings.iter().find(|path| path.exists());
+        // The middle frame: the first one of a style is seen from where the last style ended.
         let frame = out.join(format!("{:03}.png", index * FRAMES_PER_LOOK + FRAMES_PER_LOOK / 2));
         paste(&frame, 480, if painting.is_some() { x } else { x + 138 }, y)?;
         painting.map_or(Ok(()), |painting| paste(painting, 270, x + 486, y))?;

@@ -80,6 +80,7 @@ fn follow_circles(mut circles: Query<(&Circle, &mut Transform)>, time: Res<Time>
         let angle = TAU * (circle.start + circle.speed * time.elapsed_secs());
         let level = Vec3::new(circle.radius * angle.cos(), circle.height, circle.radius * angle.sin());
         transform.translation = Quat::from_rotation_z(circle.tilt) * level;
+        // Turning about a second axis shows that edges against the splats are right at any angle.
         transform.rotation = Quat::from_rotation_y(-angle) * Quat::from_rotation_x(0.5 * angle);
     }
 }

@@ -38,6 +38,7 @@ pub struct OffAxis {
 impl CameraProjection for OffAxis {
     /// Reverse z without a far plane, like Bevy's own perspective.
     fn get_clip_from_view(&self) -> Mat4 {
+        // x_clip = (x + middle.x z) / half_size.x and w = -z: the middle of the image is where x / -z is `middle.x`.
         let (scale, shift) = (self.half_size.recip(), self.middle / self.half_size);
         Mat4::from_cols(
             Vec4::new(scale.x, 0.0, 0.0, 0.0),
@@ -50,6 +51,8 @@ impl CameraProjection for OffAxis {
     fn get_clip_from_view_for_sub(&self, sub: &SubCameraView) -> Mat4 {
         let (full, size) = (sub.full_size.as_vec2(), sub.size.as_vec2());
         let middle = (2.0 * sub.offset + size) / full - 1.0;
+        // The part of the image that `sub` names, stretched to the whole clip space. Its y points down, that of clip
+        // space up.
         let crop = Mat4::from_scale((full / size).extend(1.0))
             * Mat4::from_translation(Vec3::new(-middle.x, middle.y, 0.0));
         crop * self.get_clip_from_view()
@@ -60,10 +63,13 @@ impl CameraProjection for OffAxis {
     }
 
     fn far(&self) -> f32 {
+        // Only for the frustum and its culling: the projection itself has no far plane.
         1_000.0
     }
 
     fn get_frustum_corners(&self, z_near: f32, z_far: f32) -> [Vec3A; 8] {
+        // In the order of Bevy's perspective: bottom right, top right, top left, bottom left, first near and then
+        // far.
         let corners = [vec2(1.0, -1.0), vec2(1.0, 1.0), vec2(-1.0, 1.0), vec2(-1.0, -1.0)];
         let at = |z: f32| {
             corners.map(|corner| ((self.middle + corner * self.half_size) * z.abs()).extend(z).into())
@@ -88,6 +94,7 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     let head = Transform::from_xyz(0.0, 4.2, 11.2).looking_at(Vec3::ZERO, Vec3::Y);
     commands.spawn((head, Visibility::default())).with_children(|head| {
         for (order, x) in [-0.5 * EYE_DISTANCE, 0.5 * EYE_DISTANCE].into_iter().enumerate() {
+            // An eye left of the head has its screen to the right of it, and the other way round.
             let middle = Vec2::new(-x / SCREEN_DISTANCE, 0.0);
             let eye = OffAxis { half_size: Vec2::splat(0.5), middle, near: 0.1 };
             head.spawn((
@@ -103,8 +110,10 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
 
 /// Gives each eye its half of the window.
 fn place_eyes(mut eyes: Query<&mut Camera>, window: Single<&Window>) {
+    // A minimized window has no pixels, and a viewport needs one.
     let physical_size = (window.physical_size() / UVec2::new(2, 1)).max(UVec2::ONE);
     for mut eye in &mut eyes {
+        // Written only if it differs, so that change detection stays quiet.
         if eye.viewport.as_ref().is_none_or(|viewport| viewport.physical_size != physical_size) {
             let physical_position = UVec2::new(physical_size.x * eye.order as u32, 0);
             eye.viewport = Some(Viewport { physical_position, physical_size, ..default() });

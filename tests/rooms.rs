@@ -65,6 +65,7 @@ fn crate_paths(source: &str, module: &[&str]) -> BTreeSet<ModulePath> {
         if at > start && !is_visibility {
             at = tree_paths(&tokens, at, &root, &mut paths);
         } else {
+            // Not a path, or one that is passed over: at least one token further, so that the loop ends.
             at = at.max(start + 1);
         }
     }
@@ -79,6 +80,7 @@ fn tree_paths(tokens: &[String], mut at: usize, root: &[String], paths: &mut BTr
             at += 1;
             while tokens.get(at).is_some_and(|token| token != "}") {
                 at =
+                    // Broken source must not stop the loop either.
                     if tokens[at] == "," { at + 1 } else { tree_paths(tokens, at, &path, paths).max(at + 1) };
             }
             return at + 1;
@@ -108,6 +110,8 @@ fn tokens(source: &str) -> Vec<String> {
         } else if rest.starts_with("/*") {
             rest.find("*/").map_or(rest.len(), |end| end + 2)
         } else if rest.starts_with("'\"'") {
+            // The one character literal that would look like the start of a string. Lifetimes need no care: their
+            // names are words.
             3
         } else if rest.starts_with("r#\"") {
             rest.find("\"#").map_or(rest.len(), |end| end + 2)
@@ -320,6 +324,7 @@ fn modules_of(sources: &Path) -> BTreeMap<ModulePath, PathBuf> {
 /// For each module the modules that it imports.
 fn imports_of(sources: &BTreeMap<ModulePath, String>) -> BTreeMap<ModulePath, BTreeSet<ModulePath>> {
     let file_of = |path: &ModulePath| {
+        // The longest first: `scene::gpu::GpuScenes` is in the file of `scene::gpu`, not of `scene`.
         let prefixes = (1..=path.len()).rev().map(|n| path[..n].to_vec());
         prefixes.into_iter().find(|prefix| sources.contains_key(prefix))
     };

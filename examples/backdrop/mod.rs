@@ -23,10 +23,12 @@ pub fn spawn(
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
     let mut mesh = Sphere::new(RADIUS).mesh().uv(32, 96);
+    // Nothing reads the sphere after it is uploaded.
     mesh.asset_usage = RenderAssetUsages::RENDER_WORLD;
     let positions = mesh.attribute(Mesh::ATTRIBUTE_POSITION).and_then(VertexAttributeValues::as_float3);
     let colors: Vec<_> = positions.into_iter().flatten().map(|p| color_at(p[1] / RADIUS)).collect();
     mesh.insert_attribute(Mesh::ATTRIBUTE_COLOR, colors);
+    // Seen from inside, so back faces must not be culled.
     let material = StandardMaterial { unlit: true, fog_enabled: false, cull_mode: None, ..default() };
     commands.spawn((Mesh3d(meshes.add(mesh)), MeshMaterial3d(materials.add(material)), NoFrustumCulling));
 }

@@ -37,6 +37,8 @@ impl Orbit {
     /// Shows the whole scene, slightly from above.
     pub fn frame(&mut self, scene: &ShownScene) {
         let (center, radius) = scene.extent;
+        // At radius / sin(half the angle), a sphere fills the height exactly. Captures are seldom round, so a little
+        // nearer.
         let distance = 0.85 * radius / (0.5 * FIELD_OF_VIEW).sin();
         *self = Self { target: scene.world_from_scene() * center, distance, yaw: 0.0, pitch: 0.35 };
     }
@@ -52,6 +54,7 @@ impl Orbit {
 
     fn turn(&mut self, by: Vec2) {
         self.yaw -= by.x * TURN;
+        // Not quite the poles, where left and right would swap.
         self.pitch = (self.pitch + by.y * TURN).clamp(0.01 - FRAC_PI_2, FRAC_PI_2 - 0.01);
     }
 }
@@ -72,6 +75,7 @@ pub fn spawn(mut commands: Commands) {
         Msaa::Off,
         RenderLayers::none(),
         Camera {
+            // Over the scene: its picture is blended and the scene's is not cleared.
             order: 1,
             output_mode: CameraOutputMode::Write {
                 blend_state: Some(BlendState::ALPHA_BLENDING),
@@ -99,6 +103,7 @@ pub fn drag(
     let is_on_picture = !is_on_panel && !egui.wants_any_pointer_input();
     if scroll.delta.y != 0.0 && is_on_picture {
         let pixels_per_step = if scroll.unit == MouseScrollUnit::Pixel { 40.0 } else { 1.0 };
+        // Exponential, so that a step in and a step out cancel at any distance.
         orbit.distance *= (-ZOOM * scroll.delta.y / pixels_per_step).exp();
     }
     // Movement of the cursor, since remote desktops do not report raw mouse movement.
@@ -115,6 +120,7 @@ pub fn drag(
         orbit.turn(motion);
     } else if buttons.pressed(MouseButton::Right) {
         let eye = orbit.transform().translation;
+        // Looking around keeps the eye in place and moves the target around it.
         orbit.turn(0.5 * motion);
         orbit.target = eye - orbit.rotation() * Vec3::Z * orbit.distance;
     } else if buttons.pressed(MouseButton::Middle) {
@@ -134,6 +140,7 @@ pub fn fly(
         orbit.frame(&scene);
     }
     let axis = |forth, back| f32::from(keys.pressed(forth)) - f32::from(keys.pressed(back));
+    // The camera looks along -z, so S is positive.
     let ahead = Vec3::new(axis(KeyCode::KeyD, KeyCode::KeyA), 0.0, axis(KeyCode::KeyS, KeyCode::KeyW));
     let step = orbit.rotation() * ahead + Vec3::Y * axis(KeyCode::KeyE, KeyCode::KeyQ);
     if step != Vec3::ZERO {
@@ -150,7 +157,9 @@ pub fn place(
     panel: Res<Panel>,
 ) {
     let (orbit, mut transform, mut camera) = camera.into_inner();
+    // A transform that is written in each frame would count as changed and be propagated each time.
     transform.set_if_neq(orbit.transform());
+    // The panel is in points, a viewport in pixels.
     let left = (panel.width() * window.scale_factor()).round() as u32;
     let size = window.physical_size();
     let viewport = (left > 0 && left < size.x && size.y > 0).then(|| Viewport {
@@ -160,6 +169,7 @@ pub fn place(
     });
     let rect =
         |viewport: &Option<Viewport>| viewport.as_ref().map(|v| (v.physical_position, v.physical_size));
+    // `Viewport` has no equality.
     if rect(&camera.viewport) != rect(&viewport) {
         camera.viewport = viewport;
     }

@@ -25,6 +25,7 @@ enum Kind {
 /// The kind of a file by its name, or `None` if it is unknown.
 fn kind(path: &Path) -> Option<Kind> {
     let name = path.file_name()?.to_str()?.to_ascii_lowercase();
+    // Before the last extension: other `.safetensors` files are no styles.
     if name.ends_with(".style.safetensors") {
         return Some(Kind::Style);
     }
@@ -45,6 +46,7 @@ pub fn open_arguments(
     shown.load(&from_here(&arguments.scene), &assets);
     for path in &arguments.styles {
         let index = styles.add(&from_here(path), &assets);
+        // And not `select`, which would leave the last one alone.
         styles.list[index].weight = 1.0;
     }
 }
@@ -68,6 +70,7 @@ pub fn open(
 ) {
     for OpenFile(path) in opened.read() {
         let path = from_here(path);
+        // The last file's error says nothing about this one.
         notice.clear();
         match kind(&path) {
             _ if !path.is_file() => notice.fail(format!("{}: there is no such file", path.display())),

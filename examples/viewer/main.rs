@@ -53,6 +53,7 @@ fn main() -> AppExit {
         )
         .add_plugins((StyleGaussianPlugin::default(), EguiPlugin::default()))
         .add_plugins(FrameTimeDiagnosticsPlugin::default())
+        // `camera::spawn` gives the panel a camera of its own.
         .insert_resource(EguiGlobalSettings { auto_create_primary_context: false, ..default() })
         .insert_resource(files::CommandLine { scene, styles: arguments.collect() })
         .init_resource::<panel::Panel>()
@@ -64,6 +65,8 @@ fn main() -> AppExit {
         .add_systems(Startup, backdrop::spawn)
         .add_systems(
             Startup,
+            // Chained: the resources that the first two insert are there when the files of the command line are
+            // opened.
             (styles::list_shipped, scene::spawn, camera::spawn, files::open_arguments).chain(),
         )
         .add_systems(
@@ -78,6 +81,7 @@ fn main() -> AppExit {
         )
         .add_systems(
             PostUpdate,
+            // Before transforms are propagated, or camera and splats would lag behind by a frame.
             (styles::apply, scene::turn_up, camera::place).before(TransformSystems::Propagate),
         )
         .add_systems(EguiPrimaryContextPass, panel::draw)

@@ -126,6 +126,7 @@ pub struct Shown<'w> {
 
 /// Draws the panel at the left of the window.
 pub fn draw(mut contexts: EguiContexts, mut shown: Shown, images: Res<Assets<Image>>) -> Result {
+    // Taken, so that only one frame is drawn without the panel.
     if std::mem::take(&mut shown.panel.is_omitted) || shown.panel.is_hidden {
         return Ok(());
     }
@@ -193,6 +194,7 @@ fn scene(ui: &mut Ui, shown: &mut Shown) {
                 .on_hover_text(said);
             ui.label("up");
         });
+        // From now on it is the user's choice and no longer the file's.
         if shown.scene.up != before {
             shown.scene.up_is_told = false;
         }
@@ -201,6 +203,7 @@ fn scene(ui: &mut Ui, shown: &mut Shown) {
         let hint = "scene, image or style: drop it, or its path";
         let field =
             ui.add(TextEdit::singleline(&mut shown.panel.path).hint_text(hint).desired_width(WIDTH - 78.0));
+        // egui takes the focus away on Enter, but also on a click elsewhere.
         let entered = field.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
         if (ui.button("Open").clicked() || entered) && !shown.panel.path.trim().is_empty() {
             shown.opened.write(OpenFile(shown.panel.path.trim().into()));
@@ -211,6 +214,7 @@ fn scene(ui: &mut Ui, shown: &mut Shown) {
 /// The captured colors, then every style with its weight.
 fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
     let total = styles.total();
+    // Noted, and applied after the loop that borrows the list.
     let mut selected = None;
     let n_tiles = styles.list.len() + 1;
     for first in (0..n_tiles).step_by(3) {

@@ -47,6 +47,7 @@ pub fn take_screenshot(
     if !wishes.read().any(|wish| *wish == Save::Screenshot) {
         return;
     }
+    // The screenshot is of this very frame, in which the panel has not been drawn yet.
     panel.omit_once();
     let name = shown.name.clone();
     commands.spawn(Screenshot::primary_window()).observe(
@@ -76,6 +77,7 @@ pub fn save_scene(
     let (splats, style) = *splats;
     let (Some(extension), Some(scene)) = (extension, scenes.get(&splats.0)) else { return };
     let (name, scene, style) = (shown.name.clone(), scene.scene().clone(), style.cloned());
+    // Colors of a large scene take seconds to decode, and the window must not freeze.
     saving.0 = Some(AsyncComputeTaskPool::get().spawn(async move {
         let path = new_path(&name, extension)?;
         match style {
@@ -102,6 +104,7 @@ pub fn finish_scene(mut saving: ResMut<Saving>, mut notice: ResMut<Notice>) {
 fn new_path(scene: &str, extension: &str) -> Result<PathBuf, String> {
     fs::create_dir_all(FOLDER).map_err(|error| format!("{FOLDER}: {error}"))?;
     let stem = scene.rsplit_once('.').map_or(scene, |(stem, _)| stem);
+    // A new number each time: saving never overwrites a file.
     let mut paths = (1..).map(|number| PathBuf::from(format!("{FOLDER}/{stem}_{number:03}.{extension}")));
     paths.find(|path| !path.exists()).ok_or_else(|| format!("{FOLDER} is full"))
 }

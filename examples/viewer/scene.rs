@@ -63,6 +63,7 @@ pub fn show_loaded(
     scenes: Res<Assets<GaussianScene>>,
     assets: Res<AssetServer>,
 ) {
+    // Put back below if it is still being loaded.
     let Some((path, handle)) = shown.loading.take() else { return };
     if let Some(LoadState::Failed(error)) = assets.get_load_state(&handle) {
         return notice.fail(error.to_string());
@@ -84,6 +85,7 @@ pub fn show_loaded(
     let (mut splats, source) = entity.into_inner();
     splats.0 = handle;
     orbit.frame(&shown);
+    // The plugin styles a new scene by itself, from its captured colors.
     *transfer = Transfer { is_under_way: !source.is_none(), ..default() };
     notice.clear();
 }
@@ -95,12 +97,14 @@ pub fn turn_up(shown: Res<ShownScene>, mut splats: Single<&mut Transform, With<G
 
 /// Center and radius of the bulk of a scene. Captures have a few Gaussians far away, which are ignored.
 fn extent(means: &[Vec3]) -> (Vec3, f32) {
+    // Enough for percentiles, and sorted in a few milliseconds.
     const N_SAMPLES: usize = 20_000;
     let samples = means.iter().step_by(means.len().div_ceil(N_SAMPLES).max(1));
     let [(x, width), (y, height), (z, depth)] = [0, 1, 2].map(|axis| {
         let mut values: Vec<f32> = samples.clone().map(|mean| mean[axis]).collect();
         values.sort_by(f32::total_cmp);
         let at = |part: usize| values.get(values.len() * part / 100).copied().unwrap_or(0.0);
+        // Percentiles 3 and 97 of each axis: floaters are few and far away, so they fall outside.
         ((at(3) + at(97)) / 2.0, at(97) - at(3))
     });
     (Vec3::new(x, y, z), (Vec3::new(width, height, depth).length() / 2.0).max(0.1))

@@ -47,6 +47,7 @@ impl Styles {
             }
             (stem, _) => (StyleInput::Preset(assets.load(path.to_owned())), stem.unwrap_or(&name).to_owned()),
         };
+        // Handles of the same path are equal while one of them is alive, so a file is listed once.
         let listed = self.list.iter().position(|style| style.input == input);
         listed.unwrap_or_else(|| {
             self.list.push(Style { name, input, picture, weight: 0.0 });
@@ -87,6 +88,7 @@ pub fn list_shipped(mut commands: Commands, assets: Res<AssetServer>) {
     let folder = fs::read_dir(Path::new(ASSETS).join("styles")).into_iter().flatten().flatten();
     let mut presets: Vec<_> = folder.map(|entry| entry.path()).collect();
     presets.retain(|path| path.to_string_lossy().ends_with(PRESET));
+    // The order of a folder is arbitrary, and keys count on it.
     presets.sort();
     let mut styles = Styles { fade_in_seconds: 0.5, ..default() };
     for preset in presets {
@@ -114,6 +116,7 @@ pub fn apply(
     mut transfer: ResMut<Transfer>,
 ) {
     let (mut source, mut transition) = scene.into_inner();
+    // Only a real change may touch the component: `Changed<StyleSource>` would restyle in each frame.
     if source.set_if_neq(styles.source()) {
         transfer.is_under_way = !source.is_none();
     }

@@ -41,11 +41,13 @@ pub fn draw(ui: &mut Ui, tile: &Tile) -> bool {
             painter.add(land_and_sky(rect));
         }
     }
+    // A dark strip, so that the caption can be read on any painting.
     let strip = Rect::from_min_max(pos2(rect.left(), rect.bottom() - CAPTION), rect.max);
     painter.rect_filled(strip, 0, Color32::from_black_alpha(215));
     let font = FontId::proportional(11.5);
     let percent = tile.percent.map_or_else(String::new, |percent| format!("{percent:.0}%"));
     let right = rect.right_bottom() + vec2(-5.0, -0.5 * CAPTION);
+    // Drawn first: the caption takes the room that it leaves.
     let percent = painter.text(right, Align2::RIGHT_CENTER, percent, font.clone(), ACCENT);
     let left = rect.left_bottom() + vec2(5.0, -0.5 * CAPTION);
     let beside = Rect::from_min_max(strip.min, pos2(percent.left() - 3.0, strip.bottom()));
@@ -67,6 +69,7 @@ pub fn weight(ui: &mut Ui, weight: &mut f32) {
 
 /// A picture for the captured colors: blue above, green below.
 fn land_and_sky(rect: Rect) -> Mesh {
+    // Each band has vertices of its own, so that the horizon stays sharp.
     let sky = [Color32::from_rgb(92, 140, 199), Color32::from_rgb(219, 224, 222)];
     let land = [Color32::from_rgb(122, 160, 74), Color32::from_rgb(52, 96, 40)];
     let mut mesh = Mesh::default();
@@ -87,6 +90,7 @@ fn land_and_sky(rect: Rect) -> Mesh {
 
 /// The part of a texture that fills a square.
 fn middle_square(ratio: f32) -> Rect {
+    // In the texture's own coordinates, where the longer side is cut.
     let size = vec2((1.0 / ratio).min(1.0), ratio.min(1.0));
     Rect::from_center_size(pos2(0.5, 0.5), size)
 }

@@ -13,6 +13,7 @@ pub(crate) struct SynchronousCompilation(pub(crate) bool);
 /// A value that is being built by a task, or is ready.
 pub(crate) enum Background<T> {
     /// The task that builds it.
+    // Dropping the value drops the task, and Bevy cancels a task that is dropped.
     Building(Task<T>),
     /// The value.
     Ready(T),
@@ -35,6 +36,7 @@ impl<T: Send + 'static> Background<T> {
     /// The value, or `None` if it is still being built.
     pub(crate) fn poll(&mut self) -> Option<&T> {
         if let Self::Building(task) = self {
+            // A finished task must not be polled again, so its value replaces it at once.
             *self = Self::Ready(check_ready(task)?);
         }
         self.get()

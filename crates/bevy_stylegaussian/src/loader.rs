@@ -35,6 +35,7 @@ pub(crate) enum LoadError {
 
 /// Loads assets of type `A`.
 #[derive(TypePath)]
+// `fn() -> A` is `Send` and `Sync` whatever `A` is.
 pub(crate) struct FileLoader<A: TypePath>(PhantomData<fn() -> A>);
 
 impl<A: TypePath> Default for FileLoader<A> {
@@ -54,6 +55,7 @@ impl<A: FromFile> AssetLoader for FileLoader<A> {
         _settings: &(),
         context: &mut LoadContext<'_>,
     ) -> Result<A, LoadError> {
+        // The task below must own the path: it cannot borrow the context.
         let path = context.path().to_string();
         let mut bytes = Vec::new();
         if let Err(source) = reader.read_to_end(&mut bytes).await {

@@ -28,6 +28,7 @@ impl Plugin for StyleGaussianPlugin {
         app.add_plugins(GaussianSplatsPlugin {
             synchronous_pipeline_compilation: self.synchronous_pipeline_compilation,
         })
+        // Scenes first: a style that is requested in the same frame needs the attached scene.
         .configure_sets(PostUpdate, (StyleGaussianSystems::Scenes, StyleGaussianSystems::Styles).chain())
         .add_plugins(StylePlugin);
     }

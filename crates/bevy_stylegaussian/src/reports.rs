@@ -8,6 +8,7 @@ use bevy::prelude::*;
 #[derive(Resource)]
 pub(crate) struct Reports<T>(Arc<Mutex<Vec<T>>>);
 
+// By hand: a derived `Clone` would ask for `T: Clone`. The same holds for `Default`.
 impl<T> Clone for Reports<T> {
     fn clone(&self) -> Self {
         Self(Arc::clone(&self.0))
@@ -29,6 +30,8 @@ impl<T> Reports<T> {
 
     /// Removes and returns all reports, oldest first.
     pub(crate) fn take(&self) -> Vec<T> {
+        // The lock is held for a swap or a push and never while another is taken, so the worlds cannot block each
+        // other.
         std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }

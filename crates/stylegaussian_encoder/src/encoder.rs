@@ -99,6 +99,7 @@ impl Encoder {
     pub fn open(path: &Path) -> Result<Self, EncoderError> {
         let read = |source| EncoderError::Read { path: path.into(), source };
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+        // By extension and not by content: a protobuf message has no marker to know it by.
         let onnx = match extension.to_ascii_lowercase().as_str() {
             "onnx" => fs::read(path).map_err(read)?,
             "safetensors" | "pth" | "pt" => vgg::graph(&Weights::open(path)?)?,
@@ -106,6 +107,8 @@ impl Encoder {
         };
         let id = EncoderId {
             name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+            // Of the file and not of the graph: the graph that is written from weights may change with this crate,
+            // the features do not.
             hash: hash(fs::File::open(path).map_err(read)?).map_err(read)?,
         };
         Self::new(id, Network::load(path.display().to_string(), onnx)?)
@@ -171,6 +174,7 @@ impl Encoder {
         if self.input_size().is_none() && width.min(height) < min_side {
             return Err(EncoderError::ImageTooSmall { width, height, min_side });
         }
+        // The fields of `Image` are public, so its size may not fit its values.
         if image.rgb.len() != n_pixels * 3 {
             return Err(EncoderError::ImageValues { width, height, found: image.rgb.len() });
         }
@@ -195,8 +199,10 @@ fn least_side(network: &Network) -> Result<u32, EncoderError> {
         return Ok(MIN_SIDE);
     }
     let run = |height, width| network.run(&network.gray(height, width));
+    // 65 x 71: odd, not square, and no multiple of a stride. A graph that fails here would fail on users' images.
     run(PROBE_SIDE + 1, PROBE_SIDE + 7)?;
     let sides = [MIN_SIDE, 2 * MIN_SIDE, 4 * MIN_SIDE];
+    // The powers of two up to the probe: exact enough for an error's message, at the cost of three small runs.
     let least = sides.into_iter().find(|&side| run(side as usize, side as usize).is_ok());
     Ok(least.unwrap_or(PROBE_SIDE as u32))
 }
@@ -217,5 +223,6 @@ fn check_finite(network: &Network, input: &Planes, output: &Planes) -> Result<()
 fn hash(mut file: impl io::Read) -> io::Result<String> {
     let mut hasher = Sha256::new();
     io::copy(&mut file, &mut hasher)?;
+    // 64 bits tell the few encoders of a project apart and stay readable in a message.
     Ok(hasher.finalize()[..8].iter().map(|byte| format!("{byte:02x}")).collect())
 }

@@ -72,6 +72,7 @@ impl Image {
 
         let mut reader = ImageReader::open(path).map_err(read)?.with_guessed_format().map_err(read)?;
         let mut limits = Limits::default();
+        // For what the decoder allocates by itself. The size of the pixels is checked below.
         limits.max_alloc = Some(MAX_DECODER_BYTES);
         reader.limits(limits);
         let mut decoder = reader.into_decoder().map_err(decode)?;
@@ -81,6 +82,7 @@ impl Image {
         {
             return Err(ImageError::TooLarge { path: path.into(), width, height });
         }
+        // Asked of the decoder, since the decoded image no longer knows it.
         let orientation = decoder.orientation().map_err(decode)?;
         let mut image = DynamicImage::from_decoder(decoder).map_err(decode)?;
         image.apply_orientation(orientation);

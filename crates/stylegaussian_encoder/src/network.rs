@@ -96,6 +96,7 @@ impl Network {
         };
         let input = image_like(&name, "input", &signature.inputs)?;
         // ONNX Runtime would take this input; the probe would have to allocate it.
+        // In f64, since the product of three sizes from a file may overflow a `usize`.
         if input.iter().flatten().map(|&size| size as f64).product::<f64>() > MAX_VALUES as f64 {
             return Err(NetworkError::Signature {
                 name,
@@ -151,6 +152,7 @@ impl Network {
     /// A gray RGB image of this size, or of the graph's own size if it fixes one.
     pub(crate) fn gray(&self, height: usize, width: usize) -> Planes {
         let [_, fixed_height, fixed_width] = self.input;
+        // Three channels in any case: a graph of another number is refused by `check_input`, with a message.
         let (height, width) = (fixed_height.unwrap_or(height), fixed_width.unwrap_or(width));
         Planes { channels: 3, height, width, values: vec![0.5; 3 * height * width] }
     }
@@ -158,6 +160,7 @@ impl Network {
     fn check_input(&self, input: &Planes) -> Result<(), NetworkError> {
         let found = [input.channels, input.height, input.width];
         let fits = self.input.iter().zip(found).all(|(fixed, size)| fixed.is_none_or(|fixed| fixed == size));
+        // The fields are public, so their product may overflow.
         let n_values = found.iter().try_fold(1_usize, |product, &size| product.checked_mul(size));
         if fits && n_values == Some(input.values.len()) && !input.values.is_empty() {
             return Ok(());

@@ -27,6 +27,7 @@ pub struct Place(String);
 
 /// A chain of layers over a tensor `[1, channels, height, width]`, of any height and width.
 pub struct ChainWriter {
+    // Apart, since a layer adds to several of them and the file lists each kind as a whole.
     nodes: Message,
     initializers: Message,
     descriptions: Message,
@@ -62,6 +63,7 @@ impl ChainWriter {
     /// Reflection padding of `before` pixels above and to the left, and of `after` below and to the right.
     pub fn reflect_by(mut self, before: u32, after: u32) -> Self {
         let [before, after] = [before, after].map(i64::from);
+        // All begins come before all ends: batch, channel, row, column.
         let pads = self.integers(&[0, 0, before, before, 0, 0, after, after]);
         self.node("Pad", &[&pads], &[Attribute::Text("mode", "reflect")]);
         self
@@ -124,9 +126,11 @@ impl ChainWriter {
 
     /// Doubles width and height: each pixel becomes a 2x2 block.
     pub fn upsample(mut self) -> Self {
+        // `Resize` takes the scales as its third input. The second one, a region of interest, stays empty.
         let scales = self.floats(&[4], &[1.0, 1.0, 2.0, 2.0]);
         let attributes = [
             Attribute::Text("mode", "nearest"),
+            // Together with `floor`: pixel x of the output copies pixel x / 2 of the input.
             Attribute::Text("coordinate_transformation_mode", "asymmetric"),
             Attribute::Text("nearest_mode", "floor"),
         ];
@@ -141,6 +145,8 @@ impl ChainWriter {
             .append(self.nodes)
             .text(2, "chain")
             .append(self.initializers)
+            // Named sizes may have any value. Two names for the output's, since the graph itself relates them to the
+            // input's.
             .message(11, value_info("v0", self.input_channels, ["height", "width"]))
             .message(12, value_info(&output, self.channels, ["output_height", "output_width"]));
         Message::default()
@@ -177,10 +183,12 @@ impl ChainWriter {
 
     fn integers(&mut self, values: &[i64]) -> String {
         let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        // `raw_data` is little-endian whatever the machine.
         self.initializer(&[values.len()], INT64, &bytes)
     }
 
     fn initializer(&mut self, shape: &[usize], data_type: u64, bytes: &[u8]) -> String {
+        // The number of bytes so far grows with each initializer, so no name comes twice.
         let name = format!("c{}", self.initializers.0.len());
         let mut tensor = Message::default();
         for &size in shape {

@@ -29,6 +29,7 @@ pub struct Runtime {
 impl Runtime {
     /// The engine of this process, chosen at the first call.
     pub fn get() -> &'static Self {
+        // Once per process, since ort allows one environment in it.
         static RUNTIME: OnceLock<Runtime> = OnceLock::new();
         RUNTIME.get_or_init(|| {
             let library = env::var_os(DYLIB_VARIABLE).filter(|path| !path.is_empty());
@@ -70,6 +71,7 @@ impl Runtime {
         };
         // ort allows one environment in a process and hands it to nobody but its maker. If another part of the program
         // has made it, that part keeps it.
+        // Telemetry is a default of ONNX Runtime on Windows. A library must not turn it on for its users.
         match builder.with_name("stylegaussian").with_telemetry(false).build() {
             Ok(environment) => {
                 let name = format!("ONNX Runtime {}, {}", onnx_runtime_version(path), path.display());
@@ -86,6 +88,7 @@ impl Runtime {
 /// From the file's name (`libonnxruntime.so.1.24.1`), else from `ORT Build Info: git-branch=rel-1.24.1, ...`: `ort`
 /// has no other source of the version, and not every build's branch is named after it.
 fn onnx_runtime_version(path: &Path) -> String {
+    // Through symbolic links: `libonnxruntime.so` is usually a link to the file with the version.
     let file = path.canonicalize().unwrap_or_else(|_| path.into());
     let in_name = file.file_name().and_then(|name| version_in(&name.to_string_lossy()));
     let in_info = || between(ort::info(), "git-branch=", ',').and_then(version_in);
@@ -96,6 +99,7 @@ fn onnx_runtime_version(path: &Path) -> String {
 fn version_in(text: &str) -> Option<String> {
     let mut numbers =
         text.split(|c: char| !c.is_ascii_digit() && c != '.').map(|part| part.trim_matches('.'));
+    // A single number may be anything, such as the 64 of an architecture.
     numbers.find(|number| number.contains('.')).map(String::from)
 }
 

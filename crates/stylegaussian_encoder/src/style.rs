@@ -30,6 +30,7 @@ impl StyleSize {
         match self {
             Self::Squash256 => (256, 256),
             Self::Area(area) => {
+                // In f64: the product may overflow a `u32`.
                 let n_pixels = f64::from(width) * f64::from(height);
                 let factor = (f64::from(area) / n_pixels).sqrt().min(1.0);
                 // A thin image keeps enough pixels to be encoded, but is not enlarged to that.
@@ -55,6 +56,7 @@ impl StyleSize {
 /// As [`Encoder::encode`].
 pub fn style_features(encoder: &Encoder, image: &Image, size: StyleSize) -> Result<FeatureMap, EncoderError> {
     match encoder.input_size() {
+        // A graph of one size leaves no choice, so `size` does not apply.
         Some((width, height)) => encoder.encode(&image.resized(width, height)),
         None => encoder.encode(&size.resize(image)),
     }
@@ -82,6 +84,7 @@ mod tests {
     #[test]
     fn area_keeps_proportions_and_never_enlarges() {
         let size = StyleSize::default();
+        // 2048 x 512 has four times 512 x 512 pixels, so both sides are halved.
         assert_eq!(size.of(2048, 512), (1024, 256));
         assert_eq!(size.of(512, 512), (512, 512));
         assert_eq!(size.of(100, 200), (100, 200));

@@ -77,6 +77,7 @@ pub enum Layout {
 impl Layout {
     /// Recognizes the layout by the tensors' names; `None` if it is unknown.
     pub fn of(weights: &Weights) -> Option<Self> {
+        // The distilled layout first: it has the names of the normalized one as well.
         if weights.contains("conv3_1_aux.weight") {
             Some(Self::Distilled)
         } else if weights.contains("features.0.weight") {
@@ -127,6 +128,7 @@ pub fn graph(weights: &Weights) -> Result<Vec<u8>, WeightsError> {
     let mut n_inputs = 3;
     for (index, convolution) in CONVOLUTIONS[..N_CONVOLUTIONS].iter().enumerate() {
         if convolution.pools_before {
+            // AdaIN's Torch model pools with `ceil_mode`, torchvision and the distillation do not.
             chain = chain.max_pool(layout == Layout::Normalized);
         }
         let name = match folded_input {

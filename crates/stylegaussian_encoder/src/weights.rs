@@ -20,6 +20,7 @@ pub struct Weights {
 }
 
 enum Source {
+    // The bytes and not the parsed header, which borrows them. Parsing it again for each tensor is cheap.
     Safetensors(Vec<u8>),
     Pytorch(StateDict),
 }
@@ -131,6 +132,7 @@ impl Weights {
             Source::Safetensors(bytes) => self.safetensors_tensor(bytes, name, shape)?,
             Source::Pytorch(state) => self.pytorch_tensor(state, name, shape)?,
         };
+        // Found here, the error names the tensor. Later it would be a feature without a cause.
         match values.iter().position(|value| !value.is_finite()) {
             None => Ok(values),
             Some(index) => Err(WeightsError::NotFinite {
@@ -164,6 +166,7 @@ impl Weights {
         shape: &[usize],
     ) -> Result<Vec<f32>, WeightsError> {
         let found = state.shape(name).ok_or_else(|| self.missing(name))?;
+        // Before the values are read, so that a header of absurd size allocates nothing.
         if found != shape {
             return Err(self.unexpected(name, "a tensor", found, shape));
         }

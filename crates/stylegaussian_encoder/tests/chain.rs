@@ -6,6 +6,7 @@ use stylegaussian_encoder::{
 };
 
 /// The sum of a 3x3 neighborhood, less 45.
+// 45 is the sum of 1 to 9, so the middle of that image gives 0 and a shifted kernel shows.
 fn box_sum() -> Convolution {
     Convolution { shape: [1, 1, 3, 3], weight: vec![1.0; 9], bias: vec![-45.0] }
 }
@@ -39,6 +40,7 @@ fn zeros_lie_beyond_the_border() {
 
 #[test]
 fn pooling_rounds_up_or_down() {
+    // After the ReLU the rows read 0 0 0 / 0 0 3 / 6 9 12.
     let chain = || ChainWriter::new(1).reflect().convolution(&box_sum(), 0).relu();
     assert_eq!(run(chain().max_pool(true)), plane(2, 2, &[0.0, 3.0, 9.0, 12.0]));
     assert_eq!(run(chain().max_pool(false)), plane(1, 1, &[0.0]));
@@ -62,10 +64,12 @@ fn one_network_takes_any_size() {
     let network = Network::load("chain", ChainWriter::new(1).relu().max_pool(true).finish()).unwrap();
     assert_eq!(network.input(), [Some(1), None, None]);
     assert_eq!(network.output_channels(), Some(1));
+    // The first size comes again: a run must leave nothing of the last one behind.
     for (height, width) in [(2, 2), (5, 3), (2, 2), (64, 31)] {
         let values = (0..height * width).map(|i| i as f32).collect();
         let found = network.run(&Planes { channels: 1, height, width, values }).unwrap();
         assert_eq!((found.height, found.width), (height.div_ceil(2), width.div_ceil(2)));
+        // Values grow with the index, so the maximum of the last window is the last value.
         assert_eq!(found.values.last(), Some(&((height * width - 1) as f32)));
     }
 }

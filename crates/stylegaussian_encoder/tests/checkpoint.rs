@@ -52,10 +52,12 @@ fn tensor(key: &str, shape: &[usize]) -> Vec<u8> {
     let strides: Vec<_> = (0..shape.len()).map(|axis| integer(shape[axis + 1..].iter().product())).collect();
     let sizes: Vec<_> = shape.iter().map(|&size| integer(size)).collect();
     let arguments = [
+        // `BINPERSID`: the storage is named here, its values follow after the pickles.
         [tuple(&storage), b"Q".to_vec()].concat(),
         integer(0),
         tuple(&sizes),
         tuple(&strides),
+        // `requires_grad` is False, and there are no backward hooks.
         b"\x89".to_vec(),
         b"}".to_vec(),
     ];
@@ -67,6 +69,7 @@ fn pickle(value: &[u8]) -> Vec<u8> {
 }
 
 fn checkpoint(tensors: &[(String, Vec<usize>)]) -> Vec<u8> {
+    // `sys_info`, the third pickle of the format. `\x88` is True.
     let system =
         [b"}(", &text("protocol_version")[..], &integer(1001), &text("little_endian"), b"\x88u"].concat();
     let entry = |(index, (name, shape)): (usize, &(String, Vec<usize>))| {
@@ -75,6 +78,7 @@ fn checkpoint(tensors: &[(String, Vec<usize>)]) -> Vec<u8> {
     let entries: Vec<Vec<u8>> = tensors.iter().enumerate().map(entry).collect();
     let dictionary = [b"}(", &entries.concat()[..], b"u"].concat();
     let keys: Vec<Vec<u8>> = (0..tensors.len()).map(|index| text(&index.to_string())).collect();
+    // PyTorch's magic number 0x1950a86a20f9469cfc6c as a pickled `LONG1` of ten bytes.
     let mut bytes = pickle(b"\x8a\x0al\xfc\x9cF\xf9 j\xa8P\x19");
     bytes.extend(pickle(&integer(1001)));
     bytes.extend(pickle(&system));
@@ -116,17 +120,20 @@ fn broken_checkpoints_name_the_file_and_the_tensor() {
         Encoder::open(&path).err().expect("a broken checkpoint opened").to_string()
     };
     let whole = checkpoint(&tensors());
+    // Within the magic number, within the dictionary, and within the values.
     for length in [10, 100, whole.len() / 2, whole.len() - 1] {
         let message = failure(&whole[..length]);
         assert!(message.contains("vgg19.pth"), "{message}");
     }
 
     let mut changed = tensors();
+    // The fifth tensor is conv2_1's weight.
     changed[4].1 = vec![128, 64, 5, 5];
     let message = failure(&checkpoint(&changed));
     assert!(message.contains("features.5.weight") && message.contains("[128, 64, 3, 3]"), "{message}");
 
     let mut vgg_16 = tensors();
+    // conv4_1 of VGG-16. In VGG-19 this module is a ReLU and has no tensors.
     vgg_16.push(("features.17.weight".into(), vec![1]));
     assert!(failure(&checkpoint(&vgg_16)).contains("VGG-16"));
 }

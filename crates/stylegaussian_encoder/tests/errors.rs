@@ -81,6 +81,7 @@ fn unknown_extension() {
 #[test]
 fn missing_tensor() {
     let message = failure("vgg.safetensors", &vgg("conv2_2.weight", &[], 0.0));
+    // Of ten tensors nine are left, and the message lists the first six.
     contains_all(&message, &["conv2_2.weight", "conv1_1_rgb01.bias", "and 3 more"]);
 }
 
@@ -99,6 +100,7 @@ fn weights_that_are_no_numbers() {
 #[test]
 fn truncated_safetensors() {
     let whole = vgg("", &[], 0.0);
+    // Before, within and after the header's length of 8 bytes, and within the header and the data.
     for length in [0, 4, 8, 200, whole.len() / 2, whole.len() - 1] {
         failure("vgg.safetensors", &whole[..length]);
     }
@@ -141,6 +143,8 @@ fn corrupted_onnx_never_panics() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("corrupted.onnx");
     let mut n_refused = 0;
+    // Every twelfth byte, to keep the test short. The values are the least, the greatest of one varint byte, and the
+    // least that continues.
     for index in (0..whole.len()).step_by(12) {
         for byte in [0, 0x7F, 0x80] {
             let mut bytes = whole.clone();
@@ -149,6 +153,7 @@ fn corrupted_onnx_never_panics() {
             n_refused += u32::from(Encoder::open(&path).is_err());
         }
     }
+    // Many of the bytes are weights or names, in which any value is valid.
     assert!(n_refused > 20, "only {n_refused} of the corrupted files were refused");
 }
 

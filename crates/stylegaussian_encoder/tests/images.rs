@@ -16,11 +16,13 @@ fn open(name: &str, write: impl FnOnce(&Path)) -> Result<Image, ImageError> {
 fn gray_becomes_color() {
     let image = open("gray.png", |path| GrayImage::from_pixel(2, 1, Luma([51])).save(path).unwrap()).unwrap();
     assert_eq!((image.width, image.height, image.rgb.len()), (2, 1, 6));
+    // 51 / 255 = 0.2.
     assert!(image.rgb.iter().all(|value| (value - 0.2).abs() < 1e-6), "{:?}", image.rgb);
 }
 
 #[test]
 fn sixteen_bits_keep_their_precision() {
+    // 257 x 51 is 51 of 8 bits, and the 100 beyond it would be lost in 8 bits.
     let pixels = ImageBuffer::from_pixel(1, 1, Rgb([257_u16 * 51 + 100, 0, 65535]));
     let image = open("deep.png", |path| pixels.save(path).unwrap()).unwrap();
     assert_eq!(image.rgb, [(257.0 * 51.0 + 100.0) / 65535.0, 0.0, 1.0]);
@@ -31,18 +33,21 @@ fn alpha_lies_over_white() {
     let mut pixels = RgbaImage::from_pixel(2, 1, Rgba([0, 255, 0, 0]));
     pixels.put_pixel(1, 0, Rgba([0, 255, 0, 51]));
     let image = open("alpha.png", |path| pixels.save(path).unwrap()).unwrap();
+    // Fully transparent green is white. At an alpha of 0.2, 0.8 of the white remains.
     let expected = [1.0, 1.0, 1.0, 0.8, 1.0, 0.8];
     assert!(image.rgb.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{:?}", image.rgb);
 }
 
 /// A JPEG whose EXIF orientation is 6: the camera was turned, the picture has to be turned clockwise.
 fn turned_jpeg(path: &Path) {
+    // Halves of 16 pixels are whole JPEG blocks, so the edge stays sharp.
     let left_dark = RgbImage::from_fn(32, 16, |x, _| Rgb([if x < 16 { 0 } else { 255 }; 3]));
     left_dark.save(path).unwrap();
     let plain = fs::read(path).unwrap();
     // TIFF header, one directory of one entry: tag 0x0112 (orientation), a short, count 1, value 6.
     let exif = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
     let mut turned = plain[..2].to_vec();
+    // A segment APP1, right after the start of the image. Its length counts its own two bytes.
     turned.extend([0xFF, 0xE1, 0, exif.len() as u8 + 2]);
     turned.extend(exif);
     turned.extend(&plain[2..]);
@@ -62,6 +67,7 @@ fn png_header(width: u32, height: u32) -> Vec<u8> {
     let mut bytes = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec();
     bytes.extend(width.to_be_bytes());
     bytes.extend(height.to_be_bytes());
+    // 8 bits, RGBA, and no interlacing.
     bytes.extend([8, 6, 0, 0, 0]);
     let crc = !bytes[12..].iter().fold(!0_u32, |crc, &byte| {
         (0..8).fold(crc ^ u32::from(byte), |crc, _| (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg()))

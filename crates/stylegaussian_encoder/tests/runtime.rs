@@ -19,6 +19,7 @@ fn run_again(name: &str, library: Option<&Path>) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let report = folder.path().join("report");
     let mut command = Command::new(env::current_exe().unwrap());
+    // The variable is set for the child alone: `env::set_var` is unsafe while other tests run.
     command.args(["--exact", name]).env(REPORT, &report).env_remove(DYLIB_VARIABLE);
     if let Some(library) = library {
         command.env(DYLIB_VARIABLE, library);
@@ -55,6 +56,7 @@ fn an_unusable_library_leaves_tract_and_a_warning() {
 /// VGG's first layers on a fixed image, run twice.
 fn features() -> Planes {
     let layer = |inputs: usize, outputs: usize, seed: u64| {
+        // He's initialization for uniform values: activations keep their variance through the ReLUs.
         let scale = (6.0 / (inputs as f32 * 9.0)).sqrt();
         let weight = twin::random_values(outputs * inputs * 9, seed).iter().map(|v| v * scale).collect();
         Convolution { shape: [outputs, inputs, 3, 3], weight, bias: vec![0.1; outputs] }
@@ -70,6 +72,7 @@ fn features() -> Planes {
         .convolution(&layer(64, 128, 3), 1)
         .upsample();
     let network = Network::load("vgg", chain.finish()).unwrap();
+    // Odd and not square, so that padding, pooling and strides meet a remainder.
     let image = twin::random_image(101, 77);
     let input = Planes { channels: 3, height: 77, width: 101, values: image.rgb };
     let first = network.run(&input).unwrap();
@@ -96,5 +99,6 @@ fn both_engines_agree() {
     assert_eq!(by_tract.len(), by_onnx_runtime.values.len());
     let error = by_tract.zip(&by_onnx_runtime.values).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     println!("{}: differs from tract by {error:e}", runtime.name());
+    // Ten times what was measured.
     assert!(error < 2e-4, "{error}");
 }

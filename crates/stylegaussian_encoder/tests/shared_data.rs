@@ -54,8 +54,10 @@ fn distilled_weights_resemble_vgg() {
         let centered = |values: &[f32], mean: &[f32]| f64::from(values[channel] - mean[channel]);
         let products = a.values.chunks(256).zip(b.values.chunks(256));
         let sum: f64 = products.map(|(a, b)| centered(a, &sa.mean) * centered(b, &sb.mean)).sum();
+        // 64 x 64 cells, less one: the deviations are unbiased too.
         sum / 4095.0 / f64::from(sa.std_dev[channel]) / f64::from(sb.std_dev[channel])
     };
+    // A channel that is 0 everywhere has no correlation.
     let mut correlations: Vec<f64> = (0..256).map(correlation).filter(|value| value.is_finite()).collect();
     correlations.sort_by(f64::total_cmp);
     let median = correlations[correlations.len() / 2];
@@ -89,6 +91,7 @@ fn views_encode_in_parallel() {
     let encoder = open(&data, "vgg19_normalised_relu3_1.safetensors");
     let views: Vec<Image> = (0..8).map(|index| photo(&data, index).resized(256, 256)).collect();
     let warm_up = |view| encoder.encode(view).unwrap();
+    // Each thread allocates its scratch memory at its first run, which is not what is timed.
     rayon::broadcast(|_| warm_up(&views[0]));
 
     let start = Instant::now();

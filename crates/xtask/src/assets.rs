@@ -141,6 +141,7 @@ pub fn run() -> Result<()> {
     let data = Data::find()?;
     fs::create_dir_all(WORK).with_context(|| format!("cannot create {WORK}"))?;
     let mut steps = Steps::default();
+    // The summary is printed if a step fails, too: the runs before it took hours.
     let outcome = make(&mut steps, &data);
     steps.print_summary();
     outcome?;
@@ -161,6 +162,7 @@ fn make(steps: &mut Steps, data: &Data) -> Result<()> {
         style.arg("style").arg(&image).arg("-o").arg(image.with_extension("style.safetensors"));
         steps.run(&format!("style {}", image.display()), &mut style)?;
     }
+    // Neighbors are found when the scene is loaded, so the file need not hold them.
     embed(steps, Path::new(&world), Path::new(DEMO), &["--no-neighbors".as_ref()])?;
     let playbot = PathBuf::from(format!("{WORK}/playbot.sgs"));
     embed(steps, &data.playbot, &playbot, &["--cameras".as_ref(), data.playbot_cameras.as_os_str()])?;
@@ -221,6 +223,7 @@ fn train(steps: &mut Steps, data: &Data, playbot: &Path, biker: &Path, paintings
     let (demo, cameras) =
         (Path::new(DEMO), [Path::new(DEMO_CAMERAS), &data.playbot_cameras, BIKER_CAMERAS.as_ref()]);
     let file = |name: &str| format!("{WORK}/{name}.decoder.safetensors");
+    // The first run has two scenes. The third one came with the second run.
     let mut last = file("first");
     steps.run("first run", run(&[demo, playbot], &cameras[..2], &last).args(RATE).args(FIRST_RUN))?;
     let all = [demo, playbot, biker];

@@ -31,6 +31,7 @@ type Features = BTreeMap<String, BTreeSet<String>>;
 /// # Errors
 /// If a package would be compiled with other features. The message names them.
 pub fn check() -> Result<()> {
+    // With `dev`, since tests and examples are built with the whole workspace.
     let whole = features(&["--workspace", "--edges", "normal,build,dev"])?;
     let mut different =
         different(&features(&["--workspace", "--edges", "normal,build"])?, &whole, "--workspace");
@@ -61,6 +62,7 @@ fn parsed(tree: &str) -> Features {
     for (package, list) in tree.lines().filter_map(|line| line.split_once('|')) {
         let mut words = package.split(' ');
         let name = [words.next(), words.next()].into_iter().flatten().collect::<Vec<_>>().join(" ");
+        // `cargo tree` marks packages whose dependencies it has printed before.
         features.entry(name).or_default().insert(list.trim_end_matches(" (*)").to_owned());
     }
     features
@@ -71,6 +73,7 @@ fn different(selected: &Features, whole: &Features, selection: &str) -> Vec<Stri
     let none = BTreeSet::new();
     let line = |(package, sets): (&String, &BTreeSet<String>)| {
         let expected = whole.get(package).unwrap_or(&none);
+        // A subset is enough: what the whole workspace compiles is there already.
         (!sets.is_subset(expected))
             .then(|| format!("  {selection}: {package} with {sets:?}, the whole workspace with {expected:?}"))
     };

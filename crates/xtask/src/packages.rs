@@ -30,6 +30,7 @@ pub fn install_graphics(steps: &mut Steps, window: bool) -> Result<()> {
     if !cfg!(target_os = "linux") || !is_installed("dpkg-query") {
         return Ok(());
     }
+    // Any driver will do, so a machine with a real GPU gets no software Vulkan.
     let wanted = VULKAN.iter().filter(|_| !has_vulkan_driver()).chain(WINDOW.iter().filter(|_| window));
     let missing: Vec<&str> = wanted.copied().filter(|package| !has_package(package)).collect();
     if missing.is_empty() {
@@ -43,6 +44,7 @@ pub fn install_graphics(steps: &mut Steps, window: bool) -> Result<()> {
         missing.join(", ")
     );
     let apt = |arguments: &[&str]| {
+        // `-n`: sudo must not ask for a password in the middle of a run.
         let words: Vec<&str> = if root { vec![] } else { vec!["sudo", "-n"] };
         let words: Vec<&str> =
             words.into_iter().chain(["apt-get"]).chain(arguments.iter().copied()).collect();
@@ -50,6 +52,7 @@ pub fn install_graphics(steps: &mut Steps, window: bool) -> Result<()> {
         command.args(&words[1..]).env("DEBIAN_FRONTEND", "noninteractive");
         command
     };
+    // A fresh container has no lists, and without them nothing can be installed.
     steps.run("package lists", &mut apt(&["update"]))?;
     let install = ["install", "-y", "--no-install-recommends"];
     steps.run("system packages", &mut apt(&[&install[..], &missing].concat()))
@@ -61,6 +64,7 @@ fn has_vulkan_driver() -> bool {
 
 fn has_package(name: &str) -> bool {
     let query = Command::new("dpkg-query").args(["-W", "-f", "${db:Status-Status}", name]).output();
+    // `dpkg-query` also succeeds for a package that was removed and left its configuration.
     query.is_ok_and(|output| output.stdout.starts_with(b"installed"))
 }
 

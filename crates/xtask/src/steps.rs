@@ -30,7 +30,9 @@ pub fn data_folder() -> PathBuf {
 
 /// The cargo that runs this program, with `arguments`.
 pub fn cargo<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Command {
+    // `cargo xtask` sets it. It is the cargo of the same toolchain.
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    // A step that asked a question would hang where nobody can answer.
     command.args(arguments).stdin(Stdio::null());
     command
 }
@@ -75,6 +77,7 @@ impl Steps {
         let mut kept = Vec::new();
         let outcome = self.time(name, command, |command| {
             let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
+            // Both pipes are read at the same time: a child blocks once the one that is not read is full.
             let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
             std::thread::scope(|scope| {
                 let from_stderr = scope.spawn(|| forward(stderr, io::stderr(), is_closing));
@@ -144,6 +147,7 @@ fn forward(from: Option<impl io::Read>, mut to: impl Write, is_closing: fn(&str)
     let Some(from) = from else { return kept };
     let mut reader = BufReader::new(from);
     let mut line = Vec::new();
+    // Bytes and not `lines`: a test may print what is not UTF-8.
     while reader.read_until(b'\n', &mut line).is_ok_and(|n_bytes| n_bytes > 0) {
         // If the terminal is closed, go on reading: otherwise the child would block.
         let _ = to.write_all(&line);
@@ -159,6 +163,7 @@ fn forward(from: Option<impl io::Read>, mut to: impl Write, is_closing: fn(&str)
 /// Asks a child with piped output for colors if a person watches.
 pub fn keep_colors(command: &mut Command) -> &mut Command {
     if io::stderr().is_terminal() {
+        // cargo sees a pipe and would leave colors out.
         command.env("CARGO_TERM_COLOR", "always");
     }
     command
@@ -169,12 +174,14 @@ fn command_line(command: &Command) -> String {
     let program = Path::new(command.get_program()).file_name().unwrap_or(command.get_program());
     let variables = command.get_envs().filter_map(|(name, value)| {
         let value = value?.to_string_lossy();
+        // It changes nothing but colors, and the line is there to be typed again.
         (name != "CARGO_TERM_COLOR").then(|| format!("{}={}", name.to_string_lossy(), quoted(&value)))
     });
     let words = std::iter::once(program).chain(command.get_args());
     variables.chain(words.map(|word| quoted(&word.to_string_lossy()))).collect::<Vec<_>>().join(" ")
 }
 
+// Only for people to copy: the words of these commands have no other special characters.
 fn quoted(word: &str) -> String {
     if word.contains([' ', '"', '*']) { format!("'{word}'") } else { word.into() }
 }

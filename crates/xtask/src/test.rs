@@ -69,6 +69,7 @@ fn tests(steps: &mut Steps) -> Result<()> {
         let mut test = cargo(["test", "--locked", "--workspace", "--lib", "--bins", "--tests"]);
         steps.run_keeping("tests", keep_colors(&mut test), |line| line.starts_with("test result"))?;
     }
+    // nextest runs no doc tests.
     let mut doc = cargo(["test", "--locked", "--workspace", "--doc"]);
     steps.run_keeping("doc tests", keep_colors(&mut doc), |line| line.starts_with("test result"))
 }

@@ -38,9 +38,11 @@ pub(super) fn extract_wishes(
     mut removed: Extract<RemovedComponents<ColorWish>>,
     mut transitions: Extract<RemovedComponents<StyleTransition>>,
 ) {
+    // A component that was removed and put back in the same frame is in `all`, and its entry is overwritten below.
     for entity in removed.read().filter(|&entity| !all.contains(entity)) {
         wishes.0.remove(&MainEntity::from(entity));
     }
+    // No `Changed` filter sees a component that is gone.
     for entity in transitions.read() {
         if let Some(wish) = wishes.0.get_mut(&MainEntity::from(entity)) {
             wish.fade = Duration::ZERO;

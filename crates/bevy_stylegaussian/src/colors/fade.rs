@@ -43,6 +43,7 @@ pub(super) struct Fade {
 impl Fade {
     /// 0 at the beginning, 1 at the end, more after it.
     pub(super) fn progress(&self, now: Duration) -> f32 {
+        // The quotient of two `f32`s is finite: no fade has a duration of 0.
         now.saturating_sub(self.began).as_secs_f32() / self.duration.as_secs_f32()
     }
 }

@@ -30,16 +30,19 @@ pub(crate) struct ColorsPlugin;
 
 impl Plugin for ColorsPlugin {
     fn build(&self, app: &mut App) {
+        // One queue, cloned into both worlds: the render world cannot write to the main world.
         let reports = Reports::<ColorReport>::default();
         app.register_type::<StyleTransition>().insert_resource(reports.clone());
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app
                 .insert_resource(reports)
+                // Not GPU resources: they are filled by changes alone, so a lost device must leave them as they are.
                 .init_resource::<RenderWishes>()
                 .init_resource::<FadeClock>()
                 // Rebuilt from `RenderWishes` after a lost device.
                 .init_gpu_resource::<ShownColors>()
                 .add_systems(ExtractSchedule, (extract::extract_wishes, fade::extract_clock))
+                // Once per frame, before the first camera: views that share an entity must see the same colors.
                 .add_systems(RenderGraph, update_colors.before(camera_driver));
         }
     }

@@ -48,10 +48,12 @@ pub(crate) fn update_colors(
     clock: Res<FadeClock>,
     reports: Res<Reports<ColorReport>>,
 ) {
+    // Reading `settled` does not mark `ShownColors` as changed. The style pass relies on that to stay idle.
     if colors.settled && !clouds.is_changed() && !wishes.is_changed() {
         return;
     }
     colors.settled = true;
+    // Frees the buffers of entities that are gone. A wish outlives its style, so most entries go with their scene.
     colors.of_entity.retain(|entity, _| clouds.0.contains_key(entity) && wishes.0.contains_key(entity));
     for (&entity, wished) in &wishes.0 {
         let Some(cloud) = clouds.0.get(&entity) else { continue };
@@ -70,6 +72,8 @@ pub(crate) fn update_colors(
         match shown {
             Ok(index) => colors.show(index, wished.fade, clock.0, generation),
             Err(reason) => {
+                // The refused wish counts as answered. Otherwise it would be tried and reported again in each frame
+                // that has a change.
                 colors.generation = Some(generation);
                 reports.push(ColorReport { entity: entity.id(), generation, result: Err(reason) });
             }
@@ -82,8 +86,11 @@ impl ShownColors {
     pub(crate) fn get(&self, entity: MainEntity, now: Duration) -> CloudColors<'_> {
         let Some(colors) = self.of_entity.get(&entity) else { return CloudColors::Captured };
         let buffer = |index: Option<usize>| index.and_then(|index| colors.buffers[index].as_ref());
+        // The extraction's clock and not the render world's own, so that all views of a frame see the same step of a
+        // fade.
         let progress = colors.fade.as_ref().map(|fade| (fade.from, fade.progress(now)));
         match (progress, buffer(colors.shown)) {
+            // A fade that is over is not removed. It only stops being drawn, and the next `show` replaces it.
             (Some((from, t)), to) if t < 1.0 => CloudColors::Fade { from: buffer(from), to, t },
             (_, Some(rgb)) => CloudColors::Rgb(rgb),
             (_, None) => CloudColors::Captured,
@@ -95,6 +102,7 @@ impl EntityColors {
     /// Forgets everything if the entity shows another scene: colors of other Gaussians are no start for a fade.
     fn reset_for_new_scene(&mut self, scene: &Arc<Scene>) {
         if !self.scene.as_ref().is_some_and(|present| Arc::ptr_eq(present, scene)) {
+            // This also forgets the generation, so the wish is applied again, at once and without a fade.
             *self = Self { scene: Some(Arc::clone(scene)), ..default() };
         }
     }
@@ -107,6 +115,7 @@ impl EntityColors {
         rgb: &[[f32; 3]],
         fade: Duration,
     ) -> Result<usize, String> {
+        // Known colors are complete at once: without a fade, they overwrite the buffer that is shown.
         let index = self.next_index(self.fades(fade));
         let buffer = self.buffer(device, index).map_err(|error| error.to_string())?;
         if buffer.n_gaussians() != rgb.len() {
@@ -141,6 +150,7 @@ impl EntityColors {
         device: &wgpu::Device,
         index: usize,
     ) -> Result<&GaussianColors, TooLarge> {
+        // Taken out and put back, because `get_or_insert_with` cannot return the error.
         let buffer = match self.buffers[index].take() {
             Some(buffer) => buffer,
             None => GaussianColors::new(device, self.scene.as_ref().map_or(0, |scene| scene.len()))?,
@@ -155,6 +165,7 @@ impl EntityColors {
 
     /// Shows the buffer `index`, or the captured colors if it is `None`, from `now` on.
     pub(crate) fn show(&mut self, index: Option<usize>, duration: Duration, now: Duration, generation: u64) {
+        // `fades` looks at the generation, so it comes before the new one is stored.
         self.fade = self.fades(duration).then_some(Fade { from: self.shown, began: now, duration });
         self.shown = index;
         self.generation = Some(generation);

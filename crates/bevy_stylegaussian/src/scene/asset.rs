@@ -32,13 +32,17 @@ impl GaussianScene {
     /// If the scene has features but no neighbor lists of the length that its decoder needs (8 for the default one), the
     /// neighbors are found here. This takes about a second for half a million Gaussians, so use a task for large scenes.
     pub fn new(mut scene: Scene) -> Self {
+        // At least 1: a decoder that a program made may have k = 0.
         let k = scene.decoder.as_ref().map_or(Decoder::K, |decoder| decoder.k).max(1);
         let has_lists = scene.neighbors.as_ref().is_some_and(|neighbors| neighbors.k >= k);
+        // Scenes that cannot be styled need no neighbors. Longer lists serve as well: a decoder reads the first k.
         if scene.features.is_some() && !has_lists && has_finite_means(&scene) {
             scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, k));
         }
+        // An invalid scene becomes an asset all the same: `new` cannot fail, and the error is reported per entity.
         let bounds = scene.validate().map(|()| scene.splat_bounds());
         let bounds = bounds.map(|bounds| bounds.map(|[min, max]| Aabb::from_min_max(min, max)));
+        // An `Arc` of its own, so that its address identifies the decoder wherever inputs are packed for it.
         let decoder = scene.decoder.clone().map(Arc::new);
         Self { scene: Arc::new(scene), decoder, bounds }
     }
@@ -78,5 +82,6 @@ impl FromFile for GaussianScene {
 
 /// Whether neighbors can be searched. Scenes from files always have finite means; a program's may not.
 fn has_finite_means(scene: &Scene) -> bool {
+    // `find` reads both arrays before `validate` has seen them.
     scene.means.iter().all(|mean| mean.is_finite()) && scene.order.len() == scene.len()
 }

@@ -78,6 +78,8 @@ pub(super) fn attach_scenes(
     for (entity, splats, attached) in &changed {
         let id = splats.0.id();
         let Some(asset) = scenes.get(id) else {
+            // The entity shows an asset that is not loaded yet: the Gaussians of the last one must not stay in its
+            // place.
             if attached.is_some() {
                 commands.entity(entity).try_remove::<SceneParts>();
             }
@@ -87,6 +89,8 @@ pub(super) fn attach_scenes(
             }
             continue;
         };
+        // `Changed<GaussianSplats>` is also true if the component was only borrowed mutably. Inserting again would
+        // restart the style.
         let is_attached = |old: &LoadedScene| old.id == id && Arc::ptr_eq(old.scene(), asset.scene());
         if attached.is_some_and(is_attached) {
             continue;
@@ -111,6 +115,7 @@ pub(super) fn report_failed_loads(
     splats: Query<(Entity, &GaussianSplats)>,
     mut failures: SceneFailures,
 ) {
+    // A failed load changes no asset, so `AssetChanged` in `attach_scenes` does not see it.
     for event in events.read() {
         for (entity, _) in splats.iter().filter(|(_, splats)| splats.0.id() == event.id) {
             failures.send(entity, GaussianSceneError::Load(event.error.to_string()));

@@ -31,10 +31,12 @@ pub(super) fn extract_clouds(
     all: Extract<Query<(), With<LoadedScene>>>,
     mut removed: Extract<RemovedComponents<LoadedScene>>,
 ) {
+    // A scene that was detached and attached again in the same frame is in `all`.
     for entity in removed.read().filter(|&entity| !all.contains(entity)) {
         clouds.0.remove(&MainEntity::from(entity));
     }
     for (entity, scene, transform) in &changed {
+        // A moved entity copies its scene too, which costs two `Arc`s.
         let cloud = RenderCloud { scene: scene.clone(), world_from_scene: transform.affine() };
         clouds.0.insert(entity.into(), cloud);
     }

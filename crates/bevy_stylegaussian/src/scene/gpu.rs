@@ -39,6 +39,7 @@ impl GpuScenes {
     /// A scene on the GPU, or `None` if it is not there yet or too large.
     pub(crate) fn get(&self, scene: &LoadedScene) -> Option<&GpuScene> {
         let uploaded = self.of_asset.get(&scene.id)?;
+        // Between a change of the asset and the next upload, the buffers are of the old data.
         if uploaded.is_of(scene) { uploaded.gpu.get()?.as_ref().ok() } else { None }
     }
 }
@@ -64,12 +65,14 @@ pub(crate) fn upload_scenes(
     }
     let scenes = &mut *scenes;
     scenes.settled = true;
+    // Also drops data that a changed asset has replaced. A task that still packs it is canceled.
     scenes.of_asset.retain(|&id, uploaded| {
         clouds.0.values().any(|cloud| cloud.scene.id == id && uploaded.is_of(&cloud.scene))
     });
     for (&entity, cloud) in &clouds.0 {
         let uploaded = scenes.of_asset.entry(cloud.scene.id).or_insert_with(|| {
             let (device, scene) = (device.wgpu_device().clone(), Arc::clone(cloud.scene.scene()));
+            // Buffers are mapped when they are created, so packing and upload need no queue and both run in the task.
             let upload = move || GpuScene::new(&device, &scene).map_err(|error| error.to_string());
             UploadedScene {
                 scene: Arc::clone(cloud.scene.scene()),
@@ -81,6 +84,7 @@ pub(crate) fn upload_scenes(
             None => scenes.settled = false,
             Some(Ok(_)) => {}
             Some(Err(reason)) => {
+                // An entity that shows the scene later hears of the refusal too, and each one hears of it once.
                 if uploaded.reported.insert(entity) {
                     reports.push(SceneRefused { entity: entity.id(), reason: reason.clone() });
                 }

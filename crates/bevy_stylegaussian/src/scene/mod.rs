@@ -61,17 +61,21 @@ impl Plugin for ScenePlugin {
             .add_systems(
                 PostUpdate,
                 (
+                    // Chained, so that the commands of one are applied before the next: an asset that is gone
+                    // detaches its scene first.
                     (attach::detach_scenes, attach::attach_scenes, attach::report_failed_loads).chain(),
                     failure::report_refused_scenes,
                 )
                     .in_set(StyleGaussianSystems::Scenes)
                     // `AssetChanged` sees the changes of this frame only after them.
                     .after(AssetEventSystems)
+                    // A scene's bounds must be there before it is culled, or its first frame would be lost.
                     .before(VisibilitySystems::CheckVisibility),
             );
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app
                 .insert_resource(reports)
+                // Not a GPU resource: it is filled by changes alone, so a lost device must leave it as it is.
                 .init_resource::<RenderClouds>()
                 // Rebuilt from `RenderClouds` after a lost device.
                 .init_gpu_resource::<GpuScenes>()

@@ -20,6 +20,7 @@ impl Held {
         let views: Vec<_> =
             world.query::<&ExtractedView>().iter(world).map(|view| view.retained_view_entity).collect();
         let views = views.iter().filter_map(|view| world.resource::<SplatViews>().get(view));
+        // Addresses tell a kept layer from a new one of the same size.
         let layers = views.filter_map(|view| Some(std::ptr::from_ref(view.layer()?.0).addr())).collect();
         Self { n_pipelines, layers }
     }

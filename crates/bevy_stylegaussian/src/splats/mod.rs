@@ -36,6 +36,7 @@ pub(crate) struct SplatsPlugin;
 impl Plugin for SplatsPlugin {
     fn build(&self, app: &mut App) {
         app.register_type::<SplatTonemapping>().register_type::<SplatSortKey>();
+        // Apps without rendering, such as servers and tests, still load and style scenes.
         if app.get_sub_app(RenderApp).is_none() {
             return;
         }
@@ -49,7 +50,9 @@ impl Plugin for SplatsPlugin {
             .add_systems(
                 Render,
                 (
+                    // The usages of a texture are fixed when it is created.
                     view::allow_reading_depth.before(prepare_core_3d_depth_textures),
+                    // A scene that was uploaded in this frame is drawn in this frame.
                     view::prepare_views.after(upload_scenes),
                 )
                     .in_set(RenderSystems::PrepareResources),
@@ -63,6 +66,7 @@ impl Plugin for SplatsPlugin {
                         .before(main_transmissive_pass_3d)
                         .before(main_transparent_pass_3d)
                         .in_set(Core3dSystems::MainPass),
+                    // Tonemapping must not see these colors: they are display-referred already.
                     pass::composite_after_tonemapping.after(tonemapping).in_set(Core3dSystems::PostProcess),
                 ),
             );

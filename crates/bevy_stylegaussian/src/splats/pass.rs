@@ -47,6 +47,7 @@ pub(super) fn draw_splats(
 ) {
     let (extracted, target, depth) = view.into_inner();
     let Some(splats) = views.get_mut(&extracted.retained_view_entity) else { return };
+    // Nothing to draw here is not an error: splats, pipelines or the table are still on their way.
     let Some(plan) = splats.plan else { return };
     let Some(ready) = pipelines.get(plan.samples, plan.composite) else { return };
     let camera = splat::Camera {
@@ -54,6 +55,7 @@ pub(super) fn draw_splats(
         clip_from_view: extracted.clip_from_view,
         viewport: plan.viewport,
     };
+    // The view keeps names and no borrows: a resource cannot hold references into other resources.
     let drawn: Vec<splat::Cloud> = splats
         .clouds
         .iter()
@@ -86,6 +88,7 @@ pub(super) fn draw_splats(
         refuse(splats, &reports, &error.to_string());
         return;
     }
+    // A later refusal is reported again, since it has another cause: other clouds, or a larger target.
     splats.refused = false;
     draw_layer(&mut gpu, &ready, splats, depth);
     if !plan.after_tonemapping {
@@ -95,6 +98,7 @@ pub(super) fn draw_splats(
 
 /// Reports why the view shows no splats, unless it did so before.
 fn refuse(splats: &mut ViewSplats, reports: &Reports<SceneRefused>, reason: &str) {
+    // Without a plan, `composite_after_tonemapping` leaves the view alone in this frame too.
     splats.plan = None;
     if std::mem::replace(&mut splats.refused, true) {
         return;
@@ -144,6 +148,7 @@ pub(super) fn composite_after_tonemapping(
     let Some(splats) = views.get(&extracted.retained_view_entity) else { return };
     let Some(plan) = splats.plan.filter(|plan| plan.after_tonemapping) else { return };
     let Some(ready) = pipelines.get(plan.samples, plan.composite) else { return };
+    // Written out: the target's own attachment would be the multisampled texture, which tonemapping has left behind.
     let image = RenderPassColorAttachment {
         view: target.main_texture_view(),
         depth_slice: None,

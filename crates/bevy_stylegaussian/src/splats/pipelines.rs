@@ -60,7 +60,9 @@ impl SplatPipelines {
             move || Arc::new(Passes { splat: SplatPass::new(&device), composite: Composite::new(&device) })
         };
         let passes = self.passes.get_or_insert_with(|| Background::start(synchronous, build(device.clone())));
+        // Pipelines are made from the shader modules and layouts of the passes, so these come first.
         let Some(passes) = passes.poll() else { return false };
+        // The layer's format never changes, so its sample count alone tells pipelines apart.
         let draw = self.draws.entry(samples).or_insert_with(|| {
             let (passes, device) = (Arc::clone(passes), device.clone());
             let build = move || passes.splat.pipeline(&device, samples, Some(CORE_3D_DEPTH_FORMAT));
@@ -89,12 +91,15 @@ impl SplatPipelines {
         let table = match self.tables.entry(tonemapping) {
             Entry::Occupied(entry) => entry.into_mut(),
             Entry::Vacant(entry) => {
+                // Not entered in the map yet, so the next frame asks again.
                 let Some(curve) = luts.curve(tonemapping) else { return false };
                 let (device, queue) = (device.clone(), queue.clone());
                 entry.insert(Background::start(synchronous, move || {
                     let mut encoder =
                         device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
                     let table = InverseTable::new(&device, &mut encoder, curve.borrow());
+                    // An encoder of its own: a task has no access to the frame's. wgpu orders submissions, so a later
+                    // frame sees the table.
                     queue.submit([encoder.finish()]);
                     table
                 }))
@@ -152,6 +157,7 @@ impl Luts<'_> {
             Tonemapping::BlenderFilmic => Some(&self.handles.blender_filmic),
             _ => None,
         };
+        // Bevy loads its tables like any image, so one may be missing in the first frames.
         let table = match handle {
             Some(handle) => Some((*self.images.get(handle)?.texture_view).clone()),
             None => None,

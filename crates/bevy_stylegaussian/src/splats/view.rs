@@ -97,6 +97,7 @@ type ViewComponents = (
 
 /// Lets shaders read depth on software adapters, on which a compute shader draws the splats.
 pub(super) fn allow_reading_depth(adapter: Res<RenderAdapterInfo>, mut cameras: Query<&mut Camera3d>) {
+    // In each frame, since the extraction overwrites the render world's `Camera3d`.
     if stylegaussian_gpu::device::is_software(&adapter) {
         for mut camera in &mut cameras {
             camera.depth_texture_usages.0 |= wgpu::TextureUsages::TEXTURE_BINDING.bits();
@@ -118,6 +119,7 @@ pub(super) fn prepare_views(
     queue: Res<RenderQueue>,
 ) {
     let SplatViews { of_view, layers } = &mut *views;
+    // Views whose camera is gone, or has no pixels, are found by not being planned in this frame.
     of_view.values_mut().for_each(|view| view.present = false);
     let device = device.wgpu_device();
     for camera in &cameras {
@@ -125,6 +127,7 @@ pub(super) fn prepare_views(
         let Some(plan) = plan(camera) else { continue };
         let view = of_view.entry(extracted.retained_view_entity).or_default();
         view.present = true;
+        // Whatever is missing below, an old plan must not be drawn.
         view.plan = None;
         view.clouds.clear();
         view.clouds.extend(visible.get::<GaussianSplats>().into_iter().flat_map(|class| {
@@ -138,6 +141,7 @@ pub(super) fn prepare_views(
             continue;
         }
         if let Some(tonemapping) = plan.inverted()
+            // Without its table the composite would show other colors for a few frames, so the splats wait.
             && !pipelines.request_table(device, &queue, *synchronous, tonemapping, &luts)
         {
             continue;
@@ -146,6 +150,7 @@ pub(super) fn prepare_views(
         view.plan = Some(plan);
     }
     of_view.retain(|_, view| view.present);
+    // Only the list itself holds a layer that no view uses. So a resized window leaves none behind.
     layers.retain(|layer| Arc::strong_count(layer) > 1);
 }
 
@@ -180,6 +185,7 @@ impl ViewSplats {
         plan: &Plan,
         layers: &mut Vec<Arc<Layer>>,
     ) {
+        // The binding refers to the layer and to the table, so a change of either makes a new one.
         let fits = self.layer.as_ref().is_some_and(|(layer, _)| layer.fits(plan));
         if let (false, Some(passes)) = (fits && self.inverted == plan.inverted(), pipelines.passes()) {
             let layer = match layers.iter().find(|layer| layer.fits(plan)) {
@@ -190,11 +196,13 @@ impl ViewSplats {
                     layer
                 }
             };
+            // After tonemapping there is one sample per pixel, so the composite reads the average.
             let source = layer.resolved.as_ref().unwrap_or(&layer.color);
             let table = plan.inverted().and_then(|tonemapping| pipelines.table(tonemapping));
             let input = passes.composite.bind(device, source, plan.composite.samples, table);
             self.inverted = plan.inverted();
             self.layer = Some((layer, input));
+            // In stops: a new binding holds a factor of 1.
             self.exposure = 0.0;
         }
         if let Some((_, input)) = &self.layer
@@ -257,6 +265,7 @@ fn plan(
 ) -> Option<Plan> {
     let size = camera.physical_target_size.filter(|size| size.min_element() > 0)?;
     let mut viewport = view.viewport;
+    // As Bevy's own main pass: the corner stays and the size is replaced.
     if let Some(&MainPassResolutionOverride(size)) = resolution {
         viewport = viewport.truncate().truncate().extend(size.x).extend(size.y);
     }
@@ -288,6 +297,8 @@ fn plan(
 /// Least view depth of splats, in world units: 0.2 as in training, or twice the camera's near plane if that is less. Bevy's
 /// default near plane of 0.1 gives 0.2; a world of a smaller scale has a nearer one.
 fn near(view: &ExtractedView) -> f32 {
+    // Reverse z without a far plane maps view depth d to near / d, so this entry is `near`. In an orthographic
+    // projection, it is far / (far - near), about 1, and 0.2 stays.
     let near_plane = view.clip_from_view.w_axis.z;
     SplatSettings::default().near.min(2.0 * near_plane.abs())
 }

@@ -31,6 +31,7 @@ impl AppliedStyle {
     pub fn colors(&self) -> Result<Arc<[[f32; 3]]>, StylizeError> {
         match &self.colors {
             Some(colors) => Ok(Arc::clone(colors)),
+            // GPU colors are not read back: they are half floats, and reading them would wait for the GPU.
             None => Ok(fold::stylize(&self.scene, &self.decoder, &self.map)?.into()),
         }
     }

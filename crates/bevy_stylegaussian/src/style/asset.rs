@@ -47,7 +47,11 @@ impl FromFile for GaussianDecoder {
 #[derive(Asset, Clone, Reflect)]
 #[reflect(opaque)]
 #[reflect(Clone)]
-pub struct ImageEncoder(Arc<LazyLock<Opened, Box<dyn FnOnce() -> Opened + Send>>>);
+pub struct ImageEncoder(
+    // Lazy, so that an app that uses presets alone never pays for opening the bundled encoder. The lock opens it once,
+    // even if two images need it at the same time.
+    Arc<LazyLock<Opened, Box<dyn FnOnce() -> Opened + Send>>>,
+);
 
 /// An open encoder, or the reason why it cannot be used.
 type Opened = Result<Encoder, Arc<EncoderError>>;
@@ -84,6 +88,7 @@ pub(super) fn add_bundled_encoder(world: &mut World) {
     use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
 
     let bundled = ImageEncoder::lazy(|| Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec()).map_err(Arc::new));
+    // An explicit id: `Assets::add` would draw a new one, which no default handle names.
     let added = world.resource_mut::<Assets<ImageEncoder>>().insert(AssetId::default(), bundled);
     added.expect("the default id is a UUID, which is always valid");
 }

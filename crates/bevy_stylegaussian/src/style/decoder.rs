@@ -24,6 +24,8 @@ fn bundled_decoder() -> Result<Arc<Decoder>, StyleError> {
 
     use stylegaussian::file::decoder_from_bytes;
 
+    // One `Arc` for all scenes of the process. Packed inputs are found by the decoder's address, so a second copy
+    // would pack again.
     static DECODER: LazyLock<Result<Arc<Decoder>, String>> = LazyLock::new(|| {
         let decoder = decoder_from_bytes(stylegaussian_defaults::DECODER, "the bundled decoder");
         decoder.map(Arc::new).map_err(|error| error.to_string())

@@ -58,6 +58,7 @@ impl StyleEvents<'_, '_> {
         backend: StyleBackend,
         since: Instant,
     ) {
+        // Before the event is triggered, so that observers already find the component.
         self.commands.entity(entity).try_insert(style);
         self.send_applied(entity, backend, since);
     }

@@ -32,8 +32,10 @@ impl ImageStatistics {
             match pixels(image) {
                 Ok(image) => {
                     let encoder = encoder.clone();
+                    // Never on this thread, not even if pipelines are synchronous: that switch is about drawing.
                     Background::spawn(move || encode(name, image, &encoder))
                 }
+                // Kept like statistics, so that it is reported once for each request and not computed again.
                 Err(found) => Background::Ready(Err(Arc::new(StyleError::Image { image: name, found }))),
             }
         };
@@ -52,9 +54,11 @@ pub(super) fn forget_changed_images(
     // Every event is read, so that none is left for the next frame.
     let asset_changed =
         encoders.read().filter(|event| event.is_added(id) || event.is_modified(id)).count() > 0;
+    // Features of two encoders cannot be compared, so nothing that was computed is of use.
     if asset_changed || encoder.is_changed() {
         statistics.of_image.clear();
     }
+    // `Added` is left out: an image has no statistics before it exists.
     for event in images.read() {
         if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = event {
             statistics.of_image.remove(id);

@@ -33,6 +33,7 @@ pub(super) struct Inputs<'w> {
     encoded: ResMut<'w, ImageStatistics>,
     packed: Res<'w, PackedInputs>,
     backend: Res<'w, StyleBackend>,
+    // Bevy puts a copy into the main world. It is absent if the app does not render.
     adapter: Option<Res<'w, RenderAdapterInfo>>,
 }
 
@@ -45,9 +46,11 @@ impl Inputs<'_> {
         decoder: Option<&StyleDecoder>,
         gpu_refused: bool,
     ) -> Input<StyleRequest> {
+        // Checked first: a plain scene must not wait for images before its user hears of the reason.
         if scene.scene().features.is_none() {
             return Err(Arc::new(StylizeError::NoFeatures.into()));
         }
+        // Decided anew for each request, so that a change of `StyleBackend` affects the next change of style.
         let backend = self.backend(gpu_refused)?;
         // All images are asked for before the first one is waited for, so that they are encoded side by side.
         let inputs: Vec<_> = source.styles.iter().map(|style| self.statistics(&style.input)).collect();
@@ -113,6 +116,8 @@ fn loaded<'a, A: Asset>(
     handle: &Handle<A>,
 ) -> Result<Option<&'a A>, Arc<StyleError>> {
     let asset = assets.get(handle);
+    // A reload that fails leaves the old asset in place, and that is used. Assets that a program adds have no load
+    // state.
     match server.get_load_state(handle) {
         Some(LoadState::Failed(error)) if asset.is_none() => {
             Err(Arc::new(StyleError::Load(error.to_string())))

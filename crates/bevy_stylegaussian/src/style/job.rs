@@ -50,10 +50,12 @@ enum Stage {
     /// A task computes the style.
     Computing { since: Instant, backend: StyleBackend, task: Task<Result<StyleResult, StyleError>> },
     /// The render world has to fulfil the wish of this generation.
+    // The style is kept here until the GPU shows it, so that `AppliedStyle` never runs ahead of the picture.
     Decoding { since: Instant, generation: u64, style: AppliedStyle },
 }
 
 impl StyleJob {
+    // The first of several changes counts: `elapsed` is what the user has waited for.
     fn want(&mut self) {
         self.wanted.get_or_insert_with(Instant::now);
     }
@@ -75,12 +77,15 @@ type ChangedInputs = (
 pub(super) fn want_changed_styles(mut commands: Commands, mut jobs: Query<ChangedInputs, InputChanged>) {
     for (entity, mut job, mut wish, scene, decoder) in &mut jobs {
         if scene.is_changed() {
+            // Drops the task too, which cancels it: its colors would be of the old Gaussians.
             *job = StyleJob::default();
+            // A wish that is set again gets a new generation, which the render world would have to answer.
             if !matches!(wish.source, ColorSource::Captured) {
                 wish.set(ColorSource::Captured);
                 commands.entity(entity).try_remove::<AppliedStyle>();
             }
         }
+        // The GPU may have refused the old decoder's weights. The new ones may fit.
         if decoder.is_some_and(|decoder| decoder.is_changed()) {
             job.gpu_refused = false;
         }
@@ -97,10 +102,12 @@ pub(super) fn want_changed_assets(
     encoder: Res<StyleEncoder>,
     mut jobs: Query<(&mut StyleJob, &StyleSource, Option<&StyleDecoder>)>,
 ) {
+    // Every reader is drained before the first return, or old events would come back in a later frame.
     let images = changed(&mut images);
     let statistics = changed(&mut statistics);
     let decoders = changed(&mut decoders);
     let encoder_asset_changed = changed(&mut encoders).contains(&encoder.0.id());
+    // The first frame's resource is no change: nothing was encoded before it.
     let encoder_changed = encoder_asset_changed || (encoder.is_changed() && !encoder.is_added());
     if images.is_empty() && statistics.is_empty() && decoders.is_empty() && !encoder_changed {
         return;
@@ -137,6 +144,7 @@ pub(super) fn drop_removed_styles(
     mut jobs: Query<&mut StyleJob, With<StyleSource>>,
     mut wishes: Query<&mut ColorWish>,
 ) {
+    // A source that was removed and put back in the same frame is in `jobs`, and `want_changed_styles` has seen it.
     for entity in sources.read().filter(|&entity| !jobs.contains(entity)) {
         // The wish stays: the next one must have a higher generation.
         if let Ok(mut wish) = wishes.get_mut(entity) {
@@ -162,9 +170,11 @@ pub(super) fn read_gpu_reports(
 ) {
     for ColorReport { entity, generation, result } in reports.take() {
         let Ok((mut job, transition)) = jobs.get_mut(entity) else { continue };
+        // Reports arrive a frame late, so the wish may have changed since.
         let Some((since, style)) = job.finish_decoding(generation) else { continue };
         match result {
             Ok(()) => {
+                // The render world began the fade in an earlier frame, so it ends no later than this.
                 job.fading_until = time.elapsed().saturating_add(fade_duration(transition));
                 events.applied(entity, style, StyleBackend::Gpu, since);
             }
@@ -172,6 +182,7 @@ pub(super) fn read_gpu_reports(
                 job.gpu_refused = true;
                 if *backend == StyleBackend::Auto {
                     warn!("{entity}: the GPU cannot decode its style ({reason}); the CPU does");
+                    // The time goes on: the user has been waiting since the first attempt.
                     job.wanted.get_or_insert(since);
                 } else {
                     events.failed(entity, Arc::new(StyleError::Gpu(reason)));
@@ -222,6 +233,7 @@ pub(super) fn advance_jobs(
         if job.is_at_rest() || now < job.fading_until {
             continue;
         }
+        // A fade may last for `Duration::MAX`.
         let fading_until = now.saturating_add(fade_duration(transition));
         match scene {
             // The style under way is for a scene that is gone; the wanted one waits for the next scene.
@@ -245,6 +257,7 @@ impl StyleJob {
         events: &mut StyleEvents,
     ) {
         self.stage = Stage::Idle;
+        // A task under way is canceled in any case; the event is sent if somebody asked.
         let Some(since) = self.wanted.take() else { return };
         if matches!(wish.source, ColorSource::Captured) {
             return;
@@ -294,6 +307,7 @@ impl StyleJob {
     ) {
         let (Stage::Idle, Some(since)) = (&self.stage, self.wanted) else { return };
         match inputs.request(source, scene, decoder, self.gpu_refused) {
+            // Still wanted, so the next frame asks again. The events of assets are not needed for that.
             Ok(None) => return,
             Ok(Some(request)) => {
                 let backend = request.backend;
@@ -302,6 +316,7 @@ impl StyleJob {
             }
             Err(error) => events.failed(entity, error),
         }
+        // After a failure too: the same inputs would fail again, and the next change wants anew.
         self.wanted = None;
     }
 

@@ -58,6 +58,8 @@ impl Plugin for StylePlugin {
             .add_systems(
                 PostUpdate,
                 (
+                    // In this order: old statistics are gone before a style is wanted, everything that is wanted is
+                    // known, and reports have made jobs idle, before `advance_jobs` starts anything.
                     images::forget_changed_images,
                     job::want_changed_styles,
                     job::want_changed_assets,
@@ -70,6 +72,7 @@ impl Plugin for StylePlugin {
             );
         register_types(app);
         #[cfg(feature = "bundled_models")]
+        // After `init_asset`, whose collection it is added to.
         asset::add_bundled_encoder(app.world_mut());
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app.init_gpu_resource::<pass::StylePasses>().add_systems(

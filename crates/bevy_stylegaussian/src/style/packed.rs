@@ -8,6 +8,7 @@ use stylegaussian_gpu::style::StyleInputs;
 
 /// Packed inputs that are still in use. They are held weakly: nothing here keeps them or the scene alive.
 #[derive(Resource, Clone, Default)]
+// Shared with tasks, which cannot borrow resources.
 pub(super) struct PackedInputs(Arc<Mutex<Vec<Packed>>>);
 
 struct Packed {
@@ -36,6 +37,7 @@ impl PackedInputs {
         if let Some(inputs) = all.iter().find(is_of).and_then(|packed| packed.inputs.upgrade()) {
             return Ok(inputs);
         }
+        // No deadlock: packing takes no other lock of ours and waits for no task that could ask for this one.
         let inputs = Arc::new(StyleInputs::new(scene, decoder)?);
         all.push(Packed {
             scene: Arc::downgrade(scene),
@@ -56,6 +58,7 @@ mod tests {
     /// The same scene is styled twice from the start, in two styles.
     #[test]
     fn two_who_ask_at_once_share_what_is_packed() {
+        // Large enough that the two threads overlap while the first one packs.
         let scene = Arc::new(small_scene(20_000, 1));
         let decoder = Arc::new(scene.decoder.clone().unwrap());
         let (packed, start) = (PackedInputs::default(), Barrier::new(2));

@@ -30,6 +30,7 @@ const SCRATCH_IS_KEPT: Duration = Duration::from_secs(2);
 #[derive(Resource, Default)]
 pub(super) struct StylePasses {
     /// The pipelines, or `None` if none were needed yet.
+    // Shared, because `advance` borrows all of `self` while it encodes with the pass.
     pass: Option<Background<Arc<StylePass>>>,
     scenes: Vec<StyledScene>,
     /// Measures the work of each frame against the [`StyleBudget`].
@@ -94,13 +95,16 @@ pub(super) fn decode_styles(
     adapter: Res<RenderAdapterInfo>,
     mut context: RenderContext,
 ) {
+    // Before the early return: memory is released in frames in which nothing changes.
     passes.release_scratch(clock.0);
     // `ShownColors` changes with every wish and every scene.
     if passes.settled && !colors.is_changed() {
         return;
     }
     let device = device.wgpu_device();
+    // Before anything is encoded, so that a style that nobody wants any more does not hold up its scene.
     passes.forget_unwanted(&wishes, &colors);
+    // The app may change its budget at any time, so each frame gets the present one.
     passes.begin_frame(device, &queue, &adapter, budget.ms_per_frame);
     passes.settled = true;
     let diagnostics = context.diagnostic_recorder();
@@ -113,6 +117,7 @@ pub(super) fn decode_styles(
             continue;
         }
         let Some(pass) = passes.pass(*synchronous, device) else {
+            // Without pipelines there is nothing to do for the other entities either.
             passes.settled = false;
             return;
         };
@@ -130,10 +135,12 @@ pub(super) fn decode_styles(
                 Ok(())
             }
             Err(reason) => {
+                // A refused wish counts as answered: it would fail in every frame.
                 colors.generation = Some(generation);
                 Err(reason)
             }
         };
+        // Only for complete or refused styles: the main world waits for one answer per generation.
         reports.push(ColorReport { entity: entity.id(), generation, result });
     }
 }
@@ -173,6 +180,7 @@ impl StylePasses {
     ) -> Result<Option<usize>, String> {
         let Some(meter) = &mut self.meter else { return Ok(None) };
         let inputs = &wish.style.inputs;
+        // A short list: one entry per scene and decoder that is styled. Equal `Arc`s mean equal features on the GPU.
         let index = match self.scenes.iter().position(|scene| Arc::ptr_eq(&scene.inputs, inputs)) {
             Some(index) => index,
             None => {
@@ -185,6 +193,7 @@ impl StylePasses {
         // Taken out, so that an error on the way drops it.
         let mut under_way = match styled.under_way.take() {
             Some(under_way) if under_way.entity == wish.entity => under_way,
+            // Not an error: the entity's turn comes once the other style is complete.
             Some(of_another) => {
                 styled.under_way = Some(of_another);
                 return Ok(None);
@@ -199,11 +208,13 @@ impl StylePasses {
             },
         };
         let UnderWay { weights, progress, buffer, .. } = &mut under_way;
+        // Chosen once at the beginning: what is shown may change before the style is complete.
         let buffer = *buffer;
         let target = colors.buffer(gpu.device, buffer).map_err(text)?;
         let span = gpu.diagnostics.time_span(gpu.encoder, "style_pass");
         let encoded =
             pass.encode_some(gpu.device, gpu.encoder, &styled.scene, weights, target, progress, meter);
+        // Ended before an early return: a span that is left open would be logged as an error.
         span.end(gpu.encoder);
         encoded.map_err(text)?;
         if progress.is_done() {
@@ -225,6 +236,7 @@ impl StylePasses {
 
     /// Frees the scratch memory if no style pass ran for a while.
     fn release_scratch(&mut self, now: Duration) {
+        // By the clock and not by frames: a slow adapter would otherwise free and allocate for each step of a slider.
         if self.last_run.is_some_and(|last_run| now > last_run + SCRATCH_IS_KEPT) {
             self.scenes.iter().for_each(|scene| scene.scene.release_scratch());
             self.last_run = None;
@@ -242,6 +254,8 @@ impl StylePasses {
                 _ => None,
             }
         };
+        // A scene stays while any entity wishes for one of its styles, also if that style is complete: the next one
+        // needs the same features.
         self.scenes.retain_mut(|scene| {
             let is_wanted = |under_way: &UnderWay| {
                 colors.of_entity.contains_key(&under_way.entity)
@@ -255,6 +269,7 @@ impl StylePasses {
     }
 }
 
+// Reports cross to the main world, which knows no errors of the GPU crate.
 fn text(error: impl std::error::Error) -> String {
     error.to_string()
 }

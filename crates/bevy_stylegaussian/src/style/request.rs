@@ -49,7 +49,10 @@ impl StyleRequest {
         let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
         let styles: Vec<_> = self.styles.iter().map(|(style, weight)| (&**style, *weight)).collect();
         if self.backend == StyleBackend::Gpu {
+            // Packed in this task: the render thread only uploads.
             let inputs = self.packed.get(&scene, &decoder)?;
+            // The content's statistics are part of the inputs, so a further style of a scene does not pass over its N
+            // features.
             let map = inputs.content().transfer(&styles, self.content)?;
             let layers = FoldedLayers::new(inputs.content(), &decoder, &map)?;
             let style = AppliedStyle { scene, decoder, map: Arc::new(map), colors: None };
@@ -58,6 +61,7 @@ impl StyleRequest {
         }
         let map = Arc::new(fold::transfer(features, &styles, self.content)?);
         let mut style = AppliedStyle { scene, decoder, map, colors: None };
+        // Kept with the style, so that saving it later costs nothing.
         let rgb = style.colors()?;
         style.colors = Some(Arc::clone(&rgb));
         Ok(StyleResult { style, colors: ColorSource::Rgb(rgb) })

@@ -24,6 +24,7 @@ use super::{
 /// # }
 /// ```
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
+// On the source and not on the splats: entities that are never styled carry neither.
 #[require(StyleJob, ColorWish)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct StyleSource {

@@ -56,6 +56,7 @@ fn until_passes(app: &mut App, n: u64) {
             n_passes(app)
         );
         app.update();
+        // Leaves the cores to the task that is waited for.
         std::thread::sleep(std::time::Duration::from_millis(1));
     }
 }
@@ -81,6 +82,7 @@ fn gpu_matches_cpu() {
     assert_eq!((applied.entity, applied.backend), (entity, StyleBackend::Gpu));
     assert_eq!(n_passes(&app), 1);
 
+    // The component holds an f32, and this has to be the same number.
     let content = f64::from(0.1_f32);
     let map = fold::transfer(scene.features.as_ref().unwrap(), &[(&style, 1.0)], content).unwrap();
     let expected = fold::stylize(&scene, &choose_decoder(None, None).unwrap(), &map).unwrap();
@@ -91,6 +93,7 @@ fn gpu_matches_cpu() {
     let found = shown(&app, entity).unwrap();
     let error = largest_difference(&found, &expected);
     eprintln!("{} Gaussians, deviation {deviation:.3}, error {error:.1e}", scene.len());
+    // Activations and colors are stored as f16, whose step at 1 is 1e-3.
     assert!(error < 2e-3, "{error}");
 }
 
@@ -122,6 +125,7 @@ fn only_changes_run_the_style_pass() {
     assert!(largest_difference(&in_a, &in_b) > 0.01);
 
     // Neither time nor movement runs it.
+    // The transform is extracted in each of these frames, so change detection has something to ignore.
     for step in 0..20 {
         app.world_mut().get_mut::<Transform>(a).unwrap().translation.x = step as f32;
         app.update();
@@ -179,6 +183,8 @@ fn a_change_is_spread_over_frames() {
         assert_eq!(is_new.into_iter().filter(|new| *new).count() as u64, n_passes(&app) - 2);
     }
     eprintln!("frames: {frames_of_each_count:?}");
+    // 1,000 Gaussians are 8 tiles of 128 in each of three layers, so about 24 frames. Two thirds of that are asked
+    // for.
     assert!(frames_of_each_count[..2].iter().all(|&n| n >= 16), "{frames_of_each_count:?}");
 
     // A style that is no longer wanted is dropped halfway, and the scene is free for the other entity.
@@ -206,6 +212,7 @@ fn a_change_is_spread_over_frames() {
 fn a_thousand_changes_leave_nothing_behind() {
     let cases = [
         (StyleBackend::Gpu, false, f32::INFINITY),
+        // With a budget of zero, styles are dropped halfway.
         (StyleBackend::Gpu, false, 0.0),
         (StyleBackend::Cpu, true, f32::INFINITY),
     ];

@@ -23,6 +23,8 @@ fn demo_scene() -> Scene {
 fn reference(scene: &Scene) -> (Vec<[f32; 3]>, Vec<f32>) {
     let camera = Camera::look_at(EYE, Vec3::ZERO, Vec3::Y, FOV_Y, SIZE);
     let view = splat::render(scene, splat::Colors::Captured, &camera);
+    // The rasterizer's color is premultiplied and display-referred. Bevy blends the unpremultiplied color in linear
+    // space.
     let over_black = |(color, alpha): (&[f32; 3], &f32)| {
         let linear = |channel: f32| alpha * Srgba::gamma_function(channel / alpha.max(1e-6));
         color.map(|channel| Srgba::gamma_function_inverse(linear(channel)).clamp(0.0, 1.0))
@@ -56,6 +58,7 @@ fn check(name: &str, camera: impl Bundle, least: f32) {
     let (expected, alpha) = reference(&scene);
     let Some(found) = picture(scene, camera) else { return };
     let n_covered = alpha.iter().filter(|&&alpha| alpha > 0.5).count();
+    // A comparison over a few pixels would pass whatever they show.
     assert!(2 * n_covered >= alpha.len(), "{n_covered} of {} pixels are covered", alpha.len());
     let psnr = psnr(&expected, &found, |i| alpha[i] > 0.5);
     eprintln!("{name}: {psnr:.1} dB over {n_covered} pixels");
@@ -83,5 +86,6 @@ fn hdr_bypassing_tonemapping() {
 
 #[test]
 fn hdr_inverting_tonemapping() {
+    // Lower than the others: bright and saturated colors lie outside the range of the tonemapping.
     check("hdr_inverting_tonemapping", (Hdr, Msaa::Sample4, Tonemapping::TonyMcMapface), 28.0);
 }

@@ -23,6 +23,7 @@ fn every_pass_has_a_span() {
     ));
     let mut app = finish(app);
     let image = render_target(&mut app, UVec2::splat(16));
+    // `SplatTonemapping` requires a `Camera3d`, which brings a tonemapping. So the layer is composited after it.
     let place = Transform::from_xyz(0.0, 0.0, 5.0);
     app.world_mut().spawn((SplatTonemapping::Bypass, Hdr, target(&image), place));
     let style = add_style(&mut app, small_style(1));

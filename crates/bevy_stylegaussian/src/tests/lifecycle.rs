@@ -47,6 +47,7 @@ fn spawn(app: &mut App, scene: Scene) -> Entity {
 }
 
 fn updates(app: &mut App, n: usize) {
+    // Rendering is not pipelined here, so each update draws its own frame.
     (0..n).for_each(|_| app.update());
 }
 
@@ -65,6 +66,7 @@ fn small_device() -> WgpuSettings {
 #[test]
 fn a_scene_too_large_for_the_device_is_refused_and_the_app_lives_on() {
     let Some((mut app, image)) = app_with_camera(StyleBackend::Gpu, small_device()) else { return };
+    // Without features, no neighbors are searched.
     let large = Scene { features: None, decoder: None, ..small_scene(70_000, 1) };
     let large = GaussianSplats(add_scene(&mut app, large));
     // It is reported for both entities that show it.
@@ -84,6 +86,7 @@ fn a_scene_too_large_for_the_device_is_refused_and_the_app_lives_on() {
     assert!(light(&mut app, &image) > 1.0);
     assert!(drain::<GaussianSceneFailed>(&mut app).is_empty());
     // Two scenes that fit alone but not together: the view reports it, and draws again once one of them is gone.
+    // 40,000 splats fit into 65,536, and 80,000 do not.
     let half = Scene { features: None, decoder: None, ..small_scene(40_000, 1) };
     let halves = [0, 1].map(|_| spawn(&mut app, half.clone()));
     let mut told = Vec::new();
@@ -106,6 +109,7 @@ fn a_decoder_too_large_for_the_device_is_refused() {
         let decoder = scene.decoder.as_mut().unwrap();
         let layer = |d_in: usize, d_out: usize| Layer {
             weight: vec![0.0; d_out * decoder.k * d_in],
+            // Weights of 0 leave the biases alone: every styled Gaussian has the same color.
             bias: vec![0.3; d_out],
             d_in,
             d_out,
@@ -146,6 +150,7 @@ fn scenes_of_no_and_of_one_gaussian() {
     app.world_mut().entity_mut(none).insert(StyleSource::preset(style.clone()));
     assert_eq!(light(&mut app, &image), 0.0);
     let mut one = small_scene(1, 1);
+    // In the middle of the picture, wherever the seed would have put it.
     one.means[0] = Vec3::ZERO;
     let one = spawn(&mut app, one);
     assert!(light(&mut app, &image) > 0.1);
@@ -169,6 +174,7 @@ fn entities_scenes_and_targets_come_and_go() {
 
     // The scene is replaced by one of another size while the style is computed or fades in.
     let handle = app.world().get::<GaussianSplats>(entity).unwrap().0.clone();
+    // More and fewer Gaussians than before, so that buffers of the old size would be found out.
     for (n, seed) in [(150, 2), (20, 3), (300, 4), (20, 5)] {
         let scene = GaussianScene::new(small_scene(n, seed));
         app.world_mut().resource_mut::<Assets<GaussianScene>>().insert(&handle, scene).unwrap();
@@ -185,6 +191,7 @@ fn entities_scenes_and_targets_come_and_go() {
     assert_eq!(light(&mut app, &image), 0.0);
 
     // The entity is despawned at different stages of its style.
+    // 0 is before the scene is attached, the others are while its style is computed or decoded.
     for n_updates in 0..4 {
         let brief = spawn(&mut app, small_scene(50, 7));
         app.world_mut().entity_mut(brief).insert(source.clone());
@@ -200,6 +207,7 @@ fn entities_scenes_and_targets_come_and_go() {
 
     // The target is resized, like a window.
     spawn(&mut app, small_scene(100, 1));
+    // Smaller, larger, a single pixel, and not a multiple of a tile.
     for side in [16, 64, 1, 33] {
         let size = Extent3d { width: side, height: side, depth_or_array_layers: 1 };
         app.world_mut().resource_mut::<Assets<Image>>().get_mut(&image).unwrap().resize(size);
@@ -252,6 +260,7 @@ fn a_lost_device_brings_styled_scenes_back() {
     device.wgpu_device().destroy();
     // The loss is reported at the next poll.
     let _ = device.poll(PollType::Poll);
+    // Bevy recovers in a later frame. Then scene and style are uploaded anew.
     updates(&mut app, 10);
     let recovered = light(&mut app, &image);
     assert!((recovered - styled).abs() < 0.01 * styled, "{recovered} after, {styled} before");

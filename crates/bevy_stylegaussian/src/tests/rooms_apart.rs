@@ -29,6 +29,7 @@ fn splats_need_no_styles() {
     assert!(!app.world().entity(entity).contains::<StyleSource>());
     // Failures of scenes are reported, too.
     let mut broken = small_scene(8, 1);
+    // One array is shorter than the others: no file gives this, but a program may.
     broken.scales.pop();
     let broken = GaussianSplats(add_scene(&mut app, broken));
     app.world_mut().spawn(broken);

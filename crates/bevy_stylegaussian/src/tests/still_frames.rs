@@ -24,9 +24,11 @@ fn still_frames_build_and_allocate_nothing() {
     std::thread::sleep(std::time::Duration::from_millis(2100));
     for _ in 0..5 {
         app.update();
+        // Waits for the GPU, so that one frame at a time is in flight.
         allocations(&app);
     }
     let before = held(&mut app);
+    // Otherwise the comparisons below could hold over nothing.
     assert_eq!(before.1.layers.len(), 1, "expected one layer");
     for frame in 0..20 {
         app.update();

@@ -90,6 +90,7 @@ fn a_thousand_changes_end_in_the_last() {
     let handles: Vec<_> = styles.iter().map(|style| add_style(&mut app, style.clone())).collect();
     let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
     let entity = app.world_mut().spawn((splats, StyleSource::none())).id();
+    // Updates come between about half of the changes, so some styles are computed and most are passed over.
     let mut next = numbers(5);
     let mut last = 0;
     for _ in 0..1000 {
@@ -223,6 +224,7 @@ fn a_look_waits_for_the_end_of_a_fade() {
     let began = std::time::Instant::now();
     *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = StyleSource::preset(handles[1].clone());
     until_applied(&mut app);
+    // The fade began at `StyleApplied`, a little before the clock was read.
     assert!(began.elapsed() > Duration::from_millis(150), "{:?}", began.elapsed());
 }
 
@@ -252,6 +254,7 @@ fn observers_may_despawn_what_they_like() {
         },
     );
     let mut broken = small_scene(8, 1);
+    // The failure's observer runs among the commands that attach the other scene.
     broken.scales.pop();
     let style = add_style(&mut app, small_style(1));
     for scene in [broken, small_scene(8, 2)] {

@@ -33,12 +33,14 @@ impl Graph {
     /// The reason of ONNX Runtime's refusal.
     pub(crate) fn run(&self, input: &Planes) -> Result<(Vec<usize>, Vec<f32>), String> {
         let text = |error: ort::Error| error.to_string();
+        // Borrows the input: ONNX Runtime reads it in place.
         let tensor = TensorRef::from_array_view((input.shape(), &input.values[..])).map_err(text)?;
         // A session has no state that a panic of another thread could have left half done.
         let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
         let outputs = session.run(ort::inputs![tensor]).map_err(text)?;
         let (_, output) = outputs.iter().next().ok_or("it gave no output")?;
         let (shape, values) = output.try_extract_tensor::<f32>().map_err(text)?;
+        // A negative size cannot be a result. As 0, the caller refuses it.
         let size = |&size: &i64| usize::try_from(size).unwrap_or(0);
         Ok((shape.iter().map(size).collect(), values.to_vec()))
     }
@@ -51,6 +53,7 @@ fn open(environment: &Environment, onnx: &[u8]) -> ort::Result<Session> {
 
 fn outlet(outlet: &value::Outlet) -> Outlet {
     let (element, shape) = (outlet.dtype().tensor_type(), outlet.dtype().tensor_shape());
+    // ONNX Runtime gives -1 for a size that the graph leaves open.
     let size = |&size: &i64| usize::try_from(size).ok();
     Outlet {
         is_f32: element == Some(TensorElementType::Float32),

@@ -78,6 +78,7 @@ fn plan(onnx: &[u8]) -> Result<Arc<TypedRunnableModel>, String> {
 /// file of a few bytes can ask for terabytes.
 fn check_memory(model: InferenceModel) -> Result<(), String> {
     let shape = model.input_fact(0).map_err(text)?.shape.clone();
+    // A size that the graph fixes must be kept: any other would contradict the graph.
     let fixed = |axis: usize| {
         let size = shape.dim(axis)?.concretize()?.to_i64().ok()?;
         usize::try_from(size).ok()
@@ -100,6 +101,7 @@ fn check_sizes(model: &TypedModel, input: [usize; 4]) -> Result<(), String> {
     let mut sizes = SymbolValues::default();
     for (size, value) in model.input_fact(0).map_err(text)?.shape.iter().zip(input) {
         if let TDim::Sym(symbol) = size {
+            // Open sizes are symbols. With their values, the size of each step is a number.
             sizes.set(symbol, value as i64);
         }
     }
@@ -127,12 +129,16 @@ fn outlet(fact: &TypedFact) -> Outlet {
 
 /// tract's error with its causes, without the zero bytes that names in a damaged file may bring into it.
 fn text(error: TractError) -> String {
+    // `{:#}` prints the whole chain of causes in one line.
     format!("{error:#}").replace('\0', "")
 }
 
 /// Turns a panic of `work` into an error.
 fn caught<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    // Unwind safe: what a panic leaves half done is dropped with it, since a plan is only read and each run has a
+    // state of its own.
     panic::catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
+        // `panic!` with arguments carries a `String`, without any a `&str`.
         let message = payload.downcast_ref::<String>().map(String::as_str);
         let message =
             message.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or("no reason given");

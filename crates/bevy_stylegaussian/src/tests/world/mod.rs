@@ -11,15 +11,18 @@ use stylegaussian::{ChannelStatistics, Decoder, Features, Layer, Scene, scene::S
 use crate::{GaussianScene, StyleGaussianPlugin, StyleStatistics};
 
 /// Channels of the encoder, latent features, and the decoder's neighbors, in the small scenes.
+// Three different numbers, so that mixing them up is found by a shape.
 const D: usize = 8;
 const L: usize = 4;
 const K: usize = 3;
 
 /// Pseudorandom numbers in -1..1 (a linear congruential generator of 64 bits with Knuth's constants).
 pub fn numbers(seed: u64) -> impl FnMut() -> f32 {
+    // Odd, so that no seed begins at 0.
     let mut state = seed.wrapping_mul(2) + 1;
     move || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        // The upper 24 bits, which are the good ones, and as many as an f32 holds: 0..2 less 1.
         (state >> 40) as f32 / (1 << 23) as f32 - 1.0
     }
 }
@@ -30,6 +33,7 @@ pub fn small_scene(n: usize, seed: u64) -> Scene {
     let mut many = |count: usize, scale: f32| (0..count).map(|_| scale * next()).collect::<Vec<f32>>();
     let means = many(3 * n, 1.0).chunks_exact(3).map(Vec3::from_slice).collect();
     let rotations = many(4 * n, 1.0).chunks_exact(4).map(|q| Quat::from_slice(q).normalize()).collect();
+    // 0.03 to 0.08: small against the cube, so that the splats can be told apart.
     let scales = many(3 * n, 0.05).chunks_exact(3).map(|s| Vec3::from_slice(s).abs() + 0.03).collect();
     let layer = |d_in: usize, d_out: usize, many: &mut dyn FnMut(usize, f32) -> Vec<f32>| Layer {
         weight: many(d_out * K * d_in, 0.6),
@@ -41,6 +45,7 @@ pub fn small_scene(n: usize, seed: u64) -> Scene {
         means,
         rotations,
         scales,
+        // 0.15 to 0.95: no splat is invisible, and none hides all that is behind it.
         opacities: many(n, 0.4).into_iter().map(|o| 0.55 + o).collect(),
         sh: Some(Sh { degree: 1, coefficients: many(12 * n, 0.5) }),
         order: (0..n as u32).collect(),
@@ -108,7 +113,9 @@ pub fn app_without_rendering() -> App {
 pub fn app_with_assets(assets: AssetPlugin) -> App {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, assets, TransformPlugin));
+    // Bevy's `ImagePlugin` would do this, but it belongs to rendering.
     app.init_asset::<Image>().add_plugins(StyleGaussianPlugin::default());
+    // What a runner does before the first update. These tests call `update` themselves.
     app.finish();
     app.cleanup();
     app
@@ -135,6 +142,7 @@ pub fn update_until(app: &mut App, what: &str, mut done: impl FnMut(&mut World) 
     while !done(app.world_mut()) {
         assert!(start.elapsed() < Duration::from_secs(60), "not within a minute: {what}");
         app.update();
+        // Leaves the cores to background tasks.
         std::thread::sleep(Duration::from_millis(1));
     }
 }

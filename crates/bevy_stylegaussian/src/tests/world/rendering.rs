@@ -48,6 +48,7 @@ pub fn app_with_settings(backend: StyleBackend, settings: WgpuSettings) -> Optio
 /// An app that renders, before any plugin of ours is added and before it is [finished](finish). `None` if there is no
 /// adapter.
 pub fn app_without_splats(settings: WgpuSettings) -> Option<App> {
+    // Asked before the app is made: Bevy's `RenderPlugin` panics if it finds no adapter.
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let options = wgpu::RequestAdapterOptions::default();
     if bevy::tasks::block_on(instance.request_adapter(&options)).is_err() {
@@ -56,6 +57,8 @@ pub fn app_without_splats(settings: WgpuSettings) -> Option<App> {
     }
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
     let mut app = App::new();
+    // Named one by one and not `DefaultPlugins`: no window, and no pipelined rendering, so that an update draws its
+    // own frame.
     app.add_plugins((
         TaskPoolPlugin::default(),
         FrameCountPlugin,
@@ -77,6 +80,7 @@ pub fn app_without_splats(settings: WgpuSettings) -> Option<App> {
         CorePipelinePlugin,
         PbrPlugin::default(),
     ));
+    // By default Bevy logs a render error and stops rendering. Tests would then pass on old pictures.
     app.insert_resource(RenderErrorHandler(|error, _, _| panic!("{error:?}")));
     Some(app)
 }
@@ -108,6 +112,7 @@ pub fn read_back(app: &App, image: &Handle<Image>) -> Vec<[f32; 4]> {
     let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
     let gpu = world.resource::<RenderAssets<GpuImage>>().get(image).expect("the target is on the GPU");
     let size = gpu.texture_descriptor.size;
+    // wgpu copies textures to rows of a multiple of 256 bytes (`COPY_BYTES_PER_ROW_ALIGNMENT`).
     let row = (size.width * 4).next_multiple_of(256);
     let buffer = device.create_buffer(&BufferDescriptor {
         label: Some("read_back"),
@@ -153,6 +158,7 @@ pub fn allocations(app: &App) -> Option<Allocations> {
         buffer_bytes: counters.buffer_memory.read(),
         texture_bytes: counters.texture_memory.read(),
     };
+    // The counters are 0 unless wgpu's feature `counters` is on. Equal zeros would prove nothing.
     assert!(found.buffer_bytes > 0 && found.texture_bytes > 0, "wgpu counts nothing: {found:?}");
     Some(found)
 }
