@@ -78,6 +78,7 @@ impl BlendWeights {
         for y in corner.y..corner.y + size.y {
             let first = (y * self.size.x + corner.x) as usize;
             let row = &self.starts[first..=first + size.x as usize];
+            // Entries of pixels side by side follow one another, so each row of the part is one copy.
             let (start, end) = (row[0], row[size.x as usize]);
             let offset = crop.indices.len() as u32;
             crop.indices.extend_from_slice(&self.indices[start as usize..end as usize]);
