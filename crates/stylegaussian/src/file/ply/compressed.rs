@@ -277,6 +277,7 @@ mod tests {
         let whole = file(2, false);
         let message = |bytes: &[u8]| super::super::read(bytes).unwrap_err().found;
         assert!(message(&whole[..whole.len() - 1]).contains("bytes after the header"));
+        // The payload is 18 floats of ranges and two rows of four words: 104 bytes.
         let text = String::from_utf8_lossy(&whole[..whole.len() - 104]).into_owned();
         let with = |from: &str, to: &str| [text.replace(from, to).as_bytes(), &whole[text.len()..]].concat();
         assert!(message(&with("element chunk 1", "element chunk 0")).contains("0 chunks for 2 Gaussians"));
