@@ -278,6 +278,7 @@ mod tests {
                 n_extra: 1,
                 encoder: None,
             }),
+            // Each one itself, then a Gaussian at distance 1.
             neighbors: Some(Neighbors { k: 2, indices: vec![0, 2, 1, 3, 2, 0, 3, 1] }),
             ..Scene::default()
         }

@@ -250,6 +250,7 @@ fn misfits_are_errors() {
     let style = style(&mut random);
     let short = ChannelStatistics { mean: vec![0.0; 3], std_dev: vec![1.0; 3], ..Default::default() };
     assert!(matches!(transfer(features, &[(&short, 1.0)], 0.0), Err(StylizeError::StyleChannels { .. })));
+    // They sum to 0, or hold a number that is negative, NaN or infinite.
     for weights in [[0.0, 0.0], [1.0, -1.0], [f64::NAN, 1.0], [f64::INFINITY, 1.0]] {
         let mix = [(&style, weights[0]), (&style, weights[1])];
         assert!(matches!(transfer(features, &mix, 0.0), Err(StylizeError::MixWeights { .. })), "{weights:?}");
