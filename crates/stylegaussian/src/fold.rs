@@ -175,6 +175,7 @@ pub fn fold_layer(
     let mut basis = Vec::with_capacity(n_channels * width);
     for (d, row) in features.basis.chunks_exact(n_latent).enumerate() {
         let gain = map.gain[d];
+        // The column L is g (A m' + b) + s.
         let mean: f64 = row.iter().zip(mean_latent).map(|(a, m)| f64::from(*a) * m).sum();
         basis.extend(row.iter().map(|a| gain * f64::from(*a)));
         basis.push(gain * (f64::from(features.offset[d]) + mean) + map.shift[d]);

@@ -111,6 +111,7 @@ pub fn covariance_latent(features: &Features) -> Vec<f64> {
     for block in blocks {
         covariance.iter_mut().zip(block).for_each(|(sum, value)| *sum += value);
     }
+    // The sum over one Gaussian or none is 0, whatever it is divided by.
     let divisor = if n > 1 { (n - 1) as f64 } else { 1.0 };
     covariance.iter_mut().for_each(|sum| *sum /= divisor);
     covariance

@@ -94,6 +94,7 @@ pub fn knn_conv(
                 row.copy_from_slice(bias);
             }
             let rows = neighbors.len() / shape.k;
+            // At least one slot, if D_in alone exceeds the width of a group.
             let group = (GROUP_WIDTH / shape.d_in.max(1)).clamp(1, shape.k);
             for k in (0..shape.k).step_by(group) {
                 let n = group.min(shape.k - k);

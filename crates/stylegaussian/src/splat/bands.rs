@@ -58,6 +58,7 @@ impl Bands {
         let top = (band * TILE) as f32;
         let mut lists = vec![Vec::new(); n_tiles];
         for &position in &self.splats[band] {
+            // The box of a slanted needle crosses many tiles of a band that the needle itself does not reach.
             let (left, right) = extent_within(&splats[position as usize], top, top + TILE as f32);
             for tile in tiles_between(left, right, n_tiles) {
                 lists[tile].push(position);

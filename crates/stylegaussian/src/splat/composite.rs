@@ -62,6 +62,7 @@ impl Tile {
                     }
                 }
             }
+            // Splats are sorted, so all that follow are hidden too.
             if pixels.n_unfinished == 0 {
                 break;
             }
@@ -81,6 +82,7 @@ struct Pixels {
 
 impl Pixels {
     fn new(width: usize, height: usize) -> Self {
+        // Rows below the edge of the picture have no bits, and are skipped like finished ones.
         let mut unfinished = [0; TILE];
         unfinished[..height].fill(bits(0..width));
         Self { transmittance: [[1.0; TILE]; TILE], unfinished, n_unfinished: width * height }

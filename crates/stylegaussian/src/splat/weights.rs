@@ -165,6 +165,8 @@ fn add_scaled(sums: &mut [f32], weight: f32, values: &[f32]) {
 
 impl BandWeights {
     fn gather(band: usize, splats: &[Splat], bands: &Bands) -> Self {
+        // In the order of tiles and splats. A pixel gets its entries from one tile, so they are front to back among the
+        // others.
         let mut entries: Vec<(u32, u32, f32)> = Vec::new();
         bands.composite(band, splats, |pixel, splat, weight| {
             entries.push((pixel as u32, splats[splat].gaussian, weight));

@@ -178,6 +178,7 @@ fn local_data(bytes: &[u8], local: usize, size: usize) -> Result<Range<usize>, M
     if header[..4] != *b"PK\x03\x04" {
         return Err(broken("no entry where its directory points"));
     }
+    // Two 16-bit lengths cannot overflow the sum.
     let skipped = HEADER + usize::from(u16_at(header, 26)?) + usize::from(u16_at(header, 28)?);
     // The local header repeats name and extra field with lengths of its own: torch pads there to align storages.
     let start = local.saturating_add(skipped);
