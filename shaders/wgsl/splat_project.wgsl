@@ -80,6 +80,7 @@ struct Projected {
 
 /// The vector that `rotation` turns into `v`: the inverse rotation of `v`.
 fn unrotated(rotation: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
+    // v + 2 w (q x v) + 2 q x (q x v), the rotation of v, with -q in place of q.
     let t = 2.0 * cross(v, rotation.xyz);
     return v + rotation.w * t + cross(t, rotation.xyz);
 }
@@ -91,6 +92,7 @@ fn footprint_axis(gaussian: PackedGaussian, j: vec3<f32>) -> vec3<f32> {
         + j.z * chunk.view_from_scene_z.xyz;
     let rotation = vec4(unpack2x16snorm(gaussian.rotation.x), unpack2x16snorm(gaussian.rotation.y));
     let scales = vec3(unpack2x16float(gaussian.scales.x), unpack2x16float(gaussian.scales.y).x);
+    // Rounding to 16 bits leaves the length slightly off 1.
     return unrotated(normalize(rotation), in_scene) * scales * chunk.scale_unit;
 }
 
@@ -117,8 +119,10 @@ fn project(gaussian: PackedGaussian) -> Projected {
     }
     let ndc = clip.xy / w;
     let half_size = 0.5 * chunk.viewport.zw;
+    // Normalized device coordinates have y up, pixels y down.
     let center = chunk.viewport.xy + half_size + ndc * vec2(half_size.x, -half_size.y);
 
+    // Around the image axis, which off-axis projections put beside the middle of the picture.
     let at = clamp(ndc, chunk.axis - LINEARIZED_WITHIN, chunk.axis + LINEARIZED_WITHIN);
     let j_x = half_size.x / w * (chunk.clip_from_view_x.xyz - at.x * chunk.clip_from_view_w.xyz);
     let j_y = -half_size.y / w * (chunk.clip_from_view_y.xyz - at.y * chunk.clip_from_view_w.xyz);
@@ -154,6 +158,7 @@ fn captured_color(index: u32, mean: vec3<f32>) -> vec3<f32> {
     // Works for both kinds of `eye`: mean - eye, or the direction of parallel rays.
     let ray = mean * chunk.eye.w - chunk.eye.xyz;
     let squared = dot(ray, ray);
+    // A Gaussian at the eye has no direction. `select` drops the NaN of 0 times infinity.
     let direction = select(vec3(0.0), ray * inverseSqrt(squared), squared > 0.0);
     return sh_color(index, chunk.n_gaussians, chunk.sh_degree, direction);
 }

@@ -10,6 +10,7 @@ var<workgroup> n_visible: atomic<u32>;
 
 @compute @workgroup_size(WORKGROUP)
 fn splat_sort_counts(@builtin(local_invocation_index) lane: u32) {
+    // Each visible splat has one digit, so the digits of the first pass count them all.
     atomicAdd(&n_visible, digit_counts[lane]);
     workgroupBarrier();
     // Every lane has added before one of them reads.

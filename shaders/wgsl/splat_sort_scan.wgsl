@@ -18,6 +18,7 @@ fn splat_sort_scan(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_i
     for (var batch = start; batch < end; batch++) {
         sum += batch_counts[row + batch];
     }
+    // The loop below writes in place without a barrier: each lane reads and writes its own batches only.
     var before = sum_before(lane, sum);
     if lane == WORKGROUP - 1u {
         digit_counts[digit] = before + sum;

@@ -25,7 +25,9 @@ fn splat_sort_scatter(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(loca
     let n = n_keys();
     let word = lane / 32u;
     let bit = 1u << (lane % 32u);
+    // Other lanes read it after the first barrier of the loop.
     next[lane] = sum_before(lane, digit_counts[lane]) + batch_offsets[lane * batch_stride() + workgroup.x];
+    // As many rounds for every lane, because barriers demand it. The last batch may be short.
     for (var round = 0u; round < ROUNDS; round++) {
         let i = workgroup.x * SORT_BATCH + round * N_DIGITS + lane;
         // Lanes beyond the last key take part in the barriers, but in nothing else.

@@ -58,6 +58,7 @@ fn blend(row: ptr<function, Row>, splat: Splat, dx: vec4<f32>, dy: f32) {
     (*row).red += weight * splat.color.r;
     (*row).green += weight * splat.color.g;
     (*row).blue += weight * splat.color.b;
+    // light (1 - alpha), or unchanged if the splat is not seen.
     (*row).light -= weight;
 }
 
@@ -109,6 +110,7 @@ fn splat_tiles_blend(
         blend(&row_2, splat, dx, d.y + 2.0);
         blend(&row_3, splat, dx, d.y + 3.0);
         let brightest = max(max(row_0.light, row_1.light), max(row_2.light, row_3.light));
+        // Finished pixels blend on until all sixteen are finished. They have less than MIN_LIGHT left to give.
         if all(brightest < vec4(MIN_LIGHT)) {
             break;
         }

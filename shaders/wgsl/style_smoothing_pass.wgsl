@@ -18,6 +18,7 @@ fn style_smoothing_pass(@builtin(global_invocation_id) invocation: vec3<u32>) {
     for (var i = 0u; i < layer.k; i++) {
         sum += unpack_half4(colors[input_row(neighbors[row * layer.k + i])]);
     }
+    // Summed in f32. In f16, as colors are stored, each addition would round to 11 bits.
     var mean = sum / f32(layer.k);
     let gaussian = output_row(row);
     if layer.residual != 0.0 {

@@ -46,6 +46,7 @@ impl Random {
     /// # Panics
     /// If there are none.
     pub fn pick<T: Copy>(&mut self, choices: &[T]) -> T {
+        // The remainder favors the first choices by the length over 2^32, which no picture shows.
         choices[self.bits() as usize % choices.len()]
     }
 

@@ -254,6 +254,7 @@ impl Canvas {
 
 /// `count` nearly even directions on the sphere (the golden-angle spiral). The first points down, the last up.
 pub fn sphere(count: u32) -> impl Iterator<Item = Vec3> {
+    // pi (3 - sqrt 5).
     const GOLDEN_ANGLE: f32 = 2.399_963_2;
     (0..count).map(move |index| {
         let y = (2.0 * index as f32 + 1.0) / count as f32 - 1.0;

@@ -104,6 +104,7 @@ fn sun_rays() -> [Vec3; 7] {
     let frame = Frame::facing(Vec3::ZERO, SUN, Vec3::X);
     let ring = |index: u32| {
         let angle = std::f32::consts::TAU * index as f32 / 6.0;
+        // The real disc has a radius of 0.0047.
         (frame.z + frame.vector(libm::cosf(angle), libm::sinf(angle), 0.0) * 0.035).normalize()
     };
     [frame.z, ring(0), ring(1), ring(2), ring(3), ring(4), ring(5)]
@@ -112,9 +113,11 @@ fn sun_rays() -> [Vec3; 7] {
 /// Directions about +z with a density proportional to their cosine, by Malley's method: points of a disc are lifted
 /// onto the hemisphere.
 fn cosine_directions() -> Vec<Vec3> {
+    // pi (3 - sqrt 5): a spiral by this angle fills the disc without arms.
     const GOLDEN_ANGLE: f32 = 2.399_963_2;
     (0..SKY_RAYS)
         .map(|index| {
+            // Steps of the squared radius are rings of equal area.
             let squared = (index as f32 + 0.5) / SKY_RAYS as f32;
             let (radius, angle) = (squared.sqrt(), index as f32 * GOLDEN_ANGLE);
             Vec3::new(radius * libm::cosf(angle), radius * libm::sinf(angle), (1.0 - squared).sqrt())

@@ -104,6 +104,7 @@ pub fn noise2(p: Vec2) -> f32 {
 /// Four octaves of noise, in [0, 1).
 pub fn fractal3(p: Vec3) -> f32 {
     let mut sum = 0.0;
+    // The weights 8, 4, 2 and 1 in fifteenths sum to 1.
     let mut weight = 8.0 / 15.0;
     let mut at = p;
     for _ in 0..4 {

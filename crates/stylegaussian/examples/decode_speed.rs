@@ -83,6 +83,7 @@ fn median(mut run: impl FnMut()) -> f64 {
 
 /// Time of a matrix product with the folded decoder's number of multiply-adds over `n` Gaussians, in seconds.
 fn product_seconds(n: usize) -> f64 {
+    // The shape of the second layer, the largest: K times 256 inputs, 128 outputs.
     let (rows, inner, columns) = (n, 2048, 128);
     let (lhs, rhs) = (numbers(rows * inner, 1.0), numbers(inner * columns, 1.0));
     let mut target = vec![0.0_f32; rows * columns];

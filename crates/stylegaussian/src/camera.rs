@@ -34,6 +34,8 @@ impl Camera {
 
     /// The same view at another size in pixels. Focal lengths and center scale with it.
     pub fn resized(&self, size: UVec2) -> Self {
+        // Positions count from the corner of the picture and not from the center of a pixel, so they scale without an
+        // offset.
         let ratio = size.as_vec2() / self.size.as_vec2();
         Self { focal: self.focal * ratio, center: self.center * ratio, size, ..self.clone() }
     }
@@ -43,6 +45,7 @@ impl Camera {
     pub fn look_at(eye: Vec3, target: Vec3, up: Vec3, fov_y: f32, size: UVec2) -> Self {
         let forward = (target - eye).normalize();
         let right = forward.cross(up).normalize();
+        // x right, y down, z forward is right-handed: z cross x is y.
         let down = forward.cross(right);
         let world_from_view = Affine3A::from_cols(right.into(), down.into(), forward.into(), eye.into());
         let focal = size.y as f32 / (2.0 * (fov_y / 2.0).tan());
@@ -73,6 +76,7 @@ mod tests {
 
     #[test]
     fn look_at_puts_the_target_ahead_and_up_upward() {
+        // The difference is (-3, 0, -4), of length 5.
         let (eye, target) = (Vec3::new(3.0, 1.0, 2.0), Vec3::new(0.0, 1.0, -2.0));
         let camera = Camera::look_at(eye, target, Vec3::Y, 1.0, UVec2::new(64, 32));
         let seen = camera.view_from_world.transform_point3(target);

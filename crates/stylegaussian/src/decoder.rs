@@ -139,6 +139,7 @@ pub fn run_layers(
 
 /// One smoothing pass: the mean color of each Gaussian's neighborhood `[N]`.
 pub fn smoothing_pass(colors: &[[f32; 3]], neighbors: &Neighbors) -> Vec<[f32; 3]> {
+    // K = 0 has no chunks to divide into, and chunks of no values panic.
     let share = 1.0 / neighbors.k.max(1) as f32;
     let mean = |neighborhood: &[u32]| {
         let mut sum = [0.0; 3];

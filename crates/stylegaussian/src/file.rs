@@ -43,6 +43,7 @@ fn kind_of(bytes: &[u8]) -> Result<Kind, Mismatch> {
     match bytes {
         [] => Err(mismatch("an empty file", EXPECTED)),
         [b'p', b'l', b'y', b'\n' | b'\r' | b' ' | b'\t', ..] => Ok(Kind::Ply),
+        // A zip archive, the container of `torch.save`.
         [b'P', b'K', 3, 4, ..] => Ok(Kind::Checkpoint),
         // Safetensors begin with the length of their JSON header, 8 bytes.
         [_, _, _, _, _, _, _, _, b'{', ..] => Ok(Kind::Safetensors),

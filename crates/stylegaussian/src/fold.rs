@@ -56,6 +56,7 @@ impl ChannelMap {
         let gain: Vec<f64> =
             style.std_dev.iter().zip(&content.std_dev).map(|(s, c)| f64::from(*s) / c).collect();
         let shifts = style.mean.iter().zip(&gain).zip(&content.mean);
+        // The constant term of the equation, mean_s - gain mean(f).
         let shift = shifts.map(|((mean, gain), c)| f64::from(*mean) - gain * c).collect();
         Ok(Self { gain, shift })
     }
@@ -174,6 +175,7 @@ pub fn fold_layer(
     let mut basis = Vec::with_capacity(n_channels * width);
     for (d, row) in features.basis.chunks_exact(n_latent).enumerate() {
         let gain = map.gain[d];
+        // The column L is g (A m' + b) + s.
         let mean: f64 = row.iter().zip(mean_latent).map(|(a, m)| f64::from(*a) * m).sum();
         basis.extend(row.iter().map(|a| gain * f64::from(*a)));
         basis.push(gain * (f64::from(features.offset[d]) + mean) + map.shift[d]);
@@ -196,7 +198,10 @@ pub fn fold_layer(
             weight.chunks_exact_mut(d_in).zip(slots).zip(folded.chunks_exact(width))
         {
             target[..n_latent].iter_mut().zip(folded).for_each(|(t, f)| *t = *f as f32);
+            // The transfer does not touch the extra inputs, so their columns stay as they are.
             target[n_latent..].copy_from_slice(&source[n_channels..]);
+            // The last column is the response of this slot to a Gaussian at the mean. It is the same for every
+            // Gaussian.
             bias += folded[n_latent];
         }
         bias as f32
@@ -210,6 +215,7 @@ pub fn centered_inputs(features: &Features, mean_latent: &[f64]) -> Vec<f32> {
     let n = features.values.len() / n_latent;
     let mut inputs = Vec::with_capacity(n * (n_latent + n_extra));
     for (i, row) in features.values.chunks_exact(n_latent).enumerate() {
+        // Subtracted in f64 and rounded once. A mean in f32 would cost small features around a large mean their digits.
         inputs.extend(row.iter().zip(mean_latent).map(|(value, mean)| (f64::from(*value) - mean) as f32));
         inputs.extend_from_slice(&features.extra[i * n_extra..][..n_extra]);
     }
@@ -342,6 +348,7 @@ pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec
 pub fn neighbors_for(scene: &Scene, k: usize) -> Cow<'_, Neighbors> {
     match &scene.neighbors {
         Some(neighbors) if neighbors.k == k => Cow::Borrowed(neighbors),
+        // Lists ascend by distance, so the first k of a longer one are the list for k.
         Some(neighbors) if neighbors.k > k => Cow::Owned(neighbors.truncated(k)),
         _ => Cow::Owned(Neighbors::find(&scene.means, &scene.order, k)),
     }

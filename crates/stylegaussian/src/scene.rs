@@ -244,6 +244,7 @@ fn relabeled(neighbors: &Neighbors, n_gaussians: usize, indices: &[u32]) -> Opti
     for (new, &old) in indices.iter().enumerate() {
         new_from_old[old as usize] = new as u32;
     }
+    // Lists move with their Gaussians first, and their entries are renumbered after.
     let mut relabeled = gather(&neighbors.indices, neighbors.k, indices);
     for index in &mut relabeled {
         *index = new_from_old[*index as usize];
@@ -278,6 +279,7 @@ mod tests {
                 n_extra: 1,
                 encoder: None,
             }),
+            // Each one itself, then a Gaussian at distance 1.
             neighbors: Some(Neighbors { k: 2, indices: vec![0, 2, 1, 3, 2, 0, 3, 1] }),
             ..Scene::default()
         }

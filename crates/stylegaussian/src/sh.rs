@@ -95,6 +95,8 @@ mod tests {
 
     /// Points of a midpoint rule in z and azimuth with their weights; exact enough for products of degree 6.
     fn sphere() -> impl Iterator<Item = (Vec3, f64)> {
+        // 16 azimuths sum all frequencies below 16 exactly, and products of two functions have at most 6. The midpoint
+        // rule in z leaves errors of the order of (2 / 400)^2.
         let (n_z, n_phi) = (400, 16);
         (0..n_z * n_phi).map(move |i| {
             let z = -1.0 + 2.0 * ((i / n_phi) as f64 + 0.5) / n_z as f64;
@@ -135,6 +137,7 @@ mod tests {
                 let (ya, yb) = (basis(3, a), basis(3, b));
                 band.clone().map(|i| ya[i] * yb[i]).sum()
             };
+            // The Legendre polynomial of this degree. The theorem says that the kernel is (2 l + 1) / (4 pi) times it.
             let legendre = {
                 let t = a.dot(b);
                 [1.0, t, 1.5 * t * t - 0.5, 2.5 * t * t * t - 1.5 * t][degree]

@@ -122,5 +122,6 @@ fn splat_colors(scene: &Scene, colors: Colors, camera: &Camera, splats: &[Splat]
             }
         }
     };
+    // Per splat and not per Gaussian: harmonics are evaluated only for what the camera can see.
     splats.par_iter().map(color).collect()
 }

@@ -49,6 +49,7 @@ impl ContentStatistics {
         let mean = |d: usize| {
             f64::from(features.offset[d]) + row(d).zip(&mean_latent).map(|(a, m)| a * m).sum::<f64>()
         };
+        // Only the diagonal of A Cov A^T is needed: D L^2 operations, and D^2 L more for the whole.
         let variance = |d: usize| -> f64 {
             row(d)
                 .enumerate()
@@ -92,8 +93,10 @@ pub fn covariance_latent(features: &Features) -> Vec<f64> {
     let n_latent = features.n_latent;
     let n = features.values.len() / n_latent;
     let mean = mean_latent(features);
+    // Centered first. The formula in one pass, E(x y) - E(x) E(y), cancels if means are large beside deviations.
     let block_sum = |rows: &[f32]| {
         let centered: Vec<f64> =
+            // A block begins with channel 0, because its length is a multiple of L.
             rows.iter().enumerate().map(|(i, value)| f64::from(*value) - mean[i % n_latent]).collect();
         let mut sum = vec![0.0; n_latent * n_latent];
         for row in centered.chunks_exact(n_latent) {
@@ -108,6 +111,7 @@ pub fn covariance_latent(features: &Features) -> Vec<f64> {
     for block in blocks {
         covariance.iter_mut().zip(block).for_each(|(sum, value)| *sum += value);
     }
+    // The sum over one Gaussian or none is 0, whatever it is divided by.
     let divisor = if n > 1 { (n - 1) as f64 } else { 1.0 };
     covariance.iter_mut().for_each(|sum| *sum /= divisor);
     covariance

@@ -48,6 +48,7 @@ pub fn decode(decoder: &Decoder, neighbors: &Neighbors, mut x: Vec<Vec<f64>>) ->
     for (i, layer) in decoder.layers.iter().enumerate() {
         let is_last = i + 1 == decoder.layers.len();
         let output = |neighborhood: &[u32], o: usize| {
+            // Weights stay [D_out, K, D_in] as stored, so the index here is the definition of that shape.
             let mut sum = f64::from(layer.bias[o]);
             for (k, &neighbor) in neighborhood.iter().enumerate() {
                 let weight = &layer.weight[(o * decoder.k + k) * layer.d_in..][..layer.d_in];

@@ -74,6 +74,7 @@ fn decoder(random: &mut Random, n_inputs: usize, activation: Activation) -> Deco
             Activation::LeakyRelu { .. } => (0.0, 2.0_f32.sqrt()),
         };
         let weight = random.normals(d_out * K * d_in, gain / ((K * d_in) as f32).sqrt());
+        // Takes away the response to the mean of the inputs.
         let bias = weight.chunks_exact(K * d_in).map(|row| -mean * row.iter().sum::<f32>()).collect();
         let layer = Layer { weight, bias, d_in, d_out };
         d_in = d_out;
@@ -138,6 +139,7 @@ fn check_fold(n: usize, n_latent: usize, n_extra: usize, activation: Activation)
         return; // mixing and content cost as much again, and depend on N no more than the transfer above
     }
 
+    // 0.3 and 0.7 once they are normalized.
     let map = transfer(features, &[(&a, 0.6), (&b, 1.4)], 0.0).unwrap();
     let (fa, fb) = (twin::adain(&f, &a), twin::adain(&f, &b));
     let mixed = |i: usize| fa[i].iter().zip(&fb[i]).map(|(a, b)| 0.3 * a + 0.7 * b).collect();
@@ -211,12 +213,14 @@ fn check_all_inputs(smoothing_passes: usize) {
     let mut rows = with_extra(&scene, mixed);
     for ((row, color), source_index) in rows.iter_mut().zip(scene.base_colors()).zip(&scene.order) {
         row.extend((0..n_noise as u32).map(|channel| f64::from(noise(*source_index, channel))));
+        // The 4 is that of the file format, written out so that a change of the constant shows.
         row.extend(color.map(|channel| 4.0 * (f64::from(channel) - 0.5)));
     }
     let mut expected = twin::decode(&unfolded, scene.neighbors.as_ref().unwrap(), rows);
     for (expected, base) in expected.iter_mut().zip(scene.base_colors()) {
         expected.iter_mut().zip(base).for_each(|(channel, base)| *channel += 0.25 * f64::from(base));
     }
+    // 0.25 and 0.75 once they are normalized.
     let map = transfer(features, &[(&styles[0], 1.0), (&styles[1], 3.0)], 0.0).unwrap();
     let what = format!("extra inputs of every kind, {smoothing_passes} smoothing passes");
     check_close(&stylize(&scene, &decoder, &map).unwrap(), &expected, &what);
@@ -227,6 +231,8 @@ fn dead_channels_stay_finite() {
     let mut random = Random(5);
     let mut scene = scene(&mut random, 50, 32, 0);
     let features = scene.features.as_mut().unwrap();
+    // The first 100 channels equal their offset, and the gain of AdaIN is about 1e8: no encoder is named, so no floor
+    // applies.
     features.basis[..32 * 100].fill(0.0);
     let decoder = decoder(&mut random, N_CHANNELS, Activation::Sigmoid);
     let style = style(&mut random);
@@ -244,6 +250,7 @@ fn misfits_are_errors() {
     let style = style(&mut random);
     let short = ChannelStatistics { mean: vec![0.0; 3], std_dev: vec![1.0; 3], ..Default::default() };
     assert!(matches!(transfer(features, &[(&short, 1.0)], 0.0), Err(StylizeError::StyleChannels { .. })));
+    // They sum to 0, or hold a number that is negative, NaN or infinite.
     for weights in [[0.0, 0.0], [1.0, -1.0], [f64::NAN, 1.0], [f64::INFINITY, 1.0]] {
         let mix = [(&style, weights[0]), (&style, weights[1])];
         assert!(matches!(transfer(features, &mix, 0.0), Err(StylizeError::MixWeights { .. })), "{weights:?}");

@@ -35,6 +35,7 @@ fn camera(intrinsics: &Value, frame: &Value) -> Camera {
         .iter()
         .flat_map(|row| row.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()))
         .collect();
+    // The file is row-major and glam column-major.
     let pose = DMat4::from_cols_slice(&rows).transpose();
     Camera::from_opengl(
         DAffine3::from_mat4(pose),

@@ -93,6 +93,7 @@ pub(crate) fn read_mapped<T>(
         // It fails only if the receiver below is gone, which then needs no result.
         let _ = sender.send(result);
     });
+    // The callback has run when this returns.
     device.poll(wgpu::PollType::wait_indefinitely())?;
     receiver.recv().map_err(|_| ReadBackError::Lost)??;
     let value = read(&buffer.get_mapped_range(..));

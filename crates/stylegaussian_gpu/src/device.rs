@@ -65,6 +65,7 @@ impl HeadlessDevice {
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("stylegaussian"),
             required_features: options.features & adapter.features(),
+            // wgpu's default limits would bind at most 128 MiB, which is less than most adapters can.
             required_limits: (options.limits)(adapter.limits()),
             ..Default::default()
         };

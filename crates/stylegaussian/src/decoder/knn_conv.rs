@@ -89,10 +89,12 @@ pub fn knn_conv(
     y.par_chunks_mut(BLOCK_ROWS * shape.d_out).zip(neighbors.par_chunks(BLOCK_ROWS * shape.k)).for_each_init(
         Vec::new,
         |gathered, (y, neighbors)| {
+            // y begins as the bias, and the product of each group of slots adds to it.
             for row in y.chunks_exact_mut(shape.d_out) {
                 row.copy_from_slice(bias);
             }
             let rows = neighbors.len() / shape.k;
+            // At least one slot, if D_in alone exceeds the width of a group.
             let group = (GROUP_WIDTH / shape.d_in.max(1)).clamp(1, shape.k);
             for k in (0..shape.k).step_by(group) {
                 let n = group.min(shape.k - k);
@@ -100,6 +102,8 @@ pub fn knn_conv(
                 let slots = neighborhoods.flat_map(|neighborhood| &neighborhood[k..k + n]);
                 gather(gathered, x, shape.d_in, slots.copied());
                 let gathered = Matrix::dense(gathered, rows, n * shape.d_in);
+                // In the transposed weight the rows of consecutive slots follow one another, so a group of them is one
+                // matrix.
                 let weight = &weight[k * shape.d_in * shape.d_out..];
                 product(y, true, gathered, Matrix::dense(weight, n * shape.d_in, shape.d_out));
             }
@@ -130,6 +134,7 @@ pub fn knn_conv_backward_weight(
             for (grad_y, neighbors) in blocks {
                 let rows = neighbors.len() / n_slots;
                 gather(&mut gathered, x, d_in, neighbors.iter().skip(k).step_by(n_slots).copied());
+                // A view with its strides exchanged. Nothing is copied.
                 let grad_y = Matrix::dense(grad_y, rows, d_out).transposed();
                 product(&mut slot, true, grad_y, Matrix::dense(&gathered, rows, d_in));
             }
@@ -137,6 +142,7 @@ pub fn knn_conv_backward_weight(
         })
         .collect();
     let mut grad = vec![0.0; d_out * n_slots * d_in];
+    // From [K, D_out, D_in], one piece per thread, to the order of the weight.
     for (k, slot) in slots.iter().enumerate() {
         for (row, values) in slot.chunks_exact(d_in).enumerate() {
             grad[(row * n_slots + k) * d_in..][..d_in].copy_from_slice(values);
@@ -173,6 +179,7 @@ impl ReverseNeighbors {
     pub fn new(neighbors: &[u32], k: usize, n_in: usize) -> Self {
         let mut starts = vec![0_u32; n_in * k + 1];
         let slot = |(i, &q): (usize, &u32)| q as usize * k + i % k;
+        // Counted one entry further on, so that the running sum below turns counts into starts.
         for entry in neighbors.iter().enumerate() {
             starts[slot(entry) + 1] += 1;
         }
@@ -217,6 +224,8 @@ pub fn knn_conv_backward_input(
     grad_x.par_chunks_mut(BLOCK_ROWS * d_in).enumerate().for_each_init(Vec::new, |sums, (block, grad_x)| {
         let n_rows = grad_x.len() / d_in;
         for k in 0..n_slots {
+            // The rows that list q are summed before the product. Multiplying each by W_k first would take as many
+            // products as there are entries.
             sums.clear();
             sums.resize(n_rows * d_out, 0.0);
             for (row, sum) in sums.chunks_exact_mut(d_out).enumerate() {
@@ -237,6 +246,7 @@ mod tests {
     use super::*;
 
     const SHAPE: KnnConvShape = KnnConvShape { k: 2, d_in: 3, d_out: 2 };
+    // In slot 1, row 1 comes twice and row 0 never: gradients must sum, and a reversed list may be empty.
     const NEIGHBORS: [u32; 6] = [0, 1, 1, 2, 2, 1];
 
     fn values(n: usize, seed: usize) -> Vec<f32> {
@@ -286,6 +296,7 @@ mod tests {
     #[test]
     fn blocks_agree_with_single_rows() {
         let shape = KnnConvShape { k: 3, d_in: 5, d_out: 4 };
+        // Two whole blocks and a part of one.
         let n = BLOCK_ROWS * 2 + 17;
         let x = values(n * 5, 1);
         let neighbors: Vec<u32> = (0..n * 3).map(|i| ((i * 31 + 7) % n) as u32).collect();

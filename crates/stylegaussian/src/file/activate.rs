@@ -51,6 +51,7 @@ pub(super) fn activate(stored: StoredGaussians, warnings: &mut Vec<String>) -> S
 /// in f32.
 fn unit_quaternion([w, x, y, z]: [f32; 4]) -> Quat {
     let stored = DQuat::from_xyzw(x.into(), y.into(), z.into(), w.into());
+    // A zero quaternion becomes 0 times infinity, which is NaN.
     (stored * stored.length().recip()).as_quat()
 }
 
@@ -89,11 +90,14 @@ mod tests {
         let mut gaussians = stored(8);
         gaussians.means[0].y = f32::NAN;
         gaussians.rotations_wxyz[1] = [0.0; 4];
+        // A valid one. Its square is 0 in f32.
         gaussians.rotations_wxyz[2] = [1e-38, 0.0, 0.0, 0.0];
         gaussians.opacity_logits[3] = f32::INFINITY;
+        // exp(1000) is infinite in f32.
         gaussians.log_scales[4].z = 1e3;
         gaussians.rotations_wxyz[5] = [f32::INFINITY, 0.0, 0.0, 0.0];
         let mut coefficients = vec![0.0; 24];
+        // Three coefficients per Gaussian: this is the first of Gaussian 6.
         coefficients[18] = f32::NEG_INFINITY;
         gaussians.sh = Some(Sh { degree: 0, coefficients });
         let mut warnings = Vec::new();

@@ -31,6 +31,7 @@ pub(super) fn check_scene(scene: &Scene) -> Result<(), Mismatch> {
 /// Whether everything about Gaussian `i` is finite. A quaternion that could not be normalized is NaN.
 pub(super) fn is_finite(scene: &Scene, i: usize) -> bool {
     let finite_row = |values: &[f32]| {
+        // `values` has a row per Gaussian, and there is a Gaussian i.
         let width = values.len() / scene.len();
         values[i * width..(i + 1) * width].iter().all(|value| value.is_finite())
     };

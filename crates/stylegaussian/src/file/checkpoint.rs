@@ -104,6 +104,7 @@ struct State<'a> {
 impl<'a> State<'a> {
     /// The tensor of this name, with or without names of modules before it. If two entries match, the later one counts.
     fn find(&self, name: &str) -> Option<&'a TensorInfo> {
+        // A name of a module ends with a dot, so that `kernels.0` is not found in `otherkernels.0`.
         let is_named = |key: &str| key.strip_suffix(name).is_some_and(|p| p.is_empty() || p.ends_with('.'));
         let mut found = self.file.pickle.entries(self.id).filter_map(|(key, value)| match value {
             Object::Tensor(tensor) if is_named(key) => Some(tensor),
@@ -138,6 +139,7 @@ fn final_model(features: Tensor, state: &State) -> Result<(Features, Option<Deco
         let kernel = state.read(&name)?;
         let [d_out, columns] = kernel.matrix(&name)?;
         if layers.is_empty() {
+            // The file does not hold K. The first kernel has K D columns.
             k = columns.checked_div(d_in).unwrap_or(0);
         }
         if k == 0 || k.checked_mul(d_in) != Some(columns) {

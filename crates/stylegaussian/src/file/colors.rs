@@ -27,6 +27,7 @@ pub fn write_colors(path: &Path, rgb: &[[f32; 3]], scene: &Scene) -> Result<(), 
     // allocated.
     let value = |flat: usize| {
         let found = by_source.binary_search_by_key(&(flat / 3), |&i| scene.order[i as usize] as usize);
+        // NaN and not black, which is a color.
         found.map_or(f32::NAN, |at| rgb[by_source[at] as usize][flat % 3])
     };
     let mut writer = Writer::new("stylegaussian-colors");

@@ -97,6 +97,7 @@ pub(super) fn from_tensors(reader: &Reader) -> Result<Decoder, Mismatch> {
     }
     let layers = (0..n_layers).map(|i| layer(reader, i, k)).collect::<Result<Vec<_>, _>>()?;
     let statistics_weight = match layers.first() {
+        // A decoder file does not know D. It is compared when the decoder meets a scene.
         Some(first) if has_statistics => reader.floats(STATISTICS, &[Is(first.d_out), Any("2 D")])?,
         _ => Vec::new(),
     };
@@ -121,6 +122,7 @@ fn layer(reader: &Reader, i: usize, k: usize) -> Result<Layer, Mismatch> {
     let bias = reader.floats(&format!("decoder.layers.{i}.bias"), &[Any("D_out")])?;
     let d_out = bias.len();
     let weight = reader.floats(&format!("decoder.layers.{i}.weight"), &[Is(d_out), Is(k), Any("D_in")])?;
+    // D_out and K come from the file and may be 0. D_in is 0 then, which `validate` refuses.
     let d_in = weight.len().checked_div(d_out.saturating_mul(k)).unwrap_or(0);
     Ok(Layer { weight, bias, d_in, d_out })
 }
@@ -135,6 +137,7 @@ pub(super) fn to_tensors<'a>(
     writer.set("transfer", TRANSFER);
     writer.set("k", decoder.k);
     writer.set("layers", decoder.layers.len());
+    // The shortest text that reads back as the same f32.
     writer.set("residual", decoder.residual);
     if decoder.base_color {
         writer.set("own_color", true);
@@ -177,6 +180,7 @@ fn number_or_flag<T: FromStr + From<u8>>(name: &str, text: &str, expected: &str)
     let number = match text {
         "false" => Some(T::from(0)),
         "true" => Some(T::from(1)),
+        // `NaN` and `inf` parse too. `validate` refuses them.
         _ => text.parse().ok(),
     };
     number.ok_or_else(|| mismatch(format_args!("`{name}` = `{text}`"), expected))

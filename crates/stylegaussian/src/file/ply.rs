@@ -94,6 +94,7 @@ impl Color {
         if !["red", "green", "blue"].into_iter().all(has) {
             return Ok(Self::None);
         }
+        // The type of red stands for all three.
         Ok(Self::Rgb(match vertex.properties["red"].data_type {
             Scalar(ScalarType::Float | ScalarType::Double) => 1.0,
             Scalar(ScalarType::UShort | ScalarType::Short) => 65_535.0,

@@ -129,6 +129,7 @@ fn features(reader: &Reader, n: usize) -> Result<Option<Features>, Mismatch> {
     let offset = reader.floats("offset", &[Any("D")])?;
     let d = offset.len();
     let basis = reader.floats("basis", &[Is(d), Any("L")])?;
+    // The shape comes from the file, and D may be 0.
     let n_latent = basis.len().checked_div(d).unwrap_or(0);
     if n_latent == 0 {
         return Err(mismatch(
@@ -166,9 +167,11 @@ fn neighbors(reader: &Reader, n: usize) -> Result<Option<Neighbors>, Mismatch> {
 }
 
 fn up_from_text(text: &str) -> Result<Vec3, Mismatch> {
+    // Words that are no numbers are dropped here, so the number of words is compared as well.
     let numbers: Vec<f32> = text.split_ascii_whitespace().filter_map(|word| word.parse().ok()).collect();
     let up = match numbers[..] {
         [x, y, z] if text.split_ascii_whitespace().count() == 3 => Vec3::new(x, y, z),
+        // Refused below, with the message for other directions that are none.
         _ => Vec3::NAN,
     };
     match up.is_finite() && up != Vec3::ZERO {

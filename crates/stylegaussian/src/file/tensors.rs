@@ -27,6 +27,7 @@ impl<'a> Reader<'a> {
     /// Parses the header, and checks counts, offsets and sizes against the size of the file.
     pub(super) fn new(bytes: &'a [u8]) -> Result<Self, Mismatch> {
         let broken = |error| mismatch(format_args!("a broken header ({error})"), "a whole safetensors file");
+        // The header is parsed twice, because `SafeTensors` keeps its metadata to itself.
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(broken)?;
         let metadata = header.metadata().clone().unwrap_or_default().into_iter().collect();
         Ok(Self { tensors: SafeTensors::deserialize(bytes).map_err(broken)?, metadata })
@@ -85,6 +86,7 @@ impl<'a> Reader<'a> {
     /// A tensor of finite numbers, f16 or f32. `shape` has the size of each dimension, or its name if any size will do.
     pub(super) fn floats(&self, name: &str, shape: &[Dimension]) -> Result<Vec<f32>, Mismatch> {
         let tensor = self.tensor(name, shape)?;
+        // Not cast in place: the bytes of a file may lie unaligned, and the machine may be big-endian.
         let values: Vec<f32> = match tensor.dtype() {
             Dtype::F32 => {
                 tensor.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
@@ -289,8 +291,10 @@ impl<'a> Writer<'a> {
                 name.clone(),
                 json!({ "dtype": dtype, "shape": shape, "data_offsets": [start, end] }),
             );
+            // Readers refuse gaps between tensors.
             start = end;
         }
+        // The data follow the header and its length of 8 bytes. JSON allows the spaces that align them.
         let mut bytes = serde_json::Value::from(header).to_string().into_bytes();
         bytes.resize(bytes.len().next_multiple_of(8), b' ');
         bytes

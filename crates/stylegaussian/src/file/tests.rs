@@ -68,6 +68,7 @@ fn full_scene() -> Scene {
         scales: log_scales.into_iter().map(Vec3::exp).collect(),
         opacities: values(n, &mut next).into_iter().map(|v| v * 0.49 + 0.5).collect(),
         sh: Some(Sh { degree: 2, coefficients: sh }),
+        // 7 is coprime to 23, so these are distinct. The largest is 22.
         order: (0..n as u32).map(|i| (i * 7 + 3) % 23).collect(),
         n_source: 25,
         features: Some(Features {
@@ -348,6 +349,7 @@ fn values_out_of_range_are_refused() {
         let message = refused(write_scene(&path, &scene));
         assert!(message.contains("scene.ply") && message.contains(part), "{message}");
     };
+    // Gaussian 2 has source index 2 * 7 + 3 = 17.
     check(|s| s.opacities[2] = 1.5, "opacity 1.5 of source Gaussian 17");
     check(|s| s.rotations[2] = Quat::from_xyzw(0.0, 0.0, 0.0, 2.0), "a rotation of length 2");
     check(|s| s.means[2].x = f32::INFINITY, "NaN or infinity");

@@ -24,6 +24,7 @@ impl Bands {
     pub fn new(splats: &[Splat], size: UVec2) -> Self {
         let n_bands = (size.y as usize).div_ceil(TILE);
         let mut bands = vec![Vec::new(); n_bands];
+        // In the order of depth, so that each list is front to back without a sort.
         for (position, splat) in splats.iter().enumerate() {
             let (top, bottom) = (splat.center.y - splat.half_size.y, splat.center.y + splat.half_size.y);
             for band in tiles_between(top, bottom, n_bands) {
@@ -40,6 +41,8 @@ impl Bands {
         let width = self.size.x as usize;
         let y = band * TILE;
         let height = TILE.min(self.size.y as usize - y);
+        // Lists of tiles live as long as their band is blended. Those of the whole picture would hold each splat once
+        // per tile.
         for (column, in_tile) in self.tile_lists(band, splats).iter().enumerate() {
             let x = column * TILE;
             let tile = Tile { x, y, width: TILE.min(width - x), height };
@@ -55,6 +58,7 @@ impl Bands {
         let top = (band * TILE) as f32;
         let mut lists = vec![Vec::new(); n_tiles];
         for &position in &self.splats[band] {
+            // The box of a slanted needle crosses many tiles of a band that the needle itself does not reach.
             let (left, right) = extent_within(&splats[position as usize], top, top + TILE as f32);
             for tile in tiles_between(left, right, n_tiles) {
                 lists[tile].push(position);
@@ -67,6 +71,7 @@ impl Bands {
 /// The x range of the part of a footprint between the heights `top` and `bottom`, all in pixels.
 fn extent_within(splat: &Splat, top: f32, bottom: f32) -> (f32, f32) {
     let (lowest, highest) = (-splat.half_size.y, splat.half_size.y);
+    // `top` is above `bottom`, so `from` is at most `to`, and the clamps below do not panic.
     let from = (top - splat.center.y).clamp(lowest, highest);
     let to = (bottom - splat.center.y).clamp(lowest, highest);
     let edge = |dy: f32, side: f32| {

@@ -16,6 +16,7 @@ impl Scene {
         let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for (i, &mean) in self.means.iter().enumerate() {
             let opacity = self.opacities[i];
+            // A NaN opacity passes here, and is dropped with its extents.
             if opacity < MIN_ALPHA || !mean.is_finite() {
                 continue;
             }

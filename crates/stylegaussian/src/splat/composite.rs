@@ -45,6 +45,7 @@ impl Tile {
                 let dy = row as f32 + 0.5 - y;
                 let q_row = dy * dy * splat.y_precision;
                 let middle = splat.center.x - self.x as f32 + splat.slope * dy;
+                // The range of rows has a margin, so the outermost row may miss the footprint.
                 let half_width = (splat.cutoff - q_row).max(0.0).sqrt() * row_sigma;
                 let reached = pixels_between(middle - half_width, middle + half_width, self.width);
                 // Pixels that are reached and not finished, as bits: finished ones cost nothing.
@@ -61,6 +62,7 @@ impl Tile {
                     }
                 }
             }
+            // Splats are sorted, so all that follow are hidden too.
             if pixels.n_unfinished == 0 {
                 break;
             }
@@ -80,6 +82,7 @@ struct Pixels {
 
 impl Pixels {
     fn new(width: usize, height: usize) -> Self {
+        // Rows below the edge of the picture have no bits, and are skipped like finished ones.
         let mut unfinished = [0; TILE];
         unfinished[..height].fill(bits(0..width));
         Self { transmittance: [[1.0; TILE]; TILE], unfinished, n_unfinished: width * height }
@@ -87,6 +90,7 @@ impl Pixels {
 
     /// Puts a splat behind all that an unfinished pixel has. Returns its weight, or `None` if it is not drawn.
     fn cover(&mut self, row: usize, column: usize, alpha: f32) -> Option<f32> {
+        // The ranges above have margins, and the rule is that of the pixel alone.
         if alpha < MIN_ALPHA {
             return None;
         }
@@ -105,6 +109,7 @@ impl Pixels {
 
 /// A word with the bits `pixels` set. `TILE` < 32, so that no shift overflows.
 fn bits(pixels: Range<usize>) -> u32 {
+    // An empty range may start beyond its end.
     (1u32 << pixels.end) - (1u32 << pixels.start.min(pixels.end))
 }
 

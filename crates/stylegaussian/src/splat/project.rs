@@ -60,6 +60,7 @@ pub(super) fn project(scene: &Scene, camera: &Camera) -> Vec<Splat> {
         .map(|(position, splat)| u64::from(splat.depth.to_bits()) << 32 | position as u64)
         .collect();
     keys.par_sort_unstable();
+    // The cast keeps the lower half, the position.
     keys.par_iter().map(|&key| splats[key as u32 as usize]).collect()
 }
 
@@ -89,25 +90,30 @@ impl<'a> Projection<'a> {
         }
         let ray = mean.truncate() / mean.z;
         let center = self.camera.focal * ray + self.camera.center;
+        // Only the shape of the footprint is linearized, at a ray that may be clamped. The center is exact.
         let (row_x, row_y) = self.footprint_axes(scene, i, ray, mean.z);
 
         let a = row_x.length_squared() + LOW_PASS;
         let b = row_x.dot(row_y);
         let c = row_y.length_squared() + LOW_PASS;
         // a c - b^2 by Lagrange's identity. Subtracting the two products would cancel all digits of a needle.
+        // With a = a0 + l, c = c0 + l and the low-pass l: a c - b^2 = (a0 c0 - b^2) + l (a0 + c0 + l).
         let det = row_x.cross(row_y).length_squared() + LOW_PASS * (a + c - LOW_PASS);
 
         let cutoff = cutoff(opacity);
+        // An ellipse reaches sqrt(cutoff variance) along each axis.
         let half_size = (cutoff * Vec2::new(a, c)).sqrt();
         let low = center + half_size;
         let high = center - half_size - self.camera.size.as_vec2();
         let inside = low.cmpge(Vec2::ZERO).all() && high.cmple(Vec2::ZERO).all();
+        // Numbers that overflow make the determinant infinite or NaN.
         (inside && det.is_finite()).then(|| Splat {
             center,
             slope: b / c,
             row_precision: c / det,
             y_precision: 1.0 / c,
             half_size,
+            // x is largest on q = cutoff at sqrt(cutoff / a) (a, b).
             rightmost_dy: b * (cutoff / a).sqrt(),
             opacity,
             cutoff,
@@ -120,9 +126,11 @@ impl<'a> Projection<'a> {
     fn footprint_axes(&self, scene: &Scene, i: usize, ray: Vec2, z: f32) -> (Vec3, Vec3) {
         let ray = ray.clamp(-self.limit, self.limit);
         let pixels_per_unit = self.camera.focal / z;
+        // The columns of the transpose are the rows of W: the axes of view space in the world.
         let [x, y, z] = self.rotation.transpose().to_cols_array_2d().map(Vec3::from_array);
         let j_x = pixels_per_unit.x * (x - ray.x * z);
         let j_y = pixels_per_unit.y * (y - ray.y * z);
+        // A row j of J W times R is R^T j as a vector, and S scales its entries.
         let gaussian_from_world = scene.rotations[i].inverse();
         (gaussian_from_world * j_x * scene.scales[i], gaussian_from_world * j_y * scene.scales[i])
     }

@@ -78,6 +78,7 @@ impl BlendWeights {
         for y in corner.y..corner.y + size.y {
             let first = (y * self.size.x + corner.x) as usize;
             let row = &self.starts[first..=first + size.x as usize];
+            // Entries of pixels side by side follow one another, so each row of the part is one copy.
             let (start, end) = (row[0], row[size.x as usize]);
             let offset = crop.indices.len() as u32;
             crop.indices.extend_from_slice(&self.indices[start as usize..end as usize]);
@@ -164,6 +165,8 @@ fn add_scaled(sums: &mut [f32], weight: f32, values: &[f32]) {
 
 impl BandWeights {
     fn gather(band: usize, splats: &[Splat], bands: &Bands) -> Self {
+        // In the order of tiles and splats. A pixel gets its entries from one tile, so they are front to back among the
+        // others.
         let mut entries: Vec<(u32, u32, f32)> = Vec::new();
         bands.composite(band, splats, |pixel, splat, weight| {
             entries.push((pixel as u32, splats[splat].gaussian, weight));

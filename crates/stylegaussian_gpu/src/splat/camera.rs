@@ -28,6 +28,7 @@ impl Camera {
             Vec4::new(scale.x, 0.0, 0.0, 0.0),
             Vec4::new(0.0, scale.y, 0.0, 0.0),
             Vec4::new(-axis.x, -axis.y, 0.0, -1.0),
+            // clip.z is the near plane and clip.w the distance: depth near / z, 1 at the near plane and 0 at infinity.
             Vec4::new(0.0, 0.0, PINHOLE_NEAR, 0.0),
         );
         // The CPU rasterizer's view space is x right, y down, z forward.
@@ -53,6 +54,7 @@ impl Camera {
     /// The point where view -z meets the picture, in normalized device coordinates. Orthographic cameras do not use it.
     pub(super) fn axis(&self) -> Vec2 {
         let ahead = self.clip_from_view * Vec4::new(0.0, 0.0, -1.0, 0.0);
+        // Orthographic projections have w = 0 ahead, a direction.
         let axis = Vec2::new(ahead.x, ahead.y) / ahead.w;
         if axis.is_finite() { axis } else { Vec2::ZERO }
     }

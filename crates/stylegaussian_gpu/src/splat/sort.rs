@@ -114,6 +114,7 @@ impl SortBuffers {
     /// Bytes of the largest buffer for `n_records`.
     pub fn largest(n_records: usize) -> u64 {
         let n = n_records as u64;
+        // Keys or values, and the counts of each digit in each batch.
         (4 * n).max(4 * u64::from(N_DIGITS) * n.div_ceil(u64::from(SORT_BATCH)))
     }
 

@@ -176,6 +176,7 @@ impl TileLists {
         viewport: UVec4,
     ) -> Self {
         let n_tiles = n_tiles(viewport);
+        // In entries of 4 bytes.
         let limit = device.limits().max_storage_buffer_binding_size / 4;
         let wanted = (ENTRIES_PER_RECORD * n_records as u64).max(ENTRIES_PER_TILE * product(n_tiles));
         let capacity = wanted.min(limit).min(u64::from(u32::MAX)) as u32;

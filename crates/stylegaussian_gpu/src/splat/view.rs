@@ -92,6 +92,7 @@ pub(super) enum Change {
 impl ChunkSource {
     /// The uniforms without those that only colors depend on.
     fn geometry(&self) -> SplatChunk {
+        // The other flags choose between sources of color.
         let flags = self.uniforms.flags & BY_DISTANCE;
         SplatChunk { eye: [0.0; 4], fade: 0.0, flags, ..self.uniforms }
     }

@@ -74,6 +74,7 @@ impl Planes {
 
     /// Fills all planes with numbers `[planes, rows, 8]`.
     pub fn write(&self, queue: &wgpu::Queue, bytes: &[u8]) {
+        // Planes are the outermost dimension, so the numbers of a buffer are one piece of the whole.
         let chunk = self.planes_per_buffer * self.plane_bytes as usize;
         for (buffer, bytes) in self.buffers.iter().zip(bytes.chunks(chunk)) {
             queue.write_buffer(buffer, 0, bytes);

@@ -105,6 +105,7 @@ impl Timer {
         for Measurement { copy, state } in &mut self.measurements {
             match state {
                 State::Free => {}
+                // A buffer that a later submission writes to must not be mapped, so mapping waits for the next frame.
                 &mut State::Encoded { operations } => {
                     *state = State::Mapping { operations, mapped: buffers::start_mapping(copy) };
                 }

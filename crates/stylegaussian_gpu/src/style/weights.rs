@@ -114,6 +114,7 @@ fn packed(layer: &Layer, k: usize, quads: usize) -> Vec<f32> {
     let mut rows = vec![0.0; n_rows(layer, k) * columns];
     for (output, weight) in layer.weight.chunks_exact((k * d_in).max(1)).enumerate() {
         for (i, value) in weight.iter().enumerate() {
+            // Slot i / d_in, channel i % d_in. The padding of a slot to whole planes stays 0.
             rows[(i / d_in * padded_in + i % d_in) * columns + output] = *value;
         }
     }

@@ -55,6 +55,7 @@ fn walk(
     names: &[String],
 ) -> Result<Columns, Mismatch> {
     for element in header.elements() {
+        // Without names every property is skipped.
         let names = if element.name == wanted { names } else { &[] };
         let columns = element_columns(element, &mut source, names)?;
         if element.name == wanted {
@@ -106,6 +107,7 @@ fn read_row(
         match (data_type, column) {
             (PropertyType::Scalar(scalar), Some(column)) => row[*column] = source.number(scalar)?,
             (PropertyType::Scalar(scalar), None) => source.skip(scalar, 1)?,
+            // A list has any length, so rows with lists have no common size and are walked one by one.
             (PropertyType::List(length, item), None) => {
                 let length = source.length(length)?;
                 source.skip(item, length)?;

@@ -115,6 +115,7 @@ fn packed_words(header: &Header) -> Result<Vec<[u32; 4]>, Mismatch> {
             Scalar(scalar) => Some(size_of_scalar(scalar)),
             _ => None,
         };
+        // One list makes the sum `None`: its rows have no common size.
         let row: Option<usize> = element.properties.values().map(size).sum();
         let row =
             row.ok_or_else(|| mismatch(format_args!("a list in element `{}`", element.name), "numbers"))?;
@@ -153,6 +154,7 @@ fn spherical_harmonics(header: &Header, dc: Vec<[f32; 3]>) -> Result<Sh, Mismatc
         let found = format_args!("{} rows of element `sh`", columns.n_rows());
         return Err(mismatch(found, format_args!("{}, one for each Gaussian", dc.len())));
     }
+    // Channel-major in the file, as `f_rest_*` always are.
     let n_rest = n_found / 3;
     let mut coefficients = Vec::with_capacity(dc.len() * 3 * (n_rest + 1));
     for (dc, rest) in dc.iter().zip(columns.rows()) {
@@ -277,6 +279,7 @@ mod tests {
         let whole = file(2, false);
         let message = |bytes: &[u8]| super::super::read(bytes).unwrap_err().found;
         assert!(message(&whole[..whole.len() - 1]).contains("bytes after the header"));
+        // The payload is 18 floats of ranges and two rows of four words: 104 bytes.
         let text = String::from_utf8_lossy(&whole[..whole.len() - 104]).into_owned();
         let with = |from: &str, to: &str| [text.replace(from, to).as_bytes(), &whole[text.len()..]].concat();
         assert!(message(&with("element chunk 1", "element chunk 0")).contains("0 chunks for 2 Gaussians"));

@@ -53,6 +53,7 @@ impl<'a> Header<'a> {
             let words: Vec<&str> = comment.split_ascii_whitespace().collect();
             let ["up", x, y, z] = words[..] else { return None };
             let up = Vec3::new(x.parse().ok()?, y.parse().ok()?, z.parse().ok()?);
+            // `None` for zero and for NaN.
             up.try_normalize()
         };
         self.parsed.comments.iter().find_map(up)
@@ -65,6 +66,7 @@ impl<'a> Header<'a> {
 
     /// Checks that the file is long enough for the declared elements, if every list were empty.
     fn check_size(&self) -> Result<(), Mismatch> {
+        // In u128, in which no product of two 64-bit counts overflows.
         let least: u128 = self.elements().map(|e| e.count as u128 * self.least_row(e) as u128).sum();
         // The last ascii number needs no separator after it.
         let available = self.payload.len() as u128 + u128::from(self.encoding() == Encoding::Ascii);

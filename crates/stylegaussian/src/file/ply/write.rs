@@ -47,6 +47,7 @@ fn push_row(scene: &Scene, i: usize, n_rest: usize, row: &mut Vec<[u8; 4]>) {
         scene.sh.as_ref().map_or(&[0.0; 3][..], |sh| &sh.coefficients[i * width..(i + 1) * width]);
     let (dc, rest) = coefficients.split_at(3);
     dc.iter().copied().for_each(&mut push);
+    // Channel-major in the file, RGB innermost in memory.
     for channel in 0..3 {
         rest.iter().skip(channel).step_by(3).copied().for_each(&mut push);
     }
@@ -58,6 +59,7 @@ fn push_row(scene: &Scene, i: usize, n_rest: usize, row: &mut Vec<[u8; 4]>) {
 
 /// The inverse of the sigmoid, kept finite. Opacities 0 and 1 are moved inward by half the f32 step below 1 (2^-25).
 fn logit(opacity: f32) -> f32 {
+    // In f64, because 1 - 2^-25 rounds to 1 in f32.
     const EDGE: f64 = f32::EPSILON as f64 / 4.0;
     let opacity = f64::from(opacity).clamp(EDGE, 1.0 - EDGE);
     (opacity / (1.0 - opacity)).ln() as f32

@@ -39,6 +39,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<(Pickle, Storages), Mismatch> {
     let (pickle, rest) = Pickle::read_first(rest)?;
     let (keys, rest) = Pickle::read_first(rest)?;
 
+    // The list of keys has no types. A storage has one where a tensor refers to it.
     let widths = element_widths(&pickle);
     let mut ranges = HashMap::new();
     let mut at = bytes.len() - rest.len();

@@ -118,6 +118,8 @@ fn check_bounds(name: &str, info: &TensorInfo, n_stored: usize) -> Result<(), Mi
     if n_values.ok_or_else(outside)? == 0 {
         return Ok(());
     }
+    // No size is 0 here, so that `size - 1` does not wrap. Strides are not negative, so the last element is the
+    // farthest.
     let last = info
         .shape
         .iter()
@@ -139,6 +141,7 @@ fn gather(info: &TensorInfo, value: impl Fn(usize) -> f32) -> Vec<f32> {
         values.push(value(info.offset));
         return values;
     };
+    // The number of a row, split into its outer coordinates. The last one varies fastest.
     for row in 0..n_values.checked_div(columns).unwrap_or(0) {
         let mut rest = row;
         let mut start = info.offset;

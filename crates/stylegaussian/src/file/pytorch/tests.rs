@@ -114,6 +114,7 @@ fn damaged_archives_are_errors() {
     check(changed(at(b"PK\x01\x02"), 0), "damaged central directory");
     check(changed(at(b"PK\x03\x04"), 0), "no entry where");
     // A count of 2^63 entries, and an offset of 2^63.
+    // The highest byte of a field of 8 bytes: at 32 + 7, 48 + 7 and 8 + 7 of its record.
     check(changed(at(b"PK\x06\x06") + 39, 0x80), "past its end");
     check(changed(at(b"PK\x06\x06") + 55, 0x80), "past its end");
     check(changed(at(b"PK\x06\x07") + 15, 0x80), "past its end");

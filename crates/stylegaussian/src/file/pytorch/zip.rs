@@ -19,6 +19,7 @@ pub(in crate::file) struct Archive<'a> {
 impl<'a> Archive<'a> {
     pub(in crate::file) fn open(bytes: &'a [u8]) -> Result<Self, Mismatch> {
         let (n_entries, directory) = central_directory(bytes)?;
+        // No capacity from the unchecked count. One that is too large ends at the first header past the directory.
         let mut entries = HashMap::new();
         let mut at = 0;
         for _ in 0..n_entries {
@@ -83,6 +84,7 @@ fn central_directory(bytes: &[u8]) -> Result<(usize, &[u8]), Mismatch> {
     let first = last.saturating_sub(usize::from(u16::MAX));
     let end = (first..=last)
         .rev()
+        // Backward, because the contents of an entry may hold the signature too.
         .find(|&at| bytes[at..at + 4] == END)
         .ok_or_else(|| broken("no end record (truncated?)"))?;
     let mut n_entries = usize::from(u16_at(bytes, end + 10)?);
@@ -95,6 +97,7 @@ fn central_directory(bytes: &[u8]) -> Result<(usize, &[u8]), Mismatch> {
         if slice(bytes, end64, 4)? != b"PK\x06\x06" {
             return Err(broken("no zip64 end record where its locator points"));
         }
+        // Saturating, so that an offset near 2^64 is past the end and does not wrap to the beginning.
         n_entries = u64_at(bytes, end64.saturating_add(32))?;
         size = u64_at(bytes, end64.saturating_add(40))?;
         start = u64_at(bytes, end64.saturating_add(48))?;
@@ -134,6 +137,8 @@ fn entry<'a>(
 /// The entry's size and the position of its local header: 32-bit fields, or the zip64 extra field if they are full.
 fn size_and_offset(header: &[u8], extra: &[u8]) -> Result<(usize, usize), Mismatch> {
     let (compressed, size, local) = (u32_at(header, 20)?, u32_at(header, 24)?, u32_at(header, 42)?);
+    // The field holds size, compressed size and offset, in this order. Stored entries have equal sizes, so the second
+    // one is only skipped.
     let mut zip64 = Zip64::find(extra)?;
     let size = if size == u32::MAX { zip64.next()? } else { size as usize };
     if compressed == u32::MAX {
@@ -173,6 +178,7 @@ fn local_data(bytes: &[u8], local: usize, size: usize) -> Result<Range<usize>, M
     if header[..4] != *b"PK\x03\x04" {
         return Err(broken("no entry where its directory points"));
     }
+    // Two 16-bit lengths cannot overflow the sum.
     let skipped = HEADER + usize::from(u16_at(header, 26)?) + usize::from(u16_at(header, 28)?);
     // The local header repeats name and extra field with lengths of its own: torch pads there to align storages.
     let start = local.saturating_add(skipped);
