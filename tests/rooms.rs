@@ -321,6 +321,16 @@ fn modules_of(sources: &Path) -> BTreeMap<ModulePath, PathBuf> {
     modules
 }
 
+/// A source up to its inline tests, which may import what the file itself must not. A declaration `mod tests;` is no end.
+fn without_tests(source: &str) -> &str {
+    const MARK: &str = "#[cfg(test)]\nmod ";
+    let is_inline = |&(at, _): &(usize, &str)| {
+        let name = source[at + MARK.len()..].trim_start_matches(|c: char| c.is_alphanumeric() || c == '_');
+        name.starts_with(" {")
+    };
+    source.match_indices(MARK).find(is_inline).map_or(source, |(at, _)| &source[..at])
+}
+
 /// For each module the modules that it imports.
 fn imports_of(sources: &BTreeMap<ModulePath, String>) -> BTreeMap<ModulePath, BTreeSet<ModulePath>> {
     let file_of = |path: &ModulePath| {
@@ -329,8 +339,7 @@ fn imports_of(sources: &BTreeMap<ModulePath, String>) -> BTreeMap<ModulePath, BT
         prefixes.into_iter().find(|prefix| sources.contains_key(prefix))
     };
     let imports = |(module, source): (&ModulePath, &String)| {
-        // Tests at a file's end may import what the file itself must not.
-        let source = source.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
+        let source = without_tests(source);
         let names: Vec<&str> = module.iter().map(String::as_str).collect();
         let mut paths = crate_paths(source, &names);
         paths.extend(child_paths(source, &names));
@@ -402,7 +411,7 @@ fn a_circle_is_found_through_parts_and_parents() {
     let path = |text: &str| -> ModulePath { text.split("::").map(String::from).collect() };
     let sources = |c: &str| {
         BTreeMap::from([
-            (path("a"), "mod b;\npub use b::B;".to_owned()),
+            (path("a"), "#[cfg(test)]\nmod tests;\nmod b;\npub use b::B;".to_owned()),
             (path("a::b"), "use crate::{c::C, d};".to_owned()),
             (path("c"), c.to_owned()),
             (path("d"), "#[cfg(test)]\nmod tests {\n    use crate::a::B;\n}".to_owned()),

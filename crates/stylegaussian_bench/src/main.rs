@@ -47,7 +47,7 @@ struct Arguments {
     #[cfg(feature = "offline")]
     #[arg(long, value_name = "FILE")]
     vgg: Option<PathBuf>,
-    /// Run only groups with this in their name: ceilings, encode, style, literal, cpu, pytorch, frame, peer, offline.
+    /// Run only groups with this in their name: ceilings, encode, style, memory, literal, cpu, pytorch, frame, peer, offline.
     #[arg(long, value_name = "WORD")]
     only: Option<String>,
 }

@@ -100,17 +100,22 @@ impl Encoder {
         let read = |source| EncoderError::Read { path: path.into(), source };
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
         // By extension and not by content: a protobuf message has no marker to know it by.
-        let onnx = match extension.to_ascii_lowercase().as_str() {
-            "onnx" => fs::read(path).map_err(read)?,
-            "safetensors" | "pth" | "pt" => vgg::graph(&Weights::open(path)?)?,
+        let (onnx, hash) = match extension.to_ascii_lowercase().as_str() {
+            "onnx" => {
+                let onnx = fs::read(path).map_err(read)?;
+                let hash = hash(&onnx[..]).map_err(read)?;
+                (onnx, hash)
+            }
+            // The hash is of the file and not of the graph: the graph that is written from weights may change with this
+            // crate, the features do not.
+            "safetensors" | "pth" | "pt" => {
+                let hash = hash(fs::File::open(path).map_err(read)?).map_err(read)?;
+                (vgg::graph(&Weights::open(path)?)?, hash)
+            }
             _ => return Err(EncoderError::Extension { path: path.into() }),
         };
-        let id = EncoderId {
-            name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-            // Of the file and not of the graph: the graph that is written from weights may change with this crate,
-            // the features do not.
-            hash: hash(fs::File::open(path).map_err(read)?).map_err(read)?,
-        };
+        let id =
+            EncoderId { name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), hash };
         Self::new(id, Network::load(path.display().to_string(), onnx)?)
     }
 

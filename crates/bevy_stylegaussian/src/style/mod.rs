@@ -52,7 +52,6 @@ impl Plugin for StylePlugin {
             .init_resource::<StyleEncoder>()
             .init_resource::<images::ImageStatistics>()
             .init_resource::<packed::PackedInputs>()
-            .add_plugins(ExtractResourcePlugin::<StyleBudget>::default())
             .add_message::<StyleApplied>()
             .add_message::<StyleFailed>()
             .add_systems(
@@ -74,6 +73,10 @@ impl Plugin for StylePlugin {
         #[cfg(feature = "bundled_models")]
         // After `init_asset`, whose collection it is added to.
         asset::add_bundled_encoder(app.world_mut());
+        if app.get_sub_app(RenderApp).is_some() {
+            // Without a render app, Bevy would log an error.
+            app.add_plugins(ExtractResourcePlugin::<StyleBudget>::default());
+        }
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app.init_gpu_resource::<pass::StylePasses>().add_systems(
                 RenderGraph,

@@ -26,6 +26,9 @@ use super::{
     tensors::expect_finite,
 };
 
+/// The most channels D of a checkpoint. The paper has 256; the identity basis of 4,096 takes 64 MiB.
+const MAX_CHANNELS: usize = 4096;
+
 /// A checkpoint's contents, for messages.
 const EXPECTED: &str =
     "a tuple (xyz, scaling, rotation, opacity, features, state dict) as StyleGaussian saves it";
@@ -152,6 +155,11 @@ fn final_model(features: Tensor, state: &State) -> Result<(Features, Option<Deco
     }
     let decoder = Decoder { layers, k, ..Decoder::default() };
     decoder::validate(&decoder)?;
+    // The file holds D numbers per row, but the basis D times as many: the file's size does not bound it.
+    if d > MAX_CHANNELS {
+        let expected = format_args!("at most {MAX_CHANNELS}").to_string();
+        return Err(mismatch(format_args!("features of {d} channels"), expected));
+    }
     let mut basis = vec![0.0; d * d];
     basis.iter_mut().step_by(d + 1).for_each(|diagonal| *diagonal = 1.0);
     Ok((features_of(features.values, d, basis, vec![0.0; d]), Some(decoder)))
