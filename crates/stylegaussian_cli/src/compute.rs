@@ -47,7 +47,7 @@ impl Compute {
         };
         if let Some(software) = gpu.as_ref().filter(|gpu| gpu.is_software()) {
             let name = &software.info.name;
-            warn([format!("{name} is not a GPU but software that acts as one: the CPU is faster")]);
+            warn([format!("{name} is a software adapter: --backend cpu is faster")]);
         }
         Ok(Self { backend, gpu })
     }

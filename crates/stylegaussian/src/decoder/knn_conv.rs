@@ -36,8 +36,8 @@ impl KnnConvShape {
     fn check(&self, x: &[f32], neighbors: &[u32], weight: &[f32]) {
         let n_weights = [self.d_out, self.k, self.d_in].into_iter().try_fold(1, usize::checked_mul);
         assert_eq!(Some(weight.len()), n_weights, "weight [D_out, K, D_in]");
-        assert!(self.d_in > 0 && x.len() % self.d_in == 0, "x [N_in, D_in]");
-        assert!(self.k > 0 && neighbors.len() % self.k == 0, "neighbors [N_out, K]");
+        assert!(self.d_in > 0 && x.len().is_multiple_of(self.d_in), "x [N_in, D_in]");
+        assert!(self.k > 0 && neighbors.len().is_multiple_of(self.k), "neighbors [N_out, K]");
     }
 
     /// W_k `[D_out, D_in]`, the part of a weight `[D_out, K, D_in]` for slot k.
