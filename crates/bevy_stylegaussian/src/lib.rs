@@ -26,6 +26,8 @@
 //! - Events, as messages and for observers: [`StyleApplied`], [`StyleFailed`], [`GaussianSceneFailed`]. The component
 //!   [`AppliedStyle`] holds the style that an entity shows, and can save the styled scene.
 //!
+//! Most apps need no more than [`prelude`].
+//!
 //! With Bevy's `RenderDiagnosticsPlugin`, the times of `splat_project_and_sort`, `splat_draw`, `splat_composite` and
 //! `style_pass` are among the render diagnostics.
 //!
