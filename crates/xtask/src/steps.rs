@@ -34,6 +34,14 @@ pub fn cargo<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Command
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     // A step that asked a question would hang where nobody can answer.
     command.args(arguments).stdin(Stdio::null());
+    // `cargo run` describes xtask in these variables. Some build scripts (ring's) watch them, so with them cargo would
+    // compile more than it does when it is called by hand.
+    for (name, _) in env::vars_os() {
+        let text = name.to_string_lossy();
+        if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_MANIFEST_") {
+            command.env_remove(&name);
+        }
+    }
     command
 }
 
