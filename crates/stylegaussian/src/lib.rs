@@ -27,11 +27,14 @@ pub mod fold;
 pub mod morton;
 pub mod neighbors;
 pub mod noise;
+pub mod random;
+pub mod recolor;
 pub mod scene;
 pub mod sh;
 pub mod splat;
 pub mod statistics;
 pub mod twin;
+pub mod views;
 
 pub use camera::Camera;
 pub use decoder::{Activation, Decoder, Layer};

@@ -4,14 +4,13 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use glam::{UVec2, Vec3};
-use stylegaussian::{Camera, Scene};
+use stylegaussian::{Camera, Scene, views::choose_views};
 use stylegaussian_encoder::Encoder;
 use stylegaussian_train::{
     Watch,
     decoder::{Paintings, TrainConfig, Trainer, TrainingScene},
     embed::{EmbedMethod, EmbedOptions, TrainingView, embed},
     nn::{LossNetwork, Processor},
-    views::choose_views,
 };
 
 use crate::{

@@ -24,13 +24,10 @@ use std::{
 
 use rayon::prelude::*;
 use serde::Serialize;
-use stylegaussian::{Features, Neighbors, Scene};
+use stylegaussian::{Features, Neighbors, Scene, random::Random};
 use stylegaussian_encoder::{Encoder, EncoderError, ImageError};
 
-use crate::{
-    random::Random,
-    watch::{Stage, Watch},
-};
+use crate::watch::{Stage, Watch};
 use model::Model;
 use refine::Schedule;
 use samples::{CellSizeError, Samples};

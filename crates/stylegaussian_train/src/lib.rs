@@ -6,14 +6,16 @@
 //! use std::path::Path;
 //!
 //! use glam::UVec2;
-//! use stylegaussian::file::{self, Precision};
+//! use stylegaussian::{
+//!     file::{self, Precision},
+//!     views::choose_views,
+//! };
 //! use stylegaussian_encoder::Encoder;
 //! use stylegaussian_train::{
 //!     Watch,
 //!     decoder::{Paintings, TrainConfig, Trainer, TrainingScene},
 //!     embed::{EmbedOptions, TrainingView, embed},
 //!     nn::{LossNetwork, Processor},
-//!     views::choose_views,
 //! };
 //!
 //! // The same VGG-19 weights serve as the encoder and as the loss network.
@@ -51,9 +53,6 @@ pub mod eval;
 pub mod images;
 pub mod nn;
 pub mod picture;
-mod random;
-mod recolor;
-pub mod views;
 mod watch;
 
 pub use error::TrainError;

@@ -6,12 +6,11 @@ use anyhow::{Result, ensure};
 use clap::{Args, ValueEnum};
 use glam::UVec2;
 use serde::Serialize;
-use stylegaussian::{Decoder, Neighbors, Scene, file};
+use stylegaussian::{Decoder, Neighbors, Scene, file, views::choose_views};
 use stylegaussian_train::{
     Watch,
     cameras::{CameraSet, PosedCamera, read_cameras},
     embed::{EmbedMethod, EmbedOptions, EmbedReport, TrainingView, embed},
-    views::choose_views,
 };
 
 use crate::{

@@ -9,11 +9,10 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 use glam::UVec2;
 use serde::Serialize;
-use stylegaussian::{Camera, Scene, file, splat::Colors};
+use stylegaussian::{Camera, Scene, file, splat::Colors, views::orbit};
 use stylegaussian_train::{
     cameras::read_cameras,
     picture::{Background, Picture},
-    views::orbit,
 };
 
 use crate::{

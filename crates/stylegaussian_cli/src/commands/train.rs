@@ -8,6 +8,7 @@ use glam::UVec2;
 use stylegaussian::{
     Activation, Camera, Scene,
     file::{self, Precision},
+    views::choose_views,
 };
 use stylegaussian_train::{
     Watch,
@@ -18,7 +19,6 @@ use stylegaussian_train::{
     },
     images::{hold_out, list_images},
     nn::LossNetwork,
-    views::choose_views,
 };
 
 use crate::{

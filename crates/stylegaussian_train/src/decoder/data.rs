@@ -7,12 +7,13 @@ use rayon::prelude::*;
 use stylegaussian::{
     Camera, Decoder, Features, Neighbors, Scene,
     fold::{centered_inputs, inputs_of, neighbors_for},
+    recolor::ColorMoments,
     splat::{BlendWeights, blend_weights},
     statistics::{ContentStatistics, mean_latent},
 };
 
 use super::network::Neighborhoods;
-use crate::{cameras::scaled, nn::ops::Windows, recolor::ColorMoments};
+use crate::{cameras::scaled, nn::ops::Windows};
 
 /// Crops of a view with less coverage are left out, unless all have less.
 const MIN_COVERAGE: f32 = 0.6;

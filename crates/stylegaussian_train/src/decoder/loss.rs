@@ -9,7 +9,7 @@ use burn::tensor::{
     Device, Tensor, TensorData,
     activation::{log_softmax, relu},
 };
-use stylegaussian::fold::ChannelMap;
+use stylegaussian::{fold::ChannelMap, recolor::Recoloring};
 
 use super::{
     config::LossWeights,
@@ -25,7 +25,6 @@ use crate::{
         ops::{row_statistics, splat},
         parameter::to_scalar,
     },
-    recolor::Recoloring,
 };
 
 /// Side of the squares over which the color-transfer loss averages colors, in pixels. Strokes within a square are free.

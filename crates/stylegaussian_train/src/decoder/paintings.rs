@@ -3,7 +3,11 @@
 use std::{collections::HashMap, path::PathBuf};
 
 use burn::tensor::Tensor;
-use stylegaussian::{ChannelStatistics, EncoderId};
+use stylegaussian::{
+    ChannelStatistics, EncoderId,
+    random::Random,
+    recolor::{ColorMoments, Recoloring},
+};
 use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
 
 use crate::{
@@ -12,8 +16,6 @@ use crate::{
         loss_network::{FeatureRows, LossNetwork, RELU3_1, picture_tensor},
         parameter::to_vec,
     },
-    random::Random,
-    recolor::{ColorMoments, Recoloring},
 };
 
 /// Side of a crop in pixels, as in the paper.
@@ -107,7 +109,7 @@ impl<'a> Paintings<'a> {
     fn compute(&self, key: CropKey) -> Result<Style, TrainError> {
         let mut crop = self.crop(key)?;
         if let Some(palette) = self.palette(key)? {
-            let recoloring = Recoloring::new(&ColorMoments::of_image(&crop), &palette);
+            let recoloring = Recoloring::new(&ColorMoments::of_rgb(&crop.rgb), &palette);
             for pixel in crop.rgb.chunks_exact_mut(3) {
                 let color = recoloring.color([pixel[0], pixel[1], pixel[2]]);
                 pixel.copy_from_slice(&color.map(|channel| channel.clamp(0.0, 1.0)));
@@ -146,7 +148,7 @@ impl<'a> Paintings<'a> {
             Palette::Own => None,
             // The draw can be the painting itself, whose crop then keeps its colors.
             Palette::OfAnother => {
-                Some(ColorMoments::of_image(&self.crop((random.below(self.paths.len()), key.1))?))
+                Some(ColorMoments::of_rgb(&self.crop((random.below(self.paths.len()), key.1))?.rgb))
             }
             Palette::Random => Some(ColorMoments::random(&mut random)),
         })
@@ -193,6 +195,6 @@ impl Style {
         for pixel in image.rgb.chunks_exact(3) {
             mean_color.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += value / n);
         }
-        Ok(Self { statistics, targets, mean_color, colors: ColorMoments::of_image(image) })
+        Ok(Self { statistics, targets, mean_color, colors: ColorMoments::of_rgb(&image.rgb) })
     }
 }

@@ -2,13 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use stylegaussian::{Activation, Decoder, EncoderId, Layer, file};
+use stylegaussian::{Activation, Decoder, EncoderId, Layer, file, random::Random};
 
 use super::config::NewDecoder;
-use crate::{
-    error::{TrainError, ensure},
-    random::Random,
-};
+use crate::error::{TrainError, ensure};
 
 impl NewDecoder {
     /// A decoder with He-normal weights for the activation, and zero biases except for the last layer's, which give

@@ -3,7 +3,7 @@
 use std::{collections::HashMap, path::Path};
 
 use burn::tensor::Device;
-use stylegaussian::{Decoder, EncoderId};
+use stylegaussian::{Decoder, EncoderId, random::Random};
 
 use super::{
     config::{Start, TrainConfig},
@@ -22,7 +22,6 @@ use crate::{
         parameter::to_scalar,
         schedule::cosine,
     },
-    random::Random,
     watch::{Progress, RunningMeans, Stage, Watch},
 };
 

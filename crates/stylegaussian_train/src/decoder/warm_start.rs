@@ -7,14 +7,14 @@
 use std::{iter, sync::Arc};
 
 use burn::tensor::{Device, Tensor, TensorData};
-use stylegaussian::fold::ChannelMap;
+use stylegaussian::{fold::ChannelMap, random::Random, recolor::Recoloring};
 
 use super::{
     data::PreparedScene,
     network::{FoldedInputs, Neighborhoods, Network},
     paintings::Style,
 };
-use crate::{error::TrainError, nn::ops::Windows, random::Random, recolor::Recoloring};
+use crate::{error::TrainError, nn::ops::Windows};
 
 /// Gaussians in a patch. Scenes are in Morton order, so a run of rows is compact. A neighbor outside of the patch is
 /// replaced by the Gaussian itself.

@@ -7,12 +7,12 @@
 
 use rayon::prelude::*;
 use stylegaussian::decoder::product::{Matrix, product};
+use stylegaussian::random::Random;
 
 use super::{
     model::Model,
     samples::{GAUSSIANS_PER_PIECE, Samples, add_scaled},
 };
-use crate::random::Random;
 
 /// Directions that are iterated beyond the L wanted. The error of the L-th falls with the ratio of eigenvalues L + 8
 /// and L.

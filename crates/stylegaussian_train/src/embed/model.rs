@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 use stylegaussian::decoder::product::{Matrix, product};
+use stylegaussian::random::Random;
 
 use super::samples::{Samples, add_scaled};
-use crate::random::Random;
 
 /// Cells per parallel piece. The number is fixed and sums over pieces run in order, so that results do not depend on
 /// the number of threads. It is so small that the residuals of a piece stay in the second-level cache.

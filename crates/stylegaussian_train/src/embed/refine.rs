@@ -5,12 +5,12 @@
 //! view instead of the scene.
 
 use rayon::prelude::*;
+use stylegaussian::random::Random;
 
 use super::{
     model::{Gradient, Model},
     samples::{GAUSSIANS_PER_PIECE, Samples},
 };
-use crate::random::Random;
 
 const BETA_1: f32 = 0.9;
 const BETA_2: f32 = 0.999;

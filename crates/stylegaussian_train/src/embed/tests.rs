@@ -1,7 +1,7 @@
 //! The numeric core on views small enough to work out by hand or densely.
 
 use glam::{UVec2, Vec3};
-use stylegaussian::{Neighbors, splat::BlendWeights};
+use stylegaussian::{Neighbors, random::Random, splat::BlendWeights};
 use stylegaussian_encoder::FeatureMap;
 
 use super::{
@@ -11,7 +11,6 @@ use super::{
     samples::Samples,
     under_observed::{fill_in, seen_weights},
 };
-use crate::random::Random;
 
 /// A picture whose pixels have the given (Gaussian, weight) lists.
 fn weights(size: [u32; 2], n_gaussians: usize, pixels: &[&[(u32, f32)]]) -> BlendWeights {

@@ -5,12 +5,10 @@ use std::path::{Path, PathBuf};
 use half::f16;
 use image::RgbImage;
 use rayon::prelude::*;
+use stylegaussian::random::Random;
 use stylegaussian_encoder::{Encoder, Image};
 
-use crate::{
-    error::{TrainError, ensure},
-    random::Random,
-};
+use crate::error::{TrainError, ensure};
 
 /// Side of a crop, in pixels: 32 cells of the teacher, a third of which see the border.
 pub const SIDE: u32 = 128;

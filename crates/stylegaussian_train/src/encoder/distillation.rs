@@ -6,6 +6,7 @@ use std::{
 };
 
 use burn::tensor::{Device, Tensor, TensorData};
+use stylegaussian::random::Random;
 use stylegaussian_encoder::Encoder;
 
 use super::{
@@ -23,7 +24,6 @@ use crate::{
         parameter::to_scalar,
         schedule::cosine,
     },
-    random::Random,
     watch::{Progress, RunningMeans, Stage, Watch},
 };
 

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData, activation::relu};
+use stylegaussian::random::Random;
 use stylegaussian_encoder::onnx::{ChainWriter, Convolution};
 
 use crate::{
@@ -11,7 +12,6 @@ use crate::{
         ops::{Windows, max_pool, windows_conv},
         parameter::{Parameter, to_vec},
     },
-    random::Random,
 };
 
 /// Pictures enter as GAIN (x - CENTER), with about zero mean and unit deviation. In the file this is folded into the

@@ -6,7 +6,9 @@ use glam::UVec2;
 use stylegaussian::{
     Camera, Decoder, EncoderId, Features, Scene,
     fold::{stylize, transfer},
+    recolor::{ColorMoments, Recoloring},
     splat::{Colors, RenderedImage, render},
+    views::{choose_views, orbit},
 };
 use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
 
@@ -22,8 +24,6 @@ use crate::{
     contact_sheet::contact_sheet,
     error::TrainError,
     picture::{Background, Picture},
-    recolor::{ColorMoments, Recoloring},
-    views::{choose_views, orbit},
     watch::{Stage, Watch},
 };
 
@@ -208,7 +208,7 @@ impl<'a> Gallery<'a> {
         let image = &self.paintings[own];
         let style = style_statistics(encoder, image, StyleSize::default())?;
         let colors = stylize(scene, decoder, &transfer(self.features, &[(&style, 1.0)], 0.0)?)?;
-        let recoloring = Recoloring::new(&self.colors, &ColorMoments::of_image(image));
+        let recoloring = Recoloring::new(&self.colors, &ColorMoments::of_rgb(&image.rgb));
         let draw = |camera: &Camera| render(scene, Colors::Rgb(&colors), camera);
         let consistency = &self.views.consistency;
         let drawn: Vec<RenderedImage> = consistency.cameras().map(draw).collect();

@@ -2,9 +2,9 @@
 
 use burn::tensor::Shape;
 use glam::UVec2;
+use stylegaussian::random::Random;
 
 use super::*;
-use crate::random::Random;
 
 fn tensor(random: &mut Random, shape: [usize; 2]) -> FloatTensor<Flex> {
     let values: Vec<f32> = (0..shape[0] * shape[1]).map(|_| random.normal()).collect();

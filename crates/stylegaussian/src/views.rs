@@ -16,8 +16,8 @@ mod survey;
 mod tests;
 mod up;
 
+use crate::{Camera, Scene};
 use glam::UVec2;
-use stylegaussian::{Camera, Scene};
 
 use candidates::Candidate;
 use coverage::TestViews;

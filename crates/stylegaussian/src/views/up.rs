@@ -3,8 +3,8 @@
 //! Captures do not record gravity, but floors and table tops show it: up is the direction that most surfaces share.
 //! Trainers start from COLMAP, and its y axis mostly points down, so that axis is the first guess.
 
+use crate::Scene;
 use glam::{Mat3, Vec3};
-use stylegaussian::Scene;
 
 /// Gaussians flatter than this (thinnest over middle axis) have a normal.
 const FLAT: f32 = 0.5;

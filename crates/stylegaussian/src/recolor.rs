@@ -1,12 +1,9 @@
-//! Color transfer by mean and covariance: the reference for training without shapes, and its warm start.
+//! Color transfer by mean and covariance: a painting's palette without its strokes. Baking and training start from it.
 
 use std::f32::consts::TAU;
 
+use crate::{random::Random, splat::RenderedImage};
 use glam::{DMat3, DQuat, DVec3, EulerRot};
-use stylegaussian::splat::RenderedImage;
-use stylegaussian_encoder::Image;
-
-use crate::random::Random;
 
 /// Added to the variances of colors: the square of a display's step. Without it, the covariance of a gray scene or
 /// painting could not be inverted.
@@ -36,9 +33,9 @@ impl ColorMoments {
         Self { mean, covariance: products * (1.0 / n) - outer(mean) + floor }
     }
 
-    /// Moments of an image.
-    pub fn of_image(image: &Image) -> Self {
-        Self::new(image.rgb.chunks_exact(3).map(|p| vector([p[0], p[1], p[2]])))
+    /// Moments of the pixels of an image `[H * W * 3]`, such as a painting's.
+    pub fn of_rgb(rgb: &[f32]) -> Self {
+        Self::new(rgb.chunks_exact(3).map(|p| vector([p[0], p[1], p[2]])))
     }
 
     /// Moments of premultiplied pixels with their coverage. Only pixels covered to more than half count.
@@ -150,8 +147,7 @@ mod tests {
         };
         let rgb: Vec<f32> =
             (0..n).flat_map(|i| [(i % 4) as f32 / 4.0, (i % 9) as f32 / 20.0, 0.25]).collect();
-        let painting = Image { width: n as u32, height: 1, rgb };
-        let to = ColorMoments::of_image(&painting);
+        let to = ColorMoments::of_rgb(&rgb);
         let recoloring = Recoloring::new(&ColorMoments::of_views(std::slice::from_ref(&view)), &to);
         let recolored = ColorMoments::of_views(&[recoloring.view(&view)]);
         assert!(recolored.mean.abs_diff_eq(to.mean, 1e-6));

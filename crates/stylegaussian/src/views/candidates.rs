@@ -2,8 +2,8 @@
 
 use std::f32::consts::TAU;
 
+use crate::Camera;
 use glam::{UVec2, Vec3};
-use stylegaussian::Camera;
 
 use super::survey::{Survey, quantiles};
 

@@ -1,7 +1,7 @@
 //! Scenes of known shape: positions of cameras, and the parts that they must see.
 
+use crate::splat::{Colors, render};
 use glam::{Quat, Vec3};
-use stylegaussian::splat::{Colors, render};
 
 use super::*;
 

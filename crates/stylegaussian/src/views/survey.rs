@@ -1,7 +1,7 @@
 //! Size, middle and direction of a scene, measured so that stray Gaussians do not matter.
 
+use crate::Scene;
 use glam::Vec3;
-use stylegaussian::Scene;
 
 use super::up::up;
 

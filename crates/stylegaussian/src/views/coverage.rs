@@ -1,8 +1,8 @@
 //! The Gaussians that candidate cameras see, and the choice among the cameras.
 
+use crate::splat::blend_weights;
 use glam::UVec2;
 use rayon::prelude::*;
-use stylegaussian::splat::blend_weights;
 
 use super::{candidates::Candidate, survey::Survey};
 
