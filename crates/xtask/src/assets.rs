@@ -20,6 +20,8 @@ use crate::{
 
 /// The eight style images, and their statistics beside them.
 const STYLES: &str = "assets/styles";
+/// The demo scene's looks, one for each style image.
+const LOOKS: &str = "assets/looks";
 /// The demo scene with its features.
 const DEMO: &str = "assets/demo.sgs";
 /// The default encoder.
@@ -164,6 +166,7 @@ fn make(steps: &mut Steps, data: &Data) -> Result<()> {
     }
     // Neighbors are found when the scene is loaded, so the file need not hold them.
     embed(steps, Path::new(&world), Path::new(DEMO), &["--no-neighbors".as_ref()])?;
+    bake(steps)?;
     let playbot = PathBuf::from(format!("{WORK}/playbot.sgs"));
     embed(steps, &data.playbot, &playbot, &["--cameras".as_ref(), data.playbot_cameras.as_os_str()])?;
     let biker = PathBuf::from(format!("{WORK}/biker.sgs"));
@@ -207,6 +210,19 @@ fn embed(steps: &mut Steps, scene: &Path, out: &Path, options: &[&OsStr]) -> Res
     let mut embed = stylegaussian();
     embed.arg("embed").arg(scene).arg("-o").arg(out).args(options);
     steps.run(&format!("embed {}", scene.display()), &mut embed)
+}
+
+/// Bakes the demo scene in every style. Its own cameras frame it better than chosen ones.
+fn bake(steps: &mut Steps) -> Result<()> {
+    fs::create_dir_all(LOOKS).with_context(|| format!("cannot create {LOOKS}"))?;
+    for image in images(Path::new(STYLES))? {
+        let name = image.file_stem().unwrap_or_default().to_string_lossy();
+        let mut bake = stylegaussian();
+        bake.args(["bake", DEMO, "-o"]).arg(format!("{LOOKS}/{name}.look.safetensors"));
+        bake.args(["--cameras", DEMO_CAMERAS, "--style"]).arg(&image);
+        steps.run(&format!("bake {name}"), &mut bake)?;
+    }
+    Ok(())
 }
 
 /// Trains the decoder beside checkpoints, loss curves and contact sheets, which do not ship, then copies it.
@@ -284,6 +300,7 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>> {
 fn report_sizes() -> Result<()> {
     let mut paths = files(Path::new("assets"))?;
     paths.extend(files(Path::new(STYLES))?);
+    paths.extend(files(Path::new(LOOKS))?);
     paths.extend([ENCODER.into(), DECODER.into()]);
     let mut total = 0;
     for path in paths {
