@@ -6,7 +6,7 @@
 
 use std::{fmt, str::FromStr};
 
-use crate::{random::mix, scene::Scene};
+use crate::{fold::StylizeError, random::hash, scene::Scene};
 
 /// Colors of the Gaussians of one scene, and what they were made from.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,16 +105,52 @@ impl Look {
     }
 }
 
+/// Mixes looks with one another, and with the colors of a style if there are any:
+///
+/// ```text
+/// w_style style + sum_j w_j (c base + (1 - c) look_j)
+/// ```
+///
+/// All colors are `[N]`, in the order of the scene whose base colors are `base`; weights sum to 1. `content` c blends
+/// looks with the base colors; a style's colors have kept their share of the content already.
+///
+/// # Errors
+/// If `content` is not in 0..=1.
+///
+/// # Panics
+/// If two parts have different numbers of colors.
+pub fn mix(
+    base: &[[f32; 3]],
+    content: f64,
+    looks: &[(Vec<[f32; 3]>, f64)],
+    style: Option<(&[[f32; 3]], f64)>,
+) -> Result<Vec<[f32; 3]>, StylizeError> {
+    if !(0.0..=1.0).contains(&content) {
+        return Err(StylizeError::Content { found: content });
+    }
+    let mut sum = vec![[0.0; 3]; base.len()];
+    let mut add = |colors: &[[f32; 3]], weight: f64| {
+        assert_eq!(colors.len(), base.len(), "one color per Gaussian");
+        let weight = weight as f32;
+        let values = sum.as_flattened_mut().iter_mut().zip(colors.as_flattened());
+        values.for_each(|(sum, value)| *sum += weight * value);
+    };
+    style.into_iter().for_each(|(colors, weight)| add(colors, weight));
+    looks.iter().for_each(|(colors, weight)| add(colors, weight * (1.0 - content)));
+    add(base, content * looks.iter().map(|(_, weight)| weight).sum::<f64>());
+    Ok(sum)
+}
+
 impl SceneFingerprint {
     /// The fingerprint of `scene`.
     pub fn of(scene: &Scene) -> Self {
-        let hash_of = |(rank, i): (u64, u32)| {
+        let hash_of_gaussian = |(rank, i): (u64, u32)| {
             // Adding 0 makes 0 of -0, which texts in files do not always keep.
             let [x, y, z] = (scene.means[i as usize] + 0.0).to_array().map(|v| u64::from(v.to_bits()));
             // The rank counts too: the same Gaussians in another order would get the wrong colors.
-            mix(mix((rank << 32) | x) ^ ((y << 32) | z))
+            hash(hash((rank << 32) | x) ^ ((y << 32) | z))
         };
-        let hashes = (0..).zip(by_source(scene)).map(hash_of);
+        let hashes = (0..).zip(by_source(scene)).map(hash_of_gaussian);
         Self { n_gaussians: scene.len(), hash: hashes.fold(0, u64::wrapping_add) }
     }
 }
@@ -208,6 +244,20 @@ mod tests {
         assert!(other.into_iter().all(|change| of(change) != fingerprint));
         assert_eq!(fingerprint.to_string().parse::<SceneFingerprint>().unwrap(), fingerprint);
         assert_eq!(SceneFingerprint::of(&Scene::default()).to_string(), "0@0000000000000000");
+    }
+
+    #[test]
+    fn a_mix_by_hand() {
+        let looks = [(vec![[1.0, 0.0, 0.5]], 0.25), (vec![[0.0, 1.0, 0.5]], 0.25)];
+        let (base, style) = ([[0.5, 0.5, 1.0]], [[1.5, 0.0, 0.0]]);
+        let of = |content| mix(&base, content, &looks, Some((&style, 0.5)));
+        assert_eq!(of(0.0).unwrap(), [[1.0, 0.25, 0.25]]);
+        // Half of the looks' share becomes the base color's. The style has its own share of the content.
+        assert_eq!(of(0.5).unwrap(), [[1.0, 0.25, 0.375]]);
+        assert_eq!(mix(&base, 1.0, &[(vec![[9.0; 3]], 1.0)], None).unwrap(), base);
+        for content in [-0.1, 1.1, f64::NAN] {
+            assert!(matches!(of(content), Err(StylizeError::Content { .. })), "{content}");
+        }
     }
 
     #[test]
