@@ -1,5 +1,6 @@
 //! Looks on the command line.
 
+#[expect(dead_code, reason = "written for the tests of the command line, of which these use a part")]
 mod support;
 
 use std::fs;
