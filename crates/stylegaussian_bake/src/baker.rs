@@ -1,0 +1,175 @@
+//! The bake itself.
+
+use std::f32::consts::PI;
+
+use rayon::prelude::*;
+use stylegaussian::{Camera, Scene, random::Random, recolor::Recoloring, splat::blend_weights};
+use stylegaussian_encoder::Image;
+
+use crate::{
+    adam::Adam,
+    cameras::Cameras,
+    config::BakeConfig,
+    error::BakeError,
+    loss::{self, Losses, matching, statistics},
+    network::{Features, Grids, LossNetwork, Size},
+    picture::{Mask, over},
+    target::Paintings,
+};
+
+/// The share of the rate at the last step.
+const LAST_RATE: f32 = 0.3;
+
+/// Colors on their way from a recolored scene to a painted one.
+pub struct Baker {
+    config: BakeConfig,
+    network: LossNetwork,
+    grids: Grids,
+    paintings: Paintings,
+    cameras: Cameras,
+    /// The scene's own colors `[N * 3]`.
+    captured: Vec<f32>,
+    /// `[N * 3]`.
+    colors: Vec<f32>,
+    adam: Adam,
+    /// Running moments of each layer; none before the first step.
+    pooled: Vec<Option<statistics::Moments>>,
+    steps: u32,
+}
+
+impl Baker {
+    /// Looks at the paintings and the scene, and recolors it. `cameras` are those of a capture; if there are none, they
+    /// are chosen. Paintings have weights in the mix.
+    ///
+    /// # Errors
+    /// If nothing of the scene is visible, or no painting can be used.
+    pub fn new(
+        config: BakeConfig,
+        scene: &Scene,
+        cameras: &[Camera],
+        paintings: &[(Image, f32)],
+        network: LossNetwork,
+    ) -> Result<Self, BakeError> {
+        let paintings = Paintings::new(paintings, config.view, &network)?;
+        let cameras = Cameras::survey(scene, cameras, config.view, config.crop)
+            .ok_or(BakeError::NothingVisible { n_gaussians: scene.len() })?;
+        let side = config.crop as usize;
+        let grids = network.grids(Size { width: side, height: side }, true);
+        let captured = scene.base_colors();
+        let recoloring = Recoloring::new(&cameras.colors, &paintings.colors);
+        let colors: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
+        let adam = Adam::new(scene.len());
+        let captured = captured.into_iter().flatten().collect();
+        Ok(Self { config, network, grids, paintings, cameras, captured, colors, adam, pooled: Vec::new(), steps: 0 })
+    }
+
+    /// The colors so far `[N]`, in scene order.
+    pub fn colors(&self) -> &[[f32; 3]] {
+        self.colors.as_chunks::<3>().0
+    }
+
+    /// Steps so far.
+    pub fn steps(&self) -> u32 {
+        self.steps
+    }
+
+    /// Whether all steps are done.
+    pub fn is_complete(&self) -> bool {
+        self.steps >= self.config.steps
+    }
+
+    /// One step: one crop, compared, and the colors that it shows moved.
+    ///
+    /// # Panics
+    /// If `scene` has another number of Gaussians than the one that the bake began with.
+    pub fn step(&mut self, scene: &Scene) -> Losses {
+        assert_eq!(self.colors.len(), scene.len() * 3, "one color per Gaussian");
+        let config = self.config;
+        let mut random = Random::new(config.seed ^ (u64::from(self.steps) + 1).wrapping_mul(0xD134_2543_DE82_EF95));
+        let camera = self.cameras.sample(self.steps, config.crop, &mut random, config.seed);
+        let weights = blend_weights(scene, &camera);
+        let alpha = weights.alpha();
+        let side = config.crop as usize;
+        let size = Size { width: side, height: side };
+        let mask = Mask::new(size, &alpha);
+        let rgb = over(&weights, &alpha, &self.colors, self.paintings.mean);
+        let features = self.network.forward(&self.grids, &rgb);
+        let unstyled = (config.weights.content > 0.0).then(|| {
+            let rgb = over(&weights, &alpha, &self.captured, self.paintings.mean);
+            self.network.forward(&self.grids, &rgb)
+        });
+        let (mut losses, grads) = self.compare(&features, unstyled.as_ref(), &mask, &mut random);
+        let mut grad = self.network.backward(&self.grids, &features, grads);
+        let pixels = mask.cells(size);
+        losses.range = loss::range(&rgb, &pixels, config.weights.range, &mut grad);
+        let grad = weights.apply_transposed(&grad, 3);
+        let progress = self.steps as f32 / config.steps.max(1) as f32;
+        let rate = config.rate * (LAST_RATE + (1.0 - LAST_RATE) * 0.5 * (1.0 + (PI * progress).cos()));
+        let scale: Vec<f32> = self.cameras.pixels.iter().map(|pixels| pixels.min(1.0)).collect();
+        self.adam.step(&mut self.colors, &grad, self.steps, rate, &scale);
+        losses.palette = self.paintings.palette.pull(&mut self.colors, config.weights.palette);
+        self.steps += 1;
+        losses
+    }
+
+    /// The losses of features and their gradients with respect to each layer's rows.
+    fn compare(
+        &mut self,
+        features: &Features,
+        unstyled: Option<&Features>,
+        mask: &Mask,
+        random: &mut Random,
+    ) -> (Losses, Vec<Vec<f32>>) {
+        let (mut losses, mut grads) = (Losses::default(), Vec::new());
+        let BakeConfig { weights, pool, queries, keys, .. } = self.config;
+        // Random numbers are drawn in order, before the layers are shared out among threads.
+        let drawn: Vec<(Vec<u32>, Vec<u32>, Vec<f32>)> = (self.network.layers().iter().enumerate())
+            .map(|(i, layer)| {
+                let cells = mask.cells(self.grids.size(layer));
+                if layer.matching <= 0.0 {
+                    return (cells, Vec::new(), Vec::new());
+                }
+                let some = matching::some_of(&cells, queries, random);
+                (cells, some, self.paintings.keys(i, keys, random))
+            })
+            .collect();
+        if self.pooled.is_empty() {
+            self.pooled = vec![None; self.network.layers().len()];
+        }
+        let layers = self.network.layers().par_iter().zip(drawn).zip(&mut self.pooled).enumerate();
+        let compared: Vec<(Losses, Vec<f32>)> = layers
+            .map(|(i, ((layer, (cells, queries, keys)), pooled))| {
+                let (mut losses, rows) = (Losses::default(), features.rows(layer));
+                let mut grad = vec![0.0; rows.len()];
+                if cells.is_empty() {
+                    return (losses, grad);
+                }
+                let n = layer.channels;
+                let moments = statistics::Moments::of(rows, n, cells.iter().map(|&cell| cell as usize));
+                match pooled {
+                    Some(pooled) => pooled.blend(&moments, pool),
+                    None => *pooled = Some(moments.clone()),
+                }
+                let pooled = pooled.as_ref().unwrap_or(&moments);
+                let weight = weights.statistics * layer.statistics;
+                let target = &self.paintings.layers[i].statistics;
+                losses.statistics =
+                    layer.statistics * statistics::statistics(rows, &cells, pooled, target, weight, &mut grad);
+                let weight = weights.matching * layer.matching;
+                losses.matching = matching::matching(rows, n, &queries, &keys, weight, &mut grad);
+                if let (true, Some(unstyled)) = (layer.content, unstyled) {
+                    let reference = unstyled.rows(layer);
+                    losses.content = loss::content(rows, reference, n, &cells, weights.content, &mut grad);
+                }
+                (losses, grad)
+            })
+            .collect();
+        for (of_layer, grad) in compared {
+            losses.statistics += of_layer.statistics;
+            losses.matching += of_layer.matching;
+            losses.content += of_layer.content;
+            grads.push(grad);
+        }
+        (losses, grads)
+    }
+}

@@ -1,0 +1,123 @@
+//! Random cameras whose pictures are the crops that are compared.
+
+use glam::{Quat, UVec2, Vec3};
+use rayon::prelude::*;
+use stylegaussian::{
+    Camera, Scene,
+    random::Random,
+    recolor::ColorMoments,
+    splat::{Colors, RenderedImage, blend_weights, render},
+    views::choose_views,
+};
+
+/// Views of a scene without cameras. 24 trained the scenes of the first experiments.
+const N_VIEWS: usize = 24;
+/// Side of the views in which crops are aimed, in pixels.
+const SURVEY_SIDE: u32 = 96;
+/// Deviation of the eye's angle around what it looks at, in radians.
+const TURN: f32 = 0.08;
+/// Deviation of the logarithm of the distance.
+const APPROACH: f32 = 0.1;
+/// Least share of a crop that should be covered.
+const LEAST_COVERED: f32 = 0.5;
+
+/// A view, and the points of the scene at which crops of it may aim.
+struct View {
+    camera: Camera,
+    /// Points in the world.
+    targets: Vec<Vec3>,
+}
+
+/// Where the scene is seen from.
+pub(crate) struct Cameras {
+    views: Vec<View>,
+    /// Moments of the captured colors, as the views show them.
+    pub colors: ColorMoments,
+    /// Pixels of the survey's views that each Gaussian fills, summed `[N]`.
+    pub pixels: Vec<f32>,
+}
+
+impl Cameras {
+    /// Surveys `given`, or views chosen for the scene if there are none. Returns `None` if they see nothing.
+    pub fn survey(scene: &Scene, given: &[Camera], side: u32, crop: u32) -> Option<Self> {
+        let cameras = match given {
+            [] => choose_views(scene, N_VIEWS, UVec2::splat(side)),
+            given => given.iter().map(|camera| scaled(camera, side)).collect(),
+        };
+        let surveyed: Vec<(View, RenderedImage, Vec<f32>)> =
+            cameras.into_par_iter().map(|camera| survey(scene, camera, crop)).collect();
+        let mut pixels = vec![0.0; scene.len()];
+        let (mut views, mut pictures) = (Vec::new(), Vec::new());
+        for (view, picture, of_view) in surveyed {
+            pixels.iter_mut().zip(of_view).for_each(|(sum, value)| *sum += value);
+            pictures.push(picture);
+            views.push(view);
+        }
+        views.retain(|view| !view.targets.is_empty());
+        (!views.is_empty()).then(|| Self { views, colors: ColorMoments::of_views(&pictures), pixels })
+    }
+
+    /// The camera of a step.
+    pub fn sample(&self, step: u32, crop: u32, random: &mut Random, seed: u64) -> Camera {
+        let n = self.views.len();
+        // Every view once before any comes again.
+        let round = u64::from(step) / n as u64;
+        let order = Random::new(seed ^ round.wrapping_mul(0x9E37_79B9)).permutation(n);
+        let view = &self.views[order[step as usize % n]];
+        let target = view.targets[random.below(view.targets.len())];
+        let rotation = view.camera.view_from_world.matrix3.transpose();
+        let (right, up) = (Vec3::from(rotation.x_axis), -Vec3::from(rotation.y_axis));
+        let turn = Quat::from_axis_angle(up, TURN * random.normal())
+            * Quat::from_axis_angle(right, TURN * random.normal());
+        let offset = turn * (view.camera.position() - target);
+        let eye = target + (APPROACH * random.normal()).exp() * offset;
+        let fov_y = 2.0 * (crop as f32 / (2.0 * view.camera.focal.y)).atan();
+        Camera::look_at(eye, target, up, fov_y, UVec2::splat(crop))
+    }
+}
+
+/// A camera at another size, its longer side of `side` pixels.
+fn scaled(camera: &Camera, side: u32) -> Camera {
+    let size = camera.size.as_vec2() * (side as f32 / camera.size.max_element().max(1) as f32);
+    camera.resized(size.round().as_uvec2().max(UVec2::ONE))
+}
+
+/// A view with its targets, its picture, and the pixels that each Gaussian fills.
+fn survey(scene: &Scene, camera: Camera, crop: u32) -> (View, RenderedImage, Vec<f32>) {
+    let small = scaled(&camera, SURVEY_SIDE);
+    let picture = render(scene, Colors::Captured, &small);
+    let weights = blend_weights(scene, &small);
+    let pixels = weights.apply_transposed(&vec![1.0; picture.alpha.len()], 1);
+    // Half a crop, in pixels of the small view.
+    let half = (crop as f32 / 2.0 * small.focal.y / camera.focal.y).round() as i32;
+    let (width, height) = (small.size.x as i32, small.size.y as i32);
+    let covered = |x: i32, y: i32| {
+        let inside = (0..width).contains(&x) && (0..height).contains(&y);
+        f32::from(u8::from(inside && picture.alpha[(y * width + x) as usize] > 0.9))
+    };
+    let around = |x: i32, y: i32| {
+        let (mut sum, mut n) = (0.0, 0.0_f32);
+        // Every other pixel tells enough.
+        for dy in (-half..=half).step_by(2) {
+            for dx in (-half..=half).step_by(2) {
+                (sum, n) = (sum + covered(x + dx, y + dy), n + 1.0);
+            }
+        }
+        sum / n
+    };
+    let world_from_view = small.view_from_world.inverse();
+    let solid: Vec<(f32, Vec3)> = (0..width * height)
+        .filter(|&i| covered(i % width, i / width) > 0.0)
+        .map(|i| {
+            let depth = picture.depth[i as usize] / picture.alpha[i as usize];
+            let pixel = glam::Vec2::new((i % width) as f32, (i / width) as f32) + 0.5;
+            let ray = ((pixel - small.center) / small.focal).extend(1.0);
+            (around(i % width, i / width), world_from_view.transform_point3(depth * ray))
+        })
+        .collect();
+    // A small thing covers no crop to half. Then those that cover most must do.
+    let most = solid.iter().fold(0.0_f32, |most, (share, _)| most.max(*share));
+    let enough = LEAST_COVERED.min(0.9 * most);
+    let targets = solid.into_iter().filter(|(share, _)| *share >= enough).map(|(_, point)| point).collect();
+    (View { camera, targets }, picture, pixels)
+}

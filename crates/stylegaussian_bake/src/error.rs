@@ -1,0 +1,65 @@
+//! Reasons for which nothing can be baked.
+
+use std::path::PathBuf;
+
+use stylegaussian::file::FileError;
+use stylegaussian_encoder::weights::WeightsError;
+
+/// A scene, a painting or a network that cannot be baked with, or a checkpoint that does not fit.
+#[derive(Debug, thiserror::Error)]
+pub enum BakeError {
+    /// No Gaussian of the scene is visible from anywhere.
+    #[error("the scene of {n_gaussians} Gaussians: none is visible, expected something to paint on")]
+    NothingVisible {
+        /// N.
+        n_gaussians: usize,
+    },
+    /// There is no painting, or none with a weight above 0.
+    #[error("{found} paintings with a weight above 0, expected at least one")]
+    NoPainting {
+        /// Paintings with a weight above 0.
+        found: usize,
+    },
+    /// A painting's values do not fit its size, or are not finite.
+    #[error("a painting of {width}x{height} has {found}, expected 3 finite values for each of at least one pixel")]
+    Painting {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// What it has.
+        found: String,
+    },
+    /// An ONNX graph is not one that can be a loss network.
+    #[error("{name}: the graph has {found}, expected VGG-19 or an encoder that `stylegaussian distill` wrote")]
+    Network {
+        /// The graph's file.
+        name: String,
+        /// What was found.
+        found: String,
+    },
+    /// VGG-19's weights cannot be read.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+    /// A checkpoint cannot be written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A checkpoint cannot be read.
+    #[error("{}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The system's error.
+        source: std::io::Error,
+    },
+    /// A file is no checkpoint, or one of another bake.
+    #[error("{}: found {found}, expected {expected}", path.display())]
+    Checkpoint {
+        /// The file.
+        path: PathBuf,
+        /// What the file holds.
+        found: String,
+        /// What would fit.
+        expected: String,
+    },
+}

@@ -1,0 +1,38 @@
+//! Baking: the colors of a scene's Gaussians, optimized for a painting's brush strokes.
+//!
+//! Zero-shot stylization decodes features. Baking looks at pictures instead: it renders small views of the scene from
+//! random cameras, compares them with the painting through a loss network, and moves the colors along the gradient.
+//! Colors belong to Gaussians, so views agree by construction.
+//!
+//! ```no_run
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use stylegaussian_bake::{BakeConfig, Baker, LossNetwork};
+//! use stylegaussian_encoder::Image;
+//!
+//! let scene = stylegaussian::file::read_scene("scene.sgs".as_ref())?.scene;
+//! let painting = Image::open("irises.jpg".as_ref())?;
+//! let network = LossNetwork::vgg("vgg19.safetensors".as_ref())?;
+//! let mut baker = Baker::new(BakeConfig::default(), &scene, &[], &[(painting, 1.0)], network)?;
+//! while !baker.is_complete() {
+//!     baker.step(&scene);
+//! }
+//! # let colors: &[[f32; 3]] = baker.colors();
+//! # Ok(())
+//! # }
+//! ```
+
+mod adam;
+mod baker;
+mod cameras;
+mod config;
+mod error;
+mod loss;
+pub mod network;
+mod picture;
+mod target;
+
+pub use baker::Baker;
+pub use config::{BakeConfig, LossWeights};
+pub use error::BakeError;
+pub use loss::Losses;
+pub use network::LossNetwork;

@@ -1,0 +1,57 @@
+//! The parts of the loss, each with its gradient.
+
+pub(crate) mod matching;
+pub(crate) mod palette;
+pub(crate) mod statistics;
+
+/// The parts of a step's loss, unweighted.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Losses {
+    /// Mean cosine distance of cells from the nearest of the painting's, summed over the layers that are matched.
+    pub matching: f32,
+    /// Mean squared error of channel means and deviations, summed over layers.
+    pub statistics: f32,
+    /// Mean squared distance of the deepest features from the unstyled scene's.
+    pub content: f32,
+    /// Mean squared distance of the Gaussians' colors from the nearest color of the painting.
+    pub palette: f32,
+    /// Mean squared excess of pixels over 0..1.
+    pub range: f32,
+}
+
+/// Mean squared distance of `rows` from `reference`, both `[n, C]`, over the rows in `cells`. Adds `weight` times the
+/// gradient to `grad` `[n, C]`.
+pub(crate) fn content(
+    rows: &[f32],
+    reference: &[f32],
+    channels: usize,
+    cells: &[u32],
+    weight: f32,
+    grad: &mut [f32],
+) -> f32 {
+    let scale = 1.0 / (cells.len() * channels).max(1) as f32;
+    let mut sum = 0.0;
+    for &cell in cells {
+        let range = cell as usize * channels..(cell as usize + 1) * channels;
+        let pairs = rows[range.clone()].iter().zip(&reference[range.clone()]);
+        for (grad, (a, b)) in grad[range].iter_mut().zip(pairs) {
+            sum += f64::from((a - b) * (a - b));
+            *grad += 2.0 * weight * scale * (a - b);
+        }
+    }
+    sum as f32 * scale
+}
+
+/// Mean squared excess of `rgb` over 0..1 over the pixels in `cells`. Adds `weight` times the gradient to `grad`.
+pub(crate) fn range(rgb: &[f32], cells: &[u32], weight: f32, grad: &mut [f32]) -> f32 {
+    let scale = 1.0 / cells.len().max(1) as f32;
+    let mut sum = 0.0;
+    for i in cells.iter().flat_map(|&cell| cell as usize * 3..cell as usize * 3 + 3) {
+        let excess = rgb[i] - rgb[i].clamp(0.0, 1.0);
+        sum += f64::from(excess * excess);
+        grad[i] += 2.0 * weight * scale * excess;
+    }
+    sum as f32 * scale
+}
+
+

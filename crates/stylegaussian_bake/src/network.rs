@@ -1,0 +1,168 @@
+//! The loss network: pictures in, features of several depths out, gradients back.
+
+mod bank;
+pub(crate) mod chain;
+mod onnx;
+mod windows;
+
+use std::path::Path;
+
+use stylegaussian_encoder::{vgg, weights::Weights};
+
+use crate::error::BakeError;
+use chain::{Chain, Grid, Operation, Values};
+pub(crate) use windows::Size;
+
+/// A value of a chain that the loss looks at.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Layer {
+    chain: usize,
+    /// The chain's value, and its channels.
+    value: usize,
+    pub channels: usize,
+    /// Weight of its statistics.
+    pub statistics: f32,
+    /// Weight of matching its cells with the painting's; 0: they are not matched.
+    pub matching: f32,
+    /// Whether it is the layer that tells what a picture shows.
+    pub content: bool,
+}
+
+/// A network that compares a picture with a painting.
+pub struct LossNetwork {
+    chains: Vec<Chain>,
+    layers: Vec<Layer>,
+}
+
+/// The windows of a network on pictures of one size.
+pub(crate) struct Grids(Vec<Grid>);
+
+/// The values of a network on one picture.
+pub(crate) struct Features(Vec<Values>);
+
+/// Numbers of operations after which VGG-19's graphs reach relu1_1, relu2_1 and relu3_1, counted from the end: conv3_1
+/// is the last, conv2_1 three operations (conv2_2, max-pool, conv3_1) before it, conv1_1 six.
+const VGG_FROM_THE_END: [usize; 3] = [6, 3, 0];
+
+impl LossNetwork {
+    /// VGG-19 at relu1_1, relu2_1 and relu3_1, from weights in any layout that the encoder takes but the distilled one.
+    ///
+    /// # Errors
+    /// If the file cannot be read or holds other weights.
+    pub fn vgg(path: &Path) -> Result<Self, BakeError> {
+        let invalid = |found| BakeError::Network { name: path.display().to_string(), found };
+        let chain = onnx::read(&vgg::graph(&Weights::open(path)?)?).map_err(invalid)?;
+        let n = chain.operations.len();
+        let pools = chain.operations.iter().filter(|o| matches!(o, Operation::MaxPool { .. })).count();
+        if n < 7 || pools != 2 || !matches!(chain.operations[n - 3], Operation::Convolution(_)) {
+            return Err(invalid("another network than VGG-19 up to relu3_1".into()));
+        }
+        let layers = VGG_FROM_THE_END.map(|end| (n - end, 1.0, if end == 6 { 0.0 } else { 1.0 }, end == 0));
+        Ok(Self::new(vec![(chain, layers.to_vec())]))
+    }
+
+    /// The default network: the inner layers and the output of a distilled encoder beside fixed oriented filters at full
+    /// and half size, which the encoder lacks.
+    ///
+    /// `onnx` are the bytes of the encoder's file, `name` is its name in errors.
+    ///
+    /// # Errors
+    /// If the bytes are no graph that `stylegaussian distill` writes.
+    pub fn distilled(name: &str, onnx: &[u8]) -> Result<Self, BakeError> {
+        let invalid = |found| BakeError::Network { name: name.into(), found };
+        let chain = onnx::read(onnx).map_err(invalid)?;
+        let layers = distilled_layers(&chain).ok_or_else(|| invalid("no layers at half and quarter size".into()))?;
+        let filters = |chain: Chain, weight| {
+            let last = chain.operations.len();
+            (chain, vec![(last, weight, 0.0, false)])
+        };
+        Ok(Self::new(vec![(chain, layers), filters(bank::full_size(), 1.0), filters(bank::half_size(), 1.0)]))
+    }
+
+    fn new(chains: Vec<(Chain, Vec<(usize, f32, f32, bool)>)>) -> Self {
+        let mut network = Self { chains: Vec::new(), layers: Vec::new() };
+        for (chain, layers) in chains {
+            let layers = layers.into_iter().map(|(value, statistics, matching, content)| Layer {
+                chain: network.chains.len(),
+                value,
+                channels: chain.channels(value),
+                statistics,
+                matching,
+                content,
+            });
+            network.layers.extend(layers);
+            network.chains.push(chain);
+        }
+        network
+    }
+
+    /// The layers that the loss looks at.
+    pub(crate) fn layers(&self) -> &[Layer] {
+        &self.layers
+    }
+
+    /// The windows on pictures of `size`. Gradients need `backward`.
+    pub(crate) fn grids(&self, size: Size, backward: bool) -> Grids {
+        Grids(self.chains.iter().map(|chain| chain.grid(size, backward)).collect())
+    }
+
+    /// Features of a picture RGB 0..1 `[h * w, 3]`.
+    pub(crate) fn forward(&self, grids: &Grids, rgb: &[f32]) -> Features {
+        Features(self.chains.iter().zip(&grids.0).map(|(chain, grid)| chain.forward(grid, rgb)).collect())
+    }
+
+    /// The gradient with respect to the picture `[h * w, 3]`, from one with respect to each layer's rows.
+    pub(crate) fn backward(&self, grids: &Grids, features: &Features, grads: Vec<Vec<f32>>) -> Vec<f32> {
+        let mut of_chains: Vec<Vec<Option<Vec<f32>>>> =
+            self.chains.iter().map(|chain| vec![None; chain.operations.len() + 1]).collect();
+        for (layer, grad) in self.layers.iter().zip(grads) {
+            if !grad.is_empty() {
+                of_chains[layer.chain][layer.value] = Some(grad);
+            }
+        }
+        let n_values = features.0.first().map_or(0, |values| values.0[0].len());
+        let mut grad_rgb = vec![0.0; n_values];
+        for (i, grads) in of_chains.into_iter().enumerate() {
+            self.chains[i].backward(&grids.0[i], &features.0[i], grads, &mut grad_rgb);
+        }
+        grad_rgb
+    }
+}
+
+impl Grids {
+    /// The size of a layer's picture.
+    pub(crate) fn size(&self, layer: &Layer) -> Size {
+        self.0[layer.chain].sizes[layer.value]
+    }
+}
+
+impl Features {
+    /// A layer's rows `[h * w, C]`.
+    pub(crate) fn rows(&self, layer: &Layer) -> &[f32] {
+        &self.0[layer.chain].0[layer.value]
+    }
+}
+
+/// Value, weight of statistics, weight of matching, and content, for the layers of a distilled encoder: the first and
+/// the last value at half size, the first and the last at quarter size before the output, and the output.
+fn distilled_layers(chain: &Chain) -> Option<Vec<(usize, f32, f32, bool)>> {
+    let n = chain.operations.len();
+    let strided = |operation: &Operation| match operation {
+        Operation::Convolution(convolution) => convolution.stride == 2,
+        Operation::MaxPool { .. } => true,
+        Operation::Add(_) => false,
+    };
+    let halvings: Vec<usize> =
+        (0..n).filter(|&i| strided(&chain.operations[i])).map(|i| i + 1).collect();
+    let [half, quarter] = halvings[..] else { return None };
+    (quarter > half && quarter + 1 < n).then(|| {
+        vec![
+            (half, 1.0, 0.0, false),
+            (quarter - 1, 1.0, 1.0, false),
+            (n - 1, 1.0, 0.0, false),
+            (n, 1.0, 1.0, true),
+        ]
+    })
+}
+
+

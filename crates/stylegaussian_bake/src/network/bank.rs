@@ -1,0 +1,70 @@
+//! Fixed oriented filters on luminance and opponent colors, both signs rectified: strokes at full and half size.
+
+use super::chain::{Chain, Convolution, Operation, Padding};
+
+/// Luminance (Rec. 601), and the opponent colors red - green and yellow - blue.
+const LUMINANCE: [f32; 3] = [0.299, 0.587, 0.114];
+const OPPONENT: [[f32; 3]; 2] = [[0.5, -0.5, 0.0], [0.25, 0.25, -0.5]];
+
+/// Binomial low-pass, the outer product of [1 2 1] / 4 with itself.
+const LOW_PASS: [f32; 9] = [1., 2., 1., 2., 4., 2., 1., 2., 1.];
+/// First derivatives (Sobel) along four directions 45 degrees apart.
+const FIRST: [[f32; 9]; 4] = [
+    [-1., 0., 1., -2., 0., 2., -1., 0., 1.],
+    [0., 1., 2., -1., 0., 1., -2., -1., 0.],
+    [1., 2., 1., 0., 0., 0., -1., -2., -1.],
+    [2., 1., 0., 1., 0., -1., 0., -1., -2.],
+];
+/// Second derivatives along the same directions: lines.
+const SECOND: [[f32; 9]; 4] = [
+    [-1., 2., -1., -2., 4., -2., -1., 2., -1.],
+    [-1., -1., 2., -1., 2., -1., 2., -1., -1.],
+    [-1., -2., -1., 2., 4., 2., -1., -2., -1.],
+    [2., -1., -1., -1., 2., -1., -1., -1., 2.],
+];
+
+/// Filters at full size: 3x3 windows of the picture.
+pub(super) fn full_size() -> Chain {
+    Chain::new(vec![Operation::Convolution(filters())])
+}
+
+/// The same at half size: the mean of 2x2 pixels, then the filters.
+pub(super) fn half_size() -> Chain {
+    let mut halve = vec![0.0; 3 * 3 * 4];
+    for channel in 0..3 {
+        halve[(channel * 3 + channel) * 4..][..4].fill(0.25);
+    }
+    let halve = Convolution::from_oihw([3, 3, 2], &halve, vec![0.0; 3], Padding::Zeros(0), 2);
+    Chain::new(vec![Operation::Convolution(halve), Operation::Convolution(filters())])
+}
+
+/// relu(+-f) of every filter f.
+fn filters() -> Convolution {
+    let mut oihw: Vec<f32> = Vec::new();
+    let mut add = |color: [f32; 3], kernel: &[f32; 9], gain: f32, signs: &[f32]| {
+        // So that a step of 1 along the filter's direction gives `gain`.
+        let positive: f32 = kernel.iter().map(|weight| weight.max(0.0)).sum();
+        for sign in signs {
+            for channel in color {
+                oihw.extend(kernel.iter().map(|weight| sign * gain * channel * weight / positive));
+            }
+        }
+    };
+    const BOTH: [f32; 2] = [1.0, -1.0];
+    // Means are compared too, and those of luminance are the palette's. Derivatives are some ten times smaller than the
+    // colors themselves, on paintings; the gains make up for it.
+    add(LUMINANCE, &LOW_PASS, 2.0, &BOTH[..1]);
+    for kernel in FIRST.iter().chain(&SECOND) {
+        add(LUMINANCE, kernel, 8.0, &BOTH);
+    }
+    for color in OPPONENT {
+        add(color, &LOW_PASS, 4.0, &BOTH);
+        for kernel in [FIRST[0], FIRST[2]] {
+            add(color, &kernel, 16.0, &BOTH);
+        }
+    }
+    let n = oihw.len() / 27;
+    let mut filters = Convolution::from_oihw([n, 3, 3], &oihw, vec![0.0; n], Padding::Reflect([1, 1]), 1);
+    filters.relu = true;
+    filters
+}
