@@ -60,7 +60,18 @@ impl Baker {
         let colors: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
         let adam = Adam::new(scene.len());
         let captured = captured.into_iter().flatten().collect();
-        Ok(Self { config, network, grids, paintings, cameras, captured, colors, adam, pooled: Vec::new(), steps: 0 })
+        Ok(Self {
+            config,
+            network,
+            grids,
+            paintings,
+            cameras,
+            captured,
+            colors,
+            adam,
+            pooled: Vec::new(),
+            steps: 0,
+        })
     }
 
     /// The colors so far `[N]`, in scene order.
@@ -85,7 +96,8 @@ impl Baker {
     pub fn step(&mut self, scene: &Scene) -> Losses {
         assert_eq!(self.colors.len(), scene.len() * 3, "one color per Gaussian");
         let config = self.config;
-        let mut random = Random::new(config.seed ^ (u64::from(self.steps) + 1).wrapping_mul(0xD134_2543_DE82_EF95));
+        let mut random =
+            Random::new(config.seed ^ (u64::from(self.steps) + 1).wrapping_mul(0xD134_2543_DE82_EF95));
         let camera = self.cameras.sample(self.steps, config.crop, &mut random, config.seed);
         let weights = blend_weights(scene, &camera);
         let alpha = weights.alpha();
@@ -153,8 +165,8 @@ impl Baker {
                 let pooled = pooled.as_ref().unwrap_or(&moments);
                 let weight = weights.statistics * layer.statistics;
                 let target = &self.paintings.layers[i].statistics;
-                losses.statistics =
-                    layer.statistics * statistics::statistics(rows, &cells, pooled, target, weight, &mut grad);
+                losses.statistics = layer.statistics
+                    * statistics::statistics(rows, &cells, pooled, target, weight, &mut grad);
                 let weight = weights.matching * layer.matching;
                 losses.matching = matching::matching(rows, n, &queries, &keys, weight, &mut grad);
                 if let (true, Some(unstyled)) = (layer.content, unstyled) {

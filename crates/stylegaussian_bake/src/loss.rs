@@ -53,5 +53,3 @@ pub(crate) fn range(rgb: &[f32], cells: &[u32], weight: f32, grad: &mut [f32]) -
     }
     sum as f32 * scale
 }
-
-

@@ -1,14 +1,15 @@
 //! `stylegaussian eval`: measures how well a stylized scene shows its paintings.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::Args;
 use stylegaussian::{Camera, Scene, file};
+use stylegaussian_encoder::Image;
 use stylegaussian_train::{
-    Watch,
+    TrainError, Watch,
     cameras::read_cameras,
-    eval::{ImageDecoder, Judge, Outcome, Pairs, Subject, Views, evaluate},
+    eval::{ImageDecoder, Judge, Outcome, Painter, Pairs, Subject, Views, decoded, evaluate},
     images::list_images,
 };
 
@@ -17,10 +18,10 @@ use crate::{
     terminal::{Interrupt, ProgressLine, print, warn},
 };
 
-/// Measure how well a stylized scene shows paintings that the decoder has never seen.
+/// Measure how well a stylized scene shows paintings that the decoder has never seen, or baked looks their own.
 ///
 /// Prints for every painting the style error of its pictures, that of the scene merely recolored, and the share of
-/// views in which the painting is the nearest of all.
+/// views in which the painting is the nearest of all: by color and texture, and by texture alone.
 #[derive(Args, Debug)]
 pub struct EvalArgs {
     /// An embedded scene (.sgs).
@@ -34,8 +35,8 @@ pub struct EvalArgs {
     /// Number of views, spread over the cameras, or chosen to suit the scene if there are none.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
     views: u32,
-    /// Longer side of a view, in pixels.
-    #[arg(long, value_name = "PX", default_value_t = 256, value_parser = clap::value_parser!(u32).range(32..=2048))]
+    /// Longer side of a view, in pixels. Paintings are seen at 512 x 512 pixels, or as many in their proportions.
+    #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=2048))]
     size: u32,
     /// Longer side of the views for consistency, in pixels. If pixels are coarser than the scene, sampling between
     /// pixels dominates the difference.
@@ -44,6 +45,10 @@ pub struct EvalArgs {
     /// The decoder, *.decoder.safetensors. Default: the scene's own, else the built-in one.
     #[arg(long, value_name = "FILE")]
     decoder: Option<PathBuf>,
+    /// Evaluate baked looks and not a decoder: a folder with NAME.look.safetensors for each painting NAME.jpg or
+    /// NAME.png.
+    #[arg(long, value_name = "DIR", conflicts_with = "decoder")]
+    looks: Option<PathBuf>,
     /// Also count pixels that the scene does not cover, as mid-gray. By default a picture's statistics are those of
     /// the scene alone.
     #[arg(long)]
@@ -81,7 +86,6 @@ pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
     let loaded = file::read_scene(&arguments.scene)?;
     warn(&loaded.warnings);
     let scene = loaded.scene;
-    let named = choose::decoder(arguments.decoder.as_deref(), &scene)?;
     let encoder_file = arguments.encoder.as_deref();
     let encoder = open_encoder(encoder_file)?;
     let weights = loss_weights(arguments.vgg.as_deref(), encoder_file)?;
@@ -89,7 +93,15 @@ pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
     let decoder_2d = arguments.teacher.as_deref().map(ImageDecoder::open).transpose()?;
     let views = arguments.views(&scene)?;
     let name = arguments.scene.display().to_string();
-    let subject = Subject { name: &name, scene: &scene, decoder: &named.decoder, encoder: &encoder };
+    let named;
+    let painter: Box<Painter> = match &arguments.looks {
+        Some(folder) => Box::new(|painting: &Path, _: &Image| baked(folder, painting, &scene)),
+        None => {
+            named = choose::decoder(arguments.decoder.as_deref(), &scene)?;
+            Box::new(decoded(&name, &scene, &named.decoder, &encoder)?)
+        }
+    };
+    let subject = Subject { scene: &scene, painter: &*painter, encoder: &encoder };
 
     let progress = ProgressLine::new();
     let watch = Watch { progress: &|now| progress.show(now), interrupted: interrupt.watch() };
@@ -101,6 +113,14 @@ pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
         sheet.write_png(path)?;
     }
     print(arguments.json, &evaluation, || evaluation.table())
+}
+
+/// The colors of the look in `folder` that has the name of `painting`.
+fn baked(folder: &Path, painting: &Path, scene: &Scene) -> Result<Vec<[f32; 3]>, TrainError> {
+    let name = painting.file_stem().unwrap_or_default().to_string_lossy();
+    let path = folder.join(format!("{name}.look.safetensors"));
+    let look = file::read_look(&path).map_err(|error| TrainError::Invalid(error.to_string()))?;
+    look.colors_for(scene).map_err(|error| TrainError::Invalid(format!("{}: {error}", path.display())))
 }
 
 impl EvalArgs {

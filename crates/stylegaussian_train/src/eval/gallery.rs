@@ -1,10 +1,10 @@
 //! The evaluation itself: every painting on every view, beside the references.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::UVec2;
 use stylegaussian::{
-    Camera, Decoder, EncoderId, Features, Scene,
+    Camera, Decoder, EncoderId, Scene,
     fold::{stylize, transfer},
     recolor::{ColorMoments, Recoloring},
     splat::{Colors, RenderedImage, render},
@@ -16,7 +16,7 @@ use super::{
     baseline::Baseline,
     consistency::{Agreement, Consistency, N_ORBIT, Pairs},
     image_decoder::ImageDecoder,
-    judge::{Judge, Look, Statistics, nearest_other},
+    judge::{Judge, Look, Target, nearest_other},
     report::{Evaluation, Measures, PaintingEvaluation},
 };
 use crate::{
@@ -30,17 +30,40 @@ use crate::{
 /// Side of a contact sheet's pictures, in pixels.
 const SHEET_SIDE: u32 = 160;
 
-/// The scene and the decoder that are evaluated, and their encoder.
+/// Colors `[N]` of a scene in the style of a painting: its file and its picture.
+pub type Painter<'a> = dyn Fn(&Path, &Image) -> Result<Vec<[f32; 3]>, TrainError> + 'a;
+
+/// The scene that is evaluated, and how it gets its colors.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
-    /// A name for messages, such as the scene's file.
-    pub name: &'a str,
-    /// The scene, with features.
+    /// The scene.
     pub scene: &'a Scene,
-    /// The decoder.
-    pub decoder: &'a Decoder,
-    /// The encoder that the scene was embedded with.
+    /// Gives the scene a painting's colors: [`decoded`], or looks that were baked before.
+    pub painter: &'a Painter<'a>,
+    /// The encoder of AdaIN on each view.
     pub encoder: &'a Encoder,
+}
+
+/// Colors from `decoder`, for a scene that was embedded with `encoder`. `name` is the scene's in messages.
+///
+/// # Errors
+/// If the scene has no features, or the parts belong to different encoders.
+pub fn decoded<'a>(
+    name: &str,
+    scene: &'a Scene,
+    decoder: &'a Decoder,
+    encoder: &'a Encoder,
+) -> Result<impl Fn(&Path, &Image) -> Result<Vec<[f32; 3]>, TrainError> + 'a, TrainError> {
+    let Some(features) = scene.features.as_ref() else {
+        return Err(TrainError::Invalid(format!("{name}: no features: embed it first")));
+    };
+    let expected = ("the encoder", Some(encoder.id()));
+    EncoderId::expect_same((name, features.encoder.as_ref()), expected)?;
+    EncoderId::expect_same(("the decoder", decoder.encoder.as_ref()), expected)?;
+    Ok(move |_: &Path, image: &Image| {
+        let style = style_statistics(encoder, image, StyleSize::default())?;
+        Ok(stylize(scene, decoder, &transfer(features, &[(&style, 1.0)], 0.0)?)?)
+    })
 }
 
 /// The views on which a scene is evaluated.
@@ -97,11 +120,11 @@ pub struct Outcome {
     pub sheet: Picture,
 }
 
-/// Evaluates a decoder on paintings that it was not trained on. If `decoder_2d` is given, AdaIN on each view
+/// Evaluates a scene's colors in the styles of paintings. If `decoder_2d` is given, AdaIN on each view
 /// separately is a further reference.
 ///
 /// # Errors
-/// If the scene has no features, parts belong to different encoders, an image cannot be read, or `watch` interrupts.
+/// If an image cannot be read, the painter fails, or `watch` interrupts.
 pub fn evaluate(
     subject: Subject,
     views: &Views,
@@ -135,7 +158,6 @@ pub fn evaluate(
 /// The unstyled views, the paintings, and the networks that compare them.
 struct Gallery<'a> {
     subject: Subject<'a>,
-    features: &'a Features,
     judge: Judge,
     views: &'a Views,
     unstyled: Vec<RenderedImage>,
@@ -143,8 +165,8 @@ struct Gallery<'a> {
     colors: ColorMoments,
     paths: Vec<PathBuf>,
     paintings: Vec<Image>,
-    /// The paintings' statistics.
-    targets: Vec<Statistics>,
+    /// The same paintings as the judge sees them.
+    targets: Vec<Target>,
     /// For the views of style and content, and for those of consistency.
     baselines: Option<[Baseline<'a>; 2]>,
 }
@@ -169,13 +191,7 @@ impl<'a> Gallery<'a> {
         paths: Vec<PathBuf>,
         decoder_2d: Option<&'a ImageDecoder>,
     ) -> Result<Self, TrainError> {
-        let Subject { name, scene, decoder, encoder } = subject;
-        let Some(features) = scene.features.as_ref() else {
-            return Err(TrainError::Invalid(format!("{name}: no features: embed it first")));
-        };
-        let expected = ("the encoder", Some(encoder.id()));
-        EncoderId::expect_same((name, features.encoder.as_ref()), expected)?;
-        EncoderId::expect_same(("the decoder", decoder.encoder.as_ref()), expected)?;
+        let Subject { scene, encoder, .. } = subject;
         let paintings = paths.iter().map(|path| Image::open(path)).collect::<Result<Vec<_>, _>>()?;
         let unstyled: Vec<RenderedImage> =
             views.cameras.iter().map(|camera| render(scene, Colors::Captured, camera)).collect();
@@ -189,7 +205,6 @@ impl<'a> Gallery<'a> {
             unstyled_looks: unstyled.iter().map(|view| judge.look(view)).collect::<Result<_, _>>()?,
             colors: ColorMoments::of_views(&unstyled),
             subject,
-            features,
             judge,
             views,
             unstyled,
@@ -204,10 +219,14 @@ impl<'a> Gallery<'a> {
         own: usize,
         mut report: impl FnMut() -> Result<(), TrainError>,
     ) -> Result<Exhibit, TrainError> {
-        let Subject { scene, decoder, encoder, .. } = self.subject;
+        let Subject { scene, painter, encoder } = self.subject;
         let image = &self.paintings[own];
-        let style = style_statistics(encoder, image, StyleSize::default())?;
-        let colors = stylize(scene, decoder, &transfer(self.features, &[(&style, 1.0)], 0.0)?)?;
+        let colors = painter(&self.paths[own], image)?;
+        // The scene's own features are another matter: this baseline has feature maps of its own.
+        let style = match &self.baselines {
+            Some(_) => Some(style_statistics(encoder, image, StyleSize::default())?),
+            None => None,
+        };
         let recoloring = Recoloring::new(&self.colors, &ColorMoments::of_rgb(&image.rgb));
         let draw = |camera: &Camera| render(scene, Colors::Rgb(&colors), camera);
         let consistency = &self.views.consistency;
@@ -227,14 +246,14 @@ impl<'a> Gallery<'a> {
             exhibit.stylized.push(measure(&self.judge.look(view)?));
             exhibit.unstyled.push(measure(&self.unstyled_looks[i]));
             exhibit.recolored.push(measure(&self.judge.look(&recoloring.view(before))?));
-            if let Some([baseline, _]) = &self.baselines {
-                exhibit.adain_2d.push(measure(&self.judge.look(&baseline.paint(i, before, &style)?)?));
+            if let Some(([baseline, _], style)) = self.baselines.as_ref().zip(style.as_ref()) {
+                exhibit.adain_2d.push(measure(&self.judge.look(&baseline.paint(i, before, style)?)?));
             }
             exhibit.out_of_range += share_out_of_range(view) / self.unstyled.len() as f64;
             report()?;
         }
-        if let Some([_, baseline]) = &self.baselines {
-            let paint = |(i, before)| baseline.paint(i, before, &style);
+        if let Some(([_, baseline], style)) = self.baselines.as_ref().zip(style.as_ref()) {
+            let paint = |(i, before)| baseline.paint(i, before, style);
             let painted =
                 consistency.unstyled().iter().enumerate().map(paint).collect::<Result<Vec<_>, _>>()?;
             exhibit.adain_2d_agreement = Some(consistency.measure(&self.judge, &painted)?);

@@ -42,6 +42,17 @@ pub struct Measures {
     pub style_error: f64,
     /// Style error at relu4_1, if weights reach that layer.
     pub relu4_1_style_error: Option<f64>,
+    /// Share of the pictures whose luminance alone, at equal mean and deviation, has the smallest style error for their
+    /// own painting.
+    pub texture_own_painting_nearest: f64,
+    /// Rank of the own painting among all by that error: 1 is the nearest.
+    pub texture_rank: f64,
+    /// Style error of the luminance.
+    pub texture_error: f64,
+    /// Mean cosine distance of a covered cell's features to the nearest in the painting, at relu2_1 and relu3_1.
+    pub nearest_feature_distances: [f64; 2],
+    /// Energy of fine texture over the painting's.
+    pub grain: f64,
     /// Content error: mean squared distance of relu3_1 from the unstyled view's.
     pub content_error: f64,
 }
@@ -63,37 +74,42 @@ impl Evaluation {
     /// A table for people.
     pub fn table(&self) -> String {
         let mut text = format!(
-            "{:<40} {:>8} {:>8} {:>8} {:>10} {:>8}\n",
-            "painting", "nearest", "style", "content", "recolored", "other"
+            "{:<32} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>10} {:>8}\n",
+            "painting", "nearest", "texture", "rank", "style", "content", "nnfm3_1", "recolored", "other"
         );
         for row in &self.paintings {
             let name = row.path.file_name().unwrap_or_default().to_string_lossy();
             text += &format!(
-                "{:<40} {:>7.0}% {:>8.3} {:>8.3} {:>10.3} {:>8.3}\n",
-                name.chars().take(40).collect::<String>(),
+                "{:<32} {:>7.0}% {:>7.0}% {:>8.2} {:>8.3} {:>8.3} {:>8.3} {:>10.3} {:>8.3}\n",
+                name.chars().take(32).collect::<String>(),
                 100.0 * row.stylized.own_painting_nearest,
+                100.0 * row.stylized.texture_own_painting_nearest,
+                row.stylized.texture_rank,
                 row.stylized.style_error,
                 row.stylized.content_error,
+                row.stylized.nearest_feature_distances[1],
                 row.recolored.style_error,
                 row.nearest_other,
             );
         }
         text += &format!(
-            "\n{:<10} {:>8} {:>8} {:>8}   relu1_1, relu2_1, relu3_1 (relu4_1)\n",
-            "mean", "nearest", "style", "content"
+            "\n{:<10} {:>8} {:>8} {:>8}   {:<22} {:>8} {:>7} {:>8} {:>8} {:>7}\n",
+            "mean",
+            "nearest",
+            "style",
+            "content",
+            "relu1_1, 2_1, 3_1 (4_1)",
+            "texture",
+            "rank",
+            "nnfm2_1",
+            "nnfm3_1",
+            "grain"
         );
         let kinds = [("stylized", Some(self.stylized)), ("unstyled", Some(self.unstyled))];
         let references = [("recolored", Some(self.recolored)), ("2D AdaIN", self.adain_2d)];
         for (name, measures) in kinds.into_iter().chain(references) {
             let Some(found) = measures else { continue };
-            text += &format!(
-                "{name:<10} {:>7.0}% {:>8.3} {:>8.3}   {:.3?}{}\n",
-                100.0 * found.own_painting_nearest,
-                found.style_error,
-                found.content_error,
-                found.style_errors,
-                found.relu4_1_style_error.map_or_else(String::new, |error| format!(" ({error:.3})"))
-            );
+            text += &found.line(name);
         }
         text += &format!(
             "\n{:<12} {:>9} {:>9} {:>9} {:>12} {:>9} {:>9}\n",
@@ -122,6 +138,22 @@ impl Evaluation {
 }
 
 impl Measures {
+    fn line(&self, name: &str) -> String {
+        let relu4_1 = self.relu4_1_style_error.map_or_else(String::new, |error| format!(" ({error:.3})"));
+        format!(
+            "{name:<10} {:>7.0}% {:>8.3} {:>8.3}   {:<23} {:>7.1}% {:>7.2} {:>8.3} {:>8.3} {:>7.3}\n",
+            100.0 * self.own_painting_nearest,
+            self.style_error,
+            self.content_error,
+            format!("{:.3?}{relu4_1}", self.style_errors),
+            100.0 * self.texture_own_painting_nearest,
+            self.texture_rank,
+            self.nearest_feature_distances[0],
+            self.nearest_feature_distances[1],
+            self.grain,
+        )
+    }
+
     /// The mean of several, or 0 if there are none.
     pub fn mean(all: &[Self]) -> Self {
         let n = all.len().max(1) as f64;
@@ -136,6 +168,11 @@ impl Measures {
                 // `None` if any is: a mean over some pictures would not compare with the others.
                 .sum::<Option<f64>>()
                 .map(|sum| sum / n),
+            texture_own_painting_nearest: mean(&|measures| measures.texture_own_painting_nearest),
+            texture_rank: mean(&|measures| measures.texture_rank),
+            texture_error: mean(&|measures| measures.texture_error),
+            nearest_feature_distances: [0, 1].map(|i| mean(&|m| m.nearest_feature_distances[i])),
+            grain: mean(&|measures| measures.grain),
             content_error: mean(&|measures| measures.content_error),
         }
     }
