@@ -32,6 +32,17 @@ fn every_painting_and_reference_is_measured() {
         let layers: f64 = measures["style_errors"].as_array().unwrap().iter().map(number).sum();
         assert!((layers - number(&measures["style_error"])).abs() < 1e-9 * layers, "{measures}");
     }
+    for kind in ["stylized", "unstyled", "recolored"] {
+        let measures = &found[kind];
+        assert!((1.0..=2.0).contains(&number(&measures["texture_rank"])), "{measures}");
+        let nearest = number(&measures["texture_own_painting_nearest"]);
+        // Of two paintings the own one is either first or second.
+        assert!((number(&measures["texture_rank"]) - (2.0 - nearest)).abs() < 1e-9, "{measures}");
+        for distance in measures["nearest_feature_distances"].as_array().unwrap() {
+            assert!((0.0..1.0).contains(&number(distance)), "{measures}");
+        }
+        assert!(number(&measures["grain"]) > 0.0, "{measures}");
+    }
     // The unstyled scene has one look for all paintings, so in each view one painting of the two is the nearest.
     assert_eq!(found["unstyled"]["own_painting_nearest"], 0.5);
     assert_eq!(found["unstyled"]["content_error"], 0.0);
@@ -59,6 +70,9 @@ fn every_painting_and_reference_is_measured() {
     let table = eval(&scene, &[]).expect_success().stdout;
     assert!(table.contains("a.png") && table.contains("recolored"), "{table}");
     eval(&bench.plain_scene("plain.sgs"), &[]).expect_error("no features");
+    // Looks take the decoder's place, also for a scene without features. There are none here.
+    let looks = bench.path("looks");
+    eval(&bench.plain_scene("plain.sgs"), &["--looks", &looks]).expect_error("a.look.safetensors");
 
     let (cameras, pairs) = (bench.path("transforms.json"), bench.path("pairs.json"));
     let camera = |x: f32| format!(r#"{{"transform_matrix": [[1,0,0,{x}],[0,1,0,0],[0,0,1,5],[0,0,0,1]]}}"#);

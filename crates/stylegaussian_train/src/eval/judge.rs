@@ -21,6 +21,9 @@ use crate::{
     },
 };
 
+#[cfg(test)]
+mod tests;
+
 /// Channel means, then deviations, at each of VGG's layers.
 pub type Statistics = Vec<Vec<f32>>;
 
@@ -203,20 +206,4 @@ pub fn nearest_other(targets: &[Target], own: usize) -> f64 {
 
 fn sum(errors: &[f64]) -> f64 {
     errors.iter().sum()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn paintings_are_ranked_by_their_error() {
-        // Three layers of one channel: mean and deviation.
-        let statistics = |mean: f32| vec![vec![mean, 1.0]; 3];
-        let targets = [0.0, 2.0, 1.0, 2.0].map(statistics);
-        let rank_of = |own| rank(&statistics(1.2), targets.iter(), own);
-        assert_eq!([0, 1, 2, 3].map(rank_of), [4, 2, 1, 3]);
-        let broken = vec![vec![f32::NAN, 1.0]; 3];
-        assert_eq!(rank(&broken, targets.iter(), 2), 1, "nothing is nearer than what cannot be compared");
-    }
 }
