@@ -26,7 +26,7 @@ enum Kind {
 fn kind(path: &Path) -> Option<Kind> {
     let name = path.file_name()?.to_str()?.to_ascii_lowercase();
     // Before the last extension: other `.safetensors` files are no styles.
-    if name.ends_with(".style.safetensors") {
+    if name.ends_with(".style.safetensors") || name.ends_with(".look.safetensors") {
         return Some(Kind::Style);
     }
     match name.rsplit_once('.')?.1 {
@@ -80,7 +80,7 @@ pub fn open(
                 styles.select(Some(index));
             }
             None => notice.fail(format!(
-                "{}: expected a scene (.sgs, .ply), an image (.jpg, .png) or a .style.safetensors",
+                "{}: expected a scene (.sgs, .ply), an image (.jpg, .png), a .style.safetensors or a .look.safetensors",
                 path.display()
             )),
         }

@@ -4,8 +4,8 @@
 //! cargo run --release --example viewer [SCENE] [STYLE...]    # default: the demo scene, as it was captured
 //! ```
 //!
-//! `SCENE` is a `.sgs` or `.ply` file. `STYLE` is a `.style.safetensors` file or a `.jpg` or `.png` image; several are mixed
-//! in equal parts. Files can also be dropped on the window, or opened by their path in the panel.
+//! `SCENE` is a `.sgs` or `.ply` file. `STYLE` is a `.jpg` or `.png` image, a `.style.safetensors` file, or a
+//! `.look.safetensors` file that was baked for the scene; several are mixed in equal parts. Files can also be dropped on the window, or opened by their path in the panel.
 //!
 //! Left drag orbits, right drag looks around, middle drag pans, the wheel zooms. W A S D fly, Q and E go down and up, Shift
 //! makes it faster, F shows the whole scene. Keys 1 to 8 apply the first eight styles, 0 none. F1 hides the panel.
@@ -35,7 +35,7 @@ fn main() -> AppExit {
     let mut arguments = env::args_os().skip(1).map(PathBuf::from).peekable();
     if arguments.peek().is_some_and(|first| first.as_os_str().to_string_lossy().starts_with('-')) {
         println!(
-            "Usage: viewer [SCENE] [STYLE...]\n\nSCENE: .sgs, .ply    STYLE: .style.safetensors, .jpg, .png"
+            "Usage: viewer [SCENE] [STYLE...]\n\nSCENE: .sgs, .ply    STYLE: .jpg, .png, .style.safetensors, .look.safetensors"
         );
         return AppExit::Success;
     }

@@ -200,7 +200,7 @@ fn scene(ui: &mut Ui, shown: &mut Shown) {
         }
     });
     ui.horizontal(|ui| {
-        let hint = "scene, image or style: drop it, or its path";
+        let hint = "scene, image, style or look: drop it, or its path";
         let field =
             ui.add(TextEdit::singleline(&mut shown.panel.path).hint_text(hint).desired_width(WIDTH - 78.0));
         // egui takes the focus away on Enter, but also on a click elsewhere.

@@ -13,6 +13,8 @@ use crate::{ASSETS, panel::Transfer};
 
 /// File ending of statistics made by `stylegaussian style`.
 const PRESET: &str = ".style.safetensors";
+/// File ending of baked looks.
+const LOOK: &str = ".look.safetensors";
 
 /// One style of the panel.
 pub struct Style {
@@ -35,17 +37,18 @@ pub struct Styles {
 }
 
 impl Styles {
-    /// Adds a file to the list, if it is not listed, and returns its index. The file is an image, or statistics; if there is
-    /// an image of the same name beside the statistics, it becomes their picture.
+    /// Adds a file to the list, if it is not listed, and returns its index. The file is an image, statistics or a look; if
+    /// there is an image of the same name beside statistics or a look, it becomes their picture.
     pub fn add(&mut self, path: &Path, assets: &AssetServer) -> usize {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         let picture = picture_of(path).map(|picture| assets.load::<Image>(picture));
-        let (input, name) = match (name.strip_suffix(PRESET), &picture) {
-            (None, Some(image)) => {
-                let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-                (StyleInput::Image(image.clone()), stem)
-            }
-            (stem, _) => (StyleInput::Preset(assets.load(path.to_owned())), stem.unwrap_or(&name).to_owned()),
+        let (input, name) = if let Some(stem) = name.strip_suffix(LOOK) {
+            (StyleInput::Look(assets.load(path.to_owned())), format!("{stem} (baked)"))
+        } else if let Some(stem) = name.strip_suffix(PRESET) {
+            (StyleInput::Preset(assets.load(path.to_owned())), stem.to_owned())
+        } else {
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            (StyleInput::Image(assets.load(path.to_owned())), stem)
         };
         // Handles of the same path are equal while one of them is alive, so a file is listed once.
         let listed = self.list.iter().position(|style| style.input == input);
@@ -73,10 +76,11 @@ impl Styles {
     }
 }
 
-/// The image of a style file: the file itself, or one beside the statistics.
+/// The image of a style file: the file itself, or one beside statistics or a look.
 fn picture_of(path: &Path) -> Option<PathBuf> {
     let whole = path.to_string_lossy();
-    let Some(stem) = whole.strip_suffix(PRESET) else { return Some(path.to_owned()) };
+    let stem = whole.strip_suffix(PRESET).or_else(|| whole.strip_suffix(LOOK));
+    let Some(stem) = stem else { return Some(path.to_owned()) };
     ["jpg", "jpeg", "png"]
         .map(|extension| PathBuf::from(format!("{stem}.{extension}")))
         .into_iter()

@@ -19,7 +19,8 @@
 //! ```
 //!
 //! - Components of scenes: [`GaussianSplats`] shows a [`GaussianScene`] (`.sgs`, or a plain 3DGS `.ply`). [`StyleSource`]
-//!   styles it by images, by [`StyleStatistics`] (`.style.safetensors`), or by a mix; change it at any time.
+//!   styles it by images, by [`StyleStatistics`] (`.style.safetensors`), by a baked [`StyleLook`] (`.look.safetensors`), or
+//!   by a mix; change it at any time.
 //!   [`StyleTransition`] fades from one style to the next. [`StyleDecoder`] selects another [`GaussianDecoder`].
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
 //! - Resources: [`StyleBackend`], [`StyleBudget`], [`StyleEncoder`].
@@ -52,7 +53,8 @@ pub use scene::{GaussianScene, GaussianSceneError, GaussianSceneFailed, Gaussian
 pub use splats::{SplatSortKey, SplatTonemapping};
 pub use style::{
     AppliedStyle, GaussianDecoder, ImageEncoder, StyleApplied, StyleBackend, StyleBudget, StyleDecoder,
-    StyleEncoder, StyleError, StyleFailed, StyleInput, StyleSource, StyleStatistics, WeightedStyle,
+    StyleEncoder, StyleError, StyleFailed, StyleInput, StyleLook, StyleSource, StyleStatistics,
+    WeightedStyle,
 };
 pub use systems::StyleGaussianSystems;
 

@@ -1,11 +1,11 @@
-//! File formats: scenes, decoders, style statistics, colors.
+//! File formats: scenes, decoders, style statistics, looks, colors.
 //!
 //! A reader takes the whole file into memory, recognizes the format by the content, and checks every count against the
 //! size of the file before it allocates. A writer never leaves a half-written file: see [`write_atomically`].
 
 use std::path::Path;
 
-use crate::{decoder::Decoder, scene::Scene, statistics::ChannelStatistics};
+use crate::{decoder::Decoder, look::Look, scene::Scene, statistics::ChannelStatistics};
 
 mod activate;
 mod atomic;
@@ -15,6 +15,7 @@ mod checkpoint;
 mod colors;
 mod decoder;
 mod error;
+mod look;
 mod ply;
 pub mod pytorch;
 mod sgs;
@@ -155,6 +156,32 @@ pub fn style_from_bytes(bytes: &[u8], name: &str) -> Result<ChannelStatistics, F
 /// If shapes do not fit one another, a value is not finite, or the file cannot be written.
 pub fn write_style(path: &Path, style: &ChannelStatistics) -> Result<(), FileError> {
     let tensors = style::prepare(style).map_err(|mismatch| mismatch.at(path))?;
+    write_atomically(path, |out| tensors.write(out))
+}
+
+/// Reads a look (`*.look.safetensors`).
+///
+/// # Errors
+/// If the file cannot be read, is no look, or a value is not finite.
+pub fn read_look(path: &Path) -> Result<Look, FileError> {
+    look::from_bytes(&read_bytes(path)?).map_err(|mismatch| mismatch.at(path))
+}
+
+/// Reads a look from the bytes of a `*.look.safetensors`. Errors call the file `name`.
+///
+/// # Errors
+/// As [`read_look`].
+pub fn look_from_bytes(bytes: &[u8], name: &str) -> Result<Look, FileError> {
+    look::from_bytes(bytes).map_err(|mismatch| mismatch.at(Path::new(name)))
+}
+
+/// Writes a look (`*.look.safetensors`). Each channel of the colors is rounded to 256 steps between its smallest and its
+/// largest value, which takes 3 bytes per Gaussian.
+///
+/// # Errors
+/// If a value is not finite, there is not one color per Gaussian of the scene, or the file cannot be written.
+pub fn write_look(path: &Path, look: &Look) -> Result<(), FileError> {
+    let tensors = look::prepare(look).map_err(|mismatch| mismatch.at(path))?;
     write_atomically(path, |out| tensors.write(out))
 }
 

@@ -74,15 +74,11 @@ impl ChannelMap {
     /// # Errors
     /// If there is no map, or the weights are not finite, negative, or sum to 0.
     pub fn mix(maps: &[(Self, f64)]) -> Result<Self, StylizeError> {
-        let total: f64 = maps.iter().map(|(_, weight)| weight).sum();
-        // Comparisons with NaN are false, so that NaN is refused too.
-        let valid = maps.iter().all(|(_, weight)| *weight >= 0.0) && total.is_finite() && total > 0.0;
-        let Some((first, _)) = maps.first().filter(|_| valid) else {
-            return Err(StylizeError::MixWeights { found: maps.iter().map(|(_, weight)| *weight).collect() });
-        };
-        let n_channels = first.gain.len();
+        let weights = normalized(&maps.iter().map(|(_, weight)| *weight).collect::<Vec<_>>())?;
+        let n_channels = maps.first().map_or(0, |(first, _)| first.gain.len());
         let sum = |part: fn(&Self) -> &Vec<f64>| {
-            (0..n_channels).map(|d| maps.iter().map(|(map, w)| w / total * part(map)[d]).sum()).collect()
+            let channel = |d: usize| maps.iter().zip(&weights).map(|((map, _), w)| w * part(map)[d]).sum();
+            (0..n_channels).map(channel).collect()
         };
         Ok(Self { gain: sum(|map| &map.gain), shift: sum(|map| &map.shift) })
     }
@@ -100,6 +96,20 @@ impl ChannelMap {
         self.shift.iter_mut().for_each(|shift| *shift *= 1.0 - content);
         Ok(self)
     }
+}
+
+/// The weights of a mix, normalized to sum 1.
+///
+/// # Errors
+/// If there is no weight, or they are not finite, negative, or sum to 0.
+pub fn normalized(weights: &[f64]) -> Result<Vec<f64>, StylizeError> {
+    let total: f64 = weights.iter().sum();
+    // Comparisons with NaN are false, so that NaN is refused too.
+    let valid = weights.iter().all(|weight| *weight >= 0.0) && total.is_finite() && total > 0.0;
+    if !valid {
+        return Err(StylizeError::MixWeights { found: weights.into() });
+    }
+    Ok(weights.iter().map(|weight| weight / total).collect())
 }
 
 /// A scene that could not be stylized.

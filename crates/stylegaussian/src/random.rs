@@ -14,10 +14,7 @@ impl Random {
 
     fn next(&mut self) -> u64 {
         self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
+        hash(self.state)
     }
 
     /// Uniform in 0..=1 without 0: the middle of one of 2^24 steps.
@@ -47,4 +44,11 @@ impl Random {
         }
         order
     }
+}
+
+/// A hash of 64 bits: SplitMix64's output function, in which every bit of `z` changes half of the bits of the result.
+pub(crate) fn hash(mut z: u64) -> u64 {
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    z ^ (z >> 31)
 }

@@ -1,13 +1,15 @@
-//! Stylizing for `stylize` and `render`: from `--style`, `--content` and `--decoder` to one color for each Gaussian.
+//! Stylizing for `stylize` and `render`: from `--style`, `--look`, `--content` and `--decoder` to one color for each
+//! Gaussian.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use clap::Args;
+use clap::{ArgGroup, Args};
 use serde::Serialize;
 use stylegaussian::{
     ChannelStatistics, Scene, file,
     fold::{self, StylizeError},
+    look::{self, MadeFrom, Painting},
 };
 use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
 
@@ -20,11 +22,17 @@ use crate::{
 
 /// Options of stylizing.
 #[derive(Args, Debug)]
+#[command(group(ArgGroup::new("restyling").args(["styles", "looks"]).multiple(true)))]
 pub struct StylizationArgs {
     /// Style image or *.style.safetensors. Several give a mix, and their weights are normalized to sum 1.
     #[arg(long = "style", value_name = "S[:WEIGHT]", num_args = 1..)]
     styles: Vec<WeightedPath>,
-    /// How much of the scene's own features to keep, from 0 (full style) to 1 (no style).
+    /// Look of this scene, *.look.safetensors. It needs no features. Several, or looks beside styles, give a mix of
+    /// colors; all weights together are normalized to sum 1.
+    #[arg(long = "look", value_name = "FILE[:WEIGHT]", num_args = 1..)]
+    looks: Vec<WeightedPath>,
+    /// How much of the scene to keep, from 0 (full style) to 1 (no style): of its features in styles, of its base
+    /// colors in looks.
     #[arg(long, value_name = "0..1", default_value = "0", allow_negative_numbers = true, value_parser = fraction)]
     content: f64,
     /// The decoder, *.decoder.safetensors. Default: the scene's own, else the built-in one.
@@ -45,11 +53,13 @@ pub struct Stylization {
     /// Display-referred RGB `[N]`, not clamped.
     #[serde(skip)]
     pub colors: Vec<[f32; 3]>,
-    /// Each style's path and normalized weight.
+    /// Each style's path and its share of the mix.
     styles: Vec<Share>,
+    /// Each look's path and its share of the mix.
+    looks: Vec<Share>,
     content: f64,
-    /// The decoder's path, `scene` or `default`.
-    decoder: String,
+    /// The decoder's path, `scene` or `default`; nothing if there are only looks.
+    decoder: Option<String>,
     /// The device: `cpu` or `gpu`.
     backend: &'static str,
     /// The GPU's name.
@@ -64,10 +74,27 @@ struct Share {
     weight: f64,
 }
 
+impl Stylization {
+    /// The origin of a look in these colors: no step of optimization.
+    pub fn made_from(&self) -> MadeFrom {
+        let painting =
+            |share: &Share| Painting { name: share.path.display().to_string(), weight: share.weight };
+        let paintings = self.styles.iter().chain(&self.looks).map(painting).collect();
+        MadeFrom { paintings, strength: 1.0 - self.content, ..MadeFrom::default() }
+    }
+}
+
+/// What the styles give without the looks.
+struct Decoded {
+    colors: Vec<[f32; 3]>,
+    decoder: String,
+    warnings: Vec<String>,
+}
+
 impl StylizationArgs {
-    /// Whether any style is given.
-    pub fn has_style(&self) -> bool {
-        !self.styles.is_empty()
+    /// Whether any style or look is given.
+    pub fn is_given(&self) -> bool {
+        !self.styles.is_empty() || !self.looks.is_empty()
     }
 
     /// Checks the arguments before any file is read, and opens the backend.
@@ -75,31 +102,74 @@ impl StylizationArgs {
     /// # Errors
     /// If all weights are 0 (a usage error), or if the GPU is asked for and there is none.
     pub fn open(&self) -> Result<Compute> {
-        if self.has_style() && self.total_weight() <= 0.0 {
-            return Err(usage_error("the weights of the styles are all 0: at least one must be positive"));
+        if self.is_given() && self.total_weight() <= 0.0 {
+            return Err(usage_error(
+                "the weights of styles and looks are all 0: at least one must be positive",
+            ));
         }
         Compute::open(self.backend)
     }
 
     fn total_weight(&self) -> f64 {
-        self.styles.iter().map(|style| style.weight).sum()
+        weight_of(&self.styles) + weight_of(&self.looks)
     }
 
     /// Stylizes `scene`, which `scene_path` names in errors, on the backend that [`open`](Self::open) gave.
     ///
     /// # Errors
-    /// If the scene has no features, a file cannot be read, or encoders differ.
+    /// If a style is given and the scene has no features, a look belongs to another scene, a file cannot be read, or
+    /// encoders differ.
     pub fn stylize(&self, scene: &Scene, scene_path: &Path, compute: &mut Compute) -> Result<Stylization> {
+        // Above 0: `open` has checked it.
+        let total = self.total_weight();
+        // Read before the expensive steps.
+        let looks = self.looks.iter().map(|look| {
+            let colors = look_colors(&look.path, scene, scene_path)?;
+            Ok((colors, look.weight / total))
+        });
+        let looks = looks.collect::<Result<Vec<_>>>()?;
+        let style_share = weight_of(&self.styles) / total;
+        // A style of no weight beside a look need not be decoded.
+        let decoded = match style_share > 0.0 {
+            true => Some(self.decode(scene, scene_path, compute)?),
+            false => None,
+        };
+        let (decoded, decoder, warnings) = match decoded {
+            Some(Decoded { colors, decoder, warnings }) => (Some(colors), Some(decoder), warnings),
+            None => (None, None, Vec::new()),
+        };
+        let colors = match decoded {
+            Some(colors) if looks.is_empty() => colors,
+            decoded => {
+                let styled = decoded.as_deref().map(|colors| (colors, style_share));
+                look::mix(&scene.base_colors(), self.content, &looks, styled)?
+            }
+        };
+        let share = |style: &WeightedPath| Share { path: style.path.clone(), weight: style.weight / total };
+        Ok(Stylization {
+            colors,
+            styles: self.styles.iter().map(share).collect(),
+            looks: self.looks.iter().map(share).collect(),
+            content: self.content,
+            decoder,
+            backend: compute.name(),
+            adapter: compute.adapter(),
+            warnings,
+        })
+    }
+
+    /// Decodes the mix of the styles.
+    fn decode(&self, scene: &Scene, scene_path: &Path, compute: &mut Compute) -> Result<Decoded> {
         // Checked before the expensive steps.
         let features = scene.features.as_ref();
         let features =
             features.ok_or(StylizeError::NoFeatures).with_context(|| scene_path.display().to_string())?;
-        let NamedDecoder { decoder, name: decoder_name } = choose::decoder(self.decoder.as_deref(), scene)?;
+        let NamedDecoder { decoder, name } = choose::decoder(self.decoder.as_deref(), scene)?;
         let statistics = self.statistics()?;
 
         let mut parts = vec![
             (scene_path.display().to_string(), features.encoder.as_ref()),
-            (format!("the decoder ({decoder_name})"), decoder.encoder.as_ref()),
+            (format!("the decoder ({name})"), decoder.encoder.as_ref()),
         ];
         let styles = self.styles.iter().zip(&statistics);
         parts.extend(
@@ -108,27 +178,16 @@ impl StylizationArgs {
         let warnings = check_encoders(&parts)?;
         warn(&warnings);
 
-        // Above 0: `open` has checked it.
-        let total = self.total_weight();
         let weighted: Vec<_> = statistics
             .iter()
             .zip(&self.styles)
-            .map(|(statistics, style)| (statistics, style.weight / total))
+            .map(|(statistics, style)| (statistics, style.weight))
             .collect();
         let colors = fold::transfer(features, &weighted, self.content)
             .map_err(anyhow::Error::from)
             .and_then(|map| compute.stylize(scene, &decoder, &map))
-            .with_context(|| format!("{} with decoder {decoder_name}", scene_path.display()))?;
-        let share = |style: &WeightedPath| Share { path: style.path.clone(), weight: style.weight / total };
-        Ok(Stylization {
-            colors,
-            styles: self.styles.iter().map(share).collect(),
-            content: self.content,
-            decoder: decoder_name,
-            backend: compute.name(),
-            adapter: compute.adapter(),
-            warnings,
-        })
+            .with_context(|| format!("{} with decoder {name}", scene_path.display()))?;
+        Ok(Decoded { colors, decoder: name, warnings })
     }
 
     /// Statistics of each style, in order. The encoder is opened only if an image needs it.
@@ -157,4 +216,17 @@ impl StylizationArgs {
 pub fn image_statistics(encoder: &Encoder, path: &Path, size: StyleSize) -> Result<ChannelStatistics> {
     let image = Image::open(path)?;
     style_statistics(encoder, &image, size).with_context(|| path.display().to_string())
+}
+
+/// Colors `[N]` of the look at `path`, in the order of `scene`, which `scene_path` names in errors.
+///
+/// # Errors
+/// If the look cannot be read or belongs to another scene.
+pub fn look_colors(path: &Path, scene: &Scene, scene_path: &Path) -> Result<Vec<[f32; 3]>> {
+    let look = file::read_look(path)?;
+    look.colors_for(scene).with_context(|| format!("{} for {}", path.display(), scene_path.display()))
+}
+
+fn weight_of(styles: &[WeightedPath]) -> f64 {
+    styles.iter().map(|style| style.weight).sum()
 }

@@ -15,10 +15,17 @@ use stylegaussian::{
 #[reflect(Component, Clone)]
 pub struct AppliedStyle {
     pub(super) scene: Arc<Scene>,
-    pub(super) decoder: Arc<Decoder>,
-    pub(super) map: Arc<ChannelMap>,
-    /// The colors `[N]` if the CPU computed them.
-    pub(super) colors: Option<Arc<[[f32; 3]]>>,
+    pub(super) colors: AppliedColors,
+}
+
+/// The colors of a style, or what gives them.
+#[derive(Clone)]
+pub(super) enum AppliedColors {
+    /// One color per Gaussian `[N]`.
+    Known(Arc<[[f32; 3]]>),
+    /// The GPU decoded them.
+    // They are not read back: they are half floats, and reading them would wait for the GPU.
+    Decoded { decoder: Arc<Decoder>, map: Arc<ChannelMap> },
 }
 
 impl AppliedStyle {
@@ -30,9 +37,8 @@ impl AppliedStyle {
     /// None for a style that is shown: scene, decoder and style have been checked.
     pub fn colors(&self) -> Result<Arc<[[f32; 3]]>, StylizeError> {
         match &self.colors {
-            Some(colors) => Ok(Arc::clone(colors)),
-            // GPU colors are not read back: they are half floats, and reading them would wait for the GPU.
-            None => Ok(fold::stylize(&self.scene, &self.decoder, &self.map)?.into()),
+            AppliedColors::Known(colors) => Ok(Arc::clone(colors)),
+            AppliedColors::Decoded { decoder, map } => Ok(fold::stylize(&self.scene, decoder, map)?.into()),
         }
     }
 

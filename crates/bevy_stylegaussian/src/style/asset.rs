@@ -1,4 +1,4 @@
-//! Assets that a style is made of: statistics, decoders and encoders.
+//! Assets that a style is made of: statistics, looks, decoders and encoders.
 
 use std::{
     error::Error,
@@ -7,7 +7,7 @@ use std::{
 };
 
 use bevy::prelude::*;
-use stylegaussian::{ChannelStatistics, Decoder, file};
+use stylegaussian::{ChannelStatistics, Decoder, Look, file};
 use stylegaussian_encoder::{Encoder, EncoderError};
 
 use crate::loader::FromFile;
@@ -24,6 +24,21 @@ impl FromFile for StyleStatistics {
 
     fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
         Ok(Self(Arc::new(file::style_from_bytes(&bytes, path)?)))
+    }
+}
+
+/// Baked colors of one scene: `.look.safetensors`, as `stylegaussian bake` writes them. It belongs to the scene that it was
+/// baked for, from whichever file that is loaded, and needs neither features nor a decoder.
+#[derive(Asset, Clone, Debug, Reflect)]
+#[reflect(opaque)]
+#[reflect(Clone, Debug)]
+pub struct StyleLook(pub Arc<Look>);
+
+impl FromFile for StyleLook {
+    const EXTENSIONS: &[&str] = &["look.safetensors"];
+
+    fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
+        Ok(Self(Arc::new(file::look_from_bytes(&bytes, path)?)))
     }
 }
 

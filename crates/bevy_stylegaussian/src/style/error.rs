@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use stylegaussian::fold::StylizeError;
+use stylegaussian::{fold::StylizeError, look::LookError};
 use stylegaussian_encoder::EncoderError;
 
 /// A style cannot be applied.
@@ -42,6 +42,14 @@ pub enum StyleError {
         image: String,
         /// The reason. An image needs 8-bit pixels in main memory.
         found: String,
+    },
+    /// A look belongs to another scene.
+    #[error("{look}: {source}")]
+    Look {
+        /// The look.
+        look: String,
+        /// The fingerprints of both scenes.
+        source: LookError,
     },
     /// An asset that the style needs could not be loaded. The message names it.
     #[error("{0}")]

@@ -3,17 +3,17 @@
 use std::sync::Arc;
 
 use bevy::{asset::LoadState, ecs::system::SystemParam, prelude::*, render::renderer::RenderAdapterInfo};
-use stylegaussian::{ChannelStatistics, fold::StylizeError};
+use stylegaussian::{ChannelStatistics, Look, fold::StylizeError};
 use stylegaussian_gpu::device::is_software;
 
 use crate::scene::LoadedScene;
 
 use super::{
-    asset::{GaussianDecoder, ImageEncoder, StyleStatistics},
+    asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics},
     error::StyleError,
     images::ImageStatistics,
     packed::PackedInputs,
-    request::StyleRequest,
+    request::{StyleRequest, WeightedLook},
     settings::{StyleBackend, StyleEncoder},
     source::{StyleDecoder, StyleInput, StyleSource},
 };
@@ -21,11 +21,18 @@ use super::{
 /// An input, or `Ok(None)` while it is being loaded or computed.
 type Input<T> = Result<Option<T>, Arc<StyleError>>;
 
+/// One style of a mix, loaded.
+enum Given {
+    Statistics(Arc<ChannelStatistics>),
+    Look { name: String, look: Arc<Look> },
+}
+
 /// Everything that a style is computed from, except the entity's components.
 #[derive(SystemParam)]
 pub(super) struct Inputs<'w> {
     images: Res<'w, Assets<Image>>,
     statistics: Res<'w, Assets<StyleStatistics>>,
+    looks: Res<'w, Assets<StyleLook>>,
     decoders: Res<'w, Assets<GaussianDecoder>>,
     encoders: Res<'w, Assets<ImageEncoder>>,
     server: Res<'w, AssetServer>,
@@ -46,20 +53,27 @@ impl Inputs<'_> {
         decoder: Option<&StyleDecoder>,
         gpu_refused: bool,
     ) -> Input<StyleRequest> {
+        let has_looks = source.styles.iter().any(|style| matches!(style.input, StyleInput::Look(_)));
+        let has_styles = source.styles.iter().any(|style| !matches!(style.input, StyleInput::Look(_)));
         // Checked first: a plain scene must not wait for images before its user hears of the reason.
-        if scene.scene().features.is_none() {
+        if has_styles && scene.scene().features.is_none() {
             return Err(Arc::new(StylizeError::NoFeatures.into()));
         }
-        // Decided anew for each request, so that a change of `StyleBackend` affects the next change of style.
-        let backend = self.backend(gpu_refused)?;
-        // All images are asked for before the first one is waited for, so that they are encoded side by side.
-        let inputs: Vec<_> = source.styles.iter().map(|style| self.statistics(&style.input)).collect();
-        let mut styles = Vec::with_capacity(inputs.len());
-        for (statistics, style) in inputs.into_iter().zip(&source.styles) {
-            let Some(statistics) = statistics? else { return Ok(None) };
-            styles.push((statistics, f64::from(style.weight)));
+        // Decided anew for each request, so that a change of `StyleBackend` affects the next change of style. Looks are
+        // mixed on the CPU.
+        let backend = if has_looks { StyleBackend::Cpu } else { self.backend(gpu_refused)? };
+        // All inputs are asked for before the first one is waited for, so that images are encoded side by side.
+        let inputs: Vec<_> = source.styles.iter().map(|style| self.input(&style.input)).collect();
+        let (mut styles, mut looks) = (Vec::new(), Vec::new());
+        for (input, style) in inputs.into_iter().zip(&source.styles) {
+            let weight = f64::from(style.weight);
+            match input? {
+                None => return Ok(None),
+                Some(Given::Statistics(statistics)) => styles.push((statistics, weight)),
+                Some(Given::Look { name, look }) => looks.push(WeightedLook { name, look, weight }),
+            }
         }
-        let decoder = match decoder {
+        let decoder = match decoder.filter(|_| has_styles) {
             Some(decoder) => match loaded(&self.server, &self.decoders, &decoder.0)? {
                 Some(decoder) => Some(Arc::clone(&decoder.0)),
                 None => return Ok(None),
@@ -70,29 +84,38 @@ impl Inputs<'_> {
             scene: scene.asset.clone(),
             decoder,
             styles,
+            looks,
             content: f64::from(source.content),
             backend,
             packed: self.packed.clone(),
         }))
     }
 
-    /// The statistics of one style.
-    fn statistics(&mut self, input: &StyleInput) -> Input<Arc<ChannelStatistics>> {
+    /// One style of a mix.
+    fn input(&mut self, input: &StyleInput) -> Input<Given> {
         match input {
             StyleInput::Preset(preset) => {
                 let statistics = loaded(&self.server, &self.statistics, preset)?;
-                Ok(statistics.map(|statistics| Arc::clone(&statistics.0)))
+                Ok(statistics.map(|statistics| Given::Statistics(Arc::clone(&statistics.0))))
             }
-            StyleInput::Image(handle) => {
-                let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
-                let Some(encoder) = loaded(&self.server, &self.encoders, &self.encoder.0)? else {
-                    // Nobody will ever load the default asset: it is there from the start if it is bundled.
-                    let is_default = self.encoder.0 == Handle::default();
-                    return if is_default { Err(Arc::new(StyleError::NoEncoder)) } else { Ok(None) };
-                };
-                self.encoded.get(handle, image, encoder).transpose()
+            StyleInput::Image(handle) => Ok(self.encoded(handle)?.map(Given::Statistics)),
+            StyleInput::Look(handle) => {
+                let name = handle.path().map_or_else(|| "a look".into(), ToString::to_string);
+                let look = loaded(&self.server, &self.looks, handle)?;
+                Ok(look.map(|look| Given::Look { name, look: Arc::clone(&look.0) }))
             }
         }
+    }
+
+    /// The statistics of an image.
+    fn encoded(&mut self, handle: &Handle<Image>) -> Input<Arc<ChannelStatistics>> {
+        let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
+        let Some(encoder) = loaded(&self.server, &self.encoders, &self.encoder.0)? else {
+            // Nobody will ever load the default asset: it is there from the start if it is bundled.
+            let is_default = self.encoder.0 == Handle::default();
+            return if is_default { Err(Arc::new(StyleError::NoEncoder)) } else { Ok(None) };
+        };
+        self.encoded.get(handle, image, encoder).transpose()
     }
 
     /// The backend to decode on: never [`StyleBackend::Auto`].

@@ -20,7 +20,7 @@ use crate::{
 
 use super::{
     applied::AppliedStyle,
-    asset::{GaussianDecoder, ImageEncoder, StyleStatistics},
+    asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics},
     error::StyleError,
     event::StyleEvents,
     inputs::Inputs,
@@ -97,6 +97,7 @@ pub(super) fn want_changed_styles(mut commands: Commands, mut jobs: Query<Change
 pub(super) fn want_changed_assets(
     mut images: MessageReader<AssetEvent<Image>>,
     mut statistics: MessageReader<AssetEvent<StyleStatistics>>,
+    mut looks: MessageReader<AssetEvent<StyleLook>>,
     mut decoders: MessageReader<AssetEvent<GaussianDecoder>>,
     mut encoders: MessageReader<AssetEvent<ImageEncoder>>,
     encoder: Res<StyleEncoder>,
@@ -105,17 +106,20 @@ pub(super) fn want_changed_assets(
     // Every reader is drained before the first return, or old events would come back in a later frame.
     let images = changed(&mut images);
     let statistics = changed(&mut statistics);
+    let looks = changed(&mut looks);
     let decoders = changed(&mut decoders);
     let encoder_asset_changed = changed(&mut encoders).contains(&encoder.0.id());
     // The first frame's resource is no change: nothing was encoded before it.
     let encoder_changed = encoder_asset_changed || (encoder.is_changed() && !encoder.is_added());
-    if images.is_empty() && statistics.is_empty() && decoders.is_empty() && !encoder_changed {
+    let is_quiet = images.is_empty() && statistics.is_empty() && looks.is_empty() && decoders.is_empty();
+    if is_quiet && !encoder_changed {
         return;
     }
     for (mut job, source, decoder) in &mut jobs {
         let input_changed = source.styles.iter().any(|style| match &style.input {
             StyleInput::Image(image) => encoder_changed || images.contains(&image.id()),
             StyleInput::Preset(preset) => statistics.contains(&preset.id()),
+            StyleInput::Look(look) => looks.contains(&look.id()),
         });
         let decoder_changed = decoder.is_some_and(|decoder| decoders.contains(&decoder.0.id()));
         if decoder_changed {

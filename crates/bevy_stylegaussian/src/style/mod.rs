@@ -30,7 +30,7 @@ mod source;
 mod tests;
 
 pub use applied::AppliedStyle;
-pub use asset::{GaussianDecoder, ImageEncoder, StyleStatistics};
+pub use asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
 pub use error::StyleError;
 pub use event::{StyleApplied, StyleFailed};
 pub use settings::{StyleBackend, StyleBudget, StyleEncoder};
@@ -42,9 +42,11 @@ pub(crate) struct StylePlugin;
 impl Plugin for StylePlugin {
     fn build(&self, app: &mut App) {
         app.init_asset::<StyleStatistics>()
+            .init_asset::<StyleLook>()
             .init_asset::<GaussianDecoder>()
             .init_asset::<ImageEncoder>()
             .init_asset_loader::<FileLoader<StyleStatistics>>()
+            .init_asset_loader::<FileLoader<StyleLook>>()
             .init_asset_loader::<FileLoader<GaussianDecoder>>()
             .init_asset_loader::<FileLoader<ImageEncoder>>()
             .init_resource::<StyleBackend>()
@@ -89,6 +91,7 @@ impl Plugin for StylePlugin {
 
 fn register_types(app: &mut App) {
     app.register_type::<StyleStatistics>()
+        .register_type::<StyleLook>()
         .register_type::<GaussianDecoder>()
         .register_type::<ImageEncoder>()
         .register_type::<StyleSource>()

@@ -5,12 +5,16 @@ use bevy::prelude::*;
 use crate::colors::ColorWish;
 
 use super::{
-    asset::{GaussianDecoder, StyleStatistics},
+    asset::{GaussianDecoder, StyleLook, StyleStatistics},
     job::StyleJob,
 };
 
-/// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images and presets, blended with
-/// the content itself. Change it at any time. The old colors stay until the new ones are complete.
+/// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images, presets and looks, blended
+/// with the content itself. Change it at any time. The old colors stay until the new ones are complete.
+///
+/// Images and presets are mixed as features and decoded together. Looks are colors already, and mix with one another and
+/// with what was decoded as colors: that sum is computed on the CPU, whichever [`StyleBackend`](crate::StyleBackend) is set,
+/// and so are the images and presets beside a look.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -31,7 +35,8 @@ pub struct StyleSource {
     /// The styles and their weights, which are normalized to sum 1. If it is empty, the splats have their captured colors.
     pub styles: Vec<WeightedStyle>,
     /// Share of the content's features that stays, 0..1: transferred = c f + (1 - c) sum_j w_j AdaIN_j. At 1, the colors
-    /// are the decoder's reconstruction of the content, which differs from the captured colors.
+    /// are the decoder's reconstruction of the content, which differs from the captured colors. In looks, it is the share of
+    /// the scene's base colors.
     pub content: f32,
 }
 
@@ -54,6 +59,8 @@ pub enum StyleInput {
     Image(Handle<Image>),
     /// Precomputed statistics.
     Preset(Handle<StyleStatistics>),
+    /// Baked colors of the entity's scene. A look of another scene fails.
+    Look(Handle<StyleLook>),
 }
 
 impl From<Handle<Image>> for StyleInput {
@@ -68,6 +75,12 @@ impl From<Handle<StyleStatistics>> for StyleInput {
     }
 }
 
+impl From<Handle<StyleLook>> for StyleInput {
+    fn from(look: Handle<StyleLook>) -> Self {
+        Self::Look(look)
+    }
+}
+
 impl StyleSource {
     /// The style of an image.
     pub fn image(image: Handle<Image>) -> Self {
@@ -77,6 +90,11 @@ impl StyleSource {
     /// The style of precomputed statistics.
     pub fn preset(statistics: Handle<StyleStatistics>) -> Self {
         Self::mix([(statistics, 1.0)])
+    }
+
+    /// A baked look. It is shown without features, decoder or encoder.
+    pub fn look(look: Handle<StyleLook>) -> Self {
+        Self::mix([(look, 1.0)])
     }
 
     /// A mix of styles and their weights. Weights are at least 0 and are normalized to sum 1.

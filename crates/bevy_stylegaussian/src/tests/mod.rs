@@ -7,6 +7,7 @@ mod demo_scene;
 mod diagnostics;
 mod images;
 mod lifecycle;
+mod looks;
 mod pictures;
 mod rooms_apart;
 mod still_frames;

@@ -382,6 +382,14 @@ fn public_types_are_registered() {
     }
     check!(ReflectComponent: GaussianSplats, StyleSource, StyleTransition, StyleDecoder, AppliedStyle, SplatTonemapping, SplatSortKey);
     check!(ReflectResource: StyleBackend, StyleBudget, StyleEncoder);
-    check!(GaussianScene, StyleStatistics, GaussianDecoder, ImageEncoder, StyleInput, WeightedStyle);
+    check!(
+        GaussianScene,
+        StyleStatistics,
+        StyleLook,
+        GaussianDecoder,
+        ImageEncoder,
+        StyleInput,
+        WeightedStyle
+    );
     check!(StyleApplied, StyleFailed, GaussianSceneFailed);
 }

@@ -109,6 +109,15 @@ impl<'a> Reader<'a> {
         Ok(tensor.data().chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
     }
 
+    /// A tensor of u8.
+    pub(super) fn bytes(&self, name: &str, shape: &[Dimension]) -> Result<&'a [u8], Mismatch> {
+        let tensor = self.tensor(name, shape)?;
+        match tensor.dtype() {
+            Dtype::U8 => Ok(tensor.data()),
+            other => Err(mismatch(format_args!("`{name}` of type {other:?}"), "U8")),
+        }
+    }
+
     fn tensor(&self, name: &str, shape: &[Dimension]) -> Result<TensorView<'a>, Mismatch> {
         let expected = || {
             let sizes: Vec<String> = shape.iter().map(Dimension::to_string).collect();
@@ -182,6 +191,8 @@ enum Values<'a> {
     F16(&'a [f32]),
     /// Written as they are.
     U32(&'a [u32]),
+    /// Written as they are.
+    U8(Vec<u8>),
     /// f32, each made from its flat index when it is written.
     Made(Box<dyn Fn(usize) -> f32 + 'a>),
 }
@@ -192,6 +203,7 @@ impl Values<'_> {
             Self::F32(_) | Self::Made(_) => Dtype::F32,
             Self::F16(_) => Dtype::F16,
             Self::U32(_) => Dtype::U32,
+            Self::U8(_) => Dtype::U8,
         }
     }
 
@@ -204,6 +216,7 @@ impl Values<'_> {
             Self::F32(values) => bytes.extend(values[range].iter().flat_map(|value| value.to_le_bytes())),
             Self::F16(values) => bytes.extend(values[range].iter().flat_map(half)),
             Self::U32(values) => bytes.extend(values[range].iter().flat_map(|value| value.to_le_bytes())),
+            Self::U8(values) => bytes.extend_from_slice(&values[range]),
             Self::Made(value) => bytes.extend(range.flat_map(|index| value(index).to_le_bytes())),
         }
     }
@@ -252,7 +265,12 @@ impl<'a> Writer<'a> {
         self.add(name.into(), shape, Values::U32(values));
     }
 
-    /// Adds an f32 tensor that is too large for memory. `value` computes each number from its flat index.
+    /// Adds a u8 tensor.
+    pub(super) fn u8(&mut self, name: &str, shape: &[usize], values: Vec<u8>) {
+        self.add(name.into(), shape, Values::U8(values));
+    }
+
+    /// Adds an f32 tensor that is not in memory. `value` computes each number from its flat index when it is written.
     pub(super) fn made(&mut self, name: &str, shape: &[usize], value: impl Fn(usize) -> f32 + 'a) {
         self.add(name.into(), shape, Values::Made(Box::new(value)));
     }

@@ -49,7 +49,7 @@ fn decoder(channels: &[usize], k: usize, next: &mut impl FnMut() -> f32) -> Deco
 }
 
 /// A scene with every optional part, 20 of 25 source Gaussians. Numbers that files hold as f16 are exact in f16.
-fn full_scene() -> Scene {
+pub(super) fn full_scene() -> Scene {
     let mut next = noise();
     let n = 20;
     let mut half = |count: usize| -> Vec<f32> {
@@ -99,7 +99,7 @@ fn by_source(scene: &Scene) -> Scene {
 }
 
 /// The message of an expected error.
-fn refused<T>(result: Result<T, FileError>) -> String {
+pub(super) fn refused<T>(result: Result<T, FileError>) -> String {
     match result {
         Ok(_) => panic!("no error"),
         Err(error) => error.to_string(),
@@ -283,7 +283,7 @@ fn style_round_trips() {
 }
 
 /// Replaces one text by another of the same length in a file's bytes.
-fn replaced(bytes: &[u8], from: &str, to: &str) -> Vec<u8> {
+pub(super) fn replaced(bytes: &[u8], from: &str, to: &str) -> Vec<u8> {
     assert_eq!(from.len(), to.len());
     let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).expect(from);
     let mut bytes = bytes.to_vec();
@@ -412,10 +412,12 @@ fn damaged_files_never_panic() {
     }
     files.push(("ascii.ply", ply::tests::ascii_sample()));
     files.push(("checkpoint.pth", checkpoint::tests::final_sample()));
+    files.push(("a.look.safetensors", look::tests::sample()));
     let all = |bytes: &[u8]| {
         let _ = parse_scene(bytes);
         let _ = decoder::from_bytes(bytes);
         let _ = style::from_bytes(bytes);
+        let _ = look::from_bytes(bytes);
     };
     for (_, bytes) in &files {
         for end in (0..bytes.len()).step_by(1 + bytes.len() / 400) {

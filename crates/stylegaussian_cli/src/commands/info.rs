@@ -1,4 +1,4 @@
-//! `stylegaussian info`: describes a scene file.
+//! `stylegaussian info`: describes a scene file or a look.
 
 use std::{
     fmt::Write as _,
@@ -8,19 +8,22 @@ use std::{
 use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
-use stylegaussian::{Decoder, EncoderId, Features, Scene, file};
+use stylegaussian::{Decoder, EncoderId, Features, Scene, SceneFingerprint, file};
 use stylegaussian_gpu::{colors::GaussianColors, splat::GpuScene, style::StyleScene};
 
 use crate::{
+    arguments::is_look,
     choose,
     terminal::{print, warn},
 };
 
-/// Describe a scene: counts, SH degree, bounds, features, encoder, decoder, and memory needed at run time.
+mod look;
+
+/// Describe a scene (counts, SH degree, bounds, features, encoder, decoder, and memory needed at run time) or a look.
 #[derive(Args, Debug)]
 pub struct InfoArgs {
-    /// A scene: 3DGS .ply, .sgs, or a StyleGaussian checkpoint (.pth).
-    scene: PathBuf,
+    /// A scene: 3DGS .ply, .sgs, or a StyleGaussian checkpoint (.pth). Or a look: *.look.safetensors.
+    file: PathBuf,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -33,6 +36,8 @@ struct Info<'a> {
     n_gaussians: usize,
     /// Gaussians in the file it was made of.
     n_source: usize,
+    /// The fingerprint that looks of the scene have.
+    fingerprint: String,
     sh_degree: Option<u8>,
     bounds: Option<[[f32; 3]; 2]>,
     up: Option<[f32; 3]>,
@@ -103,10 +108,14 @@ impl GpuBytes {
 
 /// Runs the command.
 pub fn run(arguments: &InfoArgs) -> Result<()> {
-    let loaded = file::read_scene(&arguments.scene)?;
+    let InfoArgs { file: path, json } = arguments;
+    if is_look(path) {
+        return look::run(path, *json);
+    }
+    let loaded = file::read_scene(path)?;
     warn(&loaded.warnings);
-    let info = describe(&arguments.scene, &loaded.scene, loaded.warnings);
-    print(arguments.json, &info, || text(&info))
+    let info = describe(path, &loaded.scene, loaded.warnings);
+    print(*json, &info, || text(&info))
 }
 
 fn describe<'a>(path: &'a Path, scene: &'a Scene, warnings: Vec<String>) -> Info<'a> {
@@ -116,6 +125,7 @@ fn describe<'a>(path: &'a Path, scene: &'a Scene, warnings: Vec<String>) -> Info
         path,
         n_gaussians: scene.len(),
         n_source: scene.n_source,
+        fingerprint: SceneFingerprint::of(scene).to_string(),
         sh_degree: scene.sh.as_ref().map(|sh| sh.degree),
         bounds: scene.bounds().map(|(min, max)| [min.to_array(), max.to_array()]),
         up: scene.up.map(|up| up.to_array()),
@@ -166,6 +176,7 @@ fn text(info: &Info) -> String {
     let dropped = info.n_source.saturating_sub(info.n_gaussians);
     let of_source = if dropped > 0 { format!(" ({} in its source)", info.n_source) } else { String::new() };
     row("Gaussians", format!("{}{of_source}", info.n_gaussians));
+    row("fingerprint", info.fingerprint.clone());
     row("SH degree", info.sh_degree.map_or("none: no captured colors".into(), |degree| degree.to_string()));
     if let Some([min, max]) = info.bounds {
         row("bounds", format!("{min:?} to {max:?}"));

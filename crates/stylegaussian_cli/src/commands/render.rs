@@ -29,7 +29,7 @@ const DEFAULT_SIZE: UVec2 = UVec2::new(800, 600);
 
 /// Render a scene to PNG files 000000.png, 000001.png, ... in camera order.
 #[derive(Args, Debug)]
-#[command(mut_arg("content", |content| content.requires("styles")))]
+#[command(mut_arg("content", |content| content.requires("restyling")))]
 #[command(mut_arg("decoder", |decoder| decoder.requires("styles")))]
 pub struct RenderArgs {
     /// A scene: 3DGS .ply, .sgs, or a StyleGaussian checkpoint (.pth).
@@ -82,7 +82,7 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
     let scene = loaded.scene;
     let cameras = arguments.cameras(&scene)?;
     let stylized =
-        if stylization.has_style() { Some(stylization.stylize(&scene, path, &mut compute)?) } else { None };
+        if stylization.is_given() { Some(stylization.stylize(&scene, path, &mut compute)?) } else { None };
     let colors = stylized.as_ref().map_or(Colors::Captured, |stylized| Colors::Rgb(&stylized.colors));
     let mut drawing = compute.drawing(&scene, colors)?;
     let pictures = render_all(&mut drawing, &cameras, arguments.background, output)?;

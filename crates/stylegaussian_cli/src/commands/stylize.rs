@@ -5,24 +5,25 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
-use stylegaussian::{Scene, file};
+use stylegaussian::{Look, Scene, file};
 
 use crate::{
+    arguments::is_look,
     stylization::{Stylization, StylizationArgs},
     terminal::{print, usage_error, warn},
 };
 
-/// Stylize an embedded scene with one painting or a mix of several.
+/// Stylize a scene with one painting or look, or a mix of several.
 #[derive(Args, Debug)]
-#[command(mut_arg("styles", |styles| styles.required(true)))]
+#[command(mut_group("restyling", |restyling| restyling.required(true)))]
 pub struct StylizeArgs {
-    /// An embedded scene: .sgs, or a StyleGaussian checkpoint (.pth).
+    /// A scene. Styles need an embedded one: .sgs, or a StyleGaussian checkpoint (.pth). Looks need none.
     scene: PathBuf,
     #[command(flatten)]
     stylization: StylizationArgs,
-    /// The file to write. As .ply or .sgs: the scene with the stylized colors as SH of degree 0. As .safetensors: a
-    /// tensor `rgb` f32 [N, 3], not clamped, with one row for each Gaussian of the source, NaN if the Gaussian was
-    /// dropped.
+    /// The file to write. As .ply or .sgs: the scene with the stylized colors as SH of degree 0. As .look.safetensors:
+    /// a look. As .safetensors: a tensor `rgb` f32 [N, 3], not clamped, with one row for each Gaussian of the source,
+    /// NaN if the Gaussian was dropped.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     /// Print JSON.
@@ -43,6 +44,7 @@ struct Stylized<'a> {
 #[derive(Clone, Copy)]
 enum Format {
     Scene,
+    Look,
     Colors,
 }
 
@@ -51,6 +53,7 @@ impl Format {
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         match extension.as_str() {
             "ply" | "sgs" => Ok(Self::Scene),
+            "safetensors" if is_look(path) => Ok(Self::Look),
             "safetensors" => Ok(Self::Colors),
             _ => {
                 let path = path.display();
@@ -72,18 +75,19 @@ pub fn run(arguments: &StylizeArgs) -> Result<()> {
     let mut result = stylization.stylize(&scene, path, &mut compute)?;
     // Both kinds are printed already. In JSON they come in the order of printing.
     result.warnings.splice(0..0, loaded.warnings);
-    write(format, output, &mut scene, &result.colors)?;
+    write(format, output, &mut scene, &result)?;
     let stylized = Stylized { scene: path, output, n_gaussians: scene.len(), stylization: &result };
     print(*json, &stylized, || format!("{}: {} Gaussians stylized", output.display(), scene.len()))
 }
 
-fn write(format: Format, path: &Path, scene: &mut Scene, rgb: &[[f32; 3]]) -> Result<()> {
+fn write(format: Format, path: &Path, scene: &mut Scene, result: &Stylization) -> Result<()> {
     match format {
         Format::Scene => {
-            scene.set_colors(rgb);
+            scene.set_colors(&result.colors);
             file::write_scene(path, scene)?;
         }
-        Format::Colors => file::write_colors(path, rgb, scene)?,
+        Format::Look => file::write_look(path, &Look::new(scene, &result.colors, result.made_from()))?,
+        Format::Colors => file::write_colors(path, &result.colors, scene)?,
     }
     Ok(())
 }

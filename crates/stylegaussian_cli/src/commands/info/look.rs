@@ -1,0 +1,66 @@
+//! The description of a look.
+
+use std::path::Path;
+
+use anyhow::Result;
+use serde::Serialize;
+use stylegaussian::{Look, file, look::MadeFrom};
+
+use crate::terminal::print;
+
+#[derive(Serialize)]
+struct LookInfo<'a> {
+    path: &'a Path,
+    n_gaussians: usize,
+    /// The fingerprint of its scene.
+    fingerprint: String,
+    paintings: Vec<PaintingInfo<'a>>,
+    strength: f64,
+    steps: u64,
+    seed: u64,
+}
+
+#[derive(Serialize)]
+struct PaintingInfo<'a> {
+    name: &'a str,
+    weight: f64,
+}
+
+/// Describes the look at `path`.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn run(path: &Path, json: bool) -> Result<()> {
+    let look = file::read_look(path)?;
+    let info = describe(path, &look);
+    print(json, &info, || text(&info))
+}
+
+fn describe<'a>(path: &'a Path, look: &'a Look) -> LookInfo<'a> {
+    let MadeFrom { paintings, strength, steps, seed } = &look.made_from;
+    let paintings =
+        paintings.iter().map(|painting| PaintingInfo { name: &painting.name, weight: painting.weight });
+    LookInfo {
+        path,
+        n_gaussians: look.len(),
+        fingerprint: look.scene.to_string(),
+        paintings: paintings.collect(),
+        strength: *strength,
+        steps: *steps,
+        seed: *seed,
+    }
+}
+
+fn text(info: &LookInfo) -> String {
+    let LookInfo { n_gaussians, fingerprint, strength, steps, seed, .. } = info;
+    let painting = |painting: &PaintingInfo| format!("{} ({:.2})", painting.name, painting.weight);
+    let paintings: Vec<_> = info.paintings.iter().map(painting).collect();
+    [
+        info.path.display().to_string(),
+        format!("  Gaussians   {n_gaussians}"),
+        format!("  fingerprint {fingerprint}"),
+        format!("  paintings   {}", paintings.join(", ")),
+        format!("  made with   strength {strength}, {steps} steps, seed {seed}"),
+    ]
+    .join("\n")
+}
