@@ -1,18 +1,25 @@
 //! The bake itself.
 
-use std::f32::consts::PI;
+use std::{f32::consts::PI, path::Path};
 
 use rayon::prelude::*;
-use stylegaussian::{Camera, Scene, random::Random, recolor::Recoloring, splat::blend_weights};
+use stylegaussian::{
+    Camera, Scene, look::SceneFingerprint, random::Random, recolor::Recoloring, splat::blend_weights,
+};
 use stylegaussian_encoder::Image;
 
 use crate::{
     adam::Adam,
     cameras::Cameras,
+    checkpoint::{Identity, Length, State},
     config::BakeConfig,
     error::BakeError,
-    loss::{self, Losses, matching, statistics},
-    network::{Features, Grids, LossNetwork, Size},
+    loss::{
+        self, Losses, matching,
+        statistics::{self, Moments},
+    },
+    luminance::Tone,
+    network::{Features, Grids, Layer, LossNetwork, Size},
     picture::{Mask, over},
     target::Paintings,
 };
@@ -33,8 +40,12 @@ pub struct Baker {
     colors: Vec<f32>,
     adam: Adam,
     /// Running moments of each layer; none before the first step.
-    pooled: Vec<Option<statistics::Moments>>,
+    pooled: [Vec<Option<Moments>>; 2],
+    /// Running luminance.
+    tone: Option<Tone>,
     steps: u32,
+    /// Scene, paintings, network and settings, as a hash.
+    identity: String,
 }
 
 impl Baker {
@@ -59,7 +70,9 @@ impl Baker {
         let recoloring = Recoloring::new(&cameras.colors, &paintings.colors);
         let colors: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
         let adam = Adam::new(scene.len());
-        let captured = captured.into_iter().flatten().collect();
+        let captured: Vec<f32> = captured.into_iter().flatten().collect();
+        let identity = identity(&config, scene, &captured, &paintings, &cameras);
+        let pooled = [vec![None; network.layers().len()], vec![None; network.layers().len()]];
         Ok(Self {
             config,
             network,
@@ -69,8 +82,10 @@ impl Baker {
             captured,
             colors,
             adam,
-            pooled: Vec::new(),
+            pooled,
+            tone: None,
             steps: 0,
+            identity,
         })
     }
 
@@ -89,6 +104,61 @@ impl Baker {
         self.steps >= self.config.steps
     }
 
+    /// Writes the state to a checkpoint, from which [`Self::resume`] goes on.
+    ///
+    /// # Errors
+    /// If the file cannot be written. An older one then stays as it was.
+    pub fn save(&self, path: &Path) -> Result<(), BakeError> {
+        let mut values = vec![
+            ("colors".into(), self.colors.clone()),
+            ("adam.mean".into(), self.adam.mean.clone()),
+            ("adam.square".into(), self.adam.square.clone()),
+            ("tone".into(), self.tone.map_or(Vec::new(), |tone| vec![tone.mean, tone.square])),
+        ];
+        for (mode, layers) in self.pooled.iter().enumerate() {
+            for (i, moments) in layers.iter().enumerate() {
+                let both = moments.as_ref().map(|moments| [&moments.mean[..], &moments.square[..]].concat());
+                values.push((format!("pooled.{mode}.{i}"), both.unwrap_or_default()));
+            }
+        }
+        // Before the first step there is nothing to pool, and an empty list stands for it.
+        State { steps: self.steps, identity: self.identity.clone(), values }.write(path)
+    }
+
+    /// Goes on from a checkpoint of the same scene, paintings, network and settings. The result is that of a bake without
+    /// the interruption, bit by bit.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or is another bake's. The state then stays as it was.
+    pub fn resume(&mut self, path: &Path) -> Result<(), BakeError> {
+        let n = self.adam.square.len();
+        let mut lengths = vec![
+            ("colors".into(), Length::Is(3 * n)),
+            ("adam.mean".into(), Length::Is(3 * n)),
+            ("adam.square".into(), Length::Is(n)),
+            ("tone".into(), Length::IsOrNone(2)),
+        ];
+        for (mode, layers) in self.pooled.iter().enumerate() {
+            let of_layer = |(i, layer): (usize, &Layer)| {
+                (format!("pooled.{mode}.{i}"), Length::IsOrNone(2 * layer.channels))
+            };
+            lengths.extend(self.network.layers()[..layers.len()].iter().enumerate().map(of_layer));
+        }
+        let state = State::read(path, &self.identity, &lengths)?;
+        let mut values = state.values.into_iter().map(|(_, values)| values);
+        let mut next = || values.next().unwrap_or_default();
+        (self.colors, self.adam.mean, self.adam.square) = (next(), next(), next());
+        self.tone = next().as_chunks::<2>().0.first().map(|&[mean, square]| Tone { mean, square });
+        for moments in self.pooled.iter_mut().flatten() {
+            let both = next();
+            let (mean, square) = both.split_at(both.len() / 2);
+            let found = Moments { mean: mean.into(), square: square.into() };
+            *moments = (!both.is_empty()).then_some(found);
+        }
+        self.steps = state.steps;
+        Ok(())
+    }
+
     /// One step: one crop, compared, and the colors that it shows moved.
     ///
     /// # Panics
@@ -105,14 +175,24 @@ impl Baker {
         let size = Size { width: side, height: side };
         let mask = Mask::new(size, &alpha);
         let rgb = over(&weights, &alpha, &self.colors, self.paintings.mean);
-        let features = self.network.forward(&self.grids, &rgb);
-        let unstyled = (config.weights.content > 0.0).then(|| {
+        let pixels = mask.cells(size);
+        let tone = Tone::of(&rgb, pixels.iter().map(|&pixel| pixel as usize));
+        let running = self.tone.get_or_insert(tone);
+        running.blend(&tone, config.pool);
+        // Every other step compares texture alone.
+        let gray = self.steps % 2 == 1;
+        let tone = gray.then_some(*running);
+        let seen = tone.map_or_else(|| rgb.clone(), |tone| tone.gray(&rgb));
+        let features = self.network.forward(&self.grids, &seen);
+        let unstyled = (config.weights.content > 0.0 && !gray).then(|| {
             let rgb = over(&weights, &alpha, &self.captured, self.paintings.mean);
             self.network.forward(&self.grids, &rgb)
         });
-        let (mut losses, grads) = self.compare(&features, unstyled.as_ref(), &mask, &mut random);
+        let (mut losses, grads) = self.compare(gray, &features, unstyled.as_ref(), &mask, &mut random);
         let mut grad = self.network.backward(&self.grids, &features, grads);
-        let pixels = mask.cells(size);
+        if let Some(tone) = tone {
+            grad = tone.backward(&grad, self.paintings.line);
+        }
         losses.range = loss::range(&rgb, &pixels, config.weights.range, &mut grad);
         let grad = weights.apply_transposed(&grad, 3);
         let progress = self.steps as f32 / config.steps.max(1) as f32;
@@ -127,6 +207,7 @@ impl Baker {
     /// The losses of features and their gradients with respect to each layer's rows.
     fn compare(
         &mut self,
+        gray: bool,
         features: &Features,
         unstyled: Option<&Features>,
         mask: &Mask,
@@ -142,13 +223,12 @@ impl Baker {
                     return (cells, Vec::new(), Vec::new());
                 }
                 let some = matching::some_of(&cells, queries, random);
-                (cells, some, self.paintings.keys(i, keys, random))
+                (cells, some, self.paintings.keys(&self.paintings.layers(gray)[i], keys, random))
             })
             .collect();
-        if self.pooled.is_empty() {
-            self.pooled = vec![None; self.network.layers().len()];
-        }
-        let layers = self.network.layers().par_iter().zip(drawn).zip(&mut self.pooled).enumerate();
+        let targets = self.paintings.layers(gray);
+        let pooled = &mut self.pooled[usize::from(gray)];
+        let layers = self.network.layers().par_iter().zip(drawn).zip(pooled).enumerate();
         let compared: Vec<(Losses, Vec<f32>)> = layers
             .map(|(i, ((layer, (cells, queries, keys)), pooled))| {
                 let (mut losses, rows) = (Losses::default(), features.rows(layer));
@@ -157,14 +237,14 @@ impl Baker {
                     return (losses, grad);
                 }
                 let n = layer.channels;
-                let moments = statistics::Moments::of(rows, n, cells.iter().map(|&cell| cell as usize));
+                let moments = Moments::of(rows, n, cells.iter().map(|&cell| cell as usize));
                 match pooled {
                     Some(pooled) => pooled.blend(&moments, pool),
                     None => *pooled = Some(moments.clone()),
                 }
                 let pooled = pooled.as_ref().unwrap_or(&moments);
                 let weight = weights.statistics * layer.statistics;
-                let target = &self.paintings.layers[i].statistics;
+                let target = &targets[i].statistics;
                 losses.statistics = layer.statistics
                     * statistics::statistics(rows, &cells, pooled, target, weight, &mut grad);
                 let weight = weights.matching * layer.matching;
@@ -185,3 +265,26 @@ impl Baker {
         (losses, grads)
     }
 }
+
+/// A hash of all that a bake depends on. The paintings' statistics depend on the network, and stand for both.
+fn identity(
+    config: &BakeConfig,
+    scene: &Scene,
+    captured: &[f32],
+    paintings: &Paintings,
+    cameras: &Cameras,
+) -> String {
+    let mut identity = Identity::new();
+    identity.add(format!("{config:?} {}", SceneFingerprint::of(scene)).into_bytes());
+    identity.add_floats(captured);
+    identity.add_floats(&cameras.pixels);
+    identity.add_floats(&paintings.mean);
+    for layer in paintings.layers(false) {
+        identity.add_floats(&layer.statistics.mean);
+        identity.add_floats(&layer.statistics.deviation);
+    }
+    identity.text()
+}
+
+#[cfg(test)]
+mod tests;

@@ -24,9 +24,11 @@
 mod adam;
 mod baker;
 mod cameras;
+mod checkpoint;
 mod config;
 mod error;
 mod loss;
+mod luminance;
 pub mod network;
 mod picture;
 mod target;

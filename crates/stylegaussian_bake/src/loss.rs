@@ -53,3 +53,6 @@ pub(crate) fn range(rgb: &[f32], cells: &[u32], weight: f32, grad: &mut [f32]) -
     }
     sum as f32 * scale
 }
+
+#[cfg(test)]
+mod tests;
