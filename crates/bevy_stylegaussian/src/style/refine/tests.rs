@@ -14,13 +14,15 @@ use bevy::{
     prelude::*,
     render::render_resource::{Extent3d, TextureDimension, TextureFormat},
 };
-use stylegaussian::{Look, Scene, look::MadeFrom};
+use stylegaussian::{Look, Scene, file, look::MadeFrom};
 
 use super::{engine::Baking, *};
 use crate::{
-    GaussianSplats, StyleFailed, StyleLook, StyleRefined, StyleTransition,
+    GaussianSplats, StyleBackend, StyleFailed, StyleLook, StyleRefined, StyleTransition,
     tests::world::{
-        add, add_scene, add_style, app_without_rendering, drain, small_scene, small_style, update_until,
+        add, add_scene, add_style, app_without_rendering, drain,
+        rendering::{app_with_rendering, render_target, target},
+        small_scene, small_style, update_until,
     },
 };
 
@@ -289,7 +291,6 @@ fn bakes_run_at_the_lowest_priority() {
 }
 
 #[test]
-#[cfg(feature = "bundled_models")]
 fn the_real_bake_refines() {
     let (mut app, entity, _) = app(2, 1);
     app.insert_resource(Engine::default());
@@ -298,4 +299,49 @@ fn the_real_bake_refines() {
     let shown = colors(&app, entity);
     assert!(shown.as_flattened().iter().all(|value| value.is_finite()), "{shown:?}");
     assert_ne!(shown, small_scene(N, 1).base_colors());
+}
+
+/// Frames of the demo scene take as long while a bake runs. The bound is wide: a bake on the render thread or in the threads
+/// of tasks would make frames several times as long, but other programs on this machine disturb both measurements.
+#[test]
+fn a_bake_leaves_frames_alone() {
+    let Some(mut app) = app_with_rendering(StyleBackend::Cpu) else { return };
+    let image = render_target(&mut app, UVec2::new(160, 120));
+    let view = Transform::from_xyz(0.0, 3.9, 9.7).looking_at(Vec3::ZERO, Vec3::Y);
+    app.world_mut().spawn((Camera3d::default(), target(&image), view));
+    let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
+    let scene = file::read_scene(&assets.join("demo.sgs")).unwrap().scene;
+    let style = file::read_style(&assets.join("styles/strokes.style.safetensors")).unwrap();
+    let source = StyleSource::preset(add_style(&mut app, style));
+    let splats = GaussianSplats(add_scene(&mut app, scene));
+    let entity = app.world_mut().spawn((splats, source)).id();
+    update_until(&mut app, "StyleApplied", |world| !world.resource::<Messages<StyleApplied>>().is_empty());
+    let medians = |app: &mut App| {
+        let mut frames: Vec<f32> = (0..40)
+            .map(|step| {
+                // Frames in which nothing moves are cheap.
+                let mut splats = app.world_mut().get_mut::<Transform>(entity).unwrap();
+                splats.rotation = Quat::from_rotation_y(0.01 * step as f32);
+                let start = Instant::now();
+                app.update();
+                start.elapsed().as_secs_f32() * 1e3
+            })
+            .collect();
+        frames.sort_by(f32::total_cmp);
+        (frames[20], frames[38])
+    };
+    medians(&mut app);
+    let alone = medians(&mut app);
+    let paintings = vec![(add(&mut app, painting()), 1.0)];
+    // A look in each step, so that frames upload some too.
+    let refine = StyleRefine { steps: 100_000, n_shown: 100_000, paintings };
+    app.world_mut().entity_mut(entity).insert(refine);
+    until_refined(&mut app);
+    let beside = medians(&mut app);
+    let steps = drain::<StyleRefined>(&mut app).len();
+    eprintln!(
+        "frames, median and 95%: {alone:.1?} ms alone, {beside:.1?} ms beside a bake, {steps} looks shown"
+    );
+    assert!(steps > 0, "the bake has stood still");
+    assert!(beside.0 < 2.0 * alone.0 + 5.0, "{beside:?} beside a bake, {alone:?} alone");
 }
