@@ -12,6 +12,7 @@ use crate::{
     config::BakeConfig,
     error::BakeError,
     loss::{self, Losses, matching, statistics},
+    luminance::Tone,
     network::{Features, Grids, LossNetwork, Size},
     picture::{Mask, over},
     target::Paintings,
@@ -33,7 +34,9 @@ pub struct Baker {
     colors: Vec<f32>,
     adam: Adam,
     /// Running moments of each layer; none before the first step.
-    pooled: Vec<Option<statistics::Moments>>,
+    pooled: [Vec<Option<statistics::Moments>>; 2],
+    /// Running luminance.
+    tone: Option<Tone>,
     steps: u32,
 }
 
@@ -60,7 +63,8 @@ impl Baker {
         let colors: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
         let adam = Adam::new(scene.len());
         let captured = captured.into_iter().flatten().collect();
-        Ok(Self { config, network, grids, paintings, cameras, captured, colors, adam, pooled: Vec::new(), steps: 0 })
+        let pooled = [vec![None; network.layers().len()], vec![None; network.layers().len()]];
+        Ok(Self { config, network, grids, paintings, cameras, captured, colors, adam, pooled, tone: None, steps: 0 })
     }
 
     /// The colors so far `[N]`, in scene order.
@@ -93,14 +97,24 @@ impl Baker {
         let size = Size { width: side, height: side };
         let mask = Mask::new(size, &alpha);
         let rgb = over(&weights, &alpha, &self.colors, self.paintings.mean);
-        let features = self.network.forward(&self.grids, &rgb);
-        let unstyled = (config.weights.content > 0.0).then(|| {
+        let pixels = mask.cells(size);
+        let tone = Tone::of(&rgb, pixels.iter().map(|&pixel| pixel as usize));
+        let running = self.tone.get_or_insert(tone);
+        running.blend(&tone, config.pool);
+        // Every other step compares texture alone.
+        let gray = self.steps % 2 == 1;
+        let tone = gray.then_some(*running);
+        let seen = tone.map_or_else(|| rgb.clone(), |tone| tone.gray(&rgb));
+        let features = self.network.forward(&self.grids, &seen);
+        let unstyled = (config.weights.content > 0.0 && !gray).then(|| {
             let rgb = over(&weights, &alpha, &self.captured, self.paintings.mean);
             self.network.forward(&self.grids, &rgb)
         });
-        let (mut losses, grads) = self.compare(&features, unstyled.as_ref(), &mask, &mut random);
+        let (mut losses, grads) = self.compare(gray, &features, unstyled.as_ref(), &mask, &mut random);
         let mut grad = self.network.backward(&self.grids, &features, grads);
-        let pixels = mask.cells(size);
+        if let Some(tone) = tone {
+            grad = tone.backward(&grad, self.paintings.line);
+        }
         losses.range = loss::range(&rgb, &pixels, config.weights.range, &mut grad);
         let grad = weights.apply_transposed(&grad, 3);
         let progress = self.steps as f32 / config.steps.max(1) as f32;
@@ -115,6 +129,7 @@ impl Baker {
     /// The losses of features and their gradients with respect to each layer's rows.
     fn compare(
         &mut self,
+        gray: bool,
         features: &Features,
         unstyled: Option<&Features>,
         mask: &Mask,
@@ -130,13 +145,12 @@ impl Baker {
                     return (cells, Vec::new(), Vec::new());
                 }
                 let some = matching::some_of(&cells, queries, random);
-                (cells, some, self.paintings.keys(i, keys, random))
+                (cells, some, self.paintings.keys(&self.paintings.layers(gray)[i], keys, random))
             })
             .collect();
-        if self.pooled.is_empty() {
-            self.pooled = vec![None; self.network.layers().len()];
-        }
-        let layers = self.network.layers().par_iter().zip(drawn).zip(&mut self.pooled).enumerate();
+        let targets = self.paintings.layers(gray);
+        let pooled = &mut self.pooled[usize::from(gray)];
+        let layers = self.network.layers().par_iter().zip(drawn).zip(pooled).enumerate();
         let compared: Vec<(Losses, Vec<f32>)> = layers
             .map(|(i, ((layer, (cells, queries, keys)), pooled))| {
                 let (mut losses, rows) = (Losses::default(), features.rows(layer));
@@ -152,7 +166,7 @@ impl Baker {
                 }
                 let pooled = pooled.as_ref().unwrap_or(&moments);
                 let weight = weights.statistics * layer.statistics;
-                let target = &self.paintings.layers[i].statistics;
+                let target = &targets[i].statistics;
                 losses.statistics =
                     layer.statistics * statistics::statistics(rows, &cells, pooled, target, weight, &mut grad);
                 let weight = weights.matching * layer.matching;

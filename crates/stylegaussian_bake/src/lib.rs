@@ -27,6 +27,7 @@ mod cameras;
 mod config;
 mod error;
 mod loss;
+mod luminance;
 pub mod network;
 mod picture;
 mod target;

@@ -55,3 +55,6 @@ pub(crate) fn range(rgb: &[f32], cells: &[u32], weight: f32, grad: &mut [f32]) -
 }
 
 
+
+#[cfg(test)]
+mod tests;

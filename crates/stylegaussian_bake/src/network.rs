@@ -166,3 +166,6 @@ fn distilled_layers(chain: &Chain) -> Option<Vec<(usize, f32, f32, bool)>> {
 }
 
 
+
+#[cfg(test)]
+mod tests;

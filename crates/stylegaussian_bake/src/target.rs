@@ -11,6 +11,7 @@ use crate::{
         palette::Palette,
         statistics::{Moments, Target},
     },
+    luminance::{Tone, color_line},
     network::{LossNetwork, Size},
 };
 
@@ -28,8 +29,10 @@ pub(crate) struct LayerTarget {
 
 /// The paintings.
 pub(crate) struct Paintings {
-    /// One for each layer of the network.
-    pub layers: Vec<LayerTarget>,
+    /// One for each layer of the network, of the paintings in color and as gray.
+    layers: [Vec<LayerTarget>; 2],
+    /// The change of color that goes with luminance.
+    pub line: [f32; 3],
     pub palette: Palette,
     /// Moments of the colors.
     pub colors: ColorMoments,
@@ -54,19 +57,28 @@ impl Paintings {
             let sum: f64 = colors.iter().skip(channel).step_by(3).map(|value| f64::from(*value)).sum();
             (sum / (colors.len() / 3) as f64) as f32
         };
-        let mut layers = Vec::new();
-        for (image, share) in images.iter().zip(&shares) {
-            add_painting(&mut layers, image, *share, network);
+        let mut layers = [Vec::new(), Vec::new()];
+        for (image, share) in images.into_iter().zip(&shares) {
+            let tone = Tone::of(&image.rgb, 0..image.rgb.len() / 3);
+            let gray = Image { rgb: tone.gray(&image.rgb), ..image.clone() };
+            add_painting(&mut layers[0], &image, *share, network);
+            add_painting(&mut layers[1], &gray, *share, network);
         }
         // Ten pixels of a hundred thousand: specks of dust are no color of the painting's.
         let palette = Palette::new(&colors, 10);
         let moments = ColorMoments::of_rgb(&colors);
-        Ok(Self { layers, palette, colors: moments, mean: [mean(0), mean(1), mean(2)], shares })
+        let mean = [mean(0), mean(1), mean(2)];
+        Ok(Self { layers, line: color_line(&colors), palette, colors: moments, mean, shares })
+    }
+
+    /// What each layer should be like, in color or as gray.
+    pub fn layers(&self, gray: bool) -> &[LayerTarget] {
+        &self.layers[usize::from(gray)]
     }
 
     /// `n` random rows of a layer `[n, C]`, of each painting by its weight.
-    pub fn keys(&self, layer: usize, n: usize, random: &mut Random) -> Vec<f32> {
-        let LayerTarget { rows, channels, .. } = &self.layers[layer];
+    pub fn keys(&self, layer: &LayerTarget, n: usize, random: &mut Random) -> Vec<f32> {
+        let LayerTarget { rows, channels, .. } = layer;
         let mut keys = Vec::with_capacity(n * channels);
         for (rows, share) in rows.iter().zip(&self.shares) {
             let n_rows = rows.len() / channels;

@@ -1,1 +1,79 @@
+//! Gradients against finite differences.
 
+use stylegaussian::random::Random;
+
+use super::{content, matching, palette::Palette, range, statistics};
+
+const CHANNELS: usize = 3;
+const CELLS: [u32; 4] = [0, 2, 3, 5];
+
+fn values(n: usize, seed: u64) -> Vec<f32> {
+    let mut random = Random::new(seed);
+    (0..n).map(|_| random.normal()).collect()
+}
+
+/// Compares the gradient that `loss(x, gradient)` adds with central differences of its value.
+fn check(x: &[f32], loss: impl Fn(&[f32], &mut [f32]) -> f32) {
+    let mut grad = vec![0.0; x.len()];
+    loss(x, &mut grad);
+    assert!(grad.iter().any(|value| value.abs() > 1e-3), "a gradient of nothing but zeros");
+    let step = 1e-2;
+    for i in 0..x.len() {
+        let moved = |by: f32| {
+            let mut x = x.to_vec();
+            x[i] += by;
+            loss(&x, &mut vec![0.0; grad.len()])
+        };
+        let expected = (moved(step) - moved(-step)) / (2.0 * step);
+        assert!((grad[i] - expected).abs() < 2e-3, "[{i}]: {} for {expected}", grad[i]);
+    }
+}
+
+#[test]
+fn content_and_range() {
+    let reference = values(18, 2);
+    check(&values(18, 1), |x, grad| content(x, &reference, CHANNELS, &CELLS, 1.0, grad));
+    check(&values(18, 1), |x, grad| range(x, &CELLS, 1.0, grad));
+}
+
+#[test]
+fn statistics_of_the_crop_itself() {
+    let target = statistics::Target { mean: vec![0.5, -0.2, 1.0], deviation: vec![0.3, 1.5, 0.8] };
+    check(&values(18, 3), |x, grad| {
+        let moments = statistics::Moments::of(x, CHANNELS, CELLS.iter().map(|&cell| cell as usize));
+        statistics::statistics(x, &CELLS, &moments, &target, 1.0, grad)
+    });
+}
+
+#[test]
+fn matching_with_the_nearest() {
+    let keys = matching::normalized(&values(15, 5), CHANNELS);
+    check(&values(18, 4), |x, grad| matching::matching(x, CHANNELS, &CELLS, &keys, 1.0, grad));
+}
+
+#[test]
+fn matching_finds_the_nearest_direction() {
+    let keys = matching::normalized(&[1.0, 0.0, 0.0, 0.0, 3.0, 4.0], 3);
+    // Along the second key, and of another length: no distance. (4, 0, 3) has the cosine 0.8 with the first key and
+    // 0.48 with the second.
+    let distance = |row: &[f32]| matching::matching(row, 3, &[0], &keys, 1.0, &mut [0.0; 3]);
+    assert!(distance(&[0.0, 6.0, 8.0]).abs() < 1e-5);
+    assert!((distance(&[4.0, 0.0, 3.0]) - 0.2).abs() < 1e-5);
+    // No feature at all has no direction, and no NaN.
+    assert!((distance(&[0.0; 3]) - 1.0).abs() < 1e-5);
+}
+
+#[test]
+fn a_gray_palette_pulls_toward_gray() {
+    let gray: Vec<f32> = (0..256).flat_map(|i| [i as f32 / 255.0; 3]).collect();
+    let palette = Palette::new(&gray, 1);
+    let mut colors = vec![0.9, 0.1, 0.1, 0.5, 0.5, 0.5];
+    let first = palette.pull(&mut colors, 0.5);
+    assert!(colors[0] < 0.9 && colors[1] > 0.1, "{colors:?}");
+    assert_eq!(colors[3..], [0.5; 3], "a color of the painting stays");
+    for _ in 0..20 {
+        palette.pull(&mut colors, 0.5);
+    }
+    assert!(colors[0] - colors[1] < 0.06, "{colors:?}");
+    assert!(palette.pull(&mut colors, 0.5) < 0.1 * first);
+}
