@@ -36,7 +36,7 @@ use worker::{Request, Running};
 /// fade if the entity has a [`StyleTransition`](crate::StyleTransition). Without this component, styles stay as they are
 /// decoded.
 ///
-/// The bake takes half a minute to minutes, on a quarter of the processor's cores and at the lowest priority. All entities
+/// The bake takes half a minute to minutes, on a quarter of the processor's cores and at a low priority. All entities
 /// share these threads, one after the other. It is canceled if the style, the scene or this component changes, and begins
 /// anew. It needs the paintings themselves: see [`paintings`](Self::paintings). A mix with a look is not refined, because a
 /// look is baked already. With the source's `content` c, the colors are c of the base color and 1 - c of what is baked.

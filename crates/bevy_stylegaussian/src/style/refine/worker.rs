@@ -11,7 +11,7 @@ use std::{
 use bevy::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use stylegaussian::{Scene, look};
-use thread_priority::{ThreadPriority, set_current_thread_priority};
+use thread_priority::{ThreadPriority, ThreadPriorityValue, set_current_thread_priority};
 
 use crate::style::{error::StyleError, images};
 
@@ -66,7 +66,12 @@ impl Shared {
     }
 }
 
-/// The threads that bake: a quarter of the cores, at the lowest priority, for all entities together.
+/// Priority of the threads, of 0 to 99. On Linux it is niceness 5: where all cores are busy, such a thread gets a third of the
+/// time of a usual one (weights 335 and 1024 of the kernel's scheduler). At the lowest priority it would stand still beside a
+/// renderer that is a CPU.
+const PRIORITY: u8 = 35;
+
+/// The threads that bake: a quarter of the cores, at a low priority, for all entities together.
 #[derive(Resource, Default)]
 // Made at the first bake: games that refine nothing have no such threads.
 pub(crate) struct RefineThreads(OnceLock<Option<ThreadPool>>);
@@ -99,7 +104,11 @@ fn build() -> Option<ThreadPool> {
         .num_threads(RefineThreads::count())
         .thread_name(|index| format!("style refine {index}"))
         // Best effort: where it is not allowed, a few threads of usual priority remain.
-        .start_handler(|_| drop(set_current_thread_priority(ThreadPriority::Min)))
+        .start_handler(|_| {
+            if let Ok(priority) = ThreadPriorityValue::try_from(PRIORITY) {
+                let _ = set_current_thread_priority(ThreadPriority::Crossplatform(priority));
+            }
+        })
         // A panic has been printed by now, and without a handler rayon would end the game. The bake gives no result.
         .panic_handler(|_| {})
         .build();
