@@ -86,6 +86,7 @@ fn main() -> AppExit {
         )
         .add_systems(EguiPrimaryContextPass, panel::draw)
         .add_observer(panel::note_applied)
+        .add_observer(panel::note_refined)
         .add_observer(panel::note_failed_style)
         .add_observer(panel::note_failed_scene)
         .run()

@@ -9,7 +9,7 @@ use bevy::{
     render::renderer::RenderAdapterInfo,
 };
 use bevy_egui::{EguiContexts, EguiTextureHandle, egui};
-use bevy_stylegaussian::{GaussianSceneFailed, StyleApplied, StyleBackend, StyleFailed};
+use bevy_stylegaussian::{GaussianSceneFailed, StyleApplied, StyleBackend, StyleFailed, StyleRefined};
 use egui::{Color32, ComboBox, Grid, LayerId, RichText, ScrollArea, Slider, TextEdit, Ui, UiBuilder};
 
 use crate::{
@@ -79,12 +79,20 @@ pub struct Transfer {
     pub is_under_way: bool,
     /// Duration and backend of the last change.
     pub last: Option<(Duration, StyleBackend)>,
+    /// Steps of the bake that gave the shown look, and whether these are all. `None` if it is as it was applied.
+    refined: Option<(u32, bool)>,
 }
 
 /// Records the duration of a style, and clears an earlier error.
 pub fn note_applied(applied: On<StyleApplied>, mut transfer: ResMut<Transfer>, mut notice: ResMut<Notice>) {
-    *transfer = Transfer { is_under_way: false, last: Some((applied.elapsed, applied.backend)) };
+    let last = Some((applied.elapsed, applied.backend));
+    *transfer = Transfer { is_under_way: false, last, refined: None };
     notice.clear();
+}
+
+/// Records the progress of a bake.
+pub fn note_refined(refined: On<StyleRefined>, mut transfer: ResMut<Transfer>) {
+    transfer.refined = Some((refined.steps, refined.is_complete));
 }
 
 /// Shows the error of a style.
@@ -265,6 +273,9 @@ fn mix(ui: &mut Ui, styles: &mut Styles) {
         ui.label("fade").on_hover_text("from look to look");
         ui.add(Slider::new(&mut styles.fade_in_seconds, 0.0..=3.0).fixed_decimals(1).suffix(" s"));
         ui.end_row();
+        ui.label("refine").on_hover_text("bakes the style further in the background");
+        ui.checkbox(&mut styles.are_refined, "");
+        ui.end_row();
     });
 }
 
@@ -319,10 +330,18 @@ fn statistics(ui: &mut Ui, shown: &Shown) {
         Some((elapsed, backend)) => format!("{:.0} ms, {backend:?}", 1e3 * elapsed.as_secs_f32()),
         None => "-".to_owned(),
     };
+    let look = match shown.transfer.refined {
+        _ if shown.styles.total() == 0.0 => "unstyled".to_owned(),
+        _ if shown.styles.has_look() => "baked".to_owned(),
+        None => "instant".to_owned(),
+        Some((steps, false)) => format!("refined by {steps} steps so far"),
+        Some((steps, true)) => format!("refined by {steps} steps"),
+    };
     let adapter = format!("{} ({:?})", shown.adapter.name, shown.adapter.backend);
     let rows = [
         ("Gaussians", shown.scene.n_gaussians.to_string()),
         ("transfer", transfer),
+        ("look", look),
         ("frame", format!("{frame:.1} ms, {rate:.1} fps")),
         ("adapter", adapter),
     ];

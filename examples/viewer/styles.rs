@@ -7,7 +7,7 @@ use std::{
 };
 
 use bevy::prelude::*;
-use bevy_stylegaussian::{StyleInput, StyleSource, StyleTransition};
+use bevy_stylegaussian::{StyleInput, StyleRefine, StyleSource, StyleTransition};
 
 use crate::{ASSETS, panel::Transfer};
 
@@ -34,6 +34,8 @@ pub struct Styles {
     pub content: f32,
     /// Duration of a fade from one style to the next.
     pub fade_in_seconds: f32,
+    /// Whether styles are baked further while they are shown.
+    pub are_refined: bool,
 }
 
 impl Styles {
@@ -70,9 +72,25 @@ impl Styles {
         self.list.iter().map(|style| style.weight).sum()
     }
 
+    fn used(&self) -> impl Iterator<Item = &Style> {
+        self.list.iter().filter(|style| style.weight > 0.0)
+    }
+
+    /// Whether a look is in the mix, which is not refined.
+    pub fn has_look(&self) -> bool {
+        self.used().any(|style| matches!(style.input, StyleInput::Look(_)))
+    }
+
     fn source(&self) -> StyleSource {
-        let used = self.list.iter().filter(|style| style.weight > 0.0);
-        StyleSource::mix(used.map(|style| (style.input.clone(), style.weight))).with_content(self.content)
+        let styles = self.used().map(|style| (style.input.clone(), style.weight));
+        StyleSource::mix(styles).with_content(self.content)
+    }
+
+    fn refine(&self) -> StyleRefine {
+        // Presets are refined toward the pictures beside them, or not at all if one has none.
+        let painting = |style: &Style| Some((style.picture.clone()?, style.weight));
+        let paintings = self.used().map(painting).collect::<Option<_>>().unwrap_or_default();
+        StyleRefine { paintings, ..default() }
     }
 }
 
@@ -94,7 +112,7 @@ pub fn list_shipped(mut commands: Commands, assets: Res<AssetServer>) {
     presets.retain(|path| path.to_string_lossy().ends_with(PRESET));
     // The order of a folder is arbitrary, and keys count on it.
     presets.sort();
-    let mut styles = Styles { fade_in_seconds: 0.5, ..default() };
+    let mut styles = Styles { fade_in_seconds: 0.5, are_refined: true, ..default() };
     for preset in presets {
         styles.add(&preset, &assets);
     }
@@ -115,14 +133,27 @@ pub fn press_keys(keys: Res<ButtonInput<KeyCode>>, mut styles: ResMut<Styles>) {
 
 /// Applies the mix to the scene if it changed.
 pub fn apply(
+    mut commands: Commands,
     styles: Res<Styles>,
-    scene: Single<(&mut StyleSource, &mut StyleTransition)>,
+    scene: Single<(Entity, &mut StyleSource, &mut StyleTransition, Option<&mut StyleRefine>)>,
     mut transfer: ResMut<Transfer>,
 ) {
-    let (mut source, mut transition) = scene.into_inner();
+    let (entity, mut source, mut transition, refine) = scene.into_inner();
     // Only a real change may touch the component: `Changed<StyleSource>` would restyle in each frame.
     if source.set_if_neq(styles.source()) {
         transfer.is_under_way = !source.is_none();
     }
     transition.set_if_neq(StyleTransition { duration: Duration::from_secs_f32(styles.fade_in_seconds) });
+    match refine {
+        Some(mut refine) if styles.are_refined => {
+            refine.set_if_neq(styles.refine());
+        }
+        Some(_) => {
+            commands.entity(entity).remove::<StyleRefine>();
+        }
+        None if styles.are_refined => {
+            commands.entity(entity).insert(styles.refine());
+        }
+        None => {}
+    }
 }

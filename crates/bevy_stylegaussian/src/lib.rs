@@ -21,10 +21,11 @@
 //! - Components of scenes: [`GaussianSplats`] shows a [`GaussianScene`] (`.sgs`, or a plain 3DGS `.ply`). [`StyleSource`]
 //!   styles it by images, by [`StyleStatistics`] (`.style.safetensors`), by a baked [`StyleLook`] (`.look.safetensors`), or
 //!   by a mix; change it at any time.
-//!   [`StyleTransition`] fades from one style to the next. [`StyleDecoder`] selects another [`GaussianDecoder`].
+//!   [`StyleTransition`] fades from one style to the next. [`StyleRefine`] bakes a shown style further in the background. [`StyleDecoder`] selects another [`GaussianDecoder`].
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
 //! - Resources: [`StyleBackend`], [`StyleBudget`], [`StyleEncoder`].
-//! - Events, as messages and for observers: [`StyleApplied`], [`StyleFailed`], [`GaussianSceneFailed`]. The component
+//! - Events, as messages and for observers: [`StyleApplied`], [`StyleRefined`], [`StyleFailed`],
+//!   [`GaussianSceneFailed`]. The component
 //!   [`AppliedStyle`] holds the style that an entity shows, and can save the styled scene.
 //!
 //! Most apps need no more than [`prelude`].
@@ -53,8 +54,8 @@ pub use scene::{GaussianScene, GaussianSceneError, GaussianSceneFailed, Gaussian
 pub use splats::{SplatSortKey, SplatTonemapping};
 pub use style::{
     AppliedStyle, GaussianDecoder, ImageEncoder, StyleApplied, StyleBackend, StyleBudget, StyleDecoder,
-    StyleEncoder, StyleError, StyleFailed, StyleInput, StyleLook, StyleSource, StyleStatistics,
-    WeightedStyle,
+    StyleEncoder, StyleError, StyleFailed, StyleInput, StyleLook, StyleRefine, StyleRefined, StyleSource,
+    StyleStatistics, WeightedStyle,
 };
 pub use systems::StyleGaussianSystems;
 
@@ -72,7 +73,7 @@ pub mod prelude {
     pub use crate::{
         AppliedStyle, GaussianScene, GaussianSceneFailed, GaussianSplats, SplatSortKey, SplatTonemapping,
         StyleApplied, StyleBackend, StyleBudget, StyleDecoder, StyleEncoder, StyleFailed,
-        StyleGaussianPlugin, StyleInput, StyleSource, StyleTransition,
+        StyleGaussianPlugin, StyleInput, StyleRefine, StyleRefined, StyleSource, StyleTransition,
     };
 }
 

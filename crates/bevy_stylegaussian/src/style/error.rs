@@ -51,6 +51,9 @@ pub enum StyleError {
         /// The fingerprints of both scenes.
         source: LookError,
     },
+    /// A style cannot be refined. It stays as it is.
+    #[error("the style cannot be refined: {0}")]
+    Refine(String),
     /// An asset that the style needs could not be loaded. The message names it.
     #[error("{0}")]
     Load(String),

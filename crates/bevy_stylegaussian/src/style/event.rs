@@ -23,6 +23,21 @@ pub struct StyleApplied {
     pub elapsed: Duration,
 }
 
+/// Sent if a better look of an entity's style is shown from this frame on, or begins to fade in: see
+/// [`StyleRefine`](crate::StyleRefine).
+///
+/// Written as a message and triggered on the entity for observers.
+#[derive(Message, EntityEvent, Clone, Debug, Reflect)]
+#[reflect(Clone, Debug)]
+pub struct StyleRefined {
+    /// The entity.
+    pub entity: Entity,
+    /// Steps of the bake so far.
+    pub steps: u32,
+    /// Whether these are all of them.
+    pub is_complete: bool,
+}
+
 /// Sent if an entity cannot be styled. It keeps the colors that it has.
 ///
 /// Written as a message and triggered on the entity for observers.
@@ -46,6 +61,7 @@ fn unknown_error() -> Arc<StyleError> {
 pub(super) struct StyleEvents<'w, 's> {
     commands: Commands<'w, 's>,
     applied: MessageWriter<'w, StyleApplied>,
+    refined: MessageWriter<'w, StyleRefined>,
     failed: MessageWriter<'w, StyleFailed>,
 }
 
@@ -67,6 +83,14 @@ impl StyleEvents<'_, '_> {
     pub(super) fn removed(&mut self, entity: Entity, since: Instant) {
         self.commands.entity(entity).try_remove::<AppliedStyle>();
         self.send_applied(entity, StyleBackend::Cpu, since);
+    }
+
+    /// The entity shows a better look of its style.
+    pub(super) fn refined(&mut self, entity: Entity, style: AppliedStyle, steps: u32, is_complete: bool) {
+        self.commands.entity(entity).try_insert(style);
+        let event = StyleRefined { entity, steps, is_complete };
+        self.refined.write(event.clone());
+        self.commands.trigger(event);
     }
 
     /// The entity cannot be styled.

@@ -28,7 +28,7 @@ impl ImageStatistics {
         encoder: &ImageEncoder,
     ) -> Option<Encoded> {
         let encode = || {
-            let name = handle.path().map_or_else(|| "a style image".into(), ToString::to_string);
+            let name = name(handle);
             match pixels(image) {
                 Ok(image) => {
                     let encoder = encoder.clone();
@@ -70,19 +70,32 @@ pub(super) fn forget_changed_images(
 fn encode(name: String, image: Image, encoder: &ImageEncoder) -> Encoded {
     let error = |source| Arc::new(StyleError::Encoder { image: name.clone(), source });
     let encoder = encoder.get().map_err(error)?;
-    // The pixels are used as they are in the file: values of an sRGB texture are display-referred already.
-    let image = image
-        .try_into_dynamic()
-        .map_err(|source| Arc::new(StyleError::Image { image: name.clone(), found: source.to_string() }))?;
-    let statistics = style_statistics(encoder, &image.into(), StyleSize::default());
+    let image = decoded(name.clone(), image)?;
+    let statistics = style_statistics(encoder, &image, StyleSize::default());
     Ok(Arc::new(statistics.map_err(|source| error(Arc::new(source)))?))
+}
+
+/// The name of an image for messages.
+pub(super) fn name(handle: &Handle<Image>) -> String {
+    handle.path().map_or_else(|| "a style image".into(), ToString::to_string)
+}
+
+/// An image as the encoder takes it. Takes a while: not for the main thread.
+///
+/// # Errors
+/// If the pixels are not of 8 bits.
+pub(super) fn decoded(name: String, image: Image) -> Result<stylegaussian_encoder::Image, StyleError> {
+    // The pixels are used as they are in the file: values of an sRGB texture are display-referred already.
+    let image = image.try_into_dynamic();
+    let image = image.map_err(|source| StyleError::Image { image: name, found: source.to_string() })?;
+    Ok(image.into())
 }
 
 /// A copy of the image for a task.
 ///
 /// # Errors
 /// If it has no pixels in main memory. The message says so.
-fn pixels(image: &Image) -> Result<Image, String> {
+pub(super) fn pixels(image: &Image) -> Result<Image, String> {
     if image.data.is_none() {
         return Err("it has no pixels in main memory (load it with RenderAssetUsages::MAIN_WORLD)".into());
     }

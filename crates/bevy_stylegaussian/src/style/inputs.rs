@@ -133,7 +133,7 @@ impl Inputs<'_> {
 }
 
 /// An asset, or `Ok(None)` while it may still come.
-fn loaded<'a, A: Asset>(
+pub(super) fn loaded<'a, A: Asset>(
     server: &AssetServer,
     assets: &'a Assets<A>,
     handle: &Handle<A>,

@@ -209,7 +209,8 @@ impl StyleJob {
     }
 }
 
-fn fade_duration(transition: Option<&StyleTransition>) -> Duration {
+/// The duration of an entity's fades.
+pub(super) fn fade_duration(transition: Option<&StyleTransition>) -> Duration {
     transition.map_or(Duration::ZERO, |transition| transition.duration)
 }
 
@@ -234,7 +235,7 @@ pub(super) fn advance_jobs(
     let now = time.elapsed();
     for (entity, source, mut job, mut wish, scene, decoder, transition) in &mut jobs {
         // A style that is ready during a fade waits: a fade has one beginning and one end.
-        if job.is_at_rest() || now < job.fading_until {
+        if job.is_at_rest() || job.is_fading(now) {
             continue;
         }
         // A fade may last for `Duration::MAX`.
@@ -322,6 +323,22 @@ impl StyleJob {
         }
         // After a failure too: the same inputs would fail again, and the next change wants anew.
         self.wanted = None;
+    }
+
+    /// Whether the style that is wanted is shown.
+    pub(super) fn is_settled(&self) -> bool {
+        self.wanted.is_none() && matches!(self.stage, Stage::Idle)
+    }
+
+    /// Whether a fade is under way at `now`.
+    pub(super) fn is_fading(&self, now: Duration) -> bool {
+        now < self.fading_until
+    }
+
+    /// Replaces the colors of the style that is shown by better ones.
+    pub(super) fn improve(&mut self, wish: &mut ColorWish, colors: &Arc<[[f32; 3]]>, fading_until: Duration) {
+        wish.set(ColorSource::Rgb(Arc::clone(colors)));
+        self.fading_until = fading_until;
     }
 
     /// Whether there is nothing to do until something changes or the render world reports.

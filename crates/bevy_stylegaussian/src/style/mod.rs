@@ -3,7 +3,7 @@
 //! A changed [`StyleSource`], or a changed asset that it names, makes the entity's [`job`] want a new style. The job waits
 //! for the assets and has images encoded ([`images`]). Then a task folds the style into the decoder's weights and, on the
 //! CPU backend, decodes the colors too ([`request`]). The result becomes the entity's
-//! [`ColorWish`](crate::colors::ColorWish). Folded weights are decoded on the GPU by the style pass ([`pass`]).
+//! [`ColorWish`](crate::colors::ColorWish). A shown style may be baked further ([`refine`]). Folded weights are decoded on the GPU by the style pass ([`pass`]).
 
 use bevy::{
     core_pipeline::schedule::camera_driver,
@@ -23,6 +23,7 @@ mod inputs;
 mod job;
 mod packed;
 mod pass;
+mod refine;
 mod request;
 mod settings;
 mod source;
@@ -32,7 +33,8 @@ mod tests;
 pub use applied::AppliedStyle;
 pub use asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
 pub use error::StyleError;
-pub use event::{StyleApplied, StyleFailed};
+pub use event::{StyleApplied, StyleFailed, StyleRefined};
+pub use refine::StyleRefine;
 pub use settings::{StyleBackend, StyleBudget, StyleEncoder};
 pub use source::{StyleDecoder, StyleInput, StyleSource, WeightedStyle};
 
@@ -54,7 +56,10 @@ impl Plugin for StylePlugin {
             .init_resource::<StyleEncoder>()
             .init_resource::<images::ImageStatistics>()
             .init_resource::<packed::PackedInputs>()
+            .init_resource::<refine::Engine>()
+            .init_resource::<refine::RefineThreads>()
             .add_message::<StyleApplied>()
+            .add_message::<StyleRefined>()
             .add_message::<StyleFailed>()
             .add_systems(
                 PostUpdate,
@@ -67,6 +72,9 @@ impl Plugin for StylePlugin {
                     job::drop_removed_styles,
                     job::read_gpu_reports,
                     job::advance_jobs,
+                    // After the styles: a style that has just been applied is refined, and a changed one no longer.
+                    refine::want_refinements,
+                    refine::advance_refinements,
                 )
                     .chain()
                     .in_set(StyleGaussianSystems::Styles),
@@ -99,7 +107,9 @@ fn register_types(app: &mut App) {
         .register_type::<StyleBackend>()
         .register_type::<StyleBudget>()
         .register_type::<StyleEncoder>()
+        .register_type::<StyleRefine>()
         .register_type::<StyleApplied>()
+        .register_type::<StyleRefined>()
         .register_type::<StyleFailed>()
         .register_type::<AppliedStyle>();
 }

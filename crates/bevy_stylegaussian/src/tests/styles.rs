@@ -380,7 +380,7 @@ fn public_types_are_registered() {
             assert!(registry.get(std::any::TypeId::of::<face::$name>()).is_some(), stringify!($name));
         )*};
     }
-    check!(ReflectComponent: GaussianSplats, StyleSource, StyleTransition, StyleDecoder, AppliedStyle, SplatTonemapping, SplatSortKey);
+    check!(ReflectComponent: GaussianSplats, StyleSource, StyleRefine, StyleTransition, StyleDecoder, AppliedStyle, SplatTonemapping, SplatSortKey);
     check!(ReflectResource: StyleBackend, StyleBudget, StyleEncoder);
     check!(
         GaussianScene,
@@ -391,5 +391,5 @@ fn public_types_are_registered() {
         StyleInput,
         WeightedStyle
     );
-    check!(StyleApplied, StyleFailed, GaussianSceneFailed);
+    check!(StyleApplied, StyleRefined, StyleFailed, GaussianSceneFailed);
 }

@@ -1,0 +1,79 @@
+//! The bake behind refining, as an interface: tests replace it by one that takes no time.
+
+use std::sync::Arc;
+
+use bevy::prelude::*;
+use stylegaussian::Scene;
+use stylegaussian_bake::{BakeConfig, BakeError, Baker, LossNetwork};
+use stylegaussian_encoder::Image as Painting;
+
+use crate::style::error::StyleError;
+
+/// A bake under way.
+pub(super) trait Baking {
+    /// One step.
+    fn step(&mut self, scene: &Scene);
+
+    /// The colors so far `[N]`, in scene order.
+    fn colors(&self) -> &[[f32; 3]];
+}
+
+/// Begins a bake of a scene toward paintings and their weights, which will take this number of steps.
+type Begin = dyn Fn(&Scene, Vec<(Painting, f32)>, u32) -> Result<Box<dyn Baking>, StyleError> + Send + Sync;
+
+/// The function that begins bakes.
+#[derive(Resource, Clone)]
+pub(crate) struct Engine(pub(super) Arc<Begin>);
+
+impl Engine {
+    /// Begins a bake. Takes a while: not for the main thread.
+    ///
+    /// # Errors
+    /// If scene and paintings cannot be baked.
+    pub(super) fn begin(
+        &self,
+        scene: &Scene,
+        paintings: Vec<(Painting, f32)>,
+        steps: u32,
+    ) -> Result<Box<dyn Baking>, StyleError> {
+        (self.0)(scene, paintings, steps)
+    }
+}
+
+impl Default for Engine {
+    fn default() -> Self {
+        Self(Arc::new(|scene, paintings, steps| {
+            let config = BakeConfig { steps, ..BakeConfig::default() };
+            let failed = |error: BakeError| StyleError::Refine(error.to_string());
+            let baker = Baker::new(config, scene, &[], &paintings, loss_network()?).map_err(failed)?;
+            Ok(Box::new(baker))
+        }))
+    }
+}
+
+impl Baking for Baker {
+    fn step(&mut self, scene: &Scene) {
+        // Losses are for people who watch a bake.
+        let _ = Baker::step(self, scene);
+    }
+
+    fn colors(&self) -> &[[f32; 3]] {
+        Baker::colors(self)
+    }
+}
+
+/// The network that compares pictures with paintings.
+///
+/// # Errors
+/// If it is not compiled in.
+#[cfg(feature = "bundled_models")]
+fn loss_network() -> Result<LossNetwork, StyleError> {
+    use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
+
+    LossNetwork::distilled(ENCODER_NAME, ENCODER).map_err(|error| StyleError::Refine(error.to_string()))
+}
+
+#[cfg(not(feature = "bundled_models"))]
+fn loss_network() -> Result<LossNetwork, StyleError> {
+    Err(StyleError::Refine("the plugin was built without the feature `bundled_models`".into()))
+}

@@ -1,0 +1,217 @@
+//! Refining: a style that is shown is baked further in the background, and better looks replace it.
+//!
+//! [`StyleApplied`] makes an entity with [`StyleRefine`] want a bake. It begins once the paintings are loaded, runs in the
+//! threads of [`worker`], and ends early if anything else is wanted of the entity's style.
+
+use std::sync::Arc;
+
+use bevy::{ecs::system::SystemParam, prelude::*};
+use stylegaussian_bake::BakeConfig;
+
+use crate::{
+    colors::{ColorWish, StyleTransition},
+    scene::LoadedScene,
+};
+
+use super::{
+    applied::{AppliedColors, AppliedStyle},
+    error::StyleError,
+    event::{StyleApplied, StyleEvents},
+    images,
+    inputs::loaded,
+    job::{StyleJob, fade_duration},
+    source::{StyleInput, StyleSource, WeightedStyle},
+};
+
+mod engine;
+#[cfg(test)]
+mod tests;
+mod worker;
+
+pub(super) use engine::Engine;
+pub(super) use worker::RefineThreads;
+use worker::{Request, Running};
+
+/// Bakes an entity's style further in the background, from the moment at which it is shown. Better looks replace it, by a
+/// fade if the entity has a [`StyleTransition`](crate::StyleTransition). Without this component, styles stay as they are
+/// decoded.
+///
+/// The bake takes half a minute to minutes, on a quarter of the processor's cores and at a low priority. All entities
+/// share these threads, one after the other. It is canceled if the style, the scene or this component changes, and begins
+/// anew. It needs the paintings themselves: see [`paintings`](Self::paintings). A mix with a look is not refined, because a
+/// look is baked already. With the source's `content` c, the colors are c of the base color and 1 - c of what is baked.
+#[derive(Component, Clone, Debug, PartialEq, Reflect)]
+#[require(Refinement)]
+#[reflect(Component, Clone, Debug, Default, PartialEq)]
+pub struct StyleRefine {
+    /// Steps of the bake. If it is 0, nothing is refined.
+    pub steps: u32,
+    /// Number of times that a better look is shown, evenly spread over the steps; at least 1. The last one is complete.
+    pub n_shown: u32,
+    /// The paintings and their weights. If it is empty, they are the images of the entity's [`StyleSource`]. A source with
+    /// presets is refined only if paintings are given here, because presets hold statistics alone.
+    pub paintings: Vec<(Handle<Image>, f32)>,
+}
+
+impl Default for StyleRefine {
+    fn default() -> Self {
+        // As many steps as a bake takes by itself.
+        Self { steps: BakeConfig::default().steps, n_shown: 3, paintings: Vec::new() }
+    }
+}
+
+/// Progress of an entity's refinement.
+#[derive(Component, Default)]
+pub(crate) enum Refinement {
+    /// Nothing is to be refined.
+    #[default]
+    Idle,
+    /// The style that is shown is to be refined.
+    Wanted,
+    /// A bake is under way. Dropping it cancels it.
+    Running(Running),
+}
+
+/// Wants a bake of every style that has just been applied, and if [`StyleRefine`] came or changed.
+pub(super) fn want_refinements(
+    mut applied: MessageReader<StyleApplied>,
+    mut refined: Query<(&mut Refinement, Ref<StyleRefine>)>,
+) {
+    for (mut refinement, refine) in &mut refined {
+        if refine.is_changed() {
+            *refinement = Refinement::Wanted;
+        }
+    }
+    for event in applied.read() {
+        if let Ok((mut refinement, _)) = refined.get_mut(event.entity) {
+            *refinement = Refinement::Wanted;
+        }
+    }
+}
+
+/// The components of an entity that may be refined. Those of its style are absent if it has none.
+type Refined = (
+    Entity,
+    &'static mut Refinement,
+    Option<&'static StyleRefine>,
+    Option<(
+        &'static StyleSource,
+        &'static mut StyleJob,
+        &'static mut ColorWish,
+        &'static LoadedScene,
+        Has<AppliedStyle>,
+        Option<&'static StyleTransition>,
+    )>,
+);
+
+/// Everything that a bake is begun with, except the entity's components.
+#[derive(SystemParam)]
+pub(super) struct Means<'w> {
+    images: Res<'w, Assets<Image>>,
+    server: Res<'w, AssetServer>,
+    engine: Res<'w, Engine>,
+    threads: Res<'w, RefineThreads>,
+}
+
+/// Begins wanted bakes, cancels those that are out of date, and shows what they give.
+pub(super) fn advance_refinements(
+    mut entities: Query<Refined>,
+    means: Means,
+    time: Res<Time<Real>>,
+    mut events: StyleEvents,
+) {
+    let now = time.elapsed();
+    for (entity, mut refinement, refine, styled) in &mut entities {
+        if matches!(*refinement, Refinement::Idle) {
+            continue;
+        }
+        let (Some(refine), Some((source, mut job, mut wish, scene, is_styled, transition))) =
+            (refine, styled)
+        else {
+            *refinement = Refinement::Idle;
+            continue;
+        };
+        // Another style is wanted or under way. Once it is shown, it wants a bake of its own.
+        if !job.is_settled() || source.is_none() || !is_styled {
+            *refinement = Refinement::Idle;
+            continue;
+        }
+        match &mut *refinement {
+            Refinement::Idle => {}
+            Refinement::Wanted => match means.begin(refine, source, scene) {
+                Ok(Some(begun)) => *refinement = begun,
+                Ok(None) => {}
+                Err(error) => {
+                    *refinement = Refinement::Idle;
+                    events.failed(entity, error);
+                }
+            },
+            // A better look waits for the end of a fade, as styles do.
+            Refinement::Running(_) if job.is_fading(now) => {}
+            Refinement::Running(running) => match running.take() {
+                None => {}
+                Some(Err(error)) => {
+                    *refinement = Refinement::Idle;
+                    events.failed(entity, Arc::new(error));
+                }
+                Some(Ok(better)) => {
+                    job.improve(&mut wish, &better.colors, now.saturating_add(fade_duration(transition)));
+                    let colors = AppliedColors::Known(better.colors);
+                    let style = AppliedStyle { scene: Arc::clone(scene.scene()), colors };
+                    let is_complete = better.steps == refine.steps;
+                    events.refined(entity, style, better.steps, is_complete);
+                    if is_complete {
+                        *refinement = Refinement::Idle;
+                    }
+                }
+            },
+        }
+    }
+}
+
+impl Means<'_> {
+    /// The bake of a style, or `Ok(None)` while a painting is being loaded.
+    fn begin(
+        &self,
+        refine: &StyleRefine,
+        source: &StyleSource,
+        scene: &LoadedScene,
+    ) -> Result<Option<Refinement>, Arc<StyleError>> {
+        let handles = paintings(refine, source);
+        if handles.is_empty() || refine.steps == 0 {
+            return Ok(Some(Refinement::Idle));
+        }
+        let mut paintings = Vec::with_capacity(handles.len());
+        for (handle, weight) in handles {
+            let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
+            let name = images::name(handle);
+            let image = images::pixels(image)
+                .map_err(|found| Arc::new(StyleError::Image { image: name.clone(), found }))?;
+            paintings.push((name, image, weight));
+        }
+        let request = Request {
+            scene: Arc::clone(scene.scene()),
+            paintings,
+            steps: refine.steps,
+            n_shown: refine.n_shown.max(1),
+            content: f64::from(source.content),
+        };
+        Ok(Some(Refinement::Running(self.threads.run(&self.engine, request))))
+    }
+}
+
+/// The paintings that a style is baked toward, and their weights. None if it cannot be refined.
+fn paintings<'a>(refine: &'a StyleRefine, source: &'a StyleSource) -> Vec<(&'a Handle<Image>, f32)> {
+    let used = || source.styles.iter().filter(|style| style.weight > 0.0);
+    if used().any(|style| matches!(style.input, StyleInput::Look(_))) {
+        return Vec::new();
+    }
+    if !refine.paintings.is_empty() {
+        return refine.paintings.iter().map(|(handle, weight)| (handle, *weight)).collect();
+    }
+    let image = |style: &'a WeightedStyle| match &style.input {
+        StyleInput::Image(image) => Some((image, style.weight)),
+        StyleInput::Preset(_) | StyleInput::Look(_) => None,
+    };
+    used().map(image).collect::<Option<_>>().unwrap_or_default()
+}
