@@ -27,6 +27,7 @@ pub mod fold;
 pub mod morton;
 pub mod neighbors;
 pub mod noise;
+pub mod paint;
 pub mod random;
 pub mod recolor;
 pub mod scene;

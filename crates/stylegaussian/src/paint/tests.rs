@@ -1,0 +1,1 @@
+//! Tests of paint as a whole, on a wall of small Gaussians.
