@@ -109,6 +109,15 @@ impl<'a> Reader<'a> {
         Ok(tensor.data().chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
     }
 
+    /// A tensor of bytes, and its shape.
+    pub(super) fn bytes(&self, name: &str, shape: &[Dimension]) -> Result<(Vec<u8>, Vec<usize>), Mismatch> {
+        let tensor = self.tensor(name, shape)?;
+        if tensor.dtype() != Dtype::U8 {
+            return Err(mismatch(format_args!("`{name}` of type {:?}", tensor.dtype()), "U8"));
+        }
+        Ok((tensor.data().to_vec(), tensor.shape().to_vec()))
+    }
+
     fn tensor(&self, name: &str, shape: &[Dimension]) -> Result<TensorView<'a>, Mismatch> {
         let expected = || {
             let sizes: Vec<String> = shape.iter().map(Dimension::to_string).collect();
@@ -182,6 +191,8 @@ enum Values<'a> {
     F16(&'a [f32]),
     /// Written as they are.
     U32(&'a [u32]),
+    /// Written as they are.
+    U8(&'a [u8]),
     /// f32, each made from its flat index when it is written.
     Made(Box<dyn Fn(usize) -> f32 + 'a>),
 }
@@ -192,6 +203,7 @@ impl Values<'_> {
             Self::F32(_) | Self::Made(_) => Dtype::F32,
             Self::F16(_) => Dtype::F16,
             Self::U32(_) => Dtype::U32,
+            Self::U8(_) => Dtype::U8,
         }
     }
 
@@ -204,6 +216,7 @@ impl Values<'_> {
             Self::F32(values) => bytes.extend(values[range].iter().flat_map(|value| value.to_le_bytes())),
             Self::F16(values) => bytes.extend(values[range].iter().flat_map(half)),
             Self::U32(values) => bytes.extend(values[range].iter().flat_map(|value| value.to_le_bytes())),
+            Self::U8(values) => bytes.extend(&values[range]),
             Self::Made(value) => bytes.extend(range.flat_map(|index| value(index).to_le_bytes())),
         }
     }
@@ -250,6 +263,11 @@ impl<'a> Writer<'a> {
     /// Adds a u32 tensor.
     pub(super) fn u32(&mut self, name: impl Into<String>, shape: &[usize], values: &'a [u32]) {
         self.add(name.into(), shape, Values::U32(values));
+    }
+
+    /// Adds a tensor of bytes.
+    pub(super) fn u8(&mut self, name: impl Into<String>, shape: &[usize], values: &'a [u8]) {
+        self.add(name.into(), shape, Values::U8(values));
     }
 
     /// Adds an f32 tensor that is too large for memory. `value` computes each number from its flat index.

@@ -15,6 +15,9 @@ const BLURS: [f32; 5] = [0.0, 1.0, 2.0, 4.0, 8.0];
 /// Standard deviation of the painting's color as opposed to its detail, in pixels: strokes are detail.
 const LOW: f32 = 12.0;
 
+/// Factor of the finest detail beyond 1, against the blur of drawing.
+const CRISPNESS: f32 = 1.0;
+
 /// Standard deviation of a place's color, in pixels: a place is read about this far around.
 const PLACE_BLUR: f32 = 6.0;
 
@@ -27,7 +30,7 @@ struct Picture {
 
 /// A painting prepared for reading.
 pub(super) struct Canvas {
-    blurred: Vec<Picture>,
+    copies: Vec<Picture>,
     low: Picture,
     /// Columns and rows of places.
     pub n_places: (usize, usize),
@@ -61,7 +64,7 @@ impl Canvas {
             place_colors: places.clone().map(|place| at_place(&place_blur, place)).collect(),
             strokes: places.map(|place| stroke(at_place(&tensors, place))).collect(),
             n_places,
-            blurred,
+            copies: blurred,
             low,
         }
     }
@@ -75,14 +78,20 @@ impl Canvas {
     /// `sigma` pixels. Beyond its edges the painting is mirrored.
     pub fn read(&self, at: Vec2, sigma: f32) -> (Vec3, Vec3) {
         let low = self.low.sample(at);
+        let value = self.blurred(at, sigma);
+        // Drawing will blur the detail by the Gaussian's own size. What the next blur would take is added once more.
+        let crisp = value + CRISPNESS * (value - self.blurred(at, 2.0 * sigma.max(0.5)));
+        (low, crisp - low)
+    }
+
+    /// The painting at `at`, blurred by `sigma` pixels.
+    fn blurred(&self, at: Vec2, sigma: f32) -> Vec3 {
         // Copies double their blur from 1 on, and there is one without.
         let level = if sigma < 0.5 { 0.0 } else { (sigma.log2() + 1.0).clamp(0.0, (BLURS.len() - 1) as f32) };
         let sharper = (level as usize).min(BLURS.len() - 2);
         let between = level - sharper as f32;
-        let sharp = self.blurred[sharper].sample(at);
-        let value =
-            if between > 0.0 { sharp.lerp(self.blurred[sharper + 1].sample(at), between) } else { sharp };
-        (low, value - low)
+        let sharp = self.copies[sharper].sample(at);
+        if between > 0.0 { sharp.lerp(self.copies[sharper + 1].sample(at), between) } else { sharp }
     }
 
     /// The center of a place, in pixels.

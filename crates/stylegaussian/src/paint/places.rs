@@ -11,8 +11,12 @@ use super::{
 };
 use crate::{noise::noise, scene::Scene, statistics};
 
-/// Weight of colors (0..1) beside features, whose distance from the mean is 1 on average.
+/// Weight of colors (0..1).
 const COLOR_WEIGHT: f32 = 3.0;
+
+/// Weight of features, whose distance from their mean is 1 on average. More of it picks the painting's smooth places for
+/// smooth surfaces, and with them little paint.
+const FEATURE_WEIGHT: f32 = 0.5;
 
 /// Rounds of coherence. A place spreads by one seed a round, so strokes run on over six seeds at most.
 const ROUNDS: u32 = 6;
@@ -160,7 +164,7 @@ impl Features {
         let n_places = painting.places.len() / width.max(1);
         let square: f32 = painting.places.iter().map(|value| value * value).sum();
         // Places are on average at distance 1 from their mean. A painting of one color has none.
-        let scale = 1.0 / (square / n_places.max(1) as f32).sqrt().max(1e-3);
+        let scale = FEATURE_WEIGHT / (square / n_places.max(1) as f32).sqrt().max(1e-3);
         let seed = |row: &[f32]| -> Vec<f32> {
             let centered: Vec<f32> = row.iter().zip(&mean).map(|(value, mean)| value - mean).collect();
             axes.chunks_exact(n_latent).map(|axis| scale * dot(axis, &centered)).collect()

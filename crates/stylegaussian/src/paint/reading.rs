@@ -28,7 +28,7 @@ pub struct Brush {
 impl Default for Brush {
     /// Chosen by eye and by measure among a dozen (docs/notes/paint_experiments.md).
     fn default() -> Self {
-        Self { paint: 2.8, scene: 0.3, local_color: 0.5 }
+        Self { paint: 2.0, scene: 0.3, local_color: 0.5 }
     }
 }
 

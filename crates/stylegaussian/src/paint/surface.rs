@@ -6,7 +6,7 @@ use super::{frames::Frames, seeds::Seeds, sight::Sight};
 use crate::{neighbors::Neighbors, recolor::ColorMoments, scene::Scene};
 
 /// Distance of seeds, in pixels of the painting: about the length of a stroke in a painting of 512 pixels.
-const SPACING: f32 = 20.0;
+const SPACING: f32 = 28.0;
 
 /// Neighbors that normals and directions are averaged over.
 const N_NEIGHBORS: usize = 8;
