@@ -8,11 +8,12 @@ use serde::Serialize;
 use stylegaussian::{
     ChannelStatistics, Scene, file,
     fold::{self, StylizeError},
+    paint::{Brush, Paint, Surface, repaint},
 };
-use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
+use stylegaussian_encoder::{Encoder, Image, StyleSize, painted_style};
 
 use crate::{
-    arguments::{Backend, WeightedPath, fraction},
+    arguments::{Backend, WeightedPath, fraction, stroke_scale},
     choose::{self, NamedDecoder, check_encoders, open_encoder},
     compute::Compute,
     terminal::{usage_error, warn},
@@ -34,6 +35,13 @@ pub struct StylizationArgs {
     /// the file in STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
+    /// Let the decoder alone choose the colors, as in the paper. Without this, surfaces are painted with the painting's
+    /// own strokes, unless --decoder is given or a style file carries no paint.
+    #[arg(long)]
+    decoder_only: bool,
+    /// Size of the strokes, as a factor. 1: as in the painting, if the scene is seen at 512 pixels.
+    #[arg(long, value_name = "FACTOR", default_value = "1", value_parser = stroke_scale)]
+    stroke_scale: f32,
     /// Where to compute. If `gpu` is given and there is no GPU, the command fails.
     #[arg(long, value_enum, default_value = "auto")]
     backend: Backend,
@@ -48,8 +56,10 @@ pub struct Stylization {
     /// Each style's path and normalized weight.
     styles: Vec<Share>,
     content: f64,
-    /// The decoder's path, `scene` or `default`.
+    /// The decoder's path, `scene` or `default`. If surfaces are painted, only its encoder is checked.
     decoder: String,
+    /// Whether surfaces are painted with the paintings' own strokes.
+    painted: bool,
     /// The device: `cpu` or `gpu`.
     backend: &'static str,
     /// The GPU's name.
@@ -95,44 +105,56 @@ impl StylizationArgs {
         let features =
             features.ok_or(StylizeError::NoFeatures).with_context(|| scene_path.display().to_string())?;
         let NamedDecoder { decoder, name: decoder_name } = choose::decoder(self.decoder.as_deref(), scene)?;
-        let statistics = self.statistics()?;
+        let styles = self.read_styles()?;
 
         let mut parts = vec![
             (scene_path.display().to_string(), features.encoder.as_ref()),
             (format!("the decoder ({decoder_name})"), decoder.encoder.as_ref()),
         ];
-        let styles = self.styles.iter().zip(&statistics);
+        let named = self.styles.iter().zip(&styles);
         parts.extend(
-            styles.map(|(style, statistics)| (style.path.display().to_string(), statistics.encoder.as_ref())),
+            named.map(|(style, (statistics, _))| {
+                (style.path.display().to_string(), statistics.encoder.as_ref())
+            }),
         );
         let warnings = check_encoders(&parts)?;
         warn(&warnings);
 
         // Above 0: `open` has checked it.
         let total = self.total_weight();
-        let weighted: Vec<_> = statistics
+        let weights = || self.styles.iter().map(|style| style.weight / total);
+        let paints: Vec<_> = styles
             .iter()
-            .zip(&self.styles)
-            .map(|(statistics, style)| (statistics, style.weight / total))
+            .zip(weights())
+            .filter_map(|((_, paint), weight)| Some((paint.as_ref()?, weight)))
             .collect();
-        let colors = fold::transfer(features, &weighted, self.content)
-            .map_err(anyhow::Error::from)
-            .and_then(|map| compute.stylize(scene, &decoder, &map))
-            .with_context(|| format!("{} with decoder {decoder_name}", scene_path.display()))?;
+        let painted = !self.decoder_only && self.decoder.is_none() && paints.len() == styles.len();
+        let colors = if painted {
+            let surface = Surface::new(scene, self.stroke_scale);
+            repaint(scene, &surface, &paints, self.content, Brush::default())
+        } else {
+            let weighted: Vec<_> = styles.iter().map(|(statistics, _)| statistics).zip(weights()).collect();
+            fold::transfer(features, &weighted, self.content)
+                .map_err(anyhow::Error::from)
+                .and_then(|map| compute.stylize(scene, &decoder, &map))
+                .with_context(|| format!("{} with decoder {decoder_name}", scene_path.display()))?
+        };
         let share = |style: &WeightedPath| Share { path: style.path.clone(), weight: style.weight / total };
         Ok(Stylization {
             colors,
             styles: self.styles.iter().map(share).collect(),
             content: self.content,
             decoder: decoder_name,
-            backend: compute.name(),
+            painted,
+            // Paint is laid on by the CPU, wherever the pictures are drawn.
+            backend: if painted { "cpu" } else { compute.name() },
             adapter: compute.adapter(),
             warnings,
         })
     }
 
-    /// Statistics of each style, in order. The encoder is opened only if an image needs it.
-    fn statistics(&self) -> Result<Vec<ChannelStatistics>> {
+    /// Statistics and paint of each style, in order. The encoder is opened only if an image needs it.
+    fn read_styles(&self) -> Result<Vec<(ChannelStatistics, Option<Paint>)>> {
         let is_file = |path: &Path| {
             path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("safetensors"))
         };
@@ -142,19 +164,20 @@ impl StylizationArgs {
         };
         let of_style = |style: &WeightedPath| match &encoder {
             Some(encoder) if !is_file(&style.path) => {
-                image_statistics(encoder, &style.path, StyleSize::default())
+                let (statistics, paint) = image_style(encoder, &style.path, StyleSize::default())?;
+                Ok((statistics, Some(paint)))
             }
-            _ => Ok(file::read_style(&style.path)?),
+            _ => Ok((file::read_style(&style.path)?, file::read_paint(&style.path)?)),
         };
         self.styles.iter().map(of_style).collect()
     }
 }
 
-/// Style statistics of the image at `path`.
+/// Style statistics and paint of the image at `path`.
 ///
 /// # Errors
 /// If the image cannot be read or encoded.
-pub fn image_statistics(encoder: &Encoder, path: &Path, size: StyleSize) -> Result<ChannelStatistics> {
+pub fn image_style(encoder: &Encoder, path: &Path, size: StyleSize) -> Result<(ChannelStatistics, Paint)> {
     let image = Image::open(path)?;
-    style_statistics(encoder, &image, size).with_context(|| path.display().to_string())
+    painted_style(encoder, &image, size).with_context(|| path.display().to_string())
 }

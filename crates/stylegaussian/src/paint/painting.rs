@@ -42,6 +42,26 @@ pub struct PaintFeatures {
 }
 
 impl Paint {
+    /// The columns and rows at which a painting of `width` x `height` pixels is kept: shrunk to at most [`MAX_PIXELS`] with
+    /// its proportions, and never enlarged.
+    pub fn size_of(width: u32, height: u32) -> (u32, u32) {
+        let n_pixels = f64::from(width) * f64::from(height);
+        let factor = (MAX_PIXELS as f64 / n_pixels).sqrt();
+        if factor >= 1.0 {
+            return (width, height);
+        }
+        // Rounded down, because two sides rounded up could exceed the limit. A line keeps one pixel of width.
+        let shrink = |side: u32| ((f64::from(side) * factor) as u32).clamp(1, MAX_PIXELS as u32);
+        (shrink(width), shrink(height))
+    }
+
+    /// A painting of display-referred RGB 0..1, row-major `[height, width, 3]`, without features.
+    pub fn new(width: usize, height: usize, rgb: &[f32]) -> Self {
+        // The cast saturates, and makes 0 of NaN.
+        let pixels = rgb.iter().map(|value| (value * 255.0).round() as u8).collect();
+        Self { width, height, pixels, features: None }
+    }
+
     /// Columns and rows of places.
     pub fn n_places(&self) -> (usize, usize) {
         (self.width.div_ceil(PLACE), self.height.div_ceil(PLACE))
@@ -183,6 +203,20 @@ mod tests {
             features.places.chunks_exact(3).map(|place| place[0] * first[0].signum()).collect();
         for (found, x) in along.iter().zip([-3.0, -1.0, 1.0, 3.0_f32]) {
             assert!((found - x * (2.0_f32 / 5.0).sqrt()).abs() < 1e-4, "{along:?}");
+        }
+    }
+
+    #[test]
+    fn paintings_are_kept_below_the_limit() {
+        assert_eq!(Paint::size_of(512, 512), (512, 512));
+        assert_eq!(Paint::size_of(2048, 512), (1024, 256));
+        assert_eq!(Paint::size_of(3, 7), (3, 7));
+        for (width, height) in [(16_000, 40), (1000, 741), (16_384, 4096), (1 << 20, 1), (1, 1 << 20)] {
+            let (width, height) = Paint::size_of(width, height);
+            assert!(
+                width as usize * height as usize <= MAX_PIXELS && width.min(height) > 0,
+                "{width}x{height}"
+            );
         }
     }
 

@@ -127,8 +127,8 @@ fn shares(nearest: &[(f32, u32)], spacing: f32) -> [(u32, f32); N_READ] {
     let mut shares = [(seed, 0.0); N_READ];
     let reach = first + SEAM * spacing;
     for (share, &(distance, seed)) in shares.iter_mut().zip(nearest) {
-        // A cube: seams are narrow, since a mean of two strokes is no stroke.
-        *share = (seed, (1.0 - distance / reach).max(0.0).powi(3));
+        // A high power: seams are narrow, since a mean of two strokes is no stroke.
+        *share = (seed, (1.0 - distance / reach).max(0.0).powi(8));
     }
     let total: f32 = shares.iter().map(|(_, weight)| weight).sum();
     // The nearest seed's weight is above 0 unless distances overflow.
