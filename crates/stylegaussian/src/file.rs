@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use crate::{decoder::Decoder, look::Look, scene::Scene, statistics::ChannelStatistics};
+use crate::{decoder::Decoder, look::Look, paint::Paint, scene::Scene, statistics::ChannelStatistics};
 
 mod activate;
 mod atomic;
@@ -183,6 +183,33 @@ pub fn look_from_bytes(bytes: &[u8], name: &str) -> Result<Look, FileError> {
 pub fn write_look(path: &Path, look: &Look) -> Result<(), FileError> {
     let tensors = look::prepare(look).map_err(|mismatch| mismatch.at(path))?;
     write_atomically(path, |out| tensors.write(out))
+}
+
+/// Writes a style with the paint of its painting (`*.style.safetensors`). [`read_style`] reads its statistics and
+/// [`read_paint`] its paint.
+///
+/// # Errors
+/// As [`write_style`], or if the paint's shapes do not fit one another.
+pub fn write_painted_style(path: &Path, style: &ChannelStatistics, paint: &Paint) -> Result<(), FileError> {
+    let mut tensors = style::prepare(style).map_err(|mismatch| mismatch.at(path))?;
+    style::add_paint(&mut tensors, paint).map_err(|mismatch| mismatch.at(path))?;
+    write_atomically(path, |out| tensors.write(out))
+}
+
+/// Reads the paint of a style (`*.style.safetensors`), or `None` if it carries none.
+///
+/// # Errors
+/// If the file cannot be read, is no style, or its paint contradicts itself.
+pub fn read_paint(path: &Path) -> Result<Option<Paint>, FileError> {
+    style::paint_from_bytes(&read_bytes(path)?).map_err(|mismatch| mismatch.at(path))
+}
+
+/// Reads the paint of a style from the bytes of a `*.style.safetensors`. Errors call the file `name`.
+///
+/// # Errors
+/// As [`read_paint`].
+pub fn paint_from_bytes(bytes: &[u8], name: &str) -> Result<Option<Paint>, FileError> {
+    style::paint_from_bytes(bytes).map_err(|mismatch| mismatch.at(Path::new(name)))
 }
 
 /// The extension in lower case, or an empty text if there is none.

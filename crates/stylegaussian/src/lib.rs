@@ -28,6 +28,7 @@ pub mod look;
 pub mod morton;
 pub mod neighbors;
 pub mod noise;
+pub mod paint;
 pub mod random;
 pub mod recolor;
 pub mod scene;

@@ -3,7 +3,7 @@
 use std::f32::consts::TAU;
 
 use crate::{random::Random, splat::RenderedImage};
-use glam::{DMat3, DQuat, DVec3, EulerRot};
+use glam::{DMat3, DQuat, DVec3, EulerRot, Vec3};
 
 /// Added to the variances of colors: the square of a display's step. Without it, the covariance of a gray scene or
 /// painting could not be inverted.
@@ -19,13 +19,18 @@ pub struct ColorMoments {
 
 impl ColorMoments {
     fn new(colors: impl Iterator<Item = DVec3>) -> Self {
+        Self::weighted(colors.map(|color| (color, 1.0)))
+    }
+
+    fn weighted(colors: impl Iterator<Item = (DVec3, f64)>) -> Self {
         let (mut n, mut sum, mut products) = (0.0, DVec3::ZERO, DMat3::ZERO);
-        for color in colors {
-            n += 1.0;
-            sum += color;
-            products += outer(color);
+        for (color, weight) in colors {
+            n += weight;
+            sum += color * weight;
+            products += outer(color) * weight;
         }
-        let n = f64::max(n, 1.0);
+        // Without any weight the sums are 0, and so are the moments.
+        let n = if n > 0.0 { n } else { 1.0 };
         let mean = sum / n;
         let floor = DMat3::from_diagonal(DVec3::splat(VARIANCE_FLOOR));
         // One pass in f64: colors are within 0..1 or near it, so cancellation costs few of 16 digits, and the floor
@@ -42,6 +47,11 @@ impl ColorMoments {
     pub fn of_pixels(pixels: impl Iterator<Item = ([f32; 3], f32)>) -> Self {
         let covered = pixels.filter(|(_, alpha)| *alpha > 0.5);
         Self::new(covered.map(|(color, alpha)| vector(color.map(|channel| channel / alpha))))
+    }
+
+    /// Moments of colors, each with its weight. Weights are 0 or more.
+    pub fn of_weighted(colors: impl Iterator<Item = (Vec3, f32)>) -> Self {
+        Self::weighted(colors.map(|(color, weight)| (color.as_dvec3(), f64::from(weight))))
     }
 
     /// Moments of a random palette: a mean away from the ends of the range, and deviations along three random axes. The

@@ -66,6 +66,12 @@ pub fn fraction(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A factor of the size of strokes. Beyond a hundred, one stroke covers a scene, or none is seen.
+pub fn stroke_scale(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|number| (0.01..=100.0).contains(number));
+    number.ok_or_else(|| "expected a number from 0.01 to 100".into())
+}
+
 /// A number from 0 to 1, without 1.
 pub fn less_than_1(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|number| (0.0..1.0).contains(number));

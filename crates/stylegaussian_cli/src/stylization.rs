@@ -10,11 +10,12 @@ use stylegaussian::{
     ChannelStatistics, Scene, file,
     fold::{self, StylizeError},
     look::{self, MadeFrom, Painting},
+    paint::{Brush, Paint, Surface, repaint},
 };
-use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
+use stylegaussian_encoder::{Encoder, Image, StyleSize, painted_style};
 
 use crate::{
-    arguments::{Backend, WeightedPath, fraction},
+    arguments::{Backend, WeightedPath, fraction, stroke_scale},
     choose::{self, NamedDecoder, check_encoders, open_encoder},
     compute::Compute,
     terminal::{usage_error, warn},
@@ -42,6 +43,13 @@ pub struct StylizationArgs {
     /// the file in STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
+    /// Let the decoder alone choose the colors, as in the paper. Without this, surfaces are painted with the painting's
+    /// own strokes, unless --decoder is given or a style file carries no paint.
+    #[arg(long)]
+    decoder_only: bool,
+    /// Size of the strokes, as a factor. 1: as in the painting, if the scene is seen at 512 pixels.
+    #[arg(long, value_name = "FACTOR", default_value = "1", value_parser = stroke_scale)]
+    stroke_scale: f32,
     /// Where to compute. If `gpu` is given and there is no GPU, the command fails.
     #[arg(long, value_enum, default_value = "auto")]
     backend: Backend,
@@ -58,8 +66,11 @@ pub struct Stylization {
     /// Each look's path and its share of the mix.
     looks: Vec<Share>,
     content: f64,
-    /// The decoder's path, `scene` or `default`; nothing if there are only looks.
+    /// The decoder's path, `scene` or `default`; nothing if there are only looks. If surfaces are painted, only its
+    /// encoder is checked.
     decoder: Option<String>,
+    /// Whether surfaces are painted with the paintings' own strokes.
+    painted: bool,
     /// The device: `cpu` or `gpu`.
     backend: &'static str,
     /// The GPU's name.
@@ -88,6 +99,7 @@ impl Stylization {
 struct Decoded {
     colors: Vec<[f32; 3]>,
     decoder: String,
+    painted: bool,
     warnings: Vec<String>,
 }
 
@@ -134,9 +146,11 @@ impl StylizationArgs {
             true => Some(self.decode(scene, scene_path, compute)?),
             false => None,
         };
-        let (decoded, decoder, warnings) = match decoded {
-            Some(Decoded { colors, decoder, warnings }) => (Some(colors), Some(decoder), warnings),
-            None => (None, None, Vec::new()),
+        let (decoded, decoder, painted, warnings) = match decoded {
+            Some(Decoded { colors, decoder, painted, warnings }) => {
+                (Some(colors), Some(decoder), painted, warnings)
+            }
+            None => (None, None, false, Vec::new()),
         };
         let colors = match decoded {
             Some(colors) if looks.is_empty() => colors,
@@ -152,7 +166,9 @@ impl StylizationArgs {
             looks: self.looks.iter().map(share).collect(),
             content: self.content,
             decoder,
-            backend: compute.name(),
+            painted,
+            // Paint is laid on by the CPU, wherever the pictures are drawn.
+            backend: if painted { "cpu" } else { compute.name() },
             adapter: compute.adapter(),
             warnings,
         })
@@ -165,33 +181,49 @@ impl StylizationArgs {
         let features =
             features.ok_or(StylizeError::NoFeatures).with_context(|| scene_path.display().to_string())?;
         let NamedDecoder { decoder, name } = choose::decoder(self.decoder.as_deref(), scene)?;
-        let statistics = self.statistics()?;
+        let styles = self.read_styles()?;
 
         let mut parts = vec![
             (scene_path.display().to_string(), features.encoder.as_ref()),
             (format!("the decoder ({name})"), decoder.encoder.as_ref()),
         ];
-        let styles = self.styles.iter().zip(&statistics);
+        let named = self.styles.iter().zip(&styles);
         parts.extend(
-            styles.map(|(style, statistics)| (style.path.display().to_string(), statistics.encoder.as_ref())),
+            named.map(|(style, (statistics, _))| {
+                (style.path.display().to_string(), statistics.encoder.as_ref())
+            }),
         );
         let warnings = check_encoders(&parts)?;
         warn(&warnings);
 
-        let weighted: Vec<_> = statistics
-            .iter()
-            .zip(&self.styles)
-            .map(|(statistics, style)| (statistics, style.weight))
-            .collect();
-        let colors = fold::transfer(features, &weighted, self.content)
-            .map_err(anyhow::Error::from)
-            .and_then(|map| compute.stylize(scene, &decoder, &map))
-            .with_context(|| format!("{} with decoder {name}", scene_path.display()))?;
-        Ok(Decoded { colors, decoder: name, warnings })
+        // Above 0: the caller has checked it.
+        let total = weight_of(&self.styles);
+        let weights = || self.styles.iter().map(|style| style.weight / total);
+        let paints = styles.iter().zip(weights());
+        let paints: Option<Vec<_>> =
+            paints.map(|((_, paint), weight)| Some((paint.as_ref()?, weight))).collect();
+        // A decoder that somebody trained for this scene, or asks for, is what they want to see.
+        let is_default = self.decoder.is_none() && scene.decoder.is_none();
+        let colors = match paints.filter(|_| is_default && !self.decoder_only) {
+            Some(paints) => {
+                let surface = Surface::new(scene, self.stroke_scale);
+                let colors = repaint(scene, &surface, &paints, self.content, Brush::default());
+                return Ok(Decoded { colors, decoder: name, painted: true, warnings });
+            }
+            None => {
+                let weighted: Vec<_> =
+                    styles.iter().map(|(statistics, _)| statistics).zip(weights()).collect();
+                fold::transfer(features, &weighted, self.content)
+                    .map_err(anyhow::Error::from)
+                    .and_then(|map| compute.stylize(scene, &decoder, &map))
+                    .with_context(|| format!("{} with decoder {name}", scene_path.display()))?
+            }
+        };
+        Ok(Decoded { colors, decoder: name, painted: false, warnings })
     }
 
-    /// Statistics of each style, in order. The encoder is opened only if an image needs it.
-    fn statistics(&self) -> Result<Vec<ChannelStatistics>> {
+    /// Statistics and paint of each style, in order. The encoder is opened only if an image needs it.
+    fn read_styles(&self) -> Result<Vec<(ChannelStatistics, Option<Paint>)>> {
         let is_file = |path: &Path| {
             path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("safetensors"))
         };
@@ -201,21 +233,22 @@ impl StylizationArgs {
         };
         let of_style = |style: &WeightedPath| match &encoder {
             Some(encoder) if !is_file(&style.path) => {
-                image_statistics(encoder, &style.path, StyleSize::default())
+                let (statistics, paint) = image_style(encoder, &style.path, StyleSize::default())?;
+                Ok((statistics, Some(paint)))
             }
-            _ => Ok(file::read_style(&style.path)?),
+            _ => Ok((file::read_style(&style.path)?, file::read_paint(&style.path)?)),
         };
         self.styles.iter().map(of_style).collect()
     }
 }
 
-/// Style statistics of the image at `path`.
+/// Style statistics and paint of the image at `path`.
 ///
 /// # Errors
 /// If the image cannot be read or encoded.
-pub fn image_statistics(encoder: &Encoder, path: &Path, size: StyleSize) -> Result<ChannelStatistics> {
+pub fn image_style(encoder: &Encoder, path: &Path, size: StyleSize) -> Result<(ChannelStatistics, Paint)> {
     let image = Image::open(path)?;
-    style_statistics(encoder, &image, size).with_context(|| path.display().to_string())
+    painted_style(encoder, &image, size).with_context(|| path.display().to_string())
 }
 
 /// Colors `[N]` of the look at `path`, in the order of `scene`, which `scene_path` names in errors.

@@ -1,7 +1,7 @@
 //! Statistics of a style image, which AdaIN matches.
 
 use image::imageops::FilterType;
-use stylegaussian::ChannelStatistics;
+use stylegaussian::{ChannelStatistics, paint::Paint};
 
 use crate::{Encoder, EncoderError, FeatureMap, Image, encoder::MIN_SIDE};
 
@@ -75,6 +75,29 @@ pub fn style_statistics(
 ) -> Result<ChannelStatistics, EncoderError> {
     let statistics = style_features(encoder, image, size)?.statistics();
     Ok(ChannelStatistics { encoder: Some(encoder.id().clone()), ..statistics })
+}
+
+/// [`style_statistics`] and the painting's own paint, from one run of the encoder.
+///
+/// # Errors
+/// As [`Encoder::encode`].
+pub fn painted_style(
+    encoder: &Encoder,
+    image: &Image,
+    size: StyleSize,
+) -> Result<(ChannelStatistics, Paint), EncoderError> {
+    let features = style_features(encoder, image, size)?;
+    let statistics = ChannelStatistics { encoder: Some(encoder.id().clone()), ..features.statistics() };
+    // With its proportions, even if the features are those of a squashed image: strokes have a shape.
+    let (width, height) = Paint::size_of(image.width, image.height);
+    let picture = image.resized(width, height);
+    let paint = Paint::new(width as usize, height as usize, &picture.rgb).with_features(
+        &features.values,
+        features.width as usize,
+        features.height as usize,
+        features.n_channels,
+    );
+    Ok((statistics, paint))
 }
 
 #[cfg(test)]

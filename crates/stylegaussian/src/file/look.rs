@@ -29,7 +29,7 @@ pub(super) fn from_bytes(bytes: &[u8]) -> Result<Look, Mismatch> {
     let reader = Reader::new(bytes)?;
     reader.expect_format(FORMAT)?;
     let scene: SceneFingerprint = reader.required("scene", "`scene` = `N@hash`, the scene's fingerprint")?;
-    let steps = reader.bytes("colors", &[Is(scene.n_gaussians), Is(3)])?;
+    let (steps, _) = reader.bytes("colors", &[Is(scene.n_gaussians), Is(3)])?;
     let coding = Coding { scale: channels(&reader, "scale")?, offset: channels(&reader, "offset")? };
     // Each is finite, but a damaged scale may lead beyond the range of f32.
     expect_finite("offset + 255 scale", &coding.decode([255; 3]))?;
@@ -75,7 +75,11 @@ pub(super) fn prepare(look: &Look) -> Result<Writer<'static>, Mismatch> {
     // A range beyond that of f32 would come back as infinity.
     expect_finite("range of colors", &coding.decode([255; 3]))?;
     let mut writer = Writer::new(FORMAT);
-    writer.u8("colors", &[n, 3], look.colors.iter().flat_map(|&color| coding.encode(color)).collect());
+    writer.u8(
+        "colors",
+        &[n, 3],
+        look.colors.iter().flat_map(|&color| coding.encode(color)).collect::<Vec<u8>>(),
+    );
     writer.made("scale", &[3], move |channel| coding.scale[channel]);
     writer.made("offset", &[3], move |channel| coding.offset[channel]);
     let MadeFrom { paintings, strength, steps, seed } = &look.made_from;

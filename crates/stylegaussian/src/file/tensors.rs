@@ -109,11 +109,11 @@ impl<'a> Reader<'a> {
         Ok(tensor.data().chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
     }
 
-    /// A tensor of u8.
-    pub(super) fn bytes(&self, name: &str, shape: &[Dimension]) -> Result<&'a [u8], Mismatch> {
+    /// A tensor of u8, and its shape.
+    pub(super) fn bytes(&self, name: &str, shape: &[Dimension]) -> Result<(&'a [u8], Vec<usize>), Mismatch> {
         let tensor = self.tensor(name, shape)?;
         match tensor.dtype() {
-            Dtype::U8 => Ok(tensor.data()),
+            Dtype::U8 => Ok((tensor.data(), tensor.shape().to_vec())),
             other => Err(mismatch(format_args!("`{name}` of type {other:?}"), "U8")),
         }
     }
@@ -192,7 +192,7 @@ enum Values<'a> {
     /// Written as they are.
     U32(&'a [u32]),
     /// Written as they are.
-    U8(Vec<u8>),
+    U8(Cow<'a, [u8]>),
     /// f32, each made from its flat index when it is written.
     Made(Box<dyn Fn(usize) -> f32 + 'a>),
 }
@@ -266,8 +266,8 @@ impl<'a> Writer<'a> {
     }
 
     /// Adds a u8 tensor.
-    pub(super) fn u8(&mut self, name: &str, shape: &[usize], values: Vec<u8>) {
-        self.add(name.into(), shape, Values::U8(values));
+    pub(super) fn u8(&mut self, name: &str, shape: &[usize], values: impl Into<Cow<'a, [u8]>>) {
+        self.add(name.into(), shape, Values::U8(values.into()));
     }
 
     /// Adds an f32 tensor that is not in memory. `value` computes each number from its flat index when it is written.

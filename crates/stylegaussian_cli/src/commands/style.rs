@@ -1,4 +1,4 @@
-//! `stylegaussian style`: writes an image's style statistics to a file, so that stylizing needs no encoder.
+//! `stylegaussian style`: writes an image's style statistics and its paint to a file, so that stylizing needs no encoder.
 
 use std::path::{Path, PathBuf};
 
@@ -10,11 +10,11 @@ use stylegaussian_encoder::StyleSize;
 
 use crate::{
     choose::open_encoder,
-    stylization::image_statistics,
+    stylization::image_style,
     terminal::{print, usage_error},
 };
 
-/// Compute the style statistics of an image, so that stylizing needs no encoder.
+/// Compute the style statistics and the paint of an image, so that stylizing needs no encoder.
 #[derive(Args, Debug)]
 pub struct StyleArgs {
     /// The painting: PNG or JPEG.
@@ -29,6 +29,9 @@ pub struct StyleArgs {
     /// Resize the image to 256x256 without keeping its proportions, as the paper's code does.
     #[arg(long)]
     squash: bool,
+    /// Write the statistics alone (2 KiB), for the decoder, and not the painting's paint (up to 0.9 MB).
+    #[arg(long)]
+    no_paint: bool,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -44,7 +47,7 @@ struct Written<'a> {
 
 /// Runs the command.
 pub fn run(arguments: &StyleArgs) -> Result<()> {
-    let StyleArgs { image, output, encoder, squash, json } = arguments;
+    let StyleArgs { image, output, encoder, squash, no_paint, json } = arguments;
     let is_safetensors =
         output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("safetensors"));
     if !is_safetensors {
@@ -52,8 +55,12 @@ pub fn run(arguments: &StyleArgs) -> Result<()> {
     }
     let encoder = open_encoder(encoder.as_deref())?;
     let size = if *squash { StyleSize::Squash256 } else { StyleSize::default() };
-    let statistics = image_statistics(&encoder, image, size)?;
-    file::write_style(output, &statistics)?;
+    let (statistics, paint) = image_style(&encoder, image, size)?;
+    if *no_paint {
+        file::write_style(output, &statistics)?;
+    } else {
+        file::write_painted_style(output, &statistics, &paint)?;
+    }
     let n_channels = statistics.mean.len();
     let encoder = statistics.encoder.as_ref().map(EncoderId::to_string);
     let written = Written { image, output, n_channels, encoder };

@@ -1,0 +1,177 @@
+//! A painting prepared for reading: blurred copies, and color and stroke direction of each place.
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::{
+    frames::LUMINANCE,
+    painting::{PLACE, Paint},
+};
+
+/// Standard deviations of the blurred copies, in pixels. The first is the painting itself. The copies serve Gaussians of
+/// all sizes: one that is larger than a stroke gets the stroke's mean color, and not that of one pixel of it.
+const BLURS: [f32; 5] = [0.0, 1.0, 2.0, 4.0, 8.0];
+
+/// Standard deviation of the painting's color as opposed to its detail, in pixels: strokes are detail.
+const LOW: f32 = 12.0;
+
+/// Factor of the finest detail beyond 1, against the blur of drawing.
+const CRISPNESS: f32 = 1.0;
+
+/// Standard deviation of a place's color, in pixels: a place is read about this far around.
+const PLACE_BLUR: f32 = 6.0;
+
+/// RGB values of a painting, 0..1.
+struct Picture {
+    width: usize,
+    height: usize,
+    values: Vec<Vec3>,
+}
+
+/// A painting prepared for reading.
+pub(super) struct Canvas {
+    copies: Vec<Picture>,
+    low: Picture,
+    /// Columns and rows of places.
+    pub n_places: (usize, usize),
+    /// Mean color of each place `[P]`.
+    pub place_colors: Vec<Vec3>,
+    /// The direction of strokes at each place, a unit vector in pixels (x right, y down) `[P]`, and how clear it is.
+    pub strokes: Vec<(Vec2, f32)>,
+}
+
+impl Canvas {
+    pub fn new(paint: &Paint) -> Self {
+        let pixels = paint.pixels.chunks_exact(3);
+        let values = pixels.map(|p| Vec3::new(p[0].into(), p[1].into(), p[2].into()) / 255.0).collect();
+        let picture = Picture { width: paint.width, height: paint.height, values };
+        let mut blurred = vec![picture];
+        for pair in BLURS.windows(2) {
+            // Variances add up, so each copy is made from the one before it by a smaller blur.
+            let next = blurred[blurred.len() - 1].blurred((pair[1] * pair[1] - pair[0] * pair[0]).sqrt());
+            blurred.push(next);
+        }
+        let place_blur = blurred[3].blurred((PLACE_BLUR * PLACE_BLUR - BLURS[3] * BLURS[3]).sqrt());
+        let low = blurred[4].blurred((LOW * LOW - BLURS[4] * BLURS[4]).sqrt());
+        let tensors = blurred[1].structure().blurred(PLACE as f32);
+        let n_places = paint.n_places();
+        let at_place = |picture: &Picture, place: usize| {
+            let (x, y) = (place % n_places.0, place / n_places.0);
+            picture.pixel((x * PLACE + PLACE / 2) as isize, (y * PLACE + PLACE / 2) as isize)
+        };
+        let places = 0..n_places.0 * n_places.1;
+        Self {
+            place_colors: places.clone().map(|place| at_place(&place_blur, place)).collect(),
+            strokes: places.map(|place| stroke(at_place(&tensors, place))).collect(),
+            n_places,
+            copies: blurred,
+            low,
+        }
+    }
+
+    /// Size in pixels.
+    pub fn size(&self) -> Vec2 {
+        Vec2::new(self.low.width as f32, self.low.height as f32)
+    }
+
+    /// Low-pass and detail of the painting at `at`, in pixels from its corner, for a Gaussian of standard deviation
+    /// `sigma` pixels. Beyond its edges the painting is mirrored.
+    pub fn read(&self, at: Vec2, sigma: f32) -> (Vec3, Vec3) {
+        let low = self.low.sample(at);
+        let value = self.blurred(at, sigma);
+        // Drawing will blur the detail by the Gaussian's own size. What the next blur would take is added once more.
+        let crisp = value + CRISPNESS * (value - self.blurred(at, 2.0 * sigma.max(0.5)));
+        (low, crisp - low)
+    }
+
+    /// The painting at `at`, blurred by `sigma` pixels.
+    fn blurred(&self, at: Vec2, sigma: f32) -> Vec3 {
+        // Copies double their blur from 1 on, and there is one without.
+        let level = if sigma < 0.5 { 0.0 } else { (sigma.log2() + 1.0).clamp(0.0, (BLURS.len() - 1) as f32) };
+        let sharper = (level as usize).min(BLURS.len() - 2);
+        let between = level - sharper as f32;
+        let sharp = self.copies[sharper].sample(at);
+        if between > 0.0 { sharp.lerp(self.copies[sharper + 1].sample(at), between) } else { sharp }
+    }
+
+    /// The center of a place, in pixels.
+    pub fn center_of(&self, place: usize) -> Vec2 {
+        let (x, y) = (place % self.n_places.0, place / self.n_places.0);
+        Vec2::new(x as f32 + 0.5, y as f32 + 0.5) * PLACE as f32
+    }
+
+    /// The place at a position in pixels, mirrored into the painting.
+    pub fn place_at(&self, at: Vec2) -> usize {
+        let index = |at: f32, size: f32, n: usize| ((mirrored(at, size) / PLACE as f32) as usize).min(n - 1);
+        let size = self.size();
+        index(at.y, size.y, self.n_places.1) * self.n_places.0 + index(at.x, size.x, self.n_places.0)
+    }
+}
+
+/// The direction across which a structure tensor (xx, xy, yy) varies least, and how clear it is: 0 to 1.
+fn stroke(tensor: Vec3) -> (Vec2, f32) {
+    let (difference, trace) = (tensor.x - tensor.z, tensor.x + tensor.z);
+    let across = 0.5 * (2.0 * tensor.y).atan2(difference);
+    let clarity = difference.hypot(2.0 * tensor.y) / trace.max(f32::MIN_POSITIVE);
+    (Vec2::from_angle(across).perp(), clarity)
+}
+
+/// `at` folded into 0..=size, as in a mirror at each end.
+fn mirrored(at: f32, size: f32) -> f32 {
+    let at = at.rem_euclid(2.0 * size);
+    if at > size { 2.0 * size - at } else { at }
+}
+
+impl Picture {
+    /// The pixel at column x and row y, or the nearest one.
+    fn pixel(&self, x: isize, y: isize) -> Vec3 {
+        let x = x.clamp(0, self.width as isize - 1) as usize;
+        let y = y.clamp(0, self.height as isize - 1) as usize;
+        self.values[y * self.width + x]
+    }
+
+    /// The value at a position in pixels, mirrored and interpolated.
+    fn sample(&self, at: Vec2) -> Vec3 {
+        let (x, y) = (mirrored(at.x, self.width as f32) - 0.5, mirrored(at.y, self.height as f32) - 0.5);
+        let (left, top) = (x.floor(), y.floor());
+        let pixel = |dx, dy| self.pixel(left as isize + dx, top as isize + dy);
+        let upper = pixel(0, 0).lerp(pixel(1, 0), x - left);
+        upper.lerp(pixel(0, 1).lerp(pixel(1, 1), x - left), y - top)
+    }
+
+    /// The picture blurred by a Gaussian of standard deviation `sigma`, in pixels.
+    fn blurred(&self, sigma: f32) -> Self {
+        // Three deviations hold 99.7% of the kernel.
+        let reach = (3.0 * sigma).ceil() as isize;
+        let kernel: Vec<f32> = (-reach..=reach).map(|d| (-0.5 * (d as f32 / sigma).powi(2)).exp()).collect();
+        let total: f32 = kernel.iter().sum();
+        let taps = || (-reach..=reach).zip(&kernel).map(|(d, weight)| (d, weight / total));
+        let pass = |source: &Self, horizontal: bool| {
+            let row = |y: usize| -> Vec<Vec3> {
+                let value = |x: usize| {
+                    taps().map(move |(d, weight)| {
+                        let (dx, dy) = if horizontal { (d, 0) } else { (0, d) };
+                        source.pixel(x as isize + dx, y as isize + dy) * weight
+                    })
+                };
+                (0..source.width).map(|x| value(x).sum()).collect()
+            };
+            let values = (0..source.height).into_par_iter().flat_map_iter(row).collect();
+            Self { values, width: source.width, height: source.height }
+        };
+        pass(&pass(self, true), false)
+    }
+
+    /// Products of the luminance's gradient with itself at each pixel: (xx, xy, yy).
+    fn structure(&self) -> Self {
+        let luminance = |x: isize, y: isize| self.pixel(x, y).dot(LUMINANCE);
+        let tensor = |i: usize| {
+            let (x, y) = ((i % self.width) as isize, (i / self.width) as isize);
+            let dx = luminance(x + 1, y) - luminance(x - 1, y);
+            let dy = luminance(x, y + 1) - luminance(x, y - 1);
+            Vec3::new(dx * dx, dx * dy, dy * dy)
+        };
+        let values = (0..self.values.len()).into_par_iter().map(tensor).collect();
+        Self { values, width: self.width, height: self.height }
+    }
+}

@@ -1,0 +1,84 @@
+//! How much of each Gaussian usual views show, and how large a pixel of such a view is on the scene.
+
+use glam::{UVec2, Vec3};
+
+use crate::{camera::Camera, scene::Scene, splat::blend_weights, views::choose_views};
+
+/// Views that are taken of the scene. Eight show nearly all that can be seen from outside.
+const N_VIEWS: usize = 8;
+
+/// Size of those views, in pixels. Small, since only sums over pixels count.
+const VIEW_SIZE: UVec2 = UVec2::splat(128);
+
+/// Side of the pictures that strokes are meant for, in pixels: paintings are kept at 512 x 512 pixels, too.
+const PICTURE_SIDE: f32 = 512.0;
+
+/// What usual views of a scene show.
+pub(super) struct Sight {
+    /// Pixels that each Gaussian fills, summed over the views `[N]`.
+    pub visibility: Vec<f32>,
+    /// Size of a pixel of a picture of 512 pixels on the scene, in scene units: the median over what is seen.
+    pub pixel: f32,
+    /// The direction that is up in the views, a unit vector.
+    pub up: Vec3,
+}
+
+impl Sight {
+    /// Looks at `scene` from cameras that are chosen for it.
+    pub fn of(scene: &Scene) -> Self {
+        let cameras = choose_views(scene, N_VIEWS, VIEW_SIZE);
+        let mut visibility = vec![0.0; scene.len()];
+        let mut sizes = Vec::new();
+        for camera in &cameras {
+            let weights = blend_weights(scene, camera);
+            let n_pixels = VIEW_SIZE.element_product() as usize;
+            for (i, pixels) in weights.apply_transposed(&vec![1.0; n_pixels], 1).into_iter().enumerate() {
+                if pixels > 0.0 {
+                    visibility[i] += pixels;
+                    let z = camera.view_from_world.transform_point3(scene.means[i]).z;
+                    let focal = camera.focal.x * PICTURE_SIDE / VIEW_SIZE.x as f32;
+                    sizes.push((z / focal, pixels));
+                }
+            }
+        }
+        let up = cameras.iter().map(up_of).sum::<Vec3>().try_normalize().unwrap_or(Vec3::Y);
+        let pixel = weighted_median(&mut sizes).unwrap_or_else(|| pixel_of_extent(scene));
+        Self { visibility, pixel, up }
+    }
+}
+
+/// A camera's up direction in the world. Its y axis points down.
+fn up_of(camera: &Camera) -> Vec3 {
+    -Vec3::from(camera.view_from_world.matrix3.row(1))
+}
+
+/// The value at half of all weight, or `None` if there is no value.
+fn weighted_median(values: &mut [(f32, f32)]) -> Option<f32> {
+    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = values.iter().map(|(_, weight)| f64::from(*weight)).sum();
+    let mut sum = 0.0;
+    let middle = values.iter().find(|(_, weight)| {
+        sum += f64::from(*weight);
+        sum >= total / 2.0
+    });
+    middle.map(|(value, _)| *value)
+}
+
+/// A pixel if the whole scene fills the picture: for scenes of which no view shows anything.
+fn pixel_of_extent(scene: &Scene) -> f32 {
+    let extent = scene.bounds().map_or(0.0, |(min, max)| (max - min).max_element());
+    // A scene of one point has no extent. Any size does, as long as it is above 0.
+    if extent > 0.0 { extent / PICTURE_SIDE } else { 1.0 / PICTURE_SIDE }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_counts_weights() {
+        assert_eq!(weighted_median(&mut [(3.0, 1.0), (1.0, 1.0), (2.0, 5.0)]), Some(2.0));
+        assert_eq!(weighted_median(&mut [(3.0, 9.0), (1.0, 1.0), (2.0, 5.0)]), Some(3.0));
+        assert_eq!(weighted_median(&mut []), None);
+    }
+}
