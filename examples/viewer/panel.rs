@@ -80,7 +80,7 @@ pub struct Transfer {
     /// Duration and backend of the last change.
     pub last: Option<(Duration, StyleBackend)>,
     /// Steps of the bake that gave the shown look, and whether these are all. `None` if it is as it was applied.
-    refined: Option<(u32, bool)>,
+    pub refined: Option<(u32, bool)>,
 }
 
 /// Records the duration of a style, and clears an earlier error.
