@@ -18,7 +18,6 @@ use crate::{
         self, Losses, matching,
         statistics::{self, Moments},
     },
-    luminance::Tone,
     network::{Features, Grids, Layer, LossNetwork, Size},
     picture::{Mask, over},
     target::Paintings,
@@ -41,8 +40,6 @@ pub struct Baker {
     adam: Adam,
     /// Running moments of each layer; none before the first step.
     pooled: [Vec<Option<Moments>>; 2],
-    /// Running luminance.
-    tone: Option<Tone>,
     steps: u32,
     /// Scene, paintings, network and settings, as a hash.
     identity: String,
@@ -83,7 +80,6 @@ impl Baker {
             colors,
             adam,
             pooled,
-            tone: None,
             steps: 0,
             identity,
         })
@@ -113,7 +109,6 @@ impl Baker {
             ("colors".into(), self.colors.clone()),
             ("adam.mean".into(), self.adam.mean.clone()),
             ("adam.square".into(), self.adam.square.clone()),
-            ("tone".into(), self.tone.map_or(Vec::new(), |tone| vec![tone.mean, tone.square])),
         ];
         for (mode, layers) in self.pooled.iter().enumerate() {
             for (i, moments) in layers.iter().enumerate() {
@@ -136,7 +131,6 @@ impl Baker {
             ("colors".into(), Length::Is(3 * n)),
             ("adam.mean".into(), Length::Is(3 * n)),
             ("adam.square".into(), Length::Is(n)),
-            ("tone".into(), Length::IsOrNone(2)),
         ];
         for (mode, layers) in self.pooled.iter().enumerate() {
             let of_layer = |(i, layer): (usize, &Layer)| {
@@ -148,7 +142,6 @@ impl Baker {
         let mut values = state.values.into_iter().map(|(_, values)| values);
         let mut next = || values.next().unwrap_or_default();
         (self.colors, self.adam.mean, self.adam.square) = (next(), next(), next());
-        self.tone = next().as_chunks::<2>().0.first().map(|&[mean, square]| Tone { mean, square });
         for moments in self.pooled.iter_mut().flatten() {
             let both = next();
             let (mean, square) = both.split_at(both.len() / 2);
@@ -176,12 +169,9 @@ impl Baker {
         let mask = Mask::new(size, &alpha);
         let rgb = over(&weights, &alpha, &self.colors, self.paintings.mean);
         let pixels = mask.cells(size);
-        let tone = Tone::of(&rgb, pixels.iter().map(|&pixel| pixel as usize));
-        let running = self.tone.get_or_insert(tone);
-        running.blend(&tone, config.pool);
         // Every other step compares texture alone.
         let gray = self.steps % 2 == 1;
-        let tone = gray.then_some(*running);
+        let tone = gray.then_some(self.paintings.tone);
         let seen = tone.map_or_else(|| rgb.clone(), |tone| tone.gray(&rgb));
         let features = self.network.forward(&self.grids, &seen);
         let unstyled = (config.weights.content > 0.0 && !gray).then(|| {
