@@ -23,7 +23,7 @@
 //!   by a mix; change it at any time.
 //!   [`StyleTransition`] fades from one style to the next. [`StyleRefine`] bakes a shown style further in the background. [`StyleDecoder`] selects another [`GaussianDecoder`].
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
-//! - Resources: [`StyleBackend`], [`StyleBudget`], [`StyleEncoder`].
+//! - Resources: [`StyleMethod`], [`StyleBackend`], [`StyleBudget`], [`StyleEncoder`].
 //! - Events, as messages and for observers: [`StyleApplied`], [`StyleRefined`], [`StyleFailed`],
 //!   [`GaussianSceneFailed`]. The component
 //!   [`AppliedStyle`] holds the style that an entity shows, and can save the styled scene.
@@ -54,8 +54,8 @@ pub use scene::{GaussianScene, GaussianSceneError, GaussianSceneFailed, Gaussian
 pub use splats::{SplatSortKey, SplatTonemapping};
 pub use style::{
     AppliedStyle, GaussianDecoder, ImageEncoder, StyleApplied, StyleBackend, StyleBudget, StyleDecoder,
-    StyleEncoder, StyleError, StyleFailed, StyleInput, StyleLook, StyleRefine, StyleRefined, StyleSource,
-    StyleStatistics, WeightedStyle,
+    StyleEncoder, StyleError, StyleFailed, StyleInput, StyleLook, StyleMethod, StyleRefine, StyleRefined,
+    StyleSource, StyleStatistics, WeightedStyle,
 };
 pub use systems::StyleGaussianSystems;
 
@@ -73,7 +73,8 @@ pub mod prelude {
     pub use crate::{
         AppliedStyle, GaussianScene, GaussianSceneFailed, GaussianSplats, SplatSortKey, SplatTonemapping,
         StyleApplied, StyleBackend, StyleBudget, StyleDecoder, StyleEncoder, StyleFailed,
-        StyleGaussianPlugin, StyleInput, StyleRefine, StyleRefined, StyleSource, StyleTransition,
+        StyleGaussianPlugin, StyleInput, StyleMethod, StyleRefine, StyleRefined, StyleSource,
+        StyleTransition,
     };
 }
 

@@ -7,23 +7,30 @@ use std::{
 };
 
 use bevy::prelude::*;
-use stylegaussian::{ChannelStatistics, Decoder, Look, file};
+use stylegaussian::{ChannelStatistics, Decoder, Look, file, paint::Paint};
 use stylegaussian_encoder::{Encoder, EncoderError};
 
 use crate::loader::FromFile;
 
-/// Precomputed statistics of a style's features: `.style.safetensors`, as `stylegaussian style IMAGE` writes them. A style
-/// given this way needs no encoder at run time.
-#[derive(Asset, Clone, Debug, Reflect)]
+/// A style that was read from an image before: `.style.safetensors`, as `stylegaussian style IMAGE` writes it. It needs no
+/// encoder at run time.
+#[derive(Asset, Clone, Reflect)]
 #[reflect(opaque)]
-#[reflect(Clone, Debug)]
-pub struct StyleStatistics(pub Arc<ChannelStatistics>);
+#[reflect(Clone)]
+pub struct StyleStatistics {
+    /// Statistics of the style's features, which the decoder takes.
+    pub statistics: Arc<ChannelStatistics>,
+    /// The painting's own paint, or `None` if the file carries none. The style then cannot be painted, only decoded: see
+    /// [`StyleMethod`](crate::StyleMethod).
+    pub paint: Option<Arc<Paint>>,
+}
 
 impl FromFile for StyleStatistics {
     const EXTENSIONS: &[&str] = &["style.safetensors"];
 
     fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
-        Ok(Self(Arc::new(file::style_from_bytes(&bytes, path)?)))
+        let statistics = Arc::new(file::style_from_bytes(&bytes, path)?);
+        Ok(Self { statistics, paint: file::paint_from_bytes(&bytes, path)?.map(Arc::new) })
     }
 }
 

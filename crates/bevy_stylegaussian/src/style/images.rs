@@ -1,17 +1,20 @@
-//! Style statistics of images. They are computed in the background and kept as long as the image.
+//! Style statistics and paint of images. They are computed in the background and kept as long as the image.
 
 use std::sync::Arc;
 
 use bevy::{platform::collections::HashMap, prelude::*, render::render_resource::TextureFormat};
-use stylegaussian::ChannelStatistics;
-use stylegaussian_encoder::{StyleSize, style_statistics};
+use stylegaussian_encoder::{StyleSize, painted_style};
 
 use crate::background::Background;
 
-use super::{asset::ImageEncoder, error::StyleError, settings::StyleEncoder};
+use super::{
+    asset::{ImageEncoder, StyleStatistics},
+    error::StyleError,
+    settings::StyleEncoder,
+};
 
-/// Statistics of an image. All entities that use the image share an error.
-pub(super) type Encoded = Result<Arc<ChannelStatistics>, Arc<StyleError>>;
+/// Statistics and paint of an image. All entities that use the image share an error.
+pub(super) type Encoded = Result<StyleStatistics, Arc<StyleError>>;
 
 /// The statistics of each image that was used as a style.
 #[derive(Resource, Default)]
@@ -71,8 +74,9 @@ fn encode(name: String, image: Image, encoder: &ImageEncoder) -> Encoded {
     let error = |source| Arc::new(StyleError::Encoder { image: name.clone(), source });
     let encoder = encoder.get().map_err(error)?;
     let image = decoded(name.clone(), image)?;
-    let statistics = style_statistics(encoder, &image, StyleSize::default());
-    Ok(Arc::new(statistics.map_err(|source| error(Arc::new(source)))?))
+    let style = painted_style(encoder, &image, StyleSize::default());
+    let (statistics, paint) = style.map_err(|source| error(Arc::new(source)))?;
+    Ok(StyleStatistics { statistics: Arc::new(statistics), paint: Some(Arc::new(paint)) })
 }
 
 /// The name of an image for messages.

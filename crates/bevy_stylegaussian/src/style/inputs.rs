@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bevy::{asset::LoadState, ecs::system::SystemParam, prelude::*, render::renderer::RenderAdapterInfo};
-use stylegaussian::{ChannelStatistics, Look, fold::StylizeError};
+use stylegaussian::{Look, fold::StylizeError};
 use stylegaussian_gpu::device::is_software;
 
 use crate::scene::LoadedScene;
@@ -14,8 +14,9 @@ use super::{
     images::ImageStatistics,
     packed::PackedInputs,
     request::{StyleRequest, WeightedLook},
-    settings::{StyleBackend, StyleEncoder},
+    settings::{StyleBackend, StyleEncoder, StyleMethod},
     source::{StyleDecoder, StyleInput, StyleSource},
+    surfaces::Surfaces,
 };
 
 /// An input, or `Ok(None)` while it is being loaded or computed.
@@ -23,7 +24,7 @@ type Input<T> = Result<Option<T>, Arc<StyleError>>;
 
 /// One style of a mix, loaded.
 enum Given {
-    Statistics(Arc<ChannelStatistics>),
+    Statistics(StyleStatistics),
     Look { name: String, look: Arc<Look> },
 }
 
@@ -39,6 +40,8 @@ pub(super) struct Inputs<'w> {
     encoder: Res<'w, StyleEncoder>,
     encoded: ResMut<'w, ImageStatistics>,
     packed: Res<'w, PackedInputs>,
+    surfaces: Res<'w, Surfaces>,
+    method: Res<'w, StyleMethod>,
     backend: Res<'w, StyleBackend>,
     // Bevy puts a copy into the main world. It is absent if the app does not render.
     adapter: Option<Res<'w, RenderAdapterInfo>>,
@@ -59,9 +62,8 @@ impl Inputs<'_> {
         if has_styles && scene.scene().features.is_none() {
             return Err(Arc::new(StylizeError::NoFeatures.into()));
         }
-        // Decided anew for each request, so that a change of `StyleBackend` affects the next change of style. Looks are
-        // mixed on the CPU.
-        let backend = if has_looks { StyleBackend::Cpu } else { self.backend(gpu_refused)? };
+        // Decided anew for each request, so that a change of `StyleBackend` affects the next change of style.
+        let backend = self.backend(gpu_refused)?;
         // All inputs are asked for before the first one is waited for, so that images are encoded side by side.
         let inputs: Vec<_> = source.styles.iter().map(|style| self.input(&style.input)).collect();
         let (mut styles, mut looks) = (Vec::new(), Vec::new());
@@ -73,6 +75,10 @@ impl Inputs<'_> {
                 Some(Given::Look { name, look }) => looks.push(WeightedLook { name, look, weight }),
             }
         }
+        // A decoder that somebody trained for this scene, or asks for, is what they want to see.
+        let is_default = decoder.is_none() && scene.asset.decoder().is_none();
+        let has_paint = has_styles && styles.iter().all(|(style, _)| style.paint.is_some());
+        let painted = *self.method == StyleMethod::Paint && is_default && has_paint;
         let decoder = match decoder.filter(|_| has_styles) {
             Some(decoder) => match loaded(&self.server, &self.decoders, &decoder.0)? {
                 Some(decoder) => Some(Arc::clone(&decoder.0)),
@@ -86,8 +92,11 @@ impl Inputs<'_> {
             styles,
             looks,
             content: f64::from(source.content),
-            backend,
+            // Paint is laid on and looks are mixed on the CPU.
+            backend: if painted || has_looks { StyleBackend::Cpu } else { backend },
+            stroke_scale: painted.then_some(source.stroke_scale),
             packed: self.packed.clone(),
+            surfaces: self.surfaces.clone(),
         }))
     }
 
@@ -96,7 +105,7 @@ impl Inputs<'_> {
         match input {
             StyleInput::Preset(preset) => {
                 let statistics = loaded(&self.server, &self.statistics, preset)?;
-                Ok(statistics.map(|statistics| Given::Statistics(Arc::clone(&statistics.0))))
+                Ok(statistics.cloned().map(Given::Statistics))
             }
             StyleInput::Image(handle) => Ok(self.encoded(handle)?.map(Given::Statistics)),
             StyleInput::Look(handle) => {
@@ -107,8 +116,8 @@ impl Inputs<'_> {
         }
     }
 
-    /// The statistics of an image.
-    fn encoded(&mut self, handle: &Handle<Image>) -> Input<Arc<ChannelStatistics>> {
+    /// The statistics and the paint of an image.
+    fn encoded(&mut self, handle: &Handle<Image>) -> Input<StyleStatistics> {
         let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
         let Some(encoder) = loaded(&self.server, &self.encoders, &self.encoder.0)? else {
             // Nobody will ever load the default asset: it is there from the start if it is bundled.

@@ -27,6 +27,7 @@ mod refine;
 mod request;
 mod settings;
 mod source;
+mod surfaces;
 #[cfg(test)]
 mod tests;
 
@@ -35,7 +36,7 @@ pub use asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
 pub use error::StyleError;
 pub use event::{StyleApplied, StyleFailed, StyleRefined};
 pub use refine::StyleRefine;
-pub use settings::{StyleBackend, StyleBudget, StyleEncoder};
+pub use settings::{StyleBackend, StyleBudget, StyleEncoder, StyleMethod};
 pub use source::{StyleDecoder, StyleInput, StyleSource, WeightedStyle};
 
 /// Styles the entities that show a scene.
@@ -53,9 +54,11 @@ impl Plugin for StylePlugin {
             .init_asset_loader::<FileLoader<ImageEncoder>>()
             .init_resource::<StyleBackend>()
             .init_resource::<StyleBudget>()
+            .init_resource::<StyleMethod>()
             .init_resource::<StyleEncoder>()
             .init_resource::<images::ImageStatistics>()
             .init_resource::<packed::PackedInputs>()
+            .init_resource::<surfaces::Surfaces>()
             .init_resource::<refine::Engine>()
             .init_resource::<refine::RefineThreads>()
             .add_message::<StyleApplied>()
@@ -106,6 +109,7 @@ fn register_types(app: &mut App) {
         .register_type::<StyleDecoder>()
         .register_type::<StyleBackend>()
         .register_type::<StyleBudget>()
+        .register_type::<StyleMethod>()
         .register_type::<StyleEncoder>()
         .register_type::<StyleRefine>()
         .register_type::<StyleApplied>()

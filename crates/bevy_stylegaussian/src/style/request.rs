@@ -7,6 +7,7 @@ use stylegaussian::{
     ChannelStatistics, Decoder, Look, Scene,
     fold::{self, StylizeError},
     look,
+    paint::{Brush, repaint},
 };
 use stylegaussian_gpu::style::FoldedLayers;
 
@@ -17,10 +18,12 @@ use crate::{
 
 use super::{
     applied::{AppliedColors, AppliedStyle},
+    asset::StyleStatistics,
     decoder::choose_decoder,
     error::StyleError,
     packed::PackedInputs,
     settings::StyleBackend,
+    surfaces::Surfaces,
 };
 
 /// Everything that a style is computed from.
@@ -28,15 +31,18 @@ pub(super) struct StyleRequest {
     pub(super) scene: GaussianScene,
     /// The entity's decoder, or `None` if it has none of its own.
     pub(super) decoder: Option<Arc<Decoder>>,
-    /// Styles to decode, and their weights.
-    pub(super) styles: Vec<(Arc<ChannelStatistics>, f64)>,
+    /// Styles to paint or to decode, and their weights.
+    pub(super) styles: Vec<(StyleStatistics, f64)>,
     /// Looks to mix with what is decoded.
     pub(super) looks: Vec<WeightedLook>,
     /// Share of the content's features that stays, 0..1.
     pub(super) content: f64,
-    /// The backend to decode on: the CPU if there are looks.
+    /// The backend to decode on: the CPU if there are looks, or if surfaces are painted.
     pub(super) backend: StyleBackend,
+    /// Size of the strokes, or `None` if colors are decoded. Every style has paint if there is one.
+    pub(super) stroke_scale: Option<f32>,
     pub(super) packed: PackedInputs,
+    pub(super) surfaces: Surfaces,
 }
 
 /// A look of a mix.
@@ -54,7 +60,7 @@ pub(super) struct StyleResult {
 }
 
 impl StyleRequest {
-    /// Folds the styles into the decoder. On the CPU backend, decodes the colors too and mixes the looks in.
+    /// Folds the styles into the decoder. On the CPU backend, paints or decodes the colors too and mixes the looks in.
     ///
     /// # Errors
     /// If parts do not go together: a look with the scene, or styles with a scene without features, or with the decoder.
@@ -91,15 +97,27 @@ impl StyleRequest {
     }
 
     /// The colors of the styles `[N]`.
-    fn decode(&self, scene: &Scene) -> Result<Vec<[f32; 3]>, StyleError> {
-        let decoder = self.decoder()?;
+    fn decode(&self, scene: &Arc<Scene>) -> Result<Vec<[f32; 3]>, StyleError> {
         let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
+        // Before painting, too: it checks encoders, weights and content.
         let map = fold::transfer(features, &self.weighted_styles(), self.content)?;
-        Ok(fold::stylize(scene, &decoder, &map)?)
+        match self.stroke_scale {
+            Some(stroke_scale) => Ok(self.paint(scene, stroke_scale)),
+            None => Ok(fold::stylize(scene, &*self.decoder()?, &map)?),
+        }
+    }
+
+    /// The colors of the styles in their own paint `[N]`.
+    fn paint(&self, scene: &Arc<Scene>, stroke_scale: f32) -> Vec<[f32; 3]> {
+        let surface = self.surfaces.get(scene, stroke_scale);
+        let paint = |(style, weight): &(StyleStatistics, f64)| Some((style.paint.clone()?, *weight));
+        let paints: Vec<_> = self.styles.iter().filter_map(paint).collect();
+        let paints: Vec<_> = paints.iter().map(|(paint, weight)| (&**paint, *weight)).collect();
+        repaint(scene, &surface, &paints, self.content, Brush::default())
     }
 
     /// The colors of looks and styles together `[N]`.
-    fn mix(&self, scene: &Scene) -> Result<Vec<[f32; 3]>, StyleError> {
+    fn mix(&self, scene: &Arc<Scene>) -> Result<Vec<[f32; 3]>, StyleError> {
         // All weights in a row, the looks' first.
         let looks = self.looks.iter().map(|look| look.weight);
         let weights = looks.chain(self.styles.iter().map(|(_, weight)| *weight));
@@ -123,6 +141,6 @@ impl StyleRequest {
     }
 
     fn weighted_styles(&self) -> Vec<(&ChannelStatistics, f64)> {
-        self.styles.iter().map(|(style, weight)| (&**style, *weight)).collect()
+        self.styles.iter().map(|(style, weight)| (&*style.statistics, *weight)).collect()
     }
 }

@@ -1,4 +1,4 @@
-//! Settings of the app: three resources.
+//! Settings of the app: four resources.
 
 use bevy::{prelude::*, render::extract_resource::ExtractResource};
 
@@ -16,6 +16,21 @@ pub enum StyleBackend {
     Cpu,
     /// The GPU.
     Gpu,
+}
+
+/// How a style becomes colors. A resource; changing it affects later changes of style.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Resource, Clone, Debug, Default, PartialEq)]
+pub enum StyleMethod {
+    /// The painting's own strokes, laid on the surfaces of the scene ([`stylegaussian::paint`]). It runs on the CPU in the
+    /// background, about a second for 100,000 Gaussians.
+    ///
+    /// A scene with a decoder of its own, an entity with a [`StyleDecoder`](crate::StyleDecoder), and presets without paint
+    /// are decoded instead.
+    #[default]
+    Paint,
+    /// The decoder alone, as in the paper, on the [`StyleBackend`]: the painting's palette, without its strokes.
+    Decoder,
 }
 
 /// GPU time per frame for all style changes together. A resource.

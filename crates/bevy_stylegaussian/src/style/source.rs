@@ -12,7 +12,8 @@ use super::{
 /// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images, presets and looks, blended
 /// with the content itself. Change it at any time. The old colors stay until the new ones are complete.
 ///
-/// Images and presets are mixed as features and decoded together. Looks are colors already, and mix with one another and
+/// Images and presets are painted and mixed as colors, or mixed as features and decoded together: see
+/// [`StyleMethod`](crate::StyleMethod). Looks are colors already, and mix with one another and
 /// with what was decoded as colors: that sum is computed on the CPU, whichever [`StyleBackend`](crate::StyleBackend) is set,
 /// and so are the images and presets beside a look.
 ///
@@ -27,7 +28,7 @@ use super::{
 /// **source = StyleSource::none();
 /// # }
 /// ```
-#[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
+#[derive(Component, Clone, Debug, PartialEq, Reflect)]
 // On the source and not on the splats: entities that are never styled carry neither.
 #[require(StyleJob, ColorWish)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
@@ -38,6 +39,16 @@ pub struct StyleSource {
     /// are the decoder's reconstruction of the content, which differs from the captured colors. In looks, it is the share of
     /// the scene's base colors.
     pub content: f32,
+    /// Size of the strokes, as a factor above 0. At 1, the default, they have the size that they have in the painting if the
+    /// scene is seen at 512 pixels from the usual distance. Only for [`StyleMethod::Paint`](crate::StyleMethod::Paint).
+    pub stroke_scale: f32,
+}
+
+impl Default for StyleSource {
+    /// No style.
+    fn default() -> Self {
+        Self { styles: Vec::new(), content: 0.0, stroke_scale: 1.0 }
+    }
 }
 
 /// One style of a mix.
@@ -100,7 +111,7 @@ impl StyleSource {
     /// A mix of styles and their weights. Weights are at least 0 and are normalized to sum 1.
     pub fn mix<I: Into<StyleInput>>(styles: impl IntoIterator<Item = (I, f32)>) -> Self {
         let weighted = |(input, weight): (I, f32)| WeightedStyle { input: input.into(), weight };
-        Self { styles: styles.into_iter().map(weighted).collect(), content: 0.0 }
+        Self { styles: styles.into_iter().map(weighted).collect(), ..Self::default() }
     }
 
     /// No style: the splats have their captured colors.
@@ -111,6 +122,11 @@ impl StyleSource {
     /// The same styles with this share of the content's features, 0..1.
     pub fn with_content(self, content: f32) -> Self {
         Self { content, ..self }
+    }
+
+    /// The same styles in strokes of this size, as a factor above 0.
+    pub fn with_stroke_scale(self, stroke_scale: f32) -> Self {
+        Self { stroke_scale, ..self }
     }
 
     /// Whether there is no style.

@@ -8,6 +8,7 @@ mod diagnostics;
 mod images;
 mod lifecycle;
 mod looks;
+mod paint;
 mod pictures;
 mod rooms_apart;
 mod still_frames;

@@ -177,7 +177,7 @@ fn changed_assets_restyle() {
 
     // The statistics change.
     let mut statistics = app.world_mut().resource_mut::<Assets<crate::StyleStatistics>>();
-    statistics.get_mut(&style).unwrap().0 = b.clone().into();
+    statistics.get_mut(&style).unwrap().statistics = b.clone().into();
     until_applied(&mut app);
     assert_eq!(colors(app.world(), entity).unwrap(), expected(&scene, &[(&b, 1.0)], 0.0));
 

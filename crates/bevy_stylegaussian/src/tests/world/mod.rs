@@ -133,7 +133,7 @@ pub fn add_scene(app: &mut App, scene: Scene) -> Handle<GaussianScene> {
 
 /// Adds a style.
 pub fn add_style(app: &mut App, style: ChannelStatistics) -> Handle<StyleStatistics> {
-    add(app, StyleStatistics(Arc::new(style)))
+    add(app, StyleStatistics { statistics: Arc::new(style), paint: None })
 }
 
 /// Updates until `done` returns true. Fails after a minute.
