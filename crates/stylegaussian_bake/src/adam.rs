@@ -36,7 +36,8 @@ impl Adam {
         let typical = ((sum / f64::from(n.max(1))) as f32 / correction[1]).sqrt();
         let rows = values.chunks_exact_mut(3).zip(grad.chunks_exact(3)).zip(self.mean.chunks_exact_mut(3));
         for (((value, grad), mean), (square, scale)) in rows.zip(self.square.iter().zip(scale)) {
-            let over = rate * scale / ((square / correction[1]).sqrt() + DAMPING * typical + f32::MIN_POSITIVE);
+            let over =
+                rate * scale / ((square / correction[1]).sqrt() + DAMPING * typical + f32::MIN_POSITIVE);
             for ((value, grad), mean) in value.iter_mut().zip(grad).zip(mean) {
                 *mean += (1.0 - BETAS[0]) * (grad - *mean);
                 *value -= over * *mean / correction[0];

@@ -1,19 +1,24 @@
 //! The bake itself.
 
-use std::f32::consts::PI;
+use std::{f32::consts::PI, path::Path};
 
 use rayon::prelude::*;
-use stylegaussian::{Camera, Scene, random::Random, recolor::Recoloring, splat::blend_weights};
+use stylegaussian::{
+    Camera, Scene, look::SceneFingerprint, random::Random, recolor::Recoloring, splat::blend_weights,
+};
 use stylegaussian_encoder::Image;
 
 use crate::{
     adam::Adam,
     cameras::Cameras,
+    checkpoint::{Identity, Length, State},
     config::BakeConfig,
     error::BakeError,
-    loss::{self, Losses, matching, statistics},
-    luminance::Tone,
-    network::{Features, Grids, LossNetwork, Size},
+    loss::{
+        self, Losses, matching,
+        statistics::{self, Moments},
+    },
+    network::{Features, Grids, Layer, LossNetwork, Size},
     picture::{Mask, over},
     target::Paintings,
 };
@@ -34,10 +39,10 @@ pub struct Baker {
     colors: Vec<f32>,
     adam: Adam,
     /// Running moments of each layer; none before the first step.
-    pooled: [Vec<Option<statistics::Moments>>; 2],
-    /// Running luminance.
-    tone: Option<Tone>,
+    pooled: [Vec<Option<Moments>>; 2],
     steps: u32,
+    /// Scene, paintings, network and settings, as a hash.
+    identity: String,
 }
 
 impl Baker {
@@ -62,9 +67,22 @@ impl Baker {
         let recoloring = Recoloring::new(&cameras.colors, &paintings.colors);
         let colors: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
         let adam = Adam::new(scene.len());
-        let captured = captured.into_iter().flatten().collect();
+        let captured: Vec<f32> = captured.into_iter().flatten().collect();
+        let identity = identity(&config, scene, &captured, &paintings, &cameras);
         let pooled = [vec![None; network.layers().len()], vec![None; network.layers().len()]];
-        Ok(Self { config, network, grids, paintings, cameras, captured, colors, adam, pooled, tone: None, steps: 0 })
+        Ok(Self {
+            config,
+            network,
+            grids,
+            paintings,
+            cameras,
+            captured,
+            colors,
+            adam,
+            pooled,
+            steps: 0,
+            identity,
+        })
     }
 
     /// The colors so far `[N]`, in scene order.
@@ -82,6 +100,58 @@ impl Baker {
         self.steps >= self.config.steps
     }
 
+    /// Writes the state to a checkpoint, from which [`Self::resume`] goes on.
+    ///
+    /// # Errors
+    /// If the file cannot be written. An older one then stays as it was.
+    pub fn save(&self, path: &Path) -> Result<(), BakeError> {
+        let mut values = vec![
+            ("colors".into(), self.colors.clone()),
+            ("adam.mean".into(), self.adam.mean.clone()),
+            ("adam.square".into(), self.adam.square.clone()),
+        ];
+        for (mode, layers) in self.pooled.iter().enumerate() {
+            for (i, moments) in layers.iter().enumerate() {
+                let both = moments.as_ref().map(|moments| [&moments.mean[..], &moments.square[..]].concat());
+                values.push((format!("pooled.{mode}.{i}"), both.unwrap_or_default()));
+            }
+        }
+        // Before the first step there is nothing to pool, and an empty list stands for it.
+        State { steps: self.steps, identity: self.identity.clone(), values }.write(path)
+    }
+
+    /// Goes on from a checkpoint of the same scene, paintings, network and settings. The result is that of a bake without
+    /// the interruption, bit by bit.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or is another bake's. The state then stays as it was.
+    pub fn resume(&mut self, path: &Path) -> Result<(), BakeError> {
+        let n = self.adam.square.len();
+        let mut lengths = vec![
+            ("colors".into(), Length::Is(3 * n)),
+            ("adam.mean".into(), Length::Is(3 * n)),
+            ("adam.square".into(), Length::Is(n)),
+        ];
+        for (mode, layers) in self.pooled.iter().enumerate() {
+            let of_layer = |(i, layer): (usize, &Layer)| {
+                (format!("pooled.{mode}.{i}"), Length::IsOrNone(2 * layer.channels))
+            };
+            lengths.extend(self.network.layers()[..layers.len()].iter().enumerate().map(of_layer));
+        }
+        let state = State::read(path, &self.identity, &lengths)?;
+        let mut values = state.values.into_iter().map(|(_, values)| values);
+        let mut next = || values.next().unwrap_or_default();
+        (self.colors, self.adam.mean, self.adam.square) = (next(), next(), next());
+        for moments in self.pooled.iter_mut().flatten() {
+            let both = next();
+            let (mean, square) = both.split_at(both.len() / 2);
+            let found = Moments { mean: mean.into(), square: square.into() };
+            *moments = (!both.is_empty()).then_some(found);
+        }
+        self.steps = state.steps;
+        Ok(())
+    }
+
     /// One step: one crop, compared, and the colors that it shows moved.
     ///
     /// # Panics
@@ -89,7 +159,8 @@ impl Baker {
     pub fn step(&mut self, scene: &Scene) -> Losses {
         assert_eq!(self.colors.len(), scene.len() * 3, "one color per Gaussian");
         let config = self.config;
-        let mut random = Random::new(config.seed ^ (u64::from(self.steps) + 1).wrapping_mul(0xD134_2543_DE82_EF95));
+        let mut random =
+            Random::new(config.seed ^ (u64::from(self.steps) + 1).wrapping_mul(0xD134_2543_DE82_EF95));
         let camera = self.cameras.sample(self.steps, config.crop, &mut random, config.seed);
         let weights = blend_weights(scene, &camera);
         let alpha = weights.alpha();
@@ -98,12 +169,9 @@ impl Baker {
         let mask = Mask::new(size, &alpha);
         let rgb = over(&weights, &alpha, &self.colors, self.paintings.mean);
         let pixels = mask.cells(size);
-        let tone = Tone::of(&rgb, pixels.iter().map(|&pixel| pixel as usize));
-        let running = self.tone.get_or_insert(tone);
-        running.blend(&tone, config.pool);
         // Every other step compares texture alone.
         let gray = self.steps % 2 == 1;
-        let tone = gray.then_some(*running);
+        let tone = gray.then_some(self.paintings.tone);
         let seen = tone.map_or_else(|| rgb.clone(), |tone| tone.gray(&rgb));
         let features = self.network.forward(&self.grids, &seen);
         let unstyled = (config.weights.content > 0.0 && !gray).then(|| {
@@ -159,7 +227,7 @@ impl Baker {
                     return (losses, grad);
                 }
                 let n = layer.channels;
-                let moments = statistics::Moments::of(rows, n, cells.iter().map(|&cell| cell as usize));
+                let moments = Moments::of(rows, n, cells.iter().map(|&cell| cell as usize));
                 match pooled {
                     Some(pooled) => pooled.blend(&moments, pool),
                     None => *pooled = Some(moments.clone()),
@@ -167,8 +235,8 @@ impl Baker {
                 let pooled = pooled.as_ref().unwrap_or(&moments);
                 let weight = weights.statistics * layer.statistics;
                 let target = &targets[i].statistics;
-                losses.statistics =
-                    layer.statistics * statistics::statistics(rows, &cells, pooled, target, weight, &mut grad);
+                losses.statistics = layer.statistics
+                    * statistics::statistics(rows, &cells, pooled, target, weight, &mut grad);
                 let weight = weights.matching * layer.matching;
                 losses.matching = matching::matching(rows, n, &queries, &keys, weight, &mut grad);
                 if let (true, Some(unstyled)) = (layer.content, unstyled) {
@@ -187,3 +255,26 @@ impl Baker {
         (losses, grads)
     }
 }
+
+/// A hash of all that a bake depends on. The paintings' statistics depend on the network, and stand for both.
+fn identity(
+    config: &BakeConfig,
+    scene: &Scene,
+    captured: &[f32],
+    paintings: &Paintings,
+    cameras: &Cameras,
+) -> String {
+    let mut identity = Identity::new();
+    identity.add(format!("{config:?} {}", SceneFingerprint::of(scene)).into_bytes());
+    identity.add_floats(captured);
+    identity.add_floats(&cameras.pixels);
+    identity.add_floats(&paintings.mean);
+    for layer in paintings.layers(false) {
+        identity.add_floats(&layer.statistics.mean);
+        identity.add_floats(&layer.statistics.deviation);
+    }
+    identity.text()
+}
+
+#[cfg(test)]
+mod tests;

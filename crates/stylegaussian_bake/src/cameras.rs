@@ -12,6 +12,8 @@ use stylegaussian::{
 
 /// Views of a scene without cameras. 24 trained the scenes of the first experiments.
 const N_VIEWS: usize = 24;
+/// Most cameras of a capture that are looked through, spread over the list.
+const MOST_VIEWS: usize = 64;
 /// Side of the views in which crops are aimed, in pixels.
 const SURVEY_SIDE: u32 = 96;
 /// Deviation of the eye's angle around what it looks at, in radians.
@@ -42,7 +44,10 @@ impl Cameras {
     pub fn survey(scene: &Scene, given: &[Camera], side: u32, crop: u32) -> Option<Self> {
         let cameras = match given {
             [] => choose_views(scene, N_VIEWS, UVec2::splat(side)),
-            given => given.iter().map(|camera| scaled(camera, side)).collect(),
+            given => {
+                let stride = given.len().div_ceil(MOST_VIEWS);
+                given.iter().step_by(stride).map(|camera| scaled(camera, side)).collect()
+            }
         };
         let surveyed: Vec<(View, RenderedImage, Vec<f32>)> =
             cameras.into_par_iter().map(|camera| survey(scene, camera, crop)).collect();

@@ -38,18 +38,33 @@ pub struct BakeConfig {
     pub weights: LossWeights,
 }
 
+impl BakeConfig {
+    /// The default settings.
+    pub const DEFAULT: Self = Self {
+        steps: 150,
+        seed: 0,
+        crop: 192,
+        view: 512,
+        rate: 0.05,
+        pool: 0.3,
+        queries: 1000,
+        keys: 2500,
+        weights: LossWeights { matching: 1.0, statistics: 0.3, content: 0.01, palette: 0.1, range: 1.0 },
+    };
+
+    /// These settings with the style at `strength`: 0 gives the recolored scene, 1 the default, 2 a bold picture in which
+    /// the scene's own detail may get lost.
+    ///
+    /// Strength multiplies the rate: every Gaussian then goes so much farther, whatever the number of steps. What is
+    /// kept of the scene's own features falls with it.
+    pub fn with_strength(self, strength: f32) -> Self {
+        let weights = LossWeights { content: self.weights.content / strength.max(0.1), ..self.weights };
+        Self { rate: self.rate * strength, weights, ..self }
+    }
+}
+
 impl Default for BakeConfig {
     fn default() -> Self {
-        Self {
-            steps: 150,
-            seed: 0,
-            crop: 192,
-            view: 512,
-            rate: 0.03,
-            pool: 1.0,
-            queries: 1000,
-            keys: 2500,
-            weights: LossWeights { matching: 1.0, statistics: 0.1, content: 0.01, palette: 0.1, range: 1.0 },
-        }
+        Self::DEFAULT
     }
 }

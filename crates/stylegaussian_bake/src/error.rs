@@ -21,7 +21,9 @@ pub enum BakeError {
         found: usize,
     },
     /// A painting's values do not fit its size, or are not finite.
-    #[error("a painting of {width}x{height} has {found}, expected 3 finite values for each of at least one pixel")]
+    #[error(
+        "a painting of {width}x{height} has {found}, expected 3 finite values for each of at least one pixel"
+    )]
     Painting {
         /// Columns.
         width: u32,
@@ -31,7 +33,9 @@ pub enum BakeError {
         found: String,
     },
     /// An ONNX graph is not one that can be a loss network.
-    #[error("{name}: the graph has {found}, expected VGG-19 or an encoder that `stylegaussian distill` wrote")]
+    #[error(
+        "{name}: the graph has {found}, expected VGG-19 or an encoder that `stylegaussian distill` wrote"
+    )]
     Network {
         /// The graph's file.
         name: String,

@@ -24,6 +24,7 @@
 mod adam;
 mod baker;
 mod cameras;
+mod checkpoint;
 mod config;
 mod error;
 mod loss;

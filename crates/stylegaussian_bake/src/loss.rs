@@ -54,7 +54,5 @@ pub(crate) fn range(rgb: &[f32], cells: &[u32], weight: f32, grad: &mut [f32]) -
     sum as f32 * scale
 }
 
-
-
 #[cfg(test)]
 mod tests;

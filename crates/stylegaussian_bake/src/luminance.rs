@@ -7,7 +7,8 @@ const DEVIATION: f32 = 0.18;
 /// Least deviation that is stretched, eight of a display's steps: below it there is noise and no texture.
 const LEAST_DEVIATION: f32 = 8.0 / 255.0;
 
-/// Mean and mean square of luminance, over the pixels of many pictures.
+/// Mean and mean square of a painting's luminance. Scene and painting are stretched alike: stretching the scene by its own
+/// deviation would reward pictures without contrast.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Tone {
     pub mean: f32,
@@ -28,12 +29,6 @@ impl Tone {
             (mean, square) = (mean + y, square + y * y);
         }
         Self { mean: (mean / n) as f32, square: (square / n) as f32 }
-    }
-
-    /// Moves this toward `other` by `share`.
-    pub fn blend(&mut self, other: &Self, share: f32) {
-        self.mean += share * (other.mean - self.mean);
-        self.square += share * (other.square - self.square);
     }
 
     fn gain(&self) -> f32 {

@@ -71,7 +71,8 @@ impl LossNetwork {
     pub fn distilled(name: &str, onnx: &[u8]) -> Result<Self, BakeError> {
         let invalid = |found| BakeError::Network { name: name.into(), found };
         let chain = onnx::read(onnx).map_err(invalid)?;
-        let layers = distilled_layers(&chain).ok_or_else(|| invalid("no layers at half and quarter size".into()))?;
+        let layers =
+            distilled_layers(&chain).ok_or_else(|| invalid("no layers at half and quarter size".into()))?;
         let filters = |chain: Chain, weight| {
             let last = chain.operations.len();
             (chain, vec![(last, weight, 0.0, false)])
@@ -152,8 +153,7 @@ fn distilled_layers(chain: &Chain) -> Option<Vec<(usize, f32, f32, bool)>> {
         Operation::MaxPool { .. } => true,
         Operation::Add(_) => false,
     };
-    let halvings: Vec<usize> =
-        (0..n).filter(|&i| strided(&chain.operations[i])).map(|i| i + 1).collect();
+    let halvings: Vec<usize> = (0..n).filter(|&i| strided(&chain.operations[i])).map(|i| i + 1).collect();
     let [half, quarter] = halvings[..] else { return None };
     (quarter > half && quarter + 1 < n).then(|| {
         vec![
@@ -164,8 +164,6 @@ fn distilled_layers(chain: &Chain) -> Option<Vec<(usize, f32, f32, bool)>> {
         ]
     })
 }
-
-
 
 #[cfg(test)]
 mod tests;

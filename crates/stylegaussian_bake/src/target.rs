@@ -31,6 +31,8 @@ pub(crate) struct LayerTarget {
 pub(crate) struct Paintings {
     /// One for each layer of the network, of the paintings in color and as gray.
     layers: [Vec<LayerTarget>; 2],
+    /// The luminance that is stretched to the common mean and deviation.
+    pub tone: Tone,
     /// The change of color that goes with luminance.
     pub line: [f32; 3],
     pub palette: Palette,
@@ -58,8 +60,8 @@ impl Paintings {
             (sum / (colors.len() / 3) as f64) as f32
         };
         let mut layers = [Vec::new(), Vec::new()];
+        let tone = Tone::of(&colors, 0..colors.len() / 3);
         for (image, share) in images.into_iter().zip(&shares) {
-            let tone = Tone::of(&image.rgb, 0..image.rgb.len() / 3);
             let gray = Image { rgb: tone.gray(&image.rgb), ..image.clone() };
             add_painting(&mut layers[0], &image, *share, network);
             add_painting(&mut layers[1], &gray, *share, network);
@@ -68,7 +70,7 @@ impl Paintings {
         let palette = Palette::new(&colors, 10);
         let moments = ColorMoments::of_rgb(&colors);
         let mean = [mean(0), mean(1), mean(2)];
-        Ok(Self { layers, line: color_line(&colors), palette, colors: moments, mean, shares })
+        Ok(Self { layers, tone, line: color_line(&colors), palette, colors: moments, mean, shares })
     }
 
     /// What each layer should be like, in color or as gray.

@@ -1,5 +1,6 @@
 //! The commands, one module each. They share the modules beside this one, and do not import one another.
 
+mod bake;
 mod convert;
 mod distill;
 mod embed;
@@ -31,6 +32,7 @@ enum Command {
     Embed(embed::EmbedArgs),
     Train(Box<train::TrainArgs>),
     Style(style::StyleArgs),
+    Bake(bake::BakeArgs),
     Stylize(stylize::StylizeArgs),
     Render(render::RenderArgs),
     Eval(eval::EvalArgs),
@@ -50,6 +52,7 @@ impl Cli {
             Command::Embed(arguments) => embed::run(&arguments, interrupt),
             Command::Train(arguments) => train::run(&arguments, interrupt),
             Command::Style(arguments) => style::run(&arguments),
+            Command::Bake(arguments) => bake::run(&arguments, interrupt),
             Command::Stylize(arguments) => stylize::run(&arguments),
             Command::Render(arguments) => render::run(&arguments),
             Command::Eval(arguments) => eval::run(&arguments, interrupt),

@@ -37,7 +37,8 @@ impl Palette {
         let nearest = (0..SIDE * SIDE * SIDE)
             .into_par_iter()
             .map(|i| {
-                let middle = [i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE].map(|i| (i as f32 + 0.5) / SIDE as f32);
+                let middle =
+                    [i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE].map(|i| (i as f32 + 0.5) / SIDE as f32);
                 let closer = |best: [f32; 3], color: &[f32; 3]| {
                     if distance(&middle, color) < distance(&middle, &best) { *color } else { best }
                 };
@@ -58,7 +59,10 @@ impl Palette {
             if squared > FREE * FREE {
                 sum += f64::from(squared);
                 let share = share * (1.0 - FREE / squared.sqrt());
-                color.iter_mut().zip(nearest).for_each(|(value, nearest)| *value += share * (nearest - *value));
+                color
+                    .iter_mut()
+                    .zip(nearest)
+                    .for_each(|(value, nearest)| *value += share * (nearest - *value));
             }
         }
         (sum / n as f64) as f32

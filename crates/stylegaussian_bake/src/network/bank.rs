@@ -53,12 +53,12 @@ fn filters() -> Convolution {
     const BOTH: [f32; 2] = [1.0, -1.0];
     // Means are compared too, and those of luminance are the palette's. Derivatives are some ten times smaller than the
     // colors themselves, on paintings; the gains make up for it.
-    add(LUMINANCE, &LOW_PASS, 2.0, &BOTH[..1]);
+    add(LUMINANCE, &LOW_PASS, 6.0, &BOTH[..1]);
     for kernel in FIRST.iter().chain(&SECOND) {
         add(LUMINANCE, kernel, 8.0, &BOTH);
     }
     for color in OPPONENT {
-        add(color, &LOW_PASS, 4.0, &BOTH);
+        add(color, &LOW_PASS, 8.0, &BOTH);
         for kernel in [FIRST[0], FIRST[2]] {
             add(color, &kernel, 16.0, &BOTH);
         }

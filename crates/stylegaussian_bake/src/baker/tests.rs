@@ -1,0 +1,151 @@
+//! Whole bakes of a small scene.
+
+use glam::{Quat, UVec2, Vec3};
+use stylegaussian::{Camera, Scene, random::Random};
+use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
+use stylegaussian_encoder::Image;
+
+use super::*;
+
+/// A wall of n x n Gaussians, in gray stripes.
+fn wall(n: usize) -> Scene {
+    let place =
+        |i: usize| Vec3::new((i % n) as f32, (i / n) as f32, 0.0) / n as f32 * 2.0 - Vec3::new(1.0, 1.0, 0.0);
+    let mut scene = Scene {
+        means: (0..n * n).map(place).collect(),
+        rotations: vec![Quat::IDENTITY; n * n],
+        scales: vec![Vec3::splat(1.2 / n as f32); n * n],
+        opacities: vec![0.95; n * n],
+        order: (0..(n * n) as u32).collect(),
+        n_source: n * n,
+        ..Default::default()
+    };
+    scene.set_colors(&(0..n * n).map(|i| [0.3 + 0.4 * (i / 4 % 2) as f32; 3]).collect::<Vec<_>>());
+    scene
+}
+
+fn cameras() -> Vec<Camera> {
+    let look = |x| Camera::look_at(Vec3::new(x, 0.0, -3.0), Vec3::ZERO, Vec3::Y, 0.7, UVec2::splat(64));
+    [-0.5, 0.5].map(look).to_vec()
+}
+
+/// Diagonal dabs of blue and yellow.
+fn painting(side: u32, color: impl Fn(u32, u32) -> [f32; 3]) -> Image {
+    let rgb = (0..side * side).flat_map(|i| color(i % side, i / side)).collect();
+    Image { width: side, height: side, rgb }
+}
+
+fn dabs(x: u32, y: u32) -> [f32; 3] {
+    if (x + y) / 5 % 2 == 0 { [0.1, 0.2, 0.7] } else { [0.9, 0.8, 0.3] }
+}
+
+const CONFIG: BakeConfig = BakeConfig { steps: 12, crop: 48, view: 64, ..BakeConfig::DEFAULT };
+
+fn network() -> LossNetwork {
+    LossNetwork::distilled(ENCODER_NAME, ENCODER).unwrap()
+}
+
+fn baker(scene: &Scene, paintings: &[(Image, f32)]) -> Baker {
+    Baker::new(CONFIG, scene, &cameras(), paintings, network()).unwrap()
+}
+
+fn bits(baker: &Baker) -> Vec<u32> {
+    baker.colors.iter().map(|value| value.to_bits()).collect()
+}
+
+#[test]
+fn losses_fall() {
+    let scene = wall(24);
+    let config = BakeConfig { steps: 30, ..CONFIG };
+    let mut baker = Baker::new(config, &scene, &cameras(), &[(painting(64, dabs), 1.0)], network()).unwrap();
+    let mut losses = Vec::new();
+    while !baker.is_complete() {
+        losses.push(baker.step(&scene));
+    }
+    let mean = |of: fn(&Losses) -> f32, part: &[Losses]| part.iter().map(of).sum::<f32>() / part.len() as f32;
+    for of in [|losses: &Losses| losses.statistics, |losses: &Losses| losses.matching] {
+        let (first, last) = (mean(of, &losses[..6]), mean(of, &losses[24..]));
+        assert!(last < 0.9 * first, "from {first} to {last}");
+    }
+}
+
+#[test]
+fn an_interruption_changes_no_bit() {
+    let (scene, paintings) = (wall(12), [(painting(64, dabs), 1.0)]);
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.checkpoint.safetensors");
+    let mut whole = baker(&scene, &paintings);
+    whole.save(&path).unwrap();
+    for _ in 0..3 {
+        whole.step(&scene);
+    }
+    whole.save(&path).unwrap();
+    for _ in 0..3 {
+        whole.step(&scene);
+    }
+    let mut resumed = baker(&scene, &paintings);
+    resumed.resume(&path).unwrap();
+    assert_eq!(resumed.steps(), 3);
+    for _ in 0..3 {
+        resumed.step(&scene);
+    }
+    assert_eq!(bits(&whole), bits(&resumed));
+
+    let mut other = baker(&scene, &[(painting(64, |x, _| [x as f32 / 64.0; 3]), 1.0)]);
+    let error = other.resume(&path).unwrap_err().to_string();
+    assert!(error.contains("another scene, painting or setting"), "{error}");
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    assert!(resumed.resume(&path).unwrap_err().to_string().contains("broken"));
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bits() {
+    let (scene, paintings) =
+        (wall(12), [(painting(64, dabs), 1.0), (painting(40, |_, y| [y as f32 / 40.0; 3]), 0.5)]);
+    let run = |n: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        pool.install(|| {
+            let mut baker = baker(&scene, &paintings);
+            for _ in 0..4 {
+                baker.step(&scene);
+            }
+            bits(&baker)
+        })
+    };
+    assert_eq!(run(1), run(3));
+}
+
+#[test]
+fn odd_paintings_and_scenes_give_finite_colors() {
+    let gray = |x: u32, y: u32| [((x * y) % 7) as f32 / 7.0; 3];
+    let mut random = Random::new(1);
+    let noise = Image { width: 300, height: 3, rgb: (0..2700).map(|_| random.uniform()).collect() };
+    for painting in [painting(1, gray), painting(48, gray), painting(48, |_, _| [0.2, 0.5, 0.3]), noise] {
+        // One Gaussian fills the pictures: a wall without a second one.
+        for scene in [wall(8), wall(1)] {
+            let mut baker = baker(&scene, &[(painting.clone(), 1.0)]);
+            for _ in 0..2 {
+                baker.step(&scene);
+            }
+            assert!(baker.colors.iter().all(|value| value.is_finite()), "{}", painting.width);
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_baked_is_an_error() {
+    let good = painting(16, dabs);
+    let error = |scene: &Scene, paintings: &[(Image, f32)]| {
+        Baker::new(CONFIG, scene, &[], paintings, network()).err().unwrap().to_string()
+    };
+    let message = error(&Scene::default(), &[(good.clone(), 1.0)]);
+    assert!(message.starts_with("the scene of 0 Gaussians"), "{message}");
+    let invisible = Scene { opacities: vec![0.0; 16], ..wall(4) };
+    assert!(error(&invisible, &[(good.clone(), 1.0)]).contains("none is visible"));
+    assert!(error(&wall(4), &[]).contains("expected at least one"));
+    assert!(error(&wall(4), &[(good.clone(), 0.0)]).contains("expected at least one"));
+    let broken = Image { width: 4, height: 4, rgb: vec![f32::NAN; 48] };
+    assert!(error(&wall(4), &[(broken, 1.0)]).contains("NaN"));
+    assert!(error(&wall(4), &[(Image { width: 0, height: 4, rgb: Vec::new() }, 1.0)]).contains("0x4"));
+}

@@ -1,0 +1,272 @@
+//! `stylegaussian bake`: optimizes the colors of one scene for a painting's brush strokes.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    sync::atomic::Ordering,
+    time::Instant,
+};
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::Args;
+use glam::UVec2;
+use serde::Serialize;
+use stylegaussian::{
+    Camera, Scene, file,
+    look::{Look, MadeFrom, Painting},
+    splat::{Colors, render},
+    views::choose_views,
+};
+use stylegaussian_bake::{BakeConfig, Baker, LossNetwork, Losses};
+use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
+use stylegaussian_encoder::Image;
+use stylegaussian_train::{
+    cameras::{read_cameras, scaled},
+    contact_sheet::contact_sheet,
+    picture::{Background, Picture},
+};
+
+use crate::{
+    arguments::{WeightedPath, beside, is_look},
+    terminal::{Interrupt, bar, note, print, warn},
+};
+
+/// Steps between two checkpoints. One is written in milliseconds; a bake that is killed loses some seconds.
+const CHECKPOINT_EVERY: u32 = 50;
+/// Views on the contact sheet, and the side of its pictures, in pixels.
+const SHEET_VIEWS: usize = 3;
+const SHEET_SIDE: u32 = 320;
+
+/// Paint a scene with a painting's own strokes, and write a look (*.look.safetensors) of it.
+///
+/// The colors of the Gaussians are optimized on random views of the scene, in half a minute to two minutes. The state is
+/// kept in OUT.checkpoint.safetensors. Ctrl-C saves it, writes the look so far and stops; the same command then goes on.
+#[derive(Args, Debug)]
+pub struct BakeArgs {
+    /// A scene: 3DGS .ply, .sgs, or a StyleGaussian checkpoint (.pth). It needs no features.
+    scene: PathBuf,
+    /// Painting. Several give a mix, and their weights are normalized to sum 1.
+    #[arg(long = "style", value_name = "S[:WEIGHT]", num_args = 1.., required = true)]
+    styles: Vec<WeightedPath>,
+    /// The look to write.
+    #[arg(short, long, value_name = "OUT.look.safetensors")]
+    output: PathBuf,
+    /// Strength: 0 only recolors, 1 is the default, 2 is bold.
+    #[arg(long, value_name = "0..2", default_value = "1", allow_negative_numbers = true, value_parser = strength)]
+    strength: f32,
+    /// Steps: one view each.
+    #[arg(long, value_name = "N", default_value_t = BakeConfig::DEFAULT.steps)]
+    steps: u32,
+    /// Random seed.
+    #[arg(long, value_name = "S", default_value_t = BakeConfig::DEFAULT.seed)]
+    seed: u64,
+    /// Compare through VGG-19 with these weights, in place of the built-in network. Takes three times as long.
+    #[arg(long, value_name = "FILE")]
+    vgg: Option<PathBuf>,
+    /// Cameras to look from: transforms.json, a COLMAP model, or 3DGS cameras.json. Default: chosen to suit the scene.
+    #[arg(long, value_name = "FILE")]
+    cameras: Option<PathBuf>,
+    /// Write a contact sheet: the painting, then views before and after.
+    #[arg(long, value_name = "OUT.png")]
+    sheet: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Baked<'a> {
+    scene: &'a Path,
+    output: &'a Path,
+    gaussians: usize,
+    steps: u32,
+    /// Since the start of this command, reading and writing included.
+    seconds: f64,
+    /// Losses of the last step; none if this run had no step to do.
+    losses: Option<LastLosses>,
+}
+
+#[derive(Serialize)]
+struct LastLosses {
+    matching: f32,
+    statistics: f32,
+    content: f32,
+    palette: f32,
+}
+
+impl From<Losses> for LastLosses {
+    fn from(losses: Losses) -> Self {
+        let Losses { matching, statistics, content, palette, .. } = losses;
+        Self { matching, statistics, content, palette }
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// The message names the file or the option at fault, or says how to go on after an interruption.
+pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
+    let began = Instant::now();
+    let BakeArgs { scene: path, output, .. } = arguments;
+    ensure!(is_look(output), "{}: expected extension .look.safetensors", output.display());
+    let paintings = arguments.paintings()?;
+    let loaded = file::read_scene(path)?;
+    warn(&loaded.warnings);
+    let (scene, cameras) = (loaded.scene, arguments.cameras()?);
+    let checkpoint = checkpoint_of(output);
+    let mut baker = Baker::new(arguments.config(), &scene, &cameras, &paintings, arguments.network()?)
+        .with_context(|| path.display().to_string())?;
+    let recolored = baker.colors().to_vec();
+    if checkpoint.exists() {
+        baker.resume(&checkpoint)?;
+        note(format!("going on after step {} of {}", baker.steps(), arguments.steps));
+    }
+    // Before the first step, so that a folder that cannot be written, or a full disk, is found at once.
+    baker.save(&checkpoint)?;
+    let losses = bake(&mut baker, &scene, arguments.steps, &checkpoint, interrupt)?;
+    let look = Look::new(&scene, baker.colors(), arguments.made_from(baker.steps()));
+    let kept = || format!("the bake is kept in {}; the same command goes on", checkpoint.display());
+    file::write_look(output, &look).with_context(kept)?;
+    ensure!(
+        baker.is_complete(),
+        "interrupted after {} steps; the look so far is written, and {}",
+        baker.steps(),
+        kept()
+    );
+    if let Some(sheet) = &arguments.sheet {
+        write_sheet(sheet, &scene, &cameras, &paintings, [&recolored, baker.colors()])?;
+    }
+    // Last, since it is what a failure above could be repaired from.
+    fs::remove_file(&checkpoint).with_context(|| checkpoint.display().to_string())?;
+    let baked = Baked {
+        scene: path,
+        output,
+        gaussians: scene.len(),
+        steps: baker.steps(),
+        seconds: began.elapsed().as_secs_f64(),
+        losses: losses.map(LastLosses::from),
+    };
+    print(arguments.json, &baked, || {
+        format!("{}: {} steps in {:.0} s", output.display(), baked.steps, baked.seconds)
+    })
+}
+
+/// Does the steps that are left, or those until Ctrl-C, and saves the state. Returns the last step's losses.
+fn bake(
+    baker: &mut Baker,
+    scene: &Scene,
+    steps: u32,
+    checkpoint: &Path,
+    interrupt: &Interrupt,
+) -> Result<Option<Losses>> {
+    let interrupted = interrupt.watch();
+    let progress = bar(u64::from(steps), "{bar:40} {pos}/{len} steps, {eta} left");
+    let mut losses = None;
+    while !baker.is_complete() && !interrupted.load(Ordering::Relaxed) {
+        progress.set_position(u64::from(baker.steps()));
+        losses = Some(baker.step(scene));
+        if baker.steps().is_multiple_of(CHECKPOINT_EVERY) {
+            baker.save(checkpoint)?;
+        }
+    }
+    progress.finish_and_clear();
+    baker.save(checkpoint)?;
+    Ok(losses)
+}
+
+/// OUT.checkpoint.safetensors for OUT.look.safetensors.
+fn checkpoint_of(output: &Path) -> PathBuf {
+    beside(&output.with_extension("").with_extension(""), "checkpoint.safetensors")
+}
+
+/// A strength from 0 to 2.
+fn strength(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|number| (0.0..=2.0).contains(number));
+    number.ok_or_else(|| "expected a number from 0 to 2".into())
+}
+
+impl BakeArgs {
+    fn config(&self) -> BakeConfig {
+        let config = BakeConfig { steps: self.steps, seed: self.seed, ..BakeConfig::DEFAULT };
+        config.with_strength(self.strength)
+    }
+
+    fn paintings(&self) -> Result<Vec<(Image, f32)>> {
+        self.styles.iter().map(|style| Ok((Image::open(&style.path)?, style.weight as f32))).collect()
+    }
+
+    fn network(&self) -> Result<LossNetwork> {
+        Ok(match &self.vgg {
+            Some(path) => LossNetwork::vgg(path)?,
+            None => LossNetwork::distilled(ENCODER_NAME, ENCODER)?,
+        })
+    }
+
+    /// The capture's cameras; none if none are given.
+    fn cameras(&self) -> Result<Vec<Camera>> {
+        let Some(path) = &self.cameras else { return Ok(Vec::new()) };
+        let set = read_cameras(path)?;
+        warn(&set.warnings);
+        if set.cameras.is_empty() {
+            bail!("{}: found no camera, expected at least one", path.display());
+        }
+        Ok(set.cameras.into_iter().map(|posed| posed.camera).collect())
+    }
+
+    fn made_from(&self, steps: u32) -> MadeFrom {
+        let total: f64 = self.styles.iter().map(|style| style.weight).sum();
+        let painting = |style: &WeightedPath| Painting {
+            name: style.path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            weight: style.weight / total,
+        };
+        MadeFrom {
+            paintings: self.styles.iter().map(painting).collect(),
+            strength: f64::from(self.strength),
+            steps: u64::from(steps),
+            seed: self.seed,
+        }
+    }
+}
+
+/// A row for the recolored scene and one for the baked, behind the paintings.
+fn write_sheet(
+    path: &Path,
+    scene: &Scene,
+    cameras: &[Camera],
+    paintings: &[(Image, f32)],
+    looks: [&[[f32; 3]]; 2],
+) -> Result<()> {
+    let cameras = match cameras {
+        [] => choose_views(scene, SHEET_VIEWS, UVec2::splat(SHEET_SIDE)),
+        given => {
+            let stride = given.len().div_ceil(SHEET_VIEWS);
+            given.iter().step_by(stride).map(|camera| scaled(camera, SHEET_SIDE)).collect()
+        }
+    };
+    let picture = |colors, camera: &Camera| {
+        Picture::of(&render(scene, Colors::Rgb(colors), camera), Background::Color([255; 3]))
+    };
+    let mut rows: Vec<Vec<Picture>> =
+        vec![paintings.iter().map(|(image, _)| Picture::of_image(image)).collect()];
+    rows.extend(looks.map(|colors| cameras.iter().map(|camera| picture(colors, camera)).collect()));
+    contact_sheet(&rows, UVec2::splat(SHEET_SIDE)).write_png(path)?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn checkpoints_lie_beside_looks() {
+        assert_eq!(checkpoint_of(Path::new("a/b.look.safetensors")), Path::new("a/b.checkpoint.safetensors"));
+    }
+
+    #[test]
+    fn strengths_end_at_0_and_2() {
+        assert_eq!((strength("0"), strength("2")), (Ok(0.0), Ok(2.0)));
+        for text in ["-1", "2.1", "nan", "inf", ""] {
+            assert!(strength(text).is_err(), "{text}");
+        }
+    }
+}
