@@ -161,7 +161,7 @@ pub fn draw(mut contexts: EguiContexts, mut shown: Shown, images: Res<Assets<Ima
             ui.separator();
             paintings(ui, &mut shown.styles, &pictures);
             ui.separator();
-            mix(ui, &mut shown.styles);
+            mix(ui, &mut shown.styles, shown.transfer.refined);
             ui.separator();
             save(ui, &mut shown);
             ui.separator();
@@ -263,8 +263,15 @@ fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
     }
 }
 
-/// The sliders for content and fade.
-fn mix(ui: &mut Ui, styles: &mut Styles) {
+/// The sliders for content and fade, and how far the style that is shown is refined.
+fn mix(ui: &mut Ui, styles: &mut Styles, refined: Option<(u32, bool)>) {
+    let look = match refined {
+        _ if styles.total() == 0.0 => "unstyled".to_owned(),
+        _ if styles.has_look() => "baked".to_owned(),
+        None => "instant".to_owned(),
+        Some((steps, false)) => format!("refined by {steps} steps so far"),
+        Some((steps, true)) => format!("refined by {steps} steps"),
+    };
     ui.spacing_mut().slider_width = WIDTH - 170.0;
     Grid::new("mix").num_columns(2).show(ui, |ui| {
         ui.label("content").on_hover_text("how much of the scene's own features stays");
@@ -274,7 +281,7 @@ fn mix(ui: &mut Ui, styles: &mut Styles) {
         ui.add(Slider::new(&mut styles.fade_in_seconds, 0.0..=3.0).fixed_decimals(1).suffix(" s"));
         ui.end_row();
         ui.label("refine").on_hover_text("bakes the style further in the background");
-        ui.checkbox(&mut styles.are_refined, "");
+        ui.checkbox(&mut styles.are_refined, look);
         ui.end_row();
     });
 }
@@ -330,18 +337,10 @@ fn statistics(ui: &mut Ui, shown: &Shown) {
         Some((elapsed, backend)) => format!("{:.0} ms, {backend:?}", 1e3 * elapsed.as_secs_f32()),
         None => "-".to_owned(),
     };
-    let look = match shown.transfer.refined {
-        _ if shown.styles.total() == 0.0 => "unstyled".to_owned(),
-        _ if shown.styles.has_look() => "baked".to_owned(),
-        None => "instant".to_owned(),
-        Some((steps, false)) => format!("refined by {steps} steps so far"),
-        Some((steps, true)) => format!("refined by {steps} steps"),
-    };
     let adapter = format!("{} ({:?})", shown.adapter.name, shown.adapter.backend);
     let rows = [
         ("Gaussians", shown.scene.n_gaussians.to_string()),
         ("transfer", transfer),
-        ("look", look),
         ("frame", format!("{frame:.1} ms, {rate:.1} fps")),
         ("adapter", adapter),
     ];

@@ -56,7 +56,7 @@ pub struct StyleRefine {
 impl Default for StyleRefine {
     fn default() -> Self {
         // As many steps as a bake takes by itself.
-        Self { steps: BakeConfig::default().steps, n_shown: 3, paintings: Vec::new() }
+        Self { steps: BakeConfig::default().steps, n_shown: 5, paintings: Vec::new() }
     }
 }
 
