@@ -4,8 +4,8 @@
 /// thousand.
 const BETAS: [f32; 2] = [0.9, 0.99];
 /// The share of all Gaussians' root mean square that is added to each one's: one with a hundredth of the usual gradient,
-/// which hardly anything sees, moves little.
-const DAMPING: f32 = 0.3;
+/// which hardly anything sees, moves by a tenth of a step.
+const DAMPING: f32 = 0.1;
 
 /// The two running means of the gradient.
 #[derive(Clone, Debug, PartialEq)]

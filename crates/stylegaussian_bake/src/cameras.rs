@@ -35,7 +35,7 @@ pub(crate) struct Cameras {
     views: Vec<View>,
     /// Moments of the captured colors, as the views show them.
     pub colors: ColorMoments,
-    /// Pixels of the survey's views that each Gaussian fills, summed `[N]`.
+    /// Pixels that each Gaussian fills of the view that shows most of it, at the views' full size `[N]`.
     pub pixels: Vec<f32>,
 }
 
@@ -51,10 +51,11 @@ impl Cameras {
         };
         let surveyed: Vec<(View, RenderedImage, Vec<f32>)> =
             cameras.into_par_iter().map(|camera| survey(scene, camera, crop)).collect();
-        let mut pixels = vec![0.0; scene.len()];
+        let mut pixels = vec![0.0_f32; scene.len()];
+        let enlarged = (side as f32 / SURVEY_SIDE as f32).powi(2);
         let (mut views, mut pictures) = (Vec::new(), Vec::new());
         for (view, picture, of_view) in surveyed {
-            pixels.iter_mut().zip(of_view).for_each(|(sum, value)| *sum += value);
+            pixels.iter_mut().zip(of_view).for_each(|(most, value)| *most = most.max(enlarged * value));
             pictures.push(picture);
             views.push(view);
         }

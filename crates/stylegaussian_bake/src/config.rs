@@ -41,11 +41,11 @@ pub struct BakeConfig {
 impl BakeConfig {
     /// The default settings.
     pub const DEFAULT: Self = Self {
-        steps: 150,
+        steps: 200,
         seed: 0,
         crop: 192,
         view: 512,
-        rate: 0.05,
+        rate: 0.04,
         pool: 0.3,
         queries: 1000,
         keys: 2500,

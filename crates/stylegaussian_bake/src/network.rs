@@ -28,6 +28,15 @@ pub(crate) struct Layer {
     pub content: bool,
 }
 
+/// A value of a chain, and what the loss does with it: see [`Layer`].
+#[derive(Clone, Copy)]
+struct Tap {
+    value: usize,
+    statistics: f32,
+    matching: f32,
+    content: bool,
+}
+
 /// A network that compares a picture with a painting.
 pub struct LossNetwork {
     chains: Vec<Chain>,
@@ -44,6 +53,9 @@ pub(crate) struct Features(Vec<Values>);
 /// is the last, conv2_1 three operations (conv2_2, max-pool, conv3_1) before it, conv1_1 six.
 const VGG_FROM_THE_END: [usize; 3] = [6, 3, 0];
 
+/// Weight of the filters' statistics: there is no other layer at full size, where grain is.
+const FILTERS_WEIGHT: f32 = 2.0;
+
 impl LossNetwork {
     /// VGG-19 at relu1_1, relu2_1 and relu3_1, from weights in any layout that the encoder takes but the distilled one.
     ///
@@ -53,11 +65,17 @@ impl LossNetwork {
         let invalid = |found| BakeError::Network { name: path.display().to_string(), found };
         let chain = onnx::read(&vgg::graph(&Weights::open(path)?)?).map_err(invalid)?;
         let n = chain.operations.len();
-        let pools = chain.operations.iter().filter(|o| matches!(o, Operation::MaxPool { .. })).count();
-        if n < 7 || pools != 2 || !matches!(chain.operations[n - 3], Operation::Convolution(_)) {
+        let is_pool = |i: usize| matches!(chain.operations[i], Operation::MaxPool { .. });
+        let pools = (0..n).filter(|&i| is_pool(i)).count();
+        if n < 7 || pools != 2 || !is_pool(n - 2) || !is_pool(n - 5) {
             return Err(invalid("another network than VGG-19 up to relu3_1".into()));
         }
-        let layers = VGG_FROM_THE_END.map(|end| (n - end, 1.0, if end == 6 { 0.0 } else { 1.0 }, end == 0));
+        let layers = VGG_FROM_THE_END.map(|end| Tap {
+            value: n - end,
+            statistics: 1.0,
+            matching: if end == 6 { 0.0 } else { 1.0 },
+            content: end == 0,
+        });
         Ok(Self::new(vec![(chain, layers.to_vec())]))
     }
 
@@ -73,17 +91,17 @@ impl LossNetwork {
         let chain = onnx::read(onnx).map_err(invalid)?;
         let layers =
             distilled_layers(&chain).ok_or_else(|| invalid("no layers at half and quarter size".into()))?;
-        let filters = |chain: Chain, weight| {
+        let filters = |chain: Chain| {
             let last = chain.operations.len();
-            (chain, vec![(last, weight, 0.0, false)])
+            (chain, vec![Tap { value: last, statistics: FILTERS_WEIGHT, matching: 0.0, content: false }])
         };
-        Ok(Self::new(vec![(chain, layers), filters(bank::full_size(), 1.0), filters(bank::half_size(), 1.0)]))
+        Ok(Self::new(vec![(chain, layers), filters(bank::full_size()), filters(bank::half_size())]))
     }
 
-    fn new(chains: Vec<(Chain, Vec<(usize, f32, f32, bool)>)>) -> Self {
+    fn new(chains: Vec<(Chain, Vec<Tap>)>) -> Self {
         let mut network = Self { chains: Vec::new(), layers: Vec::new() };
         for (chain, layers) in chains {
-            let layers = layers.into_iter().map(|(value, statistics, matching, content)| Layer {
+            let layers = layers.into_iter().map(|Tap { value, statistics, matching, content }| Layer {
                 chain: network.chains.len(),
                 value,
                 channels: chain.channels(value),
@@ -144,9 +162,9 @@ impl Features {
     }
 }
 
-/// Value, weight of statistics, weight of matching, and content, for the layers of a distilled encoder: the first and
-/// the last value at half size, the first and the last at quarter size before the output, and the output.
-fn distilled_layers(chain: &Chain) -> Option<Vec<(usize, f32, f32, bool)>> {
+/// The layers of a distilled encoder: the first and the last value at half size, the last at quarter size before the
+/// output, and the output.
+fn distilled_layers(chain: &Chain) -> Option<Vec<Tap>> {
     let n = chain.operations.len();
     let strided = |operation: &Operation| match operation {
         Operation::Convolution(convolution) => convolution.stride == 2,
@@ -156,12 +174,9 @@ fn distilled_layers(chain: &Chain) -> Option<Vec<(usize, f32, f32, bool)>> {
     let halvings: Vec<usize> = (0..n).filter(|&i| strided(&chain.operations[i])).map(|i| i + 1).collect();
     let [half, quarter] = halvings[..] else { return None };
     (quarter > half && quarter + 1 < n).then(|| {
-        vec![
-            (half, 1.0, 0.0, false),
-            (quarter - 1, 1.0, 1.0, false),
-            (n - 1, 1.0, 0.0, false),
-            (n, 1.0, 1.0, true),
-        ]
+        // Matched are the last values of each size, which see most of the picture.
+        let tap = |value, matching| Tap { value, statistics: 1.0, matching, content: value == n };
+        vec![tap(half, 0.0), tap(quarter - 1, 1.0), tap(n - 1, 0.0), tap(n, 1.0)]
     })
 }
 

@@ -36,7 +36,7 @@ fn painting(side: u32, color: impl Fn(u32, u32) -> [f32; 3]) -> Image {
 }
 
 fn dabs(x: u32, y: u32) -> [f32; 3] {
-    if (x + y) / 5 % 2 == 0 { [0.1, 0.2, 0.7] } else { [0.9, 0.8, 0.3] }
+    if ((x + y) / 5).is_multiple_of(2) { [0.1, 0.2, 0.7] } else { [0.9, 0.8, 0.3] }
 }
 
 const CONFIG: BakeConfig = BakeConfig { steps: 12, crop: 48, view: 64, ..BakeConfig::DEFAULT };

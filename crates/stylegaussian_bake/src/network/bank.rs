@@ -6,6 +6,9 @@ use super::chain::{Chain, Convolution, Operation, Padding};
 const LUMINANCE: [f32; 3] = [0.299, 0.587, 0.114];
 const OPPONENT: [[f32; 3]; 2] = [[0.5, -0.5, 0.0], [0.25, 0.25, -0.5]];
 
+/// Luminances, over 0..1, beyond which lights and darks are measured.
+const THRESHOLDS: [f32; 3] = [0.25, 0.5, 0.75];
+
 /// Binomial low-pass, the outer product of [1 2 1] / 4 with itself.
 const LOW_PASS: [f32; 9] = [1., 2., 1., 2., 4., 2., 1., 2., 1.];
 /// First derivatives (Sobel) along four directions 45 degrees apart.
@@ -40,11 +43,12 @@ pub(super) fn half_size() -> Chain {
 
 /// relu(+-f) of every filter f.
 fn filters() -> Convolution {
-    let mut oihw: Vec<f32> = Vec::new();
-    let mut add = |color: [f32; 3], kernel: &[f32; 9], gain: f32, signs: &[f32]| {
+    let (mut oihw, mut bias): (Vec<f32>, Vec<f32>) = (Vec::new(), Vec::new());
+    let mut add = |color: [f32; 3], kernel: &[f32; 9], gain: f32, threshold: f32, signs: &[f32]| {
         // So that a step of 1 along the filter's direction gives `gain`.
         let positive: f32 = kernel.iter().map(|weight| weight.max(0.0)).sum();
         for sign in signs {
+            bias.push(-sign * gain * threshold);
             for channel in color {
                 oihw.extend(kernel.iter().map(|weight| sign * gain * channel * weight / positive));
             }
@@ -53,18 +57,23 @@ fn filters() -> Convolution {
     const BOTH: [f32; 2] = [1.0, -1.0];
     // Means are compared too, and those of luminance are the palette's. Derivatives are some ten times smaller than the
     // colors themselves, on paintings; the gains make up for it.
-    add(LUMINANCE, &LOW_PASS, 6.0, &BOTH[..1]);
+    add(LUMINANCE, &LOW_PASS, 6.0, 0.0, &BOTH[..1]);
+    // Lights and darks beyond each threshold: together they tell a drawing on paper from a painting of middle tones, which
+    // may have the same mean and deviation.
+    for threshold in THRESHOLDS {
+        add(LUMINANCE, &LOW_PASS, 6.0, threshold, &BOTH);
+    }
     for kernel in FIRST.iter().chain(&SECOND) {
-        add(LUMINANCE, kernel, 8.0, &BOTH);
+        add(LUMINANCE, kernel, 8.0, 0.0, &BOTH);
     }
     for color in OPPONENT {
-        add(color, &LOW_PASS, 8.0, &BOTH);
+        add(color, &LOW_PASS, 8.0, 0.0, &BOTH);
         for kernel in [FIRST[0], FIRST[2]] {
-            add(color, &kernel, 16.0, &BOTH);
+            add(color, &kernel, 16.0, 0.0, &BOTH);
         }
     }
     let n = oihw.len() / 27;
-    let mut filters = Convolution::from_oihw([n, 3, 3], &oihw, vec![0.0; n], Padding::Reflect([1, 1]), 1);
+    let mut filters = Convolution::from_oihw([n, 3, 3], &oihw, bias, Padding::Reflect([1, 1]), 1);
     filters.relu = true;
     filters
 }
