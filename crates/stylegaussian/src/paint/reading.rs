@@ -5,8 +5,10 @@ use rayon::prelude::*;
 
 use super::{
     canvas::Canvas,
+    frames::LUMINANCE,
     painting::Paint,
     places::{Placement, place},
+    seeds::N_READ,
     surface::{Surface, mix},
 };
 use crate::{
@@ -19,7 +21,7 @@ use crate::{
 pub struct Brush {
     /// The painting's detail, as a factor: 0 for none. Above 1, because Gaussians that overlap blur what they carry.
     pub paint: f32,
-    /// The scene's own detail, as a factor: 0 for none, 1 for all of it.
+    /// The scene's own detail, as a factor: 0 for none, 1 for all of it. Things smaller than a stroke keep more.
     pub scene: f32,
     /// Large shapes, from the scene's recolored colors (0) to the colors of the painting's places (1).
     pub local_color: f32,
@@ -28,12 +30,19 @@ pub struct Brush {
 impl Default for Brush {
     /// Chosen by eye and by measure among a dozen (docs/notes/paint_experiments.md).
     fn default() -> Self {
-        Self { paint: 2.0, scene: 0.3, local_color: 0.5 }
+        Self { paint: 2.0, scene: 0.3, local_color: 0.4 }
     }
 }
 
 /// Share of a Gaussian's deviation at which it reads the painting. The whole of it would blur twice: drawing does too.
 const SHARPNESS: f32 = 0.6;
+
+/// Deviation of luminance within a stroke's length, in the recolored scene, at which half of [`PROTECTION`] applies.
+/// Fences and windows have 0.2 to 0.3, grass and cloth less than 0.1.
+const FINE: f32 = 0.14;
+
+/// The share of paint that the finest things do without. More of it, and only plain surfaces are painted.
+const PROTECTION: f32 = 0.6;
 
 /// Colors leave the range of a display by at most this. Beyond, paint would be of no painting.
 const OVERSHOOT: f32 = 0.05;
@@ -76,11 +85,19 @@ fn painted(scene: &Scene, surface: &Surface, paint: &Paint, brush: Brush) -> Vec
     let seed_colors: Vec<Vec3> = surface.seed_colors.iter().map(|color| recolored(*color)).collect();
     let placements = place(scene, surface, &seed_colors, paint, &canvas);
 
+    let own = |i: usize| {
+        let low = recolored(surface.low[i]);
+        (low, recolored(surface.base[i]) - low)
+    };
+    let fineness = fineness(surface, &own);
     let color = |i: usize| {
         let (low, detail) = read(scene, surface, &canvas, &placements, i);
-        let own_low = recolored(surface.low[i]);
-        let own_detail = recolored(surface.base[i]) - own_low;
-        own_low.lerp(low, brush.local_color) + brush.scene * own_detail + brush.paint * detail
+        let (own_low, own_detail) = own(i);
+        // Things of about a stroke's size keep their own detail, and get so much less paint.
+        let fine = fineness[i];
+        let cover = 1.0 - PROTECTION * fine;
+        let own_detail = own_detail * (brush.scene + (1.0 - brush.scene) * fine);
+        own_low.lerp(low, brush.local_color * cover) + own_detail + brush.paint * cover * detail
     };
     let colors: Vec<Vec3> = (0..surface.len()).into_par_iter().map(color).collect();
     // The palette once more: detail adds contrast, and the places that were taken are not the whole painting.
@@ -89,6 +106,19 @@ fn painted(scene: &Scene, surface: &Surface, paint: &Paint, brush: Brush) -> Vec
     let range = (Vec3::splat(-OVERSHOOT), Vec3::splat(1.0 + OVERSHOOT));
     let corrected = |color: Vec3| Vec3::from(correction.color(color.to_array())).clamp(range.0, range.1);
     colors.into_par_iter().map(corrected).collect()
+}
+
+/// How much each Gaussian belongs to things that are smaller than a stroke `[N]`, 0..1: the contrast of the scene's own
+/// detail, in luminance, around the seeds that it reads from.
+fn fineness(surface: &Surface, own: &(impl Fn(usize) -> (Vec3, Vec3) + Sync)) -> Vec<f32> {
+    let square = |i: usize| own(i).1.dot(LUMINANCE).powi(2);
+    let squares: Vec<f32> = (0..surface.len()).into_par_iter().map(square).collect();
+    let of_seeds = surface.seeds.pooled(&squares, 1, &surface.visibility);
+    let of_gaussian = |read: &[(u32, f32); N_READ]| {
+        let square: f32 = read.iter().map(|(j, weight)| weight * of_seeds[*j as usize]).sum();
+        square / (square + FINE * FINE)
+    };
+    surface.seeds.read.iter().map(of_gaussian).collect()
 }
 
 /// The painting's color and detail at Gaussian `i`.
