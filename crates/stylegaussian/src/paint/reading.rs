@@ -52,6 +52,9 @@ const OVERSHOOT: f32 = 0.05;
 ///
 /// The result depends neither on the number of threads nor on the run. If there is no paint with a weight above 0, the
 /// colors are the base colors.
+///
+/// # Panics
+/// If `surface` was made from a scene of another number of Gaussians.
 pub fn repaint(
     scene: &Scene,
     surface: &Surface,
