@@ -25,24 +25,24 @@ pub struct Brush {
     pub scene: f32,
     /// Large shapes, from the scene's recolored colors (0) to the colors of the painting's places (1).
     pub local_color: f32,
+    /// The share of paint that things finer than a stroke do without, 0..1. Less of it gives more texture, more of it a
+    /// clearer scene. Their own detail is kept in any case.
+    pub protection: f32,
 }
 
 impl Default for Brush {
     /// Chosen by eye and by measure among a dozen (docs/notes/paint_experiments.md).
     fn default() -> Self {
-        Self { paint: 2.2, scene: 0.3, local_color: 0.5 }
+        Self { paint: 2.2, scene: 0.3, local_color: 0.5, protection: 0.6 }
     }
 }
 
 /// Share of a Gaussian's deviation at which it reads the painting. The whole of it would blur twice: drawing does too.
 const SHARPNESS: f32 = 0.6;
 
-/// Deviation of luminance within a stroke's length, in the recolored scene, at which half of [`PROTECTION`] applies.
+/// Deviation of luminance within a stroke's length, in the recolored scene, at which half of [`Brush::protection`] applies.
 /// Fences and windows have 0.2 to 0.3, grass and cloth less than 0.1.
 const FINE: f32 = 0.16;
-
-/// The share of paint that the finest things do without. More of it, and only plain surfaces are painted.
-const PROTECTION: f32 = 0.6;
 
 /// Colors leave the range of a display by at most this. Beyond, paint would be of no painting.
 const OVERSHOOT: f32 = 0.05;
@@ -98,7 +98,7 @@ fn painted(scene: &Scene, surface: &Surface, paint: &Paint, brush: Brush) -> Vec
         let (own_low, own_detail) = own(i);
         // Things of about a stroke's size keep their own detail, and get so much less paint.
         let fine = fineness[i];
-        let cover = 1.0 - PROTECTION * fine;
+        let cover = 1.0 - brush.protection * fine;
         let own_detail = own_detail * (brush.scene + (1.0 - brush.scene) * fine);
         own_low.lerp(low, brush.local_color * cover) + own_detail + brush.paint * cover * detail
     };
