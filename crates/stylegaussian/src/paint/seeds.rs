@@ -60,7 +60,7 @@ impl Seeds {
                 .nearest_n::<SquaredEuclidean<f64>>(n)
                 .execute()
                 .into_iter()
-                .map(|item| (item.distance.sqrt() as f32, item.item as u32))
+                .map(|item| (item.distance.sqrt() as f32, item.item))
                 .collect();
             found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             found

@@ -25,7 +25,7 @@ fn wall(side: usize) -> Scene {
 
 /// Vertical stripes of two colors, four pixels each.
 fn stripes(width: usize, height: usize) -> Paint {
-    let pixel = |x: usize| if x / 4 % 2 == 0 { [230, 180, 30] } else { [20, 40, 120] };
+    let pixel = |x: usize| if (x / 4).is_multiple_of(2) { [230, 180, 30] } else { [20, 40, 120] };
     let pixels = (0..width * height).flat_map(|i| pixel(i % width)).collect();
     Paint { width, height, pixels, features: None }
 }
