@@ -30,8 +30,11 @@ use crate::{
 /// Side of a contact sheet's pictures, in pixels.
 const SHEET_SIDE: u32 = 160;
 
-/// Colors `[N]` of a scene in the style of a painting: its file and its picture.
-pub type Painter<'a> = dyn Fn(&Path, &Image) -> Result<Vec<[f32; 3]>, TrainError> + 'a;
+/// A scene's colors `[N]`, display-referred.
+type Painted = Result<Vec<[f32; 3]>, TrainError>;
+
+/// Colors of a scene in the style of a painting, given its file and its picture.
+pub type Painter<'a> = dyn Fn(&Path, &Image) -> Painted + 'a;
 
 /// The scene that is evaluated, and how it gets its colors.
 #[derive(Clone, Copy)]
@@ -53,7 +56,7 @@ pub fn decoded<'a>(
     scene: &'a Scene,
     decoder: &'a Decoder,
     encoder: &'a Encoder,
-) -> Result<impl Fn(&Path, &Image) -> Result<Vec<[f32; 3]>, TrainError> + 'a, TrainError> {
+) -> Result<impl Fn(&Path, &Image) -> Painted + 'a, TrainError> {
     let Some(features) = scene.features.as_ref() else {
         return Err(TrainError::Invalid(format!("{name}: no features: embed it first")));
     };

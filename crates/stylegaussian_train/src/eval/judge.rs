@@ -99,16 +99,20 @@ impl Judge {
         let pixels = view.color.iter().zip(&view.alpha);
         let rgb: Vec<f32> =
             pixels.flat_map(|(color, a)| color.map(|c| (c + (1.0 - a) * 0.5).clamp(0.0, 1.0))).collect();
-        let counts = covered(&view.alpha);
+        let counts = match self.whole_picture {
+            true => vec![true; view.alpha.len()],
+            false => covered(&view.alpha),
+        };
         let maps = self.features(&rgb, size);
-        let directions = |map: &FeatureRows| -> Result<_, TrainError> {
-            Ok(Directions::of_picture(&to_vec(&map.rows)?, &whole_cells(&counts, size, map.size)))
+        let directions = |layer: usize| -> Result<_, TrainError> {
+            let FeatureRows { rows, size: cells } = &maps[layer];
+            Ok(Directions::of_picture(&to_vec(rows)?, &whole_cells(&counts, size, 1 << layer, *cells)))
         };
         let mut look = Look {
             statistics: Vec::new(),
             texture: self.texture(&rgb, &counts, size)?,
             grain: grain(&rgb, &counts, size),
-            directions: [directions(&maps[RELU2_1])?, directions(&maps[RELU3_1])?],
+            directions: [directions(RELU2_1)?, directions(RELU3_1)?],
             content: Vec::new(),
             coverage: Vec::new(),
         };
@@ -134,12 +138,18 @@ impl Judge {
     /// Statistics of a picture's luminance up to relu3_1, over the cells that see only pixels that count.
     fn texture(&self, rgb: &[f32], counts: &[bool], size: [usize; 2]) -> Result<Statistics, TrainError> {
         let gray = picture_tensor(&luminance(rgb, counts), self.network.device());
-        let statistics = |map: FeatureRows| {
-            let whole = whole_cells(counts, size, map.size);
+        let statistics = |(layer, map): (usize, FeatureRows)| {
+            let whole = whole_cells(counts, size, 1 << layer, map.size);
             let whole: Vec<f32> = whole.into_iter().map(|whole| f32::from(u8::from(whole))).collect();
             to_vec(&row_statistics(map.rows, &Arc::new(shares(&whole))))
         };
-        self.network.features_to_relu3_1(gray, size).into_iter().map(statistics).collect()
+        self.network
+            .features_to_relu3_1(gray, size)
+            .into_iter()
+            .take(RELU3_1 + 1)
+            .enumerate()
+            .map(statistics)
+            .collect()
     }
 }
 

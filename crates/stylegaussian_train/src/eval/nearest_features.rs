@@ -1,13 +1,16 @@
 //! Distance of a picture's features to the nearest ones of a painting (NNFM, Zhang et al., "ARF", 2022).
 
 use rayon::prelude::*;
-use stylegaussian::decoder::product::{Matrix, product};
+use stylegaussian::{
+    decoder::product::{Matrix, product},
+    random::Random,
+};
 
-/// Most cells of a picture that are compared. They are spread evenly: with 2,048 of them the error of a mean of distances
+/// Most cells of a picture that are compared, chosen at random: with 2,048 of them the error of a mean of distances
 /// between 0 and 1 is below 1%.
 const MAX_QUERIES: usize = 2048;
 
-/// Most cells of a painting that a cell is compared with, spread evenly. relu3_1 of 512 x 512 pixels has 16,384.
+/// Most cells of a painting that a cell is compared with, chosen at random. relu3_1 of 512 x 512 pixels has 16,384.
 const MAX_KEYS: usize = 8192;
 
 /// Cells of the picture in one product.
@@ -20,7 +23,7 @@ pub struct Directions {
 }
 
 impl Directions {
-    /// Those cells of a picture's feature map `[h * w, D]` that count, or some of them.
+    /// Those cells of a picture's feature map `[h * w, D]` that count, or some of them, the same each time.
     pub fn of_picture(rows: &[f32], counts: &[bool]) -> Self {
         Self::some_of(rows, counts, MAX_QUERIES)
     }
@@ -34,12 +37,18 @@ impl Directions {
         let n_channels = rows.len() / counts.len().max(1);
         let cells: Vec<usize> = (0..counts.len()).filter(|&i| counts[i]).collect();
         let n = cells.len().min(most);
+        // Even steps through the rows would fall on the same few columns in each of them.
+        let mut order: Vec<usize> = match n < cells.len() {
+            true => Random::new(0).permutation(cells.len())[..n].to_vec(),
+            false => (0..n).collect(),
+        };
+        order.sort_unstable();
         let unit = |i: usize| {
-            let row = &rows[cells[i * cells.len() / n] * n_channels..][..n_channels];
+            let row = &rows[cells[i] * n_channels..][..n_channels];
             let length = row.iter().map(|value| value * value).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
             row.iter().map(move |value| value / length)
         };
-        Self { rows: (0..n).flat_map(unit).collect(), n_channels }
+        Self { rows: order.into_iter().flat_map(unit).collect(), n_channels }
     }
 
     /// The mean over the picture's cells of the cosine distance (1 - cos) to the nearest of the painting's. 0 if the
@@ -92,6 +101,7 @@ mod tests {
         assert_eq!((picture.rows.len(), painting.rows.len()), (2 * MAX_QUERIES, 2 * MAX_KEYS));
         // Half are in the painting; the others are between 0 and 0.785 away: the mean of 1 - cos over that is
         // 1 - sin(0.785) / 0.785 = 0.0997.
-        assert!((picture.distance_to(&painting) - 0.0997 / 2.0).abs() < 1e-3);
+        // They deviate from that by 0.08, and so the mean of 2,048 of them by 0.002.
+        assert!((picture.distance_to(&painting) - 0.0997 / 2.0).abs() < 6e-3);
     }
 }

@@ -61,15 +61,18 @@ pub fn grain(rgb: &[f32], counts: &[bool], [width, height]: [usize; 2]) -> f64 {
     moments(&laplacians, &all).1 / (moments(&inner, &all).1 + LEAST_DEVIATION)
 }
 
-/// Which cells of a feature map of `[w, h]` cells see only pixels that count. A cell of layer `l` stands for 2^l x 2^l
-/// pixels.
-pub fn whole_cells(counts: &[bool], [width, height]: [usize; 2], [w, h]: [usize; 2]) -> Vec<bool> {
-    // Maps end with a part of a cell if the picture's side is odd.
-    let (side_x, side_y) = (width.div_ceil(w.max(1)), height.div_ceil(h.max(1)));
+/// Which cells of a feature map of `[w, h]` cells, each `side` x `side` pixels, see only pixels that count. A cell at the
+/// end of a picture whose side is no multiple of `side` lacks pixels, and does not count.
+pub fn whole_cells(
+    counts: &[bool],
+    [width, height]: [usize; 2],
+    side: usize,
+    [w, h]: [usize; 2],
+) -> Vec<bool> {
     let is_whole = |cell: usize| {
-        let (left, top) = (cell % w * side_x, cell / w * side_y);
-        (top..(top + side_y).min(height))
-            .all(|y| (left..(left + side_x).min(width)).all(|x| counts[y * width + x]))
+        let (left, top) = (cell % w * side, cell / w * side);
+        let fits = left + side <= width && top + side <= height;
+        fits && (top..top + side).all(|y| counts[y * width + left..][..side].iter().all(|counts| *counts))
     };
     (0..w * h).map(is_whole).collect()
 }
@@ -113,9 +116,12 @@ mod tests {
     #[test]
     fn a_cell_counts_if_all_its_pixels_do() {
         let (_, counts) = picture();
-        assert_eq!(whole_cells(&counts, [4, 4], [2, 2]), [false, true, true, true]);
-        assert_eq!(whole_cells(&counts, [4, 4], [4, 4]), counts);
-        // 3 columns in 2 cells: the last one has a single column.
-        assert_eq!(whole_cells(&[true, true, false], [3, 1], [2, 1]), [true, false]);
+        assert_eq!(whole_cells(&counts, [4, 4], 2, [2, 2]), [false, true, true, true]);
+        assert_eq!(whole_cells(&counts, [4, 4], 1, [4, 4]), counts);
+        // 5 x 4 pixels with a hole at (3, 1). The map has 3 x 2 cells, the last column of one pixel in width.
+        let counts: Vec<bool> = (0..20).map(|i| i != 8).collect();
+        assert_eq!(whole_cells(&counts, [5, 4], 2, [3, 2]), [true, false, false, true, true, false]);
+        // Not by dividing 5 pixels among 2 cells: a cell of relu3_1 has 4.
+        assert_eq!(whole_cells(&[true; 20], [5, 4], 4, [2, 1]), [true, false]);
     }
 }
