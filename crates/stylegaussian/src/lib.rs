@@ -34,6 +34,7 @@ pub mod recolor;
 pub mod scene;
 pub mod sh;
 pub mod splat;
+pub mod split;
 pub mod statistics;
 pub mod twin;
 pub mod views;

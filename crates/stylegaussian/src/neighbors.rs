@@ -9,7 +9,8 @@ use rayon::prelude::*;
 /// Neighbor lists `[N, K]`, row-major.
 ///
 /// A list begins with the Gaussian itself. The others follow by ascending distance, and at equal distances by source
-/// index, so that lists depend neither on the order in memory nor on the search. If there are fewer than K Gaussians,
+/// index, so that lists depend neither on the order in memory nor on the search. Parts of one source Gaussian come in the
+/// order of the scene. If there are fewer than K Gaussians,
 /// the Gaussian itself fills the rest of its list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Neighbors {
@@ -68,7 +69,7 @@ fn cluster_equal_points(means: &[Vec3], order: &[u32]) -> (Vec<[f64; 3]>, Vec<Cl
     // -0 and 0 are the same point with different bits. Adding zero turns -0 into 0.
     let key = |i: u32| (means[i as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
     let mut by_point: Vec<u32> = (0..means.len() as u32).collect();
-    by_point.par_sort_unstable_by_key(|&i| (key(i), order[i as usize]));
+    by_point.par_sort_unstable_by_key(|&i| (key(i), order[i as usize], i));
     let (mut points, mut clusters) = (Vec::new(), Vec::<Cluster>::new());
     let mut cluster_from_gaussian = vec![0; means.len()];
     for (position, &i) in by_point.iter().enumerate() {
@@ -119,8 +120,8 @@ impl Search<'_> {
         } else {
             nearest.iter().for_each(|item| add(item.distance, item.item as usize));
         }
-        // Source indices are distinct, so an unstable sort gives one order only.
-        found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        // Gaussians are distinct, so an unstable sort gives one order only.
+        found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
         found.truncate(wanted.get());
     }
 }

@@ -17,7 +17,8 @@ pub struct Scene {
     pub opacities: Vec<f32>,
     /// Captured colors. `None` if the file keeps none, as checkpoints; the scene is then mid-gray until styled.
     pub sh: Option<Sh>,
-    /// Index of each Gaussian in the source file `[N]`.
+    /// Index of each Gaussian in the source file `[N]`. Gaussians with equal indices are parts of one that was
+    /// [split](crate::split).
     pub order: Vec<u32>,
     /// Number of Gaussians in the source file, including those dropped at loading.
     pub n_source: usize,
@@ -154,6 +155,14 @@ impl Scene {
         self.sh = Some(Sh { degree: 0, coefficients });
     }
 
+    /// The Gaussians in the order of the source `[N]`. Parts of one source Gaussian keep their order in the scene, which is
+    /// the same in every file, because files are in Morton order.
+    pub(crate) fn by_source(&self) -> Vec<u32> {
+        let mut indices: Vec<u32> = (0..self.len() as u32).collect();
+        indices.sort_by_key(|&i| self.order[i as usize]);
+        indices
+    }
+
     /// The base colors `[N]`: the view-independent part (SH 0) of the captured colors, unclamped. Mid-gray if the scene
     /// keeps none.
     pub fn base_colors(&self) -> Vec<[f32; 3]> {
@@ -198,15 +207,9 @@ impl Scene {
         self.validate_order()
     }
 
-    /// Checks that `order` holds distinct indices into the source. Colors are written there by these indices.
+    /// Checks that `order` holds indices into the source. Colors are written there by these indices.
     fn validate_order(&self) -> Result<(), SceneError> {
-        // Sorting takes N entries, while a table of marks would take as many as an unchecked `n_source` says.
-        let mut sorted = self.order.clone();
-        sorted.sort_unstable();
-        if let Some(pair) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(self.error(format!("source index {} twice in `order`", pair[0]), "each once".into()));
-        }
-        match sorted.last() {
+        match self.order.iter().max() {
             Some(&last) if last as usize >= self.n_source => Err(self.error(
                 format!("source index {last} in `order`"),
                 format!("indices below the source's {} Gaussians", self.n_source),
@@ -341,7 +344,6 @@ mod tests {
         };
         check(|s| s.scales.truncate(3), "3 scales, expected 4");
         check(|s| s.neighbors.as_mut().unwrap().indices[5] = 4, "neighbor 4");
-        check(|s| s.order[0] = 11, "source index 11 twice");
         check(|s| s.order[0] = 14, "source index 14");
         check(|s| s.sh.as_mut().unwrap().degree = 4, "SH degree 4");
         check(|s| s.features.as_mut().unwrap().n_latent = 3, "8 feature values, expected 12");

@@ -29,6 +29,7 @@ use crate::{camera::Camera, scene::Scene, sh};
 pub use alpha::{MAX_ALPHA, MIN_ALPHA};
 use bands::Bands;
 use composite::TILE;
+pub(crate) use project::Projection;
 use project::{Splat, project};
 pub use weights::BlendWeights;
 

@@ -10,8 +10,8 @@ use super::{
     tensors::Writer,
 };
 
-/// Writes `rgb` `[N]`, in scene order and unclamped, as tensor `rgb` f32 `[n_source, 3]` in source order. Gaussians of
-/// the source that the scene lacks are NaN.
+/// Writes `rgb` `[N]`, in scene order and unclamped, as tensor `rgb` f32 `[n_source, 3]` in source order. A Gaussian of
+/// the source has the mean color of its parts, or NaN if the scene lacks it.
 ///
 /// # Errors
 /// If there is not one color per Gaussian, the scene contradicts itself, or the file cannot be written.
@@ -21,14 +21,16 @@ pub fn write_colors(path: &Path, rgb: &[[f32; 3]], scene: &Scene) -> Result<(), 
     if rgb.len() != scene.len() {
         return Err(invalid(format!("{} colors", rgb.len()), format!("{}, one per Gaussian", scene.len())));
     }
-    let mut by_source: Vec<u32> = (0..scene.len() as u32).collect();
-    by_source.sort_unstable_by_key(|&i| scene.order[i as usize]);
-    // Each value is looked up when it is written: a scene file may claim a source of any size, which must not be
-    // allocated.
+    let by_source = scene.by_source();
+    let source = |i: &u32| scene.order[*i as usize] as usize;
+    // Each value is made when it is written: a scene file may claim a source of any size, which must not be allocated.
     let value = |flat: usize| {
-        let found = by_source.binary_search_by_key(&(flat / 3), |&i| scene.order[i as usize] as usize);
-        // NaN and not black, which is a color.
-        found.map_or(f32::NAN, |at| rgb[by_source[at] as usize][flat % 3])
+        let (row, channel) = (flat / 3, flat % 3);
+        let start = by_source.partition_point(|i| source(i) < row);
+        let parts = by_source[start..].iter().take_while(|i| source(i) == row);
+        let (sum, n) = parts.fold((0.0, 0), |(sum, n), &i| (sum + rgb[i as usize][channel], n + 1));
+        // NaN if there is none (0 / 0), and not black, which is a color.
+        sum / n as f32
     };
     let mut writer = Writer::new("stylegaussian-colors");
     writer.made("rgb", &[scene.n_source, 3], value);

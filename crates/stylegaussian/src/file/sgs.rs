@@ -6,7 +6,7 @@
 //! | `rotations` | f32 `[N, 4]` | unit quaternions x, y, z, w |
 //! | `opacities` | f32 `[N]` | 0..1 |
 //! | `sh` | f16 `[N, (degree + 1)^2, 3]` | absent if the scene keeps no colors |
-//! | `order` | u32 `[N]` | index in the source file; if absent, 0, 1, 2, ... |
+//! | `order` | u32 `[N]` | index in the source file; if absent, 0, 1, 2, ...; equal for parts of one Gaussian |
 //! | `features`, `basis`, `offset` | f16 or f32 `[N, L]`, f32 `[D, L]`, f32 `[D]` | all or none |
 //! | `extra` | f16 `[N, E]` | optional, with features |
 //! | `neighbors` | u32 `[N, K]` | optional |

@@ -239,6 +239,41 @@ fn colors_have_a_row_per_source_gaussian() {
     assert!(refused(write_colors(&path, &colors[1..], &scene)).contains("19 colors"));
 }
 
+/// Three Gaussians of which the first and the last in the scene are parts of source Gaussian 1 of 4.
+fn split_scene() -> Scene {
+    let mut scene = full_scene().subset(&[0, 1, 2]);
+    (scene.order, scene.n_source) = (vec![1, 0, 1], 4);
+    scene
+}
+
+#[test]
+fn parts_of_a_source_gaussian_share_its_row_of_colors() {
+    let dir = dir();
+    let path = dir.path().join("colors.safetensors");
+    write_colors(&path, &[[1.0, 2.0, 3.0], [9.0; 3], [2.0, 2.0, -1.0]], &split_scene()).unwrap();
+    let bytes = fs::read(&path).unwrap();
+    let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+    let rgb = tensors.tensor("rgb").unwrap();
+    let rgb: Vec<f32> =
+        rgb.data().chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
+    assert_eq!(rgb[..6], [9.0, 9.0, 9.0, 1.5, 2.0, 1.0]);
+    assert!(rgb[6..].iter().all(|v| v.is_nan()) && rgb.len() == 12, "{rgb:?}");
+}
+
+#[test]
+fn parts_survive_files() {
+    let dir = dir();
+    let (sgs, ply) = (dir.path().join("a.sgs"), dir.path().join("a.ply"));
+    write_scene(&sgs, &split_scene()).unwrap();
+    let read = read_scene(&sgs).unwrap().scene;
+    let mut order = read.order.clone();
+    order.sort_unstable();
+    assert_eq!((order, read.n_source), (vec![0, 1, 1], 4));
+    // A .ply keeps the parts, in the order of the source.
+    write_scene(&ply, &read).unwrap();
+    assert_eq!(read_scene(&ply).unwrap().scene.means, by_source(&read).means);
+}
+
 #[test]
 fn decoder_round_trips_in_both_precisions() {
     let dir = dir();

@@ -65,7 +65,7 @@ pub(super) fn project(scene: &Scene, camera: &Camera) -> Vec<Splat> {
 }
 
 /// A camera with the values that projecting every Gaussian needs.
-struct Projection<'a> {
+pub(crate) struct Projection<'a> {
     camera: &'a Camera,
     /// View from world, without the translation.
     rotation: Mat3,
@@ -74,9 +74,18 @@ struct Projection<'a> {
 }
 
 impl<'a> Projection<'a> {
-    fn new(camera: &'a Camera) -> Self {
+    /// The projection of `camera`.
+    pub(crate) fn new(camera: &'a Camera) -> Self {
         let limit = LINEARIZED_WITHIN * camera.size.as_vec2() / (2.0 * camera.focal);
         Self { camera, rotation: camera.view_from_world.matrix3.into(), limit }
+    }
+
+    /// The standard deviations of Gaussian `i` along its three axes as they appear in the picture, in pixels, without the
+    /// low-pass. The Gaussian must be before the camera.
+    pub(crate) fn axes_in_pixels(&self, scene: &Scene, i: usize) -> Vec3 {
+        let mean: Vec3 = self.camera.view_from_world.transform_point3(scene.means[i]);
+        let (row_x, row_y) = self.footprint_axes(scene, i, mean.truncate() / mean.z, mean.z);
+        (row_x * row_x + row_y * row_y).map(f32::sqrt)
     }
 
     /// The splat of Gaussian `i`, or `None` if no pixel would see it.

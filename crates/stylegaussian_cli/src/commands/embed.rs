@@ -6,7 +6,11 @@ use anyhow::{Result, ensure};
 use clap::{Args, ValueEnum};
 use glam::UVec2;
 use serde::Serialize;
-use stylegaussian::{Decoder, Neighbors, Scene, file, views::choose_views};
+use stylegaussian::{
+    Decoder, Neighbors, Scene, file,
+    split::{SplitOptions, split},
+    views::choose_views,
+};
 use stylegaussian_train::{
     Watch,
     cameras::{CameraSet, PosedCamera, read_cameras},
@@ -63,6 +67,11 @@ pub struct EmbedArgs {
     /// anew.
     #[arg(long)]
     no_neighbors: bool,
+    /// Split Gaussians that are larger than a brush stroke first, which makes room for finer strokes: to at most FACTOR
+    /// times their number [default: 2 if no FACTOR is given].
+    #[arg(long, value_name = "FACTOR", num_args = 0..=1, require_equals = true, default_missing_value = "2",
+        value_parser = split_factor)]
+    split: Option<f64>,
     /// The encoder: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Default: the file in
     /// STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
@@ -93,6 +102,9 @@ struct Written<'a> {
     scene: &'a Path,
     output: &'a Path,
     n_gaussians: usize,
+    /// Number of Gaussians that splitting added, or `None` if it was not asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    n_split: Option<usize>,
     encoder: String,
     #[serde(flatten)]
     report: &'a EmbedReport,
@@ -117,6 +129,9 @@ pub fn run(arguments: &EmbedArgs, interrupt: &Interrupt) -> Result<()> {
     let mut scene = loaded.scene;
     warn(&loaded.warnings);
     let encoder = open_encoder(arguments.encoder.as_deref())?;
+    // Before the features, so that parts get features of their own.
+    let options = |factor| SplitOptions { factor, ..SplitOptions::default() };
+    let n_split = arguments.split.map(|factor| split(&mut scene, options(factor)));
     let mut views = arguments.training_views(&scene)?;
     // A graph can accept one size only. The cameras then take its proportions too.
     if let Some((width, height)) = encoder.input_size() {
@@ -133,9 +148,23 @@ pub fn run(arguments: &EmbedArgs, interrupt: &Interrupt) -> Result<()> {
     file::write_scene(output, &scene)?;
 
     let n_gaussians = scene.len();
-    let written =
-        Written { scene: path, output, n_gaussians, encoder: encoder.id().to_string(), report: &report };
+    let written = Written {
+        scene: path,
+        output,
+        n_gaussians,
+        n_split,
+        encoder: encoder.id().to_string(),
+        report: &report,
+    };
     print(arguments.json, &written, || summary(&written))
+}
+
+/// A value of `--split`.
+fn split_factor(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(factor) if (1.0..=16.0).contains(&factor) => Ok(factor),
+        _ => Err("expected a number from 1 to 16".into()),
+    }
 }
 
 impl EmbedArgs {
@@ -178,14 +207,15 @@ fn read(path: &Path) -> Result<CameraSet> {
     Ok(set)
 }
 
-fn summary(Written { output, n_gaussians, report, .. }: &Written) -> String {
+fn summary(Written { output, n_gaussians, n_split, report, .. }: &Written) -> String {
     let error = |name: &str, error: Option<f64>| {
         error.map_or(String::new(), |error| format!(", {name} error {error:.4}"))
     };
     format!(
-        "{}: {n_gaussians} Gaussians from {} views, {} steps{}{}, {:.1} s for views, {:.1} s for features, {} \
+        "{}: {n_gaussians} Gaussians{} from {} views, {} steps{}{}, {:.1} s for views, {:.1} s for features, {} \
          under-observed{}",
         output.display(),
+        n_split.map_or(String::new(), |n| format!(" ({n} of them by splitting)")),
         report.n_training_views,
         report.iterations,
         error("training", report.training_error),

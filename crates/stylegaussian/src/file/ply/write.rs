@@ -5,15 +5,14 @@ use std::io::{self, Write};
 use crate::{scene::Scene, sh::n_coefficients};
 
 /// Writes Gaussians and their spherical harmonics in the source's order, mid-gray if the scene keeps no colors.
+/// Parts of a source Gaussian are Gaussians of their own here, one after another.
 /// Features, neighbors and decoder have no place in a `.ply`.
 pub(in crate::file) fn write(out: &mut dyn Write, scene: &Scene) -> io::Result<()> {
     let degree = scene.sh.as_ref().map_or(0, |sh| sh.degree);
     let n_rest = n_coefficients(degree) - 1;
     write_header(out, scene, 3 * n_rest)?;
-    let mut by_source: Vec<u32> = (0..scene.len() as u32).collect();
-    by_source.sort_unstable_by_key(|&i| scene.order[i as usize]);
     let mut row = Vec::new();
-    for i in by_source {
+    for i in scene.by_source() {
         row.clear();
         push_row(scene, i as usize, n_rest, &mut row);
         out.write_all(bytemuck::cast_slice(&row))?;
