@@ -6,10 +6,8 @@ use std::{path::Path, time::Instant};
 
 use glam::UVec2;
 use stylegaussian::{
-    Camera, Scene,
     file::read_scene,
-    splat::{Colors, render},
-    split::{SplitOptions, split},
+    split::{SplitOptions, picture_change, split},
     views::{choose_views, orbit},
 };
 
@@ -27,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // Views are chosen one after another, so those after the first 24 are not among the views of the split.
     let chosen = choose_views(&scene, 32, SIZE).split_off(24);
     for (name, views) in [("further views", chosen), ("orbit", orbit(&scene, 8, SIZE))] {
-        let errors: Vec<f64> = views.iter().map(|camera| mean_square(&scene, &parts, camera)).collect();
+        let errors: Vec<f64> = views.iter().map(|camera| picture_change(&scene, &parts, camera)).collect();
         let mean = errors.iter().sum::<f64>() / errors.len() as f64;
         let worst = errors.iter().copied().fold(0.0, f64::max);
         println!("  {name}: {:.2} dB, the worst of {} {:.2} dB", decibel(mean), errors.len(), decibel(worst));
@@ -38,16 +36,4 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// PSNR of a mean square error of colors in 0..1.
 fn decibel(mean_square: f64) -> f64 {
     -10.0 * mean_square.log10()
-}
-
-/// Mean square difference of two scenes' pictures over mid-gray.
-fn mean_square(a: &Scene, b: &Scene, camera: &Camera) -> f64 {
-    let [a, b] = [a, b].map(|scene| {
-        let picture = render(scene, Colors::Captured, camera);
-        let over_gray =
-            |(color, alpha): (&[f32; 3], &f32)| color.map(|c| (c + 0.5 * (1.0 - alpha)).clamp(0.0, 1.0));
-        picture.color.iter().zip(&picture.alpha).map(over_gray).collect::<Vec<_>>()
-    });
-    let squares = a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| f64::from(a - b).powi(2));
-    squares.sum::<f64>() / (3 * a.len()) as f64
 }

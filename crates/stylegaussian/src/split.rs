@@ -25,7 +25,7 @@ use rayon::prelude::*;
 use crate::{
     camera::Camera,
     scene::Scene,
-    splat::{Projection, blend_weights},
+    splat::{Colors, Projection, blend_weights, render},
     views::choose_views,
 };
 
@@ -40,6 +40,15 @@ const MAX_ROUNDS: u8 = 4;
 const N_VIEWS: usize = 24;
 const VIEW_SIZE: UVec2 = UVec2::splat(512);
 
+/// One in this many views is compared before and after.
+const COMPARE_EVERY: usize = 3;
+
+/// Gain over the wanted fidelity in the views that are compared, in dB. Other views are up to 1 dB worse.
+const MARGIN: f64 = 1.0;
+
+/// Tries to keep the fidelity, each with fewer splits.
+const MAX_TRIES: usize = 4;
+
 /// Which Gaussians [`split`] splits, and how often.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SplitOptions {
@@ -47,19 +56,21 @@ pub struct SplitOptions {
     pub factor: f64,
     /// The standard deviation, in pixels of a view of 512 pixels, above which a Gaussian is split.
     pub largest: f32,
+    /// The least PSNR of the new picture against the old one, in dB: so few are split that it is kept.
+    pub fidelity: f64,
 }
 
 impl Default for SplitOptions {
     /// Twice the Gaussians at most. 2 pixels are 8 from edge to edge, the width of a stroke in a painting of that size.
     fn default() -> Self {
-        Self { factor: 2.0, largest: 2.0 }
+        Self { factor: 2.0, largest: 2.0, fidelity: 40.0 }
     }
 }
 
 /// Splits the Gaussians of `scene` that look larger than a stroke, those that fill most of the views first, and returns
 /// the number of Gaussians added.
 ///
-/// Parts inherit colors, features and extra inputs. The scene ends in Morton order. If anything was split, it has no
+/// Fewer are split, or none, if the picture would change more than [`SplitOptions::fidelity`] allows. Parts inherit colors, features and extra inputs. The scene ends in Morton order. If anything was split, it has no
 /// neighbor lists, as the old ones would be wrong. Views are those that [`choose_views`] chooses.
 pub fn split(scene: &mut Scene, options: SplitOptions) -> usize {
     let before = scene.len();
@@ -68,22 +79,59 @@ pub fn split(scene: &mut Scene, options: SplitOptions) -> usize {
     if most <= before {
         return 0;
     }
-    let parts = parts(scene, &choose_views(scene, N_VIEWS, VIEW_SIZE), most, options.largest);
-    if parts.len() == before {
-        return 0;
+    let views = choose_views(scene, N_VIEWS, VIEW_SIZE);
+    let whole = whole(scene, &views);
+    // The mean square error of colors in 0..1 at the wanted PSNR.
+    let allowed = 10f64.powf(-(options.fidelity + MARGIN) / 10.0);
+    let mut most = most;
+    for _ in 0..MAX_TRIES {
+        let parts = parts(scene, &whole, most, options.largest);
+        let n_added = parts.len() - before;
+        if n_added == 0 {
+            break;
+        }
+        let split = assembled(scene, &parts);
+        let compared = views.iter().step_by(COMPARE_EVERY);
+        let n_compared = compared.len();
+        let change =
+            compared.map(|camera| picture_change(scene, &split, camera)).sum::<f64>() / n_compared as f64;
+        if change <= allowed {
+            *scene = split;
+            return n_added;
+        }
+        // The error grows with the number of splits.
+        most = before + (n_added as f64 * allowed / change) as usize;
     }
+    0
+}
+
+/// The mean square difference of the captured colors of two scenes over mid-gray, as `camera` sees them. Colors are in
+/// 0..1, so -10 log10 of it is the PSNR in dB.
+pub fn picture_change(before: &Scene, after: &Scene, camera: &Camera) -> f64 {
+    let [before, after] = [before, after].map(|scene| {
+        let picture = render(scene, Colors::Captured, camera);
+        let over_gray =
+            |(color, alpha): (&[f32; 3], &f32)| color.map(|c| (c + 0.5 * (1.0 - alpha)).clamp(0.0, 1.0));
+        picture.color.iter().zip(&picture.alpha).map(over_gray).collect::<Vec<_>>()
+    });
+    let squares =
+        before.as_flattened().iter().zip(after.as_flattened()).map(|(a, b)| f64::from(a - b).powi(2));
+    squares.sum::<f64>() / (3 * before.len()).max(1) as f64
+}
+
+/// The scene of all `parts` of `scene`, in Morton order.
+fn assembled(scene: &Scene, parts: &[Part]) -> Scene {
     let sources: Vec<u32> = parts.iter().map(|part| part.gaussian).collect();
-    // The lists would be renumbered to one part of each Gaussian.
-    scene.neighbors = None;
     let mut split = scene.subset(&sources);
+    // They were renumbered to one part of each Gaussian.
+    split.neighbors = None;
     for (i, part) in parts.iter().enumerate() {
         split.means[i] = part.mean;
         split.scales[i] = part.scales;
         split.opacities[i] = part.opacity;
     }
     split.sort_by_morton();
-    *scene = split;
-    scene.len() - before
+    split
 }
 
 /// A Gaussian or a part of one.
@@ -160,8 +208,8 @@ impl Halves {
 }
 
 /// Splits the Gaussians of `scene` into at most `most` parts, so that few are larger than `largest` pixels.
-fn parts(scene: &Scene, views: &[Camera], most: usize, largest: f32) -> Vec<Part> {
-    let mut parts = whole(scene, views);
+fn parts(scene: &Scene, whole: &[Part], most: usize, largest: f32) -> Vec<Part> {
+    let mut parts = whole.to_vec();
     let place = |parts: &[Part], position: usize| parts[position].priority(position, largest);
     let mut queue: BinaryHeap<_> = (0..parts.len()).filter_map(|i| place(&parts, i)).collect();
     while parts.len() < most

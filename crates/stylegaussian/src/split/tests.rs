@@ -2,10 +2,7 @@
 
 use glam::Quat;
 
-use crate::{
-    scene::Features,
-    splat::{Colors, render},
-};
+use crate::scene::Features;
 
 use super::*;
 
@@ -77,7 +74,8 @@ fn only_what_looks_large_is_split_and_its_parts_know_their_source() {
     let mut scene = original.clone();
     // The wall's Gaussians are 0.02 of 2 units that fill at least half of a view, or less of one through a long lens: 0.02 x 512 / 0.6 = 17
     // pixels at most.
-    let n_added = split(&mut scene, SplitOptions { largest: 20.0, ..SplitOptions::default() });
+    let n_added =
+        split(&mut scene, SplitOptions { largest: 20.0, fidelity: 30.0, ..SplitOptions::default() });
     scene.validate().unwrap();
     assert_eq!(scene.len(), original.len() + n_added);
     let parts = |i: usize| -> Vec<usize> {
@@ -103,11 +101,15 @@ fn the_picture_stays() {
     let mut split_scene = original.clone();
     split(&mut split_scene, SplitOptions { largest: 20.0, ..SplitOptions::default() });
     let camera = Camera::look_at(Vec3::new(0.4, 0.3, 3.0), Vec3::ZERO, Vec3::Y, 0.8, UVec2::splat(128));
-    let [before, after] = [&original, &split_scene].map(|scene| render(scene, Colors::Captured, &camera));
-    let squares =
-        before.color.as_flattened().iter().zip(after.color.as_flattened()).map(|(a, b)| (a - b).powi(2));
-    let mse = squares.sum::<f32>() / (3 * before.color.len()) as f32;
-    assert!(mse < 1e-4, "{} dB", -10.0 * mse.log10());
+    let change = picture_change(&original, &split_scene, &camera);
+    assert!(change > 0.0 && change < 1e-4, "{} dB", -10.0 * change.log10());
+    // What cannot be kept is not split.
+    let mut kept = original.clone();
+    assert_eq!(
+        split(&mut kept, SplitOptions { largest: 20.0, fidelity: 200.0, ..SplitOptions::default() }),
+        0
+    );
+    assert_eq!(kept.len(), original.len());
 }
 
 #[test]
@@ -115,11 +117,14 @@ fn the_factor_bounds_the_count_and_small_scenes_are_fine() {
     for factor in [0.0, 1.0, 1.25, f64::NAN] {
         let mut scene = scene();
         let before = scene.len();
-        split(&mut scene, SplitOptions { factor, largest: 0.1 });
+        split(&mut scene, SplitOptions { factor, largest: 0.1, fidelity: 0.0 });
         let most = if factor > 1.0 { before * 5 / 4 } else { before };
         assert_eq!(scene.len(), most, "factor {factor}");
     }
     let mut one = scene().subset(&[3600]);
-    assert_eq!(split(&mut one, SplitOptions { factor: f64::INFINITY, ..SplitOptions::default() }), 15);
+    assert_eq!(
+        split(&mut one, SplitOptions { factor: f64::INFINITY, fidelity: 0.0, ..SplitOptions::default() }),
+        15
+    );
     assert_eq!(split(&mut Scene::default(), SplitOptions::default()), 0);
 }
