@@ -1,5 +1,5 @@
-//! Images without a window: a turntable of the demo scene, as captured and in every shipped style, and a contact sheet that
-//! shows each style beside its painting.
+//! Images without a window: a turntable of the demo scene, as captured and in the baked look of every shipped style, and a
+//! contact sheet that shows each style beside its painting.
 //!
 //! ```sh
 //! cargo run --release --example headless [OUT_DIR]    # default: out/demo
@@ -50,8 +50,8 @@ fn main() -> Result<()> {
     for frame in 0..N_FRAMES {
         let look = frame / FRAMES_PER_LOOK;
         if look > 0 && frame % FRAMES_PER_LOOK == 0 {
-            let style = assets.load(format!("styles/{}.style.safetensors", LOOKS[look]));
-            app.world_mut().entity_mut(splats).insert(StyleSource::preset(style));
+            let baked = assets.load(format!("looks/{}.look.safetensors", LOOKS[look]));
+            app.world_mut().entity_mut(splats).insert(StyleSource::look(baked));
             // The picture waits for the style: frames here cost nothing but time.
             while !step(&mut app)? {}
         }

@@ -5,7 +5,8 @@
 //! ```
 //!
 //! `SCENE` is a `.sgs` or `.ply` file. `STYLE` is a `.jpg` or `.png` image, a `.style.safetensors` file, or a
-//! `.look.safetensors` file that was baked for the scene; several are mixed in equal parts. Files can also be dropped on the window, or opened by their path in the panel.
+//! `.look.safetensors` file that was baked for the scene; several are mixed in equal parts. Files can also be dropped on the
+//! window, or opened by their path in the panel.
 //!
 //! Left drag orbits, right drag looks around, middle drag pans, the wheel zooms. W A S D fly, Q and E go down and up, Shift
 //! makes it faster, F shows the whole scene. Keys 1 to 8 apply the first eight styles, 0 none. F1 hides the panel.

@@ -16,7 +16,7 @@ use crate::{
     files::OpenFile,
     save::{Save, Saving},
     scene::{AXES, ShownScene},
-    styles::Styles,
+    styles::{Finish, Styles},
     tile::{self, Picture, Tile},
 };
 
@@ -263,6 +263,13 @@ fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
     }
 }
 
+/// The choice of how far a style is worked out.
+const FINISHES: [(Finish, &str, &str); 3] = [
+    (Finish::Instant, "instant", "the painting's paint at once"),
+    (Finish::Refined, "refined", "baked further in the background while it is shown"),
+    (Finish::Baked, "baked", "as it was baked before; refined if it was not"),
+];
+
 /// The sliders for content and fade, and how far the style that is shown is refined.
 fn mix(ui: &mut Ui, styles: &mut Styles, refined: Option<(u32, bool)>) {
     let look = match refined {
@@ -280,8 +287,15 @@ fn mix(ui: &mut Ui, styles: &mut Styles, refined: Option<(u32, bool)>) {
         ui.label("fade").on_hover_text("from look to look");
         ui.add(Slider::new(&mut styles.fade_in_seconds, 0.0..=3.0).fixed_decimals(1).suffix(" s"));
         ui.end_row();
-        ui.label("refine").on_hover_text("bakes the style further in the background");
-        ui.checkbox(&mut styles.are_refined, look);
+        ui.label("finish").on_hover_text("how far a style is worked out");
+        ui.horizontal(|ui| {
+            for (finish, text, hint) in FINISHES {
+                ui.selectable_value(&mut styles.finish, finish, text).on_hover_text(hint);
+            }
+        });
+        ui.end_row();
+        ui.label("shown");
+        ui.label(look);
         ui.end_row();
     });
 }

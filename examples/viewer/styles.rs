@@ -7,19 +7,36 @@ use std::{
 };
 
 use bevy::prelude::*;
-use bevy_stylegaussian::{StyleInput, StyleRefine, StyleSource, StyleTransition};
+use bevy_stylegaussian::{StyleInput, StyleLook, StyleRefine, StyleSource, StyleTransition};
 
-use crate::{ASSETS, panel::Transfer};
+use crate::{ASSETS, panel::Transfer, scene::ShownScene};
 
 /// File ending of statistics made by `stylegaussian style`.
 const PRESET: &str = ".style.safetensors";
 /// File ending of baked looks.
 const LOOK: &str = ".look.safetensors";
 
+/// The scene that the looks in `assets/looks` belong to.
+const BAKED_SCENE: &str = "demo.sgs";
+
+/// How far a style is worked out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Finish {
+    /// As soon as it is selected.
+    Instant,
+    /// Baked further while it is shown.
+    Refined,
+    /// As it was baked before; refined if it was not.
+    #[default]
+    Baked,
+}
+
 /// One style of the panel.
 pub struct Style {
     pub name: String,
     pub input: StyleInput,
+    /// The look that was baked from the same painting for the demo scene, or `None` if there is none.
+    pub baked: Option<Handle<StyleLook>>,
     /// The painting, or `None` if there is none.
     pub picture: Option<Handle<Image>>,
     /// Weight in the mix, 0..1, before normalization.
@@ -34,8 +51,9 @@ pub struct Styles {
     pub content: f32,
     /// Duration of a fade from one style to the next.
     pub fade_in_seconds: f32,
-    /// Whether styles are baked further while they are shown.
-    pub are_refined: bool,
+    pub finish: Finish,
+    /// Whether the baked looks belong to the scene that is shown.
+    pub looks_fit: bool,
 }
 
 impl Styles {
@@ -55,7 +73,9 @@ impl Styles {
         // Handles of the same path are equal while one of them is alive, so a file is listed once.
         let listed = self.list.iter().position(|style| style.input == input);
         listed.unwrap_or_else(|| {
-            self.list.push(Style { name, input, picture, weight: 0.0 });
+            let look = format!("{ASSETS}/looks/{name}{LOOK}");
+            let baked = Path::new(&look).exists().then(|| assets.load(look));
+            self.list.push(Style { name, input, baked, picture, weight: 0.0 });
             self.list.len() - 1
         })
     }
@@ -76,13 +96,24 @@ impl Styles {
         self.list.iter().filter(|style| style.weight > 0.0)
     }
 
+    /// What a style is shown as: itself, or its look.
+    fn shown_as(&self, style: &Style) -> StyleInput {
+        let look = style.baked.clone().filter(|_| self.finish == Finish::Baked && self.looks_fit);
+        look.map_or_else(|| style.input.clone(), StyleInput::Look)
+    }
+
     /// Whether a look is in the mix, which is not refined.
     pub fn has_look(&self) -> bool {
-        self.used().any(|style| matches!(style.input, StyleInput::Look(_)))
+        self.used().any(|style| matches!(self.shown_as(style), StyleInput::Look(_)))
+    }
+
+    /// Whether the shown mix is baked further.
+    fn is_refined(&self) -> bool {
+        self.finish != Finish::Instant && !self.has_look()
     }
 
     fn source(&self) -> StyleSource {
-        let styles = self.used().map(|style| (style.input.clone(), style.weight));
+        let styles = self.used().map(|style| (self.shown_as(style), style.weight));
         StyleSource::mix(styles).with_content(self.content)
     }
 
@@ -108,13 +139,14 @@ fn picture_of(path: &Path) -> Option<PathBuf> {
 /// Lists `assets/styles`.
 pub fn list_shipped(mut commands: Commands, assets: Res<AssetServer>) {
     let folder = fs::read_dir(Path::new(ASSETS).join("styles")).into_iter().flatten().flatten();
-    let mut presets: Vec<_> = folder.map(|entry| entry.path()).collect();
-    presets.retain(|path| path.to_string_lossy().ends_with(PRESET));
+    let mut images: Vec<_> = folder.map(|entry| entry.path()).collect();
+    // The images and not the presets beside them, which carry no paint.
+    images.retain(|path| !path.to_string_lossy().ends_with(PRESET));
     // The order of a folder is arbitrary, and keys count on it.
-    presets.sort();
-    let mut styles = Styles { fade_in_seconds: 0.5, are_refined: true, ..default() };
-    for preset in presets {
-        styles.add(&preset, &assets);
+    images.sort();
+    let mut styles = Styles { fade_in_seconds: 0.5, ..default() };
+    for image in images {
+        styles.add(&image, &assets);
     }
     commands.insert_resource(styles);
 }
@@ -134,24 +166,29 @@ pub fn press_keys(keys: Res<ButtonInput<KeyCode>>, mut styles: ResMut<Styles>) {
 /// Applies the mix to the scene if it changed.
 pub fn apply(
     mut commands: Commands,
-    styles: Res<Styles>,
+    mut styles: ResMut<Styles>,
+    shown: Res<ShownScene>,
     scene: Single<(Entity, &mut StyleSource, &mut StyleTransition, Option<&mut StyleRefine>)>,
     mut transfer: ResMut<Transfer>,
 ) {
     let (entity, mut source, mut transition, refine) = scene.into_inner();
+    let looks_fit = shown.name == BAKED_SCENE;
+    if styles.looks_fit != looks_fit {
+        styles.looks_fit = looks_fit;
+    }
     // Only a real change may touch the component: `Changed<StyleSource>` would restyle in each frame.
     if source.set_if_neq(styles.source()) {
         transfer.is_under_way = !source.is_none();
     }
     transition.set_if_neq(StyleTransition { duration: Duration::from_secs_f32(styles.fade_in_seconds) });
     match refine {
-        Some(mut refine) if styles.are_refined => {
+        Some(mut refine) if styles.is_refined() => {
             refine.set_if_neq(styles.refine());
         }
         Some(_) => {
             commands.entity(entity).remove::<StyleRefine>();
         }
-        None if styles.are_refined => {
+        None if styles.is_refined() => {
             commands.entity(entity).insert(styles.refine());
         }
         None => {}
