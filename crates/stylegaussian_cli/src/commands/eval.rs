@@ -4,8 +4,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::Args;
-use stylegaussian::{Camera, Scene, file};
-use stylegaussian_encoder::Image;
+use stylegaussian::{
+    Camera, EncoderId, Scene, file,
+    paint::{Brush, Surface, repaint},
+};
+use stylegaussian_encoder::{Image, StyleSize, painted_style};
 use stylegaussian_train::{
     TrainError, Watch,
     cameras::read_cameras,
@@ -49,6 +52,10 @@ pub struct EvalArgs {
     /// NAME.png.
     #[arg(long, value_name = "DIR", conflicts_with = "decoder")]
     looks: Option<PathBuf>,
+    /// Evaluate the decoder alone, as in the paper. Without this, --decoder or --looks, surfaces are painted with the
+    /// paintings' own strokes, as `stylize` does.
+    #[arg(long, conflicts_with = "looks")]
+    decoder_only: bool,
     /// Also count pixels that the scene does not cover, as mid-gray. By default a picture's statistics are those of
     /// the scene alone.
     #[arg(long)]
@@ -93,9 +100,20 @@ pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
     let decoder_2d = arguments.teacher.as_deref().map(ImageDecoder::open).transpose()?;
     let views = arguments.views(&scene)?;
     let name = arguments.scene.display().to_string();
-    let named;
+    let (named, surface);
+    // As `stylize` decides: a decoder that was trained for the scene, or is asked for, is what should be seen.
+    let is_decoded = arguments.decoder_only || arguments.decoder.is_some() || scene.decoder.is_some();
     let painter: Box<Painter> = match &arguments.looks {
         Some(folder) => Box::new(|painting: &Path, _: &Image| baked(folder, painting, &scene)),
+        None if !is_decoded && scene.features.is_some() => {
+            let of_scene = scene.features.as_ref().and_then(|features| features.encoder.as_ref());
+            EncoderId::expect_same((&*name, of_scene), ("the encoder", Some(encoder.id())))?;
+            surface = Surface::new(&scene, 1.0);
+            Box::new(|_: &Path, image: &Image| {
+                let (_, paint) = painted_style(&encoder, image, StyleSize::default())?;
+                Ok(repaint(&scene, &surface, &[(&paint, 1.0)], 0.0, Brush::default()))
+            })
+        }
         None => {
             named = choose::decoder(arguments.decoder.as_deref(), &scene)?;
             Box::new(decoded(&name, &scene, &named.decoder, &encoder)?)
