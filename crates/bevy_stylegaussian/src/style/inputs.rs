@@ -62,8 +62,6 @@ impl Inputs<'_> {
         if has_styles && scene.scene().features.is_none() {
             return Err(Arc::new(StylizeError::NoFeatures.into()));
         }
-        // Decided anew for each request, so that a change of `StyleBackend` affects the next change of style.
-        let backend = self.backend(gpu_refused)?;
         // All inputs are asked for before the first one is waited for, so that images are encoded side by side.
         let inputs: Vec<_> = source.styles.iter().map(|style| self.input(&style.input)).collect();
         let (mut styles, mut looks) = (Vec::new(), Vec::new());
@@ -92,8 +90,9 @@ impl Inputs<'_> {
             styles,
             looks,
             content: f64::from(source.content),
-            // Paint is laid on and looks are mixed on the CPU.
-            backend: if painted || has_looks { StyleBackend::Cpu } else { backend },
+            // Paint is laid on and looks are mixed on the CPU. Decided anew for each request, so that a change of
+            // `StyleBackend` affects the next change of style.
+            backend: if painted || has_looks { StyleBackend::Cpu } else { self.backend(gpu_refused)? },
             stroke_scale: painted.then_some(source.stroke_scale),
             packed: self.packed.clone(),
             surfaces: self.surfaces.clone(),
