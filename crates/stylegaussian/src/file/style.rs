@@ -128,3 +128,6 @@ fn validate(style: &ChannelStatistics) -> Result<(), Mismatch> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,59 @@
+//! Styles and their paint, written and read.
+
+use crate::{
+    file::{
+        read_paint, read_style,
+        tests::{dir, refused},
+        write_painted_style, write_style,
+    },
+    paint::{Paint, PaintFeatures},
+    statistics::ChannelStatistics,
+};
+
+#[test]
+fn style_round_trips() {
+    let dir = dir();
+    let path = dir.path().join("a.style.safetensors");
+    let mut style = ChannelStatistics {
+        mean: vec![1.0, -2.0],
+        std_dev: vec![0.5, 0.0],
+        covariance: Some(vec![0.25, 0.0, 0.0, 0.0]),
+        encoder: Some("vgg@00ff".parse().unwrap()),
+    };
+    write_style(&path, &style).unwrap();
+    assert_eq!(read_style(&path).unwrap(), style);
+    style.covariance = None;
+    style.encoder = None;
+    write_style(&path, &style).unwrap();
+    assert_eq!(read_style(&path).unwrap(), style);
+    for (mean, std_dev) in [(f32::NAN, 1.0), (0.0, -1.0), (0.0, f32::INFINITY)] {
+        let bad = ChannelStatistics { mean: vec![mean], std_dev: vec![std_dev], ..Default::default() };
+        assert!(refused(write_style(&path, &bad)).contains("a.style.safetensors"));
+    }
+    assert_eq!(read_style(&path).unwrap(), style, "a refused write leaves the old file");
+}
+
+#[test]
+fn paint_round_trips_beside_statistics() {
+    let dir = dir();
+    let path = dir.path().join("a.style.safetensors");
+    let style = ChannelStatistics { mean: vec![1.0], std_dev: vec![0.5], ..Default::default() };
+    write_style(&path, &style).unwrap();
+    assert_eq!(read_paint(&path).unwrap(), None, "a style of before has none");
+    // 9 x 8 pixels are two places, one of a single column.
+    let features = PaintFeatures { axes: vec![1.0], places: vec![0.5, -2.0], n_channels: 1 };
+    let pixels = (0..9 * 8 * 3).map(|i| i as u8).collect();
+    let paint = Paint { width: 9, height: 8, pixels, features: Some(features.clone()) };
+    write_painted_style(&path, &style, &paint).unwrap();
+    assert_eq!(read_style(&path).unwrap(), style);
+    assert_eq!(read_paint(&path).unwrap().as_ref(), Some(&paint));
+    let short = PaintFeatures { places: vec![0.5], ..features };
+    for bad in [
+        Paint { width: 10, ..paint.clone() },
+        Paint { width: 0, pixels: Vec::new(), ..paint.clone() },
+        Paint { features: Some(short), ..paint.clone() },
+    ] {
+        assert!(refused(write_painted_style(&path, &style, &bad)).contains("a.style.safetensors"));
+    }
+    assert_eq!(read_paint(&path).unwrap(), Some(paint), "a refused write leaves the old file");
+}
