@@ -96,7 +96,7 @@ impl Styles {
         self.list.iter().filter(|style| style.weight > 0.0)
     }
 
-    /// What a style is shown as: itself, or its look.
+    /// The input that a style is shown by: its own, or its look.
     fn shown_as(&self, style: &Style) -> StyleInput {
         let look = style.baked.clone().filter(|_| self.finish == Finish::Baked && self.looks_fit);
         look.map_or_else(|| style.input.clone(), StyleInput::Look)

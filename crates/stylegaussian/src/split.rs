@@ -3,7 +3,7 @@
 //! A Gaussian becomes two *parts* side by side along the axis that looks longest, and those are split again while they
 //! are too large. Parts keep the index of their source Gaussian in [`Scene::order`].
 //!
-//! What must stay is the picture, so the moments that are kept are those of the drawn alpha. In units of the Gaussian's
+//! The picture must stay, so the moments that are kept are those of the drawn alpha. In units of the Gaussian's
 //! own standard deviations, its parts at -d and d with deviation p along the split axis and q across have footprints
 //! a = o' exp(-(x + d)^2 / 2p^2 - y^2 / 2q^2) and b, its mirror image. Blended they give a + b - ab, where ab is a
 //! Gaussian as well: o'^2 e exp(-x^2 / p^2 - y^2 / q^2) with e = exp(-d^2 / p^2). Let u = o' e / 4, the share of the
@@ -177,7 +177,7 @@ impl Part {
     }
 }
 
-/// What [the module's equations](self) give for one opacity.
+/// Solution of [the module's equations](self) for one opacity.
 struct Halves {
     /// p, the deviation along the split axis in that of the whole.
     along: f32,

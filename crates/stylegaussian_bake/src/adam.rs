@@ -10,9 +10,9 @@ const DAMPING: f32 = 0.1;
 /// The two running means of the gradient.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Adam {
-    /// Of the gradient `[N * 3]`.
+    /// Running mean of the gradient `[N * 3]`.
     pub mean: Vec<f32>,
-    /// Of its squared length `[N]`. Not one for each channel: dividing each by its own would turn a small tint of the
+    /// Running mean of its squared length `[N]`. Not one for each channel: dividing each by its own would turn a small tint of the
     /// gradient into a full step in red, green or blue.
     pub square: Vec<f32>,
 }

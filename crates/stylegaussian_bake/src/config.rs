@@ -1,4 +1,4 @@
-//! What a bake costs and how bold it is.
+//! Settings of a bake: its cost, and how bold it is.
 
 /// Weights of the parts of the loss.
 #[derive(Clone, Copy, Debug, PartialEq)]

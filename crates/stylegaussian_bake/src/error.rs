@@ -29,7 +29,7 @@ pub enum BakeError {
         width: u32,
         /// Rows.
         height: u32,
-        /// What it has.
+        /// Its present value.
         found: String,
     },
     /// An ONNX graph is not one that can be a loss network.
@@ -39,7 +39,7 @@ pub enum BakeError {
     Network {
         /// The graph's file.
         name: String,
-        /// What was found.
+        /// The value that was found.
         found: String,
     },
     /// VGG-19's weights cannot be read.
@@ -61,9 +61,9 @@ pub enum BakeError {
     Checkpoint {
         /// The file.
         path: PathBuf,
-        /// What the file holds.
+        /// The contents of the file.
         found: String,
-        /// What would fit.
+        /// The contents that would fit.
         expected: String,
     },
 }

@@ -20,7 +20,7 @@ fn luminance(pixel: &[f32]) -> f32 {
 }
 
 impl Tone {
-    /// Of the pixels in `cells` of a picture RGB `[n, 3]`.
+    /// Tone of the pixels in `cells` of a picture RGB `[n, 3]`.
     pub fn of(rgb: &[f32], cells: impl ExactSizeIterator<Item = usize>) -> Self {
         let n = cells.len().max(1) as f64;
         let (mut mean, mut square) = (0.0, 0.0);

@@ -1,4 +1,4 @@
-//! What the pictures are to resemble: the paintings as the loss network sees them.
+//! The aim of a bake: the paintings as the loss network sees them.
 
 use rayon::prelude::*;
 use stylegaussian::{random::Random, recolor::ColorMoments};
@@ -73,7 +73,7 @@ impl Paintings {
         Ok(Self { layers, tone, line: color_line(&colors), palette, colors: moments, mean, shares })
     }
 
-    /// What each layer should be like, in color or as gray.
+    /// The aim of each layer, in color or as gray.
     pub fn layers(&self, gray: bool) -> &[LayerTarget] {
         &self.layers[usize::from(gray)]
     }

@@ -95,7 +95,7 @@ impl Stylization {
     }
 }
 
-/// What the styles give without the looks.
+/// Colors of the styles without the looks.
 struct Decoded {
     colors: Vec<[f32; 3]>,
     decoder: String,

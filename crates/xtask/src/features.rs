@@ -26,7 +26,7 @@ const BUILT_ALONE: [&str; 7] = [
 /// it with other features than the program does.
 type Features = BTreeMap<String, BTreeSet<String>>;
 
-/// What is compared: the program's packages alone, then those of build scripts and derive macros as well. The second
+/// The packages that are compared: the program's alone, then those of build scripts and derive macros as well. The second
 /// comparison cannot see a set that the program lacks if the other packages have it, hence the first.
 const EDGES: [&str; 2] = ["normal,no-proc-macro", "normal,build"];
 

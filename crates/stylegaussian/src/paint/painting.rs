@@ -1,4 +1,4 @@
-//! What a style carries of its painting.
+//! The part of a painting that a style carries.
 
 use crate::random::Random;
 

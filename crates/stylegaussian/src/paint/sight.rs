@@ -13,7 +13,7 @@ const VIEW_SIZE: UVec2 = UVec2::splat(128);
 /// Side of the pictures that strokes are meant for, in pixels: paintings are kept at 512 x 512 pixels, too.
 const PICTURE_SIDE: f32 = 512.0;
 
-/// What usual views of a scene show.
+/// A summary of usual views of a scene.
 pub(super) struct Sight {
     /// Pixels that each Gaussian fills, summed over the views `[N]`.
     pub visibility: Vec<f32>,

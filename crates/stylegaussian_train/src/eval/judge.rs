@@ -33,7 +33,7 @@ pub struct Judge {
     whole_picture: bool,
 }
 
-/// What pictures are compared with: a painting.
+/// A painting that pictures are compared with.
 pub struct Target {
     statistics: Statistics,
     /// Statistics of its luminance, up to relu3_1.

@@ -28,7 +28,7 @@ use crate::{
 
 const N: usize = 16;
 
-/// What the bakes of a test have done. They take as many steps as they are allowed.
+/// Record of the bakes of a test. They take as many steps as they are allowed.
 #[derive(Default)]
 struct Log {
     allowed: AtomicU32,
