@@ -29,7 +29,7 @@ pub enum BakeError {
         width: u32,
         /// Rows.
         height: u32,
-        /// Its present value.
+        /// Description of its values.
         found: String,
     },
     /// An ONNX graph is not one that can be a loss network.
@@ -39,7 +39,7 @@ pub enum BakeError {
     Network {
         /// The graph's file.
         name: String,
-        /// The value that was found.
+        /// Description of the graph.
         found: String,
     },
     /// VGG-19's weights cannot be read.
