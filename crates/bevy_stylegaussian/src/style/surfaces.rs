@@ -17,8 +17,8 @@ struct Painted {
 }
 
 impl Surfaces {
-    /// The surface of `scene` for strokes of this size. Takes about a second for 100,000 Gaussians if it is not known yet:
-    /// not for the main thread.
+    /// The surface of `scene` for strokes of this size. Takes seconds if it is not known yet: not for the
+    /// main thread.
     pub(super) fn get(&self, scene: &Arc<Scene>, stroke_scale: f32) -> Arc<Surface> {
         // Locked while it is computed: a second task that needs the same surface waits for it.
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
