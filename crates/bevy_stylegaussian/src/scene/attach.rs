@@ -15,8 +15,8 @@ use super::{
     failure::{GaussianSceneError, SceneFailures},
 };
 
-/// The scene of an entity's [`GaussianSplats`]. Present while the asset is loaded and valid, replaced if it changes: so
-/// `Changed<LoadedScene>` is true exactly if the entity shows other Gaussians.
+/// The scene that an entity shows: that of its [`GaussianSplats`], or the one before it until the asset is loaded and
+/// valid. `Changed<LoadedScene>` is true exactly if the entity shows other Gaussians.
 #[derive(Component, Clone)]
 pub(crate) struct LoadedScene {
     pub(crate) id: AssetId<GaussianScene>,
@@ -56,6 +56,7 @@ pub(super) fn detach_scenes(
     if gone.is_empty() {
         return;
     }
+    // The splats' own asset counts, not the one that is shown until it comes.
     for (entity, _) in splats.iter().filter(|(_, splats)| gone.contains(&splats.0.id())) {
         commands.entity(entity).try_remove::<SceneParts>();
     }
@@ -78,12 +79,8 @@ pub(super) fn attach_scenes(
     for (entity, splats, attached) in &changed {
         let id = splats.0.id();
         let Some(asset) = scenes.get(id) else {
-            // The entity shows an asset that is not loaded yet: the Gaussians of the last one must not stay in its
-            // place.
-            if attached.is_some() {
-                commands.entity(entity).try_remove::<SceneParts>();
-            }
-            // A load that failed before this entity asked for it sends no further event.
+            // The last scene stays until the new one is there: an empty place for the time of a load, or for good after
+            // a failure, helps nobody. A load that failed before this entity asked for it sends no further event.
             if let Some(LoadState::Failed(error)) = server.get_load_state(id) {
                 failures.send(entity, GaussianSceneError::Load(error.to_string()));
             }
@@ -101,10 +98,7 @@ pub(super) fn attach_scenes(
                 let scene = LoadedScene { id, asset: asset.clone() };
                 commands.entity(entity).try_insert((scene, bounds.unwrap_or_default()));
             }
-            Err(error) => {
-                commands.entity(entity).try_remove::<SceneParts>();
-                failures.send(entity, error.into());
-            }
+            Err(error) => failures.send(entity, error.into()),
         }
     }
 }

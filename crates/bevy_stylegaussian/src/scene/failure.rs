@@ -49,13 +49,17 @@ pub(crate) struct SceneRefused {
 pub(super) struct SceneFailures<'w, 's> {
     commands: Commands<'w, 's>,
     messages: MessageWriter<'w, GaussianSceneFailed>,
+    names: Query<'w, 's, NameOrEntity>,
 }
 
 impl SceneFailures<'_, '_> {
     pub(super) fn send(&mut self, entity: Entity, error: GaussianSceneError) {
         // `bevy_asset` has logged a failed load already.
         if !matches!(error, GaussianSceneError::Load(_)) {
-            error!("{entity}: {error}");
+            match self.names.get(entity) {
+                Ok(name) => error!("{name}: {error}"),
+                Err(_) => error!("{entity}: {error}"),
+            }
         }
         let event = GaussianSceneFailed { entity, error: Arc::new(error) };
         self.messages.write(event.clone());
