@@ -214,7 +214,9 @@ fn scene(ui: &mut Ui, shown: &mut Shown) {
         // egui takes the focus away on Enter, but also on a click elsewhere.
         let entered = field.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
         if (ui.button("Open").clicked() || entered) && !shown.panel.path.trim().is_empty() {
-            shown.opened.write(OpenFile(shown.panel.path.trim().into()));
+            // The field is empty for the next path.
+            let path = std::mem::take(&mut shown.panel.path);
+            shown.opened.write(OpenFile(path.trim().into()));
         }
     });
 }

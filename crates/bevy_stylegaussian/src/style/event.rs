@@ -1,6 +1,6 @@
 //! Events of styling.
 
-use std::{sync::Arc, time::Duration};
+use std::{fmt::Display, sync::Arc, time::Duration};
 
 use bevy::{ecs::system::SystemParam, platform::time::Instant, prelude::*};
 
@@ -63,6 +63,7 @@ pub(super) struct StyleEvents<'w, 's> {
     applied: MessageWriter<'w, StyleApplied>,
     refined: MessageWriter<'w, StyleRefined>,
     failed: MessageWriter<'w, StyleFailed>,
+    names: Query<'w, 's, NameOrEntity>,
 }
 
 impl StyleEvents<'_, '_> {
@@ -97,11 +98,19 @@ impl StyleEvents<'_, '_> {
     pub(super) fn failed(&mut self, entity: Entity, error: Arc<StyleError>) {
         // `bevy_asset` has logged a failed load already.
         if !matches!(*error, StyleError::Load(_)) {
-            warn!("{entity}: {error}");
+            self.warn(entity, &error);
         }
         let event = StyleFailed { entity, error };
         self.failed.write(event.clone());
         self.commands.trigger(event);
+    }
+
+    /// Warns of an entity, by its `Name` if it has one.
+    pub(super) fn warn(&self, entity: Entity, message: &dyn Display) {
+        match self.names.get(entity) {
+            Ok(name) => warn!("{name}: {message}"),
+            Err(_) => warn!("{entity}: {message}"),
+        }
     }
 
     fn send_applied(&mut self, entity: Entity, backend: StyleBackend, since: Instant) {

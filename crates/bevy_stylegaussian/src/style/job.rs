@@ -39,6 +39,8 @@ pub(crate) struct StyleJob {
     fading_until: Duration,
     /// Whether the GPU has refused the present scene and decoder.
     gpu_refused: bool,
+    /// The last failure, until a component of the entity changes. Assets that come later often change nothing about it.
+    failure: Option<String>,
 }
 
 /// Stage of the style under way.
@@ -89,6 +91,7 @@ pub(super) fn want_changed_styles(mut commands: Commands, mut jobs: Query<Change
         if decoder.is_some_and(|decoder| decoder.is_changed()) {
             job.gpu_refused = false;
         }
+        job.failure = None;
         job.want();
     }
 }
@@ -185,7 +188,10 @@ pub(super) fn read_gpu_reports(
             Err(reason) => {
                 job.gpu_refused = true;
                 if *backend == StyleBackend::Auto {
-                    warn!("{entity}: the GPU cannot decode its style ({reason}); the CPU does");
+                    events.warn(
+                        entity,
+                        &format_args!("the GPU cannot decode its style ({reason}); the CPU does"),
+                    );
                     // The time goes on: the user has been waiting since the first attempt.
                     job.wanted.get_or_insert(since);
                 } else {
@@ -315,11 +321,18 @@ impl StyleJob {
             // Still wanted, so the next frame asks again. The events of assets are not needed for that.
             Ok(None) => return,
             Ok(Some(request)) => {
+                self.failure = None;
                 let backend = request.backend;
                 let task = AsyncComputeTaskPool::get().spawn(async move { request.run() });
                 self.stage = Stage::Computing { since, backend, task };
             }
-            Err(error) => events.failed(entity, error),
+            Err(error) => {
+                let failure = Some(error.to_string());
+                if self.failure != failure {
+                    events.failed(entity, error);
+                }
+                self.failure = failure;
+            }
         }
         // After a failure too: the same inputs would fail again, and the next change wants anew.
         self.wanted = None;

@@ -1,13 +1,13 @@
 //! Styling on the CPU, in apps without a renderer.
 
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 use bevy::{asset::AssetPlugin, prelude::*};
 use stylegaussian::{ChannelStatistics, Scene, file, fold};
 
 use crate::{
     AppliedStyle, GaussianDecoder, GaussianSceneFailed, GaussianSplats, StyleApplied, StyleBackend,
-    StyleDecoder, StyleFailed, StyleInput, StyleSource, StyleTransition,
+    StyleDecoder, StyleFailed, StyleInput, StyleSource, StyleStatistics, StyleTransition, scene::LoadedScene,
 };
 
 use super::world::*;
@@ -123,6 +123,24 @@ fn plain_scenes_say_which_command_embeds_them() {
     app.world_mut().spawn((splats, StyleSource::preset(style)));
     let failed = until_failed(&mut app);
     assert!(failed.error.to_string().contains("stylegaussian embed"), "{}", failed.error);
+}
+
+/// A scene without features fails once, however many of its style's assets come later.
+#[test]
+fn a_failure_that_stays_is_told_once() {
+    let mut app = app_without_rendering();
+    let plain = Scene { features: None, decoder: None, ..small_scene(8, 1) };
+    let preset = app.world().resource::<Assets<StyleStatistics>>().reserve_handle();
+    let splats = GaussianSplats(add_scene(&mut app, plain));
+    let entity = app.world_mut().spawn((splats, StyleSource::preset(preset.clone()))).id();
+    until_failed(&mut app);
+    let style = StyleStatistics { statistics: Arc::new(small_style(1)), paint: None };
+    app.world_mut().resource_mut::<Assets<StyleStatistics>>().insert(&preset, style).unwrap();
+    (0..5).for_each(|_| app.update());
+    assert_eq!(drain::<StyleFailed>(&mut app).len(), 0);
+    // Asked again, it answers again.
+    app.world_mut().get_mut::<StyleSource>(entity).unwrap().content = 0.5;
+    until_failed(&mut app);
 }
 
 #[test]
@@ -326,10 +344,19 @@ fn files_load_and_broken_ones_are_named() {
     update_until(&mut app, "plain.ply", |world| {
         world.resource::<Assets<crate::GaussianScene>>().contains(&plain)
     });
-    app.world_mut().spawn(GaussianSplats(assets.load("broken.sgs")));
+    // An entity that shows another scene keeps it.
+    let shown = colors(app.world(), entity);
+    app.world_mut().get_mut::<GaussianSplats>(entity).unwrap().0 = assets.load("broken.sgs");
     update_until(&mut app, "GaussianSceneFailed", |world| {
         let failed: Vec<_> = world.resource_mut::<Messages<GaussianSceneFailed>>().drain().collect();
-        failed.iter().any(|event| event.error.to_string().contains("broken.sgs"))
+        failed.iter().any(|event| event.entity == entity && event.error.to_string().contains("broken.sgs"))
+    });
+    assert_eq!(app.world().get::<LoadedScene>(entity).unwrap().scene().len(), 40);
+    assert_eq!(colors(app.world(), entity), shown);
+    // The next one takes its place.
+    app.world_mut().get_mut::<GaussianSplats>(entity).unwrap().0 = plain.clone();
+    update_until(&mut app, "plain.ply to be shown", |world| {
+        world.get::<LoadedScene>(entity).unwrap().id == plain.id()
     });
 }
 
