@@ -24,6 +24,7 @@ pub mod decoder;
 pub mod encoder_id;
 pub mod file;
 pub mod fold;
+pub mod layers;
 pub mod look;
 pub mod morton;
 pub mod neighbors;
