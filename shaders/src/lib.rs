@@ -6,6 +6,7 @@
 //! The tests of this crate validate joined texts only: [`style::sources`] and [`splat::sources`] list every variant
 //! that is ever compiled, and `layouts` every struct that both sides read or write.
 
+pub mod layers;
 pub mod splat;
 pub mod style;
 

@@ -9,7 +9,8 @@ use half::{f16, slice::HalfFloatSliceExt};
 
 use crate::buffers::{self, ReadBackError, TooLarge};
 
-/// View-independent colors `[N]`, display-referred and not clamped: red, green, blue and an unused fourth number as f16.
+/// View-independent colors `[N]`, display-referred and not clamped, as f16: red, green and blue, multiplied by the fourth
+/// number, which is 1 unless a part of the captured colors shows through (see [`stylegaussian::layers`]).
 /// WGSL declares them as `vec2<u32>` and reads them with `unpack2x16float`.
 #[derive(Clone, Debug)]
 pub struct GaussianColors {
@@ -90,6 +91,24 @@ impl GaussianColors {
     pub fn read(&self, device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Vec<[f32; 3]>, ReadBackError> {
         let mut colors = buffers::read(device, queue, &self.buffer, Self::unpack)?;
         // The buffer holds one color even if there are no Gaussians.
+        colors.truncate(self.n_gaussians());
+        Ok(colors)
+    }
+
+    /// Waits for all work submitted so far and reads all four numbers of the colors `[N]`.
+    ///
+    /// # Errors
+    /// If the device is lost.
+    pub fn read_premultiplied(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+    ) -> Result<Vec<[f32; 4]>, ReadBackError> {
+        let unpack = |bytes: &[u8]| {
+            let halves: Vec<f16> = bytemuck::pod_collect_to_vec(bytes);
+            halves.as_chunks::<4>().0.iter().map(|color| color.map(f16::to_f32)).collect::<Vec<_>>()
+        };
+        let mut colors = buffers::read(device, queue, &self.buffer, unpack)?;
         colors.truncate(self.n_gaussians());
         Ok(colors)
     }

@@ -7,5 +7,6 @@ mod bindings;
 pub mod buffers;
 pub mod colors;
 pub mod device;
+pub mod layers;
 pub mod splat;
 pub mod style;

@@ -26,7 +26,7 @@ mod scene;
 mod settings;
 mod sort;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 mod tiles;
 mod tonemapping;
 mod view;

@@ -1,0 +1,143 @@
+//! The kernel against its CPU twin on random scenes, layers and masks.
+
+use std::f32::consts::TAU;
+
+use glam::Quat;
+use stylegaussian::{
+    Scene,
+    layers::{self, Layer},
+};
+
+use super::*;
+use crate::{device::HeadlessDevice, splat::testing};
+
+/// A scene of random means; nothing else of it is read.
+fn random_scene(n: usize, random: &mut impl FnMut() -> f32) -> Scene {
+    Scene {
+        means: (0..n).map(|_| Vec3::from_array([(); 3].map(|()| 4.0 * random() - 2.0))).collect(),
+        rotations: vec![Quat::IDENTITY; n],
+        scales: vec![Vec3::ONE; n],
+        opacities: vec![1.0; n],
+        order: (0..n as u32).collect(),
+        n_source: n,
+        ..Scene::default()
+    }
+}
+
+fn random_region(i: usize, random: &mut impl FnMut() -> f32) -> Region {
+    let mut size = || 0.2 + 1.5 * random();
+    let shape = match i % 9 {
+        0 => Shape::Everything,
+        1 => Shape::HalfSpace,
+        2 => Shape::Ellipsoid { radii: Vec3::new(size(), size(), size()) },
+        3 => Shape::Cuboid { half_size: Vec3::new(size(), size(), size()) },
+        4 => Shape::Cylinder { radius: size(), half_height: size() },
+        5 => Shape::Capsule { radius: size(), half_length: size() },
+        6 => Shape::Cone { radius: size(), height: size() },
+        7 => Shape::Torus { major_radius: size(), minor_radius: 0.5 * size() },
+        _ => Shape::Noise { size: 0.3 * size(), level: 0.6 },
+    };
+    let axis = Vec3::new(random() - 0.5, random() - 0.5, random() - 0.5).normalize();
+    let place = Vec3::new(random() - 0.5, random() - 0.5, random() - 0.5);
+    let shape_from_scene =
+        Affine3A::from_rotation_translation(Quat::from_axis_angle(axis, TAU * random()), place);
+    Region { shape, shape_from_scene, softness: 0.5 * random() }
+}
+
+/// The kernel's result for layers of these looks and masks, in chunks far smaller than any limit requires.
+fn on_gpu(gpu: &HeadlessDevice, scene: &Scene, layers: &[GpuLayer]) -> Vec<[f32; 4]> {
+    let HeadlessDevice { device, queue, .. } = gpu;
+    let on_gpu = GpuScene::in_chunks(device, scene, 300);
+    let colors = GaussianColors::new(device, scene.len()).unwrap();
+    let mixer = LayerMixer::new(device);
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    mixer.encode(device, queue, &mut encoder, &on_gpu, layers, &colors);
+    queue.submit([encoder.finish()]);
+    colors.read_premultiplied(device, queue).unwrap()
+}
+
+#[test]
+fn gpu_matches_cpu() {
+    let Some(gpu) = testing::gpu() else { return };
+    let HeadlessDevice { device, queue, .. } = &gpu;
+    let mut random = testing::randoms(11);
+    let n = 1000;
+    let scene = random_scene(n, &mut random);
+    // More layers, looks and masks than one dispatch holds.
+    let (n_layers, n_looks) = (20, 6);
+    let rgb: Vec<Vec<[f32; 3]>> =
+        (0..n_looks).map(|_| (0..n).map(|_| [(); 3].map(|()| 1.4 * random() - 0.2)).collect()).collect();
+    let looks: Vec<GaussianColors> =
+        rgb.iter().map(|rgb| GaussianColors::from_rgb(device, queue, rgb).unwrap()).collect();
+    let opaque: Vec<Vec<[f32; 4]>> =
+        rgb.iter().map(|rgb| rgb.iter().map(|&[r, g, b]| [r, g, b, 1.0]).collect()).collect();
+    let weights: Vec<Vec<[u8; 4]>> =
+        (0..2).map(|_| (0..n).map(|_| [(); 4].map(|()| (255.0 * random()) as u8)).collect()).collect();
+    let masks: Vec<GaussianMask> =
+        weights.iter().map(|weights| GaussianMask::new(device, queue, weights).unwrap()).collect();
+    let (mut for_cpu, mut for_gpu) = (Vec::new(), Vec::new());
+    for i in 0..n_layers {
+        let (region, strength) = (random_region(i, &mut random), 0.3 + 0.7 * random());
+        // Every seventh layer is captured, every third painted.
+        let look = (i % 7 != 6).then_some(i % n_looks);
+        let mask = (i % 3 == 1).then_some((i % 2, i % 4));
+        for_cpu.push(Layer {
+            look: look.map(|look| &opaque[look][..]),
+            region,
+            strength,
+            mask: mask.map(|(mask, channel)| (&weights[mask][..], channel)),
+        });
+        for_gpu.push(GpuLayer {
+            look: look.map(|look| &looks[look]),
+            region,
+            strength,
+            mask: mask.map(|(mask, channel)| (&masks[mask], channel as u32)),
+        });
+    }
+    // One layer alone, so that no layer hides another's error, and then all.
+    for range in (0..n_layers).map(|i| i..i + 1).chain([0..n_layers]) {
+        let expected = layers::mix_layers(&scene.means, &for_cpu[range.clone()]);
+        let found = on_gpu(&gpu, &scene, &for_gpu[range.clone()]);
+        assert!(range.len() == 1 || found.iter().any(|color| color[3] > 0.5));
+        for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
+            // f16 holds 11 bits; colors between dispatches are rounded once more.
+            let largest = (0..4).map(|c| (found[c] - expected[c]).abs()).fold(0.0, f32::max);
+            assert!(largest < 4e-3, "layers {range:?}, Gaussian {i}: {found:?}, expected {expected:?}");
+        }
+    }
+}
+
+/// Regions of no size, of infinite size and of NaN cover nothing or everything, as on the CPU.
+#[test]
+fn degenerate_layers_match_the_cpu() {
+    let Some(gpu) = testing::gpu() else { return };
+    let HeadlessDevice { device, queue, .. } = &gpu;
+    let scene = random_scene(50, &mut testing::randoms(12));
+    let look = GaussianColors::from_rgb(device, queue, &[[0.5, 0.25, 1.0]; 50]).unwrap();
+    let same = vec![[0.5, 0.25, 1.0, 1.0]; 50];
+    let (everywhere, nan) = (Region::EVERYWHERE, Affine3A::from_translation(Vec3::NAN));
+    let sphere = |radius: f32| Shape::Ellipsoid { radii: Vec3::splat(radius) };
+    let regions = [
+        everywhere,
+        Region { shape_from_scene: nan, ..everywhere },
+        Region { shape: Shape::HalfSpace, shape_from_scene: nan, ..everywhere },
+        Region { shape: Shape::HalfSpace, softness: f32::INFINITY, ..everywhere },
+        Region { shape: Shape::HalfSpace, softness: f32::NAN, ..everywhere },
+        Region { shape: sphere(0.0), ..everywhere },
+        Region { shape: sphere(f32::INFINITY), ..everywhere },
+        Region { shape: sphere(f32::NAN), ..everywhere },
+        Region { shape: Shape::Cuboid { half_size: Vec3::ZERO }, ..everywhere },
+        Region { shape: Shape::Cuboid { half_size: Vec3::INFINITY }, ..everywhere },
+        Region { shape: Shape::Noise { size: 0.0, level: 0.5 }, ..everywhere },
+    ];
+    for region in regions {
+        let layer = GpuLayer { look: Some(&look), region, strength: 1.0, mask: None };
+        let found = on_gpu(&gpu, &scene, &[layer]);
+        let layer = Layer { look: Some(&same), region, strength: 1.0, mask: None };
+        let expected = layers::mix_layers(&scene.means, &[layer]);
+        for (found, expected) in found.iter().zip(&expected) {
+            let largest = (0..4).map(|c| (found[c] - expected[c]).abs()).fold(0.0, f32::max);
+            assert!(largest < 2e-3, "{region:?}: {found:?}, expected {expected:?}");
+        }
+    }
+}

@@ -1,0 +1,195 @@
+// Mixes looks into the colors of a scene: layers on one another, each within a region. One invocation per Gaussian of one
+// chunk. CPU twin: `stylegaussian::layers::mix_layers`.
+
+/// Colors in a region.
+struct MixLayer {
+    /// Rows of the shape's space from the scene's.
+    shape_from_scene_x: vec4<f32>,
+    shape_from_scene_y: vec4<f32>,
+    shape_from_scene_z: vec4<f32>,
+    /// Sizes of the shape, in the order of their names in `Shape`.
+    sizes: vec4<f32>,
+    /// One of the `SHAPE_` constants.
+    shape: u32,
+    /// Index of the look, or `NO_LOOK` for the captured colors.
+    look: u32,
+    /// Channel of the mask, or `NO_MASK`.
+    mask: u32,
+    strength: f32,
+    softness: f32,
+    /// 1 / softness, or 0 for a hard edge.
+    inverse_softness: f32,
+    padding: vec2<u32>,
+}
+
+/// The layers of one dispatch.
+struct LayerMix {
+    n_layers: u32,
+    /// Gaussians in this chunk.
+    n_gaussians: u32,
+    /// Index of the chunk's first Gaussian in its scene.
+    first_gaussian: u32,
+    /// 1 if the layers lie on the colors that are there, 0 if on the captured ones.
+    continues: u32,
+    layers: array<MixLayer, MAX_LAYERS>,
+}
+
+@group(0) @binding(0) var<uniform> layer_mix: LayerMix;
+/// Colors `[N]`, 4 f16 each, premultiplied.
+@group(0) @binding(1) var<storage, read_write> colors: array<vec2<u32>>;
+/// The chunk's packed Gaussians, two words of 16 bytes each: the first holds the mean.
+@group(0) @binding(2) var<storage, read> gaussians: array<vec4<f32>>;
+/// Painted weights `[N]`, 4 bytes each.
+@group(0) @binding(3) var<storage, read> masks: array<u32>;
+@group(0) @binding(4) var<storage, read> look_0: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read> look_1: array<vec2<u32>>;
+@group(0) @binding(6) var<storage, read> look_2: array<vec2<u32>>;
+@group(0) @binding(7) var<storage, read> look_3: array<vec2<u32>>;
+
+/// The largest number of a color, the largest f16.
+const MAX_COLOR: f32 = 65504.0;
+
+/// A random number of a whole point, 0..1: the first of pcg3d's three (Jarzynski and Olano, 2020).
+fn lattice_hash(at: vec3<u32>) -> f32 {
+    var v = at * 1664525u + 1013904223u;
+    v.x += v.y * v.z;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    v ^= v >> vec3(16u);
+    v.x += v.y * v.z;
+    return f32(v.x >> 8u) / 16777216.0;
+}
+
+/// Value noise, 0..1.
+fn lattice_noise(at: vec3<f32>) -> f32 {
+    let cell = floor(at);
+    let linear = at - cell;
+    let t = linear * linear * (3.0 - 2.0 * linear);
+    let base = bitcast<vec3<u32>>(vec3<i32>(cell));
+    let x00 = mix(lattice_hash(base), lattice_hash(base + vec3(1u, 0u, 0u)), t.x);
+    let x10 = mix(lattice_hash(base + vec3(0u, 1u, 0u)), lattice_hash(base + vec3(1u, 1u, 0u)), t.x);
+    let x01 = mix(lattice_hash(base + vec3(0u, 0u, 1u)), lattice_hash(base + vec3(1u, 0u, 1u)), t.x);
+    let x11 = mix(lattice_hash(base + vec3(0u, 1u, 1u)), lattice_hash(base + vec3(1u)), t.x);
+    return mix(mix(x00, x10, t.y), mix(x01, x11, t.y), t.z);
+}
+
+/// The distance from an ellipsoid, to first order.
+fn ellipsoid_distance(at: vec3<f32>, radii: vec3<f32>) -> f32 {
+    let scaled = at / radii;
+    let size = length(scaled);
+    if size > 0.0 {
+        return size * (size - 1.0) / length(scaled / radii);
+    }
+    return -min(radii.x, min(radii.y, radii.z));
+}
+
+/// The distance from a cone in the plane of its axis.
+fn cone_distance(at: vec2<f32>, radius: f32, height: f32) -> f32 {
+    let tip = vec2(0.0, 0.5 * height);
+    let side = vec2(radius, -height);
+    let from_tip = at - tip;
+    let along = clamp(dot(from_tip, side) / dot(side, side), 0.0, 1.0);
+    let to_side = length(from_tip - along * side);
+    let to_bottom = length(vec2(max(at.x - radius, 0.0), at.y + 0.5 * height));
+    let is_inside = dot(from_tip, vec2(height, radius)) < 0.0 && at.y > -0.5 * height;
+    let nearest = min(to_side, to_bottom);
+    return select(nearest, -nearest, is_inside);
+}
+
+/// The distance from the surface of a layer's shape, negative within it.
+fn shape_distance(shape: u32, sizes: vec4<f32>, at: vec3<f32>) -> f32 {
+    // The distance from the axis, and the place along it.
+    let plane = vec2(length(at.xz), at.y);
+    switch shape {
+        case SHAPE_HALF_SPACE: { return at.y; }
+        case SHAPE_ELLIPSOID: { return ellipsoid_distance(at, sizes.xyz); }
+        case SHAPE_CUBOID: {
+            let outside = abs(at) - sizes.xyz;
+            return length(max(outside, vec3(0.0))) + min(max(outside.x, max(outside.y, outside.z)), 0.0);
+        }
+        case SHAPE_CYLINDER: {
+            let outside = vec2(plane.x, abs(plane.y)) - sizes.xy;
+            return length(max(outside, vec2(0.0))) + min(max(outside.x, outside.y), 0.0);
+        }
+        case SHAPE_CAPSULE: {
+            let along = clamp(plane.y, -sizes.y, sizes.y);
+            return length(vec2(plane.x, plane.y - along)) - sizes.x;
+        }
+        case SHAPE_CONE: { return cone_distance(plane, sizes.x, sizes.y); }
+        case SHAPE_TORUS: { return length(vec2(plane.x - sizes.x, plane.y)) - sizes.y; }
+        default: { return sizes.x * (lattice_noise(at / sizes.x) - sizes.y); }
+    }
+}
+
+/// The weight of a layer's region: 1 within the shape, 0 outside, a smooth step across the edge.
+fn region_weight(layer: MixLayer, mean: vec3<f32>) -> f32 {
+    if layer.shape == SHAPE_EVERYTHING {
+        return 1.0;
+    }
+    let point = vec4(mean, 1.0);
+    let at = vec3(
+        dot(layer.shape_from_scene_x, point),
+        dot(layer.shape_from_scene_y, point),
+        dot(layer.shape_from_scene_z, point),
+    );
+    let distance = shape_distance(layer.shape, layer.sizes, at);
+    let half_width = 0.5 * layer.softness;
+    // A comparison with NaN is false.
+    if !(distance < half_width) {
+        return 0.0;
+    }
+    if distance <= -half_width {
+        return 1.0;
+    }
+    let t = 0.5 - distance * layer.inverse_softness;
+    return t * t * (3.0 - 2.0 * t);
+}
+
+fn unpack_color(words: vec2<u32>) -> vec4<f32> {
+    return vec4(unpack2x16float(words.x), unpack2x16float(words.y));
+}
+
+/// The color of a Gaussian in one of the looks.
+fn look_color(look: u32, gaussian: u32) -> vec4<f32> {
+    switch look {
+        case 0u: { return unpack_color(look_0[gaussian]); }
+        case 1u: { return unpack_color(look_1[gaussian]); }
+        case 2u: { return unpack_color(look_2[gaussian]); }
+        case 3u: { return unpack_color(look_3[gaussian]); }
+        default: { return vec4(0.0); }
+    }
+}
+
+@compute @workgroup_size(MIX_WORKGROUP)
+fn mix_layers(
+    @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(num_workgroups) n_workgroups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    // Large chunks take two dimensions of workgroups: one is limited to 65,535.
+    let index = (workgroup.y * n_workgroups.x + workgroup.x) * MIX_WORKGROUP + lane;
+    if index >= layer_mix.n_gaussians {
+        return;
+    }
+    let gaussian = layer_mix.first_gaussian + index;
+    let mean = gaussians[2u * index].xyz;
+    var color = vec4(0.0);
+    if layer_mix.continues != 0u {
+        color = unpack_color(colors[gaussian]);
+    }
+    for (var i = 0u; i < layer_mix.n_layers; i++) {
+        let layer = layer_mix.layers[i];
+        var share = layer.strength * region_weight(layer, mean);
+        // Most Gaussians lie outside of most regions, and skip their looks.
+        if share <= 0.0 {
+            continue;
+        }
+        if layer.mask != NO_MASK {
+            share *= unpack4x8unorm(masks[gaussian])[layer.mask];
+        }
+        color = mix(color, look_color(layer.look, gaussian), share);
+    }
+    // WGSL leaves packing of larger numbers to f16 undefined.
+    let limited = clamp(color, vec4(-MAX_COLOR), vec4(MAX_COLOR));
+    colors[gaussian] = vec2(pack2x16float(limited.xy), pack2x16float(limited.zw));
+}
