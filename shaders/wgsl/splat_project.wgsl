@@ -163,31 +163,33 @@ fn captured_color(index: u32, mean: vec3<f32>) -> vec3<f32> {
     return sh_color(index, chunk.n_gaussians, chunk.sh_degree, direction);
 }
 
-fn unpacked_color(words: vec2<u32>) -> vec3<f32> {
-    return vec3(unpack2x16float(words.x), unpack2x16float(words.y).x);
+fn unpacked_color(words: vec2<u32>) -> vec4<f32> {
+    return vec4(unpack2x16float(words.x), unpack2x16float(words.y));
 }
 
-/// The color between the first source and the second.
+/// The color between the first source and the second. Sources are premultiplied: the rest of the fourth number to 1 is
+/// the share of the captured color. A source of nothing but that is zero.
 fn color(index: u32, mean: vec3<f32>) -> vec3<f32> {
     let in_scene = chunk.first_gaussian + index;
-    var captured = vec3(0.0);
-    if (chunk.flags & (FROM_CAPTURED_COLORS | TO_CAPTURED_COLORS)) != 0u {
-        captured = captured_color(index, mean);
-    }
-    var mixed = captured;
+    var mixed = vec4(0.0);
     if (chunk.flags & FROM_CAPTURED_COLORS) == 0u {
         mixed = unpacked_color(colors_from[in_scene]);
     }
     // Most clouds do not fade, and skip the reads of a second source.
     if chunk.fade > 0.0 {
-        var second = captured;
+        var second = vec4(0.0);
         if (chunk.flags & TO_CAPTURED_COLORS) == 0u {
             second = unpacked_color(colors_to[in_scene]);
         }
         mixed = mix(mixed, second, chunk.fade);
     }
+    var rgb = mixed.rgb;
+    // Most clouds have one color from all sides, and skip the reads of the spherical harmonics.
+    if mixed.a < 1.0 {
+        rgb += (1.0 - mixed.a) * captured_color(index, mean);
+    }
     // WGSL leaves packing of larger numbers to f16 undefined.
-    return clamp(mixed, vec3(-MAX_COLOR), vec3(MAX_COLOR));
+    return clamp(rgb, vec3(-MAX_COLOR), vec3(MAX_COLOR));
 }
 
 /// A key that sorts like `distance`. The bits of floats compare like integers if the sign bit of positive floats is

@@ -41,6 +41,20 @@ pub enum Colors<'a> {
     Captured,
     /// One RGB per Gaussian `[N]`, such as a stylized scene's. Not clamped.
     Rgb(&'a [[f32; 3]]),
+    /// One color per Gaussian `[N]` as [`mix_layers`](crate::layers::mix_layers) gives them: RGB multiplied by the fourth
+    /// number, of which the rest to 1 is the share of the captured color.
+    Mixed(&'a [[f32; 4]]),
+}
+
+impl Colors<'_> {
+    /// The number of colors, or `None` if they are the scene's own.
+    fn len(&self) -> Option<usize> {
+        match self {
+            Self::Captured => None,
+            Self::Rgb(rgb) => Some(rgb.len()),
+            Self::Mixed(mixed) => Some(mixed.len()),
+        }
+    }
 }
 
 /// A rendered picture. All planes are row-major `[H, W]`, from the top left.
@@ -61,9 +75,7 @@ pub struct RenderedImage {
 /// # Panics
 /// If `colors` holds another number of colors than the scene has Gaussians.
 pub fn render(scene: &Scene, colors: Colors, camera: &Camera) -> RenderedImage {
-    if let Colors::Rgb(rgb) = colors {
-        assert_eq!(rgb.len(), scene.len(), "one color per Gaussian");
-    }
+    assert!(colors.len().is_none_or(|n| n == scene.len()), "one color per Gaussian");
     let splats = project(scene, camera);
     let colors = splat_colors(scene, colors, camera, &splats);
     let bands = Bands::new(&splats, camera.size);
@@ -109,18 +121,26 @@ pub fn blend_weights(scene: &Scene, camera: &Camera) -> BlendWeights {
 /// The color of each splat, in the splats' order.
 fn splat_colors(scene: &Scene, colors: Colors, camera: &Camera, splats: &[Splat]) -> Vec<[f32; 3]> {
     let eye = camera.position();
+    let captured = |gaussian: usize| -> [f32; 3] {
+        let Some(captured) = &scene.sh else { return [0.5; 3] };
+        let n = 3 * (usize::from(captured.degree) + 1).pow(2);
+        let coefficients = &captured.coefficients[gaussian * n..(gaussian + 1) * n];
+        // A Gaussian at the eye itself has no direction, and is culled in any case.
+        let direction: Vec3 = (scene.means[gaussian] - eye).normalize_or_zero();
+        sh::evaluate(captured.degree, coefficients, direction).to_array()
+    };
     let color = |splat: &Splat| -> [f32; 3] {
         let gaussian = splat.gaussian as usize;
-        match (colors, &scene.sh) {
-            (Colors::Rgb(rgb), _) => rgb[gaussian],
-            (Colors::Captured, None) => [0.5; 3],
-            (Colors::Captured, Some(captured)) => {
-                let n = 3 * (usize::from(captured.degree) + 1).pow(2);
-                let coefficients = &captured.coefficients[gaussian * n..(gaussian + 1) * n];
-                // A Gaussian at the eye itself has no direction, and is culled in any case.
-                let direction: Vec3 = (scene.means[gaussian] - eye).normalize_or_zero();
-                sh::evaluate(captured.degree, coefficients, direction).to_array()
-            }
+        match colors {
+            Colors::Captured => captured(gaussian),
+            Colors::Rgb(rgb) => rgb[gaussian],
+            Colors::Mixed(mixed) => match mixed[gaussian] {
+                [r, g, b, share] if share >= 1.0 => [r, g, b],
+                [r, g, b, share] => {
+                    let below = captured(gaussian).map(|channel| (1.0 - share) * channel);
+                    [r + below[0], g + below[1], b + below[2]]
+                }
+            },
         }
     };
     // Per splat and not per Gaussian: harmonics are evaluated only for what the camera can see.

@@ -170,6 +170,7 @@ impl OnGpu {
         let colors = match colors {
             Colors::Captured => Ok(None),
             Colors::Rgb(rgb) => GaussianColors::from_rgb(device, queue, rgb).map(Some),
+            Colors::Mixed(mixed) => GaussianColors::from_premultiplied(device, queue, mixed).map(Some),
         };
         if let Some(error) = scope.pop().await {
             return Err(error).context("the GPU has no memory left for the scene");

@@ -28,7 +28,7 @@ impl GaussianColors {
         Self::STRIDE * (n_gaussians as u64).max(1)
     }
 
-    /// Colors of `n_gaussians`, all zero.
+    /// Colors of `n_gaussians`, all zero: nothing but the captured colors.
     ///
     /// # Errors
     /// If they exceed the device's limit on a buffer or a storage binding.
@@ -52,13 +52,31 @@ impl GaussianColors {
         Ok(colors)
     }
 
+    /// Colors that hold `colors` `[N]`, premultiplied by their fourth number.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn from_premultiplied(
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        colors: &[[f32; 4]],
+    ) -> Result<Self, TooLarge> {
+        let gaussian_colors = Self::new(device, colors.len())?;
+        gaussian_colors.write_packed(queue, &pack(colors.as_flattened()));
+        Ok(gaussian_colors)
+    }
+
     /// Replaces all colors.
     ///
     /// # Panics
     /// If `rgb` does not hold N colors.
     pub fn write(&self, queue: &wgpu::Queue, rgb: &[[f32; 3]]) {
         assert_eq!(rgb.len(), self.n_gaussians(), "one color per Gaussian");
-        queue.write_buffer(&self.buffer, 0, bytemuck::cast_slice(&pack(rgb)));
+        self.write_packed(queue, &pack_rgb(rgb));
+    }
+
+    fn write_packed(&self, queue: &wgpu::Queue, packed: &[f16]) {
+        queue.write_buffer(&self.buffer, 0, bytemuck::cast_slice(packed));
         self.mark_changed();
     }
 
@@ -120,12 +138,16 @@ impl GaussianColors {
     }
 }
 
-/// The colors as they are in the buffer `[N * 4]`.
-fn pack(rgb: &[[f32; 3]]) -> Vec<f16> {
-    let padded: Vec<f32> = rgb.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0]).collect();
-    let mut packed = vec![f16::ZERO; padded.len()];
+/// The colors as they are in the buffer `[N * 4]`, without any of the captured ones.
+fn pack_rgb(rgb: &[[f32; 3]]) -> Vec<f16> {
+    pack(&rgb.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0]).collect::<Vec<_>>())
+}
+
+/// Numbers as f16.
+fn pack(numbers: &[f32]) -> Vec<f16> {
+    let mut packed = vec![f16::ZERO; numbers.len()];
     // All at once, by the processor's vector instructions if it has them: this runs on the render thread.
-    packed.convert_from_f32_slice(&padded);
+    packed.convert_from_f32_slice(numbers);
     packed
 }
 
@@ -136,6 +158,6 @@ mod tests {
     #[test]
     fn colors_round_trip_through_their_bytes() {
         let colors = [[0.5, -0.25, 1.5], [0.0, 1.0, 0.125]];
-        assert_eq!(GaussianColors::unpack(bytemuck::cast_slice(&pack(&colors))), colors);
+        assert_eq!(GaussianColors::unpack(bytemuck::cast_slice(&pack_rgb(&colors))), colors);
     }
 }

@@ -34,6 +34,12 @@ fn gpu_matches_cpu() {
     let mut random = randoms(3);
     let colors: Vec<_> = (0..2000).map(|_| [(); 3].map(|()| 1.6 * random() - 0.3)).collect();
     check(&gpu, "colors", &scene, Colors::Rgb(&colors), &camera, LEAST);
+    // Premultiplied: none, some or all of the captured color is left.
+    let mixed = |[r, g, b]: [f32; 3], share: f32| [share * r, share * g, share * b, share];
+    let mixed: Vec<_> =
+        colors.iter().map(|&rgb| mixed(rgb, (2.0 * random() - 0.5).clamp(0.0, 1.0))).collect();
+    let view_dependent = random_scene(2000, 3, 8);
+    check(&gpu, "captured colors below a look", &view_dependent, Colors::Mixed(&mixed), &camera, LEAST);
     scene.sh = None;
     check(&gpu, "mid-gray", &scene, Colors::Captured, &camera, LEAST);
 }

@@ -90,6 +90,7 @@ pub fn draw_both_ways(
         .map(|&(_, colors, _)| match colors {
             Colors::Captured => None,
             Colors::Rgb(rgb) => Some(GaussianColors::from_rgb(device, queue, rgb).unwrap()),
+            Colors::Mixed(mixed) => Some(GaussianColors::from_premultiplied(device, queue, mixed).unwrap()),
         })
         .collect();
     let clouds: Vec<Cloud> = (0..clouds.len())
