@@ -30,10 +30,24 @@ pub struct Scene {
     pub decoder: Option<Decoder>,
     /// The scene's up direction, or `None` if the file does not give it. The loader never rotates a scene.
     pub up: Option<Vec3>,
+    /// The filter against holes and aliasing that the scene was trained with, and that it must be drawn with.
+    pub filter: ScreenFilter,
     /// Origin of the scene, for people.
     pub source: Option<String>,
     /// The license of the capture.
     pub license: Option<String>,
+}
+
+/// How a splat is kept from getting smaller than a pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ScreenFilter {
+    /// 3DGS: every footprint is widened by a low-pass of 0.3 square pixels. Small splats get too bright (Kerbl et al.
+    /// 2023).
+    #[default]
+    Classic,
+    /// Mip-splatting's 2D filter: the widened footprint's opacity is scaled so that its sum stays (Yu et al. 2024). Called
+    /// `antialiased` by gsplat and SPZ, `mip` by .ply tags.
+    Antialiased,
 }
 
 /// Spherical harmonics of N Gaussians.
@@ -134,6 +148,7 @@ impl Scene {
             neighbors: self.neighbors.as_ref().and_then(|n| relabeled(n, self.len(), indices)),
             decoder: self.decoder.clone(),
             up: self.up,
+            filter: self.filter,
             source: self.source.clone(),
             license: self.license.clone(),
         }

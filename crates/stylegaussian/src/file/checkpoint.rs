@@ -19,6 +19,7 @@ use super::{
     activate::{StoredGaussians, activate},
     decoder,
     error::{Loaded, Mismatch, mismatch},
+    format::Format,
     pytorch::{
         PytorchFile, Tensor,
         pickle::{Id, Object, Pickle, TensorInfo},
@@ -33,12 +34,21 @@ const MAX_CHANNELS: usize = 4096;
 const EXPECTED: &str =
     "a tuple (xyz, scaling, rotation, opacity, features, state dict) as StyleGaussian saves it";
 
+/// The format: the container of `torch.save` is a zip archive.
+pub(super) const FORMAT: Format = Format {
+    name: "StyleGaussian checkpoint (.pth)",
+    extensions: &["pth"],
+    recognizes: |bytes, _| matches!(bytes, [b'P', b'K', 3, 4, ..]),
+    read: |files, _| Ok(read(&files.main)?),
+    write: None,
+};
+
 pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     let file = PytorchFile::parse(bytes)?;
     let parts = find_parts(&file.pickle)?;
     let mut warnings = Vec::new();
     let scene = scene(&parts, &file, &mut warnings)?;
-    Ok(Loaded { scene, warnings })
+    Ok(Loaded::new(scene, warnings))
 }
 
 /// The five tensors and the state dict of a checkpoint.

@@ -14,6 +14,7 @@ use crate::{
 use super::{
     activate::{StoredGaussians, activate},
     error::{Loaded, Mismatch, mismatch},
+    format::Format,
 };
 
 mod columns;
@@ -24,11 +25,18 @@ mod write;
 use columns::{Columns, read_columns};
 use header::Header;
 
-pub(super) use write::write;
-
 /// Properties that each vertex must have, in the order of the columns that are read.
 const GEOMETRY: [&str; 11] =
     ["x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"];
+
+/// The format: binary and ascii, native and compressed.
+pub(super) const FORMAT: Format = Format {
+    name: "3DGS .ply",
+    extensions: &["ply"],
+    recognizes: |bytes, _| matches!(bytes, [b'p', b'l', b'y', b'\n' | b'\r' | b' ' | b'\t', ..]),
+    read: |files, _| Ok(read(&files.main)?),
+    write: Some(|out, scene, _| Ok(write::write(out, scene)?)),
+};
 
 /// The properties of a 3DGS file, for messages.
 const EXPECTED: &str = "3DGS properties x y z, opacity, scale_0..2, rot_0..3 of element `vertex`";
@@ -63,7 +71,8 @@ fn read_native(header: &Header) -> Result<Loaded, Mismatch> {
     let names: Vec<String> = GEOMETRY.into_iter().map(Into::into).chain(color.names()).collect();
     let columns = read_columns(header, "vertex", &names)?;
     let stored = stored_gaussians(&columns, &color);
-    Ok(Loaded { scene: activate(stored, &mut warnings), warnings })
+    let scene = activate(stored, &mut warnings);
+    Ok(Loaded::new(scene, warnings))
 }
 
 /// The properties that hold a vertex's color.

@@ -16,7 +16,7 @@
 //! Every f16 tensor may be f32 as well. Metadata: `format`, `version`, `source_count`, if known `encoder`, `up` (`x y
 //! z`), `source` and `license`, and the decoder's. Gaussians are written in Morton order.
 
-use std::{borrow::Cow, path::Path};
+use std::{borrow::Cow, io::Write};
 
 use glam::{Quat, Vec3};
 
@@ -29,17 +29,28 @@ use crate::{
 };
 
 use super::{
-    atomic::write_atomically,
     check::check_scene,
     decoder::{self, Precision},
-    error::{FileError, Loaded, Mismatch, mismatch},
+    error::{Loaded, Mismatch, mismatch},
+    format::{Format, Unwritten},
     tensors::{
         Dimension::{Any, Is},
         Reader, Writer, expect_finite,
     },
 };
 
-const FORMAT: &str = "stylegaussian-scene";
+/// The format.
+pub(super) const FORMAT: Format = Format {
+    name: ".sgs",
+    extensions: &["sgs"],
+    // Safetensors begin with the length of their JSON header, 8 bytes.
+    recognizes: |bytes, _| matches!(bytes, [_, _, _, _, _, _, _, _, b'{', ..]),
+    read: |files, _| Ok(read(&files.main)?),
+    write: Some(|out, scene, _| write(out, scene)),
+};
+
+/// The format's name in its metadata.
+const FORMAT_NAME: &str = "stylegaussian-scene";
 
 /// Tensors of a scene file, besides the decoder's.
 const KNOWN: [&str; 13] = [
@@ -61,7 +72,7 @@ const KNOWN: [&str; 13] = [
 /// Reads a scene. Unknown tensors are ignored with a warning, so that other programs can add their own.
 pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     let reader = Reader::new(bytes)?;
-    reader.expect_format(FORMAT)?;
+    reader.expect_format(FORMAT_NAME)?;
     let mut warnings = Vec::new();
     for name in reader.names() {
         if !KNOWN.contains(&name) && !name.starts_with("decoder.") {
@@ -82,7 +93,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     let license = reader.metadata("license").or_else(|| reader.metadata("licence"));
     scene.license = license.map(Into::into);
     check_scene(&scene)?;
-    Ok(Loaded { scene, warnings })
+    Ok(Loaded::new(scene, warnings))
 }
 
 /// Means, rotations, scales, opacities and order.
@@ -181,21 +192,20 @@ fn up_from_text(text: &str) -> Result<Vec3, Mismatch> {
 }
 
 /// Writes a scene that has passed [`check_scene`].
-pub(super) fn write(path: &Path, scene: &Scene) -> Result<(), FileError> {
+fn write(out: &mut dyn Write, scene: &Scene) -> Result<(), Unwritten> {
     let order = morton::order(&scene.means);
     // A scene that is in this order already, as every `.sgs` is, need not be copied.
     let sorted = match order.is_sorted() {
         true => Cow::Borrowed(scene),
         false => Cow::Owned(scene.subset(&order)),
     };
-    let writer = prepare(&sorted).map_err(|mismatch| mismatch.at(path))?;
-    write_atomically(path, |out| writer.write(out))
+    Ok(prepare(&sorted)?.write(out)?)
 }
 
 /// The tensors and metadata of a scene in Morton order.
 fn prepare(scene: &Scene) -> Result<Writer<'_>, Mismatch> {
     let n = scene.len();
-    let mut writer = Writer::new(FORMAT);
+    let mut writer = Writer::new(FORMAT_NAME);
     writer.f32("means", &[n, 3], bytemuck::cast_slice(&scene.means));
     writer.f32("rotations", &[n, 4], bytemuck::cast_slice(&scene.rotations));
     writer.f32("scales", &[n, 3], bytemuck::cast_slice(&scene.scales));

@@ -9,7 +9,7 @@ use crate::{
     decoder::{Activation, Layer},
     encoder_id::EncoderId,
     neighbors::Neighbors,
-    scene::{Features, Sh},
+    scene::{Features, Scene, ScreenFilter, Sh},
 };
 
 /// A stream of numbers in -1..1, the same in every run (xorshift).
@@ -85,6 +85,7 @@ pub(super) fn full_scene() -> Scene {
             indices: (0..n as u32).flat_map(|i| [i, (i + 1) % n as u32]).collect(),
         }),
         decoder: Some(decoder),
+        filter: ScreenFilter::Antialiased,
         up: Some(Vec3::new(0.0, -1.0, 0.25)),
         source: Some("made up, \"quoted\"".into()),
         license: Some("CC0-1.0".into()),
@@ -116,7 +117,7 @@ fn sgs_keeps_everything() {
     let path = dir.path().join("scene.sgs");
     let scene = full_scene();
     write_scene(&path, &scene).unwrap();
-    let Loaded { scene: read, warnings } = read_scene(&path).unwrap();
+    let Loaded { scene: read, warnings, .. } = read_scene(&path).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     assert!(crate::morton::order(&read.means).is_sorted(), "Morton order");
     let (a, b) = (by_source(&scene), by_source(&read));
@@ -153,7 +154,7 @@ fn the_license_is_read_under_its_old_key() {
     let bytes = fs::read(&path).unwrap();
     let old = replaced(&bytes, r#""license":"CC0-1.0""#, r#""licence":"CC0-1.0""#);
     fs::write(&path, old).unwrap();
-    let Loaded { scene, warnings } = read_scene(&path).unwrap();
+    let Loaded { scene, warnings, .. } = read_scene(&path).unwrap();
     assert_eq!(scene.license.as_deref(), Some("CC0-1.0"));
     assert!(warnings.is_empty(), "{warnings:?}");
 }
@@ -188,7 +189,7 @@ fn ply_keeps_gaussians_and_colors_in_source_order() {
     scene.opacities[4] = 0.0;
     scene.scales[5].z = 0.0;
     write_scene(&path, &scene).unwrap();
-    let Loaded { scene: read, warnings } = read_scene(&path).unwrap();
+    let Loaded { scene: read, warnings, .. } = read_scene(&path).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     let sorted = by_source(&scene);
     assert_eq!(read.up, Some(scene.up.unwrap().normalize()), "a comment in the header");
@@ -426,7 +427,7 @@ fn damaged_files_never_panic() {
     files.push(("checkpoint.pth", checkpoint::tests::final_sample()));
     files.push(("a.look.safetensors", look::tests::sample()));
     let all = |bytes: &[u8]| {
-        let _ = parse_scene(bytes);
+        let _ = scene_from_bytes(bytes, "a");
         let _ = decoder::from_bytes(bytes);
         let _ = style::from_bytes(bytes);
         let _ = look::from_bytes(bytes);

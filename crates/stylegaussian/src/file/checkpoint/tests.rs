@@ -40,7 +40,7 @@ fn check_gaussians(scene: &Scene) {
 
 #[test]
 fn reads_a_trained_model_that_torch_saved() {
-    let Loaded { scene, warnings } = read(FINAL).unwrap();
+    let Loaded { scene, warnings, .. } = read(FINAL).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     check_gaussians(&scene);
     let features = scene.features.as_ref().unwrap();
@@ -62,7 +62,7 @@ fn reads_a_trained_model_that_torch_saved() {
 
 #[test]
 fn reads_a_feature_model_saved_with_its_iteration() {
-    let Loaded { scene, warnings } = read(FEATURE).unwrap();
+    let Loaded { scene, warnings, .. } = read(FEATURE).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     check_gaussians(&scene);
     assert!(scene.decoder.is_none());

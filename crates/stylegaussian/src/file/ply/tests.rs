@@ -96,7 +96,7 @@ pub(in crate::file) fn ascii_sample() -> Vec<u8> {
 }
 
 fn check_two(bytes: &[u8]) {
-    let Loaded { scene, warnings } = read(bytes).unwrap();
+    let Loaded { scene, warnings, .. } = read(bytes).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     assert_eq!(scene.means, [Vec3::new(1.0, 2.0, 3.0), Vec3::new(-4.0, -5.0, -6.0)]);
     assert_eq!(scene.opacities, [0.5, 0.5]);
@@ -189,7 +189,7 @@ fn rgb_and_missing_colors() {
         assert!(Vec3::from(colors[0]).abs_diff_eq(Vec3::X, 1e-6), "{kind}: {colors:?}");
         assert!(Vec3::from(colors[1]).abs_diff_eq(Vec3::Y, 1e-6), "{kind}: {colors:?}");
     }
-    let Loaded { scene, warnings } = read(&plain(&without(), Format::Ascii)).unwrap();
+    let Loaded { scene, warnings, .. } = read(&plain(&without(), Format::Ascii)).unwrap();
     assert!(scene.sh.is_none());
     assert!(warnings[0].contains("mid-gray"), "{warnings:?}");
 }
@@ -245,7 +245,7 @@ fn real_files() {
     ] {
         let Some(path) = shared_data(&format!("splats/{name}.ply")) else { continue };
         let start = Instant::now();
-        let Loaded { scene, warnings } = read_scene(&path).unwrap();
+        let Loaded { scene, warnings, .. } = read_scene(&path).unwrap();
         eprintln!("{name}: {n} Gaussians in {:.3} s, {warnings:?}", start.elapsed().as_secs_f64());
         scene.validate().unwrap();
         assert_eq!((scene.n_source, scene.sh.as_ref().unwrap().degree), (n, degree), "{name}");
