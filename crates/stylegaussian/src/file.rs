@@ -8,6 +8,7 @@ use std::path::Path;
 use crate::{decoder::Decoder, look::Look, paint::Paint, statistics::ChannelStatistics};
 
 mod activate;
+mod archive;
 mod atomic;
 mod bytes;
 mod check;
@@ -18,10 +19,12 @@ mod error;
 mod files;
 mod format;
 mod look;
+mod names;
 mod ply;
 pub mod pytorch;
 mod scenes;
 mod sgs;
+mod sog;
 mod style;
 mod tensors;
 

@@ -17,6 +17,7 @@ use crate::{
 
 use super::{
     activate::{StoredGaussians, activate},
+    archive::{Archive, is_zip},
     decoder,
     error::{Loaded, Mismatch, mismatch},
     format::Format,
@@ -38,7 +39,8 @@ const EXPECTED: &str =
 pub(super) const FORMAT: Format = Format {
     name: "StyleGaussian checkpoint (.pth)",
     extensions: &["pth"],
-    recognizes: |bytes, _| matches!(bytes, [b'P', b'K', 3, 4, ..]),
+    // A damaged archive is for the reader to complain about.
+    recognizes: |bytes, _| is_zip(bytes) && !Archive::open(bytes).is_ok_and(|archive| !archive.has_end("data.pkl")),
     read: |files, _| Ok(read(&files.main)?),
     write: None,
 };

@@ -5,10 +5,11 @@ use std::io::{self, Write};
 use crate::{axes::Axes, scene::Scene};
 
 use super::{
+    archive::is_zip,
     checkpoint,
     error::{Loaded, Mismatch, mismatch},
     files::{Files, Unread},
-    ply, sgs,
+    ply, sgs, sog,
 };
 
 /// A scene format.
@@ -49,7 +50,7 @@ impl From<io::Error> for Unwritten {
 }
 
 /// All formats. A file is of the first one that recognizes it.
-pub(super) const FORMATS: &[&Format] = &[&ply::FORMAT, &sgs::FORMAT, &checkpoint::FORMAT];
+pub(super) const FORMATS: &[&Format] = &[&ply::FORMAT, &sgs::FORMAT, &sog::FORMAT, &checkpoint::FORMAT];
 
 /// Choices of a reader.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -108,6 +109,9 @@ fn unknown(bytes: &[u8]) -> String {
     match bytes {
         [0x80, 2, ..] => {
             "a bare pickle stream (torch.save before version 1.6), which is not supported".into()
+        }
+        _ if is_zip(bytes) => {
+            "a zip archive with neither `meta.json` (SOG) nor `data.pkl` (PyTorch checkpoint)".into()
         }
         _ => format!("a file that starts with `{}`", bytes[..bytes.len().min(8)].escape_ascii()),
     }
