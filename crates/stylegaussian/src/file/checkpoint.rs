@@ -40,7 +40,10 @@ pub(super) const FORMAT: Format = Format {
     name: "StyleGaussian checkpoint (.pth)",
     extensions: &["pth"],
     // A damaged archive is for the reader to complain about.
-    recognizes: |bytes, _| is_zip(bytes) && !Archive::open(bytes).is_ok_and(|archive| !archive.has_end("data.pkl")),
+    recognizes: |bytes, _| {
+        let holds_pickle = |archive: Archive| archive.names().any(|name| name.ends_with("data.pkl"));
+        is_zip(bytes) && Archive::open(bytes).map_or(true, holds_pickle)
+    },
     read: |files, _| Ok(read(&files.main)?),
     write: None,
 };

@@ -160,7 +160,7 @@ impl<'a> Part<'a> {
     ) -> Result<Self, Mismatch> {
         let mut archive = is_zip(bytes).then(|| Archive::open(bytes)).transpose()?;
         let json = match &mut archive {
-            Some(archive) => Cow::Owned(archive.unpack(META)?),
+            Some(archive) => archive.unpack(META)?,
             None => Cow::Borrowed(bytes),
         };
         let meta = Meta::parse(&json, warnings).map_err(|mismatch| within(name, mismatch))?;
@@ -182,7 +182,7 @@ impl<'a> Part<'a> {
             None => Ok(files.others(&self.files())?.into_iter().map(Cow::Borrowed).collect()),
             Some(archive) => {
                 let unpacked: Result<_, Mismatch> =
-                    self.meta.planes.iter().map(|plane| archive.unpack(plane).map(Cow::Owned)).collect();
+                    self.meta.planes.iter().map(|plane| archive.unpack(plane)).collect();
                 Ok(unpacked.map_err(|mismatch| within(&self.name, mismatch))?)
             }
         }
@@ -195,7 +195,8 @@ fn parts<'a>(
     options: &ReadOptions,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Part<'a>>, Unread> {
-    let keys: Option<Keys> = if is_zip(&files.main) { None } else { serde_json::from_slice(&files.main).ok() };
+    let keys: Option<Keys> =
+        if is_zip(&files.main) { None } else { serde_json::from_slice(&files.main).ok() };
     if keys.is_none_or(|keys| keys.levels.is_none()) {
         return Ok(vec![Part::open("", &files.main, None, warnings)?]);
     }
@@ -207,7 +208,9 @@ fn parts<'a>(
         let environment = Part::open(path, bytes[0], None, warnings)?;
         let n = environment.meta.count;
         match budget.map(|budget| budget.checked_sub(n)) {
-            Some(None) => warnings.push(format!("left out the environment: its {n} Gaussians exceed the budget")),
+            Some(None) => {
+                warnings.push(format!("left out the environment: its {n} Gaussians exceed the budget"))
+            }
             rest => {
                 budget = rest.flatten();
                 parts.push(environment);

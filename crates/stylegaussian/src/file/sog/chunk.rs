@@ -138,7 +138,9 @@ impl Gaussians {
             let [x, y, z] = &self.meta.scales;
             Vec3::new(x[usize::from(r)], y[usize::from(g)], z[usize::from(b)])
         }));
-        scene.opacities.par_extend(indices().map(|i| self.meta.opacities[usize::from(self.planes[4].texel(i)[3])]));
+        scene
+            .opacities
+            .par_extend(indices().map(|i| self.meta.opacities[usize::from(self.planes[4].texel(i)[3])]));
         if let Some(sh) = &mut scene.sh {
             let width = 3 * sh::n_coefficients(sh.degree);
             let start = sh.coefficients.len();

@@ -65,8 +65,13 @@ impl Levels {
             None => nodes.iter().filter_map(|lods| lods.values().next().copied()).collect(),
             Some(budget) => within(&nodes, budget, warnings),
         };
-        if let Some(level) = nodes.iter().filter_map(|lods| lods.keys().next_back()).find(|&&l| l >= self.n_levels) {
-            return Err(mismatch(format_args!("level {level}"), format_args!("levels below {}", self.n_levels)));
+        if let Some(level) =
+            nodes.iter().filter_map(|lods| lods.keys().next_back()).find(|&&l| l >= self.n_levels)
+        {
+            return Err(mismatch(
+                format_args!("level {level}"),
+                format_args!("levels below {}", self.n_levels),
+            ));
         }
         self.by_file(chosen)
     }
@@ -88,7 +93,8 @@ impl Levels {
             runs.sort_unstable_by_key(|run| run.start);
             // Overlapping runs would let a small file ask for a large scene.
             if runs.windows(2).any(|pair| pair[0].end > pair[1].start) {
-                let found = format_args!("nodes that share Gaussians of `{}`", self.filenames[file]).to_string();
+                let found =
+                    format_args!("nodes that share Gaussians of `{}`", self.filenames[file]).to_string();
                 return Err(mismatch(found, "nodes with Gaussians of their own"));
             }
         }
@@ -157,7 +163,10 @@ mod tests {
         let of = |budget| {
             let (chosen, warnings) = chosen(TREE, budget).unwrap();
             assert!(warnings.is_empty());
-            chosen.into_iter().flat_map(|(file, runs)| runs.into_iter().map(move |run| (file, run))).collect::<Vec<_>>()
+            chosen
+                .into_iter()
+                .flat_map(|(file, runs)| runs.into_iter().map(move |run| (file, run)))
+                .collect::<Vec<_>>()
         };
         assert_eq!(of(None), [(0, 0..100), (0, 100..300)]);
         assert_eq!(of(Some(300)), of(None));
@@ -177,7 +186,9 @@ mod tests {
     #[test]
     fn contradictions_are_refused() {
         let refused = |from: &str, to: &str, expected: &str| {
-            let Err(Mismatch { found, .. }) = chosen(&TREE.replacen(from, to, 1), None) else { panic!("{to}") };
+            let Err(Mismatch { found, .. }) = chosen(&TREE.replacen(from, to, 1), None) else {
+                panic!("{to}")
+            };
             assert!(found.contains(expected), "{found}");
         };
         refused("\"offset\": 100", "\"offset\": 99", "share Gaussians of `0/meta.json`");

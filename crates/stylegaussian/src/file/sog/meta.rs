@@ -142,7 +142,8 @@ where
 
 /// JSON of a certain shape.
 pub(super) fn parse<'a, T: Deserialize<'a>>(json: &'a [u8], expected: &str) -> Result<T, Mismatch> {
-    serde_json::from_slice(json).map_err(|error| mismatch(format_args!("JSON with an error ({error})"), expected))
+    serde_json::from_slice(json)
+        .map_err(|error| mismatch(format_args!("JSON with an error ({error})"), expected))
 }
 
 impl Meta {
@@ -152,7 +153,9 @@ impl Meta {
         let meta = match version.map(|version| (version.as_u64(), version)) {
             None => Self::version_1(parse(json, "SOG metadata (version 1, as it names none)")?)?,
             Some((Some(2), _)) => Self::version_2(parse(json, "SOG metadata of version 2")?, warnings)?,
-            Some((_, version)) => return Err(mismatch(format_args!("SOG version {version}"), "version 2 or none")),
+            Some((_, version)) => {
+                return Err(mismatch(format_args!("SOG version {version}"), "version 2 or none"));
+            }
         };
         meta.planes.iter().try_for_each(|name| check_plain(name))?;
         Ok(meta)
@@ -244,10 +247,12 @@ fn lerp(min: f64, max: f64) -> Table {
 /// A codebook. The first number is null if an old writer could not sort it; PlayCanvas' engine puts a step below the
 /// second in its place, and so does this.
 fn table(name: &str, codebook: &[Option<f64>], warnings: &mut Vec<String>) -> Result<Table, Mismatch> {
-    let mut numbers: Vec<f32> = codebook.iter().map(|value| value.map_or(f32::NAN, |value| value as f32)).collect();
+    let mut numbers: Vec<f32> =
+        codebook.iter().map(|value| value.map_or(f32::NAN, |value| value as f32)).collect();
     if let ([None, ..], [first, second, .., last]) = (codebook, &mut numbers[..]) {
         *first = *second + (*second - *last) / 255.0;
-        warnings.push(format!("the codebook of `{name}` begins with null, which older writers left by mistake"));
+        warnings
+            .push(format!("the codebook of `{name}` begins with null, which older writers left by mistake"));
     }
     if let Some(at) = numbers.iter().position(|number| !number.is_finite()) {
         let found = format!("the codebook of `{name}` with no finite number at {at}");

@@ -58,7 +58,8 @@ fn a_capture_is_its_ply() {
     }
     assert_eq!(used.iter().filter(|used| **used).count(), 8192);
     assert!(dots / 8192.0 > 0.9999, "{}", dots / 8192.0);
-    assert!(opacities < 1.0 / 510.0 + 1e-6, "{opacities}");
+    // The program that wrote it rounds opacities down.
+    assert!(opacities < 1.0 / 255.0, "{opacities}");
 }
 
 /// The numbers of `decode-degree1.sog.golden.usda`, which another program wrote: y and z are turned there.
@@ -101,7 +102,7 @@ fn broken_files_are_one_line() {
     let Some(folder) = zoo("fixtures-usd3dgs/sog") else { return };
     for (name, expected) in [
         ("bad-bands.sog", "4 bands"),
-        ("bad-zip.sog", "a damaged zip archive"),
+        ("bad-zip.sog", "no end record"),
         ("corrupt-plane.sog", "a damaged image in"),
         ("count-exceeds-plane.sog", "one for each of 4096"),
         ("device-plane-name.sog", "NUL.webp"),
