@@ -1,6 +1,7 @@
 //! From stored parameters to a scene, for 3DGS files and checkpoints alike.
 
 use glam::{DQuat, Quat, Vec3};
+use rayon::prelude::*;
 
 use crate::scene::{Features, Scene, Sh};
 
@@ -38,20 +39,19 @@ pub(super) fn activate(stored: StoredGaussians, warnings: &mut Vec<String>) -> S
         ..Scene::default()
     };
     // The sigmoid makes a finite opacity of an infinite logit, so the stored value is checked.
-    let usable = |i: usize| stored.opacity_logits[i].is_finite() && is_finite(&scene, i);
-    let kept = (0..n).filter(|&i| usable(i)).map(|i| i as u32).collect();
-    keep(scene, kept, warnings)
+    let logits = stored.opacity_logits;
+    keep_if(scene, |scene, i| logits[i].is_finite() && is_finite(scene, i), warnings)
 }
 
-/// Drops Gaussians that are not finite, and adds a warning that counts them.
-pub(super) fn drop_broken(scene: Scene, warnings: &mut Vec<String>) -> Scene {
-    let kept = (0..scene.len()).filter(|&i| is_finite(&scene, i)).map(|i| i as u32).collect();
-    keep(scene, kept, warnings)
-}
-
-/// The Gaussians `kept` of a scene, with a warning if that is not all.
-fn keep(scene: Scene, kept: Vec<u32>, warnings: &mut Vec<String>) -> Scene {
+/// Drops Gaussians that are not `usable`, which says so of a scene's Gaussian by its index, and adds a warning that counts
+/// them.
+pub(super) fn keep_if(
+    scene: Scene,
+    usable: impl Fn(&Scene, usize) -> bool + Sync,
+    warnings: &mut Vec<String>,
+) -> Scene {
     let n = scene.len();
+    let kept: Vec<u32> = (0..n as u32).into_par_iter().filter(|&i| usable(&scene, i as usize)).collect();
     if kept.len() == n {
         return scene;
     }

@@ -16,7 +16,7 @@ use crate::{
 };
 
 use super::{
-    activate::drop_broken,
+    activate::keep_if,
     archive::{Archive, is_zip},
     error::{Loaded, Mismatch, mismatch},
     files::{Files, Unread},
@@ -72,14 +72,18 @@ fn read(files: &Files, options: &ReadOptions) -> Result<Loaded, Unread> {
         let Part { name, meta, ranges, .. } = part;
         let planes: Vec<&[u8]> = planes.iter().map(|bytes| &bytes[..]).collect();
         let chunk = Chunk::open(meta, &planes).map_err(|mismatch| within(&name, mismatch))?;
-        let ranges = ranges.unwrap_or_else(|| vec![0..chunk.count()]);
+        let whole = 0..chunk.count();
+        let ranges = ranges.unwrap_or_else(|| Vec::from([whole]));
         if let Some(last) = ranges.last().filter(|last| last.end > chunk.count()) {
             let found = format_args!("Gaussians up to {} of `{name}` in the tree", last.end).to_string();
             return Err(mismatch(found, format_args!("{} at most", chunk.count())).into());
         }
         chunks.push((name, chunk, ranges));
     }
-    let scene = drop_broken(scene(chunks, &mut warnings)?, &mut warnings);
+    let scene = scene(chunks, &mut warnings)?;
+    // Tables of other values are finite.
+    let is_finite = |scene: &Scene, i: usize| scene.means[i].is_finite() && scene.scales[i].is_finite();
+    let scene = keep_if(scene, is_finite, &mut warnings);
     let (axes, because) = match options.axes {
         Some(axes) => (axes, "they were asked for"),
         None => (Axes::RDF, "SOG keeps the coordinates of the .ply that it was made from"),
@@ -102,7 +106,7 @@ fn scene(
         rotations: Vec::with_capacity(n),
         scales: Vec::with_capacity(n),
         opacities: Vec::with_capacity(n),
-        sh: Some(Sh { degree, coefficients: Vec::with_capacity(3 * sh::n_coefficients(degree) * n) }),
+        sh: Some(Sh { degree, coefficients: vec![0.0; 3 * sh::n_coefficients(degree) * n] }),
         order: (0..n as u32).collect(),
         n_source: n,
         filter: filter(&chunks, warnings),

@@ -19,6 +19,9 @@ use super::{
 /// Entries of a palette in one row of its plane.
 const PALETTE_COLUMNS: usize = 64;
 
+/// The alpha of a rotation whose first component is the largest.
+const FIRST_TAG: u8 = 252;
+
 /// The most texels that a plane may unpack to per byte of all planes. Captures take about 17 bytes per Gaussian, all planes
 /// together; planes of one color, by which a small file could ask for gigabytes, take none.
 const TEXELS_PER_BYTE: usize = 16;
@@ -99,7 +102,8 @@ impl<'a> Chunk<'a> {
     pub fn decode(self) -> Result<Gaussians, Mismatch> {
         let planes: Result<Vec<Plane>, Mismatch> =
             self.planes.into_par_iter().map(StoredPlane::decode).collect();
-        let gaussians = Gaussians { meta: self.meta, planes: planes?, degree: self.degree };
+        let powers = powers(&self.meta);
+        let gaussians = Gaussians { meta: self.meta, planes: planes?, degree: self.degree, powers };
         gaussians.check_labels()?;
         Ok(gaussians)
     }
@@ -110,6 +114,18 @@ pub(super) struct Gaussians {
     meta: Meta,
     planes: Vec<Plane>,
     degree: u8,
+    /// Factors of exp u by the upper and by the lower byte of a mean's code, for each axis.
+    powers: [[[f64; 256]; 2]; 3],
+}
+
+/// u = min + span (256 upper + lower) / 65,535, so exp u is a product of two factors of 256 values each. That is faster
+/// than an exponential per coordinate.
+fn powers(meta: &Meta) -> [[[f64; 256]; 2]; 3] {
+    [0, 1, 2].map(|axis| {
+        let u = |code: usize| meta.spans[axis] * code as f64 / 65_535.0;
+        let upper = std::array::from_fn(|byte| (meta.mins[axis] + u(256 * byte)).exp());
+        [upper, std::array::from_fn(|byte| u(byte).exp())]
+    })
 }
 
 impl Gaussians {
@@ -127,10 +143,17 @@ impl Gaussians {
         }
     }
 
-    /// Adds the Gaussians in `range` to `scene`, whose spherical harmonics are of this degree at least. Missing
-    /// coefficients are 0. Returns how many have no valid rotation.
+    /// Adds the Gaussians in `range` to `scene`. Its spherical harmonics are there already: zeros, of this degree or a
+    /// higher one. Returns how many have no valid rotation.
     pub fn append(&self, range: Range<usize>, scene: &mut Scene) -> usize {
         let indices = || range.clone().into_par_iter();
+        if let Some(sh) = &mut scene.sh {
+            let width = 3 * sh::n_coefficients(sh.degree);
+            sh.coefficients[width * scene.means.len()..]
+                .par_chunks_exact_mut(width)
+                .zip(indices())
+                .for_each(|(coefficients, i)| self.write_coefficients(i, coefficients));
+        }
         scene.means.par_extend(indices().map(|i| self.mean(i)));
         scene.rotations.par_extend(indices().map(|i| self.rotation(i).unwrap_or(Quat::IDENTITY)));
         scene.scales.par_extend(indices().map(|i| {
@@ -138,33 +161,23 @@ impl Gaussians {
             let [x, y, z] = &self.meta.scales;
             Vec3::new(x[usize::from(r)], y[usize::from(g)], z[usize::from(b)])
         }));
-        scene
-            .opacities
-            .par_extend(indices().map(|i| self.meta.opacities[usize::from(self.planes[4].texel(i)[3])]));
-        if let Some(sh) = &mut scene.sh {
-            let width = 3 * sh::n_coefficients(sh.degree);
-            let start = sh.coefficients.len();
-            sh.coefficients.resize(start + width * range.len(), 0.0);
-            sh.coefficients[start..]
-                .par_chunks_exact_mut(width)
-                .zip(indices())
-                .for_each(|(coefficients, i)| self.write_coefficients(i, coefficients));
-        }
-        indices().filter(|&i| self.rotation(i).is_none()).count()
+        let opacity = |i| self.meta.opacities[usize::from(self.planes[4].texel(i)[3])];
+        scene.opacities.par_extend(indices().map(opacity));
+        indices().filter(|&i| self.planes[2].texel(i)[3] < FIRST_TAG).count()
     }
 
     /// v = sign(u) (exp |u| - 1), where u lies between the ends of its axis by a code of 16 bits.
     fn mean(&self, i: usize) -> Vec3 {
         let (low, high) = (self.planes[0].texel(i), self.planes[1].texel(i));
         let axis = |axis: usize| {
-            let code = u16::from_le_bytes([low[axis], high[axis]]);
-            let u = self.meta.mins[axis] + self.meta.spans[axis] * f64::from(code) / 65_535.0;
-            u.abs().exp_m1().copysign(u) as f32
+            let [upper, lower] = &self.powers[axis];
+            let power = upper[usize::from(high[axis])] * lower[usize::from(low[axis])];
+            (if power >= 1.0 { power - 1.0 } else { 1.0 - 1.0 / power }) as f32
         };
         Vec3::new(axis(0), axis(1), axis(2))
     }
 
-    /// The rotation: alpha is 252 and the place of the largest component in the order w, x, y, z. The others are in
+    /// The rotation: alpha is [`FIRST_TAG`] and the place of the largest component in the order w, x, y, z. The others are in
     /// this order, each between -1 / sqrt(2) and 1 / sqrt(2). `None` if alpha is another.
     fn rotation(&self, i: usize) -> Option<Quat> {
         let [r, g, b, tag] = self.planes[2].texel(i);
@@ -172,7 +185,7 @@ impl Gaussians {
         // Rounded components may leave nothing for the largest.
         let largest = (1.0 - a * a - b * b - c * c).max(0.0).sqrt();
         let [w, x, y, z] = match tag {
-            252 => [largest, a, b, c],
+            FIRST_TAG => [largest, a, b, c],
             253 => [a, largest, b, c],
             254 => [a, b, largest, c],
             255 => [a, b, c, largest],
@@ -195,11 +208,10 @@ impl Gaussians {
         }
         let Some(palette) = &self.meta.palette else { return };
         let n_rest = sh::n_coefficients(self.degree) - 1;
-        // The entry's row, the entries before it in the row, and its first texel. Rows are whole, so this is one product.
-        let first = self.label(i) * n_rest;
-        for (k, rgb) in rest.as_chunks_mut::<3>().0.iter_mut().take(n_rest).enumerate() {
-            let [r, g, b, _] = self.planes[5].texel(first + k);
-            *rgb = [r, g, b].map(|code| palette.table[usize::from(code)]);
+        // The entry's row, its place in the row, and its first texel. Rows are whole, so this is one product.
+        let texels = self.planes[5].run(self.label(i) * n_rest, n_rest);
+        for (rgb, codes) in rest.as_chunks_mut::<3>().0.iter_mut().zip(texels) {
+            *rgb = codes.map(|code| palette.table[usize::from(code)]);
         }
     }
 }

@@ -158,6 +158,11 @@ impl Meta {
             }
         };
         meta.planes.iter().try_for_each(|name| check_plain(name))?;
+        let palette = meta.palette.as_ref().map(|palette| &palette.table);
+        let tables = meta.dc.iter().chain([&meta.opacities]).chain(palette);
+        if tables.flatten().any(|number| !number.is_finite()) {
+            return Err(mismatch("colors from ranges that are not finite", "finite numbers"));
+        }
         Ok(meta)
     }
 

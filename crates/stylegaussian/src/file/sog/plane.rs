@@ -77,4 +77,10 @@ impl Plane {
             }
         }
     }
+
+    /// Red, green and blue of `n` texels from `first` on.
+    pub fn run(&self, first: usize, n: usize) -> impl Iterator<Item = [u8; 3]> {
+        let texels = self.bytes[self.n_channels * first..].chunks_exact(self.n_channels).take(n);
+        texels.map(|texel| [texel[0], texel[1], texel[2]])
+    }
 }
