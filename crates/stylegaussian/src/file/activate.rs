@@ -51,10 +51,12 @@ pub(super) fn keep_if(
     warnings: &mut Vec<String>,
 ) -> Scene {
     let n = scene.len();
-    let kept: Vec<u32> = (0..n as u32).into_par_iter().filter(|&i| usable(&scene, i as usize)).collect();
-    if kept.len() == n {
+    let is_kept = |&i: &u32| usable(&scene, i as usize);
+    // Of most scenes, everything is kept.
+    if (0..n as u32).into_par_iter().all(|i| is_kept(&i)) {
         return scene;
     }
+    let kept: Vec<u32> = (0..n as u32).into_par_iter().filter(is_kept).collect();
     warnings.push(format!("dropped {} of {n} Gaussians: not finite, or a zero quaternion", n - kept.len()));
     scene.subset(&kept)
 }

@@ -13,7 +13,7 @@ use crate::{
 
 use super::{
     meta::Meta,
-    plane::{Plane, StoredPlane},
+    plane::{Plane, Run, StoredPlane},
 };
 
 /// Entries of a palette in one row of its plane.
@@ -182,8 +182,8 @@ impl Gaussians {
     fn rotation(&self, i: usize) -> Option<Quat> {
         let [r, g, b, tag] = self.planes[2].texel(i);
         let [a, b, c] = [r, g, b].map(|code| (f32::from(code) / 255.0 * 2.0 - 1.0) * FRAC_1_SQRT_2);
-        // Rounded components may leave nothing for the largest.
-        let largest = (1.0 - a * a - b * b - c * c).max(0.0).sqrt();
+        let rest = 1.0 - a * a - b * b - c * c;
+        let largest = rest.max(0.0).sqrt();
         let [w, x, y, z] = match tag {
             FIRST_TAG => [largest, a, b, c],
             253 => [a, largest, b, c],
@@ -191,7 +191,9 @@ impl Gaussians {
             255 => [a, b, c, largest],
             _ => return None,
         };
-        Some(Quat::from_xyzw(x, y, z, w).normalize())
+        let rotation = Quat::from_xyzw(x, y, z, w);
+        // Rounded components may leave nothing for the largest, and be too long themselves.
+        Some(if rest < 0.0 { rotation.normalize() } else { rotation })
     }
 
     fn label(&self, i: usize) -> usize {
@@ -209,9 +211,16 @@ impl Gaussians {
         let Some(palette) = &self.meta.palette else { return };
         let n_rest = sh::n_coefficients(self.degree) - 1;
         // The entry's row, its place in the row, and its first texel. Rows are whole, so this is one product.
-        let texels = self.planes[5].run(self.label(i) * n_rest, n_rest);
-        for (rgb, codes) in rest.as_chunks_mut::<3>().0.iter_mut().zip(texels) {
+        let codes = self.planes[5].run(self.label(i) * n_rest, n_rest);
+        let rest = rest.as_chunks_mut::<3>().0;
+        let write = |(rgb, codes): (&mut [f32; 3], [u8; 3])| {
             *rgb = codes.map(|code| palette.table[usize::from(code)]);
+        };
+        match codes {
+            Run::Rgb(codes) => rest.iter_mut().zip(codes.iter().copied()).for_each(write),
+            Run::Rgba(codes) => {
+                rest.iter_mut().zip(codes.iter().map(|&[r, g, b, _]| [r, g, b])).for_each(write)
+            }
         }
     }
 }

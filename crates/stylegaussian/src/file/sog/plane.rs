@@ -61,6 +61,12 @@ impl<'a> StoredPlane<'a> {
     }
 }
 
+/// Consecutive texels of a plane.
+pub(super) enum Run<'a> {
+    Rgb(&'a [[u8; 3]]),
+    Rgba(&'a [[u8; 4]]),
+}
+
 fn broken(name: &str, error: &image_webp::DecodingError) -> Mismatch {
     mismatch(format_args!("a damaged image in `{name}` ({error})"), "a lossless WebP image")
 }
@@ -78,9 +84,12 @@ impl Plane {
         }
     }
 
-    /// Red, green and blue of `n` texels from `first` on.
-    pub fn run(&self, first: usize, n: usize) -> impl Iterator<Item = [u8; 3]> {
-        let texels = self.bytes[self.n_channels * first..].chunks_exact(self.n_channels).take(n);
-        texels.map(|texel| [texel[0], texel[1], texel[2]])
+    /// The texels `first..first + n`.
+    #[inline]
+    pub fn run(&self, first: usize, n: usize) -> Run<'_> {
+        match self.n_channels {
+            4 => Run::Rgba(&self.bytes.as_chunks().0[first..first + n]),
+            _ => Run::Rgb(&self.bytes.as_chunks().0[first..first + n]),
+        }
     }
 }
