@@ -22,6 +22,7 @@ mod ply;
 pub mod pytorch;
 mod scenes;
 mod sgs;
+mod spz;
 mod style;
 mod tensors;
 

@@ -39,7 +39,19 @@ pub(super) fn activate(stored: StoredGaussians, warnings: &mut Vec<String>) -> S
     };
     // The sigmoid makes a finite opacity of an infinite logit, so the stored value is checked.
     let usable = |i: usize| stored.opacity_logits[i].is_finite() && is_finite(&scene, i);
-    let kept: Vec<u32> = (0..n).filter(|&i| usable(i)).map(|i| i as u32).collect();
+    let kept = (0..n).filter(|&i| usable(i)).map(|i| i as u32).collect();
+    keep(scene, kept, warnings)
+}
+
+/// Drops Gaussians that are not finite, and adds a warning that counts them.
+pub(super) fn drop_broken(scene: Scene, warnings: &mut Vec<String>) -> Scene {
+    let kept = (0..scene.len()).filter(|&i| is_finite(&scene, i)).map(|i| i as u32).collect();
+    keep(scene, kept, warnings)
+}
+
+/// The Gaussians `kept` of a scene, with a warning if that is not all.
+fn keep(scene: Scene, kept: Vec<u32>, warnings: &mut Vec<String>) -> Scene {
+    let n = scene.len();
     if kept.len() == n {
         return scene;
     }
@@ -56,7 +68,7 @@ fn unit_quaternion([w, x, y, z]: [f32; 4]) -> Quat {
 }
 
 /// 1 / (1 + exp(-logit)), rounded once: the decoder's faster sigmoid is off by up to 2e-7.
-fn sigmoid(logit: f32) -> f32 {
+pub(super) fn sigmoid(logit: f32) -> f32 {
     (1.0 / (1.0 + (-f64::from(logit)).exp())) as f32
 }
 
