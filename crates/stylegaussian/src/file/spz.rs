@@ -16,6 +16,7 @@ use crate::axes::Axes;
 
 mod container;
 mod decode;
+mod encode;
 mod extension;
 mod header;
 
@@ -28,7 +29,7 @@ pub(super) const FORMAT: Format = Format {
     // No other scene format is a gzip file.
     recognizes: |bytes, _| bytes.starts_with(header::MAGIC) || bytes.starts_with(&GZIP),
     read: |files: &Files, options: &ReadOptions| Ok::<_, Unread>(read(&files.main, options)?),
-    write: None,
+    write: Some(encode::write),
 };
 
 /// The first two bytes of a gzip file.

@@ -8,10 +8,11 @@ use glam::{Quat, Vec3};
 use crate::{
     axes::Axes,
     file::{
-        FileError, Loaded, ReadOptions, Reading, SceneReader, read_scene, scene_from_bytes,
-        tests::{refused, shared_data},
+        FileError, Loaded, ReadOptions, Reading, SceneReader, WriteOptions, read_scene, scene_from_bytes,
+        tests::{dir, full_scene, refused, shared_data},
+        write_scene_with,
     },
-    scene::{Scene, ScreenFilter},
+    scene::{Scene, ScreenFilter, Sh},
 };
 
 /// A payload of versions 1 to 3.
@@ -258,7 +259,7 @@ fn broken_files_of_the_zoo_are_refused() {
         // Sound, but flate2 takes names of at most 65,535 bytes.
         ("long-fname-v2", "gzip header field too long"),
         ("not-spz", "a file that starts with `this fil`"),
-        ("plaintext-v4", "bytes of positions"),
+        ("plaintext-v4", "found 96 bytes, expected an SPZ header and a table of streams"),
         ("sh-degree-5-v2", "degree 5"),
         ("short-stream", "the end of the data in the header"),
         ("trailing-after-member-v2", "8 bytes after the gzip data"),
@@ -272,6 +273,110 @@ fn broken_files_of_the_zoo_are_refused() {
         let message = refused(read_scene(&folder.join(format!("{name}.spz"))));
         assert!(message.contains(part) && message.contains(name), "{name}: {message}");
     }
+}
+
+/// Writes a scene and reads it back.
+fn round_trip(scene: &Scene, options: WriteOptions) -> (Loaded, Vec<u8>) {
+    let dir = dir();
+    let path = dir.path().join("a.spz");
+    write_scene_with(&path, scene, options).unwrap();
+    (read_scene(&path).unwrap(), fs::read(&path).unwrap())
+}
+
+/// The errors of our own files: half a step each. The opacity, degree 0 and scale are as in [`OFF_GRID`].
+fn steps(fractional_bits: i32) -> [f32; 6] {
+    let [_, scale, opacity, dc, _, _] = OFF_GRID;
+    // A coefficient of almost 1 becomes 127/128. Three components with an error d each, d half of 1 / (511 sqrt 2), move
+    // the fourth by at most 3 d, since that is at least 1/2.
+    let rotation = 3.0 * 0.5 / (511.0 * 2.0_f32.sqrt());
+    [0.5_f32.powi(fractional_bits + 1), scale, opacity, dc, 1.0 / 128.0, rotation]
+}
+
+#[test]
+fn what_is_written_comes_back_within_half_a_step() {
+    let scene = full_scene();
+    let by_source = scene.subset(&scene.by_source());
+    for spz_version in [3, 4] {
+        let options = WriteOptions { spz_version, ..WriteOptions::default() };
+        let (Loaded { scene: read, warnings, axes, .. }, bytes) = round_trip(&scene, options);
+        assert!(warnings.is_empty(), "{warnings:?}");
+        assert_eq!((axes, read.filter), (Axes::RUB, ScreenFilter::Antialiased));
+        assert_equivalent(&read, &by_source, steps(12), &format!("version {spz_version}"));
+        assert_eq!(bytes.starts_with(b"NGSP"), spz_version == 4);
+        // Without spherical harmonics the last array is left out.
+        let plain = round_trip(&scene, WriteOptions { sh_degree: 0, spz_version }).0.scene;
+        assert_eq!(plain.sh.as_ref().map(|sh| sh.degree), Some(0));
+        assert_eq!(plain.base_colors(), read.base_colors());
+    }
+    let gray = Scene { sh: None, ..scene.clone() };
+    let colors = round_trip(&gray, WriteOptions::default()).0.scene.base_colors();
+    assert!(colors.as_flattened().iter().all(|value| (value - 0.5).abs() < 0.005), "{colors:?}");
+    let dir = dir();
+    let options = WriteOptions { spz_version: 2, ..WriteOptions::default() };
+    let message = refused(write_scene_with(&dir.path().join("a.spz"), &scene, options));
+    assert!(message.contains("SPZ version 2, expected 3 or 4"), "{message}");
+}
+
+#[test]
+fn bytes_of_one_gaussian_by_hand() {
+    let rotation = Quat::from_xyzw(0.5, -0.5, -0.5, -0.5);
+    let scene = Scene {
+        means: vec![Vec3::new(1.5, -2.0, 0.25)],
+        rotations: vec![rotation],
+        scales: vec![Vec3::new(1.0, 0.0, 1e9)],
+        opacities: vec![0.8],
+        sh: Some(Sh { degree: 0, coefficients: vec![0.0, 2.0, -9.0] }),
+        order: vec![0],
+        n_source: 1,
+        ..Scene::default()
+    };
+    let dir = dir();
+    let path = dir.path().join("a.spz");
+    write_scene_with(&path, &scene, WriteOptions::default()).unwrap();
+    let mut plain = Vec::new();
+    std::io::Read::read_to_end(&mut flate2::read::GzDecoder::new(&fs::read(&path).unwrap()[..]), &mut plain)
+        .unwrap();
+    let mut expected = payload(3, 1, 0, 0, &[]);
+    // RUB: (1.5, 2, -0.25) times 4096 is 0x1800, 0x2000, -0x400.
+    expected.extend([0x00, 0x18, 0x00, 0x00, 0x20, 0x00, 0x00, 0xfc, 0xff]);
+    // 0.8 * 255; 127.5 rounds up, 0.8 * 255, below 0; (0 + 10) * 16, ln 0, beyond 255.
+    expected.extend([204, 128, 204, 0, 160, 0, 255]);
+    // x, -y, -z, w is (0.5, 0.5, 0.5, -0.5). x counts as the largest; 0.5 sqrt 2 * 511 = 361.3.
+    expected.extend(((361_u32 << 20) | (361 << 10) | 361 | 1 << 9).to_le_bytes());
+    assert_eq!(plain, expected);
+}
+
+#[test]
+fn positions_take_the_bits_that_a_scene_needs() {
+    let bits = |largest: f32, scale: f32| {
+        let mut scene = full_scene();
+        scene.means[3].z = largest;
+        scene.scales.fill(Vec3::splat(scale));
+        let (loaded, _) = round_trip(&scene, WriteOptions { spz_version: 4, ..WriteOptions::default() });
+        // Offset 13 of the header.
+        let bits = round_trip(&scene, WriteOptions { spz_version: 4, ..WriteOptions::default() }).1[13];
+        let by_source = scene.subset(&scene.by_source());
+        let half_a_step = 0.5_f32.powi(i32::from(bits) + 1);
+        for (found, expected) in loaded.scene.means.iter().zip(&by_source.means) {
+            // And the rounding of f32 at the largest coordinate.
+            assert!(
+                found.abs_diff_eq(*expected, half_a_step + largest * f32::EPSILON),
+                "{found} for {expected}"
+            );
+        }
+        bits
+    };
+    assert_eq!(bits(1.0, 0.01), 12);
+    // 2^23 / 4096 is 2048.
+    assert_eq!((bits(2047.9, 0.01), bits(2048.1, 0.01), bits(8e6, 0.01)), (12, 11, 0));
+    // 8 / 2^15 is 2.4e-4.
+    assert_eq!((bits(1.0, 3e-4), bits(240.0, 3e-4), bits(300.0, 3e-4), bits(1.0, 0.0)), (15, 15, 14, 22));
+    let mut scene = full_scene();
+    scene.means[0].x = -9e6;
+    let dir = dir();
+    let message = refused(write_scene_with(&dir.path().join("a.spz"), &scene, WriteOptions::default()));
+    assert!(message.contains("coordinate 9000000, expected 8388607 at most in SPZ"), "{message}");
+    assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0, "nothing is left behind");
 }
 
 /// Reads whatever `bytes` are, and checks the scene if they are one.
