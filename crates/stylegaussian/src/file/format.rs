@@ -8,7 +8,7 @@ use super::{
     checkpoint,
     error::{Loaded, Mismatch, mismatch},
     files::{Files, Unread},
-    ply, sgs, spz,
+    gltf, ply, sgs, spz,
 };
 
 /// A scene format.
@@ -49,7 +49,8 @@ impl From<io::Error> for Unwritten {
 }
 
 /// All formats. A file is of the first one that recognizes it.
-pub(super) const FORMATS: &[&Format] = &[&ply::FORMAT, &spz::FORMAT, &sgs::FORMAT, &checkpoint::FORMAT];
+pub(super) const FORMATS: &[&Format] =
+    &[&ply::FORMAT, &spz::FORMAT, &gltf::GLB, &gltf::GLTF, &sgs::FORMAT, &checkpoint::FORMAT];
 
 /// Choices of a reader.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

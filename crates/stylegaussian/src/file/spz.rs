@@ -12,7 +12,7 @@ use super::{
     files::{Files, Unread},
     format::{Format, ReadOptions},
 };
-use crate::axes::Axes;
+use crate::{axes::Axes, scene::Scene};
 
 mod container;
 mod decode;
@@ -42,6 +42,11 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, Mismat
     let scene = decode::decode(&contents, &mut warnings);
     let (axes, because) = axes(&contents, options, &mut warnings)?;
     Ok(Loaded::turned(scene, warnings, axes, because))
+}
+
+/// Reads a scene without turning its axes, for files that have one inside.
+pub(super) fn in_its_own_axes(bytes: &[u8], warnings: &mut Vec<String>) -> Result<Scene, Mismatch> {
+    Ok(decode::decode(&container::unpack(bytes)?, warnings))
 }
 
 /// The axes of the coordinates, and the reason for them.

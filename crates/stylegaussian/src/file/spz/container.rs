@@ -49,7 +49,7 @@ pub(super) fn unpack(bytes: &[u8]) -> Result<Contents, Mismatch> {
 
 /// Reads versions 1 to 3: header, arrays and extensions one after another.
 fn unpack_sequence(source: &mut dyn Read) -> Result<Contents, Mismatch> {
-    let first = take(source, N_BYTES as u64, "the header")?;
+    let first = take(source, N_BYTES as u64, "SPZ header")?;
     // `take` returned that many.
     let header = Header::parse(&std::array::from_fn(|i| first[i]))?;
     if header.version > 3 {

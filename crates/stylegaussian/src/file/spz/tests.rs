@@ -261,7 +261,7 @@ fn broken_files_of_the_zoo_are_refused() {
         ("not-spz", "a file that starts with `this fil`"),
         ("plaintext-v4", "found 96 bytes, expected an SPZ header and a table of streams"),
         ("sh-degree-5-v2", "degree 5"),
-        ("short-stream", "the end of the data in the header"),
+        ("short-stream", "the end of the data in the SPZ header"),
         ("trailing-after-member-v2", "8 bytes after the gzip data"),
         ("trailing-decompressed-v2", "bytes after the last array"),
         ("truncated-deflate-v2", "broken gzip data"),
