@@ -18,8 +18,8 @@ pub(super) fn place(scene: &mut Scene, to: DAffine3, warnings: &mut Vec<String>)
     let linear = to.matrix3;
     let (lengths, stretched) = eigen(linear.transpose() * linear);
     let factors = lengths.max(DVec3::ZERO).map(f64::sqrt);
-    // Below this the inverse is noise.
-    if !(factors.min_element() > 1e-9 * factors.max_element()) {
+    // Below this the inverse is noise. A matrix of zeros is not above it either.
+    if factors.min_element() <= 1e-9 * factors.max_element() {
         return Err(mismatch("Gaussians in a node whose scale is 0", "a matrix that can be inverted"));
     }
     // The polar decomposition L = Q P: P stretches along its eigenvectors, Q turns, and mirrors if L does.

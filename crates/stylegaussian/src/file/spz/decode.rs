@@ -42,7 +42,8 @@ pub(super) fn decode(contents: &Contents, warnings: &mut Vec<String>) -> Scene {
         },
         ..Scene::default()
     };
-    drop_broken(scene, warnings)
+    // Later versions have no bytes for what is not finite.
+    if header.version == 1 { drop_broken(scene, warnings) } else { scene }
 }
 
 /// Three f16 each in version 1, three 24-bit integers in units of 2^-`fractional_bits` later.

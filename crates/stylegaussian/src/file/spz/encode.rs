@@ -51,7 +51,9 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
         flags: if scene.filter == ScreenFilter::Antialiased { ANTIALIASED } else { 0 },
     };
     let arrays = arrays(scene, header);
-    Ok(if version == 3 { write_gzip(out, header, &arrays)? } else { write_frames(out, header, &arrays)? })
+    let written =
+        if version == 3 { write_gzip(out, header, &arrays) } else { write_frames(out, header, &arrays) };
+    Ok(written?)
 }
 
 /// Version 3: everything in one gzip stream.
