@@ -17,11 +17,13 @@ mod decoder;
 mod error;
 mod files;
 mod format;
+mod ksplat;
 mod look;
 mod ply;
 pub mod pytorch;
 mod scenes;
 mod sgs;
+mod splat;
 mod style;
 mod tensors;
 
@@ -30,7 +32,7 @@ use bytes::read_bytes;
 pub use colors::write_colors;
 pub use decoder::Precision;
 pub use error::{FileError, Loaded};
-pub use format::{ReadOptions, WriteOptions};
+pub use format::{ReadOptions, WriteOptions, readable_extensions, writable_extensions};
 pub use scenes::{
     Reading, SceneReader, read_scene, read_scene_with, scene_from_bytes, write_scene, write_scene_with,
 };
