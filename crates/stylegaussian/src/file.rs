@@ -18,12 +18,15 @@ mod error;
 mod files;
 mod format;
 mod gltf;
+mod ksplat;
 mod look;
 mod names;
+mod place;
 mod ply;
 pub mod pytorch;
 mod scenes;
 mod sgs;
+mod splat;
 mod spz;
 mod style;
 mod tensors;
@@ -33,7 +36,7 @@ use bytes::read_bytes;
 pub use colors::write_colors;
 pub use decoder::Precision;
 pub use error::{FileError, Loaded};
-pub use format::{ReadOptions, WriteOptions};
+pub use format::{ReadOptions, WriteOptions, readable_extensions, writable_extensions};
 pub use scenes::{
     Reading, SceneReader, read_scene, read_scene_with, scene_from_bytes, write_scene, write_scene_with,
 };

@@ -8,7 +8,7 @@ use super::{
     checkpoint,
     error::{Loaded, Mismatch, mismatch},
     files::{Files, Unread},
-    gltf, ply, sgs, spz,
+    gltf, ksplat, ply, sgs, splat, spz,
 };
 
 /// A scene format.
@@ -24,8 +24,11 @@ pub(super) struct Format {
     /// Reads a scene, or asks for the files that it still needs.
     pub read: fn(&Files, &ReadOptions) -> Result<Loaded, Unread>,
     /// Writes a scene, or `None` if the format is only read. The scene was checked and holds a Gaussian.
-    pub write: Option<fn(&mut dyn Write, &Scene, &WriteOptions) -> Result<(), Unwritten>>,
+    pub write: Option<WriteScene>,
 }
+
+/// A writer of scenes.
+type WriteScene = fn(&mut dyn Write, &Scene, &WriteOptions) -> Result<(), Unwritten>;
 
 /// A scene that was not written.
 #[derive(Debug)]
@@ -48,9 +51,18 @@ impl From<io::Error> for Unwritten {
     }
 }
 
-/// All formats. A file is of the first one that recognizes it.
-pub(super) const FORMATS: &[&Format] =
-    &[&ply::FORMAT, &spz::FORMAT, &gltf::GLB, &gltf::GLTF, &sgs::FORMAT, &checkpoint::FORMAT];
+/// All formats. A file is of the first one that recognizes it. Those that go by the extension come last.
+pub(super) const FORMATS: &[&Format] = &[
+    &ply::FORMAT,
+    // Before .sgs, whose mark is a byte that may be part of a number here.
+    &spz::FORMAT,
+    &gltf::GLB,
+    &sgs::FORMAT,
+    &checkpoint::FORMAT,
+    &splat::FORMAT,
+    &ksplat::FORMAT,
+    &gltf::GLTF,
+];
 
 /// Choices of a reader.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -92,11 +104,20 @@ pub(super) fn writer_of(extension: &str) -> Option<&'static Format> {
     FORMATS.iter().copied().find(|format| format.write.is_some() && format.extensions.contains(&extension))
 }
 
+/// The extensions of the formats that can be written, in lower case and without the leading dot.
+pub fn writable_extensions() -> Vec<&'static str> {
+    let writable = FORMATS.iter().filter(|format| format.write.is_some());
+    writable.flat_map(|format| format.extensions).copied().collect()
+}
+
+/// The extensions of the formats that can be read, in lower case and without the leading dot.
+pub fn readable_extensions() -> Vec<&'static str> {
+    FORMATS.iter().flat_map(|format| format.extensions).copied().collect()
+}
+
 /// The formats that can be written, as a list of extensions for messages.
 pub(super) fn writable() -> String {
-    let extensions =
-        FORMATS.iter().filter(|format| format.write.is_some()).map(|format| format.extensions[0]);
-    extensions.map(|extension| format!("`.{extension}`")).collect::<Vec<_>>().join(", ")
+    writable_extensions().iter().map(|extension| format!("`.{extension}`")).collect::<Vec<_>>().join(", ")
 }
 
 /// The formats that can be read, for messages.
@@ -104,12 +125,33 @@ fn expected() -> String {
     FORMATS.iter().map(|format| format.name).collect::<Vec<_>>().join(", ")
 }
 
+/// Beginnings of files that people try and that are not read.
+const NOT_READ: &[(&[u8], &str)] = &[
+    (b"\x80\x02", "a bare pickle stream (torch.save before version 1.6)"),
+    (b"RAD0", "a .rad of Spark"),
+    (b"PK\x03\x04", "a zip archive of no known scene"),
+    (b"\x28\xb5\x2f\xfd", "a zstd file"),
+    (b"LASF", "a LAS point cloud"),
+    (b"PXR-USDC", "a USD scene"),
+    (b"#usda", "a USD scene"),
+    (b"\x89PNG", "a PNG image"),
+    (b"\xff\xd8\xff", "a JPEG image"),
+    (b"RIFF", "a WebP image"),
+    (b"GIF8", "a GIF image"),
+    (b"%PDF", "a PDF document"),
+    (b"SQLite format 3", "an SQLite database"),
+    (b"<", "an HTML or XML page (of a download that failed?)"),
+    (
+        b"version https://git-lfs",
+        "a pointer of Git LFS, which stands for the file (`git lfs pull` fetches it)",
+    ),
+    (b"{", "JSON of no known scene"),
+];
+
 /// A file that no format recognizes. Formats that people try and that are not read are named.
 fn unknown(bytes: &[u8]) -> String {
-    match bytes {
-        [0x80, 2, ..] => {
-            "a bare pickle stream (torch.save before version 1.6), which is not supported".into()
-        }
-        _ => format!("a file that starts with `{}`", bytes[..bytes.len().min(8)].escape_ascii()),
+    if let Some((_, name)) = NOT_READ.iter().find(|(start, _)| bytes.starts_with(start)) {
+        return format!("{name}, which is not supported");
     }
+    format!("a file that starts with `{}`", bytes[..bytes.len().min(8)].escape_ascii())
 }

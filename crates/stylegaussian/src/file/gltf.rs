@@ -14,6 +14,7 @@ use super::{
     error::{Loaded, Mismatch, mismatch},
     files::{Files, Unread},
     format::{Format, ReadOptions},
+    place,
 };
 use crate::axes::Axes;
 
@@ -24,7 +25,6 @@ mod color;
 mod document;
 mod merge;
 mod nodes;
-mod place;
 mod primitive;
 mod write;
 

@@ -56,6 +56,9 @@ impl SceneReader {
             Err(Unread::Mismatch(mismatch)) => return Err(mismatch.at(at)),
         };
         loaded.format = format.name;
+        if let Some(axes) = self.options.axes {
+            loaded.retell(axes);
+        }
         if loaded.scene.is_empty() {
             return Err(match loaded.scene.n_source {
                 0 => mismatch("no Gaussian", "at least one"),
@@ -132,8 +135,9 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: WriteOptions) -> Re
     let Some(write) = writer_of(&extension).and_then(|format| format.write) else {
         return Err(mismatch(format_args!("extension `{extension}`"), writable()).at(path));
     };
+    let scene = scene.with_sh_degree_at_most(options.sh_degree);
     let mut refused = None;
-    let written = write_atomically(path, |out| match write(out, scene, &options) {
+    let written = write_atomically(path, |out| match write(out, &scene, &options) {
         Ok(()) => Ok(()),
         Err(Unwritten::Io(error)) => Err(error),
         Err(Unwritten::Mismatch(mismatch)) => {

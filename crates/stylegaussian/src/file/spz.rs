@@ -7,10 +7,13 @@
 //! Axes are RUB by the specification. Several programs write those of `.ply` files without a word, which the user has to
 //! tell by [`ReadOptions::axes`](super::ReadOptions).
 
+use glam::{DAffine3, DMat3, DVec3};
+
 use super::{
     error::{Loaded, Mismatch, mismatch},
     files::{Files, Unread},
     format::{Format, ReadOptions},
+    place,
 };
 use crate::{axes::Axes, scene::Scene};
 
@@ -19,8 +22,6 @@ mod decode;
 mod encode;
 mod extension;
 mod header;
-
-use container::Contents;
 
 /// The format.
 pub(super) const FORMAT: Format = Format {
@@ -39,30 +40,27 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, Mismatch> {
     let contents = container::unpack(bytes)?;
     let mut warnings = Vec::new();
-    let scene = decode::decode(&contents, &mut warnings);
-    let (axes, because) = axes(&contents, options, &mut warnings)?;
+    let mut scene = decode::decode(&contents, &mut warnings);
+    let system = extension::coordinate_system(&contents.extensions, &mut warnings);
+    let (axes, because) = match (options.axes, system) {
+        (Some(axes), _) => (axes, "they were asked for"),
+        (None, None) => (Axes::RUB, "the specification of SPZ says so"),
+        (None, Some(system)) => match extension::axes(system) {
+            (axes, false) => (axes, "the file says so (extension 0xADBE0003)"),
+            (axes, true) => {
+                // (x, y, z) to (x, z, -y).
+                let turn = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y);
+                place::place(&mut scene, DAffine3::from_mat3(turn), &mut warnings)?;
+                (axes, "the file says so (extension 0xADBE0003), after a quarter turn about its first axis")
+            }
+        },
+    };
     Ok(Loaded::turned(scene, warnings, axes, because))
 }
 
 /// Reads a scene without turning its axes, for files that have one inside.
 pub(super) fn in_its_own_axes(bytes: &[u8], warnings: &mut Vec<String>) -> Result<Scene, Mismatch> {
     Ok(decode::decode(&container::unpack(bytes)?, warnings))
-}
-
-/// The axes of the coordinates, and the reason for them.
-fn axes(
-    contents: &Contents,
-    options: &ReadOptions,
-    warnings: &mut Vec<String>,
-) -> Result<(Axes, &'static str), Mismatch> {
-    let told = extension::coordinate_system(&contents.extensions, warnings);
-    if let Some(axes) = options.axes {
-        return Ok((axes, "they were asked for"));
-    }
-    match told {
-        Some(system) => Ok((extension::axes(system)?, "the file says so (extension 0xADBE0003)")),
-        None => Ok((Axes::RUB, "the specification of SPZ says so")),
-    }
 }
 
 #[cfg(test)]

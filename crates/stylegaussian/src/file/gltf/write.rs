@@ -42,7 +42,7 @@ impl<'a> Attribute<'a> {
         n: usize,
         row: impl Fn(usize) -> [f32; W] + 'a,
     ) -> Self {
-        let bytes = move || (0..n).flat_map(|i| row(i).map(f32::to_le_bytes)).flatten().collect();
+        let bytes = move || rows(n, |i| row(i).map(f32::to_le_bytes));
         Self::new(name.into(), Component::F32, W, Box::new(bytes))
     }
 
@@ -52,7 +52,7 @@ impl<'a> Attribute<'a> {
         n: usize,
         row: impl Fn(usize) -> [u16; W] + 'a,
     ) -> Self {
-        let bytes = move || (0..n).flat_map(|i| row(i).map(u16::to_le_bytes)).flatten().collect();
+        let bytes = move || rows(n, |i| row(i).map(u16::to_le_bytes));
         Self::new(name.into(), Component::U16, W, Box::new(bytes))
     }
 
@@ -78,6 +78,13 @@ impl<'a> Attribute<'a> {
         }
         accessor
     }
+}
+
+/// The bytes of `n` rows.
+fn rows<const W: usize, const B: usize>(n: usize, row: impl Fn(usize) -> [[u8; B]; W]) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(n * W * B);
+    (0..n).for_each(|i| bytes.extend_from_slice(row(i).as_flattened()));
+    bytes
 }
 
 /// Writes a scene in the source's order, and in axes RUB.

@@ -1,6 +1,5 @@
 //! Extension records of SPZ files: `[type u32][length u32][bytes]`, one after another.
 
-use super::{Mismatch, mismatch};
 use crate::axes::Axes;
 
 /// `SPZ_ADOBE_coordinate_system`: a u32 of Niantic's `CoordinateSystem`.
@@ -37,17 +36,13 @@ fn split_record(records: &[u8]) -> Option<(u32, &[u8], &[u8])> {
     Some((u32::from_le_bytes(*kind), payload, rest))
 }
 
-/// The axes of a coordinate system 1 to 16: bits 0 to 2 of the number below say right, up, front. Bit 3 exchanges the last two
-/// axes.
-pub(super) fn axes(system: u32) -> Result<Axes, Mismatch> {
+/// The axes of a coordinate system 1 to 16, and whether they are those after a quarter turn about x, (x, z, -y), which
+/// makes the second axis point up or down as [`Axes`] has it.
+///
+/// Bits 0 to 2 of the number less one say right, up, front. With bit 3, front or back comes before up or down.
+pub(super) fn axes(system: u32) -> (Axes, bool) {
     let bit = |i: u32| ((system - 1) >> i) & 1 != 0;
-    if bit(3) {
-        return Err(mismatch(
-            format_args!(
-                "coordinate system {system}, whose third axis is up or down, which is not supported"
-            ),
-            "one whose second axis is, 1 to 8",
-        ));
-    }
-    Ok(Axes::from_flipped([!bit(0), bit(1), !bit(2)]))
+    // After the turn the third axis is the old second one the other way around.
+    let is_back = bit(2) == bit(3);
+    (Axes::from_flipped([!bit(0), bit(1), is_back]), bit(3))
 }

@@ -112,6 +112,12 @@ fn axes_are_those_of_the_specification_the_file_or_the_user() {
     // 7 is LUF, the numbers are 1 + right + 2 up + 4 front.
     let luf = record(0xADBE_0003, &7_u32.to_le_bytes());
     check(&one_gaussian(2, &luf), "luf".parse().unwrap(), [-1.5, 2.0, 0.25], "the file says so", 0);
+    // 15 is LFU: left, front, up. (1.5, -2, 0.25) is 1.5 left, 2 back, 0.25 up.
+    let lfu = record(0xADBE_0003, &15_u32.to_le_bytes());
+    check(&one_gaussian(2, &lfu), "lub".parse().unwrap(), [-1.5, -0.25, -2.0], "quarter turn", 0);
+    // 10 is RBD.
+    let rbd = record(0xADBE_0003, &10_u32.to_le_bytes());
+    check(&one_gaussian(2, &rbd), Axes::RDF, [1.5, 0.25, 2.0], "quarter turn", 0);
     let unspecified = record(0xADBE_0003, &0_u32.to_le_bytes());
     check(&one_gaussian(2, &unspecified), Axes::RUB, [1.5, 2.0, -0.25], "specification", 1);
     check(&one_gaussian(2, &record(1, b"abc")), Axes::RUB, [1.5, 2.0, -0.25], "specification", 1);

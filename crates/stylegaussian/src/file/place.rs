@@ -6,7 +6,7 @@
 use glam::{DAffine3, DMat3, DQuat, DVec3, Quat};
 use rayon::prelude::*;
 
-use super::{Mismatch, mismatch};
+use super::error::{Mismatch, mismatch};
 use crate::{scene::Scene, sh};
 
 /// Moves a scene. Its spherical harmonics turn along; under a matrix that stretches they turn with its rotation, which a
