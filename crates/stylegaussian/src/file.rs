@@ -17,6 +17,7 @@ mod decoder;
 mod error;
 mod files;
 mod format;
+mod formats;
 mod gltf;
 mod ksplat;
 mod look;
@@ -36,7 +37,8 @@ use bytes::read_bytes;
 pub use colors::write_colors;
 pub use decoder::Precision;
 pub use error::{FileError, Loaded};
-pub use format::{ReadOptions, WriteOptions, readable_extensions, writable_extensions};
+pub use format::{ReadOptions, WriteOptions};
+pub use formats::{readable_extensions, writable_extensions};
 pub use scenes::{
     Reading, SceneReader, read_scene, read_scene_with, scene_from_bytes, write_scene, write_scene_with,
 };

@@ -28,8 +28,8 @@ mod nodes;
 mod primitive;
 mod write;
 
-use document::Document;
-use primitive::Splats;
+use document::{Document, MOST_MEMORY_PER_BYTE};
+use primitive::{EXTENSION, Splats};
 
 /// The format in one file.
 pub(super) const GLB: Format = Format {
@@ -49,15 +49,6 @@ pub(super) const GLTF: Format = Format {
     read,
     write: None,
 };
-
-/// The extension.
-const EXTENSION: &str = "KHR_gaussian_splatting";
-
-/// The draft in which an SPZ file takes the place of accessors.
-const SPZ_EXTENSION: &str = "KHR_gaussian_splatting_compression_spz_2";
-
-/// Memory of the scene per byte of the files. Quantized accessors need 2, and nodes may show one mesh many times.
-const MOST_MEMORY_PER_BYTE: usize = 64;
 
 /// Reads all Gaussians.
 fn read(files: &Files, options: &ReadOptions) -> Result<Loaded, Unread> {

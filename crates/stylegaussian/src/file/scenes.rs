@@ -10,7 +10,8 @@ use super::{
     check::check_scene,
     error::{FileError, Loaded, mismatch},
     files::{Files, Unread},
-    format::{ReadOptions, Unwritten, WriteOptions, format_of, writable, writer_of},
+    format::{ReadOptions, Unwritten, WriteOptions},
+    formats::{format_of, writable, writer_of},
 };
 
 /// A scene whose files come one after another: some formats keep a scene in several.

@@ -10,7 +10,7 @@
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::{
-    error::{Loaded, Mismatch, mismatch},
+    error::{Loaded, Mismatch},
     files::{Files, Unread},
     format::{Format, ReadOptions},
     place,
@@ -28,13 +28,10 @@ pub(super) const FORMAT: Format = Format {
     name: "SPZ",
     extensions: &["spz"],
     // No other scene format is a gzip file.
-    recognizes: |bytes, _| bytes.starts_with(header::MAGIC) || bytes.starts_with(&GZIP),
+    recognizes: |bytes, _| bytes.starts_with(header::MAGIC) || bytes.starts_with(&container::GZIP),
     read: |files: &Files, options: &ReadOptions| Ok::<_, Unread>(read(&files.main, options)?),
     write: Some(encode::write),
 };
-
-/// The first two bytes of a gzip file.
-const GZIP: [u8; 2] = [0x1f, 0x8b];
 
 /// Reads a scene.
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, Mismatch> {

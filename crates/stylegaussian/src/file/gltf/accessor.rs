@@ -2,7 +2,8 @@
 
 use serde_json::Value;
 
-use super::{Document, Mismatch, mismatch};
+use super::document::Document;
+use crate::file::error::{Mismatch, mismatch};
 
 /// Types of components that attributes may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -17,15 +17,16 @@ use half::f16;
 use serde_json::Value;
 
 use super::{
-    Document, MOST_MEMORY_PER_BYTE, Mismatch,
     accessor::{Accessor, Component},
-    base64, mismatch,
+    base64,
+    document::{Document, MOST_MEMORY_PER_BYTE},
     primitive::with_rows,
     write::Attribute,
 };
 use crate::{
     file::{
         decoder::{self, Precision},
+        error::{Mismatch, mismatch},
         tensors::{
             Dimension::{Any, Is},
             Reader, Writer, expect_finite,

@@ -1,6 +1,6 @@
 //! Base64 with padding (RFC 4648, section 4), as data: URIs have it.
 
-use super::{Mismatch, mismatch};
+use crate::file::error::{Mismatch, mismatch};
 
 const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 

@@ -4,8 +4,12 @@ use std::borrow::Cow;
 
 use serde_json::Value;
 
-use super::{Files, Mismatch, Unread, base64, mismatch};
-use crate::file::names::check_downward;
+use super::base64;
+use crate::file::{
+    error::{Mismatch, mismatch},
+    files::{Files, Unread},
+    names::check_downward,
+};
 
 /// The first bytes of a GLB.
 pub(super) const MAGIC: &[u8] = b"glTF";
@@ -13,6 +17,9 @@ pub(super) const MAGIC: &[u8] = b"glTF";
 /// Types of a GLB's chunks.
 pub(super) const JSON_CHUNK: &[u8; 4] = b"JSON";
 pub(super) const BINARY_CHUNK: &[u8; 4] = b"BIN\0";
+
+/// Memory of a scene per byte of its files. Quantized accessors need 2, and nodes may show one mesh many times.
+pub(super) const MOST_MEMORY_PER_BYTE: usize = 64;
 
 /// A glTF file in memory.
 #[derive(Debug)]

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use serde_json::Value;
 
-use super::{Mismatch, mismatch};
+use crate::file::error::{Mismatch, mismatch};
 
 /// The meshes of the scene, each with its node's transform to the world. Without a scene, all roots are shown; without a
 /// node, all meshes.

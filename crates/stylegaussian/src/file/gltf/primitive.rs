@@ -7,16 +7,24 @@ use rayon::prelude::*;
 use serde_json::Value;
 
 use super::{
-    Document, EXTENSION, Mismatch, SPZ_EXTENSION,
     accessor::{Accessor, Component},
     color::{display_from_linear, slope},
-    mismatch,
+    document::Document,
 };
 use crate::{
-    file::spz,
+    file::{
+        error::{Mismatch, mismatch},
+        spz,
+    },
     scene::{Scene, Sh},
     sh,
 };
+
+/// The extension.
+pub(super) const EXTENSION: &str = "KHR_gaussian_splatting";
+
+/// The draft in which an SPZ file takes the place of accessors.
+const SPZ_EXTENSION: &str = "KHR_gaussian_splatting_compression_spz_2";
 
 /// A primitive whose points are Gaussians.
 #[derive(Clone, Copy, Debug)]

@@ -7,16 +7,18 @@ use glam::Vec3;
 use serde_json::{Map, Value, json};
 
 use super::{
-    EXTENSION,
     accessor::Component,
     application,
     color::linear_from_display,
     document::{BINARY_CHUNK, JSON_CHUNK, MAGIC},
-    mismatch,
+    primitive::EXTENSION,
 };
 use crate::{
     axes::Axes,
-    file::format::{Unwritten, WriteOptions},
+    file::{
+        error::mismatch,
+        format::{Unwritten, WriteOptions},
+    },
     scene::{Scene, ScreenFilter},
     sh,
 };

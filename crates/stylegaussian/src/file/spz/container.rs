@@ -9,11 +9,11 @@ use flate2::bufread::GzDecoder;
 use rayon::prelude::*;
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 
-use super::{
-    GZIP, Mismatch,
-    header::{HAS_EXTENSIONS, Header, N_BYTES},
-    mismatch,
-};
+use super::header::{HAS_EXTENSIONS, Header, N_BYTES};
+use crate::file::error::{Mismatch, mismatch};
+
+/// The first two bytes of a gzip file.
+pub(super) const GZIP: [u8; 2] = [0x1f, 0x8b];
 
 /// The most bytes of extension records. Those that are known take 20.
 const MAX_EXTENSION_BYTES: u64 = 1 << 20;

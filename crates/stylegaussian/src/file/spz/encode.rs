@@ -11,15 +11,16 @@ use rayon::prelude::*;
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 
 use super::{
-    Mismatch,
     container::FRAMES_HEADER_BYTES,
     decode::{COLOR_SCALE, MAX_MAGNITUDE, SIGN},
     header::{ANTIALIASED, Header},
-    mismatch,
 };
 use crate::{
     axes::{Axes, sh_signs},
-    file::format::{Unwritten, WriteOptions},
+    file::{
+        error::{Mismatch, mismatch},
+        format::{Unwritten, WriteOptions},
+    },
     scene::{Scene, ScreenFilter},
     sh,
 };

@@ -1,7 +1,9 @@
 //! The first bytes of an SPZ payload.
 
-use super::{Mismatch, mismatch};
-use crate::sh;
+use crate::{
+    file::error::{Mismatch, mismatch},
+    sh,
+};
 
 /// The first four bytes: 0x5053474e in little endian.
 pub(super) const MAGIC: &[u8] = b"NGSP";
