@@ -6,6 +6,7 @@
 use std::{fmt, str::FromStr};
 
 use glam::{Quat, Vec3};
+use rayon::prelude::*;
 
 use crate::{scene::Scene, sh::n_coefficients};
 
@@ -49,11 +50,11 @@ impl Axes {
         }
         if let Some(sh) = &mut scene.sh {
             let signs = sh_signs(self);
-            for of_gaussian in sh.coefficients.chunks_exact_mut(3 * n_coefficients(sh.degree)) {
+            sh.coefficients.par_chunks_exact_mut(3 * n_coefficients(sh.degree)).for_each(|of_gaussian| {
                 for (rgb, sign) in of_gaussian.as_chunks_mut::<3>().0.iter_mut().zip(signs) {
                     rgb.iter_mut().for_each(|value| *value *= sign);
                 }
-            }
+            });
         }
     }
 }

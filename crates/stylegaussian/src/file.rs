@@ -18,13 +18,19 @@ mod decoder;
 mod error;
 mod files;
 mod format;
+mod formats;
+mod gltf;
+mod ksplat;
 mod look;
 mod names;
+mod place;
 mod ply;
 pub mod pytorch;
 mod scenes;
 mod sgs;
 mod sog;
+mod splat;
+mod spz;
 mod style;
 mod tensors;
 
@@ -34,6 +40,7 @@ pub use colors::write_colors;
 pub use decoder::Precision;
 pub use error::{FileError, Loaded};
 pub use format::{ReadOptions, WriteOptions};
+pub use formats::{readable_extensions, writable_extensions};
 pub use scenes::{
     Reading, SceneReader, read_scene, read_scene_with, scene_from_bytes, write_scene, write_scene_with,
 };

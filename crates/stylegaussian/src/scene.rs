@@ -1,5 +1,7 @@
 //! The scene: N Gaussians, and the features, neighbors and decoder that come with them.
 
+use std::borrow::Cow;
+
 use glam::{Quat, Vec3};
 
 use crate::{decoder::Decoder, encoder_id::EncoderId, morton, neighbors::Neighbors, sh};
@@ -168,6 +170,15 @@ impl Scene {
         assert_eq!(rgb.len(), self.len(), "one color per Gaussian");
         let coefficients = rgb.iter().flat_map(|&color| sh::dc_from_color(color)).collect();
         self.sh = Some(Sh { degree: 0, coefficients });
+    }
+
+    /// The scene without spherical harmonics beyond `degree`. It is copied only if it has some.
+    pub fn with_sh_degree_at_most(&self, degree: u8) -> Cow<'_, Self> {
+        let Some(sh) = self.sh.as_ref().filter(|sh| sh.degree > degree) else { return Cow::Borrowed(self) };
+        let [stored, kept] = [sh.degree, degree].map(|degree| 3 * sh::n_coefficients(degree));
+        let rows = sh.coefficients.chunks_exact(stored);
+        let coefficients = rows.flat_map(|row| &row[..kept]).copied().collect();
+        Cow::Owned(Self { sh: Some(Sh { degree, coefficients }), ..self.clone() })
     }
 
     /// The Gaussians in the order of the source `[N]`. Parts of one source Gaussian keep their order in the scene, which is

@@ -71,6 +71,16 @@ impl Loaded {
         Self { scene, warnings, format: "", axes: Axes::RDF, axes_because }
     }
 
+    /// Takes the file's coordinates for those of `axes` instead: the turn that was made is undone, and the other made.
+    pub(super) fn retell(&mut self, axes: Axes) {
+        if self.axes != axes {
+            self.axes.turn(&mut self.scene);
+            axes.turn(&mut self.scene);
+            self.axes = axes;
+        }
+        self.axes_because = "they were asked for".into();
+    }
+
     /// A scene in `axes`, turned to [`Axes::RDF`].
     pub(super) fn turned(mut scene: Scene, warnings: Vec<String>, axes: Axes, because: &str) -> Self {
         axes.turn(&mut scene);

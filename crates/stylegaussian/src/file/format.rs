@@ -1,15 +1,12 @@
-//! The scene formats: one file each, one entry each in [`FORMATS`].
+//! What a scene format is: its marks, its reader and its writer, and the choices that they are given.
 
 use std::io::{self, Write};
 
 use crate::{axes::Axes, scene::Scene};
 
 use super::{
-    archive::is_zip,
-    checkpoint,
-    error::{Loaded, Mismatch, mismatch},
+    error::{Loaded, Mismatch},
     files::{Files, Unread},
-    ply, sgs, sog,
 };
 
 /// A scene format.
@@ -25,8 +22,11 @@ pub(super) struct Format {
     /// Reads a scene, or asks for the files that it still needs.
     pub read: fn(&Files, &ReadOptions) -> Result<Loaded, Unread>,
     /// Writes a scene, or `None` if the format is only read. The scene was checked and holds a Gaussian.
-    pub write: Option<fn(&mut dyn Write, &Scene, &WriteOptions) -> Result<(), Unwritten>>,
+    pub write: Option<WriteScene>,
 }
+
+/// A writer of scenes.
+type WriteScene = fn(&mut dyn Write, &Scene, &WriteOptions) -> Result<(), Unwritten>;
 
 /// A scene that was not written.
 #[derive(Debug)]
@@ -48,9 +48,6 @@ impl From<io::Error> for Unwritten {
         Self::Io(error)
     }
 }
-
-/// All formats. A file is of the first one that recognizes it.
-pub(super) const FORMATS: &[&Format] = &[&ply::FORMAT, &sgs::FORMAT, &sog::FORMAT, &checkpoint::FORMAT];
 
 /// Choices of a reader.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -75,44 +72,5 @@ impl Default for WriteOptions {
     /// All spherical harmonics, and the versions that most readers take.
     fn default() -> Self {
         Self { sh_degree: crate::sh::MAX_DEGREE, spz_version: 3 }
-    }
-}
-
-/// The format of a file.
-pub(super) fn format_of(bytes: &[u8], extension: &str) -> Result<&'static Format, Mismatch> {
-    if bytes.is_empty() {
-        return Err(mismatch("an empty file", expected()));
-    }
-    let format = FORMATS.iter().find(|format| (format.recognizes)(bytes, extension));
-    format.copied().ok_or_else(|| mismatch(unknown(bytes), expected()))
-}
-
-/// The format that an extension asks for, with its writer.
-pub(super) fn writer_of(extension: &str) -> Option<&'static Format> {
-    FORMATS.iter().copied().find(|format| format.write.is_some() && format.extensions.contains(&extension))
-}
-
-/// The formats that can be written, as a list of extensions for messages.
-pub(super) fn writable() -> String {
-    let extensions =
-        FORMATS.iter().filter(|format| format.write.is_some()).map(|format| format.extensions[0]);
-    extensions.map(|extension| format!("`.{extension}`")).collect::<Vec<_>>().join(", ")
-}
-
-/// The formats that can be read, for messages.
-fn expected() -> String {
-    FORMATS.iter().map(|format| format.name).collect::<Vec<_>>().join(", ")
-}
-
-/// A file that no format recognizes. Formats that people try and that are not read are named.
-fn unknown(bytes: &[u8]) -> String {
-    match bytes {
-        [0x80, 2, ..] => {
-            "a bare pickle stream (torch.save before version 1.6), which is not supported".into()
-        }
-        _ if is_zip(bytes) => {
-            "a zip archive with neither `meta.json` (SOG) nor `data.pkl` (PyTorch checkpoint)".into()
-        }
-        _ => format!("a file that starts with `{}`", bytes[..bytes.len().min(8)].escape_ascii()),
     }
 }

@@ -47,6 +47,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     let is_compressed = compressed::is_compressed(&header);
     let mut loaded = if is_compressed { compressed::read(&header)? } else { read_native(&header)? };
     loaded.scene.up = header.up();
+    loaded.scene.filter = header.filter(&mut loaded.warnings);
     Ok(loaded)
 }
 
@@ -68,6 +69,9 @@ fn read_native(header: &Header) -> Result<Loaded, Mismatch> {
     if color == Color::None {
         warnings.push("no color (f_dc_0..2 or red green blue): every Gaussian is mid-gray".into());
     }
+    if matches!(color, Color::SphericalHarmonics { degree, n_stored } if n_stored >= n_coefficients(degree)) {
+        warnings.push(format!("dropped spherical harmonics beyond degree {}", sh::MAX_DEGREE));
+    }
     let names: Vec<String> = GEOMETRY.into_iter().map(Into::into).chain(color.names()).collect();
     let columns = read_columns(header, "vertex", &names)?;
     let stored = stored_gaussians(&columns, &color);
@@ -78,8 +82,8 @@ fn read_native(header: &Header) -> Result<Loaded, Mismatch> {
 /// The properties that hold a vertex's color.
 #[derive(Clone, Debug, PartialEq)]
 enum Color {
-    /// `f_dc_0..2` and the higher coefficients `f_rest_*` of this degree.
-    SphericalHarmonics(u8),
+    /// `f_dc_0..2` and the higher coefficients `f_rest_*` up to `degree`, of `n_stored` in each channel.
+    SphericalHarmonics { degree: u8, n_stored: usize },
     /// `red green blue`, from 0 to this brightest value.
     Rgb(f32),
     /// There are none.
@@ -95,9 +99,14 @@ impl Color {
         // The count decides the degree. Gaps in the numbering show up when the columns are read by name.
         let rest = vertex.properties.keys().filter(|name| name.starts_with("f_rest_")).count();
         if ["f_dc_0", "f_dc_1", "f_dc_2"].into_iter().all(has) {
-            let degree = (0..=sh::MAX_DEGREE).find(|&degree| 3 * (n_coefficients(degree) - 1) == rest);
-            return degree.map(Self::SphericalHarmonics).ok_or_else(|| {
-                mismatch(format_args!("{rest} properties f_rest_*"), "0, 9, 24 or 45 (SH degree 0 to 3)")
+            // SPZ and its neighbors have a fourth degree, too fine for any capture to show.
+            let degree = (0..=4).find(|&degree| 3 * (n_coefficients(degree) - 1) == rest);
+            let color = |degree: u8| Self::SphericalHarmonics {
+                degree: degree.min(sh::MAX_DEGREE),
+                n_stored: n_coefficients(degree) - 1,
+            };
+            return degree.map(color).ok_or_else(|| {
+                mismatch(format_args!("{rest} properties f_rest_*"), "0, 9, 24, 45 or 72 (SH degree 0 to 4)")
             });
         }
         if !["red", "green", "blue"].into_iter().all(has) {
@@ -114,10 +123,11 @@ impl Color {
     /// The properties to read. Higher spherical harmonics are channel-major: first all of red, then green, then blue.
     fn names(&self) -> Vec<String> {
         match self {
-            Self::SphericalHarmonics(degree) => {
-                let n_rest = 3 * (n_coefficients(*degree) - 1);
+            Self::SphericalHarmonics { degree, n_stored } => {
+                let n_rest = n_coefficients(*degree) - 1;
+                let rest = (0..3).flat_map(|channel| (0..n_rest).map(move |i| channel * n_stored + i));
                 let dc = (0..3).map(|i| format!("f_dc_{i}"));
-                dc.chain((0..n_rest).map(|i| format!("f_rest_{i}"))).collect()
+                dc.chain(rest.map(|i| format!("f_rest_{i}"))).collect()
             }
             Self::Rgb(_) => ["red", "green", "blue"].map(Into::into).into(),
             Self::None => Vec::new(),
@@ -146,7 +156,7 @@ fn spherical_harmonics(columns: &Columns, color: &Color) -> Option<Sh> {
             let dc = |v: &[f32]| sh::dc_from_color([0, 1, 2].map(|c| v[start + c] / brightest));
             (0, columns.rows().flat_map(dc).collect())
         }
-        Color::SphericalHarmonics(degree) => {
+        Color::SphericalHarmonics { degree, .. } => {
             let n_rest = n_coefficients(degree) - 1;
             let mut coefficients = Vec::with_capacity(columns.n_rows() * 3 * (n_rest + 1));
             for v in columns.rows() {

@@ -10,7 +10,8 @@ use super::{
     check::check_scene,
     error::{FileError, Loaded, mismatch},
     files::{Files, Unread},
-    format::{ReadOptions, Unwritten, WriteOptions, format_of, writable, writer_of},
+    format::{ReadOptions, Unwritten, WriteOptions},
+    formats::{format_of, writable, writer_of},
 };
 
 /// A scene whose files come one after another: some formats keep a scene in several.
@@ -56,6 +57,9 @@ impl SceneReader {
             Err(Unread::Mismatch(mismatch)) => return Err(mismatch.at(at)),
         };
         loaded.format = format.name;
+        if let Some(axes) = self.options.axes {
+            loaded.retell(axes);
+        }
         if loaded.scene.is_empty() {
             return Err(match loaded.scene.n_source {
                 0 => mismatch("no Gaussian", "at least one"),
@@ -132,8 +136,9 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: WriteOptions) -> Re
     let Some(write) = writer_of(&extension).and_then(|format| format.write) else {
         return Err(mismatch(format_args!("extension `{extension}`"), writable()).at(path));
     };
+    let scene = scene.with_sh_degree_at_most(options.sh_degree);
     let mut refused = None;
-    let written = write_atomically(path, |out| match write(out, scene, &options) {
+    let written = write_atomically(path, |out| match write(out, &scene, &options) {
         Ok(()) => Ok(()),
         Err(Unwritten::Io(error)) => Err(error),
         Err(Unwritten::Mismatch(mismatch)) => {
