@@ -36,6 +36,8 @@ pub const FROM_CAPTURED_COLORS: u32 = 1;
 pub const TO_CAPTURED_COLORS: u32 = 2;
 /// `SplatChunk::flags`: sort by the distance from the eye instead of by view depth.
 pub const BY_DISTANCE: u32 = 4;
+/// `SplatChunk::flags`: the low-pass keeps the sum of a splat, as mip-splatting's 2D filter does.
+pub const ANTIALIASED: u32 = 8;
 
 /// `mode` of the composite: the layer as it is.
 pub const MODE_ENCODED: u32 = 0;
@@ -86,6 +88,7 @@ fn constants() -> String {
         ("FROM_CAPTURED_COLORS", FROM_CAPTURED_COLORS),
         ("TO_CAPTURED_COLORS", TO_CAPTURED_COLORS),
         ("BY_DISTANCE", BY_DISTANCE),
+        ("ANTIALIASED", ANTIALIASED),
         ("MODE_ENCODED", MODE_ENCODED),
         ("MODE_LINEAR", MODE_LINEAR),
         ("MODE_REINHARD", MODE_REINHARD),
@@ -304,7 +307,7 @@ pub struct SplatChunk {
     pub first_record: u32,
     /// Degree of the spherical harmonics, or [`NO_SH`].
     pub sh_degree: u32,
-    /// [`FROM_CAPTURED_COLORS`], [`TO_CAPTURED_COLORS`], [`BY_DISTANCE`].
+    /// [`FROM_CAPTURED_COLORS`], [`TO_CAPTURED_COLORS`], [`BY_DISTANCE`], [`ANTIALIASED`].
     pub flags: u32,
     /// Unused.
     pub padding: [u32; 2],

@@ -37,7 +37,7 @@ struct SplatChunk {
     first_record: u32,
     /// Degree of the spherical harmonics, or `NO_SH`.
     sh_degree: u32,
-    /// `FROM_CAPTURED_COLORS`, `TO_CAPTURED_COLORS`, `BY_DISTANCE`.
+    /// `FROM_CAPTURED_COLORS`, `TO_CAPTURED_COLORS`, `BY_DISTANCE`, `ANTIALIASED`.
     flags: u32,
     padding: vec2<u32>,
 }
@@ -133,10 +133,20 @@ fn project(gaussian: PackedGaussian) -> Projected {
     let c = dot(row_y, row_y) + LOW_PASS;
     // Lagrange's identity gives a c - b^2 as a sum of positive terms; the difference itself would cancel on needles.
     let normal = cross(row_x, row_y);
-    let det = dot(normal, normal) + LOW_PASS * (a + c - LOW_PASS);
+    let det_before = dot(normal, normal);
+    let det = det_before + LOW_PASS * (a + c - LOW_PASS);
+    var opacity = gaussian.opacity;
+    if (chunk.flags & ANTIALIASED) != 0u {
+        // The sum of a splat is proportional to its opacity and the root of its determinant, and stays as it was before
+        // the low-pass (Yu et al., "Mip-Splatting", 2024).
+        opacity *= sqrt(det_before / det);
+        if !(opacity >= MIN_ALPHA) {
+            return out;
+        }
+    }
 
     // Culled by the footprint and not by its center, so that nothing pops at the picture's edge.
-    let reach = sqrt(cutoff(gaussian.opacity) * vec2(a, c));
+    let reach = sqrt(cutoff(opacity) * vec2(a, c));
     let offset = abs(center - (chunk.viewport.xy + half_size));
     let inside = all(offset <= half_size + reach);
     out.visible = inside && det < HUGE && all(abs(center) < vec2(HUGE));
@@ -145,7 +155,7 @@ fn project(gaussian: PackedGaussian) -> Projected {
     out.splat.row_precision = c / det;
     out.splat.y_precision = 1.0 / c;
     out.splat.depth = clip.z / w;
-    out.splat.opacity = gaussian.opacity;
+    out.splat.opacity = opacity;
     out.distance = select(-view.z, length(view.xyz), (chunk.flags & BY_DISTANCE) != 0u);
     return out;
 }

@@ -19,6 +19,7 @@
 //! # }
 //! ```
 
+pub mod axes;
 pub mod camera;
 pub mod decoder;
 pub mod encoder_id;
@@ -40,6 +41,7 @@ pub mod statistics;
 pub mod twin;
 pub mod views;
 
+pub use axes::Axes;
 pub use camera::Camera;
 pub use decoder::{Activation, Decoder, Layer};
 pub use encoder_id::{EncoderId, EncoderMismatch};

@@ -1,5 +1,7 @@
 //! The scene: N Gaussians, and the features, neighbors and decoder that come with them.
 
+use std::borrow::Cow;
+
 use glam::{Quat, Vec3};
 
 use crate::{decoder::Decoder, encoder_id::EncoderId, morton, neighbors::Neighbors, sh};
@@ -30,10 +32,24 @@ pub struct Scene {
     pub decoder: Option<Decoder>,
     /// The scene's up direction, or `None` if the file does not give it. The loader never rotates a scene.
     pub up: Option<Vec3>,
+    /// The filter against holes and aliasing that the scene was trained with, and that it must be drawn with.
+    pub filter: ScreenFilter,
     /// Origin of the scene, for people.
     pub source: Option<String>,
     /// The license of the capture.
     pub license: Option<String>,
+}
+
+/// How a splat is kept from getting smaller than a pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ScreenFilter {
+    /// 3DGS: every footprint is widened by a low-pass of 0.3 square pixels. Small splats get too bright (Kerbl et al.
+    /// 2023).
+    #[default]
+    Classic,
+    /// Mip-splatting's 2D filter: the widened footprint's opacity is scaled so that its sum stays (Yu et al. 2024). Called
+    /// `antialiased` by gsplat and SPZ, `mip` by .ply tags.
+    Antialiased,
 }
 
 /// Spherical harmonics of N Gaussians.
@@ -134,6 +150,7 @@ impl Scene {
             neighbors: self.neighbors.as_ref().and_then(|n| relabeled(n, self.len(), indices)),
             decoder: self.decoder.clone(),
             up: self.up,
+            filter: self.filter,
             source: self.source.clone(),
             license: self.license.clone(),
         }
@@ -153,6 +170,15 @@ impl Scene {
         assert_eq!(rgb.len(), self.len(), "one color per Gaussian");
         let coefficients = rgb.iter().flat_map(|&color| sh::dc_from_color(color)).collect();
         self.sh = Some(Sh { degree: 0, coefficients });
+    }
+
+    /// The scene without spherical harmonics beyond `degree`. It is copied only if it has some.
+    pub fn with_sh_degree_at_most(&self, degree: u8) -> Cow<'_, Self> {
+        let Some(sh) = self.sh.as_ref().filter(|sh| sh.degree > degree) else { return Cow::Borrowed(self) };
+        let [stored, kept] = [sh.degree, degree].map(|degree| 3 * sh::n_coefficients(degree));
+        let rows = sh.coefficients.chunks_exact(stored);
+        let coefficients = rows.flat_map(|row| &row[..kept]).copied().collect();
+        Cow::Owned(Self { sh: Some(Sh { degree, coefficients }), ..self.clone() })
     }
 
     /// The Gaussians in the order of the source `[N]`. Parts of one source Gaussian keep their order in the scene, which is

@@ -3,7 +3,8 @@
 //! Real spherical harmonics with the Condon-Shortley phase, in the order and with the signs that trained 3DGS scenes
 //! use: coefficient `l (l + 1) + m` for m = -l..=l.
 
-use glam::Vec3;
+use glam::{DMat3, Vec3};
+use rayon::prelude::*;
 
 /// The highest degree that scenes carry.
 pub const MAX_DEGREE: u8 = 3;
@@ -83,6 +84,59 @@ pub fn color_from_dc(dc: [f32; 3]) -> [f32; 3] {
 /// The constant coefficient of a color, the inverse of [`color_from_dc`].
 pub fn dc_from_color(color: [f32; 3]) -> [f32; 3] {
     color.map(|c| (c - 0.5) / Y_0)
+}
+
+/// Turns coefficients `[N, (degree + 1)^2, 3]`: what a Gaussian showed along d, it shows along `turn` d after. `turn` is
+/// orthogonal: a rotation or a mirror.
+///
+/// # Panics
+/// If the degree is beyond [`MAX_DEGREE`].
+pub fn rotate(turn: DMat3, degree: u8, coefficients: &mut [f32]) {
+    let matrix = rotation_matrix(turn);
+    let n = n_coefficients(degree);
+    coefficients.par_chunks_exact_mut(3 * n).for_each(|values| {
+        let mut old = [[0.0; 3]; 16];
+        old[..n].as_flattened_mut().copy_from_slice(values);
+        for band in 1..=usize::from(degree) {
+            // Rotations mix the functions of a degree among one another only.
+            let of_band = band * band..(band + 1) * (band + 1);
+            for i in of_band.clone() {
+                let sum = of_band.clone().fold([0.0_f64; 3], |sum, j| {
+                    std::array::from_fn(|c| sum[c] + matrix[i][j] * f64::from(old[j][c]))
+                });
+                values[3 * i..3 * i + 3].copy_from_slice(&sum.map(|value| value as f32));
+            }
+        }
+    });
+}
+
+/// The inner products of all basis functions with all turned ones: those of functions of one degree are the matrix of
+/// [`rotate`], the others are zero.
+fn rotation_matrix(turn: DMat3) -> [[f64; 16]; 16] {
+    // Nodes and weights of Gauss and Legendre, exact to degree 7; eight azimuths are exact below frequency 8. Products of
+    // two functions have degree 6 at most.
+    const NODES: [(f64, f64); 4] = [
+        (-0.861_136_311_594_052_6, 0.347_854_845_137_453_86),
+        (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
+        (0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
+        (0.861_136_311_594_052_6, 0.347_854_845_137_453_86),
+    ];
+    let mut matrix = [[0.0; 16]; 16];
+    for (z, weight) in NODES {
+        for i in 0..8 {
+            let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_4).sin_cos();
+            let radius = (1.0 - z * z).sqrt();
+            let direction = glam::DVec3::new(radius * cos, radius * sin, z);
+            let before = basis(MAX_DEGREE, (turn.transpose() * direction).as_vec3());
+            let after = basis(MAX_DEGREE, direction.as_vec3());
+            for (row, after) in matrix.iter_mut().zip(after) {
+                for (value, before) in row.iter_mut().zip(before) {
+                    *value += weight * std::f64::consts::FRAC_PI_4 * f64::from(after) * f64::from(before);
+                }
+            }
+        }
+    }
+    matrix
 }
 
 #[cfg(test)]
@@ -187,6 +241,29 @@ mod tests {
             let color = evaluate(3, &coefficients, direction);
             let expected = Vec3::new(0.5, (0.5 + value as f32).max(0.0), 0.5);
             assert!(color.abs_diff_eq(expected, 1e-6), "function {index}: {color} for {expected}");
+        }
+    }
+
+    #[test]
+    fn turned_coefficients_show_the_same_along_turned_directions() {
+        let mirror = DMat3::from_diagonal(glam::DVec3::new(1.0, -1.0, 1.0));
+        let turn = DMat3::from_euler(glam::EulerRot::XYZ, 0.4, -1.1, 2.3);
+        // Half a turn about x, between the axes of .ply and of glTF.
+        let half = DMat3::from_rotation_x(PI);
+        for turn in [turn, mirror, turn * mirror, half] {
+            for degree in 0..=3 {
+                let n = 3 * n_coefficients(degree);
+                let before: Vec<f32> = (0..2 * n).map(|i| (i as f32 * 1.3).sin() * 0.2).collect();
+                let mut after = before.clone();
+                rotate(turn, degree, &mut after);
+                for direction in [Vec3::X, Vec3::new(0.6, -0.48, 0.64), Vec3::new(-0.28, 0.0, 0.96)] {
+                    let turned = (turn * direction.as_dvec3()).as_vec3();
+                    for (a, b) in before.chunks(n).zip(after.chunks(n)) {
+                        let (a, b) = (evaluate(degree, a, direction), evaluate(degree, b, turned));
+                        assert!(a.abs_diff_eq(b, 3e-6), "degree {degree}: {b} for {a}");
+                    }
+                }
+            }
         }
     }
 

@@ -1,6 +1,7 @@
 //! From stored parameters to a scene, for 3DGS files and checkpoints alike.
 
 use glam::{DQuat, Quat, Vec3};
+use rayon::prelude::*;
 
 use crate::scene::{Features, Scene, Sh};
 
@@ -14,7 +15,7 @@ pub(super) struct StoredGaussians {
     pub log_scales: Vec<Vec3>,
     /// Quaternions `[N]` in the order w, x, y, z, of any length but zero.
     pub rotations_wxyz: Vec<[f32; 4]>,
-    /// Opacities `[N]` before the sigmoid.
+    /// Opacities `[N]` before the sigmoid; infinite ones are opaque and transparent.
     pub opacity_logits: Vec<f32>,
     /// Captured colors, or `None` if the file keeps none.
     pub sh: Option<Sh>,
@@ -37,26 +38,43 @@ pub(super) fn activate(stored: StoredGaussians, warnings: &mut Vec<String>) -> S
         features: stored.features,
         ..Scene::default()
     };
-    // The sigmoid makes a finite opacity of an infinite logit, so the stored value is checked.
-    let usable = |i: usize| stored.opacity_logits[i].is_finite() && is_finite(&scene, i);
-    let kept: Vec<u32> = (0..n).filter(|&i| usable(i)).map(|i| i as u32).collect();
-    if kept.len() == n {
+    drop_broken(scene, warnings)
+}
+
+/// Drops Gaussians that are not finite, and adds a warning that counts them.
+pub(super) fn drop_broken(scene: Scene, warnings: &mut Vec<String>) -> Scene {
+    keep_if(scene, is_finite, warnings)
+}
+
+/// Drops Gaussians that are not `usable`, which says so of a scene's Gaussian by its index, and adds a warning that counts
+/// them.
+pub(super) fn keep_if(
+    scene: Scene,
+    usable: impl Fn(&Scene, usize) -> bool + Sync,
+    warnings: &mut Vec<String>,
+) -> Scene {
+    let n = scene.len();
+    let is_kept = |&i: &u32| usable(&scene, i as usize);
+    // Of most scenes, everything is kept.
+    if (0..n as u32).into_par_iter().all(|i| is_kept(&i)) {
         return scene;
     }
+    let kept: Vec<u32> = (0..n as u32).into_par_iter().filter(is_kept).collect();
     warnings.push(format!("dropped {} of {n} Gaussians: not finite, or a zero quaternion", n - kept.len()));
     scene.subset(&kept)
 }
 
 /// The stored quaternion at length 1, or NaN if it is zero. In f64, since squares of f32 values overflow and underflow
 /// in f32.
-fn unit_quaternion([w, x, y, z]: [f32; 4]) -> Quat {
+pub(super) fn unit_quaternion([w, x, y, z]: [f32; 4]) -> Quat {
     let stored = DQuat::from_xyzw(x.into(), y.into(), z.into(), w.into());
     // A zero quaternion becomes 0 times infinity, which is NaN.
     (stored * stored.length().recip()).as_quat()
 }
 
-/// 1 / (1 + exp(-logit)), rounded once: the decoder's faster sigmoid is off by up to 2e-7.
-fn sigmoid(logit: f32) -> f32 {
+/// 1 / (1 + exp(-logit)), rounded once: the decoder's faster sigmoid is off by up to 2e-7. 0 and 1 for infinite logits,
+/// which writers of 8-bit opacities store for their ends.
+pub(super) fn sigmoid(logit: f32) -> f32 {
     (1.0 / (1.0 + (-f64::from(logit)).exp())) as f32
 }
 
@@ -86,13 +104,22 @@ mod tests {
     }
 
     #[test]
+    fn infinite_logits_are_opaque_and_transparent() {
+        let mut gaussians = stored(2);
+        gaussians.opacity_logits = vec![f32::INFINITY, f32::NEG_INFINITY];
+        let mut warnings = Vec::new();
+        assert_eq!(activate(gaussians, &mut warnings).opacities, [1.0, 0.0]);
+        assert!(warnings.is_empty(), "{warnings:?}");
+    }
+
+    #[test]
     fn drops_infinite_gaussians_and_keeps_tiny_quaternions() {
         let mut gaussians = stored(8);
         gaussians.means[0].y = f32::NAN;
         gaussians.rotations_wxyz[1] = [0.0; 4];
         // A valid one. Its square is 0 in f32.
         gaussians.rotations_wxyz[2] = [1e-38, 0.0, 0.0, 0.0];
-        gaussians.opacity_logits[3] = f32::INFINITY;
+        gaussians.opacity_logits[3] = f32::NAN;
         // exp(1000) is infinite in f32.
         gaussians.log_scales[4].z = 1e3;
         gaussians.rotations_wxyz[5] = [f32::INFINITY, 0.0, 0.0, 0.0];

@@ -17,8 +17,10 @@ use crate::{
 
 use super::{
     activate::{StoredGaussians, activate},
+    archive::{Archive, is_zip},
     decoder,
     error::{Loaded, Mismatch, mismatch},
+    format::Format,
     pytorch::{
         PytorchFile, Tensor,
         pickle::{Id, Object, Pickle, TensorInfo},
@@ -33,12 +35,25 @@ const MAX_CHANNELS: usize = 4096;
 const EXPECTED: &str =
     "a tuple (xyz, scaling, rotation, opacity, features, state dict) as StyleGaussian saves it";
 
+/// The format: the container of `torch.save` is a zip archive.
+pub(super) const FORMAT: Format = Format {
+    name: "StyleGaussian checkpoint (.pth)",
+    extensions: &["pth"],
+    // A damaged archive is for the reader to complain about.
+    recognizes: |bytes, _| {
+        let holds_pickle = |archive: Archive| archive.names().any(|name| name.ends_with("data.pkl"));
+        is_zip(bytes) && Archive::open(bytes).map_or(true, holds_pickle)
+    },
+    read: |files, _| Ok(read(&files.main)?),
+    write: None,
+};
+
 pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     let file = PytorchFile::parse(bytes)?;
     let parts = find_parts(&file.pickle)?;
     let mut warnings = Vec::new();
     let scene = scene(&parts, &file, &mut warnings)?;
-    Ok(Loaded { scene, warnings })
+    Ok(Loaded::new(scene, warnings))
 }
 
 /// The five tensors and the state dict of a checkpoint.

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::scene::Scene;
+use crate::{axes::Axes, scene::Scene};
 
 /// A file that could not be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -56,4 +56,34 @@ pub struct Loaded {
     pub scene: Scene,
     /// Anything that was dropped, missing or ignored, one sentence each.
     pub warnings: Vec<String>,
+    /// The name of the format.
+    pub format: &'static str,
+    /// The axes of the file's coordinates, from which the scene was turned to [`Axes::RDF`].
+    pub axes: Axes,
+    /// The reason for these axes, as words that follow "because".
+    pub axes_because: String,
+}
+
+impl Loaded {
+    /// A scene in the axes of 3DGS `.ply` files.
+    pub(super) fn new(scene: Scene, warnings: Vec<String>) -> Self {
+        let axes_because = "the format keeps the coordinates of 3DGS".into();
+        Self { scene, warnings, format: "", axes: Axes::RDF, axes_because }
+    }
+
+    /// Takes the file's coordinates for those of `axes` instead: the turn that was made is undone, and the other made.
+    pub(super) fn retell(&mut self, axes: Axes) {
+        if self.axes != axes {
+            self.axes.turn(&mut self.scene);
+            axes.turn(&mut self.scene);
+            self.axes = axes;
+        }
+        self.axes_because = "they were asked for".into();
+    }
+
+    /// A scene in `axes`, turned to [`Axes::RDF`].
+    pub(super) fn turned(mut scene: Scene, warnings: Vec<String>, axes: Axes, because: &str) -> Self {
+        axes.turn(&mut scene);
+        Self { scene, warnings, format: "", axes, axes_because: because.into() }
+    }
 }

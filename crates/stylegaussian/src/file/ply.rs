@@ -14,6 +14,7 @@ use crate::{
 use super::{
     activate::{StoredGaussians, activate},
     error::{Loaded, Mismatch, mismatch},
+    format::Format,
 };
 
 mod columns;
@@ -24,11 +25,18 @@ mod write;
 use columns::{Columns, read_columns};
 use header::Header;
 
-pub(super) use write::write;
-
 /// Properties that each vertex must have, in the order of the columns that are read.
 const GEOMETRY: [&str; 11] =
     ["x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"];
+
+/// The format: binary and ascii, native and compressed.
+pub(super) const FORMAT: Format = Format {
+    name: "3DGS .ply",
+    extensions: &["ply"],
+    recognizes: |bytes, _| matches!(bytes, [b'p', b'l', b'y', b'\n' | b'\r' | b' ' | b'\t', ..]),
+    read: |files, _| Ok(read(&files.main)?),
+    write: Some(|out, scene, _| Ok(write::write(out, scene)?)),
+};
 
 /// The properties of a 3DGS file, for messages.
 const EXPECTED: &str = "3DGS properties x y z, opacity, scale_0..2, rot_0..3 of element `vertex`";
@@ -39,6 +47,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     let is_compressed = compressed::is_compressed(&header);
     let mut loaded = if is_compressed { compressed::read(&header)? } else { read_native(&header)? };
     loaded.scene.up = header.up();
+    loaded.scene.filter = header.filter(&mut loaded.warnings);
     Ok(loaded)
 }
 
@@ -60,17 +69,21 @@ fn read_native(header: &Header) -> Result<Loaded, Mismatch> {
     if color == Color::None {
         warnings.push("no color (f_dc_0..2 or red green blue): every Gaussian is mid-gray".into());
     }
+    if matches!(color, Color::SphericalHarmonics { degree, n_stored } if n_stored >= n_coefficients(degree)) {
+        warnings.push(format!("dropped spherical harmonics beyond degree {}", sh::MAX_DEGREE));
+    }
     let names: Vec<String> = GEOMETRY.into_iter().map(Into::into).chain(color.names()).collect();
     let columns = read_columns(header, "vertex", &names)?;
     let stored = stored_gaussians(&columns, &color);
-    Ok(Loaded { scene: activate(stored, &mut warnings), warnings })
+    let scene = activate(stored, &mut warnings);
+    Ok(Loaded::new(scene, warnings))
 }
 
 /// The properties that hold a vertex's color.
 #[derive(Clone, Debug, PartialEq)]
 enum Color {
-    /// `f_dc_0..2` and the higher coefficients `f_rest_*` of this degree.
-    SphericalHarmonics(u8),
+    /// `f_dc_0..2` and the higher coefficients `f_rest_*` up to `degree`, of `n_stored` in each channel.
+    SphericalHarmonics { degree: u8, n_stored: usize },
     /// `red green blue`, from 0 to this brightest value.
     Rgb(f32),
     /// There are none.
@@ -86,9 +99,14 @@ impl Color {
         // The count decides the degree. Gaps in the numbering show up when the columns are read by name.
         let rest = vertex.properties.keys().filter(|name| name.starts_with("f_rest_")).count();
         if ["f_dc_0", "f_dc_1", "f_dc_2"].into_iter().all(has) {
-            let degree = (0..=sh::MAX_DEGREE).find(|&degree| 3 * (n_coefficients(degree) - 1) == rest);
-            return degree.map(Self::SphericalHarmonics).ok_or_else(|| {
-                mismatch(format_args!("{rest} properties f_rest_*"), "0, 9, 24 or 45 (SH degree 0 to 3)")
+            // SPZ and its neighbors have a fourth degree, too fine for any capture to show.
+            let degree = (0..=4).find(|&degree| 3 * (n_coefficients(degree) - 1) == rest);
+            let color = |degree: u8| Self::SphericalHarmonics {
+                degree: degree.min(sh::MAX_DEGREE),
+                n_stored: n_coefficients(degree) - 1,
+            };
+            return degree.map(color).ok_or_else(|| {
+                mismatch(format_args!("{rest} properties f_rest_*"), "0, 9, 24, 45 or 72 (SH degree 0 to 4)")
             });
         }
         if !["red", "green", "blue"].into_iter().all(has) {
@@ -105,10 +123,11 @@ impl Color {
     /// The properties to read. Higher spherical harmonics are channel-major: first all of red, then green, then blue.
     fn names(&self) -> Vec<String> {
         match self {
-            Self::SphericalHarmonics(degree) => {
-                let n_rest = 3 * (n_coefficients(*degree) - 1);
+            Self::SphericalHarmonics { degree, n_stored } => {
+                let n_rest = n_coefficients(*degree) - 1;
+                let rest = (0..3).flat_map(|channel| (0..n_rest).map(move |i| channel * n_stored + i));
                 let dc = (0..3).map(|i| format!("f_dc_{i}"));
-                dc.chain((0..n_rest).map(|i| format!("f_rest_{i}"))).collect()
+                dc.chain(rest.map(|i| format!("f_rest_{i}"))).collect()
             }
             Self::Rgb(_) => ["red", "green", "blue"].map(Into::into).into(),
             Self::None => Vec::new(),
@@ -137,7 +156,7 @@ fn spherical_harmonics(columns: &Columns, color: &Color) -> Option<Sh> {
             let dc = |v: &[f32]| sh::dc_from_color([0, 1, 2].map(|c| v[start + c] / brightest));
             (0, columns.rows().flat_map(dc).collect())
         }
-        Color::SphericalHarmonics(degree) => {
+        Color::SphericalHarmonics { degree, .. } => {
             let n_rest = n_coefficients(degree) - 1;
             let mut coefficients = Vec::with_capacity(columns.n_rows() * 3 * (n_rest + 1));
             for v in columns.rows() {

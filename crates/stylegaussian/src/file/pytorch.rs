@@ -17,6 +17,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{
+    archive::Archive,
     bytes::read_bytes,
     error::{FileError, Mismatch, mismatch},
 };
@@ -24,7 +25,6 @@ use super::{
 mod legacy;
 pub(super) mod pickle;
 mod storage;
-pub(super) mod zip;
 
 use pickle::{Object, Pickle, TensorInfo, name_of};
 use storage::Storages;
@@ -143,15 +143,16 @@ const EXPECTED: &str = "a PyTorch file: a zip archive, or the pickle stream of v
 
 /// The objects of a zip archive, and the positions of its storages.
 fn zipped(bytes: &[u8]) -> Result<(Pickle, Storages), Mismatch> {
-    let archive = zip::Archive::open(bytes)?;
-    let (prefix, data) = archive
+    let archive = Archive::open(bytes)?;
+    let (name, prefix) = archive
         .names()
         .find_map(|name| {
             let prefix = name.strip_suffix("data.pkl")?;
-            (prefix.is_empty() || prefix.ends_with('/')).then_some((prefix, archive.get(name)?))
+            (prefix.is_empty() || prefix.ends_with('/')).then_some((name, prefix))
         })
         .ok_or_else(|| mismatch("a zip archive without `data.pkl`", "a PyTorch checkpoint"))?;
-    Ok((Pickle::read(data)?, Storages::in_archive(&archive, prefix)?))
+    let data = &bytes[archive.stored(name)?.unwrap_or_default()];
+    Ok((Pickle::read(data)?, Storages::in_archive(bytes, &archive, prefix)?))
 }
 
 #[cfg(test)]

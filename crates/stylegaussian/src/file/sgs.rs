@@ -14,9 +14,9 @@
 //! | `decoder.layers.{i}.*` | | see the decoder's format |
 //!
 //! Every f16 tensor may be f32 as well. Metadata: `format`, `version`, `source_count`, if known `encoder`, `up` (`x y
-//! z`), `source` and `license`, and the decoder's. Gaussians are written in Morton order.
+//! z`), `filter` (`antialiased`; absent if classic), `source` and `license`, and the decoder's. Gaussians are written in Morton order.
 
-use std::{borrow::Cow, path::Path};
+use std::{borrow::Cow, io::Write};
 
 use glam::{Quat, Vec3};
 
@@ -24,22 +24,49 @@ use crate::{
     encoder_id::EncoderId,
     morton,
     neighbors::Neighbors,
-    scene::{Features, Scene, Sh},
+    scene::{Features, Scene, ScreenFilter, Sh},
     sh,
 };
 
 use super::{
-    atomic::write_atomically,
     check::check_scene,
     decoder::{self, Precision},
-    error::{FileError, Loaded, Mismatch, mismatch},
+    error::{Loaded, Mismatch, mismatch},
+    format::{Format, Unwritten},
     tensors::{
         Dimension::{Any, Is},
         Reader, Writer, expect_finite,
     },
 };
 
-const FORMAT: &str = "stylegaussian-scene";
+/// The format.
+pub(super) const FORMAT: Format = Format {
+    name: ".sgs",
+    extensions: &["sgs"],
+    recognizes: |bytes, _| is_safetensors(bytes),
+    read: |files, _| Ok(read(&files.main)?),
+    write: Some(|out, scene, _| write(out, scene)),
+};
+
+/// Whether a file begins as safetensors do: with the length of their JSON header, 8 bytes, and the header. A length beyond
+/// what the library allows (100 MB) is a coordinate in a format without a mark.
+fn is_safetensors(bytes: &[u8]) -> bool {
+    let Some((length, header)) = bytes.split_first_chunk() else { return false };
+    u64::from_le_bytes(*length) <= 100_000_000 && header.first() == Some(&b'{')
+}
+
+/// The metadata `filter` of a scene that was trained with mip-splatting's filter.
+const ANTIALIASED: &str = "antialiased";
+
+/// The format's name in its metadata.
+const FORMAT_NAME: &str = "stylegaussian-scene";
+
+/// The most Gaussians of a source per Gaussian that is left of it: a cut-out of a large capture is fine. Files of colors
+/// have a row for each, so that the count must not be believed whatever it says.
+const MOST_PER_GAUSSIAN: usize = 64;
+
+/// A source of this many is believed whatever is left of it. Its colors take 200 MB.
+const MOST_SOURCE: usize = 1 << 24;
 
 /// Tensors of a scene file, besides the decoder's.
 const KNOWN: [&str; 13] = [
@@ -61,7 +88,7 @@ const KNOWN: [&str; 13] = [
 /// Reads a scene. Unknown tensors are ignored with a warning, so that other programs can add their own.
 pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     let reader = Reader::new(bytes)?;
-    reader.expect_format(FORMAT)?;
+    reader.expect_format(FORMAT_NAME)?;
     let mut warnings = Vec::new();
     for name in reader.names() {
         if !KNOWN.contains(&name) && !name.starts_with("decoder.") {
@@ -77,12 +104,13 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
         scene.decoder = Some(decoder::from_tensors(&reader)?);
     }
     scene.up = reader.metadata("up").map(up_from_text).transpose()?;
+    scene.filter = reader.metadata("filter").map_or(Ok(ScreenFilter::Classic), filter_from_text)?;
     scene.source = reader.metadata("source").map(Into::into);
     // Files of earlier versions spell it `licence`.
     let license = reader.metadata("license").or_else(|| reader.metadata("licence"));
     scene.license = license.map(Into::into);
     check_scene(&scene)?;
-    Ok(Loaded { scene, warnings })
+    Ok(Loaded::new(scene, warnings))
 }
 
 /// Means, rotations, scales, opacities and order.
@@ -101,13 +129,21 @@ fn gaussians(reader: &Reader) -> Result<Scene, Mismatch> {
     };
     // Files of other writers may lack the count. The last Gaussian kept is then taken for the source's last.
     let least = order.iter().max().map_or(0, |&last| last as usize + 1);
+    let n_source = reader.parsed("source_count", "a count of Gaussians")?.unwrap_or(least);
+    let most = n.saturating_mul(MOST_PER_GAUSSIAN).max(MOST_SOURCE);
+    if n_source > most {
+        return Err(mismatch(
+            format_args!("a source of {n_source} Gaussians, of which {n} are left"),
+            format_args!("at most {most}"),
+        ));
+    }
     Ok(Scene {
         means,
         rotations: rotations.chunks_exact(4).map(Quat::from_slice).collect(),
         scales: vec3(reader.floats("scales", &[Is(n), Is(3)])?),
         opacities,
         order,
-        n_source: reader.parsed("source_count", "a count of Gaussians")?.unwrap_or(least),
+        n_source,
         ..Scene::default()
     })
 }
@@ -180,22 +216,32 @@ fn up_from_text(text: &str) -> Result<Vec3, Mismatch> {
     }
 }
 
+fn filter_from_text(text: &str) -> Result<ScreenFilter, Mismatch> {
+    match text {
+        "classic" => Ok(ScreenFilter::Classic),
+        ANTIALIASED => Ok(ScreenFilter::Antialiased),
+        _ => Err(mismatch(
+            format_args!("metadata `filter` = `{text}`"),
+            format_args!("`{ANTIALIASED}` or none"),
+        )),
+    }
+}
+
 /// Writes a scene that has passed [`check_scene`].
-pub(super) fn write(path: &Path, scene: &Scene) -> Result<(), FileError> {
+fn write(out: &mut dyn Write, scene: &Scene) -> Result<(), Unwritten> {
     let order = morton::order(&scene.means);
     // A scene that is in this order already, as every `.sgs` is, need not be copied.
     let sorted = match order.is_sorted() {
         true => Cow::Borrowed(scene),
         false => Cow::Owned(scene.subset(&order)),
     };
-    let writer = prepare(&sorted).map_err(|mismatch| mismatch.at(path))?;
-    write_atomically(path, |out| writer.write(out))
+    Ok(prepare(&sorted)?.write(out)?)
 }
 
 /// The tensors and metadata of a scene in Morton order.
 fn prepare(scene: &Scene) -> Result<Writer<'_>, Mismatch> {
     let n = scene.len();
-    let mut writer = Writer::new(FORMAT);
+    let mut writer = Writer::new(FORMAT_NAME);
     writer.f32("means", &[n, 3], bytemuck::cast_slice(&scene.means));
     writer.f32("rotations", &[n, 4], bytemuck::cast_slice(&scene.rotations));
     writer.f32("scales", &[n, 3], bytemuck::cast_slice(&scene.scales));
@@ -260,6 +306,9 @@ fn add_metadata(scene: &Scene, writer: &mut Writer) -> Result<(), Mismatch> {
     writer.set("source_count", scene.n_source);
     if let Some(up) = scene.up {
         writer.set("up", format_args!("{} {} {}", up.x, up.y, up.z));
+    }
+    if scene.filter == ScreenFilter::Antialiased {
+        writer.set("filter", ANTIALIASED);
     }
     if let Some(source) = &scene.source {
         writer.set("source", source);

@@ -9,7 +9,7 @@ use crate::{
     decoder::{Activation, Layer},
     encoder_id::EncoderId,
     neighbors::Neighbors,
-    scene::{Features, Sh},
+    scene::{Features, Scene, ScreenFilter, Sh},
 };
 
 /// A stream of numbers in -1..1, the same in every run (xorshift).
@@ -85,6 +85,7 @@ pub(super) fn full_scene() -> Scene {
             indices: (0..n as u32).flat_map(|i| [i, (i + 1) % n as u32]).collect(),
         }),
         decoder: Some(decoder),
+        filter: ScreenFilter::Antialiased,
         up: Some(Vec3::new(0.0, -1.0, 0.25)),
         source: Some("made up, \"quoted\"".into()),
         license: Some("CC0-1.0".into()),
@@ -116,7 +117,7 @@ fn sgs_keeps_everything() {
     let path = dir.path().join("scene.sgs");
     let scene = full_scene();
     write_scene(&path, &scene).unwrap();
-    let Loaded { scene: read, warnings } = read_scene(&path).unwrap();
+    let Loaded { scene: read, warnings, .. } = read_scene(&path).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     assert!(crate::morton::order(&read.means).is_sorted(), "Morton order");
     let (a, b) = (by_source(&scene), by_source(&read));
@@ -127,6 +128,7 @@ fn sgs_keeps_everything() {
     assert_eq!(a.neighbors, b.neighbors);
     assert_eq!(a.decoder, b.decoder);
     assert_eq!((a.up, a.source, a.license), (b.up, b.source, b.license));
+    assert_eq!(b.filter, ScreenFilter::Antialiased);
     let (a_sh, b_sh) = (a.sh.unwrap(), b.sh.unwrap());
     assert_eq!((a_sh.degree, a_sh.coefficients), (b_sh.degree, b_sh.coefficients));
     let (a, b) = (a.features.unwrap(), b.features.unwrap());
@@ -153,7 +155,7 @@ fn the_license_is_read_under_its_old_key() {
     let bytes = fs::read(&path).unwrap();
     let old = replaced(&bytes, r#""license":"CC0-1.0""#, r#""licence":"CC0-1.0""#);
     fs::write(&path, old).unwrap();
-    let Loaded { scene, warnings } = read_scene(&path).unwrap();
+    let Loaded { scene, warnings, .. } = read_scene(&path).unwrap();
     assert_eq!(scene.license.as_deref(), Some("CC0-1.0"));
     assert!(warnings.is_empty(), "{warnings:?}");
 }
@@ -188,10 +190,11 @@ fn ply_keeps_gaussians_and_colors_in_source_order() {
     scene.opacities[4] = 0.0;
     scene.scales[5].z = 0.0;
     write_scene(&path, &scene).unwrap();
-    let Loaded { scene: read, warnings } = read_scene(&path).unwrap();
+    let Loaded { scene: read, warnings, .. } = read_scene(&path).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     let sorted = by_source(&scene);
     assert_eq!(read.up, Some(scene.up.unwrap().normalize()), "a comment in the header");
+    assert_eq!(read.filter, ScreenFilter::Antialiased, "another comment");
     assert_eq!(read.means, sorted.means);
     assert_eq!(read.order, (0..20).collect::<Vec<_>>());
     assert_eq!(read.sh.as_ref().unwrap().coefficients, sorted.sh.unwrap().coefficients);
@@ -329,11 +332,66 @@ fn lying_safetensors_are_refused() {
     check(replaced(&bytes, r#""up":"0 -1 0.25""#, r#""up":"0 -1 0.2x""#), "`up`");
     check(replaced(&bytes, r#""encoder":"vgg@0"#, r#""encoder":"vgg-0"#), "`encoder`");
     check(replaced(&bytes, r#""source_count":"25""#, r#""source_count":"20""#), "source index 22");
+    check(replaced(&bytes, r#""filter":"antialiased""#, r#""filter":"antialiaseb""#), "`filter`");
     check(replaced(&bytes, r#""means":"#, r#""meats":"#), "no tensor `means`");
     check(replaced(&bytes, r#""dtype":"U32""#, r#""dtype":"I32""#), "type I32");
     let mut header_of_exabytes = bytes.clone();
     header_of_exabytes[..8].copy_from_slice(&u64::MAX.to_le_bytes());
     check(header_of_exabytes[..9].iter().copied().chain(*b"{").collect(), "found");
+}
+
+/// Rows of files of colors are counted by it: 37 kB must not make 48 GB.
+#[test]
+fn a_source_out_of_all_proportion_is_refused() {
+    let dir = dir();
+    let path = dir.path().join("scene.sgs");
+    let mut scene = full_scene();
+    let mut read_with = |n_source: usize, last: u32| {
+        (scene.n_source, scene.order[0]) = (n_source, last);
+        write_scene(&path, &scene).unwrap();
+        read_scene(&path)
+    };
+    // A cut-out of a capture of 16.8 million.
+    assert_eq!(read_with(1 << 24, 0).unwrap().scene.n_source, 1 << 24);
+    let message = refused(read_with((1 << 24) + 1, 0));
+    assert!(message.contains("a source of 16777217 Gaussians, of which 20 are left"), "{message}");
+    assert!(refused(read_with(1 << 32, u32::MAX)).contains("expected at most 16777216"));
+}
+
+#[test]
+fn higher_spherical_harmonics_are_left_out_as_asked() {
+    let dir = dir();
+    let whole = by_source(&full_scene()).sh.unwrap().coefficients;
+    for name in ["a.sgs", "a.ply"] {
+        let path = dir.path().join(name);
+        for sh_degree in 0..=3 {
+            write_scene_with(&path, &full_scene(), WriteOptions { sh_degree, ..Default::default() }).unwrap();
+            let sh = by_source(&read_scene(&path).unwrap().scene).sh.unwrap();
+            assert_eq!(sh.degree, sh_degree.min(2));
+            let width = 3 * crate::sh::n_coefficients(sh.degree);
+            for (row, whole) in sh.coefficients.chunks_exact(width).zip(whole.chunks_exact(27)) {
+                assert_eq!(row, &whole[..width]);
+            }
+        }
+    }
+}
+
+#[test]
+fn axes_that_are_asked_for_replace_those_of_the_format() {
+    let dir = dir();
+    for name in ["a.sgs", "a.ply", "a.splat"] {
+        let path = dir.path().join(name);
+        write_scene(&path, &full_scene()).unwrap();
+        let plain = read_scene(&path).unwrap();
+        assert_eq!(plain.axes, crate::Axes::RDF);
+        let options = ReadOptions { axes: Some(crate::Axes::RUB), ..Default::default() };
+        let turned = read_scene_with(&path, options).unwrap();
+        assert_eq!((turned.axes, &turned.axes_because[..]), (crate::Axes::RUB, "they were asked for"));
+        let mut expected = plain.scene;
+        crate::Axes::RUB.turn(&mut expected);
+        assert_eq!(turned.scene.means, expected.means, "{name}");
+        assert_eq!(turned.scene.sh.unwrap().coefficients, expected.sh.unwrap().coefficients);
+    }
 }
 
 #[test]
@@ -381,10 +439,19 @@ fn files_of_other_kinds_are_named() {
     check(b"NGSP\x04\0\0\0", "SPZ");
     check(b"hello, world", "`hello, w`");
     check(b"\x80\x02\x8a\x0al\xfc\x9cF\xf9 j\xa8P\x19.", "bare pickle");
+    check(b"RAD0\x10\0\0\0{}", ".rad of Spark, which is not supported, expected 3DGS .ply");
+    check(b"\x89PNG\r\n\x1a\n", "a PNG image, which is not supported");
+    check(b"\xff\xd8\xff\xe0", "a JPEG image, which is not supported");
+    check(b"<!DOCTYPE html>", "an HTML or XML page");
+    check(b"version https://git-lfs.github.com/spec/v1\n", "git lfs pull");
     assert!(refused(read_scene(&dir.path().join("absent.ply"))).contains("absent.ply"));
     assert!(refused(read_scene(dir.path())).contains(&dir.path().display().to_string()));
-    let message = refused(write_scene(&dir.path().join("a.spz"), &full_scene()));
-    assert!(message.contains("extension `spz`"), "{message}");
+    for extension in ["rad", "pth", "ksplat", "x"] {
+        let message = refused(write_scene(&dir.path().join("a").with_extension(extension), &full_scene()));
+        assert!(message.contains(&format!("extension `{extension}`")), "{message}");
+        assert!(message.contains("expected `.ply`,") && message.contains("`.sgs`"), "{message}");
+    }
+    assert!(refused(write_scene(&dir.path().join("a"), &full_scene())).contains("extension ``"));
     assert!(refused(write_scene(&dir.path().join("a.sgs"), &Scene::default())).contains("no Gaussian"));
 }
 
@@ -417,7 +484,7 @@ fn decoders_that_do_not_chain_are_refused() {
 fn damaged_files_never_panic() {
     let dir = dir();
     let mut files: Vec<(&str, Vec<u8>)> = Vec::new();
-    for name in ["scene.sgs", "scene.ply"] {
+    for name in ["scene.sgs", "scene.ply", "scene.splat"] {
         let path = dir.path().join(name);
         write_scene(&path, &full_scene()).unwrap();
         files.push((name, fs::read(path).unwrap()));
@@ -425,15 +492,16 @@ fn damaged_files_never_panic() {
     files.push(("ascii.ply", ply::tests::ascii_sample()));
     files.push(("checkpoint.pth", checkpoint::tests::final_sample()));
     files.push(("a.look.safetensors", look::tests::sample()));
-    let all = |bytes: &[u8]| {
-        let _ = parse_scene(bytes);
+    files.push(("a.ksplat", ksplat::tests::file(1)));
+    let all = |name: &str, bytes: &[u8]| {
+        let _ = scene_from_bytes(bytes, name);
         let _ = decoder::from_bytes(bytes);
         let _ = style::from_bytes(bytes);
         let _ = look::from_bytes(bytes);
     };
-    for (_, bytes) in &files {
+    for (name, bytes) in &files {
         for end in (0..bytes.len()).step_by(1 + bytes.len() / 400) {
-            all(&bytes[..end]);
+            all(name, &bytes[..end]);
         }
         // Counts stand in headers and directories, at the ends of a file. Those are changed byte by byte.
         let edge = 700.min(bytes.len() / 2);
@@ -442,7 +510,7 @@ fn damaged_files_never_panic() {
             for change in [0x00, 0xff, bytes[at] ^ 0x01, bytes[at] ^ 0x80, b'9'] {
                 let mut damaged = bytes.clone();
                 damaged[at] = change;
-                all(&damaged);
+                all(name, &damaged);
             }
         }
     }

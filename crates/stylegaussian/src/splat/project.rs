@@ -4,7 +4,10 @@ use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::alpha::{MIN_ALPHA, cutoff};
-use crate::{camera::Camera, scene::Scene};
+use crate::{
+    camera::Camera,
+    scene::{Scene, ScreenFilter},
+};
 
 /// Gaussians at this view-space z or nearer are not drawn, in scene units, as in the original rasterizer.
 const NEAR: f32 = 0.2;
@@ -91,7 +94,7 @@ impl<'a> Projection<'a> {
     /// The splat of Gaussian `i`, or `None` if no pixel would see it.
     fn splat(&self, scene: &Scene, i: usize) -> Option<Splat> {
         let mean: Vec3 = self.camera.view_from_world.transform_point3(scene.means[i]);
-        let opacity = scene.opacities[i];
+        let mut opacity = scene.opacities[i];
         // Written so that NaN is culled too.
         let visible = mean.z > NEAR && opacity >= MIN_ALPHA;
         if !visible {
@@ -107,7 +110,15 @@ impl<'a> Projection<'a> {
         let c = row_y.length_squared() + LOW_PASS;
         // a c - b^2 by Lagrange's identity. Subtracting the two products would cancel all digits of a needle.
         // With a = a0 + l, c = c0 + l and the low-pass l: a c - b^2 = (a0 c0 - b^2) + l (a0 + c0 + l).
-        let det = row_x.cross(row_y).length_squared() + LOW_PASS * (a + c - LOW_PASS);
+        let det_before = row_x.cross(row_y).length_squared();
+        let det = det_before + LOW_PASS * (a + c - LOW_PASS);
+        if scene.filter == ScreenFilter::Antialiased {
+            opacity *= compensation(det_before, det);
+            // Such a splat has no footprint.
+            if opacity < MIN_ALPHA {
+                return None;
+            }
+        }
 
         let cutoff = cutoff(opacity);
         // An ellipse reaches sqrt(cutoff variance) along each axis.
@@ -143,4 +154,14 @@ impl<'a> Projection<'a> {
         let gaussian_from_world = scene.rotations[i].inverse();
         (gaussian_from_world * j_x * scene.scales[i], gaussian_from_world * j_y * scene.scales[i])
     }
+}
+
+/// The factor by which the low-pass leaves a splat's sum over the picture as it was: alpha o exp(-q / 2) with covariance
+/// C sums to 2 pi o sqrt(det C), so o is scaled by sqrt(det C / det (C + 0.3 I)). Below 1, and 0 for a splat without
+/// area.
+///
+/// This is the 2D filter of Yu et al., "Mip-Splatting" (2024), as gsplat's rasterize mode `antialiased` computes it. The
+/// determinants are positive sums, so neither is below 0.
+fn compensation(det_before: f32, det: f32) -> f32 {
+    (det_before / det).sqrt()
 }

@@ -3,6 +3,7 @@
 use glam::{Affine3A, Quat, UVec2, Vec2, Vec3};
 
 use super::*;
+use crate::scene::ScreenFilter;
 
 /// A camera at the origin that looks along +z, with a focal length of 10 px and 9 x 9 pixels. The center of pixel (4,
 /// 4) lies on the axis.
@@ -173,6 +174,40 @@ fn a_turned_anisotropic_splat_matches_the_hand_calculation() {
         let found = view.alpha[((4 + dy) * 9 + 4 + dx) as usize];
         check(&format!("({dx}, {dy})"), found, 0.9 * (-0.5 * q).exp());
     }
+}
+
+/// The splat of the test above: standard deviations 2 px and 0.5 px, determinant 4 * 0.25 = 1 before the low-pass and
+/// 4.3 * 0.55 = 2.365 after it.
+#[test]
+fn an_antialiased_splat_keeps_its_sum() {
+    let mut turned = scene(&[(Vec3::new(0.0, 0.0, 2.0), Vec3::new(0.4, 0.1, 0.3), 0.9)]);
+    turned.rotations[0] = Quat::from_rotation_z(30f32.to_radians());
+    turned.filter = ScreenFilter::Antialiased;
+    let view = render(&turned, Colors::Captured, &camera());
+    check("center", view.alpha[4 * 9 + 4], 0.9 / 2.365f32.sqrt());
+    // The weights are the same.
+    let weights = blend_weights(&turned, &camera());
+    assert_eq!(weights.pixel(4 * 9 + 4).next(), Some((0, view.alpha[4 * 9 + 4])));
+}
+
+/// A round splat of s px^2 has a factor of s / (s + 0.3): 0.01 / 0.31 leaves 0.032 of an opaque one, 0.001 / 0.301 leaves
+/// 0.0033, under 1/255. Without area nothing is left. The sum over the picture is 2 pi s, whatever the distance.
+#[test]
+fn antialiased_specks_fade() {
+    let at = |variance: f32| {
+        let mut speck = scene(&[(Vec3::new(0.0, 0.0, 2.0), Vec3::splat(variance.sqrt() / 5.0), 1.0)]);
+        let classic = render(&speck, Colors::Captured, &camera());
+        speck.filter = ScreenFilter::Antialiased;
+        let view = render(&speck, Colors::Captured, &camera());
+        (classic.alpha[4 * 9 + 4], view.alpha[4 * 9 + 4], view.alpha.iter().sum::<f32>())
+    };
+    check("a speck", at(0.01).1, 0.01 / 0.31);
+    check("a faint speck", at(0.001).1, 0.0);
+    check("no area", at(0.0).1, 0.0);
+    check("no area, classic", at(0.0).0, 0.99);
+    // Cut at 1/255, and summed at whole pixels: close to the integral only.
+    let (_, _, sum) = at(0.25);
+    assert!((sum / (std::f32::consts::TAU * 0.25) - 1.0).abs() < 0.05, "{sum}");
 }
 
 /// Off the axis, depth extent leaks into x: J's first row is f / z (1, 0, -x / z). At (1, 0, 2), scales (0, 0, 0.2):

@@ -74,6 +74,7 @@ fn stand_in(scene: &Scene) -> Scene {
         // No colors: only blend weights are computed of this scene, and they do not depend on color.
         n_source: indices.len(),
         up: scene.up,
+        filter: scene.filter,
         order: indices,
         ..Default::default()
     }

@@ -2,8 +2,10 @@
 
 use bytemuck::Zeroable;
 use glam::Affine3A;
+use stylegaussian::scene::ScreenFilter;
 use stylegaussian_shaders::splat::{
-    self as shaders, BY_DISTANCE, FROM_CAPTURED_COLORS, NO_SH, SplatChunk, TO_CAPTURED_COLORS, WORKGROUP,
+    self as shaders, ANTIALIASED, BY_DISTANCE, FROM_CAPTURED_COLORS, NO_SH, SplatChunk, TO_CAPTURED_COLORS,
+    WORKGROUP,
 };
 
 use super::{
@@ -147,7 +149,8 @@ fn cloud_uniforms(camera: &Camera, cloud: &Cloud, settings: &SplatSettings) -> S
         sh_degree: cloud.scene.sh_degree().map_or(NO_SH, u32::from),
         flags: flag(from.is_none(), FROM_CAPTURED_COLORS)
             | flag(to.is_none(), TO_CAPTURED_COLORS)
-            | flag(settings.sort_key == SortKey::Distance, BY_DISTANCE),
+            | flag(settings.sort_key == SortKey::Distance, BY_DISTANCE)
+            | flag(cloud.scene.filter() == ScreenFilter::Antialiased, ANTIALIASED),
         ..SplatChunk::zeroed()
     }
 }

@@ -8,20 +8,26 @@ use std::ops::Range;
 use bytemuck::Zeroable;
 use glam::Vec3;
 use half::f16;
-use stylegaussian::{Scene, scene::Sh, sh};
+use stylegaussian::{
+    Scene,
+    scene::{ScreenFilter, Sh},
+    sh,
+};
 use stylegaussian_shaders::splat::PackedGaussian;
 use wgpu::util::DeviceExt;
 
 use super::view::SplatView;
 use crate::buffers::TooLarge;
 
-/// N Gaussians on the GPU: means, rotations, scales, opacities and spherical harmonics. It never changes.
+/// N Gaussians on the GPU: means, rotations, scales, opacities and spherical harmonics. It never changes. Splats are drawn
+/// with the scene's [`ScreenFilter`].
 #[derive(Debug)]
 pub struct GpuScene {
     chunks: Vec<Chunk>,
     n_gaussians: usize,
     sh_degree: Option<u8>,
     scale_unit: f32,
+    filter: ScreenFilter,
 }
 
 /// Consecutive Gaussians of a scene.
@@ -67,7 +73,8 @@ impl GpuScene {
             Chunk::new(device, scene, range, scale_unit)
         });
         let chunks = chunks.collect();
-        Self { chunks, n_gaussians: n, sh_degree: scene.sh.as_ref().map(|sh| sh.degree), scale_unit }
+        let sh_degree = scene.sh.as_ref().map(|sh| sh.degree);
+        Self { chunks, n_gaussians: n, sh_degree, scale_unit, filter: scene.filter }
     }
 
     /// N, the number of Gaussians.
@@ -88,6 +95,11 @@ impl GpuScene {
     /// Degree of the spherical harmonics; `None` if the scene has none.
     pub(crate) fn sh_degree(&self) -> Option<u8> {
         self.sh_degree
+    }
+
+    /// The filter that splats are drawn with.
+    pub(crate) fn filter(&self) -> ScreenFilter {
+        self.filter
     }
 
     /// The unit of stored scales, in scene units.

@@ -2,7 +2,9 @@
 
 use std::collections::HashMap;
 
-use stylegaussian_shaders::splat::{BY_DISTANCE, SORT_BATCH, SplatChunk, SplatCounts, SplatDraw};
+use stylegaussian_shaders::splat::{
+    ANTIALIASED, BY_DISTANCE, SORT_BATCH, SplatChunk, SplatCounts, SplatDraw,
+};
 
 use super::{
     camera::Camera,
@@ -93,7 +95,7 @@ impl ChunkSource {
     /// The uniforms without those that only colors depend on.
     fn geometry(&self) -> SplatChunk {
         // The other flags choose between sources of color.
-        let flags = self.uniforms.flags & BY_DISTANCE;
+        let flags = self.uniforms.flags & (BY_DISTANCE | ANTIALIASED);
         SplatChunk { eye: [0.0; 4], fade: 0.0, flags, ..self.uniforms }
     }
 

@@ -5,7 +5,7 @@ use glam::{Quat, Vec3};
 use super::*;
 use crate::{
     decoder::Activation,
-    file::pytorch::{tests::archive, zip},
+    file::archive::tests::{Packing, archive},
 };
 
 const FINAL: &[u8] = include_bytes!("../../../tests/data/final.pth");
@@ -40,7 +40,7 @@ fn check_gaussians(scene: &Scene) {
 
 #[test]
 fn reads_a_trained_model_that_torch_saved() {
-    let Loaded { scene, warnings } = read(FINAL).unwrap();
+    let Loaded { scene, warnings, .. } = read(FINAL).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     check_gaussians(&scene);
     let features = scene.features.as_ref().unwrap();
@@ -62,7 +62,7 @@ fn reads_a_trained_model_that_torch_saved() {
 
 #[test]
 fn reads_a_feature_model_saved_with_its_iteration() {
-    let Loaded { scene, warnings } = read(FEATURE).unwrap();
+    let Loaded { scene, warnings, .. } = read(FEATURE).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     check_gaussians(&scene);
     assert!(scene.decoder.is_none());
@@ -115,11 +115,10 @@ fn other_contents_are_errors() {
 
 #[test]
 fn repacked_checkpoints_read_alike() {
-    let real = zip::Archive::open(FINAL).unwrap();
-    let mut names: Vec<&str> = real.names().collect();
-    names.sort_unstable();
+    let mut real = Archive::open(FINAL).unwrap();
+    let names: Vec<&str> = real.names().collect();
     let entries: Vec<(&str, Vec<u8>)> =
-        names.iter().map(|&name| (name, real.get(name).unwrap().to_vec())).collect();
-    let scene = read(&archive(&entries, true)).unwrap().scene;
+        names.iter().map(|&name| (name, real.unpack(name).unwrap().into_owned())).collect();
+    let scene = read(&archive(&entries, Packing::Zip64)).unwrap().scene;
     check_gaussians(&scene);
 }

@@ -89,7 +89,8 @@ pub(super) fn read(header: &Header) -> Result<Loaded, Mismatch> {
     }
     stored.sh = Some(spherical_harmonics(header, dc)?);
     let mut warnings = Vec::new();
-    Ok(Loaded { scene: activate(stored, &mut warnings), warnings })
+    let scene = activate(stored, &mut warnings);
+    Ok(Loaded::new(scene, warnings))
 }
 
 /// Ranges of every chunk `[n_chunks, 18]`: positions, log scales, colors.

@@ -6,7 +6,10 @@ use ply_rs::{
     ply::{DefaultElement, ElementDef, Encoding, Header as ParsedHeader, PropertyType, ScalarType},
 };
 
-use crate::file::error::{Mismatch, mismatch};
+use crate::{
+    file::error::{Mismatch, mismatch},
+    scene::ScreenFilter,
+};
 
 /// Most bytes of a header. Longer ones belong to files of other kinds, which are not searched to their end.
 const LONGEST: usize = 1 << 20;
@@ -46,17 +49,54 @@ impl<'a> Header<'a> {
         self.parsed.elements.values()
     }
 
-    /// The direction of a `comment up X Y Z`, as our files have it. Comments of other programs may say anything, so one
-    /// that does not parse is no error.
+    /// The words of every comment, in lower case.
+    fn comments(&self) -> impl Iterator<Item = Vec<String>> {
+        let words = |comment: &String| comment.split_ascii_whitespace().map(str::to_lowercase).collect();
+        self.parsed.comments.iter().map(words)
+    }
+
+    /// The direction of a `comment up X Y Z`, as our files have it, or of Brush's `comment Vertical axis:`, an axis or a
+    /// direction. Comments of other programs may say anything, so one that does not parse is no error.
     pub(super) fn up(&self) -> Option<Vec3> {
-        let up = |comment: &String| {
-            let words: Vec<&str> = comment.split_ascii_whitespace().collect();
-            let ["up", x, y, z] = words[..] else { return None };
-            let up = Vec3::new(x.parse().ok()?, y.parse().ok()?, z.parse().ok()?);
-            // `None` for zero and for NaN.
-            up.try_normalize()
+        let up = |comment: Vec<String>| {
+            let words: Vec<&str> = comment.iter().map(String::as_str).collect();
+            match words[..] {
+                // The axes of 3DGS: y and z point down and away. Brush reads its names of axes the same way.
+                ["vertical", "axis:", "x"] => Some(Vec3::X),
+                ["vertical", "axis:", "y"] => Some(Vec3::NEG_Y),
+                ["vertical", "axis:", "z"] => Some(Vec3::NEG_Z),
+                ["up", x, y, z] | ["vertical", "axis:", x, y, z] => {
+                    let up = Vec3::new(x.parse().ok()?, y.parse().ok()?, z.parse().ok()?);
+                    // `None` for zero and for NaN.
+                    up.try_normalize()
+                }
+                _ => None,
+            }
         };
-        self.parsed.comments.iter().find_map(up)
+        self.comments().find_map(up)
+    }
+
+    /// The filter that a comment names: `SplatRenderMode: mip` of gsplat, nerfstudio and Brush, `antialiased 1` of
+    /// Postshot.
+    pub(super) fn filter(&self, warnings: &mut Vec<String>) -> ScreenFilter {
+        let named = |comment: Vec<String>| {
+            let words: Vec<&str> = comment.iter().map(String::as_str).collect();
+            match words[..] {
+                ["splatrendermode:", "mip" | "antialiased"] | ["antialiased", "1" | "true"] => {
+                    Some(ScreenFilter::Antialiased)
+                }
+                ["splatrendermode:", "default" | "classic"] | ["antialiased", ..] => {
+                    Some(ScreenFilter::Classic)
+                }
+                ["splatrendermode:", other] => {
+                    let other = other.escape_debug();
+                    warnings.push(format!("unknown render mode `{other}`: drawn as plain 3DGS"));
+                    Some(ScreenFilter::Classic)
+                }
+                _ => None,
+            }
+        };
+        self.comments().find_map(named).unwrap_or_default()
     }
 
     /// The encoding of the rows.

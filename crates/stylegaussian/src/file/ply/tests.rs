@@ -5,7 +5,10 @@ use std::{f32::consts::LN_2, fmt::Write as _, time::Instant};
 use glam::{Quat, Vec3};
 
 use super::*;
-use crate::file::{read_scene, tests::shared_data};
+use crate::{
+    file::{read_scene, tests::shared_data},
+    scene::ScreenFilter,
+};
 
 #[derive(Clone, Copy, PartialEq)]
 enum Format {
@@ -96,7 +99,7 @@ pub(in crate::file) fn ascii_sample() -> Vec<u8> {
 }
 
 fn check_two(bytes: &[u8]) {
-    let Loaded { scene, warnings } = read(bytes).unwrap();
+    let Loaded { scene, warnings, .. } = read(bytes).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     assert_eq!(scene.means, [Vec3::new(1.0, 2.0, 3.0), Vec3::new(-4.0, -5.0, -6.0)]);
     assert_eq!(scene.opacities, [0.5, 0.5]);
@@ -173,7 +176,49 @@ fn rest_coefficients_are_channel_major() {
         all.pop();
         let error = read(&plain(&all, Format::Little)).unwrap_err();
         assert_eq!(error.found, format!("{} properties f_rest_*", 3 * n_rest - 1));
-        assert_eq!(error.expected, "0, 9, 24 or 45 (SH degree 0 to 3)");
+        assert_eq!(error.expected, "0, 9, 24, 45 or 72 (SH degree 0 to 4)");
+    }
+}
+
+#[test]
+fn a_fourth_degree_is_left_out() {
+    let names: Vec<&'static str> = (0..72).map(|i| &*format!("f_rest_{i}").leak()).collect();
+    let mut all = properties();
+    all.extend(names.iter().enumerate().map(|(i, name)| ("float", *name, [i as f64, 0.0])));
+    let Loaded { scene, warnings, .. } = read(&plain(&all, Format::Little)).unwrap();
+    assert_eq!(warnings, ["dropped spherical harmonics beyond degree 3"]);
+    let sh = scene.sh.unwrap();
+    assert_eq!((sh.degree, sh.coefficients.len()), (3, 96));
+    // 24 numbers for each channel.
+    assert_eq!(
+        (&sh.coefficients[3..6], &sh.coefficients[45..48]),
+        (&[0.0, 24.0, 48.0][..], &[14.0, 38.0, 62.0][..])
+    );
+}
+
+#[test]
+fn comments_tell_the_filter_and_the_vertical() {
+    let good = String::from_utf8(ascii_sample()).unwrap();
+    let with = |comments: &str| {
+        let loaded = read(good.replacen("element", &format!("{comments}element"), 1).as_bytes()).unwrap();
+        (loaded.scene.filter, loaded.scene.up, loaded.warnings)
+    };
+    let filter = |comment: &str| with(&format!("comment {comment}\n")).0;
+    for mip in ["SplatRenderMode: mip", "splatrendermode:  MIP", "antialiased 1"] {
+        assert_eq!(filter(mip), ScreenFilter::Antialiased, "{mip}");
+    }
+    for plain in ["SplatRenderMode: default", "antialiased 0", "about mip", "SplatRenderMode:"] {
+        assert_eq!(filter(plain), ScreenFilter::Classic, "{plain}");
+    }
+    let (filter, _, warnings) = with("comment SplatRenderMode: 2dgs\n");
+    assert_eq!(filter, ScreenFilter::Classic);
+    assert!(warnings[0].contains("unknown render mode `2dgs`"), "{warnings:?}");
+    let up = |comment: &str| with(&format!("comment Exported from Brush\ncomment {comment}\n")).1;
+    assert_eq!(up("Vertical axis: y"), Some(Vec3::NEG_Y));
+    assert_eq!(up("Vertical axis: 0 0 2"), Some(Vec3::Z));
+    assert_eq!(up("up 0 -3 4"), Some(Vec3::new(0.0, -0.6, 0.8)));
+    for nothing in ["Vertical axis: ?", "up 0 0 0", "up 1 2", "Vertical axis:"] {
+        assert_eq!(up(nothing), None, "{nothing}");
     }
 }
 
@@ -189,7 +234,7 @@ fn rgb_and_missing_colors() {
         assert!(Vec3::from(colors[0]).abs_diff_eq(Vec3::X, 1e-6), "{kind}: {colors:?}");
         assert!(Vec3::from(colors[1]).abs_diff_eq(Vec3::Y, 1e-6), "{kind}: {colors:?}");
     }
-    let Loaded { scene, warnings } = read(&plain(&without(), Format::Ascii)).unwrap();
+    let Loaded { scene, warnings, .. } = read(&plain(&without(), Format::Ascii)).unwrap();
     assert!(scene.sh.is_none());
     assert!(warnings[0].contains("mid-gray"), "{warnings:?}");
 }
@@ -245,7 +290,7 @@ fn real_files() {
     ] {
         let Some(path) = shared_data(&format!("splats/{name}.ply")) else { continue };
         let start = Instant::now();
-        let Loaded { scene, warnings } = read_scene(&path).unwrap();
+        let Loaded { scene, warnings, .. } = read_scene(&path).unwrap();
         eprintln!("{name}: {n} Gaussians in {:.3} s, {warnings:?}", start.elapsed().as_secs_f64());
         scene.validate().unwrap();
         assert_eq!((scene.n_source, scene.sh.as_ref().unwrap().degree), (n, degree), "{name}");

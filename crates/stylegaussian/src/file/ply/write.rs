@@ -2,7 +2,10 @@
 
 use std::io::{self, Write};
 
-use crate::{scene::Scene, sh::n_coefficients};
+use crate::{
+    scene::{Scene, ScreenFilter},
+    sh::n_coefficients,
+};
 
 /// Writes Gaussians and their spherical harmonics in the source's order, mid-gray if the scene keeps no colors.
 /// Parts of a source Gaussian are Gaussians of their own here, one after another.
@@ -25,6 +28,9 @@ fn write_header(out: &mut dyn Write, scene: &Scene, n_rest: usize) -> io::Result
     writeln!(out, "ply\nformat binary_little_endian 1.0")?;
     if let Some(up) = scene.up {
         writeln!(out, "comment up {} {} {}", up.x, up.y, up.z)?;
+    }
+    if scene.filter == ScreenFilter::Antialiased {
+        writeln!(out, "comment SplatRenderMode: mip")?;
     }
     writeln!(out, "element vertex {}", scene.len())?;
     let fixed = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();

@@ -4,12 +4,14 @@ use std::{collections::HashMap, ops::Range};
 
 use half::{bf16, f16};
 
-use crate::file::error::{Mismatch, mismatch};
+use crate::file::{
+    archive::Archive,
+    error::{Mismatch, mismatch},
+};
 
 use super::{
     Tensor,
     pickle::{Object, Pickle, StorageType, TensorInfo},
-    zip::Archive,
 };
 
 /// Positions of a file's storages.
@@ -24,9 +26,10 @@ pub(super) struct Storages {
 
 impl Storages {
     /// The archive's entries under `{prefix}data/`.
-    pub(super) fn in_archive(archive: &Archive, prefix: &str) -> Result<Self, Mismatch> {
+    pub(super) fn in_archive(bytes: &[u8], archive: &Archive, prefix: &str) -> Result<Self, Mismatch> {
         // Written since PyTorch 2.0; all older archives are little-endian.
-        let big_endian = match archive.get(&format!("{prefix}byteorder")) {
+        let order = archive.stored(&format!("{prefix}byteorder"))?;
+        let big_endian = match order.and_then(|range| bytes.get(range)) {
             None | Some(b"little") => false,
             Some(b"big") => true,
             Some(other) => {
@@ -35,8 +38,13 @@ impl Storages {
             }
         };
         let prefix = format!("{prefix}data/");
-        let storage = |name: &str| Some((name.strip_prefix(&prefix)?.to_owned(), archive.range(name)?));
-        Ok(Self { ranges: archive.names().filter_map(storage).collect(), prefix, big_endian })
+        let mut ranges = HashMap::new();
+        for name in archive.names() {
+            if let (Some(key), Some(range)) = (name.strip_prefix(&prefix), archive.stored(name)?) {
+                ranges.insert(key.to_owned(), range);
+            }
+        }
+        Ok(Self { ranges, prefix, big_endian })
     }
 
     /// Storages at these positions of a file without an archive.

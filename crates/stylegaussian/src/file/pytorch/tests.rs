@@ -1,6 +1,7 @@
 //! Containers and pickles made here byte by byte. Files that the real torch.save wrote are in the tests of checkpoints.
 
 use super::*;
+use crate::file::archive::tests::{Packing, archive};
 
 /// A pickle of one scalar tensor in storage '0' of one float.
 fn scalar_pickle() -> Vec<u8> {
@@ -10,122 +11,24 @@ fn scalar_pickle() -> Vec<u8> {
     pickle
 }
 
-/// Fields of a record, one after the other.
-fn record(signature: &[u8; 4], fields: &[&[u8]]) -> Vec<u8> {
-    [&signature[..], &fields.concat()].concat()
-}
-
-/// A zip archive of stored entries; with `zip64`, every size and offset stands in the 64-bit fields.
-pub(in crate::file) fn archive(entries: &[(&str, Vec<u8>)], zip64: bool) -> Vec<u8> {
-    let (mut bytes, mut directory) = (Vec::new(), Vec::new());
-    for (name, data) in entries {
-        let local = bytes.len() as u64;
-        let (len, size) = (data.len() as u64, data.len() as u32);
-        let n_name = (name.len() as u16).to_le_bytes();
-        bytes.extend(record(
-            b"PK\x03\x04",
-            &[&[0; 14], &size.to_le_bytes(), &size.to_le_bytes(), &n_name, &[5, 0]],
-        ));
-        bytes.extend(name.as_bytes());
-        bytes.extend(*b"FB\x01\0Z"); // padding in an extra field, as torch aligns its storages
-        bytes.extend(data);
-        let (size, offset) = if zip64 { (u32::MAX, u32::MAX) } else { (size, local as u32) };
-        let mut extra = Vec::new();
-        if zip64 {
-            extra.extend(*b"\x01\0\x18\0");
-            extra.extend([len, len, local].map(u64::to_le_bytes).concat());
-        }
-        let n_extra = (extra.len() as u16).to_le_bytes();
-        let fields: [&[u8]; 7] = [
-            &[0; 16],
-            &size.to_le_bytes(),
-            &size.to_le_bytes(),
-            &n_name,
-            &n_extra,
-            &[0; 10],
-            &offset.to_le_bytes(),
-        ];
-        directory.extend(record(b"PK\x01\x02", &fields));
-        directory.extend([name.as_bytes(), &extra].concat());
-    }
-    let (start, n) = (bytes.len() as u64, entries.len() as u64);
-    let n_directory = directory.len() as u64;
-    bytes.extend(directory);
-    let end = bytes.len() as u64;
-    if zip64 {
-        let fields = [n, n, n_directory, start].map(u64::to_le_bytes).concat();
-        bytes.extend(record(b"PK\x06\x06", &[&44_u64.to_le_bytes(), &[0; 12], &fields]));
-        bytes.extend(record(b"PK\x06\x07", &[&[0; 4], &end.to_le_bytes(), &[1, 0, 0, 0]]));
-    }
-    let (n, size, start) = match zip64 {
-        true => (u16::MAX, u32::MAX, u32::MAX),
-        false => (n as u16, n_directory as u32, start as u32),
-    };
-    let n = n.to_le_bytes();
-    bytes.extend(record(
-        b"PK\x05\x06",
-        &[&[0; 4], &n, &n, &size.to_le_bytes(), &start.to_le_bytes(), &[0; 2]],
-    ));
-    bytes
-}
-
-#[test]
-fn zip_and_zip64_give_the_same_entries() {
-    let entries = [("x/data.pkl", b"one".to_vec()), ("x/data/0", vec![7; 300])];
-    for zip64 in [false, true] {
-        let bytes = archive(&entries, zip64);
-        let archive = zip::Archive::open(&bytes).unwrap();
-        assert_eq!(archive.names().count(), 2);
-        for (name, data) in &entries {
-            assert_eq!(archive.get(name), Some(&data[..]), "zip64: {zip64}");
-        }
-    }
-}
-
 #[test]
 fn big_endian_storages_are_swapped() {
     let entries =
         [("a/data.pkl", Vec::new()), ("a/byteorder", b"big".to_vec()), ("a/data/0", vec![0x3f, 0x80, 0, 0])];
-    let bytes = archive(&entries, false);
-    let archive = zip::Archive::open(&bytes).unwrap();
+    let bytes = archive(&entries, Packing::Stored);
+    let archive = Archive::open(&bytes).unwrap();
     let pickle = Pickle::read(&scalar_pickle()).unwrap();
-    let storages = Storages::in_archive(&archive, "a/").unwrap();
+    let storages = Storages::in_archive(&bytes, &archive, "a/").unwrap();
     let Object::Tensor(info) = pickle.object(pickle.root) else { panic!("no tensor") };
     assert_eq!(storages.read(&bytes, &pickle, "one", info).unwrap().values, [1.0]);
 }
 
 #[test]
-fn damaged_archives_are_errors() {
-    let entries = [("x/data.pkl", b"one".to_vec())];
-    let good = archive(&entries, true);
-    let check = |bytes: Vec<u8>, part: &str| {
-        let Err(Mismatch { found, .. }) = zip::Archive::open(&bytes) else { panic!("no error for {part}") };
-        assert!(found.contains(part), "{found}");
-    };
-    check(good[..good.len() - 1].into(), "no end record");
-    check(good[..10].into(), "too few bytes");
-    let at = |signature: &[u8]| good.windows(4).position(|w| w == signature).unwrap();
-    let changed = |at: usize, value: u8| {
-        let mut bytes = good.clone();
-        bytes[at] = value;
-        bytes
-    };
-    check(changed(at(b"PK\x01\x02") + 10, 8), "compressed (method 8)");
-    check(changed(at(b"PK\x01\x02"), 0), "damaged central directory");
-    check(changed(at(b"PK\x03\x04"), 0), "no entry where");
-    // A count of 2^63 entries, and an offset of 2^63.
-    // The highest byte of a field of 8 bytes: at 32 + 7, 48 + 7 and 8 + 7 of its record.
-    check(changed(at(b"PK\x06\x06") + 39, 0x80), "past its end");
-    check(changed(at(b"PK\x06\x06") + 55, 0x80), "past its end");
-    check(changed(at(b"PK\x06\x07") + 15, 0x80), "past its end");
-}
-
-#[test]
 fn views_outside_their_storage_are_errors() {
-    let bytes = archive(&[("data/0", vec![0; 4])], false);
-    let archive = zip::Archive::open(&bytes).unwrap();
+    let bytes = archive(&[("data/0", vec![0; 4])], Packing::Stored);
+    let archive = Archive::open(&bytes).unwrap();
     let pickle = Pickle::read(&scalar_pickle()).unwrap();
-    let storages = Storages::in_archive(&archive, "").unwrap();
+    let storages = Storages::in_archive(&bytes, &archive, "").unwrap();
     let Object::Tensor(scalar) = pickle.object(pickle.root) else { panic!("no tensor") };
     let read = |offset, shape: &[usize], strides: &[usize]| {
         let info = TensorInfo { offset, shape: shape.into(), strides: strides.into(), ..scalar.clone() };
@@ -226,15 +129,15 @@ fn a_stream_of_pickles_and_storages() {
 }
 
 /// A state dict of the scalar `one` = 2.5.
-fn zipped_state_dict(zip64: bool) -> Vec<u8> {
+fn zipped_state_dict(packing: Packing) -> Vec<u8> {
     let item = [&text("one")[..], &scalar_pickle()[2..scalar_pickle().len() - 1], b"s."].concat();
     let entries = [("a/data.pkl", [b"}", &item[..]].concat()), ("a/data/0", 2.5_f32.to_le_bytes().to_vec())];
-    archive(&entries, zip64)
+    archive(&entries, packing)
 }
 
 #[test]
 fn a_zipped_state_dict() {
-    let state = read_dict(&zipped_state_dict(false)).unwrap();
+    let state = read_dict(&zipped_state_dict(Packing::Stored)).unwrap();
     let expected = Tensor { shape: Vec::new(), values: vec![2.5] };
     assert_eq!(state.tensor("one").unwrap(), Some(expected));
 }
@@ -248,7 +151,7 @@ fn files_without_a_state_dict_are_errors() {
     check(b"", "an empty file");
     check(b"ustar and more", "starts with `ustar an`");
     check(b"\x80\x02}.", "expected a PyTorch file: a zip archive, or the pickle stream");
-    check(&archive(&[("a/data.pkl", b"K\x01.".to_vec())], false), "a PyTorch file of an integer");
+    check(&archive(&[("a/data.pkl", b"K\x01.".to_vec())], Packing::Stored), "a PyTorch file of an integer");
     let whole = old_state_dict("LongStorage");
     for length in [legacy::MAGIC.len(), 30, 100, whole.len() - 30, whole.len() - 1] {
         check(&whole[..length], "truncated?");
@@ -266,7 +169,7 @@ fn files_without_a_state_dict_are_errors() {
 
 #[test]
 fn damaged_state_dicts_never_panic() {
-    for whole in [zipped_state_dict(true), old_state_dict("LongStorage")] {
+    for whole in [zipped_state_dict(Packing::Zip64), old_state_dict("LongStorage")] {
         for at in 0..whole.len() {
             for change in [0x00, 0xff, whole[at] ^ 0x01, whole[at] ^ 0x80, b'9'] {
                 let mut damaged = whole.clone();

@@ -2,7 +2,11 @@
 //! derivative by differences. Unlike the CPU rasterizer, it handles transforms of clouds and any projection matrix.
 
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec2, DVec3, DVec4, Mat4, Quat, UVec4, Vec3};
-use stylegaussian::{Scene, scene::Sh, sh};
+use stylegaussian::{
+    Scene,
+    scene::{ScreenFilter, Sh},
+    sh,
+};
 use stylegaussian_shaders::splat::SplatCounts;
 
 use crate::{
@@ -21,6 +25,7 @@ struct Twin {
     center: DVec2,
     /// Variances along x and y and the covariance, in px^2.
     covariance: [f64; 3],
+    opacity: f64,
     depth: f64,
     distance: f64,
     color: Vec3,
@@ -67,7 +72,17 @@ fn twin(camera: &Camera, world_from_scene: &Affine3A, scene: &Scene, i: usize) -
     let variance_y = y.dot(covariance * y) + 0.3;
 
     let (center, depth) = pixel(camera, clip_from_view, p);
-    let opacity = f64::from(scene.opacities[i]);
+    let covariance = [variance_x, variance_y, x.dot(covariance * y)];
+    let opacity = f64::from(scene.opacities[i])
+        * match scene.filter {
+            ScreenFilter::Classic => 1.0,
+            ScreenFilter::Antialiased => {
+                let det = |added: f64| {
+                    (covariance[0] - 0.3 + added) * (covariance[1] - 0.3 + added) - covariance[2].powi(2)
+                };
+                (det(0.0).max(0.0) / det(0.3)).sqrt()
+            }
+        };
     let reach = (2.0 * (255.0 * opacity).ln()).max(0.0).sqrt();
     let viewport = camera.viewport.as_dvec4();
     let half = DVec2::new(viewport.z, viewport.w) / 2.0;
@@ -77,7 +92,8 @@ fn twin(camera: &Camera, world_from_scene: &Affine3A, scene: &Scene, i: usize) -
     let margins = [reaches_in.min_element(), near, depth, 1.0 - depth, 255.0 * opacity - 1.0];
     Twin {
         center,
-        covariance: [variance_x, variance_y, x.dot(covariance * y)],
+        covariance,
+        opacity,
         depth,
         distance: -p.z,
         color: color(camera, world_from_scene, is_perspective, scene, i),
@@ -177,13 +193,11 @@ fn check(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(Scene, Affine3A)]) {
     sorted.iter().for_each(|&i| is_visible[i as usize] = true);
     assert!(sorted.len() > records.len() / 20, "only {} visible", sorted.len());
 
-    let twins: Vec<(Twin, f32)> = clouds
+    let twins: Vec<Twin> = clouds
         .iter()
-        .flat_map(|(scene, place)| {
-            (0..scene.len()).map(|i| (twin(camera, place, scene, i), scene.opacities[i]))
-        })
+        .flat_map(|(scene, place)| (0..scene.len()).map(|i| twin(camera, place, scene, i)))
         .collect();
-    for (i, ((twin, opacity), record)) in twins.iter().zip(&records).enumerate() {
+    for (i, (twin, record)) in twins.iter().zip(&records).enumerate() {
         // Rounding may decide up to a hundredth of a pixel.
         if twin.margin.abs() > 0.01 {
             assert_eq!(is_visible[i], twin.margin > 0.0, "record {i}: margin {}", twin.margin);
@@ -198,12 +212,13 @@ fn check(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(Scene, Affine3A)]) {
             assert!((found - expected).abs() < 2e-3 * size, "record {i}: {found} for {expected} px^2");
         }
         assert!((f64::from(record.depth) - twin.depth).abs() < 1e-5, "record {i}: depth {}", record.depth);
-        assert!((record.opacity - opacity).abs() < 1e-3, "record {i}: opacity {}", record.opacity);
+        let off = (f64::from(record.opacity) - twin.opacity).abs();
+        assert!(off < 1e-3, "record {i}: opacity {} for {}", record.opacity, twin.opacity);
         let wrong = (record.color - twin.color).abs().max_element();
         assert!(wrong < 5e-3, "record {i}: color {} for {}", record.color, twin.color);
     }
     for pair in sorted.windows(2) {
-        let [near, far] = [pair[0], pair[1]].map(|i| twins[i as usize].0.distance);
+        let [near, far] = [pair[0], pair[1]].map(|i| twins[i as usize].distance);
         assert!(near <= far + 1e-5 * (1.0 + far.abs()), "{near} drawn over {far}");
     }
 }
@@ -238,7 +253,12 @@ fn gpu_matches_cpu() {
     let orthographic = Mat4::orthographic_rh(-3.0, 2.0, -2.0, 1.5, 6.0, 0.0);
     for (degree, clip_from_view) in [perspective, off_axis, finite, orthographic].into_iter().enumerate() {
         let camera = Camera { world_from_view: pose(), clip_from_view, viewport };
-        check(&gpu, &camera, &clouds(degree as u8));
+        let mut clouds = clouds(degree as u8);
+        check(&gpu, &camera, &clouds);
+        // Of clouds with both filters, each is drawn with its own.
+        clouds[1].0.filter = ScreenFilter::Antialiased;
+        clouds[2].0.filter = ScreenFilter::Antialiased;
+        check(&gpu, &camera, &clouds);
     }
 }
 
