@@ -86,10 +86,10 @@ impl<'a> Splats<'a> {
             false => Some(self.colors(&harmonics, n, warnings)),
         };
         Ok(Scene {
-            means: (0..n).into_par_iter().map(|i| Vec3::from_array(position.row(i))).collect(),
-            rotations: (0..n).into_par_iter().map(|i| unit(rotation.row(i))).collect(),
-            scales: (0..n).into_par_iter().map(scale).collect(),
-            opacities: (0..n).into_par_iter().map(|i| opacity.row::<1>(i)[0].clamp(0.0, 1.0)).collect(),
+            means: indices(n).map(|i| Vec3::from_array(position.row(i))).collect(),
+            rotations: indices(n).map(|i| unit(rotation.row(i))).collect(),
+            scales: indices(n).map(scale).collect(),
+            opacities: indices(n).map(|i| opacity.row::<1>(i)[0].clamp(0.0, 1.0)).collect(),
             sh,
             order: (0..n as u32).collect(),
             n_source: n,
@@ -188,7 +188,7 @@ impl<'a> Splats<'a> {
                 .push("linear colors were turned to sRGB for each Gaussian: blends differ a little".into());
         }
         let rows = coefficients.par_chunks_exact_mut(3 * harmonics.len());
-        rows.enumerate().for_each(|(i, row)| {
+        rows.enumerate().with_min_len(MIN_SHARE).for_each(|(i, row)| {
             for (rgb, accessor) in row.as_chunks_mut::<3>().0.iter_mut().zip(harmonics) {
                 *rgb = accessor.row(i);
             }
@@ -231,6 +231,15 @@ impl<'a> Splats<'a> {
         };
         Ok(Some(Sh { degree: 0, coefficients }))
     }
+}
+
+/// Gaussians that one thread reads at least: handing over fewer takes longer than reading them, and a file may have very
+/// many primitives of very few.
+const MIN_SHARE: usize = 1024;
+
+/// 0 to n - 1, for several threads.
+fn indices(n: usize) -> impl IndexedParallelIterator<Item = usize> {
+    (0..n).into_par_iter().with_min_len(MIN_SHARE)
 }
 
 /// Checks that an accessor has a row for each of `n` Gaussians.
@@ -282,8 +291,7 @@ pub(super) fn scales_are_logarithms(
         }
         let scales = Accessor::new(document, index, 3, &name)?;
         let is_signed = matches!(scales.component, Component::I8 | Component::I16);
-        if is_signed || (0..scales.count).into_par_iter().any(|i| scales.row::<3>(i).iter().any(|&s| s < 0.0))
-        {
+        if is_signed || indices(scales.count).any(|i| scales.row::<3>(i).iter().any(|&s| s < 0.0)) {
             return Ok(true);
         }
     }
