@@ -14,12 +14,13 @@ mod train;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
+use stylegaussian::file::{readable_extensions, writable_extensions};
 
 use crate::terminal::Interrupt;
 
 /// Restyle 3D Gaussian Splatting scenes with any painting: embed a scene once, then stylize it in an instant.
 #[derive(Debug, Parser)]
-#[command(name = "stylegaussian", version)]
+#[command(name = "stylegaussian", version, after_help = formats())]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -38,6 +39,17 @@ enum Command {
     Eval(eval::EvalArgs),
     Distill(distill::DistillArgs),
     FetchVgg(fetch_vgg::FetchVggArgs),
+}
+
+/// The formats of scenes, for the help.
+fn formats() -> String {
+    let list = |extensions: Vec<&str>| {
+        extensions.iter().map(|extension| format!(".{extension}")).collect::<Vec<_>>().join(", ")
+    };
+    let (read, written) = (list(readable_extensions()), list(writable_extensions()));
+    format!(
+        "Scenes are read from {read}; they are known by their content where it has a mark. They are written as {written}."
+    )
 }
 
 impl Cli {

@@ -18,7 +18,7 @@ use crate::{
     arguments::{Backend, WeightedPath, fraction, stroke_scale},
     choose::{self, NamedDecoder, check_encoders, open_encoder},
     compute::Compute,
-    terminal::{usage_error, warn},
+    terminal::{lossy, usage_error, warn},
 };
 
 /// Options of stylizing.
@@ -81,6 +81,7 @@ pub struct Stylization {
 
 #[derive(Clone, Debug, Serialize)]
 struct Share {
+    #[serde(serialize_with = "lossy")]
     path: PathBuf,
     weight: f64,
 }

@@ -2,6 +2,7 @@
 
 use std::{
     io::{self, Write},
+    path::Path,
     process,
     sync::{
         Arc, Mutex, PoisonError,
@@ -12,7 +13,7 @@ use std::{
 use anyhow::{Context, Result};
 use clap::error::ErrorKind;
 use indicatif::{ProgressBar, ProgressStyle};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use stylegaussian_train::{Progress, Stage};
 
 /// Exit code that shells report for a program ended by Ctrl-C.
@@ -60,6 +61,14 @@ pub fn warn<S: AsRef<str>>(warnings: impl IntoIterator<Item = S>) {
 /// Prints a line on stderr.
 pub fn note(line: impl std::fmt::Display) {
     eprintln!("{line}");
+}
+
+/// Serializes a path as text. Names that are not UTF-8, which JSON cannot hold, get replacement characters.
+///
+/// # Errors
+/// If the serializer fails.
+pub fn lossy<P: AsRef<Path>, S: Serializer>(path: &P, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(&path.as_ref().display())
 }
 
 /// Prints `value` as JSON on stdout if `json` is set, otherwise `text`.

@@ -28,7 +28,8 @@ use stylegaussian_train::{
 
 use crate::{
     arguments::{WeightedPath, beside, is_look},
-    terminal::{Interrupt, bar, note, print, warn},
+    scenes::ReadArgs,
+    terminal::{Interrupt, bar, lossy, note, print, usage_error, warn},
 };
 
 /// Steps between two checkpoints. One is written in milliseconds; a bake that is killed loses some seconds.
@@ -43,8 +44,10 @@ const SHEET_SIDE: u32 = 320;
 /// kept in OUT.checkpoint.safetensors. Ctrl-C saves it, writes the look so far and stops; the same command then goes on.
 #[derive(Args, Debug)]
 pub struct BakeArgs {
-    /// A scene: 3DGS .ply, .sgs, or a StyleGaussian checkpoint (.pth). It needs no features.
+    /// A scene in any format: `stylegaussian --help` lists them. It needs no features.
     scene: PathBuf,
+    #[command(flatten)]
+    reading: ReadArgs,
     /// Painting. Several give a mix, and their weights are normalized to sum 1.
     #[arg(long = "style", value_name = "S[:WEIGHT]", num_args = 1.., required = true)]
     styles: Vec<WeightedPath>,
@@ -76,7 +79,9 @@ pub struct BakeArgs {
 
 #[derive(Serialize)]
 struct Baked<'a> {
+    #[serde(serialize_with = "lossy")]
     scene: &'a Path,
+    #[serde(serialize_with = "lossy")]
     output: &'a Path,
     gaussians: usize,
     steps: u32,
@@ -108,11 +113,11 @@ impl From<Losses> for LastLosses {
 pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     let began = Instant::now();
     let BakeArgs { scene: path, output, .. } = arguments;
-    ensure!(is_look(output), "{}: expected extension .look.safetensors", output.display());
+    if !is_look(output) {
+        return Err(usage_error(format!("{}: expected extension .look.safetensors", output.display())));
+    }
     let paintings = arguments.paintings()?;
-    let loaded = file::read_scene(path)?;
-    warn(&loaded.warnings);
-    let (scene, cameras) = (loaded.scene, arguments.cameras()?);
+    let (scene, cameras) = (arguments.reading.read(path)?.scene, arguments.cameras()?);
     let checkpoint = checkpoint_of(output);
     let mut baker = Baker::new(arguments.config(), &scene, &cameras, &paintings, arguments.network()?)
         .with_context(|| path.display().to_string())?;

@@ -1,24 +1,48 @@
 //! `stylegaussian convert`: converts between scene formats.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use anyhow::{Context, Result};
 use clap::Args;
 use serde::Serialize;
-use stylegaussian::file::{self, Precision};
+use stylegaussian::{
+    Scene,
+    file::{self, Precision, ReadOptions, WriteOptions},
+    scene::ScreenFilter,
+};
 
-use crate::terminal::{print, warn};
+use crate::{
+    scenes::{ReadArgs, WriteArgs, extension, is_writable, unexpected_extension},
+    terminal::{lossy, print, warn},
+};
 
-/// Convert a scene between formats, chosen by extension.
+mod pictures;
+
+/// Convert a scene between formats.
+///
+/// What was written is read back. What the format cannot hold is listed, and pictures of both scenes are compared if it
+/// rounds.
 #[derive(Args, Debug)]
 pub struct ConvertArgs {
-    /// A scene: 3DGS .ply, .sgs, or a StyleGaussian checkpoint (.pth).
+    /// A scene in any format: `stylegaussian --help` lists them.
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// The file to write: .sgs (everything), .ply (geometry and colors) or .decoder.safetensors (only the scene's
-    /// decoder).
+    /// The file to write. Its extension chooses the format: .sgs keeps everything, all others geometry and colors;
+    /// .decoder.safetensors is the scene's decoder alone.
     #[arg(value_name = "OUT")]
     output: PathBuf,
+    #[command(flatten)]
+    reading: ReadArgs,
+    #[command(flatten)]
+    writing: WriteArgs,
+    /// The highest degree of spherical harmonics to keep. Lower ones give smaller files with less change of color with
+    /// the direction of view.
+    #[arg(long, value_name = "0..3", default_value_t = WriteOptions::default().sh_degree,
+        value_parser = clap::value_parser!(u8).range(0..=3))]
+    sh_degree: u8,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -26,30 +50,100 @@ pub struct ConvertArgs {
 
 #[derive(Serialize)]
 struct Converted<'a> {
+    #[serde(serialize_with = "lossy")]
     input: &'a Path,
+    #[serde(serialize_with = "lossy")]
     output: &'a Path,
     n_gaussians: usize,
+    /// Sizes of the files. A scene of several files counts with the one that was named.
+    input_bytes: u64,
+    output_bytes: u64,
+    bytes_per_gaussian: f64,
+    /// The ratio of the pictures' noise to white, in dB. Nothing if the format does not round, or no pixel differs.
+    psnr_db: Option<f64>,
     warnings: Vec<String>,
 }
 
+/// Formats that keep 32 bits of every number that is drawn. The others are compared.
+const EXACT: [&str; 3] = ["ply", "sgs", "glb"];
+
 /// Runs the command.
 pub fn run(arguments: &ConvertArgs) -> Result<()> {
-    let ConvertArgs { input, output, json } = arguments;
-    let loaded = file::read_scene(input)?;
+    let ConvertArgs { input, output, json, .. } = arguments;
+    let is_decoder = output.to_string_lossy().to_lowercase().ends_with(".decoder.safetensors");
+    // Before anything is read, because it is a usage error.
+    if !is_decoder && !is_writable(output) {
+        return Err(unexpected_extension(output, &["decoder.safetensors"]));
+    }
+    let loaded = arguments.reading.read(input)?;
     let (scene, mut warnings) = (loaded.scene, loaded.warnings);
-    if output.to_string_lossy().to_lowercase().ends_with(".decoder.safetensors") {
+    let mut psnr_db = None;
+    if is_decoder {
         let decoder = scene.decoder.as_ref();
         let decoder =
             decoder.with_context(|| format!("{}: the scene has no decoder to write", input.display()))?;
         file::write_decoder(output, decoder, Precision::F32)?;
     } else {
-        let is_ply = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"));
-        if is_ply && scene.features.is_some() {
-            warnings.push("a .ply keeps no features, neighbors or decoder: they are left out".into());
+        let options = WriteOptions { sh_degree: arguments.sh_degree, ..arguments.writing.options() };
+        file::write_scene_with(output, &scene, options)?;
+        // A pipe cannot be read back.
+        if fs::metadata(output).is_ok_and(|written| written.is_file()) {
+            let written = file::read_scene_with(output, ReadOptions::default())?.scene;
+            let lost = lost(&scene, &written, options.sh_degree);
+            let lost: Vec<_> =
+                lost.iter().map(|what| format!("a .{} keeps no {what}", extension(output))).collect();
+            warn(&lost);
+            warnings.extend(lost);
+            let rounds = !EXACT.contains(&&*extension(output)) || degree(&written) < degree(&scene);
+            psnr_db = if rounds { pictures::psnr(&scene, &written) } else { None };
         }
-        file::write_scene(output, &scene)?;
     }
-    warn(&warnings);
-    let converted = Converted { input, output, n_gaussians: scene.len(), warnings };
-    print(*json, &converted, || format!("{}: {} Gaussians", output.display(), scene.len()))
+    let size = |path: &Path| fs::metadata(path).map_or(0, |file| file.len());
+    let converted = Converted {
+        input,
+        output,
+        n_gaussians: scene.len(),
+        input_bytes: size(input),
+        output_bytes: size(output),
+        bytes_per_gaussian: size(output) as f64 / scene.len() as f64,
+        psnr_db,
+        warnings,
+    };
+    print(*json, &converted, || text(&converted))
+}
+
+/// The parts of a scene that its file does not have, in words. Spherical harmonics above `degree` were not wanted.
+fn lost(scene: &Scene, written: &Scene, kept: u8) -> Vec<String> {
+    let mut lost = Vec::new();
+    if scene.features.is_some() && written.features.is_none() {
+        lost.push("features, neighbors or decoder: they are left out".into());
+    } else if scene.decoder.is_some() && written.decoder.is_none() {
+        lost.push("decoder: it is left out".into());
+    }
+    if degree(written) < degree(scene).min(kept) {
+        lost.push(format!("spherical harmonics beyond degree {}: they are left out", degree(written)));
+    }
+    if scene.filter == ScreenFilter::Antialiased && written.filter == ScreenFilter::Classic {
+        lost.push("tag of the anti-aliasing filter: small splats will look too bright".into());
+    }
+    if scene.up.is_some() && written.up.is_none() {
+        lost.push("up direction: it is left out".into());
+    }
+    lost
+}
+
+fn degree(scene: &Scene) -> u8 {
+    scene.sh.as_ref().map_or(0, |sh| sh.degree)
+}
+
+fn text(converted: &Converted) -> String {
+    let Converted { input, output, n_gaussians, input_bytes, output_bytes, bytes_per_gaussian, .. } =
+        converted;
+    let percent = 100.0 * *output_bytes as f64 / (*input_bytes).max(1) as f64;
+    let psnr = converted.psnr_db.map_or(String::new(), |db| format!(", pictures at {db:.1} dB"));
+    format!(
+        "{}: {n_gaussians} Gaussians, {output_bytes} bytes ({bytes_per_gaussian:.1} each, {percent:.0} % of {}){psnr}",
+        output.display(),
+        input.display()
+    )
 }

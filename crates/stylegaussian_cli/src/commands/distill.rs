@@ -15,7 +15,7 @@ use stylegaussian_train::{
 use crate::{
     arguments::{Backend, beside},
     compute::processor,
-    terminal::{Interrupt, ProgressLine, note, print, warn},
+    terminal::{Interrupt, ProgressLine, note, print, usage_error, warn},
 };
 
 /// If there is no held-out folder, every so many-th image is held out.
@@ -95,7 +95,9 @@ fn train(
         processor: processor(arguments.backend)?,
     };
     let is_onnx = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("onnx"));
-    ensure!(is_onnx, "{}: expected extension .onnx", output.display());
+    if !is_onnx {
+        return Err(usage_error(format!("{}: expected extension .onnx", output.display())));
+    }
     let mut distillation = Distillation::new(config, teacher, images)?;
     let checkpoint = beside(&output.with_extension(""), "checkpoint.safetensors");
     if arguments.resume {

@@ -20,7 +20,8 @@ use stylegaussian_train::{
 use crate::{
     arguments::Backend,
     choose::open_encoder,
-    terminal::{Interrupt, ProgressLine, print, warn},
+    scenes::{ReadArgs, extension},
+    terminal::{Interrupt, ProgressLine, lossy, print, usage_error, warn},
 };
 
 /// Views rendered if neither photos, cameras nor a number is given.
@@ -32,8 +33,10 @@ const DEFAULT_VIEWS: u32 = 60;
 /// and steps done so far.
 #[derive(Args, Debug)]
 pub struct EmbedArgs {
-    /// A scene: 3DGS .ply or .sgs.
+    /// A scene in any format: `stylegaussian --help` lists them.
     scene: PathBuf,
+    #[command(flatten)]
+    reading: ReadArgs,
     /// The scene with features: *.sgs.
     #[arg(short, long, value_name = "OUT.sgs")]
     output: PathBuf,
@@ -99,7 +102,9 @@ enum Method {
 /// The JSON output.
 #[derive(Serialize)]
 struct Written<'a> {
+    #[serde(serialize_with = "lossy")]
     scene: &'a Path,
+    #[serde(serialize_with = "lossy")]
     output: &'a Path,
     n_gaussians: usize,
     /// Number of Gaussians that splitting added, or `None` if it was not asked for.
@@ -118,16 +123,12 @@ pub fn run(arguments: &EmbedArgs, interrupt: &Interrupt) -> Result<()> {
     let EmbedArgs { scene: path, output, .. } = arguments;
     arguments.backend.expect_cpu("embedding")?;
     // Checked before the minutes of work whose result could not be written.
-    let is_sgs = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("sgs"));
-    ensure!(
-        is_sgs,
-        "{}: only .sgs files keep features, expected a name that ends with .sgs",
-        output.display()
-    );
+    if extension(output) != "sgs" {
+        let message = "only .sgs files keep features, expected extension .sgs";
+        return Err(usage_error(format!("{}: {message}", output.display())));
+    }
 
-    let loaded = file::read_scene(path)?;
-    let mut scene = loaded.scene;
-    warn(&loaded.warnings);
+    let mut scene = arguments.reading.read(path)?.scene;
     let encoder = open_encoder(arguments.encoder.as_deref())?;
     // Before the features, so that parts get features of their own.
     let options = |factor| SplitOptions { factor, ..SplitOptions::default() };

@@ -18,7 +18,8 @@ use stylegaussian_train::{
 
 use crate::{
     choose::{self, loss_weights, open_encoder},
-    terminal::{Interrupt, ProgressLine, print, warn},
+    scenes::ReadArgs,
+    terminal::{Interrupt, ProgressLine, print},
 };
 
 /// Measure how well a stylized scene shows paintings that the decoder has never seen, or baked looks their own.
@@ -29,6 +30,8 @@ use crate::{
 pub struct EvalArgs {
     /// An embedded scene (.sgs).
     scene: PathBuf,
+    #[command(flatten)]
+    reading: ReadArgs,
     /// A folder of paintings (.jpg, .png) that the decoder was not trained on.
     #[arg(long, value_name = "DIR")]
     styles: PathBuf,
@@ -90,9 +93,7 @@ pub struct EvalArgs {
 /// # Errors
 /// The message names the file or the option at fault.
 pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
-    let loaded = file::read_scene(&arguments.scene)?;
-    warn(&loaded.warnings);
-    let scene = loaded.scene;
+    let scene = arguments.reading.read(&arguments.scene)?.scene;
     let encoder_file = arguments.encoder.as_deref();
     let encoder = open_encoder(encoder_file)?;
     let weights = loss_weights(arguments.vgg.as_deref(), encoder_file)?;

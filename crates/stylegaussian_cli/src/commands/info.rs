@@ -8,22 +8,27 @@ use std::{
 use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
-use stylegaussian::{Decoder, EncoderId, Features, Scene, SceneFingerprint, file};
+use stylegaussian::{
+    Decoder, EncoderId, Features, Scene, SceneFingerprint, file::Loaded, scene::ScreenFilter,
+};
 use stylegaussian_gpu::{colors::GaussianColors, splat::GpuScene, style::StyleScene};
 
 use crate::{
     arguments::is_look,
     choose,
-    terminal::{print, warn},
+    scenes::ReadArgs,
+    terminal::{lossy, print},
 };
 
 mod look;
 
-/// Describe a scene (counts, SH degree, bounds, features, encoder, decoder, and memory needed at run time) or a look.
+/// Describe a scene (format, axes, counts, SH degree, bounds, features, encoder, decoder, and memory needed at run time) or a look.
 #[derive(Args, Debug)]
 pub struct InfoArgs {
-    /// A scene: 3DGS .ply, .sgs, or a StyleGaussian checkpoint (.pth). Or a look: *.look.safetensors.
+    /// A scene in any format (`stylegaussian --help` lists them), or a look: *.look.safetensors.
     file: PathBuf,
+    #[command(flatten)]
+    reading: ReadArgs,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -31,7 +36,15 @@ pub struct InfoArgs {
 
 #[derive(Debug, Serialize)]
 struct Info<'a> {
+    #[serde(serialize_with = "lossy")]
     path: &'a Path,
+    /// The format's name.
+    format: &'static str,
+    /// The axes of the file's coordinates, and the reason for them.
+    axes: String,
+    axes_because: &'a str,
+    /// The filter that the scene must be drawn with: `classic` or `antialiased`.
+    filter: &'static str,
     /// Gaussians in the scene.
     n_gaussians: usize,
     /// Gaussians in the file it was made of.
@@ -108,21 +121,28 @@ impl GpuBytes {
 
 /// Runs the command.
 pub fn run(arguments: &InfoArgs) -> Result<()> {
-    let InfoArgs { file: path, json } = arguments;
+    let InfoArgs { file: path, reading, json } = arguments;
     if is_look(path) {
         return look::run(path, *json);
     }
-    let loaded = file::read_scene(path)?;
-    warn(&loaded.warnings);
-    let info = describe(path, &loaded.scene, loaded.warnings);
+    let loaded = reading.read(path)?;
+    let info = describe(path, &loaded);
     print(*json, &info, || text(&info))
 }
 
-fn describe<'a>(path: &'a Path, scene: &'a Scene, warnings: Vec<String>) -> Info<'a> {
+fn describe<'a>(path: &'a Path, loaded: &'a Loaded) -> Info<'a> {
+    let scene = &loaded.scene;
     let decoder = scene.features.as_ref().and_then(|_| choose::decoder(None, scene).ok());
     let gpu_bytes = GpuBytes::of(scene, decoder.as_ref().map(|named| &named.decoder));
     Info {
         path,
+        format: loaded.format,
+        axes: loaded.axes.to_string(),
+        axes_because: &loaded.axes_because,
+        filter: match scene.filter {
+            ScreenFilter::Classic => "classic",
+            ScreenFilter::Antialiased => "antialiased",
+        },
         n_gaussians: scene.len(),
         n_source: scene.n_source,
         fingerprint: SceneFingerprint::of(scene).to_string(),
@@ -135,7 +155,7 @@ fn describe<'a>(path: &'a Path, scene: &'a Scene, warnings: Vec<String>) -> Info
         neighbors: scene.neighbors.as_ref().map(|neighbors| neighbors.k),
         decoder: scene.decoder.as_ref().map(DecoderInfo::of),
         gpu_bytes,
-        warnings,
+        warnings: loaded.warnings.clone(),
     }
 }
 
@@ -173,6 +193,11 @@ fn text(info: &Info) -> String {
         // Writing to a String cannot fail.
         let _ = write!(text, "\n  {name:<11} {value}");
     };
+    row("format", info.format.into());
+    row("axes", format!("{}, because {}", info.axes, info.axes_because));
+    if info.filter != "classic" {
+        row("filter", info.filter.into());
+    }
     let dropped = info.n_source.saturating_sub(info.n_gaussians);
     let of_source = if dropped > 0 { format!(" ({} in its source)", info.n_source) } else { String::new() };
     row("Gaussians", format!("{}{of_source}", info.n_gaussians));

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 use glam::UVec2;
 use serde::Serialize;
-use stylegaussian::{Camera, Scene, file, splat::Colors, views::orbit};
+use stylegaussian::{Camera, Scene, splat::Colors, views::orbit};
 use stylegaussian_train::{
     cameras::read_cameras,
     picture::{Background, Picture},
@@ -18,8 +18,9 @@ use stylegaussian_train::{
 use crate::{
     arguments::{MAX_SIDE, background, picture_size},
     compute::Drawing,
+    scenes::ReadArgs,
     stylization::{Stylization, StylizationArgs},
-    terminal::{bar, print, warn},
+    terminal::{bar, lossy, print, warn},
 };
 
 /// Views of `--orbit` if neither cameras nor a number is given.
@@ -32,8 +33,10 @@ const DEFAULT_SIZE: UVec2 = UVec2::new(800, 600);
 #[command(mut_arg("content", |content| content.requires("restyling")))]
 #[command(mut_arg("decoder", |decoder| decoder.requires("styles")))]
 pub struct RenderArgs {
-    /// A scene: 3DGS .ply, .sgs, or a StyleGaussian checkpoint (.pth).
+    /// A scene in any format: `stylegaussian --help` lists them.
     scene: PathBuf,
+    #[command(flatten)]
+    reading: ReadArgs,
     #[command(flatten)]
     stylization: StylizationArgs,
     /// Number of views on a circle around the scene. Default: 8, unless cameras are given.
@@ -58,6 +61,7 @@ pub struct RenderArgs {
 
 #[derive(Serialize)]
 struct Rendered<'a> {
+    #[serde(serialize_with = "lossy")]
     scene: &'a Path,
     pictures: Vec<RenderedPicture>,
     /// The device that drew: `cpu` or `gpu`.
@@ -68,6 +72,7 @@ struct Rendered<'a> {
 
 #[derive(Serialize)]
 struct RenderedPicture {
+    #[serde(serialize_with = "lossy")]
     path: PathBuf,
     /// Width and height, in pixels.
     size: [u32; 2],
@@ -77,9 +82,7 @@ struct RenderedPicture {
 pub fn run(arguments: &RenderArgs) -> Result<()> {
     let RenderArgs { scene: path, stylization, output, json, .. } = arguments;
     let mut compute = stylization.open()?;
-    let loaded = file::read_scene(path)?;
-    warn(&loaded.warnings);
-    let scene = loaded.scene;
+    let scene = arguments.reading.read(path)?.scene;
     let cameras = arguments.cameras(&scene)?;
     let stylized =
         if stylization.is_given() { Some(stylization.stylize(&scene, path, &mut compute)?) } else { None };

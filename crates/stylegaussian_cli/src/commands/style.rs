@@ -11,7 +11,7 @@ use stylegaussian_encoder::StyleSize;
 use crate::{
     choose::open_encoder,
     stylization::image_style,
-    terminal::{print, usage_error},
+    terminal::{lossy, print, usage_error},
 };
 
 /// Compute the style statistics and the paint of an image, so that stylizing needs no encoder.
@@ -39,7 +39,9 @@ pub struct StyleArgs {
 
 #[derive(Serialize)]
 struct Written<'a> {
+    #[serde(serialize_with = "lossy")]
     image: &'a Path,
+    #[serde(serialize_with = "lossy")]
     output: &'a Path,
     n_channels: usize,
     encoder: Option<String>,

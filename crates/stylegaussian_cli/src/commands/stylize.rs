@@ -5,12 +5,16 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
-use stylegaussian::{Look, Scene, file};
+use stylegaussian::{
+    Look, Scene,
+    file::{self, WriteOptions},
+};
 
 use crate::{
     arguments::is_look,
+    scenes::{ReadArgs, WriteArgs, extension, is_writable, unexpected_extension},
     stylization::{Stylization, StylizationArgs},
-    terminal::{print, usage_error, warn},
+    terminal::{lossy, print},
 };
 
 /// Stylize a scene with one painting or look, or a mix of several.
@@ -20,12 +24,16 @@ pub struct StylizeArgs {
     /// A scene. Styles need an embedded one: .sgs, or a StyleGaussian checkpoint (.pth). Looks need none.
     scene: PathBuf,
     #[command(flatten)]
+    reading: ReadArgs,
+    #[command(flatten)]
     stylization: StylizationArgs,
-    /// The file to write. As .ply or .sgs: the scene with the stylized colors as SH of degree 0. As .look.safetensors:
-    /// a look. As .safetensors: a tensor `rgb` f32 [N, 3], not clamped, with one row for each Gaussian of the source,
+    /// The file to write. As a scene in any format that `stylegaussian --help` lists for writing: with the stylized
+    /// colors as SH of degree 0. As .look.safetensors: a look. As .safetensors: a tensor `rgb` f32 [N, 3], not clamped, with one row for each Gaussian of the source,
     /// NaN if the Gaussian was dropped.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
+    #[command(flatten)]
+    writing: WriteArgs,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -33,7 +41,9 @@ pub struct StylizeArgs {
 
 #[derive(Serialize)]
 struct Stylized<'a> {
+    #[serde(serialize_with = "lossy")]
     scene: &'a Path,
+    #[serde(serialize_with = "lossy")]
     output: &'a Path,
     n_gaussians: usize,
     #[serde(flatten)]
@@ -50,41 +60,42 @@ enum Format {
 
 impl Format {
     fn of(path: &Path) -> Result<Self> {
-        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        match extension.as_str() {
-            "ply" | "sgs" => Ok(Self::Scene),
+        match &*extension(path) {
+            _ if is_writable(path) => Ok(Self::Scene),
             "safetensors" if is_look(path) => Ok(Self::Look),
             "safetensors" => Ok(Self::Colors),
-            _ => {
-                let path = path.display();
-                Err(usage_error(format!("{path}: expected extension .ply, .sgs or .safetensors")))
-            }
+            _ => Err(unexpected_extension(path, &["look.safetensors", "safetensors"])),
         }
     }
 }
 
 /// Runs the command.
 pub fn run(arguments: &StylizeArgs) -> Result<()> {
-    let StylizeArgs { scene: path, stylization, output, json } = arguments;
+    let StylizeArgs { scene: path, reading, stylization, output, writing, json } = arguments;
     // Before anything is read, because it is a usage error.
     let format = Format::of(output)?;
     let mut compute = stylization.open()?;
-    let loaded = file::read_scene(path)?;
-    warn(&loaded.warnings);
+    let loaded = reading.read(path)?;
     let mut scene = loaded.scene;
     let mut result = stylization.stylize(&scene, path, &mut compute)?;
     // Both kinds are printed already. In JSON they come in the order of printing.
     result.warnings.splice(0..0, loaded.warnings);
-    write(format, output, &mut scene, &result)?;
+    write(format, output, writing.options(), &mut scene, &result)?;
     let stylized = Stylized { scene: path, output, n_gaussians: scene.len(), stylization: &result };
     print(*json, &stylized, || format!("{}: {} Gaussians stylized", output.display(), scene.len()))
 }
 
-fn write(format: Format, path: &Path, scene: &mut Scene, result: &Stylization) -> Result<()> {
+fn write(
+    format: Format,
+    path: &Path,
+    options: WriteOptions,
+    scene: &mut Scene,
+    result: &Stylization,
+) -> Result<()> {
     match format {
         Format::Scene => {
             scene.set_colors(&result.colors);
-            file::write_scene(path, scene)?;
+            file::write_scene_with(path, scene, options)?;
         }
         Format::Look => file::write_look(path, &Look::new(scene, &result.colors, result.made_from()))?,
         Format::Colors => file::write_colors(path, &result.colors, scene)?,

@@ -25,7 +25,8 @@ use crate::{
     arguments::{Backend, WeightedPath, at_most_64, beside, fraction, less_than_1},
     choose::{loss_weights, open_encoder},
     compute::processor,
-    terminal::{Interrupt, ProgressLine, note, warn},
+    scenes::ReadArgs,
+    terminal::{Interrupt, ProgressLine, note},
 };
 
 /// Train one decoder from embedded scenes and a folder of paintings.
@@ -38,6 +39,8 @@ pub struct TrainArgs {
     /// Embedded scenes (.sgs).
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<PathBuf>,
+    #[command(flatten)]
+    reading: ReadArgs,
     /// A folder of paintings (.jpg, .png).
     #[arg(long, value_name = "DIR")]
     styles: PathBuf,
@@ -290,8 +293,7 @@ impl TrainArgs {
             self.scenes.len()
         );
         let load = |(i, path): (usize, &PathBuf)| {
-            let loaded = file::read_scene(path)?;
-            warn(&loaded.warnings);
+            let loaded = self.reading.read(path)?;
             let cameras: Vec<Camera> = match sources.get(i) {
                 Some(source) => {
                     let all = read_cameras(source)?.cameras;

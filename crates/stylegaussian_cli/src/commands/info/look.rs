@@ -6,10 +6,11 @@ use anyhow::Result;
 use serde::Serialize;
 use stylegaussian::{Look, file, look::MadeFrom};
 
-use crate::terminal::print;
+use crate::terminal::{lossy, print};
 
 #[derive(Serialize)]
 struct LookInfo<'a> {
+    #[serde(serialize_with = "lossy")]
     path: &'a Path,
     n_gaussians: usize,
     /// The fingerprint of its scene.

@@ -1,0 +1,127 @@
+//! The formats of scenes on the command line: names of outputs, options, and what the commands tell.
+
+#[expect(dead_code, reason = "written for the tests of the command line, of which these use a part")]
+mod support;
+
+use std::fs;
+
+use support::{Bench, stylegaussian};
+
+#[test]
+fn a_wrong_extension_is_a_usage_error_everywhere() {
+    let bench = Bench::new();
+    let (scene, style) = (bench.embedded_scene("a.sgs"), bench.style("s.style.safetensors"));
+    let out = bench.path("out.txt");
+    for arguments in [
+        &["convert", &scene, &out][..],
+        &["stylize", &scene, "--style", &style, "-o", &out],
+        &["embed", &scene, "-o", &out],
+        &["bake", &scene, "--style", "p.png", "-o", &out],
+        &["style", "p.png", "-o", &out],
+    ] {
+        let run = stylegaussian(arguments);
+        assert_eq!(run.code, Some(2), "{arguments:?}: {}", run.stderr);
+        let message = &run.stderr;
+        assert!(message.contains("out.txt: ") && message.contains("extension"), "{message}");
+    }
+    let list = stylegaussian(&["convert", &scene, &out]).stderr;
+    for extension in [".ply", ".sgs", ".splat", ".decoder.safetensors"] {
+        assert!(list.contains(extension), "{list}");
+    }
+    bench.expect_files(&["a.sgs", "s.style.safetensors"]);
+}
+
+#[test]
+fn a_conversion_tells_sizes_and_losses() {
+    let bench = Bench::new();
+    let (scene, splat) = (bench.embedded_scene("a.sgs"), bench.path("b.splat"));
+    let run = stylegaussian(&["convert", &scene, &splat]).expect_success();
+    for part in ["40 Gaussians, 1280 bytes (32.0 each", "% of ", ", pictures at "] {
+        assert!(run.stdout.contains(part), "{part}: {}", run.stdout);
+    }
+    for part in ["a .splat keeps no features", "a .splat keeps no spherical harmonics beyond degree 0"] {
+        assert!(run.stderr.contains(part), "{part}: {}", run.stderr);
+    }
+    let psnr = |arguments: &[&str]| {
+        let json = stylegaussian(&[arguments, &["--json"]].concat()).expect_success().json();
+        assert_eq!(json["output_bytes"], fs::metadata(arguments[2]).unwrap().len());
+        json["psnr_db"].as_f64()
+    };
+    // Base colors alone are rounded to bytes: half a step is 54 dB. Opacities and rotations add to it.
+    let plain = bench.path("plain.sgs");
+    stylegaussian(&["convert", &scene, &plain, "--sh-degree", "0"]).expect_success();
+    let found = psnr(&["convert", &plain, &splat]).expect("some pixel");
+    assert!((35.0..70.0).contains(&found), "{found} dB");
+    let ply = bench.path("c.ply");
+    assert_eq!(psnr(&["convert", &scene, &ply]), None);
+    // Fewer colors are as asked for, and measured.
+    let run = stylegaussian(&["convert", &scene, &ply, "--sh-degree", "0"]).expect_success();
+    assert!(run.stdout.contains("dB") && !run.stderr.contains("degree"), "{run:?}");
+    assert_eq!(bench.scene("c.ply").sh.unwrap().degree, 0);
+}
+
+#[test]
+fn axes_are_told_and_overridden() {
+    let bench = Bench::new();
+    let (scene, turned) = (bench.plain_scene("a.ply"), bench.path("b.ply"));
+    let text = stylegaussian(&["info", &scene]).expect_success().stdout;
+    for part in ["format      3DGS .ply", "axes        RDF, because the format keeps"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    let json = stylegaussian(&["info", &scene, "--axes", "rub", "--json"]).expect_success().json();
+    assert_eq!((&json["axes"], &json["filter"]), (&"RUB".into(), &"classic".into()));
+    assert_eq!(json["axes_because"], "they were asked for");
+    stylegaussian(&["convert", &scene, &turned, "--axes", "rub"]).expect_success();
+    for (a, b) in bench.scene("a.ply").means.iter().zip(bench.scene("b.ply").means) {
+        assert_eq!(*a * glam::Vec3::new(1.0, -1.0, -1.0), b);
+    }
+    let run = stylegaussian(&["info", &scene, "--axes", "xyz"]);
+    assert_eq!(run.code, Some(2));
+    assert!(run.stderr.contains("three letters"), "{}", run.stderr);
+}
+
+#[test]
+fn a_styled_scene_is_written_in_every_format() {
+    let bench = Bench::new();
+    let (scene, style) = (bench.embedded_scene("a.sgs"), bench.style("s.style.safetensors"));
+    let stylize = |out: &str| {
+        let out = bench.path(out);
+        stylegaussian(&["stylize", &scene, "--style", &style, "-o", &out]).expect_success();
+    };
+    stylize("exact.ply");
+    let exact = bench.scene("exact.ply");
+    for extension in stylegaussian::file::writable_extensions() {
+        let name = format!("b.{extension}");
+        stylize(&name);
+        let written = bench.scene(&name);
+        assert_eq!(written.len(), 40);
+        for (mean, color) in written.means.iter().zip(written.base_colors()) {
+            let distance = |i: &usize| exact.means[*i].distance_squared(*mean);
+            let i = (0..40).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
+            let expected = exact.base_colors()[i];
+            // A byte of SPZ stands for 1/38.25 of a coefficient, 0.0074 of a color; others are finer.
+            for (found, expected) in color.into_iter().zip(expected) {
+                // Some formats end at 0 and 1.
+                let is_near = |expected: f32| (found - expected).abs() < 4e-3;
+                assert!(is_near(expected) || is_near(expected.clamp(0.0, 1.0)), "{name}");
+            }
+        }
+    }
+}
+
+/// The names of files are bytes on Unix.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_name_that_is_no_text_is_written_as_json_all_the_same() {
+    use std::{ffi::OsStr, os::unix::ffi::OsStrExt, process::Command};
+    let bench = Bench::new();
+    let scene = bench.plain_scene("a.ply");
+    let out = bench.dir().join(OsStr::from_bytes(b"caf\xe9.sgs"));
+    let program = || Command::new(env!("CARGO_BIN_EXE_stylegaussian"));
+    let run = program().arg("convert").arg(&scene).arg(&out).arg("--json").output().unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&run.stdout).unwrap();
+    assert!(json["output"].as_str().unwrap().ends_with("caf\u{fffd}.sgs"));
+    let run = program().arg("info").arg(&out).arg("--json").output().unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+}
