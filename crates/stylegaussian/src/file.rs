@@ -22,7 +22,7 @@ mod sgs;
 mod style;
 mod tensors;
 
-pub use atomic::write_atomically;
+pub use atomic::{abandon_partial_files, expect_writable, write_atomically};
 use bytes::read_bytes;
 use check::check_scene;
 pub use colors::write_colors;
