@@ -28,6 +28,7 @@ use stylegaussian_train::{
 
 use crate::{
     arguments::{WeightedPath, beside, is_look},
+    outputs::expect_files,
     terminal::{Interrupt, bar, note, print, warn},
 };
 
@@ -109,11 +110,12 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     let began = Instant::now();
     let BakeArgs { scene: path, output, .. } = arguments;
     ensure!(is_look(output), "{}: expected extension .look.safetensors", output.display());
+    let checkpoint = checkpoint_of(output);
+    expect_files([&**output, &*checkpoint].into_iter().chain(arguments.sheet.as_deref()))?;
     let paintings = arguments.paintings()?;
     let loaded = file::read_scene(path)?;
     warn(&loaded.warnings);
     let (scene, cameras) = (loaded.scene, arguments.cameras()?);
-    let checkpoint = checkpoint_of(output);
     let mut baker = Baker::new(arguments.config(), &scene, &cameras, &paintings, arguments.network()?)
         .with_context(|| path.display().to_string())?;
     let recolored = baker.colors().to_vec();
@@ -121,7 +123,7 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
         baker.resume(&checkpoint)?;
         note(format!("going on after step {} of {}", baker.steps(), arguments.steps));
     }
-    // Before the first step, so that a folder that cannot be written, or a full disk, is found at once.
+    // Before the first step, so that a full disk is found at once.
     baker.save(&checkpoint)?;
     let losses = bake(&mut baker, &scene, arguments.steps, &checkpoint, interrupt)?;
     let look = Look::new(&scene, baker.colors(), arguments.made_from(baker.steps()));
@@ -192,7 +194,10 @@ impl BakeArgs {
     }
 
     fn paintings(&self) -> Result<Vec<(Image, f32)>> {
-        self.styles.iter().map(|style| Ok((Image::open(&style.path)?, style.weight as f32))).collect()
+        self.styles
+            .iter()
+            .map(|style| Ok((Image::open_painting(&style.path)?, style.weight as f32)))
+            .collect()
     }
 
     fn network(&self) -> Result<LossNetwork> {

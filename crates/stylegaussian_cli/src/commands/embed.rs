@@ -19,7 +19,8 @@ use stylegaussian_train::{
 
 use crate::{
     arguments::Backend,
-    choose::open_encoder,
+    choose::{expect_seen, open_encoder},
+    outputs::expect_files,
     terminal::{Interrupt, ProgressLine, print, warn},
 };
 
@@ -124,6 +125,7 @@ pub fn run(arguments: &EmbedArgs, interrupt: &Interrupt) -> Result<()> {
         "{}: only .sgs files keep features, expected a name that ends with .sgs",
         output.display()
     );
+    expect_files([&**output])?;
 
     let loaded = file::read_scene(path)?;
     let mut scene = loaded.scene;
@@ -196,6 +198,7 @@ impl EmbedArgs {
         }
         let chosen =
             choose_views(scene, self.views.unwrap_or(DEFAULT_VIEWS) as usize, UVec2::splat(self.size));
+        let chosen = expect_seen(chosen, scene, &self.scene)?;
         let view = |(i, camera)| TrainingView::rendered(format!("{i:06}"), &camera, self.size);
         Ok(chosen.into_iter().enumerate().map(view).collect())
     }

@@ -18,6 +18,7 @@ use stylegaussian_train::{
 
 use crate::{
     choose::{self, loss_weights, open_encoder},
+    outputs::expect_files,
     terminal::{Interrupt, ProgressLine, print, warn},
 };
 
@@ -90,6 +91,7 @@ pub struct EvalArgs {
 /// # Errors
 /// The message names the file or the option at fault.
 pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
+    expect_files(arguments.sheet.as_deref())?;
     let loaded = file::read_scene(&arguments.scene)?;
     warn(&loaded.warnings);
     let scene = loaded.scene;

@@ -9,6 +9,7 @@ use stylegaussian::{Look, Scene, file};
 
 use crate::{
     arguments::is_look,
+    outputs::expect_files,
     stylization::{Stylization, StylizationArgs},
     terminal::{print, usage_error, warn},
 };
@@ -69,6 +70,7 @@ pub fn run(arguments: &StylizeArgs) -> Result<()> {
     // Before anything is read, because it is a usage error.
     let format = Format::of(output)?;
     let mut compute = stylization.open()?;
+    expect_files([&**output])?;
     let loaded = file::read_scene(path)?;
     warn(&loaded.warnings);
     let mut scene = loaded.scene;
