@@ -2,10 +2,9 @@
 
 use stylegaussian::file::look_from_bytes;
 
-/// Reads the look. An accepted one has finite colors for the scene that it names.
+/// Reads the look. An accepted one has a color for each Gaussian of the scene that it names.
 pub fn read(data: &[u8]) {
     if let Ok(look) = look_from_bytes(data, "fuzz.look.safetensors") {
         assert_eq!(look.len(), look.scene.n_gaussians);
-        assert!(look.colors.as_flattened().iter().all(|value| value.is_finite()));
     }
 }

@@ -4,7 +4,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::steps::{Steps, data_folder, workspace_root};
+use crate::steps::{Steps, cargo, data_folder, workspace_root};
 
 /// The targets in `fuzz/`, and the feature that builds each. The quick ones to build come first.
 const TARGETS: [(&str, &str); 10] = [
@@ -40,7 +40,7 @@ pub fn run(arguments: &[String]) -> Result<()> {
 }
 
 fn run_all(steps: &mut Steps, targets: &[(&str, &str)], seconds: u32) -> Result<()> {
-    let mut seeds = nightly(&["run", "--manifest-path", "fuzz/Cargo.toml", "--bin", "seeds", "--"]);
+    let mut seeds = cargo(["run", "--locked", "--package", "stylegaussian", "--example", "fuzz_seeds", "--"]);
     steps.run("seeds", seeds.arg(workspace_root()).arg(data_folder()))?;
     for (target, feature) in targets {
         let mut command = nightly(&["fuzz", "run", target, "--features", feature]);

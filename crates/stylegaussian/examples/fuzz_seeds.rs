@@ -1,5 +1,5 @@
-//! Fills `corpus/` with small files of every kind: made ones, those of the repository, and the real and broken ones of the
-//! test data, if they are there. Arguments: the workspace's root, and the folder of the test data.
+//! Fills `fuzz/corpus` with small files of every kind: made ones, those of the repository, and the real and broken ones of
+//! the test data, if they are there. Arguments: the workspace's root, and the folder of the test data.
 
 use std::{
     env, fs, io,
