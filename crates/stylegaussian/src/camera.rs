@@ -16,6 +16,19 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// Whether a scene can be seen with it: position, focal lengths and center are so far within the range of f32 that
+    /// their squares are too.
+    pub fn is_usable(&self) -> bool {
+        const MOST: f32 = 1e18;
+        let translation = Vec3::from(self.view_from_world.translation);
+        let is_within = |v: Vec2| v.is_finite() && v.abs().max_element() < MOST;
+        self.view_from_world.is_finite()
+            && translation.abs().max_element() < MOST
+            && is_within(self.focal)
+            && is_within(self.center)
+            && self.focal.min_element() > 1.0 / MOST
+    }
+
     /// The camera's position in the world.
     pub fn position(&self) -> Vec3 {
         self.view_from_world.inverse().translation.into()

@@ -80,6 +80,9 @@ impl Decoder {
     /// K of the paper's decoder and of the default one: each Gaussian and its 7 nearest neighbors.
     pub const K: usize = 8;
 
+    /// The largest K. Lists of as many neighbors take a kibibyte per Gaussian.
+    pub const MAX_K: usize = 256;
+
     /// The paper's layer widths from D = 256 input channels (plus E extra ones) to RGB.
     pub const WIDTHS: [usize; 5] = [256, 128, 64, 32, 3];
 

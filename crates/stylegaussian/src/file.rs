@@ -34,7 +34,7 @@ mod spz;
 mod style;
 mod tensors;
 
-pub use atomic::write_atomically;
+pub use atomic::{abandon_partial_files, expect_writable, write_atomically};
 use bytes::read_bytes;
 pub use colors::write_colors;
 pub use decoder::Precision;

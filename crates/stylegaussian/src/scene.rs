@@ -81,6 +81,10 @@ pub struct Features {
 }
 
 impl Features {
+    /// The largest L and D. The paper has 32 and 256. Statistics are matrices `[L, L]`, and the identity basis of a
+    /// full-rank scene is `[D, D]`: 64 MiB of f32 at this size.
+    pub const MAX_CHANNELS: usize = 4096;
+
     /// D, the number of channels of the encoder.
     pub fn n_channels(&self) -> usize {
         self.offset.len()
@@ -220,11 +224,20 @@ impl Scene {
             self.expect_len("SH coefficients", sh.coefficients.len(), n * per_gaussian)?;
         }
         if let Some(features) = &self.features {
+            let (d, l) = (features.n_channels(), features.n_latent);
+            if d.max(l) > Features::MAX_CHANNELS {
+                let found = format!("features of {l} latent and {d} channels");
+                return Err(self.error(found, format!("at most {}", Features::MAX_CHANNELS)));
+            }
             self.expect_len("feature values", features.values.len(), n * features.n_latent)?;
             self.expect_len("basis values", features.basis.len(), features.n_channels() * features.n_latent)?;
             self.expect_len("extra values", features.extra.len(), n * features.n_extra)?;
         }
         if let Some(neighbors) = &self.neighbors {
+            if neighbors.k > Decoder::MAX_K {
+                let found = format!("{} neighbors of each", neighbors.k);
+                return Err(self.error(found, format!("at most {}", Decoder::MAX_K)));
+            }
             self.expect_len("neighbor indices", neighbors.indices.len(), n * neighbors.k)?;
             if let Some(index) = neighbors.indices.iter().find(|&&index| index as usize >= n) {
                 return Err(self.error(format!("neighbor {index}"), "indices below N".into()));
@@ -373,5 +386,8 @@ mod tests {
         check(|s| s.order[0] = 14, "source index 14");
         check(|s| s.sh.as_mut().unwrap().degree = 4, "SH degree 4");
         check(|s| s.features.as_mut().unwrap().n_latent = 3, "8 feature values, expected 12");
+        // Statistics would take 4 L^2 bytes and neighbor lists 4 N K, whatever the size of the file.
+        check(|s| s.features.as_mut().unwrap().n_latent = 300_000, "features of 300000 latent");
+        check(|s| s.neighbors.as_mut().unwrap().k = 1_000_000, "1000000 neighbors");
     }
 }

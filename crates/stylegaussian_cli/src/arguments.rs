@@ -12,6 +12,15 @@ use stylegaussian_train::picture::Background;
 
 /// Longest side of a picture, in pixels.
 pub const MAX_SIDE: u32 = 16_384;
+/// Most pixels of a picture: 8192 x 8192. Drawing keeps color, alpha and depth in f32, the picture as bytes and its PNG
+/// file, 32 bytes a pixel: 2 GiB.
+pub const MAX_PIXELS: u64 = 1 << 26;
+
+/// Whether pictures of this size can be drawn.
+pub fn is_drawable(size: UVec2) -> bool {
+    let n_pixels = u64::from(size.x) * u64::from(size.y);
+    n_pixels > 0 && n_pixels <= MAX_PIXELS && size.max_element() <= MAX_SIDE
+}
 
 /// A file and its weight in a mix: `path` or `path:weight`.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,10 +95,16 @@ pub fn at_most_64<const MIN: usize>(text: &str) -> Result<usize, String> {
 
 /// Width and height of a picture, as in `640x480`.
 pub fn picture_size(text: &str) -> Result<UVec2, String> {
-    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
+    let side = |text: &str| text.parse().ok();
     text.split_once('x')
         .and_then(|(width, height)| Some(UVec2::new(side(width)?, side(height)?)))
-        .ok_or_else(|| format!("expected WIDTHxHEIGHT in pixels, 1 to {MAX_SIDE} each, as in 640x480"))
+        .filter(|&size| is_drawable(size))
+        .ok_or_else(|| {
+            format!(
+                "expected WIDTHxHEIGHT in pixels, as in 640x480: 1 to {MAX_SIDE} each, and at most {MAX_PIXELS} \
+                 together, which take 2 GiB to draw"
+            )
+        })
 }
 
 /// `transparent`, or a color as `RRGGBB` or `#RRGGBB`.
@@ -192,7 +207,19 @@ mod tests {
     #[test]
     fn sizes() {
         assert_eq!(picture_size("640x480"), Ok(UVec2::new(640, 480)));
-        for text in ["640", "640x", "0x480", "640x-1", "100000x1", "640x480x3", "axb"] {
+        assert_eq!(picture_size("16384x4096"), Ok(UVec2::new(16_384, 4096)));
+        for text in [
+            "16384x16384",
+            "16385x1",
+            "16384x4097",
+            "640",
+            "640x",
+            "0x480",
+            "640x-1",
+            "100000x1",
+            "640x480x3",
+            "axb",
+        ] {
             assert!(picture_size(text).is_err(), "{text}");
         }
     }

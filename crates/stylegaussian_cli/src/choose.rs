@@ -5,8 +5,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::{Context, Result};
-use stylegaussian::{Decoder, EncoderId, Scene, file};
+use anyhow::{Context, Result, ensure};
+use stylegaussian::{Camera, Decoder, EncoderId, Scene, file};
 use stylegaussian_defaults::{DECODER, ENCODER, ENCODER_NAME};
 use stylegaussian_encoder::Encoder;
 
@@ -47,6 +47,33 @@ pub fn loss_weights(vgg: Option<&Path>, encoder: Option<&Path>) -> Result<PathBu
     vgg.map(PathBuf::from).or_else(of_encoder).context(
         "the loss needs VGG-19, whatever the encoder is: name its weights (safetensors) with --vgg FILE",
     )
+}
+
+/// Smallest size of a scene for which cameras are chosen, in scene units. A chosen camera keeps 0.3 units away, since the
+/// rasterizer draws nothing nearer than 0.2, and its narrowest lens, of tangent 1e-4, shows 6e-5 units there. Positions in
+/// f32 are exact to 3e-8.
+const SMALLEST_SCENE: f32 = 1e-4;
+
+/// Cameras that were chosen for a scene, which `path` names in errors.
+///
+/// # Errors
+/// If there is none since nothing of the scene is visible, or if the scene is too small or too large for any.
+pub fn expect_seen(cameras: Vec<Camera>, scene: &Scene, path: &Path) -> Result<Vec<Camera>> {
+    let name = path.display();
+    let n = scene.len();
+    let size = scene.bounds().map_or(0.0, |(min, max)| (max - min).max_element());
+    let largest = scene.scales.iter().fold(0.0_f32, |largest, scales| largest.max(scales.max_element()));
+    ensure!(!cameras.is_empty(), "{name}: none of its {n} Gaussians is visible, expected something to see");
+    ensure!(
+        size.max(largest) >= SMALLEST_SCENE,
+        "{name}: found a scene of {:e} units, expected at least {SMALLEST_SCENE:e} to choose cameras for: scale it up",
+        size.max(largest)
+    );
+    ensure!(
+        cameras.iter().all(Camera::is_usable),
+        "{name}: found Gaussians {size:e} units apart, of at most {largest:e} units: no camera in f32 can see them all"
+    );
+    Ok(cameras)
 }
 
 /// A decoder and its name: its path, `scene` or `default`.

@@ -5,13 +5,15 @@ mod choose;
 mod commands;
 mod compute;
 mod download;
+mod outputs;
 mod scenes;
 mod stylization;
 mod terminal;
 
-use std::{env, process::ExitCode};
+use std::{env, panic, process::ExitCode};
 
 use clap::Parser;
+use stylegaussian_encoder::guard::is_guarded;
 
 use commands::Cli;
 use terminal::{Interrupt, error_chain, is_broken_pipe};
@@ -20,6 +22,7 @@ use terminal::{Interrupt, error_chain, is_broken_pipe};
 fn main() -> ExitCode {
     // First of all: setting a variable is sound only while there is one thread, and `Interrupt` starts another.
     quiet_headless_vulkan();
+    keep_quiet_about_caught_panics();
     let cli = Cli::parse();
     match Interrupt::new().and_then(|interrupt| cli.run(&interrupt)) {
         Ok(()) => ExitCode::SUCCESS,
@@ -35,6 +38,16 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Prints no panic that becomes an error: the error's line says all that its reader can use.
+fn keep_quiet_about_caught_panics() {
+    let default = panic::take_hook();
+    panic::set_hook(Box::new(move |panic| {
+        if !is_guarded() {
+            default(panic);
+        }
+    }));
 }
 
 /// Keeps Mesa's device-selection layer out of Vulkan on Linux without a session. Every Vulkan program loads this

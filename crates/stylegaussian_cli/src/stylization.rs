@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clap::{ArgGroup, Args};
 use serde::Serialize;
 use stylegaussian::{
@@ -130,8 +130,8 @@ impl StylizationArgs {
     /// Stylizes `scene`, which `scene_path` names in errors, on the backend that [`open`](Self::open) gave.
     ///
     /// # Errors
-    /// If a style is given and the scene has no features, a look belongs to another scene, a file cannot be read, or
-    /// encoders differ.
+    /// If a style is given and the scene has no features, a look belongs to another scene, a file cannot be read,
+    /// encoders differ, or the styles' numbers are so large that colors are not finite.
     pub fn stylize(&self, scene: &Scene, scene_path: &Path, compute: &mut Compute) -> Result<Stylization> {
         // Above 0: `open` has checked it.
         let total = self.total_weight();
@@ -160,6 +160,13 @@ impl StylizationArgs {
                 look::mix(&scene.base_colors(), self.content, &looks, styled)?
             }
         };
+        let n_broken = colors.iter().filter(|color| color.iter().any(|channel| !channel.is_finite())).count();
+        ensure!(
+            n_broken == 0,
+            "{}: the styles give {n_broken} of {} Gaussians colors that are not finite, expected numbers",
+            scene_path.display(),
+            colors.len()
+        );
         let share = |style: &WeightedPath| Share { path: style.path.clone(), weight: style.weight / total };
         Ok(Stylization {
             colors,
@@ -248,7 +255,7 @@ impl StylizationArgs {
 /// # Errors
 /// If the image cannot be read or encoded.
 pub fn image_style(encoder: &Encoder, path: &Path, size: StyleSize) -> Result<(ChannelStatistics, Paint)> {
-    let image = Image::open(path)?;
+    let image = Image::open_painting(path)?;
     painted_style(encoder, &image, size).with_context(|| path.display().to_string())
 }
 

@@ -14,6 +14,7 @@ use anyhow::{Context, Result};
 use clap::error::ErrorKind;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Serialize, Serializer};
+use stylegaussian::file::abandon_partial_files;
 use stylegaussian_train::{Progress, Stage};
 
 /// Exit code that shells report for a program ended by Ctrl-C.
@@ -55,6 +56,14 @@ pub fn usage_error(message: impl std::fmt::Display) -> anyhow::Error {
 pub fn warn<S: AsRef<str>>(warnings: impl IntoIterator<Item = S>) {
     for warning in warnings {
         eprintln!("warning: {}", warning.as_ref());
+    }
+}
+
+/// Warns that a checkpoint of an earlier version does not name these parts of its training.
+pub fn warn_of_unnamed(checkpoint: &Path, parts: &[&str]) {
+    if !parts.is_empty() {
+        let (name, parts) = (checkpoint.display(), parts.join(", "));
+        warn([format!("{name}: the checkpoint does not name its {parts}, so it may belong to others")]);
     }
 }
 
@@ -110,6 +119,7 @@ impl Interrupt {
             // Relaxed is enough: the flag guards no other data.
             let again = seen.is_requested.swap(true, Ordering::Relaxed);
             if again || !seen.is_watched.load(Ordering::Relaxed) {
+                abandon_partial_files();
                 process::exit(INTERRUPTED);
             }
             eprintln!("stopping in good order; Ctrl-C again ends at once");

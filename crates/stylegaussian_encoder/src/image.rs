@@ -1,11 +1,17 @@
 //! Images as the encoder takes them: RGB 0..1, the display-referred sRGB values of the file.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs::File,
+    io::{self, BufRead, BufReader, Cursor, Read, Seek},
+    path::{Path, PathBuf},
+};
 
 use ::image::{
     DynamicImage, ImageBuffer, ImageDecoder, ImageError as DecodeError, ImageReader, Limits, Rgb, RgbImage,
     imageops::{self, FilterType},
 };
+
+use crate::{encoder::MIN_SIDE, guard::guarded};
 
 /// Longest side that is read, in pixels.
 pub const MAX_SIDE: u32 = 16_384;
@@ -13,6 +19,10 @@ pub const MAX_SIDE: u32 = 16_384;
 pub const MAX_PIXELS: u64 = 1 << 26;
 /// Most bytes that decoding may take: 16-bit RGBA of [`MAX_PIXELS`].
 const MAX_DECODER_BYTES: u64 = MAX_PIXELS * 8;
+/// Most bytes of a file: 16-bit RGBA of [`MAX_PIXELS`] that does not compress, and as much again for its metadata.
+const MAX_FILE_BYTES: u64 = 2 * MAX_DECODER_BYTES;
+/// The first bytes of a JPEG file: the start marker, and the first byte of another.
+const JPEG: [u8; 3] = [0xFF, 0xD8, 0xFF];
 
 /// An RGB image.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,6 +54,39 @@ pub enum ImageError {
         /// The decoder's error.
         source: DecodeError,
     },
+    /// The decoder panicked over the file.
+    #[error("{}: not a readable image: it is malformed ({panic})", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// The panic's message.
+        panic: String,
+    },
+    /// A JPEG file without an end. Decoders fill what is missing with gray.
+    #[error("{}: the JPEG ends before its last row, expected a whole image (truncated?)", path.display())]
+    Truncated {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file is larger than any image that is read.
+    #[error("{}: expected an image of at most {MAX_FILE_BYTES} bytes, the file has more", path.display())]
+    TooManyBytes {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The painting is too small for an encoder to see a stroke.
+    #[error(
+        "{}: the image is {width}x{height}, expected at least {MIN_SIDE}x{MIN_SIDE} pixels",
+        path.display()
+    )]
+    TooSmall {
+        /// The file.
+        path: PathBuf,
+        /// Its columns.
+        width: u32,
+        /// Its rows.
+        height: u32,
+    },
     /// The image is larger than [`MAX_SIDE`] or [`MAX_PIXELS`].
     #[error(
         "{}: the image is {width}x{height}, expected at most {MAX_SIDE} on a side and {MAX_PIXELS} pixels",
@@ -64,29 +107,42 @@ impl Image {
     /// pixels are laid over white, as on paper.
     ///
     /// # Errors
-    /// If the file is absent, is no image, or is larger than [`MAX_SIDE`] or [`MAX_PIXELS`]. The size is checked before
-    /// any pixel is allocated.
+    /// If the file is absent, is no image, ends too early, or is larger than [`MAX_SIDE`] or [`MAX_PIXELS`]. The size is
+    /// checked before any pixel is allocated. A panic of the decoder is an error too.
     pub fn open(path: &Path) -> Result<Self, ImageError> {
-        let read = |source| ImageError::Read { path: path.into(), source };
-        let decode = |source| ImageError::Decode { path: path.into(), source };
+        Self::from_bytes(&file_bytes(path)?, path)
+    }
 
-        let mut reader = ImageReader::open(path).map_err(read)?.with_guessed_format().map_err(read)?;
-        let mut limits = Limits::default();
-        // For what the decoder allocates by itself. The size of the pixels is checked below.
-        limits.max_alloc = Some(MAX_DECODER_BYTES);
-        reader.limits(limits);
-        let mut decoder = reader.into_decoder().map_err(decode)?;
-        let (width, height) = decoder.dimensions();
-        let n_pixels = u64::from(width) * u64::from(height);
-        if width.max(height) > MAX_SIDE || n_pixels > MAX_PIXELS || decoder.total_bytes() > MAX_DECODER_BYTES
-        {
-            return Err(ImageError::TooLarge { path: path.into(), width, height });
+    /// [`open`](Self::open) for a painting, which must be large enough for any encoder.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open), or if a side is shorter than [`MIN_SIDE`].
+    pub fn open_painting(path: &Path) -> Result<Self, ImageError> {
+        let image = Self::open(path)?;
+        let (width, height) = (image.width, image.height);
+        if width.min(height) < MIN_SIDE {
+            return Err(ImageError::TooSmall { path: path.into(), width, height });
         }
-        // Asked of the decoder, since the decoded image no longer knows it.
-        let orientation = decoder.orientation().map_err(decode)?;
-        let mut image = DynamicImage::from_decoder(decoder).map_err(decode)?;
-        image.apply_orientation(orientation);
-        Ok(Self::from(image))
+        Ok(image)
+    }
+
+    /// Reads an image from the bytes of a PNG or JPEG file, which errors call `path`.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self, ImageError> {
+        guarded(|| decoded(bytes, path))
+            .map_err(|panic| ImageError::Malformed { path: path.into(), panic })?
+    }
+
+    /// Width and height in pixels, from the beginning of a PNG or JPEG file. The EXIF orientation is not looked at.
+    ///
+    /// # Errors
+    /// If the file is absent, is no image, or is larger than [`MAX_SIDE`] or [`MAX_PIXELS`].
+    pub fn size(path: &Path) -> Result<(u32, u32), ImageError> {
+        let file = File::open(path).map_err(|source| ImageError::Read { path: path.into(), source })?;
+        let size = || Ok(decoder(BufReader::new(file), path)?.dimensions());
+        guarded(size).map_err(|panic| ImageError::Malformed { path: path.into(), panic })?
     }
 
     /// The image at another size. Each pixel averages the area that it covers (Lanczos of 3 lobes, clamped to 0..1).
@@ -107,6 +163,81 @@ impl Image {
         rgb.iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
         Self { width, height, rgb }
     }
+}
+
+/// The file's contents. A device or a huge file ends in an error and not in memory.
+fn file_bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
+    let read = |source| ImageError::Read { path: path.into(), source };
+    let mut bytes = Vec::new();
+    File::open(path).map_err(read)?.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(read)?;
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        return Err(ImageError::TooManyBytes { path: path.into() });
+    }
+    Ok(bytes)
+}
+
+/// The decoder of an image whose size is within the bounds.
+fn decoder<'a>(
+    file: impl BufRead + Seek + 'a,
+    path: &Path,
+) -> Result<Box<dyn ImageDecoder + 'a>, ImageError> {
+    let decode = |source| ImageError::Decode { path: path.into(), source };
+    let read = |source: io::Error| ImageError::Read { path: path.into(), source };
+    let mut reader = ImageReader::new(file).with_guessed_format().map_err(read)?;
+    let mut limits = Limits::default();
+    // For what the decoder allocates by itself. The size of the pixels is checked below.
+    limits.max_alloc = Some(MAX_DECODER_BYTES);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(decode)?;
+    let (width, height) = decoder.dimensions();
+    let n_pixels = u64::from(width) * u64::from(height);
+    if width.max(height) > MAX_SIDE || n_pixels > MAX_PIXELS || decoder.total_bytes() > MAX_DECODER_BYTES {
+        return Err(ImageError::TooLarge { path: path.into(), width, height });
+    }
+    Ok(Box::new(decoder))
+}
+
+fn decoded(bytes: &[u8], path: &Path) -> Result<Image, ImageError> {
+    let decode = |source| ImageError::Decode { path: path.into(), source };
+    let mut decoder = decoder(Cursor::new(bytes), path)?;
+    if bytes.starts_with(&JPEG) && !is_whole_jpeg(bytes) {
+        return Err(ImageError::Truncated { path: path.into() });
+    }
+    // Asked of the decoder, since the decoded image no longer knows it.
+    let orientation = decoder.orientation().map_err(decode)?;
+    let mut image = DynamicImage::from_decoder(decoder).map_err(decode)?;
+    image.apply_orientation(orientation);
+    Ok(Image::from(image))
+}
+
+/// Whether a JPEG file reaches its end marker (ITU T.81, B.1.1). Segments are skipped by their lengths, since thumbnails
+/// in them have ends of their own.
+fn is_whole_jpeg(bytes: &[u8]) -> bool {
+    const START_OF_SCAN: u8 = 0xDA;
+    const END: u8 = 0xD9;
+    // Behind the start marker.
+    let mut rest = bytes.get(2..).unwrap_or_default();
+    let mut in_scan = false;
+    while let Some(at) = rest.iter().position(|&byte| byte == 0xFF) {
+        let Some(&marker) = rest.get(at + 1) else { return false };
+        rest = match marker {
+            END => return true,
+            // Fill bytes: the next one may begin the marker.
+            0xFF => &rest[at + 1..],
+            // A stuffed byte, a restart or a marker without a length.
+            0x00 | 0x01 | 0xD0..=0xD8 => &rest[at + 2..],
+            // Garbage between markers is skipped, as decoders do, but data of a scan is not a segment.
+            _ => {
+                let Some(length) = rest.get(at + 2..at + 4) else { return false };
+                let length = usize::from(u16::from_be_bytes([length[0], length[1]]));
+                in_scan |= marker == START_OF_SCAN;
+                let Some(rest) = rest.get(at + 2 + length..) else { return false };
+                rest
+            }
+        };
+    }
+    // A file without a scan is for the decoder to refuse.
+    !in_scan
 }
 
 /// Composites alpha over white.

@@ -17,6 +17,7 @@
 pub mod encoder;
 mod engine;
 pub mod features;
+pub mod guard;
 pub mod image;
 pub mod network;
 pub mod onnx;

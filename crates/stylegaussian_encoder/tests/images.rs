@@ -62,20 +62,74 @@ fn exif_orientation_is_applied() {
     assert!(image.rgb[31 * 16 * 3] > 0.9);
 }
 
-/// A PNG's signature and header, and nothing after it.
-fn png_header(width: u32, height: u32) -> Vec<u8> {
-    let mut bytes = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec();
-    bytes.extend(width.to_be_bytes());
-    bytes.extend(height.to_be_bytes());
-    // 8 bits, RGBA, and no interlacing.
-    bytes.extend([8, 6, 0, 0, 0]);
-    let crc = !bytes[12..].iter().fold(!0_u32, |crc, &byte| {
+const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+
+/// A chunk of a PNG file.
+fn chunk(kind: &[u8; 4], data: &[u8]) -> Vec<u8> {
+    let contents = [kind, data].concat();
+    let crc = !contents.iter().fold(!0_u32, |crc, &byte| {
         (0..8).fold(crc ^ u32::from(byte), |crc, _| (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg()))
     });
-    bytes.extend(crc.to_be_bytes());
-    // The start of the pixel data, which the decoder looks for before it tells the size.
-    bytes.extend(b"\0\0\0\x02IDAT\x78\x9c");
-    bytes
+    [&(data.len() as u32).to_be_bytes(), &contents[..], &crc.to_be_bytes()].concat()
+}
+
+/// The header chunk of a PNG file of 8 bits without interlacing.
+fn header(width: u32, height: u32, color: u8) -> Vec<u8> {
+    chunk(b"IHDR", &[&width.to_be_bytes()[..], &height.to_be_bytes(), &[8, color, 0, 0, 0]].concat())
+}
+
+/// A PNG's signature and header, and the start of the pixel data, which the decoder looks for before it tells the size.
+fn png_header(width: u32, height: u32) -> Vec<u8> {
+    [PNG, &header(width, height, 6), b"\0\0\0\x02IDAT\x78\x9c"].concat()
+}
+
+/// The decoder panics over a palette whose length is no multiple of 3.
+#[test]
+fn a_malformed_palette_is_an_error() {
+    // One pixel of index 0: a row of filter 0, as a stored block of zlib (RFC 1950, 1951) with its checksum.
+    let pixel = [0x78, 0x01, 1, 2, 0, 0xFD, 0xFF, 0, 0, 0, 2, 0, 1];
+    let palette = |n: usize| {
+        let parts =
+            [header(1, 1, 3), chunk(b"PLTE", &vec![9; n]), chunk(b"IDAT", &pixel), chunk(b"IEND", &[])];
+        [PNG, &parts.concat()].concat()
+    };
+    let good = open("good.png", |path| fs::write(path, palette(3)).unwrap()).unwrap();
+    assert_eq!(good.rgb, [9.0 / 255.0; 3]);
+    for n in [1, 2, 4, 5, 7] {
+        let error = open("palette.png", |path| fs::write(path, palette(n)).unwrap()).unwrap_err().to_string();
+        assert!(error.contains("palette.png: not a readable image"), "{error}");
+        assert!(!error.contains('\n'), "{error}");
+    }
+}
+
+#[test]
+fn half_a_jpeg_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("whole.jpg");
+    // Noise, so that the scan is long.
+    let noise = |x: u32, y: u32| {
+        Rgb([x.wrapping_mul(0x9E37_79B1).wrapping_add(y.wrapping_mul(0x85EB_CA6B)) as u8; 3])
+    };
+    RgbImage::from_fn(64, 64, noise).save(&path).unwrap();
+    let whole = fs::read(&path).unwrap();
+    Image::from_bytes(&whole, "whole.jpg".as_ref()).unwrap();
+    // Cameras add data behind the end.
+    Image::from_bytes(&[&whole[..], b"more"].concat(), "more.jpg".as_ref()).unwrap();
+    for end in [whole.len() / 2, whole.len() - 2, whole.len() - 1] {
+        let error = Image::from_bytes(&whole[..end], "half.jpg".as_ref()).unwrap_err();
+        assert!(matches!(error, ImageError::Truncated { .. }), "{end}: {error}");
+    }
+}
+
+#[test]
+fn a_painting_has_room_for_a_stroke() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("one.png");
+    RgbImage::new(1, 9).save(&path).unwrap();
+    assert_eq!(Image::size(&path).unwrap(), (1, 9));
+    Image::open(&path).unwrap();
+    let error = Image::open_painting(&path).unwrap_err().to_string();
+    assert!(error.ends_with("one.png: the image is 1x9, expected at least 8x8 pixels"), "{error}");
 }
 
 #[test]

@@ -13,5 +13,6 @@ mod processor;
 pub(crate) mod schedule;
 pub mod vgg;
 
+pub use checkpoint::check_checkpoint;
 pub use loss_network::LossNetwork;
 pub use processor::Processor;

@@ -62,8 +62,17 @@ fn a_resumed_training_takes_the_same_steps() {
     assert!(!first.run(watch, save).unwrap());
 
     let mut second = trainer(3);
-    second.resume(&checkpoint).unwrap();
+    assert_eq!(second.resume(&checkpoint).unwrap(), Vec::<&str>::new());
     assert!(second.run(Watch::default(), save).unwrap());
     assert_eq!(second.losses(), whole.losses());
     assert_eq!(second.decoder().unwrap(), whole.decoder().unwrap());
+
+    // Another painting, and another seed: the checkpoint is not theirs.
+    let loss_network = LossNetwork::open(&vgg, None, Processor::Cpu).unwrap();
+    let paintings = Paintings::new(vec![painting.clone(), painting.clone()], &encoder, loss_network);
+    let config = TrainConfig { seed: 1, warm_iterations: 2, iterations: 3, ..TrainConfig::default() };
+    let scenes = [TrainingScene::new("board", &scene, &cameras, &[48])];
+    let error =
+        Trainer::new(config, &scenes, paintings).unwrap().resume(&checkpoint).unwrap_err().to_string();
+    assert!(error.contains("a training with other paintings and other seed, expected the same"), "{error}");
 }

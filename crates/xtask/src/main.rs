@@ -1,10 +1,12 @@
-//! Set-up and chores of the workspace: `cargo xtask test | demo | bench | assets`.
+//! Set-up and chores of the workspace: `cargo xtask test | demo | bench | assets | fuzz | soak`.
 
 mod assets;
 mod bench;
 mod demo;
 mod features;
+mod fuzz;
 mod packages;
+mod soak;
 mod steps;
 mod test;
 
@@ -18,7 +20,9 @@ Usage: cargo xtask <COMMAND>
   test     everything CI runs: formatting, lints, docs, tests, examples, packages
   demo     the demo scene in every shipped style, in a window; without a display, as pictures in out/demo
   bench    how fast everything is, beside what it could be: [--quick] [--json FILE] [--peer BINARY] [--only WORD]
-  assets   make everything in assets/ and the default decoder anew; needs the test data, and hours";
+  assets   make everything in assets/ and the default decoder anew; needs the test data, and hours
+  fuzz     every reader of files against made-up files: [TARGET...] [--seconds N], 60 each; needs nightly and cargo-fuzz
+  soak     the plugin for half an hour or 10,000 rounds of random changes: [--seconds N] [--seed S]";
 
 fn main() -> ExitCode {
     match run() {
@@ -39,6 +43,8 @@ fn run() -> Result<()> {
         ["demo"] => demo::run(),
         ["bench", ..] => bench::run(&arguments[1..]),
         ["assets"] => assets::run(),
+        ["fuzz", ..] => fuzz::run(&arguments[1..]),
+        ["soak", ..] => soak::run(&arguments[1..]),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");
             Ok(())

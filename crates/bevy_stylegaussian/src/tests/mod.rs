@@ -11,6 +11,7 @@ mod looks;
 mod paint;
 mod pictures;
 mod rooms_apart;
+mod soak;
 mod still_frames;
 mod styles;
 pub(crate) mod world;

@@ -5,30 +5,80 @@ use std::{
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
     process,
-    sync::atomic::{AtomicU32, Ordering},
+    sync::{
+        Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicU32, Ordering},
+    },
 };
 
 use super::error::FileError;
 
+/// Links that are followed to a file, as many as Linux follows.
+const MAX_LINKS: usize = 40;
+
+/// The partial files of this process, for [`abandon_partial_files`].
+static PARTIALS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn partials() -> MutexGuard<'static, Vec<PathBuf>> {
+    // A list of paths has no state that a panic could leave half done.
+    PARTIALS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// A partial file, removed on drop unless it was renamed. Drop runs on an error, and on a panic too.
 struct Partial {
     path: PathBuf,
-    renamed: bool,
+    file: File,
+}
+
+impl Partial {
+    /// Creates an empty file in the directory of `path`.
+    fn beside(path: &Path) -> io::Result<Self> {
+        let path = hidden_name(path)?;
+        let mut partials = partials();
+        // `create_new` refuses a path that exists, so that no link there is followed.
+        let file = File::create_new(&path)?;
+        partials.push(path.clone());
+        Ok(Self { path, file })
+    }
+
+    fn rename(self, path: &Path) -> io::Result<()> {
+        // Under the lock, so that nobody removes the file meanwhile.
+        let mut partials = partials();
+        fs::rename(&self.path, path)?;
+        partials.retain(|partial| *partial != self.path);
+        Ok(())
+    }
 }
 
 impl Drop for Partial {
     fn drop(&mut self) {
-        if !self.renamed {
+        let mut partials = partials();
+        let n = partials.len();
+        partials.retain(|partial| *partial != self.path);
+        // One that was renamed is not in the list any more.
+        if partials.len() < n {
             // A failure to remove it is not reported: the error that led here is the one worth reading.
             let _ = fs::remove_file(&self.path);
         }
     }
 }
 
+/// Removes all partial files of this process, which is about to end by a signal. Threads that begin or finish a file
+/// after this call wait forever.
+pub fn abandon_partial_files() {
+    let partials = partials();
+    for path in partials.iter() {
+        // The process ends: there is nobody to tell.
+        let _ = fs::remove_file(path);
+    }
+    std::mem::forget(partials);
+}
+
 /// Writes a file beside `path`, syncs it to disk and renames it to `path`, replacing an older file.
 ///
-/// On failure the partial file is removed and an older file stays as it was. If `path` is a device or a pipe
-/// (`/dev/full`), it is written to directly, since a file must not replace it.
+/// On failure the partial file is removed and an older file stays as it was. The new file has the permissions of the
+/// older one. If `path` is a symbolic link, the file that it leads to is replaced and the link stays. If it is a device
+/// or a pipe (`/dev/full`), it is written to directly, since a file must not replace it.
 ///
 /// # Errors
 /// If `write` fails or the operating system refuses.
@@ -37,35 +87,65 @@ pub fn write_atomically(
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), FileError> {
     let at = |source| FileError::Io { path: path.into(), source };
-    if fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir()) {
+    let found = fs::metadata(path).ok();
+    if found.as_ref().is_some_and(|found| !found.is_file() && !found.is_dir()) {
         let mut out = BufWriter::with_capacity(1 << 18, File::create(path).map_err(at)?);
         return write(&mut out).and_then(|()| out.flush()).map_err(at);
     }
-    // `create_new` refuses a path that exists, so that no link there is followed.
-    let mut partial = Partial { path: beside(path).map_err(at)?, renamed: false };
-    let file = File::create_new(&partial.path).map_err(at)?;
-    let mut out = BufWriter::with_capacity(1 << 18, file);
-    write(&mut out).map_err(at)?;
-    let file = out.into_inner().map_err(|error| at(error.into_error()))?;
+    let target = followed(path).map_err(at)?;
+    let partial = Partial::beside(&target).map_err(at)?;
+    let mut out = BufWriter::with_capacity(1 << 18, &partial.file);
+    write(&mut out).and_then(|()| out.flush()).map_err(at)?;
+    drop(out);
+    if let Some(found) = found.filter(fs::Metadata::is_file) {
+        partial.file.set_permissions(found.permissions()).map_err(at)?;
+    }
     // Without this a power failure may leave the new name with none of the data.
-    file.sync_all().map_err(at)?;
-    drop(file);
-    fs::rename(&partial.path, path).map_err(at)?;
-    partial.renamed = true;
-    Ok(())
+    partial.file.sync_all().map_err(at)?;
+    partial.rename(&target).map_err(at)
 }
 
-/// A name in the same directory that no other writer uses.
-fn beside(path: &Path) -> io::Result<PathBuf> {
+/// Checks that [`write_atomically`] can write a file at `path`, without leaving one. Minutes of work can then be spared
+/// whose result would be lost. A full disk is not noticed.
+///
+/// # Errors
+/// If its directory does not exist or takes no files, if it is a directory itself, or if its name is too long.
+pub fn expect_writable(path: &Path) -> Result<(), FileError> {
+    let at = |source| FileError::Io { path: path.into(), source };
+    match fs::metadata(path) {
+        Ok(found) if found.is_dir() => return Err(at(io::ErrorKind::IsADirectory.into())),
+        // A device, which is written to directly.
+        Ok(found) if !found.is_file() => return Ok(()),
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(at(error)),
+        _ => {}
+    }
+    followed(path).and_then(|target| Partial::beside(&target)).map_err(at).map(drop)
+}
+
+/// The path behind symbolic links. The file there need not exist.
+fn followed(path: &Path) -> io::Result<PathBuf> {
+    let mut path = path.to_path_buf();
+    for _ in 0..MAX_LINKS {
+        if !fs::symlink_metadata(&path).is_ok_and(|found| found.is_symlink()) {
+            return Ok(path);
+        }
+        // Relative to the directory of the link.
+        let target = fs::read_link(&path)?;
+        path = path.parent().unwrap_or(Path::new("")).join(target);
+    }
+    Err(io::Error::other("too many symbolic links"))
+}
+
+/// A name in the directory of `path` that no other writer uses.
+fn hidden_name(path: &Path) -> io::Result<PathBuf> {
     static COUNTER: AtomicU32 = AtomicU32::new(0);
-    let Some(name) = path.file_name() else {
+    if path.file_name().is_none() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"));
-    };
+    }
     let count = COUNTER.fetch_add(1, Ordering::Relaxed);
     // In the same directory, since a rename is atomic within one file system only. Process and count keep writers
-    // apart.
-    let name = format!(".{}.{}-{count}.partial", name.to_string_lossy(), process::id());
-    Ok(path.with_file_name(name))
+    // apart. Without the file's own name, which may be as long as names can be.
+    Ok(path.with_file_name(format!(".{}-{count}.partial", process::id())))
 }
 
 #[cfg(test)]
@@ -121,5 +201,53 @@ mod tests {
         let result = std::panic::catch_unwind(|| write_atomically(&path, |_| panic!("writer")));
         assert!(result.is_err());
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_replaced_file_keeps_its_permissions() {
+        use std::os::unix::fs::PermissionsExt;
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.bin");
+        write_atomically(&path, |out| out.write_all(b"first")).unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).unwrap();
+        write_atomically(&path, |out| out.write_all(b"second")).unwrap();
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o640);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_link_stays_and_its_file_is_replaced() {
+        use std::os::unix::fs::symlink;
+        let dir = tempfile::tempdir().unwrap();
+        let (file, link, other) =
+            (dir.path().join("far/a.bin"), dir.path().join("link"), dir.path().join("other"));
+        fs::create_dir(dir.path().join("far")).unwrap();
+        symlink("far/a.bin", &link).unwrap();
+        symlink("link", &other).unwrap();
+        // The first time there is no file yet.
+        for contents in [b"first", b"again"] {
+            write_atomically(&other, |out| out.write_all(contents)).unwrap();
+            assert_eq!(fs::read(&file).unwrap(), contents);
+            assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        }
+        let circle = dir.path().join("circle");
+        symlink("circle", &circle).unwrap();
+        assert!(write_atomically(&circle, |_| Ok(())).is_err());
+    }
+
+    #[test]
+    fn a_name_as_long_as_names_can_be() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a".repeat(250));
+        expect_writable(&path).unwrap();
+        write_atomically(&path, |out| out.write_all(b"x")).unwrap();
+        assert!(expect_writable(&dir.path().join("a".repeat(300))).is_err());
+        assert!(expect_writable(dir.path()).is_err());
+        let error = expect_writable(&dir.path().join("missing/a")).unwrap_err().to_string();
+        assert!(error.contains("missing/a: No such file"), "{error}");
+        expect_writable(&path).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"x");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
     }
 }

@@ -8,6 +8,8 @@
 //! - Feature model: the features are f', C = L = 32; the state dict holds A, `layer.weight` `[D, L]`, and b,
 //!   `layer.bias` `[D]`.
 
+use std::cell::Cell;
+
 use glam::Vec3;
 
 use crate::{
@@ -27,9 +29,6 @@ use super::{
     },
     tensors::expect_finite,
 };
-
-/// The most channels D of a checkpoint. The paper has 256; the identity basis of 4,096 takes 64 MiB.
-const MAX_CHANNELS: usize = 4096;
 
 /// A checkpoint's contents, for messages.
 const EXPECTED: &str =
@@ -85,8 +84,9 @@ fn scene(parts: &Parts, file: &PytorchFile<&[u8]>, warnings: &mut Vec<String>) -
     if u32::try_from(n).is_err() {
         return Err(mismatch(format_args!("{n} Gaussians"), "fewer than 2^32"));
     }
+    let source = Source::new(file);
     let rows = |name: &str, info: &TensorInfo, width: Option<usize>| -> Result<Tensor, Mismatch> {
-        let tensor = file.read(name, info)?;
+        let tensor = source.read(name, info)?;
         // Opacity may lack its second dimension.
         let found = if let [n] = tensor.shape[..] { [n, 1] } else { tensor.matrix(name)? };
         if found[0] == n && width.is_none_or(|width| found[1] == width) {
@@ -96,7 +96,7 @@ fn scene(parts: &Parts, file: &PytorchFile<&[u8]>, warnings: &mut Vec<String>) -
         Err(mismatch(format_args!("{name} {:?}", info.shape), format_args!("[{n}, {width}]")))
     };
     let vec3 = |tensor: Tensor| tensor.values.chunks_exact(3).map(Vec3::from_slice).collect();
-    let state = State { file, id: parts.state };
+    let state = State { source: &source, id: parts.state };
     let features = rows("features", features, None)?;
     let (features, decoder) = match state.find("kernels.0") {
         Some(_) => final_model(features, &state)?,
@@ -113,9 +113,35 @@ fn scene(parts: &Parts, file: &PytorchFile<&[u8]>, warnings: &mut Vec<String>) -
     Ok(Scene { decoder, ..activate(stored, warnings) })
 }
 
+/// Bytes of the smallest floating-point number of a tensor.
+const SMALLEST_VALUE: usize = 2;
+
+/// The file, and the number of values that may still be read. Tensors can share a storage, and a file of a few kilobytes
+/// can name one as many times as it likes. All together never have more values than the file has room for.
+struct Source<'a> {
+    file: &'a PytorchFile<&'a [u8]>,
+    values_left: Cell<usize>,
+}
+
+impl<'a> Source<'a> {
+    fn new(file: &'a PytorchFile<&'a [u8]>) -> Self {
+        Self { file, values_left: Cell::new(file.len() / SMALLEST_VALUE) }
+    }
+
+    fn read(&self, name: &str, info: &TensorInfo) -> Result<Tensor, Mismatch> {
+        let n_values = info.shape.iter().try_fold(1, |n: usize, &size| n.checked_mul(size));
+        let left = n_values.and_then(|n| self.values_left.get().checked_sub(n)).ok_or_else(|| {
+            let found = format_args!("`{name}` {:?}, which shares its values with other tensors", info.shape);
+            mismatch(found, "tensors that the file has room for together")
+        })?;
+        self.values_left.set(left);
+        self.file.read(name, info)
+    }
+}
+
 /// The state dict of the network beside the Gaussians.
 struct State<'a> {
-    file: &'a PytorchFile<&'a [u8]>,
+    source: &'a Source<'a>,
     id: Id,
 }
 
@@ -124,7 +150,7 @@ impl<'a> State<'a> {
     fn find(&self, name: &str) -> Option<&'a TensorInfo> {
         // A name of a module ends with a dot, so that `kernels.0` is not found in `otherkernels.0`.
         let is_named = |key: &str| key.strip_suffix(name).is_some_and(|p| p.is_empty() || p.ends_with('.'));
-        let mut found = self.file.pickle.entries(self.id).filter_map(|(key, value)| match value {
+        let mut found = self.source.file.pickle.entries(self.id).filter_map(|(key, value)| match value {
             Object::Tensor(tensor) if is_named(key) => Some(tensor),
             _ => None,
         });
@@ -134,13 +160,14 @@ impl<'a> State<'a> {
 
     fn read(&self, name: &str) -> Result<Tensor, Mismatch> {
         let info = self.find(name).ok_or_else(|| {
-            let keys: Vec<&str> = self.file.pickle.entries(self.id).map(|(key, _)| key).take(12).collect();
+            let keys: Vec<&str> =
+                self.source.file.pickle.entries(self.id).map(|(key, _)| key).take(12).collect();
             mismatch(
                 format_args!("a state dict without `{name}` (it has: {})", keys.join(" ")),
                 "`kernels.{i}` and `bias.{i}`, or `layer.weight` and `layer.bias`",
             )
         })?;
-        let tensor = self.file.read(name, info)?;
+        let tensor = self.source.read(name, info)?;
         expect_finite(name, &tensor.values)?;
         Ok(tensor)
     }
@@ -171,8 +198,8 @@ fn final_model(features: Tensor, state: &State) -> Result<(Features, Option<Deco
     let decoder = Decoder { layers, k, ..Decoder::default() };
     decoder::validate(&decoder)?;
     // The file holds D numbers per row, but the basis D times as many: the file's size does not bound it.
-    if d > MAX_CHANNELS {
-        let expected = format_args!("at most {MAX_CHANNELS}").to_string();
+    if d > Features::MAX_CHANNELS {
+        let expected = format!("at most {}", Features::MAX_CHANNELS);
         return Err(mismatch(format_args!("features of {d} channels"), expected));
     }
     let mut basis = vec![0.0; d * d];

@@ -192,6 +192,9 @@ pub(super) fn validate(decoder: &Decoder) -> Result<(), Mismatch> {
         let found = format!("a decoder of {} layers and K = {}", decoder.layers.len(), decoder.k);
         return Err(mismatch(found, "at least one layer and K at least 1"));
     }
+    if decoder.k > Decoder::MAX_K {
+        return Err(mismatch(format_args!("K = {}", decoder.k), format_args!("at most {}", Decoder::MAX_K)));
+    }
     for (i, layer) in decoder.layers.iter().enumerate() {
         let name = format!("decoder.layers.{i}");
         let n_weights = [layer.d_out, decoder.k, layer.d_in].into_iter().try_fold(1, usize::checked_mul);

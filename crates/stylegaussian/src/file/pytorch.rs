@@ -63,6 +63,14 @@ pub fn read_state_dict(path: &Path) -> Result<StateDict, FileError> {
     state_dict(read_bytes(path)?, path).map_err(|mismatch| mismatch.at(path))
 }
 
+/// Reads a state dict from the bytes of a file that [`read_state_dict`] takes. Errors call the file `name`.
+///
+/// # Errors
+/// As [`read_state_dict`].
+pub fn state_dict_from_bytes(bytes: Vec<u8>, name: &str) -> Result<StateDict, FileError> {
+    state_dict(bytes, Path::new(name)).map_err(|mismatch| mismatch.at(Path::new(name)))
+}
+
 fn state_dict(bytes: Vec<u8>, path: &Path) -> Result<StateDict, Mismatch> {
     let file = PytorchFile::parse(bytes)?;
     match file.pickle.object(file.pickle.root) {
@@ -130,6 +138,11 @@ impl<B: AsRef<[u8]>> PytorchFile<B> {
             }
         };
         Ok(Self { bytes, pickle, storages })
+    }
+
+    /// Bytes of the file.
+    pub(super) fn len(&self) -> usize {
+        self.bytes.as_ref().len()
     }
 
     /// Reads a tensor of this file; `name` is for messages.

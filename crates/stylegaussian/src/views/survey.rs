@@ -1,6 +1,6 @@
 //! Size, middle and direction of a scene, measured so that stray Gaussians do not matter.
 
-use crate::Scene;
+use crate::{Scene, splat::MIN_ALPHA};
 use glam::Vec3;
 
 use super::up::up;
@@ -36,7 +36,8 @@ impl Survey {
     pub fn new(scene: &Scene) -> Option<Self> {
         let stand_in = stand_in(scene);
         let masses = masses(&stand_in);
-        if masses.iter().all(|&mass| mass <= 0.0) {
+        let is_drawn = |opacity: &f32| *opacity >= MIN_ALPHA;
+        if !scene.opacities.iter().any(is_drawn) || masses.iter().all(|&mass| mass <= 0.0) {
             return None;
         }
         let axis = |i: usize| {

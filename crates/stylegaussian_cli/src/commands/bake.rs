@@ -28,6 +28,7 @@ use stylegaussian_train::{
 
 use crate::{
     arguments::{WeightedPath, beside, is_look},
+    outputs::expect_files,
     scenes::ReadArgs,
     terminal::{Interrupt, bar, lossy, note, print, usage_error, warn},
 };
@@ -116,9 +117,10 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     if !is_look(output) {
         return Err(usage_error(format!("{}: expected extension .look.safetensors", output.display())));
     }
+    let checkpoint = checkpoint_of(output);
+    expect_files([&**output, &*checkpoint].into_iter().chain(arguments.sheet.as_deref()))?;
     let paintings = arguments.paintings()?;
     let (scene, cameras) = (arguments.reading.read(path)?.scene, arguments.cameras()?);
-    let checkpoint = checkpoint_of(output);
     let mut baker = Baker::new(arguments.config(), &scene, &cameras, &paintings, arguments.network()?)
         .with_context(|| path.display().to_string())?;
     let recolored = baker.colors().to_vec();
@@ -126,7 +128,7 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
         baker.resume(&checkpoint)?;
         note(format!("going on after step {} of {}", baker.steps(), arguments.steps));
     }
-    // Before the first step, so that a folder that cannot be written, or a full disk, is found at once.
+    // Before the first step, so that a full disk is found at once.
     baker.save(&checkpoint)?;
     let losses = bake(&mut baker, &scene, arguments.steps, &checkpoint, interrupt)?;
     let look = Look::new(&scene, baker.colors(), arguments.made_from(baker.steps()));
@@ -197,7 +199,10 @@ impl BakeArgs {
     }
 
     fn paintings(&self) -> Result<Vec<(Image, f32)>> {
-        self.styles.iter().map(|style| Ok((Image::open(&style.path)?, style.weight as f32))).collect()
+        self.styles
+            .iter()
+            .map(|style| Ok((Image::open_painting(&style.path)?, style.weight as f32)))
+            .collect()
     }
 
     fn network(&self) -> Result<LossNetwork> {

@@ -15,7 +15,8 @@ use stylegaussian_train::{
 use crate::{
     arguments::{Backend, beside},
     compute::processor,
-    terminal::{Interrupt, ProgressLine, note, print, usage_error, warn},
+    outputs::expect_files,
+    terminal::{Interrupt, ProgressLine, note, print, usage_error, warn, warn_of_unnamed},
 };
 
 /// If there is no held-out folder, every so many-th image is held out.
@@ -98,10 +99,11 @@ fn train(
     if !is_onnx {
         return Err(usage_error(format!("{}: expected extension .onnx", output.display())));
     }
-    let mut distillation = Distillation::new(config, teacher, images)?;
     let checkpoint = beside(&output.with_extension(""), "checkpoint.safetensors");
+    expect_files([output, &*checkpoint])?;
+    let mut distillation = Distillation::new(config, teacher, images)?;
     if arguments.resume {
-        distillation.resume(&checkpoint)?;
+        warn_of_unnamed(&checkpoint, &distillation.resume(&checkpoint)?);
     }
     let millions = distillation.multiply_adds([256; 2]) as f64 / 1e6;
     note(format!("{} images; {millions:.0} million multiply-adds at 256x256 pixels", images.len()));

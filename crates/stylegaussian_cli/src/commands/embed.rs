@@ -19,7 +19,8 @@ use stylegaussian_train::{
 
 use crate::{
     arguments::Backend,
-    choose::open_encoder,
+    choose::{expect_seen, open_encoder},
+    outputs::expect_files,
     scenes::{ReadArgs, extension},
     terminal::{Interrupt, ProgressLine, lossy, print, usage_error, warn},
 };
@@ -127,6 +128,7 @@ pub fn run(arguments: &EmbedArgs, interrupt: &Interrupt) -> Result<()> {
         let message = "only .sgs files keep features, expected extension .sgs";
         return Err(usage_error(format!("{}: {message}", output.display())));
     }
+    expect_files([&**output])?;
 
     let mut scene = arguments.reading.read(path)?.scene;
     let encoder = open_encoder(arguments.encoder.as_deref())?;
@@ -197,6 +199,7 @@ impl EmbedArgs {
         }
         let chosen =
             choose_views(scene, self.views.unwrap_or(DEFAULT_VIEWS) as usize, UVec2::splat(self.size));
+        let chosen = expect_seen(chosen, scene, &self.scene)?;
         let view = |(i, camera)| TrainingView::rendered(format!("{i:06}"), &camera, self.size);
         Ok(chosen.into_iter().enumerate().map(view).collect())
     }

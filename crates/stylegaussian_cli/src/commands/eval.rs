@@ -18,6 +18,7 @@ use stylegaussian_train::{
 
 use crate::{
     choose::{self, loss_weights, open_encoder},
+    outputs::expect_files,
     scenes::ReadArgs,
     terminal::{Interrupt, ProgressLine, print},
 };
@@ -93,6 +94,7 @@ pub struct EvalArgs {
 /// # Errors
 /// The message names the file or the option at fault.
 pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
+    expect_files(arguments.sheet.as_deref())?;
     let scene = arguments.reading.read(&arguments.scene)?.scene;
     let encoder_file = arguments.encoder.as_deref();
     let encoder = open_encoder(encoder_file)?;

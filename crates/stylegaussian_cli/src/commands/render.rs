@@ -16,8 +16,10 @@ use stylegaussian_train::{
 };
 
 use crate::{
-    arguments::{MAX_SIDE, background, picture_size},
+    arguments::{MAX_PIXELS, MAX_SIDE, background, is_drawable, picture_size},
+    choose::expect_seen,
     compute::Drawing,
+    outputs::expect_folder,
     scenes::ReadArgs,
     stylization::{Stylization, StylizationArgs},
     terminal::{bar, lossy, print, warn},
@@ -82,6 +84,7 @@ struct RenderedPicture {
 pub fn run(arguments: &RenderArgs) -> Result<()> {
     let RenderArgs { scene: path, stylization, output, json, .. } = arguments;
     let mut compute = stylization.open()?;
+    expect_folder(output)?;
     let scene = arguments.reading.read(path)?.scene;
     let cameras = arguments.cameras(&scene)?;
     let stylized =
@@ -99,9 +102,10 @@ impl RenderArgs {
     /// The cameras at the sizes of the pictures.
     fn cameras(&self, scene: &Scene) -> Result<Vec<Camera>> {
         let cameras = match &self.cameras {
-            Some(path) => cameras_of_file(path)?,
+            Some(path) => cameras_of_file(path, self.size)?,
             None => {
-                orbit(scene, self.orbit.unwrap_or(DEFAULT_ORBIT) as usize, self.size.unwrap_or(DEFAULT_SIZE))
+                let (n, size) = (self.orbit.unwrap_or(DEFAULT_ORBIT), self.size.unwrap_or(DEFAULT_SIZE));
+                expect_seen(orbit(scene, n as usize, size), scene, &self.scene)?
             }
         };
         // An orbit's cameras have this size already, and stay as they are.
@@ -119,26 +123,32 @@ fn render_all(
     fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
     let progress = bar(cameras.len() as u64, "{bar:40} {pos}/{len} pictures, {eta} left");
     let mut pictures = Vec::with_capacity(cameras.len());
+    let mut n_empty = 0;
     for (i, camera) in cameras.iter().enumerate() {
         let path = folder.join(format!("{i:06}.png"));
         let view = drawing.view(camera)?;
+        n_empty += usize::from(view.alpha.iter().all(|&alpha| alpha <= 0.0));
         Picture::of(&view, background).write_png(&path)?;
         pictures.push(RenderedPicture { path, size: camera.size.to_array() });
         progress.inc(1);
     }
     progress.finish_and_clear();
+    if n_empty > 0 {
+        warn([format!("{n_empty} of {} pictures show nothing of the scene", pictures.len())]);
+    }
     Ok(pictures)
 }
 
-/// Cameras of a file, checked for the size of their pictures.
-fn cameras_of_file(path: &Path) -> Result<Vec<Camera>> {
+/// Cameras of a file, checked for the size of their pictures unless they get another `size`.
+fn cameras_of_file(path: &Path, size: Option<UVec2>) -> Result<Vec<Camera>> {
     let set = read_cameras(path)?;
     warn(&set.warnings);
     for posed in &set.cameras {
-        let size = posed.camera.size;
+        let size = size.unwrap_or(posed.camera.size);
         ensure!(
-            size.min_element() > 0 && size.max_element() <= MAX_SIDE,
-            "{}: camera {}: found {}x{} pixels, expected 1 to {MAX_SIDE} on a side",
+            is_drawable(size),
+            "{}: camera {}: found {}x{} pixels, expected 1 to {MAX_SIDE} on a side and at most {MAX_PIXELS} together; \
+             --size gives others",
             path.display(),
             posed.name,
             size.x,

@@ -10,6 +10,7 @@ use stylegaussian_encoder::StyleSize;
 
 use crate::{
     choose::open_encoder,
+    outputs::expect_files,
     stylization::image_style,
     terminal::{lossy, print, usage_error},
 };
@@ -55,6 +56,7 @@ pub fn run(arguments: &StyleArgs) -> Result<()> {
     if !is_safetensors {
         return Err(usage_error(format!("{}: expected extension .style.safetensors", output.display())));
     }
+    expect_files([&**output])?;
     let encoder = open_encoder(encoder.as_deref())?;
     let size = if *squash { StyleSize::Squash256 } else { StyleSize::default() };
     let (statistics, paint) = image_style(&encoder, image, size)?;

@@ -12,6 +12,7 @@ use stylegaussian::{
 
 use crate::{
     arguments::is_look,
+    outputs::expect_files,
     scenes::{ReadArgs, WriteArgs, extension, is_writable, unexpected_extension},
     stylization::{Stylization, StylizationArgs},
     terminal::{lossy, print},
@@ -75,6 +76,7 @@ pub fn run(arguments: &StylizeArgs) -> Result<()> {
     // Before anything is read, because it is a usage error.
     let format = Format::of(output)?;
     let mut compute = stylization.open()?;
+    expect_files([&**output])?;
     let loaded = reading.read(path)?;
     let mut scene = loaded.scene;
     let mut result = stylization.stylize(&scene, path, &mut compute)?;

@@ -23,10 +23,11 @@ use stylegaussian_train::{
 
 use crate::{
     arguments::{Backend, WeightedPath, at_most_64, beside, fraction, less_than_1},
-    choose::{loss_weights, open_encoder},
+    choose::{expect_seen, loss_weights, open_encoder},
     compute::processor,
+    outputs::expect_files,
     scenes::ReadArgs,
-    terminal::{Interrupt, ProgressLine, note},
+    terminal::{Interrupt, ProgressLine, note, warn_of_unnamed},
 };
 
 /// Train one decoder from embedded scenes and a folder of paintings.
@@ -54,8 +55,8 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE")]
     cameras: Vec<PathBuf>,
     /// Number of views of each scene. If neither photos nor cameras are given, they are chosen to suit the scene.
-    #[arg(long, value_name = "N", default_value_t = 24)]
-    views: usize,
+    #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    views: u32,
     /// Longer side of a training view, in pixels. With several sizes, separated by commas, the decoder learns how a
     /// style looks from near and from far.
     #[arg(long, value_name = "PX", value_delimiter = ',', default_value = "256", value_parser = clap::value_parser!(u32).range(32..=4096))]
@@ -172,6 +173,9 @@ struct Loaded {
 /// The message names the file or the option at fault.
 pub fn run(arguments: &TrainArgs, interrupt: &Interrupt) -> Result<()> {
     let TrainArgs { output, styles, encoder, vgg, .. } = arguments;
+    let [checkpoint, losses, sheet] =
+        ["checkpoint.safetensors", "losses.png", "sheet.png"].map(|suffix| beside(output, suffix));
+    expect_files([&**output, &*checkpoint, &*losses, &*sheet])?;
     let processor = processor(arguments.backend)?;
     let config = arguments.config()?;
     let encoder_file = encoder.as_deref();
@@ -202,9 +206,8 @@ pub fn run(arguments: &TrainArgs, interrupt: &Interrupt) -> Result<()> {
             count.scene, count.n_pictures, count.size, count.n_gaussians_in_picture, count.n_gaussians
         ));
     }
-    let checkpoint = beside(output, "checkpoint.safetensors");
     if arguments.resume {
-        trainer.resume(&checkpoint)?;
+        warn_of_unnamed(&checkpoint, &trainer.resume(&checkpoint)?);
     }
 
     let progress = ProgressLine::new();
@@ -221,8 +224,7 @@ pub fn run(arguments: &TrainArgs, interrupt: &Interrupt) -> Result<()> {
             trainer.steps()
         );
     }
-    write_losses(&beside(output, "losses.png"), trainer.losses())?;
-    let sheet = beside(output, "sheet.png");
+    write_losses(&losses, trainer.losses())?;
     let shown: Vec<(&Scene, &[Camera])> =
         scenes.iter().map(|scene| (scene.scene, shown_views(scene))).collect();
     write_contact_sheet(&sheet, &shown, &trainer.decoder()?, &held_out, &encoder)?;
@@ -298,11 +300,14 @@ impl TrainArgs {
                 Some(source) => {
                     let all = read_cameras(source)?.cameras;
                     // Rounded up, so never more than `views`, and perhaps fewer.
-                    let stride = all.len().div_ceil(self.views.max(1)).max(1);
+                    let stride = all.len().div_ceil(self.views as usize).max(1);
                     all.into_iter().step_by(stride).map(|posed| posed.camera).collect()
                 }
                 // Any square does: each training size scales the cameras again.
-                None => choose_views(&loaded.scene, self.views, UVec2::splat(256)),
+                None => {
+                    let chosen = choose_views(&loaded.scene, self.views as usize, UVec2::splat(256));
+                    expect_seen(chosen, &loaded.scene, path)?
+                }
             };
             Ok(Loaded { name: path.display().to_string(), scene: loaded.scene, cameras })
         };

@@ -1,15 +1,13 @@
 //! tract, the built-in engine: an ONNX graph as an optimized plan.
 //!
 //! tract panics over some malformed graphs, and over some sizes of the input. Every call into it catches panics and
-//! returns them as errors, so a user's file cannot end the program. The panic's message still goes to the panic hook of
-//! the process, which prints it by default: the hook belongs to the program, not to this library.
-
-use std::panic::{self, AssertUnwindSafe};
+//! returns them as errors, so a user's file cannot end the program.
 
 use tract_linalg::multithread::{Executor, multithread_tract_scope};
 use tract_onnx::{prelude::*, tract_hir::infer::Factoid};
 
 use super::{MAX_VALUES, Outlet, PROBE_SIDE, Planes, Signature};
+use crate::guard::guarded;
 
 /// tract's version, for people. A test compares it with the workspace's manifest.
 pub(crate) const VERSION: &str = "0.23";
@@ -135,15 +133,7 @@ fn text(error: TractError) -> String {
 
 /// Turns a panic of `work` into an error.
 fn caught<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-    // Unwind safe: what a panic leaves half done is dropped with it, since a plan is only read and each run has a
-    // state of its own.
-    panic::catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
-        // `panic!` with arguments carries a `String`, without any a `&str`.
-        let message = payload.downcast_ref::<String>().map(String::as_str);
-        let message =
-            message.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or("no reason given");
-        Err(format!("the graph is malformed ({message})"))
-    })
+    guarded(work).unwrap_or_else(|message| Err(format!("the graph is malformed ({message})")))
 }
 
 #[cfg(test)]

@@ -98,12 +98,12 @@ pub enum CamerasError {
         camera: String,
     },
     /// The photo that should give a camera's size cannot be read.
-    #[error("{photo}: cannot take the picture's size from it: {source}", photo = .photo.display())]
+    #[error("cannot take the picture's size: {source}")]
     PhotoSize {
         /// The photo.
         photo: PathBuf,
         /// The reason.
-        source: image::ImageError,
+        source: stylegaussian_encoder::ImageError,
     },
 }
 
@@ -141,12 +141,21 @@ impl Intrinsics {
         }
         let rotation = view_from_world.matrix3.as_mat3();
         let translation = view_from_world.translation.as_vec3();
-        Ok(Camera {
+        let camera = Camera {
             view_from_world: Affine3A::from_mat3_translation(rotation, translation),
             focal: self.focal.as_vec2(),
             center: self.center.as_vec2(),
             size: self.size,
-        })
+        };
+        if !camera.is_usable() {
+            let found = format!(
+                "{:e} away, {:e} pixels",
+                view_from_world.translation.length(),
+                self.focal.min_element()
+            );
+            return Err(invalid(path, what, found, "a position and focal lengths below 1e18, above 1e-18"));
+        }
+        Ok(camera)
     }
 }
 

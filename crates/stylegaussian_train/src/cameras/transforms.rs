@@ -5,6 +5,7 @@ use std::path::Path;
 use glam::{DAffine3, DMat3, DVec2, DVec3, UVec2};
 use serde::Deserialize;
 use serde_json::Value;
+use stylegaussian_encoder::Image;
 
 use super::posed::{CameraSet, CamerasError, Intrinsics, PosedCamera, invalid, photo_path, rigid};
 
@@ -148,7 +149,7 @@ impl Lens {
         let Some(photo) = photo else {
             return Err(invalid(path, what, "neither w and h nor a photo", "one of them"));
         };
-        let size = image::image_dimensions(photo);
+        let size = Image::size(photo);
         size.map(UVec2::from).map_err(|source| CamerasError::PhotoSize { photo: photo.into(), source })
     }
 }

@@ -8,11 +8,12 @@ use stylegaussian::{
     random::Random,
     recolor::{ColorMoments, Recoloring},
 };
-use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
+use stylegaussian_encoder::{Encoder, Image, StyleSize, image::MAX_SIDE, style_statistics};
 
 use crate::{
     error::{TrainError, ensure},
     nn::{
+        checkpoint::fingerprint_of_files,
         loss_network::{FeatureRows, LossNetwork, RELU3_1, picture_tensor},
         parameter::to_vec,
     },
@@ -154,17 +155,24 @@ impl<'a> Paintings<'a> {
         })
     }
 
+    /// A fingerprint of all paintings.
+    pub(super) fn fingerprint(&self) -> Result<String, TrainError> {
+        fingerprint_of_files(&self.paths)
+    }
+
     /// One seed for each crop: its part of the painting does not depend on the order in which crops are picked.
     fn seed_of(&self, (painting, crop): CropKey) -> u64 {
         self.seed ^ ((painting * CROPS_PER_PAINTING + crop) as u64).wrapping_mul(0x9E37_79B9)
     }
 
     fn crop(&self, (painting, crop): CropKey) -> Result<Image, TrainError> {
-        let image = Image::open(&self.paths[painting])?;
+        let image = Image::open_painting(&self.paths[painting])?;
         let shorter = image.width.min(image.height);
         let scaled = |side: u32| {
             // In 64 bits, because a side times 512 can overflow 32.
-            (u64::from(side) * u64::from(SHORTER_SIDE) / u64::from(shorter)).max(u64::from(CROP)) as u32
+            let scaled = u64::from(side) * u64::from(SHORTER_SIDE) / u64::from(shorter);
+            // A strip of a few pixels by thousands would otherwise take gigabytes.
+            scaled.clamp(u64::from(CROP), u64::from(MAX_SIDE)) as u32
         };
         let image = image.resized(scaled(image.width), scaled(image.height));
         let mut random = Random::new(self.seed_of((painting, crop)));

@@ -64,7 +64,7 @@ pub fn write_contact_sheet(
 ) -> Result<(), TrainError> {
     let mut rows = Vec::new();
     for painting in paintings {
-        let image = Image::open(painting)?;
+        let image = Image::open_painting(painting)?;
         let style = style_statistics(encoder, &image, StyleSize::default())?;
         let mut row = vec![Picture::of_image(&image)];
         for (scene, cameras) in scenes {

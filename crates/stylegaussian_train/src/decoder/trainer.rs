@@ -3,7 +3,7 @@
 use std::{collections::HashMap, path::Path};
 
 use burn::tensor::Device;
-use stylegaussian::{Decoder, EncoderId, random::Random};
+use stylegaussian::{Camera, Decoder, EncoderId, look::SceneFingerprint, random::Random};
 
 use super::{
     config::{Start, TrainConfig},
@@ -18,7 +18,7 @@ use crate::{
     nn::{
         adam::Adam,
         average::Average,
-        checkpoint::{self, History},
+        checkpoint::{self, History, Origin, fingerprint},
         parameter::to_scalar,
         schedule::cosine,
     },
@@ -63,6 +63,7 @@ pub struct Trainer<'a> {
     adam: Adam,
     average: Average,
     history: History,
+    origin: Origin,
 }
 
 /// The number of training pictures of one scene at one size.
@@ -101,12 +102,14 @@ impl<'a> Trainer<'a> {
             counts.extend(of_scene);
         }
         paintings.seed = config.seed;
+        let origin = origin(&config, scenes, &paintings)?;
         let device = paintings.loss_network.device().clone();
         let network = Network::new(&decoder, &device)?;
         Ok(Self {
             adam: Adam::new(&network.parameters),
             average: Average::new(&network.parameters),
             history: History::default(),
+            origin,
             contents: HashMap::new(),
             scenes: prepared,
             config,
@@ -146,17 +149,22 @@ impl<'a> Trainer<'a> {
     /// # Errors
     /// If the device fails or the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), TrainError> {
-        checkpoint::save(path, FORMAT, &self.network.parameters, &self.adam, &self.average, &self.history)
+        let Self { network, adam, average, history, origin, .. } = self;
+        checkpoint::save(path, FORMAT, &network.parameters, adam, average, history, origin)
     }
 
-    /// Continues from a checkpoint of the same training.
+    /// Continues from a checkpoint of the same training. Returns the parts of the training that the file does not
+    /// name, such as `scenes`: they may be others.
     ///
     /// # Errors
-    /// If the file cannot be read or belongs to another decoder.
-    pub fn resume(&mut self, path: &Path) -> Result<(), TrainError> {
-        let Self { network, adam, average, device, .. } = self;
-        self.history = checkpoint::load(path, FORMAT, &mut network.parameters, adam, average, device)?;
-        Ok(())
+    /// If the file cannot be read, belongs to another decoder, or to a training with other scenes, views or paintings,
+    /// or another seed.
+    pub fn resume(&mut self, path: &Path) -> Result<Vec<&'static str>, TrainError> {
+        let Self { network, adam, average, device, origin, .. } = self;
+        let parameters = &mut network.parameters;
+        let (history, unnamed) = checkpoint::load(path, FORMAT, parameters, adam, average, device, origin)?;
+        self.history = history;
+        Ok(unnamed)
     }
 
     /// Whether steps of the warm start are left.
@@ -274,6 +282,33 @@ impl<'a> Trainer<'a> {
         // complete.
         Ok(!self.is_cold() && self.history.steps >= total)
     }
+}
+
+/// The parts of a training that its checkpoints belong to. Steps and weights of losses may change on the way.
+fn origin(
+    config: &TrainConfig,
+    scenes: &[TrainingScene],
+    paintings: &Paintings,
+) -> Result<Origin, TrainError> {
+    let bytes = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let of_scene = |scene: &TrainingScene| {
+        let features = scene.scene.features.as_ref().map_or(&[][..], |features| &features.values);
+        format!("{} {}", SceneFingerprint::of(scene.scene), fingerprint(bytes(features)))
+    };
+    let of_camera = |camera: &Camera| {
+        let [size, focal, center] =
+            [camera.size.as_vec2(), camera.focal, camera.center].map(|v| v.to_array());
+        [&camera.view_from_world.to_cols_array()[..], &size, &focal, &center].concat()
+    };
+    let cameras = scenes.iter().flat_map(|scene| scene.views.iter().flat_map(|(_, cameras)| cameras));
+    let mut views: Vec<f32> = cameras.flat_map(of_camera).collect();
+    views.push(config.crop as f32);
+    Ok(vec![
+        ("scenes", scenes.iter().map(of_scene).collect::<Vec<_>>().join(", ")),
+        ("views", fingerprint(bytes(&views))),
+        ("paintings", paintings.fingerprint()?),
+        ("seed", config.seed.to_string()),
+    ])
 }
 
 /// The decoder to start from, checked against the scenes' encoder.

@@ -19,7 +19,7 @@ use crate::{
         Processor,
         adam::Adam,
         average::Average,
-        checkpoint::{self, History},
+        checkpoint::{self, History, Origin, fingerprint_of_files},
         ops::row_statistics,
         parameter::to_scalar,
         schedule::cosine,
@@ -90,6 +90,7 @@ pub struct Distillation<'a> {
     adam: Adam,
     average: Average,
     history: History,
+    origin: Origin,
 }
 
 impl<'a> Distillation<'a> {
@@ -99,6 +100,7 @@ impl<'a> Distillation<'a> {
     /// If an image cannot be read or is too small, or the teacher fails or has another resolution than VGG's relu3_1.
     pub fn new(config: DistillConfig, teacher: &'a Encoder, images: &[PathBuf]) -> Result<Self, TrainError> {
         let device = config.processor.device();
+        let origin = vec![("images", fingerprint_of_files(images)?), ("seed", config.seed.to_string())];
         let mut crops = Crops::open(teacher, images, config.seed)?;
         let first = crops.make(0..FIRST_CROPS)?;
         let deviations = deviations(&first, teacher.n_channels())?;
@@ -108,6 +110,7 @@ impl<'a> Distillation<'a> {
             adam: Adam::new(&student.parameters),
             average: Average::new(&student.parameters),
             history: History::default(),
+            origin,
             grids: Grids::new(STEPS, [SIDE as usize; 2], BATCH),
             config,
             teacher,
@@ -132,24 +135,27 @@ impl<'a> Distillation<'a> {
     /// # Errors
     /// If the device fails or the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), TrainError> {
-        let Self { student, adam, average, history, .. } = self;
-        checkpoint::save(path, &self.format(), &student.parameters, adam, average, history)
+        let Self { student, adam, average, history, origin, .. } = self;
+        checkpoint::save(path, &self.format(), &student.parameters, adam, average, history, origin)
     }
 
-    /// Continues from a checkpoint of the same distillation.
+    /// Continues from a checkpoint of the same distillation. Returns the parts of the distillation that the file does
+    /// not name, such as `images`: they may be others.
     ///
     /// # Errors
-    /// If the file cannot be read or belongs to another teacher.
-    pub fn resume(&mut self, path: &Path) -> Result<(), TrainError> {
+    /// If the file cannot be read or belongs to another teacher, other images or another seed.
+    pub fn resume(&mut self, path: &Path) -> Result<Vec<&'static str>, TrainError> {
         let format = self.format();
-        let Self { student, adam, average, device, .. } = self;
-        self.history = checkpoint::load(path, &format, &mut student.parameters, adam, average, device)?;
+        let Self { student, adam, average, device, origin, .. } = self;
+        let parameters = &mut student.parameters;
+        let (history, unnamed) = checkpoint::load(path, &format, parameters, adam, average, device, origin)?;
+        self.history = history;
         let next = new_crops(self.history.steps);
         // Not all crops that were kept: encoding them takes long, and new ones soon follow.
         if next > FIRST_CROPS {
             self.crops.replace(self.crops.make(next - FIRST_CROPS..next)?);
         }
-        Ok(())
+        Ok(unnamed)
     }
 
     /// The student as an ONNX file: the mean over the last part of the training, or the current state before that.

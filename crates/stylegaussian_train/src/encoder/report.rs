@@ -85,7 +85,7 @@ pub fn compare(teacher: &Encoder, student: &Encoder, paths: &[PathBuf]) -> Resul
     let mut moments = vec![Moments::default(); teacher.n_channels()];
     let (mut n, mut mean_errors, mut std_dev_errors) = (0.0, Vec::new(), Vec::new());
     for path in paths {
-        let image = Image::open(path)?;
+        let image = Image::open_painting(path)?;
         let size = StyleSize::default();
         let [t, f] = [style_features(teacher, &image, size)?, style_features(student, &image, size)?];
         let shape = |map: &FeatureMap| (map.width, map.height);

@@ -22,7 +22,7 @@ use super::{
 use crate::{
     cameras::scaled,
     contact_sheet::contact_sheet,
-    error::TrainError,
+    error::{TrainError, ensure},
     picture::{Background, Picture},
     watch::{Stage, Watch},
 };
@@ -82,7 +82,7 @@ impl Views {
     /// with views of `consistency_size` pixels.
     ///
     /// # Errors
-    /// Never in practice: the list of pairs on the orbit is part of the program.
+    /// If no camera can see the scene.
     pub fn choose(scene: &Scene, n: usize, size: u32, consistency_size: u32) -> Result<Self, TrainError> {
         let consistency = on_orbit(scene, consistency_size)?;
         Ok(Self { cameras: choose_views(scene, n, UVec2::splat(size)), consistency })
@@ -92,7 +92,7 @@ impl Views {
     /// if there are none.
     ///
     /// # Errors
-    /// Never in practice: the list of pairs on the orbit is part of the program.
+    /// If there are no pairs, and no camera on the orbit can see the scene.
     pub fn of_cameras(
         scene: &Scene,
         cameras: &[Camera],
@@ -112,6 +112,11 @@ impl Views {
 
 fn on_orbit(scene: &Scene, size: u32) -> Result<Consistency, TrainError> {
     let cameras = orbit(scene, N_ORBIT, UVec2::splat(size));
+    let n = scene.len();
+    ensure!(
+        !cameras.is_empty() && cameras.iter().all(Camera::is_usable),
+        "no camera sees the scene of {n} Gaussians: none is visible, or they lie too far apart"
+    );
     Ok(Consistency::new(scene, &cameras, &Pairs::of_orbit()?))
 }
 
@@ -195,7 +200,7 @@ impl<'a> Gallery<'a> {
         decoder_2d: Option<&'a ImageDecoder>,
     ) -> Result<Self, TrainError> {
         let Subject { scene, encoder, .. } = subject;
-        let paintings = paths.iter().map(|path| Image::open(path)).collect::<Result<Vec<_>, _>>()?;
+        let paintings = paths.iter().map(|path| Image::open_painting(path)).collect::<Result<Vec<_>, _>>()?;
         let unstyled: Vec<RenderedImage> =
             views.cameras.iter().map(|camera| render(scene, Colors::Captured, camera)).collect();
         let baselines = |decoder_2d| -> Result<_, TrainError> {

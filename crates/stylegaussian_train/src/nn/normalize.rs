@@ -4,7 +4,9 @@
 use std::{path::Path, sync::Arc};
 
 use burn::tensor::{Device, Tensor, TensorData};
+use image::{DynamicImage, RgbImage};
 use stylegaussian_encoder::{
+    Image,
     onnx::Convolution,
     vgg::{CONVOLUTIONS, VggConvolution},
 };
@@ -14,10 +16,7 @@ use super::{
     ops::{Windows, max_pool, windows_conv_relu},
     parameter::to_vec,
 };
-use crate::{
-    error::{Context, TrainError},
-    images::list_images,
-};
+use crate::{error::TrainError, images::list_images};
 
 /// Width and height to which images are resized, in pixels. relu4_1 has an eighth of it.
 const SIDE: u32 = 256;
@@ -65,7 +64,7 @@ pub fn normalize(convolutions: &mut [(&str, Convolution)], folder: &Path) -> Res
 
 /// Rows of pixels `[SIDE * SIDE, 3]`, RGB 0..1.
 fn open(path: &Path, device: &Device) -> Result<Tensor<2>, TrainError> {
-    let image = image::open(path).context(|| format!("{}: cannot read the image", path.display()))?;
+    let image = DynamicImage::from(RgbImage::from(&Image::open(path)?));
     let image = image.resize_exact(SIDE, SIDE, image::imageops::FilterType::Triangle).into_rgb32f();
     Ok(Tensor::from_data(TensorData::new(image.into_raw(), [(SIDE * SIDE) as usize, 3]), device))
 }

@@ -122,3 +122,16 @@ fn repacked_checkpoints_read_alike() {
     let scene = read(&archive(&entries, Packing::Zip64)).unwrap().scene;
     check_gaussians(&scene);
 }
+
+/// The file names each tensor once. One that names a tensor a million times must not take a million times its size.
+#[test]
+fn shared_storages_count_each_time() {
+    let file = PytorchFile::parse(FINAL).unwrap();
+    let xyz = find_parts(&file.pickle).unwrap().tensors[0];
+    let source = Source::new(&file);
+    let n_reads = (0..FINAL.len()).take_while(|_| source.read("xyz", xyz).is_ok()).count();
+    // 6 Gaussians of 3 values, in a file of so many bytes.
+    assert_eq!(n_reads, FINAL.len() / 2 / 18);
+    let error = source.read("xyz", xyz).unwrap_err();
+    assert!(error.found.contains("`xyz` [6, 3], which shares its values"), "{error:?}");
+}

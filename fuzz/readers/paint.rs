@@ -1,0 +1,10 @@
+//! The paint in styles, `*.style.safetensors`.
+
+use stylegaussian::file::paint_from_bytes;
+
+/// Reads the paint. An accepted one has 3 bytes for each pixel.
+pub fn read(data: &[u8]) {
+    if let Ok(Some(paint)) = paint_from_bytes(data, "fuzz.style.safetensors") {
+        assert_eq!(paint.pixels.len(), 3 * paint.width * paint.height);
+    }
+}
