@@ -8,24 +8,34 @@
 //! 2. Each seed takes the place in the painting ([`Paint`]) that resembles its features and its recolored color. Over a
 //!    few rounds, seeds continue the places of their neighbors where that costs little, so that strokes run on.
 //! 3. Each Gaussian reads the painting at its offset from the nearest seeds, in their tangent planes. What it reads is
-//!    split into color and detail; the detail is laid over the scene's own large shapes, recolored.
+//!    split into color and bands of detail, and so are the scene's own colors, recolored.
+//! 4. The bands are added up with factors by which small pictures of the scene (*proofs*) have as much detail of each
+//!    size as the painting: a smooth painting takes the scene's grain away, a rough one adds its own. At last the
+//!    proofs' palette and their shares of dark and bright are corrected.
 //!
-//! A painting is read at 1 pixel of it to 1 pixel of a picture of 512 pixels, seen from the usual distance.
+//! A painting is read at 1 pixel of it to 1 pixel of a picture of 512 pixels, seen from a little farther away than from
+//! where the whole scene fills it.
 //!
 //! The stages, one module each: `sight` (how large and how visible Gaussians are), `frames` (normals and directions),
-//! `seeds`, `surface` (all that depends on the scene alone), `painting` (what a style carries), `canvas` (the painting
-//! prepared for reading), `places` (choice and coherence), `reading` (colors).
+//! `seeds`, `smooth` (the scene without its detail), `surface` (all that depends on the scene alone), `painting` (what a
+//! style carries), `canvas` (the painting prepared for reading), `places` (choice and coherence), `reading` (colors),
+//! `proofs` and `bands` (how much detail pictures show), `gains` (the factors), `tone` (dark and bright).
 
+mod bands;
 mod canvas;
 mod frames;
+mod gains;
 mod painting;
 mod places;
+mod proofs;
 mod reading;
 mod seeds;
 mod sight;
+mod smooth;
 mod surface;
 #[cfg(test)]
 mod tests;
+mod tone;
 
 pub use painting::{MAX_PIXELS, Paint, PaintFeatures};
 pub use reading::{Brush, repaint};

@@ -13,10 +13,13 @@ use super::{
 const BLURS: [f32; 5] = [0.0, 1.0, 2.0, 4.0, 8.0];
 
 /// Standard deviation of the painting's color as opposed to its detail, in pixels: strokes are detail.
-const LOW: f32 = 12.0;
+const LOW: f32 = 24.0;
 
-/// Factor of the finest detail beyond 1, against the blur of drawing.
-const CRISPNESS: f32 = 1.0;
+/// Pixels of the painting to one of its color, each way. Nothing is lost after so wide a blur.
+const LOW_STEP: usize = 4;
+
+/// Bands of a painting's detail: between one copy and the next, and between the last and the painting's color.
+pub(super) const N_DETAILS: usize = BLURS.len();
 
 /// Standard deviation of a place's color, in pixels: a place is read about this far around.
 const PLACE_BLUR: f32 = 6.0;
@@ -31,6 +34,7 @@ struct Picture {
 /// A painting prepared for reading.
 pub(super) struct Canvas {
     copies: Vec<Picture>,
+    /// The painting's color: every [`LOW_STEP`]th pixel.
     low: Picture,
     /// Columns and rows of places.
     pub n_places: (usize, usize),
@@ -51,8 +55,8 @@ impl Canvas {
             let next = blurred[blurred.len() - 1].blurred((pair[1] * pair[1] - pair[0] * pair[0]).sqrt());
             blurred.push(next);
         }
-        let place_blur = blurred[3].blurred((PLACE_BLUR * PLACE_BLUR - BLURS[3] * BLURS[3]).sqrt());
-        let low = blurred[4].blurred((LOW * LOW - BLURS[4] * BLURS[4]).sqrt());
+        let low =
+            blurred[4].thinned(LOW_STEP).blurred((LOW * LOW - BLURS[4] * BLURS[4]).sqrt() / LOW_STEP as f32);
         let tensors = blurred[1].structure().blurred(PLACE as f32);
         let n_places = paint.n_places();
         let at_place = |picture: &Picture, place: usize| {
@@ -60,28 +64,34 @@ impl Canvas {
             picture.pixel((x * PLACE + PLACE / 2) as isize, (y * PLACE + PLACE / 2) as isize)
         };
         let places = 0..n_places.0 * n_places.1;
-        Self {
-            place_colors: places.clone().map(|place| at_place(&place_blur, place)).collect(),
-            strokes: places.map(|place| stroke(at_place(&tensors, place))).collect(),
+        let mut canvas = Self {
+            place_colors: Vec::new(),
+            strokes: places.clone().map(|place| stroke(at_place(&tensors, place))).collect(),
             n_places,
             copies: blurred,
             low,
-        }
+        };
+        canvas.place_colors =
+            places.map(|place| canvas.blurred(canvas.center_of(place), PLACE_BLUR)).collect();
+        canvas
+    }
+
+    /// Luminance of each pixel.
+    pub fn luminance(&self) -> Vec<f32> {
+        self.copies[0].values.iter().map(|color| color.dot(LUMINANCE)).collect()
     }
 
     /// Size in pixels.
     pub fn size(&self) -> Vec2 {
-        Vec2::new(self.low.width as f32, self.low.height as f32)
+        Vec2::new(self.copies[0].width as f32, self.copies[0].height as f32)
     }
 
-    /// Low-pass and detail of the painting at `at`, in pixels from its corner, for a Gaussian of standard deviation
-    /// `sigma` pixels. Beyond its edges the painting is mirrored.
-    pub fn read(&self, at: Vec2, sigma: f32) -> (Vec3, Vec3) {
-        let low = self.low.sample(at);
-        let value = self.blurred(at, sigma);
-        // Drawing will blur the detail by the Gaussian's own size. What the next blur would take is added once more.
-        let crisp = value + CRISPNESS * (value - self.blurred(at, 2.0 * sigma.max(0.5)));
-        (low, crisp - low)
+    /// The painting's color at `at`, in pixels from its corner, and bands of its detail from the finest, for a Gaussian
+    /// of standard deviation `sigma` pixels. Beyond its edges the painting is mirrored.
+    pub fn read(&self, at: Vec2, sigma: f32) -> (Vec3, [Vec3; N_DETAILS]) {
+        let low = self.low.sample(at / LOW_STEP as f32);
+        let copies = BLURS.map(|blur| self.blurred(at, blur.max(sigma)));
+        (low, std::array::from_fn(|band| copies[band] - copies.get(band + 1).unwrap_or(&low)))
     }
 
     /// The painting at `at`, blurred by `sigma` pixels.
@@ -137,6 +147,15 @@ impl Picture {
         let pixel = |dx, dy| self.pixel(left as isize + dx, top as isize + dy);
         let upper = pixel(0, 0).lerp(pixel(1, 0), x - left);
         upper.lerp(pixel(0, 1).lerp(pixel(1, 1), x - left), y - top)
+    }
+
+    /// One of `step` x `step` pixels, in the middle of each block.
+    fn thinned(&self, step: usize) -> Self {
+        let (width, height) = (self.width.div_ceil(step), self.height.div_ceil(step));
+        let at = |i: usize| {
+            self.pixel((i % width * step + step / 2) as isize, (i / width * step + step / 2) as isize)
+        };
+        Self { width, height, values: (0..width * height).map(at).collect() }
     }
 
     /// The picture blurred by a Gaussian of standard deviation `sigma`, in pixels.

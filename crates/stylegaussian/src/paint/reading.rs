@@ -4,12 +4,15 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
-    canvas::Canvas,
+    bands::spectrum,
+    canvas::{Canvas, N_DETAILS},
     frames::LUMINANCE,
+    gains::{Range, gains},
     painting::Paint,
     places::{Placement, place},
     seeds::N_READ,
-    surface::{Surface, mix},
+    surface::{Surface, moments},
+    tone::Curve,
 };
 use crate::{
     recolor::{ColorMoments, Recoloring},
@@ -17,25 +20,42 @@ use crate::{
 };
 
 /// How paint is laid on.
+///
+/// Factors of detail are where a search starts that gives the scene's pictures as much detail of each size as the
+/// painting has: a smooth painting takes detail away, a rough one adds it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Brush {
-    /// The painting's detail, as a factor: 0 for none. Above 1, because Gaussians that overlap blur what they carry.
+    /// The usual factor of the painting's detail: 0 for none. Above 1, because Gaussians that overlap blur what they
+    /// carry.
     pub paint: f32,
-    /// The scene's own detail, as a factor: 0 for none, 1 for all of it. Things smaller than a stroke keep more.
+    /// The usual factor of the scene's own detail: 0 for none, 1 for all of it. Things smaller than a stroke keep more.
     pub scene: f32,
-    /// Large shapes, from the scene's recolored colors (0) to the colors of the painting's places (1).
+    /// The usual factor of the painting's large shapes, which are added to the scene's own, recolored: 0 for none.
     pub local_color: f32,
-    /// The share of paint that things finer than a stroke do without, 0..1. Less of it gives more texture, more of it a
-    /// clearer scene. Their own detail is kept in any case.
+    /// The share of the scene that things finer than a stroke keep, 0..1. Less of it gives more texture, more of it a
+    /// clearer scene.
     pub protection: f32,
+    /// How far the shares of dark and bright become the painting's, 0..1.
+    pub tone: f32,
 }
 
 impl Default for Brush {
-    /// Chosen by eye and by measure among a dozen (docs/notes/paint_experiments.md).
+    /// Chosen by eye and by measure (docs/notes/paint_experiments.md).
     fn default() -> Self {
-        Self { paint: 2.2, scene: 0.3, local_color: 0.5, protection: 0.6 }
+        Self { paint: 2.5, scene: 0.15, local_color: 0.7, protection: 0.5, tone: 0.7 }
     }
 }
+
+/// Largest factors of the scene's own detail and of the painting's. More of the former brings out single Gaussians.
+const MOST_SCENE: f64 = 1.0;
+const MOST_PAINT: f64 = 8.0;
+
+/// Largest factors of the painting's large shapes and of the scene's.
+const MOST_LOCAL: f64 = 1.5;
+const MOST_SHAPES: f64 = 4.0;
+
+/// Rounds in which palette and tone are corrected: each disturbs the other a little.
+const ROUNDS: usize = 2;
 
 /// Share of a Gaussian's deviation at which it reads the painting. The whole of it would blur twice: drawing does too.
 const SHARPNESS: f32 = 0.6;
@@ -67,9 +87,9 @@ pub fn repaint(
     let styled = 1.0 - content.clamp(0.0, 1.0);
     // Also if the total is NaN.
     if !(total > 0.0 && total.is_finite()) || styled == 0.0 {
-        return surface.base.iter().map(|color| color.to_array()).collect();
+        return surface.base().iter().map(|color| color.to_array()).collect();
     }
-    let mut colors: Vec<Vec3> = surface.base.iter().map(|color| *color * (1.0 - styled) as f32).collect();
+    let mut colors: Vec<Vec3> = surface.base().iter().map(|color| *color * (1.0 - styled) as f32).collect();
     for (paint, weight) in paints.iter().filter(|(_, weight)| *weight > 0.0) {
         let share = (styled * weight / total) as f32;
         let painted = painted(scene, surface, paint, brush);
@@ -84,38 +104,82 @@ fn painted(scene: &Scene, surface: &Surface, paint: &Paint, brush: Brush) -> Vec
     let rgb: Vec<f32> = paint.pixels.iter().map(|byte| f32::from(*byte) / 255.0).collect();
     let palette = ColorMoments::of_rgb(&rgb);
     let recoloring = Recoloring::new(&surface.moments, &palette);
-    let recolored = |color: Vec3| Vec3::from(recoloring.color(color.to_array()));
-    let seed_colors: Vec<Vec3> = surface.seed_colors.iter().map(|color| recolored(*color)).collect();
+    let recolored = |color: &Vec3| Vec3::from(recoloring.color(color.to_array()));
+    let seed_colors: Vec<Vec3> = surface.seed_colors.iter().map(recolored).collect();
     let placements = place(scene, surface, &seed_colors, paint, &canvas);
+    let levels: Vec<Vec<Vec3>> =
+        surface.levels.iter().map(|level| level.par_iter().map(recolored).collect()).collect();
+    let (parts, ranges) = parts(scene, surface, &canvas, (&levels, &placements), brush);
+    let spectrum = spectrum(&canvas.luminance(), [paint.width, paint.height]);
+    let gains = gains(&surface.proofs.products(&parts), &spectrum, &ranges);
+    let sum = |i: usize| parts.iter().zip(&gains).map(|(part, gain)| part[i] * *gain as f32).sum();
+    let mut colors: Vec<Vec3> = (0..surface.len()).into_par_iter().map(sum).collect();
+    for _ in 0..ROUNDS {
+        colors = corrected(surface, &colors, (&palette, &canvas), brush);
+    }
+    colors
+}
 
-    let own = |i: usize| {
-        let low = recolored(surface.low[i]);
-        (low, recolored(surface.base[i]) - low)
-    };
-    let fineness = fineness(surface, &own);
-    let color = |i: usize| {
-        let (low, detail) = read(scene, surface, &canvas, &placements, i);
-        let (own_low, own_detail) = own(i);
-        // Things of about a stroke's size keep their own detail, and get so much less paint.
-        let fine = fineness[i];
-        let cover = 1.0 - brush.protection * fine;
-        let own_detail = own_detail * (brush.scene + (1.0 - brush.scene) * fine);
-        own_low.lerp(low, brush.local_color * cover) + own_detail + brush.paint * cover * detail
-    };
-    let colors: Vec<Vec3> = (0..surface.len()).into_par_iter().map(color).collect();
-    // The palette once more: detail adds contrast, and the places that were taken are not the whole painting.
-    let moments = ColorMoments::of_weighted(colors.iter().copied().zip(surface.visibility.iter().copied()));
-    let correction = Recoloring::new(&moments, &palette);
+/// The parts `[K]` of a painted scene, each `[N]`, which are to be added up with factors, and the factors' ranges: bands
+/// of the scene's own detail and of the painting's, and large shapes with what is protected.
+fn parts(
+    scene: &Scene,
+    surface: &Surface,
+    canvas: &Canvas,
+    (levels, placements): (&[Vec<Vec3>], &[Placement]),
+    brush: Brush,
+) -> (Vec<Vec<Vec3>>, Vec<Range>) {
+    let (own, shapes) = (&levels[0], &levels[levels.len() - 1]);
+    let read: Vec<(Vec3, [Vec3; N_DETAILS])> =
+        (0..surface.len()).into_par_iter().map(|i| read(scene, surface, canvas, placements, i)).collect();
+    let cover: Vec<f32> =
+        fineness(surface, own, shapes).into_iter().map(|fine| 1.0 - brush.protection * fine).collect();
+    let mean = |colors: &mut dyn Iterator<Item = Vec3>| colors.sum::<Vec3>() / surface.len().max(1) as f32;
+    let apart = mean(&mut read.iter().map(|(low, _)| *low)) - mean(&mut shapes.iter().copied());
+
+    let mut parts: Vec<Vec<Vec3>> = Vec::new();
+    for (finer, coarser) in levels.iter().zip(&levels[1..]) {
+        parts.push((0..surface.len()).map(|i| (finer[i] - coarser[i]) * cover[i]).collect());
+    }
+    for band in 0..N_DETAILS {
+        parts.push(read.iter().zip(&cover).map(|((_, detail), cover)| detail[band] * *cover).collect());
+    }
+    parts.push((0..surface.len()).map(|i| (read[i].0 - shapes[i] - apart) * cover[i]).collect());
+    parts.push((0..surface.len()).map(|i| shapes[i] + (own[i] - shapes[i]) * (1.0 - cover[i])).collect());
+    let range = |usual: f32, most: f64| Range { usual: f64::from(usual).max(0.0), most };
+    let ranges = std::iter::repeat_n(range(brush.scene, MOST_SCENE), levels.len() - 1)
+        .chain(std::iter::repeat_n(range(brush.paint, MOST_PAINT), N_DETAILS))
+        .chain([range(brush.local_color, MOST_LOCAL), range(1.0, MOST_SHAPES)]);
+    (parts, ranges.collect())
+}
+
+/// Colors `[N]` such that pictures have the palette's mean and covariance, and nearly the painting's dark and bright.
+fn corrected(
+    surface: &Surface,
+    colors: &[Vec3],
+    (palette, canvas): (&ColorMoments, &Canvas),
+    brush: Brush,
+) -> Vec<Vec3> {
+    let found = moments(&surface.proofs, &surface.visibility, colors);
+    let recoloring = Recoloring::new(&found, palette);
+    let recolored: Vec<Vec3> =
+        colors.par_iter().map(|color| Vec3::from(recoloring.color(color.to_array()))).collect();
+    let shown = surface.proofs.pixels(&recolored);
+    let luminance = shown.iter().map(|color| color.dot(LUMINANCE)).collect();
+    let curve = Curve::new(luminance, canvas.luminance());
     let range = (Vec3::splat(-OVERSHOOT), Vec3::splat(1.0 + OVERSHOOT));
-    let corrected = |color: Vec3| Vec3::from(correction.color(color.to_array())).clamp(range.0, range.1);
-    colors.into_par_iter().map(corrected).collect()
+    let toned = |color: &Vec3| {
+        let luminance = color.dot(LUMINANCE);
+        (*color + brush.tone * (curve.at(luminance) - luminance)).clamp(range.0, range.1)
+    };
+    recolored.par_iter().map(toned).collect()
 }
 
 /// How much each Gaussian belongs to things that are smaller than a stroke `[N]`, 0..1: the contrast of the scene's own
-/// detail, in luminance, around the seeds that it reads from.
-fn fineness(surface: &Surface, own: &(impl Fn(usize) -> (Vec3, Vec3) + Sync)) -> Vec<f32> {
-    let square = |i: usize| own(i).1.dot(LUMINANCE).powi(2);
-    let squares: Vec<f32> = (0..surface.len()).into_par_iter().map(square).collect();
+/// detail, in luminance, around the seeds that it reads from. Detail is what colors `own` have beyond `shapes`.
+fn fineness(surface: &Surface, own: &[Vec3], shapes: &[Vec3]) -> Vec<f32> {
+    let squares: Vec<f32> =
+        own.iter().zip(shapes).map(|(own, shape)| (*own - *shape).dot(LUMINANCE).powi(2)).collect();
     let of_seeds = surface.seeds.pooled(&squares, 1, &surface.visibility);
     let of_gaussian = |read: &[(u32, f32); N_READ]| {
         let square: f32 = read.iter().map(|(j, weight)| weight * of_seeds[*j as usize]).sum();
@@ -126,27 +190,22 @@ fn fineness(surface: &Surface, own: &(impl Fn(usize) -> (Vec3, Vec3) + Sync)) ->
     surface.seeds.read.iter().map(of_gaussian).collect()
 }
 
-/// The painting's color and detail at Gaussian `i`.
+/// The painting's color and bands of its detail at Gaussian `i`.
 fn read(
     scene: &Scene,
     surface: &Surface,
     canvas: &Canvas,
     placements: &[Placement],
     i: usize,
-) -> (Vec3, Vec3) {
-    let read = surface.seeds.read[i].map(|(j, weight)| {
+) -> (Vec3, [Vec3; N_DETAILS]) {
+    let (mut low, mut details) = (Vec3::ZERO, [Vec3::ZERO; N_DETAILS]);
+    // Seeds without a weight stand at the end of most lists.
+    for (j, weight) in surface.seeds.read[i].into_iter().filter(|(_, weight)| *weight > 0.0) {
         let offset = scene.means[i] - surface.seeds.seeds[j as usize].at;
         let at = placements[j as usize].read_at(offset, surface.pixel);
-        // Seeds without a weight stand at the end of most lists.
-        let read = if weight > 0.0 {
-            canvas.read(at, SHARPNESS * surface.footprints[i])
-        } else {
-            (Vec3::ZERO, Vec3::ZERO)
-        };
-        (read, weight)
-    });
-    (
-        mix(read.map(|((low, _), weight)| (low, weight))),
-        mix(read.map(|((_, detail), weight)| (detail, weight))),
-    )
+        let (its_low, its_details) = canvas.read(at, SHARPNESS * surface.footprints[i]);
+        low += weight * its_low;
+        details.iter_mut().zip(its_details).for_each(|(sum, detail)| *sum += weight * detail);
+    }
+    (low, details)
 }

@@ -2,6 +2,7 @@
 
 use glam::{UVec2, Vec3};
 
+use super::proofs::Proofs;
 use crate::{camera::Camera, scene::Scene, splat::blend_weights, views::choose_views};
 
 /// Views that are taken of the scene. Eight show nearly all that can be seen from outside.
@@ -10,28 +11,39 @@ const N_VIEWS: usize = 8;
 /// Size of those views, in pixels. Small, since only sums over pixels count.
 const VIEW_SIZE: UVec2 = UVec2::splat(128);
 
-/// Side of the pictures that strokes are meant for, in pixels: paintings are kept at 512 x 512 pixels, too.
-const PICTURE_SIDE: f32 = 512.0;
+/// Side of a picture of the whole scene in which strokes are as large as in the painting, in pixels. Paintings have 512.
+/// People take pictures from a third farther away than from where the scene just fills them.
+const PICTURE_SIDE: f32 = 394.0;
+
+/// Proofs: three sides of a scene. They are those of the views that are farthest away, since strokes are meant for
+/// pictures of the whole scene, and not for a closer look.
+const N_PROOFS: usize = 3;
+
+/// Sizes of a proof, in pixels: enough to see, and not more than fit in some 30 MB.
+const PROOF_SIDE: (f32, f32) = (64.0, 512.0);
 
 /// A summary of usual views of a scene.
 pub(super) struct Sight {
     /// Pixels that each Gaussian fills, summed over the views `[N]`.
     pub visibility: Vec<f32>,
-    /// Size of a pixel of a picture of 512 pixels on the scene, in scene units: the median over what is seen.
+    /// Size of a pixel of the painting on the scene, in scene units: the median over what the proofs show.
     pub pixel: f32,
+    /// Pictures by which paint is measured.
+    pub proofs: Proofs,
     /// The direction that is up in the views, a unit vector.
     pub up: Vec3,
 }
 
 impl Sight {
-    /// Looks at `scene` from cameras that are chosen for it.
-    pub fn of(scene: &Scene) -> Self {
+    /// Looks at `scene` from cameras that are chosen for it. `stroke_scale` enlarges pixels of the painting.
+    pub fn of(scene: &Scene, stroke_scale: f32) -> Self {
         let cameras = choose_views(scene, N_VIEWS, VIEW_SIZE);
         let mut visibility = vec![0.0; scene.len()];
-        let mut sizes = Vec::new();
+        let mut views = Vec::new();
         for camera in &cameras {
             let weights = blend_weights(scene, camera);
             let n_pixels = VIEW_SIZE.element_product() as usize;
+            let mut sizes = Vec::new();
             for (i, pixels) in weights.apply_transposed(&vec![1.0; n_pixels], 1).into_iter().enumerate() {
                 if pixels > 0.0 {
                     visibility[i] += pixels;
@@ -40,10 +52,17 @@ impl Sight {
                     sizes.push((z / focal, pixels));
                 }
             }
+            views.extend(weighted_median(&mut sizes).map(|pixel| (pixel, camera)));
         }
         let up = cameras.iter().map(up_of).sum::<Vec3>().try_normalize().unwrap_or(Vec3::Y);
-        let pixel = weighted_median(&mut sizes).unwrap_or_else(|| pixel_of_extent(scene));
-        Self { visibility, pixel, up }
+        // The sort is stable: of views from the same distance the most useful come first.
+        views.sort_by(|a, b| b.0.total_cmp(&a.0));
+        views.truncate(N_PROOFS);
+        let pixel = views.get(views.len() / 2).map_or_else(|| pixel_of_extent(scene), |(pixel, _)| *pixel);
+        let side = (PICTURE_SIDE / stroke_scale).clamp(PROOF_SIDE.0, PROOF_SIDE.1);
+        let proofs: Vec<Camera> =
+            views.iter().map(|(_, camera)| camera.resized(UVec2::splat(side as u32))).collect();
+        Self { visibility, pixel: pixel * stroke_scale, proofs: Proofs::new(scene, &proofs), up }
     }
 }
 

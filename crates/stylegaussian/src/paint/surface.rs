@@ -2,11 +2,16 @@
 
 use glam::Vec3;
 
-use super::{frames::Frames, seeds::Seeds, sight::Sight};
+use rayon::prelude::*;
+
+use super::{frames::Frames, proofs::Proofs, seeds::Seeds, sight::Sight, smooth::smooth};
 use crate::{neighbors::Neighbors, recolor::ColorMoments, scene::Scene};
 
 /// Distance of seeds, in pixels of the painting: about the length of a stroke in a painting of 512 pixels.
 const SPACING: f32 = 28.0;
+
+/// Standard deviations of the scene's smoothed colors, in pixels of the painting. The last ones are its large shapes.
+const SMOOTH: [f32; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
 /// Neighbors that normals and directions are averaged over.
 const N_NEIGHBORS: usize = 8;
@@ -21,15 +26,15 @@ pub struct Surface {
     /// Standard deviation of each Gaussian along its two longer axes (their geometric mean), in pixels of the painting
     /// `[N]`.
     pub(super) footprints: Vec<f32>,
-    /// Base colors `[N]`.
-    pub(super) base: Vec<Vec3>,
-    /// Base colors without detail smaller than a stroke `[N]`.
-    pub(super) low: Vec<Vec3>,
+    /// Base colors, and the same ever smoother `[N]` each: the last without detail smaller than a stroke.
+    pub(super) levels: Vec<Vec<Vec3>>,
+    /// Pictures by which paint is measured.
+    pub(super) proofs: Proofs,
     /// Mean base color around each seed `[M]`.
     pub(super) seed_colors: Vec<Vec3>,
     /// Mean latent features around each seed `[M, L]`; empty if the scene has none.
     pub(super) seed_features: Vec<f32>,
-    /// Moments of the base colors, by visibility.
+    /// Moments of the base colors, as pictures show them.
     pub(super) moments: ColorMoments,
 }
 
@@ -40,8 +45,8 @@ impl Surface {
     /// Takes a few seconds for 70,000 Gaussians on two cores.
     pub fn new(scene: &Scene, stroke_scale: f32) -> Self {
         let stroke_scale = if stroke_scale > 0.0 && stroke_scale.is_finite() { stroke_scale } else { 1.0 };
-        let sight = Sight::of(scene);
-        let pixel = sight.pixel * stroke_scale;
+        let sight = Sight::of(scene, stroke_scale);
+        let pixel = sight.pixel;
         let found;
         let neighbors = match &scene.neighbors {
             Some(neighbors) if neighbors.k >= N_NEIGHBORS => neighbors,
@@ -56,20 +61,22 @@ impl Surface {
         let flat: Vec<f32> = base.iter().flat_map(|color| color.to_array()).collect();
         let seed_colors: Vec<Vec3> =
             seeds.pooled(&flat, 3, &sight.visibility).chunks_exact(3).map(Vec3::from_slice).collect();
-        let low =
-            seeds.read.iter().map(|read| mix(read.map(|(j, w)| (seed_colors[j as usize], w)))).collect();
         let seed_features = scene.features.as_ref().map_or_else(Vec::new, |features| {
             seeds.pooled(&features.values, features.n_latent, &sight.visibility)
         });
-        let moments = ColorMoments::of_weighted(base.iter().copied().zip(sight.visibility.iter().copied()));
+        let moments = moments(&sight.proofs, &sight.visibility, &base);
+        let smoothed =
+            SMOOTH.par_iter().map(|size| smooth(&scene.means, &base, &sight.visibility, size * pixel));
+        let smoothed: Vec<Vec<Vec3>> = smoothed.collect();
+        let levels = std::iter::once(base).chain(smoothed).collect();
         let footprints = scene.scales.iter().map(|scales| footprint(*scales) / pixel).collect();
         Self {
             seeds,
             pixel,
             visibility: sight.visibility,
             footprints,
-            base,
-            low,
+            levels,
+            proofs: sight.proofs,
             seed_colors,
             seed_features,
             moments,
@@ -78,18 +85,26 @@ impl Surface {
 
     /// N, the number of Gaussians.
     pub fn len(&self) -> usize {
-        self.base.len()
+        self.base().len()
+    }
+
+    /// Base colors `[N]`.
+    pub(super) fn base(&self) -> &[Vec3] {
+        &self.levels[0]
     }
 
     /// Whether the scene has no Gaussian.
     pub fn is_empty(&self) -> bool {
-        self.base.is_empty()
+        self.base().is_empty()
     }
 }
 
-/// The weighted sum.
-pub(super) fn mix(parts: impl IntoIterator<Item = (Vec3, f32)>) -> Vec3 {
-    parts.into_iter().map(|(value, weight)| value * weight).sum()
+/// Moments of what pictures show in these colors `[N]`, or of the Gaussians by visibility if they show nothing.
+pub(super) fn moments(proofs: &Proofs, visibility: &[f32], colors: &[Vec3]) -> ColorMoments {
+    match proofs.is_empty() {
+        true => ColorMoments::of_weighted(colors.iter().copied().zip(visibility.iter().copied())),
+        false => ColorMoments::of_weighted(proofs.pixels(colors).into_iter().map(|color| (color, 1.0))),
+    }
 }
 
 /// The geometric mean of the two larger scales.

@@ -1,0 +1,94 @@
+//! Proofs: small pictures of the scene from usual distances, by which paint is measured before it is shown.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::{
+    bands::{Mask, N_BANDS, dot},
+    frames::LUMINANCE,
+};
+use crate::{
+    camera::Camera,
+    scene::Scene,
+    splat::{BlendWeights, blend_weights},
+};
+
+/// Least alpha of pixels that count: the background shines through the others.
+const COVERED: f32 = 0.9;
+
+/// Least blend weight that is kept. Most of a pixel's many weights are smaller, and sum to little.
+const LEAST_WEIGHT: f32 = 0.004;
+
+/// Pictures of the scene that can be drawn in any colors at once.
+pub(super) struct Proofs(Vec<Proof>);
+
+struct Proof {
+    /// Blend weights of the pixels that count, summing to 1 in each: one row for each.
+    weights: BlendWeights,
+    mask: Mask,
+}
+
+impl Proofs {
+    /// Pictures of `scene` from `cameras`. Those that show nothing are left out.
+    pub fn new(scene: &Scene, cameras: &[Camera]) -> Self {
+        let proofs = cameras.iter().map(|camera| Proof::new(blend_weights(scene, camera)));
+        Self(proofs.filter(|proof| !proof.mask.covered.is_empty()).collect())
+    }
+
+    /// Whether nothing is seen.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The pixels of all proofs if Gaussians have these `colors` `[N]`.
+    pub fn pixels(&self, colors: &[Vec3]) -> Vec<Vec3> {
+        let flat: Vec<f32> = colors.iter().flat_map(|color| color.to_array()).collect();
+        let drawn = self.0.iter().map(|proof| proof.weights.apply(&flat, 3));
+        drawn.flat_map(|pixels| pixels.chunks_exact(3).map(Vec3::from_slice).collect::<Vec<_>>()).collect()
+    }
+
+    /// Products of the luminance of K `parts` of colors, each `[N]`, in each band `[K, K]`: how much of the band's energy
+    /// each pair of parts gives.
+    pub fn products(&self, parts: &[Vec<Vec3>]) -> [Vec<f64>; N_BANDS] {
+        let n = parts.len();
+        let n_gaussians = parts.first().map_or(0, Vec::len);
+        let row = |i: usize| parts.iter().map(move |part| part[i].dot(LUMINANCE));
+        let luminance: Vec<f32> = (0..n_gaussians).flat_map(row).collect();
+        let mut products: [Vec<f64>; N_BANDS] = std::array::from_fn(|_| vec![0.0; n * n]);
+        for proof in &self.0 {
+            let drawn = proof.weights.apply(&luminance, n);
+            let of_part = |part: usize| {
+                proof.mask.bands(&drawn.iter().skip(part).step_by(n).copied().collect::<Vec<_>>())
+            };
+            let bands: Vec<_> = (0..n).into_par_iter().map(of_part).collect();
+            for (band, products) in products.iter_mut().enumerate() {
+                for (i, product) in products.iter_mut().enumerate() {
+                    *product += dot(&bands[i / n][band], &bands[i % n][band]);
+                }
+            }
+        }
+        products
+    }
+}
+
+impl Proof {
+    fn new(weights: BlendWeights) -> Self {
+        let row = |pixel: usize| weights.starts[pixel] as usize..weights.starts[pixel + 1] as usize;
+        let n_pixels = weights.starts.len() - 1;
+        let is_covered = |pixel: usize| weights.weights[row(pixel)].iter().sum::<f32>() > COVERED;
+        let counts: Vec<bool> = (0..n_pixels).map(is_covered).collect();
+        let mut kept = BlendWeights { starts: vec![0], indices: Vec::new(), weights: Vec::new(), ..weights };
+        for pixel in (0..n_pixels).filter(|&pixel| counts[pixel]) {
+            let entries = || row(pixel).map(|i| (weights.indices[i], weights.weights[i]));
+            let most = entries().map(|(_, weight)| weight).fold(0.0, f32::max);
+            // Of many thin Gaussians none may have the least weight: half of the largest weight is kept in any case.
+            let kept_here = || entries().filter(|(_, weight)| *weight >= LEAST_WEIGHT.min(0.5 * most));
+            let total: f32 = kept_here().map(|(_, weight)| weight).sum();
+            kept.indices.extend(kept_here().map(|(gaussian, _)| gaussian));
+            kept.weights.extend(kept_here().map(|(_, weight)| weight / total));
+            kept.starts.push(kept.indices.len() as u32);
+        }
+        let size = [kept.size.x as usize, kept.size.y as usize];
+        Self { mask: Mask::new(&counts, size), weights: kept }
+    }
+}
