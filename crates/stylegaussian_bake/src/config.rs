@@ -60,7 +60,7 @@ impl BakeConfig {
     ///
     /// More and smaller Gaussians take strokes more slowly: a step moves those that a crop shows, by their share of a pixel.
     pub fn for_scene(n_gaussians: usize) -> Self {
-        // The demo scene's size; 271,000 Gaussians (bonsai) then get 300 steps, which take one and a half minutes on two cores.
+        // 70,000 is the size of the demo scene. Bonsai with its 271,000 Gaussians gets 300 steps.
         let larger = (n_gaussians as f64 / 70_000.0).powf(0.3).clamp(1.0, 2.0);
         let steps = (f64::from(Self::DEFAULT.steps) * larger).round() as u32;
         Self { steps, ..Self::DEFAULT }
