@@ -13,6 +13,7 @@ use crate::{
     cameras::Cameras,
     checkpoint::{Identity, Length, State},
     config::BakeConfig,
+    damping,
     error::BakeError,
     loss::{
         self, Losses, matching,
@@ -65,7 +66,8 @@ impl Baker {
         let grids = network.grids(Size { width: side, height: side }, true);
         let captured = scene.base_colors();
         let recoloring = Recoloring::new(&cameras.colors, &paintings.colors);
-        let colors: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
+        let recolored: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
+        let colors = damping::damped(&config, scene, &cameras, &paintings, &recolored);
         let adam = Adam::new(scene.len());
         let captured: Vec<f32> = captured.into_iter().flatten().collect();
         let identity = identity(&config, scene, &captured, &paintings, &cameras);
@@ -268,6 +270,7 @@ fn identity(
     identity.add(format!("{config:?} {}", SceneFingerprint::of(scene)).into_bytes());
     identity.add_floats(captured);
     identity.add_floats(&cameras.pixels);
+    identity.add_floats(&[cameras.pixel_size]);
     identity.add_floats(&paintings.mean);
     for layer in paintings.layers(false) {
         identity.add_floats(&layer.statistics.mean);

@@ -22,12 +22,14 @@ pub struct BakeConfig {
     pub steps: u32,
     /// Random seed.
     pub seed: u64,
-    /// Side of the pictures that are compared, in pixels; a multiple of 4.
+    /// Side of the pictures that are compared, in pixels; a multiple of 8.
     pub crop: u32,
     /// Side of a whole view, in pixels: the scale of strokes. Paintings are compared at as many pixels.
     pub view: u32,
     /// Adam's rate at the first step, in units of color. It falls to 30% along a cosine.
     pub rate: f32,
+    /// Share of the way, 0..1, that the scene's own detail is damped to the paintings' before the first step.
+    pub damping: f32,
     /// Share of the new crop in the running statistics, 0..1.
     pub pool: f32,
     /// Cells of a crop that are matched at each layer.
@@ -46,11 +48,23 @@ impl BakeConfig {
         crop: 192,
         view: 512,
         rate: 0.04,
+        damping: 1.0,
         pool: 0.3,
         queries: 1000,
         keys: 2500,
-        weights: LossWeights { matching: 1.0, statistics: 0.3, content: 0.01, palette: 0.1, range: 1.0 },
+        weights: LossWeights { matching: 1.0, statistics: 1.0, content: 0.01, palette: 0.1, range: 1.0 },
     };
+
+    /// The default settings for a scene of `n_gaussians`: as many steps as [`Self::DEFAULT`] up to 70,000 Gaussians, then
+    /// more, up to twice as many.
+    ///
+    /// More and smaller Gaussians take strokes more slowly: a step moves those that a crop shows, by their share of a pixel.
+    pub fn for_scene(n_gaussians: usize) -> Self {
+        // 70,000 is the size of the demo scene. Bonsai with its 271,000 Gaussians gets 300 steps.
+        let larger = (n_gaussians as f64 / 70_000.0).powf(0.3).clamp(1.0, 2.0);
+        let steps = (f64::from(Self::DEFAULT.steps) * larger).round() as u32;
+        Self { steps, ..Self::DEFAULT }
+    }
 
     /// These settings with the style at `strength`: 0 gives the recolored scene, 1 the default, 2 a bold picture in which
     /// the scene's own detail may get lost.
@@ -59,12 +73,23 @@ impl BakeConfig {
     /// kept of the scene's own features falls with it.
     pub fn with_strength(self, strength: f32) -> Self {
         let weights = LossWeights { content: self.weights.content / strength.max(0.1), ..self.weights };
-        Self { rate: self.rate * strength, weights, ..self }
+        Self { rate: self.rate * strength, damping: (self.damping * strength).min(1.0), weights, ..self }
     }
 }
 
 impl Default for BakeConfig {
     fn default() -> Self {
         Self::DEFAULT
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn larger_scenes_take_more_steps() {
+        let steps = |n| BakeConfig::for_scene(n).steps;
+        assert_eq!([steps(0), steps(70_000), steps(271_123), steps(10_000_000)], [200, 200, 300, 400]);
     }
 }

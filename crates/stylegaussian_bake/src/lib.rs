@@ -26,6 +26,7 @@ mod baker;
 mod cameras;
 mod checkpoint;
 mod config;
+mod damping;
 mod error;
 mod loss;
 mod luminance;

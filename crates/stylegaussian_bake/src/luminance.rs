@@ -15,7 +15,8 @@ pub(crate) struct Tone {
     pub square: f32,
 }
 
-fn luminance(pixel: &[f32]) -> f32 {
+/// Luminance of a color.
+pub(crate) fn luminance(pixel: &[f32]) -> f32 {
     pixel.iter().zip(LUMINANCE).map(|(value, weight)| value * weight).sum()
 }
 

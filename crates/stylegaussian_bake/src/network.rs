@@ -53,6 +53,9 @@ pub(crate) struct Features(Vec<Values>);
 /// is the last, conv2_1 three operations (conv2_2, max-pool, conv3_1) before it, conv1_1 six.
 const VGG_FROM_THE_END: [usize; 3] = [6, 3, 0];
 
+/// Sizes at which filters look at a picture: full, half, quarter and eighth. The coarser ones see broad strokes and areas,
+/// which a painting of a quiet hand is made of.
+const FILTER_SIZES: usize = 4;
 /// Weight of the filters' statistics: there is no other layer at full size, where grain is.
 const FILTERS_WEIGHT: f32 = 2.0;
 
@@ -80,7 +83,7 @@ impl LossNetwork {
     }
 
     /// The default network: the inner layers and the output of a distilled encoder beside fixed oriented filters at full
-    /// and half size, which the encoder lacks.
+    /// size and down to an eighth, which the encoder lacks.
     ///
     /// `onnx` are the bytes of the encoder's file, `name` is its name in errors.
     ///
@@ -95,7 +98,9 @@ impl LossNetwork {
             let last = chain.operations.len();
             (chain, vec![Tap { value: last, statistics: FILTERS_WEIGHT, matching: 0.0, content: false }])
         };
-        Ok(Self::new(vec![(chain, layers), filters(bank::full_size()), filters(bank::half_size())]))
+        let mut chains = vec![(chain, layers)];
+        chains.extend((0..FILTER_SIZES).map(|halvings| filters(bank::filters_after(halvings))));
+        Ok(Self::new(chains))
     }
 
     fn new(chains: Vec<(Chain, Vec<Tap>)>) -> Self {

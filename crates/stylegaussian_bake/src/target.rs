@@ -5,6 +5,7 @@ use stylegaussian::{random::Random, recolor::ColorMoments};
 use stylegaussian_encoder::{Image, StyleSize};
 
 use crate::{
+    damping::{Bands, picture_bands},
     error::BakeError,
     loss::{
         matching::normalized,
@@ -38,6 +39,8 @@ pub(crate) struct Paintings {
     pub palette: Palette,
     /// Moments of the colors.
     pub colors: ColorMoments,
+    /// Deviations of luminance in bands of detail.
+    pub bands: Bands,
     /// The mean color.
     pub mean: [f32; 3],
     /// Weights, which sum to 1.
@@ -61,6 +64,11 @@ impl Paintings {
         };
         let mut layers = [Vec::new(), Vec::new()];
         let tone = Tone::of(&colors, 0..colors.len() / 3);
+        let mut bands = Bands::default();
+        for (image, share) in images.iter().zip(&shares) {
+            let of_image = picture_bands(&image.rgb, image.width as usize);
+            bands.iter_mut().zip(of_image).for_each(|(sum, value)| *sum += share * value);
+        }
         for (image, share) in images.into_iter().zip(&shares) {
             let gray = Image { rgb: tone.gray(&image.rgb), ..image.clone() };
             add_painting(&mut layers[0], &image, *share, network);
@@ -70,7 +78,7 @@ impl Paintings {
         let palette = Palette::new(&colors, 10);
         let moments = ColorMoments::of_rgb(&colors);
         let mean = [mean(0), mean(1), mean(2)];
-        Ok(Self { layers, tone, line: color_line(&colors), palette, colors: moments, mean, shares })
+        Ok(Self { layers, tone, line: color_line(&colors), palette, colors: moments, bands, mean, shares })
     }
 
     /// The aim of each layer, in color or as gray.
@@ -105,8 +113,9 @@ fn prepared(image: &Image, side: u32) -> Result<Image, BakeError> {
         return Err(broken(format!("the value {value}")));
     }
     let image = StyleSize::Area(side * side).resize(image);
-    // So small a picture has no strokes, but each layer needs a cell.
-    let least = |side: u32| side.max(8);
+    // So small a picture has no strokes, but each layer needs cells: two along each side at an eighth of the size, since
+    // windows see the border as in a mirror.
+    let least = |side: u32| side.max(16);
     Ok(image.resized(least(image.width), least(image.height)))
 }
 

@@ -1,4 +1,4 @@
-//! Fixed oriented filters on luminance and opponent colors, both signs rectified: strokes at full and half size.
+//! Fixed oriented filters on luminance and opponent colors, both signs rectified: strokes of several sizes.
 
 use super::chain::{Chain, Convolution, Operation, Padding};
 
@@ -26,19 +26,20 @@ const SECOND: [[f32; 9]; 4] = [
     [2., -1., -1., -1., 2., -1., -1., -1., 2.],
 ];
 
-/// Filters at full size: 3x3 windows of the picture.
-pub(super) fn full_size() -> Chain {
-    Chain::new(vec![Operation::Convolution(filters())])
+/// Filters on the picture after `halvings`, each the mean of 2x2 pixels: 3x3 windows.
+pub(super) fn filters_after(halvings: usize) -> Chain {
+    let mut operations: Vec<Operation> = (0..halvings).map(|_| Operation::Convolution(halve())).collect();
+    operations.push(Operation::Convolution(filters()));
+    Chain::new(operations)
 }
 
-/// The same at half size: the mean of 2x2 pixels, then the filters.
-pub(super) fn half_size() -> Chain {
+/// The mean of 2x2 pixels.
+fn halve() -> Convolution {
     let mut halve = vec![0.0; 3 * 3 * 4];
     for channel in 0..3 {
         halve[(channel * 3 + channel) * 4..][..4].fill(0.25);
     }
-    let halve = Convolution::from_oihw([3, 3, 2], &halve, vec![0.0; 3], Padding::Zeros(0), 2);
-    Chain::new(vec![Operation::Convolution(halve), Operation::Convolution(filters())])
+    Convolution::from_oihw([3, 3, 2], &halve, vec![0.0; 3], Padding::Zeros(0), 2)
 }
 
 /// relu(+-f) of every filter f.
