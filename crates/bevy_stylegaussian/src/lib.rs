@@ -18,7 +18,8 @@
 //! }
 //! ```
 //!
-//! - Components of scenes: [`GaussianSplats`] shows a [`GaussianScene`] (`.sgs`, or a plain 3DGS `.ply`). [`StyleSource`]
+//! - Components of scenes: [`GaussianSplats`] shows a [`GaussianScene`] (`.sgs`, or a capture in another format; [`SceneSettings`]
+//!   are those of loading it). [`StyleSource`]
 //!   styles it by images, by [`StyleStatistics`] (`.style.safetensors`), by a baked [`StyleLook`] (`.look.safetensors`), or
 //!   by a mix; change it at any time.
 //!   [`StyleTransition`] fades from one style to the next. [`StyleRefine`] bakes a shown style further in the background. [`StyleDecoder`] selects another [`GaussianDecoder`].
@@ -50,7 +51,7 @@ mod tests;
 
 pub use colors::StyleTransition;
 pub use plugin::StyleGaussianPlugin;
-pub use scene::{GaussianScene, GaussianSceneError, GaussianSceneFailed, GaussianSplats};
+pub use scene::{GaussianScene, GaussianSceneError, GaussianSceneFailed, GaussianSplats, SceneSettings};
 pub use splats::{SplatSortKey, SplatTonemapping};
 pub use style::{
     AppliedStyle, GaussianDecoder, ImageEncoder, StyleApplied, StyleBackend, StyleBudget, StyleDecoder,

@@ -1,9 +1,9 @@
-//! One asset loader for all assets that are parsed from a single file.
+//! One asset loader for all assets that are parsed from a single file, and the errors of all loaders.
 
 use std::{error::Error, marker::PhantomData};
 
 use bevy::{
-    asset::{AssetLoader, LoadContext, io::Reader},
+    asset::{AssetLoader, AssetPath, LoadContext, ReadAssetBytesError, io::Reader},
     prelude::*,
     tasks::AsyncComputeTaskPool,
 };
@@ -28,9 +28,28 @@ pub(crate) enum LoadError {
         /// The error of the asset's source.
         source: std::io::Error,
     },
+    /// A file that another one names could not be read.
+    #[error("{path}: found no readable `{part}`, which it needs: {error}")]
+    Part {
+        /// The asset's path.
+        path: String,
+        /// The file's path relative to it.
+        part: String,
+        /// The error of the asset's source.
+        error: Box<ReadAssetBytesError>,
+    },
     /// The bytes could not be parsed.
     #[error("{0}")]
     Parse(Box<dyn Error + Send + Sync>),
+}
+
+/// Reads an asset's file, which `path` names in errors.
+pub(crate) async fn read_all(reader: &mut dyn Reader, path: &AssetPath<'_>) -> Result<Vec<u8>, LoadError> {
+    let mut bytes = Vec::new();
+    match reader.read_to_end(&mut bytes).await {
+        Ok(_) => Ok(bytes),
+        Err(source) => Err(LoadError::Read { path: path.to_string(), source }),
+    }
 }
 
 /// Loads assets of type `A`.
@@ -57,10 +76,7 @@ impl<A: FromFile> AssetLoader for FileLoader<A> {
     ) -> Result<A, LoadError> {
         // The task below must own the path: it cannot borrow the context.
         let path = context.path().to_string();
-        let mut bytes = Vec::new();
-        if let Err(source) = reader.read_to_end(&mut bytes).await {
-            return Err(LoadError::Read { path, source });
-        }
+        let bytes = read_all(reader, context.path()).await?;
         // Parsing a large scene takes seconds, which would block the pool on which other assets wait for their files.
         let parsing = AsyncComputeTaskPool::get().spawn(async move { A::from_file(bytes, &path) });
         parsing.await.map_err(LoadError::Parse)

@@ -7,11 +7,14 @@ use std::{fmt, str::FromStr};
 
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::{scene::Scene, sh::n_coefficients};
 
 /// The directions of the axes x, y and z: right or left, up or down, forward or back.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+// In text, as in messages and on the command line.
+#[serde(try_from = "String", into = "String")]
 pub struct Axes {
     /// Whether x, y and z point to the left, up and back: against those of [`Axes::RDF`].
     flipped: [bool; 3],
@@ -87,6 +90,20 @@ impl fmt::Display for Axes {
     }
 }
 
+impl From<Axes> for String {
+    fn from(axes: Axes) -> Self {
+        axes.to_string()
+    }
+}
+
+impl TryFrom<String> for Axes {
+    type Error = UnknownAxes;
+
+    fn try_from(text: String) -> Result<Self, UnknownAxes> {
+        text.parse()
+    }
+}
+
 /// A text that names no axes.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
@@ -123,6 +140,9 @@ mod tests {
             assert_eq!(axes.to_string().parse(), Ok(axes));
         }
         assert_eq!("rub".parse(), Ok(Axes::RUB));
+        assert_eq!(serde_json::to_string(&Axes::RUB).unwrap(), r#""RUB""#);
+        assert_eq!(serde_json::from_str::<Axes>(r#""rdf""#).unwrap(), Axes::RDF);
+        assert!(serde_json::from_str::<Axes>(r#""up""#).unwrap_err().to_string().contains("three letters"));
         for text in ["", "rd", "rdfx", "drf", "rdé"] {
             assert_eq!(text.parse::<Axes>(), Err(UnknownAxes(text.into())));
         }

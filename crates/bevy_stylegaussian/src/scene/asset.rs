@@ -1,14 +1,15 @@
 //! The scene asset.
 
-use std::{error::Error, sync::Arc};
+use std::sync::Arc;
 
 use bevy::{camera::primitives::Aabb, prelude::*};
-use stylegaussian::{Decoder, Neighbors, Scene, file, scene::SceneError};
+use stylegaussian::{Decoder, Neighbors, Scene, scene::SceneError};
 
-use crate::loader::FromFile;
-
-/// A captured scene. It loads from `.sgs` files, from `.ply` files of 3D Gaussian Splatting, and from checkpoints of
-/// StyleGaussian. The content of the file decides its kind, not the name.
+/// A captured scene. It loads from every format that [`stylegaussian::file`] reads. The content of the file decides its
+/// kind, not the name, except for formats without a mark. [`SceneSettings`](crate::SceneSettings) are those of the load.
+///
+/// Files in general formats, `.glb`, `.gltf` and `.json`, load if a scene is asked for: as a `Handle<GaussianScene>`, and not
+/// by their extension.
 ///
 /// Only scenes with features can be styled. `stylegaussian embed` computes features for any scene.
 ///
@@ -63,20 +64,6 @@ impl GaussianScene {
     /// If the scene's parts do not fit together.
     pub(crate) fn bounds(&self) -> Result<Option<Aabb>, SceneError> {
         self.bounds.clone()
-    }
-}
-
-impl FromFile for GaussianScene {
-    const EXTENSIONS: &[&str] = &["sgs", "ply"];
-
-    fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
-        let loaded = file::scene_from_bytes(&bytes, path)?;
-        // Finding neighbors takes as much memory again as a large file: free the file first.
-        drop(bytes);
-        for warning in &loaded.warnings {
-            warn!("{path}: {warning}");
-        }
-        Ok(Self::new(loaded.scene))
     }
 }
 

@@ -10,21 +10,24 @@ use bevy::{
     render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderSystems},
 };
 
-use crate::{loader::FileLoader, reports::Reports, systems::StyleGaussianSystems};
+use crate::{reports::Reports, systems::StyleGaussianSystems};
 
 mod asset;
 mod attach;
 mod extract;
 mod failure;
 mod gpu;
+mod loader;
 
 pub use asset::GaussianScene;
 pub use failure::{GaussianSceneError, GaussianSceneFailed};
+pub use loader::SceneSettings;
 
 pub(crate) use attach::LoadedScene;
 pub(crate) use extract::RenderClouds;
 pub(crate) use failure::SceneRefused;
 pub(crate) use gpu::{GpuScenes, upload_scenes};
+use loader::SceneLoader;
 
 /// Shows a [`GaussianScene`] at the entity's `Transform`, which may scale and shear it.
 ///
@@ -52,7 +55,7 @@ impl Plugin for ScenePlugin {
     fn build(&self, app: &mut App) {
         let reports = Reports::<SceneRefused>::default();
         app.init_asset::<GaussianScene>()
-            .init_asset_loader::<FileLoader<GaussianScene>>()
+            .init_asset_loader::<SceneLoader>()
             .insert_resource(reports.clone())
             .add_message::<GaussianSceneFailed>()
             .register_type::<GaussianScene>()

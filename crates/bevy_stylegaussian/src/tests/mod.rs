@@ -5,6 +5,7 @@
 
 mod demo_scene;
 mod diagnostics;
+mod formats;
 mod images;
 mod lifecycle;
 mod looks;

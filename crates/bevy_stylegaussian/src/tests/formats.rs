@@ -1,0 +1,112 @@
+//! Scenes in other formats through the asset server: settings, several files, and files that are broken.
+
+use std::{fs, path::PathBuf};
+
+use bevy::prelude::*;
+use stylegaussian::{
+    Axes,
+    file::{self, readable_extensions},
+};
+
+use super::world::{app_with_assets, small_scene, update_until};
+use crate::{GaussianScene, GaussianSceneFailed, GaussianSplats, SceneSettings};
+
+/// An app with this folder of assets.
+fn app(folder: PathBuf) -> App {
+    app_with_assets(AssetPlugin { file_path: folder.to_string_lossy().into_owned(), ..default() })
+}
+
+fn loaded(app: &mut App, handle: &Handle<GaussianScene>) -> std::sync::Arc<stylegaussian::Scene> {
+    let is_loaded = |world: &mut World| world.resource::<Assets<GaussianScene>>().get(handle).is_some();
+    update_until(app, "the scene", is_loaded);
+    app.world().resource::<Assets<GaussianScene>>().get(handle).unwrap().scene().clone()
+}
+
+/// The message of the next failure.
+fn failure(app: &mut App) -> String {
+    let mut message = None;
+    update_until(app, "GaussianSceneFailed", |world| {
+        let failed = world.resource_mut::<Messages<GaussianSceneFailed>>().drain().next();
+        message = failed.map(|failed| failed.error.to_string());
+        message.is_some()
+    });
+    message.unwrap()
+}
+
+#[test]
+fn captures_load_with_settings() {
+    let dir = tempfile::tempdir().unwrap();
+    let scene = small_scene(20, 1);
+    for name in ["a.splat", "a.ply"] {
+        file::write_scene(&dir.path().join(name), &scene).unwrap();
+        let read = file::read_scene(&dir.path().join(name)).unwrap().scene;
+        let mut app = app(dir.path().to_owned());
+        let assets = app.world().resource::<AssetServer>().clone();
+        let plain = assets.load(name);
+        assert_eq!(loaded(&mut app, &plain).means, read.means);
+        drop(plain);
+        let settings = |settings: &mut SceneSettings| settings.axes = Some(Axes::RUB);
+        let turned = assets.load_builder().with_settings(settings).load(name);
+        // The handle of the first load may still hold its scene.
+        update_until(&mut app, "turned", |world| {
+            let scene = world.resource::<Assets<GaussianScene>>().get(&turned);
+            scene.is_some_and(|scene| scene.scene().means[0] == read.means[0] * Vec3::new(1.0, -1.0, -1.0))
+        });
+    }
+}
+
+/// Every reader is fed with bytes that are none of its own, and with its own beginning alone. The game goes on.
+#[test]
+fn a_hostile_asset_is_an_event_and_the_next_one_loads() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut app = app(dir.path().to_owned());
+    let assets = app.world().resource::<AssetServer>().clone();
+    let mut names = Vec::new();
+    let starts: [&[u8]; 8] = [
+        b"",
+        b"no such thing",
+        b"NGSP\xff\xff\xff\xff\xff\xff\xff\xff",
+        b"\x1f\x8b\x08\0\0\0\0\0\0\0",
+        b"PK\x03\x04\xff\xff\xff\xff",
+        b"glTF\x02\0\0\0\xff\xff\xff\xff",
+        b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\nend_header\n",
+        b"\0\x01\0\0\xff\xff\xff\xff",
+    ];
+    for extension in readable_extensions() {
+        for (i, start) in starts.iter().enumerate() {
+            names.push(format!("{i}.{extension}"));
+            fs::write(dir.path().join(names.last().unwrap()), start).unwrap();
+        }
+    }
+    for name in names {
+        let handle = assets.load(&name);
+        let entity = app.world_mut().spawn(GaussianSplats(handle)).id();
+        let message = failure(&mut app);
+        assert!(message.contains(&name), "{name}: {message}");
+        app.world_mut().despawn(entity);
+    }
+    file::write_scene(&dir.path().join("good.sgs"), &small_scene(20, 1)).unwrap();
+    let good = assets.load("good.sgs");
+    assert_eq!(loaded(&mut app, &good).len(), 20);
+}
+
+/// A scene that names other files, which lie beside it.
+#[test]
+fn a_scene_of_several_files_loads_them_all() {
+    let beside = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let data = std::env::var_os("STYLEGAUSSIAN_DATA").map_or_else(beside, PathBuf::from);
+    let folder = data.join("zoo/fixtures-usd3dgs/sog");
+    if !folder.is_dir() || !readable_extensions().contains(&"sog") {
+        eprintln!("SKIPPED: no test data at {}, or SOG is not read", folder.display());
+        return;
+    }
+    let mut app = app(folder.canonicalize().unwrap());
+    let assets = app.world().resource::<AssetServer>().clone();
+    let scene = assets.load("unbundled-kit-multi-degree3/meta.json");
+    assert_eq!(loaded(&mut app, &scene).len(), 3);
+    app.world_mut().spawn(GaussianSplats(assets.load("unbundled-missing-plane/meta.json")));
+    let message = failure(&mut app);
+    for part in ["unbundled-missing-plane/meta.json", "sh0.webp"] {
+        assert!(message.contains(part), "{message}");
+    }
+}
