@@ -1,6 +1,12 @@
 //! Every file that a fuzz target once failed on, read again by the target's own reader: none may panic.
 
-use std::{fs, panic, path::Path};
+use std::{
+    env, fs, panic,
+    path::Path,
+    time::{Duration, Instant},
+};
+
+use stylegaussian::random::Random;
 
 #[path = "../../../fuzz/readers/cameras.rs"]
 mod cameras;
@@ -71,4 +77,72 @@ fn small_files_with_wrong_bytes() {
             }
         }
     }
+}
+
+/// Random changes of the corpus that `cargo xtask fuzz` fills, without coverage and without nightly Rust: for each target
+/// STYLEGAUSSIAN_MUTATE_SECONDS, or 20. A file that fails is kept in `fuzz/artifacts`.
+#[test]
+#[ignore = "minutes, and needs a corpus"]
+fn changed_files_of_the_corpus() {
+    let fuzz = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz");
+    let seconds =
+        env::var("STYLEGAUSSIAN_MUTATE_SECONDS").ok().and_then(|text| text.parse().ok()).unwrap_or(20);
+    let only = env::var("STYLEGAUSSIAN_MUTATE_TARGET").ok();
+    for (target, read) in READERS.iter().filter(|(name, _)| only.as_deref().is_none_or(|only| only == *name))
+    {
+        let Ok(files) = fs::read_dir(fuzz.join("corpus").join(target)) else { continue };
+        let mut seeds: Vec<Vec<u8>> = files.map(|file| fs::read(file.unwrap().path()).unwrap()).collect();
+        seeds.retain(|seed| !seed.is_empty());
+        // A folder has no order.
+        seeds.sort();
+        if seeds.is_empty() {
+            eprintln!("{target}: SKIPPED, no corpus");
+            continue;
+        }
+        let mut random = Random::new(1);
+        let (began, mut n) = (Instant::now(), 0_u64);
+        let mut slowest = Duration::ZERO;
+        while began.elapsed() < Duration::from_secs(seconds) {
+            let bytes = changed(&seeds, &mut random);
+            let start = Instant::now();
+            let outcome = panic::catch_unwind(|| read(&bytes));
+            slowest = slowest.max(start.elapsed());
+            n += 1;
+            if outcome.is_err() {
+                let folder = fuzz.join("artifacts").join(target);
+                fs::create_dir_all(&folder).unwrap();
+                fs::write(folder.join(format!("changed-{n}")), &bytes).unwrap();
+                panic!("{target}: file {n} of {} bytes, kept in {}", bytes.len(), folder.display());
+            }
+        }
+        eprintln!("{target}: {} seeds, {n} files, the slowest {slowest:?}", seeds.len());
+    }
+}
+
+/// One of the files with a few changes: of bits, bytes, numbers, runs and the end.
+fn changed(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
+    let mut bytes = seeds[random.below(seeds.len())].clone();
+    for _ in 0..=random.below(6) {
+        let at = random.below(bytes.len());
+        match random.below(8) {
+            0 | 1 => bytes[at] ^= 1 << random.below(8),
+            2 | 3 => bytes[at] = random.below(256) as u8,
+            4 => {
+                let number =
+                    [0_u64, 1, 0x7F, 0xFF, 0x7FFF_FFFF, u64::MAX, 1 << 40, 0x7F80_0000][random.below(8)];
+                let n = [1, 2, 4, 8][random.below(4)].min(bytes.len() - at);
+                bytes[at..at + n].copy_from_slice(&number.to_le_bytes()[..n]);
+            }
+            // A digit in a header becomes a large number.
+            5 => drop(bytes.splice(at..at, *b"9999999")),
+            6 => bytes.truncate(at.max(1)),
+            _ => {
+                let other = &seeds[random.below(seeds.len())];
+                let from = random.below(other.len());
+                let n = random.below(64).min(other.len() - from);
+                drop(bytes.splice(at..at, other[from..from + n].iter().copied()));
+            }
+        }
+    }
+    bytes
 }
