@@ -6,9 +6,10 @@
 //! then takes the one that adds most to the views before it. Any number of views thus covers the scene as well as
 //! that many views can.
 //!
-//! The stages, one module each: `survey` (size, middle and a simplified version of the scene), `up` (the up direction),
+//! The stages, one module each: `backdrop` (a sky far away, which does not count), `survey` (size, middle and a simplified version of the scene), `up` (the up direction),
 //! `candidates` (candidate cameras), `coverage` (the Gaussians that a camera sees, and the choice).
 
+mod backdrop;
 mod candidates;
 mod coverage;
 mod survey;

@@ -3,7 +3,7 @@
 use crate::{Scene, splat::MIN_ALPHA};
 use glam::Vec3;
 
-use super::up::up;
+use super::{backdrop::without_backdrop, up::up};
 
 /// Number of Gaussians of the simplified scene: enough to distinguish surfaces from gaps at the size of test views.
 const N_STAND_IN: usize = 30_000;
@@ -60,11 +60,12 @@ impl Survey {
     }
 }
 
-/// A scene of at most [`N_STAND_IN`] Gaussians that looks similar from afar. The remaining Gaussians are enlarged, so
+/// A scene of at most [`N_STAND_IN`] Gaussians that looks similar from afar, without its backdrop. The remaining Gaussians are enlarged, so
 /// that the total area stays the same.
 fn stand_in(scene: &Scene) -> Scene {
-    let stride = scene.len().div_ceil(N_STAND_IN).max(1);
-    let indices: Vec<u32> = (0..scene.len() as u32).step_by(stride).collect();
+    let near = without_backdrop(scene).unwrap_or_else(|| (0..scene.len() as u32).collect());
+    let stride = near.len().div_ceil(N_STAND_IN).max(1);
+    let indices: Vec<u32> = near.into_iter().step_by(stride).collect();
     // Areas grow with the square of scales, and each Gaussian that is left stands for `stride`.
     let enlarged = (stride as f32).sqrt();
     Scene {

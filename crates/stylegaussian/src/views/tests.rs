@@ -120,6 +120,40 @@ fn a_place_is_seen_from_within() {
     assert!(share_framed(&scene, &choose_views(&scene, 24, SIZE)) > 0.9);
 }
 
+/// The sky of Scaniverse: 10,000 opaque Gaussians at 240 times the scene's radius, large enough to close the sphere.
+fn add_sky(scene: &mut Scene, middle: Vec3, radius: f32) {
+    let (n, distance) = (10_000, 240.0 * radius);
+    for i in 0..n {
+        // Even by the golden angle: each band of equal height has an equal area.
+        let y = 1.0 - (2 * i + 1) as f32 / n as f32;
+        let (sin, cos) = (i as f32 * 2.399_963).sin_cos();
+        let direction = Vec3::new(cos, 0.0, sin) * (1.0 - y * y).sqrt() + y * Vec3::Y;
+        scene.means.push(middle + distance * direction);
+        scene.rotations.push(Quat::from_rotation_arc(Vec3::Z, direction));
+        scene.scales.push(Vec3::new(0.02, 0.02, 1e-4) * distance);
+        scene.opacities.push(253.0 / 255.0);
+        scene.order.push(scene.order.len() as u32);
+        scene.n_source += 1;
+    }
+}
+
+#[test]
+fn a_sky_far_away_changes_no_view() {
+    for (plain, middle, radius) in
+        [(box_on_a_floor(), Vec3::Y * 0.5, 2.9), (room(), Vec3::new(4.0, 1.5, 3.0), 5.0)]
+    {
+        let mut under_sky = plain.clone();
+        add_sky(&mut under_sky, middle, radius);
+        assert_eq!(choose_views(&under_sky, 8, SIZE), choose_views(&plain, 8, SIZE));
+        assert_eq!(orbit(&under_sky, 4, SIZE), orbit(&plain, 4, SIZE));
+        // Strays, as most captures have.
+        let mut with_strays = plain.clone();
+        with_strays.means[0] = Vec3::splat(1e6);
+        let [a, b] = [&with_strays, &plain].map(|scene| Survey::new(scene).unwrap().radius);
+        assert!((a / b - 1.0).abs() < 0.05, "radius {a} instead of {b}");
+    }
+}
+
 /// Tiny and huge scenes work too, although their overviews would lie within the near plane or far out.
 #[test]
 fn the_unit_of_length_does_not_matter() {

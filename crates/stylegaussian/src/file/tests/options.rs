@@ -1,0 +1,57 @@
+//! Choices of readers and writers, and the bound of a source's count.
+
+use super::*;
+
+/// Rows of files of colors are counted by it: 37 kB must not make 48 GB.
+#[test]
+fn a_source_out_of_all_proportion_is_refused() {
+    let dir = dir();
+    let path = dir.path().join("scene.sgs");
+    let mut scene = full_scene();
+    let mut read_with = |n_source: usize, last: u32| {
+        (scene.n_source, scene.order[0]) = (n_source, last);
+        write_scene(&path, &scene).unwrap();
+        read_scene(&path)
+    };
+    // A cut-out of a capture of 16.8 million.
+    assert_eq!(read_with(1 << 24, 0).unwrap().scene.n_source, 1 << 24);
+    let message = refused(read_with((1 << 24) + 1, 0));
+    assert!(message.contains("a source of 16777217 Gaussians, of which 20 are left"), "{message}");
+    assert!(refused(read_with(1 << 32, u32::MAX)).contains("expected at most 16777216"));
+}
+
+#[test]
+fn higher_spherical_harmonics_are_left_out_as_asked() {
+    let dir = dir();
+    let whole = by_source(&full_scene()).sh.unwrap().coefficients;
+    for name in ["a.sgs", "a.ply"] {
+        let path = dir.path().join(name);
+        for sh_degree in 0..=3 {
+            write_scene_with(&path, &full_scene(), WriteOptions { sh_degree, ..Default::default() }).unwrap();
+            let sh = by_source(&read_scene(&path).unwrap().scene).sh.unwrap();
+            assert_eq!(sh.degree, sh_degree.min(2));
+            let width = 3 * crate::sh::n_coefficients(sh.degree);
+            for (row, whole) in sh.coefficients.chunks_exact(width).zip(whole.chunks_exact(27)) {
+                assert_eq!(row, &whole[..width]);
+            }
+        }
+    }
+}
+
+#[test]
+fn axes_that_are_asked_for_replace_those_of_the_format() {
+    let dir = dir();
+    for name in ["a.sgs", "a.ply", "a.splat"] {
+        let path = dir.path().join(name);
+        write_scene(&path, &full_scene()).unwrap();
+        let plain = read_scene(&path).unwrap();
+        assert_eq!(plain.axes, crate::Axes::RDF);
+        let options = ReadOptions { axes: Some(crate::Axes::RUB), ..Default::default() };
+        let turned = read_scene_with(&path, options).unwrap();
+        assert_eq!((turned.axes, &turned.axes_because[..]), (crate::Axes::RUB, "they were asked for"));
+        let mut expected = plain.scene;
+        crate::Axes::RUB.turn(&mut expected);
+        assert_eq!(turned.scene.means, expected.means, "{name}");
+        assert_eq!(turned.scene.sh.unwrap().coefficients, expected.sh.unwrap().coefficients);
+    }
+}
