@@ -38,7 +38,8 @@ impl Region {
         let distance = self.shape.distance(self.shape_from_scene.transform_point3(point));
         let half = 0.5 * self.softness;
         // A comparison with NaN is false, so that a distance that is none counts as outside.
-        if !(distance < half) {
+        let is_near = distance < half;
+        if !is_near {
             return 0.0;
         }
         if distance <= -half {

@@ -238,7 +238,8 @@ fn packed(layer: &GpuLayer) -> Option<MixLayer> {
     let has_size = sizes.iter().all(|&size| size >= 0.0)
         && (!divides || sizes[..n_divisors].iter().all(|&size| size > 0.0));
     let covers = everywhere || (shape_from_scene.is_finite() && has_size);
-    if !covers || softness.is_nan() || !(layer.strength > 0.0) {
+    let is_seen = layer.strength > 0.0;
+    if !covers || softness.is_nan() || !is_seen {
         return None;
     }
     let Affine3A { matrix3, translation } = shape_from_scene;
