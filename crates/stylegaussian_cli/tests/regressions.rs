@@ -29,8 +29,11 @@ mod scene;
 #[path = "../../../fuzz/readers/style.rs"]
 mod style;
 
+/// A folder of `fuzz/regressions`, and the reader of its files.
+type Target = (&'static str, fn(&[u8]));
+
 /// The readers, by the names of their folders.
-const READERS: [(&str, fn(&[u8])); 10] = [
+const READERS: [Target; 10] = [
     ("cameras", cameras::read),
     ("checkpoint", checkpoint::read),
     ("decoder", decoder::read),

@@ -112,7 +112,9 @@ impl Soak {
             }
             // A look of this scene, or of another one, which must fail.
             4 | 5 => {
-                let scene = scene_of(&self.app).filter(|_| seed % 4 > 0).unwrap_or_else(|| small_scene(9, 7));
+                let scene = scene_of(&self.app)
+                    .filter(|_| !seed.is_multiple_of(4))
+                    .unwrap_or_else(|| small_scene(9, 7));
                 let look = Look::new(&scene, &vec![[content; 3]; scene.len()], MadeFrom::default());
                 let look = add(&mut self.app, StyleLook(look.into()));
                 StyleSource::mix([(StyleInput::from(look), 1.0), (style.into(), content)])

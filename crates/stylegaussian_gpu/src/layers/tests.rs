@@ -95,7 +95,7 @@ fn gpu_matches_cpu() {
         });
     }
     // One layer alone, so that no layer hides another's error, and then all.
-    for range in (0..n_layers).map(|i| i..i + 1).chain([0..n_layers]) {
+    for range in (0..n_layers).map(|i| i..i + 1).chain(std::iter::once(0..n_layers)) {
         let expected = layers::mix_layers(&scene.means, &for_cpu[range.clone()]);
         let found = on_gpu(&gpu, &scene, &for_gpu[range.clone()]);
         assert!(range.len() == 1 || found.iter().any(|color| color[3] > 0.5));
