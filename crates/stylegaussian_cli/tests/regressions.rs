@@ -29,8 +29,10 @@ mod scene;
 #[path = "../../../fuzz/readers/style.rs"]
 mod style;
 
+type Reader = fn(&[u8]);
+
 /// The readers, by the names of their folders.
-const READERS: [(&str, fn(&[u8])); 10] = [
+const READERS: [(&str, Reader); 10] = [
     ("cameras", cameras::read),
     ("checkpoint", checkpoint::read),
     ("decoder", decoder::read),
