@@ -11,8 +11,8 @@ use bevy::prelude::*;
 use stylegaussian::{Look, Scene, look::MadeFrom};
 
 use crate::{
-    GaussianScene, GaussianSplats, StyleApplied, StyleBackend, StyleFailed, StyleInput, StyleLook,
-    StyleSource, StyleStatistics, StyleTransition,
+    AppliedStyle, GaussianScene, GaussianSplats, StyleApplied, StyleBackend, StyleFailed, StyleInput,
+    StyleLook, StyleSource, StyleStatistics, StyleTransition,
 };
 
 use super::world::{rendering::*, *};
@@ -195,12 +195,19 @@ impl Soak {
     /// Waits for all answers, drops everything and counts what is left.
     fn count(&mut self) -> Count {
         let began = Instant::now();
-        while !self.waiting.is_empty() {
-            assert!(
-                began.elapsed() < Duration::from_secs(60),
-                "no answer for {:?} within a minute",
-                self.waiting
-            );
+        loop {
+            let world = self.app.world();
+            let source = |entity: Entity| world.get::<StyleSource>(entity);
+            // To have no style is no request while none is shown, such as right after another scene came.
+            self.waiting.retain(|&entity| {
+                let is_plain = world.get::<AppliedStyle>(entity).is_none();
+                !(is_plain && source(entity).is_some_and(StyleSource::is_none))
+            });
+            if self.waiting.is_empty() {
+                break;
+            }
+            let sources: Vec<_> = self.waiting.iter().map(|&entity| (entity, source(entity))).collect();
+            assert!(began.elapsed() < Duration::from_secs(60), "no answer within a minute for {sources:?}");
             self.update();
             std::thread::sleep(Duration::from_millis(1));
         }
