@@ -61,8 +61,8 @@ mod tests {
         let slow = |i: usize| i as f32 / 400.0;
         let values: Vec<Vec3> = (0..400).map(|i| Vec3::splat(slow(i) + (i % 2) as f32 * 0.4)).collect();
         let smoothed = smooth(&means, &values, &[1.0; 400], 3.0);
-        for (i, found) in smoothed.iter().enumerate().take(360).skip(40) {
-            assert!((found.x - slow(i) - 0.2).abs() < 0.02, "{i}: {found}");
+        for (i, value) in smoothed.iter().enumerate().take(360).skip(40) {
+            assert!((value.x - slow(i) - 0.2).abs() < 0.02, "{i}: {value}");
         }
         let weighted: Vec<f32> = (0..400).map(|i| (i % 2) as f32).collect();
         assert!((smooth(&means, &values, &weighted, 3.0)[200].x - slow(200) - 0.4).abs() < 0.02);
