@@ -91,7 +91,7 @@ mod tests {
         assert!(is_writable("a/b.PLY".as_ref()) && is_writable("a.sgs".as_ref()));
         assert!(!is_writable("a.pth".as_ref()) && !is_writable("ply".as_ref()));
         let message = unexpected_extension("a.x".as_ref(), &["decoder.safetensors"]).to_string();
-        assert!(message.contains("a.x: expected an extension of .ply, .sgs"), "{message}");
+        assert!(message.contains("a.x: expected an extension of .ply, .spz"), "{message}");
         assert!(message.contains(", .decoder.safetensors"), "{message}");
     }
 }

@@ -86,7 +86,9 @@ fn what_cannot_be_learned_from_is_named() {
     fails_with(distill(&teacher, &bad, &out, &["--held-out", &good]), "broken.png");
     fails_with(distill(&teacher, &bad, &out, &[]), "found 1 image");
     fails_with(distill(&good, &good, &out, &[]), "good: not an encoder's file");
-    fails_with(distill(&teacher, &good, &bench.path("small.bin"), &[]), "expected extension .onnx");
+    let run = distill(&teacher, &good, &bench.path("small.bin"), &[]);
+    assert_eq!(run.code, Some(2));
+    assert!(run.stderr.contains("small.bin: expected extension .onnx"), "{}", run.stderr);
     fails_with(distill(&teacher, &good, &out, &["--resume"]), "small.checkpoint.safetensors");
     let half = self::teacher(&bench, "half.onnx", 8, 2);
     fails_with(distill(&half, &good, &out, &[]), "expected 32x32");
