@@ -33,7 +33,7 @@ const MAX_GROWTH: u64 = 24 << 20;
 const MORE_BUFFERS: isize = 16;
 const MORE_BYTES: isize = 1 << 20;
 
-/// What is there once everything is dropped.
+/// Counts of objects once everything is dropped.
 #[derive(Clone, Debug)]
 struct Count {
     allocations: Option<Allocations>,

@@ -1,4 +1,4 @@
-//! What a scene format is: its marks, its reader and its writer, and the choices that they are given.
+//! A scene format: its marks, its reader and its writer, and the choices that they are given.
 
 use std::io::{self, Write};
 

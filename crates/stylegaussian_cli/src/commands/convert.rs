@@ -23,7 +23,7 @@ mod pictures;
 
 /// Convert a scene between formats.
 ///
-/// What was written is read back. What the format cannot hold is listed, and pictures of both scenes are compared if it
+/// The output is read back. Parts that the format cannot hold are listed, and pictures of both scenes are compared if it
 /// rounds.
 #[derive(Args, Debug)]
 pub struct ConvertArgs {
@@ -139,11 +139,17 @@ fn degree(scene: &Scene) -> u8 {
 fn text(converted: &Converted) -> String {
     let Converted { input, output, n_gaussians, input_bytes, output_bytes, bytes_per_gaussian, .. } =
         converted;
-    let percent = 100.0 * *output_bytes as f64 / (*input_bytes).max(1) as f64;
+    // A .json names the files of its scene, and its own size says nothing.
+    let share = match extension(input).as_str() {
+        "json" => String::new(),
+        _ => {
+            let percent = 100.0 * *output_bytes as f64 / (*input_bytes).max(1) as f64;
+            format!(", {percent:.0} % of {}", input.display())
+        }
+    };
     let psnr = converted.psnr_db.map_or(String::new(), |db| format!(", pictures at {db:.1} dB"));
     format!(
-        "{}: {n_gaussians} Gaussians, {output_bytes} bytes ({bytes_per_gaussian:.1} each, {percent:.0} % of {}){psnr}",
-        output.display(),
-        input.display()
+        "{}: {n_gaussians} Gaussians, {output_bytes} bytes ({bytes_per_gaussian:.1} each{share}){psnr}",
+        output.display()
     )
 }

@@ -1,5 +1,5 @@
-//! What only this project's files have: features and neighbors as application attributes, so that a styled scene can be
-//! styled anew. Other programs ignore them.
+//! Features and neighbors as application attributes, which only files of this project have: a styled scene can be styled
+//! anew. Other programs ignore them.
 //!
 //! | attribute | rows | |
 //! | --- | --- | --- |
@@ -8,8 +8,9 @@
 //! | `_SG_NEIGHBORS_i` | 4 u16 | neighbors 2 i and 2 i + 1, each the lower half before the upper half |
 //! | `_SG_ORDER` | 2 u16 | index in the source, lower half and upper half; absent if it is 0, 1, 2, ... |
 //!
-//! What is not of a Gaussian, the primitive's `extras.stylegaussian` keeps as a safetensors file in base64: tensors
-//! `basis` `[D, L]` and `offset` `[D]`, those of a decoder, and metadata `encoder`, `extra` (E) and `neighbors` (K).
+//! The primitive's `extras.stylegaussian` keeps the rest, which belongs to the scene as a whole, as a safetensors file in
+//! base64: tensors `basis` `[D, L]` and `offset` `[D]`, those of a decoder, and metadata `encoder`, `extra` (E) and
+//! `neighbors` (K).
 //! Programs that rewrite a glTF keep attributes and extras, but drop buffer views that nothing refers to.
 
 use glam::Vec3;
@@ -225,7 +226,7 @@ impl Rows<'_> {
         }
     }
 
-    /// What [`columns`] wrote: `[N, width]`.
+    /// The numbers that [`columns`] wrote `[N, width]`.
     fn columns(&self, name: &str, width: usize) -> Result<Vec<f32>, Mismatch> {
         let mut values: Vec<f32> = self.reserved(width, name)?;
         values.resize(self.n * width, 0.0);
