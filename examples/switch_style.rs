@@ -52,7 +52,7 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((
         GaussianSplats(assets.load("demo.sgs")),
         StyleSource::none(),
-        StyleTransition { duration: Duration::from_millis(800) },
+        StyleTransition::fade(Duration::from_millis(800)),
     ));
 }
 

@@ -180,7 +180,7 @@ pub fn apply(
     if source.set_if_neq(styles.source()) {
         transfer.is_under_way = !source.is_none();
     }
-    transition.set_if_neq(StyleTransition { duration: Duration::from_secs_f32(styles.fade_in_seconds) });
+    transition.set_if_neq(StyleTransition::fade(Duration::from_secs_f32(styles.fade_in_seconds)));
     match refine {
         Some(mut refine) if styles.is_refined() => {
             refine.set_if_neq(styles.refine());

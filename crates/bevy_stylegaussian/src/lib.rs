@@ -49,14 +49,14 @@ mod systems;
 #[cfg(test)]
 mod tests;
 
-pub use colors::StyleTransition;
 pub use plugin::StyleGaussianPlugin;
 pub use scene::{GaussianScene, GaussianSceneError, GaussianSceneFailed, GaussianSplats, SceneSettings};
 pub use splats::{SplatSortKey, SplatTonemapping};
 pub use style::{
-    AppliedStyle, GaussianDecoder, ImageEncoder, StyleApplied, StyleBackend, StyleBudget, StyleDecoder,
+    AppliedStyle, GaussianDecoder, HiddenUntilStyled, ImageEncoder, StyleApplied, StyleBackend, StyleBudget, StyleDecoder,
     StyleEncoder, StyleError, StyleFailed, StyleInput, StyleLook, StyleMethod, StyleRefine, StyleRefined,
-    StyleSource, StyleStatistics, WeightedStyle,
+    StyleSource, StyleStatistics, StyleTransition, StyleVolume, TransitionCenter, TransitionClock,
+    TransitionShape, VolumeShape, WeightedStyle,
 };
 pub use systems::StyleGaussianSystems;
 
@@ -75,7 +75,7 @@ pub mod prelude {
         AppliedStyle, GaussianScene, GaussianSceneFailed, GaussianSplats, SplatSortKey, SplatTonemapping,
         StyleApplied, StyleBackend, StyleBudget, StyleDecoder, StyleEncoder, StyleFailed,
         StyleGaussianPlugin, StyleInput, StyleMethod, StyleRefine, StyleRefined, StyleSource,
-        StyleTransition,
+        StyleTransition, StyleVolume, TransitionClock, TransitionShape, HiddenUntilStyled,
     };
 }
 

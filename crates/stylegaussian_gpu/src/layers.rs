@@ -1,6 +1,6 @@
 //! Looks in space on the GPU: `mix_layers`. CPU twin: [`stylegaussian::layers::mix_layers`].
 
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 use bytemuck::Zeroable;
 use glam::{Affine3A, Vec3, Vec4};
@@ -73,8 +73,15 @@ pub struct LayerMixer {
     layout: wgpu::BindGroupLayout,
     /// Bound in place of looks and masks that are not read.
     absent: wgpu::Buffer,
-    /// Uniforms of former dispatches, to be used again: one for each dispatch of a mix.
-    uniforms: Mutex<Vec<wgpu::Buffer>>,
+    uniforms: Mutex<Uniforms>,
+}
+
+/// Uniforms of dispatches, one for each, to be used again in the next submission.
+#[derive(Debug, Default)]
+struct Uniforms {
+    buffers: Vec<wgpu::Buffer>,
+    /// Number of those that the present submission uses.
+    n_used: usize,
 }
 
 impl LayerMixer {
@@ -92,10 +99,16 @@ impl LayerMixer {
         Self { pipeline, layout, absent, uniforms: Mutex::default() }
     }
 
+    /// Uses the uniforms again. They are written before a submission and not within it, so each of its dispatches needs its
+    /// own.
+    pub fn begin_submission(&self) {
+        self.uniforms.lock().unwrap_or_else(PoisonError::into_inner).n_used = 0;
+    }
+
     /// Encodes the mix of `layers` into `colors`, from the captured colors up. Any number of layers, looks and masks takes as
     /// many dispatches as they need. The colors count as changed.
     ///
-    /// One mixer must not be encoded twice in one submission: its uniforms are written when it is encoded.
+    /// Before the first mix of a submission, call [`begin_submission`](Self::begin_submission).
     ///
     /// # Panics
     /// If `colors`, a look or a mask is not of the scene's Gaussians, or if a look is `colors` itself.
@@ -110,8 +123,7 @@ impl LayerMixer {
     ) {
         check(scene, layers, colors);
         let batches = batches(layers);
-        let mut uniforms = self.uniforms.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let mut next = 0;
+        let mut uniforms = self.uniforms.lock().unwrap_or_else(PoisonError::into_inner);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("mix_layers"),
             ..Default::default()
@@ -125,12 +137,9 @@ impl LayerMixer {
                     continues: u32::from(i > 0),
                     ..batch.uniforms
                 };
-                if uniforms.len() == next {
-                    uniforms.push(buffers::uniforms(device, "mix_layers", size_of::<LayerMix>() as u64));
-                }
-                queue.write_buffer(&uniforms[next], 0, bytemuck::bytes_of(&values));
-                let group = self.bind(device, &uniforms[next], &chunk.gaussians, batch, colors);
-                next += 1;
+                let buffer = uniforms.next(device);
+                queue.write_buffer(buffer, 0, bytemuck::bytes_of(&values));
+                let group = self.bind(device, buffer, &chunk.gaussians, batch, colors);
                 let n = chunk.n_gaussians.div_ceil(shaders::MIX_WORKGROUP);
                 // Workgroups beyond the limit go into a second dimension.
                 let x = n.min(MAX_WORKGROUPS);
@@ -154,6 +163,16 @@ impl LayerMixer {
         let look = |i: usize| batch.looks.get(i).map_or(&self.absent, |look| look.buffer());
         let buffers = [uniforms, colors.buffer(), gaussians, mask, look(0), look(1), look(2), look(3)];
         bind_group(device, "mix_layers", &self.layout, &buffers.map(wgpu::Buffer::as_entire_binding))
+    }
+}
+
+impl Uniforms {
+    fn next(&mut self, device: &wgpu::Device) -> &wgpu::Buffer {
+        if self.buffers.len() == self.n_used {
+            self.buffers.push(buffers::uniforms(device, "mix_layers", size_of::<LayerMix>() as u64));
+        }
+        self.n_used += 1;
+        &self.buffers[self.n_used - 1]
     }
 }
 

@@ -1,6 +1,6 @@
-//! Extraction of color wishes: copies changes since the last frame to the render world.
+//! Extraction of layers: copies changes since the last frame to the render world.
 
-use std::time::Duration;
+use std::sync::Arc;
 
 use bevy::{
     prelude::*,
@@ -10,46 +10,35 @@ use bevy::{
     },
 };
 
-use super::{ColorWish, StyleTransition};
+use super::{ColorLayers, StyleColors};
 
-/// The wishes of all entities. GPU state is rebuilt from it after a lost device.
+/// Styles that should be on the GPU before they are shown. A resource of both worlds.
+#[derive(Resource, Clone, Default)]
+pub(crate) struct WantedColors(pub(crate) Vec<Arc<StyleColors>>);
+
+/// The layers of all entities. GPU state is rebuilt from it after a lost device.
 #[derive(Resource, Default)]
-pub(crate) struct RenderWishes(pub(crate) MainEntityHashMap<RenderWish>);
+pub(crate) struct RenderColors(pub(crate) MainEntityHashMap<ColorLayers>);
 
-/// An entity's wish.
-#[derive(Default)]
-pub(crate) struct RenderWish {
-    pub(crate) wish: ColorWish,
-    /// Duration of a change of colors.
-    pub(crate) fade: Duration,
-}
-
-/// A wish and its fade.
-type WishParts = (Entity, &'static ColorWish, Option<&'static StyleTransition>);
-
-/// The wish or its fade changed.
-type WishChanged = Or<(Changed<ColorWish>, Changed<StyleTransition>)>;
-
-/// Copies wishes that came, changed or went. Marks the resource as changed only then.
-pub(super) fn extract_wishes(
-    mut wishes: ResMut<RenderWishes>,
-    changed: Extract<Query<WishParts, WishChanged>>,
-    all: Extract<Query<(), With<ColorWish>>>,
-    mut removed: Extract<RemovedComponents<ColorWish>>,
-    mut transitions: Extract<RemovedComponents<StyleTransition>>,
+/// Copies layers that came, changed or went. Marks the resource as changed only then.
+pub(super) fn extract_layers(
+    mut colors: ResMut<RenderColors>,
+    changed: Extract<Query<(Entity, &ColorLayers), Changed<ColorLayers>>>,
+    all: Extract<Query<(), With<ColorLayers>>>,
+    mut removed: Extract<RemovedComponents<ColorLayers>>,
 ) {
     // A component that was removed and put back in the same frame is in `all`, and its entry is overwritten below.
     for entity in removed.read().filter(|&entity| !all.contains(entity)) {
-        wishes.0.remove(&MainEntity::from(entity));
+        colors.0.remove(&MainEntity::from(entity));
     }
-    // No `Changed` filter sees a component that is gone.
-    for entity in transitions.read() {
-        if let Some(wish) = wishes.0.get_mut(&MainEntity::from(entity)) {
-            wish.fade = Duration::ZERO;
-        }
+    for (entity, layers) in &changed {
+        colors.0.insert(entity.into(), layers.clone());
     }
-    for (entity, wish, transition) in &changed {
-        let fade = transition.map_or(Duration::ZERO, |transition| transition.duration);
-        wishes.0.insert(entity.into(), RenderWish { wish: wish.clone(), fade });
+}
+
+/// Copies the styles that should be on the GPU.
+pub(super) fn extract_wanted(mut wanted: ResMut<WantedColors>, main: Extract<Res<WantedColors>>) {
+    if main.is_changed() {
+        *wanted = main.clone();
     }
 }

@@ -1,9 +1,9 @@
 //! Colors: the meeting place of styling and drawing.
 //!
-//! An entity's [`ColorWish`] says which colors its splats should have. It is extracted to the render world
-//! ([`extract`]), and [`ShownColors`] holds the colors on the GPU and fades from the old colors to the new ([`fade`]).
-//! Captured and known colors are applied here ([`shown`]); folded styles are decoded by the style pass, which reports back
-//! through [`ColorReport`]. The splat pass reads `ShownColors` and knows nothing of styles.
+//! An entity's [`ColorLayers`] say which colors its splats should have, and are extracted to the render world
+//! ([`extract`]). [`ShownColors`] holds the colors on the GPU: each style once ([`styles`]), and the mix of each entity's
+//! layers ([`mix`]). Styles that come as colors are uploaded here; folded ones are decoded by the style pass. The splat
+//! pass reads `ShownColors` and knows nothing of styles.
 
 use bevy::{
     core_pipeline::schedule::camera_driver,
@@ -11,39 +11,38 @@ use bevy::{
     render::{ExtractSchedule, GpuResourceAppExt, RenderApp, renderer::RenderGraph},
 };
 
-use crate::reports::Reports;
+use crate::scene::GaussianSplats;
 
 mod extract;
-mod fade;
+mod layers;
+mod mix;
 mod shown;
-mod wish;
+mod styles;
 
-pub use fade::StyleTransition;
-
-pub(crate) use extract::RenderWishes;
-pub(crate) use fade::FadeClock;
-pub(crate) use shown::{EntityColors, ShownColors, update_colors};
-pub(crate) use wish::{ColorReport, ColorSource, ColorWish, FoldedStyle};
+pub(crate) use extract::{RenderColors, WantedColors};
+pub(crate) use layers::{ColorLayer, ColorLayers, LayerColors, Mix};
+pub(crate) use mix::mix_colors;
+pub(crate) use shown::{PipelinesReady, ShownColors, update_colors};
+pub(crate) use styles::{ColorSource, FoldedStyle, StyleColors};
 
 /// Keeps the colors on the GPU up to date.
 pub(crate) struct ColorsPlugin;
 
 impl Plugin for ColorsPlugin {
     fn build(&self, app: &mut App) {
-        // One queue, cloned into both worlds: the render world cannot write to the main world.
-        let reports = Reports::<ColorReport>::default();
-        app.register_type::<StyleTransition>().insert_resource(reports.clone());
+        app.init_resource::<WantedColors>().register_required_components::<GaussianSplats, ColorLayers>();
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app
-                .insert_resource(reports)
                 // Not GPU resources: they are filled by changes alone, so a lost device must leave them as they are.
-                .init_resource::<RenderWishes>()
-                .init_resource::<FadeClock>()
-                // Rebuilt from `RenderWishes` after a lost device.
+                .init_resource::<RenderColors>()
+                .init_resource::<WantedColors>()
+                .init_resource::<PipelinesReady>()
+                // Rebuilt from `RenderColors` after a lost device.
                 .init_gpu_resource::<ShownColors>()
-                .add_systems(ExtractSchedule, (extract::extract_wishes, fade::extract_clock))
+                .init_gpu_resource::<mix::Mixer>()
+                .add_systems(ExtractSchedule, (extract::extract_layers, extract::extract_wanted))
                 // Once per frame, before the first camera: views that share an entity must see the same colors.
-                .add_systems(RenderGraph, update_colors.before(camera_driver));
+                .add_systems(RenderGraph, (update_colors, mix_colors).chain().before(camera_driver));
         }
     }
 }

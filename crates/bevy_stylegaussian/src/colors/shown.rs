@@ -1,8 +1,9 @@
 //! The colors on the GPU.
 
-use std::{sync::Arc, time::Duration};
+use std::sync::{Arc, Weak};
 
 use bevy::{
+    platform::collections::HashMap,
     prelude::*,
     render::{
         renderer::{RenderDevice, RenderQueue},
@@ -10,168 +11,228 @@ use bevy::{
     },
 };
 use stylegaussian::Scene;
-use stylegaussian_gpu::{buffers::TooLarge, colors::GaussianColors, splat::CloudColors};
+use stylegaussian_gpu::{colors::GaussianColors, splat::CloudColors};
 
-use crate::{reports::Reports, scene::RenderClouds};
+use crate::scene::RenderClouds;
 
-use super::{ColorReport, ColorSource, FadeClock, RenderWishes, fade::Fade};
+use super::{ColorLayer, ColorLayers, ColorSource, LayerColors, Mix, RenderColors, StyleColors, WantedColors};
 
-/// The colors of all entities that show a scene and have a wish.
+/// Whether all pipelines are there that the views need to draw their splats.
+#[derive(Resource)]
+pub(crate) struct PipelinesReady(pub(crate) bool);
+
+impl Default for PipelinesReady {
+    /// True: without a view, nothing is waited for.
+    fn default() -> Self {
+        Self(true)
+    }
+}
+
+/// The colors of all entities that show a scene, and the styles and mixes that they are made of.
 #[derive(Resource, Default)]
 pub(crate) struct ShownColors {
-    pub(crate) of_entity: MainEntityHashMap<EntityColors>,
-    /// Whether all captured and known colors are applied. False on a new device.
-    settled: bool,
+    of_entity: MainEntityHashMap<EntityColors>,
+    /// By the address of the style. The weak reference keeps the address from being used again.
+    styles: HashMap<usize, StyleOnGpu>,
+    /// Mixes that layers are made of, by their address.
+    pub(super) mixes: HashMap<usize, (Weak<Mix>, GaussianColors)>,
+    /// Buffers of former mixes, to be used again.
+    spare: Vec<GaussianColors>,
+    /// Whether everything that is wished for is shown. False on a new device.
+    pub(super) settled: bool,
 }
 
-/// The colors of an entity. During a fade, these are two sets.
+/// A style on the GPU, or on its way there.
+struct StyleOnGpu {
+    style: Weak<StyleColors>,
+    colors: Option<GaussianColors>,
+    is_complete: bool,
+}
+
+/// The colors of an entity.
 #[derive(Default)]
-pub(crate) struct EntityColors {
-    /// Generation of the wish that was applied or refused last, or `None` if there was none.
-    pub(crate) generation: Option<u64>,
+struct EntityColors {
+    /// The generation that is shown, or `None` if there is none.
+    generation: Option<u64>,
     /// The scene that the colors belong to.
     scene: Option<Arc<Scene>>,
-    /// The buffer in use. The second one holds the other side of a fade, or colors that are not complete yet.
-    buffers: [Option<GaussianColors>; 2],
-    /// Index of the buffer that is shown, or `None` for the captured colors.
-    shown: Option<usize>,
-    fade: Option<Fade>,
+    shown: Shown,
+    is_hidden: bool,
 }
 
-/// Applies captured colors and colors that are known. Folded styles are left to the style pass.
+/// The colors that are drawn.
+#[derive(Default)]
+pub(super) enum Shown {
+    #[default]
+    Captured,
+    /// Those of a style, which other entities may show too.
+    Style(GaussianColors),
+    /// The entity's own.
+    Mixed(GaussianColors),
+}
+
+/// Uploads styles that come as colors, and drops colors that nobody refers to any more. Folded styles are left to the
+/// style pass.
 pub(crate) fn update_colors(
     clouds: Res<RenderClouds>,
-    wishes: Res<RenderWishes>,
+    wishes: Res<RenderColors>,
+    wanted: Res<WantedColors>,
     mut colors: ResMut<ShownColors>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    clock: Res<FadeClock>,
-    reports: Res<Reports<ColorReport>>,
 ) {
     // Reading `settled` does not mark `ShownColors` as changed. The style pass relies on that to stay idle.
-    if colors.settled && !clouds.is_changed() && !wishes.is_changed() {
+    if colors.settled && !clouds.is_changed() && !wishes.is_changed() && !wanted.is_changed() {
         return;
     }
+    let colors = &mut *colors;
     colors.settled = true;
-    // Frees the buffers of entities that are gone. A wish outlives its style, so most entries go with their scene.
     colors.of_entity.retain(|entity, _| clouds.0.contains_key(entity) && wishes.0.contains_key(entity));
-    for (&entity, wished) in &wishes.0 {
-        let Some(cloud) = clouds.0.get(&entity) else { continue };
-        let colors = colors.of_entity.entry(entity).or_default();
-        colors.reset_for_new_scene(cloud.scene.scene());
-        let generation = wished.wish.generation;
-        if colors.generation == Some(generation) {
-            continue;
+    colors.styles.retain(|_, style| style.style.strong_count() > 0);
+    let spare = &mut colors.spare;
+    colors.mixes.retain(|_, (mix, buffer)| {
+        let is_alive = mix.strong_count() > 0;
+        if !is_alive {
+            spare.push(buffer.clone());
         }
-        let shown = match &wished.wish.source {
-            ColorSource::Captured => Ok(None),
-            ColorSource::Rgb(rgb) => colors.upload(device.wgpu_device(), &queue, rgb, wished.fade).map(Some),
-            // The old colors stay until the style pass has decoded the new ones.
-            ColorSource::Folded(_) => continue,
-        };
-        match shown {
-            Ok(index) => colors.show(index, wished.fade, clock.0, generation),
-            Err(reason) => {
-                // The refused wish counts as answered. Otherwise it would be tried and reported again in each frame
-                // that has a change.
-                colors.generation = Some(generation);
-                reports.push(ColorReport { entity: entity.id(), generation, result: Err(reason) });
-            }
+        is_alive
+    });
+    // Transitions leave one behind in each frame and take it again in the next.
+    spare.truncate(MAX_SPARE);
+    let mut styles = wanted.0.clone();
+    styles.extend(wishes.0.values().flat_map(|wish| all_styles(&wish.layers)));
+    for style in styles {
+        colors.prepare(&style, device.wgpu_device(), &queue);
+    }
+    for (&entity, cloud) in &clouds.0 {
+        if wishes.0.contains_key(&entity) {
+            colors.of_entity.entry(entity).or_default().reset_for_new_scene(cloud.scene.scene());
         }
     }
 }
 
+/// Buffers that are kept for further mixes.
+const MAX_SPARE: usize = 4;
+
+/// The styles that layers are made of.
+fn all_styles(layers: &[ColorLayer]) -> Vec<Arc<StyleColors>> {
+    let styles = |layer: &ColorLayer| match &layer.colors {
+        LayerColors::Captured => Vec::new(),
+        LayerColors::Style(style) => vec![Arc::clone(style)],
+        LayerColors::Mix(mix) => all_styles(&mix.layers()),
+    };
+    layers.iter().flat_map(styles).collect()
+}
+
+/// The key of a style or of a mix.
+pub(super) fn address<T>(shared: &Arc<T>) -> usize {
+    Arc::as_ptr(shared) as usize
+}
+
 impl ShownColors {
-    /// The colors to draw an entity's splats in. `now` is the time of the [`FadeClock`].
-    pub(crate) fn get(&self, entity: MainEntity, now: Duration) -> CloudColors<'_> {
-        let Some(colors) = self.of_entity.get(&entity) else { return CloudColors::Captured };
-        let buffer = |index: Option<usize>| index.and_then(|index| colors.buffers[index].as_ref());
-        // The extraction's clock and not the render world's own, so that all views of a frame see the same step of a
-        // fade.
-        let progress = colors.fade.as_ref().map(|fade| (fade.from, fade.progress(now)));
-        match (progress, buffer(colors.shown)) {
-            // A fade that is over is not removed. It only stops being drawn, and the next `show` replaces it.
-            (Some((from, t)), to) if t < 1.0 => CloudColors::Fade { from: buffer(from), to, t },
-            (_, Some(rgb)) => CloudColors::Rgb(rgb),
-            (_, None) => CloudColors::Captured,
+    /// The colors to draw an entity's splats in, or `None` if they are not drawn.
+    pub(crate) fn get(&self, entity: MainEntity) -> Option<CloudColors<'_>> {
+        let Some(colors) = self.of_entity.get(&entity) else { return Some(CloudColors::Captured) };
+        match &colors.shown {
+            _ if colors.is_hidden => None,
+            Shown::Captured => Some(CloudColors::Captured),
+            Shown::Style(shown) | Shown::Mixed(shown) => Some(CloudColors::Rgb(shown)),
+        }
+    }
+
+    /// The colors of an entity, or `None` for the captured ones.
+    #[cfg(test)]
+    pub(crate) fn shown(&self, entity: MainEntity) -> Option<&GaussianColors> {
+        match &self.of_entity.get(&entity)?.shown {
+            Shown::Captured => None,
+            Shown::Style(shown) | Shown::Mixed(shown) => Some(shown),
+        }
+    }
+
+    /// Makes an entry for a style, and uploads it if its colors are known.
+    fn prepare(&mut self, style: &Arc<StyleColors>, device: &wgpu::Device, queue: &wgpu::Queue) {
+        let on_gpu = self.styles.entry(address(style)).or_insert_with(|| {
+            let colors = GaussianColors::new(device, style.n).map_err(|error| error.to_string());
+            let style_on_gpu =
+                StyleOnGpu { style: Arc::downgrade(style), colors: colors.as_ref().ok().cloned(), is_complete: false };
+            if let Err(reason) = colors {
+                style.answer(Err(reason));
+            }
+            style_on_gpu
+        });
+        if let (ColorSource::Rgb(rgb), Some(colors), false) = (&style.source, &on_gpu.colors, on_gpu.is_complete) {
+            colors.write(queue, rgb);
+            on_gpu.is_complete = true;
+            style.answer(Ok(()));
+        }
+    }
+
+    /// The folded styles that are not decoded yet, with the colors that they go to.
+    pub(crate) fn to_decode(&self) -> Vec<(Arc<StyleColors>, GaussianColors)> {
+        let undecoded = |style: &StyleOnGpu| match &style.colors {
+            Some(colors) if !style.is_complete => Some((style.style.upgrade()?, colors.clone())),
+            _ => None,
+        };
+        self.styles.values().filter_map(undecoded).collect()
+    }
+
+    /// Notes that a style is decoded, or why it cannot be.
+    pub(crate) fn decoded(&mut self, style: &Arc<StyleColors>, result: Result<(), String>) {
+        if let Some(on_gpu) = self.styles.get_mut(&address(style)) {
+            on_gpu.is_complete = result.is_ok();
+            if result.is_err() {
+                on_gpu.colors = None;
+            }
+        }
+        style.answer(result);
+    }
+
+    /// The colors of a style, or `None` if they are not complete. A style that the device refuses never is.
+    pub(super) fn style(&self, style: &Arc<StyleColors>) -> Option<&GaussianColors> {
+        self.styles.get(&address(style)).filter(|style| style.is_complete)?.colors.as_ref()
+    }
+
+    /// Whether an entity shows what it wishes for.
+    pub(super) fn is_current(&self, entity: MainEntity, wish: &ColorLayers) -> bool {
+        self.of_entity.get(&entity).is_some_and(|colors| colors.generation == Some(wish.generation))
+    }
+
+    /// Shows what an entity wishes for.
+    pub(super) fn show(&mut self, entity: MainEntity, wish: &ColorLayers, shown: Shown) {
+        let Some(colors) = self.of_entity.get_mut(&entity) else { return };
+        colors.shown = shown;
+        colors.is_hidden = wish.is_hidden;
+        colors.generation = Some(wish.generation);
+    }
+
+    /// Colors of an entity's own to mix its layers into: those that it shows if they are its own.
+    pub(super) fn own_buffer(
+        &mut self,
+        entity: MainEntity,
+        device: &wgpu::Device,
+        n: usize,
+    ) -> Option<GaussianColors> {
+        match self.of_entity.get(&entity).map(|colors| &colors.shown) {
+            Some(Shown::Mixed(own)) => Some(own.clone()),
+            _ => self.buffer(device, n),
+        }
+    }
+
+    /// Colors of `n` Gaussians, to mix layers into, or `None` if they are too large for the device.
+    pub(super) fn buffer(&mut self, device: &wgpu::Device, n: usize) -> Option<GaussianColors> {
+        match self.spare.iter().position(|spare| spare.n_gaussians() == n) {
+            Some(index) => Some(self.spare.swap_remove(index)),
+            // A style of the same size has fitted, so this does too.
+            None => GaussianColors::new(device, n).ok(),
         }
     }
 }
 
 impl EntityColors {
-    /// Forgets everything if the entity shows another scene: colors of other Gaussians are no start for a fade.
+    /// Forgets everything if the entity shows another scene: colors of other Gaussians are none.
     fn reset_for_new_scene(&mut self, scene: &Arc<Scene>) {
         if !self.scene.as_ref().is_some_and(|present| Arc::ptr_eq(present, scene)) {
-            // This also forgets the generation, so the wish is applied again, at once and without a fade.
             *self = Self { scene: Some(Arc::clone(scene)), ..default() };
-        }
-    }
-
-    /// Writes known colors to the next buffer and returns its index.
-    fn upload(
-        &mut self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        rgb: &[[f32; 3]],
-        fade: Duration,
-    ) -> Result<usize, String> {
-        // Known colors are complete at once: without a fade, they overwrite the buffer that is shown.
-        let index = self.next_index(self.fades(fade));
-        let buffer = self.buffer(device, index).map_err(|error| error.to_string())?;
-        if buffer.n_gaussians() != rgb.len() {
-            return Err(format!("{} colors for {} Gaussians", rgb.len(), buffer.n_gaussians()));
-        }
-        buffer.write(queue, rgb);
-        Ok(index)
-    }
-
-    /// The buffer that is shown, or `None` for the captured colors.
-    #[cfg(test)]
-    pub(crate) fn shown(&self) -> Option<&GaussianColors> {
-        self.shown.and_then(|index| self.buffers[index].as_ref())
-    }
-
-    /// Index of the buffer for the next colors. It is the shown buffer unless that must be kept, either for a fade or until
-    /// the next colors are complete.
-    pub(crate) fn next_index(&self, keep_shown: bool) -> usize {
-        match self.shown {
-            Some(shown) if keep_shown => 1 - shown,
-            Some(shown) => shown,
-            None => 0,
-        }
-    }
-
-    /// The buffer `index`, created if it does not exist.
-    ///
-    /// # Errors
-    /// If the buffer is too large for the device.
-    pub(crate) fn buffer(
-        &mut self,
-        device: &wgpu::Device,
-        index: usize,
-    ) -> Result<&GaussianColors, TooLarge> {
-        // Taken out and put back, because `get_or_insert_with` cannot return the error.
-        let buffer = match self.buffers[index].take() {
-            Some(buffer) => buffer,
-            None => GaussianColors::new(device, self.scene.as_ref().map_or(0, |scene| scene.len()))?,
-        };
-        Ok(self.buffers[index].insert(buffer))
-    }
-
-    /// Whether the next change fades. The first colors of an entity are immediate, also after a lost device.
-    pub(crate) fn fades(&self, duration: Duration) -> bool {
-        !duration.is_zero() && self.generation.is_some()
-    }
-
-    /// Shows the buffer `index`, or the captured colors if it is `None`, from `now` on.
-    pub(crate) fn show(&mut self, index: Option<usize>, duration: Duration, now: Duration, generation: u64) {
-        // `fades` looks at the generation, so it comes before the new one is stored.
-        self.fade = self.fades(duration).then_some(Fade { from: self.shown, began: now, duration });
-        self.shown = index;
-        self.generation = Some(generation);
-        // No side of a fade needs them.
-        if index.is_none() && self.fade.is_none() {
-            self.buffers = default();
         }
     }
 }

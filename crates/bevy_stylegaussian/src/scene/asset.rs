@@ -24,6 +24,8 @@ pub struct GaussianScene {
     decoder: Option<Arc<Decoder>>,
     /// The box around all visible splats, or `None` if there are none. An error if the scene cannot be shown.
     bounds: Result<Option<Aabb>, SceneError>,
+    /// The box that holds the middle 98% of the means along each axis, or `None` without Gaussians.
+    usual: Option<[Vec3; 2]>,
 }
 
 impl GaussianScene {
@@ -45,7 +47,8 @@ impl GaussianScene {
         let bounds = bounds.map(|bounds| bounds.map(|[min, max]| Aabb::from_min_max(min, max)));
         // An `Arc` of its own, so that its address identifies the decoder wherever inputs are packed for it.
         let decoder = scene.decoder.clone().map(Arc::new);
-        Self { scene: Arc::new(scene), decoder, bounds }
+        let usual = if bounds.is_ok() { usual_box(&scene.means) } else { None };
+        Self { scene: Arc::new(scene), decoder, bounds, usual }
     }
 
     /// The scene.
@@ -58,6 +61,11 @@ impl GaussianScene {
         self.decoder.as_ref()
     }
 
+    /// Corners of the box that holds almost all means, in scene space, or `None` without Gaussians.
+    pub(crate) fn usual_bounds(&self) -> Option<[Vec3; 2]> {
+        self.usual
+    }
+
     /// The box around all visible splats, or `None` if there are none.
     ///
     /// # Errors
@@ -65,6 +73,21 @@ impl GaussianScene {
     pub(crate) fn bounds(&self) -> Result<Option<Aabb>, SceneError> {
         self.bounds.clone()
     }
+}
+
+/// Share of the means that lie outside of the usual box on each side.
+const OUTSIDE: usize = 100;
+
+/// The box that holds almost all means along each axis: a few that lie far away, such as a sky, do not count.
+fn usual_box(means: &[Vec3]) -> Option<[Vec3; 2]> {
+    let (first, last) = (means.len() / OUTSIDE, means.len().checked_sub(1)? - means.len() / OUTSIDE);
+    let mut corners = [Vec3::ZERO; 2];
+    for axis in 0..3 {
+        let mut along: Vec<f32> = means.iter().map(|mean| mean[axis]).collect();
+        corners[0][axis] = *along.select_nth_unstable_by(first, f32::total_cmp).1;
+        corners[1][axis] = *along.select_nth_unstable_by(last, f32::total_cmp).1;
+    }
+    Some(corners)
 }
 
 /// Whether neighbors can be searched. Scenes from files always have finite means; a program's may not.

@@ -12,7 +12,7 @@ use stylegaussian_gpu::splat;
 use wgpu::{LoadOp, Operations, RenderPassColorAttachment, RenderPassDescriptor, StoreOp};
 
 use crate::{
-    colors::{FadeClock, ShownColors},
+    colors::ShownColors,
     reports::Reports,
     scene::{GpuScenes, RenderClouds, SceneRefused},
 };
@@ -39,7 +39,6 @@ pub(super) fn draw_splats(
     clouds: Res<RenderClouds>,
     scenes: Res<GpuScenes>,
     colors: Res<ShownColors>,
-    clock: Res<FadeClock>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     reports: Res<Reports<SceneRefused>>,
@@ -61,7 +60,7 @@ pub(super) fn draw_splats(
         .iter()
         .filter_map(|entity| {
             let cloud = clouds.0.get(entity)?;
-            let (scene, colors) = (scenes.get(&cloud.scene)?, colors.get(*entity, clock.0));
+            let (scene, colors) = (scenes.get(&cloud.scene)?, colors.get(*entity)?);
             Some(splat::Cloud { scene, colors, world_from_scene: cloud.world_from_scene })
         })
         .collect();

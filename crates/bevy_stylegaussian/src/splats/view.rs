@@ -22,6 +22,7 @@ use stylegaussian_gpu::splat::{self, CompositeInput, CompositeMode, LAYER_FORMAT
 
 use crate::{
     background::SynchronousCompilation,
+    colors::PipelinesReady,
     scene::{GaussianSplats, GpuScenes, RenderClouds},
 };
 
@@ -113,6 +114,7 @@ pub(super) fn prepare_views(
     scenes: Res<GpuScenes>,
     mut views: ResMut<SplatViews>,
     mut pipelines: ResMut<SplatPipelines>,
+    mut all_ready: ResMut<PipelinesReady>,
     luts: Luts,
     synchronous: Res<SynchronousCompilation>,
     device: Res<RenderDevice>,
@@ -122,6 +124,7 @@ pub(super) fn prepare_views(
     // Views whose camera is gone, or has no pixels, are found by not being planned in this frame.
     of_view.values_mut().for_each(|view| view.present = false);
     let device = device.wgpu_device();
+    all_ready.0 = true;
     for camera in &cameras {
         let (extracted, _, _, visible, ..) = camera;
         let Some(plan) = plan(camera) else { continue };
@@ -137,6 +140,7 @@ pub(super) fn prepare_views(
         }));
         // Requested before there is anything to draw, so that compiling overlaps with the loading of scenes.
         let is_ready = pipelines.request(device, *synchronous, plan.samples, plan.composite);
+        all_ready.0 &= is_ready;
         if view.clouds.is_empty() || !is_ready {
             continue;
         }
@@ -144,6 +148,7 @@ pub(super) fn prepare_views(
             // Without its table the composite would show other colors for a few frames, so the splats wait.
             && !pipelines.request_table(device, &queue, *synchronous, tonemapping, &luts)
         {
+            all_ready.0 = false;
             continue;
         }
         view.attach_layer(device, &queue, &pipelines, &plan, layers);

@@ -6,8 +6,9 @@ use bevy::{ecs::system::SystemParam, platform::time::Instant, prelude::*};
 
 use super::{applied::AppliedStyle, error::StyleError, settings::StyleBackend};
 
-/// Sent once an entity's new style is complete and drawn from this frame on, or begins to fade in. Also sent once an entity
-/// is back in its captured colors.
+/// Sent once an entity's new style is complete and drawn, or begins to come in. Also sent once an entity is back in its
+/// captured colors. A change to no style of an entity that shows none sends nothing. In an app that draws, the style is in
+/// the frame before the event, if a camera sees the entity.
 ///
 /// This is the event. The component [`AppliedStyle`] holds the style as long as it is shown.
 ///
@@ -64,6 +65,7 @@ pub(super) struct StyleEvents<'w, 's> {
     refined: MessageWriter<'w, StyleRefined>,
     failed: MessageWriter<'w, StyleFailed>,
     names: Query<'w, 's, NameOrEntity>,
+    backend: Res<'w, StyleBackend>,
 }
 
 impl StyleEvents<'_, '_> {
@@ -77,13 +79,18 @@ impl StyleEvents<'_, '_> {
     ) {
         // Before the event is triggered, so that observers already find the component.
         self.commands.entity(entity).try_insert(style);
-        self.send_applied(entity, backend, since);
+        self.sent(entity, backend, since);
+    }
+
+    /// Whether a style that the GPU refuses is computed on the CPU.
+    pub(super) fn may_use_cpu(&self) -> bool {
+        *self.backend == StyleBackend::Auto
     }
 
     /// The entity shows its captured colors again.
     pub(super) fn removed(&mut self, entity: Entity, since: Instant) {
         self.commands.entity(entity).try_remove::<AppliedStyle>();
-        self.send_applied(entity, StyleBackend::Cpu, since);
+        self.sent(entity, StyleBackend::Cpu, since);
     }
 
     /// The entity shows a better look of its style.
@@ -113,7 +120,8 @@ impl StyleEvents<'_, '_> {
         }
     }
 
-    fn send_applied(&mut self, entity: Entity, backend: StyleBackend, since: Instant) {
+    /// The entity's style is drawn.
+    pub(super) fn sent(&mut self, entity: Entity, backend: StyleBackend, since: Instant) {
         let event = StyleApplied { entity, backend, elapsed: since.elapsed() };
         self.applied.write(event.clone());
         self.commands.trigger(event);

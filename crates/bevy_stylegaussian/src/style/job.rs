@@ -1,20 +1,19 @@
-//! The way from a changed source to new colors: one job per styled entity.
+//! The way from a changed source to new colors: one job per styled entity and scene.
 //!
 //! A job computes one style at a time and remembers only *that* another is wanted, not which: when it is free again it
 //! reads the entity's components as they are then. So a thousand changes that come faster than they complete cost a few
 //! computations, some of the styles in between are seen, and the last change is the one that stays.
 
-use std::{sync::Arc, time::Duration};
+use std::sync::Arc;
 
 use bevy::{
     platform::{collections::HashSet, time::Instant},
     prelude::*,
-    tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
+    render::renderer::RenderAdapterInfo,
 };
 
 use crate::{
-    colors::{ColorReport, ColorSource, ColorWish, StyleTransition},
-    reports::Reports,
+    colors::{ColorLayers, LayerColors, StyleColors, WantedColors},
     scene::LoadedScene,
 };
 
@@ -26,21 +25,39 @@ use super::{
     inputs::Inputs,
     request::StyleResult,
     settings::{StyleBackend, StyleEncoder},
+    shared::{SharedStyle, SharedStyles},
     source::{StyleDecoder, StyleInput, StyleSource},
+    transition::StyleTransition,
+    volume::StyleVolume,
+    worn::Worn,
 };
 
-/// Progress of an entity's style.
+/// The jobs of a styled entity: one for the scene that it shows, or one for each scene that its volume comes near.
 #[derive(Component, Default)]
+pub(crate) struct StyleJobs {
+    pub(super) of_scene: Vec<StyleJob>,
+    /// The source that the jobs know of.
+    known: Option<StyleSource>,
+}
+
+/// Progress of an entity's style on a scene.
 pub(crate) struct StyleJob {
+    pub(super) scene: LoadedScene,
+    /// An entity that shows the scene.
+    pub(super) cloud: Entity,
     /// Time of the first change that neither the style under way nor the shown one answers, or `None` if both are current.
     wanted: Option<Instant>,
     stage: Stage,
-    /// End of the present fade, since startup.
-    fading_until: Duration,
+    /// The style that was put on and is not drawn yet.
+    coming: Option<Coming>,
     /// Whether the GPU has refused the present scene and decoder.
     gpu_refused: bool,
     /// The last failure, until a component of the entity changes. Assets that come later often change nothing about it.
     failure: Option<String>,
+    /// What is shown.
+    pub(super) worn: Worn,
+    /// The shared style that is shown, kept so that others find it.
+    shown: Option<Arc<SharedStyle>>,
 }
 
 /// Stage of the style under way.
@@ -50,49 +67,82 @@ enum Stage {
     #[default]
     Idle,
     /// A task computes the style.
-    Computing { since: Instant, backend: StyleBackend, task: Task<Result<StyleResult, StyleError>> },
-    /// The render world has to fulfil the wish of this generation.
-    // The style is kept here until the GPU shows it, so that `AppliedStyle` never runs ahead of the picture.
-    Decoding { since: Instant, generation: u64, style: AppliedStyle },
+    Computing { since: Instant, backend: StyleBackend, shared: Arc<SharedStyle> },
+    /// The GPU is to take the colors.
+    Uploading { since: Instant, backend: StyleBackend, shared: Arc<SharedStyle>, result: StyleResult },
+}
+
+/// A style that is about to be drawn.
+struct Coming {
+    since: Instant,
+    backend: StyleBackend,
+    /// The style, or `None` for the captured colors.
+    // Kept here until it is drawn, so that `AppliedStyle` never runs ahead of the picture.
+    style: Option<AppliedStyle>,
+    /// The generation of the cloud's colors that shows it, or `None` if it is not known yet.
+    generation: Option<u64>,
 }
 
 impl StyleJob {
+    pub(super) fn new(cloud: Entity, scene: &LoadedScene) -> Self {
+        Self {
+            scene: scene.clone(),
+            cloud,
+            wanted: Some(Instant::now()),
+            stage: Stage::Idle,
+            coming: None,
+            gpu_refused: false,
+            failure: None,
+            worn: Worn::default(),
+            shown: None,
+        }
+    }
+
+    /// Whether the job is of this scene.
+    pub(super) fn is_of(&self, scene: &LoadedScene) -> bool {
+        Arc::ptr_eq(self.scene.scene(), scene.scene())
+    }
+
     // The first of several changes counts: `elapsed` is what the user has waited for.
     fn want(&mut self) {
         self.wanted.get_or_insert_with(Instant::now);
     }
+
+    /// Whether the style that is wanted is shown.
+    pub(super) fn is_settled(&self) -> bool {
+        self.wanted.is_none() && matches!(self.stage, Stage::Idle)
+    }
+
+    /// Replaces the colors of the style that is shown by better ones.
+    pub(super) fn improve(&mut self, colors: Arc<StyleColors>, transition: Option<&StyleTransition>) {
+        self.shown = None;
+        self.worn.put_on(LayerColors::Style(colors), transition);
+    }
 }
 
 /// One of the entity's components that a style depends on changed.
-type InputChanged = Or<(Changed<StyleSource>, Changed<StyleDecoder>, Changed<LoadedScene>)>;
+type InputChanged = Or<(Changed<StyleSource>, Changed<StyleDecoder>)>;
 
-/// The components that show which input changed.
-type ChangedInputs = (
-    Entity,
-    &'static mut StyleJob,
-    &'static mut ColorWish,
-    Ref<'static, LoadedScene>,
-    Option<Ref<'static, StyleDecoder>>,
-);
-
-/// Wants a new style if source, decoder or scene changed. A new scene starts in its captured colors.
-pub(super) fn want_changed_styles(mut commands: Commands, mut jobs: Query<ChangedInputs, InputChanged>) {
-    for (entity, mut job, mut wish, scene, decoder) in &mut jobs {
-        if scene.is_changed() {
-            // Drops the task too, which cancels it: its colors would be of the old Gaussians.
-            *job = StyleJob::default();
-            // A wish that is set again gets a new generation, which the render world would have to answer.
-            if !matches!(wish.source, ColorSource::Captured) {
-                wish.set(ColorSource::Captured);
-                commands.entity(entity).try_remove::<AppliedStyle>();
-            }
+/// Wants a new style if source or decoder changed.
+pub(super) fn want_changed_styles(
+    mut jobs: Query<(&mut StyleJobs, Ref<StyleSource>, Option<Ref<StyleDecoder>>), InputChanged>,
+) {
+    for (mut jobs, source, decoder) in &mut jobs {
+        let decoder_changed = decoder.is_some_and(|decoder| decoder.is_changed());
+        let known = jobs.known.replace(StyleSource::clone(&source));
+        // A strength is no new style: it multiplies the colors that are there.
+        let only_strength = known.is_some_and(|known| {
+            known.strength != source.strength && StyleSource { strength: source.strength, ..known } == *source
+        });
+        if only_strength && !decoder_changed {
+            continue;
         }
-        // The GPU may have refused the old decoder's weights. The new ones may fit.
-        if decoder.is_some_and(|decoder| decoder.is_changed()) {
-            job.gpu_refused = false;
+        for job in &mut jobs.of_scene {
+            // The GPU may have refused the old decoder's weights. The new ones may fit.
+            job.gpu_refused &= !decoder_changed;
+            job.failure = None;
+            job.want();
         }
-        job.failure = None;
-        job.want();
     }
 }
 
@@ -104,7 +154,7 @@ pub(super) fn want_changed_assets(
     mut decoders: MessageReader<AssetEvent<GaussianDecoder>>,
     mut encoders: MessageReader<AssetEvent<ImageEncoder>>,
     encoder: Res<StyleEncoder>,
-    mut jobs: Query<(&mut StyleJob, &StyleSource, Option<&StyleDecoder>)>,
+    mut jobs: Query<(&mut StyleJobs, &StyleSource, Option<&StyleDecoder>)>,
 ) {
     // Every reader is drained before the first return, or old events would come back in a later frame.
     let images = changed(&mut images);
@@ -118,18 +168,18 @@ pub(super) fn want_changed_assets(
     if is_quiet && !encoder_changed {
         return;
     }
-    for (mut job, source, decoder) in &mut jobs {
+    for (mut jobs, source, decoder) in &mut jobs {
         let input_changed = source.styles.iter().any(|style| match &style.input {
             StyleInput::Image(image) => encoder_changed || images.contains(&image.id()),
             StyleInput::Preset(preset) => statistics.contains(&preset.id()),
             StyleInput::Look(look) => looks.contains(&look.id()),
         });
         let decoder_changed = decoder.is_some_and(|decoder| decoders.contains(&decoder.0.id()));
-        if decoder_changed {
-            job.gpu_refused = false;
-        }
-        if input_changed || decoder_changed {
-            job.want();
+        for job in &mut jobs.of_scene {
+            job.gpu_refused &= !decoder_changed;
+            if input_changed || decoder_changed {
+                job.want();
+            }
         }
     }
 }
@@ -143,166 +193,149 @@ fn changed<A: Asset>(events: &mut MessageReader<AssetEvent<A>>) -> HashSet<Asset
     events.read().filter_map(id).collect()
 }
 
+/// The components of an entity that may have lost its style.
+type Unstyled = (&'static mut StyleJobs, Option<&'static StyleTransition>, Has<StyleSource>);
+
 /// Resets entities to their captured colors if their source was removed, and wants a new style if their decoder was.
 pub(super) fn drop_removed_styles(
     mut commands: Commands,
     mut sources: RemovedComponents<StyleSource>,
     mut decoders: RemovedComponents<StyleDecoder>,
-    mut jobs: Query<&mut StyleJob, With<StyleSource>>,
-    mut wishes: Query<&mut ColorWish>,
+    mut jobs: Query<Unstyled>,
 ) {
-    // A source that was removed and put back in the same frame is in `jobs`, and `want_changed_styles` has seen it.
-    for entity in sources.read().filter(|&entity| !jobs.contains(entity)) {
-        // The wish stays: the next one must have a higher generation.
-        if let Ok(mut wish) = wishes.get_mut(entity) {
-            wish.set(ColorSource::Captured);
-            commands.entity(entity).try_remove::<(StyleJob, AppliedStyle)>();
+    for entity in sources.read() {
+        let Ok((mut jobs, transition, has_source)) = jobs.get_mut(entity) else { continue };
+        // A source that was removed and put back in the same frame was seen by `want_changed_styles`.
+        if !has_source {
+            for job in &mut jobs.of_scene {
+                job.take_off(transition);
+            }
+            commands.entity(entity).try_remove::<AppliedStyle>();
         }
     }
     for entity in decoders.read() {
-        if let Ok(mut job) = jobs.get_mut(entity) {
-            job.gpu_refused = false;
-            job.want();
-        }
-    }
-}
-
-/// Takes over the reports of the render world.
-pub(super) fn read_gpu_reports(
-    reports: Res<Reports<ColorReport>>,
-    mut jobs: Query<(&mut StyleJob, Option<&StyleTransition>)>,
-    backend: Res<StyleBackend>,
-    time: Res<Time<Real>>,
-    mut events: StyleEvents,
-) {
-    for ColorReport { entity, generation, result } in reports.take() {
-        let Ok((mut job, transition)) = jobs.get_mut(entity) else { continue };
-        // Reports arrive a frame late, so the wish may have changed since.
-        let Some((since, style)) = job.finish_decoding(generation) else { continue };
-        match result {
-            Ok(()) => {
-                // The render world began the fade in an earlier frame, so it ends no later than this.
-                job.fading_until = time.elapsed().saturating_add(fade_duration(transition));
-                events.applied(entity, style, StyleBackend::Gpu, since);
-            }
-            Err(reason) => {
-                job.gpu_refused = true;
-                if *backend == StyleBackend::Auto {
-                    events.warn(
-                        entity,
-                        &format_args!("the GPU cannot decode its style ({reason}); the CPU does"),
-                    );
-                    // The time goes on: the user has been waiting since the first attempt.
-                    job.wanted.get_or_insert(since);
-                } else {
-                    events.failed(entity, Arc::new(StyleError::Gpu(reason)));
-                }
+        if let Ok((mut jobs, ..)) = jobs.get_mut(entity) {
+            for job in &mut jobs.of_scene {
+                job.gpu_refused = false;
+                job.want();
             }
         }
     }
-}
-
-impl StyleJob {
-    /// The style that the render world was to decode, or `None` if it is not of this generation.
-    fn finish_decoding(&mut self, reported: u64) -> Option<(Instant, AppliedStyle)> {
-        match std::mem::take(&mut self.stage) {
-            Stage::Decoding { since, generation, style } if generation == reported => Some((since, style)),
-            other => {
-                self.stage = other;
-                None
-            }
-        }
-    }
-}
-
-/// The duration of an entity's fades.
-pub(super) fn fade_duration(transition: Option<&StyleTransition>) -> Duration {
-    transition.map_or(Duration::ZERO, |transition| transition.duration)
 }
 
 /// The components of a styled entity.
 type StyledEntity = (
     Entity,
     &'static StyleSource,
-    &'static mut StyleJob,
-    &'static mut ColorWish,
-    Option<&'static LoadedScene>,
+    &'static mut StyleJobs,
     Option<&'static StyleDecoder>,
     Option<&'static StyleTransition>,
+    Has<StyleVolume>,
 );
 
 /// Takes over results of tasks, then starts wanted styles.
 pub(super) fn advance_jobs(
-    mut jobs: Query<StyledEntity>,
+    mut entities: Query<StyledEntity>,
     mut inputs: Inputs,
-    time: Res<Time<Real>>,
+    mut shared: ResMut<SharedStyles>,
+    mut wanted: ResMut<WantedColors>,
+    // Bevy puts a copy into the main world. It is absent if the app does not render.
+    renderer: Option<Res<RenderAdapterInfo>>,
     mut events: StyleEvents,
 ) {
-    let now = time.elapsed();
-    for (entity, source, mut job, mut wish, scene, decoder, transition) in &mut jobs {
-        // A style that is ready during a fade waits: a fade has one beginning and one end.
-        if job.is_at_rest() || job.is_fading(now) {
+    let mut uploading = Vec::new();
+    for (entity, source, mut jobs, decoder, transition, is_volume) in &mut entities {
+        // Borrowed mutably only where there is something to do.
+        if jobs.of_scene.iter().all(StyleJob::is_settled) {
             continue;
         }
-        // A fade may last for `Duration::MAX`.
-        let fading_until = now.saturating_add(fade_duration(transition));
-        match scene {
-            // The style under way is for a scene that is gone; the wanted one waits for the next scene.
-            None => job.stage = Stage::Idle,
-            Some(_) if source.is_none() => job.unstyle(entity, &mut wish, fading_until, &mut events),
-            Some(scene) => {
-                job.take_over(entity, scene, &mut wish, fading_until, &mut events);
-                job.start(entity, source, scene, decoder, &mut inputs, &mut events);
+        for job in &mut jobs.of_scene {
+            if source.is_none() {
+                job.unstyle(transition, is_volume);
+                continue;
+            }
+            job.take_over(entity, transition, renderer.is_some(), &mut events);
+            job.start(entity, source, decoder, &mut inputs, &mut shared, &mut events);
+            if let Stage::Uploading { result, .. } = &job.stage {
+                uploading.push(Arc::clone(&result.colors));
             }
         }
+    }
+    // Only a change is extracted.
+    if !(wanted.0.is_empty() && uploading.is_empty()) {
+        wanted.0 = uploading;
     }
 }
 
 impl StyleJob {
-    /// Resets the entity to its captured colors, which needs no task.
-    fn unstyle(
-        &mut self,
-        entity: Entity,
-        wish: &mut Mut<ColorWish>,
-        fading_until: Duration,
-        events: &mut StyleEvents,
-    ) {
-        self.stage = Stage::Idle;
+    /// Puts on the captured colors, which needs no task.
+    fn unstyle(&mut self, transition: Option<&StyleTransition>, is_volume: bool) {
         // A task under way is canceled in any case; the event is sent if somebody asked.
+        self.stage = Stage::Idle;
         let Some(since) = self.wanted.take() else { return };
-        if matches!(wish.source, ColorSource::Captured) {
-            return;
+        self.shown = None;
+        self.coming = None;
+        // A volume in captured colors covers what lies below it. Splats without a style are in theirs already.
+        if is_volume || !self.worn.is_empty() {
+            self.worn.put_on(LayerColors::Captured, transition);
+            self.coming = Some(Coming { since, backend: StyleBackend::Cpu, style: None, generation: None });
         }
-        wish.set(ColorSource::Captured);
-        self.fading_until = fading_until;
-        events.removed(entity, since);
     }
 
-    /// Takes over the task's result if it is ready.
+    /// Puts everything off: the entity has no source any more.
+    fn take_off(&mut self, transition: Option<&StyleTransition>) {
+        (self.wanted, self.stage, self.coming, self.shown) = (None, Stage::Idle, None, None);
+        if !self.worn.is_empty() {
+            self.worn.put_on(LayerColors::Captured, transition);
+        }
+    }
+
+    /// Takes over the task's result if it is ready, and puts it on once the GPU has it.
     fn take_over(
         &mut self,
         entity: Entity,
-        scene: &LoadedScene,
-        wish: &mut Mut<ColorWish>,
-        fading_until: Duration,
+        transition: Option<&StyleTransition>,
+        renders: bool,
         events: &mut StyleEvents,
     ) {
-        let Some((result, backend, since)) = self.computed() else { return };
-        match result {
-            // The scene was replaced meanwhile: the colors belong to another one.
-            Ok(result) if !Arc::ptr_eq(&result.style.scene, scene.scene()) => {}
-            Ok(StyleResult { style, colors }) => {
-                wish.set(colors);
-                if backend == StyleBackend::Gpu {
-                    self.stage = Stage::Decoding { since, generation: wish.generation, style };
+        if let Stage::Computing { since, backend, shared } = &self.stage
+            && let Some(computed) = shared.poll()
+        {
+            let (since, backend, shared) = (*since, *backend, Arc::clone(shared));
+            self.stage = Stage::Idle;
+            match computed {
+                Ok(result) => self.stage = Stage::Uploading { since, backend, shared, result },
+                // A later change has made the failure obsolete.
+                Err(_) if self.wanted.is_some() => {}
+                Err(error) => events.failed(entity, error),
+            }
+        }
+        let Stage::Uploading { result, .. } = &self.stage else { return };
+        let answer = if renders { result.colors.on_gpu().cloned() } else { Some(Ok(())) };
+        let Some(answer) = answer else { return };
+        let Stage::Uploading { since, backend, shared, result } = std::mem::take(&mut self.stage) else { return };
+        match answer {
+            Ok(()) => {
+                self.shown = Some(shared);
+                if !self.worn.is_topped_by(&result.colors) {
+                    self.worn.put_on(LayerColors::Style(result.colors), transition);
+                }
+                let style = Some(result.style);
+                self.coming = Some(Coming { since, backend, style, generation: None });
+            }
+            Err(reason) => {
+                self.gpu_refused = true;
+                if backend == StyleBackend::Gpu && events.may_use_cpu() {
+                    events.warn(
+                        entity,
+                        &format_args!("the GPU cannot decode its style ({reason}); the CPU does"),
+                    );
+                    // The time goes on: the user has been waiting since the first attempt.
+                    self.wanted.get_or_insert(since);
                 } else {
-                    self.fading_until = fading_until;
-                    events.applied(entity, style, backend, since);
+                    events.failed(entity, Arc::new(StyleError::Gpu(reason)));
                 }
             }
-            // A later change has made the failure obsolete.
-            Err(_) if self.wanted.is_some() => {}
-            Err(error) => events.failed(entity, Arc::new(error)),
         }
     }
 
@@ -311,20 +344,19 @@ impl StyleJob {
         &mut self,
         entity: Entity,
         source: &StyleSource,
-        scene: &LoadedScene,
         decoder: Option<&StyleDecoder>,
         inputs: &mut Inputs,
+        shared: &mut SharedStyles,
         events: &mut StyleEvents,
     ) {
         let (Stage::Idle, Some(since)) = (&self.stage, self.wanted) else { return };
-        match inputs.request(source, scene, decoder, self.gpu_refused) {
+        match inputs.request(source, &self.scene, decoder, self.gpu_refused) {
             // Still wanted, so the next frame asks again. The events of assets are not needed for that.
             Ok(None) => return,
             Ok(Some(request)) => {
                 self.failure = None;
                 let backend = request.backend;
-                let task = AsyncComputeTaskPool::get().spawn(async move { request.run() });
-                self.stage = Stage::Computing { since, backend, task };
+                self.stage = Stage::Computing { since, backend, shared: shared.get(request) };
             }
             Err(error) => {
                 let failure = Some(error.to_string());
@@ -337,33 +369,37 @@ impl StyleJob {
         // After a failure too: the same inputs would fail again, and the next change wants anew.
         self.wanted = None;
     }
+}
 
-    /// Whether the style that is wanted is shown.
-    pub(super) fn is_settled(&self) -> bool {
-        self.wanted.is_none() && matches!(self.stage, Stage::Idle)
-    }
-
-    /// Whether a fade is under way at `now`.
-    pub(super) fn is_fading(&self, now: Duration) -> bool {
-        now < self.fading_until
-    }
-
-    /// Replaces the colors of the style that is shown by better ones.
-    pub(super) fn improve(&mut self, wish: &mut ColorWish, colors: &Arc<[[f32; 3]]>, fading_until: Duration) {
-        wish.set(ColorSource::Rgb(Arc::clone(colors)));
-        self.fading_until = fading_until;
-    }
-
-    /// Whether there is nothing to do until something changes or the render world reports.
-    fn is_at_rest(&self) -> bool {
-        self.wanted.is_none() && !matches!(self.stage, Stage::Computing { .. })
-    }
-
-    /// The task's result if it is ready, once.
-    fn computed(&mut self) -> Option<(Result<StyleResult, StyleError>, StyleBackend, Instant)> {
-        let Stage::Computing { since, backend, task } = &mut self.stage else { return None };
-        let computed = (check_ready(task)?, *backend, *since);
-        self.stage = Stage::Idle;
-        Some(computed)
+/// Sends the events of styles that are drawn from this frame on.
+pub(super) fn report_drawn_styles(
+    mut entities: Query<(Entity, &mut StyleJobs, Has<StyleVolume>)>,
+    clouds: Query<&ColorLayers>,
+    renderer: Option<Res<RenderAdapterInfo>>,
+    mut events: StyleEvents,
+) {
+    for (entity, mut jobs, is_volume) in &mut entities {
+        if jobs.of_scene.iter().all(|job| job.coming.is_none()) {
+            continue;
+        }
+        for job in &mut jobs.of_scene {
+            let Some(coming) = &mut job.coming else { continue };
+            let is_drawn = match clouds.get(job.cloud) {
+                // The layers that show it were set in the frame in which it was put on.
+                Ok(colors) if renderer.is_some() => {
+                    let generation = *coming.generation.get_or_insert(colors.generation);
+                    colors.is_drawn(generation)
+                }
+                _ => true,
+            };
+            if is_drawn && let Some(Coming { since, backend, style, .. }) = job.coming.take() {
+                match style {
+                    // A volume shows several scenes, so no one style is the applied one.
+                    Some(_) if is_volume => events.sent(entity, backend, since),
+                    Some(style) => events.applied(entity, style, backend, since),
+                    None => events.removed(entity, since),
+                }
+            }
+        }
     }
 }

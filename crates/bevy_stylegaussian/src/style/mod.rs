@@ -6,15 +6,15 @@
 //! [`ColorWish`](crate::colors::ColorWish). A shown style may be baked further ([`refine`]). Folded weights are decoded on the GPU by the style pass ([`pass`]).
 
 use bevy::{
-    core_pipeline::schedule::camera_driver,
     prelude::*,
     render::{GpuResourceAppExt, RenderApp, extract_resource::ExtractResourcePlugin, renderer::RenderGraph},
 };
 
-use crate::{colors::update_colors, loader::FileLoader, systems::StyleGaussianSystems};
+use crate::{colors::{mix_colors, update_colors}, loader::FileLoader, systems::StyleGaussianSystems};
 
 mod applied;
 mod asset;
+mod compose;
 mod decoder;
 mod error;
 mod event;
@@ -23,21 +23,29 @@ mod inputs;
 mod job;
 mod packed;
 mod pass;
+mod place;
 mod refine;
 mod request;
 mod settings;
+mod shared;
 mod source;
 mod surfaces;
+mod transition;
+mod volume;
+mod worn;
 #[cfg(test)]
 mod tests;
 
 pub use applied::AppliedStyle;
+pub use compose::HiddenUntilStyled;
 pub use asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
 pub use error::StyleError;
 pub use event::{StyleApplied, StyleFailed, StyleRefined};
 pub use refine::StyleRefine;
 pub use settings::{StyleBackend, StyleBudget, StyleEncoder, StyleMethod};
 pub use source::{StyleDecoder, StyleInput, StyleSource, WeightedStyle};
+pub use transition::{StyleTransition, TransitionCenter, TransitionClock, TransitionShape};
+pub use volume::{StyleVolume, VolumeShape};
 
 /// Styles the entities that show a scene.
 pub(crate) struct StylePlugin;
@@ -59,6 +67,7 @@ impl Plugin for StylePlugin {
             .init_resource::<images::ImageStatistics>()
             .init_resource::<packed::PackedInputs>()
             .init_resource::<surfaces::Surfaces>()
+            .init_resource::<shared::SharedStyles>()
             .init_resource::<refine::Engine>()
             .init_resource::<refine::RefineThreads>()
             .add_message::<StyleApplied>()
@@ -70,17 +79,24 @@ impl Plugin for StylePlugin {
                     // In this order: old statistics are gone before a style is wanted, everything that is wanted is
                     // known, and reports have made jobs idle, before `advance_jobs` starts anything.
                     images::forget_changed_images,
+                    compose::find_scenes_of_clouds,
+                    compose::find_scenes_of_volumes,
                     job::want_changed_styles,
                     job::want_changed_assets,
                     job::drop_removed_styles,
-                    job::read_gpu_reports,
+                    compose::advance_transitions,
                     job::advance_jobs,
                     // After the styles: a style that has just been applied is refined, and a changed one no longer.
                     refine::want_refinements,
                     refine::advance_refinements,
+                    compose::compose_layers,
+                    job::report_drawn_styles,
+                    shared::forget_unused_styles,
                 )
                     .chain()
-                    .in_set(StyleGaussianSystems::Styles),
+                    .in_set(StyleGaussianSystems::Styles)
+                    // Volumes and waves are where they are in this frame.
+                    .after(TransformSystems::Propagate),
             );
         register_types(app);
         #[cfg(feature = "bundled_models")]
@@ -93,8 +109,8 @@ impl Plugin for StylePlugin {
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app.init_gpu_resource::<pass::StylePasses>().add_systems(
                 RenderGraph,
-                // `update_colors` makes the entries that styles are decoded into, and drops those of replaced scenes.
-                pass::decode_styles.after(update_colors).before(camera_driver),
+                // `update_colors` makes the entries that styles are decoded into, and `mix_colors` shows them in the same frame.
+                pass::decode_styles.after(update_colors).before(mix_colors),
             );
         }
     }
@@ -107,6 +123,9 @@ fn register_types(app: &mut App) {
         .register_type::<ImageEncoder>()
         .register_type::<StyleSource>()
         .register_type::<StyleDecoder>()
+        .register_type::<StyleTransition>()
+        .register_type::<StyleVolume>()
+        .register_type::<HiddenUntilStyled>()
         .register_type::<StyleBackend>()
         .register_type::<StyleBudget>()
         .register_type::<StyleMethod>()

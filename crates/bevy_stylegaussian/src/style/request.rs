@@ -12,7 +12,7 @@ use stylegaussian::{
 use stylegaussian_gpu::style::FoldedLayers;
 
 use crate::{
-    colors::{ColorSource, FoldedStyle},
+    colors::{ColorSource, FoldedStyle, StyleColors},
     scene::GaussianScene,
 };
 
@@ -54,9 +54,10 @@ pub(super) struct WeightedLook {
 }
 
 /// A computed style.
+#[derive(Clone)]
 pub(super) struct StyleResult {
     pub(super) style: AppliedStyle,
-    pub(super) colors: ColorSource,
+    pub(super) colors: Arc<StyleColors>,
 }
 
 impl StyleRequest {
@@ -64,7 +65,7 @@ impl StyleRequest {
     ///
     /// # Errors
     /// If parts do not go together: a look with the scene, or styles with a scene without features, or with the decoder.
-    pub(super) fn run(self) -> Result<StyleResult, StyleError> {
+    pub(super) fn run(&self) -> Result<StyleResult, StyleError> {
         if self.backend == StyleBackend::Gpu {
             return self.fold();
         }
@@ -75,11 +76,11 @@ impl StyleRequest {
         };
         // Kept with the style, so that saving it later costs nothing.
         let style = AppliedStyle { scene, colors: AppliedColors::Known(Arc::clone(&colors)) };
-        Ok(StyleResult { style, colors: ColorSource::Rgb(colors) })
+        Ok(StyleResult { colors: StyleColors::new(ColorSource::Rgb(colors), style.scene.len()), style })
     }
 
     /// The weights from which the GPU decodes the styles.
-    fn fold(self) -> Result<StyleResult, StyleError> {
+    fn fold(&self) -> Result<StyleResult, StyleError> {
         let scene = Arc::clone(self.scene.scene());
         let decoder = self.decoder()?;
         if scene.features.is_none() {
@@ -92,7 +93,8 @@ impl StyleRequest {
         let map = inputs.content().transfer(&self.weighted_styles(), self.content)?;
         let layers = FoldedLayers::new(inputs.content(), &decoder, &map)?;
         let colors = AppliedColors::Decoded { decoder, map: Arc::new(map) };
-        let folded = ColorSource::Folded(Arc::new(FoldedStyle { inputs, layers }));
+        let folded = ColorSource::Folded(Box::new(FoldedStyle { inputs, layers }));
+        let folded = StyleColors::new(folded, scene.len());
         Ok(StyleResult { style: AppliedStyle { scene, colors }, colors: folded })
     }
 
@@ -136,6 +138,29 @@ impl StyleRequest {
         Ok(look::mix(&scene.base_colors(), self.content, &looks, decoded)?)
     }
 
+    /// Whether another request gives the same colors: all of it is the same, in the same place in memory.
+    pub(super) fn gives_the_same(&self, other: &Self) -> bool {
+        let same_styles = pairs(&self.styles, &other.styles, |(a, w), (b, v)| {
+            let same_paint = match (&a.paint, &b.paint) {
+                (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+                (a, b) => a.is_none() && b.is_none(),
+            };
+            w == v && Arc::ptr_eq(&a.statistics, &b.statistics) && same_paint
+        });
+        let same_looks =
+            pairs(&self.looks, &other.looks, |a, b| a.weight == b.weight && Arc::ptr_eq(&a.look, &b.look));
+        let same_decoder = match (&self.decoder, &other.decoder) {
+            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+            (a, b) => a.is_none() && b.is_none(),
+        };
+        // The scene's own decoder goes with the scene.
+        Arc::ptr_eq(self.scene.scene(), other.scene.scene())
+            && same_styles
+            && same_looks
+            && same_decoder
+            && (self.content, self.stroke_scale, self.backend) == (other.content, other.stroke_scale, other.backend)
+    }
+
     fn decoder(&self) -> Result<Arc<Decoder>, StyleError> {
         choose_decoder(self.decoder.as_ref(), self.scene.decoder())
     }
@@ -143,4 +168,9 @@ impl StyleRequest {
     fn weighted_styles(&self) -> Vec<(&ChannelStatistics, f64)> {
         self.styles.iter().map(|(style, weight)| (&*style.statistics, *weight)).collect()
     }
+}
+
+/// Whether two lists are of one length and all of their pairs are the same.
+fn pairs<T>(a: &[T], b: &[T], are_same: impl Fn(&T, &T) -> bool) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| are_same(a, b))
 }

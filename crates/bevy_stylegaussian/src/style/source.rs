@@ -2,11 +2,9 @@
 
 use bevy::prelude::*;
 
-use crate::colors::ColorWish;
-
 use super::{
     asset::{GaussianDecoder, StyleLook, StyleStatistics},
-    job::StyleJob,
+    job::StyleJobs,
 };
 
 /// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images, presets and looks, blended
@@ -29,8 +27,8 @@ use super::{
 /// # }
 /// ```
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
-// On the source and not on the splats: entities that are never styled carry neither.
-#[require(StyleJob, ColorWish)]
+// On the source and not on the splats: entities that are never styled carry none.
+#[require(StyleJobs)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct StyleSource {
     /// The styles and their weights, which are normalized to sum 1. If it is empty, the splats have their captured colors.
@@ -42,12 +40,15 @@ pub struct StyleSource {
     /// Size of the strokes, as a factor above 0. At 1, the default, they have the size that they have in the painting if the
     /// scene is seen at 512 pixels from the usual distance. Only for [`StyleMethod::Paint`](crate::StyleMethod::Paint).
     pub stroke_scale: f32,
+    /// Share of the style's colors, 0..1: at 0, all is as captured, view-dependent colors included. A change of it alone is
+    /// shown at once and computes no style.
+    pub strength: f32,
 }
 
 impl Default for StyleSource {
     /// No style.
     fn default() -> Self {
-        Self { styles: Vec::new(), content: 0.0, stroke_scale: 1.0 }
+        Self { styles: Vec::new(), content: 0.0, stroke_scale: 1.0, strength: 1.0 }
     }
 }
 
@@ -127,6 +128,16 @@ impl StyleSource {
     /// The same styles in strokes of this size, as a factor above 0.
     pub fn with_stroke_scale(self, stroke_scale: f32) -> Self {
         Self { stroke_scale, ..self }
+    }
+
+    /// The same styles with this share of their colors, 0..1.
+    pub fn with_strength(self, strength: f32) -> Self {
+        Self { strength, ..self }
+    }
+
+    /// The strength within 0..1; 0 if it is no number.
+    pub(super) fn usual_strength(&self) -> f32 {
+        if self.strength.is_nan() { 0.0 } else { self.strength.clamp(0.0, 1.0) }
     }
 
     /// Whether there is no style.

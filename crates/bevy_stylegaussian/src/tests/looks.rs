@@ -174,11 +174,11 @@ fn a_look_of_another_scene_fails_and_the_app_goes_on() {
 }
 
 #[test]
-fn a_changed_look_is_shown_and_waits_for_the_end_of_a_fade() {
+fn a_changed_look_is_shown_at_once() {
     let mut app = app_without_rendering();
     let scene = small_scene(8, 1);
     let look = add_look(&mut app, plain_look(&scene, [0.25; 3]));
-    let transition = StyleTransition { duration: Duration::from_millis(200) };
+    let transition = StyleTransition::fade(Duration::from_secs(1000));
     let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
     let entity = app.world_mut().spawn((splats, StyleSource::look(look.clone()), transition)).id();
     until_applied(&mut app);
@@ -186,7 +186,7 @@ fn a_changed_look_is_shown_and_waits_for_the_end_of_a_fade() {
     let mut looks = app.world_mut().resource_mut::<Assets<StyleLook>>();
     looks.get_mut(&look).unwrap().0 = plain_look(&scene, [0.75; 3]).into();
     until_applied(&mut app);
-    assert!(began.elapsed() > Duration::from_millis(150), "{:?}", began.elapsed());
+    assert!(began.elapsed() < Duration::from_secs(30), "{:?}", began.elapsed());
     assert_eq!(colors(app.world(), entity).unwrap(), [[0.75; 3]; 8]);
     for _ in 0..20 {
         app.update();

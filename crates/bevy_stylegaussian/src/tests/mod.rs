@@ -13,6 +13,7 @@ mod paint;
 mod pictures;
 mod rooms_apart;
 mod soak;
+mod space;
 mod still_frames;
 mod styles;
 pub(crate) mod world;

@@ -378,12 +378,13 @@ fn looks_fade_from_one_to_the_next() {
     };
     studio.shoot();
     check("before", picture(&mut studio), over(RED, 0.9, [0.0; 3]));
-    let transition = StyleTransition { duration: 10 * step };
+    let transition = StyleTransition::fade(10 * step);
     studio.app.world_mut().entity_mut(entity).insert((StyleSource::preset(style), transition));
     update_until(&mut studio.app, "StyleApplied", |world| {
         !world.resource::<Messages<StyleApplied>>().is_empty()
     });
-    for n_steps in 0..12 {
+    // The fade began in the frame before the event.
+    for n_steps in 1..13 {
         let t = (n_steps as f32 / 10.0).min(1.0);
         let mix = [0, 1, 2].map(|i| RED[i] + t * (GREEN[i] - RED[i]));
         check(&format!("after {n_steps} tenths"), picture(&mut studio), over(mix, 0.9, [0.0; 3]));

@@ -88,7 +88,7 @@ impl Soak {
     fn spawn(&mut self, n_gaussians: usize) {
         let seed = self.below(1000) as u64;
         let scene = add_scene(&mut self.app, small_scene(n_gaussians, seed));
-        let fade = StyleTransition { duration: Duration::from_millis(self.below(60) as u64) };
+        let fade = StyleTransition::fade(Duration::from_millis(self.below(60) as u64));
         let entity =
             self.app.world_mut().spawn((GaussianSplats(scene.clone()), StyleSource::none(), fade)).id();
         self.entities.push((entity, scene));

@@ -230,20 +230,19 @@ fn nothing_happens_without_a_change() {
 }
 
 #[test]
-fn a_look_waits_for_the_end_of_a_fade() {
+fn a_change_during_a_fade_is_applied_at_once() {
     let mut app = app_without_rendering();
     let styles = [1, 2].map(small_style);
     let handles = styles.clone().map(|style| add_style(&mut app, style));
     let splats = GaussianSplats(add_scene(&mut app, small_scene(8, 1)));
-    let transition = StyleTransition { duration: Duration::from_millis(200) };
+    let transition = StyleTransition::fade(Duration::from_secs(1000));
     let source = StyleSource::preset(handles[0].clone());
     let entity = app.world_mut().spawn((splats, source, transition)).id();
     until_applied(&mut app);
     let began = std::time::Instant::now();
     *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = StyleSource::preset(handles[1].clone());
     until_applied(&mut app);
-    // The fade began at `StyleApplied`, a little before the clock was read.
-    assert!(began.elapsed() > Duration::from_millis(150), "{:?}", began.elapsed());
+    assert!(began.elapsed() < Duration::from_secs(30), "{:?}", began.elapsed());
 }
 
 /// The end of a fade of any duration is computed without overflow.
@@ -252,14 +251,14 @@ fn a_fade_may_last_forever() {
     let mut app = app_without_rendering();
     let style = add_style(&mut app, small_style(1));
     let splats = GaussianSplats(add_scene(&mut app, small_scene(8, 1)));
-    let transition = StyleTransition { duration: Duration::MAX };
+    let transition = StyleTransition::fade(Duration::MAX);
     let entity = app.world_mut().spawn((splats, StyleSource::preset(style), transition)).id();
     until_applied(&mut app);
     *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = StyleSource::none();
     for _ in 0..3 {
         app.update();
     }
-    assert!(colors(app.world(), entity).is_some());
+    assert!(colors(app.world(), entity).is_none(), "another change does not wait for its end");
 }
 
 /// An observer of a failure may despawn any entity, also one that is about to get its scene.

@@ -9,7 +9,7 @@ use bevy::{ecs::system::SystemParam, prelude::*};
 use stylegaussian_bake::BakeConfig;
 
 use crate::{
-    colors::{ColorWish, StyleTransition},
+    colors::{ColorSource, StyleColors},
     scene::LoadedScene,
 };
 
@@ -19,8 +19,9 @@ use super::{
     event::{StyleApplied, StyleEvents},
     images,
     inputs::loaded,
-    job::{StyleJob, fade_duration},
+    job::StyleJobs,
     source::{StyleInput, StyleSource, WeightedStyle},
+    transition::StyleTransition,
 };
 
 mod engine;
@@ -96,8 +97,7 @@ type Refined = (
     Option<&'static StyleRefine>,
     Option<(
         &'static StyleSource,
-        &'static mut StyleJob,
-        &'static mut ColorWish,
+        &'static mut StyleJobs,
         &'static LoadedScene,
         Has<AppliedStyle>,
         Option<&'static StyleTransition>,
@@ -117,20 +117,19 @@ pub(super) struct Means<'w> {
 pub(super) fn advance_refinements(
     mut entities: Query<Refined>,
     means: Means,
-    time: Res<Time<Real>>,
     mut events: StyleEvents,
 ) {
-    let now = time.elapsed();
     for (entity, mut refinement, refine, styled) in &mut entities {
         if matches!(*refinement, Refinement::Idle) {
             continue;
         }
-        let (Some(refine), Some((source, mut job, mut wish, scene, is_styled, transition))) =
+        let (Some(refine), Some((source, mut jobs, scene, is_styled, transition))) =
             (refine, styled)
         else {
             *refinement = Refinement::Idle;
             continue;
         };
+        let Some(job) = jobs.of_scene.iter_mut().find(|job| job.is_of(scene)) else { continue };
         // Another style is wanted or under way. Once it is shown, it wants a bake of its own.
         if !job.is_settled() || source.is_none() || !is_styled {
             *refinement = Refinement::Idle;
@@ -146,8 +145,6 @@ pub(super) fn advance_refinements(
                     events.failed(entity, error);
                 }
             },
-            // A better look waits for the end of a fade, as styles do.
-            Refinement::Running(_) if job.is_fading(now) => {}
             Refinement::Running(running) => match running.take() {
                 None => {}
                 Some(Err(error)) => {
@@ -155,7 +152,9 @@ pub(super) fn advance_refinements(
                     events.failed(entity, Arc::new(error));
                 }
                 Some(Ok(better)) => {
-                    job.improve(&mut wish, &better.colors, now.saturating_add(fade_duration(transition)));
+                    let n = better.colors.len();
+                    let colors = StyleColors::new(ColorSource::Rgb(Arc::clone(&better.colors)), n);
+                    job.improve(colors, transition);
                     let colors = AppliedColors::Known(better.colors);
                     let style = AppliedStyle { scene: Arc::clone(scene.scene()), colors };
                     let is_complete = better.steps == refine.steps;

@@ -214,17 +214,16 @@ fn whatever_changes_the_style_cancels_its_bake() {
 }
 
 #[test]
-fn a_better_look_waits_for_the_end_of_a_fade() {
+fn better_looks_come_during_a_fade() {
     let (mut app, entity, log) = app(4, 4);
-    let transition = StyleTransition { duration: Duration::from_millis(200) };
+    let transition = StyleTransition::fade(Duration::from_secs(1000));
     app.world_mut().entity_mut(entity).insert(transition);
     log.allowed.store(1, SeqCst);
     until_refined(&mut app);
     let began = Instant::now();
     log.allowed.store(4, SeqCst);
-    // Only the newest of three looks is left at the end of the first one's fade.
-    assert_eq!(until_refined(&mut app).steps, 4);
-    assert!(began.elapsed() > Duration::from_millis(150), "{:?}", began.elapsed());
+    while until_refined(&mut app).steps < 4 {}
+    assert!(began.elapsed() < Duration::from_secs(30), "{:?}", began.elapsed());
 }
 
 #[test]

@@ -1,0 +1,111 @@
+//! The colors that an entity should have: layers of styles.
+
+use std::sync::{
+    Arc, Mutex, PoisonError,
+    atomic::{AtomicU64, Ordering},
+};
+
+use bevy::prelude::*;
+use stylegaussian::layers::Region;
+
+use super::StyleColors;
+
+/// The colors that an entity's splats should have. Without layers, they are the captured ones.
+#[derive(Component, Clone, Default)]
+pub(crate) struct ColorLayers {
+    /// Number of changes so far.
+    pub(crate) generation: u64,
+    /// The layers, the lowest first.
+    pub(crate) layers: Vec<ColorLayer>,
+    /// Whether the entity is not drawn.
+    pub(crate) is_hidden: bool,
+    /// The generation that the next frame draws if it draws the entity: the render world's answer.
+    drawn: Arc<AtomicU64>,
+}
+
+/// Colors in a region of the scene.
+#[derive(Clone)]
+pub(crate) struct ColorLayer {
+    pub(crate) colors: LayerColors,
+    pub(crate) region: Region,
+    /// Share of the colors below that is replaced within the region, 0..1.
+    pub(crate) strength: f32,
+}
+
+/// The colors of a layer.
+#[derive(Clone)]
+pub(crate) enum LayerColors {
+    /// The scene's view-dependent colors.
+    Captured,
+    /// Those of a style.
+    Style(Arc<StyleColors>),
+    /// Layers that are mixed by themselves.
+    Mix(Arc<Mix>),
+}
+
+/// Layers that are mixed once, into colors of their own.
+// They are taken out when they are mixed. A look that is interrupted again and again would otherwise keep all that was ever
+// shown alive.
+pub(crate) struct Mix(Mutex<Vec<ColorLayer>>);
+
+impl ColorLayers {
+    /// Sets the layers, if they differ from the present ones.
+    pub(crate) fn set(layers: &mut Mut<Self>, new: Vec<ColorLayer>, is_hidden: bool) {
+        // Compared before it is borrowed mutably, which counts as a change.
+        if layers.layers != new || layers.is_hidden != is_hidden {
+            layers.generation += 1;
+            layers.layers = new;
+            layers.is_hidden = is_hidden;
+        }
+    }
+
+    /// Whether the colors of `generation`, or later ones, are drawn.
+    pub(crate) fn is_drawn(&self, generation: u64) -> bool {
+        self.drawn.load(Ordering::Relaxed) >= generation
+    }
+
+    /// Notes that the present generation is drawn.
+    pub(crate) fn mark_drawn(&self) {
+        self.drawn.store(self.generation, Ordering::Relaxed);
+    }
+}
+
+impl ColorLayer {
+    /// A layer over all of the scene.
+    pub(crate) fn everywhere(colors: LayerColors, strength: f32) -> Self {
+        Self { colors, region: Region::EVERYWHERE, strength }
+    }
+
+    /// Whether nothing of the colors below is left.
+    pub(crate) fn covers_all(&self) -> bool {
+        self.region == Region::EVERYWHERE && self.strength >= 1.0
+    }
+}
+
+impl PartialEq for ColorLayer {
+    fn eq(&self, other: &Self) -> bool {
+        let same_colors = match (&self.colors, &other.colors) {
+            (LayerColors::Captured, LayerColors::Captured) => true,
+            (LayerColors::Style(a), LayerColors::Style(b)) => Arc::ptr_eq(a, b),
+            (LayerColors::Mix(a), LayerColors::Mix(b)) => Arc::ptr_eq(a, b),
+            _ => false,
+        };
+        same_colors && self.region == other.region && self.strength == other.strength
+    }
+}
+
+impl Mix {
+    pub(crate) fn new(layers: Vec<ColorLayer>) -> Arc<Self> {
+        Arc::new(Self(Mutex::new(layers)))
+    }
+
+    /// The layers.
+    pub(super) fn layers(&self) -> Vec<ColorLayer> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Forgets the layers, since they are mixed.
+    pub(super) fn forget_layers(&self) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+}

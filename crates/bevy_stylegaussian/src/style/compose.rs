@@ -1,0 +1,192 @@
+//! From the styles of clouds and volumes to the layers of each cloud.
+
+use bevy::{camera::primitives::Aabb, prelude::*};
+use stylegaussian::layers::Region;
+
+use crate::{
+    colors::{ColorLayer, ColorLayers, LayerColors},
+    scene::LoadedScene,
+};
+
+use super::{
+    applied::AppliedStyle,
+    job::{StyleJob, StyleJobs},
+    place::Place,
+    source::StyleSource,
+    volume::StyleVolume,
+    worn::Passed,
+};
+
+/// Keeps an entity with a [`StyleSource`] from being drawn until its first style is there, instead of showing its captured
+/// colors for a while. If the style fails, the entity is drawn as captured.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Component, Clone, Debug, Default, PartialEq)]
+pub struct HiddenUntilStyled;
+
+/// A cloud's radius is multiplied by this where volumes ask for it: they compute their styles before they arrive.
+const NEAR: f32 = 2.0;
+
+/// A cloud in the world.
+#[derive(Clone, Copy)]
+struct PlacedCloud<'a> {
+    entity: Entity,
+    scene: &'a LoadedScene,
+    /// A ball around it.
+    center: Vec3,
+    radius: f32,
+}
+
+/// The components of a cloud that say where it is.
+type CloudPlace = (Entity, &'static LoadedScene, &'static Aabb, &'static GlobalTransform);
+
+/// The components of a volume.
+type Volume = (Entity, &'static StyleVolume, &'static GlobalTransform, &'static mut StyleJobs, &'static StyleSource);
+
+fn placed<'a>((entity, scene, bounds, transform): (Entity, &'a LoadedScene, &Aabb, &GlobalTransform)) -> PlacedCloud<'a> {
+    let center = transform.affine().transform_point3a(bounds.center);
+    let radius = transform.affine().matrix3 * bevy::math::Mat3A::from_diagonal(bounds.half_extents.into());
+    // The corners' distance from the center, at most.
+    let radius = radius.x_axis.length() + radius.y_axis.length() + radius.z_axis.length();
+    PlacedCloud { entity, scene, center: center.into(), radius }
+}
+
+/// Gives clouds a job for the scene that they show. A new scene starts in its captured colors.
+pub(super) fn find_scenes_of_clouds(
+    mut commands: Commands,
+    mut clouds: Query<
+        (Entity, &LoadedScene, &mut StyleJobs),
+        (Without<StyleVolume>, Or<(Changed<LoadedScene>, Changed<StyleSource>)>),
+    >,
+    mut gone: RemovedComponents<LoadedScene>,
+    mut jobs: Query<&mut StyleJobs, (Without<LoadedScene>, Without<StyleVolume>)>,
+) {
+    for entity in gone.read() {
+        if let Ok(mut jobs) = jobs.get_mut(entity) {
+            jobs.of_scene.clear();
+            commands.entity(entity).try_remove::<AppliedStyle>();
+        }
+    }
+    for (entity, scene, mut jobs) in &mut clouds {
+        if jobs.of_scene.iter().any(|job| job.is_of(scene)) {
+            continue;
+        }
+        if !jobs.of_scene.is_empty() {
+            commands.entity(entity).try_remove::<AppliedStyle>();
+        }
+        // Drops the old jobs' tasks too, which cancels them: their colors would be of the old Gaussians.
+        jobs.of_scene = vec![StyleJob::new(entity, scene)];
+    }
+}
+
+/// Gives volumes a job for each scene that they come near, and drops those of scenes that they have left.
+pub(super) fn find_scenes_of_volumes(
+    clouds: Query<CloudPlace>,
+    mut volumes: Query<Volume>,
+    mut gone: RemovedComponents<StyleVolume>,
+    mut others: Query<&mut StyleJobs, Without<StyleVolume>>,
+) {
+    for entity in gone.read() {
+        if let Ok(mut jobs) = others.get_mut(entity) {
+            jobs.of_scene.clear();
+        }
+    }
+    if volumes.is_empty() {
+        return;
+    }
+    let clouds: Vec<_> = clouds.iter().map(placed).collect();
+    for (_, volume, transform, mut jobs, _) in &mut volumes {
+        let is_near = |cloud: &&PlacedCloud| {
+            volume.cloud.is_none_or(|only| only == cloud.entity)
+                && volume.may_touch(transform, cloud.center, NEAR * cloud.radius)
+        };
+        let near: Vec<_> = clouds.iter().filter(is_near).collect();
+        let is_current = jobs.of_scene.iter().all(|job| near.iter().any(|cloud| job.is_of(cloud.scene)))
+            && near.iter().all(|cloud| jobs.of_scene.iter().any(|job| job.is_of(cloud.scene)));
+        if is_current {
+            continue;
+        }
+        jobs.of_scene.retain(|job| near.iter().any(|cloud| job.is_of(cloud.scene)));
+        for cloud in near {
+            if !jobs.of_scene.iter().any(|job| job.is_of(cloud.scene)) {
+                jobs.of_scene.push(StyleJob::new(cloud.entity, cloud.scene));
+            }
+        }
+    }
+}
+
+/// Lets time pass for all transitions.
+pub(super) fn advance_transitions(
+    mut jobs: Query<(&mut StyleJobs, Has<StyleVolume>)>,
+    real: Res<Time<Real>>,
+    game: Res<Time<Virtual>>,
+) {
+    let passed = Passed { real: real.delta(), game: game.delta() };
+    for (mut jobs, is_volume) in &mut jobs {
+        // Nothing watches for changes of jobs.
+        for job in &mut jobs.bypass_change_detection().of_scene {
+            job.worn.advance(passed, !is_volume);
+        }
+    }
+}
+
+/// The components of a cloud that its layers are set on.
+type LayeredCloud = (
+    Entity,
+    &'static LoadedScene,
+    &'static Aabb,
+    &'static GlobalTransform,
+    &'static mut ColorLayers,
+    Has<HiddenUntilStyled>,
+);
+
+/// Sets the layers of all clouds: their own style, and those of the volumes that touch them.
+pub(super) fn compose_layers(
+    mut clouds: Query<LayeredCloud>,
+    mut volumes: Query<Volume>,
+    mut own: Query<(&mut StyleJobs, Option<&StyleSource>), Without<StyleVolume>>,
+    places: Query<&GlobalTransform>,
+) {
+    let mut volumes: Vec<_> = volumes.iter_mut().collect();
+    volumes.sort_by_key(|(entity, volume, ..)| (volume.priority, *entity));
+    let place_of = |entity: Entity| Some(places.get(entity).ok()?.translation());
+    for (entity, scene, bounds, transform, mut layers, hides) in &mut clouds {
+        let world_from_scene = transform.affine();
+        let all = [Vec3::from(bounds.min()), Vec3::from(bounds.max())];
+        let place = Place::new(world_from_scene, scene.asset.usual_bounds().unwrap_or(all), all, &place_of);
+        let (mut found, mut is_hidden) = (Vec::new(), false);
+        if let Ok((mut jobs, source)) = own.get_mut(entity)
+            && let Some(job) =
+                jobs.bypass_change_detection().of_scene.iter_mut().find(|job| job.is_of(scene))
+        {
+            is_hidden = hides && job.worn.is_empty() && !job.is_settled();
+            found = job.worn.layers(&place);
+            let strength = source.map_or(1.0, StyleSource::usual_strength);
+            if strength < 1.0 && !found.is_empty() {
+                // Colors are premultiplied: captured colors of the rest over them multiply them by the strength.
+                found.push(ColorLayer::everywhere(LayerColors::Captured, 1.0 - strength));
+            }
+        }
+        let cloud = placed((entity, scene, bounds, transform));
+        for (_, volume, at, jobs, source) in &mut volumes {
+            if volume.cloud.is_some_and(|only| only != entity)
+                || !volume.may_touch(at, cloud.center, cloud.radius)
+            {
+                continue;
+            }
+            let jobs = &mut jobs.bypass_change_detection().of_scene;
+            let Some(job) = jobs.iter_mut().find(|job| job.is_of(scene)) else { continue };
+            let region = volume.region(at);
+            let shape_from_scene = match volume.is_everything() {
+                true => Region::EVERYWHERE.shape_from_scene,
+                false => region.shape_from_scene * world_from_scene,
+            };
+            let region = Region { shape_from_scene, ..region };
+            found.extend(job.worn.volume_layer(region, source.usual_strength()));
+        }
+        // Nothing is seen of what lies below a layer that covers all.
+        if let Some(top) = found.iter().rposition(ColorLayer::covers_all) {
+            found.drain(..top);
+        }
+        ColorLayers::set(&mut layers, found, is_hidden);
+    }
+}

@@ -1,0 +1,101 @@
+//! Styles that are computed once for all who want the same.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use bevy::{
+    prelude::*,
+    tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
+};
+
+use crate::{colors::ColorSource, scene::GaussianScene};
+
+use super::{
+    error::StyleError,
+    request::{StyleRequest, StyleResult},
+};
+
+/// Styles that nobody wears and that are kept all the same, for the one who comes back to them.
+const MAX_UNUSED: usize = 8;
+
+/// The styles that are computed or wanted, those used last at the end.
+#[derive(Resource, Default)]
+pub(super) struct SharedStyles(Vec<Arc<SharedStyle>>);
+
+/// A style of a scene that is being computed, or is there. The task is canceled if the last reference goes.
+pub(super) struct SharedStyle {
+    request: Arc<StyleRequest>,
+    state: Mutex<State>,
+}
+
+enum State {
+    Computing(Task<Computed>),
+    Done(Computed),
+}
+
+/// A style, or the reason why there is none. All who want it share the reason.
+pub(super) type Computed = Result<StyleResult, Arc<StyleError>>;
+
+impl SharedStyles {
+    /// The style of a request: one that is there or on its way, or a new one whose computation begins.
+    pub(super) fn get(&mut self, request: StyleRequest) -> Arc<SharedStyle> {
+        let found = self.0.iter().position(|shared| shared.request.gives_the_same(&request));
+        let shared = match found {
+            Some(index) => self.0.remove(index),
+            None => SharedStyle::begin(request),
+        };
+        self.0.push(Arc::clone(&shared));
+        shared
+    }
+}
+
+/// Forgets styles that nobody uses, except the last few of scenes that are still loaded.
+pub(super) fn forget_unused_styles(mut shared: ResMut<SharedStyles>, scenes: Res<Assets<GaussianScene>>) {
+    let is_unused = |style: &Arc<SharedStyle>| Arc::strong_count(style) == 1;
+    if !shared.0.iter().any(is_unused) {
+        return;
+    }
+    let mut n_unused = 0;
+    let mut kept: Vec<_> = std::mem::take(&mut shared.0)
+        .into_iter()
+        .rev()
+        .filter(|style| {
+            if !is_unused(style) {
+                return true;
+            }
+            n_unused += 1;
+            n_unused <= MAX_UNUSED && style.is_worth_keeping(&scenes)
+        })
+        .collect();
+    kept.reverse();
+    shared.0 = kept;
+}
+
+impl SharedStyle {
+    fn begin(request: StyleRequest) -> Arc<Self> {
+        let request = Arc::new(request);
+        let of_task = Arc::clone(&request);
+        let task = AsyncComputeTaskPool::get().spawn(async move { of_task.run().map_err(Arc::new) });
+        Arc::new(Self { request, state: Mutex::new(State::Computing(task)) })
+    }
+
+    /// The style, or `None` while it is computed.
+    pub(super) fn poll(&self) -> Option<Computed> {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        if let State::Computing(task) = &mut *state {
+            *state = State::Done(check_ready(task)?);
+        }
+        match &*state {
+            State::Done(result) => Some(result.clone()),
+            State::Computing(_) => None,
+        }
+    }
+
+    /// Whether it is complete, and its scene is loaded.
+    fn is_worth_keeping(&self, scenes: &Assets<GaussianScene>) -> bool {
+        let scene = self.request.scene.scene();
+        let Some(Ok(StyleResult { colors, .. })) = self.poll() else { return false };
+        // A style that nobody waits for is not decoded to its end.
+        let is_complete = matches!(colors.source, ColorSource::Rgb(_)) || colors.on_gpu().is_some();
+        is_complete && scenes.iter().any(|(_, loaded)| Arc::ptr_eq(loaded.scene(), scene))
+    }
+}

@@ -1,0 +1,132 @@
+//! The styles that an entity wears on a scene, one over another while they change.
+
+use std::{sync::Arc, time::Duration};
+
+use stylegaussian::layers::Region;
+
+use crate::colors::{ColorLayer, LayerColors, Mix, StyleColors};
+
+use super::{
+    place::Place,
+    transition::{StyleTransition, TransitionClock, TransitionShape},
+};
+
+/// The most styles on one another. A change beyond it freezes the ones below.
+const MAX_WORN: usize = 4;
+
+/// The styles of an entity on a scene, the lowest first. Empty for the captured colors, which nobody asked for.
+#[derive(Default)]
+pub(super) struct Worn(Vec<WornStyle>);
+
+/// A style, and the way that it has come.
+struct WornStyle {
+    colors: LayerColors,
+    /// The transition and its time so far, or `None` if it is over.
+    coming: Option<(StyleTransition, Duration)>,
+}
+
+/// Time since the last frame.
+#[derive(Clone, Copy)]
+pub(super) struct Passed {
+    pub(super) real: Duration,
+    pub(super) game: Duration,
+}
+
+impl Worn {
+    /// Whether nothing was ever put on, or all of it is off again.
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Whether a style lies over everything else, or comes over it.
+    pub(super) fn is_topped_by(&self, colors: &Arc<StyleColors>) -> bool {
+        let top = self.0.last().map(|worn| &worn.colors);
+        matches!(top, Some(LayerColors::Style(top)) if Arc::ptr_eq(top, colors))
+    }
+
+    /// Puts a style over the others.
+    pub(super) fn put_on(&mut self, colors: LayerColors, transition: Option<&StyleTransition>) {
+        let coming = transition.filter(|transition| !transition.duration.is_zero());
+        if coming.is_none() {
+            self.0.clear();
+        }
+        self.0.push(WornStyle { colors, coming: coming.map(|transition| (transition.clone(), Duration::ZERO)) });
+    }
+
+    /// Lets time pass, and drops what nothing is seen of any more. If `is_own`, captured colors are those below.
+    pub(super) fn advance(&mut self, passed: Passed, is_own: bool) {
+        for worn in &mut self.0 {
+            if let Some((transition, elapsed)) = &mut worn.coming {
+                let delta = match transition.clock {
+                    TransitionClock::Real => passed.real,
+                    TransitionClock::Virtual => passed.game,
+                };
+                *elapsed = elapsed.saturating_add(delta);
+                if *elapsed >= transition.duration {
+                    worn.coming = None;
+                }
+            }
+        }
+        if let Some(top) = self.0.iter().rposition(|worn| worn.coming.is_none()) {
+            self.0.drain(..top);
+        }
+        if is_own && matches!(self.0.as_slice(), [WornStyle { colors: LayerColors::Captured, coming: None }]) {
+            self.0.clear();
+        }
+    }
+
+    /// The styles as layers of a scene. More than a few are frozen as they are now.
+    pub(super) fn layers(&mut self, place: &Place) -> Vec<ColorLayer> {
+        let mut layers: Vec<_> = self.0.iter().map(|worn| worn.layer(Some(place))).collect();
+        if self.0.len() > MAX_WORN {
+            let last = layers.pop();
+            let frozen = LayerColors::Mix(Mix::new(std::mem::take(&mut layers)));
+            layers.push(ColorLayer::everywhere(frozen.clone(), 1.0));
+            layers.extend(last);
+            let top = self.0.pop();
+            self.0.clear();
+            self.0.push(WornStyle { colors: frozen, coming: None });
+            self.0.extend(top);
+        }
+        layers
+    }
+
+    /// The styles as one layer in a region that belongs to a volume, or `None` if there is none. Their transitions are fades,
+    /// whatever shape they have.
+    pub(super) fn volume_layer(&mut self, region: Region, strength: f32) -> Option<ColorLayer> {
+        if self.0.len() > MAX_WORN {
+            // A volume's layers are of several places, so they cannot be frozen in one of them.
+            self.0.remove(0);
+            self.0[0].coming = None;
+        }
+        let layer = |colors: LayerColors, share: f32| ColorLayer { colors, region, strength: strength * share };
+        match self.0.as_slice() {
+            [] => None,
+            [only] => Some(layer(only.colors.clone(), only.layer(None).strength)),
+            [first, ..] => {
+                let share = first.layer(None).strength;
+                let mut mixed: Vec<_> = self.0.iter().map(|worn| worn.layer(None)).collect();
+                mixed[0].strength = 1.0;
+                // Before the first one has come, the volume is as strong as its strongest style.
+                let share = self.0[1..].iter().map(|worn| worn.layer(None).strength).fold(share, f32::max);
+                Some(layer(LayerColors::Mix(Mix::new(mixed)), share))
+            }
+        }
+    }
+}
+
+impl WornStyle {
+    /// The style as a layer. Without a place, its transition is a fade.
+    fn layer(&self, place: Option<&Place>) -> ColorLayer {
+        let colors = self.colors.clone();
+        let Some((transition, elapsed)) = &self.coming else { return ColorLayer::everywhere(colors, 1.0) };
+        let progress = transition.progress(*elapsed);
+        match place {
+            Some(place) if transition.shape != TransitionShape::Fade => {
+                let (region, strength) = transition.reached(progress, place);
+                ColorLayer { colors, region, strength }
+            }
+            _ => ColorLayer::everywhere(colors, progress),
+        }
+    }
+}
