@@ -174,8 +174,8 @@ mod tests {
             let volume = StyleVolume::new(shape).with_softness(0.2);
             let region = volume.region(&transform);
             let mut n_within = 0;
-            for i in 0..1000 {
-                let [x, y, z] = [i % 10, i / 10 % 10, i / 100].map(|i| i as f32 - 4.5);
+            for i in 0..8000 {
+                let [x, y, z] = [i % 20, i / 20 % 20, i / 400].map(|i| 0.5 * i as f32 - 4.75);
                 let point = Vec3::new(x, y, z) + Vec3::new(1.0, 2.0, 3.0);
                 if region.weight(point) > 0.0 {
                     n_within += 1;

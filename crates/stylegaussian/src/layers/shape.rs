@@ -79,7 +79,8 @@ impl Shape {
                 outside.max(Vec2::ZERO).length() + outside.max_element().min(0.0)
             }
             Self::Capsule { radius, half_length } => {
-                let along = point.y.clamp(-half_length, half_length);
+                // Not `clamp`, which panics if a length is negative or none.
+                let along = point.y.max(-half_length).min(half_length);
                 Vec2::new(radial, point.y - along).length() - radius
             }
             Self::Cone { radius, height } => cone(Vec2::new(radial, point.y), radius, height),
