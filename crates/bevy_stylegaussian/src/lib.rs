@@ -25,8 +25,8 @@
 //!   [`StyleTransition`] fades from one style to the next. [`StyleRefine`] bakes a shown style further in the background. [`StyleDecoder`] selects another [`GaussianDecoder`].
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
 //! - Resources: [`StyleMethod`], [`StyleBackend`], [`StyleBudget`], [`StyleEncoder`].
-//! - Events, as messages and for observers: [`StyleApplied`], [`StyleRefined`], [`StyleFailed`],
-//!   [`GaussianSceneFailed`]. The component
+//! - Events, as messages and for observers: [`GaussianSceneReady`], [`GaussianSceneFailed`], [`StyleApplied`],
+//!   [`StyleRefined`], [`StyleFailed`]. The component
 //!   [`AppliedStyle`] holds the style that an entity shows, and can save the styled scene.
 //!
 //! Most apps need no more than [`prelude`].
@@ -49,14 +49,15 @@ mod systems;
 #[cfg(test)]
 mod tests;
 
+pub use colors::GaussianSceneReady;
 pub use plugin::StyleGaussianPlugin;
 pub use scene::{GaussianScene, GaussianSceneError, GaussianSceneFailed, GaussianSplats, SceneSettings};
 pub use splats::{SplatSortKey, SplatTonemapping};
 pub use style::{
-    AppliedStyle, GaussianDecoder, HiddenUntilStyled, ImageEncoder, StyleApplied, StyleBackend, StyleBudget, StyleDecoder,
-    StyleEncoder, StyleError, StyleFailed, StyleInput, StyleLook, StyleMethod, StyleRefine, StyleRefined,
-    StyleSource, StyleStatistics, StyleTransition, StyleVolume, TransitionCenter, TransitionClock,
-    TransitionShape, VolumeShape, WeightedStyle,
+    AppliedStyle, GaussianDecoder, HiddenUntilStyled, ImageEncoder, StyleApplied, StyleBackend, StyleBudget,
+    StyleDecoder, StyleEncoder, StyleError, StyleFailed, StyleInput, StyleLook, StyleMethod, StyleRefine,
+    StyleRefined, StyleSource, StyleStatistics, StyleTransition, StyleVolume, TransitionCenter,
+    TransitionClock, TransitionShape, VolumeShape, WeightedStyle,
 };
 pub use systems::StyleGaussianSystems;
 
@@ -72,10 +73,10 @@ pub use stylegaussian_encoder;
 /// ```
 pub mod prelude {
     pub use crate::{
-        AppliedStyle, GaussianScene, GaussianSceneFailed, GaussianSplats, SplatSortKey, SplatTonemapping,
-        StyleApplied, StyleBackend, StyleBudget, StyleDecoder, StyleEncoder, StyleFailed,
-        StyleGaussianPlugin, StyleInput, StyleMethod, StyleRefine, StyleRefined, StyleSource,
-        StyleTransition, StyleVolume, TransitionClock, TransitionShape, HiddenUntilStyled,
+        AppliedStyle, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
+        HiddenUntilStyled, SplatSortKey, SplatTonemapping, StyleApplied, StyleBackend, StyleBudget,
+        StyleDecoder, StyleEncoder, StyleFailed, StyleGaussianPlugin, StyleInput, StyleMethod, StyleRefine,
+        StyleRefined, StyleSource, StyleTransition, StyleVolume, TransitionClock, TransitionShape,
     };
 }
 

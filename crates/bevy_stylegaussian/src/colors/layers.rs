@@ -19,6 +19,10 @@ pub(crate) struct ColorLayers {
     pub(crate) layers: Vec<ColorLayer>,
     /// Whether the entity is not drawn.
     pub(crate) is_hidden: bool,
+    /// The first generation of the present scene.
+    pub(super) first: u64,
+    /// Whether the event of the present scene was sent.
+    pub(super) is_announced: bool,
     /// The generation that the next frame draws if it draws the entity: the render world's answer.
     drawn: Arc<AtomicU64>,
 }
@@ -57,6 +61,13 @@ impl ColorLayers {
             layers.layers = new;
             layers.is_hidden = is_hidden;
         }
+    }
+
+    /// Makes the layers count as changed: they are of another scene.
+    pub(super) fn renew(&mut self) {
+        self.generation += 1;
+        self.first = self.generation;
+        self.is_announced = false;
     }
 
     /// Whether the colors of `generation`, or later ones, are drawn.

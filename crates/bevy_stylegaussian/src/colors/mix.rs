@@ -102,7 +102,9 @@ pub(crate) fn mix_colors(
                     if !std::mem::replace(&mut is_begun, true) {
                         mixer.begin_submission();
                     }
-                    let Some(target) = colors.own_buffer(*entity, device, scene.n_gaussians()) else { continue };
+                    let Some(target) = colors.own_buffer(*entity, device, scene.n_gaussians()) else {
+                        continue;
+                    };
                     let encoder = context.command_encoder();
                     let span = diagnostics.time_span(encoder, "mix_layers");
                     let mut gpu = Gpu { device, queue, encoder, mixer: &mixer };

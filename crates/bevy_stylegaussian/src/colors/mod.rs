@@ -11,13 +11,16 @@ use bevy::{
     render::{ExtractSchedule, GpuResourceAppExt, RenderApp, renderer::RenderGraph},
 };
 
-use crate::scene::GaussianSplats;
+use crate::{scene::GaussianSplats, systems::StyleGaussianSystems};
 
 mod extract;
 mod layers;
 mod mix;
+mod ready;
 mod shown;
 mod styles;
+
+pub use ready::GaussianSceneReady;
 
 pub(crate) use extract::{RenderColors, WantedColors};
 pub(crate) use layers::{ColorLayer, ColorLayers, LayerColors, Mix};
@@ -30,7 +33,17 @@ pub(crate) struct ColorsPlugin;
 
 impl Plugin for ColorsPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<WantedColors>().register_required_components::<GaussianSplats, ColorLayers>();
+        app.init_resource::<WantedColors>()
+            .add_message::<GaussianSceneReady>()
+            .register_type::<GaussianSceneReady>()
+            .register_required_components::<GaussianSplats, ColorLayers>();
+        app.add_systems(
+            PostUpdate,
+            (ready::renew_layers, ready::report_ready_scenes)
+                .chain()
+                .after(StyleGaussianSystems::Scenes)
+                .before(StyleGaussianSystems::Styles),
+        );
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app
                 // Not GPU resources: they are filled by changes alone, so a lost device must leave them as they are.

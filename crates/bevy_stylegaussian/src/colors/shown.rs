@@ -15,7 +15,9 @@ use stylegaussian_gpu::{colors::GaussianColors, splat::CloudColors};
 
 use crate::scene::RenderClouds;
 
-use super::{ColorLayer, ColorLayers, ColorSource, LayerColors, Mix, RenderColors, StyleColors, WantedColors};
+use super::{
+    ColorLayer, ColorLayers, ColorSource, LayerColors, Mix, RenderColors, StyleColors, WantedColors,
+};
 
 /// Whether all pipelines are there that the views need to draw their splats.
 #[derive(Resource)]
@@ -153,14 +155,19 @@ impl ShownColors {
     fn prepare(&mut self, style: &Arc<StyleColors>, device: &wgpu::Device, queue: &wgpu::Queue) {
         let on_gpu = self.styles.entry(address(style)).or_insert_with(|| {
             let colors = GaussianColors::new(device, style.n).map_err(|error| error.to_string());
-            let style_on_gpu =
-                StyleOnGpu { style: Arc::downgrade(style), colors: colors.as_ref().ok().cloned(), is_complete: false };
+            let style_on_gpu = StyleOnGpu {
+                style: Arc::downgrade(style),
+                colors: colors.as_ref().ok().cloned(),
+                is_complete: false,
+            };
             if let Err(reason) = colors {
                 style.answer(Err(reason));
             }
             style_on_gpu
         });
-        if let (ColorSource::Rgb(rgb), Some(colors), false) = (&style.source, &on_gpu.colors, on_gpu.is_complete) {
+        if let (ColorSource::Rgb(rgb), Some(colors), false) =
+            (&style.source, &on_gpu.colors, on_gpu.is_complete)
+        {
             colors.write(queue, rgb);
             on_gpu.is_complete = true;
             style.answer(Ok(()));

@@ -40,9 +40,12 @@ struct PlacedCloud<'a> {
 type CloudPlace = (Entity, &'static LoadedScene, &'static Aabb, &'static GlobalTransform);
 
 /// The components of a volume.
-type Volume = (Entity, &'static StyleVolume, &'static GlobalTransform, &'static mut StyleJobs, &'static StyleSource);
+type Volume =
+    (Entity, &'static StyleVolume, &'static GlobalTransform, &'static mut StyleJobs, &'static StyleSource);
 
-fn placed<'a>((entity, scene, bounds, transform): (Entity, &'a LoadedScene, &Aabb, &GlobalTransform)) -> PlacedCloud<'a> {
+fn placed<'a>(
+    (entity, scene, bounds, transform): (Entity, &'a LoadedScene, &Aabb, &GlobalTransform),
+) -> PlacedCloud<'a> {
     let center = transform.affine().transform_point3a(bounds.center);
     let radius = transform.affine().matrix3 * bevy::math::Mat3A::from_diagonal(bounds.half_extents.into());
     // The corners' distance from the center, at most.
@@ -155,8 +158,7 @@ pub(super) fn compose_layers(
         let place = Place::new(world_from_scene, scene.asset.usual_bounds().unwrap_or(all), all, &place_of);
         let (mut found, mut is_hidden) = (Vec::new(), false);
         if let Ok((mut jobs, source)) = own.get_mut(entity)
-            && let Some(job) =
-                jobs.bypass_change_detection().of_scene.iter_mut().find(|job| job.is_of(scene))
+            && let Some(job) = jobs.bypass_change_detection().of_scene.iter_mut().find(|job| job.is_of(scene))
         {
             is_hidden = hides && job.worn.is_empty() && !job.is_settled();
             found = job.worn.layers(&place);

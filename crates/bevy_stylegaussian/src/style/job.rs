@@ -113,6 +113,12 @@ impl StyleJob {
         self.wanted.is_none() && matches!(self.stage, Stage::Idle)
     }
 
+    /// Whether it is drawn as well.
+    #[cfg(test)]
+    pub(super) fn is_shown(&self) -> bool {
+        self.is_settled() && self.coming.is_none()
+    }
+
     /// Replaces the colors of the style that is shown by better ones.
     pub(super) fn improve(&mut self, colors: Arc<StyleColors>, transition: Option<&StyleTransition>) {
         self.shown = None;
@@ -313,7 +319,9 @@ impl StyleJob {
         let Stage::Uploading { result, .. } = &self.stage else { return };
         let answer = if renders { result.colors.on_gpu().cloned() } else { Some(Ok(())) };
         let Some(answer) = answer else { return };
-        let Stage::Uploading { since, backend, shared, result } = std::mem::take(&mut self.stage) else { return };
+        let Stage::Uploading { since, backend, shared, result } = std::mem::take(&mut self.stage) else {
+            return;
+        };
         match answer {
             Ok(()) => {
                 self.shown = Some(shared);

@@ -10,7 +10,11 @@ use bevy::{
     render::{GpuResourceAppExt, RenderApp, extract_resource::ExtractResourcePlugin, renderer::RenderGraph},
 };
 
-use crate::{colors::{mix_colors, update_colors}, loader::FileLoader, systems::StyleGaussianSystems};
+use crate::{
+    colors::{mix_colors, update_colors},
+    loader::FileLoader,
+    systems::StyleGaussianSystems,
+};
 
 mod applied;
 mod asset;
@@ -30,15 +34,15 @@ mod settings;
 mod shared;
 mod source;
 mod surfaces;
+#[cfg(test)]
+mod tests;
 mod transition;
 mod volume;
 mod worn;
-#[cfg(test)]
-mod tests;
 
 pub use applied::AppliedStyle;
-pub use compose::HiddenUntilStyled;
 pub use asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
+pub use compose::HiddenUntilStyled;
 pub use error::StyleError;
 pub use event::{StyleApplied, StyleFailed, StyleRefined};
 pub use refine::StyleRefine;
@@ -114,6 +118,13 @@ impl Plugin for StylePlugin {
             );
         }
     }
+}
+
+/// Whether a style is under way or about to be drawn.
+#[cfg(test)]
+pub(crate) fn has_unsettled_styles(world: &mut World) -> bool {
+    let mut jobs = world.query::<&job::StyleJobs>();
+    jobs.iter(world).any(|jobs| jobs.of_scene.iter().any(|job| !job.is_shown()))
 }
 
 fn register_types(app: &mut App) {

@@ -158,7 +158,8 @@ impl StyleRequest {
             && same_styles
             && same_looks
             && same_decoder
-            && (self.content, self.stroke_scale, self.backend) == (other.content, other.stroke_scale, other.backend)
+            && (self.content, self.stroke_scale, self.backend)
+                == (other.content, other.stroke_scale, other.backend)
     }
 
     fn decoder(&self) -> Result<Arc<Decoder>, StyleError> {

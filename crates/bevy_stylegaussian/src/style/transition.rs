@@ -3,7 +3,13 @@
 use std::time::Duration;
 
 use bevy::{
-    math::{Affine3A, curve::{Curve, easing::{EaseFunction, EasingCurve}}},
+    math::{
+        Affine3A,
+        curve::{
+            Curve,
+            easing::{EaseFunction, EasingCurve},
+        },
+    },
     prelude::*,
 };
 use stylegaussian::layers::{Region, Shape};
@@ -206,7 +212,8 @@ fn reach(progress: f32, begin: f32, usual: f32, end: f32) -> f32 {
     if is_even {
         return begin + progress * (end - begin);
     }
-    let (near, far) = ((progress / USUAL_PART).min(1.0), (progress - USUAL_PART).max(0.0) / (1.0 - USUAL_PART));
+    let (near, far) =
+        ((progress / USUAL_PART).min(1.0), (progress - USUAL_PART).max(0.0) / (1.0 - USUAL_PART));
     // Squared, so that the speed grows without a jump that would be seen.
     begin + near * (usual - begin) + far * far * (end - usual)
 }
@@ -221,7 +228,13 @@ mod tests {
 
     /// Shares at points, at a progress.
     fn shares(transition: &StyleTransition, progress: f32) -> Vec<f32> {
-        let points = [Vec3::ZERO, Vec3::new(0.9, -0.3, 0.2), Vec3::splat(-1.0), Vec3::splat(50.0), Vec3::new(-1.0, 0.5, 1.0)];
+        let points = [
+            Vec3::ZERO,
+            Vec3::new(0.9, -0.3, 0.2),
+            Vec3::splat(-1.0),
+            Vec3::splat(50.0),
+            Vec3::new(-1.0, 0.5, 1.0),
+        ];
         let (region, strength) = transition.reached(progress, &place());
         points.iter().map(|&point| strength * region.weight(point)).collect()
     }
@@ -263,7 +276,11 @@ mod tests {
             Shape::Ellipsoid { radii } => radii.x,
             _ => f32::NAN,
         };
-        assert!(radius(0.45) < 1.0, "half of the way to the corner of the usual box at 1.73: {}", radius(0.45));
+        assert!(
+            radius(0.45) < 1.0,
+            "half of the way to the corner of the usual box at 1.73: {}",
+            radius(0.45)
+        );
         assert!(radius(1.0) > 86.0);
     }
 

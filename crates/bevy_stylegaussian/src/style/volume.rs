@@ -1,6 +1,10 @@
 //! Volumes: parts of the world that have a style.
 
-use bevy::{ecs::entity::{EntityMapper, MapEntities}, math::Affine3A, prelude::*};
+use bevy::{
+    ecs::entity::{EntityMapper, MapEntities},
+    math::Affine3A,
+    prelude::*,
+};
 use stylegaussian::layers::{Region, Shape};
 
 use super::source::StyleSource;
@@ -81,7 +85,14 @@ macro_rules! from_shapes {
     };
 }
 
-from_shapes!(Sphere(Sphere), Cuboid(Cuboid), Cylinder(Cylinder), Capsule(Capsule3d), Cone(Cone), Torus(Torus));
+from_shapes!(
+    Sphere(Sphere),
+    Cuboid(Cuboid),
+    Cylinder(Cylinder),
+    Capsule(Capsule3d),
+    Cone(Cone),
+    Torus(Torus)
+);
 
 impl StyleVolume {
     /// A volume with a hard edge.
@@ -126,13 +137,21 @@ impl StyleVolume {
             VolumeShape::HalfSpace => Shape::HalfSpace,
             VolumeShape::Sphere(Sphere { radius }) => Shape::Ellipsoid { radii: Vec3::splat(radius) },
             VolumeShape::Cuboid(Cuboid { half_size }) => Shape::Cuboid { half_size },
-            VolumeShape::Cylinder(Cylinder { radius, half_height }) => Shape::Cylinder { radius, half_height },
+            VolumeShape::Cylinder(Cylinder { radius, half_height }) => {
+                Shape::Cylinder { radius, half_height }
+            }
             VolumeShape::Capsule(Capsule3d { radius, half_length }) => Shape::Capsule { radius, half_length },
             VolumeShape::Cone(Cone { radius, height }) => Shape::Cone { radius, height },
-            VolumeShape::Torus(Torus { minor_radius, major_radius }) => Shape::Torus { major_radius, minor_radius },
+            VolumeShape::Torus(Torus { minor_radius, major_radius }) => {
+                Shape::Torus { major_radius, minor_radius }
+            }
         };
         let world_from_shape = Affine3A::from_rotation_translation(rotation, translation);
-        Region { shape: shape.scaled(scale), shape_from_scene: world_from_shape.inverse(), softness: self.softness }
+        Region {
+            shape: shape.scaled(scale),
+            shape_from_scene: world_from_shape.inverse(),
+            softness: self.softness,
+        }
     }
 
     /// Whether the volume may touch a ball of world space.

@@ -50,7 +50,10 @@ impl Worn {
         if coming.is_none() {
             self.0.clear();
         }
-        self.0.push(WornStyle { colors, coming: coming.map(|transition| (transition.clone(), Duration::ZERO)) });
+        self.0.push(WornStyle {
+            colors,
+            coming: coming.map(|transition| (transition.clone(), Duration::ZERO)),
+        });
     }
 
     /// Lets time pass, and drops what nothing is seen of any more. If `is_own`, captured colors are those below.
@@ -70,7 +73,8 @@ impl Worn {
         if let Some(top) = self.0.iter().rposition(|worn| worn.coming.is_none()) {
             self.0.drain(..top);
         }
-        if is_own && matches!(self.0.as_slice(), [WornStyle { colors: LayerColors::Captured, coming: None }]) {
+        if is_own && matches!(self.0.as_slice(), [WornStyle { colors: LayerColors::Captured, coming: None }])
+        {
             self.0.clear();
         }
     }
@@ -99,7 +103,8 @@ impl Worn {
             self.0.remove(0);
             self.0[0].coming = None;
         }
-        let layer = |colors: LayerColors, share: f32| ColorLayer { colors, region, strength: strength * share };
+        let layer =
+            |colors: LayerColors, share: f32| ColorLayer { colors, region, strength: strength * share };
         match self.0.as_slice() {
             [] => None,
             [only] => Some(layer(only.colors.clone(), only.layer(None).strength)),

@@ -9,7 +9,10 @@ use stylegaussian::{
 };
 
 use super::*;
-use crate::{device::HeadlessDevice, splat::testing};
+use crate::{
+    device::HeadlessDevice,
+    splat::{Camera, Cloud, CloudColors, Headless, SplatSettings, testing},
+};
 
 /// A scene of random means; nothing else of it is read.
 fn random_scene(n: usize, random: &mut impl FnMut() -> f32) -> Scene {
@@ -140,4 +143,65 @@ fn degenerate_layers_match_the_cpu() {
             assert!(largest < 2e-3, "{region:?}: {found:?}, expected {expected:?}");
         }
     }
+}
+
+/// Eight volumes that move in each frame, against the splat pass of the same 300,000 Gaussians at 640 x 360, in turns.
+#[test]
+#[ignore = "a measurement, which other programs on the machine disturb"]
+fn eight_volumes_take_a_tenth_of_the_splat_pass() {
+    let Some(gpu) = testing::gpu() else { return };
+    let HeadlessDevice { device, queue, .. } = &gpu;
+    let mut random = testing::randoms(13);
+    let n = 300_000;
+    let scene = Scene { scales: vec![Vec3::splat(0.01); n], ..random_scene(n, &mut random) };
+    let colors: Vec<[f32; 3]> = (0..n).map(|_| [(); 3].map(|()| random())).collect();
+    let looks = [(); 3].map(|()| GaussianColors::from_rgb(device, queue, &colors).unwrap());
+    let mixed = GaussianColors::new(device, n).unwrap();
+    let on_gpu = GpuScene::new(device, &scene).unwrap();
+    let mixer = LayerMixer::new(device);
+    let mut mix = |frame: usize| {
+        let regions: Vec<_> = (0..9).map(|i| random_region(i + usize::from(i > 0), &mut random)).collect();
+        let layers: Vec<_> = regions
+            .into_iter()
+            .enumerate()
+            .map(|(i, region)| GpuLayer {
+                look: Some(&looks[(i + frame) % 3]),
+                region,
+                strength: 1.0,
+                mask: None,
+            })
+            .collect();
+        let start = std::time::Instant::now();
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        mixer.begin_submission();
+        mixer.encode(device, queue, &mut encoder, &on_gpu, &layers, &mixed);
+        queue.submit([encoder.finish()]);
+        device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+        start.elapsed().as_secs_f64()
+    };
+    let mut headless = Headless::new(device);
+    let mut draw = || {
+        let camera = Camera {
+            world_from_view: Affine3A::from_translation(Vec3::new(0.0, 0.0, 6.0)),
+            clip_from_view: glam::Mat4::perspective_infinite_reverse_rh(0.8, 16.0 / 9.0, 0.1),
+            viewport: glam::UVec4::new(0, 0, 640, 360),
+        };
+        let cloud =
+            Cloud { scene: &on_gpu, colors: CloudColors::Rgb(&mixed), world_from_scene: Affine3A::IDENTITY };
+        let start = std::time::Instant::now();
+        headless.render(device, queue, &camera, &[cloud], &SplatSettings::default()).unwrap();
+        start.elapsed().as_secs_f64()
+    };
+    let (mut mixes, mut draws) = (Vec::new(), Vec::new());
+    for frame in 0..12 {
+        mixes.push(mix(frame));
+        draws.push(draw());
+    }
+    let median = |mut times: Vec<f64>| {
+        times.sort_by(f64::total_cmp);
+        1e3 * times[times.len() / 2]
+    };
+    let (mix, draw) = (median(mixes), median(draws));
+    eprintln!("mix {mix:.1} ms, splat pass {draw:.1} ms, ratio {:.3}", mix / draw);
+    assert!(mix < 0.1 * draw, "{}", mix / draw);
 }

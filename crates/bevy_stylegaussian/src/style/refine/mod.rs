@@ -114,18 +114,12 @@ pub(super) struct Means<'w> {
 }
 
 /// Begins wanted bakes, cancels those that are out of date, and shows what they give.
-pub(super) fn advance_refinements(
-    mut entities: Query<Refined>,
-    means: Means,
-    mut events: StyleEvents,
-) {
+pub(super) fn advance_refinements(mut entities: Query<Refined>, means: Means, mut events: StyleEvents) {
     for (entity, mut refinement, refine, styled) in &mut entities {
         if matches!(*refinement, Refinement::Idle) {
             continue;
         }
-        let (Some(refine), Some((source, mut jobs, scene, is_styled, transition))) =
-            (refine, styled)
-        else {
+        let (Some(refine), Some((source, mut jobs, scene, is_styled, transition))) = (refine, styled) else {
             *refinement = Refinement::Idle;
             continue;
         };

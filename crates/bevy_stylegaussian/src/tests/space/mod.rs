@@ -19,11 +19,13 @@ use stylegaussian::{
 };
 
 use crate::{
-    GaussianSplats, HiddenUntilStyled, StyleApplied, StyleBackend, StyleFailed, StyleLook, StyleSource,
-    StyleTransition, StyleVolume, TransitionClock, colors::ShownColors,
+    GaussianSceneReady, GaussianSplats, HiddenUntilStyled, StyleApplied, StyleBackend, StyleFailed,
+    StyleLook, StyleSource, StyleTransition, StyleVolume, TransitionClock, colors::ShownColors,
 };
 
-use super::world::{rendering::*, *};
+use crate::tests::world::{rendering::*, *};
+
+mod random;
 
 const N: usize = 400;
 const STEP: Duration = Duration::from_millis(100);
@@ -84,7 +86,12 @@ impl Stage {
         let layers: Vec<_> = layers
             .iter()
             .zip(&colors)
-            .map(|(&(_, region, strength), look)| Layer { look: look.as_deref(), region, strength, mask: None })
+            .map(|(&(_, region, strength), look)| Layer {
+                look: look.as_deref(),
+                region,
+                strength,
+                mask: None,
+            })
             .collect();
         let expected = mix_layers(&self.scene.means, &layers);
         let error = difference(&self.shown(entity), &expected);
@@ -127,7 +134,11 @@ fn volumes_restyle_what_is_within() {
     let volume = stage.app.world_mut().spawn((ball, green, at.with_scale(Vec3::splat(2.0)))).id();
     stage.until_applied(volume);
     let sphere = Shape::Ellipsoid { radii: Vec3::splat(0.8) };
-    stage.check("a ball", cloud, &[(Some(RED), ALL, 1.0), (Some(GREEN), region(sphere, at, place, 0.3), 1.0)]);
+    stage.check(
+        "a ball",
+        cloud,
+        &[(Some(RED), ALL, 1.0), (Some(GREEN), region(sphere, at, place, 0.3), 1.0)],
+    );
 
     // As captured, below the ball, in half of the strength.
     let half_space = StyleVolume::half_space().with_softness(0.5);
@@ -177,7 +188,8 @@ fn volumes_need_no_style_below() {
     let Some(mut stage) = Stage::new() else { return };
     let red = stage.look(RED);
     let cloud = stage.app.world_mut().spawn(stage.splats.clone()).id();
-    let volume = stage.app.world_mut().spawn((StyleVolume::new(Cuboid::new(1.0, 9.0, 9.0)), red.clone())).id();
+    let volume =
+        stage.app.world_mut().spawn((StyleVolume::new(Cuboid::new(1.0, 9.0, 9.0)), red.clone())).id();
     stage.until_applied(volume);
     let cuboid = Shape::Cuboid { half_size: Vec3::new(0.5, 4.5, 4.5) };
     let within = region(cuboid, Transform::IDENTITY, Transform::IDENTITY, 0.0);
@@ -359,4 +371,21 @@ fn volumes_may_be_anything() {
     let shown = stage.shown(cloud);
     assert!(shown.as_flattened().iter().all(|value| value.is_finite()));
     assert!(shown.iter().all(|color| (color[3] - 1.0).abs() < 5e-3), "one look or the other");
+}
+
+/// A scene is announced once it can be drawn, and again if it is replaced.
+#[test]
+fn a_scene_tells_that_it_can_be_drawn() {
+    let Some(mut stage) = Stage::new() else { return };
+    let cloud = stage.app.world_mut().spawn(stage.splats.clone()).id();
+    for seed in 0..2 {
+        update_until(&mut stage.app, "GaussianSceneReady", |world| {
+            let ready: Vec<_> = world.resource_mut::<Messages<GaussianSceneReady>>().drain().collect();
+            ready.iter().any(|event| event.entity == cloud)
+        });
+        stage.updates(5);
+        assert!(drain::<GaussianSceneReady>(&mut stage.app).is_empty(), "once");
+        let other = add_scene(&mut stage.app, small_scene(9, seed));
+        stage.app.world_mut().get_mut::<GaussianSplats>(cloud).unwrap().0 = other;
+    }
 }
