@@ -5,7 +5,7 @@ use std::sync::{
     atomic::{AtomicU64, Ordering},
 };
 
-use crate::buffers::{self, TooLarge};
+use crate::buffers::{self, ReadBackError, TooLarge};
 
 /// Painted weights of N Gaussians: four channels of 8 bits.
 #[derive(Clone, Debug)]
@@ -23,7 +23,8 @@ impl GaussianMask {
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, weights: &[[u8; 4]]) -> Result<Self, TooLarge> {
         let size = 4 * (weights.len() as u64).max(1);
         TooLarge::check("painted weights", size, buffers::largest_binding(device))?;
-        let buffer = buffers::storage(device, "gaussian_mask", size);
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        let buffer = buffers::create(device, "gaussian_mask", size, usage);
         let mask = Self { buffer, n_gaussians: weights.len(), version: Arc::default() };
         mask.write(queue, weights);
         Ok(mask)
@@ -50,6 +51,19 @@ impl GaussianMask {
         queue.write_buffer(&self.buffer, 4 * first as u64, bytemuck::cast_slice(weights));
         // Only compared for equality, and submissions order the writes themselves.
         self.version.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Waits for all work submitted so far and reads the weights `[N]`.
+    ///
+    /// # Errors
+    /// If the device is lost.
+    pub fn read(&self, device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Vec<[u8; 4]>, ReadBackError> {
+        let mut weights = buffers::read(device, queue, &self.buffer, |bytes| {
+            bytes.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]).collect::<Vec<_>>()
+        })?;
+        // A buffer holds at least one.
+        weights.truncate(self.n_gaussians);
+        Ok(weights)
     }
 
     /// N.
