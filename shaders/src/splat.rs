@@ -38,6 +38,8 @@ pub const TO_CAPTURED_COLORS: u32 = 2;
 pub const BY_DISTANCE: u32 = 4;
 /// `SplatChunk::flags`: the low-pass keeps the sum of a splat, as mip-splatting's 2D filter does.
 pub const ANTIALIASED: u32 = 8;
+/// `SplatChunk::flags`: the mask shows what is painted, and does not hide it.
+pub const CROPPED: u32 = 16;
 
 /// `mode` of the composite: the layer as it is.
 pub const MODE_ENCODED: u32 = 0;
@@ -89,6 +91,7 @@ fn constants() -> String {
         ("TO_CAPTURED_COLORS", TO_CAPTURED_COLORS),
         ("BY_DISTANCE", BY_DISTANCE),
         ("ANTIALIASED", ANTIALIASED),
+        ("CROPPED", CROPPED),
         ("MODE_ENCODED", MODE_ENCODED),
         ("MODE_LINEAR", MODE_LINEAR),
         ("MODE_REINHARD", MODE_REINHARD),
@@ -113,10 +116,14 @@ fn source(label: &'static str, files: &[&str]) -> Source {
     Source { label, wgsl: constants() + &files.join("\n") }
 }
 
-/// Culls, projects and colors Gaussians.
-pub fn project() -> Source {
+/// Culls, projects and colors Gaussians, those of clouds with a mask or of clouds without.
+pub fn project(masked: bool) -> Source {
     let sh = include_str!("../wgsl/splat_sh.wgsl");
-    source("splat_project", &[RECORDS, sh, include_str!("../wgsl/splat_project.wgsl")])
+    let mask = match masked {
+        false => include_str!("../wgsl/splat_unmasked.wgsl"),
+        true => include_str!("../wgsl/splat_masked.wgsl"),
+    };
+    source("splat_project", &[RECORDS, sh, mask, include_str!("../wgsl/splat_project.wgsl")])
 }
 
 /// Counts the digits of each batch. `serial` is for software adapters.
@@ -204,7 +211,8 @@ pub fn inverse_table() -> Source {
 /// Every joined source of the splat pass.
 pub fn sources() -> Vec<Source> {
     vec![
-        project(),
+        project(false),
+        project(true),
         sort_histogram(false),
         sort_scan(false),
         sort_scatter(false),
@@ -247,6 +255,7 @@ pub fn layouts() -> Vec<Layout> {
             first_record,
             sh_degree,
             flags,
+            mask_shift,
             padding,
         }),
         layout!(PackedGaussian { mean, opacity, rotation, scales }),
@@ -307,10 +316,12 @@ pub struct SplatChunk {
     pub first_record: u32,
     /// Degree of the spherical harmonics, or [`NO_SH`].
     pub sh_degree: u32,
-    /// [`FROM_CAPTURED_COLORS`], [`TO_CAPTURED_COLORS`], [`BY_DISTANCE`], [`ANTIALIASED`].
+    /// [`FROM_CAPTURED_COLORS`], [`TO_CAPTURED_COLORS`], [`BY_DISTANCE`], [`ANTIALIASED`], [`CROPPED`].
     pub flags: u32,
+    /// Position of the mask's channel in a word, in bits.
+    pub mask_shift: u32,
     /// Unused.
-    pub padding: [u32; 2],
+    pub padding: u32,
 }
 
 /// One Gaussian as the project kernel reads it.

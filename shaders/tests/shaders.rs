@@ -118,3 +118,27 @@ fn entry_points_are_named_like_their_files() {
         assert!(names == [label] || is_drawn, "{label} has {names:?}");
     }
 }
+
+/// The kernel for clouds without a mask binds none, and differs from the other in a function that returns its argument.
+#[test]
+fn clouds_without_a_mask_have_a_kernel_without_one() {
+    let [plain, masked] = [false, true].map(|masked| validated(&splat::project(masked)).unwrap());
+    let bindings = |module: &naga::Module| -> Vec<_> {
+        let mut bindings: Vec<_> = module
+            .global_variables
+            .iter()
+            .filter_map(|(_, global)| global.binding)
+            .map(|binding| (binding.group, binding.binding))
+            .collect();
+        bindings.sort();
+        bindings
+    };
+    let mut without = bindings(&masked);
+    without.retain(|&binding| binding != (1, 4));
+    assert_eq!(bindings(&plain), without);
+    assert!(bindings(&masked).contains(&(1, 4)));
+    let (_, shown) =
+        plain.functions.iter().find(|(_, f)| f.name.as_deref() == Some("shown_opacity")).unwrap();
+    let naga::Statement::Return { value: Some(value) } = shown.body[0] else { panic!("{:?}", shown.body) };
+    assert_eq!(shown.expressions[value], naga::Expression::FunctionArgument(0));
+}

@@ -37,9 +37,11 @@ struct SplatChunk {
     first_record: u32,
     /// Degree of the spherical harmonics, or `NO_SH`.
     sh_degree: u32,
-    /// `FROM_CAPTURED_COLORS`, `TO_CAPTURED_COLORS`, `BY_DISTANCE`, `ANTIALIASED`.
+    /// `FROM_CAPTURED_COLORS`, `TO_CAPTURED_COLORS`, `BY_DISTANCE`, `ANTIALIASED`, `CROPPED`.
     flags: u32,
-    padding: vec2<u32>,
+    /// Position of the mask's channel in a word, in bits.
+    mask_shift: u32,
+    padding: u32,
 }
 
 /// One Gaussian, 32 bytes.
@@ -221,7 +223,8 @@ fn splat_project(
         return;
     }
     let record = chunk.first_record + index;
-    let gaussian = gaussians[index];
+    var gaussian = gaussians[index];
+    gaussian.opacity = shown_opacity(gaussian.opacity, index);
     var projected = project(gaussian);
     if !projected.visible {
         keys[record] = INVISIBLE;

@@ -23,10 +23,12 @@
 //!   styles it by images, by [`StyleStatistics`] (`.style.safetensors`), by a baked [`StyleLook`] (`.look.safetensors`), or
 //!   by a mix; change it at any time.
 //!   [`StyleTransition`] fades from one style to the next. [`StyleRefine`] bakes a shown style further in the background. [`StyleDecoder`] selects another [`GaussianDecoder`].
+//!   [`StyleMask`] holds weights that are painted at run time, from a [`SavedMask`] (`.mask.safetensors`) if there is one, and
+//!   [`MaskVisibility`] hides what is painted or crops to it.
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
 //! - Resources: [`StyleMethod`], [`StyleBackend`], [`StyleBudget`], [`StyleEncoder`].
 //! - Events, as messages and for observers: [`GaussianSceneReady`], [`GaussianSceneFailed`], [`StyleApplied`],
-//!   [`StyleRefined`], [`StyleFailed`]. The component
+//!   [`StyleRefined`], [`StyleFailed`], [`StyleMaskFailed`]. The component
 //!   [`AppliedStyle`] holds the style that an entity shows, and can save the styled scene.
 //!
 //! Most apps need no more than [`prelude`].
@@ -40,6 +42,7 @@
 mod background;
 mod colors;
 mod loader;
+mod mask;
 mod plugin;
 mod reports;
 mod scene;
@@ -50,6 +53,7 @@ mod systems;
 mod tests;
 
 pub use colors::GaussianSceneReady;
+pub use mask::{MaskVisibility, SavedMask, StyleMask, StyleMaskError, StyleMaskFailed};
 pub use plugin::StyleGaussianPlugin;
 pub use scene::{GaussianScene, GaussianSceneError, GaussianSceneFailed, GaussianSplats, SceneSettings};
 pub use splats::{SplatSortKey, SplatTonemapping};
@@ -74,9 +78,10 @@ pub use stylegaussian_encoder;
 pub mod prelude {
     pub use crate::{
         AppliedStyle, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
-        HiddenUntilStyled, SplatSortKey, SplatTonemapping, StyleApplied, StyleBackend, StyleBudget,
-        StyleDecoder, StyleEncoder, StyleFailed, StyleGaussianPlugin, StyleInput, StyleMethod, StyleRefine,
-        StyleRefined, StyleSource, StyleTransition, StyleVolume, TransitionClock, TransitionShape,
+        HiddenUntilStyled, MaskVisibility, SavedMask, SplatSortKey, SplatTonemapping, StyleApplied, StyleBackend,
+        StyleBudget, StyleDecoder, StyleEncoder, StyleFailed, StyleGaussianPlugin, StyleInput, StyleMask,
+        StyleMaskFailed, StyleMethod, StyleRefine, StyleRefined, StyleSource, StyleTransition, StyleVolume,
+        TransitionClock, TransitionShape,
     };
 }
 

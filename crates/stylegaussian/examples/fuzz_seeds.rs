@@ -8,7 +8,7 @@ use std::{
 
 use glam::{Quat, Vec3};
 use stylegaussian::{
-    ChannelStatistics, Decoder, Features, Layer, Look, Neighbors, Scene,
+    ChannelStatistics, Decoder, Features, Layer, Look, Mask, Neighbors, Scene, StoredMask,
     file::{self, Precision},
     look::MadeFrom,
     paint::Paint,
@@ -17,15 +17,28 @@ use stylegaussian::{
 /// Larger files make slow runs, and the fuzzer finds sizes by itself.
 const MOST_BYTES: u64 = 100_000;
 
+/// The fuzz targets.
+const TARGETS: [&str; 11] = [
+    "scene",
+    "decoder",
+    "style",
+    "paint",
+    "look",
+    "mask",
+    "pytorch",
+    "image",
+    "encoder",
+    "cameras",
+    "checkpoint",
+];
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = env::args_os().skip(1).map(PathBuf::from);
     let (Some(root), Some(data)) = (arguments.next(), arguments.next()) else {
         return Err("expected the workspace's root and the folder of the test data".into());
     };
     let corpus = root.join("fuzz/corpus");
-    for target in
-        ["scene", "decoder", "style", "paint", "look", "pytorch", "image", "encoder", "cameras", "checkpoint"]
-    {
+    for target in TARGETS {
         fs::create_dir_all(corpus.join(target))?;
         // Files that no writer of this crate makes, and what was found once: the next fault is near.
         for kept in ["seeds", "regressions"] {
@@ -99,6 +112,8 @@ fn made(corpus: &Path) -> Result<(), Box<dyn std::error::Error>> {
     fs::copy(corpus.join("paint/made"), corpus.join("style/painted"))?;
     let colors: Vec<[f32; 3]> = (0..scene.len()).map(|i| [i as f32, 0.5, 0.0]).collect();
     file::write_look(&corpus.join("look/made"), &Look::new(&scene, &colors, MadeFrom::default()))?;
+    let mask = StoredMask::new(&scene, &scene.mask.clone().unwrap_or_default());
+    file::write_mask(&corpus.join("mask/made"), &mask)?;
     let pose = "[[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]";
     let transforms =
         format!(r#"{{"camera_angle_x":0.8,"w":9,"h":9,"frames":[{{"transform_matrix":{pose}}}]}}"#);
@@ -144,6 +159,7 @@ fn scene() -> Scene {
             encoder: None,
         }),
         decoder: Some(Decoder { layers: vec![layer(6, 4), layer(4, 3)], k: 3, ..Decoder::default() }),
+        mask: Some(Mask::new(N)),
         ..Scene::default()
     };
     scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, 3));

@@ -1,11 +1,11 @@
-//! File formats: scenes, decoders, style statistics, looks, colors.
+//! File formats: scenes, decoders, style statistics, looks, masks, colors.
 //!
 //! A reader takes the whole file into memory, recognizes the format by the content, and checks every count against the
 //! size of the file before it allocates. A writer never leaves a half-written file: see [`write_atomically`].
 
 use std::path::Path;
 
-use crate::{decoder::Decoder, look::Look, paint::Paint, statistics::ChannelStatistics};
+use crate::{decoder::Decoder, look::Look, mask::StoredMask, paint::Paint, statistics::ChannelStatistics};
 
 mod activate;
 mod archive;
@@ -22,6 +22,7 @@ mod formats;
 mod gltf;
 mod ksplat;
 mod look;
+mod mask;
 mod names;
 mod place;
 mod ply;
@@ -118,6 +119,31 @@ pub fn look_from_bytes(bytes: &[u8], name: &str) -> Result<Look, FileError> {
 /// If a value is not finite, there is not one color per Gaussian of the scene, or the file cannot be written.
 pub fn write_look(path: &Path, look: &Look) -> Result<(), FileError> {
     let tensors = look::prepare(look).map_err(|mismatch| mismatch.at(path))?;
+    write_atomically(path, |out| tensors.write(out))
+}
+
+/// Reads a mask (`*.mask.safetensors`).
+///
+/// # Errors
+/// If the file cannot be read, is no mask, or has more than four channels.
+pub fn read_mask(path: &Path) -> Result<StoredMask, FileError> {
+    mask::from_bytes(&read_bytes(path)?).map_err(|mismatch| mismatch.at(path))
+}
+
+/// Reads a mask from the bytes of a `*.mask.safetensors`. Errors call the file `name`.
+///
+/// # Errors
+/// As [`read_mask`].
+pub fn mask_from_bytes(bytes: &[u8], name: &str) -> Result<StoredMask, FileError> {
+    mask::from_bytes(bytes).map_err(|mismatch| mismatch.at(Path::new(name)))
+}
+
+/// Writes a mask (`*.mask.safetensors`): a byte per Gaussian for each channel up to the last one that is named or painted.
+///
+/// # Errors
+/// If there are not as many weights as the scene has Gaussians, or the file cannot be written.
+pub fn write_mask(path: &Path, mask: &StoredMask) -> Result<(), FileError> {
+    let tensors = mask::prepare(mask).map_err(|mismatch| mismatch.at(path))?;
     write_atomically(path, |out| tensors.write(out))
 }
 

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use glam::{Quat, Vec3};
 
-use crate::{decoder::Decoder, encoder_id::EncoderId, morton, neighbors::Neighbors, sh};
+use crate::{decoder::Decoder, encoder_id::EncoderId, mask::weights::Mask, morton, neighbors::Neighbors, sh};
 
 /// N Gaussians in structure-of-arrays form, with optional features, neighbors and decoder.
 #[derive(Clone, Debug, Default)]
@@ -30,6 +30,8 @@ pub struct Scene {
     pub neighbors: Option<Neighbors>,
     /// A decoder trained for this scene. It takes precedence over the default decoder.
     pub decoder: Option<Decoder>,
+    /// Weights that somebody painted `[N]`.
+    pub mask: Option<Mask>,
     /// The scene's up direction, or `None` if the file does not give it. The loader never rotates a scene.
     pub up: Option<Vec3>,
     /// The filter against holes and aliasing that the scene was trained with, and that it must be drawn with.
@@ -153,6 +155,7 @@ impl Scene {
             features: self.features.as_ref().map(|features| features.subset(indices)),
             neighbors: self.neighbors.as_ref().and_then(|n| relabeled(n, self.len(), indices)),
             decoder: self.decoder.clone(),
+            mask: self.mask.as_ref().map(|mask| mask.subset(indices)),
             up: self.up,
             filter: self.filter,
             source: self.source.clone(),
@@ -232,6 +235,9 @@ impl Scene {
             self.expect_len("feature values", features.values.len(), n * features.n_latent)?;
             self.expect_len("basis values", features.basis.len(), features.n_channels() * features.n_latent)?;
             self.expect_len("extra values", features.extra.len(), n * features.n_extra)?;
+        }
+        if let Some(mask) = &self.mask {
+            self.expect_len("mask weights", mask.len(), n)?;
         }
         if let Some(neighbors) = &self.neighbors {
             if neighbors.k > Decoder::MAX_K {

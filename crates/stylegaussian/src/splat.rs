@@ -28,7 +28,7 @@ mod tests;
 use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 
-use crate::{camera::Camera, scene::Scene, sh};
+use crate::{camera::Camera, mask::Visibility, scene::Scene, sh};
 pub use alpha::{MAX_ALPHA, MIN_ALPHA};
 use bands::Bands;
 use composite::TILE;
@@ -78,8 +78,22 @@ pub struct RenderedImage {
 /// # Panics
 /// If `colors` holds another number of colors than the scene has Gaussians.
 pub fn render(scene: &Scene, colors: Colors, camera: &Camera) -> RenderedImage {
+    render_visible(scene, colors, camera, None)
+}
+
+/// Draws the part of `scene` that a mask lets through, or all of it, as `camera` sees it.
+///
+/// # Panics
+/// If `colors` or the mask holds another number of entries than the scene has Gaussians.
+pub fn render_visible(
+    scene: &Scene,
+    colors: Colors,
+    camera: &Camera,
+    visibility: Option<&Visibility>,
+) -> RenderedImage {
     assert!(colors.len().is_none_or(|n| n == scene.len()), "one color per Gaussian");
-    let splats = project(scene, camera);
+    assert!(visibility.is_none_or(|mask| mask.weights.len() == scene.len()), "one weight per Gaussian");
+    let splats = project(scene, camera, visibility);
     let colors = splat_colors(scene, colors, camera, &splats);
     let bands = Bands::new(&splats, camera.size);
 
@@ -116,7 +130,7 @@ pub fn render(scene: &Scene, colors: Colors, camera: &Camera) -> RenderedImage {
 /// The weights do not depend on colors, so one set of them serves any number of per-Gaussian values (colors, features)
 /// and their gradients.
 pub fn blend_weights(scene: &Scene, camera: &Camera) -> BlendWeights {
-    let splats = project(scene, camera);
+    let splats = project(scene, camera, None);
     let bands = Bands::new(&splats, camera.size);
     BlendWeights::gather(&splats, &bands, scene.len())
 }

@@ -140,7 +140,8 @@ impl<'a> Stage<'a> {
         colors: CloudColors,
     ) -> Result<()> {
         let camera = self.camera(i as u32, n);
-        let cloud = Cloud { scene: self.scene, colors, world_from_scene: Affine3A::IDENTITY };
+        let cloud =
+            Cloud { scene: self.scene, colors, world_from_scene: Affine3A::IDENTITY, visibility: None };
         let Gpu { device, queue, .. } = self.gpu;
         let settings = SplatSettings::default();
         self.pass.project_and_sort(

@@ -58,6 +58,11 @@ pub fn is_look(path: &Path) -> bool {
     path.to_string_lossy().to_lowercase().ends_with(".look.safetensors")
 }
 
+/// Whether the name is that of a mask.
+pub fn is_mask(path: &Path) -> bool {
+    path.to_string_lossy().to_lowercase().ends_with(".mask.safetensors")
+}
+
 /// Whether `text` is meant as a number. Rust also parses `inf` and `nan`, but these are more likely names.
 fn is_number(text: &str) -> bool {
     text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) && text.parse::<f64>().is_ok()

@@ -183,6 +183,7 @@ impl OnGpu {
             scene: &self.scene,
             colors: self.colors.as_ref().map_or(CloudColors::Captured, CloudColors::Rgb),
             world_from_scene: Affine3A::IDENTITY,
+            visibility: None,
         };
         let camera = stylegaussian_gpu::splat::Camera::pinhole(camera);
         let settings = SplatSettings::default();

@@ -20,6 +20,8 @@ mod encoder;
 mod image;
 #[path = "../../../fuzz/readers/look.rs"]
 mod look;
+#[path = "../../../fuzz/readers/mask.rs"]
+mod mask;
 #[path = "../../../fuzz/readers/paint.rs"]
 mod paint;
 #[path = "../../../fuzz/readers/pytorch.rs"]
@@ -33,13 +35,14 @@ mod style;
 type Target = (&'static str, fn(&[u8]));
 
 /// The readers, by the names of their folders.
-const READERS: [Target; 10] = [
+const READERS: [Target; 11] = [
     ("cameras", cameras::read),
     ("checkpoint", checkpoint::read),
     ("decoder", decoder::read),
     ("encoder", encoder::read),
     ("image", image::read),
     ("look", look::read),
+    ("mask", mask::read),
     ("paint", paint::read),
     ("pytorch", pytorch::read),
     ("scene", scene::read),

@@ -11,47 +11,18 @@ use crate::{
     bindings::{
         bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding, uniform_binding,
     },
-    buffers::{self, TooLarge},
+    buffers,
     colors::GaussianColors,
     splat::GpuScene,
 };
+
+pub use crate::mask::GaussianMask;
 
 /// Workgroups in one dimension of a dispatch, by WebGPU's default limits.
 const MAX_WORKGROUPS: u32 = 65_535;
 
 /// Sizes and distances beyond this are drawn in to it: their squares stay within f32, and no scene reaches there.
 const FAR: f32 = 1e9;
-
-/// Painted weights of N Gaussians: four channels of 8 bits.
-#[derive(Clone, Debug)]
-pub struct GaussianMask {
-    buffer: wgpu::Buffer,
-    n_gaussians: usize,
-}
-
-impl GaussianMask {
-    /// A mask that holds `weights` `[N]`.
-    ///
-    /// # Errors
-    /// If they exceed the device's limit on a buffer or a storage binding.
-    pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, weights: &[[u8; 4]]) -> Result<Self, TooLarge> {
-        let size = 4 * (weights.len() as u64).max(1);
-        TooLarge::check("painted weights", size, buffers::largest_binding(device))?;
-        let mask =
-            Self { buffer: buffers::storage(device, "gaussian_mask", size), n_gaussians: weights.len() };
-        mask.write(queue, weights);
-        Ok(mask)
-    }
-
-    /// Replaces all weights.
-    ///
-    /// # Panics
-    /// If there is not one entry per Gaussian.
-    pub fn write(&self, queue: &wgpu::Queue, weights: &[[u8; 4]]) {
-        assert_eq!(weights.len(), self.n_gaussians, "one entry per Gaussian");
-        queue.write_buffer(&self.buffer, 0, bytemuck::cast_slice(weights));
-    }
-}
 
 /// Colors in a region. The lowest layer comes first.
 #[derive(Clone, Copy, Debug)]

@@ -8,5 +8,6 @@ pub mod buffers;
 pub mod colors;
 pub mod device;
 pub mod layers;
+pub mod mask;
 pub mod splat;
 pub mod style;

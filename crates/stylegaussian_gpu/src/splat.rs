@@ -32,7 +32,7 @@ mod tonemapping;
 mod view;
 
 pub use camera::Camera;
-pub use cloud::{Cloud, CloudColors};
+pub use cloud::{Cloud, CloudColors, CloudVisibility};
 pub use composite::{Composite, CompositeInput, CompositeMode, CompositePipeline};
 pub use draw::SplatPipeline;
 pub use error::SplatError;

@@ -176,6 +176,7 @@ fn a_view_keeps_up_with_what_changes() {
             scene: &on_gpu,
             colors: splat::CloudColors::Rgb(&colors),
             world_from_scene: Affine3A::IDENTITY,
+            visibility: None,
         };
         let settings = SplatSettings::default();
         let found =

@@ -141,8 +141,12 @@ fn colors_of_another_scene_are_refused() {
     let HeadlessDevice { device, queue, .. } = &gpu;
     let scene = GpuScene::new(device, &random_scene(10, 0, 5)).unwrap();
     let colors = GaussianColors::new(device, 9).unwrap();
-    let cloud =
-        Cloud { scene: &scene, colors: CloudColors::Rgb(&colors), world_from_scene: Affine3A::IDENTITY };
+    let cloud = Cloud {
+        scene: &scene,
+        colors: CloudColors::Rgb(&colors),
+        world_from_scene: Affine3A::IDENTITY,
+        visibility: None,
+    };
     let error = Headless::new(device)
         .render(device, queue, &default_camera(), &[cloud], &SplatSettings::default())
         .unwrap_err();
@@ -163,7 +167,12 @@ fn small_limits_are_kept() {
 
     let scene = random_scene(4096, 3, 6);
     let on_gpu = GpuScene::new(device, &scene).unwrap();
-    let cloud = Cloud { scene: &on_gpu, colors: CloudColors::Captured, world_from_scene: Affine3A::IDENTITY };
+    let cloud = Cloud {
+        scene: &on_gpu,
+        colors: CloudColors::Captured,
+        world_from_scene: Affine3A::IDENTITY,
+        visibility: None,
+    };
     let mut headless = Headless::new(device);
     let mut render = |clouds: &[Cloud]| {
         headless.render(device, queue, &default_camera(), clouds, &SplatSettings::default())

@@ -154,8 +154,12 @@ fn sorted(gpu: &HeadlessDevice, scene: &Scene, rgb: &[[f32; 3]], camera: &Camera
     let splats = SplatPass::new(device);
     let colors = GaussianColors::from_rgb(device, queue, rgb).unwrap();
     let scene = GpuScene::new(device, scene).unwrap();
-    let cloud =
-        Cloud { scene: &scene, colors: CloudColors::Rgb(&colors), world_from_scene: Affine3A::IDENTITY };
+    let cloud = Cloud {
+        scene: &scene,
+        colors: CloudColors::Rgb(&colors),
+        world_from_scene: Affine3A::IDENTITY,
+        visibility: None,
+    };
     let mut view = SplatView::new();
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let settings = SplatSettings::default();
@@ -398,7 +402,7 @@ fn colors_fade() {
     let red = GaussianColors::from_rgb(device, queue, &[RED]).unwrap();
     let check = |from, to, t, expected: [f32; 3]| {
         let colors = CloudColors::Fade { from, to, t };
-        let cloud = Cloud { scene: &scene, colors, world_from_scene: Affine3A::IDENTITY };
+        let cloud = Cloud { scene: &scene, colors, world_from_scene: Affine3A::IDENTITY, visibility: None };
         let settings = SplatSettings::default();
         let picture = Headless::new(device).render(device, queue, &pinhole(), &[cloud], &settings).unwrap();
         let [r, g, b] = expected.map(|c| 0.8 * c);

@@ -7,12 +7,13 @@ use anyhow::{Context, Result, bail, ensure};
 use crate::steps::{Steps, cargo, data_folder, workspace_root};
 
 /// The targets in `fuzz/`, and the feature that builds each. The quick ones to build come first.
-const TARGETS: [(&str, &str); 10] = [
+const TARGETS: [(&str, &str); 11] = [
     ("scene", ""),
     ("decoder", ""),
     ("style", ""),
     ("paint", ""),
     ("look", ""),
+    ("mask", ""),
     ("pytorch", ""),
     ("image", "encoder"),
     ("encoder", "encoder"),

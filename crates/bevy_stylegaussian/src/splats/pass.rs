@@ -13,6 +13,7 @@ use wgpu::{LoadOp, Operations, RenderPassColorAttachment, RenderPassDescriptor, 
 
 use crate::{
     colors::ShownColors,
+    mask::RenderMasks,
     reports::Reports,
     scene::{GpuScenes, RenderClouds, SceneRefused},
 };
@@ -39,6 +40,7 @@ pub(super) fn draw_splats(
     clouds: Res<RenderClouds>,
     scenes: Res<GpuScenes>,
     colors: Res<ShownColors>,
+    masks: Res<RenderMasks>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     reports: Res<Reports<SceneRefused>>,
@@ -61,7 +63,8 @@ pub(super) fn draw_splats(
         .filter_map(|entity| {
             let cloud = clouds.0.get(entity)?;
             let (scene, colors) = (scenes.get(&cloud.scene)?, colors.get(*entity)?);
-            Some(splat::Cloud { scene, colors, world_from_scene: cloud.world_from_scene })
+            let visibility = masks.visibility(*entity, scene.n_gaussians());
+            Some(splat::Cloud { scene, colors, world_from_scene: cloud.world_from_scene, visibility })
         })
         .collect();
     let diagnostics = context.diagnostic_recorder();

@@ -9,6 +9,7 @@ mod formats;
 mod images;
 mod lifecycle;
 mod looks;
+mod masks;
 mod paint;
 mod pictures;
 mod rooms_apart;

@@ -10,6 +10,7 @@
 //! | `features`, `basis`, `offset` | f16 or f32 `[N, L]`, f32 `[D, L]`, f32 `[D]` | all or none |
 //! | `extra` | f16 `[N, E]` | optional, with features |
 //! | `neighbors` | u32 `[N, K]` | optional |
+//! | `mask` | u8 `[N, C]` | optional, with `mask_channels`: see the mask's format |
 //! | `feature_mean`, `feature_covariance` | f32 `[L]`, `[L, L]` | optional caches of other writers; read for their shapes only |
 //! | `decoder.layers.{i}.*` | | see the decoder's format |
 //!
@@ -33,6 +34,7 @@ use super::{
     decoder::{self, Precision},
     error::{Loaded, Mismatch, mismatch},
     format::{Format, Unwritten},
+    mask,
     tensors::{
         Dimension::{Any, Is},
         Reader, Writer, expect_finite,
@@ -69,7 +71,7 @@ const MOST_PER_GAUSSIAN: usize = 64;
 const MOST_SOURCE: usize = 1 << 24;
 
 /// Tensors of a scene file, besides the decoder's.
-const KNOWN: [&str; 13] = [
+const KNOWN: [&str; 14] = [
     "means",
     "rotations",
     "scales",
@@ -83,6 +85,7 @@ const KNOWN: [&str; 13] = [
     "neighbors",
     "feature_mean",
     "feature_covariance",
+    mask::TENSOR,
 ];
 
 /// Reads a scene. Unknown tensors are ignored with a warning, so that other programs can add their own.
@@ -103,6 +106,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     if reader.names().iter().any(|name| name.starts_with("decoder.")) {
         scene.decoder = Some(decoder::from_tensors(&reader)?);
     }
+    scene.mask = reader.has(mask::TENSOR).then(|| mask::from_tensor(&reader, n)).transpose()?;
     scene.up = reader.metadata("up").map(up_from_text).transpose()?;
     scene.filter = reader.metadata("filter").map_or(Ok(ScreenFilter::Classic), filter_from_text)?;
     scene.source = reader.metadata("source").map(Into::into);
@@ -258,6 +262,9 @@ fn prepare(scene: &Scene) -> Result<Writer<'_>, Mismatch> {
     }
     if let Some(decoder) = &scene.decoder {
         decoder::to_tensors(decoder, Precision::F32, &mut writer)?;
+    }
+    if let Some(painted) = &scene.mask {
+        mask::to_tensor(&painted.weights, &painted.names, &mut writer);
     }
     add_metadata(scene, &mut writer)?;
     Ok(writer)

@@ -8,6 +8,7 @@ use super::*;
 use crate::{
     decoder::{Activation, Layer},
     encoder_id::EncoderId,
+    mask::Mask,
     neighbors::Neighbors,
     scene::{Features, Scene, ScreenFilter, Sh},
 };
@@ -87,11 +88,20 @@ pub(super) fn full_scene() -> Scene {
             indices: (0..n as u32).flat_map(|i| [i, (i + 1) % n as u32]).collect(),
         }),
         decoder: Some(decoder),
+        mask: Some(mask(n)),
         filter: ScreenFilter::Antialiased,
         up: Some(Vec3::new(0.0, -1.0, 0.25)),
         source: Some("made up, \"quoted\"".into()),
         license: Some("CC0-1.0".into()),
     }
+}
+
+/// A mask of a channel of numbers, an empty one and one with a name.
+fn mask(n: usize) -> Mask {
+    let mut mask = Mask::new(n);
+    mask.names = ["ink", "", "a \"wave\"", ""].map(String::from);
+    (0..n).for_each(|i| mask.weights[i] = [13 * i as u8, 0, 255 - i as u8, 0]);
+    mask
 }
 
 /// The scene in the source's order.
@@ -131,6 +141,7 @@ fn sgs_keeps_everything() {
     assert_eq!(a.decoder, b.decoder);
     assert_eq!((a.up, a.source, a.license), (b.up, b.source, b.license));
     assert_eq!(b.filter, ScreenFilter::Antialiased);
+    assert_eq!(a.mask.unwrap().weights, b.mask.unwrap().weights);
     let (a_sh, b_sh) = (a.sh.unwrap(), b.sh.unwrap());
     assert_eq!((a_sh.degree, a_sh.coefficients), (b_sh.degree, b_sh.coefficients));
     let (a, b) = (a.features.unwrap(), b.features.unwrap());
@@ -350,7 +361,8 @@ fn nan_in_a_scene_file_is_refused() {
     scene.features.as_mut().unwrap().values[7] = f32::NAN;
     assert!(refused(write_scene(&path, &scene)).contains("NaN or infinity"));
     assert!(!path.exists());
-    write_scene(&path, &full_scene()).unwrap();
+    // Bytes of a mask would come last.
+    write_scene(&path, &Scene { mask: None, ..full_scene() }).unwrap();
     let mut bytes = fs::read(&path).unwrap();
     let at = bytes.len() - 2; // the last f16 of `sh`
     bytes[at..].copy_from_slice(&half::f16::NAN.to_le_bytes());
@@ -440,12 +452,14 @@ fn damaged_files_never_panic() {
     files.push(("ascii.ply", ply::tests::ascii_sample()));
     files.push(("checkpoint.pth", checkpoint::tests::final_sample()));
     files.push(("a.look.safetensors", look::tests::sample()));
+    files.push(("a.mask.safetensors", mask::tests::sample()));
     files.push(("a.ksplat", ksplat::tests::file(1)));
     let all = |name: &str, bytes: &[u8]| {
         let _ = scene_from_bytes(bytes, name);
         let _ = decoder::from_bytes(bytes);
         let _ = style::from_bytes(bytes);
         let _ = look::from_bytes(bytes);
+        let _ = mask::from_bytes(bytes);
     };
     for (name, bytes) in &files {
         for end in (0..bytes.len()).step_by(1 + bytes.len() / 400) {

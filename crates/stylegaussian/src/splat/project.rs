@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::alpha::{MIN_ALPHA, cutoff};
 use crate::{
     camera::Camera,
+    mask::Visibility,
     scene::{Scene, ScreenFilter},
 };
 
@@ -50,10 +51,13 @@ pub(super) struct Splat {
 }
 
 /// The splats that can touch the picture, by ascending view-space z and, if that is equal, by Gaussian index.
-pub(super) fn project(scene: &Scene, camera: &Camera) -> Vec<Splat> {
+pub(super) fn project(scene: &Scene, camera: &Camera, visibility: Option<&Visibility>) -> Vec<Splat> {
     let projection = Projection::new(camera);
-    let splats: Vec<Splat> =
-        (0..scene.len()).into_par_iter().filter_map(|i| projection.splat(scene, i)).collect();
+    let splat = |i: usize| {
+        let share = visibility.map_or(1.0, |visibility| visibility.share(i));
+        projection.splat(scene, i, share * scene.opacities[i])
+    };
+    let splats: Vec<Splat> = (0..scene.len()).into_par_iter().filter_map(splat).collect();
 
     // Positive floats compare like their bits, so one integer holds the depth and, in its lower half, the tie-breaker.
     // Positions are ascending Gaussian indices here, since the parallel filter keeps the order.
@@ -91,10 +95,9 @@ impl<'a> Projection<'a> {
         (row_x * row_x + row_y * row_y).map(f32::sqrt)
     }
 
-    /// The splat of Gaussian `i`, or `None` if no pixel would see it.
-    fn splat(&self, scene: &Scene, i: usize) -> Option<Splat> {
+    /// The splat of Gaussian `i` at this opacity, or `None` if no pixel would see it.
+    fn splat(&self, scene: &Scene, i: usize, mut opacity: f32) -> Option<Splat> {
         let mean: Vec3 = self.camera.view_from_world.transform_point3(scene.means[i]);
-        let mut opacity = scene.opacities[i];
         // Written so that NaN is culled too.
         let visible = mean.z > NEAR && opacity >= MIN_ALPHA;
         if !visible {

@@ -120,6 +120,9 @@ fn lost(scene: &Scene, written: &Scene, kept: u8) -> Vec<String> {
     } else if scene.decoder.is_some() && written.decoder.is_none() {
         lost.push("decoder: it is left out".into());
     }
+    if scene.mask.is_some() && written.mask.is_none() {
+        lost.push("mask: it is left out".into());
+    }
     if degree(written) < degree(scene).min(kept) {
         lost.push(format!("spherical harmonics beyond degree {}: they are left out", degree(written)));
     }

@@ -1,4 +1,4 @@
-//! `stylegaussian info`: describes a scene file or a look.
+//! `stylegaussian info`: describes a scene file, a look or a mask.
 
 use std::{
     fmt::Write as _,
@@ -14,18 +14,19 @@ use stylegaussian::{
 use stylegaussian_gpu::{colors::GaussianColors, splat::GpuScene, style::StyleScene};
 
 use crate::{
-    arguments::is_look,
+    arguments::{is_look, is_mask},
     choose,
     scenes::ReadArgs,
     terminal::{lossy, print},
 };
 
 mod look;
+mod mask;
 
-/// Describe a scene (format, axes, counts, SH degree, bounds, features, encoder, decoder, and memory needed at run time) or a look.
+/// Describe a scene (format, axes, counts, SH degree, bounds, features, encoder, decoder, and memory needed at run time), a look or a mask.
 #[derive(Args, Debug)]
 pub struct InfoArgs {
-    /// A scene in any format (`stylegaussian --help` lists them), or a look: *.look.safetensors.
+    /// A scene in any format (`stylegaussian --help` lists them), a look: *.look.safetensors, or a mask: *.mask.safetensors.
     file: PathBuf,
     #[command(flatten)]
     reading: ReadArgs,
@@ -60,6 +61,8 @@ struct Info<'a> {
     /// K of the stored neighbor lists.
     neighbors: Option<usize>,
     decoder: Option<DecoderInfo>,
+    /// Channels of the mask that the file carries.
+    mask: Option<Vec<mask::Channel<'a>>>,
     gpu_bytes: GpuBytes,
     warnings: Vec<String>,
 }
@@ -125,6 +128,9 @@ pub fn run(arguments: &InfoArgs) -> Result<()> {
     if is_look(path) {
         return look::run(path, *json);
     }
+    if is_mask(path) {
+        return mask::run(path, *json);
+    }
     let loaded = reading.read(path)?;
     let info = describe(path, &loaded);
     print(*json, &info, || text(&info))
@@ -154,6 +160,7 @@ fn describe<'a>(path: &'a Path, loaded: &'a Loaded) -> Info<'a> {
         features: scene.features.as_ref().map(FeaturesInfo::of),
         neighbors: scene.neighbors.as_ref().map(|neighbors| neighbors.k),
         decoder: scene.decoder.as_ref().map(DecoderInfo::of),
+        mask: scene.mask.as_ref().map(|mask| mask::channels(&mask.names, &mask.weights)),
         gpu_bytes,
         warnings: loaded.warnings.clone(),
     }
@@ -244,6 +251,9 @@ fn text(info: &Info) -> String {
             format!("{}, K = {}, {}{marks}, encoder {encoder}", widths.join(" > "), d.k, d.activation)
         }),
     );
+    if let Some(mask) = &info.mask {
+        row("mask", mask::text_of(mask));
+    }
     let mb = |bytes: u64| bytes as f64 / 1e6;
     let GpuBytes { scene, style_pass } = info.gpu_bytes;
     let restyling = if style_pass > 0 {

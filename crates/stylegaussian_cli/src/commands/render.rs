@@ -19,6 +19,7 @@ use crate::{
     arguments::{MAX_PIXELS, MAX_SIDE, background, is_drawable, picture_size},
     choose::expect_seen,
     compute::Drawing,
+    masks::MaskArgs,
     outputs::expect_folder,
     scenes::ReadArgs,
     stylization::{Stylization, StylizationArgs},
@@ -41,6 +42,8 @@ pub struct RenderArgs {
     reading: ReadArgs,
     #[command(flatten)]
     stylization: StylizationArgs,
+    #[command(flatten)]
+    masking: MaskArgs,
     /// Number of views on a circle around the scene. Default: 8, unless cameras are given.
     #[arg(long, value_name = "N", conflicts_with = "cameras", value_parser = clap::value_parser!(u32).range(1..=999_999))]
     orbit: Option<u32>,
@@ -82,14 +85,22 @@ struct RenderedPicture {
 
 /// Runs the command.
 pub fn run(arguments: &RenderArgs) -> Result<()> {
-    let RenderArgs { scene: path, stylization, output, json, .. } = arguments;
+    let RenderArgs { scene: path, stylization, masking, output, json, .. } = arguments;
     let mut compute = stylization.open()?;
     expect_folder(output)?;
-    let scene = arguments.reading.read(path)?.scene;
+    let mut scene = arguments.reading.read(path)?.scene;
+    let mask = masking.open(&scene, path)?;
     let cameras = arguments.cameras(&scene)?;
     let stylized =
         if stylization.is_given() { Some(stylization.stylize(&scene, path, &mut compute)?) } else { None };
-    let colors = stylized.as_ref().map_or(Colors::Captured, |stylized| Colors::Rgb(&stylized.colors));
+    let styled = stylized.as_ref().map(|stylized| &stylized.colors[..]);
+    let mixed = styled.and_then(|styled| masking.mixed(&scene, styled, mask.as_ref()));
+    let colors = match (&mixed, styled) {
+        (Some(mixed), _) => Colors::Mixed(mixed),
+        (None, Some(styled)) => Colors::Rgb(styled),
+        (None, None) => Colors::Captured,
+    };
+    masking.hide(&mut scene, mask.as_ref());
     let mut drawing = compute.drawing(&scene, colors)?;
     let pictures = render_all(&mut drawing, &cameras, arguments.background, output)?;
     let n_pictures = pictures.len();

@@ -2,8 +2,10 @@
 
 use glam::Affine3A;
 
+use stylegaussian::mask::{CHANNELS, MaskUse};
+
 use super::{error::SplatError, scene::GpuScene};
-use crate::colors::GaussianColors;
+use crate::{colors::GaussianColors, mask::GaussianMask};
 
 /// A scene in the world.
 #[derive(Clone, Copy, Debug)]
@@ -14,6 +16,19 @@ pub struct Cloud<'a> {
     pub colors: CloudColors<'a>,
     /// The cloud's place: any affine map, non-uniform scales included.
     pub world_from_scene: Affine3A,
+    /// The mask that hides a part of it, if there is one. A mask costs nothing where there is none.
+    pub visibility: Option<CloudVisibility<'a>>,
+}
+
+/// A mask that hides a part of a cloud, or crops the cloud to it.
+#[derive(Clone, Copy, Debug)]
+pub struct CloudVisibility<'a> {
+    /// The weights.
+    pub mask: &'a GaussianMask,
+    /// The channel that counts. No weight is painted in a channel beyond the fourth.
+    pub channel: usize,
+    /// Its meaning.
+    pub is: MaskUse,
 }
 
 /// The colors of a cloud, display-referred.
@@ -48,15 +63,23 @@ impl<'a> CloudColors<'a> {
     }
 }
 
-impl Cloud<'_> {
-    /// Whether the cloud has a finite place and a volume in the world.
+impl<'a> Cloud<'a> {
+    /// The mask, if it changes anything.
+    pub(super) fn mask(&self) -> Option<CloudVisibility<'a>> {
+        self.visibility.filter(|visibility| visibility.channel < CHANNELS)
+    }
+
+    /// Whether the cloud has a finite place and a volume in the world, and is not cropped to nothing.
     pub(super) fn is_drawable(&self) -> bool {
+        if self.visibility.is_some_and(|mask| mask.channel >= CHANNELS && mask.is == MaskUse::Crop) {
+            return false;
+        }
         let volume = self.world_from_scene.matrix3.determinant().abs();
         self.world_from_scene.is_finite() && volume.is_finite() && volume >= f32::MIN_POSITIVE
     }
 }
 
-/// Checks that each cloud has as many colors as Gaussians.
+/// Checks that each cloud has as many colors as Gaussians, and a mask of as many.
 pub(super) fn check(clouds: &[Cloud]) -> Result<(), SplatError> {
     for (i, cloud) in clouds.iter().enumerate() {
         let expected = cloud.scene.n_gaussians();
@@ -65,6 +88,10 @@ pub(super) fn check(clouds: &[Cloud]) -> Result<(), SplatError> {
             if colors.n_gaussians() != expected {
                 return Err(SplatError::Colors { cloud: i, found: colors.n_gaussians(), expected });
             }
+        }
+        let found = cloud.visibility.map_or(expected, |visibility| visibility.mask.n_gaussians());
+        if found != expected {
+            return Err(SplatError::Mask { cloud: i, found, expected });
         }
     }
     Ok(())

@@ -23,4 +23,14 @@ pub enum SplatError {
         /// Gaussians of the cloud's scene.
         expected: usize,
     },
+    /// The mask belongs to another scene.
+    #[error("cloud {cloud}: found a mask of {found} Gaussians, expected {expected}")]
+    Mask {
+        /// Index of the cloud.
+        cloud: usize,
+        /// Gaussians that the mask belongs to.
+        found: usize,
+        /// Gaussians of the cloud's scene.
+        expected: usize,
+    },
 }

@@ -1,11 +1,13 @@
 //! The project stage on the GPU: `splat_project`.
 
+use std::sync::OnceLock;
+
 use bytemuck::Zeroable;
 use glam::Affine3A;
-use stylegaussian::scene::ScreenFilter;
+use stylegaussian::{mask::MaskUse, scene::ScreenFilter};
 use stylegaussian_shaders::splat::{
-    self as shaders, ANTIALIASED, BY_DISTANCE, FROM_CAPTURED_COLORS, NO_SH, SplatChunk, TO_CAPTURED_COLORS,
-    WORKGROUP,
+    self as shaders, ANTIALIASED, BY_DISTANCE, CROPPED, FROM_CAPTURED_COLORS, NO_SH, SplatChunk,
+    TO_CAPTURED_COLORS, WORKGROUP,
 };
 
 use super::{
@@ -13,7 +15,7 @@ use super::{
     cloud::Cloud,
     scene::Chunk,
     settings::{SortKey, SplatSettings},
-    view::{Change, ChunkBindings, ChunkDispatch, SplatView},
+    view::{Change, ChunkBindings, ChunkDispatch, ChunkVersions, SplatView},
 };
 use crate::{
     bindings::{bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding},
@@ -24,16 +26,38 @@ use crate::{
 /// Workgroups in one dimension of a dispatch, by WebGPU's default limits.
 const MAX_WORKGROUPS: u32 = 65_535;
 
-/// The pipeline and the layouts of its bindings.
+/// The pipelines and the layouts of their bindings.
 #[derive(Debug)]
 pub(super) struct Project {
-    pipeline: wgpu::ComputePipeline,
     /// Group 0: the chunk's uniforms, keys, and both halves of the records.
     view_layout: wgpu::BindGroupLayout,
-    /// Group 1: Gaussians, spherical harmonics, both color sources.
-    chunk_layout: wgpu::BindGroupLayout,
+    /// Clouds without a mask.
+    plain: Variant,
+    /// Clouds with one; compiled when the first is drawn.
+    masked: OnceLock<Variant>,
     /// Bound if a scene has no spherical harmonics, or if a color source is not read.
     absent: wgpu::Buffer,
+}
+
+/// The kernel with or without a mask.
+#[derive(Debug)]
+struct Variant {
+    pipeline: wgpu::ComputePipeline,
+    /// Group 1: Gaussians, spherical harmonics, both color sources, and the mask if there is one.
+    chunk_layout: wgpu::BindGroupLayout,
+}
+
+impl Variant {
+    fn new(device: &wgpu::Device, view_layout: &wgpu::BindGroupLayout, masked: bool) -> Self {
+        let label = "splat_project";
+        let bindings = [storage_binding(true); 5];
+        let bindings = if masked { &bindings[..] } else { &bindings[..4] };
+        let chunk_layout = group_layout(device, label, wgpu::ShaderStages::COMPUTE, bindings);
+        let layout = pipeline_layout(device, label, &[view_layout, &chunk_layout]);
+        let options = wgpu::PipelineCompilationOptions::default();
+        let pipeline = compute_pipeline(device, shaders::project(masked), &layout, options);
+        Self { pipeline, chunk_layout }
+    }
 }
 
 impl Project {
@@ -46,12 +70,9 @@ impl Project {
         let (label, compute) = ("splat_project", wgpu::ShaderStages::COMPUTE);
         let write = storage_binding(false);
         let view_layout = group_layout(device, label, compute, &[uniforms, write, write, write]);
-        let chunk_layout = group_layout(device, label, compute, &[storage_binding(true); 4]);
         let absent = buffers::create(device, "splat_absent", 16, wgpu::BufferUsages::STORAGE);
-        let layout = pipeline_layout(device, label, &[&view_layout, &chunk_layout]);
-        let options = wgpu::PipelineCompilationOptions::default();
-        let pipeline = compute_pipeline(device, shaders::project(), &layout, options);
-        Self { pipeline, view_layout, chunk_layout, absent }
+        let plain = Variant::new(device, &view_layout, false);
+        Self { view_layout, plain, masked: OnceLock::new(), absent }
     }
 
     /// Uploads the uniforms of every chunk of `clouds`, and makes bindings for chunks that have none. Returns the
@@ -71,7 +92,10 @@ impl Project {
         for cloud in clouds {
             let of_cloud = cloud_uniforms(camera, cloud, settings);
             let (from, to, _) = cloud.colors.ends();
-            let colors = [from, to].map(|colors| colors.map_or(0, GaussianColors::version));
+            let versions = ChunkVersions {
+                colors: [from, to].map(|colors| colors.map_or(0, GaussianColors::version)),
+                mask: cloud.mask().map_or(0, |visibility| visibility.mask.version()),
+            };
             for chunk in cloud.scene.chunks() {
                 let uniforms = SplatChunk {
                     n_gaussians: chunk.n_gaussians,
@@ -80,7 +104,7 @@ impl Project {
                     ..of_cloud
                 };
                 let key = self.bindings(chunk, cloud);
-                view.push_chunk(&uniforms, key, colors, |key| self.bind(device, key));
+                view.push_chunk(&uniforms, key, versions, |key| self.bind(device, key));
                 first_record += chunk.n_gaussians;
             }
         }
@@ -89,8 +113,15 @@ impl Project {
 
     /// Dispatches every chunk that was written.
     pub fn encode(&self, pass: &mut wgpu::ComputePass, view: &SplatView) {
-        pass.set_pipeline(&self.pipeline);
-        for (of_view, ChunkDispatch { offset, n_gaussians, bind_group }) in view.chunk_dispatches() {
+        let mut was_masked = None;
+        for (of_view, ChunkDispatch { offset, n_gaussians, bind_group, is_masked }) in view.chunk_dispatches()
+        {
+            if was_masked != Some(is_masked) {
+                // Bindings with a mask were made with the variant for masks.
+                let variant = self.masked.get().filter(|_| is_masked).unwrap_or(&self.plain);
+                pass.set_pipeline(&variant.pipeline);
+                was_masked = Some(is_masked);
+            }
             let n = n_gaussians.div_ceil(WORKGROUP);
             // Workgroups beyond the limit go into a second dimension.
             let x = n.min(MAX_WORKGROUPS);
@@ -104,21 +135,23 @@ impl Project {
     fn bindings(&self, chunk: &Chunk, cloud: &Cloud) -> ChunkBindings {
         let (from, to, _) = cloud.colors.ends();
         let or_absent = |buffer: Option<&wgpu::Buffer>| buffer.unwrap_or(&self.absent).clone();
-        ChunkBindings([
+        let buffers = [
             chunk.gaussians.clone(),
             or_absent(chunk.sh.as_ref()),
             or_absent(from.map(|colors| colors.buffer())),
             or_absent(to.map(|colors| colors.buffer())),
-        ])
+        ];
+        ChunkBindings { buffers, mask: cloud.mask().map(|visibility| visibility.mask.buffer.clone()) }
     }
 
-    fn bind(&self, device: &wgpu::Device, ChunkBindings(buffers): &ChunkBindings) -> wgpu::BindGroup {
-        bind_group(
-            device,
-            "splat_project_chunk",
-            &self.chunk_layout,
-            &buffers.each_ref().map(wgpu::Buffer::as_entire_binding),
-        )
+    fn bind(&self, device: &wgpu::Device, bindings: &ChunkBindings) -> wgpu::BindGroup {
+        let ChunkBindings { buffers, mask } = bindings;
+        let variant = match mask {
+            None => &self.plain,
+            Some(_) => self.masked.get_or_init(|| Variant::new(device, &self.view_layout, true)),
+        };
+        let buffers: Vec<_> = buffers.iter().chain(mask).map(wgpu::Buffer::as_entire_binding).collect();
+        bind_group(device, "splat_project_chunk", &variant.chunk_layout, &buffers)
     }
 }
 
@@ -150,7 +183,9 @@ fn cloud_uniforms(camera: &Camera, cloud: &Cloud, settings: &SplatSettings) -> S
         flags: flag(from.is_none(), FROM_CAPTURED_COLORS)
             | flag(to.is_none(), TO_CAPTURED_COLORS)
             | flag(settings.sort_key == SortKey::Distance, BY_DISTANCE)
-            | flag(cloud.scene.filter() == ScreenFilter::Antialiased, ANTIALIASED),
+            | flag(cloud.scene.filter() == ScreenFilter::Antialiased, ANTIALIASED)
+            | flag(cloud.mask().is_some_and(|visibility| visibility.is == MaskUse::Crop), CROPPED),
+        mask_shift: cloud.mask().map_or(0, |visibility| 8 * visibility.channel as u32),
         ..SplatChunk::zeroed()
     }
 }

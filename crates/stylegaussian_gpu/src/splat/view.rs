@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use stylegaussian_shaders::splat::{
-    ANTIALIASED, BY_DISTANCE, SORT_BATCH, SplatChunk, SplatCounts, SplatDraw,
+    ANTIALIASED, BY_DISTANCE, CROPPED, SORT_BATCH, SplatChunk, SplatCounts, SplatDraw,
 };
 
 use super::{
@@ -34,8 +34,8 @@ pub struct SplatView {
     buffers: Option<ViewBuffers>,
     chunk_uniforms: Option<ChunkUniforms>,
     bindings: HashMap<ChunkBindings, Cached>,
-    /// This frame's chunks: Gaussians and bindings of each.
-    chunks: Vec<(u32, wgpu::BindGroup)>,
+    /// This frame's chunks: Gaussians and bindings of each, and whether a mask is among these.
+    chunks: Vec<(u32, wgpu::BindGroup, bool)>,
     /// This frame's uniforms, one chunk every `UNIFORM_STRIDE` bytes.
     staging: Vec<u8>,
     /// The sources of this frame's records.
@@ -69,15 +69,28 @@ struct ChunkUniforms {
 
 /// The buffers that a chunk is projected from.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub(super) struct ChunkBindings(pub [wgpu::Buffer; 4]);
+pub(super) struct ChunkBindings {
+    /// Gaussians, spherical harmonics, both color sources.
+    pub buffers: [wgpu::Buffer; 4],
+    /// The weights that hide Gaussians.
+    pub mask: Option<wgpu::Buffer>,
+}
+
+/// Numbers that differ after each change of what a chunk is projected from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct ChunkVersions {
+    /// Of both color sources.
+    pub colors: [u64; 2],
+    /// Of the mask.
+    pub mask: u64,
+}
 
 /// Everything that determines a chunk's records.
 #[derive(Clone, Debug, PartialEq)]
 struct ChunkSource {
     uniforms: SplatChunk,
-    buffers: ChunkBindings,
-    /// Versions of both color sources.
-    colors: [u64; 2],
+    bindings: ChunkBindings,
+    versions: ChunkVersions,
 }
 
 /// The difference between a frame and the one that made the records on the GPU.
@@ -95,12 +108,15 @@ impl ChunkSource {
     /// The uniforms without those that only colors depend on.
     fn geometry(&self) -> SplatChunk {
         // The other flags choose between sources of color.
-        let flags = self.uniforms.flags & (BY_DISTANCE | ANTIALIASED);
+        let flags = self.uniforms.flags & (BY_DISTANCE | ANTIALIASED | CROPPED);
         SplatChunk { eye: [0.0; 4], fade: 0.0, flags, ..self.uniforms }
     }
 
     fn has_geometry_of(&self, other: &Self) -> bool {
-        self.geometry() == other.geometry() && self.buffers.0[0] == other.buffers.0[0]
+        self.geometry() == other.geometry()
+            && self.bindings.buffers[0] == other.bindings.buffers[0]
+            && self.bindings.mask == other.bindings.mask
+            && self.versions.mask == other.versions.mask
     }
 }
 
@@ -116,6 +132,8 @@ pub(super) struct ChunkDispatch<'a> {
     pub offset: u32,
     pub n_gaussians: u32,
     pub bind_group: &'a wgpu::BindGroup,
+    /// Whether a mask is bound.
+    pub is_masked: bool,
 }
 
 /// The input of the draw by quads.
@@ -236,17 +254,18 @@ impl SplatView {
         &mut self,
         uniforms: &SplatChunk,
         key: ChunkBindings,
-        colors: [u64; 2],
+        versions: ChunkVersions,
         bind: impl FnOnce(&ChunkBindings) -> wgpu::BindGroup,
     ) {
         // Padding up to the offset of this chunk.
         self.staging.resize(self.chunks.len() * UNIFORM_STRIDE, 0);
         self.staging.extend_from_slice(bytemuck::bytes_of(uniforms));
-        self.sources.push(ChunkSource { uniforms: *uniforms, buffers: key.clone(), colors });
+        self.sources.push(ChunkSource { uniforms: *uniforms, bindings: key.clone(), versions });
+        let is_masked = key.mask.is_some();
         let cached = self.bindings.entry(key);
         let cached = cached.or_insert_with_key(|key| Cached { group: bind(key), in_use: true });
         cached.in_use = true;
-        self.chunks.push((uniforms.n_gaussians, cached.group.clone()));
+        self.chunks.push((uniforms.n_gaussians, cached.group.clone(), is_masked));
     }
 
     /// Uploads the uniforms of this frame's chunks, if they changed.
@@ -277,9 +296,10 @@ impl SplatView {
     /// This frame's dispatches of the project kernel, each with the group of its uniforms.
     pub(super) fn chunk_dispatches(&self) -> impl Iterator<Item = (&wgpu::BindGroup, ChunkDispatch<'_>)> {
         self.chunk_uniforms.iter().flat_map(|uniforms| {
-            self.chunks.iter().enumerate().map(|(i, (n_gaussians, bind_group))| {
-                let offset = (i * UNIFORM_STRIDE) as u32;
-                (&uniforms.group, ChunkDispatch { offset, n_gaussians: *n_gaussians, bind_group })
+            self.chunks.iter().enumerate().map(|(i, (n_gaussians, bind_group, is_masked))| {
+                let (offset, n_gaussians) = ((i * UNIFORM_STRIDE) as u32, *n_gaussians);
+                let is_masked = *is_masked;
+                (&uniforms.group, ChunkDispatch { offset, n_gaussians, bind_group, is_masked })
             })
         })
     }

@@ -98,6 +98,7 @@ pub fn draw_both_ways(
             scene: &scenes[i],
             colors: colors[i].as_ref().map_or(CloudColors::Captured, CloudColors::Rgb),
             world_from_scene: clouds[i].2,
+            visibility: None,
         })
         .collect();
     let ways = [Headless::new(device), Headless::by_quads(device)];

@@ -4,6 +4,7 @@
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec2, DVec3, DVec4, Mat4, Quat, UVec4, Vec3};
 use stylegaussian::{
     Scene,
+    mask::{MaskUse, Visibility},
     scene::{ScreenFilter, Sh},
     sh,
 };
@@ -12,8 +13,9 @@ use stylegaussian_shaders::splat::SplatCounts;
 use crate::{
     colors::GaussianColors,
     device::HeadlessDevice,
+    mask::GaussianMask,
     splat::{
-        Camera, Cloud, CloudColors, GpuScene, SortKey, SplatPass, SplatSettings, SplatView,
+        Camera, Cloud, CloudColors, CloudVisibility, GpuScene, SortKey, SplatPass, SplatSettings, SplatView,
         camera::in_f64,
         testing::{gpu, randoms, read},
         view::Change,
@@ -131,7 +133,7 @@ fn random_scene(n: usize, degree: u8, seed: u64) -> Scene {
 
 /// Indices of the visible records in order, and all records.
 fn records(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(Scene, Affine3A)]) -> (Vec<u32>, Vec<Record>) {
-    let HeadlessDevice { device, queue, .. } = gpu;
+    let HeadlessDevice { device, .. } = gpu;
     // Chunks far smaller than any limit requires.
     let scenes: Vec<_> = clouds.iter().map(|(scene, _)| GpuScene::in_chunks(device, scene, 300)).collect();
     let clouds: Vec<_> = clouds
@@ -141,11 +143,18 @@ fn records(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(Scene, Affine3A)]) 
             scene,
             colors: CloudColors::Captured,
             world_from_scene,
+            visibility: None,
         })
         .collect();
+    drawn(gpu, camera, &clouds)
+}
+
+/// Indices of the visible records in order, and all records.
+fn drawn(gpu: &HeadlessDevice, camera: &Camera, clouds: &[Cloud]) -> (Vec<u32>, Vec<Record>) {
+    let HeadlessDevice { device, queue, .. } = gpu;
     let (pass, mut view) = (SplatPass::new(device), SplatView::new());
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    pass.project_and_sort(device, queue, &mut encoder, &mut view, camera, &clouds, &SplatSettings::default())
+    pass.project_and_sort(device, queue, &mut encoder, &mut view, camera, clouds, &SplatSettings::default())
         .unwrap();
     queue.submit([encoder.finish()]);
     let sort = view.sort().unwrap();
@@ -295,6 +304,7 @@ fn nothing_is_allocated_if_nothing_changed() {
         scene: &scenes[i],
         colors: CloudColors::Captured,
         world_from_scene: Affine3A::IDENTITY,
+        visibility: None,
     };
     let (pass, mut view) = (SplatPass::new(device), SplatView::new());
     let mut camera = Camera {
@@ -327,7 +337,8 @@ fn only_what_changed_is_done_again() {
         [random_scene(50, 1, 42), random_scene(50, 1, 43)].map(|s| GpuScene::new(device, &s).unwrap());
     let colors = [(); 2].map(|()| GaussianColors::from_rgb(device, queue, &[[0.5; 3]; 50]).unwrap());
     let place = Affine3A::IDENTITY;
-    let plain = Cloud { scene: &scenes[0], colors: CloudColors::Captured, world_from_scene: place };
+    let plain =
+        Cloud { scene: &scenes[0], colors: CloudColors::Captured, world_from_scene: place, visibility: None };
     let fade = |t: f32| CloudColors::Fade { from: None, to: Some(&colors[1]), t };
     let (pass, mut view) = (SplatPass::new(device), SplatView::new());
     let camera = Camera {
@@ -356,4 +367,86 @@ fn only_what_changed_is_done_again() {
     view.clear();
     view.forget_all();
     assert!(view.resources().1.is_empty());
+}
+
+/// The scene in its captured colors, whole and in its own place.
+fn cloud(scene: &GpuScene) -> Cloud<'_> {
+    let (colors, world_from_scene) = (CloudColors::Captured, Affine3A::IDENTITY);
+    Cloud { scene, colors, world_from_scene, visibility: None }
+}
+
+/// Records of a cloud behind a mask are those of Gaussians that are as faint as the mask makes them, in any chunk. A cloud beside
+/// it is as it was.
+#[test]
+fn masked_records_are_those_of_fainter_gaussians() {
+    let Some(gpu) = gpu() else { return };
+    let HeadlessDevice { device, queue, .. } = &gpu;
+    let mut random = randoms(50);
+    let scenes = [random_scene(1000, 1, 51), random_scene(700, 1, 52)];
+    let weights: Vec<[u8; 4]> = (0..1000).map(|_| [(); 4].map(|()| (256.0 * random()) as u8)).collect();
+    let mask = GaussianMask::new(device, queue, &weights).unwrap();
+    let on_gpu = |scene: &Scene| GpuScene::in_chunks(device, scene, 300);
+    let camera = Camera {
+        world_from_view: pose(),
+        clip_from_view: Mat4::perspective_infinite_reverse_rh(0.9, 1.0, 0.1),
+        viewport: UVec4::new(0, 0, 64, 64),
+    };
+    for is in [MaskUse::Hide, MaskUse::Crop] {
+        let mut faint = scenes[0].clone();
+        for (i, opacity) in faint.opacities.iter_mut().enumerate() {
+            *opacity *= Visibility { weights: &weights, channel: 2, is }.share(i);
+        }
+        let [whole, beside, faint] = [on_gpu(&scenes[0]), on_gpu(&scenes[1]), on_gpu(&faint)];
+        let masked = CloudVisibility { mask: &mask, channel: 2, is };
+        let found =
+            drawn(&gpu, &camera, &[Cloud { visibility: Some(masked), ..cloud(&whole) }, cloud(&beside)]);
+        let expected = drawn(&gpu, &camera, &[cloud(&faint), cloud(&beside)]);
+        assert_eq!(found.0, expected.0, "{is:?}");
+        assert!(found.0.len() > 100);
+        for &i in &found.0 {
+            let [found, expected] = [&found, &expected].map(|(_, records)| &records[i as usize]);
+            // A factor more may be rounded otherwise; records hold f16.
+            assert!((found.opacity - expected.opacity).abs() < 1e-3, "{is:?}, record {i}");
+            assert_eq!(
+                (found.center, found.depth, found.color),
+                (expected.center, expected.depth, expected.color)
+            );
+        }
+    }
+}
+
+/// Frames without a mask compile and bind nothing for masks. A change of weights, and that alone, is another order.
+#[test]
+fn masks_cost_nothing_where_there_are_none() {
+    let Some(gpu) = gpu() else { return };
+    let HeadlessDevice { device, queue, .. } = &gpu;
+    let scene = GpuScene::new(device, &random_scene(50, 1, 53)).unwrap();
+    let mask = GaussianMask::new(device, queue, &[[0; 4]; 50]).unwrap();
+    let plain = cloud(&scene);
+    let of = |channel, is| Cloud { visibility: Some(CloudVisibility { mask: &mask, channel, is }), ..plain };
+    let (pass, mut view) = (SplatPass::new(device), SplatView::new());
+    let camera = Camera {
+        world_from_view: pose(),
+        clip_from_view: Mat4::perspective_infinite_reverse_rh(0.9, 1.0, 0.1),
+        viewport: UVec4::new(0, 0, 64, 64),
+    };
+    let mut change = |cloud: &Cloud| {
+        view.clear();
+        view.reserve(device, &pass.sort, &pass.draw.layout, 50).unwrap();
+        pass.project.write(device, queue, &mut view, &camera, &[cloud], &SplatSettings::default())
+    };
+    assert_eq!([change(&plain), change(&plain)], [Change::Order, Change::Nothing]);
+    mask.write_range(queue, 3, &[[255; 4]; 2]);
+    assert_eq!(change(&of(4, MaskUse::Hide)), Change::Nothing, "no such channel");
+    assert!(pass.project.masked.get().is_none());
+    assert_eq!(
+        [change(&of(0, MaskUse::Hide)), change(&of(0, MaskUse::Hide))],
+        [Change::Order, Change::Nothing]
+    );
+    assert!(pass.project.masked.get().is_some());
+    mask.write_range(queue, 3, &[[9; 4]; 2]);
+    for (channel, is) in [(0, MaskUse::Hide), (1, MaskUse::Hide), (1, MaskUse::Crop)] {
+        assert_eq!([change(&of(channel, is)), change(&of(channel, is))], [Change::Order, Change::Nothing]);
+    }
+    assert_eq!([change(&plain), change(&plain)], [Change::Order, Change::Nothing]);
 }

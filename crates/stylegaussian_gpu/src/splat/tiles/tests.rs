@@ -77,8 +77,12 @@ fn gpu_matches_cpu() {
             ),
             viewport,
         };
-        let cloud =
-            Cloud { scene: &scene, colors: CloudColors::Captured, world_from_scene: Affine3A::IDENTITY };
+        let cloud = Cloud {
+            scene: &scene,
+            colors: CloudColors::Captured,
+            world_from_scene: Affine3A::IDENTITY,
+            visibility: None,
+        };
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let settings = SplatSettings::default();
         pass.project_and_sort(device, queue, &mut encoder, &mut view, &camera, &[cloud], &settings).unwrap();

@@ -1,0 +1,45 @@
+//! Masks: weights that are painted on a scene's Gaussians at run time.
+//!
+//! An entity's [`StyleMask`] is fitted to its scene ([`fit`]), painted by the game, and its changes are uploaded ([`gpu`]).
+//! Drawing and mixing read it there. This room knows scenes and nothing else.
+
+use bevy::{
+    prelude::*,
+    render::{ExtractSchedule, GpuResourceAppExt, RenderApp},
+};
+
+use crate::{loader::FileLoader, systems::StyleGaussianSystems};
+
+mod asset;
+mod component;
+mod fit;
+mod gpu;
+
+pub use asset::SavedMask;
+pub use component::{MaskVisibility, StyleMask};
+pub use fit::{StyleMaskError, StyleMaskFailed};
+
+pub(crate) use gpu::RenderMasks;
+
+/// Fits masks to scenes and uploads them.
+pub(crate) struct MaskPlugin;
+
+impl Plugin for MaskPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_asset::<SavedMask>()
+            .init_asset_loader::<FileLoader<SavedMask>>()
+            .add_message::<StyleMaskFailed>()
+            .register_type::<SavedMask>()
+            .register_type::<StyleMask>()
+            .register_type::<MaskVisibility>()
+            .register_type::<StyleMaskFailed>()
+            // The attached scene decides what a mask is fitted to.
+            .add_systems(PostUpdate, fit::fit_masks.after(StyleGaussianSystems::Scenes));
+        if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
+            render_app
+                // Rebuilt from the components after a lost device.
+                .init_gpu_resource::<RenderMasks>()
+                .add_systems(ExtractSchedule, gpu::extract_masks);
+        }
+    }
+}

@@ -1,0 +1,6 @@
+// Clouds without a mask, for `splat_project`.
+
+/// The opacity of a chunk's Gaussian as it is drawn.
+fn shown_opacity(opacity: f32, index: u32) -> f32 {
+    return opacity;
+}
