@@ -4,37 +4,33 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::{Layout, Source, constants, layout};
 
-/// Layers of one dispatch: 784 bytes of uniforms, and twice the volumes of a room of paintings.
-pub const MAX_LAYERS: usize = 8;
-/// Looks of one dispatch. With colors, Gaussians and masks these are 7 storage buffers, of the 8 that WebGPU grants.
-pub const MAX_LOOKS: usize = 4;
-/// Invocations in a workgroup of `mix_layers`.
-pub const MIX_WORKGROUP: u32 = 128;
-/// `MixLayer::look` of the captured colors.
-pub const NO_LOOK: u32 = u32::MAX;
+/// Gaussians in a block, and invocations in a workgroup of `mix_layers`.
+pub const MIX_BLOCK: u32 = 64;
+/// Added to the index of a block whose colors start as the captured ones.
+pub const STARTS: u32 = 1 << 31;
 /// `MixLayer::mask` of a layer without a mask.
 pub const NO_MASK: u32 = u32::MAX;
 
-/// `MixLayer::shape`: all of space.
+/// The shape of a layer: all of space.
 pub const SHAPE_EVERYTHING: u32 = 0;
-/// `MixLayer::shape`: y below 0.
+/// The shape of a layer: y below 0.
 pub const SHAPE_HALF_SPACE: u32 = 1;
-/// `MixLayer::shape`: radii.
+/// The shape of a layer: radii.
 pub const SHAPE_ELLIPSOID: u32 = 2;
-/// `MixLayer::shape`: half sizes.
+/// The shape of a layer: half sizes.
 pub const SHAPE_CUBOID: u32 = 3;
-/// `MixLayer::shape`: radius, half height.
+/// The shape of a layer: radius, half height.
 pub const SHAPE_CYLINDER: u32 = 4;
-/// `MixLayer::shape`: radius, half length.
+/// The shape of a layer: radius, half length.
 pub const SHAPE_CAPSULE: u32 = 5;
-/// `MixLayer::shape`: radius, height.
+/// The shape of a layer: radius, height.
 pub const SHAPE_CONE: u32 = 6;
-/// `MixLayer::shape`: major radius, minor radius.
+/// The shape of a layer: major radius, minor radius.
 pub const SHAPE_TORUS: u32 = 7;
-/// `MixLayer::shape`: size, level.
+/// The shape of a layer: size, level.
 pub const SHAPE_NOISE: u32 = 8;
 
-/// Colors in a region.
+/// A look in a region.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct MixLayer {
@@ -46,10 +42,8 @@ pub struct MixLayer {
     pub shape_from_scene_z: [f32; 4],
     /// Sizes of the shape.
     pub sizes: [f32; 4],
-    /// One of the `SHAPE_` constants.
-    pub shape: u32,
-    /// Index of the look, or [`NO_LOOK`].
-    pub look: u32,
+    /// 1 if there is a look, 0 for the captured colors.
+    pub has_look: u32,
     /// Channel of the mask, or [`NO_MASK`].
     pub mask: u32,
     /// Share of the colors below that is replaced within the region, 0..1.
@@ -58,31 +52,27 @@ pub struct MixLayer {
     pub softness: f32,
     /// 1 / softness, or 0 for a hard edge.
     pub inverse_softness: f32,
-    /// Unused.
-    pub padding: [u32; 2],
-}
-
-/// The layers of one dispatch.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct LayerMix {
-    /// Layers in use.
-    pub n_layers: u32,
     /// Gaussians in the chunk.
     pub n_gaussians: u32,
     /// Index of the chunk's first Gaussian in its scene.
     pub first_gaussian: u32,
-    /// 1 if the layers lie on the colors that are there, 0 if on the captured ones.
-    pub continues: u32,
-    /// The layers, the lowest first.
-    pub layers: [MixLayer; MAX_LAYERS],
+    /// Index of the first of the dispatch's blocks.
+    pub first_block: u32,
+    /// Number of the dispatch's blocks.
+    pub n_blocks: u32,
+    /// Unused.
+    pub padding_0: u32,
+    /// Unused.
+    pub padding_1: u32,
+    /// Unused.
+    pub padding_2: u32,
 }
 
 /// The kernel.
 pub fn mix_layers() -> Source {
     let constants = constants(&[
-        ("MAX_LAYERS", MAX_LAYERS as u32),
-        ("MIX_WORKGROUP", MIX_WORKGROUP),
+        ("MIX_BLOCK", MIX_BLOCK),
+        ("STARTS", STARTS),
         ("NO_MASK", NO_MASK),
         ("SHAPE_EVERYTHING", SHAPE_EVERYTHING),
         ("SHAPE_HALF_SPACE", SHAPE_HALF_SPACE),
@@ -103,20 +93,22 @@ pub fn sources() -> Vec<Source> {
 
 /// Every struct that the shader shares with Rust.
 pub fn layouts() -> Vec<Layout> {
-    vec![
-        layout!(MixLayer {
-            shape_from_scene_x,
-            shape_from_scene_y,
-            shape_from_scene_z,
-            sizes,
-            shape,
-            look,
-            mask,
-            strength,
-            softness,
-            inverse_softness,
-            padding,
-        }),
-        layout!(LayerMix { n_layers, n_gaussians, first_gaussian, continues, layers }),
-    ]
+    vec![layout!(MixLayer {
+        shape_from_scene_x,
+        shape_from_scene_y,
+        shape_from_scene_z,
+        sizes,
+        has_look,
+        mask,
+        strength,
+        softness,
+        inverse_softness,
+        n_gaussians,
+        first_gaussian,
+        first_block,
+        n_blocks,
+        padding_0,
+        padding_1,
+        padding_2,
+    })]
 }

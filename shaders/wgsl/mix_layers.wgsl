@@ -1,7 +1,8 @@
-// Mixes looks into the colors of a scene: layers on one another, each within a region. One invocation per Gaussian of one
-// chunk. CPU twin: `stylegaussian::layers::mix_layers`.
+// Lays one look over the colors of a scene, within a region. One workgroup per block of Gaussians that lie near one another; the
+// blocks that the region does not touch, and those whose colors stay as they are, are left out. CPU twin, for all layers
+// together: `stylegaussian::layers::mix_layers`.
 
-/// Colors in a region.
+/// A look in a region.
 struct MixLayer {
     /// Rows of the shape's space from the scene's.
     shape_from_scene_x: vec4<f32>,
@@ -9,42 +10,40 @@ struct MixLayer {
     shape_from_scene_z: vec4<f32>,
     /// Sizes of the shape, in the order of their names in `Shape`.
     sizes: vec4<f32>,
-    /// One of the `SHAPE_` constants.
-    shape: u32,
-    /// Index of the look, or `NO_LOOK` for the captured colors.
-    look: u32,
+    /// 1 if there is a look, 0 for the captured colors.
+    has_look: u32,
     /// Channel of the mask, or `NO_MASK`.
     mask: u32,
     strength: f32,
     softness: f32,
     /// 1 / softness, or 0 for a hard edge.
     inverse_softness: f32,
-    padding: vec2<u32>,
-}
-
-/// The layers of one dispatch.
-struct LayerMix {
-    n_layers: u32,
     /// Gaussians in this chunk.
     n_gaussians: u32,
     /// Index of the chunk's first Gaussian in its scene.
     first_gaussian: u32,
-    /// 1 if the layers lie on the colors that are there, 0 if on the captured ones.
-    continues: u32,
-    layers: array<MixLayer, MAX_LAYERS>,
+    /// Index of the first of this dispatch's blocks, and their number.
+    first_block: u32,
+    n_blocks: u32,
+    padding_0: u32,
+    padding_1: u32,
+    padding_2: u32,
 }
 
-@group(0) @binding(0) var<uniform> layer_mix: LayerMix;
+/// The shape, one of the `SHAPE_` constants. `SHAPE_EVERYTHING` stands for the inside of any other.
+override shape: u32;
+
+@group(0) @binding(0) var<uniform> layer: MixLayer;
 /// Colors `[N]`, 4 f16 each, premultiplied.
 @group(0) @binding(1) var<storage, read_write> colors: array<vec2<u32>>;
 /// The chunk's packed Gaussians, two words of 16 bytes each: the first holds the mean.
 @group(0) @binding(2) var<storage, read> gaussians: array<vec4<f32>>;
 /// Painted weights `[N]`, 4 bytes each.
 @group(0) @binding(3) var<storage, read> masks: array<u32>;
-@group(0) @binding(4) var<storage, read> look_0: array<vec2<u32>>;
-@group(0) @binding(5) var<storage, read> look_1: array<vec2<u32>>;
-@group(0) @binding(6) var<storage, read> look_2: array<vec2<u32>>;
-@group(0) @binding(7) var<storage, read> look_3: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read> look: array<vec2<u32>>;
+/// Indices of blocks in the chunk. `STARTS` is added where the layer lies on the captured colors, and not on those that are
+/// there.
+@group(0) @binding(5) var<storage, read> blocks: array<u32>;
 
 /// The largest number of a color, the largest f16.
 const MAX_COLOR: f32 = 65504.0;
@@ -96,10 +95,11 @@ fn cone_distance(at: vec2<f32>, radius: f32, height: f32) -> f32 {
     return select(nearest, -nearest, is_inside);
 }
 
-/// The distance from the surface of a layer's shape, negative within it.
-fn shape_distance(shape: u32, sizes: vec4<f32>, at: vec3<f32>) -> f32 {
+/// The distance from the surface of the layer's shape, negative within it.
+fn shape_distance(at: vec3<f32>) -> f32 {
     // The distance from the axis, and the place along it.
     let plane = vec2(length(at.xz), at.y);
+    let sizes = layer.sizes;
     switch shape {
         case SHAPE_HALF_SPACE: { return at.y; }
         case SHAPE_ELLIPSOID: { return ellipsoid_distance(at, sizes.xyz); }
@@ -121,18 +121,15 @@ fn shape_distance(shape: u32, sizes: vec4<f32>, at: vec3<f32>) -> f32 {
     }
 }
 
-/// The weight of a layer's region: 1 within the shape, 0 outside, a smooth step across the edge.
-fn region_weight(layer: MixLayer, mean: vec3<f32>) -> f32 {
-    if layer.shape == SHAPE_EVERYTHING {
-        return 1.0;
-    }
+/// The weight of the layer's region: 1 within the shape, 0 outside, a smooth step across the edge.
+fn region_weight(mean: vec3<f32>) -> f32 {
     let point = vec4(mean, 1.0);
     let at = vec3(
         dot(layer.shape_from_scene_x, point),
         dot(layer.shape_from_scene_y, point),
         dot(layer.shape_from_scene_z, point),
     );
-    let distance = shape_distance(layer.shape, layer.sizes, at);
+    let distance = shape_distance(at);
     let half_width = 0.5 * layer.softness;
     // A comparison with NaN is false.
     if !(distance < half_width) {
@@ -149,47 +146,39 @@ fn unpack_color(words: vec2<u32>) -> vec4<f32> {
     return vec4(unpack2x16float(words.x), unpack2x16float(words.y));
 }
 
-/// The color of a Gaussian in one of the looks.
-fn look_color(look: u32, gaussian: u32) -> vec4<f32> {
-    switch look {
-        case 0u: { return unpack_color(look_0[gaussian]); }
-        case 1u: { return unpack_color(look_1[gaussian]); }
-        case 2u: { return unpack_color(look_2[gaussian]); }
-        case 3u: { return unpack_color(look_3[gaussian]); }
-        default: { return vec4(0.0); }
-    }
-}
-
-@compute @workgroup_size(MIX_WORKGROUP)
+@compute @workgroup_size(MIX_BLOCK)
 fn mix_layers(
     @builtin(workgroup_id) workgroup: vec3<u32>,
     @builtin(num_workgroups) n_workgroups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    // Large chunks take two dimensions of workgroups: one is limited to 65,535.
-    let index = (workgroup.y * n_workgroups.x + workgroup.x) * MIX_WORKGROUP + lane;
-    if index >= layer_mix.n_gaussians {
+    // Many blocks take two dimensions of workgroups: one is limited to 65,535.
+    let item = workgroup.y * n_workgroups.x + workgroup.x;
+    if item >= layer.n_blocks {
         return;
     }
-    let gaussian = layer_mix.first_gaussian + index;
-    let mean = gaussians[2u * index].xyz;
+    let block = blocks[layer.first_block + item];
+    let index = (block & ~STARTS) * MIX_BLOCK + lane;
+    if index >= layer.n_gaussians {
+        return;
+    }
+    let gaussian = layer.first_gaussian + index;
+    var share = layer.strength;
+    if shape != SHAPE_EVERYTHING {
+        share *= region_weight(gaussians[2u * index].xyz);
+    }
+    if layer.mask != NO_MASK {
+        share *= unpack4x8unorm(masks[gaussian])[layer.mask];
+    }
     var color = vec4(0.0);
-    if layer_mix.continues != 0u {
+    if (block & STARTS) == 0u {
         color = unpack_color(colors[gaussian]);
     }
-    for (var i = 0u; i < layer_mix.n_layers; i++) {
-        let layer = layer_mix.layers[i];
-        var share = layer.strength * region_weight(layer, mean);
-        // Most Gaussians lie outside of most regions, and skip their looks.
-        if share <= 0.0 {
-            continue;
-        }
-        if layer.mask != NO_MASK {
-            share *= unpack4x8unorm(masks[gaussian])[layer.mask];
-        }
-        color = mix(color, look_color(layer.look, gaussian), share);
+    var above = vec4(0.0);
+    if layer.has_look != 0u {
+        above = unpack_color(look[gaussian]);
     }
     // WGSL leaves packing of larger numbers to f16 undefined.
-    let limited = clamp(color, vec4(-MAX_COLOR), vec4(MAX_COLOR));
+    let limited = clamp(mix(color, above, share), vec4(-MAX_COLOR), vec4(MAX_COLOR));
     colors[gaussian] = vec2(pack2x16float(limited.xy), pack2x16float(limited.zw));
 }

@@ -78,10 +78,10 @@ pub use stylegaussian_encoder;
 pub mod prelude {
     pub use crate::{
         AppliedStyle, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
-        HiddenUntilStyled, MaskVisibility, SavedMask, SplatSortKey, SplatTonemapping, StyleApplied, StyleBackend,
-        StyleBudget, StyleDecoder, StyleEncoder, StyleFailed, StyleGaussianPlugin, StyleInput, StyleMask,
-        StyleMaskFailed, StyleMethod, StyleRefine, StyleRefined, StyleSource, StyleTransition, StyleVolume,
-        TransitionClock, TransitionShape,
+        HiddenUntilStyled, MaskVisibility, SavedMask, SplatSortKey, SplatTonemapping, StyleApplied,
+        StyleBackend, StyleBudget, StyleDecoder, StyleEncoder, StyleFailed, StyleGaussianPlugin, StyleInput,
+        StyleMask, StyleMaskFailed, StyleMethod, StyleRefine, StyleRefined, StyleSource, StyleTransition,
+        StyleVolume, TransitionClock, TransitionShape,
     };
 }
 

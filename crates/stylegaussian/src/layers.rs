@@ -8,11 +8,13 @@
 use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
 
+mod cover;
 mod lattice;
 mod shape;
 #[cfg(test)]
 mod tests;
 
+pub use cover::{Cover, RegionCover};
 pub use lattice::lattice_noise;
 pub use shape::Shape;
 

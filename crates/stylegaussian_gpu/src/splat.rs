@@ -39,6 +39,7 @@ pub use error::SplatError;
 pub use headless::{Headless, HeadlessError, Picture};
 pub use layer::{LAYER_FORMAT, Layer};
 pub use pass::SplatPass;
+pub(crate) use scene::Ball;
 pub use scene::GpuScene;
 pub use settings::{SortKey, SplatSettings};
 pub use tonemapping::{InverseTable, ToneCurve, Tonemapping};

@@ -11,7 +11,7 @@ use bevy::{
 };
 use stylegaussian_gpu::{
     colors::GaussianColors,
-    layers::{GpuLayer, LayerMixer},
+    layers::{GpuLayer, LayerMixer, MixedLayers},
     splat::GpuScene,
 };
 
@@ -102,15 +102,14 @@ pub(crate) fn mix_colors(
                     if !std::mem::replace(&mut is_begun, true) {
                         mixer.begin_submission();
                     }
-                    let Some(target) = colors.own_buffer(*entity, device, scene.n_gaussians()) else {
-                        continue;
-                    };
+                    let own = colors.own_buffer(*entity, device, scene.n_gaussians());
+                    let Some((target, mut mixed)) = own else { continue };
                     let encoder = context.command_encoder();
                     let span = diagnostics.time_span(encoder, "mix_layers");
                     let mut gpu = Gpu { device, queue, encoder, mixer: &mixer };
-                    gpu.mix(scene, &mut colors, &wish.layers, &target);
+                    gpu.mix(scene, &mut colors, &wish.layers, &target, &mut mixed);
                     span.end(context.command_encoder());
-                    Shown::Mixed(target)
+                    Shown::Mixed(target, mixed)
                 }
             };
             colors.show(*entity, wish, shown);
@@ -157,12 +156,13 @@ impl Gpu<'_> {
         colors: &mut ShownColors,
         layers: &[ColorLayer],
         target: &GaussianColors,
+        mixed: &mut MixedLayers,
     ) {
         for layer in layers {
             let LayerColors::Mix(inner) = &layer.colors else { continue };
             if !colors.mixes.contains_key(&address(inner)) {
                 let Some(buffer) = colors.buffer(self.device, scene.n_gaussians()) else { continue };
-                self.mix(scene, colors, &inner.layers(), &buffer);
+                self.mix(scene, colors, &inner.layers(), &buffer, &mut MixedLayers::default());
                 inner.forget_layers();
                 colors.mixes.insert(address(inner), (Arc::downgrade(inner), buffer));
             }
@@ -180,6 +180,6 @@ impl Gpu<'_> {
                 mask: None,
             })
             .collect();
-        self.mixer.encode(self.device, self.queue, self.encoder, scene, &gpu_layers, target);
+        self.mixer.encode(self.device, self.queue, self.encoder, scene, &gpu_layers, target, mixed);
     }
 }

@@ -11,7 +11,7 @@ use bevy::{
     },
 };
 use stylegaussian::Scene;
-use stylegaussian_gpu::{colors::GaussianColors, splat::CloudColors};
+use stylegaussian_gpu::{colors::GaussianColors, layers::MixedLayers, splat::CloudColors};
 
 use crate::scene::RenderClouds;
 
@@ -69,8 +69,8 @@ pub(super) enum Shown {
     Captured,
     /// Those of a style, which other entities may show too.
     Style(GaussianColors),
-    /// The entity's own.
-    Mixed(GaussianColors),
+    /// The entity's own, and the layers that they hold.
+    Mixed(GaussianColors, MixedLayers),
 }
 
 /// Uploads styles that come as colors, and drops colors that nobody refers to any more. Folded styles are left to the
@@ -138,7 +138,7 @@ impl ShownColors {
         match &colors.shown {
             _ if colors.is_hidden => None,
             Shown::Captured => Some(CloudColors::Captured),
-            Shown::Style(shown) | Shown::Mixed(shown) => Some(CloudColors::Rgb(shown)),
+            Shown::Style(shown) | Shown::Mixed(shown, _) => Some(CloudColors::Rgb(shown)),
         }
     }
 
@@ -147,7 +147,7 @@ impl ShownColors {
     pub(crate) fn shown(&self, entity: MainEntity) -> Option<&GaussianColors> {
         match &self.of_entity.get(&entity)?.shown {
             Shown::Captured => None,
-            Shown::Style(shown) | Shown::Mixed(shown) => Some(shown),
+            Shown::Style(shown) | Shown::Mixed(shown, _) => Some(shown),
         }
     }
 
@@ -212,16 +212,16 @@ impl ShownColors {
         colors.generation = Some(wish.generation);
     }
 
-    /// Colors of an entity's own to mix its layers into: those that it shows if they are its own.
+    /// Colors of an entity's own to mix its layers into, and what they hold: those that it shows if they are its own.
     pub(super) fn own_buffer(
         &mut self,
         entity: MainEntity,
         device: &wgpu::Device,
         n: usize,
-    ) -> Option<GaussianColors> {
-        match self.of_entity.get(&entity).map(|colors| &colors.shown) {
-            Some(Shown::Mixed(own)) => Some(own.clone()),
-            _ => self.buffer(device, n),
+    ) -> Option<(GaussianColors, MixedLayers)> {
+        match self.of_entity.get_mut(&entity).map(|colors| &mut colors.shown) {
+            Some(Shown::Mixed(own, mixed)) => Some((own.clone(), std::mem::take(mixed))),
+            _ => Some((self.buffer(device, n)?, MixedLayers::default())),
         }
     }
 

@@ -163,3 +163,38 @@ fn layers_lie_on_one_another() {
     let painted = Layer { mask: Some((&mask[..], 2)), ..layer(Some(&red[..]), Region::EVERYWHERE, 1.0) };
     assert_eq!(mix_layers(&means, &[painted])[0], [0.2, 0.0, 0.0, 0.2]);
 }
+
+/// What is said of a ball holds for the points within it, and most balls are told apart.
+#[test]
+fn balls_are_covered_as_their_points_are() {
+    let mut random = Random::new(7);
+    let all = [Shape::Ellipsoid { radii: Vec3::new(0.4, 0.9, 1.4) }].into_iter().chain(shapes());
+    for shape in all {
+        let mut counts = [0; 3];
+        for i in 0..300 {
+            let turn = Quat::from_axis_angle(point(&mut random).normalize(), TAU * random.uniform());
+            let scale = if i % 2 == 0 { Vec3::splat(1.5) } else { Vec3::new(0.5, 1.0, 2.0) };
+            let shape_from_scene = Affine3A::from_quat(turn)
+                * Affine3A::from_scale_rotation_translation(scale, turn, 0.3 * point(&mut random));
+            let region = Region { shape, shape_from_scene, softness: 0.2 * random.uniform() };
+            let (center, radius) = (point(&mut random), 0.1 * random.uniform());
+            let cover = RegionCover::new(&region).of(center, radius);
+            counts[cover as usize] += 1;
+            for _ in 0..20 {
+                let within = center + radius * random.uniform() * point(&mut random).normalize();
+                let weight = region.weight(within);
+                match cover {
+                    Cover::Outside => assert_eq!(weight, 0.0, "{region:?} at {within}"),
+                    Cover::Inside => assert_eq!(weight, 1.0, "{region:?} at {within}"),
+                    Cover::Edge => {}
+                }
+            }
+        }
+        // Noise is an edge nearly everywhere.
+        let is_noise = matches!(shape, Shape::Noise { .. });
+        assert!(is_noise || counts[Cover::Edge as usize] < 200, "{shape:?}: {counts:?}");
+    }
+    let nowhere = Region { shape_from_scene: Affine3A::from_translation(Vec3::NAN), ..Region::EVERYWHERE };
+    let nowhere = Region { shape: Shape::HalfSpace, ..nowhere };
+    assert_eq!(RegionCover::new(&nowhere).of(Vec3::ZERO, 1.0), Cover::Edge);
+}

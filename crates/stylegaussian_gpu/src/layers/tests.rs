@@ -2,10 +2,10 @@
 
 use std::f32::consts::TAU;
 
-use glam::Quat;
+use glam::{Affine3A, Quat, Vec3};
 use stylegaussian::{
     Scene,
-    layers::{self, Layer},
+    layers::{self, Layer, Shape},
 };
 
 use super::*;
@@ -54,7 +54,7 @@ fn on_gpu(gpu: &HeadlessDevice, scene: &Scene, layers: &[GpuLayer]) -> Vec<[f32;
     let colors = GaussianColors::new(device, scene.len()).unwrap();
     let mixer = LayerMixer::new(device);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    mixer.encode(device, queue, &mut encoder, &on_gpu, layers, &colors);
+    mixer.encode(device, queue, &mut encoder, &on_gpu, layers, &colors, &mut MixedLayers::default());
     queue.submit([encoder.finish()]);
     colors.read_premultiplied(device, queue).unwrap()
 }
@@ -145,6 +145,87 @@ fn degenerate_layers_match_the_cpu() {
     }
 }
 
+/// One mix after another into the same colors, of which each encodes what differs: layers that come, go, move and change.
+#[test]
+fn a_mix_goes_on_from_the_last() {
+    let Some(gpu) = testing::gpu() else { return };
+    let HeadlessDevice { device, queue, .. } = &gpu;
+    let mut random = testing::randoms(14);
+    let n = 3000;
+    let scene = sorted(random_scene(n, &mut random));
+    let on_gpu = GpuScene::in_chunks(device, &scene, 700);
+    let rgb: Vec<Vec<[f32; 3]>> =
+        (0..3).map(|_| (0..n).map(|_| [(); 3].map(|()| random())).collect()).collect();
+    let looks: Vec<_> = rgb.iter().map(|rgb| GaussianColors::from_rgb(device, queue, rgb).unwrap()).collect();
+    let opaque: Vec<Vec<[f32; 4]>> =
+        rgb.iter().map(|rgb| rgb.iter().map(|&[r, g, b]| [r, g, b, 1.0]).collect()).collect();
+    let mut weights = vec![[0_u8; 4]; n];
+    let mask = GaussianMask::new(device, queue, &weights).unwrap();
+    let (mixer, colors) = (LayerMixer::new(device), GaussianColors::new(device, n).unwrap());
+    let mut state = MixedLayers::default();
+    // A look, a region, a strength, and whether it is masked.
+    let mut layers: Vec<(Option<usize>, Region, f32, bool)> = Vec::new();
+    for step in 0..60 {
+        let choice = (random() * 8.0) as usize;
+        let at = (random() * layers.len() as f32) as usize;
+        match choice {
+            0 | 1 => {
+                let look = ((random() * 4.0) as usize).checked_sub(1);
+                let strength = if random() < 0.5 { 1.0 } else { 0.5 };
+                layers.insert(at, (look, random_region(step, &mut random), strength, random() < 0.3));
+            }
+            2 if !layers.is_empty() => _ = layers.remove(at),
+            3 | 4 if !layers.is_empty() => {
+                let moved = Affine3A::from_translation(Vec3::splat(0.3 * random()));
+                layers[at].1.shape_from_scene = moved * layers[at].1.shape_from_scene;
+            }
+            5 if !layers.is_empty() => layers[at].2 = 1.5 - layers[at].2,
+            6 => {
+                weights.iter_mut().for_each(|weights| *weights = [(); 4].map(|()| (255.0 * random()) as u8));
+                mask.write(queue, &weights);
+            }
+            _ => {}
+        }
+        let of_gpu: Vec<_> = layers
+            .iter()
+            .map(|&(look, region, strength, masked)| GpuLayer {
+                look: look.map(|look| &looks[look]),
+                region,
+                strength,
+                mask: masked.then_some((&mask, 1)),
+            })
+            .collect();
+        let of_cpu: Vec<_> = layers
+            .iter()
+            .map(|&(look, region, strength, masked)| Layer {
+                look: look.map(|look| &opaque[look][..]),
+                region,
+                strength,
+                mask: masked.then_some((&weights[..], 1)),
+            })
+            .collect();
+        let version = colors.version();
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        mixer.begin_submission();
+        mixer.encode(device, queue, &mut encoder, &on_gpu, &of_gpu, &colors, &mut state);
+        queue.submit([encoder.finish()]);
+        assert!(choice != 7 || colors.version() == version || step == 0, "nothing changed");
+        let expected = layers::mix_layers(&scene.means, &of_cpu);
+        let found = colors.read_premultiplied(device, queue).unwrap();
+        for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
+            let largest = (0..4).map(|c| (found[c] - expected[c]).abs()).fold(0.0, f32::max);
+            assert!(largest < 4e-3, "step {step}, Gaussian {i}: {found:?}, expected {expected:?}");
+        }
+    }
+    assert!(!layers.is_empty());
+}
+
+/// A scene in the order in which scenes are kept: neighbors in space lie near one another.
+fn sorted(mut scene: Scene) -> Scene {
+    scene.sort_by_morton();
+    scene
+}
+
 /// Eight volumes that move in each frame, against the splat pass of the same 300,000 Gaussians at 640 x 360, in turns.
 #[test]
 #[ignore = "a measurement, which other programs on the machine disturb"]
@@ -153,28 +234,28 @@ fn eight_volumes_take_a_tenth_of_the_splat_pass() {
     let HeadlessDevice { device, queue, .. } = &gpu;
     let mut random = testing::randoms(13);
     let n = 300_000;
-    let scene = Scene { scales: vec![Vec3::splat(0.01); n], ..random_scene(n, &mut random) };
+    let scene = sorted(Scene { scales: vec![Vec3::splat(0.01); n], ..random_scene(n, &mut random) });
     let colors: Vec<[f32; 3]> = (0..n).map(|_| [(); 3].map(|()| random())).collect();
     let looks = [(); 3].map(|()| GaussianColors::from_rgb(device, queue, &colors).unwrap());
     let mixed = GaussianColors::new(device, n).unwrap();
     let on_gpu = GpuScene::new(device, &scene).unwrap();
     let mixer = LayerMixer::new(device);
+    let mut state = MixedLayers::default();
+    let regions: Vec<_> = (0..8).map(|i| random_region(1 + i % 7, &mut random)).collect();
     let mut mix = |frame: usize| {
-        let regions: Vec<_> = (0..9).map(|i| random_region(i + usize::from(i > 0), &mut random)).collect();
-        let layers: Vec<_> = regions
-            .into_iter()
-            .enumerate()
-            .map(|(i, region)| GpuLayer {
-                look: Some(&looks[(i + frame) % 3]),
-                region,
-                strength: 1.0,
-                mask: None,
-            })
-            .collect();
+        let everywhere =
+            GpuLayer { look: Some(&looks[0]), region: Region::EVERYWHERE, strength: 1.0, mask: None };
+        let moved = Affine3A::from_translation(Vec3::splat(0.02 * frame as f32));
+        let volumes = regions.iter().enumerate().map(|(i, region)| GpuLayer {
+            look: Some(&looks[i % 3]),
+            region: Region { shape_from_scene: region.shape_from_scene * moved, ..*region },
+            ..everywhere
+        });
+        let layers: Vec<_> = std::iter::once(everywhere).chain(volumes).collect();
         let start = std::time::Instant::now();
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         mixer.begin_submission();
-        mixer.encode(device, queue, &mut encoder, &on_gpu, &layers, &mixed);
+        mixer.encode(device, queue, &mut encoder, &on_gpu, &layers, &mixed, &mut state);
         queue.submit([encoder.finish()]);
         device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
         start.elapsed().as_secs_f64()
@@ -186,8 +267,8 @@ fn eight_volumes_take_a_tenth_of_the_splat_pass() {
             clip_from_view: glam::Mat4::perspective_infinite_reverse_rh(0.8, 16.0 / 9.0, 0.1),
             viewport: glam::UVec4::new(0, 0, 640, 360),
         };
-        let cloud =
-            Cloud { scene: &on_gpu, colors: CloudColors::Rgb(&mixed), world_from_scene: Affine3A::IDENTITY };
+        let colors = CloudColors::Rgb(&mixed);
+        let cloud = Cloud { scene: &on_gpu, colors, world_from_scene: Affine3A::IDENTITY, visibility: None };
         let start = std::time::Instant::now();
         headless.render(device, queue, &camera, &[cloud], &SplatSettings::default()).unwrap();
         start.elapsed().as_secs_f64()

@@ -13,7 +13,7 @@ use stylegaussian::{
     scene::{ScreenFilter, Sh},
     sh,
 };
-use stylegaussian_shaders::splat::PackedGaussian;
+use stylegaussian_shaders::{layers::MIX_BLOCK, splat::PackedGaussian};
 use wgpu::util::DeviceExt;
 
 use super::view::SplatView;
@@ -41,6 +41,28 @@ pub(crate) struct Chunk {
     pub gaussians: wgpu::Buffer,
     /// f16 coefficients as planes of words `[word, n]`; `None` if the scene has none.
     pub sh: Option<wgpu::Buffer>,
+    /// Balls around the means of each block of consecutive Gaussians.
+    pub blocks: Vec<Ball>,
+}
+
+/// A ball around means, in scene space.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ball {
+    pub center: Vec3,
+    pub radius: f32,
+}
+
+impl Ball {
+    /// A ball around points. Those that are not finite are never drawn and do not count.
+    fn around(points: &[Vec3]) -> Self {
+        let finite = || points.iter().copied().filter(|point| point.is_finite());
+        let (min, max) = finite()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), point| (min.min(point), max.max(point)));
+        // Halved before they are added: coordinates may be as large as f32 allows.
+        let center = if min.is_finite() { 0.5 * min + 0.5 * max } else { Vec3::ZERO };
+        let radius = finite().map(|point| point.distance(center)).fold(0.0, f32::max);
+        Self { center, radius }
+    }
 }
 
 /// Bytes of a packed Gaussian.
@@ -120,6 +142,7 @@ impl Chunk {
             })
         };
         Self {
+            blocks: scene.means[range.clone()].chunks(MIX_BLOCK as usize).map(Ball::around).collect(),
             first: range.start as u32,
             n_gaussians: range.len() as u32,
             gaussians: buffer("splat_gaussians", bytemuck::cast_slice(&gaussians)),
