@@ -4,10 +4,14 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::{Layout, Source, constants, layout};
 
-/// Gaussians in a block, and invocations in a workgroup of `mix_layers`.
+/// Gaussians in a block.
 pub const MIX_BLOCK: u32 = 64;
+/// Invocations in a workgroup of `mix_layers`: a few blocks, because a workgroup costs something by itself.
+pub const MIX_WORKGROUP: u32 = 256;
 /// Added to the index of a block whose colors start as the captured ones.
 pub const STARTS: u32 = 1 << 31;
+/// Added to the index of a block that lies within the region.
+pub const WITHIN: u32 = 1 << 30;
 /// `MixLayer::mask` of a layer without a mask.
 pub const NO_MASK: u32 = u32::MAX;
 
@@ -72,7 +76,9 @@ pub struct MixLayer {
 pub fn mix_layers() -> Source {
     let constants = constants(&[
         ("MIX_BLOCK", MIX_BLOCK),
+        ("MIX_WORKGROUP", MIX_WORKGROUP),
         ("STARTS", STARTS),
+        ("WITHIN", WITHIN),
         ("NO_MASK", NO_MASK),
         ("SHAPE_EVERYTHING", SHAPE_EVERYTHING),
         ("SHAPE_HALF_SPACE", SHAPE_HALF_SPACE),

@@ -1,5 +1,5 @@
-// Lays one look over the colors of a scene, within a region. One workgroup per block of Gaussians that lie near one another; the
-// blocks that the region does not touch, and those whose colors stay as they are, are left out. CPU twin, for all layers
+// Lays one look over the colors of a scene, within a region. One invocation per Gaussian of the given blocks, whose
+// Gaussians lie near one another; the blocks that the region does not touch, and those whose colors stay as they are, are left out. CPU twin, for all layers
 // together: `stylegaussian::layers::mix_layers`.
 
 /// A look in a region.
@@ -32,6 +32,8 @@ struct MixLayer {
 
 /// The shape, one of the `SHAPE_` constants. `SHAPE_EVERYTHING` stands for the inside of any other.
 override shape: u32;
+/// 1 if the layer leaves nothing of the colors below: its look is copied.
+override is_copy: u32;
 
 @group(0) @binding(0) var<uniform> layer: MixLayer;
 /// Colors `[N]`, 4 f16 each, premultiplied.
@@ -42,7 +44,7 @@ override shape: u32;
 @group(0) @binding(3) var<storage, read> masks: array<u32>;
 @group(0) @binding(4) var<storage, read> look: array<vec2<u32>>;
 /// Indices of blocks in the chunk. `STARTS` is added where the layer lies on the captured colors, and not on those that are
-/// there.
+/// there, and `WITHIN` where the region's weight is 1.
 @group(0) @binding(5) var<storage, read> blocks: array<u32>;
 
 /// The largest number of a color, the largest f16.
@@ -146,25 +148,30 @@ fn unpack_color(words: vec2<u32>) -> vec4<f32> {
     return vec4(unpack2x16float(words.x), unpack2x16float(words.y));
 }
 
-@compute @workgroup_size(MIX_BLOCK)
+@compute @workgroup_size(MIX_WORKGROUP)
 fn mix_layers(
     @builtin(workgroup_id) workgroup: vec3<u32>,
     @builtin(num_workgroups) n_workgroups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
     // Many blocks take two dimensions of workgroups: one is limited to 65,535.
-    let item = workgroup.y * n_workgroups.x + workgroup.x;
+    let first = (workgroup.y * n_workgroups.x + workgroup.x) * (MIX_WORKGROUP / MIX_BLOCK);
+    let item = first + lane / MIX_BLOCK;
     if item >= layer.n_blocks {
         return;
     }
     let block = blocks[layer.first_block + item];
-    let index = (block & ~STARTS) * MIX_BLOCK + lane;
+    let index = (block & ~(STARTS | WITHIN)) * MIX_BLOCK + lane % MIX_BLOCK;
     if index >= layer.n_gaussians {
         return;
     }
     let gaussian = layer.first_gaussian + index;
+    if is_copy != 0u {
+        colors[gaussian] = look[gaussian];
+        return;
+    }
     var share = layer.strength;
-    if shape != SHAPE_EVERYTHING {
+    if shape != SHAPE_EVERYTHING && (block & WITHIN) == 0u {
         share *= region_weight(gaussians[2u * index].xyz);
     }
     if layer.mask != NO_MASK {

@@ -1,7 +1,7 @@
 //! Looks in space on the GPU: `mix_layers`. CPU twin: [`stylegaussian::layers::mix_layers`].
 //!
-//! Each layer takes a dispatch or two over the blocks of Gaussians that it touches ([`plan`]): one over those within its region,
-//! and one over those on its edge, where the region is evaluated ([`pack`]).
+//! Each layer takes a dispatch over the blocks of Gaussians that it touches ([`plan`]). Only on the edge of its region, the region
+//! is evaluated ([`pack`]).
 
 use std::sync::{Mutex, PoisonError};
 
@@ -9,9 +9,7 @@ use stylegaussian::layers::Region;
 use stylegaussian_shaders::layers::{self as shaders, MixLayer};
 
 use crate::{
-    bindings::{
-        bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding, uniform_binding,
-    },
+    bindings::{bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding},
     buffers,
     colors::GaussianColors,
     splat::GpuScene,
@@ -47,6 +45,8 @@ pub struct GpuLayer<'a> {
 pub struct LayerMixer {
     /// One for each shape, by its number.
     pipelines: Vec<wgpu::ComputePipeline>,
+    /// That of looks which cover all below.
+    copy: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     /// Bound in place of looks and masks that are not read.
     absent: wgpu::Buffer,
@@ -56,12 +56,10 @@ pub struct LayerMixer {
 /// Buffers of former submissions, to be used again in the next one.
 #[derive(Debug, Default)]
 struct Pool {
-    /// Uniforms, one for each dispatch.
-    uniforms: Vec<wgpu::Buffer>,
-    /// Indices of blocks, one for each mix.
-    blocks: Vec<wgpu::Buffer>,
-    /// Number of uniforms and of blocks that the present submission uses.
-    n_used: [usize; 2],
+    /// Uniforms and indices of blocks, for one mix each.
+    buffers: Vec<[wgpu::Buffer; 2]>,
+    /// Number of those that the present submission uses.
+    n_used: usize,
 }
 
 impl LayerMixer {
@@ -69,23 +67,30 @@ impl LayerMixer {
     pub fn new(device: &wgpu::Device) -> Self {
         let (label, compute) = ("mix_layers", wgpu::ShaderStages::COMPUTE);
         let read = storage_binding(true);
-        let bindings = [uniform_binding::<MixLayer>(), storage_binding(false), read, read, read, read];
+        // All dispatches of a mix share a buffer, each at an offset of its own: one write costs less than many.
+        let uniforms = wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Uniform,
+            has_dynamic_offset: true,
+            min_binding_size: wgpu::BufferSize::new(size_of::<MixLayer>() as u64),
+        };
+        let bindings = [uniforms, storage_binding(false), read, read, read, read];
         let layout = group_layout(device, label, compute, &bindings);
         let groups = pipeline_layout(device, label, &[&layout]);
-        let pipeline = |shape: u32| {
-            let constants = [("shape", f64::from(shape))];
+        let pipeline = |shape: u32, is_copy: bool| {
+            let constants = [("shape", f64::from(shape)), ("is_copy", f64::from(u8::from(is_copy)))];
             let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
             compute_pipeline(device, shaders::mix_layers(), &groups, options)
         };
-        let pipelines = (0..=shaders::SHAPE_NOISE).map(pipeline).collect();
+        let pipelines = (0..=shaders::SHAPE_NOISE).map(|shape| pipeline(shape, false)).collect();
+        let copy = pipeline(shaders::SHAPE_EVERYTHING, true);
         let absent = buffers::create(device, "mix_absent", 16, wgpu::BufferUsages::STORAGE);
-        Self { pipelines, layout, absent, pool: Mutex::default() }
+        Self { pipelines, copy, layout, absent, pool: Mutex::default() }
     }
 
     /// Uses the buffers of the last submission again. They are written before a submission and not within it, so each of its
-    /// dispatches needs its own.
+    /// mixes needs its own.
     pub fn begin_submission(&self) {
-        self.pool.lock().unwrap_or_else(PoisonError::into_inner).n_used = [0; 2];
+        self.pool.lock().unwrap_or_else(PoisonError::into_inner).n_used = 0;
     }
 
     /// Encodes the mix of any number of `layers` into `colors`, from the captured colors up. `mixed` says which layers `colors`
@@ -115,67 +120,109 @@ impl LayerMixer {
         if dispatches.is_empty() {
             return;
         }
+        // A dispatch without a layer writes the captured colors.
+        let layer = |dispatch: &Dispatch| dispatch.layer.map(|index| &packed[index]);
+        let uniforms: Vec<_> = dispatches
+            .iter()
+            .map(|dispatch| {
+                let (chunk, range) = (&scene.chunks()[dispatch.chunk], &dispatch.blocks);
+                MixLayer {
+                    n_gaussians: chunk.n_gaussians,
+                    first_gaussian: chunk.first,
+                    first_block: range.start,
+                    n_blocks: range.len() as u32,
+                    ..layer(dispatch).map_or_else(pack::captured, |(_, (_, values))| *values)
+                }
+            })
+            .collect();
         let mut pool = self.pool.lock().unwrap_or_else(PoisonError::into_inner);
-        let blocks = pool.blocks(device, queue, &blocks);
+        let [uniforms, blocks] =
+            pool.next(device, queue, [&at_offsets(&uniforms), bytemuck::cast_slice(&blocks)]);
+        let uniforms = uniforms.as_entire_buffer_binding();
+        let uniforms =
+            wgpu::BufferBinding { size: wgpu::BufferSize::new(size_of::<MixLayer>() as u64), ..uniforms };
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("mix_layers"),
             ..Default::default()
         });
-        for Dispatch { layer, is_edge, chunk, blocks: range } in dispatches {
-            let chunk = &scene.chunks()[chunk];
-            // Without a layer, the captured colors are written.
-            let layer = layer.map(|index| &packed[index]);
-            let (look, mask) = layer.map_or((None, None), |(layer, _)| (layer.look, layer.mask));
-            let values = layer.map_or_else(pack::captured, |(_, (_, values))| *values);
-            let shape = layer.filter(|_| is_edge).map_or(shaders::SHAPE_EVERYTHING, |(_, (shape, _))| *shape);
-            let values = MixLayer {
-                n_gaussians: chunk.n_gaussians,
-                first_gaussian: chunk.first,
-                first_block: range.start,
-                n_blocks: range.len() as u32,
-                ..values
-            };
-            let uniforms = pool.uniforms(device);
-            queue.write_buffer(uniforms, 0, bytemuck::bytes_of(&values));
-            let mask = mask.map_or(&self.absent, |(mask, _)| &mask.buffer);
-            let look = look.map_or(&self.absent, GaussianColors::buffer);
-            let buffers = [uniforms, colors.buffer(), &chunk.gaussians, mask, look, &blocks];
-            let buffers = buffers.map(wgpu::Buffer::as_entire_binding);
-            let group = bind_group(device, "mix_layers", &self.layout, &buffers);
-            pass.set_pipeline(&self.pipelines[shape as usize]);
-            pass.set_bind_group(0, &group, &[]);
+        for (i, dispatch) in dispatches.iter().enumerate() {
+            let (look, mask) = layer(dispatch).map_or((None, None), |(layer, _)| (layer.look, layer.mask));
+            let masks = mask.map_or(&self.absent, |(mask, _)| &mask.buffer);
+            let looks = look.map_or(&self.absent, GaussianColors::buffer);
+            let gaussians = &scene.chunks()[dispatch.chunk].gaussians;
+            let whole =
+                [colors.buffer(), gaussians, masks, looks, &blocks].map(wgpu::Buffer::as_entire_binding);
+            let [colors, gaussians, masks, looks, blocks] = whole;
+            let uniforms = wgpu::BindingResource::Buffer(uniforms.clone());
+            let resources = [uniforms, colors, gaussians, masks, looks, blocks];
+            let group = bind_group(device, "mix_layers", &self.layout, &resources);
+            pass.set_pipeline(self.pipeline(dispatch, layer(dispatch)));
+            pass.set_bind_group(0, &group, &[i as u32 * OFFSET as u32]);
             // Workgroups beyond the limit go into a second dimension.
-            let x = (range.len() as u32).min(MAX_WORKGROUPS);
-            pass.dispatch_workgroups(x, (range.len() as u32).div_ceil(x), 1);
+            let n = (dispatch.blocks.len() as u32).div_ceil(shaders::MIX_WORKGROUP / shaders::MIX_BLOCK);
+            let x = n.min(MAX_WORKGROUPS);
+            pass.dispatch_workgroups(x, n.div_ceil(x), 1);
         }
         drop(pass);
         colors.mark_changed();
     }
+
+    /// The pipeline of a dispatch.
+    fn pipeline(
+        &self,
+        dispatch: &Dispatch,
+        layer: Option<&(&GpuLayer, (u32, MixLayer))>,
+    ) -> &wgpu::ComputePipeline {
+        let everything = shaders::SHAPE_EVERYTHING as usize;
+        match layer {
+            Some((_, (shape, _))) if dispatch.has_edge => &self.pipelines[*shape as usize],
+            Some((layer, _)) if layer.look.is_some() && layer.mask.is_none() && layer.strength >= 1.0 => {
+                &self.copy
+            }
+            _ => &self.pipelines[everything],
+        }
+    }
+}
+
+/// Distance of uniforms in their buffer: the largest alignment that a device may ask for, and more than they take.
+const OFFSET: usize = 256;
+
+/// Uniforms as they lie in their buffer.
+fn at_offsets(uniforms: &[MixLayer]) -> Vec<u8> {
+    let mut bytes = vec![0; OFFSET * uniforms.len()];
+    for (place, values) in bytes.chunks_exact_mut(OFFSET).zip(uniforms) {
+        place[..size_of::<MixLayer>()].copy_from_slice(bytemuck::bytes_of(values));
+    }
+    bytes
 }
 
 impl Pool {
-    /// Uniforms of one dispatch.
-    fn uniforms(&mut self, device: &wgpu::Device) -> &wgpu::Buffer {
-        let index = self.n_used[0];
-        if self.uniforms.len() == index {
-            self.uniforms.push(buffers::uniforms(device, "mix_layers", size_of::<MixLayer>() as u64));
+    /// Buffers that hold the uniforms and the blocks of one mix.
+    fn next(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        contents: [&[u8]; 2],
+    ) -> [wgpu::Buffer; 2] {
+        let new = |i: usize| {
+            let bytes = (contents[i].len() as u64).next_power_of_two();
+            match i {
+                0 => buffers::uniforms(device, "mix_layers", bytes),
+                _ => buffers::storage(device, "mix_blocks", bytes),
+            }
+        };
+        if self.buffers.len() == self.n_used {
+            self.buffers.push([new(0), new(1)]);
         }
-        self.n_used[0] += 1;
-        &self.uniforms[index]
-    }
-
-    /// A buffer that holds the blocks of one mix.
-    fn blocks(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, blocks: &[u32]) -> wgpu::Buffer {
-        let (index, bytes) = (self.n_used[1], size_of_val(blocks) as u64);
-        let new = || buffers::storage(device, "mix_blocks", bytes.next_power_of_two().max(256));
-        if self.blocks.len() == index {
-            self.blocks.push(new());
-        } else if self.blocks[index].size() < bytes {
-            self.blocks[index] = new();
+        let buffers = &mut self.buffers[self.n_used];
+        self.n_used += 1;
+        for i in 0..2 {
+            if buffers[i].size() < contents[i].len() as u64 {
+                buffers[i] = new(i);
+            }
+            queue.write_buffer(&buffers[i], 0, contents[i]);
         }
-        self.n_used[1] += 1;
-        queue.write_buffer(&self.blocks[index], 0, bytemuck::cast_slice(blocks));
-        self.blocks[index].clone()
+        buffers.clone()
     }
 }
 

@@ -66,13 +66,16 @@ impl Shape {
     fn distances(&self, center: Vec3, radius: f32) -> (f32, f32) {
         match *self {
             // With L = |p / r|, the first-order distance L (L - 1) / |p / r^2| is at least r_min (L - 1) without and at most
-            // that within, because |p / r^2| <= L / r_min. And |p| / r_max <= L <= |p| / r_min.
+            // that within, because |p / r^2| <= L / r_min. L differs by at most radius / r_min.
             Self::Ellipsoid { radii } if radii != Vec3::splat(radii.x) => {
-                let (least, largest) = (radii.min_element(), radii.max_element());
-                let (near, far) = (center.length() - radius, center.length() + radius);
-                let nearest = if near > largest { (near / largest - 1.0) * least } else { f32::NEG_INFINITY };
-                let farthest = if far < least { far - least } else { f32::INFINITY };
-                (nearest, farthest)
+                let least = radii.min_element();
+                let (middle, spread) = ((center / radii).length(), radius / least);
+                let [nearest, farthest] = [middle - spread - 1.0, middle + spread - 1.0].map(|l| l * least);
+                // On the other side of the surface, the bound is none.
+                (
+                    if nearest > 0.0 { nearest } else { f32::NEG_INFINITY },
+                    if farthest < 0.0 { farthest } else { f32::INFINITY },
+                )
             }
             // Its distance is size times noise, whose slope is at most 1.5 along each axis.
             Self::Noise { .. } => {

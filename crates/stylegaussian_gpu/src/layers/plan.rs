@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::Vec3;
 use stylegaussian::layers::{Cover, Region, RegionCover};
-use stylegaussian_shaders::layers::STARTS;
+use stylegaussian_shaders::layers::{STARTS, WITHIN};
 
 use super::GpuLayer;
 use crate::{
@@ -46,8 +46,8 @@ struct Source {
 pub(super) struct Dispatch {
     /// Index of the layer, or `None` for the captured colors.
     pub(super) layer: Option<usize>,
-    /// Whether its blocks lie on the edge of the layer's region, and not within.
-    pub(super) is_edge: bool,
+    /// Whether any of its blocks lies on the edge of the layer's region, and not within.
+    pub(super) has_edge: bool,
     pub(super) chunk: usize,
     /// Its part of the indices of blocks.
     pub(super) blocks: Range<u32>,
@@ -163,24 +163,24 @@ fn dispatches(scene: &GpuScene, layers: &[MixedLayer], changed: &[bool]) -> (Vec
     let mut first = 0;
     for (chunk, of_chunk) in scene.chunks().iter().enumerate() {
         let range = first..first + of_chunk.blocks.len();
-        let mut dispatch = |layer: Option<usize>, is_edge, chosen: &dyn Fn(usize) -> Option<u32>| {
-            let begin = blocks.len() as u32;
-            let indices = range.clone().filter_map(|block| Some((block - first) as u32 | chosen(block)?));
-            blocks.extend(indices);
-            let blocks = begin..blocks.len() as u32;
+        let mut dispatch = |layer: Option<usize>, chosen: &dyn Fn(usize) -> Option<u32>| {
+            let begin = blocks.len();
+            blocks.extend(range.clone().filter_map(|block| Some((block - first) as u32 | chosen(block)?)));
+            let has_edge = blocks[begin..].iter().any(|block| block & WITHIN == 0);
+            let blocks = begin as u32..blocks.len() as u32;
             if !blocks.is_empty() {
-                dispatches.push(Dispatch { layer, is_edge, chunk, blocks });
+                dispatches.push(Dispatch { layer, has_edge, chunk, blocks });
             }
         };
         // Blocks that no layer touches any more.
-        dispatch(None, false, &|block| (lowest[block] == layers.len()).then_some(STARTS));
+        dispatch(None, &|block| (lowest[block] == layers.len()).then_some(STARTS | WITHIN));
         for (i, layer) in layers.iter().enumerate() {
-            for (is_edge, cover) in [(false, Cover::Inside), (true, Cover::Edge)] {
-                dispatch(Some(i), is_edge, &|block| {
-                    let is_seen = lowest[block] <= i && layer.covers[block] == cover;
-                    is_seen.then_some(if lowest[block] == i { STARTS } else { 0 })
-                });
-            }
+            dispatch(Some(i), &|block| {
+                let cover = layer.covers[block];
+                let is_seen = lowest[block] <= i && cover != Cover::Outside;
+                let start = if lowest[block] == i { STARTS } else { 0 };
+                is_seen.then_some(start | if cover == Cover::Inside { WITHIN } else { 0 })
+            });
         }
         first = range.end;
     }
