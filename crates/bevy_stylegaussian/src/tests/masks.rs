@@ -4,6 +4,7 @@ use std::{fs, sync::Arc};
 
 use bevy::{
     asset::AssetPlugin,
+    camera::Viewport,
     core_pipeline::tonemapping::Tonemapping,
     prelude::*,
     render::{
@@ -21,7 +22,7 @@ use stylegaussian::{
 
 use crate::{
     GaussianScene, GaussianSceneFailed, GaussianSplats, MaskVisibility, SavedMask, StyleBackend, StyleMask,
-    StyleMaskFailed, mask::RenderMasks,
+    StyleMaskFailed, lasso_in_view, mask::RenderMasks,
 };
 
 use super::world::{rendering::*, *};
@@ -86,6 +87,12 @@ fn masks_are_ready_with_their_scene_and_can_be_undone() {
     assert_eq!(mask_of(&mut app, entity).undo_len(), (0, 0));
 }
 
+fn until_failed(app: &mut App) -> Vec<StyleMaskFailed> {
+    let failed = |world: &mut World| !world.resource::<Messages<StyleMaskFailed>>().is_empty();
+    update_until(app, "StyleMaskFailed", failed);
+    drain(app)
+}
+
 #[test]
 fn masks_come_from_files_and_from_scenes() {
     let dir = tempfile::tempdir().unwrap();
@@ -121,9 +128,7 @@ fn masks_come_from_files_and_from_scenes() {
     ] {
         let parts = (GaussianSplats(assets.load("scene.sgs")), StyleMask::saved(assets.load(name)));
         let entity = app.world_mut().spawn(parts).id();
-        let failed = |world: &mut World| !world.resource::<Messages<StyleMaskFailed>>().is_empty();
-        update_until(&mut app, "StyleMaskFailed", failed);
-        let failures = drain::<StyleMaskFailed>(&mut app);
+        let failures = until_failed(&mut app);
         let message = failures[0].error.to_string();
         assert!(message.contains(name) && message.contains(part), "{message}");
         assert_eq!((failures.len(), failures[0].entity), (1, entity));
@@ -136,8 +141,7 @@ fn masks_come_from_files_and_from_scenes() {
     // A mask that the program made.
     let made = add(&mut app, SavedMask(Arc::new(StoredMask::new(&other, &mask))));
     app.world_mut().spawn((GaussianSplats(assets.load("scene.sgs")), StyleMask::saved(made)));
-    app.update();
-    let message = drain::<StyleMaskFailed>(&mut app)[0].error.to_string();
+    let message = until_failed(&mut app)[0].error.to_string();
     assert!(message.starts_with("a mask made by the program: found a mask of another scene"), "{message}");
 }
 
@@ -262,4 +266,46 @@ fn hidden_splats_show_what_is_behind_them() {
     app.world_mut().entity_mut(entity).remove::<MaskVisibility>();
     near(middle(&mut app), RED, "shown again");
     assert!(drain::<GaussianSceneFailed>(&mut app).is_empty());
+}
+
+/// A lasso of a pixel's size around the place where Bevy draws a point holds that point, and no other.
+#[test]
+fn lassos_lie_where_the_camera_draws() {
+    let Some(mut app) = app_with_rendering(StyleBackend::Cpu) else { return };
+    let image = render_target(&mut app, UVec2::new(200, 100));
+    let viewport =
+        Viewport { physical_position: UVec2::new(40, 10), physical_size: UVec2::new(120, 80), ..default() };
+    let camera = (
+        Camera3d::default(),
+        Camera { viewport: Some(viewport), ..default() },
+        target(&image),
+        Transform::from_xyz(1.0, 2.0, 5.0).looking_at(Vec3::ZERO, Vec3::Y),
+    );
+    let camera = app.world_mut().spawn(camera).id();
+    // Turned, moved and stretched.
+    let splats = Transform::from_xyz(0.3, 0.1, -0.2)
+        .with_rotation(Quat::from_rotation_x(0.7))
+        .with_scale(Vec3::new(1.0, 2.0, 0.5));
+    let splats = GlobalTransform::from(splats);
+    (0..2).for_each(|_| app.update());
+    let entity = app.world().entity(camera);
+    let (camera, place) = (entity.get::<Camera>().unwrap(), *entity.get::<GlobalTransform>().unwrap());
+    let mut next = numbers(3);
+    let points: Vec<Vec3> = (0..100).map(|_| Vec3::new(next(), next(), next())).collect();
+    let drawn = |point: Vec3| camera.world_to_viewport(&place, splats.transform_point(point)).unwrap();
+    for &point in &points {
+        let at = drawn(point);
+        let corners = [Vec2::NEG_ONE, Vec2::new(1.0, -1.0), Vec2::ONE, Vec2::new(-1.0, 1.0)];
+        let lasso = lasso_in_view(camera, &place, &splats, &corners.map(|corner| at + 0.5 * corner)).unwrap();
+        for &other in &points {
+            let is_inside = (drawn(other) - at).abs().max_element() < 0.5;
+            assert_eq!(lasso.contains(other), is_inside, "{other} at {}, lasso at {at}", drawn(other));
+        }
+    }
+    let parallel =
+        (Camera3d::default(), target(&image), Projection::from(OrthographicProjection::default_3d()));
+    let parallel = app.world_mut().spawn(parallel).id();
+    app.update();
+    let camera = app.world().get::<Camera>(parallel).unwrap();
+    assert!(lasso_in_view(camera, &place, &splats, &[Vec2::ZERO; 3]).is_none());
 }
