@@ -145,12 +145,19 @@ fn masks_come_from_files_and_from_scenes() {
     assert!(message.starts_with("a mask made by the program: found a mask of another scene"), "{message}");
 }
 
-/// The weights on the GPU, and their version.
+/// The weights on the GPU, and their version. The revision that the mix of layers goes by changes with it.
 fn uploaded(app: &App, entity: Entity) -> Option<(Vec<[u8; 4]>, u64)> {
     let world = app.sub_app(RenderApp).world();
-    let mask = world.resource::<RenderMasks>().get(MainEntity::from(entity))?;
+    let n = app.world().get::<StyleMask>(entity)?.mask()?.len();
+    let (mask, _) = world.resource::<RenderMasks>().get(MainEntity::from(entity), n)?;
     let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
     Some((mask.read(device.wgpu_device(), queue).unwrap(), mask.version()))
+}
+
+/// When the masks of the render world changed last.
+fn masks_changed(app: &mut App) -> bevy::ecs::change_detection::Tick {
+    let world = app.sub_app(RenderApp).world();
+    world.get_resource_ref::<RenderMasks>().expect("masks").last_changed()
 }
 
 /// After any number of operations between two frames, the GPU has the weights that the component has.
@@ -167,6 +174,7 @@ fn what_is_painted_is_uploaded_and_no_more() {
 
     let mut random = Random::new(4);
     let mut last = uploaded(&app, entity).unwrap().1;
+    let mut changed = masks_changed(&mut app);
     for round in 0..30 {
         // Some frames have no operation, and some more than the component remembers.
         let n_operations = [0, 1, 3, 100][random.below(4)];
@@ -191,7 +199,9 @@ fn what_is_painted_is_uploaded_and_no_more() {
         let (found, version) = uploaded(&app, entity).unwrap();
         assert!(found == weights(&app, entity).unwrap(), "round {round}, {n_operations} operations");
         assert!(n_operations > 0 || version == last, "round {round}: an upload without a change");
-        last = version;
+        let now = masks_changed(&mut app);
+        assert_eq!(now == changed, version == last, "round {round}");
+        (last, changed) = (version, now);
     }
     // One dab of one Gaussian writes once.
     let mean = app.world().get::<StyleMask>(entity).unwrap().masked_scene().unwrap().means[7];
@@ -213,7 +223,8 @@ fn what_is_painted_is_uploaded_and_no_more() {
     assert_eq!(uploaded(&app, entity).unwrap().0, vec![[0; 4]; 10]);
     app.world_mut().entity_mut(entity).remove::<StyleMask>();
     app.update();
-    assert!(uploaded(&app, entity).is_none());
+    let masks = app.sub_app(RenderApp).world().resource::<RenderMasks>();
+    assert!(masks.get(MainEntity::from(entity), 10).is_none());
 }
 
 const RED: [f32; 3] = [0.8, 0.1, 0.1];
