@@ -146,7 +146,7 @@ fn masks_come_from_files_and_from_scenes() {
 }
 
 /// The weights on the GPU, and their version. The revision that the mix of layers goes by changes with it.
-fn uploaded(app: &App, entity: Entity) -> Option<(Vec<[u8; 4]>, u64)> {
+pub(super) fn uploaded(app: &App, entity: Entity) -> Option<(Vec<[u8; 4]>, u64)> {
     let world = app.sub_app(RenderApp).world();
     let n = app.world().get::<StyleMask>(entity)?.mask()?.len();
     let (mask, _) = world.resource::<RenderMasks>().get(MainEntity::from(entity), n)?;
