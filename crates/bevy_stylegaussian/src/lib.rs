@@ -53,7 +53,7 @@ mod systems;
 mod tests;
 
 pub use colors::GaussianSceneReady;
-pub use mask::{MaskVisibility, SavedMask, StyleMask, StyleMaskError, StyleMaskFailed};
+pub use mask::{MaskVisibility, SavedMask, StyleMask, StyleMaskError, StyleMaskFailed, lasso_in_view};
 pub use plugin::StyleGaussianPlugin;
 pub use scene::{GaussianScene, GaussianSceneError, GaussianSceneFailed, GaussianSplats, SceneSettings};
 pub use splats::{SplatSortKey, SplatTonemapping};

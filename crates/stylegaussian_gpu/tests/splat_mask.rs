@@ -17,7 +17,7 @@ use stylegaussian_gpu::{
         SplatSettings,
     },
 };
-use target::gpu;
+use target::{gpu, gpu_with_limits};
 
 #[test]
 fn hidden_and_cropped_pictures_match() {
@@ -49,6 +49,26 @@ fn hidden_and_cropped_pictures_match() {
         let from_whole = psnr(&expected, &whole);
         assert!((from_whole < 30.0) == (channel < 4), "channel {channel}, {is:?}: {from_whole:.1} dB");
     }
+}
+
+/// WebGPU guarantees eight storage buffers, all of which the kernel takes.
+#[test]
+fn masks_keep_to_the_default_limits() {
+    let Some(gpu) = gpu_with_limits(|_| wgpu::Limits::default()) else { return };
+    let HeadlessDevice { device, queue, .. } = &gpu;
+    let scene = GpuScene::new(device, &random_scene(200, 3, 23)).unwrap();
+    let mask = GaussianMask::new(device, queue, &[[255; 4]; 200]).unwrap();
+    let camera = splat::Camera::pinhole(&camera(UVec2::new(16, 12)));
+    let alpha = |visibility| -> f32 {
+        let colors = CloudColors::Captured;
+        let cloud = Cloud { scene: &scene, colors, world_from_scene: Affine3A::IDENTITY, visibility };
+        let picture = Headless::by_quads(device)
+            .render(device, queue, &camera, &[cloud], &SplatSettings::default())
+            .unwrap();
+        picture.rgba.iter().map(|pixel| pixel[3]).sum()
+    };
+    assert!(alpha(None) > 1.0);
+    assert_eq!(alpha(Some(CloudVisibility { mask: &mask, channel: 1, is: MaskUse::Hide })), 0.0);
 }
 
 #[test]

@@ -34,6 +34,8 @@ pub(crate) struct ColorLayer {
     pub(crate) region: Region,
     /// Share of the colors below that is replaced within the region, 0..1.
     pub(crate) strength: f32,
+    /// The channel of the entity's mask that counts, or `None` if all of the region does.
+    pub(crate) mask: Option<u32>,
 }
 
 /// The colors of a layer.
@@ -84,12 +86,12 @@ impl ColorLayers {
 impl ColorLayer {
     /// A layer over all of the scene.
     pub(crate) fn everywhere(colors: LayerColors, strength: f32) -> Self {
-        Self { colors, region: Region::EVERYWHERE, strength }
+        Self { colors, region: Region::EVERYWHERE, strength, mask: None }
     }
 
     /// Whether nothing of the colors below is left.
     pub(crate) fn covers_all(&self) -> bool {
-        self.region == Region::EVERYWHERE && self.strength >= 1.0
+        self.region == Region::EVERYWHERE && self.strength >= 1.0 && self.mask.is_none()
     }
 }
 
@@ -101,7 +103,10 @@ impl PartialEq for ColorLayer {
             (LayerColors::Mix(a), LayerColors::Mix(b)) => Arc::ptr_eq(a, b),
             _ => false,
         };
-        same_colors && self.region == other.region && self.strength == other.strength
+        same_colors
+            && self.region == other.region
+            && self.strength == other.strength
+            && self.mask == other.mask
     }
 }
 

@@ -11,12 +11,13 @@ use bevy::{
 };
 use stylegaussian_gpu::{
     colors::GaussianColors,
-    layers::{GpuLayer, LayerMixer, MixedLayers},
+    layers::{GaussianMask, GpuLayer, LayerMixer, MixedLayers},
     splat::GpuScene,
 };
 
 use crate::{
     background::{Background, SynchronousCompilation},
+    mask::RenderMasks,
     scene::{GpuScenes, RenderClouds},
 };
 
@@ -44,6 +45,8 @@ struct Gpu<'a> {
     queue: &'a wgpu::Queue,
     encoder: &'a mut wgpu::CommandEncoder,
     mixer: &'a LayerMixer,
+    /// The entity's mask.
+    mask: Option<&'a GaussianMask>,
 }
 
 /// The way in which layers are shown.
@@ -64,6 +67,7 @@ pub(crate) fn mix_colors(
     clouds: Res<RenderClouds>,
     scenes: Res<GpuScenes>,
     wishes: Res<RenderColors>,
+    masks: Res<RenderMasks>,
     mut colors: ResMut<ShownColors>,
     mut mixer: ResMut<Mixer>,
     pipelines: Res<PipelinesReady>,
@@ -72,7 +76,7 @@ pub(crate) fn mix_colors(
     queue: Res<RenderQueue>,
     mut context: RenderContext,
 ) {
-    if colors.settled && !colors.is_changed() {
+    if colors.settled && !colors.is_changed() && !masks.is_changed() {
         return;
     }
     let (device, queue) = (device.wgpu_device(), &**queue);
@@ -83,10 +87,11 @@ pub(crate) fn mix_colors(
         let Some(cloud) = clouds.0.get(entity) else { continue };
         let Some(scene) = scenes.get(&cloud.scene) else {
             // Asked again once it is uploaded. A scene that the device refuses changes nothing any more.
-            colors.settled &= colors.is_current(*entity, wish);
+            colors.settled &= colors.is_current(*entity, wish, None);
             continue;
         };
-        if !colors.is_current(*entity, wish) {
+        let (mask, revision) = masks.get(*entity, scene.n_gaussians()).unzip();
+        if !colors.is_current(*entity, wish, revision) {
             let shown = match colors.way(&wish.layers) {
                 Way::Wait => {
                     colors.settled = false;
@@ -106,13 +111,13 @@ pub(crate) fn mix_colors(
                     let Some((target, mut mixed)) = own else { continue };
                     let encoder = context.command_encoder();
                     let span = diagnostics.time_span(encoder, "mix_layers");
-                    let mut gpu = Gpu { device, queue, encoder, mixer: &mixer };
+                    let mut gpu = Gpu { device, queue, encoder, mixer: &mixer, mask };
                     gpu.mix(scene, &mut colors, &wish.layers, &target, &mut mixed);
                     span.end(context.command_encoder());
                     Shown::Mixed(target, mixed)
                 }
             };
-            colors.show(*entity, wish, shown);
+            colors.show(*entity, wish, shown, revision);
         }
         match pipelines.0 {
             true => wish.mark_drawn(),
@@ -169,6 +174,8 @@ impl Gpu<'_> {
         }
         let gpu_layers: Vec<GpuLayer> = layers
             .iter()
+            // Nothing is painted on what has no mask. A mask has four channels.
+            .filter(|layer| layer.mask.is_none_or(|channel| channel < 4 && self.mask.is_some()))
             .map(|layer| GpuLayer {
                 look: match &layer.colors {
                     LayerColors::Captured => None,
@@ -177,7 +184,7 @@ impl Gpu<'_> {
                 },
                 region: layer.region,
                 strength: layer.strength,
-                mask: None,
+                mask: self.mask.zip(layer.mask),
             })
             .collect();
         self.mixer.encode(self.device, self.queue, self.encoder, scene, &gpu_layers, target, mixed);

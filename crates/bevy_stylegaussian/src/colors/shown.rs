@@ -59,6 +59,8 @@ struct EntityColors {
     /// The scene that the colors belong to.
     scene: Option<Arc<Scene>>,
     shown: Shown,
+    /// The state of the mask that was mixed in, or `None` if there was none.
+    mask: Option<u64>,
     is_hidden: bool,
 }
 
@@ -199,15 +201,19 @@ impl ShownColors {
         self.styles.get(&address(style)).filter(|style| style.is_complete)?.colors.as_ref()
     }
 
-    /// Whether an entity shows what it wishes for.
-    pub(super) fn is_current(&self, entity: MainEntity, wish: &ColorLayers) -> bool {
-        self.of_entity.get(&entity).is_some_and(|colors| colors.generation == Some(wish.generation))
+    /// Whether an entity shows what it wishes for, with a mask in this state.
+    pub(super) fn is_current(&self, entity: MainEntity, wish: &ColorLayers, mask: Option<u64>) -> bool {
+        let is_masked = wish.layers.iter().any(|layer| layer.mask.is_some());
+        self.of_entity.get(&entity).is_some_and(|colors| {
+            colors.generation == Some(wish.generation) && (!is_masked || colors.mask == mask)
+        })
     }
 
     /// Shows what an entity wishes for.
-    pub(super) fn show(&mut self, entity: MainEntity, wish: &ColorLayers, shown: Shown) {
+    pub(super) fn show(&mut self, entity: MainEntity, wish: &ColorLayers, shown: Shown, mask: Option<u64>) {
         let Some(colors) = self.of_entity.get_mut(&entity) else { return };
         colors.shown = shown;
+        colors.mask = mask;
         colors.is_hidden = wish.is_hidden;
         colors.generation = Some(wish.generation);
     }

@@ -86,12 +86,11 @@ impl Painted {
         Some(self.changes.range(first..).flat_map(|(_, ranges)| ranges))
     }
 
-    /// Remembers that `edit` has changed the mask.
-    fn note(&mut self, edit: &Edit) {
-        if edit.is_empty() {
+    /// Remembers that the weights in `ranges` have changed.
+    fn note(&mut self, ranges: Vec<Range<usize>>) {
+        if ranges.is_empty() {
             return;
         }
-        let ranges = edit.ranges(UPLOAD_GAP, MOST_UPLOADS);
         self.changes.push_back((std::mem::replace(&mut self.revision, next_revision()), ranges));
         if self.changes.len() > MOST_CHANGES {
             self.changes.pop_front();
@@ -108,15 +107,16 @@ impl Painted {
     fn edit(&mut self, change: impl FnOnce(&mut Mask, &[Vec3]) -> Edit) {
         self.finish_stroke();
         let edit = change(&mut self.mask, &self.scene.means);
-        self.note(&edit);
+        self.note(edit.ranges(UPLOAD_GAP, MOST_UPLOADS));
         self.history.push(edit);
     }
 
     /// Undoes or makes again.
     fn step(&mut self, step: impl for<'a> FnOnce(&'a mut History, &mut Mask) -> Option<&'a Edit>) -> bool {
         self.finish_stroke();
-        let Some(edit) = step(&mut self.history, &mut self.mask).cloned() else { return false };
-        self.note(&edit);
+        let Some(edit) = step(&mut self.history, &mut self.mask) else { return false };
+        let ranges = edit.ranges(UPLOAD_GAP, MOST_UPLOADS);
+        self.note(ranges);
         true
     }
 }
@@ -147,7 +147,7 @@ impl StyleMask {
             }
             let stroke = painted.stroke.get_or_insert_with(|| Stroke::new(*brush));
             let edit = stroke.to(&mut painted.mask, &painted.scene.means, point);
-            painted.note(&edit);
+            painted.note(edit.ranges(UPLOAD_GAP, MOST_UPLOADS));
         })
     }
 
@@ -191,8 +191,8 @@ impl StyleMask {
         })
     }
 
-    /// The mask for [`stylegaussian::file::write_mask`], or `None` if it is not ready. It hashes all means, which takes some 40 ms
-    /// for a million.
+    /// The mask for [`stylegaussian::file::write_mask`], or `None` if it is not ready. It sorts and hashes all means, which
+    /// takes a fifth of a second for a million: not for every frame.
     pub fn to_stored(&self) -> Option<StoredMask> {
         self.painted.as_ref().map(|painted| StoredMask::new(&painted.scene, &painted.mask))
     }
@@ -202,6 +202,11 @@ impl StyleMask {
     pub fn masked_scene(&self) -> Option<Scene> {
         let painted = self.painted.as_ref()?;
         Some(Scene { mask: Some(painted.mask.clone()), ..Scene::clone(&painted.scene) })
+    }
+
+    /// Whether the mask is fitted to `scene`.
+    pub(super) fn is_of(&self, scene: &Arc<Scene>) -> bool {
+        self.painted.as_ref().is_some_and(|painted| Arc::ptr_eq(&painted.scene, scene))
     }
 
     /// Calls `change` if the mask is ready, and returns whether it is.

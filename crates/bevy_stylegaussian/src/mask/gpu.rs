@@ -1,7 +1,6 @@
 //! Masks on the GPU.
 
 use bevy::{
-    platform::collections::HashSet,
     prelude::*,
     render::{
         Extract,
@@ -16,7 +15,7 @@ use super::{
     component::{MaskVisibility, Painted},
 };
 
-/// The masks of all entities that have one.
+/// The masks of all entities that have one. It counts as changed if weights did.
 #[derive(Resource, Default)]
 pub(crate) struct RenderMasks(MainEntityHashMap<RenderMask>);
 
@@ -29,20 +28,21 @@ struct RenderMask {
 }
 
 impl RenderMasks {
-    /// The mask of an entity, or `None` if it has none that is ready. Its [`version`](GaussianMask::version) tells of changes;
-    /// another mask of the entity is another buffer.
-    // Drawing needs no more than `visibility`; mixing layers is what this is for.
-    #[cfg_attr(not(test), expect(dead_code, reason = "for the mix of layers"))]
-    pub(crate) fn get(&self, entity: MainEntity) -> Option<&GaussianMask> {
-        self.0.get(&entity)?.gpu.as_ref()
+    /// The mask of an entity of `n` Gaussians, and a number that every change of its weights changes; `None` if it has no mask
+    /// that is ready.
+    pub(crate) fn get(&self, entity: MainEntity, n: usize) -> Option<(&GaussianMask, u64)> {
+        let mask = self.0.get(&entity)?;
+        // Of another scene if the new one is not on the GPU yet.
+        let gpu = mask.gpu.as_ref().filter(|gpu| gpu.n_gaussians() == n)?;
+        Some((gpu, mask.revision))
     }
 
     /// The mask by which an entity of `n` Gaussians is hidden, or `None` if all of it is drawn.
     pub(crate) fn visibility(&self, entity: MainEntity, n: usize) -> Option<CloudVisibility<'_>> {
-        let RenderMask { gpu, visibility, .. } = self.0.get(&entity)?;
-        let ((channel, is), mask) = (visibility.as_ref()?.parts(), gpu.as_ref()?);
-        // Of another scene if the new one is not on the GPU yet.
-        (mask.n_gaussians() == n).then_some(CloudVisibility { mask, channel, is })
+        let mask = self.0.get(&entity)?;
+        let (channel, is) = mask.visibility?.parts();
+        let gpu = mask.gpu.as_ref().filter(|gpu| gpu.n_gaussians() == n)?;
+        Some(CloudVisibility { mask: gpu, channel, is })
     }
 }
 
@@ -55,27 +55,32 @@ pub(super) fn extract_masks(
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
-    if masks.0.is_empty() && all.is_empty() {
-        return;
-    }
-    let masks = &mut masks.0;
-    let mut present = HashSet::new();
+    let mut is_changed = false;
+    // Mixing layers again because a mask was looked at would cost more than the mask.
+    let of_entity = &mut masks.bypass_change_detection().0;
+    of_entity.retain(|entity, _| {
+        let stays = all.get(entity.id()).is_ok_and(|(_, mask, _)| mask.painted.is_some());
+        is_changed |= !stays;
+        stays
+    });
     for (entity, mask, visibility) in &all {
-        let (entity, Some(painted)) = (MainEntity::from(entity), &mask.painted) else { continue };
-        present.insert(entity);
-        let former = masks.remove(&entity);
-        let gpu = match former {
-            Some(former) if former.is_of(painted) => {
-                if let Some(gpu) = &former.gpu {
-                    update(gpu, former.revision, painted, &queue);
-                }
-                former.gpu
+        let Some(painted) = &mask.painted else { continue };
+        let visibility = visibility.copied();
+        match of_entity.get_mut(&MainEntity::from(entity)) {
+            Some(known) if known.is_of(painted) => {
+                known.visibility = visibility;
+                is_changed |= known.update(painted, &queue);
             }
-            _ => create(painted, &device, &queue),
-        };
-        masks.insert(entity, RenderMask { gpu, revision: painted.revision, visibility: visibility.copied() });
+            _ => {
+                let (gpu, revision) = (create(painted, &device, &queue), painted.revision);
+                of_entity.insert(entity.into(), RenderMask { gpu, revision, visibility });
+                is_changed = true;
+            }
+        }
     }
-    masks.retain(|entity, _| present.contains(entity));
+    if is_changed {
+        masks.set_changed();
+    }
 }
 
 impl RenderMask {
@@ -86,26 +91,26 @@ impl RenderMask {
             None => self.revision == painted.revision,
         }
     }
+
+    /// Uploads what changed since the last time, and returns whether anything did.
+    fn update(&mut self, painted: &Painted, queue: &RenderQueue) -> bool {
+        let revision = std::mem::replace(&mut self.revision, painted.revision);
+        let Some(gpu) = self.gpu.as_ref().filter(|_| revision != painted.revision) else { return false };
+        let weights = &painted.mask().weights;
+        match painted.changes_since(revision) {
+            Some(ranges) => {
+                for range in ranges {
+                    gpu.write_range(queue, range.start, &weights[range.clone()]);
+                }
+            }
+            None => gpu.write(queue, weights),
+        }
+        true
+    }
 }
 
 fn create(painted: &Painted, device: &RenderDevice, queue: &RenderQueue) -> Option<GaussianMask> {
     let created = GaussianMask::new(device.wgpu_device(), queue, &painted.mask().weights);
     // A scene of so many Gaussians is refused as well, and that is reported.
     created.inspect_err(|error| error!("a mask cannot be used on this GPU: {error}")).ok()
-}
-
-/// Uploads what changed since `revision`.
-fn update(gpu: &GaussianMask, revision: u64, painted: &Painted, queue: &RenderQueue) {
-    if revision == painted.revision {
-        return;
-    }
-    let weights = &painted.mask().weights;
-    match painted.changes_since(revision) {
-        Some(ranges) => {
-            for range in ranges {
-                gpu.write_range(queue, range.start, &weights[range.clone()]);
-            }
-        }
-        None => gpu.write(queue, weights),
-    }
 }

@@ -14,10 +14,12 @@ mod asset;
 mod component;
 mod fit;
 mod gpu;
+mod lasso;
 
 pub use asset::SavedMask;
 pub use component::{MaskVisibility, StyleMask};
 pub use fit::{StyleMaskError, StyleMaskFailed};
+pub use lasso::lasso_in_view;
 
 pub(crate) use gpu::RenderMasks;
 

@@ -42,6 +42,10 @@ pub struct StyleVolume {
     pub priority: i32,
     /// The only entity whose splats have the style, or `None` if all have it.
     pub cloud: Option<Entity>,
+    /// The channel of the clouds' [`StyleMask`](crate::StyleMask), 0..4, in which the style shows as far as it is painted, or
+    /// `None` if it shows in all of the volume. Clouds without a mask do not have the style then, and a channel beyond the fourth
+    /// is never painted.
+    pub mask: Option<usize>,
 }
 
 impl MapEntities for StyleVolume {
@@ -110,6 +114,11 @@ impl StyleVolume {
         Self::new(VolumeShape::HalfSpace)
     }
 
+    /// Everything that is painted in a channel of the clouds' [`StyleMask`](crate::StyleMask), 0..4.
+    pub fn painted(channel: usize) -> Self {
+        Self { mask: Some(channel), ..default() }
+    }
+
     /// The same volume with an edge of this width in world units.
     pub fn with_softness(self, softness: f32) -> Self {
         Self { softness, ..self }
@@ -123,6 +132,11 @@ impl StyleVolume {
     /// The same volume for the splats of one entity alone.
     pub fn for_cloud(self, cloud: Entity) -> Self {
         Self { cloud: Some(cloud), ..self }
+    }
+
+    /// The channel of masks that counts.
+    pub(super) fn channel(&self) -> Option<u32> {
+        self.mask.map(|channel| u32::try_from(channel).unwrap_or(u32::MAX))
     }
 
     pub(super) fn is_everything(&self) -> bool {

@@ -95,16 +95,21 @@ impl Worn {
         layers
     }
 
-    /// The styles as one layer in a region that belongs to a volume, or `None` if there is none. Their transitions are fades,
+    /// The styles as one layer in a volume's region and channel of a mask, or `None` if there is none. Their transitions are fades,
     /// whatever shape they have.
-    pub(super) fn volume_layer(&mut self, region: Region, strength: f32) -> Option<ColorLayer> {
+    pub(super) fn volume_layer(
+        &mut self,
+        region: Region,
+        strength: f32,
+        mask: Option<u32>,
+    ) -> Option<ColorLayer> {
         if self.0.len() > MAX_WORN {
             // A volume's layers are of several places, so they cannot be frozen in one of them.
             self.0.remove(0);
             self.0[0].coming = None;
         }
         let layer =
-            |colors: LayerColors, share: f32| ColorLayer { colors, region, strength: strength * share };
+            |colors: LayerColors, share: f32| ColorLayer { colors, region, strength: strength * share, mask };
         match self.0.as_slice() {
             [] => None,
             [only] => Some(layer(only.colors.clone(), only.layer(None).strength)),
@@ -129,7 +134,7 @@ impl WornStyle {
         match place {
             Some(place) if transition.shape != TransitionShape::Fade => {
                 let (region, strength) = transition.reached(progress, place);
-                ColorLayer { colors, region, strength }
+                ColorLayer { colors, region, strength, mask: None }
             }
             _ => ColorLayer::everywhere(colors, progress),
         }

@@ -4,6 +4,7 @@ use std::{fs, sync::Arc};
 
 use bevy::{
     asset::AssetPlugin,
+    camera::Viewport,
     core_pipeline::tonemapping::Tonemapping,
     prelude::*,
     render::{
@@ -21,7 +22,7 @@ use stylegaussian::{
 
 use crate::{
     GaussianScene, GaussianSceneFailed, GaussianSplats, MaskVisibility, SavedMask, StyleBackend, StyleMask,
-    StyleMaskFailed, mask::RenderMasks,
+    StyleMaskFailed, lasso_in_view, mask::RenderMasks,
 };
 
 use super::world::{rendering::*, *};
@@ -86,6 +87,12 @@ fn masks_are_ready_with_their_scene_and_can_be_undone() {
     assert_eq!(mask_of(&mut app, entity).undo_len(), (0, 0));
 }
 
+fn until_failed(app: &mut App) -> Vec<StyleMaskFailed> {
+    let failed = |world: &mut World| !world.resource::<Messages<StyleMaskFailed>>().is_empty();
+    update_until(app, "StyleMaskFailed", failed);
+    drain(app)
+}
+
 #[test]
 fn masks_come_from_files_and_from_scenes() {
     let dir = tempfile::tempdir().unwrap();
@@ -121,9 +128,7 @@ fn masks_come_from_files_and_from_scenes() {
     ] {
         let parts = (GaussianSplats(assets.load("scene.sgs")), StyleMask::saved(assets.load(name)));
         let entity = app.world_mut().spawn(parts).id();
-        let failed = |world: &mut World| !world.resource::<Messages<StyleMaskFailed>>().is_empty();
-        update_until(&mut app, "StyleMaskFailed", failed);
-        let failures = drain::<StyleMaskFailed>(&mut app);
+        let failures = until_failed(&mut app);
         let message = failures[0].error.to_string();
         assert!(message.contains(name) && message.contains(part), "{message}");
         assert_eq!((failures.len(), failures[0].entity), (1, entity));
@@ -136,17 +141,23 @@ fn masks_come_from_files_and_from_scenes() {
     // A mask that the program made.
     let made = add(&mut app, SavedMask(Arc::new(StoredMask::new(&other, &mask))));
     app.world_mut().spawn((GaussianSplats(assets.load("scene.sgs")), StyleMask::saved(made)));
-    app.update();
-    let message = drain::<StyleMaskFailed>(&mut app)[0].error.to_string();
+    let message = until_failed(&mut app)[0].error.to_string();
     assert!(message.starts_with("a mask made by the program: found a mask of another scene"), "{message}");
 }
 
-/// The weights on the GPU, and their version.
-fn uploaded(app: &App, entity: Entity) -> Option<(Vec<[u8; 4]>, u64)> {
+/// The weights on the GPU, and their version. The revision that the mix of layers goes by changes with it.
+pub(super) fn uploaded(app: &App, entity: Entity) -> Option<(Vec<[u8; 4]>, u64)> {
     let world = app.sub_app(RenderApp).world();
-    let mask = world.resource::<RenderMasks>().get(MainEntity::from(entity))?;
+    let n = app.world().get::<StyleMask>(entity)?.mask()?.len();
+    let (mask, _) = world.resource::<RenderMasks>().get(MainEntity::from(entity), n)?;
     let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
     Some((mask.read(device.wgpu_device(), queue).unwrap(), mask.version()))
+}
+
+/// When the masks of the render world changed last.
+fn masks_changed(app: &mut App) -> bevy::ecs::change_detection::Tick {
+    let world = app.sub_app(RenderApp).world();
+    world.get_resource_ref::<RenderMasks>().expect("masks").last_changed()
 }
 
 /// After any number of operations between two frames, the GPU has the weights that the component has.
@@ -163,6 +174,7 @@ fn what_is_painted_is_uploaded_and_no_more() {
 
     let mut random = Random::new(4);
     let mut last = uploaded(&app, entity).unwrap().1;
+    let mut changed = masks_changed(&mut app);
     for round in 0..30 {
         // Some frames have no operation, and some more than the component remembers.
         let n_operations = [0, 1, 3, 100][random.below(4)];
@@ -187,7 +199,9 @@ fn what_is_painted_is_uploaded_and_no_more() {
         let (found, version) = uploaded(&app, entity).unwrap();
         assert!(found == weights(&app, entity).unwrap(), "round {round}, {n_operations} operations");
         assert!(n_operations > 0 || version == last, "round {round}: an upload without a change");
-        last = version;
+        let now = masks_changed(&mut app);
+        assert_eq!(now == changed, version == last, "round {round}");
+        (last, changed) = (version, now);
     }
     // One dab of one Gaussian writes once.
     let mean = app.world().get::<StyleMask>(entity).unwrap().masked_scene().unwrap().means[7];
@@ -209,7 +223,8 @@ fn what_is_painted_is_uploaded_and_no_more() {
     assert_eq!(uploaded(&app, entity).unwrap().0, vec![[0; 4]; 10]);
     app.world_mut().entity_mut(entity).remove::<StyleMask>();
     app.update();
-    assert!(uploaded(&app, entity).is_none());
+    let masks = app.sub_app(RenderApp).world().resource::<RenderMasks>();
+    assert!(masks.get(MainEntity::from(entity), 10).is_none());
 }
 
 const RED: [f32; 3] = [0.8, 0.1, 0.1];
@@ -262,4 +277,46 @@ fn hidden_splats_show_what_is_behind_them() {
     app.world_mut().entity_mut(entity).remove::<MaskVisibility>();
     near(middle(&mut app), RED, "shown again");
     assert!(drain::<GaussianSceneFailed>(&mut app).is_empty());
+}
+
+/// A lasso of a pixel's size around the place where Bevy draws a point holds that point, and no other.
+#[test]
+fn lassos_lie_where_the_camera_draws() {
+    let Some(mut app) = app_with_rendering(StyleBackend::Cpu) else { return };
+    let image = render_target(&mut app, UVec2::new(200, 100));
+    let viewport =
+        Viewport { physical_position: UVec2::new(40, 10), physical_size: UVec2::new(120, 80), ..default() };
+    let camera = (
+        Camera3d::default(),
+        Camera { viewport: Some(viewport), ..default() },
+        target(&image),
+        Transform::from_xyz(1.0, 2.0, 5.0).looking_at(Vec3::ZERO, Vec3::Y),
+    );
+    let camera = app.world_mut().spawn(camera).id();
+    // Turned, moved and stretched.
+    let splats = Transform::from_xyz(0.3, 0.1, -0.2)
+        .with_rotation(Quat::from_rotation_x(0.7))
+        .with_scale(Vec3::new(1.0, 2.0, 0.5));
+    let splats = GlobalTransform::from(splats);
+    (0..2).for_each(|_| app.update());
+    let entity = app.world().entity(camera);
+    let (camera, place) = (entity.get::<Camera>().unwrap(), *entity.get::<GlobalTransform>().unwrap());
+    let mut next = numbers(3);
+    let points: Vec<Vec3> = (0..100).map(|_| Vec3::new(next(), next(), next())).collect();
+    let drawn = |point: Vec3| camera.world_to_viewport(&place, splats.transform_point(point)).unwrap();
+    for &point in &points {
+        let at = drawn(point);
+        let corners = [Vec2::NEG_ONE, Vec2::new(1.0, -1.0), Vec2::ONE, Vec2::new(-1.0, 1.0)];
+        let lasso = lasso_in_view(camera, &place, &splats, &corners.map(|corner| at + 0.5 * corner)).unwrap();
+        for &other in &points {
+            let is_inside = (drawn(other) - at).abs().max_element() < 0.5;
+            assert_eq!(lasso.contains(other), is_inside, "{other} at {}, lasso at {at}", drawn(other));
+        }
+    }
+    let parallel =
+        (Camera3d::default(), target(&image), Projection::from(OrthographicProjection::default_3d()));
+    let parallel = app.world_mut().spawn(parallel).id();
+    app.update();
+    let camera = app.world().get::<Camera>(parallel).unwrap();
+    assert!(lasso_in_view(camera, &place, &splats, &[Vec2::ZERO; 3]).is_none());
 }

@@ -1,5 +1,5 @@
 //! A long run of random changes: `cargo xtask soak`. Scenes, styles and looks are loaded, changed, faded and dropped under a
-//! seed. At the end nothing has grown, and every request was answered.
+//! seed, and masks painted, undone and replaced. At the end nothing has grown, and every request was answered.
 
 use std::{
     collections::HashSet,
@@ -8,14 +8,21 @@ use std::{
 };
 
 use bevy::prelude::*;
-use stylegaussian::{Look, Scene, look::MadeFrom};
-
-use crate::{
-    AppliedStyle, GaussianScene, GaussianSplats, StyleApplied, StyleBackend, StyleFailed, StyleInput,
-    StyleLook, StyleSource, StyleStatistics, StyleTransition,
+use stylegaussian::{
+    Look, Scene,
+    look::MadeFrom,
+    mask::{Brush, Combine, Selection},
 };
 
-use super::world::{rendering::*, *};
+use crate::{
+    AppliedStyle, GaussianScene, GaussianSplats, MaskVisibility, StyleApplied, StyleBackend, StyleFailed,
+    StyleInput, StyleLook, StyleMask, StyleSource, StyleStatistics, StyleTransition,
+};
+
+use super::{
+    masks::uploaded,
+    world::{rendering::*, *},
+};
 
 /// Rounds, each with one change and one frame.
 const ROUNDS: u32 = 10_000;
@@ -136,6 +143,44 @@ impl Soak {
         }
     }
 
+    /// Gives an entity a mask, or paints the one that it has.
+    fn paint(&mut self, i: usize) {
+        let entity = self.entities[i].0;
+        let (choice, channel) = (self.below(10), self.below(4));
+        let point = Vec3::new((self.next)(), (self.next)(), (self.next)());
+        let brush = Brush { radius: 0.7 * (self.next)(), channel, erases: choice == 0, ..default() };
+        let mut entity = self.app.world_mut().entity_mut(entity);
+        let Some(mut mask) = entity.get_mut::<StyleMask>() else {
+            entity.insert(StyleMask::default());
+            return;
+        };
+        match choice {
+            1 => drop(entity.insert(MaskVisibility::Hide(channel))),
+            2 => drop(entity.insert(MaskVisibility::Crop(channel))),
+            3 => drop(entity.remove::<(StyleMask, MaskVisibility)>()),
+            4 => drop(mask.undo()),
+            5 => drop(mask.redo()),
+            6 => drop(mask.select(channel, &Selection::Region(brush.region(point)), Combine::Add)),
+            _ => {
+                (0..20).for_each(|step| {
+                    mask.stroke_to(&brush, 0.1 * step as f32 * point);
+                });
+            }
+        }
+    }
+
+    /// Checks that the GPU has the weights that masks have.
+    fn check_masks(&self) {
+        if self.app.get_sub_app(bevy::render::RenderApp).is_none() {
+            return;
+        }
+        for &(entity, _) in &self.entities {
+            let mask = self.app.world().get::<StyleMask>(entity).and_then(StyleMask::mask);
+            let expected = mask.map(|mask| mask.weights.clone());
+            assert!(uploaded(&self.app, entity).map(|(weights, _)| weights) == expected, "{entity}");
+        }
+    }
+
     fn drop_entity(&mut self, i: usize) {
         let (entity, _) = self.entities.swap_remove(i);
         self.app.world_mut().despawn(entity);
@@ -170,8 +215,12 @@ impl Soak {
                     self.app.insert_resource(backend);
                 }
             }
+            5 | 6 => {
+                let i = self.below(n);
+                self.paint(i);
+            }
             // A frame without a change.
-            5..8 => {}
+            7..9 => {}
             _ => {
                 let i = self.below(n);
                 self.request(i);
@@ -271,6 +320,7 @@ fn soak() {
             soak.change();
             soak.update();
         }
+        soak.check_masks();
         round += ROUNDS_PER_COUNT;
         let count = soak.count();
         let (seconds, requests) = (began.elapsed().as_secs(), soak.n_requests);

@@ -16,11 +16,12 @@ use stylegaussian::{
     Look, Scene,
     layers::{Layer, Region, Shape, mix_layers},
     look::MadeFrom,
+    mask::Brush,
 };
 
 use crate::{
     GaussianSceneReady, GaussianSplats, HiddenUntilStyled, StyleApplied, StyleBackend, StyleFailed,
-    StyleLook, StyleSource, StyleTransition, StyleVolume, TransitionClock, colors::ShownColors,
+    StyleLook, StyleMask, StyleSource, StyleTransition, StyleVolume, TransitionClock, colors::ShownColors,
 };
 
 use crate::tests::world::{rendering::*, *};
@@ -388,4 +389,45 @@ fn a_scene_tells_that_it_can_be_drawn() {
         let other = add_scene(&mut stage.app, small_scene(9, seed));
         stage.app.world_mut().get_mut::<GaussianSplats>(cloud).unwrap().0 = other;
     }
+}
+
+/// A style shows where its channel of the mask is painted, from the frame in which that changes.
+#[test]
+fn a_brush_paints_styles() {
+    let Some(mut stage) = Stage::new() else { return };
+    let [red, green] = [RED, GREEN].map(|color| stage.look(color));
+    let cloud = stage.app.world_mut().spawn((stage.splats.clone(), red, StyleMask::default())).id();
+    let plain = stage.app.world_mut().spawn(stage.splats.clone()).id();
+    let volume = stage.app.world_mut().spawn((StyleVolume::painted(2), green)).id();
+    stage.until_applied(volume);
+    stage.check("unpainted", cloud, &[(Some(RED), ALL, 1.0)]);
+    let brush = Brush { radius: 0.8, channel: 2, ..Brush::default() };
+    let paint = |stage: &mut Stage, change: &dyn Fn(&mut StyleMask) -> bool| {
+        let mut mask = stage.app.world_mut().get_mut::<StyleMask>(cloud).unwrap();
+        assert!(change(&mut mask));
+        let weights = mask.mask().unwrap().weights.clone();
+        stage.app.update();
+        weights
+    };
+    let strokes: [&dyn Fn(&mut StyleMask) -> bool; 4] = [
+        &|mask| mask.paint(&brush, &[Vec3::new(0.5, 0.0, 0.0)]),
+        &|mask| mask.paint(&brush, &[Vec3::new(-0.5, 0.3, 0.0)]),
+        &|mask| mask.undo(),
+        &|mask| mask.redo(),
+    ];
+    for stroke in strokes {
+        let weights = paint(&mut stage, stroke);
+        assert!(weights.iter().any(|weights| weights[2] > 0));
+        let flat = |[r, g, b]: [f32; 3]| vec![[r, g, b, 1.0]; N];
+        let (red, green) = (flat(RED), flat(GREEN));
+        let layer = |look, mask| Layer { look: Some(look), region: ALL, strength: 1.0, mask };
+        let layers = [layer(&red[..], None), layer(&green[..], Some((&weights[..], 2)))];
+        let error = difference(&stage.shown(cloud), &mix_layers(&stage.scene.means, &layers));
+        assert!(error < 5e-3, "{error}");
+    }
+    stage.check("no mask", plain, &[]);
+    // A channel that does not exist is never painted.
+    stage.app.world_mut().get_mut::<StyleVolume>(volume).unwrap().mask = Some(9);
+    stage.app.update();
+    stage.check("no such channel", cloud, &[(Some(RED), ALL, 1.0)]);
 }
