@@ -25,12 +25,13 @@ const MODEL: &str = "crates/stylegaussian/src";
 
 /// In the plugin: `style` and `splats` stand on `colors`, and that stands on `scene`. In the GPU crate, the two passes meet
 /// in `colors`. In the model crate, the rasterizer knows no decoder and the decoder no rasterizer.
-const WALLS: [Wall; 11] = [
+const WALLS: [Wall; 12] = [
     Wall { sources: PLUGIN, room: "style", forbidden: &["splats"] },
     Wall { sources: PLUGIN, room: "splats", forbidden: &["style"] },
     Wall { sources: PLUGIN, room: "colors", forbidden: &["style", "splats"] },
     Wall { sources: PLUGIN, room: "scene", forbidden: &["colors", "mask", "style", "splats"] },
     Wall { sources: PLUGIN, room: "mask", forbidden: &["colors", "style", "splats"] },
+    Wall { sources: PLUGIN, room: "picking", forbidden: &["colors", "mask", "style", "splats"] },
     Wall { sources: GPU, room: "style", forbidden: &["splat"] },
     Wall { sources: GPU, room: "splat", forbidden: &["style"] },
     Wall { sources: MODEL, room: "splat", forbidden: &["decoder", "fold", "statistics"] },

@@ -26,6 +26,7 @@
 //!   [`StyleMask`] holds weights that are painted at run time, from a [`SavedMask`] (`.mask.safetensors`) if there is one, and
 //!   [`MaskVisibility`] hides what is painted or crops to it.
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
+//! - Parameters of systems: [`SplatRayCast`].
 //! - Resources: [`StyleMethod`], [`StyleBackend`], [`StyleBudget`], [`StyleEncoder`].
 //! - Events, as messages and for observers: [`GaussianSceneReady`], [`GaussianSceneFailed`], [`StyleApplied`],
 //!   [`StyleRefined`], [`StyleFailed`], [`StyleMaskFailed`]. The component
@@ -43,6 +44,7 @@ mod background;
 mod colors;
 mod loader;
 mod mask;
+mod picking;
 mod plugin;
 mod reports;
 mod scene;
@@ -54,6 +56,7 @@ mod tests;
 
 pub use colors::GaussianSceneReady;
 pub use mask::{MaskVisibility, SavedMask, StyleMask, StyleMaskError, StyleMaskFailed, lasso_in_view};
+pub use picking::{SplatHit, SplatRayCast};
 pub use plugin::StyleGaussianPlugin;
 pub use scene::{GaussianScene, GaussianSceneError, GaussianSceneFailed, GaussianSplats, SceneSettings};
 pub use splats::{SplatSortKey, SplatTonemapping};
@@ -78,10 +81,10 @@ pub use stylegaussian_encoder;
 pub mod prelude {
     pub use crate::{
         AppliedStyle, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
-        HiddenUntilStyled, MaskVisibility, SavedMask, SplatSortKey, SplatTonemapping, StyleApplied,
-        StyleBackend, StyleBudget, StyleDecoder, StyleEncoder, StyleFailed, StyleGaussianPlugin, StyleInput,
-        StyleMask, StyleMaskFailed, StyleMethod, StyleRefine, StyleRefined, StyleSource, StyleTransition,
-        StyleVolume, TransitionClock, TransitionShape,
+        HiddenUntilStyled, MaskVisibility, SavedMask, SplatHit, SplatRayCast, SplatSortKey, SplatTonemapping,
+        StyleApplied, StyleBackend, StyleBudget, StyleDecoder, StyleEncoder, StyleFailed,
+        StyleGaussianPlugin, StyleInput, StyleMask, StyleMaskFailed, StyleMethod, StyleRefine, StyleRefined,
+        StyleSource, StyleTransition, StyleVolume, TransitionClock, TransitionShape,
     };
 }
 

@@ -3,8 +3,8 @@
 use bevy::{prelude::*, render::RenderApp};
 
 use crate::{
-    background::SynchronousCompilation, colors::ColorsPlugin, mask::MaskPlugin, scene::ScenePlugin,
-    splats::SplatsPlugin, style::StylePlugin, systems::StyleGaussianSystems,
+    background::SynchronousCompilation, colors::ColorsPlugin, mask::MaskPlugin, picking::PickingPlugin,
+    scene::ScenePlugin, splats::SplatsPlugin, style::StylePlugin, systems::StyleGaussianSystems,
 };
 
 /// Loads, draws and styles captured scenes. Add it after `DefaultPlugins`.
@@ -46,6 +46,6 @@ impl Plugin for GaussianSplatsPlugin {
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app.insert_resource(SynchronousCompilation(self.synchronous_pipeline_compilation));
         }
-        app.add_plugins((ScenePlugin, ColorsPlugin, MaskPlugin, SplatsPlugin));
+        app.add_plugins((ScenePlugin, ColorsPlugin, MaskPlugin, PickingPlugin, SplatsPlugin));
     }
 }

@@ -33,6 +33,7 @@ pub mod neighbors;
 pub mod noise;
 pub mod paint;
 pub mod random;
+pub mod raycast;
 pub mod recolor;
 pub mod scene;
 pub mod sh;

@@ -1,0 +1,28 @@
+//! Rays cast at splats by game code.
+//!
+//! An index of a scene's Gaussians is built in the background when the first ray asks for it ([`index`]), and shared by all
+//! entities that show the scene. Nothing is built in apps that cast no ray.
+
+use bevy::prelude::*;
+
+mod index;
+mod raycast;
+
+use index::RayIndexes;
+pub use raycast::{SplatHit, SplatRayCast};
+
+/// Keeps the indexes that rays ask for.
+pub(crate) struct PickingPlugin;
+
+impl Plugin for PickingPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<RayIndexes>()
+            .register_type::<SplatHit>()
+            .add_systems(Last, index::forget_unused_indexes.run_if(not(are_empty)));
+    }
+}
+
+/// Whether there is no index.
+fn are_empty(indexes: Res<RayIndexes>) -> bool {
+    indexes.is_empty()
+}

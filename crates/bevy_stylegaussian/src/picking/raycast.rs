@@ -1,0 +1,154 @@
+//! Ray casts.
+
+use bevy::{ecs::system::SystemParam, prelude::*};
+use stylegaussian::raycast::{Hit, Ray};
+
+use crate::scene::LoadedScene;
+
+use super::index::RayIndexes;
+
+/// Casts rays at splats, as Bevy's `MeshRayCast` does at meshes.
+///
+/// A ray hits where half of its light is gone, by the alpha of the draw: see [`stylegaussian::raycast`]. What a
+/// [`MaskVisibility`](crate::MaskVisibility) hides is hit all the same.
+///
+/// A scene's Gaussians are indexed in the background when the first ray asks for it, which takes some tenths of a second for a
+/// large scene. Until then rays pass it: call [`prepare`](Self::prepare) early.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_stylegaussian::SplatRayCast;
+/// fn click(mut rays: SplatRayCast, camera: Single<(&Camera, &GlobalTransform)>, window: Single<&Window>) {
+///     let (camera, place) = *camera;
+///     let Some(cursor) = window.cursor_position() else { return };
+///     let Ok(ray) = camera.viewport_to_world(place, cursor) else { return };
+///     if let Some(hit) = rays.cast_ray(ray) {
+///         info!("{} at {}", hit.entity, hit.position);
+///     }
+/// }
+/// ```
+#[derive(SystemParam)]
+pub struct SplatRayCast<'w, 's> {
+    clouds:
+        Query<'w, 's, (Entity, &'static LoadedScene, &'static GlobalTransform, &'static InheritedVisibility)>,
+    indexes: ResMut<'w, RayIndexes>,
+}
+
+/// The place at which a ray hits an entity's splats.
+#[derive(Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Clone, Debug, PartialEq)]
+pub struct SplatHit {
+    /// The entity.
+    pub entity: Entity,
+    /// Distance from the ray's origin, in world units.
+    pub distance: f32,
+    /// The point, in world space.
+    pub position: Vec3,
+    /// An estimate of the surface's normal in world space, of length 1.
+    pub normal: Vec3,
+    /// The Gaussian that contributes most: its index in the scene in memory.
+    pub gaussian: u32,
+    /// The index of that Gaussian in the file that the scene was read from.
+    pub source_gaussian: u32,
+}
+
+impl SplatRayCast<'_, '_> {
+    /// Begins to index the scenes of all visible entities. Returns whether all are ready.
+    pub fn prepare(&mut self) -> bool {
+        let mut all_ready = true;
+        for (_, scene, _, visibility) in &self.clouds {
+            // Each is asked for, also after one that is not ready.
+            all_ready &= !visibility.get() || self.indexes.get(scene).is_some();
+        }
+        all_ready
+    }
+
+    /// The nearest hit on the splats of visible entities. Entities in front of others do not add up to a hit together.
+    pub fn cast_ray(&mut self, ray: Ray3d) -> Option<SplatHit> {
+        self.cast_ray_at(ray, |_| true)
+    }
+
+    /// As [`cast_ray`](Self::cast_ray), at the entities that `chosen` returns true for.
+    pub fn cast_ray_at(&mut self, ray: Ray3d, chosen: impl Fn(Entity) -> bool) -> Option<SplatHit> {
+        let Self { clouds, indexes } = self;
+        let hits = clouds.iter().filter_map(|(entity, scene, transform, visibility)| {
+            if !visibility.get() || !chosen(entity) {
+                return None;
+            }
+            let scene_from_world = transform.affine().inverse();
+            // The direction keeps the world's length, so that distances do.
+            let local = Ray {
+                origin: scene_from_world.transform_point3(ray.origin),
+                direction: scene_from_world.transform_vector3(*ray.direction),
+            };
+            let hit = indexes.get(scene)?.cast(local)?;
+            Some(in_world(entity, scene, ray, hit, scene_from_world.matrix3.into()))
+        });
+        hits.min_by(|a, b| a.distance.total_cmp(&b.distance))
+    }
+}
+
+/// A hit in world space.
+fn in_world(entity: Entity, scene: &LoadedScene, ray: Ray3d, hit: Hit, scene_from_world: Mat3) -> SplatHit {
+    let Hit { distance, normal, gaussian, .. } = hit;
+    // Normals go by the inverse transpose.
+    let normal = (scene_from_world.transpose() * normal).normalize_or(-*ray.direction);
+    let source_gaussian = scene.scene().order.get(gaussian as usize).copied().unwrap_or(gaussian);
+    SplatHit { entity, distance, position: ray.get_point(distance), normal, gaussian, source_gaussian }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{GaussianSplats, tests::world::*};
+
+    #[derive(Resource)]
+    struct Asked(Ray3d);
+
+    #[derive(Resource, Default)]
+    struct Found(Option<SplatHit>, bool);
+
+    fn app() -> App {
+        let mut app = app_without_rendering();
+        app.add_plugins(bevy::camera::visibility::VisibilityPlugin)
+            .insert_resource(Asked(Ray3d::new(Vec3::new(0.0, 0.0, 10.0), Dir3::NEG_Z)))
+            .init_resource::<Found>()
+            .add_systems(Last, |mut rays: SplatRayCast, asked: Res<Asked>, mut found: ResMut<Found>| {
+                *found = Found(rays.cast_ray(asked.0), rays.prepare());
+            });
+        app
+    }
+
+    fn cast(app: &mut App) -> Option<SplatHit> {
+        app.update();
+        update_until(app, "the index", |world| world.resource::<Found>().1);
+        app.world().resource::<Found>().0
+    }
+
+    /// Rays follow an entity's transform, and pass hidden entities.
+    #[test]
+    fn rays_hit_where_splats_are() {
+        let mut app = app();
+        let ball = |mean: Vec3| Ball { mean, scale: 0.1, opacity: 0.9, color: [0.5; 3] };
+        let splats =
+            GaussianSplats(add_scene(&mut app, balls(&[ball(Vec3::Z), ball(Vec3::new(0.0, 1.0, 0.0))])));
+        let place = Transform::from_xyz(0.0, 0.0, -1.0).with_scale(Vec3::new(2.0, 2.0, 3.0));
+        let far = app.world_mut().spawn((splats.clone(), place)).id();
+        let hit = cast(&mut app).unwrap();
+        assert_eq!((hit.entity, hit.gaussian, hit.source_gaussian), (far, 0, 0));
+        assert!(
+            (hit.position - Vec3::new(0.0, 0.0, 2.0)).length() < 1e-5 && (hit.distance - 8.0).abs() < 1e-5,
+            "{hit:?}"
+        );
+        // Another entity of the same scene in front of it, then hidden.
+        let near = app.world_mut().spawn((splats, Transform::from_xyz(0.0, 0.0, 5.0))).id();
+        assert_eq!(cast(&mut app).map(|hit| hit.entity), Some(near));
+        *app.world_mut().get_mut::<Visibility>(near).unwrap() = Visibility::Hidden;
+        assert_eq!(cast(&mut app).map(|hit| hit.entity), Some(far));
+        // Past everything, and at a place without a volume.
+        app.world_mut().resource_mut::<Asked>().0.origin.x = 3.0;
+        assert_eq!(cast(&mut app), None);
+        app.world_mut().get_mut::<Transform>(far).unwrap().scale = Vec3::ZERO;
+        assert_eq!(cast(&mut app), None);
+    }
+}
