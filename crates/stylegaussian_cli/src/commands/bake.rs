@@ -96,7 +96,8 @@ struct Baked<'a> {
 struct LastLosses {
     matching: f32,
     statistics: f32,
-    content: f32,
+    /// Of the last step that measured it: every other one compares luminance alone.
+    content: Option<f32>,
     palette: f32,
 }
 
@@ -169,10 +170,12 @@ fn bake(
 ) -> Result<Option<Losses>> {
     let interrupted = interrupt.watch();
     let progress = bar(u64::from(steps), "{bar:40} {pos}/{len} steps, {eta} left");
-    let mut losses = None;
+    let mut losses: Option<Losses> = None;
     while !baker.is_complete() && !interrupted.load(Ordering::Relaxed) {
         progress.set_position(u64::from(baker.steps()));
-        losses = Some(baker.step(scene));
+        let now = baker.step(scene);
+        let content = now.content.or_else(|| losses.and_then(|before| before.content));
+        losses = Some(Losses { content, ..now });
         if baker.steps().is_multiple_of(CHECKPOINT_EVERY) {
             baker.save(checkpoint)?;
         }
