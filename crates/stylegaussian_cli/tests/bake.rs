@@ -7,7 +7,12 @@ mod support;
 #[expect(dead_code, reason = "written for the tests of the command line, of which these use a part")]
 mod embedded;
 
-use std::fs;
+use std::{
+    fs,
+    process::{Child, Command, Stdio},
+    thread,
+    time::{Duration, Instant},
+};
 
 use embedded::board;
 use stylegaussian::file;
@@ -28,6 +33,22 @@ fn bench() -> Bench {
 fn bake(bench: &Bench, output: &str, more: &[&str]) -> Run {
     let [scene, painting, output] = ["a.sgs", "p.png", output].map(|name| bench.path(name));
     stylegaussian(&[&["bake", &scene, "--style", &painting, "-o", &output], more].concat())
+}
+
+/// Starts to bake `a.look.safetensors`, and returns when its checkpoint is written, before the first step.
+fn start(bench: &Bench, steps: [&str; 2]) -> Child {
+    let [scene, painting, output] = ["a.sgs", "p.png", "a.look.safetensors"].map(|name| bench.path(name));
+    let arguments = ["bake", &scene, "--style", &painting, "-o", &output];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_stylegaussian"));
+    let mut child = command.args(arguments).args(steps).stderr(Stdio::piped()).spawn().unwrap();
+    let checkpoint = bench.dir().join("a.checkpoint.safetensors");
+    let began = Instant::now();
+    while !checkpoint.exists() {
+        assert!(child.try_wait().unwrap().is_none(), "ended before its first step");
+        assert!(began.elapsed() < Duration::from_secs(120));
+        thread::sleep(Duration::from_millis(1));
+    }
+    child
 }
 
 #[test]
@@ -62,24 +83,9 @@ fn a_baked_look_is_written_described_and_shown() {
 #[test]
 #[cfg(unix)]
 fn an_interrupted_bake_goes_on() {
-    use std::{
-        process::{Command, Stdio},
-        time::{Duration, Instant},
-    };
     const STEPS: [&str; 2] = ["--steps", "6"];
     let bench = bench();
-    let [scene, painting, output] = ["a.sgs", "p.png", "a.look.safetensors"].map(|name| bench.path(name));
-    let mut command = Command::new(env!("CARGO_BIN_EXE_stylegaussian"));
-    let arguments = ["bake", &scene, "--style", &painting, "-o", &output];
-    let mut child = command.args(arguments).args(STEPS).stderr(Stdio::piped()).spawn().unwrap();
-    // It is written before the first step.
-    let checkpoint = bench.dir().join("a.checkpoint.safetensors");
-    let began = Instant::now();
-    while !checkpoint.exists() {
-        assert!(child.try_wait().unwrap().is_none(), "ended before its first step");
-        assert!(began.elapsed() < Duration::from_secs(120));
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    let child = start(&bench, STEPS);
     Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     let ended = child.wait_with_output().unwrap();
     let message = String::from_utf8(ended.stderr).unwrap();
@@ -97,6 +103,22 @@ fn an_interrupted_bake_goes_on() {
         ["a.look.safetensors", "b.look.safetensors"].map(|name| fs::read(bench.path(name)).unwrap());
     assert!(resumed == whole, "an interruption changes nothing");
     bench.expect_files(&["a.look.safetensors", "a.sgs", "b.look.safetensors", "p.png"]);
+}
+
+/// As if the disk became full: the look still comes.
+#[test]
+fn a_state_that_cannot_be_saved_costs_no_look() {
+    let bench = bench();
+    let child = start(&bench, ["--steps", "3"]);
+    // No file takes the place of a folder that is not empty.
+    let checkpoint = bench.dir().join("a.checkpoint.safetensors");
+    fs::remove_file(&checkpoint).unwrap();
+    fs::create_dir_all(checkpoint.join("full")).unwrap();
+    let ended = child.wait_with_output().unwrap();
+    let message = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(0), "{message}");
+    assert!(message.contains("warning: ") && message.contains("not saved, going on"), "{message}");
+    bench.expect_files(&["a.checkpoint.safetensors", "a.look.safetensors", "a.sgs", "p.png"]);
 }
 
 #[test]
