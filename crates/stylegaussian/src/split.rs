@@ -47,7 +47,7 @@ const COMPARE_EVERY: usize = 3;
 const MARGIN: f64 = 1.0;
 
 /// Tries to keep the fidelity, each with fewer splits.
-const MAX_TRIES: usize = 4;
+const MAX_TRIES: usize = 6;
 
 /// Which Gaussians [`split`] splits, and how often.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,10 +80,10 @@ pub fn split(scene: &mut Scene, options: SplitOptions) -> usize {
         return 0;
     }
     let views = choose_views(scene, N_VIEWS, VIEW_SIZE);
-    let whole = whole(scene, &views);
+    let mut whole = whole(scene, &views);
+    let compared: Vec<&Camera> = views.iter().step_by(COMPARE_EVERY).collect();
     // The mean square error of colors in 0..1 at the wanted PSNR.
     let allowed = 10f64.powf(-(options.fidelity + MARGIN) / 10.0);
-    let mut most = most;
     for _ in 0..MAX_TRIES {
         let parts = parts(scene, &whole, most, options.largest);
         let n_added = parts.len() - before;
@@ -91,32 +91,75 @@ pub fn split(scene: &mut Scene, options: SplitOptions) -> usize {
             break;
         }
         let split = assembled(scene, &parts);
-        let compared = views.iter().step_by(COMPARE_EVERY);
-        let n_compared = compared.len();
-        let change =
-            compared.map(|camera| picture_change(scene, &split, camera)).sum::<f64>() / n_compared as f64;
+        let changes: Vec<Vec<f32>> =
+            compared.iter().map(|camera| squared_changes(scene, &split, camera)).collect();
+        let change = changes.iter().map(|change| mean(change)).sum::<f64>() / changes.len() as f64;
         if change <= allowed {
             *scene = split;
             return n_added;
         }
-        // The error grows with the number of splits.
-        most = before + (n_added as f64 * allowed / change) as usize;
+        let blamed = blamed(scene, &compared, &changes);
+        keep_whole(&mut whole, &parts, &blamed, 1.0 - allowed / change);
     }
     0
+}
+
+/// The change of the pictures on account of each Gaussian `[N]`: what it shows in `views`, and how much those pixels
+/// change, both summed by blend weights.
+fn blamed(scene: &Scene, views: &[&Camera], changes: &[Vec<f32>]) -> Vec<[f32; 2]> {
+    let mut sums = vec![[0.0; 2]; scene.len()];
+    for (camera, changes) in views.iter().zip(changes) {
+        let pixels: Vec<f32> = changes.iter().flat_map(|change| [1.0, *change]).collect();
+        let of_view = blend_weights(scene, camera).apply_transposed(&pixels, 2);
+        for (sum, value) in sums.as_flattened_mut().iter_mut().zip(of_view) {
+            *sum += value;
+        }
+    }
+    sums
+}
+
+/// Keeps from being split what lies where the picture changes most: of all change that is blamed on split Gaussians, at
+/// least `share`. What is split on an even surface changes nothing, however large it is, and remains.
+fn keep_whole(whole: &mut [Part], parts: &[Part], blamed: &[[f32; 2]], share: f64) {
+    let mut is_split = vec![false; whole.len()];
+    parts.iter().filter(|part| part.rounds > 0).for_each(|part| is_split[part.gaussian as usize] = true);
+    let mut order: Vec<usize> = (0..whole.len()).filter(|&i| is_split[i]).collect();
+    let per_pixel = |i: usize| blamed[i][1] / blamed[i][0].max(f32::MIN_POSITIVE);
+    // The sort is stable, so equal ones stay in order.
+    order.sort_by(|&a, &b| per_pixel(b).total_cmp(&per_pixel(a)));
+    let total: f64 = order.iter().map(|&i| f64::from(blamed[i][1])).sum();
+    let mut sum = 0.0;
+    for i in order {
+        // What no view shows is not split.
+        whole[i].visible = 0.0;
+        sum += f64::from(blamed[i][1]);
+        if sum >= share * total {
+            break;
+        }
+    }
 }
 
 /// The mean square difference of the captured colors of two scenes over mid-gray, as `camera` sees them. Colors are in
 /// 0..1, so -10 log10 of it is the PSNR in dB.
 pub fn picture_change(before: &Scene, after: &Scene, camera: &Camera) -> f64 {
+    mean(&squared_changes(before, after, camera))
+}
+
+/// The same for each pixel.
+fn squared_changes(before: &Scene, after: &Scene, camera: &Camera) -> Vec<f32> {
     let [before, after] = [before, after].map(|scene| {
         let picture = render(scene, Colors::Captured, camera);
         let over_gray =
             |(color, alpha): (&[f32; 3], &f32)| color.map(|c| (c + 0.5 * (1.0 - alpha)).clamp(0.0, 1.0));
         picture.color.iter().zip(&picture.alpha).map(over_gray).collect::<Vec<_>>()
     });
-    let squares =
-        before.as_flattened().iter().zip(after.as_flattened()).map(|(a, b)| f64::from(a - b).powi(2));
-    squares.sum::<f64>() / (3 * before.len()).max(1) as f64
+    let square = |(a, b): (&[f32; 3], &[f32; 3])| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>() / 3.0;
+    before.iter().zip(&after).map(square).collect()
+}
+
+/// The mean in f64, or 0 if there are no values.
+fn mean(values: &[f32]) -> f64 {
+    values.iter().map(|&value| f64::from(value)).sum::<f64>() / values.len().max(1) as f64
 }
 
 /// The scene of all `parts` of `scene`, in Morton order.

@@ -243,7 +243,8 @@ impl Baker {
                 losses.matching = matching::matching(rows, n, &queries, &keys, weight, &mut grad);
                 if let (true, Some(unstyled)) = (layer.content, unstyled) {
                     let reference = unstyled.rows(layer);
-                    losses.content = loss::content(rows, reference, n, &cells, weights.content, &mut grad);
+                    let weight = weights.content;
+                    losses.content = Some(loss::content(rows, reference, n, &cells, weight, &mut grad));
                 }
                 (losses, grad)
             })
@@ -251,7 +252,7 @@ impl Baker {
         for (of_layer, grad) in compared {
             losses.statistics += of_layer.statistics;
             losses.matching += of_layer.matching;
-            losses.content += of_layer.content;
+            losses.content = losses.content.or(of_layer.content);
             grads.push(grad);
         }
         (losses, grads)

@@ -11,8 +11,9 @@ pub struct Losses {
     pub matching: f32,
     /// Mean squared error of channel means and deviations, summed over layers.
     pub statistics: f32,
-    /// Mean squared distance of the deepest features from the unstyled scene's.
-    pub content: f32,
+    /// Mean squared distance of the deepest features from the unstyled scene's; none in a step that compares luminance,
+    /// and if its weight is 0.
+    pub content: Option<f32>,
     /// Mean squared distance of the Gaussians' colors from the nearest color of the painting.
     pub palette: f32,
     /// Mean squared excess of pixels over 0..1.

@@ -67,11 +67,24 @@ fn every_painting_and_reference_is_measured() {
     let sheet = image::open(&sheet).unwrap();
     assert_eq!((sheet.width(), sheet.height()), (3 * 168 + 8, 3 * 168 + 8));
 
-    let table = eval(&scene, &[]).expect_success().stdout;
+    // The instant pictures are those that `stylize` paints.
+    let looks = bench.path("painted");
+    std::fs::create_dir(&looks).unwrap();
+    for name in ["a", "b"] {
+        let (painting, look) = (format!("{styles}/{name}.png"), format!("{looks}/{name}.look.safetensors"));
+        let stylize = ["stylize", &scene, "--style", &painting, "--json", "-o", &look];
+        assert_eq!(stylegaussian(&stylize).expect_success().json()["painted"], true);
+    }
+    let shown = eval(&scene, &["--json", "--looks", &looks]).expect_success().json();
+    let [painted, shown] = [&found, &shown].map(|found| number(&found["stylized"]["style_error"]));
+    // A look has 8 bits for each channel.
+    assert!((painted - shown).abs() < 0.02 * painted, "{painted} {shown}");
+
+    let table = eval(&scene, &["--decoder-only"]).expect_success().stdout;
     assert!(table.contains("a.png") && table.contains("recolored"), "{table}");
     eval(&bench.plain_scene("plain.sgs"), &[]).expect_error("no features");
     // Looks take the decoder's place, also for a scene without features. There are none here.
-    let looks = bench.path("looks");
+    let looks = bench.path("absent");
     eval(&bench.plain_scene("plain.sgs"), &["--looks", &looks]).expect_error("a.look.safetensors");
 
     let (cameras, pairs) = (bench.path("transforms.json"), bench.path("pairs.json"));

@@ -112,6 +112,18 @@ fn the_picture_stays() {
     assert_eq!(kept.len(), original.len());
 }
 
+/// Splitting a bright Gaussian changes the picture, and splitting the gray wall before the gray background does not.
+#[test]
+fn one_that_must_not_change_does_not_keep_the_others_whole() {
+    let mut scene = scene();
+    let large = scene.len() - 2;
+    scene.set_colors(&(0..scene.len()).map(|i| [if i == large { 1.0 } else { 0.5 }; 3]).collect::<Vec<_>>());
+    let (before, source) = (scene.len(), scene.order[large]);
+    let n_added = split(&mut scene, SplitOptions { largest: 0.1, fidelity: 60.0, ..SplitOptions::default() });
+    assert!(n_added > before / 4, "{n_added} of {before}");
+    assert_eq!(scene.order.iter().filter(|&&order| order == source).count(), 1);
+}
+
 #[test]
 fn the_factor_bounds_the_count_and_small_scenes_are_fine() {
     for factor in [0.0, 1.0, 1.25, f64::NAN] {

@@ -96,7 +96,8 @@ struct Baked<'a> {
 struct LastLosses {
     matching: f32,
     statistics: f32,
-    content: f32,
+    /// Of the last step that measured it: every other one compares luminance alone.
+    content: Option<f32>,
     palette: f32,
 }
 
@@ -131,9 +132,10 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     }
     // Before the first step, so that a full disk is found at once.
     baker.save(&checkpoint)?;
-    let losses = bake(&mut baker, &scene, config.steps, &checkpoint, interrupt)?;
+    let losses = bake(&mut baker, &scene, config.steps, &checkpoint, interrupt);
     let look = Look::new(&scene, baker.colors(), arguments.made_from(baker.steps()));
-    let kept = || format!("the bake is kept in {}; the same command goes on", checkpoint.display());
+    let kept =
+        || format!("what was saved of the bake is in {}; the same command goes on", checkpoint.display());
     file::write_look(output, &look).with_context(kept)?;
     ensure!(
         baker.is_complete(),
@@ -145,7 +147,9 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
         write_sheet(sheet, &scene, &cameras, &paintings, [&recolored, baker.colors()])?;
     }
     // Last, since it is what a failure above could be repaired from.
-    fs::remove_file(&checkpoint).with_context(|| checkpoint.display().to_string())?;
+    if let Err(error) = fs::remove_file(&checkpoint) {
+        warn([format!("{}: {error}; it is of no more use", checkpoint.display())]);
+    }
     let baked = Baked {
         scene: path,
         output,
@@ -166,20 +170,30 @@ fn bake(
     steps: u32,
     checkpoint: &Path,
     interrupt: &Interrupt,
-) -> Result<Option<Losses>> {
+) -> Option<Losses> {
     let interrupted = interrupt.watch();
     let progress = bar(u64::from(steps), "{bar:40} {pos}/{len} steps, {eta} left");
-    let mut losses = None;
+    let mut losses: Option<Losses> = None;
     while !baker.is_complete() && !interrupted.load(Ordering::Relaxed) {
         progress.set_position(u64::from(baker.steps()));
-        losses = Some(baker.step(scene));
+        let now = baker.step(scene);
+        let content = now.content.or_else(|| losses.and_then(|before| before.content));
+        losses = Some(Losses { content, ..now });
         if baker.steps().is_multiple_of(CHECKPOINT_EVERY) {
-            baker.save(checkpoint)?;
+            save_or_warn(baker, checkpoint);
         }
     }
     progress.finish_and_clear();
-    baker.save(checkpoint)?;
-    Ok(losses)
+    save_or_warn(baker, checkpoint);
+    losses
+}
+
+/// Saves the state. If it cannot, because the disk has become full, the bake goes on: the look is smaller by far, and what
+/// was saved before stays.
+fn save_or_warn(baker: &Baker, checkpoint: &Path) {
+    if let Err(error) = baker.save(checkpoint) {
+        warn([format!("{error:#}: not saved, going on")]);
+    }
 }
 
 /// OUT.checkpoint.safetensors for OUT.look.safetensors.

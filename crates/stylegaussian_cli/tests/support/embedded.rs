@@ -8,9 +8,8 @@ use stylegaussian_encoder::Encoder;
 
 use crate::support::Bench;
 
-/// A flat board of 24 x 24 opaque Gaussians of many colors, visible from all around and above. Its made-up features
-/// have the encoder's 256 channels and 3 latent features.
-pub fn embedded(bench: &Bench, encoder: &Path) -> String {
+/// A flat board of 24 x 24 opaque Gaussians of many colors, visible from all around and above.
+pub fn board() -> Scene {
     const SIDE: usize = 24;
     let n = SIDE * SIDE;
     let at = |i: usize| i as f32 - (SIDE - 1) as f32 / 2.0;
@@ -26,6 +25,13 @@ pub fn embedded(bench: &Bench, encoder: &Path) -> String {
     };
     let shade = |i: usize, step: f32| 0.5 + 0.4 * (i as f32 * step).sin();
     scene.set_colors(&(0..n).map(|i| [shade(i, 0.31), shade(i, 0.17), shade(i, 0.05)]).collect::<Vec<_>>());
+    scene
+}
+
+/// The board as a file. Its made-up features have the encoder's 256 channels and 3 latent features.
+pub fn embedded(bench: &Bench, encoder: &Path) -> String {
+    let mut scene = board();
+    let n = scene.len();
     // Multiples of an irrational number, modulo 1, fill the interval evenly.
     let number = |i: usize, step: f64| ((i as f64 * step) % 1.0 * 2.0 - 1.0) as f32;
     scene.features = Some(Features {

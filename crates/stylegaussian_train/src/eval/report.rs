@@ -49,8 +49,9 @@ pub struct Measures {
     pub texture_rank: f64,
     /// Style error of the luminance.
     pub texture_error: f64,
-    /// Mean cosine distance of a covered cell's features to the nearest in the painting, at relu2_1 and relu3_1.
-    pub nearest_feature_distances: [f64; 2],
+    /// Mean cosine distance of a covered cell's features to the nearest in the painting, at relu2_1 and relu3_1:
+    /// the mean over those pictures that have a covered cell, `None` if there is none.
+    pub nearest_feature_distances: [Option<f64>; 2],
     /// Energy of fine texture over the painting's.
     pub grain: f64,
     /// Content error: mean squared distance of relu3_1 from the unstyled view's.
@@ -80,14 +81,14 @@ impl Evaluation {
         for row in &self.paintings {
             let name = row.path.file_name().unwrap_or_default().to_string_lossy();
             text += &format!(
-                "{:<32} {:>7.0}% {:>7.0}% {:>8.2} {:>8.3} {:>8.3} {:>8.3} {:>10.3} {:>8.3}\n",
+                "{:<32} {:>7.0}% {:>7.0}% {:>8.2} {:>8.3} {:>8.3} {:>8} {:>10.3} {:>8.3}\n",
                 name.chars().take(32).collect::<String>(),
                 100.0 * row.stylized.own_painting_nearest,
                 100.0 * row.stylized.texture_own_painting_nearest,
                 row.stylized.texture_rank,
                 row.stylized.style_error,
                 row.stylized.content_error,
-                row.stylized.nearest_feature_distances[1],
+                or_dash(row.stylized.nearest_feature_distances[1]),
                 row.recolored.style_error,
                 row.nearest_other,
             );
@@ -137,19 +138,30 @@ impl Evaluation {
     }
 }
 
+/// A number for the table, or a dash.
+fn or_dash(number: Option<f64>) -> String {
+    number.map_or_else(|| "-".into(), |number| format!("{number:.3}"))
+}
+
+/// The mean, or `None` if there are none.
+fn mean_of_some(numbers: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, n) = numbers.fold((0.0, 0), |(sum, n), number| (sum + number, n + 1));
+    (n > 0).then(|| sum / f64::from(n))
+}
+
 impl Measures {
     fn line(&self, name: &str) -> String {
         let relu4_1 = self.relu4_1_style_error.map_or_else(String::new, |error| format!(" ({error:.3})"));
         format!(
-            "{name:<10} {:>7.0}% {:>8.3} {:>8.3}   {:<23} {:>7.1}% {:>7.2} {:>8.3} {:>8.3} {:>7.3}\n",
+            "{name:<10} {:>7.0}% {:>8.3} {:>8.3}   {:<23} {:>7.1}% {:>7.2} {:>8} {:>8} {:>7.3}\n",
             100.0 * self.own_painting_nearest,
             self.style_error,
             self.content_error,
             format!("{:.3?}{relu4_1}", self.style_errors),
             100.0 * self.texture_own_painting_nearest,
             self.texture_rank,
-            self.nearest_feature_distances[0],
-            self.nearest_feature_distances[1],
+            or_dash(self.nearest_feature_distances[0]),
+            or_dash(self.nearest_feature_distances[1]),
             self.grain,
         )
     }
@@ -171,9 +183,25 @@ impl Measures {
             texture_own_painting_nearest: mean(&|measures| measures.texture_own_painting_nearest),
             texture_rank: mean(&|measures| measures.texture_rank),
             texture_error: mean(&|measures| measures.texture_error),
-            nearest_feature_distances: [0, 1].map(|i| mean(&|m| m.nearest_feature_distances[i])),
+            nearest_feature_distances: [0, 1]
+                .map(|i| mean_of_some(all.iter().filter_map(|m| m.nearest_feature_distances[i]))),
             grain: mean(&|measures| measures.grain),
             content_error: mean(&|measures| measures.content_error),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A view that sees nothing has no nearest features, and must not look like a perfect one.
+    #[test]
+    fn pictures_without_cells_do_not_count() {
+        let of = |distances| Measures { nearest_feature_distances: distances, ..Measures::default() };
+        let mean = Measures::mean(&[of([Some(0.2), None]), of([None, None]), of([Some(0.4), None])]);
+        let [relu2_1, relu3_1] = mean.nearest_feature_distances;
+        assert!((relu2_1.unwrap() - 0.3).abs() < 1e-12 && relu3_1.is_none());
+        assert!(mean.line("a").contains("0.300        - "), "{}", mean.line("a"));
     }
 }

@@ -1,0 +1,165 @@
+//! Baking on the command line: a board of a few hundred Gaussians, and a few steps.
+
+#[expect(dead_code, reason = "written for the tests of the command line, of which these use a part")]
+mod support;
+
+#[path = "support/embedded.rs"]
+#[expect(dead_code, reason = "written for the tests of the command line, of which these use a part")]
+mod embedded;
+
+use std::{
+    fs,
+    process::{Child, Command, Stdio},
+    thread,
+    time::{Duration, Instant},
+};
+
+use embedded::board;
+use stylegaussian::file;
+use support::{Bench, Run, stylegaussian};
+
+/// A bench with the scene `a.sgs` and the painting `p.png`.
+fn bench() -> Bench {
+    let bench = Bench::new();
+    file::write_scene(bench.path("a.sgs").as_ref(), &board()).unwrap();
+    let waves = |x: u32, y: u32| {
+        let wave = |step: f32| (127.0 + 120.0 * ((x * x / 40 + y) as f32 * step).sin()) as u8;
+        image::Rgb([wave(0.3), wave(0.2), 60])
+    };
+    image::RgbImage::from_fn(72, 64, waves).save(bench.path("p.png")).unwrap();
+    bench
+}
+
+fn bake(bench: &Bench, output: &str, more: &[&str]) -> Run {
+    let [scene, painting, output] = ["a.sgs", "p.png", output].map(|name| bench.path(name));
+    stylegaussian(&[&["bake", &scene, "--style", &painting, "-o", &output], more].concat())
+}
+
+/// Starts to bake `a.look.safetensors`, and returns when its checkpoint is written, before the first step.
+fn start(bench: &Bench, steps: [&str; 2]) -> Child {
+    let [scene, painting, output] = ["a.sgs", "p.png", "a.look.safetensors"].map(|name| bench.path(name));
+    let arguments = ["bake", &scene, "--style", &painting, "-o", &output];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_stylegaussian"));
+    let mut child = command.args(arguments).args(steps).stderr(Stdio::piped()).spawn().unwrap();
+    let checkpoint = bench.dir().join("a.checkpoint.safetensors");
+    let began = Instant::now();
+    while !checkpoint.exists() {
+        assert!(child.try_wait().unwrap().is_none(), "ended before its first step");
+        assert!(began.elapsed() < Duration::from_secs(120));
+        thread::sleep(Duration::from_millis(1));
+    }
+    child
+}
+
+#[test]
+fn a_baked_look_is_written_described_and_shown() {
+    let bench = bench();
+    let sheet = bench.path("s.png");
+    let run = bake(&bench, "a.look.safetensors", &["--steps", "2", "--json", "--sheet", &sheet]);
+    let json = run.expect_success().json();
+    assert_eq!((&json["gaussians"], &json["steps"]), (&576.into(), &2.into()));
+    // The last step compared luminance; the content is that of the step before it.
+    for loss in ["matching", "statistics", "content", "palette"] {
+        assert!(json["losses"][loss].as_f64().unwrap() > 0.0, "{loss}: {json}");
+    }
+    bench.expect_files(&["a.look.safetensors", "a.sgs", "p.png", "s.png"]);
+    let [scene, look] = ["a.sgs", "a.look.safetensors"].map(|name| bench.path(name));
+    let info = stylegaussian(&["info", &look, "--json"]).expect_success().json();
+    assert_eq!((&info["steps"], &info["paintings"][0]["name"]), (&2.into(), &"p.png".into()));
+    let colors = |look: &str| {
+        let out = bench.path("rgb.safetensors");
+        stylegaussian(&["stylize", &scene, "--look", look, "-o", &out]).expect_success();
+        bench.colors("rgb.safetensors")
+    };
+    // Strength 0 only recolors: the steps did something, and not the same to all.
+    bake(&bench, "r.look.safetensors", &["--steps", "2", "--strength", "0"]).expect_success();
+    let (painted, recolored) = (colors(&look), colors(&bench.path("r.look.safetensors")));
+    let changes: Vec<f32> = painted.iter().zip(&recolored).map(|(a, b)| (a[0] - b[0]).abs()).collect();
+    let largest = changes.into_iter().fold(0.0, f32::max);
+    assert!(largest > 0.02 && largest < 0.5, "{largest}");
+}
+
+/// Ctrl-C keeps what is done, and the same command goes on as if nothing had happened.
+#[test]
+#[cfg(unix)]
+fn an_interrupted_bake_goes_on() {
+    const STEPS: [&str; 2] = ["--steps", "6"];
+    let bench = bench();
+    let child = start(&bench, STEPS);
+    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let ended = child.wait_with_output().unwrap();
+    let message = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(1), "{message}");
+    assert!(message.contains("the look so far is written"), "{message}");
+    bench.expect_files(&["a.checkpoint.safetensors", "a.look.safetensors", "a.sgs", "p.png"]);
+
+    // Other settings would make another picture from it.
+    bake(&bench, "a.look.safetensors", &[&STEPS[..], &["--seed", "1"]].concat())
+        .expect_error("a.checkpoint.safetensors: found a bake with another scene, painting or setting");
+    let run = bake(&bench, "a.look.safetensors", &STEPS).expect_success();
+    assert!(run.stderr.contains("going on after step"), "{}", run.stderr);
+    bake(&bench, "b.look.safetensors", &STEPS).expect_success();
+    let [resumed, whole] =
+        ["a.look.safetensors", "b.look.safetensors"].map(|name| fs::read(bench.path(name)).unwrap());
+    assert!(resumed == whole, "an interruption changes nothing");
+    bench.expect_files(&["a.look.safetensors", "a.sgs", "b.look.safetensors", "p.png"]);
+}
+
+/// As if the disk became full: the look still comes.
+#[test]
+fn a_state_that_cannot_be_saved_costs_no_look() {
+    let bench = bench();
+    let child = start(&bench, ["--steps", "3"]);
+    // No file takes the place of a folder that is not empty.
+    let checkpoint = bench.dir().join("a.checkpoint.safetensors");
+    fs::remove_file(&checkpoint).unwrap();
+    fs::create_dir_all(checkpoint.join("full")).unwrap();
+    let ended = child.wait_with_output().unwrap();
+    let message = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(0), "{message}");
+    assert!(message.contains("warning: ") && message.contains("not saved, going on"), "{message}");
+    bench.expect_files(&["a.checkpoint.safetensors", "a.look.safetensors", "a.sgs", "p.png"]);
+}
+
+#[test]
+fn files_that_are_no_checkpoint_stay_as_they_are() {
+    let bench = bench();
+    fs::write(bench.path("a.checkpoint.safetensors"), "mine").unwrap();
+    bake(&bench, "a.look.safetensors", &["--steps", "1"])
+        .expect_error("a.checkpoint.safetensors: found a broken file");
+    assert_eq!(fs::read(bench.path("a.checkpoint.safetensors")).unwrap(), b"mine");
+    bench.expect_files(&["a.checkpoint.safetensors", "a.sgs", "p.png"]);
+}
+
+/// One color has no strokes and no contrast. The picture is of that color, and every number is finite.
+#[test]
+fn a_painting_of_one_gray_paints_all_gray() {
+    let bench = bench();
+    image::RgbImage::from_pixel(64, 64, image::Rgb([128; 3])).save(bench.path("p.png")).unwrap();
+    bake(&bench, "a.look.safetensors", &["--steps", "4"]).expect_success();
+    let look = file::read_look(bench.path("a.look.safetensors").as_ref()).unwrap();
+    let colors = look.colors_for(&board()).unwrap();
+    let farthest =
+        colors.as_flattened().iter().map(|value| (value - 128.0 / 255.0).abs()).fold(0.0, f32::max);
+    assert!(farthest < 0.1, "{farthest}");
+}
+
+#[test]
+fn a_scene_of_one_gaussian_is_baked_and_an_empty_one_is_refused() {
+    let bench = bench();
+    let mut one = board().subset(&[300]);
+    (one.features, one.neighbors) = (None, None);
+    file::write_scene(bench.path("a.sgs").as_ref(), &one).unwrap();
+    bake(&bench, "a.look.safetensors", &["--steps", "2"]).expect_success();
+    let look = file::read_look(bench.path("a.look.safetensors").as_ref()).unwrap();
+    assert!(look.colors_for(&one).unwrap()[0].iter().all(|value| value.is_finite()));
+
+    let ply = fs::read(bench.plain_scene("a.ply")).unwrap();
+    let end = ply.windows(11).position(|bytes| bytes == b"end_header\n").unwrap() + 11;
+    let header = String::from_utf8(ply[..end].to_vec()).unwrap().replace("vertex 40", "vertex 0");
+    fs::write(bench.path("a.ply"), header).unwrap();
+    let [empty, painting, output] = ["a.ply", "p.png", "b.look.safetensors"].map(|name| bench.path(name));
+    stylegaussian(&["bake", &empty, "--style", &painting, "-o", &output])
+        .expect_error("a.ply: found no Gaussian, expected at least one");
+    bench.expect_files(&["a.look.safetensors", "a.ply", "a.sgs", "p.png"]);
+}
