@@ -1,6 +1,7 @@
 //! From Gaussians to the bytes of an SPZ file, version 3 or 4.
 
 use std::{
+    borrow::Cow,
     f32::consts::FRAC_1_SQRT_2,
     io::{self, Write},
 };
@@ -13,13 +14,15 @@ use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 use super::{
     container::FRAMES_HEADER_BYTES,
     decode::{COLOR_SCALE, MAX_MAGNITUDE, SIGN},
-    header::{ANTIALIASED, Header},
+    extension,
+    header::{ANTIALIASED, HAS_EXTENSIONS, Header},
 };
 use crate::{
     axes::{Axes, sh_signs},
     file::{
         error::{Mismatch, mismatch},
         format::{Unwritten, WriteOptions},
+        upright::upright,
     },
     scene::{Scene, ScreenFilter},
     sh,
@@ -34,7 +37,7 @@ const MAX_FRACTIONAL_BITS: u8 = 23;
 /// The largest integer of a coordinate: 24 bits with a sign.
 const MAX_INTEGER: f64 = 8_388_607.0;
 
-/// Writes a scene in axes RUB and in the source's order. Features, neighbors and decoder have no place in the file.
+/// Writes a scene upright, in axes RUB and in the source's order. Features, neighbors and decoder have no place in the file.
 pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) -> Result<(), Unwritten> {
     let version = match options.spz_version {
         version @ (3 | 4) => u32::from(version),
@@ -43,31 +46,47 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
     if i32::try_from(scene.len()).is_err() {
         return Err(mismatch(format_args!("{} Gaussians", scene.len()), "fewer than 2^31").into());
     }
+    let (scene, up) = upright(Cow::Borrowed(scene))?;
+    // Of scenes that were turned only: few programs write extensions, so some may not read them.
+    let extensions = up.map(extension::up_record).unwrap_or_default();
     let captured = scene.sh.as_ref().map_or(0, |sh| sh.degree);
     let header = Header {
         version,
         n: scene.len(),
         degree: captured.min(options.sh_degree),
-        fractional_bits: fractional_bits(scene)?,
-        flags: if scene.filter == ScreenFilter::Antialiased { ANTIALIASED } else { 0 },
+        fractional_bits: fractional_bits(&scene)?,
+        flags: if scene.filter == ScreenFilter::Antialiased { ANTIALIASED } else { 0 }
+            | if extensions.is_empty() { 0 } else { HAS_EXTENSIONS },
     };
-    let arrays = arrays(scene, header);
-    let written =
-        if version == 3 { write_gzip(out, header, &arrays) } else { write_frames(out, header, &arrays) };
-    Ok(written?)
+    let arrays = arrays(&scene, header);
+    Ok(match version {
+        3 => write_gzip(out, header, &arrays, &extensions)?,
+        _ => write_frames(out, header, &arrays, &extensions)?,
+    })
 }
 
 /// Version 3: everything in one gzip stream.
-fn write_gzip(out: &mut dyn Write, header: Header, arrays: &[Vec<u8>; 6]) -> io::Result<()> {
+fn write_gzip(
+    out: &mut dyn Write,
+    header: Header,
+    arrays: &[Vec<u8>; 6],
+    extensions: &[u8],
+) -> io::Result<()> {
     let mut encoder = GzEncoder::new(out, Compression::default());
     encoder.write_all(&header.to_bytes())?;
     arrays.iter().try_for_each(|array| encoder.write_all(array))?;
+    encoder.write_all(extensions)?;
     encoder.finish()?;
     Ok(())
 }
 
-/// Version 4: the header and the table of lengths in plain, and a zstd frame for each array that is not empty.
-fn write_frames(out: &mut dyn Write, header: Header, arrays: &[Vec<u8>; 6]) -> io::Result<()> {
+/// Version 4: the header, extensions and the table of lengths in plain, and a zstd frame for each array that is not empty.
+fn write_frames(
+    out: &mut dyn Write,
+    header: Header,
+    arrays: &[Vec<u8>; 6],
+    extensions: &[u8],
+) -> io::Result<()> {
     let filled: Vec<&Vec<u8>> = arrays.iter().filter(|array| !array.is_empty()).collect();
     let frames: Vec<Vec<u8>> =
         filled.par_iter().map(|array| compress_to_vec(&array[..], CompressionLevel::Fastest)).collect();
@@ -75,8 +94,10 @@ fn write_frames(out: &mut dyn Write, header: Header, arrays: &[Vec<u8>; 6]) -> i
     first[..16].copy_from_slice(&header.to_bytes());
     // At most six, and the table follows at once.
     first[15] = frames.len() as u8;
-    first[16] = FRAMES_HEADER_BYTES as u8;
+    let at_table = (FRAMES_HEADER_BYTES + extensions.len()) as u32;
+    first[16..20].copy_from_slice(&at_table.to_le_bytes());
     out.write_all(&first)?;
+    out.write_all(extensions)?;
     for (frame, array) in frames.iter().zip(filled) {
         out.write_all(&(frame.len() as u64).to_le_bytes())?;
         out.write_all(&(array.len() as u64).to_le_bytes())?;
