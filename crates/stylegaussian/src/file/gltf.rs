@@ -38,7 +38,7 @@ pub(super) const GLB: Format = Format {
     extensions: &["glb"],
     recognizes: |bytes, _| bytes.starts_with(document::MAGIC),
     read,
-    write: Some(write::write),
+    write: Some(|out, scene, options| write::write(out, scene, options).map(|()| Vec::new())),
 };
 
 /// The format as text, with buffers inside or beside it.

@@ -38,7 +38,11 @@ const MAX_FRACTIONAL_BITS: u8 = 23;
 const MAX_INTEGER: f64 = 8_388_607.0;
 
 /// Writes a scene upright, in axes RUB and in the source's order. Features, neighbors and decoder have no place in the file.
-pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) -> Result<(), Unwritten> {
+pub(super) fn write(
+    out: &mut dyn Write,
+    scene: &Scene,
+    options: &WriteOptions,
+) -> Result<Vec<String>, Unwritten> {
     let version = match options.spz_version {
         version @ (3 | 4) => u32::from(version),
         other => return Err(mismatch(format_args!("SPZ version {other}"), "3 or 4").into()),
@@ -59,10 +63,48 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
             | if extensions.is_empty() { 0 } else { HAS_EXTENSIONS },
     };
     let arrays = arrays(&scene, header);
-    Ok(match version {
+    match version {
         3 => write_gzip(out, header, &arrays, &extensions)?,
         _ => write_frames(out, header, &arrays, &extensions)?,
-    })
+    }
+    Ok(clamped(&scene, header))
+}
+
+/// Warnings of the values that a byte cannot hold.
+fn clamped(scene: &Scene, header: Header) -> Vec<String> {
+    // Half a step beyond the ends is rounded and not clamped.
+    let is_beyond = |code: f32| !(-0.5..=255.5).contains(&code);
+    let width = scene.sh.as_ref().map_or(0, |sh| 3 * sh::n_coefficients(sh.degree));
+    let n_kept = 3 + header.sh_bytes();
+    let count = |is_clamped: &(dyn Fn(usize) -> bool + Sync)| {
+        (0..scene.len()).into_par_iter().filter(|&i| is_clamped(i)).count()
+    };
+    let coefficients =
+        |i: usize| scene.sh.as_ref().map_or(&[][..], |sh| &sh.coefficients[i * width..][..n_kept]);
+    // A Gaussian is as thin as the smallest size if it is thinner, which nobody sees.
+    let sizes = count(&|i| is_beyond(scale_code(scene.scales[i].max_element())));
+    let colors = count(&|i| coefficients(i).iter().take(3).any(|&value| is_beyond(color_code(value))));
+    let harmonics = count(&|i| coefficients(i).iter().skip(3).any(|&value| is_beyond(harmonic_code(value))));
+    [(sizes, "sizes"), (colors, "colors"), (harmonics, "spherical harmonics beyond degree 0")]
+        .into_iter()
+        .filter(|(n, _)| *n > 0)
+        .map(|(n, what)| format!("{n} Gaussians have {what} that SPZ cannot hold, which were clamped"))
+        .collect()
+}
+
+/// The code of a standard deviation, before it is rounded and clamped.
+fn scale_code(scale: f32) -> f32 {
+    (scale.ln() + 10.0) * 16.0
+}
+
+/// The code of a coefficient of degree 0.
+fn color_code(value: f32) -> f32 {
+    (value * COLOR_SCALE + 0.5) * 255.0
+}
+
+/// The code of any other coefficient.
+fn harmonic_code(value: f32) -> f32 {
+    value * 128.0 + 128.0
 }
 
 /// Version 3: everything in one gzip stream.
@@ -143,15 +185,15 @@ fn arrays(scene: &Scene, header: Header) -> [Vec<u8>; 6] {
         rotation_to_smallest_three((rotation.xyz() * signs).extend(rotation.w).into())
     };
     let opacities = |&i: &u32| byte(scene.opacities[i as usize] * 255.0);
-    let colors = |&i: &u32| [0, 1, 2].map(|c| byte((coefficients(i)[c] * COLOR_SCALE + 0.5) * 255.0));
-    let scales = |&i: &u32| scene.scales[i as usize].to_array().map(|scale| byte((scale.ln() + 10.0) * 16.0));
+    let colors = |&i: &u32| [0, 1, 2].map(|c| byte(color_code(coefficients(i)[c])));
+    let scales = |&i: &u32| scene.scales[i as usize].to_array().map(|scale| byte(scale_code(scale)));
     let n_rest = header.sh_bytes();
     let mut rest = vec![0; n_rest * order.len()];
     if n_rest > 0 {
         rest.par_chunks_exact_mut(n_rest).zip(&order).for_each(|(row, &i)| {
             let values = &coefficients(i)[3..];
             for (k, (byte_of, value)) in row.iter_mut().zip(values).enumerate() {
-                *byte_of = byte(value * sh_signs[1 + k / 3] * 128.0 + 128.0);
+                *byte_of = byte(harmonic_code(value * sh_signs[1 + k / 3]));
             }
         });
     }
