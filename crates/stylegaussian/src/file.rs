@@ -34,6 +34,7 @@ mod splat;
 mod spz;
 mod style;
 mod tensors;
+mod upright;
 
 pub use atomic::{abandon_partial_files, expect_writable, write_atomically};
 use bytes::read_bytes;

@@ -20,6 +20,7 @@ mod up;
 use crate::{Camera, Scene};
 use glam::UVec2;
 
+pub use backdrop::bounds_without_backdrop;
 use candidates::Candidate;
 use coverage::TestViews;
 use survey::Survey;

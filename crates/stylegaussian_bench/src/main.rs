@@ -8,10 +8,12 @@ mod cpu;
 #[cfg(feature = "offline")]
 mod encode;
 mod fidelity;
+mod files;
 mod frame;
 mod gpu;
 mod literal;
 mod measure;
+mod memory;
 #[cfg(feature = "offline")]
 mod offline;
 mod peer;
@@ -47,7 +49,7 @@ struct Arguments {
     #[cfg(feature = "offline")]
     #[arg(long, value_name = "FILE")]
     vgg: Option<PathBuf>,
-    /// Run only groups with this in their name: ceilings, encode, style, memory, literal, cpu, pytorch, frame, peer, offline.
+    /// Run only groups with this in their name: ceilings, encode, style, memory, literal, cpu, files, pytorch, frame, peer, offline.
     #[arg(long, value_name = "WORD")]
     only: Option<String>,
 }
@@ -96,6 +98,7 @@ fn groups(arguments: &Arguments) -> Vec<(&'static str, Group<'_>)> {
         ("literal", needs_gpu(literal::run)),
         ("memory", Box::new(|_, plan, report| style::memory(plan, report))),
         ("cpu", Box::new(|_, plan, report| cpu::run(plan, report))),
+        ("files", Box::new(|_, plan, report| files::run(plan, report))),
         ("pytorch", Box::new(|_, plan, report| pytorch::run(plan, report))),
         ("frame", needs_gpu(frame::run)),
         ("peer", Box::new(|_, plan, report| peer::run(arguments.peer.as_deref(), plan, report))),

@@ -35,6 +35,11 @@ impl Plan {
         if self.quick { &[20_000] } else { &[20_000, 100_000, 300_000] }
     }
 
+    /// Gaussians of scenes that are read.
+    pub fn file_size(&self) -> usize {
+        if self.quick { 100_000 } else { 1_000_000 }
+    }
+
     /// Gaussians of frames.
     pub fn frame_sizes(&self) -> &'static [usize] {
         match (self.on_gpu, self.quick) {

@@ -71,6 +71,20 @@ pub struct Exponents {
     pub frame: Option<f64>,
 }
 
+/// Reading of a format. Smaller is better.
+#[derive(Clone, Debug, Serialize)]
+pub struct FileRatios {
+    /// The format.
+    pub name: String,
+    /// Bytes of its file per Gaussian.
+    pub bytes_per_gaussian: f64,
+    /// The time of reading, relative to decompressing the file's bytes alone, or to copying them if the format has no
+    /// compression.
+    pub read_over_unpack: f64,
+    /// The most memory while reading, the file included, relative to what the scene holds.
+    pub peak_over_held: f64,
+}
+
 /// All results.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
@@ -82,6 +96,8 @@ pub struct Report {
     pub rows: Vec<Row>,
     /// Rows that could not run.
     pub not_run: Vec<NotRun>,
+    /// Ratios of reading, one for each format.
+    pub files: Vec<FileRatios>,
     /// Ratios of rows.
     pub ratios: Ratios,
     /// Growth of times.
@@ -149,6 +165,7 @@ impl Report {
             machine: machine(),
             rows: Vec::new(),
             not_run: Vec::new(),
+            files: Vec::new(),
             ratios: Ratios::default(),
             exponents: Exponents::default(),
         }
@@ -227,6 +244,14 @@ impl Report {
         if !self.not_run.is_empty() {
             text += "\n| not run | why |\n| --- | --- |\n";
             self.not_run.iter().for_each(|it| text += &format!("| {} | {} |\n", it.name, it.reason));
+        }
+        if !self.files.is_empty() {
+            text += "\n| format | bytes per Gaussian | read / unpack | peak / scene |\n| --- | ---: | ---: | ---: |\n";
+        }
+        for FileRatios { name, bytes_per_gaussian, read_over_unpack, peak_over_held } in &self.files {
+            text += &format!(
+                "| {name} | {bytes_per_gaussian:.1} | {read_over_unpack:.2} | {peak_over_held:.2} |\n"
+            );
         }
         append_named(&mut text, "ratio", &self.ratios.named());
         append_named(&mut text, "exponent of N", &self.exponents.named());

@@ -4,77 +4,19 @@ use std::{
     fs::{self, File},
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
-    process,
-    sync::{
-        Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicU32, Ordering},
-    },
 };
 
 use super::error::FileError;
 
+mod partial;
+
+use partial::Partial;
+pub use partial::abandon_partial_files;
+
 /// Links that are followed to a file, as many as Linux follows.
 const MAX_LINKS: usize = 40;
 
-/// The partial files of this process, for [`abandon_partial_files`].
-static PARTIALS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
-
-fn partials() -> MutexGuard<'static, Vec<PathBuf>> {
-    // A list of paths has no state that a panic could leave half done.
-    PARTIALS.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// A partial file, removed on drop unless it was renamed. Drop runs on an error, and on a panic too.
-struct Partial {
-    path: PathBuf,
-    file: File,
-}
-
-impl Partial {
-    /// Creates an empty file in the directory of `path`.
-    fn beside(path: &Path) -> io::Result<Self> {
-        let path = hidden_name(path)?;
-        let mut partials = partials();
-        // `create_new` refuses a path that exists, so that no link there is followed.
-        let file = File::create_new(&path)?;
-        partials.push(path.clone());
-        Ok(Self { path, file })
-    }
-
-    fn rename(self, path: &Path) -> io::Result<()> {
-        // Under the lock, so that nobody removes the file meanwhile.
-        let mut partials = partials();
-        fs::rename(&self.path, path)?;
-        partials.retain(|partial| *partial != self.path);
-        Ok(())
-    }
-}
-
-impl Drop for Partial {
-    fn drop(&mut self) {
-        let mut partials = partials();
-        let n = partials.len();
-        partials.retain(|partial| *partial != self.path);
-        // One that was renamed is not in the list any more.
-        if partials.len() < n {
-            // A failure to remove it is not reported: the error that led here is the one worth reading.
-            let _ = fs::remove_file(&self.path);
-        }
-    }
-}
-
-/// Removes all partial files of this process, which is about to end by a signal. Threads that begin or finish a file
-/// after this call wait forever.
-pub fn abandon_partial_files() {
-    let partials = partials();
-    for path in partials.iter() {
-        // The process ends: there is nobody to tell.
-        let _ = fs::remove_file(path);
-    }
-    std::mem::forget(partials);
-}
-
-/// Writes a file beside `path`, syncs it to disk and renames it to `path`, replacing an older file.
+/// Writes a file beside `path`, syncs it to disk and gives it the name `path`, replacing an older file.
 ///
 /// On failure the partial file is removed and an older file stays as it was. The new file has the permissions of the
 /// older one. If `path` is a symbolic link, the file that it leads to is replaced and the link stays. If it is a device
@@ -102,7 +44,7 @@ pub fn write_atomically(
     }
     // Without this a power failure may leave the new name with none of the data.
     partial.file.sync_all().map_err(at)?;
-    partial.rename(&target).map_err(at)
+    partial.publish(&target).map_err(at)
 }
 
 /// Checks that [`write_atomically`] can write a file at `path`, without leaving one. Minutes of work can then be spared
@@ -134,18 +76,6 @@ fn followed(path: &Path) -> io::Result<PathBuf> {
         path = path.parent().unwrap_or(Path::new("")).join(target);
     }
     Err(io::Error::other("too many symbolic links"))
-}
-
-/// A name in the directory of `path` that no other writer uses.
-fn hidden_name(path: &Path) -> io::Result<PathBuf> {
-    static COUNTER: AtomicU32 = AtomicU32::new(0);
-    if path.file_name().is_none() {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"));
-    }
-    let count = COUNTER.fetch_add(1, Ordering::Relaxed);
-    // In the same directory, since a rename is atomic within one file system only. Process and count keep writers
-    // apart. Without the file's own name, which may be as long as names can be.
-    Ok(path.with_file_name(format!(".{}-{count}.partial", process::id())))
 }
 
 #[cfg(test)]

@@ -25,8 +25,8 @@ pub(super) struct Format {
     pub write: Option<WriteScene>,
 }
 
-/// A writer of scenes.
-type WriteScene = fn(&mut dyn Write, &Scene, &WriteOptions) -> Result<(), Unwritten>;
+/// A writer of scenes. It returns warnings of what was clamped, one sentence each.
+type WriteScene = fn(&mut dyn Write, &Scene, &WriteOptions) -> Result<Vec<String>, Unwritten>;
 
 /// A scene that was not written.
 #[derive(Debug)]

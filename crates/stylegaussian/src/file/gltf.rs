@@ -15,6 +15,7 @@ use super::{
     files::{Files, Unread},
     format::{Format, ReadOptions},
     place,
+    upright::laid_back,
 };
 use crate::axes::Axes;
 
@@ -37,7 +38,7 @@ pub(super) const GLB: Format = Format {
     extensions: &["glb"],
     recognizes: |bytes, _| bytes.starts_with(document::MAGIC),
     read,
-    write: Some(write::write),
+    write: Some(|out, scene, options| write::write(out, scene, options).map(|()| Vec::new())),
 };
 
 /// The format as text, with buffers inside or beside it.
@@ -76,11 +77,12 @@ fn read(files: &Files, options: &ReadOptions) -> Result<Loaded, Unread> {
     let mut seen = std::collections::BTreeSet::new();
     warnings.retain(|warning| seen.insert(warning.clone()));
     let scene = drop_broken(scene, &mut warnings);
-    let (axes, because) = match options.axes {
-        Some(axes) => (axes, "they were asked for"),
-        None => (Axes::RUB, "glTF is y-up by its specification"),
-    };
-    Ok(Loaded::turned(scene, warnings, axes, because))
+    if let Some(axes) = options.axes {
+        return Ok(Loaded::turned(scene, warnings, axes, "they were asked for"));
+    }
+    let because = "glTF is y-up by its specification";
+    let up_before = application::up_before(&document.json);
+    Ok(laid_back(Loaded::turned(scene, warnings, Axes::RUB, because), up_before)?)
 }
 
 /// The primitives with Gaussians, each with the transform of its node.

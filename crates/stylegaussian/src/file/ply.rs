@@ -35,7 +35,7 @@ pub(super) const FORMAT: Format = Format {
     extensions: &["ply"],
     recognizes: |bytes, _| matches!(bytes, [b'p', b'l', b'y', b'\n' | b'\r' | b' ' | b'\t', ..]),
     read: |files, _| Ok(read(&files.main)?),
-    write: Some(|out, scene, _| Ok(write::write(out, scene)?)),
+    write: Some(|out, scene, _| Ok(write::write(out, scene).map(|()| Vec::new())?)),
 };
 
 /// The properties of a 3DGS file, for messages.

@@ -120,14 +120,14 @@ pub fn scene_from_bytes(bytes: &[u8], name: &str) -> Result<Loaded, FileError> {
 /// # Errors
 /// If the extension is another, the scene contradicts itself, or the file cannot be written.
 pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), FileError> {
-    write_scene_with(path, scene, WriteOptions::default())
+    write_scene_with(path, scene, WriteOptions::default()).map(drop)
 }
 
-/// Writes a scene as [`write_scene`] does, with choices.
+/// Writes a scene as [`write_scene`] does, with choices. Returns warnings of what was clamped, one sentence each.
 ///
 /// # Errors
 /// As [`write_scene`].
-pub fn write_scene_with(path: &Path, scene: &Scene, options: WriteOptions) -> Result<(), FileError> {
+pub fn write_scene_with(path: &Path, scene: &Scene, options: WriteOptions) -> Result<Vec<String>, FileError> {
     if scene.is_empty() {
         return Err(mismatch("no Gaussian", "at least one").at(path));
     }
@@ -137,9 +137,12 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: WriteOptions) -> Re
         return Err(mismatch(format_args!("extension `{extension}`"), writable()).at(path));
     };
     let scene = scene.with_sh_degree_at_most(options.sh_degree);
-    let mut refused = None;
+    let (mut warnings, mut refused) = (Vec::new(), None);
     let written = write_atomically(path, |out| match write(out, &scene, &options) {
-        Ok(()) => Ok(()),
+        Ok(clamped) => {
+            warnings = clamped;
+            Ok(())
+        }
         Err(Unwritten::Io(error)) => Err(error),
         Err(Unwritten::Mismatch(mismatch)) => {
             refused = Some(mismatch);
@@ -147,7 +150,10 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: WriteOptions) -> Re
             Err(io::ErrorKind::InvalidInput.into())
         }
     });
-    refused.map_or(written, |mismatch| Err(mismatch.at(path)))
+    match refused {
+        Some(mismatch) => Err(mismatch.at(path)),
+        None => written.map(|()| warnings),
+    }
 }
 
 /// The extension in lower case, or an empty text if there is none.

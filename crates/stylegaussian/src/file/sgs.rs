@@ -47,7 +47,7 @@ pub(super) const FORMAT: Format = Format {
     extensions: &["sgs"],
     recognizes: |bytes, _| is_safetensors(bytes),
     read: |files, _| Ok(read(&files.main)?),
-    write: Some(|out, scene, _| write(out, scene)),
+    write: Some(|out, scene, _| write(out, scene).map(|()| Vec::new())),
 };
 
 /// Whether a file begins as safetensors do: with the length of their JSON header, 8 bytes, and the header. A length beyond

@@ -31,7 +31,7 @@ pub(super) const FORMAT: Format = Format {
     extensions: &["splat"],
     recognizes: |_, extension| extension == "splat",
     read: |files, _| Ok(read(&files.main)?),
-    write: Some(|out, scene, _| Ok(write(out, scene)?)),
+    write: Some(|out, scene, _| Ok(write(out, scene).map(|()| clamped(scene))?)),
 };
 
 /// Size of a Gaussian, in bytes.
@@ -83,6 +83,15 @@ fn write(out: &mut dyn Write, scene: &Scene) -> io::Result<()> {
         out.write_all(&row(scene, i as usize))?;
     }
     Ok(())
+}
+
+/// A warning of the colors that [`write`] clamps.
+fn clamped(scene: &Scene) -> Vec<String> {
+    // Half a step beyond the ends is rounded and not clamped.
+    let is_beyond = |value: &f32| !(-0.5..=255.5).contains(&(value * 255.0));
+    let n = scene.base_colors().iter().filter(|rgb| rgb.iter().any(is_beyond)).count();
+    let warning = || format!("{n} Gaussians have colors beyond 0 to 1, which were clamped");
+    (n > 0).then(warning).into_iter().collect()
 }
 
 fn row(scene: &Scene, i: usize) -> [u8; ROW] {

@@ -14,6 +14,7 @@ use super::{
     files::{Files, Unread},
     format::{Format, ReadOptions},
     place,
+    upright::laid_back,
 };
 use crate::{axes::Axes, scene::Scene};
 
@@ -38,8 +39,8 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, Mismat
     let contents = container::unpack(bytes)?;
     let mut warnings = Vec::new();
     let mut scene = decode::decode(&contents, &mut warnings);
-    let system = extension::coordinate_system(&contents.extensions, &mut warnings);
-    let (axes, because) = match (options.axes, system) {
+    let found = extension::read(&contents.extensions, &mut warnings);
+    let (axes, because) = match (options.axes, found.coordinate_system) {
         (Some(axes), _) => (axes, "they were asked for"),
         (None, None) => (Axes::RUB, "the specification of SPZ says so"),
         (None, Some(system)) => match extension::axes(system) {
@@ -52,7 +53,8 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, Mismat
             }
         },
     };
-    Ok(Loaded::turned(scene, warnings, axes, because))
+    let up_before = found.up_before.filter(|_| options.axes.is_none());
+    laid_back(Loaded::turned(scene, warnings, axes, because), up_before)
 }
 
 /// Reads a scene without turning its axes, for files that have one inside.

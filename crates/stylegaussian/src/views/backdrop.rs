@@ -22,15 +22,36 @@ const LEAST_SCENE: f32 = 0.1;
 /// The indices of all Gaussians that belong to the scene, or `None` if all of them do.
 pub(super) fn without_backdrop(scene: &Scene) -> Option<Vec<u32>> {
     let stride = scene.len().div_ceil(N_SAMPLE).max(1);
-    let sample: Vec<Vec3> = scene.means.iter().copied().step_by(stride).collect();
-    let ones = vec![1.0; sample.len()];
-    let median = |axis: usize| quantiles(sample.iter().map(|mean| mean[axis]), &ones, [0.5])[0];
-    let middle = Vec3::new(median(0), median(1), median(2));
-    let mut distances: Vec<f32> = sample.iter().map(|mean| mean.distance(middle)).collect();
-    distances.sort_unstable_by(f32::total_cmp);
-    let limit = GAP * reach(&distances)?;
+    let middle = middle(scene, stride);
+    let limit = GAP * reach(&distances(scene, stride, middle))?;
     let is_near = |&i: &u32| scene.means[i as usize].distance(middle) < limit;
     Some((0..scene.len() as u32).filter(is_near).collect())
+}
+
+/// The smallest and the largest corner of the box around the means of a scene without what lies far behind it, be it a sky
+/// or a single stray. `None` if nothing does: the box is [`Scene::bounds`].
+pub fn bounds_without_backdrop(scene: &Scene) -> Option<(Vec3, Vec3)> {
+    let middle = middle(scene, scene.len().div_ceil(N_SAMPLE).max(1));
+    // A sample may have no stray.
+    let limit = GAP * reach(&distances(scene, 1, middle))?;
+    let near = scene.means.iter().copied().filter(|mean| mean.distance(middle) < limit);
+    near.map(|mean| (mean, mean)).reduce(|(min, max), (mean, _)| (min.min(mean), max.max(mean)))
+}
+
+/// The median along each axis, of every `stride`-th Gaussian.
+fn middle(scene: &Scene, stride: usize) -> Vec3 {
+    let sample = || scene.means.iter().step_by(stride);
+    let ones = vec![1.0; sample().len()];
+    let median = |axis: usize| quantiles(sample().map(|mean| mean[axis]), &ones, [0.5])[0];
+    Vec3::new(median(0), median(1), median(2))
+}
+
+/// The distances of every `stride`-th Gaussian from `middle`, in ascending order.
+fn distances(scene: &Scene, stride: usize, middle: Vec3) -> Vec<f32> {
+    let mut distances: Vec<f32> =
+        scene.means.iter().step_by(stride).map(|mean| mean.distance(middle)).collect();
+    distances.sort_unstable_by(f32::total_cmp);
+    distances
 }
 
 /// The distance of the scene's last Gaussian in front of a gap, or `None` if there is no gap with something behind it.

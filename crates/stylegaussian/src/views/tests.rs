@@ -146,11 +146,17 @@ fn a_sky_far_away_changes_no_view() {
         add_sky(&mut under_sky, middle, radius);
         assert_eq!(choose_views(&under_sky, 8, SIZE), choose_views(&plain, 8, SIZE));
         assert_eq!(orbit(&under_sky, 4, SIZE), orbit(&plain, 4, SIZE));
+        // The box is that of the scene itself, and there is no other without a sky.
+        assert_eq!(bounds_without_backdrop(&under_sky), plain.bounds());
+        assert_eq!(bounds_without_backdrop(&plain), None);
         // Strays, as most captures have.
         let mut with_strays = plain.clone();
         with_strays.means[0] = Vec3::splat(1e6);
         let [a, b] = [&with_strays, &plain].map(|scene| Survey::new(scene).unwrap().radius);
         assert!((a / b - 1.0).abs() < 0.05, "radius {a} instead of {b}");
+        let (min, max) = bounds_without_backdrop(&with_strays).expect("a stray is far away");
+        let (whole_min, whole_max) = plain.bounds().unwrap();
+        assert!(whole_min.cmple(min).all() && max.cmple(whole_max).all(), "{min} {max}");
     }
 }
 

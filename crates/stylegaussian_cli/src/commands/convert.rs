@@ -85,7 +85,9 @@ pub fn run(arguments: &ConvertArgs) -> Result<()> {
         file::write_decoder(output, decoder, Precision::F32)?;
     } else {
         let options = WriteOptions { sh_degree: arguments.sh_degree, ..arguments.writing.options() };
-        file::write_scene_with(output, &scene, options)?;
+        let clamped = file::write_scene_with(output, &scene, options)?;
+        warn(&clamped);
+        warnings.extend(clamped);
         // A pipe cannot be read back.
         if fs::metadata(output).is_ok_and(|written| written.is_file()) {
             let written = file::read_scene_with(output, ReadOptions::default())?.scene;

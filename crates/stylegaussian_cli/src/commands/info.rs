@@ -7,9 +7,11 @@ use std::{
 
 use anyhow::Result;
 use clap::Args;
+use glam::Vec3;
 use serde::Serialize;
 use stylegaussian::{
     Decoder, EncoderId, Features, Scene, SceneFingerprint, file::Loaded, scene::ScreenFilter,
+    views::bounds_without_backdrop,
 };
 use stylegaussian_gpu::{colors::GaussianColors, splat::GpuScene, style::StyleScene};
 
@@ -54,6 +56,8 @@ struct Info<'a> {
     fingerprint: String,
     sh_degree: Option<u8>,
     bounds: Option<[[f32; 3]; 2]>,
+    /// The bounds without a sky or strays far behind the scene, if there are any.
+    bounds_without_backdrop: Option<[[f32; 3]; 2]>,
     up: Option<[f32; 3]>,
     source: Option<&'a str>,
     license: Option<&'a str>,
@@ -153,7 +157,8 @@ fn describe<'a>(path: &'a Path, loaded: &'a Loaded) -> Info<'a> {
         n_source: scene.n_source,
         fingerprint: SceneFingerprint::of(scene).to_string(),
         sh_degree: scene.sh.as_ref().map(|sh| sh.degree),
-        bounds: scene.bounds().map(|(min, max)| [min.to_array(), max.to_array()]),
+        bounds: scene.bounds().map(corners),
+        bounds_without_backdrop: bounds_without_backdrop(scene).map(corners),
         up: scene.up.map(|up| up.to_array()),
         source: scene.source.as_deref(),
         license: scene.license.as_deref(),
@@ -164,6 +169,10 @@ fn describe<'a>(path: &'a Path, loaded: &'a Loaded) -> Info<'a> {
         gpu_bytes,
         warnings: loaded.warnings.clone(),
     }
+}
+
+fn corners((min, max): (Vec3, Vec3)) -> [[f32; 3]; 2] {
+    [min.to_array(), max.to_array()]
 }
 
 impl FeaturesInfo {
@@ -212,6 +221,9 @@ fn text(info: &Info) -> String {
     row("SH degree", info.sh_degree.map_or("none: no captured colors".into(), |degree| degree.to_string()));
     if let Some([min, max]) = info.bounds {
         row("bounds", format!("{min:?} to {max:?}"));
+    }
+    if let Some([min, max]) = info.bounds_without_backdrop {
+        row("", format!("{min:?} to {max:?} without what lies far behind"));
     }
     if let Some(up) = info.up {
         row("up", format!("{up:?}"));

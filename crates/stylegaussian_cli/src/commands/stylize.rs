@@ -15,7 +15,7 @@ use crate::{
     outputs::expect_files,
     scenes::{ReadArgs, WriteArgs, extension, is_writable, unexpected_extension},
     stylization::{Stylization, StylizationArgs},
-    terminal::{lossy, print},
+    terminal::{lossy, print, warn},
 };
 
 /// Stylize a scene with one painting or look, or a mix of several.
@@ -82,25 +82,28 @@ pub fn run(arguments: &StylizeArgs) -> Result<()> {
     let mut result = stylization.stylize(&scene, path, &mut compute)?;
     // Both kinds are printed already. In JSON they come in the order of printing.
     result.warnings.splice(0..0, loaded.warnings);
-    write(format, output, writing.options(), &mut scene, &result)?;
+    let clamped = write(format, output, writing.options(), &mut scene, &result)?;
+    warn(&clamped);
+    result.warnings.extend(clamped);
     let stylized = Stylized { scene: path, output, n_gaussians: scene.len(), stylization: &result };
     print(*json, &stylized, || format!("{}: {} Gaussians stylized", output.display(), scene.len()))
 }
 
+/// Writes the result. Returns warnings of what was clamped.
 fn write(
     format: Format,
     path: &Path,
     options: WriteOptions,
     scene: &mut Scene,
     result: &Stylization,
-) -> Result<()> {
+) -> Result<Vec<String>> {
     match format {
         Format::Scene => {
             scene.set_colors(&result.colors);
-            file::write_scene_with(path, scene, options)?;
+            return Ok(file::write_scene_with(path, scene, options)?);
         }
         Format::Look => file::write_look(path, &Look::new(scene, &result.colors, result.made_from()))?,
         Format::Colors => file::write_colors(path, &result.colors, scene)?,
     }
-    Ok(())
+    Ok(Vec::new())
 }

@@ -40,6 +40,9 @@ use crate::{
 /// The key in `extras`.
 pub(super) const KEY: &str = "stylegaussian";
 
+/// The key in the asset's `extras` of the up direction that a scene had before it was set upright, in axes RDF.
+pub(super) const UP_BEFORE: &str = "upBefore";
+
 /// The format's name in its metadata.
 const FORMAT_NAME: &str = "stylegaussian-application";
 
@@ -139,13 +142,22 @@ pub(super) fn read(document: &Document, primitive: &Value, scene: &mut Scene, wa
     if asset["extras"]["antialiased"] == true {
         scene.filter = ScreenFilter::Antialiased;
     }
-    let up = asset["extras"]["up"].as_array().filter(|up| up.len() == 3);
-    let up = up.map(|up| Vec3::from_array([0, 1, 2].map(|i| up[i].as_f64().unwrap_or(f64::NAN) as f32)));
-    scene.up = up.filter(|up| up.is_finite() && *up != Vec3::ZERO);
+    scene.up = direction(&asset["extras"]["up"]);
     let Some(text) = primitive["extras"][KEY].as_str() else { return };
     if let Err(Mismatch { found, expected }) = read_parts(document, primitive, text, scene) {
         warnings.push(format!("ignored features, neighbors and decoder: found {found}, expected {expected}"));
     }
+}
+
+/// The up direction of a scene before our writer set it upright, or `None` if it did not.
+pub(super) fn up_before(json: &Value) -> Option<Vec3> {
+    direction(&json["asset"]["extras"][UP_BEFORE])
+}
+
+fn direction(value: &Value) -> Option<Vec3> {
+    let up = value.as_array().filter(|up| up.len() == 3)?;
+    let up = Vec3::from_array([0, 1, 2].map(|i| up[i].as_f64().unwrap_or(f64::NAN) as f32));
+    Some(up).filter(|up| up.is_finite() && *up != Vec3::ZERO)
 }
 
 fn read_parts(document: &Document, primitive: &Value, text: &str, scene: &mut Scene) -> Result<(), Mismatch> {

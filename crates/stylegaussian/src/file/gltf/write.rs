@@ -18,6 +18,7 @@ use crate::{
     file::{
         error::mismatch,
         format::{Unwritten, WriteOptions},
+        upright::upright,
     },
     scene::{Scene, ScreenFilter},
     sh,
@@ -89,15 +90,16 @@ fn rows<const W: usize, const B: usize>(n: usize, row: impl Fn(usize) -> [[u8; B
     bytes
 }
 
-/// Writes a scene in the source's order, and in axes RUB.
+/// Writes a scene in the source's order, upright, and in axes RUB.
 pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) -> Result<(), Unwritten> {
-    let mut turned = scene.subset(&scene.by_source());
+    let (turned, up) = upright(Cow::Owned(scene.subset(&scene.by_source())))?;
+    let mut turned = turned.into_owned();
     Axes::RUB.turn(&mut turned);
     let n = turned.len();
     let mut attributes = attributes(&turned, options.sh_degree);
     attributes.extend(application::attributes(&turned));
     let n_bytes: usize = attributes.iter().map(|attribute| n * attribute.row_bytes()).sum();
-    let mut json = description(&turned, &attributes, n_bytes)?.to_string().into_bytes();
+    let mut json = description(&turned, up, &attributes, n_bytes)?.to_string().into_bytes();
     // JSON allows the spaces that align the next chunk. The binary one is aligned as all its rows are.
     json.resize(json.len().next_multiple_of(4), b' ');
     let total = 12 + 8 + json.len() + 8 + n_bytes;
@@ -118,8 +120,13 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
     Ok(())
 }
 
-/// The JSON of the file.
-fn description(scene: &Scene, attributes: &[Attribute], n_bytes: usize) -> Result<Value, Unwritten> {
+/// The JSON of the file. `up` is the up direction that the scene had before it was set upright.
+fn description(
+    scene: &Scene,
+    up: Option<Vec3>,
+    attributes: &[Attribute],
+    n_bytes: usize,
+) -> Result<Value, Unwritten> {
     let n = scene.len();
     let mut offset = 0;
     let mut views = Vec::new();
@@ -147,7 +154,7 @@ fn description(scene: &Scene, attributes: &[Attribute], n_bytes: usize) -> Resul
         primitive["extras"] = json!({ application::KEY: text });
     }
     Ok(json!({
-        "asset": asset(scene),
+        "asset": asset(scene, up),
         "extensionsUsed": [EXTENSION],
         "scene": 0,
         "scenes": [{ "nodes": [0] }],
@@ -160,7 +167,7 @@ fn description(scene: &Scene, attributes: &[Attribute], n_bytes: usize) -> Resul
 }
 
 /// The generator, and what the scene says about itself.
-fn asset(scene: &Scene) -> Value {
+fn asset(scene: &Scene, up_before: Option<Vec3>) -> Value {
     let generator = concat!("stylegaussian ", env!("CARGO_PKG_VERSION"));
     let mut asset = json!({ "version": "2.0", "generator": generator });
     if let Some(license) = &scene.license {
@@ -172,6 +179,9 @@ fn asset(scene: &Scene) -> Value {
     }
     if let Some(up) = scene.up {
         extras.insert("up".into(), json!(up.to_array()));
+    }
+    if let Some(up) = up_before {
+        extras.insert(application::UP_BEFORE.into(), json!(up.to_array()));
     }
     if scene.filter == ScreenFilter::Antialiased {
         extras.insert("antialiased".into(), true.into());

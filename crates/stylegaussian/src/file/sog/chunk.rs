@@ -13,7 +13,7 @@ use crate::{
 
 use super::{
     meta::Meta,
-    plane::{Plane, Run, StoredPlane},
+    plane::{Plane, StoredPlane},
 };
 
 /// Entries of a palette in one row of its plane.
@@ -102,8 +102,10 @@ impl<'a> Chunk<'a> {
     pub fn decode(self) -> Result<Gaussians, Mismatch> {
         let planes: Result<Vec<Plane>, Mismatch> =
             self.planes.into_par_iter().map(StoredPlane::decode).collect();
+        let planes = planes?;
         let powers = powers(&self.meta);
-        let gaussians = Gaussians { meta: self.meta, planes: planes?, degree: self.degree, powers };
+        let palette = palette(&self.meta, &planes, self.degree);
+        let gaussians = Gaussians { meta: self.meta, planes, palette, degree: self.degree, powers };
         gaussians.check_labels()?;
         Ok(gaussians)
     }
@@ -113,9 +115,24 @@ impl<'a> Chunk<'a> {
 pub(super) struct Gaussians {
     meta: Meta,
     planes: Vec<Plane>,
+    /// Coefficients of the palette's entries, RGB innermost; empty if there is none.
+    palette: Vec<f32>,
     degree: u8,
     /// Factors of exp u by the upper and by the lower byte of a mean's code, for each axis.
     powers: [[[f64; 256]; 2]; 3],
+}
+
+/// The palette in numbers: looking them up once per entry is faster than once per Gaussian.
+fn palette(meta: &Meta, planes: &[Plane], degree: u8) -> Vec<f32> {
+    let Some(palette) = &meta.palette else { return Vec::new() };
+    // Rows of the plane are whole entries, so that all texels follow one another.
+    let n_texels = palette.n_entries.unwrap_or(0) * (sh::n_coefficients(degree) - 1);
+    let mut numbers = vec![0.0; 3 * n_texels];
+    numbers.as_chunks_mut::<3>().0.par_iter_mut().enumerate().for_each(|(i, rgb)| {
+        let [r, g, b, _] = planes[5].texel(i);
+        *rgb = [r, g, b].map(|code| palette.table[usize::from(code)]);
+    });
+    numbers
 }
 
 /// u = min + span (256 upper + lower) / 65,535, so exp u is a product of two factors of 256 values each. That is faster
@@ -208,19 +225,9 @@ impl Gaussians {
         for (channel, value) in dc.iter_mut().enumerate() {
             *value = self.meta.dc[channel][usize::from(codes[channel])];
         }
-        let Some(palette) = &self.meta.palette else { return };
-        let n_rest = sh::n_coefficients(self.degree) - 1;
-        // The entry's row, its place in the row, and its first texel. Rows are whole, so this is one product.
-        let codes = self.planes[5].run(self.label(i) * n_rest, n_rest);
-        let rest = rest.as_chunks_mut::<3>().0;
-        let write = |(rgb, codes): (&mut [f32; 3], [u8; 3])| {
-            *rgb = codes.map(|code| palette.table[usize::from(code)]);
-        };
-        match codes {
-            Run::Rgb(codes) => rest.iter_mut().zip(codes.iter().copied()).for_each(write),
-            Run::Rgba(codes) => {
-                rest.iter_mut().zip(codes.iter().map(|&[r, g, b, _]| [r, g, b])).for_each(write)
-            }
+        if !self.palette.is_empty() {
+            let n_rest = 3 * (sh::n_coefficients(self.degree) - 1);
+            rest[..n_rest].copy_from_slice(&self.palette[self.label(i) * n_rest..][..n_rest]);
         }
     }
 }

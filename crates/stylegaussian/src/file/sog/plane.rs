@@ -61,12 +61,6 @@ impl<'a> StoredPlane<'a> {
     }
 }
 
-/// Consecutive texels of a plane.
-pub(super) enum Run<'a> {
-    Rgb(&'a [[u8; 3]]),
-    Rgba(&'a [[u8; 4]]),
-}
-
 fn broken(name: &str, error: &image_webp::DecodingError) -> Mismatch {
     mismatch(format_args!("a damaged image in `{name}` ({error})"), "a lossless WebP image")
 }
@@ -81,15 +75,6 @@ impl Plane {
                 let [r, g, b] = self.bytes.as_chunks::<3>().0[i];
                 [r, g, b, u8::MAX]
             }
-        }
-    }
-
-    /// The texels `first..first + n`.
-    #[inline]
-    pub fn run(&self, first: usize, n: usize) -> Run<'_> {
-        match self.n_channels {
-            4 => Run::Rgba(&self.bytes.as_chunks().0[first..first + n]),
-            _ => Run::Rgb(&self.bytes.as_chunks().0[first..first + n]),
         }
     }
 }

@@ -58,6 +58,7 @@ fn round_trips_within_the_steps_of_its_bytes() {
     let mut scene = full_scene();
     scene.opacities[0] = 1.0;
     scene.rotations[0] = Quat::IDENTITY;
+    scene.sh.as_mut().unwrap().coefficients[0] = 3.0;
     let mut bytes = Vec::new();
     write(&mut bytes, &scene).unwrap();
     assert_eq!(bytes.len(), 32 * scene.len());
@@ -74,10 +75,18 @@ fn round_trips_within_the_steps_of_its_bytes() {
             assert!((a - b.clamp(0.0, 1.0)).abs() <= 0.5 / 255.0 + 1e-6);
         }
     }
+    let n_beyond =
+        scene.base_colors().iter().filter(|rgb| rgb.iter().any(|c| !(0.0..=1.0).contains(c))).count();
+    assert_eq!(n_beyond, 1);
+    assert_eq!(
+        super::clamped(&scene),
+        [format!("{n_beyond} Gaussians have colors beyond 0 to 1, which were clamped")]
+    );
     // What was read once stays the same.
     let mut again = Vec::new();
     write(&mut again, &read).unwrap();
     assert_eq!(again.len(), bytes.len());
+    assert!(super::clamped(&read).is_empty());
     assert_eq!(super::read(&again).unwrap().scene.means, read.means);
 }
 

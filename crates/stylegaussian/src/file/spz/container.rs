@@ -5,7 +5,7 @@
 
 use std::io::{self, Read};
 
-use flate2::bufread::GzDecoder;
+use flate2::{Crc, bufread::GzDecoder};
 use rayon::prelude::*;
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 
@@ -32,10 +32,10 @@ pub(super) struct Contents {
 /// Decompresses a file of any version.
 pub(super) fn unpack(bytes: &[u8]) -> Result<Contents, Mismatch> {
     if bytes.starts_with(&GZIP) {
-        let mut decoder = GzDecoder::new(bytes);
+        let mut decoder = GzDecoder::new(PLAIN_GZIP_HEADER.chain(after_gzip_header(bytes)?));
         let contents = unpack_sequence(&mut decoder)?;
         // The end of the data was read, and the checksum with it. What is left follows the gzip member.
-        return match decoder.into_inner().len() {
+        return match decoder.get_ref().get_ref().1.len() {
             0 => Ok(contents),
             n => Err(mismatch(format_args!("{n} bytes after the gzip data"), "the end of the file")),
         };
@@ -45,6 +45,42 @@ pub(super) fn unpack(bytes: &[u8]) -> Result<Contents, Mismatch> {
         Some([b'N', b'G', b'S', b'P', 0..=3, 0, 0, 0, ..]) | None => unpack_sequence(&mut &bytes[..]),
         Some(_) => unpack_frames(bytes),
     }
+}
+
+/// A gzip header without a name or anything else (RFC 1952, section 2.3).
+const PLAIN_GZIP_HEADER: &[u8] = &[0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 255];
+
+/// The data after a gzip file's header, which is checked. The library takes no names of 65,536 bytes or more, which are
+/// sound.
+fn after_gzip_header(bytes: &[u8]) -> Result<&[u8], Mismatch> {
+    let cut = || mismatch("broken gzip data (the end of the file in its header)", "a whole gzip file");
+    let (fixed, mut rest) = bytes.split_at_checked(PLAIN_GZIP_HEADER.len()).ok_or_else(cut)?;
+    let (method, flags) = (fixed[2], fixed[3]);
+    let has = |bit: u8| flags & (1 << bit) != 0;
+    if method != 8 || flags >= 1 << 5 {
+        let found = format_args!("broken gzip data (method {method}, flags {flags:#04x})").to_string();
+        return Err(mismatch(found, "method 8 and known flags"));
+    }
+    if has(2) {
+        let (length, after) = rest.split_first_chunk().ok_or_else(cut)?;
+        rest = after.get(usize::from(u16::from_le_bytes(*length))..).ok_or_else(cut)?;
+    }
+    // The name and the comment.
+    for _ in 0..u8::from(has(3)) + u8::from(has(4)) {
+        let end = rest.iter().position(|&byte| byte == 0).ok_or_else(cut)?;
+        rest = &rest[end + 1..];
+    }
+    if has(1) {
+        let mut checksum = Crc::new();
+        checksum.update(&bytes[..bytes.len() - rest.len()]);
+        let (stored, after) = rest.split_first_chunk().ok_or_else(cut)?;
+        // Its lower half.
+        if checksum.sum() as u16 != u16::from_le_bytes(*stored) {
+            return Err(mismatch("broken gzip data (a header of another checksum)", "a whole gzip file"));
+        }
+        rest = after;
+    }
+    Ok(rest)
 }
 
 /// Reads versions 1 to 3: header, arrays and extensions one after another.

@@ -1,6 +1,7 @@
 //! From Gaussians to the bytes of an SPZ file, version 3 or 4.
 
 use std::{
+    borrow::Cow,
     f32::consts::FRAC_1_SQRT_2,
     io::{self, Write},
 };
@@ -13,13 +14,15 @@ use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 use super::{
     container::FRAMES_HEADER_BYTES,
     decode::{COLOR_SCALE, MAX_MAGNITUDE, SIGN},
-    header::{ANTIALIASED, Header},
+    extension,
+    header::{ANTIALIASED, HAS_EXTENSIONS, Header},
 };
 use crate::{
     axes::{Axes, sh_signs},
     file::{
         error::{Mismatch, mismatch},
         format::{Unwritten, WriteOptions},
+        upright::upright,
     },
     scene::{Scene, ScreenFilter},
     sh,
@@ -34,8 +37,12 @@ const MAX_FRACTIONAL_BITS: u8 = 23;
 /// The largest integer of a coordinate: 24 bits with a sign.
 const MAX_INTEGER: f64 = 8_388_607.0;
 
-/// Writes a scene in axes RUB and in the source's order. Features, neighbors and decoder have no place in the file.
-pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) -> Result<(), Unwritten> {
+/// Writes a scene upright, in axes RUB and in the source's order. Features, neighbors and decoder have no place in the file.
+pub(super) fn write(
+    out: &mut dyn Write,
+    scene: &Scene,
+    options: &WriteOptions,
+) -> Result<Vec<String>, Unwritten> {
     let version = match options.spz_version {
         version @ (3 | 4) => u32::from(version),
         other => return Err(mismatch(format_args!("SPZ version {other}"), "3 or 4").into()),
@@ -43,31 +50,85 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
     if i32::try_from(scene.len()).is_err() {
         return Err(mismatch(format_args!("{} Gaussians", scene.len()), "fewer than 2^31").into());
     }
+    let (scene, up) = upright(Cow::Borrowed(scene))?;
+    // Of scenes that were turned only: few programs write extensions, so some may not read them.
+    let extensions = up.map(extension::up_record).unwrap_or_default();
     let captured = scene.sh.as_ref().map_or(0, |sh| sh.degree);
     let header = Header {
         version,
         n: scene.len(),
         degree: captured.min(options.sh_degree),
-        fractional_bits: fractional_bits(scene)?,
-        flags: if scene.filter == ScreenFilter::Antialiased { ANTIALIASED } else { 0 },
+        fractional_bits: fractional_bits(&scene)?,
+        flags: if scene.filter == ScreenFilter::Antialiased { ANTIALIASED } else { 0 }
+            | if extensions.is_empty() { 0 } else { HAS_EXTENSIONS },
     };
-    let arrays = arrays(scene, header);
-    let written =
-        if version == 3 { write_gzip(out, header, &arrays) } else { write_frames(out, header, &arrays) };
-    Ok(written?)
+    let arrays = arrays(&scene, header);
+    match version {
+        3 => write_gzip(out, header, &arrays, &extensions)?,
+        _ => write_frames(out, header, &arrays, &extensions)?,
+    }
+    Ok(clamped(&scene, header))
+}
+
+/// Warnings of the values that a byte cannot hold.
+fn clamped(scene: &Scene, header: Header) -> Vec<String> {
+    // Half a step beyond the ends is rounded and not clamped.
+    let is_beyond = |code: f32| !(-0.5..=255.5).contains(&code);
+    let width = scene.sh.as_ref().map_or(0, |sh| 3 * sh::n_coefficients(sh.degree));
+    let n_kept = 3 + header.sh_bytes();
+    let count = |is_clamped: &(dyn Fn(usize) -> bool + Sync)| {
+        (0..scene.len()).into_par_iter().filter(|&i| is_clamped(i)).count()
+    };
+    let coefficients =
+        |i: usize| scene.sh.as_ref().map_or(&[][..], |sh| &sh.coefficients[i * width..][..n_kept]);
+    // A Gaussian is as thin as the smallest size if it is thinner, which nobody sees.
+    let sizes = count(&|i| is_beyond(scale_code(scene.scales[i].max_element())));
+    let colors = count(&|i| coefficients(i).iter().take(3).any(|&value| is_beyond(color_code(value))));
+    let harmonics = count(&|i| coefficients(i).iter().skip(3).any(|&value| is_beyond(harmonic_code(value))));
+    [(sizes, "sizes"), (colors, "colors"), (harmonics, "spherical harmonics beyond degree 0")]
+        .into_iter()
+        .filter(|(n, _)| *n > 0)
+        .map(|(n, what)| format!("{n} Gaussians have {what} that SPZ cannot hold, which were clamped"))
+        .collect()
+}
+
+/// The code of a standard deviation, before it is rounded and clamped.
+fn scale_code(scale: f32) -> f32 {
+    (scale.ln() + 10.0) * 16.0
+}
+
+/// The code of a coefficient of degree 0.
+fn color_code(value: f32) -> f32 {
+    (value * COLOR_SCALE + 0.5) * 255.0
+}
+
+/// The code of any other coefficient.
+fn harmonic_code(value: f32) -> f32 {
+    value * 128.0 + 128.0
 }
 
 /// Version 3: everything in one gzip stream.
-fn write_gzip(out: &mut dyn Write, header: Header, arrays: &[Vec<u8>; 6]) -> io::Result<()> {
+fn write_gzip(
+    out: &mut dyn Write,
+    header: Header,
+    arrays: &[Vec<u8>; 6],
+    extensions: &[u8],
+) -> io::Result<()> {
     let mut encoder = GzEncoder::new(out, Compression::default());
     encoder.write_all(&header.to_bytes())?;
     arrays.iter().try_for_each(|array| encoder.write_all(array))?;
+    encoder.write_all(extensions)?;
     encoder.finish()?;
     Ok(())
 }
 
-/// Version 4: the header and the table of lengths in plain, and a zstd frame for each array that is not empty.
-fn write_frames(out: &mut dyn Write, header: Header, arrays: &[Vec<u8>; 6]) -> io::Result<()> {
+/// Version 4: the header, extensions and the table of lengths in plain, and a zstd frame for each array that is not empty.
+fn write_frames(
+    out: &mut dyn Write,
+    header: Header,
+    arrays: &[Vec<u8>; 6],
+    extensions: &[u8],
+) -> io::Result<()> {
     let filled: Vec<&Vec<u8>> = arrays.iter().filter(|array| !array.is_empty()).collect();
     let frames: Vec<Vec<u8>> =
         filled.par_iter().map(|array| compress_to_vec(&array[..], CompressionLevel::Fastest)).collect();
@@ -75,8 +136,10 @@ fn write_frames(out: &mut dyn Write, header: Header, arrays: &[Vec<u8>; 6]) -> i
     first[..16].copy_from_slice(&header.to_bytes());
     // At most six, and the table follows at once.
     first[15] = frames.len() as u8;
-    first[16] = FRAMES_HEADER_BYTES as u8;
+    let at_table = (FRAMES_HEADER_BYTES + extensions.len()) as u32;
+    first[16..20].copy_from_slice(&at_table.to_le_bytes());
     out.write_all(&first)?;
+    out.write_all(extensions)?;
     for (frame, array) in frames.iter().zip(filled) {
         out.write_all(&(frame.len() as u64).to_le_bytes())?;
         out.write_all(&(array.len() as u64).to_le_bytes())?;
@@ -122,15 +185,15 @@ fn arrays(scene: &Scene, header: Header) -> [Vec<u8>; 6] {
         rotation_to_smallest_three((rotation.xyz() * signs).extend(rotation.w).into())
     };
     let opacities = |&i: &u32| byte(scene.opacities[i as usize] * 255.0);
-    let colors = |&i: &u32| [0, 1, 2].map(|c| byte((coefficients(i)[c] * COLOR_SCALE + 0.5) * 255.0));
-    let scales = |&i: &u32| scene.scales[i as usize].to_array().map(|scale| byte((scale.ln() + 10.0) * 16.0));
+    let colors = |&i: &u32| [0, 1, 2].map(|c| byte(color_code(coefficients(i)[c])));
+    let scales = |&i: &u32| scene.scales[i as usize].to_array().map(|scale| byte(scale_code(scale)));
     let n_rest = header.sh_bytes();
     let mut rest = vec![0; n_rest * order.len()];
     if n_rest > 0 {
         rest.par_chunks_exact_mut(n_rest).zip(&order).for_each(|(row, &i)| {
             let values = &coefficients(i)[3..];
             for (k, (byte_of, value)) in row.iter_mut().zip(values).enumerate() {
-                *byte_of = byte(value * sh_signs[1 + k / 3] * 128.0 + 128.0);
+                *byte_of = byte(harmonic_code(value * sh_signs[1 + k / 3]));
             }
         });
     }

@@ -262,8 +262,6 @@ fn broken_files_of_the_zoo_are_refused() {
         ("empty-points-v2", "no Gaussian"),
         ("gzip-not-spz", "data that starts with `a gz`"),
         ("huge-count-v2", "2147483648 Gaussians"),
-        // Sound, but flate2 takes names of at most 65,535 bytes.
-        ("long-fname-v2", "gzip header field too long"),
         ("not-spz", "a file that starts with `this fil`"),
         ("plaintext-v4", "found 96 bytes, expected an SPZ header and a table of streams"),
         ("sh-degree-5-v2", "degree 5"),
@@ -383,6 +381,52 @@ fn positions_take_the_bits_that_a_scene_needs() {
     let message = refused(write_scene_with(&dir.path().join("a.spz"), &scene, WriteOptions::default()));
     assert!(message.contains("coordinate 9000000, expected 8388607 at most in SPZ"), "{message}");
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0, "nothing is left behind");
+}
+
+#[test]
+fn what_a_byte_cannot_hold_is_counted() {
+    let dir = dir();
+    let path = dir.path().join("a.spz");
+    let mut scene = full_scene();
+    let warnings = |scene: &Scene, options| write_scene_with(&path, scene, options).unwrap();
+    let nothing: [&str; 0] = [];
+    assert_eq!(warnings(&scene, WriteOptions::default()), nothing);
+    // e^6 is beyond byte 255, e^5.9375; a thickness of 0 is byte 0.
+    scene.scales[3] = Vec3::new(400.0, 1.0, 0.0);
+    scene.scales[4] = Vec3::new(1.0, 1.0, 0.0);
+    let sh = scene.sh.as_mut().unwrap();
+    // 0.5 + 0.15 * 3.4 is 1.01, and the end of the others is 127/128.
+    sh.coefficients[27] = 3.4;
+    (sh.coefficients[27 + 3], sh.coefficients[27 + 26], sh.coefficients[2 * 27 + 5]) = (-1.1, 1.0, 0.99);
+    let found = warnings(&scene, WriteOptions::default());
+    let expected = ["sizes", "colors", "spherical harmonics beyond degree 0"]
+        .map(|what| format!("1 Gaussians have {what} that SPZ cannot hold, which were clamped"));
+    assert_eq!(found, expected);
+    // What is not written is not clamped.
+    assert_eq!(warnings(&scene, WriteOptions { sh_degree: 0, ..WriteOptions::default() }), expected[..2]);
+}
+
+#[test]
+fn gzip_headers_with_everything() {
+    let plain = one_gaussian(0, &[]);
+    let mut head = plain[..10].to_vec();
+    // Checksum, extra field, name and comment.
+    head[3] = 0b1_1110;
+    head.extend([3, 0, 1, 2, 3]);
+    head.extend(vec![b'x'; 70_000]);
+    head.extend(b"\0a comment\0");
+    let mut checksum = flate2::Crc::new();
+    checksum.update(&head);
+    let checksum = (checksum.sum() as u16).to_le_bytes();
+    let whole = |checksum: [u8; 2]| [&head[..], &checksum, &plain[10..]].concat();
+    assert_eq!(load(&whole(checksum)).scene.means, load(&plain).scene.means);
+    let message = refused(scene_from_bytes(&whole([checksum[0] ^ 1, checksum[1]]), "a.spz"));
+    assert!(message.contains("broken gzip data (a header of another checksum)"), "{message}");
+    for (at, byte) in [(2, 7), (3, 0x20)] {
+        let mut bytes = plain.clone();
+        bytes[at] = byte;
+        assert!(refused(scene_from_bytes(&bytes, "a.spz")).contains("broken gzip data (method"));
+    }
 }
 
 /// Reads whatever `bytes` are, and checks the scene if they are one.

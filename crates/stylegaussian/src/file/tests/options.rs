@@ -55,3 +55,37 @@ fn axes_that_are_asked_for_replace_those_of_the_format() {
         assert_eq!(turned.scene.sh.unwrap().coefficients, expected.sh.unwrap().coefficients);
     }
 }
+
+/// Viewers of glTF and SPZ take y for up. Cameras and looks of the scene must fit the file all the same.
+#[test]
+fn scenes_of_any_up_direction_are_upright_in_files_and_come_back() {
+    let dir = dir();
+    let lean = Vec3::new(0.05, 0.1, -0.02);
+    for (name, spz_version, tolerance) in
+        [("a.glb", 3, 0.0), ("a.spz", 3, 0.5_f32.powi(12)), ("b.spz", 4, 0.5_f32.powi(12))]
+    {
+        let path = dir.path().join(name);
+        for axis in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_Y] {
+            let scene = by_source(&Scene { up: Some(axis + lean), ..full_scene() });
+            let write = WriteOptions { spz_version, ..Default::default() };
+            write_scene_with(&path, &scene, write).unwrap();
+            let read = read_scene(&path).unwrap();
+            assert!(read.warnings.is_empty(), "{:?}", read.warnings);
+            let off = |a: &[Vec3], b: &[Vec3]| {
+                a.iter().zip(b).map(|(a, b)| (a - b).abs().max_element()).fold(0.0, f32::max)
+            };
+            assert!(off(&read.scene.means, &scene.means) <= tolerance, "{name}, {axis}");
+            let is_turned = axis != Vec3::NEG_Y;
+            assert_eq!(read.axes_because.contains("turned back"), is_turned, "{}", read.axes_because);
+            if is_turned {
+                assert_eq!(read.scene.up, scene.up, "{name}");
+            }
+            // As other programs see it: y of the file, which is up.
+            let options = ReadOptions { axes: Some(crate::Axes::RUB), ..Default::default() };
+            let told = read_scene_with(&path, options).unwrap().scene;
+            for (seen, mean) in told.means.iter().zip(&scene.means) {
+                assert!((-seen.y - mean.dot(axis)).abs() <= tolerance, "{name}, {axis}");
+            }
+        }
+    }
+}
