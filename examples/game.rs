@@ -30,7 +30,8 @@ fn main() -> AppExit {
         .add_plugins(DefaultPlugins.set(AssetPlugin { file_path: ASSETS.into(), ..default() }))
         .add_plugins(StyleGaussianPlugin::default())
         .add_systems(Startup, (setup, backdrop::spawn))
-        .add_systems(Update, (walk, place_map, act))
+        .init_resource::<Aim>()
+        .add_systems(Update, (walk, place_map, (aim, act).chain()))
         .add_observer(|failed: On<StyleFailed>| error!("{}", failed.error))
         .run()
 }
@@ -86,21 +87,33 @@ fn place_map(mut map: Single<&mut Camera, Without<Eye>>, window: Single<&Window>
     map.viewport = Some(Viewport { physical_position, physical_size: size.max(UVec2::ONE), ..default() });
 }
 
-/// Casts a spell where the player clicks, and paints where the right button is held.
-fn act(
-    mut commands: Commands,
+/// The splat under the cursor.
+#[derive(Resource, Default)]
+struct Aim(Option<SplatHit>);
+
+fn aim(
     mut rays: SplatRayCast,
-    mut masks: Query<(&mut StyleMask, &GlobalTransform)>,
-    mut n_spells: Local<usize>,
+    mut aim: ResMut<Aim>,
     eye: Single<(&Camera, &GlobalTransform), With<Eye>>,
     window: Single<&Window>,
-    buttons: Res<ButtonInput<MouseButton>>,
-    assets: Res<AssetServer>,
 ) {
+    // The scene's index for rays is built in the background, long before the first click.
     rays.prepare();
     let (camera, place) = *eye;
     let ray = window.cursor_position().and_then(|cursor| camera.viewport_to_world(place, cursor).ok());
-    let Some(hit) = ray.and_then(|ray| rays.cast_ray(ray)) else { return };
+    aim.0 = ray.and_then(|ray| rays.cast_ray(ray));
+}
+
+/// Casts a spell where the player clicks, and paints where the right button is held.
+fn act(
+    mut commands: Commands,
+    mut masks: Query<(&mut StyleMask, &GlobalTransform)>,
+    mut n_spells: Local<usize>,
+    aim: Res<Aim>,
+    buttons: Res<ButtonInput<MouseButton>>,
+    assets: Res<AssetServer>,
+) {
+    let Some(hit) = aim.0 else { return };
     if buttons.just_pressed(MouseButton::Left) {
         let spell = assets.load(format!("looks/{}.look.safetensors", SPELLS[*n_spells % SPELLS.len()]));
         *n_spells += 1;

@@ -53,13 +53,13 @@ fn placed<'a>(
     PlacedCloud { entity, scene, center: center.into(), radius }
 }
 
+/// The scene came or changed, or the style came.
+type ShowsAnother = Or<(Changed<LoadedScene>, Changed<StyleSource>)>;
+
 /// Gives clouds a job for the scene that they show. A new scene starts in its captured colors.
 pub(super) fn find_scenes_of_clouds(
     mut commands: Commands,
-    mut clouds: Query<
-        (Entity, &LoadedScene, &mut StyleJobs),
-        (Without<StyleVolume>, Or<(Changed<LoadedScene>, Changed<StyleSource>)>),
-    >,
+    mut clouds: Query<(Entity, &LoadedScene, &mut StyleJobs), (Without<StyleVolume>, ShowsAnother)>,
     mut gone: RemovedComponents<LoadedScene>,
     mut jobs: Query<&mut StyleJobs, (Without<LoadedScene>, Without<StyleVolume>)>,
 ) {

@@ -126,13 +126,14 @@ impl StyleJob {
     }
 }
 
+/// The components that show which input changed.
+type ChangedInputs = (&'static mut StyleJobs, Ref<'static, StyleSource>, Option<Ref<'static, StyleDecoder>>);
+
 /// One of the entity's components that a style depends on changed.
 type InputChanged = Or<(Changed<StyleSource>, Changed<StyleDecoder>)>;
 
 /// Wants a new style if source or decoder changed.
-pub(super) fn want_changed_styles(
-    mut jobs: Query<(&mut StyleJobs, Ref<StyleSource>, Option<Ref<StyleDecoder>>), InputChanged>,
-) {
+pub(super) fn want_changed_styles(mut jobs: Query<ChangedInputs, InputChanged>) {
     for (mut jobs, source, decoder) in &mut jobs {
         let decoder_changed = decoder.is_some_and(|decoder| decoder.is_changed());
         let known = jobs.known.replace(StyleSource::clone(&source));

@@ -241,7 +241,7 @@ mod tests {
 
     fn all_shapes() -> Vec<StyleTransition> {
         let second = Duration::from_secs(1);
-        let shapes = vec![
+        let shapes = [
             StyleTransition::fade(second),
             StyleTransition::sphere(Vec3::new(0.3, 0.2, -3.0), second),
             StyleTransition::sphere(Vec3::ZERO, second),

@@ -161,8 +161,7 @@ impl Model {
         layers.extend(volumes.into_iter().map(|volume| {
             let shape_from_scene = volume.at.compute_affine().inverse() * cloud.at.compute_affine();
             let shape = Shape::Cuboid { half_size: volume.half_size };
-            let region =
-                Region { shape, shape_from_scene: shape_from_scene.into(), softness: volume.softness };
+            let region = Region { shape, shape_from_scene, softness: volume.softness };
             layer(volume.color, region, volume.strength)
         }));
         mix_layers(&stage.scene.means, &layers)
