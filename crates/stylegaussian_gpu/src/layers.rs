@@ -1,7 +1,7 @@
 //! Looks in space on the GPU: `mix_layers`. CPU twin: [`stylegaussian::layers::mix_layers`].
 //!
-//! Each layer takes a dispatch over the blocks of Gaussians that it touches ([`plan`]). Only on the edge of its region, the region
-//! is evaluated ([`pack`]).
+//! Each layer takes a dispatch over the blocks of Gaussians that it touches (`plan`). Only on the edge of its region, the region
+//! is evaluated (`pack`).
 
 use std::sync::{Mutex, PoisonError};
 
