@@ -110,8 +110,7 @@ mod tests {
 
     fn app() -> App {
         let mut app = app_without_rendering();
-        app.add_plugins(bevy::camera::visibility::VisibilityPlugin)
-            .insert_resource(Asked(Ray3d::new(Vec3::new(0.0, 0.0, 10.0), Dir3::NEG_Z)))
+        app.insert_resource(Asked(Ray3d::new(Vec3::new(0.0, 0.0, 10.0), Dir3::NEG_Z)))
             .init_resource::<Found>()
             .add_systems(Last, |mut rays: SplatRayCast, asked: Res<Asked>, mut found: ResMut<Found>| {
                 *found = Found(rays.cast_ray(asked.0), rays.prepare());
@@ -133,7 +132,7 @@ mod tests {
         let splats =
             GaussianSplats(add_scene(&mut app, balls(&[ball(Vec3::Z), ball(Vec3::new(0.0, 1.0, 0.0))])));
         let place = Transform::from_xyz(0.0, 0.0, -1.0).with_scale(Vec3::new(2.0, 2.0, 3.0));
-        let far = app.world_mut().spawn((splats.clone(), place)).id();
+        let far = app.world_mut().spawn((splats.clone(), place, InheritedVisibility::VISIBLE)).id();
         let hit = cast(&mut app).unwrap();
         assert_eq!((hit.entity, hit.gaussian, hit.source_gaussian), (far, 0, 0));
         assert!(
@@ -141,9 +140,11 @@ mod tests {
             "{hit:?}"
         );
         // Another entity of the same scene in front of it, then hidden.
-        let near = app.world_mut().spawn((splats, Transform::from_xyz(0.0, 0.0, 5.0))).id();
+        let before = Transform::from_xyz(0.0, 0.0, 5.0);
+        let near = app.world_mut().spawn((splats, before, InheritedVisibility::VISIBLE)).id();
         assert_eq!(cast(&mut app).map(|hit| hit.entity), Some(near));
-        *app.world_mut().get_mut::<Visibility>(near).unwrap() = Visibility::Hidden;
+        // As Bevy's visibility sets it, which is no part of this app.
+        *app.world_mut().get_mut(near).unwrap() = InheritedVisibility::HIDDEN;
         assert_eq!(cast(&mut app).map(|hit| hit.entity), Some(far));
         // Past everything, and at a place without a volume.
         app.world_mut().resource_mut::<Asked>().0.origin.x = 3.0;
