@@ -22,7 +22,7 @@ const TURN: f32 = 0.08;
 const APPROACH: f32 = 0.1;
 /// Factor up to which chosen views are seen from farther away. They fill the picture with the scene, or look closer; the
 /// cameras of a capture stand 1.6 times as far away as the former and 3.5 times as far as the latter (bonsai).
-const FARTHEST: f32 = 2.2;
+const FARTHEST: f32 = 3.5;
 /// Least share of a crop that should be covered.
 const LEAST_COVERED: f32 = 0.5;
 
