@@ -32,7 +32,6 @@ fn main() -> AppExit {
         .add_systems(Startup, (setup, backdrop::spawn))
         .init_resource::<Aim>()
         .add_systems(Update, (walk, place_map, (aim, act).chain()))
-        .add_observer(|failed: On<StyleFailed>| error!("{}", failed.error))
         .run()
 }
 

@@ -39,7 +39,6 @@ fn main() -> AppExit {
         .add_systems(Startup, (setup, backdrop::spawn))
         .add_systems(Update, (switch, turn))
         .add_observer(|applied: On<StyleApplied>| info!("restyled after {:?}", applied.elapsed))
-        .add_observer(|failed: On<StyleFailed>| error!("{}", failed.error))
         .run()
 }
 

@@ -10,7 +10,7 @@ use bevy::{
     },
 };
 
-use super::{ColorLayers, StyleColors};
+use super::{layers::ColorLayers, styles::StyleColors};
 
 /// Styles that should be on the GPU before they are shown. A resource of both worlds.
 #[derive(Resource, Clone, Default)]

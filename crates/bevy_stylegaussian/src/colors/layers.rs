@@ -8,7 +8,7 @@ use std::sync::{
 use bevy::prelude::*;
 use stylegaussian::layers::Region;
 
-use super::StyleColors;
+use super::styles::StyleColors;
 
 /// The colors that an entity's splats should have. Without layers, they are the captured ones.
 #[derive(Component, Clone, Default)]

@@ -22,7 +22,8 @@ use crate::{
 };
 
 use super::{
-    ColorLayer, LayerColors, RenderColors,
+    extract::RenderColors,
+    layers::{ColorLayer, LayerColors},
     shown::{PipelinesReady, Shown, ShownColors, address},
 };
 

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 
 use crate::scene::LoadedScene;
 
-use super::ColorLayers;
+use super::layers::ColorLayers;
 
 /// Sent once an entity's scene can be drawn: it is on the GPU, and so is everything that the cameras need to draw splats. Sent
 /// again if the entity shows another scene. An app that does not render sends none.

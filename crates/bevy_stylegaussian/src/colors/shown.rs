@@ -16,7 +16,9 @@ use stylegaussian_gpu::{colors::GaussianColors, layers::MixedLayers, splat::Clou
 use crate::scene::RenderClouds;
 
 use super::{
-    ColorLayer, ColorLayers, ColorSource, LayerColors, Mix, RenderColors, StyleColors, WantedColors,
+    extract::{RenderColors, WantedColors},
+    layers::{ColorLayer, ColorLayers, LayerColors, Mix},
+    styles::{ColorSource, StyleColors},
 };
 
 /// Whether all pipelines are there that the views need to draw their splats.

@@ -71,6 +71,7 @@ impl Plugin for StylePlugin {
             .init_resource::<images::ImageStatistics>()
             .init_resource::<packed::PackedInputs>()
             .init_resource::<surfaces::Surfaces>()
+            .register_required_components::<StyleVolume, StyleSource>()
             .init_resource::<shared::SharedStyles>()
             .init_resource::<refine::Engine>()
             .init_resource::<refine::RefineThreads>()

@@ -7,9 +7,7 @@ use bevy::{
 };
 use stylegaussian::layers::{Region, Shape};
 
-use super::source::StyleSource;
-
-/// A part of the world in which splats have the style of this entity's [`StyleSource`], or their captured colors if that is
+/// A part of the world in which splats have the style of this entity's [`StyleSource`](crate::StyleSource), or their captured colors if that is
 /// none. Its `Transform` places, turns and scales it.
 ///
 /// Any number of volumes may overlap, with one another and with any number of clouds, and may move in each frame. They lie
@@ -29,7 +27,8 @@ use super::source::StyleSource;
 /// # }
 /// ```
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
-#[require(Transform, Visibility, StyleSource)]
+// And `StyleSource`, which the plugin requires for it.
+#[require(Transform, Visibility)]
 #[component(map_entities)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct StyleVolume {
