@@ -77,7 +77,10 @@ fn copy_all(from: &Path, to: &Path, prefix: &dyn Fn(&Path) -> Option<Vec<u8>>) -
 /// Files of our own writers.
 fn made(corpus: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let scene = scene();
-    for (name, kind) in [("made.ply", 0), ("made.sgs", 1)] {
+    // Kinds are positions in the list of extensions above.
+    for (name, kind) in
+        [("made.ply", 0), ("made.sgs", 1), ("made.spz", 3), ("made.splat", 5), ("made.glb", 7)]
+    {
         let path = corpus.join("scene").join(name);
         file::write_scene(&path, &scene)?;
         let bytes = fs::read(&path)?;

@@ -43,7 +43,8 @@ fn run_all(steps: &mut Steps, targets: &[(&str, &str)], seconds: u32) -> Result<
     let mut seeds = cargo(["run", "--locked", "--package", "stylegaussian", "--example", "fuzz_seeds", "--"]);
     steps.run("seeds", seeds.arg(workspace_root()).arg(data_folder()))?;
     for (target, feature) in targets {
-        let mut command = nightly(&["fuzz", "run", target, "--features", feature]);
+        // Of one codegen unit, which is the default, the graph engine takes 10 GB to build with sanitizers.
+        let mut command = nightly(&["fuzz", "run", target, "--features", feature, "--codegen-units", "16"]);
         // Files of past findings are read first of all, with the corpus.
         command.arg("--").arg(format!("-max_total_time={seconds}")).args([MEMORY, TIMEOUT, LONGEST]);
         steps.run(target, &mut command)?;

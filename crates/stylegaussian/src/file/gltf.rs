@@ -30,7 +30,7 @@ mod primitive;
 mod write;
 
 use document::{Document, MOST_MEMORY_PER_BYTE};
-use primitive::{EXTENSION, Splats};
+use primitive::{EXTENSION, SPZ_EXTENSION, Splats};
 
 /// The format in one file.
 pub(super) const GLB: Format = Format {
@@ -116,7 +116,8 @@ fn splats<'a>(
 /// Warns of extensions that the file cannot do without and that are not read.
 fn warn_of_requirements(json: &Value, warnings: &mut Vec<String>) {
     let required = json["extensionsRequired"].as_array().into_iter().flatten().filter_map(Value::as_str);
-    let unknown: Vec<&str> = required.filter(|name| !name.starts_with(EXTENSION)).take(8).collect();
+    let unknown: Vec<&str> =
+        required.filter(|name| ![EXTENSION, SPZ_EXTENSION].contains(name)).take(8).collect();
     if !unknown.is_empty() {
         warnings.push(format!("the file requires {}, which is not supported", unknown.join(", ")));
     }

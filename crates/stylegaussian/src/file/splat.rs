@@ -87,10 +87,10 @@ fn write(out: &mut dyn Write, scene: &Scene) -> io::Result<()> {
 
 /// A warning of the colors that [`write`] clamps.
 fn clamped(scene: &Scene) -> Vec<String> {
-    // Half a step beyond the ends is rounded and not clamped.
-    let is_beyond = |value: &f32| !(-0.5..=255.5).contains(&(value * 255.0));
+    // Half a step beyond the end is rounded and not clamped. Below 0 a color is drawn as 0 in any format.
+    let is_beyond = |value: &f32| value * 255.0 > 255.5;
     let n = scene.base_colors().iter().filter(|rgb| rgb.iter().any(is_beyond)).count();
-    let warning = || format!("{n} Gaussians have colors beyond 0 to 1, which were clamped");
+    let warning = || format!("{n} Gaussians have colors above 1, which were clamped");
     (n > 0).then(warning).into_iter().collect()
 }
 

@@ -24,7 +24,7 @@ use crate::{
 pub(super) const EXTENSION: &str = "KHR_gaussian_splatting";
 
 /// The draft in which an SPZ file takes the place of accessors.
-const SPZ_EXTENSION: &str = "KHR_gaussian_splatting_compression_spz_2";
+pub(super) const SPZ_EXTENSION: &str = "KHR_gaussian_splatting_compression_spz_2";
 
 /// A primitive whose points are Gaussians.
 #[derive(Clone, Copy, Debug)]
