@@ -140,22 +140,25 @@ impl Files {
     }
 }
 
-/// The zstd frames of an SPZ 4: their number is byte 15, and the position of the table of their lengths is at 16.
-fn frames(bytes: &[u8]) -> Result<Vec<&[u8]>> {
+/// The zstd frames of an SPZ 4 and the lengths that they unpack to. Their number is byte 15, and the position of the table
+/// of their lengths is at 16.
+fn frames(bytes: &[u8]) -> Result<Vec<(&[u8], usize)>> {
     let table = u32::from_le_bytes(*bytes[16..].first_chunk().context("no header")?) as usize;
     let lengths = bytes[table..].as_chunks::<16>().0.iter().take(usize::from(bytes[15]));
     let mut rest = &bytes[table + 16 * usize::from(bytes[15])..];
     let frame = |entry: &[u8; 16]| {
-        let length = u64::from_le_bytes(std::array::from_fn(|i| entry[i]));
-        let (frame, after) = rest.split_at_checked(length as usize).context("a frame is cut")?;
+        let [packed, plain] =
+            [0, 8].map(|at| u64::from_le_bytes(std::array::from_fn(|i| entry[at + i])) as usize);
+        let (frame, after) = rest.split_at_checked(packed).context("a frame is cut")?;
         rest = after;
-        Ok(frame)
+        Ok((frame, plain))
     };
     lengths.map(frame).collect()
 }
 
-fn inflate(frame: &[u8]) -> Result<Vec<u8>> {
-    let mut bytes = Vec::with_capacity(1 << 28);
+fn inflate((frame, n_bytes): (&[u8], usize)) -> Result<Vec<u8>> {
+    // No more than needed: the decoder fills all of the capacity with zeros first.
+    let mut bytes = Vec::with_capacity(n_bytes);
     FrameDecoder::new().decode_all_to_vec(frame, &mut bytes)?;
     Ok(bytes)
 }
