@@ -66,7 +66,7 @@ struct Prepared {
     index: u32,
 }
 
-/// What a ray meets of a Gaussian.
+/// The nearest point of a ray to a Gaussian, and the alpha there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Crossing {
     distance: f32,
@@ -170,10 +170,10 @@ impl Prepared {
     }
 }
 
-/// What has been met so far.
+/// The crossings so far, blended.
 #[derive(Default)]
 struct Blend {
-    /// What every crossing contributes, nearest first.
+    /// The crossings, nearest first, with the weight that each one contributes.
     met: Vec<(f32, Crossing)>,
     /// 1 less the light that passes.
     covered: f32,

@@ -221,7 +221,7 @@ impl StyleMask {
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 #[require(StyleMask)]
 pub enum MaskVisibility {
-    /// What is painted in this channel, 0..4, is hidden: opacities are multiplied by 1 - weight.
+    /// Hides the splats that are painted in this channel, 0..4: opacities are multiplied by 1 - weight.
     Hide(usize),
     /// All but what is painted in this channel, 0..4, is hidden: opacities are multiplied by the weight.
     Crop(usize),

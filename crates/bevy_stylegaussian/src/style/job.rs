@@ -54,7 +54,7 @@ pub(crate) struct StyleJob {
     gpu_refused: bool,
     /// The last failure, until a component of the entity changes. Assets that come later often change nothing about it.
     failure: Option<String>,
-    /// What is shown.
+    /// The styles that are shown.
     pub(super) worn: Worn,
     /// The shared style that is shown, kept so that others find it.
     shown: Option<Arc<SharedStyle>>,

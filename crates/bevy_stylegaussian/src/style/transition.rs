@@ -268,7 +268,7 @@ mod tests {
         }
     }
 
-    /// What lies far away takes a tenth of the time, however far it is.
+    /// A sky far away takes a tenth of the time, however far it is.
     #[test]
     fn a_far_sky_does_not_hurry_a_wave() {
         let wave = StyleTransition::sphere(Vec3::ZERO, Duration::from_secs(1)).with_softness(0.0);

@@ -113,12 +113,11 @@ impl Worn {
         match self.0.as_slice() {
             [] => None,
             [only] => Some(layer(only.colors.clone(), only.layer(None).strength)),
-            [first, ..] => {
-                let share = first.layer(None).strength;
+            _ => {
                 let mut mixed: Vec<_> = self.0.iter().map(|worn| worn.layer(None)).collect();
-                mixed[0].strength = 1.0;
                 // Before the first one has come, the volume is as strong as its strongest style.
-                let share = self.0[1..].iter().map(|worn| worn.layer(None).strength).fold(share, f32::max);
+                let share = mixed.iter().map(|layer| layer.strength).fold(0.0, f32::max);
+                mixed[0].strength = 1.0;
                 Some(layer(LayerColors::Mix(Mix::new(mixed)), share))
             }
         }

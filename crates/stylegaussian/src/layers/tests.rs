@@ -164,7 +164,7 @@ fn layers_lie_on_one_another() {
     assert_eq!(mix_layers(&means, &[painted])[0], [0.2, 0.0, 0.0, 0.2]);
 }
 
-/// What is said of a ball holds for the points within it, and most balls are told apart.
+/// The cover of a ball holds for the points within it, and most balls lie inside or outside.
 #[test]
 fn balls_are_covered_as_their_points_are() {
     let mut random = Random::new(7);

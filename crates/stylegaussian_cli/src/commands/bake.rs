@@ -96,7 +96,7 @@ struct Baked<'a> {
 struct LastLosses {
     matching: f32,
     statistics: f32,
-    /// Of the last step that measured it: every other one compares luminance alone.
+    /// The error of the last step that measured it: every other one compares luminance alone.
     content: Option<f32>,
     palette: f32,
 }

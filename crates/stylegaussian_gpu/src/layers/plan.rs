@@ -77,12 +77,12 @@ impl MixedLayers {
         colors: &GaussianColors,
     ) -> (Vec<Dispatch>, Vec<u32>) {
         let holds_last = self.colors.as_ref() == Some(colors.buffer());
-        let mut last = if holds_last { std::mem::take(&mut self.layers) } else { Vec::new() };
+        let last = if holds_last { std::mem::take(&mut self.layers) } else { Vec::new() };
         let next: Vec<_> = layers
             .iter()
             .enumerate()
             .map(|(i, layer)| {
-                let same_region = last.get_mut(i).filter(|last| last.region == layer.region);
+                let same_region = last.get(i).filter(|last| last.region == layer.region);
                 let covers = match same_region {
                     // Compared below, so it is copied and not taken.
                     Some(last) => last.covers.clone(),

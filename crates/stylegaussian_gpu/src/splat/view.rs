@@ -79,9 +79,9 @@ pub(super) struct ChunkBindings {
 /// Numbers that differ after each change of what a chunk is projected from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ChunkVersions {
-    /// Of both color sources.
+    /// Versions of both color sources.
     pub colors: [u64; 2],
-    /// Of the mask.
+    /// Version of the mask.
     pub mask: u64,
 }
 
