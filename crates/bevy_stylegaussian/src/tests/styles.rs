@@ -228,7 +228,8 @@ fn no_style_is_answered_where_none_is_shown() {
         *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = source;
     };
     // A style that never was complete.
-    change(&mut app, StyleSource::preset(app.world().resource::<AssetServer>().load("no.style.safetensors")));
+    let missing = app.world().resource::<AssetServer>().load("no.style.safetensors");
+    change(&mut app, StyleSource::preset(missing));
     app.update();
     change(&mut app, StyleSource::none());
     assert_eq!(until_applied(&mut app).len(), 1);
