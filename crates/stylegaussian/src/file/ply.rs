@@ -122,14 +122,14 @@ impl Color {
         }))
     }
 
-    /// The properties to read. Higher spherical harmonics are channel-major: first all of red, then green, then blue.
+    /// The properties to read, in the order of [`Sh`]. Higher spherical harmonics are channel-major in the file: first all of
+    /// red, then green, then blue.
     fn names(&self) -> Vec<String> {
         match self {
             Self::SphericalHarmonics { degree, n_stored } => {
                 let n_rest = n_coefficients(*degree) - 1;
-                let rest = (0..3).flat_map(|channel| (0..n_rest).map(move |i| channel * n_stored + i));
                 let dc = (0..3).map(|i| format!("f_dc_{i}"));
-                dc.chain(rest.map(|i| format!("f_rest_{i}"))).collect()
+                dc.chain(rest_names(n_rest, *n_stored)).collect()
             }
             Self::Rgb(_) => ["red", "green", "blue"].map(Into::into).into(),
             Self::None => Vec::new(),
@@ -167,23 +167,14 @@ fn spherical_harmonics(rows: &Rows, color: &Color) -> Option<Sh> {
             let rgb: [f32; 3] = rows.array(i, first);
             row.copy_from_slice(&sh::dc_from_color(rgb.map(|value| value / brightest)));
         }
-        None => {
-            let mut stored = [0.0; 3 * n_coefficients(sh::MAX_DEGREE)];
-            rows.read(i, first, &mut stored[..width]);
-            interleave(&stored[..width], row);
-        }
+        None => rows.read(i, first, row),
     });
     Some(Sh { degree, coefficients })
 }
 
-/// Puts a Gaussian's coefficients in the order of [`Sh`]. `stored` has those of degree 0, and then the higher ones of each
-/// channel.
-fn interleave(stored: &[f32], row: &mut [f32]) {
-    let (dc, rest) = stored.split_at(3);
-    row[..3].copy_from_slice(dc);
-    for (i, rgb) in row[3..].as_chunks_mut::<3>().0.iter_mut().enumerate() {
-        *rgb = [0, 1, 2].map(|channel| rest[channel * (rest.len() / 3) + i]);
-    }
+/// The names of the first `n_rest` higher coefficients of each channel, of which the file has `n_stored`, RGB innermost.
+fn rest_names(n_rest: usize, n_stored: usize) -> impl Iterator<Item = String> {
+    (0..n_rest).flat_map(move |i| (0..3).map(move |channel| format!("f_rest_{}", channel * n_stored + i)))
 }
 
 #[cfg(test)]

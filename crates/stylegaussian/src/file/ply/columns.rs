@@ -17,6 +17,8 @@ pub(super) struct Rows<'a> {
     /// Place within a row and type of each column.
     fields: Vec<(usize, ScalarType)>,
     is_big_endian: bool,
+    /// Whether all columns are f32, little endian.
+    are_plain: bool,
     n_rows: usize,
 }
 
@@ -27,14 +29,18 @@ impl Rows<'_> {
     }
 
     /// Row `i` from column `first` on, as many numbers as `values` has room for.
+    #[inline]
     pub(super) fn read(&self, i: usize, first: usize, values: &mut [f32]) {
         let row = &self.bytes[self.start + i * self.stride..][..self.stride];
-        for ((at, scalar), value) in self.fields[first..].iter().zip(values) {
-            *value = match (scalar, self.is_big_endian) {
-                // Nearly all files.
-                (ScalarType::Float, false) => f32::from_le_bytes(std::array::from_fn(|byte| row[at + byte])),
-                (scalar, is_big_endian) => number(&row[*at..], scalar, is_big_endian),
-            };
+        let columns = self.fields[first..].iter().zip(values);
+        // Of nearly all files.
+        if self.are_plain {
+            columns.for_each(|(&(at, _), value)| {
+                *value = row[at..].first_chunk().map_or(0.0, |bytes| f32::from_le_bytes(*bytes));
+            });
+        } else {
+            columns
+                .for_each(|((at, scalar), value)| *value = number(&row[*at..], scalar, self.is_big_endian));
         }
     }
 
@@ -63,7 +69,7 @@ impl Rows<'_> {
         let bytes = self.bytes.to_mut();
         bytes.truncate(self.n_rows * stride);
         bytes.shrink_to_fit();
-        (self.start, self.stride, self.is_big_endian) = (0, stride, false);
+        (self.start, self.stride, self.is_big_endian, self.are_plain) = (0, stride, false, true);
         self.fields = floats(n_columns);
     }
 }
@@ -91,7 +97,9 @@ pub(super) fn read_columns<'a>(
         let is_big_endian = header.encoding() == Encoding::BinaryBigEndian;
         // Rows without properties take no bytes, so a small file can declare 10^18 of them.
         let n_rows = if stride == 0 { 0 } else { n_rows };
-        return Ok(Rows { bytes: file, start, stride, fields, is_big_endian, n_rows });
+        let are_plain =
+            !is_big_endian && fields.iter().all(|(_, scalar)| matches!(scalar, ScalarType::Float));
+        return Ok(Rows { bytes: file, start, stride, fields, is_big_endian, are_plain, n_rows });
     }
     let payload = &file[header.payload..];
     let bytes = match header.encoding() {
@@ -112,6 +120,7 @@ pub(super) fn read_columns<'a>(
         stride,
         fields: floats(names.len()),
         is_big_endian: false,
+        are_plain: true,
     })
 }
 

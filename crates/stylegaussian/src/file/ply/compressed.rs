@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::{
     columns::read_columns,
     header::{Header, size_of_scalar},
-    interleave,
+    rest_names,
 };
 use crate::{
     file::{
@@ -153,7 +153,7 @@ fn spherical_harmonics(
     let degree = (1..=sh::MAX_DEGREE).find(|&degree| 3 * (n_coefficients(degree) - 1) == n_found);
     let degree = degree
         .ok_or_else(|| mismatch(format_args!("{n_found} properties of element `sh`"), "9, 24 or 45"))?;
-    let names: Vec<String> = (0..n_found).map(|i| format!("f_rest_{i}")).collect();
+    let names: Vec<String> = rest_names(n_found / 3, n_found / 3).collect();
     let rows = read_columns(header, file.into(), "sh", &names)?;
     if rows.n_rows() != n {
         let found = format_args!("{} rows of element `sh`", rows.n_rows());
@@ -162,11 +162,10 @@ fn spherical_harmonics(
     let width = 3 + n_found;
     let mut coefficients = vec![0.0; n * width];
     coefficients.par_chunks_exact_mut(width).enumerate().for_each(|(i, row)| {
-        let mut stored = [0.0; 3 * n_coefficients(sh::MAX_DEGREE)];
-        stored[..3].copy_from_slice(&dc(i));
-        rows.read(i, 0, &mut stored[3..width]);
-        stored[3..width].iter_mut().for_each(|value| *value = unpack_coefficient(*value));
-        interleave(&stored[..width], row);
+        let (base, rest) = row.split_at_mut(3);
+        base.copy_from_slice(&dc(i));
+        rows.read(i, 0, rest);
+        rest.iter_mut().for_each(|value| *value = unpack_coefficient(*value));
     });
     Ok(Sh { degree, coefficients })
 }
