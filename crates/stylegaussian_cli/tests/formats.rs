@@ -41,7 +41,12 @@ fn bad_files(bench: &Bench, extension: &str) -> Vec<(&'static str, Vec<u8>)> {
         ],
         "json" => vec![
             ("other", text(r#"{"frames":[{}]}"#)),
-            ("levels", text(r#"{"lodLevels":1,"filenames":["0/meta.json"],"tree":{}}"#)),
+            (
+                "levels",
+                text(
+                    r#"{"lodLevels":1,"filenames":["0/meta.json"],"tree":{"lods":{"0":{"file":0,"offset":0,"count":1}}}}"#,
+                ),
+            ),
             (
                 "planes",
                 text(
