@@ -68,7 +68,7 @@ fn bad_files(bench: &Bench, extension: &str) -> Vec<(&'static str, Vec<u8>)> {
             let whole = fs::read(bench.plain_scene(&format!("whole.{written}"))).unwrap();
             fs::remove_file(bench.path(&format!("whole.{written}"))).unwrap();
             let cut = |kept: usize| whole[..kept].to_vec();
-            vec![("half", cut(whole.len() / 2 | 1)), ("last", cut(whole.len() - 1)), ("start", cut(9))]
+            vec![("half", cut((whole.len() / 2) | 1)), ("last", cut(whole.len() - 1)), ("start", cut(9))]
         }
     };
     files.push(("empty", Vec::new()));
