@@ -53,7 +53,7 @@ impl Voxels {
     }
 
     /// The voxel at an index.
-    fn place(&self, index: usize) -> UVec3 {
+    pub(super) fn place(&self, index: usize) -> UVec3 {
         let [x, y] = [self.counts.x as usize, self.counts.y as usize];
         UVec3::new((index % x) as u32, (index / x % y) as u32, (index / (x * y)) as u32)
     }
