@@ -2,16 +2,15 @@
 //!
 //! ```sh
 //! cargo run --release --example minimal
+//! cargo xtask web --example minimal --serve    # the same in a browser
 //! ```
 
 use bevy::prelude::*;
 use bevy_stylegaussian::prelude::*;
 
-const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
-
 fn main() -> AppExit {
     App::new()
-        .add_plugins(DefaultPlugins.set(AssetPlugin { file_path: ASSETS.into(), ..default() }))
+        .add_plugins(DefaultPlugins)
         .add_plugins(StyleGaussianPlugin::default())
         .add_systems(Startup, setup)
         .run()

@@ -11,9 +11,10 @@ use std::{
     sync::OnceLock,
 };
 
-use ort::environment::Environment;
-
-use crate::engine::tract;
+use crate::engine::{
+    onnx_runtime::{self, Environment},
+    tract,
+};
 
 /// The environment variable that names a shared library of ONNX Runtime.
 pub const DYLIB_VARIABLE: &str = "ORT_DYLIB_PATH";
@@ -61,65 +62,9 @@ impl Runtime {
     }
 
     fn onnx_runtime(path: &Path) -> Self {
-        let builder = match ort::init_from(path) {
-            Ok(builder) => builder,
-            Err(error) => {
-                return Self::tract(Some(format!(
-                    "{DYLIB_VARIABLE} does not name a usable ONNX Runtime, so tract is used: {error}"
-                )));
-            }
-        };
-        // ort allows one environment in a process and hands it to nobody but its maker. If another part of the program
-        // has made it, that part keeps it.
-        // Telemetry is a default of ONNX Runtime on Windows. A library must not turn it on for its users.
-        match builder.with_name("stylegaussian").with_telemetry(false).build() {
-            Ok(environment) => {
-                let name = format!("ONNX Runtime {}, {}", onnx_runtime_version(path), path.display());
-                Self { environment: Some(environment), name, warning: None }
-            }
-            Err(error) => Self::tract(Some(format!(
-                "ONNX Runtime ({DYLIB_VARIABLE}={}) cannot be started here, so tract is used: {error}",
-                path.display()
-            ))),
+        match onnx_runtime::start(path) {
+            Ok((environment, name)) => Self { environment: Some(environment), name, warning: None },
+            Err(warning) => Self::tract(Some(warning)),
         }
-    }
-}
-
-/// From the file's name (`libonnxruntime.so.1.24.1`), else from `ORT Build Info: git-branch=rel-1.24.1, ...`: `ort`
-/// has no other source of the version, and not every build's branch is named after it.
-fn onnx_runtime_version(path: &Path) -> String {
-    // Through symbolic links: `libonnxruntime.so` is usually a link to the file with the version.
-    let file = path.canonicalize().unwrap_or_else(|_| path.into());
-    let in_name = file.file_name().and_then(|name| version_in(&name.to_string_lossy()));
-    let in_info = || between(ort::info(), "git-branch=", ',').and_then(version_in);
-    in_name.or_else(in_info).unwrap_or_else(|| "of unknown version".into())
-}
-
-/// The first `1.24` or `1.24.1` in a text.
-fn version_in(text: &str) -> Option<String> {
-    let mut numbers =
-        text.split(|c: char| !c.is_ascii_digit() && c != '.').map(|part| part.trim_matches('.'));
-    // A single number may be anything, such as the 64 of an architecture.
-    numbers.find(|number| number.contains('.')).map(String::from)
-}
-
-/// The text after `start` and before the next `end`.
-fn between<'a>(text: &'a str, start: &str, end: char) -> Option<&'a str> {
-    let (_, rest) = text.split_once(start)?;
-    rest.split(end).next()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn versions_are_found_in_file_names_and_branches() {
-        assert_eq!(version_in("libonnxruntime.so.1.24.1").as_deref(), Some("1.24.1"));
-        assert_eq!(version_in("libonnxruntime.1.25.0.dylib").as_deref(), Some("1.25.0"));
-        assert_eq!(version_in("rel-1.24").as_deref(), Some("1.24"));
-        assert_eq!(version_in("onnxruntime.dll"), None);
-        let info = "ORT Build Info: git-branch=rel-1.24.1, git-commit-id=0";
-        assert_eq!(between(info, "git-branch=", ','), Some("rel-1.24.1"));
     }
 }

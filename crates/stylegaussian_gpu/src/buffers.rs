@@ -34,6 +34,9 @@ pub enum ReadBackError {
     /// The device is gone.
     #[error("the GPU was lost before a buffer was read back")]
     Lost,
+    /// The program runs in a browser.
+    #[error("a browser cannot wait for the GPU, found a call that reads a buffer back at once")]
+    CannotWait,
 }
 
 /// Bytes of the largest buffer that a device can bind as storage.
@@ -88,6 +91,10 @@ pub(crate) fn read_mapped<T>(
     buffer: &wgpu::Buffer,
     read: impl FnOnce(&[u8]) -> T,
 ) -> Result<T, ReadBackError> {
+    // There the callback runs once this function has returned, so `recv` below would never return.
+    if cfg!(target_family = "wasm") {
+        return Err(ReadBackError::CannotWait);
+    }
     let (sender, receiver) = mpsc::channel();
     buffer.map_async(wgpu::MapMode::Read, .., move |result| {
         // It fails only if the receiver below is gone, which then needs no result.

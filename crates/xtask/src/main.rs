@@ -1,4 +1,4 @@
-//! Set-up and chores of the workspace: `cargo xtask test | demo | bench | assets | fuzz | soak`.
+//! Set-up and chores of the workspace: `cargo xtask test | demo | bench | assets | fuzz | soak | web`.
 
 mod assets;
 mod bench;
@@ -9,6 +9,7 @@ mod packages;
 mod soak;
 mod steps;
 mod test;
+mod web;
 
 use std::{env, process::ExitCode};
 
@@ -22,7 +23,8 @@ Usage: cargo xtask <COMMAND>
   bench    how fast everything is, beside what it could be: [--quick] [--json FILE] [--peer BINARY] [--only WORD]
   assets   make everything in assets/ and the default decoder anew; needs the test data, and hours
   fuzz     every reader of files against made-up files: [TARGET...] [--seconds N], 60 each; needs nightly and cargo-fuzz
-  soak     the plugin for half an hour or 10,000 rounds of random changes: [--seconds N] [--seed S]";
+  soak     the plugin for half an hour or 10,000 rounds of random changes: [--seconds N] [--seed S]
+  web      the page for browsers in web/dist: [--example NAME] builds an example instead, [--serve] serves it on localhost";
 
 fn main() -> ExitCode {
     match run() {
@@ -45,6 +47,7 @@ fn run() -> Result<()> {
         ["assets"] => assets::run(),
         ["fuzz", ..] => fuzz::run(&arguments[1..]),
         ["soak", ..] => soak::run(&arguments[1..]),
+        ["web", ..] => web::run(&arguments[1..]),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");
             Ok(())

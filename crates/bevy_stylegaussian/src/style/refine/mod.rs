@@ -41,6 +41,8 @@ use worker::{Request, Running};
 /// share these threads, one after the other. It is canceled if the style, the scene or this component changes, and begins
 /// anew. It needs the paintings themselves: see [`paintings`](Self::paintings). A mix with a look is not refined, because a
 /// look is baked already. With the source's `content` c, the colors are c of the base color and 1 - c of what is baked.
+///
+/// It needs threads: in a browser, [`StyleFailed`](crate::StyleFailed) says that there are none, and the style stays as it is.
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[require(Refinement)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]

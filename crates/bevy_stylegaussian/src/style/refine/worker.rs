@@ -11,7 +11,6 @@ use std::{
 use bevy::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use stylegaussian::{Scene, look};
-use thread_priority::{ThreadPriority, ThreadPriorityValue, set_current_thread_priority};
 
 use crate::style::{error::StyleError, images};
 
@@ -69,6 +68,7 @@ impl Shared {
 /// Priority of the threads, of 0 to 99. On Linux it is niceness 5: where all cores are busy, such a thread gets a third of the
 /// time of a usual one (weights 335 and 1024 of the kernel's scheduler). At the lowest priority it would stand still beside a
 /// renderer that is a CPU.
+#[cfg(not(target_family = "wasm"))]
 const PRIORITY: u8 = 35;
 
 /// The threads that bake: a quarter of the cores, at a low priority, for all entities together.
@@ -103,17 +103,26 @@ fn build() -> Option<ThreadPool> {
     let pool = ThreadPoolBuilder::new()
         .num_threads(RefineThreads::count())
         .thread_name(|index| format!("style refine {index}"))
-        // Best effort: where it is not allowed, a few threads of usual priority remain.
-        .start_handler(|_| {
-            if let Ok(priority) = ThreadPriorityValue::try_from(PRIORITY) {
-                let _ = set_current_thread_priority(ThreadPriority::Crossplatform(priority));
-            }
-        })
+        .start_handler(|_| lower_priority())
         // A panic has been printed by now, and without a handler rayon would end the game. The bake gives no result.
         .panic_handler(|_| {})
         .build();
     pool.inspect_err(|error| error!("styles are not refined: {error}")).ok()
 }
+
+/// Gives this thread a low [`PRIORITY`]. Best effort: where it is not allowed, a few threads of usual priority remain.
+#[cfg(not(target_family = "wasm"))]
+fn lower_priority() {
+    use thread_priority::{ThreadPriority, ThreadPriorityValue, set_current_thread_priority};
+
+    if let Ok(priority) = ThreadPriorityValue::try_from(PRIORITY) {
+        let _ = set_current_thread_priority(ThreadPriority::Crossplatform(priority));
+    }
+}
+
+/// Does nothing: a browser has no such threads, and none can be started.
+#[cfg(target_family = "wasm")]
+fn lower_priority() {}
 
 /// Bakes until all steps are done or nobody wants the result any more.
 fn bake(engine: &Engine, request: Request, shared: &Shared) {

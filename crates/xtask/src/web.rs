@@ -1,0 +1,184 @@
+//! `cargo xtask web`: an app as a static folder for browsers, `web/dist`.
+
+mod serve;
+mod toolchain;
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use anyhow::{Context, Result, bail, ensure};
+
+use crate::steps::{Steps, is_installed};
+use toolchain::{TARGET, Toolchain};
+
+/// The finished folder. Any host of static files serves it.
+const DIST: &str = "web/dist";
+
+/// Folder of the page's own files.
+const PAGE: &str = "web/page";
+
+/// Folders and files of `assets/` that apps load.
+const ASSETS: [&str; 3] = ["demo.sgs", "styles", "looks"];
+
+/// The package of the page.
+const PAGE_PACKAGE: &str = "stylegaussian_web";
+
+/// An app that is built.
+enum App {
+    /// The page with the viewer.
+    Page,
+    /// An example of the workspace, which gets a page with nothing but its canvas.
+    Example(String),
+}
+
+/// Builds `web/dist`. With `--serve`, serves it until the program is ended.
+///
+/// # Errors
+/// If an argument is unknown, or if a tool is missing or fails.
+pub fn run(arguments: &[String]) -> Result<()> {
+    let (mut app, mut is_served) = (App::Page, false);
+    let mut arguments = arguments.iter().map(String::as_str);
+    while let Some(argument) = arguments.next() {
+        match argument {
+            "--serve" => is_served = true,
+            "--example" => {
+                app = App::Example(arguments.next().context("--example: expected a name after it")?.into());
+            }
+            _ => bail!("found `{argument}`, expected --serve or --example NAME"),
+        }
+    }
+    let mut steps = Steps::default();
+    let outcome = build(&mut steps, &app);
+    steps.print_summary();
+    outcome?;
+    print_sizes()?;
+    if is_served { serve::serve(Path::new(DIST)) } else { Ok(()) }
+}
+
+fn build(steps: &mut Steps, app: &App) -> Result<()> {
+    let toolchain = Toolchain::find()?;
+    check_wasm_bindgen()?;
+    let (selection, name) = match app {
+        App::Page => (["--package", PAGE_PACKAGE], PAGE_PACKAGE),
+        App::Example(name) => (["--example", name], name.as_str()),
+    };
+    let mut cargo = toolchain.cargo("build");
+    steps.run("app", cargo.args(["--locked", "--profile", "web"]).args(selection))?;
+    let folder = toolchain::target_folder().join(TARGET).join("web");
+    let wasm = match app {
+        App::Page => folder.join(format!("{name}.wasm")),
+        App::Example(_) => folder.join("examples").join(format!("{name}.wasm")),
+    };
+    fresh_folder(Path::new(DIST))?;
+    let mut bindgen = Command::new("wasm-bindgen");
+    bindgen.args(["--target", "web", "--no-typescript", "--out-name", "app", "--out-dir", DIST]).arg(wasm);
+    steps.run("bindings", &mut bindgen)?;
+    shrink(steps)?;
+    let page = match app {
+        App::Page => Path::new(PAGE).to_owned(),
+        App::Example(_) => Path::new(PAGE).join("example"),
+    };
+    copy_files(&page, Path::new(DIST))?;
+    for name in ASSETS {
+        copy(&Path::new("assets").join(name), &Path::new(DIST).join("assets").join(name))?;
+    }
+    Ok(())
+}
+
+/// Checks that `wasm-bindgen` is there, in the version of the library: the two speak a format of their own.
+fn check_wasm_bindgen() -> Result<()> {
+    let lock = fs::read_to_string("Cargo.lock").context("cannot read Cargo.lock")?;
+    let expected = locked_version(&lock, "wasm-bindgen").context("Cargo.lock has no wasm-bindgen")?;
+    let output = Command::new("wasm-bindgen").arg("--version").output();
+    let found = output.map(|output| String::from_utf8_lossy(&output.stdout).trim().to_owned());
+    let install = format!("cargo install wasm-bindgen-cli --version {expected}");
+    let found = found.ok().with_context(|| format!("`wasm-bindgen` is not installed. Run: {install}"))?;
+    ensure!(
+        found.split(' ').nth(1) == Some(expected),
+        "found {found}, expected version {expected}. Run: {install}"
+    );
+    Ok(())
+}
+
+/// The version of a package in a lock file.
+fn locked_version<'a>(lock: &'a str, package: &str) -> Option<&'a str> {
+    let (_, rest) = lock.split_once(&format!("name = \"{package}\"\nversion = \""))?;
+    rest.split('"').next()
+}
+
+/// Shrinks the module by a fifth or so if `wasm-opt` is installed.
+fn shrink(steps: &mut Steps) -> Result<()> {
+    if !is_installed("wasm-opt") {
+        steps.not_run("size", "`wasm-opt` is not installed (binaryen): the module stays larger");
+        return Ok(());
+    }
+    let wasm = Path::new(DIST).join("app_bg.wasm");
+    let mut command = Command::new("wasm-opt");
+    command.args(["-Oz", "--all-features"]).arg(&wasm).arg("-o").arg(&wasm);
+    steps.run("size", &mut command)
+}
+
+/// Prints the size of the module, and as brotli sends it if that is installed.
+fn print_sizes() -> Result<()> {
+    let wasm = Path::new(DIST).join("app_bg.wasm");
+    let bytes = fs::metadata(&wasm).with_context(|| format!("{} is missing", wasm.display()))?.len();
+    let megabytes = |bytes: u64| bytes as f64 / 1e6;
+    println!("\n{DIST}: a module of {:.1} MB", megabytes(bytes));
+    if let Ok(output) = Command::new("brotli").args(["--stdout", "-q", "9"]).arg(&wasm).output()
+        && output.status.success()
+    {
+        println!("compressed with brotli, level 9: {:.1} MB", megabytes(output.stdout.len() as u64));
+    }
+    Ok(())
+}
+
+/// Makes an empty folder, in place of whatever it held.
+fn fresh_folder(folder: &Path) -> Result<()> {
+    if folder.exists() {
+        fs::remove_dir_all(folder).with_context(|| format!("cannot empty {}", folder.display()))?;
+    }
+    fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))
+}
+
+/// Copies a file, or a folder with all that it holds.
+fn copy(from: &Path, to: &Path) -> Result<()> {
+    if !from.is_dir() {
+        let folder = to.parent().unwrap_or(Path::new("."));
+        fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        fs::copy(from, to).with_context(|| format!("cannot copy {} to {}", from.display(), to.display()))?;
+        return Ok(());
+    }
+    for entry in entries(from)? {
+        copy(&entry, &to.join(entry.file_name().unwrap_or_default()))?;
+    }
+    Ok(())
+}
+
+/// Copies the files of a folder, without the folders in it.
+fn copy_files(from: &Path, to: &Path) -> Result<()> {
+    for entry in entries(from)?.iter().filter(|entry| entry.is_file()) {
+        copy(entry, &to.join(entry.file_name().unwrap_or_default()))?;
+    }
+    Ok(())
+}
+
+fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
+    let context = || format!("cannot list {}", folder.display());
+    let entries = fs::read_dir(folder).with_context(context)?;
+    entries.map(|entry| Ok(entry.with_context(context)?.path())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_version_of_a_package_is_that_of_its_own_entry() {
+        let lock = "name = \"wasm-bindgen-futures\"\nversion = \"0.4.1\"\n\nname = \"wasm-bindgen\"\nversion = \"0.2.9\"\n";
+        assert_eq!(locked_version(lock, "wasm-bindgen"), Some("0.2.9"));
+        assert_eq!(locked_version(lock, "wasm"), None);
+    }
+}

@@ -1,0 +1,122 @@
+// The page's script with a stand-in for the app, which notes what is asked of it: clicks, keys, drops, links, narrow screens, and
+// browsers without WebGPU.
+//
+//   node --test web/test/page.mjs
+
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+import { errorsOf, launch, serve } from "./browser.mjs";
+
+const STAND_IN = `
+  const note = (name) => (...given) => calls.push([name, ...given.map((v) => (v?.byteLength > 99 ? v.byteLength : ArrayBuffer.isView(v) ? [...v] : v))]);
+  globalThis.calls = [];
+  let tell;
+  export default async () => {};
+  export const listen = (listener) => { tell = globalThis.tell = listener; tell("ready", ""); };
+  export const open_asset = (path) => { calls.push(["open_asset", path]); tell("loaded", "5 true"); };
+  export const [open_file, add_painting, turn, fly, zoom, save_picture_soon] =
+    ["open_file", "add_painting", "turn", "fly", "zoom", "save"].map(note);
+  export const set_style = (...given) => { note("set_style")(...given); tell("applied", "1"); };
+`;
+let browser, server;
+before(async () => {
+  browser = await launch();
+  server = await serve(["web/page", "."], { "/app.js": STAND_IN, "/app_bg.wasm": "-" });
+});
+after(async () => {
+  await browser?.close();
+  server?.close();
+});
+
+async function opened(link = "", viewport = { width: 1000, height: 640 }) {
+  const page = await browser.newPage({ viewport });
+  const errors = errorsOf(page);
+  await page.goto(server.url + link);
+  await page.waitForSelector("body[data-scene]");
+  const taken = () => page.evaluate(() => calls.splice(0));
+  return { page, errors, taken };
+}
+
+test("a click puts a style on, a second one mixes, and the link carries both", async () => {
+  const { page, errors, taken } = await opened();
+  assert.deepEqual(await taken(), [["open_asset", "demo.sgs"]]);
+  await page.click('[data-style="ink"]');
+  await page.selectOption("#second", "dots");
+  assert.deepEqual(await taken(), [
+    ["set_style", ["look:ink"], [1], 0, 1],
+    ["set_style", ["look:ink", "look:dots"], [0.5, 0.5], 0, 1],
+  ]);
+  assert.equal(await page.getAttribute('[data-style="ink"]', "aria-pressed"), "true");
+  const link = new URL(page.url()).hash;
+  const again = await opened(link);
+  assert.deepEqual((await again.taken())[1], ["set_style", ["look:ink", "look:dots"], [0.5, 0.5], 0, 1]);
+  await page.click('[data-style=""]');
+  assert.deepEqual((await taken())[0][1], []);
+  assert.deepEqual([...errors, ...again.errors], []);
+});
+
+test("a link may hold anything", async () => {
+  const { errors, taken } = await opened("#style=../../x&second=ink&strength=7&kind=<b>");
+  assert.deepEqual(await taken(), [["open_asset", "demo.sgs"]]);
+  assert.deepEqual(errors, []);
+});
+
+test("images become styles, other files scenes", async () => {
+  const { page, errors, taken } = await opened();
+  await page.setInputFiles("#file", "assets/styles/ink.jpg");
+  await page.waitForSelector('[data-style="ink.jpg"][aria-pressed="true"]');
+  const [, painting, style] = await taken();
+  assert.deepEqual([painting[0], painting[1], style[1]], ["add_painting", "ink.jpg", ["image:ink.jpg"]]);
+  await page.setInputFiles("#file", { name: "a.spz", mimeType: "", buffer: Buffer.alloc(100) });
+  await page.waitForFunction(() => calls.length === 2);
+  assert.deepEqual(await taken(), [["set_style", [], [], 0, 1], ["open_file", "a.spz", 100]]);
+  await page.evaluate(() => tell("failed", "a.spz: found no scene"));
+  assert.equal(await page.textContent("#notice"), "a.spz: found no scene");
+  assert.deepEqual(errors, []);
+});
+
+test("keys and drags steer the camera", async () => {
+  const { page, errors, taken } = await opened();
+  await taken();
+  await page.focus("#stage");
+  for (const key of ["ArrowLeft", "+", "w"]) await page.keyboard.press(key);
+  await page.mouse.move(100, 100);
+  await page.mouse.down();
+  await page.mouse.move(150, 100);
+  await page.mouse.up();
+  await page.mouse.move(200, 200);
+  const [turned, zoomed, flown, ...dragged] = await taken();
+  assert.deepEqual([turned, zoomed, flown], [["turn", -0.1, 0], ["zoom", 0.9], ["fly", 0, 0, -0.05]]);
+  assert.equal(dragged.length, 1);
+  assert.ok(Math.abs(dragged[0][1] + 50 * 0.006) < 1e-9);
+  assert.deepEqual(errors, []);
+});
+
+test("a keyboard alone reaches everything", async () => {
+  const { page } = await opened();
+  const reached = new Set();
+  for (let presses = 0; presses < 40; presses += 1) {
+    await page.keyboard.press("Tab");
+    reached.add(await page.evaluate(() => document.activeElement.id || document.activeElement.dataset.style));
+  }
+  for (const name of ["stage", "ink", "kind", "second", "share", "strength", "file", "save", "link"]) {
+    assert.ok(reached.has(name), `${name} is not among ${[...reached]}`);
+  }
+});
+
+test("the page fits a phone of 360 px", async () => {
+  const { page } = await opened("", { width: 360, height: 740 });
+  assert.equal(await page.evaluate(() => document.documentElement.scrollWidth), 360);
+  const stage = await page.locator("#stage").boundingBox();
+  assert.ok(stage.width === 360 && stage.height > 300, JSON.stringify(stage));
+});
+
+test("without WebGPU, a sentence says so", async () => {
+  const plain = await launch(["--disable-features=WebGPU"]);
+  const page = await plain.newPage();
+  await page.addInitScript(() => Object.defineProperty(navigator, "gpu", { value: undefined }));
+  await page.goto(server.url);
+  await page.waitForSelector('body[data-state="failed"]');
+  assert.match(await page.textContent("#notice"), /no WebGPU/);
+  await plain.close();
+});
