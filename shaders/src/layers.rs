@@ -8,10 +8,14 @@ use crate::{Layout, Source, constants, layout};
 pub const MIX_BLOCK: u32 = 64;
 /// Invocations in a workgroup of `mix_layers`: a few blocks, because a workgroup costs something by itself.
 pub const MIX_WORKGROUP: u32 = 256;
+/// Layers that a dispatch mixes at most: one for each bit of a word.
+pub const MIX_LAYERS: u32 = 32;
+/// Looks that a dispatch reads at most: WebGPU guarantees 8 storage buffers, and 4 are taken.
+pub const MIX_LOOKS: u32 = 4;
 /// Added to the index of a block whose colors start as the captured ones.
 pub const STARTS: u32 = 1 << 31;
-/// Added to the index of a block that lies within the region.
-pub const WITHIN: u32 = 1 << 30;
+/// `MixLayer::look` of a layer that shows the captured colors.
+pub const NO_LOOK: u32 = u32::MAX;
 /// `MixLayer::mask` of a layer without a mask.
 pub const NO_MASK: u32 = u32::MAX;
 
@@ -46,8 +50,8 @@ pub struct MixLayer {
     pub shape_from_scene_z: [f32; 4],
     /// Sizes of the shape.
     pub sizes: [f32; 4],
-    /// 1 if there is a look, 0 for the captured colors.
-    pub has_look: u32,
+    /// Number of the look among those of the dispatch, or [`NO_LOOK`].
+    pub look: u32,
     /// Channel of the mask, or [`NO_MASK`].
     pub mask: u32,
     /// Share of the colors below that is replaced within the region, 0..1.
@@ -56,6 +60,20 @@ pub struct MixLayer {
     pub softness: f32,
     /// 1 / softness, or 0 for a hard edge.
     pub inverse_softness: f32,
+    /// The shape, one of the `SHAPE_` constants.
+    pub shape: u32,
+    /// Unused.
+    pub padding_0: u32,
+    /// Unused.
+    pub padding_1: u32,
+}
+
+/// Layers that are mixed in one dispatch.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct MixStack {
+    /// The layers, the lowest first.
+    pub layers: [MixLayer; MIX_LAYERS as usize],
     /// Gaussians in the chunk.
     pub n_gaussians: u32,
     /// Index of the chunk's first Gaussian in its scene.
@@ -64,12 +82,18 @@ pub struct MixLayer {
     pub first_block: u32,
     /// Number of the dispatch's blocks.
     pub n_blocks: u32,
-    /// Unused.
-    pub padding_0: u32,
-    /// Unused.
-    pub padding_1: u32,
-    /// Unused.
-    pub padding_2: u32,
+}
+
+/// A block of a dispatch.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct MixBlock {
+    /// Its index in its chunk, and [`STARTS`] if it starts from the captured colors.
+    pub index: u32,
+    /// A bit for each layer that reaches it.
+    pub touches: u32,
+    /// A bit for each layer whose region it lies within.
+    pub within: u32,
 }
 
 /// The kernel.
@@ -77,8 +101,9 @@ pub fn mix_layers() -> Source {
     let constants = constants(&[
         ("MIX_BLOCK", MIX_BLOCK),
         ("MIX_WORKGROUP", MIX_WORKGROUP),
+        ("MIX_LAYERS", MIX_LAYERS),
         ("STARTS", STARTS),
-        ("WITHIN", WITHIN),
+        ("NO_LOOK", NO_LOOK),
         ("NO_MASK", NO_MASK),
         ("SHAPE_EVERYTHING", SHAPE_EVERYTHING),
         ("SHAPE_HALF_SPACE", SHAPE_HALF_SPACE),
@@ -99,22 +124,22 @@ pub fn sources() -> Vec<Source> {
 
 /// Every struct that the shader shares with Rust.
 pub fn layouts() -> Vec<Layout> {
-    vec![layout!(MixLayer {
-        shape_from_scene_x,
-        shape_from_scene_y,
-        shape_from_scene_z,
-        sizes,
-        has_look,
-        mask,
-        strength,
-        softness,
-        inverse_softness,
-        n_gaussians,
-        first_gaussian,
-        first_block,
-        n_blocks,
-        padding_0,
-        padding_1,
-        padding_2,
-    })]
+    vec![
+        layout!(MixLayer {
+            shape_from_scene_x,
+            shape_from_scene_y,
+            shape_from_scene_z,
+            sizes,
+            look,
+            mask,
+            strength,
+            softness,
+            inverse_softness,
+            shape,
+            padding_0,
+            padding_1,
+        }),
+        layout!(MixStack { layers, n_gaussians, first_gaussian, first_block, n_blocks }),
+        layout!(MixBlock { index, touches, within }),
+    ]
 }

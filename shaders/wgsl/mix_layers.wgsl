@@ -1,6 +1,6 @@
-// Lays one look over the colors of a scene, within a region. One invocation per Gaussian of the given blocks, whose
-// Gaussians lie near one another; the blocks that the region does not touch, and those whose colors stay as they are, are left out. CPU twin, for all layers
-// together: `stylegaussian::layers::mix_layers`.
+// Lays looks over the colors of a scene, each within a region. One invocation per Gaussian of the given blocks, whose Gaussians
+// lie near one another. Blocks whose colors stay as they are, are left out, and each block names the layers that reach it. CPU
+// twin, for layers of any number: `stylegaussian::layers::mix_layers`.
 
 /// A look in a region.
 struct MixLayer {
@@ -10,14 +10,23 @@ struct MixLayer {
     shape_from_scene_z: vec4<f32>,
     /// Sizes of the shape, in the order of their names in `Shape`.
     sizes: vec4<f32>,
-    /// 1 if there is a look, 0 for the captured colors.
-    has_look: u32,
+    /// Number of the look, or `NO_LOOK` for the captured colors.
+    look: u32,
     /// Channel of the mask, or `NO_MASK`.
     mask: u32,
     strength: f32,
     softness: f32,
     /// 1 / softness, or 0 for a hard edge.
     inverse_softness: f32,
+    /// One of the `SHAPE_` constants.
+    shape: u32,
+    padding_0: u32,
+    padding_1: u32,
+}
+
+/// Layers, the lowest first, and the part of a scene in which they are mixed.
+struct MixStack {
+    layers: array<MixLayer, MIX_LAYERS>,
     /// Gaussians in this chunk.
     n_gaussians: u32,
     /// Index of the chunk's first Gaussian in its scene.
@@ -25,27 +34,35 @@ struct MixLayer {
     /// Index of the first of this dispatch's blocks, and their number.
     first_block: u32,
     n_blocks: u32,
-    padding_0: u32,
-    padding_1: u32,
-    padding_2: u32,
 }
 
-/// The shape, one of the `SHAPE_` constants. `SHAPE_EVERYTHING` stands for the inside of any other.
-override shape: u32;
-/// 1 if the layer leaves nothing of the colors below: its look is copied.
-override is_copy: u32;
+/// A block of Gaussians.
+struct MixBlock {
+    /// Index in the chunk. `STARTS` is added if the lowest layer lies on the captured colors, and not on those that are there.
+    index: u32,
+    /// A bit for each layer that reaches the block, the lowest layer in the lowest bit.
+    touches: u32,
+    /// A bit for each layer whose region has the weight 1 in all of the block.
+    within: u32,
+}
 
-@group(0) @binding(0) var<uniform> layer: MixLayer;
+/// Whether any layer is noise. The others take two thirds of the time without it: a processor that masks lanes instead of
+/// branching evaluates every shape.
+override has_noise: bool;
+
+@group(0) @binding(0) var<uniform> stack: MixStack;
 /// Colors `[N]`, 4 f16 each, premultiplied.
 @group(0) @binding(1) var<storage, read_write> colors: array<vec2<u32>>;
 /// The chunk's packed Gaussians, two words of 16 bytes each: the first holds the mean.
 @group(0) @binding(2) var<storage, read> gaussians: array<vec4<f32>>;
 /// Painted weights `[N]`, 4 bytes each.
 @group(0) @binding(3) var<storage, read> masks: array<u32>;
-@group(0) @binding(4) var<storage, read> look: array<vec2<u32>>;
-/// Indices of blocks in the chunk. `STARTS` is added where the layer lies on the captured colors, and not on those that are
-/// there, and `WITHIN` where the region's weight is 1.
-@group(0) @binding(5) var<storage, read> blocks: array<u32>;
+@group(0) @binding(4) var<storage, read> blocks: array<MixBlock>;
+/// Looks, in the layout of `colors`.
+@group(0) @binding(5) var<storage, read> look_0: array<vec2<u32>>;
+@group(0) @binding(6) var<storage, read> look_1: array<vec2<u32>>;
+@group(0) @binding(7) var<storage, read> look_2: array<vec2<u32>>;
+@group(0) @binding(8) var<storage, read> look_3: array<vec2<u32>>;
 
 /// The largest number of a color, the largest f16.
 const MAX_COLOR: f32 = 65504.0;
@@ -97,11 +114,10 @@ fn cone_distance(at: vec2<f32>, radius: f32, height: f32) -> f32 {
     return select(nearest, -nearest, is_inside);
 }
 
-/// The distance from the surface of the layer's shape, negative within it.
-fn shape_distance(at: vec3<f32>) -> f32 {
+/// The distance from the surface of a shape, negative within it.
+fn shape_distance(shape: u32, sizes: vec4<f32>, at: vec3<f32>) -> f32 {
     // The distance from the axis, and the place along it.
     let plane = vec2(length(at.xz), at.y);
-    let sizes = layer.sizes;
     switch shape {
         case SHAPE_HALF_SPACE: { return at.y; }
         case SHAPE_ELLIPSOID: { return ellipsoid_distance(at, sizes.xyz); }
@@ -119,20 +135,25 @@ fn shape_distance(at: vec3<f32>) -> f32 {
         }
         case SHAPE_CONE: { return cone_distance(plane, sizes.x, sizes.y); }
         case SHAPE_TORUS: { return length(vec2(plane.x - sizes.x, plane.y)) - sizes.y; }
-        default: { return sizes.x * (lattice_noise(at / sizes.x) - sizes.y); }
+        default: {
+            if has_noise {
+                return sizes.x * (lattice_noise(at / sizes.x) - sizes.y);
+            }
+            return 0.0;
+        }
     }
 }
 
-/// The weight of the layer's region: 1 within the shape, 0 outside, a smooth step across the edge.
-fn region_weight(mean: vec3<f32>) -> f32 {
+/// The weight of a layer's region: 1 within the shape, 0 outside, a smooth step across the edge.
+fn region_weight(layer: u32, mean: vec3<f32>) -> f32 {
     let point = vec4(mean, 1.0);
     let at = vec3(
-        dot(layer.shape_from_scene_x, point),
-        dot(layer.shape_from_scene_y, point),
-        dot(layer.shape_from_scene_z, point),
+        dot(stack.layers[layer].shape_from_scene_x, point),
+        dot(stack.layers[layer].shape_from_scene_y, point),
+        dot(stack.layers[layer].shape_from_scene_z, point),
     );
-    let distance = shape_distance(at);
-    let half_width = 0.5 * layer.softness;
+    let distance = shape_distance(stack.layers[layer].shape, stack.layers[layer].sizes, at);
+    let half_width = 0.5 * stack.layers[layer].softness;
     // A comparison with NaN is false.
     if !(distance < half_width) {
         return 0.0;
@@ -140,12 +161,23 @@ fn region_weight(mean: vec3<f32>) -> f32 {
     if distance <= -half_width {
         return 1.0;
     }
-    let t = 0.5 - distance * layer.inverse_softness;
+    let t = 0.5 - distance * stack.layers[layer].inverse_softness;
     return t * t * (3.0 - 2.0 * t);
 }
 
 fn unpack_color(words: vec2<u32>) -> vec4<f32> {
     return vec4(unpack2x16float(words.x), unpack2x16float(words.y));
+}
+
+/// The color of a Gaussian in a look.
+fn look_color(look: u32, gaussian: u32) -> vec4<f32> {
+    switch look {
+        case 0u: { return unpack_color(look_0[gaussian]); }
+        case 1u: { return unpack_color(look_1[gaussian]); }
+        case 2u: { return unpack_color(look_2[gaussian]); }
+        case 3u: { return unpack_color(look_3[gaussian]); }
+        default: { return vec4(0.0); }
+    }
 }
 
 @compute @workgroup_size(MIX_WORKGROUP)
@@ -157,35 +189,33 @@ fn mix_layers(
     // Many blocks take two dimensions of workgroups: one is limited to 65,535.
     let first = (workgroup.y * n_workgroups.x + workgroup.x) * (MIX_WORKGROUP / MIX_BLOCK);
     let item = first + lane / MIX_BLOCK;
-    if item >= layer.n_blocks {
+    if item >= stack.n_blocks {
         return;
     }
-    let block = blocks[layer.first_block + item];
-    let index = (block & ~(STARTS | WITHIN)) * MIX_BLOCK + lane % MIX_BLOCK;
-    if index >= layer.n_gaussians {
+    let block = blocks[stack.first_block + item];
+    let index = (block.index & ~STARTS) * MIX_BLOCK + lane % MIX_BLOCK;
+    if index >= stack.n_gaussians {
         return;
     }
-    let gaussian = layer.first_gaussian + index;
-    if is_copy != 0u {
-        colors[gaussian] = look[gaussian];
-        return;
-    }
-    var share = layer.strength;
-    if shape != SHAPE_EVERYTHING && (block & WITHIN) == 0u {
-        share *= region_weight(gaussians[2u * index].xyz);
-    }
-    if layer.mask != NO_MASK {
-        share *= unpack4x8unorm(masks[gaussian])[layer.mask];
-    }
+    let gaussian = stack.first_gaussian + index;
+    let mean = gaussians[2u * index].xyz;
     var color = vec4(0.0);
-    if (block & STARTS) == 0u {
+    if (block.index & STARTS) == 0u {
         color = unpack_color(colors[gaussian]);
     }
-    var above = vec4(0.0);
-    if layer.has_look != 0u {
-        above = unpack_color(look[gaussian]);
+    for (var touches = block.touches; touches != 0u; touches &= touches - 1u) {
+        let layer = firstTrailingBit(touches);
+        var share = stack.layers[layer].strength;
+        if (block.within & (1u << layer)) == 0u {
+            share *= region_weight(layer, mean);
+        }
+        let mask = stack.layers[layer].mask;
+        if mask != NO_MASK {
+            share *= unpack4x8unorm(masks[gaussian])[mask];
+        }
+        color = mix(color, look_color(stack.layers[layer].look, gaussian), share);
     }
     // WGSL leaves packing of larger numbers to f16 undefined.
-    let limited = clamp(mix(color, above, share), vec4(-MAX_COLOR), vec4(MAX_COLOR));
+    let limited = clamp(color, vec4(-MAX_COLOR), vec4(MAX_COLOR));
     colors[gaussian] = vec2(pack2x16float(limited.xy), pack2x16float(limited.zw));
 }

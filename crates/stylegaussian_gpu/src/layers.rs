@@ -1,12 +1,12 @@
 //! Looks in space on the GPU: `mix_layers`. CPU twin: [`stylegaussian::layers::mix_layers`].
 //!
-//! Each layer takes a dispatch over the blocks of Gaussians that it touches (`plan`). Only on the edge of its region, the region
-//! is evaluated (`pack`).
+//! All layers that fit into one dispatch are mixed by it, in the blocks of Gaussians that differ from the last mix (`plan`). Each
+//! block names the layers that reach it, and only on the edge of a region, the region is evaluated (`pack`).
 
 use std::sync::{Mutex, PoisonError};
 
 use stylegaussian::layers::Region;
-use stylegaussian_shaders::layers::{self as shaders, MixLayer};
+use stylegaussian_shaders::layers::{self as shaders, MixLayer, MixStack};
 
 use crate::{
     bindings::{bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding},
@@ -43,10 +43,8 @@ pub struct GpuLayer<'a> {
 /// The kernel that mixes layers.
 #[derive(Debug)]
 pub struct LayerMixer {
-    /// One for each shape, by its number.
-    pipelines: Vec<wgpu::ComputePipeline>,
-    /// That of looks which cover all below.
-    copy: wgpu::ComputePipeline,
+    /// Without noise, and with it.
+    pipelines: [wgpu::ComputePipeline; 2],
     layout: wgpu::BindGroupLayout,
     /// Bound in place of looks and masks that are not read.
     absent: wgpu::Buffer,
@@ -56,14 +54,14 @@ pub struct LayerMixer {
 /// Buffers of former submissions, to be used again in the next one.
 #[derive(Debug, Default)]
 struct Pool {
-    /// Uniforms and indices of blocks, for one mix each.
+    /// Uniforms and blocks, for one mix each.
     buffers: Vec<[wgpu::Buffer; 2]>,
     /// Number of those that the present submission uses.
     n_used: usize,
 }
 
 impl LayerMixer {
-    /// Compiles the kernel, once for each shape.
+    /// Compiles the kernel.
     pub fn new(device: &wgpu::Device) -> Self {
         let (label, compute) = ("mix_layers", wgpu::ShaderStages::COMPUTE);
         let read = storage_binding(true);
@@ -71,20 +69,18 @@ impl LayerMixer {
         let uniforms = wgpu::BindingType::Buffer {
             ty: wgpu::BufferBindingType::Uniform,
             has_dynamic_offset: true,
-            min_binding_size: wgpu::BufferSize::new(size_of::<MixLayer>() as u64),
+            min_binding_size: wgpu::BufferSize::new(size_of::<MixStack>() as u64),
         };
-        let bindings = [uniforms, storage_binding(false), read, read, read, read];
+        let bindings = [uniforms, storage_binding(false), read, read, read, read, read, read, read];
         let layout = group_layout(device, label, compute, &bindings);
         let groups = pipeline_layout(device, label, &[&layout]);
-        let pipeline = |shape: u32, is_copy: bool| {
-            let constants = [("shape", f64::from(shape)), ("is_copy", f64::from(u8::from(is_copy)))];
+        let pipelines = [0.0, 1.0].map(|has_noise| {
+            let constants = [("has_noise", has_noise)];
             let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
             compute_pipeline(device, shaders::mix_layers(), &groups, options)
-        };
-        let pipelines = (0..=shaders::SHAPE_NOISE).map(|shape| pipeline(shape, false)).collect();
-        let copy = pipeline(shaders::SHAPE_EVERYTHING, true);
+        });
         let absent = buffers::create(device, "mix_absent", 16, wgpu::BufferUsages::STORAGE);
-        Self { pipelines, copy, layout, absent, pool: Mutex::default() }
+        Self { pipelines, layout, absent, pool: Mutex::default() }
     }
 
     /// Uses the buffers of the last submission again. They are written before a submission and not within it, so each of its
@@ -120,44 +116,32 @@ impl LayerMixer {
         if dispatches.is_empty() {
             return;
         }
-        // A dispatch without a layer writes the captured colors.
-        let layer = |dispatch: &Dispatch| dispatch.layer.map(|index| &packed[index]);
-        let uniforms: Vec<_> = dispatches
+        let stacks: Vec<_> = dispatches
             .iter()
-            .map(|dispatch| {
-                let (chunk, range) = (&scene.chunks()[dispatch.chunk], &dispatch.blocks);
-                MixLayer {
-                    n_gaussians: chunk.n_gaussians,
-                    first_gaussian: chunk.first,
-                    first_block: range.start,
-                    n_blocks: range.len() as u32,
-                    ..layer(dispatch).map_or_else(pack::captured, |(_, (_, values))| *values)
-                }
-            })
+            .map(|dispatch| Stack::new(scene, dispatch, &packed[dispatch.layers.clone()]))
             .collect();
         let mut pool = self.pool.lock().unwrap_or_else(PoisonError::into_inner);
         let [uniforms, blocks] =
-            pool.next(device, queue, [&at_offsets(&uniforms), bytemuck::cast_slice(&blocks)]);
+            pool.next(device, queue, [&at_offsets(&stacks), bytemuck::cast_slice(&blocks)]);
         let uniforms = uniforms.as_entire_buffer_binding();
         let uniforms =
-            wgpu::BufferBinding { size: wgpu::BufferSize::new(size_of::<MixLayer>() as u64), ..uniforms };
+            wgpu::BufferBinding { size: wgpu::BufferSize::new(size_of::<MixStack>() as u64), ..uniforms };
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("mix_layers"),
             ..Default::default()
         });
-        for (i, dispatch) in dispatches.iter().enumerate() {
-            let (look, mask) = layer(dispatch).map_or((None, None), |(layer, _)| (layer.look, layer.mask));
-            let masks = mask.map_or(&self.absent, |(mask, _)| &mask.buffer);
-            let looks = look.map_or(&self.absent, GaussianColors::buffer);
+        for (i, (dispatch, stack)) in dispatches.iter().zip(&stacks).enumerate() {
             let gaussians = &scene.chunks()[dispatch.chunk].gaussians;
-            let whole =
-                [colors.buffer(), gaussians, masks, looks, &blocks].map(wgpu::Buffer::as_entire_binding);
-            let [colors, gaussians, masks, looks, blocks] = whole;
+            let masks = stack.mask.map_or(&self.absent, |mask| &mask.buffer);
+            let look = |i: usize| stack.looks.get(i).map_or(&self.absent, |look| look.buffer());
+            let buffers = [colors.buffer(), gaussians, masks, &blocks, look(0), look(1), look(2), look(3)];
             let uniforms = wgpu::BindingResource::Buffer(uniforms.clone());
-            let resources = [uniforms, colors, gaussians, masks, looks, blocks];
+            let resources: Vec<_> =
+                std::iter::once(uniforms).chain(buffers.map(wgpu::Buffer::as_entire_binding)).collect();
+            let has_noise = stack.uniforms.layers.iter().any(|layer| layer.shape == shaders::SHAPE_NOISE);
+            pass.set_pipeline(&self.pipelines[usize::from(has_noise)]);
             let group = bind_group(device, "mix_layers", &self.layout, &resources);
-            pass.set_pipeline(self.pipeline(dispatch, layer(dispatch)));
-            pass.set_bind_group(0, &group, &[i as u32 * OFFSET as u32]);
+            pass.set_bind_group(0, &group, &[(i * OFFSET) as u32]);
             // Workgroups beyond the limit go into a second dimension.
             let n = (dispatch.blocks.len() as u32).div_ceil(shaders::MIX_WORKGROUP / shaders::MIX_BLOCK);
             let x = n.min(MAX_WORKGROUPS);
@@ -166,32 +150,51 @@ impl LayerMixer {
         drop(pass);
         colors.mark_changed();
     }
+}
 
-    /// The pipeline of a dispatch.
-    fn pipeline(
-        &self,
-        dispatch: &Dispatch,
-        layer: Option<&(&GpuLayer, (u32, MixLayer))>,
-    ) -> &wgpu::ComputePipeline {
-        let everything = shaders::SHAPE_EVERYTHING as usize;
-        match layer {
-            Some((_, (shape, _))) if dispatch.has_edge => &self.pipelines[*shape as usize],
-            Some((layer, _)) if layer.look.is_some() && layer.mask.is_none() && layer.strength >= 1.0 => {
-                &self.copy
-            }
-            _ => &self.pipelines[everything],
+/// A dispatch as the kernel takes it.
+struct Stack<'a> {
+    uniforms: MixStack,
+    /// Its looks by their numbers.
+    looks: Vec<&'a GaussianColors>,
+    mask: Option<&'a GaussianMask>,
+}
+
+impl<'a> Stack<'a> {
+    /// The dispatch of `layers`.
+    fn new(scene: &GpuScene, dispatch: &Dispatch, layers: &[(&GpuLayer<'a>, MixLayer)]) -> Self {
+        let (chunk, blocks) = (&scene.chunks()[dispatch.chunk], &dispatch.blocks);
+        let mut looks: Vec<&GaussianColors> = Vec::new();
+        let mut number = |look: &'a GaussianColors| {
+            let known = looks.iter().position(|known| known.buffer() == look.buffer());
+            known.unwrap_or_else(|| {
+                looks.push(look);
+                looks.len() - 1
+            }) as u32
+        };
+        let mut uniforms = MixStack {
+            layers: [MixLayer::default(); shaders::MIX_LAYERS as usize],
+            n_gaussians: chunk.n_gaussians,
+            first_gaussian: chunk.first,
+            first_block: blocks.start,
+            n_blocks: blocks.len() as u32,
+        };
+        for (place, (layer, values)) in uniforms.layers.iter_mut().zip(layers) {
+            *place = MixLayer { look: layer.look.map_or(shaders::NO_LOOK, &mut number), ..*values };
         }
+        let mask = layers.iter().find_map(|(layer, _)| layer.mask.map(|(mask, _)| mask));
+        Self { uniforms, looks, mask }
     }
 }
 
-/// Distance of uniforms in their buffer: the largest alignment that a device may ask for, and more than they take.
-const OFFSET: usize = 256;
+/// Distance of uniforms in their buffer: their size, and a multiple of the largest alignment that a device may ask for.
+const OFFSET: usize = size_of::<MixStack>().next_multiple_of(256);
 
 /// Uniforms as they lie in their buffer.
-fn at_offsets(uniforms: &[MixLayer]) -> Vec<u8> {
-    let mut bytes = vec![0; OFFSET * uniforms.len()];
-    for (place, values) in bytes.chunks_exact_mut(OFFSET).zip(uniforms) {
-        place[..size_of::<MixLayer>()].copy_from_slice(bytemuck::bytes_of(values));
+fn at_offsets(stacks: &[Stack]) -> Vec<u8> {
+    let mut bytes = vec![0; OFFSET * stacks.len()];
+    for (place, stack) in bytes.chunks_exact_mut(OFFSET).zip(stacks) {
+        place[..size_of::<MixStack>()].copy_from_slice(bytemuck::bytes_of(&stack.uniforms));
     }
     bytes
 }

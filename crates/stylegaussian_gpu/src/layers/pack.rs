@@ -1,6 +1,5 @@
 //! Layers as the kernel takes them.
 
-use bytemuck::Zeroable;
 use glam::{Affine3A, Vec3, Vec4};
 use stylegaussian::layers::{Region, Shape};
 use stylegaussian_shaders::layers::{self as shaders, MixLayer};
@@ -10,14 +9,9 @@ use super::GpuLayer;
 /// Sizes and distances beyond this are drawn in to it: their squares stay within f32, and no scene reaches there.
 const FAR: f32 = 1e9;
 
-/// The captured colors over everything.
-pub(super) fn captured() -> MixLayer {
-    MixLayer { mask: shaders::NO_MASK, strength: 1.0, ..MixLayer::zeroed() }
-}
-
-/// The number of a layer's shape and its uniforms, or `None` if it covers nothing. WGSL leaves NaN and infinity undefined, so that they are
-/// sorted out here, with the twin's meaning.
-pub(super) fn packed(layer: &GpuLayer) -> Option<(u32, MixLayer)> {
+/// A layer's uniforms, or `None` if it covers nothing; its look has no number yet. WGSL leaves NaN and infinity undefined, so that
+/// they are sorted out here, with the twin's meaning.
+pub(super) fn packed(layer: &GpuLayer) -> Option<MixLayer> {
     let Region { shape, shape_from_scene, softness } = layer.region;
     let (kind, sizes) = kind_and_sizes(shape);
     let everywhere = kind == shaders::SHAPE_EVERYTHING;
@@ -38,20 +32,20 @@ pub(super) fn packed(layer: &GpuLayer) -> Option<(u32, MixLayer)> {
     };
     let rows = if everywhere { [[0.0; 4]; 3] } else { [row(0), row(1), row(2)] };
     let softness = softness.clamp(0.0, FAR);
-    let uniforms = MixLayer {
+    Some(MixLayer {
         shape_from_scene_x: rows[0],
         shape_from_scene_y: rows[1],
         shape_from_scene_z: rows[2],
         sizes: sizes.map(|size| size.min(FAR)),
-        has_look: u32::from(layer.look.is_some()),
+        look: shaders::NO_LOOK,
         mask: layer.mask.map_or(shaders::NO_MASK, |(_, channel)| channel),
         strength: layer.strength.min(1.0),
         softness,
         // The reciprocal of a width below 1e-38 is infinite. Such an edge is hard.
         inverse_softness: Some(softness.recip()).filter(|value| value.is_finite()).unwrap_or(0.0),
-        ..MixLayer::zeroed()
-    };
-    Some((kind, uniforms))
+        shape: kind,
+        ..MixLayer::default()
+    })
 }
 
 /// The number of a shape, and its sizes in the order of their names.

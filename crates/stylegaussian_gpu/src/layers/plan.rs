@@ -1,10 +1,10 @@
 //! The dispatches of a mix: which layers touch which blocks, and what is there already.
 
-use std::ops::Range;
+use std::{ops::Range, sync::Arc};
 
 use glam::Vec3;
 use stylegaussian::layers::{Cover, Region, RegionCover};
-use stylegaussian_shaders::layers::{STARTS, WITHIN};
+use stylegaussian_shaders::layers::{MIX_LAYERS, MIX_LOOKS, MixBlock, STARTS};
 
 use super::GpuLayer;
 use crate::{
@@ -30,7 +30,7 @@ struct MixedLayer {
     region: Region,
     source: Source,
     /// How the region covers each block, over all chunks.
-    covers: Vec<Cover>,
+    covers: Arc<[Cover]>,
 }
 
 /// Everything that a layer's colors depend on, except its region.
@@ -41,15 +41,13 @@ struct Source {
     strength: f32,
 }
 
-/// A dispatch of the kernel.
+/// A dispatch of the kernel: layers that are mixed together, in the blocks of a chunk.
 #[derive(Debug)]
 pub(super) struct Dispatch {
-    /// Index of the layer, or `None` for the captured colors.
-    pub(super) layer: Option<usize>,
-    /// Whether any of its blocks lies on the edge of the layer's region, and not within.
-    pub(super) has_edge: bool,
+    /// The layers, at most [`MIX_LAYERS`] with at most [`MIX_LOOKS`] looks and one mask.
+    pub(super) layers: Range<usize>,
     pub(super) chunk: usize,
-    /// Its part of the indices of blocks.
+    /// Its part of the blocks.
     pub(super) blocks: Range<u32>,
 }
 
@@ -69,13 +67,13 @@ impl Source {
 }
 
 impl MixedLayers {
-    /// The dispatches that turn the last mix into that of `layers`, and the indices of their blocks in the chunks.
+    /// The dispatches that turn the last mix into that of `layers`, and the blocks in which they work.
     pub(super) fn update(
         &mut self,
         scene: &GpuScene,
         layers: &[GpuLayer],
         colors: &GaussianColors,
-    ) -> (Vec<Dispatch>, Vec<u32>) {
+    ) -> (Vec<Dispatch>, Vec<MixBlock>) {
         let holds_last = self.colors.as_ref() == Some(colors.buffer());
         let last = if holds_last { std::mem::take(&mut self.layers) } else { Vec::new() };
         let next: Vec<_> = layers
@@ -84,8 +82,7 @@ impl MixedLayers {
             .map(|(i, layer)| {
                 let same_region = last.get(i).filter(|last| last.region == layer.region);
                 let covers = match same_region {
-                    // Compared below, so it is copied and not taken.
-                    Some(last) => last.covers.clone(),
+                    Some(last) => Arc::clone(&last.covers),
                     None => covers(scene, &layer.region),
                 };
                 MixedLayer { region: layer.region, source: Source::of(layer), covers }
@@ -100,7 +97,7 @@ impl MixedLayers {
 }
 
 /// How a region covers the blocks of a scene.
-fn covers(scene: &GpuScene, region: &Region) -> Vec<Cover> {
+fn covers(scene: &GpuScene, region: &Region) -> Arc<[Cover]> {
     let region = RegionCover::new(region);
     let mut covers = Vec::new();
     for chunk in scene.chunks() {
@@ -112,7 +109,7 @@ fn covers(scene: &GpuScene, region: &Region) -> Vec<Cover> {
             }
         }
     }
-    covers
+    covers.into()
 }
 
 /// A ball around balls.
@@ -132,7 +129,7 @@ fn changed_blocks(last: &[MixedLayer], next: &[MixedLayer], n_blocks: usize) -> 
                 if !moved && !differs {
                     continue;
                 }
-                for (block, (&was, &is)) in last.covers.iter().zip(&next.covers).enumerate() {
+                for (block, (&was, &is)) in last.covers.iter().zip(&*next.covers).enumerate() {
                     let is_touched = was != Cover::Outside || is != Cover::Outside;
                     changed[block] |= is_touched && (differs || was != is || is == Cover::Edge);
                 }
@@ -148,8 +145,8 @@ fn changed_blocks(last: &[MixedLayer], next: &[MixedLayer], n_blocks: usize) -> 
     changed
 }
 
-/// The dispatches over changed blocks, layer by layer.
-fn dispatches(scene: &GpuScene, layers: &[MixedLayer], changed: &[bool]) -> (Vec<Dispatch>, Vec<u32>) {
+/// The dispatches over changed blocks: for each stack of layers, one for each chunk.
+fn dispatches(scene: &GpuScene, layers: &[MixedLayer], changed: &[bool]) -> (Vec<Dispatch>, Vec<MixBlock>) {
     // The lowest layer that is seen in each block: what lies below an opaque one is left out. One more than the layers if
     // there is none.
     let lowest = |block: usize| {
@@ -157,32 +154,58 @@ fn dispatches(scene: &GpuScene, layers: &[MixedLayer], changed: &[bool]) -> (Vec
         let touches = |layer: &MixedLayer| layer.covers[block] != Cover::Outside;
         layers.iter().rposition(covers).or_else(|| layers.iter().position(touches)).unwrap_or(layers.len())
     };
-    let lowest: Vec<_> =
-        (0..changed.len()).map(|block| if changed[block] { lowest(block) } else { usize::MAX }).collect();
+    let lowest: Vec<_> = (0..changed.len()).map(|block| changed[block].then(|| lowest(block))).collect();
     let (mut dispatches, mut blocks) = (Vec::new(), Vec::new());
-    let mut first = 0;
-    for (chunk, of_chunk) in scene.chunks().iter().enumerate() {
-        let range = first..first + of_chunk.blocks.len();
-        let mut dispatch = |layer: Option<usize>, chosen: &dyn Fn(usize) -> Option<u32>| {
-            let begin = blocks.len();
-            blocks.extend(range.clone().filter_map(|block| Some((block - first) as u32 | chosen(block)?)));
-            let has_edge = blocks[begin..].iter().any(|block| block & WITHIN == 0);
-            let blocks = begin as u32..blocks.len() as u32;
-            if !blocks.is_empty() {
-                dispatches.push(Dispatch { layer, has_edge, chunk, blocks });
+    for stack in stacks(layers) {
+        let mut first = 0;
+        for (chunk, of_chunk) in scene.chunks().iter().enumerate() {
+            let (begin, end) = (blocks.len() as u32, first + of_chunk.blocks.len());
+            for block in first..end {
+                let Some(lowest) = lowest[block] else { continue };
+                let start = if lowest >= stack.start { STARTS } else { 0 };
+                let mut item = MixBlock { index: (block - first) as u32 | start, ..MixBlock::default() };
+                let hidden = lowest.saturating_sub(stack.start);
+                for (bit, layer) in layers[stack.clone()].iter().enumerate().skip(hidden) {
+                    let cover = layer.covers[block];
+                    item.touches |= u32::from(cover != Cover::Outside) << bit;
+                    item.within |= u32::from(cover == Cover::Inside) << bit;
+                }
+                // The first stack writes the captured colors where no layer is.
+                if item.touches != 0 || (stack.start == 0 && lowest == layers.len()) {
+                    blocks.push(item);
+                }
             }
-        };
-        // Blocks that no layer touches any more.
-        dispatch(None, &|block| (lowest[block] == layers.len()).then_some(STARTS | WITHIN));
-        for (i, layer) in layers.iter().enumerate() {
-            dispatch(Some(i), &|block| {
-                let cover = layer.covers[block];
-                let is_seen = lowest[block] <= i && cover != Cover::Outside;
-                let start = if lowest[block] == i { STARTS } else { 0 };
-                is_seen.then_some(start | if cover == Cover::Inside { WITHIN } else { 0 })
-            });
+            let of_chunk = begin..blocks.len() as u32;
+            if !of_chunk.is_empty() {
+                dispatches.push(Dispatch { layers: stack.clone(), chunk, blocks: of_chunk });
+            }
+            first = end;
         }
-        first = range.end;
     }
     (dispatches, blocks)
+}
+
+/// Layers that a dispatch can mix together. There is always a first stack, if only for the captured colors.
+fn stacks(layers: &[MixedLayer]) -> Vec<Range<usize>> {
+    let mut stacks = Vec::new();
+    let (mut start, mut looks, mut masks) = (0, Vec::new(), Vec::new());
+    for (i, layer) in layers.iter().enumerate() {
+        let look = layer.source.look.as_ref().map(|(look, _)| look);
+        let mask = layer.source.mask.as_ref().map(|(mask, ..)| mask);
+        let new_look = look.filter(|look| !looks.contains(look));
+        let new_mask = mask.filter(|mask| !masks.contains(mask));
+        let is_full = i - start == MIX_LAYERS as usize
+            || (new_look.is_some() && looks.len() == MIX_LOOKS as usize)
+            || (new_mask.is_some() && !masks.is_empty());
+        if is_full {
+            stacks.push(start..i);
+            start = i;
+            (looks, masks) = (look.into_iter().collect(), mask.into_iter().collect());
+        } else {
+            looks.extend(new_look);
+            masks.extend(new_mask);
+        }
+    }
+    stacks.push(start..layers.len());
+    stacks
 }
