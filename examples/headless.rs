@@ -1,22 +1,25 @@
-//! Images without a window: a turntable of the demo scene, as captured and in the baked look of every shipped style, and a
-//! contact sheet that shows each style beside its painting.
+//! Images without a window: a turntable of the demo scene, on which the baked look of every shipped style arrives as a wave and
+//! balls of paint wander through the captured colors, and a contact sheet that shows each style beside its painting.
 //!
 //! ```sh
 //! cargo run --release --example headless [OUT_DIR]    # default: out/demo
 //! ```
 
-use std::{env, f32::consts::TAU, fs, path::Path, time::Instant};
+use std::{
+    env,
+    f32::consts::TAU,
+    fs,
+    path::Path,
+    time::{Duration, Instant},
+};
 
 use anyhow::{Context, Result, bail};
 use bevy::{
     app::PluginsState, camera::RenderTarget, core_pipeline::tonemapping::Tonemapping, prelude::*,
     render::RenderPlugin, render::render_resource::TextureFormat, render::view::screenshot,
-    window::ExitCondition, winit::WinitPlugin,
+    time::TimeUpdateStrategy, window::ExitCondition, winit::WinitPlugin,
 };
-use bevy_stylegaussian::{
-    GaussianScene, GaussianSceneFailed, GaussianSplats, StyleApplied, StyleFailed, StyleGaussianPlugin,
-    StyleSource,
-};
+use bevy_stylegaussian::prelude::*;
 use image::{RgbImage, imageops};
 
 #[path = "backdrop/mod.rs"]
@@ -26,8 +29,15 @@ const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
 /// The captured colors, then the shipped styles.
 const LOOKS: [&str; 9] =
     ["captured", "cubist", "dots", "halftone", "ink", "mosaic", "print", "strokes", "watercolor"];
-const FRAMES_PER_LOOK: usize = 5;
-const N_FRAMES: usize = LOOKS.len() * FRAMES_PER_LOOK;
+const FRAMES_PER_LOOK: usize = 7;
+/// Frames until a wave has crossed the scene.
+const FRAMES_PER_WAVE: u32 = 5;
+/// Frames in which balls wander, and the looks of the balls.
+const WANDERING: usize = 15;
+const BALLS: [&str; 3] = ["mosaic", "ink", "print"];
+const N_FRAMES: usize = LOOKS.len() * FRAMES_PER_LOOK + WANDERING;
+/// Time from frame to frame.
+const FRAME: Duration = Duration::from_millis(150);
 
 fn main() -> Result<()> {
     let out = env::args().nth(1).unwrap_or_else(|| "out/demo".into());
@@ -47,23 +57,41 @@ fn main() -> Result<()> {
     while !app.world().resource::<Assets<GaussianScene>>().contains(&scene) {
         step(&mut app)?;
     }
+    let mut balls = Vec::new();
     for frame in 0..N_FRAMES {
-        let look = frame / FRAMES_PER_LOOK;
-        if look > 0 && frame % FRAMES_PER_LOOK == 0 {
-            let baked = assets.load(format!("looks/{}.look.safetensors", LOOKS[look]));
-            app.world_mut().entity_mut(splats).insert(StyleSource::look(baked));
-            // The picture waits for the style: frames here cost nothing but time.
+        let angle = TAU * frame as f32 / N_FRAMES as f32;
+        let (look, style) = match LOOKS.get(frame / FRAMES_PER_LOOK) {
+            Some(&"captured") | None => ("captured", StyleSource::none()),
+            Some(&look) => (look, baked(&assets, look)),
+        };
+        if frame > 0 && frame % FRAMES_PER_LOOK == 0 && frame <= LOOKS.len() * FRAMES_PER_LOOK {
+            // From another side each time.
+            let origin = Quat::from_rotation_y(2.4 * look.len() as f32 + angle) * Vec3::new(3.5, 0.0, 0.0);
+            let wave = StyleTransition::sphere(origin, FRAME * FRAMES_PER_WAVE);
+            app.world_mut().entity_mut(splats).insert((style, wave));
+            // Time stands still until the style is there: frames here cost nothing but time.
+            app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::ZERO));
             while !step(&mut app)? {}
+            app.insert_resource(TimeUpdateStrategy::ManualDuration(FRAME));
+        }
+        let wandered = (frame + WANDERING).checked_sub(N_FRAMES);
+        if wandered == Some(0) {
+            balls = BALLS.map(|look| app.world_mut().spawn((ball(), baked(&assets, look))).id()).to_vec();
+        }
+        for (i, &ball) in balls.iter().enumerate() {
+            let turn = TAU * (i as f32 / balls.len() as f32 + wandered.unwrap_or(0) as f32 / 24.0);
+            let place = Transform::from_xyz(3.4 * turn.cos(), 0.4, 3.4 * turn.sin());
+            app.world_mut().entity_mut(ball).insert(place);
         }
         // By the frame's number and not by time, so that the same pictures come out on any machine.
-        let eye = Quat::from_rotation_y(TAU * frame as f32 / N_FRAMES as f32) * Vec3::new(0.0, 4.3, 12.3);
+        let eye = Quat::from_rotation_y(angle) * Vec3::new(0.0, 4.3, 12.3);
         let eye = Transform::from_translation(eye).looking_at(0.1 * Vec3::Y, Vec3::Y);
         app.world_mut().entity_mut(camera).insert(eye);
         let save = screenshot::save_to_disk(out.join(format!("{frame:03}.png")));
         // Spawned before the update that draws the frame that it takes.
         app.world_mut().spawn(screenshot::Screenshot::image(target.clone())).observe(save);
         step(&mut app)?;
-        println!("{:>3} of {N_FRAMES}: {}", frame + 1, LOOKS[look]);
+        println!("{:>3} of {N_FRAMES}: {look}", frame + 1);
     }
     // The last images arrive from the GPU a few frames late.
     while app.world_mut().query::<&screenshot::Screenshot>().iter(app.world()).next().is_some() {
@@ -72,6 +100,16 @@ fn main() -> Result<()> {
     contact_sheet(out)?.save(out.join("sheet.png"))?;
     println!("{} and {N_FRAMES} frames in {:.0?}", out.join("sheet.png").display(), begun.elapsed());
     Ok(())
+}
+
+/// The baked look of a shipped style.
+fn baked(assets: &AssetServer, name: &str) -> StyleSource {
+    StyleSource::look(assets.load(format!("looks/{name}.look.safetensors")))
+}
+
+/// A ball of paint with a soft edge.
+fn ball() -> StyleVolume {
+    StyleVolume::new(Sphere::new(1.9)).with_softness(0.3)
 }
 
 /// An app without a window and its events.
@@ -107,7 +145,7 @@ fn step(app: &mut App) -> Result<bool> {
     app.should_exit().map_or(Ok(is_applied), |exit| bail!("the renderer gave up: {exit:?}"))
 }
 
-/// The middle frame of each style with its painting beside it, in three columns.
+/// The last frame of each style with its painting beside it, in three columns.
 fn contact_sheet(out: &Path) -> Result<RgbImage> {
     // A cell is 480 + 6 + 270 wide and 270 high, with 8 between cells.
     let mut sheet = RgbImage::from_pixel(3 * 764 + 8, 3 * 278 + 8, image::Rgb([22, 27, 38]));
@@ -120,8 +158,8 @@ fn contact_sheet(out: &Path) -> Result<RgbImage> {
         let (x, y) = (8 + 764 * (index as i64 % 3), 8 + 278 * (index as i64 / 3));
         let paintings = ["jpg", "png"].map(|end| Path::new(ASSETS).join(format!("styles/{look}.{end}")));
         let painting = paintings.iter().find(|path| path.exists());
-        // The middle frame: the first one of a style is seen from where the last style ended.
-        let frame = out.join(format!("{:03}.png", index * FRAMES_PER_LOOK + FRAMES_PER_LOOK / 2));
+        // The last frame, in which the wave has passed.
+        let frame = out.join(format!("{:03}.png", (index + 1) * FRAMES_PER_LOOK - 1));
         paste(&frame, 480, if painting.is_some() { x } else { x + 138 }, y)?;
         painting.map_or(Ok(()), |painting| paste(painting, 270, x + 486, y))?;
     }
