@@ -30,10 +30,8 @@ pub const TILES_PER_WORKGROUP: u32 = 16;
 pub const INVISIBLE: u32 = u32::MAX;
 /// `SplatChunk::sh_degree` of a scene without spherical harmonics.
 pub const NO_SH: u32 = u32::MAX;
-/// `SplatChunk::flags`: the first color source is the scene's captured colors.
-pub const FROM_CAPTURED_COLORS: u32 = 1;
-/// `SplatChunk::flags`: the second color source is the scene's captured colors.
-pub const TO_CAPTURED_COLORS: u32 = 2;
+/// `SplatChunk::flags`: the colors are the captured ones.
+pub const CAPTURED_COLORS: u32 = 1;
 /// `SplatChunk::flags`: sort by the distance from the eye instead of by view depth.
 pub const BY_DISTANCE: u32 = 4;
 /// `SplatChunk::flags`: the low-pass keeps the sum of a splat, as mip-splatting's 2D filter does.
@@ -87,8 +85,7 @@ fn constants() -> String {
         ("QUARTERS_PER_WORKGROUP", 4 * TILES_PER_WORKGROUP),
         ("INVISIBLE", INVISIBLE),
         ("NO_SH", NO_SH),
-        ("FROM_CAPTURED_COLORS", FROM_CAPTURED_COLORS),
-        ("TO_CAPTURED_COLORS", TO_CAPTURED_COLORS),
+        ("CAPTURED_COLORS", CAPTURED_COLORS),
         ("BY_DISTANCE", BY_DISTANCE),
         ("ANTIALIASED", ANTIALIASED),
         ("CROPPED", CROPPED),
@@ -249,14 +246,14 @@ pub fn layouts() -> Vec<Layout> {
             axis,
             near,
             scale_unit,
-            fade,
             n_gaussians,
             first_gaussian,
             first_record,
             sh_degree,
             flags,
             mask_shift,
-            padding,
+            padding_0,
+            padding_1,
         }),
         layout!(PackedGaussian { mean, opacity, rotation, scales }),
         layout!(SplatCounts { n_records, n_visible }),
@@ -306,8 +303,6 @@ pub struct SplatChunk {
     pub near: f32,
     /// The unit of [`PackedGaussian::scales`], in scene units.
     pub scale_unit: f32,
-    /// Share of the second color source, 0..1.
-    pub fade: f32,
     /// Gaussians in this chunk.
     pub n_gaussians: u32,
     /// Index of the chunk's first Gaussian in its scene.
@@ -316,12 +311,14 @@ pub struct SplatChunk {
     pub first_record: u32,
     /// Degree of the spherical harmonics, or [`NO_SH`].
     pub sh_degree: u32,
-    /// [`FROM_CAPTURED_COLORS`], [`TO_CAPTURED_COLORS`], [`BY_DISTANCE`], [`ANTIALIASED`], [`CROPPED`].
+    /// [`CAPTURED_COLORS`], [`BY_DISTANCE`], [`ANTIALIASED`], [`CROPPED`].
     pub flags: u32,
     /// Position of the mask's channel in a word, in bits.
     pub mask_shift: u32,
     /// Unused.
-    pub padding: u32,
+    pub padding_0: u32,
+    /// Unused.
+    pub padding_1: u32,
 }
 
 /// One Gaussian as the project kernel reads it.

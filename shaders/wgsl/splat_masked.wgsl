@@ -1,7 +1,7 @@
 // Clouds that a mask hides or crops, for `splat_project`. CPU twin: `stylegaussian::mask::Visibility`.
 
 /// Four channels of 8 bits per Gaussian, the first in the low bits.
-@group(1) @binding(4) var<storage, read> mask: array<u32>;
+@group(1) @binding(3) var<storage, read> mask: array<u32>;
 
 /// The opacity of a chunk's Gaussian as it is drawn.
 fn shown_opacity(opacity: f32, index: u32) -> f32 {

@@ -27,8 +27,6 @@ struct SplatChunk {
     near: f32,
     /// The unit of stored scales, in scene units.
     scale_unit: f32,
-    /// Share of the second color source, 0..1.
-    fade: f32,
     /// Gaussians in this chunk.
     n_gaussians: u32,
     /// Index of the chunk's first Gaussian in its scene.
@@ -37,11 +35,12 @@ struct SplatChunk {
     first_record: u32,
     /// Degree of the spherical harmonics, or `NO_SH`.
     sh_degree: u32,
-    /// `FROM_CAPTURED_COLORS`, `TO_CAPTURED_COLORS`, `BY_DISTANCE`, `ANTIALIASED`, `CROPPED`.
+    /// `CAPTURED_COLORS`, `BY_DISTANCE`, `ANTIALIASED`, `CROPPED`.
     flags: u32,
     /// Position of the mask's channel in a word, in bits.
     mask_shift: u32,
-    padding: u32,
+    padding_0: u32,
+    padding_1: u32,
 }
 
 /// One Gaussian, 32 bytes.
@@ -59,8 +58,7 @@ struct PackedGaussian {
 @group(0) @binding(2) var<storage, read_write> geometry_halves: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> color_halves: array<vec4<u32>>;
 @group(1) @binding(0) var<storage, read> gaussians: array<PackedGaussian>;
-@group(1) @binding(2) var<storage, read> colors_from: array<vec2<u32>>;
-@group(1) @binding(3) var<storage, read> colors_to: array<vec2<u32>>;
+@group(1) @binding(2) var<storage, read> colors: array<vec2<u32>>;
 
 /// Variance added to the diagonal of every 2D covariance, in px^2, so that no splat is thinner than about a pixel.
 const LOW_PASS: f32 = 0.3;
@@ -179,26 +177,16 @@ fn unpacked_color(words: vec2<u32>) -> vec4<f32> {
     return vec4(unpack2x16float(words.x), unpack2x16float(words.y));
 }
 
-/// The color between the first source and the second. Sources are premultiplied: the rest of the fourth number to 1 is
-/// the share of the captured color. A source of nothing but that is zero.
+/// The color. Those that are read are premultiplied: the rest of the fourth number to 1 is the share of the captured color.
 fn color(index: u32, mean: vec3<f32>) -> vec3<f32> {
-    let in_scene = chunk.first_gaussian + index;
-    var mixed = vec4(0.0);
-    if (chunk.flags & FROM_CAPTURED_COLORS) == 0u {
-        mixed = unpacked_color(colors_from[in_scene]);
+    var own = vec4(0.0);
+    if (chunk.flags & CAPTURED_COLORS) == 0u {
+        own = unpacked_color(colors[chunk.first_gaussian + index]);
     }
-    // Most clouds do not fade, and skip the reads of a second source.
-    if chunk.fade > 0.0 {
-        var second = vec4(0.0);
-        if (chunk.flags & TO_CAPTURED_COLORS) == 0u {
-            second = unpacked_color(colors_to[in_scene]);
-        }
-        mixed = mix(mixed, second, chunk.fade);
-    }
-    var rgb = mixed.rgb;
+    var rgb = own.rgb;
     // Most clouds have one color from all sides, and skip the reads of the spherical harmonics.
-    if mixed.a < 1.0 {
-        rgb += (1.0 - mixed.a) * captured_color(index, mean);
+    if own.a < 1.0 {
+        rgb += (1.0 - own.a) * captured_color(index, mean);
     }
     // WGSL leaves packing of larger numbers to f16 undefined.
     return clamp(rgb, vec3(-MAX_COLOR), vec3(MAX_COLOR));

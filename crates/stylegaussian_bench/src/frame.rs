@@ -3,9 +3,12 @@
 use anyhow::Result;
 use glam::{Affine3A, Mat4, UVec4, Vec3};
 use stylegaussian::Scene;
-use stylegaussian_gpu::splat::{
-    Camera, Cloud, CloudColors, Composite, CompositeInput, CompositeMode, CompositePipeline, GpuScene,
-    LAYER_FORMAT, Layer, SplatPass, SplatPipeline, SplatSettings, SplatView,
+use stylegaussian_gpu::{
+    colors::GaussianColors,
+    splat::{
+        Camera, Cloud, CloudColors, Composite, CompositeInput, CompositeMode, CompositePipeline, GpuScene,
+        LAYER_FORMAT, Layer, SplatPass, SplatPipeline, SplatSettings, SplatView,
+    },
 };
 
 use crate::{
@@ -256,12 +259,11 @@ impl<'a> Stage<'a> {
             self.frame += 1;
             gpu.time(|encoder| self.prepare(encoder, 0, 1, CloudColors::Captured))
         })?;
-        // If nothing moves and colors fade, nothing is sorted.
-        let mut t = 0.0;
+        // If nothing moves and colors change, nothing is sorted. These colors are nothing but a share of the captured ones.
+        let changing = GaussianColors::new(&gpu.device, n)?;
         add("project", &mut || {
-            t += 0.01;
-            let fading = CloudColors::Fade { from: None, to: None, t };
-            gpu.time(|encoder| self.prepare(encoder, 0, 1, fading))
+            changing.mark_changed();
+            gpu.time(|encoder| self.prepare(encoder, 0, 1, CloudColors::Rgb(&changing)))
         })?;
         add("draw", &mut || {
             gpu.time(|encoder| {

@@ -392,28 +392,24 @@ fn clouds_interleave() {
     assert_eq!(picture, swapped);
 }
 
-/// Halfway from white to the mid-gray of a scene without colors, and to red.
+/// Red over half of the mid-gray of a scene without colors, and all of either.
 #[test]
-fn colors_fade() {
+fn own_colors_leave_a_share_of_the_captured_ones() {
     let Some(gpu) = gpu() else { return };
     let HeadlessDevice { device, queue, .. } = &gpu;
     let scene = GpuScene::new(device, &scene(&[ahead(1.0)])).unwrap();
-    let white = GaussianColors::from_rgb(device, queue, &[WHITE]).unwrap();
-    let red = GaussianColors::from_rgb(device, queue, &[RED]).unwrap();
-    let check = |from, to, t, expected: [f32; 3]| {
-        let colors = CloudColors::Fade { from, to, t };
+    let check = |colors: [f32; 4], expected: [f32; 3]| {
+        let own = GaussianColors::from_premultiplied(device, queue, &[colors]).unwrap();
+        let colors = CloudColors::Rgb(&own);
         let cloud = Cloud { scene: &scene, colors, world_from_scene: Affine3A::IDENTITY, visibility: None };
         let settings = SplatSettings::default();
         let picture = Headless::new(device).render(device, queue, &pinhole(), &[cloud], &settings).unwrap();
         let [r, g, b] = expected.map(|c| 0.8 * c);
         near(picture.rgba[CENTER], [r, g, b, 0.8]);
     };
-    check(Some(&white), None, 0.0, WHITE);
-    check(Some(&white), None, 0.5, [0.75; 3]);
-    check(None, Some(&red), 0.5, [0.75, 0.25, 0.25]);
-    check(Some(&white), Some(&red), 0.25, [1.0, 0.75, 0.75]);
-    check(Some(&white), Some(&red), 1.0, RED);
-    check(None, None, 0.5, [0.5; 3]);
+    check([1.0, 0.0, 0.0, 1.0], RED);
+    check([0.5, 0.0, 0.0, 0.5], [0.75, 0.25, 0.25]);
+    check([0.0; 4], [0.5; 3]);
 }
 
 /// Two splats on the picture's middle line: one is nearer along the axis, the other nearer to the eye.

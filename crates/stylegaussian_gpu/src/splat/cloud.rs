@@ -38,27 +38,14 @@ pub enum CloudColors<'a> {
     Captured,
     /// One RGB per Gaussian, not clamped.
     Rgb(&'a GaussianColors),
-    /// A mix of two sources. `None` stands for the captured colors.
-    Fade {
-        /// The colors for t = 0.
-        from: Option<&'a GaussianColors>,
-        /// The colors for t = 1.
-        to: Option<&'a GaussianColors>,
-        /// Share of the second source, 0..1.
-        t: f32,
-    },
 }
 
 impl<'a> CloudColors<'a> {
-    /// Both ends of the fade and the share of the second. `None` stands for the captured colors.
-    pub(super) fn ends(self) -> (Option<&'a GaussianColors>, Option<&'a GaussianColors>, f32) {
+    /// The colors that are not captured.
+    pub(super) fn own(self) -> Option<&'a GaussianColors> {
         match self {
-            Self::Captured => (None, None, 0.0),
-            Self::Rgb(colors) => (Some(colors), Some(colors), 0.0),
-            // A fade that is over reads one source only.
-            Self::Fade { to, t, .. } if t >= 1.0 => (to, to, 0.0),
-            Self::Fade { from, to, t } if t > 0.0 => (from, to, t),
-            Self::Fade { from, .. } => (from, from, 0.0),
+            Self::Captured => None,
+            Self::Rgb(colors) => Some(colors),
         }
     }
 }
@@ -83,11 +70,9 @@ impl<'a> Cloud<'a> {
 pub(super) fn check(clouds: &[Cloud]) -> Result<(), SplatError> {
     for (i, cloud) in clouds.iter().enumerate() {
         let expected = cloud.scene.n_gaussians();
-        let (from, to, _) = cloud.colors.ends();
-        for colors in [from, to].into_iter().flatten() {
-            if colors.n_gaussians() != expected {
-                return Err(SplatError::Colors { cloud: i, found: colors.n_gaussians(), expected });
-            }
+        let found = cloud.colors.own().map_or(expected, GaussianColors::n_gaussians);
+        if found != expected {
+            return Err(SplatError::Colors { cloud: i, found, expected });
         }
         let found = cloud.visibility.map_or(expected, |visibility| visibility.mask.n_gaussians());
         if found != expected {

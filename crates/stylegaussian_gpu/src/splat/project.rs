@@ -6,8 +6,7 @@ use bytemuck::Zeroable;
 use glam::Affine3A;
 use stylegaussian::{mask::MaskUse, scene::ScreenFilter};
 use stylegaussian_shaders::splat::{
-    self as shaders, ANTIALIASED, BY_DISTANCE, CROPPED, FROM_CAPTURED_COLORS, NO_SH, SplatChunk,
-    TO_CAPTURED_COLORS, WORKGROUP,
+    self as shaders, ANTIALIASED, BY_DISTANCE, CAPTURED_COLORS, CROPPED, NO_SH, SplatChunk, WORKGROUP,
 };
 
 use super::{
@@ -35,7 +34,7 @@ pub(super) struct Project {
     plain: Variant,
     /// Clouds with one; compiled when the first is drawn.
     masked: OnceLock<Variant>,
-    /// Bound if a scene has no spherical harmonics, or if a color source is not read.
+    /// Bound if a scene has no spherical harmonics, or if its captured colors are shown.
     absent: wgpu::Buffer,
 }
 
@@ -43,15 +42,15 @@ pub(super) struct Project {
 #[derive(Debug)]
 struct Variant {
     pipeline: wgpu::ComputePipeline,
-    /// Group 1: Gaussians, spherical harmonics, both color sources, and the mask if there is one.
+    /// Group 1: Gaussians, spherical harmonics, colors, and the mask if there is one.
     chunk_layout: wgpu::BindGroupLayout,
 }
 
 impl Variant {
     fn new(device: &wgpu::Device, view_layout: &wgpu::BindGroupLayout, masked: bool) -> Self {
         let label = "splat_project";
-        let bindings = [storage_binding(true); 5];
-        let bindings = if masked { &bindings[..] } else { &bindings[..4] };
+        let bindings = [storage_binding(true); 4];
+        let bindings = if masked { &bindings[..] } else { &bindings[..3] };
         let chunk_layout = group_layout(device, label, wgpu::ShaderStages::COMPUTE, bindings);
         let layout = pipeline_layout(device, label, &[view_layout, &chunk_layout]);
         let options = wgpu::PipelineCompilationOptions::default();
@@ -91,9 +90,8 @@ impl Project {
         let mut first_record = 0;
         for cloud in clouds {
             let of_cloud = cloud_uniforms(camera, cloud, settings);
-            let (from, to, _) = cloud.colors.ends();
             let versions = ChunkVersions {
-                colors: [from, to].map(|colors| colors.map_or(0, GaussianColors::version)),
+                colors: cloud.colors.own().map_or(0, GaussianColors::version),
                 mask: cloud.mask().map_or(0, |visibility| visibility.mask.version()),
             };
             for chunk in cloud.scene.chunks() {
@@ -133,13 +131,11 @@ impl Project {
 
     /// The buffers that a chunk is projected from.
     fn bindings(&self, chunk: &Chunk, cloud: &Cloud) -> ChunkBindings {
-        let (from, to, _) = cloud.colors.ends();
         let or_absent = |buffer: Option<&wgpu::Buffer>| buffer.unwrap_or(&self.absent).clone();
         let buffers = [
             chunk.gaussians.clone(),
             or_absent(chunk.sh.as_ref()),
-            or_absent(from.map(|colors| colors.buffer())),
-            or_absent(to.map(|colors| colors.buffer())),
+            or_absent(cloud.colors.own().map(GaussianColors::buffer)),
         ];
         ChunkBindings { buffers, mask: cloud.mask().map(|visibility| visibility.mask.buffer.clone()) }
     }
@@ -160,7 +156,6 @@ fn cloud_uniforms(camera: &Camera, cloud: &Cloud, settings: &SplatSettings) -> S
     let [view_from_scene_x, view_from_scene_y, view_from_scene_z] =
         rows(&camera.view_from(&cloud.world_from_scene));
     let clip_row = |i| camera.clip_from_view.row(i).to_array();
-    let (from, to, fade) = cloud.colors.ends();
     let flag = |set: bool, flag: u32| if set { flag } else { 0 };
     let eye = camera.eye_in(&cloud.world_from_scene);
     SplatChunk {
@@ -178,10 +173,8 @@ fn cloud_uniforms(camera: &Camera, cloud: &Cloud, settings: &SplatSettings) -> S
         // Parallel rays have no singularity at the camera, so the near plane alone culls.
         near: if camera.is_orthographic() { f32::MIN } else { settings.near },
         scale_unit: cloud.scene.scale_unit(),
-        fade,
         sh_degree: cloud.scene.sh_degree().map_or(NO_SH, u32::from),
-        flags: flag(from.is_none(), FROM_CAPTURED_COLORS)
-            | flag(to.is_none(), TO_CAPTURED_COLORS)
+        flags: flag(cloud.colors.own().is_none(), CAPTURED_COLORS)
             | flag(settings.sort_key == SortKey::Distance, BY_DISTANCE)
             | flag(cloud.scene.filter() == ScreenFilter::Antialiased, ANTIALIASED)
             | flag(cloud.mask().is_some_and(|visibility| visibility.is == MaskUse::Crop), CROPPED),

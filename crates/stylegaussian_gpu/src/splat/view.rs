@@ -70,8 +70,8 @@ struct ChunkUniforms {
 /// The buffers that a chunk is projected from.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct ChunkBindings {
-    /// Gaussians, spherical harmonics, both color sources.
-    pub buffers: [wgpu::Buffer; 4],
+    /// Gaussians, spherical harmonics, colors.
+    pub buffers: [wgpu::Buffer; 3],
     /// The weights that hide Gaussians.
     pub mask: Option<wgpu::Buffer>,
 }
@@ -79,8 +79,8 @@ pub(super) struct ChunkBindings {
 /// Numbers that differ after each change of what a chunk is projected from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ChunkVersions {
-    /// Versions of both color sources.
-    pub colors: [u64; 2],
+    /// Version of the colors.
+    pub colors: u64,
     /// Version of the mask.
     pub mask: u64,
 }
@@ -107,9 +107,9 @@ pub(super) enum Change {
 impl ChunkSource {
     /// The uniforms without those that only colors depend on.
     fn geometry(&self) -> SplatChunk {
-        // The other flags choose between sources of color.
+        // The other flag is about colors.
         let flags = self.uniforms.flags & (BY_DISTANCE | ANTIALIASED | CROPPED);
-        SplatChunk { eye: [0.0; 4], fade: 0.0, flags, ..self.uniforms }
+        SplatChunk { eye: [0.0; 4], flags, ..self.uniforms }
     }
 
     fn has_geometry_of(&self, other: &Self) -> bool {
