@@ -1,10 +1,14 @@
-//! Random operations on clouds, volumes and cameras end with what a simple model predicts, and leave nothing behind.
+//! Random operations on clouds, masks, volumes and cameras end with what a simple model predicts, and leave nothing behind.
 
 use bevy::prelude::*;
-use stylegaussian::layers::{Layer, Region, Shape, mix_layers};
+use stylegaussian::{
+    Mask,
+    layers::{Layer, Region, Shape, mix_layers},
+    mask::Brush,
+};
 
 use crate::{
-    StyleSource, StyleTransition, StyleVolume,
+    StyleMask, StyleSource, StyleTransition, StyleVolume,
     style::has_unsettled_styles,
     tests::world::{rendering::*, *},
 };
@@ -20,6 +24,9 @@ struct Cloud {
     at: Transform,
     color: Color,
     strength: f32,
+    mask: Mask,
+    /// The weights before each dab that changed any.
+    before: Vec<Vec<[u8; 4]>>,
 }
 
 /// A volume of the model.
@@ -27,6 +34,8 @@ struct Volume {
     entity: Entity,
     at: Transform,
     half_size: Vec3,
+    /// The channel whose paint it shows, instead of what is within it.
+    painted: Option<usize>,
     softness: f32,
     priority: i32,
     color: Color,
@@ -41,6 +50,7 @@ struct Model {
     clouds: Vec<Cloud>,
     volumes: Vec<Volume>,
     cameras: Vec<Entity>,
+    n_dabs: usize,
 }
 
 /// Random choices.
@@ -73,11 +83,18 @@ impl Model {
         let source = self.source(color, strength);
         let (at, n_clouds, n_volumes) = (dice.place(), self.clouds.len(), self.volumes.len());
         let world = stage.app.world_mut();
-        match dice.below(12) {
+        match dice.below(15) {
             0 if n_clouds < 4 => {
                 let fade = StyleTransition::fade(STEP / 2);
-                let entity = world.spawn((stage.splats.clone(), source, fade, at)).id();
-                self.clouds.push(Cloud { entity, at, color, strength });
+                let entity = world.spawn((stage.splats.clone(), source, fade, at, StyleMask::default())).id();
+                self.clouds.push(Cloud {
+                    entity,
+                    at,
+                    color,
+                    strength,
+                    mask: Mask::new(N),
+                    before: Vec::new(),
+                });
             }
             1 if n_clouds > 2 => {
                 let cloud = self.clouds.swap_remove(dice.below(n_clouds));
@@ -100,14 +117,16 @@ impl Model {
                     0 if n_clouds > 0 => Some(self.clouds[dice.below(n_clouds)].entity),
                     _ => None,
                 };
-                let mut volume =
-                    StyleVolume::new(Cuboid { half_size }).with_softness(softness).with_priority(priority);
+                let painted = dice.below(6).checked_sub(2);
+                let volume = painted.map_or(StyleVolume::new(Cuboid { half_size }), StyleVolume::painted);
+                let mut volume = volume.with_softness(softness).with_priority(priority);
                 volume.cloud = cloud;
                 let entity = world.spawn((volume, source, at)).id();
                 self.volumes.push(Volume {
                     entity,
                     at,
                     half_size,
+                    painted,
                     softness,
                     priority,
                     color,
@@ -141,6 +160,32 @@ impl Model {
                 let camera = self.cameras.swap_remove(dice.below(self.cameras.len()));
                 world.despawn(camera);
             }
+            12 | 13 if n_clouds > 0 => {
+                let cloud = &mut self.clouds[dice.below(n_clouds)];
+                let brush = Brush {
+                    radius: 0.5 + 0.5 * dice.below(3) as f32,
+                    strength: strength.max(0.25),
+                    channel: dice.below(4),
+                    erases: dice.below(4) == 0,
+                    ..Brush::default()
+                };
+                // A mask that is not ready is not painted.
+                if world.get_mut::<StyleMask>(cloud.entity).unwrap().paint(&brush, &[at.translation]) {
+                    let before = cloud.mask.weights.clone();
+                    cloud.mask.paint(&stage.scene.means, &brush, &[at.translation]);
+                    if before != cloud.mask.weights {
+                        cloud.before.push(before);
+                    }
+                    self.n_dabs += 1;
+                }
+            }
+            14 if n_clouds > 0 => {
+                let cloud = &mut self.clouds[dice.below(n_clouds)];
+                let is_undone = world.get_mut::<StyleMask>(cloud.entity).unwrap().undo();
+                let before = cloud.before.pop();
+                assert_eq!(is_undone, before.is_some());
+                cloud.mask.weights = before.unwrap_or_else(|| cloud.mask.weights.clone());
+            }
             _ => {}
         }
     }
@@ -148,21 +193,25 @@ impl Model {
     /// The colors of a cloud.
     fn expected(&self, stage: &Stage, cloud: &Cloud) -> Vec<[f32; 4]> {
         let flat: Vec<Vec<[f32; 4]>> = self.colors.iter().map(|&[r, g, b]| vec![[r, g, b, 1.0]; N]).collect();
-        let layer = |color: Color, region, strength| Layer {
+        let weights = &cloud.mask.weights[..];
+        let layer = |color: Color, region, strength, painted: Option<usize>| Layer {
             look: color.map(|color| &*flat[color]),
             region,
             strength,
-            mask: None,
+            mask: painted.map(|channel| (weights, channel)),
         };
-        let mut layers = vec![layer(cloud.color, Region::EVERYWHERE, cloud.strength)];
+        let mut layers = vec![layer(cloud.color, Region::EVERYWHERE, cloud.strength, None)];
         let mut volumes: Vec<_> =
             self.volumes.iter().filter(|v| v.cloud.is_none_or(|only| only == cloud.entity)).collect();
         volumes.sort_by_key(|volume| (volume.priority, volume.entity));
         layers.extend(volumes.into_iter().map(|volume| {
             let shape_from_scene = volume.at.compute_affine().inverse() * cloud.at.compute_affine();
             let shape = Shape::Cuboid { half_size: volume.half_size };
-            let region = Region { shape, shape_from_scene, softness: volume.softness };
-            layer(volume.color, region, volume.strength)
+            let region = match volume.painted {
+                Some(_) => Region::EVERYWHERE,
+                None => Region { shape, shape_from_scene, softness: volume.softness },
+            };
+            layer(volume.color, region, volume.strength, volume.painted)
         }));
         mix_layers(&stage.scene.means, &layers)
     }
@@ -192,7 +241,8 @@ fn operate(n_operations: usize) -> Option<[Option<Allocations>; 2]> {
     let mut stage = Stage::new()?;
     let colors = vec![[0.8, 0.2, 0.1], [0.1, 0.6, 0.2], [0.2, 0.1, 0.9], [0.5, 0.5, 0.5]];
     let looks = colors.iter().map(|&color| stage.look(color)).collect();
-    let mut model = Model { colors, looks, clouds: Vec::new(), volumes: Vec::new(), cameras: Vec::new() };
+    let mut model =
+        Model { colors, looks, clouds: Vec::new(), volumes: Vec::new(), cameras: Vec::new(), n_dabs: 0 };
     let mut dice = Dice(numbers(42));
     let mut memory = [None, None];
     for n in 1..=n_operations {
@@ -213,6 +263,7 @@ fn operate(n_operations: usize) -> Option<[Option<Allocations>; 2]> {
             memory[end] = allocations(&stage.app);
         }
     }
+    assert!(model.n_dabs > n_operations / 20, "{} dabs", model.n_dabs);
     eprintln!("memory after a quarter of {n_operations} operations, and after all: {memory:?}");
     Some(memory)
 }
