@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf, absolute};
 
 use bevy::{prelude::*, window::FileDragAndDrop};
+use bevy_stylegaussian::stylegaussian::file::readable_extensions;
 
 use crate::{panel::Notice, scene::ShownScene, styles::Styles};
 
@@ -30,10 +31,25 @@ fn kind(path: &Path) -> Option<Kind> {
         return Some(Kind::Style);
     }
     match name.rsplit_once('.')?.1 {
-        "sgs" | "ply" => Some(Kind::Scene),
         "jpg" | "jpeg" | "png" => Some(Kind::Style),
+        extension if readable_extensions().contains(&extension) => Some(Kind::Scene),
         _ => None,
     }
+}
+
+/// The file that stands for a scene in a folder, or the path itself.
+fn named(path: PathBuf) -> PathBuf {
+    let inside = ["lod-meta.json", "meta.json"].map(|name| path.join(name));
+    inside.into_iter().find(|file| file.is_file()).unwrap_or(path)
+}
+
+/// Everything that can be opened, for messages.
+fn expected() -> String {
+    let scenes: Vec<_> = readable_extensions().iter().map(|extension| format!(".{extension}")).collect();
+    format!(
+        "expected a scene ({}), a folder with one, an image (.jpg, .png), a .style.safetensors or a .look.safetensors",
+        scenes.join(", ")
+    )
 }
 
 /// Opens the files on the command line. Several styles are mixed in equal parts.
@@ -43,7 +59,7 @@ pub fn open_arguments(
     mut shown: ResMut<ShownScene>,
     mut styles: ResMut<Styles>,
 ) {
-    shown.load(&from_here(&arguments.scene), &assets);
+    shown.load(&named(from_here(&arguments.scene)), &assets);
     for path in &arguments.styles {
         let index = styles.add(&from_here(path), &assets);
         // And not `select`, which would leave the last one alone.
@@ -69,20 +85,20 @@ pub fn open(
     mut notice: ResMut<Notice>,
 ) {
     for OpenFile(path) in opened.read() {
-        let path = from_here(path);
+        let path = named(from_here(path));
         // The last file's error says nothing about this one.
         notice.clear();
         match kind(&path) {
-            _ if !path.is_file() => notice.fail(format!("{}: there is no such file", path.display())),
+            _ if !path.exists() => notice.fail(format!("{}: there is no such file", path.display())),
+            _ if path.is_dir() => {
+                notice.fail(format!("{}: found a folder without a scene, {}", path.display(), expected()));
+            }
             Some(Kind::Scene) => shown.load(&path, &assets),
             Some(Kind::Style) => {
                 let index = styles.add(&path, &assets);
                 styles.select(Some(index));
             }
-            None => notice.fail(format!(
-                "{}: expected a scene (.sgs, .ply), an image (.jpg, .png), a .style.safetensors or a .look.safetensors",
-                path.display()
-            )),
+            None => notice.fail(format!("{}: {}", path.display(), expected())),
         }
     }
 }

@@ -4,7 +4,7 @@
 //! cargo run --release --example viewer [SCENE] [STYLE...]    # default: the demo scene, as it was captured
 //! ```
 //!
-//! `SCENE` is a `.sgs` or `.ply` file. `STYLE` is a `.jpg` or `.png` image, a `.style.safetensors` file, or a
+//! `SCENE` is a file in any format that the plugin reads, or a folder with one (SOG). `STYLE` is a `.jpg` or `.png` image, a `.style.safetensors` file, or a
 //! `.look.safetensors` file that was baked for the scene; several are mixed in equal parts. Files can also be dropped on the
 //! window, or opened by their path in the panel.
 //!
@@ -17,7 +17,7 @@ use bevy::{asset::UnapprovedPathMode, diagnostic::FrameTimeDiagnosticsPlugin, pr
 use bevy_egui::{
     EguiGlobalSettings, EguiPlugin, EguiPrimaryContextPass, input::egui_wants_any_keyboard_input,
 };
-use bevy_stylegaussian::StyleGaussianPlugin;
+use bevy_stylegaussian::{StyleGaussianPlugin, stylegaussian::file::readable_extensions};
 
 #[path = "../backdrop/mod.rs"]
 mod backdrop;
@@ -36,7 +36,8 @@ fn main() -> AppExit {
     let mut arguments = env::args_os().skip(1).map(PathBuf::from).peekable();
     if arguments.peek().is_some_and(|first| first.as_os_str().to_string_lossy().starts_with('-')) {
         println!(
-            "Usage: viewer [SCENE] [STYLE...]\n\nSCENE: .sgs, .ply    STYLE: .jpg, .png, .style.safetensors, .look.safetensors"
+            "Usage: viewer [SCENE] [STYLE...]\n\nSCENE: .{}\nSTYLE: .jpg, .png, .style.safetensors, .look.safetensors",
+            readable_extensions().join(", .")
         );
         return AppExit::Success;
     }

@@ -9,7 +9,10 @@ use bevy::{
     render::renderer::RenderAdapterInfo,
 };
 use bevy_egui::{EguiContexts, EguiTextureHandle, egui};
-use bevy_stylegaussian::{GaussianSceneFailed, StyleApplied, StyleBackend, StyleFailed, StyleRefined};
+use bevy_stylegaussian::{
+    GaussianSceneFailed, StyleApplied, StyleBackend, StyleFailed, StyleRefined,
+    stylegaussian::file::writable_extensions,
+};
 use egui::{Color32, ComboBox, Grid, LayerId, RichText, ScrollArea, Slider, TextEdit, Ui, UiBuilder};
 
 use crate::{
@@ -304,15 +307,15 @@ fn mix(ui: &mut Ui, styles: &mut Styles, refined: Option<(u32, bool)>) {
 
 /// The save buttons.
 fn save(ui: &mut Ui, shown: &mut Shown) {
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         ui.label("save");
         if ui.button("picture").clicked() {
             shown.saved.write(Save::Screenshot);
         }
         ui.add_enabled_ui(!shown.saving.is_under_way(), |ui| {
-            for extension in ["ply", "sgs"] {
-                let button = ui.button(format!("scene .{extension}"));
-                if button.on_hover_text("in the colors that it is shown in").clicked() {
+            for extension in writable_extensions() {
+                let button = ui.button(format!(".{extension}"));
+                if button.on_hover_text("the scene in the colors that it is shown in").clicked() {
                     shown.saved.write(Save::Scene(extension));
                 }
             }

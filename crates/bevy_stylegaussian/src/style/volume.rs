@@ -5,7 +5,7 @@ use bevy::{
     math::Affine3A,
     prelude::*,
 };
-use stylegaussian::layers::{Region, Shape};
+use stylegaussian::layers::{Cover, Region, RegionCover, Shape};
 
 /// A part of the world in which splats have the style of this entity's [`StyleSource`](crate::StyleSource), or their captured colors if that is
 /// none. Its `Transform` places, turns and scales it.
@@ -169,15 +169,7 @@ impl StyleVolume {
 
     /// Whether the volume may touch a ball of world space.
     pub(super) fn may_touch(&self, transform: &GlobalTransform, center: Vec3, radius: f32) -> bool {
-        let region = self.region(transform);
-        let at = region.shape_from_scene.transform_point3(center);
-        let within = radius + 0.5 * self.softness;
-        match region.shape {
-            Shape::Everything => true,
-            // The distance from an ellipsoid is exact near its surface alone, so a ball around it counts.
-            Shape::Ellipsoid { radii } => at.length() <= radii.max_element() + within,
-            shape => shape.distance(at) <= within,
-        }
+        RegionCover::new(&self.region(transform)).of(center, radius) != Cover::Outside
     }
 }
 
