@@ -11,7 +11,11 @@ use bevy::{
 };
 use bevy_egui::{PrimaryEguiContext, input::EguiWantsInput};
 
-use crate::{panel::Panel, scene::ShownScene};
+use crate::{
+    panel::Panel,
+    parts::{Parts, Tool},
+    scene::ShownScene,
+};
 
 /// Vertical angle of view in radians, about that of a 60 mm lens.
 const FIELD_OF_VIEW: f32 = 0.7;
@@ -41,6 +45,11 @@ impl Orbit {
         // nearer.
         let distance = 0.85 * radius / (0.5 * FIELD_OF_VIEW).sin();
         *self = Self { target: scene.world_from_scene() * center, distance, yaw: 0.0, pitch: 0.35 };
+    }
+
+    /// The point in the middle of the view.
+    pub fn target(&self) -> Vec3 {
+        self.target
     }
 
     fn rotation(&self) -> Quat {
@@ -96,6 +105,7 @@ pub fn drag(
     window: Single<&Window>,
     panel: Res<Panel>,
     egui: Res<EguiWantsInput>,
+    parts: Res<Parts>,
     mut began_on_picture: Local<bool>,
     mut orbit: Single<&mut Orbit>,
 ) {
@@ -116,7 +126,8 @@ pub fn drag(
     if motion == Vec2::ZERO || !*began_on_picture {
         return;
     }
-    if buttons.pressed(MouseButton::Left) {
+    // Otherwise the left button is the tool's.
+    if buttons.pressed(MouseButton::Left) && parts.tool == Tool::View {
         orbit.turn(motion);
     } else if buttons.pressed(MouseButton::Right) {
         let eye = orbit.transform().translation;

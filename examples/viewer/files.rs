@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf, absolute};
 
 use bevy::{prelude::*, window::FileDragAndDrop};
-use bevy_stylegaussian::stylegaussian::file::readable_extensions;
+use bevy_stylegaussian::{StyleMask, stylegaussian::file::readable_extensions};
 
 use crate::{panel::Notice, scene::ShownScene, styles::Styles};
 
@@ -21,6 +21,7 @@ pub struct OpenFile(pub PathBuf);
 enum Kind {
     Scene,
     Style,
+    Mask,
 }
 
 /// The kind of a file by its name, or `None` if it is unknown.
@@ -29,6 +30,9 @@ fn kind(path: &Path) -> Option<Kind> {
     // Before the last extension: other `.safetensors` files are no styles.
     if name.ends_with(".style.safetensors") || name.ends_with(".look.safetensors") {
         return Some(Kind::Style);
+    }
+    if name.ends_with(".mask.safetensors") {
+        return Some(Kind::Mask);
     }
     match name.rsplit_once('.')?.1 {
         "jpg" | "jpeg" | "png" => Some(Kind::Style),
@@ -47,7 +51,7 @@ fn named(path: PathBuf) -> PathBuf {
 fn expected() -> String {
     let scenes: Vec<_> = readable_extensions().iter().map(|extension| format!(".{extension}")).collect();
     format!(
-        "expected a scene ({}), a folder with one, an image (.jpg, .png), a .style.safetensors or a .look.safetensors",
+        "expected a scene ({}), a folder with one, an image (.jpg, .png), a .style.safetensors, a .look.safetensors or a .mask.safetensors",
         scenes.join(", ")
     )
 }
@@ -76,13 +80,15 @@ pub fn take_dropped(mut drops: MessageReader<FileDragAndDrop>, mut opened: Messa
     }
 }
 
-/// Opens files: a scene replaces the present one, a style is listed and applied.
+/// Opens files: a scene replaces the present one, a style is listed and applied, a mask is put on the scene.
 pub fn open(
     mut opened: MessageReader<OpenFile>,
     assets: Res<AssetServer>,
     mut shown: ResMut<ShownScene>,
     mut styles: ResMut<Styles>,
     mut notice: ResMut<Notice>,
+    cloud: Single<Entity, With<StyleMask>>,
+    mut commands: Commands,
 ) {
     for OpenFile(path) in opened.read() {
         let path = named(from_here(path));
@@ -94,6 +100,9 @@ pub fn open(
                 notice.fail(format!("{}: found a folder without a scene, {}", path.display(), expected()));
             }
             Some(Kind::Scene) => shown.load(&path, &assets),
+            Some(Kind::Mask) => {
+                commands.entity(*cloud).insert(StyleMask::saved(assets.load(path)));
+            }
             Some(Kind::Style) => {
                 let index = styles.add(&path, &assets);
                 styles.select(Some(index));

@@ -10,6 +10,9 @@
 //!
 //! Left drag orbits, right drag looks around, middle drag pans, the wheel zooms. W A S D fly, Q and E go down and up, Shift
 //! makes it faster, F shows the whole scene. Keys 1 to 8 apply the first eight styles, 0 none. F1 hides the panel.
+//!
+//! With a tool of "parts of the scene", the left button paints, selects or moves a volume. Ctrl+Z undoes, Ctrl+Shift+Z makes it
+//! again.
 
 use std::{env, path::PathBuf};
 
@@ -24,10 +27,13 @@ mod backdrop;
 mod camera;
 mod files;
 mod panel;
+mod parts;
+mod parts_panel;
 mod save;
 mod scene;
 mod styles;
 mod tile;
+mod tools;
 
 /// Folder of the repository's assets.
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
@@ -61,6 +67,7 @@ fn main() -> AppExit {
         .init_resource::<panel::Panel>()
         .init_resource::<panel::Notice>()
         .init_resource::<panel::Transfer>()
+        .init_resource::<parts::Parts>()
         .init_resource::<save::Saving>()
         .add_message::<files::OpenFile>()
         .add_message::<save::Save>()
@@ -75,8 +82,10 @@ fn main() -> AppExit {
             Update,
             (
                 (files::take_dropped, files::open, scene::show_loaded).chain(),
-                (styles::press_keys, panel::toggle).run_if(not(egui_wants_any_keyboard_input)),
-                (save::take_screenshot, save::save_scene, save::finish_scene).chain(),
+                (styles::press_keys, panel::toggle, parts::press_keys)
+                    .run_if(not(egui_wants_any_keyboard_input)),
+                (save::take_screenshot, save::save_scene, save::finish_scene, save::save_mask).chain(),
+                (parts::follow_scene, tools::apply, parts::note_volumes).chain(),
                 camera::fly.run_if(not(egui_wants_any_keyboard_input)),
                 camera::drag,
             ),
@@ -84,12 +93,13 @@ fn main() -> AppExit {
         .add_systems(
             PostUpdate,
             // Before transforms are propagated, or camera and splats would lag behind by a frame.
-            (styles::apply, scene::turn_up, camera::place).before(TransformSystems::Propagate),
+            (styles::apply, parts::show, scene::turn_up, camera::place).before(TransformSystems::Propagate),
         )
         .add_systems(EguiPrimaryContextPass, panel::draw)
         .add_observer(panel::note_applied)
         .add_observer(panel::note_refined)
         .add_observer(panel::note_failed_style)
         .add_observer(panel::note_failed_scene)
+        .add_observer(parts::note_failed_mask)
         .run()
 }

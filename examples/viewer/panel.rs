@@ -10,16 +10,19 @@ use bevy::{
 };
 use bevy_egui::{EguiContexts, EguiTextureHandle, egui};
 use bevy_stylegaussian::{
-    GaussianSceneFailed, StyleApplied, StyleBackend, StyleFailed, StyleRefined,
+    GaussianSceneFailed, GaussianSplats, StyleApplied, StyleBackend, StyleFailed, StyleMask, StyleRefined,
     stylegaussian::file::writable_extensions,
 };
 use egui::{Color32, ComboBox, Grid, LayerId, RichText, ScrollArea, Slider, TextEdit, Ui, UiBuilder};
 
 use crate::{
+    camera::Orbit,
     files::OpenFile,
+    parts::Parts,
+    parts_panel,
     save::{Save, Saving},
     scene::{AXES, ShownScene},
-    styles::{Finish, Styles},
+    styles::{Arrival, Finish, Styles},
     tile::{self, Picture, Tile},
 };
 
@@ -87,7 +90,16 @@ pub struct Transfer {
 }
 
 /// Records the duration of a style, and clears an earlier error.
-pub fn note_applied(applied: On<StyleApplied>, mut transfer: ResMut<Transfer>, mut notice: ResMut<Notice>) {
+pub fn note_applied(
+    applied: On<StyleApplied>,
+    scene: Query<(), With<GaussianSplats>>,
+    mut transfer: ResMut<Transfer>,
+    mut notice: ResMut<Notice>,
+) {
+    // Parts of the scene have styles of their own.
+    if !scene.contains(applied.entity) {
+        return;
+    }
     let last = Some((applied.elapsed, applied.backend));
     *transfer = Transfer { is_under_way: false, last, refined: None };
     notice.clear();
@@ -131,12 +143,19 @@ pub struct Shown<'w> {
     transfer: Res<'w, Transfer>,
     adapter: Res<'w, RenderAdapterInfo>,
     diagnostics: Res<'w, DiagnosticsStore>,
+    parts: ResMut<'w, Parts>,
     opened: MessageWriter<'w, OpenFile>,
     saved: MessageWriter<'w, Save>,
 }
 
 /// Draws the panel at the left of the window.
-pub fn draw(mut contexts: EguiContexts, mut shown: Shown, images: Res<Assets<Image>>) -> Result {
+pub fn draw(
+    mut contexts: EguiContexts,
+    mut shown: Shown,
+    images: Res<Assets<Image>>,
+    orbit: Single<&Orbit>,
+    mut mask: Single<&mut StyleMask>,
+) -> Result {
     // Taken, so that only one frame is drawn without the panel.
     if std::mem::take(&mut shown.panel.is_omitted) || shown.panel.is_hidden {
         return Ok(());
@@ -166,14 +185,37 @@ pub fn draw(mut contexts: EguiContexts, mut shown: Shown, images: Res<Assets<Ima
             ui.separator();
             mix(ui, &mut shown.styles, shown.transfer.refined);
             ui.separator();
+            parts(ui, &mut shown, &orbit, &mut mask);
+            ui.separator();
             save(ui, &mut shown);
             ui.separator();
             statistics(ui, &shown);
             controls(ui);
         });
     });
+    parts_panel::draw_lasso(window.painter(), &shown.parts.lasso);
     notice(&mut window, &mut shown.notice);
     Ok(())
+}
+
+/// Paint and volumes.
+fn parts(ui: &mut Ui, shown: &mut Shown, orbit: &Orbit, mask: &mut StyleMask) {
+    // Without a change, nothing is shown anew.
+    let parts = shown.parts.bypass_change_detection();
+    let before = parts.shown();
+    let wishes = parts_panel::draw(ui, parts, &shown.styles, orbit);
+    if let Some(again) = wishes.step {
+        parts.step(again, mask);
+    }
+    if wishes.clear_paint {
+        parts.clear_paint(mask);
+    }
+    if wishes.save_mask {
+        shown.saved.write(Save::Mask);
+    }
+    if shown.parts.shown() != before {
+        shown.parts.set_changed();
+    }
 }
 
 /// The scene's name, its up axis, and the field to open another file.
@@ -275,6 +317,14 @@ const FINISHES: [(Finish, &str, &str); 3] = [
     (Finish::Baked, "baked", "as it was baked before; refined if it was not"),
 ];
 
+/// The choice of a transition.
+const ARRIVALS: [(Arrival, &str, &str); 4] = [
+    (Arrival::Fade, "fading", "everywhere at once"),
+    (Arrival::Wave, "as a wave", "from the middle of the view"),
+    (Arrival::Front, "rising", "from below"),
+    (Arrival::Spots, "in spots", "that grow together"),
+];
+
 /// The sliders for content and fade, and how far the style that is shown is refined.
 fn mix(ui: &mut Ui, styles: &mut Styles, refined: Option<(u32, bool)>) {
     let look = match refined {
@@ -291,6 +341,13 @@ fn mix(ui: &mut Ui, styles: &mut Styles, refined: Option<(u32, bool)>) {
         ui.end_row();
         ui.label("fade").on_hover_text("from look to look");
         ui.add(Slider::new(&mut styles.fade_in_seconds, 0.0..=3.0).fixed_decimals(1).suffix(" s"));
+        ui.end_row();
+        ui.label("arrives").on_hover_text("the way in which a look takes the place of another");
+        ui.horizontal(|ui| {
+            for (arrival, text, hint) in ARRIVALS {
+                ui.selectable_value(&mut styles.arrival, arrival, text).on_hover_text(hint);
+            }
+        });
         ui.end_row();
         ui.label("finish").on_hover_text("how far a style is worked out");
         ui.horizontal(|ui| {

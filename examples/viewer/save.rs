@@ -7,7 +7,10 @@ use bevy::{
     render::view::screenshot::{Screenshot, ScreenshotCaptured},
     tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
 };
-use bevy_stylegaussian::{AppliedStyle, GaussianScene, GaussianSplats, stylegaussian::file::write_scene};
+use bevy_stylegaussian::{
+    AppliedStyle, GaussianScene, GaussianSplats, StyleMask,
+    stylegaussian::file::{write_mask, write_scene},
+};
 
 use crate::{
     panel::{Notice, Panel},
@@ -24,6 +27,8 @@ pub enum Save {
     Screenshot,
     /// The scene, as a file with this extension.
     Scene(&'static str),
+    /// What is painted on the scene.
+    Mask,
 }
 
 /// The task that writes a scene, or `None`.
@@ -72,7 +77,7 @@ pub fn save_scene(
 ) {
     let extension = wishes.read().find_map(|wish| match wish {
         Save::Scene(extension) => Some(*extension),
-        Save::Screenshot => None,
+        Save::Screenshot | Save::Mask => None,
     });
     let (splats, style) = *splats;
     let (Some(extension), Some(scene)) = (extension, scenes.get(&splats.0)) else { return };
@@ -90,6 +95,24 @@ pub fn save_scene(
         .map_err(|error| error.to_string())?;
         Ok(path)
     }));
+}
+
+/// Writes what is painted on the scene.
+pub fn save_mask(
+    mut wishes: MessageReader<Save>,
+    shown: Res<ShownScene>,
+    mask: Single<&StyleMask>,
+    mut notice: ResMut<Notice>,
+) {
+    if !wishes.read().any(|wish| *wish == Save::Mask) {
+        return;
+    }
+    let Some(stored) = mask.to_stored() else { return };
+    let saved = new_path(&shown.name, "mask.safetensors").and_then(|path| {
+        write_mask(&path, &stored).map_err(|error| error.to_string())?;
+        Ok(path)
+    });
+    notice.tell_saved(saved);
 }
 
 /// Shows the path of the written scene.

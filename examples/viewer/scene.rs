@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use bevy::{asset::LoadState, prelude::*};
-use bevy_stylegaussian::{GaussianScene, GaussianSplats, StyleSource, StyleTransition};
+use bevy_stylegaussian::{GaussianScene, GaussianSplats, StyleMask, StyleSource, StyleTransition};
 
 use crate::{
     camera::Orbit,
@@ -50,7 +50,8 @@ impl ShownScene {
 /// Spawns the entity that shows scenes.
 pub fn spawn(mut commands: Commands) {
     commands.init_resource::<ShownScene>();
-    commands.spawn((GaussianSplats::default(), StyleSource::none(), StyleTransition::default()));
+    let style = (StyleSource::none(), StyleTransition::default(), StyleMask::default());
+    commands.spawn((GaussianSplats::default(), style));
 }
 
 /// Shows the next scene once it is loaded, and moves the camera to see all of it.

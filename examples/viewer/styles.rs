@@ -7,9 +7,9 @@ use std::{
 };
 
 use bevy::prelude::*;
-use bevy_stylegaussian::{StyleInput, StyleLook, StyleRefine, StyleSource, StyleTransition};
+use bevy_stylegaussian::{GaussianSplats, StyleInput, StyleLook, StyleRefine, StyleSource, StyleTransition};
 
-use crate::{ASSETS, panel::Transfer, scene::ShownScene};
+use crate::{ASSETS, camera::Orbit, panel::Transfer, scene::ShownScene};
 
 /// File ending of statistics made by `stylegaussian style`.
 const PRESET: &str = ".style.safetensors";
@@ -29,6 +29,31 @@ pub enum Finish {
     /// As it was baked before; refined if it was not.
     #[default]
     Baked,
+}
+
+/// The way in which a style takes the place of another.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Arrival {
+    /// Everywhere at once.
+    #[default]
+    Fade,
+    /// From the middle of the view.
+    Wave,
+    /// From below.
+    Front,
+    /// In spots.
+    Spots,
+}
+
+impl Arrival {
+    fn transition(self, duration: Duration, orbit: &Orbit, extent: f32) -> StyleTransition {
+        match self {
+            Self::Fade => StyleTransition::fade(duration),
+            Self::Wave => StyleTransition::sphere(orbit.target(), duration).with_softness(0.1 * extent),
+            Self::Front => StyleTransition::front(Dir3::Y, duration).with_softness(0.1 * extent),
+            Self::Spots => StyleTransition::dissolve(0.1 * extent, duration),
+        }
+    }
 }
 
 /// One style of the panel.
@@ -51,6 +76,7 @@ pub struct Styles {
     pub content: f32,
     /// Duration of a fade from one style to the next.
     pub fade_in_seconds: f32,
+    pub arrival: Arrival,
     pub finish: Finish,
     /// Whether the baked looks belong to the scene that is shown.
     pub looks_fit: bool,
@@ -112,6 +138,12 @@ impl Styles {
         self.finish != Finish::Instant && !self.has_look()
     }
 
+    /// What a part of the scene shows: one style alone, or the captured colors.
+    pub fn source_of(&self, style: Option<usize>) -> StyleSource {
+        let style = style.and_then(|style| self.list.get(style));
+        style.map_or_else(StyleSource::none, |style| StyleSource::mix([(self.shown_as(style), 1.0)]))
+    }
+
     fn source(&self) -> StyleSource {
         let styles = self.used().map(|style| (self.shown_as(style), style.weight));
         StyleSource::mix(styles).with_content(self.content)
@@ -168,8 +200,12 @@ pub fn apply(
     mut commands: Commands,
     mut styles: ResMut<Styles>,
     shown: Res<ShownScene>,
-    scene: Single<(Entity, &mut StyleSource, &mut StyleTransition, Option<&mut StyleRefine>)>,
+    scene: Single<
+        (Entity, &mut StyleSource, &mut StyleTransition, Option<&mut StyleRefine>),
+        With<GaussianSplats>,
+    >,
     mut transfer: ResMut<Transfer>,
+    orbit: Single<&Orbit>,
 ) {
     let (entity, mut source, mut transition, refine) = scene.into_inner();
     let looks_fit = shown.name == BAKED_SCENE;
@@ -180,7 +216,8 @@ pub fn apply(
     if source.set_if_neq(styles.source()) {
         transfer.is_under_way = !source.is_none();
     }
-    transition.set_if_neq(StyleTransition::fade(Duration::from_secs_f32(styles.fade_in_seconds)));
+    let duration = Duration::from_secs_f32(styles.fade_in_seconds);
+    transition.set_if_neq(styles.arrival.transition(duration, &orbit, shown.extent.1));
     match refine {
         Some(mut refine) if styles.is_refined() => {
             refine.set_if_neq(styles.refine());

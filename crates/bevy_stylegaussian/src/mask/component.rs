@@ -12,7 +12,7 @@ use std::{
 use bevy::prelude::*;
 use stylegaussian::{
     Mask, Scene, StoredMask,
-    mask::{self, Brush, Combine, Edit, History, MaskUse, Selection, Stroke},
+    mask::{Brush, Combine, Edit, History, MaskUse, Selection, Stroke},
 };
 
 use super::SavedMask;
@@ -234,13 +234,6 @@ impl Default for MaskVisibility {
 }
 
 impl MaskVisibility {
-    /// The visibility of each of the scene's Gaussians, or `None` if all are seen, because the mask is not of this scene (yet).
-    pub(crate) fn of<'a>(self, mask: &'a StyleMask, scene: &Arc<Scene>) -> Option<mask::Visibility<'a>> {
-        let (channel, is) = self.parts();
-        let painted = mask.painted.as_ref().filter(|painted| Arc::ptr_eq(&painted.scene, scene))?;
-        Some(mask::Visibility { weights: &painted.mask.weights, channel, is })
-    }
-
     /// The channel and its meaning.
     pub(super) fn parts(self) -> (usize, MaskUse) {
         match self {

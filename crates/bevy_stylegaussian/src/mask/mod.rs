@@ -14,6 +14,7 @@ mod asset;
 mod component;
 mod fit;
 mod gpu;
+mod hidden;
 mod lasso;
 
 pub use asset::SavedMask;
@@ -22,6 +23,7 @@ pub use fit::{StyleMaskError, StyleMaskFailed};
 pub use lasso::lasso_in_view;
 
 pub(crate) use gpu::RenderMasks;
+pub(crate) use hidden::HiddenFromRays;
 
 /// Fits masks to scenes and uploads them.
 pub(crate) struct MaskPlugin;
@@ -36,7 +38,10 @@ impl Plugin for MaskPlugin {
             .register_type::<MaskVisibility>()
             .register_type::<StyleMaskFailed>()
             // The attached scene decides what a mask is fitted to.
-            .add_systems(PostUpdate, fit::fit_masks.after(StyleGaussianSystems::Scenes));
+            .add_systems(
+                PostUpdate,
+                (fit::fit_masks, hidden::hide_from_rays).chain().after(StyleGaussianSystems::Scenes),
+            );
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app
                 // Rebuilt from the components after a lost device.

@@ -6,17 +6,15 @@ use bevy::{
 };
 use stylegaussian::raycast::{Hit, Ray};
 
-use crate::{
-    mask::{MaskVisibility, StyleMask},
-    scene::LoadedScene,
-};
+use crate::{mask::HiddenFromRays, scene::LoadedScene};
 
 use super::index::RayIndexes;
 
 /// Casts rays at splats, as Bevy's `MeshRayCast` does at meshes.
 ///
 /// A ray hits where half of its light is gone, by the alpha of the draw: see [`stylegaussian::raycast`]. It passes what a
-/// [`MaskVisibility`] hides.
+/// [`MaskVisibility`](crate::MaskVisibility) has hidden since the last frame. A system that casts rays may paint a
+/// [`StyleMask`](crate::StyleMask), too.
 ///
 /// A scene's Gaussians are indexed in the background when the first ray asks for it, which takes some tenths of a second for a
 /// large scene. Until then rays pass it: call [`prepare`](Self::prepare) early.
@@ -46,7 +44,7 @@ struct Cloud {
     scene: &'static LoadedScene,
     transform: &'static GlobalTransform,
     visibility: &'static InheritedVisibility,
-    mask: Option<(&'static StyleMask, &'static MaskVisibility)>,
+    hidden: Option<&'static HiddenFromRays>,
 }
 
 /// The place at which a ray hits an entity's splats.
@@ -106,9 +104,7 @@ impl SplatRayCast<'_, '_> {
                 direction: scene_from_world.transform_vector3(*ray.direction),
             };
             let index = indexes.get(cloud.scene)?;
-            let visibility =
-                cloud.mask.and_then(|(mask, visibility)| visibility.of(mask, cloud.scene.scene()));
-            let hit = match visibility {
+            let hit = match cloud.hidden.and_then(|hidden| hidden.of(cloud.scene.scene())) {
                 Some(visibility) => index.cast_through(local, |i| visibility.share(i)),
                 None => index.cast(local),
             }?;
@@ -128,8 +124,10 @@ fn in_world(entity: Entity, scene: &LoadedScene, ray: Ray3d, hit: Hit, scene_fro
 
 #[cfg(test)]
 mod tests {
+    use stylegaussian::mask::Brush;
+
     use super::*;
-    use crate::{GaussianSplats, tests::world::*};
+    use crate::{GaussianSplats, MaskVisibility, StyleMask, tests::world::*};
 
     #[derive(Resource)]
     struct Asked(Ray3d);
@@ -180,5 +178,39 @@ mod tests {
         assert_eq!(cast(&mut app), None);
         app.world_mut().get_mut::<Transform>(far).unwrap().scale = Vec3::ZERO;
         assert_eq!(cast(&mut app), None);
+    }
+
+    /// A system paints what its rays hit, and rays pass what is painted so.
+    #[test]
+    fn rays_pass_what_is_painted_away() {
+        let mut app = app_without_rendering();
+        app.add_message::<Painted>().add_systems(Update, paint_away);
+        let ball = Ball { mean: Vec3::ZERO, scale: 0.1, opacity: 0.9, color: [0.5; 3] };
+        let splats = GaussianSplats(add_scene(&mut app, balls(&[ball])));
+        let cloud =
+            app.world_mut().spawn((splats, MaskVisibility::Hide(0), InheritedVisibility::VISIBLE)).id();
+        update_until(&mut app, "a hit", |world| !world.resource::<Messages<Painted>>().is_empty());
+        (0..3).for_each(|_| app.update());
+        app.world_mut().resource_mut::<Messages<Painted>>().clear();
+        (0..3).for_each(|_| app.update());
+        assert!(app.world().resource::<Messages<Painted>>().is_empty(), "a ray hit what is hidden");
+        app.world_mut().entity_mut(cloud).remove::<MaskVisibility>();
+        (0..3).for_each(|_| app.update());
+        assert!(!app.world().resource::<Messages<Painted>>().is_empty());
+    }
+
+    #[derive(Message)]
+    struct Painted;
+
+    fn paint_away(
+        mut rays: SplatRayCast,
+        mut mask: Single<&mut StyleMask>,
+        mut painted: MessageWriter<Painted>,
+    ) {
+        if let Some(hit) = rays.cast_ray(Ray3d::new(Vec3::new(0.0, 0.0, 10.0), Dir3::NEG_Z))
+            && mask.paint(&Brush { softness: 0.0, ..Brush::default() }, &[hit.position])
+        {
+            painted.write(Painted);
+        }
     }
 }
