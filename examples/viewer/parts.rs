@@ -193,9 +193,10 @@ pub fn press_keys(
     mut parts: ResMut<Parts>,
     mut mask: Single<&mut StyleMask>,
 ) {
-    let control = keys.any_pressed([KeyCode::ControlLeft, KeyCode::ControlRight]);
-    if control && keys.just_pressed(KeyCode::KeyZ) {
-        let again = keys.any_pressed([KeyCode::ShiftLeft, KeyCode::ShiftRight]);
+    // In a slow frame, keys go down and up.
+    let held = |keys_of: [KeyCode; 2]| keys.any_pressed(keys_of) || keys.any_just_pressed(keys_of);
+    if held([KeyCode::ControlLeft, KeyCode::ControlRight]) && keys.just_pressed(KeyCode::KeyZ) {
+        let again = held([KeyCode::ShiftLeft, KeyCode::ShiftRight]);
         parts.step(again, &mut mask);
     }
 }
