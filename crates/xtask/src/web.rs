@@ -4,14 +4,14 @@ mod serve;
 mod toolchain;
 
 use std::{
-    fs,
+    env, fs,
     path::{Path, PathBuf},
     process::Command,
 };
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::steps::{Steps, is_installed};
+use crate::steps::{Steps, cargo, is_installed};
 use toolchain::{TARGET, Toolchain};
 
 /// The finished folder. Any host of static files serves it.
@@ -65,8 +65,8 @@ fn build(steps: &mut Steps, app: &App) -> Result<()> {
         App::Page => (["--package", PAGE_PACKAGE], PAGE_PACKAGE),
         App::Example(name) => (["--example", name], name.as_str()),
     };
-    let mut cargo = toolchain.cargo("build");
-    steps.run("app", cargo.args(["--locked", "--profile", "web"]).args(selection))?;
+    let mut build = toolchain.cargo("build");
+    steps.run("app", build.args(["--locked", "--profile", "web"]).args(selection))?;
     let folder = toolchain::target_folder().join(TARGET).join("web");
     let wasm = match app {
         App::Page => folder.join(format!("{name}.wasm")),
@@ -86,6 +86,48 @@ fn build(steps: &mut Steps, app: &App) -> Result<()> {
         copy(&Path::new("assets").join(name), &Path::new(DIST).join("assets").join(name))?;
     }
     Ok(())
+}
+
+/// Folder of the shaders' texts, for a browser's compiler.
+const SHADERS: &str = "target/wgsl";
+
+/// Tests of what a browser sees: the plugin compiles for one, the page's script, and all shaders. What this machine lacks the
+/// tools for is reported.
+///
+/// # Errors
+/// If a test fails.
+pub fn test(steps: &mut Steps) -> Result<()> {
+    match Toolchain::find() {
+        Ok(toolchain) => {
+            let mut check = toolchain.cargo("check");
+            steps.run("web", check.args(["--locked", "--profile", "web", "--package", PAGE_PACKAGE]))?;
+        }
+        Err(error) => steps.not_run("web", &error.to_string()),
+    }
+    if let Some(missing) = missing_for_tests() {
+        steps.not_run("page", &missing);
+        return Ok(());
+    }
+    steps.run("page", Command::new("node").args(["--test", "web/test/page.mjs"]))?;
+    let package = ["--package", "stylegaussian_shaders", "--example", "write_sources"];
+    // The folder may hold shaders that are gone.
+    fresh_folder(Path::new(SHADERS))?;
+    steps.run("shaders' texts", cargo(["run", "--locked", "--quiet"]).args(package).arg(SHADERS))?;
+    steps.run("shaders in a browser", Command::new("node").args(["web/test/shaders.mjs", SHADERS]))
+}
+
+/// Something that the tests in a browser need and that is not there, with the way to get it.
+fn missing_for_tests() -> Option<String> {
+    let chromium = env::var_os("CHROMIUM").map_or_else(|| PathBuf::from("/usr/bin/chromium"), PathBuf::from);
+    if !is_installed("node") {
+        Some("`node` is not installed".into())
+    } else if !Path::new("web/node_modules/playwright-core").exists() {
+        Some("Playwright is not installed. Run: npm install --prefix web".into())
+    } else if !chromium.is_file() {
+        Some(format!("{} is not there; CHROMIUM names another place", chromium.display()))
+    } else {
+        None
+    }
 }
 
 /// Checks that `wasm-bindgen` is there, in the version of the library: the two speak a format of their own.
