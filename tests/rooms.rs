@@ -31,7 +31,7 @@ const WALLS: [Wall; 12] = [
     Wall { sources: PLUGIN, room: "colors", forbidden: &["style", "splats"] },
     Wall { sources: PLUGIN, room: "scene", forbidden: &["colors", "mask", "style", "splats"] },
     Wall { sources: PLUGIN, room: "mask", forbidden: &["colors", "style", "splats"] },
-    Wall { sources: PLUGIN, room: "picking", forbidden: &["colors", "mask", "style", "splats"] },
+    Wall { sources: PLUGIN, room: "picking", forbidden: &["colors", "style", "splats"] },
     Wall { sources: GPU, room: "style", forbidden: &["splat"] },
     Wall { sources: GPU, room: "splat", forbidden: &["style"] },
     Wall { sources: MODEL, room: "splat", forbidden: &["decoder", "fold", "statistics"] },

@@ -19,18 +19,30 @@ fn linear_from_srgb(c: vec3<f32>) -> vec3<f32> {
     return select(pow((c + 0.055) / 1.055, vec3(2.4)), c / 12.92, c <= vec3(0.04045));
 }
 
-/// The brightest color that is inverted for curves that never reach 1. It is shown as 255 of 255.
-const BRIGHTEST: f32 = 0.998;
+/// The brightest scene color that an inverse gives, in c = x / (1 + x). Curves never reach 1, or only from hundreds on:
+/// undone as it is, one white splat would give as much light to bloom as a lamp.
+const BRIGHTEST: f32 = 8.0 / (1.0 + 8.0);
+/// Where the way to it begins, so that whites keep their differences. Darker colors are undone exactly.
+const KNEE: f32 = 0.8;
+
+/// Colors 0..1 as colors 0..`BRIGHTEST`: equal up to the knee, then ever slower, without a kink.
+fn dimmed(c: vec3<f32>) -> vec3<f32> {
+    let above = max(c - KNEE, vec3(0.0));
+    let bend = 1.0 / (BRIGHTEST - KNEE) - 1.0 / (1.0 - KNEE);
+    return min(c, vec3(KNEE)) + above / (1.0 + bend * above);
+}
 
 /// The inverse of Reinhard's c = x / (1 + x).
 fn inverse_reinhard(c: vec3<f32>) -> vec3<f32> {
-    let limited = min(c, vec3(BRIGHTEST));
+    let limited = dimmed(c);
     return limited / (1.0 - limited);
 }
 
 /// The inverse of Reinhard on the luminance (Rec. 709). Hue and saturation stay.
 fn inverse_reinhard_luminance(c: vec3<f32>) -> vec3<f32> {
-    return c / (1.0 - min(dot(c, vec3(0.2126, 0.7152, 0.0722)), BRIGHTEST));
+    let luminance = dot(c, vec3(0.2126, 0.7152, 0.0722));
+    let limited = dimmed(vec3(luminance)).x;
+    return c * (limited / max(luminance, 1e-6)) / (1.0 - limited);
 }
 
 /// The inverse of a curve that has none for all colors.

@@ -26,7 +26,7 @@
 //!   [`StyleMask`] holds weights that are painted at run time, from a [`SavedMask`] (`.mask.safetensors`) if there is one, and
 //!   [`MaskVisibility`] hides what is painted or crops to it.
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
-//! - Parameters of systems: [`SplatRayCast`].
+//! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
 //! - Resources: [`StyleMethod`], [`StyleBackend`], [`StyleBudget`], [`StyleEncoder`].
 //! - Events, as messages and for observers: [`GaussianSceneReady`], [`GaussianSceneFailed`], [`StyleApplied`],
 //!   [`StyleRefined`], [`StyleFailed`], [`StyleMaskFailed`]. The component
@@ -38,7 +38,7 @@
 //! `style_pass` are among the render diagnostics.
 //!
 //! The features of cargo: `bundled_models` (default) compiles the default encoder and decoder in, so that a game works
-//! offline.
+//! offline. `picking` (default) is for pointer events, with Bevy's feature `bevy_picking`.
 
 mod background;
 mod colors;
@@ -57,6 +57,8 @@ mod tests;
 pub use colors::GaussianSceneReady;
 pub use mask::{MaskVisibility, SavedMask, StyleMask, StyleMaskError, StyleMaskFailed, lasso_in_view};
 pub use picking::{SplatHit, SplatRayCast};
+#[cfg(feature = "picking")]
+pub use picking::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
 pub use plugin::StyleGaussianPlugin;
 pub use scene::{GaussianScene, GaussianSceneError, GaussianSceneFailed, GaussianSplats, SceneSettings};
 pub use splats::{SplatSortKey, SplatTonemapping};
@@ -86,6 +88,8 @@ pub mod prelude {
         StyleGaussianPlugin, StyleInput, StyleMask, StyleMaskFailed, StyleMethod, StyleRefine, StyleRefined,
         StyleSource, StyleTransition, StyleVolume, TransitionClock, TransitionShape,
     };
+    #[cfg(feature = "picking")]
+    pub use crate::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
 }
 
 /// The examples of the repository's README, as doc tests.

@@ -21,6 +21,7 @@
 
 pub mod axes;
 pub mod camera;
+pub mod collision;
 pub mod decoder;
 pub mod encoder_id;
 pub mod file;

@@ -90,6 +90,12 @@ impl RayIndex {
     /// The place at which a ray hits, or `None` if more than half of the light passes the scene, or if the ray is not finite or
     /// has no direction.
     pub fn cast(&self, ray: Ray) -> Option<Hit> {
+        self.cast_through(ray, |_| 1.0)
+    }
+
+    /// As [`cast`](Self::cast), if each Gaussian has `share` of its opacity, 0..=1, as a mask's
+    /// [`Visibility::share`](crate::mask::Visibility::share) has it. The argument is its index in the scene in memory.
+    pub fn cast_through(&self, ray: Ray, share: impl Fn(usize) -> f32) -> Option<Hit> {
         if !(ray.origin.is_finite() && ray.direction.is_finite() && ray.direction != Vec3::ZERO) {
             return None;
         }
@@ -102,7 +108,9 @@ impl RayIndex {
                 return Some(blend.hit(ray, self));
             }
             for i in leaf {
-                if let Some(crossing) = self.gaussians[i].crossing(ray, i as u32) {
+                let gaussian = &self.gaussians[i];
+                let opacity = gaussian.opacity * share(gaussian.index as usize);
+                if let Some(crossing) = gaussian.crossing(ray, i as u32, opacity) {
                     found.push(Reverse(Nearest(crossing)));
                 }
             }
@@ -159,12 +167,12 @@ impl Prepared {
         [self.mean - half, self.mean + half]
     }
 
-    /// The crossing of a ray, or `None` if it passes.
-    fn crossing(&self, ray: Ray, gaussian: u32) -> Option<Crossing> {
+    /// The crossing of a ray with a Gaussian of this opacity, or `None` if it passes.
+    fn crossing(&self, ray: Ray, gaussian: u32, opacity: f32) -> Option<Crossing> {
         let (origin, direction) = (self.whiten * (ray.origin - self.mean), self.whiten * ray.direction);
         let distance = -origin.dot(direction) / direction.length_squared();
         let q = (origin + distance * direction).length_squared();
-        let alpha = (self.opacity * (-0.5 * q).exp()).min(MAX_ALPHA);
+        let alpha = (opacity * (-0.5 * q).exp()).min(MAX_ALPHA);
         // Comparisons with NaN are false.
         (distance > 0.0 && alpha >= MIN_ALPHA).then_some(Crossing { distance, alpha, gaussian })
     }

@@ -93,7 +93,7 @@ impl Files {
 
     /// The time of reading, in milliseconds. Copying the files, which readers keep, is left out.
     fn read(&self) -> Result<f64> {
-        let reader = self.reader();
+        let mut reader = self.reader();
         // The scene is dropped after the clock stops.
         let mut outcome = None;
         let ms = wall_ms(|| {

@@ -36,8 +36,13 @@ unsafe impl GlobalAlloc for Counting {
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        take(size);
-        give_back(layout.size());
+        // What grows may be copied, so that both are there for a moment. What shrinks stays in its place.
+        if size > layout.size() {
+            take(size);
+            give_back(layout.size());
+        } else {
+            give_back(layout.size() - size);
+        }
         unsafe { System.realloc(pointer, layout, size) }
     }
 

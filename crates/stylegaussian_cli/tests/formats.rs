@@ -31,6 +31,89 @@ fn a_wrong_extension_is_a_usage_error_everywhere() {
     bench.expect_files(&["a.sgs", "s.style.safetensors"]);
 }
 
+/// Bad files of a format: their names besides the extension, and their bytes.
+fn bad_files(bench: &Bench, extension: &str) -> Vec<(&'static str, Vec<u8>)> {
+    let text = |text: &str| text.as_bytes().to_vec();
+    let mut files = match extension {
+        "sog" => vec![
+            ("zip", text("PK\x03\x04 and no more")),
+            ("json", text(r#"{"version":2,"count":1,"means":"#)),
+        ],
+        "json" => vec![
+            ("other", text(r#"{"frames":[{}]}"#)),
+            (
+                "levels",
+                text(
+                    r#"{"lodLevels":1,"filenames":["0/meta.json"],"tree":{"lods":{"0":{"file":0,"offset":0,"count":1}}}}"#,
+                ),
+            ),
+            (
+                "planes",
+                text(
+                    r#"{"means":{"shape":[1,3],"mins":[0,0,0],"maxs":[1,1,1],"files":["l.webp","u.webp"]},
+                    "scales":{"mins":[0,0,0],"maxs":[1,1,1],"files":["s.webp"]},"quats":{"files":["q.webp"]},
+                    "sh0":{"mins":[0,0,0,0],"maxs":[1,1,1,1],"files":["c.webp"]}}"#,
+                ),
+            ),
+        ],
+        "gltf" => vec![
+            ("none", text(r#"{"asset":{"version":"2.0"}}"#)),
+            ("beside", text(r#"{"asset":{"version":"2.0"},"buffers":[{"uri":"no.bin","byteLength":8}]}"#)),
+            ("above", text(r#"{"asset":{"version":"2.0"},"buffers":[{"uri":"../no.bin","byteLength":8}]}"#)),
+        ],
+        "pth" => vec![("zip", text("PK\x03\x04 and no more")), ("pickle", text("\u{80}\x02}q\0."))],
+        "ksplat" => vec![("zeros", vec![0; 5000]), ("version", [&[9, 9][..], &[1; 5000]].concat())],
+        // What can be written is cut, a byte off any row.
+        written => {
+            let whole = fs::read(bench.plain_scene(&format!("whole.{written}"))).unwrap();
+            fs::remove_file(bench.path(&format!("whole.{written}"))).unwrap();
+            let cut = |kept: usize| whole[..kept].to_vec();
+            vec![("half", cut((whole.len() / 2) | 1)), ("last", cut(whole.len() - 1)), ("start", cut(9))]
+        }
+    };
+    files.push(("empty", Vec::new()));
+    files.push(("noise", (0..4097_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect()));
+    files
+}
+
+#[test]
+fn bad_files_of_every_format_are_refused_and_nothing_is_written() {
+    let bench = Bench::new();
+    let style = bench.style("s.style.safetensors");
+    for extension in stylegaussian::file::readable_extensions() {
+        for (what, bytes) in bad_files(&bench, extension) {
+            let name = format!("{what}.{extension}");
+            let path = bench.path(&name);
+            fs::write(&path, bytes).unwrap();
+            let [ply, spz, pictures] = ["out.ply", "out.spz", "out"].map(|out| bench.path(out));
+            for arguments in [
+                &["info", &path][..],
+                &["convert", &path, &ply],
+                &["convert", &path, &spz, "--axes", "rdf"],
+                &["stylize", &path, "--style", &style, "-o", &ply],
+                &["render", &path, "-o", &pictures],
+            ] {
+                let run = stylegaussian(arguments);
+                // The file that is missing is named if it is another.
+                let missing = [("levels", "0/meta.json"), ("planes", "l.webp"), ("beside", "no.bin")];
+                let named = missing.into_iter().find(|(of, _)| *of == what).map_or(&*name, |(_, file)| file);
+                run.expect_error(named);
+                assert!(run.stdout.is_empty(), "{arguments:?}: {}", run.stdout);
+                let mut expected = [&*name, "s.style.safetensors"];
+                expected.sort_unstable();
+                bench.expect_files(&expected);
+            }
+            fs::remove_file(&path).unwrap();
+        }
+    }
+    // Options are checked before any file is opened.
+    for wrong in [["--axes", "up"], ["--sh-degree", "4"], ["--spz-version", "2"]] {
+        let run = stylegaussian(&[&["convert", "no.ply", &bench.path("out.spz")][..], &wrong].concat());
+        assert_eq!(run.code, Some(2), "{wrong:?}: {}", run.stderr);
+    }
+    bench.expect_files(&["s.style.safetensors"]);
+}
+
 #[test]
 fn a_conversion_tells_sizes_and_losses() {
     let bench = Bench::new();

@@ -12,7 +12,7 @@ use std::{
 use bevy::prelude::*;
 use stylegaussian::{
     Mask, Scene, StoredMask,
-    mask::{Brush, Combine, Edit, History, MaskUse, Selection, Stroke},
+    mask::{self, Brush, Combine, Edit, History, MaskUse, Selection, Stroke},
 };
 
 use super::SavedMask;
@@ -215,8 +215,8 @@ impl StyleMask {
     }
 }
 
-/// Hides a part of the splats by a channel of the entity's [`StyleMask`]. Only drawn splats are concerned: bounds, picking and
-/// styles stay as they are.
+/// Hides a part of the splats by a channel of the entity's [`StyleMask`]. What is drawn and what rays hit is concerned: bounds
+/// and styles stay as they are.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 #[require(StyleMask)]
@@ -234,6 +234,13 @@ impl Default for MaskVisibility {
 }
 
 impl MaskVisibility {
+    /// The visibility of each of the scene's Gaussians, or `None` if all are seen, because the mask is not of this scene (yet).
+    pub(crate) fn of<'a>(self, mask: &'a StyleMask, scene: &Arc<Scene>) -> Option<mask::Visibility<'a>> {
+        let (channel, is) = self.parts();
+        let painted = mask.painted.as_ref().filter(|painted| Arc::ptr_eq(&painted.scene, scene))?;
+        Some(mask::Visibility { weights: &painted.mask.weights, channel, is })
+    }
+
     /// The channel and its meaning.
     pub(super) fn parts(self) -> (usize, MaskUse) {
         match self {

@@ -1,4 +1,4 @@
-//! Rays cast at splats by game code.
+//! Rays cast at splats by game code, and by pointers (`pointer`, with the feature `picking`).
 //!
 //! An index of a scene's Gaussians is built in the background when the first ray asks for it ([`index`]), and shared by all
 //! entities that show the scene. Nothing is built in apps that cast no ray.
@@ -6,9 +6,13 @@
 use bevy::prelude::*;
 
 mod index;
+#[cfg(feature = "picking")]
+mod pointer;
 mod raycast;
 
 use index::RayIndexes;
+#[cfg(feature = "picking")]
+pub use pointer::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
 pub use raycast::{SplatHit, SplatRayCast};
 
 /// Keeps the indexes that rays ask for.

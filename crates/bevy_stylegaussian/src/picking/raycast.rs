@@ -1,16 +1,22 @@
 //! Ray casts.
 
-use bevy::{ecs::system::SystemParam, prelude::*};
+use bevy::{
+    ecs::{query::QueryData, system::SystemParam},
+    prelude::*,
+};
 use stylegaussian::raycast::{Hit, Ray};
 
-use crate::scene::LoadedScene;
+use crate::{
+    mask::{MaskVisibility, StyleMask},
+    scene::LoadedScene,
+};
 
 use super::index::RayIndexes;
 
 /// Casts rays at splats, as Bevy's `MeshRayCast` does at meshes.
 ///
-/// A ray hits where half of its light is gone, by the alpha of the draw: see [`stylegaussian::raycast`]. What a
-/// [`MaskVisibility`](crate::MaskVisibility) hides is hit all the same.
+/// A ray hits where half of its light is gone, by the alpha of the draw: see [`stylegaussian::raycast`]. It passes what a
+/// [`MaskVisibility`] hides.
 ///
 /// A scene's Gaussians are indexed in the background when the first ray asks for it, which takes some tenths of a second for a
 /// large scene. Until then rays pass it: call [`prepare`](Self::prepare) early.
@@ -29,9 +35,18 @@ use super::index::RayIndexes;
 /// ```
 #[derive(SystemParam)]
 pub struct SplatRayCast<'w, 's> {
-    clouds:
-        Query<'w, 's, (Entity, &'static LoadedScene, &'static GlobalTransform, &'static InheritedVisibility)>,
+    clouds: Query<'w, 's, Cloud>,
     indexes: ResMut<'w, RayIndexes>,
+}
+
+/// An entity's splats, as rays see them.
+#[derive(QueryData)]
+struct Cloud {
+    entity: Entity,
+    scene: &'static LoadedScene,
+    transform: &'static GlobalTransform,
+    visibility: &'static InheritedVisibility,
+    mask: Option<(&'static StyleMask, &'static MaskVisibility)>,
 }
 
 /// The place at which a ray hits an entity's splats.
@@ -56,9 +71,9 @@ impl SplatRayCast<'_, '_> {
     /// Begins to index the scenes of all visible entities. Returns whether all are ready.
     pub fn prepare(&mut self) -> bool {
         let mut all_ready = true;
-        for (_, scene, _, visibility) in &self.clouds {
+        for cloud in &self.clouds {
             // Each is asked for, also after one that is not ready.
-            all_ready &= !visibility.get() || self.indexes.get(scene).is_some();
+            all_ready &= !cloud.visibility.get() || self.indexes.get(cloud.scene).is_some();
         }
         all_ready
     }
@@ -70,21 +85,35 @@ impl SplatRayCast<'_, '_> {
 
     /// As [`cast_ray`](Self::cast_ray), at the entities that `chosen` returns true for.
     pub fn cast_ray_at(&mut self, ray: Ray3d, chosen: impl Fn(Entity) -> bool) -> Option<SplatHit> {
+        self.hits(ray, chosen).min_by(|a, b| a.distance.total_cmp(&b.distance))
+    }
+
+    /// The hit on each visible entity that `chosen` returns true for, in no order.
+    pub(super) fn hits(
+        &mut self,
+        ray: Ray3d,
+        chosen: impl Fn(Entity) -> bool,
+    ) -> impl Iterator<Item = SplatHit> {
         let Self { clouds, indexes } = self;
-        let hits = clouds.iter().filter_map(|(entity, scene, transform, visibility)| {
-            if !visibility.get() || !chosen(entity) {
+        clouds.iter().filter_map(move |cloud| {
+            if !cloud.visibility.get() || !chosen(cloud.entity) {
                 return None;
             }
-            let scene_from_world = transform.affine().inverse();
+            let scene_from_world = cloud.transform.affine().inverse();
             // The direction keeps the world's length, so that distances do.
             let local = Ray {
                 origin: scene_from_world.transform_point3(ray.origin),
                 direction: scene_from_world.transform_vector3(*ray.direction),
             };
-            let hit = indexes.get(scene)?.cast(local)?;
-            Some(in_world(entity, scene, ray, hit, scene_from_world.matrix3.into()))
-        });
-        hits.min_by(|a, b| a.distance.total_cmp(&b.distance))
+            let index = indexes.get(cloud.scene)?;
+            let visibility =
+                cloud.mask.and_then(|(mask, visibility)| visibility.of(mask, cloud.scene.scene()));
+            let hit = match visibility {
+                Some(visibility) => index.cast_through(local, |i| visibility.share(i)),
+                None => index.cast(local),
+            }?;
+            Some(in_world(cloud.entity, cloud.scene, ray, hit, scene_from_world.matrix3.into()))
+        })
     }
 }
 

@@ -88,7 +88,7 @@ impl AssetLoader for SceneLoader {
 }
 
 /// Reads the scene as far as its files allow.
-fn step(reader: SceneReader, name: &str) -> Result<Step, LoadError> {
+fn step(mut reader: SceneReader, name: &str) -> Result<Step, LoadError> {
     match reader.read().map_err(|error| LoadError::Parse(error.into()))? {
         Reading::Needs(names) => Ok(Step::Needs(reader, names)),
         Reading::Scene(loaded) => {

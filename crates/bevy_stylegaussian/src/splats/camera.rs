@@ -11,7 +11,8 @@ use bevy::{prelude::*, render::extract_component::ExtractComponent};
 pub enum SplatTonemapping {
     /// Applies the inverse of the camera's tonemapping before it, so that it restores the splats' colors. Bloom, transparent
     /// meshes and other effects see the splats. Very bright and saturated colors come out slightly duller if they lie
-    /// outside the range of the tonemapping.
+    /// outside the range of the tonemapping. White becomes 8 times the scene's 1 at most, so that styled whites do not
+    /// glow under bloom like lamps; under curves that never reach 1 it is shown as 242 of 255.
     #[default]
     Invert,
     /// Draws the splats after tonemapping. Colors are exact, but transparent meshes in front of splats do not cover them,

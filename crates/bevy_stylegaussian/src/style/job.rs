@@ -38,6 +38,8 @@ pub(crate) struct StyleJobs {
     pub(super) of_scene: Vec<StyleJob>,
     /// The source that the jobs know of.
     known: Option<StyleSource>,
+    /// Whether the source was changed to no style, and nothing has answered that.
+    is_unstyling: bool,
 }
 
 /// Progress of an entity's style on a scene.
@@ -137,6 +139,10 @@ pub(super) fn want_changed_styles(mut jobs: Query<ChangedInputs, InputChanged>) 
     for (mut jobs, source, decoder) in &mut jobs {
         let decoder_changed = decoder.is_some_and(|decoder| decoder.is_changed());
         let known = jobs.known.replace(StyleSource::clone(&source));
+        // The first source of an entity is no change.
+        if !source.is_added() && known.as_ref() != Some(&*source) {
+            jobs.is_unstyling = source.is_none();
+        }
         // A strength is no new style: it multiplies the colors that are there.
         let only_strength = known.is_some_and(|known| {
             known.strength != source.strength && StyleSource { strength: source.strength, ..known } == *source
@@ -256,11 +262,16 @@ pub(super) fn advance_jobs(
         if jobs.of_scene.iter().all(StyleJob::is_settled) {
             continue;
         }
-        for job in &mut jobs.of_scene {
-            if source.is_none() {
-                job.unstyle(transition, is_volume);
-                continue;
+        if source.is_none() {
+            let is_asked = std::mem::take(&mut jobs.is_unstyling);
+            let plain = jobs.of_scene.iter_mut().filter_map(|job| job.unstyle(transition, is_volume));
+            // There is nothing to draw first.
+            if let Some(since) = plain.last().filter(|_| is_asked) {
+                events.removed(entity, since);
             }
+            continue;
+        }
+        for job in &mut jobs.of_scene {
             job.take_over(entity, transition, renderer.is_some(), &mut events);
             job.start(entity, source, decoder, &mut inputs, &mut shared, &mut events);
             if let Stage::Uploading { result, .. } = &job.stage {
@@ -275,18 +286,20 @@ pub(super) fn advance_jobs(
 }
 
 impl StyleJob {
-    /// Puts on the captured colors, which needs no task.
-    fn unstyle(&mut self, transition: Option<&StyleTransition>, is_volume: bool) {
+    /// Puts on the captured colors, which needs no task. Returns the time of the change if they are shown already.
+    fn unstyle(&mut self, transition: Option<&StyleTransition>, is_volume: bool) -> Option<Instant> {
         // A task under way is canceled in any case; the event is sent if somebody asked.
         self.stage = Stage::Idle;
-        let Some(since) = self.wanted.take() else { return };
+        let since = self.wanted.take()?;
         self.shown = None;
         self.coming = None;
         // A volume in captured colors covers what lies below it. Splats without a style are in theirs already.
-        if is_volume || !self.worn.is_empty() {
-            self.worn.put_on(LayerColors::Captured, transition);
-            self.coming = Some(Coming { since, backend: StyleBackend::Cpu, style: None, generation: None });
+        if !is_volume && self.worn.is_empty() {
+            return Some(since);
         }
+        self.worn.put_on(LayerColors::Captured, transition);
+        self.coming = Some(Coming { since, backend: StyleBackend::Cpu, style: None, generation: None });
+        None
     }
 
     /// Puts everything off: the entity has no source any more.

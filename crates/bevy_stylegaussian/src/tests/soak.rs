@@ -15,8 +15,8 @@ use stylegaussian::{
 };
 
 use crate::{
-    AppliedStyle, GaussianScene, GaussianSplats, MaskVisibility, StyleApplied, StyleBackend, StyleFailed,
-    StyleInput, StyleLook, StyleMask, StyleSource, StyleStatistics, StyleTransition,
+    GaussianScene, GaussianSplats, MaskVisibility, StyleApplied, StyleBackend, StyleFailed, StyleInput,
+    StyleLook, StyleMask, StyleSource, StyleStatistics, StyleTransition,
 };
 
 use super::{
@@ -245,17 +245,12 @@ impl Soak {
     fn count(&mut self) -> Count {
         let began = Instant::now();
         loop {
-            let world = self.app.world();
-            let source = |entity: Entity| world.get::<StyleSource>(entity);
-            // To have no style is no request while none is shown, such as right after another scene came.
-            self.waiting.retain(|&entity| {
-                let is_plain = world.get::<AppliedStyle>(entity).is_none();
-                !(is_plain && source(entity).is_some_and(StyleSource::is_none))
-            });
             if self.waiting.is_empty() {
                 break;
             }
-            let sources: Vec<_> = self.waiting.iter().map(|&entity| (entity, source(entity))).collect();
+            let world = self.app.world();
+            let source = |&entity: &Entity| (entity, world.get::<StyleSource>(entity));
+            let sources: Vec<_> = self.waiting.iter().map(source).collect();
             assert!(began.elapsed() < Duration::from_secs(60), "no answer within a minute for {sources:?}");
             self.update();
             std::thread::sleep(Duration::from_millis(1));

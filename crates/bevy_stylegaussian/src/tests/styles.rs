@@ -215,6 +215,37 @@ fn changed_assets_restyle() {
     assert_eq!(colors(app.world(), entity).unwrap(), expected(&with_decoder, &[(&b, 1.0)], 0.0));
 }
 
+/// Every change of a source is answered, even if there is nothing to take off.
+#[test]
+fn no_style_is_answered_where_none_is_shown() {
+    let mut app = app_without_rendering();
+    let style = add_style(&mut app, small_style(1));
+    let handle = add_scene(&mut app, small_scene(8, 1));
+    let entity = app.world_mut().spawn((GaussianSplats(handle.clone()), StyleSource::none())).id();
+    (0..20).for_each(|_| app.update());
+    assert!(drain::<StyleApplied>(&mut app).is_empty(), "the first source is no change");
+    let change = |app: &mut App, source: StyleSource| {
+        *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = source;
+    };
+    // A style that never was complete.
+    let missing = app.world().resource::<AssetServer>().load("no.style.safetensors");
+    change(&mut app, StyleSource::preset(missing));
+    app.update();
+    change(&mut app, StyleSource::none());
+    assert_eq!(until_applied(&mut app).len(), 1);
+    // A scene without its style, as another one came.
+    change(&mut app, StyleSource::preset(style));
+    until_applied(&mut app);
+    let mut scenes = app.world_mut().resource_mut::<Assets<crate::GaussianScene>>();
+    scenes.insert(&handle, crate::GaussianScene::new(small_scene(9, 2))).unwrap();
+    change(&mut app, StyleSource::none());
+    let applied = until_applied(&mut app);
+    assert_eq!(applied.iter().map(|applied| applied.entity).collect::<Vec<_>>(), [entity]);
+    assert!(app.world().get::<AppliedStyle>(entity).is_none());
+    (0..20).for_each(|_| app.update());
+    assert!(drain::<StyleApplied>(&mut app).is_empty());
+}
+
 #[test]
 fn nothing_happens_without_a_change() {
     let mut app = app_without_rendering();

@@ -28,9 +28,9 @@ pub(super) struct StoredGaussians {
 pub(super) fn activate(stored: StoredGaussians, warnings: &mut Vec<String>) -> Scene {
     let n = stored.means.len();
     let scene = Scene {
-        rotations: stored.rotations_wxyz.iter().map(|&wxyz| unit_quaternion(wxyz)).collect(),
-        scales: stored.log_scales.iter().map(|log| log.exp()).collect(),
-        opacities: stored.opacity_logits.iter().map(|&logit| sigmoid(logit)).collect(),
+        rotations: stored.rotations_wxyz.into_par_iter().map(unit_quaternion).collect(),
+        scales: mapped(stored.log_scales, Vec3::exp),
+        opacities: mapped(stored.opacity_logits, sigmoid),
         means: stored.means,
         sh: stored.sh,
         order: (0..n as u32).collect(),
@@ -39,6 +39,12 @@ pub(super) fn activate(stored: StoredGaussians, warnings: &mut Vec<String>) -> S
         ..Scene::default()
     };
     drop_broken(scene, warnings)
+}
+
+/// The values of a function, in place.
+fn mapped<T: Copy + Send>(mut values: Vec<T>, to: impl Fn(T) -> T + Sync) -> Vec<T> {
+    values.par_iter_mut().for_each(|value| *value = to(*value));
+    values
 }
 
 /// Drops Gaussians that are not finite, and adds a warning that counts them.

@@ -37,6 +37,11 @@ impl Files {
         Self { main, extension, others: BTreeMap::new() }
     }
 
+    /// The bytes of the file that was named, for a reader that needs no other and gives them back early.
+    pub fn take_main(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.main)
+    }
+
     /// Adds a file that was asked for.
     pub fn add(&mut self, name: String, bytes: Vec<u8>) {
         self.others.insert(name, bytes);

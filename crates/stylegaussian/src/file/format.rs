@@ -19,8 +19,9 @@ pub(super) struct Format {
     /// Whether a file that begins like this is one of this format. The extension, in lower case, is for formats without
     /// a mark of their own.
     pub recognizes: fn(bytes: &[u8], extension: &str) -> bool,
-    /// Reads a scene, or asks for the files that it still needs.
-    pub read: fn(&Files, &ReadOptions) -> Result<Loaded, Unread>,
+    /// Reads a scene, or asks for the files that it still needs. Files of scenes that were read, or that were refused, are
+    /// not needed any more and may be taken.
+    pub read: fn(&mut Files, &ReadOptions) -> Result<Loaded, Unread>,
     /// Writes a scene, or `None` if the format is only read. The scene was checked and holds a Gaussian.
     pub write: Option<WriteScene>,
 }

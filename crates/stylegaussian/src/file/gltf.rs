@@ -29,8 +29,8 @@ mod nodes;
 mod primitive;
 mod write;
 
-use document::{Document, MOST_MEMORY_PER_BYTE};
-use primitive::{EXTENSION, SPZ_EXTENSION, Splats};
+use document::{Document, MOST_MEMORY_PER_BYTE, item};
+use primitive::{EXTENSION, Limits, SPZ_EXTENSION, Splats};
 
 /// The format in one file.
 pub(super) const GLB: Format = Format {
@@ -52,23 +52,25 @@ pub(super) const GLTF: Format = Format {
 };
 
 /// Reads all Gaussians.
-fn read(files: &Files, options: &ReadOptions) -> Result<Loaded, Unread> {
-    let document = Document::open(files)?;
+fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
+    let mut document = Document::open(files)?;
+    let json = document.json.clone();
     let mut warnings = Vec::new();
-    warn_of_requirements(&document.json, &mut warnings);
-    let found = splats(&document, &mut warnings)?;
+    warn_of_requirements(&json, &mut warnings);
+    let found = splats(&json, &mut warnings)?;
     let are_logarithms = primitive::scales_are_logarithms(&document, &found)?;
     if are_logarithms {
         warnings.push("scales below 0: taken for logarithms, as drafts of the extension had them".into());
     }
     let mut memory_left = document.n_bytes().saturating_mul(MOST_MEMORY_PER_BYTE);
     let mut parts = Vec::with_capacity(found.len());
+    let is_alone = found.len() == 1;
     for (splats, world_from_mesh) in &found {
-        let mut part = splats.read(&document, are_logarithms, &mut memory_left, &mut warnings)?;
+        let limits = Limits { memory_left: &mut memory_left, is_last: is_alone };
+        let mut part = splats.read(&mut document, are_logarithms, limits, &mut warnings)?;
         place::place(&mut part, *world_from_mesh, &mut warnings)?;
         parts.push(part);
     }
-    let is_alone = parts.len() == 1;
     let mut scene = merge::merge(parts);
     // The features of several primitives may be of several kinds.
     if let ([(splats, _)], true) = (&found[..], is_alone) {
@@ -81,19 +83,16 @@ fn read(files: &Files, options: &ReadOptions) -> Result<Loaded, Unread> {
         return Ok(Loaded::turned(scene, warnings, axes, "they were asked for"));
     }
     let because = "glTF is y-up by its specification";
-    let up_before = application::up_before(&document.json);
+    let up_before = application::up_before(&json);
     Ok(laid_back(Loaded::turned(scene, warnings, Axes::RUB, because), up_before)?)
 }
 
 /// The primitives with Gaussians, each with the transform of its node.
-fn splats<'a>(
-    document: &'a Document,
-    warnings: &mut Vec<String>,
-) -> Result<Vec<(Splats<'a>, DAffine3)>, Mismatch> {
+fn splats<'a>(json: &'a Value, warnings: &mut Vec<String>) -> Result<Vec<(Splats<'a>, DAffine3)>, Mismatch> {
     let mut found = Vec::new();
     let mut n_others = 0;
-    for (mesh, world_from_mesh) in nodes::meshes(&document.json)? {
-        let primitives = document.item("meshes", mesh)?["primitives"].as_array();
+    for (mesh, world_from_mesh) in nodes::meshes(json)? {
+        let primitives = item(json, "meshes", mesh)?["primitives"].as_array();
         for primitive in primitives.into_iter().flatten() {
             match Splats::new(primitive) {
                 Some(splats) => found.push((splats, world_from_mesh)),

@@ -5,6 +5,7 @@
 //! NaN nor `1E5`.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use crate::{
     scene::Sh,
@@ -22,7 +23,7 @@ mod compressed;
 mod header;
 mod write;
 
-use columns::{Columns, read_columns};
+use columns::{Rows, read_columns};
 use header::Header;
 
 /// Properties that each vertex must have, in the order of the columns that are read.
@@ -34,7 +35,7 @@ pub(super) const FORMAT: Format = Format {
     name: "3DGS .ply",
     extensions: &["ply"],
     recognizes: |bytes, _| matches!(bytes, [b'p', b'l', b'y', b'\n' | b'\r' | b' ' | b'\t', ..]),
-    read: |files, _| Ok(read(&files.main)?),
+    read: |files, _| Ok(read(files.take_main())?),
     write: Some(|out, scene, _| Ok(write::write(out, scene).map(|()| Vec::new())?)),
 };
 
@@ -42,17 +43,18 @@ pub(super) const FORMAT: Format = Format {
 const EXPECTED: &str = "3DGS properties x y z, opacity, scale_0..2, rot_0..3 of element `vertex`";
 
 /// Reads a scene of either layout, compressed or native.
-pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
-    let header = Header::parse(bytes)?;
+pub(super) fn read(bytes: Vec<u8>) -> Result<Loaded, Mismatch> {
+    let header = Header::parse(&bytes)?;
     let is_compressed = compressed::is_compressed(&header);
-    let mut loaded = if is_compressed { compressed::read(&header)? } else { read_native(&header)? };
+    let mut loaded =
+        if is_compressed { compressed::read(&header, &bytes)? } else { read_native(&header, bytes)? };
     loaded.scene.up = header.up();
     loaded.scene.filter = header.filter(&mut loaded.warnings);
     Ok(loaded)
 }
 
 /// Reads the layout of the 3DGS reference implementation: one vertex per Gaussian, before the activations.
-fn read_native(header: &Header) -> Result<Loaded, Mismatch> {
+fn read_native(header: &Header, bytes: Vec<u8>) -> Result<Loaded, Mismatch> {
     let vertex = header.element("vertex").ok_or_else(|| mismatch("no element `vertex`", EXPECTED))?;
     if u32::try_from(vertex.count).is_err() {
         return Err(mismatch(format_args!("{} Gaussians", vertex.count), "fewer than 2^32"));
@@ -73,8 +75,8 @@ fn read_native(header: &Header) -> Result<Loaded, Mismatch> {
         warnings.push(format!("dropped spherical harmonics beyond degree {}", sh::MAX_DEGREE));
     }
     let names: Vec<String> = GEOMETRY.into_iter().map(Into::into).chain(color.names()).collect();
-    let columns = read_columns(header, "vertex", &names)?;
-    let stored = stored_gaussians(&columns, &color);
+    let rows = read_columns(header, bytes.into(), "vertex", &names)?;
+    let stored = stored_gaussians(rows, &color);
     let scene = activate(stored, &mut warnings);
     Ok(Loaded::new(scene, warnings))
 }
@@ -120,14 +122,14 @@ impl Color {
         }))
     }
 
-    /// The properties to read. Higher spherical harmonics are channel-major: first all of red, then green, then blue.
+    /// The properties to read, in the order of [`Sh`]. Higher spherical harmonics are channel-major in the file: first all of
+    /// red, then green, then blue.
     fn names(&self) -> Vec<String> {
         match self {
             Self::SphericalHarmonics { degree, n_stored } => {
                 let n_rest = n_coefficients(*degree) - 1;
-                let rest = (0..3).flat_map(|channel| (0..n_rest).map(move |i| channel * n_stored + i));
                 let dc = (0..3).map(|i| format!("f_dc_{i}"));
-                dc.chain(rest.map(|i| format!("f_rest_{i}"))).collect()
+                dc.chain(rest_names(n_rest, *n_stored)).collect()
             }
             Self::Rgb(_) => ["red", "green", "blue"].map(Into::into).into(),
             Self::None => Vec::new(),
@@ -135,41 +137,44 @@ impl Color {
     }
 }
 
-fn stored_gaussians(columns: &Columns, color: &Color) -> StoredGaussians {
-    let rows = || columns.rows();
+/// Takes the rows apart. Spherical harmonics come first: most of the file is in them, and its memory is free after that.
+fn stored_gaussians(mut rows: Rows, color: &Color) -> StoredGaussians {
+    let sh = spherical_harmonics(&rows, color);
+    rows.keep(GEOMETRY.len());
+    let indices = || (0..rows.n_rows()).into_par_iter();
     StoredGaussians {
-        means: rows().map(|v| Vec3::new(v[0], v[1], v[2])).collect(),
-        opacity_logits: rows().map(|v| v[3]).collect(),
-        log_scales: rows().map(|v| Vec3::new(v[4], v[5], v[6])).collect(),
-        rotations_wxyz: rows().map(|v| [v[7], v[8], v[9], v[10]]).collect(),
-        sh: spherical_harmonics(columns, color),
+        means: indices().map(|i| Vec3::from_array(rows.array(i, 0))).collect(),
+        opacity_logits: indices().map(|i| rows.array::<1>(i, 3)[0]).collect(),
+        log_scales: indices().map(|i| Vec3::from_array(rows.array(i, 4))).collect(),
+        rotations_wxyz: indices().map(|i| rows.array(i, 7)).collect(),
+        sh,
         features: None,
     }
 }
 
 /// The colors as coefficients in the order of [`Sh`], RGB innermost.
-fn spherical_harmonics(columns: &Columns, color: &Color) -> Option<Sh> {
-    let start = GEOMETRY.len();
-    let (degree, coefficients) = match *color {
+fn spherical_harmonics(rows: &Rows, color: &Color) -> Option<Sh> {
+    let first = GEOMETRY.len();
+    let (degree, brightest) = match *color {
         Color::None => return None,
-        Color::Rgb(brightest) => {
-            let dc = |v: &[f32]| sh::dc_from_color([0, 1, 2].map(|c| v[start + c] / brightest));
-            (0, columns.rows().flat_map(dc).collect())
-        }
-        Color::SphericalHarmonics { degree, .. } => {
-            let n_rest = n_coefficients(degree) - 1;
-            let mut coefficients = Vec::with_capacity(columns.n_rows() * 3 * (n_rest + 1));
-            for v in columns.rows() {
-                let (dc, rest) = v[start..].split_at(3);
-                coefficients.extend_from_slice(dc);
-                for i in 0..n_rest {
-                    coefficients.extend((0..3).map(|channel| rest[channel * n_rest + i]));
-                }
-            }
-            (degree, coefficients)
-        }
+        Color::Rgb(brightest) => (0, Some(brightest)),
+        Color::SphericalHarmonics { degree, .. } => (degree, None),
     };
+    let width = 3 * n_coefficients(degree);
+    let mut coefficients = vec![0.0; rows.n_rows() * width];
+    coefficients.par_chunks_exact_mut(width).enumerate().for_each(|(i, row)| match brightest {
+        Some(brightest) => {
+            let rgb: [f32; 3] = rows.array(i, first);
+            row.copy_from_slice(&sh::dc_from_color(rgb.map(|value| value / brightest)));
+        }
+        None => rows.read(i, first, row),
+    });
     Some(Sh { degree, coefficients })
+}
+
+/// The names of the first `n_rest` higher coefficients of each channel, of which the file has `n_stored`, RGB innermost.
+fn rest_names(n_rest: usize, n_stored: usize) -> impl Iterator<Item = String> {
+    (0..n_rest).flat_map(move |i| (0..3).map(move |channel| format!("f_rest_{}", channel * n_stored + i)))
 }
 
 #[cfg(test)]

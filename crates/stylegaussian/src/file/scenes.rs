@@ -43,15 +43,16 @@ impl SceneReader {
         self.files.add(name, bytes);
     }
 
-    /// Reads the scene, or says which files it needs.
+    /// Reads the scene, or says which files it needs. Memory of large files is given back while they are read, so a scene
+    /// is read once.
     ///
     /// # Errors
     /// If the files are no scene, contradict themselves, or hold no Gaussian.
-    pub fn read(&self) -> Result<Reading, FileError> {
+    pub fn read(&mut self) -> Result<Reading, FileError> {
         let at = Path::new(&self.name);
         let format =
             format_of(&self.files.main, &self.files.extension).map_err(|mismatch| mismatch.at(at))?;
-        let mut loaded = match (format.read)(&self.files, &self.options) {
+        let mut loaded = match (format.read)(&mut self.files, &self.options) {
             Ok(loaded) => loaded,
             Err(Unread::Needs(names)) => return Ok(Reading::Needs(names)),
             Err(Unread::Mismatch(mismatch)) => return Err(mismatch.at(at)),

@@ -28,7 +28,7 @@ mod levels;
 mod meta;
 mod plane;
 
-use chunk::Chunk;
+use chunk::{Chunk, Gaussians};
 use levels::Levels;
 use meta::Meta;
 
@@ -57,7 +57,7 @@ fn recognizes(bytes: &[u8], extension: &str) -> bool {
     is_json && (extension == "json" || serde_json::from_slice(bytes).is_ok_and(has_keys))
 }
 
-fn read(files: &Files, options: &ReadOptions) -> Result<Loaded, Unread> {
+fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
     let mut warnings = Vec::new();
     let mut parts = parts(files, options, &mut warnings)?;
     // All planes are asked for at once.
@@ -113,10 +113,27 @@ fn scene(
         ..Scene::default()
     };
     let mut n_untagged = 0;
-    for (name, chunk, ranges) in chunks {
-        // One after the other: their planes need not be in memory together.
-        let gaussians = chunk.decode().map_err(|mismatch| within(&name, mismatch))?;
-        n_untagged += ranges.into_iter().map(|range| gaussians.append(range, &mut scene)).sum::<usize>();
+    let mut chunks = chunks.into_iter();
+    let mut decoded: Option<(Gaussians, Vec<Range<usize>>)> = None;
+    loop {
+        // While a chunk is appended the next one is decoded. The planes of others need not be in memory.
+        let append = || {
+            let (gaussians, ranges) = decoded.take()?;
+            Some(ranges.into_iter().map(|range| gaussians.append(range, &mut scene)).sum::<usize>())
+        };
+        let next = chunks.next();
+        let decode = || {
+            next.map(|(name, chunk, ranges)| match chunk.decode() {
+                Ok(gaussians) => Ok((gaussians, ranges)),
+                Err(mismatch) => Err(within(&name, mismatch)),
+            })
+        };
+        let (n, next) = rayon::join(append, decode);
+        n_untagged += n.unwrap_or(0);
+        decoded = next.transpose()?;
+        if decoded.is_none() {
+            break;
+        }
     }
     if n_untagged > 0 {
         warnings.push(format!("{n_untagged} of {n} Gaussians have no valid rotation, and got none"));

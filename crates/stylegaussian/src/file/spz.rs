@@ -30,7 +30,7 @@ pub(super) const FORMAT: Format = Format {
     extensions: &["spz"],
     // No other scene format is a gzip file.
     recognizes: |bytes, _| bytes.starts_with(header::MAGIC) || bytes.starts_with(&container::GZIP),
-    read: |files: &Files, options: &ReadOptions| Ok::<_, Unread>(read(&files.main, options)?),
+    read: |files: &mut Files, options: &ReadOptions| Ok::<_, Unread>(read(&files.main, options)?),
     write: Some(encode::write),
 };
 

@@ -37,7 +37,8 @@ fn random_scene(n: usize, random: &mut Random) -> Scene {
 fn brute_force(scene: &Scene, ray: Ray) -> Option<Hit> {
     let index = RayIndex::new(scene);
     let all = index.gaussians.iter().enumerate();
-    let mut crossings: Vec<_> = all.filter_map(|(i, gaussian)| gaussian.crossing(ray, i as u32)).collect();
+    let mut crossings: Vec<_> =
+        all.filter_map(|(i, gaussian)| gaussian.crossing(ray, i as u32, gaussian.opacity)).collect();
     crossings.sort_by_key(|&crossing| Nearest(crossing));
     let mut blend = Blend::default();
     crossings.into_iter().any(|crossing| blend.add(crossing)).then(|| blend.hit(ray, &index))
@@ -82,6 +83,27 @@ fn half_of_the_light_decides() {
     let back = Ray { origin: Vec3::new(0.0, 0.0, 5.0), direction: Vec3::NEG_Z };
     assert_eq!(RayIndex::new(&sheets).cast(back).unwrap().gaussian, 0);
     assert_eq!(RayIndex::new(&sheets).cast(Ray { direction: Vec3::Z, ..back }), None);
+}
+
+/// A share of the opacity is the opacity.
+#[test]
+fn shares_are_opacities() {
+    let mut random = Random::new(23);
+    let scene = random_scene(500, &mut random);
+    let shares: Vec<f32> = (0..scene.len()).map(|_| (1.5 * random.uniform() - 0.5).max(0.0)).collect();
+    let mut faded = scene.clone();
+    faded.opacities.iter_mut().zip(&shares).for_each(|(opacity, share)| *opacity *= share);
+    let mut n_hits = 0;
+    for _ in 0..100 {
+        let origin = 3.0 * direction(&mut random);
+        let ray = Ray { origin, direction: direction(&mut random) - origin };
+        let found = RayIndex::new(&scene).cast_through(ray, |i| shares[i]);
+        let expected = RayIndex::new(&faded).cast(ray);
+        assert_eq!(found.map(|hit| hit.gaussian), expected.map(|hit| hit.gaussian));
+        assert_eq!(found.map(|hit| hit.position), expected.map(|hit| hit.position));
+        n_hits += usize::from(found.is_some());
+    }
+    assert!((10..90).contains(&n_hits), "{n_hits}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The JSON of a glTF file and its buffers: out of a GLB, from `data:` URIs, or from files beside it.
 
-use std::borrow::Cow;
+use std::{borrow::Cow, collections::BTreeSet, ops::Range, sync::Arc};
 
 use serde_json::Value;
 
@@ -24,21 +24,33 @@ pub(super) const MOST_MEMORY_PER_BYTE: usize = 64;
 /// A glTF file in memory.
 #[derive(Debug)]
 pub(super) struct Document<'a> {
-    /// The description.
-    pub json: Value,
-    /// Bytes of each of its buffers.
-    buffers: Vec<Cow<'a, [u8]>>,
+    /// The description, which is shared so that buffers can be given back while it is read.
+    pub json: Arc<Value>,
+    buffers: Vec<Buffer<'a>>,
     n_bytes: usize,
 }
 
+/// A buffer: the whole file, and its part of it.
+#[derive(Debug, Default)]
+struct Buffer<'a> {
+    file: Cow<'a, [u8]>,
+    part: Range<usize>,
+}
+
+impl<'a> Buffer<'a> {
+    fn whole(file: Cow<'a, [u8]>) -> Self {
+        Self { part: 0..file.len(), file }
+    }
+}
+
 impl<'a> Document<'a> {
-    /// Parses a file, or asks for the buffers that lie beside it.
-    pub fn open(files: &'a Files) -> Result<Self, Unread> {
+    /// Parses a file, which is taken, or asks for the buffers that lie beside it.
+    pub fn open(files: &'a mut Files) -> Result<Self, Unread> {
         let (text, binary) = match files.main.strip_prefix(MAGIC) {
             Some(rest) => chunks(rest, files.main.len())?,
-            None => (&files.main[..], None),
+            None => (0..files.main.len(), None),
         };
-        let json: Value = serde_json::from_slice(text)
+        let json: Value = serde_json::from_slice(&files.main[text])
             .map_err(|error| mismatch(format_args!("broken JSON ({error})"), "a glTF file"))?;
         match json["asset"]["version"].as_str() {
             Some(version) if version.starts_with("2.") => {}
@@ -48,25 +60,51 @@ impl<'a> Document<'a> {
         let none = Vec::new();
         let described = json["buffers"].as_array().unwrap_or(&none);
         let names = described.iter().filter_map(file_name).collect::<Result<Vec<_>, _>>()?;
+        // The file stays where it is until all are there.
+        files.others(&names)?;
+        let mut main = binary.map(|part| Buffer { file: files.take_main().into(), part });
+        let mut n_bytes = main.as_ref().map_or(files.main.len(), |main| main.file.len());
         let mut others = files.others(&names)?.into_iter();
-        let n_bytes = files.main.len() + others.clone().map(<[u8]>::len).sum::<usize>();
+        n_bytes += others.clone().map(<[u8]>::len).sum::<usize>();
         let mut buffers = Vec::with_capacity(described.len());
         for (i, buffer) in described.iter().enumerate() {
-            let bytes = match buffer["uri"].as_str() {
-                Some(uri) if uri.starts_with("data:") => Cow::Owned(data(uri)?),
+            let found = match buffer["uri"].as_str() {
+                Some(uri) if uri.starts_with("data:") => Buffer::whole(data(uri)?.into()),
                 // `names` has one for each.
-                Some(_) => Cow::Borrowed(others.next().unwrap_or_default()),
-                None if i == 0 => Cow::Borrowed(binary.unwrap_or_default()),
-                None => Cow::default(),
+                Some(_) => Buffer::whole(others.next().unwrap_or_default().into()),
+                None if i == 0 => main.take().unwrap_or_default(),
+                None => Buffer::default(),
             };
             let stated = buffer["byteLength"].as_u64().unwrap_or_default();
-            if stated > bytes.len() as u64 {
-                let found = format_args!("{} bytes of buffer {i}", bytes.len()).to_string();
+            if stated > found.part.len() as u64 {
+                let found = format_args!("{} bytes of buffer {i}", found.part.len()).to_string();
                 return Err(mismatch(found, format_args!("its byteLength {stated}")).into());
             }
-            buffers.push(bytes);
+            buffers.push(found);
         }
-        Ok(Self { json, buffers, n_bytes })
+        Ok(Self { json: Arc::new(json), buffers, n_bytes })
+    }
+
+    /// Gives back the memory of buffer views that are not read again, of those behind which nothing else lies.
+    pub fn release(&mut self, are_read: &BTreeSet<usize>) {
+        let none = Vec::new();
+        let views = self.json["bufferViews"].as_array().unwrap_or(&none);
+        for (i, buffer) in self.buffers.iter_mut().enumerate() {
+            let Cow::Owned(file) = &mut buffer.file else { continue };
+            let others = views
+                .iter()
+                .enumerate()
+                .filter(|(at, view)| !are_read.contains(at) && view["buffer"].as_u64() == Some(i as u64));
+            let end = |view: &Value| {
+                let number = |key: &str| view[key].as_u64().unwrap_or(0);
+                usize::try_from(number("byteOffset").saturating_add(number("byteLength")))
+                    .unwrap_or(usize::MAX)
+            };
+            let kept = others.map(|(_, view)| end(view)).max().unwrap_or(0);
+            buffer.part.end = buffer.part.end.min(buffer.part.start.saturating_add(kept));
+            file.truncate(buffer.part.end);
+            file.shrink_to_fit();
+        }
     }
 
     /// Bytes of all files.
@@ -76,9 +114,7 @@ impl<'a> Document<'a> {
 
     /// Item `index` of a top-level array.
     pub fn item(&self, array: &str, index: usize) -> Result<&Value, Mismatch> {
-        self.json[array]
-            .get(index)
-            .ok_or_else(|| mismatch(format_args!("a reference to {array}[{index}]"), "an index that exists"))
+        item(&self.json, array, index)
     }
 
     /// The bytes of a buffer view, and its stride if it has one.
@@ -88,7 +124,8 @@ impl<'a> Document<'a> {
         let buffer = number("buffer").and_then(|buffer| self.buffers.get(buffer));
         let (start, length) = (number("byteOffset").unwrap_or(0), number("byteLength").unwrap_or(0));
         let end = start.checked_add(length);
-        let bytes = buffer.zip(end).and_then(|(buffer, end)| buffer.get(start..end));
+        let bytes =
+            buffer.zip(end).and_then(|(buffer, end)| buffer.file[buffer.part.clone()].get(start..end));
         let bytes = bytes.ok_or_else(|| {
             mismatch(format_args!("bufferViews[{index}] outside of its buffer"), "one inside of it")
         })?;
@@ -96,8 +133,15 @@ impl<'a> Document<'a> {
     }
 }
 
-/// The JSON and the binary chunk of a GLB, whose magic is left out of `rest`.
-fn chunks(rest: &[u8], n_bytes: usize) -> Result<(&[u8], Option<&[u8]>), Mismatch> {
+/// Item `index` of a top-level array.
+pub(super) fn item<'a>(json: &'a Value, array: &str, index: usize) -> Result<&'a Value, Mismatch> {
+    json[array]
+        .get(index)
+        .ok_or_else(|| mismatch(format_args!("a reference to {array}[{index}]"), "an index that exists"))
+}
+
+/// The places of the JSON and of the binary chunk in a GLB of `n_bytes`, whose magic is left out of `rest`.
+fn chunks(rest: &[u8], n_bytes: usize) -> Result<(Range<usize>, Option<Range<usize>>), Mismatch> {
     let cut = || mismatch(format_args!("a GLB cut off after {n_bytes} bytes"), "a whole one");
     let word = |bytes: &[u8], at: usize| Some(u32::from_le_bytes(*bytes.get(at..)?.first_chunk()?));
     let version = word(rest, 0).ok_or_else(cut)?;
@@ -120,7 +164,8 @@ fn chunks(rest: &[u8], n_bytes: usize) -> Result<(&[u8], Option<&[u8]>), Mismatc
         let at = [JSON_CHUNK, BINARY_CHUNK].iter().position(|kind| header[4..] == kind[..]);
         // Unknown chunks are to be ignored.
         if let Some(at) = at {
-            found[at].get_or_insert(chunk);
+            let end = n_bytes - after.len();
+            found[at].get_or_insert(end - chunk.len()..end);
         }
         rest = after;
     }

@@ -35,6 +35,14 @@ pub(super) struct Splats<'a> {
     extension: &'a Value,
 }
 
+/// Bounds of a reading.
+pub(super) struct Limits<'a> {
+    /// Bytes that Gaussians may still take. It is lowered before they are allocated.
+    pub memory_left: &'a mut usize,
+    /// Whether nothing but application attributes is read from the document after this primitive.
+    pub is_last: bool,
+}
+
 /// Bytes of a Gaussian in memory without its spherical harmonics: mean, rotation, scales, opacity, order.
 const GAUSSIAN_BYTES: usize = 48;
 
@@ -45,12 +53,12 @@ impl<'a> Splats<'a> {
         Some(Self { primitive, extension })
     }
 
-    /// Reads the Gaussians in the axes of the mesh. `memory_left` is lowered by their bytes, before they are allocated.
+    /// Reads the Gaussians in the axes of the mesh.
     pub fn read(
         &self,
-        document: &Document,
+        document: &mut Document,
         are_logarithms: bool,
-        memory_left: &mut usize,
+        Limits { memory_left, is_last }: Limits,
         warnings: &mut Vec<String>,
     ) -> Result<Scene, Mismatch> {
         self.warn_of_unknowns(warnings);
@@ -67,23 +75,25 @@ impl<'a> Splats<'a> {
         if let Some(compressed) = self.compressed() {
             return self.read_spz(document, compressed, &mut reserve, warnings);
         }
-        let position = self.accessor(document, "POSITION", 3)?;
-        let n = position.count;
+        let n = self.accessor(document, "POSITION", 3)?.count;
         if u32::try_from(n).is_err() {
             return Err(mismatch(format_args!("{n} Gaussians"), "fewer than 2^32"));
         }
-        let rotation = self.property(document, "ROTATION", 4, n)?;
-        let scale = self.property(document, "SCALE", 3, n)?;
-        let opacity = self.property(document, "OPACITY", 1, n)?;
+        self.geometry(document, n)?;
         let harmonics = self.harmonics(document, n)?;
         reserve(n, harmonics.len().max(1))?;
-        let scale = |i: usize| {
-            let scale = Vec3::from_array(scale.row(i));
-            if are_logarithms { scale.exp() } else { scale }
-        };
         let sh = match harmonics.is_empty() {
             true => self.fallback_colors(document, n, warnings)?,
             false => Some(self.colors(&harmonics, n, warnings)),
+        };
+        if is_last {
+            // Most of the file is in them.
+            document.release(&self.views_of_harmonics(&document.json));
+        }
+        let [position, rotation, scale, opacity] = self.geometry(document, n)?;
+        let scale = |i: usize| {
+            let scale = Vec3::from_array(scale.row(i));
+            if are_logarithms { scale.exp() } else { scale }
         };
         Ok(Scene {
             means: indices(n).map(|i| Vec3::from_array(position.row(i))).collect(),
@@ -161,6 +171,32 @@ impl<'a> Splats<'a> {
         n: usize,
     ) -> Result<Accessor<'d>, Mismatch> {
         with_rows(self.accessor(document, &format!("{EXTENSION}:{name}"), width)?, name, n)
+    }
+
+    /// Positions, rotations, scales and opacities.
+    fn geometry<'d>(&self, document: &'d Document, n: usize) -> Result<[Accessor<'d>; 4], Mismatch> {
+        Ok([
+            self.accessor(document, "POSITION", 3)?,
+            self.property(document, "ROTATION", 4, n)?,
+            self.property(document, "SCALE", 3, n)?,
+            self.property(document, "OPACITY", 1, n)?,
+        ])
+    }
+
+    /// The buffer views of coefficients that no other attribute shares.
+    fn views_of_harmonics(&self, json: &Value) -> BTreeSet<usize> {
+        let prefix = format!("{EXTENSION}:SH_DEGREE_");
+        let attributes = self.primitive["attributes"].as_object().into_iter().flatten();
+        let view = |accessor: &Value| {
+            let number = |value: &Value| usize::try_from(value.as_u64()?).ok();
+            number(&json["accessors"].get(number(accessor)?)?["bufferView"])
+        };
+        let (harmonics, others): (Vec<_>, Vec<_>) =
+            attributes.partition(|(name, _)| name.starts_with(&prefix));
+        let views =
+            |of: Vec<(&String, &Value)>| of.into_iter().filter_map(|(_, accessor)| view(accessor)).collect();
+        let (harmonics, others): (BTreeSet<usize>, BTreeSet<usize>) = (views(harmonics), views(others));
+        &harmonics - &others
     }
 
     /// The accessors of all coefficients, whole degrees; empty if there are none.

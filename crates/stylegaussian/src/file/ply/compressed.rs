@@ -9,10 +9,12 @@ use std::f32::consts::SQRT_2;
 
 use glam::{Vec3, Vec4};
 use ply_rs::ply::Encoding;
+use rayon::prelude::*;
 
 use super::{
-    columns::{Columns, read_columns},
+    columns::read_columns,
     header::{Header, size_of_scalar},
+    rest_names,
 };
 use crate::{
     file::{
@@ -54,63 +56,61 @@ pub(super) fn is_compressed(header: &Header) -> bool {
 }
 
 /// Reads the scene. The packed values are quantized: positions to 11, 10 and 11 bits of their chunk's box.
-pub(super) fn read(header: &Header) -> Result<Loaded, Mismatch> {
-    let chunks = chunks(header)?;
-    let words = packed_words(header)?;
-    let n_expected = words.len().div_ceil(CHUNK);
-    if chunks.n_rows() != n_expected {
+pub(super) fn read(header: &Header, file: &[u8]) -> Result<Loaded, Mismatch> {
+    let chunks = chunks(header, file)?;
+    let words = packed_words(header, file)?;
+    let n = words.len();
+    if chunks.len() != n.div_ceil(CHUNK) {
         return Err(mismatch(
-            format_args!("{} chunks for {} Gaussians", chunks.n_rows(), words.len()),
-            format_args!("{n_expected}, one for every {CHUNK}"),
+            format_args!("{} chunks for {n} Gaussians", chunks.len()),
+            format_args!("{}, one for every {CHUNK}", n.div_ceil(CHUNK)),
         ));
     }
-    let mut stored = StoredGaussians {
-        means: Vec::with_capacity(words.len()),
-        log_scales: Vec::with_capacity(words.len()),
-        rotations_wxyz: Vec::with_capacity(words.len()),
-        opacity_logits: Vec::with_capacity(words.len()),
-        sh: None,
+    let between = |i: usize, at: usize, t: Vec3| {
+        let range = &chunks[i / CHUNK];
+        let (min, max) = (Vec3::from_slice(&range[at..]), Vec3::from_slice(&range[at + 3..]));
+        min + t * (max - min)
+    };
+    let indices = || (0..n).into_par_iter();
+    let word = |i: usize, place: usize| u32::from_le_bytes(words[i][place]);
+    let dc = |i: usize| sh::dc_from_color(between(i, 12, unpack_8888(word(i, 3)).truncate()).to_array());
+    let stored = StoredGaussians {
+        sh: Some(spherical_harmonics(header, file, n, dc)?),
+        means: indices().map(|i| between(i, 0, unpack_11_10_11(word(i, 0)))).collect(),
+        log_scales: indices().map(|i| between(i, 6, unpack_11_10_11(word(i, 2)))).collect(),
+        rotations_wxyz: indices().map(|i| unpack_quaternion(word(i, 1))).collect(),
+        opacity_logits: indices().map(|i| logit_of_byte(unpack_8888(word(i, 3)).w)).collect(),
         features: None,
     };
-    let mut dc = Vec::with_capacity(words.len());
-    for (gaussians, range) in words.chunks(CHUNK).zip(chunks.rows()) {
-        let between = |at: usize, t: Vec3| {
-            let (min, max) = (Vec3::from_slice(&range[at..]), Vec3::from_slice(&range[at + 3..]));
-            min + t * (max - min)
-        };
-        for &[position, rotation, scale, color] in gaussians {
-            stored.means.push(between(0, unpack_11_10_11(position)));
-            stored.log_scales.push(between(6, unpack_11_10_11(scale)));
-            stored.rotations_wxyz.push(unpack_quaternion(rotation));
-            let color = unpack_8888(color);
-            stored.opacity_logits.push(logit_of_byte(color.w));
-            dc.push(sh::dc_from_color(between(12, color.truncate()).to_array()));
-        }
-    }
-    stored.sh = Some(spherical_harmonics(header, dc)?);
     let mut warnings = Vec::new();
     let scene = activate(stored, &mut warnings);
     Ok(Loaded::new(scene, warnings))
 }
 
-/// Ranges of every chunk `[n_chunks, 18]`: positions, log scales, colors.
-fn chunks(header: &Header) -> Result<Columns, Mismatch> {
+/// Ranges of every chunk: positions, log scales, colors.
+fn chunks(header: &Header, file: &[u8]) -> Result<Vec<[f32; 18]>, Mismatch> {
     let chunk =
         header.element("chunk").ok_or_else(|| mismatch("no element `chunk`", "one before `vertex`"))?;
     let has_colors = chunk.properties.contains_key(COLOR_RANGES[0]);
     let names = RANGES.iter().chain(COLOR_RANGES.iter().filter(|_| has_colors));
     let names: Vec<String> = names.map(|&name| name.into()).collect();
-    let columns = read_columns(header, "chunk", &names)?;
-    Ok(if has_colors { columns } else { columns.with_constants(&[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]) })
+    let rows = read_columns(header, file.into(), "chunk", &names)?;
+    let range = |i: usize| {
+        let mut range = [0.0; 18];
+        range[15..].fill(1.0);
+        rows.read(i, 0, &mut range);
+        range
+    };
+    Ok((0..rows.n_rows()).map(range).collect())
 }
 
-/// The four words of every Gaussian. The column reader gives f32, which cannot hold 32-bit words exactly.
-fn packed_words(header: &Header) -> Result<Vec<[u32; 4]>, Mismatch> {
+/// The four words of every Gaussian, little endian. The column reader gives f32, which cannot hold 32-bit words exactly.
+fn packed_words<'a>(header: &Header, file: &'a [u8]) -> Result<&'a [[[u8; 4]; 4]], Mismatch> {
     use ply_rs::ply::{PropertyType::Scalar, ScalarType};
     if header.encoding() != Encoding::BinaryLittleEndian {
         return Err(mismatch("packed Gaussians in another encoding", "binary_little_endian"));
     }
-    let mut start = 0;
+    let mut start = header.payload;
     for element in header.elements() {
         let size = |property: &ply_rs::ply::PropertyDef| match &property.data_type {
             Scalar(scalar) => Some(size_of_scalar(scalar)),
@@ -130,40 +130,43 @@ fn packed_words(header: &Header) -> Result<Vec<[u32; 4]>, Mismatch> {
             return Err(mismatch(format_args!("a vertex of {}", found.join(" ")), PACKED.join(" ")));
         }
         // No sum or product overflows: the header's counts were checked against the file's size.
-        let rows = header.payload.get(start..).and_then(|bytes| bytes.get(..row * element.count));
+        let rows = file.get(start..).and_then(|bytes| bytes.get(..row * element.count));
         let rows =
             rows.ok_or_else(|| mismatch("the end of the file", format_args!("{} Gaussians", element.count)))?;
-        let word = |row: &[u8], i: usize| [0, 1, 2, 3].map(|byte| row[4 * i + byte]);
-        let words = |row: &[u8]| [0, 1, 2, 3].map(|i| u32::from_le_bytes(word(row, i)));
-        return Ok(rows.chunks_exact(row).map(words).collect());
+        return Ok(rows.as_chunks().0.as_chunks().0);
     }
     Err(mismatch("no element `vertex`", PACKED.join(" ")))
 }
 
-/// Degree 0 of every Gaussian, and the higher coefficients of element `sh` (channel-major in the file).
-fn spherical_harmonics(header: &Header, dc: Vec<[f32; 3]>) -> Result<Sh, Mismatch> {
+/// `dc` of every Gaussian, and the higher coefficients of element `sh` (channel-major in the file).
+fn spherical_harmonics(
+    header: &Header,
+    file: &[u8],
+    n: usize,
+    dc: impl Fn(usize) -> [f32; 3] + Send + Sync,
+) -> Result<Sh, Mismatch> {
     let Some(element) = header.element("sh") else {
-        return Ok(Sh { degree: 0, coefficients: dc.into_flattened() });
+        let coefficients: Vec<[f32; 3]> = (0..n).into_par_iter().map(dc).collect();
+        return Ok(Sh { degree: 0, coefficients: coefficients.into_flattened() });
     };
     let n_found = element.properties.len();
     let degree = (1..=sh::MAX_DEGREE).find(|&degree| 3 * (n_coefficients(degree) - 1) == n_found);
     let degree = degree
         .ok_or_else(|| mismatch(format_args!("{n_found} properties of element `sh`"), "9, 24 or 45"))?;
-    let names: Vec<String> = (0..n_found).map(|i| format!("f_rest_{i}")).collect();
-    let columns = read_columns(header, "sh", &names)?;
-    if columns.n_rows() != dc.len() {
-        let found = format_args!("{} rows of element `sh`", columns.n_rows());
-        return Err(mismatch(found, format_args!("{}, one for each Gaussian", dc.len())));
+    let names: Vec<String> = rest_names(n_found / 3, n_found / 3).collect();
+    let rows = read_columns(header, file.into(), "sh", &names)?;
+    if rows.n_rows() != n {
+        let found = format_args!("{} rows of element `sh`", rows.n_rows());
+        return Err(mismatch(found, format_args!("{n}, one for each Gaussian")));
     }
-    // Channel-major in the file, as `f_rest_*` always are.
-    let n_rest = n_found / 3;
-    let mut coefficients = Vec::with_capacity(dc.len() * 3 * (n_rest + 1));
-    for (dc, rest) in dc.iter().zip(columns.rows()) {
-        coefficients.extend_from_slice(dc);
-        for i in 0..n_rest {
-            coefficients.extend((0..3).map(|channel| unpack_coefficient(rest[channel * n_rest + i])));
-        }
-    }
+    let width = 3 + n_found;
+    let mut coefficients = vec![0.0; n * width];
+    coefficients.par_chunks_exact_mut(width).enumerate().for_each(|(i, row)| {
+        let (base, rest) = row.split_at_mut(3);
+        base.copy_from_slice(&dc(i));
+        rows.read(i, 0, rest);
+        rest.iter_mut().for_each(|value| *value = unpack_coefficient(*value));
+    });
     Ok(Sh { degree, coefficients })
 }
 
@@ -252,7 +255,7 @@ mod tests {
 
     #[test]
     fn unpacks_hand_packed_gaussians() {
-        let loaded = super::super::read(&file(2, false)).unwrap();
+        let loaded = super::super::read(file(2, false)).unwrap();
         let scene = loaded.scene;
         assert!(scene.means[0].abs_diff_eq(Vec3::new(3.0, -1.0, -1.0 + 4.0 * 1024.0 / 2047.0), 1e-6));
         assert_eq!(scene.means[1], Vec3::NEG_ONE);
@@ -267,7 +270,7 @@ mod tests {
 
     #[test]
     fn higher_harmonics_are_channel_major() {
-        let scene = super::super::read(&file(2, true)).unwrap().scene;
+        let scene = super::super::read(file(2, true)).unwrap().scene;
         let sh = scene.sh.unwrap();
         assert_eq!((sh.degree, sh.coefficients.len()), (1, 24));
         let rest = |byte: f32| (byte + 0.5) / 32.0 - 4.0;
@@ -278,7 +281,7 @@ mod tests {
     #[test]
     fn a_file_that_lies_is_refused() {
         let whole = file(2, false);
-        let message = |bytes: &[u8]| super::super::read(bytes).unwrap_err().found;
+        let message = |bytes: &[u8]| super::super::read(bytes.into()).unwrap_err().found;
         assert!(message(&whole[..whole.len() - 1]).contains("bytes after the header"));
         // The payload is 18 floats of ranges and two rows of four words: 104 bytes.
         let text = String::from_utf8_lossy(&whole[..whole.len() - 104]).into_owned();

@@ -14,16 +14,16 @@ use crate::{
 /// Most bytes of a header. Longer ones belong to files of other kinds, which are not searched to their end.
 const LONGEST: usize = 1 << 20;
 
-/// A parsed header and the bytes after it. The bytes suffice for the declared counts.
-pub(super) struct Header<'a> {
+/// A parsed header. The bytes after it suffice for the declared counts.
+pub(super) struct Header {
     parsed: ParsedHeader,
-    /// Everything after the line `end_header`.
-    pub(super) payload: &'a [u8],
+    /// The place in the file after the line `end_header`.
+    pub(super) payload: usize,
 }
 
-impl<'a> Header<'a> {
+impl Header {
     /// Splits off, checks and parses the header.
-    pub(super) fn parse(bytes: &'a [u8]) -> Result<Self, Mismatch> {
+    pub(super) fn parse(bytes: &[u8]) -> Result<Self, Mismatch> {
         let (text, payload) = split(bytes)?;
         let n_declared = check_lines(&text)?;
         let parsed = Parser::<DefaultElement>::new().read_header(&mut text.as_bytes()).map_err(|error| {
@@ -34,8 +34,8 @@ impl<'a> Header<'a> {
         if n_parsed != n_declared {
             return Err(mismatch("an element or property declared twice", "each name once"));
         }
-        let header = Self { parsed, payload };
-        header.check_size()?;
+        let header = Self { parsed, payload: bytes.len() - payload.len() };
+        header.check_size(payload.len())?;
         Ok(header)
     }
 
@@ -105,17 +105,17 @@ impl<'a> Header<'a> {
     }
 
     /// Checks that the file is long enough for the declared elements, if every list were empty.
-    fn check_size(&self) -> Result<(), Mismatch> {
+    fn check_size(&self, n_bytes: usize) -> Result<(), Mismatch> {
         // In u128, in which no product of two 64-bit counts overflows.
         let least: u128 = self.elements().map(|e| e.count as u128 * self.least_row(e) as u128).sum();
         // The last ascii number needs no separator after it.
-        let available = self.payload.len() as u128 + u128::from(self.encoding() == Encoding::Ascii);
+        let available = n_bytes as u128 + u128::from(self.encoding() == Encoding::Ascii);
         if least <= available {
             return Ok(());
         }
         let counts: Vec<String> = self.elements().map(|e| format!("{} {}", e.count, e.name)).collect();
         Err(mismatch(
-            format_args!("{} bytes after the header", self.payload.len()),
+            format_args!("{n_bytes} bytes after the header"),
             format_args!("at least {least} for {}", counts.join(", ")),
         ))
     }

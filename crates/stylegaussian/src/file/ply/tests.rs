@@ -99,7 +99,7 @@ pub(in crate::file) fn ascii_sample() -> Vec<u8> {
 }
 
 fn check_two(bytes: &[u8]) {
-    let Loaded { scene, warnings, .. } = read(bytes).unwrap();
+    let Loaded { scene, warnings, .. } = read(bytes.into()).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     assert_eq!(scene.means, [Vec3::new(1.0, 2.0, 3.0), Vec3::new(-4.0, -5.0, -6.0)]);
     assert_eq!(scene.opacities, [0.5, 0.5]);
@@ -154,7 +154,7 @@ fn elements_and_lists_around_the_vertices() {
 fn ascii_numbers_of_all_spellings() {
     let text = String::from_utf8(ascii_sample()).unwrap();
     check_two(text.replace("1 2 3 0.5 ", "+1 2.  .3E1\t5e-1 ").as_bytes());
-    let loaded = read(text.replace("1 2 3 0.5 ", "NaN 2 3 inf ").as_bytes()).unwrap();
+    let loaded = read(text.replace("1 2 3 0.5 ", "NaN 2 3 inf ").into_bytes()).unwrap();
     assert_eq!(loaded.scene.order, [1]);
     assert_eq!(loaded.scene.n_source, 2);
     assert!(loaded.warnings[0].contains("dropped 1 of 2"), "{:?}", loaded.warnings);
@@ -167,14 +167,14 @@ fn rest_coefficients_are_channel_major() {
         let names: Vec<&'static str> = (0..3 * n_rest).map(|i| &*format!("f_rest_{i}").leak()).collect();
         let mut all = properties();
         all.extend(names.iter().enumerate().map(|(i, name)| ("float", *name, [i as f64, -(i as f64)])));
-        let sh = read(&plain(&all, Format::Little)).unwrap().scene.sh.unwrap();
+        let sh = read(plain(&all, Format::Little)).unwrap().scene.sh.unwrap();
         assert_eq!(sh.degree, degree);
         // Coefficient 1 of red, green, blue; and the last of blue in the second row.
         let n = n_rest as f32;
         assert_eq!(sh.coefficients[3..6], [0.0, n, 2.0 * n]);
         assert_eq!(sh.coefficients.last(), Some(&(1.0 - 3.0 * n)));
         all.pop();
-        let error = read(&plain(&all, Format::Little)).unwrap_err();
+        let error = read(plain(&all, Format::Little)).unwrap_err();
         assert_eq!(error.found, format!("{} properties f_rest_*", 3 * n_rest - 1));
         assert_eq!(error.expected, "0, 9, 24, 45 or 72 (SH degree 0 to 4)");
     }
@@ -185,7 +185,7 @@ fn a_fourth_degree_is_left_out() {
     let names: Vec<&'static str> = (0..72).map(|i| &*format!("f_rest_{i}").leak()).collect();
     let mut all = properties();
     all.extend(names.iter().enumerate().map(|(i, name)| ("float", *name, [i as f64, 0.0])));
-    let Loaded { scene, warnings, .. } = read(&plain(&all, Format::Little)).unwrap();
+    let Loaded { scene, warnings, .. } = read(plain(&all, Format::Little)).unwrap();
     assert_eq!(warnings, ["dropped spherical harmonics beyond degree 3"]);
     let sh = scene.sh.unwrap();
     assert_eq!((sh.degree, sh.coefficients.len()), (3, 96));
@@ -200,7 +200,7 @@ fn a_fourth_degree_is_left_out() {
 fn comments_tell_the_filter_and_the_vertical() {
     let good = String::from_utf8(ascii_sample()).unwrap();
     let with = |comments: &str| {
-        let loaded = read(good.replacen("element", &format!("{comments}element"), 1).as_bytes()).unwrap();
+        let loaded = read(good.replacen("element", &format!("{comments}element"), 1).into_bytes()).unwrap();
         (loaded.scene.filter, loaded.scene.up, loaded.warnings)
     };
     let filter = |comment: &str| with(&format!("comment {comment}\n")).0;
@@ -230,17 +230,17 @@ fn rgb_and_missing_colors() {
         colored.push((kind, "red", [brightest, 0.0]));
         colored.push((kind, "green", [0.0, brightest]));
         colored.push((kind, "blue", [0.0, 0.0]));
-        let colors = read(&plain(&colored, Format::Big)).unwrap().scene.base_colors();
+        let colors = read(plain(&colored, Format::Big)).unwrap().scene.base_colors();
         assert!(Vec3::from(colors[0]).abs_diff_eq(Vec3::X, 1e-6), "{kind}: {colors:?}");
         assert!(Vec3::from(colors[1]).abs_diff_eq(Vec3::Y, 1e-6), "{kind}: {colors:?}");
     }
-    let Loaded { scene, warnings, .. } = read(&plain(&without(), Format::Ascii)).unwrap();
+    let Loaded { scene, warnings, .. } = read(plain(&without(), Format::Ascii)).unwrap();
     assert!(scene.sh.is_none());
     assert!(warnings[0].contains("mid-gray"), "{warnings:?}");
 }
 
 fn refused(bytes: &[u8], part: &str) {
-    let Mismatch { found, expected } = read(bytes).map(|_| ()).expect_err(part);
+    let Mismatch { found, expected } = read(bytes.into()).map(|_| ()).expect_err(part);
     assert!(
         format!("found {found}, expected {expected}").contains(part),
         "found {found}, expected {expected}"

@@ -12,7 +12,7 @@ use crate::{
 };
 
 use super::{
-    meta::Meta,
+    meta::{Meta, Table},
     plane::{Plane, StoredPlane},
 };
 
@@ -105,7 +105,9 @@ impl<'a> Chunk<'a> {
         let planes = planes?;
         let powers = powers(&self.meta);
         let palette = palette(&self.meta, &planes, self.degree);
-        let gaussians = Gaussians { meta: self.meta, planes, palette, degree: self.degree, powers };
+        let components = components();
+        let gaussians =
+            Gaussians { meta: self.meta, planes, palette, degree: self.degree, powers, components };
         gaussians.check_labels()?;
         Ok(gaussians)
     }
@@ -120,6 +122,8 @@ pub(super) struct Gaussians {
     degree: u8,
     /// Factors of exp u by the upper and by the lower byte of a mean's code, for each axis.
     powers: [[[f64; 256]; 2]; 3],
+    /// Components of rotations by their codes.
+    components: Table,
 }
 
 /// The palette in numbers: looking them up once per entry is faster than once per Gaussian.
@@ -133,6 +137,11 @@ fn palette(meta: &Meta, planes: &[Plane], degree: u8) -> Vec<f32> {
         *rgb = [r, g, b].map(|code| palette.table[usize::from(code)]);
     });
     numbers
+}
+
+/// Components of quaternions beside the largest, by their codes: from -1 / sqrt(2) to 1 / sqrt(2).
+fn components() -> Table {
+    std::array::from_fn(|code| (code as f32 / 255.0 * 2.0 - 1.0) * FRAC_1_SQRT_2)
 }
 
 /// u = min + span (256 upper + lower) / 65,535, so exp u is a product of two factors of 256 values each. That is faster
@@ -198,16 +207,17 @@ impl Gaussians {
     /// this order, each between -1 / sqrt(2) and 1 / sqrt(2). `None` if alpha is another.
     fn rotation(&self, i: usize) -> Option<Quat> {
         let [r, g, b, tag] = self.planes[2].texel(i);
-        let [a, b, c] = [r, g, b].map(|code| (f32::from(code) / 255.0 * 2.0 - 1.0) * FRAC_1_SQRT_2);
+        let [a, b, c] = [r, g, b].map(|code| self.components[usize::from(code)]);
         let rest = 1.0 - a * a - b * b - c * c;
         let largest = rest.max(0.0).sqrt();
-        let [w, x, y, z] = match tag {
-            FIRST_TAG => [largest, a, b, c],
-            253 => [a, largest, b, c],
-            254 => [a, b, largest, c],
-            255 => [a, b, c, largest],
-            _ => return None,
-        };
+        let at = tag.checked_sub(FIRST_TAG)?;
+        // Choices instead of jumps, which no processor can foretell here.
+        let w = if at == 0 { largest } else { a };
+        let x = [b, a][usize::from(at == 0)];
+        let x = if at == 1 { largest } else { x };
+        let y = [c, b][usize::from(at < 2)];
+        let y = if at == 2 { largest } else { y };
+        let z = if at == 3 { largest } else { c };
         let rotation = Quat::from_xyzw(x, y, z, w);
         // Rounded components may leave nothing for the largest, and be too long themselves.
         Some(if rest < 0.0 { rotation.normalize() } else { rotation })
