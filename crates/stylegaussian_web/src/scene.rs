@@ -51,7 +51,7 @@ pub fn open(mut requests: MessageReader<Request>, mut shown: ResMut<Shown>, asse
 
 /// Reads a file that the visitor has dropped.
 fn read(bytes: Vec<u8>, name: &str) -> Result<GaussianScene, String> {
-    let reader = SceneReader::new(bytes, name, ReadOptions::default());
+    let mut reader = SceneReader::new(bytes, name, ReadOptions::default());
     match reader.read().map_err(|error| error.to_string())? {
         Reading::Scene(loaded) => Ok(GaussianScene::new(loaded.scene)),
         Reading::Needs(names) => {
