@@ -35,7 +35,7 @@ function apply() {
   if (wish.style && wish.second) mix.push([wish.second, wish.share]);
   const kept = mix.filter(([, weight]) => weight > 0);
   document.body.dataset.state = "styling";
-  app?.set_style(kept.map(([name]) => appName(name)), new Float32Array(kept.map(([, weight]) => weight)), 0, wish.strength);
+  app?.set_style(kept.map(([name]) => appName(name)), new Float32Array(kept.map(([, weight]) => weight)), 0, wish.strength, wish.kind === "decode");
   // A dropped image is not in the link: nobody else has it.
   const shared = Object.entries(wish).filter(([, value]) => !dropped.has(value));
   history.replaceState(null, "", wish.style ? `#${new URLSearchParams(shared)}` : "#");
@@ -86,8 +86,12 @@ function hear(kind, text) {
   if (kind === "loaded") {
     const [count, canBeStyled] = text.split(" ");
     document.body.dataset.scene = count;
+    delete document.body.dataset.shown;
     notice(canBeStyled === "true" ? "" :
       "This capture holds no features, so it is shown as it was captured. `stylegaussian embed` adds them.");
+  }
+  if (kind === "shown") {
+    document.body.dataset.shown = document.body.dataset.scene;
     $("progress").hidden = true;
   }
   if (kind === "applied") {

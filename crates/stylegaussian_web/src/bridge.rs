@@ -9,7 +9,7 @@ use bevy::{
     prelude::*,
     render::view::screenshot::{Screenshot, save_to_disk},
 };
-use bevy_stylegaussian::{GaussianSceneFailed, StyleApplied, StyleFailed};
+use bevy_stylegaussian::{GaussianSceneFailed, GaussianSceneReady, StyleApplied, StyleFailed};
 use js_sys::Function;
 use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
 
@@ -40,6 +40,8 @@ pub enum Request {
         content: f32,
         /// Share of the style's colors, 0..1.
         strength: f32,
+        /// Whether the decoder alone makes the colors of images, without their strokes.
+        by_decoder: bool,
     },
     /// A turn around the scene, in radians.
     Turn {
@@ -61,8 +63,10 @@ pub enum Request {
 pub enum Event {
     /// The first frame was drawn.
     Ready,
-    /// A scene is shown: its number of Gaussians, and whether it can be styled.
+    /// A scene was read: its number of Gaussians, and whether it can be styled.
     Loaded,
+    /// The scene is drawn.
+    Shown,
     /// A style is shown: the milliseconds since it was asked for.
     Applied,
     /// Something could not be done: a sentence.
@@ -74,6 +78,8 @@ thread_local! {
     static REQUESTS: RefCell<Vec<Request>> = const { RefCell::new(Vec::new()) };
     /// The script's function that hears events.
     static LISTENER: RefCell<Option<Function>> = const { RefCell::new(None) };
+    /// The answer of [`cameras`].
+    static CAMERAS: RefCell<String> = const { RefCell::new(String::new()) };
     /// Whether the first frame was told.
     static IS_TOLD: Cell<bool> = const { Cell::new(false) };
 }
@@ -82,7 +88,7 @@ fn ask(request: Request) {
     REQUESTS.with_borrow_mut(|requests| requests.push(request));
 }
 
-/// Calls `listener` with the kind and the text of each event: `ready`, `loaded`, `applied` or `failed`.
+/// Calls `listener` with the kind and the text of each event: `ready`, `loaded`, `shown`, `applied` or `failed`.
 #[wasm_bindgen]
 pub fn listen(listener: Function) {
     LISTENER.set(Some(listener));
@@ -106,10 +112,11 @@ pub fn add_painting(name: String, bytes: Vec<u8>) {
     ask(Request::AddPainting { name, bytes: bytes.into() });
 }
 
-/// Puts a mix of styles on the scene; `names` and `weights` go in pairs.
+/// Puts a mix of styles on the scene; `names` and `weights` go in pairs. `content` is the share of the content's features,
+/// `strength` that of the style's colors, both 0..1. If `by_decoder`, the decoder alone makes the colors of images.
 #[wasm_bindgen]
-pub fn set_style(names: Vec<String>, weights: Vec<f32>, content: f32, strength: f32) {
-    ask(Request::Style { styles: names.into_iter().zip(weights).collect(), content, strength });
+pub fn set_style(names: Vec<String>, weights: Vec<f32>, content: f32, strength: f32, by_decoder: bool) {
+    ask(Request::Style { styles: names.into_iter().zip(weights).collect(), content, strength, by_decoder });
 }
 
 /// Turns the camera around the scene by angles in radians.
@@ -130,6 +137,13 @@ pub fn zoom(factor: f32) {
     ask(Request::Zoom(factor));
 }
 
+/// The camera in the axes of the scene that is shown, as a `transforms.json` of one frame in JSON: `stylegaussian render` draws
+/// the same picture with it.
+#[wasm_bindgen]
+pub fn cameras() -> String {
+    CAMERAS.with_borrow(Clone::clone)
+}
+
 /// Downloads the picture.
 #[wasm_bindgen]
 pub fn save_picture_soon() {
@@ -141,6 +155,7 @@ pub fn tell(event: Event, text: &str) {
     let kind = match event {
         Event::Ready => "ready",
         Event::Loaded => "loaded",
+        Event::Shown => "shown",
         Event::Applied => "applied",
         Event::Failed => "failed",
     };
@@ -150,6 +165,18 @@ pub fn tell(event: Event, text: &str) {
             let _ = listener.call2(&JsValue::NULL, &kind.into(), &text.into());
         }
     });
+}
+
+/// Notes the camera for [`cameras`]: the angle of view in radians, the size in pixels, and the place in the scene's axes.
+pub fn note_camera(vertical_angle: f32, size: UVec2, scene_from_camera: Mat4) {
+    let row = |i| scene_from_camera.row(i).to_array();
+    let focal = 0.5 * size.y as f32 / (0.5 * vertical_angle).tan();
+    CAMERAS.set(format!(
+        "{{\"w\": {}, \"h\": {}, \"fl_x\": {focal}, \"fl_y\": {focal}, \"frames\": [{{\"transform_matrix\": {:?}}}]}}",
+        size.x,
+        size.y,
+        [row(0), row(1), row(2), row(3)],
+    ));
 }
 
 /// Passes on what the script has asked for since the last frame.
@@ -165,6 +192,11 @@ pub fn save_picture(mut requests: MessageReader<Request>, mut commands: Commands
     if requests.read().any(|request| matches!(request, Request::SavePicture)) {
         commands.spawn(Screenshot::primary_window()).observe(save_to_disk("stylegaussian.png"));
     }
+}
+
+/// Tells that a scene is drawn.
+pub fn tell_shown(_: On<GaussianSceneReady>) {
+    tell(Event::Shown, "");
 }
 
 /// Tells that a style is shown.

@@ -3,8 +3,9 @@
 use std::f32::consts::FRAC_PI_2;
 
 use bevy::prelude::*;
+use bevy_stylegaussian::GaussianSplats;
 
-use crate::bridge::Request;
+use crate::bridge::{self, Request};
 
 /// Vertical angle of view in radians.
 pub const FIELD_OF_VIEW: f32 = 0.7;
@@ -78,6 +79,16 @@ pub fn place(camera: Single<(&Orbit, &mut Transform)>) {
     let (orbit, mut transform) = camera.into_inner();
     // A transform that is written in each frame would count as changed and be propagated each time.
     transform.set_if_neq(orbit.transform());
+}
+
+/// Tells the page's script where the camera is.
+pub fn note(
+    camera: Single<&Orbit>,
+    scene: Single<&Transform, With<GaussianSplats>>,
+    window: Single<&Window>,
+) {
+    let scene_from_camera = scene.compute_affine().inverse() * camera.transform().compute_affine();
+    bridge::note_camera(FIELD_OF_VIEW, window.physical_size(), scene_from_camera.into());
 }
 
 #[cfg(test)]

@@ -6,16 +6,20 @@
 
 mod bridge;
 mod camera;
+mod failure;
 mod scene;
 mod style;
 
 use bevy::{asset::AssetMetaCheck, core_pipeline::tonemapping::Tonemapping, prelude::*};
-use bevy_stylegaussian::StyleGaussianPlugin;
+use bevy_stylegaussian::{StyleBudget, StyleGaussianPlugin};
 
 use bridge::Request;
 
 /// The canvas of the page.
 const CANVAS: &str = "#scene";
+
+/// GPU time per frame for a change of style, in milliseconds: half of a frame at 60 frames per second.
+const BUDGET: f32 = 8.0;
 
 fn main() -> AppExit {
     let window = Window {
@@ -33,6 +37,8 @@ fn main() -> AppExit {
             DefaultPlugins.set(files).set(WindowPlugin { primary_window: Some(window), ..default() }),
         )
         .add_plugins(StyleGaussianPlugin::default())
+        .insert_resource(failure::handler())
+        .insert_resource(StyleBudget { ms_per_frame: BUDGET })
         .insert_resource(ClearColor(Color::srgb(0.07, 0.08, 0.1)))
         .add_message::<Request>()
         .init_resource::<scene::Shown>()
@@ -47,8 +53,9 @@ fn main() -> AppExit {
             )
                 .chain(),
         )
-        .add_systems(PostUpdate, camera::place.before(TransformSystems::Propagate))
+        .add_systems(PostUpdate, (camera::place.before(TransformSystems::Propagate), camera::note).chain())
         .add_observer(bridge::tell_failed_scene)
+        .add_observer(bridge::tell_shown)
         .add_observer(bridge::tell_applied)
         .add_observer(bridge::tell_failed_style)
         .run()

@@ -7,7 +7,7 @@ use bevy::{
     image::{CompressedImageFormats, ImageSampler, ImageType},
     prelude::*,
 };
-use bevy_stylegaussian::{StyleInput, StyleSource, StyleTransition};
+use bevy_stylegaussian::{StyleInput, StyleMethod, StyleSource, StyleTransition};
 
 use crate::bridge::{self, Event, Request};
 
@@ -53,11 +53,12 @@ pub fn put_on(
     mut requests: MessageReader<Request>,
     paintings: Res<Paintings>,
     scene: Single<(&mut StyleSource, &mut StyleTransition)>,
+    mut method: ResMut<StyleMethod>,
     assets: Res<AssetServer>,
 ) {
     let (mut source, mut transition) = scene.into_inner();
     for request in requests.read() {
-        let Request::Style { styles, content, strength } = request else { continue };
+        let Request::Style { styles, content, strength, by_decoder } = request else { continue };
         let known = |(name, weight): &(String, f32)| {
             let input = input(name, &paintings, &assets);
             if input.is_none() {
@@ -66,7 +67,8 @@ pub fn put_on(
             Some((input?, *weight))
         };
         let mix = StyleSource::mix(styles.iter().filter_map(known));
-        // Only a real change may touch the component.
+        // Only a real change may touch the components and the resource.
+        method.set_if_neq(if *by_decoder { StyleMethod::Decoder } else { StyleMethod::Paint });
         source.set_if_neq(mix.with_content(*content).with_strength(*strength));
         transition.set_if_neq(StyleTransition::fade(FADE));
     }
