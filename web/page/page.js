@@ -82,7 +82,11 @@ async function open(file) {
 
 function hear(kind, text) {
   if (kind === "ready") document.body.dataset.state = "ready";
-  if (kind === "failed") notice(text);
+  if (kind === "failed") {
+    document.body.dataset.state = "failed";
+    $("progress").hidden = true;
+    notice(text);
+  }
   if (kind === "loaded") {
     const [count, canBeStyled] = text.split(" ");
     document.body.dataset.scene = count;

@@ -101,9 +101,16 @@ const drop = (page, name, bytes) => page.evaluate(([name, text]) => {
   document.dispatchEvent(new DragEvent("drop", { dataTransfer, cancelable: true, bubbles: true }));
 }, [name, bytes.toString("base64")]);
 
+// Until the style of this name is on the scene.
+async function applied(page, style) {
+  await page.waitForSelector(`[data-style="${style}"][aria-pressed="true"]`);
+  await page.waitForSelector('body:is([data-state="applied"], [data-state="failed"])');
+  assert.equal(await page.getAttribute("body", "data-state"), "applied", await page.textContent("#notice"));
+}
+
 async function clicked(page, style) {
   await page.click(`[data-style="${style}"]`);
-  await state(page, '[data-state="applied"]');
+  await applied(page, style);
 }
 
 for (const viewport of [WIDE, NARROW]) {
@@ -115,7 +122,7 @@ for (const viewport of [WIDE, NARROW]) {
     await clicked(page, "ink");
     await expectNative(page, name("ink"), DEMO, "--look", "assets/looks/ink.look.safetensors");
     await drop(page, "wave.jpg", readFileSync("assets/styles/print.jpg"));
-    await state(page, '[data-state="applied"]');
+    await applied(page, "wave.jpg");
     await expectNative(page, name("dropped_painting"), DEMO, "--style", "assets/styles/print.jpg");
     const capture = join(folder, "capture.spz");
     run("convert", DEMO, capture);
@@ -137,7 +144,7 @@ const float = (half) => {
 
 test("the GPU's colors are those of the native decoder", options, async () => {
   const { page, errors } = await opened(NARROW, "#style=strokes&kind=decode");
-  await state(page, '[data-state="applied"]');
+  await applied(page, "strokes");
   const buffers = await page.evaluate(async () => {
     const { device, colors } = watched;
     return Promise.all(colors.map(async (buffer) => {
@@ -170,7 +177,7 @@ test("the GPU's colors are those of the native decoder", options, async () => {
 
 test("frames keep coming during a change of style", options, async () => {
   const { page, errors } = await opened(NARROW, "#style=ink&kind=decode");
-  await state(page, '[data-state="applied"]');
+  await applied(page, "ink");
   // Every frame draws: the camera turns all the time.
   const gaps = (style) => page.evaluate(async (style) => {
     const app = await import("./app.js");
