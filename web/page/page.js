@@ -62,7 +62,13 @@ function addStyle(name, picture, label = name) {
   if (name) $("second").append(new Option(label, name));
 }
 
+// A page has 4 GB of memory, and reading a scene takes about twice its file.
+const LARGEST_FILE = 1.5e9;
+
 async function open(file) {
+  if (file.size > LARGEST_FILE) {
+    return hear("failed", `${file.name}: found ${(file.size / 1e9).toFixed(1)} GB, expected at most ${LARGEST_FILE / 1e9}`);
+  }
   const bytes = new Uint8Array(await file.arrayBuffer());
   if (IMAGE.test(file.name)) {
     if (!dropped.has(file.name)) addStyle(file.name, URL.createObjectURL(file));
@@ -178,7 +184,10 @@ async function start() {
   $("progress").hidden = false;
   notice("Loading …");
   const module = await import("./app.js");
-  module.listen && window.addEventListener("error", (event) => notice(`The app has stopped: ${event.message}`));
+  // A panic of the app, memory that runs out included, is an error of the script that called it. The page stays.
+  const stopped = (reason) => hear("failed", `The app has stopped (${reason}). Reload the page to go on.`);
+  window.addEventListener("error", (event) => stopped(event.message));
+  window.addEventListener("unhandledrejection", (event) => stopped(event.reason));
   await module.default({ module_or_path: fetchModule() });
   app = module;
   app.listen(hear);

@@ -2,7 +2,7 @@
 
 use std::{
     cell::{Cell, RefCell},
-    sync::Arc,
+    sync::{Arc, Mutex},
 };
 
 use bevy::{
@@ -12,6 +12,9 @@ use bevy::{
 use bevy_stylegaussian::{GaussianSceneFailed, GaussianSceneReady, StyleApplied, StyleFailed};
 use js_sys::Function;
 use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
+
+/// The bytes of a file. Whoever reads it takes them: a browser gives a page 4 GB, and a copy of a large file counts.
+pub type Bytes = Arc<Mutex<Vec<u8>>>;
 
 /// A request of the page's script.
 #[derive(Message, Clone, Debug)]
@@ -23,14 +26,14 @@ pub enum Request {
         /// The file's name.
         name: String,
         /// The file's bytes.
-        bytes: Arc<[u8]>,
+        bytes: Bytes,
     },
     /// An image of the visitor, as the style `image:NAME`.
     AddPainting {
         /// The name.
         name: String,
         /// The file's bytes.
-        bytes: Arc<[u8]>,
+        bytes: Bytes,
     },
     /// A mix of styles, in place of the present one.
     Style {
@@ -54,6 +57,8 @@ pub enum Request {
     Fly(Vec3),
     /// A factor of the distance.
     Zoom(f32),
+    /// GPU time per frame for changes of style, in milliseconds.
+    Budget(f32),
     /// A download of the picture.
     SavePicture,
 }
@@ -103,13 +108,13 @@ pub fn open_asset(path: String) {
 /// Shows a scene of the visitor.
 #[wasm_bindgen]
 pub fn open_file(name: String, bytes: Vec<u8>) {
-    ask(Request::OpenFile { name, bytes: bytes.into() });
+    ask(Request::OpenFile { name, bytes: Arc::new(Mutex::new(bytes)) });
 }
 
 /// Takes an image of the visitor as the style `image:NAME`.
 #[wasm_bindgen]
 pub fn add_painting(name: String, bytes: Vec<u8>) {
-    ask(Request::AddPainting { name, bytes: bytes.into() });
+    ask(Request::AddPainting { name, bytes: Arc::new(Mutex::new(bytes)) });
 }
 
 /// Puts a mix of styles on the scene; `names` and `weights` go in pairs. `content` is the share of the content's features,
@@ -117,6 +122,12 @@ pub fn add_painting(name: String, bytes: Vec<u8>) {
 #[wasm_bindgen]
 pub fn set_style(names: Vec<String>, weights: Vec<f32>, content: f32, strength: f32, by_decoder: bool) {
     ask(Request::Style { styles: names.into_iter().zip(weights).collect(), content, strength, by_decoder });
+}
+
+/// Sets the GPU time per frame for changes of style, in milliseconds. `Infinity` completes a change in one frame.
+#[wasm_bindgen]
+pub fn set_budget(milliseconds: f32) {
+    ask(Request::Budget(milliseconds.max(0.0)));
 }
 
 /// Turns the camera around the scene by angles in radians.
@@ -185,6 +196,12 @@ pub fn take_requests(mut requests: MessageWriter<Request>) {
     if !IS_TOLD.replace(true) {
         tell(Event::Ready, "");
     }
+}
+
+/// Takes the bytes of a file.
+pub fn take(bytes: &Bytes) -> Vec<u8> {
+    // Nobody panics with the lock held.
+    bytes.lock().map(|mut bytes| std::mem::take(&mut *bytes)).unwrap_or_default()
 }
 
 /// Downloads the picture as a file.

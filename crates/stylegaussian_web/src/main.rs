@@ -48,7 +48,15 @@ fn main() -> AppExit {
             Update,
             (
                 bridge::take_requests,
-                (scene::open, scene::show_loaded, style::add_paintings, style::put_on, camera::turn).chain(),
+                (
+                    scene::open,
+                    scene::show_loaded,
+                    style::add_paintings,
+                    style::set_budget,
+                    style::put_on,
+                    camera::turn,
+                )
+                    .chain(),
                 bridge::save_picture,
             )
                 .chain(),

@@ -41,7 +41,7 @@ pub fn open(mut requests: MessageReader<Request>, mut shown: ResMut<Shown>, asse
         match request {
             Request::OpenAsset(path) => shown.0 = Next::Asset(assets.load(path.clone())),
             Request::OpenFile { name, bytes } => {
-                let (name, bytes) = (name.clone(), bytes.to_vec());
+                let (name, bytes) = (name.clone(), bridge::take(bytes));
                 shown.0 = Next::File(AsyncComputeTaskPool::get().spawn(async move { read(bytes, &name) }));
             }
             _ => {}

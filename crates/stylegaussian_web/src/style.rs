@@ -7,7 +7,7 @@ use bevy::{
     image::{CompressedImageFormats, ImageSampler, ImageType},
     prelude::*,
 };
-use bevy_stylegaussian::{StyleInput, StyleMethod, StyleSource, StyleTransition};
+use bevy_stylegaussian::{StyleBudget, StyleInput, StyleMethod, StyleSource, StyleTransition};
 
 use crate::bridge::{self, Event, Request};
 
@@ -26,7 +26,7 @@ pub fn add_paintings(
 ) {
     for request in requests.read() {
         let Request::AddPainting { name, bytes } = request else { continue };
-        match decode(bytes) {
+        match decode(&bridge::take(bytes)) {
             Ok(image) => {
                 paintings.0.insert(name.clone(), images.add(image));
             }
@@ -71,6 +71,15 @@ pub fn put_on(
         method.set_if_neq(if *by_decoder { StyleMethod::Decoder } else { StyleMethod::Paint });
         source.set_if_neq(mix.with_content(*content).with_strength(*strength));
         transition.set_if_neq(StyleTransition::fade(FADE));
+    }
+}
+
+/// Changes the time that changes of style may take per frame.
+pub fn set_budget(mut requests: MessageReader<Request>, mut budget: ResMut<StyleBudget>) {
+    for request in requests.read() {
+        if let Request::Budget(ms_per_frame) = request {
+            budget.ms_per_frame = *ms_per_frame;
+        }
     }
 }
 

@@ -34,24 +34,30 @@ enum App {
     Example(String),
 }
 
-/// Builds `web/dist`. With `--serve`, serves it until the program is ended.
+/// Builds `web/dist`. With `--test`, tests it in Chromium beside the native program; with `--serve`, serves it until the program is
+/// ended.
 ///
 /// # Errors
-/// If an argument is unknown, or if a tool is missing or fails.
+/// If an argument is unknown, if a tool is missing or fails, or if a test fails.
 pub fn run(arguments: &[String]) -> Result<()> {
-    let (mut app, mut is_served) = (App::Page, false);
+    let (mut app, mut is_served, mut is_tested) = (App::Page, false, false);
     let mut arguments = arguments.iter().map(String::as_str);
     while let Some(argument) = arguments.next() {
         match argument {
             "--serve" => is_served = true,
+            "--test" => is_tested = true,
             "--example" => {
                 app = App::Example(arguments.next().context("--example: expected a name after it")?.into());
             }
-            _ => bail!("found `{argument}`, expected --serve or --example NAME"),
+            _ => bail!("found `{argument}`, expected --test, --serve or --example NAME"),
         }
     }
+    ensure!(!(is_tested && matches!(app, App::Example(_))), "--test is for the page, not for an example");
     let mut steps = Steps::default();
-    let outcome = build(&mut steps, &app);
+    let mut outcome = build(&mut steps, &app);
+    if outcome.is_ok() && is_tested {
+        outcome = test_built(&mut steps);
+    }
     steps.print_summary();
     outcome?;
     print_sizes()?;
@@ -74,7 +80,9 @@ fn build(steps: &mut Steps, app: &App) -> Result<()> {
     };
     fresh_folder(Path::new(DIST))?;
     let mut bindgen = Command::new("wasm-bindgen");
-    bindgen.args(["--target", "web", "--no-typescript", "--out-name", "app", "--out-dir", DIST]).arg(wasm);
+    bindgen.args(["--target", "web", "--no-typescript", "--out-name", "app", "--out-dir", DIST]);
+    // The names of functions, for the stack of a panic, are a third of the module.
+    bindgen.args(["--remove-name-section", "--remove-producers-section"]).arg(wasm);
     steps.run("bindings", &mut bindgen)?;
     shrink(steps)?;
     let page = match app {
@@ -113,7 +121,18 @@ pub fn test(steps: &mut Steps) -> Result<()> {
     // The folder may hold shaders that are gone.
     fresh_folder(Path::new(SHADERS))?;
     steps.run("shaders' texts", cargo(["run", "--locked", "--quiet"]).args(package).arg(SHADERS))?;
-    steps.run("shaders in a browser", Command::new("node").args(["web/test/shaders.mjs", SHADERS]))
+    steps.run("shaders in a browser", Command::new("node").args(["web/test/shaders.mjs", SHADERS]))?;
+    steps.not_run("page with the app", "it takes a build for browsers. Run: cargo xtask web --test");
+    Ok(())
+}
+
+/// Tests the page that was built, beside the pictures and colors of the native program.
+fn test_built(steps: &mut Steps) -> Result<()> {
+    if let Some(missing) = missing_for_tests() {
+        bail!("the page cannot be tested: {missing}");
+    }
+    steps.run("native program", &mut cargo(["build", "--locked", "--package", "stylegaussian_cli"]))?;
+    steps.run("page with the app", Command::new("node").args(["--test", "web/test/app.mjs"]))
 }
 
 /// Something that the tests in a browser need and that is not there, with the way to get it.
@@ -151,15 +170,21 @@ fn locked_version<'a>(lock: &'a str, package: &str) -> Option<&'a str> {
     rest.split('"').next()
 }
 
-/// Shrinks the module by a fifth or so if `wasm-opt` is installed.
+/// Where `npm install --prefix web` puts `wasm-opt`, if the system has none.
+const WASM_OPT: &str = "web/node_modules/.bin/wasm-opt";
+
+/// Shrinks the module if `wasm-opt` is installed.
 fn shrink(steps: &mut Steps) -> Result<()> {
-    if !is_installed("wasm-opt") {
-        steps.not_run("size", "`wasm-opt` is not installed (binaryen): the module stays larger");
+    let Some(program) = ["wasm-opt", WASM_OPT].into_iter().find(|program| is_installed(program)) else {
+        steps.not_run(
+            "size",
+            "`wasm-opt` is not installed: the module stays larger. Run: npm install --prefix web",
+        );
         return Ok(());
-    }
+    };
     let wasm = Path::new(DIST).join("app_bg.wasm");
-    let mut command = Command::new("wasm-opt");
-    command.args(["-Oz", "--all-features"]).arg(&wasm).arg("-o").arg(&wasm);
+    let mut command = Command::new(program);
+    command.args(["-Os", "--all-features"]).arg(&wasm).arg("-o").arg(&wasm);
     steps.run("size", &mut command)
 }
 
