@@ -71,6 +71,8 @@ async function open(file) {
   }
   const bytes = new Uint8Array(await file.arrayBuffer());
   if (IMAGE.test(file.name)) {
+    // Before it gets a thumbnail.
+    if (!(await createImageBitmap(file).catch(() => null))) return hear("failed", `${file.name}: found no image that can be read`);
     if (!dropped.has(file.name)) addStyle(file.name, URL.createObjectURL(file));
     dropped.add(file.name);
     app.add_painting(file.name, bytes);

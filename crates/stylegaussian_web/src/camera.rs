@@ -53,7 +53,7 @@ impl Orbit {
 
     /// Moves along the camera's own axes (right, up, back), in shares of the distance.
     pub fn fly(&mut self, shares: Vec3) {
-        self.target = self.target + self.rotation() * shares * self.distance;
+        self.target += self.rotation() * shares * self.distance;
     }
 
     /// Multiplies the distance.
