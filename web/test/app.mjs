@@ -178,29 +178,41 @@ test("the GPU's colors are those of the native decoder", options, async () => {
   await page.close();
 });
 
+const median = (numbers) => [...numbers].sort((a, b) => a - b)[numbers.length >> 1];
+
 test("frames keep coming during a change of style", options, async () => {
-  const { page, errors } = await opened(NARROW);
+  // Few pixels: what drawing takes is not the subject.
+  const { page, errors } = await opened({ width: 360, height: 240 });
   await page.selectOption("#kind", "decode");
   // Every frame draws: the camera turns all the time. A change by its default budget takes SwiftShader far longer than this.
-  const gaps = (style) => page.evaluate(async (style) => {
-    const app = await import("./app.js");
-    watched.frames.length = 0;
-    if (style) document.querySelector(`[data-style="${style}"]`).click();
-    const begun = performance.now();
-    while (performance.now() - begun < 15_000 || watched.frames.length < 20) {
-      app.turn(0.01, 0);
-      await new Promise(requestAnimationFrame);
-    }
-    const gaps = watched.frames.slice(1).map((time, i) => time - watched.frames[i]);
-    return { longest: Math.max(...gaps), mean: gaps.reduce((a, b) => a + b) / gaps.length, frames: gaps.length };
-  }, style);
-  const drawing = await gaps();
-  console.log("milliseconds between frames, drawing alone:", drawing);
+  const measured = async (style) => {
+    const times = await page.evaluate(async (style) => {
+      const app = await import("./app.js");
+      const tasks = [];
+      const observer = new PerformanceObserver((list) => tasks.push(...list.getEntries().map(({ duration }) => duration)));
+      observer.observe({ type: "longtask" });
+      if (style) document.querySelector(`[data-style="${style}"]`).click();
+      watched.frames.length = 0;
+      const begun = performance.now();
+      while (performance.now() - begun < 15_000 || watched.frames.length < 25) {
+        app.turn(0.01, 0);
+        await new Promise(requestAnimationFrame);
+      }
+      observer.disconnect();
+      return { gaps: watched.frames.slice(1).map((time, i) => time - watched.frames[i]), tasks };
+    }, style);
+    const told = { gap: median(times.gaps), longest: Math.max(...times.gaps), task: Math.max(0, ...times.tasks), frames: times.gaps.length };
+    console.log(`${style || "drawing alone"}: milliseconds between frames, and of the script's longest task`, told);
+    return told;
+  };
+  const drawing = await measured("");
   for (const style of ["ink", "dots"]) {
-    const styling = await gaps(style);
-    console.log(`milliseconds between frames, with a change to ${style}:`, styling);
+    const styling = await measured(style);
     assert.equal(await page.getAttribute("body", "data-state"), "styling");
-    assert.ok(styling.longest <= drawing.longest + 100, `found a gap of ${styling.longest} ms beside ${drawing.longest}`);
+    // The GPU's part is in every frame, so it shows in the median; single frames also wait for whatever else the machine does. The
+    // script's part may be in one frame alone, so its longest task counts.
+    assert.ok(styling.gap <= drawing.gap + 100, `found ${styling.gap} ms between frames, beside ${drawing.gap} for drawing`);
+    assert.ok(styling.task <= drawing.task + 100, `found a task of ${styling.task} ms, beside ${drawing.task} for drawing`);
   }
   assert.deepEqual(errors, []);
   await page.close();

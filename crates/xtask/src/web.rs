@@ -99,19 +99,13 @@ fn build(steps: &mut Steps, app: &App) -> Result<()> {
 /// Folder of the shaders' texts, for a browser's compiler.
 const SHADERS: &str = "target/wgsl";
 
-/// Tests of what a browser sees: the plugin compiles for one, the page's script, and all shaders. What this machine lacks the
-/// tools for is reported.
+/// Tests of what a browser sees, without a build for one: the page's script, and all shaders; the page's app is checked. What this
+/// machine lacks the tools for is reported.
 ///
 /// # Errors
 /// If a test fails.
 pub fn test(steps: &mut Steps) -> Result<()> {
-    match Toolchain::find() {
-        Ok(toolchain) => {
-            let mut check = toolchain.cargo("check");
-            steps.run("web", check.args(["--locked", "--profile", "web", "--package", PAGE_PACKAGE]))?;
-        }
-        Err(error) => steps.not_run("web", &error.to_string()),
-    }
+    check(steps)?;
     if let Some(missing) = missing_for_tests() {
         steps.not_run("page", &missing);
         return Ok(());
@@ -124,6 +118,24 @@ pub fn test(steps: &mut Steps) -> Result<()> {
     steps.run("shaders in a browser", Command::new("node").args(["web/test/shaders.mjs", SHADERS]))?;
     steps.not_run("page with the app", "it takes a build for browsers. Run: cargo xtask web --test");
     Ok(())
+}
+
+/// Checks that the page's app compiles, where builds for browsers are made: a first check of Bevy takes minutes, and machines that
+/// have the tools by chance should not wait for it.
+fn check(steps: &mut Steps) -> Result<()> {
+    let toolchain = match Toolchain::find() {
+        Ok(toolchain) => toolchain,
+        Err(error) => {
+            steps.not_run("web", &error.to_string());
+            return Ok(());
+        }
+    };
+    if !toolchain::target_folder().join(TARGET).join("web").is_dir() {
+        steps.not_run("web", "nothing was built for browsers here. Run: cargo xtask web");
+        return Ok(());
+    }
+    let mut check = toolchain.cargo("check");
+    steps.run("web", check.args(["--locked", "--profile", "web", "--package", PAGE_PACKAGE]))
 }
 
 /// Tests the page that was built, beside the pictures and colors of the native program.
