@@ -35,7 +35,7 @@ function apply() {
   if (wish.style && wish.second) mix.push([wish.second, wish.share]);
   const kept = mix.filter(([, weight]) => weight > 0);
   document.body.dataset.state = "styling";
-  app?.set_style(kept.map(([name]) => appName(name)), new Float32Array(kept.map(([, weight]) => weight)), 0, wish.strength);
+  app?.set_style(kept.map(([name]) => appName(name)), new Float32Array(kept.map(([, weight]) => weight)), 0, wish.strength, wish.kind === "decode");
   // A dropped image is not in the link: nobody else has it.
   const shared = Object.entries(wish).filter(([, value]) => !dropped.has(value));
   history.replaceState(null, "", wish.style ? `#${new URLSearchParams(shared)}` : "#");
@@ -62,9 +62,17 @@ function addStyle(name, picture, label = name) {
   if (name) $("second").append(new Option(label, name));
 }
 
+// A page has 4 GB of memory, and reading a scene takes about twice its file.
+const LARGEST_FILE = 1.5e9;
+
 async function open(file) {
+  if (file.size > LARGEST_FILE) {
+    return hear("failed", `${file.name}: found ${(file.size / 1e9).toFixed(1)} GB, expected at most ${LARGEST_FILE / 1e9}`);
+  }
   const bytes = new Uint8Array(await file.arrayBuffer());
   if (IMAGE.test(file.name)) {
+    // Before it gets a thumbnail.
+    if (!(await createImageBitmap(file).catch(() => null))) return hear("failed", `${file.name}: found no image that can be read`);
     if (!dropped.has(file.name)) addStyle(file.name, URL.createObjectURL(file));
     dropped.add(file.name);
     app.add_painting(file.name, bytes);
@@ -82,12 +90,20 @@ async function open(file) {
 
 function hear(kind, text) {
   if (kind === "ready") document.body.dataset.state = "ready";
-  if (kind === "failed") notice(text);
+  if (kind === "failed") {
+    document.body.dataset.state = "failed";
+    $("progress").hidden = true;
+    notice(text);
+  }
   if (kind === "loaded") {
     const [count, canBeStyled] = text.split(" ");
     document.body.dataset.scene = count;
+    delete document.body.dataset.shown;
     notice(canBeStyled === "true" ? "" :
       "This capture holds no features, so it is shown as it was captured. `stylegaussian embed` adds them.");
+  }
+  if (kind === "shown") {
+    document.body.dataset.shown = document.body.dataset.scene;
     $("progress").hidden = true;
   }
   if (kind === "applied") {
@@ -170,7 +186,10 @@ async function start() {
   $("progress").hidden = false;
   notice("Loading …");
   const module = await import("./app.js");
-  module.listen && window.addEventListener("error", (event) => notice(`The app has stopped: ${event.message}`));
+  // A panic of the app, memory that runs out included, is an error of the script that called it. The page stays.
+  const stopped = (reason) => hear("failed", `The app has stopped (${reason}). Reload the page to go on.`);
+  window.addEventListener("error", (event) => stopped(event.message));
+  window.addEventListener("unhandledrejection", (event) => stopped(event.reason));
   await module.default({ module_or_path: fetchModule() });
   app = module;
   app.listen(hear);

@@ -1,47 +1,238 @@
-// The app that `cargo xtask web` has built: pictures of it, and no error in the console.
+// The page that `cargo xtask web` has built, in headless Chromium: what is drawn beside the native program's pictures, colors, the
+// times between frames, drops, and failures. SwiftShader draws on the CPU, so this takes minutes.
 //
-//   node web/test/app.mjs FOLDER [--example]      pictures go to FOLDER
+//   node --test web/test/app.mjs        PICTURES=FOLDER keeps the pictures, ONLY=1000 takes one of the two widths
 
-import { mkdirSync } from "node:fs";
+import assert from "node:assert/strict";
+import { mkdirSync, mkdtempSync, readFileSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
 import { errorsOf, launch, serve } from "./browser.mjs";
+import { compare, program, render, run, tensor } from "./native.mjs";
 
-const [folder, mode] = process.argv.slice(2);
-// SwiftShader on few cores compiles and draws for minutes.
+// A frame of SwiftShader takes up to seconds on few cores.
 const timeout = 240_000;
+const options = { timeout: 900_000 };
+const folder = process.env.PICTURES ?? mkdtempSync(join(tmpdir(), "stylegaussian-web-"));
 mkdirSync(folder, { recursive: true });
-const browser = await launch();
-const server = await serve(["web/dist"]);
-const page = await browser.newPage({ viewport: { width: 1000, height: 640 } });
-const errors = errorsOf(page);
-const begun = Date.now();
-const picture = async (name) => {
-  await page.screenshot({ path: `${folder}/${name}.png`, timeout });
-  console.log(`${((Date.now() - begun) / 1000).toFixed(1)} s: ${folder}/${name}.png`);
-};
-const state = (selector) => page.waitForSelector(`body${selector}`, { state: "attached", timeout });
-try {
-  await page.goto(server.url, { timeout });
-  if (mode === "--example") {
-    await page.waitForSelector("canvas", { timeout });
-    await page.waitForTimeout(20_000);
-    await picture("early");
-    await page.waitForTimeout(40_000);
-    await picture("late");
-  } else {
-    await state("[data-scene]");
-    await page.waitForTimeout(5_000);
-    await picture("captured");
-    await page.click('[data-style="ink"]');
-    await state('[data-state="applied"]');
-    await page.waitForTimeout(5_000);
-    await picture("ink");
-    await page.setViewportSize({ width: 360, height: 740 });
-    await page.waitForTimeout(5_000);
-    await picture("narrow");
-  }
-} finally {
-  await browser.close();
-  server.close();
+const DEMO = "assets/demo.sgs";
+const WIDE = { width: 1000, height: 640 }, NARROW = { width: 360, height: 740 };
+let browser, server;
+
+before(async () => {
+  assert.ok(program(), "the native program is not built. Run: cargo build -p stylegaussian_cli");
+  browser = await launch();
+  // The page's own files first: the module alone is what takes a compiler.
+  server = await serve(["web/page", "web/dist"]);
+});
+after(async () => {
+  await browser?.close();
+  server?.close();
+});
+
+// Keeps the device, the colors' buffers and the times of frames at hand, without a part in the app for it.
+function watch() {
+  globalThis.watched = { colors: [], frames: [] };
+  const requestDevice = GPUAdapter.prototype.requestDevice;
+  GPUAdapter.prototype.requestDevice = async function (...given) {
+    const device = await requestDevice.apply(this, given);
+    watched.device = device;
+    const createBuffer = device.createBuffer;
+    device.createBuffer = (description) => {
+      const buffer = createBuffer.call(device, description);
+      if (description.label === "gaussian_colors") watched.colors.push(buffer);
+      return buffer;
+    };
+    return device;
+  };
+  const tick = (time) => {
+    watched.frames.push(time);
+    requestAnimationFrame(tick);
+  };
+  requestAnimationFrame(tick);
 }
-for (const error of errors) console.error(`console: ${error}`);
-process.exit(errors.length ? 1 : 0);
+
+async function opened(viewport, link = "") {
+  const page = await browser.newPage({ viewport });
+  page.setDefaultTimeout(timeout);
+  const errors = errorsOf(page);
+  await page.addInitScript(watch);
+  const begun = performance.now();
+  await page.goto(server.url + link);
+  await page.waitForSelector("body[data-shown]", { state: "attached" });
+  console.log(`${viewport.width} px: the scene is drawn after ${((performance.now() - begun) / 1000).toFixed(1)} s`);
+  return { page, errors };
+}
+
+const state = (page, selector) => page.waitForSelector(`body${selector}`, { state: "attached" });
+
+// Until nothing moves: two pictures in a row that are equal.
+async function settled(page, name) {
+  let last = Buffer.alloc(0);
+  for (const begun = performance.now(); performance.now() - begun < timeout;) {
+    const picture = await page.locator("#scene").screenshot({ timeout });
+    if (picture.equals(last)) {
+      writeFileSync(join(folder, `${name}.png`), picture);
+      await page.screenshot({ path: join(folder, `${name}_page.png`), timeout });
+      return picture;
+    }
+    last = picture;
+    await page.waitForTimeout(1_000);
+  }
+  throw new Error(`${name}: the picture does not come to rest`);
+}
+
+async function expectNative(page, name, scene, ...given) {
+  const picture = await settled(page, name);
+  const cameras = await page.evaluate(async () => (await import("./app.js")).cameras());
+  const native = render(join(folder, `${name}_native`), scene, cameras, ...given);
+  const { psnr, covered } = await compare(page, picture, native);
+  console.log(`${name}: ${psnr.toFixed(1)} dB to the native picture over ${(100 * covered).toFixed(0)}% of it`);
+  assert.ok(covered > 0.1, `the scene covers ${covered} of the picture`);
+  assert.ok(psnr >= 30, `${name}: found ${psnr} dB, expected at least 30`);
+}
+
+// Drops a file on the page.
+const drop = (page, name, bytes) => page.evaluate(([name, text]) => {
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File([bytes], name));
+  document.dispatchEvent(new DragEvent("drop", { dataTransfer, cancelable: true, bubbles: true }));
+}, [name, bytes.toString("base64")]);
+
+// Until the style of this name is on the scene.
+async function applied(page, style) {
+  await page.waitForSelector(`[data-style="${style}"][aria-pressed="true"]`);
+  await page.waitForSelector('body:is([data-state="applied"], [data-state="failed"])');
+  assert.equal(await page.getAttribute("body", "data-state"), "applied", await page.textContent("#notice"));
+}
+
+async function clicked(page, style) {
+  await page.click(`[data-style="${style}"]`);
+  await applied(page, style);
+}
+
+for (const viewport of [WIDE, NARROW]) {
+  if (process.env.ONLY && process.env.ONLY !== String(viewport.width)) continue;
+  test(`pictures at ${viewport.width} px are the native ones`, options, async () => {
+    const { page, errors } = await opened(viewport);
+    const name = (what) => `${viewport.width}_${what}`;
+    await expectNative(page, name("captured"), DEMO);
+    await clicked(page, "ink");
+    await expectNative(page, name("ink"), DEMO, "--look", "assets/looks/ink.look.safetensors");
+    await drop(page, "wave.jpg", readFileSync("assets/styles/print.jpg"));
+    await applied(page, "wave.jpg");
+    await expectNative(page, name("dropped_painting"), DEMO, "--style", "assets/styles/print.jpg");
+    const capture = join(folder, "capture.spz");
+    run("convert", DEMO, capture);
+    await drop(page, "capture.spz", readFileSync(capture));
+    await page.waitForFunction(() => /no features/.test(document.getElementById("notice").textContent));
+    await state(page, "[data-shown]");
+    // The sentence lies on the canvas.
+    await page.evaluate(() => { document.getElementById("notice").textContent = ""; });
+    await expectNative(page, name("dropped_capture"), capture);
+    assert.deepEqual(errors, []);
+    await page.close();
+  });
+}
+
+const float = (half) => {
+  const [sign, exponent, fraction] = [half >> 15 ? -1 : 1, (half >> 10) & 31, half & 1023];
+  return sign * (exponent ? 2 ** (exponent - 15) * (1 + fraction / 1024) : 2 ** -14 * (fraction / 1024));
+};
+
+test("the GPU's colors are those of the native decoder", options, async () => {
+  const { page, errors } = await opened(NARROW);
+  // By its default budget, SwiftShader would decode for half an hour.
+  await page.evaluate(async () => (await import("./app.js")).set_budget(Infinity));
+  await page.selectOption("#kind", "decode");
+  await clicked(page, "strokes");
+  const buffers = await page.evaluate(async () => {
+    const { device, colors } = watched;
+    return Promise.all(colors.map(async (buffer) => {
+      const usage = GPUBufferUsage.MAP_READ | GPUBufferUsage.COPY_DST;
+      const copy = device.createBuffer({ size: buffer.size, usage });
+      const encoder = device.createCommandEncoder();
+      encoder.copyBufferToBuffer(buffer, 0, copy, 0, buffer.size);
+      device.queue.submit([encoder.finish()]);
+      await copy.mapAsync(GPUMapMode.READ);
+      return [...new Uint16Array(copy.getMappedRange())];
+    }));
+  });
+  const file = join(folder, "strokes.safetensors");
+  run("stylize", DEMO, "--backend", "cpu", "--decoder-only", "--style", "assets/styles/strokes.style.safetensors", "--output", file);
+  const [expected, order] = [tensor(file, "rgb"), tensor(DEMO, "order")];
+  // Captured colors may be among the buffers, so the nearest one is that of the style.
+  const errorOf = (halves) => Math.max(...Array.from({ length: 3 }, (_, c) => {
+    let largest = 0;
+    for (let i = 0; i < order.length; i += 1) {
+      largest = Math.max(largest, Math.abs(float(halves[4 * i + c]) - expected[3 * order[i] + c]));
+    }
+    return largest;
+  }));
+  const errorsOfColors = buffers.filter((halves) => halves.length === 4 * order.length).map(errorOf);
+  console.log(`colors of ${order.length} Gaussians: at most ${Math.min(...errorsOfColors)} from the native ones`);
+  assert.ok(Math.min(...errorsOfColors) <= 4e-3, `found ${errorsOfColors}, expected at most 4e-3`);
+  assert.deepEqual(errors, []);
+  await page.close();
+});
+
+const median = (numbers) => [...numbers].sort((a, b) => a - b)[numbers.length >> 1];
+
+test("frames keep coming during a change of style", options, async () => {
+  // Few pixels: what drawing takes is not the subject.
+  const { page, errors } = await opened({ width: 360, height: 240 });
+  await page.selectOption("#kind", "decode");
+  // Every frame draws: the camera turns all the time. A change by its default budget takes SwiftShader far longer than this.
+  const measured = async (style) => {
+    const times = await page.evaluate(async (style) => {
+      const app = await import("./app.js");
+      const tasks = [];
+      const observer = new PerformanceObserver((list) => tasks.push(...list.getEntries().map(({ duration }) => duration)));
+      observer.observe({ type: "longtask" });
+      if (style) document.querySelector(`[data-style="${style}"]`).click();
+      watched.frames.length = 0;
+      const begun = performance.now();
+      while (performance.now() - begun < 15_000 || watched.frames.length < 25) {
+        app.turn(0.01, 0);
+        await new Promise(requestAnimationFrame);
+      }
+      observer.disconnect();
+      return { gaps: watched.frames.slice(1).map((time, i) => time - watched.frames[i]), tasks };
+    }, style);
+    const told = { gap: median(times.gaps), longest: Math.max(...times.gaps), task: Math.max(0, ...times.tasks), frames: times.gaps.length };
+    console.log(`${style || "drawing alone"}: milliseconds between frames, and of the script's longest task`, told);
+    return told;
+  };
+  const drawing = await measured("");
+  for (const style of ["ink", "dots"]) {
+    const styling = await measured(style);
+    assert.equal(await page.getAttribute("body", "data-state"), "styling");
+    // The GPU's part is in every frame, so it shows in the median; single frames also wait for whatever else the machine does. The
+    // script's part may be in one frame alone, so its longest task counts.
+    assert.ok(styling.gap <= drawing.gap + 100, `found ${styling.gap} ms between frames, beside ${drawing.gap} for drawing`);
+    assert.ok(styling.task <= drawing.task + 100, `found a task of ${styling.task} ms, beside ${drawing.task} for drawing`);
+  }
+  assert.deepEqual(errors, []);
+  await page.close();
+});
+
+test("what fails is told, and the page goes on", options, async () => {
+  const { page, errors } = await opened(NARROW);
+  const told = (pattern) =>
+    page.waitForFunction((source) => new RegExp(source).test(document.getElementById("notice").textContent), pattern.source);
+  const before = await settled(page, "before");
+  await drop(page, "garden.spz", Buffer.from("no scene at all"));
+  await told(/garden\.spz/);
+  await drop(page, "none.jpg", Buffer.from("no image at all"));
+  await told(/none\.jpg/);
+  assert.deepEqual(errors, []);
+  await page.evaluate(() => watched.device.destroy());
+  await told(/took the GPU away/);
+  // A click is answered by the new device.
+  await clicked(page, "ink");
+  const again = await settled(page, "after_loss");
+  assert.ok(!again.equals(before));
+  await page.close();
+});

@@ -7,8 +7,15 @@ import { chromium } from "playwright-core";
 
 const KINDS = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm", ".jpg": "image/jpeg", ".png": "image/png" };
 
-// Chromium by its path in CHROMIUM, or where Debian puts it. SwiftShader is WebGPU without a GPU.
-export function launch(gpu = ["--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader"]) {
+// SwiftShader is WebGPU without a GPU. A canvas needs it as the Vulkan of Chromium's own drawing too: what is drawn with the one
+// must be readable by the other, or the device is lost at the first frame.
+const SWIFTSHADER = [
+  "--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader",
+  "--enable-features=Vulkan", "--use-vulkan=swiftshader", "--use-angle=swiftshader",
+];
+
+// Chromium by its path in CHROMIUM, or where Debian puts it.
+export function launch(gpu = SWIFTSHADER) {
   const executablePath = process.env.CHROMIUM ?? "/usr/bin/chromium";
   return chromium.launch({ executablePath, headless: true, args: ["--no-sandbox", ...gpu] });
 }

@@ -43,13 +43,13 @@ test("a click puts a style on, a second one mixes, and the link carries both", a
   await page.click('[data-style="ink"]');
   await page.selectOption("#second", "dots");
   assert.deepEqual(await taken(), [
-    ["set_style", ["look:ink"], [1], 0, 1],
-    ["set_style", ["look:ink", "look:dots"], [0.5, 0.5], 0, 1],
+    ["set_style", ["look:ink"], [1], 0, 1, false],
+    ["set_style", ["look:ink", "look:dots"], [0.5, 0.5], 0, 1, false],
   ]);
   assert.equal(await page.getAttribute('[data-style="ink"]', "aria-pressed"), "true");
   const link = new URL(page.url()).hash;
   const again = await opened(link);
-  assert.deepEqual((await again.taken())[1], ["set_style", ["look:ink", "look:dots"], [0.5, 0.5], 0, 1]);
+  assert.deepEqual((await again.taken())[1], ["set_style", ["look:ink", "look:dots"], [0.5, 0.5], 0, 1, false]);
   await page.click('[data-style=""]');
   assert.deepEqual((await taken())[0][1], []);
   assert.deepEqual([...errors, ...again.errors], []);
@@ -69,7 +69,7 @@ test("images become styles, other files scenes", async () => {
   assert.deepEqual([painting[0], painting[1], style[1]], ["add_painting", "ink.jpg", ["image:ink.jpg"]]);
   await page.setInputFiles("#file", { name: "a.spz", mimeType: "", buffer: Buffer.alloc(100) });
   await page.waitForFunction(() => calls.length === 2);
-  assert.deepEqual(await taken(), [["set_style", [], [], 0, 1], ["open_file", "a.spz", 100]]);
+  assert.deepEqual(await taken(), [["set_style", [], [], 0, 1, false], ["open_file", "a.spz", 100]]);
   await page.evaluate(() => tell("failed", "a.spz: found no scene"));
   assert.equal(await page.textContent("#notice"), "a.spz: found no scene");
   assert.deepEqual(errors, []);

@@ -1,5 +1,7 @@
 //! The two engines behind a network, and the types that both share.
 
+#[cfg(target_family = "wasm")]
+mod constructors;
 #[cfg_attr(target_family = "wasm", path = "engine/no_onnx_runtime.rs")]
 pub(crate) mod onnx_runtime;
 pub(crate) mod tract;

@@ -24,7 +24,8 @@ Usage: cargo xtask <COMMAND>
   assets   make everything in assets/ and the default decoder anew; needs the test data, and hours
   fuzz     every reader of files against made-up files: [TARGET...] [--seconds N], 60 each; needs nightly and cargo-fuzz
   soak     the plugin for half an hour or 10,000 rounds of random changes: [--seconds N] [--seed S]
-  web      the page for browsers in web/dist: [--example NAME] builds an example instead, [--serve] serves it on localhost";
+  web      the page for browsers in web/dist: [--test] tests it in Chromium, [--serve] serves it on localhost, [--example NAME] builds
+           an example instead";
 
 fn main() -> ExitCode {
     match run() {

@@ -8,6 +8,7 @@ use crate::{
     features,
     packages::install_graphics,
     steps::{Steps, cargo, data_folder, is_installed, keep_colors},
+    web,
 };
 
 /// Runs every check and prints a summary, also if one fails.
@@ -49,6 +50,7 @@ fn run_all(steps: &mut Steps) -> Result<()> {
     )?;
     tests(steps)?;
     steps.run("examples", &mut cargo(["build", "--locked", "--workspace", "--examples"]))?;
+    web::test(steps)?;
     steps.run("packages", &mut package()?)
 }
 

@@ -4,14 +4,14 @@ mod serve;
 mod toolchain;
 
 use std::{
-    fs,
+    env, fs,
     path::{Path, PathBuf},
     process::Command,
 };
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::steps::{Steps, is_installed};
+use crate::steps::{Steps, cargo, is_installed};
 use toolchain::{TARGET, Toolchain};
 
 /// The finished folder. Any host of static files serves it.
@@ -34,24 +34,30 @@ enum App {
     Example(String),
 }
 
-/// Builds `web/dist`. With `--serve`, serves it until the program is ended.
+/// Builds `web/dist`. With `--test`, tests it in Chromium beside the native program; with `--serve`, serves it until the program is
+/// ended.
 ///
 /// # Errors
-/// If an argument is unknown, or if a tool is missing or fails.
+/// If an argument is unknown, if a tool is missing or fails, or if a test fails.
 pub fn run(arguments: &[String]) -> Result<()> {
-    let (mut app, mut is_served) = (App::Page, false);
+    let (mut app, mut is_served, mut is_tested) = (App::Page, false, false);
     let mut arguments = arguments.iter().map(String::as_str);
     while let Some(argument) = arguments.next() {
         match argument {
             "--serve" => is_served = true,
+            "--test" => is_tested = true,
             "--example" => {
                 app = App::Example(arguments.next().context("--example: expected a name after it")?.into());
             }
-            _ => bail!("found `{argument}`, expected --serve or --example NAME"),
+            _ => bail!("found `{argument}`, expected --test, --serve or --example NAME"),
         }
     }
+    ensure!(!(is_tested && matches!(app, App::Example(_))), "--test is for the page, not for an example");
     let mut steps = Steps::default();
-    let outcome = build(&mut steps, &app);
+    let mut outcome = build(&mut steps, &app);
+    if outcome.is_ok() && is_tested {
+        outcome = test_built(&mut steps);
+    }
     steps.print_summary();
     outcome?;
     print_sizes()?;
@@ -65,8 +71,8 @@ fn build(steps: &mut Steps, app: &App) -> Result<()> {
         App::Page => (["--package", PAGE_PACKAGE], PAGE_PACKAGE),
         App::Example(name) => (["--example", name], name.as_str()),
     };
-    let mut cargo = toolchain.cargo("build");
-    steps.run("app", cargo.args(["--locked", "--profile", "web"]).args(selection))?;
+    let mut build = toolchain.cargo("build");
+    steps.run("app", build.args(["--locked", "--profile", "web"]).args(selection))?;
     let folder = toolchain::target_folder().join(TARGET).join("web");
     let wasm = match app {
         App::Page => folder.join(format!("{name}.wasm")),
@@ -74,7 +80,9 @@ fn build(steps: &mut Steps, app: &App) -> Result<()> {
     };
     fresh_folder(Path::new(DIST))?;
     let mut bindgen = Command::new("wasm-bindgen");
-    bindgen.args(["--target", "web", "--no-typescript", "--out-name", "app", "--out-dir", DIST]).arg(wasm);
+    bindgen.args(["--target", "web", "--no-typescript", "--out-name", "app", "--out-dir", DIST]);
+    // The names of functions, for the stack of a panic, are a third of the module.
+    bindgen.args(["--remove-name-section", "--remove-producers-section"]).arg(wasm);
     steps.run("bindings", &mut bindgen)?;
     shrink(steps)?;
     let page = match app {
@@ -86,6 +94,71 @@ fn build(steps: &mut Steps, app: &App) -> Result<()> {
         copy(&Path::new("assets").join(name), &Path::new(DIST).join("assets").join(name))?;
     }
     Ok(())
+}
+
+/// Folder of the shaders' texts, for a browser's compiler.
+const SHADERS: &str = "target/wgsl";
+
+/// Tests of what a browser sees, without a build for one: the page's script, and all shaders; the page's app is checked. What this
+/// machine lacks the tools for is reported.
+///
+/// # Errors
+/// If a test fails.
+pub fn test(steps: &mut Steps) -> Result<()> {
+    check(steps)?;
+    if let Some(missing) = missing_for_tests() {
+        steps.not_run("page", &missing);
+        return Ok(());
+    }
+    steps.run("page", Command::new("node").args(["--test", "web/test/page.mjs"]))?;
+    let package = ["--package", "stylegaussian_shaders", "--example", "write_sources"];
+    // The folder may hold shaders that are gone.
+    fresh_folder(Path::new(SHADERS))?;
+    steps.run("shaders' texts", cargo(["run", "--locked", "--quiet"]).args(package).arg(SHADERS))?;
+    steps.run("shaders in a browser", Command::new("node").args(["web/test/shaders.mjs", SHADERS]))?;
+    steps.not_run("page with the app", "it takes a build for browsers. Run: cargo xtask web --test");
+    Ok(())
+}
+
+/// Checks that the page's app compiles, where builds for browsers are made: a first check of Bevy takes minutes, and machines that
+/// have the tools by chance should not wait for it.
+fn check(steps: &mut Steps) -> Result<()> {
+    let toolchain = match Toolchain::find() {
+        Ok(toolchain) => toolchain,
+        Err(error) => {
+            steps.not_run("web", &error.to_string());
+            return Ok(());
+        }
+    };
+    if !toolchain::target_folder().join(TARGET).join("web").is_dir() {
+        steps.not_run("web", "nothing was built for browsers here. Run: cargo xtask web");
+        return Ok(());
+    }
+    let mut check = toolchain.cargo("check");
+    steps.run("web", check.args(["--locked", "--profile", "web", "--package", PAGE_PACKAGE]))
+}
+
+/// Tests the page that was built, beside the pictures and colors of the native program.
+fn test_built(steps: &mut Steps) -> Result<()> {
+    if let Some(missing) = missing_for_tests() {
+        bail!("the page cannot be tested: {missing}");
+    }
+    steps.run("native program", &mut cargo(["build", "--locked", "--package", "stylegaussian_cli"]))?;
+    steps.run("page with the app", Command::new("node").args(["--test", "web/test/app.mjs"]))
+}
+
+/// Something that the tests in a browser need and that is not there, with the way to get it.
+fn missing_for_tests() -> Option<String> {
+    let chromium = env::var_os("CHROMIUM").map_or_else(|| PathBuf::from("/usr/bin/chromium"), PathBuf::from);
+    if !is_installed("node") {
+        Some("`node` is not installed".into())
+    } else if !Path::new("web/node_modules/playwright-core").exists() {
+        Some("Playwright is not installed. Run: npm install --prefix web".into())
+    } else if !chromium.is_file() {
+        Some(format!("{} is not there; CHROMIUM names another place", chromium.display()))
+    } else {
+        None
+    }
 }
 
 /// Checks that `wasm-bindgen` is there, in the version of the library: the two speak a format of their own.
@@ -109,15 +182,21 @@ fn locked_version<'a>(lock: &'a str, package: &str) -> Option<&'a str> {
     rest.split('"').next()
 }
 
-/// Shrinks the module by a fifth or so if `wasm-opt` is installed.
+/// Where `npm install --prefix web` puts `wasm-opt`, if the system has none.
+const WASM_OPT: &str = "web/node_modules/.bin/wasm-opt";
+
+/// Shrinks the module if `wasm-opt` is installed.
 fn shrink(steps: &mut Steps) -> Result<()> {
-    if !is_installed("wasm-opt") {
-        steps.not_run("size", "`wasm-opt` is not installed (binaryen): the module stays larger");
+    let Some(program) = ["wasm-opt", WASM_OPT].into_iter().find(|program| is_installed(program)) else {
+        steps.not_run(
+            "size",
+            "`wasm-opt` is not installed: the module stays larger. Run: npm install --prefix web",
+        );
         return Ok(());
-    }
+    };
     let wasm = Path::new(DIST).join("app_bg.wasm");
-    let mut command = Command::new("wasm-opt");
-    command.args(["-Oz", "--all-features"]).arg(&wasm).arg("-o").arg(&wasm);
+    let mut command = Command::new(program);
+    command.args(["-Os", "--all-features"]).arg(&wasm).arg("-o").arg(&wasm);
     steps.run("size", &mut command)
 }
 

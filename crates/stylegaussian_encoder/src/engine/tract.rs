@@ -6,6 +6,8 @@
 use tract_linalg::multithread::{Executor, multithread_tract_scope};
 use tract_onnx::{prelude::*, tract_hir::infer::Factoid};
 
+#[cfg(target_family = "wasm")]
+use super::constructors;
 use super::{MAX_VALUES, Outlet, PROBE_SIDE, Planes, Signature};
 use crate::guard::guarded;
 
@@ -56,6 +58,8 @@ impl Graph {
 }
 
 fn plan(onnx: &[u8]) -> Result<Arc<TypedRunnableModel>, String> {
+    #[cfg(target_family = "wasm")]
+    constructors::run();
     let reader = tract_onnx::onnx();
     let proto = reader.proto_model_for_read(&mut &*onnx).map_err(text)?;
     let (n_inputs, n_outputs) =

@@ -1,0 +1,232 @@
+//! The way between the page's script and the app: requests there, events back.
+
+use std::{
+    cell::{Cell, RefCell},
+    sync::{Arc, Mutex},
+};
+
+use bevy::{
+    prelude::*,
+    render::view::screenshot::{Screenshot, save_to_disk},
+};
+use bevy_stylegaussian::{GaussianSceneFailed, GaussianSceneReady, StyleApplied, StyleFailed};
+use js_sys::Function;
+use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
+
+/// The bytes of a file. Whoever reads it takes them: a browser gives a page 4 GB, and a copy of a large file counts.
+pub type Bytes = Arc<Mutex<Vec<u8>>>;
+
+/// A request of the page's script.
+#[derive(Message, Clone, Debug)]
+pub enum Request {
+    /// A scene beside the page, by its path in `assets`.
+    OpenAsset(String),
+    /// A scene of the visitor.
+    OpenFile {
+        /// The file's name.
+        name: String,
+        /// The file's bytes.
+        bytes: Bytes,
+    },
+    /// An image of the visitor, as the style `image:NAME`.
+    AddPainting {
+        /// The name.
+        name: String,
+        /// The file's bytes.
+        bytes: Bytes,
+    },
+    /// A mix of styles, in place of the present one.
+    Style {
+        /// Names and weights, see [`style`](crate::style). None are the captured colors.
+        styles: Vec<(String, f32)>,
+        /// Share of the content's features, 0..1.
+        content: f32,
+        /// Share of the style's colors, 0..1.
+        strength: f32,
+        /// Whether the decoder alone makes the colors of images, without their strokes.
+        by_decoder: bool,
+    },
+    /// A turn around the scene, in radians.
+    Turn {
+        /// To the right.
+        yaw: f32,
+        /// Upward.
+        pitch: f32,
+    },
+    /// A move along the camera's axes (right, up, back), in shares of its distance.
+    Fly(Vec3),
+    /// A factor of the distance.
+    Zoom(f32),
+    /// GPU time per frame for changes of style, in milliseconds.
+    Budget(f32),
+    /// A download of the picture.
+    SavePicture,
+}
+
+/// The kinds of event that the page's script hears.
+#[derive(Clone, Copy, Debug)]
+pub enum Event {
+    /// The first frame was drawn.
+    Ready,
+    /// A scene was read: its number of Gaussians, and whether it can be styled.
+    Loaded,
+    /// The scene is drawn.
+    Shown,
+    /// A style is shown: the milliseconds since it was asked for.
+    Applied,
+    /// Something could not be done: a sentence.
+    Failed,
+}
+
+thread_local! {
+    /// Requests since the last frame. They come between frames, when no system runs.
+    static REQUESTS: RefCell<Vec<Request>> = const { RefCell::new(Vec::new()) };
+    /// The script's function that hears events.
+    static LISTENER: RefCell<Option<Function>> = const { RefCell::new(None) };
+    /// The answer of [`cameras`].
+    static CAMERAS: RefCell<String> = const { RefCell::new(String::new()) };
+    /// Whether the first frame was told.
+    static IS_TOLD: Cell<bool> = const { Cell::new(false) };
+}
+
+fn ask(request: Request) {
+    REQUESTS.with_borrow_mut(|requests| requests.push(request));
+}
+
+/// Calls `listener` with the kind and the text of each event: `ready`, `loaded`, `shown`, `applied` or `failed`.
+#[wasm_bindgen]
+pub fn listen(listener: Function) {
+    LISTENER.set(Some(listener));
+}
+
+/// Shows a scene beside the page, by its path in `assets`.
+#[wasm_bindgen]
+pub fn open_asset(path: String) {
+    ask(Request::OpenAsset(path));
+}
+
+/// Shows a scene of the visitor.
+#[wasm_bindgen]
+pub fn open_file(name: String, bytes: Vec<u8>) {
+    ask(Request::OpenFile { name, bytes: Arc::new(Mutex::new(bytes)) });
+}
+
+/// Takes an image of the visitor as the style `image:NAME`.
+#[wasm_bindgen]
+pub fn add_painting(name: String, bytes: Vec<u8>) {
+    ask(Request::AddPainting { name, bytes: Arc::new(Mutex::new(bytes)) });
+}
+
+/// Puts a mix of styles on the scene; `names` and `weights` go in pairs. `content` is the share of the content's features,
+/// `strength` that of the style's colors, both 0..1. If `by_decoder`, the decoder alone makes the colors of images.
+#[wasm_bindgen]
+pub fn set_style(names: Vec<String>, weights: Vec<f32>, content: f32, strength: f32, by_decoder: bool) {
+    ask(Request::Style { styles: names.into_iter().zip(weights).collect(), content, strength, by_decoder });
+}
+
+/// Sets the GPU time per frame for changes of style, in milliseconds. `Infinity` completes a change in one frame.
+#[wasm_bindgen]
+pub fn set_budget(milliseconds: f32) {
+    ask(Request::Budget(milliseconds.max(0.0)));
+}
+
+/// Turns the camera around the scene by angles in radians.
+#[wasm_bindgen]
+pub fn turn(yaw: f32, pitch: f32) {
+    ask(Request::Turn { yaw, pitch });
+}
+
+/// Moves the camera to the right, up and back, in shares of its distance.
+#[wasm_bindgen]
+pub fn fly(right: f32, up: f32, back: f32) {
+    ask(Request::Fly(Vec3::new(right, up, back)));
+}
+
+/// Multiplies the camera's distance.
+#[wasm_bindgen]
+pub fn zoom(factor: f32) {
+    ask(Request::Zoom(factor));
+}
+
+/// The camera in the axes of the scene that is shown, as a `transforms.json` of one frame in JSON: `stylegaussian render` draws
+/// the same picture with it.
+#[wasm_bindgen]
+pub fn cameras() -> String {
+    CAMERAS.with_borrow(Clone::clone)
+}
+
+/// Downloads the picture.
+#[wasm_bindgen]
+pub fn save_picture_soon() {
+    ask(Request::SavePicture);
+}
+
+/// Tells the page's script, if it listens.
+pub fn tell(event: Event, text: &str) {
+    let kind = match event {
+        Event::Ready => "ready",
+        Event::Loaded => "loaded",
+        Event::Shown => "shown",
+        Event::Applied => "applied",
+        Event::Failed => "failed",
+    };
+    LISTENER.with_borrow(|listener| {
+        if let Some(listener) = listener {
+            // An error in the page's script is the page's own, and the browser has reported it.
+            let _ = listener.call2(&JsValue::NULL, &kind.into(), &text.into());
+        }
+    });
+}
+
+/// Notes the camera for [`cameras`]: the angle of view in radians, the size in pixels, and the place in the scene's axes.
+pub fn note_camera(vertical_angle: f32, size: UVec2, scene_from_camera: Mat4) {
+    let row = |i| scene_from_camera.row(i).to_array();
+    let focal = 0.5 * size.y as f32 / (0.5 * vertical_angle).tan();
+    CAMERAS.set(format!(
+        "{{\"w\": {}, \"h\": {}, \"fl_x\": {focal}, \"fl_y\": {focal}, \"frames\": [{{\"transform_matrix\": {:?}}}]}}",
+        size.x,
+        size.y,
+        [row(0), row(1), row(2), row(3)],
+    ));
+}
+
+/// Passes on what the script has asked for since the last frame.
+pub fn take_requests(mut requests: MessageWriter<Request>) {
+    requests.write_batch(REQUESTS.take());
+    if !IS_TOLD.replace(true) {
+        tell(Event::Ready, "");
+    }
+}
+
+/// Takes the bytes of a file.
+pub fn take(bytes: &Bytes) -> Vec<u8> {
+    // Nobody panics with the lock held.
+    bytes.lock().map(|mut bytes| std::mem::take(&mut *bytes)).unwrap_or_default()
+}
+
+/// Downloads the picture as a file.
+pub fn save_picture(mut requests: MessageReader<Request>, mut commands: Commands) {
+    if requests.read().any(|request| matches!(request, Request::SavePicture)) {
+        commands.spawn(Screenshot::primary_window()).observe(save_to_disk("stylegaussian.png"));
+    }
+}
+
+/// Tells that a scene is drawn.
+pub fn tell_shown(_: On<GaussianSceneReady>) {
+    tell(Event::Shown, "");
+}
+
+/// Tells that a style is shown.
+pub fn tell_applied(applied: On<StyleApplied>) {
+    tell(Event::Applied, &applied.elapsed.as_millis().to_string());
+}
+
+/// Tells why a scene cannot be shown.
+pub fn tell_failed_scene(failed: On<GaussianSceneFailed>) {
+    tell(Event::Failed, &failed.error.to_string());
+}
+
+/// Tells why a style cannot be shown.
+pub fn tell_failed_style(failed: On<StyleFailed>) {
+    tell(Event::Failed, &failed.error.to_string());
+}

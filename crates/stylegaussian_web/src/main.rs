@@ -1,0 +1,81 @@
+//! The page's app: a scene on the page's canvas, steered by the page's script.
+//!
+//! The page is HTML (`web/page/index.html`): buttons, drop of files, keys and touch are the browser's own, so they work with
+//! screen readers and at any width. Its script calls the functions of [`bridge`], which become requests to the app, and hears
+//! of what happened. Built by `cargo xtask web`. The same program in a window shows the demo scene and hears nothing.
+
+mod bridge;
+mod camera;
+mod failure;
+mod scene;
+mod style;
+
+use bevy::{asset::AssetMetaCheck, core_pipeline::tonemapping::Tonemapping, prelude::*};
+use bevy_stylegaussian::{StyleBudget, StyleGaussianPlugin};
+
+use bridge::Request;
+
+/// The canvas of the page.
+const CANVAS: &str = "#scene";
+
+/// GPU time per frame for a change of style, in milliseconds: half of a frame at 60 frames per second.
+const BUDGET: f32 = 8.0;
+
+fn main() -> AppExit {
+    let window = Window {
+        title: "StyleGaussian".into(),
+        canvas: Some(CANVAS.into()),
+        fit_canvas_to_parent: true,
+        // Tab, reload and zoom stay the browser's.
+        prevent_default_event_handling: false,
+        ..default()
+    };
+    // Without this, the browser would report a missing file beside every asset.
+    let files = AssetPlugin { meta_check: AssetMetaCheck::Never, ..default() };
+    App::new()
+        .add_plugins(
+            DefaultPlugins.set(files).set(WindowPlugin { primary_window: Some(window), ..default() }),
+        )
+        .add_plugins(StyleGaussianPlugin::default())
+        .insert_resource(failure::handler())
+        .insert_resource(StyleBudget { ms_per_frame: BUDGET })
+        .insert_resource(ClearColor(Color::srgb(0.07, 0.08, 0.1)))
+        .add_message::<Request>()
+        .init_resource::<scene::Shown>()
+        .init_resource::<style::Paintings>()
+        .add_systems(Startup, (scene::spawn, spawn_camera))
+        .add_systems(
+            Update,
+            (
+                bridge::take_requests,
+                (
+                    scene::open,
+                    scene::show_loaded,
+                    style::add_paintings,
+                    style::set_budget,
+                    style::put_on,
+                    camera::turn,
+                )
+                    .chain(),
+                bridge::save_picture,
+            )
+                .chain(),
+        )
+        .add_systems(PostUpdate, (camera::place.before(TransformSystems::Propagate), camera::note).chain())
+        .add_observer(bridge::tell_failed_scene)
+        .add_observer(bridge::tell_shown)
+        .add_observer(bridge::tell_applied)
+        .add_observer(bridge::tell_failed_style)
+        .run()
+}
+
+fn spawn_camera(mut commands: Commands) {
+    commands.spawn((
+        Camera3d::default(),
+        Projection::from(PerspectiveProjection { fov: camera::FIELD_OF_VIEW, near: 0.02, ..default() }),
+        // Splats have soft edges and nothing else is drawn, so multisampling would only take more time.
+        Msaa::Off,
+        Tonemapping::None,
+        camera::Orbit::default(),
+    ));
+}
