@@ -25,30 +25,6 @@ pub enum TrainError {
     Interrupted,
 }
 
-/// Converts errors of other crates, so that `?` works on them.
-macro_rules! caused_by {
-    ($($source:ty),* $(,)?) => {
-        $(impl From<$source> for TrainError {
-            fn from(source: $source) -> Self {
-                Self::Caused(source.into())
-            }
-        })*
-    };
-}
-
-caused_by!(
-    crate::cameras::CamerasError,
-    burn::tensor::TensorReadError,
-    safetensors::SafeTensorError,
-    stylegaussian::encoder_id::EncoderMismatch,
-    stylegaussian::file::FileError,
-    stylegaussian::fold::StylizeError,
-    stylegaussian_encoder::EncoderError,
-    stylegaussian_encoder::ImageError,
-    stylegaussian_encoder::network::NetworkError,
-    stylegaussian_encoder::weights::WeightsError,
-);
-
 /// Adds the name of a file or an operation to an error.
 pub(crate) trait Context<T> {
     /// Turns the error into [`TrainError::Failed`] with this description.

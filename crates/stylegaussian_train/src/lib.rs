@@ -44,6 +44,7 @@
 //! [`Watch`], which can also interrupt them.
 
 pub mod cameras;
+mod causes;
 pub mod contact_sheet;
 pub mod decoder;
 pub mod embed;

@@ -15,10 +15,10 @@ const TARGETS: [(&str, &str); 11] = [
     ("look", ""),
     ("mask", ""),
     ("pytorch", ""),
+    ("cameras", ""),
+    ("checkpoint", ""),
     ("image", "encoder"),
     ("encoder", "encoder"),
-    ("cameras", "train"),
-    ("checkpoint", "train"),
 ];
 
 /// Seconds for each target if none are given.
