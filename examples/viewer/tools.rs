@@ -56,10 +56,11 @@ pub fn apply(
     mut notice: ResMut<Notice>,
     mut began_on_picture: Local<bool>,
 ) {
+    // The index is there before the first stroke.
+    rays.prepare();
     if parts.tool == Tool::View {
         return;
     }
-    rays.prepare();
     let (mut mask, transform) = cloud.into_inner();
     let left = MouseButton::Left;
     if pointer.buttons.just_pressed(left) {
