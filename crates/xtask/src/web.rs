@@ -84,7 +84,6 @@ fn build(steps: &mut Steps, app: &App) -> Result<()> {
     // The names of functions, for the stack of a panic, are a third of the module.
     bindgen.args(["--remove-name-section", "--remove-producers-section"]).arg(wasm);
     steps.run("bindings", &mut bindgen)?;
-    shrink(steps)?;
     let page = match app {
         App::Page => Path::new(PAGE).to_owned(),
         App::Example(_) => Path::new(PAGE).join("example"),
@@ -180,24 +179,6 @@ fn check_wasm_bindgen() -> Result<()> {
 fn locked_version<'a>(lock: &'a str, package: &str) -> Option<&'a str> {
     let (_, rest) = lock.split_once(&format!("name = \"{package}\"\nversion = \""))?;
     rest.split('"').next()
-}
-
-/// Where `npm install --prefix web` puts `wasm-opt`, if the system has none.
-const WASM_OPT: &str = "web/node_modules/.bin/wasm-opt";
-
-/// Shrinks the module if `wasm-opt` is installed.
-fn shrink(steps: &mut Steps) -> Result<()> {
-    let Some(program) = ["wasm-opt", WASM_OPT].into_iter().find(|program| is_installed(program)) else {
-        steps.not_run(
-            "size",
-            "`wasm-opt` is not installed: the module stays larger. Run: npm install --prefix web",
-        );
-        return Ok(());
-    };
-    let wasm = Path::new(DIST).join("app_bg.wasm");
-    let mut command = Command::new(program);
-    command.args(["-Os", "--all-features"]).arg(&wasm).arg("-o").arg(&wasm);
-    steps.run("size", &mut command)
 }
 
 /// Prints the size of the module, and as brotli sends it if that is installed.
