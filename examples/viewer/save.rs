@@ -27,7 +27,7 @@ pub enum Save {
     Screenshot,
     /// The scene, as a file with this extension.
     Scene(&'static str),
-    /// What is painted on the scene.
+    /// The paint on the scene.
     Mask,
 }
 

@@ -138,7 +138,7 @@ impl Styles {
         self.finish != Finish::Instant && !self.has_look()
     }
 
-    /// What a part of the scene shows: one style alone, or the captured colors.
+    /// The source of a part of the scene: one style alone, or the captured colors.
     pub fn source_of(&self, style: Option<usize>) -> StyleSource {
         let style = style.and_then(|style| self.list.get(style));
         style.map_or_else(StyleSource::none, |style| StyleSource::mix([(self.shown_as(style), 1.0)]))

@@ -46,7 +46,7 @@ struct MixBlock {
     within: u32,
 }
 
-/// Whether any layer is noise. The others take two thirds of the time without it: a processor that masks lanes instead of
+/// Whether any layer is noise. The others take about three quarters of the time without it: a processor that masks lanes instead of
 /// branching evaluates every shape.
 override has_noise: bool;
 

@@ -1,4 +1,4 @@
-//! What becomes of the app if the GPU fails: a sentence on the page, and the app goes on.
+//! A GPU that fails: a sentence on the page, and the app goes on.
 
 use bevy::{
     prelude::*,

@@ -26,7 +26,7 @@ enum Next {
     File(Task<Result<GaussianScene, String>>),
 }
 
-/// What is shown next.
+/// The scene that is shown next.
 #[derive(Resource, Default)]
 pub struct Shown(Next);
 
