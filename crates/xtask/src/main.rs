@@ -3,6 +3,7 @@
 mod assets;
 mod bench;
 mod demo;
+mod examples;
 mod features;
 mod fuzz;
 mod packages;

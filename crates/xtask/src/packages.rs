@@ -12,6 +12,9 @@ const VULKAN: [&str; 1] = ["mesa-vulkan-drivers"];
 /// Libraries that a window on X11 loads at run time.
 const WINDOW: [&str; 5] = ["libx11-6", "libx11-xcb1", "libxcursor1", "libxi6", "libxkbcommon-x11-0"];
 
+/// A display without a screen, in which examples are started.
+const VIRTUAL_DISPLAY: [&str; 1] = ["xvfb"];
+
 /// Folders in which Vulkan's loader looks for drivers.
 const DRIVERS: [&str; 3] = ["/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d"];
 
@@ -27,25 +30,42 @@ pub fn has_display() -> bool {
 /// # Errors
 /// If this program lacks the rights. The message has the command to run.
 pub fn install_graphics(steps: &mut Steps, window: bool) -> Result<()> {
-    if !cfg!(target_os = "linux") || !is_installed("dpkg-query") {
-        return Ok(());
-    }
     // Any driver will do, so a machine with a real GPU gets no software Vulkan.
     let wanted = VULKAN.iter().filter(|_| !has_vulkan_driver()).chain(WINDOW.iter().filter(|_| window));
-    let missing: Vec<&str> = wanted.copied().filter(|package| !has_package(package)).collect();
-    if missing.is_empty() {
+    let missing = missing(wanted);
+    ensure!(
+        missing.is_empty() || can_install(),
+        "{0} missing, and installing them needs root. Run: sudo apt-get install {0}",
+        missing.join(" ")
+    );
+    install(steps, &missing)
+}
+
+/// Installs what a window in a display without a screen needs, if this program has the rights. Does nothing on systems other than
+/// Debian and its derivatives.
+///
+/// # Errors
+/// If the installation fails.
+pub fn install_virtual_display(steps: &mut Steps) -> Result<()> {
+    let missing = missing(WINDOW.iter().chain(&VIRTUAL_DISPLAY));
+    if can_install() { install(steps, &missing) } else { Ok(()) }
+}
+
+/// The packages among `wanted` that Debian's tools miss.
+fn missing<'a>(wanted: impl Iterator<Item = &'a &'static str>) -> Vec<&'static str> {
+    if !cfg!(target_os = "linux") || !is_installed("dpkg-query") {
+        return Vec::new();
+    }
+    wanted.copied().filter(|package| !has_package(package)).collect()
+}
+
+fn install(steps: &mut Steps, packages: &[&str]) -> Result<()> {
+    if packages.is_empty() {
         return Ok(());
     }
-    let by_hand = format!("sudo apt-get install {}", missing.join(" "));
-    let root = is_root();
-    ensure!(
-        root || has_sudo(),
-        "{} missing, and installing them needs root. Run: {by_hand}",
-        missing.join(", ")
-    );
     let apt = |arguments: &[&str]| {
         // `-n`: sudo must not ask for a password in the middle of a run.
-        let words: Vec<&str> = if root { vec![] } else { vec!["sudo", "-n"] };
+        let words: Vec<&str> = if is_root() { vec![] } else { vec!["sudo", "-n"] };
         let words: Vec<&str> =
             words.into_iter().chain(["apt-get"]).chain(arguments.iter().copied()).collect();
         let mut command = Command::new(words[0]);
@@ -54,8 +74,12 @@ pub fn install_graphics(steps: &mut Steps, window: bool) -> Result<()> {
     };
     // A fresh container has no lists, and without them nothing can be installed.
     steps.run("package lists", &mut apt(&["update"]))?;
-    let install = ["install", "-y", "--no-install-recommends"];
-    steps.run("system packages", &mut apt(&[&install[..], &missing].concat()))
+    steps
+        .run("system packages", &mut apt(&[&["install", "-y", "--no-install-recommends"], packages].concat()))
+}
+
+fn can_install() -> bool {
+    is_root() || has_sudo()
 }
 
 fn has_vulkan_driver() -> bool {

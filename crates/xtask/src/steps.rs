@@ -28,6 +28,11 @@ pub fn data_folder() -> PathBuf {
     )
 }
 
+/// The folder into which cargo builds.
+pub fn target_folder() -> PathBuf {
+    env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from)
+}
+
 /// The cargo that runs this program, with `arguments`.
 pub fn cargo<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Command {
     // `cargo xtask` sets it. It is the cargo of the same toolchain.

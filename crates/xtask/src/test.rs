@@ -5,8 +5,8 @@ use std::{env, fs, process::Command};
 use anyhow::{Context, Result};
 
 use crate::{
-    features,
-    packages::install_graphics,
+    examples, features,
+    packages::{install_graphics, install_virtual_display},
     steps::{Steps, cargo, data_folder, is_installed, keep_colors},
     web,
 };
@@ -50,6 +50,7 @@ fn run_all(steps: &mut Steps) -> Result<()> {
     )?;
     tests(steps)?;
     steps.run("examples", &mut cargo(["build", "--locked", "--workspace", "--examples"]))?;
+    start_examples(steps)?;
     web::test(steps)?;
     steps.run("packages", &mut package()?)
 }
@@ -74,6 +75,16 @@ fn tests(steps: &mut Steps) -> Result<()> {
     // nextest runs no doc tests.
     let mut doc = cargo(["test", "--locked", "--workspace", "--doc"]);
     steps.run_keeping("doc tests", keep_colors(&mut doc), |line| line.starts_with("test result"))
+}
+
+fn start_examples(steps: &mut Steps) -> Result<()> {
+    install_virtual_display(steps)?;
+    if examples::has_display_server() {
+        steps.check("examples start", examples::start_all)
+    } else {
+        steps.not_run("examples start", &format!("`{}` is not installed", examples::SERVER));
+        Ok(())
+    }
 }
 
 fn run_if_installed(steps: &mut Steps, name: &str, program: &str, arguments: &[&str]) -> Result<()> {

@@ -11,7 +11,7 @@ use std::{
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::steps::{Steps, cargo, is_installed};
+use crate::steps::{Steps, cargo, is_installed, target_folder};
 use toolchain::{TARGET, Toolchain};
 
 /// The finished folder. Any host of static files serves it.
@@ -73,7 +73,7 @@ fn build(steps: &mut Steps, app: &App) -> Result<()> {
     };
     let mut build = toolchain.cargo("build");
     steps.run("app", build.args(["--locked", "--profile", "web"]).args(selection))?;
-    let folder = toolchain::target_folder().join(TARGET).join("web");
+    let folder = target_folder().join(TARGET).join("web");
     let wasm = match app {
         App::Page => folder.join(format!("{name}.wasm")),
         App::Example(_) => folder.join("examples").join(format!("{name}.wasm")),
@@ -129,7 +129,7 @@ fn check(steps: &mut Steps) -> Result<()> {
             return Ok(());
         }
     };
-    if !toolchain::target_folder().join(TARGET).join("web").is_dir() {
+    if !target_folder().join(TARGET).join("web").is_dir() {
         steps.not_run("web", "nothing was built for browsers here. Run: cargo xtask web");
         return Ok(());
     }

@@ -28,6 +28,11 @@ struct RenderMask {
 }
 
 impl RenderMasks {
+    /// Whether no entity has a mask.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// The mask of an entity of `n` Gaussians, and a number that every change of its weights changes; `None` if it has no mask
     /// that is ready.
     pub(crate) fn get(&self, entity: MainEntity, n: usize) -> Option<(&GaussianMask, u64)> {

@@ -63,7 +63,7 @@ pub(super) fn draw_splats(
         .filter_map(|entity| {
             let cloud = clouds.0.get(entity)?;
             let (scene, colors) = (scenes.get(&cloud.scene)?, colors.get(*entity)?);
-            let visibility = masks.visibility(*entity, scene.n_gaussians());
+            let visibility = masks.visibility(*entity, scene.n_gaussians()).filter(|_| pipelines.has_masks());
             Some(splat::Cloud { scene, colors, world_from_scene: cloud.world_from_scene, visibility })
         })
         .collect();

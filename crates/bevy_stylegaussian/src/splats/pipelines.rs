@@ -20,6 +20,8 @@ use crate::background::{Background, SynchronousCompilation};
 #[derive(Resource, Default)]
 pub(super) struct SplatPipelines {
     passes: Option<Background<Arc<Passes>>>,
+    /// The kernel for clouds with a mask, which is a part of the passes.
+    masks: Option<Background<()>>,
     draws: HashMap<u32, Background<SplatPipeline>>,
     composites: HashMap<CompositeTarget, Background<CompositePipeline>>,
     tables: HashMap<Tonemapping, Background<InverseTable>>,
@@ -78,6 +80,26 @@ impl SplatPipelines {
         draw && composite
     }
 
+    /// Starts to compile the kernel for clouds with a mask. Returns whether it is ready.
+    pub(super) fn request_masks(
+        &mut self,
+        device: &wgpu::Device,
+        synchronous: SynchronousCompilation,
+    ) -> bool {
+        // Requested with the passes, so they are on their way.
+        let Some(passes) = self.passes.as_ref().and_then(Background::get) else { return false };
+        let masks = self.masks.get_or_insert_with(|| {
+            let (passes, device) = (Arc::clone(passes), device.clone());
+            Background::start(synchronous, move || passes.splat.prepare_masks(&device))
+        });
+        masks.poll().is_some()
+    }
+
+    /// Whether the kernel for clouds with a mask is ready.
+    pub(super) fn has_masks(&self) -> bool {
+        self.masks.as_ref().is_some_and(|masks| masks.get().is_some())
+    }
+
     /// Starts to build the table that inverts a tonemapping without a formula for its inverse. Returns whether the table is
     /// ready. It cannot be built before Bevy's table of that tonemapping is on the GPU.
     pub(super) fn request_table(
@@ -121,7 +143,7 @@ impl SplatPipelines {
     /// Number of pipelines and tables requested so far.
     #[cfg(test)]
     pub(super) fn n_requested(&self) -> usize {
-        self.draws.len() + self.composites.len() + self.tables.len()
+        self.draws.len() + self.composites.len() + self.tables.len() + usize::from(self.masks.is_some())
     }
 
     /// The pipelines for a layer of `samples` samples over `target`, or `None` if they were not [requested](Self::request)

@@ -23,6 +23,7 @@ use stylegaussian_gpu::splat::{self, CompositeInput, CompositeMode, LAYER_FORMAT
 use crate::{
     background::SynchronousCompilation,
     colors::PipelinesReady,
+    mask::RenderMasks,
     scene::{GaussianSplats, GpuScenes, RenderClouds},
 };
 
@@ -112,6 +113,7 @@ pub(super) fn prepare_views(
     cameras: Query<ViewComponents, With<Camera3d>>,
     clouds: Res<RenderClouds>,
     scenes: Res<GpuScenes>,
+    masks: Res<RenderMasks>,
     mut views: ResMut<SplatViews>,
     mut pipelines: ResMut<SplatPipelines>,
     mut all_ready: ResMut<PipelinesReady>,
@@ -140,6 +142,10 @@ pub(super) fn prepare_views(
         }));
         // Requested before there is anything to draw, so that compiling overlaps with the loading of scenes.
         let is_ready = pipelines.request(device, *synchronous, plan.samples, plan.composite);
+        // A cloud that shows before its mask's kernel is there would flash what the mask hides. One that is shown already
+        // stays, and is hidden in part a few frames later.
+        let is_ready = is_ready
+            && (masks.is_empty() || pipelines.request_masks(device, *synchronous) || view.layer.is_some());
         all_ready.0 &= is_ready;
         if view.clouds.is_empty() || !is_ready {
             continue;

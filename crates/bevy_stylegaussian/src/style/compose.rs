@@ -183,7 +183,7 @@ pub(super) fn compose_layers(
                 false => region.shape_from_scene * world_from_scene,
             };
             let region = Region { shape_from_scene, ..region };
-            found.extend(job.worn.volume_layer(region, source.usual_strength(), volume.channel()));
+            found.extend(job.worn.volume_layer(&place, region, source.usual_strength(), volume.channel()));
         }
         // Nothing is seen of what lies below a layer that covers all.
         if let Some(top) = found.iter().rposition(ColorLayer::covers_all) {

@@ -54,7 +54,8 @@ impl Default for StyleTransition {
     }
 }
 
-/// The places of a scene that change first. A [`StyleVolume`](crate::StyleVolume) has fades alone.
+/// The places of a scene that change first. The first style of a [`StyleVolume`](crate::StyleVolume) fades in, whatever the shape;
+/// later ones replace it in this shape.
 #[derive(Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Clone, Debug, Default, PartialEq)]
 pub enum TransitionShape {

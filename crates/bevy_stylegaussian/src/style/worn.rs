@@ -95,10 +95,11 @@ impl Worn {
         layers
     }
 
-    /// The styles as one layer in a volume's region and channel of a mask, or `None` if there is none. Their transitions are fades,
-    /// whatever shape they have.
+    /// The styles as one layer in a volume's region and channel of a mask, or `None` if there is none. The first
+    /// style fades in, whatever shape its transition has; those that come over it come in their shapes, as on the cloud at `place`.
     pub(super) fn volume_layer(
         &mut self,
+        place: &Place,
         region: Region,
         strength: f32,
         mask: Option<u32>,
@@ -114,10 +115,10 @@ impl Worn {
             [] => None,
             [only] => Some(layer(only.colors.clone(), only.layer(None).strength)),
             _ => {
-                let mut mixed: Vec<_> = self.0.iter().map(|worn| worn.layer(None)).collect();
                 // Before the first one has come, the volume is as strong as its strongest style.
-                let share = mixed.iter().map(|layer| layer.strength).fold(0.0, f32::max);
-                mixed[0].strength = 1.0;
+                let share = self.0.iter().map(|worn| worn.layer(None).strength).fold(0.0, f32::max);
+                let mut mixed: Vec<_> = self.0.iter().map(|worn| worn.layer(Some(place))).collect();
+                mixed[0] = ColorLayer::everywhere(mixed[0].colors.clone(), 1.0);
                 Some(layer(LayerColors::Mix(Mix::new(mixed)), share))
             }
         }

@@ -2,7 +2,9 @@
 
 use bevy::{prelude::*, render::RenderApp};
 
-use crate::{GaussianSplats, StyleApplied, StyleBackend, StyleSource, splats::Held};
+use crate::{
+    GaussianSplats, MaskVisibility, StyleApplied, StyleBackend, StyleMask, StyleSource, splats::Held,
+};
 
 use super::world::{rendering::*, *};
 
@@ -34,4 +36,23 @@ fn still_frames_build_and_allocate_nothing() {
         app.update();
         assert_eq!(held(&mut app), before, "frame {frame}");
     }
+}
+
+/// The kernel that hides is compiled when a mask comes, and not in the frame that first hides something.
+#[test]
+fn masks_are_prepared_before_they_hide() {
+    let Some(mut app) = app_with_rendering(StyleBackend::Gpu) else { return };
+    let image = render_target(&mut app, UVec2::splat(16));
+    app.world_mut().spawn((Camera3d::default(), target(&image), Transform::from_xyz(0.0, 0.0, 5.0)));
+    let splats = GaussianSplats(add_scene(&mut app, small_scene(64, 1)));
+    let entity = app.world_mut().spawn(splats).id();
+    let n_pipelines = |app: &mut App| {
+        (0..5).for_each(|_| app.update());
+        held(app).1.n_pipelines
+    };
+    let before = n_pipelines(&mut app);
+    app.world_mut().entity_mut(entity).insert(StyleMask::default());
+    assert_eq!(n_pipelines(&mut app), before + 1, "with a mask that hides nothing");
+    app.world_mut().entity_mut(entity).insert(MaskVisibility::Hide(0));
+    assert_eq!(n_pipelines(&mut app), before + 1, "with a mask that hides");
 }

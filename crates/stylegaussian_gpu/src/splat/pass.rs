@@ -36,6 +36,12 @@ impl SplatPass {
         Self { project: Project::new(device), sort: Sort::new(device), draw: Draw::new(device), tiles: None }
     }
 
+    /// Compiles the kernel for clouds with a mask, in any thread, while others draw. Without this call, the first frame that
+    /// hides a part of a cloud compiles it.
+    pub fn prepare_masks(&self, device: &wgpu::Device) {
+        self.project.masked(device);
+    }
+
     /// The draw into a layer of [`LAYER_FORMAT`](super::LAYER_FORMAT) at `samples` samples. If `depth_format` is given,
     /// splats are tested against a depth attachment of that format (reverse z).
     pub fn pipeline(

@@ -32,7 +32,7 @@ pub(super) struct Project {
     view_layout: wgpu::BindGroupLayout,
     /// Clouds without a mask.
     plain: Variant,
-    /// Clouds with one; compiled when the first is drawn.
+    /// Clouds with one; compiled when it is asked for, or when the first is drawn.
     masked: OnceLock<Variant>,
     /// Bound if a scene has no spherical harmonics, or if its captured colors are shown.
     absent: wgpu::Buffer,
@@ -40,7 +40,7 @@ pub(super) struct Project {
 
 /// The kernel with or without a mask.
 #[derive(Debug)]
-struct Variant {
+pub(super) struct Variant {
     pipeline: wgpu::ComputePipeline,
     /// Group 1: Gaussians, spherical harmonics, colors, and the mask if there is one.
     chunk_layout: wgpu::BindGroupLayout,
@@ -72,6 +72,11 @@ impl Project {
         let absent = buffers::create(device, "splat_absent", 16, wgpu::BufferUsages::STORAGE);
         let plain = Variant::new(device, &view_layout, false);
         Self { view_layout, plain, masked: OnceLock::new(), absent }
+    }
+
+    /// The kernel for clouds with a mask, which is compiled unless it is there.
+    pub(super) fn masked(&self, device: &wgpu::Device) -> &Variant {
+        self.masked.get_or_init(|| Variant::new(device, &self.view_layout, true))
     }
 
     /// Uploads the uniforms of every chunk of `clouds`, and makes bindings for chunks that have none. Returns the
@@ -144,7 +149,7 @@ impl Project {
         let ChunkBindings { buffers, mask } = bindings;
         let variant = match mask {
             None => &self.plain,
-            Some(_) => self.masked.get_or_init(|| Variant::new(device, &self.view_layout, true)),
+            Some(_) => self.masked(device),
         };
         let buffers: Vec<_> = buffers.iter().chain(mask).map(wgpu::Buffer::as_entire_binding).collect();
         bind_group(device, "splat_project_chunk", &variant.chunk_layout, &buffers)

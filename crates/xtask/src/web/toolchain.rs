@@ -67,11 +67,6 @@ impl Toolchain {
     }
 }
 
-/// The folder into which cargo builds.
-pub fn target_folder() -> PathBuf {
-    env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from)
-}
-
 /// Whether rustup has installed the target's standard library.
 fn has_target() -> Result<bool> {
     let rustc = env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());

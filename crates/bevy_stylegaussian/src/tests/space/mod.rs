@@ -204,6 +204,39 @@ fn volumes_need_no_style_below() {
     stage.check("everything", cloud, &[(Some(RED), ALL, 1.0)]);
 }
 
+/// The first style of a volume fades in over whatever lies below, and the next one sweeps through what the volume shows.
+#[test]
+fn later_styles_of_a_volume_come_in_shape() {
+    let Some(mut stage) = Stage::new() else { return };
+    let [red, green] = [RED, GREEN].map(|color| stage.look(color));
+    let cloud = stage.app.world_mut().spawn(stage.splats.clone()).id();
+    let front = StyleTransition::front(Dir3::Y, Duration::from_secs(1)).with_softness(0.0);
+    let ball = StyleVolume::new(Sphere::new(0.8));
+    let volume = stage.app.world_mut().spawn((ball, red, front)).id();
+    let ball = Region { shape: Shape::Ellipsoid { radii: Vec3::splat(0.8) }, ..ALL };
+    stage.until_applied(volume);
+    stage.updates(5);
+    let share = stage.shown(cloud).iter().map(|color| color[3]).fold(0.0, f32::max);
+    assert!((0.3..0.9).contains(&share), "{share}");
+    stage.check("half faded in", cloud, &[(Some(RED), ball, share)]);
+    stage.updates(10);
+    stage.check("the first one", cloud, &[(Some(RED), ball, 1.0)]);
+
+    stage.set(volume, green);
+    stage.until_applied(volume);
+    stage.updates(5);
+    let shown = stage.shown(cloud);
+    let is = |color: [f32; 3]| {
+        let near = |shown: &&[f32; 4]| (shown[0] - color[0]).abs() + (shown[1] - color[1]).abs() < 1e-2;
+        shown.iter().filter(|shown| shown[3] == 1.0).filter(near).count()
+    };
+    let n_within = shown.iter().filter(|color| color[3] > 0.0).count();
+    assert!(is(RED) > 20 && is(GREEN) > 20, "{} red, {} green", is(RED), is(GREEN));
+    assert_eq!(is(RED) + is(GREEN), n_within);
+    stage.updates(10);
+    stage.check("the second one", cloud, &[(Some(GREEN), ball, 1.0)]);
+}
+
 /// A strength multiplies what is shown, at once and without a new style.
 #[test]
 fn a_strength_leads_from_captured_to_styled() {
