@@ -4,7 +4,7 @@
 //! cargo run --release --example game
 //! ```
 //!
-//! A click on a splat casts a spell there, the right button paints the night, and the arrow keys walk the lantern.
+//! A click on a splat casts a spell there, the right button paints cubes, and the arrow keys walk the lantern.
 
 use std::time::Duration;
 
@@ -56,7 +56,7 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     ));
     // Four volumes: a door behind which all is ink, a dome, what is painted, and the lantern over all of them.
     let door =
-        Transform::from_xyz(8.5, 0.0, 0.0).with_rotation(Quat::from_rotation_z(std::f32::consts::FRAC_PI_2));
+        Transform::from_xyz(7.5, 0.0, 0.0).with_rotation(Quat::from_rotation_z(std::f32::consts::FRAC_PI_2));
     commands.spawn((StyleVolume::half_space().with_softness(0.3), look("ink"), door));
     let dome = StyleVolume::new(Sphere::new(2.5)).with_softness(0.5).with_priority(1);
     commands.spawn((dome, look("dots"), Transform::from_xyz(-7.0, 0.0, 1.0)));
@@ -112,6 +112,9 @@ fn act(
     buttons: Res<ButtonInput<MouseButton>>,
     assets: Res<AssetServer>,
 ) {
+    if buttons.just_released(MouseButton::Right) {
+        masks.iter_mut().for_each(|(mut mask, _)| mask.end_stroke());
+    }
     let Some(hit) = aim.0 else { return };
     if buttons.just_pressed(MouseButton::Left) {
         let spell = assets.load(format!("looks/{}.look.safetensors", SPELLS[*n_spells % SPELLS.len()]));
