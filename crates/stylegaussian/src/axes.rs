@@ -5,7 +5,7 @@
 
 use std::{fmt, str::FromStr};
 
-use glam::{Quat, Vec3};
+use glam::{Affine3A, Mat3A, Quat, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -50,6 +50,15 @@ impl Axes {
         }
         if let Some(up) = &mut scene.up {
             *up *= signs;
+        }
+        for camera in &mut scene.cameras {
+            camera.view_from_world.matrix3 *= Mat3A::from_diagonal(signs);
+            if signs.x * signs.y * signs.z < 0.0 {
+                // A camera cannot be mirrored, but its picture can: left and right change places.
+                camera.view_from_world =
+                    Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0)) * camera.view_from_world;
+                camera.center.x = camera.size.x as f32 - camera.center.x;
+            }
         }
         if let Some(sh) = &mut scene.sh {
             let signs = sh_signs(self);
@@ -125,10 +134,13 @@ impl FromStr for Axes {
 
 #[cfg(test)]
 mod tests {
-    use glam::Mat3;
+    use glam::{Mat3, UVec2, Vec2};
 
     use super::*;
-    use crate::sh::{basis, evaluate};
+    use crate::{
+        camera::Camera,
+        sh::{basis, evaluate},
+    };
 
     fn all() -> impl Iterator<Item = Axes> {
         (0..8).map(|bits| Axes::from_flipped([bits & 1 > 0, bits & 2 > 0, bits & 4 > 0]))
@@ -158,6 +170,12 @@ mod tests {
             let axes = Mat3::from_quat(rotation) * Mat3::from_diagonal(scales);
             axes * axes.transpose()
         };
+        let eye = Vec3::new(1.0, 2.0, -5.0);
+        let camera = Camera::look_at(eye, Vec3::X, Vec3::NEG_Y, 0.9, UVec2::new(640, 480));
+        let pixel = |(camera, point): (&Camera, Vec3)| {
+            let p = camera.view_from_world.transform_point3(point);
+            camera.focal * p.truncate() / p.z + camera.center
+        };
         for axes in all() {
             let mut scene = Scene {
                 means: vec![direction],
@@ -167,9 +185,15 @@ mod tests {
                 sh: Some(crate::scene::Sh { degree: 3, coefficients: coefficients.clone() }),
                 order: vec![0],
                 n_source: 1,
+                cameras: vec![camera.clone()],
                 ..Scene::default()
             };
             axes.turn(&mut scene);
+            let is_mirror = axes.signs().element_product() < 0.0;
+            let [before, after] = [(&camera, direction), (&scene.cameras[0], scene.means[0])].map(pixel);
+            let expected = if is_mirror { Vec2::new(640.0 - before.x, before.y) } else { before };
+            assert!(after.abs_diff_eq(expected, 1e-3), "{axes}: {after}, expected {expected}");
+            assert!(scene.cameras[0].view_from_world.matrix3.determinant() > 0.0, "{axes}");
             let signs = axes.signs();
             assert_eq!(scene.means[0], direction * signs);
             let mirror = Mat3::from_diagonal(signs);

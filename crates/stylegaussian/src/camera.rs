@@ -53,6 +53,12 @@ impl Camera {
         Self { focal: self.focal * ratio, center: self.center * ratio, size, ..self.clone() }
     }
 
+    /// The same view, with `side` pixels on its longer side.
+    pub fn fitted(&self, side: u32) -> Self {
+        let size = self.size.as_vec2() * (side as f32 / self.size.max_element().max(1) as f32);
+        self.resized(size.round().as_uvec2().max(UVec2::ONE))
+    }
+
     /// A camera at `eye` that looks at `target`. `up` is the world's up direction, and `fov_y` the full vertical angle
     /// in radians.
     pub fn look_at(eye: Vec3, target: Vec3, up: Vec3, fov_y: f32, size: UVec2) -> Self {

@@ -4,7 +4,10 @@ use std::borrow::Cow;
 
 use glam::{Quat, Vec3};
 
-use crate::{decoder::Decoder, encoder_id::EncoderId, mask::weights::Mask, morton, neighbors::Neighbors, sh};
+use crate::{
+    camera::Camera, decoder::Decoder, encoder_id::EncoderId, mask::weights::Mask, morton,
+    neighbors::Neighbors, sh,
+};
 
 /// N Gaussians in structure-of-arrays form, with optional features, neighbors and decoder.
 #[derive(Clone, Debug, Default)]
@@ -34,6 +37,9 @@ pub struct Scene {
     pub mask: Option<Mask>,
     /// The scene's up direction, or `None` if the file does not give it. The loader never rotates a scene.
     pub up: Option<Vec3>,
+    /// Cameras through which the scene was captured, spread over the capture; empty if they are not known. Paint and bakes take them
+    /// for the places from which the scene is seen.
+    pub cameras: Vec<Camera>,
     /// The filter against holes and aliasing that the scene was trained with, and that it must be drawn with.
     pub filter: ScreenFilter,
     /// Origin of the scene, for people.
@@ -157,6 +163,7 @@ impl Scene {
             decoder: self.decoder.clone(),
             mask: self.mask.as_ref().map(|mask| mask.subset(indices)),
             up: self.up,
+            cameras: self.cameras.clone(),
             filter: self.filter,
             source: self.source.clone(),
             license: self.license.clone(),

@@ -49,13 +49,14 @@ pub(crate) struct Cameras {
 }
 
 impl Cameras {
-    /// Surveys `given`, or views chosen for the scene if there are none. Returns `None` if they see nothing.
+    /// Surveys `given`; if there are none, the cameras of the scene's capture; if those are not known, views chosen for the scene. Returns `None` if they see nothing.
     pub fn survey(scene: &Scene, given: &[Camera], side: u32, crop: u32) -> Option<Self> {
+        let given = if given.is_empty() { &scene.cameras } else { given };
         let cameras = match given {
             [] => choose_views(scene, N_VIEWS, UVec2::splat(side)),
             given => {
                 let stride = given.len().div_ceil(MOST_VIEWS);
-                given.iter().step_by(stride).map(|camera| scaled(camera, side)).collect()
+                given.iter().step_by(stride).map(|camera| camera.fitted(side)).collect()
             }
         };
         let surveyed: Vec<(View, RenderedImage, Vec<f32>)> =
@@ -101,15 +102,9 @@ impl Cameras {
     }
 }
 
-/// A camera at another size, its longer side of `side` pixels.
-fn scaled(camera: &Camera, side: u32) -> Camera {
-    let size = camera.size.as_vec2() * (side as f32 / camera.size.max_element().max(1) as f32);
-    camera.resized(size.round().as_uvec2().max(UVec2::ONE))
-}
-
 /// A view with its targets, its picture, and the pixels that each Gaussian fills.
 fn survey(scene: &Scene, camera: Camera, crop: u32) -> (View, RenderedImage, Vec<f32>) {
-    let small = scaled(&camera, SURVEY_SIDE);
+    let small = camera.fitted(SURVEY_SIDE);
     let picture = render(scene, Colors::Captured, &small);
     let weights = blend_weights(scene, &small);
     let pixels = weights.apply_transposed(&vec![1.0; picture.alpha.len()], 1);

@@ -25,6 +25,8 @@ pub(super) fn place(scene: &mut Scene, to: DAffine3, warnings: &mut Vec<String>)
     // The polar decomposition L = Q P: P stretches along its eigenvectors, Q turns, and mirrors if L does.
     let inverse = stretched * DMat3::from_diagonal(factors.recip()) * stretched.transpose();
     let turn = linear * inverse;
+    // Only files without cameras are read or written in this way.
+    scene.cameras.clear();
     scene.means.par_iter_mut().for_each(|mean| *mean = to.transform_point3(mean.as_dvec3()).as_vec3());
     if factors.max_element() - factors.min_element() <= 1e-5 * factors.max_element() {
         // A covariance does not change if all axes are mirrored.

@@ -10,6 +10,7 @@
 //! | `features`, `basis`, `offset` | f16 or f32 `[N, L]`, f32 `[D, L]`, f32 `[D]` | all or none |
 //! | `extra` | f16 `[N, E]` | optional, with features |
 //! | `neighbors` | u32 `[N, K]` | optional |
+//! | `cameras` | f32 `[M, 13]` | optional: see [`cameras`] |
 //! | `mask` | u8 `[N, C]` | optional, with `mask_channels`: see the mask's format |
 //! | `feature_mean`, `feature_covariance` | f32 `[L]`, `[L, L]` | optional caches of other writers; read for their shapes only |
 //! | `decoder.layers.{i}.*` | | see the decoder's format |
@@ -28,6 +29,8 @@ use crate::{
     scene::{Features, Scene, ScreenFilter, Sh},
     sh,
 };
+
+mod cameras;
 
 use super::{
     check::check_scene,
@@ -71,7 +74,7 @@ const MOST_PER_GAUSSIAN: usize = 64;
 const MOST_SOURCE: usize = 1 << 24;
 
 /// Tensors of a scene file, besides the decoder's.
-const KNOWN: [&str; 14] = [
+const KNOWN: [&str; 15] = [
     "means",
     "rotations",
     "scales",
@@ -86,6 +89,7 @@ const KNOWN: [&str; 14] = [
     "feature_mean",
     "feature_covariance",
     mask::TENSOR,
+    cameras::TENSOR,
 ];
 
 /// Reads a scene. Unknown tensors are ignored with a warning, so that other programs can add their own.
@@ -108,6 +112,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     }
     scene.mask = reader.has(mask::TENSOR).then(|| mask::from_tensor(&reader, n)).transpose()?;
     scene.up = reader.metadata("up").map(up_from_text).transpose()?;
+    scene.cameras = if reader.has(cameras::TENSOR) { cameras::from_tensor(&reader)? } else { Vec::new() };
     scene.filter = reader.metadata("filter").map_or(Ok(ScreenFilter::Classic), filter_from_text)?;
     scene.source = reader.metadata("source").map(Into::into);
     // Files of earlier versions spell it `licence`.
@@ -265,6 +270,9 @@ fn prepare(scene: &Scene) -> Result<Writer<'_>, Mismatch> {
     }
     if let Some(painted) = &scene.mask {
         mask::to_tensor(&painted.weights, &painted.names, &mut writer);
+    }
+    if !scene.cameras.is_empty() {
+        cameras::to_tensor(&scene.cameras, &mut writer)?;
     }
     add_metadata(scene, &mut writer)?;
     Ok(writer)

@@ -2,10 +2,11 @@
 
 use std::{fs, path::PathBuf};
 
-use glam::{Quat, Vec3};
+use glam::{Quat, UVec2, Vec3};
 
 use super::*;
 use crate::{
+    camera::Camera,
     decoder::{Activation, Layer},
     encoder_id::EncoderId,
     mask::Mask,
@@ -91,6 +92,10 @@ pub(super) fn full_scene() -> Scene {
         mask: Some(mask(n)),
         filter: ScreenFilter::Antialiased,
         up: Some(Vec3::new(0.0, -1.0, 0.25)),
+        cameras: vec![
+            Camera::look_at(Vec3::new(1.0, 2.0, -3.0), Vec3::ZERO, Vec3::NEG_Y, 0.8, UVec2::new(640, 480)),
+            Camera::look_at(Vec3::new(0.5, -4.0, 1.0), Vec3::X, Vec3::NEG_Y, 1.1, UVec2::new(480, 640)),
+        ],
         source: Some("made up, \"quoted\"".into()),
         license: Some("CC0-1.0".into()),
     }
@@ -140,6 +145,11 @@ fn sgs_keeps_everything() {
     assert_eq!(a.neighbors, b.neighbors);
     assert_eq!(a.decoder, b.decoder);
     assert_eq!((a.up, a.source, a.license), (b.up, b.source, b.license));
+    assert_eq!(a.cameras.len(), b.cameras.len());
+    for (a, b) in a.cameras.iter().zip(&b.cameras) {
+        assert!(a.view_from_world.abs_diff_eq(b.view_from_world, 1e-5));
+        assert_eq!((a.focal, a.center, a.size), (b.focal, b.center, b.size));
+    }
     assert_eq!(b.filter, ScreenFilter::Antialiased);
     assert_eq!(a.mask.unwrap().weights, b.mask.unwrap().weights);
     let (a_sh, b_sh) = (a.sh.unwrap(), b.sh.unwrap());

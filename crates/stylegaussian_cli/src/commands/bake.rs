@@ -67,7 +67,8 @@ pub struct BakeArgs {
     /// Compare through VGG-19 with these weights, in place of the built-in network. Takes about seven times as long.
     #[arg(long, value_name = "FILE")]
     vgg: Option<PathBuf>,
-    /// Cameras to look from: transforms.json, a COLMAP model, or 3DGS cameras.json. Default: chosen to suit the scene.
+    /// Cameras to look from: transforms.json, a COLMAP model, or 3DGS cameras.json. Default: those that
+    /// the scene was embedded with, else chosen to suit the scene.
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     /// Write a contact sheet: the painting, then views before and after.

@@ -25,6 +25,9 @@ use crate::{
     terminal::{Interrupt, ProgressLine, lossy, print, usage_error, warn},
 };
 
+/// Most cameras of a capture that its scene keeps, spread over the list: they tell from where it is seen.
+const MOST_CAMERAS: usize = 64;
+
 /// Views rendered if neither photos, cameras nor a number is given.
 const DEFAULT_VIEWS: u32 = 60;
 
@@ -136,6 +139,10 @@ pub fn run(arguments: &EmbedArgs, interrupt: &Interrupt) -> Result<()> {
     let options = |factor| SplitOptions { factor, ..SplitOptions::default() };
     let n_split = arguments.split.map(|factor| split(&mut scene, options(factor)));
     let mut views = arguments.training_views(&scene)?;
+    if arguments.photos.is_some() || arguments.cameras.is_some() {
+        let stride = views.len().div_ceil(MOST_CAMERAS).max(1);
+        scene.cameras = views.iter().step_by(stride).map(|view| view.camera.clone()).collect();
+    }
     // A graph can accept one size only. The cameras then take its proportions too.
     if let Some((width, height)) = encoder.input_size() {
         views.iter_mut().for_each(|view| view.camera = view.camera.resized(UVec2::new(width, height)));

@@ -59,6 +59,8 @@ struct Info<'a> {
     /// The bounds without a sky or strays far behind the scene, if there are any.
     bounds_without_backdrop: Option<[[f32; 3]; 2]>,
     up: Option<[f32; 3]>,
+    /// Cameras of the capture.
+    n_cameras: usize,
     source: Option<&'a str>,
     license: Option<&'a str>,
     features: Option<FeaturesInfo>,
@@ -160,6 +162,7 @@ fn describe<'a>(path: &'a Path, loaded: &'a Loaded) -> Info<'a> {
         bounds: scene.bounds().map(corners),
         bounds_without_backdrop: bounds_without_backdrop(scene).map(corners),
         up: scene.up.map(|up| up.to_array()),
+        n_cameras: scene.cameras.len(),
         source: scene.source.as_deref(),
         license: scene.license.as_deref(),
         features: scene.features.as_ref().map(FeaturesInfo::of),
@@ -227,6 +230,9 @@ fn text(info: &Info) -> String {
     }
     if let Some(up) = info.up {
         row("up", format!("{up:?}"));
+    }
+    if info.n_cameras > 0 {
+        row("cameras", format!("{} of its capture", info.n_cameras));
     }
     let strings = [("source", info.source), ("license", info.license)];
     strings.into_iter().for_each(|(name, value)| value.into_iter().for_each(|value| row(name, value.into())));
