@@ -37,8 +37,8 @@ pub struct Scene {
     pub mask: Option<Mask>,
     /// The scene's up direction, or `None` if the file does not give it. The loader never rotates a scene.
     pub up: Option<Vec3>,
-    /// Cameras through which the scene was captured, spread over the capture; empty if they are not known. Paint and bakes take them
-    /// for the places from which the scene is seen.
+    /// Cameras through which the scene was captured, spread over the capture; empty if they are not known. Bakes look
+    /// through them.
     pub cameras: Vec<Camera>,
     /// The filter against holes and aliasing that the scene was trained with, and that it must be drawn with.
     pub filter: ScreenFilter,

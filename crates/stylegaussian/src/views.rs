@@ -53,16 +53,6 @@ pub fn choose_views(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
     cameras(chosen, size)
 }
 
-/// `n` cameras, with pictures of `side` pixels on the longer side, from which `scene` is usually seen: those of its capture,
-/// spread over it, or [chosen](choose_views) ones if these are not known. There may be fewer.
-pub fn usual_views(scene: &Scene, n: usize, side: u32) -> Vec<Camera> {
-    if scene.cameras.is_empty() {
-        return choose_views(scene, n, UVec2::splat(side));
-    }
-    let stride = scene.cameras.len().div_ceil(n.max(1));
-    scene.cameras.iter().step_by(stride).map(|camera| camera.fitted(side)).collect()
-}
-
 /// `n` cameras on a circle for showing `scene`: around an object, or turning on the spot in a place.
 ///
 /// The circle runs counter-clockwise as seen from above.

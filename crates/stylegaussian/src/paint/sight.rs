@@ -1,15 +1,15 @@
 //! How much of each Gaussian usual views show, and how large a pixel of such a view is on the scene.
 
-use glam::Vec3;
+use glam::{UVec2, Vec3};
 
 use super::proofs::Proofs;
-use crate::{camera::Camera, scene::Scene, splat::blend_weights, views::usual_views};
+use crate::{camera::Camera, scene::Scene, splat::blend_weights, views::choose_views};
 
 /// Views that are taken of the scene. Eight show nearly all that can be seen from outside.
 const N_VIEWS: usize = 8;
 
-/// Longer side of those views, in pixels. Small, since only sums over pixels count.
-const VIEW_SIDE: u32 = 128;
+/// Size of those views, in pixels. Small, since only sums over pixels count.
+const VIEW_SIZE: UVec2 = UVec2::splat(128);
 
 /// Side of a picture of the whole scene in which strokes are as large as in the painting, in pixels. Paintings have 512.
 /// People take pictures from a third farther away than from where the scene just fills them.
@@ -37,25 +37,18 @@ pub(super) struct Sight {
 impl Sight {
     /// Looks at `scene` from cameras that are chosen for it. `stroke_scale` enlarges pixels of the painting.
     pub fn of(scene: &Scene, stroke_scale: f32) -> Self {
-        let cameras = usual_views(scene, N_VIEWS, VIEW_SIDE);
-        let (picture_side, middle) = match scene.cameras.is_empty() || std::env::var_os("OLD").is_some() {
-            true => (PICTURE_SIDE, false),
-            false => (
-                std::env::var("SIDE").map_or(512.0, |s| s.parse().unwrap()),
-                std::env::var_os("MID").is_some(),
-            ),
-        };
+        let cameras = choose_views(scene, N_VIEWS, VIEW_SIZE);
         let mut visibility = vec![0.0; scene.len()];
         let mut views = Vec::new();
         for camera in &cameras {
             let weights = blend_weights(scene, camera);
-            let n_pixels = camera.size.element_product() as usize;
+            let n_pixels = VIEW_SIZE.element_product() as usize;
             let mut sizes = Vec::new();
             for (i, pixels) in weights.apply_transposed(&vec![1.0; n_pixels], 1).into_iter().enumerate() {
                 if pixels > 0.0 {
                     visibility[i] += pixels;
                     let z = camera.view_from_world.transform_point3(scene.means[i]).z;
-                    let focal = camera.focal.x * picture_side / VIEW_SIDE as f32;
+                    let focal = camera.focal.x * PICTURE_SIDE / VIEW_SIZE.x as f32;
                     sizes.push((z / focal, pixels));
                 }
             }
@@ -64,14 +57,11 @@ impl Sight {
         let up = cameras.iter().map(up_of).sum::<Vec3>().try_normalize().unwrap_or(Vec3::Y);
         // The sort is stable: of views from the same distance the most useful come first.
         views.sort_by(|a, b| b.0.total_cmp(&a.0));
-        if middle {
-            let n = views.len();
-            views.drain(..n.saturating_sub(N_PROOFS) / 2);
-        }
         views.truncate(N_PROOFS);
         let pixel = views.get(views.len() / 2).map_or_else(|| pixel_of_extent(scene), |(pixel, _)| *pixel);
-        let side = (picture_side / stroke_scale).clamp(PROOF_SIDE.0, PROOF_SIDE.1);
-        let proofs: Vec<Camera> = views.iter().map(|(_, camera)| camera.fitted(side as u32)).collect();
+        let side = (PICTURE_SIDE / stroke_scale).clamp(PROOF_SIDE.0, PROOF_SIDE.1);
+        let proofs: Vec<Camera> =
+            views.iter().map(|(_, camera)| camera.resized(UVec2::splat(side as u32))).collect();
         Self { visibility, pixel: pixel * stroke_scale, proofs: Proofs::new(scene, &proofs), up }
     }
 }
