@@ -26,6 +26,7 @@ async function answer({ id, call, given }) {
 
 // A file beside the page is given by its address.
 async function loaded(given) {
+  if (Array.isArray(given)) return Promise.all(given.map(loaded));
   if (!given?.url) return given;
   const response = await fetch(given.url);
   if (!response.ok) throw new Error(`${given.url}: the server answered ${response.status}`);

@@ -10,12 +10,10 @@ use bevy::{
 };
 use bevy_stylegaussian::{
     GaussianScene, StyleInput, StyleLook, StyleStatistics,
-    stylegaussian::{
-        Look, Scene, file,
-        look::MadeFrom,
-        morton,
-    },
+    stylegaussian::{Look, Scene, file, look::MadeFrom, morton},
 };
+
+use wasm_bindgen::JsValue;
 
 use crate::{
     bridge::{self, Event, Request},
@@ -136,6 +134,16 @@ impl Paintings {
             painting.laid_on = Some(LaidOn { scene, look: looks.reserve_handle(), stage: Stage::Wanted });
         }
         Ok(painting.laid_on.as_ref().map(|laid_on| StyleInput::Look(laid_on.look.clone())))
+    }
+}
+
+impl Paintings {
+    /// The file of a painting's statistics for the worker, or `None` if there is none yet.
+    pub fn style_file(&self, name: &str) -> Option<JsValue> {
+        match &self.0.get(name)?.encoded {
+            Encoded::Yes(bytes) => Some(worker::bytes(bytes)),
+            _ => None,
+        }
     }
 }
 

@@ -94,7 +94,9 @@ impl Shown {
             return Err("the scene is being embedded already".into());
         }
         if worker::state() != State::Ready {
-            return Err("this page has no worker, which embedding needs; `stylegaussian embed` does it too".into());
+            return Err(
+                "this page has no worker, which embedding needs; `stylegaussian embed` does it too".into()
+            );
         }
         self.hold(id, scenes.get(id).ok_or("there is no scene to embed")?)?;
         Ok(worker::call("work_embed", &[]))
@@ -141,7 +143,8 @@ impl Shown {
                     State::Ready => {
                         worker::holds(None);
                         let given = [name.into(), worker::bytes(&bridge::take(&bytes))];
-                        self.next = Next::Worker { call: worker::call("work_read", &given), is_embedding: false };
+                        self.next =
+                            Next::Worker { call: worker::call("work_read", &given), is_embedding: false };
                     }
                     State::Absent => self.next = reading(name, bridge::take(&bytes), false, false),
                 }

@@ -4,8 +4,11 @@ use std::time::Duration;
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{
-    GaussianSplats, StyleBudget, StyleInput, StyleLook, StyleMethod, StyleSource, StyleStatistics, StyleTransition,
+    GaussianSplats, StyleBudget, StyleInput, StyleLook, StyleMethod, StyleSource, StyleStatistics,
+    StyleTransition,
 };
+use js_sys::{Array, Float32Array};
+use wasm_bindgen::JsValue;
 
 use crate::{
     bridge::{self, Event, Request},
@@ -33,6 +36,29 @@ impl Default for Wish {
     }
 }
 
+impl Wish {
+    /// What the worker decodes this wish from: styles, their weights and the share of the content. `None` if no decoder is
+    /// asked, or if it is not the worker's to answer.
+    pub fn for_worker(&self, paintings: &Paintings) -> Option<[JsValue; 3]> {
+        if !self.is_decoded() || worker::state() != State::Ready {
+            return None;
+        }
+        let style = |(name, _): &(String, f32)| match name.strip_prefix("decode:") {
+            Some(name) if is_plain(name) => Some(worker::asset(&format!("styles/{name}.style.safetensors"))),
+            _ => paintings.style_file(name),
+        };
+        let styles: Option<Array> = self.styles.iter().map(style).collect();
+        let weights: Vec<f32> = self.styles.iter().map(|(_, weight)| *weight).collect();
+        Some([styles?.into(), Float32Array::from(&weights[..]).into(), self.content.into()])
+    }
+
+    /// Whether the decoder makes the colors of paintings. Statistics alone have no paint, and the styles of a mix are made in
+    /// one way.
+    fn is_decoded(&self) -> bool {
+        self.by_decoder || self.styles.iter().any(|(name, _)| name.starts_with("decode:"))
+    }
+}
+
 /// Takes the newest wish.
 pub fn wish(mut requests: MessageReader<Request>, mut wish: ResMut<Wish>, orbit: Single<&Orbit>) {
     for request in requests.read() {
@@ -54,7 +80,7 @@ pub fn wish(mut requests: MessageReader<Request>, mut wish: ResMut<Wish>, orbit:
 /// The transition of a name. Edges and spots have their sizes in the picture.
 fn transition(kind: &str, seconds: f32, orbit: &Orbit) -> Option<StyleTransition> {
     // NaN and less than nothing are no time at all, and an hour is too long for any visitor.
-    let duration = Duration::from_secs_f32(seconds.max(0.0).min(3600.0));
+    let duration = Duration::from_secs_f32(if seconds > 0.0 { seconds.min(3600.0) } else { 0.0 });
     let size = orbit.distance();
     Some(match kind {
         "fade" => StyleTransition::fade(duration),
@@ -83,8 +109,7 @@ pub fn put_on(
     }
     wish.is_due = false;
     let (splats, mut source, mut worn) = scene.into_inner();
-    // Statistics alone have no paint, and the styles of a mix are made in one way.
-    let by_decoder = wish.by_decoder || wish.styles.iter().any(|(name, _)| name.starts_with("decode:"));
+    let by_decoder = wish.is_decoded();
     let mut mix = Vec::new();
     for (name, weight) in &wish.styles {
         let input = match is_painting(name) {
@@ -143,7 +168,11 @@ mod tests {
     fn transitions_go_by_name_and_take_any_time() {
         let orbit = Orbit::default();
         for kind in ["fade", "sphere", "front", "noise"] {
-            assert_eq!(transition(kind, 1.5, &orbit).unwrap().duration, Duration::from_millis(1500), "{kind}");
+            assert_eq!(
+                transition(kind, 1.5, &orbit).unwrap().duration,
+                Duration::from_millis(1500),
+                "{kind}"
+            );
         }
         assert_eq!(transition("spiral", 1.0, &orbit), None);
         for seconds in [f32::NAN, -1.0, f32::NEG_INFINITY] {

@@ -6,15 +6,15 @@ use bevy::math::UVec2;
 use bevy_stylegaussian::{
     stylegaussian::{
         Decoder, Neighbors, Scene,
-        fold::StylizeError,
         file::{self, ReadOptions, Reading, SceneReader},
+        fold::{self, StylizeError},
         paint::{Brush, Surface, repaint},
         views::choose_views,
     },
     stylegaussian_encoder::{Encoder, Image, StyleSize, painted_style},
 };
-use js_sys::Function;
-use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
+use js_sys::{Array, Function, Uint8Array};
+use stylegaussian_defaults::{DECODER, ENCODER, ENCODER_NAME};
 use stylegaussian_train::{
     Progress, Stage, Watch,
     embed::{EmbedOptions, TrainingView, embed},
@@ -23,8 +23,8 @@ use wasm_bindgen::{JsError, JsValue, prelude::wasm_bindgen};
 
 /// Pictures that a scene is embedded from, and the longer side of one in pixels: fewer and smaller ones than the command
 /// line's 60 of 512 pixels, because a page computes on one thread.
-const N_VIEWS: usize = 24;
-const VIEW_SIZE: u32 = 320;
+const N_VIEWS: usize = 32;
+const VIEW_SIZE: u32 = 384;
 
 /// The name of scenes in messages and of their format.
 const SCENE: &str = "scene.sgs";
@@ -91,6 +91,40 @@ pub fn work_paint(style: &[u8], tell: Function) -> Result<Vec<u8>, JsError> {
     tell_progress("painting", None);
     let colors = HELD.with_borrow_mut(|held| held.paint(style)).map_err(|error| JsError::new(&error))?;
     Ok(colors.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect())
+}
+
+/// Decodes a mix of `.style.safetensors`, and returns the scene in these colors as a `.glb`.
+#[wasm_bindgen]
+pub fn work_decode(styles: Array, weights: &[f32], content: f32) -> Result<Vec<u8>, JsError> {
+    let styles: Vec<Vec<u8>> = styles.iter().map(|bytes| Uint8Array::new(&bytes).to_vec()).collect();
+    let styles: Vec<_> = styles.iter().map(Vec::as_slice).zip(weights.iter().copied()).collect();
+    let scene = HELD.with_borrow(|held| decoded(&held.scene, &styles, content));
+    Ok(file::scene_to_bytes("scene.glb", &scene.map_err(|error| JsError::new(&error))?)?)
+}
+
+/// A scene in the decoded colors of a mix of styles: bytes of `.style.safetensors`, and their weights.
+fn decoded(scene: &Scene, styles: &[(&[u8], f32)], content: f32) -> Result<Scene, String> {
+    let features = scene.features.as_ref().ok_or_else(|| StylizeError::NoFeatures.to_string())?;
+    let style = |(bytes, weight): &(&[u8], f32)| {
+        let style = file::style_from_bytes(bytes, "a style").map_err(|error| error.to_string())?;
+        Ok((style, f64::from(*weight)))
+    };
+    let styles = styles.iter().map(style).collect::<Result<Vec<_>, String>>()?;
+    let styles: Vec<_> = styles.iter().map(|(style, weight)| (style, *weight)).collect();
+    let map = fold::transfer(features, &styles, f64::from(content)).map_err(|error| error.to_string())?;
+    let bundled;
+    let decoder = match &scene.decoder {
+        Some(decoder) => decoder,
+        None => {
+            let decoder = file::decoder_from_bytes(DECODER, "the default decoder");
+            bundled = decoder.map_err(|error| error.to_string())?;
+            &bundled
+        }
+    };
+    let colors = fold::stylize(scene, decoder, &map).map_err(|error| error.to_string())?;
+    let mut styled = scene.clone();
+    styled.set_colors(&colors);
+    Ok(styled)
 }
 
 fn hold(scene: Scene) {
@@ -196,6 +230,9 @@ mod tests {
         let colors = held.paint(&style).unwrap();
         assert_eq!(colors.len(), held.scene.len());
         assert_ne!(colors, held.scene.base_colors());
+        let styled = decoded(&held.scene, &[(&style, 1.0)], 0.0).unwrap();
+        assert_ne!(styled.base_colors(), held.scene.base_colors());
+        assert!(decoded(&held.scene, &[], 0.0).unwrap_err().contains("mix weights"));
     }
 
     #[test]

@@ -42,9 +42,8 @@ impl PackedInputs {
             return Ok(inputs);
         }
         // No deadlock: packing takes no other lock of ours and waits for no task that could ask for this one.
-        let inputs = Arc::new(
-            StyleInputs::in_slices(scene, decoder, StyleOptions::default(), &mut pauses()).await?,
-        );
+        let inputs =
+            Arc::new(StyleInputs::in_slices(scene, decoder, StyleOptions::default(), &mut pauses()).await?);
         all.push(Packed {
             scene: Arc::downgrade(scene),
             decoder: Arc::downgrade(decoder),
