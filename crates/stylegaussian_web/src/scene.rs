@@ -17,6 +17,10 @@ use crate::{
     worker::{self, Call, State},
 };
 
+/// Why a scene cannot be embedded in a page.
+const NO_WORKER: &str =
+    "this page has no worker, which embedding needs; `stylegaussian embed` does it outside of a browser";
+
 /// The scene that is coming.
 #[derive(Default)]
 enum Next {
@@ -26,6 +30,8 @@ enum Next {
     Asset(Handle<GaussianScene>),
     /// A file of the visitor, which nobody reads yet.
     File { name: String, bytes: Bytes },
+    /// The present scene with features, for which nobody computes yet.
+    Embedded,
     /// A file that the worker reads, or the scene that it embeds.
     Worker { call: Call, is_embedding: bool },
     /// A file that is being read, of a scene that may be the present one with features.
@@ -48,13 +54,7 @@ pub fn spawn(mut commands: Commands) {
 }
 
 /// Begins to load the newest scene that was asked for. The present one stays until it is there.
-pub fn open(
-    mut requests: MessageReader<Request>,
-    mut shown: ResMut<Shown>,
-    splats: Single<&GaussianSplats>,
-    scenes: Res<Assets<GaussianScene>>,
-    assets: Res<AssetServer>,
-) {
+pub fn open(mut requests: MessageReader<Request>, mut shown: ResMut<Shown>, assets: Res<AssetServer>) {
     for request in requests.read() {
         match request {
             Request::OpenAsset(path) => {
@@ -64,10 +64,7 @@ pub fn open(
             Request::OpenFile { name, bytes } => {
                 shown.replace(Next::File { name: name.clone(), bytes: bytes.clone() });
             }
-            Request::Embed => match shown.embed(splats.0.id(), &scenes) {
-                Ok(call) => shown.replace(Next::Worker { call, is_embedding: true }),
-                Err(error) => bridge::tell(Event::Failed, &error),
-            },
+            Request::Embed if !shown.is_embedding() => shown.replace(Next::Embedded),
             Request::CancelEmbedding if shown.is_embedding() => shown.replace(Next::None),
             _ => {}
         }
@@ -78,26 +75,18 @@ impl Shown {
     /// Another scene is to come.
     fn replace(&mut self, next: Next) {
         // It may have minutes to go, and everything else would wait for it.
-        if self.is_embedding() {
+        if matches!(self.next, Next::Worker { is_embedding: true, .. }) {
             worker::restart("embedding was canceled");
         }
         self.next = next;
     }
 
     fn is_embedding(&self) -> bool {
-        matches!(self.next, Next::Worker { is_embedding: true, .. })
+        matches!(self.next, Next::Embedded | Next::Worker { is_embedding: true, .. })
     }
 
-    /// Has the worker embed a scene.
+    /// Has the worker, which is ready, embed a scene.
     fn embed(&self, id: AssetId<GaussianScene>, scenes: &Assets<GaussianScene>) -> Result<Call, String> {
-        if self.is_embedding() {
-            return Err("the scene is being embedded already".into());
-        }
-        if worker::state() != State::Ready {
-            return Err(
-                "this page has no worker, which embedding needs; `stylegaussian embed` does it too".into()
-            );
-        }
         self.hold(id, scenes.get(id).ok_or("there is no scene to embed")?)?;
         Ok(worker::call("work_embed", &[]))
     }
@@ -127,6 +116,7 @@ impl Shown {
     /// The next scene once it is read, and whether it is the present one with features.
     fn poll(
         &mut self,
+        present: AssetId<GaussianScene>,
         scenes: &mut Assets<GaussianScene>,
         assets: &AssetServer,
     ) -> Option<Result<(Handle<GaussianScene>, bool), String>> {
@@ -150,6 +140,17 @@ impl Shown {
                 }
                 None
             }
+            Next::Embedded => match worker::state() {
+                State::Starting => None,
+                State::Ready => match self.embed(present, scenes) {
+                    Ok(call) => {
+                        self.next = Next::Worker { call, is_embedding: true };
+                        None
+                    }
+                    Err(error) => Some(Err(error)),
+                },
+                State::Absent => Some(Err(NO_WORKER.into())),
+            },
             Next::Worker { call, is_embedding } => {
                 let is_embedding = *is_embedding;
                 match call.answer()? {
@@ -188,7 +189,8 @@ pub fn show_loaded(
     mut wish: ResMut<Wish>,
     assets: Res<AssetServer>,
 ) {
-    let Some(next) = shown.poll(&mut scenes, &assets) else { return };
+    let (mut splats, mut transform) = entity.into_inner();
+    let Some(next) = shown.poll(splats.0.id(), &mut scenes, &assets) else { return };
     let is_asset = matches!(shown.next, Next::Asset(_));
     shown.next = Next::None;
     let (handle, is_embedded) = match next {
@@ -197,7 +199,6 @@ pub fn show_loaded(
     };
     let Some(scene) = scenes.get(&handle) else { return };
     let scene = scene.scene();
-    let (mut splats, mut transform) = entity.into_inner();
     if !is_embedded {
         // Captures without an up axis are usually in the axes of structure from motion, with y down.
         let up = scene.up.unwrap_or(Vec3::NEG_Y);

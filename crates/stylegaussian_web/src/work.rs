@@ -226,7 +226,8 @@ mod tests {
         let style = encode(held.open_encoder().unwrap(), "halftone.png", png).unwrap();
         assert!(encode(held.open_encoder().unwrap(), "halftone.png", &png[..100]).is_err());
         assert!(held.paint(&style).unwrap_err().contains("no features"));
-        held.scene = read(include_bytes!("../../../assets/demo.sgs").to_vec(), SCENE).unwrap();
+        let demo = read(include_bytes!("../../../assets/demo.sgs").to_vec(), SCENE).unwrap();
+        held.scene = demo.subset(&Vec::from_iter(0..3000));
         let colors = held.paint(&style).unwrap();
         assert_eq!(colors.len(), held.scene.len());
         assert_ne!(colors, held.scene.base_colors());
