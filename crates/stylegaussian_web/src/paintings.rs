@@ -170,7 +170,7 @@ pub fn advance(
 ) {
     for (name, painting) in &mut paintings.0 {
         let advanced = painting.advance_style(name, &mut styles);
-        let advanced = advanced.and_then(|()| painting.advance_look(&mut looks, &scenes, &shown));
+        let advanced = advanced.and_then(|()| painting.advance_look(name, &mut looks, &scenes, &shown));
         if let Err(error) = advanced {
             bridge::tell(Event::Failed, &error);
             // Asked for again, it is tried again.
@@ -183,7 +183,6 @@ impl Painting {
     fn advance_style(&mut self, name: &str, styles: &mut Assets<StyleStatistics>) -> Result<(), String> {
         match &self.encoded {
             Encoded::Wanted if worker::state() == State::Ready => {
-                let name = name.split_once(':').map_or(name, |(_, name)| name);
                 let file = match &self.file {
                     File::Dropped(bytes) => worker::bytes(bytes),
                     File::Asset(path) => worker::asset(path),
@@ -212,6 +211,7 @@ impl Painting {
 
     fn advance_look(
         &mut self,
+        name: &str,
         looks: &mut Assets<StyleLook>,
         scenes: &Assets<GaussianScene>,
         shown: &Shown,
@@ -221,7 +221,8 @@ impl Painting {
         match &laid_on.stage {
             Stage::Wanted if worker::state() == State::Ready => {
                 shown.hold(laid_on.scene, scene)?;
-                laid_on.stage = Stage::Coming(worker::call("work_paint", &[worker::bytes(style)]));
+                laid_on.stage =
+                    Stage::Coming(worker::call("work_paint", &[name.into(), worker::bytes(style)]));
             }
             Stage::Coming(call) => {
                 let Some(colors) = call.answer() else { return Ok(()) };

@@ -1,6 +1,6 @@
 //! Computations without an app: the page's [`worker`](crate::worker) calls them, in a module of its own. They hold one scene.
 
-use std::cell::RefCell;
+use std::{cell::RefCell, collections::HashMap};
 
 use bevy::math::UVec2;
 use bevy_stylegaussian::{
@@ -8,7 +8,7 @@ use bevy_stylegaussian::{
         Decoder, Neighbors, Scene,
         file::{self, ReadOptions, Reading, SceneReader},
         fold::{self, StylizeError},
-        paint::{Brush, Surface, repaint},
+        paint::{Brush, Paint, Surface, repaint},
         views::choose_views,
     },
     stylegaussian_encoder::{Encoder, Image, StyleSize, painted_style},
@@ -37,6 +37,8 @@ struct Held {
     surface: Option<Surface>,
     /// The default encoder, once it was needed.
     encoder: Option<Encoder>,
+    /// The paint of the images that were encoded, by their names as styles. Files round it.
+    paints: HashMap<String, Paint>,
 }
 
 thread_local! {
@@ -73,23 +75,21 @@ pub fn work_embed(tell: Function) -> Result<Vec<u8>, JsError> {
     })
 }
 
-/// Encodes a JPEG or PNG image, and returns its statistics and paint as a `.style.safetensors`.
+/// Encodes a JPEG or PNG image that has this name as a style, and returns its statistics and paint as a `.style.safetensors`.
 #[wasm_bindgen]
 pub fn work_encode(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, JsError> {
     TELL.set(Some(tell));
     tell_progress("encoding", None);
-    HELD.with_borrow_mut(|held| {
-        let encoder = held.open_encoder().map_err(|error| JsError::new(&error))?;
-        encode(encoder, name, bytes).map_err(|error| JsError::new(&error))
-    })
+    HELD.with_borrow_mut(|held| held.encode(name, bytes)).map_err(|error| JsError::new(&error))
 }
 
-/// Lays the paint of a `.style.safetensors` on the scene, and returns its colors, f32 `[N, 3]` in the order of a `.sgs`.
+/// Lays the paint of an image that was encoded under this name, or else that of a `.style.safetensors`, on the scene, and returns its colors, f32 `[N, 3]` in the order of a `.sgs`.
 #[wasm_bindgen]
-pub fn work_paint(style: &[u8], tell: Function) -> Result<Vec<u8>, JsError> {
+pub fn work_paint(name: &str, style: &[u8], tell: Function) -> Result<Vec<u8>, JsError> {
     TELL.set(Some(tell));
     tell_progress("painting", None);
-    let colors = HELD.with_borrow_mut(|held| held.paint(style)).map_err(|error| JsError::new(&error))?;
+    let colors =
+        HELD.with_borrow_mut(|held| held.paint(name, style)).map_err(|error| JsError::new(&error))?;
     Ok(colors.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect())
 }
 
@@ -158,14 +158,6 @@ pub fn read(bytes: Vec<u8>, name: &str) -> Result<Scene, String> {
     }
 }
 
-/// The style of an image, with its paint.
-fn encode(encoder: &Encoder, name: &str, bytes: &[u8]) -> Result<Vec<u8>, String> {
-    let image = Image::from_bytes(bytes, name.as_ref()).map_err(|error| error.to_string())?;
-    let (statistics, paint) =
-        painted_style(encoder, &image, StyleSize::default()).map_err(|error| format!("{name}: {error}"))?;
-    file::painted_style_to_bytes(name, &statistics, &paint).map_err(|error| error.to_string())
-}
-
 impl Held {
     fn open_encoder(&mut self) -> Result<&Encoder, String> {
         if self.encoder.is_none() {
@@ -175,14 +167,29 @@ impl Held {
         self.encoder.as_ref().ok_or_else(String::new)
     }
 
-    fn paint(&mut self, style: &[u8]) -> Result<Vec<[f32; 3]>, String> {
+    /// The style of an image, with its paint.
+    fn encode(&mut self, style: &str, bytes: &[u8]) -> Result<Vec<u8>, String> {
+        let name = style.split_once(':').map_or(style, |(_, name)| name);
+        let image = Image::from_bytes(bytes, name.as_ref()).map_err(|error| error.to_string())?;
+        let encoded = painted_style(self.open_encoder()?, &image, StyleSize::default());
+        let (statistics, paint) = encoded.map_err(|error| format!("{name}: {error}"))?;
+        let bytes =
+            file::painted_style_to_bytes(name, &statistics, &paint).map_err(|error| error.to_string());
+        self.paints.insert(style.into(), paint);
+        bytes
+    }
+
+    fn paint(&mut self, name: &str, style: &[u8]) -> Result<Vec<[f32; 3]>, String> {
         if self.scene.features.is_none() {
             return Err(StylizeError::NoFeatures.to_string());
         }
-        let paint = file::paint_from_bytes(style, "a painting").map_err(|error| error.to_string())?;
-        let paint = paint.ok_or("found a style without paint")?;
+        // The worker that encoded it may have been stopped.
+        if !self.paints.contains_key(name) {
+            let paint = file::paint_from_bytes(style, name).map_err(|error| error.to_string())?;
+            self.paints.insert(name.into(), paint.ok_or("found a style without paint")?);
+        }
         let surface = self.surface.get_or_insert_with(|| Surface::new(&self.scene, 1.0));
-        Ok(repaint(&self.scene, surface, &[(&paint, 1.0)], 0.0, Brush::default()))
+        Ok(repaint(&self.scene, surface, &[(&self.paints[name], 1.0)], 0.0, Brush::default()))
     }
 
     fn embed(&mut self) -> Result<Vec<u8>, String> {
@@ -223,12 +230,14 @@ mod tests {
     fn a_painting_is_encoded_and_laid_on() {
         let png = include_bytes!("../../../assets/styles/halftone.png");
         let mut held = Held::default();
-        let style = encode(held.open_encoder().unwrap(), "halftone.png", png).unwrap();
-        assert!(encode(held.open_encoder().unwrap(), "halftone.png", &png[..100]).is_err());
-        assert!(held.paint(&style).unwrap_err().contains("no features"));
+        let style = held.encode("image:halftone.png", png).unwrap();
+        let error = held.encode("image:halftone.png", &png[..100]).unwrap_err();
+        assert!(error.starts_with("halftone.png"), "{error}");
+        assert!(held.paint("image:halftone.png", &style).unwrap_err().contains("no features"));
         let demo = read(include_bytes!("../../../assets/demo.sgs").to_vec(), SCENE).unwrap();
         held.scene = demo.subset(&Vec::from_iter(0..3000));
-        let colors = held.paint(&style).unwrap();
+        let colors = held.paint("image:halftone.png", &style).unwrap();
+        assert_eq!(held.paint("of a file", &style).unwrap().len(), colors.len());
         assert_eq!(colors.len(), held.scene.len());
         assert_ne!(colors, held.scene.base_colors());
         let styled = decoded(&held.scene, &[(&style, 1.0)], 0.0).unwrap();
