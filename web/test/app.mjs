@@ -194,7 +194,7 @@ test("frames keep coming during a change of style", options, async () => {
       observer.observe({ type: "longtask" });
       watched.frames.length = 0;
       const begun = performance.now();
-      while (performance.now() - begun < 15_000 || watched.frames.length < 25) {
+      while (performance.now() - begun < 15_000 || watched.frames.length < 16) {
         app.turn(0.01, 0);
         await new Promise(requestAnimationFrame);
       }
@@ -207,7 +207,7 @@ test("frames keep coming during a change of style", options, async () => {
     console.log(`${name}: milliseconds between frames, and of the script's longest task`, told);
     return told;
   };
-  const drawing = await measured("drawing alone");
+  let drawing = await measured("drawing alone");
   // A script's part may be in one frame alone, so its longest task counts.
   const expectShortTasks = ({ task }) =>
     assert.ok(task <= drawing.task + 100, `found a task of ${task} ms, beside ${drawing.task} for drawing`);
@@ -216,8 +216,14 @@ test("frames keep coming during a change of style", options, async () => {
     const styling = await measured(style, () => page.click(`[data-style="${style}"]`));
     assert.equal(await page.getAttribute("body", "data-state"), "styling");
     expectShortTasks(styling);
-    // The GPU's part is in every frame, so it shows in the median; single frames also wait for whatever else the machine does.
-    assert.ok(styling.gap <= drawing.gap + 100, `found ${styling.gap} ms between frames, beside ${drawing.gap} for drawing`);
+    await clicked(page, "");
+    const before = drawing;
+    drawing = await measured("drawing alone");
+    // The GPU's part is in every frame, so it shows in the median; single frames also wait for whatever else the machine does. So
+    // do all frames, by as much as drawing alone takes before or after.
+    const [least, most] = [before.gap, drawing.gap].sort((a, b) => a - b);
+    const allowed = most + (most - least) + 100;
+    assert.ok(styling.gap <= allowed, `found ${styling.gap} ms between frames, beside ${least} to ${most} for drawing`);
   }
   // The worker encodes and paints. It takes a core from SwiftShader, so the script's part alone is of interest.
   await page.selectOption("#kind", "paint");

@@ -26,8 +26,8 @@ const NO_WORKER: &str =
 enum Next {
     #[default]
     None,
-    /// An asset of the server.
-    Asset(Handle<GaussianScene>),
+    /// An asset of the server, and its path.
+    Asset(Handle<GaussianScene>, String),
     /// A file of the visitor, which nobody reads yet.
     File { name: String, bytes: Bytes },
     /// The present scene with features, for which nobody computes yet.
@@ -42,10 +42,8 @@ enum Next {
 #[derive(Resource, Default)]
 pub struct Shown {
     next: Next,
-    /// The path of the asset that comes, or came last.
-    path: Option<String>,
-    /// The asset of that path, once it is shown.
-    of_path: Option<AssetId<GaussianScene>>,
+    /// The asset that was shown last, and its path.
+    asset: Option<(AssetId<GaussianScene>, String)>,
 }
 
 /// Spawns the entity that shows scenes.
@@ -57,10 +55,7 @@ pub fn spawn(mut commands: Commands) {
 pub fn open(mut requests: MessageReader<Request>, mut shown: ResMut<Shown>, assets: Res<AssetServer>) {
     for request in requests.read() {
         match request {
-            Request::OpenAsset(path) => {
-                shown.replace(Next::Asset(assets.load(path.clone())));
-                shown.path = Some(path.clone());
-            }
+            Request::OpenAsset(path) => shown.replace(Next::Asset(assets.load(path.clone()), path.clone())),
             Request::OpenFile { name, bytes } => {
                 shown.replace(Next::File { name: name.clone(), bytes: bytes.clone() });
             }
@@ -100,8 +95,8 @@ impl Shown {
             return Ok(());
         }
         // To load a file again costs no frame; to write a scene does.
-        let file = match &self.path {
-            Some(path) if self.of_path == Some(id) => worker::asset(path),
+        let file = match &self.asset {
+            Some((asset, path)) if *asset == id => worker::asset(path),
             _ => {
                 let bytes = scene_to_bytes("scene.sgs", scene.scene()).map_err(|error| error.to_string())?;
                 worker::bytes(&bytes)
@@ -113,43 +108,41 @@ impl Shown {
         Ok(())
     }
 
+    /// Begins what waits for the worker, once it is known whether there is one.
+    fn begin(
+        &mut self,
+        present: AssetId<GaussianScene>,
+        scenes: &Assets<GaussianScene>,
+    ) -> Result<(), String> {
+        self.next = match (&self.next, worker::state()) {
+            (Next::File { name, bytes }, State::Ready) => {
+                worker::holds(None);
+                let given = [name.into(), worker::bytes(&bridge::take(bytes))];
+                Next::Worker { call: worker::call("work_read", &given), is_embedding: false }
+            }
+            (Next::File { name, bytes }, State::Absent) => {
+                reading(name.clone(), bridge::take(bytes), false, false)
+            }
+            (Next::Embedded, State::Ready) => {
+                Next::Worker { call: self.embed(present, scenes)?, is_embedding: true }
+            }
+            (Next::Embedded, State::Absent) => return Err(NO_WORKER.into()),
+            _ => return Ok(()),
+        };
+        Ok(())
+    }
+
     /// The next scene once it is read, and whether it is the present one with features.
     fn poll(
         &mut self,
-        present: AssetId<GaussianScene>,
         scenes: &mut Assets<GaussianScene>,
         assets: &AssetServer,
     ) -> Option<Result<(Handle<GaussianScene>, bool), String>> {
         match &mut self.next {
-            Next::None => None,
-            Next::Asset(handle) => match assets.get_load_state(&*handle) {
+            Next::None | Next::File { .. } | Next::Embedded => None,
+            Next::Asset(handle, _) => match assets.get_load_state(&*handle) {
                 Some(LoadState::Failed(error)) => Some(Err(error.to_string())),
                 _ => scenes.contains(&*handle).then(|| Ok((handle.clone(), false))),
-            },
-            Next::File { name, bytes } => {
-                let (name, bytes) = (name.clone(), bytes.clone());
-                match worker::state() {
-                    State::Starting => {}
-                    State::Ready => {
-                        worker::holds(None);
-                        let given = [name.into(), worker::bytes(&bridge::take(&bytes))];
-                        self.next =
-                            Next::Worker { call: worker::call("work_read", &given), is_embedding: false };
-                    }
-                    State::Absent => self.next = reading(name, bridge::take(&bytes), false, false),
-                }
-                None
-            }
-            Next::Embedded => match worker::state() {
-                State::Starting => None,
-                State::Ready => match self.embed(present, scenes) {
-                    Ok(call) => {
-                        self.next = Next::Worker { call, is_embedding: true };
-                        None
-                    }
-                    Err(error) => Some(Err(error)),
-                },
-                State::Absent => Some(Err(NO_WORKER.into())),
             },
             Next::Worker { call, is_embedding } => {
                 let is_embedding = *is_embedding;
@@ -190,9 +183,10 @@ pub fn show_loaded(
     assets: Res<AssetServer>,
 ) {
     let (mut splats, mut transform) = entity.into_inner();
-    let Some(next) = shown.poll(splats.0.id(), &mut scenes, &assets) else { return };
-    let is_asset = matches!(shown.next, Next::Asset(_));
-    shown.next = Next::None;
+    let begun = shown.begin(splats.0.id(), &scenes);
+    let next = begun.map_or_else(|error| Some(Err(error)), |()| shown.poll(&mut scenes, &assets));
+    let Some(next) = next else { return };
+    let last = std::mem::take(&mut shown.next);
     let (handle, is_embedded) = match next {
         Ok(next) => next,
         Err(error) => return bridge::tell(Event::Failed, &error),
@@ -210,8 +204,8 @@ pub fn show_loaded(
     }
     let can_be_styled = scene.features.is_some();
     bridge::tell(Event::Loaded, &format!("{} {can_be_styled}", scene.len()));
-    if is_asset {
-        shown.of_path = Some(handle.id());
+    if let Next::Asset(handle, path) = last {
+        shown.asset = Some((handle.id(), path));
     }
     splats.0 = handle;
     // Paint belongs to a scene.
