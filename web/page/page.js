@@ -193,6 +193,7 @@ async function start() {
   await module.default({ module_or_path: fetchModule() });
   app = module;
   app.listen(hear);
+  app.use_worker(() => new Worker(new URL("worker.js", import.meta.url), { type: "module" }));
   app.open_asset("demo.sgs");
   if (wish.style) apply();
 }

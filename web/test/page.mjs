@@ -16,6 +16,7 @@ const STAND_IN = `
   export const open_asset = (path) => { calls.push(["open_asset", path]); tell("loaded", "5 true"); };
   export const [open_file, add_painting, turn, fly, zoom, save_picture_soon] =
     ["open_file", "add_painting", "turn", "fly", "zoom", "save"].map(note);
+  export const use_worker = () => {};
   export const set_style = (...given) => { note("set_style")(...given); tell("applied", "1"); };
 `;
 let browser, server;

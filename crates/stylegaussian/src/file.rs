@@ -44,7 +44,8 @@ pub use error::{FileError, Loaded};
 pub use format::{ReadOptions, WriteOptions};
 pub use formats::{readable_extensions, writable_extensions};
 pub use scenes::{
-    Reading, SceneReader, read_scene, read_scene_with, scene_from_bytes, write_scene, write_scene_with,
+    Reading, SceneReader, read_scene, read_scene_with, scene_from_bytes, scene_to_bytes, write_scene,
+    write_scene_with,
 };
 
 /// Reads a decoder (`*.decoder.safetensors`).
@@ -154,9 +155,24 @@ pub fn write_mask(path: &Path, mask: &StoredMask) -> Result<(), FileError> {
 /// # Errors
 /// As [`write_style`], or if the paint's shapes do not fit one another.
 pub fn write_painted_style(path: &Path, style: &ChannelStatistics, paint: &Paint) -> Result<(), FileError> {
-    let mut tensors = style::prepare(style).map_err(|mismatch| mismatch.at(path))?;
-    style::add_paint(&mut tensors, paint).map_err(|mismatch| mismatch.at(path))?;
+    let tensors = style::prepare_painted(style, paint).map_err(|mismatch| mismatch.at(path))?;
     write_atomically(path, |out| tensors.write(out))
+}
+
+/// The bytes that [`write_painted_style`] writes. Errors call the file `name`.
+///
+/// # Errors
+/// If shapes do not fit one another, or a value is not finite.
+pub fn painted_style_to_bytes(
+    name: &str,
+    style: &ChannelStatistics,
+    paint: &Paint,
+) -> Result<Vec<u8>, FileError> {
+    let path = Path::new(name);
+    let tensors = style::prepare_painted(style, paint).map_err(|mismatch| mismatch.at(path))?;
+    let mut bytes = Vec::new();
+    tensors.write(&mut bytes).map_err(|source| FileError::Io { path: path.into(), source })?;
+    Ok(bytes)
 }
 
 /// Reads the paint of a style (`*.style.safetensors`), or `None` if it carries none.

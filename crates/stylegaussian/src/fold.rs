@@ -11,7 +11,10 @@
 //! numbers and not the difference of two large ones. Folding costs the same for any number of Gaussians, and is done in
 //! f64: gains reach 1e8 (1 / [`STD_DEV_EPSILON`](crate::statistics::STD_DEV_EPSILON)), beyond the digits of f32.
 
-use std::borrow::Cow;
+use std::{
+    borrow::Cow,
+    future::{Future, ready},
+};
 
 use rayon::prelude::*;
 
@@ -25,6 +28,7 @@ use crate::{
     neighbors::Neighbors,
     noise::noise,
     scene::{Features, Scene},
+    slices::{SLICE, at_once},
     statistics::{ChannelStatistics, ContentStatistics},
 };
 
@@ -221,10 +225,22 @@ pub fn fold_layer(
 
 /// Inputs of a folded first layer: f' - m' beside the extra inputs `[N, L + E]`.
 pub fn centered_inputs(features: &Features, mean_latent: &[f64]) -> Vec<f32> {
+    at_once(centered_inputs_in_slices(features, mean_latent, &mut || ready(())))
+}
+
+/// [`centered_inputs`] in [slices](crate::slices).
+pub async fn centered_inputs_in_slices<P: Future<Output = ()>>(
+    features: &Features,
+    mean_latent: &[f64],
+    pause: &mut impl FnMut() -> P,
+) -> Vec<f32> {
     let (n_latent, n_extra) = (features.n_latent, features.n_extra);
     let n = features.values.len() / n_latent;
     let mut inputs = Vec::with_capacity(n * (n_latent + n_extra));
     for (i, row) in features.values.chunks_exact(n_latent).enumerate() {
+        if i % SLICE == 0 {
+            pause().await;
+        }
         // Subtracted in f64 and rounded once. A mean in f32 would cost small features around a large mean their digits.
         inputs.extend(row.iter().zip(mean_latent).map(|(value, mean)| (f64::from(*value) - mean) as f32));
         inputs.extend_from_slice(&features.extra[i * n_extra..][..n_extra]);
@@ -235,6 +251,15 @@ pub fn centered_inputs(features: &Features, mean_latent: &[f64]) -> Vec<f32> {
 /// A scene's features with the decoder's procedural inputs (noise and base color) appended to the extra inputs, or
 /// `None` if the scene has no features.
 pub fn inputs_of<'a>(scene: &'a Scene, decoder: &Decoder) -> Option<Cow<'a, Features>> {
+    at_once(inputs_in_slices(scene, decoder, &mut || ready(())))
+}
+
+/// [`inputs_of`] in [slices](crate::slices).
+pub async fn inputs_in_slices<'a, P: Future<Output = ()>>(
+    scene: &'a Scene,
+    decoder: &Decoder,
+    pause: &mut impl FnMut() -> P,
+) -> Option<Cow<'a, Features>> {
     let features = scene.features.as_ref()?;
     if decoder.n_procedural() == 0 {
         return Some(Cow::Borrowed(features));
@@ -244,6 +269,9 @@ pub fn inputs_of<'a>(scene: &'a Scene, decoder: &Decoder) -> Option<Cow<'a, Feat
     inputs.extra.clear();
     // Noise goes by the index in the source, so that sorting or thinning a scene leaves its strokes alone.
     for (i, (color, source_index)) in scene.base_colors().iter().zip(&scene.order).enumerate() {
+        if i % SLICE == 0 {
+            pause().await;
+        }
         inputs.extra.extend_from_slice(&features.extra[i * features.n_extra..][..features.n_extra]);
         inputs.extra.extend((0..decoder.n_noise as u32).map(|channel| noise(*source_index, channel)));
         if decoder.base_color {

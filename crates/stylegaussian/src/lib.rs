@@ -38,6 +38,7 @@ pub mod raycast;
 pub mod recolor;
 pub mod scene;
 pub mod sh;
+pub mod slices;
 pub mod splat;
 pub mod split;
 pub mod statistics;

@@ -1,8 +1,10 @@
 //! Channel statistics of features, which AdaIN matches.
 
+use std::future::{Future, ready};
+
 use rayon::prelude::*;
 
-use crate::{encoder_id::EncoderId, scene::Features};
+use crate::{encoder_id::EncoderId, scene::Features, slices::at_once};
 
 /// Mean and unbiased standard deviation of D channels, over pixels of an image or over Gaussians of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,8 +45,17 @@ impl ContentStatistics {
     /// Computed from the covariance of the latent features: std(f)_d = sqrt((A Cov(f') A^T)_dd) + 1e-8, unbiased. The
     /// full features `[N, D]` are never formed. If N <= 1, std(f) is 1e-8.
     pub fn of(features: &Features) -> Self {
+        at_once(Self::of_in_slices(features, &mut || ready(())))
+    }
+
+    /// [`of`](Self::of) in [slices](crate::slices).
+    pub async fn of_in_slices<P: Future<Output = ()>>(
+        features: &Features,
+        pause: &mut impl FnMut() -> P,
+    ) -> Self {
         let n_latent = features.n_latent;
-        let (mean_latent, covariance) = (mean_latent(features), covariance_latent(features));
+        let mean_latent = mean_latent(features);
+        let covariance = covariance_in_slices(features, &mean_latent, pause).await;
         let row = |d: usize| features.basis[d * n_latent..][..n_latent].iter().map(|a| f64::from(*a));
         let mean = |d: usize| {
             f64::from(features.offset[d]) + row(d).zip(&mean_latent).map(|(a, m)| a * m).sum::<f64>()
@@ -88,11 +99,21 @@ pub fn mean_latent(features: &Features) -> Vec<f64> {
 /// Blocks of rows are centered and multiplied in f64, then added in order, so the result does not depend on the number
 /// of threads.
 pub fn covariance_latent(features: &Features) -> Vec<f64> {
+    at_once(covariance_in_slices(features, &mean_latent(features), &mut || ready(())))
+}
+
+/// [`covariance_latent`] in [slices](crate::slices), with mean(f') `[L]`.
+async fn covariance_in_slices<P: Future<Output = ()>>(
+    features: &Features,
+    mean: &[f64],
+    pause: &mut impl FnMut() -> P,
+) -> Vec<f64> {
     // Large enough that the L x L sum of a block costs little beside its rows, small enough to occupy all threads.
     const BLOCK_ROWS: usize = 1024;
+    // Enough for all threads of most machines.
+    const SLICE_BLOCKS: usize = 16;
     let n_latent = features.n_latent;
     let n = features.values.len() / n_latent;
-    let mean = mean_latent(features);
     // Centered first. The formula in one pass, E(x y) - E(x) E(y), cancels if means are large beside deviations.
     let block_sum = |rows: &[f32]| {
         let centered: Vec<f64> =
@@ -106,10 +127,13 @@ pub fn covariance_latent(features: &Features) -> Vec<f64> {
         }
         sum
     };
-    let blocks: Vec<Vec<f64>> = features.values.par_chunks(BLOCK_ROWS * n_latent).map(block_sum).collect();
     let mut covariance = vec![0.0; n_latent * n_latent];
-    for block in blocks {
-        covariance.iter_mut().zip(block).for_each(|(sum, value)| *sum += value);
+    for slice in features.values.chunks(SLICE_BLOCKS * BLOCK_ROWS * n_latent) {
+        let blocks: Vec<Vec<f64>> = slice.par_chunks(BLOCK_ROWS * n_latent).map(block_sum).collect();
+        for block in blocks {
+            covariance.iter_mut().zip(block).for_each(|(sum, value)| *sum += value);
+        }
+        pause().await;
     }
     // The sum over one Gaussian or none is 0, whatever it is divided by.
     let divisor = if n > 1 { (n - 1) as f64 } else { 1.0 };

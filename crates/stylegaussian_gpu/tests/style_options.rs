@@ -3,7 +3,7 @@
 mod random;
 
 use random::Random;
-use stylegaussian::{Activation, Decoder, Scene, fold};
+use stylegaussian::{Activation, Decoder, Scene, fold, slices::SLICE};
 use stylegaussian_gpu::{
     colors::GaussianColors,
     device::{DeviceError, DeviceOptions, HeadlessDevice},
@@ -214,4 +214,35 @@ fn precisions_that_do_not_fit_are_errors() {
     assert!(precisions.contains("a precision of F32, the scene has F16"), "{precisions}");
     let bytes = refused(&decoder, Precision::Unorm8, Precision::Unorm8);
     assert!(bytes.contains("leaky_relu:0.2"), "{bytes}");
+}
+
+/// A page may draw between the slices of packing: no slice holds more than a fixed number of Gaussians.
+#[test]
+fn packing_pauses_in_proportion_to_the_scene() {
+    let pauses_of = |n: usize| {
+        let mut random = Random(43);
+        let scene = random.scene(n, 8, 0, 8);
+        let decoder = random.decoder(&scene, 8, &[16, 3], LEAKY);
+        let n_pauses = std::cell::Cell::new(0);
+        let mut pause = || {
+            n_pauses.set(n_pauses.get() + 1);
+            let mut has_waited = false;
+            std::future::poll_fn(move |context| {
+                context.waker().wake_by_ref();
+                match std::mem::replace(&mut has_waited, true) {
+                    true => std::task::Poll::Ready(()),
+                    false => std::task::Poll::Pending,
+                }
+            })
+        };
+        let options = StyleOptions::default();
+        let sliced =
+            pollster::block_on(StyleInputs::in_slices(&scene, &decoder, options, &mut pause)).unwrap();
+        let at_once = StyleInputs::new(&scene, &decoder).unwrap();
+        assert_eq!(sliced.content().statistics(), at_once.content().statistics());
+        n_pauses.get()
+    };
+    // Centering and planes pause once for every slice; covariances at every fourth.
+    let (few, many) = (pauses_of(2 * SLICE), pauses_of(6 * SLICE));
+    assert_eq!(many - few, 4 + 4 + 1, "{few} and {many} pauses");
 }

@@ -17,15 +17,13 @@ mod tests;
 mod under_observed;
 mod view;
 
-use std::{
-    sync::atomic::{AtomicU32, Ordering},
-    time::Instant,
-};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use rayon::prelude::*;
 use serde::Serialize;
 use stylegaussian::{Features, Neighbors, Scene, random::Random};
 use stylegaussian_encoder::{Encoder, EncoderError, ImageError};
+use web_time::Instant;
 
 use crate::watch::{Stage, Watch};
 use model::Model;

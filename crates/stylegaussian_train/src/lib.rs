@@ -44,17 +44,27 @@
 //! [`Watch`], which can also interrupt them.
 
 pub mod cameras;
+#[cfg(feature = "training")]
 mod causes;
+#[cfg(feature = "training")]
 pub mod contact_sheet;
+#[cfg(feature = "training")]
 pub mod decoder;
 pub mod embed;
+#[cfg(feature = "training")]
 pub mod encoder;
+#[cfg(feature = "training")]
 mod error;
+#[cfg(feature = "training")]
 pub mod eval;
+#[cfg(feature = "training")]
 pub mod images;
+#[cfg(feature = "training")]
 pub mod nn;
+#[cfg(feature = "training")]
 pub mod picture;
 mod watch;
 
+#[cfg(feature = "training")]
 pub use error::TrainError;
 pub use watch::{Progress, Stage, Watch};

@@ -62,6 +62,7 @@ impl Default for Watch<'_> {
 }
 
 /// Running means of two losses, for progress reports.
+#[cfg(feature = "training")]
 pub(crate) struct RunningMeans {
     names: [&'static str; 2],
     /// Weight of the newest value.
@@ -69,6 +70,7 @@ pub(crate) struct RunningMeans {
     means: [Option<f32>; 2],
 }
 
+#[cfg(feature = "training")]
 impl RunningMeans {
     /// Means of losses with these names, in which a new value has weight `rate`.
     pub fn new(names: [&'static str; 2], rate: f32) -> Self {
@@ -89,7 +91,7 @@ impl RunningMeans {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "training"))]
 mod tests {
     use super::*;
 

@@ -5,10 +5,7 @@ use std::{
     sync::{Arc, Mutex},
 };
 
-use bevy::{
-    prelude::*,
-    render::view::screenshot::{Screenshot, save_to_disk},
-};
+use bevy::prelude::*;
 use bevy_stylegaussian::{GaussianSceneFailed, GaussianSceneReady, StyleApplied, StyleFailed};
 use js_sys::Function;
 use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
@@ -57,10 +54,23 @@ pub enum Request {
     Fly(Vec3),
     /// A factor of the distance.
     Zoom(f32),
+    /// Features for the scene that is shown.
+    Embed,
+    /// No features.
+    CancelEmbedding,
+    /// The way in which changes of style are shown.
+    Transition {
+        /// `fade`, `sphere`, `front` or `noise`.
+        kind: String,
+        /// Its time.
+        seconds: f32,
+    },
     /// GPU time per frame for changes of style, in milliseconds.
     Budget(f32),
     /// A download of the picture.
     SavePicture,
+    /// A download of the scene in the colors of the shown style, as a `.glb`.
+    SaveGlb,
 }
 
 /// The kinds of event that the page's script hears.
@@ -68,6 +78,8 @@ pub enum Request {
 pub enum Event {
     /// The first frame was drawn.
     Ready,
+    /// Work that takes a while: `reading`, `encoding`, `painting` or `embedding`, the last with the share that is done, 0..1.
+    Progress,
     /// A scene was read: its number of Gaussians, and whether it can be styled.
     Loaded,
     /// The scene is drawn.
@@ -93,7 +105,7 @@ fn ask(request: Request) {
     REQUESTS.with_borrow_mut(|requests| requests.push(request));
 }
 
-/// Calls `listener` with the kind and the text of each event: `ready`, `loaded`, `shown`, `applied` or `failed`.
+/// Calls `listener` with the kind and the text of each event: `ready`, `progress`, `loaded`, `shown`, `applied` or `failed`.
 #[wasm_bindgen]
 pub fn listen(listener: Function) {
     LISTENER.set(Some(listener));
@@ -122,6 +134,25 @@ pub fn add_painting(name: String, bytes: Vec<u8>) {
 #[wasm_bindgen]
 pub fn set_style(names: Vec<String>, weights: Vec<f32>, content: f32, strength: f32, by_decoder: bool) {
     ask(Request::Style { styles: names.into_iter().zip(weights).collect(), content, strength, by_decoder });
+}
+
+/// Gives the scene that is shown features, in the page's worker, so that it can be styled. It is then `loaded` once more.
+#[wasm_bindgen]
+pub fn embed_soon() {
+    ask(Request::Embed);
+}
+
+/// Ends what [`embed_soon`] has begun.
+#[wasm_bindgen]
+pub fn cancel_embedding() {
+    ask(Request::CancelEmbedding);
+}
+
+/// Sets the way in which changes of style are shown, for those that come: `fade`, `sphere` (from what the camera turns around),
+/// `front` (from left to right) or `noise` (spots that grow), and its time.
+#[wasm_bindgen]
+pub fn set_transition(kind: String, seconds: f32) {
+    ask(Request::Transition { kind, seconds });
 }
 
 /// Sets the GPU time per frame for changes of style, in milliseconds. `Infinity` completes a change in one frame.
@@ -161,10 +192,17 @@ pub fn save_picture_soon() {
     ask(Request::SavePicture);
 }
 
+/// Downloads the scene in the colors of the shown style, as a `.glb`.
+#[wasm_bindgen]
+pub fn save_glb_soon() {
+    ask(Request::SaveGlb);
+}
+
 /// Tells the page's script, if it listens.
 pub fn tell(event: Event, text: &str) {
     let kind = match event {
         Event::Ready => "ready",
+        Event::Progress => "progress",
         Event::Loaded => "loaded",
         Event::Shown => "shown",
         Event::Applied => "applied",
@@ -202,13 +240,6 @@ pub fn take_requests(mut requests: MessageWriter<Request>) {
 pub fn take(bytes: &Bytes) -> Vec<u8> {
     // Nobody panics with the lock held.
     bytes.lock().map(|mut bytes| std::mem::take(&mut *bytes)).unwrap_or_default()
-}
-
-/// Downloads the picture as a file.
-pub fn save_picture(mut requests: MessageReader<Request>, mut commands: Commands) {
-    if requests.read().any(|request| matches!(request, Request::SavePicture)) {
-        commands.spawn(Screenshot::primary_window()).observe(save_to_disk("stylegaussian.png"));
-    }
 }
 
 /// Tells that a scene is drawn.

@@ -44,6 +44,21 @@ impl Orbit {
         Transform::from_translation(self.target + rotation * Vec3::Z * self.distance).with_rotation(rotation)
     }
 
+    /// The point that the camera turns around, in world space.
+    pub fn target(&self) -> Vec3 {
+        self.target
+    }
+
+    /// The distance from there, in world units.
+    pub fn distance(&self) -> f32 {
+        self.distance
+    }
+
+    /// The camera's direction to the right, in world space.
+    pub fn right(&self) -> Dir3 {
+        Dir3::new(self.rotation() * Vec3::X).unwrap_or(Dir3::X)
+    }
+
     /// Turns around the target by angles in radians.
     pub fn turn(&mut self, yaw: f32, pitch: f32) {
         self.yaw += yaw;

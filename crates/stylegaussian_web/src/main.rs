@@ -7,8 +7,12 @@
 mod bridge;
 mod camera;
 mod failure;
+mod paintings;
+mod save;
 mod scene;
 mod style;
+mod work;
+mod worker;
 
 use bevy::{asset::AssetMetaCheck, core_pipeline::tonemapping::Tonemapping, prelude::*};
 use bevy_stylegaussian::{StyleBudget, StyleGaussianPlugin};
@@ -22,6 +26,10 @@ const CANVAS: &str = "#scene";
 const BUDGET: f32 = 8.0;
 
 fn main() -> AppExit {
+    if is_worker() {
+        // The page's worker runs this same module, for the functions of `work` alone.
+        return AppExit::Success;
+    }
     let window = Window {
         title: "StyleGaussian".into(),
         canvas: Some(CANVAS.into()),
@@ -42,7 +50,9 @@ fn main() -> AppExit {
         .insert_resource(ClearColor(Color::srgb(0.07, 0.08, 0.1)))
         .add_message::<Request>()
         .init_resource::<scene::Shown>()
-        .init_resource::<style::Paintings>()
+        .init_resource::<style::Wish>()
+        .init_resource::<paintings::Paintings>()
+        .init_resource::<save::Saving>()
         .add_systems(Startup, (scene::spawn, spawn_camera))
         .add_systems(
             Update,
@@ -51,13 +61,16 @@ fn main() -> AppExit {
                 (
                     scene::open,
                     scene::show_loaded,
-                    style::add_paintings,
-                    style::set_budget,
-                    style::put_on,
                     camera::turn,
+                    paintings::take_dropped,
+                    style::set_budget,
+                    style::wish,
+                    style::put_on,
+                    paintings::advance,
                 )
                     .chain(),
-                bridge::save_picture,
+                save::picture,
+                save::scene,
             )
                 .chain(),
         )
@@ -67,6 +80,14 @@ fn main() -> AppExit {
         .add_observer(bridge::tell_applied)
         .add_observer(bridge::tell_failed_style)
         .run()
+}
+
+/// Whether this is a worker of a browser, where there is no page.
+fn is_worker() -> bool {
+    #[cfg(target_family = "wasm")]
+    return !js_sys::Reflect::has(&js_sys::global(), &"document".into()).unwrap_or(false);
+    #[cfg(not(target_family = "wasm"))]
+    return false;
 }
 
 fn spawn_camera(mut commands: Commands) {

@@ -6,29 +6,45 @@ use bevy::{
     tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
 };
 use bevy_stylegaussian::{
-    GaussianScene, GaussianSplats, StyleSource, StyleTransition,
-    stylegaussian::file::{ReadOptions, Reading, SceneReader},
+    GaussianScene, GaussianSplats, StyleSource, StyleTransition, stylegaussian::file::scene_to_bytes,
 };
 
 use crate::{
-    bridge::{self, Event, Request},
+    bridge::{self, Bytes, Event, Request},
     camera::Orbit,
+    style::Wish,
+    work,
+    worker::{self, Call, State},
 };
+
+/// Why a scene cannot be embedded in a page.
+const NO_WORKER: &str =
+    "this page has no worker, which embedding needs; `stylegaussian embed` does it outside of a browser";
 
 /// The scene that is coming.
 #[derive(Default)]
 enum Next {
     #[default]
     None,
-    /// An asset of the server.
-    Asset(Handle<GaussianScene>),
-    /// A file of the visitor, which is being read.
-    File(Task<Result<GaussianScene, String>>),
+    /// An asset of the server, and its path.
+    Asset(Handle<GaussianScene>, String),
+    /// A file of the visitor, which nobody reads yet.
+    File { name: String, bytes: Bytes },
+    /// The present scene with features, for which nobody computes yet.
+    Embedded,
+    /// A file that the worker reads, or the scene that it embeds.
+    Worker { call: Call, is_embedding: bool },
+    /// A file that is being read, of a scene that may be the present one with features.
+    Reading { task: Task<Result<GaussianScene, String>>, of_worker: bool, is_embedded: bool },
 }
 
-/// The scene that is shown next.
+/// The scene that is shown, and the next one.
 #[derive(Resource, Default)]
-pub struct Shown(Next);
+pub struct Shown {
+    next: Next,
+    /// The asset that was shown last, and its path.
+    asset: Option<(AssetId<GaussianScene>, String)>,
+}
 
 /// Spawns the entity that shows scenes.
 pub fn spawn(mut commands: Commands) {
@@ -39,25 +55,121 @@ pub fn spawn(mut commands: Commands) {
 pub fn open(mut requests: MessageReader<Request>, mut shown: ResMut<Shown>, assets: Res<AssetServer>) {
     for request in requests.read() {
         match request {
-            Request::OpenAsset(path) => shown.0 = Next::Asset(assets.load(path.clone())),
+            Request::OpenAsset(path) => shown.replace(Next::Asset(assets.load(path.clone()), path.clone())),
             Request::OpenFile { name, bytes } => {
-                let (name, bytes) = (name.clone(), bridge::take(bytes));
-                shown.0 = Next::File(AsyncComputeTaskPool::get().spawn(async move { read(bytes, &name) }));
+                shown.replace(Next::File { name: name.clone(), bytes: bytes.clone() });
             }
+            Request::Embed if !shown.is_embedding() => shown.replace(Next::Embedded),
+            Request::CancelEmbedding if shown.is_embedding() => shown.replace(Next::None),
             _ => {}
         }
     }
 }
 
-/// Reads a file that the visitor has dropped.
-fn read(bytes: Vec<u8>, name: &str) -> Result<GaussianScene, String> {
-    let mut reader = SceneReader::new(bytes, name, ReadOptions::default());
-    match reader.read().map_err(|error| error.to_string())? {
-        Reading::Scene(loaded) => Ok(GaussianScene::new(loaded.scene)),
-        Reading::Needs(names) => {
-            Err(format!("{name}: it needs other files ({}), expected a scene in one file", names.join(", ")))
+impl Shown {
+    /// Another scene is to come.
+    fn replace(&mut self, next: Next) {
+        // It may have minutes to go, and everything else would wait for it.
+        if matches!(self.next, Next::Worker { is_embedding: true, .. }) {
+            worker::restart("embedding was canceled");
+        }
+        self.next = next;
+    }
+
+    fn is_embedding(&self) -> bool {
+        matches!(self.next, Next::Embedded | Next::Worker { is_embedding: true, .. })
+    }
+
+    /// Has the worker, which is ready, embed a scene.
+    fn embed(&self, id: AssetId<GaussianScene>, scenes: &Assets<GaussianScene>) -> Result<Call, String> {
+        self.hold(id, scenes.get(id).ok_or("there is no scene to embed")?)?;
+        Ok(worker::call("work_embed", &[]))
+    }
+
+    /// Sees that the worker, which is ready, holds a scene.
+    ///
+    /// # Errors
+    /// If the scene cannot be written.
+    pub fn hold(&self, id: AssetId<GaussianScene>, scene: &GaussianScene) -> Result<(), String> {
+        if worker::held() == Some(id) {
+            return Ok(());
+        }
+        // To load a file again costs no frame; to write a scene does.
+        let file = match &self.asset {
+            Some((asset, path)) if *asset == id => worker::asset(path),
+            _ => {
+                let bytes = scene_to_bytes("scene.sgs", scene.scene()).map_err(|error| error.to_string())?;
+                worker::bytes(&bytes)
+            }
+        };
+        // An error comes again from whatever needs the scene.
+        worker::call("work_hold", &[file]);
+        worker::holds(Some(id));
+        Ok(())
+    }
+
+    /// Begins what waits for the worker, once it is known whether there is one.
+    fn begin(
+        &mut self,
+        present: AssetId<GaussianScene>,
+        scenes: &Assets<GaussianScene>,
+    ) -> Result<(), String> {
+        self.next = match (&self.next, worker::state()) {
+            (Next::File { name, bytes }, State::Ready) => {
+                worker::holds(None);
+                let given = [name.into(), worker::bytes(&bridge::take(bytes))];
+                Next::Worker { call: worker::call("work_read", &given), is_embedding: false }
+            }
+            (Next::File { name, bytes }, State::Absent) => {
+                reading(name.clone(), bridge::take(bytes), false, false)
+            }
+            (Next::Embedded, State::Ready) => {
+                Next::Worker { call: self.embed(present, scenes)?, is_embedding: true }
+            }
+            (Next::Embedded, State::Absent) => return Err(NO_WORKER.into()),
+            _ => return Ok(()),
+        };
+        Ok(())
+    }
+
+    /// The next scene once it is read, and whether it is the present one with features.
+    fn poll(
+        &mut self,
+        scenes: &mut Assets<GaussianScene>,
+        assets: &AssetServer,
+    ) -> Option<Result<(Handle<GaussianScene>, bool), String>> {
+        match &mut self.next {
+            Next::None | Next::File { .. } | Next::Embedded => None,
+            Next::Asset(handle, _) => match assets.get_load_state(&*handle) {
+                Some(LoadState::Failed(error)) => Some(Err(error.to_string())),
+                _ => scenes.contains(&*handle).then(|| Ok((handle.clone(), false))),
+            },
+            Next::Worker { call, is_embedding } => {
+                let is_embedding = *is_embedding;
+                match call.answer()? {
+                    Ok(bytes) => self.next = reading("the scene".into(), bytes, true, is_embedding),
+                    Err(error) => return Some(Err(error)),
+                }
+                None
+            }
+            Next::Reading { task, of_worker, is_embedded } => match check_ready(task)? {
+                Ok(scene) => {
+                    let handle = scenes.add(scene);
+                    if *of_worker {
+                        worker::holds(Some(handle.id()));
+                    }
+                    Some(Ok((handle, *is_embedded)))
+                }
+                Err(error) => Some(Err(error)),
+            },
         }
     }
+}
+
+/// Reads a file on the page's thread.
+fn reading(name: String, bytes: Vec<u8>, of_worker: bool, is_embedded: bool) -> Next {
+    let read = async move { work::read(bytes, &name).map(GaussianScene::new) };
+    Next::Reading { task: AsyncComputeTaskPool::get().spawn(read), of_worker, is_embedded }
 }
 
 /// Shows the next scene once it is loaded, and moves the camera to see all of it.
@@ -67,45 +179,37 @@ pub fn show_loaded(
     mut orbit: Single<&mut Orbit>,
     window: Single<&Window>,
     mut scenes: ResMut<Assets<GaussianScene>>,
+    mut wish: ResMut<Wish>,
     assets: Res<AssetServer>,
 ) {
-    let handle = match &mut shown.0 {
-        Next::None => return,
-        Next::Asset(handle) => {
-            if let Some(LoadState::Failed(error)) = assets.get_load_state(&*handle) {
-                bridge::tell(Event::Failed, &error.to_string());
-                shown.0 = Next::None;
-                return;
-            }
-            if scenes.get(&*handle).is_none() {
-                return;
-            }
-            handle.clone()
-        }
-        Next::File(task) => match check_ready(task) {
-            None => return,
-            Some(Ok(scene)) => scenes.add(scene),
-            Some(Err(error)) => {
-                bridge::tell(Event::Failed, &error);
-                shown.0 = Next::None;
-                return;
-            }
-        },
+    let (mut splats, mut transform) = entity.into_inner();
+    let begun = shown.begin(splats.0.id(), &scenes);
+    let next = begun.map_or_else(|error| Some(Err(error)), |()| shown.poll(&mut scenes, &assets));
+    let Some(next) = next else { return };
+    let last = std::mem::take(&mut shown.next);
+    let (handle, is_embedded) = match next {
+        Ok(next) => next,
+        Err(error) => return bridge::tell(Event::Failed, &error),
     };
-    shown.0 = Next::None;
     let Some(scene) = scenes.get(&handle) else { return };
     let scene = scene.scene();
-    // Captures without an up axis are usually in the axes of structure from motion, with y down.
-    let up = scene.up.unwrap_or(Vec3::NEG_Y);
-    let world_from_scene = Quat::from_rotation_arc(up.normalize_or(Vec3::Y), Vec3::Y);
-    let (center, radius) = extent(&scene.means);
-    let aspect = window.width() / window.height().max(1.0);
-    **orbit = Orbit::frame(world_from_scene * center, radius, aspect);
-    let (mut splats, mut transform) = entity.into_inner();
-    *transform = Transform::from_rotation(world_from_scene);
+    if !is_embedded {
+        // Captures without an up axis are usually in the axes of structure from motion, with y down.
+        let up = scene.up.unwrap_or(Vec3::NEG_Y);
+        let world_from_scene = Quat::from_rotation_arc(up.normalize_or(Vec3::Y), Vec3::Y);
+        let (center, radius) = extent(&scene.means);
+        let aspect = window.width() / window.height().max(1.0);
+        **orbit = Orbit::frame(world_from_scene * center, radius, aspect);
+        *transform = Transform::from_rotation(world_from_scene);
+    }
     let can_be_styled = scene.features.is_some();
     bridge::tell(Event::Loaded, &format!("{} {can_be_styled}", scene.len()));
+    if let Next::Asset(handle, path) = last {
+        shown.asset = Some((handle.id(), path));
+    }
     splats.0 = handle;
+    // Paint belongs to a scene.
+    wish.is_due = true;
 }
 
 /// Center and radius of the bulk of a scene. Captures have a few Gaussians far away, which are ignored.

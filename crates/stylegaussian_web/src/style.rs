@@ -1,77 +1,135 @@
 //! Styles by name: those that come with the page, and paintings that the visitor has dropped.
 
-use std::{collections::HashMap, time::Duration};
+use std::time::Duration;
 
-use bevy::{
-    asset::RenderAssetUsages,
-    image::{CompressedImageFormats, ImageSampler, ImageType},
-    prelude::*,
+use bevy::prelude::*;
+use bevy_stylegaussian::{
+    GaussianSplats, StyleBudget, StyleInput, StyleLook, StyleMethod, StyleSource, StyleStatistics,
+    StyleTransition,
 };
-use bevy_stylegaussian::{StyleBudget, StyleInput, StyleMethod, StyleSource, StyleTransition};
+use js_sys::{Array, Float32Array};
+use wasm_bindgen::JsValue;
 
-use crate::bridge::{self, Event, Request};
+use crate::{
+    bridge::{self, Event, Request},
+    camera::Orbit,
+    paintings::{Paintings, Wanted},
+    worker::{self, State},
+};
 
-/// Time in which a style fades in.
-const FADE: Duration = Duration::from_millis(500);
+/// The style that was asked for last.
+#[derive(Resource)]
+pub struct Wish {
+    styles: Vec<(String, f32)>,
+    content: f32,
+    strength: f32,
+    by_decoder: bool,
+    /// Whether it is to be put on the scene, which it is not yet.
+    pub is_due: bool,
+    transition: StyleTransition,
+}
 
-/// Images by the names that the page's script gave them.
-#[derive(Resource, Default)]
-pub struct Paintings(HashMap<String, Handle<Image>>);
+impl Default for Wish {
+    fn default() -> Self {
+        let transition = StyleTransition::default();
+        Self { styles: Vec::new(), content: 0.0, strength: 1.0, by_decoder: false, is_due: false, transition }
+    }
+}
 
-/// Takes images that the visitor has dropped.
-pub fn add_paintings(
-    mut requests: MessageReader<Request>,
-    mut paintings: ResMut<Paintings>,
-    mut images: ResMut<Assets<Image>>,
-) {
+impl Wish {
+    /// What the worker decodes this wish from: styles, their weights and the share of the content. `None` if no decoder is
+    /// asked, or if it is not the worker's to answer.
+    pub fn for_worker(&self, paintings: &Paintings) -> Option<[JsValue; 3]> {
+        if !self.is_decoded() || worker::state() != State::Ready {
+            return None;
+        }
+        let style = |(name, _): &(String, f32)| match name.strip_prefix("decode:") {
+            Some(name) if is_plain(name) => Some(worker::asset(&format!("styles/{name}.style.safetensors"))),
+            _ => paintings.style_file(name),
+        };
+        let styles: Option<Array> = self.styles.iter().map(style).collect();
+        let weights: Vec<f32> = self.styles.iter().map(|(_, weight)| *weight).collect();
+        Some([styles?.into(), Float32Array::from(&weights[..]).into(), self.content.into()])
+    }
+
+    /// Whether the decoder makes the colors of paintings. Statistics alone have no paint, and the styles of a mix are made in
+    /// one way.
+    fn is_decoded(&self) -> bool {
+        self.by_decoder || self.styles.iter().any(|(name, _)| name.starts_with("decode:"))
+    }
+}
+
+/// Takes the newest wish.
+pub fn wish(mut requests: MessageReader<Request>, mut wish: ResMut<Wish>, orbit: Single<&Orbit>) {
     for request in requests.read() {
-        let Request::AddPainting { name, bytes } = request else { continue };
-        match decode(&bridge::take(bytes)) {
-            Ok(image) => {
-                paintings.0.insert(name.clone(), images.add(image));
+        match request {
+            Request::Style { styles, content, strength, by_decoder } => {
+                wish.styles.clone_from(styles);
+                (wish.content, wish.strength, wish.by_decoder) = (*content, *strength, *by_decoder);
+                wish.is_due = true;
             }
-            Err(error) => bridge::tell(Event::Failed, &format!("{name}: {error}")),
+            Request::Transition { kind, seconds } => match transition(kind, *seconds, &orbit) {
+                Some(transition) => wish.transition = transition,
+                None => bridge::tell(Event::Failed, &format!("there is no transition `{kind}`")),
+            },
+            _ => {}
         }
     }
 }
 
-/// Decodes an image. Its content decides its format, and not a name.
-fn decode(bytes: &[u8]) -> Result<Image, String> {
-    let kind = match bytes {
-        [0xff, 0xd8, ..] => "jpg",
-        [0x89, b'P', b'N', b'G', ..] => "png",
-        _ => return Err("found neither a JPEG nor a PNG image".into()),
-    };
-    let sampler = ImageSampler::default();
-    let usage = RenderAssetUsages::MAIN_WORLD;
-    Image::from_buffer(bytes, ImageType::Extension(kind), CompressedImageFormats::NONE, true, sampler, usage)
-        .map_err(|error| error.to_string())
+/// The transition of a name. Edges and spots have their sizes in the picture.
+fn transition(kind: &str, seconds: f32, orbit: &Orbit) -> Option<StyleTransition> {
+    // NaN and less than nothing are no time at all, and an hour is too long for any visitor.
+    let duration = Duration::from_secs_f32(if seconds > 0.0 { seconds.min(3600.0) } else { 0.0 });
+    let size = orbit.distance();
+    Some(match kind {
+        "fade" => StyleTransition::fade(duration),
+        "sphere" => StyleTransition::sphere(orbit.target(), duration).with_softness(0.1 * size),
+        "front" => StyleTransition::front(orbit.right(), duration).with_softness(0.1 * size),
+        "noise" => StyleTransition::dissolve(0.05 * size, duration),
+        _ => return None,
+    })
 }
 
-/// Puts the newest mix on the scene.
+/// Puts the newest wish on the scene.
 pub fn put_on(
-    mut requests: MessageReader<Request>,
-    paintings: Res<Paintings>,
-    scene: Single<(&mut StyleSource, &mut StyleTransition)>,
+    mut wish: ResMut<Wish>,
+    mut paintings: ResMut<Paintings>,
+    scene: Single<(&GaussianSplats, &mut StyleSource, &mut StyleTransition)>,
     mut method: ResMut<StyleMethod>,
+    mut images: ResMut<Assets<Image>>,
+    stored: (Res<Assets<StyleStatistics>>, Res<Assets<StyleLook>>),
     assets: Res<AssetServer>,
 ) {
-    let (mut source, mut transition) = scene.into_inner();
-    for request in requests.read() {
-        let Request::Style { styles, content, strength, by_decoder } = request else { continue };
-        let known = |(name, weight): &(String, f32)| {
-            let input = input(name, &paintings, &assets);
-            if input.is_none() {
-                bridge::tell(Event::Failed, &format!("there is no style `{name}`"));
-            }
-            Some((input?, *weight))
-        };
-        let mix = StyleSource::mix(styles.iter().filter_map(known));
-        // Only a real change may touch the components and the resource.
-        method.set_if_neq(if *by_decoder { StyleMethod::Decoder } else { StyleMethod::Paint });
-        source.set_if_neq(mix.with_content(*content).with_strength(*strength));
-        transition.set_if_neq(StyleTransition::fade(FADE));
+    let is_painting = |name: &str| name.starts_with("image:") || name.starts_with("paint:");
+    // Who encodes a painting is known once the worker has started, or has not.
+    let waits = worker::state() == State::Starting && wish.styles.iter().any(|(name, _)| is_painting(name));
+    if !wish.is_due || waits {
+        return;
     }
+    wish.is_due = false;
+    let (splats, mut source, mut worn) = scene.into_inner();
+    let by_decoder = wish.is_decoded();
+    let mut mix = Vec::new();
+    for (name, weight) in &wish.styles {
+        let input = match is_painting(name) {
+            true => {
+                let wanted = Wanted { name, by_decoder, scene: splats.0.id() };
+                paintings.input(wanted, &assets, &mut images, (&stored.0, &stored.1))
+            }
+            false => Ok(file(name, &assets)),
+        };
+        match input {
+            Ok(Some(input)) => mix.push((input, *weight)),
+            Ok(None) => bridge::tell(Event::Failed, &format!("there is no style `{name}`")),
+            Err(error) => bridge::tell(Event::Failed, &format!("{name}: {error}")),
+        }
+    }
+    let mix = StyleSource::mix(mix).with_content(wish.content).with_strength(wish.strength);
+    // Only a real change may touch the components and the resource.
+    method.set_if_neq(if wish.by_decoder { StyleMethod::Decoder } else { StyleMethod::Paint });
+    source.set_if_neq(mix);
+    worn.set_if_neq(wish.transition.clone());
 }
 
 /// Changes the time that changes of style may take per frame.
@@ -83,20 +141,23 @@ pub fn set_budget(mut requests: MessageReader<Request>, mut budget: ResMut<Style
     }
 }
 
-/// The style of a name `KIND:NAME`: `look:ink` is baked for the demo scene, `paint:ink` an image of the page, `decode:ink`
-/// its statistics, `image:NAME` one that was dropped.
-fn input(name: &str, paintings: &Paintings, assets: &AssetServer) -> Option<StyleInput> {
+/// The style of a file beside the page: `look:ink` is baked for the demo scene, `decode:ink` are the statistics of an image.
+fn file(name: &str, assets: &AssetServer) -> Option<StyleInput> {
     let (kind, name) = name.split_once(':')?;
     // From a link, so it may be anything; it becomes part of a path.
-    let is_plain = name.chars().all(|c| c.is_ascii_alphanumeric() || "_-.".contains(c));
+    if !is_plain(name) {
+        return None;
+    }
     match kind {
-        "image" => paintings.0.get(name).cloned().map(StyleInput::Image),
-        _ if !is_plain => None,
         "look" => Some(StyleInput::Look(assets.load(format!("looks/{name}.look.safetensors")))),
-        "paint" => Some(StyleInput::Image(assets.load(format!("styles/{name}")))),
         "decode" => Some(StyleInput::Preset(assets.load(format!("styles/{name}.style.safetensors")))),
         _ => None,
     }
+}
+
+/// Whether a name may be part of a path.
+pub fn is_plain(name: &str) -> bool {
+    name.chars().all(|c| c.is_ascii_alphanumeric() || "_-.".contains(c))
 }
 
 #[cfg(test)]
@@ -104,11 +165,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_images_are_decoded() {
-        let png = include_bytes!("../../../assets/styles/halftone.png");
-        assert!(decode(png).is_ok());
-        assert!(decode(&png[..100]).is_err());
-        assert!(decode(b"GIF89a").is_err());
-        assert!(decode(b"").is_err());
+    fn transitions_go_by_name_and_take_any_time() {
+        let orbit = Orbit::default();
+        for kind in ["fade", "sphere", "front", "noise"] {
+            assert_eq!(
+                transition(kind, 1.5, &orbit).unwrap().duration,
+                Duration::from_millis(1500),
+                "{kind}"
+            );
+        }
+        assert_eq!(transition("spiral", 1.0, &orbit), None);
+        for seconds in [f32::NAN, -1.0, f32::NEG_INFINITY] {
+            assert_eq!(transition("fade", seconds, &orbit).unwrap().duration, Duration::ZERO);
+        }
+        assert_eq!(transition("fade", f32::INFINITY, &orbit).unwrap().duration.as_secs(), 3600);
     }
 }

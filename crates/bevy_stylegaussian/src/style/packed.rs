@@ -1,10 +1,13 @@
 //! Inputs of the style pass, packed once for each scene and decoder, in a task.
 
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 
+use async_lock::Mutex;
 use bevy::prelude::*;
 use stylegaussian::{Decoder, Scene, fold::StylizeError};
-use stylegaussian_gpu::style::StyleInputs;
+use stylegaussian_gpu::style::{StyleInputs, StyleOptions};
+
+use crate::background::pauses;
 
 /// Packed inputs that are still in use. They are held weakly: nothing here keeps them or the scene alive.
 #[derive(Resource, Clone, Default)]
@@ -18,17 +21,18 @@ struct Packed {
 }
 
 impl PackedInputs {
-    /// The inputs of `scene` for `decoder`, packed now if nobody uses them yet. Takes a while: not for the main thread.
+    /// The inputs of `scene` for `decoder`, packed now if nobody uses them yet. Takes a while, in slices.
     ///
     /// # Errors
     /// If the decoder does not fit the scene.
-    pub(super) fn get(
+    pub(super) async fn get(
         &self,
         scene: &Arc<Scene>,
         decoder: &Arc<Decoder>,
     ) -> Result<Arc<StyleInputs>, StylizeError> {
-        // Locked while packing: a second task that needs the same inputs waits for them instead of packing them twice.
-        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        // Locked while packing: a second task that needs the same inputs waits for them instead of packing them twice. It
+        // waits as tasks do, since in a browser both may be on one thread.
+        let mut all = self.0.lock().await;
         all.retain(|packed| packed.inputs.strong_count() > 0);
         // A weak pointer keeps its address taken, so equal addresses mean the same scene and decoder.
         let is_of = |packed: &&Packed| {
@@ -38,7 +42,8 @@ impl PackedInputs {
             return Ok(inputs);
         }
         // No deadlock: packing takes no other lock of ours and waits for no task that could ask for this one.
-        let inputs = Arc::new(StyleInputs::new(scene, decoder)?);
+        let inputs =
+            Arc::new(StyleInputs::in_slices(scene, decoder, StyleOptions::default(), &mut pauses()).await?);
         all.push(Packed {
             scene: Arc::downgrade(scene),
             decoder: Arc::downgrade(decoder),
@@ -52,6 +57,8 @@ impl PackedInputs {
 mod tests {
     use std::sync::Barrier;
 
+    use bevy::tasks::block_on;
+
     use super::*;
     use crate::tests::world::small_scene;
 
@@ -64,7 +71,7 @@ mod tests {
         let (packed, start) = (PackedInputs::default(), Barrier::new(2));
         let ask = || {
             start.wait();
-            packed.get(&scene, &decoder).unwrap()
+            block_on(packed.get(&scene, &decoder)).unwrap()
         };
         let (a, b) = std::thread::scope(|scope| {
             let b = scope.spawn(ask);
@@ -73,8 +80,8 @@ mod tests {
         assert!(Arc::ptr_eq(&a, &b));
         drop((a, b));
         // Nothing is kept if nobody uses it.
-        assert!(packed.0.lock().unwrap().iter().all(|packed| packed.inputs.upgrade().is_none()));
+        assert!(packed.0.lock_blocking().iter().all(|packed| packed.inputs.upgrade().is_none()));
         drop(scene);
-        assert!(packed.0.lock().unwrap().iter().all(|packed| packed.scene.upgrade().is_none()));
+        assert!(packed.0.lock_blocking().iter().all(|packed| packed.scene.upgrade().is_none()));
     }
 }

@@ -65,9 +65,9 @@ impl StyleRequest {
     ///
     /// # Errors
     /// If parts do not go together: a look with the scene, or styles with a scene without features, or with the decoder.
-    pub(super) fn run(&self) -> Result<StyleResult, StyleError> {
+    pub(super) async fn run(&self) -> Result<StyleResult, StyleError> {
         if self.backend == StyleBackend::Gpu {
-            return self.fold();
+            return self.fold().await;
         }
         let scene = Arc::clone(self.scene.scene());
         let colors: Arc<[_]> = match self.looks.is_empty() {
@@ -80,14 +80,14 @@ impl StyleRequest {
     }
 
     /// The weights from which the GPU decodes the styles.
-    fn fold(&self) -> Result<StyleResult, StyleError> {
+    async fn fold(&self) -> Result<StyleResult, StyleError> {
         let scene = Arc::clone(self.scene.scene());
         let decoder = self.decoder()?;
         if scene.features.is_none() {
             return Err(StylizeError::NoFeatures.into());
         }
         // Packed in this task: the render thread only uploads.
-        let inputs = self.packed.get(&scene, &decoder)?;
+        let inputs = self.packed.get(&scene, &decoder).await?;
         // The content's statistics are part of the inputs, so a further style of a scene does not pass over its N
         // features.
         let map = inputs.content().transfer(&self.weighted_styles(), self.content)?;

@@ -74,7 +74,7 @@ impl SharedStyle {
     fn begin(request: StyleRequest) -> Arc<Self> {
         let request = Arc::new(request);
         let of_task = Arc::clone(&request);
-        let task = AsyncComputeTaskPool::get().spawn(async move { of_task.run().map_err(Arc::new) });
+        let task = AsyncComputeTaskPool::get().spawn(async move { of_task.run().await.map_err(Arc::new) });
         Arc::new(Self { request, state: Mutex::new(State::Computing(task)) })
     }
 

@@ -27,7 +27,7 @@ pub(super) struct Format {
 }
 
 /// A writer of scenes. It returns warnings of what was clamped, one sentence each.
-type WriteScene = fn(&mut dyn Write, &Scene, &WriteOptions) -> Result<Vec<String>, Unwritten>;
+pub(super) type WriteScene = fn(&mut dyn Write, &Scene, &WriteOptions) -> Result<Vec<String>, Unwritten>;
 
 /// A scene that was not written.
 #[derive(Debug)]

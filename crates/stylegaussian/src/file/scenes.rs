@@ -10,7 +10,7 @@ use super::{
     check::check_scene,
     error::{FileError, Loaded, mismatch},
     files::{Files, Unread},
-    format::{ReadOptions, Unwritten, WriteOptions},
+    format::{ReadOptions, Unwritten, WriteOptions, WriteScene},
     formats::{format_of, writable, writer_of},
 };
 
@@ -129,14 +129,7 @@ pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), FileError> {
 /// # Errors
 /// As [`write_scene`].
 pub fn write_scene_with(path: &Path, scene: &Scene, options: WriteOptions) -> Result<Vec<String>, FileError> {
-    if scene.is_empty() {
-        return Err(mismatch("no Gaussian", "at least one").at(path));
-    }
-    check_scene(scene).map_err(|mismatch| mismatch.at(path))?;
-    let extension = extension(path);
-    let Some(write) = writer_of(&extension).and_then(|format| format.write) else {
-        return Err(mismatch(format_args!("extension `{extension}`"), writable()).at(path));
-    };
+    let write = writer_for(path, scene)?;
     let scene = scene.with_sh_degree_at_most(options.sh_degree);
     let (mut warnings, mut refused) = (Vec::new(), None);
     let written = write_atomically(path, |out| match write(out, &scene, &options) {
@@ -155,6 +148,32 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: WriteOptions) -> Re
         Some(mismatch) => Err(mismatch.at(path)),
         None => written.map(|()| warnings),
     }
+}
+
+/// The bytes of a scene's file, for those who have no files. `name` is the file's, whose extension chooses the format; errors
+/// call the file that.
+///
+/// # Errors
+/// If the extension is another, or the scene contradicts itself.
+pub fn scene_to_bytes(name: &str, scene: &Scene) -> Result<Vec<u8>, FileError> {
+    let path = Path::new(name);
+    let mut bytes = Vec::new();
+    match writer_for(path, scene)?(&mut bytes, scene, &WriteOptions::default()) {
+        Ok(_) => Ok(bytes),
+        Err(Unwritten::Io(source)) => Err(FileError::Io { path: path.into(), source }),
+        Err(Unwritten::Mismatch(mismatch)) => Err(mismatch.at(path)),
+    }
+}
+
+/// The writer of a scene that is sound, by its file's extension.
+fn writer_for(path: &Path, scene: &Scene) -> Result<WriteScene, FileError> {
+    if scene.is_empty() {
+        return Err(mismatch("no Gaussian", "at least one").at(path));
+    }
+    check_scene(scene).map_err(|mismatch| mismatch.at(path))?;
+    let extension = extension(path);
+    let write = writer_of(&extension).and_then(|format| format.write);
+    write.ok_or_else(|| mismatch(format_args!("extension `{extension}`"), writable()).at(path))
 }
 
 /// The extension in lower case, or an empty text if there is none.

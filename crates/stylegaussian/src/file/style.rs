@@ -73,8 +73,12 @@ pub(super) fn paint_from_bytes(bytes: &[u8]) -> Result<Option<Paint>, Mismatch> 
     Ok(Some(paint))
 }
 
-/// Adds `paint` to a style that is to be written.
-pub(super) fn add_paint<'a>(writer: &mut Writer<'a>, paint: &'a Paint) -> Result<(), Mismatch> {
+/// The tensors of a style with its paint.
+pub(super) fn prepare_painted<'a>(
+    style: &'a ChannelStatistics,
+    paint: &'a Paint,
+) -> Result<Writer<'a>, Mismatch> {
+    let mut writer = prepare(style)?;
     validate_paint(paint)?;
     writer.u8("paint", &[paint.height, paint.width, 3], &paint.pixels);
     if let Some(features) = &paint.features {
@@ -83,7 +87,7 @@ pub(super) fn add_paint<'a>(writer: &mut Writer<'a>, paint: &'a Paint) -> Result
         writer.f16("paint_axes", &[width, features.n_channels], &features.axes);
         writer.f16("paint_places", &[n_x * n_y, width], &features.places);
     }
-    Ok(())
+    Ok(writer)
 }
 
 fn validate_paint(paint: &Paint) -> Result<(), Mismatch> {

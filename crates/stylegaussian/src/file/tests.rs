@@ -229,6 +229,19 @@ fn ply_keeps_gaussians_and_colors_in_source_order() {
 }
 
 #[test]
+fn bytes_of_a_scene_are_those_of_its_file() {
+    let dir = dir();
+    let scene = full_scene();
+    for name in ["a.sgs", "a.glb", "a.ply"] {
+        let path = dir.path().join(name);
+        write_scene(&path, &scene).unwrap();
+        assert_eq!(scene_to_bytes(name, &scene).unwrap(), fs::read(&path).unwrap(), "{name}");
+    }
+    assert!(scene_to_bytes("a.txt", &scene).unwrap_err().to_string().contains("a.txt"));
+    assert!(scene_to_bytes("a.sgs", &Scene::default()).unwrap_err().to_string().contains("no Gaussian"));
+}
+
+#[test]
 fn stylized_colors_come_back_from_ply() {
     let dir = dir();
     let path = dir.path().join("styled.ply");

@@ -1,5 +1,7 @@
 //! The part of a scene that folding needs, computed once.
 
+use std::future::Future;
+
 use stylegaussian::{
     ChannelStatistics, Features,
     fold::{self, ChannelMap, StylizeError},
@@ -24,7 +26,12 @@ pub struct ContentFold {
 impl ContentFold {
     /// The fold of `inputs`, which are the scene's features and the decoder's procedural inputs ([`fold::inputs_of`]).
     /// `input_scales` are the factors that their centered values are stored with.
-    pub(super) fn new(inputs: &Features, mean_latent: Vec<f64>, input_scales: Vec<f32>) -> Self {
+    pub(super) async fn new<P: Future<Output = ()>>(
+        inputs: &Features,
+        mean_latent: Vec<f64>,
+        input_scales: Vec<f32>,
+        pause: &mut impl FnMut() -> P,
+    ) -> Self {
         let basis = Features {
             values: Vec::new(),
             extra: Vec::new(),
@@ -33,7 +40,8 @@ impl ContentFold {
             encoder: inputs.encoder.clone(),
             ..*inputs
         };
-        Self { basis, mean_latent, statistics: ContentStatistics::of(inputs), input_scales }
+        let statistics = ContentStatistics::of_in_slices(inputs, pause).await;
+        Self { basis, mean_latent, statistics, input_scales }
     }
 
     /// The channel map of a mix of styles: c f + (1 - c) sum_j w_j AdaIN_j.
@@ -55,8 +63,11 @@ impl ContentFold {
 }
 
 /// mean(f') of the inputs in f64, and their centered values `[N, L + E]`.
-pub(super) fn centered(inputs: &Features) -> (Vec<f64>, Vec<f32>) {
+pub(super) async fn centered<P: Future<Output = ()>>(
+    inputs: &Features,
+    pause: &mut impl FnMut() -> P,
+) -> (Vec<f64>, Vec<f32>) {
     let mean = mean_latent(inputs);
-    let values = fold::centered_inputs(inputs, &mean);
+    let values = fold::centered_inputs_in_slices(inputs, &mean, pause).await;
     (mean, values)
 }

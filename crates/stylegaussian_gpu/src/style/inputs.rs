@@ -1,11 +1,15 @@
 //! A scene's inputs to the decoder, packed as the GPU reads them.
 
-use std::sync::Arc;
+use std::{
+    future::{Future, ready},
+    sync::Arc,
+};
 
 use half::f16;
 use stylegaussian::{
     Decoder, Scene,
     fold::{self, StylizeError},
+    slices::{SLICE, at_once},
 };
 use stylegaussian_shaders::style::NumberFormat;
 
@@ -74,21 +78,41 @@ impl StyleInputs {
         decoder: &Decoder,
         options: StyleOptions,
     ) -> Result<Self, StylizeError> {
+        at_once(Self::in_slices(scene, decoder, options, &mut || ready(())))
+    }
+
+    /// [`with_options`](Self::with_options) in [slices](stylegaussian::slices), after each of which it waits for a `pause`.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    ///
+    /// # Panics
+    /// As [`new`](Self::new).
+    pub async fn in_slices<P: Future<Output = ()>>(
+        scene: &Scene,
+        decoder: &Decoder,
+        options: StyleOptions,
+        pause: &mut impl FnMut() -> P,
+    ) -> Result<Self, StylizeError> {
         let shape = StyleShape::of(scene, decoder)?;
-        let inputs = fold::inputs_of(scene, decoder).ok_or(StylizeError::NoFeatures)?;
-        let (mean_latent, values) = centered(&inputs);
+        let inputs = fold::inputs_in_slices(scene, decoder, pause).await.ok_or(StylizeError::NoFeatures)?;
+        let (mean_latent, values) = centered(&inputs, pause).await;
         let scales = channel_scales(&values, shape.widths[0]);
+        pause().await;
         let planes = match options.precision.input_format() {
-            NumberFormat::F32 => PackedPlanes::F32(pack_planes_as(&values, &scales, |value| value)),
-            _ => PackedPlanes::F16(pack_planes(&values, &scales)),
+            NumberFormat::F32 => PackedPlanes::F32(pack_planes(&values, &scales, |value| value, pause).await),
+            _ => PackedPlanes::F16(pack_planes(&values, &scales, f16::from_f32, pause).await),
         };
-        let base_colors = if shape.residual {
-            scene.base_colors().iter().map(|&[r, g, b]| [r, g, b, 0.0].map(f16::from_f32)).collect()
-        } else {
-            Vec::new()
-        };
+        let mut base_colors = Vec::new();
+        if shape.residual {
+            for colors in scene.base_colors().chunks(SLICE) {
+                base_colors.extend(colors.iter().map(|&[r, g, b]| [r, g, b, 0.0].map(f16::from_f32)));
+                pause().await;
+            }
+        }
         let blocks = Blocks::of_scene(scene, &shape, &options);
-        let content = Arc::new(ContentFold::new(&inputs, mean_latent, scales));
+        pause().await;
+        let content = Arc::new(ContentFold::new(&inputs, mean_latent, scales, pause).await);
         Ok(Self { content, shape, options, planes, blocks, base_colors })
     }
 
@@ -116,19 +140,19 @@ fn channel_scales(values: &[f32], width: usize) -> Vec<f32> {
 }
 
 /// `values` `[N, width]` times `scales` `[width]`, as planes `[planes, N]` of 8 channels. Zeros fill the last plane.
-fn pack_planes(values: &[f32], scales: &[f32]) -> Vec<[f16; PLANE_CHANNELS]> {
-    pack_planes_as(values, scales, f16::from_f32)
-}
-
-fn pack_planes_as<T: Copy>(
+async fn pack_planes<T: Copy, P: Future<Output = ()>>(
     values: &[f32],
     scales: &[f32],
     number: impl Fn(f32) -> T,
+    pause: &mut impl FnMut() -> P,
 ) -> Vec<[T; PLANE_CHANNELS]> {
     let width = scales.len();
     let n = values.len() / width;
     let mut planes = vec![[number(0.0); PLANE_CHANNELS]; width.div_ceil(PLANE_CHANNELS) * n];
     for (gaussian, row) in values.chunks_exact(width).enumerate() {
+        if gaussian % SLICE == 0 {
+            pause().await;
+        }
         let channels = row.chunks(PLANE_CHANNELS).zip(scales.chunks(PLANE_CHANNELS));
         for (plane, (values, scales)) in channels.enumerate() {
             let packed = planes[plane * n + gaussian].iter_mut();
@@ -149,7 +173,7 @@ mod tests {
         let scales = channel_scales(&values, 9);
         // The largest values of channels 0 and 8 are 9 and 5.1e-5: 2^3 and 2^-15, to be brought to 2^10.
         assert_eq!((scales[0], scales[8]), (128.0, 2.0_f32.powi(25)));
-        let planes = pack_planes(&values, &scales);
+        let planes = at_once(pack_planes(&values, &scales, f16::from_f32, &mut || ready(())));
         assert_eq!(planes.len(), 4);
         assert_eq!(planes[1][0].to_f32(), 9.0 * 128.0);
         assert_eq!(planes[0][7].to_f32(), 7.0 * scales[7]);

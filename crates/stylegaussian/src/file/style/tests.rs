@@ -45,6 +45,8 @@ fn paint_round_trips_beside_statistics() {
     let pixels = (0..9 * 8 * 3).map(|i| i as u8).collect();
     let paint = Paint { width: 9, height: 8, pixels, features: Some(features.clone()) };
     write_painted_style(&path, &style, &paint).unwrap();
+    let bytes = crate::file::painted_style_to_bytes("a.style.safetensors", &style, &paint).unwrap();
+    assert_eq!(bytes, std::fs::read(&path).unwrap());
     assert_eq!(read_style(&path).unwrap(), style);
     assert_eq!(read_paint(&path).unwrap().as_ref(), Some(&paint));
     let short = PaintFeatures { places: vec![0.5], ..features };

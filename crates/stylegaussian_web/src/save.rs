@@ -1,0 +1,121 @@
+//! Downloads: the picture, and the scene in the colors of its style.
+
+use std::sync::Arc;
+
+use bevy::{
+    prelude::*,
+    render::view::screenshot::{Screenshot, save_to_disk},
+    tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
+};
+use bevy_stylegaussian::{
+    AppliedStyle, GaussianScene, GaussianSplats,
+    stylegaussian::{Scene, file::scene_to_bytes},
+};
+use js_sys::{Array, Uint8Array};
+use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
+
+use crate::{
+    bridge::{self, Event, Request},
+    paintings::Paintings,
+    scene::Shown,
+    style::Wish,
+    worker::{self, Call},
+};
+
+/// The name of a downloaded scene.
+const SCENE: &str = "stylegaussian.glb";
+
+#[wasm_bindgen]
+extern "C" {
+    /// Bytes of the browser.
+    type Blob;
+    #[wasm_bindgen(constructor)]
+    fn new(parts: &Array) -> Blob;
+
+    #[wasm_bindgen(js_namespace = URL, js_name = createObjectURL)]
+    fn url_of(blob: &Blob) -> String;
+    #[wasm_bindgen(js_namespace = URL, js_name = revokeObjectURL)]
+    fn revoke(url: &str);
+
+    /// An `<a>` of the page.
+    type Link;
+    #[wasm_bindgen(js_namespace = document, js_name = createElement)]
+    fn create_element(kind: &str) -> Link;
+    #[wasm_bindgen(method, setter, js_name = href)]
+    fn set_href(this: &Link, url: &str);
+    #[wasm_bindgen(method, setter, js_name = download)]
+    fn set_download(this: &Link, name: &str);
+    #[wasm_bindgen(method)]
+    fn click(this: &Link);
+}
+
+/// Downloads the picture as a file.
+pub fn picture(mut requests: MessageReader<Request>, mut commands: Commands) {
+    if requests.read().any(|request| matches!(request, Request::SavePicture)) {
+        commands.spawn(Screenshot::primary_window()).observe(save_to_disk("stylegaussian.png"));
+    }
+}
+
+/// The file that is being made.
+#[derive(Resource, Default)]
+pub struct Saving(Option<Making>);
+
+/// Who makes a file.
+enum Making {
+    /// A task, of colors that are known.
+    Task(Task<Result<Vec<u8>, String>>),
+    /// The worker, which decodes them.
+    Worker(Call),
+}
+
+/// Downloads the scene as a file.
+pub fn scene(
+    mut requests: MessageReader<Request>,
+    splats: Single<(&GaussianSplats, Option<&AppliedStyle>)>,
+    scenes: Res<Assets<GaussianScene>>,
+    (shown, wish, paintings): (Res<Shown>, Res<Wish>, Res<Paintings>),
+    mut saving: ResMut<Saving>,
+) {
+    if requests.read().any(|request| matches!(request, Request::SaveGlb)) {
+        let (splats, style) = *splats;
+        let Some(scene) = scenes.get(&splats.0) else {
+            return bridge::tell(Event::Failed, "There is no scene to save.");
+        };
+        let for_worker = style.and_then(|_| wish.for_worker(&paintings));
+        saving.0 = Some(match for_worker.filter(|_| shown.hold(splats.0.id(), scene).is_ok()) {
+            Some(given) => Making::Worker(worker::call("work_decode", &given)),
+            None => Making::Task(written(scene.scene().clone(), style.cloned())),
+        });
+    }
+    let made = match &mut saving.0 {
+        None => return,
+        Some(Making::Task(task)) => check_ready(task),
+        Some(Making::Worker(call)) => call.answer(),
+    };
+    let Some(made) = made else { return };
+    saving.0 = None;
+    match made {
+        Ok(bytes) => download(&bytes, SCENE),
+        Err(error) => bridge::tell(Event::Failed, &error),
+    }
+}
+
+/// The bytes of a scene in the colors that it is shown in.
+fn written(scene: Arc<Scene>, style: Option<AppliedStyle>) -> Task<Result<Vec<u8>, String>> {
+    AsyncComputeTaskPool::get().spawn(async move {
+        let styled =
+            style.map(|style| style.styled_scene()).transpose().map_err(|error| error.to_string())?;
+        scene_to_bytes(SCENE, styled.as_ref().unwrap_or(&scene)).map_err(|error| error.to_string())
+    })
+}
+
+/// Has the browser save bytes as a file of this name.
+fn download(bytes: &[u8], name: &str) {
+    let parts: JsValue = Uint8Array::from(bytes).into();
+    let url = url_of(&Blob::new(&Array::of1(&parts)));
+    let link = create_element("a");
+    link.set_href(&url);
+    link.set_download(name);
+    link.click();
+    revoke(&url);
+}
