@@ -10,7 +10,7 @@
 //! | `features`, `basis`, `offset` | f16 or f32 `[N, L]`, f32 `[D, L]`, f32 `[D]` | all or none |
 //! | `extra` | f16 `[N, E]` | optional, with features |
 //! | `neighbors` | u32 `[N, K]` | optional |
-//! | `cameras` | f32 `[M, 13]` | optional: see [`cameras`] |
+//! | `cameras` | f32 `[M, 18]` | optional: see [`cameras`] |
 //! | `mask` | u8 `[N, C]` | optional, with `mask_channels`: see the mask's format |
 //! | `feature_mean`, `feature_covariance` | f32 `[L]`, `[L, L]` | optional caches of other writers; read for their shapes only |
 //! | `decoder.layers.{i}.*` | | see the decoder's format |
