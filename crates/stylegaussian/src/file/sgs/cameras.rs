@@ -40,7 +40,7 @@ fn camera(i: usize, row: &[f32; WIDTH]) -> Result<Camera, Mismatch> {
     let is_turn =
         (turn * turn.transpose()).abs_diff_eq(Mat3A::IDENTITY, MOST_ERROR) && turn.determinant() > 0.0;
     let size = Vec2::from_slice(&row[16..]);
-    let is_size = size.min_element() >= 1.0 && size.max_element() <= MOST_PIXELS;
+    let is_size = size.cmpge(Vec2::ONE).all() && size.cmple(Vec2::splat(MOST_PIXELS)).all();
     let camera = Camera {
         view_from_world: Affine3A { matrix3: turn, translation: column(3) },
         focal: Vec2::from_slice(&row[12..14]),
