@@ -1,17 +1,22 @@
 // The page around the app: its buttons, drops, keys and touch, and the link that carries a style.
 
+import { NoWebGpu, start as startApp } from "./package/start.js";
+import { steer } from "./package/steer.js";
+
 const $ = (id) => document.getElementById(id);
 const STYLES = [
   ["cubist", "jpg"], ["dots", "jpg"], ["halftone", "png"], ["ink", "jpg"],
   ["mosaic", "jpg"], ["print", "jpg"], ["strokes", "jpg"], ["watercolor", "jpg"],
 ];
+// Seconds in which a style arrives.
+const ARRIVES_SECONDS = 1.5;
 const IMAGE = /\.(jpe?g|png)$/i;
-// Radians per pixel of a drag, and per press of a key.
-const TURN = 0.006, KEY_TURN = 0.1;
 
 // What is asked for. `style` and `second` are names of `STYLES`, or of images that were dropped.
 const wish = { style: "", second: "", share: 0.5, strength: 1, kind: "look" };
 const dropped = new Set();
+// What was asked for before a capture that is being read; it is asked for again if the capture cannot be shown.
+let before = null;
 let app;
 
 const notice = (text) => { $("notice").textContent = text; };
@@ -79,18 +84,42 @@ async function open(file) {
     wish.style = file.name;
     apply();
   } else {
-    notice(`Reading ${file.name} …`);
+    before = { ...wish };
     // A look belongs to the demo scene.
     wish.kind = wish.kind === "look" ? "paint" : wish.kind;
     wish.style = "";
     apply();
+    notice(`Reading ${file.name} …`);
     app.open_file(file.name, bytes);
   }
 }
 
+// Offers to embed the scene (false), to end that (true), or neither (null).
+function offer(isEmbedding) {
+  $("embed").hidden = isEmbedding === null;
+  $("embed").textContent = isEmbedding ? "Cancel embedding" : "Embed it";
+  $("embed").onclick = () => {
+    if (isEmbedding) app.cancel_embedding();
+    else app.embed_soon();
+    $("progress").hidden = true;
+    notice("");
+    offer(!isEmbedding);
+  };
+}
+
 function hear(kind, text) {
   if (kind === "ready") document.body.dataset.state = "ready";
+  if (kind === "progress") {
+    const [task, share] = text.split(" ");
+    $("progress").hidden = share === undefined;
+    $("progress").value = share ?? 0;
+    notice(`${task[0].toUpperCase()}${task.slice(1)} …`);
+  }
   if (kind === "failed") {
+    if (before) Object.assign(wish, before);
+    if (before) apply();
+    before = null;
+    offer(null);
     document.body.dataset.state = "failed";
     $("progress").hidden = true;
     notice(text);
@@ -99,101 +128,29 @@ function hear(kind, text) {
     const [count, canBeStyled] = text.split(" ");
     document.body.dataset.scene = count;
     delete document.body.dataset.shown;
-    notice(canBeStyled === "true" ? "" :
-      "This capture holds no features, so it is shown as it was captured. `stylegaussian embed` adds them.");
+    before = null;
+    const isPlain = canBeStyled !== "true";
+    offer(isPlain ? false : null);
+    notice(isPlain ? "This capture holds no features, so it is shown as it was captured. Embedding it here takes minutes." : "");
   }
   if (kind === "shown") {
     document.body.dataset.shown = document.body.dataset.scene;
     $("progress").hidden = true;
   }
   if (kind === "applied") {
+    // A failure is to be read, even if the style before it is back.
+    if (document.body.dataset.state !== "failed") notice("");
     document.body.dataset.state = "applied";
-    notice("");
   }
-}
-
-// One finger or button turns, two fingers zoom and move. Pointer events are those of mouse, touch and pen alike.
-function steer(stage) {
-  const pointers = new Map();
-  const spread = () => {
-    const [a, b] = [...pointers.values()];
-    return { size: Math.hypot(a.x - b.x, a.y - b.y), x: (a.x + b.x) / 2, y: (a.y + b.y) / 2 };
-  };
-  stage.addEventListener("pointerdown", (event) => {
-    stage.setPointerCapture(event.pointerId);
-    pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
-  });
-  stage.addEventListener("pointermove", (event) => {
-    const last = pointers.get(event.pointerId);
-    if (!last || !app) return;
-    const before = pointers.size === 2 ? spread() : null;
-    pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
-    const [dx, dy] = [event.clientX - last.x, event.clientY - last.y];
-    if (before) {
-      const after = spread();
-      app.zoom(before.size / Math.max(after.size, 1));
-      app.fly((before.x - after.x) / 1000, (after.y - before.y) / 1000, 0);
-    } else if (event.buttons & 4 || event.shiftKey) app.fly(-dx / 1000, dy / 1000, 0);
-    else app.turn(-dx * TURN, dy * TURN);
-  });
-  for (const end of ["pointerup", "pointercancel"]) stage.addEventListener(end, (event) => pointers.delete(event.pointerId));
-  stage.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    app?.zoom(Math.exp(event.deltaY / 800));
-  }, { passive: false });
-  const keys = {
-    ArrowLeft: () => app.turn(-KEY_TURN, 0), ArrowRight: () => app.turn(KEY_TURN, 0),
-    ArrowUp: () => app.turn(0, KEY_TURN), ArrowDown: () => app.turn(0, -KEY_TURN),
-    "+": () => app.zoom(0.9), "=": () => app.zoom(0.9), "-": () => app.zoom(1.1),
-    w: () => app.fly(0, 0, -0.05), s: () => app.fly(0, 0, 0.05), a: () => app.fly(-0.05, 0, 0),
-    d: () => app.fly(0.05, 0, 0), e: () => app.fly(0, 0.05, 0), q: () => app.fly(0, -0.05, 0),
-  };
-  stage.addEventListener("keydown", (event) => {
-    const act = keys[event.key];
-    if (!act || !app || event.ctrlKey || event.metaKey) return;
-    event.preventDefault();
-    act();
-  });
-}
-
-// The module, with progress: it is the largest part of the page.
-async function fetchModule() {
-  const response = await fetch("app_bg.wasm");
-  if (!response.ok) throw new Error(`app_bg.wasm: the server answered ${response.status}`);
-  const total = Number(response.headers.get("content-length"));
-  // Behind compression, the length is that of the compressed module, and says nothing about what arrives.
-  const isTold = total > 0 && !response.headers.get("content-encoding");
-  let got = 0;
-  const counted = new TransformStream({
-    transform(chunk, controller) {
-      got += chunk.byteLength;
-      if (isTold) $("progress").value = got / total;
-      controller.enqueue(chunk);
-    },
-  });
-  return new Response(response.body.pipeThrough(counted), { headers: { "content-type": "application/wasm" } });
 }
 
 async function start() {
   addStyle("", null, "as captured");
   for (const [name, extension] of STYLES) addStyle(name, `assets/styles/${name}.${extension}`);
   readLink();
-  if (!navigator.gpu || !(await navigator.gpu.requestAdapter())) {
-    document.body.dataset.state = "failed";
-    notice("This browser has no WebGPU, which the scene is drawn with. Chrome, Edge, Safari 26 and Firefox 141 or later have it.");
-    return;
-  }
   $("progress").hidden = false;
   notice("Loading …");
-  const module = await import("./app.js");
-  // A panic of the app, memory that runs out included, is an error of the script that called it. The page stays.
-  const stopped = (reason) => hear("failed", `The app has stopped (${reason}). Reload the page to go on.`);
-  window.addEventListener("error", (event) => stopped(event.message));
-  window.addEventListener("unhandledrejection", (event) => stopped(event.reason));
-  await module.default({ module_or_path: fetchModule() });
-  app = module;
-  app.listen(hear);
-  app.use_worker(() => new Worker(new URL("worker.js", import.meta.url), { type: "module" }));
+  app = await startApp((share) => { $("progress").value = share; }, hear);
   app.open_asset("demo.sgs");
   if (wish.style) apply();
 }
@@ -201,6 +158,8 @@ async function start() {
 for (const key of ["kind", "second"]) $(key).onchange = (event) => { wish[key] = event.target.value; apply(); };
 for (const key of ["share", "strength"]) $(key).oninput = (event) => { wish[key] = Number(event.target.value); apply(); };
 $("file").onchange = (event) => { if (event.target.files[0]) open(event.target.files[0]); };
+$("arrives").onchange = (event) => app?.set_transition(event.target.value, ARRIVES_SECONDS);
+$("save_glb").onclick = () => app?.save_glb_soon();
 $("save").onclick = () => app?.save_picture_soon();
 $("link").onclick = () => navigator.clipboard.writeText(location.href).then(() => notice("The link is copied."), () => notice(location.href));
 document.addEventListener("dragover", (event) => event.preventDefault());
@@ -209,8 +168,9 @@ document.addEventListener("drop", async (event) => {
   if (!app) return notice("The page is still loading.");
   for (const file of event.dataTransfer.files) await open(file);
 });
-steer($("stage"));
+steer($("stage"), () => app);
 start().catch((error) => {
   document.body.dataset.state = "failed";
-  notice(`The page cannot start: ${error.message ?? error}`);
+  $("progress").hidden = true;
+  notice(error instanceof NoWebGpu ? error.message : `The page cannot start: ${error.message ?? error}`);
 });

@@ -14,15 +14,15 @@ const STAND_IN = `
   export default async () => {};
   export const listen = (listener) => { tell = globalThis.tell = listener; tell("ready", ""); };
   export const open_asset = (path) => { calls.push(["open_asset", path]); tell("loaded", "5 true"); };
-  export const [open_file, add_painting, turn, fly, zoom, save_picture_soon] =
-    ["open_file", "add_painting", "turn", "fly", "zoom", "save"].map(note);
+  export const [open_file, add_painting, turn, fly, zoom, save_picture_soon, save_glb_soon, embed_soon, cancel_embedding, set_transition] =
+    ["open_file", "add_painting", "turn", "fly", "zoom", "save", "save_glb_soon", "embed_soon", "cancel_embedding", "set_transition"].map(note);
   export const use_worker = () => {};
   export const set_style = (...given) => { note("set_style")(...given); tell("applied", "1"); };
 `;
 let browser, server;
 before(async () => {
   browser = await launch();
-  server = await serve(["web/page", "."], { "/app.js": STAND_IN, "/app_bg.wasm": "-" });
+  server = await serve(["web/page", "web", "."], { "/package/app.js": STAND_IN, "/package/app_bg.wasm": "-" });
 });
 after(async () => {
   await browser?.close();
@@ -71,8 +71,43 @@ test("images become styles, other files scenes", async () => {
   await page.setInputFiles("#file", { name: "a.spz", mimeType: "", buffer: Buffer.alloc(100) });
   await page.waitForFunction(() => calls.length === 2);
   assert.deepEqual(await taken(), [["set_style", [], [], 0, 1, false], ["open_file", "a.spz", 100]]);
+  assert.equal(await page.inputValue("#kind"), "paint");
+  // The scene before it stays, and so does its style.
   await page.evaluate(() => tell("failed", "a.spz: found no scene"));
   assert.equal(await page.textContent("#notice"), "a.spz: found no scene");
+  assert.equal(await page.inputValue("#kind"), "look");
+  assert.deepEqual(await taken(), [["set_style", ["image:ink.jpg"], [1], 0, 1, false]]);
+  // One that can be shown keeps the kind that it can have.
+  await page.setInputFiles("#file", { name: "b.spz", mimeType: "", buffer: Buffer.alloc(100) });
+  await page.waitForFunction(() => calls.length === 2);
+  await page.evaluate(() => { tell("loaded", "7 false"); tell("failed", "no such style"); });
+  assert.equal(await page.inputValue("#kind"), "paint");
+  assert.deepEqual(errors, []);
+});
+
+test("a capture without features is embedded on request, with progress and an end", async () => {
+  const { page, errors, taken } = await opened();
+  await taken();
+  assert.ok(await page.isHidden("#embed"));
+  await page.evaluate(() => tell("loaded", "7 false"));
+  await page.click("#embed");
+  await page.evaluate(() => tell("progress", "embedding 0.420"));
+  assert.equal(await page.evaluate(() => document.getElementById("progress").value), 0.42);
+  assert.match(await page.textContent("#notice"), /Embedding/);
+  await page.click("#embed");
+  assert.deepEqual(await taken(), [["embed_soon"], ["cancel_embedding"]]);
+  await page.click("#embed");
+  await page.evaluate(() => tell("loaded", "7 true"));
+  assert.ok(await page.isHidden("#embed"));
+  assert.deepEqual(errors, []);
+});
+
+test("a .glb is saved, and styles arrive in shapes", async () => {
+  const { page, errors, taken } = await opened();
+  await taken();
+  await page.selectOption("#arrives", "noise");
+  await page.click("#save_glb");
+  assert.deepEqual(await taken(), [["set_transition", "noise", 1.5], ["save_glb_soon"]]);
   assert.deepEqual(errors, []);
 });
 
@@ -100,7 +135,7 @@ test("a keyboard alone reaches everything", async () => {
     await page.keyboard.press("Tab");
     reached.add(await page.evaluate(() => document.activeElement.id || document.activeElement.dataset.style));
   }
-  for (const name of ["stage", "ink", "kind", "second", "share", "strength", "file", "save", "link"]) {
+  for (const name of ["stage", "ink", "kind", "second", "share", "strength", "arrives", "file", "save", "save_glb", "link"]) {
     assert.ok(reached.has(name), `${name} is not among ${[...reached]}`);
   }
 });

@@ -1,4 +1,4 @@
-// The page's worker: the app's module without an app, for computations that would stop the page's frames. See worker.rs.
+// The worker: the app's module without an app, for computations that would stop the page's frames. See worker.rs.
 
 import start, * as app from "./app.js";
 

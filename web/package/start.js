@@ -1,0 +1,39 @@
+// The app's start: a check for WebGPU, the module with its progress, and the worker.
+
+export class NoWebGpu extends Error {}
+
+// Starts the app on the page's canvas `#scene`, and returns its module. `progress` hears of the share that is loaded, 0..1;
+// `hear` of the app's events, and of its end.
+export async function start(progress, hear) {
+  if (!navigator.gpu || !(await navigator.gpu.requestAdapter())) {
+    throw new NoWebGpu("This browser has no WebGPU, which the scene is drawn with. Chrome, Edge, Safari 26 and Firefox 141 or later have it.");
+  }
+  const app = await import("./app.js");
+  // A panic of the app, memory that runs out included, is an error of the script that called it. The page stays.
+  const stopped = (reason) => hear("failed", `The app has stopped (${reason}). Reload the page to go on.`);
+  const isOurs = (error) => error instanceof WebAssembly.RuntimeError;
+  window.addEventListener("error", (event) => isOurs(event.error) && stopped(event.message));
+  window.addEventListener("unhandledrejection", (event) => isOurs(event.reason) && stopped(event.reason));
+  await app.default({ module_or_path: fetchModule(progress) });
+  app.listen(hear);
+  app.use_worker(() => new Worker(new URL("./worker.js", import.meta.url), { type: "module" }));
+  return app;
+}
+
+// The module, with progress: it is the largest part of a page.
+async function fetchModule(progress) {
+  const response = await fetch(new URL("./app_bg.wasm", import.meta.url));
+  if (!response.ok) throw new Error(`app_bg.wasm: the server answered ${response.status}`);
+  const total = Number(response.headers.get("content-length"));
+  // Behind compression, the length is that of the compressed module, and says nothing about what arrives.
+  const isTold = total > 0 && !response.headers.get("content-encoding");
+  let got = 0;
+  const counted = new TransformStream({
+    transform(chunk, controller) {
+      got += chunk.byteLength;
+      if (isTold) progress(got / total);
+      controller.enqueue(chunk);
+    },
+  });
+  return new Response(response.body.pipeThrough(counted), { headers: { "content-type": "application/wasm" } });
+}
