@@ -24,7 +24,7 @@ before(async () => {
   assert.ok(program(), "the native program is not built. Run: cargo build -p stylegaussian_cli");
   browser = await launch();
   // The page's own files first: the module alone is what takes a compiler.
-  server = await serve(["web/page", "web/dist"]);
+  server = await serve(["web/page", "web", "web/dist"]);
 });
 after(async () => {
   await browser?.close();
@@ -85,7 +85,7 @@ async function settled(page, name) {
 
 async function expectNative(page, name, scene, ...given) {
   const picture = await settled(page, name);
-  const cameras = await page.evaluate(async () => (await import("./app.js")).cameras());
+  const cameras = await page.evaluate(async () => (await import("./package/app.js")).cameras());
   const native = render(join(folder, `${name}_native`), scene, cameras, ...given);
   const { psnr, covered } = await compare(page, picture, native);
   console.log(`${name}: ${psnr.toFixed(1)} dB to the native picture over ${(100 * covered).toFixed(0)}% of it`);
@@ -145,7 +145,7 @@ const float = (half) => {
 test("the GPU's colors are those of the native decoder", options, async () => {
   const { page, errors } = await opened(NARROW);
   // By its default budget, SwiftShader would decode for half an hour.
-  await page.evaluate(async () => (await import("./app.js")).set_budget(Infinity));
+  await page.evaluate(async () => (await import("./package/app.js")).set_budget(Infinity));
   await page.selectOption("#kind", "decode");
   await clicked(page, "strokes");
   const buffers = await page.evaluate(async () => {
@@ -188,7 +188,7 @@ test("frames keep coming during a change of style", options, async () => {
   const measured = async (name, act = () => {}) => {
     const done = act();
     const times = await page.evaluate(async () => {
-      const app = await import("./app.js");
+      const app = await import("./package/app.js");
       const tasks = [];
       const observer = new PerformanceObserver((list) => tasks.push(...list.getEntries().map(({ duration }) => duration)));
       observer.observe({ type: "longtask" });
@@ -239,7 +239,7 @@ test("a capture is embedded in the page, and then painted", options, async () =>
   const capture = join(folder, "embedded.spz");
   run("convert", DEMO, capture);
   const embedded = await page.evaluate(async (text) => {
-    const app = await import("./app.js");
+    const app = await import("./package/app.js");
     const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
     const tasks = [];
     const observer = new PerformanceObserver((list) => tasks.push(...list.getEntries().map(({ duration }) => duration)));

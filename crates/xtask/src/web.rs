@@ -20,6 +20,11 @@ const DIST: &str = "web/dist";
 /// Folder of the page's own files.
 const PAGE: &str = "web/page";
 
+/// The package of the custom element, as which the page loads the app too, and the examples of its use. In `web/dist` they have the
+/// same places.
+const ELEMENT: &str = "web/package";
+const ELEMENT_EXAMPLES: &str = "web/examples";
+
 /// Folders and files of `assets/` that apps load.
 const ASSETS: [&str; 3] = ["demo.sgs", "styles", "looks"];
 
@@ -79,20 +84,41 @@ fn build(steps: &mut Steps, app: &App) -> Result<()> {
         App::Example(_) => folder.join("examples").join(format!("{name}.wasm")),
     };
     fresh_folder(Path::new(DIST))?;
+    let folder = match app {
+        App::Page => Path::new(DIST).join("package"),
+        App::Example(_) => DIST.into(),
+    };
     let mut bindgen = Command::new("wasm-bindgen");
-    bindgen.args(["--target", "web", "--no-typescript", "--out-name", "app", "--out-dir", DIST]);
+    bindgen.args(["--target", "web", "--no-typescript", "--out-name", "app", "--out-dir"]).arg(folder);
     // The names of functions, for the stack of a panic, are a third of the module.
     bindgen.args(["--remove-name-section", "--remove-producers-section"]).arg(wasm);
     steps.run("bindings", &mut bindgen)?;
-    let page = match app {
-        App::Page => Path::new(PAGE).to_owned(),
-        App::Example(_) => Path::new(PAGE).join("example"),
-    };
-    copy_files(&page, Path::new(DIST))?;
+    match app {
+        App::Page => {
+            copy_files(Path::new(PAGE), Path::new(DIST))?;
+            copy_files(Path::new(ELEMENT), &Path::new(DIST).join("package"))?;
+            element_examples(steps)?;
+        }
+        App::Example(_) => copy_files(&Path::new(PAGE).join("example"), Path::new(DIST))?,
+    }
     for name in ASSETS {
         copy(&Path::new("assets").join(name), &Path::new(DIST).join("assets").join(name))?;
     }
     Ok(())
+}
+
+/// Copies the examples of the element, and bundles the one in React if its packages are installed.
+fn element_examples(steps: &mut Steps) -> Result<()> {
+    let to = Path::new(DIST).join("examples");
+    copy(Path::new(ELEMENT_EXAMPLES), &to)?;
+    let bundler = Path::new("web/node_modules/.bin/esbuild");
+    if !bundler.exists() {
+        steps.not_run("React example", "esbuild is not installed. Run: npm install --prefix web");
+        return Ok(());
+    }
+    let mut bundle = Command::new(bundler);
+    bundle.args(["web/examples/react/main.jsx", "--bundle", "--minify", "--jsx=automatic", "--log-level=warning"]);
+    steps.run("React example", bundle.arg(format!("--outfile={}", to.join("react/main.js").display())))
 }
 
 /// Folder of the shaders' texts, for a browser's compiler.
@@ -109,7 +135,7 @@ pub fn test(steps: &mut Steps) -> Result<()> {
         steps.not_run("page", &missing);
         return Ok(());
     }
-    steps.run("page", Command::new("node").args(["--test", "web/test/page.mjs"]))?;
+    steps.run("page", Command::new("node").args(["--test", "web/test/page.mjs", "web/test/element.mjs"]))?;
     let package = ["--package", "stylegaussian_shaders", "--example", "write_sources"];
     // The folder may hold shaders that are gone.
     fresh_folder(Path::new(SHADERS))?;
@@ -143,7 +169,7 @@ fn test_built(steps: &mut Steps) -> Result<()> {
         bail!("the page cannot be tested: {missing}");
     }
     steps.run("native program", &mut cargo(["build", "--locked", "--package", "stylegaussian_cli"]))?;
-    steps.run("page with the app", Command::new("node").args(["--test", "web/test/app.mjs"]))
+    steps.run("page with the app", Command::new("node").args(["--test", "web/test/app.mjs", "web/test/examples.mjs"]))
 }
 
 /// Something that the tests in a browser need and that is not there, with the way to get it.
@@ -183,7 +209,8 @@ fn locked_version<'a>(lock: &'a str, package: &str) -> Option<&'a str> {
 
 /// Prints the size of the module, and as brotli sends it if that is installed.
 fn print_sizes() -> Result<()> {
-    let wasm = Path::new(DIST).join("app_bg.wasm");
+    let package = Path::new(DIST).join("package/app_bg.wasm");
+    let wasm = if package.is_file() { package } else { Path::new(DIST).join("app_bg.wasm") };
     let bytes = fs::metadata(&wasm).with_context(|| format!("{} is missing", wasm.display()))?.len();
     let megabytes = |bytes: u64| bytes as f64 / 1e6;
     println!("\n{DIST}: a module of {:.1} MB", megabytes(bytes));

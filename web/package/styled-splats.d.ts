@@ -1,0 +1,46 @@
+/** A captured scene in a painting's style: the custom element `<styled-splats>`. A page can have one. */
+export declare class StyledSplats extends HTMLElement {
+  /** Address of the scene, in any format that is one file. */
+  src: string;
+  /** Address of an image (JPEG or PNG); empty for the scene as it was captured. */
+  painting: string;
+  /** Share of the style's colors, 0 to 1. */
+  strength: number;
+  /** `strokes` (default) lays on the painting's own strokes; `decoder` uses the paper's network. */
+  method: "strokes" | "decoder";
+  /** The way in which styles arrive: `fade` (default), `sphere`, `front` or `noise`. */
+  transition: "fade" | "sphere" | "front" | "noise";
+  /** Time in which a style arrives. */
+  seconds: number;
+  /** Downloads the picture as a PNG. */
+  savePicture(): void;
+  /** Downloads the scene in the colors of the shown style, as a `.glb`. */
+  saveGlb(): void;
+  addEventListener<K extends keyof StyledSplatsEvents>(
+    type: K,
+    listener: (event: StyledSplatsEvents[K]) => void,
+    options?: boolean | AddEventListenerOptions,
+  ): void;
+  addEventListener(type: string, listener: EventListenerOrEventListenerObject, options?: boolean | AddEventListenerOptions): void;
+}
+
+export interface StyledSplatsEvents {
+  /** The app draws. */
+  ready: CustomEvent<Record<string, never>>;
+  /** Work that takes a while, and the share that is done, 0 to 1, if it is known. */
+  progress: CustomEvent<{ task: "loading" | "reading" | "encoding" | "painting" | "embedding"; share: number | null }>;
+  /** The scene was read. One without features is embedded first if a painting is asked for, and is then loaded once more. */
+  loaded: CustomEvent<{ gaussians: number; canBeStyled: boolean }>;
+  /** The scene is drawn. */
+  shown: CustomEvent<Record<string, never>>;
+  /** The style is shown, after this time. */
+  applied: CustomEvent<{ milliseconds: number }>;
+  /** Something could not be done: a sentence. */
+  failed: CustomEvent<{ message: string }>;
+}
+
+declare global {
+  interface HTMLElementTagNameMap {
+    "styled-splats": StyledSplats;
+  }
+}
