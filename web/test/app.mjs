@@ -265,7 +265,9 @@ test("a capture is embedded in the page, and then painted", options, async () =>
   }, readFileSync(capture).toString("base64"));
   console.log(`embedding: the script's longest task takes ${embedded.longest} ms`);
   assert.deepEqual(embedded.first.filter(([kind]) => kind === "loaded"), [["loaded", "69714 false"]]);
-  const shares = embedded.second.filter(([kind]) => kind === "progress").map(([, text]) => Number(text.split(" ")[1]));
+  const told = embedded.second.filter(([kind]) => kind === "progress").map(([, text]) => Number(text.split(" ")[1]));
+  // The one that was canceled goes on until the next frame.
+  const shares = told.slice(told.lastIndexOf(0));
   assert.ok(shares.length > 20 && shares.every((share, i) => i === 0 || share >= shares[i - 1]), `found ${shares}`);
   assert.deepEqual(embedded.second.filter(([kind]) => kind === "loaded"), [["loaded", "69714 true"]]);
   assert.ok(embedded.third.some(([kind]) => kind === "applied"), JSON.stringify(embedded.third));
