@@ -117,7 +117,13 @@ fn element_examples(steps: &mut Steps) -> Result<()> {
         return Ok(());
     }
     let mut bundle = Command::new(bundler);
-    bundle.args(["web/examples/react/main.jsx", "--bundle", "--minify", "--jsx=automatic", "--log-level=warning"]);
+    bundle.args([
+        "web/examples/react/main.jsx",
+        "--bundle",
+        "--minify",
+        "--jsx=automatic",
+        "--log-level=warning",
+    ]);
     steps.run("React example", bundle.arg(format!("--outfile={}", to.join("react/main.js").display())))
 }
 
@@ -169,7 +175,10 @@ fn test_built(steps: &mut Steps) -> Result<()> {
         bail!("the page cannot be tested: {missing}");
     }
     steps.run("native program", &mut cargo(["build", "--locked", "--package", "stylegaussian_cli"]))?;
-    steps.run("page with the app", Command::new("node").args(["--test", "web/test/app.mjs", "web/test/examples.mjs"]))
+    steps.run(
+        "page with the app",
+        Command::new("node").args(["--test", "web/test/app.mjs", "web/test/examples.mjs"]),
+    )
 }
 
 /// Something that the tests in a browser need and that is not there, with the way to get it.

@@ -8,15 +8,15 @@ use crate::{camera::Camera, scene::Scene, splat::blend_weights, views::choose_vi
 /// Views that are taken of the scene. Eight show nearly all that can be seen from outside.
 const N_VIEWS: usize = 8;
 
-/// Size of those views, in pixels. Small, since only sums over pixels count.
-const VIEW_SIZE: UVec2 = UVec2::splat(128);
+/// Longer side of those views, in pixels. Small, since only sums over pixels count.
+const VIEW_SIDE: u32 = 128;
 
 /// Side of a picture of the whole scene in which strokes are as large as in the painting, in pixels. Paintings have 512.
 /// People take pictures from a third farther away than from where the scene just fills them.
 const PICTURE_SIDE: f32 = 394.0;
 
-/// Proofs: three sides of a scene. They are those of the views that are farthest away, since strokes are meant for
-/// pictures of the whole scene, and not for a closer look.
+/// Proofs: three sides of a scene. Of chosen views they are those that are farthest away, since strokes are meant for pictures of the
+/// whole scene, and not for a closer look. Of a capture's cameras they are the middle ones: it was looked at from there.
 const N_PROOFS: usize = 3;
 
 /// Sizes of a proof, in pixels: enough to see, and not more than fit in some 30 MB.
@@ -35,20 +35,20 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    /// Looks at `scene` from cameras that are chosen for it. `stroke_scale` enlarges pixels of the painting.
+    /// Looks at `scene` through the cameras of its capture, or through chosen ones if they are not known. `stroke_scale` enlarges pixels of the painting.
     pub fn of(scene: &Scene, stroke_scale: f32) -> Self {
-        let cameras = choose_views(scene, N_VIEWS, VIEW_SIZE);
+        let cameras = usual_views(scene);
         let mut visibility = vec![0.0; scene.len()];
         let mut views = Vec::new();
         for camera in &cameras {
             let weights = blend_weights(scene, camera);
-            let n_pixels = VIEW_SIZE.element_product() as usize;
+            let n_pixels = camera.size.element_product() as usize;
             let mut sizes = Vec::new();
             for (i, pixels) in weights.apply_transposed(&vec![1.0; n_pixels], 1).into_iter().enumerate() {
                 if pixels > 0.0 {
                     visibility[i] += pixels;
                     let z = camera.view_from_world.transform_point3(scene.means[i]).z;
-                    let focal = camera.focal.x * PICTURE_SIDE / VIEW_SIZE.x as f32;
+                    let focal = camera.focal.x * PICTURE_SIDE / VIEW_SIDE as f32;
                     sizes.push((z / focal, pixels));
                 }
             }
@@ -57,13 +57,24 @@ impl Sight {
         let up = cameras.iter().map(up_of).sum::<Vec3>().try_normalize().unwrap_or(Vec3::Y);
         // The sort is stable: of views from the same distance the most useful come first.
         views.sort_by(|a, b| b.0.total_cmp(&a.0));
+        if !scene.cameras.is_empty() {
+            views.drain(..views.len().saturating_sub(N_PROOFS) / 2);
+        }
         views.truncate(N_PROOFS);
         let pixel = views.get(views.len() / 2).map_or_else(|| pixel_of_extent(scene), |(pixel, _)| *pixel);
         let side = (PICTURE_SIDE / stroke_scale).clamp(PROOF_SIDE.0, PROOF_SIDE.1);
-        let proofs: Vec<Camera> =
-            views.iter().map(|(_, camera)| camera.resized(UVec2::splat(side as u32))).collect();
+        let proofs: Vec<Camera> = views.iter().map(|(_, camera)| camera.fitted(side as u32)).collect();
         Self { visibility, pixel: pixel * stroke_scale, proofs: Proofs::new(scene, &proofs), up }
     }
+}
+
+/// The views: a few of the capture's cameras, spread over it, or chosen ones.
+fn usual_views(scene: &Scene) -> Vec<Camera> {
+    if scene.cameras.is_empty() {
+        return choose_views(scene, N_VIEWS, UVec2::splat(VIEW_SIDE));
+    }
+    let stride = scene.cameras.len().div_ceil(N_VIEWS);
+    scene.cameras.iter().step_by(stride).map(|camera| camera.fitted(VIEW_SIDE)).collect()
 }
 
 /// A camera's up direction in the world. Its y axis points down.
@@ -93,6 +104,29 @@ fn pixel_of_extent(scene: &Scene) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A pixel of the painting is a pixel of the capture's middle camera, whatever the order of the cameras.
+    #[test]
+    fn strokes_are_for_the_places_of_the_capture() {
+        let (fov, side) = (0.8_f32, UVec2::new(1000, 500));
+        let camera = |distance: f32| {
+            let eye = Vec3::new(0.0, 0.0, -distance);
+            Camera::look_at(eye, Vec3::ZERO, Vec3::NEG_Y, fov, side)
+        };
+        let scene = Scene {
+            means: vec![Vec3::ZERO],
+            rotations: vec![glam::Quat::IDENTITY],
+            scales: vec![Vec3::splat(0.3)],
+            opacities: vec![0.9],
+            order: vec![0],
+            n_source: 1,
+            cameras: [5.0, 40.0, 10.0, 2.0, 20.0].map(camera).to_vec(),
+            ..Scene::default()
+        };
+        let focal = camera(1.0).fitted(PICTURE_SIDE as u32).focal.x;
+        let found = Sight::of(&scene, 1.0).pixel;
+        assert!((found / (10.0 / focal) - 1.0).abs() < 1e-2, "{found}, expected {}", 10.0 / focal);
+    }
 
     #[test]
     fn the_median_counts_weights() {
