@@ -1,7 +1,7 @@
 //! Starts the examples: a system that Bevy refuses panics when its schedule first runs, which building does not show.
 
 use std::{
-    env, fs,
+    fs,
     io::{BufRead, BufReader},
     path::Path,
     process::{Child, Command, Stdio},
@@ -15,7 +15,7 @@ use anyhow::{Context, Result, bail};
 use crate::steps::target_folder;
 
 /// The X server without a screen.
-pub const SERVER: &str = "Xvfb";
+const SERVER: &str = "Xvfb";
 
 /// An example with neither window nor end: it writes a turntable of pictures, as `cargo xtask demo` shows.
 const WITHOUT_WINDOW: &str = "headless";
@@ -29,18 +29,11 @@ const START: Duration = Duration::from_secs(120);
 /// The time in which an example draws. The first frame comes within a second, with its schedules.
 const DRAWING: Duration = Duration::from_secs(4);
 
-/// Whether the X server without a screen is there. It has no `--version`.
-pub fn has_display_server() -> bool {
-    let path = env::var_os("PATH").unwrap_or_default();
-    env::split_paths(&path).any(|folder| folder.join(SERVER).is_file())
-}
-
 /// Starts each example that was built, in a display without a screen, and ends it after a few seconds.
 ///
 /// # Errors
 /// If an example ends by itself, or panics in any thread. The error has its last lines.
-pub fn start_all() -> Result<()> {
-    let display = Display::start()?;
+pub fn start_all(display: &Display) -> Result<()> {
     for name in names()? {
         let start = Instant::now();
         start_one(&name, &display.name).with_context(|| format!("the example `{name}` does not run"))?;
@@ -145,7 +138,7 @@ impl Drop for Ended {
 }
 
 /// A display without a screen.
-struct Display {
+pub struct Display {
     /// The value of `DISPLAY`.
     name: String,
     _server: Ended,
@@ -153,7 +146,10 @@ struct Display {
 
 impl Display {
     /// Starts the server with a number that is free.
-    fn start() -> Result<Self> {
+    ///
+    /// # Errors
+    /// If the server does not run here.
+    pub fn start() -> Result<Self> {
         let mut command = Command::new(SERVER);
         command.args(["-displayfd", "1", "-screen", "0", "1280x720x24", "-nolisten", "tcp"]);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());

@@ -1,6 +1,9 @@
 //! System packages that cargo cannot install: a Vulkan driver and X11 libraries for a window.
 
-use std::{env, fs, process::Command};
+use std::{
+    env, fs,
+    process::{Command, Stdio},
+};
 
 use anyhow::{Result, ensure};
 
@@ -41,14 +44,20 @@ pub fn install_graphics(steps: &mut Steps, window: bool) -> Result<()> {
     install(steps, &missing)
 }
 
-/// Installs what a window in a display without a screen needs, if this program has the rights. Does nothing on systems other than
-/// Debian and its derivatives.
-///
-/// # Errors
-/// If the installation fails.
-pub fn install_virtual_display(steps: &mut Steps) -> Result<()> {
-    let missing = missing(WINDOW.iter().chain(&VIRTUAL_DISPLAY));
-    if can_install() { install(steps, &missing) } else { Ok(()) }
+/// What a window in a display without a screen needs and is not there, after an attempt to install it where this program has the
+/// rights. Knows nothing to be missing on systems other than Debian and its derivatives.
+pub fn missing_for_virtual_display() -> Vec<&'static str> {
+    let wanted = || WINDOW.iter().chain(&VIRTUAL_DISPLAY);
+    let packages = missing(wanted());
+    if packages.is_empty() || !can_install() {
+        return packages;
+    }
+    let install = ["install", "-y", "--no-install-recommends"];
+    for mut command in [apt(&["update"]), apt(&[&install[..], &packages].concat())] {
+        // What it could not do is missing below.
+        let _ = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).status();
+    }
+    missing(wanted())
 }
 
 /// The packages among `wanted` that Debian's tools miss.
@@ -63,19 +72,20 @@ fn install(steps: &mut Steps, packages: &[&str]) -> Result<()> {
     if packages.is_empty() {
         return Ok(());
     }
-    let apt = |arguments: &[&str]| {
-        // `-n`: sudo must not ask for a password in the middle of a run.
-        let words: Vec<&str> = if is_root() { vec![] } else { vec!["sudo", "-n"] };
-        let words: Vec<&str> =
-            words.into_iter().chain(["apt-get"]).chain(arguments.iter().copied()).collect();
-        let mut command = Command::new(words[0]);
-        command.args(&words[1..]).env("DEBIAN_FRONTEND", "noninteractive");
-        command
-    };
     // A fresh container has no lists, and without them nothing can be installed.
     steps.run("package lists", &mut apt(&["update"]))?;
     steps
         .run("system packages", &mut apt(&[&["install", "-y", "--no-install-recommends"], packages].concat()))
+}
+
+/// `apt-get` with these arguments, as root.
+fn apt(arguments: &[&str]) -> Command {
+    // `-n`: sudo must not ask for a password in the middle of a run.
+    let words: Vec<&str> = if is_root() { vec![] } else { vec!["sudo", "-n"] };
+    let words: Vec<&str> = words.into_iter().chain(["apt-get"]).chain(arguments.iter().copied()).collect();
+    let mut command = Command::new(words[0]);
+    command.args(&words[1..]).env("DEBIAN_FRONTEND", "noninteractive");
+    command
 }
 
 fn can_install() -> bool {

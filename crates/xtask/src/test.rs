@@ -5,8 +5,9 @@ use std::{env, fs, process::Command};
 use anyhow::{Context, Result};
 
 use crate::{
-    examples, features,
-    packages::{install_graphics, install_virtual_display},
+    examples::{self, Display},
+    features,
+    packages::{install_graphics, missing_for_virtual_display},
     steps::{Steps, cargo, data_folder, is_installed, keep_colors},
     web,
 };
@@ -78,12 +79,17 @@ fn tests(steps: &mut Steps) -> Result<()> {
 }
 
 fn start_examples(steps: &mut Steps) -> Result<()> {
-    install_virtual_display(steps)?;
-    if examples::has_display_server() {
-        steps.check("examples start", examples::start_all)
-    } else {
-        steps.not_run("examples start", &format!("`{}` is not installed", examples::SERVER));
-        Ok(())
+    let missing = missing_for_virtual_display();
+    if !missing.is_empty() {
+        steps.not_run("examples start", &format!("{} not installed", missing.join(" ")));
+        return Ok(());
+    }
+    match Display::start() {
+        Ok(display) => steps.check("examples start", || examples::start_all(&display)),
+        Err(error) => {
+            steps.not_run("examples start", &format!("{error:#}"));
+            Ok(())
+        }
     }
 }
 
