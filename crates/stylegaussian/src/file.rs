@@ -24,6 +24,7 @@ mod ksplat;
 mod look;
 mod mask;
 mod names;
+mod pages;
 mod place;
 mod ply;
 pub mod pytorch;

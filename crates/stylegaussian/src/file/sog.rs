@@ -21,6 +21,7 @@ use super::{
     error::{Loaded, Mismatch, mismatch},
     files::{Files, Unread},
     format::{Format, ReadOptions},
+    pages::enlarge,
 };
 
 mod chunk;
@@ -112,6 +113,11 @@ fn scene(
         filter: filter(&chunks, warnings),
         ..Scene::default()
     };
+    enlarge(&mut scene.means);
+    enlarge(&mut scene.rotations);
+    enlarge(&mut scene.scales);
+    enlarge(&mut scene.opacities);
+    scene.sh.iter_mut().for_each(|sh| enlarge(&mut sh.coefficients));
     let mut n_untagged = 0;
     let mut chunks = chunks.into_iter();
     let mut decoded: Option<(Gaussians, Vec<Range<usize>>)> = None;
