@@ -5,7 +5,10 @@
 /// The first write to a page costs more than filling it: with pages of 4 KiB that was a fifth of the time in which a capture
 /// of a million Gaussians is read. A wish alone: small vectors, systems without such pages and refusals change nothing.
 #[cfg(target_os = "linux")]
-#[expect(unsafe_code, reason = "advice is about memory by its address; the comment above the call names the bound")]
+#[expect(
+    unsafe_code,
+    reason = "advice is about memory by its address; the comment above the call names the bound"
+)]
 pub(super) fn enlarge<T>(values: &mut Vec<T>) {
     use rustix::mm::{Advice, madvise};
 
