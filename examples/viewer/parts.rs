@@ -59,11 +59,11 @@ pub struct Parts {
     pub tool: Tool,
     /// The style that is painted, and that new volumes get.
     pub style: PartStyle,
-    /// Of brush, ball and box, as a share of the scene's radius.
+    /// Radius of brush, ball and box, as a share of the scene's radius.
     pub radius: f32,
     /// Share of the radius across which the effect fades.
     pub softness: f32,
-    /// Of the brush, 0..1.
+    /// Strength of the brush, 0..1.
     pub strength: f32,
     pub erases: bool,
     /// Whether what is painted in the style is hidden instead of shown in it.

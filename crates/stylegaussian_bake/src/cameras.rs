@@ -49,7 +49,8 @@ pub(crate) struct Cameras {
 }
 
 impl Cameras {
-    /// Surveys `given`; if there are none, the cameras of the scene's capture; if those are not known, views chosen for the scene. Returns `None` if they see nothing.
+    /// Surveys `given`; if there are none, the cameras of the scene's capture; if those are not known, views chosen for the scene.
+    /// Returns `None` if they see nothing.
     pub fn survey(scene: &Scene, given: &[Camera], side: u32, crop: u32) -> Option<Self> {
         let given = if given.is_empty() { &scene.cameras } else { given };
         let cameras = match given {

@@ -88,7 +88,7 @@ pub fn take_dropped(
     }
 }
 
-/// What a painting's style is made from.
+/// The painting and the choices that a style is made from.
 pub struct Wanted<'a> {
     /// The style's name: `image:NAME` was dropped, `paint:NAME` is an image of the page.
     pub name: &'a str,

@@ -37,7 +37,7 @@ impl Default for Wish {
 }
 
 impl Wish {
-    /// What the worker decodes this wish from: styles, their weights and the share of the content. `None` if no decoder is
+    /// The styles that the worker decodes this wish from, their weights and the share of the content. `None` if no decoder is
     /// asked, or if it is not the worker's to answer.
     pub fn for_worker(&self, paintings: &Paintings) -> Option<[JsValue; 3]> {
         if !self.is_decoded() || worker::state() != State::Ready {

@@ -29,7 +29,7 @@ const VIEW_SIZE: u32 = 384;
 /// The name of scenes in messages and of their format.
 const SCENE: &str = "scene.sgs";
 
-/// What the worker keeps between calls.
+/// Everything that the worker keeps between calls.
 #[derive(Default)]
 struct Held {
     scene: Scene,

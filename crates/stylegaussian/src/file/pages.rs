@@ -29,3 +29,44 @@ pub(super) fn enlarge<T>(values: &mut Vec<T>) {
 /// Large pages are asked for on Linux alone.
 #[cfg(not(target_os = "linux"))]
 pub(super) fn enlarge<T>(_: &mut Vec<T>) {}
+
+#[cfg(test)]
+mod tests {
+    use super::enlarge;
+
+    #[test]
+    fn values_stay_and_more_can_be_added() {
+        for n in [0, 1, 1000, 3 << 20] {
+            let mut values: Vec<u32> = Vec::with_capacity(n + 1);
+            values.extend(0..n as u32);
+            enlarge(&mut values);
+            values.push(7);
+            assert!(values.iter().take(n).copied().eq(0..n as u32) && values[n] == 7);
+        }
+    }
+
+    /// The kernel marks memory that was asked for (`hg` of `VmFlags`, see proc(5)).
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn large_vectors_are_marked() {
+        let mut values: Vec<u8> = Vec::with_capacity(64 << 20);
+        enlarge(&mut values);
+        let inside = values.as_ptr() as usize + (32 << 20);
+        let maps = std::fs::read_to_string("/proc/self/smaps").unwrap();
+        let mut is_inside = false;
+        let marked = maps.lines().find_map(|line| {
+            let range = line.split(' ').next()?.split_once('-');
+            let number = |text: &str| usize::from_str_radix(text, 16).ok();
+            if let Some((Some(first), Some(end))) = range.map(|(a, b)| (number(a), number(b))) {
+                is_inside = (first..end).contains(&inside);
+            }
+            line.strip_prefix("VmFlags:")
+                .filter(|_| is_inside)
+                .map(|flags| flags.split(' ').any(|f| f == "hg"))
+        });
+        if !std::path::Path::new("/sys/kernel/mm/transparent_hugepage").exists() {
+            return println!("SKIPPED: this kernel has no large pages on request");
+        }
+        assert_eq!(marked, Some(true));
+    }
+}

@@ -35,7 +35,8 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    /// Looks at `scene` through the cameras of its capture, or through chosen ones if they are not known. `stroke_scale` enlarges pixels of the painting.
+    /// Looks at `scene` through the cameras of its capture, or through chosen ones if they are not known. `stroke_scale`
+    /// enlarges pixels of the painting.
     pub fn of(scene: &Scene, stroke_scale: f32) -> Self {
         let cameras = usual_views(scene);
         let mut visibility = vec![0.0; scene.len()];

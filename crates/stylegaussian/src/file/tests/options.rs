@@ -89,3 +89,16 @@ fn scenes_of_any_up_direction_are_upright_in_files_and_come_back() {
         }
     }
 }
+
+#[test]
+fn bytes_of_a_scene_are_those_of_its_file() {
+    let dir = dir();
+    let scene = full_scene();
+    for name in ["a.sgs", "a.glb", "a.ply"] {
+        let path = dir.path().join(name);
+        write_scene(&path, &scene).unwrap();
+        assert_eq!(scene_to_bytes(name, &scene).unwrap(), fs::read(&path).unwrap(), "{name}");
+    }
+    assert!(scene_to_bytes("a.txt", &scene).unwrap_err().to_string().contains("a.txt"));
+    assert!(scene_to_bytes("a.sgs", &Scene::default()).unwrap_err().to_string().contains("no Gaussian"));
+}
