@@ -24,6 +24,7 @@ use super::{
     activate::{drop_broken, unit_quaternion},
     error::{Loaded, Mismatch, mismatch},
     format::Format,
+    pages::enlarge,
 };
 
 mod header;
@@ -58,6 +59,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
         n_source: n,
         ..Scene::default()
     };
+    scene.sh.iter_mut().for_each(|sh| enlarge(&mut sh.coefficients));
     for section in &header.sections {
         add(section, &header, &mut scene);
     }

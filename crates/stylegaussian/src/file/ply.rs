@@ -16,6 +16,7 @@ use super::{
     activate::{StoredGaussians, activate},
     error::{Loaded, Mismatch, mismatch},
     format::Format,
+    pages::enlarge,
 };
 
 mod columns;
@@ -162,6 +163,7 @@ fn spherical_harmonics(rows: &Rows, color: &Color) -> Option<Sh> {
     };
     let width = 3 * n_coefficients(degree);
     let mut coefficients = vec![0.0; rows.n_rows() * width];
+    enlarge(&mut coefficients);
     coefficients.par_chunks_exact_mut(width).enumerate().for_each(|(i, row)| match brightest {
         Some(brightest) => {
             let rgb: [f32; 3] = rows.array(i, first);

@@ -13,6 +13,7 @@
 use std::io::{self, Write};
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use crate::{
     scene::{Scene, Sh},
@@ -55,13 +56,14 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
         }))
     };
     let color = |row: &[u8; ROW]| dc_from_color([24, 25, 26].map(|i| f32::from(row[i]) / 255.0));
+    let base: Vec<[f32; 3]> = rows.par_iter().map(color).collect();
     let scene = Scene {
-        means: rows.iter().map(|row| vec3(row, 0)).collect(),
+        means: rows.par_iter().map(|row| vec3(row, 0)).collect(),
         // A Gaussian with a negative standard deviation is drawn as its positive twin.
-        scales: rows.iter().map(|row| vec3(row, 12).abs()).collect(),
-        rotations: rows.iter().map(|row| rotation([row[28], row[29], row[30], row[31]])).collect(),
-        opacities: rows.iter().map(|row| f32::from(row[27]) / 255.0).collect(),
-        sh: Some(Sh { degree: 0, coefficients: rows.iter().flat_map(color).collect() }),
+        scales: rows.par_iter().map(|row| vec3(row, 12).abs()).collect(),
+        rotations: rows.par_iter().map(|row| rotation([row[28], row[29], row[30], row[31]])).collect(),
+        opacities: rows.par_iter().map(|row| f32::from(row[27]) / 255.0).collect(),
+        sh: Some(Sh { degree: 0, coefficients: base.into_flattened() }),
         order: (0..n as u32).collect(),
         n_source: n,
         ..Scene::default()

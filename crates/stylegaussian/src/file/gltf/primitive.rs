@@ -14,6 +14,7 @@ use super::{
 use crate::{
     file::{
         error::{Mismatch, mismatch},
+        pages::enlarge,
         spz,
     },
     scene::{Scene, Sh},
@@ -218,6 +219,7 @@ impl<'a> Splats<'a> {
     /// The spherical harmonics in display-referred colors.
     fn colors(&self, harmonics: &[Accessor], n: usize, warnings: &mut Vec<String>) -> Sh {
         let mut coefficients = vec![0.0; n * 3 * harmonics.len()];
+        enlarge(&mut coefficients);
         let is_linear = self.extension["colorSpace"] == "lin_rec709_display";
         if is_linear {
             warnings

@@ -20,6 +20,7 @@ use crate::{
     file::{
         activate::{StoredGaussians, activate},
         error::{Loaded, Mismatch, mismatch},
+        pages::enlarge,
     },
     scene::Sh,
     sh::{self, n_coefficients},
@@ -161,6 +162,7 @@ fn spherical_harmonics(
     }
     let width = 3 + n_found;
     let mut coefficients = vec![0.0; n * width];
+    enlarge(&mut coefficients);
     coefficients.par_chunks_exact_mut(width).enumerate().for_each(|(i, row)| {
         let (base, rest) = row.split_at_mut(3);
         base.copy_from_slice(&dc(i));

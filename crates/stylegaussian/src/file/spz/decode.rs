@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::{container::Contents, header::ANTIALIASED};
 use crate::{
-    file::activate::drop_broken,
+    file::{activate::drop_broken, pages::enlarge},
     scene::{Scene, ScreenFilter, Sh},
     sh,
 };
@@ -106,6 +106,7 @@ fn spherical_harmonics(colors: &[u8], rest: &[u8], degree: u8) -> Sh {
     let n_kept = 3 * sh::n_coefficients(kept);
     let n_stored = 3 * (sh::n_coefficients(degree) - 1);
     let mut coefficients = vec![0.0; colors.len() / 3 * n_kept];
+    enlarge(&mut coefficients);
     let gaussians = coefficients.par_chunks_exact_mut(n_kept).zip(colors.par_chunks_exact(3));
     gaussians.enumerate().for_each(|(i, (values, color))| {
         let (dc, others) = values.split_at_mut(3);
