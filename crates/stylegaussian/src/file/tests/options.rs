@@ -20,6 +20,23 @@ fn a_source_out_of_all_proportion_is_refused() {
     assert!(refused(read_with(1 << 32, u32::MAX)).contains("expected at most 16777216"));
 }
 
+/// Later steps allocate for every channel and neighbor: 300,000 channels took all memory.
+#[test]
+fn channels_and_neighbors_out_of_all_proportion_are_refused() {
+    let path = dir().path().join("scene.sgs");
+    let mut scene = full_scene();
+    let features = scene.features.as_mut().unwrap();
+    features.n_latent = Features::MAX_CHANNELS + 1;
+    assert!(refused(write_scene(&path, &scene)).contains("features of 4097 latent and "));
+    let neighbors = Neighbors { k: Decoder::MAX_K + 1, indices: vec![0; 257 * 20] };
+    let scene = Scene { neighbors: Some(neighbors), features: None, decoder: None, ..full_scene() };
+    let message = refused(write_scene(&path, &scene));
+    assert!(message.contains("257 neighbors of each, expected at most 256"), "{message}");
+    let mut decoder = decoder(&[6, 4, 3], 2, &mut noise());
+    decoder.k = Decoder::MAX_K + 1;
+    assert!(refused(write_decoder(&path, &decoder, Precision::F32)).contains("K = 257"));
+}
+
 #[test]
 fn higher_spherical_harmonics_are_left_out_as_asked() {
     let dir = dir();
