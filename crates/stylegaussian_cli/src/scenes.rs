@@ -40,7 +40,7 @@ impl ReadArgs {
 /// Options of writing a scene.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct WriteArgs {
-    /// The version of an .spz: 3, which most programs read, or 4, which is smaller.
+    /// The version of an .spz: 3, which most programs read, or 4, whose parts are unpacked side by side.
     #[arg(long, value_name = "3|4", default_value_t = WriteOptions::default().spz_version,
         value_parser = clap::value_parser!(u8).range(3..=4))]
     spz_version: u8,
