@@ -282,9 +282,9 @@ test("what fails is told, and the page goes on", options, async () => {
     page.waitForFunction((source) => new RegExp(source).test(document.getElementById("notice").textContent), pattern.source);
   const before = await settled(page, "before");
   await drop(page, "garden.spz", Buffer.from("no scene at all"));
-  await told(/garden\.spz/);
+  await told(/garden\.spz: found/);
   await drop(page, "none.jpg", Buffer.from("no image at all"));
-  await told(/none\.jpg/);
+  await told(/none\.jpg: found/);
   assert.deepEqual(errors, []);
   await page.evaluate(() => watched.device.destroy());
   await told(/took the GPU away/);

@@ -33,6 +33,7 @@ pub mod morton;
 pub mod neighbors;
 pub mod noise;
 pub mod paint;
+pub mod palette;
 pub mod random;
 pub mod raycast;
 pub mod recolor;

@@ -11,7 +11,8 @@
 //!    split into color and bands of detail, and so are the scene's own colors, recolored.
 //! 4. The bands are added up with factors by which small pictures of the scene (*proofs*) have as much detail of each
 //!    size as the painting: a smooth painting takes the scene's grain away, a rough one adds its own. At last the
-//!    proofs' palette and their shares of dark and bright are corrected.
+//!    proofs' palette and their shares of dark and bright are corrected, and hues that the painting does not have move
+//!    to those that it has.
 //!
 //! A painting is read at 1 pixel of it to 1 pixel of a picture of 512 pixels, seen from a little farther away than from
 //! where the whole scene fills it.

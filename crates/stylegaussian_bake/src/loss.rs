@@ -1,7 +1,6 @@
 //! The parts of the loss, each with its gradient.
 
 pub(crate) mod matching;
-pub(crate) mod palette;
 pub(crate) mod statistics;
 
 /// The parts of a step's loss, unweighted.

@@ -1,7 +1,7 @@
 //! The aim of a bake: the paintings as the loss network sees them.
 
 use rayon::prelude::*;
-use stylegaussian::{random::Random, recolor::ColorMoments};
+use stylegaussian::{palette::Palette, random::Random, recolor::ColorMoments};
 use stylegaussian_encoder::{Image, StyleSize};
 
 use crate::{
@@ -9,7 +9,6 @@ use crate::{
     error::BakeError,
     loss::{
         matching::normalized,
-        palette::Palette,
         statistics::{Moments, Target},
     },
     luminance::{Tone, color_line},

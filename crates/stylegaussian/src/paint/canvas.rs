@@ -7,6 +7,7 @@ use super::{
     frames::LUMINANCE,
     painting::{PLACE, Paint},
 };
+use crate::palette::Palette;
 
 /// Standard deviations of the blurred copies, in pixels. The first is the painting itself. The copies serve Gaussians of
 /// all sizes: one that is larger than a stroke gets the stroke's mean color, and not that of one pixel of it.
@@ -21,6 +22,9 @@ const LOW_STEP: usize = 4;
 /// Bands of a painting's detail: between one copy and the next, and between the last and the painting's color.
 pub(super) const N_DETAILS: usize = BLURS.len();
 
+/// Pixels of a painting of which one in a cell of the color cube is no color of its own: specks of dust.
+const RARE: usize = 10_000;
+
 /// Standard deviation of a place's color, in pixels: a place is read about this far around.
 const PLACE_BLUR: f32 = 6.0;
 
@@ -33,6 +37,8 @@ struct Picture {
 
 /// A painting prepared for reading.
 pub(super) struct Canvas {
+    /// The painting's colors.
+    pub palette: Palette,
     copies: Vec<Picture>,
     /// The painting's color: every [`LOW_STEP`]th pixel.
     low: Picture,
@@ -49,6 +55,8 @@ impl Canvas {
         let pixels = paint.pixels.chunks_exact(3);
         let values = pixels.map(|p| Vec3::new(p[0].into(), p[1].into(), p[2].into()) / 255.0).collect();
         let picture = Picture { width: paint.width, height: paint.height, values };
+        let rgb: Vec<f32> = paint.pixels.iter().map(|byte| f32::from(*byte) / 255.0).collect();
+        let palette = Palette::new(&rgb, 1 + rgb.len() / 3 / RARE);
         let mut blurred = vec![picture];
         for pair in BLURS.windows(2) {
             // Variances add up, so each copy is made from the one before it by a smaller blur.
@@ -65,6 +73,7 @@ impl Canvas {
         };
         let places = 0..n_places.0 * n_places.1;
         let mut canvas = Self {
+            palette,
             place_colors: Vec::new(),
             strokes: places.clone().map(|place| stroke(at_place(&tensors, place))).collect(),
             n_places,

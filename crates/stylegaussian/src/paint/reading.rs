@@ -58,7 +58,10 @@ const MOST_SHAPES: f64 = 4.0;
 const ROUNDS: usize = 2;
 
 /// Share of a Gaussian's deviation at which it reads the painting. The whole of it would blur twice: drawing does too.
-const SHARPNESS: f32 = 0.6;
+const SHARPNESS: f32 = 0.2;
+
+/// Share of the way that the hue of a color which the painting does not have moves to the painting's nearest color.
+const TO_PALETTE: f32 = 0.8;
 
 /// Deviation of luminance within a stroke's length, in the recolored scene, at which half of [`Brush::protection`] applies.
 /// Fences and windows have 0.2 to 0.3, grass and cloth less than 0.1.
@@ -153,7 +156,8 @@ fn parts(
     (parts, ranges.collect())
 }
 
-/// Colors `[N]` such that pictures have the palette's mean and covariance, and nearly the painting's dark and bright.
+/// Colors `[N]` such that pictures have the palette's mean and covariance, and nearly the painting's dark, bright and
+/// hues.
 fn corrected(
     surface: &Surface,
     colors: &[Vec3],
@@ -172,7 +176,12 @@ fn corrected(
         let luminance = color.dot(LUMINANCE);
         (*color + brush.tone * (curve.at(luminance) - luminance)).clamp(range.0, range.1)
     };
-    recolored.par_iter().map(toned).collect()
+    // Luminance stays: detail is in it.
+    let hued = |color: Vec3| {
+        let near = color.lerp(canvas.palette.nearest(color), TO_PALETTE);
+        (near + (color - near).dot(LUMINANCE)).clamp(range.0, range.1)
+    };
+    recolored.par_iter().map(|color| hued(toned(color))).collect()
 }
 
 /// How much each Gaussian belongs to things that are smaller than a stroke `[N]`, 0..1: the contrast of the scene's own

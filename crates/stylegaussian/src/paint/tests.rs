@@ -53,6 +53,28 @@ fn a_gray_wall_gets_stripes_that_stand_upright() {
 }
 
 #[test]
+fn hues_are_those_of_the_painting() {
+    let mut scene = wall(96);
+    // A red disc in the middle. The painting is blue and yellow.
+    let color = |mean: &Vec3| {
+        if mean.distance(Vec3::new(0.5, 0.5, 0.0)) < 0.15 { [0.9, 0.1, 0.1] } else { [0.4 + 0.2 * mean.x; 3] }
+    };
+    scene.set_colors(&scene.means.iter().map(color).collect::<Vec<_>>());
+    let surface = Surface::new(&scene, 1.0);
+    let paint = stripes(128, 96);
+    let colors = repaint(&scene, &surface, &[(&paint, 1.0)], 0.0, Brush::default());
+    let rgb: Vec<f32> = paint.pixels.iter().map(|byte| f32::from(*byte) / 255.0).collect();
+    let palette = crate::palette::Palette::new(&rgb, 1);
+    let hue = |color: Vec3| color - color.dot(Vec3::new(0.299, 0.587, 0.114));
+    let off = |color: &[f32; 3]| {
+        let color = Vec3::from(*color);
+        hue(color).distance(hue(palette.nearest(color)))
+    };
+    let mean = colors.iter().map(off).sum::<f32>() / colors.len() as f32;
+    assert!(mean < 0.1, "{mean}");
+}
+
+#[test]
 fn the_same_colors_for_any_number_of_threads() {
     let scene = wall(48);
     let painted = |threads: usize| {

@@ -2,7 +2,7 @@
 
 use stylegaussian::random::Random;
 
-use super::{content, matching, palette::Palette, range, statistics};
+use super::{content, matching, range, statistics};
 
 const CHANNELS: usize = 3;
 const CELLS: [u32; 4] = [0, 2, 3, 5];
@@ -61,19 +61,4 @@ fn matching_finds_the_nearest_direction() {
     assert!((distance(&[4.0, 0.0, 3.0]) - 0.2).abs() < 1e-5);
     // No feature at all has no direction, and no NaN.
     assert!((distance(&[0.0; 3]) - 1.0).abs() < 1e-5);
-}
-
-#[test]
-fn a_gray_palette_pulls_toward_gray() {
-    let gray: Vec<f32> = (0..256).flat_map(|i| [i as f32 / 255.0; 3]).collect();
-    let palette = Palette::new(&gray, 1);
-    let mut colors = vec![0.9, 0.1, 0.1, 0.5, 0.5, 0.5];
-    let first = palette.pull(&mut colors, 0.5);
-    assert!(colors[0] < 0.9 && colors[1] > 0.1, "{colors:?}");
-    assert_eq!(colors[3..], [0.5; 3], "a color of the painting stays");
-    for _ in 0..20 {
-        palette.pull(&mut colors, 0.5);
-    }
-    assert!(colors[0] - colors[1] < 0.06, "{colors:?}");
-    assert!(palette.pull(&mut colors, 0.5) < 0.1 * first);
 }

@@ -1,5 +1,6 @@
-//! The painting's colors, to which pixels are kept.
+//! The colors of a painting, to which pictures are kept.
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Cells of the color cube along each axis. A cell is 8 of a display's 256 steps.
@@ -9,7 +10,7 @@ const SIDE: usize = 32;
 const FREE: f32 = 1.0 / SIDE as f32;
 
 /// The nearest of the painting's colors for every cell of the color cube.
-pub(crate) struct Palette {
+pub struct Palette {
     nearest: Vec<[f32; 3]>,
 }
 
@@ -19,7 +20,8 @@ fn cell(color: &[f32]) -> usize {
 }
 
 impl Palette {
-    /// The palette of pixels `[n, 3]`, 0..1. A color counts if at least `least` pixels lie in its cell.
+    /// The palette of pixels `[n, 3]`, 0..1. A color counts if at least `least` pixels lie in its cell. Without pixels,
+    /// every color counts.
     pub fn new(rgb: &[f32], least: usize) -> Self {
         let mut cells = vec![([0.0_f64; 3], 0_usize); SIDE * SIDE * SIDE];
         for color in rgb.chunks_exact(3) {
@@ -42,10 +44,28 @@ impl Palette {
                 let closer = |best: [f32; 3], color: &[f32; 3]| {
                     if distance(&middle, color) < distance(&middle, &best) { *color } else { best }
                 };
-                colors.iter().fold([f32::MAX; 3], closer)
+                colors.first().map_or(middle, |first| colors.iter().fold(*first, closer))
             })
             .collect();
         Self { nearest }
+    }
+
+    /// The painting's color nearest to `color`, between those of the cells around it: a slow change of color gives a slow
+    /// change.
+    pub fn nearest(&self, color: Vec3) -> Vec3 {
+        let at = (color * SIDE as f32 - 0.5).clamp(Vec3::ZERO, Vec3::splat((SIDE - 1) as f32));
+        let low = at.floor();
+        let part = at - low;
+        let corner = |i: usize| {
+            let beyond = [i & 1, i >> 1 & 1, i >> 2];
+            let (mut cell, mut share) = (0, 1.0);
+            for axis in 0..3 {
+                cell = cell * SIDE + (low[axis] as usize + beyond[axis]).min(SIDE - 1);
+                share *= if beyond[axis] == 1 { part[axis] } else { 1.0 - part[axis] };
+            }
+            Vec3::from(self.nearest[cell]) * share
+        };
+        (0..8).map(corner).sum()
     }
 
     /// Moves colors `[n, 3]` by `share` of the way toward the nearest color of the painting. Colors within a cell of it
@@ -71,4 +91,39 @@ impl Palette {
 
 fn distance(a: &[f32; 3], b: &[f32; 3]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gray_palette_pulls_toward_gray() {
+        let gray: Vec<f32> = (0..256).flat_map(|i| [i as f32 / 255.0; 3]).collect();
+        let palette = Palette::new(&gray, 1);
+        let mut colors = vec![0.9, 0.1, 0.1, 0.5, 0.5, 0.5];
+        let first = palette.pull(&mut colors, 0.5);
+        assert!(colors[0] < 0.9 && colors[1] > 0.1, "{colors:?}");
+        assert_eq!(colors[3..], [0.5; 3], "a color of the painting stays");
+        for _ in 0..20 {
+            palette.pull(&mut colors, 0.5);
+        }
+        assert!(colors[0] - colors[1] < 0.06, "{colors:?}");
+        assert!(palette.pull(&mut colors, 0.5) < 0.1 * first);
+    }
+
+    #[test]
+    fn the_nearest_color_changes_slowly() {
+        let two = Palette::new(&[0.9, 0.2, 0.1, 0.1, 0.3, 0.8, 0.5, 0.5, 0.5], 1);
+        for (color, expected) in [([1.2, 0.1, 0.0], [0.9, 0.2, 0.1]), ([0.0, 0.3, 1.0], [0.1, 0.3, 0.8])] {
+            assert!(two.nearest(Vec3::from(color)).distance(Vec3::from(expected)) < 1e-5);
+        }
+        let along = |i: usize| {
+            two.nearest(Vec3::new(0.9, 0.2, 0.1).lerp(Vec3::new(0.1, 0.3, 0.8), i as f32 / 1000.0))
+        };
+        let steps = (0..1000).map(|i| along(i).distance(along(i + 1)));
+        assert!(steps.fold(0.0, f32::max) < 0.05, "a thousandth of the way");
+        let any = Vec3::new(0.3, 0.6, 0.2);
+        assert!(Palette::new(&[], 1).nearest(any).distance(any) < 1e-5);
+    }
 }
