@@ -89,9 +89,11 @@ impl Recoloring {
     /// The map from colors of one mean and covariance to another that moves colors least: the optimal transport
     /// between two normal distributions.
     pub fn new(from: &ColorMoments, to: &ColorMoments) -> Self {
-        let root = square_root(from.covariance);
-        let inverse = root.inverse();
-        let gain = inverse * square_root(root * to.covariance * root) * inverse;
+        let root = of_eigenvalues(from.covariance, f64::sqrt);
+        let inverse = of_eigenvalues(from.covariance, |value| 1.0 / value.sqrt());
+        // Rounding must not turn an eigenvalue of 1e-10 below 0.
+        let gain =
+            inverse * of_eigenvalues(root * to.covariance * root, |value| value.max(0.0).sqrt()) * inverse;
         Self { gain, shift: to.mean - gain * from.mean }
     }
 
@@ -120,16 +122,28 @@ fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 
-/// The square root of a positive definite matrix, by the iteration of Denman and Beavers (1976), which converges
-/// quadratically.
-fn square_root(matrix: DMat3) -> DMat3 {
-    let (mut root, mut inverse) = (matrix, DMat3::IDENTITY);
-    // An eigenvalue e far below 1 takes log2(1 / sqrt(e)) rounds, which halve, and then about five. The least is the
-    // floor's square, 2.4e-10: 21 rounds.
-    for _ in 0..40 {
-        (root, inverse) = ((root + inverse.inverse()) * 0.5, (inverse + root.inverse()) * 0.5);
+/// Sweeps of rotations over a matrix's three pairs of axes. Once they are small, each sweep squares them at least, so ten leave
+/// nothing but rounding.
+const SWEEPS: usize = 10;
+
+/// A symmetric matrix with each eigenvalue replaced by `f` of it, by Jacobi's rotations: `f64::sqrt` gives the square root.
+///
+/// Colors of a gray scene or painting have one large variance and two at [`VARIANCE_FLOOR`], and products of two such
+/// covariances have eigenvalues from 1 to 1e-10. Rotations find the small ones as well. Inverses by determinants do not: a
+/// determinant of 1e-20 is the difference of products of 1e-3, and may get the wrong sign.
+fn of_eigenvalues(matrix: DMat3, f: impl Fn(f64) -> f64) -> DMat3 {
+    let (mut diagonal, mut axes) = (matrix, DMat3::IDENTITY);
+    for (p, q) in [(0, 1), (0, 2), (1, 2)].into_iter().cycle().take(3 * SWEEPS) {
+        let angle = 0.5 * (2.0 * diagonal.col(q)[p]).atan2(diagonal.col(q)[q] - diagonal.col(p)[p]);
+        let mut turn = DMat3::IDENTITY;
+        let (sin, cos) = angle.sin_cos();
+        (turn.col_mut(p)[p], turn.col_mut(q)[q]) = (cos, cos);
+        (turn.col_mut(q)[p], turn.col_mut(p)[q]) = (sin, -sin);
+        diagonal = turn.transpose() * diagonal * turn;
+        axes *= turn;
     }
-    root
+    let values = DVec3::new(diagonal.x_axis.x, diagonal.y_axis.y, diagonal.z_axis.z);
+    axes * DMat3::from_diagonal(values.to_array().map(f).into()) * axes.transpose()
 }
 
 #[cfg(test)]
@@ -141,8 +155,26 @@ mod tests {
     #[test]
     fn a_square_root_squares_to_the_matrix() {
         let matrix = DMat3::from_cols_array(&[2.0, 0.3, 0.1, 0.3, 1.0, -0.2, 0.1, -0.2, 0.5]);
-        let root = square_root(matrix);
+        let root = of_eigenvalues(matrix, f64::sqrt);
         assert!((root * root).abs_diff_eq(matrix, 1e-12));
+        assert!((of_eigenvalues(matrix, |value| 1.0 / value) * matrix).abs_diff_eq(DMat3::IDENTITY, 1e-12));
+    }
+
+    /// From grays to other grays, dark stays dark. Both covariances are as near to singular as can be.
+    #[test]
+    fn grays_keep_their_order() {
+        let mut random = Random::new(3);
+        for deviation in [0.2_f32, 0.5, 1.0, 2.0, 4.0] {
+            let gray = |value: f32| [value, value + 1e-4, value];
+            let shades = |spread: f32| -> Vec<f32> {
+                (0..500).flat_map(|i| gray(0.5 + spread * ((i * 37 % 500) as f32 / 500.0 - 0.5))).collect()
+            };
+            let spread = deviation * (1.0 + 0.1 * random.uniform());
+            let map =
+                Recoloring::new(&ColorMoments::of_rgb(&shades(spread)), &ColorMoments::of_rgb(&shades(1.0)));
+            let slope = (map.color(gray(1.0))[1] - map.color(gray(0.0))[1]) * spread;
+            assert!((slope - 1.0).abs() < 1e-2, "deviation {deviation}: {slope}");
+        }
     }
 
     #[test]
