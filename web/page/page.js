@@ -67,14 +67,16 @@ function addStyle(name, picture, label = name) {
   if (name) $("second").append(new Option(label, name));
 }
 
-// A page has 4 GB of memory, and reading a scene takes about twice its file.
+// The worker has 4 GB of memory, and holds a file and its scene. Browsers refuse buffers of 2 GB themselves.
 const LARGEST_FILE = 1.5e9;
 
 async function open(file) {
   if (file.size > LARGEST_FILE) {
-    return hear("failed", `${file.name}: found ${(file.size / 1e9).toFixed(1)} GB, expected at most ${LARGEST_FILE / 1e9}`);
+    return hear("failed", `${file.name}: found ${(file.size / 1e9).toFixed(1)} GB, expected at most ${LARGEST_FILE / 1e9} GB`);
   }
-  const bytes = new Uint8Array(await file.arrayBuffer());
+  const buffer = await file.arrayBuffer().catch((error) => hear("failed", `${file.name}: ${error.message}`));
+  if (!buffer) return;
+  const bytes = new Uint8Array(buffer);
   if (IMAGE.test(file.name)) {
     // Before it gets a thumbnail.
     if (!(await createImageBitmap(file).catch(() => null))) return hear("failed", `${file.name}: found no image that can be read`);
