@@ -162,9 +162,12 @@ class StyledSplats extends HTMLElement {
   }
 }
 
-for (const name of ["src", "painting", "method", "transition"]) {
+for (const [name, choices] of [["src"], ["painting"], ["method", METHODS], ["transition", TRANSITIONS]]) {
   Object.defineProperty(StyledSplats.prototype, name, {
-    get() { return this.getAttribute(name) ?? ""; },
+    get() {
+      const found = this.getAttribute(name) ?? "";
+      return !choices || choices.includes(found) ? found : choices[0];
+    },
     set(value) { value === null || value === undefined || value === "" ? this.removeAttribute(name) : this.setAttribute(name, value); },
   });
 }

@@ -61,7 +61,8 @@ function addStyle(name, picture, label = name) {
   const button = document.createElement("button");
   button.dataset.style = name;
   if (picture) button.append(Object.assign(new Image(), { src: picture, alt: "" }));
-  button.append(label);
+  button.append(Object.assign(document.createElement("span"), { textContent: label }));
+  button.title = label;
   button.onclick = () => { wish.style = name; apply(); };
   $("styles").append(button);
   if (name) $("second").append(new Option(label, name));
@@ -164,9 +165,14 @@ $("arrives").onchange = (event) => app?.set_transition(event.target.value, ARRIV
 $("save_glb").onclick = () => app?.save_glb_soon();
 $("save").onclick = () => app?.save_picture_soon();
 $("link").onclick = () => navigator.clipboard.writeText(location.href).then(() => notice("The link is copied."), () => notice(location.href));
-document.addEventListener("dragover", (event) => event.preventDefault());
+document.addEventListener("dragover", (event) => {
+  event.preventDefault();
+  $("stage").classList.add("awaits");
+});
+document.addEventListener("dragleave", () => $("stage").classList.remove("awaits"));
 document.addEventListener("drop", async (event) => {
   event.preventDefault();
+  $("stage").classList.remove("awaits");
   if (!app) return notice("The page is still loading.");
   for (const file of event.dataTransfer.files) await open(file);
 });

@@ -68,6 +68,10 @@ test("attributes become a scene and a style, and changes of them restyle", async
     ["ready", {}], ["loaded", { gaussians: 7, canBeStyled: true }], ["shown", {}], ["applied", { milliseconds: 12 }],
   ]);
 
+  assert.deepEqual(await page.evaluate(() => {
+    const { src, painting, strength, method, transition, seconds } = document.querySelector("styled-splats");
+    return { src, painting, strength, method, transition, seconds };
+  }), { src: "a.spz", painting: "assets/styles/ink.jpg", strength: 0.5, method: "strokes", transition: "fade", seconds: 1 });
   await page.evaluate(() => Object.assign(document.querySelector("styled-splats"), { strength: 1, method: "decoder" }));
   await page.evaluate(() => { document.querySelector("styled-splats").painting = ""; });
   await page.evaluate(() => { document.querySelector("styled-splats").transition = "noise"; });
