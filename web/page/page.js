@@ -60,6 +60,7 @@ function readLink() {
 function addStyle(name, picture, label = name) {
   const button = document.createElement("button");
   button.dataset.style = name;
+  button.setAttribute("aria-pressed", String(name === wish.style));
   if (picture) button.append(Object.assign(new Image(), { src: picture, alt: "" }));
   button.append(Object.assign(document.createElement("span"), { textContent: label }));
   button.title = label;

@@ -41,6 +41,24 @@ function watch({ hasUsualLimits }) {
       if (document.body?.dataset[is]) watched.start[name] ??= performance.now();
     }
   }).observe(document, { attributes: true, subtree: true });
+  // As browsers do with a tab in the background, which a headless one does not have: no frames while it is hidden.
+  const [request, cancel] = [requestAnimationFrame.bind(globalThis), cancelAnimationFrame.bind(globalThis)];
+  // By their handles, which are below those of the browser.
+  const held = new Map();
+  let last = 0;
+  globalThis.requestAnimationFrame = (draw) => {
+    if (!watched.isHidden) return request(draw);
+    held.set((last -= 1), draw);
+    return last;
+  };
+  globalThis.cancelAnimationFrame = (handle) => held.delete(handle) || cancel(handle);
+  watched.hide = (isHidden) => {
+    watched.isHidden = isHidden;
+    Object.defineProperty(document, "visibilityState", { configurable: true, get: () => (isHidden ? "hidden" : "visible") });
+    document.dispatchEvent(new Event("visibilitychange"));
+    if (!isHidden) held.forEach((draw) => request(draw));
+    held.clear();
+  };
   const tick = (time) => {
     watched.frames.push(time);
     requestAnimationFrame(tick);
