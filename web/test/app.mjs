@@ -7,7 +7,7 @@ import assert from "node:assert/strict";
 import { mkdirSync, mkdtempSync, readFileSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { after, before, test } from "node:test";
+import { after, afterEach, before, test } from "node:test";
 import { launch, serve } from "./browser.mjs";
 import { compare, program, render, run, tensor } from "./native.mjs";
 import { applied, clicked, drop, openedIn, timeout, told } from "./watched.mjs";
@@ -25,6 +25,8 @@ before(async () => {
   // The page's own files first: the module alone is what takes a compiler.
   server = await serve(["web/page", "web", "web/dist"]);
 });
+// One that has failed would draw beside the next one.
+afterEach(() => Promise.all(browser.contexts().map((context) => context.close())));
 after(async () => {
   await browser?.close();
   server?.close();
@@ -78,8 +80,7 @@ for (const viewport of [WIDE, NARROW]) {
     await page.evaluate(() => { document.getElementById("notice").textContent = ""; });
     await expectNative(page, name("dropped_capture"), capture);
     assert.deepEqual(errors, []);
-    await page.close();
-  });
+    });
 }
 
 const float = (half) => {
@@ -120,7 +121,6 @@ test("the GPU's colors are those of the native decoder", options, async () => {
   console.log(`colors of ${order.length} Gaussians: at most ${Math.min(...errorsOfColors)} from the native ones`);
   assert.ok(Math.min(...errorsOfColors) <= 4e-3, `found ${errorsOfColors}, expected at most 4e-3`);
   assert.deepEqual(errors, []);
-  await page.close();
 });
 
 const median = (numbers) => [...numbers].sort((a, b) => a - b)[numbers.length >> 1];
@@ -176,7 +176,6 @@ test("frames keep coming during a change of style", options, async () => {
   expectShortTasks(await measured("a dropped painting", () => drop(page, "dropped.jpg", jpeg)));
   await applied(page, "dropped.jpg");
   assert.deepEqual(errors, []);
-  await page.close();
 });
 
 test("a capture is embedded in the page, and then painted", options, async () => {
@@ -218,7 +217,6 @@ test("a capture is embedded in the page, and then painted", options, async () =>
   assert.ok(embedded.third.some(([kind]) => kind === "applied"), JSON.stringify(embedded.third));
   await settled(page, "embedded");
   assert.deepEqual(errors, []);
-  await page.close();
 });
 
 test("a file that is none is told, and the page goes on", options, async () => {
@@ -229,7 +227,6 @@ test("a file that is none is told, and the page goes on", options, async () => {
   await told(page, /none\.jpg: found/);
   await clicked(page, "ink");
   assert.deepEqual(errors, []);
-  await page.close();
 });
 
 test("a .glb is the scene in the shown style", options, async () => {
@@ -250,5 +247,4 @@ test("a .glb is the scene in the shown style", options, async () => {
   console.log(`saving a .glb: the script's longest task takes ${longest} ms`);
   await expectNative(page, "styled_glb", glb);
   assert.deepEqual(errors, []);
-  await page.close();
 });
