@@ -31,6 +31,8 @@ function appName(name) {
 function apply() {
   for (const button of $("styles").children) {
     button.setAttribute("aria-pressed", String(button.dataset.style === wish.style));
+    // On phones, the styles are a strip.
+    if (button.dataset.style === wish.style) button.scrollIntoView({ block: "nearest", inline: "nearest" });
   }
   Object.assign($("kind"), { value: wish.kind });
   Object.assign($("second"), { value: wish.second });
