@@ -98,11 +98,12 @@ test("a page in the background ends its change of style when it is back", option
     watched.hide(true);
   });
   await page.waitForTimeout(10_000);
+  // The one that was kept, and the one that was under way.
+  const frames = await page.evaluate(() => watched.frames.length);
+  assert.ok(frames <= 2, `found ${frames - 1} frames while the page was hidden`);
   assert.equal(await page.getAttribute("body", "data-state"), "styling");
   await page.evaluate(() => watched.hide(false));
   await applied(page, "ink");
-  const gap = await page.evaluate(() => Math.max(...watched.frames.slice(1).map((time, i) => time - watched.frames[i])));
-  assert.ok(gap > 9_000, `found frames ${gap} ms apart, expected none for 10 s`);
   assert.deepEqual(errors, []);
 });
 
