@@ -1,5 +1,7 @@
 // The app's start: a check for WebGPU, the module with its progress, and the worker.
 
+import { why } from "./why.js";
+
 export class NoWebGpu extends Error {}
 
 // Starts the app on the page's canvas `#scene`, and returns its module. `progress` hears of the share that is loaded, 0..1;
@@ -10,11 +12,14 @@ export async function start(progress, hear) {
   }
   const app = await import("./app.js");
   // A panic of the app, memory that runs out included, is an error of the script that called it. The page stays.
-  const stopped = (reason) => hear("failed", `The app has stopped (${reason}). Reload the page to go on.`);
-  const isOurs = (error) => error instanceof WebAssembly.RuntimeError;
-  window.addEventListener("error", (event) => isOurs(event.error) && stopped(event.message));
-  window.addEventListener("unhandledrejection", (event) => isOurs(event.reason) && stopped(event.reason));
-  await app.default({ module_or_path: fetchModule(progress) });
+  let memory;
+  const stopped = (error) => {
+    if (error instanceof WebAssembly.RuntimeError) hear("failed", `The app has stopped (${why(error, memory)}). Reload the page to go on.`);
+  };
+  window.addEventListener("error", (event) => stopped(event.error));
+  window.addEventListener("unhandledrejection", (event) => stopped(event.reason));
+  const loaded = await app.default({ module_or_path: fetchModule(progress) });
+  memory = loaded?.memory;
   app.listen(hear);
   app.use_worker(() => new Worker(new URL("./worker.js", import.meta.url), { type: "module" }));
   return app;

@@ -27,6 +27,7 @@ class StyledSplats extends HTMLElement {
   #asked = { src: 0, painting: 0 };
   #painting = null;
   #isLoaded = false;
+  #canBeStyled = false;
 
   connectedCallback() {
     if (owner && owner !== this) return this.#fail("found a second <styled-splats>, expected one on a page");
@@ -85,6 +86,10 @@ class StyledSplats extends HTMLElement {
   #restyle() {
     // The scene that comes would be asked for a style of the one before it.
     if (!this.#isLoaded) return;
+    if (!this.#canBeStyled) {
+      if (this.#painting) app.embed_soon();
+      return;
+    }
     const names = this.#painting ? [`image:${this.#painting}`] : [];
     const byDecoder = this.#choice("method", METHODS) === "decoder";
     app.set_style(names, new Float32Array(names.map(() => 1)), 0, this.#number("strength", 1, 0, 1), byDecoder);
@@ -133,10 +138,9 @@ class StyledSplats extends HTMLElement {
     }
     if (kind === "loaded") {
       const [gaussians, canBeStyled] = text.split(" ");
-      this.#isLoaded = true;
-      this.dispatch("loaded", { gaussians: Number(gaussians), canBeStyled: canBeStyled === "true" });
-      if (canBeStyled === "true") this.#restyle();
-      else if (this.getAttribute("painting")) app.embed_soon();
+      [this.#isLoaded, this.#canBeStyled] = [true, canBeStyled === "true"];
+      this.dispatch("loaded", { gaussians: Number(gaussians), canBeStyled: this.#canBeStyled });
+      this.#restyle();
     }
   }
 
@@ -158,9 +162,12 @@ class StyledSplats extends HTMLElement {
   }
 }
 
-for (const name of ["src", "painting", "method", "transition"]) {
+for (const [name, choices] of [["src"], ["painting"], ["method", METHODS], ["transition", TRANSITIONS]]) {
   Object.defineProperty(StyledSplats.prototype, name, {
-    get() { return this.getAttribute(name) ?? ""; },
+    get() {
+      const found = this.getAttribute(name) ?? "";
+      return !choices || choices.includes(found) ? found : choices[0];
+    },
     set(value) { value === null || value === undefined || value === "" ? this.removeAttribute(name) : this.setAttribute(name, value); },
   });
 }

@@ -1,14 +1,16 @@
 // The worker: the app's module without an app, for computations that would stop the page's frames. See worker.rs.
 
 import start, * as app from "./app.js";
+import { why } from "./why.js";
 
 // The last call: one begins when the one before has ended.
 let turn;
+let memory;
 
 onmessage = ({ data }) => {
   if (data.module) {
     turn = start({ module_or_path: data.module });
-    turn.then(() => postMessage({ ready: true }), (error) => postMessage({ stopped: String(error) }));
+    turn.then((loaded) => { memory = loaded.memory; postMessage({ ready: true }); }, (error) => postMessage({ stopped: String(error) }));
   } else turn = turn.then(() => answer(data));
 };
 
@@ -19,7 +21,7 @@ async function answer({ id, call, given }) {
     postMessage({ id, bytes }, [bytes.buffer]);
   } catch (error) {
     // After a panic, the module's memory is of no use.
-    if (error instanceof WebAssembly.RuntimeError) postMessage({ stopped: error.message });
+    if (error instanceof WebAssembly.RuntimeError) postMessage({ stopped: why(error, memory) });
     else postMessage({ id, error: error?.message ?? String(error) });
   }
 }

@@ -31,6 +31,8 @@ function appName(name) {
 function apply() {
   for (const button of $("styles").children) {
     button.setAttribute("aria-pressed", String(button.dataset.style === wish.style));
+    // On phones, the styles are a strip.
+    if (button.dataset.style === wish.style) button.scrollIntoView({ block: "nearest", inline: "nearest" });
   }
   Object.assign($("kind"), { value: wish.kind });
   Object.assign($("second"), { value: wish.second });
@@ -60,21 +62,25 @@ function readLink() {
 function addStyle(name, picture, label = name) {
   const button = document.createElement("button");
   button.dataset.style = name;
+  button.setAttribute("aria-pressed", String(name === wish.style));
   if (picture) button.append(Object.assign(new Image(), { src: picture, alt: "" }));
-  button.append(label);
+  button.append(Object.assign(document.createElement("span"), { textContent: label }));
+  button.title = label;
   button.onclick = () => { wish.style = name; apply(); };
   $("styles").append(button);
   if (name) $("second").append(new Option(label, name));
 }
 
-// A page has 4 GB of memory, and reading a scene takes about twice its file.
+// The worker has 4 GB of memory, and holds a file and its scene. Browsers refuse buffers of 2 GB themselves.
 const LARGEST_FILE = 1.5e9;
 
 async function open(file) {
   if (file.size > LARGEST_FILE) {
-    return hear("failed", `${file.name}: found ${(file.size / 1e9).toFixed(1)} GB, expected at most ${LARGEST_FILE / 1e9}`);
+    return hear("failed", `${file.name}: found ${(file.size / 1e9).toFixed(1)} GB, expected at most ${LARGEST_FILE / 1e9} GB`);
   }
-  const bytes = new Uint8Array(await file.arrayBuffer());
+  const buffer = await file.arrayBuffer().catch((error) => hear("failed", `${file.name}: ${error.message}`));
+  if (!buffer) return;
+  const bytes = new Uint8Array(buffer);
   if (IMAGE.test(file.name)) {
     // Before it gets a thumbnail.
     if (!(await createImageBitmap(file).catch(() => null))) return hear("failed", `${file.name}: found no image that can be read`);
@@ -162,9 +168,14 @@ $("arrives").onchange = (event) => app?.set_transition(event.target.value, ARRIV
 $("save_glb").onclick = () => app?.save_glb_soon();
 $("save").onclick = () => app?.save_picture_soon();
 $("link").onclick = () => navigator.clipboard.writeText(location.href).then(() => notice("The link is copied."), () => notice(location.href));
-document.addEventListener("dragover", (event) => event.preventDefault());
+document.addEventListener("dragover", (event) => {
+  event.preventDefault();
+  $("stage").classList.add("awaits");
+});
+document.addEventListener("dragleave", () => $("stage").classList.remove("awaits"));
 document.addEventListener("drop", async (event) => {
   event.preventDefault();
+  $("stage").classList.remove("awaits");
   if (!app) return notice("The page is still loading.");
   for (const file of event.dataTransfer.files) await open(file);
 });

@@ -1,5 +1,5 @@
 // The page that `cargo xtask web` has built, in headless Chromium: what is drawn beside the native program's pictures, colors, the
-// times between frames, drops, and failures. SwiftShader draws on the CPU, so this takes minutes.
+// times between frames, drops, and files that are none. SwiftShader draws on the CPU, so this takes minutes.
 //
 //   node --test web/test/app.mjs        PICTURES=FOLDER keeps the pictures, ONLY=1000 takes one of the two widths
 
@@ -7,12 +7,11 @@ import assert from "node:assert/strict";
 import { mkdirSync, mkdtempSync, readFileSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { after, before, test } from "node:test";
-import { errorsOf, launch, serve } from "./browser.mjs";
+import { after, afterEach, before, test } from "node:test";
+import { launch, serve } from "./browser.mjs";
 import { compare, program, render, run, tensor } from "./native.mjs";
+import { applied, clicked, drop, openedIn, timeout, told } from "./watched.mjs";
 
-// A frame of SwiftShader takes up to seconds on few cores.
-const timeout = 240_000;
 const options = { timeout: 900_000 };
 const folder = process.env.PICTURES ?? mkdtempSync(join(tmpdir(), "stylegaussian-web-"));
 mkdirSync(folder, { recursive: true });
@@ -26,46 +25,14 @@ before(async () => {
   // The page's own files first: the module alone is what takes a compiler.
   server = await serve(["web/page", "web", "web/dist"]);
 });
+// One that has failed would draw beside the next one.
+afterEach(() => Promise.all(browser.contexts().map((context) => context.close())));
 after(async () => {
   await browser?.close();
   server?.close();
 });
 
-// Keeps the device, the colors' buffers and the times of frames at hand, without a part in the app for it.
-function watch() {
-  globalThis.watched = { colors: [], frames: [] };
-  const requestDevice = GPUAdapter.prototype.requestDevice;
-  GPUAdapter.prototype.requestDevice = async function (...given) {
-    const device = await requestDevice.apply(this, given);
-    watched.device = device;
-    const createBuffer = device.createBuffer;
-    device.createBuffer = (description) => {
-      const buffer = createBuffer.call(device, description);
-      if (description.label === "gaussian_colors") watched.colors.push(buffer);
-      return buffer;
-    };
-    return device;
-  };
-  const tick = (time) => {
-    watched.frames.push(time);
-    requestAnimationFrame(tick);
-  };
-  requestAnimationFrame(tick);
-}
-
-async function opened(viewport, link = "") {
-  const page = await browser.newPage({ viewport });
-  page.setDefaultTimeout(timeout);
-  const errors = errorsOf(page);
-  await page.addInitScript(watch);
-  const begun = performance.now();
-  await page.goto(server.url + link);
-  await page.waitForSelector("body[data-shown]", { state: "attached" });
-  console.log(`${viewport.width} px: the scene is drawn after ${((performance.now() - begun) / 1000).toFixed(1)} s`);
-  return { page, errors };
-}
-
-const state = (page, selector) => page.waitForSelector(`body${selector}`, { state: "attached" });
+const opened = (viewport) => openedIn(browser, server.url, viewport);
 
 // Until nothing moves: two pictures in a row that are equal.
 async function settled(page, name) {
@@ -93,26 +60,6 @@ async function expectNative(page, name, scene, ...given) {
   assert.ok(psnr >= 30, `${name}: found ${psnr} dB, expected at least 30`);
 }
 
-// Drops a file on the page.
-const drop = (page, name, bytes) => page.evaluate(([name, text]) => {
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  const dataTransfer = new DataTransfer();
-  dataTransfer.items.add(new File([bytes], name));
-  document.dispatchEvent(new DragEvent("drop", { dataTransfer, cancelable: true, bubbles: true }));
-}, [name, bytes.toString("base64")]);
-
-// Until the style of this name is on the scene.
-async function applied(page, style) {
-  await page.waitForSelector(`[data-style="${style}"][aria-pressed="true"]`);
-  await page.waitForSelector('body:is([data-state="applied"], [data-state="failed"])');
-  assert.equal(await page.getAttribute("body", "data-state"), "applied", await page.textContent("#notice"));
-}
-
-async function clicked(page, style) {
-  await page.click(`[data-style="${style}"]`);
-  await applied(page, style);
-}
-
 for (const viewport of [WIDE, NARROW]) {
   if (process.env.ONLY && process.env.ONLY !== String(viewport.width)) continue;
   test(`pictures at ${viewport.width} px are the native ones`, options, async () => {
@@ -128,13 +75,12 @@ for (const viewport of [WIDE, NARROW]) {
     run("convert", DEMO, capture);
     await drop(page, "capture.spz", readFileSync(capture));
     await page.waitForFunction(() => /no features/.test(document.getElementById("notice").textContent));
-    await state(page, "[data-shown]");
+    await page.waitForSelector("body[data-shown]", { state: "attached" });
     // The sentence lies on the canvas.
     await page.evaluate(() => { document.getElementById("notice").textContent = ""; });
     await expectNative(page, name("dropped_capture"), capture);
     assert.deepEqual(errors, []);
-    await page.close();
-  });
+    });
 }
 
 const float = (half) => {
@@ -175,7 +121,6 @@ test("the GPU's colors are those of the native decoder", options, async () => {
   console.log(`colors of ${order.length} Gaussians: at most ${Math.min(...errorsOfColors)} from the native ones`);
   assert.ok(Math.min(...errorsOfColors) <= 4e-3, `found ${errorsOfColors}, expected at most 4e-3`);
   assert.deepEqual(errors, []);
-  await page.close();
 });
 
 const median = (numbers) => [...numbers].sort((a, b) => a - b)[numbers.length >> 1];
@@ -231,7 +176,6 @@ test("frames keep coming during a change of style", options, async () => {
   expectShortTasks(await measured("a dropped painting", () => drop(page, "dropped.jpg", jpeg)));
   await applied(page, "dropped.jpg");
   assert.deepEqual(errors, []);
-  await page.close();
 });
 
 test("a capture is embedded in the page, and then painted", options, async () => {
@@ -273,24 +217,34 @@ test("a capture is embedded in the page, and then painted", options, async () =>
   assert.ok(embedded.third.some(([kind]) => kind === "applied"), JSON.stringify(embedded.third));
   await settled(page, "embedded");
   assert.deepEqual(errors, []);
-  await page.close();
 });
 
-test("what fails is told, and the page goes on", options, async () => {
+test("a file that is none is told, and the page goes on", options, async () => {
   const { page, errors } = await opened(NARROW);
-  const told = (pattern) =>
-    page.waitForFunction((source) => new RegExp(source).test(document.getElementById("notice").textContent), pattern.source);
-  const before = await settled(page, "before");
   await drop(page, "garden.spz", Buffer.from("no scene at all"));
-  await told(/garden\.spz: found/);
+  await told(page, /garden\.spz: found/);
   await drop(page, "none.jpg", Buffer.from("no image at all"));
-  await told(/none\.jpg: found/);
-  assert.deepEqual(errors, []);
-  await page.evaluate(() => watched.device.destroy());
-  await told(/took the GPU away/);
-  // A click is answered by the new device.
+  await told(page, /none\.jpg: found/);
   await clicked(page, "ink");
-  const again = await settled(page, "after_loss");
-  assert.ok(!again.equals(before));
-  await page.close();
+  assert.deepEqual(errors, []);
+});
+
+test("a .glb is the scene in the shown style", options, async () => {
+  const { page, errors } = await opened(NARROW);
+  await clicked(page, "ink");
+  const download = page.waitForEvent("download");
+  const longest = await page.evaluate(async () => {
+    const tasks = [];
+    const observer = new PerformanceObserver((list) => tasks.push(...list.getEntries().map(({ duration }) => duration)));
+    observer.observe({ type: "longtask" });
+    document.getElementById("save_glb").click();
+    for (let frames = 0; frames < 4; frames += 1) await new Promise(requestAnimationFrame);
+    tasks.push(...observer.takeRecords().map(({ duration }) => duration));
+    return Math.max(0, ...tasks);
+  });
+  const glb = join(folder, "styled.glb");
+  await (await download).saveAs(glb);
+  console.log(`saving a .glb: the script's longest task takes ${longest} ms`);
+  await expectNative(page, "styled_glb", glb);
+  assert.deepEqual(errors, []);
 });

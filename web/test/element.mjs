@@ -68,6 +68,10 @@ test("attributes become a scene and a style, and changes of them restyle", async
     ["ready", {}], ["loaded", { gaussians: 7, canBeStyled: true }], ["shown", {}], ["applied", { milliseconds: 12 }],
   ]);
 
+  assert.deepEqual(await page.evaluate(() => {
+    const { src, painting, strength, method, transition, seconds } = document.querySelector("styled-splats");
+    return { src, painting, strength, method, transition, seconds };
+  }), { src: "a.spz", painting: "assets/styles/ink.jpg", strength: 0.5, method: "strokes", transition: "fade", seconds: 1 });
   await page.evaluate(() => Object.assign(document.querySelector("styled-splats"), { strength: 1, method: "decoder" }));
   await page.evaluate(() => { document.querySelector("styled-splats").painting = ""; });
   await page.evaluate(() => { document.querySelector("styled-splats").transition = "noise"; });
@@ -90,6 +94,12 @@ test("a scene without features is embedded if a painting is asked for", async ()
   await taken();
   await page.evaluate(() => { tell("loaded", "7 false"); tell("progress", "embedding 0.5"); tell("loaded", "7 true"); });
   assert.deepEqual((await taken()).map(([name]) => name), ["embed_soon", "set_style"]);
+  // So is one whose painting comes later.
+  await page.evaluate(() => { document.querySelector("styled-splats").painting = ""; tell("loaded", "8 false"); });
+  assert.deepEqual(await taken(), [["set_style", [], [], 0, 0.5, false]]);
+  await page.evaluate(() => { document.querySelector("styled-splats").painting = "assets/styles/dots.jpg"; });
+  await until(2);
+  assert.deepEqual((await taken()).map(([name]) => name), ["add_painting", "embed_soon"]);
   const progress = await page.evaluate(() => heard.filter(([kind]) => kind === "progress").at(-1));
   assert.deepEqual(progress, ["progress", { task: "embedding", share: 0.5 }]);
 });

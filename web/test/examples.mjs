@@ -1,9 +1,11 @@
-// The custom element with the app that `cargo xtask web` has built, on a plain page and in React, in headless Chromium.
+// The custom element with the app that `cargo xtask web` has built, on a plain page and in React, in headless Chromium; and what the
+// package of it holds.
 //
 //   node --test web/test/examples.mjs        PICTURES=FOLDER keeps the pictures
 
 import assert from "node:assert/strict";
-import { existsSync, mkdirSync, mkdtempSync, writeFileSync } from "node:fs";
+import { execFileSync } from "node:child_process";
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
@@ -65,3 +67,17 @@ for (const [name, press] of [["html", 'button[data-painting$="dots.jpg"]'], ["re
     await page.close();
   });
 }
+
+test("the package holds all that it loads, its types and its licenses", () => {
+  const [pack] = JSON.parse(execFileSync("npm", ["pack", "--dry-run", "--json"], { cwd: "web/dist/package", stdio: ["ignore", "pipe", "ignore"] }));
+  const found = new Set(pack.files.map(({ path }) => path));
+  // In `app.js`, such a name may be that of a module's imports, which is no file.
+  const scripts = [...found].filter((path) => path.endsWith(".js") && path !== "app.js");
+  const loaded = scripts.flatMap((path) => [...readFileSync(join("web/dist/package", path), "utf8").matchAll(/["']\.\/([\w.-]+)["']/g)].map(([, file]) => file));
+  const { exports, types } = JSON.parse(readFileSync("web/dist/package/package.json"));
+  const entries = [types, ...Object.values(exports).flatMap((entry) => Object.values(typeof entry === "string" ? { entry } : entry))];
+  const expected = [...loaded, ...entries.map((path) => path.replace("./", "")), "README.md", "LICENSE-APACHE", "LICENSE-MIT", "app_bg.wasm"];
+  for (const path of expected) assert.ok(found.has(path), `${path} is not among ${[...found]}`);
+  assert.ok(loaded.includes("worker.js") && loaded.includes("app.js"), loaded.join());
+  console.log(`npm pack: ${(pack.size / 1e6).toFixed(1)} MB, ${found.size} files`);
+});

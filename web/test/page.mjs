@@ -11,7 +11,7 @@ const STAND_IN = `
   const note = (name) => (...given) => calls.push([name, ...given.map((v) => (v?.byteLength > 99 ? v.byteLength : ArrayBuffer.isView(v) ? [...v] : v))]);
   globalThis.calls = [];
   let tell;
-  export default async () => {};
+  export default async () => ({ memory: new WebAssembly.Memory({ initial: 2 ** 15 }) });
   export const listen = (listener) => { tell = globalThis.tell = listener; tell("ready", ""); };
   export const open_asset = (path) => { calls.push(["open_asset", path]); tell("loaded", "5 true"); };
   export const [open_file, add_painting, turn, fly, zoom, save_picture_soon, save_glb_soon, embed_soon, cancel_embedding, set_transition] =
@@ -83,6 +83,40 @@ test("images become styles, other files scenes", async () => {
   await page.evaluate(() => { tell("loaded", "7 false"); tell("failed", "no such style"); });
   assert.equal(await page.inputValue("#kind"), "paint");
   assert.deepEqual(errors, []);
+});
+
+test("a file that is too large is refused before it is read, and one that cannot be read is told", async () => {
+  const { page, errors, taken } = await opened();
+  await taken();
+  const file = { name: "large.ply", mimeType: "", buffer: Buffer.alloc(1) };
+  const until = (text) => page.waitForFunction((text) => document.getElementById("notice").textContent === text, text);
+  await page.evaluate(() => {
+    globalThis.size = 3e9;
+    Object.defineProperty(Blob.prototype, "size", { get: () => size });
+    Blob.prototype.arrayBuffer = async () => { throw new DOMException("the disk is gone"); };
+  });
+  await page.setInputFiles("#file", file);
+  await until("large.ply: found 3.0 GB, expected at most 1.5 GB");
+  await page.evaluate(() => { size = 1e9; });
+  await page.setInputFiles("#file", []);
+  await page.setInputFiles("#file", file);
+  await until("large.ply: the disk is gone");
+  // The scene stays, in its style.
+  assert.deepEqual(await taken(), []);
+  assert.equal(await page.inputValue("#kind"), "look");
+  assert.deepEqual(errors, []);
+});
+
+test("an app that stops is told, with the memory that it had", async () => {
+  const { page, errors } = await opened();
+  await page.evaluate(() => { setTimeout(() => { throw new WebAssembly.RuntimeError("unreachable"); }); });
+  await page.waitForSelector('body[data-state="failed"]');
+  assert.match(await page.textContent("#notice"), /has stopped \(unreachable, with 2\.0 of 4 GB in use\)\. Reload the page/);
+  // Errors of the page's own script are no end of the app.
+  await page.evaluate(() => { document.getElementById("notice").textContent = ""; setTimeout(() => { throw new Error("another"); }); });
+  await page.waitForTimeout(100);
+  assert.equal(await page.textContent("#notice"), "");
+  assert.equal(errors.length, 2, errors.join());
 });
 
 test("a capture without features is embedded on request, with progress and an end", async () => {

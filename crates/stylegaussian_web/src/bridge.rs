@@ -1,17 +1,11 @@
 //! The way between the page's script and the app: requests there, events back.
 
-use std::{
-    cell::{Cell, RefCell},
-    sync::{Arc, Mutex},
-};
+use std::cell::{Cell, RefCell};
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{GaussianSceneFailed, GaussianSceneReady, StyleApplied, StyleFailed};
-use js_sys::Function;
+use js_sys::{Function, Uint8Array};
 use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
-
-/// The bytes of a file. Whoever reads it takes them: a browser gives a page 4 GB, and a copy of a large file counts.
-pub type Bytes = Arc<Mutex<Vec<u8>>>;
 
 /// A request of the page's script.
 #[derive(Message, Clone, Debug)]
@@ -22,15 +16,15 @@ pub enum Request {
     OpenFile {
         /// The file's name.
         name: String,
-        /// The file's bytes.
-        bytes: Bytes,
+        /// The file's bytes. They stay the browser's: the app's own memory ends at 4 GB.
+        bytes: Uint8Array,
     },
     /// An image of the visitor, as the style `image:NAME`.
     AddPainting {
         /// The name.
         name: String,
         /// The file's bytes.
-        bytes: Bytes,
+        bytes: Uint8Array,
     },
     /// A mix of styles, in place of the present one.
     Style {
@@ -119,14 +113,14 @@ pub fn open_asset(path: String) {
 
 /// Shows a scene of the visitor.
 #[wasm_bindgen]
-pub fn open_file(name: String, bytes: Vec<u8>) {
-    ask(Request::OpenFile { name, bytes: Arc::new(Mutex::new(bytes)) });
+pub fn open_file(name: String, bytes: Uint8Array) {
+    ask(Request::OpenFile { name, bytes });
 }
 
 /// Takes an image of the visitor as the style `image:NAME`.
 #[wasm_bindgen]
-pub fn add_painting(name: String, bytes: Vec<u8>) {
-    ask(Request::AddPainting { name, bytes: Arc::new(Mutex::new(bytes)) });
+pub fn add_painting(name: String, bytes: Uint8Array) {
+    ask(Request::AddPainting { name, bytes });
 }
 
 /// Puts a mix of styles on the scene; `names` and `weights` go in pairs. `content` is the share of the content's features,
@@ -234,12 +228,6 @@ pub fn take_requests(mut requests: MessageWriter<Request>) {
     if !IS_TOLD.replace(true) {
         tell(Event::Ready, "");
     }
-}
-
-/// Takes the bytes of a file.
-pub fn take(bytes: &Bytes) -> Vec<u8> {
-    // Nobody panics with the lock held.
-    bytes.lock().map(|mut bytes| std::mem::take(&mut *bytes)).unwrap_or_default()
 }
 
 /// Tells that a scene is drawn.

@@ -7,6 +7,7 @@
 mod bridge;
 mod camera;
 mod failure;
+mod memory;
 mod paintings;
 mod save;
 mod scene;

@@ -12,13 +12,14 @@ use bevy_stylegaussian::{
     GaussianScene, StyleInput, StyleLook, StyleStatistics,
     stylegaussian::{Look, Scene, file, look::MadeFrom, morton},
 };
-
+use js_sys::Uint8Array;
 use wasm_bindgen::JsValue;
 
 use crate::{
     bridge::{self, Event, Request},
+    memory,
     scene::Shown,
-    style,
+    style, work,
     worker::{self, Call, State},
 };
 
@@ -41,7 +42,7 @@ struct Painting {
 /// The file of a painting.
 enum File {
     /// One that the visitor has dropped.
-    Dropped(Vec<u8>),
+    Dropped(Uint8Array),
     /// An image beside the page, by its path in `assets`.
     Asset(String),
 }
@@ -83,7 +84,7 @@ pub fn take_dropped(
 ) {
     for request in requests.read() {
         let Request::AddPainting { name, bytes } = request else { continue };
-        let painting = Painting::new(File::Dropped(bridge::take(bytes)), &styles);
+        let painting = Painting::new(File::Dropped(bytes.clone()), &styles);
         paintings.0.insert(format!("image:{name}"), painting);
     }
 }
@@ -118,7 +119,7 @@ impl Paintings {
         if worker::state() == State::Absent {
             if painting.image.is_none() {
                 painting.image = Some(match &painting.file {
-                    File::Dropped(bytes) => images.add(decode(bytes)?),
+                    File::Dropped(bytes) => images.add(decode(&memory::copied(bytes)?)?),
                     File::Asset(path) => assets.load(path.clone()),
                 });
             }
@@ -184,7 +185,7 @@ impl Painting {
         match &self.encoded {
             Encoded::Wanted if worker::state() == State::Ready => {
                 let file = match &self.file {
-                    File::Dropped(bytes) => worker::bytes(bytes),
+                    File::Dropped(bytes) => bytes.clone().into(),
                     File::Asset(path) => worker::asset(path),
                 };
                 self.encoded = Encoded::Coming(worker::call("work_encode", &[name.into(), file]));
@@ -238,9 +239,7 @@ impl Painting {
 
 /// The look of a scene in colors, f32 `[N, 3]` in Morton order.
 fn look(scene: &Scene, bytes: &[u8]) -> Result<Look, String> {
-    let (colors, []) = bytes.as_chunks::<4>() else { return Err("found a part of a color".into()) };
-    let values: Vec<f32> = colors.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
-    let (rows, []) = values.as_chunks::<3>() else { return Err("found a part of a color".into()) };
+    let rows = work::colors_of(bytes)?;
     if rows.len() != scene.len() {
         return Err(format!("found {} colors, expected {}", rows.len(), scene.len()));
     }

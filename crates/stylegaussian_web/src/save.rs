@@ -9,7 +9,7 @@ use bevy::{
 };
 use bevy_stylegaussian::{
     AppliedStyle, GaussianScene, GaussianSplats,
-    stylegaussian::{Scene, file::scene_to_bytes},
+    stylegaussian::{Scene, file::scene_to_bytes, morton},
 };
 use js_sys::{Array, Uint8Array};
 use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
@@ -19,7 +19,8 @@ use crate::{
     paintings::Paintings,
     scene::Shown,
     style::Wish,
-    worker::{self, Call},
+    work,
+    worker::{self, Call, State},
 };
 
 /// The name of a downloaded scene.
@@ -64,7 +65,7 @@ pub struct Saving(Option<Making>);
 enum Making {
     /// A task, of colors that are known.
     Task(Task<Result<Vec<u8>, String>>),
-    /// The worker, which decodes them.
+    /// The worker, which may also decode them.
     Worker(Call),
 }
 
@@ -81,10 +82,16 @@ pub fn scene(
         let Some(scene) = scenes.get(&splats.0) else {
             return bridge::tell(Event::Failed, "There is no scene to save.");
         };
-        let for_worker = style.and_then(|_| wish.for_worker(&paintings));
-        saving.0 = Some(match for_worker.filter(|_| shown.hold(splats.0.id(), scene).is_ok()) {
-            Some(given) => Making::Worker(worker::call("work_decode", &given)),
-            None => Making::Task(written(scene.scene().clone(), style.cloned())),
+        let has_worker = worker::state() == State::Ready && shown.hold(splats.0.id(), scene).is_ok();
+        saving.0 = Some(if !has_worker {
+            Making::Task(written(scene.scene().clone(), style.cloned()))
+        } else if let Some(given) = style.and_then(|_| wish.for_worker(&paintings)) {
+            Making::Worker(worker::call("work_decode", &given))
+        } else {
+            match style.map(|style| style.colors()).transpose() {
+                Ok(colors) => Making::Worker(worker::call("work_save", &[sorted(scene.scene(), colors)])),
+                Err(error) => return bridge::tell(Event::Failed, &error.to_string()),
+            }
         });
     }
     let made = match &mut saving.0 {
@@ -98,6 +105,13 @@ pub fn scene(
         Ok(bytes) => download(&bytes, SCENE),
         Err(error) => bridge::tell(Event::Failed, &error),
     }
+}
+
+/// The colors of a scene for the worker, which holds it in the order of a `.sgs`. Nothing if there are none.
+fn sorted(scene: &Scene, colors: Option<Arc<[[f32; 3]]>>) -> JsValue {
+    let colors =
+        colors.map(|colors| work::bytes_of(morton::order(&scene.means).iter().map(|i| &colors[*i as usize])));
+    worker::bytes(&colors.unwrap_or_default())
 }
 
 /// The bytes of a scene in the colors that it is shown in.

@@ -9,9 +9,12 @@ use bevy_stylegaussian::{
     GaussianScene, GaussianSplats, StyleSource, StyleTransition, stylegaussian::file::scene_to_bytes,
 };
 
+use js_sys::Uint8Array;
+
 use crate::{
-    bridge::{self, Bytes, Event, Request},
+    bridge::{self, Event, Request},
     camera::Orbit,
+    memory,
     style::Wish,
     work,
     worker::{self, Call, State},
@@ -29,7 +32,7 @@ enum Next {
     /// An asset of the server, and its path.
     Asset(Handle<GaussianScene>, String),
     /// A file of the visitor, which nobody reads yet.
-    File { name: String, bytes: Bytes },
+    File { name: String, bytes: Uint8Array },
     /// The present scene with features, for which nobody computes yet.
     Embedded,
     /// A file that the worker reads, or the scene that it embeds.
@@ -117,11 +120,11 @@ impl Shown {
         self.next = match (&self.next, worker::state()) {
             (Next::File { name, bytes }, State::Ready) => {
                 worker::holds(None);
-                let given = [name.into(), worker::bytes(&bridge::take(bytes))];
+                let given = [name.into(), bytes.clone().into()];
                 Next::Worker { call: worker::call("work_read", &given), is_embedding: false }
             }
             (Next::File { name, bytes }, State::Absent) => {
-                reading(name.clone(), bridge::take(bytes), false, false)
+                reading(name.clone(), memory::copied(bytes)?, false, false)?
             }
             (Next::Embedded, State::Ready) => {
                 Next::Worker { call: self.embed(present, scenes)?, is_embedding: true }
@@ -146,8 +149,9 @@ impl Shown {
             },
             Next::Worker { call, is_embedding } => {
                 let is_embedding = *is_embedding;
-                match call.answer()? {
-                    Ok(bytes) => self.next = reading("the scene".into(), bytes, true, is_embedding),
+                let read = |bytes| reading("the scene".into(), bytes, true, is_embedding);
+                match call.answer()?.and_then(read) {
+                    Ok(next) => self.next = next,
                     Err(error) => return Some(Err(error)),
                 }
                 None
@@ -167,9 +171,13 @@ impl Shown {
 }
 
 /// Reads a file on the page's thread.
-fn reading(name: String, bytes: Vec<u8>, of_worker: bool, is_embedded: bool) -> Next {
+///
+/// # Errors
+/// If the page has no memory for it.
+fn reading(name: String, bytes: Vec<u8>, of_worker: bool, is_embedded: bool) -> Result<Next, String> {
+    memory::expect_room(&name, bytes.len())?;
     let read = async move { work::read(bytes, &name).map(GaussianScene::new) };
-    Next::Reading { task: AsyncComputeTaskPool::get().spawn(read), of_worker, is_embedded }
+    Ok(Next::Reading { task: AsyncComputeTaskPool::get().spawn(read), of_worker, is_embedded })
 }
 
 /// Shows the next scene once it is loaded, and moves the camera to see all of it.
@@ -208,6 +216,9 @@ pub fn show_loaded(
         shown.asset = Some((handle.id(), path));
     }
     splats.0 = handle;
+    if !can_be_styled {
+        wish.keep_looks();
+    }
     // Paint belongs to a scene.
     wish.is_due = true;
 }

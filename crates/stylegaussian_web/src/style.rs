@@ -52,6 +52,11 @@ impl Wish {
         Some([styles?.into(), Float32Array::from(&weights[..]).into(), self.content.into()])
     }
 
+    /// Forgets all but looks, which alone need no features.
+    pub fn keep_looks(&mut self) {
+        self.styles.retain(|(name, _)| name.starts_with("look:"));
+    }
+
     /// Whether the decoder makes the colors of paintings. Statistics alone have no paint, and the styles of a mix are made in
     /// one way.
     fn is_decoded(&self) -> bool {

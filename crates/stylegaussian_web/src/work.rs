@@ -90,7 +90,7 @@ pub fn work_paint(name: &str, style: &[u8], tell: Function) -> Result<Vec<u8>, J
     tell_progress("painting", None);
     let colors =
         HELD.with_borrow_mut(|held| held.paint(name, style)).map_err(|error| JsError::new(&error))?;
-    Ok(colors.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect())
+    Ok(bytes_of(&colors))
 }
 
 /// Decodes a mix of `.style.safetensors`, and returns the scene in these colors as a `.glb`.
@@ -100,6 +100,40 @@ pub fn work_decode(styles: Array, weights: &[f32], content: f32) -> Result<Vec<u
     let styles: Vec<_> = styles.iter().map(Vec::as_slice).zip(weights.iter().copied()).collect();
     let scene = HELD.with_borrow(|held| decoded(&held.scene, &styles, content));
     Ok(file::scene_to_bytes("scene.glb", &scene.map_err(|error| JsError::new(&error))?)?)
+}
+
+/// Returns the scene as a `.glb` in colors, f32 `[N, 3]` in the order of a `.sgs`, or in its own if there are none.
+#[wasm_bindgen]
+pub fn work_save(colors: &[u8]) -> Result<Vec<u8>, JsError> {
+    let written = HELD.with_borrow(|held| saved(&held.scene, colors));
+    written.map_err(|error| JsError::new(&error))
+}
+
+fn saved(scene: &Scene, colors: &[u8]) -> Result<Vec<u8>, String> {
+    let mut scene = scene.clone();
+    if !colors.is_empty() {
+        let colors = colors_of(colors)?;
+        if colors.len() != scene.len() {
+            return Err(format!("found {} colors, expected {}", colors.len(), scene.len()));
+        }
+        scene.set_colors(&colors);
+    }
+    file::scene_to_bytes("scene.glb", &scene).map_err(|error| error.to_string())
+}
+
+/// Colors as bytes: f32 `[N, 3]`.
+pub fn bytes_of<'a>(colors: impl IntoIterator<Item = &'a [f32; 3]>) -> Vec<u8> {
+    colors.into_iter().flatten().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+/// The colors that [`bytes_of`] has written.
+///
+/// # Errors
+/// If a part of one is missing.
+pub fn colors_of(bytes: &[u8]) -> Result<Vec<[f32; 3]>, String> {
+    let (values, []) = bytes.as_chunks::<4>() else { return Err("found a part of a color".into()) };
+    let (colors, []) = values.as_chunks::<3>() else { return Err("found a part of a color".into()) };
+    Ok(colors.iter().map(|color| color.map(f32::from_le_bytes)).collect())
 }
 
 /// A scene in the decoded colors of a mix of styles: bytes of `.style.safetensors`, and their weights.
@@ -243,6 +277,11 @@ mod tests {
         let styled = decoded(&held.scene, &[(&style, 1.0)], 0.0).unwrap();
         assert_ne!(styled.base_colors(), held.scene.base_colors());
         assert!(decoded(&held.scene, &[], 0.0).unwrap_err().contains("mix weights"));
+        let glb = read(saved(&held.scene, &bytes_of(&colors)).unwrap(), "scene.glb").unwrap();
+        assert_eq!(glb.len(), held.scene.len());
+        let own = read(saved(&held.scene, &[]).unwrap(), "scene.glb").unwrap();
+        assert_ne!(glb.base_colors(), own.base_colors());
+        assert!(saved(&held.scene, &[0; 12]).unwrap_err().contains("found 1 colors"));
     }
 
     #[test]

@@ -11,7 +11,10 @@ use bevy_stylegaussian::GaussianScene;
 use js_sys::{Array, Function, Object, Reflect, Uint8Array};
 use wasm_bindgen::{JsCast, JsValue, closure::Closure, prelude::wasm_bindgen};
 
-use crate::bridge::{self, Event};
+use crate::{
+    bridge::{self, Event},
+    memory,
+};
 
 #[wasm_bindgen]
 extern "C" {
@@ -188,8 +191,9 @@ fn hear(event: &JsValue) {
     } else if let Some(progress) = text("progress") {
         bridge::tell(Event::Progress, &progress);
     } else if let Some(id) = get(&data, "id").and_then(|id| id.as_f64()) {
-        let bytes = get(&data, "bytes").map(|bytes| Uint8Array::new(&bytes).to_vec());
-        answer(id as u32, bytes.ok_or_else(|| text("error").unwrap_or_default()));
+        let error = || Err(text("error").unwrap_or_default());
+        let bytes = get(&data, "bytes").map(|bytes| memory::copied(&Uint8Array::new(&bytes)));
+        answer(id as u32, bytes.unwrap_or_else(error));
     }
 }
 

@@ -25,6 +25,9 @@ const PAGE: &str = "web/page";
 const ELEMENT: &str = "web/package";
 const ELEMENT_EXAMPLES: &str = "web/examples";
 
+/// The licenses, which go with the package.
+const LICENSES: [&str; 2] = ["LICENSE-APACHE", "LICENSE-MIT"];
+
 /// Folders and files of `assets/` that apps load.
 const ASSETS: [&str; 3] = ["demo.sgs", "styles", "looks"];
 
@@ -97,6 +100,9 @@ fn build(steps: &mut Steps, app: &App) -> Result<()> {
         App::Page => {
             copy_files(Path::new(PAGE), Path::new(DIST))?;
             copy_files(Path::new(ELEMENT), &Path::new(DIST).join("package"))?;
+            for name in LICENSES {
+                copy(Path::new(name), &Path::new(DIST).join("package").join(name))?;
+            }
             element_examples(steps)?;
         }
         App::Example(_) => copy_files(&Path::new(PAGE).join("example"), Path::new(DIST))?,
@@ -177,7 +183,12 @@ fn test_built(steps: &mut Steps) -> Result<()> {
     steps.run("native program", &mut cargo(["build", "--locked", "--package", "stylegaussian_cli"]))?;
     steps.run(
         "page with the app",
-        Command::new("node").args(["--test", "web/test/app.mjs", "web/test/examples.mjs"]),
+        Command::new("node").args([
+            "--test",
+            "web/test/app.mjs",
+            "web/test/limits.mjs",
+            "web/test/examples.mjs",
+        ]),
     )
 }
 
