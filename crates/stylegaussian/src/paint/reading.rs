@@ -42,7 +42,7 @@ pub struct Brush {
 impl Default for Brush {
     /// Chosen by eye and by measure (docs/notes/paint_experiments.md).
     fn default() -> Self {
-        Self { paint: 2.5, scene: 0.15, local_color: 0.7, protection: 0.5, tone: 0.7 }
+        Self { paint: 1.2, scene: 0.5, local_color: 0.7, protection: 0.5, tone: 0.7 }
     }
 }
 
