@@ -80,7 +80,7 @@ for (const viewport of [WIDE, NARROW]) {
     await page.evaluate(() => { document.getElementById("notice").textContent = ""; });
     await expectNative(page, name("dropped_capture"), capture);
     assert.deepEqual(errors, []);
-    });
+  });
 }
 
 const float = (half) => {
