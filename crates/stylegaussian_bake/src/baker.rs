@@ -4,7 +4,12 @@ use std::{f32::consts::PI, path::Path};
 
 use rayon::prelude::*;
 use stylegaussian::{
-    Camera, Scene, look::SceneFingerprint, random::Random, recolor::Recoloring, splat::blend_weights,
+    Camera, Scene,
+    look::SceneFingerprint,
+    paint::{Brush, Paint, Surface, repaint},
+    random::Random,
+    recolor::Recoloring,
+    splat::blend_weights,
 };
 use stylegaussian_encoder::Image;
 
@@ -13,7 +18,6 @@ use crate::{
     cameras::Cameras,
     checkpoint::{Identity, Length, State},
     config::BakeConfig,
-    damping,
     error::BakeError,
     loss::{
         self, Losses, matching,
@@ -24,10 +28,14 @@ use crate::{
     target::Paintings,
 };
 
+/// The paint that a bake starts from. It keeps more of the scene than usual: steps add strokes by themselves, but bring
+/// nothing back of a house that drowned in paint.
+const START: Brush = Brush { paint: 0.5, scene: 1.0, ..Brush::DEFAULT };
+
 /// The share of the rate at the last step.
 const LAST_RATE: f32 = 0.3;
 
-/// Colors on their way from a recolored scene to a painted one.
+/// Colors on their way from instant paint to strokes that are drawn for the scene.
 pub struct Baker {
     config: BakeConfig,
     network: LossNetwork,
@@ -47,8 +55,8 @@ pub struct Baker {
 }
 
 impl Baker {
-    /// Looks at the paintings and the scene, and recolors it. `cameras` are those of a capture; if there are none, they
-    /// are chosen. Paintings have weights in the mix.
+    /// Looks at the paintings and the scene, and paints it. `cameras` are those of a capture; if there are none, they
+    /// are the scene's own, or chosen. Paintings have weights in the mix.
     ///
     /// # Errors
     /// If nothing of the scene is visible, or no painting can be used.
@@ -59,15 +67,22 @@ impl Baker {
         paintings: &[(Image, f32)],
         network: LossNetwork,
     ) -> Result<Self, BakeError> {
-        let paintings = Paintings::new(paintings, config.view, &network)?;
-        let cameras = Cameras::survey(scene, cameras, config.view, config.crop)
+        let images = paintings;
+        let paintings = Paintings::new(images, config.view, &network)?;
+        let given = cameras;
+        let cameras = Cameras::survey(scene, given, config.view, config.crop)
             .ok_or(BakeError::NothingVisible { n_gaussians: scene.len() })?;
         let side = config.crop as usize;
         let grids = network.grids(Size { width: side, height: side }, true);
         let captured = scene.base_colors();
         let recoloring = Recoloring::new(&cameras.colors, &paintings.colors);
-        let recolored: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
-        let colors = damping::damped(&config, scene, &cameras, &paintings, &recolored);
+        let mut colors: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
+        if config.paint > 0.0 {
+            let painted = painted(scene, given, images);
+            for (color, painted) in colors.iter_mut().zip(painted.into_iter().flatten()) {
+                *color += config.paint * (painted - *color);
+            }
+        }
         let adam = Adam::new(scene.len());
         let captured: Vec<f32> = captured.into_iter().flatten().collect();
         let identity = identity(&config, scene, &captured, &paintings, &cameras);
@@ -257,6 +272,22 @@ impl Baker {
         }
         (losses, grads)
     }
+}
+
+/// The scene in the paintings' own paint `[N]`: where a bake starts. Steps add strokes quickly, but take the scene's own
+/// grain away slowly, since each small Gaussian must find its neighbors' mean by itself; paint has the paintings' grain.
+fn painted(scene: &Scene, cameras: &[Camera], paintings: &[(Image, f32)]) -> Vec<[f32; 3]> {
+    // Places are chosen by color alone: a loss network need not be the encoder of the scene's features.
+    let paint = |image: &Image| {
+        let (width, height) = Paint::size_of(image.width, image.height);
+        Paint::new(width as usize, height as usize, &image.resized(width, height).rgb)
+    };
+    let paints: Vec<(Paint, f64)> = (paintings.iter().filter(|(_, weight)| *weight > 0.0))
+        .map(|(image, weight)| (paint(image), f64::from(*weight)))
+        .collect();
+    let paints: Vec<(&Paint, f64)> = paints.iter().map(|(paint, weight)| (paint, *weight)).collect();
+    let cameras = if cameras.is_empty() { &scene.cameras } else { cameras };
+    repaint(scene, &Surface::seen_by(scene, cameras, 1.0), &paints, 0.0, START)
 }
 
 /// A hash of all that a bake depends on. The paintings' statistics depend on the network, and stand for both.

@@ -28,8 +28,9 @@ pub struct BakeConfig {
     pub view: u32,
     /// Adam's rate at the first step, in units of color. It falls to 30% along a cosine.
     pub rate: f32,
-    /// Share of the way, 0..1, that the scene's own detail is damped to the paintings' before the first step.
-    pub damping: f32,
+    /// Where the bake starts: 0 at the recolored scene, 1 at instant paint ([`stylegaussian::paint`]), between them at a
+    /// mix.
+    pub paint: f32,
     /// Share of the new crop in the running statistics, 0..1.
     pub pool: f32,
     /// Cells of a crop that are matched at each layer.
@@ -48,7 +49,7 @@ impl BakeConfig {
         crop: 192,
         view: 512,
         rate: 0.04,
-        damping: 1.0,
+        paint: 1.0,
         pool: 0.3,
         queries: 1000,
         keys: 2500,
@@ -70,10 +71,10 @@ impl BakeConfig {
     /// the scene's own detail may get lost.
     ///
     /// Strength multiplies the rate: every Gaussian then goes so much farther, whatever the number of steps. What is
-    /// kept of the scene's own features falls with it.
+    /// kept of the scene's own features falls with it. Below 1 there is also less of instant paint at the start.
     pub fn with_strength(self, strength: f32) -> Self {
         let weights = LossWeights { content: self.weights.content / strength.max(0.1), ..self.weights };
-        Self { rate: self.rate * strength, damping: (self.damping * strength).min(1.0), weights, ..self }
+        Self { rate: self.rate * strength, paint: (self.paint * strength).min(1.0), weights, ..self }
     }
 }
 

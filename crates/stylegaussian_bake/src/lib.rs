@@ -26,7 +26,6 @@ mod baker;
 mod cameras;
 mod checkpoint;
 mod config;
-mod damping;
 mod error;
 mod loss;
 mod luminance;

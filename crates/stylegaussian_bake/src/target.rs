@@ -5,7 +5,6 @@ use stylegaussian::{palette::Palette, random::Random, recolor::ColorMoments};
 use stylegaussian_encoder::{Image, StyleSize};
 
 use crate::{
-    damping::{Bands, picture_bands},
     error::BakeError,
     loss::{
         matching::normalized,
@@ -38,8 +37,6 @@ pub(crate) struct Paintings {
     pub palette: Palette,
     /// Moments of the colors.
     pub colors: ColorMoments,
-    /// Deviations of luminance in bands of detail.
-    pub bands: Bands,
     /// The mean color.
     pub mean: [f32; 3],
     /// Weights, which sum to 1.
@@ -63,11 +60,6 @@ impl Paintings {
         };
         let mut layers = [Vec::new(), Vec::new()];
         let tone = Tone::of(&colors, 0..colors.len() / 3);
-        let mut bands = Bands::default();
-        for (image, share) in images.iter().zip(&shares) {
-            let of_image = picture_bands(&image.rgb, image.width as usize);
-            bands.iter_mut().zip(of_image).for_each(|(sum, value)| *sum += share * value);
-        }
         for (image, share) in images.into_iter().zip(&shares) {
             let gray = Image { rgb: tone.gray(&image.rgb), ..image.clone() };
             add_painting(&mut layers[0], &image, *share, network);
@@ -77,7 +69,7 @@ impl Paintings {
         let palette = Palette::new(&colors, 10);
         let moments = ColorMoments::of_rgb(&colors);
         let mean = [mean(0), mean(1), mean(2)];
-        Ok(Self { layers, tone, line: color_line(&colors), palette, colors: moments, bands, mean, shares })
+        Ok(Self { layers, tone, line: color_line(&colors), palette, colors: moments, mean, shares })
     }
 
     /// The aim of each layer, in color or as gray.

@@ -71,12 +71,16 @@ fn a_baked_look_is_written_described_and_shown() {
         stylegaussian(&["stylize", &scene, "--look", look, "-o", &out]).expect_success();
         bench.colors("rgb.safetensors")
     };
-    // Strength 0 only recolors: the steps did something, and not the same to all.
+    // Without a step there is instant paint, and with strength 0 the recolored scene.
+    bake(&bench, "s.look.safetensors", &["--steps", "0"]).expect_success();
     bake(&bench, "r.look.safetensors", &["--steps", "2", "--strength", "0"]).expect_success();
-    let (painted, recolored) = (colors(&look), colors(&bench.path("r.look.safetensors")));
-    let changes: Vec<f32> = painted.iter().zip(&recolored).map(|(a, b)| (a[0] - b[0]).abs()).collect();
-    let largest = changes.into_iter().fold(0.0, f32::max);
-    assert!(largest > 0.02 && largest < 0.5, "{largest}");
+    let [baked, start, recolored] =
+        [look, bench.path("s.look.safetensors"), bench.path("r.look.safetensors")].map(|look| colors(&look));
+    let largest = |a: &[[f32; 3]], b: &[[f32; 3]]| {
+        a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    let (by_steps, by_paint) = (largest(&baked, &start), largest(&start, &recolored));
+    assert!(by_steps > 0.02 && by_steps < 0.5 && by_paint > 0.1, "{by_steps}, {by_paint}");
 }
 
 /// Ctrl-C keeps what is done, and the same command goes on as if nothing had happened.

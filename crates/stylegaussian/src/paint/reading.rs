@@ -39,10 +39,14 @@ pub struct Brush {
     pub tone: f32,
 }
 
-impl Default for Brush {
+impl Brush {
     /// Chosen by eye and by measure (docs/notes/paint_experiments.md).
+    pub const DEFAULT: Self = Self { paint: 1.2, scene: 0.5, local_color: 0.7, protection: 0.5, tone: 0.7 };
+}
+
+impl Default for Brush {
     fn default() -> Self {
-        Self { paint: 1.2, scene: 0.5, local_color: 0.7, protection: 0.5, tone: 0.7 }
+        Self::DEFAULT
     }
 }
 

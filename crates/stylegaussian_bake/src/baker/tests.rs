@@ -53,29 +53,31 @@ fn bits(baker: &Baker) -> Vec<u32> {
     baker.colors.iter().map(|value| value.to_bits()).collect()
 }
 
-/// The luminance's deviation between neighbors along a row of the wall.
-fn detail(colors: &[[f32; 3]]) -> f32 {
-    let steps = colors.windows(2).map(|pair| (pair[1][0] - pair[0][0]).powi(2));
-    (steps.sum::<f32>() / colors.len() as f32).sqrt()
-}
-
 #[test]
-fn a_smooth_painting_takes_the_detail_away_and_a_rough_one_does_not() {
-    let mut scene = wall(24);
-    // Speckles of a Gaussian each.
-    let mut random = Random::new(1);
-    scene.set_colors(&(0..24 * 24).map(|_| [random.uniform(); 3]).collect::<Vec<_>>());
-    let start = |config: BakeConfig, color: fn(u32, u32) -> [f32; 3]| {
-        let baker = Baker::new(config, &scene, &cameras(), &[(painting(64, color), 1.0)], network()).unwrap();
-        detail(baker.colors())
+fn a_bake_starts_from_paint_as_far_as_it_is_strong() {
+    let scene = wall(24);
+    let paintings = [(painting(64, dabs), 1.0)];
+    let start = |config: BakeConfig| {
+        let baker = Baker::new(config, &scene, &cameras(), &paintings, network()).unwrap();
+        baker.colors().to_vec()
     };
-    let smooth = |x: u32, _: u32| [0.2 + 0.6 * x as f32 / 64.0; 3];
-    let rough = |x: u32, _: u32| [0.2 + 0.6 * (x / 2 % 2) as f32; 3];
-    let undamped = BakeConfig { damping: 0.0, ..CONFIG };
-    assert!(start(CONFIG, smooth) < 0.5 * start(undamped, smooth));
-    assert!(start(CONFIG, rough) > 0.8 * start(undamped, rough));
-    // Strength 0 only recolors.
-    assert_eq!(start(CONFIG.with_strength(0.0), smooth), start(undamped, smooth));
+    let image = &paintings[0].0;
+    let paint = Paint::new(64, 64, &image.rgb);
+    let surface = Surface::seen_by(&scene, &cameras(), 1.0);
+    let painted = repaint(&scene, &surface, &[(&paint, 1.0)], 0.0, START);
+    let recolored = start(CONFIG.with_strength(0.0));
+    let apart = |a: &[[f32; 3]], b: &[[f32; 3]]| {
+        let differences = a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a - b).abs());
+        differences.fold(0.0, f32::max)
+    };
+    assert!(apart(&painted, &recolored) > 0.1);
+    assert!(
+        apart(&start(CONFIG), &painted) < 1e-5 && apart(&start(CONFIG.with_strength(2.0)), &painted) < 1e-5
+    );
+    let half = start(CONFIG.with_strength(0.5));
+    let between: Vec<[f32; 3]> =
+        painted.iter().zip(&recolored).map(|(a, b)| std::array::from_fn(|i| 0.5 * (a[i] + b[i]))).collect();
+    assert!(apart(&half, &between) < 1e-5);
 }
 
 #[test]

@@ -126,7 +126,7 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     let config = arguments.config(scene.len());
     let mut baker = Baker::new(config, &scene, &cameras, &paintings, arguments.network()?)
         .with_context(|| path.display().to_string())?;
-    let recolored = baker.colors().to_vec();
+    let start = baker.colors().to_vec();
     if checkpoint.exists() {
         baker.resume(&checkpoint)?;
         note(format!("going on after step {} of {}", baker.steps(), config.steps));
@@ -145,7 +145,7 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
         kept()
     );
     if let Some(sheet) = &arguments.sheet {
-        write_sheet(sheet, &scene, &cameras, &paintings, [&recolored, baker.colors()])?;
+        write_sheet(sheet, &scene, &cameras, &paintings, [&start, baker.colors()])?;
     }
     // Last, since it is what a failure above could be repaired from.
     if let Err(error) = fs::remove_file(&checkpoint) {
@@ -255,7 +255,7 @@ impl BakeArgs {
     }
 }
 
-/// A row for the recolored scene and one for the baked, behind the paintings.
+/// A row for the start of the bake and one for its end, behind the paintings.
 fn write_sheet(
     path: &Path,
     scene: &Scene,
