@@ -13,8 +13,10 @@ use anyhow::{Context, Result, bail};
 
 /// The workspace's root folder.
 pub fn workspace_root() -> PathBuf {
-    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    here.ancestors().nth(2).unwrap_or(here).to_path_buf()
+    // Cargo says where it runs. What was compiled may come from a cache that another checkout shares.
+    let here =
+        env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| env!("CARGO_MANIFEST_DIR").into(), PathBuf::from);
+    here.ancestors().nth(2).unwrap_or(&here).to_path_buf()
 }
 
 /// The folder in which tests look for real captures and photos, which are not in the repository.
