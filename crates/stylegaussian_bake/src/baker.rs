@@ -11,7 +11,7 @@ use stylegaussian::{
     recolor::Recoloring,
     splat::blend_weights,
 };
-use stylegaussian_encoder::Image;
+use stylegaussian_encoder::{Image, paint_of};
 
 use crate::{
     adam::Adam,
@@ -69,8 +69,7 @@ impl Baker {
     ) -> Result<Self, BakeError> {
         let images = paintings;
         let paintings = Paintings::new(images, config.view, &network)?;
-        let given = cameras;
-        let cameras = Cameras::survey(scene, given, config.view, config.crop)
+        let cameras = Cameras::survey(scene, cameras, config.view, config.crop)
             .ok_or(BakeError::NothingVisible { n_gaussians: scene.len() })?;
         let side = config.crop as usize;
         let grids = network.grids(Size { width: side, height: side }, true);
@@ -78,7 +77,7 @@ impl Baker {
         let recoloring = Recoloring::new(&cameras.colors, &paintings.colors);
         let mut colors: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
         if config.paint > 0.0 {
-            let painted = painted(scene, given, images);
+            let painted = painted(scene, images);
             for (color, painted) in colors.iter_mut().zip(painted.into_iter().flatten()) {
                 *color += config.paint * (painted - *color);
             }
@@ -274,20 +273,15 @@ impl Baker {
     }
 }
 
-/// The scene in the paintings' own paint `[N]`: where a bake starts. Steps add strokes quickly, but take the scene's own
+/// The scene in the paintings' own paint `[N]`, from which a bake starts. Steps add strokes quickly, but take the scene's own
 /// grain away slowly, since each small Gaussian must find its neighbors' mean by itself; paint has the paintings' grain.
-fn painted(scene: &Scene, cameras: &[Camera], paintings: &[(Image, f32)]) -> Vec<[f32; 3]> {
+fn painted(scene: &Scene, paintings: &[(Image, f32)]) -> Vec<[f32; 3]> {
     // Places are chosen by color alone: a loss network need not be the encoder of the scene's features.
-    let paint = |image: &Image| {
-        let (width, height) = Paint::size_of(image.width, image.height);
-        Paint::new(width as usize, height as usize, &image.resized(width, height).rgb)
-    };
     let paints: Vec<(Paint, f64)> = (paintings.iter().filter(|(_, weight)| *weight > 0.0))
-        .map(|(image, weight)| (paint(image), f64::from(*weight)))
+        .map(|(image, weight)| (paint_of(image), f64::from(*weight)))
         .collect();
     let paints: Vec<(&Paint, f64)> = paints.iter().map(|(paint, weight)| (paint, *weight)).collect();
-    let cameras = if cameras.is_empty() { &scene.cameras } else { cameras };
-    repaint(scene, &Surface::seen_by(scene, cameras, 1.0), &paints, 0.0, START)
+    repaint(scene, &Surface::new(scene, 1.0), &paints, 0.0, START)
 }
 
 /// A hash of all that a bake depends on. The paintings' statistics depend on the network, and stand for both.

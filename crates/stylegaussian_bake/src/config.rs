@@ -28,8 +28,7 @@ pub struct BakeConfig {
     pub view: u32,
     /// Adam's rate at the first step, in units of color. It falls to 30% along a cosine.
     pub rate: f32,
-    /// Where the bake starts: 0 at the recolored scene, 1 at instant paint ([`stylegaussian::paint`]), between them at a
-    /// mix.
+    /// Start of the bake, 0..1: from the recolored scene (0) to instant paint ([`stylegaussian::paint`]) (1).
     pub paint: f32,
     /// Share of the new crop in the running statistics, 0..1.
     pub pool: f32,

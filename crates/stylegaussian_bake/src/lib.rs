@@ -1,7 +1,8 @@
 //! Baking: the colors of a scene's Gaussians, optimized for a painting's brush strokes.
 //!
 //! Zero-shot stylization decodes features. Baking looks at pictures instead: it renders small views of the scene from
-//! random cameras, compares them with the painting through a loss network, and moves the colors along the gradient.
+//! random cameras, compares them with the painting through a loss network, and moves the colors along the gradient. It
+//! starts from instant paint.
 //! Colors belong to Gaussians, so views agree by construction.
 //!
 //! ```no_run

@@ -29,4 +29,4 @@ pub mod weights;
 pub use encoder::{Encoder, EncoderError};
 pub use features::FeatureMap;
 pub use image::{Image, ImageError};
-pub use style::{StyleSize, painted_style, style_features, style_statistics};
+pub use style::{StyleSize, paint_of, painted_style, style_features, style_statistics};

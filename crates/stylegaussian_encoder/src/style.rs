@@ -88,16 +88,19 @@ pub fn painted_style(
 ) -> Result<(ChannelStatistics, Paint), EncoderError> {
     let features = style_features(encoder, image, size)?;
     let statistics = ChannelStatistics { encoder: Some(encoder.id().clone()), ..features.statistics() };
-    // With its proportions, even if the features are those of a squashed image: strokes have a shape.
-    let (width, height) = Paint::size_of(image.width, image.height);
-    let picture = image.resized(width, height);
-    let paint = Paint::new(width as usize, height as usize, &picture.rgb).with_features(
+    let paint = paint_of(image).with_features(
         &features.values,
         features.width as usize,
         features.height as usize,
         features.n_channels,
     );
     Ok((statistics, paint))
+}
+
+/// The painting's own paint, without features. It keeps the image's proportions: strokes have a shape.
+pub fn paint_of(image: &Image) -> Paint {
+    let (width, height) = Paint::size_of(image.width, image.height);
+    Paint::new(width as usize, height as usize, &image.resized(width, height).rgb)
 }
 
 #[cfg(test)]

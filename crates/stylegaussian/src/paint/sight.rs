@@ -35,10 +35,10 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    /// Looks at `scene` through the cameras of its capture, or through chosen ones if there are none. `stroke_scale`
+    /// Looks at `scene` through the cameras of its capture, or through chosen ones if they are not known. `stroke_scale`
     /// enlarges pixels of the painting.
-    pub fn of(scene: &Scene, capture: &[Camera], stroke_scale: f32) -> Self {
-        let cameras = usual_views(scene, capture);
+    pub fn of(scene: &Scene, stroke_scale: f32) -> Self {
+        let cameras = usual_views(scene);
         let mut visibility = vec![0.0; scene.len()];
         let mut views = Vec::new();
         for camera in &cameras {
@@ -58,7 +58,7 @@ impl Sight {
         let up = cameras.iter().map(up_of).sum::<Vec3>().try_normalize().unwrap_or(Vec3::Y);
         // The sort is stable: of views from the same distance the most useful come first.
         views.sort_by(|a, b| b.0.total_cmp(&a.0));
-        if !capture.is_empty() {
+        if !scene.cameras.is_empty() {
             views.drain(..views.len().saturating_sub(N_PROOFS) / 2);
         }
         views.truncate(N_PROOFS);
@@ -70,12 +70,12 @@ impl Sight {
 }
 
 /// The views: a few of the capture's cameras, spread over it, or chosen ones.
-fn usual_views(scene: &Scene, capture: &[Camera]) -> Vec<Camera> {
-    if capture.is_empty() {
+fn usual_views(scene: &Scene) -> Vec<Camera> {
+    if scene.cameras.is_empty() {
         return choose_views(scene, N_VIEWS, UVec2::splat(VIEW_SIDE));
     }
-    let stride = capture.len().div_ceil(N_VIEWS);
-    capture.iter().step_by(stride).map(|camera| camera.fitted(VIEW_SIDE)).collect()
+    let stride = scene.cameras.len().div_ceil(N_VIEWS);
+    scene.cameras.iter().step_by(stride).map(|camera| camera.fitted(VIEW_SIDE)).collect()
 }
 
 /// A camera's up direction in the world. Its y axis points down.
@@ -125,7 +125,7 @@ mod tests {
             ..Scene::default()
         };
         let focal = camera(1.0).fitted(PICTURE_SIDE as u32).focal.x;
-        let found = Sight::of(&scene, &scene.cameras, 1.0).pixel;
+        let found = Sight::of(&scene, 1.0).pixel;
         assert!((found / (10.0 / focal) - 1.0).abs() < 1e-2, "{found}, expected {}", 10.0 / focal);
     }
 

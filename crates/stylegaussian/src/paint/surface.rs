@@ -5,7 +5,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{frames::Frames, proofs::Proofs, seeds::Seeds, sight::Sight, smooth::smooth};
-use crate::{camera::Camera, neighbors::Neighbors, recolor::ColorMoments, scene::Scene};
+use crate::{neighbors::Neighbors, recolor::ColorMoments, scene::Scene};
 
 /// Distance of seeds, in pixels of the painting: about the length of a stroke in a painting of 512 pixels.
 const SPACING: f32 = 28.0;
@@ -44,14 +44,8 @@ impl Surface {
     ///
     /// Takes a few seconds for 70,000 Gaussians on two cores.
     pub fn new(scene: &Scene, stroke_scale: f32) -> Self {
-        Self::seen_by(scene, &scene.cameras, stroke_scale)
-    }
-
-    /// As [`Self::new`], for strokes that are to be seen by `cameras`, and not by those of the scene. If there are none,
-    /// views are chosen.
-    pub fn seen_by(scene: &Scene, cameras: &[Camera], stroke_scale: f32) -> Self {
         let stroke_scale = if stroke_scale > 0.0 && stroke_scale.is_finite() { stroke_scale } else { 1.0 };
-        let sight = Sight::of(scene, cameras, stroke_scale);
+        let sight = Sight::of(scene, stroke_scale);
         let pixel = sight.pixel;
         let found;
         let neighbors = match &scene.neighbors {

@@ -63,8 +63,7 @@ fn a_bake_starts_from_paint_as_far_as_it_is_strong() {
     };
     let image = &paintings[0].0;
     let paint = Paint::new(64, 64, &image.rgb);
-    let surface = Surface::seen_by(&scene, &cameras(), 1.0);
-    let painted = repaint(&scene, &surface, &[(&paint, 1.0)], 0.0, START);
+    let painted = repaint(&scene, &Surface::new(&scene, 1.0), &[(&paint, 1.0)], 0.0, START);
     let recolored = start(CONFIG.with_strength(0.0));
     let apart = |a: &[[f32; 3]], b: &[[f32; 3]]| {
         let differences = a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a - b).abs());
@@ -78,6 +77,34 @@ fn a_bake_starts_from_paint_as_far_as_it_is_strong() {
     let between: Vec<[f32; 3]> =
         painted.iter().zip(&recolored).map(|(a, b)| std::array::from_fn(|i| 0.5 * (a[i] + b[i]))).collect();
     assert!(apart(&half, &between) < 1e-5);
+}
+
+/// The luminance's deviation between neighbors along a row of the wall.
+fn detail(colors: &[[f32; 3]]) -> f32 {
+    let steps = colors.windows(2).map(|pair| (pair[1][0] - pair[0][0]).powi(2));
+    (steps.sum::<f32>() / colors.len() as f32).sqrt()
+}
+
+#[test]
+fn a_smooth_painting_takes_the_detail_away_and_a_rough_one_does_not() {
+    let mut scene = wall(96);
+    // Speckles of a Gaussian each, not as strong as small things, which are protected.
+    let mut random = Random::new(1);
+    scene.set_colors(
+        &(0..96 * 96).map(|i| [0.002 * (i % 96) as f32 + 0.2 * random.uniform(); 3]).collect::<Vec<_>>(),
+    );
+    let start = |config: BakeConfig, color: fn(u32, u32) -> [f32; 3]| {
+        let baker = Baker::new(config, &scene, &cameras(), &[(painting(64, color), 1.0)], network()).unwrap();
+        detail(baker.colors())
+    };
+    let smooth = |x: u32, _: u32| [0.2 + 0.6 * x as f32 / 64.0; 3];
+    let rough = |x: u32, _: u32| [0.2 + 0.6 * (x / 2 % 2) as f32; 3];
+    let recolored = BakeConfig { paint: 0.0, ..CONFIG };
+    let found =
+        [start(CONFIG, smooth), start(recolored, smooth), start(CONFIG, rough), start(recolored, rough)];
+    assert!(found[0] < 0.5 * found[1] && found[2] > 0.8 * found[3], "{found:?}");
+    // Strength 0 only recolors.
+    assert_eq!(start(CONFIG.with_strength(0.0), smooth), found[1]);
 }
 
 #[test]

@@ -71,7 +71,7 @@ pub struct BakeArgs {
     /// the scene was embedded with, else chosen to suit the scene.
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
-    /// Write a contact sheet: the painting, then views before and after.
+    /// Write a contact sheet: the painting, then views of the start and of the end.
     #[arg(long, value_name = "OUT.png")]
     sheet: Option<PathBuf>,
     /// Print JSON.
