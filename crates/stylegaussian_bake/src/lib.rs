@@ -2,8 +2,7 @@
 //!
 //! Zero-shot stylization decodes features. Baking looks at pictures instead: it renders small views of the scene from
 //! random cameras, compares them with the painting through a loss network, and moves the colors along the gradient. It
-//! starts from instant paint.
-//! Colors belong to Gaussians, so views agree by construction.
+//! starts from instant paint. Colors belong to Gaussians, so views agree by construction.
 //!
 //! ```no_run
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {

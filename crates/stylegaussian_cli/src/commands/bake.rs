@@ -64,7 +64,7 @@ pub struct BakeArgs {
     /// Random seed.
     #[arg(long, value_name = "S", default_value_t = BakeConfig::DEFAULT.seed)]
     seed: u64,
-    /// Compare through VGG-19 with these weights, in place of the built-in network. Takes about seven times as long.
+    /// Compare through VGG-19 with these weights, in place of the built-in network. Takes about twice as long.
     #[arg(long, value_name = "FILE")]
     vgg: Option<PathBuf>,
     /// Cameras to look from: transforms.json, a COLMAP model, or 3DGS cameras.json. Default: those that
