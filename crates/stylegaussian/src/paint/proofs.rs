@@ -73,22 +73,28 @@ impl Proofs {
 
 impl Proof {
     fn new(weights: BlendWeights) -> Self {
-        let row = |pixel: usize| weights.starts[pixel] as usize..weights.starts[pixel + 1] as usize;
-        let n_pixels = weights.starts.len() - 1;
-        let is_covered = |pixel: usize| weights.weights[row(pixel)].iter().sum::<f32>() > COVERED;
-        let counts: Vec<bool> = (0..n_pixels).map(is_covered).collect();
-        let mut kept = BlendWeights { starts: vec![0], indices: Vec::new(), weights: Vec::new(), ..weights };
-        for pixel in (0..n_pixels).filter(|&pixel| counts[pixel]) {
-            let entries = || row(pixel).map(|i| (weights.indices[i], weights.weights[i]));
-            let most = entries().map(|(_, weight)| weight).fold(0.0, f32::max);
-            // Of many thin Gaussians none may have the least weight: half of the largest weight is kept in any case.
-            let kept_here = || entries().filter(|(_, weight)| *weight >= LEAST_WEIGHT.min(0.5 * most));
-            let total: f32 = kept_here().map(|(_, weight)| weight).sum();
-            kept.indices.extend(kept_here().map(|(gaussian, _)| gaussian));
-            kept.weights.extend(kept_here().map(|(_, weight)| weight / total));
-            kept.starts.push(kept.indices.len() as u32);
-        }
-        let size = [kept.size.x as usize, kept.size.y as usize];
-        Self { mask: Mask::new(&counts, size), weights: kept }
+        let size = [weights.size.x as usize, weights.size.y as usize];
+        let (counts, weights) = solid(&weights);
+        Self { mask: Mask::new(&counts, size), weights }
     }
+}
+
+/// Which pixels of a view count `[H * W]`, and the blend weights of those that do: one row for each, summing to 1.
+pub(super) fn solid(weights: &BlendWeights) -> (Vec<bool>, BlendWeights) {
+    let row = |pixel: usize| weights.starts[pixel] as usize..weights.starts[pixel + 1] as usize;
+    let n_pixels = weights.starts.len() - 1;
+    let is_covered = |pixel: usize| weights.weights[row(pixel)].iter().sum::<f32>() > COVERED;
+    let counts: Vec<bool> = (0..n_pixels).map(is_covered).collect();
+    let mut kept = BlendWeights { starts: vec![0], indices: Vec::new(), weights: Vec::new(), ..*weights };
+    for pixel in (0..n_pixels).filter(|&pixel| counts[pixel]) {
+        let entries = || row(pixel).map(|i| (weights.indices[i], weights.weights[i]));
+        let most = entries().map(|(_, weight)| weight).fold(0.0, f32::max);
+        // Of many thin Gaussians none may have the least weight: half of the largest weight is kept in any case.
+        let kept_here = || entries().filter(|(_, weight)| *weight >= LEAST_WEIGHT.min(0.5 * most));
+        let total: f32 = kept_here().map(|(_, weight)| weight).sum();
+        kept.indices.extend(kept_here().map(|(gaussian, _)| gaussian));
+        kept.weights.extend(kept_here().map(|(_, weight)| weight / total));
+        kept.starts.push(kept.indices.len() as u32);
+    }
+    (counts, kept)
 }

@@ -9,6 +9,7 @@ use super::{
     frames::LUMINANCE,
     gains::{Range, gains},
     painting::Paint,
+    patches::Patches,
     places::{Placement, place},
     seeds::N_READ,
     surface::{Surface, moments},
@@ -37,11 +38,15 @@ pub struct Brush {
     pub protection: f32,
     /// How far the shares of dark and bright become the painting's, 0..1.
     pub tone: f32,
+    /// How far pictures of the painted scene are painted over, patch by patch, with the painting's own, 0..1. 0 saves the
+    /// time for it.
+    pub patches: f32,
 }
 
 impl Brush {
     /// Chosen by eye and by measure (docs/notes/paint_experiments.md).
-    pub const DEFAULT: Self = Self { paint: 1.2, scene: 0.5, local_color: 0.7, protection: 0.5, tone: 0.7 };
+    pub const DEFAULT: Self =
+        Self { paint: 1.2, scene: 0.5, local_color: 0.7, protection: 0.5, tone: 0.7, patches: 1.0 };
 }
 
 impl Default for Brush {
@@ -116,13 +121,23 @@ fn painted(scene: &Scene, surface: &Surface, paint: &Paint, brush: Brush) -> Vec
     let placements = place(scene, surface, &seed_colors, paint, &canvas);
     let levels: Vec<Vec<Vec3>> =
         surface.levels.iter().map(|level| level.par_iter().map(recolored).collect()).collect();
-    let (parts, ranges) = parts(scene, surface, &canvas, (&levels, &placements), brush);
+    let fine = fineness(surface, &levels[0], &levels[levels.len() - 1]);
+    let (parts, ranges) = parts(scene, surface, &canvas, (&levels, &placements), &fine, brush);
     let spectrum = spectrum(&canvas.luminance(), [paint.width, paint.height]);
     let gains = gains(&surface.proofs.products(&parts), &spectrum, &ranges);
     let sum = |i: usize| parts.iter().zip(&gains).map(|(part, gain)| part[i] * *gain as f32).sum();
     let mut colors: Vec<Vec3> = (0..surface.len()).into_par_iter().map(sum).collect();
     for _ in 0..ROUNDS {
         colors = corrected(surface, &colors, (&palette, &canvas), brush);
+    }
+    if brush.patches > 0.0 {
+        // A painting without fences and windows has no patch like them: with the usual protection they stay as they are.
+        let protection = (2.0 * brush.protection).min(1.0);
+        let cover: Vec<f32> = fine.iter().map(|fine| brush.patches * (1.0 - protection * fine)).collect();
+        colors = surface.sheets.painted_over(&colors, &Patches::new(paint), &cover);
+        for _ in 0..ROUNDS {
+            colors = corrected(surface, &colors, (&palette, &canvas), brush);
+        }
     }
     colors
 }
@@ -134,13 +149,13 @@ fn parts(
     surface: &Surface,
     canvas: &Canvas,
     (levels, placements): (&[Vec<Vec3>], &[Placement]),
+    fine: &[f32],
     brush: Brush,
 ) -> (Vec<Vec<Vec3>>, Vec<Range>) {
     let (own, shapes) = (&levels[0], &levels[levels.len() - 1]);
     let read: Vec<(Vec3, [Vec3; N_DETAILS])> =
         (0..surface.len()).into_par_iter().map(|i| read(scene, surface, canvas, placements, i)).collect();
-    let cover: Vec<f32> =
-        fineness(surface, own, shapes).into_iter().map(|fine| 1.0 - brush.protection * fine).collect();
+    let cover: Vec<f32> = fine.iter().map(|fine| 1.0 - brush.protection * fine).collect();
     let mean = |colors: &mut dyn Iterator<Item = Vec3>| colors.sum::<Vec3>() / surface.len().max(1) as f32;
     let apart = mean(&mut read.iter().map(|(low, _)| *low)) - mean(&mut shapes.iter().copied());
 

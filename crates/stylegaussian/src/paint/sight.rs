@@ -2,7 +2,7 @@
 
 use glam::{UVec2, Vec3};
 
-use super::proofs::Proofs;
+use super::{proofs::Proofs, sheets::Sheets};
 use crate::{camera::Camera, scene::Scene, splat::blend_weights, views::choose_views};
 
 /// Views that are taken of the scene. Eight show nearly all that can be seen from outside.
@@ -22,6 +22,9 @@ const N_PROOFS: usize = 3;
 /// Sizes of a proof, in pixels: enough to see, and not more than fit in some 30 MB.
 const PROOF_SIDE: (f32, f32) = (64.0, 512.0);
 
+/// Sizes of a sheet, in pixels. From near, a scene would fill more than are kept.
+const SHEET_SIDE: (f32, f32) = (64.0, 640.0);
+
 /// A summary of usual views of a scene.
 pub(super) struct Sight {
     /// Pixels that each Gaussian fills, summed over the views `[N]`.
@@ -30,6 +33,8 @@ pub(super) struct Sight {
     pub pixel: f32,
     /// Pictures by which paint is measured.
     pub proofs: Proofs,
+    /// Pictures by which it is painted over.
+    pub sheets: Sheets,
     /// The direction that is up in the views, a unit vector.
     pub up: Vec3,
 }
@@ -56,6 +61,7 @@ impl Sight {
             views.extend(weighted_median(&mut sizes).map(|pixel| (pixel, camera)));
         }
         let up = cameras.iter().map(up_of).sum::<Vec3>().try_normalize().unwrap_or(Vec3::Y);
+        let sizes = views.clone();
         // The sort is stable: of views from the same distance the most useful come first.
         views.sort_by(|a, b| b.0.total_cmp(&a.0));
         if !scene.cameras.is_empty() {
@@ -65,7 +71,12 @@ impl Sight {
         let pixel = views.get(views.len() / 2).map_or_else(|| pixel_of_extent(scene), |(pixel, _)| *pixel);
         let side = (PICTURE_SIDE / stroke_scale).clamp(PROOF_SIDE.0, PROOF_SIDE.1);
         let proofs: Vec<Camera> = views.iter().map(|(_, camera)| camera.fitted(side as u32)).collect();
-        Self { visibility, pixel: pixel * stroke_scale, proofs: Proofs::new(scene, &proofs), up }
+        let pixel = pixel * stroke_scale;
+        let sheets = Sheets::new(sizes.into_iter().map(|(size, camera)| {
+            let side = (PICTURE_SIDE * size / pixel).clamp(SHEET_SIDE.0, SHEET_SIDE.1);
+            blend_weights(scene, &camera.fitted(side as u32))
+        }));
+        Self { visibility, pixel, proofs: Proofs::new(scene, &proofs), sheets, up }
     }
 }
 

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use rayon::prelude::*;
 
-use super::{frames::Frames, proofs::Proofs, seeds::Seeds, sight::Sight, smooth::smooth};
+use super::{frames::Frames, proofs::Proofs, seeds::Seeds, sheets::Sheets, sight::Sight, smooth::smooth};
 use crate::{neighbors::Neighbors, recolor::ColorMoments, scene::Scene};
 
 /// Distance of seeds, in pixels of the painting: about the length of a stroke in a painting of 512 pixels.
@@ -30,6 +30,8 @@ pub struct Surface {
     pub(super) levels: Vec<Vec<Vec3>>,
     /// Pictures by which paint is measured.
     pub(super) proofs: Proofs,
+    /// Pictures by which it is painted over.
+    pub(super) sheets: Sheets,
     /// Mean base color around each seed `[M]`.
     pub(super) seed_colors: Vec<Vec3>,
     /// Mean latent features around each seed `[M, L]`; empty if the scene has none.
@@ -77,6 +79,7 @@ impl Surface {
             footprints,
             levels,
             proofs: sight.proofs,
+            sheets: sight.sheets,
             seed_colors,
             seed_features,
             moments,

@@ -88,6 +88,25 @@ fn the_same_colors_for_any_number_of_threads() {
 }
 
 #[test]
+fn gaussians_take_up_what_their_sheet_shows() {
+    let scene = wall(96);
+    let surface = Surface::new(&scene, 1.0);
+    let red = Paint { width: 32, height: 32, pixels: [200, 30, 20].repeat(32 * 32), features: None };
+    let patches = patches::Patches::new(&red);
+    let gray = vec![Vec3::splat(0.5); scene.len()];
+    let over = |cover: f32| surface.sheets.painted_over(&gray, &patches, &vec![cover; scene.len()]);
+    let off = |colors: &[Vec3]| {
+        let pixels = surface.proofs.pixels(colors);
+        let sum: f32 = pixels.iter().map(|pixel| pixel.distance(Vec3::new(200.0, 30.0, 20.0) / 255.0)).sum();
+        sum / pixels.len() as f32
+    };
+    assert_eq!(over(0.0), gray);
+    // Small Gaussians keep part of their color (damping), so not all of the way is gone.
+    let (before, half, after) = (off(&gray), off(&over(0.5)), off(&over(1.0)));
+    assert!(after < 0.4 * before && half < 0.75 * before && after < half, "{before}, {half}, {after}");
+}
+
+#[test]
 fn content_and_weights_blend() {
     let scene = wall(32);
     let surface = Surface::new(&scene, 1.0);

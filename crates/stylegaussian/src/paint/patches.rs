@@ -1,0 +1,300 @@
+//! A painting cut into patches, with which pictures are painted over (image quilting: Efros and Freeman 2001, and the
+//! coherence of Ashikhmin 2001).
+//!
+//! A picture's patches are replaced by those of the painting that resemble them most in color and in how much detail of
+//! each size they have. Neighbors that can continue one another do, so that strokes run over many patches.
+
+use glam::{IVec2, Vec3};
+use rayon::prelude::*;
+
+use super::{
+    bands::{N_ENERGIES, energies, softened},
+    frames::LUMINANCE,
+    painting::{Paint, dot},
+};
+use crate::decoder::product::{Matrix, product};
+
+/// Half the side of a patch, in pixels. A patch of 20 pixels holds a stroke, and about what a cell of relu3_1 sees.
+const HALF: i32 = 10;
+
+/// Distance of a picture's patches, in pixels.
+const STEP: i32 = 10;
+
+/// Distance of the painting's patches, in pixels.
+const STRIDE: i32 = 4;
+
+/// Samples along each side of a patch, and their distance in pixels.
+const N_SAMPLES: i32 = 7;
+const SAMPLE: i32 = 3;
+
+/// Numbers by which patches are compared.
+const WIDTH: usize = (N_SAMPLES * N_SAMPLES) as usize * 3 + N_ENERGIES;
+
+/// Weight of a band's deviation beside that of colors. Nearest patches alone would be those with little detail, which are near
+/// to all others.
+const DETAIL: f32 = 3.0;
+
+/// Factor of a patch's squared distance for each neighbor that it continues.
+const CONTINUED: f32 = 0.5;
+
+/// Rounds in which places spread. A place spreads along rows and columns within a round.
+const ROUNDS: usize = 3;
+
+/// Deviation of a patch's weight around its center, in pixels: seams are this narrow, so that nothing is averaged.
+const SEAM: f32 = 3.5;
+
+/// Pictures per product: 64 rows of 15,000 similarities take 4 MB.
+const BLOCK: usize = 64;
+
+/// A painting's patches.
+pub(super) struct Patches {
+    size: [usize; 2],
+    pixels: Vec<Vec3>,
+    /// Columns and rows of patches; 0 if the painting is smaller than one.
+    grid: [i32; 2],
+    /// What they are compared by `[P, WIDTH]`.
+    keys: Vec<f32>,
+    /// Half the squared length of each key `[P]`.
+    halves: Vec<f32>,
+}
+
+/// A cell of a picture: what it is compared by, and its place in the painting.
+struct Cell {
+    row: Vec<f32>,
+    /// Center of the patch that it takes.
+    at: IVec2,
+    distance: f32,
+}
+
+impl Patches {
+    /// Cuts a painting.
+    pub fn new(paint: &Paint) -> Self {
+        let size = [paint.width, paint.height];
+        let pixels = paint.pixels.chunks_exact(3);
+        let pixels: Vec<Vec3> =
+            pixels.map(|p| Vec3::new(p[0].into(), p[1].into(), p[2].into()) / 255.0).collect();
+        let grid = size.map(|side| (side as i32 - 2 * HALF).div_euclid(STRIDE) + 1).map(|n| n.max(0));
+        let looks = Looks::new(&pixels, size);
+        let center = |i: i32| IVec2::new(i % grid[0], i / grid[0]) * STRIDE + HALF;
+        let keys: Vec<f32> =
+            (0..grid[0] * grid[1]).into_par_iter().flat_map_iter(|i| looks.at(center(i))).collect();
+        let halves = keys.chunks_exact(WIDTH).map(|key| 0.5 * dot(key, key)).collect();
+        Self { size, pixels, grid, keys, halves }
+    }
+
+    /// A picture `[H * W]` of `size` (width and height), painted over where `wanted` `[H * W]`. Elsewhere, and if the
+    /// painting is smaller than a patch, it stays as it is.
+    pub fn painted_over(&self, picture: &[Vec3], size: [usize; 2], wanted: &[bool]) -> Vec<Vec3> {
+        if self.keys.is_empty() {
+            return picture.to_vec();
+        }
+        let grid = size.map(|side| side.div_ceil(STEP as usize) + 1);
+        let center = |i: usize| IVec2::new((i % grid[0]) as i32, (i / grid[0]) as i32) * STEP;
+        let mut used = vec![false; grid[0] * grid[1]];
+        for (i, _) in wanted.iter().enumerate().filter(|(_, wanted)| **wanted) {
+            // The four cells around a pixel: others are too far away to be seen.
+            let corner = i / size[0] / STEP as usize * grid[0] + i % size[0] / STEP as usize;
+            for next in [0, 1, grid[0], grid[0] + 1] {
+                used[corner + next] = true;
+            }
+        }
+        let looks = Looks::new(picture, size);
+        let of_cells: Vec<usize> = (0..used.len()).filter(|&i| used[i]).collect();
+        let found: Vec<Vec<Cell>> = of_cells
+            .par_chunks(BLOCK)
+            .map(|cells| {
+                let rows: Vec<f32> = cells.iter().flat_map(|&i| looks.at(center(i))).collect();
+                self.nearest(&rows)
+            })
+            .collect();
+        let mut cells: Vec<Option<Cell>> = used.iter().map(|_| None).collect();
+        of_cells.iter().zip(found.into_iter().flatten()).for_each(|(&i, cell)| cells[i] = Some(cell));
+        for _ in 0..ROUNDS {
+            self.spread(&mut cells, grid);
+        }
+        let color = |i: usize| {
+            let at = IVec2::new((i % size[0]) as i32, (i / size[0]) as i32);
+            if wanted[i] { self.blended(&cells, grid, at).unwrap_or(picture[i]) } else { picture[i] }
+        };
+        (0..picture.len()).into_par_iter().map(color).collect()
+    }
+
+    /// The nearest patch of each of `rows` `[Q, WIDTH]`.
+    fn nearest(&self, rows: &[f32]) -> Vec<Cell> {
+        let (n, n_keys) = (rows.len() / WIDTH, self.halves.len());
+        let mut similarities = vec![0.0; n * n_keys];
+        let keys = Matrix::dense(&self.keys, n_keys, WIDTH).transposed();
+        product(&mut similarities, false, Matrix::dense(rows, n, WIDTH), keys);
+        let cell = |(row, similarities): (&[f32], &[f32])| {
+            // |a - b|^2 = |a|^2 + |b|^2 - 2 a b. The first of the nearest.
+            let mut best = (f32::NEG_INFINITY, 0);
+            for (i, (similarity, half)) in similarities.iter().zip(&self.halves).enumerate() {
+                if similarity - half > best.0 {
+                    best = (similarity - half, i as i32);
+                }
+            }
+            let at = IVec2::new(best.1 % self.grid[0], best.1 / self.grid[0]) * STRIDE + HALF;
+            Cell { row: row.to_vec(), at, distance: self.distance(row, at) }
+        };
+        rows.chunks_exact(WIDTH).zip(similarities.chunks_exact(n_keys)).map(cell).collect()
+    }
+
+    /// Squared distance of a row from the patch nearest to `at`.
+    fn distance(&self, row: &[f32], at: IVec2) -> f32 {
+        let place = ((at - HALF) / STRIDE).min(IVec2::from(self.grid) - 1);
+        let key = &self.keys[(place.y * self.grid[0] + place.x) as usize * WIDTH..][..WIDTH];
+        row.iter().zip(key).map(|(a, b)| (a - b) * (a - b)).sum()
+    }
+
+    /// Lets each cell continue a neighbor's place, if the painting goes on as the picture does.
+    fn spread(&self, cells: &mut [Option<Cell>], grid: [usize; 2]) {
+        const AROUND: [IVec2; 4] = [IVec2::NEG_X, IVec2::NEG_Y, IVec2::X, IVec2::Y];
+        let last = IVec2::new(self.size[0] as i32, self.size[1] as i32) - HALF;
+        for i in 0..cells.len() {
+            let Some(cell) = &cells[i] else { continue };
+            let here = IVec2::new((i % grid[0]) as i32, (i / grid[0]) as i32);
+            // Where the painting would be in this cell if a neighbor went on.
+            let continuing: Vec<IVec2> = (AROUND.iter())
+                .filter_map(|&way| {
+                    let there = here + way;
+                    let is_inside = there.cmpge(IVec2::ZERO).all()
+                        && there.x < grid[0] as i32
+                        && there.y < grid[1] as i32;
+                    let other = is_inside.then(|| &cells[there.y as usize * grid[0] + there.x as usize]);
+                    other.and_then(Option::as_ref).map(|other| other.at - way * STEP)
+                })
+                .collect();
+            let cost = |at: IVec2, distance: f32| {
+                let n_continued = continuing.iter().filter(|other| **other == at).count();
+                distance * CONTINUED.powi(n_continued as i32)
+            };
+            let mut best = (cost(cell.at, cell.distance), cell.at, cell.distance);
+            for &at in &continuing {
+                if at.cmpge(IVec2::splat(HALF)).all() && at.cmple(last).all() {
+                    let distance = self.distance(&cell.row, at);
+                    let cost = cost(at, distance);
+                    if cost < best.0 {
+                        best = (cost, at, distance);
+                    }
+                }
+            }
+            if let Some(cell) = &mut cells[i] {
+                (cell.at, cell.distance) = (best.1, best.2);
+            }
+        }
+    }
+
+    /// The color that the cells around a pixel of the picture give it.
+    fn blended(&self, cells: &[Option<Cell>], grid: [usize; 2], at: IVec2) -> Option<Vec3> {
+        let corner = at / STEP;
+        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+        for next in [IVec2::ZERO, IVec2::X, IVec2::Y, IVec2::ONE] {
+            let place = corner + next;
+            let Some(cell) = &cells[place.y as usize * grid[0] + place.x as usize] else { continue };
+            let offset = at - place * STEP;
+            let weight = (-0.5 * offset.length_squared() as f32 / (SEAM * SEAM)).exp();
+            let from = (cell.at + offset).max(IVec2::ZERO);
+            let (x, y) = ((from.x as usize).min(self.size[0] - 1), (from.y as usize).min(self.size[1] - 1));
+            sum += weight * self.pixels[y * self.size[0] + x];
+            total += weight;
+        }
+        (total > 0.0).then(|| sum / total)
+    }
+}
+
+/// A picture prepared for comparing its patches.
+struct Looks {
+    size: [usize; 2],
+    soft: [Vec<f32>; 3],
+    energies: [Vec<f32>; N_ENERGIES],
+}
+
+impl Looks {
+    fn new(pixels: &[Vec3], size: [usize; 2]) -> Self {
+        let luminance: Vec<f32> = pixels.iter().map(|pixel| pixel.dot(LUMINANCE)).collect();
+        let channel = |c: usize| -> Vec<f32> { pixels.iter().map(|pixel| pixel[c]).collect() };
+        let soft = [0, 1, 2].map(|c| softened(&channel(c), size));
+        Self { size, soft, energies: energies(&luminance, size) }
+    }
+
+    /// What the patch around `center` is compared by `[WIDTH]`: its colors, so weighted that squared distances are mean
+    /// squares over the patch, and the deviations of its finest bands.
+    fn at(&self, center: IVec2) -> [f32; WIDTH] {
+        let index = |at: IVec2| {
+            let (x, y) = (at.x.clamp(0, self.size[0] as i32 - 1), at.y.clamp(0, self.size[1] as i32 - 1));
+            y as usize * self.size[0] + x as usize
+        };
+        let mut row = [0.0; WIDTH];
+        let (colors, detail) = row.split_at_mut(WIDTH - N_ENERGIES);
+        for (i, color) in colors.chunks_exact_mut(3).enumerate() {
+            let sample = IVec2::new(i as i32 % N_SAMPLES, i as i32 / N_SAMPLES) - N_SAMPLES / 2;
+            let from = index(center + sample * SAMPLE);
+            color.iter_mut().zip(&self.soft).for_each(|(to, soft)| *to = soft[from] / N_SAMPLES as f32);
+        }
+        detail.iter_mut().zip(&self.energies).for_each(|(to, band)| *to = DETAIL * band[index(center)]);
+        row
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    /// A painting of random dabs, 12 pixels wide: places that lie between two patches then still resemble one.
+    fn dabs(width: usize, height: usize) -> Paint {
+        let mut random = Random::new(7);
+        let of_dabs: Vec<u8> = (0..width * height).map(|_| random.below(256) as u8).collect();
+        let pixel = |i: usize| {
+            let dab = i / width / 12 * width + i % width / 12;
+            [of_dabs[dab], of_dabs[of_dabs.len() - 1 - dab], 90]
+        };
+        Paint { width, height, pixels: (0..width * height).flat_map(pixel).collect(), features: None }
+    }
+
+    fn colors(paint: &Paint) -> Vec<Vec3> {
+        paint
+            .pixels
+            .chunks_exact(3)
+            .map(|p| Vec3::new(p[0].into(), p[1].into(), p[2].into()) / 255.0)
+            .collect()
+    }
+
+    #[test]
+    fn a_part_of_the_painting_stays_as_it_is() {
+        let paint = dabs(192, 160);
+        let whole = colors(&paint);
+        // 48 x 40 pixels from (62, 58) on: patches lie on the grid of the painting's, and continue one another.
+        let part: Vec<Vec3> = (0..48 * 40).map(|i| whole[(i / 48 + 58) * 192 + i % 48 + 62]).collect();
+        let over = Patches::new(&paint).painted_over(&part, [48, 40], &vec![true; part.len()]);
+        let off = |i: usize| over[i].distance(part[i]);
+        // Patches at the border see what is not there, so the inner part counts. Two dabs differ by 0.4 on average.
+        let inner = (0..part.len()).filter(|i| (10..38).contains(&(i % 48)) && (10..30).contains(&(i / 48)));
+        let offs: Vec<f32> = inner.map(off).collect();
+        let mean = offs.iter().sum::<f32>() / offs.len() as f32;
+        assert!(mean < 0.05, "{mean}");
+    }
+
+    #[test]
+    fn only_what_is_wanted_is_painted_over_in_the_paintings_colors() {
+        let paint = dabs(64, 64);
+        let picture: Vec<Vec3> = (0..50 * 30).map(|i| Vec3::splat((i % 50) as f32 / 50.0)).collect();
+        let wanted: Vec<bool> = (0..picture.len()).map(|i| i % 50 < 20).collect();
+        let over = Patches::new(&paint).painted_over(&picture, [50, 30], &wanted);
+        for ((over, picture), wanted) in over.iter().zip(&picture).zip(&wanted) {
+            // All of the painting has this blue.
+            assert!(if *wanted { (over.z - 90.0 / 255.0).abs() < 1e-5 } else { over == picture });
+        }
+    }
+
+    #[test]
+    fn a_painting_smaller_than_a_patch_changes_nothing() {
+        let picture = vec![Vec3::ONE; 12];
+        for (width, height) in [(1, 1), (40, 3), (19, 19)] {
+            let patches = Patches::new(&dabs(width, height));
+            assert_eq!(patches.painted_over(&picture, [4, 3], &[true; 12]), picture);
+        }
+        let least = Patches::new(&dabs(20, 20)).painted_over(&picture, [4, 3], &[true; 12]);
+        assert!(least.iter().all(|color| (color.z - 90.0 / 255.0).abs() < 1e-5));
+    }
+}
