@@ -13,7 +13,6 @@
 //!    size as the painting: a smooth painting takes the scene's grain away, a rough one adds its own. At last the
 //!    proofs' palette and their shares of dark and bright are corrected, and hues that the painting does not have move
 //!    to those that it has.
-//!
 //! 5. Pictures of the painted scene from eight sides (*sheets*) are painted over with the painting's own patches that
 //!    resemble them, and the Gaussians take up what their sheet shows. Then palette and tones are corrected once more.
 //!

@@ -57,27 +57,22 @@ pub(super) fn spectrum(picture: &[f32], size: [usize; 2]) -> [f64; N_BANDS] {
     energies.map(|energy| if total > 1e-6 * picture.len() as f64 { energy / total } else { 0.0 })
 }
 
-/// Bands of which [`energies`] are taken.
-pub(super) const N_ENERGIES: usize = 3;
-
 /// The deviation of a picture's three finest bands around each pixel `[H * W]`, from the finest.
-pub(super) fn energies(picture: &[f32], size: [usize; 2]) -> [Vec<f32>; N_ENERGIES] {
-    let mask = Mask::new(&vec![true; picture.len()], size);
-    let [a, b, c, ..] = mask.bands(picture);
-    // Twice a deviation of 4 pixels is one of 5.7. Dividing by the blurred mask mends the edges.
-    let around = |values: Vec<f32>| blurred(&blurred(&values, size, 4), size, 4);
-    let share = around(vec![1.0; picture.len()]);
-    [a, b, c].map(|band| {
-        let squares = around(band.iter().map(|value| value * value).collect());
-        squares.iter().zip(&share).map(|(square, share)| (square / share.max(1e-3)).sqrt()).collect()
-    })
+pub(super) fn energies(picture: &[f32], size: [usize; 2]) -> [Vec<f32>; 3] {
+    let [a, b, c, ..] = Mask::new(&vec![true; picture.len()], size).bands(picture);
+    let squares = [a, b, c].map(|band| band.iter().map(|value| value * value).collect());
+    // Twice a deviation of 4 pixels is one of 5.7.
+    let around = softened(squares, size, &[4, 4]);
+    around.map(|square| square.into_iter().map(f32::sqrt).collect())
 }
 
-/// A picture without what is finer than a pixel or two.
-pub(super) fn softened(picture: &[f32], size: [usize; 2]) -> Vec<f32> {
-    let share = blurred(&vec![1.0; picture.len()], size, 1);
-    let soft = blurred(picture, size, 1);
-    soft.iter().zip(&share).map(|(value, share)| value / share.max(1e-3)).collect()
+/// Pictures blurred one after another by deviations of `steps` pixels. Beyond their edges is nothing that they could mix with.
+pub(super) fn softened(pictures: [Vec<f32>; 3], size: [usize; 2], steps: &[usize]) -> [Vec<f32>; 3] {
+    let soft = |values: Vec<f32>| steps.iter().fold(values, |values, &step| blurred(&values, size, step));
+    let share = soft(vec![1.0; pictures[0].len()]);
+    pictures.map(|picture| {
+        soft(picture).iter().zip(&share).map(|(value, share)| value / share.max(1e-3)).collect()
+    })
 }
 
 /// The scalar product, in f64.

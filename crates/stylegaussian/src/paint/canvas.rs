@@ -52,9 +52,7 @@ pub(super) struct Canvas {
 
 impl Canvas {
     pub fn new(paint: &Paint) -> Self {
-        let pixels = paint.pixels.chunks_exact(3);
-        let values = pixels.map(|p| Vec3::new(p[0].into(), p[1].into(), p[2].into()) / 255.0).collect();
-        let picture = Picture { width: paint.width, height: paint.height, values };
+        let picture = Picture { width: paint.width, height: paint.height, values: paint.colors() };
         let rgb: Vec<f32> = paint.pixels.iter().map(|byte| f32::from(*byte) / 255.0).collect();
         let palette = Palette::new(&rgb, 1 + rgb.len() / 3 / RARE);
         let mut blurred = vec![picture];

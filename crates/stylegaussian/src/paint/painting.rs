@@ -1,5 +1,7 @@
 //! The part of a painting that a style carries.
 
+use glam::Vec3;
+
 use crate::random::Random;
 
 /// Most pixels of a painting: 512 x 512, as AdaIN sees it. In bytes it takes 768 KiB.
@@ -60,6 +62,14 @@ impl Paint {
         // The cast saturates, and makes 0 of NaN.
         let pixels = rgb.iter().map(|value| (value * 255.0).round() as u8).collect();
         Self { width, height, pixels, features: None }
+    }
+
+    /// Its colors, 0..1 `[height * width]`.
+    pub(super) fn colors(&self) -> Vec<Vec3> {
+        self.pixels
+            .chunks_exact(3)
+            .map(|p| Vec3::new(p[0].into(), p[1].into(), p[2].into()) / 255.0)
+            .collect()
     }
 
     /// Columns and rows of places.

@@ -8,7 +8,7 @@ use glam::{IVec2, Vec3};
 use rayon::prelude::*;
 
 use super::{
-    bands::{N_ENERGIES, energies, softened},
+    bands::{energies, softened},
     frames::LUMINANCE,
     painting::{Paint, dot},
 };
@@ -27,10 +27,13 @@ const STRIDE: i32 = 4;
 const N_SAMPLES: i32 = 7;
 const SAMPLE: i32 = 3;
 
-/// Numbers by which patches are compared.
-const WIDTH: usize = (N_SAMPLES * N_SAMPLES) as usize * 3 + N_ENERGIES;
+/// Bands of detail that are compared.
+const N_BANDS: usize = 3;
 
-/// Weight of a band's deviation beside that of colors. Nearest patches alone would be those with little detail, which are near
+/// Numbers of a descriptor, by which patches are compared.
+const WIDTH: usize = (N_SAMPLES * N_SAMPLES) as usize * 3 + N_BANDS;
+
+/// Weight of a band's deviation beside that of colors. Without it the nearest would be patches of little detail, which are near
 /// to all others.
 const DETAIL: f32 = 3.0;
 
@@ -40,10 +43,10 @@ const CONTINUED: f32 = 0.5;
 /// Rounds in which places spread. A place spreads along rows and columns within a round.
 const ROUNDS: usize = 3;
 
-/// Deviation of a patch's weight around its center, in pixels: seams are this narrow, so that nothing is averaged.
+/// Deviation of a patch's weight around its center, in pixels: so narrow that little is averaged.
 const SEAM: f32 = 3.5;
 
-/// Pictures per product: 64 rows of 15,000 similarities take 4 MB.
+/// Cells per product: 64 rows of 15,000 similarities take 4 MB.
 const BLOCK: usize = 64;
 
 /// A painting's patches.
@@ -52,17 +55,19 @@ pub(super) struct Patches {
     pixels: Vec<Vec3>,
     /// Columns and rows of patches; 0 if the painting is smaller than one.
     grid: [i32; 2],
-    /// What they are compared by `[P, WIDTH]`.
+    /// Their descriptors `[P, WIDTH]`.
     keys: Vec<f32>,
     /// Half the squared length of each key `[P]`.
     halves: Vec<f32>,
 }
 
-/// A cell of a picture: what it is compared by, and its place in the painting.
+/// A cell of a picture, and its place in the painting.
 struct Cell {
+    /// Its descriptor `[WIDTH]`.
     row: Vec<f32>,
     /// Center of the patch that it takes.
     at: IVec2,
+    /// Squared distance of the descriptors.
     distance: f32,
 }
 
@@ -70,9 +75,7 @@ impl Patches {
     /// Cuts a painting.
     pub fn new(paint: &Paint) -> Self {
         let size = [paint.width, paint.height];
-        let pixels = paint.pixels.chunks_exact(3);
-        let pixels: Vec<Vec3> =
-            pixels.map(|p| Vec3::new(p[0].into(), p[1].into(), p[2].into()) / 255.0).collect();
+        let pixels = paint.colors();
         let grid = size.map(|side| (side as i32 - 2 * HALF).div_euclid(STRIDE) + 1).map(|n| n.max(0));
         let looks = Looks::new(&pixels, size);
         let center = |i: i32| IVec2::new(i % grid[0], i / grid[0]) * STRIDE + HALF;
@@ -119,7 +122,7 @@ impl Patches {
         (0..picture.len()).into_par_iter().map(color).collect()
     }
 
-    /// The nearest patch of each of `rows` `[Q, WIDTH]`.
+    /// A cell with the nearest patch for each of the descriptors `rows` `[Q, WIDTH]`.
     fn nearest(&self, rows: &[f32]) -> Vec<Cell> {
         let (n, n_keys) = (rows.len() / WIDTH, self.halves.len());
         let mut similarities = vec![0.0; n * n_keys];
@@ -139,7 +142,7 @@ impl Patches {
         rows.chunks_exact(WIDTH).zip(similarities.chunks_exact(n_keys)).map(cell).collect()
     }
 
-    /// Squared distance of a row from the patch nearest to `at`.
+    /// Squared distance of a descriptor from the patch nearest to `at`.
     fn distance(&self, row: &[f32], at: IVec2) -> f32 {
         let place = ((at - HALF) / STRIDE).min(IVec2::from(self.grid) - 1);
         let key = &self.keys[(place.y * self.grid[0] + place.x) as usize * WIDTH..][..WIDTH];
@@ -206,18 +209,18 @@ impl Patches {
 struct Looks {
     size: [usize; 2],
     soft: [Vec<f32>; 3],
-    energies: [Vec<f32>; N_ENERGIES],
+    energies: [Vec<f32>; N_BANDS],
 }
 
 impl Looks {
     fn new(pixels: &[Vec3], size: [usize; 2]) -> Self {
         let luminance: Vec<f32> = pixels.iter().map(|pixel| pixel.dot(LUMINANCE)).collect();
         let channel = |c: usize| -> Vec<f32> { pixels.iter().map(|pixel| pixel[c]).collect() };
-        let soft = [0, 1, 2].map(|c| softened(&channel(c), size));
+        let soft = softened([0, 1, 2].map(channel), size, &[1]);
         Self { size, soft, energies: energies(&luminance, size) }
     }
 
-    /// What the patch around `center` is compared by `[WIDTH]`: its colors, so weighted that squared distances are mean
+    /// The descriptor of the patch around `center` `[WIDTH]`: its colors, so weighted that squared distances are mean
     /// squares over the patch, and the deviations of its finest bands.
     fn at(&self, center: IVec2) -> [f32; WIDTH] {
         let index = |at: IVec2| {
@@ -225,7 +228,7 @@ impl Looks {
             y as usize * self.size[0] + x as usize
         };
         let mut row = [0.0; WIDTH];
-        let (colors, detail) = row.split_at_mut(WIDTH - N_ENERGIES);
+        let (colors, detail) = row.split_at_mut(WIDTH - N_BANDS);
         for (i, color) in colors.chunks_exact_mut(3).enumerate() {
             let sample = IVec2::new(i as i32 % N_SAMPLES, i as i32 / N_SAMPLES) - N_SAMPLES / 2;
             let from = index(center + sample * SAMPLE);
@@ -252,19 +255,11 @@ mod tests {
         Paint { width, height, pixels: (0..width * height).flat_map(pixel).collect(), features: None }
     }
 
-    fn colors(paint: &Paint) -> Vec<Vec3> {
-        paint
-            .pixels
-            .chunks_exact(3)
-            .map(|p| Vec3::new(p[0].into(), p[1].into(), p[2].into()) / 255.0)
-            .collect()
-    }
-
     #[test]
     fn a_part_of_the_painting_stays_as_it_is() {
         let paint = dabs(192, 160);
-        let whole = colors(&paint);
-        // 48 x 40 pixels from (62, 58) on: patches lie on the grid of the painting's, and continue one another.
+        let whole = paint.colors();
+        // 48 x 40 pixels from (62, 58) on.
         let part: Vec<Vec3> = (0..48 * 40).map(|i| whole[(i / 48 + 58) * 192 + i % 48 + 62]).collect();
         let over = Patches::new(&paint).painted_over(&part, [48, 40], &vec![true; part.len()]);
         let off = |i: usize| over[i].distance(part[i]);

@@ -126,20 +126,17 @@ fn painted(scene: &Scene, surface: &Surface, paint: &Paint, brush: Brush) -> Vec
     let spectrum = spectrum(&canvas.luminance(), [paint.width, paint.height]);
     let gains = gains(&surface.proofs.products(&parts), &spectrum, &ranges);
     let sum = |i: usize| parts.iter().zip(&gains).map(|(part, gain)| part[i] * *gain as f32).sum();
-    let mut colors: Vec<Vec3> = (0..surface.len()).into_par_iter().map(sum).collect();
-    for _ in 0..ROUNDS {
-        colors = corrected(surface, &colors, (&palette, &canvas), brush);
+    let settled = |colors: Vec<Vec3>| {
+        (0..ROUNDS).fold(colors, |colors, _| corrected(surface, &colors, (&palette, &canvas), brush))
+    };
+    let colors = settled((0..surface.len()).into_par_iter().map(sum).collect());
+    if brush.patches <= 0.0 {
+        return colors;
     }
-    if brush.patches > 0.0 {
-        // A painting without fences and windows has no patch like them: with the usual protection they stay as they are.
-        let protection = (2.0 * brush.protection).min(1.0);
-        let cover: Vec<f32> = fine.iter().map(|fine| brush.patches * (1.0 - protection * fine)).collect();
-        colors = surface.sheets.painted_over(&colors, &Patches::new(paint), &cover);
-        for _ in 0..ROUNDS {
-            colors = corrected(surface, &colors, (&palette, &canvas), brush);
-        }
-    }
-    colors
+    // A painting without fences and windows has no patch like them: with the usual protection they stay as they are.
+    let protection = (2.0 * brush.protection).min(1.0);
+    let cover: Vec<f32> = fine.iter().map(|fine| brush.patches * (1.0 - protection * fine)).collect();
+    settled(surface.sheets.painted_over(&colors, &Patches::new(paint), &cover))
 }
 
 /// The parts `[K]` of a painted scene, each `[N]`, which are to be added up with factors, and the factors' ranges: bands

@@ -1,7 +1,7 @@
 //! Sheets: pictures of the scene in which patches of it are painted over, and from which the paint goes back to the
 //! Gaussians.
 //!
-//! Each Gaussian belongs to one sheet, which shows it as large as any. So it takes its paint from one picture, and not the
+//! Each Gaussian belongs to one sheet, which shows it at least half as large as any other. So it takes its paint from one picture, and not the
 //! mean of several, in which strokes would fade.
 
 use glam::Vec3;
@@ -27,7 +27,11 @@ const LEAST_SHARE: f32 = 0.02;
 const DAMPING: f32 = 0.5;
 
 /// Pictures of the scene.
-pub(super) struct Sheets(Vec<Sheet>);
+pub(super) struct Sheets {
+    sheets: Vec<Sheet>,
+    /// Pixels that each Gaussian fills, by the shares of their sheets' Gaussians, and [`DAMPING`] `[N]`.
+    filled: Vec<f32>,
+}
 
 struct Sheet {
     size: [usize; 2],
@@ -37,13 +41,11 @@ struct Sheet {
     weights: BlendWeights,
     /// The share of each that belongs to this sheet's Gaussians `[M]`.
     shares: Vec<f32>,
-    /// Sums of shares over what each Gaussian fills `[N]`.
-    filled: Vec<f32>,
 }
 
 impl Sheets {
-    /// Sheets of the views with these blend `weights`.
-    pub fn new(weights: impl Iterator<Item = BlendWeights>) -> Self {
+    /// Sheets of the views of a scene of `n` Gaussians with these blend `weights`.
+    pub fn new(n: usize, weights: impl Iterator<Item = BlendWeights>) -> Self {
         let views: Vec<([usize; 2], Vec<u32>, BlendWeights)> = weights
             .map(|weights| {
                 let size = [weights.size.x as usize, weights.size.y as usize];
@@ -59,29 +61,28 @@ impl Sheets {
         let sheet = |(i, (size, covered, weights)): (usize, ([usize; 2], Vec<u32>, BlendWeights))| {
             let own: Vec<f32> = owners.iter().map(|owner| f32::from(u8::from(*owner == Some(i)))).collect();
             let shares = weights.apply(&own, 1);
-            let filled = weights.apply_transposed(&shares, 1);
-            let area = shares.iter().sum::<f32>();
-            let is_used = area > LEAST_AREA * covered.len() as f32;
-            is_used.then_some(Sheet { size, covered, weights, shares, filled })
+            let is_used = shares.iter().sum::<f32>() > LEAST_AREA * covered.len() as f32;
+            is_used.then_some(Sheet { size, covered, weights, shares })
         };
-        Self(views.into_iter().enumerate().filter_map(sheet).collect())
+        let sheets: Vec<Sheet> = views.into_iter().enumerate().filter_map(sheet).collect();
+        let mut filled = vec![DAMPING; n];
+        for Sheet { weights, shares, .. } in &sheets {
+            let of_sheet = weights.apply_transposed(shares, 1);
+            filled.iter_mut().zip(of_sheet).for_each(|(sum, value)| *sum += value);
+        }
+        Self { sheets, filled }
     }
 
     /// Colors `[N]` moved to the painting's, patch by patch, as far as pictures show them and `cover` `[N]` lets them,
     /// 0..1.
     pub fn painted_over(&self, colors: &[Vec3], patches: &Patches, cover: &[f32]) -> Vec<Vec3> {
         let mut flat: Vec<f32> = colors.iter().flat_map(|color| color.to_array()).collect();
-        let mut filled = vec![DAMPING; colors.len()];
-        for sheet in &self.0 {
-            filled.iter_mut().zip(&sheet.filled).for_each(|(sum, value)| *sum += value);
-        }
-        let wanted: Vec<Vec<Vec3>> = self.0.iter().map(|sheet| sheet.painted_over(&flat, patches)).collect();
         let mut moves = vec![0.0; flat.len()];
-        for (sheet, wanted) in self.0.iter().zip(&wanted) {
-            let of_sheet = sheet.moves(&flat, wanted);
+        for sheet in &self.sheets {
+            let of_sheet = sheet.moves(&flat, patches);
             moves.par_iter_mut().zip(of_sheet).for_each(|(sum, value)| *sum += value);
         }
-        let shares = cover.iter().zip(&filled).map(|(cover, filled)| cover / filled);
+        let shares = cover.iter().zip(&self.filled).map(|(cover, filled)| cover / filled);
         for ((color, by), share) in flat.chunks_exact_mut(3).zip(moves.chunks_exact(3)).zip(shares) {
             color.iter_mut().zip(by).for_each(|(color, by)| *color += share * by);
         }
@@ -90,29 +91,20 @@ impl Sheets {
 }
 
 impl Sheet {
-    /// The covered pixels `[M]` in `colors` `[N * 3]`.
-    fn pixels(&self, colors: &[f32]) -> Vec<Vec3> {
-        self.weights.apply(colors, 3).chunks_exact(3).map(Vec3::from_slice).collect()
-    }
-
-    /// The covered pixels `[M]` in `colors` `[N * 3]`, those of this sheet painted over.
-    fn painted_over(&self, colors: &[f32], patches: &Patches) -> Vec<Vec3> {
-        let picture = self.filled_in(&self.pixels(colors));
+    /// The way from the pixels in `colors` `[N * 3]` to those painted over, summed over what each Gaussian fills `[N * 3]`.
+    fn moves(&self, colors: &[f32], patches: &Patches) -> Vec<f32> {
+        let pixels: Vec<Vec3> = self.weights.apply(colors, 3).chunks_exact(3).map(Vec3::from_slice).collect();
+        let picture = self.filled_in(&pixels);
         let mut wanted = vec![false; picture.len()];
         for (&i, share) in self.covered.iter().zip(&self.shares) {
             wanted[i as usize] = *share > LEAST_SHARE;
         }
         let painted = patches.painted_over(&picture, self.size, &wanted);
-        self.covered.iter().map(|&i| painted[i as usize]).collect()
-    }
-
-    /// The way from the pixels in `colors` `[N * 3]` to those that are `wanted` `[M]`, summed over what each Gaussian fills
-    /// `[N * 3]`.
-    fn moves(&self, colors: &[f32], wanted: &[Vec3]) -> Vec<f32> {
-        let pairs = self.pixels(colors).into_iter().zip(wanted).zip(&self.shares);
-        let ways: Vec<f32> =
-            pairs.flat_map(|((pixel, wanted), share)| ((*wanted - pixel) * *share).to_array()).collect();
-        self.weights.apply_transposed(&ways, 3)
+        let pairs = self.covered.iter().zip(&pixels).zip(&self.shares);
+        let way = |((&i, pixel), share): ((&u32, &Vec3), &f32)| {
+            ((painted[i as usize] - *pixel) * *share).to_array()
+        };
+        self.weights.apply_transposed(&pairs.flat_map(way).collect::<Vec<f32>>(), 3)
     }
 
     /// The picture `[H * W]` of covered `pixels` `[M]`, and beside the scene what is near. The border of the scene is no

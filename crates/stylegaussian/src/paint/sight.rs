@@ -61,7 +61,7 @@ impl Sight {
             views.extend(weighted_median(&mut sizes).map(|pixel| (pixel, camera)));
         }
         let up = cameras.iter().map(up_of).sum::<Vec3>().try_normalize().unwrap_or(Vec3::Y);
-        let sizes = views.clone();
+        let seen = views.clone();
         // The sort is stable: of views from the same distance the most useful come first.
         views.sort_by(|a, b| b.0.total_cmp(&a.0));
         if !scene.cameras.is_empty() {
@@ -72,10 +72,13 @@ impl Sight {
         let side = (PICTURE_SIDE / stroke_scale).clamp(PROOF_SIDE.0, PROOF_SIDE.1);
         let proofs: Vec<Camera> = views.iter().map(|(_, camera)| camera.fitted(side as u32)).collect();
         let pixel = pixel * stroke_scale;
-        let sheets = Sheets::new(sizes.into_iter().map(|(size, camera)| {
-            let side = (PICTURE_SIDE * size / pixel).clamp(SHEET_SIDE.0, SHEET_SIDE.1);
-            blend_weights(scene, &camera.fitted(side as u32))
-        }));
+        let sheets = Sheets::new(
+            scene.len(),
+            seen.into_iter().map(|(size, camera)| {
+                let side = (PICTURE_SIDE * size / pixel).clamp(SHEET_SIDE.0, SHEET_SIDE.1);
+                blend_weights(scene, &camera.fitted(side as u32))
+            }),
+        );
         Self { visibility, pixel, proofs: Proofs::new(scene, &proofs), sheets, up }
     }
 }
