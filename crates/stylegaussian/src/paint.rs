@@ -14,7 +14,7 @@
 //!    proofs' palette and their shares of dark and bright are corrected, and hues that the painting does not have move
 //!    to those that it has.
 //! 5. Pictures of the painted scene from eight sides (*sheets*) are painted over with the painting's own patches that
-//!    resemble them, and the Gaussians take up what their sheet shows. Then palette and tones are corrected once more.
+//!    resemble them. Each Gaussian reads the detail of its sheet in place of the painting's, and step 4 is done once more.
 //!
 //! A painting is read at 1 pixel of it to 1 pixel of a picture of 512 pixels, seen from a little farther away than from
 //! where the whole scene fills it.
@@ -23,7 +23,7 @@
 //! `seeds`, `smooth` (the scene without its detail), `surface` (all that depends on the scene alone), `painting` (what a
 //! style carries), `canvas` (the painting prepared for reading), `places` (choice and coherence), `reading` (colors),
 //! `proofs` and `bands` (how much detail pictures show), `gains` (the factors), `tone` (dark and bright), `sheets` (what is
-//! painted over, and the way back to the Gaussians), `patches` (with what).
+//! painted over, and then read), `patches` (with what).
 
 mod bands;
 mod canvas;

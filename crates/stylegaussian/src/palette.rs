@@ -1,6 +1,9 @@
 //! The colors of a painting, to which pictures are kept.
 
+use std::num::NonZero;
+
 use glam::Vec3;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
 /// Cells of the color cube along each axis. A cell is 8 of a display's 256 steps.
@@ -36,17 +39,18 @@ impl Palette {
             .filter(|(_, n)| *n >= least)
             .map(|(sum, n)| sum.map(|sum| (sum / *n as f64) as f32))
             .collect();
-        let nearest = (0..SIDE * SIDE * SIDE)
-            .into_par_iter()
-            .map(|i| {
-                let middle =
-                    [i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE].map(|i| (i as f32 + 0.5) / SIDE as f32);
-                let closer = |best: [f32; 3], color: &[f32; 3]| {
-                    if distance(&middle, color) < distance(&middle, &best) { *color } else { best }
-                };
-                colors.first().map_or(middle, |first| colors.iter().fold(*first, closer))
-            })
-            .collect();
+        let rows: Vec<[f64; 3]> = colors.iter().map(|color| color.map(f64::from)).collect();
+        let tree = ImmutableKdTree::<f64, 3>::new_from_slice(&rows).ok().filter(|_| !rows.is_empty());
+        let nearest = |i: usize| {
+            let middle =
+                [i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE].map(|i| (i as f64 + 0.5) / SIDE as f64);
+            let found = tree.as_ref().map(|tree| {
+                tree.query(&middle).nearest_n::<SquaredEuclidean<f64>>(NonZero::<usize>::MIN).execute()
+            });
+            let found = found.and_then(|found| found.into_iter().next());
+            found.map_or(middle.map(|value| value as f32), |found| colors[found.item as usize])
+        };
+        let nearest = (0..SIDE * SIDE * SIDE).into_par_iter().map(nearest).collect();
         Self { nearest }
     }
 

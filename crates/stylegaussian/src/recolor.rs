@@ -71,6 +71,12 @@ impl ColorMoments {
         Self { mean, covariance: covariance + DMat3::from_diagonal(DVec3::splat(VARIANCE_FLOOR)) }
     }
 
+    /// Standard deviation of the colors' scalar product with `direction`: of luminance, if those are its weights. Above 0.
+    pub fn deviation_along(&self, direction: Vec3) -> f32 {
+        let direction = direction.as_dvec3();
+        direction.dot(self.covariance * direction).sqrt() as f32
+    }
+
     /// Moments of several views.
     pub fn of_views(views: &[RenderedImage]) -> Self {
         Self::of_pixels(
@@ -158,6 +164,14 @@ mod tests {
         let root = of_eigenvalues(matrix, f64::sqrt);
         assert!((root * root).abs_diff_eq(matrix, 1e-12));
         assert!((of_eigenvalues(matrix, |value| 1.0 / value) * matrix).abs_diff_eq(DMat3::IDENTITY, 1e-12));
+    }
+
+    #[test]
+    fn deviations_along_a_direction() {
+        // Red is 0 or 1, green always 0.5.
+        let moments = ColorMoments::of_rgb(&[0.0, 0.5, 0.0, 1.0, 0.5, 0.0]);
+        assert!((moments.deviation_along(Vec3::X) - 0.5).abs() < 1e-3);
+        assert!((moments.deviation_along(Vec3::new(0.5, 9.0, 0.0)) - 0.25).abs() < 0.05);
     }
 
     /// From grays to other grays, dark stays dark. Both covariances are as near to singular as can be.

@@ -29,8 +29,8 @@ use crate::{
 };
 
 /// The paint that a bake starts from. It keeps more of the scene than usual: steps add strokes by themselves, but bring
-/// nothing back of a house that drowned in paint. Patches are left to them as well.
-const START: Brush = Brush { paint: 0.5, scene: 1.0, patches: 0.0, ..Brush::DEFAULT };
+/// nothing back of a house that drowned in paint.
+const START: Brush = Brush { paint: 0.5, scene: 1.0, ..Brush::DEFAULT };
 
 /// The share of the rate at the last step.
 const LAST_RATE: f32 = 0.3;

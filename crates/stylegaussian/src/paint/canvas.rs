@@ -35,13 +35,21 @@ struct Picture {
     values: Vec<Vec3>,
 }
 
+/// What a place of a picture holds: its color, and bands of its detail from the finest.
+pub(super) type Reading = (Vec3, [Vec3; N_DETAILS]);
+
+/// A picture and blurred copies of it.
+pub(super) struct Copies {
+    copies: Vec<Picture>,
+    /// The picture's color: every [`LOW_STEP`]th pixel.
+    low: Picture,
+}
+
 /// A painting prepared for reading.
 pub(super) struct Canvas {
     /// The painting's colors.
     pub palette: Palette,
-    copies: Vec<Picture>,
-    /// The painting's color: every [`LOW_STEP`]th pixel.
-    low: Picture,
+    copies: Copies,
     /// Columns and rows of places.
     pub n_places: (usize, usize),
     /// Mean color of each place `[P]`.
@@ -52,18 +60,10 @@ pub(super) struct Canvas {
 
 impl Canvas {
     pub fn new(paint: &Paint) -> Self {
-        let picture = Picture { width: paint.width, height: paint.height, values: paint.colors() };
+        let copies = Copies::new(paint.colors(), [paint.width, paint.height]);
         let rgb: Vec<f32> = paint.pixels.iter().map(|byte| f32::from(*byte) / 255.0).collect();
         let palette = Palette::new(&rgb, 1 + rgb.len() / 3 / RARE);
-        let mut blurred = vec![picture];
-        for pair in BLURS.windows(2) {
-            // Variances add up, so each copy is made from the one before it by a smaller blur.
-            let next = blurred[blurred.len() - 1].blurred((pair[1] * pair[1] - pair[0] * pair[0]).sqrt());
-            blurred.push(next);
-        }
-        let low =
-            blurred[4].thinned(LOW_STEP).blurred((LOW * LOW - BLURS[4] * BLURS[4]).sqrt() / LOW_STEP as f32);
-        let tensors = blurred[1].structure().blurred(PLACE as f32);
+        let tensors = copies.copies[1].structure().blurred(PLACE as f32);
         let n_places = paint.n_places();
         let at_place = |picture: &Picture, place: usize| {
             let (x, y) = (place % n_places.0, place / n_places.0);
@@ -75,40 +75,27 @@ impl Canvas {
             place_colors: Vec::new(),
             strokes: places.clone().map(|place| stroke(at_place(&tensors, place))).collect(),
             n_places,
-            copies: blurred,
-            low,
+            copies,
         };
         canvas.place_colors =
-            places.map(|place| canvas.blurred(canvas.center_of(place), PLACE_BLUR)).collect();
+            places.map(|place| canvas.copies.blurred(canvas.center_of(place), PLACE_BLUR)).collect();
         canvas
     }
 
     /// Luminance of each pixel.
     pub fn luminance(&self) -> Vec<f32> {
-        self.copies[0].values.iter().map(|color| color.dot(LUMINANCE)).collect()
+        self.copies.copies[0].values.iter().map(|color| color.dot(LUMINANCE)).collect()
     }
 
     /// Size in pixels.
     pub fn size(&self) -> Vec2 {
-        Vec2::new(self.copies[0].width as f32, self.copies[0].height as f32)
+        let Picture { width, height, .. } = self.copies.copies[0];
+        Vec2::new(width as f32, height as f32)
     }
 
-    /// The painting's color at `at`, in pixels from its corner, and bands of its detail from the finest, for a Gaussian
-    /// of standard deviation `sigma` pixels. Beyond its edges the painting is mirrored.
-    pub fn read(&self, at: Vec2, sigma: f32) -> (Vec3, [Vec3; N_DETAILS]) {
-        let low = self.low.sample(at / LOW_STEP as f32);
-        let copies = BLURS.map(|blur| self.blurred(at, blur.max(sigma)));
-        (low, std::array::from_fn(|band| copies[band] - copies.get(band + 1).unwrap_or(&low)))
-    }
-
-    /// The painting at `at`, blurred by `sigma` pixels.
-    fn blurred(&self, at: Vec2, sigma: f32) -> Vec3 {
-        // Copies double their blur from 1 on, and there is one without.
-        let level = if sigma < 0.5 { 0.0 } else { (sigma.log2() + 1.0).clamp(0.0, (BLURS.len() - 1) as f32) };
-        let sharper = (level as usize).min(BLURS.len() - 2);
-        let between = level - sharper as f32;
-        let sharp = self.copies[sharper].sample(at);
-        if between > 0.0 { sharp.lerp(self.copies[sharper + 1].sample(at), between) } else { sharp }
+    /// The painting at `at`, in pixels from its corner, for a Gaussian of standard deviation `sigma` pixels.
+    pub fn read(&self, at: Vec2, sigma: f32) -> Reading {
+        self.copies.read(at, sigma)
     }
 
     /// The center of a place, in pixels.
@@ -122,6 +109,39 @@ impl Canvas {
         let index = |at: f32, size: f32, n: usize| ((mirrored(at, size) / PLACE as f32) as usize).min(n - 1);
         let size = self.size();
         index(at.y, size.y, self.n_places.1) * self.n_places.0 + index(at.x, size.x, self.n_places.0)
+    }
+}
+
+impl Copies {
+    /// Blurs a picture `[H * W]` of `size` (width and height).
+    pub fn new(values: Vec<Vec3>, [width, height]: [usize; 2]) -> Self {
+        let mut copies = vec![Picture { width, height, values }];
+        for pair in BLURS.windows(2) {
+            // Variances add up, so each copy is made from the one before it by a smaller blur.
+            let next = copies[copies.len() - 1].blurred((pair[1] * pair[1] - pair[0] * pair[0]).sqrt());
+            copies.push(next);
+        }
+        let low =
+            copies[4].thinned(LOW_STEP).blurred((LOW * LOW - BLURS[4] * BLURS[4]).sqrt() / LOW_STEP as f32);
+        Self { copies, low }
+    }
+
+    /// The picture at `at`, in pixels from its corner, for a Gaussian of standard deviation `sigma` pixels. Beyond its
+    /// edges the picture is mirrored.
+    pub fn read(&self, at: Vec2, sigma: f32) -> Reading {
+        let low = self.low.sample(at / LOW_STEP as f32);
+        let copies = BLURS.map(|blur| self.blurred(at, blur.max(sigma)));
+        (low, std::array::from_fn(|band| copies[band] - copies.get(band + 1).unwrap_or(&low)))
+    }
+
+    /// The picture at `at`, blurred by `sigma` pixels.
+    fn blurred(&self, at: Vec2, sigma: f32) -> Vec3 {
+        // Copies double their blur from 1 on, and there is one without.
+        let level = if sigma < 0.5 { 0.0 } else { (sigma.log2() + 1.0).clamp(0.0, (BLURS.len() - 1) as f32) };
+        let sharper = (level as usize).min(BLURS.len() - 2);
+        let between = level - sharper as f32;
+        let sharp = self.copies[sharper].sample(at);
+        if between > 0.0 { sharp.lerp(self.copies[sharper + 1].sample(at), between) } else { sharp }
     }
 }
 
@@ -171,21 +191,27 @@ impl Picture {
         let reach = (3.0 * sigma).ceil() as isize;
         let kernel: Vec<f32> = (-reach..=reach).map(|d| (-0.5 * (d as f32 / sigma).powi(2)).exp()).collect();
         let total: f32 = kernel.iter().sum();
-        let taps = || (-reach..=reach).zip(&kernel).map(|(d, weight)| (d, weight / total));
-        let pass = |source: &Self, horizontal: bool| {
-            let row = |y: usize| -> Vec<Vec3> {
-                let value = |x: usize| {
-                    taps().map(move |(d, weight)| {
-                        let (dx, dy) = if horizontal { (d, 0) } else { (0, d) };
-                        source.pixel(x as isize + dx, y as isize + dy) * weight
-                    })
-                };
-                (0..source.width).map(|x| value(x).sum()).collect()
-            };
-            let values = (0..source.height).into_par_iter().flat_map_iter(row).collect();
-            Self { values, width: source.width, height: source.height }
+        // Whole rows at a time, from which the compiler makes vectors.
+        let add = |sum: &mut [Vec3], values: &[Vec3], weight: f32| {
+            sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += *value * (weight / total));
         };
-        pass(&pass(self, true), false)
+        let clamped = |at: isize, n: usize| at.clamp(0, n as isize - 1) as usize;
+        let (width, height) = (self.width, self.height);
+        let mut rows = vec![Vec3::ZERO; width * height];
+        rows.par_chunks_mut(width).zip(self.values.par_chunks(width)).for_each(|(sum, row)| {
+            let wide = -reach..width as isize + reach;
+            let wide: Vec<Vec3> = wide.map(|x| row[clamped(x, width)]).collect();
+            for (tap, weight) in kernel.iter().enumerate() {
+                add(sum, &wide[tap..], *weight);
+            }
+        });
+        let mut values = vec![Vec3::ZERO; width * height];
+        values.par_chunks_mut(width).enumerate().for_each(|(y, sum)| {
+            for (d, weight) in (-reach..=reach).zip(&kernel) {
+                add(sum, &rows[clamped(y as isize + d, height) * width..][..width], *weight);
+            }
+        });
+        Self { values, width, height }
     }
 
     /// Products of the luminance's gradient with itself at each pixel: (xx, xy, yy).

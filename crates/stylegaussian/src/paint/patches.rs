@@ -53,7 +53,7 @@ const BLOCK: usize = 64;
 pub(super) struct Patches {
     size: [usize; 2],
     pixels: Vec<Vec3>,
-    /// Columns and rows of patches; 0 if the painting is smaller than one.
+    /// Columns and rows of patches.
     grid: [i32; 2],
     /// Their descriptors `[P, WIDTH]`.
     keys: Vec<f32>,
@@ -72,25 +72,25 @@ struct Cell {
 }
 
 impl Patches {
-    /// Cuts a painting.
-    pub fn new(paint: &Paint) -> Self {
+    /// Cuts a painting. Returns `None` if it is smaller than a patch.
+    pub fn new(paint: &Paint) -> Option<Self> {
         let size = [paint.width, paint.height];
+        if size.into_iter().any(|side| (side as i32) < 2 * HALF) {
+            return None;
+        }
         let pixels = paint.colors();
-        let grid = size.map(|side| (side as i32 - 2 * HALF).div_euclid(STRIDE) + 1).map(|n| n.max(0));
+        let grid = size.map(|side| (side as i32 - 2 * HALF) / STRIDE + 1);
         let looks = Looks::new(&pixels, size);
         let center = |i: i32| IVec2::new(i % grid[0], i / grid[0]) * STRIDE + HALF;
         let keys: Vec<f32> =
             (0..grid[0] * grid[1]).into_par_iter().flat_map_iter(|i| looks.at(center(i))).collect();
         let halves = keys.chunks_exact(WIDTH).map(|key| 0.5 * dot(key, key)).collect();
-        Self { size, pixels, grid, keys, halves }
+        Some(Self { size, pixels, grid, keys, halves })
     }
 
-    /// A picture `[H * W]` of `size` (width and height), painted over where `wanted` `[H * W]`. Elsewhere, and if the
-    /// painting is smaller than a patch, it stays as it is.
+    /// A picture `[H * W]` of `size` (width and height), painted over where `wanted` `[H * W]`. Elsewhere it stays as it
+    /// is.
     pub fn painted_over(&self, picture: &[Vec3], size: [usize; 2], wanted: &[bool]) -> Vec<Vec3> {
-        if self.keys.is_empty() {
-            return picture.to_vec();
-        }
         let grid = size.map(|side| side.div_ceil(STEP as usize) + 1);
         let center = |i: usize| IVec2::new((i % grid[0]) as i32, (i / grid[0]) as i32) * STEP;
         let mut used = vec![false; grid[0] * grid[1]];
@@ -261,7 +261,7 @@ mod tests {
         let whole = paint.colors();
         // 48 x 40 pixels from (62, 58) on.
         let part: Vec<Vec3> = (0..48 * 40).map(|i| whole[(i / 48 + 58) * 192 + i % 48 + 62]).collect();
-        let over = Patches::new(&paint).painted_over(&part, [48, 40], &vec![true; part.len()]);
+        let over = Patches::new(&paint).unwrap().painted_over(&part, [48, 40], &vec![true; part.len()]);
         let off = |i: usize| over[i].distance(part[i]);
         // Patches at the border see what is not there, so the inner part counts. Two dabs differ by 0.4 on average.
         let inner = (0..part.len()).filter(|i| (10..38).contains(&(i % 48)) && (10..30).contains(&(i / 48)));
@@ -275,7 +275,7 @@ mod tests {
         let paint = dabs(64, 64);
         let picture: Vec<Vec3> = (0..50 * 30).map(|i| Vec3::splat((i % 50) as f32 / 50.0)).collect();
         let wanted: Vec<bool> = (0..picture.len()).map(|i| i % 50 < 20).collect();
-        let over = Patches::new(&paint).painted_over(&picture, [50, 30], &wanted);
+        let over = Patches::new(&paint).unwrap().painted_over(&picture, [50, 30], &wanted);
         for ((over, picture), wanted) in over.iter().zip(&picture).zip(&wanted) {
             // All of the painting has this blue.
             assert!(if *wanted { (over.z - 90.0 / 255.0).abs() < 1e-5 } else { over == picture });
@@ -283,13 +283,12 @@ mod tests {
     }
 
     #[test]
-    fn a_painting_smaller_than_a_patch_changes_nothing() {
+    fn a_painting_smaller_than_a_patch_has_none() {
         let picture = vec![Vec3::ONE; 12];
         for (width, height) in [(1, 1), (40, 3), (19, 19)] {
-            let patches = Patches::new(&dabs(width, height));
-            assert_eq!(patches.painted_over(&picture, [4, 3], &[true; 12]), picture);
+            assert!(Patches::new(&dabs(width, height)).is_none());
         }
-        let least = Patches::new(&dabs(20, 20)).painted_over(&picture, [4, 3], &[true; 12]);
+        let least = Patches::new(&dabs(20, 20)).unwrap().painted_over(&picture, [4, 3], &[true; 12]);
         assert!(least.iter().all(|color| (color.z - 90.0 / 255.0).abs() < 1e-5));
     }
 }

@@ -5,13 +5,12 @@ use rayon::prelude::*;
 
 use super::{
     bands::spectrum,
-    canvas::{Canvas, N_DETAILS},
+    canvas::{Canvas, N_DETAILS, Reading},
     frames::LUMINANCE,
     gains::{Range, gains},
     painting::Paint,
     patches::Patches,
     places::{Placement, place},
-    seeds::N_READ,
     surface::{Surface, moments},
     tone::Curve,
 };
@@ -63,18 +62,18 @@ const MOST_PAINT: f64 = 8.0;
 const MOST_LOCAL: f64 = 1.5;
 const MOST_SHAPES: f64 = 4.0;
 
+/// The usual factor of the scene's own detail under patches, beside [`Brush::scene`]. They follow the scene by
+/// themselves, and more of it would show as a second texture.
+const UNDER_PATCHES: f32 = 0.4;
+
 /// Rounds in which palette and tone are corrected: each disturbs the other a little.
 const ROUNDS: usize = 2;
 
 /// Share of a Gaussian's deviation at which it reads the painting. The whole of it would blur twice: drawing does too.
-const SHARPNESS: f32 = 0.2;
+pub(super) const SHARPNESS: f32 = 0.2;
 
 /// Share of the way that the hue of a color which the painting does not have moves to the painting's nearest color.
 const TO_PALETTE: f32 = 0.8;
-
-/// Deviation of luminance within a stroke's length, in the recolored scene, at which half of [`Brush::protection`] applies.
-/// Fences and windows have 0.2 to 0.3, grass and cloth less than 0.1.
-const FINE: f32 = 0.16;
 
 /// Colors leave the range of a display by at most this. Beyond, paint would be of no painting.
 const OVERSHOOT: f32 = 0.05;
@@ -121,50 +120,47 @@ fn painted(scene: &Scene, surface: &Surface, paint: &Paint, brush: Brush) -> Vec
     let placements = place(scene, surface, &seed_colors, paint, &canvas);
     let levels: Vec<Vec<Vec3>> =
         surface.levels.iter().map(|level| level.par_iter().map(recolored).collect()).collect();
-    let fine = fineness(surface, &levels[0], &levels[levels.len() - 1]);
-    let (parts, ranges) = parts(scene, surface, &canvas, (&levels, &placements), &fine, brush);
     let spectrum = spectrum(&canvas.luminance(), [paint.width, paint.height]);
-    let gains = gains(&surface.proofs.products(&parts), &spectrum, &ranges);
-    let sum = |i: usize| parts.iter().zip(&gains).map(|(part, gain)| part[i] * *gain as f32).sum();
-    let settled = |colors: Vec<Vec3>| {
-        (0..ROUNDS).fold(colors, |colors, _| corrected(surface, &colors, (&palette, &canvas), brush))
+    // Factors are sought, and palette and tones corrected, for whatever Gaussians have read.
+    let added_up = |readings: &[Reading], brush: Brush| {
+        let (parts, ranges) = parts(readings, &levels, &surface.fine, brush);
+        let gains = gains(&surface.proofs.products(&parts), &spectrum, &ranges);
+        let sum = |i: usize| parts.iter().zip(&gains).map(|(part, gain)| part[i] * *gain as f32).sum();
+        let colors = (0..surface.len()).into_par_iter().map(sum).collect();
+        (0..ROUNDS)
+            .fold(colors, |colors: Vec<Vec3>, _| corrected(surface, &colors, (&palette, &canvas), brush))
     };
-    let colors = settled((0..surface.len()).into_par_iter().map(sum).collect());
-    if brush.patches <= 0.0 {
-        return colors;
-    }
-    // A painting without fences and windows has no patch like them: with the usual protection they stay as they are.
-    let protection = (2.0 * brush.protection).min(1.0);
-    let cover: Vec<f32> = fine.iter().map(|fine| brush.patches * (1.0 - protection * fine)).collect();
-    settled(surface.sheets.painted_over(&colors, &Patches::new(paint), &cover))
+    let mut readings: Vec<Reading> =
+        (0..surface.len()).into_par_iter().map(|i| read(scene, surface, &canvas, &placements, i)).collect();
+    let colors = added_up(&readings, brush);
+    let Some(patches) = (brush.patches > 0.0).then(|| Patches::new(paint)).flatten() else { return colors };
+    surface.sheets.read(&colors, &patches, brush.patches, &mut readings);
+    added_up(&readings, Brush { scene: UNDER_PATCHES * brush.scene, ..brush })
 }
 
 /// The parts `[K]` of a painted scene, each `[N]`, which are to be added up with factors, and the factors' ranges: bands
 /// of the scene's own detail and of the painting's, and large shapes with what is protected.
 fn parts(
-    scene: &Scene,
-    surface: &Surface,
-    canvas: &Canvas,
-    (levels, placements): (&[Vec<Vec3>], &[Placement]),
+    readings: &[Reading],
+    levels: &[Vec<Vec3>],
     fine: &[f32],
     brush: Brush,
 ) -> (Vec<Vec<Vec3>>, Vec<Range>) {
     let (own, shapes) = (&levels[0], &levels[levels.len() - 1]);
-    let read: Vec<(Vec3, [Vec3; N_DETAILS])> =
-        (0..surface.len()).into_par_iter().map(|i| read(scene, surface, canvas, placements, i)).collect();
+    let n = own.len();
     let cover: Vec<f32> = fine.iter().map(|fine| 1.0 - brush.protection * fine).collect();
-    let mean = |colors: &mut dyn Iterator<Item = Vec3>| colors.sum::<Vec3>() / surface.len().max(1) as f32;
-    let apart = mean(&mut read.iter().map(|(low, _)| *low)) - mean(&mut shapes.iter().copied());
+    let mean = |colors: &mut dyn Iterator<Item = Vec3>| colors.sum::<Vec3>() / n.max(1) as f32;
+    let apart = mean(&mut readings.iter().map(|(low, _)| *low)) - mean(&mut shapes.iter().copied());
 
     let mut parts: Vec<Vec<Vec3>> = Vec::new();
     for (finer, coarser) in levels.iter().zip(&levels[1..]) {
-        parts.push((0..surface.len()).map(|i| (finer[i] - coarser[i]) * cover[i]).collect());
+        parts.push((0..n).map(|i| (finer[i] - coarser[i]) * cover[i]).collect());
     }
     for band in 0..N_DETAILS {
-        parts.push(read.iter().zip(&cover).map(|((_, detail), cover)| detail[band] * *cover).collect());
+        parts.push(readings.iter().zip(&cover).map(|((_, detail), cover)| detail[band] * *cover).collect());
     }
-    parts.push((0..surface.len()).map(|i| (read[i].0 - shapes[i] - apart) * cover[i]).collect());
-    parts.push((0..surface.len()).map(|i| shapes[i] + (own[i] - shapes[i]) * (1.0 - cover[i])).collect());
+    parts.push((0..n).map(|i| (readings[i].0 - shapes[i] - apart) * cover[i]).collect());
+    parts.push((0..n).map(|i| shapes[i] + (own[i] - shapes[i]) * (1.0 - cover[i])).collect());
     let range = |usual: f32, most: f64| Range { usual: f64::from(usual).max(0.0), most };
     let ranges = std::iter::repeat_n(range(brush.scene, MOST_SCENE), levels.len() - 1)
         .chain(std::iter::repeat_n(range(brush.paint, MOST_PAINT), N_DETAILS))
@@ -200,29 +196,8 @@ fn corrected(
     recolored.par_iter().map(|color| hued(toned(color))).collect()
 }
 
-/// How much each Gaussian belongs to things that are smaller than a stroke `[N]`, 0..1: the contrast of the scene's own
-/// detail, in luminance, around the seeds that it reads from. Detail is what colors `own` have beyond `shapes`.
-fn fineness(surface: &Surface, own: &[Vec3], shapes: &[Vec3]) -> Vec<f32> {
-    let squares: Vec<f32> =
-        own.iter().zip(shapes).map(|(own, shape)| (*own - *shape).dot(LUMINANCE).powi(2)).collect();
-    let of_seeds = surface.seeds.pooled(&squares, 1, &surface.visibility);
-    let of_gaussian = |read: &[(u32, f32); N_READ]| {
-        let square: f32 = read.iter().map(|(j, weight)| weight * of_seeds[*j as usize]).sum();
-        // To the fourth power: grass and cloth are painted, fences and windows are not, and little lies between.
-        let (fourth, half) = (square * square, FINE.powi(4));
-        fourth / (fourth + half)
-    };
-    surface.seeds.read.iter().map(of_gaussian).collect()
-}
-
 /// The painting's color and bands of its detail at Gaussian `i`.
-fn read(
-    scene: &Scene,
-    surface: &Surface,
-    canvas: &Canvas,
-    placements: &[Placement],
-    i: usize,
-) -> (Vec3, [Vec3; N_DETAILS]) {
+fn read(scene: &Scene, surface: &Surface, canvas: &Canvas, placements: &[Placement], i: usize) -> Reading {
     let (mut low, mut details) = (Vec3::ZERO, [Vec3::ZERO; N_DETAILS]);
     // Seeds without a weight stand at the end of most lists.
     for (j, weight) in surface.seeds.read[i].into_iter().filter(|(_, weight)| *weight > 0.0) {

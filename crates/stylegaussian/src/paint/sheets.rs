@@ -1,13 +1,18 @@
-//! Sheets: pictures of the scene in which patches of it are painted over, and from which the paint goes back to the
-//! Gaussians.
+//! Sheets: pictures of the scene in which patches of it are painted over, and which Gaussians then read like the painting.
 //!
-//! Each Gaussian belongs to one sheet, which shows it at least half as large as any other. So it takes its paint from one picture, and not the
-//! mean of several, in which strokes would fade.
+//! Each Gaussian belongs to one sheet, which shows it at least half as large as any other. So it takes its paint from one
+//! picture, and not the mean of several, in which strokes would fade. It reads at one place, and does not take up the mean
+//! of all pixels in which it shows: drawing blurs once more.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::{patches::Patches, proofs::solid};
+use super::{
+    canvas::{Copies, Reading},
+    patches::Patches,
+    proofs::solid,
+    reading::SHARPNESS,
+};
 use crate::splat::BlendWeights;
 
 /// The least share of the largest size in which a sheet shows a Gaussian, for the Gaussian to belong to it. Few sheets with
@@ -23,15 +28,11 @@ const LEAST_AREA: f32 = 0.01;
 /// The least share of a pixel at which it is painted over.
 const LEAST_SHARE: f32 = 0.02;
 
-/// Pixels by which a Gaussian's share of the paint is damped: one that fills less than this keeps part of its color.
+/// Pixels by which a Gaussian's share of the paint is damped: one that fills as little takes half of it.
 const DAMPING: f32 = 0.5;
 
 /// Pictures of the scene.
-pub(super) struct Sheets {
-    sheets: Vec<Sheet>,
-    /// Pixels that each Gaussian fills, by the shares of their sheets' Gaussians, and [`DAMPING`] `[N]`.
-    filled: Vec<f32>,
-}
+pub(super) struct Sheets(Vec<Sheet>);
 
 struct Sheet {
     size: [usize; 2],
@@ -39,13 +40,25 @@ struct Sheet {
     covered: Vec<u32>,
     /// Their blend weights, summing to 1 in each.
     weights: BlendWeights,
-    /// The share of each that belongs to this sheet's Gaussians `[M]`.
-    shares: Vec<f32>,
+    /// Whether this sheet's Gaussians show in each pixel `[H * W]`.
+    wanted: Vec<bool>,
+    gaussians: Vec<InSheet>,
+}
+
+/// A Gaussian in the sheet that it belongs to.
+struct InSheet {
+    index: u32,
+    /// The middle of what shows of it, in pixels from the picture's corner.
+    center: Vec2,
+    /// Standard deviation of what shows of it, in pixels.
+    sigma: f32,
+    /// How much of its paint it takes from the sheet, 0..1.
+    share: f32,
 }
 
 impl Sheets {
-    /// Sheets of the views of a scene of `n` Gaussians with these blend `weights`.
-    pub fn new(n: usize, weights: impl Iterator<Item = BlendWeights>) -> Self {
+    /// Sheets of the views of a scene with these blend `weights`.
+    pub fn new(weights: impl Iterator<Item = BlendWeights>) -> Self {
         let views: Vec<([usize; 2], Vec<u32>, BlendWeights)> = weights
             .map(|weights| {
                 let size = [weights.size.x as usize, weights.size.y as usize];
@@ -61,50 +74,66 @@ impl Sheets {
         let sheet = |(i, (size, covered, weights)): (usize, ([usize; 2], Vec<u32>, BlendWeights))| {
             let own: Vec<f32> = owners.iter().map(|owner| f32::from(u8::from(*owner == Some(i)))).collect();
             let shares = weights.apply(&own, 1);
-            let is_used = shares.iter().sum::<f32>() > LEAST_AREA * covered.len() as f32;
-            is_used.then_some(Sheet { size, covered, weights, shares })
+            if shares.iter().sum::<f32>() <= LEAST_AREA * covered.len() as f32 {
+                return None;
+            }
+            let mut wanted = vec![false; size[0] * size[1]];
+            for (&i, share) in covered.iter().zip(&shares) {
+                wanted[i as usize] = *share > LEAST_SHARE;
+            }
+            let gaussians = in_sheet(&weights, &covered, size[0], |gaussian| owners[gaussian] == Some(i));
+            Some(Sheet { size, covered, weights, wanted, gaussians })
         };
-        let sheets: Vec<Sheet> = views.into_iter().enumerate().filter_map(sheet).collect();
-        let mut filled = vec![DAMPING; n];
-        for Sheet { weights, shares, .. } in &sheets {
-            let of_sheet = weights.apply_transposed(shares, 1);
-            filled.iter_mut().zip(of_sheet).for_each(|(sum, value)| *sum += value);
-        }
-        Self { sheets, filled }
+        Self(views.into_iter().enumerate().filter_map(sheet).collect())
     }
 
-    /// Colors `[N]` moved to the painting's, patch by patch, as far as pictures show them and `cover` `[N]` lets them,
-    /// 0..1.
-    pub fn painted_over(&self, colors: &[Vec3], patches: &Patches, cover: &[f32]) -> Vec<Vec3> {
-        let mut flat: Vec<f32> = colors.iter().flat_map(|color| color.to_array()).collect();
-        let mut moves = vec![0.0; flat.len()];
-        for sheet in &self.sheets {
-            let of_sheet = sheet.moves(&flat, patches);
-            moves.par_iter_mut().zip(of_sheet).for_each(|(sum, value)| *sum += value);
+    /// Lets the detail of `readings` `[N]` become, by `share` (0..1), what the sheets show of a scene of these `colors` `[N]`
+    /// if they are painted over. A Gaussian that fills little of its sheet keeps some of its own, and one without a sheet all.
+    ///
+    /// Color stays: around a small thing a picture shows what is behind it.
+    pub fn read(&self, colors: &[Vec3], patches: &Patches, share: f32, readings: &mut [Reading]) {
+        let flat: Vec<f32> = colors.iter().flat_map(|color| color.to_array()).collect();
+        for sheet in &self.0 {
+            let painted = Copies::new(sheet.painted_over(&flat, patches), sheet.size);
+            let read = |gaussian: &InSheet| painted.read(gaussian.center, SHARPNESS * gaussian.sigma);
+            let read: Vec<Reading> = sheet.gaussians.par_iter().map(read).collect();
+            for (gaussian, (_, details)) in sheet.gaussians.iter().zip(read) {
+                let old = &mut readings[gaussian.index as usize].1;
+                for (old, new) in old.iter_mut().zip(details) {
+                    *old = old.lerp(new, share * gaussian.share);
+                }
+            }
         }
-        let shares = cover.iter().zip(&self.filled).map(|(cover, filled)| cover / filled);
-        for ((color, by), share) in flat.chunks_exact_mut(3).zip(moves.chunks_exact(3)).zip(shares) {
-            color.iter_mut().zip(by).for_each(|(color, by)| *color += share * by);
-        }
-        flat.chunks_exact(3).map(Vec3::from_slice).collect()
     }
 }
 
+/// The Gaussians that show in a picture with these blend weights of its `covered` pixels, if they belong to it.
+fn in_sheet(
+    weights: &BlendWeights,
+    covered: &[u32],
+    width: usize,
+    belongs: impl Fn(usize) -> bool,
+) -> Vec<InSheet> {
+    // Sums over the pixels in which a Gaussian shows: of 1, of their positions and of these positions' squared lengths.
+    let of_pixel = |&i: &u32| {
+        let at = Vec2::new((i as usize % width) as f32, (i as usize / width) as f32) + 0.5;
+        [1.0, at.x, at.y, at.length_squared()]
+    };
+    let sums = weights.apply_transposed(&covered.iter().flat_map(of_pixel).collect::<Vec<f32>>(), 4);
+    let gaussian = |(index, [pixels, x, y, square]): (usize, &[f32; 4])| {
+        let center = Vec2::new(*x, *y) / *pixels;
+        let sigma = (0.5 * (square / pixels - center.length_squared()).max(0.0)).sqrt();
+        InSheet { index: index as u32, center, sigma, share: pixels / (pixels + DAMPING) }
+    };
+    let own = sums.as_chunks::<4>().0.iter().enumerate().filter(|(i, sums)| belongs(*i) && sums[0] > 0.0);
+    own.map(gaussian).collect()
+}
+
 impl Sheet {
-    /// The way from the pixels in `colors` `[N * 3]` to those painted over, summed over what each Gaussian fills `[N * 3]`.
-    fn moves(&self, colors: &[f32], patches: &Patches) -> Vec<f32> {
+    /// The picture `[H * W]` of a scene of these `colors` `[N * 3]`, painted over where this sheet's Gaussians show.
+    fn painted_over(&self, colors: &[f32], patches: &Patches) -> Vec<Vec3> {
         let pixels: Vec<Vec3> = self.weights.apply(colors, 3).chunks_exact(3).map(Vec3::from_slice).collect();
-        let picture = self.filled_in(&pixels);
-        let mut wanted = vec![false; picture.len()];
-        for (&i, share) in self.covered.iter().zip(&self.shares) {
-            wanted[i as usize] = *share > LEAST_SHARE;
-        }
-        let painted = patches.painted_over(&picture, self.size, &wanted);
-        let pairs = self.covered.iter().zip(&pixels).zip(&self.shares);
-        let way = |((&i, pixel), share): ((&u32, &Vec3), &f32)| {
-            ((painted[i as usize] - *pixel) * *share).to_array()
-        };
-        self.weights.apply_transposed(&pairs.flat_map(way).collect::<Vec<f32>>(), 3)
+        patches.painted_over(&self.filled_in(&pixels), self.size, &self.wanted)
     }
 
     /// The picture `[H * W]` of covered `pixels` `[M]`, and beside the scene what is near. The border of the scene is no
@@ -175,6 +204,25 @@ mod tests {
         let sizes = [vec![4.0, 9.0, 0.0, 0.02], vec![5.0, 4.0, 9.0, 0.01]];
         assert_eq!(owners(&sizes), [Some(1), Some(0), Some(1), None]);
         assert!(owners(&[]).is_empty());
+    }
+
+    #[test]
+    fn a_gaussian_lies_in_the_middle_of_what_shows_of_it() {
+        // The first of two Gaussians fills the pixels (1, 0) and (3, 0), the second half of (1, 1).
+        let weights = BlendWeights {
+            size: glam::UVec2::new(4, 2),
+            n_gaussians: 3,
+            starts: vec![0, 1, 2, 3],
+            indices: vec![0, 0, 1],
+            weights: vec![1.0, 1.0, 0.5],
+        };
+        let found = in_sheet(&weights, &[1, 3, 5], 4, |_| true);
+        assert_eq!(found.iter().map(|gaussian| gaussian.index).collect::<Vec<_>>(), [0, 1]);
+        assert_eq!([found[0].center, found[1].center], [Vec2::new(2.5, 0.5), Vec2::new(1.5, 1.5)]);
+        // Half of the variance, which lies along x alone.
+        assert!((found[0].sigma - 0.5_f32.sqrt()).abs() < 1e-5 && found[1].sigma < 1e-3);
+        assert_eq!([found[0].share, found[1].share], [2.0 / (2.0 + DAMPING), 0.5 / (0.5 + DAMPING)]);
+        assert!(in_sheet(&weights, &[1, 3, 5], 4, |i| i == 2).is_empty());
     }
 
     #[test]

@@ -72,13 +72,10 @@ impl Sight {
         let side = (PICTURE_SIDE / stroke_scale).clamp(PROOF_SIDE.0, PROOF_SIDE.1);
         let proofs: Vec<Camera> = views.iter().map(|(_, camera)| camera.fitted(side as u32)).collect();
         let pixel = pixel * stroke_scale;
-        let sheets = Sheets::new(
-            scene.len(),
-            seen.into_iter().map(|(size, camera)| {
-                let side = (PICTURE_SIDE * size / pixel).clamp(SHEET_SIDE.0, SHEET_SIDE.1);
-                blend_weights(scene, &camera.fitted(side as u32))
-            }),
-        );
+        let sheets = Sheets::new(seen.into_iter().map(|(size, camera)| {
+            let side = (PICTURE_SIDE * size / pixel).clamp(SHEET_SIDE.0, SHEET_SIDE.1);
+            blend_weights(scene, &camera.fitted(side as u32))
+        }));
         Self { visibility, pixel, proofs: Proofs::new(scene, &proofs), sheets, up }
     }
 }

@@ -4,7 +4,14 @@ use glam::Vec3;
 
 use rayon::prelude::*;
 
-use super::{frames::Frames, proofs::Proofs, seeds::Seeds, sheets::Sheets, sight::Sight, smooth::smooth};
+use super::{
+    frames::{Frames, LUMINANCE},
+    proofs::Proofs,
+    seeds::{N_READ, Seeds},
+    sheets::Sheets,
+    sight::Sight,
+    smooth::smooth,
+};
 use crate::{neighbors::Neighbors, recolor::ColorMoments, scene::Scene};
 
 /// Distance of seeds, in pixels of the painting: about the length of a stroke in a painting of 512 pixels.
@@ -12,6 +19,10 @@ const SPACING: f32 = 28.0;
 
 /// Standard deviations of the scene's smoothed colors, in pixels of the painting. The last ones are its large shapes.
 const SMOOTH: [f32; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
+
+/// Deviation of the luminance of detail, over that of the scene, at which half of [`Brush::protection`](super::Brush::protection)
+/// applies.
+const FINE: f32 = 1.0;
 
 /// Neighbors that normals and directions are averaged over.
 const N_NEIGHBORS: usize = 8;
@@ -28,6 +39,8 @@ pub struct Surface {
     pub(super) footprints: Vec<f32>,
     /// Base colors, and the same ever smoother `[N]` each: the last without detail smaller than a stroke.
     pub(super) levels: Vec<Vec<Vec3>>,
+    /// How much each Gaussian belongs to things that are smaller than a stroke `[N]`, 0..1.
+    pub(super) fine: Vec<f32>,
     /// Pictures by which paint is measured.
     pub(super) proofs: Proofs,
     /// Pictures by which it is painted over.
@@ -70,7 +83,8 @@ impl Surface {
         let smoothed =
             SMOOTH.par_iter().map(|size| smooth(&scene.means, &base, &sight.visibility, size * pixel));
         let smoothed: Vec<Vec<Vec3>> = smoothed.collect();
-        let levels = std::iter::once(base).chain(smoothed).collect();
+        let levels: Vec<Vec<Vec3>> = std::iter::once(base).chain(smoothed).collect();
+        let fine = fineness(&seeds, &sight.visibility, &levels, moments.deviation_along(LUMINANCE));
         let footprints = scene.scales.iter().map(|scales| footprint(*scales) / pixel).collect();
         Self {
             seeds,
@@ -78,6 +92,7 @@ impl Surface {
             visibility: sight.visibility,
             footprints,
             levels,
+            fine,
             proofs: sight.proofs,
             sheets: sight.sheets,
             seed_colors,
@@ -100,6 +115,23 @@ impl Surface {
     pub fn is_empty(&self) -> bool {
         self.base().is_empty()
     }
+}
+
+/// How much each Gaussian belongs to things that are smaller than a stroke `[N]`, 0..1: the luminance of the detail
+/// around the seeds that it reads from, beside the `contrast` of the scene. Detail is what the first of `levels` has beyond the
+/// last.
+fn fineness(seeds: &Seeds, visibility: &[f32], levels: &[Vec<Vec3>], contrast: f32) -> Vec<f32> {
+    let (own, shapes) = (&levels[0], &levels[levels.len() - 1]);
+    let squares: Vec<f32> =
+        own.iter().zip(shapes).map(|(own, shape)| (*own - *shape).dot(LUMINANCE).powi(2)).collect();
+    let of_seeds = seeds.pooled(&squares, 1, visibility);
+    let half = (FINE * contrast).powi(4);
+    let of_gaussian = |read: &[(u32, f32); N_READ]| {
+        let square: f32 = read.iter().map(|(j, weight)| weight * of_seeds[*j as usize]).sum();
+        // To the fourth power: grass and cloth are painted, fences and windows are not, and little lies between.
+        square * square / (square * square + half)
+    };
+    seeds.read.iter().map(of_gaussian).collect()
 }
 
 /// Moments of what pictures show in these colors `[N]`, or of the Gaussians by visibility if they show nothing.

@@ -88,22 +88,48 @@ fn the_same_colors_for_any_number_of_threads() {
 }
 
 #[test]
-fn gaussians_take_up_what_their_sheet_shows() {
+fn gaussians_read_the_detail_that_their_sheet_shows() {
     let scene = wall(96);
     let surface = Surface::new(&scene, 1.0);
-    let red = Paint { width: 32, height: 32, pixels: [200, 30, 20].repeat(32 * 32), features: None };
-    let patches = patches::Patches::new(&red);
-    let gray = vec![Vec3::splat(0.5); scene.len()];
-    let over = |cover: f32| surface.sheets.painted_over(&gray, &patches, &vec![cover; scene.len()]);
-    let off = |colors: &[Vec3]| {
-        let pixels = surface.proofs.pixels(colors);
-        let sum: f32 = pixels.iter().map(|pixel| pixel.distance(Vec3::new(200.0, 30.0, 20.0) / 255.0)).sum();
-        sum / pixels.len() as f32
+    let patches = patches::Patches::new(&stripes(128, 96)).unwrap();
+    let gray = vec![Vec3::splat(0.45); scene.len()];
+    let nothing = (Vec3::splat(0.45), [Vec3::ZERO; canvas::N_DETAILS]);
+    let read = |share: f32| {
+        let mut readings = vec![nothing; scene.len()];
+        surface.sheets.read(&gray, &patches, share, &mut readings);
+        readings
     };
-    assert_eq!(over(0.0), gray);
-    // Small Gaussians keep part of their color (damping), so not all of the way is gone.
-    let (before, half, after) = (off(&gray), off(&over(0.5)), off(&over(1.0)));
-    assert!(after < 0.4 * before && half < 0.75 * before && after < half, "{before}, {half}, {after}");
+    assert!(read(0.0).iter().all(|reading| *reading == nothing));
+    let (half, whole) = (read(0.5), read(1.0));
+    // Detail in luminance: two colors of stripes are 0.52 apart.
+    let detail = |(_, details): &canvas::Reading| details.iter().sum::<Vec3>().dot(frames::LUMINANCE);
+    let mean = |readings: &[canvas::Reading]| {
+        readings.iter().map(|reading| detail(reading).abs()).sum::<f32>() / readings.len() as f32
+    };
+    assert!(mean(&whole) > 0.1, "{}", mean(&whole));
+    assert!((mean(&half) / mean(&whole) - 0.5).abs() < 1e-3);
+    assert!(whole.iter().all(|(low, _)| *low == nothing.0), "color stays");
+}
+
+#[test]
+fn what_is_fine_does_not_depend_on_the_contrast_of_the_scene() {
+    // Quarters of the wall: checks, which are smaller than a stroke, beside smooth gray.
+    let fine = |contrast: f32| {
+        let mut scene = wall(96);
+        let color = |i: usize| {
+            let (x, y) = (i % 96, i / 96);
+            let check = if x < 48 && y < 48 { ((x + y) % 2) as f32 - 0.5 } else { (y / 48) as f32 * 0.1 };
+            [0.5 + contrast * check; 3]
+        };
+        scene.set_colors(&(0..96 * 96).map(color).collect::<Vec<_>>());
+        Surface::new(&scene, 1.0).fine
+    };
+    let (strong, weak) = (fine(0.8), fine(0.2));
+    let inner = |fine: &[f32], x: usize, y: usize| fine[y * 96 + x];
+    assert!(inner(&strong, 20, 20) > 0.5 && inner(&strong, 80, 80) < 0.05, "{}", inner(&strong, 20, 20));
+    for (strong, weak) in strong.iter().zip(&weak) {
+        assert!((strong - weak).abs() < 0.02, "{strong} and {weak}");
+    }
 }
 
 #[test]
