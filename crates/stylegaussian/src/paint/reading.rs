@@ -135,7 +135,8 @@ fn painted(scene: &Scene, surface: &Surface, paint: &Paint, brush: Brush) -> Vec
     let colors = added_up(&readings, brush);
     let Some(patches) = (brush.patches > 0.0).then(|| Patches::new(paint)).flatten() else { return colors };
     surface.sheets.read(&colors, &patches, brush.patches, &mut readings);
-    added_up(&readings, Brush { scene: UNDER_PATCHES * brush.scene, ..brush })
+    let under = 1.0 + brush.patches.min(1.0) * (UNDER_PATCHES - 1.0);
+    added_up(&readings, Brush { scene: under * brush.scene, ..brush })
 }
 
 /// The parts `[K]` of a painted scene, each `[N]`, which are to be added up with factors, and the factors' ranges: bands
