@@ -22,6 +22,9 @@ const LOW_STEP: usize = 4;
 /// Bands of a painting's detail: between one copy and the next, and between the last and the painting's color.
 pub(super) const N_DETAILS: usize = BLURS.len();
 
+/// Share of a Gaussian's deviation at which it reads. The whole of it would blur twice: drawing does too.
+const SHARPNESS: f32 = 0.2;
+
 /// Pixels of a painting of which one in a cell of the color cube is no color of its own: specks of dust.
 const RARE: usize = 10_000;
 
@@ -130,7 +133,7 @@ impl Copies {
     /// edges the picture is mirrored.
     pub fn read(&self, at: Vec2, sigma: f32) -> Reading {
         let low = self.low.sample(at / LOW_STEP as f32);
-        let copies = BLURS.map(|blur| self.blurred(at, blur.max(sigma)));
+        let copies = BLURS.map(|blur| self.blurred(at, blur.max(SHARPNESS * sigma)));
         (low, std::array::from_fn(|band| copies[band] - copies.get(band + 1).unwrap_or(&low)))
     }
 

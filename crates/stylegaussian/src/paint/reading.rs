@@ -69,9 +69,6 @@ const UNDER_PATCHES: f32 = 0.4;
 /// Rounds in which palette and tone are corrected: each disturbs the other a little.
 const ROUNDS: usize = 2;
 
-/// Share of a Gaussian's deviation at which it reads the painting. The whole of it would blur twice: drawing does too.
-pub(super) const SHARPNESS: f32 = 0.2;
-
 /// Share of the way that the hue of a color which the painting does not have moves to the painting's nearest color.
 const TO_PALETTE: f32 = 0.8;
 
@@ -204,7 +201,7 @@ fn read(scene: &Scene, surface: &Surface, canvas: &Canvas, placements: &[Placeme
     for (j, weight) in surface.seeds.read[i].into_iter().filter(|(_, weight)| *weight > 0.0) {
         let offset = scene.means[i] - surface.seeds.seeds[j as usize].at;
         let at = placements[j as usize].read_at(offset, surface.pixel);
-        let (its_low, its_details) = canvas.read(at, SHARPNESS * surface.footprints[i]);
+        let (its_low, its_details) = canvas.read(at, surface.footprints[i]);
         low += weight * its_low;
         details.iter_mut().zip(its_details).for_each(|(sum, detail)| *sum += weight * detail);
     }

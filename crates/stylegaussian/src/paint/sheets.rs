@@ -11,7 +11,6 @@ use super::{
     canvas::{Copies, Reading},
     patches::Patches,
     proofs::solid,
-    reading::SHARPNESS,
 };
 use crate::splat::BlendWeights;
 
@@ -95,7 +94,7 @@ impl Sheets {
         let flat: Vec<f32> = colors.iter().flat_map(|color| color.to_array()).collect();
         for sheet in &self.0 {
             let painted = Copies::new(sheet.painted_over(&flat, patches), sheet.size);
-            let read = |gaussian: &InSheet| painted.read(gaussian.center, SHARPNESS * gaussian.sigma);
+            let read = |gaussian: &InSheet| painted.read(gaussian.center, gaussian.sigma);
             let read: Vec<Reading> = sheet.gaussians.par_iter().map(read).collect();
             for (gaussian, (_, details)) in sheet.gaussians.iter().zip(read) {
                 let old = &mut readings[gaussian.index as usize].1;
