@@ -38,7 +38,7 @@ struct Picture {
     values: Vec<Vec3>,
 }
 
-/// What a place of a picture holds: its color, and bands of its detail from the finest.
+/// The color of a place in a picture, and bands of its detail from the finest.
 pub(super) type Reading = (Vec3, [Vec3; N_DETAILS]);
 
 /// A picture and blurred copies of it.

@@ -121,6 +121,7 @@ fn in_sheet(
     let sums = weights.apply_transposed(&covered.iter().flat_map(of_pixel).collect::<Vec<f32>>(), 4);
     let gaussian = |(index, [pixels, x, y, square]): (usize, &[f32; 4])| {
         let center = Vec2::new(*x, *y) / *pixels;
+        // Along one axis: half of what both have.
         let sigma = (0.5 * (square / pixels - center.length_squared()).max(0.0)).sqrt();
         InSheet { index: index as u32, center, sigma, share: pixels / (pixels + DAMPING) }
     };

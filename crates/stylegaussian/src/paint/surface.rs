@@ -20,8 +20,8 @@ const SPACING: f32 = 28.0;
 /// Standard deviations of the scene's smoothed colors, in pixels of the painting. The last ones are its large shapes.
 const SMOOTH: [f32; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
-/// Deviation of the luminance of detail, over that of the scene, at which half of the brush's
-/// protection applies.
+/// Deviation of the luminance of detail, over that of the scene, at which half of the brush's protection applies. Chosen by
+/// eye; the median Gaussian of the bonsai and of the demo scene has about 0.85.
 const FINE: f32 = 1.0;
 
 /// Neighbors that normals and directions are averaged over.
