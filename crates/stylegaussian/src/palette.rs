@@ -6,6 +6,9 @@ use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
+/// Weights of red, green and blue in luminance, by Rec. 601, for display-referred colors.
+pub const LUMINANCE: Vec3 = Vec3::new(0.299, 0.587, 0.114);
+
 /// Cells of the color cube along each axis. A cell is 8 of a display's 256 steps.
 const SIDE: usize = 32;
 
@@ -72,29 +75,31 @@ impl Palette {
         (0..8).map(corner).sum()
     }
 
-    /// Moves colors `[n, 3]` by `share` of the way toward the nearest color of the painting. Colors within a cell of it
-    /// are left alone. Returns the mean squared distance before.
+    /// `color` on the way, by `share`, toward the hue and saturation of the painting's color `nearest`. Luminance stays.
+    pub fn toward(color: Vec3, nearest: Vec3, share: f32) -> Vec3 {
+        let gap = nearest - color;
+        color + share * (gap - gap.dot(LUMINANCE))
+    }
+
+    /// Moves colors `[n, 3]` by `share` of the way toward the hue and saturation of the nearest color of the painting.
+    /// Colors within a cell of it are left alone. Returns the mean squared distance before.
+    ///
+    /// Luminance stays. Gaussians that overlap blur what they carry, so some must be darker and some brighter than any
+    /// color of the painting for pictures to have its contrast.
     pub fn pull(&self, colors: &mut [f32], share: f32) -> f32 {
         let mut sum = 0.0;
         let n = (colors.len() / 3).max(1);
         for color in colors.as_chunks_mut::<3>().0 {
-            let nearest = self.nearest[cell(color)];
-            let squared = distance(color, &nearest);
-            if squared > FREE * FREE {
-                sum += f64::from(squared);
-                let share = share * (1.0 - FREE / squared.sqrt());
-                color
-                    .iter_mut()
-                    .zip(nearest)
-                    .for_each(|(value, nearest)| *value += share * (nearest - *value));
+            let nearest = Vec3::from(self.nearest[cell(color)]);
+            let found = Vec3::from(*color);
+            let distance = Self::toward(found, nearest, 1.0).distance(found);
+            if distance > FREE {
+                sum += f64::from(distance * distance);
+                *color = Self::toward(found, nearest, share * (1.0 - FREE / distance)).to_array();
             }
         }
         (sum / n as f64) as f32
     }
-}
-
-fn distance(a: &[f32; 3], b: &[f32; 3]) -> f32 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
 #[cfg(test)]
@@ -114,6 +119,18 @@ mod tests {
         }
         assert!(colors[0] - colors[1] < 0.06, "{colors:?}");
         assert!(palette.pull(&mut colors, 0.5) < 0.1 * first);
+        assert!(
+            (Vec3::from_slice(&colors).dot(LUMINANCE) - 0.3392).abs() < 1e-4,
+            "luminance stays: {colors:?}"
+        );
+    }
+
+    #[test]
+    fn colors_may_be_brighter_than_the_painting() {
+        let mut colors = vec![1.4, 1.4, 1.4, -0.3, -0.3, -0.3];
+        let dark_and_light = Palette::new(&[0.2, 0.2, 0.2, 0.8, 0.8, 0.8], 1);
+        assert_eq!(dark_and_light.pull(&mut colors, 0.5), 0.0);
+        assert_eq!(colors, [1.4, 1.4, 1.4, -0.3, -0.3, -0.3]);
     }
 
     #[test]

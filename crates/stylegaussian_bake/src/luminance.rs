@@ -1,7 +1,9 @@
 //! Texture apart from color: pictures as luminance of equal mean and deviation.
 
-/// Rec. 601.
-pub(crate) const LUMINANCE: [f32; 3] = [0.299, 0.587, 0.114];
+use stylegaussian::palette;
+
+/// Weights of red, green and blue.
+pub(crate) const LUMINANCE: [f32; 3] = palette::LUMINANCE.to_array();
 /// The deviation to which luminance is stretched, about a common mean of 0.5. Paintings have 0.1 to 0.25.
 const DEVIATION: f32 = 0.18;
 /// Least deviation that is stretched, eight of a display's steps: below it there is noise and no texture.

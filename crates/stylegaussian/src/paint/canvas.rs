@@ -3,11 +3,8 @@
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::{
-    frames::LUMINANCE,
-    painting::{PLACE, Paint},
-};
-use crate::palette::Palette;
+use super::painting::{PLACE, Paint};
+use crate::palette::{LUMINANCE, Palette};
 
 /// Standard deviations of the blurred copies, in pixels. The first is the painting itself. The copies serve Gaussians of
 /// all sizes: one that is larger than a stroke gets the stroke's mean color, and not that of one pixel of it.

@@ -3,10 +3,7 @@
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
-use crate::{neighbors::Neighbors, scene::Scene};
-
-/// Luminance of display-referred RGB (Rec. 601).
-pub(super) const LUMINANCE: Vec3 = Vec3::new(0.299, 0.587, 0.114);
+use crate::{neighbors::Neighbors, palette::LUMINANCE, scene::Scene};
 
 /// Rounds in which normals are averaged over neighborhoods. Single Gaussians point anywhere on thin or bushy things.
 const NORMAL_ROUNDS: usize = 2;

@@ -9,10 +9,12 @@ use rayon::prelude::*;
 
 use super::{
     bands::{energies, softened},
-    frames::LUMINANCE,
     painting::{Paint, dot},
 };
-use crate::decoder::product::{Matrix, product};
+use crate::{
+    decoder::product::{Matrix, product},
+    palette::LUMINANCE,
+};
 
 /// Half the side of a patch, in pixels. A patch of 20 pixels holds a stroke, and about what a cell of relu3_1 sees.
 const HALF: i32 = 10;

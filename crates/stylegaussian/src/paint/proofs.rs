@@ -3,12 +3,10 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::{
-    bands::{Mask, N_BANDS, dot},
-    frames::LUMINANCE,
-};
+use super::bands::{Mask, N_BANDS, dot};
 use crate::{
     camera::Camera,
+    palette::LUMINANCE,
     scene::Scene,
     splat::{BlendWeights, blend_weights},
 };

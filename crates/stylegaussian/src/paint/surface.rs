@@ -5,14 +5,14 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
-    frames::{Frames, LUMINANCE},
+    frames::Frames,
     proofs::Proofs,
     seeds::{N_READ, Seeds},
     sheets::Sheets,
     sight::Sight,
     smooth::smooth,
 };
-use crate::{neighbors::Neighbors, recolor::ColorMoments, scene::Scene};
+use crate::{neighbors::Neighbors, palette::LUMINANCE, recolor::ColorMoments, scene::Scene};
 
 /// Distance of seeds, in pixels of the painting: about the length of a stroke in a painting of 512 pixels.
 const SPACING: f32 = 28.0;

@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 
 use super::*;
-use crate::scene::Scene;
+use crate::{palette::LUMINANCE, scene::Scene};
 
 /// A wall of `side` x `side` Gaussians in the plane z = 0, half as wide as they are apart, with a slow gradient of gray.
 fn wall(side: usize) -> Scene {
@@ -102,7 +102,7 @@ fn gaussians_read_the_detail_that_their_sheet_shows() {
     assert!(read(0.0).iter().all(|reading| *reading == nothing));
     let (half, whole) = (read(0.5), read(1.0));
     // Detail in luminance: two colors of stripes are 0.52 apart.
-    let detail = |(_, details): &canvas::Reading| details.iter().sum::<Vec3>().dot(frames::LUMINANCE);
+    let detail = |(_, details): &canvas::Reading| details.iter().sum::<Vec3>().dot(LUMINANCE);
     let mean = |readings: &[canvas::Reading]| {
         readings.iter().map(|reading| detail(reading).abs()).sum::<f32>() / readings.len() as f32
     };

@@ -1,9 +1,9 @@
 //! Fixed oriented filters on luminance and opponent colors, both signs rectified: strokes of several sizes.
 
 use super::chain::{Chain, Convolution, Operation, Padding};
+use crate::luminance::LUMINANCE;
 
-/// Luminance (Rec. 601), and the opponent colors red - green and yellow - blue.
-const LUMINANCE: [f32; 3] = [0.299, 0.587, 0.114];
+/// Beside luminance the opponent colors red - green and yellow - blue.
 const OPPONENT: [[f32; 3]; 2] = [[0.5, -0.5, 0.0], [0.25, 0.25, -0.5]];
 
 /// Luminances, over 0..1, beyond which lights and darks are measured.
