@@ -12,12 +12,24 @@ pub const LUMINANCE: Vec3 = Vec3::new(0.299, 0.587, 0.114);
 /// Cells of the color cube along each axis. A cell is 8 of a display's 256 steps.
 const SIDE: usize = 32;
 
+/// How much of a distance in luminance counts when colors are pulled. Chosen by eye between 0, at which bright colors fade,
+/// and 0.3, at which contrast is lost.
+const LUMINANCE_PART: f32 = 0.1;
+
 /// Distance from the nearest color within which a color is free: a cell.
 const FREE: f32 = 1.0 / SIDE as f32;
 
 /// The nearest of the painting's colors for every cell of the color cube.
 pub struct Palette {
     nearest: Vec<[f32; 3]>,
+}
+
+/// `color` made darker or brighter, as far as it must be to lie within 0..1, and clamped if that is not enough. A yellow
+/// that is brighter than a display shows is compared with yellows and not with white.
+fn within_range(color: Vec3) -> Vec3 {
+    let over = (color.max_element() - 1.0).max(0.0);
+    let under = (-color.min_element()).max(0.0);
+    (color - over + under).clamp(Vec3::ZERO, Vec3::ONE)
 }
 
 fn cell(color: &[f32]) -> usize {
@@ -60,7 +72,7 @@ impl Palette {
     /// The painting's color nearest to `color`, between those of the cells around it: a slow change of color gives a slow
     /// change.
     pub fn nearest(&self, color: Vec3) -> Vec3 {
-        let at = (color * SIDE as f32 - 0.5).clamp(Vec3::ZERO, Vec3::splat((SIDE - 1) as f32));
+        let at = (within_range(color) * SIDE as f32 - 0.5).clamp(Vec3::ZERO, Vec3::splat((SIDE - 1) as f32));
         let low = at.floor();
         let part = at - low;
         let corner = |i: usize| {
@@ -75,31 +87,39 @@ impl Palette {
         (0..8).map(corner).sum()
     }
 
-    /// `color` on the way, by `share`, toward the hue and saturation of the painting's color `nearest`. Luminance stays.
-    pub fn toward(color: Vec3, nearest: Vec3, share: f32) -> Vec3 {
-        let gap = nearest - color;
-        color + share * (gap - gap.dot(LUMINANCE))
+    /// `color` on the way, by `share`, toward the hue and saturation of the nearest color of the painting. Luminance
+    /// stays.
+    pub fn toward(&self, color: Vec3, share: f32) -> Vec3 {
+        color + share * gap(color, self.nearest(color), 0.0)
     }
 
-    /// Moves colors `[n, 3]` by `share` of the way toward the hue and saturation of the nearest color of the painting.
-    /// Colors within a cell of it are left alone. Returns the mean squared distance before.
+    /// Moves colors `[n, 3]` by `share` of the way toward the hue and saturation of the nearest color of the painting, and
+    /// by a tenth of that toward its luminance. Colors within a cell of it are left alone. Returns the mean squared
+    /// distance before.
     ///
-    /// Luminance stays. Gaussians that overlap blur what they carry, so some must be darker and some brighter than any
-    /// color of the painting for pictures to have its contrast.
+    /// Gaussians that overlap blur what they carry, so some must be darker and some brighter than any color of the
+    /// painting for pictures to have its contrast. Those that are far beyond have lost their color.
     pub fn pull(&self, colors: &mut [f32], share: f32) -> f32 {
         let mut sum = 0.0;
         let n = (colors.len() / 3).max(1);
         for color in colors.as_chunks_mut::<3>().0 {
-            let nearest = Vec3::from(self.nearest[cell(color)]);
             let found = Vec3::from(*color);
-            let distance = Self::toward(found, nearest, 1.0).distance(found);
+            let nearest = Vec3::from(self.nearest[cell(&within_range(found).to_array())]);
+            let gap = gap(found, nearest, LUMINANCE_PART);
+            let distance = gap.length();
             if distance > FREE {
                 sum += f64::from(distance * distance);
-                *color = Self::toward(found, nearest, share * (1.0 - FREE / distance)).to_array();
+                *color = (found + share * (1.0 - FREE / distance) * gap).to_array();
             }
         }
         (sum / n as f64) as f32
     }
+}
+
+/// The way from `color` to `nearest`, of which luminance counts by `part`.
+fn gap(color: Vec3, nearest: Vec3, part: f32) -> Vec3 {
+    let gap = nearest - color;
+    gap - (1.0 - part) * gap.dot(LUMINANCE)
 }
 
 #[cfg(test)]
@@ -126,11 +146,22 @@ mod tests {
     }
 
     #[test]
-    fn colors_may_be_brighter_than_the_painting() {
-        let mut colors = vec![1.4, 1.4, 1.4, -0.3, -0.3, -0.3];
+    fn colors_may_be_darker_and_brighter_than_the_painting() {
         let dark_and_light = Palette::new(&[0.2, 0.2, 0.2, 0.8, 0.8, 0.8], 1);
-        assert_eq!(dark_and_light.pull(&mut colors, 0.5), 0.0);
-        assert_eq!(colors, [1.4, 1.4, 1.4, -0.3, -0.3, -0.3]);
+        let mut colors = vec![0.95, 0.95, 0.95, 0.05, 0.05, 0.05, 1.6, 1.6, 1.6];
+        dark_and_light.pull(&mut colors, 0.5);
+        assert_eq!(colors[..6], [0.95, 0.95, 0.95, 0.05, 0.05, 0.05]);
+        assert!(colors[6] < 1.6 && colors[6] > 1.5, "far beyond it, luminance is pulled as well: {colors:?}");
+    }
+
+    #[test]
+    fn a_yellow_brighter_than_a_display_stays_yellow() {
+        let palette = Palette::new(&[1.0, 0.9, 0.1, 1.0, 1.0, 1.0], 1);
+        let mut colors = vec![1.3, 1.2, 0.4];
+        for _ in 0..50 {
+            palette.pull(&mut colors, 0.5);
+        }
+        assert!(colors[0] - colors[2] > 0.8, "{colors:?}");
     }
 
     #[test]

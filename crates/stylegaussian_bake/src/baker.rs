@@ -28,9 +28,9 @@ use crate::{
     target::Paintings,
 };
 
-/// The paint that a bake starts from. It keeps more of the scene than usual: steps add strokes by themselves, but bring
-/// nothing back of a house that drowned in paint.
-const START: Brush = Brush { paint: 0.5, scene: 1.0, ..Brush::DEFAULT };
+/// The paint that a bake starts from. It keeps more of the scene than usual, and the recolored scene's large shapes: steps
+/// add strokes by themselves, but bring nothing back of a house that drowned in paint.
+const START: Brush = Brush { paint: 0.5, scene: 1.0, local_color: 0.0, ..Brush::DEFAULT };
 
 /// The share of the rate at the last step.
 const LAST_RATE: f32 = 0.3;
@@ -44,6 +44,8 @@ pub struct Baker {
     cameras: Cameras,
     /// The scene's own colors `[N * 3]`.
     captured: Vec<f32>,
+    /// The recolored scene's `[N * 3]`.
+    recolored: Vec<f32>,
     /// `[N * 3]`.
     colors: Vec<f32>,
     adam: Adam,
@@ -76,6 +78,7 @@ impl Baker {
         let captured = scene.base_colors();
         let recoloring = Recoloring::new(&cameras.colors, &paintings.colors);
         let mut colors: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
+        let recolored = colors.clone();
         if config.paint > 0.0 {
             let painted = painted(scene, images);
             for (color, painted) in colors.iter_mut().zip(painted.into_iter().flatten()) {
@@ -93,6 +96,7 @@ impl Baker {
             paintings,
             cameras,
             captured,
+            recolored,
             colors,
             adam,
             pooled,
@@ -199,6 +203,10 @@ impl Baker {
         if let Some(tone) = tone {
             grad = tone.backward(&grad, self.paintings.line);
         }
+        losses.shapes = (config.weights.shapes > 0.0 && !gray).then(|| {
+            let recolored = over(&weights, &alpha, &self.recolored, self.paintings.mean);
+            loss::shapes(&rgb, &recolored, side, &pixels, config.weights.shapes, &mut grad)
+        });
         losses.range = loss::range(&rgb, &pixels, config.weights.range, &mut grad);
         let grad = weights.apply_transposed(&grad, 3);
         let progress = self.steps as f32 / config.steps.max(1) as f32;

@@ -9,8 +9,11 @@ pub struct LossWeights {
     pub statistics: f32,
     /// Distance of the deepest features from the unstyled scene's.
     pub content: f32,
-    /// The share of the way toward the nearest color of the painting that every color goes in each step.
+    /// The share of the way toward the hue and saturation of the nearest color of the painting that every color goes in
+    /// each step.
     pub palette: f32,
+    /// Distance of the colors of large shapes from the recolored scene's.
+    pub shapes: f32,
     /// Colors beyond 0..1.
     pub range: f32,
 }
@@ -43,7 +46,7 @@ pub struct BakeConfig {
 impl BakeConfig {
     /// The default settings.
     pub const DEFAULT: Self = Self {
-        steps: 200,
+        steps: 250,
         seed: 0,
         crop: 192,
         view: 512,
@@ -52,7 +55,14 @@ impl BakeConfig {
         pool: 0.3,
         queries: 1000,
         keys: 2500,
-        weights: LossWeights { matching: 3.0, statistics: 1.0, content: 0.01, palette: 0.1, range: 1.0 },
+        weights: LossWeights {
+            matching: 9.0,
+            statistics: 1.0,
+            content: 0.01,
+            palette: 0.1,
+            shapes: 300.0,
+            range: 1.0,
+        },
     };
 
     /// The default settings for a scene of `n_gaussians`: as many steps as [`Self::DEFAULT`] up to 70,000 Gaussians, then
@@ -60,7 +70,7 @@ impl BakeConfig {
     ///
     /// More and smaller Gaussians take strokes more slowly: a step moves those that a crop shows, by their share of a pixel.
     pub fn for_scene(n_gaussians: usize) -> Self {
-        // 70,000 is the size of the demo scene. Bonsai with its 271,000 Gaussians gets 394 steps.
+        // 70,000 is the size of the demo scene. Bonsai with its 271,000 Gaussians gets 492 steps.
         let larger = (n_gaussians as f64 / 70_000.0).sqrt().clamp(1.0, 2.0);
         let steps = (f64::from(Self::DEFAULT.steps) * larger).round() as u32;
         Self { steps, ..Self::DEFAULT }
@@ -70,9 +80,12 @@ impl BakeConfig {
     /// the scene's own detail may get lost.
     ///
     /// Strength multiplies the rate: every Gaussian then goes so much farther, whatever the number of steps. What is
-    /// kept of the scene's own features falls with it. Below 1 there is also less of instant paint at the start.
+    /// kept of the scene's own features and of its large shapes falls with it. Below 1 there is also less of instant paint
+    /// at the start.
     pub fn with_strength(self, strength: f32) -> Self {
-        let weights = LossWeights { content: self.weights.content / strength.max(0.1), ..self.weights };
+        let kept = 1.0 / strength.max(0.1);
+        let LossWeights { content, shapes, .. } = self.weights;
+        let weights = LossWeights { content: kept * content, shapes: kept * shapes, ..self.weights };
         Self { rate: self.rate * strength, paint: (self.paint * strength).min(1.0), weights, ..self }
     }
 }
@@ -90,6 +103,6 @@ mod tests {
     #[test]
     fn larger_scenes_take_more_steps() {
         let steps = |n| BakeConfig::for_scene(n).steps;
-        assert_eq!([steps(0), steps(70_000), steps(271_123), steps(10_000_000)], [200, 200, 394, 400]);
+        assert_eq!([steps(0), steps(70_000), steps(271_123), steps(10_000_000)], [250, 250, 492, 500]);
     }
 }

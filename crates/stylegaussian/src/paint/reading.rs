@@ -14,7 +14,7 @@ use super::{
     tone::Curve,
 };
 use crate::{
-    palette::{LUMINANCE, Palette},
+    palette::LUMINANCE,
     recolor::{ColorMoments, Recoloring},
     scene::Scene,
 };
@@ -189,11 +189,7 @@ fn corrected(
         let luminance = color.dot(LUMINANCE);
         (*color + brush.tone * (curve.at(luminance) - luminance)).clamp(range.0, range.1)
     };
-    // Luminance stays: detail is in it.
-    let hued = |color: Vec3| {
-        let nearest = canvas.palette.nearest(color);
-        Palette::toward(color, nearest, TO_PALETTE).clamp(range.0, range.1)
-    };
+    let hued = |color: Vec3| canvas.palette.toward(color, TO_PALETTE).clamp(range.0, range.1);
     recolored.par_iter().map(|color| hued(toned(color))).collect()
 }
 

@@ -2,7 +2,7 @@
 
 use stylegaussian::random::Random;
 
-use super::{content, matching, range, statistics};
+use super::{content, matching, range, shapes, statistics};
 
 const CHANNELS: usize = 3;
 const CELLS: [u32; 4] = [0, 2, 3, 5];
@@ -34,6 +34,26 @@ fn content_and_range() {
     let reference = values(18, 2);
     check(&values(18, 1), |x, grad| content(x, &reference, CHANNELS, &CELLS, 1.0, grad));
     check(&values(18, 1), |x, grad| range(x, &CELLS, 1.0, grad));
+}
+
+#[test]
+fn shapes_of_several_pixels() {
+    // Two pixels in each of the first two of three shapes.
+    let reference = values(34 * 3, 7);
+    check(&values(34 * 3, 6), |x, grad| shapes(x, &reference, 34, &[0, 3, 20, 31], 1.0, grad));
+}
+
+#[test]
+fn detail_within_a_shape_is_free() {
+    let gray = vec![0.5; 16 * 16 * 3];
+    let pixels: Vec<u32> = (0..256).collect();
+    let checkered: Vec<f32> = (0..256).flat_map(|i| [((i + i / 16) % 2) as f32; 3]).collect();
+    let mut grad = vec![0.0; gray.len()];
+    assert_eq!(shapes(&checkered, &gray, 16, &pixels, 1.0, &mut grad), 0.0);
+    assert!(grad.iter().all(|value| *value == 0.0));
+    let brighter = vec![0.75; gray.len()];
+    assert!((shapes(&brighter, &gray, 16, &pixels, 1.0, &mut grad) - 0.0625).abs() < 1e-6);
+    assert_eq!(shapes(&[], &[], 0, &[], 1.0, &mut []), 0.0);
 }
 
 #[test]
