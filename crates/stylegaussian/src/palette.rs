@@ -12,8 +12,8 @@ pub const LUMINANCE: Vec3 = Vec3::new(0.299, 0.587, 0.114);
 /// Cells of the color cube along each axis. A cell is 8 of a display's 256 steps.
 const SIDE: usize = 32;
 
-/// How much of a distance in luminance counts when colors are pulled. Chosen by eye between 0, at which bright colors fade,
-/// and 0.3, at which contrast is lost.
+/// How much of a distance in luminance counts when colors are pulled. Chosen by eye between 0, at which bright colors are
+/// paler, and 0.3, at which contrast is lost.
 const LUMINANCE_PART: f32 = 0.1;
 
 /// Distance from the nearest color within which a color is free: a cell.

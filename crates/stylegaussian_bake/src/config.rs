@@ -10,7 +10,7 @@ pub struct LossWeights {
     /// Distance of the deepest features from the unstyled scene's.
     pub content: f32,
     /// The share of the way toward the hue and saturation of the nearest color of the painting that every color goes in
-    /// each step.
+    /// each step. It goes a tenth of that toward its luminance.
     pub palette: f32,
     /// Distance of the colors of large shapes from the recolored scene's.
     pub shapes: f32,

@@ -16,7 +16,7 @@ pub struct Losses {
     /// Mean squared distance of the Gaussians' colors from the hue and saturation of the nearest color of the painting.
     pub palette: f32,
     /// Mean squared distance of the colors of large shapes from the recolored scene's; none in a step that compares
-    /// luminance.
+    /// luminance, and if its weight is 0.
     pub shapes: Option<f32>,
     /// Mean squared excess of pixels over 0..1.
     pub range: f32,

@@ -78,8 +78,7 @@ const TO_PALETTE: f32 = 0.8;
 const OVERSHOOT: f32 = 1.0;
 
 /// Colors `[N]` of `scene`, which `surface` was made from, painted with a mix of paints. Weights are normalized to sum 1.
-/// `content` c keeps that share of the base colors, 0..1. Colors are display-referred and may leave 0..1 by
-/// up to 1.
+/// `content` c keeps that share of the base colors, 0..1. Colors are display-referred and may leave 0..1 by up to 1.
 ///
 /// The result depends neither on the number of threads nor on the run. If there is no paint with a weight above 0, the
 /// colors are the base colors.

@@ -3,7 +3,7 @@
 use super::chain::{Chain, Convolution, Operation, Padding};
 use crate::luminance::LUMINANCE;
 
-/// Beside luminance the opponent colors red - green and yellow - blue.
+/// Opponent colors: red - green and yellow - blue.
 const OPPONENT: [[f32; 3]; 2] = [[0.5, -0.5, 0.0], [0.25, 0.25, -0.5]];
 
 /// Luminances, over 0..1, beyond which lights and darks are measured.
