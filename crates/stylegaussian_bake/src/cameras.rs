@@ -20,9 +20,10 @@ const SURVEY_SIDE: u32 = 96;
 const TURN: f32 = 0.08;
 /// Deviation of the logarithm of the distance.
 const APPROACH: f32 = 0.1;
-/// Factor up to which chosen views are seen from farther away. They fill the picture with the scene, or look closer; the
-/// cameras of a capture stand 1.6 times as far away as the former and 3.5 times as far as the latter (bonsai).
-const FARTHEST: f32 = 3.5;
+/// Factor up to which chosen views are seen from farther away: they fill the picture with the scene, or look closer, and a
+/// game's player also steps back. At 3.5 pictures of the chosen views have 0.67 of a painting's grain, at 1.3 they have 0.77
+/// (docs/notes/bake_experiments.md, seventh round).
+const FARTHEST: f32 = 1.3;
 /// Least share of a crop that should be covered.
 const LEAST_COVERED: f32 = 0.5;
 

@@ -15,8 +15,8 @@ pub struct Losses {
     pub content: Option<f32>,
     /// Mean squared distance of the Gaussians' colors from the hue and saturation of the nearest color of the painting.
     pub palette: f32,
-    /// Mean squared distance of the colors of large shapes from the recolored scene's; none in a step that compares
-    /// luminance, and if its weight is 0.
+    /// Mean squared distance of the colors of large shapes from the recolored scene's, with a tolerance of brightness; none in
+    /// a step that compares luminance, and if its weight is 0.
     pub shapes: Option<f32>,
     /// Mean squared excess of pixels over 0..1.
     pub range: f32,
@@ -26,9 +26,14 @@ pub struct Losses {
 /// twice as long and a fraction as wide.
 const SHAPE: usize = 16;
 
-/// Mean squared distance of the mean colors of cells of 16 x 16 pixels from those of `reference`, over the covered pixels,
-/// which are in `cells`. `rgb` and `reference` are RGB `[h * w, 3]`, `width` pixels wide. Adds `weight` times the gradient
-/// to `grad`.
+/// Brightness (the mean of the channels) by which large shapes may leave the recolored scene's for nothing: strokes are lights
+/// and darks. Hue and saturation have no tolerance: they tell a pond from its banks. Without tolerance texture is told
+/// less often, with one for hue ponds turn gray (docs/notes/bake_experiments.md, seventh round).
+const TOLERANCE: f32 = 0.15;
+
+/// Mean squared distance of the mean colors of cells of 16 x 16 pixels from those of `reference`, in brightness beyond a
+/// tolerance of 0.15, over the covered pixels, which are in `cells`. `rgb` and `reference` are RGB `[h * w, 3]`, `width` pixels
+/// wide. Adds `weight` times the gradient to `grad`.
 pub(crate) fn shapes(
     rgb: &[f32],
     reference: &[f32],
@@ -49,13 +54,20 @@ pub(crate) fn shapes(
             .for_each(|(gap, (a, b))| *gap += a - b);
         *n += 1.0;
     }
+    // From sums to means, and from brightness to what is beyond the tolerance.
+    for (gap, n) in &mut gaps {
+        let means = gap.map(|gap| gap / n.max(1.0));
+        let brightness = means.iter().sum::<f32>() / 3.0;
+        let beyond = brightness - brightness.clamp(-TOLERANCE, TOLERANCE);
+        *gap = means.map(|mean| mean - brightness + beyond);
+    }
     let scale = 1.0 / (3 * cells.len()).max(1) as f32;
     let mut sum = 0.0;
     for &pixel in cells {
-        let (gap, n) = gaps[shape(pixel)];
+        let (gap, _) = gaps[shape(pixel)];
         for (grad, gap) in grad[pixel as usize * 3..][..3].iter_mut().zip(gap) {
-            sum += f64::from(gap / n * (gap / n));
-            *grad += 2.0 * weight * scale * gap / n;
+            sum += f64::from(gap * gap);
+            *grad += 2.0 * weight * scale * gap;
         }
     }
     sum as f32 * scale

@@ -58,7 +58,7 @@ pub struct BakeArgs {
     /// Strength: 0 only recolors, 1 is the default, 2 is bold.
     #[arg(long, value_name = "0..2", default_value = "1", allow_negative_numbers = true, value_parser = strength)]
     strength: f32,
-    /// Steps: one view each. Default: 250, for a scene of more than 70,000 Gaussians up to 500.
+    /// Steps: one view each. Default: 300, for a scene of more than 70,000 Gaussians up to 600.
     #[arg(long, value_name = "N")]
     steps: Option<u32>,
     /// Random seed.
