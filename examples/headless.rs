@@ -84,8 +84,8 @@ fn main() -> Result<()> {
             app.world_mut().entity_mut(ball).insert(place);
         }
         // By the frame's number and not by time, so that the same pictures come out on any machine.
-        let eye = Quat::from_rotation_y(angle) * Vec3::new(0.0, 4.3, 12.3);
-        let eye = Transform::from_translation(eye).looking_at(0.1 * Vec3::Y, Vec3::Y);
+        let eye = Quat::from_rotation_y(angle) * Vec3::new(0.0, 3.8, 9.4);
+        let eye = Transform::from_translation(eye).looking_at(0.4 * Vec3::Y, Vec3::Y);
         app.world_mut().entity_mut(camera).insert(eye);
         let save = screenshot::save_to_disk(out.join(format!("{frame:03}.png")));
         // Spawned before the update that draws the frame that it takes.
