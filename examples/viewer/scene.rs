@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use bevy::{asset::LoadState, prelude::*};
-use bevy_stylegaussian::{GaussianScene, GaussianSplats, StyleMask, StyleSource, StyleTransition};
+use bevy_stylegaussian::{
+    GaussianScene, GaussianSplats, StyleMask, StylePrepare, StyleSource, StyleTransition,
+};
 
 use crate::{
     camera::Orbit,
@@ -50,7 +52,8 @@ impl ShownScene {
 /// Spawns the entity that shows scenes.
 pub fn spawn(mut commands: Commands) {
     commands.init_resource::<ShownScene>();
-    let style = (StyleSource::none(), StyleTransition::default(), StyleMask::default());
+    // An image may be dropped at any time, and should not wait for what depends on the scene alone.
+    let style = (StyleSource::none(), StylePrepare, StyleTransition::default(), StyleMask::default());
     commands.spawn((GaussianSplats::default(), style));
 }
 

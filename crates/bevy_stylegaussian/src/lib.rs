@@ -22,7 +22,7 @@
 //!   are those of loading it). [`StyleSource`]
 //!   styles it by images, by [`StyleStatistics`] (`.style.safetensors`), by a baked [`StyleLook`] (`.look.safetensors`), or
 //!   by a mix; change it at any time.
-//!   [`StyleTransition`] fades from one style to the next. [`StyleRefine`] bakes a shown style further in the background. [`StyleDecoder`] selects another [`GaussianDecoder`].
+//!   [`StyleTransition`] fades from one style to the next. [`StyleRefine`] bakes a shown style further in the background, [`StylePrepare`] makes the first one quick. [`StyleDecoder`] selects another [`GaussianDecoder`].
 //!   [`StyleMask`] holds weights that are painted at run time, from a [`SavedMask`] (`.mask.safetensors`) if there is one, and
 //!   [`MaskVisibility`] hides what is painted or crops to it.
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
@@ -64,8 +64,8 @@ pub use scene::{GaussianScene, GaussianSceneError, GaussianSceneFailed, Gaussian
 pub use splats::{SplatSortKey, SplatTonemapping};
 pub use style::{
     AppliedStyle, GaussianDecoder, HiddenUntilStyled, ImageEncoder, StyleApplied, StyleBackend, StyleBudget,
-    StyleDecoder, StyleEncoder, StyleError, StyleFailed, StyleInput, StyleLook, StyleMethod, StyleRefine,
-    StyleRefined, StyleSource, StyleStatistics, StyleTransition, StyleVolume, TransitionCenter,
+    StyleDecoder, StyleEncoder, StyleError, StyleFailed, StyleInput, StyleLook, StyleMethod, StylePrepare,
+    StyleRefine, StyleRefined, StyleSource, StyleStatistics, StyleTransition, StyleVolume, TransitionCenter,
     TransitionClock, TransitionShape, VolumeShape, WeightedStyle,
 };
 pub use systems::StyleGaussianSystems;
@@ -85,8 +85,8 @@ pub mod prelude {
         AppliedStyle, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
         HiddenUntilStyled, MaskVisibility, SavedMask, SplatHit, SplatRayCast, SplatSortKey, SplatTonemapping,
         StyleApplied, StyleBackend, StyleBudget, StyleDecoder, StyleEncoder, StyleFailed,
-        StyleGaussianPlugin, StyleInput, StyleMask, StyleMaskFailed, StyleMethod, StyleRefine, StyleRefined,
-        StyleSource, StyleTransition, StyleVolume, TransitionClock, TransitionShape,
+        StyleGaussianPlugin, StyleInput, StyleMask, StyleMaskFailed, StyleMethod, StylePrepare, StyleRefine,
+        StyleRefined, StyleSource, StyleTransition, StyleVolume, TransitionClock, TransitionShape,
     };
     #[cfg(feature = "picking")]
     pub use crate::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};

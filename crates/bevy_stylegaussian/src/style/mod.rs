@@ -50,6 +50,7 @@ pub use event::{StyleApplied, StyleFailed, StyleRefined};
 pub use refine::StyleRefine;
 pub use settings::{StyleBackend, StyleBudget, StyleEncoder, StyleMethod};
 pub use source::{StyleDecoder, StyleInput, StyleSource, WeightedStyle};
+pub use surfaces::StylePrepare;
 pub use transition::{StyleTransition, TransitionCenter, TransitionClock, TransitionShape};
 pub use volume::{StyleVolume, VolumeShape};
 
@@ -96,6 +97,7 @@ impl Plugin for StylePlugin {
                     // After the styles: a style that has just been applied is refined, and a changed one no longer.
                     refine::want_refinements,
                     refine::advance_refinements,
+                    surfaces::prepare_surfaces,
                     compose::compose_layers,
                     job::report_drawn_styles,
                     shared::forget_unused_styles,
@@ -145,6 +147,7 @@ fn register_types(app: &mut App) {
         .register_type::<StyleMethod>()
         .register_type::<StyleEncoder>()
         .register_type::<StyleRefine>()
+        .register_type::<StylePrepare>()
         .register_type::<StyleApplied>()
         .register_type::<StyleRefined>()
         .register_type::<StyleFailed>()
