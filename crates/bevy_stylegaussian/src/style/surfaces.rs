@@ -54,12 +54,12 @@ impl Surfaces {
     }
 }
 
+/// A scene to prepare: it or the wish is new.
+type ToPrepare = (With<StylePrepare>, Or<(Changed<LoadedScene>, Added<StylePrepare>)>);
+
 /// Computes the surfaces of scenes that have been loaded, in threads of their own: a task would keep looks waiting behind it.
 pub(super) fn prepare_surfaces(
-    loaded: Query<
-        (&LoadedScene, &StyleSource),
-        (With<StylePrepare>, Or<(Changed<LoadedScene>, Added<StylePrepare>)>),
-    >,
+    loaded: Query<(&LoadedScene, &StyleSource), ToPrepare>,
     method: Res<StyleMethod>,
     surfaces: Res<Surfaces>,
 ) {
