@@ -30,6 +30,7 @@ mod job;
 mod packed;
 mod pass;
 mod place;
+mod prepare;
 mod refine;
 mod request;
 mod settings;
@@ -47,10 +48,10 @@ pub use asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
 pub use compose::HiddenUntilStyled;
 pub use error::StyleError;
 pub use event::{StyleApplied, StyleFailed, StyleRefined};
+pub use prepare::StylePrepare;
 pub use refine::StyleRefine;
 pub use settings::{StyleBackend, StyleBudget, StyleEncoder, StyleMethod};
 pub use source::{StyleDecoder, StyleInput, StyleSource, WeightedStyle};
-pub use surfaces::StylePrepare;
 pub use transition::{StyleTransition, TransitionCenter, TransitionClock, TransitionShape};
 pub use volume::{StyleVolume, VolumeShape};
 
@@ -97,7 +98,7 @@ impl Plugin for StylePlugin {
                     // After the styles: a style that has just been applied is refined, and a changed one no longer.
                     refine::want_refinements,
                     refine::advance_refinements,
-                    surfaces::prepare_surfaces,
+                    prepare::prepare_surfaces,
                     compose::compose_layers,
                     job::report_drawn_styles,
                     shared::forget_unused_styles,
