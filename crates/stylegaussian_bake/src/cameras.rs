@@ -21,7 +21,7 @@ const TURN: f32 = 0.08;
 /// Deviation of the logarithm of the distance.
 const APPROACH: f32 = 0.1;
 /// Factor up to which chosen views are seen from farther away: they fill the picture with the scene, or look closer, and a
-/// game's player also steps back. At 3.5 pictures of the chosen views have 0.67 of a painting's grain, at 1.3 they have 0.77
+/// game's player also steps back. At 3.5 pictures of the chosen views have 0.67 of a painting's grain, at 1.3 they have 0.75
 /// (docs/notes/bake_experiments.md, seventh round).
 const FARTHEST: f32 = 1.3;
 /// Least share of a crop that should be covered.
