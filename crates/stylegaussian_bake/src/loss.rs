@@ -27,8 +27,8 @@ pub struct Losses {
 const SHAPE: usize = 16;
 
 /// Brightness (the mean of the channels) by which large shapes may leave the recolored scene's for nothing: strokes are lights
-/// and darks. Hue and saturation have no tolerance: they tell a pond from its banks. Without tolerance texture is told
-/// less often, with one for hue ponds turn gray (docs/notes/bake_experiments.md, seventh round).
+/// and darks. Hue and saturation have no tolerance: they tell a pond from its banks. Without tolerance texture of
+/// captures is told less often, with one for hue ponds turn gray (docs/notes/bake_experiments.md, seventh round).
 const TOLERANCE: f32 = 0.25;
 
 /// Mean squared distance of the mean colors of cells of 16 x 16 pixels from those of `reference`, in brightness beyond a

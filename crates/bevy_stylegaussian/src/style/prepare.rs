@@ -7,8 +7,8 @@ use bevy::prelude::*;
 use super::{settings::StyleMethod, source::StyleSource, surfaces::Surfaces};
 use crate::scene::LoadedScene;
 
-/// Prepares a scene for paint in the background as soon as it is loaded, so that its first style comes as quickly as later
-/// ones. A component beside [`StyleSource`], for scenes that begin unstyled or with a look.
+/// Prepares a scene for paint in the background as soon as it is loaded, so that its first painting comes sooner. A component
+/// beside [`StyleSource`], for scenes that begin unstyled or with a look.
 ///
 /// It takes seconds of a thread and some memory, for nothing if a scene only ever shows looks. It does nothing if the scene
 /// has no features, if [`StyleMethod`] is not `Paint`, and in a browser, which has no threads.
