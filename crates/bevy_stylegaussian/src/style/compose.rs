@@ -160,7 +160,7 @@ pub(super) fn compose_layers(
         if let Ok((mut jobs, source)) = own.get_mut(entity)
             && let Some(job) = jobs.bypass_change_detection().of_scene.iter_mut().find(|job| job.is_of(scene))
         {
-            is_hidden = hides && job.worn.is_empty() && !job.is_settled();
+            is_hidden = hides && job.is_unstyled() && !job.is_settled();
             found = job.worn.layers(&place);
             let strength = source.map_or(1.0, StyleSource::usual_strength);
             if strength < 1.0 && !found.is_empty() {

@@ -1,8 +1,9 @@
 //! Style statistics and paint of images. They are computed in the background and kept as long as the image.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use bevy::{platform::collections::HashMap, prelude::*, render::render_resource::TextureFormat};
+use stylegaussian::recolor::ColorMoments;
 use stylegaussian_encoder::{StyleSize, painted_style};
 
 use crate::background::Background;
@@ -16,10 +17,20 @@ use super::{
 /// Statistics and paint of an image. All entities that use the image share an error.
 pub(super) type Encoded = Result<StyleStatistics, Arc<StyleError>>;
 
+/// Most pixels of an image from which its palette is found, spread over it.
+const PALETTE_PIXELS: usize = 1 << 16;
+
 /// The statistics of each image that was used as a style.
 #[derive(Resource, Default)]
 pub(super) struct ImageStatistics {
-    of_image: HashMap<AssetId<Image>, Background<Encoded>>,
+    of_image: HashMap<AssetId<Image>, Encoding>,
+}
+
+/// An image on its way to statistics and paint.
+struct Encoding {
+    /// Its palette, which is there long before the rest.
+    palette: Arc<OnceLock<ColorMoments>>,
+    encoded: Background<Encoded>,
 }
 
 impl ImageStatistics {
@@ -32,17 +43,25 @@ impl ImageStatistics {
     ) -> Option<Encoded> {
         let encode = || {
             let name = name(handle);
-            match pixels(image) {
+            let palette = Arc::new(OnceLock::new());
+            let of_task = Arc::clone(&palette);
+            let encoded = match pixels(image) {
                 Ok(image) => {
                     let encoder = encoder.clone();
                     // Never on this thread, not even if pipelines are synchronous: that switch is about drawing.
-                    Background::spawn(move || encode(name, image, &encoder))
+                    Background::spawn(move || encode(name, image, &encoder, &of_task))
                 }
                 // Kept like statistics, so that it is reported once for each request and not computed again.
                 Err(found) => Background::Ready(Err(Arc::new(StyleError::Image { image: name, found }))),
-            }
+            };
+            Encoding { palette, encoded }
         };
-        self.of_image.entry(handle.id()).or_insert_with(encode).poll().cloned()
+        self.of_image.entry(handle.id()).or_insert_with(encode).encoded.poll().cloned()
+    }
+
+    /// The palette of an image that was asked for by [`Self::get`], or `None` if it is not known yet.
+    pub(super) fn palette(&self, handle: &Handle<Image>) -> Option<ColorMoments> {
+        self.of_image.get(&handle.id())?.palette.get().copied()
     }
 }
 
@@ -69,11 +88,15 @@ pub(super) fn forget_changed_images(
     }
 }
 
-/// Encodes an image. Takes a while: not for the main thread.
-fn encode(name: String, image: Image, encoder: &ImageEncoder) -> Encoded {
+/// Encodes an image. Takes a while: not for the main thread. Its palette is set first.
+fn encode(name: String, image: Image, encoder: &ImageEncoder, palette: &OnceLock<ColorMoments>) -> Encoded {
+    let image = decoded(name.clone(), image)?;
+    let pixels = image.rgb.as_chunks::<3>().0;
+    let some: Vec<[f32; 3]> =
+        pixels.iter().step_by(pixels.len().div_ceil(PALETTE_PIXELS).max(1)).copied().collect();
+    let _ = palette.set(ColorMoments::of_rgb(some.as_flattened()));
     let error = |source| Arc::new(StyleError::Encoder { image: name.clone(), source });
     let encoder = encoder.get().map_err(error)?;
-    let image = decoded(name.clone(), image)?;
     let style = painted_style(encoder, &image, StyleSize::default());
     let (statistics, paint) = style.map_err(|source| error(Arc::new(source)))?;
     Ok(StyleStatistics { statistics: Arc::new(statistics), paint: Some(Arc::new(paint)) })

@@ -3,7 +3,10 @@
 use std::sync::Arc;
 
 use bevy::{asset::LoadState, ecs::system::SystemParam, prelude::*, render::renderer::RenderAdapterInfo};
-use stylegaussian::{Look, fold::StylizeError};
+use stylegaussian::{
+    Look,
+    fold::{self, StylizeError},
+};
 use stylegaussian_gpu::device::is_software;
 
 use crate::scene::LoadedScene;
@@ -11,6 +14,7 @@ use crate::scene::LoadedScene;
 use super::{
     asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics},
     error::StyleError,
+    first::{FirstRequest, Palette},
     images::ImageStatistics,
     packed::PackedInputs,
     request::{StyleRequest, WeightedLook},
@@ -97,6 +101,37 @@ impl Inputs<'_> {
             packed: self.packed.clone(),
             surfaces: self.surfaces.clone(),
         }))
+    }
+
+    /// What a style's first colors are computed from. `None` while a palette is missing, if the style is not painted, or if
+    /// it cannot be.
+    pub(super) fn first_request(
+        &self,
+        source: &StyleSource,
+        scene: &LoadedScene,
+        decoder: Option<&StyleDecoder>,
+    ) -> Option<FirstRequest> {
+        let is_default = decoder.is_none() && scene.asset.decoder().is_none();
+        if !is_default || *self.method != StyleMethod::Paint || scene.scene().features.is_none() {
+            return None;
+        }
+        let weights: Vec<f64> = source.styles.iter().map(|style| f64::from(style.weight)).collect();
+        let weights = fold::normalized(&weights).ok()?;
+        let palette = |input: &StyleInput| match input {
+            StyleInput::Image(image) => self.encoded.palette(image).map(Palette::Moments),
+            StyleInput::Preset(preset) => self.statistics.get(preset)?.paint.clone().map(Palette::Paint),
+            // It is there nearly as soon as the first colors would be.
+            StyleInput::Look(_) => None,
+        };
+        let palettes = source.styles.iter().zip(weights);
+        let palettes = palettes.map(|(style, weight)| Some((palette(&style.input)?, weight)));
+        let content = f64::from(source.content);
+        let palettes = palettes.collect::<Option<Vec<_>>>()?;
+        (0.0..=1.0).contains(&content).then(|| FirstRequest {
+            scene: Arc::clone(scene.scene()),
+            palettes,
+            content,
+        })
     }
 
     /// One style of a mix.

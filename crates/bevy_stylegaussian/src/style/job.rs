@@ -22,6 +22,7 @@ use super::{
     asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics},
     error::StyleError,
     event::StyleEvents,
+    first::FirstColors,
     inputs::Inputs,
     request::StyleResult,
     settings::{StyleBackend, StyleEncoder},
@@ -56,6 +57,8 @@ pub(crate) struct StyleJob {
     gpu_refused: bool,
     /// The last failure, until a component of the entity changes. Assets that come later often change nothing about it.
     failure: Option<String>,
+    /// What is shown until the wanted style is painted.
+    first: FirstColors,
     /// The styles that are shown.
     pub(super) worn: Worn,
     /// The shared style that is shown, kept so that others find it.
@@ -95,6 +98,7 @@ impl StyleJob {
             coming: None,
             gpu_refused: false,
             failure: None,
+            first: FirstColors::default(),
             worn: Worn::default(),
             shown: None,
         }
@@ -108,11 +112,17 @@ impl StyleJob {
     // The first of several changes counts: `elapsed` is what the user has waited for.
     fn want(&mut self) {
         self.wanted.get_or_insert_with(Instant::now);
+        self.first.restart();
     }
 
     /// Whether the style that is wanted is shown.
     pub(super) fn is_settled(&self) -> bool {
         self.wanted.is_none() && matches!(self.stage, Stage::Idle)
+    }
+
+    /// Whether no style has been shown yet, apart from first colors.
+    pub(super) fn is_unstyled(&self) -> bool {
+        self.worn.is_empty() || self.first.are_over_captured()
     }
 
     /// Whether it is drawn as well.
@@ -273,7 +283,8 @@ pub(super) fn advance_jobs(
         }
         for job in &mut jobs.of_scene {
             job.take_over(entity, transition, renderer.is_some(), &mut events);
-            job.start(entity, source, decoder, &mut inputs, &mut shared, &mut events);
+            job.start(entity, (source, decoder, transition), &mut inputs, &mut shared, &mut events);
+            job.show_first_colors(source, decoder, transition, &inputs);
             if let Stage::Uploading { result, .. } = &job.stage {
                 uploading.push(Arc::clone(&result.colors));
             }
@@ -293,6 +304,7 @@ impl StyleJob {
         let since = self.wanted.take()?;
         self.shown = None;
         self.coming = None;
+        self.first = FirstColors::default();
         // A volume in captured colors covers what lies below it. Splats without a style are in theirs already.
         if !is_volume && self.worn.is_empty() {
             return Some(since);
@@ -305,6 +317,7 @@ impl StyleJob {
     /// Puts everything off: the entity has no source any more.
     fn take_off(&mut self, transition: Option<&StyleTransition>) {
         (self.wanted, self.stage, self.coming, self.shown) = (None, Stage::Idle, None, None);
+        self.first = FirstColors::default();
         if !self.worn.is_empty() {
             self.worn.put_on(LayerColors::Captured, transition);
         }
@@ -327,7 +340,10 @@ impl StyleJob {
                 Ok(result) => self.stage = Stage::Uploading { since, backend, shared, result },
                 // A later change has made the failure obsolete.
                 Err(_) if self.wanted.is_some() => {}
-                Err(error) => events.failed(entity, error),
+                Err(error) => {
+                    self.first.give_up(&mut self.worn, transition);
+                    events.failed(entity, error);
+                }
             }
         }
         let Stage::Uploading { result, .. } = &self.stage else { return };
@@ -339,6 +355,7 @@ impl StyleJob {
         match answer {
             Ok(()) => {
                 self.shown = Some(shared);
+                self.first = FirstColors::default();
                 if !self.worn.is_topped_by(&result.colors) {
                     self.worn.put_on(LayerColors::Style(result.colors), transition);
                 }
@@ -365,8 +382,7 @@ impl StyleJob {
     fn start(
         &mut self,
         entity: Entity,
-        source: &StyleSource,
-        decoder: Option<&StyleDecoder>,
+        (source, decoder, transition): (&StyleSource, Option<&StyleDecoder>, Option<&StyleTransition>),
         inputs: &mut Inputs,
         shared: &mut SharedStyles,
         events: &mut StyleEvents,
@@ -386,10 +402,36 @@ impl StyleJob {
                     events.failed(entity, error);
                 }
                 self.failure = failure;
+                self.first.give_up(&mut self.worn, transition);
             }
         }
         // After a failure too: the same inputs would fail again, and the next change wants anew.
         self.wanted = None;
+    }
+
+    /// Shows the scene in the style's palette until the style is painted.
+    fn show_first_colors(
+        &mut self,
+        source: &StyleSource,
+        decoder: Option<&StyleDecoder>,
+        transition: Option<&StyleTransition>,
+        inputs: &Inputs,
+    ) {
+        let is_computed = match &self.stage {
+            Stage::Idle => self.wanted.is_none(),
+            // The source is another one by now, or the style is there.
+            Stage::Computing { shared, .. } => self.wanted.is_some() || shared.poll().is_some(),
+            Stage::Uploading { .. } => true,
+        };
+        if is_computed {
+            return;
+        }
+        if !self.first.are_asked()
+            && let Some(request) = inputs.first_request(source, &self.scene, decoder)
+        {
+            self.first.ask(request);
+        }
+        self.first.show(&mut self.worn, transition);
     }
 }
 

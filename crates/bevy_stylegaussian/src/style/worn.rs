@@ -44,6 +44,11 @@ impl Worn {
         matches!(top, Some(LayerColors::Style(top)) if Arc::ptr_eq(top, colors))
     }
 
+    /// The colors of the style over everything else, or captured ones if there is none.
+    pub(super) fn top(&self) -> LayerColors {
+        self.0.last().map_or(LayerColors::Captured, |worn| worn.colors.clone())
+    }
+
     /// Puts a style over the others.
     pub(super) fn put_on(&mut self, colors: LayerColors, transition: Option<&StyleTransition>) {
         let coming = transition.filter(|transition| !transition.duration.is_zero());

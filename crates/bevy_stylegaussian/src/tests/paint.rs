@@ -8,7 +8,10 @@ use stylegaussian::{
     paint::{Brush, Paint, Surface, repaint},
 };
 
-use crate::{GaussianSplats, StyleMethod, StyleSource, StyleStatistics};
+use crate::{
+    AppliedStyle, GaussianSplats, HiddenUntilStyled, StyleMethod, StyleSource, StyleStatistics,
+    colors::ColorLayers,
+};
 
 use super::{
     styles::{colors, expected, until_applied, until_failed},
@@ -49,6 +52,30 @@ fn a_painting_gives_its_paint_unless_a_decoder_is_wanted() {
     app.insert_resource(StyleMethod::Decoder);
     app.world_mut().get_mut::<StyleSource>(entity).unwrap().content = 0.5;
     until_failed(&mut app);
+}
+
+#[test]
+fn the_scene_is_recolored_until_it_is_painted() {
+    let mut app = app_without_rendering();
+    let style = add_painted_style(&mut app);
+    // So many that the surface takes far longer than their first colors.
+    let scene = Scene { decoder: None, ..small_scene(20_000, 1) };
+    let splats = GaussianSplats(add_scene(&mut app, scene));
+    let source = StyleSource::preset(style);
+    let plain = app.world_mut().spawn((splats.clone(), source.clone())).id();
+    let hidden = app.world_mut().spawn((splats, source, HiddenUntilStyled)).id();
+    let shown = |world: &World, entity| {
+        world.get::<ColorLayers>(entity).map(|layers| (layers.is_hidden, layers.layers.len()))
+    };
+    update_until(&mut app, "first colors", |world| {
+        assert!(world.get::<AppliedStyle>(plain).is_none(), "painted before the first colors");
+        shown(world, plain) == Some((false, 1)) && shown(world, hidden) == Some((true, 1))
+    });
+    let mut n_applied = 0;
+    while n_applied < 2 {
+        n_applied += until_applied(&mut app).len();
+    }
+    assert_eq!([shown(app.world(), plain), shown(app.world(), hidden)], [Some((false, 1)); 2]);
 }
 
 #[test]

@@ -1,0 +1,187 @@
+//! First colors: a scene in the palette of its style, shown while the style is still being painted.
+//!
+//! Reading an image and laying on paint takes seconds on a slow machine. Moving the scene's colors to the image's mean and
+//! covariance takes milliseconds ([`recolor`](stylegaussian::recolor)), so a change is answered at once.
+
+use std::sync::{Arc, OnceLock};
+
+use bevy::prelude::*;
+use stylegaussian::{
+    Scene,
+    paint::Paint,
+    recolor::{ColorMoments, Recoloring},
+};
+
+use super::{transition::StyleTransition, worn::Worn};
+use crate::colors::{ColorSource, LayerColors, StyleColors};
+
+/// The palette of one style of a mix.
+pub(super) enum Palette {
+    /// That of an image.
+    Moments(ColorMoments),
+    /// That of a preset's paint.
+    Paint(Arc<Paint>),
+}
+
+/// What the first colors of a style are computed from.
+pub(super) struct FirstRequest {
+    pub(super) scene: Arc<Scene>,
+    /// Palettes and their weights, which sum to 1.
+    pub(super) palettes: Vec<(Palette, f64)>,
+    /// Share of the base colors that stays, 0..1.
+    pub(super) content: f64,
+}
+
+impl FirstRequest {
+    /// The recolored scene `[N]`.
+    fn colors(&self) -> Vec<[f32; 3]> {
+        let base = self.scene.base_colors();
+        // What pictures show of each Gaussian is not known yet. Opacities tell it well enough for the first seconds.
+        let weighted = base.iter().map(|color| Vec3::from(*color)).zip(self.scene.opacities.iter().copied());
+        let from = ColorMoments::of_weighted(weighted);
+        let recolorings: Vec<(Recoloring, f32)> = (self.palettes.iter())
+            .map(|(palette, weight)| {
+                let to = match palette {
+                    Palette::Moments(moments) => *moments,
+                    Palette::Paint(paint) => {
+                        let rgb: Vec<f32> =
+                            paint.pixels.iter().map(|byte| f32::from(*byte) / 255.0).collect();
+                        ColorMoments::of_rgb(&rgb)
+                    }
+                };
+                (Recoloring::new(&from, &to), (weight * (1.0 - self.content)) as f32)
+            })
+            .collect();
+        let color = |color: [f32; 3]| {
+            let kept = Vec3::from(color) * self.content as f32;
+            let recolored = recolorings.iter().map(|(recoloring, weight)| {
+                // Within a display's range: pictures of paint are, and colors far beyond it would glow.
+                let recolored = Vec3::from(recoloring.color(color)).clamp(Vec3::ZERO, Vec3::ONE);
+                recolored * *weight
+            });
+            (kept + recolored.sum::<Vec3>()).to_array()
+        };
+        base.into_iter().map(color).collect()
+    }
+}
+
+/// The way of a style's first colors.
+#[derive(Default)]
+pub(super) struct FirstColors {
+    /// Those that a thread computes, once they were asked for.
+    computed: Option<Arc<OnceLock<Vec<[f32; 3]>>>>,
+    /// Whether they were shown.
+    are_shown: bool,
+    /// What was shown before them, as long as they are.
+    before: Option<LayerColors>,
+}
+
+impl FirstColors {
+    /// Another style is wanted. First colors that are shown stay until the next ones.
+    pub(super) fn restart(&mut self) {
+        *self = Self { before: self.before.take(), ..Self::default() };
+    }
+
+    /// Whether there is nothing to ask for any more.
+    pub(super) fn are_asked(&self) -> bool {
+        self.computed.is_some() || self.are_shown
+    }
+
+    /// Whether they are shown, and only captured colors were shown before.
+    pub(super) fn are_over_captured(&self) -> bool {
+        matches!(self.before, Some(LayerColors::Captured))
+    }
+
+    /// Begins to compute them, in a thread of their own: the tasks' only thread may be the one that encodes the image.
+    pub(super) fn ask(&mut self, request: FirstRequest) {
+        let computed = Arc::new(OnceLock::new());
+        let of_thread = Arc::clone(&computed);
+        let compute = move || {
+            let _ = of_thread.set(request.colors());
+        };
+        if cfg!(target_family = "wasm") {
+            // There are no threads. It takes a frame.
+            compute();
+        } else {
+            // Without a thread, paint is waited for.
+            let _ = std::thread::Builder::new().name("first colors".into()).spawn(compute);
+        }
+        self.computed = Some(computed);
+    }
+
+    /// Puts them on if they are there.
+    pub(super) fn show(&mut self, worn: &mut Worn, transition: Option<&StyleTransition>) {
+        if !self.are_shown
+            && let Some(colors) = self.computed.as_ref().and_then(|computed| computed.get())
+        {
+            self.are_shown = true;
+            self.before.get_or_insert_with(|| worn.top());
+            let source = ColorSource::Rgb(colors.as_slice().into());
+            worn.put_on(LayerColors::Style(StyleColors::new(source, colors.len())), transition);
+        }
+    }
+
+    /// The style cannot be had: what was shown before comes back.
+    pub(super) fn give_up(&mut self, worn: &mut Worn, transition: Option<&StyleTransition>) {
+        if let Some(before) = std::mem::take(self).before {
+            worn.put_on(before, transition);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::world::small_scene;
+
+    #[test]
+    fn first_colors_have_the_palette_and_keep_the_content() {
+        let scene = Arc::new(small_scene(500, 1));
+        let rgb: Vec<f32> =
+            (0..300).flat_map(|i| [0.2 + 0.002 * i as f32, 0.3, 0.6 - 0.001 * i as f32]).collect();
+        let palettes = |weight| vec![(Palette::Moments(ColorMoments::of_rgb(&rgb)), weight)];
+        let request = |content| FirstRequest { scene: Arc::clone(&scene), palettes: palettes(1.0), content };
+        let colors = request(0.0).colors();
+        let mean = |channel: usize| colors.iter().map(|color| color[channel]).sum::<f32>() / 500.0;
+        for (channel, expected) in [0.499, 0.3, 0.4505].into_iter().enumerate() {
+            assert!((mean(channel) - expected).abs() < 0.03, "{channel}: {}", mean(channel));
+        }
+        assert_eq!(request(1.0).colors(), scene.base_colors());
+    }
+
+    /// Updates until first colors are shown.
+    fn until_shown(first: &mut FirstColors, worn: &mut Worn) {
+        let begun = std::time::Instant::now();
+        while !first.are_shown {
+            assert!(begun.elapsed().as_secs() < 60, "no first colors");
+            first.show(worn, None);
+        }
+    }
+
+    #[test]
+    fn a_style_that_fails_gives_back_what_was_shown() {
+        let scene = Arc::new(small_scene(50, 1));
+        let request = || FirstRequest {
+            scene: Arc::clone(&scene),
+            palettes: vec![(Palette::Moments(ColorMoments::of_rgb(&[0.5; 6])), 1.0)],
+            content: 0.0,
+        };
+        let (mut first, mut worn) = (FirstColors::default(), Worn::default());
+        let style = StyleColors::new(ColorSource::Rgb(vec![[0.1; 3]; 50].into()), 50);
+        worn.put_on(LayerColors::Style(Arc::clone(&style)), None);
+        // The second change comes before the first one is painted.
+        for _ in 0..2 {
+            first.restart();
+            assert!(!first.are_asked());
+            first.ask(request());
+            until_shown(&mut first, &mut worn);
+            assert!(first.are_asked() && !first.are_over_captured() && !worn.is_topped_by(&style));
+        }
+        first.give_up(&mut worn, None);
+        assert!(worn.is_topped_by(&style));
+        // Nothing is left to give up.
+        let mut other = Worn::default();
+        first.give_up(&mut other, None);
+        assert!(other.is_empty());
+    }
+}
