@@ -33,6 +33,9 @@ pub struct BakeConfig {
     pub rate: f32,
     /// Start of the bake, 0..1: from the recolored scene (0) to instant paint ([`stylegaussian::paint`]) (1).
     pub paint: f32,
+    /// How strongly things smaller than a stroke are kept as they are at the start, 0 or more: a step of Adam's rate r moves
+    /// their colors back by r times this share of their distance. So steps that all go one way end at most 1 / this away.
+    pub protection: f32,
     /// Share of the new crop in the running statistics, 0..1.
     pub pool: f32,
     /// Cells of a crop that are matched at each layer.
@@ -52,6 +55,7 @@ impl BakeConfig {
         view: 512,
         rate: 0.04,
         paint: 1.0,
+        protection: 1.0,
         pool: 0.3,
         queries: 1000,
         keys: 2500,
@@ -80,13 +84,19 @@ impl BakeConfig {
     /// the scene's own detail may get lost.
     ///
     /// Strength multiplies the rate: every Gaussian then goes so much farther, whatever the number of steps. What is
-    /// kept of the scene's own features and of its large shapes falls with it. Below 1 there is also less of instant paint
+    /// kept of the scene's own features, of its large shapes and of its small things falls with it. Below 1 there is also less of instant paint
     /// at the start.
     pub fn with_strength(self, strength: f32) -> Self {
         let kept = 1.0 / strength.max(0.1);
         let LossWeights { content, shapes, .. } = self.weights;
         let weights = LossWeights { content: kept * content, shapes: kept * shapes, ..self.weights };
-        Self { rate: self.rate * strength, paint: (self.paint * strength).min(1.0), weights, ..self }
+        Self {
+            rate: self.rate * strength,
+            paint: (self.paint * strength).min(1.0),
+            protection: kept * self.protection,
+            weights,
+            ..self
+        }
     }
 }
 

@@ -106,6 +106,11 @@ impl Surface {
         self.base().len()
     }
 
+    /// How much each Gaussian belongs to things that are smaller than a stroke, such as fences and windows `[N]`, 0..1.
+    pub fn fine(&self) -> &[f32] {
+        &self.fine
+    }
+
     /// Base colors `[N]`.
     pub(super) fn base(&self) -> &[Vec3] {
         &self.levels[0]

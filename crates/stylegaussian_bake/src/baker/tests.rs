@@ -124,6 +124,36 @@ fn losses_fall() {
 }
 
 #[test]
+fn small_things_stay_near_the_start() {
+    // Bright and dark stripes of a Gaussian each on the right, which are small things; a plain wall on the left.
+    let mut scene = wall(48);
+    let stripes = |i: usize| if i % 48 < 24 { [0.5; 3] } else { [0.1 + 0.8 * (i % 2) as f32; 3] };
+    scene.set_colors(&(0..48 * 48).map(stripes).collect::<Vec<_>>());
+    let moved = |protection: f32| {
+        let config = BakeConfig { steps: 30, protection, ..CONFIG };
+        let paintings = [(painting(64, dabs), 1.0)];
+        let mut baker = Baker::new(config, &scene, &cameras(), &paintings, network()).unwrap();
+        while !baker.is_complete() {
+            baker.step(&scene);
+        }
+        // Away from the border between the two.
+        let of = |columns: std::ops::Range<usize>| {
+            let of_column = (0..48 * 48).filter(|i| columns.contains(&(i % 48)));
+            let distance = |i: usize| {
+                (0..3).map(|c| (baker.colors[3 * i + c] - baker.start[3 * i + c]).abs()).sum::<f32>()
+            };
+            of_column.map(distance).sum::<f32>()
+        };
+        [of(4..16), of(32..44)]
+    };
+    let ([plain, small], [plain_free, small_free]) = (moved(8.0), moved(0.0));
+    assert!(
+        small < 0.6 * small_free && plain > 0.8 * plain_free,
+        "{small} {small_free} {plain} {plain_free}"
+    );
+}
+
+#[test]
 fn an_interruption_changes_no_bit() {
     let (scene, paintings) = (wall(12), [(painting(64, dabs), 1.0)]);
     let dir = tempfile::tempdir().unwrap();
