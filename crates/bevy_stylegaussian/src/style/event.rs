@@ -39,7 +39,7 @@ pub struct StyleRefined {
     pub is_complete: bool,
 }
 
-/// Sent if an entity cannot be styled. It keeps the colors that it has.
+/// Sent if an entity cannot be styled. It keeps the colors that it had before.
 ///
 /// Written as a message and triggered on the entity for observers.
 #[derive(Message, EntityEvent, Clone, Debug, Reflect)]
