@@ -8,8 +8,8 @@ use stylegaussian_encoder::weights::WeightsError;
 /// A scene, a painting or a network that cannot be baked with, or a checkpoint that does not fit.
 #[derive(Debug, thiserror::Error)]
 pub enum BakeError {
-    /// No Gaussian of the scene is visible from anywhere.
-    #[error("the scene of {n_gaussians} Gaussians: none is visible, expected something to paint on")]
+    /// No view of the scene has a pixel that is covered to nine tenths.
+    #[error("the scene of {n_gaussians} Gaussians: no view shows anything opaque, expected something to paint on")]
     NothingVisible {
         /// N.
         n_gaussians: usize,

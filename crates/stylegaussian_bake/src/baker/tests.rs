@@ -226,7 +226,7 @@ fn what_cannot_be_baked_is_an_error() {
     let message = error(&Scene::default(), &[(good.clone(), 1.0)]);
     assert!(message.starts_with("the scene of 0 Gaussians"), "{message}");
     let invisible = Scene { opacities: vec![0.0; 16], ..wall(4) };
-    assert!(error(&invisible, &[(good.clone(), 1.0)]).contains("none is visible"));
+    assert!(error(&invisible, &[(good.clone(), 1.0)]).contains("no view shows anything opaque"));
     assert!(error(&wall(4), &[]).contains("expected at least one"));
     assert!(error(&wall(4), &[(good.clone(), 0.0)]).contains("expected at least one"));
     let broken = Image { width: 4, height: 4, rgb: vec![f32::NAN; 48] };
