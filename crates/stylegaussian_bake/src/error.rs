@@ -9,7 +9,7 @@ use stylegaussian_encoder::weights::WeightsError;
 #[derive(Debug, thiserror::Error)]
 pub enum BakeError {
     /// No view of the scene has a pixel that is covered to nine tenths.
-    #[error("the scene of {n_gaussians} Gaussians: no view shows anything opaque, expected something to paint on")]
+    #[error("the scene of {n_gaussians} Gaussians: no view shows anything opaque to paint on")]
     NothingVisible {
         /// N.
         n_gaussians: usize,
