@@ -15,6 +15,19 @@ use stylegaussian::{
 use super::{transition::StyleTransition, worn::Worn};
 use crate::colors::{ColorSource, LayerColors, StyleColors};
 
+/// Most Gaussians that are recolored at once, without a frame's wait for a thread. They take 3 ms of a core.
+const AT_ONCE: usize = 100_000;
+
+/// Most pixels of a painting from which its palette is found, spread over it.
+const PALETTE_PIXELS: usize = 1 << 16;
+
+/// The palette of a painting, from some of its pixels.
+pub(super) fn palette_of<P>(pixels: &[P], color: impl Fn(&P) -> [f32; 3]) -> ColorMoments {
+    let stride = pixels.len().div_ceil(PALETTE_PIXELS).max(1);
+    let some: Vec<[f32; 3]> = pixels.iter().step_by(stride).map(color).collect();
+    ColorMoments::of_rgb(some.as_flattened())
+}
+
 /// The palette of one style of a mix.
 pub(super) enum Palette {
     /// That of an image.
@@ -43,11 +56,9 @@ impl FirstRequest {
             .map(|(palette, weight)| {
                 let to = match palette {
                     Palette::Moments(moments) => *moments,
-                    Palette::Paint(paint) => {
-                        let rgb: Vec<f32> =
-                            paint.pixels.iter().map(|byte| f32::from(*byte) / 255.0).collect();
-                        ColorMoments::of_rgb(&rgb)
-                    }
+                    Palette::Paint(paint) => palette_of(paint.pixels.as_chunks().0, |pixel: &[u8; 3]| {
+                        pixel.map(|byte| f32::from(byte) / 255.0)
+                    }),
                 };
                 (Recoloring::new(&from, &to), (weight * (1.0 - self.content)) as f32)
             })
@@ -92,15 +103,17 @@ impl FirstColors {
         matches!(self.before, Some(LayerColors::Captured))
     }
 
-    /// Begins to compute them, in a thread of their own: the tasks' only thread may be the one that encodes the image.
+    /// Computes them, those of large scenes in a thread of their own: the tasks' only thread may be the one that encodes
+    /// the image.
     pub(super) fn ask(&mut self, request: FirstRequest) {
         let computed = Arc::new(OnceLock::new());
         let of_thread = Arc::clone(&computed);
+        let is_small = request.scene.len() <= AT_ONCE;
         let compute = move || {
             let _ = of_thread.set(request.colors());
         };
-        if cfg!(target_family = "wasm") {
-            // There are no threads. It takes a frame.
+        if is_small || cfg!(target_family = "wasm") {
+            // There are no threads in a browser.
             compute();
         } else {
             // Without a thread, paint is waited for.
@@ -147,6 +160,10 @@ mod tests {
             assert!((mean(channel) - expected).abs() < 0.03, "{channel}: {}", mean(channel));
         }
         assert_eq!(request(1.0).colors(), scene.base_colors());
+        let large = Arc::new(small_scene(AT_ONCE, 1));
+        let begun = std::time::Instant::now();
+        FirstRequest { scene: large, palettes: palettes(1.0), content: 0.0 }.colors();
+        eprintln!("first colors of {AT_ONCE} Gaussians: {:?}", begun.elapsed());
     }
 
     /// Updates until first colors are shown.

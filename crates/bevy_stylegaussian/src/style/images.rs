@@ -11,14 +11,12 @@ use crate::background::Background;
 use super::{
     asset::{ImageEncoder, StyleStatistics},
     error::StyleError,
+    first::palette_of,
     settings::StyleEncoder,
 };
 
 /// Statistics and paint of an image. All entities that use the image share an error.
 pub(super) type Encoded = Result<StyleStatistics, Arc<StyleError>>;
-
-/// Most pixels of an image from which its palette is found, spread over it.
-const PALETTE_PIXELS: usize = 1 << 16;
 
 /// The statistics of each image that was used as a style.
 #[derive(Resource, Default)]
@@ -28,7 +26,7 @@ pub(super) struct ImageStatistics {
 
 /// An image on its way to statistics and paint.
 struct Encoding {
-    /// Its palette, which is there long before the rest.
+    /// Its palette, which is there at once or long before the rest.
     palette: Arc<OnceLock<ColorMoments>>,
     encoded: Background<Encoded>,
 }
@@ -43,7 +41,7 @@ impl ImageStatistics {
     ) -> Option<Encoded> {
         let encode = || {
             let name = name(handle);
-            let palette = Arc::new(OnceLock::new());
+            let palette = Arc::new(palette_at_once(image).map_or_else(OnceLock::new, OnceLock::from));
             let of_task = Arc::clone(&palette);
             let encoded = match pixels(image) {
                 Ok(image) => {
@@ -91,15 +89,25 @@ pub(super) fn forget_changed_images(
 /// Encodes an image. Takes a while: not for the main thread. Its palette is set first.
 fn encode(name: String, image: Image, encoder: &ImageEncoder, palette: &OnceLock<ColorMoments>) -> Encoded {
     let image = decoded(name.clone(), image)?;
-    let pixels = image.rgb.as_chunks::<3>().0;
-    let some: Vec<[f32; 3]> =
-        pixels.iter().step_by(pixels.len().div_ceil(PALETTE_PIXELS).max(1)).copied().collect();
-    let _ = palette.set(ColorMoments::of_rgb(some.as_flattened()));
+    palette.get_or_init(|| palette_of(image.rgb.as_chunks().0, |pixel| *pixel));
     let error = |source| Arc::new(StyleError::Encoder { image: name.clone(), source });
     let encoder = encoder.get().map_err(error)?;
     let style = painted_style(encoder, &image, StyleSize::default());
     let (statistics, paint) = style.map_err(|source| error(Arc::new(source)))?;
     Ok(StyleStatistics { statistics: Arc::new(statistics), paint: Some(Arc::new(paint)) })
+}
+
+/// The palette of an image whose pixels can be read as they are, which takes less than a millisecond.
+fn palette_at_once(image: &Image) -> Option<ColorMoments> {
+    let format = image.texture_descriptor.format;
+    let data = image.data.as_ref()?;
+    // Over white, as images are decoded.
+    let over_white = |pixel: &[u8; 4]| {
+        let [r, g, b, alpha] = pixel.map(|byte| f32::from(byte) / 255.0);
+        [r, g, b].map(|color| color * alpha + 1.0 - alpha)
+    };
+    matches!(format, TextureFormat::Rgba8Unorm | TextureFormat::Rgba8UnormSrgb)
+        .then(|| palette_of(data.as_chunks().0, over_white))
 }
 
 /// The name of an image for messages.
@@ -132,4 +140,32 @@ pub(super) fn pixels(image: &Image) -> Result<Image, String> {
         image.texture_descriptor.format = TextureFormat::Rgba8UnormSrgb;
     }
     Ok(image)
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::{
+        asset::RenderAssetUsages,
+        render::render_resource::{Extent3d, TextureDimension},
+    };
+    use stylegaussian::recolor::Recoloring;
+
+    use super::*;
+
+    #[test]
+    fn the_palette_at_once_is_that_of_the_decoded_image() {
+        let size = Extent3d { width: 40, height: 30, depth_or_array_layers: 1 };
+        let data: Vec<u8> = (0..40 * 30 * 4).map(|i: u32| (i * i % 251) as u8).collect();
+        let image =
+            |format, data| Image::new(size, TextureDimension::D2, data, format, RenderAssetUsages::default());
+        let rgba = image(TextureFormat::Rgba8UnormSrgb, data.clone());
+        let at_once = palette_at_once(&rgba).unwrap();
+        let decoded = decoded("a".into(), rgba).unwrap();
+        let later = palette_of(decoded.rgb.as_chunks().0, |pixel| *pixel);
+        // The map from one to the other changes nothing.
+        let same = Recoloring::new(&at_once, &later).color([0.2, 0.5, 0.7]);
+        assert!(same.iter().zip([0.2, 0.5, 0.7]).all(|(a, b)| (a - b).abs() < 1e-4), "{same:?}");
+        let floats = image(TextureFormat::R32Float, data);
+        assert!(palette_at_once(&floats).is_none());
+    }
 }
