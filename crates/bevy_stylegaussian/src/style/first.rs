@@ -88,6 +88,11 @@ pub(super) struct FirstColors {
 }
 
 impl FirstColors {
+    /// Those of a style that is painted: none are shown until [`Self::restart`].
+    pub(super) fn done() -> Self {
+        Self { are_shown: true, ..Self::default() }
+    }
+
     /// Another style is wanted. First colors that are shown stay until the next ones.
     pub(super) fn restart(&mut self) {
         *self = Self { before: self.before.take(), ..Self::default() };

@@ -112,7 +112,6 @@ impl StyleJob {
     // The first of several changes counts: `elapsed` is what the user has waited for.
     fn want(&mut self) {
         self.wanted.get_or_insert_with(Instant::now);
-        self.first.restart();
     }
 
     /// Whether the style that is wanted is shown.
@@ -154,19 +153,30 @@ pub(super) fn want_changed_styles(mut jobs: Query<ChangedInputs, InputChanged>) 
             jobs.is_unstyling = source.is_none();
         }
         // A strength is no new style: it multiplies the colors that are there.
-        let only_strength = known.is_some_and(|known| {
-            known.strength != source.strength && StyleSource { strength: source.strength, ..known } == *source
+        let only_strength = known.as_ref().is_some_and(|known| {
+            let strength = source.strength;
+            known.strength != strength && StyleSource { strength, ..known.clone() } == *source
         });
         if only_strength && !decoder_changed {
             continue;
         }
+        // Paint in another mix or with other settings is more like the new paint than its palette is.
+        let is_related = known.is_some_and(|known| shares_an_input(&known, &source));
         for job in &mut jobs.of_scene {
+            if !is_related {
+                job.first.restart();
+            }
             // The GPU may have refused the old decoder's weights. The new ones may fit.
             job.gpu_refused &= !decoder_changed;
             job.failure = None;
             job.want();
         }
     }
+}
+
+/// Whether an image, preset or look is part of both sources.
+fn shares_an_input(a: &StyleSource, b: &StyleSource) -> bool {
+    a.styles.iter().any(|a| b.styles.iter().any(|b| a.input == b.input))
 }
 
 /// Wants a new style if an asset that the style names came or changed, or the encoder of its images.
@@ -355,7 +365,7 @@ impl StyleJob {
         match answer {
             Ok(()) => {
                 self.shown = Some(shared);
-                self.first = FirstColors::default();
+                self.first = FirstColors::done();
                 if !self.worn.is_topped_by(&result.colors) {
                     self.worn.put_on(LayerColors::Style(result.colors), transition);
                 }

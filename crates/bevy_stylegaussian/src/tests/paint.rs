@@ -79,6 +79,26 @@ fn the_scene_is_recolored_until_it_is_painted() {
 }
 
 #[test]
+fn paint_stays_until_the_same_painting_is_painted_anew() {
+    let mut app = app_without_rendering();
+    let style = add_painted_style(&mut app);
+    let scene = Scene { decoder: None, ..small_scene(20_000, 1) };
+    let splats = GaussianSplats(add_scene(&mut app, scene));
+    let entity = app.world_mut().spawn((splats, StyleSource::preset(style))).id();
+    let n_changes = |app: &App| app.world().get::<ColorLayers>(entity).map(|layers| layers.generation);
+    until_applied(&mut app);
+    let before = n_changes(&app).unwrap();
+    app.world_mut().get_mut::<StyleSource>(entity).unwrap().content = 0.5;
+    until_applied(&mut app);
+    assert_eq!(n_changes(&app), Some(before + 1), "first colors came in between");
+    // Another painting shows its first colors first.
+    let other = add_painted_style(&mut app);
+    *app.world_mut().get_mut::<StyleSource>(entity).unwrap() = StyleSource::preset(other);
+    until_applied(&mut app);
+    assert_eq!(n_changes(&app), Some(before + 3));
+}
+
+#[test]
 fn a_scene_with_a_decoder_of_its_own_is_decoded() {
     let mut app = app_without_rendering();
     let style = add_painted_style(&mut app);
