@@ -22,7 +22,8 @@
 //!   are those of loading it). [`StyleSource`]
 //!   styles it by images, by [`StyleStatistics`] (`.style.safetensors`), by a baked [`StyleLook`] (`.look.safetensors`), or
 //!   by a mix; change it at any time.
-//!   [`StyleTransition`] fades from one style to the next. [`StyleRefine`] bakes a shown style further in the background, [`StylePrepare`] prepares a loaded scene for the first. [`StyleDecoder`] selects another [`GaussianDecoder`].
+//!   [`StyleTransition`] fades from one style to the next. [`StyleRefine`] bakes a shown style further in the
+//!   background, [`StylePrepare`] prepares a loaded scene for the first. [`StyleDecoder`] selects another [`GaussianDecoder`].
 //!   [`StyleMask`] holds weights that are painted at run time, from a [`SavedMask`] (`.mask.safetensors`) if there is one, and
 //!   [`MaskVisibility`] hides what is painted or crops to it.
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].

@@ -33,8 +33,8 @@ pub struct BakeConfig {
     pub rate: f32,
     /// Start of the bake, 0..1: from the recolored scene (0) to instant paint ([`stylegaussian::paint`]) (1).
     pub paint: f32,
-    /// How strongly things smaller than a stroke are kept as they are at the start, 0 or more: a step of Adam's rate r moves
-    /// their colors back by r times this share of their distance. So steps that all go one way end at most 1 / this away.
+    /// Pull of things smaller than a stroke toward the start, 0 or more: a step of Adam's rate r takes the smallest of them
+    /// back by r times this, of their distance from it. Steps that all go one way then lead at most 1 / this away.
     pub protection: f32,
     /// Share of the new crop in the running statistics, 0..1.
     pub pool: f32,

@@ -15,7 +15,8 @@ use stylegaussian::{
 use super::{transition::StyleTransition, worn::Worn};
 use crate::colors::{ColorSource, LayerColors, StyleColors};
 
-/// Most Gaussians that are recolored at once, without a frame's wait for a thread. They take 3 ms of a core.
+/// Most Gaussians that are recolored at once, without a frame's wait for a thread. They take 3 ms of a
+/// core (AMD EPYC, Zen 4).
 const AT_ONCE: usize = 100_000;
 
 /// Most pixels of a painting from which its palette is found, spread over it.
@@ -36,7 +37,7 @@ pub(super) enum Palette {
     Paint(Arc<Paint>),
 }
 
-/// What the first colors of a style are computed from.
+/// Inputs of a style's first colors.
 pub(super) struct FirstRequest {
     pub(super) scene: Arc<Scene>,
     /// Palettes and their weights, which sum to 1.
@@ -46,8 +47,8 @@ pub(super) struct FirstRequest {
 }
 
 impl FirstRequest {
-    /// The recolored scene `[N]`.
-    fn colors(&self) -> Vec<[f32; 3]> {
+    /// The recolored scene.
+    fn colors(&self) -> Arc<StyleColors> {
         let base = self.scene.base_colors();
         // What pictures show of each Gaussian is not known yet. Opacities tell it well enough for the first seconds.
         let weighted = base.iter().map(|color| Vec3::from(*color)).zip(self.scene.opacities.iter().copied());
@@ -72,35 +73,37 @@ impl FirstRequest {
             });
             (kept + recolored.sum::<Vec3>()).to_array()
         };
-        base.into_iter().map(color).collect()
+        let colors: Arc<[_]> = base.into_iter().map(color).collect();
+        let n = colors.len();
+        StyleColors::new(ColorSource::Rgb(colors), n)
     }
 }
 
-/// The way of a style's first colors.
+/// First colors of the style that is wanted, from the request to the paint that replaces them.
 #[derive(Default)]
 pub(super) struct FirstColors {
-    /// Those that a thread computes, once they were asked for.
-    computed: Option<Arc<OnceLock<Vec<[f32; 3]>>>>,
-    /// Whether they were shown.
-    are_shown: bool,
-    /// What was shown before them, as long as they are.
+    /// The place where they appear, once they were asked for.
+    computed: Option<Arc<OnceLock<Arc<StyleColors>>>>,
+    /// Whether none are to be put on any more: they were, or the style is painted.
+    are_over: bool,
+    /// Colors that were shown before them, as long as they are.
     before: Option<LayerColors>,
 }
 
 impl FirstColors {
-    /// Those of a style that is painted: none are shown until [`Self::restart`].
+    /// The state once the style is painted: none are shown until [`Self::restart`].
     pub(super) fn done() -> Self {
-        Self { are_shown: true, ..Self::default() }
+        Self { are_over: true, ..Self::default() }
     }
 
-    /// Another style is wanted. First colors that are shown stay until the next ones.
+    /// Begins anew for another painting. First colors that are shown stay until the next ones.
     pub(super) fn restart(&mut self) {
         *self = Self { before: self.before.take(), ..Self::default() };
     }
 
     /// Whether there is nothing to ask for any more.
     pub(super) fn are_asked(&self) -> bool {
-        self.computed.is_some() || self.are_shown
+        self.computed.is_some() || self.are_over
     }
 
     /// Whether they are shown, and only captured colors were shown before.
@@ -129,17 +132,16 @@ impl FirstColors {
 
     /// Puts them on if they are there.
     pub(super) fn show(&mut self, worn: &mut Worn, transition: Option<&StyleTransition>) {
-        if !self.are_shown
-            && let Some(colors) = self.computed.as_ref().and_then(|computed| computed.get())
+        if !self.are_over
+            && let Some(colors) = self.computed.as_deref().and_then(OnceLock::get)
         {
-            self.are_shown = true;
+            self.are_over = true;
             self.before.get_or_insert_with(|| worn.top());
-            let source = ColorSource::Rgb(colors.as_slice().into());
-            worn.put_on(LayerColors::Style(StyleColors::new(source, colors.len())), transition);
+            worn.put_on(LayerColors::Style(Arc::clone(colors)), transition);
         }
     }
 
-    /// The style cannot be had: what was shown before comes back.
+    /// Puts back what was shown before, since the style cannot be had.
     pub(super) fn give_up(&mut self, worn: &mut Worn, transition: Option<&StyleTransition>) {
         if let Some(before) = std::mem::take(self).before {
             worn.put_on(before, transition);
@@ -157,24 +159,29 @@ mod tests {
         let scene = Arc::new(small_scene(500, 1));
         let rgb: Vec<f32> =
             (0..300).flat_map(|i| [0.2 + 0.002 * i as f32, 0.3, 0.6 - 0.001 * i as f32]).collect();
-        let palettes = |weight| vec![(Palette::Moments(ColorMoments::of_rgb(&rgb)), weight)];
-        let request = |content| FirstRequest { scene: Arc::clone(&scene), palettes: palettes(1.0), content };
-        let colors = request(0.0).colors();
-        let mean = |channel: usize| colors.iter().map(|color| color[channel]).sum::<f32>() / 500.0;
+        let palettes = || vec![(Palette::Moments(ColorMoments::of_rgb(&rgb)), 1.0)];
+        let colors = |scene: &Arc<Scene>, content| {
+            let request = FirstRequest { scene: Arc::clone(scene), palettes: palettes(), content };
+            let colors = request.colors();
+            let ColorSource::Rgb(colors) = &colors.source else { panic!("first colors are no weights") };
+            colors.to_vec()
+        };
+        let recolored = colors(&scene, 0.0);
+        let mean = |channel: usize| recolored.iter().map(|color| color[channel]).sum::<f32>() / 500.0;
         for (channel, expected) in [0.499, 0.3, 0.4505].into_iter().enumerate() {
             assert!((mean(channel) - expected).abs() < 0.03, "{channel}: {}", mean(channel));
         }
-        assert_eq!(request(1.0).colors(), scene.base_colors());
+        assert_eq!(colors(&scene, 1.0), scene.base_colors());
         let large = Arc::new(small_scene(AT_ONCE, 1));
         let begun = std::time::Instant::now();
-        FirstRequest { scene: large, palettes: palettes(1.0), content: 0.0 }.colors();
+        colors(&large, 0.0);
         eprintln!("first colors of {AT_ONCE} Gaussians: {:?}", begun.elapsed());
     }
 
     /// Updates until first colors are shown.
     fn until_shown(first: &mut FirstColors, worn: &mut Worn) {
         let begun = std::time::Instant::now();
-        while !first.are_shown {
+        while !first.are_over {
             assert!(begun.elapsed().as_secs() < 60, "no first colors");
             first.show(worn, None);
         }

@@ -77,10 +77,8 @@ impl Inputs<'_> {
                 Some(Given::Look { name, look }) => looks.push(WeightedLook { name, look, weight }),
             }
         }
-        // A decoder that somebody trained for this scene, or asks for, is what they want to see.
-        let is_default = decoder.is_none() && scene.asset.decoder().is_none();
         let has_paint = has_styles && styles.iter().all(|(style, _)| style.paint.is_some());
-        let painted = *self.method == StyleMethod::Paint && is_default && has_paint;
+        let painted = self.may_paint(scene, decoder) && has_paint;
         let decoder = match decoder.filter(|_| has_styles) {
             Some(decoder) => match loaded(&self.server, &self.decoders, &decoder.0)? {
                 Some(decoder) => Some(Arc::clone(&decoder.0)),
@@ -103,16 +101,15 @@ impl Inputs<'_> {
         }))
     }
 
-    /// What a style's first colors are computed from. `None` while a palette is missing, if the style is not painted, or if
-    /// it cannot be.
+    /// Inputs of a style's first colors, or `None` while a palette is missing, if the style is not painted, or if it cannot
+    /// be.
     pub(super) fn first_request(
         &self,
         source: &StyleSource,
         scene: &LoadedScene,
         decoder: Option<&StyleDecoder>,
     ) -> Option<FirstRequest> {
-        let is_default = decoder.is_none() && scene.asset.decoder().is_none();
-        if !is_default || *self.method != StyleMethod::Paint || scene.scene().features.is_none() {
+        if !self.may_paint(scene, decoder) || scene.scene().features.is_none() {
             return None;
         }
         let weights: Vec<f64> = source.styles.iter().map(|style| f64::from(style.weight)).collect();
@@ -132,6 +129,13 @@ impl Inputs<'_> {
             palettes,
             content,
         })
+    }
+
+    /// Whether styles that have paint are painted on this scene, and not decoded.
+    fn may_paint(&self, scene: &LoadedScene, decoder: Option<&StyleDecoder>) -> bool {
+        // A decoder that somebody trained for this scene, or asks for, is what they want to see.
+        let is_default = decoder.is_none() && scene.asset.decoder().is_none();
+        is_default && *self.method == StyleMethod::Paint
     }
 
     /// One style of a mix.

@@ -57,7 +57,7 @@ pub(crate) struct StyleJob {
     gpu_refused: bool,
     /// The last failure, until a component of the entity changes. Assets that come later often change nothing about it.
     failure: Option<String>,
-    /// What is shown until the wanted style is painted.
+    /// First colors, which are shown until the wanted style is painted.
     first: FirstColors,
     /// The styles that are shown.
     pub(super) worn: Worn,
@@ -382,6 +382,7 @@ impl StyleJob {
                     // The time goes on: the user has been waiting since the first attempt.
                     self.wanted.get_or_insert(since);
                 } else {
+                    self.first.give_up(&mut self.worn, transition);
                     events.failed(entity, Arc::new(StyleError::Gpu(reason)));
                 }
             }

@@ -23,9 +23,9 @@ pub enum StyleBackend {
 #[reflect(Resource, Clone, Debug, Default, PartialEq)]
 pub enum StyleMethod {
     /// The painting's own strokes, laid on the surfaces of the scene ([`stylegaussian::paint`]). It runs on the CPU in the
-    /// background: a few seconds for 70,000 Gaussians on two cores at a scene's first style, less afterwards. Until then the
-    /// scene is recolored in the style's palette, which takes milliseconds, except under
-    /// [`HiddenUntilStyled`](crate::HiddenUntilStyled). Events are those of the paint.
+    /// background: a few seconds for 70,000 Gaussians on two cores at a scene's first style, less afterwards.
+    /// While another painting is laid on, the scene is shown recolored in its palette, which takes milliseconds, except
+    /// under [`HiddenUntilStyled`](crate::HiddenUntilStyled). Events are those of the paint.
     ///
     /// A scene with a decoder of its own, an entity with a [`StyleDecoder`](crate::StyleDecoder), and presets without paint
     /// are decoded instead.

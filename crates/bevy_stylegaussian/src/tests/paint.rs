@@ -54,14 +54,17 @@ fn a_painting_gives_its_paint_unless_a_decoder_is_wanted() {
     until_failed(&mut app);
 }
 
+/// A painting on so many Gaussians that their surface takes far longer than their first colors.
+fn large(app: &mut App) -> (GaussianSplats, StyleSource) {
+    let style = add_painted_style(app);
+    let scene = Scene { decoder: None, ..small_scene(20_000, 1) };
+    (GaussianSplats(add_scene(app, scene)), StyleSource::preset(style))
+}
+
 #[test]
 fn the_scene_is_recolored_until_it_is_painted() {
     let mut app = app_without_rendering();
-    let style = add_painted_style(&mut app);
-    // So many that the surface takes far longer than their first colors.
-    let scene = Scene { decoder: None, ..small_scene(20_000, 1) };
-    let splats = GaussianSplats(add_scene(&mut app, scene));
-    let source = StyleSource::preset(style);
+    let (splats, source) = large(&mut app);
     let plain = app.world_mut().spawn((splats.clone(), source.clone())).id();
     let hidden = app.world_mut().spawn((splats, source, HiddenUntilStyled)).id();
     let shown = |world: &World, entity| {
@@ -81,10 +84,8 @@ fn the_scene_is_recolored_until_it_is_painted() {
 #[test]
 fn paint_stays_until_the_same_painting_is_painted_anew() {
     let mut app = app_without_rendering();
-    let style = add_painted_style(&mut app);
-    let scene = Scene { decoder: None, ..small_scene(20_000, 1) };
-    let splats = GaussianSplats(add_scene(&mut app, scene));
-    let entity = app.world_mut().spawn((splats, StyleSource::preset(style))).id();
+    let painted = large(&mut app);
+    let entity = app.world_mut().spawn(painted).id();
     let n_changes = |app: &App| app.world().get::<ColorLayers>(entity).map(|layers| layers.generation);
     until_applied(&mut app);
     let before = n_changes(&app).unwrap();
