@@ -33,8 +33,8 @@ use crate::{
 const START: Brush = Brush { paint: 0.5, scene: 1.0, local_color: 0.0, ..Brush::DEFAULT };
 
 /// The power of [`Surface::fine`] by which things smaller than a stroke are protected. The median Gaussian of the
-/// demo scene has 0.41, the largest hundredth 0.86 and more: 0.07 and 0.64 to the third power. At the first power nothing is
-/// painted any more, at the third the meadow is and the fence stays (docs/notes/bake_experiments.md, eighth round).
+/// demo scene has 0.41, the largest hundredth 0.86 and more: 0.07 and 0.64 to the third power. By four times the first power little
+/// was painted any more; by the third the meadow is, and the fence stays (docs/notes/bake_experiments.md, eighth round).
 const FINE_POWER: i32 = 3;
 
 /// The share of the rate at the last step.

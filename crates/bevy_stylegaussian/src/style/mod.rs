@@ -3,8 +3,8 @@
 //! A changed [`StyleSource`], or a changed asset that it names, makes the entity's [`job`] want a new style. The job waits
 //! for the assets and has images encoded ([`images`]); meanwhile it shows [`first`] colors. Then a task, shared by all who
 //! want the same ([`shared`]), folds the style into the decoder's weights and, on the CPU backend, decodes the colors too
-//! ([`request`]). Folded weights are decoded on the GPU by the style pass ([`pass`]). Once the GPU has the colors, the entity puts them on ([`worn`]), by a
-//! [`transition`]. The styles that an entity wears and the [`volume`]s that touch it become its layers ([`compose`]). A shown
+//! ([`request`]). Folded weights are decoded on the GPU by the style pass ([`pass`]). Once the GPU has the colors, the entity
+//! puts them on ([`worn`]), by a [`transition`]. The styles that an entity wears and the [`volume`]s that touch it become its layers ([`compose`]). A shown
 //! style may be baked further ([`refine`]).
 
 use bevy::{
