@@ -37,6 +37,15 @@ const START: Brush = Brush { paint: 0.5, scene: 1.0, local_color: 0.0, ..Brush::
 /// was painted any more; by the third the meadow is, and the fence stays (docs/notes/bake_experiments.md, eighth round).
 const FINE_POWER: i32 = 3;
 
+/// Standard deviations of Gaussians in pixels, seen from their broad sides: those below the first carry strokes, those above the
+/// second do not. On the bonsai half of what is seen lies below 0.7 pixels, and a tenth above 6.4: shadows on cloth, pot and tray.
+const LARGE: [f32; 2] = [6.0, 11.0];
+
+/// How much more than the smallest things the largest Gaussians are protected. Nothing but flat color would come of them: in
+/// the shadows of a capture, which has few and large ones there, all things would be lost (docs/notes/bake_experiments.md, ninth
+/// round).
+const LARGE_WEIGHT: f32 = 10.0;
+
 /// The share of the rate at the last step.
 const LAST_RATE: f32 = 0.3;
 
@@ -53,7 +62,8 @@ pub struct Baker {
     recolored: Vec<f32>,
     /// Those at the start `[N * 3]`.
     start: Vec<f32>,
-    /// How much each Gaussian is kept near its color at the start `[N]`, 0..1.
+    /// How much each Gaussian is kept near its color at the start `[N]`: 0..1 for small things, up to [`LARGE_WEIGHT`] for large
+    /// Gaussians.
     protected: Vec<f32>,
     /// `[N * 3]`.
     colors: Vec<f32>,
@@ -95,7 +105,7 @@ impl Baker {
             for (color, painted) in colors.iter_mut().zip(painted.into_iter().flatten()) {
                 *color += config.paint * (painted - *color);
             }
-            protected = surface.fine().iter().map(|fine| fine.powi(FINE_POWER)).collect();
+            protected = protected_shares(surface.fine(), &scene.broad_sides(), cameras.pixel_size);
         }
         let adam = Adam::new(scene.len());
         let captured: Vec<f32> = captured.into_iter().flatten().collect();
@@ -233,7 +243,7 @@ impl Baker {
         losses
     }
 
-    /// Moves colors of protected Gaussians toward the start, by `share` of the way if they are wholly protected.
+    /// Moves colors of protected Gaussians toward the start, by `share` times their protection of the way.
     fn protect(&mut self, share: f32) {
         let starts = self.start.chunks_exact(3).zip(&self.protected);
         for (color, (start, protected)) in self.colors.chunks_exact_mut(3).zip(starts) {
@@ -303,6 +313,18 @@ impl Baker {
         }
         (losses, grads)
     }
+}
+
+/// How much Gaussians are kept near the start `[N]`, since they belong to things smaller than a stroke (`fine`, 0..1) or are
+/// larger than one. `sides` are their deviations, in units of which a pixel has `pixel_size`.
+fn protected_shares(fine: &[f32], sides: &[f32], pixel_size: f32) -> Vec<f32> {
+    let [low, high] = LARGE;
+    let share = |(fine, side): (&f32, &f32)| {
+        let large = ((side / pixel_size - low) / (high - low)).clamp(0.0, 1.0);
+        // Smooth at both ends.
+        fine.powi(FINE_POWER).max(LARGE_WEIGHT * large * large * (3.0 - 2.0 * large))
+    };
+    fine.iter().zip(sides).map(share).collect()
 }
 
 /// The scene in the paintings' own paint `[N]`, from which a bake starts. Steps add strokes quickly, but take the scene's own

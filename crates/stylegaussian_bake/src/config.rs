@@ -33,8 +33,9 @@ pub struct BakeConfig {
     pub rate: f32,
     /// Start of the bake, 0..1: from the recolored scene (0) to instant paint ([`stylegaussian::paint`]) (1).
     pub paint: f32,
-    /// Pull of things smaller than a stroke toward the start, 0 or more: a step of Adam's rate r takes the smallest of them
-    /// back by r times this, of their distance from it. Steps that all go one way then lead at most 1 / this away.
+    /// Pull of what carries no strokes toward the start, 0 or more: a step of Adam's rate r takes the smallest things
+    /// back by r times this, of their distance from it. Steps that all go one way then lead at most 1 / this away. Gaussians
+    /// that are larger than a stroke are pulled ten times as much.
     pub protection: f32,
     /// Share of the new crop in the running statistics, 0..1.
     pub pool: f32,
@@ -84,7 +85,7 @@ impl BakeConfig {
     /// the scene's own detail may get lost.
     ///
     /// Strength multiplies the rate: every Gaussian then goes so much farther, whatever the number of steps. What is
-    /// kept of the scene's own features, of its large shapes and of its small things falls with it. Below 1 there is also less of instant paint
+    /// kept of the scene's own features, of its large shapes and of what carries no strokes falls with it. Below 1 there is also less of instant paint
     /// at the start.
     pub fn with_strength(self, strength: f32) -> Self {
         let kept = 1.0 / strength.max(0.1);

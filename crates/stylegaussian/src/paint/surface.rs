@@ -85,7 +85,7 @@ impl Surface {
         let smoothed: Vec<Vec<Vec3>> = smoothed.collect();
         let levels: Vec<Vec<Vec3>> = std::iter::once(base).chain(smoothed).collect();
         let fine = fineness(&seeds, &sight.visibility, &levels, moments.deviation_along(LUMINANCE));
-        let footprints = scene.scales.iter().map(|scales| footprint(*scales) / pixel).collect();
+        let footprints = scene.broad_sides().into_iter().map(|side| side / pixel).collect();
         Self {
             seeds,
             pixel,
@@ -145,19 +145,4 @@ pub(super) fn moments(proofs: &Proofs, visibility: &[f32], colors: &[Vec3]) -> C
         true => ColorMoments::of_weighted(colors.iter().copied().zip(visibility.iter().copied())),
         false => ColorMoments::of_weighted(proofs.pixels(colors).into_iter().map(|color| (color, 1.0))),
     }
-}
-
-/// The geometric mean of the two larger scales.
-fn footprint(scales: Vec3) -> f32 {
-    let smallest = scales.min_element();
-    // The product of all over the smallest is that of the other two, and 0 if the smallest is.
-    let [a, b, c] = scales.to_array();
-    let larger = if a == smallest {
-        b * c
-    } else if b == smallest {
-        a * c
-    } else {
-        a * b
-    };
-    larger.max(0.0).sqrt()
 }

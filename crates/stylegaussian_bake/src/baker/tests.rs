@@ -153,6 +153,34 @@ fn small_things_stay_near_the_start() {
     );
 }
 
+/// How far the colors go from the start in 30 steps.
+fn moved(scene: &Scene, protection: f32) -> f32 {
+    let config = BakeConfig { steps: 30, protection, ..CONFIG };
+    let mut baker = Baker::new(config, scene, &cameras(), &[(painting(64, dabs), 1.0)], network()).unwrap();
+    while !baker.is_complete() {
+        baker.step(scene);
+    }
+    let apart = |(color, start): (&f32, &f32)| (color - start).abs();
+    baker.colors.iter().zip(&baker.start).map(apart).sum::<f32>() / baker.colors.len() as f32
+}
+
+#[test]
+fn gaussians_larger_than_a_stroke_stay_near_the_start() {
+    // Deviations of 12 and of 3 pixels.
+    for (n, stays) in [(3, true), (12, false)] {
+        let (held, free) = (moved(&wall(n), 1.0), moved(&wall(n), 0.0));
+        assert!((held < 0.5 * free) == stays, "{n}: {held} of {free}");
+    }
+}
+
+#[test]
+fn what_carries_no_strokes_is_protected() {
+    let found = protected_shares(&[0.0, 0.5, 1.0, 0.5, 0.0], &[0.2, 0.2, 0.2, 1.0, 0.4], 0.05);
+    let middle = found[4];
+    assert_eq!(found[..4], [0.0, 0.125, 1.0, LARGE_WEIGHT]);
+    assert!(middle > 0.0 && middle < LARGE_WEIGHT, "{middle}");
+}
+
 #[test]
 fn an_interruption_changes_no_bit() {
     let (scene, paintings) = (wall(12), [(painting(64, dabs), 1.0)]);
