@@ -351,6 +351,13 @@ mod tests {
     }
 
     #[test]
+    fn the_broad_side_leaves_the_smallest_scale_out() {
+        let scales = [[1.0, 4.0, 9.0], [9.0, 1.0, 4.0], [4.0, 9.0, 1.0], [2.0, 0.0, 8.0], [0.0, 0.0, 8.0]];
+        let scene = Scene { scales: scales.map(Vec3::from).to_vec(), ..Default::default() };
+        assert_eq!(scene.broad_sides(), [6.0, 6.0, 6.0, 4.0, 0.0]);
+    }
+
+    #[test]
     fn sorting_moves_everything_along() {
         let mut scene = line();
         scene.validate().unwrap();
