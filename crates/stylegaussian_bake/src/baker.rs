@@ -105,7 +105,7 @@ impl Baker {
             for (color, painted) in colors.iter_mut().zip(painted.into_iter().flatten()) {
                 *color += config.paint * (painted - *color);
             }
-            protected = protected_shares(surface.fine(), &scene.broad_sides(), cameras.pixel_size);
+            protected = protections(surface.fine(), &scene.broad_sides(), cameras.pixel_size);
         }
         let adam = Adam::new(scene.len());
         let captured: Vec<f32> = captured.into_iter().flatten().collect();
@@ -317,7 +317,7 @@ impl Baker {
 
 /// How much Gaussians are kept near the start `[N]`, since they belong to things smaller than a stroke (`fine`, 0..1) or are
 /// larger than one. `sides` are their deviations, in units of which a pixel has `pixel_size`.
-fn protected_shares(fine: &[f32], sides: &[f32], pixel_size: f32) -> Vec<f32> {
+fn protections(fine: &[f32], sides: &[f32], pixel_size: f32) -> Vec<f32> {
     let [low, high] = LARGE;
     let share = |(fine, side): (&f32, &f32)| {
         let large = ((side / pixel_size - low) / (high - low)).clamp(0.0, 1.0);

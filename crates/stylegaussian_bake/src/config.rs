@@ -85,8 +85,8 @@ impl BakeConfig {
     /// the scene's own detail may get lost.
     ///
     /// Strength multiplies the rate: every Gaussian then goes so much farther, whatever the number of steps. What is
-    /// kept of the scene's own features, of its large shapes and of what carries no strokes falls with it. Below 1 there is also less of instant paint
-    /// at the start.
+    /// kept of the scene's own features, of its large shapes and of what carries no strokes falls with it. Below 1 there is also
+    /// less of instant paint at the start.
     pub fn with_strength(self, strength: f32) -> Self {
         let kept = 1.0 / strength.max(0.1);
         let LossWeights { content, shapes, .. } = self.weights;

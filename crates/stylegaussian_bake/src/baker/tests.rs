@@ -123,59 +123,49 @@ fn losses_fall() {
     }
 }
 
+/// How far each Gaussian's color goes from the start in 30 steps `[N]`.
+fn moved(scene: &Scene, protection: f32) -> Vec<f32> {
+    let config = BakeConfig { steps: 30, protection, ..CONFIG };
+    let mut baker = Baker::new(config, scene, &cameras(), &[(painting(64, dabs), 1.0)], network()).unwrap();
+    while !baker.is_complete() {
+        baker.step(scene);
+    }
+    let pairs = baker.colors.chunks_exact(3).zip(baker.start.chunks_exact(3));
+    pairs.map(|(color, start)| color.iter().zip(start).map(|(a, b)| (a - b).abs()).sum()).collect()
+}
+
 #[test]
 fn small_things_stay_near_the_start() {
     // Bright and dark stripes of a Gaussian each on the right, which are small things; a plain wall on the left.
     let mut scene = wall(48);
     let stripes = |i: usize| if i % 48 < 24 { [0.5; 3] } else { [0.1 + 0.8 * (i % 2) as f32; 3] };
     scene.set_colors(&(0..48 * 48).map(stripes).collect::<Vec<_>>());
-    let moved = |protection: f32| {
-        let config = BakeConfig { steps: 30, protection, ..CONFIG };
-        let paintings = [(painting(64, dabs), 1.0)];
-        let mut baker = Baker::new(config, &scene, &cameras(), &paintings, network()).unwrap();
-        while !baker.is_complete() {
-            baker.step(&scene);
-        }
+    let halves = |protection: f32| {
+        let moved = moved(&scene, protection);
         // Away from the border between the two.
-        let of = |columns: std::ops::Range<usize>| {
-            let of_column = (0..48 * 48).filter(|i| columns.contains(&(i % 48)));
-            let distance = |i: usize| {
-                (0..3).map(|c| (baker.colors[3 * i + c] - baker.start[3 * i + c]).abs()).sum::<f32>()
-            };
-            of_column.map(distance).sum::<f32>()
-        };
-        [of(4..16), of(32..44)]
+        [4..16, 32..44].map(|columns| {
+            (0..48 * 48).filter(|i| columns.contains(&(i % 48))).map(|i| moved[i]).sum::<f32>()
+        })
     };
-    let ([plain, small], [plain_free, small_free]) = (moved(8.0), moved(0.0));
+    let ([plain, small], [plain_free, small_free]) = (halves(8.0), halves(0.0));
     assert!(
         small < 0.6 * small_free && plain > 0.8 * plain_free,
         "{small} {small_free} {plain} {plain_free}"
     );
 }
 
-/// How far the colors go from the start in 30 steps.
-fn moved(scene: &Scene, protection: f32) -> f32 {
-    let config = BakeConfig { steps: 30, protection, ..CONFIG };
-    let mut baker = Baker::new(config, scene, &cameras(), &[(painting(64, dabs), 1.0)], network()).unwrap();
-    while !baker.is_complete() {
-        baker.step(scene);
-    }
-    let apart = |(color, start): (&f32, &f32)| (color - start).abs();
-    baker.colors.iter().zip(&baker.start).map(apart).sum::<f32>() / baker.colors.len() as f32
-}
-
 #[test]
 fn gaussians_larger_than_a_stroke_stay_near_the_start() {
     // Deviations of 12 and of 3 pixels.
     for (n, stays) in [(3, true), (12, false)] {
-        let (held, free) = (moved(&wall(n), 1.0), moved(&wall(n), 0.0));
+        let [held, free] = [1.0, 0.0].map(|protection| moved(&wall(n), protection).iter().sum::<f32>());
         assert!((held < 0.5 * free) == stays, "{n}: {held} of {free}");
     }
 }
 
 #[test]
 fn what_carries_no_strokes_is_protected() {
-    let found = protected_shares(&[0.0, 0.5, 1.0, 0.5, 0.0], &[0.2, 0.2, 0.2, 1.0, 0.4], 0.05);
+    let found = protections(&[0.0, 0.5, 1.0, 0.5, 0.0], &[0.2, 0.2, 0.2, 1.0, 0.4], 0.05);
     let middle = found[4];
     assert_eq!(found[..4], [0.0, 0.125, 1.0, LARGE_WEIGHT]);
     assert!(middle > 0.0 && middle < LARGE_WEIGHT, "{middle}");
