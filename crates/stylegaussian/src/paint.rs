@@ -16,8 +16,8 @@
 //! 5. Pictures of the painted scene from eight sides (*sheets*) are painted over with the painting's own patches that
 //!    resemble them. Each Gaussian reads the detail of its sheet in place of the painting's, and step 4 is done once more.
 //!
-//! A painting is read at 1 pixel of it to 1 pixel of a picture of 512 pixels, seen from a little farther away than from
-//! where the whole scene fills it.
+//! A painting is read at 1 pixel of it to 1 pixel of a picture of 512 pixels that shows the whole scene, or of 394 pixels from
+//! the middle ones of its capture's cameras.
 //!
 //! The stages, one module each: `sight` (how large and how visible Gaussians are), `frames` (normals and directions),
 //! `seeds`, `smooth` (the scene without its detail), `surface` (all that depends on the scene alone), `painting` (what a

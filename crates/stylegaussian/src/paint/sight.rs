@@ -11,15 +11,17 @@ const N_VIEWS: usize = 8;
 /// Longer side of those views, in pixels. Small, since only sums over pixels count.
 const VIEW_SIDE: u32 = 128;
 
-/// Side of a picture of the whole scene in which strokes are as large as in the painting, in pixels. Paintings have 512.
-/// People take pictures from a third farther away than from where the scene just fills them.
-const PICTURE_SIDE: f32 = 394.0;
+/// Longer sides of pictures in which strokes are as large as in the painting, in pixels. Paintings have 512, and so have
+/// pictures from chosen views. From a capture's cameras strokes are 1.3 times as large: where many Gaussians share a pixel, finer
+/// ones turn gray (docs/notes/paint_experiments.md).
+const CHOSEN_SIDE: f32 = 512.0;
+const CAPTURED_SIDE: f32 = 394.0;
 
 /// Proofs: three sides of a scene. Of chosen views they are those that are farthest away, since strokes are meant for pictures of the
 /// whole scene, and not for a closer look. Of a capture's cameras they are the middle ones: it was looked at from there.
 const N_PROOFS: usize = 3;
 
-/// Sizes of a proof, in pixels: enough to see, and not more than fit in some 30 MB.
+/// Sizes of a proof, in pixels: enough to see, and no more to compute than needed.
 const PROOF_SIDE: (f32, f32) = (64.0, 512.0);
 
 /// Sizes of a sheet, in pixels. From near, a scene would fill more than are kept.
@@ -44,6 +46,7 @@ impl Sight {
     /// enlarges pixels of the painting.
     pub fn of(scene: &Scene, stroke_scale: f32) -> Self {
         let cameras = usual_views(scene);
+        let picture_side = if scene.cameras.is_empty() { CHOSEN_SIDE } else { CAPTURED_SIDE };
         let mut visibility = vec![0.0; scene.len()];
         let mut views = Vec::new();
         for camera in &cameras {
@@ -54,7 +57,7 @@ impl Sight {
                 if pixels > 0.0 {
                     visibility[i] += pixels;
                     let z = camera.view_from_world.transform_point3(scene.means[i]).z;
-                    let focal = camera.focal.x * PICTURE_SIDE / VIEW_SIDE as f32;
+                    let focal = camera.focal.x * picture_side / VIEW_SIDE as f32;
                     sizes.push((z / focal, pixels));
                 }
             }
@@ -69,11 +72,11 @@ impl Sight {
         }
         views.truncate(N_PROOFS);
         let pixel = views.get(views.len() / 2).map_or_else(|| pixel_of_extent(scene), |(pixel, _)| *pixel);
-        let side = (PICTURE_SIDE / stroke_scale).clamp(PROOF_SIDE.0, PROOF_SIDE.1);
+        let side = (picture_side / stroke_scale).clamp(PROOF_SIDE.0, PROOF_SIDE.1);
         let proofs: Vec<Camera> = views.iter().map(|(_, camera)| camera.fitted(side as u32)).collect();
         let pixel = pixel * stroke_scale;
         let sheets = Sheets::new(seen.into_iter().map(|(size, camera)| {
-            let side = (PICTURE_SIDE * size / pixel).clamp(SHEET_SIDE.0, SHEET_SIDE.1);
+            let side = (picture_side * size / pixel).clamp(SHEET_SIDE.0, SHEET_SIDE.1);
             blend_weights(scene, &camera.fitted(side as u32))
         }));
         Self { visibility, pixel, proofs: Proofs::new(scene, &proofs), sheets, up }
@@ -110,7 +113,7 @@ fn weighted_median(values: &mut [(f32, f32)]) -> Option<f32> {
 fn pixel_of_extent(scene: &Scene) -> f32 {
     let extent = scene.bounds().map_or(0.0, |(min, max)| (max - min).max_element());
     // A scene of one point has no extent. Any size does, as long as it is above 0.
-    if extent > 0.0 { extent / PICTURE_SIDE } else { 1.0 / PICTURE_SIDE }
+    if extent > 0.0 { extent / CHOSEN_SIDE } else { 1.0 / CHOSEN_SIDE }
 }
 
 #[cfg(test)]
@@ -135,9 +138,31 @@ mod tests {
             cameras: [5.0, 40.0, 10.0, 2.0, 20.0].map(camera).to_vec(),
             ..Scene::default()
         };
-        let focal = camera(1.0).fitted(PICTURE_SIDE as u32).focal.x;
+        let focal = camera(1.0).fitted(CAPTURED_SIDE as u32).focal.x;
         let found = Sight::of(&scene, 1.0).pixel;
         assert!((found / (10.0 / focal) - 1.0).abs() < 1e-2, "{found}, expected {}", 10.0 / focal);
+    }
+
+    /// A pixel of the painting is a pixel of a picture of 512 pixels from the second of the chosen views, the farthest first.
+    #[test]
+    fn strokes_are_for_pictures_of_the_whole_scene() {
+        let scene = Scene {
+            means: vec![Vec3::new(0.5, -1.0, 2.0)],
+            rotations: vec![glam::Quat::IDENTITY],
+            scales: vec![Vec3::splat(0.3)],
+            opacities: vec![0.9],
+            order: vec![0],
+            n_source: 1,
+            ..Scene::default()
+        };
+        let pixel = |camera: Camera| {
+            camera.view_from_world.transform_point3(scene.means[0]).z / camera.fitted(512).focal.x
+        };
+        let mut pixels: Vec<f32> =
+            choose_views(&scene, N_VIEWS, UVec2::splat(VIEW_SIDE)).into_iter().map(pixel).collect();
+        pixels.sort_by(|a, b| b.total_cmp(a));
+        let found = Sight::of(&scene, 1.0).pixel;
+        assert!((found / pixels[1] - 1.0).abs() < 1e-2, "{found}, expected {}", pixels[1]);
     }
 
     #[test]
