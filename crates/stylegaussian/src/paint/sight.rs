@@ -12,8 +12,8 @@ const N_VIEWS: usize = 8;
 const VIEW_SIDE: u32 = 128;
 
 /// Longer sides of pictures in which strokes are as large as in the painting, in pixels. Paintings have 512, and so have
-/// pictures from chosen views. From a capture's cameras strokes are 1.3 times as large: where many Gaussians share a pixel, finer
-/// ones turn gray (docs/notes/paint_experiments.md).
+/// pictures from chosen views. From a capture's cameras strokes are 1.3 times as large: finer ones turned a woodcut gray on the
+/// bonsai (docs/notes/paint_experiments.md).
 const CHOSEN_SIDE: f32 = 512.0;
 const CAPTURED_SIDE: f32 = 394.0;
 
@@ -21,7 +21,7 @@ const CAPTURED_SIDE: f32 = 394.0;
 /// whole scene, and not for a closer look. Of a capture's cameras they are the middle ones: it was looked at from there.
 const N_PROOFS: usize = 3;
 
-/// Sizes of a proof, in pixels: enough to see, and no more to compute than needed.
+/// Sizes of a proof, in pixels. The time of a change of style grows with its area.
 const PROOF_SIDE: (f32, f32) = (64.0, 512.0);
 
 /// Sizes of a sheet, in pixels. From near, a scene would fill more than are kept.
