@@ -1,7 +1,5 @@
 //! The colors of a painting, to which pictures are kept.
 
-use std::num::NonZero;
-
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
@@ -59,11 +57,10 @@ impl Palette {
         let nearest = |i: usize| {
             let middle =
                 [i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE].map(|i| (i as f64 + 0.5) / SIDE as f64);
-            let found = tree.as_ref().map(|tree| {
-                tree.query(&middle).nearest_n::<SquaredEuclidean<f64>>(NonZero::<usize>::MIN).execute()
-            });
-            let found = found.and_then(|found| found.into_iter().next());
-            found.map_or(middle.map(|value| value as f32), |found| colors[found.item as usize])
+            tree.as_ref().map_or(middle.map(|value| value as f32), |tree| {
+                let found = tree.query(&middle).nearest_one::<SquaredEuclidean<f64>>().execute();
+                colors[found.item as usize]
+            })
         };
         let nearest = (0..SIDE * SIDE * SIDE).into_par_iter().map(nearest).collect();
         Self { nearest }

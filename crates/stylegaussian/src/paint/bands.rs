@@ -7,27 +7,52 @@ pub(super) const N_BANDS: usize = 6;
 
 /// The pixels of a picture that count, and what splitting it needs.
 pub(super) struct Mask {
+    /// Size of the part that holds all that count.
     size: [usize; 2],
-    /// Positions of the pixels that count, in the picture.
-    pub covered: Vec<u32>,
-    /// The mask `[H * W]`, blurred as each band is.
+    /// Positions of the pixels that count, in that part.
+    covered: Vec<u32>,
+    /// The mask, blurred as each band is.
     shares: Vec<Vec<f32>>,
 }
 
 impl Mask {
     /// Those pixels of a picture of `size` (width and height) for which `counts` `[H * W]` holds.
     pub fn new(counts: &[bool], size: [usize; 2]) -> Self {
+        let (mut min, mut end) = (size, [0, 0]);
+        for (i, _) in counts.iter().enumerate().filter(|(_, counts)| **counts) {
+            let at = [i % size[0], i / size[0]];
+            min = [min[0].min(at[0]), min[1].min(at[1])];
+            end = [end[0].max(at[0] + 1), end[1].max(at[1] + 1)];
+        }
+        let size_of = |axis: usize| end[axis].saturating_sub(min[axis]);
+        let part = [size_of(0), size_of(1)];
+        let rows = (min[1]..end[1]).map(|y| &counts[y * size[0]..][min[0]..min[0] + part[0]]);
+        let counts: Vec<bool> = rows.flatten().copied().collect();
         let mut shares: Vec<Vec<f32>> =
             vec![counts.iter().map(|counts| f32::from(u8::from(*counts))).collect()];
         for level in 0..N_BANDS - 1 {
-            shares.push(blurred(&shares[level], size, 1 << level));
+            shares.push(blurred(&shares[level], part, 1 << level));
         }
         let covered = (0..counts.len() as u32).filter(|&i| counts[i as usize]).collect();
-        Self { size, covered, shares }
+        Self { size: part, covered, shares }
     }
 
-    /// Bands of a picture's `values` at the covered pixels `[M]`, each `[M]`. They sum to the values without their mean.
-    pub fn bands(&self, values: &[f32]) -> [Vec<f32>; N_BANDS] {
+    /// All pixels of a picture of `size`.
+    fn whole(size: [usize; 2]) -> Self {
+        let n = size[0] * size[1];
+        let steps: [usize; N_BANDS - 1] = std::array::from_fn(|level| 1 << level);
+        let shares = (0..N_BANDS).map(|level| whole_blurred(size, &steps[..level]));
+        Self { size, covered: (0..n as u32).collect(), shares: shares.collect() }
+    }
+
+    /// The number of pixels that count, M.
+    pub fn n_covered(&self) -> usize {
+        self.covered.len()
+    }
+
+    /// The B finest bands of a picture's `values` at the covered pixels `[M]`, each `[M]`. All of them sum to the values without
+    /// their mean.
+    pub fn bands<const B: usize>(&self, values: &[f32]) -> [Vec<f32>; B] {
         let n = self.covered.len().max(1) as f64;
         let mean = (values.iter().map(|value| f64::from(*value)).sum::<f64>() / n) as f32;
         let mut picture = vec![0.0; self.size[0] * self.size[1]];
@@ -42,37 +67,53 @@ impl Mask {
             let share = &self.shares[band + 1];
             let coarser: Vec<f32> =
                 self.covered.iter().map(|&i| picture[i as usize] / share[i as usize].max(1e-3)).collect();
-            let detail = finer.iter().zip(&coarser).map(|(finer, coarser)| finer - coarser).collect();
-            finer = coarser;
-            detail
+            finer.iter_mut().zip(&coarser).for_each(|(finer, coarser)| *finer -= coarser);
+            std::mem::replace(&mut finer, coarser)
         })
     }
 }
 
 /// The share of variance that each band of a picture `[H * W]` holds. They are all 0 if it has a single value.
 pub(super) fn spectrum(picture: &[f32], size: [usize; 2]) -> [f64; N_BANDS] {
-    let bands = Mask::new(&vec![true; picture.len()], size).bands(picture);
-    let energies = bands.map(|band| dot(&band, &band));
+    let energies = Mask::whole(size).bands(picture).map(|band: Vec<f32>| dot(&band, &band));
     let total: f64 = energies.iter().sum();
     energies.map(|energy| if total > 1e-6 * picture.len() as f64 { energy / total } else { 0.0 })
 }
 
 /// The deviation of a picture's three finest bands around each pixel `[H * W]`, from the finest.
 pub(super) fn energies(picture: &[f32], size: [usize; 2]) -> [Vec<f32>; 3] {
-    let [a, b, c, ..] = Mask::new(&vec![true; picture.len()], size).bands(picture);
-    let squares = [a, b, c].map(|band| band.iter().map(|value| value * value).collect());
+    let mut squares: [Vec<f32>; 3] = Mask::whole(size).bands(picture);
+    squares.iter_mut().flatten().for_each(|value| *value *= *value);
     // Twice a deviation of 4 pixels is one of 5.7.
-    let around = softened(squares, size, &[4, 4]);
-    around.map(|square| square.into_iter().map(f32::sqrt).collect())
+    let mut around = softened(squares, size, &[4, 4]);
+    around.iter_mut().flatten().for_each(|square| *square = square.sqrt());
+    around
 }
 
 /// Pictures blurred one after another by deviations of `steps` pixels. Beyond their edges is nothing that they could mix with.
 pub(super) fn softened(pictures: [Vec<f32>; 3], size: [usize; 2], steps: &[usize]) -> [Vec<f32>; 3] {
-    let soft = |values: Vec<f32>| steps.iter().fold(values, |values, &step| blurred(&values, size, step));
-    let share = soft(vec![1.0; pictures[0].len()]);
+    let share = whole_blurred(size, steps);
     pictures.map(|picture| {
-        soft(picture).iter().zip(&share).map(|(value, share)| value / share.max(1e-3)).collect()
+        let mut soft = steps.iter().fold(picture, |values, &step| blurred(&values, size, step));
+        soft.iter_mut().zip(&share).for_each(|(value, share)| *value /= share.max(1e-3));
+        soft
     })
+}
+
+/// A picture of ones `[H * W]`, blurred one after another by `steps`.
+fn whole_blurred([width, height]: [usize; 2], steps: &[usize]) -> Vec<f32> {
+    // Each axis by itself.
+    let side = |n: usize| {
+        steps.iter().fold(vec![1.0; n], |values: Vec<f32>, &step| {
+            let mut wide = vec![0.0; n + 4 * step];
+            wide[2 * step..2 * step + n].copy_from_slice(&values);
+            let mut out = values;
+            weighted(&mut out, std::array::from_fn(|tap| &wide[tap * step..]));
+            out
+        })
+    };
+    let (along, down) = (side(width), side(height));
+    down.iter().flat_map(|y| along.iter().map(move |x| x * y)).collect()
 }
 
 /// The scalar product, in f64.
@@ -85,34 +126,27 @@ pub(super) fn dot(a: &[f32], b: &[f32]) -> f64 {
 /// A picture blurred by the weights 1, 4, 6, 4, 1 (over 16), `step` pixels apart: a deviation of `step` pixels. Beyond
 /// its edges it is 0.
 fn blurred(picture: &[f32], [width, height]: [usize; 2], step: usize) -> Vec<f32> {
-    const WEIGHTS: [f32; 3] = [0.375, 0.25, 0.0625];
-    let add = |sum: &mut [f32], values: &[f32], weight: f32| {
-        sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
-    };
-    let mut rows = vec![0.0; picture.len()];
-    rows.par_chunks_mut(width.max(1)).zip(picture.par_chunks(width.max(1))).for_each(|(sum, row)| {
-        add(sum, row, WEIGHTS[0]);
-        for (taps, weight) in [(step, WEIGHTS[1]), (2 * step, WEIGHTS[2])] {
-            if taps < width {
-                add(&mut sum[taps..], &row[..width - taps], weight);
-                add(&mut sum[..width - taps], &row[taps..], weight);
-            }
-        }
-    });
     let mut both = vec![0.0; picture.len()];
-    both.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, sum)| {
-        let row = |y: usize| &rows[y * width..(y + 1) * width];
-        add(sum, row(y), WEIGHTS[0]);
-        for (taps, weight) in [(step, WEIGHTS[1]), (2 * step, WEIGHTS[2])] {
-            if y >= taps {
-                add(sum, row(y - taps), weight);
-            }
-            if y + taps < height {
-                add(sum, row(y + taps), weight);
-            }
-        }
+    let nothing = vec![0.0; width];
+    let row = |y: usize| picture.get(y * width..(y + 1) * width).unwrap_or(&nothing);
+    // A row blurred across rows, with zeros on both sides, in which it is then blurred along itself.
+    let wide = || vec![0.0; width + 4 * step];
+    both.par_chunks_mut(width.max(1)).enumerate().for_each_init(wide, |wide, (y, out)| {
+        // Rows above the picture wrap around to where there is none.
+        let rows = std::array::from_fn(|tap| row((y + tap * step).wrapping_sub(2 * step).min(height)));
+        weighted(&mut wide[2 * step..2 * step + width], rows);
+        weighted(out, std::array::from_fn(|tap| &wide[tap * step..]));
     });
     both
+}
+
+/// The sums of five values by the weights 1, 4, 6, 4, 1 (over 16).
+fn weighted(sums: &mut [f32], values: [&[f32]; 5]) {
+    let n = sums.len();
+    let [a, b, c, d, e] = values.map(|values| &values[..n]);
+    for i in 0..n {
+        sums[i] = 0.375 * c[i] + 0.25 * (b[i] + d[i]) + 0.0625 * (a[i] + e[i]);
+    }
 }
 
 #[cfg(test)]
@@ -127,8 +161,9 @@ mod tests {
         };
         let counts: Vec<bool> = (0..size[0] * size[1]).map(|i| i % 64 < 50).collect();
         let mask = Mask::new(&counts, size);
-        let values: Vec<f32> = mask.covered.iter().map(|&i| stripes(3)[i as usize]).collect();
-        let bands = mask.bands(&values);
+        let values: Vec<f32> =
+            stripes(3).into_iter().zip(&counts).filter(|(_, c)| **c).map(|(v, _)| v).collect();
+        let bands: [_; N_BANDS] = mask.bands(&values);
         let mean = values.iter().sum::<f32>() / values.len() as f32;
         for (i, value) in values.iter().enumerate() {
             let sum: f32 = bands.iter().map(|band| band[i]).sum();
@@ -141,11 +176,21 @@ mod tests {
     }
 
     #[test]
+    fn a_mask_of_all_pixels_is_the_whole() {
+        let size = [37, 21];
+        let (all, whole) = (Mask::new(&vec![true; 37 * 21], size), Mask::whole(size));
+        assert_eq!((all.size, &all.covered), (whole.size, &whole.covered));
+        for (a, b) in all.shares.iter().flatten().zip(whole.shares.iter().flatten()) {
+            assert!((a - b).abs() < 1e-5, "{a} and {b}");
+        }
+    }
+
+    #[test]
     fn what_is_beside_the_scene_makes_no_edge() {
         let size = [32, 32];
         let counts: Vec<bool> = (0..1024).map(|i| i % 32 < 16).collect();
         let mask = Mask::new(&counts, size);
-        let bands = mask.bands(&vec![0.7; mask.covered.len()]);
+        let bands: [_; N_BANDS] = mask.bands(&vec![0.7; mask.n_covered()]);
         assert!(bands.iter().flatten().all(|value| value.abs() < 1e-5));
     }
 }

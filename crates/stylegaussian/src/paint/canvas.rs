@@ -3,21 +3,22 @@
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::painting::{PLACE, Paint};
+use super::{
+    painting::{PLACE, Paint},
+    tone::Tones,
+};
 use crate::palette::{LUMINANCE, Palette};
 
 /// Standard deviations of the blurred copies, in pixels. The first is the painting itself. The copies serve Gaussians of
-/// all sizes: one that is larger than a stroke gets the stroke's mean color, and not that of one pixel of it.
-const BLURS: [f32; 5] = [0.0, 1.0, 2.0, 4.0, 8.0];
+/// all sizes: one that is larger than a stroke gets the stroke's mean color, and not that of one pixel of it. The last is the
+/// painting's color as opposed to its detail: strokes are detail.
+const BLURS: [f32; N_DETAILS + 1] = [0.0, 1.0, 2.0, 4.0, 8.0, 24.0];
 
-/// Standard deviation of the painting's color as opposed to its detail, in pixels: strokes are detail.
-const LOW: f32 = 24.0;
+/// Sides of the copies, as shares of the painting's. A deviation has at least two pixels, so little is lost.
+const SHRUNK: [f32; N_DETAILS + 1] = [1.0, 1.0, 1.0, 0.5, 0.25, 0.125];
 
-/// Pixels of the painting to one of its color, each way. Nothing is lost after so wide a blur.
-const LOW_STEP: usize = 4;
-
-/// Bands of a painting's detail: between one copy and the next, and between the last and the painting's color.
-pub(super) const N_DETAILS: usize = BLURS.len();
+/// Bands of a painting's detail: between one copy and the next.
+pub(super) const N_DETAILS: usize = 5;
 
 /// Share of a Gaussian's deviation at which it reads. The whole of it would blur twice: drawing does too.
 const SHARPNESS: f32 = 0.2;
@@ -39,16 +40,14 @@ struct Picture {
 pub(super) type Reading = (Vec3, [Vec3; N_DETAILS]);
 
 /// A picture and blurred copies of it.
-pub(super) struct Copies {
-    copies: Vec<Picture>,
-    /// The picture's color: every [`LOW_STEP`]th pixel.
-    low: Picture,
-}
+pub(super) struct Copies(Vec<Picture>);
 
 /// A painting prepared for reading.
 pub(super) struct Canvas {
     /// The painting's colors.
     pub palette: Palette,
+    /// How its luminance is distributed.
+    pub tones: Tones,
     copies: Copies,
     /// Columns and rows of places.
     pub n_places: (usize, usize),
@@ -63,17 +62,16 @@ impl Canvas {
         let copies = Copies::new(paint.colors(), [paint.width, paint.height]);
         let rgb: Vec<f32> = paint.pixels.iter().map(|byte| f32::from(*byte) / 255.0).collect();
         let palette = Palette::new(&rgb, 1 + rgb.len() / 3 / RARE);
-        let tensors = copies.copies[1].structure().blurred(PLACE as f32);
+        // A pixel for each place, blurred by a place's side.
+        let tensors = (0..PLACE.ilog2()).fold(copies.0[1].structure(), |tensors, _| tensors.halved());
+        let tensors = tensors.blurred(1.0);
         let n_places = paint.n_places();
-        let at_place = |picture: &Picture, place: usize| {
-            let (x, y) = (place % n_places.0, place / n_places.0);
-            picture.pixel((x * PLACE + PLACE / 2) as isize, (y * PLACE + PLACE / 2) as isize)
-        };
         let places = 0..n_places.0 * n_places.1;
         let mut canvas = Self {
             palette,
+            tones: Tones::new(copies.luminance()),
             place_colors: Vec::new(),
-            strokes: places.clone().map(|place| stroke(at_place(&tensors, place))).collect(),
+            strokes: tensors.values.into_iter().map(stroke).collect(),
             n_places,
             copies,
         };
@@ -84,12 +82,12 @@ impl Canvas {
 
     /// Luminance of each pixel.
     pub fn luminance(&self) -> Vec<f32> {
-        self.copies.copies[0].values.iter().map(|color| color.dot(LUMINANCE)).collect()
+        self.copies.luminance()
     }
 
     /// Size in pixels.
     pub fn size(&self) -> Vec2 {
-        let Picture { width, height, .. } = self.copies.copies[0];
+        let Picture { width, height, .. } = self.copies.0[0];
         Vec2::new(width as f32, height as f32)
     }
 
@@ -116,32 +114,49 @@ impl Copies {
     /// Blurs a picture `[H * W]` of `size` (width and height).
     pub fn new(values: Vec<Vec3>, [width, height]: [usize; 2]) -> Self {
         let mut copies = vec![Picture { width, height, values }];
-        for pair in BLURS.windows(2) {
+        for (blurs, shrunk) in BLURS.windows(2).zip(SHRUNK.windows(2)) {
+            let last = &copies[copies.len() - 1];
             // Variances add up, so each copy is made from the one before it by a smaller blur.
-            let next = copies[copies.len() - 1].blurred((pair[1] * pair[1] - pair[0] * pair[0]).sqrt());
-            copies.push(next);
+            let mut variance = blurs[1] * blurs[1] - blurs[0] * blurs[0];
+            let halved = (shrunk[1] < shrunk[0]).then(|| last.halved());
+            if halved.is_some() {
+                // The mean of two pixels is a blur as well: -0.5 and 0.5 have a variance of 0.25.
+                variance -= 0.25 / (shrunk[0] * shrunk[0]);
+            }
+            copies.push(halved.as_ref().unwrap_or(last).blurred(shrunk[1] * variance.sqrt()));
         }
-        let low =
-            copies[4].thinned(LOW_STEP).blurred((LOW * LOW - BLURS[4] * BLURS[4]).sqrt() / LOW_STEP as f32);
-        Self { copies, low }
+        Self(copies)
+    }
+
+    /// Luminance of each pixel of the picture.
+    fn luminance(&self) -> Vec<f32> {
+        self.0[0].values.iter().map(|color| color.dot(LUMINANCE)).collect()
     }
 
     /// The picture at `at`, in pixels from its corner, for a Gaussian of standard deviation `sigma` pixels. Beyond its
     /// edges the picture is mirrored.
     pub fn read(&self, at: Vec2, sigma: f32) -> Reading {
-        let low = self.low.sample(at / LOW_STEP as f32);
-        let copies = BLURS.map(|blur| self.blurred(at, blur.max(SHARPNESS * sigma)));
-        (low, std::array::from_fn(|band| copies[band] - copies.get(band + 1).unwrap_or(&low)))
+        let at_least = SHARPNESS * sigma;
+        let mut copies = [self.sample(N_DETAILS, at); N_DETAILS + 1];
+        for (i, (copy, blur)) in copies[..N_DETAILS].iter_mut().zip(BLURS).enumerate() {
+            *copy = if at_least <= blur { self.sample(i, at) } else { self.blurred(at, at_least) };
+        }
+        (copies[N_DETAILS], std::array::from_fn(|band| copies[band] - copies[band + 1]))
+    }
+
+    /// A copy at `at`, in pixels of the picture.
+    fn sample(&self, copy: usize, at: Vec2) -> Vec3 {
+        self.0[copy].sample(SHRUNK[copy] * at)
     }
 
     /// The picture at `at`, blurred by `sigma` pixels.
     fn blurred(&self, at: Vec2, sigma: f32) -> Vec3 {
         // Copies double their blur from 1 on, and there is one without.
-        let level = if sigma < 0.5 { 0.0 } else { (sigma.log2() + 1.0).clamp(0.0, (BLURS.len() - 1) as f32) };
-        let sharper = (level as usize).min(BLURS.len() - 2);
+        let level = if sigma < 0.5 { 0.0 } else { (sigma.log2() + 1.0).clamp(0.0, (N_DETAILS - 1) as f32) };
+        let sharper = (level as usize).min(N_DETAILS - 2);
         let between = level - sharper as f32;
-        let sharp = self.copies[sharper].sample(at);
-        if between > 0.0 { sharp.lerp(self.copies[sharper + 1].sample(at), between) } else { sharp }
+        let sharp = self.sample(sharper, at);
+        if between > 0.0 { sharp.lerp(self.sample(sharper + 1, at), between) } else { sharp }
     }
 }
 
@@ -155,6 +170,9 @@ fn stroke(tensor: Vec3) -> (Vec2, f32) {
 
 /// `at` folded into 0..=size, as in a mirror at each end.
 fn mirrored(at: f32, size: f32) -> f32 {
+    if (0.0..=size).contains(&at) {
+        return at;
+    }
     let at = at.rem_euclid(2.0 * size);
     if at > size { 2.0 * size - at } else { at }
 }
@@ -170,19 +188,26 @@ impl Picture {
     /// The value at a position in pixels, mirrored and interpolated.
     fn sample(&self, at: Vec2) -> Vec3 {
         let (x, y) = (mirrored(at.x, self.width as f32) - 0.5, mirrored(at.y, self.height as f32) - 0.5);
-        let (left, top) = (x.floor(), y.floor());
-        let pixel = |dx, dy| self.pixel(left as isize + dx, top as isize + dy);
-        let upper = pixel(0, 0).lerp(pixel(1, 0), x - left);
-        upper.lerp(pixel(0, 1).lerp(pixel(1, 1), x - left), y - top)
+        // Above -1, where casting rounds down.
+        let (left, top) = ((x + 1.0) as isize - 1, (y + 1.0) as isize - 1);
+        let pixel = |dx, dy| self.pixel(left + dx, top + dy);
+        let (x, y) = (x - left as f32, y - top as f32);
+        pixel(0, 0).lerp(pixel(1, 0), x).lerp(pixel(0, 1).lerp(pixel(1, 1), x), y)
     }
 
-    /// One of `step` x `step` pixels, in the middle of each block.
-    fn thinned(&self, step: usize) -> Self {
-        let (width, height) = (self.width.div_ceil(step), self.height.div_ceil(step));
-        let at = |i: usize| {
-            self.pixel((i % width * step + step / 2) as isize, (i / width * step + step / 2) as isize)
-        };
-        Self { width, height, values: (0..width * height).map(at).collect() }
+    /// The picture at half its size, rounded up: means of 2 x 2 pixels.
+    fn halved(&self) -> Self {
+        let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
+        let mut values = vec![Vec3::ZERO; width * height];
+        values.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
+            let row = |y: usize| &self.values[y.min(self.height - 1) * self.width..][..self.width];
+            let (upper, lower) = (row(2 * y), row(2 * y + 1));
+            for (x, out) in out.iter_mut().enumerate() {
+                let (left, right) = (2 * x, (2 * x + 1).min(self.width - 1));
+                *out = 0.25 * (upper[left] + upper[right] + lower[left] + lower[right]);
+            }
+        });
+        Self { width, height, values }
     }
 
     /// The picture blurred by a Gaussian of standard deviation `sigma`, in pixels.
@@ -216,14 +241,17 @@ impl Picture {
 
     /// Products of the luminance's gradient with itself at each pixel: (xx, xy, yy).
     fn structure(&self) -> Self {
-        let luminance = |x: isize, y: isize| self.pixel(x, y).dot(LUMINANCE);
-        let tensor = |i: usize| {
-            let (x, y) = ((i % self.width) as isize, (i / self.width) as isize);
-            let dx = luminance(x + 1, y) - luminance(x - 1, y);
-            let dy = luminance(x, y + 1) - luminance(x, y - 1);
-            Vec3::new(dx * dx, dx * dy, dy * dy)
-        };
-        let values = (0..self.values.len()).into_par_iter().map(tensor).collect();
-        Self { values, width: self.width, height: self.height }
+        let luminance: Vec<f32> = self.values.iter().map(|color| color.dot(LUMINANCE)).collect();
+        let row = |y: usize| &luminance[y.min(self.height - 1) * self.width..][..self.width];
+        let mut values = vec![Vec3::ZERO; self.values.len()];
+        values.par_chunks_mut(self.width).enumerate().for_each(|(y, out)| {
+            let (above, here, below) = (row(y.saturating_sub(1)), row(y), row(y + 1));
+            for (x, out) in out.iter_mut().enumerate() {
+                let dx = here[(x + 1).min(self.width - 1)] - here[x.saturating_sub(1)];
+                let dy = below[x] - above[x];
+                *out = Vec3::new(dx * dx, dx * dy, dy * dy);
+            }
+        });
+        Self { values, ..*self }
     }
 }

@@ -3,7 +3,7 @@
 use super::bands::N_BANDS;
 
 /// Price of a factor e times the usual one. The price of a band with e times too much energy is 1.
-const PRICE: f64 = 0.02;
+pub(super) const PRICE: f64 = 0.02;
 
 /// Least share of a band in a painting's variance that is aimed at: below it, nobody sees a difference.
 const LEAST_SHARE: f64 = 1e-3;
@@ -19,6 +19,8 @@ pub(super) struct Range {
     pub usual: f64,
     /// The largest factor.
     pub most: f64,
+    /// Price of a factor e times the usual one.
+    pub price: f64,
 }
 
 /// Factors `[K]` of parts for which each band's share of the variance is near to `target`. `products` `[K, K]` are the
@@ -35,7 +37,7 @@ pub(super) fn gains(products: &[Vec<f64>; N_BANDS], target: &[f64; N_BANDS], ran
         for k in 0..n {
             // At its largest a factor no longer changes, unless it is to shrink.
             let is_held = g[k] >= ranges[k].most && slopes[k] < 0.0;
-            let slope = if is_held { 0.0 } else { slopes[k] * g[k] } + 2.0 * PRICE * x[k];
+            let slope = if is_held { 0.0 } else { slopes[k] * g[k] } + 2.0 * ranges[k].price * x[k];
             mean[k] += 0.1 * (slope - mean[k]);
             square[k] += 0.01 * (slope * slope - square[k]);
             let (mean, square) =
@@ -73,7 +75,7 @@ fn slopes(products: &[Vec<f64>; N_BANDS], target: &[f64; N_BANDS], g: &[f64]) ->
 mod tests {
     use super::*;
 
-    const RANGE: Range = Range { usual: 1.0, most: 10.0 };
+    const RANGE: Range = Range { usual: 1.0, most: 10.0, price: PRICE };
 
     /// Parts that each give energy 1 in a band of their own.
     fn separate() -> [Vec<f64>; N_BANDS] {

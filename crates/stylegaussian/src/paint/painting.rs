@@ -2,7 +2,10 @@
 
 use glam::Vec3;
 
-use crate::random::Random;
+use crate::{
+    decoder::product::{Matrix, product},
+    random::Random,
+};
 
 /// Most pixels of a painting: 512 x 512, as AdaIN sees it. In bytes it takes 768 KiB.
 pub const MAX_PIXELS: usize = 512 * 512;
@@ -147,18 +150,18 @@ fn normalize(rows: &mut [f32], n_channels: usize) {
 }
 
 /// The `n` directions of largest variance of `rows` `[P, D]` as unit vectors `[n, D]`, by orthogonal iteration.
-fn leading_axes(rows: &[f32], n_channels: usize, n: usize) -> Vec<f32> {
+pub(super) fn leading_axes(rows: &[f32], n_channels: usize, n: usize) -> Vec<f32> {
     let mut random = Random::new(0);
     let mut axes: Vec<f32> = (0..n * n_channels).map(|_| random.normal()).collect();
     orthonormalize(&mut axes, n_channels);
+    let n_rows = rows.len() / n_channels;
+    let rows = Matrix::dense(rows, n_rows, n_channels);
+    let mut squares = vec![0.0; n_channels * n_channels];
+    product(&mut squares, false, rows.transposed(), rows);
+    let squares = Matrix::dense(&squares, n_channels, n_channels);
     for _ in 0..ROUNDS {
         let mut next = vec![0.0; axes.len()];
-        for row in rows.chunks_exact(n_channels) {
-            for (axis, next) in axes.chunks_exact(n_channels).zip(next.chunks_exact_mut(n_channels)) {
-                let along = dot(axis, row);
-                next.iter_mut().zip(row).for_each(|(sum, value)| *sum += along * value);
-            }
-        }
+        product(&mut next, false, Matrix::dense(&axes, n, n_channels), squares);
         axes = next;
         orthonormalize(&mut axes, n_channels);
     }

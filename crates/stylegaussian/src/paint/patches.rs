@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::{
     bands::{energies, softened},
-    painting::{Paint, dot},
+    painting::{Paint, dot, leading_axes},
 };
 use crate::{
     decoder::product::{Matrix, product},
@@ -45,6 +45,12 @@ const CONTINUED: f32 = 0.5;
 /// Rounds in which places spread. A place spreads along rows and columns within a round.
 const ROUNDS: usize = 3;
 
+/// Directions in which descriptors are compared: those in which the painting's vary most.
+const N_DIRECTIONS: usize = 32;
+
+/// Numbers of a key: its coordinates, and half of its squared length, which makes products distances.
+const KEY: usize = N_DIRECTIONS + 1;
+
 /// Deviation of a patch's weight around its center, in pixels: so narrow that little is averaged.
 const SEAM: f32 = 3.5;
 
@@ -57,16 +63,16 @@ pub(super) struct Patches {
     pixels: Vec<Vec3>,
     /// Columns and rows of patches.
     grid: [i32; 2],
-    /// Their descriptors `[P, WIDTH]`.
+    /// Unit vectors along the directions `[N_DIRECTIONS, WIDTH]`.
+    axes: Vec<f32>,
+    /// Coordinates of the patches' descriptors, and half of their squared length, negative `[P, KEY]`.
     keys: Vec<f32>,
-    /// Half the squared length of each key `[P]`.
-    halves: Vec<f32>,
 }
 
 /// A cell of a picture, and its place in the painting.
 struct Cell {
-    /// Its descriptor `[WIDTH]`.
-    row: Vec<f32>,
+    /// Coordinates of its descriptor.
+    row: [f32; N_DIRECTIONS],
     /// Center of the patch that it takes.
     at: IVec2,
     /// Squared distance of the descriptors.
@@ -84,10 +90,14 @@ impl Patches {
         let grid = size.map(|side| (side as i32 - 2 * HALF) / STRIDE + 1);
         let looks = Looks::new(&pixels, size);
         let center = |i: i32| IVec2::new(i % grid[0], i / grid[0]) * STRIDE + HALF;
-        let keys: Vec<f32> =
+        let descriptors: Vec<f32> =
             (0..grid[0] * grid[1]).into_par_iter().flat_map_iter(|i| looks.at(center(i))).collect();
-        let halves = keys.chunks_exact(WIDTH).map(|key| 0.5 * dot(key, key)).collect();
-        Some(Self { size, pixels, grid, keys, halves })
+        let axes = leading_axes(&descriptors, WIDTH, N_DIRECTIONS);
+        let mut keys = coordinates(&descriptors, &axes);
+        for key in keys.as_chunks_mut::<KEY>().0 {
+            key[N_DIRECTIONS] = -0.5 * dot(&key[..N_DIRECTIONS], &key[..N_DIRECTIONS]);
+        }
+        Some(Self { size, pixels, grid, axes, keys })
     }
 
     /// A picture `[H * W]` of `size` (width and height), painted over where `wanted` `[H * W]`. Elsewhere it stays as it
@@ -117,37 +127,36 @@ impl Patches {
         for _ in 0..ROUNDS {
             self.spread(&mut cells, grid);
         }
+        let seam: [f32; STEP as usize + 1] =
+            std::array::from_fn(|offset| (-0.5 * (offset as f32 / SEAM).powi(2)).exp());
         let color = |i: usize| {
             let at = IVec2::new((i % size[0]) as i32, (i / size[0]) as i32);
-            if wanted[i] { self.blended(&cells, grid, at).unwrap_or(picture[i]) } else { picture[i] }
+            if wanted[i] { self.blended(&cells, grid, &seam, at).unwrap_or(picture[i]) } else { picture[i] }
         };
         (0..picture.len()).into_par_iter().map(color).collect()
     }
 
-    /// A cell with the nearest patch for each of the descriptors `rows` `[Q, WIDTH]`.
-    fn nearest(&self, rows: &[f32]) -> Vec<Cell> {
-        let (n, n_keys) = (rows.len() / WIDTH, self.halves.len());
+    /// A cell with the nearest patch for each of the `descriptors` `[Q, WIDTH]`.
+    fn nearest(&self, descriptors: &[f32]) -> Vec<Cell> {
+        let rows = coordinates(descriptors, &self.axes);
+        let (n, n_keys) = (rows.len() / KEY, self.keys.len() / KEY);
         let mut similarities = vec![0.0; n * n_keys];
-        let keys = Matrix::dense(&self.keys, n_keys, WIDTH).transposed();
-        product(&mut similarities, false, Matrix::dense(rows, n, WIDTH), keys);
-        let cell = |(row, similarities): (&[f32], &[f32])| {
-            // |a - b|^2 = |a|^2 + |b|^2 - 2 a b. The first of the nearest.
-            let mut best = (f32::NEG_INFINITY, 0);
-            for (i, (similarity, half)) in similarities.iter().zip(&self.halves).enumerate() {
-                if similarity - half > best.0 {
-                    best = (similarity - half, i as i32);
-                }
-            }
-            let at = IVec2::new(best.1 % self.grid[0], best.1 / self.grid[0]) * STRIDE + HALF;
-            Cell { row: row.to_vec(), at, distance: self.distance(row, at) }
+        let keys = Matrix::dense(&self.keys, n_keys, KEY).transposed();
+        product(&mut similarities, false, Matrix::dense(&rows, n, KEY), keys);
+        let cell = |(row, similarities): (&[f32; KEY], &[f32])| {
+            // |a - b|^2 = |a|^2 + |b|^2 - 2 a b.
+            let best = largest(similarities) as i32;
+            let at = IVec2::new(best % self.grid[0], best / self.grid[0]) * STRIDE + HALF;
+            let row = std::array::from_fn(|i| row[i]);
+            Cell { row, at, distance: self.distance(&row, at) }
         };
-        rows.chunks_exact(WIDTH).zip(similarities.chunks_exact(n_keys)).map(cell).collect()
+        rows.as_chunks::<KEY>().0.iter().zip(similarities.chunks_exact(n_keys)).map(cell).collect()
     }
 
-    /// Squared distance of a descriptor from the patch nearest to `at`.
-    fn distance(&self, row: &[f32], at: IVec2) -> f32 {
+    /// Squared distance of a descriptor's coordinates from the patch nearest to `at`.
+    fn distance(&self, row: &[f32; N_DIRECTIONS], at: IVec2) -> f32 {
         let place = ((at - HALF) / STRIDE).min(IVec2::from(self.grid) - 1);
-        let key = &self.keys[(place.y * self.grid[0] + place.x) as usize * WIDTH..][..WIDTH];
+        let key = &self.keys[(place.y * self.grid[0] + place.x) as usize * KEY..][..N_DIRECTIONS];
         row.iter().zip(key).map(|(a, b)| (a - b) * (a - b)).sum()
     }
 
@@ -189,15 +198,21 @@ impl Patches {
         }
     }
 
-    /// The color that the cells around a pixel of the picture give it.
-    fn blended(&self, cells: &[Option<Cell>], grid: [usize; 2], at: IVec2) -> Option<Vec3> {
+    /// The color that the cells around a pixel of the picture give it, weighted along each axis by `seam` at their distance.
+    fn blended(
+        &self,
+        cells: &[Option<Cell>],
+        grid: [usize; 2],
+        seam: &[f32; STEP as usize + 1],
+        at: IVec2,
+    ) -> Option<Vec3> {
         let corner = at / STEP;
         let (mut sum, mut total) = (Vec3::ZERO, 0.0);
         for next in [IVec2::ZERO, IVec2::X, IVec2::Y, IVec2::ONE] {
             let place = corner + next;
             let Some(cell) = &cells[place.y as usize * grid[0] + place.x as usize] else { continue };
             let offset = at - place * STEP;
-            let weight = (-0.5 * offset.length_squared() as f32 / (SEAM * SEAM)).exp();
+            let weight = seam[offset.x.unsigned_abs() as usize] * seam[offset.y.unsigned_abs() as usize];
             let from = (cell.at + offset).max(IVec2::ZERO);
             let (x, y) = ((from.x as usize).min(self.size[0] - 1), (from.y as usize).min(self.size[1] - 1));
             sum += weight * self.pixels[y * self.size[0] + x];
@@ -205,6 +220,37 @@ impl Patches {
         }
         (total > 0.0).then(|| sum / total)
     }
+}
+
+/// Coordinates of `descriptors` `[Q, WIDTH]` along `axes`, and 1 `[Q, KEY]`.
+fn coordinates(descriptors: &[f32], axes: &[f32]) -> Vec<f32> {
+    let n = descriptors.len() / WIDTH;
+    let mut along = vec![0.0; n * N_DIRECTIONS];
+    let axes = Matrix::dense(axes, N_DIRECTIONS, WIDTH).transposed();
+    product(&mut along, false, Matrix::dense(descriptors, n, WIDTH), axes);
+    along.chunks_exact(N_DIRECTIONS).flat_map(|row| row.iter().copied().chain([1.0])).collect()
+}
+
+/// The position of the largest value, the first if there are several.
+fn largest(values: &[f32]) -> usize {
+    // One search in each lane of a vector.
+    const LANES: usize = 8;
+    let (mut most, mut at) = ([f32::NEG_INFINITY; LANES], [0_u32; LANES]);
+    let (blocks, rest) = values.as_chunks::<LANES>();
+    for (block, i) in blocks.iter().zip(0..) {
+        for lane in 0..LANES {
+            let is_more = block[lane] > most[lane];
+            most[lane] = if is_more { block[lane] } else { most[lane] };
+            at[lane] = if is_more { i } else { at[lane] };
+        }
+    }
+    let in_blocks = (0..LANES).map(|lane| (most[lane], at[lane] as usize * LANES + lane));
+    let in_rest = rest.iter().zip(blocks.len() * LANES..).map(|(value, i)| (*value, i));
+    let best = in_blocks.chain(in_rest).reduce(|best, next| {
+        let is_better = next.0 > best.0 || (next.0 == best.0 && next.1 < best.1);
+        if is_better { next } else { best }
+    });
+    best.map_or(0, |(_, i)| i)
 }
 
 /// A picture prepared for comparing its patches.

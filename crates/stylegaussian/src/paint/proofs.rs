@@ -3,9 +3,10 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::bands::{Mask, N_BANDS, dot};
+use super::bands::{Mask, N_BANDS};
 use crate::{
     camera::Camera,
+    decoder::product::{Matrix, product},
     palette::LUMINANCE,
     scene::Scene,
     splat::{BlendWeights, blend_weights},
@@ -16,6 +17,12 @@ const COVERED: f32 = 0.9;
 
 /// Least blend weight that is kept. Most of a pixel's many weights are smaller, and sum to little.
 const LEAST_WEIGHT: f32 = 0.004;
+
+/// Pixels whose products are summed in f32. Twelve rows of them take 48 KiB.
+const BLOCK: usize = 1024;
+
+/// Parts that are drawn at once: as many as a vector of the processor holds.
+const AT_ONCE: usize = 4;
 
 /// Pictures of the scene that can be drawn in any colors at once.
 pub(super) struct Proofs(Vec<Proof>);
@@ -30,12 +37,7 @@ impl Proofs {
     /// Pictures of `scene` from `cameras`. Those that show nothing are left out.
     pub fn new(scene: &Scene, cameras: &[Camera]) -> Self {
         let proofs = cameras.iter().map(|camera| Proof::new(blend_weights(scene, camera)));
-        Self(proofs.filter(|proof| !proof.mask.covered.is_empty()).collect())
-    }
-
-    /// Whether nothing is seen.
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        Self(proofs.filter(|proof| proof.mask.n_covered() > 0).collect())
     }
 
     /// The pixels of all proofs if Gaussians have these `colors` `[N]`.
@@ -49,23 +51,42 @@ impl Proofs {
     /// each pair of parts gives.
     pub fn products(&self, parts: &[Vec<Vec3>]) -> [Vec<f64>; N_BANDS] {
         let n = parts.len();
-        let n_gaussians = parts.first().map_or(0, Vec::len);
-        let row = |i: usize| parts.iter().map(move |part| part[i].dot(LUMINANCE));
-        let luminance: Vec<f32> = (0..n_gaussians).flat_map(row).collect();
         let mut products: [Vec<f64>; N_BANDS] = std::array::from_fn(|_| vec![0.0; n * n]);
         for proof in &self.0 {
-            let drawn = proof.weights.apply(&luminance, n);
-            let of_part = |part: usize| {
-                proof.mask.bands(&drawn.iter().skip(part).step_by(n).copied().collect::<Vec<_>>())
-            };
-            let bands: Vec<_> = (0..n).into_par_iter().map(of_part).collect();
-            for (band, products) in products.iter_mut().enumerate() {
-                for (i, product) in products.iter_mut().enumerate() {
-                    *product += dot(&bands[i / n][band], &bands[i % n][band]);
-                }
-            }
+            let bands = parts.par_chunks(AT_ONCE).flat_map(|parts| {
+                let row = |i: usize| parts.iter().map(move |part| part[i].dot(LUMINANCE));
+                let luminance: Vec<f32> = (0..parts[0].len()).flat_map(row).collect();
+                let drawn = proof.weights.apply(&luminance, parts.len());
+                let of_part = |part: usize| -> Vec<f32> {
+                    drawn.iter().skip(part).step_by(parts.len()).copied().collect()
+                };
+                (0..parts.len()).map(|part| proof.mask.bands(&of_part(part))).collect::<Vec<_>>()
+            });
+            let bands: Vec<[Vec<f32>; N_BANDS]> = bands.collect();
+            products.par_iter_mut().enumerate().for_each(|(band, products)| {
+                let of_band: Vec<&[f32]> = bands.iter().map(|of_part| of_part[band].as_slice()).collect();
+                add_products(products, &of_band);
+            });
         }
         products
+    }
+}
+
+/// Adds the scalar products of `rows` with one another `[K, K]`.
+fn add_products(sums: &mut [f64], rows: &[&[f32]]) {
+    let n = rows.len();
+    let n_pixels = rows.first().map_or(0, |row| row.len());
+    let mut block = vec![0.0; n * BLOCK];
+    let mut of_block = vec![0.0; n * n];
+    // Blocks in f32 are summed in f64.
+    for start in (0..n_pixels).step_by(BLOCK) {
+        let width = BLOCK.min(n_pixels - start);
+        for (to, row) in block.chunks_exact_mut(width).zip(rows) {
+            to.copy_from_slice(&row[start..start + width]);
+        }
+        let block = Matrix::dense(&block, n, width);
+        product(&mut of_block, false, block, block.transposed());
+        sums.iter_mut().zip(&of_block).for_each(|(sum, product)| *sum += f64::from(*product));
     }
 }
 

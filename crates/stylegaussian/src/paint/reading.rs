@@ -6,12 +6,12 @@ use rayon::prelude::*;
 use super::{
     bands::spectrum,
     canvas::{Canvas, N_DETAILS, Reading},
-    gains::{Range, gains},
+    gains::{PRICE, Range, gains},
     painting::Paint,
     patches::Patches,
     places::{Placement, place},
     surface::{Surface, moments},
-    tone::Curve,
+    tone::{Curve, Tones},
 };
 use crate::{
     palette::LUMINANCE,
@@ -57,6 +57,10 @@ impl Default for Brush {
 /// Largest factors of the scene's own detail and of the painting's. More of the former brings out single Gaussians.
 const MOST_SCENE: f64 = 1.0;
 const MOST_PAINT: f64 = 8.0;
+
+/// Price of the scene's own detail. Where it and the painting's lead to the same spectrum, the painting's is taken: at equal prices
+/// rounding decided between a woodcut and a cloth's weave.
+const SCENE_PRICE: f64 = 1.3 * PRICE;
 
 /// Largest factors of the painting's large shapes and of the scene's.
 const MOST_LOCAL: f64 = 1.5;
@@ -161,8 +165,9 @@ fn parts(
     }
     parts.push((0..n).map(|i| (readings[i].0 - shapes[i] - apart) * cover[i]).collect());
     parts.push((0..n).map(|i| shapes[i] + (own[i] - shapes[i]) * (1.0 - cover[i])).collect());
-    let range = |usual: f32, most: f64| Range { usual: f64::from(usual).max(0.0), most };
-    let ranges = std::iter::repeat_n(range(brush.scene, MOST_SCENE), levels.len() - 1)
+    let range = |usual: f32, most: f64| Range { usual: f64::from(usual).max(0.0), most, price: PRICE };
+    let of_scene = Range { price: SCENE_PRICE, ..range(brush.scene, MOST_SCENE) };
+    let ranges = std::iter::repeat_n(of_scene, levels.len() - 1)
         .chain(std::iter::repeat_n(range(brush.paint, MOST_PAINT), N_DETAILS))
         .chain([range(brush.local_color, MOST_LOCAL), range(1.0, MOST_SHAPES)]);
     (parts, ranges.collect())
@@ -176,20 +181,19 @@ fn corrected(
     (palette, canvas): (&ColorMoments, &Canvas),
     brush: Brush,
 ) -> Vec<Vec3> {
-    let found = moments(&surface.proofs, &surface.visibility, colors);
-    let recoloring = Recoloring::new(&found, palette);
-    let recolored: Vec<Vec3> =
-        colors.par_iter().map(|color| Vec3::from(recoloring.color(color.to_array()))).collect();
-    let shown = surface.proofs.pixels(&recolored);
-    let luminance = shown.iter().map(|color| color.dot(LUMINANCE)).collect();
-    let curve = Curve::new(luminance, canvas.luminance());
+    let shown = surface.proofs.pixels(colors);
+    let recoloring = Recoloring::new(&moments(&shown, &surface.visibility, colors), palette);
+    let recolored = |color: &Vec3| Vec3::from(recoloring.color(color.to_array()));
+    // Blend weights sum to 1, so recolored Gaussians show recolored pictures.
+    let tones = Tones::new(shown.par_iter().map(|color| recolored(color).dot(LUMINANCE)).collect());
+    let curve = Curve::new(&tones, &canvas.tones);
     let range = (Vec3::splat(-OVERSHOOT), Vec3::splat(1.0 + OVERSHOOT));
-    let toned = |color: &Vec3| {
+    let toned = |color: Vec3| {
         let luminance = color.dot(LUMINANCE);
-        (*color + brush.tone * (curve.at(luminance) - luminance)).clamp(range.0, range.1)
+        (color + brush.tone * (curve.at(luminance) - luminance)).clamp(range.0, range.1)
     };
     let hued = |color: Vec3| canvas.palette.toward(color, TO_PALETTE).clamp(range.0, range.1);
-    recolored.par_iter().map(|color| hued(toned(color))).collect()
+    colors.par_iter().map(|color| hued(toned(recolored(color)))).collect()
 }
 
 /// The painting's color and bands of its detail at Gaussian `i`.

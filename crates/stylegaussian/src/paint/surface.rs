@@ -79,7 +79,7 @@ impl Surface {
         let seed_features = scene.features.as_ref().map_or_else(Vec::new, |features| {
             seeds.pooled(&features.values, features.n_latent, &sight.visibility)
         });
-        let moments = moments(&sight.proofs, &sight.visibility, &base);
+        let moments = moments(&sight.proofs.pixels(&base), &sight.visibility, &base);
         let smoothed =
             SMOOTH.par_iter().map(|size| smooth(&scene.means, &base, &sight.visibility, size * pixel));
         let smoothed: Vec<Vec<Vec3>> = smoothed.collect();
@@ -139,10 +139,10 @@ fn fineness(seeds: &Seeds, visibility: &[f32], levels: &[Vec<Vec3>], contrast: f
     seeds.read.iter().map(of_gaussian).collect()
 }
 
-/// Moments of what pictures show in these colors `[N]`, or of the Gaussians by visibility if they show nothing.
-pub(super) fn moments(proofs: &Proofs, visibility: &[f32], colors: &[Vec3]) -> ColorMoments {
-    match proofs.is_empty() {
+/// Moments of what pictures of these `colors` `[N]` have `shown`, or of the Gaussians by visibility if they show nothing.
+pub(super) fn moments(shown: &[Vec3], visibility: &[f32], colors: &[Vec3]) -> ColorMoments {
+    match shown.is_empty() {
         true => ColorMoments::of_weighted(colors.iter().copied().zip(visibility.iter().copied())),
-        false => ColorMoments::of_weighted(proofs.pixels(colors).into_iter().map(|color| (color, 1.0))),
+        false => ColorMoments::of_weighted(shown.iter().map(|color| (*color, 1.0))),
     }
 }

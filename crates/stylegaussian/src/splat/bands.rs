@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use glam::UVec2;
 
-use super::composite::{TILE, Tile};
+use super::composite::{TILE, Tile, rounded_up};
 use super::project::Splat;
 
 /// For each band, the splats that may touch it, front to back.
@@ -89,7 +89,7 @@ fn extent_within(splat: &Splat, top: f32, bottom: f32) -> (f32, f32) {
 fn tiles_between(low: f32, high: f32, n: usize) -> Range<usize> {
     // A thousandth of a pixel covers the rounding of the range. A tile too many costs time only, since the blend tests
     // each pixel.
-    let first = ((low - 1e-3) / TILE as f32).floor().max(0.0) as usize;
-    let end = ((high + 1e-3) / TILE as f32).ceil().max(0.0) as usize;
+    let first = ((low - 1e-3) / TILE as f32).max(0.0) as usize;
+    let end = rounded_up((high + 1e-3) / TILE as f32);
     first.min(n)..end.min(n)
 }

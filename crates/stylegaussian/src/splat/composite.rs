@@ -116,7 +116,15 @@ fn bits(pixels: Range<usize>) -> u32 {
 /// The pixels, of `n` in a row, with centers between `low` and `high`.
 fn pixels_between(low: f32, high: f32, n: usize) -> Range<usize> {
     // A thousandth of a pixel covers the rounding of the range. A pixel too many costs time only: its alpha is tested.
-    let first = (low - 0.5 - 1e-3).ceil().max(0.0) as usize;
-    let end = ((high - 0.5 + 1e-3).floor() + 1.0).max(0.0) as usize;
+    let (low, high) = (low - 0.5 - 1e-3, high - 0.5 + 1e-3);
+    let first = rounded_up(low);
+    let end = if high >= 0.0 { (high as usize).saturating_add(1) } else { 0 };
     first.min(n)..end.min(n)
+}
+
+/// The least integer that is not below `value`, or 0.
+pub(super) fn rounded_up(value: f32) -> usize {
+    // Casts round toward 0, and are no calls, which `ceil` and `floor` are if the processor is not known.
+    let down = value.max(0.0) as usize;
+    down.saturating_add(usize::from(value > down as f32))
 }

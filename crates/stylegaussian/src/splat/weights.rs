@@ -94,13 +94,33 @@ impl BlendWeights {
     /// If `values` does not hold N x `c` numbers.
     pub fn apply(&self, values: &[f32], c: usize) -> Vec<f32> {
         assert_eq!(values.len(), self.n_gaussians * c, "values must be [N, C]");
-        let mut pixels = vec![0.0; (self.starts.len() - 1) * c];
-        pixels.par_chunks_mut(c.max(1)).enumerate().for_each(|(pixel, sums)| {
+        match c {
+            // The usual widths, whose sums stay in registers.
+            1 => self.apply_width::<1>(values),
+            3 => self.apply_width::<3>(values),
+            4 => self.apply_width::<4>(values),
+            _ => {
+                let mut pixels = vec![0.0; (self.starts.len() - 1) * c];
+                pixels.par_chunks_mut(c.max(1)).enumerate().for_each(|(pixel, sums)| {
+                    for (gaussian, weight) in self.pixel(pixel) {
+                        add_scaled(sums, weight, &values[gaussian * c..(gaussian + 1) * c]);
+                    }
+                });
+                pixels
+            }
+        }
+    }
+
+    /// [`apply`](Self::apply) for C known when compiled.
+    fn apply_width<const C: usize>(&self, values: &[f32]) -> Vec<f32> {
+        let (values, _) = values.as_chunks::<C>();
+        let mut pixels = vec![[0.0; C]; self.starts.len() - 1];
+        pixels.par_iter_mut().enumerate().for_each(|(pixel, sums)| {
             for (gaussian, weight) in self.pixel(pixel) {
-                add_scaled(sums, weight, &values[gaussian * c..(gaussian + 1) * c]);
+                add_scaled(sums, weight, &values[gaussian]);
             }
         });
-        pixels
+        pixels.into_flattened()
     }
 
     /// The adjoint of [`apply`](Self::apply) for a per-pixel `gradient` `[H * W, C]`: sum_p w_{p,i} g_p for each
