@@ -233,24 +233,26 @@ fn coordinates(descriptors: &[f32], axes: &[f32]) -> Vec<f32> {
 
 /// The position of the largest value, the first if there are several.
 fn largest(values: &[f32]) -> usize {
-    // One search in each lane of a vector.
-    const LANES: usize = 8;
-    let (mut most, mut at) = ([f32::NEG_INFINITY; LANES], [0_u32; LANES]);
-    let (blocks, rest) = values.as_chunks::<LANES>();
-    for (block, i) in blocks.iter().zip(0..) {
-        for lane in 0..LANES {
-            let is_more = block[lane] > most[lane];
-            most[lane] = if is_more { block[lane] } else { most[lane] };
-            at[lane] = if is_more { i } else { at[lane] };
+    // Blocks first, whose largest values are found in the lanes of vectors.
+    const BLOCK: usize = 64;
+    const LANES: usize = 16;
+    let greater = |a: f32, b: f32| if a > b { a } else { b };
+    let of_block = |block: &[f32]| {
+        let (lanes, rest) = block.as_chunks::<LANES>();
+        let most = lanes.iter().fold([f32::NEG_INFINITY; LANES], |most, lanes| {
+            std::array::from_fn(|i| greater(lanes[i], most[i]))
+        });
+        most.iter().chain(rest).copied().fold(f32::NEG_INFINITY, greater)
+    };
+    let mut best = (f32::NEG_INFINITY, 0);
+    for (i, block) in values.chunks(BLOCK).enumerate() {
+        let most = of_block(block);
+        if most > best.0 {
+            best = (most, i * BLOCK);
         }
     }
-    let in_blocks = (0..LANES).map(|lane| (most[lane], at[lane] as usize * LANES + lane));
-    let in_rest = rest.iter().zip(blocks.len() * LANES..).map(|(value, i)| (*value, i));
-    let best = in_blocks.chain(in_rest).reduce(|best, next| {
-        let is_better = next.0 > best.0 || (next.0 == best.0 && next.1 < best.1);
-        if is_better { next } else { best }
-    });
-    best.map_or(0, |(_, i)| i)
+    let within = values[best.1.min(values.len())..].iter().position(|value| *value == best.0);
+    best.1 + within.unwrap_or(0)
 }
 
 /// A picture prepared for comparing its patches.
@@ -301,6 +303,16 @@ mod tests {
             [of_dabs[dab], of_dabs[of_dabs.len() - 1 - dab], 90]
         };
         Paint { width, height, pixels: (0..width * height).flat_map(pixel).collect(), features: None }
+    }
+
+    #[test]
+    fn the_largest_is_the_first_of_equals() {
+        let mut random = Random::new(5);
+        for n in [1, 15, 64, 65, 1000] {
+            let values: Vec<f32> = (0..n).map(|_| random.below(20) as f32 - 30.0).collect();
+            let most = values.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            assert_eq!(largest(&values), values.iter().position(|value| *value == most).unwrap());
+        }
     }
 
     #[test]
