@@ -6,7 +6,7 @@ use super::bands::N_BANDS;
 pub(super) const PRICE: f64 = 0.02;
 
 /// Least share of a band in a painting's variance that is aimed at: below it, nobody sees a difference.
-const LEAST_SHARE: f64 = 1e-3;
+pub(super) const LEAST_SHARE: f64 = 1e-3;
 
 /// Steps of the search, and the first ones' size in the logarithm of a factor. They are few numbers: it takes no time.
 const STEPS: i32 = 250;

@@ -4,9 +4,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
-    bands::spectrum,
+    bands::{N_BANDS, spectrum},
     canvas::{Canvas, N_DETAILS, Reading},
-    gains::{PRICE, Range, gains},
+    gains::{LEAST_SHARE, PRICE, Range, gains},
     painting::Paint,
     patches::Patches,
     places::{Placement, place},
@@ -73,6 +73,11 @@ const UNDER_PATCHES: f32 = 0.4;
 /// Rounds in which palette and tone are corrected: each disturbs the other a little.
 const ROUNDS: usize = 2;
 
+/// How much higher is aimed for a band of which e times too little is shown, in powers of e, and the limit. More of it brings
+/// nothing, and things as small as a boat fade.
+const HIGHER: f64 = 0.7;
+const MOST_HIGHER: f64 = 3.0;
+
 /// Share of the way that the hue of a color which the painting does not have moves to the painting's nearest color.
 const TO_PALETTE: f32 = 0.8;
 
@@ -127,11 +132,17 @@ fn painted(scene: &Scene, surface: &Surface, paint: &Paint, brush: Brush) -> Vec
     // Factors are sought, and palette and tones corrected, for whatever Gaussians have read.
     let added_up = |readings: &[Reading], brush: Brush| {
         let (parts, ranges) = parts(readings, &levels, &surface.fine, brush);
-        let gains = gains(&surface.proofs.products(&parts), &spectrum, &ranges);
-        let sum = |i: usize| parts.iter().zip(&gains).map(|(part, gain)| part[i] * *gain as f32).sum();
-        let colors = (0..surface.len()).into_par_iter().map(sum).collect();
-        (0..ROUNDS)
-            .fold(colors, |colors: Vec<Vec3>, _| corrected(surface, &colors, (&palette, &canvas), brush))
+        let products = surface.proofs.products(&parts);
+        let aimed_at = |aim: &[f64; N_BANDS]| {
+            let gains = gains(&products, aim, &ranges);
+            let sum = |i: usize| parts.iter().zip(&gains).map(|(part, gain)| part[i] * *gain as f32).sum();
+            let colors = (0..surface.len()).into_par_iter().map(sum).collect();
+            (0..ROUNDS)
+                .fold(colors, |colors: Vec<Vec3>, _| corrected(surface, &colors, (&palette, &canvas), brush))
+        };
+        let colors = aimed_at(&spectrum);
+        let energies = surface.proofs.products(std::slice::from_ref(&colors)).map(|product| product[0]);
+        aimed_at(&corrected_aim(&spectrum, &energies))
     };
     let mut readings: Vec<Reading> =
         (0..surface.len()).into_par_iter().map(|i| read(scene, surface, &canvas, &placements, i)).collect();
@@ -140,6 +151,17 @@ fn painted(scene: &Scene, surface: &Surface, paint: &Paint, brush: Brush) -> Vec
     surface.sheets.read(&colors, &patches, brush.patches, &mut readings);
     let under = 1.0 + brush.patches.min(1.0) * (UNDER_PATCHES - 1.0);
     added_up(&readings, Brush { scene: under * brush.scene, ..brush })
+}
+
+/// The spectrum to aim at for the painting's `spectrum`, if aiming at the latter gave a picture these `energies`: palette and
+/// tone, which are corrected last, take fine detail away.
+fn corrected_aim(spectrum: &[f64; N_BANDS], energies: &[f64; N_BANDS]) -> [f64; N_BANDS] {
+    let total: f64 = energies.iter().sum();
+    std::array::from_fn(|band| {
+        // At least what is aimed at in any case. Nothing is shown if the total is 0.
+        let missed = spectrum[band].max(LEAST_SHARE) / (energies[band] / total).max(LEAST_SHARE);
+        spectrum[band] * missed.powf(HIGHER).clamp(1.0 / MOST_HIGHER, MOST_HIGHER)
+    })
 }
 
 /// The parts `[K]` of a painted scene, each `[N]`, which are to be added up with factors, and the factors' ranges: bands
@@ -208,4 +230,22 @@ fn read(scene: &Scene, surface: &Surface, canvas: &Canvas, placements: &[Placeme
         details.iter_mut().zip(its_details).for_each(|(sum, detail)| *sum += weight * detail);
     }
     (low, details)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_band_that_shows_too_little_is_aimed_at_higher() {
+        let spectrum = [0.2, 0.1, 0.1, 0.1, 0.2, 0.3];
+        let same = corrected_aim(&spectrum, &spectrum.map(|share| 7.0 * share));
+        assert!(same.iter().zip(&spectrum).all(|(a, b)| (a - b).abs() < 1e-12), "{same:?}");
+        // Half of the finest band is missing, and is in the coarsest. Of the second all is missing.
+        let aim = corrected_aim(&spectrum, &[0.1, 0.0, 0.1, 0.1, 0.2, 0.5]);
+        assert!((aim[0] / (0.2 * 2.0_f64.powf(HIGHER)) - 1.0).abs() < 1e-9);
+        assert!((aim[1] / (0.1 * MOST_HIGHER) - 1.0).abs() < 1e-9);
+        assert!(aim[2] == spectrum[2] && aim[5] < spectrum[5]);
+        assert!(corrected_aim(&spectrum, &[0.0; N_BANDS]).iter().all(|share| share.is_finite()));
+    }
 }
