@@ -12,7 +12,7 @@
 //! 4. The bands are added up with factors by which small pictures of the scene (*proofs*) have as much detail of each
 //!    size as the painting: a smooth painting takes the scene's grain away, a rough one adds its own. At last the
 //!    proofs' palette and their shares of dark and bright are corrected, and hues that the painting does not have move
-//!    to those that it has.
+//!    to those that it has. That changes how much detail there is, so factors are sought a second time, for what is missing.
 //! 5. Pictures of the painted scene from eight sides (*sheets*) are painted over with the painting's own patches that
 //!    resemble them. Each Gaussian reads the detail of its sheet in place of the painting's, and step 4 is done once more.
 //!

@@ -62,6 +62,12 @@ const MOST_PAINT: f64 = 8.0;
 /// rounding decided between a woodcut and a cloth's weave.
 const SCENE_PRICE: f64 = 1.3 * PRICE;
 
+/// Price of a factor that is to stay: fifty times that of one that is sought.
+const HELD: f64 = 50.0 * PRICE;
+
+/// Parts of large shapes: the painting's and the scene's.
+const N_SHAPES: usize = 2;
+
 /// Largest factors of the painting's large shapes and of the scene's.
 const MOST_LOCAL: f64 = 1.5;
 const MOST_SHAPES: f64 = 4.0;
@@ -129,28 +135,35 @@ fn painted(scene: &Scene, surface: &Surface, paint: &Paint, brush: Brush) -> Vec
     let levels: Vec<Vec<Vec3>> =
         surface.levels.iter().map(|level| level.par_iter().map(recolored).collect()).collect();
     let spectrum = spectrum(&canvas.luminance(), [paint.width, paint.height]);
-    // Factors are sought, and palette and tones corrected, for whatever Gaussians have read.
-    let added_up = |readings: &[Reading], brush: Brush| {
+    // Factors are sought, and palette and tones corrected, for whatever Gaussians have read: once or twice, the second time for
+    // an aim that makes up for what correcting takes away.
+    let added_up = |readings: &[Reading], brush: Brush, twice: bool| {
         let (parts, ranges) = parts(readings, &levels, &surface.fine, brush);
         let products = surface.proofs.products(&parts);
-        let aimed_at = |aim: &[f64; N_BANDS]| {
-            let gains = gains(&products, aim, &ranges);
-            let sum = |i: usize| parts.iter().zip(&gains).map(|(part, gain)| part[i] * *gain as f32).sum();
+        let with = |gains: &[f64]| {
+            let sum = |i: usize| parts.iter().zip(gains).map(|(part, gain)| part[i] * *gain as f32).sum();
             let colors = (0..surface.len()).into_par_iter().map(sum).collect();
             (0..ROUNDS)
                 .fold(colors, |colors: Vec<Vec3>, _| corrected(surface, &colors, (&palette, &canvas), brush))
         };
-        let colors = aimed_at(&spectrum);
+        let first = gains(&products, &spectrum, &ranges);
+        let colors = with(&first);
+        if !twice {
+            return colors;
+        }
         let energies = surface.proofs.products(std::slice::from_ref(&colors)).map(|product| product[0]);
-        aimed_at(&corrected_aim(&spectrum, &energies))
+        let aim = corrected_aim(&spectrum, &energies);
+        with(&gains(&products, &aim, &detail_from(&first, &ranges)))
     };
     let mut readings: Vec<Reading> =
         (0..surface.len()).into_par_iter().map(|i| read(scene, surface, &canvas, &placements, i)).collect();
-    let colors = added_up(&readings, brush);
-    let Some(patches) = (brush.patches > 0.0).then(|| Patches::new(paint)).flatten() else { return colors };
+    let Some(patches) = (brush.patches > 0.0).then(|| Patches::new(paint)).flatten() else {
+        return added_up(&readings, brush, true);
+    };
+    let colors = added_up(&readings, brush, false);
     surface.sheets.read(&colors, &patches, brush.patches, &mut readings);
     let under = 1.0 + brush.patches.min(1.0) * (UNDER_PATCHES - 1.0);
-    added_up(&readings, Brush { scene: under * brush.scene, ..brush })
+    added_up(&readings, Brush { scene: under * brush.scene, ..brush }, true)
 }
 
 /// The spectrum to aim at for the painting's `spectrum`, if aiming at the latter gave a picture these `energies`: palette and
@@ -162,6 +175,17 @@ fn corrected_aim(spectrum: &[f64; N_BANDS], energies: &[f64; N_BANDS]) -> [f64; 
         let missed = spectrum[band].max(LEAST_SHARE) / (energies[band] / total).max(LEAST_SHARE);
         spectrum[band] * missed.powf(HIGHER).clamp(1.0 / MOST_HIGHER, MOST_HIGHER)
     })
+}
+
+/// Ranges for a second search, which starts from the factors of the `first` and leaves large shapes, the last two parts, nearly as
+/// they are: what is missing is detail, and a scene whose shapes become the painting's is lost.
+fn detail_from(first: &[f64], ranges: &[Range]) -> Vec<Range> {
+    let n_detail = ranges.len() - N_SHAPES;
+    let range = |(i, (usual, range)): (usize, (&f64, &Range))| {
+        let price = if i < n_detail { range.price } else { HELD };
+        Range { usual: *usual, price, ..*range }
+    };
+    first.iter().zip(ranges).enumerate().map(range).collect()
 }
 
 /// The parts `[K]` of a painted scene, each `[N]`, which are to be added up with factors, and the factors' ranges: bands
@@ -247,5 +271,21 @@ mod tests {
         assert!((aim[1] / (0.1 * MOST_HIGHER) - 1.0).abs() < 1e-9);
         assert!(aim[2] == spectrum[2] && aim[5] < spectrum[5]);
         assert!(corrected_aim(&spectrum, &[0.0; N_BANDS]).iter().all(|share| share.is_finite()));
+    }
+
+    #[test]
+    fn a_second_search_changes_detail_and_keeps_shapes() {
+        // Six parts that each give energy 1 in a band of their own.
+        let products = std::array::from_fn(|band| {
+            (0..N_BANDS * N_BANDS).map(|i| f64::from(u8::from(i == band * (N_BANDS + 1)))).collect()
+        });
+        let ranges = [Range { usual: 1.0, most: 10.0, price: PRICE }; N_BANDS];
+        let first = gains(&products, &[0.1, 0.1, 0.2, 0.2, 0.2, 0.2], &ranges);
+        let second = gains(&products, &[0.3, 0.1, 0.2, 0.2, 0.05, 0.15], &detail_from(&first, &ranges));
+        let changes: Vec<f64> = second.iter().zip(&first).map(|(second, first)| second / first).collect();
+        assert!(changes[0] > 1.3, "{changes:?}");
+        assert!(changes[4..].iter().all(|change| (change - 1.0).abs() < 0.3), "{changes:?}");
+        let free = gains(&products, &[0.3, 0.1, 0.2, 0.2, 0.05, 0.15], &ranges);
+        assert!(free[4] / first[4] < 0.65, "without a price on them shapes follow: {free:?}");
     }
 }
