@@ -11,8 +11,8 @@ pub(super) struct Mask {
     size: [usize; 2],
     /// Positions of the pixels that count, in that part.
     covered: Vec<u32>,
-    /// What the covered pixels of each blurred picture are multiplied with `[M]`: one over the blurred mask, which keeps what lies
-    /// beside the scene out.
+    /// Factors of the covered pixels of each blurred picture `[M]`: one over the blurred mask, which keeps what lies beside the
+    /// scene out.
     shares: [Vec<f32>; N_BANDS - 1],
 }
 

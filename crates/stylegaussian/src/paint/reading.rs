@@ -59,7 +59,7 @@ const MOST_SCENE: f64 = 1.0;
 const MOST_PAINT: f64 = 8.0;
 
 /// Price of the scene's own detail. Where it and the painting's lead to the same spectrum, the painting's is taken: at equal prices
-/// rounding decided between a woodcut and a cloth's weave.
+/// a little chance decides between a woodcut's lines and a cloth's weave.
 const SCENE_PRICE: f64 = 1.3 * PRICE;
 
 /// Price of a factor that is to stay: fifty times that of one that is sought.
@@ -79,8 +79,8 @@ const UNDER_PATCHES: f32 = 0.4;
 /// Rounds in which palette and tone are corrected: each disturbs the other a little.
 const ROUNDS: usize = 2;
 
-/// How much higher is aimed for a band of which e times too little is shown, in powers of e, and the limit. More of it brings
-/// nothing, and things as small as a boat fade.
+/// How much higher is aimed for a band of which e times too little is shown, in powers of e, and the limit. If aimed
+/// more often, things as small as a boat fade.
 const HIGHER: f64 = 0.7;
 const MOST_HIGHER: f64 = 3.0;
 
