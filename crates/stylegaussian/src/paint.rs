@@ -14,8 +14,8 @@
 //!    proofs' palette and their shares of dark and bright are corrected, and hues that the painting does not have move
 //!    to those that it has.
 //! 5. Pictures of the painted scene from eight sides (*sheets*) are painted over with the painting's own patches that
-//!    resemble them. Each Gaussian reads the detail of its sheet in place of the painting's, and step 4 is done once more, and once again for
-//!    the detail that its correction takes away.
+//!    resemble them. Each Gaussian reads the detail of its sheet in place of the painting's, and step 4 is done once more,
+//!    and once again for the detail that its correction takes away.
 //!
 //! A painting is read at 1 pixel of it to 1 pixel of a picture of 512 pixels that shows the whole scene, or of 394 pixels from
 //! the middle ones of its capture's cameras.

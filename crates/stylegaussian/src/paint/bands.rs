@@ -101,6 +101,7 @@ pub(super) fn softened(pictures: [Vec<f32>; 3], size: [usize; 2], steps: &[usize
     })
 }
 
+/// One over a share of the mask, and at most 1000.
 fn one_over(share: f32) -> f32 {
     1.0 / share.max(1e-3)
 }

@@ -46,7 +46,7 @@ pub(super) struct Copies(Vec<Picture>);
 pub(super) struct Canvas {
     /// The painting's colors.
     pub palette: Palette,
-    /// How its luminance is distributed.
+    /// Distribution of its luminance.
     pub tones: Tones,
     copies: Copies,
     /// Columns and rows of places.

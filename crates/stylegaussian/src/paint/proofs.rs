@@ -52,15 +52,19 @@ impl Proofs {
     pub fn products(&self, parts: &[Vec<Vec3>]) -> [Vec<f64>; N_BANDS] {
         let n = parts.len();
         let mut products: [Vec<f64>; N_BANDS] = std::array::from_fn(|_| vec![0.0; n * n]);
+        // Side by side for each Gaussian, with their number.
+        let luminance = parts.par_chunks(AT_ONCE).map(|parts| {
+            let row = |i: usize| parts.iter().map(move |part| part[i].dot(LUMINANCE));
+            ((0..parts[0].len()).flat_map(row).collect(), parts.len())
+        });
+        let luminance: Vec<(Vec<f32>, usize)> = luminance.collect();
         for proof in &self.0 {
-            let bands = parts.par_chunks(AT_ONCE).flat_map(|parts| {
-                let row = |i: usize| parts.iter().map(move |part| part[i].dot(LUMINANCE));
-                let luminance: Vec<f32> = (0..parts[0].len()).flat_map(row).collect();
-                let drawn = proof.weights.apply(&luminance, parts.len());
+            let bands = luminance.par_iter().flat_map(|(luminance, n_parts)| {
+                let drawn = proof.weights.apply(luminance, *n_parts);
                 let of_part = |part: usize| -> Vec<f32> {
-                    drawn.iter().skip(part).step_by(parts.len()).copied().collect()
+                    drawn.iter().skip(part).step_by(*n_parts).copied().collect()
                 };
-                (0..parts.len()).map(|part| proof.mask.bands(&of_part(part))).collect::<Vec<_>>()
+                (0..*n_parts).map(|part| proof.mask.bands(&of_part(part))).collect::<Vec<_>>()
             });
             let bands: Vec<[Vec<f32>; N_BANDS]> = bands.collect();
             products.par_iter_mut().enumerate().for_each(|(band, products)| {

@@ -58,8 +58,8 @@ impl Default for Brush {
 const MOST_SCENE: f64 = 1.0;
 const MOST_PAINT: f64 = 8.0;
 
-/// Price of the scene's own detail. Where it and the painting's lead to the same spectrum, the painting's is taken: at equal prices
-/// a little chance decides between a woodcut's lines and a cloth's weave.
+/// Price of the scene's own detail, above that of the painting's. If both lead to the same spectrum, the painting's is taken: at
+/// equal prices a small change of this code turned a woodcut's lines into a cloth's weave.
 const SCENE_PRICE: f64 = 1.3 * PRICE;
 
 /// Price of a factor that is to stay: fifty times that of one that is sought.
@@ -79,8 +79,8 @@ const UNDER_PATCHES: f32 = 0.4;
 /// Rounds in which palette and tone are corrected: each disturbs the other a little.
 const ROUNDS: usize = 2;
 
-/// How much higher is aimed for a band of which e times too little is shown, in powers of e, and the limit. If aimed
-/// more often, things as small as a boat fade.
+/// Power by which the aim of a band rises with what is missing of it, and the largest rise. If aimed more often, things as small
+/// as a boat fade.
 const HIGHER: f64 = 0.7;
 const MOST_HIGHER: f64 = 3.0;
 

@@ -3,7 +3,7 @@
 /// Knots of a curve: quantiles at even steps.
 const KNOTS: usize = 65;
 
-/// How luminance is distributed: quantiles at even steps. None if there are no values.
+/// Distribution of luminance: quantiles at even steps, and none if there are no values.
 pub(super) struct Tones(Vec<f32>);
 
 /// A curve of luminance, from pictures to the painting.
