@@ -24,6 +24,10 @@ const SMOOTH: [f32; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 /// eye; the median Gaussian of the bonsai and of the demo scene has about 0.85.
 const FINE: f32 = 1.0;
 
+/// The same over the median detail of what is seen, which counts where it is more: on ground that is rough all over only what
+/// stands out from it is fine. The median is then protected by at most 0.41, as on the demo scene (which this leaves as it is).
+const USUAL: f32 = 1.1;
+
 /// Neighbors that normals and directions are averaged over.
 const N_NEIGHBORS: usize = 8;
 
@@ -123,20 +127,33 @@ impl Surface {
 }
 
 /// How much each Gaussian belongs to things that are smaller than a stroke `[N]`, 0..1: the luminance of the detail
-/// around the seeds that it reads from, beside the `contrast` of the scene. Detail is what the first of `levels` has beyond the
-/// last.
+/// around the seeds that it reads from, beside the `contrast` of the scene and the usual detail. Detail is what the first of
+/// `levels` has beyond the last.
 fn fineness(seeds: &Seeds, visibility: &[f32], levels: &[Vec<Vec3>], contrast: f32) -> Vec<f32> {
     let (own, shapes) = (&levels[0], &levels[levels.len() - 1]);
     let squares: Vec<f32> =
         own.iter().zip(shapes).map(|(own, shape)| (*own - *shape).dot(LUMINANCE).powi(2)).collect();
     let of_seeds = seeds.pooled(&squares, 1, visibility);
-    let half = (FINE * contrast).powi(4);
-    let of_gaussian = |read: &[(u32, f32); N_READ]| {
-        let square: f32 = read.iter().map(|(j, weight)| weight * of_seeds[*j as usize]).sum();
-        // To the fourth power: grass and cloth are painted, fences and windows are not, and little lies between.
-        square * square / (square * square + half)
+    let of_gaussian = |read: &[(u32, f32); N_READ]| -> f32 {
+        read.iter().map(|(j, weight)| weight * of_seeds[*j as usize]).sum()
     };
-    seeds.read.iter().map(of_gaussian).collect()
+    let squares: Vec<f32> = seeds.read.iter().map(of_gaussian).collect();
+    let half = (FINE * contrast).max(USUAL * median(&squares, visibility).sqrt()).powi(4);
+    // To the fourth power: grass and cloth are painted, fences and windows are not, and little lies between.
+    squares.into_iter().map(|square| square * square / (square * square + half)).collect()
+}
+
+/// The weighted median of `values`: half of the weight belongs to smaller ones. 0 if there are none.
+fn median(values: &[f32], weights: &[f32]) -> f32 {
+    let mut sorted: Vec<(f32, f32)> = values.iter().copied().zip(weights.iter().copied()).collect();
+    sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let half = 0.5 * sorted.iter().map(|(_, weight)| f64::from(*weight)).sum::<f64>();
+    let mut below = 0.0;
+    let reaches_half = |(_, weight): &&(f32, f32)| {
+        below += f64::from(*weight);
+        below >= half
+    };
+    sorted.iter().find(reaches_half).map_or(0.0, |(value, _)| *value)
 }
 
 /// Moments of what pictures of these `colors` `[N]` have `shown`, or of the Gaussians by visibility if they show nothing.

@@ -133,6 +133,21 @@ fn what_is_fine_does_not_depend_on_the_contrast_of_the_scene() {
 }
 
 #[test]
+fn on_rough_ground_only_what_stands_out_is_fine() {
+    // Checks all over, four times as strong in a quarter of the wall.
+    let mut scene = wall(96);
+    let color = |i: usize| {
+        let (x, y) = (i % 96, i / 96);
+        let strength = if x < 48 && y < 48 { 0.4 } else { 0.1 };
+        [0.5 + strength * (((x + y) % 2) as f32 - 0.5); 3]
+    };
+    scene.set_colors(&(0..96 * 96).map(color).collect::<Vec<_>>());
+    let surface = Surface::new(&scene, 1.0);
+    let (strong, weak) = (surface.fine[20 * 96 + 20], surface.fine[80 * 96 + 80]);
+    assert!(strong > 0.9 && weak < 0.45, "{strong} and {weak}");
+}
+
+#[test]
 fn content_and_weights_blend() {
     let scene = wall(32);
     let surface = Surface::new(&scene, 1.0);
