@@ -98,7 +98,7 @@ fn up_of(camera: &Camera) -> Vec3 {
 }
 
 /// The value at half of all weight, or `None` if there is no value.
-fn weighted_median(values: &mut [(f32, f32)]) -> Option<f32> {
+pub(super) fn weighted_median(values: &mut [(f32, f32)]) -> Option<f32> {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
     let total: f64 = values.iter().map(|(_, weight)| f64::from(*weight)).sum();
     let mut sum = 0.0;
