@@ -41,9 +41,8 @@ impl Graph {
     /// # Errors
     /// The reason of tract's refusal or panic, or that the input is too small for the graph.
     pub(crate) fn run(&self, input: &Planes) -> Result<(Vec<usize>, Vec<f32>), String> {
-        // Matrix products use the threads that everything else here uses: a single image would leave the other cores
-        // idle. The panic is caught inside, because the scope restores its thread's executor only on return.
-        multithread_tract_scope(Executor::RayonGlobal, || {
+        // The panic is caught inside, because the scope restores its thread's executor only on return.
+        multithread_tract_scope(executor(), || {
             caught(|| {
                 check_sizes(self.plan.model(), input.shape())?;
                 let input = Tensor::from_shape(&input.shape(), &input.values).map_err(text)?;
@@ -55,6 +54,13 @@ impl Graph {
             })
         })
     }
+}
+
+/// The threads of a run's matrix products: those that everything else here uses, since a single image would leave the other cores
+/// idle. One of these threads works alone. While it waited for its share of a product it would take up other work, perhaps
+/// another run, and tract keeps the thread's scratch memory borrowed meanwhile and would panic.
+fn executor() -> Executor {
+    if rayon::current_thread_index().is_some() { Executor::SingleThread } else { Executor::RayonGlobal }
 }
 
 fn plan(onnx: &[u8]) -> Result<Arc<TypedRunnableModel>, String> {
