@@ -277,7 +277,7 @@ fn a_change_is_spread_over_frames() {
 }
 
 /// A thousand changes that come faster than they complete, on both backends, with fades and with a budget: the last one
-/// stays, and the device holds the same memory as after ten.
+/// stays, and the device holds the same memory as after five hundred.
 #[test]
 fn a_thousand_changes_leave_nothing_behind() {
     let cases = [
@@ -344,20 +344,21 @@ fn a_thousand_changes_leave_nothing_behind() {
                 allocations(app);
             }
         };
-        (0..10).for_each(|_| change_at_random(&mut app));
-        settle(&mut app, 3);
-        let after_10 = allocations(&app);
-        (0..990).for_each(|_| change_at_random(&mut app));
-        settle(&mut app, 3);
-        let after_1000 = allocations(&app);
+        // Not sooner: pools of wgpu and of timestamps hold as many buffers as were ever in flight at once, and on a GPU it takes
+        // some changes until that many are.
+        let [after_500, after_1000] = [500, 500].map(|n| {
+            (0..n).for_each(|_| change_at_random(&mut app));
+            settle(&mut app, 3);
+            allocations(&app)
+        });
         eprintln!(
-            "{backend:?}, {ms_per_frame} ms: {after_10:?} after 10 changes, {after_1000:?} after 1,000"
+            "{backend:?}, {ms_per_frame} ms: {after_500:?} after 500 changes, {after_1000:?} after 1,000"
         );
-        let (Some(after_10), Some(after_1000)) = (after_10, after_1000) else {
+        let (Some(after_500), Some(after_1000)) = (after_500, after_1000) else {
             eprintln!("SKIPPED: the device does not report its allocations");
             continue;
         };
-        assert_eq!(after_10, after_1000);
+        assert_eq!(after_500, after_1000);
     }
 }
 

@@ -59,7 +59,13 @@ fn light(app: &mut App, image: &Handle<Image>) -> f32 {
 
 /// A device with storage bindings of at most 1 MiB: 65,536 splats of 16 bytes.
 fn small_device() -> WgpuSettings {
-    let limits = WgpuLimits { max_storage_buffer_binding_size: 1 << 20, ..WgpuLimits::default() };
+    let limits = WgpuLimits {
+        max_storage_buffer_binding_size: 1 << 20,
+        // As many as the adapter has: where it has the feature, Bevy's materials use it, and the default is none.
+        max_binding_array_elements_per_shader_stage: u32::MAX,
+        max_binding_array_sampler_elements_per_shader_stage: u32::MAX,
+        ..WgpuLimits::default()
+    };
     WgpuSettings { constrained_limits: Some(limits), ..default() }
 }
 
