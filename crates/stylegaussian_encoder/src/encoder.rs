@@ -166,8 +166,8 @@ impl Encoder {
 
     /// Features of an image.
     ///
-    /// Several threads may encode at once. tract runs each call on its caller's thread, and spreads matrix products over
-    /// rayon's unless that is one of them; ONNX Runtime spreads one call over all cores and takes calls in turn.
+    /// Several threads may encode at once. tract runs each call on its caller's thread. If that is none of rayon's, it spreads
+    /// matrix products over them. ONNX Runtime spreads one call over all cores and takes calls in turn.
     ///
     /// # Errors
     /// If the image is smaller than [`MIN_SIDE`] or than the graph needs, if the graph takes another size, or if the

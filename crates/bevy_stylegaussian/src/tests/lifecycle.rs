@@ -61,7 +61,7 @@ fn light(app: &mut App, image: &Handle<Image>) -> f32 {
 fn small_device() -> WgpuSettings {
     let limits = WgpuLimits {
         max_storage_buffer_binding_size: 1 << 20,
-        // As many as the adapter has: where it has the feature, Bevy's materials use it, and the default is none.
+        // As many as the adapter has. The default is none, and Bevy's materials bind arrays if the adapter can.
         max_binding_array_elements_per_shader_stage: u32::MAX,
         max_binding_array_sampler_elements_per_shader_stage: u32::MAX,
         ..WgpuLimits::default()

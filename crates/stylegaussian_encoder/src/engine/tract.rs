@@ -56,9 +56,9 @@ impl Graph {
     }
 }
 
-/// The threads of a run's matrix products: those that everything else here uses, since a single image would leave the other cores
-/// idle. One of these threads works alone. While it waited for its share of a product it would take up other work, perhaps
-/// another run, and tract keeps the thread's scratch memory borrowed meanwhile and would panic.
+/// The threads of a run's matrix products: rayon's, since a single image would leave the other cores idle. If the caller is
+/// one of them, it works alone. A thread of rayon's that waits for a product takes up other work, perhaps another run, which
+/// would find tract's scratch memory of this thread borrowed, and panic.
 fn executor() -> Executor {
     if rayon::current_thread_index().is_some() { Executor::SingleThread } else { Executor::RayonGlobal }
 }
