@@ -1,6 +1,6 @@
 //! The bake itself.
 
-use std::{f32::consts::PI, path::Path};
+use std::{f32::consts::PI, path::Path, sync::Arc};
 
 use rayon::prelude::*;
 use stylegaussian::{
@@ -9,7 +9,7 @@ use stylegaussian::{
     paint::{Brush, Paint, Surface, repaint},
     random::Random,
     recolor::Recoloring,
-    splat::blend_weights,
+    splat::{BlendWeights, blend_weights},
 };
 use stylegaussian_encoder::{Image, paint_of};
 
@@ -49,13 +49,37 @@ const LARGE_WEIGHT: f32 = 10.0;
 /// The share of the rate at the last step.
 const LAST_RATE: f32 = 0.3;
 
+/// What a step sees of the scene, whatever its colors.
+struct Crop {
+    /// The number of the step.
+    step: u32,
+    weights: BlendWeights,
+    alpha: Vec<f32>,
+    mask: Mask,
+    /// The step's random numbers, from behind those of its camera.
+    random: Random,
+}
+
+impl Crop {
+    fn draw(step: u32, config: &BakeConfig, cameras: &Cameras, scene: &Scene) -> Self {
+        let mut random = Random::new(config.seed ^ (u64::from(step) + 1).wrapping_mul(0xD134_2543_DE82_EF95));
+        let weights = blend_weights(scene, &cameras.sample(step, config.crop, &mut random, config.seed));
+        let alpha = weights.alpha();
+        let side = config.crop as usize;
+        let mask = Mask::new(Size { width: side, height: side }, &alpha);
+        Self { step, weights, alpha, mask, random }
+    }
+}
+
 /// Colors on their way from instant paint to strokes that are drawn for the scene.
 pub struct Baker {
     config: BakeConfig,
     network: LossNetwork,
     grids: Grids,
     paintings: Paintings,
-    cameras: Cameras,
+    cameras: Arc<Cameras>,
+    /// What the next step sees, if it was drawn beside the last one.
+    next: Option<Crop>,
     /// The scene's own colors `[N * 3]`.
     captured: Vec<f32>,
     /// The recolored scene's `[N * 3]`.
@@ -116,7 +140,8 @@ impl Baker {
             network,
             grids,
             paintings,
-            cameras,
+            cameras: Arc::new(cameras),
+            next: None,
             captured,
             recolored,
             start: colors.clone(),
@@ -202,15 +227,21 @@ impl Baker {
     /// If `scene` has another number of Gaussians than the one that the bake began with.
     pub fn step(&mut self, scene: &Scene) -> Losses {
         assert_eq!(self.colors.len(), scene.len() * 3, "one color per Gaussian");
+        let (step, config, cameras) = (self.steps, self.config, self.cameras.clone());
+        let drawn = self.next.take().filter(|crop| crop.step == step);
+        let crop = drawn.unwrap_or_else(|| Crop::draw(step, &config, &cameras, scene));
+        // Drawn beside this one, so that no thread waits while another one moves colors.
+        let ahead = || (step + 1 < config.steps).then(|| Crop::draw(step + 1, &config, &cameras, scene));
+        let (losses, next) = rayon::join(|| self.step_on(crop), ahead);
+        self.next = next;
+        losses
+    }
+
+    fn step_on(&mut self, crop: Crop) -> Losses {
+        let Crop { weights, alpha, mask, mut random, .. } = crop;
         let config = self.config;
-        let mut random =
-            Random::new(config.seed ^ (u64::from(self.steps) + 1).wrapping_mul(0xD134_2543_DE82_EF95));
-        let camera = self.cameras.sample(self.steps, config.crop, &mut random, config.seed);
-        let weights = blend_weights(scene, &camera);
-        let alpha = weights.alpha();
         let side = config.crop as usize;
         let size = Size { width: side, height: side };
-        let mask = Mask::new(size, &alpha);
         let rgb = over(&weights, &alpha, &self.colors, self.paintings.mean);
         let pixels = mask.cells(size);
         // Every other step compares texture alone.
@@ -220,7 +251,7 @@ impl Baker {
         let features = self.network.forward(&self.grids, &seen);
         let unstyled = (config.weights.content > 0.0 && !gray).then(|| {
             let rgb = over(&weights, &alpha, &self.captured, self.paintings.mean);
-            self.network.forward(&self.grids, &rgb)
+            self.network.content(&self.grids, &rgb)
         });
         let (mut losses, grads) = self.compare(gray, &features, unstyled.as_ref(), &mask, &mut random);
         let mut grad = self.network.backward(&self.grids, &features, grads);

@@ -7,10 +7,11 @@ mod windows;
 
 use std::path::Path;
 
+use rayon::prelude::*;
 use stylegaussian_encoder::{vgg, weights::Weights};
 
 use crate::error::BakeError;
-use chain::{Chain, Grid, Operation, Values};
+use chain::{Chain, Grid, Operation, Values, add};
 pub(crate) use windows::Size;
 
 /// A value of a chain that the loss looks at.
@@ -132,7 +133,24 @@ impl LossNetwork {
 
     /// Features of a picture RGB 0..1 `[h * w, 3]`.
     pub(crate) fn forward(&self, grids: &Grids, rgb: &[f32]) -> Features {
-        Features(self.chains.iter().zip(&grids.0).map(|(chain, grid)| chain.forward(grid, rgb)).collect())
+        self.forward_where(grids, rgb, |_| true)
+    }
+
+    /// As [`Self::forward`], but of the chains alone that tell what a picture shows.
+    pub(crate) fn content(&self, grids: &Grids, rgb: &[f32]) -> Features {
+        self.forward_where(grids, rgb, |chain| {
+            self.layers.iter().any(|layer| layer.content && layer.chain == chain)
+        })
+    }
+
+    fn forward_where(&self, grids: &Grids, rgb: &[f32], needed: impl Fn(usize) -> bool + Sync) -> Features {
+        let chains = self.chains.par_iter().zip(&grids.0).enumerate();
+        let values = chains.map(
+            |(i, (chain, grid))| {
+                if needed(i) { chain.forward(grid, rgb) } else { Values(Vec::new()) }
+            },
+        );
+        Features(values.collect())
     }
 
     /// The gradient with respect to the picture `[h * w, 3]`, from one with respect to each layer's rows.
@@ -144,10 +162,15 @@ impl LossNetwork {
                 of_chains[layer.chain][layer.value] = Some(grad);
             }
         }
+        let chains = self.chains.par_iter().zip(&grids.0).zip(&features.0).zip(of_chains);
+        let of_chains: Vec<Option<Vec<f32>>> =
+            chains.map(|(((chain, grid), values), grads)| chain.backward(grid, values, grads)).collect();
+        // In order, so that the sum is the same for any number of threads.
+        let mut of_chains = of_chains.into_iter().flatten();
         let n_values = features.0.first().map_or(0, |values| values.0[0].len());
-        let mut grad_rgb = vec![0.0; n_values];
-        for (i, grads) in of_chains.into_iter().enumerate() {
-            self.chains[i].backward(&grids.0[i], &features.0[i], grads, &mut grad_rgb);
+        let mut grad_rgb = of_chains.next().unwrap_or_else(|| vec![0.0; n_values]);
+        for grad in of_chains {
+            add(&mut grad_rgb, &grad);
         }
         grad_rgb
     }

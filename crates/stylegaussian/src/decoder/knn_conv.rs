@@ -39,16 +39,17 @@ impl KnnConvShape {
         assert!(self.d_in > 0 && x.len().is_multiple_of(self.d_in), "x [N_in, D_in]");
         assert!(self.k > 0 && neighbors.len().is_multiple_of(self.k), "neighbors [N_out, K]");
     }
-
-    /// W_k `[D_out, D_in]`, the part of a weight `[D_out, K, D_in]` for slot k.
-    fn slot<'a>(&self, weight: &'a [f32], k: usize) -> Matrix<'a> {
-        Matrix::strided(&weight[k * self.d_in..], self.d_out, self.d_in, self.k * self.d_in)
-    }
 }
 
 /// Fills `target` with the given rows of x `[N, D_in]`.
 fn gather(target: &mut Vec<f32>, x: &[f32], d_in: usize, rows: impl Iterator<Item = u32>) {
     target.clear();
+    if d_in == 3 {
+        // Colors. A copy of three values is a call if their number is not known.
+        let (x, _) = x.as_chunks::<3>();
+        rows.for_each(|row| target.extend_from_slice(&x[row as usize]));
+        return;
+    }
     for row in rows {
         target.extend_from_slice(&x[row as usize * d_in..][..d_in]);
     }
@@ -202,6 +203,20 @@ impl ReverseNeighbors {
         &self.rows[self.starts[slot] as usize..self.starts[slot + 1] as usize]
     }
 
+    /// Appends the sum of dy_p `[D_out]` over the output rows p that have q in slot k.
+    fn append_sum(&self, sums: &mut Vec<f32>, q: usize, k: usize, grad_y: &[f32], d_out: usize) {
+        let row = |p: u32| &grad_y[p as usize * d_out..][..d_out];
+        let Some((&first, others)) = self.rows(q, k).split_first() else {
+            sums.resize(sums.len() + d_out, 0.0);
+            return;
+        };
+        let start = sums.len();
+        sums.extend_from_slice(row(first));
+        for &p in others {
+            sums[start..].iter_mut().zip(row(p)).for_each(|(sum, value)| *sum += value);
+        }
+    }
+
     /// N_in, the number of rows of x.
     pub fn n_in(&self) -> usize {
         (self.starts.len() - 1) / self.k
@@ -210,34 +225,99 @@ impl ReverseNeighbors {
 
 /// Gradient of a loss with respect to x `[N_in, D_in]`: dx_q = sum_k (sum_{p: n(p,k) = q} dy_p) W_k.
 ///
-/// The inner sums are gathered through the reversed neighbor lists. The product then has the size of the forward pass,
-/// and no sum needs an atomic.
+/// Sums are gathered through the reversed neighbor lists, so none needs an atomic. Whichever moves fewer values comes first: the
+/// sums of dy, whose products then have N_in rows, or the products dy_p W_k, of N_out rows, whose sums are dx. The former
+/// is right if lists are long and x is wide, the latter for a convolution of a picture with a stride, or with three channels.
 pub fn knn_conv_backward_input(
     shape: KnnConvShape,
     reverse: &ReverseNeighbors,
     weight: &[f32],
     grad_y: &[f32],
 ) -> Vec<f32> {
+    assert_eq!(reverse.k, shape.k, "K of the reversed neighbor lists");
+    let n_out = grad_y.len() / shape.d_out;
+    if n_out * shape.d_in < reverse.n_in() * shape.d_out {
+        sums_of_products(shape, reverse, weight, grad_y)
+    } else {
+        products_of_sums(shape, reverse, weight, grad_y)
+    }
+}
+
+/// [`knn_conv_backward_input`] as (sum_p dy_p) W_k, for some slots at a time as in [`knn_conv`].
+fn products_of_sums(
+    shape: KnnConvShape,
+    reverse: &ReverseNeighbors,
+    weight: &[f32],
+    grad_y: &[f32],
+) -> Vec<f32> {
     let KnnConvShape { k: n_slots, d_in, d_out } = shape;
-    assert_eq!(reverse.k, n_slots, "K of the reversed neighbor lists");
+    let mut by_slot = Vec::with_capacity(weight.len());
+    for k in 0..n_slots {
+        // [K, D_out, D_in], in which consecutive slots are one matrix.
+        by_slot.extend(weight.chunks_exact(n_slots * d_in).flat_map(|row| &row[k * d_in..][..d_in]));
+    }
+    let group = (GROUP_WIDTH / d_out).clamp(1, n_slots);
     let mut grad_x = vec![0.0; reverse.n_in() * d_in];
     grad_x.par_chunks_mut(BLOCK_ROWS * d_in).enumerate().for_each_init(Vec::new, |sums, (block, grad_x)| {
         let n_rows = grad_x.len() / d_in;
-        for k in 0..n_slots {
-            // The rows that list q are summed before the product. Multiplying each by W_k first would take as many
-            // products as there are entries.
+        for k in (0..n_slots).step_by(group) {
+            let n = group.min(n_slots - k);
             sums.clear();
-            sums.resize(n_rows * d_out, 0.0);
-            for (row, sum) in sums.chunks_exact_mut(d_out).enumerate() {
-                for &p in reverse.rows(block * BLOCK_ROWS + row, k) {
-                    for (sum, value) in sum.iter_mut().zip(&grad_y[p as usize * d_out..][..d_out]) {
-                        *sum += value;
-                    }
+            for row in block * BLOCK_ROWS..block * BLOCK_ROWS + n_rows {
+                for k in k..k + n {
+                    reverse.append_sum(sums, row, k, grad_y, d_out);
                 }
             }
-            product(grad_x, true, Matrix::dense(sums, n_rows, d_out), shape.slot(weight, k));
+            let sums = Matrix::dense(sums, n_rows, n * d_out);
+            let weight = &by_slot[k * d_out * d_in..];
+            product(grad_x, true, sums, Matrix::dense(weight, n * d_out, d_in));
         }
     });
+    grad_x
+}
+
+/// [`knn_conv_backward_input`] as sum_p (dy_p W_k).
+fn sums_of_products(
+    shape: KnnConvShape,
+    reverse: &ReverseNeighbors,
+    weight: &[f32],
+    grad_y: &[f32],
+) -> Vec<f32> {
+    let KnnConvShape { k: n_slots, d_in, d_out } = shape;
+    let width = n_slots * d_in;
+    // dy W `[N_out, K * D_in]`.
+    let mut products = vec![0.0; grad_y.len() / d_out * width];
+    let blocks = products.par_chunks_mut(BLOCK_ROWS * width).zip(grad_y.par_chunks(BLOCK_ROWS * d_out));
+    blocks.for_each(|(products, grad_y)| {
+        let grad_y = Matrix::dense(grad_y, grad_y.len() / d_out, d_out);
+        product(products, false, grad_y, Matrix::dense(weight, d_out, width));
+    });
+    let sum_products = |q: usize, grad_x: &mut [f32]| {
+        for k in 0..n_slots {
+            for &p in reverse.rows(q, k) {
+                let product = &products[p as usize * width + k * d_in..][..d_in];
+                grad_x.iter_mut().zip(product).for_each(|(sum, value)| *sum += value);
+            }
+        }
+    };
+    // Sums of colors stay in registers.
+    let sum_colors = |q: usize, grad_x: &mut [f32]| {
+        let (products, _) = products.as_chunks::<3>();
+        let mut sum = [0.0; 3];
+        for k in 0..n_slots {
+            for &p in reverse.rows(q, k) {
+                let product = products[p as usize * n_slots + k];
+                sum = std::array::from_fn(|i| sum[i] + product[i]);
+            }
+        }
+        grad_x.copy_from_slice(&sum);
+    };
+    let mut grad_x = vec![0.0; reverse.n_in() * d_in];
+    let rows = grad_x.par_chunks_exact_mut(d_in).with_min_len(BLOCK_ROWS).enumerate();
+    match d_in {
+        3 => rows.for_each(|(q, grad_x)| sum_colors(q, grad_x)),
+        _ => rows.for_each(|(q, grad_x)| sum_products(q, grad_x)),
+    }
     grad_x
 }
 
@@ -291,6 +371,23 @@ mod tests {
         check(0, &grad_x);
         check(1, &grad_weight);
         check(2, &grad_bias);
+    }
+
+    #[test]
+    fn both_orders_of_the_input_gradient_agree() {
+        let shape = KnnConvShape { k: 3, d_in: 5, d_out: 4 };
+        // More than a block, in which lists are empty, of one row, and of some.
+        let (n_in, n_out) = (BLOCK_ROWS * 2 + 17, BLOCK_ROWS + 5);
+        let neighbors: Vec<u32> = (0..n_out * 3).map(|i| (i * i % n_in) as u32).collect();
+        let reverse = ReverseNeighbors::new(&neighbors, 3, n_in);
+        let (weight, grad_y) = (values(4 * 15, 2), values(n_out * 4, 3));
+        let one = products_of_sums(shape, &reverse, &weight, &grad_y);
+        let other = sums_of_products(shape, &reverse, &weight, &grad_y);
+        assert_eq!(one.len(), n_in * 5);
+        assert!(one.iter().any(|value| value.abs() > 1.0));
+        for (one, other) in one.iter().zip(&other) {
+            assert!((one - other).abs() < 1e-4, "{one} {other}");
+        }
     }
 
     #[test]

@@ -132,29 +132,56 @@ impl BlendWeights {
     /// If `gradient` does not hold H x W x `c` numbers.
     pub fn apply_transposed(&self, gradient: &[f32], c: usize) -> Vec<f32> {
         assert_eq!(gradient.len(), (self.starts.len() - 1) * c, "gradient must be [H * W, C]");
+        if c == 3 {
+            // Colors, whose additions are then no loop.
+            return self.transposed_width(gradient.as_chunks::<3>().0).into_flattened();
+        }
         let mut sums = vec![0.0; self.n_gaussians * c];
+        self.transposed_rows(&mut sums, c, |sums, row, pixel, weight| {
+            add_scaled(&mut sums[row * c..(row + 1) * c], weight, &gradient[pixel * c..(pixel + 1) * c]);
+        });
+        sums
+    }
+
+    /// [`apply_transposed`](Self::apply_transposed) for C known when compiled.
+    fn transposed_width<const C: usize>(&self, gradient: &[[f32; C]]) -> Vec<[f32; C]> {
+        let mut sums = vec![[0.0; C]; self.n_gaussians];
+        self.transposed_rows(&mut sums, 1, |sums, row, pixel, weight| {
+            add_scaled(&mut sums[row], weight, &gradient[pixel]);
+        });
+        sums
+    }
+
+    /// Calls `add(block of sums, row in the block, pixel, weight)` for each entry. `sums` has `c` values for each Gaussian.
+    fn transposed_rows<T: Send>(
+        &self,
+        sums: &mut [T],
+        c: usize,
+        add: impl Fn(&mut [T], usize, usize, f32) + Sync,
+    ) {
         if sums.is_empty() {
-            return sums;
+            return;
         }
         // Each thread owns every n-th block of Gaussians, reads all entries, and adds up those of its own blocks. No
         // sum is atomic, so the order of additions never changes.
         let n_shares = rayon::current_num_threads();
-        let mut shares: Vec<Vec<&mut [f32]>> = (0..n_shares).map(|_| Vec::new()).collect();
+        // A place for each block in each share: a division for each entry would take as long as its sum.
+        let mut shares: Vec<Vec<Option<&mut [T]>>> = (0..n_shares).map(|_| Vec::new()).collect();
         for (block, rows) in sums.chunks_mut(BLOCK * c).enumerate() {
-            shares[block % n_shares].push(rows);
+            let mut rows = Some(rows);
+            for (share, blocks) in shares.iter_mut().enumerate() {
+                blocks.push(if block % n_shares == share { rows.take() } else { None });
+            }
         }
-        shares.into_par_iter().enumerate().for_each(|(share, mut blocks)| {
-            for (pixel, of_pixel) in gradient.chunks_exact(c).enumerate() {
+        shares.into_par_iter().for_each(|mut blocks| {
+            for pixel in 0..self.starts.len() - 1 {
                 for (gaussian, weight) in self.pixel(pixel) {
-                    let block = gaussian / BLOCK;
-                    if block % n_shares == share {
-                        let row = (gaussian % BLOCK) * c;
-                        add_scaled(&mut blocks[block / n_shares][row..row + c], weight, of_pixel);
+                    if let Some(rows) = &mut blocks[gaussian / BLOCK] {
+                        add(rows, gaussian % BLOCK, pixel, weight);
                     }
                 }
             }
         });
-        sums
     }
 
     /// Coverage of each pixel `[H * W]`: the sum of its weights.

@@ -8,6 +8,9 @@ use stylegaussian::decoder::{KnnConvShape, knn_conv, knn_conv_backward_input};
 
 use super::windows::{Size, Windows};
 
+/// Values that a thread takes at a time, where each is one addition: 128 KiB.
+const CHUNK: usize = 1 << 15;
+
 /// How a convolution sees beyond the picture's border.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Padding {
@@ -128,7 +131,11 @@ impl Chain {
             let x = &values[i];
             let y = match (operation, &grid.windows[i]) {
                 (Operation::Convolution(convolution), Some(windows)) => convolve(convolution, windows, x),
-                (Operation::Add(from), _) => x.iter().zip(&values[*from]).map(|(a, b)| a + b).collect(),
+                (Operation::Add(from), _) => {
+                    let mut sum = x.clone();
+                    add(&mut sum, &values[*from]);
+                    sum
+                }
                 _ => max_pool(x, self.channels(i), grid.sizes[i], grid.sizes[i + 1]),
             };
             values.push(y);
@@ -136,15 +143,14 @@ impl Chain {
         Values(values)
     }
 
-    /// Adds to `grad_rgb` `[h * w, 3]` the gradient with respect to the picture, from the gradients with respect to
-    /// some values.
+    /// The gradient with respect to the picture `[h * w, 3]`, from the gradients with respect to some values; none if
+    /// there are none.
     pub(super) fn backward(
         &self,
         grid: &Grid,
         values: &Values,
         mut grads: Vec<Option<Vec<f32>>>,
-        grad_rgb: &mut [f32],
-    ) {
+    ) -> Option<Vec<f32>> {
         for (i, operation) in self.operations.iter().enumerate().rev() {
             let Some(mut grad) = grads[i + 1].take() else { continue };
             match (operation, &grid.windows[i]) {
@@ -158,39 +164,46 @@ impl Chain {
                         knn_conv_backward_input(convolution.shape, reverse, &convolution.weight, &grad);
                     // Without the row of zeros, if there is one.
                     grad.truncate(values.0[i].len());
-                    add(&mut grads[i], grad);
+                    accumulate(&mut grads[i], grad);
                 }
                 (Operation::Add(from), _) => {
-                    add(&mut grads[*from], grad.clone());
-                    add(&mut grads[i], grad);
+                    match &mut grads[*from] {
+                        Some(sum) => add(sum, &grad),
+                        none => *none = Some(grad.clone()),
+                    }
+                    accumulate(&mut grads[i], grad);
                 }
                 _ => {
                     let (x, y) = (&values.0[i], &values.0[i + 1]);
                     let sizes = [grid.sizes[i], grid.sizes[i + 1]];
-                    add(&mut grads[i], max_pool_backward(x, y, &grad, self.channels(i), sizes));
+                    accumulate(&mut grads[i], max_pool_backward(x, y, &grad, self.channels(i), sizes));
                 }
             }
         }
-        if let Some(grad) = grads.swap_remove(0) {
-            grad_rgb.iter_mut().zip(grad).for_each(|(sum, value)| *sum += value);
-        }
+        grads.swap_remove(0)
     }
 }
 
-fn add(sum: &mut Option<Vec<f32>>, grad: Vec<f32>) {
+fn accumulate(sum: &mut Option<Vec<f32>>, grad: Vec<f32>) {
     match sum {
         None => *sum = Some(grad),
-        Some(sum) => sum.iter_mut().zip(grad).for_each(|(sum, value)| *sum += value),
+        Some(sum) => add(sum, &grad),
     }
+}
+
+/// Adds `values` to `sum`.
+pub(super) fn add(sum: &mut [f32], values: &[f32]) {
+    let pairs = sum.par_chunks_mut(CHUNK).zip(values.par_chunks(CHUNK));
+    pairs.for_each(|(sum, values)| sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value));
 }
 
 /// The gradient before a ReLU with the result `y`: 0 wherever y is.
 fn gate(grad: &mut [f32], y: &[f32]) {
-    for (grad, y) in grad.iter_mut().zip(y) {
-        if *y <= 0.0 {
-            *grad = 0.0;
-        }
-    }
+    let pairs = grad.par_chunks_mut(CHUNK).zip(y.par_chunks(CHUNK));
+    pairs.for_each(|(grad, y)| {
+        // A choice and no branch, so that it runs in vectors.
+        grad.iter_mut().zip(y).for_each(|(grad, y)| *grad = if *y > 0.0 { *grad } else { 0.0 });
+    });
 }
 
 fn convolve(convolution: &Convolution, windows: &Windows, x: &[f32]) -> Vec<f32> {

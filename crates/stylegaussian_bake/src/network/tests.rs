@@ -67,8 +67,7 @@ fn gradients_match_finite_differences() {
     for (value, direction) in watched.into_iter().zip(&directions) {
         grads[value] = Some(direction.clone());
     }
-    let mut grad = vec![0.0; rgb.len()];
-    chain.backward(&grid, &values, grads, &mut grad);
+    let grad = chain.backward(&grid, &values, grads).unwrap();
     // Small, so that few ReLUs and maxima switch in between; those that do may spoil a few.
     let step = 1e-3;
     let wrong = (0..rgb.len()).filter(|&i| {
