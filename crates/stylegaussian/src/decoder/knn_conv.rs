@@ -44,14 +44,14 @@ impl KnnConvShape {
 /// Fills `target` with the given rows of x `[N, D_in]`.
 fn gather(target: &mut Vec<f32>, x: &[f32], d_in: usize, rows: impl Iterator<Item = u32>) {
     target.clear();
-    if d_in == 3 {
-        // Colors. A copy of three values is a call if their number is not known.
-        let (x, _) = x.as_chunks::<3>();
-        rows.for_each(|row| target.extend_from_slice(&x[row as usize]));
-        return;
-    }
-    for row in rows {
-        target.extend_from_slice(&x[row as usize * d_in..][..d_in]);
+    let mut rows = rows.map(|row| row as usize).peekable();
+    while let Some(first) = rows.next() {
+        // Rows that follow one another, as in a line of a picture's window, are one copy.
+        let mut end = first + 1;
+        while rows.next_if_eq(&end).is_some() {
+            end += 1;
+        }
+        target.extend_from_slice(&x[first * d_in..end * d_in]);
     }
 }
 
