@@ -226,8 +226,8 @@ impl ReverseNeighbors {
 /// Gradient of a loss with respect to x `[N_in, D_in]`: dx_q = sum_k (sum_{p: n(p,k) = q} dy_p) W_k.
 ///
 /// Sums are gathered through the reversed neighbor lists, so none needs an atomic. Whichever moves fewer values comes first: the
-/// sums of dy, whose products then have N_in rows, or the products dy_p W_k, of N_out rows, whose sums are dx. The former
-/// is right if lists are long and x is wide, the latter for a convolution of a picture with a stride, or with three channels.
+/// sums of dy, which are multiplied for N_in rows, or the products dy_p W_k of N_out rows, whose sums are dx. The former
+/// suits a wide x, the latter a picture's convolution with a stride or of three channels.
 pub fn knn_conv_backward_input(
     shape: KnnConvShape,
     reverse: &ReverseNeighbors,
@@ -375,18 +375,21 @@ mod tests {
 
     #[test]
     fn both_orders_of_the_input_gradient_agree() {
-        let shape = KnnConvShape { k: 3, d_in: 5, d_out: 4 };
         // More than a block, in which lists are empty, of one row, and of some.
         let (n_in, n_out) = (BLOCK_ROWS * 2 + 17, BLOCK_ROWS + 5);
         let neighbors: Vec<u32> = (0..n_out * 3).map(|i| (i * i % n_in) as u32).collect();
         let reverse = ReverseNeighbors::new(&neighbors, 3, n_in);
-        let (weight, grad_y) = (values(4 * 15, 2), values(n_out * 4, 3));
-        let one = products_of_sums(shape, &reverse, &weight, &grad_y);
-        let other = sums_of_products(shape, &reverse, &weight, &grad_y);
-        assert_eq!(one.len(), n_in * 5);
-        assert!(one.iter().any(|value| value.abs() > 1.0));
-        for (one, other) in one.iter().zip(&other) {
-            assert!((one - other).abs() < 1e-4, "{one} {other}");
+        // Colors have sums of their own.
+        for d_in in [3, 5] {
+            let shape = KnnConvShape { k: 3, d_in, d_out: 4 };
+            let (weight, grad_y) = (values(4 * 3 * d_in, 2), values(n_out * 4, 3));
+            let one = products_of_sums(shape, &reverse, &weight, &grad_y);
+            let other = sums_of_products(shape, &reverse, &weight, &grad_y);
+            assert_eq!(one.len(), n_in * d_in);
+            assert!(one.iter().any(|value| value.abs() > 1.0));
+            for (one, other) in one.iter().zip(&other) {
+                assert!((one - other).abs() < 1e-4, "{d_in} channels: {one} {other}");
+            }
         }
     }
 

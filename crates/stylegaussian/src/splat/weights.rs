@@ -165,19 +165,19 @@ impl BlendWeights {
         // Each thread owns every n-th block of Gaussians, reads all entries, and adds up those of its own blocks. No
         // sum is atomic, so the order of additions never changes.
         let n_shares = rayon::current_num_threads();
-        // A place for each block in each share: a division for each entry would take as long as its sum.
-        let mut shares: Vec<Vec<Option<&mut [T]>>> = (0..n_shares).map(|_| Vec::new()).collect();
+        let mut shares: Vec<Vec<&mut [T]>> = (0..n_shares).map(|_| Vec::new()).collect();
+        // The share of each block, and its place there: a division for each entry would take as long as its sum.
+        let mut places = Vec::with_capacity(sums.len().div_ceil(BLOCK * c));
         for (block, rows) in sums.chunks_mut(BLOCK * c).enumerate() {
-            let mut rows = Some(rows);
-            for (share, blocks) in shares.iter_mut().enumerate() {
-                blocks.push(if block % n_shares == share { rows.take() } else { None });
-            }
+            places.push((block % n_shares, block / n_shares));
+            shares[block % n_shares].push(rows);
         }
-        shares.into_par_iter().for_each(|mut blocks| {
+        shares.into_par_iter().enumerate().for_each(|(share, mut blocks)| {
             for pixel in 0..self.starts.len() - 1 {
                 for (gaussian, weight) in self.pixel(pixel) {
-                    if let Some(rows) = &mut blocks[gaussian / BLOCK] {
-                        add(rows, gaussian % BLOCK, pixel, weight);
+                    let (owner, place) = places[gaussian / BLOCK];
+                    if owner == share {
+                        add(blocks[place], gaussian % BLOCK, pixel, weight);
                     }
                 }
             }
