@@ -132,24 +132,29 @@ impl BlendWeights {
     /// If `gradient` does not hold H x W x `c` numbers.
     pub fn apply_transposed(&self, gradient: &[f32], c: usize) -> Vec<f32> {
         assert_eq!(gradient.len(), (self.starts.len() - 1) * c, "gradient must be [H * W, C]");
-        if c == 3 {
-            // Colors, whose additions are then no loop.
-            return self.transposed_width(gradient.as_chunks::<3>().0).into_flattened();
+        match c {
+            1 => self.transposed_width::<1>(gradient),
+            3 => self.transposed_width::<3>(gradient),
+            4 => self.transposed_width::<4>(gradient),
+            _ => {
+                let mut sums = vec![0.0; self.n_gaussians * c];
+                self.transposed_rows(&mut sums, c, |sums, row, pixel, weight| {
+                    let of_pixel = &gradient[pixel * c..(pixel + 1) * c];
+                    add_scaled(&mut sums[row * c..(row + 1) * c], weight, of_pixel);
+                });
+                sums
+            }
         }
-        let mut sums = vec![0.0; self.n_gaussians * c];
-        self.transposed_rows(&mut sums, c, |sums, row, pixel, weight| {
-            add_scaled(&mut sums[row * c..(row + 1) * c], weight, &gradient[pixel * c..(pixel + 1) * c]);
-        });
-        sums
     }
 
     /// [`apply_transposed`](Self::apply_transposed) for C known when compiled.
-    fn transposed_width<const C: usize>(&self, gradient: &[[f32; C]]) -> Vec<[f32; C]> {
+    fn transposed_width<const C: usize>(&self, gradient: &[f32]) -> Vec<f32> {
+        let (gradient, _) = gradient.as_chunks::<C>();
         let mut sums = vec![[0.0; C]; self.n_gaussians];
         self.transposed_rows(&mut sums, 1, |sums, row, pixel, weight| {
             add_scaled(&mut sums[row], weight, &gradient[pixel]);
         });
-        sums
+        sums.into_flattened()
     }
 
     /// Calls `add(block of sums, row in the block, pixel, weight)` for each entry. `sums` has `c` values for each Gaussian.
@@ -166,18 +171,19 @@ impl BlendWeights {
         // sum is atomic, so the order of additions never changes.
         let n_shares = rayon::current_num_threads();
         let mut shares: Vec<Vec<&mut [T]>> = (0..n_shares).map(|_| Vec::new()).collect();
-        // The share of each block, and its place there: a division for each entry would take as long as its sum.
-        let mut places = Vec::with_capacity(sums.len().div_ceil(BLOCK * c));
         for (block, rows) in sums.chunks_mut(BLOCK * c).enumerate() {
-            places.push((block % n_shares, block / n_shares));
             shares[block % n_shares].push(rows);
         }
+        let n_blocks = self.n_gaussians.div_ceil(BLOCK);
         shares.into_par_iter().enumerate().for_each(|(share, mut blocks)| {
+            // The place of each block in this share: a division for each entry would take as long as its sum.
+            let place = |block| if block % n_shares == share { (block / n_shares) as u32 } else { OTHER };
+            let places: Vec<u32> = (0..n_blocks).map(place).collect();
             for pixel in 0..self.starts.len() - 1 {
                 for (gaussian, weight) in self.pixel(pixel) {
-                    let (owner, place) = places[gaussian / BLOCK];
-                    if owner == share {
-                        add(blocks[place], gaussian % BLOCK, pixel, weight);
+                    let place = places[gaussian / BLOCK];
+                    if place != OTHER {
+                        add(blocks[place as usize], gaussian % BLOCK, pixel, weight);
                     }
                 }
             }
@@ -203,6 +209,9 @@ impl BlendWeights {
 /// Gaussians per block in [`BlendWeights::apply_transposed`]. Blocks are so small that those of a busy corner of the
 /// scene spread over all threads.
 const BLOCK: usize = 64;
+
+/// The place of a block in a share that does not have it.
+const OTHER: u32 = u32::MAX;
 
 fn add_scaled(sums: &mut [f32], weight: f32, values: &[f32]) {
     for (sum, value) in sums.iter_mut().zip(values) {
