@@ -49,14 +49,14 @@ const LARGE_WEIGHT: f32 = 10.0;
 /// The share of the rate at the last step.
 const LAST_RATE: f32 = 0.3;
 
-/// What a step sees of the scene, whatever its colors.
+/// The view of one step: all that does not depend on colors.
 struct Crop {
     /// The number of the step.
     step: u32,
     weights: BlendWeights,
     alpha: Vec<f32>,
     mask: Mask,
-    /// The step's random numbers, from behind those of its camera.
+    /// The step's random numbers, of which its camera has taken the first.
     random: Random,
 }
 
@@ -78,7 +78,7 @@ pub struct Baker {
     grids: Grids,
     paintings: Paintings,
     cameras: Arc<Cameras>,
-    /// What the next step sees, if it was drawn beside the last one.
+    /// The view of the next step, if it was drawn beside the last one.
     next: Option<Crop>,
     /// The scene's own colors `[N * 3]`.
     captured: Vec<f32>,
@@ -230,7 +230,7 @@ impl Baker {
         let (step, config, cameras) = (self.steps, self.config, self.cameras.clone());
         let drawn = self.next.take().filter(|crop| crop.step == step);
         let crop = drawn.unwrap_or_else(|| Crop::draw(step, &config, &cameras, scene));
-        // Drawn beside this one, so that no thread waits while another one moves colors.
+        // Drawn beside this step, parts of which run on one thread.
         let ahead = || (step + 1 < config.steps).then(|| Crop::draw(step + 1, &config, &cameras, scene));
         let (losses, next) = rayon::join(|| self.step_on(crop), ahead);
         self.next = next;

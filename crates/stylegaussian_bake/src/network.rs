@@ -136,7 +136,7 @@ impl LossNetwork {
         self.forward_where(grids, rgb, |_| true)
     }
 
-    /// As [`Self::forward`], but of the chains alone that tell what a picture shows.
+    /// Features of the chains alone that tell what a picture shows. Layers of other chains have no rows here.
     pub(crate) fn content(&self, grids: &Grids, rgb: &[f32]) -> Features {
         self.forward_where(grids, rgb, |chain| {
             self.layers.iter().any(|layer| layer.content && layer.chain == chain)
