@@ -9,7 +9,7 @@ pub(crate) const SIDE: usize = 16;
 /// Brightness by which large shapes may leave the aim for nothing, as a share of the contrast of the painting's: strokes are
 /// lights and darks. Hue and saturation have no tolerance: they tell a pond from its banks. Without tolerance texture of
 /// captures is told less often, with one for hue ponds turn gray (docs/notes/bake_experiments.md, seventh round). With the
-/// same for all paintings, 0.25, dark and pale ones could drown whatever lies between their few tones (eleventh round).
+/// same for all paintings, 0.25, dark and pale ones could drown whatever lies between their few tones (twelfth round).
 const TOLERANCE: f32 = 0.5;
 
 /// The contrast that is aimed at, over the painting's: within the tolerance, and beside losses that take contrast away, shapes end
