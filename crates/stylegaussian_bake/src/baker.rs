@@ -21,6 +21,7 @@ use crate::{
     error::BakeError,
     loss::{
         self, Losses, matching,
+        shapes::ShapeAim,
         statistics::{self, Moments},
     },
     network::{Features, Grids, Layer, LossNetwork, Size},
@@ -84,6 +85,8 @@ pub struct Baker {
     captured: Vec<f32>,
     /// The recolored scene's `[N * 3]`.
     recolored: Vec<f32>,
+    /// What large shapes should be.
+    aim: ShapeAim,
     /// Those at the start `[N * 3]`.
     start: Vec<f32>,
     /// How much each Gaussian is kept near its color at the start `[N]`: 0..1 for small things, up to [`LARGE_WEIGHT`] for large
@@ -122,6 +125,7 @@ impl Baker {
         let recoloring = Recoloring::new(&cameras.colors, &paintings.colors);
         let mut colors: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
         let recolored = colors.clone();
+        let aim = ShapeAim::new(paintings.shapes, cameras.contrast(&recoloring));
         let mut protected = vec![0.0; scene.len()];
         if config.paint > 0.0 {
             let surface = Surface::new(scene, 1.0);
@@ -144,6 +148,7 @@ impl Baker {
             next: None,
             captured,
             recolored,
+            aim,
             start: colors.clone(),
             protected,
             colors,
@@ -260,7 +265,7 @@ impl Baker {
         }
         losses.shapes = (config.weights.shapes > 0.0 && !gray).then(|| {
             let recolored = over(&weights, &alpha, &self.recolored, self.paintings.mean);
-            loss::shapes(&rgb, &recolored, side, &pixels, config.weights.shapes, &mut grad)
+            self.aim.loss([&rgb, &recolored], side, &pixels, config.weights.shapes, &mut grad)
         });
         losses.range = loss::range(&rgb, &pixels, config.weights.range, &mut grad);
         let grad = weights.apply_transposed(&grad, 3);

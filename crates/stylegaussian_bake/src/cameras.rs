@@ -5,10 +5,12 @@ use rayon::prelude::*;
 use stylegaussian::{
     Camera, Scene,
     random::Random,
-    recolor::ColorMoments,
+    recolor::{ColorMoments, Recoloring},
     splat::{Colors, RenderedImage, blend_weights, render},
     views::choose_views,
 };
+
+use crate::loss::shapes;
 
 /// Views of a scene without cameras. 24 trained the scenes of the first experiments.
 const N_VIEWS: usize = 24;
@@ -41,6 +43,8 @@ pub(crate) struct Cameras {
     views: Vec<View>,
     /// Moments of the captured colors, as the views show them.
     pub colors: ColorMoments,
+    /// The captured mean colors of the large shapes of each view: cells that the scene covers.
+    shapes: Vec<Vec<Vec3>>,
     /// Pixels that each Gaussian fills of the view that shows most of it, at the views' full size `[N]`.
     pub pixels: Vec<f32>,
     /// The length that a pixel shows at the middle distance.
@@ -78,10 +82,17 @@ impl Cameras {
         (!views.is_empty()).then(|| Self {
             pixel_size: farthest.sqrt() / scales[scales.len() / 2],
             colors: ColorMoments::of_views(&pictures),
+            shapes: pictures.iter().map(|picture| shapes_of(picture, side)).collect(),
             views,
             pixels,
             farthest,
         })
+    }
+
+    /// The contrast between large shapes, recolored.
+    pub fn contrast(&self, recoloring: &Recoloring) -> f32 {
+        let brightness = |color: &Vec3| shapes::brightness(recoloring.color(color.to_array()).into());
+        shapes::contrast(self.shapes.iter().map(|colors| colors.iter().map(brightness).collect()))
     }
 
     /// The camera of a step.
@@ -102,6 +113,20 @@ impl Cameras {
         let fov_y = 2.0 * (crop as f32 / (2.0 * view.camera.focal.y)).atan();
         Camera::look_at(eye, target, up, fov_y, UVec2::splat(crop))
     }
+}
+
+/// Mean colors of a small picture's cells that are covered, each as large as a large shape of a view of `side` pixels.
+fn shapes_of(picture: &RenderedImage, side: u32) -> Vec<Vec3> {
+    let cell = (shapes::SIDE as f32 * SURVEY_SIDE as f32 / side as f32).round().max(1.0) as usize;
+    let [width, height] = picture.size.to_array().map(|length| length as usize);
+    let mean = |(left, top): (usize, usize)| {
+        let pixels = (top..top + cell).flat_map(|y| (left..left + cell).map(move |x| y * width + x));
+        let covered = pixels.clone().all(|pixel| picture.alpha[pixel] > 0.9);
+        let color = |pixel: usize| Vec3::from(picture.color[pixel]) / picture.alpha[pixel];
+        covered.then(|| pixels.map(color).sum::<Vec3>() / (cell * cell) as f32)
+    };
+    let corners = |length: usize| (0..length / cell).map(move |i| i * cell);
+    corners(height).flat_map(|top| corners(width).map(move |left| (left, top))).filter_map(mean).collect()
 }
 
 /// A view with its targets, its picture, and the pixels that each Gaussian fills.

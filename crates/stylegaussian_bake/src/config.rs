@@ -12,7 +12,8 @@ pub struct LossWeights {
     /// The share of the way toward the hue and saturation of the nearest color of the painting that every color goes in
     /// each step. It goes a tenth of that toward its luminance.
     pub palette: f32,
-    /// Distance of the colors of large shapes from the recolored scene's, with a tolerance of brightness.
+    /// Distance of the colors of large shapes from the recolored scene's, with a tolerance of brightness, and what they are short of
+    /// the painting's contrast.
     pub shapes: f32,
     /// Colors beyond 0..1.
     pub range: f32,

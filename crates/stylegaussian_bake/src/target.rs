@@ -8,6 +8,7 @@ use crate::{
     error::BakeError,
     loss::{
         matching::normalized,
+        shapes,
         statistics::{Moments, Target},
     },
     luminance::{Tone, color_line},
@@ -39,6 +40,8 @@ pub(crate) struct Paintings {
     pub colors: ColorMoments,
     /// The mean color.
     pub mean: [f32; 3],
+    /// The contrast between large shapes.
+    pub shapes: f32,
     /// Weights, which sum to 1.
     shares: Vec<f32>,
 }
@@ -58,6 +61,12 @@ impl Paintings {
             let sum: f64 = colors.iter().skip(channel).step_by(3).map(|value| f64::from(*value)).sum();
             (sum / (colors.len() / 3) as f64) as f32
         };
+        let of_shapes = |image: &Image| shapes::of_picture(&image.rgb, image.width as usize);
+        let of_shapes = images
+            .iter()
+            .zip(&shares)
+            .map(|(image, share)| share * shapes::contrast([of_shapes(image)].into_iter()))
+            .sum();
         let mut layers = [Vec::new(), Vec::new()];
         let tone = Tone::of(&colors, 0..colors.len() / 3);
         for (image, share) in images.into_iter().zip(&shares) {
@@ -69,7 +78,16 @@ impl Paintings {
         let palette = Palette::new(&colors, 10);
         let moments = ColorMoments::of_rgb(&colors);
         let mean = [mean(0), mean(1), mean(2)];
-        Ok(Self { layers, tone, line: color_line(&colors), palette, colors: moments, mean, shares })
+        Ok(Self {
+            layers,
+            tone,
+            line: color_line(&colors),
+            palette,
+            colors: moments,
+            mean,
+            shapes: of_shapes,
+            shares,
+        })
     }
 
     /// The aim of each layer, in color or as gray.

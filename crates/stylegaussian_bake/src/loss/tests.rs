@@ -2,7 +2,11 @@
 
 use stylegaussian::random::Random;
 
-use super::{content, matching, range, shapes, statistics};
+use super::{
+    content, matching, range,
+    shapes::{OVER, SLOPE_WEIGHT, ShapeAim, contrast, of_picture},
+    statistics,
+};
 
 const CHANNELS: usize = 3;
 const CELLS: [u32; 4] = [0, 2, 3, 5];
@@ -39,28 +43,56 @@ fn content_and_range() {
 #[test]
 fn shapes_of_several_pixels() {
     // Two pixels in each of the first two of three shapes.
-    let reference = values(34 * 3, 7);
-    check(&values(34 * 3, 6), |x, grad| shapes(x, &reference, 34, &[0, 3, 20, 31], 1.0, grad));
+    let (recolored, aim) = (values(34 * 3, 7), ShapeAim::new(0.3, 0.2));
+    check(&values(34 * 3, 6), |x, grad| aim.loss([x, &recolored], 34, &[0, 3, 20, 31], 1.0, grad));
 }
 
 #[test]
 fn detail_within_a_shape_is_free() {
     let gray = vec![0.5; 16 * 16 * 3];
     let pixels: Vec<u32> = (0..256).collect();
+    let aim = ShapeAim::new(0.2, 0.2);
+    let loss = |rgb: &[f32], grad: &mut [f32]| aim.loss([rgb, &gray], 16, &pixels, 1.0, grad);
     let checkered: Vec<f32> = (0..256).flat_map(|i| [((i + i / 16) % 2) as f32; 3]).collect();
     let mut grad = vec![0.0; gray.len()];
-    assert_eq!(shapes(&checkered, &gray, 16, &pixels, 1.0, &mut grad), 0.0);
+    assert_eq!(loss(&checkered, &mut grad), 0.0);
     assert!(grad.iter().all(|value| *value == 0.0));
     // Within the tolerance of brightness.
-    assert_eq!(shapes(&vec![0.6; gray.len()], &gray, 16, &pixels, 1.0, &mut grad), 0.0);
+    assert_eq!(loss(&vec![0.7; gray.len()], &mut grad), 0.0);
     // 0.35 brighter is 0.1 beyond it.
-    let found = shapes(&vec![0.85; gray.len()], &gray, 16, &pixels, 1.0, &mut grad);
+    let found = loss(&vec![0.85; gray.len()], &mut grad);
     assert!((found - 0.01).abs() < 1e-6, "{found}");
     // Another hue as bright is not free.
-    let reddish: Vec<f32> = [0.7, 0.4, 0.4].repeat(256);
-    let found = shapes(&reddish, &gray, 16, &pixels, 1.0, &mut grad);
+    let found = loss(&[0.7, 0.4, 0.4].repeat(256), &mut grad);
     assert!((found - 0.02).abs() < 1e-6, "{found}");
-    assert_eq!(shapes(&[], &[], 0, &[], 1.0, &mut []), 0.0);
+    assert_eq!(aim.loss([&[], &[]], 0, &[], 1.0, &mut []), 0.0);
+}
+
+#[test]
+fn shapes_have_the_contrast_of_the_painting() {
+    // Two by two shapes, dark ones left and bright ones right: a deviation of 0.1, as the painting's.
+    let pixels: Vec<u32> = (0..1024).collect();
+    let picture = |color: fn(bool, bool) -> f32| -> Vec<f32> {
+        pixels.iter().flat_map(|pixel| [color(pixel % 32 >= 16, pixel / 32 >= 16); 3]).collect()
+    };
+    let recolored = picture(|right, _| if right { 0.5 } else { 0.3 });
+    let deviation = contrast([of_picture(&recolored, 32)].into_iter());
+    assert!((deviation - 0.1).abs() < 1e-6, "{deviation}");
+    let aim = ShapeAim::new(0.1, deviation);
+    let loss = |rgb: &[f32]| aim.loss([rgb, &recolored], 32, &pixels, 1.0, &mut vec![0.0; rgb.len()]);
+    let missing = |slope: f32| SLOPE_WEIGHT * (0.1 * (OVER - slope)).powi(2);
+    for (found, expected) in [
+        (loss(&recolored), missing(1.0)),
+        (loss(&picture(|_, _| 0.4)), missing(0.0)),
+        (loss(&picture(|right, _| if right { 0.55 } else { 0.25 })), 0.0),
+        // Light and dark across it is free.
+        (loss(&picture(|right, low| if right { 0.55 } else { 0.25 } + if low { 0.1 } else { -0.1 })), 0.0),
+    ] {
+        assert!((found - expected).abs() < 1e-6, "{found} and {expected}");
+    }
+    // A cell that is cut off is none.
+    assert_eq!(of_picture(&vec![0.5; 40 * 20 * 3], 40), [0.5; 2]);
+    assert_eq!(of_picture(&[], 0), [0.0; 0]);
 }
 
 #[test]
