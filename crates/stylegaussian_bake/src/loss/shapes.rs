@@ -72,7 +72,7 @@ pub(crate) struct ShapeAim {
     slope: f32,
 }
 
-/// Shapes of a picture and of the recolored scene's.
+/// A large shape of a picture, and what it is in the recolored scene's.
 struct Shape {
     /// Mean color.
     found: Vec3,
