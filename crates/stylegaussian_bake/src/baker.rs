@@ -85,7 +85,7 @@ pub struct Baker {
     captured: Vec<f32>,
     /// The recolored scene's `[N * 3]`.
     recolored: Vec<f32>,
-    /// What large shapes should be.
+    /// The aim for large shapes.
     aim: ShapeAim,
     /// Those at the start `[N * 3]`.
     start: Vec<f32>,

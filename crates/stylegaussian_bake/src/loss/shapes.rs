@@ -16,8 +16,8 @@ const TOLERANCE: f32 = 0.25;
 /// Side of the groups of shapes whose slope is looked at, in shapes: 64 pixels.
 const GROUP: usize = 4;
 
-/// Weight of brightness that is missing of the slope, beside that of brightness beyond the tolerance. At 1 Friedrich and Schiele
-/// are told by texture in half as many pictures of a capture (eleventh round).
+/// Weight of the brightness that shapes are short of the slope, beside that of brightness beyond the tolerance. At 1 Friedrich and
+/// Schiele are told by texture in half as many pictures of a capture (eleventh round).
 pub(crate) const SLOPE_WEIGHT: f32 = 0.5;
 
 /// The contrast that is aimed at, over the painting's: beside losses that take contrast away it ends up lower. Chosen on the
@@ -59,7 +59,7 @@ pub(crate) fn of_picture(rgb: &[f32], width: usize) -> Vec<f32> {
     (0..rows * columns).map(of_cell).collect()
 }
 
-/// What large shapes should be: about the recolored scene's, with the contrast of the painting's.
+/// The aim for large shapes: about the recolored scene's, with the contrast of the painting's.
 ///
 /// A scene that is recolored has the painting's contrast, but in other sizes: the demo scene's is that of its grass and tiles, and
 /// a painting's that of its light and shade. The other losses take the fine contrast away; without the coarse one in its
@@ -93,7 +93,7 @@ impl ShapeAim {
     }
 
     /// Mean squared distance of the mean colors of cells of 16 x 16 pixels from those of `recolored`, in brightness beyond a
-    /// tolerance of 0.25, and half the mean squared brightness that is missing of the slope, over the covered pixels, which are in
+    /// tolerance of 0.25, and half the mean squared brightness that they are short of the slope, over the covered pixels, which are in
     /// `cells`. `rgb` and `recolored` are RGB `[h * w, 3]`, `width` pixels wide. Adds `weight` times the gradient to `grad`.
     pub fn loss(
         &self,
