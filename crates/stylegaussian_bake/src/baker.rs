@@ -26,7 +26,7 @@ use crate::{
     },
     network::{Features, Grids, Layer, LossNetwork, Size},
     picture::{Mask, over},
-    target::Paintings,
+    target::{LayerTarget, Paintings},
 };
 
 /// The paint that a bake starts from. It keeps more of the scene than usual, and the recolored scene's large shapes: steps
@@ -49,6 +49,10 @@ const LARGE_WEIGHT: f32 = 10.0;
 
 /// The share of the rate at the last step.
 const LAST_RATE: f32 = 0.3;
+
+/// The share of the steps, at the end, over which colors are averaged (Polyak and Juditsky 1992). Each step sees one crop. What is
+/// right for it alone is grain in the others, which quiet paintings do not have (docs/notes/bake_experiments.md, twelfth round).
+const AVERAGED: f32 = 0.2;
 
 /// The view of one step: all that does not depend on colors.
 struct Crop {
@@ -94,6 +98,8 @@ pub struct Baker {
     protected: Vec<f32>,
     /// `[N * 3]`.
     colors: Vec<f32>,
+    /// The mean of the colors before and after the last steps so far `[N * 3]`; empty before them.
+    average: Vec<f32>,
     adam: Adam,
     /// Running moments of each layer; none before the first step.
     pooled: [Vec<Option<Moments>>; 2],
@@ -116,7 +122,9 @@ impl Baker {
         network: LossNetwork,
     ) -> Result<Self, BakeError> {
         let images = paintings;
-        let paintings = Paintings::new(images, config.view, &network)?;
+        // A seed of its own: those of the steps are numbers of steps.
+        let mut random = Random::new(!config.seed);
+        let paintings = Paintings::new(images, config.view, config.keys, &mut random, &network)?;
         let cameras = Cameras::survey(scene, cameras, config.view, config.crop)
             .ok_or(BakeError::NothingVisible { n_gaussians: scene.len() })?;
         let side = config.crop as usize;
@@ -152,6 +160,7 @@ impl Baker {
             start: colors.clone(),
             protected,
             colors,
+            average: Vec::new(),
             adam,
             pooled,
             steps: 0,
@@ -181,6 +190,7 @@ impl Baker {
     pub fn save(&self, path: &Path) -> Result<(), BakeError> {
         let mut values = vec![
             ("colors".into(), self.colors.clone()),
+            ("average".into(), self.average.clone()),
             ("adam.mean".into(), self.adam.mean.clone()),
             ("adam.square".into(), self.adam.square.clone()),
         ];
@@ -190,7 +200,7 @@ impl Baker {
                 values.push((format!("pooled.{mode}.{i}"), both.unwrap_or_default()));
             }
         }
-        // Before the first step there is nothing to pool, and an empty list stands for it.
+        // Before the first step there is nothing to pool, and before the last ones nothing to average: empty lists stand for it.
         State { steps: self.steps, identity: self.identity.clone(), values }.write(path)
     }
 
@@ -203,6 +213,7 @@ impl Baker {
         let n = self.adam.square.len();
         let mut lengths = vec![
             ("colors".into(), Length::Is(3 * n)),
+            ("average".into(), Length::IsOrNone(3 * n)),
             ("adam.mean".into(), Length::Is(3 * n)),
             ("adam.square".into(), Length::Is(n)),
         ];
@@ -215,7 +226,8 @@ impl Baker {
         let state = State::read(path, &self.identity, &lengths)?;
         let mut values = state.values.into_iter().map(|(_, values)| values);
         let mut next = || values.next().unwrap_or_default();
-        (self.colors, self.adam.mean, self.adam.square) = (next(), next(), next());
+        (self.colors, self.average) = (next(), next());
+        (self.adam.mean, self.adam.square) = (next(), next());
         for moments in self.pooled.iter_mut().flatten() {
             let both = next();
             let (mean, square) = both.split_at(both.len() / 2);
@@ -276,7 +288,26 @@ impl Baker {
         self.protect(rate * config.protection);
         losses.palette = self.paintings.palette.pull(&mut self.colors, config.weights.palette);
         self.steps += 1;
+        self.average_last();
         losses
+    }
+
+    /// Takes the colors into the average, if they are before or after one of the last steps. At the very end the colors are the average.
+    fn average_last(&mut self) {
+        let first = self.config.steps - (AVERAGED * self.config.steps as f32) as u32;
+        if self.steps < first {
+            return;
+        }
+        if self.steps == first {
+            self.average.clone_from(&self.colors);
+        }
+        let share = 1.0 / (self.steps - first + 1) as f32;
+        for (average, color) in self.average.iter_mut().zip(&self.colors) {
+            *average += share * (color - *average);
+        }
+        if self.is_complete() {
+            self.colors.clone_from(&self.average);
+        }
     }
 
     /// Moves colors of protected Gaussians toward the start, by `share` times their protection of the way.
@@ -298,23 +329,21 @@ impl Baker {
         random: &mut Random,
     ) -> (Losses, Vec<Vec<f32>>) {
         let (mut losses, mut grads) = (Losses::default(), Vec::new());
-        let BakeConfig { weights, pool, queries, keys, .. } = self.config;
+        let BakeConfig { weights, pool, queries, .. } = self.config;
         // Random numbers are drawn in order, before the layers are shared out among threads.
-        let drawn: Vec<(Vec<u32>, Vec<u32>, Vec<f32>)> = (self.network.layers().iter().enumerate())
-            .map(|(i, layer)| {
+        let drawn: Vec<(Vec<u32>, Vec<u32>)> = (self.network.layers().iter())
+            .map(|layer| {
                 let cells = mask.cells(self.grids.size(layer));
-                if layer.matching <= 0.0 {
-                    return (cells, Vec::new(), Vec::new());
-                }
-                let some = matching::some_of(&cells, queries, random);
-                (cells, some, self.paintings.keys(&self.paintings.layers(gray)[i], keys, random))
+                let matched = layer.matching > 0.0;
+                let some = if matched { matching::some_of(&cells, queries, random) } else { Vec::new() };
+                (cells, some)
             })
             .collect();
         let targets = self.paintings.layers(gray);
         let pooled = &mut self.pooled[usize::from(gray)];
-        let layers = self.network.layers().par_iter().zip(drawn).zip(pooled).enumerate();
+        let layers = self.network.layers().par_iter().zip(drawn).zip(pooled).zip(targets);
         let compared: Vec<(Losses, Vec<f32>)> = layers
-            .map(|(i, ((layer, (cells, queries, keys)), pooled))| {
+            .map(|(((layer, (cells, queries)), pooled), LayerTarget { statistics: target, keys })| {
                 let (mut losses, rows) = (Losses::default(), features.rows(layer));
                 let mut grad = vec![0.0; rows.len()];
                 if cells.is_empty() {
@@ -328,11 +357,10 @@ impl Baker {
                 }
                 let pooled = pooled.as_ref().unwrap_or(&moments);
                 let weight = weights.statistics * layer.statistics;
-                let target = &targets[i].statistics;
                 losses.statistics = layer.statistics
                     * statistics::statistics(rows, &cells, pooled, target, weight, &mut grad);
                 let weight = weights.matching * layer.matching;
-                losses.matching = matching::matching(rows, n, &queries, &keys, weight, &mut grad);
+                losses.matching = matching::matching(rows, n, &queries, keys, weight, &mut grad);
                 if let (true, Some(unstyled)) = (layer.content, unstyled) {
                     let reference = unstyled.rows(layer);
                     let weight = weights.content;

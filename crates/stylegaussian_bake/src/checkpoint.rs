@@ -15,7 +15,7 @@ const FORMAT: &str = "stylegaussian-bake";
 pub(crate) enum Length {
     /// Exactly so many.
     Is(usize),
-    /// So many, or none before the first step.
+    /// So many, or none before the step that brings them.
     IsOrNone(usize),
 }
 

@@ -42,7 +42,8 @@ pub struct BakeConfig {
     pub pool: f32,
     /// Cells of a crop that are matched at each layer.
     pub queries: usize,
-    /// Cells of the paintings that they are matched with.
+    /// Cells of the paintings that they are matched with at each layer, the same in all steps. For an equal cost, more queries and
+    /// fewer keys give a steadier gradient (docs/notes/bake_experiments.md, twelfth round).
     pub keys: usize,
     /// Weights of the parts of the loss.
     pub weights: LossWeights,
@@ -59,8 +60,8 @@ impl BakeConfig {
         paint: 1.0,
         protection: 1.0,
         pool: 0.3,
-        queries: 1000,
-        keys: 2500,
+        queries: 4000,
+        keys: 750,
         weights: LossWeights {
             matching: 9.0,
             statistics: 1.0,

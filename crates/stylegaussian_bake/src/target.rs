@@ -7,12 +7,12 @@ use stylegaussian_encoder::{Image, StyleSize};
 use crate::{
     error::BakeError,
     loss::{
-        matching::normalized,
+        matching::{normalized, some_of},
         shapes,
         statistics::{Moments, Target},
     },
     luminance::{Tone, color_line},
-    network::{LossNetwork, Size},
+    network::{Layer, LossNetwork, Size},
 };
 
 /// Pixels of all paintings from which colors are taken.
@@ -22,9 +22,9 @@ const N_COLORS: usize = 100_000;
 pub(crate) struct LayerTarget {
     /// Means and deviations, mixed by weight.
     pub statistics: Target,
-    /// Rows of length 1 of each painting `[cells, C]`; empty if the layer is not matched.
-    rows: Vec<Vec<f32>>,
-    channels: usize,
+    /// Rows of length 1 with which a picture's are matched, of each painting by its weight `[keys, C]`; none if the layer is not
+    /// matched.
+    pub keys: Vec<f32>,
 }
 
 /// The paintings.
@@ -42,13 +42,18 @@ pub(crate) struct Paintings {
     pub mean: [f32; 3],
     /// The contrast between large shapes.
     pub shapes: f32,
-    /// Weights, which sum to 1.
-    shares: Vec<f32>,
 }
 
 impl Paintings {
-    /// Looks at paintings with weights above 0 at about `side` x `side` pixels.
-    pub fn new(paintings: &[(Image, f32)], side: u32, network: &LossNetwork) -> Result<Self, BakeError> {
+    /// Looks at paintings with weights above 0 at about `side` x `side` pixels, and takes `keys` random cells of each layer that is
+    /// matched.
+    pub fn new(
+        paintings: &[(Image, f32)],
+        side: u32,
+        keys: usize,
+        random: &mut Random,
+        network: &LossNetwork,
+    ) -> Result<Self, BakeError> {
         let used: Vec<&(Image, f32)> = paintings.iter().filter(|(_, weight)| *weight > 0.0).collect();
         if used.is_empty() || used.iter().any(|(_, weight)| !weight.is_finite()) {
             return Err(BakeError::NoPainting { found: used.len() });
@@ -71,8 +76,10 @@ impl Paintings {
         let tone = Tone::of(&colors, 0..colors.len() / 3);
         for (image, share) in images.into_iter().zip(&shares) {
             let gray = Image { rgb: tone.gray(&image.rgb), ..image.clone() };
-            add_painting(&mut layers[0], &image, *share, network);
-            add_painting(&mut layers[1], &gray, *share, network);
+            let n_keys = (share * keys as f32).ceil() as usize;
+            for (layers, image) in layers.iter_mut().zip([&image, &gray]) {
+                add_painting(layers, image, *share, n_keys, random, network);
+            }
         }
         // Ten pixels of a hundred thousand: specks of dust are no color of the painting's.
         let palette = Palette::new(&colors, 10);
@@ -86,27 +93,12 @@ impl Paintings {
             colors: moments,
             mean,
             shapes: of_shapes,
-            shares,
         })
     }
 
     /// The aim of each layer, in color or as gray.
     pub fn layers(&self, gray: bool) -> &[LayerTarget] {
         &self.layers[usize::from(gray)]
-    }
-
-    /// `n` random rows of a layer `[n, C]`, of each painting by its weight.
-    pub fn keys(&self, layer: &LayerTarget, n: usize, random: &mut Random) -> Vec<f32> {
-        let LayerTarget { rows, channels, .. } = layer;
-        let mut keys = Vec::with_capacity(n * channels);
-        for (rows, share) in rows.iter().zip(&self.shares) {
-            let n_rows = rows.len() / channels;
-            let wanted = ((share * n as f32).ceil() as usize).min(n_rows);
-            for _ in 0..wanted {
-                keys.extend_from_slice(&rows[random.below(n_rows) * channels..][..*channels]);
-            }
-        }
-        keys
     }
 }
 
@@ -141,32 +133,46 @@ fn colors(images: &[Image], shares: &[f32]) -> Vec<f32> {
     colors
 }
 
-fn add_painting(layers: &mut Vec<LayerTarget>, image: &Image, share: f32, network: &LossNetwork) {
+/// Adds `share` of a painting's statistics to the layers' aims, and `n_keys` of its cells; all, if it has no more.
+fn add_painting(
+    layers: &mut Vec<LayerTarget>,
+    image: &Image,
+    share: f32,
+    n_keys: usize,
+    random: &mut Random,
+    network: &LossNetwork,
+) {
     let size = Size { width: image.width as usize, height: image.height as usize };
     let features = network.forward(&network.grids(size, false), &image.rgb);
-    let of_layer: Vec<(Target, Vec<f32>, usize)> = network
-        .layers()
-        .par_iter()
-        .map(|layer| {
-            let rows = features.rows(layer);
-            let moments = Moments::of(rows, layer.channels, 0..rows.len() / layer.channels);
+    // Random numbers are drawn in order, before the layers are shared out among threads.
+    let mut chosen = |layer: &Layer| {
+        let cells: Vec<u32> = (0..(features.rows(layer).len() / layer.channels) as u32).collect();
+        if layer.matching > 0.0 { some_of(&cells, n_keys, random) } else { Vec::new() }
+    };
+    let chosen: Vec<(&Layer, Vec<u32>)> =
+        network.layers().iter().map(|layer| (layer, chosen(layer))).collect();
+    let of_layers: Vec<LayerTarget> = chosen
+        .into_par_iter()
+        .map(|(layer, chosen)| {
+            let (rows, n) = (features.rows(layer), layer.channels);
+            let moments = Moments::of(rows, n, 0..rows.len() / n);
             let deviation = moments.deviations();
-            let keys = if layer.matching > 0.0 { normalized(rows, layer.channels) } else { Vec::new() };
-            (Target { mean: moments.mean, deviation }, keys, layer.channels)
+            let keys: Vec<f32> =
+                chosen.iter().flat_map(|&cell| &rows[cell as usize * n..][..n]).copied().collect();
+            LayerTarget { statistics: Target { mean: moments.mean, deviation }, keys: normalized(&keys, n) }
         })
         .collect();
     if layers.is_empty() {
-        let empty = |(_, _, channels): &(Target, Vec<f32>, usize)| LayerTarget {
-            statistics: Target { mean: vec![0.0; *channels], deviation: vec![0.0; *channels] },
-            rows: Vec::new(),
-            channels: *channels,
+        let empty = |layer: &Layer| LayerTarget {
+            statistics: Target { mean: vec![0.0; layer.channels], deviation: vec![0.0; layer.channels] },
+            keys: Vec::new(),
         };
-        layers.extend(of_layer.iter().map(empty));
+        layers.extend(network.layers().iter().map(empty));
     }
-    for (layer, (target, keys, _)) in layers.iter_mut().zip(of_layer) {
+    for (layer, added) in layers.iter_mut().zip(of_layers) {
         let Target { mean, deviation } = &mut layer.statistics;
-        mean.iter_mut().zip(target.mean).for_each(|(sum, value)| *sum += share * value);
-        deviation.iter_mut().zip(target.deviation).for_each(|(sum, value)| *sum += share * value);
-        layer.rows.push(keys);
+        mean.iter_mut().zip(added.statistics.mean).for_each(|(sum, value)| *sum += share * value);
+        deviation.iter_mut().zip(added.statistics.deviation).for_each(|(sum, value)| *sum += share * value);
+        layer.keys.extend(added.keys);
     }
 }

@@ -178,20 +178,25 @@ fn an_interruption_changes_no_bit() {
     let path = dir.path().join("a.checkpoint.safetensors");
     let mut whole = baker(&scene, &paintings);
     whole.save(&path).unwrap();
-    for _ in 0..3 {
-        whole.step(&scene);
+    // The second time among the last steps, which are averaged.
+    let (stops, mut resumed) = ([3, 11], Vec::new());
+    for stop in stops {
+        while whole.steps() < stop {
+            whole.step(&scene);
+        }
+        whole.save(&path).unwrap();
+        let mut other = baker(&scene, &paintings);
+        other.resume(&path).unwrap();
+        assert_eq!(other.steps(), stop);
+        resumed.push(other);
     }
-    whole.save(&path).unwrap();
-    for _ in 0..3 {
-        whole.step(&scene);
+    for baker in resumed.iter_mut().chain([&mut whole]) {
+        while !baker.is_complete() {
+            baker.step(&scene);
+        }
     }
-    let mut resumed = baker(&scene, &paintings);
-    resumed.resume(&path).unwrap();
-    assert_eq!(resumed.steps(), 3);
-    for _ in 0..3 {
-        resumed.step(&scene);
-    }
-    assert_eq!(bits(&whole), bits(&resumed));
+    let [mut resumed, late] = resumed.try_into().ok().unwrap();
+    assert_eq!([bits(&resumed), bits(&late)], [bits(&whole), bits(&whole)]);
 
     let mut other = baker(&scene, &[(painting(64, |x, _| [x as f32 / 64.0; 3]), 1.0)]);
     let error = other.resume(&path).unwrap_err().to_string();
@@ -199,6 +204,27 @@ fn an_interruption_changes_no_bit() {
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     assert!(resumed.resume(&path).unwrap_err().to_string().contains("broken"));
+}
+
+#[test]
+fn the_last_colors_are_averaged() {
+    let scene = wall(12);
+    let mut baker = baker(&scene, &[(painting(64, dabs), 1.0)]);
+    let mut sum = vec![0.0_f64; scene.len() * 3];
+    // Of twelve steps the last two, and the colors before them.
+    while baker.steps() < 11 {
+        baker.step(&scene);
+        assert_eq!(baker.average.is_empty(), baker.steps() < 10);
+        if baker.steps() >= 10 {
+            sum.iter_mut().zip(&baker.colors).for_each(|(sum, color)| *sum += f64::from(*color));
+        }
+    }
+    assert!(baker.average != baker.colors);
+    for (average, sum) in baker.average.iter().zip(sum) {
+        assert!((f64::from(*average) - sum / 2.0).abs() < 1e-6);
+    }
+    baker.step(&scene);
+    assert_eq!(baker.average, baker.colors);
 }
 
 #[test]
