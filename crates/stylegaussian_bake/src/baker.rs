@@ -122,7 +122,7 @@ impl Baker {
         network: LossNetwork,
     ) -> Result<Self, BakeError> {
         let images = paintings;
-        // A seed of its own: those of the steps are numbers of steps.
+        // Other random numbers than those of any step.
         let mut random = Random::new(!config.seed);
         let paintings = Paintings::new(images, config.view, config.keys, &mut random, &network)?;
         let cameras = Cameras::survey(scene, cameras, config.view, config.crop)
@@ -298,9 +298,7 @@ impl Baker {
         if self.steps < first {
             return;
         }
-        if self.steps == first {
-            self.average.clone_from(&self.colors);
-        }
+        self.average.resize(self.colors.len(), 0.0);
         let share = 1.0 / (self.steps - first + 1) as f32;
         for (average, color) in self.average.iter_mut().zip(&self.colors) {
             *average += share * (color - *average);
