@@ -15,7 +15,7 @@ use stylegaussian_encoder::{Image, paint_of};
 
 use crate::{
     adam::Adam,
-    cameras::Cameras,
+    cameras::{Cameras, DISTANCES},
     checkpoint::{Identity, Length, State},
     config::BakeConfig,
     error::BakeError,
@@ -58,6 +58,8 @@ const AVERAGED: f32 = 0.2;
 struct Crop {
     /// The number of the step.
     step: u32,
+    /// The group by distance of its view.
+    distance: usize,
     weights: BlendWeights,
     alpha: Vec<f32>,
     mask: Mask,
@@ -72,7 +74,7 @@ impl Crop {
         let alpha = weights.alpha();
         let side = config.crop as usize;
         let mask = Mask::new(Size { width: side, height: side }, &alpha);
-        Self { step, weights, alpha, mask, random }
+        Self { step, distance: cameras.distance(step, config.seed), weights, alpha, mask, random }
     }
 }
 
@@ -101,8 +103,8 @@ pub struct Baker {
     /// The mean of the colors before and after the last steps so far `[N * 3]`; empty before them.
     average: Vec<f32>,
     adam: Adam,
-    /// Running moments of each layer; none before the first step.
-    pooled: [Vec<Option<Moments>>; 2],
+    /// Running moments of each layer, in color and as gray, for each distance; none before the first step there.
+    pooled: [[Vec<Option<Moments>>; DISTANCES]; 2],
     steps: u32,
     /// Scene, paintings, network and settings, as a hash.
     identity: String,
@@ -146,7 +148,8 @@ impl Baker {
         let adam = Adam::new(scene.len());
         let captured: Vec<f32> = captured.into_iter().flatten().collect();
         let identity = identity(&config, scene, &captured, &paintings, &cameras);
-        let pooled = [vec![None; network.layers().len()], vec![None; network.layers().len()]];
+        let none = || vec![None; network.layers().len()];
+        let pooled = [(); 2].map(|()| [(); DISTANCES].map(|()| none()));
         Ok(Self {
             config,
             network,
@@ -194,10 +197,10 @@ impl Baker {
             ("adam.mean".into(), self.adam.mean.clone()),
             ("adam.square".into(), self.adam.square.clone()),
         ];
-        for (mode, layers) in self.pooled.iter().enumerate() {
+        for (group, layers) in self.pooled.iter().flatten().enumerate() {
             for (i, moments) in layers.iter().enumerate() {
                 let both = moments.as_ref().map(|moments| [&moments.mean[..], &moments.square[..]].concat());
-                values.push((format!("pooled.{mode}.{i}"), both.unwrap_or_default()));
+                values.push((format!("pooled.{group}.{i}"), both.unwrap_or_default()));
             }
         }
         // Before the first step there is nothing to pool, and before the last ones nothing to average: empty lists stand for it.
@@ -217,9 +220,9 @@ impl Baker {
             ("adam.mean".into(), Length::Is(3 * n)),
             ("adam.square".into(), Length::Is(n)),
         ];
-        for (mode, layers) in self.pooled.iter().enumerate() {
+        for (group, layers) in self.pooled.iter().flatten().enumerate() {
             let of_layer = |(i, layer): (usize, &Layer)| {
-                (format!("pooled.{mode}.{i}"), Length::IsOrNone(2 * layer.channels))
+                (format!("pooled.{group}.{i}"), Length::IsOrNone(2 * layer.channels))
             };
             lengths.extend(self.network.layers()[..layers.len()].iter().enumerate().map(of_layer));
         }
@@ -228,7 +231,7 @@ impl Baker {
         let mut next = || values.next().unwrap_or_default();
         (self.colors, self.average) = (next(), next());
         (self.adam.mean, self.adam.square) = (next(), next());
-        for moments in self.pooled.iter_mut().flatten() {
+        for moments in self.pooled.iter_mut().flatten().flatten() {
             let both = next();
             let (mean, square) = both.split_at(both.len() / 2);
             let found = Moments { mean: mean.into(), square: square.into() };
@@ -255,7 +258,7 @@ impl Baker {
     }
 
     fn step_on(&mut self, crop: Crop) -> Losses {
-        let Crop { weights, alpha, mask, mut random, .. } = crop;
+        let Crop { distance, weights, alpha, mask, mut random, .. } = crop;
         let config = self.config;
         let side = config.crop as usize;
         let size = Size { width: side, height: side };
@@ -270,7 +273,8 @@ impl Baker {
             let rgb = over(&weights, &alpha, &self.captured, self.paintings.mean);
             self.network.content(&self.grids, &rgb)
         });
-        let (mut losses, grads) = self.compare(gray, &features, unstyled.as_ref(), &mask, &mut random);
+        let (mut losses, grads) =
+            self.compare([usize::from(gray), distance], &features, unstyled.as_ref(), &mask, &mut random);
         let mut grad = self.network.backward(&self.grids, &features, grads);
         if let Some(tone) = tone {
             grad = tone.backward(&grad, self.paintings.line);
@@ -317,10 +321,11 @@ impl Baker {
         }
     }
 
-    /// The losses of features and their gradients with respect to each layer's rows.
+    /// The losses of features and their gradients with respect to each layer's rows, in color (0) or as gray (1) and seen from a
+    /// distance.
     fn compare(
         &mut self,
-        gray: bool,
+        [gray, distance]: [usize; 2],
         features: &Features,
         unstyled: Option<&Features>,
         mask: &Mask,
@@ -337,8 +342,8 @@ impl Baker {
                 (cells, some)
             })
             .collect();
-        let targets = self.paintings.layers(gray);
-        let pooled = &mut self.pooled[usize::from(gray)];
+        let targets = self.paintings.layers(gray == 1);
+        let pooled = &mut self.pooled[gray][distance];
         let layers = self.network.layers().par_iter().zip(drawn).zip(pooled).zip(targets);
         let compared: Vec<(Losses, Vec<f32>)> = layers
             .map(|(((layer, (cells, queries)), pooled), LayerTarget { statistics: target, keys })| {

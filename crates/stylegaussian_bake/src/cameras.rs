@@ -26,6 +26,10 @@ const APPROACH: f32 = 0.1;
 /// game's player also steps back. At 3.5 pictures of the chosen views have 0.67 of a painting's grain, at 1.3 they have 0.75
 /// (docs/notes/bake_experiments.md, seventh round).
 const FARTHEST: f32 = 1.3;
+/// Groups of views by distance, near, middle and far, with as many views each. Their statistics are pooled apart: strokes have one
+/// size in a scene, so far pictures have much fine detail and near ones little, and the mean over all distances would hide both
+/// (docs/notes/bake_experiments.md, thirteenth round).
+pub(crate) const DISTANCES: usize = 3;
 /// Least share of a crop that should be covered.
 const LEAST_COVERED: f32 = 0.5;
 
@@ -36,6 +40,8 @@ struct View {
     targets: Vec<Vec3>,
     /// Pixels per unit of length at the middle depth.
     scale: f32,
+    /// The group by distance, 0..[`DISTANCES`], the farthest first.
+    distance: usize,
 }
 
 /// Where the scene is seen from.
@@ -78,6 +84,9 @@ impl Cameras {
         views.retain(|view| !view.targets.is_empty());
         let mut scales: Vec<f32> = views.iter().map(|view| view.scale).collect();
         scales.sort_by(f32::total_cmp);
+        for view in &mut views {
+            view.distance = distance(view.scale, &scales);
+        }
         let farthest = if given.is_empty() { FARTHEST } else { 1.0 };
         (!views.is_empty()).then(|| Self {
             pixel_size: farthest.sqrt() / scales[scales.len() / 2],
@@ -95,13 +104,23 @@ impl Cameras {
         shapes::contrast(self.shapes.iter().map(|colors| colors.iter().map(brightness).collect()))
     }
 
-    /// The camera of a step.
-    pub fn sample(&self, step: u32, crop: u32, random: &mut Random, seed: u64) -> Camera {
+    /// The view of a step.
+    fn view(&self, step: u32, seed: u64) -> &View {
         let n = self.views.len();
         // Every view once before any comes again.
         let round = u64::from(step) / n as u64;
         let order = Random::new(seed ^ round.wrapping_mul(0x9E37_79B9)).permutation(n);
-        let view = &self.views[order[step as usize % n]];
+        &self.views[order[step as usize % n]]
+    }
+
+    /// The group by distance of a step's view, 0..[`DISTANCES`].
+    pub fn distance(&self, step: u32, seed: u64) -> usize {
+        self.view(step, seed).distance
+    }
+
+    /// The camera of a step.
+    pub fn sample(&self, step: u32, crop: u32, random: &mut Random, seed: u64) -> Camera {
+        let view = self.view(step, seed);
         let target = view.targets[random.below(view.targets.len())];
         let rotation = view.camera.view_from_world.matrix3.transpose();
         let (right, up) = (Vec3::from(rotation.x_axis), -Vec3::from(rotation.y_axis));
@@ -172,5 +191,24 @@ fn survey(scene: &Scene, camera: Camera, crop: u32) -> (View, RenderedImage, Vec
     let most = solid.iter().fold(0.0_f32, |most, (share, _)| most.max(*share));
     let enough = LEAST_COVERED.min(0.9 * most);
     let targets = solid.into_iter().filter(|(share, _)| *share >= enough).map(|(_, point)| point).collect();
-    (View { camera, targets, scale }, picture, pixels)
+    (View { camera, targets, scale, distance: 0 }, picture, pixels)
+}
+
+/// The group of a view with `scale` among those of all views, sorted.
+fn distance(scale: f32, scales: &[f32]) -> usize {
+    scales.partition_point(|other| *other < scale) * DISTANCES / scales.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_are_grouped_by_distance() {
+        let scales = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        assert_eq!(scales.map(|scale| distance(scale, &scales)), [0, 0, 1, 1, 2, 2]);
+        assert_eq!(distance(7.0, &[7.0]), 0);
+        // Views from equally far away are one group.
+        assert_eq!([7.0, 7.0, 7.0, 7.0].map(|scale| distance(scale, &[7.0; 4])), [0; 4]);
+    }
 }
