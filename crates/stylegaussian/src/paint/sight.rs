@@ -42,10 +42,11 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    /// Looks at `scene` through the cameras of its capture, or through chosen ones if they are not known. `stroke_scale`
-    /// enlarges pixels of the painting.
-    pub fn of(scene: &Scene, stroke_scale: f32) -> Self {
-        let cameras = usual_views(scene);
+    /// Looks at `scene` through `cameras`: a few of its capture's, or chosen ones if they are not known. `stroke_scale` enlarges
+    /// pixels of the painting.
+    pub fn of(scene: &Scene, cameras: &[Camera], stroke_scale: f32) -> Self {
+        let cameras: Vec<Camera> =
+            cameras.iter().take(N_VIEWS).map(|camera| camera.fitted(VIEW_SIDE)).collect();
         let picture_side = if scene.cameras.is_empty() { CHOSEN_SIDE } else { CAPTURED_SIDE };
         let mut visibility = vec![0.0; scene.len()];
         let mut views = Vec::new();
@@ -84,7 +85,7 @@ impl Sight {
 }
 
 /// The views: a few of the capture's cameras, spread over it, or chosen ones.
-fn usual_views(scene: &Scene) -> Vec<Camera> {
+pub(super) fn usual_views(scene: &Scene) -> Vec<Camera> {
     if scene.cameras.is_empty() {
         return choose_views(scene, N_VIEWS, UVec2::splat(VIEW_SIDE));
     }
@@ -139,7 +140,7 @@ mod tests {
             ..Scene::default()
         };
         let focal = camera(1.0).fitted(CAPTURED_SIDE as u32).focal.x;
-        let found = Sight::of(&scene, 1.0).pixel;
+        let found = Sight::of(&scene, &usual_views(&scene), 1.0).pixel;
         assert!((found / (10.0 / focal) - 1.0).abs() < 1e-2, "{found}, expected {}", 10.0 / focal);
     }
 
@@ -161,7 +162,7 @@ mod tests {
         let mut pixels: Vec<f32> =
             choose_views(&scene, N_VIEWS, UVec2::splat(VIEW_SIDE)).into_iter().map(pixel).collect();
         pixels.sort_by(|a, b| b.total_cmp(a));
-        let found = Sight::of(&scene, 1.0).pixel;
+        let found = Sight::of(&scene, &usual_views(&scene), 1.0).pixel;
         assert!((found / pixels[1] - 1.0).abs() < 1e-2, "{found}, expected {}", pixels[1]);
     }
 

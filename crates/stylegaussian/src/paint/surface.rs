@@ -9,10 +9,10 @@ use super::{
     proofs::Proofs,
     seeds::{N_READ, Seeds},
     sheets::Sheets,
-    sight::{Sight, weighted_median},
+    sight::{Sight, usual_views, weighted_median},
     smooth::smooth,
 };
-use crate::{neighbors::Neighbors, palette::LUMINANCE, recolor::ColorMoments, scene::Scene};
+use crate::{camera::Camera, neighbors::Neighbors, palette::LUMINANCE, recolor::ColorMoments, scene::Scene};
 
 /// Distance of seeds, in pixels of the painting: about the length of a stroke in a painting of 512 pixels.
 const SPACING: f32 = 28.0;
@@ -63,8 +63,14 @@ impl Surface {
     ///
     /// Takes a few seconds for 70,000 Gaussians on two cores.
     pub fn new(scene: &Scene, stroke_scale: f32) -> Self {
+        Self::seen_from(scene, &usual_views(scene), stroke_scale)
+    }
+
+    /// The surfaces of `scene` as `cameras` show them: a few of its capture's, or chosen ones if those are not known
+    /// ([`choose_views`](crate::views::choose_views)), the most useful first. The first eight count.
+    pub fn seen_from(scene: &Scene, cameras: &[Camera], stroke_scale: f32) -> Self {
         let stroke_scale = if stroke_scale > 0.0 && stroke_scale.is_finite() { stroke_scale } else { 1.0 };
-        let sight = Sight::of(scene, stroke_scale);
+        let sight = Sight::of(scene, cameras, stroke_scale);
         let pixel = sight.pixel;
         let found;
         let neighbors = match &scene.neighbors {

@@ -34,10 +34,17 @@ impl Bands {
         Self { size, splats: bands }
     }
 
-    /// Blends the splats of one band, calling `blend(pixel in the band, position of the splat, weight)`.
+    /// Blends the splats of one band, calling `blend(pixel in the band, position of the splat, weight)` for weights of `least`
+    /// or more.
     ///
     /// The calls for any one pixel come front to back. Calls for different pixels come in no useful order.
-    pub fn composite(&self, band: usize, splats: &[Splat], mut blend: impl FnMut(usize, usize, f32)) {
+    pub fn composite(
+        &self,
+        band: usize,
+        splats: &[Splat],
+        least: f32,
+        mut blend: impl FnMut(usize, usize, f32),
+    ) {
         let width = self.size.x as usize;
         let y = band * TILE;
         let height = TILE.min(self.size.y as usize - y);
@@ -46,7 +53,7 @@ impl Bands {
         for (column, in_tile) in self.tile_lists(band, splats).iter().enumerate() {
             let x = column * TILE;
             let tile = Tile { x, y, width: TILE.min(width - x), height };
-            tile.composite(splats, in_tile, |column, row, splat, weight| {
+            tile.composite(splats, in_tile, least, |column, row, splat, weight| {
                 blend(row * width + x + column, splat, weight);
             });
         }

@@ -24,12 +24,13 @@ pub(super) struct Tile {
 }
 
 impl Tile {
-    /// Calls `blend(column, row, position of the splat, weight)` for each splat and each pixel that it reaches. Column
-    /// and row count from the tile's top left; `in_tile` lists the splats front to back.
+    /// Calls `blend(column, row, position of the splat, weight)` for each splat and each pixel that it reaches with a weight
+    /// of `least` or more. Column and row count from the tile's top left; `in_tile` lists the splats front to back.
     pub fn composite(
         &self,
         splats: &[Splat],
         in_tile: &[u32],
+        least: f32,
         mut blend: impl FnMut(usize, usize, usize, f32),
     ) {
         let mut pixels = Pixels::new(self.width, self.height);
@@ -57,7 +58,8 @@ impl Tile {
                     let du = column as f32 + 0.5 - middle;
                     let q = q_row + du * du * splat.row_precision;
                     let alpha = (splat.opacity * (-0.5 * q).exp()).min(MAX_ALPHA);
-                    if let Some(weight) = pixels.cover(row, column, alpha) {
+                    let weight = pixels.cover(row, column, alpha, least);
+                    if let Some(weight) = weight.filter(|weight| *weight >= least) {
                         blend(column, row, position as usize, weight);
                     }
                 }
@@ -88,8 +90,9 @@ impl Pixels {
         Self { transmittance: [[1.0; TILE]; TILE], unfinished, n_unfinished: width * height }
     }
 
-    /// Puts a splat behind all that an unfinished pixel has. Returns its weight, or `None` if it is not drawn.
-    fn cover(&mut self, row: usize, column: usize, alpha: f32) -> Option<f32> {
+    /// Puts a splat behind all that an unfinished pixel has. Returns its weight, or `None` if it is not drawn. Behind it, weights
+    /// below `least` are not looked for.
+    fn cover(&mut self, row: usize, column: usize, alpha: f32, least: f32) -> Option<f32> {
         // The ranges above have margins, and the rule is that of the pixel alone.
         if alpha < MIN_ALPHA {
             return None;
@@ -97,13 +100,14 @@ impl Pixels {
         let before = self.transmittance[row][column];
         let after = before * (1.0 - alpha);
         // The splat that would finish a pixel is dropped and not drawn last, as in the original rasterizer.
-        if after < MIN_TRANSMITTANCE {
+        let hidden = after < MIN_TRANSMITTANCE;
+        // No weight behind is larger than what passes through.
+        if hidden || after < least {
             self.unfinished[row] &= !(1 << column);
             self.n_unfinished -= 1;
-            return None;
         }
         self.transmittance[row][column] = after;
-        Some(alpha * before)
+        (!hidden).then_some(alpha * before)
     }
 }
 

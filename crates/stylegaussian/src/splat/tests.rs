@@ -305,6 +305,21 @@ fn applying_the_weights_is_rendering() {
     assert!(weights.weights.iter().all(|&w| w > 0.0));
 }
 
+#[test]
+fn weights_from_a_least_one_on_are_some_of_all() {
+    let (scene, camera) = (random_scene(2_000), random_camera());
+    let all = blend_weights(&scene, &camera);
+    for least in [1e-3, 0.05] {
+        let found = blend_weights_from(&scene, &camera, least);
+        let n_pixels = found.starts.len() - 1;
+        for pixel in 0..n_pixels {
+            let expected: Vec<_> = all.pixel(pixel).filter(|(_, weight)| *weight >= least).collect();
+            assert_eq!(found.pixel(pixel).collect::<Vec<_>>(), expected, "pixel {pixel} from {least} on");
+        }
+        assert!((1..all.weights.len()).contains(&found.weights.len()), "{least}");
+    }
+}
+
 /// d loss / d color of each Gaussian, loss = sum_p g_p . picture_p, against central differences of `render`.
 #[test]
 fn the_gradient_matches_finite_differences() {

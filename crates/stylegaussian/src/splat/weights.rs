@@ -26,41 +26,43 @@ pub struct BlendWeights {
     pub weights: Vec<f32>,
 }
 
-/// The entries of one band, in pixel order.
-struct BandWeights {
+/// The entries of one band.
+struct BandEntries {
+    /// Pixel, Gaussian and weight. Those of a pixel are front to back among the others.
+    entries: Vec<(u32, u32, f32)>,
     /// Number of entries of each pixel.
     counts: Vec<u32>,
-    /// The Gaussian of each entry.
-    indices: Vec<u32>,
-    /// The weight of each entry.
-    weights: Vec<f32>,
 }
 
 impl BlendWeights {
-    /// Collects the weights with which `splats` blend.
-    pub(super) fn gather(splats: &[Splat], bands: &Bands, n_gaussians: usize) -> Self {
-        let of_bands: Vec<BandWeights> = (0..bands.splats.len())
+    /// Collects the weights of `least` or more with which `splats` blend.
+    pub(super) fn gather(splats: &[Splat], bands: &Bands, least: f32, n_gaussians: usize) -> Self {
+        let of_bands: Vec<BandEntries> = (0..bands.splats.len())
             .into_par_iter()
-            .map(|band| BandWeights::gather(band, splats, bands))
+            .map(|band| BandEntries::collect(band, splats, bands, least))
             .collect();
 
-        let n_entries: usize = of_bands.iter().map(|band| band.indices.len()).sum();
+        let n_entries: usize = of_bands.iter().map(|band| band.entries.len()).sum();
         // 32 bits halve the memory of `starts`, and 2^32 entries would take 32 GiB.
         assert!(u32::try_from(n_entries).is_ok(), "{n_entries} blend weights: more than 32 bits can count");
         let n_pixels = bands.size.x as usize * bands.size.y as usize;
         let mut starts = Vec::with_capacity(n_pixels + 1);
-        let (mut indices, mut weights) = (Vec::with_capacity(n_entries), Vec::with_capacity(n_entries));
         let mut start = 0;
         starts.push(start);
-        // Consuming the bands frees each as soon as it is copied.
-        for band in of_bands {
-            for count in band.counts {
-                start += count;
-                starts.push(start);
-            }
-            indices.extend_from_slice(&band.indices);
-            weights.extend_from_slice(&band.weights);
+        for count in of_bands.iter().flat_map(|band| &band.counts) {
+            start += count;
+            starts.push(start);
         }
+        let (mut indices, mut weights) = (vec![0; n_entries], vec![0.0; n_entries]);
+        // The entries of a band follow one another, so each has slices of its own.
+        let (mut rest, mut places) = ((&mut indices[..], &mut weights[..]), Vec::new());
+        for band in of_bands {
+            let (indices, after) = rest.0.split_at_mut(band.entries.len());
+            let (weights, weights_after) = rest.1.split_at_mut(band.entries.len());
+            rest = (after, weights_after);
+            places.push((band, indices, weights));
+        }
+        places.into_par_iter().for_each(|(band, indices, weights)| band.sort_into(indices, weights));
         Self { size: bands.size, n_gaussians, starts, indices, weights }
     }
 
@@ -219,30 +221,32 @@ fn add_scaled(sums: &mut [f32], weight: f32, values: &[f32]) {
     }
 }
 
-impl BandWeights {
-    fn gather(band: usize, splats: &[Splat], bands: &Bands) -> Self {
-        // In the order of tiles and splats. A pixel gets its entries from one tile, so they are front to back among the
-        // others.
-        let mut entries: Vec<(u32, u32, f32)> = Vec::new();
-        bands.composite(band, splats, |pixel, splat, weight| {
-            entries.push((pixel as u32, splats[splat].gaussian, weight));
-        });
-
+impl BandEntries {
+    fn collect(band: usize, splats: &[Splat], bands: &Bands, least: f32) -> Self {
         let height = TILE.min(bands.size.y as usize - band * TILE);
         let mut counts = vec![0u32; bands.size.x as usize * height];
-        for &(pixel, ..) in &entries {
-            counts[pixel as usize] += 1;
+        // In the order of tiles and splats. A pixel gets its entries from one tile.
+        let mut entries = Vec::new();
+        bands.composite(band, splats, least, |pixel, splat, weight| {
+            entries.push((pixel as u32, splats[splat].gaussian, weight));
+            counts[pixel] += 1;
+        });
+        Self { entries, counts }
+    }
+
+    /// Writes Gaussians and weights in the order of pixels.
+    fn sort_into(self, indices: &mut [u32], weights: &mut [f32]) {
+        // A counting sort. It is stable, so each pixel's entries stay front to back.
+        let mut next = self.counts;
+        let mut start = 0;
+        for next in &mut next {
+            start += std::mem::replace(next, start);
         }
-        // A counting sort by pixel. It is stable, so each pixel's entries stay front to back.
-        let mut next: Vec<u32> =
-            counts.iter().scan(0, |start, &count| Some(std::mem::replace(start, *start + count))).collect();
-        let (mut indices, mut weights) = (vec![0; entries.len()], vec![0.0; entries.len()]);
-        for (pixel, gaussian, weight) in entries {
+        for (pixel, gaussian, weight) in self.entries {
             let position = &mut next[pixel as usize];
             indices[*position as usize] = gaussian;
             weights[*position as usize] = weight;
             *position += 1;
         }
-        Self { counts, indices, weights }
     }
 }

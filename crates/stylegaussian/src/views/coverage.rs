@@ -26,12 +26,16 @@ const LEAST_COVERED: f32 = 0.1;
 const OVERVIEW_EVERY: usize = 2;
 
 /// Candidates and the Gaussians that each of them sees.
-pub(super) struct TestViews(Vec<TestView>);
+pub(super) struct TestViews {
+    views: Vec<TestView>,
+    /// n, the number of Gaussians of the simplified scene.
+    n_gaussians: usize,
+}
 
 struct TestView {
     candidate: Candidate,
-    /// Pixels of the test view that each Gaussian of the simplified scene fills `[n]`.
-    pixels: Vec<f32>,
+    /// The Gaussians of the simplified scene that fill any of the test view, and how many pixels.
+    pixels: Vec<(u32, f32)>,
     /// The share of the picture that shows the scene, 0..1.
     covered: f32,
     /// Whether the picture shows enough of the scene and nothing is in the way.
@@ -53,56 +57,63 @@ impl TestView {
         let covered = alphas.iter().sum::<f32>() / n_pixels as f32;
         // The transpose applied to ones sums each Gaussian's weights over the picture.
         let pixels = weights.apply_transposed(&vec![1.0; n_pixels], 1);
+        let pixels = (0..).zip(pixels).filter(|(_, pixels)| *pixels > 0.0).collect();
         Self { candidate, pixels, covered, usable: blocked < MOST_BLOCKED && covered > LEAST_COVERED }
     }
 
     /// The increase of sum_i log(1 + pixels of i / [`WELL_SEEN`]) by this view, if `total` has been seen before.
     fn gain(&self, total: &[f32]) -> f64 {
         // log(1 + (t + p) / w) - log(1 + t / w) = log(1 + p / (w + t)). `ln_1p` keeps the digits of small p.
-        let log = |(total, pixels): (&f32, &f32)| f64::from((pixels / (WELL_SEEN + total)).ln_1p());
-        total.iter().zip(&self.pixels).map(log).sum()
+        let log = |(i, pixels): &(u32, f32)| f64::from((pixels / (WELL_SEEN + total[*i as usize])).ln_1p());
+        self.pixels.iter().map(log).sum()
     }
 }
 
 impl TestViews {
     /// Renders a test view from each of `candidates`.
     pub fn take(survey: &Survey, candidates: Vec<Candidate>) -> Self {
-        Self(candidates.into_par_iter().map(|candidate| TestView::take(survey, candidate)).collect())
+        let views = candidates.into_par_iter().map(|candidate| TestView::take(survey, candidate)).collect();
+        Self { views, n_gaussians: survey.stand_in.len() }
     }
 
     /// These views together with `others`.
     pub fn and(mut self, others: Self) -> Self {
-        self.0.extend(others.0);
+        self.views.extend(others.views);
         self
     }
 
     /// The candidates with usable pictures.
     pub fn usable(&self) -> Vec<Candidate> {
-        self.0.iter().filter(|view| view.usable).map(|view| view.candidate).collect()
+        self.views.iter().filter(|view| view.usable).map(|view| view.candidate).collect()
     }
 
     /// The mean share of the usable pictures that shows the scene, 0..1, or 0 if none is usable.
     pub fn covered(&self) -> f32 {
-        let usable: Vec<f32> = self.0.iter().filter(|view| view.usable).map(|view| view.covered).collect();
+        let usable: Vec<f32> =
+            self.views.iter().filter(|view| view.usable).map(|view| view.covered).collect();
         usable.iter().sum::<f32>() / usable.len().max(1) as f32
     }
 
     /// The share of the scene's Gaussians that any usable picture shows, 0..1.
     pub fn share_seen(&self) -> f32 {
-        let Some(n) = self.0.first().map(|view| view.pixels.len()) else { return 0.0 };
-        let usable: Vec<&TestView> = self.0.iter().filter(|view| view.usable).collect();
-        let is_seen = |&i: &usize| usable.iter().any(|view| view.pixels[i] > SEEN);
-        (0..n).filter(is_seen).count() as f32 / n.max(1) as f32
+        let mut seen = vec![false; self.n_gaussians];
+        let usable = self.views.iter().filter(|view| view.usable);
+        for (i, _) in usable.flat_map(|view| &view.pixels).filter(|(_, pixels)| *pixels > SEEN) {
+            seen[*i as usize] = true;
+        }
+        seen.iter().filter(|seen| **seen).count() as f32 / self.n_gaussians.max(1) as f32
     }
 
     /// Chooses `n` candidates, at each step the one that adds most to the views before it. Overviews alternate with
     /// the best of all candidates. If all usable ones are taken, they are taken again.
     pub fn choose(self, n: usize) -> Vec<Candidate> {
-        let any_usable = self.0.iter().any(|view| view.usable);
+        let any_usable = self.views.iter().any(|view| view.usable);
         // If nothing is usable, a poor picture is better than none.
-        let pool: Vec<&TestView> = self.0.iter().filter(|view| view.usable || !any_usable).collect();
-        let Some(first) = pool.first() else { return Vec::new() };
-        let mut total = vec![0.0f32; first.pixels.len()];
+        let pool: Vec<&TestView> = self.views.iter().filter(|view| view.usable || !any_usable).collect();
+        if pool.is_empty() {
+            return Vec::new();
+        }
+        let mut total = vec![0.0f32; self.n_gaussians];
         let (mut left, mut chosen) = (Vec::new(), Vec::new());
         while chosen.len() < n {
             if left.is_empty() {
@@ -117,8 +128,8 @@ impl TestViews {
             // The first of equal gains, whichever thread computed them.
             let best = (0..left.len()).fold(0, |best, i| if gains[i] > gains[best] { i } else { best });
             let best = left.remove(best);
-            for (total, pixels) in total.iter_mut().zip(&best.pixels) {
-                *total += pixels;
+            for (i, pixels) in &best.pixels {
+                total[*i as usize] += pixels;
             }
             chosen.push(best.candidate);
         }
