@@ -47,6 +47,8 @@ struct View {
 /// Where the scene is seen from.
 pub(crate) struct Cameras {
     views: Vec<View>,
+    /// The views that were chosen, the most useful first; none if there were cameras.
+    pub chosen: Vec<Camera>,
     /// Moments of the captured colors, as the views show them.
     pub colors: ColorMoments,
     /// The captured mean colors of the large shapes of each view: cells that the scene covers.
@@ -71,6 +73,7 @@ impl Cameras {
                 given.iter().step_by(stride).map(|camera| camera.fitted(side)).collect()
             }
         };
+        let chosen = if given.is_empty() { cameras.clone() } else { Vec::new() };
         let surveyed: Vec<(View, RenderedImage, Vec<f32>)> =
             cameras.into_par_iter().map(|camera| survey(scene, camera, crop)).collect();
         let mut pixels = vec![0.0_f32; scene.len()];
@@ -93,6 +96,7 @@ impl Cameras {
             colors: ColorMoments::of_views(&pictures),
             shapes: pictures.iter().map(|picture| shapes_of(picture, side)).collect(),
             views,
+            chosen,
             pixels,
             farthest,
         })

@@ -7,8 +7,6 @@ pub struct LossWeights {
     pub matching: f32,
     /// Means and deviations of channels.
     pub statistics: f32,
-    /// Distance of the deepest features from the unstyled scene's.
-    pub content: f32,
     /// The share of the way toward the hue and saturation of the nearest color of the painting that every color goes in
     /// each step. It goes a tenth of that toward its luminance.
     pub palette: f32,
@@ -52,24 +50,17 @@ pub struct BakeConfig {
 impl BakeConfig {
     /// The default settings.
     pub const DEFAULT: Self = Self {
-        steps: 300,
+        steps: 220,
         seed: 0,
-        crop: 192,
+        crop: 256,
         view: 512,
-        rate: 0.04,
+        rate: 0.035,
         paint: 1.0,
         protection: 1.0,
-        pool: 0.3,
+        pool: 0.15,
         queries: 4000,
         keys: 750,
-        weights: LossWeights {
-            matching: 9.0,
-            statistics: 1.0,
-            content: 0.01,
-            palette: 0.1,
-            shapes: 300.0,
-            range: 1.0,
-        },
+        weights: LossWeights { matching: 9.0, statistics: 1.0, palette: 0.1, shapes: 300.0, range: 1.0 },
     };
 
     /// The default settings for a scene of `n_gaussians`: as many steps as [`Self::DEFAULT`] up to 70,000 Gaussians, then
@@ -77,7 +68,7 @@ impl BakeConfig {
     ///
     /// More and smaller Gaussians take strokes more slowly: a step moves those that a crop shows, by their share of a pixel.
     pub fn for_scene(n_gaussians: usize) -> Self {
-        // 70,000 is the size of the demo scene. Bonsai with its 271,000 Gaussians gets 590 steps.
+        // 70,000 is the size of the demo scene. Bonsai with its 271,000 Gaussians gets 433 steps.
         let larger = (n_gaussians as f64 / 70_000.0).sqrt().clamp(1.0, 2.0);
         let steps = (f64::from(Self::DEFAULT.steps) * larger).round() as u32;
         Self { steps, ..Self::DEFAULT }
@@ -87,12 +78,11 @@ impl BakeConfig {
     /// the scene's own detail may get lost.
     ///
     /// Strength multiplies the rate: every Gaussian then goes so much farther, whatever the number of steps. What is
-    /// kept of the scene's own features, of its large shapes and of what carries no strokes falls with it. Below 1 there is also
-    /// less of instant paint at the start.
+    /// kept of the scene's large shapes and of what carries no strokes falls with it. Below 1 there is also less of instant
+    /// paint at the start.
     pub fn with_strength(self, strength: f32) -> Self {
         let kept = 1.0 / strength.max(0.1);
-        let LossWeights { content, shapes, .. } = self.weights;
-        let weights = LossWeights { content: kept * content, shapes: kept * shapes, ..self.weights };
+        let weights = LossWeights { shapes: kept * self.weights.shapes, ..self.weights };
         Self {
             rate: self.rate * strength,
             paint: (self.paint * strength).min(1.0),
@@ -116,6 +106,6 @@ mod tests {
     #[test]
     fn larger_scenes_take_more_steps() {
         let steps = |n| BakeConfig::for_scene(n).steps;
-        assert_eq!([steps(0), steps(70_000), steps(271_123), steps(10_000_000)], [300, 300, 590, 600]);
+        assert_eq!([steps(0), steps(70_000), steps(271_123), steps(10_000_000)], [220, 220, 433, 440]);
     }
 }

@@ -11,9 +11,6 @@ pub struct Losses {
     pub matching: f32,
     /// Mean squared error of channel means and deviations, summed over layers.
     pub statistics: f32,
-    /// Mean squared distance of the deepest features from the unstyled scene's; none in a step that compares luminance,
-    /// and if its weight is 0.
-    pub content: Option<f32>,
     /// Mean squared distance of the Gaussians' colors from the hue and saturation of the nearest color of the painting.
     pub palette: f32,
     /// Mean squared distance of the colors of large shapes from the recolored scene's, with a tolerance of brightness, and half
@@ -22,29 +19,6 @@ pub struct Losses {
     pub shapes: Option<f32>,
     /// Mean squared excess of pixels over 0..1.
     pub range: f32,
-}
-
-/// Mean squared distance of `rows` from `reference`, both `[n, C]`, over the rows in `cells`. Adds `weight` times the
-/// gradient to `grad` `[n, C]`.
-pub(crate) fn content(
-    rows: &[f32],
-    reference: &[f32],
-    channels: usize,
-    cells: &[u32],
-    weight: f32,
-    grad: &mut [f32],
-) -> f32 {
-    let scale = 1.0 / (cells.len() * channels).max(1) as f32;
-    let mut sum = 0.0;
-    for &cell in cells {
-        let range = cell as usize * channels..(cell as usize + 1) * channels;
-        let pairs = rows[range.clone()].iter().zip(&reference[range.clone()]);
-        for (grad, (a, b)) in grad[range].iter_mut().zip(pairs) {
-            sum += f64::from((a - b) * (a - b));
-            *grad += 2.0 * weight * scale * (a - b);
-        }
-    }
-    sum as f32 * scale
 }
 
 /// Mean squared excess of `rgb` over 0..1 over the pixels in `cells`. Adds `weight` times the gradient to `grad`.

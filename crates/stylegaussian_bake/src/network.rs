@@ -25,8 +25,6 @@ pub(crate) struct Layer {
     pub statistics: f32,
     /// Weight of matching its cells with the painting's; 0: they are not matched.
     pub matching: f32,
-    /// Whether it is the layer that tells what a picture shows.
-    pub content: bool,
 }
 
 /// A value of a chain, and what the loss does with it: see [`Layer`].
@@ -35,7 +33,6 @@ struct Tap {
     value: usize,
     statistics: f32,
     matching: f32,
-    content: bool,
 }
 
 /// A network that compares a picture with a painting.
@@ -78,7 +75,6 @@ impl LossNetwork {
             value: n - end,
             statistics: 1.0,
             matching: if end == 6 { 0.0 } else { 1.0 },
-            content: end == 0,
         });
         Ok(Self::new(vec![(chain, layers.to_vec())]))
     }
@@ -97,7 +93,7 @@ impl LossNetwork {
             distilled_layers(&chain).ok_or_else(|| invalid("no layers at half and quarter size".into()))?;
         let filters = |chain: Chain| {
             let last = chain.operations.len();
-            (chain, vec![Tap { value: last, statistics: FILTERS_WEIGHT, matching: 0.0, content: false }])
+            (chain, vec![Tap { value: last, statistics: FILTERS_WEIGHT, matching: 0.0 }])
         };
         let mut chains = vec![(chain, layers)];
         chains.extend((0..FILTER_SIZES).map(|halvings| filters(bank::filters_after(halvings))));
@@ -107,13 +103,12 @@ impl LossNetwork {
     fn new(chains: Vec<(Chain, Vec<Tap>)>) -> Self {
         let mut network = Self { chains: Vec::new(), layers: Vec::new() };
         for (chain, layers) in chains {
-            let layers = layers.into_iter().map(|Tap { value, statistics, matching, content }| Layer {
+            let layers = layers.into_iter().map(|Tap { value, statistics, matching }| Layer {
                 chain: network.chains.len(),
                 value,
                 channels: chain.channels(value),
                 statistics,
                 matching,
-                content,
             });
             network.layers.extend(layers);
             network.chains.push(chain);
@@ -133,24 +128,8 @@ impl LossNetwork {
 
     /// Features of a picture RGB 0..1 `[h * w, 3]`.
     pub(crate) fn forward(&self, grids: &Grids, rgb: &[f32]) -> Features {
-        self.forward_where(grids, rgb, |_| true)
-    }
-
-    /// Features of the chains alone that tell what a picture shows. Layers of other chains have no rows here.
-    pub(crate) fn content(&self, grids: &Grids, rgb: &[f32]) -> Features {
-        self.forward_where(grids, rgb, |chain| {
-            self.layers.iter().any(|layer| layer.content && layer.chain == chain)
-        })
-    }
-
-    fn forward_where(&self, grids: &Grids, rgb: &[f32], needed: impl Fn(usize) -> bool + Sync) -> Features {
-        let chains = self.chains.par_iter().zip(&grids.0).enumerate();
-        let values = chains.map(
-            |(i, (chain, grid))| {
-                if needed(i) { chain.forward(grid, rgb) } else { Values(Vec::new()) }
-            },
-        );
-        Features(values.collect())
+        let chains = self.chains.par_iter().zip(&grids.0);
+        Features(chains.map(|(chain, grid)| chain.forward(grid, rgb)).collect())
     }
 
     /// The gradient with respect to the picture `[h * w, 3]`, from one with respect to each layer's rows.
@@ -203,7 +182,7 @@ fn distilled_layers(chain: &Chain) -> Option<Vec<Tap>> {
     let [half, quarter] = halvings[..] else { return None };
     (quarter > half && quarter + 1 < n).then(|| {
         // Matched are the last values of each size, which see most of the picture.
-        let tap = |value, matching| Tap { value, statistics: 1.0, matching, content: value == n };
+        let tap = |value, matching| Tap { value, statistics: 1.0, matching };
         vec![tap(half, 0.0), tap(quarter - 1, 1.0), tap(n - 1, 0.0), tap(n, 1.0)]
     })
 }

@@ -58,8 +58,8 @@ fn a_baked_look_is_written_described_and_shown() {
     let run = bake(&bench, "a.look.safetensors", &["--steps", "2", "--json", "--sheet", &sheet]);
     let json = run.expect_success().json();
     assert_eq!((&json["gaussians"], &json["steps"]), (&576.into(), &2.into()));
-    // The last step compared luminance; the content is that of the step before it.
-    for loss in ["matching", "statistics", "content", "palette"] {
+    // The last step compared luminance; the shapes are those of the step before it.
+    for loss in ["matching", "statistics", "shapes", "palette"] {
         assert!(json["losses"][loss].as_f64().unwrap() > 0.0, "{loss}: {json}");
     }
     bench.expect_files(&["a.look.safetensors", "a.sgs", "p.png", "s.png"]);

@@ -90,7 +90,8 @@ fn the_default_network_ends_with_the_encoder() {
     let rgb: Vec<f32> = (0..width * height * 3).map(|_| random.uniform()).collect();
     let grids = network.grids(Size { width, height }, false);
     let features = network.forward(&grids, &rgb);
-    let layer = network.layers().iter().find(|layer| layer.content).unwrap();
+    // The layers of the filters follow the encoder's.
+    let layer = network.layers().iter().rfind(|layer| layer.matching > 0.0).unwrap();
     let encoder = Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec()).unwrap();
     let expected = encoder.encode(&Image { width: width as u32, height: height as u32, rgb }).unwrap();
     assert_eq!(grids.size(layer), Size { width: 10, height: 9 });

@@ -98,14 +98,14 @@ struct LastLosses {
     matching: f32,
     statistics: f32,
     /// The error of the last step that measured it: every other one compares luminance alone.
-    content: Option<f32>,
+    shapes: Option<f32>,
     palette: f32,
 }
 
 impl From<Losses> for LastLosses {
     fn from(losses: Losses) -> Self {
-        let Losses { matching, statistics, content, palette, .. } = losses;
-        Self { matching, statistics, content, palette }
+        let Losses { matching, statistics, shapes, palette, .. } = losses;
+        Self { matching, statistics, shapes, palette }
     }
 }
 
@@ -178,8 +178,8 @@ fn bake(
     while !baker.is_complete() && !interrupted.load(Ordering::Relaxed) {
         progress.set_position(u64::from(baker.steps()));
         let now = baker.step(scene);
-        let content = now.content.or_else(|| losses.and_then(|before| before.content));
-        losses = Some(Losses { content, ..now });
+        let shapes = now.shapes.or_else(|| losses.and_then(|before| before.shapes));
+        losses = Some(Losses { shapes, ..now });
         if baker.steps().is_multiple_of(CHECKPOINT_EVERY) {
             save_or_warn(baker, checkpoint);
         }
