@@ -274,7 +274,7 @@ impl Baker {
         let tone = gray.then_some(self.paintings.tone);
         let seen = tone.map_or_else(|| rgb.clone(), |tone| tone.gray(&rgb));
         let features = self.network.forward(&self.grids, &seen);
-        let (mut losses, grads) = self.compare([usize::from(gray), distance], &features, &mask, &mut random);
+        let (mut losses, grads) = self.compare(gray, distance, &features, &mask, &mut random);
         let mut grad = self.network.backward(&self.grids, &features, grads);
         if let Some(tone) = tone {
             grad = tone.backward(&grad, self.paintings.line);
@@ -321,11 +321,11 @@ impl Baker {
         }
     }
 
-    /// The losses of features and their gradients with respect to each layer's rows, in color (0) or as gray (1) and seen from a
-    /// distance.
+    /// The losses of features and their gradients with respect to each layer's rows, of a view of the group `distance`.
     fn compare(
         &mut self,
-        [gray, distance]: [usize; 2],
+        gray: bool,
+        distance: usize,
         features: &Features,
         mask: &Mask,
         random: &mut Random,
@@ -341,8 +341,8 @@ impl Baker {
                 (cells, some)
             })
             .collect();
-        let targets = self.paintings.layers(gray == 1);
-        let pooled = &mut self.pooled[gray][distance];
+        let targets = self.paintings.layers(gray);
+        let pooled = &mut self.pooled[usize::from(gray)][distance];
         let layers = self.network.layers().par_iter().zip(drawn).zip(pooled).zip(targets);
         let compared: Vec<(Losses, Vec<f32>)> = layers
             .map(|(((layer, (cells, queries)), pooled), LayerTarget { statistics: target, keys })| {

@@ -90,7 +90,7 @@ pub(super) fn usual_views(scene: &Scene) -> Vec<Camera> {
         return choose_views(scene, N_VIEWS, UVec2::splat(VIEW_SIDE));
     }
     let stride = scene.cameras.len().div_ceil(N_VIEWS);
-    scene.cameras.iter().step_by(stride).map(|camera| camera.fitted(VIEW_SIDE)).collect()
+    scene.cameras.iter().step_by(stride).cloned().collect()
 }
 
 /// A camera's up direction in the world. Its y axis points down.
