@@ -133,7 +133,7 @@ impl Baker {
         let cameras = Cameras::survey(scene, cameras, config.view, config.crop)
             .ok_or(BakeError::NothingVisible { n_gaussians: scene.len() })?;
         let side = config.crop as usize;
-        let grids = network.grids(Size { width: side, height: side }, true);
+        let grids = network.grids(Size { width: side, height: side });
         let captured = scene.base_colors();
         let recoloring = Recoloring::new(&cameras.colors, &paintings.colors);
         let mut colors: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();

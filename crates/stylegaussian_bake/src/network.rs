@@ -2,8 +2,8 @@
 
 mod bank;
 pub(crate) mod chain;
+mod convolution;
 mod onnx;
-mod windows;
 
 use std::path::Path;
 
@@ -11,8 +11,8 @@ use rayon::prelude::*;
 use stylegaussian_encoder::{vgg, weights::Weights};
 
 use crate::error::BakeError;
-use chain::{Chain, Grid, Operation, Values, add};
-pub(crate) use windows::Size;
+use chain::{Chain, Operation, Values, add};
+pub(crate) use convolution::Size;
 
 /// A value of a chain that the loss looks at.
 #[derive(Clone, Copy, Debug)]
@@ -41,8 +41,8 @@ pub struct LossNetwork {
     layers: Vec<Layer>,
 }
 
-/// The windows of a network on pictures of one size.
-pub(crate) struct Grids(Vec<Grid>);
+/// The sizes of each chain's values on pictures of one size.
+pub(crate) struct Grids(Vec<Vec<Size>>);
 
 /// The values of a network on one picture.
 pub(crate) struct Features(Vec<Values>);
@@ -121,9 +121,9 @@ impl LossNetwork {
         &self.layers
     }
 
-    /// The windows on pictures of `size`. Gradients need `backward`.
-    pub(crate) fn grids(&self, size: Size, backward: bool) -> Grids {
-        Grids(self.chains.iter().map(|chain| chain.grid(size, backward)).collect())
+    /// The sizes of all values on pictures of `size`.
+    pub(crate) fn grids(&self, size: Size) -> Grids {
+        Grids(self.chains.iter().map(|chain| chain.sizes(size)).collect())
     }
 
     /// Features of a picture RGB 0..1 `[h * w, 3]`.
@@ -158,7 +158,7 @@ impl LossNetwork {
 impl Grids {
     /// The size of a layer's picture.
     pub(crate) fn size(&self, layer: &Layer) -> Size {
-        self.0[layer.chain].sizes[layer.value]
+        self.0[layer.chain][layer.value]
     }
 }
 

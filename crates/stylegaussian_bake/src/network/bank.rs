@@ -1,6 +1,9 @@
 //! Fixed oriented filters on luminance and opponent colors, both signs rectified: strokes of several sizes.
 
-use super::chain::{Chain, Convolution, Operation, Padding};
+use super::{
+    chain::{Chain, Operation},
+    convolution::{Convolution, Padding},
+};
 use crate::luminance::LUMINANCE;
 
 /// Opponent colors: red - green and yellow - blue.

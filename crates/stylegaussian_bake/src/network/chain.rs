@@ -1,63 +1,13 @@
 //! A chain of convolutions with its gradient with respect to the input.
 //!
-//! Pictures are rows of pixels with channels last, `[h * w, C]`. A convolution is then the model's KNN convolution,
-//! where the neighborhood of a pixel is its window.
+//! Pictures are rows of pixels with channels last, `[h * w, C]`.
 
 use rayon::prelude::*;
-use stylegaussian::decoder::{KnnConvShape, knn_conv, knn_conv_backward_input};
 
-use super::windows::{Size, Windows};
+use super::convolution::{Convolution, Size};
 
 /// Values that a thread takes at a time, where each is one addition: 128 KiB.
 const CHUNK: usize = 1 << 15;
-
-/// How a convolution sees beyond the picture's border.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Padding {
-    /// As in a mirror, so many pixels above and left, and below and right. The border itself is not repeated.
-    Reflect([usize; 2]),
-    /// As zeros, so many on each side.
-    Zeros(usize),
-}
-
-/// A convolution, with a ReLU behind it if `relu` is set.
-#[derive(Clone, Debug)]
-pub struct Convolution {
-    /// K = side^2, and the channels.
-    pub(super) shape: KnnConvShape,
-    /// Side of the kernel, in pixels.
-    pub(super) side: usize,
-    /// Distance between neighboring outputs, in pixels.
-    pub(super) stride: usize,
-    pub(super) padding: Padding,
-    /// `[D_out, K, D_in]`.
-    weight: Vec<f32>,
-    /// `[D_out]`.
-    bias: Vec<f32>,
-    pub(super) relu: bool,
-}
-
-impl Convolution {
-    /// A convolution without ReLU from a kernel `[D_out, D_in, side, side]`, flattened, of the shape `[D_out, D_in,
-    /// side]`.
-    pub(super) fn from_oihw(
-        [d_out, d_in, side]: [usize; 3],
-        oihw: &[f32],
-        bias: Vec<f32>,
-        padding: Padding,
-        stride: usize,
-    ) -> Self {
-        let k = side * side;
-        // From [D_out, D_in, K] to [D_out, K, D_in].
-        let source = |i: usize| i / (k * d_in) * k * d_in + i % d_in * k + i / d_in % k;
-        let weight = (0..oihw.len()).map(|i| oihw[source(i)]).collect();
-        Self { shape: KnnConvShape { k, d_in, d_out }, side, stride, padding, weight, bias, relu: false }
-    }
-
-    pub(super) fn d_out(&self) -> usize {
-        self.shape.d_out
-    }
-}
 
 /// One operation. Value 0 is the picture, value i + 1 the result of operation i.
 #[derive(Clone, Debug)]
@@ -79,14 +29,6 @@ pub struct Chain {
     pub(super) operations: Vec<Operation>,
 }
 
-/// The windows of a chain's operations on pictures of one size.
-pub struct Grid {
-    /// Size of each value.
-    pub(super) sizes: Vec<Size>,
-    /// Windows of each convolution; none for other operations.
-    windows: Vec<Option<Windows>>,
-}
-
 /// The values of a chain on one picture: rows `[h * w, C]` of the picture and of each operation's result.
 pub struct Values(pub(super) Vec<Vec<f32>>);
 
@@ -105,40 +47,34 @@ impl Chain {
         found.take(1).next().unwrap_or(3)
     }
 
-    /// The windows for pictures of `size`. Gradients need `backward`.
-    pub(super) fn grid(&self, size: Size, backward: bool) -> Grid {
-        let (mut sizes, mut windows) = (vec![size], Vec::new());
+    /// The size of each value for a picture of `size`.
+    pub(super) fn sizes(&self, size: Size) -> Vec<Size> {
+        let mut sizes = vec![size];
         for operation in &self.operations {
             let size = sizes[sizes.len() - 1];
-            let (next, made) = match operation {
-                Operation::Convolution(convolution) => {
-                    let (next, made) = Windows::new(size, convolution, backward);
-                    (next, Some(made))
-                }
-                Operation::Add(_) => (size, None),
-                Operation::MaxPool { ceil } => (size.halved(*ceil), None),
-            };
-            sizes.push(next);
-            windows.push(made);
+            sizes.push(match operation {
+                Operation::Convolution(convolution) => convolution.size_after(size),
+                Operation::Add(_) => size,
+                Operation::MaxPool { ceil } => size.halved(*ceil),
+            });
         }
-        Grid { sizes, windows }
+        sizes
     }
 
     /// All values on a picture RGB 0..1 `[h * w, 3]`.
-    pub(super) fn forward(&self, grid: &Grid, rgb: &[f32]) -> Values {
+    pub(super) fn forward(&self, sizes: &[Size], rgb: &[f32]) -> Values {
         let mut values = vec![rgb.to_vec()];
         for (i, operation) in self.operations.iter().enumerate() {
             let x = &values[i];
-            let y = match (operation, &grid.windows[i]) {
-                (Operation::Convolution(convolution), Some(windows)) => convolve(convolution, windows, x),
-                (Operation::Add(from), _) => {
+            values.push(match operation {
+                Operation::Convolution(convolution) => convolution.forward(x, sizes[i]),
+                Operation::Add(from) => {
                     let mut sum = x.clone();
                     add(&mut sum, &values[*from]);
                     sum
                 }
-                _ => max_pool(x, self.channels(i), grid.sizes[i], grid.sizes[i + 1]),
-            };
-            values.push(y);
+                Operation::MaxPool { .. } => max_pool(x, self.channels(i), sizes[i], sizes[i + 1]),
+            });
         }
         Values(values)
     }
@@ -147,35 +83,29 @@ impl Chain {
     /// there are none.
     pub(super) fn backward(
         &self,
-        grid: &Grid,
+        sizes: &[Size],
         values: &Values,
         mut grads: Vec<Option<Vec<f32>>>,
     ) -> Option<Vec<f32>> {
         for (i, operation) in self.operations.iter().enumerate().rev() {
             let Some(mut grad) = grads[i + 1].take() else { continue };
-            match (operation, &grid.windows[i]) {
-                (Operation::Convolution(convolution), Some(windows)) => {
+            match operation {
+                Operation::Convolution(convolution) => {
                     if convolution.relu {
                         gate(&mut grad, &values.0[i + 1]);
                     }
-                    let reverse = windows.reverse.as_ref();
-                    let Some(reverse) = reverse else { continue };
-                    let mut grad =
-                        knn_conv_backward_input(convolution.shape, reverse, &convolution.weight, &grad);
-                    // Without the row of zeros, if there is one.
-                    grad.truncate(values.0[i].len());
-                    accumulate(&mut grads[i], grad);
+                    accumulate(&mut grads[i], convolution.backward(&grad, sizes[i]));
                 }
-                (Operation::Add(from), _) => {
+                Operation::Add(from) => {
                     match &mut grads[*from] {
                         Some(sum) => add(sum, &grad),
                         none => *none = Some(grad.clone()),
                     }
                     accumulate(&mut grads[i], grad);
                 }
-                _ => {
+                Operation::MaxPool { .. } => {
                     let (x, y) = (&values.0[i], &values.0[i + 1]);
-                    let sizes = [grid.sizes[i], grid.sizes[i + 1]];
+                    let sizes = [sizes[i], sizes[i + 1]];
                     accumulate(&mut grads[i], max_pool_backward(x, y, &grad, self.channels(i), sizes));
                 }
             }
@@ -204,26 +134,6 @@ fn gate(grad: &mut [f32], y: &[f32]) {
         // A choice and no branch, so that it runs in vectors.
         grad.iter_mut().zip(y).for_each(|(grad, y)| *grad = if *y > 0.0 { *grad } else { 0.0 });
     });
-}
-
-fn convolve(convolution: &Convolution, windows: &Windows, x: &[f32]) -> Vec<f32> {
-    let relu = convolution.relu;
-    let finish = |block: &mut [f32]| {
-        if relu {
-            block.iter_mut().for_each(|value| *value = value.max(0.0));
-        }
-    };
-    let run = |x: &[f32]| {
-        knn_conv(convolution.shape, x, &windows.neighbors, &convolution.weight, &convolution.bias, finish)
-    };
-    match convolution.padding {
-        Padding::Zeros(1..) => {
-            let mut padded = x.to_vec();
-            padded.resize(x.len() + convolution.shape.d_in, 0.0);
-            run(&padded)
-        }
-        _ => run(x),
-    }
 }
 
 /// The pixels of `from` under pixel (x, y) of a picture of half its size.

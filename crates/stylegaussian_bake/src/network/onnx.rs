@@ -5,7 +5,10 @@
 
 use std::collections::HashMap;
 
-use super::chain::{Chain, Convolution, Operation, Padding};
+use super::{
+    chain::{Chain, Operation},
+    convolution::{Convolution, Padding},
+};
 
 /// A node of the graph.
 #[derive(Default)]
@@ -266,8 +269,8 @@ impl Builder {
             _ => return Err(format!("pads {zeros}")),
         };
         let stride = node.integer("strides", 1);
-        if !(1..=8).contains(&stride) {
-            return Err(format!("stride {stride}"));
+        if !(1..=8).contains(&stride) || !height.is_multiple_of(stride as usize) {
+            return Err(format!("stride {stride} of a kernel of {height} pixels"));
         }
         Ok(Convolution::from_oihw([out, d_in, height], &oihw, bias, padding, stride as usize))
     }

@@ -36,7 +36,7 @@ fn a_chain_gives_what_the_engine_gives() {
     let size = Size { width: 13, height: 11 };
     let mut random = Random::new(2);
     let rgb: Vec<f32> = (0..size.n_pixels() * 3).map(|_| random.uniform()).collect();
-    let values = chain.forward(&chain.grid(size, false), &rgb);
+    let values = chain.forward(&chain.sizes(size), &rgb);
     let encoder = Encoder::from_onnx("small", bytes).unwrap();
     let expected = encoder.encode(&Image { width: 13, height: 11, rgb }).unwrap();
     let found = &values.0[values.0.len() - 1];
@@ -50,7 +50,7 @@ fn a_chain_gives_what_the_engine_gives() {
 fn gradients_match_finite_differences() {
     let chain = onnx::read(&small_graph()).unwrap();
     let size = Size { width: 6, height: 5 };
-    let (grid, mut random) = (chain.grid(size, true), Random::new(3));
+    let (grid, mut random) = (chain.sizes(size), Random::new(3));
     let rgb: Vec<f32> = (0..size.n_pixels() * 3).map(|_| random.uniform()).collect();
     // A random direction at two values: the gradient flows through all operations, and sums where it meets itself.
     let values = chain.forward(&grid, &rgb);
@@ -88,7 +88,7 @@ fn the_default_network_ends_with_the_encoder() {
     let (width, height) = (40, 36);
     let mut random = Random::new(4);
     let rgb: Vec<f32> = (0..width * height * 3).map(|_| random.uniform()).collect();
-    let grids = network.grids(Size { width, height }, false);
+    let grids = network.grids(Size { width, height });
     let features = network.forward(&grids, &rgb);
     // The layers of the filters follow the encoder's.
     let layer = network.layers().iter().rfind(|layer| layer.matching > 0.0).unwrap();
