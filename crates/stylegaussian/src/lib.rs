@@ -34,6 +34,7 @@ pub mod neighbors;
 pub mod noise;
 pub mod paint;
 pub mod palette;
+pub mod principal;
 pub mod random;
 pub mod raycast;
 pub mod recolor;

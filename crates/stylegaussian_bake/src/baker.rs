@@ -362,7 +362,7 @@ impl Baker {
                 losses.statistics = layer.statistics
                     * statistics::statistics(rows, &cells, pooled, target, weight, &mut grad);
                 let weight = weights.matching * layer.matching;
-                losses.matching = matching::matching(rows, n, &queries, keys, weight, &mut grad);
+                losses.matching = matching::matching(rows, &queries, keys, weight, &mut grad);
                 (losses, grad)
             })
             .collect();

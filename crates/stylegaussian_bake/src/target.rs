@@ -7,7 +7,7 @@ use stylegaussian_encoder::{Image, StyleSize};
 use crate::{
     error::BakeError,
     loss::{
-        matching::{normalized, some_of},
+        matching::{Keys, some_of},
         shapes,
         statistics::{Moments, Target},
     },
@@ -22,9 +22,8 @@ const N_COLORS: usize = 100_000;
 pub(crate) struct LayerTarget {
     /// Means and deviations, mixed by weight.
     pub statistics: Target,
-    /// Rows of length 1 with which a picture's are matched, of each painting by its weight `[keys, C]`; none if the layer is not
-    /// matched.
-    pub keys: Vec<f32>,
+    /// Cells with which a picture's are matched, of each painting by its weight; none if the layer is not matched.
+    pub keys: Keys,
 }
 
 /// The paintings.
@@ -72,7 +71,7 @@ impl Paintings {
             .zip(&shares)
             .map(|(image, share)| share * shapes::contrast([of_shapes(image)].into_iter()))
             .sum();
-        let mut layers = [Vec::new(), Vec::new()];
+        let mut layers = [(); 2].map(|()| network.layers().iter().map(Sum::new).collect::<Vec<_>>());
         let tone = Tone::of(&colors, 0..colors.len() / 3);
         for (image, share) in images.into_iter().zip(&shares) {
             let gray = Image { rgb: tone.gray(&image.rgb), ..image.clone() };
@@ -85,6 +84,7 @@ impl Paintings {
         let palette = Palette::new(&colors, 10);
         let moments = ColorMoments::of_rgb(&colors);
         let mean = [mean(0), mean(1), mean(2)];
+        let layers = layers.map(|layers| layers.into_par_iter().map(Sum::target).collect());
         Ok(Self {
             layers,
             tone,
@@ -133,9 +133,27 @@ fn colors(images: &[Image], shares: &[f32]) -> Vec<f32> {
     colors
 }
 
+/// A layer of some of the paintings.
+struct Sum {
+    statistics: Target,
+    keys: Vec<f32>,
+}
+
+impl Sum {
+    fn new(layer: &Layer) -> Self {
+        let zeros = vec![0.0; layer.channels];
+        Self { statistics: Target { mean: zeros.clone(), deviation: zeros }, keys: Vec::new() }
+    }
+
+    fn target(self) -> LayerTarget {
+        let channels = self.statistics.mean.len();
+        LayerTarget { statistics: self.statistics, keys: Keys::new(self.keys, channels) }
+    }
+}
+
 /// Adds `share` of a painting's statistics to the layers' aims, and `n_keys` of its cells; all, if it has no more.
 fn add_painting(
-    layers: &mut Vec<LayerTarget>,
+    layers: &mut [Sum],
     image: &Image,
     share: f32,
     n_keys: usize,
@@ -151,24 +169,16 @@ fn add_painting(
     };
     let chosen: Vec<(&Layer, Vec<u32>)> =
         network.layers().iter().map(|layer| (layer, chosen(layer))).collect();
-    let of_layers: Vec<LayerTarget> = chosen
+    let of_layers: Vec<Sum> = chosen
         .into_par_iter()
         .map(|(layer, chosen)| {
             let (rows, n) = (features.rows(layer), layer.channels);
             let moments = Moments::of(rows, n, 0..rows.len() / n);
             let deviation = moments.deviations();
-            let keys: Vec<f32> =
-                chosen.iter().flat_map(|&cell| &rows[cell as usize * n..][..n]).copied().collect();
-            LayerTarget { statistics: Target { mean: moments.mean, deviation }, keys: normalized(&keys, n) }
+            let keys = chosen.iter().flat_map(|&cell| &rows[cell as usize * n..][..n]).copied().collect();
+            Sum { statistics: Target { mean: moments.mean, deviation }, keys }
         })
         .collect();
-    if layers.is_empty() {
-        let empty = |layer: &Layer| LayerTarget {
-            statistics: Target { mean: vec![0.0; layer.channels], deviation: vec![0.0; layer.channels] },
-            keys: Vec::new(),
-        };
-        layers.extend(network.layers().iter().map(empty));
-    }
     for (layer, added) in layers.iter_mut().zip(of_layers) {
         let Target { mean, deviation } = &mut layer.statistics;
         mean.iter_mut().zip(added.statistics.mean).for_each(|(sum, value)| *sum += share * value);

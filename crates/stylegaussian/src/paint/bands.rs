@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use crate::decoder::product;
+
 /// Bands of detail, from the finest, and the rest: what is larger than all of them.
 pub(super) const N_BANDS: usize = 6;
 
@@ -125,7 +127,7 @@ fn whole_blurred([width, height]: [usize; 2], steps: &[usize]) -> Vec<f32> {
 /// The scalar product, in f64.
 pub(super) fn dot(a: &[f32], b: &[f32]) -> f64 {
     // Blocks in f32, which the compiler makes vectors of, are summed in f64.
-    let block = |(a, b): (&[f32], &[f32])| f64::from(super::painting::dot(a, b));
+    let block = |(a, b): (&[f32], &[f32])| f64::from(product::dot(a, b));
     a.chunks(256).zip(b.chunks(256)).map(block).sum()
 }
 

@@ -2,10 +2,7 @@
 
 use glam::Vec3;
 
-use crate::{
-    decoder::product::{Matrix, product},
-    random::Random,
-};
+use crate::{decoder::product::dot, principal::leading_axes};
 
 /// Most pixels of a painting: 512 x 512, as AdaIN sees it. In bytes it takes 768 KiB.
 pub const MAX_PIXELS: usize = 512 * 512;
@@ -15,9 +12,6 @@ pub(super) const PLACE: usize = 8;
 
 /// Dimensions in which features are compared. They hold most of the variance of a painting's normalized features.
 const N_DIMENSIONS: usize = 16;
-
-/// Rounds of orthogonal iteration. Directions of nearly equal variance stay mixed, which distances do not see.
-const ROUNDS: usize = 12;
 
 /// A painting's pixels, and features of its places.
 #[derive(Clone, Debug, PartialEq)]
@@ -147,55 +141,6 @@ fn normalize(rows: &mut [f32], n_channels: usize) {
     for row in rows.chunks_exact_mut(n_channels) {
         row.iter_mut().zip(&deviations).for_each(|(value, deviation)| *value /= deviation);
     }
-}
-
-/// The `n` directions of largest variance of `rows` `[P, D]` as unit vectors `[n, D]`, by orthogonal iteration.
-pub(super) fn leading_axes(rows: &[f32], n_channels: usize, n: usize) -> Vec<f32> {
-    let mut random = Random::new(0);
-    let mut axes: Vec<f32> = (0..n * n_channels).map(|_| random.normal()).collect();
-    orthonormalize(&mut axes, n_channels);
-    let n_rows = rows.len() / n_channels;
-    let rows = Matrix::dense(rows, n_rows, n_channels);
-    let mut squares = vec![0.0; n_channels * n_channels];
-    product(&mut squares, false, rows.transposed(), rows);
-    let squares = Matrix::dense(&squares, n_channels, n_channels);
-    for _ in 0..ROUNDS {
-        let mut next = vec![0.0; axes.len()];
-        product(&mut next, false, Matrix::dense(&axes, n, n_channels), squares);
-        axes = next;
-        orthonormalize(&mut axes, n_channels);
-    }
-    axes
-}
-
-/// Gram and Schmidt, on rows. A row that depends on those before it becomes zero.
-fn orthonormalize(axes: &mut [f32], n_channels: usize) {
-    for i in 0..axes.len() / n_channels {
-        let (before, rest) = axes.split_at_mut(i * n_channels);
-        let axis = &mut rest[..n_channels];
-        let length_before = dot(axis, axis).sqrt();
-        for other in before.chunks_exact(n_channels) {
-            let along = dot(axis, other);
-            axis.iter_mut().zip(other).for_each(|(value, other)| *value -= along * other);
-        }
-        let length = dot(axis, axis).sqrt();
-        // What is left of a dependent row is rounding: f32 has seven digits.
-        let scale = if length > 1e-5 * length_before { 1.0 / length } else { 0.0 };
-        axis.iter_mut().for_each(|value| *value *= scale);
-    }
-}
-
-/// The scalar product, in eight sums that one instruction adds.
-pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
-    let mut sums = [0.0; 8];
-    let (a_blocks, b_blocks) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f32 = a_blocks.remainder().iter().zip(b_blocks.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in a_blocks.zip(b_blocks) {
-        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
-            *sum += a * b;
-        }
-    }
-    sums.iter().sum::<f32>() + rest
 }
 
 #[cfg(test)]

@@ -9,11 +9,12 @@ use rayon::prelude::*;
 
 use super::{
     bands::{energies, softened},
-    painting::{Paint, dot, leading_axes},
+    painting::Paint,
 };
 use crate::{
-    decoder::product::{Matrix, product},
+    decoder::product::{Matrix, dot, product},
     palette::LUMINANCE,
+    principal::leading_axes,
 };
 
 /// Half the side of a patch, in pixels. A patch of 20 pixels holds a stroke, and about what a cell of relu3_1 sees.

@@ -5,11 +5,11 @@ use rayon::prelude::*;
 
 use super::{
     canvas::Canvas,
-    painting::{Paint, dot, floored},
+    painting::{Paint, floored},
     seeds::Seed,
     surface::Surface,
 };
-use crate::{noise::noise, scene::Scene, statistics};
+use crate::{decoder::product::dot, noise::noise, scene::Scene, statistics};
 
 /// Weight of colors (0..1).
 const COLOR_WEIGHT: f32 = 3.0;

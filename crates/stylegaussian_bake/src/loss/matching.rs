@@ -2,31 +2,60 @@
 
 use rayon::prelude::*;
 use stylegaussian::{
-    decoder::product::{Matrix, product},
+    decoder::product::{Matrix, dot, product},
+    principal::leading_axes,
     random::Random,
 };
 
+/// Directions in which keys are compared: those in which the painting's are largest. The 256 channels of the encoder's output are made
+/// of 80.
+const DIRECTIONS: usize = 64;
 /// Queries per product. 64 rows of 4,500 similarities are 1.2 MB, within two cores' caches.
 const BLOCK: usize = 64;
 /// Added to lengths: a cell without any feature has no direction, and no gradient.
 const EPSILON: f32 = 1e-6;
 
-/// Rows of length 1 `[n, C]`.
-pub(crate) fn normalized(rows: &[f32], channels: usize) -> Vec<f32> {
-    let mut unit = rows.to_vec();
-    unit.par_chunks_exact_mut(channels).for_each(|row| {
+/// Cells of paintings with which a picture's are matched.
+pub(crate) struct Keys {
+    channels: usize,
+    /// The cells at length 1 `[m, C]`.
+    units: Vec<f32>,
+    /// Directions in which the units are largest `[D, C]`.
+    axes: Vec<f32>,
+    /// The units along the axes `[m, D]`.
+    along: Vec<f32>,
+}
+
+impl Keys {
+    /// From rows `[m, C]` of any length.
+    pub fn new(rows: Vec<f32>, channels: usize) -> Self {
+        let units = normalized(rows, channels);
+        let axes = leading_axes(&units, channels, channels.min(DIRECTIONS));
+        let along = coordinates(&units, &axes, channels);
+        Self { channels, units, axes, along }
+    }
+}
+
+/// Rows `[n, C]` along axes `[D, C]`: `[n, D]`.
+fn coordinates(rows: &[f32], axes: &[f32], channels: usize) -> Vec<f32> {
+    let (n, n_axes) = (rows.len() / channels, axes.len() / channels);
+    let mut along = vec![0.0; n * n_axes];
+    let axes = Matrix::dense(axes, n_axes, channels).transposed();
+    product(&mut along, false, Matrix::dense(rows, n, channels), axes);
+    along
+}
+
+/// The rows `[n, C]` at length 1.
+fn normalized(mut rows: Vec<f32>, channels: usize) -> Vec<f32> {
+    for row in rows.chunks_exact_mut(channels) {
         let over = 1.0 / (length(row) + EPSILON);
         row.iter_mut().for_each(|value| *value *= over);
-    });
-    unit
+    }
+    rows
 }
 
 fn length(row: &[f32]) -> f32 {
     dot(row, row).sqrt()
-}
-
-fn dot(a: &[f32], b: &[f32]) -> f32 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// `n` of the rows in random order; all, if there are no more.
@@ -43,37 +72,32 @@ pub(crate) fn some_of(cells: &[u32], n: usize, random: &mut Random) -> Vec<u32> 
     cells
 }
 
-/// Mean over `queries`, rows of `rows` `[n, C]`, of the cosine distance to the nearest of `keys` `[m, C]`, which have
-/// length 1. Adds `weight` times the gradient to `grad` `[n, C]`.
-pub(crate) fn matching(
-    rows: &[f32],
-    channels: usize,
-    queries: &[u32],
-    keys: &[f32],
-    weight: f32,
-    grad: &mut [f32],
-) -> f32 {
-    let n_keys = keys.len() / channels;
+/// Mean over `queries`, rows of `rows` `[n, C]`, of the cosine distance to the nearest of `keys`. Adds `weight` times the gradient
+/// to `grad` `[n, C]`.
+pub(crate) fn matching(rows: &[f32], queries: &[u32], keys: &Keys, weight: f32, grad: &mut [f32]) -> f32 {
+    let Keys { channels, units, axes, along } = keys;
+    let (channels, n_keys, n_axes) = (*channels, units.len() / channels, axes.len() / channels);
     if n_keys == 0 || queries.is_empty() {
         return 0.0;
     }
     let row = |cell: u32| &rows[cell as usize * channels..][..channels];
     let scale = weight / queries.len() as f32;
+    let keys_t = Matrix::dense(along, n_keys, n_axes).transposed();
     let blocks: Vec<(f64, Vec<f32>)> = queries
         .par_chunks(BLOCK)
         .map_init(Vec::new, |similarities: &mut Vec<f32>, block| {
             let gathered: Vec<f32> = block.iter().flat_map(|&cell| row(cell)).copied().collect();
-            let unit = normalized_here(gathered, channels);
+            let unit = normalized(gathered, channels);
             similarities.resize(block.len() * n_keys, 0.0);
-            let keys_t = Matrix::dense(keys, n_keys, channels).transposed();
-            product(similarities, false, Matrix::dense(&unit, block.len(), channels), keys_t);
+            let along = coordinates(&unit, axes, channels);
+            product(similarities, false, Matrix::dense(&along, block.len(), n_axes), keys_t);
             let (mut sum, mut grads) = (0.0, Vec::with_capacity(unit.len()));
             for (i, (&cell, unit)) in block.iter().zip(unit.chunks_exact(channels)).enumerate() {
-                let (best, similarity) = largest(&similarities[i * n_keys..][..n_keys]);
+                let key = &units[largest(&similarities[i * n_keys..][..n_keys]) * channels..][..channels];
+                let similarity = dot(unit, key);
                 sum += f64::from(1.0 - similarity);
                 // d(1 - u k) / dx with u = x / |x|: -(k - (u k) u) / |x|.
                 let over = scale / (length(row(cell)) + EPSILON);
-                let key = &keys[best * channels..][..channels];
                 grads.extend(key.iter().zip(unit).map(|(key, unit)| over * (similarity * unit - key)));
             }
             (sum, grads)
@@ -87,17 +111,9 @@ pub(crate) fn matching(
     (blocks.iter().map(|(sum, _)| sum).sum::<f64>() / queries.len() as f64) as f32
 }
 
-fn normalized_here(mut rows: Vec<f32>, channels: usize) -> Vec<f32> {
-    for row in rows.chunks_exact_mut(channels) {
-        let over = 1.0 / (length(row) + EPSILON);
-        row.iter_mut().for_each(|value| *value *= over);
-    }
-    rows
-}
-
-/// The first of the largest values, and its place.
-fn largest(values: &[f32]) -> (usize, f32) {
+/// The place of the first of the largest values.
+fn largest(values: &[f32]) -> usize {
     // The maximum first, which needs no branch and runs in vectors.
     let max = values.iter().fold(f32::NEG_INFINITY, |max, &value| max.max(value));
-    (values.iter().position(|&value| value == max).unwrap_or(0), max)
+    values.iter().position(|&value| value == max).unwrap_or(0)
 }

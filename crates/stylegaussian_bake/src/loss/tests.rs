@@ -104,16 +104,16 @@ fn statistics_of_the_crop_itself() {
 
 #[test]
 fn matching_with_the_nearest() {
-    let keys = matching::normalized(&values(15, 5), CHANNELS);
-    check(&values(18, 4), |x, grad| matching::matching(x, CHANNELS, &CELLS, &keys, 1.0, grad));
+    let keys = matching::Keys::new(values(15, 5), CHANNELS);
+    check(&values(18, 4), |x, grad| matching::matching(x, &CELLS, &keys, 1.0, grad));
 }
 
 #[test]
 fn matching_finds_the_nearest_direction() {
-    let keys = matching::normalized(&[1.0, 0.0, 0.0, 0.0, 3.0, 4.0], 3);
+    let keys = matching::Keys::new(vec![1.0, 0.0, 0.0, 0.0, 3.0, 4.0], 3);
     // Along the second key, and of another length: no distance. (4, 0, 3) has the cosine 0.8 with the first key and
     // 0.48 with the second.
-    let distance = |row: &[f32]| matching::matching(row, 3, &[0], &keys, 1.0, &mut [0.0; 3]);
+    let distance = |row: &[f32]| matching::matching(row, &[0], &keys, 1.0, &mut [0.0; 3]);
     assert!(distance(&[0.0, 6.0, 8.0]).abs() < 1e-5);
     assert!((distance(&[4.0, 0.0, 3.0]) - 0.2).abs() < 1e-5);
     // No feature at all has no direction, and no NaN.
