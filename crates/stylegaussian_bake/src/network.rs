@@ -176,7 +176,7 @@ fn distilled_layers(chain: &Chain) -> Option<Vec<Tap>> {
     let strided = |operation: &Operation| match operation {
         Operation::Convolution(convolution) => convolution.stride == 2,
         Operation::MaxPool { .. } => true,
-        Operation::Add(_) => false,
+        Operation::Add(_) | Operation::BothSigns => false,
     };
     let halvings: Vec<usize> = (0..n).filter(|&i| strided(&chain.operations[i])).map(|i| i + 1).collect();
     let [half, quarter] = halvings[..] else { return None };

@@ -32,7 +32,7 @@ const SECOND: [[f32; 9]; 4] = [
 /// Filters on the picture after `halvings`, each the mean of 2x2 pixels: 3x3 windows.
 pub(super) fn filters_after(halvings: usize) -> Chain {
     let mut operations: Vec<Operation> = (0..halvings).map(|_| Operation::Convolution(halve())).collect();
-    operations.push(Operation::Convolution(filters()));
+    operations.extend(filters());
     Chain::new(operations)
 }
 
@@ -45,39 +45,35 @@ fn halve() -> Convolution {
     Convolution::from_oihw([3, 3, 2], &halve, vec![0.0; 3], Padding::Zeros(0), 2)
 }
 
-/// relu(+-f) of every filter f.
-fn filters() -> Convolution {
+/// The filters, and both signs of each.
+fn filters() -> [Operation; 2] {
     let (mut oihw, mut bias): (Vec<f32>, Vec<f32>) = (Vec::new(), Vec::new());
-    let mut add = |color: [f32; 3], kernel: &[f32; 9], gain: f32, threshold: f32, signs: &[f32]| {
+    let mut add = |color: [f32; 3], kernel: &[f32; 9], gain: f32, threshold: f32| {
         // So that a step of 1 along the filter's direction gives `gain`.
         let positive: f32 = kernel.iter().map(|weight| weight.max(0.0)).sum();
-        for sign in signs {
-            bias.push(-sign * gain * threshold);
-            for channel in color {
-                oihw.extend(kernel.iter().map(|weight| sign * gain * channel * weight / positive));
-            }
+        bias.push(-gain * threshold);
+        for channel in color {
+            oihw.extend(kernel.iter().map(|weight| gain * channel * weight / positive));
         }
     };
-    const BOTH: [f32; 2] = [1.0, -1.0];
     // Means are compared too, and those of luminance are the palette's. Derivatives are some ten times smaller than the
     // colors themselves, on paintings; the gains make up for it.
-    add(LUMINANCE, &LOW_PASS, 6.0, 0.0, &BOTH[..1]);
+    add(LUMINANCE, &LOW_PASS, 6.0, 0.0);
     // Lights and darks beyond each threshold: together they tell a drawing on paper from a painting of middle tones, which
     // may have the same mean and deviation.
     for threshold in THRESHOLDS {
-        add(LUMINANCE, &LOW_PASS, 6.0, threshold, &BOTH);
+        add(LUMINANCE, &LOW_PASS, 6.0, threshold);
     }
     for kernel in FIRST.iter().chain(&SECOND) {
-        add(LUMINANCE, kernel, 8.0, 0.0, &BOTH);
+        add(LUMINANCE, kernel, 8.0, 0.0);
     }
     for color in OPPONENT {
-        add(color, &LOW_PASS, 8.0, 0.0, &BOTH);
+        add(color, &LOW_PASS, 8.0, 0.0);
         for kernel in [FIRST[0], FIRST[2]] {
-            add(color, &kernel, 16.0, 0.0, &BOTH);
+            add(color, &kernel, 16.0, 0.0);
         }
     }
-    let n = oihw.len() / 27;
-    let mut filters = Convolution::from_oihw([n, 3, 3], &oihw, bias, Padding::Reflect([1, 1]), 1);
-    filters.relu = true;
-    filters
+    let n = bias.len();
+    let filters = Convolution::from_oihw([n, 3, 3], &oihw, bias, Padding::Reflect([1, 1]), 1);
+    [Operation::Convolution(filters), Operation::BothSigns]
 }

@@ -16,6 +16,8 @@ pub enum Operation {
     Convolution(Convolution),
     /// The sum of the value before and an earlier one.
     Add(usize),
+    /// relu(x) and relu(-x) of the value before, in twice as many channels (CReLU: Shang et al. 2016).
+    BothSigns,
     /// The largest of 2x2 pixels. An odd last line is kept if `ceil`, otherwise dropped.
     MaxPool {
         /// Whether an odd last line is kept.
@@ -39,12 +41,11 @@ impl Chain {
 
     /// Channels of a value.
     pub(super) fn channels(&self, value: usize) -> usize {
-        let before = self.operations[..value].iter().rev();
-        let found = before.filter_map(|operation| match operation {
-            Operation::Convolution(convolution) => Some(convolution.d_out()),
-            Operation::Add(_) | Operation::MaxPool { .. } => None,
-        });
-        found.take(1).next().unwrap_or(3)
+        self.operations[..value].iter().fold(3, |channels, operation| match operation {
+            Operation::Convolution(convolution) => convolution.d_out(),
+            Operation::BothSigns => 2 * channels,
+            Operation::Add(_) | Operation::MaxPool { .. } => channels,
+        })
     }
 
     /// The size of each value for a picture of `size`.
@@ -54,7 +55,7 @@ impl Chain {
             let size = sizes[sizes.len() - 1];
             sizes.push(match operation {
                 Operation::Convolution(convolution) => convolution.size_after(size),
-                Operation::Add(_) => size,
+                Operation::Add(_) | Operation::BothSigns => size,
                 Operation::MaxPool { ceil } => size.halved(*ceil),
             });
         }
@@ -73,6 +74,7 @@ impl Chain {
                     add(&mut sum, &values[*from]);
                     sum
                 }
+                Operation::BothSigns => both_signs(x, self.channels(i)),
                 Operation::MaxPool { .. } => max_pool(x, self.channels(i), sizes[i], sizes[i + 1]),
             });
         }
@@ -102,6 +104,9 @@ impl Chain {
                         none => *none = Some(grad.clone()),
                     }
                     accumulate(&mut grads[i], grad);
+                }
+                Operation::BothSigns => {
+                    accumulate(&mut grads[i], both_signs_backward(&values.0[i], &grad, self.channels(i)));
                 }
                 Operation::MaxPool { .. } => {
                     let (x, y) = (&values.0[i], &values.0[i + 1]);
@@ -134,6 +139,39 @@ fn gate(grad: &mut [f32], y: &[f32]) {
         // A choice and no branch, so that it runs in vectors.
         grad.iter_mut().zip(y).for_each(|(grad, y)| *grad = if *y > 0.0 { *grad } else { 0.0 });
     });
+}
+
+/// Pixels that a thread takes at a time, where each has some dozens of values.
+const PIXELS: usize = 1 << 10;
+
+fn both_signs(x: &[f32], c: usize) -> Vec<f32> {
+    let mut y = vec![0.0; 2 * x.len()];
+    y.par_chunks_mut(PIXELS * 2 * c).zip(x.par_chunks(PIXELS * c)).for_each(|(y, x)| {
+        for (y, x) in y.chunks_exact_mut(2 * c).zip(x.chunks_exact(c)) {
+            let (above, below) = y.split_at_mut(c);
+            above.iter_mut().zip(x).for_each(|(y, x)| *y = x.max(0.0));
+            below.iter_mut().zip(x).for_each(|(y, x)| *y = (-x).max(0.0));
+        }
+    });
+    y
+}
+
+fn both_signs_backward(x: &[f32], grad_y: &[f32], c: usize) -> Vec<f32> {
+    let mut grad_x = vec![0.0; x.len()];
+    let given = x.par_chunks(PIXELS * c).zip(grad_y.par_chunks(PIXELS * 2 * c));
+    grad_x.par_chunks_mut(PIXELS * c).zip(given).for_each(|(grad_x, (x, grad_y))| {
+        let given = x.chunks_exact(c).zip(grad_y.chunks_exact(2 * c));
+        for (grad_x, (x, grad_y)) in grad_x.chunks_exact_mut(c).zip(given) {
+            let (above, below) = grad_y.split_at(c);
+            for ((grad_x, x), (above, below)) in grad_x.iter_mut().zip(x).zip(above.iter().zip(below)) {
+                // Choices and no branch, so that it runs in vectors.
+                let of_above = if *x > 0.0 { *above } else { 0.0 };
+                let of_below = if *x < 0.0 { *below } else { 0.0 };
+                *grad_x = of_above - of_below;
+            }
+        }
+    });
+    grad_x
 }
 
 /// The pixels of `from` under pixel (x, y) of a picture of half its size.

@@ -7,7 +7,7 @@ use stylegaussian_encoder::{
     onnx::{ChainWriter, Convolution},
 };
 
-use super::{LossNetwork, Size, chain::Chain, onnx};
+use super::{LossNetwork, Size, bank, chain::Chain, onnx};
 
 fn random_values(n: usize, scale: f32, random: &mut Random) -> Vec<f32> {
     (0..n).map(|_| scale * random.normal()).collect()
@@ -46,28 +46,25 @@ fn a_chain_gives_what_the_engine_gives() {
     }
 }
 
-#[test]
-fn gradients_match_finite_differences() {
-    let chain = onnx::read(&small_graph()).unwrap();
-    let size = Size { width: 6, height: 5 };
-    let (grid, mut random) = (chain.sizes(size), Random::new(3));
+/// Gradients of random sums of some values, against finite differences.
+fn check_gradients(chain: &Chain, size: Size, watched: &[usize]) {
+    let (sizes, mut random) = (chain.sizes(size), Random::new(3));
     let rgb: Vec<f32> = (0..size.n_pixels() * 3).map(|_| random.uniform()).collect();
-    // A random direction at two values: the gradient flows through all operations, and sums where it meets itself.
-    let values = chain.forward(&grid, &rgb);
-    let watched = [1, values.0.len() - 1];
-    let directions = watched.map(|value| random_values(values.0[value].len(), 1.0, &mut random));
+    let values = chain.forward(&sizes, &rgb);
+    let directions: Vec<Vec<f32>> =
+        watched.iter().map(|&value| random_values(values.0[value].len(), 1.0, &mut random)).collect();
     let loss = |rgb: &[f32]| -> f64 {
-        let values = chain.forward(&grid, rgb);
-        let dot = |(value, direction): (usize, &Vec<f32>)| -> f64 {
-            values.0[value].iter().zip(direction).map(|(a, b)| f64::from(a * b)).sum()
+        let values = chain.forward(&sizes, rgb);
+        let dot = |(value, direction): (&usize, &Vec<f32>)| -> f64 {
+            values.0[*value].iter().zip(direction).map(|(a, b)| f64::from(a * b)).sum()
         };
-        watched.into_iter().zip(&directions).map(dot).sum()
+        watched.iter().zip(&directions).map(dot).sum()
     };
     let mut grads = vec![None; values.0.len()];
-    for (value, direction) in watched.into_iter().zip(&directions) {
-        grads[value] = Some(direction.clone());
+    for (value, direction) in watched.iter().zip(&directions) {
+        grads[*value] = Some(direction.clone());
     }
-    let grad = chain.backward(&grid, &values, grads).unwrap();
+    let grad = chain.backward(&sizes, &values, grads).unwrap();
     // Small, so that few ReLUs and maxima switch in between; those that do may spoil a few.
     let step = 1e-3;
     let wrong = (0..rgb.len()).filter(|&i| {
@@ -79,7 +76,41 @@ fn gradients_match_finite_differences() {
         let expected = (moved(step) - moved(-step)) / f64::from(2.0 * step);
         (expected - f64::from(grad[i])).abs() > 0.02 * (1.0 + expected.abs())
     });
-    assert!(wrong.count() <= rgb.len() / 30);
+    let wrong = wrong.count();
+    assert!(wrong <= rgb.len() / 30, "{wrong} of {}", rgb.len());
+}
+
+#[test]
+fn gradients_match_finite_differences() {
+    let chain = onnx::read(&small_graph()).unwrap();
+    // Two values: the gradient flows through all operations, and sums where it meets itself.
+    check_gradients(&chain, Size { width: 6, height: 5 }, &[1, chain.operations.len()]);
+}
+
+#[test]
+fn gradients_of_filters_match_finite_differences() {
+    let chain = bank::filters_after(1);
+    check_gradients(&chain, Size { width: 8, height: 6 }, &[chain.operations.len()]);
+}
+
+#[test]
+fn filters_see_both_signs() {
+    let chain = bank::filters_after(0);
+    let size = Size { width: 4, height: 4 };
+    // Dark left, bright right.
+    let rgb: Vec<f32> = (0..16).flat_map(|pixel| [if pixel % 4 < 2 { 0.0 } else { 1.0 }; 3]).collect();
+    let values = chain.forward(&chain.sizes(size), &rgb);
+    let (last, n) = (values.0.last().unwrap(), chain.channels(chain.operations.len()));
+    let at = |pixel: usize, channel: usize| last[pixel * n + channel];
+    // Luminance, and how far it is above and below a quarter, at gains of 6.
+    for (pixel, expected) in [(4, [0.0, 0.0, 0.0, 1.5]), (7, [6.0, 4.5, 0.0, 0.0])] {
+        let found = [at(pixel, 0), at(pixel, 1), at(pixel, n / 2), at(pixel, n / 2 + 1)];
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-4, "{pixel}: {found} for {expected}");
+        }
+    }
+    // An edge from dark to bright, and not from bright to dark.
+    assert!(at(5, 4) > 1.0 && at(5, n / 2 + 4) == 0.0);
 }
 
 #[test]
