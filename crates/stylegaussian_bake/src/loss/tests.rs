@@ -108,6 +108,28 @@ fn matching_with_the_nearest() {
     check(&values(18, 4), |x, grad| matching::matching(x, &CELLS, &keys, 1.0, grad));
 }
 
+/// More channels than directions that are compared, in which the keys have fewer.
+#[test]
+fn matching_in_fewer_directions_finds_the_nearest() {
+    const WIDE: usize = 100;
+    let (basis, weights) = (values(8 * WIDE, 8), values(40 * 8, 9));
+    let key = |weights: &[f32], c: usize| {
+        weights.iter().enumerate().map(|(i, weight)| weight * basis[i * WIDE + c]).sum::<f32>()
+    };
+    let rows: Vec<f32> = weights
+        .chunks_exact(8)
+        .flat_map(|weights| (0..WIDE).map(|c| key(weights, c)).collect::<Vec<_>>())
+        .collect();
+    let query = values(WIDE, 10);
+    let cosine = |row: &[f32]| {
+        let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
+        dot(row, &query) / (dot(row, row) * dot(&query, &query)).sqrt()
+    };
+    let nearest = rows.chunks_exact(WIDE).map(cosine).fold(f32::MIN, f32::max);
+    let found = matching::matching(&query, &[0], &matching::Keys::new(rows, WIDE), 1.0, &mut [0.0; WIDE]);
+    assert!((found - (1.0 - nearest)).abs() < 1e-5, "{found} for {}", 1.0 - nearest);
+}
+
 #[test]
 fn matching_finds_the_nearest_direction() {
     let keys = matching::Keys::new(vec![1.0, 0.0, 0.0, 0.0, 3.0, 4.0], 3);

@@ -96,7 +96,8 @@ impl Correlation {
         let (d_out, line) = (self.d_out, self.side * self.d_in);
         let inner = self.inner(joined);
         let mut weight = vec![0.0; self.side * inner * joined * d_out];
-        let lines = weight.chunks_exact_mut(inner * joined * d_out).zip(self.weight.chunks_exact(line * d_out));
+        let lines =
+            weight.chunks_exact_mut(inner * joined * d_out).zip(self.weight.chunks_exact(line * d_out));
         for (target, source) in lines {
             for neighbor in 0..joined {
                 for (i, of_value) in source.chunks_exact(d_out).enumerate() {
