@@ -214,7 +214,7 @@ impl Convolution {
         (seen, places.plus(self.forward.side - 1))
     }
 
-    /// Where block row `row`'s line `line` of pixels has the pixel at `column`.
+    /// The place of a pixel within a line of blocks: `line` of the stride lines of pixels there, and the pixel's `column`.
     fn value(&self, line: usize, column: usize) -> usize {
         let (stride, block) = (self.stride, self.forward.d_in);
         column / stride * block + (line * stride + column % stride) * self.d_in
