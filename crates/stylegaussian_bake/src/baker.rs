@@ -24,7 +24,7 @@ use crate::{
         shapes::ShapeAim,
         statistics::{self, Moments},
     },
-    network::{Features, Grids, Layer, LossNetwork, Size},
+    network::{Features, Layer, LossNetwork, Size, Sizes},
     picture::{Mask, over},
     target::{LayerTarget, Paintings},
 };
@@ -87,7 +87,7 @@ impl Crop {
 pub struct Baker {
     config: BakeConfig,
     network: LossNetwork,
-    grids: Grids,
+    sizes: Sizes,
     paintings: Paintings,
     cameras: Arc<Cameras>,
     /// The view of the next step, if it was drawn beside the last one.
@@ -133,7 +133,7 @@ impl Baker {
         let cameras = Cameras::survey(scene, cameras, config.view, config.crop)
             .ok_or(BakeError::NothingVisible { n_gaussians: scene.len() })?;
         let side = config.crop as usize;
-        let grids = network.grids(Size { width: side, height: side });
+        let sizes = network.sizes(Size { width: side, height: side });
         let captured = scene.base_colors();
         let recoloring = Recoloring::new(&cameras.colors, &paintings.colors);
         let mut colors: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
@@ -159,7 +159,7 @@ impl Baker {
         Ok(Self {
             config,
             network,
-            grids,
+            sizes,
             paintings,
             cameras: Arc::new(cameras),
             next: None,
@@ -273,9 +273,9 @@ impl Baker {
         let gray = self.steps % 2 == 1;
         let tone = gray.then_some(self.paintings.tone);
         let seen = tone.map_or_else(|| rgb.clone(), |tone| tone.gray(&rgb));
-        let features = self.network.forward(&self.grids, &seen);
+        let features = self.network.forward(&self.sizes, &seen);
         let (mut losses, grads) = self.compare(gray, distance, &features, &mask, &mut random);
-        let mut grad = self.network.backward(&self.grids, &features, grads);
+        let mut grad = self.network.backward(&self.sizes, &features, grads);
         if let Some(tone) = tone {
             grad = tone.backward(&grad, self.paintings.line);
         }
@@ -335,7 +335,7 @@ impl Baker {
         // Random numbers are drawn in order, before the layers are shared out among threads.
         let drawn: Vec<(Vec<u32>, Vec<u32>)> = (self.network.layers().iter())
             .map(|layer| {
-                let cells = mask.cells(self.grids.size(layer));
+                let cells = mask.cells(self.sizes.size(layer));
                 let matched = layer.matching > 0.0;
                 let some = if matched { matching::some_of(&cells, queries, random) } else { Vec::new() };
                 (cells, some)

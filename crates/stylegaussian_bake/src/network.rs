@@ -42,7 +42,7 @@ pub struct LossNetwork {
 }
 
 /// The sizes of each chain's values on pictures of one size.
-pub(crate) struct Grids(Vec<Vec<Size>>);
+pub(crate) struct Sizes(Vec<Vec<Size>>);
 
 /// The values of a network on one picture.
 pub(crate) struct Features(Vec<Values>);
@@ -122,18 +122,18 @@ impl LossNetwork {
     }
 
     /// The sizes of all values on pictures of `size`.
-    pub(crate) fn grids(&self, size: Size) -> Grids {
-        Grids(self.chains.iter().map(|chain| chain.sizes(size)).collect())
+    pub(crate) fn sizes(&self, size: Size) -> Sizes {
+        Sizes(self.chains.iter().map(|chain| chain.sizes(size)).collect())
     }
 
     /// Features of a picture RGB 0..1 `[h * w, 3]`.
-    pub(crate) fn forward(&self, grids: &Grids, rgb: &[f32]) -> Features {
-        let chains = self.chains.par_iter().zip(&grids.0);
-        Features(chains.map(|(chain, grid)| chain.forward(grid, rgb)).collect())
+    pub(crate) fn forward(&self, sizes: &Sizes, rgb: &[f32]) -> Features {
+        let chains = self.chains.par_iter().zip(&sizes.0);
+        Features(chains.map(|(chain, sizes)| chain.forward(sizes, rgb)).collect())
     }
 
     /// The gradient with respect to the picture `[h * w, 3]`, from one with respect to each layer's rows.
-    pub(crate) fn backward(&self, grids: &Grids, features: &Features, grads: Vec<Vec<f32>>) -> Vec<f32> {
+    pub(crate) fn backward(&self, sizes: &Sizes, features: &Features, grads: Vec<Vec<f32>>) -> Vec<f32> {
         let mut of_chains: Vec<Vec<Option<Vec<f32>>>> =
             self.chains.iter().map(|chain| vec![None; chain.operations.len() + 1]).collect();
         for (layer, grad) in self.layers.iter().zip(grads) {
@@ -141,9 +141,9 @@ impl LossNetwork {
                 of_chains[layer.chain][layer.value] = Some(grad);
             }
         }
-        let chains = self.chains.par_iter().zip(&grids.0).zip(&features.0).zip(of_chains);
+        let chains = self.chains.par_iter().zip(&sizes.0).zip(&features.0).zip(of_chains);
         let of_chains: Vec<Option<Vec<f32>>> =
-            chains.map(|(((chain, grid), values), grads)| chain.backward(grid, values, grads)).collect();
+            chains.map(|(((chain, sizes), values), grads)| chain.backward(sizes, values, grads)).collect();
         // In order, so that the sum is the same for any number of threads.
         let mut of_chains = of_chains.into_iter().flatten();
         let n_values = features.0.first().map_or(0, |values| values.0[0].len());
@@ -155,7 +155,7 @@ impl LossNetwork {
     }
 }
 
-impl Grids {
+impl Sizes {
     /// The size of a layer's picture.
     pub(crate) fn size(&self, layer: &Layer) -> Size {
         self.0[layer.chain][layer.value]

@@ -161,7 +161,7 @@ fn add_painting(
     network: &LossNetwork,
 ) {
     let size = Size { width: image.width as usize, height: image.height as usize };
-    let features = network.forward(&network.grids(size), &image.rgb);
+    let features = network.forward(&network.sizes(size), &image.rgb);
     // Random numbers are drawn in order, before the layers are shared out among threads.
     let mut chosen = |layer: &Layer| {
         let cells: Vec<u32> = (0..(features.rows(layer).len() / layer.channels) as u32).collect();

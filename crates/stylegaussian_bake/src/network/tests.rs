@@ -119,13 +119,13 @@ fn the_default_network_ends_with_the_encoder() {
     let (width, height) = (40, 36);
     let mut random = Random::new(4);
     let rgb: Vec<f32> = (0..width * height * 3).map(|_| random.uniform()).collect();
-    let grids = network.grids(Size { width, height });
-    let features = network.forward(&grids, &rgb);
+    let sizes = network.sizes(Size { width, height });
+    let features = network.forward(&sizes, &rgb);
     // The layers of the filters follow the encoder's.
     let layer = network.layers().iter().rfind(|layer| layer.matching > 0.0).unwrap();
     let encoder = Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec()).unwrap();
     let expected = encoder.encode(&Image { width: width as u32, height: height as u32, rgb }).unwrap();
-    assert_eq!(grids.size(layer), Size { width: 10, height: 9 });
+    assert_eq!(sizes.size(layer), Size { width: 10, height: 9 });
     for (a, b) in features.rows(layer).iter().zip(&expected.values) {
         assert!((a - b).abs() < 1e-3 * (1.0 + b.abs()), "{a} for {b}");
     }
