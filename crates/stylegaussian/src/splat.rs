@@ -31,7 +31,7 @@ use rayon::prelude::*;
 use crate::{camera::Camera, mask::Visibility, scene::Scene, sh};
 pub use alpha::{MAX_ALPHA, MIN_ALPHA};
 use bands::Bands;
-use composite::TILE;
+use composite::{GROUP, GROUPS, TILE};
 pub(crate) use project::Projection;
 use project::{Splat, project};
 pub use weights::BlendWeights;
@@ -97,7 +97,8 @@ pub fn render_visible(
     let colors = splat_colors(scene, colors, camera, &splats);
     let bands = Bands::new(&splats, camera.size);
 
-    let n_pixels = camera.size.x as usize * camera.size.y as usize;
+    let size = camera.size.as_usizevec2();
+    let n_pixels = size.x * size.y;
     let mut view = RenderedImage {
         size: camera.size,
         color: vec![[0.0; 3]; n_pixels],
@@ -113,14 +114,24 @@ pub fn render_visible(
         .zip(view.depth.par_chunks_mut(pixels_per_band))
         .enumerate()
         .for_each(|(band, ((color, alpha), depth))| {
-            bands.composite(band, &splats, 0.0, |pixel, splat, weight| {
-                let (rgb, z) = (&colors[splat], splats[splat].depth);
-                for (sum, channel) in color[pixel].iter_mut().zip(rgb) {
-                    *sum += weight * channel;
+            for (tile, in_tile) in bands.tiles(band, &splats) {
+                let mut sums = [[[0.0; GROUP]; GROUPS]; 5];
+                tile.composite(&splats, &in_tile, 0.0, |group, splat, weights| {
+                    let [r, g, b] = colors[splat];
+                    for (sums, value) in sums.iter_mut().zip([r, g, b, 1.0, splats[splat].depth]) {
+                        sums[group].iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight * value);
+                    }
+                });
+                let [r, g, b, a, z] = sums.each_ref().map(|groups| groups.as_flattened());
+                for row in 0..tile.height {
+                    for column in 0..tile.width {
+                        let (i, pixel) = (row * TILE + column, row * size.x + tile.x + column);
+                        color[pixel] = [r[i], g[i], b[i]];
+                        alpha[pixel] = a[i];
+                        depth[pixel] = z[i];
+                    }
                 }
-                alpha[pixel] += weight;
-                depth[pixel] += weight * z;
-            });
+            }
         });
     view
 }

@@ -34,29 +34,17 @@ impl Bands {
         Self { size, splats: bands }
     }
 
-    /// Blends the splats of one band, calling `blend(pixel in the band, position of the splat, weight)` for weights of `least`
-    /// or more.
+    /// The tiles of one band, and the splats of each.
     ///
-    /// The calls for any one pixel come front to back. Calls for different pixels come in no useful order.
-    pub fn composite(
-        &self,
-        band: usize,
-        splats: &[Splat],
-        least: f32,
-        mut blend: impl FnMut(usize, usize, f32),
-    ) {
-        let width = self.size.x as usize;
+    /// Lists of tiles should live as long as their band is blended. Those of the whole picture would hold each splat once per tile.
+    pub fn tiles(&self, band: usize, splats: &[Splat]) -> impl Iterator<Item = (Tile, Vec<u32>)> {
+        let size = self.size.as_usizevec2();
         let y = band * TILE;
-        let height = TILE.min(self.size.y as usize - y);
-        // Lists of tiles live as long as their band is blended. Those of the whole picture would hold each splat once
-        // per tile.
-        for (column, in_tile) in self.tile_lists(band, splats).iter().enumerate() {
+        let height = TILE.min(size.y - y);
+        self.tile_lists(band, splats).into_iter().enumerate().map(move |(column, in_tile)| {
             let x = column * TILE;
-            let tile = Tile { x, y, width: TILE.min(width - x), height };
-            tile.composite(splats, in_tile, least, |column, row, splat, weight| {
-                blend(row * width + x + column, splat, weight);
-            });
-        }
+            (Tile { x, y, width: TILE.min(size.x - x), height }, in_tile)
+        })
     }
 
     /// For each tile of a band, the positions of the splats with a footprint that reaches it.

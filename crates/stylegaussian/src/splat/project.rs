@@ -105,6 +105,9 @@ impl<'a> Projection<'a> {
         }
         let ray = mean.truncate() / mean.z;
         let center = self.camera.focal * ray + self.camera.center;
+        if self.is_far_outside(scene.scales[i], center, ray, mean.z) {
+            return None;
+        }
         // Only the shape of the footprint is linearized, at a ray that may be clamped. The center is exact.
         let (row_x, row_y) = self.footprint_axes(scene, i, ray, mean.z);
 
@@ -143,6 +146,19 @@ impl<'a> Projection<'a> {
             depth: mean.z,
             gaussian: i as u32,
         })
+    }
+
+    /// Whether a footprint around `center` stays outside of the picture even if the Gaussian's longest axis were that of a ball. Most
+    /// Gaussians that a crop does not show are spared the rest by it.
+    fn is_far_outside(&self, scales: Vec3, center: Vec2, ray: Vec2, z: f32) -> bool {
+        let ray = ray.clamp(-self.limit, self.limit);
+        // The lengths of the rows of J W, since those of W are orthonormal.
+        let rows = self.camera.focal / z * (Vec2::ONE + ray * ray).map(f32::sqrt);
+        let deviation = scales.max_element() * rows;
+        // A little more, for rounding.
+        let half_size = 1.001 * (cutoff(1.0) * (deviation * deviation + LOW_PASS)).map(f32::sqrt) + 0.001;
+        let (low, high) = (center + half_size, center - half_size - self.camera.size.as_vec2());
+        low.cmplt(Vec2::ZERO).any() || high.cmpgt(Vec2::ZERO).any()
     }
 
     /// The two rows of J W R S, in pixels. The 2D covariance is their Gram matrix, so it is never indefinite.

@@ -305,6 +305,23 @@ fn applying_the_weights_is_rendering() {
     assert!(weights.weights.iter().all(|&w| w > 0.0));
 }
 
+/// Most Gaussians outside of a picture are left out before their shape is known. None of those that reach into it may be.
+#[test]
+fn what_reaches_into_the_picture_is_projected() {
+    let (scene, whole) = (random_scene(2_000), random_camera());
+    let (corner, size) = (UVec2::new(31, 4), UVec2::new(13, 21));
+    let crop = Camera { center: whole.center - corner.as_vec2(), size, ..whole };
+    let splats = project(&scene, &crop, None);
+    let alphas = plain::Alphas::new(&scene, &crop);
+    let alpha = |i| (0..13 * 21).map(|pixel| alphas.alpha(i, pixel % 13, pixel / 13)).fold(0.0, f64::max);
+    // An alpha close to 1/255 may be below it in f32.
+    let seen: Vec<usize> = (0..scene.len()).filter(|&i| alpha(i) > 0.004).collect();
+    for &i in &seen {
+        assert!(splats.iter().any(|splat| splat.gaussian as usize == i), "Gaussian {i} is missing");
+    }
+    assert!((100..1_000).contains(&seen.len()), "{} are seen", seen.len());
+}
+
 #[test]
 fn weights_from_a_least_one_on_are_some_of_all() {
     let (scene, camera) = (random_scene(2_000), random_camera());

@@ -4,7 +4,7 @@ use glam::UVec2;
 use rayon::prelude::*;
 
 use super::bands::Bands;
-use super::composite::TILE;
+use super::composite::{GROUP, TILE};
 use super::project::Splat;
 
 /// The blend weights w of one view: a sparse `[H * W, N]` matrix in compressed rows, one row per pixel.
@@ -223,14 +223,34 @@ fn add_scaled(sums: &mut [f32], weight: f32, values: &[f32]) {
 
 impl BandEntries {
     fn collect(band: usize, splats: &[Splat], bands: &Bands, least: f32) -> Self {
+        let width = bands.size.x as usize;
         let height = TILE.min(bands.size.y as usize - band * TILE);
-        let mut counts = vec![0u32; bands.size.x as usize * height];
-        // In the order of tiles and splats. A pixel gets its entries from one tile.
-        let mut entries = Vec::new();
-        bands.composite(band, splats, least, |pixel, splat, weight| {
-            entries.push((pixel as u32, splats[splat].gaussian, weight));
-            counts[pixel] += 1;
-        });
+        let mut counts = vec![0u32; width * height];
+        // In the order of tiles and splats. A pixel gets its entries from one tile. Memory that is not written costs nothing, so
+        // there is some for more entries than a pixel of a capture usually has.
+        let (mut entries, mut n) = (vec![(0, 0, 0.0); 24 * width * height], 0);
+        for (tile, in_tile) in bands.tiles(band, splats) {
+            tile.composite(splats, &in_tile, least, |group, splat, weights| {
+                if entries.len() < n + GROUP {
+                    entries.resize(2 * n + GROUP, (0, 0, 0.0));
+                }
+                let (row, column) = (group * GROUP / TILE, group * GROUP % TILE);
+                let first = (row * width + tile.x + column) as u32;
+                let gaussian = splats[splat].gaussian;
+                // All are written, and the next one over those of weight 0. No processor foretells which these are, so branches
+                // would cost more.
+                let (free, mut n_kept) = (&mut entries[n..n + GROUP], 0);
+                for (pixel, &weight) in (first..).zip(weights) {
+                    free[n_kept] = (pixel, gaussian, weight);
+                    n_kept += usize::from(weight > 0.0);
+                }
+                n += n_kept;
+            });
+        }
+        entries.truncate(n);
+        for (pixel, ..) in &entries {
+            counts[*pixel as usize] += 1;
+        }
         Self { entries, counts }
     }
 
