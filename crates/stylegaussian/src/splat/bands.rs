@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use glam::UVec2;
 
-use super::composite::{TILE, Tile, rounded_up};
+use super::composite::{MARGIN, TILE, Tile};
 use super::project::Splat;
 
 /// For each band, the splats that may touch it, front to back.
@@ -82,9 +82,14 @@ fn extent_within(splat: &Splat, top: f32, bottom: f32) -> (f32, f32) {
 
 /// The tiles, of `n` in a row, that overlap the range from `low` to `high` pixels.
 fn tiles_between(low: f32, high: f32, n: usize) -> Range<usize> {
-    // A thousandth of a pixel covers the rounding of the range. A tile too many costs time only, since the blend tests
-    // each pixel.
-    let first = ((low - 1e-3) / TILE as f32).max(0.0) as usize;
-    let end = rounded_up((high + 1e-3) / TILE as f32);
+    let first = ((low - MARGIN) / TILE as f32).max(0.0) as usize;
+    let end = rounded_up((high + MARGIN) / TILE as f32);
     first.min(n)..end.min(n)
+}
+
+/// The least integer that is not below `value`, or 0.
+fn rounded_up(value: f32) -> usize {
+    // Casts round toward 0, and are no calls, which `ceil` and `floor` are if the processor is not known.
+    let down = value.max(0.0) as usize;
+    down.saturating_add(usize::from(value > down as f32))
 }

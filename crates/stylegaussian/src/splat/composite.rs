@@ -21,7 +21,7 @@ pub(super) const GROUPS: usize = TILE * TILE / GROUP;
 const IN_ROW: usize = TILE / GROUP;
 
 /// Added to ranges of pixels, in pixels, for their rounding. A pixel too many costs time only: its alpha is tested.
-const MARGIN: f32 = 1e-3;
+pub(super) const MARGIN: f32 = 1e-3;
 
 /// The place of a tile in the picture, in pixels.
 pub(super) struct Tile {
@@ -193,13 +193,6 @@ fn larger(a: f32, b: f32) -> f32 {
 /// The smaller of two numbers, neither of which is NaN.
 fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
-}
-
-/// The least integer that is not below `value`, or 0.
-pub(super) fn rounded_up(value: f32) -> usize {
-    // Casts round toward 0, and are no calls, which `ceil` and `floor` are if the processor is not known.
-    let down = value.max(0.0) as usize;
-    down.saturating_add(usize::from(value > down as f32))
 }
 
 #[cfg(test)]
