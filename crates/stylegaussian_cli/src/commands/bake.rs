@@ -58,8 +58,7 @@ pub struct BakeArgs {
     /// Strength: 0 only recolors, 1 is the default, 2 is bold.
     #[arg(long, value_name = "0..2", default_value = "1", allow_negative_numbers = true, value_parser = strength)]
     strength: f32,
-    /// Steps: one view each. Default: 300, for a scene of more than 70,000 Gaussians up to 600.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help = steps_help())]
     steps: Option<u32>,
     /// Random seed.
     #[arg(long, value_name = "S", default_value_t = BakeConfig::DEFAULT.seed)]
@@ -200,6 +199,12 @@ fn save_or_warn(baker: &Baker, checkpoint: &Path) {
 /// OUT.checkpoint.safetensors for OUT.look.safetensors.
 fn checkpoint_of(output: &Path) -> PathBuf {
     beside(&output.with_extension("").with_extension(""), "checkpoint.safetensors")
+}
+
+/// The help of `--steps`, with the number that is the default.
+fn steps_help() -> String {
+    let steps = BakeConfig::DEFAULT.steps;
+    format!("Steps: one view each. Default: {steps}, for a scene of more than 70,000 Gaussians up to twice as many")
 }
 
 /// A strength from 0 to 2.
