@@ -204,7 +204,9 @@ fn checkpoint_of(output: &Path) -> PathBuf {
 /// The help of `--steps`, with the number that is the default.
 fn steps_help() -> String {
     let steps = BakeConfig::DEFAULT.steps;
-    format!("Steps: one view each. Default: {steps}, for a scene of more than 70,000 Gaussians up to twice as many")
+    format!(
+        "Steps: one view each. Default: {steps}, for a scene of more than 70,000 Gaussians up to twice as many"
+    )
 }
 
 /// A strength from 0 to 2.
