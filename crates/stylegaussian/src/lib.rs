@@ -44,6 +44,7 @@ pub mod slices;
 pub mod splat;
 pub mod split;
 pub mod statistics;
+pub mod strokes;
 pub mod twin;
 pub mod views;
 

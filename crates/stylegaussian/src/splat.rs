@@ -25,10 +25,16 @@ mod weights;
 #[cfg(test)]
 mod tests;
 
-use glam::{UVec2, Vec3};
+use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::{camera::Camera, mask::Visibility, scene::Scene, sh};
+use crate::{
+    camera::Camera,
+    mask::Visibility,
+    scene::Scene,
+    sh,
+    strokes::{LEAST_ALPHA, StrokeKnobs, StrokeRecord, Strokes},
+};
 pub use alpha::{MAX_ALPHA, MIN_ALPHA};
 use bands::Bands;
 use composite::{GROUP, GROUPS, TILE};
@@ -91,10 +97,36 @@ pub fn render_visible(
     camera: &Camera,
     visibility: Option<&Visibility>,
 ) -> RenderedImage {
+    draw(scene, colors, None, camera, visibility)
+}
+
+/// Draws `scene` with `strokes` over its colors.
+///
+/// # Panics
+/// If `colors`, the strokes' words or the mask hold another number of entries than the scene has Gaussians, or if a word names a
+/// seed, or a seed a texture, that is not there.
+pub fn render_strokes(
+    scene: &Scene,
+    colors: Colors,
+    strokes: (&Strokes, &StrokeKnobs),
+    camera: &Camera,
+    visibility: Option<&Visibility>,
+) -> RenderedImage {
+    draw(scene, colors, Some(strokes), camera, visibility)
+}
+
+fn draw(
+    scene: &Scene,
+    colors: Colors,
+    strokes: Option<(&Strokes, &StrokeKnobs)>,
+    camera: &Camera,
+    visibility: Option<&Visibility>,
+) -> RenderedImage {
     assert!(colors.len().is_none_or(|n| n == scene.len()), "one color per Gaussian");
     assert!(visibility.is_none_or(|mask| mask.weights.len() == scene.len()), "one weight per Gaussian");
     let splats = project(scene, camera, visibility);
     let colors = splat_colors(scene, colors, camera, &splats);
+    let records = strokes.map(|(strokes, knobs)| stroke_records(scene, strokes, knobs, camera, &splats));
     let bands = Bands::new(&splats, camera.size);
 
     let size = camera.size.as_usizevec2();
@@ -116,8 +148,22 @@ pub fn render_visible(
         .for_each(|(band, ((color, alpha), depth))| {
             for (tile, in_tile) in bands.tiles(band, &splats) {
                 let mut sums = [[[0.0; GROUP]; GROUPS]; 5];
-                tile.composite(&splats, &in_tile, 0.0, |group, splat, weights| {
+                tile.composite(&splats, &in_tile, 0.0, |group, splat, weights, alphas| {
                     let [r, g, b] = colors[splat];
+                    if let Some(record) = records.as_ref().and_then(|records| records[splat].as_ref())
+                        && let Some((strokes, knobs)) = strokes
+                    {
+                        let texture = &strokes.textures[usize::from(record.texture)];
+                        let first = tile.first_pixel(group) - splats[splat].center;
+                        for (i, (&weight, &alpha)) in weights.iter().zip(alphas).enumerate() {
+                            if weight > 0.0 && alpha >= LEAST_ALPHA {
+                                let detail = record.detail(texture, first + Vec2::new(i as f32, 0.0), knobs.near);
+                                for (sums, value) in sums.iter_mut().zip(detail.to_array()) {
+                                    sums[group][i] += weight * value;
+                                }
+                            }
+                        }
+                    }
                     for (sums, value) in sums.iter_mut().zip([r, g, b, 1.0, splats[splat].depth]) {
                         sums[group].iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight * value);
                     }
@@ -150,6 +196,26 @@ pub fn blend_weights_from(scene: &Scene, camera: &Camera, least: f32) -> BlendWe
     let splats = project(scene, camera, None);
     let bands = Bands::new(&splats, camera.size);
     BlendWeights::gather(&splats, &bands, least, scene.len())
+}
+
+/// The strokes of each splat, in the splats' order, rounded as the GPU's are.
+fn stroke_records(
+    scene: &Scene,
+    strokes: &Strokes,
+    knobs: &StrokeKnobs,
+    camera: &Camera,
+    splats: &[Splat],
+) -> Vec<Option<StrokeRecord>> {
+    assert_eq!(strokes.words.len(), scene.len(), "one word per Gaussian");
+    let projection = Projection::new(camera);
+    let record = |splat: &Splat| {
+        let i = splat.gaussian as usize;
+        let gradients = projection.gradients(camera.view_from_world.transform_point3(scene.means[i]));
+        let gaussian = (scene.means[i], scene.rotations[i], scene.scales[i]);
+        let record = StrokeRecord::new(strokes.words[i], &strokes.seeds, gaussian, gradients, knobs)?;
+        Some(StrokeRecord::unpacked(record.packed()))
+    };
+    splats.par_iter().map(record).collect()
 }
 
 /// The color of each splat, in the splats' order.

@@ -2,6 +2,8 @@
 
 use std::f32::consts::{LN_2, LOG2_E};
 
+use glam::Vec2;
+
 use super::{
     alpha::{MAX_ALPHA, MIN_ALPHA, MIN_TRANSMITTANCE},
     project::Splat,
@@ -36,14 +38,20 @@ pub(super) struct Tile {
 }
 
 impl Tile {
-    /// Calls `blend(group, position of the splat, weights)` for each splat and each group of pixels that it reaches. Weights are
-    /// `least` or more, or 0; pixels beyond the picture's edge have 0. `in_tile` lists the splats front to back.
+    /// The center of a group's first pixel, in pixels of the picture.
+    pub fn first_pixel(&self, group: usize) -> Vec2 {
+        let (x, y) = (self.x + group % IN_ROW * GROUP, self.y + group / IN_ROW);
+        Vec2::new(x as f32 + 0.5, y as f32 + 0.5)
+    }
+
+    /// Calls `blend(group, position of the splat, weights, alphas)` for each splat and each group of pixels that it reaches.
+    /// Weights are `least` or more, or 0; pixels beyond the picture's edge have 0. `in_tile` lists the splats front to back.
     pub fn composite(
         &self,
         splats: &[Splat],
         in_tile: &[u32],
         least: f32,
-        mut blend: impl FnMut(usize, usize, &[f32; GROUP]),
+        mut blend: impl FnMut(usize, usize, &[f32; GROUP], &[f32; GROUP]),
     ) {
         let mut pixels = Pixels::new(self.width, self.height);
         for &position in in_tile {
@@ -57,7 +65,7 @@ impl Tile {
                 remaining &= remaining - 1;
                 let alphas = rows.alphas(splat, group);
                 let weights = pixels.cover(group, &alphas, least);
-                blend(group, position as usize, &weights);
+                blend(group, position as usize, &weights, &alphas);
             }
             // Splats are sorted, so all that follow are hidden too.
             if pixels.unfinished == 0 {

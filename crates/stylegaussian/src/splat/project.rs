@@ -95,6 +95,17 @@ impl<'a> Projection<'a> {
         (row_x * row_x + row_y * row_y).map(f32::sqrt)
     }
 
+    /// The gradients of a Gaussian's position on screen, x and y, in pixels per scene unit. `mean` is its view-space position, before
+    /// the camera.
+    pub(super) fn gradients(&self, mean: Vec3) -> (Vec3, Vec3) {
+        let focal = self.camera.focal / mean.z;
+        let ray = mean.truncate() / mean.z;
+        let to_scene = self.rotation.transpose();
+        let x = to_scene * Vec3::new(focal.x, 0.0, -focal.x * ray.x);
+        let y = to_scene * Vec3::new(0.0, focal.y, -focal.y * ray.y);
+        (x, y)
+    }
+
     /// The splat of Gaussian `i` at this opacity, or `None` if no pixel would see it.
     fn splat(&self, scene: &Scene, i: usize, mut opacity: f32) -> Option<Splat> {
         let mean: Vec3 = self.camera.view_from_world.transform_point3(scene.means[i]);

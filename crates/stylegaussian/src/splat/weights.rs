@@ -230,7 +230,7 @@ impl BandEntries {
         // there is some for more entries than a pixel of a capture usually has.
         let (mut entries, mut n) = (vec![(0, 0, 0.0); 24 * width * height], 0);
         for (tile, in_tile) in bands.tiles(band, splats) {
-            tile.composite(splats, &in_tile, least, |group, splat, weights| {
+            tile.composite(splats, &in_tile, least, |group, splat, weights, _| {
                 if entries.len() < n + GROUP {
                     entries.resize(2 * n + GROUP, (0, 0, 0.0));
                 }

@@ -1,0 +1,70 @@
+//! Strokes under layers of looks.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::StrokeWord;
+use crate::layers::Region;
+
+/// Range of shares within which a stroke goes and another one comes.
+const EDGE: f32 = 0.1;
+
+/// Strokes in a region.
+#[derive(Clone, Copy, Debug)]
+pub struct StrokeLayer<'a> {
+    /// One word per Gaussian `[N]`, or `None` for a look without strokes.
+    pub words: Option<&'a [u32]>,
+    /// Number of the layer's first seed in the table that all layers share.
+    pub first_seed: u32,
+    /// The part of the scene that gets them.
+    pub region: Region,
+    /// Share of what is below that is replaced within the region, 0..1.
+    pub strength: f32,
+    /// Weights that somebody painted, and the channel of them that counts here; `None` if all of the region counts.
+    pub mask: Option<(&'a [[u8; 4]], usize)>,
+}
+
+/// The strokes of a Gaussian if a share of those `below` is replaced by those `above`.
+///
+/// A mean of two strokes is no stroke, so each spot shows those of one painting: spots change one after another while the share
+/// grows, each through nothing. Half of a scene in either painting shows half of its spots in either. If only one of the two
+/// has strokes, they fade.
+pub fn mixed(below: StrokeWord, above: StrokeWord, share: f32) -> StrokeWord {
+    if above.share <= 0.0 {
+        return StrokeWord { share: below.share * (1.0 - share), ..below };
+    }
+    if below.share <= 0.0 {
+        return StrokeWord { share: above.share * share, ..above };
+    }
+    if below.seed == above.seed {
+        return StrokeWord { share: below.share + share * (above.share - below.share), ..above };
+    }
+    // Multiples of the golden ratio: seeds that follow one another are far apart in 0..1, and any part of it has its share.
+    let random = (above.seed.wrapping_mul(2_654_435_769) >> 8) as f32 / 16_777_216.0;
+    let turn = EDGE + (1.0 - 2.0 * EDGE) * random;
+    let open = ((share - turn).abs() / EDGE).min(1.0);
+    let shown = if share > turn { above } else { below };
+    StrokeWord { share: shown.share * open, ..shown }
+}
+
+/// The words of N Gaussians under `layers`, from nothing up `[N]`. The kernel is `mix_strokes`.
+///
+/// # Panics
+/// If words or a mask do not have one entry per mean.
+pub fn mix_strokes(means: &[Vec3], layers: &[StrokeLayer]) -> Vec<u32> {
+    for layer in layers {
+        assert!(layer.words.is_none_or(|words| words.len() == means.len()), "one word per Gaussian");
+        assert!(layer.mask.is_none_or(|(mask, _)| mask.len() == means.len()), "one weight per Gaussian");
+    }
+    let of_gaussian = |(i, &mean): (usize, &Vec3)| {
+        let sum = layers.iter().fold(StrokeWord::NONE, |below, layer| {
+            let painted = layer.mask.map_or(1.0, |(mask, channel)| f32::from(mask[i][channel]) / 255.0);
+            let share = layer.strength * painted * layer.region.weight(mean);
+            let above = layer.words.map_or(StrokeWord::NONE, |words| StrokeWord::unpacked(words[i]));
+            let above = StrokeWord { seed: above.seed + layer.first_seed, ..above };
+            mixed(below, above, share)
+        });
+        sum.packed()
+    };
+    means.par_iter().enumerate().map(of_gaussian).collect()
+}
