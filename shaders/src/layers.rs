@@ -1,8 +1,9 @@
-//! The shader that mixes looks in space: `mix_layers`.
+//! The shaders that mix looks in space: `mix_layers` their colors, `mix_strokes` their strokes.
 
 use bytemuck::{Pod, Zeroable};
+use stylegaussian::strokes;
 
-use crate::{Layout, Source, constants, layout};
+use crate::{Layout, Source, constants, float_constants, layout};
 
 /// Gaussians in a block.
 pub const MIX_BLOCK: u32 = 64;
@@ -62,10 +63,10 @@ pub struct MixLayer {
     pub inverse_softness: f32,
     /// The shape, one of the `SHAPE_` constants.
     pub shape: u32,
+    /// Added to the seeds of the look's strokes.
+    pub first_seed: u32,
     /// Unused.
-    pub padding_0: u32,
-    /// Unused.
-    pub padding_1: u32,
+    pub padding: u32,
 }
 
 /// Layers that are mixed in one dispatch.
@@ -96,8 +97,8 @@ pub struct MixBlock {
     pub within: u32,
 }
 
-/// The kernel.
-pub fn mix_layers() -> Source {
+/// A kernel from the constants above, the regions, and its own file.
+fn source(label: &'static str, more: &str, kernel: &str) -> Source {
     let constants = constants(&[
         ("MIX_BLOCK", MIX_BLOCK),
         ("MIX_WORKGROUP", MIX_WORKGROUP),
@@ -114,12 +115,26 @@ pub fn mix_layers() -> Source {
         ("SHAPE_CONE", SHAPE_CONE),
         ("SHAPE_TORUS", SHAPE_TORUS),
     ]);
-    Source { label: "mix_layers", wgsl: constants + include_str!("../wgsl/mix_layers.wgsl") }
+    let wgsl = [&constants, more, include_str!("../wgsl/mix_regions.wgsl"), kernel].join("\n");
+    Source { label, wgsl }
 }
+
+/// The kernel that mixes colors.
+pub fn mix_layers() -> Source {
+    source("mix_layers", "", include_str!("../wgsl/mix_layers.wgsl"))
+}
+
+/// The kernel that mixes strokes.
+pub fn mix_strokes() -> Source {
+    let integers = constants(&[("SEED_BITS", strokes::SEED_BITS), ("SEVEN_BITS", strokes::SEVEN_BITS)]);
+    let more = integers + &float_constants(&[("EDGE", strokes::EDGE)]);
+    source("mix_strokes", &more, include_str!("../wgsl/mix_strokes.wgsl"))
+}
+
 
 /// Every joined source.
 pub fn sources() -> Vec<Source> {
-    vec![mix_layers()]
+    vec![mix_layers(), mix_strokes()]
 }
 
 /// Every struct that the shader shares with Rust.
@@ -136,8 +151,8 @@ pub fn layouts() -> Vec<Layout> {
             softness,
             inverse_softness,
             shape,
-            padding_0,
-            padding_1,
+            first_seed,
+            padding,
         }),
         layout!(MixStack { layers, n_gaussians, first_gaussian, first_block, n_blocks }),
         layout!(MixBlock { index, touches, within }),

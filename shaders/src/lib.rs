@@ -49,3 +49,9 @@ macro_rules! layout {
 fn constants(constants: &[(&str, u32)]) -> String {
     constants.iter().map(|(name, value)| format!("const {name}: u32 = {value}u;\n")).collect()
 }
+
+/// WGSL declarations of `f32` constants.
+fn float_constants(constants: &[(&str, f32)]) -> String {
+    // `{:?}` writes the shortest digits that parse to the same f32.
+    constants.iter().map(|(name, value)| format!("const {name}: f32 = {value:?}f;\n")).collect()
+}

@@ -1,9 +1,16 @@
 //! Shaders of the splat pass: project, sort, draw, composite.
 
 use bytemuck::{Pod, Zeroable};
-use stylegaussian::splat::{MAX_ALPHA, MIN_ALPHA};
+use stylegaussian::{
+    splat::{MAX_ALPHA, MIN_ALPHA},
+    strokes::StrokeSeed,
+};
 
-use crate::{Layout, Source, layout};
+use crate::{Layout, Source, float_constants, layout};
+
+pub mod strokes;
+
+use strokes::{StrokeChunk, StrokeDraw};
 
 /// Invocations in a workgroup of every kernel of the pass.
 pub const WORKGROUP: u32 = 256;
@@ -67,6 +74,9 @@ pub const CURVE_TONY_MC_MAPFACE: u32 = 4;
 pub const CURVE_BLENDER_FILMIC: u32 = 5;
 
 const RECORDS: &str = include_str!("../wgsl/splat_records.wgsl");
+const CHUNK: &str = include_str!("../wgsl/splat_chunk.wgsl");
+const QUADS: &str = include_str!("../wgsl/splat_quads.wgsl");
+const ROWS: &str = include_str!("../wgsl/splat_tiles_rows.wgsl");
 const TILES: &str = include_str!("../wgsl/splat_tiles.wgsl");
 const SCAN: &str = include_str!("../wgsl/splat_scan.wgsl");
 const SORT: &str = include_str!("../wgsl/splat_sort.wgsl");
@@ -102,10 +112,7 @@ fn constants() -> String {
         ("CURVE_TONY_MC_MAPFACE", CURVE_TONY_MC_MAPFACE),
         ("CURVE_BLENDER_FILMIC", CURVE_BLENDER_FILMIC),
     ]);
-    // `{:?}` writes the shortest digits that parse to the same f32.
-    let alphas = [("MIN_ALPHA", MIN_ALPHA), ("MAX_ALPHA", MAX_ALPHA)]
-        .map(|(name, value)| format!("const {name}: f32 = {value:?}f;\n"));
-    integers + &alphas.concat()
+    integers + &float_constants(&[("MIN_ALPHA", MIN_ALPHA), ("MAX_ALPHA", MAX_ALPHA)])
 }
 
 /// A shader from the constants and its files.
@@ -120,7 +127,7 @@ pub fn project(masked: bool) -> Source {
         false => include_str!("../wgsl/splat_unmasked.wgsl"),
         true => include_str!("../wgsl/splat_masked.wgsl"),
     };
-    source("splat_project", &[RECORDS, sh, mask, include_str!("../wgsl/splat_project.wgsl")])
+    source("splat_project", &[RECORDS, CHUNK, sh, mask, include_str!("../wgsl/splat_project.wgsl")])
 }
 
 /// Counts the digits of each batch. `serial` is for software adapters.
@@ -158,7 +165,7 @@ pub fn sort_counts() -> Source {
 
 /// Draws the sorted splats.
 pub fn draw() -> Source {
-    source("splat_draw", &[RECORDS, include_str!("../wgsl/splat_draw.wgsl")])
+    source("splat_draw", &[RECORDS, QUADS, include_str!("../wgsl/splat_draw.wgsl")])
 }
 
 /// Counts the splats of each tile.
@@ -183,11 +190,17 @@ pub fn tiles_scatter() -> Source {
 
 /// Blends the lists of tiles, with or without a depth texture.
 pub fn tiles_blend(tested: bool) -> Source {
+    blend(tested, &[include_str!("../wgsl/splat_tiles_unpainted.wgsl")])
+}
+
+/// The blend with or without a depth texture. `colors` says how splats are colored.
+fn blend(tested: bool, colors: &[&str]) -> Source {
     let depth = match tested {
         false => include_str!("../wgsl/splat_tiles_untested.wgsl"),
         true => include_str!("../wgsl/splat_tiles_tested.wgsl"),
     };
-    source("splat_tiles_blend", &[RECORDS, TILES, depth, include_str!("../wgsl/splat_tiles_blend.wgsl")])
+    let kernel = include_str!("../wgsl/splat_tiles_blend.wgsl");
+    source("splat_tiles_blend", &[&[RECORDS, TILES, depth, ROWS], colors, &[kernel]].concat())
 }
 
 /// Puts the layer over a picture of one sample per pixel, or of several.
@@ -227,6 +240,10 @@ pub fn sources() -> Vec<Source> {
         composite(false),
         composite(true),
         inverse_table(),
+        strokes::records(),
+        strokes::draw(),
+        strokes::tiles_blend(false),
+        strokes::tiles_blend(true),
     ]
 }
 
@@ -272,6 +289,9 @@ pub fn layouts() -> Vec<Layout> {
         layout!(SplatTiles { viewport, n_tiles, capacity, padding }),
         layout!(RunProgress { n_splats, n_tiles }),
         layout!(SplatComposite { exposure }),
+        layout!(StrokeChunk { chunk, amount, protection, stroke_scale, padding }),
+        layout!(StrokeSeed { at, pitch, rotation_xy, rotation_z_aspect, place, look }),
+        layout!(StrokeDraw { near, padding_0, padding_1, padding_2 }),
     ]
 }
 

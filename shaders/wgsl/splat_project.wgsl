@@ -6,53 +6,6 @@
 // pixel coordinate is clip.x / clip.w up to scale, and its gradient is (P_x - (clip.x / clip.w) P_w) / clip.w.
 // Perspective, off-axis and orthographic cameras differ in P only.
 
-/// One chunk of one cloud as one camera sees it. View space is x right, y up, z backward.
-struct SplatChunk {
-    /// Rows of view from scene; any affine map.
-    view_from_scene_x: vec4<f32>,
-    view_from_scene_y: vec4<f32>,
-    view_from_scene_z: vec4<f32>,
-    /// Rows of clip from view; reverse z.
-    clip_from_view_x: vec4<f32>,
-    clip_from_view_y: vec4<f32>,
-    clip_from_view_z: vec4<f32>,
-    clip_from_view_w: vec4<f32>,
-    /// Left, top, width and height of the viewport, in pixels of the target.
-    viewport: vec4<f32>,
-    /// Origin of the rays in the scene's space: (eye, 1), or (-direction, 0) if they are parallel.
-    eye: vec4<f32>,
-    /// The point where the image axis (view -z) meets the picture, in normalized device coordinates.
-    axis: vec2<f32>,
-    /// Gaussians at this view depth or nearer are culled, in world units.
-    near: f32,
-    /// The unit of stored scales, in scene units.
-    scale_unit: f32,
-    /// Gaussians in this chunk.
-    n_gaussians: u32,
-    /// Index of the chunk's first Gaussian in its scene.
-    first_gaussian: u32,
-    /// Index of the chunk's first record.
-    first_record: u32,
-    /// Degree of the spherical harmonics, or `NO_SH`.
-    sh_degree: u32,
-    /// `CAPTURED_COLORS`, `BY_DISTANCE`, `ANTIALIASED`, `CROPPED`.
-    flags: u32,
-    /// Position of the mask's channel in a word, in bits.
-    mask_shift: u32,
-    padding_0: u32,
-    padding_1: u32,
-}
-
-/// One Gaussian, 32 bytes.
-struct PackedGaussian {
-    mean: vec3<f32>,
-    opacity: f32,
-    /// Unit quaternion (x, y, z, w) as 16-bit signed fractions.
-    rotation: vec2<u32>,
-    /// Standard deviations along the local axes as f16, in `scale_unit`.
-    scales: vec2<u32>,
-}
-
 @group(0) @binding(0) var<uniform> chunk: SplatChunk;
 @group(0) @binding(1) var<storage, read_write> keys: array<u32>;
 @group(0) @binding(2) var<storage, read_write> geometry_halves: array<vec4<f32>>;
@@ -78,22 +31,11 @@ struct Projected {
     visible: bool,
 }
 
-/// The vector that `rotation` turns into `v`: the inverse rotation of `v`.
-fn unrotated(rotation: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
-    // v + 2 w (q x v) + 2 q x (q x v), the rotation of v, with -q in place of q.
-    let t = 2.0 * cross(v, rotation.xyz);
-    return v + rotation.w * t + cross(t, rotation.xyz);
-}
-
 /// A row of J W R S, in pixels. The 2D covariance is the Gram matrix of the two rows. `j` is the gradient of a pixel
 /// coordinate in view space.
 fn footprint_axis(gaussian: PackedGaussian, j: vec3<f32>) -> vec3<f32> {
-    let in_scene = j.x * chunk.view_from_scene_x.xyz + j.y * chunk.view_from_scene_y.xyz
-        + j.z * chunk.view_from_scene_z.xyz;
-    let rotation = vec4(unpack2x16snorm(gaussian.rotation.x), unpack2x16snorm(gaussian.rotation.y));
-    let scales = vec3(unpack2x16float(gaussian.scales.x), unpack2x16float(gaussian.scales.y).x);
-    // Rounding to 16 bits leaves the length slightly off 1.
-    return unrotated(normalize(rotation), in_scene) * scales * chunk.scale_unit;
+    let gradient = in_scene(j, chunk.view_from_scene_x, chunk.view_from_scene_y, chunk.view_from_scene_z);
+    return unrotated(rotation_of(gaussian), gradient) * scales_of(gaussian) * chunk.scale_unit;
 }
 
 /// The footprint of `gaussian`, without its color.

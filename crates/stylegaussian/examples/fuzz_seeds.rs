@@ -110,7 +110,7 @@ fn made(corpus: &Path) -> Result<(), Box<dyn std::error::Error>> {
         encoder: None,
     };
     file::write_style(&corpus.join("style/made"), &style)?;
-    let paint = Paint::new(16, 16, &vec![0.5; 3 * 256]).with_features(&[0.25; 4 * 6], 2, 2, 6);
+    let paint = Paint::new(16, 16, &vec![0.5; 3 * 256]);
     file::write_painted_style(&corpus.join("paint/made"), &style, &paint)?;
     fs::copy(corpus.join("paint/made"), corpus.join("style/painted"))?;
     let colors: Vec<[f32; 3]> = (0..scene.len()).map(|i| [i as f32, 0.5, 0.0]).collect();

@@ -1,42 +1,35 @@
-//! A painting's own paint on a scene, without training: places of the painting are looked up for the scene's surfaces.
+//! A painting's own paint on a scene, zero-shot: without training, features or photos.
 //!
-//! A decoder carries a painting's palette, but a stroke is not a function of features: they say what is there, and not
-//! where in a stroke a Gaussian lies. Here the painting supplies the strokes itself:
+//! A painting is split into detail (its strokes) and the colors that are left without it. The scene gets these colors, and the
+//! splat pass draws the detail over them by the pixel ([`strokes`](crate::strokes)), so a stroke is as sharp as the screen.
 //!
-//! 1. *Seeds* cover the scene at the spacing of a brush stroke ([`Surface`], once per scene). Each has a tangent plane and
-//!    a direction in it: along the edges of the scene's own colors.
-//! 2. Each seed takes the place in the painting ([`Paint`]) that resembles its features and its recolored color. Over a
-//!    few rounds, seeds continue the places of their neighbors where that costs little, so that strokes run on.
-//! 3. Each Gaussian reads the painting at its offset from the nearest seeds, in their tangent planes. What it reads is
-//!    split into color and bands of detail, and so are the scene's own colors, recolored.
-//! 4. The bands are added up with factors by which small pictures of the scene (*proofs*) have as much detail of each
-//!    size as the painting: a smooth painting takes the scene's grain away, a rough one adds its own. At last the
-//!    proofs' palette and their shares of dark and bright are corrected, and hues that the painting does not have move
-//!    to those that it has.
-//! 5. Pictures of the painted scene from eight sides (*sheets*) are painted over with the painting's own patches that
-//!    resemble them. Each Gaussian reads the detail of its sheet in place of the painting's, and step 4 is done once more,
-//!    and once again for the detail that its correction takes away.
+//! 1. Once per scene ([`Surface`]): *seeds* cover it at the spacing of a brush stroke, and each Gaussian belongs to one, so that
+//!    strokes end at edges of color and at creases. A seed has a tangent plane, and a direction in it along the scene's edges.
+//! 2. Once per painting ([`Canvas`]): it is *read at its own scale*, the largest at which a quarter of its contrast is finer than a
+//!    stroke. Its detail is evened out a little, and becomes two textures.
+//! 3. Per scene and painting ([`lay`]): each seed takes the *place* in the painting whose surroundings look like its own, in the
+//!    painting's colors. What stands out of the scene and of the strokes is *protected*, and keeps its own detail. Each seed lays on
+//!    as much detail as the painting has and the scene lacks, and two factors make small pictures of the scene (*proofs*) as
+//!    detailed as the painting. At last the proofs get its palette and its shares of dark and bright.
 //!
-//! A painting is read at 1 pixel of it to 1 pixel of a picture of 512 pixels that shows the whole scene, or of 394 pixels from
-//! the middle ones of its capture's cameras.
+//! A painting's pixel is one of a picture of 512 pixels that shows the whole scene, or of 394 pixels from the middle ones of its
+//! capture's cameras.
 //!
-//! The stages, one module each: `sight` (how large and how visible Gaussians are), `frames` (normals and directions),
-//! `seeds`, `smooth` (the scene without its detail), `surface` (all that depends on the scene alone), `painting` (what a
-//! style carries), `canvas` (the painting prepared for reading), `places` (choice and coherence), `reading` (colors),
-//! `proofs` and `bands` (how much detail pictures show), `gains` (the factors), `tone` (dark and bright), `sheets` (what is
-//! painted over, and then read), `patches` (with what).
+//! The stages, one module each: `sight` (how large and how visible Gaussians are), `frames` (normals and directions), `seeds`,
+//! `smooth` (the scene without its detail), `surface` (all that depends on the scene alone), `painting` (what a style carries),
+//! `picture` (blurred copies), `detail` (the textures), `canvas` (all that depends on the painting alone), `places` (the choice),
+//! `proofs` and `bands` (how much detail pictures show), `tone` (dark and bright), `lay` (colors and strokes).
 
 mod bands;
 mod canvas;
+mod detail;
 mod frames;
-mod gains;
+mod lay;
 mod painting;
-mod patches;
+mod picture;
 mod places;
 mod proofs;
-mod reading;
 mod seeds;
-mod sheets;
 mod sight;
 mod smooth;
 mod surface;
@@ -44,6 +37,7 @@ mod surface;
 mod tests;
 mod tone;
 
-pub use painting::{MAX_PIXELS, Paint, PaintFeatures};
-pub use reading::{Brush, repaint};
+pub use canvas::Canvas;
+pub use lay::{Painted, lay};
+pub use painting::{MAX_PIXELS, Paint};
 pub use surface::Surface;

@@ -33,7 +33,7 @@ use crate::{
     mask::Visibility,
     scene::Scene,
     sh,
-    strokes::{LEAST_ALPHA, StrokeKnobs, StrokeRecord, Strokes},
+    strokes::{LEAST_ALPHA, StrokeKnobs, StrokeRecord, StrokeSeed, Strokes},
 };
 pub use alpha::{MAX_ALPHA, MIN_ALPHA};
 use bands::Bands;
@@ -198,6 +198,22 @@ pub fn blend_weights_from(scene: &Scene, camera: &Camera, least: f32) -> BlendWe
     BlendWeights::gather(&splats, &bands, least, scene.len())
 }
 
+/// The strokes of Gaussian `i`, which must be before the camera, and its center on screen in pixels.
+pub(crate) fn stroke_record(
+    scene: &Scene,
+    i: usize,
+    word: u32,
+    seeds: &[StrokeSeed],
+    camera: &Camera,
+    knobs: &StrokeKnobs,
+) -> Option<(StrokeRecord, Vec2)> {
+    let mean: Vec3 = camera.view_from_world.transform_point3(scene.means[i]);
+    let gradients = Projection::new(camera).gradients(mean);
+    let gaussian = (scene.means[i], scene.rotations[i], scene.scales[i]);
+    let record = StrokeRecord::new(word, seeds, gaussian, gradients, knobs)?;
+    Some((record, camera.focal * mean.truncate() / mean.z + camera.center))
+}
+
 /// The strokes of each splat, in the splats' order, rounded as the GPU's are.
 fn stroke_records(
     scene: &Scene,
@@ -207,12 +223,9 @@ fn stroke_records(
     splats: &[Splat],
 ) -> Vec<Option<StrokeRecord>> {
     assert_eq!(strokes.words.len(), scene.len(), "one word per Gaussian");
-    let projection = Projection::new(camera);
     let record = |splat: &Splat| {
         let i = splat.gaussian as usize;
-        let gradients = projection.gradients(camera.view_from_world.transform_point3(scene.means[i]));
-        let gaussian = (scene.means[i], scene.rotations[i], scene.scales[i]);
-        let record = StrokeRecord::new(strokes.words[i], &strokes.seeds, gaussian, gradients, knobs)?;
+        let (record, _) = stroke_record(scene, i, strokes.words[i], &strokes.seeds, camera, knobs)?;
         Some(StrokeRecord::unpacked(record.packed()))
     };
     splats.par_iter().map(record).collect()

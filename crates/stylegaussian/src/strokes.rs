@@ -29,9 +29,11 @@ mod record;
 mod tests;
 mod texture;
 
-pub use mix::{StrokeLayer, mix_strokes, mixed};
-pub use record::{LEAST_ALPHA, MOST_OCTAVES, StrokeRecord};
-pub use texture::{FINE_SIDE, StrokeTexture, WIDE_SIDE};
+pub use mix::{EDGE, StrokeLayer, mix_strokes, mixed};
+pub use record::{
+    EDGE_ON, FLATTEST, LEAST_ALPHA, LEVELS, MAX_STEP, MOST_OCTAVES, PROTECTED, SHARPER, StrokeRecord,
+};
+pub use texture::{FINE_SIDE, StrokeTexture, WIDE_LEVEL, WIDE_SIDE};
 
 use std::{f32::consts::SQRT_2, sync::Arc};
 

@@ -11,10 +11,10 @@ use std::{env, error::Error, hint::black_box, time::Instant};
 
 use stylegaussian::{
     Neighbors, file, fold,
-    paint::{Brush, Surface, repaint},
+    paint::{Canvas, Surface, lay},
 };
 use stylegaussian_defaults::{DECODER, ENCODER, ENCODER_NAME};
-use stylegaussian_encoder::{Encoder, Image, StyleSize, painted_style};
+use stylegaussian_encoder::{Encoder, Image, StyleSize, paint_of, style_statistics};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = env::args().skip(1);
@@ -27,24 +27,31 @@ fn main() -> Result<(), Box<dyn Error>> {
     if scene.neighbors.is_none() {
         scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, decoder.k));
     }
-    let surface = Surface::new(&scene, 1.0);
+    let surface = Surface::new(&scene);
 
     let (mut decoded, mut painted) = (Vec::new(), Vec::new());
     for painting in arguments {
         let start = Instant::now();
         let image = Image::open_painting(painting.as_ref())?;
-        let (statistics, paint) = painted_style(&encoder, &image, StyleSize::default())?;
         let read = milliseconds(start);
+        let start = Instant::now();
+        let statistics = style_statistics(&encoder, &image, StyleSize::default())?;
+        let encode = milliseconds(start);
         let start = Instant::now();
         let map = fold::transfer(&features, &[(&statistics, 1.0)], 0.0)?;
         black_box(fold::stylize(&scene, &decoder, &map)?);
         let decode = milliseconds(start);
         let start = Instant::now();
-        black_box(repaint(&scene, &surface, &[(&paint, 1.0)], 0.0, Brush::default()));
-        let repaint = milliseconds(start);
-        println!("{painting}: read and encode {read:.0}, decode {decode:.0}, paint {repaint:.0}");
-        decoded.push(read + decode);
-        painted.push(read + repaint);
+        let canvas = Canvas::new(&paint_of(&image));
+        let prepare = milliseconds(start);
+        let start = Instant::now();
+        black_box(lay(&scene, &surface, &[(&canvas, 1.0)], 0.0));
+        let lay = milliseconds(start);
+        println!(
+            "{painting}: read {read:.0}; encode {encode:.0}, decode {decode:.0}; prepare {prepare:.0}, lay {lay:.0}"
+        );
+        decoded.push(encode + decode);
+        painted.push(prepare + lay);
     }
     let (decoded, painted) = (median(decoded), median(painted));
     println!("change of style, ms: decoder {decoded:.0}, paint {painted:.0}, ratio {:.2}", painted / decoded);

@@ -77,7 +77,7 @@ pub fn style_statistics(
     Ok(ChannelStatistics { encoder: Some(encoder.id().clone()), ..statistics })
 }
 
-/// [`style_statistics`] and the painting's own paint, from one run of the encoder.
+/// [`style_statistics`] and the painting's own paint.
 ///
 /// # Errors
 /// As [`Encoder::encode`].
@@ -86,18 +86,10 @@ pub fn painted_style(
     image: &Image,
     size: StyleSize,
 ) -> Result<(ChannelStatistics, Paint), EncoderError> {
-    let features = style_features(encoder, image, size)?;
-    let statistics = ChannelStatistics { encoder: Some(encoder.id().clone()), ..features.statistics() };
-    let paint = paint_of(image).with_features(
-        &features.values,
-        features.width as usize,
-        features.height as usize,
-        features.n_channels,
-    );
-    Ok((statistics, paint))
+    Ok((style_statistics(encoder, image, size)?, paint_of(image)))
 }
 
-/// The painting's own paint, without features. It keeps the image's proportions: strokes have a shape.
+/// The painting's own paint, for which no encoder is needed. It keeps the image's proportions: strokes have a shape.
 pub fn paint_of(image: &Image) -> Paint {
     let (width, height) = Paint::size_of(image.width, image.height);
     Paint::new(width as usize, height as usize, &image.resized(width, height).rgb)

@@ -3,11 +3,10 @@
 //! Tensors `mean` and `std_dev` f32 `[D]`, optionally `covariance` f32 `[D, D]`. Metadata `format`, `version` and, if
 //! known, `encoder`.
 //!
-//! Optionally the painting's paint: `paint` u8 `[height, width, 3]`, and for its features `paint_axes` f16 `[C, D]` and
-//! `paint_places` f16 `[P, C]` with one row for each square of 8 pixels. Readers that know only statistics ignore them.
+//! Optionally the painting's paint: `paint` u8 `[height, width, 3]`. Readers that know only statistics ignore it.
 
 use crate::{
-    paint::{MAX_PIXELS, Paint, PaintFeatures},
+    paint::{MAX_PIXELS, Paint},
     statistics::ChannelStatistics,
 };
 
@@ -60,15 +59,7 @@ pub(super) fn paint_from_bytes(bytes: &[u8]) -> Result<Option<Paint>, Mismatch> 
         return Ok(None);
     }
     let (pixels, shape) = reader.bytes("paint", &[Any("height"), Any("width"), Is(3)])?;
-    let mut paint = Paint { width: shape[1], height: shape[0], pixels: pixels.to_vec(), features: None };
-    if reader.has("paint_places") {
-        let (n_x, n_y) = paint.n_places();
-        let places = reader.floats("paint_places", &[Is(n_x * n_y), Any("C")])?;
-        let width = reader.shape("paint_places").map_or(0, |shape| shape[1]);
-        let axes = reader.floats("paint_axes", &[Is(width), Any("D")])?;
-        let n_channels = reader.shape("paint_axes").map_or(0, |shape| shape[1]);
-        paint.features = Some(PaintFeatures { axes, places, n_channels });
-    }
+    let paint = Paint { width: shape[1], height: shape[0], pixels: pixels.to_vec() };
     validate_paint(&paint)?;
     Ok(Some(paint))
 }
@@ -81,31 +72,17 @@ pub(super) fn prepare_painted<'a>(
     let mut writer = prepare(style)?;
     validate_paint(paint)?;
     writer.u8("paint", &[paint.height, paint.width, 3], &paint.pixels);
-    if let Some(features) = &paint.features {
-        let width = features.axes.len() / features.n_channels;
-        let (n_x, n_y) = paint.n_places();
-        writer.f16("paint_axes", &[width, features.n_channels], &features.axes);
-        writer.f16("paint_places", &[n_x * n_y, width], &features.places);
-    }
     Ok(writer)
 }
 
 fn validate_paint(paint: &Paint) -> Result<(), Mismatch> {
-    let Paint { width, height, pixels, features } = paint;
+    let Paint { width, height, pixels } = paint;
     let n_pixels = width.saturating_mul(*height);
     if n_pixels == 0 || n_pixels > MAX_PIXELS || pixels.len() != 3 * n_pixels {
         let found = format_args!("a painting of {width}x{height} pixels in {} bytes", pixels.len());
         return Err(mismatch(found, format_args!("1 to {MAX_PIXELS} pixels of 3 bytes")));
     }
-    let Some(PaintFeatures { axes, places, n_channels }) = features else { return Ok(()) };
-    let (n_x, n_y) = paint.n_places();
-    let c = axes.len() / (*n_channels).max(1);
-    if c == 0 || axes.len() != c * n_channels || places.len() != n_x * n_y * c {
-        let found = format_args!("paint features of {} and {} values", axes.len(), places.len());
-        return Err(mismatch(found, format_args!("[C, {n_channels}] and [{}, C]", n_x * n_y)));
-    }
-    expect_finite("paint_axes", axes)?;
-    expect_finite("paint_places", places)
+    Ok(())
 }
 
 fn validate(style: &ChannelStatistics) -> Result<(), Mismatch> {

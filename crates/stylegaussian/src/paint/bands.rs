@@ -41,7 +41,7 @@ impl Mask {
     }
 
     /// All pixels of a picture of `size`.
-    fn whole(size: [usize; 2]) -> Self {
+    pub fn whole(size: [usize; 2]) -> Self {
         let steps: [usize; N_BANDS - 1] = std::array::from_fn(|band| 1 << band);
         let shares = std::array::from_fn(|band| {
             whole_blurred(size, &steps[..=band]).into_iter().map(one_over).collect()
@@ -74,33 +74,6 @@ impl Mask {
             std::mem::replace(&mut finer, coarser)
         })
     }
-}
-
-/// The share of variance that each band of a picture `[H * W]` holds. They are all 0 if it has a single value.
-pub(super) fn spectrum(picture: &[f32], size: [usize; 2]) -> [f64; N_BANDS] {
-    let energies = Mask::whole(size).bands(picture).map(|band: Vec<f32>| dot(&band, &band));
-    let total: f64 = energies.iter().sum();
-    energies.map(|energy| if total > 1e-6 * picture.len() as f64 { energy / total } else { 0.0 })
-}
-
-/// The deviation of a picture's three finest bands around each pixel `[H * W]`, from the finest.
-pub(super) fn energies(picture: &[f32], size: [usize; 2]) -> [Vec<f32>; 3] {
-    let mut squares: [Vec<f32>; 3] = Mask::whole(size).bands(picture);
-    squares.iter_mut().flatten().for_each(|value| *value *= *value);
-    // Twice a deviation of 4 pixels is one of 5.7.
-    let mut around = softened(squares, size, &[4, 4]);
-    around.iter_mut().flatten().for_each(|square| *square = square.sqrt());
-    around
-}
-
-/// Pictures blurred one after another by deviations of `steps` pixels. Beyond their edges is nothing that they could mix with.
-pub(super) fn softened(pictures: [Vec<f32>; 3], size: [usize; 2], steps: &[usize]) -> [Vec<f32>; 3] {
-    let share: Vec<f32> = whole_blurred(size, steps).into_iter().map(one_over).collect();
-    pictures.map(|picture| {
-        let mut soft = steps.iter().fold(picture, |values, &step| blurred(&values, size, step));
-        soft.iter_mut().zip(&share).for_each(|(value, share)| *value *= share);
-        soft
-    })
 }
 
 /// One over a share of the mask, and at most 1000.
@@ -177,10 +150,14 @@ mod tests {
             let sum: f32 = bands.iter().map(|band| band[i]).sum();
             assert!((sum - (value - mean)).abs() < 1e-4);
         }
-        let (fine, coarse) = (spectrum(&stripes(1), size), spectrum(&stripes(16), size));
+        let shares = |picture: &[f32]| {
+            let energies = Mask::whole(size).bands(picture).map(|band: Vec<f32>| dot(&band, &band));
+            energies.map(|energy: f64| energy / energies.iter().sum::<f64>())
+        };
+        let shares: [[f64; N_BANDS]; 2] = [shares(&stripes(1)), shares(&stripes(16))];
+        let [fine, coarse] = shares;
         // The edges of wide stripes have some detail of any size.
         assert!(fine[0] > 0.9 && coarse[0] < 0.2 && coarse[3] + coarse[4] > 0.5, "{fine:?} {coarse:?}");
-        assert_eq!(spectrum(&[0.5; 12], [4, 3]), [0.0; N_BANDS]);
     }
 
     #[test]

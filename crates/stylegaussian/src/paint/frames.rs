@@ -110,7 +110,7 @@ pub(super) fn dominant(matrix: Mat3) -> Vec3 {
 }
 
 /// The unit eigenvector of the smallest eigenvalue of a positive semidefinite matrix.
-fn thinnest(matrix: &Mat3) -> Vec3 {
+pub(super) fn thinnest(matrix: &Mat3) -> Vec3 {
     // The inverse has the eigenvalues' inverses. A share of the trace on the diagonal keeps it finite for flat things.
     let regular = with_unit_trace(*matrix) + Mat3::from_diagonal(Vec3::splat(1e-3));
     dominant(regular.inverse())

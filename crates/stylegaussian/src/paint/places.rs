@@ -1,38 +1,89 @@
 //! The place in the painting that each seed takes.
 
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
 use super::{
-    canvas::Canvas,
-    painting::{Paint, floored},
+    canvas::{CLEAR, Canvas},
     seeds::Seed,
     surface::Surface,
 };
-use crate::{decoder::product::dot, noise::noise, scene::Scene, statistics};
+use crate::decoder::product::{Matrix, dot, product};
 
-/// Weight of colors (0..1).
+/// Points along a side of a patch.
+const SIDE: usize = 5;
+
+/// Points of a patch: it shows what lies around a seed or a place.
+pub(super) const PATCH: usize = SIDE * SIDE;
+
+/// Distance of a patch's points, in pixels: a patch is a little wider than a stroke's spot.
+pub(super) const STEP: f32 = 8.0;
+
+/// Numbers of a descriptor: a patch without its mean, and a mean color.
+const WIDTH: usize = 3 * PATCH + 3;
+
+/// Weight of colors (0..1), of means and of patches alike.
 const COLOR_WEIGHT: f32 = 3.0;
 
-/// Weight of features, whose distance from their mean is 1 on average. More of it picks the painting's smooth places for
-/// smooth surfaces, and with them little paint.
-const FEATURE_WEIGHT: f32 = 0.5;
+/// Pixels at the border that no seed takes: frames, and what mirroring repeats.
+const RIM: f32 = 18.0;
 
-/// Rounds of coherence. A place spreads by one seed a round, so strokes run on over six seeds at most.
-const ROUNDS: u32 = 6;
+/// Cost of a place in the rim. Others cost 1 if they resemble a seed as well as is usual.
+const IN_RIM: f32 = 6.0;
 
-/// The share of seeds that may change in a round. If all did at once, two neighbors could trade places forever.
-const AWAKE: f32 = 0.6;
+/// Energy beside the mean from which on a place counts as a motif, and not as strokes.
+const MOTIF: f32 = 1.5;
 
-/// Distance from where a neighbor would continue, in pixels of the painting, from which on places count as unrelated.
+/// Cost of a place that was taken three times as often as is usual.
+const CROWDED: f32 = 0.2;
+
+/// Side of a block in which it is counted how often places are taken, in places.
+const BLOCK: usize = 4;
+
+/// Distance from where a neighbor would continue, in pixels, from which on places count as unrelated.
 const UNRELATED: f32 = 12.0;
 
-/// Cost of a place that continues none of the neighbors', in costs of a typical best match.
-const BREAK: f32 = 1.0;
+/// The place of a patch's point, in steps along and beside.
+pub(super) fn offset_in_patch(k: usize) -> (f32, f32) {
+    let middle = (SIDE / 2) as f32;
+    ((k / SIDE) as f32 - middle, (k % SIDE) as f32 - middle)
+}
 
-/// Least clarity at which directions of the scene and of strokes are laid upon one another. Below it, the painting
-/// stands upright.
-const CLEAR: f32 = 0.25;
+/// Descriptors of seeds or of places. Squares of their differences say how little two resemble one another.
+pub(super) struct Descriptors {
+    /// `[n, WIDTH]`.
+    rows: Vec<f32>,
+    /// The square of each `[n]`.
+    squares: Vec<f32>,
+}
+
+impl Descriptors {
+    /// Descriptors of the colors of patches, and of mean colors.
+    pub fn new(patches: impl Iterator<Item = ([Vec3; PATCH], Vec3)>) -> Self {
+        let weight = COLOR_WEIGHT / (PATCH as f32).sqrt();
+        let mut rows = Vec::new();
+        for (colors, mean) in patches {
+            let middle = colors.iter().sum::<Vec3>() / PATCH as f32;
+            rows.extend(colors.iter().flat_map(|color| ((*color - middle) * weight).to_array()));
+            rows.extend((mean * COLOR_WEIGHT).to_array());
+        }
+        let squares = rows.chunks_exact(WIDTH).map(|row| dot(row, row)).collect();
+        Self { rows, squares }
+    }
+
+    /// Squared distances from each to each of `others` `[n, m]`.
+    fn distances(&self, others: &Self) -> Vec<f32> {
+        let (n, m) = (self.squares.len(), others.squares.len());
+        let mut distances = vec![0.0; n * m];
+        let (own, other) = (Matrix::dense(&self.rows, n, WIDTH), Matrix::dense(&others.rows, m, WIDTH));
+        product(&mut distances, false, own, other.transposed());
+        for (row, square) in distances.chunks_exact_mut(m.max(1)).zip(&self.squares) {
+            for (distance, other) in row.iter_mut().zip(&others.squares) {
+                *distance = (square + other - 2.0 * *distance).max(0.0);
+            }
+        }
+        distances
+    }
+}
 
 /// A place in the painting and how it lies on the surface.
 #[derive(Clone, Copy, Debug)]
@@ -46,11 +97,6 @@ pub(super) struct Placement {
 }
 
 impl Placement {
-    /// The position in the painting of a point at `offset` from the seed, in pixels.
-    pub fn read_at(&self, offset: Vec3, pixel: f32) -> Vec2 {
-        self.at + Vec2::new(offset.dot(self.right), offset.dot(self.down)) / pixel
-    }
-
     /// Lays `place` on the surface at `seed`: strokes along the edges of the scene if both are clear, else upright.
     fn on(seed: &Seed, place: usize, canvas: &Canvas) -> Self {
         let (stroke, clarity) = canvas.strokes[place];
@@ -71,172 +117,117 @@ impl Placement {
         let right = right.try_normalize().unwrap_or(to.along);
         let down = self.down.reject_from_normalized(to.normal).reject_from_normalized(right);
         let down = down.try_normalize().unwrap_or_else(|| to.normal.cross(right));
-        Self { at: self.read_at(to.at - from.at, pixel), right, down }
+        let offset = to.at - from.at;
+        let at = self.at + Vec2::new(offset.dot(self.right), offset.dot(self.down)) / pixel;
+        Self { at, right, down }
     }
 }
 
-/// How well places suit seeds.
-struct Matching {
-    /// Descriptors `[M, W]` and `[P, W]`: features, if there are any, and weighted colors.
-    seeds: Vec<f32>,
-    places: Vec<f32>,
-    width: usize,
-    /// Mean distance of the best matches, by which distances are divided.
-    typical: f32,
-}
-
-impl Matching {
-    /// Descriptors of `surface`, recolored as `colors` `[M]`, and of `paint`.
-    fn new(scene: &Scene, surface: &Surface, colors: &[Vec3], paint: &Paint, canvas: &Canvas) -> Self {
-        let features = Features::new(scene, surface, paint);
-        let width = features.width + 3;
-        let rows = |features: &[f32], width: usize, colors: &[Vec3]| -> Vec<f32> {
-            let row = |(i, color): (usize, &Vec3)| {
-                let features = features[i * width..(i + 1) * width].iter().copied();
-                features.chain((*color * COLOR_WEIGHT).to_array()).collect::<Vec<f32>>()
-            };
-            colors.iter().enumerate().flat_map(row).collect()
+/// The placement of each seed `[M]`, if Gaussians without their detail have `colors` `[N]` and seeds `seed_colors` `[M]`, as the
+/// painting has them.
+///
+/// Each seed in turn, neighbors one after another, takes the cheapest of its best place and those that continue the places of
+/// neighbors: a place costs more the less it resembles the seed, the less strokes it has, the more it is a motif, the more often it
+/// was taken, and the more neighbors it breaks with.
+pub(super) fn place(surface: &Surface, colors: &[Vec3], seed_colors: &[Vec3], canvas: &Canvas) -> Vec<Placement> {
+    let seeds = &surface.seeds.seeds;
+    let n_places = canvas.n_places.0 * canvas.n_places.1;
+    let costs = costs(surface, colors, seed_colors, canvas);
+    let inside = |at: Vec2| at.cmpge(Vec2::splat(RIM)).all() && at.cmplt(canvas.size - RIM).all();
+    let quality: Vec<f32> = (0..n_places).map(|place| quality(canvas, place, &inside)).collect();
+    let mut blocks = Blocks::new(canvas.n_places, seeds.len());
+    let mut placements: Vec<Option<Placement>> = vec![None; seeds.len()];
+    for &j in &surface.seeds.order {
+        let j = j as usize;
+        let row = &costs[j * n_places..(j + 1) * n_places];
+        let cost = |place: usize| row[place] + quality[place] + blocks.cost(place);
+        let continuing: Vec<Placement> = surface.seeds.around[j]
+            .iter()
+            .filter_map(|&i| Some(placements[i as usize]?.continued(&seeds[i as usize], &seeds[j], surface.pixel)))
+            .collect();
+        let broken = |at: Vec2| {
+            let apart = |other: &Placement| ((at - other.at).abs().max_element() / UNRELATED).min(1.0);
+            continuing.iter().map(apart).sum::<f32>() / continuing.len().max(1) as f32
         };
-        let seeds = rows(&features.seeds, features.width, colors);
-        let places = rows(&features.places, features.width, &canvas.place_colors);
-        Self { seeds, places, width, typical: 1.0 }
+        let best = (0..n_places).fold((f32::INFINITY, 0), |best, place| {
+            let cost = cost(place);
+            if cost < best.0 { (cost, place) } else { best }
+        });
+        let own = Placement::on(&seeds[j], best.1, canvas);
+        let mut chosen = (best.0 + broken(own.at), own);
+        for other in continuing.iter().filter(|other| inside(other.at)) {
+            let cost = cost(canvas.place_at(other.at)) + broken(other.at);
+            if cost < chosen.0 {
+                chosen = (cost, *other);
+            }
+        }
+        blocks.take(canvas.place_at(chosen.1.at));
+        placements[j] = Some(chosen.1);
     }
+    // The order has every seed.
+    placements.into_iter().flatten().collect()
+}
 
-    fn distance(&self, seed: usize, place: usize) -> f32 {
-        let a = &self.seeds[seed * self.width..(seed + 1) * self.width];
-        let b = &self.places[place * self.width..(place + 1) * self.width];
-        a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f32>() / self.typical
-    }
-
-    /// The place of the smallest distance from each seed `[M]`. Sets the typical distance.
-    fn best(&mut self) -> Vec<usize> {
-        // |a - b|^2 = |a|^2 + |b|^2 - 2 a b, and |a|^2 is the same for all places.
-        let squares: Vec<f32> = self.places.chunks_exact(self.width).map(|row| dot(row, row)).collect();
-        let best = |seed: &[f32]| {
-            let mut best = (f32::INFINITY, 0);
-            for (place, (row, square)) in self.places.chunks_exact(self.width).zip(&squares).enumerate() {
-                let distance = square - 2.0 * dot(seed, row);
-                if distance < best.0 {
-                    best = (distance, place);
+/// How little each place resembles each seed `[M, P]`: 1 for a usual best match.
+fn costs(surface: &Surface, colors: &[Vec3], seed_colors: &[Vec3], canvas: &Canvas) -> Vec<f32> {
+    let seeds = &surface.seeds.seeds;
+    let n_places = canvas.n_places.0 * canvas.n_places.1;
+    let of = |aligned: usize| {
+        let patch = |j: usize| (surface.patches[aligned][j].map(|i| colors[i as usize]), seed_colors[j]);
+        Descriptors::new((0..seeds.len()).map(patch)).distances(&canvas.places[aligned])
+    };
+    let (mut upright, aligned) = rayon::join(|| of(0), || of(1));
+    let mut typical = 0.0;
+    for (j, seed) in seeds.iter().enumerate() {
+        let row = &mut upright[j * n_places..(j + 1) * n_places];
+        if seed.clarity > CLEAR {
+            for (place, cost) in row.iter_mut().enumerate() {
+                if canvas.strokes[place].1 > CLEAR {
+                    *cost = aligned[j * n_places + place];
                 }
             }
-            best.1
-        };
-        let places: Vec<usize> = self.seeds.par_chunks_exact(self.width).map(best).collect();
-        let total: f32 = places.iter().enumerate().map(|(seed, &place)| self.distance(seed, place)).sum();
-        self.typical = (total / places.len().max(1) as f32).max(1e-6);
-        places
-    }
-}
-
-/// Features of seeds and places in the same few dimensions, as AdaIN compares them.
-struct Features {
-    seeds: Vec<f32>,
-    places: Vec<f32>,
-    width: usize,
-}
-
-impl Features {
-    /// Nothing, if scene and painting have no features of the same encoder's width.
-    fn new(scene: &Scene, surface: &Surface, paint: &Paint) -> Self {
-        let same = |(a, b): &(&crate::Features, &super::PaintFeatures)| a.n_channels() == b.n_channels;
-        let both = scene.features.as_ref().zip(paint.features.as_ref()).filter(same);
-        let Some((features, painting)) = both else {
-            return Self { seeds: Vec::new(), places: Vec::new(), width: 0 };
-        };
-        let content = statistics::ContentStatistics::of(features);
-        let mut deviations: Vec<f32> = content.std_dev.iter().map(|value| *value as f32).collect();
-        floored(&mut deviations);
-        let n_latent = features.n_latent;
-        let width = painting.axes.len() / painting.n_channels;
-        // Axes in the scene's latent space [C, L]: V^T diag(1 / std) A.
-        let mut axes = vec![0.0; width * n_latent];
-        for (axis, out) in
-            painting.axes.chunks_exact(painting.n_channels).zip(axes.chunks_exact_mut(n_latent))
-        {
-            for ((weight, deviation), row) in
-                axis.iter().zip(&deviations).zip(features.basis.chunks_exact(n_latent))
-            {
-                out.iter_mut().zip(row).for_each(|(sum, a)| *sum += weight / deviation * a);
-            }
         }
-        let mean: Vec<f32> = statistics::mean_latent(features).iter().map(|value| *value as f32).collect();
-        let n_places = painting.places.len() / width.max(1);
-        let square: f32 = painting.places.iter().map(|value| value * value).sum();
-        // Places are on average at distance 1 from their mean. A painting of one color has none.
-        let scale = FEATURE_WEIGHT / (square / n_places.max(1) as f32).sqrt().max(1e-3);
-        let seed = |row: &[f32]| -> Vec<f32> {
-            let centered: Vec<f32> = row.iter().zip(&mean).map(|(value, mean)| value - mean).collect();
-            axes.chunks_exact(n_latent).map(|axis| scale * dot(axis, &centered)).collect()
-        };
-        Self {
-            seeds: surface.seed_features.chunks_exact(n_latent).flat_map(seed).collect(),
-            places: painting.places.iter().map(|value| scale * value).collect(),
-            width,
-        }
+        typical += row.iter().copied().fold(f32::INFINITY, f32::min);
     }
+    let typical = (typical / seeds.len().max(1) as f32).max(1e-6);
+    upright.iter_mut().for_each(|cost| *cost /= typical);
+    upright
 }
 
-/// The placement of each seed `[M]`, if the scene is recolored as `colors` `[M]`.
-pub(super) fn place(
-    scene: &Scene,
-    surface: &Surface,
-    colors: &[Vec3],
-    paint: &Paint,
-    canvas: &Canvas,
-) -> Vec<Placement> {
-    let mut matching = Matching::new(scene, surface, colors, paint, canvas);
-    let seeds = &surface.seeds;
-    let mut placements: Vec<Placement> = matching
-        .best()
-        .iter()
-        .zip(&seeds.seeds)
-        .map(|(&place, seed)| Placement::on(seed, place, canvas))
-        .collect();
-    for round in 0..ROUNDS {
-        let chosen = |i: usize| {
-            // Uniform, since noise is uniform between -sqrt(3) and sqrt(3). In the last round all seeds are awake.
-            let awake = noise(i as u32, round) < (2.0 * AWAKE - 1.0) * 3.0_f32.sqrt();
-            if !awake && round + 1 < ROUNDS {
-                return placements[i];
-            }
-            let (seed, mine) = (&seeds.seeds[i], placements[i]);
-            let continuing: Vec<Placement> = seeds.around[i]
-                .iter()
-                .map(|&j| placements[j as usize].continued(&seeds.seeds[j as usize], seed, surface.pixel))
-                .collect();
-            cheapest(&matching, canvas, i, mine, &continuing)
-        };
-        placements = (0..placements.len()).into_par_iter().map(chosen).collect();
-    }
-    placements
+/// What a place costs whichever seed takes it.
+fn quality(canvas: &Canvas, place: usize, inside: impl Fn(Vec2) -> bool) -> f32 {
+    let at = canvas.center_of(place);
+    let energy = (canvas.detail.energy_at(at) / canvas.detail.typical).sqrt();
+    let rim = if inside(at) { 0.0 } else { IN_RIM };
+    rim + (1.0 - energy).max(0.0).powi(2) + (energy - MOTIF).max(0.0)
 }
 
-/// The cheapest of a seed's own placement and those that continue its neighbors'.
-fn cheapest(
-    matching: &Matching,
-    canvas: &Canvas,
-    seed: usize,
-    mine: Placement,
-    continuing: &[Placement],
-) -> Placement {
-    let cost = |placement: &Placement| {
-        let breaks = continuing.iter().map(|other| {
-            let apart = (placement.at - other.at).abs().max_element();
-            (apart / UNRELATED).min(1.0)
-        });
-        let broken = breaks.sum::<f32>() / continuing.len().max(1) as f32;
-        matching.distance(seed, canvas.place_at(placement.at)) + BREAK * broken
-    };
-    let inside = |placement: &&Placement| {
-        placement.at.cmpge(Vec2::ZERO).all() && placement.at.cmplt(canvas.size()).all()
-    };
-    let mut best = (cost(&mine), mine);
-    for placement in continuing.iter().filter(inside) {
-        let cost = cost(placement);
-        if cost < best.0 {
-            best = (cost, *placement);
-        }
+/// How often places were taken, block by block.
+struct Blocks {
+    columns: usize,
+    /// Columns of places.
+    n_x: usize,
+    taken: Vec<f32>,
+    usual: f32,
+}
+
+impl Blocks {
+    fn new((n_x, n_y): (usize, usize), n_seeds: usize) -> Self {
+        let (columns, rows) = (n_x.div_ceil(BLOCK), n_y.div_ceil(BLOCK));
+        let n = columns * rows;
+        Self { columns, n_x, taken: vec![0.0; n], usual: (n_seeds as f32 / n as f32).max(1.0) }
     }
-    best.1
+
+    fn block(&self, place: usize) -> usize {
+        place / self.n_x / BLOCK * self.columns + place % self.n_x / BLOCK
+    }
+
+    fn cost(&self, place: usize) -> f32 {
+        CROWDED * (self.taken[self.block(place)] / (3.0 * self.usual)).powi(2)
+    }
+
+    fn take(&mut self, place: usize) {
+        let block = self.block(place);
+        self.taken[block] += 1.0;
+    }
 }

@@ -1,15 +1,17 @@
 //! Proofs: small pictures of the scene from usual distances, by which paint is measured before it is shown.
 
-use glam::Vec3;
+use std::ops::Range;
+
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::bands::{Mask, N_BANDS};
+use super::bands::{Mask, dot};
 use crate::{
     camera::Camera,
-    decoder::product::{Matrix, product},
     palette::LUMINANCE,
     scene::Scene,
-    splat::{BlendWeights, blend_weights},
+    splat::{BlendWeights, blend_weights, stroke_record},
+    strokes::{StrokeKnobs, StrokeRecord, StrokeSeed, StrokeTexture, StrokeWord},
 };
 
 /// Least alpha of pixels that count: the background shines through the others.
@@ -18,25 +20,40 @@ const COVERED: f32 = 0.9;
 /// Least blend weight that is kept. Most of a pixel's many weights are smaller, and sum to little.
 const LEAST_WEIGHT: f32 = 0.004;
 
-/// Pixels whose products are summed in f32. Twelve rows of them take 48 KiB.
-const BLOCK: usize = 1024;
+/// Least blend weight at which strokes are looked up, as in drawing.
+const LEAST_STROKE: f32 = 0.02;
 
-/// Parts that are drawn at once: as many as a vector of the processor holds.
-const AT_ONCE: usize = 4;
+/// Bands of a proof that are measured. A proof's pixel is two of the painting's.
+const N: usize = 4;
+
+/// Bands of fine detail, and those of wide detail.
+const KINDS: [Range<usize>; 2] = [0..2, 2..4];
 
 /// Pictures of the scene that can be drawn in any colors at once.
 pub(super) struct Proofs(Vec<Proof>);
 
 struct Proof {
+    camera: Camera,
     /// Blend weights of the pixels that count, summing to 1 in each: one row for each.
     weights: BlendWeights,
+    /// The center of each of these pixels.
+    pixels: Vec<Vec2>,
     mask: Mask,
+}
+
+/// Bands of luminance in all proofs, one list of four for each proof.
+pub(super) struct Bands(Vec<[Vec<f32>; N]>);
+
+/// Fine and wide detail in all proofs.
+pub(super) struct DetailBands {
+    pub fine: Bands,
+    pub wide: Bands,
 }
 
 impl Proofs {
     /// Pictures of `scene` from `cameras`. Those that show nothing are left out.
     pub fn new(scene: &Scene, cameras: &[Camera]) -> Self {
-        let proofs = cameras.iter().map(|camera| Proof::new(blend_weights(scene, camera)));
+        let proofs = cameras.iter().map(|camera| Proof::new(camera, &blend_weights(scene, camera)));
         Self(proofs.filter(|proof| proof.mask.n_covered() > 0).collect())
     }
 
@@ -47,63 +64,155 @@ impl Proofs {
         drawn.flat_map(|pixels| pixels.chunks_exact(3).map(Vec3::from_slice).collect::<Vec<_>>()).collect()
     }
 
-    /// Products of the luminance of K `parts` of colors, each `[N]`, in each band `[K, K]`: how much of the band's energy
-    /// each pair of parts gives.
-    pub fn products(&self, parts: &[Vec<Vec3>]) -> [Vec<f64>; N_BANDS] {
-        let n = parts.len();
-        let mut products: [Vec<f64>; N_BANDS] = std::array::from_fn(|_| vec![0.0; n * n]);
-        // Side by side for each Gaussian, with their number.
-        let luminance = parts.par_chunks(AT_ONCE).map(|parts| {
-            let row = |i: usize| parts.iter().map(move |part| part[i].dot(LUMINANCE));
-            ((0..parts[0].len()).flat_map(row).collect(), parts.len())
-        });
-        let luminance: Vec<(Vec<f32>, usize)> = luminance.collect();
-        for proof in &self.0 {
-            let bands = luminance.par_iter().flat_map(|(luminance, n_parts)| {
-                let drawn = proof.weights.apply(luminance, *n_parts);
-                let of_part = |part: usize| -> Vec<f32> {
-                    drawn.iter().skip(part).step_by(*n_parts).copied().collect()
-                };
-                (0..*n_parts).map(|part| proof.mask.bands(&of_part(part))).collect::<Vec<_>>()
-            });
-            let bands: Vec<[Vec<f32>; N_BANDS]> = bands.collect();
-            products.par_iter_mut().enumerate().for_each(|(band, products)| {
-                let of_band: Vec<&[f32]> = bands.iter().map(|of_part| of_part[band].as_slice()).collect();
-                add_products(products, &of_band);
-            });
+    /// Bands of the luminance of Gaussians `[N]`.
+    pub fn bands(&self, luminance: &[f32]) -> Bands {
+        let bands = |proof: &Proof| proof.mask.bands(&proof.weights.apply(luminance, 1));
+        Bands(self.0.par_iter().map(bands).collect())
+    }
+
+    /// Energies of fine and of wide `bands` per pixel around each of M seeds, to which Gaussians belong by `owners` `[N]`.
+    pub fn energies(&self, bands: &Bands, owners: &[u32], n_seeds: usize) -> [Vec<f32>; 2] {
+        let mut sums = vec![[1e-6_f32, 0.0, 0.0]; n_seeds];
+        for (proof, bands) in self.0.iter().zip(&bands.0) {
+            let square = |i: usize, kind: &Range<usize>| {
+                bands[kind.clone()].iter().map(|band| band[i]).sum::<f32>().powi(2)
+            };
+            let values = (0..proof.pixels.len())
+                .flat_map(|i| [1.0, square(i, &KINDS[0]), square(i, &KINDS[1])])
+                .collect::<Vec<f32>>();
+            let of_gaussians = proof.weights.apply_transposed(&values, 3);
+            for (owner, values) in owners.iter().zip(of_gaussians.chunks_exact(3)) {
+                sums[*owner as usize].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+            }
         }
-        products
+        [1, 2].map(|kind| sums.iter().map(|sum| sum[kind] / sum[0]).collect())
+    }
+
+    /// Bands of the detail of `texture`, laid on by `seeds`, at these fine and wide gains `[N]`.
+    pub fn detail(
+        &self,
+        scene: &Scene,
+        seeds: &[StrokeSeed],
+        owners: &[u32],
+        gains: [&[f32]; 2],
+        texture: &LuminanceTexture,
+    ) -> DetailBands {
+        let of = |proof: &Proof| {
+            let (fine, wide): (Vec<f32>, Vec<f32>) = proof.detail(scene, seeds, owners, gains, texture);
+            rayon::join(|| proof.mask.bands(&fine), || proof.mask.bands(&wide))
+        };
+        let (fine, wide) = self.0.iter().map(of).unzip();
+        DetailBands { fine: Bands(fine), wide: Bands(wide) }
     }
 }
 
-/// Adds the scalar products of `rows` with one another `[K, K]`.
-fn add_products(sums: &mut [f64], rows: &[&[f32]]) {
-    let n = rows.len();
-    let n_pixels = rows.first().map_or(0, |row| row.len());
-    let mut block = vec![0.0; n * BLOCK];
-    let mut of_block = vec![0.0; n * n];
-    // Blocks in f32 are summed in f64.
-    for start in (0..n_pixels).step_by(BLOCK) {
-        let width = BLOCK.min(n_pixels - start);
-        for (to, row) in block.chunks_exact_mut(width).zip(rows) {
-            to.copy_from_slice(&row[start..start + width]);
-        }
-        let block = Matrix::dense(&block, n, width);
-        product(&mut of_block, false, block, block.transposed());
-        sums.iter_mut().zip(&of_block).for_each(|(sum, product)| *sum += f64::from(*product));
+impl Bands {
+    /// Scalar products with other bands per pixel: of fine bands, and of wide ones.
+    pub fn products(&self, other: &Self) -> [f64; 2] {
+        let n: usize = self.0.iter().map(|bands| bands[0].len()).sum();
+        KINDS.map(|kind| {
+            let both = self.0.iter().zip(&other.0);
+            let sum = |(a, b): (&[Vec<f32>; N], &[Vec<f32>; N])| -> f64 {
+                kind.clone().map(|band| dot(&a[band], &b[band])).sum()
+            };
+            both.map(sum).sum::<f64>() / n.max(1) as f64
+        })
     }
 }
 
 impl Proof {
-    fn new(weights: BlendWeights) -> Self {
-        let size = [weights.size.x as usize, weights.size.y as usize];
-        let (counts, weights) = solid(&weights);
-        Self { mask: Mask::new(&counts, size), weights }
+    fn new(camera: &Camera, weights: &BlendWeights) -> Self {
+        let width = weights.size.x as usize;
+        let (counts, kept) = solid(weights);
+        let center = |i: usize| Vec2::new((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
+        let pixels = (0..counts.len()).filter(|&i| counts[i]).map(center).collect();
+        let mask = Mask::new(&counts, [width, weights.size.y as usize]);
+        Self { camera: camera.clone(), mask, pixels, weights: kept }
+    }
+
+    /// Luminance of fine and of wide detail in each pixel.
+    fn detail(
+        &self,
+        scene: &Scene,
+        seeds: &[StrokeSeed],
+        owners: &[u32],
+        [fine, wide]: [&[f32]; 2],
+        texture: &LuminanceTexture,
+    ) -> (Vec<f32>, Vec<f32>) {
+        let mut is_seen = vec![false; scene.len()];
+        for (i, weight) in self.weights.indices.iter().zip(&self.weights.weights) {
+            is_seen[*i as usize] |= *weight >= LEAST_STROKE;
+        }
+        let knobs = StrokeKnobs::default();
+        let record = |i: usize| {
+            let word = StrokeWord { seed: owners[i], protection: 0.0, share: 1.0 }.packed();
+            is_seen[i].then(|| stroke_record(scene, i, word, seeds, &self.camera, &knobs)).flatten()
+        };
+        let records: Vec<Option<(StrokeRecord, Vec2)>> = (0..scene.len()).into_par_iter().map(record).collect();
+        let of_pixel = |(pixel, at): (usize, &Vec2)| {
+            let entries = self.weights.pixel(pixel).filter(|(_, weight)| *weight >= LEAST_STROKE);
+            entries.fold((0.0, 0.0), |sum, (i, weight)| {
+                let Some((record, center)) = &records[i] else { return sum };
+                let at = record.at(*at - *center);
+                let of = |gain: f32, value: &dyn Fn() -> f32| if gain > 0.0 { gain * value() } else { 0.0 };
+                (
+                    sum.0 + weight * of(fine[i], &|| texture.fine.at(at, record.level)),
+                    sum.1 + weight * of(wide[i], &|| texture.wide.at(at, record.level - 2.0)),
+                )
+            })
+        };
+        self.pixels.par_iter().enumerate().map(of_pixel).unzip()
+    }
+}
+
+/// Luminance of a texture, to be read fast.
+pub(super) struct LuminanceTexture {
+    fine: Levels,
+    wide: Levels,
+}
+
+/// A texture and its mipmaps.
+struct Levels(Vec<Vec<f32>>);
+
+impl LuminanceTexture {
+    pub fn new(texture: &StrokeTexture) -> Self {
+        let value = |texel: &[i8; 4]| {
+            let [r, g, b, _] = texel.map(f32::from);
+            Vec3::new(r, g, b).dot(LUMINANCE) / 127.0
+        };
+        let levels = |levels: &[Vec<[i8; 4]>]| {
+            Levels(levels.iter().map(|level| level.iter().map(value).collect()).collect())
+        };
+        Self { fine: levels(&texture.fine), wide: levels(&texture.wide) }
+    }
+}
+
+impl Levels {
+    /// The value at `at`, where the texture is the unit square, at the nearest level of detail: interpolated, and mirrored beyond
+    /// the edges.
+    fn at(&self, at: Vec2, level: f32) -> f32 {
+        let level = (level.max(0.0) + 0.5) as usize;
+        let level = level.min(self.0.len() - 1);
+        let (texels, side) = (&self.0[level], 1_usize << (self.0.len() - 1 - level));
+        let at = at * side as f32 - 0.5;
+        // The cast rounds toward 0; places in the painting are positive, and steps from them small.
+        let corner = at.floor();
+        let part = at - corner;
+        let fold = |i: i32| {
+            let within = i.cast_unsigned() as usize & (2 * side - 1);
+            if within < side { within } else { 2 * side - 1 - within }
+        };
+        let (x, y) = (corner.x as i32, corner.y as i32);
+        let (left, right) = (fold(x), fold(x + 1));
+        let (top, bottom) = (fold(y) * side, fold(y + 1) * side);
+        let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
+        let upper = mix(texels[top + left], texels[top + right], part.x);
+        mix(upper, mix(texels[bottom + left], texels[bottom + right], part.x), part.y)
     }
 }
 
 /// Which pixels of a view count `[H * W]`, and the blend weights of those that do: one row for each, summing to 1.
-pub(super) fn solid(weights: &BlendWeights) -> (Vec<bool>, BlendWeights) {
+fn solid(weights: &BlendWeights) -> (Vec<bool>, BlendWeights) {
     let row = |pixel: usize| weights.starts[pixel] as usize..weights.starts[pixel + 1] as usize;
     let n_pixels = weights.starts.len() - 1;
     let is_covered = |pixel: usize| weights.weights[row(pixel)].iter().sum::<f32>() > COVERED;

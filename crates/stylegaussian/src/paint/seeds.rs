@@ -1,21 +1,49 @@
-//! Seeds: points on the scene's surfaces, a brush stroke apart, and who is near whom.
+//! Seeds: spots on the scene's surfaces, a brush stroke apart, and the Gaussians that belong to each.
 
-use std::{collections::HashMap, num::NonZero};
+use std::{
+    collections::{HashMap, VecDeque},
+    num::NonZero,
+};
 
 use glam::{IVec3, Mat3, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
-use super::frames::{Frames, dominant, outer};
-
-/// Seeds that a Gaussian reads from.
-pub(super) const N_READ: usize = 3;
+use super::frames::{Frames, dominant, outer, thinnest};
 
 /// Seeds around a seed, whose places it may continue: those that touch it on a surface, and two more.
-pub(super) const N_AROUND: usize = 8;
+const N_AROUND: usize = 8;
 
-/// How far beyond the nearest seed others reach, in spacings. It sets the width of the seams between strokes.
-const SEAM: f32 = 0.6;
+/// Most seeds: four styles of as many fit into one table.
+const MOST: usize = crate::strokes::MAX_SEEDS / 4;
+
+/// Rounds in which Gaussians choose among seeds, and the seeds' colors are renewed.
+const ROUNDS: usize = 2;
+
+/// Weight of colors and of normals beside that of distance, which is 1 at a seed's spacing.
+const BESIDE: f32 = 0.35;
+
+/// Most of a squared difference of colors, in squared contrasts. Beyond, two colors are simply others.
+const OTHER: f32 = 9.0;
+
+/// Distance of seeds that say whether a surface is flat, in spacings.
+const FLAT_WITHIN: f32 = 2.5;
+
+/// Least seeds that say it.
+const FLAT_SEEDS: usize = 5;
+
+/// Largest ratio of the least to the middle variance of seeds on a flat surface.
+const FLAT: f32 = 0.12;
+
+/// Rounds in which directions flow from edges into flat ground, and the weight of a seed's own.
+const FLOW_ROUNDS: usize = 4;
+const OWN_DIRECTION: f32 = 0.7;
+
+/// Least length of a direction's part in the tangent plane: within 17 degrees of the normal, noise would turn it anywhere.
+const IN_PLANE: f32 = 0.3;
+
+/// Added to visibilities, in pixels, so that seeds of which nothing is seen have a mean as well.
+const UNSEEN: f32 = 1e-3;
 
 /// One seed.
 #[derive(Clone, Copy, Debug)]
@@ -38,58 +66,180 @@ pub(super) struct Seeds {
     pub seeds: Vec<Seed>,
     /// Seeds around each seed `[M]`, nearest first. Fewer than [`N_AROUND`] if there are no more.
     pub around: Vec<Vec<u32>>,
-    /// Seeds that each Gaussian reads from, with weights that sum to 1 `[N]`. The first is the nearest.
-    pub read: Vec<[(u32, f32); N_READ]>,
+    /// The seed that each Gaussian belongs to `[N]`.
+    pub owners: Vec<u32>,
+    /// All seeds, each after a neighbor where there is one `[M]`.
+    pub order: Vec<u32>,
+    /// Mean color of each seed `[M]`.
+    pub colors: Vec<Vec3>,
+}
+
+/// What seeds are laid on.
+pub(super) struct Ground<'a> {
+    pub means: &'a [Vec3],
+    /// Pixels of usual views that each Gaussian fills `[N]`.
+    pub visibility: &'a [f32],
+    pub frames: &'a Frames,
+    /// Base colors, and the same without their finest detail `[N]`.
+    pub base: &'a [Vec3],
+    pub soft: &'a [Vec3],
+    /// Deviation of the scene's luminance.
+    pub contrast: f32,
+    pub up: Vec3,
 }
 
 impl Seeds {
     /// Seeds at least `spacing` apart, where much is visible first, so that what is seen gets the best ones.
-    pub fn new(means: &[Vec3], visibility: &[f32], frames: &Frames, up: Vec3, spacing: f32) -> Self {
-        let points: Vec<Vec3> =
-            spread(means, visibility, spacing).into_iter().map(|i| means[i as usize]).collect();
-        let rows: Vec<[f64; 3]> = points.iter().map(|point| point.to_array().map(f64::from)).collect();
-        let Some(tree) = ImmutableKdTree::<f64, 3>::new_from_slice(&rows).ok().filter(|_| !rows.is_empty())
-        else {
-            return Self { seeds: Vec::new(), around: Vec::new(), read: Vec::new() };
+    pub fn new(ground: &Ground, mut spacing: f32) -> Self {
+        let mut chosen = spread(ground.means, ground.visibility, spacing);
+        while chosen.len() > MOST {
+            spacing *= 1.5;
+            chosen = spread(ground.means, ground.visibility, spacing);
+        }
+        let points: Vec<Vec3> = chosen.into_iter().map(|i| ground.means[i as usize]).collect();
+        let Some(nearest) = Nearest::new(&points) else {
+            return Self {
+                seeds: Vec::new(),
+                around: Vec::new(),
+                owners: Vec::new(),
+                order: Vec::new(),
+                colors: Vec::new(),
+            };
         };
-        let nearest = |point: &Vec3, n: usize| -> Vec<(f32, u32)> {
-            let n = NonZero::new(n.min(rows.len())).unwrap_or(NonZero::<usize>::MIN);
-            let query = point.to_array().map(f64::from);
-            let mut found: Vec<(f32, u32)> = tree
-                .query(&query)
-                .nearest_n::<SquaredEuclidean<f64>>(n)
-                .execute()
-                .into_iter()
-                .map(|item| (item.distance.sqrt() as f32, item.item))
-                .collect();
-            found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            found
+        let around = |i: usize| -> Vec<u32> {
+            let others = nearest.of(points[i], N_AROUND + 1).into_iter().filter(|&j| j as usize != i);
+            others.take(N_AROUND).collect()
         };
-        let around = |i: usize| {
-            let others = nearest(&points[i], N_AROUND + 1).into_iter().map(|(_, j)| j);
-            others.filter(|&j| j as usize != i).take(N_AROUND).collect()
-        };
-        let read: Vec<_> = means.par_iter().map(|mean| shares(&nearest(mean, N_READ + 1), spacing)).collect();
-        let seeds = oriented(&points, &read, visibility, frames, up);
-        Self { seeds, around: (0..points.len()).into_par_iter().map(around).collect(), read }
+        let around: Vec<Vec<u32>> = (0..points.len()).into_par_iter().map(around).collect();
+        let owners: Vec<u32> = ground.means.par_iter().map(|mean| nearest.of(*mean, 1)[0]).collect();
+        let order = order(&around);
+        let seeds = oriented(&points, &owners, ground);
+        let mut seeds = Self { seeds, around, owners, order, colors: Vec::new() };
+        seeds.choose_owners(ground, spacing);
+        seeds.flatten(ground.up, spacing);
+        seeds.flow();
+        seeds
     }
 
-    /// Means of per-Gaussian `values` `[N, C]` over the Gaussians that are nearest to each seed `[M, C]`, weighted.
-    pub fn pooled(&self, values: &[f32], c: usize, weights: &[f32]) -> Vec<f32> {
-        let mut sums = vec![0.0_f64; self.seeds.len() * c];
-        let mut totals = vec![0.0_f64; self.seeds.len()];
-        for ((row, read), weight) in values.chunks_exact(c.max(1)).zip(&self.read).zip(weights) {
-            let (seed, weight) = (read[0].0 as usize, f64::from(weight + UNSEEN));
-            totals[seed] += weight;
-            let sums = &mut sums[seed * c..(seed + 1) * c];
-            sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += weight * f64::from(*value));
+    /// Gaussians belong to the seed that is near in place, color and direction, so that strokes end at edges and creases. These are
+    /// superpixels on the surface (Achanta et al., "SLIC superpixels", 2012).
+    fn choose_owners(&mut self, ground: &Ground, spacing: f32) {
+        let contrast = ground.contrast.max(1e-6);
+        self.colors = self.pooled(ground.base, ground.visibility);
+        for _ in 0..ROUNDS {
+            let cost = |i: usize, j: u32| {
+                let seed = &self.seeds[j as usize];
+                let distance = ground.means[i].distance_squared(seed.at) / (spacing * spacing);
+                let color = ground.soft[i].distance_squared(self.colors[j as usize]) / (contrast * contrast);
+                let normal = 1.0 - ground.frames.normals[i].dot(seed.normal).abs();
+                distance + BESIDE * (color.min(OTHER) + normal)
+            };
+            let owner = |i: usize| {
+                let first = self.owners[i];
+                let others = self.around[first as usize].iter().copied();
+                let best = others.fold((cost(i, first), first), |best, j| {
+                    let cost = cost(i, j);
+                    if cost < best.0 { (cost, j) } else { best }
+                });
+                best.1
+            };
+            self.owners = (0..ground.means.len()).into_par_iter().map(owner).collect();
+            self.colors = self.pooled(ground.base, ground.visibility);
         }
-        sums.iter().enumerate().map(|(i, sum)| (sum / totals[i / c]) as f32).collect()
+    }
+
+    /// Gives seeds on flat surfaces the normal of the plane through the seeds around them. Normals of single large Gaussians would
+    /// stretch strokes.
+    fn flatten(&mut self, up: Vec3, spacing: f32) {
+        let normal = |i: usize| {
+            let near = |point: &Vec3| point.distance(self.seeds[i].at) < FLAT_WITHIN * spacing;
+            let around = self.around[i].iter().map(|&j| self.seeds[j as usize].at);
+            let points: Vec<Vec3> = around.chain([self.seeds[i].at]).filter(near).collect();
+            if points.len() < FLAT_SEEDS {
+                return None;
+            }
+            let mean = points.iter().sum::<Vec3>() / points.len() as f32;
+            let spread = points.iter().fold(Mat3::ZERO, |sum, p| sum + outer(*p - mean, *p - mean));
+            let normal = thinnest(&spread);
+            let most = dominant(spread);
+            let (least, largest) = (normal.dot(spread * normal), most.dot(spread * most));
+            let middle = spread.x_axis.x + spread.y_axis.y + spread.z_axis.z - least - largest;
+            (least < FLAT * middle).then_some(normal)
+        };
+        let normals: Vec<Option<Vec3>> = (0..self.seeds.len()).into_par_iter().map(normal).collect();
+        for (seed, normal) in self.seeds.iter_mut().zip(normals) {
+            let Some(normal) = normal else { continue };
+            *seed = Seed { at: seed.at, clarity: seed.clarity, ..lying(normal, seed.along, up) };
+        }
+    }
+
+    /// Lets directions flow from edges into what is flat, so that strokes follow paths and banks.
+    fn flow(&mut self) {
+        let tensor = |seed: &Seed| outer(seed.along, seed.along) * seed.clarity * seed.clarity;
+        let own: Vec<Mat3> = self.seeds.iter().map(tensor).collect();
+        let mut tensors = own.clone();
+        for _ in 0..FLOW_ROUNDS {
+            let flowed = |i: usize| {
+                let around = &self.around[i];
+                let sum = around.iter().fold(Mat3::ZERO, |sum, &j| {
+                    let alike = self.seeds[j as usize].normal.dot(self.seeds[i].normal).abs();
+                    sum + tensors[j as usize] * alike
+                });
+                own[i] * OWN_DIRECTION + sum * (1.0 / around.len().max(1) as f32)
+            };
+            tensors = (0..own.len()).map(flowed).collect();
+        }
+        for (seed, tensor) in self.seeds.iter_mut().zip(&tensors) {
+            let direction = dominant(*tensor);
+            let in_plane = direction.reject_from_normalized(seed.normal);
+            let trace = tensor.x_axis.x + tensor.y_axis.y + tensor.z_axis.z;
+            if in_plane.length() > IN_PLANE && trace > 0.0 {
+                let clarity = (2.0 * direction.dot(*tensor * direction) / trace - 1.0).clamp(0.0, 1.0);
+                seed.along = in_plane.normalize();
+                seed.clarity = seed.clarity.max(clarity);
+            }
+        }
+    }
+
+    /// Means of colors `[N]` over the Gaussians of each seed `[M]`, weighted.
+    fn pooled(&self, colors: &[Vec3], weights: &[f32]) -> Vec<Vec3> {
+        let mut sums = vec![(Vec3::ZERO, 0.0_f32); self.seeds.len()];
+        for ((color, owner), weight) in colors.iter().zip(&self.owners).zip(weights) {
+            let (sum, total) = &mut sums[*owner as usize];
+            *sum += *color * (weight + UNSEEN);
+            *total += weight + UNSEEN;
+        }
+        sums.into_iter().zip(&self.seeds).map(|((sum, total), _)| if total > 0.0 { sum / total } else { sum }).collect()
     }
 }
 
-/// Added to visibilities, in pixels, so that seeds of which nothing is seen have a mean as well.
-const UNSEEN: f32 = 1e-3;
+/// The nearest of some points.
+pub(super) struct Nearest(ImmutableKdTree<f64, 3>);
+
+impl Nearest {
+    /// `None` if there is no point.
+    pub fn new(points: &[Vec3]) -> Option<Self> {
+        let rows: Vec<[f64; 3]> = points.iter().map(|point| point.to_array().map(f64::from)).collect();
+        (!rows.is_empty()).then(|| ImmutableKdTree::new_from_slice(&rows).ok().map(Self)).flatten()
+    }
+
+    /// The `n` nearest points, or all of them if there are less, by distance and then by index.
+    pub fn of(&self, point: Vec3, n: usize) -> Vec<u32> {
+        let n = NonZero::new(n).unwrap_or(NonZero::<usize>::MIN);
+        let query = point.to_array().map(f64::from);
+        let found = self.0.query(&query).nearest_n::<SquaredEuclidean<f64>>(n).execute();
+        let mut found: Vec<(f64, u32)> = found.into_iter().map(|item| (item.distance, item.item)).collect();
+        found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        found.into_iter().map(|(_, i)| i).collect()
+    }
+
+    /// The nearest point and the square of its distance.
+    pub fn one(&self, point: Vec3) -> (u32, f32) {
+        let query = point.to_array().map(f64::from);
+        let found = self.0.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute();
+        (found.item as u32, found.distance as f32)
+    }
+}
 
 /// Gaussians at least `spacing` apart, chosen by falling visibility.
 fn spread(means: &[Vec3], visibility: &[f32], spacing: f32) -> Vec<u32> {
@@ -121,52 +271,50 @@ fn neighborhood(cell: IVec3) -> impl Iterator<Item = IVec3> {
     (0..27).map(move |i| cell.saturating_add(IVec3::new(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1)))
 }
 
-/// Seeds by falling weight, from the nearest ones with their distances (one more than are read, which gets none).
-fn shares(nearest: &[(f32, u32)], spacing: f32) -> [(u32, f32); N_READ] {
-    let (first, seed) = nearest[0];
-    let mut shares = [(seed, 0.0); N_READ];
-    let reach = first + SEAM * spacing;
-    for (share, &(distance, seed)) in shares.iter_mut().zip(nearest) {
-        // A high power: seams are narrow, since a mean of two strokes is no stroke.
-        *share = (seed, (1.0 - distance / reach).max(0.0).powi(8));
+/// All seeds, breadth first over neighbors.
+fn order(around: &[Vec<u32>]) -> Vec<u32> {
+    let (mut order, mut is_listed) = (Vec::new(), vec![false; around.len()]);
+    for start in 0..around.len() {
+        let mut queue = VecDeque::new();
+        if !std::mem::replace(&mut is_listed[start], true) {
+            queue.push_back(start as u32);
+        }
+        while let Some(i) = queue.pop_front() {
+            order.push(i);
+            for &j in &around[i as usize] {
+                if !std::mem::replace(&mut is_listed[j as usize], true) {
+                    queue.push_back(j);
+                }
+            }
+        }
     }
-    let total: f32 = shares.iter().map(|(_, weight)| weight).sum();
-    // The nearest seed's weight is above 0 unless distances overflow.
-    if total > 0.0 {
-        shares.iter_mut().for_each(|(_, weight)| *weight /= total);
-    } else {
-        shares[0].1 = 1.0;
-    }
-    shares
+    order
 }
 
-/// Seeds at `points` with the mean normal and direction of the Gaussians nearest to them.
-fn oriented(
-    points: &[Vec3],
-    read: &[[(u32, f32); N_READ]],
-    visibility: &[f32],
-    frames: &Frames,
-    up: Vec3,
-) -> Vec<Seed> {
-    let mut normals = vec![Mat3::ZERO; points.len()];
-    let mut directions = vec![Mat3::ZERO; points.len()];
-    let mut totals = vec![0.0; points.len()];
-    for (i, read) in read.iter().enumerate() {
-        let (seed, weight) = (read[0].0 as usize, visibility[i] + UNSEEN);
-        totals[seed] += weight;
+/// A seed with this normal, whose strokes run along a direction. Its position is 0 and its clarity 1.
+fn lying(normal: Vec3, along: Vec3, up: Vec3) -> Seed {
+    let in_plane = |v: Vec3| v.reject_from_normalized(normal);
+    let along = in_plane(along).try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
+    let up = Some(in_plane(up)).filter(|up| up.length() > IN_PLANE).map_or(along, Vec3::normalize);
+    Seed { at: Vec3::ZERO, normal, along, up, clarity: 1.0 }
+}
+
+/// Seeds at `points` with the mean normal and direction of their Gaussians.
+fn oriented(points: &[Vec3], owners: &[u32], ground: &Ground) -> Vec<Seed> {
+    let mut sums = vec![(Mat3::ZERO, Mat3::ZERO, 0.0_f32); points.len()];
+    for (i, owner) in owners.iter().enumerate() {
+        let weight = ground.visibility[i] + UNSEEN;
+        let (normals, directions, total) = &mut sums[*owner as usize];
+        *total += weight;
         // Products, because neither has a sign.
-        normals[seed] += outer(frames.normals[i], frames.normals[i]) * weight;
-        directions[seed] += outer(frames.directions[i], frames.directions[i]) * (weight * frames.clarity[i]);
+        *normals += outer(ground.frames.normals[i], ground.frames.normals[i]) * weight;
+        let direction = ground.frames.directions[i];
+        *directions += outer(direction, direction) * (weight * ground.frames.clarity[i]);
     }
-    let seed = |i: usize| {
-        let normal = dominant(normals[i]);
-        let in_plane = |v: Vec3| v.reject_from_normalized(normal);
-        let mean = dominant(directions[i]);
-        let clarity = mean.dot(directions[i] * mean) / totals[i].max(f32::MIN_POSITIVE);
-        let along = in_plane(mean).try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
-        // Within 17 degrees of level there is no up: noise would turn it anywhere.
-        let up = Some(in_plane(up)).filter(|up| up.length() > 0.3).map_or(along, Vec3::normalize);
-        Seed { at: points[i], normal, along, up, clarity }
+    let seed = |(at, (normals, directions, total)): (&Vec3, &(Mat3, Mat3, f32))| {
+        let along = dominant(*directions);
+        let clarity = along.dot(*directions * along) / total.max(f32::MIN_POSITIVE);
+        Seed { at: *at, clarity, ..lying(dominant(*normals), along, ground.up) }
     };
-    (0..points.len()).map(seed).collect()
+    points.iter().zip(&sums).map(seed).collect()
 }

@@ -2,7 +2,7 @@
 
 use glam::{UVec2, Vec3};
 
-use super::{proofs::Proofs, sheets::Sheets};
+use super::proofs::Proofs;
 use crate::{camera::Camera, scene::Scene, splat::blend_weights, views::choose_views};
 
 /// Views that are taken of the scene. Eight show nearly all that can be seen from outside.
@@ -21,11 +21,9 @@ const CAPTURED_SIDE: f32 = 394.0;
 /// whole scene, and not for a closer look. Of a capture's cameras they are the middle ones: it was looked at from there.
 const N_PROOFS: usize = 3;
 
-/// Sizes of a proof, in pixels. The time of a change of style grows with its area.
-const PROOF_SIDE: (f32, f32) = (64.0, 512.0);
-
-/// Sizes of a sheet, in pixels. From near, a scene would fill more than are kept.
-const SHEET_SIDE: (f32, f32) = (64.0, 640.0);
+/// Side of a proof over that of the picture in which strokes are as large as in the painting. The time of a change of style grows
+/// with its square, and detail of a single pixel is left out.
+const PROOF_SIDE: f32 = 0.5;
 
 /// A summary of usual views of a scene.
 pub(super) struct Sight {
@@ -35,16 +33,13 @@ pub(super) struct Sight {
     pub pixel: f32,
     /// Pictures by which paint is measured.
     pub proofs: Proofs,
-    /// Pictures by which it is painted over.
-    pub sheets: Sheets,
     /// The direction that is up in the views, a unit vector.
     pub up: Vec3,
 }
 
 impl Sight {
-    /// Looks at `scene` through `cameras`: a few of its capture's, or chosen ones if they are not known. `stroke_scale` enlarges
-    /// pixels of the painting.
-    pub fn of(scene: &Scene, cameras: &[Camera], stroke_scale: f32) -> Self {
+    /// Looks at `scene` through `cameras`: a few of its capture's, or chosen ones if they are not known.
+    pub fn of(scene: &Scene, cameras: &[Camera]) -> Self {
         let cameras: Vec<Camera> =
             cameras.iter().take(N_VIEWS).map(|camera| camera.fitted(VIEW_SIDE)).collect();
         let picture_side = if scene.cameras.is_empty() { CHOSEN_SIDE } else { CAPTURED_SIDE };
@@ -65,7 +60,6 @@ impl Sight {
             views.extend(weighted_median(&mut sizes).map(|pixel| (pixel, camera)));
         }
         let up = cameras.iter().map(up_of).sum::<Vec3>().try_normalize().unwrap_or(Vec3::Y);
-        let seen = views.clone();
         // The sort is stable: of views from the same distance the most useful come first.
         views.sort_by(|a, b| b.0.total_cmp(&a.0));
         if !scene.cameras.is_empty() {
@@ -73,14 +67,9 @@ impl Sight {
         }
         views.truncate(N_PROOFS);
         let pixel = views.get(views.len() / 2).map_or_else(|| pixel_of_extent(scene), |(pixel, _)| *pixel);
-        let side = (picture_side / stroke_scale).clamp(PROOF_SIDE.0, PROOF_SIDE.1);
+        let side = PROOF_SIDE * picture_side;
         let proofs: Vec<Camera> = views.iter().map(|(_, camera)| camera.fitted(side as u32)).collect();
-        let pixel = pixel * stroke_scale;
-        let sheets = Sheets::new(seen.into_iter().map(|(size, camera)| {
-            let side = (picture_side * size / pixel).clamp(SHEET_SIDE.0, SHEET_SIDE.1);
-            blend_weights(scene, &camera.fitted(side as u32))
-        }));
-        Self { visibility, pixel, proofs: Proofs::new(scene, &proofs), sheets, up }
+        Self { visibility, pixel, proofs: Proofs::new(scene, &proofs), up }
     }
 }
 
@@ -140,7 +129,7 @@ mod tests {
             ..Scene::default()
         };
         let focal = camera(1.0).fitted(CAPTURED_SIDE as u32).focal.x;
-        let found = Sight::of(&scene, &usual_views(&scene), 1.0).pixel;
+        let found = Sight::of(&scene, &usual_views(&scene)).pixel;
         assert!((found / (10.0 / focal) - 1.0).abs() < 1e-2, "{found}, expected {}", 10.0 / focal);
     }
 
@@ -162,7 +151,7 @@ mod tests {
         let mut pixels: Vec<f32> =
             choose_views(&scene, N_VIEWS, UVec2::splat(VIEW_SIDE)).into_iter().map(pixel).collect();
         pixels.sort_by(|a, b| b.total_cmp(a));
-        let found = Sight::of(&scene, &usual_views(&scene), 1.0).pixel;
+        let found = Sight::of(&scene, &usual_views(&scene)).pixel;
         assert!((found / pixels[1] - 1.0).abs() < 1e-2, "{found}, expected {}", pixels[1]);
     }
 

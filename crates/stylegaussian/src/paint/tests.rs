@@ -1,9 +1,15 @@
-//! Tests of paint as a whole, on a wall of small Gaussians.
+//! Paint on small scenes.
 
-use glam::{Quat, Vec3};
+use glam::{Quat, UVec2, Vec3};
 
 use super::*;
-use crate::{palette::LUMINANCE, scene::Scene};
+use crate::{
+    Camera,
+    palette::LUMINANCE,
+    scene::Scene,
+    splat::{Colors, RenderedImage, render, render_strokes},
+    strokes::{StrokeKnobs, StrokeWord},
+};
 
 /// A wall of `side` x `side` Gaussians in the plane z = 0, half as wide as they are apart, with a slow gradient of gray.
 fn wall(side: usize) -> Scene {
@@ -12,14 +18,14 @@ fn wall(side: usize) -> Scene {
     let mut scene = Scene {
         means: (0..n).map(at).collect(),
         rotations: vec![Quat::IDENTITY; n],
-        scales: vec![Vec3::new(0.5, 0.5, 0.05) / side as f32; n],
+        scales: vec![Vec3::new(0.5, 0.5, 0.02) / side as f32; n],
         opacities: vec![0.95; n],
         order: (0..n as u32).collect(),
         n_source: n,
-        up: Some(Vec3::Y),
         ..Scene::default()
     };
-    scene.set_colors(&(0..n).map(|i| [0.4 + 0.2 * at(i).x; 3]).collect::<Vec<_>>());
+    let gray: Vec<[f32; 3]> = (0..n).map(|i| [0.3 + 0.4 * (i % side) as f32 / side as f32; 3]).collect();
+    scene.set_colors(&gray);
     scene
 }
 
@@ -27,164 +33,154 @@ fn wall(side: usize) -> Scene {
 fn stripes(width: usize, height: usize) -> Paint {
     let pixel = |x: usize| if (x / 4).is_multiple_of(2) { [230, 180, 30] } else { [20, 40, 120] };
     let pixels = (0..width * height).flat_map(|i| pixel(i % width)).collect();
-    Paint { width, height, pixels, features: None }
+    Paint { width, height, pixels }
 }
 
-fn moments(colors: &[[f32; 3]]) -> (Vec3, f32) {
-    let mean = colors.iter().map(|color| Vec3::from(*color)).sum::<Vec3>() / colors.len() as f32;
-    let square = colors.iter().map(|color| Vec3::from(*color).distance_squared(mean)).sum::<f32>();
-    (mean, (square / colors.len() as f32).sqrt())
+fn painted(scene: &Scene, paint: &Paint) -> Painted {
+    lay(scene, &Surface::new(scene), &[(&Canvas::new(paint), 1.0)], 0.0)
+}
+
+/// The wall from the front, filling the picture.
+fn front() -> Camera {
+    Camera::look_at(Vec3::new(0.5, 0.5, -2.0), Vec3::new(0.5, 0.5, 0.0), Vec3::NEG_Y, 0.45, UVec2::splat(256))
+}
+
+fn picture(scene: &Scene, painted: &Painted) -> RenderedImage {
+    let strokes = (&painted.strokes, &StrokeKnobs::default());
+    render_strokes(scene, Colors::Rgb(&painted.colors), strokes, &front(), None)
+}
+
+fn luminance(image: &RenderedImage, x: usize, y: usize) -> f32 {
+    Vec3::from(image.color[y * 256 + x]).dot(LUMINANCE)
 }
 
 #[test]
-fn a_gray_wall_gets_stripes_that_stand_upright() {
-    let scene = wall(96);
-    let surface = Surface::new(&scene, 1.0);
-    let colors = repaint(&scene, &surface, &[(&stripes(128, 96), 1.0)], 0.0, Brush::default());
-    let (mean, deviation) = moments(&colors);
-    assert!(mean.distance(Vec3::new(125.0, 110.0, 75.0) / 255.0) < 0.12, "{mean}");
-    // The painting's own deviation is 0.53. Recoloring alone would give it in one slow gradient.
-    assert!(deviation > 0.25, "{deviation}");
-    let step = |i: usize, j: usize| Vec3::from(colors[i]).distance(Vec3::from(colors[j]));
-    let inner = || (1..95).flat_map(|y| (1..95).map(move |x| y * 96 + x));
-    let across: f32 = inner().map(|i| step(i, i + 1)).sum();
-    let along: f32 = inner().map(|i| step(i, i + 96)).sum();
-    assert!(across.max(along) > 1.5 * across.min(along), "stripes have a direction: {across} and {along}");
+fn a_gray_wall_gets_stripes_finer_than_its_gaussians() {
+    // A Gaussian is as wide as six stripes.
+    let scene = wall(12);
+    let painted = painted(&scene, &stripes(512, 512));
+    let with = picture(&scene, &painted);
+    let plain = render(&scene, Colors::Rgb(&painted.colors), &front());
+    let steps = |image: &RenderedImage, dx: usize, dy: usize| -> f32 {
+        let pixels = (40..216).flat_map(|y| (40..216).map(move |x| (x, y)));
+        pixels.map(|(x, y)| (luminance(image, x + dx, y + dy) - luminance(image, x, y)).abs()).sum()
+    };
+    assert!(steps(&with, 1, 0) > 10.0 * steps(&plain, 1, 0), "{} {}", steps(&with, 1, 0), steps(&plain, 1, 0));
+    // Stripes stand upright, as in the painting.
+    assert!(steps(&with, 1, 0) > 2.0 * steps(&with, 0, 1), "{} {}", steps(&with, 1, 0), steps(&with, 0, 1));
 }
 
 #[test]
 fn hues_are_those_of_the_painting() {
-    let mut scene = wall(96);
+    let mut scene = wall(48);
     // A red disc in the middle. The painting is blue and yellow.
     let color = |mean: &Vec3| {
-        if mean.distance(Vec3::new(0.5, 0.5, 0.0)) < 0.15 { [0.9, 0.1, 0.1] } else { [0.4 + 0.2 * mean.x; 3] }
+        if mean.distance(Vec3::new(0.5, 0.5, 0.0)) < 0.2 { [0.8, 0.1, 0.1] } else { [0.5, 0.5, 0.5] }
     };
-    scene.set_colors(&scene.means.iter().map(color).collect::<Vec<_>>());
-    let surface = Surface::new(&scene, 1.0);
-    let paint = stripes(128, 96);
-    let colors = repaint(&scene, &surface, &[(&paint, 1.0)], 0.0, Brush::default());
-    let rgb: Vec<f32> = paint.pixels.iter().map(|byte| f32::from(*byte) / 255.0).collect();
-    let palette = crate::palette::Palette::new(&rgb, 1);
-    let hue = |color: Vec3| color - color.dot(Vec3::new(0.299, 0.587, 0.114));
-    let off = |color: &[f32; 3]| {
-        let color = Vec3::from(*color);
-        hue(color).distance(hue(palette.nearest(color)))
+    let colors: Vec<_> = scene.means.iter().map(color).collect();
+    scene.set_colors(&colors);
+    let painted = painted(&scene, &stripes(512, 512));
+    let image = picture(&scene, &painted);
+    // Of the painting's two colors red is between green and the mean of both or above it, and never far above green and blue.
+    let red = |i: usize| {
+        let [r, g, b] = image.color[i];
+        r - g.max(b)
     };
-    let mean = colors.iter().map(off).sum::<f32>() / colors.len() as f32;
-    assert!(mean < 0.1, "{mean}");
+    let worst = (0..256 * 256).filter(|&i| image.alpha[i] > 0.9).map(red).fold(f32::MIN, f32::max);
+    assert!(worst < 0.35, "{worst}");
 }
 
 #[test]
-fn the_same_colors_for_any_number_of_threads() {
-    let scene = wall(48);
-    let painted = |threads: usize| {
+fn the_same_for_any_number_of_threads() {
+    let scene = wall(40);
+    let of = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| {
-            let surface = Surface::new(&scene, 1.0);
-            repaint(&scene, &surface, &[(&stripes(64, 64), 1.0)], 0.0, Brush::default())
-        })
+        pool.install(|| painted(&scene, &stripes(128, 96)))
     };
-    assert_eq!(painted(1), painted(4));
+    let (one, four) = (of(1), of(4));
+    assert_eq!(one.colors, four.colors);
+    assert_eq!((one.strokes.seeds, one.strokes.words), (four.strokes.seeds, four.strokes.words));
 }
 
 #[test]
-fn gaussians_read_the_detail_that_their_sheet_shows() {
-    let scene = wall(96);
-    let surface = Surface::new(&scene, 1.0);
-    let patches = patches::Patches::new(&stripes(128, 96)).unwrap();
-    let gray = vec![Vec3::splat(0.45); scene.len()];
-    let nothing = (Vec3::splat(0.45), [Vec3::ZERO; canvas::N_DETAILS]);
-    let read = |share: f32| {
-        let mut readings = vec![nothing; scene.len()];
-        surface.sheets.read(&gray, &patches, share, &mut readings);
-        readings
-    };
-    assert!(read(0.0).iter().all(|reading| *reading == nothing));
-    let (half, whole) = (read(0.5), read(1.0));
-    // Detail in luminance: two colors of stripes are 0.52 apart.
-    let detail = |(_, details): &canvas::Reading| details.iter().sum::<Vec3>().dot(LUMINANCE);
-    let mean = |readings: &[canvas::Reading]| {
-        readings.iter().map(|reading| detail(reading).abs()).sum::<f32>() / readings.len() as f32
-    };
-    assert!(mean(&whole) > 0.1, "{}", mean(&whole));
-    assert!((mean(&half) / mean(&whole) - 0.5).abs() < 1e-3);
-    assert!(whole.iter().all(|(low, _)| *low == nothing.0), "color stays");
-}
-
-#[test]
-fn what_is_fine_does_not_depend_on_the_contrast_of_the_scene() {
-    // Quarters of the wall: checks, which are smaller than a stroke, beside smooth gray.
-    let fine = |contrast: f32| {
-        let mut scene = wall(96);
-        let color = |i: usize| {
-            let (x, y) = (i % 96, i / 96);
-            let check = if x < 48 && y < 48 { ((x + y) % 2) as f32 - 0.5 } else { (y / 48) as f32 * 0.1 };
-            [0.5 + contrast * check; 3]
-        };
-        scene.set_colors(&(0..96 * 96).map(color).collect::<Vec<_>>());
-        Surface::new(&scene, 1.0).fine
-    };
-    let (strong, weak) = (fine(0.8), fine(0.2));
-    let inner = |fine: &[f32], x: usize, y: usize| fine[y * 96 + x];
-    assert!(inner(&strong, 20, 20) > 0.5 && inner(&strong, 80, 80) < 0.05, "{}", inner(&strong, 20, 20));
-    for (strong, weak) in strong.iter().zip(&weak) {
-        assert!((strong - weak).abs() < 0.02, "{strong} and {weak}");
-    }
-}
-
-#[test]
-fn on_rough_ground_only_what_stands_out_is_fine() {
-    // Checks all over, four times as strong in a quarter of the wall.
+fn what_stands_out_is_protected() {
+    // Dark checks, smaller than a stroke, on a part of a smooth wall.
     let mut scene = wall(96);
     let color = |i: usize| {
         let (x, y) = (i % 96, i / 96);
-        let strength = if x < 48 && y < 48 { 0.4 } else { 0.1 };
-        [0.5 + strength * (((x + y) % 2) as f32 - 0.5); 3]
+        let is_rough = (40..56).contains(&x) && (40..56).contains(&y);
+        if is_rough { [0.1 + 0.8 * ((x / 2 + y / 2) % 2) as f32; 3] } else { [0.5 + 0.001 * x as f32; 3] }
     };
-    scene.set_colors(&(0..96 * 96).map(color).collect::<Vec<_>>());
-    let surface = Surface::new(&scene, 1.0);
-    let (strong, weak) = (surface.fine[20 * 96 + 20], surface.fine[80 * 96 + 80]);
-    assert!(strong > 0.9 && weak < 0.45, "{strong} and {weak}");
+    let colors: Vec<_> = (0..96 * 96).map(color).collect();
+    scene.set_colors(&colors);
+    let words = painted(&scene, &stripes(512, 512)).strokes.words;
+    let protection = |x: usize, y: usize| StrokeWord::unpacked(words[y * 96 + x]).protection;
+    assert!(protection(48, 48) > 0.6 && protection(10, 10) < 0.1, "{} {}", protection(48, 48), protection(10, 10));
 }
 
 #[test]
 fn content_and_weights_blend() {
     let scene = wall(32);
-    let surface = Surface::new(&scene, 1.0);
-    let (a, b) = (stripes(64, 64), Paint { pixels: vec![200; 3 * 64], width: 8, height: 8, features: None });
-    let paint =
-        |paints: &[(&Paint, f64)], content| repaint(&scene, &surface, paints, content, Brush::default());
-    assert_eq!(paint(&[(&a, 1.0)], 1.0), scene.base_colors());
-    assert_eq!(paint(&[], 0.0), scene.base_colors());
-    assert_eq!(paint(&[(&a, 2.0)], 0.0), paint(&[(&a, 1.0), (&b, 0.0)], 0.0));
-    let half = paint(&[(&a, 1.0), (&b, 3.0)], 0.5);
-    let (in_a, in_b) = (paint(&[(&a, 1.0)], 0.0), paint(&[(&b, 1.0)], 0.0));
-    for (((found, own), a), b) in half.iter().zip(scene.base_colors()).zip(in_a).zip(in_b) {
-        let expected = Vec3::from(own) * 0.5 + Vec3::from(a) * 0.125 + Vec3::from(b) * 0.375;
-        assert!(Vec3::from(*found).distance(expected) < 1e-5);
+    let surface = Surface::new(&scene);
+    let (a, b) = (Canvas::new(&stripes(64, 64)), Canvas::new(&Paint { pixels: vec![200; 192], width: 8, height: 8 }));
+    let base = scene.base_colors();
+    let kept = lay(&scene, &surface, &[(&a, 1.0)], 1.0);
+    assert_eq!(kept.colors, base);
+    assert!(kept.strokes.words.iter().all(|word| StrokeWord::unpacked(*word).share == 0.0));
+    assert_eq!(lay(&scene, &surface, &[], 0.0).colors, base);
+    assert_eq!(lay(&scene, &surface, &[(&a, 0.0)], 0.0).colors, base);
+    let only = lay(&scene, &surface, &[(&a, 2.0), (&b, 0.0)], 0.0);
+    assert_eq!(only.colors, lay(&scene, &surface, &[(&a, 1.0)], 0.0).colors);
+    let half = lay(&scene, &surface, &[(&a, 1.0)], 0.5);
+    for ((half, all), base) in half.colors.iter().zip(&only.colors).zip(&base) {
+        assert!((0..3).all(|c| (half[c] - 0.5 * (all[c] + base[c])).abs() < 1e-5));
     }
+    // Seeds of both, and words of either.
+    let both = lay(&scene, &surface, &[(&a, 1.0), (&b, 1.0)], 0.0).strokes;
+    let n = surface.n_seeds() as u32;
+    assert_eq!((both.seeds.len(), both.textures.len()), (2 * n as usize, 2));
+    let of_second = both.words.iter().filter(|word| StrokeWord::unpacked(**word).seed >= n).count();
+    assert!(of_second > 0 && of_second < both.words.len(), "{of_second}");
+}
+
+#[test]
+fn a_painting_is_read_at_its_own_scale() {
+    // Stripes of 4 pixels are fine, stripes of 40 are not.
+    assert_eq!(Canvas::new(&stripes(512, 512)).size.x, 512.0);
+    let broad = |x: usize| if (x / 40).is_multiple_of(2) { 40 } else { 220 };
+    let pixels = (0..512 * 512).flat_map(|i| [broad(i % 512); 3]).collect();
+    assert_eq!(Canvas::new(&Paint { width: 512, height: 512, pixels }).size.x, 256.0);
+    // A small painting has strokes of the same size.
+    assert_eq!(Canvas::new(&stripes(128, 128)).size.x, 512.0);
+}
+
+#[test]
+fn flattened_colors_have_the_detail_of_their_size() {
+    let fine = wall(300);
+    let painted = painted(&fine, &stripes(512, 512));
+    let flat = painted.flattened(&fine);
+    let steps = |colors: &[[f32; 3]]| -> f32 {
+        let row = &colors[150 * 300..151 * 300];
+        row.windows(2).map(|pair| (pair[1][0] - pair[0][0]).abs()).sum()
+    };
+    assert!(steps(&flat) > 3.0 * steps(&painted.colors), "{} {}", steps(&flat), steps(&painted.colors));
 }
 
 #[test]
 fn odd_scenes_and_paintings_give_finite_colors() {
-    let one_pixel = Paint { width: 1, height: 1, pixels: vec![255, 0, 0], features: None };
-    let gray = Paint { width: 40, height: 3, pixels: vec![128; 360], features: None };
+    let one_pixel = Paint { width: 1, height: 1, pixels: vec![255, 0, 0] };
+    let gray = Paint { width: 40, height: 3, pixels: vec![128; 360] };
+    let line = Paint { width: 4000, height: 50, pixels: (0..600_000).map(|i| i as u8).collect() };
     let mut pile = wall(4);
-    pile.means = vec![Vec3::ONE; 16];
-    for scene in [Scene::default(), wall(1), pile, wall(3)] {
-        let surface = Surface::new(&scene, f32::NAN);
-        assert_eq!(surface.is_empty(), scene.is_empty());
-        for paint in [&one_pixel, &gray] {
-            let colors = repaint(&scene, &surface, &[(paint, 1.0)], 0.0, Brush::default());
-            assert_eq!(colors.len(), scene.len());
-            let expected = if paint.width == 1 { Vec3::X } else { Vec3::splat(128.0 / 255.0) };
-            let colors: Vec<Vec3> = colors.into_iter().map(Vec3::from).collect();
-            let within = |color: &Vec3| color.min_element() >= -1.0 && color.max_element() <= 2.0;
-            assert!(colors.iter().all(|color| color.is_finite() && within(color)));
-            // Pictures are corrected: of the Gaussians on one spot, those behind the first have no say.
-            let shown = surface.proofs.pixels(&colors);
-            assert_eq!(shown.is_empty(), scene.is_empty());
-            assert!(shown.iter().all(|color| color.distance(expected) < 0.06), "{shown:?}");
+    pile.means.fill(Vec3::ZERO);
+    let mut far = wall(4);
+    far.means.iter_mut().for_each(|mean| *mean += Vec3::splat(1e6));
+    for scene in [wall(1), wall(2), Scene::default(), pile, far] {
+        for paint in [&one_pixel, &gray, &line, &stripes(64, 64)] {
+            let painted = painted(&scene, paint);
+            assert_eq!(painted.strokes.words.len(), scene.len());
+            assert!(painted.colors.iter().flatten().all(|value| value.is_finite()));
+            assert!(painted.flattened(&scene).iter().flatten().all(|value| value.is_finite()));
         }
     }
 }

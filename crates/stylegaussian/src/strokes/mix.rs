@@ -7,7 +7,7 @@ use super::StrokeWord;
 use crate::layers::Region;
 
 /// Range of shares within which a stroke goes and another one comes.
-const EDGE: f32 = 0.1;
+pub const EDGE: f32 = 0.1;
 
 /// Strokes in a region.
 #[derive(Clone, Copy, Debug)]

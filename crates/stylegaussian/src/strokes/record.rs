@@ -13,25 +13,25 @@ pub const LEAST_ALPHA: f32 = 0.02;
 pub const MOST_OCTAVES: u32 = 3;
 
 /// Share of the fine gain that protection takes. The rest is left even to what stands out most, so that it is not bare.
-const PROTECTED: f32 = 0.95;
+pub const PROTECTED: f32 = 0.95;
 
 /// Range of the level, in octaves: from 16 times magnified to a texture of one texel.
-const LEVELS: (f32, f32) = (-4.0, 12.0);
+pub const LEVELS: (f32, f32) = (-4.0, 12.0);
 
 /// Added to the level of detail. Texels are drawn a little sharper than one to a pixel, since the Gaussians that blend in a pixel
 /// blur them again.
-const SHARPER: f32 = -0.15;
+pub const SHARPER: f32 = -0.15;
 
 /// A Gaussian's shortest axis, as a share of its longest, is no less than this. It keeps the plane of a flat Gaussian in single
 /// precision.
-const FLATTEST: f32 = 0.03;
+pub const FLATTEST: f32 = 0.03;
 
 /// Most of a Gaussian's longest standard deviation by which a step of a pixel moves the point along the ray: seen from the
 /// edge, a plane would reach without end.
-const EDGE_ON: f32 = 3.0;
+pub const EDGE_ON: f32 = 3.0;
 
 /// The largest step in the painting for a pixel, in texels.
-const MAX_STEP: f32 = 4096.0;
+pub const MAX_STEP: f32 = 4096.0;
 
 /// Strokes of one splat on screen: 16 bytes on the GPU.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -148,9 +148,14 @@ impl StrokeRecord {
         }
     }
 
+    /// The place in the painting at `offset` pixels from the splat's center, where the texture is the unit square.
+    pub fn at(&self, offset: Vec2) -> Vec2 {
+        (self.texel + self.step_x * offset.x + self.step_y * offset.y) / FINE_SIDE as f32
+    }
+
     /// The detail at `offset` pixels from the splat's center. `near` is [`StrokeKnobs::near`].
     pub fn detail(&self, texture: &StrokeTexture, offset: Vec2, near: f32) -> Vec3 {
-        let at = (self.texel + self.step_x * offset.x + self.step_y * offset.y) / FINE_SIDE as f32;
+        let at = self.at(offset);
         let mut sum = Vec3::ZERO;
         if self.fine > 0.0 {
             let mut fine = texture.fine(at, self.level);

@@ -6,7 +6,7 @@ use crate::{
         tests::{dir, refused},
         write_painted_style, write_style,
     },
-    paint::{Paint, PaintFeatures},
+    paint::Paint,
     statistics::ChannelStatistics,
 };
 
@@ -40,21 +40,14 @@ fn paint_round_trips_beside_statistics() {
     let style = ChannelStatistics { mean: vec![1.0], std_dev: vec![0.5], ..Default::default() };
     write_style(&path, &style).unwrap();
     assert_eq!(read_paint(&path).unwrap(), None, "a style of before has none");
-    // 9 x 8 pixels are two places, one of a single column.
-    let features = PaintFeatures { axes: vec![1.0], places: vec![0.5, -2.0], n_channels: 1 };
     let pixels = (0..9 * 8 * 3).map(|i| i as u8).collect();
-    let paint = Paint { width: 9, height: 8, pixels, features: Some(features.clone()) };
+    let paint = Paint { width: 9, height: 8, pixels };
     write_painted_style(&path, &style, &paint).unwrap();
     let bytes = crate::file::painted_style_to_bytes("a.style.safetensors", &style, &paint).unwrap();
     assert_eq!(bytes, std::fs::read(&path).unwrap());
     assert_eq!(read_style(&path).unwrap(), style);
     assert_eq!(read_paint(&path).unwrap().as_ref(), Some(&paint));
-    let short = PaintFeatures { places: vec![0.5], ..features };
-    for bad in [
-        Paint { width: 10, ..paint.clone() },
-        Paint { width: 0, pixels: Vec::new(), ..paint.clone() },
-        Paint { features: Some(short), ..paint.clone() },
-    ] {
+    for bad in [Paint { width: 10, ..paint.clone() }, Paint { width: 0, pixels: Vec::new(), ..paint.clone() }] {
         assert!(refused(write_painted_style(&path, &style, &bad)).contains("a.style.safetensors"));
     }
     assert_eq!(read_paint(&path).unwrap(), Some(paint), "a refused write leaves the old file");

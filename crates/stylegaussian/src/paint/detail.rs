@@ -1,0 +1,116 @@
+//! The detail that a painting's strokes consist of, apart from its colors.
+
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::{
+    bands::Mask,
+    picture::{Copies, Picture},
+};
+use crate::{
+    palette::LUMINANCE,
+    strokes::{FINE_SIDE, StrokeTexture, WIDE_SIDE},
+};
+
+/// Factor of the finest band. Gaussians that overlap blur it most. Above, canvas weave and grain of JPEG become beads.
+const FINEST: f32 = 1.3;
+
+/// Share of a painting's large shapes that wide detail has.
+pub(super) const LOCAL: f32 = 0.3;
+
+/// Standard deviation over which local energy is measured, in pixels.
+const AROUND: f32 = 10.0;
+
+/// Power by which strong places of a painting are weakened and faint ones strengthened. At twice as much, ink and watercolor lose
+/// their paint.
+const WHITEN: f32 = 0.3;
+
+/// Range of the factors that this gives.
+const WHITENED: (f32, f32) = (0.35, 1.5);
+
+/// What is added to local energy, as a share of the mean: flat places have none to strengthen.
+const FLOOR: f32 = 0.06;
+
+/// Pixels of the painting without its detail: every so many of them give its moments.
+const STRIDE: usize = 3;
+
+/// Detail of a painting at the scale at which it is read.
+pub(super) struct Detail {
+    /// Fine and wide detail, as they are drawn.
+    pub texture: Arc<StrokeTexture>,
+    /// Colors of the painting without its detail, from some of its pixels: what the scene's own colors are to be.
+    pub low: Vec<Vec3>,
+    /// Luminance energy of detail around each pixel of a picture of a quarter of the size.
+    around: Picture,
+    /// Mean of it.
+    pub typical: f32,
+    /// Luminance energy per pixel of the bands that fine detail has, and of those that wide detail has.
+    pub energies: [f64; 2],
+}
+
+impl Detail {
+    /// Detail of a painting's `copies`. `original` is the same painting at any size.
+    pub fn new(copies: &Copies, original: &Picture) -> Self {
+        let picture = copies.picture();
+        let (w, h) = (picture.width, picture.height);
+        let at = |i: usize| Vec2::new((i % w) as f32 + 0.5, (i / w) as f32 + 0.5);
+        // Fine bands, and those above.
+        let parts: Vec<[Vec3; 2]> = (0..w * h)
+            .into_par_iter()
+            .map(|i| {
+                let [first, second, third, last] = [0, 1, 3, 5].map(|copy| copies.sample(copy, at(i)));
+                [FINEST * (first - second) + second - third, third - last]
+            })
+            .collect();
+        let square = |[fine, wide]: &[Vec3; 2]| Vec3::splat((*fine + *wide).dot(LUMINANCE).powi(2));
+        let squares = Picture { width: w, height: h, values: parts.par_iter().map(square).collect() };
+        let around = squares.halved().halved().blurred(AROUND / 4.0);
+        let mean = around.values.iter().map(|v| v.x).sum::<f32>() / around.values.len() as f32;
+        let typical = mean.max(1e-6);
+        let whiten = |at: Vec2| {
+            let energy = around.sample(0.25 * at).x;
+            (typical / (energy + FLOOR * typical)).powf(0.5 * WHITEN).clamp(WHITENED.0, WHITENED.1)
+        };
+        let low = (0..w * h).into_par_iter().step_by(STRIDE);
+        let low = low.map(|i| picture.values[i] - (parts[i][0] + parts[i][1]) * whiten(at(i))).collect();
+        let texture = Arc::new(texture(copies, original, whiten));
+        let bands: [Vec<f32>; 4] = {
+            let half = picture.halved();
+            Mask::whole([half.width, half.height]).bands(&half.luminance())
+        };
+        let energy = |bands: &[Vec<f32>]| {
+            let n = bands[0].len().max(1) as f64;
+            bands.iter().map(|band| super::bands::dot(band, band)).sum::<f64>() / n
+        };
+        Self { texture, low, energies: [energy(&bands[..2]), energy(&bands[2..])], around, typical }
+    }
+
+    /// Luminance energy around a position in pixels.
+    pub fn energy_at(&self, at: Vec2) -> f32 {
+        self.around.sample(0.25 * at).x
+    }
+}
+
+/// The textures. Fine detail comes from the original: from near, there is more of it than at the scale at which the painting is read.
+fn texture(copies: &Copies, original: &Picture, whiten: impl Fn(Vec2) -> f32 + Sync) -> StrokeTexture {
+    let size = copies.picture().size();
+    let mean = original.values.iter().sum::<Vec3>() / original.values.len().max(1) as f32;
+    let texels = |side: usize, value: &(dyn Fn(Vec2) -> Vec3 + Sync)| -> Vec<Vec3> {
+        let at = |i: usize| Vec2::new((i % side) as f32 + 0.5, (i / side) as f32 + 0.5) / side as f32;
+        (0..side * side).into_par_iter().map(|i| value(at(i))).collect()
+    };
+    let fine = |at: Vec2| {
+        let sharp = original.sample(at * original.size());
+        let at = at * size;
+        let finest = copies.sample(0, at) - copies.sample(1, at);
+        (sharp + (FINEST - 1.0) * finest - copies.sample(3, at)) * whiten(at)
+    };
+    let wide = |at: Vec2| {
+        let at = at * size;
+        let large = copies.sample(5, at);
+        (copies.sample(3, at) - large) * whiten(at) + LOCAL * (large - mean)
+    };
+    StrokeTexture::new(texels(FINE_SIDE, &fine), texels(WIDE_SIDE, &wide))
+}

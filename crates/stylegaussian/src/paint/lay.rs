@@ -1,0 +1,350 @@
+//! Laying paint on a scene: the colors that carry what is coarser than a stroke, and the strokes.
+
+use std::sync::Arc;
+
+use glam::{Mat3, Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::{
+    canvas::Canvas,
+    detail::LOCAL,
+    places::{Placement, place},
+    proofs::LuminanceTexture,
+    sight::weighted_median,
+    surface::{Surface, moments},
+    tone::{Curve, Tones},
+};
+use crate::{
+    palette::LUMINANCE,
+    recolor::{ColorMoments, Recoloring},
+    scene::Scene,
+    strokes::{FINE_SIDE, PlainSeed, StrokeSeed, StrokeWord, Strokes, mixed},
+};
+
+/// Share of the way that hues which the painting does not have move to its nearest colors. Grass then resembles a painting's
+/// gold and not its mean.
+const TO_PALETTE: f32 = 0.8;
+
+/// How far the shares of dark and bright become the painting's.
+const TONE: f32 = 0.9;
+
+/// Colors leave the range of a display by at most this. Gaussians that overlap blur what they carry, so single ones go beyond it.
+const OVERSHOOT: f32 = 0.3;
+
+/// Share of the scene's own grain that is left under strokes. It should not make up for missing paint.
+const OWN_GRAIN: f32 = 0.15;
+
+/// Weight of differences of chroma, beside luminance, in what stands out.
+const CHROMA: f32 = 0.15;
+
+/// What stands out: its energy over that of the painting's strokes, and over what is usual in the scene. Both must be exceeded for
+/// half of the protection.
+const OF_STROKES: f32 = 0.015;
+const OF_SCENE: f32 = 3.0;
+
+/// Share of fine detail that protection takes: see [`StrokeRecord`](crate::strokes::StrokeRecord).
+const PROTECTED: f32 = crate::strokes::PROTECTED;
+
+/// Least share of its detail that a seed keeps where the scene has enough of its own.
+const LEAST_SHARE: f32 = 0.15;
+
+/// Ranges of the factors of wide and of fine detail.
+const WIDE: (f64, f64) = (0.2, 1.2);
+const FINE: (f64, f64) = (0.5, 1.8);
+
+/// Share of the way to the painting's whole contrast where there are no strokes, which would add the rest of it.
+const BARE: f32 = 0.5;
+
+/// A painted scene.
+#[derive(Clone, Debug, Default)]
+pub struct Painted {
+    /// The color of each Gaussian `[N]`: display-referred, and up to 0.3 outside of 0..1.
+    pub colors: Vec<[f32; 3]>,
+    /// What is drawn over it.
+    pub strokes: Strokes,
+}
+
+/// Lays a mix of paintings on `scene`, which `surface` was made from. Weights are normalized to sum 1. `content` c keeps that share of
+/// the base colors, 0..1, and takes it from the strokes.
+///
+/// Colors are mixed. Strokes are not, since a mean of two is none: each spot shows those of one painting, and paintings have as many
+/// spots as their weight says ([`mixed`]).
+///
+/// The result depends neither on the number of threads nor on the run. If there is no painting with a weight above 0, the
+/// colors are the base colors, and there are no strokes.
+///
+/// # Panics
+/// If `surface` was made from a scene of another number of Gaussians.
+pub fn lay(scene: &Scene, surface: &Surface, paintings: &[(&Canvas, f64)], content: f64) -> Painted {
+    assert_eq!(scene.len(), surface.len(), "the surface of this scene");
+    let given: Vec<_> = paintings.iter().filter(|(_, weight)| *weight > 0.0 && weight.is_finite()).collect();
+    let kept = content.clamp(0.0, 1.0) as f32;
+    let mut painted = Painted {
+        colors: surface.base.iter().map(|color| color.to_array()).collect(),
+        strokes: Strokes { words: vec![StrokeWord::NONE.packed(); scene.len()], ..Strokes::default() },
+    };
+    if kept >= 1.0 {
+        return painted;
+    }
+    let mut total = 0.0;
+    for (i, (canvas, weight)) in given.into_iter().enumerate() {
+        total += weight;
+        let share = if i == 0 { 1.0 } else { (weight / total) as f32 };
+        painted.mix(one(scene, surface, canvas), share);
+    }
+    if kept > 0.0 && total > 0.0 {
+        painted.keep(&surface.base, kept);
+    }
+    painted
+}
+
+impl Painted {
+    /// Lays a share of another painting over what is there.
+    fn mix(&mut self, above: Self, share: f32) {
+        for (color, above) in self.colors.iter_mut().zip(&above.colors) {
+            *color = std::array::from_fn(|c| color[c] + share * (above[c] - color[c]));
+        }
+        let first_seed = self.strokes.seeds.len() as u32;
+        let texture = self.strokes.textures.len() as u8;
+        for (word, above) in self.strokes.words.iter_mut().zip(&above.strokes.words) {
+            let above = StrokeWord::unpacked(*above);
+            let above = StrokeWord { seed: above.seed + first_seed, ..above };
+            *word = mixed(StrokeWord::unpacked(*word), above, share).packed();
+        }
+        self.strokes.seeds.extend(above.strokes.seeds.iter().map(|seed| seed.with_texture(texture)));
+        self.strokes.textures.extend(above.strokes.textures);
+    }
+
+    /// Keeps a share of the base colors.
+    fn keep(&mut self, base: &[Vec3], kept: f32) {
+        for (color, base) in self.colors.iter_mut().zip(base) {
+            *color = std::array::from_fn(|c| color[c] + kept * (base[c] - color[c]));
+        }
+        for word in &mut self.strokes.words {
+            let of = StrokeWord::unpacked(*word);
+            *word = StrokeWord { share: (1.0 - kept) * of.share, ..of }.packed();
+        }
+    }
+
+    /// One color per Gaussian `[N]` that includes the strokes: their mean over its footprint. Files of other formats hold no more.
+    pub fn flattened(&self, scene: &Scene) -> Vec<[f32; 3]> {
+        let sides = scene.broad_sides();
+        let color = |i: usize| {
+            let word = StrokeWord::unpacked(self.strokes.words[i]);
+            let color = Vec3::from(self.colors[i]);
+            if word.share <= 0.0 {
+                return color.to_array();
+            }
+            let seed = self.strokes.seeds[word.seed as usize].plain();
+            let local = scene.means[i] - seed.at;
+            let texel = seed.place + seed.pitch * Vec2::new(seed.right.dot(local), seed.down.dot(local));
+            let at = texel / FINE_SIDE as f32;
+            // A standard deviation to either side.
+            let level = (2.0 * sides[i] * (seed.pitch.x * seed.pitch.y).sqrt()).max(1.0).log2();
+            let texture = &self.strokes.textures[usize::from(seed.texture)];
+            let fine = texture.fine(at, level) * seed.fine * (1.0 - PROTECTED * word.protection);
+            let wide = texture.wide(at, level) * seed.wide * (1.0 - word.protection);
+            (color + word.share * (fine + wide)).to_array()
+        };
+        (0..scene.len()).into_par_iter().map(color).collect()
+    }
+}
+
+/// One painting on a scene.
+fn one(scene: &Scene, surface: &Surface, canvas: &Canvas) -> Painted {
+    let recoloring = Recoloring::new(&surface.moments, &canvas.low.0);
+    let recolored = |color: &Vec3| Vec3::from(recoloring.color(color.to_array()));
+    let own: Vec<Vec3> = surface.base.par_iter().map(recolored).collect();
+    let low: Vec<Vec3> = surface.low.par_iter().map(recolored).collect();
+    let (placements, protection) =
+        rayon::join(|| placements(surface, canvas), || protection(surface, canvas, &recoloring));
+    // What the scene keeps: its shapes, and all of what is protected.
+    let kept: Vec<f32> = (own.par_iter().zip(&low).zip(&protection))
+        .map(|((own, low), p)| low.lerp(*own, *p).dot(LUMINANCE))
+        .collect();
+    let balance = Balance::new(scene, surface, canvas, &placements, &protection, &kept);
+    let mixed = |i: usize| low[i].lerp(own[i], protection[i] + (1.0 - protection[i]) * OWN_GRAIN);
+    let mixed: Vec<Vec3> = (0..scene.len()).into_par_iter().map(mixed).collect();
+    let colors = graded(surface, canvas, &mixed, &protection, &balance);
+    let word = |(owner, protection): (&u32, &f32)| {
+        StrokeWord { seed: *owner, protection: *protection, share: 1.0 }.packed()
+    };
+    Painted {
+        colors,
+        strokes: Strokes {
+            words: surface.seeds.owners.iter().zip(&protection).map(word).collect(),
+            seeds: seeds(surface, canvas, &placements, &balance.fine, &balance.wide),
+            textures: vec![Arc::clone(&canvas.detail.texture)],
+        },
+    }
+}
+
+/// The place of each seed, chosen for the colors that the painting has.
+fn placements(surface: &Surface, canvas: &Canvas) -> Vec<Placement> {
+    let recoloring = Recoloring::new(&surface.moments, &canvas.whole.0);
+    let hued =
+        |color: &Vec3| canvas.palette.toward(Vec3::from(recoloring.color(color.to_array())), TO_PALETTE);
+    let colors: Vec<Vec3> = surface.low.par_iter().map(hued).collect();
+    let seed_colors: Vec<Vec3> = surface.seeds.colors.iter().map(hued).collect();
+    place(surface, &colors, &seed_colors, canvas)
+}
+
+/// How much each Gaussian stands out `[N]`, 0..1.
+fn protection(surface: &Surface, canvas: &Canvas, recoloring: &Recoloring) -> Vec<f32> {
+    // |luminance of R d|^2 + CHROMA |R d - luminance|^2 = d^T Q d, where R is the recoloring's matrix.
+    let zero = Vec3::from(recoloring.color([0.0; 3]));
+    let column = |axis: Vec3| Vec3::from(recoloring.color(axis.to_array())) - zero;
+    let map = Mat3::from_cols(column(Vec3::X), column(Vec3::Y), column(Vec3::Z));
+    let luminance = Mat3::from_cols(LUMINANCE, LUMINANCE, LUMINANCE).transpose();
+    let chroma = Mat3::IDENTITY - luminance;
+    let row = super::frames::outer(LUMINANCE, LUMINANCE);
+    let quadratic = map.transpose() * (row + chroma.transpose() * chroma * CHROMA) * map;
+    let energies: Vec<f32> = surface.edges.par_iter().map(|edges| edges.dot(&quadratic).max(0.0)).collect();
+    let stride = energies.len().div_ceil(1 << 16).max(1);
+    let seen = energies.iter().copied().zip(surface.visibility.iter().copied());
+    let usual = weighted_median(&mut seen.step_by(stride).collect::<Vec<_>>()).unwrap_or(0.0).max(1e-9);
+    let half = (OF_STROKES * canvas.detail.typical, OF_SCENE * usual);
+    let protection = |energy: &f32| {
+        let q = (energy / half.0).min(energy / half.1);
+        q * q / (1.0 + q * q)
+    };
+    energies.par_iter().map(protection).collect()
+}
+
+/// How much detail each seed lays on.
+struct Balance {
+    /// Gains of fine and of wide detail `[M]`.
+    fine: Vec<f32>,
+    wide: Vec<f32>,
+    /// The factor that all fine gains have.
+    most_fine: f32,
+}
+
+impl Balance {
+    /// The gains by which pictures have as much detail as the painting. With K the energy of what the scene keeps, and P that of the
+    /// painting, a seed has the share sqrt(1 - K / P) of detail; then factors c of wide and d of fine detail solve |K + c W| = P in wide
+    /// bands and |K + c W + d F| = P in fine ones.
+    fn new(
+        scene: &Scene,
+        surface: &Surface,
+        canvas: &Canvas,
+        placements: &[Placement],
+        protection: &[f32],
+        kept: &[f32],
+    ) -> Self {
+        let owners = &surface.seeds.owners;
+        let n_seeds = surface.n_seeds();
+        let kept = surface.proofs.bands(kept);
+        let energies = surface.proofs.energies(&kept, owners, n_seeds);
+        let [fine, wide] = [0, 1].map(|kind| shares(surface, &energies[kind], canvas.detail.energies[kind]));
+        let of_gaussians = |shares: &[f32], protected: f32| -> Vec<f32> {
+            owners.iter().zip(protection).map(|(j, p)| shares[*j as usize] * (1.0 - protected * p)).collect()
+        };
+        let gains = [of_gaussians(&fine, PROTECTED), of_gaussians(&wide, 1.0)];
+        let ones = vec![1.0; n_seeds];
+        let plain = seeds(surface, canvas, placements, &ones, &ones);
+        let texture = LuminanceTexture::new(&canvas.detail.texture);
+        let detail = surface.proofs.detail(scene, &plain, owners, [&gains[0], &gains[1]], &texture);
+        let [of_fine, of_wide] = canvas.detail.energies;
+        let product = |a: &super::proofs::Bands, b: &super::proofs::Bands| a.products(b);
+        let (kk, kf, kw) = (product(&kept, &kept), product(&kept, &detail.fine), product(&kept, &detail.wide));
+        let (ff, fw) = (product(&detail.fine, &detail.fine), product(&detail.fine, &detail.wide));
+        let ww = product(&detail.wide, &detail.wide);
+        let c = root(ww[1], kw[1] + fw[1], kk[1] + ff[1] + 2.0 * kf[1] - of_wide).clamp(WIDE.0, WIDE.1);
+        let with_wide = kk[0] + 2.0 * c * kw[0] + c * c * ww[0];
+        let d = root(ff[0], kf[0] + c * fw[0], with_wide - of_fine).clamp(FINE.0, FINE.1);
+        let times = |shares: &[f32], factor: f64| shares.iter().map(|share| share * factor as f32).collect();
+        Self { fine: times(&fine, d), wide: times(&wide, c), most_fine: d as f32 }
+    }
+}
+
+/// The positive root x of a x^2 + 2 b x + c = 0, or 0.
+fn root(a: f64, b: f64, c: f64) -> f64 {
+    if a > 1e-12 { (-b + (b * b - a * c).max(0.0).sqrt()) / a } else { 0.0 }
+}
+
+/// The share of detail that each seed lays on where the scene keeps these energies, and the painting has one. Neighbors agree.
+fn shares(surface: &Surface, energies: &[f32], of_painting: f64) -> Vec<f32> {
+    let share = |energy: &f32| (1.0 - energy / of_painting.max(1e-9) as f32).max(0.0).sqrt().max(LEAST_SHARE);
+    let shares: Vec<f32> = energies.iter().map(share).collect();
+    let with_neighbors = |(i, around): (usize, &Vec<u32>)| {
+        let sum: f32 = around.iter().map(|&j| shares[j as usize]).sum();
+        if around.is_empty() { shares[i] } else { 0.5 * (shares[i] + sum / around.len() as f32) }
+    };
+    surface.seeds.around.iter().enumerate().map(with_neighbors).collect()
+}
+
+/// The seeds as they are drawn, with these gains.
+fn seeds(
+    surface: &Surface,
+    canvas: &Canvas,
+    placements: &[Placement],
+    fine: &[f32],
+    wide: &[f32],
+) -> Vec<StrokeSeed> {
+    // The texture is a square.
+    let texels = FINE_SIDE as f32 / canvas.size;
+    let seed = |(j, placement): (usize, &Placement)| {
+        PlainSeed {
+            at: surface.seeds.seeds[j].at,
+            right: placement.right,
+            down: placement.down,
+            pitch: texels / surface.pixel,
+            place: placement.at * texels,
+            fine: fine[j],
+            wide: wide[j],
+            texture: 0,
+        }
+        .packed()
+    };
+    placements.iter().enumerate().map(seed).collect()
+}
+
+/// Colors in the painting's palette and shares of dark and bright: those of the painting without its strokes where there are
+/// strokes, and else the painting's own.
+fn graded(
+    surface: &Surface,
+    canvas: &Canvas,
+    colors: &[Vec3],
+    protection: &[f32],
+    balance: &Balance,
+) -> Vec<[f32; 3]> {
+    let shown = surface.proofs.pixels(colors);
+    let from = moments(&shown, &surface.visibility, colors);
+    let grades = [&canvas.low, &canvas.whole].map(|(to, tones)| Grade::new(&from, &shown, to, tones));
+    let range = (Vec3::splat(-OVERSHOOT), Vec3::splat(1.0 + OVERSHOOT));
+    let color = |i: usize| {
+        let seed = surface.seeds.owners[i] as usize;
+        let fine = balance.fine[seed] / balance.most_fine * (1.0 - PROTECTED * protection[i]);
+        let wide = balance.wide[seed] * (1.0 - protection[i]);
+        let [under, bare] = [0, 1].map(|k: usize| grades[k].color(colors[i]).clamp(range.0, range.1));
+        // Energies add up: without strokes all contrast is the scene's.
+        let color = under.lerp(bare, BARE * (1.0 - fine * fine).max(0.0));
+        let color = canvas.palette.toward(color, TO_PALETTE).clamp(range.0, range.1);
+        // Wide detail brings the painting's large shapes back.
+        color.lerp(canvas.mean, (LOCAL * wide).min(1.0)).to_array()
+    };
+    (0..colors.len()).into_par_iter().map(color).collect()
+}
+
+/// A change of moments, then of tones.
+struct Grade<'a> {
+    recoloring: Recoloring,
+    from: Tones,
+    to: &'a Tones,
+}
+
+impl<'a> Grade<'a> {
+    fn new(from: &ColorMoments, shown: &[Vec3], to: &ColorMoments, tones: &'a Tones) -> Self {
+        let recoloring = Recoloring::new(from, to);
+        let luminance = |color: &Vec3| Vec3::from(recoloring.color(color.to_array())).dot(LUMINANCE);
+        let from = Tones::new(shown.par_iter().map(luminance).collect());
+        Self { recoloring, from, to: tones }
+    }
+
+    fn color(&self, color: Vec3) -> Vec3 {
+        let color = Vec3::from(self.recoloring.color(color.to_array()));
+        let luminance = color.dot(LUMINANCE);
+        color + TONE * (Curve::new(&self.from, self.to).at(luminance) - luminance)
+    }
+}

@@ -1,0 +1,35 @@
+// Draws the sorted splats like `splat_draw`, with strokes over their colors. CPU twin: `stylegaussian::splat::render_strokes`.
+
+struct Quad {
+    @builtin(position) position: vec4<f32>,
+    /// The geometry half of the record: center in pixels of the target, slope, row_precision.
+    @location(0) @interpolate(flat) geometry: vec4<f32>,
+    @location(1) @interpolate(flat) y_precision: f32,
+    @location(2) @interpolate(flat) color: vec4<f32>,
+    /// The strokes as they are stored: unpacked, they would take two more locations.
+    @location(3) @interpolate(flat) strokes: vec4<u32>,
+}
+
+@vertex
+fn splat_draw_strokes_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32) -> Quad {
+    let record = record_of(instance);
+    let geometry = geometry_halves[record];
+    let splat = unpacked(geometry, color_halves[record]);
+    let color = vec4(splat.color, splat.opacity);
+    return Quad(corner_of(splat, corner), geometry, splat.y_precision, color, stroke_records[record]);
+}
+
+@fragment
+fn splat_draw_strokes_fragment(quad: Quad) -> @location(0) vec4<f32> {
+    let d = quad.position.xy - quad.geometry.xy;
+    let alpha = alpha_at(d, quad.geometry, quad.y_precision, quad.color.a);
+    // Corners of the parallelogram are outside of the ellipse.
+    if alpha < MIN_ALPHA {
+        discard;
+    }
+    var rgb = quad.color.rgb;
+    if alpha >= LEAST_ALPHA && has_strokes(quad.strokes) {
+        rgb += stroke_detail(unpacked_strokes(quad.strokes), d);
+    }
+    return vec4(rgb * alpha, alpha);
+}
