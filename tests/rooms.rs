@@ -24,8 +24,8 @@ const GPU: &str = "crates/stylegaussian_gpu/src";
 const MODEL: &str = "crates/stylegaussian/src";
 
 /// In the plugin: `style` and `splats` stand on `colors`, and that stands on `scene`. In the GPU crate, the two passes meet
-/// in `colors`. In the model crate, the rasterizer knows no decoder and the decoder no rasterizer.
-const WALLS: [Wall; 12] = [
+/// in `colors`, and strokes know of neither. In the model crate, the rasterizer knows no decoder and the decoder no rasterizer.
+const WALLS: [Wall; 13] = [
     Wall { sources: PLUGIN, room: "style", forbidden: &["splats"] },
     Wall { sources: PLUGIN, room: "splats", forbidden: &["style"] },
     Wall { sources: PLUGIN, room: "colors", forbidden: &["style", "splats"] },
@@ -34,6 +34,7 @@ const WALLS: [Wall; 12] = [
     Wall { sources: PLUGIN, room: "picking", forbidden: &["colors", "style", "splats"] },
     Wall { sources: GPU, room: "style", forbidden: &["splat"] },
     Wall { sources: GPU, room: "splat", forbidden: &["style"] },
+    Wall { sources: GPU, room: "strokes", forbidden: &["style", "splat", "layers"] },
     Wall { sources: MODEL, room: "splat", forbidden: &["decoder", "fold", "statistics"] },
     Wall { sources: MODEL, room: "decoder", forbidden: &["splat"] },
     Wall { sources: MODEL, room: "fold", forbidden: &["splat"] },

@@ -131,7 +131,6 @@ pub fn mix_strokes() -> Source {
     source("mix_strokes", &more, include_str!("../wgsl/mix_strokes.wgsl"))
 }
 
-
 /// Every joined source.
 pub fn sources() -> Vec<Source> {
     vec![mix_layers(), mix_strokes()]

@@ -1,37 +1,46 @@
-//! Looks in space on the GPU: `mix_layers`. CPU twin: [`stylegaussian::layers::mix_layers`].
+//! Looks in space on the GPU: `mix_layers` mixes their colors, and `mix_strokes` their strokes. CPU twins:
+//! [`stylegaussian::layers::mix_layers`], [`stylegaussian::strokes::mix_strokes`].
 //!
 //! All layers that fit into one dispatch are mixed by it, in the blocks of Gaussians that differ from the last mix (`plan`). Each
 //! block names the layers that reach it, and only on the edge of a region, the region is evaluated (`pack`).
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 use stylegaussian::layers::Region;
-use stylegaussian_shaders::layers::{self as shaders, MixLayer, MixStack};
+use stylegaussian_shaders::{
+    Source,
+    layers::{self as shaders, MixLayer, MixStack},
+};
 
 use crate::{
     bindings::{bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding},
     buffers,
     colors::GaussianColors,
     splat::GpuScene,
+    strokes::GaussianStrokes,
 };
 
 mod pack;
 mod plan;
+mod strokes;
 #[cfg(test)]
 mod tests;
 
 pub use crate::mask::GaussianMask;
-use plan::Dispatch;
 pub use plan::MixedLayers;
+use plan::{Dispatch, Values};
+pub use strokes::StrokeMix;
 
 /// Workgroups in one dimension of a dispatch, by WebGPU's default limits.
 const MAX_WORKGROUPS: u32 = 65_535;
 
-/// Colors in a region. The lowest layer comes first.
+/// Colors and strokes in a region. The lowest layer comes first.
 #[derive(Clone, Copy, Debug)]
 pub struct GpuLayer<'a> {
     /// One color per Gaussian, or `None` for the captured colors.
     pub look: Option<&'a GaussianColors>,
+    /// The look's strokes, or `None` if it has none: those below fade under it.
+    pub strokes: Option<&'a GaussianStrokes>,
     /// The part of the scene that gets them.
     pub region: Region,
     /// Share of the colors below that is replaced within the region, 0..1.
@@ -40,16 +49,22 @@ pub struct GpuLayer<'a> {
     pub mask: Option<(&'a GaussianMask, u32)>,
 }
 
-/// The kernel that mixes layers.
+/// The kernels that mix layers.
 #[derive(Debug)]
 pub struct LayerMixer {
-    /// Without noise, and with it.
-    pipelines: [wgpu::ComputePipeline; 2],
+    /// For colors, without noise and with it.
+    of_colors: Pipelines,
+    /// For strokes, compiled when they are asked for, or when the first are mixed.
+    of_strokes: OnceLock<Pipelines>,
     layout: wgpu::BindGroupLayout,
+    pipeline_layout: wgpu::PipelineLayout,
     /// Bound in place of looks and masks that are not read.
     absent: wgpu::Buffer,
     pool: Mutex<Pool>,
 }
+
+/// A kernel without noise, and with it.
+type Pipelines = [wgpu::ComputePipeline; 2];
 
 /// Buffers of former submissions, to be used again in the next one.
 #[derive(Debug, Default)]
@@ -61,7 +76,7 @@ struct Pool {
 }
 
 impl LayerMixer {
-    /// Compiles the kernel.
+    /// Compiles the kernel for colors.
     pub fn new(device: &wgpu::Device) -> Self {
         let (label, compute) = ("mix_layers", wgpu::ShaderStages::COMPUTE);
         let read = storage_binding(true);
@@ -73,14 +88,20 @@ impl LayerMixer {
         };
         let bindings = [uniforms, storage_binding(false), read, read, read, read, read, read, read];
         let layout = group_layout(device, label, compute, &bindings);
-        let groups = pipeline_layout(device, label, &[&layout]);
-        let pipelines = [0.0, 1.0].map(|has_noise| {
-            let constants = [("has_noise", has_noise)];
-            let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
-            compute_pipeline(device, shaders::mix_layers(), &groups, options)
-        });
+        let pipeline_layout = pipeline_layout(device, label, &[&layout]);
+        let of_colors = pipelines(device, shaders::mix_layers, &pipeline_layout);
         let absent = buffers::create(device, "mix_absent", 16, wgpu::BufferUsages::STORAGE);
-        Self { pipelines, layout, absent, pool: Mutex::default() }
+        let (of_strokes, pool) = (OnceLock::new(), Mutex::default());
+        Self { of_colors, of_strokes, layout, pipeline_layout, absent, pool }
+    }
+
+    /// Compiles the kernel for strokes, in any thread, while others mix. Without this call, the first mix of strokes compiles it.
+    pub fn prepare_strokes(&self, device: &wgpu::Device) {
+        self.strokes_pipelines(device);
+    }
+
+    fn strokes_pipelines(&self, device: &wgpu::Device) -> &Pipelines {
+        self.of_strokes.get_or_init(|| pipelines(device, shaders::mix_strokes, &self.pipeline_layout))
     }
 
     /// Uses the buffers of the last submission again. They are written before a submission and not within it, so each of its
@@ -109,16 +130,40 @@ impl LayerMixer {
         mixed: &mut MixedLayers,
     ) {
         check(scene, layers, colors);
+        let values = |layer: &GpuLayer| {
+            let look = layer.look?;
+            Some(Values { buffer: look.buffer().clone(), version: look.version(), first_seed: 0 })
+        };
+        let layers: Vec<_> = layers.iter().map(|layer| (layer, values(layer))).collect();
+        let gpu = Encoding { device, queue, encoder };
+        if self.encode_values(gpu, &self.of_colors, scene, layers, colors.buffer(), mixed) {
+            colors.mark_changed();
+        }
+    }
+
+    /// Encodes the mix of `layers` and their values into `target`. Returns whether there was anything to do.
+    fn encode_values(
+        &self,
+        Encoding { device, queue, encoder }: Encoding,
+        pipelines: &Pipelines,
+        scene: &GpuScene,
+        layers: Vec<(&GpuLayer, Option<Values>)>,
+        target: &wgpu::Buffer,
+        mixed: &mut MixedLayers,
+    ) -> bool {
         // Layers that cover nothing are left out.
-        let packed: Vec<_> = layers.iter().filter_map(|layer| Some((layer, pack::packed(layer)?))).collect();
-        let seen: Vec<_> = packed.iter().map(|(layer, _)| **layer).collect();
-        let (dispatches, blocks) = mixed.update(scene, &seen, colors);
+        let seen = layers.into_iter().filter_map(|layer| Some((pack::packed(layer.0)?, layer)));
+        let (packed, seen): (Vec<_>, Vec<_>) = seen.unzip();
+        let (dispatches, blocks) = mixed.update(scene, &seen, target);
         if dispatches.is_empty() {
-            return;
+            return false;
         }
         let stacks: Vec<_> = dispatches
             .iter()
-            .map(|dispatch| Stack::new(scene, dispatch, &packed[dispatch.layers.clone()]))
+            .map(|dispatch| {
+                let range = dispatch.layers.clone();
+                Stack::new(scene, dispatch, &packed[range.clone()], &seen[range])
+            })
             .collect();
         let mut pool = self.pool.lock().unwrap_or_else(PoisonError::into_inner);
         let [uniforms, blocks] =
@@ -133,13 +178,13 @@ impl LayerMixer {
         for (i, (dispatch, stack)) in dispatches.iter().zip(&stacks).enumerate() {
             let gaussians = &scene.chunks()[dispatch.chunk].gaussians;
             let masks = stack.mask.map_or(&self.absent, |mask| &mask.buffer);
-            let look = |i: usize| stack.looks.get(i).map_or(&self.absent, |look| look.buffer());
-            let buffers = [colors.buffer(), gaussians, masks, &blocks, look(0), look(1), look(2), look(3)];
+            let look = |i: usize| stack.looks.get(i).copied().unwrap_or(&self.absent);
+            let buffers = [target, gaussians, masks, &blocks, look(0), look(1), look(2), look(3)];
             let uniforms = wgpu::BindingResource::Buffer(uniforms.clone());
             let resources: Vec<_> =
                 std::iter::once(uniforms).chain(buffers.map(wgpu::Buffer::as_entire_binding)).collect();
             let has_noise = stack.uniforms.layers.iter().any(|layer| layer.shape == shaders::SHAPE_NOISE);
-            pass.set_pipeline(&self.pipelines[usize::from(has_noise)]);
+            pass.set_pipeline(&pipelines[usize::from(has_noise)]);
             let group = bind_group(device, "mix_layers", &self.layout, &resources);
             pass.set_bind_group(0, &group, &[(i * OFFSET) as u32]);
             // Workgroups beyond the limit go into a second dimension.
@@ -147,26 +192,46 @@ impl LayerMixer {
             let x = n.min(MAX_WORKGROUPS);
             pass.dispatch_workgroups(x, n.div_ceil(x), 1);
         }
-        drop(pass);
-        colors.mark_changed();
+        true
     }
+}
+
+/// Where commands go.
+struct Encoding<'a> {
+    device: &'a wgpu::Device,
+    queue: &'a wgpu::Queue,
+    encoder: &'a mut wgpu::CommandEncoder,
+}
+
+/// The pipelines of a kernel.
+fn pipelines(device: &wgpu::Device, source: fn() -> Source, layout: &wgpu::PipelineLayout) -> Pipelines {
+    [0.0, 1.0].map(|has_noise| {
+        let constants = [("has_noise", has_noise)];
+        let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
+        compute_pipeline(device, source(), layout, options)
+    })
 }
 
 /// A dispatch as the kernel takes it.
 struct Stack<'a> {
     uniforms: MixStack,
     /// Its looks by their numbers.
-    looks: Vec<&'a GaussianColors>,
+    looks: Vec<&'a wgpu::Buffer>,
     mask: Option<&'a GaussianMask>,
 }
 
 impl<'a> Stack<'a> {
     /// The dispatch of `layers`.
-    fn new(scene: &GpuScene, dispatch: &Dispatch, layers: &[(&GpuLayer<'a>, MixLayer)]) -> Self {
+    fn new(
+        scene: &GpuScene,
+        dispatch: &Dispatch,
+        packed: &[MixLayer],
+        layers: &'a [(&GpuLayer<'a>, Option<Values>)],
+    ) -> Self {
         let (chunk, blocks) = (&scene.chunks()[dispatch.chunk], &dispatch.blocks);
-        let mut looks: Vec<&GaussianColors> = Vec::new();
-        let mut number = |look: &'a GaussianColors| {
-            let known = looks.iter().position(|known| known.buffer() == look.buffer());
+        let mut looks: Vec<&wgpu::Buffer> = Vec::new();
+        let mut number = |look: &'a wgpu::Buffer| {
+            let known = looks.iter().position(|known| *known == look);
             known.unwrap_or_else(|| {
                 looks.push(look);
                 looks.len() - 1
@@ -179,8 +244,10 @@ impl<'a> Stack<'a> {
             first_block: blocks.start,
             n_blocks: blocks.len() as u32,
         };
-        for (place, (layer, values)) in uniforms.layers.iter_mut().zip(layers) {
-            *place = MixLayer { look: layer.look.map_or(shaders::NO_LOOK, &mut number), ..*values };
+        for (place, (packed, (_, look))) in uniforms.layers.iter_mut().zip(packed.iter().zip(layers)) {
+            let first_seed = look.as_ref().map_or(0, |look| look.first_seed);
+            let look = look.as_ref().map_or(shaders::NO_LOOK, |look| number(&look.buffer));
+            *place = MixLayer { look, first_seed, ..*packed };
         }
         let mask = layers.iter().find_map(|(layer, _)| layer.mask.map(|(mask, _)| mask));
         Self { uniforms, looks, mask }
@@ -236,6 +303,11 @@ fn check(scene: &GpuScene, layers: &[GpuLayer], colors: &GaussianColors) {
     for layer in layers {
         assert!(layer.look.is_none_or(|look| look.n_gaussians() == n), "one color per Gaussian");
         assert!(layer.look.is_none_or(|look| look.buffer() != colors.buffer()), "a look is not the mix");
-        assert!(layer.mask.is_none_or(|(mask, _)| mask.n_gaussians == n), "one weight per Gaussian");
+        check_mask(layer, n);
     }
+}
+
+/// Checks that a layer's mask is of `n` Gaussians.
+fn check_mask(layer: &GpuLayer, n: usize) {
+    assert!(layer.mask.is_none_or(|(mask, _)| mask.n_gaussians == n), "one weight per Gaussian");
 }

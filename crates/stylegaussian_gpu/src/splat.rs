@@ -1,7 +1,8 @@
 //! The splat pass: draws any number of clouds as cameras see them, every frame.
 //!
 //! 1. *project* (`project`): culls and projects the Gaussians of each cloud and evaluates their colors, into one
-//!    array of records and keys per view;
+//!    array of records and keys per view. Behind it, *strokes* (`strokes`) writes how the splats of clouds with strokes lie
+//!    in their paintings. Views without such clouds do none of this, and their draws bind nothing of it;
 //! 2. *sort* (`sort`): one radix sort over the visible splats of all clouds, so that clouds interleave where they
 //!    overlap;
 //! 3. *draw* (`draw`): one indirect draw of quads, back to front, premultiplied over, into a *layer* of the target's
@@ -25,6 +26,7 @@ mod project;
 mod scene;
 mod settings;
 mod sort;
+mod strokes;
 #[cfg(test)]
 pub(crate) mod testing;
 mod tiles;
@@ -32,7 +34,7 @@ mod tonemapping;
 mod view;
 
 pub use camera::Camera;
-pub use cloud::{Cloud, CloudColors, CloudVisibility};
+pub use cloud::{Cloud, CloudColors, CloudVisibility, PaintedColors};
 pub use composite::{Composite, CompositeInput, CompositeMode, CompositePipeline};
 pub use draw::SplatPipeline;
 pub use error::SplatError;

@@ -34,7 +34,9 @@ pub enum StrokesError {
         limit: usize,
     },
     /// The store is full.
-    #[error("strokes with {found} new textures, the GPU has room for {free} of {limit}; show fewer styles at once")]
+    #[error(
+        "strokes with {found} new textures, the GPU has room for {free} of {limit}; show fewer styles at once"
+    )]
     TooManyTextures {
         /// Textures of the strokes that are not in the store.
         found: usize,
@@ -189,6 +191,11 @@ pub(crate) fn seed_bytes(n_seeds: usize) -> u64 {
     size_of::<StrokeSeed>() as u64 * (n_seeds as u64).max(1)
 }
 
+/// The number of a seed's texture.
+fn texture_of(seed: &StrokeSeed) -> usize {
+    (seed.look >> 16 & 0xff) as usize
+}
+
 /// Checks that a word can name each seed, and that there is a texture for each.
 fn check(strokes: &Strokes) -> Result<(), StrokesError> {
     let (found, limit) = (strokes.seeds.len(), MAX_SEEDS);
@@ -196,7 +203,7 @@ fn check(strokes: &Strokes) -> Result<(), StrokesError> {
         return Err(StrokesError::TooManySeeds { found, limit });
     }
     let expected = strokes.textures.len();
-    match strokes.seeds.iter().map(|seed| usize::from(seed.texture())).max() {
+    match strokes.seeds.iter().map(texture_of).max() {
         Some(found) if found >= expected => Err(StrokesError::NoTexture { found, expected }),
         _ => Ok(()),
     }

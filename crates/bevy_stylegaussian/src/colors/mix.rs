@@ -183,6 +183,7 @@ impl Gpu<'_> {
                     LayerColors::Style(style) => colors.style(style),
                     LayerColors::Mix(mix) => colors.mixes.get(&address(mix)).map(|(_, buffer)| buffer),
                 },
+                strokes: None,
                 region: layer.region,
                 strength: layer.strength,
                 mask: self.mask.zip(layer.mask),

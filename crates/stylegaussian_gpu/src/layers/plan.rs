@@ -7,20 +7,17 @@ use stylegaussian::layers::{Cover, Region, RegionCover};
 use stylegaussian_shaders::layers::{MIX_LAYERS, MIX_LOOKS, MixBlock, STARTS};
 
 use super::GpuLayer;
-use crate::{
-    colors::GaussianColors,
-    splat::{Ball, GpuScene},
-};
+use crate::splat::{Ball, GpuScene};
 
 /// Blocks that are asked about together first.
 const GROUP: usize = 32;
 
-/// The layers that colors hold, from the last mix. Regions that did not move are not asked again, and blocks whose colors stay
-/// as they are take no part in the next mix.
+/// The layers that colors or words hold, from the last mix. Regions that did not move are not asked again, and blocks whose values
+/// stay as they are take no part in the next mix.
 #[derive(Debug, Default)]
 pub struct MixedLayers {
-    /// The colors, or `None` if they may hold anything.
-    colors: Option<wgpu::Buffer>,
+    /// The colors or words, or `None` if they may hold anything.
+    target: Option<wgpu::Buffer>,
     layers: Vec<MixedLayer>,
 }
 
@@ -33,10 +30,20 @@ struct MixedLayer {
     covers: Arc<[Cover]>,
 }
 
-/// Everything that a layer's colors depend on, except its region.
+/// What a layer lays over those below: colors of a look, or words of its strokes.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Values {
+    pub(super) buffer: wgpu::Buffer,
+    /// A number that differs after each change of them.
+    pub(super) version: u64,
+    /// Added to the seeds of words.
+    pub(super) first_seed: u32,
+}
+
+/// Everything that a layer's values depend on, except its region.
 #[derive(Debug, PartialEq)]
 struct Source {
-    look: Option<(wgpu::Buffer, u64)>,
+    look: Option<Values>,
     mask: Option<(wgpu::Buffer, u64, u32)>,
     strength: f32,
 }
@@ -52,15 +59,15 @@ pub(super) struct Dispatch {
 }
 
 impl Source {
-    fn of(layer: &GpuLayer) -> Self {
+    fn of(layer: &GpuLayer, look: Option<&Values>) -> Self {
         Self {
-            look: layer.look.map(|look| (look.buffer().clone(), look.version())),
+            look: look.cloned(),
             mask: layer.mask.map(|(mask, channel)| (mask.buffer.clone(), mask.version(), channel)),
             strength: layer.strength,
         }
     }
 
-    /// Whether nothing of the colors below is left within the region.
+    /// Whether nothing of what is below is left within the region.
     fn is_opaque(&self) -> bool {
         self.mask.is_none() && self.strength >= 1.0
     }
@@ -71,26 +78,26 @@ impl MixedLayers {
     pub(super) fn update(
         &mut self,
         scene: &GpuScene,
-        layers: &[GpuLayer],
-        colors: &GaussianColors,
+        layers: &[(&GpuLayer, Option<Values>)],
+        target: &wgpu::Buffer,
     ) -> (Vec<Dispatch>, Vec<MixBlock>) {
-        let holds_last = self.colors.as_ref() == Some(colors.buffer());
+        let holds_last = self.target.as_ref() == Some(target);
         let last = if holds_last { std::mem::take(&mut self.layers) } else { Vec::new() };
         let next: Vec<_> = layers
             .iter()
             .enumerate()
-            .map(|(i, layer)| {
+            .map(|(i, (layer, look))| {
                 let same_region = last.get(i).filter(|last| last.region == layer.region);
                 let covers = match same_region {
                     Some(last) => Arc::clone(&last.covers),
                     None => covers(scene, &layer.region),
                 };
-                MixedLayer { region: layer.region, source: Source::of(layer), covers }
+                MixedLayer { region: layer.region, source: Source::of(layer, look.as_ref()), covers }
             })
             .collect();
         let n_blocks = scene.chunks().iter().map(|chunk| chunk.blocks.len()).sum();
         let changed = if holds_last { changed_blocks(&last, &next, n_blocks) } else { vec![true; n_blocks] };
-        self.colors = Some(colors.buffer().clone());
+        self.target = Some(target.clone());
         self.layers = next;
         dispatches(scene, &self.layers, &changed)
     }
@@ -119,7 +126,7 @@ fn around(balls: &[Ball]) -> Ball {
     Ball { center, radius }
 }
 
-/// Which blocks have other colors under `next` than under `last`.
+/// Which blocks have other values under `next` than under `last`.
 fn changed_blocks(last: &[MixedLayer], next: &[MixedLayer], n_blocks: usize) -> Vec<bool> {
     let mut changed = vec![false; n_blocks];
     for i in 0..last.len().max(next.len()) {
@@ -190,7 +197,7 @@ fn stacks(layers: &[MixedLayer]) -> Vec<Range<usize>> {
     let mut stacks = Vec::new();
     let (mut start, mut looks, mut masks) = (0, Vec::new(), Vec::new());
     for (i, layer) in layers.iter().enumerate() {
-        let look = layer.source.look.as_ref().map(|(look, _)| look);
+        let look = layer.source.look.as_ref().map(|look| &look.buffer);
         let mask = layer.source.mask.as_ref().map(|(mask, ..)| mask);
         let new_look = look.filter(|look| !looks.contains(look));
         let new_mask = mask.filter(|mask| !masks.contains(mask));

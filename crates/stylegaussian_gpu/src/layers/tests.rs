@@ -92,6 +92,7 @@ fn gpu_matches_cpu() {
         });
         for_gpu.push(GpuLayer {
             look: look.map(|look| &looks[look]),
+            strokes: None,
             region,
             strength,
             mask: mask.map(|(mask, channel)| (&masks[mask], channel as u32)),
@@ -134,7 +135,7 @@ fn degenerate_layers_match_the_cpu() {
         Region { shape: Shape::Noise { size: 0.0, level: 0.5 }, ..everywhere },
     ];
     for region in regions {
-        let layer = GpuLayer { look: Some(&look), region, strength: 1.0, mask: None };
+        let layer = GpuLayer { look: Some(&look), strokes: None, region, strength: 1.0, mask: None };
         let found = on_gpu(&gpu, &scene, &[layer]);
         let layer = Layer { look: Some(&same), region, strength: 1.0, mask: None };
         let expected = layers::mix_layers(&scene.means, &[layer]);
@@ -190,6 +191,7 @@ fn a_mix_goes_on_from_the_last() {
             .iter()
             .map(|&(look, region, strength, masked)| GpuLayer {
                 look: look.map(|look| &looks[look]),
+                strokes: None,
                 region,
                 strength,
                 mask: masked.then_some((&mask, 1)),
@@ -254,8 +256,13 @@ fn eight_volumes_take_a_tenth_of_the_splat_pass() {
         })
         .collect();
     let mut mix = |frame: usize| {
-        let everywhere =
-            GpuLayer { look: Some(&looks[0]), region: Region::EVERYWHERE, strength: 1.0, mask: None };
+        let everywhere = GpuLayer {
+            look: Some(&looks[0]),
+            strokes: None,
+            region: Region::EVERYWHERE,
+            strength: 1.0,
+            mask: None,
+        };
         let volumes = regions.iter().zip(&places).enumerate().map(|(i, (region, place))| {
             let moved = Affine3A::from_translation(*place + 0.05 * frame as f32);
             let region = Region { shape_from_scene: region.shape_from_scene * moved, ..*region };

@@ -2,10 +2,13 @@
 
 use glam::Affine3A;
 
-use stylegaussian::mask::{CHANNELS, MaskUse};
+use stylegaussian::{
+    mask::{CHANNELS, MaskUse},
+    strokes::StrokeKnobs,
+};
 
 use super::{error::SplatError, scene::GpuScene};
-use crate::{colors::GaussianColors, mask::GaussianMask};
+use crate::{colors::GaussianColors, mask::GaussianMask, strokes::GaussianStrokes};
 
 /// A scene in the world.
 #[derive(Clone, Copy, Debug)]
@@ -38,6 +41,19 @@ pub enum CloudColors<'a> {
     Captured,
     /// One RGB per Gaussian, not clamped.
     Rgb(&'a GaussianColors),
+    /// Either of them with strokes over it: see [`with_strokes`](Self::with_strokes).
+    Painted(PaintedColors<'a>),
+}
+
+/// Colors with strokes over them.
+#[derive(Clone, Copy, Debug)]
+pub struct PaintedColors<'a> {
+    /// The colors below; `None` for the captured ones.
+    pub below: Option<&'a GaussianColors>,
+    /// The strokes, whose textures are in the store of the [`SplatPass`](super::SplatPass).
+    pub strokes: &'a GaussianStrokes,
+    /// What may be changed without computing strokes anew. A view takes `near` from the first of its clouds that has strokes.
+    pub knobs: StrokeKnobs,
 }
 
 impl<'a> CloudColors<'a> {
@@ -46,6 +62,21 @@ impl<'a> CloudColors<'a> {
         match self {
             Self::Captured => None,
             Self::Rgb(colors) => Some(colors),
+            Self::Painted(painted) => painted.below,
+        }
+    }
+
+    /// The colors with `strokes` over them, in place of any strokes that they have.
+    #[must_use]
+    pub fn with_strokes(self, strokes: &'a GaussianStrokes, knobs: StrokeKnobs) -> Self {
+        Self::Painted(PaintedColors { below: self.own(), strokes, knobs })
+    }
+
+    /// The strokes over the colors.
+    pub(super) fn painted(self) -> Option<PaintedColors<'a>> {
+        match self {
+            Self::Painted(painted) => Some(painted),
+            Self::Captured | Self::Rgb(_) => None,
         }
     }
 }
@@ -66,13 +97,17 @@ impl<'a> Cloud<'a> {
     }
 }
 
-/// Checks that each cloud has as many colors as Gaussians, and a mask of as many.
+/// Checks that each cloud has as many colors as Gaussians, and strokes and a mask of as many.
 pub(super) fn check(clouds: &[Cloud]) -> Result<(), SplatError> {
     for (i, cloud) in clouds.iter().enumerate() {
         let expected = cloud.scene.n_gaussians();
         let found = cloud.colors.own().map_or(expected, GaussianColors::n_gaussians);
         if found != expected {
             return Err(SplatError::Colors { cloud: i, found, expected });
+        }
+        let found = cloud.colors.painted().map_or(expected, |painted| painted.strokes.n_gaussians());
+        if found != expected {
+            return Err(SplatError::Strokes { cloud: i, found, expected });
         }
         let found = cloud.visibility.map_or(expected, |visibility| visibility.mask.n_gaussians());
         if found != expected {

@@ -1,8 +1,10 @@
 //! The draw stage on the GPU: `splat_draw`.
 
+use std::sync::{Arc, OnceLock};
+
 use stylegaussian_shaders::splat::{self as shaders, SplatDraw};
 
-use super::{layer::LAYER_FORMAT, view::DrawSource};
+use super::{layer::LAYER_FORMAT, strokes::StrokeStage, view::DrawSource};
 use crate::bindings::{group_layout, pipeline_layout, shader_module, storage_binding, uniform_binding};
 
 /// Offset of the indirect draw's arguments in `SplatCommands`, in bytes.
@@ -15,11 +17,20 @@ pub(super) struct Draw {
     pipeline_layout: wgpu::PipelineLayout,
     /// Uniforms, counts, sorted record indices, and both halves of the records.
     pub layout: wgpu::BindGroupLayout,
+    /// The shader and the layout of draws with strokes, made when the first is compiled.
+    painted: OnceLock<(wgpu::ShaderModule, wgpu::PipelineLayout)>,
 }
 
 /// The draw for one kind of target.
 #[derive(Clone, Debug)]
-pub struct SplatPipeline(wgpu::RenderPipeline);
+pub struct SplatPipeline {
+    plain: wgpu::RenderPipeline,
+    /// The draw with strokes, compiled when it is asked for.
+    painted: Arc<OnceLock<wgpu::RenderPipeline>>,
+    device: wgpu::Device,
+    samples: u32,
+    depth_format: Option<wgpu::TextureFormat>,
+}
 
 impl Draw {
     pub fn new(device: &wgpu::Device) -> Self {
@@ -30,7 +41,7 @@ impl Draw {
         let layout = group_layout(device, label, wgpu::ShaderStages::VERTEX, &bindings);
         let pipeline_layout = pipeline_layout(device, label, &[&layout]);
         let module = shader_module(device, source);
-        Self { module, pipeline_layout, layout }
+        Self { module, pipeline_layout, layout, painted: OnceLock::new() }
     }
 
     pub fn pipeline(
@@ -39,52 +50,99 @@ impl Draw {
         samples: u32,
         depth_format: Option<wgpu::TextureFormat>,
     ) -> SplatPipeline {
-        let depth_stencil = depth_format.map(|format| wgpu::DepthStencilState {
-            format,
-            // Splats are transparent: meshes hide them, but they do not hide one another.
-            depth_write_enabled: Some(false),
-            depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
-            stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
-        });
-        SplatPipeline(device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("splat_draw"),
-            layout: Some(&self.pipeline_layout),
-            vertex: wgpu::VertexState {
-                module: &self.module,
-                entry_point: Some("splat_draw_vertex"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState {
-                topology: wgpu::PrimitiveTopology::TriangleStrip,
-                ..Default::default()
-            },
-            depth_stencil,
-            multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
-            fragment: Some(wgpu::FragmentState {
-                module: &self.module,
-                entry_point: Some("splat_draw_fragment"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &[Some(wgpu::ColorTargetState {
-                    format: LAYER_FORMAT,
-                    blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
-                    write_mask: wgpu::ColorWrites::ALL,
-                })],
-            }),
-            multiview_mask: None,
-            cache: None,
-        }))
+        let plain = render_pipeline(
+            device,
+            &self.module,
+            &self.pipeline_layout,
+            "splat_draw",
+            (samples, depth_format),
+        );
+        SplatPipeline { plain, painted: Arc::default(), device: device.clone(), samples, depth_format }
     }
-}
 
-impl SplatPipeline {
+    /// The draw of `pipeline` with strokes, which is compiled unless it is there.
+    pub fn painted<'a>(
+        &self,
+        pipeline: &'a SplatPipeline,
+        strokes: &StrokeStage,
+    ) -> &'a wgpu::RenderPipeline {
+        pipeline.painted.get_or_init(|| {
+            let SplatPipeline { device, samples, depth_format, .. } = pipeline;
+            let (module, layout) = self.painted.get_or_init(|| {
+                let source = shaders::strokes::draw();
+                let groups = [&self.layout, &strokes.draws(device).layout];
+                (shader_module(device, source.clone()), pipeline_layout(device, source.label, &groups))
+            });
+            render_pipeline(device, module, layout, "splat_draw_strokes", (*samples, *depth_format))
+        })
+    }
+
     /// Encodes as many quads as `commands` (`SplatCommands`) ask for.
-    pub(super) fn encode(&self, pass: &mut wgpu::RenderPass, source: &DrawSource, commands: &wgpu::Buffer) {
+    pub fn encode(
+        &self,
+        pass: &mut wgpu::RenderPass,
+        pipeline: &SplatPipeline,
+        strokes: &StrokeStage,
+        source: &DrawSource,
+        commands: &wgpu::Buffer,
+    ) {
         let [x, y, width, height] = source.viewport.as_vec4().to_array();
         pass.set_viewport(x, y, width, height, 0.0, 1.0);
-        pass.set_pipeline(&self.0);
+        match source.strokes {
+            None => pass.set_pipeline(&pipeline.plain),
+            Some(group) => {
+                pass.set_pipeline(self.painted(pipeline, strokes));
+                pass.set_bind_group(1, group, &[]);
+            }
+        }
         pass.set_bind_group(0, source.bind_group, &[]);
         pass.draw_indirect(commands, DRAW_ARGUMENTS);
     }
+}
+
+/// The draw of a shader with the entry points `label` and `_vertex`, `label` and `_fragment`, for a number of samples and a format
+/// of depth.
+fn render_pipeline(
+    device: &wgpu::Device,
+    module: &wgpu::ShaderModule,
+    layout: &wgpu::PipelineLayout,
+    label: &str,
+    (samples, depth_format): (u32, Option<wgpu::TextureFormat>),
+) -> wgpu::RenderPipeline {
+    let depth_stencil = depth_format.map(|format| wgpu::DepthStencilState {
+        format,
+        // Splats are transparent: meshes hide them, but they do not hide one another.
+        depth_write_enabled: Some(false),
+        depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
+        stencil: wgpu::StencilState::default(),
+        bias: wgpu::DepthBiasState::default(),
+    });
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(label),
+        layout: Some(layout),
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some(&format!("{label}_vertex")),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState {
+            topology: wgpu::PrimitiveTopology::TriangleStrip,
+            ..Default::default()
+        },
+        depth_stencil,
+        multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
+        fragment: Some(wgpu::FragmentState {
+            module,
+            entry_point: Some(&format!("{label}_fragment")),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &[Some(wgpu::ColorTargetState {
+                format: LAYER_FORMAT,
+                blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
+                write_mask: wgpu::ColorWrites::ALL,
+            })],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
 }

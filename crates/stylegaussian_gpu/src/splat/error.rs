@@ -23,6 +23,16 @@ pub enum SplatError {
         /// Gaussians of the cloud's scene.
         expected: usize,
     },
+    /// The strokes belong to another scene.
+    #[error("cloud {cloud}: found strokes of {found} Gaussians, expected {expected}")]
+    Strokes {
+        /// Index of the cloud.
+        cloud: usize,
+        /// Gaussians that the strokes belong to.
+        found: usize,
+        /// Gaussians of the cloud's scene.
+        expected: usize,
+    },
     /// The mask belongs to another scene.
     #[error("cloud {cloud}: found a mask of {found} Gaussians, expected {expected}")]
     Mask {

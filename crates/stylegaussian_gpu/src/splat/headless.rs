@@ -13,7 +13,10 @@ use super::{
     settings::SplatSettings,
     view::SplatView,
 };
-use crate::buffers::{self, ReadBackError};
+use crate::{
+    buffers::{self, ReadBackError},
+    strokes::StrokeStore,
+};
 
 /// A picture of splats over nothing. Row-major `[H, W]`, from the top left.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,6 +71,11 @@ impl Headless {
         Self::of(device, SplatPass::new(device))
     }
 
+    /// The same with the textures of strokes in `store`.
+    pub fn with_store(device: &wgpu::Device, store: StrokeStore) -> Self {
+        Self::of(device, SplatPass::with_store(device, store))
+    }
+
     /// The same, but draws by quads on any adapter, software included.
     pub fn by_quads(device: &wgpu::Device) -> Self {
         Self::of(device, SplatPass::by_quads(device))
@@ -76,6 +84,11 @@ impl Headless {
     fn of(device: &wgpu::Device, pass: SplatPass) -> Self {
         let pipeline = pass.pipeline(device, 1, None);
         Self { pass, pipeline, view: SplatView::new(), target: None }
+    }
+
+    /// The textures of strokes. Clouds are drawn with strokes that were uploaded to it.
+    pub fn store(&self) -> &StrokeStore {
+        self.pass.store()
     }
 
     /// Draws `clouds` as `camera` sees them. The picture ends with the camera's viewport.

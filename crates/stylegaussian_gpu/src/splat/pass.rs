@@ -9,10 +9,11 @@ use super::{
     project::Project,
     settings::SplatSettings,
     sort::Sort,
+    strokes::ViewStrokes,
     tiles::Tiles,
     view::{Change, SplatView},
 };
-use crate::device::is_software;
+use crate::{device::is_software, strokes::StrokeStore};
 
 /// The pipelines of the splat pass. One pass serves any number of views.
 #[derive(Debug)]
@@ -27,19 +28,47 @@ pub struct SplatPass {
 impl SplatPass {
     /// Compiles everything but the draw, which depends on the target: see [`pipeline`](Self::pipeline).
     pub fn new(device: &wgpu::Device) -> Self {
+        Self::with_store(device, StrokeStore::new())
+    }
+
+    /// [`new`](Self::new), with the textures of strokes in `store`. Passes of one device may share it.
+    pub fn with_store(device: &wgpu::Device, store: StrokeStore) -> Self {
         let is_software = is_software(&device.adapter_info());
-        Self { tiles: is_software.then(|| Tiles::new(device)), ..Self::by_quads(device) }
+        Self { tiles: is_software.then(|| Tiles::new(device)), ..Self::by_quads_with_store(device, store) }
     }
 
     /// The pass that draws by quads on any adapter, software included.
     pub fn by_quads(device: &wgpu::Device) -> Self {
-        Self { project: Project::new(device), sort: Sort::new(device), draw: Draw::new(device), tiles: None }
+        Self::by_quads_with_store(device, StrokeStore::new())
+    }
+
+    fn by_quads_with_store(device: &wgpu::Device, store: StrokeStore) -> Self {
+        let project = Project::new(device, store);
+        Self { project, sort: Sort::new(device), draw: Draw::new(device), tiles: None }
+    }
+
+    /// The textures of strokes. Clouds are drawn with strokes that were uploaded to it.
+    pub fn store(&self) -> &StrokeStore {
+        &self.project.strokes.store
     }
 
     /// Compiles the kernel for clouds with a mask, in any thread, while others draw. Without this call, the first frame that
     /// hides a part of a cloud compiles it.
     pub fn prepare_masks(&self, device: &wgpu::Device) {
         self.project.masked(device);
+    }
+
+    /// Compiles what clouds with strokes need, and the draw of `pipelines` with strokes, in any thread, while others draw. Without
+    /// this call, the first frame with strokes compiles it.
+    pub fn prepare_strokes(&self, device: &wgpu::Device, pipelines: &[SplatPipeline]) {
+        let strokes = &self.project.strokes;
+        strokes.kernel(device);
+        if let Some(tiles) = &self.tiles {
+            tiles.painted(device, strokes);
+        }
+        for pipeline in pipelines {
+            self.draw.painted(pipeline, strokes);
+        }
     }
 
     /// The draw into a layer of [`LAYER_FORMAT`](super::LAYER_FORMAT) at `samples` samples. If `depth_format` is given,
@@ -63,7 +92,7 @@ impl SplatPass {
     /// Clouds with a transform that is not finite or has no volume, and cameras without a picture, show nothing.
     ///
     /// # Errors
-    /// If the clouds have too many Gaussians for the device, or if colors belong to another scene. Nothing is encoded
+    /// If the clouds have too many Gaussians for the device, or if colors or strokes belong to another scene. Nothing is encoded
     /// then, and `view` shows nothing.
     #[expect(clippy::too_many_arguments, reason = "three of them are wgpu's own at every call")]
     pub fn project_and_sort(
@@ -94,11 +123,13 @@ impl SplatPass {
             view.empty_lists();
         }
         let Some(sort) = view.sort() else { return Ok(()) };
+        view.clear_strokes(encoder);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("splat"),
             timestamp_writes: None,
         });
         self.project.encode(&mut pass, view);
+        self.project.encode_strokes(device, &mut pass, view);
         if change == Change::Order {
             self.sort.encode(&mut pass, sort, n_records as u32);
         }
@@ -138,11 +169,13 @@ impl SplatPass {
         let commands = lists.commands().clone();
         let mut pass = layer.cleared(encoder);
         if let Some(source) = view.draw_source() {
-            pipeline.encode(&mut pass, &source, &commands);
+            self.draw.encode(&mut pass, pipeline, &self.project.strokes, &source, &commands);
         }
         drop(pass);
+        let strokes = view.strokes().and_then(ViewStrokes::draw_group).cloned();
         if let Some(lists) = view.lists(device, queue, tiles) {
-            tiles.blend(device, encoder, lists, layer.color, layer.depth);
+            let strokes = strokes.as_ref().map(|group| (&self.project.strokes, group));
+            tiles.blend(device, encoder, lists, (layer.color, layer.depth), strokes);
         }
     }
 
@@ -150,7 +183,7 @@ impl SplatPass {
     /// [`project_and_sort`](Self::project_and_sort) comes before. `pipeline` must fit the attachments of `pass`.
     pub fn draw(&self, pass: &mut wgpu::RenderPass, view: &SplatView, pipeline: &SplatPipeline) {
         if let Some(source) = view.draw_source() {
-            pipeline.encode(pass, &source, source.commands);
+            self.draw.encode(pass, pipeline, &self.project.strokes, &source, source.commands);
         }
     }
 }

@@ -14,12 +14,14 @@ use super::{
     cloud::Cloud,
     scene::Chunk,
     settings::{SortKey, SplatSettings},
-    view::{Change, ChunkBindings, ChunkDispatch, ChunkVersions, SplatView},
+    strokes::{StrokeStage, with_knobs},
+    view::{Change, ChunkBindings, ChunkDispatch, ChunkGroups, ChunkVersions, SplatView},
 };
 use crate::{
     bindings::{bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding},
     buffers,
     colors::GaussianColors,
+    strokes::StrokeStore,
 };
 
 /// Workgroups in one dimension of a dispatch, by WebGPU's default limits.
@@ -36,6 +38,8 @@ pub(super) struct Project {
     masked: OnceLock<Variant>,
     /// Bound if a scene has no spherical harmonics, or if its captured colors are shown.
     absent: wgpu::Buffer,
+    /// What follows for clouds with strokes.
+    pub(super) strokes: StrokeStage,
 }
 
 /// The kernel with or without a mask.
@@ -60,7 +64,8 @@ impl Variant {
 }
 
 impl Project {
-    pub fn new(device: &wgpu::Device) -> Self {
+    /// `store` has the textures of strokes.
+    pub fn new(device: &wgpu::Device, store: StrokeStore) -> Self {
         let uniforms = wgpu::BindingType::Buffer {
             ty: wgpu::BufferBindingType::Uniform,
             has_dynamic_offset: true,
@@ -71,7 +76,7 @@ impl Project {
         let view_layout = group_layout(device, label, compute, &[uniforms, write, write, write]);
         let absent = buffers::create(device, "splat_absent", 16, wgpu::BufferUsages::STORAGE);
         let plain = Variant::new(device, &view_layout, false);
-        Self { view_layout, plain, masked: OnceLock::new(), absent }
+        Self { view_layout, plain, masked: OnceLock::new(), absent, strokes: StrokeStage::new(store) }
     }
 
     /// The kernel for clouds with a mask, which is compiled unless it is there.
@@ -94,10 +99,12 @@ impl Project {
         view.reserve_chunks(device, &self.view_layout, n_chunks);
         let mut first_record = 0;
         for cloud in clouds {
+            let painted = cloud.colors.painted();
             let of_cloud = cloud_uniforms(camera, cloud, settings);
             let versions = ChunkVersions {
                 colors: cloud.colors.own().map_or(0, GaussianColors::version),
                 mask: cloud.mask().map_or(0, |visibility| visibility.mask.version()),
+                strokes: painted.map_or(0, |painted| painted.strokes.version()),
             };
             for chunk in cloud.scene.chunks() {
                 let uniforms = SplatChunk {
@@ -107,10 +114,13 @@ impl Project {
                     ..of_cloud
                 };
                 let key = self.bindings(chunk, cloud);
+                let uniforms = with_knobs(uniforms, painted.map(|painted| painted.knobs).as_ref());
                 view.push_chunk(&uniforms, key, versions, |key| self.bind(device, key));
                 first_record += chunk.n_gaussians;
             }
         }
+        let knobs = clouds.iter().find_map(|cloud| Some(cloud.colors.painted()?.knobs));
+        view.update_strokes(device, queue, &self.strokes, knobs.as_ref());
         view.write_chunks(queue)
     }
 
@@ -125,12 +135,23 @@ impl Project {
                 pass.set_pipeline(&variant.pipeline);
                 was_masked = Some(is_masked);
             }
-            let n = n_gaussians.div_ceil(WORKGROUP);
-            // Workgroups beyond the limit go into a second dimension.
-            let x = n.min(MAX_WORKGROUPS);
             pass.set_bind_group(0, of_view, &[offset]);
             pass.set_bind_group(1, bind_group, &[]);
-            pass.dispatch_workgroups(x, n.div_ceil(x.max(1)), 1);
+            dispatch(pass, n_gaussians);
+        }
+    }
+
+    /// Dispatches the strokes of every chunk that has any, after [`encode`](Self::encode).
+    pub fn encode_strokes(&self, device: &wgpu::Device, pass: &mut wgpu::ComputePass, view: &SplatView) {
+        let mut dispatches = view.stroke_dispatches().peekable();
+        if dispatches.peek().is_none() {
+            return;
+        }
+        pass.set_pipeline(&self.strokes.kernel(device).pipeline);
+        for (of_view, ChunkDispatch { offset, n_gaussians, bind_group, .. }) in dispatches {
+            pass.set_bind_group(0, of_view, &[offset]);
+            pass.set_bind_group(1, bind_group, &[]);
+            dispatch(pass, n_gaussians);
         }
     }
 
@@ -142,18 +163,37 @@ impl Project {
             or_absent(chunk.sh.as_ref()),
             or_absent(cloud.colors.own().map(GaussianColors::buffer)),
         ];
-        ChunkBindings { buffers, mask: cloud.mask().map(|visibility| visibility.mask.buffer.clone()) }
+        ChunkBindings {
+            buffers,
+            mask: cloud.mask().map(|visibility| visibility.mask.buffer.clone()),
+            strokes: cloud.colors.painted().map(|painted| {
+                let strokes = painted.strokes;
+                [strokes.words().clone(), strokes.seeds().clone()]
+            }),
+        }
     }
 
-    fn bind(&self, device: &wgpu::Device, bindings: &ChunkBindings) -> wgpu::BindGroup {
-        let ChunkBindings { buffers, mask } = bindings;
+    fn bind(&self, device: &wgpu::Device, bindings: &ChunkBindings) -> ChunkGroups {
+        let ChunkBindings { buffers, mask, strokes } = bindings;
         let variant = match mask {
             None => &self.plain,
             Some(_) => self.masked(device),
         };
-        let buffers: Vec<_> = buffers.iter().chain(mask).map(wgpu::Buffer::as_entire_binding).collect();
-        bind_group(device, "splat_project_chunk", &variant.chunk_layout, &buffers)
+        let resources: Vec<_> = buffers.iter().chain(mask).map(wgpu::Buffer::as_entire_binding).collect();
+        let project = bind_group(device, "splat_project_chunk", &variant.chunk_layout, &resources);
+        let strokes = strokes.as_ref().map(|[words, seeds]| {
+            self.strokes.kernel(device).bind_chunk(device, [&buffers[0], words, seeds])
+        });
+        ChunkGroups { project, strokes }
     }
+}
+
+/// Dispatches one invocation for each of `n_gaussians`.
+fn dispatch(pass: &mut wgpu::ComputePass, n_gaussians: u32) {
+    let n = n_gaussians.div_ceil(WORKGROUP);
+    // Workgroups beyond the limit go into a second dimension.
+    let x = n.min(MAX_WORKGROUPS);
+    pass.dispatch_workgroups(x, n.div_ceil(x.max(1)), 1);
 }
 
 /// The uniforms that the chunks of a cloud share.

@@ -8,7 +8,9 @@ use stylegaussian::strokes::StrokeKnobs;
 use stylegaussian_shaders::splat::strokes::{self as shaders, StrokeChunk, StrokeDraw};
 
 use crate::{
-    bindings::{bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding, uniform_binding},
+    bindings::{
+        bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding, uniform_binding,
+    },
     buffers,
     strokes::{StrokeStore, TextureArrays},
 };
@@ -66,8 +68,7 @@ impl StrokeDraws {
             multisampled: false,
         };
         let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
-        let bindings =
-            [uniform_binding::<StrokeDraw>(), storage_binding(true), texture, texture, sampler];
+        let bindings = [uniform_binding::<StrokeDraw>(), storage_binding(true), texture, texture, sampler];
         // Quads read records in the vertex stage and textures in the fragment stage, tiles both by compute.
         let stages = wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE;
         let layout = group_layout(device, "splat_stroke_draw", stages, &bindings);
@@ -203,7 +204,10 @@ impl ViewStrokes {
 }
 
 /// A chunk with the knobs of its strokes, or with none. Numbers that are not finite show no strokes.
-pub(super) fn with_knobs(chunk: stylegaussian_shaders::splat::SplatChunk, knobs: Option<&StrokeKnobs>) -> StrokeChunk {
+pub(super) fn with_knobs(
+    chunk: stylegaussian_shaders::splat::SplatChunk,
+    knobs: Option<&StrokeKnobs>,
+) -> StrokeChunk {
     let none = StrokeKnobs { amount: 0.0, ..StrokeKnobs::DEFAULT };
     let is_usable = |knobs: &&StrokeKnobs| {
         let StrokeKnobs { amount, protection, stroke_scale, .. } = **knobs;

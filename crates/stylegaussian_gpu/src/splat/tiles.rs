@@ -3,15 +3,17 @@
 //! Software rasterizers walk every quad block by block, and load and store the pixels behind it each time. Here a
 //! pixel stays in registers until it is finished, and eight invocations share each read of a splat.
 
+use std::sync::OnceLock;
+
 use glam::{UVec2, UVec4};
 use stylegaussian_shaders::splat::{
     self as shaders, ITERATIONS_PER_DISPATCH, N_RUNS, RunProgress, SOFTWARE_WORKGROUP, SplatCommands,
     SplatTiles, TILE_SIZE, TILES_PER_SEGMENT,
 };
 
-use super::{layer::LAYER_FORMAT, sort::SortBuffers};
+use super::{layer::LAYER_FORMAT, sort::SortBuffers, strokes::StrokeStage};
 use crate::{
-    bindings::{Kernel, bind_group, storage_binding, uniform_binding},
+    bindings::{Kernel, bind_group, compute_pipeline, pipeline_layout, storage_binding, uniform_binding},
     buffers,
 };
 
@@ -29,6 +31,8 @@ pub(super) struct Tiles {
     scatter: Kernel,
     /// Without and with a depth texture.
     blend: [Kernel; 2],
+    /// The same with strokes, compiled when they are asked for.
+    painted: OnceLock<[wgpu::ComputePipeline; 2]>,
 }
 
 impl Tiles {
@@ -63,7 +67,20 @@ impl Tiles {
                 Kernel::new(device, shaders::tiles_blend(false), &blended[..7]),
                 Kernel::new(device, shaders::tiles_blend(true), &blended),
             ],
+            painted: OnceLock::new(),
         }
+    }
+
+    /// The blends with strokes, which are compiled unless they are there.
+    pub fn painted(&self, device: &wgpu::Device, strokes: &StrokeStage) -> &[wgpu::ComputePipeline; 2] {
+        self.painted.get_or_init(|| {
+            [false, true].map(|tested| {
+                let source = shaders::strokes::tiles_blend(tested);
+                let groups = [&self.blend[usize::from(tested)].layout, &strokes.draws(device).layout];
+                let layout = pipeline_layout(device, source.label, &groups);
+                compute_pipeline(device, source, &layout, wgpu::PipelineCompilationOptions::default())
+            })
+        })
     }
 
     /// Fills the lists with the sorted splats, unless they hold them already.
@@ -95,17 +112,18 @@ impl Tiles {
         }
     }
 
-    /// Blends the lists into `layer`. If `depth` (reverse z) is given, splats behind it are hidden. Lists that did
-    /// not fit are left to the quads.
+    /// Blends the lists into `layer`. If `depth` (reverse z) is given, splats behind it are hidden. `strokes` is the group of draws
+    /// with strokes, if there are any. Lists that did not fit are left to the quads.
     pub fn blend(
         &self,
         device: &wgpu::Device,
         encoder: &mut wgpu::CommandEncoder,
         lists: &mut TileLists,
-        layer: &wgpu::TextureView,
-        depth: Option<&wgpu::TextureView>,
+        (layer, depth): (&wgpu::TextureView, Option<&wgpu::TextureView>),
+        strokes: Option<(&StrokeStage, &wgpu::BindGroup)>,
     ) {
-        let kernel = &self.blend[usize::from(depth.is_some())];
+        let tested = usize::from(depth.is_some());
+        let kernel = &self.blend[tested];
         let textures = (layer.clone(), depth.cloned());
         // Textures change if a window is resized, but hardly otherwise.
         if lists.blend.as_ref().is_none_or(|(of, _)| *of != textures) {
@@ -117,7 +135,13 @@ impl Tiles {
             label: Some("splat_tiles_blend"),
             timestamp_writes: None,
         });
-        pass.set_pipeline(&kernel.pipeline);
+        match strokes {
+            None => pass.set_pipeline(&kernel.pipeline),
+            Some((stage, of_strokes)) => {
+                pass.set_pipeline(&self.painted(device, stage)[tested]);
+                pass.set_bind_group(1, of_strokes, &[]);
+            }
+        }
         pass.set_bind_group(0, group, &[]);
         pass.dispatch_workgroups_indirect(&lists.commands, 0);
     }

@@ -2,14 +2,16 @@
 
 use std::collections::HashMap;
 
+use stylegaussian::strokes::StrokeKnobs;
 use stylegaussian_shaders::splat::{
-    ANTIALIASED, BY_DISTANCE, CROPPED, SORT_BATCH, SplatChunk, SplatCounts, SplatDraw,
+    ANTIALIASED, BY_DISTANCE, CROPPED, SORT_BATCH, SplatChunk, SplatCounts, SplatDraw, strokes::StrokeChunk,
 };
 
 use super::{
     camera::Camera,
     error::SplatError,
     sort::{Sort, SortBuffers},
+    strokes::{StrokeStage, ViewStrokes},
     tiles::{TileLists, Tiles},
 };
 use crate::{
@@ -35,7 +37,7 @@ pub struct SplatView {
     chunk_uniforms: Option<ChunkUniforms>,
     bindings: HashMap<ChunkBindings, Cached>,
     /// This frame's chunks: Gaussians and bindings of each, and whether a mask is among these.
-    chunks: Vec<(u32, wgpu::BindGroup, bool)>,
+    chunks: Vec<(u32, ChunkGroups, bool)>,
     /// This frame's uniforms, one chunk every `UNIFORM_STRIDE` bytes.
     staging: Vec<u8>,
     /// The sources of this frame's records.
@@ -44,6 +46,8 @@ pub struct SplatView {
     drawn: Vec<ChunkSource>,
     /// Left, top, width and height in pixels; `None` if there is nothing to draw.
     viewport: Option<glam::UVec4>,
+    /// Whether this frame shows clouds with strokes.
+    is_painted: bool,
 }
 
 /// The buffers with a size that depends on the number of records.
@@ -59,6 +63,8 @@ struct ViewBuffers {
     uploaded: Option<(u32, glam::UVec4)>,
     /// The lists of tiles, once a layer was drawn by them.
     lists: Option<TileLists>,
+    /// The strokes of the records, once a cloud with strokes was seen.
+    strokes: Option<ViewStrokes>,
 }
 
 #[derive(Debug)]
@@ -74,6 +80,17 @@ pub(super) struct ChunkBindings {
     pub buffers: [wgpu::Buffer; 3],
     /// The weights that hide Gaussians.
     pub mask: Option<wgpu::Buffer>,
+    /// Words and seeds of strokes.
+    pub strokes: Option<[wgpu::Buffer; 2]>,
+}
+
+/// The bindings of a chunk.
+#[derive(Clone, Debug)]
+pub(super) struct ChunkGroups {
+    /// For the project kernel.
+    pub project: wgpu::BindGroup,
+    /// For `splat_strokes`.
+    pub strokes: Option<wgpu::BindGroup>,
 }
 
 /// Numbers that differ after each change of what a chunk is projected from.
@@ -83,12 +100,14 @@ pub(super) struct ChunkVersions {
     pub colors: u64,
     /// Version of the mask.
     pub mask: u64,
+    /// Version of the strokes.
+    pub strokes: u64,
 }
 
 /// Everything that determines a chunk's records.
 #[derive(Clone, Debug, PartialEq)]
 struct ChunkSource {
-    uniforms: SplatChunk,
+    uniforms: StrokeChunk,
     bindings: ChunkBindings,
     versions: ChunkVersions,
 }
@@ -98,7 +117,7 @@ struct ChunkSource {
 pub(super) enum Change {
     /// There is none.
     Nothing,
-    /// Only colors differ. The visible splats and their order are the same.
+    /// Only colors or strokes differ. The visible splats and their order are the same.
     Colors,
     /// Anything else differs, so that the order may, too.
     Order,
@@ -108,8 +127,9 @@ impl ChunkSource {
     /// The uniforms without those that only colors depend on.
     fn geometry(&self) -> SplatChunk {
         // The other flag is about colors.
-        let flags = self.uniforms.flags & (BY_DISTANCE | ANTIALIASED | CROPPED);
-        SplatChunk { eye: [0.0; 4], flags, ..self.uniforms }
+        let chunk = self.uniforms.chunk;
+        let flags = chunk.flags & (BY_DISTANCE | ANTIALIASED | CROPPED);
+        SplatChunk { eye: [0.0; 4], flags, ..chunk }
     }
 
     fn has_geometry_of(&self, other: &Self) -> bool {
@@ -122,11 +142,11 @@ impl ChunkSource {
 
 #[derive(Debug)]
 struct Cached {
-    group: wgpu::BindGroup,
+    groups: ChunkGroups,
     in_use: bool,
 }
 
-/// One dispatch of the project kernel.
+/// One dispatch of a kernel over a chunk.
 pub(super) struct ChunkDispatch<'a> {
     /// Offset of the chunk's uniforms, in bytes.
     pub offset: u32,
@@ -140,6 +160,8 @@ pub(super) struct ChunkDispatch<'a> {
 pub(super) struct DrawSource<'a> {
     /// The group of the draw's layout.
     pub bind_group: &'a wgpu::BindGroup,
+    /// The group of draws with strokes, if there are any.
+    pub strokes: Option<&'a wgpu::BindGroup>,
     /// `SplatCommands` for all visible splats.
     pub commands: &'a wgpu::Buffer,
     /// Left, top, width and height in pixels.
@@ -157,7 +179,7 @@ impl SplatView {
         (HALF_RECORD * n_gaussians as u64).max(SortBuffers::largest(n_gaussians))
     }
 
-    /// Bytes of GPU memory that a view of `n_gaussians` takes.
+    /// Bytes of GPU memory that a view of `n_gaussians` takes. Strokes take 16 more for each of them.
     pub fn bytes(n_gaussians: usize) -> u64 {
         // Both halves, then keys and values, twice each.
         let per_record = 2 * HALF_RECORD + 4 * size_of::<u32>() as u64;
@@ -181,6 +203,7 @@ impl SplatView {
     /// Starts a frame that shows nothing yet.
     pub(super) fn clear(&mut self) {
         self.viewport = None;
+        self.is_painted = false;
         self.chunks.clear();
         self.staging.clear();
         self.sources.clear();
@@ -252,10 +275,10 @@ impl SplatView {
     /// Adds a chunk to this frame. `bind` makes its bindings if there are none yet.
     pub(super) fn push_chunk(
         &mut self,
-        uniforms: &SplatChunk,
+        uniforms: &StrokeChunk,
         key: ChunkBindings,
         versions: ChunkVersions,
-        bind: impl FnOnce(&ChunkBindings) -> wgpu::BindGroup,
+        bind: impl FnOnce(&ChunkBindings) -> ChunkGroups,
     ) {
         // Padding up to the offset of this chunk.
         self.staging.resize(self.chunks.len() * UNIFORM_STRIDE, 0);
@@ -263,9 +286,9 @@ impl SplatView {
         self.sources.push(ChunkSource { uniforms: *uniforms, bindings: key.clone(), versions });
         let is_masked = key.mask.is_some();
         let cached = self.bindings.entry(key);
-        let cached = cached.or_insert_with_key(|key| Cached { group: bind(key), in_use: true });
+        let cached = cached.or_insert_with_key(|key| Cached { groups: bind(key), in_use: true });
         cached.in_use = true;
-        self.chunks.push((uniforms.n_gaussians, cached.group.clone(), is_masked));
+        self.chunks.push((uniforms.chunk.n_gaussians, cached.groups.clone(), is_masked));
     }
 
     /// Uploads the uniforms of this frame's chunks, if they changed.
@@ -296,12 +319,54 @@ impl SplatView {
     /// This frame's dispatches of the project kernel, each with the group of its uniforms.
     pub(super) fn chunk_dispatches(&self) -> impl Iterator<Item = (&wgpu::BindGroup, ChunkDispatch<'_>)> {
         self.chunk_uniforms.iter().flat_map(|uniforms| {
-            self.chunks.iter().enumerate().map(|(i, (n_gaussians, bind_group, is_masked))| {
+            self.chunks.iter().enumerate().map(|(i, (n_gaussians, groups, is_masked))| {
                 let (offset, n_gaussians) = ((i * UNIFORM_STRIDE) as u32, *n_gaussians);
-                let is_masked = *is_masked;
+                let (bind_group, is_masked) = (&groups.project, *is_masked);
                 (&uniforms.group, ChunkDispatch { offset, n_gaussians, bind_group, is_masked })
             })
         })
+    }
+
+    /// This frame's dispatches of `splat_strokes`, likewise.
+    pub(super) fn stroke_dispatches(&self) -> impl Iterator<Item = (&wgpu::BindGroup, ChunkDispatch<'_>)> {
+        let of_view = self.strokes().and_then(ViewStrokes::view_group);
+        of_view.into_iter().flat_map(|of_view| {
+            self.chunks.iter().enumerate().filter_map(move |(i, (n_gaussians, groups, is_masked))| {
+                let (offset, n_gaussians) = ((i * UNIFORM_STRIDE) as u32, *n_gaussians);
+                let (bind_group, is_masked) = (groups.strokes.as_ref()?, *is_masked);
+                Some((of_view, ChunkDispatch { offset, n_gaussians, bind_group, is_masked }))
+            })
+        })
+    }
+
+    /// Makes room for strokes and binds what has changed, if this frame shows any. `knobs` are those of all draws.
+    pub(super) fn update_strokes(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        stage: &StrokeStage,
+        knobs: Option<&StrokeKnobs>,
+    ) {
+        let (Some(buffers), Some(uniforms), Some(knobs)) = (&mut self.buffers, &self.chunk_uniforms, knobs)
+        else {
+            return;
+        };
+        let strokes = buffers.strokes.get_or_insert_with(|| ViewStrokes::new(device, buffers.n_records));
+        strokes.update(device, queue, stage, [&uniforms.buffer, &buffers.sort.keys], knobs);
+        self.is_painted = true;
+    }
+
+    /// The strokes of this frame's records, if it shows any.
+    pub(super) fn strokes(&self) -> Option<&ViewStrokes> {
+        self.buffers.as_ref()?.strokes.as_ref().filter(|_| self.is_painted)
+    }
+
+    /// Clears the strokes of clouds that have none: other clouds may have had their records. Those of the others are written.
+    pub(super) fn clear_strokes(&self, encoder: &mut wgpu::CommandEncoder) {
+        let has_bare = self.chunks.iter().any(|(_, groups, _)| groups.strokes.is_none());
+        if let Some(strokes) = self.strokes().filter(|_| has_bare) {
+            encoder.clear_buffer(&strokes.records, 0, None);
+        }
     }
 
     /// The sort's buffers, if there are any yet.
@@ -313,7 +378,8 @@ impl SplatView {
     pub(super) fn draw_source(&self) -> Option<DrawSource<'_>> {
         let buffers = self.buffers.as_ref()?;
         let (bind_group, commands) = (&buffers.draw_group, &buffers.sort.commands);
-        Some(DrawSource { bind_group, commands, viewport: self.viewport? })
+        let strokes = self.strokes().and_then(ViewStrokes::draw_group);
+        Some(DrawSource { bind_group, strokes, commands, viewport: self.viewport? })
     }
 
     /// The lists of the picture's tiles; `None` if there is nothing to draw.
@@ -349,7 +415,7 @@ impl SplatView {
             .buffers
             .iter()
             .flat_map(|b| [&b.geometry_halves, &b.color_halves, &b.draw_uniforms, &b.sort.keys]);
-        let groups = self.bindings.values().map(|cached| cached.group.clone());
+        let groups = self.bindings.values().map(|cached| cached.groups.project.clone());
         (uniforms.chain(of_view).cloned().collect(), groups.collect())
     }
 
@@ -385,6 +451,7 @@ impl ViewBuffers {
             draw_group,
             uploaded: None,
             lists: None,
+            strokes: None,
         }
     }
 }

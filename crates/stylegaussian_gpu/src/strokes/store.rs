@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use stylegaussian::strokes::{FINE_SIDE, StrokeTexture, Strokes, WIDE_SIDE};
 
-use super::{GaussianStrokes, StrokesError, check};
+use super::{GaussianStrokes, StrokesError, check, texture_of};
 
 /// The most layers: a seed names its layer with a byte.
 const MAX_LAYERS: u32 = 256;
@@ -60,11 +60,8 @@ impl StrokeStore {
         check(strokes)?;
         let mut uploaded = GaussianStrokes::empty(device, strokes.words.len(), strokes.seeds.len())?;
         let textures = self.lock().store(device, queue, &strokes.textures)?;
-        let seeds: Vec<_> = strokes
-            .seeds
-            .iter()
-            .map(|seed| seed.with_texture(textures[usize::from(seed.texture())].layer))
-            .collect();
+        let seeds: Vec<_> =
+            strokes.seeds.iter().map(|seed| seed.with_texture(textures[texture_of(seed)].layer)).collect();
         queue.write_buffer(uploaded.seeds(), 0, bytemuck::cast_slice(&seeds));
         uploaded.keep(textures);
         uploaded.write_words(queue, &strokes.words);
@@ -131,7 +128,10 @@ impl Layers {
             self.layers[layer] = Arc::downgrade(&guard);
             stored[i] = Some(guard);
         }
-        let found = stored.into_iter().zip(textures).filter_map(|(known, texture)| known.or_else(|| self.find(texture)));
+        let found = stored
+            .into_iter()
+            .zip(textures)
+            .filter_map(|(known, texture)| known.or_else(|| self.find(texture)));
         Ok(found.collect())
     }
 

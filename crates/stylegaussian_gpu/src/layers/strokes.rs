@@ -1,0 +1,180 @@
+//! Strokes under layers: words are mixed as colors are, and the layers' seeds are put together in one table.
+
+use stylegaussian::strokes::MAX_SEEDS;
+
+use super::{Encoding, GpuLayer, LayerMixer, MixedLayers, Values, check_mask, pack};
+use crate::{
+    buffers::TooLarge,
+    splat::GpuScene,
+    strokes::{GaussianStrokes, seed_bytes},
+};
+
+#[cfg(test)]
+mod tests;
+
+/// The strokes of a scene under layers, and which layers they hold. A new one holds none.
+#[derive(Debug, Default)]
+pub struct StrokeMix {
+    strokes: Option<GaussianStrokes>,
+    tables: Vec<Table>,
+    mixed: MixedLayers,
+}
+
+/// The seeds of a look, as a part of the mix's table.
+#[derive(Clone, Debug, PartialEq)]
+struct Table {
+    seeds: wgpu::Buffer,
+    version: u64,
+    /// Index of the first seed.
+    first: usize,
+    n_seeds: usize,
+}
+
+impl Table {
+    fn end(&self) -> usize {
+        self.first + self.n_seeds
+    }
+}
+
+impl StrokeMix {
+    /// The strokes of the last mix; `None` if no layer had any. A later mix may put others in their place.
+    pub fn strokes(&self) -> Option<&GaussianStrokes> {
+        self.strokes.as_ref()
+    }
+}
+
+impl LayerMixer {
+    /// Encodes the mix of the strokes of any number of `layers` into `mix`, from none up. Only what differs from its last mix is
+    /// encoded. If something is, the strokes count as changed. If no layer has strokes, the mix has none, and takes no memory.
+    ///
+    /// The seeds of all layers together are at most [`MAX_SEEDS`]. If there are more, the lowest layers show no strokes.
+    ///
+    /// Before the first mix of a submission, call [`begin_submission`](Self::begin_submission).
+    ///
+    /// # Errors
+    /// If the scene has more Gaussians than the device has room for. The mix has no strokes then.
+    ///
+    /// # Panics
+    /// If strokes or a mask are not of the scene's Gaussians, or if a layer's strokes are those of the mix.
+    pub fn encode_strokes(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        encoder: &mut wgpu::CommandEncoder,
+        scene: &GpuScene,
+        layers: &[GpuLayer],
+        mix: &mut StrokeMix,
+    ) -> Result<(), TooLarge> {
+        check(scene, layers, mix);
+        let seen: Vec<_> = layers.iter().filter(|layer| pack::packed(layer).is_some()).collect();
+        if seen.iter().all(|layer| layer.strokes.is_none()) {
+            *mix = StrokeMix::default();
+            return Ok(());
+        }
+        let tables = placed(&mix.tables, wanted(&seen));
+        let (target, is_new) = match target(device, scene, std::mem::take(&mut mix.strokes), &tables) {
+            Ok(target) => target,
+            Err(error) => {
+                *mix = StrokeMix::default();
+                return Err(error);
+            }
+        };
+        let mut is_changed = is_new;
+        for table in &tables {
+            if table.n_seeds > 0 && (is_new || !mix.tables.contains(table)) {
+                let (first, bytes) = (table.first as u64 * seed_bytes(1), seed_bytes(table.n_seeds));
+                encoder.copy_buffer_to_buffer(&table.seeds, 0, target.seeds(), first, bytes);
+                is_changed = true;
+            }
+        }
+        let values = |layer: &GpuLayer| {
+            let strokes = layer.strokes?;
+            let table = tables.iter().find(|table| table.seeds == *strokes.seeds())?;
+            let (buffer, version) = (strokes.words().clone(), strokes.version());
+            Some(Values { buffer, version, first_seed: table.first as u32 })
+        };
+        let seen: Vec<_> = seen.iter().map(|&layer| (layer, values(layer))).collect();
+        let target = mix.strokes.insert(keep_textures(target, &seen));
+        let gpu = Encoding { device, queue, encoder };
+        let pipelines = self.strokes_pipelines(device);
+        is_changed |= self.encode_values(gpu, pipelines, scene, seen, target.words(), &mut mix.mixed);
+        if is_changed {
+            target.mark_changed();
+        }
+        mix.tables = tables;
+        Ok(())
+    }
+}
+
+/// The tables of layers, as many as fit, the topmost layer's first. Their places are not known yet.
+fn wanted(layers: &[&GpuLayer]) -> Vec<Table> {
+    let mut tables: Vec<Table> = Vec::new();
+    let mut n_seeds = 0;
+    for strokes in layers.iter().rev().filter_map(|layer| layer.strokes) {
+        if tables.iter().any(|table| table.seeds == *strokes.seeds()) {
+            continue;
+        }
+        n_seeds += strokes.n_seeds();
+        if n_seeds > MAX_SEEDS {
+            break;
+        }
+        tables.push(Table {
+            seeds: strokes.seeds().clone(),
+            version: strokes.version(),
+            first: 0,
+            n_seeds: strokes.n_seeds(),
+        });
+    }
+    tables
+}
+
+/// Gives each of the `tables` its place. Those that have one keep it, so that words that name their seeds stay as they are, unless
+/// there would be no room for the others.
+fn placed(last: &[Table], mut tables: Vec<Table>) -> Vec<Table> {
+    let place = |table: &Table| last.iter().find(|last| last.seeds == table.seeds).map(|last| last.first);
+    let kept = tables.iter().filter_map(|table| Some(place(table)? + table.n_seeds)).max();
+    let new: usize = tables.iter().filter(|table| place(table).is_none()).map(|table| table.n_seeds).sum();
+    let keeps = kept.unwrap_or(0) + new <= MAX_SEEDS;
+    let mut end = kept.filter(|_| keeps).unwrap_or(0);
+    for table in &mut tables {
+        table.first = place(table).filter(|_| keeps).unwrap_or(end);
+        end = end.max(table.end());
+    }
+    tables
+}
+
+/// Strokes with room for `tables`, those of the `last` mix if they have it, and whether their table is new.
+fn target(
+    device: &wgpu::Device,
+    scene: &GpuScene,
+    last: Option<GaussianStrokes>,
+    tables: &[Table],
+) -> Result<(GaussianStrokes, bool), TooLarge> {
+    let (n, n_seeds) = (scene.n_gaussians(), tables.iter().map(Table::end).max().unwrap_or(0));
+    // Tables come and go: few of them ask for a larger buffer.
+    let room = n_seeds.next_power_of_two();
+    match last.filter(|last| last.n_gaussians() == n) {
+        Some(last) if last.n_seeds() >= n_seeds => Ok((last, false)),
+        Some(last) => Ok((last.with_table(device, room)?, true)),
+        None => Ok((GaussianStrokes::empty(device, n, room)?, true)),
+    }
+}
+
+/// The strokes, which keep the textures of `layers` in the store.
+fn keep_textures(mut strokes: GaussianStrokes, layers: &[(&GpuLayer, Option<Values>)]) -> GaussianStrokes {
+    let shown = layers.iter().filter(|(_, values)| values.is_some()).filter_map(|(layer, _)| layer.strokes);
+    strokes.keep(shown.flat_map(GaussianStrokes::textures).cloned().collect());
+    strokes
+}
+
+/// Checks that everything is of the scene's Gaussians.
+fn check(scene: &GpuScene, layers: &[GpuLayer], mix: &StrokeMix) {
+    let n = scene.n_gaussians();
+    for layer in layers {
+        assert!(layer.strokes.is_none_or(|strokes| strokes.n_gaussians() == n), "one word per Gaussian");
+        let is_mix =
+            |strokes: &GaussianStrokes| mix.strokes().is_some_and(|mix| mix.words() == strokes.words());
+        assert!(!layer.strokes.is_some_and(is_mix), "a layer is not the mix");
+        check_mask(layer, n);
+    }
+}
