@@ -198,8 +198,13 @@ pub fn blend_weights_from(scene: &Scene, camera: &Camera, least: f32) -> BlendWe
     BlendWeights::gather(&splats, &bands, least, scene.len())
 }
 
-/// The strokes of Gaussian `i`, which must be before the camera, and its center on screen in pixels.
-pub(crate) fn stroke_record(
+/// The strokes of Gaussian `i`, which must be before the camera, and its center on screen in pixels. `None` if it shows none.
+///
+/// A pixel's detail is [`StrokeRecord::detail`] at its offset from that center, times the Gaussian's blend weight there.
+///
+/// # Panics
+/// If `word` names a seed that is not there, or there is no Gaussian `i`.
+pub fn stroke_record(
     scene: &Scene,
     i: usize,
     word: u32,

@@ -6,12 +6,12 @@ use rayon::prelude::*;
 use stylegaussian::{
     Camera, Scene,
     look::SceneFingerprint,
-    paint::{Brush, Paint, Surface, repaint},
     random::Random,
     recolor::Recoloring,
     splat::{BlendWeights, blend_weights_from},
+    strokes::{StrokeSeed, Strokes},
 };
-use stylegaussian_encoder::{Image, paint_of};
+use stylegaussian_encoder::Image;
 
 use crate::{
     adam::Adam,
@@ -25,27 +25,10 @@ use crate::{
         statistics::{self, Moments},
     },
     network::{Features, Layer, LossNetwork, Size, Sizes},
-    picture::{Mask, over},
+    picture::{Mask, over, strokes_over},
+    start::Start,
     target::{LayerTarget, Paintings},
 };
-
-/// The paint that a bake starts from. It keeps more of the scene than usual, and the recolored scene's large shapes: steps
-/// add strokes by themselves, but bring nothing back of a house that drowned in paint.
-const START: Brush = Brush { paint: 0.5, scene: 1.0, local_color: 0.0, ..Brush::DEFAULT };
-
-/// The power of [`Surface::fine`] by which things smaller than a stroke are protected. The median Gaussian of the
-/// demo scene has 0.41, the largest hundredth 0.86 and more: 0.07 and 0.64 to the third power. By four times the first power little
-/// was painted any more; by the third the meadow is, and the fence stays (docs/notes/bake_experiments.md, eighth round).
-const FINE_POWER: i32 = 3;
-
-/// Standard deviations of Gaussians in pixels, seen from their broad sides: those below the first carry strokes, those above the
-/// second do not. On the bonsai half of what is seen lies below 0.7 pixels, and a tenth above 6.4: shadows on cloth, pot and tray.
-const LARGE: [f32; 2] = [6.0, 11.0];
-
-/// How much more than the smallest things the largest Gaussians are protected. Nothing but flat color would come of them: in
-/// the shadows of a capture, which has few and large ones there, all things would be lost (docs/notes/bake_experiments.md, ninth
-/// round).
-const LARGE_WEIGHT: f32 = 10.0;
 
 /// The share of the rate at the last step.
 const LAST_RATE: f32 = 0.3;
@@ -67,23 +50,26 @@ struct Crop {
     weights: BlendWeights,
     alpha: Vec<f32>,
     mask: Mask,
+    /// What strokes add to the picture `[h * w * 3]`.
+    strokes: Vec<f32>,
     /// The step's random numbers, of which its camera has taken the first.
     random: Random,
 }
 
 impl Crop {
-    fn draw(step: u32, config: &BakeConfig, cameras: &Cameras, scene: &Scene) -> Self {
+    fn draw(step: u32, config: &BakeConfig, cameras: &Cameras, scene: &Scene, strokes: &Strokes) -> Self {
         let mut random = Random::new(config.seed ^ (u64::from(step) + 1).wrapping_mul(0xD134_2543_DE82_EF95));
         let camera = cameras.sample(step, config.crop, &mut random, config.seed);
         let weights = blend_weights_from(scene, &camera, LEAST_WEIGHT);
         let alpha = weights.alpha();
         let side = config.crop as usize;
         let mask = Mask::new(Size { width: side, height: side }, &alpha);
-        Self { step, distance: cameras.distance(step, config.seed), weights, alpha, mask, random }
+        let strokes = strokes_over(scene, strokes, &camera, &weights);
+        Self { step, distance: cameras.distance(step, config.seed), weights, alpha, mask, strokes, random }
     }
 }
 
-/// Colors on their way from instant paint to strokes that are drawn for the scene.
+/// Colors under a painting's strokes, on their way from instant paint to what the strokes need to look like the painting.
 pub struct Baker {
     config: BakeConfig,
     network: LossNetwork,
@@ -92,15 +78,10 @@ pub struct Baker {
     cameras: Arc<Cameras>,
     /// The view of the next step, if it was drawn beside the last one.
     next: Option<Crop>,
-    /// The recolored scene's `[N * 3]`.
-    recolored: Vec<f32>,
     /// The aim for large shapes.
     aim: ShapeAim,
-    /// Those at the start `[N * 3]`.
-    start: Vec<f32>,
-    /// How much each Gaussian is kept near its color at the start `[N]`: 0..1 for small things, up to [`LARGE_WEIGHT`] for large
-    /// Gaussians.
-    protected: Vec<f32>,
+    /// Colors and strokes at the start. The strokes stay as they are.
+    start: Arc<Start>,
     /// `[N * 3]`.
     colors: Vec<f32>,
     /// The mean of the colors before and after the last steps so far `[N * 3]`; empty before them.
@@ -136,24 +117,11 @@ impl Baker {
         let sizes = network.sizes(Size { width: side, height: side });
         let captured = scene.base_colors();
         let recoloring = Recoloring::new(&cameras.colors, &paintings.colors);
-        let mut colors: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
-        let recolored = colors.clone();
+        let recolored: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
         let aim = ShapeAim::new(paintings.shapes, cameras.contrast(&recoloring));
-        let mut protected = vec![0.0; scene.len()];
-        if config.paint > 0.0 {
-            // Choosing views takes seconds, so it is done once.
-            let surface = match &cameras.chosen[..] {
-                [] => Surface::new(scene, 1.0),
-                chosen => Surface::seen_from(scene, chosen, 1.0),
-            };
-            let painted = painted(scene, &surface, images);
-            for (color, painted) in colors.iter_mut().zip(painted.into_iter().flatten()) {
-                *color += config.paint * (painted - *color);
-            }
-            protected = protections(surface.fine(), &scene.broad_sides(), cameras.pixel_size);
-        }
+        let start = Start::new(scene, &cameras, images, recolored, config.paint);
         let adam = Adam::new(scene.len());
-        let identity = identity(&config, scene, captured.as_flattened(), &paintings, &cameras);
+        let identity = identity(&config, scene, captured.as_flattened(), &paintings, &cameras, &start);
         let none = || vec![None; network.layers().len()];
         let pooled = [(); 2].map(|()| [(); DISTANCES].map(|()| none()));
         Ok(Self {
@@ -163,11 +131,9 @@ impl Baker {
             paintings,
             cameras: Arc::new(cameras),
             next: None,
-            recolored,
             aim,
-            start: colors.clone(),
-            protected,
-            colors,
+            colors: start.colors.clone(),
+            start: Arc::new(start),
             average: Vec::new(),
             adam,
             pooled,
@@ -176,9 +142,14 @@ impl Baker {
         })
     }
 
-    /// The colors so far `[N]`, in scene order.
+    /// The colors so far `[N]`, in scene order: those under [`strokes`](Self::strokes).
     pub fn colors(&self) -> &[[f32; 3]] {
         self.colors.as_chunks::<3>().0
+    }
+
+    /// The strokes that are drawn over the colors, from the start to the end. None if [`BakeConfig::paint`] is 0.
+    pub fn strokes(&self) -> &Strokes {
+        &self.start.strokes
     }
 
     /// Steps so far.
@@ -252,22 +223,24 @@ impl Baker {
     /// If `scene` has another number of Gaussians than the one that the bake began with.
     pub fn step(&mut self, scene: &Scene) -> Losses {
         assert_eq!(self.colors.len(), scene.len() * 3, "one color per Gaussian");
-        let (step, config, cameras) = (self.steps, self.config, self.cameras.clone());
+        let (step, config, cameras, start) = (self.steps, self.config, self.cameras.clone(), self.start.clone());
+        let draw = |step| Crop::draw(step, &config, &cameras, scene, &start.strokes);
         let drawn = self.next.take().filter(|crop| crop.step == step);
-        let crop = drawn.unwrap_or_else(|| Crop::draw(step, &config, &cameras, scene));
+        let crop = drawn.unwrap_or_else(|| draw(step));
         // Drawn beside this step, parts of which run on one thread.
-        let ahead = || (step + 1 < config.steps).then(|| Crop::draw(step + 1, &config, &cameras, scene));
+        let ahead = || (step + 1 < config.steps).then(|| draw(step + 1));
         let (losses, next) = rayon::join(|| self.step_on(crop), ahead);
         self.next = next;
         losses
     }
 
     fn step_on(&mut self, crop: Crop) -> Losses {
-        let Crop { distance, weights, alpha, mask, mut random, .. } = crop;
+        let Crop { distance, weights, alpha, mask, strokes, mut random, .. } = crop;
         let config = self.config;
         let side = config.crop as usize;
         let size = Size { width: side, height: side };
-        let rgb = over(&weights, &alpha, &self.colors, self.paintings.mean);
+        let mut rgb = over(&weights, &alpha, &self.colors, self.paintings.mean);
+        rgb.iter_mut().zip(&strokes).for_each(|(value, stroke)| *value += stroke);
         let pixels = mask.cells(size);
         // Every other step compares texture alone.
         let gray = self.steps % 2 == 1;
@@ -280,8 +253,8 @@ impl Baker {
             grad = tone.backward(&grad, self.paintings.line);
         }
         losses.shapes = (config.weights.shapes > 0.0 && !gray).then(|| {
-            let recolored = over(&weights, &alpha, &self.recolored, self.paintings.mean);
-            self.aim.loss([&rgb, &recolored], side, &pixels, config.weights.shapes, &mut grad)
+            let start = over(&weights, &alpha, &self.start.colors, self.paintings.mean);
+            self.aim.loss([&rgb, &start], side, &pixels, config.weights.shapes, &mut grad)
         });
         losses.range = loss::range(&rgb, &pixels, config.weights.range, &mut grad);
         let grad = weights.apply_transposed(&grad, 3);
@@ -314,7 +287,7 @@ impl Baker {
 
     /// Moves colors of protected Gaussians toward the start, by `share` times their protection of the way.
     fn protect(&mut self, share: f32) {
-        let starts = self.start.chunks_exact(3).zip(&self.protected);
+        let starts = self.start.colors.chunks_exact(3).zip(&self.start.protected);
         for (color, (start, protected)) in self.colors.chunks_exact_mut(3).zip(starts) {
             let share = (share * protected).min(1.0);
             color.iter_mut().zip(start).for_each(|(color, start)| *color += share * (start - *color));
@@ -375,29 +348,6 @@ impl Baker {
     }
 }
 
-/// How much Gaussians are kept near the start `[N]`, since they belong to things smaller than a stroke (`fine`, 0..1) or are
-/// larger than one. `sides` are their deviations, in units of which a pixel has `pixel_size`.
-fn protections(fine: &[f32], sides: &[f32], pixel_size: f32) -> Vec<f32> {
-    let [low, high] = LARGE;
-    let share = |(fine, side): (&f32, &f32)| {
-        let large = ((side / pixel_size - low) / (high - low)).clamp(0.0, 1.0);
-        // Smooth at both ends.
-        fine.powi(FINE_POWER).max(LARGE_WEIGHT * large * large * (3.0 - 2.0 * large))
-    };
-    fine.iter().zip(sides).map(share).collect()
-}
-
-/// The scene in the paintings' own paint `[N]`, from which a bake starts. Steps add strokes quickly, but take the scene's own
-/// grain away slowly, since each small Gaussian must find its neighbors' mean by itself; paint has the paintings' grain.
-fn painted(scene: &Scene, surface: &Surface, paintings: &[(Image, f32)]) -> Vec<[f32; 3]> {
-    // Places are chosen by color alone: a loss network need not be the encoder of the scene's features.
-    let paints: Vec<(Paint, f64)> = (paintings.iter().filter(|(_, weight)| *weight > 0.0))
-        .map(|(image, weight)| (paint_of(image), f64::from(*weight)))
-        .collect();
-    let paints: Vec<(&Paint, f64)> = paints.iter().map(|(paint, weight)| (paint, *weight)).collect();
-    repaint(scene, surface, &paints, 0.0, START)
-}
-
 /// A hash of all that a bake depends on. The paintings' statistics depend on the network, and stand for both.
 fn identity(
     config: &BakeConfig,
@@ -405,6 +355,7 @@ fn identity(
     captured: &[f32],
     paintings: &Paintings,
     cameras: &Cameras,
+    start: &Start,
 ) -> String {
     let mut identity = Identity::new();
     identity.add(format!("{config:?} {}", SceneFingerprint::of(scene)).into_bytes());
@@ -416,6 +367,10 @@ fn identity(
         identity.add_floats(&layer.statistics.mean);
         identity.add_floats(&layer.statistics.deviation);
     }
+    identity.add_floats(&start.colors);
+    let of_seed = |seed: &StrokeSeed| [seed.place, seed.look];
+    let strokes = start.strokes.words.iter().copied().chain(start.strokes.seeds.iter().flat_map(of_seed));
+    identity.add(strokes.flat_map(u32::to_le_bytes));
     identity.text()
 }
 

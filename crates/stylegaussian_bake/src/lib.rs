@@ -1,8 +1,8 @@
-//! Baking: the colors of a scene's Gaussians, optimized for a painting's brush strokes.
+//! Baking: the colors of a scene's Gaussians, optimized for the brush strokes that are drawn over them.
 //!
-//! Zero-shot stylization decodes features. Baking looks at pictures instead: it renders small views of the scene from
-//! random cameras, compares them with the painting through a loss network, and moves the colors along the gradient. It
-//! starts from instant paint. Colors belong to Gaussians, so views agree by construction.
+//! Instant paint lays a painting's strokes on base colors by lookup. Baking looks at pictures: it renders small views of the
+//! scene with its strokes from random cameras, compares them with the painting through a loss network, and moves the colors
+//! under the strokes along the gradient. The strokes stay as they are. Colors belong to Gaussians, so views agree by construction.
 //!
 //! ```no_run
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -17,6 +17,7 @@
 //!     baker.step(&scene);
 //! }
 //! # let colors: &[[f32; 3]] = baker.colors();
+//! # let strokes: &stylegaussian::strokes::Strokes = baker.strokes();
 //! # Ok(())
 //! # }
 //! ```
@@ -31,6 +32,7 @@ mod loss;
 mod luminance;
 pub mod network;
 mod picture;
+mod start;
 mod target;
 
 pub use baker::Baker;

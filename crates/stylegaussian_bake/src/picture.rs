@@ -1,6 +1,12 @@
 //! A crop of the scene: its pixels, and which of them the scene covers.
 
-use stylegaussian::splat::BlendWeights;
+use glam::Vec2;
+use rayon::prelude::*;
+use stylegaussian::{
+    Camera, Scene,
+    splat::{BlendWeights, stroke_record},
+    strokes::{LEAST_ALPHA, StrokeKnobs, StrokeRecord, Strokes},
+};
 
 use crate::network::Size;
 
@@ -16,6 +22,43 @@ pub(crate) fn over(weights: &BlendWeights, alpha: &[f32], colors: &[f32], backgr
         pixel.iter_mut().zip(background).for_each(|(value, behind)| *value += (1.0 - alpha) * behind);
     }
     rgb
+}
+
+/// What `strokes` add to the picture of `scene` that has these `weights`: RGB `[h * w * 3]`, or nothing if there are no strokes.
+/// Colors do not change it, so one picture serves a whole step.
+pub(crate) fn strokes_over(
+    scene: &Scene,
+    strokes: &Strokes,
+    camera: &Camera,
+    weights: &BlendWeights,
+) -> Vec<f32> {
+    if strokes.seeds.is_empty() {
+        return Vec::new();
+    }
+    // Weights are no larger than alpha, below which nothing is drawn.
+    let shows = |weight: f32| weight >= LEAST_ALPHA;
+    let mut is_seen = vec![false; scene.len()];
+    for (i, weight) in weights.indices.iter().zip(&weights.weights) {
+        is_seen[*i as usize] |= shows(*weight);
+    }
+    let knobs = StrokeKnobs::DEFAULT;
+    let record = |i: usize| {
+        let record = || stroke_record(scene, i, strokes.words[i], &strokes.seeds, camera, &knobs);
+        is_seen[i].then(record).flatten()
+    };
+    let records: Vec<Option<(StrokeRecord, Vec2)>> = (0..scene.len()).into_par_iter().map(record).collect();
+    let width = weights.size.x as usize;
+    let mut rgb = vec![[0.0; 3]; weights.starts.len() - 1];
+    rgb.par_iter_mut().enumerate().for_each(|(pixel, sum)| {
+        let at = Vec2::new((pixel % width) as f32, (pixel / width) as f32) + 0.5;
+        for (i, weight) in weights.pixel(pixel).filter(|(_, weight)| shows(*weight)) {
+            let Some((record, center)) = &records[i] else { continue };
+            let texture = &strokes.textures[usize::from(record.texture)];
+            let detail = record.detail(texture, at - *center, knobs.near);
+            sum.iter_mut().zip(detail.to_array()).for_each(|(sum, value)| *sum += weight * value);
+        }
+    });
+    rgb.into_flattened()
 }
 
 /// The pixels that the scene covers.

@@ -1,0 +1,88 @@
+//! The start of a bake: instant paint, and how far its colors may go.
+
+use stylegaussian::{
+    Scene,
+    paint::{Canvas, Painted, Surface, lay},
+    strokes::{StrokeWord, Strokes},
+};
+use stylegaussian_encoder::{Image, paint_of};
+
+use crate::cameras::Cameras;
+
+/// What every Gaussian is kept near the start, beside what stands out: a third of the pull of the smallest things. Strokes are
+/// there from the start, and without any pull the colors under them take up grain that competes with them.
+const KEPT: f32 = 0.3;
+
+/// Standard deviations of Gaussians in pixels, seen from their broad sides: those below the first carry shades of strokes, those
+/// above the second do not. On the bonsai half of what is seen lies below 0.7 pixels, and a tenth above 6.4: shadows on cloth,
+/// pot and tray.
+const LARGE: [f32; 2] = [6.0, 11.0];
+
+/// How much more than the smallest things the largest Gaussians are protected. Nothing but flat color would come of them: in
+/// the shadows of a capture, which has few and large ones there, all things would be lost (docs/notes/bake_experiments.md, ninth
+/// round).
+pub(crate) const LARGE_WEIGHT: f32 = 10.0;
+
+/// Colors and strokes of a scene before the first step.
+pub(crate) struct Start {
+    /// Colors under the strokes `[N * 3]`.
+    pub colors: Vec<f32>,
+    /// The strokes, which no step changes.
+    pub strokes: Strokes,
+    /// How much each Gaussian is kept near its color here `[N]`: 0..1, and up to [`LARGE_WEIGHT`] for large Gaussians.
+    pub protected: Vec<f32>,
+}
+
+impl Start {
+    /// The scene between its `recolored` colors `[N * 3]` (`paint` 0, without strokes) and instant paint (1).
+    pub fn new(
+        scene: &Scene,
+        cameras: &Cameras,
+        paintings: &[(Image, f32)],
+        recolored: Vec<f32>,
+        paint: f32,
+    ) -> Self {
+        let mut colors = recolored;
+        let mut strokes = Strokes { words: vec![StrokeWord::NONE.packed(); scene.len()], ..Strokes::default() };
+        if paint > 0.0 {
+            let painted = painted(scene, cameras, paintings);
+            for (color, painted) in colors.iter_mut().zip(painted.colors.into_iter().flatten()) {
+                *color += paint * (painted - *color);
+            }
+            strokes = painted.strokes;
+            for word in &mut strokes.words {
+                let of = StrokeWord::unpacked(*word);
+                *word = StrokeWord { share: paint.min(1.0) * of.share, ..of }.packed();
+            }
+        }
+        let protected = protections(&strokes.words, &scene.broad_sides(), cameras.pixel_size);
+        Self { colors, strokes, protected }
+    }
+}
+
+/// The scene in the paintings' own paint.
+fn painted(scene: &Scene, cameras: &Cameras, paintings: &[(Image, f32)]) -> Painted {
+    // Choosing views takes seconds, so it is done once.
+    let surface = match &cameras.chosen[..] {
+        [] => Surface::new(scene),
+        chosen => Surface::seen_from(scene, chosen),
+    };
+    let canvases: Vec<(Canvas, f64)> = (paintings.iter().filter(|(_, weight)| *weight > 0.0))
+        .map(|(image, weight)| (Canvas::new(&paint_of(image)), f64::from(*weight)))
+        .collect();
+    let canvases: Vec<(&Canvas, f64)> = canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect();
+    lay(scene, &surface, &canvases, 0.0)
+}
+
+/// How much Gaussians are kept near the start `[N]`, since they stand out, by their `words`, or are larger than a stroke. `sides` are
+/// their deviations, in units of which a pixel has `pixel_size`.
+pub(crate) fn protections(words: &[u32], sides: &[f32], pixel_size: f32) -> Vec<f32> {
+    let [low, high] = LARGE;
+    let share = |(word, side): (&u32, &f32)| {
+        let large = ((side / pixel_size - low) / (high - low)).clamp(0.0, 1.0);
+        let small = (KEPT + StrokeWord::unpacked(*word).protection).min(1.0);
+        // Smooth at both ends.
+        small.max(LARGE_WEIGHT * large * large * (3.0 - 2.0 * large))
+    };
+    words.iter().zip(sides).map(share).collect()
+}
