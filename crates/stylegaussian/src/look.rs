@@ -1,18 +1,20 @@
-//! Looks: the colors of one scene's Gaussians, made for a painting.
+//! Looks: the colors of one scene's Gaussians, made for a painting, and the strokes over them.
 //!
-//! A [`Look`] keeps its colors in the order of the scene's source, because readers order Gaussians differently: a `.ply`
-//! keeps the source's order, a `.sgs` is in Morton order. [`Look::new`] and [`Look::colors_for`] convert from and to the
-//! order of a scene in memory.
+//! A [`Look`] keeps its colors and strokes in the order of the scene's source, because readers order Gaussians differently: a `.ply`
+//! keeps the source's order, a `.sgs` is in Morton order. [`Look::new`], [`Look::with_strokes`], [`Look::colors_for`] and
+//! [`Look::strokes_for`] convert from and to the order of a scene in memory.
 
 use std::{fmt, str::FromStr};
 
-use crate::{fold::StylizeError, random::hash, scene::Scene};
+use crate::{fold::StylizeError, random::hash, scene::Scene, strokes::Strokes};
 
-/// Colors of the Gaussians of one scene, and what they were made from.
+/// Colors of the Gaussians of one scene, the strokes over them, and what they were made from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Look {
     /// Display-referred RGB `[N]`, not clamped, in the order of the scene's source.
     pub(crate) colors: Vec<[f32; 3]>,
+    /// Strokes that are drawn over the colors, their words `[N]` in the same order; `None` if there are none.
+    pub(crate) strokes: Option<Strokes>,
     /// The scene that the colors belong to.
     pub scene: SceneFingerprint,
     /// Paintings and settings that gave the colors.
@@ -74,7 +76,22 @@ impl Look {
     pub fn new(scene: &Scene, colors: &[[f32; 3]], made_from: MadeFrom) -> Self {
         assert_eq!(colors.len(), scene.len(), "one color per Gaussian");
         let in_source_order = by_source(scene).into_iter().map(|i| colors[i as usize]).collect();
-        Self { colors: in_source_order, scene: SceneFingerprint::of(scene), made_from }
+        Self { colors: in_source_order, strokes: None, scene: SceneFingerprint::of(scene), made_from }
+    }
+
+    /// The look with `strokes` over its colors, whose words `[N]` are in the order of the same `scene`. Strokes without seeds are none.
+    ///
+    /// # Panics
+    /// If there is not one word per Gaussian.
+    #[must_use]
+    pub fn with_strokes(self, scene: &Scene, strokes: &Strokes) -> Self {
+        if strokes.seeds.is_empty() {
+            return Self { strokes: None, ..self };
+        }
+        assert_eq!(strokes.words.len(), scene.len(), "one word per Gaussian");
+        let words = by_source(scene).into_iter().map(|i| strokes.words[i as usize]).collect();
+        let Strokes { seeds, textures, .. } = strokes.clone();
+        Self { strokes: Some(Strokes { seeds, words, textures }), ..self }
     }
 
     /// The colors `[N]` in the order of `scene`, display-referred RGB, not clamped.
@@ -82,16 +99,38 @@ impl Look {
     /// # Errors
     /// If the look belongs to another scene.
     pub fn colors_for(&self, scene: &Scene) -> Result<Vec<[f32; 3]>, LookError> {
+        self.in_order(&self.colors, scene)
+    }
+
+    /// The strokes over the colors, their words `[N]` in the order of `scene`; `None` if the look has none.
+    ///
+    /// # Errors
+    /// If the look belongs to another scene.
+    pub fn strokes_for(&self, scene: &Scene) -> Result<Option<Strokes>, LookError> {
+        let in_order = |strokes: &Strokes| {
+            let words = self.in_order(&strokes.words, scene)?;
+            Ok(Strokes { words, seeds: strokes.seeds.clone(), textures: strokes.textures.clone() })
+        };
+        self.strokes.as_ref().map(in_order).transpose()
+    }
+
+    /// Whether strokes are drawn over the colors.
+    pub fn has_strokes(&self) -> bool {
+        self.strokes.is_some()
+    }
+
+    /// Values `[N]` of the source's Gaussians in the order of `scene`.
+    fn in_order<T: Copy + Default>(&self, values: &[T], scene: &Scene) -> Result<Vec<T>, LookError> {
         let expected = SceneFingerprint::of(scene);
-        // The number of colors is compared as well, since a fingerprint is a public value that anybody can set.
-        if self.scene != expected || self.colors.len() != scene.len() {
+        // The number of values is compared as well, since a fingerprint is a public value that anybody can set.
+        if self.scene != expected || values.len() != scene.len() {
             return Err(LookError { found: self.scene, expected });
         }
-        let mut colors = vec![[0.0; 3]; scene.len()];
-        for (color, i) in self.colors.iter().zip(by_source(scene)) {
-            colors[i as usize] = *color;
+        let mut in_order = vec![T::default(); scene.len()];
+        for (value, i) in values.iter().zip(by_source(scene)) {
+            in_order[i as usize] = *value;
         }
-        Ok(colors)
+        Ok(in_order)
     }
 
     /// N, the number of colors.
@@ -191,7 +230,7 @@ mod tests {
     use glam::{Quat, Vec3};
 
     use super::*;
-    use crate::scene::Sh;
+    use crate::{scene::Sh, strokes::StrokeSeed};
 
     /// Gaussians at x = 3, 0, 2, 1, read from rows 3, 0, 2 and 1 of a source, so that the order is that of x.
     fn scene() -> Scene {
@@ -217,6 +256,22 @@ mod tests {
         let moved = scene.subset(&[1, 3, 0, 2]);
         let of_moved = look.colors_for(&moved).unwrap();
         assert!(moved.means.iter().zip(&of_moved).all(|(mean, color)| mean.x == color[0]), "{of_moved:?}");
+    }
+
+    #[test]
+    fn strokes_follow_their_gaussians() {
+        let scene = scene();
+        let look = Look::new(&scene, &[[0.5; 3]; 4], MadeFrom::default());
+        assert!(!look.has_strokes() && look.strokes_for(&scene).unwrap().is_none());
+        let words: Vec<u32> = scene.means.iter().map(|mean| mean.x as u32).collect();
+        let strokes = Strokes { words, seeds: vec![StrokeSeed::default(); 4], textures: Vec::new() };
+        let look = look.with_strokes(&scene, &strokes);
+        assert_eq!(look.strokes_for(&scene).unwrap().unwrap(), strokes);
+        let moved = scene.subset(&[1, 3, 0, 2]);
+        let of_moved = look.strokes_for(&moved).unwrap().unwrap().words;
+        assert!(moved.means.iter().zip(&of_moved).all(|(mean, word)| mean.x as u32 == *word), "{of_moved:?}");
+        assert!(look.strokes_for(&scene.subset(&[0, 1, 2])).is_err());
+        assert!(!look.with_strokes(&scene, &Strokes::default()).has_strokes());
     }
 
     #[test]

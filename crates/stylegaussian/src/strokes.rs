@@ -41,6 +41,8 @@ use std::{f32::consts::SQRT_2, sync::Arc};
 pub const SEED_BITS: u32 = 18;
 /// Most seeds of one table, mixes of several styles included.
 pub const MAX_SEEDS: usize = 1 << SEED_BITS;
+/// Most textures of one table: a byte names them.
+pub const MAX_TEXTURES: usize = 256;
 /// The largest number of the seven bits that hold a protection or a share.
 pub const SEVEN_BITS: u32 = 127;
 /// The largest gain that a seed holds.
@@ -49,13 +51,13 @@ pub const MAX_GAIN: f32 = 2.0;
 pub const PERIOD: f32 = 2.0 * FINE_SIDE as f32;
 
 /// Strokes of a scene.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Strokes {
     /// The seeds `[M]`, at most [`MAX_SEEDS`].
     pub seeds: Vec<StrokeSeed>,
     /// The strokes of each Gaussian `[N]`: see [`StrokeWord`].
     pub words: Vec<u32>,
-    /// Textures that seeds name by their position. At most 256.
+    /// Textures that seeds name by their position, at most [`MAX_TEXTURES`].
     pub textures: Vec<Arc<StrokeTexture>>,
 }
 

@@ -223,7 +223,8 @@ impl Baker {
     /// If `scene` has another number of Gaussians than the one that the bake began with.
     pub fn step(&mut self, scene: &Scene) -> Losses {
         assert_eq!(self.colors.len(), scene.len() * 3, "one color per Gaussian");
-        let (step, config, cameras, start) = (self.steps, self.config, self.cameras.clone(), self.start.clone());
+        let (step, config, cameras, start) =
+            (self.steps, self.config, self.cameras.clone(), self.start.clone());
         let draw = |step| Crop::draw(step, &config, &cameras, scene, &start.strokes);
         let drawn = self.next.take().filter(|crop| crop.step == step);
         let crop = drawn.unwrap_or_else(|| draw(step));

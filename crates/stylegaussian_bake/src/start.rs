@@ -43,7 +43,8 @@ impl Start {
         paint: f32,
     ) -> Self {
         let mut colors = recolored;
-        let mut strokes = Strokes { words: vec![StrokeWord::NONE.packed(); scene.len()], ..Strokes::default() };
+        let mut strokes =
+            Strokes { words: vec![StrokeWord::NONE.packed(); scene.len()], ..Strokes::default() };
         if paint > 0.0 {
             let painted = painted(scene, cameras, paintings);
             for (color, painted) in colors.iter_mut().zip(painted.colors.into_iter().flatten()) {

@@ -5,6 +5,14 @@
 //! | `colors` | u8 `[N, 3]` | one row per Gaussian of the scene, in the order of its source |
 //! | `scale`, `offset` | f32 `[3]` | color = offset + scale * `colors`, display-referred RGB |
 //!
+//! A look with strokes has metadata `version` 2, and also:
+//!
+//! | tensor | type and shape | |
+//! | --- | --- | --- |
+//! | `words` | u32 `[N]` | [`StrokeWord`](crate::strokes::StrokeWord)s, in the order of `colors` |
+//! | `seeds` | u8 `[M, 32]` | [`StrokeSeed`](crate::strokes::StrokeSeed)s: eight numbers of 4 bytes, little-endian |
+//! | `texture.{t}` | u8 | the detail of painting t, from 0 on: see `texture` |
+//!
 //! | metadata | value |
 //! | --- | --- |
 //! | `scene` | `N@hash`, the scene's [`SceneFingerprint`] |
@@ -15,6 +23,9 @@ use serde_json::{Value, json};
 
 use crate::look::{Look, MadeFrom, Painting, SceneFingerprint};
 
+mod strokes;
+mod texture;
+
 use super::{
     error::{Mismatch, mismatch},
     tensors::{Dimension::Is, Reader, Writer, expect_finite},
@@ -22,19 +33,28 @@ use super::{
 
 const FORMAT: &str = "stylegaussian-look";
 
+/// Version of a look with strokes. One without them is of version 1, which older readers know.
+const WITH_STROKES: &str = "2";
+
 /// The largest value of a u8.
 const LAST_STEP: f32 = 255.0;
 
 pub(super) fn from_bytes(bytes: &[u8]) -> Result<Look, Mismatch> {
     let reader = Reader::new(bytes)?;
-    reader.expect_format(FORMAT)?;
+    let has_strokes = reader.metadata("version") == Some(WITH_STROKES);
+    match has_strokes {
+        true => reader.expect_value("format", FORMAT)?,
+        false => reader.expect_format(FORMAT)?,
+    }
     let scene: SceneFingerprint = reader.required("scene", "`scene` = `N@hash`, the scene's fingerprint")?;
     let (steps, _) = reader.bytes("colors", &[Is(scene.n_gaussians), Is(3)])?;
     let coding = Coding { scale: channels(&reader, "scale")?, offset: channels(&reader, "offset")? };
     // Each is finite, but a damaged scale may lead beyond the range of f32.
     expect_finite("offset + 255 scale", &coding.decode([255; 3]))?;
     let colors = steps.chunks_exact(3).map(|row| coding.decode([row[0], row[1], row[2]])).collect();
-    Ok(Look { colors, scene, made_from: made_from(&reader)? })
+    let made_from = made_from(&reader)?;
+    let strokes = if has_strokes { Some(strokes::read(&reader, scene.n_gaussians)?) } else { None };
+    Ok(Look { colors, strokes, scene, made_from })
 }
 
 fn channels(reader: &Reader, name: &str) -> Result<[f32; 3], Mismatch> {
@@ -65,7 +85,7 @@ fn paintings_of(list: Value) -> Option<Vec<Painting>> {
 }
 
 /// The tensors and metadata of a look file.
-pub(super) fn prepare(look: &Look) -> Result<Writer<'static>, Mismatch> {
+pub(super) fn prepare(look: &Look) -> Result<Writer<'_>, Mismatch> {
     let n = look.scene.n_gaussians;
     if look.len() != n {
         return Err(mismatch(format_args!("{} colors", look.len()), format_args!("{n}, one per Gaussian")));
@@ -93,6 +113,10 @@ pub(super) fn prepare(look: &Look) -> Result<Writer<'static>, Mismatch> {
     writer.set("strength", strength);
     writer.set("steps", steps);
     writer.set("seed", seed);
+    if let Some(strokes) = &look.strokes {
+        writer.set("version", WITH_STROKES);
+        strokes::write(strokes, n, &mut writer)?;
+    }
     Ok(writer)
 }
 

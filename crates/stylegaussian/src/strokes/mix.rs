@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::StrokeWord;
+use super::{MAX_SEEDS, MAX_TEXTURES, StrokeWord, Strokes};
 use crate::layers::Region;
 
 /// Range of shares within which a stroke goes and another one comes.
@@ -45,6 +45,47 @@ pub fn mixed(below: StrokeWord, above: StrokeWord, share: f32) -> StrokeWord {
     let open = ((share - turn).abs() / EDGE).min(1.0);
     let shown = if share > turn { above } else { below };
     StrokeWord { share: shown.share * open, ..shown }
+}
+
+impl Strokes {
+    /// Replaces a share of the strokes by those of `above`, Gaussian by Gaussian: see [`mixed`]. Seeds without words are no strokes, so
+    /// with [`Strokes::default`] above, the strokes fade.
+    ///
+    /// Strokes that a table has no room for beside these ([`MAX_SEEDS`], [`MAX_TEXTURES`]) are left out, and these fade.
+    ///
+    /// # Panics
+    /// If both have words, and not as many.
+    pub fn mix(&mut self, above: &Self, share: f32) {
+        if self.words.is_empty() {
+            self.words = vec![StrokeWord::NONE.packed(); above.words.len()];
+        }
+        assert!(above.words.is_empty() || above.words.len() == self.words.len(), "one word per Gaussian");
+        let (first_seed, first_texture) = (self.seeds.len(), self.textures.len());
+        let has_room = first_seed + above.seeds.len() <= MAX_SEEDS
+            && first_texture + above.textures.len() <= MAX_TEXTURES;
+        for (i, word) in self.words.iter_mut().enumerate() {
+            let above = above.words.get(i).filter(|_| has_room).map_or(StrokeWord::NONE, |word| {
+                let of = StrokeWord::unpacked(*word);
+                StrokeWord { seed: of.seed + first_seed as u32, ..of }
+            });
+            *word = mixed(StrokeWord::unpacked(*word), above, share).packed();
+        }
+        if has_room {
+            let with_texture = |seed: &super::StrokeSeed| {
+                seed.with_texture((usize::from(seed.plain().texture) + first_texture) as u8)
+            };
+            self.seeds.extend(above.seeds.iter().map(with_texture));
+            self.textures.extend_from_slice(&above.textures);
+        }
+    }
+
+    /// Multiplies the share of strokes that are shown.
+    pub fn fade(&mut self, share: f32) {
+        for word in &mut self.words {
+            let of = StrokeWord::unpacked(*word);
+            *word = StrokeWord { share: share * of.share, ..of }.packed();
+        }
+    }
 }
 
 /// The words of N Gaussians under `layers`, from nothing up `[N]`. The kernel is `mix_strokes`.

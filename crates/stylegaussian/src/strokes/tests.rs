@@ -67,7 +67,8 @@ fn a_record_is_the_map_from_the_screen_to_the_painting_to_first_order() {
     let view = camera.view_from_world.transform_point3(mean);
     let rotation: Mat3 = camera.view_from_world.matrix3.into();
     let ray = view.truncate() / view.z;
-    let gradient = |axis: Vec3, at: f32| rotation.transpose() * (axis - at * Vec3::Z) * camera.focal.x / view.z;
+    let gradient =
+        |axis: Vec3, at: f32| rotation.transpose() * (axis - at * Vec3::Z) * camera.focal.x / view.z;
     let gradients = (gradient(Vec3::X, ray.x), gradient(Vec3::Y, ray.y));
     let knobs = StrokeKnobs::default();
     let record = StrokeRecord::new(word, &seeds, (mean, turn, scales), gradients, &knobs).unwrap();
@@ -87,7 +88,10 @@ fn a_record_is_the_map_from_the_screen_to_the_painting_to_first_order() {
         let found = record.texel + record.step_x * offset.x + record.step_y * offset.y;
         let expected = exact(center + offset);
         // The thinnest axis counts as 3% of the longest, which turns the plane a little; the rest is the second order.
-        assert!(found.distance(expected) < 0.03 * (expected - record.texel).length() + 0.1, "{found} {expected}");
+        assert!(
+            found.distance(expected) < 0.03 * (expected - record.texel).length() + 0.1,
+            "{found} {expected}"
+        );
     }
 }
 
@@ -160,11 +164,15 @@ fn a_wall_shows_the_painting_by_the_pixel() {
     let word = StrokeWord { seed: 0, protection: 0.0, share: 1.0 }.packed();
     let strokes =
         Strokes { seeds: vec![flat.packed()], words: vec![word; n], textures: vec![Arc::new(stripes())] };
-    let painted = render_strokes(&scene, Colors::Captured, (&strokes, &StrokeKnobs::default()), &camera, None);
+    let painted =
+        render_strokes(&scene, Colors::Captured, (&strokes, &StrokeKnobs::default()), &camera, None);
     let plain = render(&scene, Colors::Captured, &camera);
     assert_eq!(painted.alpha, plain.alpha);
-    let row = |x: usize| (painted.color[64 * 128 + x][0] - plain.color[64 * 128 + x][0]) / painted.alpha[64 * 128 + x];
-    let (light, dark): (Vec<f32>, Vec<f32>) = ((41..=88).step_by(8).map(row).collect(), (45..=88).step_by(8).map(row).collect());
+    let row = |x: usize| {
+        (painted.color[64 * 128 + x][0] - plain.color[64 * 128 + x][0]) / painted.alpha[64 * 128 + x]
+    };
+    let (light, dark): (Vec<f32>, Vec<f32>) =
+        ((41..=88).step_by(8).map(row).collect(), (45..=88).step_by(8).map(row).collect());
     assert!(light.iter().all(|v| *v > 0.25) && dark.iter().all(|v| *v < -0.25), "{light:?} {dark:?}");
     // Twice the amount, none of it, and strokes of twice the size.
     let with = |knobs| render_strokes(&scene, Colors::Captured, (&strokes, &knobs), &camera, None);
@@ -180,7 +188,8 @@ fn mixed_strokes_change_spot_by_spot() {
     let of = |seed: u32| StrokeWord { seed, protection: 0.0, share: 1.0 };
     let n = 4000;
     let at = |share: f32| (0..n).map(|i| mixed(of(i), of(n + i), share)).collect::<Vec<_>>();
-    let of_above = |words: &[StrokeWord]| words.iter().filter(|word| word.seed >= n).count() as f32 / n as f32;
+    let of_above =
+        |words: &[StrokeWord]| words.iter().filter(|word| word.seed >= n).count() as f32 / n as f32;
     assert_eq!(at(0.0), (0..n).map(of).collect::<Vec<_>>());
     assert_eq!(at(1.0), (n..2 * n).map(of).collect::<Vec<_>>());
     assert!((of_above(&at(0.5)) - 0.5).abs() < 0.02);
@@ -188,7 +197,11 @@ fn mixed_strokes_change_spot_by_spot() {
     // No spot jumps: between two frames a share changes by the step over the edge's width at most.
     let (before, after) = (at(0.5), at(0.51));
     for (before, after) in before.iter().zip(&after) {
-        let change = if before.seed == after.seed { (after.share - before.share).abs() } else { before.share + after.share };
+        let change = if before.seed == after.seed {
+            (after.share - before.share).abs()
+        } else {
+            before.share + after.share
+        };
         assert!(change < 0.01 / 0.1 + 1e-4, "{before:?} {after:?}");
     }
     // Beside nothing they fade.
@@ -220,4 +233,47 @@ fn layers_of_strokes_have_regions_and_tables() {
     let bare = StrokeLayer { words: None, strength: 0.5, ..everywhere };
     let found = StrokeWord::unpacked(mix_strokes(&means, &[everywhere, bare])[0]);
     assert!((found.share - 0.5).abs() < 0.005);
+}
+
+#[test]
+fn strokes_of_two_paintings_share_a_table() {
+    let texture = |value: f32| {
+        let texels = |side: usize| vec![Vec3::splat(value); side * side];
+        std::sync::Arc::new(StrokeTexture::new(texels(FINE_SIDE), texels(WIDE_SIDE)))
+    };
+    let of = |value: f32, n: usize| Strokes {
+        seeds: vec![StrokeSeed::default(); n],
+        words: (0..60)
+            .map(|i| StrokeWord { seed: i % n as u32, protection: 0.5, share: 1.0 }.packed())
+            .collect(),
+        textures: vec![texture(value)],
+    };
+    let mut mix = Strokes::default();
+    mix.mix(&of(0.1, 20), 1.0);
+    assert_eq!(mix.words, of(0.1, 20).words);
+    mix.mix(&of(0.2, 30), 0.5);
+    assert_eq!((mix.seeds.len(), mix.textures.len()), (50, 2));
+    assert!(mix.seeds[..20].iter().all(|seed| seed.plain().texture == 0));
+    assert!(mix.seeds[20..].iter().all(|seed| seed.plain().texture == 1));
+    let words: Vec<StrokeWord> = mix.words.iter().map(|word| StrokeWord::unpacked(*word)).collect();
+    let n_above = words.iter().enumerate().filter(|(i, word)| word.seed as usize == 20 + i % 30).count();
+    let n_below = words.iter().enumerate().filter(|(i, word)| word.seed as usize == i % 20).count();
+    // About half of the spots show either.
+    assert!(n_above + n_below == 60 && (20..=40).contains(&n_above), "{n_above} and {n_below}");
+
+    let shares = |strokes: &Strokes| -> f32 {
+        strokes.words.iter().map(|word| StrokeWord::unpacked(*word).share).sum()
+    };
+    let before = shares(&mix);
+    // A look without strokes above, and a factor: to 7 bits.
+    mix.mix(&Strokes::default(), 0.5);
+    assert!((shares(&mix) - 0.5 * before).abs() < 60.0 / 127.0);
+    mix.fade(0.5);
+    assert!((shares(&mix) - 0.25 * before).abs() < 60.0 / 127.0);
+    // A table without room keeps what it has.
+    let mut full = of(0.1, 20);
+    full.textures = vec![texture(0.1); MAX_TEXTURES];
+    full.mix(&of(0.2, 30), 0.25);
+    assert_eq!((full.seeds.len(), full.textures.len()), (20, MAX_TEXTURES));
+    assert!((shares(&full) - 45.0).abs() < 60.0 / 127.0);
 }
