@@ -19,6 +19,24 @@ fn splat_draw_strokes_vertex(@builtin(vertex_index) corner: u32, @builtin(instan
     return Quad(corner_of(splat, corner), geometry, splat.y_precision, color, stroke_records[record]);
 }
 
+/// The detail at `d` pixels from the splat's center.
+fn stroke_detail(strokes: Strokes, d: vec2<f32>) -> vec3<f32> {
+    let at = place_at(strokes, d);
+    var sum = vec3(0.0);
+    if strokes.gains.x > 0.0 {
+        var fine = fine_octave(strokes, at, 0.0);
+        let n_octaves = n_octaves_of(strokes);
+        for (var octave = 1.0; octave <= n_octaves; octave += 1.0) {
+            fine += fine_octave(strokes, at, octave);
+        }
+        sum += strokes.gains.x * fine;
+    }
+    if strokes.gains.y > 0.0 {
+        sum += strokes.gains.y * wide_at(strokes, at);
+    }
+    return sum;
+}
+
 @fragment
 fn splat_draw_strokes_fragment(quad: Quad) -> @location(0) vec4<f32> {
     let d = quad.position.xy - quad.geometry.xy;

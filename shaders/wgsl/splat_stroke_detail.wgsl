@@ -47,33 +47,31 @@ fn unpacked_strokes(record: vec4<u32>) -> Strokes {
     );
 }
 
-/// Fine detail of a place, with finer strokes where the painting is magnified.
-fn fine_at(strokes: Strokes, at: vec2<f32>) -> vec3<f32> {
-    let level = strokes.level;
-    var fine = textureSampleLevel(fine_detail, mirrored, at, strokes.layer, max(level, 0.0)).rgb;
-    var gain = stroke_draw.near;
-    var k = 1.0;
-    // An octave comes in from 0.4 octaves before its own distance to 0.2 after it.
-    while k <= MOST_OCTAVES && -level - k + 0.6 > 0.0 {
-        let share = min((-level - k + 0.6) / 0.8, 1.0);
-        let finer = textureSampleLevel(fine_detail, mirrored, at * exp2(k), strokes.layer, max(level + k, 0.0)).rgb;
-        fine += finer * (gain * share);
-        gain *= stroke_draw.near;
-        k += 1.0;
-    }
-    return fine;
+/// The place in the painting at `d` pixels from the splat's center.
+fn place_at(strokes: Strokes, d: vec2<f32>) -> vec2<f32> {
+    return strokes.place + strokes.step_x * d.x + strokes.step_y * d.y;
 }
 
-/// The detail at `d` pixels from the splat's center.
-fn stroke_detail(strokes: Strokes, d: vec2<f32>) -> vec3<f32> {
-    let at = strokes.place + strokes.step_x * d.x + strokes.step_y * d.y;
-    var sum = vec3(0.0);
-    if strokes.gains.x > 0.0 {
-        sum += strokes.gains.x * fine_at(strokes, at);
+/// Octaves of finer strokes that a splat shows: those from 0.4 octaves before their own distance on.
+fn n_octaves_of(strokes: Strokes) -> f32 {
+    let n = clamp(ceil(0.6 - strokes.level) - 1.0, 0.0, MOST_OCTAVES);
+    return select(0.0, n, strokes.gains.x > 0.0 && stroke_draw.near > 0.0);
+}
+
+/// Fine detail in the painting's own size (octave 0) or finer, with its share.
+fn fine_octave(strokes: Strokes, at: vec2<f32>, octave: f32) -> vec3<f32> {
+    let level = max(strokes.level + octave, 0.0);
+    let detail = textureSampleLevel(fine_detail, mirrored, at * exp2(octave), strokes.layer, level).rgb;
+    // All of an octave is there from 0.2 octaves after its own distance on.
+    var share = 1.0;
+    if octave > 0.0 {
+        share = clamp((0.6 - strokes.level - octave) / 0.8, 0.0, 1.0) * pow(stroke_draw.near, octave);
     }
-    if strokes.gains.y > 0.0 {
-        let level = max(strokes.level - WIDE_LEVEL, 0.0);
-        sum += strokes.gains.y * textureSampleLevel(wide_detail, mirrored, at, strokes.layer, level).rgb;
-    }
-    return sum;
+    return share * detail;
+}
+
+/// Wide detail.
+fn wide_at(strokes: Strokes, at: vec2<f32>) -> vec3<f32> {
+    let level = max(strokes.level - WIDE_LEVEL, 0.0);
+    return textureSampleLevel(wide_detail, mirrored, at, strokes.layer, level).rgb;
 }

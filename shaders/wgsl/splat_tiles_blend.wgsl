@@ -23,21 +23,7 @@ fn splat_tiles_blend(
     if tile > 0u {
         i = end_of_list(tile - 1u);
     }
-    for (; i < end; i++) {
-        let record = entries[i];
-        var splat = unpacked(geometry_halves[record], color_halves[record]);
-        // Scaled once per splat instead of once per pixel, for the exp2 of `blend`.
-        splat.row_precision *= -HALF_LOG2_E;
-        splat.y_precision *= -HALF_LOG2_E;
-        let d = middle - splat.center;
-        let dx = d.x + vec4(0.0, 1.0, 2.0, 3.0);
-        blend_colors(&row_0, &row_1, &row_2, &row_3, splat, record, dx, d.y);
-        let brightest = max(max(row_0.light, row_1.light), max(row_2.light, row_3.light));
-        // Finished pixels blend on until all sixteen are finished. They have less than MIN_LIGHT left to give.
-        if all(brightest < vec4(MIN_LIGHT)) {
-            break;
-        }
-    }
+    blend_list(&row_0, &row_1, &row_2, &row_3, i, end, middle);
     let end_pixel = vec2<u32>(tiles.viewport.xy + tiles.viewport.zw);
     store(row_0, pixel, end_pixel);
     store(row_1, pixel + below, end_pixel);

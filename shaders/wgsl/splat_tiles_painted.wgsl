@@ -1,51 +1,128 @@
 // Splats with strokes in the blend of tiles.
+//
+// A software adapter that runs eight invocations in lockstep skips nothing but the iterations of loops, and each sample of a
+// texture costs as much as the blend of a row. So strokes are put off: splats are blended in batches, and the pixels in which
+// they show strokes are queued with their weights. Then a loop takes one sample of each texture at a time, in which every
+// invocation has a pixel of its own until its queue is empty. Strokes only add to colors, so their order does not matter.
 
+/// Splats of a batch.
+const BATCH: u32 = 16u;
 /// Strokes of less weight are left out. Ten such splats in a pixel change it by less than a step of eight bits.
 const LEAST_WEIGHT: f32 = 2e-4;
+
+/// Splats of a batch that show strokes.
+struct Queue {
+    n: u32,
+    records: array<u32, BATCH>,
+    /// A bit for each of the sixteen pixels in which they do.
+    pixels: array<u32, BATCH>,
+    /// The weights in the first two rows and in the others, as f16.
+    weights: array<vec4<u32>, 2u * BATCH>,
+}
 
 /// The weights that strokes have in a row: those of the splat, where it shows any.
 fn stroke_weights(weight: vec4<f32>, alpha: vec4<f32>) -> vec4<f32> {
     return select(vec4(0.0), weight, (weight >= vec4(LEAST_WEIGHT)) & (alpha >= vec4(LEAST_ALPHA)));
 }
 
-/// Adds strokes to a row.
-fn paint(row: ptr<function, Row>, strokes: Strokes, weight: vec4<f32>, dx: vec4<f32>, dy: f32) {
-    for (var i = 0u; i < 4u; i++) {
-        if weight[i] > 0.0 {
-            let detail = weight[i] * stroke_detail(strokes, vec2(dx[i], dy));
-            (*row).red[i] += detail.r;
-            (*row).green[i] += detail.g;
-            (*row).blue[i] += detail.b;
+/// A bit for each weight that is not 0.
+fn bits_of(weight: vec4<f32>) -> u32 {
+    let bits = select(vec4(0u), vec4(1u, 2u, 4u, 8u), weight > vec4(0.0));
+    return bits.x | bits.y | bits.z | bits.w;
+}
+
+fn packed_weights(a: vec4<f32>, b: vec4<f32>) -> vec4<u32> {
+    return vec4(pack2x16float(a.xy), pack2x16float(a.zw), pack2x16float(b.xy), pack2x16float(b.zw));
+}
+
+/// Adds the strokes of a queue to the detail of sixteen pixels.
+fn paint(queue: ptr<function, Queue>, detail: ptr<function, array<vec3<f32>, 16>>, middle: vec2<f32>) {
+    var item = 0u;
+    var pixels = 0u;
+    var octave = 0.0;
+    var n_octaves = 0.0;
+    var strokes: Strokes;
+    var first: vec2<f32>;
+    loop {
+        if pixels == 0u {
+            if item >= (*queue).n {
+                break;
+            }
+            let record = (*queue).records[item];
+            pixels = (*queue).pixels[item];
+            strokes = unpacked_strokes(stroke_records[record]);
+            n_octaves = n_octaves_of(strokes);
+            first = middle - geometry_halves[record].xy;
+            item += 1u;
+        }
+        let pixel = firstTrailingBit(pixels);
+        let pair = (*queue).weights[2u * (item - 1u) + (pixel >> 3u)][(pixel >> 1u) & 3u];
+        let weight = unpack2x16float(pair)[pixel & 1u];
+        let at = place_at(strokes, first + vec2(f32(pixel & 3u), f32(pixel >> 2u)));
+        var sum = strokes.gains.x * fine_octave(strokes, at, octave);
+        // Wide detail comes with the first octave.
+        sum += select(0.0, strokes.gains.y, octave == 0.0) * wide_at(strokes, at);
+        (*detail)[pixel] += weight * sum;
+        octave += 1.0;
+        if octave > n_octaves {
+            octave = 0.0;
+            pixels &= pixels - 1u;
         }
     }
 }
 
-/// Blends a splat into four rows. `dx` and `dy` are offsets of the first from its center.
-fn blend_colors(
+/// Adds the detail of four pixels to a row.
+fn add_detail(row: ptr<function, Row>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, d: vec3<f32>) {
+    (*row).red += vec4(a.r, b.r, c.r, d.r);
+    (*row).green += vec4(a.g, b.g, c.g, d.g);
+    (*row).blue += vec4(a.b, b.b, c.b, d.b);
+}
+
+/// Blends the entries from `first` to `end` into four rows. `middle` is the middle of the first pixel.
+fn blend_list(
     row_0: ptr<function, Row>,
     row_1: ptr<function, Row>,
     row_2: ptr<function, Row>,
     row_3: ptr<function, Row>,
-    splat: Splat,
-    record: u32,
-    dx: vec4<f32>,
-    dy: f32,
+    first: u32,
+    end: u32,
+    middle: vec2<f32>,
 ) {
-    let alpha_0 = alphas(splat, dx, dy);
-    let alpha_1 = alphas(splat, dx, dy + 1.0);
-    let alpha_2 = alphas(splat, dx, dy + 2.0);
-    let alpha_3 = alphas(splat, dx, dy + 3.0);
-    let weight_0 = stroke_weights(blend(row_0, splat, alpha_0), alpha_0);
-    let weight_1 = stroke_weights(blend(row_1, splat, alpha_1), alpha_1);
-    let weight_2 = stroke_weights(blend(row_2, splat, alpha_2), alpha_2);
-    let weight_3 = stroke_weights(blend(row_3, splat, alpha_3), alpha_3);
-    let packed = stroke_records[record];
-    let is_seen = any(weight_0 + weight_1 + weight_2 + weight_3 > vec4(0.0));
-    if is_seen && has_strokes(packed) {
-        let strokes = unpacked_strokes(packed);
-        paint(row_0, strokes, weight_0, dx, dy);
-        paint(row_1, strokes, weight_1, dx, dy + 1.0);
-        paint(row_2, strokes, weight_2, dx, dy + 2.0);
-        paint(row_3, strokes, weight_3, dx, dy + 3.0);
+    var detail: array<vec3<f32>, 16>;
+    var queue: Queue;
+    var i = first;
+    while i < end {
+        let end_of_batch = min(i + BATCH, end);
+        queue.n = 0u;
+        for (; i < end_of_batch; i++) {
+            let record = entries[i];
+            let splat = splat_of(record);
+            let d = middle - splat.center;
+            let dx = d.x + vec4(0.0, 1.0, 2.0, 3.0);
+            let alpha_0 = alphas(splat, dx, d.y);
+            let alpha_1 = alphas(splat, dx, d.y + 1.0);
+            let alpha_2 = alphas(splat, dx, d.y + 2.0);
+            let alpha_3 = alphas(splat, dx, d.y + 3.0);
+            let weight_0 = stroke_weights(blend(row_0, splat, alpha_0), alpha_0);
+            let weight_1 = stroke_weights(blend(row_1, splat, alpha_1), alpha_1);
+            let weight_2 = stroke_weights(blend(row_2, splat, alpha_2), alpha_2);
+            let weight_3 = stroke_weights(blend(row_3, splat, alpha_3), alpha_3);
+            let pixels = bits_of(weight_0) | (bits_of(weight_1) << 4u) | (bits_of(weight_2) << 8u) | (bits_of(weight_3) << 12u);
+            if pixels != 0u && has_strokes(stroke_records[record]) {
+                queue.records[queue.n] = record;
+                queue.pixels[queue.n] = pixels;
+                queue.weights[2u * queue.n] = packed_weights(weight_0, weight_1);
+                queue.weights[2u * queue.n + 1u] = packed_weights(weight_2, weight_3);
+                queue.n += 1u;
+            }
+            if are_finished((*row_0).light, (*row_1).light, (*row_2).light, (*row_3).light) {
+                i = end;
+            }
+        }
+        paint(&queue, &detail, middle);
     }
+    add_detail(row_0, detail[0], detail[1], detail[2], detail[3]);
+    add_detail(row_1, detail[4], detail[5], detail[6], detail[7]);
+    add_detail(row_2, detail[8], detail[9], detail[10], detail[11]);
+    add_detail(row_3, detail[12], detail[13], detail[14], detail[15]);
 }

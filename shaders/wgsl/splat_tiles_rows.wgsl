@@ -78,3 +78,17 @@ fn store(row: Row, pixel: vec2<u32>, end: vec2<u32>) {
         }
     }
 }
+
+/// The splat of a record, with its precisions multiplied by `-HALF_LOG2_E`.
+fn splat_of(record: u32) -> Splat {
+    var splat = unpacked(geometry_halves[record], color_halves[record]);
+    // Scaled once per splat instead of once per pixel, for the exp2 of `alphas`.
+    splat.row_precision *= -HALF_LOG2_E;
+    splat.y_precision *= -HALF_LOG2_E;
+    return splat;
+}
+
+/// Whether four rows are finished. Finished pixels blend on until all sixteen are: they have less than `MIN_LIGHT` left to give.
+fn are_finished(light_0: vec4<f32>, light_1: vec4<f32>, light_2: vec4<f32>, light_3: vec4<f32>) -> bool {
+    return all(max(max(light_0, light_1), max(light_2, light_3)) < vec4(MIN_LIGHT));
+}

@@ -1,18 +1,25 @@
 // Splats without strokes in the blend of tiles.
 
-/// Blends a splat into four rows. `dx` and `dy` are offsets of the first from its center.
-fn blend_colors(
+/// Blends the entries from `first` to `end` into four rows. `middle` is the middle of the first pixel.
+fn blend_list(
     row_0: ptr<function, Row>,
     row_1: ptr<function, Row>,
     row_2: ptr<function, Row>,
     row_3: ptr<function, Row>,
-    splat: Splat,
-    record: u32,
-    dx: vec4<f32>,
-    dy: f32,
+    first: u32,
+    end: u32,
+    middle: vec2<f32>,
 ) {
-    blend(row_0, splat, alphas(splat, dx, dy));
-    blend(row_1, splat, alphas(splat, dx, dy + 1.0));
-    blend(row_2, splat, alphas(splat, dx, dy + 2.0));
-    blend(row_3, splat, alphas(splat, dx, dy + 3.0));
+    for (var i = first; i < end; i++) {
+        let splat = splat_of(entries[i]);
+        let d = middle - splat.center;
+        let dx = d.x + vec4(0.0, 1.0, 2.0, 3.0);
+        blend(row_0, splat, alphas(splat, dx, d.y));
+        blend(row_1, splat, alphas(splat, dx, d.y + 1.0));
+        blend(row_2, splat, alphas(splat, dx, d.y + 2.0));
+        blend(row_3, splat, alphas(splat, dx, d.y + 3.0));
+        if are_finished((*row_0).light, (*row_1).light, (*row_2).light, (*row_3).light) {
+            break;
+        }
+    }
 }

@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// A scene of random means; nothing else of it is read.
-fn random_scene(n: usize, random: &mut impl FnMut() -> f32) -> Scene {
+pub(super) fn random_scene(n: usize, random: &mut impl FnMut() -> f32) -> Scene {
     Scene {
         means: (0..n).map(|_| Vec3::from_array([(); 3].map(|()| 4.0 * random() - 2.0))).collect(),
         rotations: vec![Quat::IDENTITY; n],
@@ -27,7 +27,7 @@ fn random_scene(n: usize, random: &mut impl FnMut() -> f32) -> Scene {
     }
 }
 
-fn random_region(i: usize, random: &mut impl FnMut() -> f32) -> Region {
+pub(super) fn random_region(i: usize, random: &mut impl FnMut() -> f32) -> Region {
     let mut size = || 0.2 + 1.5 * random();
     let shape = match i % 9 {
         0 => Shape::Everything,
@@ -223,7 +223,7 @@ fn a_mix_goes_on_from_the_last() {
 }
 
 /// A scene in the order in which scenes are kept: neighbors in space lie near one another.
-fn sorted(mut scene: Scene) -> Scene {
+pub(super) fn sorted(mut scene: Scene) -> Scene {
     scene.sort_by_morton();
     scene
 }

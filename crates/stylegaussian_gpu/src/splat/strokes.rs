@@ -222,3 +222,6 @@ pub(super) fn with_knobs(
         padding: 0,
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,6 +1,9 @@
 //! The textures of paintings, as layers of two texture arrays.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::{
+    collections::HashSet,
+    sync::{Arc, Mutex, MutexGuard, PoisonError, Weak},
+};
 
 use stylegaussian::strokes::{FINE_SIDE, StrokeTexture, Strokes, WIDE_SIDE};
 
@@ -36,6 +39,11 @@ pub(crate) struct StoredTexture {
 pub(crate) struct TextureArrays {
     pub fine: wgpu::Texture,
     pub wide: wgpu::Texture,
+}
+
+/// Layers that a store has at most.
+fn n_layers_at_most(device: &wgpu::Device) -> u32 {
+    device.limits().max_texture_array_layers.min(MAX_LAYERS)
 }
 
 impl StrokeStore {
@@ -103,36 +111,40 @@ impl Layers {
         queue: &wgpu::Queue,
         textures: &[Arc<StrokeTexture>],
     ) -> Result<Vec<Arc<StoredTexture>>, StrokesError> {
-        let mut stored: Vec<Option<Arc<StoredTexture>>> =
-            textures.iter().map(|texture| self.find(texture)).collect();
-        let mut new: Vec<usize> = (0..textures.len()).filter(|&i| stored[i].is_none()).collect();
-        // The same texture may be there twice.
-        new.sort_by_key(|&i| Arc::as_ptr(&textures[i]));
-        new.dedup_by_key(|&mut i| Arc::as_ptr(&textures[i]));
-        let limit = device.limits().max_texture_array_layers.min(MAX_LAYERS) as usize;
+        // The guards of those that are there keep their layers from being taken for the others.
+        let known: Vec<_> = textures.iter().filter_map(|texture| self.find(texture)).collect();
+        let is_new = |texture: &&Arc<StrokeTexture>| self.find(texture).is_none();
+        let new: HashSet<_> = textures.iter().filter(is_new).map(Arc::as_ptr).collect();
+        let limit = n_layers_at_most(device) as usize;
         let n_used = self.layers.iter().filter(|layer| layer.strong_count() > 0).count();
         if n_used + new.len() > limit {
             let (found, free) = (new.len(), limit - n_used);
             return Err(StrokesError::TooManyTextures { found, free, limit });
         }
-        for i in new {
-            let free = self.layers.iter().position(|layer| layer.strong_count() == 0);
-            let layer = free.unwrap_or_else(|| {
-                self.layers.push(Weak::new());
-                self.layers.len() - 1
-            });
-            let texture = Arc::downgrade(&textures[i]);
-            let arrays = self.with_room(device, queue, layer as u32 + 1);
-            arrays.write(queue, layer as u32, &textures[i]);
-            let guard = Arc::new(StoredTexture { layer: layer as u8, texture });
-            self.layers[layer] = Arc::downgrade(&guard);
-            stored[i] = Some(guard);
+        let mut stored = Vec::new();
+        for texture in textures {
+            stored.push(self.find(texture).unwrap_or_else(|| self.add(device, queue, texture)));
         }
-        let found = stored
-            .into_iter()
-            .zip(textures)
-            .filter_map(|(known, texture)| known.or_else(|| self.find(texture)));
-        Ok(found.collect())
+        drop(known);
+        Ok(stored)
+    }
+
+    /// Uploads a texture to a free layer. There must be one.
+    fn add(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        texture: &Arc<StrokeTexture>,
+    ) -> Arc<StoredTexture> {
+        let free = self.layers.iter().position(|layer| layer.strong_count() == 0);
+        let layer = free.unwrap_or_else(|| {
+            self.layers.push(Weak::new());
+            self.layers.len() - 1
+        });
+        self.with_room(device, queue, layer as u32 + 1).write(queue, layer as u32, texture);
+        let stored = Arc::new(StoredTexture { layer: layer as u8, texture: Arc::downgrade(texture) });
+        self.layers[layer] = Arc::downgrade(&stored);
+        stored
     }
 
     /// The layer of a texture, if it has one.
@@ -147,9 +159,8 @@ impl Layers {
         let arrays = match old {
             Some(arrays) if arrays.n_layers() >= n_layers => arrays,
             old => {
-                // No power of two is above the limit if the number itself is not, unless the limit is none.
-                let limit = device.limits().max_texture_array_layers.min(MAX_LAYERS);
-                let arrays = TextureArrays::new(device, n_layers.next_power_of_two().min(limit));
+                let room = n_layers.next_power_of_two().min(n_layers_at_most(device));
+                let arrays = TextureArrays::new(device, room);
                 if let Some(old) = old {
                     arrays.copy(device, queue, &old);
                 }
