@@ -6,9 +6,10 @@
 // invocation has a pixel of its own until its queue is empty. Strokes only add to colors, so their order does not matter.
 
 /// Splats of a batch.
-const BATCH: u32 = 16u;
-/// Strokes of less weight are left out. Ten such splats in a pixel change it by less than a step of eight bits.
-const LEAST_WEIGHT: f32 = 2e-4;
+const BATCH: u32 = 32u;
+/// Strokes of less weight are left out. Detail is a difference of a few tenths, so that each changes its pixel by less than a tenth
+/// of a step of eight bits.
+const LEAST_WEIGHT: f32 = 1e-3;
 
 /// Splats of a batch that show strokes.
 struct Queue {

@@ -16,7 +16,9 @@ use stylegaussian::{
 };
 use stylegaussian_gpu::{
     device::HeadlessDevice,
-    splat::{self, Cloud, CloudColors, GpuScene, Headless, HeadlessError, Picture, SplatError, SplatSettings},
+    splat::{
+        self, Cloud, CloudColors, GpuScene, Headless, HeadlessError, Picture, SplatError, SplatSettings,
+    },
 };
 use target::gpu;
 
@@ -82,7 +84,9 @@ fn painted_pictures_match() {
             let differences = differences(&found.rgba, &expected);
             let (far, largest) = (differences.iter().filter(|&&x| x > 4e-3).count(), max(&differences));
             let (agreement, from_plain) = (psnr(&found.rgba, &expected), psnr(&plain, &expected));
-            println!("pitch {pitch}: {far} above 0.004, {largest:.4}, {agreement:.1} dB, plain {from_plain:.1} dB");
+            println!(
+                "pitch {pitch}: {far} above 0.004, {largest:.4}, {agreement:.1} dB, plain {from_plain:.1} dB"
+            );
             // Where alpha is all but `LEAST_ALPHA`, rounding decides whether a splat shows strokes: 0.02 of its detail. Quads
             // blend in f16, with strokes and without.
             assert!(far <= differences.len() / 200 && largest < 0.015, "pitch {pitch}: {far}, {largest}");
@@ -119,7 +123,10 @@ fn painted_and_bare_clouds_interleave() {
         for painted in [[false, false], [true, true], [true, false], [false, true], [false, false]] {
             let clouds = [0, 1].map(|i| {
                 let colors = CloudColors::Captured;
-                cloud(&scenes[i], if painted[i] { colors.with_strokes(&uploaded[i], default) } else { colors })
+                cloud(
+                    &scenes[i],
+                    if painted[i] { colors.with_strokes(&uploaded[i], default) } else { colors },
+                )
             });
             let (on_screen, settings) = (splat::Camera::pinhole(&camera), SplatSettings::default());
             let found = headless.render(device, queue, &on_screen, &clouds, &settings).unwrap();
@@ -195,7 +202,8 @@ fn strokes_without_seeds_are_plain_and_those_of_another_scene_an_error() {
             let bare = Strokes { words: vec![word; n], ..Strokes::default() };
             let bare = headless.store().upload(device, queue, &bare).unwrap();
             let colors = CloudColors::Captured.with_strokes(&bare, StrokeKnobs::default());
-            let plain = headless.render(device, queue, &camera, &[cloud(&on_gpu, CloudColors::Captured)], &settings);
+            let plain =
+                headless.render(device, queue, &camera, &[cloud(&on_gpu, CloudColors::Captured)], &settings);
             let painted = headless.render(device, queue, &camera, &[cloud(&on_gpu, colors)], &settings);
             (plain.unwrap(), painted)
         };
@@ -220,7 +228,7 @@ fn surfaces(n: usize, texels: f32) -> (Scene, Strokes) {
     for i in 0..n {
         let (u, v) = (random(), random());
         let (mean, normal, area) = if i % 2 == 0 {
-            let (z, a) = (2.0 * u - 1.0, 6.2832 * v);
+            let (z, a) = (2.0 * u - 1.0, std::f32::consts::TAU * v);
             let r = (1.0 - z * z).sqrt();
             let normal = Vec3::new(r * a.cos(), z, r * a.sin());
             (normal + Vec3::Y, normal, 12.57)
@@ -265,7 +273,7 @@ fn strokes_take_little_more() {
         let mut headless = Headless::new(device);
         let uploaded = headless.store().upload(device, queue, &painting).unwrap();
         let mut times = [Vec::new(), Vec::new()];
-        for frame in 0..24 {
+        for frame in 0..13 {
             let eye = Vec3::new(5.0 * (0.02 * frame as f32).sin(), 2.5, 5.0 * (0.02 * frame as f32).cos());
             let camera = Camera::look_at(eye, Vec3::new(0.0, 0.8, 0.0), Vec3::Y, 0.9, UVec2::splat(512));
             let (camera, plain) = (splat::Camera::pinhole(&camera), CloudColors::Captured);
@@ -284,6 +292,9 @@ fn strokes_take_little_more() {
             times.sort_by(f64::total_cmp);
             1e3 * times[times.len() / 2]
         });
-        eprintln!("{texels} texels: plain {plain:.1} ms, painted {painted:.1} ms, ratio {:.2}", painted / plain);
+        eprintln!(
+            "{texels} texels: plain {plain:.1} ms, painted {painted:.1} ms, ratio {:.2}",
+            painted / plain
+        );
     }
 }

@@ -6,7 +6,9 @@ use glam::{Affine3A, Vec3};
 use stylegaussian::{
     Scene,
     layers::Region,
-    strokes::{FINE_SIDE, StrokeLayer, StrokeSeed, StrokeTexture, StrokeWord, Strokes, WIDE_SIDE, mix_strokes},
+    strokes::{
+        FINE_SIDE, StrokeLayer, StrokeSeed, StrokeTexture, StrokeWord, Strokes, WIDE_SIDE, mix_strokes,
+    },
 };
 
 use super::{
@@ -14,10 +16,7 @@ use super::{
     *,
 };
 use crate::{
-    colors::GaussianColors,
-    device::HeadlessDevice,
-    layers::GaussianMask,
-    splat::testing,
+    colors::GaussianColors, device::HeadlessDevice, layers::GaussianMask, splat::testing,
     strokes::StrokeStore,
 };
 
@@ -32,7 +31,13 @@ fn random_words(n: usize, n_seeds: usize, random: &mut impl FnMut() -> f32) -> V
 }
 
 /// Strokes of these words, with seeds that hold their own number and that of the look.
-fn look(store: &StrokeStore, gpu: &HeadlessDevice, number: usize, words: &[u32], n_seeds: usize) -> GaussianStrokes {
+fn look(
+    store: &StrokeStore,
+    gpu: &HeadlessDevice,
+    number: usize,
+    words: &[u32],
+    n_seeds: usize,
+) -> GaussianStrokes {
     let seed = |i: usize| StrokeSeed { at: [number as f32, i as f32, 0.0], ..StrokeSeed::default() };
     let zeros = |side: usize| vec![Vec3::ZERO; side * side];
     let textures = vec![Arc::new(StrokeTexture::new(zeros(FINE_SIDE), zeros(WIDE_SIDE)))];
@@ -67,10 +72,12 @@ impl World {
         let HeadlessDevice { device, queue, .. } = &gpu;
         let (scene, store) = (sorted(random_scene(n, random)), StrokeStore::new());
         let words: Vec<_> = (0..n_looks).map(|i| random_words(n, 100 + i, random)).collect();
-        let looks = words.iter().enumerate().map(|(i, words)| look(&store, &gpu, i, words, 100 + i)).collect();
+        let looks =
+            words.iter().enumerate().map(|(i, words)| look(&store, &gpu, i, words, 100 + i)).collect();
         let weights: Vec<Vec<[u8; 4]>> =
             (0..2).map(|_| (0..n).map(|_| [(); 4].map(|()| (255.0 * random()) as u8)).collect()).collect();
-        let masks = weights.iter().map(|weights| GaussianMask::new(device, queue, weights).unwrap()).collect();
+        let masks =
+            weights.iter().map(|weights| GaussianMask::new(device, queue, weights).unwrap()).collect();
         let (on_gpu, mixer) = (GpuScene::in_chunks(device, &scene, 300), LayerMixer::new(device));
         Some(Self { gpu, scene, on_gpu, words, looks, weights, masks, mixer })
     }
@@ -197,7 +204,8 @@ fn a_mix_goes_on_from_the_last() {
 fn textures_stay_as_long_as_the_mix_shows_them() {
     let mut random = testing::randoms(63);
     let Some(mut world) = World::new(100, 0, &mut random) else { return };
-    let (store, words) = (StrokeStore::new(), vec![StrokeWord { seed: 1, protection: 0.0, share: 1.0 }.packed(); 100]);
+    let (store, words) =
+        (StrokeStore::new(), vec![StrokeWord { seed: 1, protection: 0.0, share: 1.0 }.packed(); 100]);
     world.words = vec![words.clone(), words];
     world.looks = (0..2).map(|i| look(&store, &world.gpu, i, &world.words[i], 10)).collect();
     let everywhere = Random { look: Some(0), region: Region::EVERYWHERE, strength: 1.0, mask: None };

@@ -6,7 +6,9 @@ use glam::{Affine3A, DMat4, DVec2, DVec3, DVec4, Mat4, Quat, UVec4, Vec2, Vec3};
 use half::f16;
 use stylegaussian::{
     Scene,
-    strokes::{FINE_SIDE, MAX_GAIN, PERIOD, PlainSeed, StrokeRecord, StrokeTexture, StrokeWord, Strokes, WIDE_SIDE},
+    strokes::{
+        FINE_SIDE, MAX_GAIN, PERIOD, PlainSeed, StrokeRecord, StrokeTexture, StrokeWord, Strokes, WIDE_SIDE,
+    },
 };
 
 use super::*;
@@ -22,7 +24,8 @@ use crate::{
 /// Gaussians around the origin, in numbers that the GPU stores unrounded.
 fn random_scene(n: usize, random: &mut impl FnMut() -> f32) -> Scene {
     let mut three = || Vec3::from_array([(); 3].map(|()| random() - 0.5));
-    let mut scene = Scene { n_source: n, opacities: vec![0.8; n], order: (0..n as u32).collect(), ..Scene::default() };
+    let mut scene =
+        Scene { n_source: n, opacities: vec![0.8; n], order: (0..n as u32).collect(), ..Scene::default() };
     for _ in 0..n {
         scene.means.push(4.0 * three());
         let turn = Quat::from_axis_angle(three().normalize(), 6.0 * three().x);
@@ -50,7 +53,11 @@ fn random_strokes(scene: &Scene, random: &mut impl FnMut() -> f32) -> Strokes {
         };
         seeds.push(seed.packed());
     }
-    let word = |i: usize| StrokeWord { seed: i as u32 / 3, protection: random(), share: (1.2 * random() - 0.2).max(0.0) };
+    let word = |i: usize| StrokeWord {
+        seed: i as u32 / 3,
+        protection: random(),
+        share: (1.2 * random() - 0.2).max(0.0),
+    };
     let words = (0..scene.len()).map(word).map(StrokeWord::packed).collect();
     let zeros = |side: usize| vec![Vec3::ZERO; side * side];
     let textures = [(); 2].map(|()| Arc::new(StrokeTexture::new(zeros(FINE_SIDE), zeros(WIDE_SIDE))));
