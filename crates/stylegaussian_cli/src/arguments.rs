@@ -86,6 +86,12 @@ pub fn stroke_scale(text: &str) -> Result<f32, String> {
     number.ok_or_else(|| "expected a number from 0.01 to 100".into())
 }
 
+/// A factor from 0 to 10.
+pub fn factor_to_10(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|number| (0.0..=10.0).contains(number));
+    number.ok_or_else(|| "expected a number from 0 to 10".into())
+}
+
 /// A number from 0 to 1, without 1.
 pub fn less_than_1(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|number| (0.0..1.0).contains(number));

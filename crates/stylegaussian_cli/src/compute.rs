@@ -6,11 +6,13 @@ use stylegaussian::{
     Camera, Decoder, Scene,
     fold::{self, ChannelMap},
     splat::{self, Colors, RenderedImage},
+    strokes::{StrokeKnobs, Strokes},
 };
 use stylegaussian_gpu::{
     colors::GaussianColors,
     device::{DeviceOptions, HeadlessDevice},
     splat::{Cloud, CloudColors, GpuScene, Headless, SplatSettings},
+    strokes::GaussianStrokes,
     style::{self, StylizeOnGpuError},
 };
 
@@ -79,18 +81,24 @@ impl Compute {
         Ok(fold::stylize(scene, decoder, map)?)
     }
 
-    /// Prepares to draw `scene` in `colors`. Falls back as [`stylize`](Self::stylize) does.
+    /// Prepares to draw `scene` in `colors` with `strokes` over them, if there are any. Falls back as [`stylize`](Self::stylize) does.
     ///
     /// # Errors
     /// If the GPU that was asked for fails.
-    pub fn drawing<'a>(&'a mut self, scene: &'a Scene, colors: Colors<'a>) -> Result<Drawing<'a>> {
+    pub fn drawing<'a>(
+        &'a mut self,
+        scene: &'a Scene,
+        colors: Colors<'a>,
+        strokes: Option<&'a Strokes>,
+    ) -> Result<Drawing<'a>> {
+        let strokes = strokes.filter(|strokes| !strokes.seeds.is_empty());
         if let Some(gpu) = &self.gpu {
-            match pollster::block_on(OnGpu::new(gpu, scene, colors)) {
+            match pollster::block_on(OnGpu::new(gpu, scene, colors, strokes)) {
                 Ok(on_gpu) => return Ok(Drawing::Gpu(gpu.clone(), Box::new(on_gpu))),
                 Err(error) => self.fall_back(error)?,
             }
         }
-        Ok(Drawing::Cpu(scene, colors))
+        Ok(Drawing::Cpu(scene, colors, strokes))
     }
 
     /// Continues on the CPU with a warning if `auto` chose the GPU.
@@ -126,7 +134,7 @@ pub fn processor(backend: Backend) -> Result<Processor> {
 /// A scene in its colors, ready to be drawn from any camera.
 pub enum Drawing<'a> {
     /// On the CPU.
-    Cpu(&'a Scene, Colors<'a>),
+    Cpu(&'a Scene, Colors<'a>, Option<&'a Strokes>),
     /// On a GPU.
     Gpu(HeadlessDevice, Box<OnGpu>),
 }
@@ -136,6 +144,7 @@ pub struct OnGpu {
     headless: Headless,
     scene: GpuScene,
     colors: Option<GaussianColors>,
+    strokes: Option<GaussianStrokes>,
 }
 
 impl Drawing<'_> {
@@ -153,7 +162,10 @@ impl Drawing<'_> {
     /// If the GPU fails.
     pub fn view(&mut self, camera: &Camera) -> Result<RenderedImage> {
         match self {
-            Self::Cpu(scene, colors) => Ok(splat::render(scene, *colors, camera)),
+            Self::Cpu(scene, colors, None) => Ok(splat::render(scene, *colors, camera)),
+            Self::Cpu(scene, colors, Some(strokes)) => {
+                Ok(splat::render_strokes(scene, *colors, (strokes, &StrokeKnobs::DEFAULT), camera, None))
+            }
             Self::Gpu(gpu, on_gpu) => {
                 on_gpu.view(gpu, camera).with_context(|| format!("on {}", gpu.info.name))
             }
@@ -162,7 +174,12 @@ impl Drawing<'_> {
 }
 
 impl OnGpu {
-    async fn new(gpu: &HeadlessDevice, scene: &Scene, colors: Colors<'_>) -> Result<Self> {
+    async fn new(
+        gpu: &HeadlessDevice,
+        scene: &Scene,
+        colors: Colors<'_>,
+        strokes: Option<&Strokes>,
+    ) -> Result<Self> {
         let HeadlessDevice { device, queue, .. } = gpu;
         // wgpu reports a lack of memory through a scope and not as a result. No `?` before it is popped.
         let scope = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
@@ -172,16 +189,20 @@ impl OnGpu {
             Colors::Rgb(rgb) => GaussianColors::from_rgb(device, queue, rgb).map(Some),
             Colors::Mixed(mixed) => GaussianColors::from_premultiplied(device, queue, mixed).map(Some),
         };
+        let headless = Headless::new(device);
+        let strokes = strokes.map(|strokes| headless.store().upload(device, queue, strokes)).transpose();
         if let Some(error) = scope.pop().await {
             return Err(error).context("the GPU has no memory left for the scene");
         }
-        Ok(Self { headless: Headless::new(device), scene: gpu_scene?, colors: colors? })
+        Ok(Self { headless, scene: gpu_scene?, colors: colors?, strokes: strokes? })
     }
 
     fn view(&mut self, gpu: &HeadlessDevice, camera: &Camera) -> Result<RenderedImage> {
+        let colors = self.colors.as_ref().map_or(CloudColors::Captured, CloudColors::Rgb);
+        let with = |strokes| colors.with_strokes(strokes, StrokeKnobs::DEFAULT);
         let cloud = Cloud {
             scene: &self.scene,
-            colors: self.colors.as_ref().map_or(CloudColors::Captured, CloudColors::Rgb),
+            colors: self.strokes.as_ref().map_or(colors, with),
             world_from_scene: Affine3A::IDENTITY,
             visibility: None,
         };

@@ -5,6 +5,7 @@ mod choose;
 mod commands;
 mod compute;
 mod download;
+mod knobs;
 mod masks;
 mod outputs;
 mod scenes;

@@ -8,6 +8,7 @@ use stylegaussian::{
     Mask, Scene, file,
     layers::{Layer, Region, mix_layers},
     mask::{MaskUse, Visibility},
+    strokes::{StrokeLayer, Strokes, mix_strokes},
 };
 
 /// Options of masks.
@@ -58,6 +59,22 @@ impl MaskArgs {
             mask: Some((&mask.weights, channel.into())),
         };
         Some(mix_layers(&scene.means, &[layer]))
+    }
+
+    /// The strokes of a style, where it is shown.
+    pub fn limit(&self, scene: &Scene, strokes: &mut Strokes, mask: Option<&Mask>) {
+        let (Some(channel), Some(mask)) = (self.styled_in, mask) else { return };
+        if strokes.seeds.is_empty() {
+            return;
+        }
+        let layer = StrokeLayer {
+            words: Some(&strokes.words),
+            first_seed: 0,
+            region: Region::EVERYWHERE,
+            strength: 1.0,
+            mask: Some((&mask.weights, channel.into())),
+        };
+        strokes.words = mix_strokes(&scene.means, &[layer]);
     }
 
     /// Makes what is hidden transparent. For drawing alone: styles see the whole scene.

@@ -1,5 +1,5 @@
 //! Stylizing for `stylize` and `render`: from `--style`, `--look`, `--content` and `--decoder` to one color for each
-//! Gaussian.
+//! Gaussian, and strokes over them.
 
 use std::path::{Path, PathBuf};
 
@@ -9,15 +9,17 @@ use serde::Serialize;
 use stylegaussian::{
     ChannelStatistics, Scene, file,
     fold::{self, StylizeError},
-    look::{self, MadeFrom, Painting},
-    paint::{Brush, Paint, Surface, repaint},
+    look::{self, LookError, MadeFrom, Painting},
+    paint::{Canvas, Paint, Painted, Surface, lay},
+    strokes::Strokes,
 };
-use stylegaussian_encoder::{Encoder, Image, StyleSize, painted_style};
+use stylegaussian_encoder::{Encoder, Image, StyleSize, paint_of, painted_style, style_statistics};
 
 use crate::{
-    arguments::{Backend, WeightedPath, fraction, stroke_scale},
+    arguments::{Backend, WeightedPath, fraction},
     choose::{self, NamedDecoder, check_encoders, open_encoder},
     compute::Compute,
+    knobs::StrokeArgs,
     terminal::{lossy, usage_error, warn},
 };
 
@@ -28,8 +30,8 @@ pub struct StylizationArgs {
     /// Style image or *.style.safetensors. Several give a mix, and their weights are normalized to sum 1.
     #[arg(long = "style", value_name = "S[:WEIGHT]", num_args = 1..)]
     styles: Vec<WeightedPath>,
-    /// Look of this scene, *.look.safetensors. It needs no features. Several, or looks beside styles, give a mix of
-    /// colors; all weights together are normalized to sum 1.
+    /// Look of this scene, *.look.safetensors. Several, or looks beside styles, give a mix; all weights together are
+    /// normalized to sum 1.
     #[arg(long = "look", value_name = "FILE[:WEIGHT]", num_args = 1..)]
     looks: Vec<WeightedPath>,
     /// How much of the scene to keep, from 0 (full style) to 1 (no style): of its features in styles, of its base
@@ -39,35 +41,34 @@ pub struct StylizationArgs {
     /// The decoder, *.decoder.safetensors. Default: the scene's own, else the built-in one.
     #[arg(long, value_name = "FILE")]
     decoder: Option<PathBuf>,
-    /// The encoder for style images: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Default:
-    /// the file in STYLEGAUSSIAN_ENCODER, else the built-in encoder.
+    /// The encoder for style images, if a decoder chooses the colors: an ONNX file, or VGG-19 weights as safetensors or
+    /// torchvision's .pth. Default: the file in STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
-    /// Let the decoder alone choose the colors, as in the paper. Without this, surfaces are painted with the painting's
-    /// own strokes, unless --decoder is given or a style file carries no paint.
+    /// Let the decoder alone choose the colors, as in the paper, for which the scene needs features. Without this,
+    /// surfaces are painted with the painting's own strokes, unless --decoder is given, the scene has a decoder of its
+    /// own, or a style file carries no paint.
     #[arg(long)]
     decoder_only: bool,
-    /// Size of the strokes, as a factor. 1: as in the painting, if the scene is seen at 512 pixels.
-    #[arg(long, value_name = "FACTOR", default_value = "1", value_parser = stroke_scale)]
-    stroke_scale: f32,
+    #[command(flatten)]
+    strokes: StrokeArgs,
     /// Where to compute. If `gpu` is given and there is no GPU, the command fails.
     #[arg(long, value_enum, default_value = "auto")]
     backend: Backend,
 }
 
-/// A stylized scene's colors, and the settings that gave them.
+/// A stylized scene's colors and strokes, and the settings that gave them.
 #[derive(Debug, Serialize)]
 pub struct Stylization {
-    /// Display-referred RGB `[N]`, not clamped.
+    /// Display-referred RGB `[N]`, not clamped, and the strokes over them.
     #[serde(skip)]
-    pub colors: Vec<[f32; 3]>,
+    pub shown: Painted,
     /// Each style's path and its share of the mix.
     styles: Vec<Share>,
     /// Each look's path and its share of the mix.
     looks: Vec<Share>,
     content: f64,
-    /// The decoder's path, `scene` or `default`; nothing if there are only looks. If surfaces are painted, only its
-    /// encoder is checked.
+    /// The decoder's path, `scene` or `default`; nothing if surfaces are painted or there are only looks.
     decoder: Option<String>,
     /// Whether surfaces are painted with the paintings' own strokes.
     painted: bool,
@@ -96,11 +97,11 @@ impl Stylization {
     }
 }
 
-/// Colors of the styles without the looks.
-struct Decoded {
-    colors: Vec<[f32; 3]>,
-    decoder: String,
-    painted: bool,
+/// The styles without the looks.
+struct Styled {
+    shown: Painted,
+    /// The decoder's name, if there was one.
+    decoder: Option<String>,
     warnings: Vec<String>,
 }
 
@@ -130,46 +131,42 @@ impl StylizationArgs {
     /// Stylizes `scene`, which `scene_path` names in errors, on the backend that [`open`](Self::open) gave.
     ///
     /// # Errors
-    /// If a style is given and the scene has no features, a look belongs to another scene, a file cannot be read,
-    /// encoders differ, or the styles' numbers are so large that colors are not finite.
+    /// If a decoder is to choose the colors and the scene has no features, a look belongs to another scene, a file cannot
+    /// be read, encoders differ, or the styles' numbers are so large that colors are not finite.
     pub fn stylize(&self, scene: &Scene, scene_path: &Path, compute: &mut Compute) -> Result<Stylization> {
         // Above 0: `open` has checked it.
         let total = self.total_weight();
         // Read before the expensive steps.
         let looks = self.looks.iter().map(|look| {
-            let colors = look_colors(&look.path, scene, scene_path)?;
-            Ok((colors, look.weight / total))
+            let mut shown = read_look(&look.path, scene, scene_path)?;
+            shown.strokes.fade(1.0 - self.content as f32);
+            Ok((shown, look.weight / total))
         });
         let looks = looks.collect::<Result<Vec<_>>>()?;
         let style_share = weight_of(&self.styles) / total;
-        // A style of no weight beside a look need not be decoded.
-        let decoded = match style_share > 0.0 {
-            true => Some(self.decode(scene, scene_path, compute)?),
-            false => None,
+        // A style of no weight beside a look need not be computed.
+        let styled = if style_share > 0.0 { Some(self.style(scene, scene_path, compute)?) } else { None };
+        let painted = styled.as_ref().is_some_and(|styled| styled.decoder.is_none());
+        let (styled, decoder, warnings) = match styled {
+            Some(Styled { shown, decoder, warnings }) => (Some(shown), decoder, warnings),
+            None => (None, None, Vec::new()),
         };
-        let (decoded, decoder, painted, warnings) = match decoded {
-            Some(Decoded { colors, decoder, painted, warnings }) => {
-                (Some(colors), Some(decoder), painted, warnings)
-            }
-            None => (None, None, false, Vec::new()),
+        let mut shown = match styled {
+            Some(styled) if looks.is_empty() => styled,
+            styled => self.mixed(scene, &looks, styled.as_ref().map(|styled| (styled, style_share)))?,
         };
-        let colors = match decoded {
-            Some(colors) if looks.is_empty() => colors,
-            decoded => {
-                let styled = decoded.as_deref().map(|colors| (colors, style_share));
-                look::mix(&scene.base_colors(), self.content, &looks, styled)?
-            }
-        };
-        let n_broken = colors.iter().filter(|color| color.iter().any(|channel| !channel.is_finite())).count();
+        self.strokes.apply(&mut shown.strokes);
+        let is_broken = |color: &&[f32; 3]| color.iter().any(|channel| !channel.is_finite());
+        let n_broken = shown.colors.iter().filter(is_broken).count();
         ensure!(
             n_broken == 0,
             "{}: the styles give {n_broken} of {} Gaussians colors that are not finite, expected numbers",
             scene_path.display(),
-            colors.len()
+            shown.colors.len()
         );
         let share = |style: &WeightedPath| Share { path: style.path.clone(), weight: style.weight / total };
         Ok(Stylization {
-            colors,
+            shown,
             styles: self.styles.iter().map(share).collect(),
             looks: self.looks.iter().map(share).collect(),
             content: self.content,
@@ -182,72 +179,110 @@ impl StylizationArgs {
         })
     }
 
+    /// Looks with their shares, and a style with its own.
+    fn mixed(
+        &self,
+        scene: &Scene,
+        looks: &[(Painted, f64)],
+        style: Option<(&Painted, f64)>,
+    ) -> Result<Painted> {
+        let colors: Vec<_> = looks.iter().map(|(look, share)| (look.colors.clone(), *share)).collect();
+        let of_style = style.map(|(style, share)| (&style.colors[..], share));
+        let colors = look::mix(&scene.base_colors(), self.content, &colors, of_style)?;
+        let mut strokes = Strokes::default();
+        let mut total = 0.0;
+        let parts = style.into_iter().chain(looks.iter().map(|(look, share)| (look, *share)));
+        for (part, share) in parts.filter(|(_, share)| *share > 0.0) {
+            total += share;
+            strokes.mix(&part.strokes, (share / total) as f32);
+        }
+        Ok(Painted { colors, strokes })
+    }
+
+    /// The mix of the styles: painted, if nothing asks for a decoder.
+    fn style(&self, scene: &Scene, scene_path: &Path, compute: &mut Compute) -> Result<Styled> {
+        // A decoder that somebody trained for this scene, or asks for, is what they want to see.
+        let wants_decoder = self.decoder_only || self.decoder.is_some() || scene.decoder.is_some();
+        match if wants_decoder { None } else { self.read_paints()? } {
+            Some(paints) => Ok(self.paint(scene, &paints)),
+            None => self.decode(scene, scene_path, compute),
+        }
+    }
+
+    /// The share of each style in their mix.
+    fn weights(&self) -> impl Iterator<Item = f64> {
+        // Above 0: the caller has checked it.
+        let total = weight_of(&self.styles);
+        self.styles.iter().map(move |style| style.weight / total)
+    }
+
+    /// Lays the paint of the styles on the scene.
+    fn paint(&self, scene: &Scene, paints: &[Paint]) -> Styled {
+        let canvases: Vec<(Canvas, f64)> =
+            paints.iter().zip(self.weights()).map(|(paint, weight)| (Canvas::new(paint), weight)).collect();
+        let canvases: Vec<(&Canvas, f64)> =
+            canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect();
+        let shown = lay(scene, &Surface::new(scene), &canvases, self.content);
+        Styled { shown, decoder: None, warnings: Vec::new() }
+    }
+
     /// Decodes the mix of the styles.
-    fn decode(&self, scene: &Scene, scene_path: &Path, compute: &mut Compute) -> Result<Decoded> {
+    fn decode(&self, scene: &Scene, scene_path: &Path, compute: &mut Compute) -> Result<Styled> {
         // Checked before the expensive steps.
         let features = scene.features.as_ref();
         let features =
             features.ok_or(StylizeError::NoFeatures).with_context(|| scene_path.display().to_string())?;
         let NamedDecoder { decoder, name } = choose::decoder(self.decoder.as_deref(), scene)?;
-        let styles = self.read_styles()?;
-
+        let styles = self.read_statistics()?;
         let mut parts = vec![
             (scene_path.display().to_string(), features.encoder.as_ref()),
             (format!("the decoder ({name})"), decoder.encoder.as_ref()),
         ];
         let named = self.styles.iter().zip(&styles);
         parts.extend(
-            named.map(|(style, (statistics, _))| {
-                (style.path.display().to_string(), statistics.encoder.as_ref())
-            }),
+            named.map(|(style, statistics)| (style.path.display().to_string(), statistics.encoder.as_ref())),
         );
         let warnings = check_encoders(&parts)?;
         warn(&warnings);
-
-        // Above 0: the caller has checked it.
-        let total = weight_of(&self.styles);
-        let weights = || self.styles.iter().map(|style| style.weight / total);
-        let paints = styles.iter().zip(weights());
-        let paints: Option<Vec<_>> =
-            paints.map(|((_, paint), weight)| Some((paint.as_ref()?, weight))).collect();
-        // A decoder that somebody trained for this scene, or asks for, is what they want to see.
-        let is_default = self.decoder.is_none() && scene.decoder.is_none();
-        let colors = match paints.filter(|_| is_default && !self.decoder_only) {
-            Some(paints) => {
-                let surface = Surface::new(scene, self.stroke_scale);
-                let colors = repaint(scene, &surface, &paints, self.content, Brush::default());
-                return Ok(Decoded { colors, decoder: name, painted: true, warnings });
-            }
-            None => {
-                let weighted: Vec<_> =
-                    styles.iter().map(|(statistics, _)| statistics).zip(weights()).collect();
-                fold::transfer(features, &weighted, self.content)
-                    .map_err(anyhow::Error::from)
-                    .and_then(|map| compute.stylize(scene, &decoder, &map))
-                    .with_context(|| format!("{} with decoder {name}", scene_path.display()))?
-            }
-        };
-        Ok(Decoded { colors, decoder: name, painted: false, warnings })
+        let weighted: Vec<_> = styles.iter().zip(self.weights()).collect();
+        let colors = fold::transfer(features, &weighted, self.content)
+            .map_err(anyhow::Error::from)
+            .and_then(|map| compute.stylize(scene, &decoder, &map))
+            .with_context(|| format!("{} with decoder {name}", scene_path.display()))?;
+        let shown = Painted { colors, strokes: Strokes::default() };
+        Ok(Styled { shown, decoder: Some(name), warnings })
     }
 
-    /// Statistics and paint of each style, in order. The encoder is opened only if an image needs it.
-    fn read_styles(&self) -> Result<Vec<(ChannelStatistics, Option<Paint>)>> {
-        let is_file = |path: &Path| {
-            path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("safetensors"))
+    /// Paint of each style, in order, or `None` if a style file carries none.
+    fn read_paints(&self) -> Result<Option<Vec<Paint>>> {
+        let paint = |style: &WeightedPath| match is_file(&style.path) {
+            true => Ok(file::read_paint(&style.path)?),
+            false => Ok(Some(paint_of(&Image::open_painting(&style.path)?))),
         };
+        self.styles.iter().map(paint).collect()
+    }
+
+    /// Statistics of each style, in order. The encoder is opened only if an image needs it.
+    fn read_statistics(&self) -> Result<Vec<ChannelStatistics>> {
         let encoder = match self.styles.iter().all(|style| is_file(&style.path)) {
             true => None,
             false => Some(open_encoder(self.encoder.as_deref())?),
         };
-        let of_style = |style: &WeightedPath| match &encoder {
-            Some(encoder) if !is_file(&style.path) => {
-                let (statistics, paint) = image_style(encoder, &style.path, StyleSize::default())?;
-                Ok((statistics, Some(paint)))
+        let of_style = |WeightedPath { path, .. }: &WeightedPath| match &encoder {
+            Some(encoder) if !is_file(path) => {
+                let image = Image::open_painting(path)?;
+                let statistics = style_statistics(encoder, &image, StyleSize::default());
+                statistics.with_context(|| path.display().to_string())
             }
-            _ => Ok((file::read_style(&style.path)?, file::read_paint(&style.path)?)),
+            _ => Ok(file::read_style(path)?),
         };
         self.styles.iter().map(of_style).collect()
     }
+}
+
+/// Whether a style is a file of statistics and paint, and no image.
+fn is_file(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("safetensors"))
 }
 
 /// Style statistics and paint of the image at `path`.
@@ -259,13 +294,17 @@ pub fn image_style(encoder: &Encoder, path: &Path, size: StyleSize) -> Result<(C
     painted_style(encoder, &image, size).with_context(|| path.display().to_string())
 }
 
-/// Colors `[N]` of the look at `path`, in the order of `scene`, which `scene_path` names in errors.
+/// Colors and strokes of the look at `path`, in the order of `scene`, which `scene_path` names in errors.
 ///
 /// # Errors
 /// If the look cannot be read or belongs to another scene.
-pub fn look_colors(path: &Path, scene: &Scene, scene_path: &Path) -> Result<Vec<[f32; 3]>> {
+fn read_look(path: &Path, scene: &Scene, scene_path: &Path) -> Result<Painted> {
     let look = file::read_look(path)?;
-    look.colors_for(scene).with_context(|| format!("{} for {}", path.display(), scene_path.display()))
+    let shown = || {
+        Ok(Painted { colors: look.colors_for(scene)?, strokes: look.strokes_for(scene)?.unwrap_or_default() })
+    };
+    let shown: Result<Painted, LookError> = shown();
+    shown.with_context(|| format!("{} for {}", path.display(), scene_path.display()))
 }
 
 fn weight_of(styles: &[WeightedPath]) -> f64 {

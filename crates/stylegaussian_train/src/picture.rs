@@ -4,10 +4,28 @@ use std::path::Path;
 
 use glam::UVec2;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-use stylegaussian::{file::write_atomically, splat::RenderedImage};
+use stylegaussian::{
+    Camera, Scene,
+    file::write_atomically,
+    paint::Painted,
+    splat::{Colors, RenderedImage, render, render_strokes},
+    strokes::StrokeKnobs,
+};
 use stylegaussian_encoder::Image;
 
 use crate::error::{Context, TrainError};
+
+/// Draws `scene` in the colors of `painted`, with the strokes over them if there are any.
+///
+/// # Panics
+/// If `painted` holds another number of colors than the scene has Gaussians.
+pub fn draw(scene: &Scene, painted: &Painted, camera: &Camera) -> RenderedImage {
+    let colors = Colors::Rgb(&painted.colors);
+    match painted.strokes.seeds[..] {
+        [] => render(scene, colors, camera),
+        _ => render_strokes(scene, colors, (&painted.strokes, &StrokeKnobs::DEFAULT), camera, None),
+    }
+}
 
 /// The background of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,11 +1,18 @@
 //! Whole bakes of a small scene.
 
 use glam::{Quat, UVec2, Vec3};
-use stylegaussian::{Camera, Scene, random::Random};
+use stylegaussian::{
+    Camera, Scene,
+    paint::{Canvas, Surface, lay},
+    random::Random,
+    splat::{Colors, blend_weights, render, render_strokes},
+    strokes::{StrokeKnobs, StrokeWord},
+};
 use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
-use stylegaussian_encoder::Image;
+use stylegaussian_encoder::{Image, paint_of};
 
 use super::*;
+use crate::start::{LARGE_WEIGHT, protections};
 
 /// A wall of n x n Gaussians, in gray stripes.
 fn wall(n: usize) -> Scene {
@@ -59,58 +66,69 @@ fn a_bake_starts_from_paint_as_far_as_it_is_strong() {
     let paintings = [(painting(64, dabs), 1.0)];
     let start = |config: BakeConfig| {
         let baker = Baker::new(config, &scene, &cameras(), &paintings, network()).unwrap();
-        baker.colors().to_vec()
+        (baker.colors().to_vec(), baker.strokes().clone())
     };
-    let image = &paintings[0].0;
-    let paint = Paint::new(64, 64, &image.rgb);
-    let painted = repaint(&scene, &Surface::new(&scene, 1.0), &[(&paint, 1.0)], 0.0, START);
-    let recolored = start(CONFIG.with_strength(0.0));
+    let canvas = Canvas::new(&paint_of(&paintings[0].0));
+    let painted = lay(&scene, &Surface::new(&scene), &[(&canvas, 1.0)], 0.0);
+    let (recolored, none) = start(CONFIG.with_strength(0.0));
+    assert!(none.seeds.is_empty() && none.words.iter().all(|word| StrokeWord::unpacked(*word).share == 0.0));
     let apart = |a: &[[f32; 3]], b: &[[f32; 3]]| {
         let differences = a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a - b).abs());
         differences.fold(0.0, f32::max)
     };
-    assert!(apart(&painted, &recolored) > 0.1);
-    assert!(
-        apart(&start(CONFIG), &painted) < 1e-5 && apart(&start(CONFIG.with_strength(2.0)), &painted) < 1e-5
-    );
-    let half = start(CONFIG.with_strength(0.5));
-    let between: Vec<[f32; 3]> =
-        painted.iter().zip(&recolored).map(|(a, b)| std::array::from_fn(|i| 0.5 * (a[i] + b[i]))).collect();
+    assert!(apart(&painted.colors, &recolored) > 0.05);
+    for config in [CONFIG, CONFIG.with_strength(2.0)] {
+        let (colors, strokes) = start(config);
+        assert!(apart(&colors, &painted.colors) < 1e-5);
+        assert!(strokes == painted.strokes);
+    }
+    let (half, strokes) = start(CONFIG.with_strength(0.5));
+    let pairs = painted.colors.iter().zip(&recolored);
+    let between: Vec<[f32; 3]> = pairs.map(|(a, b)| std::array::from_fn(|i| 0.5 * (a[i] + b[i]))).collect();
     assert!(apart(&half, &between) < 1e-5);
+    let shares = strokes.words.iter().map(|word| StrokeWord::unpacked(*word).share);
+    assert!(shares.clone().all(|share| (share - 0.5).abs() < 0.01) && shares.len() == scene.len());
 }
 
-/// The luminance's deviation between neighbors along a row of the wall.
-fn detail(colors: &[[f32; 3]]) -> f32 {
-    let steps = colors.windows(2).map(|pair| (pair[1][0] - pair[0][0]).powi(2));
-    (steps.sum::<f32>() / colors.len() as f32).sqrt()
+/// What is added to crops against the difference of two drawn pictures. Drawing leaves out fragments by alpha and not by weight, and
+/// rounds records.
+#[test]
+fn a_crop_has_the_strokes_that_are_drawn() {
+    let scene = wall(24);
+    let baker = baker(&scene, &[(painting(64, dabs), 1.0)]);
+    for camera in cameras() {
+        let added = strokes_over(&scene, baker.strokes(), &camera, &blend_weights(&scene, &camera));
+        let colors = Colors::Rgb(baker.colors());
+        let strokes = (baker.strokes(), &StrokeKnobs::DEFAULT);
+        let drawn = render_strokes(&scene, colors, strokes, &camera, None);
+        let plain = render(&scene, colors, &camera);
+        let drawn = drawn.color.as_flattened().iter().zip(plain.color.as_flattened()).map(|(a, b)| a - b);
+        let (mut square, mut apart) = (0.0, 0.0);
+        for (added, drawn) in added.iter().zip(drawn) {
+            square += drawn * drawn;
+            apart += (added - drawn) * (added - drawn);
+        }
+        assert!(square > 1.0 && apart < 0.03 * square, "{apart} of {square}");
+    }
 }
 
 #[test]
-fn a_smooth_painting_takes_the_detail_away_and_a_rough_one_does_not() {
-    let mut scene = wall(96);
-    // Speckles of a Gaussian each, not as strong as small things, which are protected.
-    let mut random = Random::new(1);
-    scene.set_colors(
-        &(0..96 * 96).map(|i| [0.002 * (i % 96) as f32 + 0.2 * random.uniform(); 3]).collect::<Vec<_>>(),
-    );
-    let start = |config: BakeConfig, color: fn(u32, u32) -> [f32; 3]| {
-        let baker = Baker::new(config, &scene, &cameras(), &[(painting(64, color), 1.0)], network()).unwrap();
-        detail(baker.colors())
-    };
-    let smooth = |x: u32, _: u32| [0.2 + 0.6 * x as f32 / 64.0; 3];
-    let rough = |x: u32, _: u32| [0.2 + 0.6 * (x / 2 % 2) as f32; 3];
-    let recolored = BakeConfig { paint: 0.0, ..CONFIG };
-    let found =
-        [start(CONFIG, smooth), start(recolored, smooth), start(CONFIG, rough), start(recolored, rough)];
-    assert!(found[0] < 0.5 * found[1] && found[2] > 0.8 * found[3], "{found:?}");
-    // Strength 0 only recolors.
-    assert_eq!(start(CONFIG.with_strength(0.0), smooth), found[1]);
+fn strokes_stay_as_they_are_and_colors_move_under_them() {
+    let scene = wall(12);
+    let mut baker =
+        baker(&scene, &[(painting(64, dabs), 1.0), (painting(40, |_, y| [y as f32 / 40.0; 3]), 0.5)]);
+    let (colors, strokes) = (baker.colors().to_vec(), baker.strokes().clone());
+    assert_eq!(strokes.textures.len(), 2);
+    while !baker.is_complete() {
+        baker.step(&scene);
+    }
+    assert!(baker.colors() != colors && *baker.strokes() == strokes);
 }
 
 #[test]
 fn losses_fall() {
     let scene = wall(24);
-    let config = BakeConfig { steps: 30, ..CONFIG };
+    let config = BakeConfig { steps: 30, rate: 0.05, ..CONFIG };
     let mut baker = Baker::new(config, &scene, &cameras(), &[(painting(64, dabs), 1.0)], network()).unwrap();
     let mut losses = Vec::new();
     while !baker.is_complete() {
@@ -130,7 +148,7 @@ fn moved(scene: &Scene, protection: f32) -> Vec<f32> {
     while !baker.is_complete() {
         baker.step(scene);
     }
-    let pairs = baker.colors.chunks_exact(3).zip(baker.start.chunks_exact(3));
+    let pairs = baker.colors.chunks_exact(3).zip(baker.start.colors.chunks_exact(3));
     pairs.map(|(color, start)| color.iter().zip(start).map(|(a, b)| (a - b).abs()).sum()).collect()
 }
 
@@ -148,10 +166,8 @@ fn small_things_stay_near_the_start() {
         })
     };
     let ([plain, small], [plain_free, small_free]) = (halves(12.0), halves(0.0));
-    assert!(
-        small < 0.6 * small_free && plain > 0.8 * plain_free,
-        "{small} {small_free} {plain} {plain_free}"
-    );
+    // All is held a little.
+    assert!(small / small_free < 0.7 * plain / plain_free, "{small} {small_free} {plain} {plain_free}");
 }
 
 #[test]
@@ -165,10 +181,12 @@ fn gaussians_larger_than_a_stroke_stay_near_the_start() {
 
 #[test]
 fn what_carries_no_strokes_is_protected() {
-    let found = protections(&[0.0, 0.5, 1.0, 0.5, 0.0], &[0.2, 0.2, 0.2, 1.0, 0.4], 0.05);
+    let words =
+        [0.0, 1.0, 0.0, 1.0, 0.0].map(|protection| StrokeWord { protection, ..StrokeWord::NONE }.packed());
+    let found = protections(&words, &[0.2, 0.2, 1.0, 1.0, 0.4], 0.05);
     let middle = found[4];
-    assert_eq!(found[..4], [0.0, 0.125, 1.0, LARGE_WEIGHT]);
-    assert!(middle > 0.0 && middle < LARGE_WEIGHT, "{middle}");
+    assert_eq!(found[..4], [0.3, 1.0, LARGE_WEIGHT, LARGE_WEIGHT]);
+    assert!(middle > 0.3 && middle < LARGE_WEIGHT, "{middle}");
 }
 
 #[test]

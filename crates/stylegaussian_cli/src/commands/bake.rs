@@ -1,4 +1,4 @@
-//! `stylegaussian bake`: optimizes the colors of one scene for a painting's brush strokes.
+//! `stylegaussian bake`: optimizes the colors of one scene under a painting's brush strokes.
 
 use std::{
     fs,
@@ -14,7 +14,7 @@ use serde::Serialize;
 use stylegaussian::{
     Camera, Scene, file,
     look::{Look, MadeFrom, Painting},
-    splat::{Colors, render},
+    paint::Painted,
     views::choose_views,
 };
 use stylegaussian_bake::{BakeConfig, Baker, LossNetwork, Losses};
@@ -23,7 +23,7 @@ use stylegaussian_encoder::Image;
 use stylegaussian_train::{
     cameras::{read_cameras, scaled},
     contact_sheet::contact_sheet,
-    picture::{Background, Picture},
+    picture::{Background, Picture, draw},
 };
 
 use crate::{
@@ -41,7 +41,7 @@ const SHEET_SIDE: u32 = 320;
 
 /// Paint a scene with a painting's own strokes, and write a look (*.look.safetensors) of it.
 ///
-/// The colors of the Gaussians are optimized on random views of the scene, in half a minute to two minutes. The state is
+/// Strokes are laid on the scene, and the colors of the Gaussians under them are optimized on random views. The state is
 /// kept in OUT.checkpoint.safetensors. Ctrl-C saves it, writes the look so far and stops; the same command then goes on.
 #[derive(Args, Debug)]
 pub struct BakeArgs {
@@ -125,7 +125,7 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     let config = arguments.config(scene.len());
     let mut baker = Baker::new(config, &scene, &cameras, &paintings, arguments.network()?)
         .with_context(|| path.display().to_string())?;
-    let start = baker.colors().to_vec();
+    let start = Painted { colors: baker.colors().to_vec(), strokes: baker.strokes().clone() };
     if checkpoint.exists() {
         baker.resume(&checkpoint)?;
         note(format!("going on after step {} of {}", baker.steps(), config.steps));
@@ -134,6 +134,7 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     baker.save(&checkpoint)?;
     let losses = bake(&mut baker, &scene, config.steps, &checkpoint, interrupt);
     let look = Look::new(&scene, baker.colors(), arguments.made_from(baker.steps()));
+    let look = look.with_strokes(&scene, baker.strokes());
     let kept =
         || format!("what was saved of the bake is in {}; the same command goes on", checkpoint.display());
     file::write_look(output, &look).with_context(kept)?;
@@ -144,7 +145,8 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
         kept()
     );
     if let Some(sheet) = &arguments.sheet {
-        write_sheet(sheet, &scene, &cameras, &paintings, [&start, baker.colors()])?;
+        let end = Painted { colors: baker.colors().to_vec(), ..start.clone() };
+        write_sheet(sheet, &scene, &cameras, &paintings, [&start, &end])?;
     }
     // Last, since it is what a failure above could be repaired from.
     if let Err(error) = fs::remove_file(&checkpoint) {
@@ -268,7 +270,7 @@ fn write_sheet(
     scene: &Scene,
     cameras: &[Camera],
     paintings: &[(Image, f32)],
-    looks: [&[[f32; 3]]; 2],
+    looks: [&Painted; 2],
 ) -> Result<()> {
     let cameras = match cameras {
         [] => choose_views(scene, SHEET_VIEWS, UVec2::splat(SHEET_SIDE)),
@@ -277,12 +279,12 @@ fn write_sheet(
             given.iter().step_by(stride).map(|camera| scaled(camera, SHEET_SIDE)).collect()
         }
     };
-    let picture = |colors, camera: &Camera| {
-        Picture::of(&render(scene, Colors::Rgb(colors), camera), Background::Color([255; 3]))
+    let picture = |look: &Painted, camera: &Camera| {
+        Picture::of(&draw(scene, look, camera), Background::Color([255; 3]))
     };
     let mut rows: Vec<Vec<Picture>> =
         vec![paintings.iter().map(|(image, _)| Picture::of_image(image)).collect()];
-    rows.extend(looks.map(|colors| cameras.iter().map(|camera| picture(colors, camera)).collect()));
+    rows.extend(looks.map(|look| cameras.iter().map(|camera| picture(look, camera)).collect()));
     contact_sheet(&rows, UVec2::splat(SHEET_SIDE)).write_png(path)?;
     Ok(())
 }

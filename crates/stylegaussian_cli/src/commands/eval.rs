@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::Args;
 use stylegaussian::{
-    Camera, EncoderId, Scene, file,
-    paint::{Brush, Surface, repaint},
+    Camera, Scene, file,
+    look::LookError,
+    paint::{Canvas, Painted, Surface, lay},
 };
-use stylegaussian_encoder::{Image, StyleSize, painted_style};
+use stylegaussian_encoder::{Image, paint_of};
 use stylegaussian_train::{
     TrainError, Watch,
     cameras::read_cameras,
@@ -23,13 +24,14 @@ use crate::{
     terminal::{Interrupt, ProgressLine, print},
 };
 
-/// Measure how well a stylized scene shows paintings that the decoder has never seen, or baked looks their own.
+/// Measure how well a scene shows paintings: in their own paint, in the colors of a decoder that has never seen them, or in baked
+/// looks. Strokes are drawn as they are seen.
 ///
 /// Prints for every painting the style error of its pictures, that of the scene merely recolored, and the share of
 /// views in which the painting is the nearest of all: by color and texture, and by texture alone.
 #[derive(Args, Debug)]
 pub struct EvalArgs {
-    /// An embedded scene (.sgs).
+    /// A scene in any format. A decoder needs an embedded one (.sgs).
     scene: PathBuf,
     #[command(flatten)]
     reading: ReadArgs,
@@ -108,13 +110,10 @@ pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
     let is_decoded = arguments.decoder_only || arguments.decoder.is_some() || scene.decoder.is_some();
     let painter: Box<Painter> = match &arguments.looks {
         Some(folder) => Box::new(|painting: &Path, _: &Image| baked(folder, painting, &scene)),
-        None if !is_decoded && scene.features.is_some() => {
-            let of_scene = scene.features.as_ref().and_then(|features| features.encoder.as_ref());
-            EncoderId::expect_same((&*name, of_scene), ("the encoder", Some(encoder.id())))?;
-            surface = Surface::new(&scene, 1.0);
+        None if !is_decoded => {
+            surface = Surface::new(&scene);
             Box::new(|_: &Path, image: &Image| {
-                let (_, paint) = painted_style(&encoder, image, StyleSize::default())?;
-                Ok(repaint(&scene, &surface, &[(&paint, 1.0)], 0.0, Brush::default()))
+                Ok(lay(&scene, &surface, &[(&Canvas::new(&paint_of(image)), 1.0)], 0.0))
             })
         }
         None => {
@@ -136,12 +135,15 @@ pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
     print(arguments.json, &evaluation, || evaluation.table())
 }
 
-/// The colors of the look in `folder` that has the name of `painting`.
-fn baked(folder: &Path, painting: &Path, scene: &Scene) -> Result<Vec<[f32; 3]>, TrainError> {
+/// The look in `folder` that has the name of `painting`.
+fn baked(folder: &Path, painting: &Path, scene: &Scene) -> Result<Painted, TrainError> {
     let name = painting.file_stem().unwrap_or_default().to_string_lossy();
     let path = folder.join(format!("{name}.look.safetensors"));
     let look = file::read_look(&path).map_err(|error| TrainError::Invalid(error.to_string()))?;
-    look.colors_for(scene).map_err(|error| TrainError::Invalid(format!("{}: {error}", path.display())))
+    let of_other = |error: LookError| TrainError::Invalid(format!("{}: {error}", path.display()));
+    let colors = look.colors_for(scene).map_err(of_other)?;
+    let strokes = look.strokes_for(scene).map_err(of_other)?.unwrap_or_default();
+    Ok(Painted { colors, strokes })
 }
 
 impl EvalArgs {

@@ -20,7 +20,7 @@ use crate::{
     choose::expect_seen,
     compute::Drawing,
     masks::MaskArgs,
-    outputs::expect_folder,
+    outputs::{expect_files, expect_folder},
     scenes::ReadArgs,
     stylization::{Stylization, StylizationArgs},
     terminal::{bar, lossy, print, warn},
@@ -31,7 +31,7 @@ const DEFAULT_ORBIT: u32 = 8;
 /// Size of the pictures of `--orbit` if `--size` is not given, in pixels.
 const DEFAULT_SIZE: UVec2 = UVec2::new(800, 600);
 
-/// Render a scene to PNG files 000000.png, 000001.png, ... in camera order.
+/// Render a scene to a PNG file, or to a folder of files 000000.png, 000001.png, ... in camera order.
 #[derive(Args, Debug)]
 #[command(mut_arg("content", |content| content.requires("restyling")))]
 #[command(mut_arg("decoder", |decoder| decoder.requires("styles")))]
@@ -44,7 +44,7 @@ pub struct RenderArgs {
     stylization: StylizationArgs,
     #[command(flatten)]
     masking: MaskArgs,
-    /// Number of views on a circle around the scene. Default: 8, unless cameras are given.
+    /// Number of views on a circle around the scene. Default: 8, or 1 for a PNG file, unless cameras are given.
     #[arg(long, value_name = "N", conflicts_with = "cameras", value_parser = clap::value_parser!(u32).range(1..=999_999))]
     orbit: Option<u32>,
     /// Cameras: transforms.json, a COLMAP model, or 3DGS cameras.json.
@@ -56,8 +56,8 @@ pub struct RenderArgs {
     /// Background of the scene: `transparent` or a color.
     #[arg(long, value_name = "transparent|RRGGBB", default_value = "transparent", value_parser = background)]
     background: Background,
-    /// The folder for the pictures. It is created if it does not exist.
-    #[arg(short, long, value_name = "DIR")]
+    /// The folder for the pictures, which is created if it does not exist; or a PNG file, for one picture.
+    #[arg(short, long, value_name = "DIR|OUT.png")]
     output: PathBuf,
     /// Print JSON.
     #[arg(long)]
@@ -87,13 +87,20 @@ struct RenderedPicture {
 pub fn run(arguments: &RenderArgs) -> Result<()> {
     let RenderArgs { scene: path, stylization, masking, output, json, .. } = arguments;
     let mut compute = stylization.open()?;
-    expect_folder(output)?;
+    if is_picture(output) {
+        expect_files([&**output])?
+    } else {
+        expect_folder(output)?
+    };
     let mut scene = arguments.reading.read(path)?.scene;
     let mask = masking.open(&scene, path)?;
     let cameras = arguments.cameras(&scene)?;
-    let stylized =
+    let mut stylized =
         if stylization.is_given() { Some(stylization.stylize(&scene, path, &mut compute)?) } else { None };
-    let styled = stylized.as_ref().map(|stylized| &stylized.colors[..]);
+    if let Some(stylized) = &mut stylized {
+        masking.limit(&scene, &mut stylized.shown.strokes, mask.as_ref());
+    }
+    let styled = stylized.as_ref().map(|stylized| &stylized.shown.colors[..]);
     let mixed = styled.and_then(|styled| masking.mixed(&scene, styled, mask.as_ref()));
     let colors = match (&mixed, styled) {
         (Some(mixed), _) => Colors::Mixed(mixed),
@@ -101,12 +108,21 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
         (None, None) => Colors::Captured,
     };
     masking.hide(&mut scene, mask.as_ref());
-    let mut drawing = compute.drawing(&scene, colors)?;
+    let strokes = stylized.as_ref().map(|stylized| &stylized.shown.strokes);
+    let mut drawing = compute.drawing(&scene, colors, strokes)?;
     let pictures = render_all(&mut drawing, &cameras, arguments.background, output)?;
     let n_pictures = pictures.len();
     let drawn_by = drawing.name();
     let rendered = Rendered { scene: path, pictures, drawn_by, stylization: stylized.as_ref() };
-    print(*json, &rendered, || format!("{n_pictures} pictures in {}", output.display()))
+    print(*json, &rendered, || match is_picture(output) {
+        true => format!("{}: one picture", output.display()),
+        false => format!("{n_pictures} pictures in {}", output.display()),
+    })
+}
+
+/// Whether the output is one picture and no folder.
+fn is_picture(output: &Path) -> bool {
+    output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) && !output.is_dir()
 }
 
 impl RenderArgs {
@@ -115,10 +131,17 @@ impl RenderArgs {
         let cameras = match &self.cameras {
             Some(path) => cameras_of_file(path, self.size)?,
             None => {
-                let (n, size) = (self.orbit.unwrap_or(DEFAULT_ORBIT), self.size.unwrap_or(DEFAULT_SIZE));
+                let usual = if is_picture(&self.output) { 1 } else { DEFAULT_ORBIT };
+                let (n, size) = (self.orbit.unwrap_or(usual), self.size.unwrap_or(DEFAULT_SIZE));
                 expect_seen(orbit(scene, n as usize, size), scene, &self.scene)?
             }
         };
+        let n = cameras.len();
+        ensure!(
+            n == 1 || !is_picture(&self.output),
+            "{}: found {n} views, expected one for a PNG file; name a folder for more",
+            self.output.display()
+        );
         // An orbit's cameras have this size already, and stay as they are.
         let resize = |camera: Camera| self.size.map_or(camera.clone(), |size| camera.resized(size));
         Ok(cameras.into_iter().map(resize).collect())
@@ -129,14 +152,18 @@ fn render_all(
     drawing: &mut Drawing,
     cameras: &[Camera],
     background: Background,
-    folder: &Path,
+    output: &Path,
 ) -> Result<Vec<RenderedPicture>> {
-    fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    let is_picture = is_picture(output);
+    if !is_picture {
+        fs::create_dir_all(output)
+            .with_context(|| format!("{}: cannot make the folder", output.display()))?;
+    }
     let progress = bar(cameras.len() as u64, "{bar:40} {pos}/{len} pictures, {eta} left");
     let mut pictures = Vec::with_capacity(cameras.len());
     let mut n_empty = 0;
     for (i, camera) in cameras.iter().enumerate() {
-        let path = folder.join(format!("{i:06}.png"));
+        let path = if is_picture { output.into() } else { output.join(format!("{i:06}.png")) };
         let view = drawing.view(camera)?;
         n_empty += usize::from(view.alpha.iter().all(|&alpha| alpha <= 0.0));
         Picture::of(&view, background).write_png(&path)?;

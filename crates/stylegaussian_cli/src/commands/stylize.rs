@@ -8,6 +8,7 @@ use serde::Serialize;
 use stylegaussian::{
     Look, Scene,
     file::{self, WriteOptions},
+    paint::Painted,
 };
 
 use crate::{
@@ -22,15 +23,17 @@ use crate::{
 #[derive(Args, Debug)]
 #[command(mut_group("restyling", |restyling| restyling.required(true)))]
 pub struct StylizeArgs {
-    /// A scene. Styles need an embedded one: .sgs, or a StyleGaussian checkpoint (.pth). Looks need none.
+    /// A scene in any format: `stylegaussian --help` lists them. A decoder needs an embedded one: .sgs, or a StyleGaussian
+    /// checkpoint (.pth).
     scene: PathBuf,
     #[command(flatten)]
     reading: ReadArgs,
     #[command(flatten)]
     stylization: StylizationArgs,
-    /// The file to write. As a scene in any format that `stylegaussian --help` lists for writing: with the stylized
-    /// colors as SH of degree 0. As .look.safetensors: a look. As .safetensors: a tensor `rgb` f32 [N, 3], not clamped, with one row for each Gaussian of the source,
-    /// NaN if the Gaussian was dropped.
+    /// The file to write. As .look.safetensors: a look, with its strokes. As a scene in any format that
+    /// `stylegaussian --help` lists for writing: with the stylized colors as SH of degree 0. As .safetensors: a tensor
+    /// `rgb` f32 [N, 3], not clamped, with one row for each Gaussian of the source, NaN if the Gaussian was dropped. Both
+    /// have the mean of the strokes in each color.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     #[command(flatten)]
@@ -82,14 +85,18 @@ pub fn run(arguments: &StylizeArgs) -> Result<()> {
     let mut result = stylization.stylize(&scene, path, &mut compute)?;
     // Both kinds are printed already. In JSON they come in the order of printing.
     result.warnings.splice(0..0, loaded.warnings);
-    let clamped = write(format, output, writing.options(), &mut scene, &result)?;
-    warn(&clamped);
-    result.warnings.extend(clamped);
+    let lost = write(format, output, writing.options(), &mut scene, &result)?;
+    warn(&lost);
+    result.warnings.extend(lost);
     let stylized = Stylized { scene: path, output, n_gaussians: scene.len(), stylization: &result };
     print(*json, &stylized, || format!("{}: {} Gaussians stylized", output.display(), scene.len()))
 }
 
-/// Writes the result. Returns warnings of what was clamped.
+/// Says what a file without strokes holds of them.
+const FLATTENED: &str = "strokes are drawn by the pixel: this file holds their mean per Gaussian; `render` shows them, and a \
+                         .look.safetensors keeps them";
+
+/// Writes the result. Returns warnings of what was lost.
 fn write(
     format: Format,
     path: &Path,
@@ -97,13 +104,20 @@ fn write(
     scene: &mut Scene,
     result: &Stylization,
 ) -> Result<Vec<String>> {
-    match format {
-        Format::Scene => {
-            scene.set_colors(&result.colors);
-            return Ok(file::write_scene_with(path, scene, options)?);
-        }
-        Format::Look => file::write_look(path, &Look::new(scene, &result.colors, result.made_from()))?,
-        Format::Colors => file::write_colors(path, &result.colors, scene)?,
+    let Painted { colors, strokes } = &result.shown;
+    if let Format::Look = format {
+        let look = Look::new(scene, colors, result.made_from()).with_strokes(scene, strokes);
+        file::write_look(path, &look)?;
+        return Ok(Vec::new());
     }
-    Ok(Vec::new())
+    let has_strokes = !strokes.seeds.is_empty();
+    let colors = if has_strokes { result.shown.flattened(scene) } else { colors.clone() };
+    let mut lost = if has_strokes { vec![FLATTENED.into()] } else { Vec::new() };
+    if let Format::Scene = format {
+        scene.set_colors(&colors);
+        lost.extend(file::write_scene_with(path, scene, options)?);
+    } else {
+        file::write_colors(path, &colors, scene)?;
+    }
+    Ok(lost)
 }

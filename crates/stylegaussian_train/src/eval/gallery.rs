@@ -6,6 +6,7 @@ use glam::UVec2;
 use stylegaussian::{
     Camera, Decoder, EncoderId, Scene,
     fold::{stylize, transfer},
+    paint::Painted,
     recolor::{ColorMoments, Recoloring},
     splat::{Colors, RenderedImage, render},
     views::{choose_views, orbit},
@@ -23,25 +24,22 @@ use crate::{
     cameras::scaled,
     contact_sheet::contact_sheet,
     error::{TrainError, ensure},
-    picture::{Background, Picture},
+    picture::{Background, Picture, draw},
     watch::{Stage, Watch},
 };
 
 /// Side of a contact sheet's pictures, in pixels.
 const SHEET_SIDE: u32 = 160;
 
-/// A scene's colors `[N]`, display-referred.
-type Painted = Result<Vec<[f32; 3]>, TrainError>;
-
-/// Colors of a scene in the style of a painting, given its file and its picture.
-pub type Painter<'a> = dyn Fn(&Path, &Image) -> Painted + 'a;
+/// A scene in the style of a painting, given its file and its picture: colors, and strokes over them if there are any.
+pub type Painter<'a> = dyn Fn(&Path, &Image) -> Result<Painted, TrainError> + 'a;
 
 /// The scene that is evaluated, and how it gets its colors.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// Gives the scene a painting's colors: [`decoded`], or looks that were baked before.
+    /// Gives the scene a painting's colors and strokes: [`decoded`], instant paint, or looks that were baked before.
     pub painter: &'a Painter<'a>,
     /// The encoder of AdaIN on each view.
     pub encoder: &'a Encoder,
@@ -56,7 +54,7 @@ pub fn decoded<'a>(
     scene: &'a Scene,
     decoder: &'a Decoder,
     encoder: &'a Encoder,
-) -> Result<impl Fn(&Path, &Image) -> Painted + 'a, TrainError> {
+) -> Result<impl Fn(&Path, &Image) -> Result<Painted, TrainError> + 'a, TrainError> {
     let Some(features) = scene.features.as_ref() else {
         return Err(TrainError::Invalid(format!("{name}: no features: embed it first")));
     };
@@ -65,7 +63,8 @@ pub fn decoded<'a>(
     EncoderId::expect_same(("the decoder", decoder.encoder.as_ref()), expected)?;
     Ok(move |_: &Path, image: &Image| {
         let style = style_statistics(encoder, image, StyleSize::default())?;
-        Ok(stylize(scene, decoder, &transfer(features, &[(&style, 1.0)], 0.0)?)?)
+        let colors = stylize(scene, decoder, &transfer(features, &[(&style, 1.0)], 0.0)?)?;
+        Ok(Painted { colors, ..Painted::default() })
     })
 }
 
@@ -229,14 +228,14 @@ impl<'a> Gallery<'a> {
     ) -> Result<Exhibit, TrainError> {
         let Subject { scene, painter, encoder } = self.subject;
         let image = &self.paintings[own];
-        let colors = painter(&self.paths[own], image)?;
+        let painted = painter(&self.paths[own], image)?;
         // The scene's own features are another matter: this baseline has feature maps of its own.
         let style = match &self.baselines {
             Some(_) => Some(style_statistics(encoder, image, StyleSize::default())?),
             None => None,
         };
         let recoloring = Recoloring::new(&self.colors, &ColorMoments::of_rgb(&image.rgb));
-        let draw = |camera: &Camera| render(scene, Colors::Rgb(&colors), camera);
+        let draw = |camera: &Camera| draw(scene, &painted, camera);
         let consistency = &self.views.consistency;
         let drawn: Vec<RenderedImage> = consistency.cameras().map(draw).collect();
         let mut exhibit = Exhibit {
@@ -262,9 +261,9 @@ impl<'a> Gallery<'a> {
         }
         if let Some(([_, baseline], style)) = self.baselines.as_ref().zip(style.as_ref()) {
             let paint = |(i, before)| baseline.paint(i, before, style);
-            let painted =
+            let drawn =
                 consistency.unstyled().iter().enumerate().map(paint).collect::<Result<Vec<_>, _>>()?;
-            exhibit.adain_2d_agreement = Some(consistency.measure(&self.judge, &painted)?);
+            exhibit.adain_2d_agreement = Some(consistency.measure(&self.judge, &drawn)?);
         }
         Ok(exhibit)
     }

@@ -15,6 +15,8 @@ struct LookInfo<'a> {
     n_gaussians: usize,
     /// The fingerprint of its scene.
     fingerprint: String,
+    /// Whether strokes are drawn over its colors.
+    has_strokes: bool,
     paintings: Vec<PaintingInfo<'a>>,
     strength: f64,
     steps: u64,
@@ -45,6 +47,7 @@ fn describe<'a>(path: &'a Path, look: &'a Look) -> LookInfo<'a> {
         path,
         n_gaussians: look.len(),
         fingerprint: look.scene.to_string(),
+        has_strokes: look.has_strokes(),
         paintings: paintings.collect(),
         strength: *strength,
         steps: *steps,
@@ -53,13 +56,14 @@ fn describe<'a>(path: &'a Path, look: &'a Look) -> LookInfo<'a> {
 }
 
 fn text(info: &LookInfo) -> String {
-    let LookInfo { n_gaussians, fingerprint, strength, steps, seed, .. } = info;
+    let LookInfo { n_gaussians, fingerprint, has_strokes, strength, steps, seed, .. } = info;
     let painting = |painting: &PaintingInfo| format!("{} ({:.2})", painting.name, painting.weight);
     let paintings: Vec<_> = info.paintings.iter().map(painting).collect();
     [
         info.path.display().to_string(),
         format!("  Gaussians   {n_gaussians}"),
         format!("  fingerprint {fingerprint}"),
+        format!("  strokes     {}", if *has_strokes { "over the colors" } else { "none" }),
         format!("  paintings   {}", paintings.join(", ")),
         format!("  made with   strength {strength}, {steps} steps, seed {seed}"),
     ]
