@@ -161,12 +161,7 @@ fn make(steps: &mut Steps, data: &Data) -> Result<()> {
     distill(steps, data, Path::new(&world), &trained_on)?;
     for image in images(Path::new(STYLES))? {
         let mut style = stylegaussian();
-        // Paint would be as large as the image beside it.
-        style
-            .args(["style", "--no-paint"])
-            .arg(&image)
-            .arg("-o")
-            .arg(image.with_extension("style.safetensors"));
+        style.arg("style").arg(&image).arg("-o").arg(image.with_extension("style.safetensors"));
         steps.run(&format!("style {}", image.display()), &mut style)?;
     }
     // Neighbors are found when the scene is loaded, so the file need not hold them.
