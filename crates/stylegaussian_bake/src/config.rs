@@ -1,7 +1,8 @@
 //! Settings of a bake: its cost, and how bold it is.
 
-/// Steps. Strokes are there from the start, so steps only settle the colors under them: 80 lower the error of texture on the demo
-/// scene from 1.08 to 1.01 in the mean of six paintings (docs/notes/bake_experiments.md).
+/// Steps. Strokes are there from the start, so steps only settle the colors under them, and more of them bring nothing: on the demo
+/// scene in mosaic, 60, 80 and 100 steps give style errors of 2.11, 2.14 and 2.16, for 2.26 at the start (two views; errors of texture
+/// stay at 1.22 to 1.24).
 const STEPS: u32 = 80;
 
 /// Adam's rate at the first step. At twice as much, colors under strokes become confetti again.

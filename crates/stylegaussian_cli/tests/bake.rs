@@ -66,6 +66,7 @@ fn a_baked_look_is_written_described_and_shown() {
     let [scene, look] = ["a.sgs", "a.look.safetensors"].map(|name| bench.path(name));
     let info = stylegaussian(&["info", &look, "--json"]).expect_success().json();
     assert_eq!((&info["steps"], &info["paintings"][0]["name"]), (&2.into(), &"p.png".into()));
+    assert_eq!(info["has_strokes"], true);
     let colors = |look: &str| {
         let out = bench.path("rgb.safetensors");
         stylegaussian(&["stylize", &scene, "--look", look, "-o", &out]).expect_success();
@@ -74,6 +75,8 @@ fn a_baked_look_is_written_described_and_shown() {
     // Without a step there is instant paint, and with strength 0 the recolored scene.
     bake(&bench, "s.look.safetensors", &["--steps", "0"]).expect_success();
     bake(&bench, "r.look.safetensors", &["--steps", "2", "--strength", "0"]).expect_success();
+    let has_strokes = |look: &str| file::read_look(bench.path(look).as_ref()).unwrap().has_strokes();
+    assert!(has_strokes("s.look.safetensors") && !has_strokes("r.look.safetensors"));
     let [baked, start, recolored] =
         [look, bench.path("s.look.safetensors"), bench.path("r.look.safetensors")].map(|look| colors(&look));
     let largest = |a: &[[f32; 3]], b: &[[f32; 3]]| {

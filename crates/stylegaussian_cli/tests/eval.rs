@@ -77,12 +77,19 @@ fn every_painting_and_reference_is_measured() {
     }
     let shown = eval(&scene, &["--json", "--looks", &looks]).expect_success().json();
     let [painted, shown] = [&found, &shown].map(|found| number(&found["stylized"]["style_error"]));
-    // A look has 8 bits for each channel.
+    // A look has 8 bits for each channel, and textures in steps.
     assert!((painted - shown).abs() < 0.02 * painted, "{painted} {shown}");
 
     let table = eval(&scene, &["--decoder-only"]).expect_success().stdout;
     assert!(table.contains("a.png") && table.contains("recolored"), "{table}");
-    eval(&bench.plain_scene("plain.sgs"), &[]).expect_error("no features");
+    eval(&bench.plain_scene("plain.sgs"), &["--decoder-only"]).expect_error("no features");
+    // Paint needs none.
+    let mut plain = bench.scene("embedded.sgs");
+    (plain.features, plain.neighbors) = (None, None);
+    stylegaussian::file::write_scene(bench.path("board.sgs").as_ref(), &plain).unwrap();
+    let plain = eval(&bench.path("board.sgs"), &["--json"]).expect_success().json();
+    let [instant, plain] = [&found, &plain].map(|found| number(&found["stylized"]["style_error"]));
+    assert!((instant - plain).abs() < 0.02 * instant, "{instant} {plain}");
     // Looks take the decoder's place, also for a scene without features. There are none here.
     let looks = bench.path("absent");
     eval(&bench.plain_scene("plain.sgs"), &["--looks", &looks]).expect_error("a.look.safetensors");

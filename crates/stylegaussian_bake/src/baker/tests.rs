@@ -173,10 +173,11 @@ fn small_things_stay_near_the_start() {
 #[test]
 fn gaussians_larger_than_a_stroke_stay_near_the_start() {
     // Deviations of 12 and of 3 pixels.
-    for (n, stays) in [(3, true), (12, false)] {
+    let [large, small] = [3, 12].map(|n| {
         let [held, free] = [1.0, 0.0].map(|protection| moved(&wall(n), protection).iter().sum::<f32>());
-        assert!((held < 0.5 * free) == stays, "{n}: {held} of {free}");
-    }
+        held / free
+    });
+    assert!(large < 0.6 && large < 0.8 * small, "{large} {small}");
 }
 
 #[test]

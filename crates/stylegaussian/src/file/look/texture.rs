@@ -5,9 +5,11 @@
 //! the median of the texel to the left, the one above, and left + above - above left (as in LOCO-I, Weinberger et al. 2000).
 //! Mipmaps are made anew.
 //!
-//! Chroma has larger steps and not fewer texels: dots of a print are chroma, of a texel's size. The finest steps are taken that fit
-//! [`MOST_BYTES`]. Those of the eight paintings in `assets/styles` are 1 to 3 and 4 to 8 of 127: in a picture of bytes luminance
-//! is off by 0.6 to 1.7 in the mean, below the paintings' own grain.
+//! Chroma has larger steps and not fewer texels: dots of a print are chroma, of a texel's size, and half as many texels would put
+//! them off by 24 of 255 in the mean. The finest steps are taken that fit [`MOST_BYTES`]. Those of the eight paintings in
+//! `assets/styles` are 1 to 4 of luminance and 2 to 12 of chroma. The demo scene drawn with a look and with the strokes that it was
+//! written from differs by 2.3 (halftone), 3.5 (mosaic) and 4.7 (dots) of 255, root mean square, bytes of color
+//! included. It is not seen.
 
 use std::io::{Read, Write};
 
@@ -24,7 +26,7 @@ use crate::{
 const MOST_BYTES: usize = 300_000;
 
 /// Steps of luminance and of chroma, the finest first. Differences of chroma span twice the range of a byte.
-const STEPS: [(u8, u8); 8] = [(1, 2), (1, 4), (2, 4), (2, 6), (3, 6), (3, 8), (4, 12), (8, 24)];
+const STEPS: [(u8, u8); 9] = [(1, 2), (1, 4), (2, 4), (2, 6), (3, 6), (3, 8), (3, 10), (4, 12), (8, 24)];
 
 /// Sides of the two textures.
 const SIDES: [usize; 2] = [FINE_SIDE, WIDE_SIDE];

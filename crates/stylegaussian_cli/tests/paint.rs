@@ -1,0 +1,155 @@
+//! Strokes on the command line: on scenes without features, by paintings' files, and in looks.
+
+#[expect(dead_code, reason = "written for the tests of the command line, of which these use a part")]
+mod support;
+
+#[path = "support/embedded.rs"]
+#[expect(dead_code, reason = "written for the tests of the command line, of which these use a part")]
+mod embedded;
+
+use embedded::board;
+use stylegaussian::{Mask, StoredMask, file};
+use support::{Bench, Run, stylegaussian};
+
+/// A bench with the plain scene `a.ply` and the painting `p.png`, of dabs in two colors.
+fn bench() -> Bench {
+    let bench = Bench::new();
+    file::write_scene(bench.path("a.ply").as_ref(), &board()).unwrap();
+    let dabs = |x: u32, y: u32| {
+        let is_light = ((x + 2 * y) / 9).is_multiple_of(2);
+        image::Rgb(if is_light { [230, 200, 80] } else { [30, 60, (90 + x / 2) as u8] })
+    };
+    image::RgbImage::from_fn(200, 160, dabs).save(bench.path("p.png")).unwrap();
+    bench
+}
+
+fn render(bench: &Bench, scene: &str, output: &str, more: &[&str]) -> Run {
+    let (scene, output) = (bench.path(scene), bench.path(output));
+    let fixed =
+        ["render", &scene, "--size", "96x80", "--background", "808080", "--backend", "cpu", "-o", &output];
+    stylegaussian(&[&fixed, more].concat())
+}
+
+/// The bytes of the pixels of one view.
+fn picture(bench: &Bench, scene: &str, more: &[&str]) -> Vec<u8> {
+    render(bench, scene, "out.png", more).expect_success();
+    image::open(bench.path("out.png")).unwrap().into_rgb8().into_raw()
+}
+
+/// Mean difference, in steps of a byte.
+fn apart(a: &[u8], b: &[u8]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / a.len() as f64
+}
+
+#[test]
+fn a_scene_without_features_is_painted() {
+    let bench = bench();
+    let painting = bench.path("p.png");
+    let run = render(&bench, "a.ply", "out.png", &["--style", &painting, "--json"]).expect_success();
+    let json = run.json();
+    assert_eq!(
+        (&json["painted"], &json["decoder"], &json["backend"]),
+        (&true.into(), &().into(), &"cpu".into())
+    );
+    assert_eq!(json["pictures"].as_array().unwrap().len(), 1);
+    let painted = picture(&bench, "a.ply", &["--style", &painting]);
+    assert!(apart(&painted, &picture(&bench, "a.ply", &[])) > 5.0);
+    // The painting's file has the same paint, whatever its statistics.
+    let style = bench.path("p.style.safetensors");
+    stylegaussian(&["style", &painting, "-o", &style]).expect_success();
+    assert!(std::fs::metadata(&style).unwrap().len() < 1_000_000);
+    assert!(picture(&bench, "a.ply", &["--style", &style]) == painted);
+    // The decoder needs features, and statistics alone are for the decoder.
+    render(&bench, "a.ply", "out.png", &["--style", &painting, "--decoder-only"])
+        .expect_error("stylegaussian embed");
+    stylegaussian(&["style", &painting, "--no-paint", "-o", &style]).expect_success();
+    render(&bench, "a.ply", "out.png", &["--style", &style]).expect_error("stylegaussian embed");
+}
+
+#[test]
+fn options_change_the_strokes() {
+    let bench = bench();
+    let painting = bench.path("p.png");
+    let with = |more: &[&str]| picture(&bench, "a.ply", &[&["--style", &painting], more].concat());
+    let painted = with(&[]);
+    assert!(with(&["--stroke-scale", "1", "--paint-amount", "1", "--protection", "1"]) == painted);
+    let bare = with(&["--paint-amount", "0"]);
+    for option in [["--stroke-scale", "2"], ["--paint-amount", "0.5"]] {
+        let changed = with(&option);
+        assert!(changed != painted && changed != bare, "{option:?}");
+    }
+    let half = apart(&with(&["--paint-amount", "0.5"]), &bare) / apart(&painted, &bare);
+    assert!((half - 0.5).abs() < 0.1, "{half}");
+    // Content takes strokes away as well.
+    let kept = apart(&with(&["--content", "1"]), &picture(&bench, "a.ply", &[]));
+    assert!(kept < 1.0, "{kept}");
+}
+
+#[test]
+fn looks_keep_strokes_and_scenes_their_mean() {
+    let bench = bench();
+    let (scene, painting) = (bench.path("a.ply"), bench.path("p.png"));
+    let stylize = |output: &str| {
+        let run = ["stylize", &scene, "--style", &painting, "--json", "-o", &bench.path(output)];
+        stylegaussian(&run).expect_success()
+    };
+    let run = stylize("a.look.safetensors");
+    assert_eq!(run.json()["warnings"], serde_json::json!([]));
+    for output in ["b.ply", "b.spz", "b.glb", "b.safetensors"] {
+        let run = stylize(output);
+        let lost = run.stderr.lines().filter(|line| line.contains("their mean per Gaussian")).count();
+        assert_eq!(
+            (lost, run.json()["warnings"].as_array().unwrap().len()),
+            (1, 1),
+            "{output}: {}",
+            run.stderr
+        );
+    }
+    let painted = picture(&bench, "a.ply", &["--style", &painting]);
+    let bare = picture(&bench, "a.ply", &["--style", &painting, "--paint-amount", "0"]);
+    let look = bench.path("a.look.safetensors");
+    let shown = apart(&picture(&bench, "a.ply", &["--look", &look]), &painted);
+    // A byte of color, and a texture in steps.
+    assert!(shown < 1.5, "{shown}");
+    let flat = picture(&bench, "b.ply", &[]);
+    assert!(apart(&flat, &painted) > 2.0 * shown && apart(&flat, &painted) < 60.0);
+    assert!(apart(&flat, &bare) > 0.0);
+    // Half of a look without strokes: they fade, and so does the color.
+    let plain = bench.path("plain.look.safetensors");
+    stylegaussian(&["stylize", &scene, "--look", &look, "--paint-amount", "0", "-o", &plain])
+        .expect_success();
+    let mix = picture(&bench, "a.ply", &["--look", &format!("{look}:1"), &format!("{plain}:1")]);
+    assert!(mix != bare && mix != painted);
+}
+
+#[test]
+fn strokes_stay_within_a_mask() {
+    let bench = bench();
+    let (scene, painting) = (bench.scene("a.ply"), bench.path("p.png"));
+    let mut mask = Mask::new(scene.len());
+    for (weights, mean) in mask.weights.iter_mut().zip(&scene.means) {
+        *weights = [if mean.x < 0.0 { 255 } else { 0 }, 0, 255, 0];
+    }
+    let path = bench.path("a.mask.safetensors");
+    file::write_mask(path.as_ref(), &StoredMask::new(&scene, &mask)).unwrap();
+    let with =
+        |channel| picture(&bench, "a.ply", &["--style", &painting, "--mask", &path, "--styled-in", channel]);
+    let (captured, painted) =
+        (picture(&bench, "a.ply", &[]), picture(&bench, "a.ply", &["--style", &painting]));
+    assert!(with("1") == captured);
+    assert!(apart(&with("2"), &painted) < 0.1);
+    let half = with("0");
+    assert!(apart(&half, &captured) > 1.0 && apart(&half, &painted) > 1.0);
+}
+
+#[test]
+fn one_picture_is_of_one_view() {
+    let bench = bench();
+    render(&bench, "a.ply", "out.png", &["--orbit", "2"]).expect_error("found 2 views, expected one");
+    render(&bench, "a.ply", "out.png", &["--orbit", "1"]).expect_success();
+    bench.expect_files(&["a.ply", "out.png", "p.png"]);
+    for wrong in [["--paint-amount", "-1"], ["--protection", "nan"], ["--stroke-scale", "0"]] {
+        assert_eq!(render(&bench, "a.ply", "out.png", &wrong).code, Some(2), "{wrong:?}");
+    }
+}
