@@ -21,7 +21,7 @@ const SCALES: [f32; 3] = [1.0, 0.71, 0.5];
 
 /// Share of a painting's variance of luminance that is to be finer than [`FINE`]. Strokes of any size then land in fine detail; a
 /// painting of less would be a recolored photograph.
-const FINE_SHARE: f32 = 0.25;
+const FINE_SHARE: f32 = 0.35;
 
 /// Standard deviation of fine detail, in pixels.
 const FINE: f32 = 4.0;
@@ -133,12 +133,7 @@ fn own_size(original: &Picture) -> (usize, usize) {
 }
 
 /// Descriptors of all places, upright or along their strokes.
-fn places(
-    copies: &Copies,
-    n_places: (usize, usize),
-    strokes: &[(Vec2, f32)],
-    aligned: bool,
-) -> Descriptors {
+fn places(copies: &Copies, n_places: (usize, usize), strokes: &[(Vec2, f32)], aligned: bool) -> Descriptors {
     let of_place = |place: usize| {
         let (stroke, clarity) = strokes[place];
         // The painting's up is -y in pixels.

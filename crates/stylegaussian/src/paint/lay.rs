@@ -45,12 +45,14 @@ const OF_SCENE: f32 = 3.0;
 /// Share of fine detail that protection takes: see [`StrokeRecord`](crate::strokes::StrokeRecord).
 const PROTECTED: f32 = crate::strokes::PROTECTED;
 
-/// Least share of its detail that a seed keeps where the scene has enough of its own.
-const LEAST_SHARE: f32 = 0.15;
+/// Least share of its detail that a seed keeps where the scene has enough of its own. Quiet paintings have less than most scenes,
+/// and would leave a recolored photograph.
+const LEAST_SHARE: f32 = 0.5;
 
-/// Ranges of the factors of wide and of fine detail.
-const WIDE: (f64, f64) = (0.2, 1.2);
-const FINE: (f64, f64) = (0.5, 1.8);
+/// Ranges of the factors of wide and of fine detail. Below a factor of 1 there is less fine detail than the painting has, above 2 its
+/// grain becomes beads.
+const WIDE: (f64, f64) = (0.5, 1.2);
+const FINE: (f64, f64) = (1.0, 2.0);
 
 /// Share of the way to the painting's whole contrast where there are no strokes, which would add the rest of it.
 const BARE: f32 = 0.5;
@@ -62,6 +64,9 @@ pub struct Painted {
     pub colors: Vec<[f32; 3]>,
     /// What is drawn over it.
     pub strokes: Strokes,
+    /// Energy of the strokes' fine detail in pictures, over that of the painting: about how much of the painting's brushwork is seen. A
+    /// mean over mixed paintings.
+    pub fine_energy: f64,
 }
 
 /// Lays a mix of paintings on `scene`, which `surface` was made from. Weights are normalized to sum 1. `content` c keeps that share of
@@ -82,6 +87,7 @@ pub fn lay(scene: &Scene, surface: &Surface, paintings: &[(&Canvas, f64)], conte
     let mut painted = Painted {
         colors: surface.base.iter().map(|color| color.to_array()).collect(),
         strokes: Strokes { words: vec![StrokeWord::NONE.packed(); scene.len()], ..Strokes::default() },
+        fine_energy: 0.0,
     };
     if kept >= 1.0 {
         return painted;
@@ -104,6 +110,7 @@ impl Painted {
         for (color, above) in self.colors.iter_mut().zip(&above.colors) {
             *color = std::array::from_fn(|c| color[c] + share * (above[c] - color[c]));
         }
+        self.fine_energy += f64::from(share) * (above.fine_energy - self.fine_energy);
         let first_seed = self.strokes.seeds.len() as u32;
         let texture = self.strokes.textures.len() as u8;
         for (word, above) in self.strokes.words.iter_mut().zip(&above.strokes.words) {
@@ -176,6 +183,7 @@ fn one(scene: &Scene, surface: &Surface, canvas: &Canvas) -> Painted {
             seeds: seeds(surface, canvas, &placements, &balance.fine, &balance.wide),
             textures: vec![Arc::clone(&canvas.detail.texture)],
         },
+        fine_energy: balance.fine_energy,
     }
 }
 
@@ -218,6 +226,8 @@ struct Balance {
     wide: Vec<f32>,
     /// The factor that all fine gains have.
     most_fine: f32,
+    /// Energy of fine detail in the proofs, over the painting's.
+    fine_energy: f64,
 }
 
 impl Balance {
@@ -247,14 +257,20 @@ impl Balance {
         let detail = surface.proofs.detail(scene, &plain, owners, [&gains[0], &gains[1]], &texture);
         let [of_fine, of_wide] = canvas.detail.energies;
         let product = |a: &super::proofs::Bands, b: &super::proofs::Bands| a.products(b);
-        let (kk, kf, kw) = (product(&kept, &kept), product(&kept, &detail.fine), product(&kept, &detail.wide));
+        let (kk, kf, kw) =
+            (product(&kept, &kept), product(&kept, &detail.fine), product(&kept, &detail.wide));
         let (ff, fw) = (product(&detail.fine, &detail.fine), product(&detail.fine, &detail.wide));
         let ww = product(&detail.wide, &detail.wide);
         let c = root(ww[1], kw[1] + fw[1], kk[1] + ff[1] + 2.0 * kf[1] - of_wide).clamp(WIDE.0, WIDE.1);
         let with_wide = kk[0] + 2.0 * c * kw[0] + c * c * ww[0];
         let d = root(ff[0], kf[0] + c * fw[0], with_wide - of_fine).clamp(FINE.0, FINE.1);
         let times = |shares: &[f32], factor: f64| shares.iter().map(|share| share * factor as f32).collect();
-        Self { fine: times(&fine, d), wide: times(&wide, c), most_fine: d as f32 }
+        Self {
+            fine: times(&fine, d),
+            wide: times(&wide, c),
+            most_fine: d as f32,
+            fine_energy: d * d * ff[0] / of_fine.max(1e-9),
+        }
     }
 }
 

@@ -194,7 +194,8 @@ mod tests {
     #[test]
     fn resizing_keeps_the_mean_and_smooth_shapes() {
         let (width, height) = (90, 60);
-        let value = |i: usize| Vec3::new((i % width) as f32 / 90.0, (i / width) as f32 / 60.0, (i % 2) as f32);
+        let value =
+            |i: usize| Vec3::new((i % width) as f32 / 90.0, (i / width) as f32 / 60.0, (i % 2) as f32);
         let picture = Picture { width, height, values: (0..width * height).map(value).collect() };
         for (width, height) in [(45, 30), (30, 31), (180, 90)] {
             let resized = picture.resized(width, height);

@@ -129,12 +129,17 @@ impl Placement {
 /// Each seed in turn, neighbors one after another, takes the cheapest of its best place and those that continue the places of
 /// neighbors: a place costs more the less it resembles the seed, the less strokes it has, the more it is a motif, the more often it
 /// was taken, and the more neighbors it breaks with.
-pub(super) fn place(surface: &Surface, colors: &[Vec3], seed_colors: &[Vec3], canvas: &Canvas) -> Vec<Placement> {
+pub(super) fn place(
+    surface: &Surface,
+    colors: &[Vec3],
+    seed_colors: &[Vec3],
+    canvas: &Canvas,
+) -> Vec<Placement> {
     let seeds = &surface.seeds.seeds;
     let n_places = canvas.n_places.0 * canvas.n_places.1;
     let costs = costs(surface, colors, seed_colors, canvas);
     let inside = |at: Vec2| at.cmpge(Vec2::splat(RIM)).all() && at.cmplt(canvas.size - RIM).all();
-    let quality: Vec<f32> = (0..n_places).map(|place| quality(canvas, place, &inside)).collect();
+    let quality: Vec<f32> = (0..n_places).map(|place| quality(canvas, place, inside)).collect();
     let mut blocks = Blocks::new(canvas.n_places, seeds.len());
     let mut placements: Vec<Option<Placement>> = vec![None; seeds.len()];
     for &j in &surface.seeds.order {
@@ -143,7 +148,9 @@ pub(super) fn place(surface: &Surface, colors: &[Vec3], seed_colors: &[Vec3], ca
         let cost = |place: usize| row[place] + quality[place] + blocks.cost(place);
         let continuing: Vec<Placement> = surface.seeds.around[j]
             .iter()
-            .filter_map(|&i| Some(placements[i as usize]?.continued(&seeds[i as usize], &seeds[j], surface.pixel)))
+            .filter_map(|&i| {
+                Some(placements[i as usize]?.continued(&seeds[i as usize], &seeds[j], surface.pixel))
+            })
             .collect();
         let broken = |at: Vec2| {
             let apart = |other: &Placement| ((at - other.at).abs().max_element() / UNRELATED).min(1.0);

@@ -148,7 +148,8 @@ impl Proof {
             let word = StrokeWord { seed: owners[i], protection: 0.0, share: 1.0 }.packed();
             is_seen[i].then(|| stroke_record(scene, i, word, seeds, &self.camera, &knobs)).flatten()
         };
-        let records: Vec<Option<(StrokeRecord, Vec2)>> = (0..scene.len()).into_par_iter().map(record).collect();
+        let records: Vec<Option<(StrokeRecord, Vec2)>> =
+            (0..scene.len()).into_par_iter().map(record).collect();
         let of_pixel = |(pixel, at): (usize, &Vec2)| {
             let entries = self.weights.pixel(pixel).filter(|(_, weight)| *weight >= LEAST_STROKE);
             entries.fold((0.0, 0.0), |sum, (i, weight)| {

@@ -209,7 +209,10 @@ impl Seeds {
             *sum += *color * (weight + UNSEEN);
             *total += weight + UNSEEN;
         }
-        sums.into_iter().zip(&self.seeds).map(|((sum, total), _)| if total > 0.0 { sum / total } else { sum }).collect()
+        sums.into_iter()
+            .zip(&self.seeds)
+            .map(|((sum, total), _)| if total > 0.0 { sum / total } else { sum })
+            .collect()
     }
 }
 
@@ -237,7 +240,7 @@ impl Nearest {
     pub fn one(&self, point: Vec3) -> (u32, f32) {
         let query = point.to_array().map(f64::from);
         let found = self.0.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute();
-        (found.item as u32, found.distance as f32)
+        (found.item, found.distance as f32)
     }
 }
 

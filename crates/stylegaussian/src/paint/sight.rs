@@ -3,7 +3,7 @@
 use glam::{UVec2, Vec3};
 
 use super::proofs::Proofs;
-use crate::{camera::Camera, scene::Scene, splat::blend_weights, views::choose_views};
+use crate::{camera::Camera, scene::Scene, splat::blend_weights, views::choose_overviews};
 
 /// Views that are taken of the scene. Eight show nearly all that can be seen from outside.
 const N_VIEWS: usize = 8;
@@ -76,7 +76,7 @@ impl Sight {
 /// The views: a few of the capture's cameras, spread over it, or chosen ones.
 pub(super) fn usual_views(scene: &Scene) -> Vec<Camera> {
     if scene.cameras.is_empty() {
-        return choose_views(scene, N_VIEWS, UVec2::splat(VIEW_SIDE));
+        return choose_overviews(scene, N_VIEWS, UVec2::splat(VIEW_SIDE));
     }
     let stride = scene.cameras.len().div_ceil(N_VIEWS);
     scene.cameras.iter().step_by(stride).cloned().collect()
@@ -149,7 +149,7 @@ mod tests {
             camera.view_from_world.transform_point3(scene.means[0]).z / camera.fitted(512).focal.x
         };
         let mut pixels: Vec<f32> =
-            choose_views(&scene, N_VIEWS, UVec2::splat(VIEW_SIDE)).into_iter().map(pixel).collect();
+            choose_overviews(&scene, N_VIEWS, UVec2::splat(VIEW_SIDE)).into_iter().map(pixel).collect();
         pixels.sort_by(|a, b| b.total_cmp(a));
         let found = Sight::of(&scene, &usual_views(&scene)).pixel;
         assert!((found / pixels[1] - 1.0).abs() < 1e-2, "{found}, expected {}", pixels[1]);

@@ -67,7 +67,7 @@ impl Surface {
     }
 
     /// The surfaces of `scene` as `cameras` show them: a few of its capture's, or chosen ones if those are not known
-    /// ([`choose_views`](crate::views::choose_views)), the most useful first. The first eight count.
+    /// ([`choose_overviews`](crate::views::choose_overviews)), the most useful first. The first eight count.
     pub fn seen_from(scene: &Scene, cameras: &[Camera]) -> Self {
         let sight = Sight::of(scene, cameras);
         let pixel = sight.pixel;
@@ -80,7 +80,8 @@ impl Surface {
             }
         };
         let base: Vec<Vec3> = scene.base_colors().into_iter().map(Vec3::from).collect();
-        let smoothed = |values: &[Vec3], size: f32| smooth(&scene.means, values, &sight.visibility, size * pixel);
+        let smoothed =
+            |values: &[Vec3], size: f32| smooth(&scene.means, values, &sight.visibility, size * pixel);
         let levels: Vec<Vec<Vec3>> = SMOOTH.par_iter().map(|size| smoothed(&base, *size)).collect();
         let [soft, low, shapes] = levels.try_into().unwrap_or_default();
         let (frames, edges) =
@@ -136,13 +137,16 @@ impl Square {
 }
 
 /// Means of the squares of what is between `soft` and `shapes`.
-fn edges(soft: &[Vec3], shapes: &[Vec3], smoothed: &(impl Fn(&[Vec3], f32) -> Vec<Vec3> + Sync)) -> Vec<Square> {
+fn edges(
+    soft: &[Vec3],
+    shapes: &[Vec3],
+    smoothed: &(impl Fn(&[Vec3], f32) -> Vec<Vec3> + Sync),
+) -> Vec<Square> {
     let mean = |product: fn(Vec3) -> Vec3| {
         let products: Vec<Vec3> = soft.iter().zip(shapes).map(|(a, b)| product(*a - *b)).collect();
         smoothed(&products, AROUND_EDGES)
     };
-    let (diagonal, beside) =
-        rayon::join(|| mean(|d| d * d), || mean(|d| d * Vec3::new(d.y, d.z, d.x)));
+    let (diagonal, beside) = rayon::join(|| mean(|d| d * d), || mean(|d| d * Vec3::new(d.y, d.z, d.x)));
     diagonal.into_iter().zip(beside).map(|(diagonal, beside)| Square { diagonal, beside }).collect()
 }
 

@@ -65,7 +65,12 @@ fn a_gray_wall_gets_stripes_finer_than_its_gaussians() {
         let pixels = (40..216).flat_map(|y| (40..216).map(move |x| (x, y)));
         pixels.map(|(x, y)| (luminance(image, x + dx, y + dy) - luminance(image, x, y)).abs()).sum()
     };
-    assert!(steps(&with, 1, 0) > 10.0 * steps(&plain, 1, 0), "{} {}", steps(&with, 1, 0), steps(&plain, 1, 0));
+    assert!(
+        steps(&with, 1, 0) > 10.0 * steps(&plain, 1, 0),
+        "{} {}",
+        steps(&with, 1, 0),
+        steps(&plain, 1, 0)
+    );
     // Stripes stand upright, as in the painting.
     assert!(steps(&with, 1, 0) > 2.0 * steps(&with, 0, 1), "{} {}", steps(&with, 1, 0), steps(&with, 0, 1));
 }
@@ -115,14 +120,20 @@ fn what_stands_out_is_protected() {
     scene.set_colors(&colors);
     let words = painted(&scene, &stripes(512, 512)).strokes.words;
     let protection = |x: usize, y: usize| StrokeWord::unpacked(words[y * 96 + x]).protection;
-    assert!(protection(48, 48) > 0.6 && protection(10, 10) < 0.1, "{} {}", protection(48, 48), protection(10, 10));
+    assert!(
+        protection(48, 48) > 0.6 && protection(10, 10) < 0.1,
+        "{} {}",
+        protection(48, 48),
+        protection(10, 10)
+    );
 }
 
 #[test]
 fn content_and_weights_blend() {
     let scene = wall(32);
     let surface = Surface::new(&scene);
-    let (a, b) = (Canvas::new(&stripes(64, 64)), Canvas::new(&Paint { pixels: vec![200; 192], width: 8, height: 8 }));
+    let (a, b) =
+        (Canvas::new(&stripes(64, 64)), Canvas::new(&Paint { pixels: vec![200; 192], width: 8, height: 8 }));
     let base = scene.base_colors();
     let kept = lay(&scene, &surface, &[(&a, 1.0)], 1.0);
     assert_eq!(kept.colors, base);
@@ -145,9 +156,9 @@ fn content_and_weights_blend() {
 
 #[test]
 fn a_painting_is_read_at_its_own_scale() {
-    // Stripes of 4 pixels are fine, stripes of 40 are not.
+    // Stripes of 4 pixels are fine, stripes of 80 are not.
     assert_eq!(Canvas::new(&stripes(512, 512)).size.x, 512.0);
-    let broad = |x: usize| if (x / 40).is_multiple_of(2) { 40 } else { 220 };
+    let broad = |x: usize| if (x / 80).is_multiple_of(2) { 40 } else { 220 };
     let pixels = (0..512 * 512).flat_map(|i| [broad(i % 512); 3]).collect();
     assert_eq!(Canvas::new(&Paint { width: 512, height: 512, pixels }).size.x, 256.0);
     // A small painting has strokes of the same size.

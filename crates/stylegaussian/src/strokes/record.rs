@@ -3,7 +3,9 @@
 use glam::{Quat, Vec2, Vec3};
 use half::f16;
 
-use super::{MAX_GAIN, PERIOD, StrokeKnobs, StrokeSeed, StrokeTexture, StrokeWord, texture::FINE_SIDE, wrapped};
+use super::{
+    MAX_GAIN, PERIOD, StrokeKnobs, StrokeSeed, StrokeTexture, StrokeWord, texture::FINE_SIDE, wrapped,
+};
 
 /// Fragments of less alpha show no strokes: they are many, and give little.
 pub const LEAST_ALPHA: f32 = 0.02;
@@ -18,9 +20,9 @@ pub const PROTECTED: f32 = 0.95;
 /// Range of the level, in octaves: from 16 times magnified to a texture of one texel.
 pub const LEVELS: (f32, f32) = (-4.0, 12.0);
 
-/// Added to the level of detail. Texels are drawn a little sharper than one to a pixel, since the Gaussians that blend in a pixel
+/// Added to the level of detail. Texels are drawn sharper than one to a pixel, since mipmaps and the Gaussians that blend in a pixel
 /// blur them again.
-pub const SHARPER: f32 = -0.15;
+pub const SHARPER: f32 = -0.5;
 
 /// A Gaussian's shortest axis, as a share of its longest, is no less than this. It keeps the plane of a flat Gaussian in single
 /// precision.
@@ -114,9 +116,8 @@ impl StrokeRecord {
     /// wide gain (of [`MAX_GAIN`]), texture and level.
     pub fn packed(&self) -> [u32; 4] {
         let place = self.texel / PERIOD;
-        let halves = |v: Vec2| {
-            u32::from(f16::from_f32(v.x).to_bits()) | u32::from(f16::from_f32(v.y).to_bits()) << 16
-        };
+        let halves =
+            |v: Vec2| u32::from(f16::from_f32(v.x).to_bits()) | u32::from(f16::from_f32(v.y).to_bits()) << 16;
         let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u32;
         let level = (self.level - LEVELS.0) / (LEVELS.1 - LEVELS.0);
         [

@@ -114,7 +114,7 @@ fn records_survive_packing() {
 
 /// Stripes of four texels across the fine texture, none in the wide one.
 fn stripes() -> StrokeTexture {
-    let stripe = |i: usize| if i % FINE_SIDE / 4 % 2 == 0 { 0.4 } else { -0.4 };
+    let stripe = |i: usize| if (i % FINE_SIDE / 4).is_multiple_of(2) { 0.4 } else { -0.4 };
     let fine = (0..FINE_SIDE * FINE_SIDE).map(|i| Vec3::splat(stripe(i))).collect();
     StrokeTexture::new(fine, vec![Vec3::ZERO; WIDE_SIDE * WIDE_SIDE])
 }

@@ -73,7 +73,11 @@ fn filtered(levels: &[Vec<[i8; 4]>], side: usize, at: Vec2, level: f32) -> Vec3 
     let level = level.clamp(0.0, (levels.len() - 1) as f32);
     let (first, between) = (level as usize, level.fract());
     let sharp = bilinear(&levels[first], side >> first, at);
-    if between > 0.0 { sharp.lerp(bilinear(&levels[first + 1], side >> (first + 1), at), between) } else { sharp }
+    if between > 0.0 {
+        sharp.lerp(bilinear(&levels[first + 1], side >> (first + 1), at), between)
+    } else {
+        sharp
+    }
 }
 
 fn bilinear(texels: &[[i8; 4]], side: usize, at: Vec2) -> Vec3 {
@@ -81,7 +85,8 @@ fn bilinear(texels: &[[i8; 4]], side: usize, at: Vec2) -> Vec3 {
     let (corner, part) = (at.floor(), at - at.floor());
     let (x, y) = (corner.x as i32, corner.y as i32);
     let texel = |dx: i32, dy: i32| {
-        let [r, g, b, _] = texels[mirrored(y.wrapping_add(dy), side) * side + mirrored(x.wrapping_add(dx), side)];
+        let [r, g, b, _] =
+            texels[mirrored(y.wrapping_add(dy), side) * side + mirrored(x.wrapping_add(dx), side)];
         Vec3::new(f32::from(r), f32::from(g), f32::from(b))
     };
     let upper = texel(0, 0).lerp(texel(1, 0), part.x);

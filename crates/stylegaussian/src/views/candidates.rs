@@ -200,16 +200,15 @@ fn spots(survey: &Survey) -> Vec<Vec3> {
 
 /// Whether hardly any mass lies within `room` of `spot`.
 fn is_free(survey: &Survey, spot: Vec3, room: f32) -> bool {
-    let distances = survey
-        .stand_in
-        .means
-        .iter()
-        .zip(&survey.stand_in.scales)
-        // To a sphere around the Gaussian at one standard deviation.
-        .map(|(mean, scales)| mean.distance(spot) - scales.max_element());
+    // To a sphere around the Gaussian at one standard deviation.
+    let is_near = |i: usize| {
+        let scales = survey.stand_in.scales[i];
+        survey.stand_in.means[i].distance(spot) - scales.max_element() <= room
+    };
+    let sum = |masses: &mut dyn Iterator<Item = f32>| masses.map(f64::from).sum::<f64>();
+    let near = sum(&mut (0..survey.masses.len()).filter(|&i| is_near(i)).map(|i| survey.masses[i]));
     // A thousandth of the mass may be nearer, because stray Gaussians float everywhere.
-    let [nearest] = quantiles(distances, &survey.masses, [0.001]);
-    nearest > room
+    near < 0.001 * sum(&mut survey.masses.iter().copied())
 }
 
 /// Up to `n` of the points that are `eligible`, beginning with the first and each as far as possible from those

@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::{backdrop::without_backdrop, up::up};
 
 /// Number of Gaussians of the simplified scene: enough to distinguish surfaces from gaps at the size of test views.
-const N_STAND_IN: usize = 30_000;
+pub(super) const N_STAND_IN: usize = 30_000;
 
 /// The share of the mass on either side of the box, along each axis.
 const OUTSIDE_BOX: f32 = 0.02;
@@ -32,9 +32,9 @@ pub(super) struct Survey {
 }
 
 impl Survey {
-    /// Surveys a scene, or returns `None` if nothing of it is visible.
-    pub fn new(scene: &Scene) -> Option<Self> {
-        let stand_in = stand_in(scene);
+    /// Surveys a scene by at most `n_stand_in` of its Gaussians, or returns `None` if nothing of it is visible.
+    pub fn new(scene: &Scene, n_stand_in: usize) -> Option<Self> {
+        let stand_in = stand_in(scene, n_stand_in);
         let masses = masses(&stand_in);
         let is_drawn = |opacity: &f32| *opacity >= MIN_ALPHA;
         if !scene.opacities.iter().any(is_drawn) || masses.iter().all(|&mass| mass <= 0.0) {
@@ -60,11 +60,11 @@ impl Survey {
     }
 }
 
-/// A scene of at most [`N_STAND_IN`] Gaussians that looks similar from afar, without its backdrop. The remaining Gaussians are enlarged, so
+/// A scene of at most `n` Gaussians that looks similar from afar, without its backdrop. The remaining Gaussians are enlarged, so
 /// that the total area stays the same.
-fn stand_in(scene: &Scene) -> Scene {
+fn stand_in(scene: &Scene, n: usize) -> Scene {
     let near = without_backdrop(scene).unwrap_or_else(|| (0..scene.len() as u32).collect());
-    let stride = near.len().div_ceil(N_STAND_IN).max(1);
+    let stride = near.len().div_ceil(n).max(1);
     let indices: Vec<u32> = near.into_iter().step_by(stride).collect();
     // Areas grow with the square of scales, and each Gaussian that is left stands for `stride`.
     let enlarged = (stride as f32).sqrt();

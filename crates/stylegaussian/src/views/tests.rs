@@ -152,7 +152,7 @@ fn a_sky_far_away_changes_no_view() {
         // Strays, as most captures have.
         let mut with_strays = plain.clone();
         with_strays.means[0] = Vec3::splat(1e6);
-        let [a, b] = [&with_strays, &plain].map(|scene| Survey::new(scene).unwrap().radius);
+        let [a, b] = [&with_strays, &plain].map(|scene| Survey::new(scene, N_STAND_IN).unwrap().radius);
         assert!((a / b - 1.0).abs() < 0.05, "radius {a} instead of {b}");
         let (min, max) = bounds_without_backdrop(&with_strays).expect("a stray is far away");
         let (whole_min, whole_max) = plain.bounds().unwrap();
@@ -176,7 +176,7 @@ fn the_unit_of_length_does_not_matter() {
 fn up_is_told_or_guessed() {
     let scene = box_on_a_floor();
     let check = |what: &str, scene: &Scene, expected: Vec3| {
-        let found = Survey::new(scene).expect("something to see").up;
+        let found = Survey::new(scene, N_STAND_IN).expect("something to see").up;
         assert!(found.dot(expected) > 0.99, "{what}: {found}");
     };
     check("y up", &scene, Vec3::Y);
