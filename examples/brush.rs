@@ -1,4 +1,4 @@
-//! A brush: paint the scene with one of four looks by dragging, erase with the right button, undo with U.
+//! A brush: paint the scene in one of four styles by dragging, erase with the right button, undo with U.
 //!
 //! ```sh
 //! cargo run --release --example brush
@@ -12,7 +12,7 @@ mod backdrop;
 
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
 
-/// The keys of the mask's four channels, and the looks that they show.
+/// The keys of the mask's four channels, and the styles that they show.
 const CHANNELS: [(KeyCode, &str); 4] = [
     (KeyCode::Digit1, "strokes"),
     (KeyCode::Digit2, "ink"),
@@ -21,7 +21,7 @@ const CHANNELS: [(KeyCode, &str); 4] = [
 ];
 
 fn main() -> AppExit {
-    let title = "Drag to paint, 1 to 4 for another look, right button to erase, U to undo";
+    let title = "Drag to paint, 1 to 4 for another style, right button to erase, U to undo";
     let window = Window { title: title.into(), ..default() };
     App::new()
         .add_plugins(
@@ -39,13 +39,14 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((
         Camera3d::default(),
         Tonemapping::None,
+        Msaa::Off,
         Transform::from_xyz(0.0, 4.5, 11.0).looking_at(Vec3::ZERO, Vec3::Y),
     ));
     commands.spawn((GaussianSplats(assets.load("demo.sgs")), StyleMask::default()));
-    // Each channel shows its look wherever it is painted.
-    for (channel, (_, look)) in CHANNELS.iter().enumerate() {
-        let look = StyleSource::look(assets.load(format!("looks/{look}.look.safetensors")));
-        commands.spawn((StyleVolume::painted(channel).with_priority(channel as i32), look));
+    // Each channel shows its style wherever it is painted.
+    for (channel, (_, name)) in CHANNELS.iter().enumerate() {
+        let style = StyleSource::preset(assets.load(format!("styles/{name}.style.safetensors")));
+        commands.spawn((StyleVolume::painted(channel).with_priority(channel as i32), style));
     }
 }
 

@@ -36,7 +36,7 @@ fn main() -> AppExit {
 }
 
 fn setup(mut commands: Commands, assets: Res<AssetServer>) {
-    let look = |name: &str| StyleSource::look(assets.load(format!("looks/{name}.look.safetensors")));
+    let style = |name: &str| StyleSource::preset(assets.load(format!("styles/{name}.style.safetensors")));
     // Two cameras: the player's, and a map from above in a corner.
     let above = Transform::from_xyz(0.0, 30.0, 0.1).looking_at(Vec3::ZERO, Vec3::Y);
     let map = Camera { order: 1, clear_color: Color::BLACK.into(), ..default() };
@@ -49,7 +49,7 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((GaussianSplats(scene.clone()), StyleSource::none(), StyleMask::default(), left));
     commands.spawn((
         GaussianSplats(scene),
-        look("mosaic"),
+        style("mosaic"),
         HiddenUntilStyled,
         StyleMask::default(),
         right.with_rotation(Quat::from_rotation_y(2.0)),
@@ -57,10 +57,10 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     // Four volumes: a door behind which all is ink, a dome, what is painted, and the lantern over all of them.
     let door =
         Transform::from_xyz(7.5, 0.0, 0.0).with_rotation(Quat::from_rotation_z(std::f32::consts::FRAC_PI_2));
-    commands.spawn((StyleVolume::half_space().with_softness(0.3), look("ink"), door));
+    commands.spawn((StyleVolume::half_space().with_softness(0.3), style("ink"), door));
     let dome = StyleVolume::new(Sphere::new(2.5)).with_softness(0.5).with_priority(1);
-    commands.spawn((dome, look("dots"), Transform::from_xyz(-7.0, 0.0, 1.0)));
-    commands.spawn((StyleVolume::painted(0).with_priority(2), look("cubist")));
+    commands.spawn((dome, style("dots"), Transform::from_xyz(-7.0, 0.0, 1.0)));
+    commands.spawn((StyleVolume::painted(0).with_priority(2), style("cubist")));
     let lantern = StyleVolume::new(Sphere::new(1.5)).with_softness(0.8).with_priority(3);
     commands.spawn((lantern, Lantern, Transform::from_xyz(-4.0, 0.5, 2.0)));
 }
@@ -117,10 +117,10 @@ fn act(
     }
     let Some(hit) = aim.0 else { return };
     if buttons.just_pressed(MouseButton::Left) {
-        let spell = assets.load(format!("looks/{}.look.safetensors", SPELLS[*n_spells % SPELLS.len()]));
+        let spell = assets.load(format!("styles/{}.style.safetensors", SPELLS[*n_spells % SPELLS.len()]));
         *n_spells += 1;
         let wave = StyleTransition::sphere(hit.position, Duration::from_secs(2)).with_softness(1.0);
-        commands.entity(hit.entity).insert((StyleSource::look(spell), wave));
+        commands.entity(hit.entity).insert((StyleSource::preset(spell), wave));
     }
     if let (true, Ok((mut mask, transform))) =
         (buttons.pressed(MouseButton::Right), masks.get_mut(hit.entity))

@@ -1,4 +1,4 @@
-//! Images without a window: a turntable of the demo scene, on which the baked look of every shipped style arrives as a wave and
+//! Images without a window: a turntable of the demo scene, on which the paint of every shipped style arrives as a wave and
 //! balls of paint wander through the captured colors, and a contact sheet that shows each style beside its painting.
 //!
 //! ```sh
@@ -27,15 +27,15 @@ mod backdrop;
 
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
 /// The captured colors, then the shipped styles.
-const LOOKS: [&str; 9] =
+const STYLES: [&str; 9] =
     ["captured", "cubist", "dots", "halftone", "ink", "mosaic", "print", "strokes", "watercolor"];
-const FRAMES_PER_LOOK: usize = 7;
+const FRAMES_PER_STYLE: usize = 7;
 /// Frames until a wave has crossed the scene.
 const FRAMES_PER_WAVE: u32 = 5;
-/// Frames in which balls wander, and the looks of the balls.
+/// Frames in which balls wander, and the styles of the balls.
 const WANDERING: usize = 15;
 const BALLS: [&str; 3] = ["mosaic", "ink", "print"];
-const N_FRAMES: usize = LOOKS.len() * FRAMES_PER_LOOK + WANDERING;
+const N_FRAMES: usize = STYLES.len() * FRAMES_PER_STYLE + WANDERING;
 /// Time from frame to frame.
 const FRAME: Duration = Duration::from_millis(150);
 
@@ -60,13 +60,13 @@ fn main() -> Result<()> {
     let mut balls = Vec::new();
     for frame in 0..N_FRAMES {
         let angle = TAU * frame as f32 / N_FRAMES as f32;
-        let (look, style) = match LOOKS.get(frame / FRAMES_PER_LOOK) {
+        let (name, style) = match STYLES.get(frame / FRAMES_PER_STYLE) {
             Some(&"captured") | None => ("captured", StyleSource::none()),
-            Some(&look) => (look, baked(&assets, look)),
+            Some(&name) => (name, painted(&assets, name)),
         };
-        if frame > 0 && frame % FRAMES_PER_LOOK == 0 && frame <= LOOKS.len() * FRAMES_PER_LOOK {
+        if frame > 0 && frame % FRAMES_PER_STYLE == 0 && frame <= STYLES.len() * FRAMES_PER_STYLE {
             // From another side each time.
-            let origin = Quat::from_rotation_y(2.4 * look.len() as f32 + angle) * Vec3::new(3.5, 0.0, 0.0);
+            let origin = Quat::from_rotation_y(2.4 * name.len() as f32 + angle) * Vec3::new(3.5, 0.0, 0.0);
             let wave = StyleTransition::sphere(origin, FRAME * FRAMES_PER_WAVE);
             app.world_mut().entity_mut(splats).insert((style, wave));
             // Time stands still until the style is there: frames here cost nothing but time.
@@ -76,7 +76,7 @@ fn main() -> Result<()> {
         }
         let wandered = (frame + WANDERING).checked_sub(N_FRAMES);
         if wandered == Some(0) {
-            balls = BALLS.map(|look| app.world_mut().spawn((ball(), baked(&assets, look))).id()).to_vec();
+            balls = BALLS.map(|name| app.world_mut().spawn((ball(), painted(&assets, name))).id()).to_vec();
         }
         for (i, &ball) in balls.iter().enumerate() {
             let turn = TAU * (i as f32 / balls.len() as f32 + wandered.unwrap_or(0) as f32 / 24.0);
@@ -91,7 +91,7 @@ fn main() -> Result<()> {
         // Spawned before the update that draws the frame that it takes.
         app.world_mut().spawn(screenshot::Screenshot::image(target.clone())).observe(save);
         step(&mut app)?;
-        println!("{:>3} of {N_FRAMES}: {look}", frame + 1);
+        println!("{:>3} of {N_FRAMES}: {name}", frame + 1);
     }
     // The last images arrive from the GPU a few frames late.
     while app.world_mut().query::<&screenshot::Screenshot>().iter(app.world()).next().is_some() {
@@ -102,9 +102,9 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// The baked look of a shipped style.
-fn baked(assets: &AssetServer, name: &str) -> StyleSource {
-    StyleSource::look(assets.load(format!("looks/{name}.look.safetensors")))
+/// A shipped style.
+fn painted(assets: &AssetServer, name: &str) -> StyleSource {
+    StyleSource::preset(assets.load(format!("styles/{name}.style.safetensors")))
 }
 
 /// A ball of paint with a soft edge.
@@ -154,12 +154,12 @@ fn contact_sheet(out: &Path) -> Result<RgbImage> {
         imageops::replace(&mut sheet, &imageops::thumbnail(&picture.into_rgb8(), width, 270), x, y);
         Ok(())
     };
-    for (index, look) in LOOKS.iter().enumerate() {
+    for (index, style) in STYLES.iter().enumerate() {
         let (x, y) = (8 + 764 * (index as i64 % 3), 8 + 278 * (index as i64 / 3));
-        let paintings = ["jpg", "png"].map(|end| Path::new(ASSETS).join(format!("styles/{look}.{end}")));
+        let paintings = ["jpg", "png"].map(|end| Path::new(ASSETS).join(format!("styles/{style}.{end}")));
         let painting = paintings.iter().find(|path| path.exists());
         // The last frame, in which the wave has passed.
-        let frame = out.join(format!("{:03}.png", (index + 1) * FRAMES_PER_LOOK - 1));
+        let frame = out.join(format!("{:03}.png", (index + 1) * FRAMES_PER_STYLE - 1));
         paste(&frame, 480, if painting.is_some() { x } else { x + 138 }, y)?;
         painting.map_or(Ok(()), |painting| paste(painting, 270, x + 486, y))?;
     }

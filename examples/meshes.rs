@@ -49,6 +49,7 @@ fn spawn_scene(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((
         GaussianSplats(assets.load("demo.sgs")),
         StyleSource::preset(assets.load("styles/strokes.style.safetensors")),
+        HiddenUntilStyled,
     ));
 }
 

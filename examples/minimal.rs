@@ -1,4 +1,4 @@
-//! The shortest app that shows a styled scene: the plugin, a camera, and one entity.
+//! The shortest app that shows a painted scene: the plugin, a camera, and one entity.
 //!
 //! ```sh
 //! cargo run --release --example minimal
@@ -17,10 +17,13 @@ fn main() -> AppExit {
 }
 
 fn setup(mut commands: Commands, assets: Res<AssetServer>) {
-    commands
-        .spawn((Camera3d::default(), Transform::from_xyz(0.0, 4.5, 11.0).looking_at(Vec3::ZERO, Vec3::Y)));
+    // Splats have soft edges, so multisampling would only take time.
+    let view = Transform::from_xyz(0.0, 4.5, 11.0).looking_at(Vec3::ZERO, Vec3::Y);
+    commands.spawn((Camera3d::default(), Msaa::Off, view));
+    // Any capture will do, and any painting: also `StyleSource::image(assets.load("starry.png"))`.
     commands.spawn((
         GaussianSplats(assets.load("demo.sgs")),
         StyleSource::preset(assets.load("styles/strokes.style.safetensors")),
+        HiddenUntilStyled,
     ));
 }

@@ -90,7 +90,7 @@ fn main() -> AppExit {
 
 fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     let style = assets.load("styles/dots.style.safetensors");
-    commands.spawn((GaussianSplats(assets.load("demo.sgs")), StyleSource::preset(style)));
+    commands.spawn((GaussianSplats(assets.load("demo.sgs")), StyleSource::preset(style), HiddenUntilStyled));
     let head = Transform::from_xyz(0.0, 4.2, 11.2).looking_at(Vec3::ZERO, Vec3::Y);
     commands.spawn((head, Visibility::default())).with_children(|head| {
         for (order, x) in [-0.5 * EYE_DISTANCE, 0.5 * EYE_DISTANCE].into_iter().enumerate() {
@@ -102,6 +102,7 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
                 Camera { order: order as isize, ..default() },
                 Projection::custom(eye),
                 Tonemapping::None,
+                Msaa::Off,
                 Transform::from_xyz(x, 0.0, 0.0),
             ));
         }

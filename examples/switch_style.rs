@@ -1,5 +1,5 @@
-//! A scene restyled at the press of a key: 1 to 8 for the shipped styles, 0 for none. The old colors stay until the new ones
-//! are complete, then fade into them.
+//! A scene painted anew at the press of a key: 1 to 8 for the shipped styles, 0 for none. The old look stays until the new one is
+//! complete, then fades into it. The keys + and - make more and less of the strokes, at once.
 //!
 //! ```sh
 //! cargo run --release --example switch_style
@@ -28,7 +28,10 @@ const STYLES: [(KeyCode, &str); 8] = [
 ];
 
 fn main() -> AppExit {
-    let window = Window { title: "Press 1 to 8 for a style, 0 for none".into(), ..default() };
+    let window = Window {
+        title: "Press 1 to 8 for a style, 0 for none, + and - for more and less paint".into(),
+        ..default()
+    };
     App::new()
         .add_plugins(
             DefaultPlugins
@@ -37,7 +40,7 @@ fn main() -> AppExit {
         )
         .add_plugins(StyleGaussianPlugin::default())
         .add_systems(Startup, (setup, backdrop::spawn))
-        .add_systems(Update, (switch, turn))
+        .add_systems(Update, (switch, thicken, turn))
         .add_observer(|applied: On<StyleApplied>| info!("restyled after {:?}", applied.elapsed))
         .run()
 }
@@ -46,16 +49,19 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((
         Camera3d::default(),
         Tonemapping::None,
+        Msaa::Off,
         Transform::from_xyz(0.0, 4.5, 11.0).looking_at(Vec3::ZERO, Vec3::Y),
     ));
     commands.spawn((
         GaussianSplats(assets.load("demo.sgs")),
         StyleSource::none(),
         StyleTransition::fade(Duration::from_millis(800)),
+        // So that the first key is answered as soon as the others.
+        StylePrepare,
     ));
 }
 
-/// Restyles the scene: changing the component is enough.
+/// Paints the scene anew: changing the component is enough.
 fn switch(mut source: Single<&mut StyleSource>, keys: Res<ButtonInput<KeyCode>>, assets: Res<AssetServer>) {
     if keys.just_pressed(KeyCode::Digit0) {
         **source = StyleSource::none();
@@ -64,6 +70,16 @@ fn switch(mut source: Single<&mut StyleSource>, keys: Res<ButtonInput<KeyCode>>,
         if keys.just_pressed(key) {
             **source = StyleSource::preset(assets.load(format!("styles/{style}.style.safetensors")));
         }
+    }
+}
+
+/// Changes how strokes are drawn, for which nothing is computed.
+fn thicken(mut source: Single<&mut StyleSource>, keys: Res<ButtonInput<KeyCode>>, time: Res<Time>) {
+    let is_down = |keys: &ButtonInput<KeyCode>, of: [KeyCode; 2]| f32::from(u8::from(keys.any_pressed(of)));
+    let change = is_down(&keys, [KeyCode::Equal, KeyCode::NumpadAdd])
+        - is_down(&keys, [KeyCode::Minus, KeyCode::NumpadSubtract]);
+    if change != 0.0 {
+        source.paint = (source.paint + change * time.delta_secs()).clamp(0.0, 3.0);
     }
 }
 

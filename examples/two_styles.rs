@@ -1,5 +1,5 @@
 //! One scene shown twice, in two styles. Both entities share the scene, in main memory and on the GPU. The second one adds
-//! only its colors, 8 bytes per Gaussian.
+//! only its colors and strokes, 12 bytes per Gaussian.
 //!
 //! ```sh
 //! cargo run --release --example two_styles
@@ -26,6 +26,7 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((
         Camera3d::default(),
         Tonemapping::None,
+        Msaa::Off,
         Transform::from_xyz(0.0, 5.0, 14.3).looking_at(Vec3::ZERO, Vec3::Y),
     ));
     let scene = assets.load("demo.sgs");
@@ -33,6 +34,7 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
         commands.spawn((
             GaussianSplats(scene.clone()),
             StyleSource::preset(assets.load(format!("styles/{style}.style.safetensors"))),
+            HiddenUntilStyled,
             Transform::from_xyz(x, 0.0, 0.0),
         ));
     }

@@ -15,7 +15,7 @@ mod backdrop;
 
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
 
-/// The looks of the balls, in `assets/looks`.
+/// The styles of the balls, in `assets/styles`.
 const BALLS: [&str; 3] = ["mosaic", "print", "strokes"];
 
 /// Circles around the middle, by its angle at the beginning.
@@ -39,16 +39,17 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((
         Camera3d::default(),
         Tonemapping::None,
+        Msaa::Off,
         Transform::from_xyz(0.0, 4.5, 11.0).looking_at(Vec3::ZERO, Vec3::Y),
     ));
     commands.spawn(GaussianSplats(assets.load("demo.sgs")));
-    let look = |name: &str| StyleSource::look(assets.load(format!("looks/{name}.look.safetensors")));
+    let style = |name: &str| StyleSource::preset(assets.load(format!("styles/{name}.style.safetensors")));
     // Everything below the tide is ink.
-    commands.spawn((StyleVolume::half_space().with_softness(0.3), look("ink"), Tide));
+    commands.spawn((StyleVolume::half_space().with_softness(0.3), style("ink"), Tide));
     // Volumes of a higher priority lie over it.
     for (i, name) in BALLS.iter().enumerate() {
         let ball = StyleVolume::new(Sphere::new(1.8)).with_softness(0.4).with_priority(1);
-        commands.spawn((ball, look(name), Circling(TAU * i as f32 / BALLS.len() as f32)));
+        commands.spawn((ball, style(name), Circling(TAU * i as f32 / BALLS.len() as f32)));
     }
     // A volume without a style shows the captured colors.
     commands.spawn(StyleVolume::new(Cylinder::new(0.9, 12.0)).with_softness(0.2).with_priority(2));

@@ -15,8 +15,8 @@ mod backdrop;
 
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
 
-/// The looks in `assets/looks`, one after the other.
-const LOOKS: [&str; 5] = ["strokes", "ink", "mosaic", "print", "watercolor"];
+/// The styles in `assets/styles`, one after the other.
+const STYLES: [&str; 5] = ["strokes", "ink", "mosaic", "print", "watercolor"];
 
 fn main() -> AppExit {
     let window = Window { title: "Click on the scene".into(), ..default() };
@@ -36,9 +36,10 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((
         Camera3d::default(),
         Tonemapping::None,
+        Msaa::Off,
         Transform::from_xyz(0.0, 4.5, 11.0).looking_at(Vec3::ZERO, Vec3::Y),
     ));
-    commands.spawn((GaussianSplats(assets.load("demo.sgs")), StyleSource::none()));
+    commands.spawn((GaussianSplats(assets.load("demo.sgs")), StyleSource::none(), StylePrepare));
 }
 
 fn cast(
@@ -56,9 +57,9 @@ fn cast(
     let ray = window.cursor_position().and_then(|cursor| camera.viewport_to_world(place, cursor).ok());
     let Some(ray) = ray.filter(|_| buttons.just_pressed(MouseButton::Left)) else { return };
     let Some(hit) = rays.cast_ray(ray) else { return };
-    let look = assets.load(format!("looks/{}.look.safetensors", LOOKS[*n_casts % LOOKS.len()]));
+    let style = assets.load(format!("styles/{}.style.safetensors", STYLES[*n_casts % STYLES.len()]));
     *n_casts += 1;
     let wave =
         StyleTransition::sphere(hit.position, Duration::from_secs(3)).with_easing(EaseFunction::QuadraticIn);
-    commands.entity(hit.entity).insert((StyleSource::look(look), wave));
+    commands.entity(hit.entity).insert((StyleSource::preset(style), wave));
 }

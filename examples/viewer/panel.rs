@@ -336,8 +336,17 @@ fn mix(ui: &mut Ui, styles: &mut Styles, refined: Option<(u32, bool)>) {
     };
     ui.spacing_mut().slider_width = WIDTH - 170.0;
     Grid::new("mix").num_columns(2).show(ui, |ui| {
-        ui.label("content").on_hover_text("how much of the scene's own features stays");
+        ui.label("content").on_hover_text("how much of the scene's own colors stays");
         ui.add(Slider::new(&mut styles.content, 0.0..=1.0).fixed_decimals(2));
+        ui.end_row();
+        ui.label("paint").on_hover_text("how much of the painting's strokes is laid on");
+        ui.add(Slider::new(&mut styles.paint, 0.0..=3.0).fixed_decimals(2));
+        ui.end_row();
+        ui.label("clear").on_hover_text("how much of the scene stays clear of strokes");
+        ui.add(Slider::new(&mut styles.protection, 0.0..=4.0).fixed_decimals(2));
+        ui.end_row();
+        ui.label("stroke size");
+        ui.add(Slider::new(&mut styles.stroke_scale, 0.25..=4.0).logarithmic(true).fixed_decimals(2));
         ui.end_row();
         ui.label("fade").on_hover_text("from look to look");
         ui.add(Slider::new(&mut styles.fade_in_seconds, 0.0..=3.0).fixed_decimals(1).suffix(" s"));

@@ -11,7 +11,7 @@ use bevy_stylegaussian::{GaussianSplats, StyleInput, StyleLook, StyleRefine, Sty
 
 use crate::{ASSETS, camera::Orbit, panel::Transfer, scene::ShownScene};
 
-/// File ending of statistics made by `stylegaussian style`.
+/// File ending of presets made by `stylegaussian style`.
 const PRESET: &str = ".style.safetensors";
 /// File ending of baked looks.
 const LOOK: &str = ".look.safetensors";
@@ -72,8 +72,12 @@ pub struct Style {
 #[derive(Resource, Default)]
 pub struct Styles {
     pub list: Vec<Style>,
-    /// Share of the content's features that stays, 0..1.
+    /// Share of the content that stays, 0..1.
     pub content: f32,
+    /// How strokes are drawn, as factors: how much of them, how much stays clear of them, and their size.
+    pub paint: f32,
+    pub protection: f32,
+    pub stroke_scale: f32,
     /// Duration of a fade from one style to the next.
     pub fade_in_seconds: f32,
     pub arrival: Arrival,
@@ -83,8 +87,8 @@ pub struct Styles {
 }
 
 impl Styles {
-    /// Adds a file to the list, if it is not listed, and returns its index. The file is an image, statistics or a look; if
-    /// there is an image of the same name beside statistics or a look, it becomes their picture.
+    /// Adds a file to the list, if it is not listed, and returns its index. The file is an image, a preset or a look; if
+    /// there is an image of the same name beside a preset or a look, it becomes its picture.
     pub fn add(&mut self, path: &Path, assets: &AssetServer) -> usize {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         let picture = picture_of(path).map(|picture| assets.load::<Image>(picture));
@@ -146,7 +150,13 @@ impl Styles {
 
     fn source(&self) -> StyleSource {
         let styles = self.used().map(|style| (self.shown_as(style), style.weight));
-        StyleSource::mix(styles).with_content(self.content)
+        StyleSource {
+            content: self.content,
+            paint: self.paint,
+            protection: self.protection,
+            stroke_scale: self.stroke_scale,
+            ..StyleSource::mix(styles)
+        }
     }
 
     fn refine(&self) -> StyleRefine {
@@ -157,7 +167,7 @@ impl Styles {
     }
 }
 
-/// The image of a style file: the file itself, or one beside statistics or a look.
+/// The image of a style file: the file itself, or one beside a preset or a look.
 fn picture_of(path: &Path) -> Option<PathBuf> {
     let whole = path.to_string_lossy();
     let stem = whole.strip_suffix(PRESET).or_else(|| whole.strip_suffix(LOOK));
@@ -172,11 +182,12 @@ fn picture_of(path: &Path) -> Option<PathBuf> {
 pub fn list_shipped(mut commands: Commands, assets: Res<AssetServer>) {
     let folder = fs::read_dir(Path::new(ASSETS).join("styles")).into_iter().flatten().flatten();
     let mut images: Vec<_> = folder.map(|entry| entry.path()).collect();
-    // The images and not the presets beside them, which carry no paint.
+    // The images and not the presets beside them, which are of the same paintings.
     images.retain(|path| !path.to_string_lossy().ends_with(PRESET));
     // The order of a folder is arbitrary, and keys count on it.
     images.sort();
-    let mut styles = Styles { fade_in_seconds: 0.5, ..default() };
+    let (paint, protection, stroke_scale) = (1.0, 1.0, 1.0);
+    let mut styles = Styles { fade_in_seconds: 0.5, paint, protection, stroke_scale, ..default() };
     for image in images {
         styles.add(&image, &assets);
     }
@@ -213,7 +224,10 @@ pub fn apply(
         styles.looks_fit = looks_fit;
     }
     // Only a real change may touch the component: `Changed<StyleSource>` would restyle in each frame.
-    if source.set_if_neq(styles.source()) {
+    let wanted = styles.source();
+    // How strokes are drawn is shown at once, and nothing comes of it later.
+    let is_computed = source.styles != wanted.styles || source.content != wanted.content;
+    if source.set_if_neq(wanted) && is_computed {
         transfer.is_under_way = !source.is_none();
     }
     let duration = Duration::from_secs_f32(styles.fade_in_seconds);

@@ -10,7 +10,7 @@
 //!         .add_systems(Startup, |mut commands: Commands, assets: Res<AssetServer>| {
 //!             commands.spawn(Camera3d::default());
 //!             commands.spawn((
-//!                 GaussianSplats(assets.load("garden.sgs")),
+//!                 GaussianSplats(assets.load("garden.ply")),
 //!                 StyleSource::preset(assets.load("starry.style.safetensors")),
 //!             ));
 //!         })
@@ -20,7 +20,7 @@
 //!
 //! - Components of scenes: [`GaussianSplats`] shows a [`GaussianScene`] (`.sgs`, or a capture in another format; [`SceneSettings`]
 //!   are those of loading it). [`StyleSource`]
-//!   styles it by images, by [`StyleStatistics`] (`.style.safetensors`), by a baked [`StyleLook`] (`.look.safetensors`), or
+//!   paints it in the strokes of images, by [`StyleStatistics`] (`.style.safetensors`), by a baked [`StyleLook`] (`.look.safetensors`), or
 //!   by a mix; change it at any time.
 //!   [`StyleTransition`] fades from one style to the next. [`StyleRefine`] bakes a shown style further in the
 //!   background, [`StylePrepare`] prepares a loaded scene for the first. [`StyleDecoder`] selects another [`GaussianDecoder`].

@@ -57,8 +57,7 @@ impl Wish {
         self.styles.retain(|(name, _)| name.starts_with("look:"));
     }
 
-    /// Whether the decoder makes the colors of paintings. Statistics alone have no paint, and the styles of a mix are made in
-    /// one way.
+    /// Whether the decoder makes the colors of paintings. The styles of a mix are made in one way.
     fn is_decoded(&self) -> bool {
         self.by_decoder || self.styles.iter().any(|(name, _)| name.starts_with("decode:"))
     }
@@ -132,7 +131,7 @@ pub fn put_on(
     }
     let mix = StyleSource::mix(mix).with_content(wish.content).with_strength(wish.strength);
     // Only a real change may touch the components and the resource.
-    method.set_if_neq(if wish.by_decoder { StyleMethod::Decoder } else { StyleMethod::Paint });
+    method.set_if_neq(if by_decoder { StyleMethod::Decoder } else { StyleMethod::Paint });
     source.set_if_neq(mix);
     worn.set_if_neq(wish.transition.clone());
 }

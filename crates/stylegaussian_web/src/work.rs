@@ -8,7 +8,7 @@ use bevy_stylegaussian::{
         Decoder, Neighbors, Scene,
         file::{self, ReadOptions, Reading, SceneReader},
         fold::{self, StylizeError},
-        paint::{Brush, Paint, Surface, repaint},
+        paint::{Canvas, Paint, Surface, lay},
         views::choose_views,
     },
     stylegaussian_encoder::{Encoder, Image, StyleSize, painted_style},
@@ -214,16 +214,15 @@ impl Held {
     }
 
     fn paint(&mut self, name: &str, style: &[u8]) -> Result<Vec<[f32; 3]>, String> {
-        if self.scene.features.is_none() {
-            return Err(StylizeError::NoFeatures.to_string());
-        }
         // The worker that encoded it may have been stopped.
         if !self.paints.contains_key(name) {
             let paint = file::paint_from_bytes(style, name).map_err(|error| error.to_string())?;
             self.paints.insert(name.into(), paint.ok_or("found a style without paint")?);
         }
-        let surface = self.surface.get_or_insert_with(|| Surface::new(&self.scene, 1.0));
-        Ok(repaint(&self.scene, surface, &[(&self.paints[name], 1.0)], 0.0, Brush::default()))
+        let surface = self.surface.get_or_insert_with(|| Surface::new(&self.scene));
+        let painted = lay(&self.scene, surface, &[(&Canvas::new(&self.paints[name]), 1.0)], 0.0);
+        // The page takes colors alone, so each has the mean of the strokes over it.
+        Ok(painted.flattened(&self.scene))
     }
 
     fn embed(&mut self) -> Result<Vec<u8>, String> {
@@ -267,7 +266,6 @@ mod tests {
         let style = held.encode("image:halftone.png", png).unwrap();
         let error = held.encode("image:halftone.png", &png[..100]).unwrap_err();
         assert!(error.starts_with("halftone.png"), "{error}");
-        assert!(held.paint("image:halftone.png", &style).unwrap_err().contains("no features"));
         let demo = read(include_bytes!("../../../assets/demo.sgs").to_vec(), SCENE).unwrap();
         held.scene = demo.subset(&Vec::from_iter(0..3000));
         let colors = held.paint("image:halftone.png", &style).unwrap();

@@ -14,7 +14,20 @@ use super::{layers::ColorLayers, styles::StyleColors};
 
 /// Styles that should be on the GPU before they are shown. A resource of both worlds.
 #[derive(Resource, Clone, Default)]
-pub(crate) struct WantedColors(pub(crate) Vec<Arc<StyleColors>>);
+pub(crate) struct WantedColors {
+    pub(crate) styles: Vec<Arc<StyleColors>>,
+    /// Whether strokes are going to be drawn. Once they are, it stays: what draws them is compiled while the first are computed.
+    pub(crate) strokes: bool,
+}
+
+impl WantedColors {
+    /// Notes that strokes are going to be drawn. Only the first call counts as a change.
+    pub(crate) fn expect_strokes(wanted: &mut ResMut<Self>) {
+        if !wanted.strokes {
+            wanted.strokes = true;
+        }
+    }
+}
 
 /// The layers of all entities. GPU state is rebuilt from it after a lost device.
 #[derive(Resource, Default)]

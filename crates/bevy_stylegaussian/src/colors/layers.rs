@@ -6,7 +6,7 @@ use std::sync::{
 };
 
 use bevy::prelude::*;
-use stylegaussian::layers::Region;
+use stylegaussian::{layers::Region, strokes::StrokeKnobs};
 
 use super::styles::StyleColors;
 
@@ -17,6 +17,8 @@ pub(crate) struct ColorLayers {
     pub(crate) generation: u64,
     /// The layers, the lowest first.
     pub(crate) layers: Vec<ColorLayer>,
+    /// How the strokes of all layers are drawn. A change of them is no new generation.
+    pub(crate) knobs: StrokeKnobs,
     /// Whether the entity is not drawn.
     pub(crate) is_hidden: bool,
     /// The first generation of the present scene.
@@ -56,8 +58,11 @@ pub(crate) struct Mix(Mutex<Vec<ColorLayer>>);
 
 impl ColorLayers {
     /// Sets the layers, if they differ from the present ones.
-    pub(crate) fn set(layers: &mut Mut<Self>, new: Vec<ColorLayer>, is_hidden: bool) {
+    pub(crate) fn set(layers: &mut Mut<Self>, new: Vec<ColorLayer>, knobs: StrokeKnobs, is_hidden: bool) {
         // Compared before it is borrowed mutably, which counts as a change.
+        if layers.knobs != knobs {
+            layers.knobs = knobs;
+        }
         if layers.layers != new || layers.is_hidden != is_hidden {
             layers.generation += 1;
             layers.layers = new;

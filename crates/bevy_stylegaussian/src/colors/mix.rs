@@ -11,8 +11,9 @@ use bevy::{
 };
 use stylegaussian_gpu::{
     colors::GaussianColors,
-    layers::{GaussianMask, GpuLayer, LayerMixer, MixedLayers},
+    layers::{GaussianMask, GpuLayer, LayerMixer, MixedLayers, StrokeMix},
     splat::GpuScene,
+    strokes::GaussianStrokes,
 };
 
 use crate::{
@@ -24,19 +25,39 @@ use crate::{
 use super::{
     extract::RenderColors,
     layers::{ColorLayer, LayerColors},
-    shown::{PipelinesReady, Shown, ShownColors, address},
+    shown::{FrozenMix, PipelinesReady, Shown, ShownColors, address},
 };
 
-/// The kernel on the present device, or `None` if it was not needed yet.
+/// The kernels on the present device, or `None` if they were not needed yet.
 #[derive(Resource, Default)]
-pub(crate) struct Mixer(Option<Background<Arc<LayerMixer>>>);
+pub(crate) struct Mixer {
+    of_colors: Option<Background<Arc<LayerMixer>>>,
+    /// The kernel for strokes, which is a part of the mixer.
+    of_strokes: Option<Background<()>>,
+}
 
 impl Mixer {
-    /// The kernel, or `None` while it is compiled. The first call starts that.
-    fn get(&mut self, synchronous: SynchronousCompilation, device: &wgpu::Device) -> Option<Arc<LayerMixer>> {
-        let device = device.clone();
-        let compile = move || Arc::new(LayerMixer::new(&device));
-        self.0.get_or_insert_with(|| Background::start(synchronous, compile)).poll().cloned()
+    /// The kernels, that for strokes too if `has_strokes`, or `None` while they are compiled. The first call starts that.
+    fn get(
+        &mut self,
+        synchronous: SynchronousCompilation,
+        device: &wgpu::Device,
+        has_strokes: bool,
+    ) -> Option<Arc<LayerMixer>> {
+        let compile = {
+            let device = device.clone();
+            move || Arc::new(LayerMixer::new(&device))
+        };
+        let mixer = self.of_colors.get_or_insert_with(|| Background::start(synchronous, compile));
+        let mixer = Arc::clone(mixer.poll()?);
+        if has_strokes {
+            let compile = {
+                let (device, mixer) = (device.clone(), Arc::clone(&mixer));
+                move || mixer.prepare_strokes(&device)
+            };
+            self.of_strokes.get_or_insert_with(|| Background::start(synchronous, compile)).poll()?;
+        }
+        Some(mixer)
     }
 }
 
@@ -57,7 +78,7 @@ enum Way {
     /// As captured.
     Captured,
     /// One style everywhere, which may be shared with other entities.
-    Style(GaussianColors),
+    Style(GaussianColors, Option<GaussianStrokes>),
     /// Mixed.
     Mix,
 }
@@ -99,23 +120,25 @@ pub(crate) fn mix_colors(
                     continue;
                 }
                 Way::Captured => Shown::Captured,
-                Way::Style(style) => Shown::Style(style),
+                Way::Style(style, strokes) => Shown::Style(style, strokes),
                 Way::Mix => {
-                    let Some(mixer) = mixer.get(*synchronous, device) else {
+                    let has_strokes = colors.have_strokes(&wish.layers);
+                    let Some(mixer) = mixer.get(*synchronous, device, has_strokes) else {
                         colors.settled = false;
                         continue;
                     };
                     if !std::mem::replace(&mut is_begun, true) {
                         mixer.begin_submission();
                     }
-                    let own = colors.own_buffer(*entity, device, scene.n_gaussians());
-                    let Some((target, mut mixed)) = own else { continue };
+                    let own = colors.own_mix(*entity, device, scene.n_gaussians());
+                    let Some(mut own) = own else { continue };
                     let encoder = context.command_encoder();
                     let span = diagnostics.time_span(encoder, "mix_layers");
                     let mut gpu = Gpu { device, queue, encoder, mixer: &mixer, mask };
-                    gpu.mix(scene, &mut colors, &wish.layers, &target, &mut mixed);
+                    let target = (&own.colors, &mut own.mixed, &mut own.strokes);
+                    gpu.mix(scene, &mut colors, &wish.layers, target);
                     span.end(context.command_encoder());
-                    Shown::Mixed(target, mixed)
+                    Shown::Mixed(own)
                 }
             };
             colors.show(*entity, wish, shown, revision);
@@ -137,7 +160,10 @@ impl ShownColors {
             [] => Way::Captured,
             [only] if only.covers_all() => match &only.colors {
                 LayerColors::Captured => Way::Captured,
-                LayerColors::Style(style) => self.style(style).cloned().map_or(Way::Wait, Way::Style),
+                LayerColors::Style(style) => match self.style(style) {
+                    Some((colors, strokes)) => Way::Style(colors.clone(), strokes.cloned()),
+                    None => Way::Wait,
+                },
                 LayerColors::Mix(_) => Way::Mix,
             },
             _ => Way::Mix,
@@ -152,7 +178,22 @@ impl ShownColors {
             LayerColors::Mix(mix) => self.are_complete(&mix.layers()),
         })
     }
+
+    /// Whether any of layers that are complete has strokes.
+    fn have_strokes(&self, layers: &[ColorLayer]) -> bool {
+        layers.iter().any(|layer| match &layer.colors {
+            LayerColors::Captured => false,
+            LayerColors::Style(style) => self.style(style).is_some_and(|(_, strokes)| strokes.is_some()),
+            LayerColors::Mix(mix) => {
+                let frozen = self.mixes.get(&address(mix));
+                frozen.is_some_and(|(_, frozen)| frozen.strokes.is_some()) || self.have_strokes(&mix.layers())
+            }
+        })
+    }
 }
+
+/// Where layers are mixed into.
+type Target<'a> = (&'a GaussianColors, &'a mut MixedLayers, &'a mut StrokeMix);
 
 impl Gpu<'_> {
     /// Mixes layers into `target`, the mixes among them first.
@@ -161,34 +202,46 @@ impl Gpu<'_> {
         scene: &GpuScene,
         colors: &mut ShownColors,
         layers: &[ColorLayer],
-        target: &GaussianColors,
-        mixed: &mut MixedLayers,
+        (target, mixed, strokes): Target,
     ) {
         for layer in layers {
             let LayerColors::Mix(inner) = &layer.colors else { continue };
             if !colors.mixes.contains_key(&address(inner)) {
                 let Some(buffer) = colors.buffer(self.device, scene.n_gaussians()) else { continue };
-                self.mix(scene, colors, &inner.layers(), &buffer, &mut MixedLayers::default());
+                let mut strokes = StrokeMix::default();
+                let target = (&buffer, &mut MixedLayers::default(), &mut strokes);
+                self.mix(scene, colors, &inner.layers(), target);
                 inner.forget_layers();
-                colors.mixes.insert(address(inner), (Arc::downgrade(inner), buffer));
+                let frozen = FrozenMix { colors: buffer, strokes: strokes.strokes().cloned() };
+                colors.mixes.insert(address(inner), (Arc::downgrade(inner), frozen));
             }
         }
         let gpu_layers: Vec<GpuLayer> = layers
             .iter()
             // Nothing is painted on what has no mask. A mask has four channels.
             .filter(|layer| layer.mask.is_none_or(|channel| channel < 4 && self.mask.is_some()))
-            .map(|layer| GpuLayer {
-                look: match &layer.colors {
-                    LayerColors::Captured => None,
-                    LayerColors::Style(style) => colors.style(style),
-                    LayerColors::Mix(mix) => colors.mixes.get(&address(mix)).map(|(_, buffer)| buffer),
-                },
-                strokes: None,
-                region: layer.region,
-                strength: layer.strength,
-                mask: self.mask.zip(layer.mask),
+            .map(|layer| {
+                let (look, strokes) = match &layer.colors {
+                    LayerColors::Captured => (None, None),
+                    LayerColors::Style(style) => colors.style(style).unzip(),
+                    LayerColors::Mix(mix) => {
+                        let mix = colors.mixes.get(&address(mix)).map(|(_, frozen)| frozen);
+                        mix.map(|frozen| (&frozen.colors, frozen.strokes.as_ref())).unzip()
+                    }
+                };
+                GpuLayer {
+                    look,
+                    strokes: strokes.flatten(),
+                    region: layer.region,
+                    strength: layer.strength,
+                    mask: self.mask.zip(layer.mask),
+                }
             })
             .collect();
-        self.mixer.encode(self.device, self.queue, self.encoder, scene, &gpu_layers, target, mixed);
+        let Self { device, queue, encoder, mixer, .. } = self;
+        mixer.encode(device, queue, encoder, scene, &gpu_layers, target, mixed);
+        if let Err(error) = mixer.encode_strokes(device, queue, encoder, scene, &gpu_layers, strokes) {
+            warn_once!("mixed styles are shown without their strokes: {error}");
+        }
     }
 }

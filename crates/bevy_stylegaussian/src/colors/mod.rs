@@ -2,8 +2,8 @@
 //!
 //! An entity's [`ColorLayers`] say which colors its splats should have, and are extracted to the render world
 //! ([`extract`]). [`ShownColors`] holds the colors on the GPU: each style once ([`styles`]), and the mix of each entity's
-//! layers ([`mix`]). Styles that come as colors are uploaded here; folded ones are decoded by the style pass. The splat
-//! pass reads `ShownColors` and knows nothing of styles.
+//! layers ([`mix`]). Paintings have [`strokes`] as well, which go the same way. Styles that come as colors are uploaded here;
+//! folded ones are decoded by the style pass. The splat pass reads `ShownColors` and knows nothing of styles.
 
 use bevy::{
     core_pipeline::schedule::camera_driver,
@@ -18,6 +18,7 @@ mod layers;
 mod mix;
 mod ready;
 mod shown;
+mod strokes;
 mod styles;
 
 pub use ready::GaussianSceneReady;
@@ -26,6 +27,7 @@ pub(crate) use extract::{RenderColors, WantedColors};
 pub(crate) use layers::{ColorLayer, ColorLayers, LayerColors, Mix};
 pub(crate) use mix::mix_colors;
 pub(crate) use shown::{PipelinesReady, ShownColors, update_colors};
+pub(crate) use strokes::{StrokeTextures, StrokesReady};
 pub(crate) use styles::{ColorSource, FoldedStyle, StyleColors};
 
 /// Keeps the colors on the GPU up to date.
@@ -50,8 +52,10 @@ impl Plugin for ColorsPlugin {
                 .init_resource::<RenderColors>()
                 .init_resource::<WantedColors>()
                 .init_resource::<PipelinesReady>()
+                .init_resource::<StrokesReady>()
                 // Rebuilt from `RenderColors` after a lost device.
                 .init_gpu_resource::<ShownColors>()
+                .init_gpu_resource::<StrokeTextures>()
                 .init_gpu_resource::<mix::Mixer>()
                 .add_systems(ExtractSchedule, (extract::extract_layers, extract::extract_wanted))
                 // Once per frame, before the first camera: views that share an entity must see the same colors.

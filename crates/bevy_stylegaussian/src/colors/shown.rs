@@ -10,14 +10,20 @@ use bevy::{
         sync_world::{MainEntity, MainEntityHashMap},
     },
 };
-use stylegaussian::Scene;
-use stylegaussian_gpu::{colors::GaussianColors, layers::MixedLayers, splat::CloudColors};
+use stylegaussian::{Scene, strokes::StrokeKnobs};
+use stylegaussian_gpu::{
+    colors::GaussianColors,
+    layers::{MixedLayers, StrokeMix},
+    splat::CloudColors,
+    strokes::{GaussianStrokes, StrokeStore},
+};
 
 use crate::scene::RenderClouds;
 
 use super::{
     extract::{RenderColors, WantedColors},
     layers::{ColorLayer, ColorLayers, LayerColors, Mix},
+    strokes::{StrokeTextures, StrokesReady, UploadedStrokes},
     styles::{ColorSource, StyleColors},
 };
 
@@ -38,8 +44,9 @@ pub(crate) struct ShownColors {
     of_entity: MainEntityHashMap<EntityColors>,
     /// By the address of the style. The weak reference keeps the address from being used again.
     styles: HashMap<usize, StyleOnGpu>,
+    strokes: UploadedStrokes,
     /// Mixes that layers are made of, by their address.
-    pub(super) mixes: HashMap<usize, (Weak<Mix>, GaussianColors)>,
+    pub(super) mixes: HashMap<usize, (Weak<Mix>, FrozenMix)>,
     /// Buffers of former mixes, to be used again.
     spare: Vec<GaussianColors>,
     /// Whether everything that is wished for is shown. False on a new device.
@@ -50,7 +57,21 @@ pub(crate) struct ShownColors {
 struct StyleOnGpu {
     style: Weak<StyleColors>,
     colors: Option<GaussianColors>,
+    strokes: Option<GaussianStrokes>,
     is_complete: bool,
+}
+
+/// The mixed layers of an entity: colors, and which layers they hold; strokes, which know that themselves.
+pub(super) struct OwnMix {
+    pub(super) colors: GaussianColors,
+    pub(super) mixed: MixedLayers,
+    pub(super) strokes: StrokeMix,
+}
+
+/// Layers that were mixed once.
+pub(super) struct FrozenMix {
+    pub(super) colors: GaussianColors,
+    pub(super) strokes: Option<GaussianStrokes>,
 }
 
 /// The colors of an entity.
@@ -61,6 +82,7 @@ struct EntityColors {
     /// The scene that the colors belong to.
     scene: Option<Arc<Scene>>,
     shown: Shown,
+    knobs: StrokeKnobs,
     /// The state of the mask that was mixed in, or `None` if there was none.
     mask: Option<u64>,
     is_hidden: bool,
@@ -71,18 +93,41 @@ struct EntityColors {
 pub(super) enum Shown {
     #[default]
     Captured,
-    /// Those of a style, which other entities may show too.
-    Style(GaussianColors),
-    /// The entity's own, and the layers that they hold.
-    Mixed(GaussianColors, MixedLayers),
+    /// Those of a style, which other entities may show too, and its strokes.
+    Style(GaussianColors, Option<GaussianStrokes>),
+    /// The entity's own.
+    Mixed(Box<OwnMix>),
+}
+
+impl Shown {
+    /// The colors, or `None` for the captured ones.
+    fn colors(&self) -> Option<&GaussianColors> {
+        match self {
+            Self::Captured => None,
+            Self::Style(colors, _) => Some(colors),
+            Self::Mixed(own) => Some(&own.colors),
+        }
+    }
+
+    /// The strokes over them.
+    fn strokes(&self) -> Option<&GaussianStrokes> {
+        match self {
+            Self::Captured => None,
+            Self::Style(_, strokes) => strokes.as_ref(),
+            Self::Mixed(own) => own.strokes.strokes(),
+        }
+    }
 }
 
 /// Uploads styles that come as colors, and drops colors that nobody refers to any more. Folded styles are left to the
 /// style pass.
+#[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub(crate) fn update_colors(
     clouds: Res<RenderClouds>,
     wishes: Res<RenderColors>,
     wanted: Res<WantedColors>,
+    textures: Res<StrokeTextures>,
+    strokes_ready: Res<StrokesReady>,
     mut colors: ResMut<ShownColors>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
@@ -95,26 +140,31 @@ pub(crate) fn update_colors(
     colors.settled = true;
     colors.of_entity.retain(|entity, _| clouds.0.contains_key(entity) && wishes.0.contains_key(entity));
     colors.styles.retain(|_, style| style.style.strong_count() > 0);
-    let spare = &mut colors.spare;
-    colors.mixes.retain(|_, (mix, buffer)| {
-        let is_alive = mix.strong_count() > 0;
-        if !is_alive {
-            spare.push(buffer.clone());
-        }
-        is_alive
-    });
+    colors.strokes.forget_unused();
+    let gone = colors.mixes.extract_if(|_, (mix, _)| mix.strong_count() == 0);
+    colors.spare.extend(gone.map(|(_, (_, mix))| mix.colors));
     // Transitions leave one behind in each frame and take it again in the next.
-    spare.truncate(MAX_SPARE);
-    let mut styles = wanted.0.clone();
+    colors.spare.truncate(MAX_SPARE);
+    let mut styles = wanted.styles.clone();
     styles.extend(wishes.0.values().flat_map(|wish| all_styles(&wish.layers)));
+    let gpu = Gpu { device: device.wgpu_device(), queue: &queue, store: &textures.0 };
     for style in styles {
-        colors.prepare(&style, device.wgpu_device(), &queue);
+        colors.prepare(&style, &gpu, strokes_ready.0);
     }
     for (&entity, cloud) in &clouds.0 {
-        if wishes.0.contains_key(&entity) {
-            colors.of_entity.entry(entity).or_default().reset_for_new_scene(cloud.scene.scene());
+        if let Some(wish) = wishes.0.get(&entity) {
+            let entity = colors.of_entity.entry(entity).or_default();
+            entity.reset_for_new_scene(cloud.scene.scene());
+            entity.knobs = wish.knobs;
         }
     }
+}
+
+/// Where styles are uploaded to.
+struct Gpu<'a> {
+    device: &'a wgpu::Device,
+    queue: &'a wgpu::Queue,
+    store: &'a StrokeStore,
 }
 
 /// Buffers that are kept for further mixes.
@@ -138,43 +188,64 @@ pub(super) fn address<T>(shared: &Arc<T>) -> usize {
 impl ShownColors {
     /// The colors to draw an entity's splats in, or `None` if they are not drawn.
     pub(crate) fn get(&self, entity: MainEntity) -> Option<CloudColors<'_>> {
-        let Some(colors) = self.of_entity.get(&entity) else { return Some(CloudColors::Captured) };
-        match &colors.shown {
-            _ if colors.is_hidden => None,
-            Shown::Captured => Some(CloudColors::Captured),
-            Shown::Style(shown) | Shown::Mixed(shown, _) => Some(CloudColors::Rgb(shown)),
-        }
+        let Some(EntityColors { shown, knobs, is_hidden, .. }) = self.of_entity.get(&entity) else {
+            return Some(CloudColors::Captured);
+        };
+        let colors = shown.colors().map_or(CloudColors::Captured, CloudColors::Rgb);
+        // Strokes of which nothing is seen cost nothing.
+        let strokes = shown.strokes().filter(|_| knobs.amount > 0.0);
+        let painted = strokes.map_or(colors, |strokes| colors.with_strokes(strokes, *knobs));
+        (!is_hidden).then_some(painted)
+    }
+
+    /// Whether any entity shows strokes.
+    pub(crate) fn has_strokes(&self) -> bool {
+        self.of_entity.values().any(|colors| colors.shown.strokes().is_some())
     }
 
     /// The colors of an entity, or `None` for the captured ones.
     #[cfg(test)]
     pub(crate) fn shown(&self, entity: MainEntity) -> Option<&GaussianColors> {
-        match &self.of_entity.get(&entity)?.shown {
-            Shown::Captured => None,
-            Shown::Style(shown) | Shown::Mixed(shown, _) => Some(shown),
-        }
+        self.of_entity.get(&entity)?.shown.colors()
     }
 
-    /// Makes an entry for a style, and uploads it if its colors are known.
-    fn prepare(&mut self, style: &Arc<StyleColors>, device: &wgpu::Device, queue: &wgpu::Queue) {
+    /// The strokes of an entity.
+    #[cfg(test)]
+    pub(crate) fn shown_strokes(&self, entity: MainEntity) -> Option<&GaussianStrokes> {
+        self.of_entity.get(&entity)?.shown.strokes()
+    }
+
+    /// Makes an entry for a style, and uploads it if its colors are known. It is complete once its strokes can be drawn.
+    fn prepare(&mut self, style: &Arc<StyleColors>, gpu: &Gpu, strokes_ready: bool) {
+        let Gpu { device, queue, store } = *gpu;
         let on_gpu = self.styles.entry(address(style)).or_insert_with(|| {
             let colors = GaussianColors::new(device, style.n).map_err(|error| error.to_string());
-            let style_on_gpu = StyleOnGpu {
+            let mut style_on_gpu = StyleOnGpu {
                 style: Arc::downgrade(style),
                 colors: colors.as_ref().ok().cloned(),
+                strokes: None,
                 is_complete: false,
             };
-            if let Err(reason) = colors {
-                style.answer(Err(reason));
+            match (colors, &style.source) {
+                (Err(reason), _) => style.answer(Err(reason)),
+                (Ok(colors), ColorSource::Rgb(rgb)) => {
+                    colors.write(queue, rgb);
+                    let strokes = style.strokes.as_ref();
+                    style_on_gpu.strokes =
+                        strokes.and_then(|strokes| self.strokes.get(store, device, queue, strokes));
+                }
+                (Ok(_), ColorSource::Folded(_)) => {}
             }
             style_on_gpu
         });
-        if let (ColorSource::Rgb(rgb), Some(colors), false) =
-            (&style.source, &on_gpu.colors, on_gpu.is_complete)
-        {
-            colors.write(queue, rgb);
-            on_gpu.is_complete = true;
-            style.answer(Ok(()));
+        if matches!(style.source, ColorSource::Rgb(_)) && on_gpu.colors.is_some() && !on_gpu.is_complete {
+            match on_gpu.strokes.is_none() || strokes_ready {
+                true => {
+                    on_gpu.is_complete = true;
+                    style.answer(Ok(()));
+                }
+                false => self.settled = false,
+            }
         }
     }
 
@@ -198,9 +269,13 @@ impl ShownColors {
         style.answer(result);
     }
 
-    /// The colors of a style, or `None` if they are not complete. A style that the device refuses never is.
-    pub(super) fn style(&self, style: &Arc<StyleColors>) -> Option<&GaussianColors> {
-        self.styles.get(&address(style)).filter(|style| style.is_complete)?.colors.as_ref()
+    /// The colors and strokes of a style, or `None` if they are not complete. A style that the device refuses never is.
+    pub(super) fn style(
+        &self,
+        style: &Arc<StyleColors>,
+    ) -> Option<(&GaussianColors, Option<&GaussianStrokes>)> {
+        let style = self.styles.get(&address(style)).filter(|style| style.is_complete)?;
+        Some((style.colors.as_ref()?, style.strokes.as_ref()))
     }
 
     /// Whether an entity shows what it wishes for, with a mask in this state.
@@ -220,17 +295,26 @@ impl ShownColors {
         colors.generation = Some(wish.generation);
     }
 
-    /// Colors of an entity's own to mix its layers into, and what they hold: those that it shows if they are its own.
-    pub(super) fn own_buffer(
+    /// Buffers of an entity's own to mix its layers into: those that it shows if they are its own. `None` if they are too large for
+    /// the device.
+    pub(super) fn own_mix(
         &mut self,
         entity: MainEntity,
         device: &wgpu::Device,
         n: usize,
-    ) -> Option<(GaussianColors, MixedLayers)> {
-        match self.of_entity.get_mut(&entity).map(|colors| &mut colors.shown) {
-            Some(Shown::Mixed(own, mixed)) => Some((own.clone(), std::mem::take(mixed))),
-            _ => Some((self.buffer(device, n)?, MixedLayers::default())),
+    ) -> Option<Box<OwnMix>> {
+        let shown = self.of_entity.get_mut(&entity).map(|colors| &mut colors.shown);
+        // What it shows is replaced by the mix.
+        if let Some(shown @ Shown::Mixed(_)) = shown
+            && let Shown::Mixed(own) = std::mem::take(shown)
+        {
+            return Some(own);
         }
+        Some(Box::new(OwnMix {
+            colors: self.buffer(device, n)?,
+            mixed: MixedLayers::default(),
+            strokes: StrokeMix::default(),
+        }))
     }
 
     /// Colors of `n` Gaussians, to mix layers into, or `None` if they are too large for the device.

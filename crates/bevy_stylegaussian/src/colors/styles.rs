@@ -2,12 +2,15 @@
 
 use std::sync::{Arc, OnceLock};
 
+use stylegaussian::strokes::Strokes;
 use stylegaussian_gpu::style::{FoldedLayers, StyleInputs};
 
-/// Colors of a scene's Gaussians in one style, or what gives them. One copy is on the GPU, however many entities and volumes
-/// show it, and it is freed with the last reference.
+/// Colors of a scene's Gaussians in one style, or what gives them, and the strokes over them. One copy is on the GPU, however many
+/// entities and volumes show it, and it is freed with the last reference.
 pub(crate) struct StyleColors {
     pub(crate) source: ColorSource,
+    /// What is drawn over the colors, if it is a painting. Styles with the same strokes share them on the GPU too.
+    pub(crate) strokes: Option<Arc<Strokes>>,
     /// Number of Gaussians.
     pub(crate) n: usize,
     /// The GPU's answer once it has these colors: Ok, or the reason why it cannot take them.
@@ -31,9 +34,15 @@ pub(crate) struct FoldedStyle {
 }
 
 impl StyleColors {
-    /// Colors of `n` Gaussians.
+    /// Colors of `n` Gaussians, without strokes.
     pub(crate) fn new(source: ColorSource, n: usize) -> Arc<Self> {
-        Arc::new(Self { source, n, on_gpu: OnceLock::new() })
+        Arc::new(Self { source, strokes: None, n, on_gpu: OnceLock::new() })
+    }
+
+    /// Known colors `[N]`, and strokes over them if there are any.
+    pub(crate) fn known(rgb: Arc<[[f32; 3]]>, strokes: Option<Arc<Strokes>>) -> Arc<Self> {
+        let n = rgb.len();
+        Arc::new(Self { source: ColorSource::Rgb(rgb), strokes, n, on_gpu: OnceLock::new() })
     }
 
     /// The answer of the GPU, or `None` if it has not come yet.

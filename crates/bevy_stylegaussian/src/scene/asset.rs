@@ -11,7 +11,7 @@ use stylegaussian::{Decoder, Neighbors, Scene, scene::SceneError};
 /// Files in general formats, `.glb`, `.gltf` and `.json`, load if a scene is asked for: as a `Handle<GaussianScene>`, and not
 /// by their extension.
 ///
-/// Only scenes with features can be styled. `stylegaussian embed` computes features for any scene.
+/// Any scene can be painted. The decoder needs features, which `stylegaussian embed` computes for any scene.
 ///
 /// There is one copy in main memory, shared by both worlds, so cloning is cheap. The copy always stays, and there is no
 /// `RenderAssetUsages` setting to drop it: styling on the CPU, saving a styled scene and restoring a lost GPU device all
@@ -38,7 +38,7 @@ impl GaussianScene {
         // At least 1: a decoder that a program made may have k = 0.
         let k = scene.decoder.as_ref().map_or(Decoder::K, |decoder| decoder.k).max(1);
         let has_lists = scene.neighbors.as_ref().is_some_and(|neighbors| neighbors.k >= k);
-        // Scenes that cannot be styled need no neighbors. Longer lists serve as well: a decoder reads the first k.
+        // Scenes that cannot be decoded need no neighbors. Longer lists serve as well: a decoder reads the first k.
         if scene.features.is_some() && !has_lists && has_finite_means(&scene) {
             scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, k));
         }

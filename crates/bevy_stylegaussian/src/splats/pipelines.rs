@@ -9,9 +9,12 @@ use bevy::{
     prelude::*,
     render::{render_asset::RenderAssets, render_resource::TextureFormat, texture::GpuImage},
 };
-use stylegaussian_gpu::splat::{
-    Composite, CompositeMode, CompositePipeline, InverseTable, SplatPass, SplatPipeline, ToneCurve,
-    Tonemapping,
+use stylegaussian_gpu::{
+    splat::{
+        Composite, CompositeMode, CompositePipeline, InverseTable, SplatPass, SplatPipeline, ToneCurve,
+        Tonemapping,
+    },
+    strokes::StrokeStore,
 };
 
 use crate::background::{Background, SynchronousCompilation};
@@ -23,6 +26,8 @@ pub(super) struct SplatPipelines {
     /// The kernel for clouds with a mask, which is a part of the passes.
     masks: Option<Background<()>>,
     draws: HashMap<u32, Background<SplatPipeline>>,
+    /// What draws strokes into layers of so many samples, which is a part of the passes and of their draws.
+    strokes: HashMap<u32, Background<()>>,
     composites: HashMap<CompositeTarget, Background<CompositePipeline>>,
     tables: HashMap<Tonemapping, Background<InverseTable>>,
 }
@@ -49,19 +54,24 @@ pub(super) struct Ready<'a> {
 }
 
 impl SplatPipelines {
-    /// Starts to build the pipelines that a layer of `samples` samples over `target` needs and that are missing. Returns
-    /// whether all are ready.
+    /// Starts to build the pipelines that a layer of `samples` samples over `target` needs and that are missing. Strokes are drawn
+    /// with the paintings in `store`, which is always the same on a device. Returns whether all are ready.
     pub(super) fn request(
         &mut self,
         device: &wgpu::Device,
+        store: &StrokeStore,
         synchronous: SynchronousCompilation,
         samples: u32,
         target: CompositeTarget,
     ) -> bool {
-        let build = |device: wgpu::Device| {
-            move || Arc::new(Passes { splat: SplatPass::new(&device), composite: Composite::new(&device) })
+        let build = {
+            let (device, store) = (device.clone(), store.clone());
+            move || {
+                let splat = SplatPass::with_store(&device, store);
+                Arc::new(Passes { splat, composite: Composite::new(&device) })
+            }
         };
-        let passes = self.passes.get_or_insert_with(|| Background::start(synchronous, build(device.clone())));
+        let passes = self.passes.get_or_insert_with(|| Background::start(synchronous, build));
         // Pipelines are made from the shader modules and layouts of the passes, so these come first.
         let Some(passes) = passes.poll() else { return false };
         // The layer's format never changes, so its sample count alone tells pipelines apart.
@@ -98,6 +108,23 @@ impl SplatPipelines {
     /// Whether the kernel for clouds with a mask is ready.
     pub(super) fn has_masks(&self) -> bool {
         self.masks.as_ref().is_some_and(|masks| masks.get().is_some())
+    }
+
+    /// Starts to compile what draws strokes into layers of `samples` samples. Returns whether it is ready.
+    pub(super) fn request_strokes(
+        &mut self,
+        device: &wgpu::Device,
+        synchronous: SynchronousCompilation,
+        samples: u32,
+    ) -> bool {
+        // Both are requested for every view, so they are on their way.
+        let Some(passes) = self.passes.as_ref().and_then(Background::get) else { return false };
+        let Some(draw) = self.draws.get(&samples).and_then(Background::get) else { return false };
+        let strokes = self.strokes.entry(samples).or_insert_with(|| {
+            let (passes, device, draw) = (Arc::clone(passes), device.clone(), draw.clone());
+            Background::start(synchronous, move || passes.splat.prepare_strokes(&device, &[draw]))
+        });
+        strokes.poll().is_some()
     }
 
     /// Starts to build the table that inverts a tonemapping without a formula for its inverse. Returns whether the table is
@@ -143,7 +170,8 @@ impl SplatPipelines {
     /// Number of pipelines and tables requested so far.
     #[cfg(test)]
     pub(super) fn n_requested(&self) -> usize {
-        self.draws.len() + self.composites.len() + self.tables.len() + usize::from(self.masks.is_some())
+        let by_kind = [self.draws.len(), self.strokes.len(), self.composites.len(), self.tables.len()];
+        by_kind.iter().sum::<usize>() + usize::from(self.masks.is_some())
     }
 
     /// The pipelines for a layer of `samples` samples over `target`, or `None` if they were not [requested](Self::request)

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use bevy::{
     camera::{CompositingSpace, MainPassResolutionOverride},
     core_pipeline::tonemapping::Tonemapping,
+    ecs::system::SystemParam,
     math::{UVec2, UVec4},
     platform::collections::HashMap,
     prelude::*,
@@ -22,7 +23,7 @@ use stylegaussian_gpu::splat::{self, CompositeInput, CompositeMode, LAYER_FORMAT
 
 use crate::{
     background::SynchronousCompilation,
-    colors::PipelinesReady,
+    colors::{PipelinesReady, ShownColors, StrokeTextures, StrokesReady, WantedColors},
     mask::RenderMasks,
     scene::{GaussianSplats, GpuScenes, RenderClouds},
 };
@@ -97,6 +98,15 @@ type ViewComponents = (
     Option<&'static MainPassResolutionOverride>,
 );
 
+/// The state of strokes, for which there are pipelines of their own.
+#[derive(SystemParam)]
+pub(super) struct Strokes<'w> {
+    wanted: Res<'w, WantedColors>,
+    textures: Res<'w, StrokeTextures>,
+    shown: Res<'w, ShownColors>,
+    ready: ResMut<'w, StrokesReady>,
+}
+
 /// Lets shaders read depth on software adapters, on which a compute shader draws the splats.
 pub(super) fn allow_reading_depth(adapter: Res<RenderAdapterInfo>, mut cameras: Query<&mut Camera3d>) {
     // In each frame, since the extraction overwrites the render world's `Camera3d`.
@@ -117,6 +127,7 @@ pub(super) fn prepare_views(
     mut views: ResMut<SplatViews>,
     mut pipelines: ResMut<SplatPipelines>,
     mut all_ready: ResMut<PipelinesReady>,
+    mut strokes: Strokes,
     luts: Luts,
     synchronous: Res<SynchronousCompilation>,
     device: Res<RenderDevice>,
@@ -127,6 +138,7 @@ pub(super) fn prepare_views(
     of_view.values_mut().for_each(|view| view.present = false);
     let device = device.wgpu_device();
     all_ready.0 = true;
+    strokes.ready.0 = true;
     for camera in &cameras {
         let (extracted, _, _, visible, ..) = camera;
         let Some(plan) = plan(camera) else { continue };
@@ -141,7 +153,13 @@ pub(super) fn prepare_views(
                 .filter(|entity| clouds.0.get(entity).is_some_and(|cloud| scenes.get(&cloud.scene).is_some()))
         }));
         // Requested before there is anything to draw, so that compiling overlaps with the loading of scenes.
-        let is_ready = pipelines.request(device, *synchronous, plan.samples, plan.composite);
+        let store = &strokes.textures.0;
+        let is_ready = pipelines.request(device, store, *synchronous, plan.samples, plan.composite);
+        // Paintings wait for it, while the view shows what there is. One that already is in other views keeps this one waiting.
+        let draws_strokes =
+            !strokes.wanted.strokes || pipelines.request_strokes(device, *synchronous, plan.samples);
+        strokes.ready.0 &= draws_strokes;
+        let is_ready = is_ready && (draws_strokes || !strokes.shown.has_strokes());
         // A cloud that shows before its mask's kernel is there would flash what the mask hides. One that is shown already
         // stays, and is hidden in part a few frames later.
         let is_ready = is_ready

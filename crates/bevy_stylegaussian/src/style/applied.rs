@@ -6,6 +6,8 @@ use bevy::prelude::*;
 use stylegaussian::{
     Decoder, Scene,
     fold::{self, ChannelMap, StylizeError},
+    paint::Painted,
+    strokes::Strokes,
 };
 
 /// The style that an entity shows. It is inserted when [`StyleApplied`](crate::StyleApplied), the event, is sent, and
@@ -21,15 +23,15 @@ pub struct AppliedStyle {
 /// The colors of a style, or what gives them.
 #[derive(Clone)]
 pub(super) enum AppliedColors {
-    /// One color per Gaussian `[N]`.
-    Known(Arc<[[f32; 3]]>),
+    /// One color per Gaussian `[N]`, and the strokes over them if there are any.
+    Known { colors: Arc<[[f32; 3]]>, strokes: Option<Arc<Strokes>> },
     /// The GPU decoded them.
     // They are not read back: they are half floats, and reading them would wait for the GPU.
     Decoded { decoder: Arc<Decoder>, map: Arc<ChannelMap> },
 }
 
 impl AppliedStyle {
-    /// One color per Gaussian of the scene `[N]`, display-referred RGB, not clamped.
+    /// One color per Gaussian of the scene `[N]`, display-referred RGB, not clamped. Over them lie the [`strokes`](Self::strokes).
     ///
     /// If the GPU styled the entity, the colors are computed again on the CPU. This can take seconds, so call it in a task.
     ///
@@ -37,19 +39,36 @@ impl AppliedStyle {
     /// None for a style that is shown: scene, decoder and style have been checked.
     pub fn colors(&self) -> Result<Arc<[[f32; 3]]>, StylizeError> {
         match &self.colors {
-            AppliedColors::Known(colors) => Ok(Arc::clone(colors)),
+            AppliedColors::Known { colors, .. } => Ok(Arc::clone(colors)),
             AppliedColors::Decoded { decoder, map } => Ok(fold::stylize(&self.scene, decoder, map)?.into()),
         }
     }
 
-    /// The scene in the colors that it is shown in. Write it to a file with `stylegaussian::file::write_scene`.
+    /// The strokes over the colors, or `None` if the style has none. [`Look::with_strokes`](stylegaussian::Look::with_strokes) keeps
+    /// both in a file.
+    pub fn strokes(&self) -> Option<&Arc<Strokes>> {
+        match &self.colors {
+            AppliedColors::Known { strokes, .. } => strokes.as_ref(),
+            AppliedColors::Decoded { .. } => None,
+        }
+    }
+
+    /// The scene in the colors that it is shown in, each with the mean of the strokes over it: other formats hold no strokes. Write it
+    /// to a file with `stylegaussian::file::write_scene`. With strokes, this takes a moment too.
     ///
     /// # Errors
     /// As [`Self::colors`].
     pub fn styled_scene(&self) -> Result<Scene, StylizeError> {
         let colors = self.colors()?;
         let mut scene = Scene::clone(&self.scene);
-        scene.set_colors(&colors);
+        match self.strokes() {
+            Some(strokes) => {
+                let strokes = Strokes::clone(strokes);
+                let painted = Painted { colors: colors.to_vec(), strokes, ..Painted::default() };
+                scene.set_colors(&painted.flattened(&self.scene));
+            }
+            None => scene.set_colors(&colors),
+        }
         Ok(scene)
     }
 }

@@ -13,15 +13,15 @@ use stylegaussian_encoder::{Encoder, EncoderError};
 use crate::loader::FromFile;
 
 /// A style that was read from an image before: `.style.safetensors`, as `stylegaussian style IMAGE` writes it. It needs no
-/// encoder at run time.
+/// encoder at run time, not even to be decoded.
 #[derive(Asset, Clone, Reflect)]
 #[reflect(opaque)]
 #[reflect(Clone)]
 pub struct StyleStatistics {
     /// Statistics of the style's features, which the decoder takes.
     pub statistics: Arc<ChannelStatistics>,
-    /// The painting's own paint, or `None` if the file carries none. The style then cannot be painted, only decoded: see
-    /// [`StyleMethod`](crate::StyleMethod).
+    /// The painting's own paint, or `None` if the file carries none. Such a style cannot be painted, only decoded, for which the scene
+    /// needs features: see [`StyleMethod`](crate::StyleMethod).
     pub paint: Option<Arc<Paint>>,
 }
 
@@ -34,8 +34,8 @@ impl FromFile for StyleStatistics {
     }
 }
 
-/// Baked colors of one scene: `.look.safetensors`, as `stylegaussian bake` writes them. It belongs to the scene that it was
-/// baked for, from whichever file that is loaded, and needs neither features nor a decoder.
+/// Baked colors of one scene, and the strokes over them: `.look.safetensors`, as `stylegaussian bake` writes them. It belongs to the
+/// scene that it was baked for, from whichever file that is loaded, and needs neither features nor a decoder.
 #[derive(Asset, Clone, Debug, Reflect)]
 #[reflect(opaque)]
 #[reflect(Clone, Debug)]
@@ -64,7 +64,7 @@ impl FromFile for GaussianDecoder {
     }
 }
 
-/// An encoder of style images: an `.onnx` file from RGB 0..1 `[1, 3, H, W]` to features `[1, D, h, w]`. Use it with
+/// An encoder of style images, for the decoder: an `.onnx` file from RGB 0..1 `[1, 3, H, W]` to features `[1, D, h, w]`. Use it with
 /// [`StyleEncoder`](crate::StyleEncoder).
 #[derive(Asset, Clone, Reflect)]
 #[reflect(opaque)]

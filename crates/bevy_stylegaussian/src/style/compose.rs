@@ -156,12 +156,16 @@ pub(super) fn compose_layers(
         let world_from_scene = transform.affine();
         let all = [Vec3::from(bounds.min()), Vec3::from(bounds.max())];
         let place = Place::new(world_from_scene, scene.asset.usual_bounds().unwrap_or(all), all, &place_of);
-        let (mut found, mut is_hidden) = (Vec::new(), false);
+        let (mut found, mut is_hidden, mut knobs) = (Vec::new(), false, layers.knobs);
         if let Ok((mut jobs, source)) = own.get_mut(entity)
             && let Some(job) = jobs.bypass_change_detection().of_scene.iter_mut().find(|job| job.is_of(scene))
         {
             is_hidden = hides && job.is_unstyled() && !job.is_settled();
             found = job.worn.layers(&place);
+            // A style that goes, goes as it was drawn.
+            if let Some(source) = source.filter(|source| !source.is_none()) {
+                knobs = source.knobs();
+            }
             let strength = source.map_or(1.0, StyleSource::usual_strength);
             if strength < 1.0 && !found.is_empty() {
                 // Colors are premultiplied: captured colors of the rest over them multiply them by the strength.
@@ -189,6 +193,6 @@ pub(super) fn compose_layers(
         if let Some(top) = found.iter().rposition(ColorLayer::covers_all) {
             found.drain(..top);
         }
-        ColorLayers::set(&mut layers, found, is_hidden);
+        ColorLayers::set(&mut layers, found, knobs, is_hidden);
     }
 }

@@ -8,9 +8,18 @@ use stylegaussian_encoder::EncoderError;
 /// A style cannot be applied.
 #[derive(Debug, thiserror::Error)]
 pub enum StyleError {
-    /// Scene, decoder, styles or weights do not go together, or the scene was never embedded.
+    /// Scene, decoder, styles or weights do not go together, or a scene that was never embedded is to be decoded.
     #[error(transparent)]
     Stylize(#[from] StylizeError),
+    /// A preset cannot be painted, and the scene has no features to decode.
+    #[error(
+        "{preset}: the preset carries no paint (`stylegaussian style IMAGE` makes one that does), and the scene has no \
+         features to decode it with"
+    )]
+    NoPaint {
+        /// The preset.
+        preset: String,
+    },
     /// Neither entity nor scene has a decoder, and the plugin was built without the bundled one.
     #[error(
         "the scene carries no decoder and the plugin was built without the bundled one: enable the feature \
@@ -20,9 +29,9 @@ pub enum StyleError {
     /// The bundled decoder is damaged.
     #[error("the decoder that is bundled with the plugin cannot be read: {0}")]
     BundledDecoder(String),
-    /// An image has to be encoded, but no encoder is set and the plugin was built without the bundled one.
+    /// An image has to be encoded for a decoder, but no encoder is set and the plugin was built without the bundled one.
     #[error(
-        "a style image needs an encoder, and the plugin was built without the bundled one: enable the feature \
+        "a decoded style image needs an encoder, and the plugin was built without the bundled one: enable the feature \
          `bundled_models`, or set the resource StyleEncoder to an `.onnx` asset; StyleSource::preset needs no encoder \
          (`stylegaussian style IMAGE` makes presets)"
     )]
@@ -35,8 +44,8 @@ pub enum StyleError {
         /// The encoder's error.
         source: Arc<EncoderError>,
     },
-    /// The image has no pixels that can be encoded.
-    #[error("{image}: the image cannot be encoded: {found}")]
+    /// The image has no pixels that can be read.
+    #[error("{image}: the image cannot be read: {found}")]
     Image {
         /// The image.
         image: String,

@@ -13,7 +13,7 @@ use stylegaussian::{
 };
 
 use super::{transition::StyleTransition, worn::Worn};
-use crate::colors::{ColorSource, LayerColors, StyleColors};
+use crate::colors::{LayerColors, StyleColors};
 
 /// Most Gaussians that are recolored at once, without a frame's wait for a thread. They take 3 ms of a
 /// core (AMD EPYC, Zen 4).
@@ -73,9 +73,7 @@ impl FirstRequest {
             });
             (kept + recolored.sum::<Vec3>()).to_array()
         };
-        let colors: Arc<[_]> = base.into_iter().map(color).collect();
-        let n = colors.len();
-        StyleColors::new(ColorSource::Rgb(colors), n)
+        StyleColors::known(base.into_iter().map(color).collect(), None)
     }
 }
 
@@ -152,7 +150,7 @@ impl FirstColors {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::world::small_scene;
+    use crate::{colors::ColorSource, tests::world::small_scene};
 
     #[test]
     fn first_colors_have_the_palette_and_keep_the_content() {
@@ -196,7 +194,7 @@ mod tests {
             content: 0.0,
         };
         let (mut first, mut worn) = (FirstColors::default(), Worn::default());
-        let style = StyleColors::new(ColorSource::Rgb(vec![[0.1; 3]; 50].into()), 50);
+        let style = StyleColors::known(vec![[0.1; 3]; 50].into(), None);
         worn.put_on(LayerColors::Style(Arc::clone(&style)), None);
         // The second change comes before the first one is painted.
         for _ in 0..2 {

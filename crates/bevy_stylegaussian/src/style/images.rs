@@ -1,34 +1,22 @@
-//! Style statistics and paint of images. They are computed in the background and kept as long as the image.
+//! Style statistics of images, which the decoder takes. They are computed in the background and kept as long as the image.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use bevy::{platform::collections::HashMap, prelude::*, render::render_resource::TextureFormat};
-use stylegaussian::recolor::ColorMoments;
-use stylegaussian_encoder::{StyleSize, painted_style};
+use stylegaussian::ChannelStatistics;
+use stylegaussian_encoder::{StyleSize, style_statistics};
 
 use crate::background::Background;
 
-use super::{
-    asset::{ImageEncoder, StyleStatistics},
-    error::StyleError,
-    first::palette_of,
-    settings::StyleEncoder,
-};
+use super::{asset::ImageEncoder, error::StyleError, settings::StyleEncoder};
 
-/// Statistics and paint of an image. All entities that use the image share an error.
-pub(super) type Encoded = Result<StyleStatistics, Arc<StyleError>>;
+/// Statistics of an image. All entities that use the image share an error.
+pub(super) type Encoded = Result<Arc<ChannelStatistics>, Arc<StyleError>>;
 
-/// The statistics of each image that was used as a style.
+/// The statistics of each image that was decoded.
 #[derive(Resource, Default)]
 pub(super) struct ImageStatistics {
-    of_image: HashMap<AssetId<Image>, Encoding>,
-}
-
-/// An image on its way to statistics and paint.
-struct Encoding {
-    /// Its palette, which is there at once or long before the rest.
-    palette: Arc<OnceLock<ColorMoments>>,
-    encoded: Background<Encoded>,
+    of_image: HashMap<AssetId<Image>, Background<Encoded>>,
 }
 
 impl ImageStatistics {
@@ -41,25 +29,17 @@ impl ImageStatistics {
     ) -> Option<Encoded> {
         let encode = || {
             let name = name(handle);
-            let palette = Arc::new(palette_at_once(image).map_or_else(OnceLock::new, OnceLock::from));
-            let of_task = Arc::clone(&palette);
-            let encoded = match pixels(image) {
+            match pixels(image) {
                 Ok(image) => {
                     let encoder = encoder.clone();
                     // Never on this thread, not even if pipelines are synchronous: that switch is about drawing.
-                    Background::spawn(move || encode(name, image, &encoder, &of_task))
+                    Background::spawn(move || encode(name, image, &encoder))
                 }
                 // Kept like statistics, so that it is reported once for each request and not computed again.
                 Err(found) => Background::Ready(Err(Arc::new(StyleError::Image { image: name, found }))),
-            };
-            Encoding { palette, encoded }
+            }
         };
-        self.of_image.entry(handle.id()).or_insert_with(encode).encoded.poll().cloned()
-    }
-
-    /// The palette of an image that was asked for by [`Self::get`], or `None` if it is not known yet.
-    pub(super) fn palette(&self, handle: &Handle<Image>) -> Option<ColorMoments> {
-        self.of_image.get(&handle.id())?.palette.get().copied()
+        self.of_image.entry(handle.id()).or_insert_with(encode).poll().cloned()
     }
 }
 
@@ -86,28 +66,13 @@ pub(super) fn forget_changed_images(
     }
 }
 
-/// Encodes an image. Takes a while: not for the main thread. Its palette is set first.
-fn encode(name: String, image: Image, encoder: &ImageEncoder, palette: &OnceLock<ColorMoments>) -> Encoded {
+/// Encodes an image. Takes a while: not for the main thread.
+fn encode(name: String, image: Image, encoder: &ImageEncoder) -> Encoded {
     let image = decoded(name.clone(), image)?;
-    palette.get_or_init(|| palette_of(image.rgb.as_chunks().0, |pixel| *pixel));
     let error = |source| Arc::new(StyleError::Encoder { image: name.clone(), source });
     let encoder = encoder.get().map_err(error)?;
-    let style = painted_style(encoder, &image, StyleSize::default());
-    let (statistics, paint) = style.map_err(|source| error(Arc::new(source)))?;
-    Ok(StyleStatistics { statistics: Arc::new(statistics), paint: Some(Arc::new(paint)) })
-}
-
-/// The palette of an image whose pixels can be read as they are, which takes less than a millisecond.
-fn palette_at_once(image: &Image) -> Option<ColorMoments> {
-    let format = image.texture_descriptor.format;
-    let data = image.data.as_ref()?;
-    // Over white, as images are decoded.
-    let over_white = |pixel: &[u8; 4]| {
-        let [r, g, b, alpha] = pixel.map(|byte| f32::from(byte) / 255.0);
-        [r, g, b].map(|color| color * alpha + 1.0 - alpha)
-    };
-    matches!(format, TextureFormat::Rgba8Unorm | TextureFormat::Rgba8UnormSrgb)
-        .then(|| palette_of(data.as_chunks().0, over_white))
+    let statistics = style_statistics(encoder, &image, StyleSize::default());
+    Ok(Arc::new(statistics.map_err(|source| error(Arc::new(source)))?))
 }
 
 /// The name of an image for messages.
@@ -115,7 +80,7 @@ pub(super) fn name(handle: &Handle<Image>) -> String {
     handle.path().map_or_else(|| "a style image".into(), ToString::to_string)
 }
 
-/// An image as the encoder takes it. Takes a while: not for the main thread.
+/// An image as canvases and encoders take it. Takes a while: not for the main thread.
 ///
 /// # Errors
 /// If the pixels are not of 8 bits.
@@ -140,32 +105,4 @@ pub(super) fn pixels(image: &Image) -> Result<Image, String> {
         image.texture_descriptor.format = TextureFormat::Rgba8UnormSrgb;
     }
     Ok(image)
-}
-
-#[cfg(test)]
-mod tests {
-    use bevy::{
-        asset::RenderAssetUsages,
-        render::render_resource::{Extent3d, TextureDimension},
-    };
-    use stylegaussian::recolor::Recoloring;
-
-    use super::*;
-
-    #[test]
-    fn the_palette_at_once_is_that_of_the_decoded_image() {
-        let size = Extent3d { width: 40, height: 30, depth_or_array_layers: 1 };
-        let data: Vec<u8> = (0..40 * 30 * 4).map(|i: u32| (i * i % 251) as u8).collect();
-        let image =
-            |format, data| Image::new(size, TextureDimension::D2, data, format, RenderAssetUsages::default());
-        let rgba = image(TextureFormat::Rgba8UnormSrgb, data.clone());
-        let at_once = palette_at_once(&rgba).unwrap();
-        let decoded = decoded("a".into(), rgba).unwrap();
-        let later = palette_of(decoded.rgb.as_chunks().0, |pixel| *pixel);
-        // The map from one to the other changes nothing.
-        let same = Recoloring::new(&at_once, &later).color([0.2, 0.5, 0.7]);
-        assert!(same.iter().zip([0.2, 0.5, 0.7]).all(|(a, b)| (a - b).abs() < 1e-4), "{same:?}");
-        let floats = image(TextureFormat::R32Float, data);
-        assert!(palette_at_once(&floats).is_none());
-    }
 }

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use bevy::{asset::LoadState, ecs::system::SystemParam, prelude::*, render::renderer::RenderAdapterInfo};
 use stylegaussian::{
-    Look,
+    ChannelStatistics, Look,
     fold::{self, StylizeError},
+    paint::Canvas,
 };
 use stylegaussian_gpu::device::is_software;
 
@@ -13,11 +14,12 @@ use crate::scene::LoadedScene;
 
 use super::{
     asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics},
+    canvases::{Canvases, preset_name},
     error::StyleError,
     first::{FirstRequest, Palette},
     images::ImageStatistics,
     packed::PackedInputs,
-    request::{StyleRequest, WeightedLook},
+    request::{StyleRequest, Styles, WeightedLook},
     settings::{StyleBackend, StyleEncoder, StyleMethod},
     source::{StyleDecoder, StyleInput, StyleSource},
     surfaces::Surfaces,
@@ -28,7 +30,8 @@ type Input<T> = Result<Option<T>, Arc<StyleError>>;
 
 /// One style of a mix, loaded.
 enum Given {
-    Statistics(StyleStatistics),
+    Canvas(Arc<Canvas>),
+    Statistics(Arc<ChannelStatistics>),
     Look { name: String, look: Arc<Look> },
 }
 
@@ -42,6 +45,7 @@ pub(super) struct Inputs<'w> {
     encoders: Res<'w, Assets<ImageEncoder>>,
     server: Res<'w, AssetServer>,
     encoder: Res<'w, StyleEncoder>,
+    canvases: ResMut<'w, Canvases>,
     encoded: ResMut<'w, ImageStatistics>,
     packed: Res<'w, PackedInputs>,
     surfaces: Res<'w, Surfaces>,
@@ -62,23 +66,28 @@ impl Inputs<'_> {
     ) -> Input<StyleRequest> {
         let has_looks = source.styles.iter().any(|style| matches!(style.input, StyleInput::Look(_)));
         let has_styles = source.styles.iter().any(|style| !matches!(style.input, StyleInput::Look(_)));
+        let is_painted = has_styles && self.is_painted(source, scene, decoder)?;
         // Checked first: a plain scene must not wait for images before its user hears of the reason.
-        if has_styles && scene.scene().features.is_none() {
+        if has_styles && !is_painted && scene.scene().features.is_none() {
             return Err(Arc::new(StylizeError::NoFeatures.into()));
         }
-        // All inputs are asked for before the first one is waited for, so that images are encoded side by side.
-        let inputs: Vec<_> = source.styles.iter().map(|style| self.input(&style.input)).collect();
-        let (mut styles, mut looks) = (Vec::new(), Vec::new());
+        if is_painted {
+            // While images are loaded and prepared.
+            self.surfaces.prepare(scene.scene());
+        }
+        // All inputs are asked for before the first one is waited for, so that images are prepared side by side.
+        let inputs: Vec<_> = source.styles.iter().map(|style| self.input(&style.input, is_painted)).collect();
+        let (mut canvases, mut statistics, mut looks) = (Vec::new(), Vec::new(), Vec::new());
         for (input, style) in inputs.into_iter().zip(&source.styles) {
             let weight = f64::from(style.weight);
             match input? {
                 None => return Ok(None),
-                Some(Given::Statistics(statistics)) => styles.push((statistics, weight)),
+                Some(Given::Canvas(canvas)) => canvases.push((canvas, weight)),
+                Some(Given::Statistics(of_image)) => statistics.push((of_image, weight)),
                 Some(Given::Look { name, look }) => looks.push(WeightedLook { name, look, weight }),
             }
         }
-        let has_paint = has_styles && styles.iter().all(|(style, _)| style.paint.is_some());
-        let painted = self.may_paint(scene, decoder) && has_paint;
+        let styles = if is_painted { Styles::Painted(canvases) } else { Styles::Decoded(statistics) };
         let decoder = match decoder.filter(|_| has_styles) {
             Some(decoder) => match loaded(&self.server, &self.decoders, &decoder.0)? {
                 Some(decoder) => Some(Arc::clone(&decoder.0)),
@@ -94,8 +103,7 @@ impl Inputs<'_> {
             content: f64::from(source.content),
             // Paint is laid on and looks are mixed on the CPU. Decided anew for each request, so that a change of
             // `StyleBackend` affects the next change of style.
-            backend: if painted || has_looks { StyleBackend::Cpu } else { self.backend(gpu_refused)? },
-            stroke_scale: painted.then_some(source.stroke_scale),
+            backend: if is_painted || has_looks { StyleBackend::Cpu } else { self.backend(gpu_refused)? },
             packed: self.packed.clone(),
             surfaces: self.surfaces.clone(),
         }))
@@ -109,13 +117,13 @@ impl Inputs<'_> {
         scene: &LoadedScene,
         decoder: Option<&StyleDecoder>,
     ) -> Option<FirstRequest> {
-        if !self.may_paint(scene, decoder) || scene.scene().features.is_none() {
+        if !self.may_paint(scene, decoder) {
             return None;
         }
         let weights: Vec<f64> = source.styles.iter().map(|style| f64::from(style.weight)).collect();
         let weights = fold::normalized(&weights).ok()?;
         let palette = |input: &StyleInput| match input {
-            StyleInput::Image(image) => self.encoded.palette(image).map(Palette::Moments),
+            StyleInput::Image(image) => self.canvases.palette(image).map(Palette::Moments),
             StyleInput::Preset(preset) => self.statistics.get(preset)?.paint.clone().map(Palette::Paint),
             // It is there nearly as soon as the first colors would be.
             StyleInput::Look(_) => None,
@@ -134,16 +142,48 @@ impl Inputs<'_> {
     /// Whether styles that have paint are painted on this scene, and not decoded.
     fn may_paint(&self, scene: &LoadedScene, decoder: Option<&StyleDecoder>) -> bool {
         // A decoder that somebody trained for this scene, or asks for, is what they want to see.
-        let is_default = decoder.is_none() && scene.asset.decoder().is_none();
-        is_default && *self.method == StyleMethod::Paint
+        let has_own = scene.asset.decoder().is_some() && scene.scene().features.is_some();
+        *self.method == StyleMethod::Paint && decoder.is_none() && !has_own
     }
 
-    /// One style of a mix.
-    fn input(&mut self, input: &StyleInput) -> Input<Given> {
+    /// Whether a source is painted on this scene, as far as its presets are loaded.
+    ///
+    /// # Errors
+    /// If it can neither be painted nor decoded.
+    fn is_painted(
+        &mut self,
+        source: &StyleSource,
+        scene: &LoadedScene,
+        decoder: Option<&StyleDecoder>,
+    ) -> Result<bool, Arc<StyleError>> {
+        if !self.may_paint(scene, decoder) {
+            return Ok(false);
+        }
+        let bare = source.styles.iter().find_map(|style| match &style.input {
+            StyleInput::Preset(preset) if self.statistics.get(preset)?.paint.is_none() => Some(preset),
+            _ => None,
+        });
+        let Some(bare) = bare else { return Ok(true) };
+        if scene.scene().features.is_none() {
+            return Err(Arc::new(StyleError::NoPaint { preset: preset_name(bare) }));
+        }
+        self.canvases.warn_of_bare(bare);
+        Ok(false)
+    }
+
+    /// One style of a mix, as it is painted or decoded.
+    fn input(&mut self, input: &StyleInput, is_painted: bool) -> Input<Given> {
         match input {
-            StyleInput::Preset(preset) => {
-                let statistics = loaded(&self.server, &self.statistics, preset)?;
-                Ok(statistics.cloned().map(Given::Statistics))
+            StyleInput::Preset(handle) => {
+                let Some(preset) = loaded(&self.server, &self.statistics, handle)? else { return Ok(None) };
+                let Some(paint) = preset.paint.as_ref().filter(|_| is_painted) else {
+                    return Ok(Some(Given::Statistics(Arc::clone(&preset.statistics))));
+                };
+                Ok(self.canvases.of_preset(handle, paint).map(Given::Canvas))
+            }
+            StyleInput::Image(handle) if is_painted => {
+                let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
+                Ok(self.canvases.of_image(handle, image).transpose()?.map(Given::Canvas))
             }
             StyleInput::Image(handle) => Ok(self.encoded(handle)?.map(Given::Statistics)),
             StyleInput::Look(handle) => {
@@ -154,8 +194,8 @@ impl Inputs<'_> {
         }
     }
 
-    /// The statistics and the paint of an image.
-    fn encoded(&mut self, handle: &Handle<Image>) -> Input<StyleStatistics> {
+    /// The statistics of an image.
+    fn encoded(&mut self, handle: &Handle<Image>) -> Input<Arc<ChannelStatistics>> {
         let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
         let Some(encoder) = loaded(&self.server, &self.encoders, &self.encoder.0)? else {
             // Nobody will ever load the default asset: it is there from the start if it is bundled.

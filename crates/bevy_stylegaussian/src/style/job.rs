@@ -11,6 +11,7 @@ use bevy::{
     prelude::*,
     render::renderer::RenderAdapterInfo,
 };
+use stylegaussian::strokes::Strokes;
 
 use crate::{
     colors::{ColorLayers, LayerColors, StyleColors, WantedColors},
@@ -130,6 +131,14 @@ impl StyleJob {
         self.is_settled() && self.coming.is_none()
     }
 
+    /// The strokes of the style that is shown.
+    pub(super) fn strokes(&self) -> Option<Arc<Strokes>> {
+        match self.worn.top() {
+            LayerColors::Style(colors) => colors.strokes.clone(),
+            LayerColors::Captured | LayerColors::Mix(_) => None,
+        }
+    }
+
     /// Replaces the colors of the style that is shown by better ones.
     pub(super) fn improve(&mut self, colors: Arc<StyleColors>, transition: Option<&StyleTransition>) {
         self.shown = None;
@@ -152,12 +161,10 @@ pub(super) fn want_changed_styles(mut jobs: Query<ChangedInputs, InputChanged>) 
         if !source.is_added() && known.as_ref() != Some(&*source) {
             jobs.is_unstyling = source.is_none();
         }
-        // A strength is no new style: it multiplies the colors that are there.
-        let only_strength = known.as_ref().is_some_and(|known| {
-            let strength = source.strength;
-            known.strength != strength && StyleSource { strength, ..known.clone() } == *source
-        });
-        if only_strength && !decoder_changed {
+        // A strength and the knobs of strokes are no new style: they change how the one that is there is shown.
+        let only_knobs =
+            known.as_ref().is_some_and(|known| *known != *source && known.is_computed_like(&source));
+        if only_knobs && !decoder_changed {
             continue;
         }
         // Paint in another mix or with other settings is more like the new paint than its palette is.
@@ -276,7 +283,7 @@ pub(super) fn advance_jobs(
     renderer: Option<Res<RenderAdapterInfo>>,
     mut events: StyleEvents,
 ) {
-    let mut uploading = Vec::new();
+    let (mut uploading, mut has_strokes) = (Vec::new(), false);
     for (entity, source, mut jobs, decoder, transition, is_volume) in &mut entities {
         // Borrowed mutably only where there is something to do.
         if jobs.of_scene.iter().all(StyleJob::is_settled) {
@@ -295,14 +302,19 @@ pub(super) fn advance_jobs(
             job.take_over(entity, transition, renderer.is_some(), &mut events);
             job.start(entity, (source, decoder, transition), &mut inputs, &mut shared, &mut events);
             job.show_first_colors(source, decoder, transition, &inputs);
-            if let Stage::Uploading { result, .. } = &job.stage {
-                uploading.push(Arc::clone(&result.colors));
+            match &job.stage {
+                Stage::Idle => {}
+                Stage::Computing { shared, .. } => has_strokes |= shared.has_strokes(),
+                Stage::Uploading { result, .. } => uploading.push(Arc::clone(&result.colors)),
             }
         }
     }
     // Only a change is extracted.
-    if !(wanted.0.is_empty() && uploading.is_empty()) {
-        wanted.0 = uploading;
+    if !(wanted.styles.is_empty() && uploading.is_empty()) {
+        wanted.styles = uploading;
+    }
+    if has_strokes {
+        WantedColors::expect_strokes(&mut wanted);
     }
 }
 

@@ -1,9 +1,9 @@
 //! Styling: from a [`StyleSource`] to the layers of colors that an entity shows.
 //!
 //! A changed [`StyleSource`], or a changed asset that it names, makes the entity's [`job`] want a new style. The job waits
-//! for the assets and has images encoded ([`images`]); meanwhile it shows [`first`] colors. Then a task, shared by all who
-//! want the same ([`shared`]), folds the style into the decoder's weights and, on the CPU backend, decodes the colors too
-//! ([`request`]). Folded weights are decoded on the GPU by the style pass ([`pass`]). Once the GPU has the colors, the entity
+//! for the assets and has images prepared ([`canvases`]) or encoded ([`images`]); meanwhile it shows [`first`] colors. Then a task,
+//! shared by all who want the same ([`shared`]), paints the scene on its surface ([`surfaces`]), or folds the style into the decoder's
+//! weights and, on the CPU backend, decodes the colors too ([`request`]). Folded weights are decoded on the GPU by the style pass ([`pass`]). Once the GPU has the colors, the entity
 //! puts them on ([`worn`]), by a [`transition`]. The styles that an entity wears and the [`volume`]s that touch it become its layers ([`compose`]). A shown
 //! style may be baked further ([`refine`]).
 
@@ -20,6 +20,7 @@ use crate::{
 
 mod applied;
 mod asset;
+mod canvases;
 mod compose;
 mod decoder;
 mod error;
@@ -73,6 +74,7 @@ impl Plugin for StylePlugin {
             .init_resource::<StyleBudget>()
             .init_resource::<StyleMethod>()
             .init_resource::<StyleEncoder>()
+            .init_resource::<canvases::Canvases>()
             .init_resource::<images::ImageStatistics>()
             .init_resource::<packed::PackedInputs>()
             .init_resource::<surfaces::Surfaces>()
@@ -86,8 +88,9 @@ impl Plugin for StylePlugin {
             .add_systems(
                 PostUpdate,
                 (
-                    // In this order: old statistics are gone before a style is wanted, everything that is wanted is
+                    // In this order: old canvases and statistics are gone before a style is wanted, everything that is wanted is
                     // known, and reports have made jobs idle, before `advance_jobs` starts anything.
+                    canvases::forget_changed_canvases,
                     images::forget_changed_images,
                     compose::find_scenes_of_clouds,
                     compose::find_scenes_of_volumes,

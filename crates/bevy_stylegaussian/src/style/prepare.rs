@@ -1,17 +1,15 @@
 //! Preparing loaded scenes for paint before anyone asks for a style.
 
-use std::{sync::Arc, thread};
-
 use bevy::prelude::*;
 
-use super::{settings::StyleMethod, source::StyleSource, surfaces::Surfaces};
+use super::{settings::StyleMethod, surfaces::Surfaces};
 use crate::scene::LoadedScene;
 
-/// Prepares a scene for paint in the background as soon as it is loaded, so that its first painting comes sooner. A component
-/// beside [`StyleSource`], for scenes that begin unstyled or with a look.
+/// Prepares a scene for paint in the background as soon as it is loaded, so that its first painting comes sooner. A component for
+/// scenes that begin unstyled or with a look; others are prepared anyway.
 ///
-/// It takes seconds of a thread and some memory, for nothing if a scene only ever shows looks. It does nothing if the scene
-/// has no features, if [`StyleMethod`] is not `Paint`, and in a browser, which has no threads.
+/// It takes a second or a few of a thread and some memory, for nothing if a scene only ever shows looks. It does nothing if
+/// [`StyleMethod`] is not `Paint`, and in a browser, which has no threads.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct StylePrepare;
@@ -19,23 +17,14 @@ pub struct StylePrepare;
 /// A scene to prepare: it or the wish is new.
 type ToPrepare = (With<StylePrepare>, Or<(Changed<LoadedScene>, Added<StylePrepare>)>);
 
-/// Computes the surfaces of scenes that have been loaded, in threads of their own: a task would keep looks waiting behind it.
+/// Computes the surfaces of scenes that have been loaded.
 pub(super) fn prepare_surfaces(
-    loaded: Query<(&LoadedScene, &StyleSource), ToPrepare>,
+    loaded: Query<&LoadedScene, ToPrepare>,
     method: Res<StyleMethod>,
     surfaces: Res<Surfaces>,
 ) {
-    for (loaded, source) in &loaded {
-        if *method != StyleMethod::Paint || loaded.scene().features.is_none() || cfg!(target_family = "wasm")
-        {
-            continue;
-        }
-        let (surfaces, scene, stroke_scale) =
-            (surfaces.clone(), Arc::clone(loaded.scene()), source.stroke_scale);
-        // Without a thread the first style computes them itself.
-        let _ = thread::Builder::new().name("surfaces".into()).spawn(move || {
-            surfaces.get(&scene, stroke_scale);
-        });
+    for loaded in loaded.iter().filter(|_| *method == StyleMethod::Paint) {
+        surfaces.prepare(loaded.scene());
     }
 }
 

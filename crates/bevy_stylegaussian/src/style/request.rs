@@ -1,5 +1,5 @@
-//! The computation of a style, in a task: from statistics and looks to colors, or to the weights that the GPU needs for
-//! them.
+//! The computation of a style, in a task: from canvases, statistics and looks to colors and strokes, or to the weights that the GPU
+//! needs for them.
 
 use std::sync::Arc;
 
@@ -7,7 +7,8 @@ use stylegaussian::{
     ChannelStatistics, Decoder, Look, Scene,
     fold::{self, StylizeError},
     look,
-    paint::{Brush, repaint},
+    paint::{self, Canvas, Painted},
+    strokes::Strokes,
 };
 use stylegaussian_gpu::style::FoldedLayers;
 
@@ -18,7 +19,6 @@ use crate::{
 
 use super::{
     applied::{AppliedColors, AppliedStyle},
-    asset::StyleStatistics,
     decoder::choose_decoder,
     error::StyleError,
     packed::PackedInputs,
@@ -31,18 +31,23 @@ pub(super) struct StyleRequest {
     pub(super) scene: GaussianScene,
     /// The entity's decoder, or `None` if it has none of its own.
     pub(super) decoder: Option<Arc<Decoder>>,
-    /// Styles to paint or to decode, and their weights.
-    pub(super) styles: Vec<(StyleStatistics, f64)>,
-    /// Looks to mix with what is decoded.
+    pub(super) styles: Styles,
+    /// Looks to mix with them.
     pub(super) looks: Vec<WeightedLook>,
-    /// Share of the content's features that stays, 0..1.
+    /// Share of the content's colors or features that stays, 0..1.
     pub(super) content: f64,
-    /// The backend to decode on: the CPU if there are looks, or if surfaces are painted.
+    /// The backend to decode on: the CPU if there are looks, or if the scene is painted.
     pub(super) backend: StyleBackend,
-    /// Size of the strokes, or `None` if colors are decoded. Every style has paint if there is one.
-    pub(super) stroke_scale: Option<f32>,
     pub(super) packed: PackedInputs,
     pub(super) surfaces: Surfaces,
+}
+
+/// Images and presets, and their weights.
+pub(super) enum Styles {
+    /// To paint the scene with.
+    Painted(Vec<(Arc<Canvas>, f64)>),
+    /// To be decoded.
+    Decoded(Vec<(Arc<ChannelStatistics>, f64)>),
 }
 
 /// A look of a mix.
@@ -61,22 +66,25 @@ pub(super) struct StyleResult {
 }
 
 impl StyleRequest {
-    /// Folds the styles into the decoder. On the CPU backend, paints or decodes the colors too and mixes the looks in.
+    /// Folds the styles into the decoder. On the CPU backend, paints or decodes the scene and mixes the looks in.
     ///
     /// # Errors
-    /// If parts do not go together: a look with the scene, or styles with a scene without features, or with the decoder.
+    /// If parts do not go together: a look with the scene, or decoded styles with a scene without features, or with the decoder.
     pub(super) async fn run(&self) -> Result<StyleResult, StyleError> {
         if self.backend == StyleBackend::Gpu {
             return self.fold().await;
         }
         let scene = Arc::clone(self.scene.scene());
-        let colors: Arc<[_]> = match self.looks.is_empty() {
-            true => self.decode(&scene)?.into(),
-            false => self.mix(&scene)?.into(),
+        let Painted { colors, strokes, .. } = match self.looks.is_empty() {
+            true => self.colors(&scene).await?,
+            false => self.mix(&scene).await?,
         };
+        let colors: Arc<[_]> = colors.into();
+        let strokes = (!strokes.seeds.is_empty()).then(|| Arc::new(strokes));
+        let shown = StyleColors::known(Arc::clone(&colors), strokes.clone());
         // Kept with the style, so that saving it later costs nothing.
-        let style = AppliedStyle { scene, colors: AppliedColors::Known(Arc::clone(&colors)) };
-        Ok(StyleResult { colors: StyleColors::new(ColorSource::Rgb(colors), style.scene.len()), style })
+        let style = AppliedStyle { scene, colors: AppliedColors::Known { colors, strokes } };
+        Ok(StyleResult { colors: shown, style })
     }
 
     /// The weights from which the GPU decodes the styles.
@@ -98,55 +106,63 @@ impl StyleRequest {
         Ok(StyleResult { style: AppliedStyle { scene, colors }, colors: folded })
     }
 
-    /// The colors of the styles `[N]`.
+    /// The scene in the styles, painted or decoded.
+    async fn colors(&self, scene: &Arc<Scene>) -> Result<Painted, StyleError> {
+        let canvases = match &self.styles {
+            Styles::Painted(canvases) => canvases,
+            Styles::Decoded(_) => return Ok(Painted { colors: self.decode(scene)?, ..Painted::default() }),
+        };
+        fold::normalized(&canvases.iter().map(|(_, weight)| *weight).collect::<Vec<_>>())?;
+        if !(0.0..=1.0).contains(&self.content) {
+            return Err(StylizeError::Content { found: self.content }.into());
+        }
+        let surface = self.surfaces.get(scene).await;
+        let canvases: Vec<_> = canvases.iter().map(|(canvas, weight)| (&**canvas, *weight)).collect();
+        Ok(paint::lay(scene, &surface, &canvases, self.content))
+    }
+
+    /// The colors of the decoded styles `[N]`.
     fn decode(&self, scene: &Arc<Scene>) -> Result<Vec<[f32; 3]>, StyleError> {
         let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
-        // Before painting, too: it checks encoders, weights and content.
         let map = fold::transfer(features, &self.weighted_styles(), self.content)?;
-        match self.stroke_scale {
-            Some(stroke_scale) => Ok(self.paint(scene, stroke_scale)),
-            None => Ok(fold::stylize(scene, &*self.decoder()?, &map)?),
-        }
+        Ok(fold::stylize(scene, &*self.decoder()?, &map)?)
     }
 
-    /// The colors of the styles in their own paint `[N]`.
-    fn paint(&self, scene: &Arc<Scene>, stroke_scale: f32) -> Vec<[f32; 3]> {
-        let surface = self.surfaces.get(scene, stroke_scale);
-        let paint = |(style, weight): &(StyleStatistics, f64)| Some((style.paint.clone()?, *weight));
-        let paints: Vec<_> = self.styles.iter().filter_map(paint).collect();
-        let paints: Vec<_> = paints.iter().map(|(paint, weight)| (&**paint, *weight)).collect();
-        repaint(scene, &surface, &paints, self.content, Brush::default())
-    }
-
-    /// The colors of looks and styles together `[N]`.
-    fn mix(&self, scene: &Arc<Scene>) -> Result<Vec<[f32; 3]>, StyleError> {
+    /// The colors and the strokes of looks and styles together.
+    async fn mix(&self, scene: &Arc<Scene>) -> Result<Painted, StyleError> {
         // All weights in a row, the looks' first.
         let looks = self.looks.iter().map(|look| look.weight);
-        let weights = looks.chain(self.styles.iter().map(|(_, weight)| *weight));
-        let weights = fold::normalized(&weights.collect::<Vec<_>>())?;
+        let weights = fold::normalized(&looks.chain(self.styles.weights()).collect::<Vec<_>>())?;
         let (of_looks, of_styles) = weights.split_at(self.looks.len());
-        let colors = |(WeightedLook { name, look, .. }, weight): (&WeightedLook, &f64)| {
-            let colors = look.colors_for(scene);
-            let colors = colors.map_err(|source| StyleError::Look { look: name.clone(), source })?;
-            Ok((colors, *weight))
-        };
-        // Before the styles are decoded, which takes longer: a look of another scene must not make its user wait.
-        let looks = self.looks.iter().zip(of_looks).map(colors).collect::<Result<Vec<_>, StyleError>>()?;
+        // Before the styles, which take longer: a look of another scene must not make its user wait.
+        let (mut looks, mut strokes_of_looks) = (Vec::new(), Vec::new());
+        for (WeightedLook { name, look, .. }, weight) in self.looks.iter().zip(of_looks) {
+            let failed = |source| StyleError::Look { look: name.clone(), source };
+            looks.push((look.colors_for(scene).map_err(failed)?, *weight));
+            let mut strokes = look.strokes_for(scene).map_err(failed)?.unwrap_or_default();
+            strokes.fade(1.0 - self.content as f32);
+            strokes_of_looks.push((strokes, *weight));
+        }
         let share: f64 = of_styles.iter().sum();
-        let decoded = if share > 0.0 { Some(self.decode(scene)?) } else { None };
-        let decoded = decoded.as_deref().map(|colors| (colors, share));
-        Ok(look::mix(&scene.base_colors(), self.content, &looks, decoded)?)
+        let styled = if share > 0.0 { self.colors(scene).await? } else { Painted::default() };
+        let colors = (share > 0.0).then_some((&*styled.colors, share));
+        let colors = look::mix(&scene.base_colors(), self.content, &looks, colors)?;
+        let strokes = mixed_strokes(std::iter::once((styled.strokes, share)).chain(strokes_of_looks));
+        Ok(Painted { colors, strokes, ..Painted::default() })
+    }
+
+    /// Whether the style may have strokes.
+    pub(super) fn has_strokes(&self) -> bool {
+        matches!(self.styles, Styles::Painted(_)) || self.looks.iter().any(|look| look.look.has_strokes())
     }
 
     /// Whether another request gives the same colors: all of it is the same, in the same place in memory.
     pub(super) fn gives_the_same(&self, other: &Self) -> bool {
-        let same_styles = pairs(&self.styles, &other.styles, |(a, w), (b, v)| {
-            let same_paint = match (&a.paint, &b.paint) {
-                (Some(a), Some(b)) => Arc::ptr_eq(a, b),
-                (a, b) => a.is_none() && b.is_none(),
-            };
-            w == v && Arc::ptr_eq(&a.statistics, &b.statistics) && same_paint
-        });
+        let same_styles = match (&self.styles, &other.styles) {
+            (Styles::Painted(a), Styles::Painted(b)) => same_shares(a, b),
+            (Styles::Decoded(a), Styles::Decoded(b)) => same_shares(a, b),
+            _ => false,
+        };
         let same_looks =
             pairs(&self.looks, &other.looks, |a, b| a.weight == b.weight && Arc::ptr_eq(&a.look, &b.look));
         let same_decoder = match (&self.decoder, &other.decoder) {
@@ -158,8 +174,7 @@ impl StyleRequest {
             && same_styles
             && same_looks
             && same_decoder
-            && (self.content, self.stroke_scale, self.backend)
-                == (other.content, other.stroke_scale, other.backend)
+            && (self.content, self.backend) == (other.content, other.backend)
     }
 
     fn decoder(&self) -> Result<Arc<Decoder>, StyleError> {
@@ -167,8 +182,36 @@ impl StyleRequest {
     }
 
     fn weighted_styles(&self) -> Vec<(&ChannelStatistics, f64)> {
-        self.styles.iter().map(|(style, weight)| (&*style.statistics, *weight)).collect()
+        match &self.styles {
+            Styles::Painted(_) => Vec::new(),
+            Styles::Decoded(styles) => styles.iter().map(|(style, weight)| (&**style, *weight)).collect(),
+        }
     }
+}
+
+impl Styles {
+    /// Their weights.
+    fn weights(&self) -> Vec<f64> {
+        match self {
+            Self::Painted(styles) => styles.iter().map(|(_, weight)| *weight).collect(),
+            Self::Decoded(styles) => styles.iter().map(|(_, weight)| *weight).collect(),
+        }
+    }
+}
+
+/// Strokes in a mix by their weights. Each spot shows those of one part, and some show none if a part has none.
+fn mixed_strokes(parts: impl Iterator<Item = (Strokes, f64)>) -> Strokes {
+    let (mut mixed, mut total) = (Strokes::default(), 0.0);
+    for (strokes, weight) in parts.filter(|(_, weight)| *weight > 0.0) {
+        total += weight;
+        mixed.mix(&strokes, (weight / total) as f32);
+    }
+    mixed
+}
+
+/// Whether two lists are of the same things and weights, each in the same place in memory.
+fn same_shares<T>(a: &[(Arc<T>, f64)], b: &[(Arc<T>, f64)]) -> bool {
+    pairs(a, b, |(a, w), (b, v)| w == v && Arc::ptr_eq(a, b))
 }
 
 /// Whether two lists are of one length and all of their pairs are the same.

@@ -22,8 +22,9 @@ pub enum StyleBackend {
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Clone, Debug, Default, PartialEq)]
 pub enum StyleMethod {
-    /// The painting's own strokes, laid on the surfaces of the scene ([`stylegaussian::paint`]). It runs on the CPU in the
-    /// background: a few seconds for 70,000 Gaussians on two cores at a scene's first style, less afterwards.
+    /// The painting's own strokes over colors of its palette ([`stylegaussian::paint`]), drawn by the pixel. Any scene will do, and any
+    /// image: neither features nor an encoder take part. The colors are computed on the CPU in the background, about a second for
+    /// 70,000 Gaussians on two cores at a scene's first style, and a fraction of that afterwards.
     /// While another painting is laid on, the scene is shown recolored in its palette, which takes milliseconds, except
     /// under [`HiddenUntilStyled`](crate::HiddenUntilStyled). Events are those of the paint.
     ///
@@ -31,7 +32,8 @@ pub enum StyleMethod {
     /// are decoded instead.
     #[default]
     Paint,
-    /// The decoder alone, as in the paper, on the [`StyleBackend`]: the painting's palette, without its strokes.
+    /// The decoder alone, as in the paper, on the [`StyleBackend`]: the painting's palette, without its strokes. The scene needs
+    /// features, and images an encoder.
     Decoder,
 }
 
@@ -55,7 +57,7 @@ impl Default for StyleBudget {
     }
 }
 
-/// The encoder of style images. A resource.
+/// The encoder of style images that are decoded. A resource. Paint needs none.
 ///
 /// The default handle names the bundled encoder, which needs the feature `bundled_models` and is opened in the background
 /// when the first image has to be encoded. If the handle or its asset changes, all images are encoded again.

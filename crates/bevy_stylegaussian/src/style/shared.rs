@@ -90,6 +90,11 @@ impl SharedStyle {
         }
     }
 
+    /// Whether it may have strokes.
+    pub(super) fn has_strokes(&self) -> bool {
+        self.request.has_strokes()
+    }
+
     /// Whether it is complete, and its scene is loaded.
     fn is_worth_keeping(&self, scenes: &Assets<GaussianScene>) -> bool {
         let scene = self.request.scene.scene();

@@ -1,6 +1,7 @@
 //! The style of an entity.
 
 use bevy::prelude::*;
+use stylegaussian::strokes::StrokeKnobs;
 
 use super::{
     asset::{GaussianDecoder, StyleLook, StyleStatistics},
@@ -10,10 +11,14 @@ use super::{
 /// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images, presets and looks, blended
 /// with the content itself. Change it at any time. The old colors stay until the new ones are complete.
 ///
-/// Images and presets are painted and mixed as colors, or mixed as features and decoded together: see
-/// [`StyleMethod`](crate::StyleMethod). Looks are colors already, and mix with one another and
-/// with what was decoded as colors: that sum is computed on the CPU, whichever [`StyleBackend`](crate::StyleBackend) is set,
-/// and so are the images and presets beside a look.
+/// Images and presets paint any scene: their strokes are drawn over its colors, pixel by pixel. Or they are mixed as features and
+/// decoded together: see [`StyleMethod`](crate::StyleMethod). Looks are colors and strokes already, and mix with one another and
+/// with what was painted or decoded: that sum is computed on the CPU, whichever [`StyleBackend`](crate::StyleBackend) is set,
+/// and so are the images and presets beside a look. In a mix of paintings, each spot shows the strokes of one of them.
+///
+/// [`strength`](Self::strength), [`paint`](Self::paint), [`protection`](Self::protection) and [`stroke_scale`](Self::stroke_scale) are
+/// shown in the next frame and compute nothing, so they can be animated. A [`StyleVolume`](crate::StyleVolume) has a strength of its
+/// own; its strokes are drawn by the other three of the splats that it lies on.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -33,22 +38,34 @@ use super::{
 pub struct StyleSource {
     /// The styles and their weights, which are normalized to sum 1. If it is empty, the splats have their captured colors.
     pub styles: Vec<WeightedStyle>,
-    /// Share of the content's features that stays, 0..1: transferred = c f + (1 - c) sum_j w_j AdaIN_j. At 1, the colors
-    /// are the decoder's reconstruction of the content, which differs from the captured colors. In looks, it is the share of
-    /// the scene's base colors.
+    /// Share of the content that stays, 0..1. Painted, and in looks, it is the share of the scene's base colors. Decoded, it is that of
+    /// its features, transferred = c f + (1 - c) sum_j w_j AdaIN_j: at 1, the colors are then the decoder's reconstruction of the
+    /// content, which differs from the captured colors.
     pub content: f32,
-    /// Size of the strokes, as a factor above 0. At 1, the default, they have the size that they have in the painting if the
-    /// scene is seen at 512 pixels from the usual distance. Only for [`StyleMethod::Paint`](crate::StyleMethod::Paint).
-    pub stroke_scale: f32,
-    /// Share of the style's colors, 0..1: at 0, all is as captured, view-dependent colors included. A change of it alone is
-    /// shown at once and computes no style.
+    /// Share of the style's colors and strokes, 0..1: at 0, all is as captured, view-dependent colors included.
     pub strength: f32,
+    /// Factor of the strokes, 0 to 3: at 0, the painting's colors are left, and above 1, its strokes stand out more than in the
+    /// painting.
+    pub paint: f32,
+    /// How much of the scene stays clear of strokes, as a factor, 0 to 10. At 1, the default, what stands out of the scene and of the
+    /// strokes does, such as windows and fences; at 2 or 3, more of it ("clear"), and at 0, nothing ("strong").
+    pub protection: f32,
+    /// Size of the strokes, as a factor, 0.1 to 10. At 1, the default, they have the size that they have in the painting if the
+    /// scene is seen at 512 pixels from the usual distance.
+    pub stroke_scale: f32,
 }
 
 impl Default for StyleSource {
     /// No style.
     fn default() -> Self {
-        Self { styles: Vec::new(), content: 0.0, stroke_scale: 1.0, strength: 1.0 }
+        Self {
+            styles: Vec::new(),
+            content: 0.0,
+            strength: 1.0,
+            paint: 1.0,
+            protection: 1.0,
+            stroke_scale: 1.0,
+        }
     }
 }
 
@@ -66,12 +83,12 @@ pub struct WeightedStyle {
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[reflect(Clone, Debug, PartialEq)]
 pub enum StyleInput {
-    /// An image. It is encoded in the background at its first use and again if it changes, by the
-    /// [`StyleEncoder`](crate::StyleEncoder).
+    /// An image. It is prepared in the background at its first use and again if it changes. To be decoded, it is encoded by the
+    /// [`StyleEncoder`](crate::StyleEncoder) too.
     Image(Handle<Image>),
-    /// Precomputed statistics.
+    /// An image that was prepared before.
     Preset(Handle<StyleStatistics>),
-    /// Baked colors of the entity's scene. A look of another scene fails.
+    /// Baked colors and strokes of the entity's scene. A look of another scene fails.
     Look(Handle<StyleLook>),
 }
 
@@ -99,7 +116,7 @@ impl StyleSource {
         Self::mix([(image, 1.0)])
     }
 
-    /// The style of precomputed statistics.
+    /// The style of an image that was prepared before.
     pub fn preset(statistics: Handle<StyleStatistics>) -> Self {
         Self::mix([(statistics, 1.0)])
     }
@@ -120,24 +137,51 @@ impl StyleSource {
         Self::default()
     }
 
-    /// The same styles with this share of the content's features, 0..1.
+    /// The same styles with this share of the content, 0..1.
     pub fn with_content(self, content: f32) -> Self {
         Self { content, ..self }
     }
 
-    /// The same styles in strokes of this size, as a factor above 0.
-    pub fn with_stroke_scale(self, stroke_scale: f32) -> Self {
-        Self { stroke_scale, ..self }
-    }
-
-    /// The same styles with this share of their colors, 0..1.
+    /// The same styles with this share of their colors and strokes, 0..1.
     pub fn with_strength(self, strength: f32) -> Self {
         Self { strength, ..self }
+    }
+
+    /// The same styles with this factor of their strokes, 0 to 3.
+    pub fn with_paint(self, paint: f32) -> Self {
+        Self { paint, ..self }
+    }
+
+    /// The same styles with this factor of what stays clear of strokes, 0 to 10.
+    pub fn with_protection(self, protection: f32) -> Self {
+        Self { protection, ..self }
+    }
+
+    /// The same styles in strokes of this size, as a factor, 0.1 to 10.
+    pub fn with_stroke_scale(self, stroke_scale: f32) -> Self {
+        Self { stroke_scale, ..self }
     }
 
     /// The strength within 0..1; 0 if it is no number.
     pub(super) fn usual_strength(&self) -> f32 {
         if self.strength.is_nan() { 0.0 } else { self.strength.clamp(0.0, 1.0) }
+    }
+
+    /// How strokes are drawn, within sane ranges. What is no number is the default.
+    pub(super) fn knobs(&self) -> StrokeKnobs {
+        let within =
+            |value: f32, min: f32, max: f32| if value.is_nan() { 1.0 } else { value.clamp(min, max) };
+        StrokeKnobs {
+            amount: within(self.paint, 0.0, 3.0),
+            protection: within(self.protection, 0.0, 10.0),
+            stroke_scale: within(self.stroke_scale, 0.1, 10.0),
+            ..StrokeKnobs::DEFAULT
+        }
+    }
+
+    /// Whether another source gives the same style, apart from what is shown at once.
+    pub(super) fn is_computed_like(&self, other: &Self) -> bool {
+        self.styles == other.styles && self.content == other.content
     }
 
     /// Whether there is no style.

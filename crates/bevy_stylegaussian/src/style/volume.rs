@@ -14,6 +14,9 @@ use stylegaussian::layers::{Cover, Region, RegionCover, Shape};
 /// over the styles of the clouds themselves, and over one another by their priority. A style is computed once for each scene
 /// that a volume comes near, and shared with whatever else wants it; until it is there, the volume changes nothing.
 ///
+/// A volume has the [`strength`](crate::StyleSource::strength) of its own source. How strokes are drawn (`paint`, `protection` and
+/// `stroke_scale`) is of a cloud as a whole, and so the source on the cloud says it, or a default if that has none.
+///
 /// ```
 /// # use bevy::prelude::*;
 /// # use bevy_stylegaussian::{StyleSource, StyleVolume};

@@ -23,13 +23,7 @@ fn demo_scene() -> Scene {
 fn reference(scene: &Scene) -> (Vec<[f32; 3]>, Vec<f32>) {
     let camera = Camera::look_at(EYE, Vec3::ZERO, Vec3::Y, FOV_Y, SIZE);
     let view = splat::render(scene, splat::Colors::Captured, &camera);
-    // The rasterizer's color is premultiplied and display-referred. Bevy blends the unpremultiplied color in linear
-    // space.
-    let over_black = |(color, alpha): (&[f32; 3], &f32)| {
-        let linear = |channel: f32| alpha * Srgba::gamma_function(channel / alpha.max(1e-6));
-        color.map(|channel| Srgba::gamma_function_inverse(linear(channel)).clamp(0.0, 1.0))
-    };
-    (view.color.iter().zip(&view.alpha).map(over_black).collect(), view.alpha)
+    (over_black(&view), view.alpha)
 }
 
 /// The image of a camera with these additional components.

@@ -113,7 +113,7 @@ fn looks_mix_with_one_another_and_with_styles() {
 }
 
 #[test]
-fn a_style_beside_a_look_needs_features() {
+fn a_style_beside_a_look_needs_paint_or_features() {
     let mut app = app_without_rendering();
     let scene = Scene { features: None, decoder: None, ..small_scene(8, 1) };
     let look = add_look(&mut app, plain_look(&scene, [0.5; 3]));
@@ -122,7 +122,7 @@ fn a_style_beside_a_look_needs_features() {
     let inputs: [(StyleInput, f32); 2] = [(look.into(), 1.0), (style.into(), 1.0)];
     app.world_mut().spawn((splats, StyleSource::mix(inputs)));
     let error = until_failed(&mut app).error.to_string();
-    assert!(error.contains("stylegaussian embed"), "{error}");
+    assert!(error.contains("carries no paint"), "{error}");
 }
 
 #[test]

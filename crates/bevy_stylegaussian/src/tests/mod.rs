@@ -16,5 +16,6 @@ mod rooms_apart;
 mod soak;
 mod space;
 mod still_frames;
+mod strokes;
 mod styles;
 pub(crate) mod world;

@@ -110,11 +110,7 @@ fn reference(scene: &Scene, eye: Vec3) -> Vec<[f32; 3]> {
 
 /// The CPU rasterizer's image of a scene, over black.
 fn rasterized(scene: &Scene, camera: &Pinhole) -> Vec<[f32; 3]> {
-    let view = splat::render(scene, splat::Colors::Captured, camera);
-    let over_black = |(color, &alpha): (&[f32; 3], &f32)| {
-        over(color.map(|channel| channel / alpha.max(1e-6)), alpha, [0.0; 3]).map(|c| c.clamp(0.0, 1.0))
-    };
-    view.color.iter().zip(&view.alpha).map(over_black).collect()
+    over_black(&splat::render(scene, splat::Colors::Captured, camera))
 }
 
 /// Checks a whole image against the rasterizer's, over the pixels that are not black in the latter.

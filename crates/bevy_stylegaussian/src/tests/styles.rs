@@ -7,7 +7,8 @@ use stylegaussian::{ChannelStatistics, Scene, file, fold};
 
 use crate::{
     AppliedStyle, GaussianDecoder, GaussianSceneFailed, GaussianSplats, StyleApplied, StyleBackend,
-    StyleDecoder, StyleFailed, StyleInput, StyleSource, StyleStatistics, StyleTransition, scene::LoadedScene,
+    StyleDecoder, StyleFailed, StyleInput, StyleMethod, StyleSource, StyleStatistics, StyleTransition,
+    scene::LoadedScene,
 };
 
 use super::world::*;
@@ -120,12 +121,14 @@ fn plain_scenes_say_which_command_embeds_them() {
     let style = add_style(&mut app, small_style(1));
     let scene = Scene { features: None, decoder: None, ..small_scene(8, 1) };
     let splats = GaussianSplats(add_scene(&mut app, scene));
+    // Paint needs no features.
+    app.insert_resource(StyleMethod::Decoder);
     app.world_mut().spawn((splats, StyleSource::preset(style)));
     let failed = until_failed(&mut app);
     assert!(failed.error.to_string().contains("stylegaussian embed"), "{}", failed.error);
 }
 
-/// A scene without features fails once, however many of its style's assets come later.
+/// A scene that can neither be painted nor decoded fails once, however many of its style's assets come later.
 #[test]
 fn a_failure_that_stays_is_told_once() {
     let mut app = app_without_rendering();
@@ -133,9 +136,10 @@ fn a_failure_that_stays_is_told_once() {
     let preset = app.world().resource::<Assets<StyleStatistics>>().reserve_handle();
     let splats = GaussianSplats(add_scene(&mut app, plain));
     let entity = app.world_mut().spawn((splats, StyleSource::preset(preset.clone()))).id();
+    let bare = || StyleStatistics { statistics: Arc::new(small_style(1)), paint: None };
+    app.world_mut().resource_mut::<Assets<StyleStatistics>>().insert(&preset, bare()).unwrap();
     until_failed(&mut app);
-    let style = StyleStatistics { statistics: Arc::new(small_style(1)), paint: None };
-    app.world_mut().resource_mut::<Assets<StyleStatistics>>().insert(&preset, style).unwrap();
+    app.world_mut().resource_mut::<Assets<StyleStatistics>>().insert(&preset, bare()).unwrap();
     (0..5).for_each(|_| app.update());
     assert_eq!(drain::<StyleFailed>(&mut app).len(), 0);
     // Asked again, it answers again.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bevy::prelude::*;
-use stylegaussian::Scene;
+use stylegaussian::{Scene, strokes::Strokes};
 use stylegaussian_bake::{BakeConfig, BakeError, Baker, LossNetwork};
 use stylegaussian_encoder::Image as Painting;
 
@@ -16,6 +16,9 @@ pub(super) trait Baking {
 
     /// The colors so far `[N]`, in scene order.
     fn colors(&self) -> &[[f32; 3]];
+
+    /// The strokes over them, which no step changes.
+    fn strokes(&self) -> &Strokes;
 }
 
 /// Begins a bake of a scene toward paintings and their weights, which will take this number of steps.
@@ -59,6 +62,10 @@ impl Baking for Baker {
 
     fn colors(&self) -> &[[f32; 3]] {
         Baker::colors(self)
+    }
+
+    fn strokes(&self) -> &Strokes {
+        Baker::strokes(self)
     }
 }
 

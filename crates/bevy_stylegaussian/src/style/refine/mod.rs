@@ -6,10 +6,11 @@
 use std::sync::Arc;
 
 use bevy::{ecs::system::SystemParam, prelude::*};
+use stylegaussian::strokes::Strokes;
 use stylegaussian_bake::BakeConfig;
 
 use crate::{
-    colors::{ColorSource, StyleColors},
+    colors::{StyleColors, WantedColors},
     scene::LoadedScene,
 };
 
@@ -31,11 +32,10 @@ mod worker;
 
 pub(super) use engine::Engine;
 pub(super) use worker::RefineThreads;
-use worker::{Request, Running};
+use worker::{Better, Request, Running};
 
-/// Bakes an entity's style further in the background, from the moment at which it is shown. Better looks replace it, by a
-/// fade if the entity has a [`StyleTransition`](crate::StyleTransition). Without this component, styles stay as they are
-/// decoded.
+/// Bakes an entity's style further in the background, from the moment at which it is shown: the colors under its strokes become more
+/// like the painting's. Better looks replace it, by a fade if the entity has a [`StyleTransition`](crate::StyleTransition).
 ///
 /// The bake takes half a minute to minutes, on a quarter of the processor's cores and at a low priority. All entities
 /// share these threads, one after the other. It is canceled if the style, the scene or this component changes, and begins
@@ -52,7 +52,7 @@ pub struct StyleRefine {
     /// Number of times that a better look is shown, evenly spread over the steps; at least 1. The last one is complete.
     pub n_shown: u32,
     /// The paintings and their weights. If it is empty, they are the images of the entity's [`StyleSource`]. A source with
-    /// presets is refined only if paintings are given here, because presets hold statistics alone.
+    /// presets is refined only if paintings are given here.
     pub paintings: Vec<(Handle<Image>, f32)>,
 }
 
@@ -116,7 +116,12 @@ pub(super) struct Means<'w> {
 }
 
 /// Begins wanted bakes, cancels those that are out of date, and shows what they give.
-pub(super) fn advance_refinements(mut entities: Query<Refined>, means: Means, mut events: StyleEvents) {
+pub(super) fn advance_refinements(
+    mut entities: Query<Refined>,
+    means: Means,
+    mut wanted: ResMut<WantedColors>,
+    mut events: StyleEvents,
+) {
     for (entity, mut refinement, refine, styled) in &mut entities {
         if matches!(*refinement, Refinement::Idle) {
             continue;
@@ -133,7 +138,7 @@ pub(super) fn advance_refinements(mut entities: Query<Refined>, means: Means, mu
         }
         match &mut *refinement {
             Refinement::Idle => {}
-            Refinement::Wanted => match means.begin(refine, source, scene) {
+            Refinement::Wanted => match means.begin(refine, source, scene, job.strokes()) {
                 Ok(Some(begun)) => *refinement = begun,
                 Ok(None) => {}
                 Err(error) => {
@@ -148,13 +153,15 @@ pub(super) fn advance_refinements(mut entities: Query<Refined>, means: Means, mu
                     events.failed(entity, Arc::new(error));
                 }
                 Some(Ok(better)) => {
-                    let n = better.colors.len();
-                    let colors = StyleColors::new(ColorSource::Rgb(Arc::clone(&better.colors)), n);
-                    job.improve(colors, transition);
-                    let colors = AppliedColors::Known(better.colors);
+                    let Better { colors, strokes, steps } = better;
+                    if strokes.is_some() {
+                        WantedColors::expect_strokes(&mut wanted);
+                    }
+                    job.improve(StyleColors::known(Arc::clone(&colors), strokes.clone()), transition);
+                    let colors = AppliedColors::Known { colors, strokes };
                     let style = AppliedStyle { scene: Arc::clone(scene.scene()), colors };
-                    let is_complete = better.steps == refine.steps;
-                    events.refined(entity, style, better.steps, is_complete);
+                    let is_complete = steps == refine.steps;
+                    events.refined(entity, style, steps, is_complete);
                     if is_complete {
                         *refinement = Refinement::Idle;
                     }
@@ -171,6 +178,7 @@ impl Means<'_> {
         refine: &StyleRefine,
         source: &StyleSource,
         scene: &LoadedScene,
+        strokes: Option<Arc<Strokes>>,
     ) -> Result<Option<Refinement>, Arc<StyleError>> {
         let handles = paintings(refine, source);
         if handles.is_empty() || refine.steps == 0 {
@@ -190,6 +198,7 @@ impl Means<'_> {
             steps: refine.steps,
             n_shown: refine.n_shown.max(1),
             content: f64::from(source.content),
+            strokes,
         };
         Ok(Some(Refinement::Running(self.threads.run(&self.engine, request))))
     }

@@ -59,6 +59,11 @@ impl Baking for Counting {
     fn colors(&self) -> &[[f32; 3]] {
         &self.colors
     }
+
+    fn strokes(&self) -> &Strokes {
+        static NONE: Strokes = Strokes { seeds: Vec::new(), words: Vec::new(), textures: Vec::new() };
+        &NONE
+    }
 }
 
 impl Drop for Counting {

@@ -10,11 +10,11 @@ use std::{
 
 use bevy::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use stylegaussian::{Scene, look};
+use stylegaussian::{Scene, look, strokes::Strokes};
 
 use crate::style::{error::StyleError, images};
 
-use super::engine::Engine;
+use super::engine::{Baking, Engine};
 
 /// Everything that a bake is made from.
 pub(super) struct Request {
@@ -26,12 +26,16 @@ pub(super) struct Request {
     pub(super) n_shown: u32,
     /// Share of the base colors in the results, 0..1.
     pub(super) content: f64,
+    /// The strokes that are shown.
+    pub(super) strokes: Option<Arc<Strokes>>,
 }
 
 /// A look that is better than the last one.
 pub(super) struct Better {
     /// Colors `[N]` in scene order.
     pub(super) colors: Arc<[[f32; 3]]>,
+    /// The strokes over them; those that are shown already if they are the same, which then stay as they are while colors fade.
+    pub(super) strokes: Option<Arc<Strokes>>,
     /// Steps that gave them.
     pub(super) steps: u32,
 }
@@ -136,10 +140,11 @@ fn bake(engine: &Engine, request: Request, shared: &Shared) {
 }
 
 fn try_bake(engine: &Engine, request: Request, shared: &Shared) -> Result<(), StyleError> {
-    let Request { scene, paintings, steps, n_shown, content } = request;
+    let Request { scene, paintings, steps, n_shown, content, strokes } = request;
     let paintings =
         paintings.into_iter().map(|(name, image, weight)| Ok((images::decoded(name, image)?, weight)));
     let mut baking = engine.begin(&scene, paintings.collect::<Result<_, StyleError>>()?, steps)?;
+    let strokes = strokes_of(&*baking, content, strokes);
     for step in 1..=steps {
         if shared.is_canceled.load(Ordering::Relaxed) {
             return Ok(());
@@ -149,8 +154,23 @@ fn try_bake(engine: &Engine, request: Request, shared: &Shared) -> Result<(), St
         let results = |steps_done: u32| u64::from(steps_done) * u64::from(n_shown) / u64::from(steps);
         if results(step) > results(step - 1) {
             let colors = look::mix(&scene.base_colors(), content, &[(baking.colors().to_vec(), 1.0)], None)?;
-            shared.publish(Ok(Better { colors: colors.into(), steps: step }));
+            shared.publish(Ok(Better { colors: colors.into(), strokes: strokes.clone(), steps: step }));
         }
     }
     Ok(())
+}
+
+/// The strokes of a bake beside a share of the base colors, or those that are `shown` if they are the same.
+fn strokes_of(baking: &dyn Baking, content: f64, shown: Option<Arc<Strokes>>) -> Option<Arc<Strokes>> {
+    let mut strokes = baking.strokes().clone();
+    if strokes.seeds.is_empty() {
+        return None;
+    }
+    if content > 0.0 {
+        strokes.fade(1.0 - content as f32);
+    }
+    match shown {
+        Some(shown) if *shown == strokes => Some(shown),
+        _ => Some(Arc::new(strokes)),
+    }
 }

@@ -29,6 +29,8 @@ use bevy::{
     window::{ExitCondition, WindowPlugin},
 };
 
+use stylegaussian::splat::RenderedImage;
+
 use crate::{StyleBackend, StyleGaussianPlugin};
 
 /// An app that renders without a window, in which any render error fails the test. If there is no adapter, it prints
@@ -161,6 +163,15 @@ pub fn allocations(app: &App) -> Option<Allocations> {
     // The counters are 0 unless wgpu's feature `counters` is on. Equal zeros would prove nothing.
     assert!(found.buffer_bytes > 0 && found.texture_bytes > 0, "wgpu counts nothing: {found:?}");
     Some(found)
+}
+
+/// A picture of the CPU rasterizer over black, as a camera blends it: the colors are display-referred, and the blend is linear.
+pub fn over_black(view: &RenderedImage) -> Vec<[f32; 3]> {
+    let blend = |(color, &alpha): (&[f32; 3], &f32)| {
+        let linear = |channel: f32| alpha * Srgba::gamma_function(channel / alpha.max(1e-6));
+        color.map(|channel| Srgba::gamma_function_inverse(linear(channel)).clamp(0.0, 1.0))
+    };
+    view.color.iter().zip(&view.alpha).map(blend).collect()
 }
 
 /// Peak signal-to-noise ratio of the chosen pixels' colors, in dB, for values of 0..1.
