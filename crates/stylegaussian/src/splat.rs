@@ -157,7 +157,8 @@ fn draw(
                         let first = tile.first_pixel(group) - splats[splat].center;
                         for (i, (&weight, &alpha)) in weights.iter().zip(alphas).enumerate() {
                             if weight > 0.0 && alpha >= LEAST_ALPHA {
-                                let detail = record.detail(texture, first + Vec2::new(i as f32, 0.0), knobs.near);
+                                let detail =
+                                    record.detail(texture, first + Vec2::new(i as f32, 0.0), knobs.near);
                                 for (sums, value) in sums.iter_mut().zip(detail.to_array()) {
                                     sums[group][i] += weight * value;
                                 }

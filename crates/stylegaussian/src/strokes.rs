@@ -192,7 +192,10 @@ impl PlainSeed {
             rotation_z_aspect: snorm(z)
                 | u32::from(f16::from_f32(self.pitch.y / self.pitch.x).to_bits()) << 16,
             place: wrapped(place.x) | wrapped(place.y) << 16,
-            look: gain(self.fine) | gain(self.wide) << 8 | u32::from(self.texture) << 16 | (largest as u32) << 24,
+            look: gain(self.fine)
+                | gain(self.wide) << 8
+                | u32::from(self.texture) << 16
+                | (largest as u32) << 24,
         }
     }
 }

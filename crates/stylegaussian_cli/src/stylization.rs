@@ -196,7 +196,7 @@ impl StylizationArgs {
             total += share;
             strokes.mix(&part.strokes, (share / total) as f32);
         }
-        Ok(Painted { colors, strokes })
+        Ok(Painted { colors, strokes, ..Painted::default() })
     }
 
     /// The mix of the styles: painted, if nothing asks for a decoder.
@@ -249,7 +249,7 @@ impl StylizationArgs {
             .map_err(anyhow::Error::from)
             .and_then(|map| compute.stylize(scene, &decoder, &map))
             .with_context(|| format!("{} with decoder {name}", scene_path.display()))?;
-        let shown = Painted { colors, strokes: Strokes::default() };
+        let shown = Painted { colors, ..Painted::default() };
         Ok(Styled { shown, decoder: Some(name), warnings })
     }
 
@@ -301,7 +301,8 @@ pub fn image_style(encoder: &Encoder, path: &Path, size: StyleSize) -> Result<(C
 fn read_look(path: &Path, scene: &Scene, scene_path: &Path) -> Result<Painted> {
     let look = file::read_look(path)?;
     let shown = || {
-        Ok(Painted { colors: look.colors_for(scene)?, strokes: look.strokes_for(scene)?.unwrap_or_default() })
+        let (colors, strokes) = (look.colors_for(scene)?, look.strokes_for(scene)?);
+        Ok(Painted { colors, strokes: strokes.unwrap_or_default(), ..Painted::default() })
     };
     let shown: Result<Painted, LookError> = shown();
     shown.with_context(|| format!("{} for {}", path.display(), scene_path.display()))

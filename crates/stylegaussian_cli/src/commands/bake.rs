@@ -125,7 +125,8 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     let config = arguments.config(scene.len());
     let mut baker = Baker::new(config, &scene, &cameras, &paintings, arguments.network()?)
         .with_context(|| path.display().to_string())?;
-    let start = Painted { colors: baker.colors().to_vec(), strokes: baker.strokes().clone() };
+    let (colors, strokes) = (baker.colors().to_vec(), baker.strokes().clone());
+    let start = Painted { colors, strokes, ..Painted::default() };
     if checkpoint.exists() {
         baker.resume(&checkpoint)?;
         note(format!("going on after step {} of {}", baker.steps(), config.steps));

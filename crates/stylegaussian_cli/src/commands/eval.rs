@@ -143,7 +143,7 @@ fn baked(folder: &Path, painting: &Path, scene: &Scene) -> Result<Painted, Train
     let of_other = |error: LookError| TrainError::Invalid(format!("{}: {error}", path.display()));
     let colors = look.colors_for(scene).map_err(of_other)?;
     let strokes = look.strokes_for(scene).map_err(of_other)?.unwrap_or_default();
-    Ok(Painted { colors, strokes })
+    Ok(Painted { colors, strokes, ..Painted::default() })
 }
 
 impl EvalArgs {

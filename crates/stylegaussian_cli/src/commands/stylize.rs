@@ -104,7 +104,7 @@ fn write(
     scene: &mut Scene,
     result: &Stylization,
 ) -> Result<Vec<String>> {
-    let Painted { colors, strokes } = &result.shown;
+    let Painted { colors, strokes, .. } = &result.shown;
     if let Format::Look = format {
         let look = Look::new(scene, colors, result.made_from()).with_strokes(scene, strokes);
         file::write_look(path, &look)?;

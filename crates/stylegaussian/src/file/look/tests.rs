@@ -112,7 +112,8 @@ fn lying_strokes_are_refused() {
         prepare(&look).err().map(|error| format!("{error:?}")).unwrap_or_default()
     };
     assert_eq!(write(&|_| ()), "");
-    let lies: [(&dyn Fn(&mut Strokes), &str); 6] = [
+    type Lie<'a> = (&'a dyn Fn(&mut Strokes), &'a str);
+    let lies: [Lie; 6] = [
         (&|s| s.words[3] = StrokeWord { seed: 2, protection: 0.0, share: 1.0 }.packed(), "seed 2 at 3"),
         (&|s| s.words.truncate(19), "19 words"),
         (&|s| s.seeds[1] = s.seeds[1].with_texture(2), "seed 1 with texture 2"),

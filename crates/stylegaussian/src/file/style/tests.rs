@@ -47,7 +47,8 @@ fn paint_round_trips_beside_statistics() {
     assert_eq!(bytes, std::fs::read(&path).unwrap());
     assert_eq!(read_style(&path).unwrap(), style);
     assert_eq!(read_paint(&path).unwrap().as_ref(), Some(&paint));
-    for bad in [Paint { width: 10, ..paint.clone() }, Paint { width: 0, pixels: Vec::new(), ..paint.clone() }] {
+    for bad in [Paint { width: 10, ..paint.clone() }, Paint { width: 0, pixels: Vec::new(), ..paint.clone() }]
+    {
         assert!(refused(write_painted_style(&path, &style, &bad)).contains("a.style.safetensors"));
     }
     assert_eq!(read_paint(&path).unwrap(), Some(paint), "a refused write leaves the old file");
