@@ -5,7 +5,7 @@
 //!
 //! 1. Once per scene ([`Surface`]): *seeds* cover it at the spacing of a brush stroke, and each Gaussian belongs to one, so that
 //!    strokes end at edges of color and at creases. A seed has a tangent plane, and a direction in it along the scene's edges.
-//! 2. Once per painting ([`Canvas`]): it is *read at its own scale*, the largest of three at which a third of its contrast is finer
+//! 2. Once per painting ([`Canvas`]): it is *read at its own scale*, the largest of three at which nearly half of its contrast is finer
 //!    than a stroke. Its detail is evened out a little, and becomes two textures.
 //! 3. Per scene and painting ([`lay`]): each seed takes the *place* in the painting whose surroundings look like its own, in the
 //!    painting's colors. What stands out of the scene and of the strokes is *protected*, and keeps its own detail. Each seed lays on
