@@ -31,7 +31,7 @@ pub(super) fn prepare_surfaces(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{GaussianSplats, tests::world::*};
+    use crate::{GaussianSplats, StyleSource, tests::world::*};
 
     #[test]
     fn a_prepared_scene_has_its_surface_before_the_first_style() {
