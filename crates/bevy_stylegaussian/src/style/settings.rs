@@ -23,8 +23,8 @@ pub enum StyleBackend {
 #[reflect(Resource, Clone, Debug, Default, PartialEq)]
 pub enum StyleMethod {
     /// The painting's own strokes over colors of its palette ([`stylegaussian::paint`]), drawn by the pixel. Any scene will do, and any
-    /// image: neither features nor an encoder take part. The colors are computed on the CPU in the background, about a second for
-    /// 70,000 Gaussians on two cores at a scene's first style, and a fraction of that afterwards.
+    /// image: neither features nor an encoder take part. The colors are computed on the CPU in the background: a few seconds for
+    /// 70,000 Gaussians on two cores at a scene's first style, less if it is prepared, and about half a second afterwards.
     /// While another painting is laid on, the scene is shown recolored in its palette, which takes milliseconds, except
     /// under [`HiddenUntilStyled`](crate::HiddenUntilStyled). Events are those of the paint.
     ///

@@ -41,7 +41,7 @@ const EYE: Vec3 = Vec3::new(0.5, 0.3, 2.6);
 const STEP: Duration = Duration::from_millis(50);
 const ALL: Region = Region::EVERYWHERE;
 
-/// A wall in the plane z = 0 with a gentle pattern, without features.
+/// A wall in the plane z = 0 with a gentle pattern and white bars that stand out of it, without features.
 fn wall() -> Scene {
     let n = 48;
     let place = |i: i32| (i as f32 + 0.5) / n as f32 * 2.0 - 1.0;
@@ -53,7 +53,10 @@ fn wall() -> Scene {
     scene.opacities = vec![0.95; xs.len()];
     scene.order = (0..xs.len() as u32).collect();
     scene.n_source = xs.len();
-    let color = |(x, y): (&f32, &f32)| [0.4 + 0.2 * (3.0 * x).sin(), 0.5 + 0.2 * y, 0.4];
+    let color = |(x, y): (&f32, &f32)| match (x - 0.1).abs() < 0.03 || (y + 0.2).abs() < 0.03 {
+        true => [0.95, 0.95, 0.9],
+        false => [0.4 + 0.2 * (3.0 * x).sin(), 0.5 + 0.2 * y, 0.4],
+    };
     scene.set_colors(&xs.iter().zip(&ys).map(color).collect::<Vec<_>>());
     scene
 }
@@ -155,9 +158,12 @@ fn strokes_and_their_knobs_are_those_of_the_cpu() {
     studio.check("a painting", splat::Colors::Rgb(&painted.colors), &painted.strokes, &usual);
     for (name, source, knobs) in [
         ("twice the paint", source.clone().with_paint(2.0), StrokeKnobs { amount: 2.0, ..usual }),
-        ("clear", source.clone().with_protection(3.0), StrokeKnobs { protection: 3.0, ..usual }),
+        ("strong", source.clone().with_protection(0.0), StrokeKnobs { protection: 0.0, ..usual }),
         ("large strokes", source.clone().with_stroke_scale(2.0), StrokeKnobs { stroke_scale: 2.0, ..usual }),
     ] {
+        let pictures = [&usual, &knobs]
+            .map(|knobs| studio.expected(splat::Colors::Rgb(&painted.colors), &painted.strokes, knobs));
+        assert!(distance(&pictures[0], &pictures[1]) > 2e-3, "{name} changes nothing");
         studio.set(source);
         // In the next frame.
         studio.check(name, splat::Colors::Rgb(&painted.colors), &painted.strokes, &knobs);
