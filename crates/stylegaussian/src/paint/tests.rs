@@ -161,8 +161,8 @@ fn a_painting_is_read_at_its_own_scale() {
     let broad = |x: usize| if (x / 80).is_multiple_of(2) { 40 } else { 220 };
     let pixels = (0..512 * 512).flat_map(|i| [broad(i % 512); 3]).collect();
     assert_eq!(Canvas::new(&Paint { width: 512, height: 512, pixels }).size.x, 256.0);
-    // A small painting has strokes of the same size.
-    assert_eq!(Canvas::new(&stripes(128, 128)).size.x, 512.0);
+    // A small painting is enlarged: its strokes have the size that they have in a large one.
+    assert_eq!(Canvas::new(&stripes(256, 256)).size.x, 512.0);
 }
 
 #[test]
