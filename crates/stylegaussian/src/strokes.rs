@@ -61,7 +61,7 @@ pub struct Strokes {
     pub textures: Vec<Arc<StrokeTexture>>,
 }
 
-/// What may be changed without computing strokes anew. The kernel takes the same numbers as uniforms.
+/// Settings that may be changed without computing strokes anew. The kernel takes the same numbers as uniforms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StrokeKnobs {
     /// Factor of all gains, at least 0.

@@ -50,7 +50,7 @@ struct Crop {
     weights: BlendWeights,
     alpha: Vec<f32>,
     mask: Mask,
-    /// What strokes add to the picture `[h * w * 3]`.
+    /// The detail that strokes add to the picture `[h * w * 3]`.
     strokes: Vec<f32>,
     /// The step's random numbers, of which its camera has taken the first.
     random: Random,

@@ -24,7 +24,7 @@ pub(crate) fn over(weights: &BlendWeights, alpha: &[f32], colors: &[f32], backgr
     rgb
 }
 
-/// What `strokes` add to the picture of `scene` that has these `weights`: RGB `[h * w * 3]`, or nothing if there are no strokes.
+/// The detail that `strokes` add to the picture of `scene` that has these `weights`: RGB `[h * w * 3]`, or nothing if there are no strokes.
 /// Colors do not change it, so one picture serves a whole step.
 pub(crate) fn strokes_over(
     scene: &Scene,

@@ -9,7 +9,7 @@ use stylegaussian_encoder::{Image, paint_of};
 
 use crate::cameras::Cameras;
 
-/// What every Gaussian is kept near the start, beside what stands out: a third of the pull of the smallest things. Strokes are
+/// How much every Gaussian is kept near the start, beside what stands out: a third of the pull of the smallest things. Strokes are
 /// there from the start, and without any pull the colors under them take up grain that competes with them.
 const KEPT: f32 = 0.3;
 

@@ -9,7 +9,7 @@ use stylegaussian_gpu::style::{FoldedLayers, StyleInputs};
 /// entities and volumes show it, and it is freed with the last reference.
 pub(crate) struct StyleColors {
     pub(crate) source: ColorSource,
-    /// What is drawn over the colors, if it is a painting. Styles with the same strokes share them on the GPU too.
+    /// Strokes over the colors, if it is a painting. Styles with the same strokes share them on the GPU too.
     pub(crate) strokes: Option<Arc<Strokes>>,
     /// Number of Gaussians.
     pub(crate) n: usize,

@@ -26,7 +26,7 @@ pub(super) struct SplatPipelines {
     /// The kernel for clouds with a mask, which is a part of the passes.
     masks: Option<Background<()>>,
     draws: HashMap<u32, Background<SplatPipeline>>,
-    /// What draws strokes into layers of so many samples, which is a part of the passes and of their draws.
+    /// Draws of strokes into layers of so many samples: each is a part of the passes and of their draws.
     strokes: HashMap<u32, Background<()>>,
     composites: HashMap<CompositeTarget, Background<CompositePipeline>>,
     tables: HashMap<Tonemapping, Background<InverseTable>>,

@@ -86,7 +86,7 @@ impl Canvases {
     }
 }
 
-/// What is wrong with a preset without paint.
+/// The error of a preset without paint.
 pub(super) const BARE: &str = "the preset carries no paint (`stylegaussian style IMAGE` makes one that does)";
 
 /// The name of a preset for messages.

@@ -30,7 +30,7 @@ const WHITEN: f32 = 0.3;
 /// Range of the factors that this gives.
 const WHITENED: (f32, f32) = (0.35, 1.5);
 
-/// What is added to local energy, as a share of the mean: flat places have none to strengthen.
+/// Added to local energy, as a share of the mean: flat places have none to strengthen.
 const FLOOR: f32 = 0.06;
 
 /// Pixels of the painting without its detail: every so many of them give its moments.

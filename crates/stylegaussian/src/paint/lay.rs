@@ -37,7 +37,7 @@ const OWN_GRAIN: f32 = 0.15;
 /// Weight of differences of chroma, beside luminance, in what stands out.
 const CHROMA: f32 = 0.15;
 
-/// What stands out: its energy over that of the painting's strokes, and over what is usual in the scene. Both must be exceeded for
+/// Energy of what stands out, over that of the painting's strokes and over what is usual in the scene. Both must be exceeded for
 /// half of the protection.
 const OF_STROKES: f32 = 0.015;
 const OF_SCENE: f32 = 3.0;
@@ -62,7 +62,7 @@ const BARE: f32 = 0.5;
 pub struct Painted {
     /// The color of each Gaussian `[N]`: display-referred, and up to 0.3 outside of 0..1.
     pub colors: Vec<[f32; 3]>,
-    /// What is drawn over it.
+    /// The strokes over them.
     pub strokes: Strokes,
     /// Energy of the strokes' fine detail in pictures, over that of the painting: about how much of the painting's brushwork is seen. A
     /// mean over mixed paintings.

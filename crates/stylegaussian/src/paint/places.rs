@@ -201,7 +201,7 @@ fn costs(surface: &Surface, colors: &[Vec3], seed_colors: &[Vec3], canvas: &Canv
     upright
 }
 
-/// What a place costs whichever seed takes it.
+/// The cost of a place, whichever seed takes it.
 fn quality(canvas: &Canvas, place: usize, inside: impl Fn(Vec2) -> bool) -> f32 {
     let at = canvas.center_of(place);
     let energy = (canvas.detail.energy_at(at) / canvas.detail.typical).sqrt();

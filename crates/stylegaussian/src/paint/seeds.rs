@@ -74,7 +74,7 @@ pub(super) struct Seeds {
     pub colors: Vec<Vec3>,
 }
 
-/// What seeds are laid on.
+/// The ground that seeds are laid on.
 pub(super) struct Ground<'a> {
     pub means: &'a [Vec3],
     /// Pixels of usual views that each Gaussian fills `[N]`.

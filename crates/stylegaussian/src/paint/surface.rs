@@ -43,7 +43,7 @@ pub struct Surface {
     /// Base colors, and the same without what is smaller than a stroke `[N]`.
     pub(super) base: Vec<Vec3>,
     pub(super) low: Vec<Vec3>,
-    /// What stands out around each Gaussian: the mean of d d^T, where d is the color's detail between grain and shapes `[N]`.
+    /// Contrast around each Gaussian: the mean of d d^T, where d is the color's detail between grain and shapes `[N]`.
     pub(super) edges: Vec<Square>,
     /// Pictures by which paint is measured.
     pub(super) proofs: Proofs,
@@ -61,7 +61,7 @@ pub(super) struct Square {
 }
 
 impl Surface {
-    /// The surfaces of `scene`. Takes about half a second for 70,000 Gaussians on two cores.
+    /// The surfaces of `scene`. Takes about a second for 70,000 Gaussians on two cores.
     pub fn new(scene: &Scene) -> Self {
         Self::seen_from(scene, &usual_views(scene))
     }

@@ -90,7 +90,7 @@ fn a_bake_starts_from_paint_as_far_as_it_is_strong() {
     assert!(shares.clone().all(|share| (share - 0.5).abs() < 0.01) && shares.len() == scene.len());
 }
 
-/// What is added to crops against the difference of two drawn pictures. Drawing leaves out fragments by alpha and not by weight, and
+/// Compares the detail that is added to crops with the difference of two drawn pictures. Drawing leaves out fragments by alpha and not by weight, and
 /// rounds records.
 #[test]
 fn a_crop_has_the_strokes_that_are_drawn() {

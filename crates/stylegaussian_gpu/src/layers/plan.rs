@@ -30,7 +30,7 @@ struct MixedLayer {
     covers: Arc<[Cover]>,
 }
 
-/// What a layer lays over those below: colors of a look, or words of its strokes.
+/// The values that a layer lays over those below: colors of a look, or words of its strokes.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Values {
     pub(super) buffer: wgpu::Buffer,

@@ -52,7 +52,7 @@ pub struct PaintedColors<'a> {
     pub below: Option<&'a GaussianColors>,
     /// The strokes, whose textures are in the store of the [`SplatPass`](super::SplatPass).
     pub strokes: &'a GaussianStrokes,
-    /// What may be changed without computing strokes anew. A view takes `near` from the first of its clouds that has strokes.
+    /// Settings that may be changed without computing strokes anew. A view takes `near` from the first of its clouds that has strokes.
     pub knobs: StrokeKnobs,
 }
 

@@ -38,7 +38,7 @@ pub(super) struct Project {
     masked: OnceLock<Variant>,
     /// Bound if a scene has no spherical harmonics, or if its captured colors are shown.
     absent: wgpu::Buffer,
-    /// What follows for clouds with strokes.
+    /// The kernel that follows for clouds with strokes.
     pub(super) strokes: StrokeStage,
 }
 

@@ -26,7 +26,7 @@ pub(super) struct StrokeStage {
     kernel: OnceLock<StrokeKernel>,
 }
 
-/// What all draws with strokes bind.
+/// Resources that all draws with strokes bind.
 #[derive(Debug)]
 pub(super) struct StrokeDraws {
     /// Group 1: uniforms, records, fine and wide detail, the sampler.

@@ -21,7 +21,7 @@ pub struct StrokeStore(Arc<Mutex<Layers>>);
 #[derive(Debug, Default)]
 struct Layers {
     arrays: Option<TextureArrays>,
-    /// What each layer holds. The layer is free if nobody uses it.
+    /// Contents of each layer, which is free if nobody uses it.
     layers: Vec<Weak<StoredTexture>>,
 }
 

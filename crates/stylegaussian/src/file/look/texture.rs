@@ -113,7 +113,7 @@ fn joined([y, red, blue]: &[Vec<i8>; 3], steps: [f32; 2]) -> Vec<Vec3> {
     y.iter().zip(red).zip(blue).map(texel).collect()
 }
 
-/// What texel `i` is expected to be, from those before it: the median of its neighbors and their plane.
+/// The expected value of texel `i`, from those before it: the median of its neighbors and their plane.
 fn expected(plane: &[i8], side: usize, i: usize) -> i16 {
     let at = |is_there: bool, back: usize| if is_there { i16::from(plane[i - back]) } else { 0 };
     let (has_left, has_above) = (!i.is_multiple_of(side), i >= side);

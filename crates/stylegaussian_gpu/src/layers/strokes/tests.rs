@@ -199,7 +199,7 @@ fn a_mix_goes_on_from_the_last() {
     }
 }
 
-/// What the mix holds is kept in the store, and nothing more.
+/// The store keeps what the mix holds, and nothing more.
 #[test]
 fn textures_stay_as_long_as_the_mix_shows_them() {
     let mut random = testing::randoms(63);
