@@ -32,6 +32,11 @@ const PLACE_SHOWS_MORE: f32 = 1.15;
 /// Least share of a place's inner views that must show the scene. A place surrounds its viewer, an object does not.
 const PLACE_ENCLOSES: f32 = 0.7;
 
+/// One in this many inner views is looked at first, and decides if it shows less than enough by this: five times the deviation of
+/// the mean of so many views.
+const FEW: usize = 4;
+const NEARLY: f32 = 0.2;
+
 /// Chooses `n` upright cameras with pictures of `size` pixels that together see as much of `scene` as possible, the
 /// most useful first. Returns none if nothing of the scene is visible.
 ///
@@ -95,7 +100,17 @@ enum Overviews {
 impl Overviews {
     fn take(survey: &Survey) -> Self {
         let around = TestViews::take(survey, candidates::around(survey));
-        let within = TestViews::take(survey, candidates::within(survey));
+        // A few views tell an object that is plainly none to stand in.
+        let (few, others): (Vec<_>, Vec<_>) =
+            candidates::within(survey).into_iter().enumerate().partition(|(i, _)| i % FEW == 0);
+        let take = |of: Vec<(usize, Candidate)>| {
+            TestViews::take(survey, of.into_iter().map(|(_, candidate)| candidate).collect())
+        };
+        let few = take(few);
+        if few.covered() < PLACE_ENCLOSES - NEARLY {
+            return Self::Around(around);
+        }
+        let within = few.and(take(others));
         let encloses = within.covered() > PLACE_ENCLOSES;
         if encloses && within.share_seen() > PLACE_SHOWS_MORE * around.share_seen() {
             Self::Within(within)

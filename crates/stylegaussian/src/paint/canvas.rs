@@ -21,7 +21,7 @@ const SCALES: [f32; 3] = [1.0, 0.71, 0.5];
 
 /// Share of a painting's variance of luminance that is to be finer than [`FINE`]. Strokes of any size then land in fine detail; a
 /// painting of less would be a recolored photograph.
-const FINE_SHARE: f32 = 0.45;
+const FINE_SHARE: f32 = 0.6;
 
 /// Standard deviation of fine detail, in pixels.
 const FINE: f32 = 4.0;

@@ -45,14 +45,16 @@ const OF_SCENE: f32 = 3.0;
 /// Share of fine detail that protection takes: see [`StrokeRecord`](crate::strokes::StrokeRecord).
 const PROTECTED: f32 = crate::strokes::PROTECTED;
 
-/// Least share of its detail that a seed keeps where the scene has enough of its own. Quiet paintings have less than most scenes,
-/// and would leave a recolored photograph.
-const LEAST_SHARE: f32 = 0.5;
+/// A painting is quiet if the energy of its strokes is less than this many times what is usual in the scene. Its strokes would be lost
+/// among what stands out, so more must stand out to be protected from them: up to [`MOST_QUIET`] times as much. At four times as
+/// much, windows are painted over.
+const QUIET: f32 = 40.0;
+const MOST_QUIET: f32 = 2.0;
 
-/// Ranges of the factors of wide and of fine detail. Below a factor of 1 there is less fine detail than the painting has, above 2 its
-/// grain becomes beads.
+/// Ranges of the factors of wide and of fine detail. Gaussians that overlap blur fine detail, so a factor of 1 shows less of it than
+/// the painting has; above 2 its grain becomes beads.
 const WIDE: (f64, f64) = (0.5, 1.2);
-const FINE: (f64, f64) = (1.0, 2.0);
+const FINE: (f64, f64) = (1.2, 2.0);
 
 /// Share of the way to the painting's whole contrast where there are no strokes, which would add the rest of it.
 const BARE: f32 = 0.5;
@@ -163,14 +165,14 @@ fn one(scene: &Scene, surface: &Surface, canvas: &Canvas) -> Painted {
     let recolored = |color: &Vec3| Vec3::from(recoloring.color(color.to_array()));
     let own: Vec<Vec3> = surface.base.par_iter().map(recolored).collect();
     let low: Vec<Vec3> = surface.low.par_iter().map(recolored).collect();
-    let (placements, protection) =
-        rayon::join(|| placements(surface, canvas), || protection(surface, canvas, &recoloring));
-    // What the scene keeps: its shapes, and all of what is protected.
-    let kept: Vec<f32> = (own.par_iter().zip(&low).zip(&protection))
+    let (placements, [own_detail, protection]) =
+        rayon::join(|| placements(surface, canvas), || standing_out(surface, canvas, &recoloring));
+    // What the scene keeps: its shapes, and all of what stands out.
+    let kept: Vec<f32> = (own.par_iter().zip(&low).zip(&own_detail))
         .map(|((own, low), p)| low.lerp(*own, *p).dot(LUMINANCE))
         .collect();
     let balance = Balance::new(scene, surface, canvas, &placements, &protection, &kept);
-    let mixed = |i: usize| low[i].lerp(own[i], protection[i] + (1.0 - protection[i]) * OWN_GRAIN);
+    let mixed = |i: usize| low[i].lerp(own[i], own_detail[i] + (1.0 - own_detail[i]) * OWN_GRAIN);
     let mixed: Vec<Vec3> = (0..scene.len()).into_par_iter().map(mixed).collect();
     let colors = graded(surface, canvas, &mixed, &protection, &balance);
     let word = |(owner, protection): (&u32, &f32)| {
@@ -180,7 +182,7 @@ fn one(scene: &Scene, surface: &Surface, canvas: &Canvas) -> Painted {
         colors,
         strokes: Strokes {
             words: surface.seeds.owners.iter().zip(&protection).map(word).collect(),
-            seeds: seeds(surface, canvas, &placements, &balance.fine, &balance.wide),
+            seeds: seeds(surface, canvas, &placements, balance.fine, balance.wide),
             textures: vec![Arc::clone(&canvas.detail.texture)],
         },
         fine_energy: balance.fine_energy,
@@ -197,8 +199,9 @@ fn placements(surface: &Surface, canvas: &Canvas) -> Vec<Placement> {
     place(surface, &colors, &seed_colors, canvas)
 }
 
-/// How much each Gaussian stands out `[N]`, 0..1.
-fn protection(surface: &Surface, canvas: &Canvas, recoloring: &Recoloring) -> Vec<f32> {
+/// How much each Gaussian stands out, 0..1: so much of its own detail it keeps `[N]`, and from so much of the strokes it is protected
+/// `[N]`.
+fn standing_out(surface: &Surface, canvas: &Canvas, recoloring: &Recoloring) -> [Vec<f32>; 2] {
     // |luminance of R d|^2 + CHROMA |R d - luminance|^2 = d^T Q d, where R is the recoloring's matrix.
     let zero = Vec3::from(recoloring.color([0.0; 3]));
     let column = |axis: Vec3| Vec3::from(recoloring.color(axis.to_array())) - zero;
@@ -211,29 +214,30 @@ fn protection(surface: &Surface, canvas: &Canvas, recoloring: &Recoloring) -> Ve
     let stride = energies.len().div_ceil(1 << 16).max(1);
     let seen = energies.iter().copied().zip(surface.visibility.iter().copied());
     let usual = weighted_median(&mut seen.step_by(stride).collect::<Vec<_>>()).unwrap_or(0.0).max(1e-9);
-    let half = (OF_STROKES * canvas.detail.typical, OF_SCENE * usual);
-    let protection = |energy: &f32| {
-        let q = (energy / half.0).min(energy / half.1);
-        q * q / (1.0 + q * q)
-    };
-    energies.par_iter().map(protection).collect()
+    let of_strokes = OF_STROKES * canvas.detail.typical;
+    let quiet = (QUIET * usual / canvas.detail.typical.max(1e-9)).clamp(1.0, MOST_QUIET);
+    [1.0, quiet].map(|factor| {
+        let half = of_strokes.max(factor * OF_SCENE * usual);
+        let share = |energy: &f32| {
+            let q = energy / half;
+            q * q / (1.0 + q * q)
+        };
+        energies.par_iter().map(share).collect()
+    })
 }
 
-/// How much detail each seed lays on.
+/// How much detail is laid on.
 struct Balance {
-    /// Gains of fine and of wide detail `[M]`.
-    fine: Vec<f32>,
-    wide: Vec<f32>,
-    /// The factor that all fine gains have.
-    most_fine: f32,
+    /// Gains of fine and of wide detail.
+    fine: f32,
+    wide: f32,
     /// Energy of fine detail in the proofs, over the painting's.
     fine_energy: f64,
 }
 
 impl Balance {
-    /// The gains by which pictures have as much detail as the painting. With K the energy of what the scene keeps, and P that of the
-    /// painting, a seed has the share sqrt(1 - K / P) of detail; then factors c of wide and d of fine detail solve |K + c W| = P in wide
-    /// bands and |K + c W + d F| = P in fine ones.
+    /// The gains by which pictures have as much detail as the painting. With K what the scene keeps, and P the energy of the painting,
+    /// the factors c of wide detail W and d of fine detail F solve |K + c W|^2 = P in wide bands and |K + c W + d F|^2 = P in fine ones.
     fn new(
         scene: &Scene,
         surface: &Surface,
@@ -242,18 +246,11 @@ impl Balance {
         protection: &[f32],
         kept: &[f32],
     ) -> Self {
-        let owners = &surface.seeds.owners;
-        let n_seeds = surface.n_seeds();
         let kept = surface.proofs.bands(kept);
-        let energies = surface.proofs.energies(&kept, owners, n_seeds);
-        let [fine, wide] = [0, 1].map(|kind| shares(surface, &energies[kind], canvas.detail.energies[kind]));
-        let of_gaussians = |shares: &[f32], protected: f32| -> Vec<f32> {
-            owners.iter().zip(protection).map(|(j, p)| shares[*j as usize] * (1.0 - protected * p)).collect()
-        };
-        let gains = [of_gaussians(&fine, PROTECTED), of_gaussians(&wide, 1.0)];
-        let ones = vec![1.0; n_seeds];
-        let plain = seeds(surface, canvas, placements, &ones, &ones);
+        let gains = [PROTECTED, 1.0].map(|most| protection.iter().map(|p| 1.0 - most * p).collect::<Vec<_>>());
+        let plain = seeds(surface, canvas, placements, 1.0, 1.0);
         let texture = LuminanceTexture::new(&canvas.detail.texture);
+        let owners = &surface.seeds.owners;
         let detail = surface.proofs.detail(scene, &plain, owners, [&gains[0], &gains[1]], &texture);
         let [of_fine, of_wide] = canvas.detail.energies;
         let product = |a: &super::proofs::Bands, b: &super::proofs::Bands| a.products(b);
@@ -264,13 +261,7 @@ impl Balance {
         let c = root(ww[1], kw[1] + fw[1], kk[1] + ff[1] + 2.0 * kf[1] - of_wide).clamp(WIDE.0, WIDE.1);
         let with_wide = kk[0] + 2.0 * c * kw[0] + c * c * ww[0];
         let d = root(ff[0], kf[0] + c * fw[0], with_wide - of_fine).clamp(FINE.0, FINE.1);
-        let times = |shares: &[f32], factor: f64| shares.iter().map(|share| share * factor as f32).collect();
-        Self {
-            fine: times(&fine, d),
-            wide: times(&wide, c),
-            most_fine: d as f32,
-            fine_energy: d * d * ff[0] / of_fine.max(1e-9),
-        }
+        Self { fine: d as f32, wide: c as f32, fine_energy: d * d * ff[0] / of_fine.max(1e-9) }
     }
 }
 
@@ -279,24 +270,13 @@ fn root(a: f64, b: f64, c: f64) -> f64 {
     if a > 1e-12 { (-b + (b * b - a * c).max(0.0).sqrt()) / a } else { 0.0 }
 }
 
-/// The share of detail that each seed lays on where the scene keeps these energies, and the painting has one. Neighbors agree.
-fn shares(surface: &Surface, energies: &[f32], of_painting: f64) -> Vec<f32> {
-    let share = |energy: &f32| (1.0 - energy / of_painting.max(1e-9) as f32).max(0.0).sqrt().max(LEAST_SHARE);
-    let shares: Vec<f32> = energies.iter().map(share).collect();
-    let with_neighbors = |(i, around): (usize, &Vec<u32>)| {
-        let sum: f32 = around.iter().map(|&j| shares[j as usize]).sum();
-        if around.is_empty() { shares[i] } else { 0.5 * (shares[i] + sum / around.len() as f32) }
-    };
-    surface.seeds.around.iter().enumerate().map(with_neighbors).collect()
-}
-
 /// The seeds as they are drawn, with these gains.
 fn seeds(
     surface: &Surface,
     canvas: &Canvas,
     placements: &[Placement],
-    fine: &[f32],
-    wide: &[f32],
+    fine: f32,
+    wide: f32,
 ) -> Vec<StrokeSeed> {
     // The texture is a square.
     let texels = FINE_SIDE as f32 / canvas.size;
@@ -307,8 +287,8 @@ fn seeds(
             down: placement.down,
             pitch: texels / surface.pixel,
             place: placement.at * texels,
-            fine: fine[j],
-            wide: wide[j],
+            fine,
+            wide,
             texture: 0,
         }
         .packed()
@@ -330,9 +310,8 @@ fn graded(
     let grades = [&canvas.low, &canvas.whole].map(|(to, tones)| Grade::new(&from, &shown, to, tones));
     let range = (Vec3::splat(-OVERSHOOT), Vec3::splat(1.0 + OVERSHOOT));
     let color = |i: usize| {
-        let seed = surface.seeds.owners[i] as usize;
-        let fine = balance.fine[seed] / balance.most_fine * (1.0 - PROTECTED * protection[i]);
-        let wide = balance.wide[seed] * (1.0 - protection[i]);
+        let fine = 1.0 - PROTECTED * protection[i];
+        let wide = balance.wide * (1.0 - protection[i]);
         let [under, bare] = [0, 1].map(|k: usize| grades[k].color(colors[i]).clamp(range.0, range.1));
         // Energies add up: without strokes all contrast is the scene's.
         let color = under.lerp(bare, BARE * (1.0 - fine * fine).max(0.0));

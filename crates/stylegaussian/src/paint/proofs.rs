@@ -5,12 +5,15 @@ use std::ops::Range;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::bands::{Mask, dot};
+use super::{
+    bands::{Mask, dot},
+    sight::FAINT,
+};
 use crate::{
     camera::Camera,
     palette::LUMINANCE,
     scene::Scene,
-    splat::{BlendWeights, blend_weights, stroke_record},
+    splat::{BlendWeights, blend_weights_from, stroke_record},
     strokes::{StrokeKnobs, StrokeRecord, StrokeSeed, StrokeTexture, StrokeWord},
 };
 
@@ -53,7 +56,7 @@ pub(super) struct DetailBands {
 impl Proofs {
     /// Pictures of `scene` from `cameras`. Those that show nothing are left out.
     pub fn new(scene: &Scene, cameras: &[Camera]) -> Self {
-        let proofs = cameras.iter().map(|camera| Proof::new(camera, &blend_weights(scene, camera)));
+        let proofs = cameras.iter().map(|camera| Proof::new(camera, &blend_weights_from(scene, camera, FAINT)));
         Self(proofs.filter(|proof| proof.mask.n_covered() > 0).collect())
     }
 
@@ -68,24 +71,6 @@ impl Proofs {
     pub fn bands(&self, luminance: &[f32]) -> Bands {
         let bands = |proof: &Proof| proof.mask.bands(&proof.weights.apply(luminance, 1));
         Bands(self.0.par_iter().map(bands).collect())
-    }
-
-    /// Energies of fine and of wide `bands` per pixel around each of M seeds, to which Gaussians belong by `owners` `[N]`.
-    pub fn energies(&self, bands: &Bands, owners: &[u32], n_seeds: usize) -> [Vec<f32>; 2] {
-        let mut sums = vec![[1e-6_f32, 0.0, 0.0]; n_seeds];
-        for (proof, bands) in self.0.iter().zip(&bands.0) {
-            let square = |i: usize, kind: &Range<usize>| {
-                bands[kind.clone()].iter().map(|band| band[i]).sum::<f32>().powi(2)
-            };
-            let values = (0..proof.pixels.len())
-                .flat_map(|i| [1.0, square(i, &KINDS[0]), square(i, &KINDS[1])])
-                .collect::<Vec<f32>>();
-            let of_gaussians = proof.weights.apply_transposed(&values, 3);
-            for (owner, values) in owners.iter().zip(of_gaussians.chunks_exact(3)) {
-                sums[*owner as usize].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
-            }
-        }
-        [1, 2].map(|kind| sums.iter().map(|sum| sum[kind] / sum[0]).collect())
     }
 
     /// Bands of the detail of `texture`, laid on by `seeds`, at these fine and wide gains `[N]`.

@@ -1,13 +1,11 @@
 //! Seeds: spots on the scene's surfaces, a brush stroke apart, and the Gaussians that belong to each.
 
-use std::{
-    collections::{HashMap, VecDeque},
-    num::NonZero,
-};
+use std::{collections::VecDeque, num::NonZero};
 
 use glam::{IVec3, Mat3, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
 use super::frames::{Frames, dominant, outer, thinnest};
 
@@ -250,7 +248,7 @@ fn spread(means: &[Vec3], visibility: &[f32], spacing: f32) -> Vec<u32> {
     order.par_sort_unstable_by(|&a, &b| {
         visibility[b as usize].total_cmp(&visibility[a as usize]).then(a.cmp(&b))
     });
-    let mut cells: HashMap<IVec3, Vec<u32>> = HashMap::new();
+    let mut cells: FxHashMap<IVec3, Vec<u32>> = FxHashMap::default();
     let cell_of = |point: Vec3| (point / spacing).floor().as_ivec3();
     let mut chosen = Vec::new();
     for i in order {

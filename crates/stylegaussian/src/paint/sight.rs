@@ -3,7 +3,7 @@
 use glam::{UVec2, Vec3};
 
 use super::proofs::Proofs;
-use crate::{camera::Camera, scene::Scene, splat::blend_weights, views::choose_overviews};
+use crate::{camera::Camera, scene::Scene, splat::blend_weights_from, views::choose_overviews};
 
 /// Views that are taken of the scene. Eight show nearly all that can be seen from outside.
 const N_VIEWS: usize = 8;
@@ -24,6 +24,9 @@ const N_PROOFS: usize = 3;
 /// Side of a proof over that of the picture in which strokes are as large as in the painting. The time of a change of style grows
 /// with its square, and detail of a single pixel is left out.
 const PROOF_SIDE: f32 = 0.5;
+
+/// Blend weights below this are left out. Two fifths of all are, and sum to half a hundredth of a picture.
+pub(super) const FAINT: f32 = 1e-3;
 
 /// A summary of usual views of a scene.
 pub(super) struct Sight {
@@ -46,10 +49,13 @@ impl Sight {
         let mut visibility = vec![0.0; scene.len()];
         let mut views = Vec::new();
         for camera in &cameras {
-            let weights = blend_weights(scene, camera);
-            let n_pixels = camera.size.element_product() as usize;
+            let weights = blend_weights_from(scene, camera, FAINT);
+            let mut filled = vec![0.0; scene.len()];
+            for (i, weight) in weights.indices.iter().zip(&weights.weights) {
+                filled[*i as usize] += weight;
+            }
             let mut sizes = Vec::new();
-            for (i, pixels) in weights.apply_transposed(&vec![1.0; n_pixels], 1).into_iter().enumerate() {
+            for (i, pixels) in filled.into_iter().enumerate() {
                 if pixels > 0.0 {
                     visibility[i] += pixels;
                     let z = camera.view_from_world.transform_point3(scene.means[i]).z;

@@ -9,7 +9,7 @@ use super::{
     proofs::Proofs,
     seeds::{Ground, Nearest, Seed, Seeds},
     sight::{Sight, usual_views},
-    smooth::smooth,
+    smooth::Grid,
 };
 use crate::{camera::Camera, neighbors::Neighbors, palette::LUMINANCE, recolor::ColorMoments, scene::Scene};
 
@@ -80,12 +80,14 @@ impl Surface {
             }
         };
         let base: Vec<Vec3> = scene.base_colors().into_iter().map(Vec3::from).collect();
-        let smoothed =
-            |values: &[Vec3], size: f32| smooth(&scene.means, values, &sight.visibility, size * pixel);
-        let levels: Vec<Vec<Vec3>> = SMOOTH.par_iter().map(|size| smoothed(&base, *size)).collect();
+        let grid = |size: f32| Grid::new(&scene.means, size * pixel);
+        let level = |size: &f32| grid(*size).smooth(&base, &sight.visibility);
+        let levels: Vec<Vec<Vec3>> = SMOOTH.par_iter().map(level).collect();
         let [soft, low, shapes] = levels.try_into().unwrap_or_default();
-        let (frames, edges) =
-            rayon::join(|| Frames::new(scene, neighbors, &base), || edges(&soft, &shapes, &smoothed));
+        let (frames, edges) = rayon::join(
+            || Frames::new(scene, neighbors, &base),
+            || edges(&soft, &shapes, &grid(AROUND_EDGES), &sight.visibility),
+        );
         let moments = moments(&sight.proofs.pixels(&base), &sight.visibility, &base);
         let ground = Ground {
             means: &scene.means,
@@ -136,15 +138,11 @@ impl Square {
     }
 }
 
-/// Means of the squares of what is between `soft` and `shapes`.
-fn edges(
-    soft: &[Vec3],
-    shapes: &[Vec3],
-    smoothed: &(impl Fn(&[Vec3], f32) -> Vec<Vec3> + Sync),
-) -> Vec<Square> {
+/// Means of the squares of what is between `soft` and `shapes`, weighted.
+fn edges(soft: &[Vec3], shapes: &[Vec3], grid: &Grid, weights: &[f32]) -> Vec<Square> {
     let mean = |product: fn(Vec3) -> Vec3| {
         let products: Vec<Vec3> = soft.iter().zip(shapes).map(|(a, b)| product(*a - *b)).collect();
-        smoothed(&products, AROUND_EDGES)
+        grid.smooth(&products, weights)
     };
     let (diagonal, beside) = rayon::join(|| mean(|d| d * d), || mean(|d| d * Vec3::new(d.y, d.z, d.x)));
     diagonal.into_iter().zip(beside).map(|(diagonal, beside)| Square { diagonal, beside }).collect()
