@@ -247,7 +247,8 @@ impl Balance {
         kept: &[f32],
     ) -> Self {
         let kept = surface.proofs.bands(kept);
-        let gains = [PROTECTED, 1.0].map(|most| protection.iter().map(|p| 1.0 - most * p).collect::<Vec<_>>());
+        let gains =
+            [PROTECTED, 1.0].map(|most| protection.iter().map(|p| 1.0 - most * p).collect::<Vec<_>>());
         let plain = seeds(surface, canvas, placements, 1.0, 1.0);
         let texture = LuminanceTexture::new(&canvas.detail.texture);
         let owners = &surface.seeds.owners;

@@ -56,7 +56,8 @@ pub(super) struct DetailBands {
 impl Proofs {
     /// Pictures of `scene` from `cameras`. Those that show nothing are left out.
     pub fn new(scene: &Scene, cameras: &[Camera]) -> Self {
-        let proofs = cameras.iter().map(|camera| Proof::new(camera, &blend_weights_from(scene, camera, FAINT)));
+        let proofs =
+            cameras.iter().map(|camera| Proof::new(camera, &blend_weights_from(scene, camera, FAINT)));
         Self(proofs.filter(|proof| proof.mask.n_covered() > 0).collect())
     }
 
