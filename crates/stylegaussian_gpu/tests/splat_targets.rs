@@ -1,12 +1,18 @@
 //! The draw into targets of all kinds: depth attachments, multisampling, viewports, orthographic cameras. Each
 //! picture has a known result.
 
+mod paintings;
 mod pictures;
 mod target;
 
 use glam::{Affine3A, Mat4, UVec2, UVec4, Vec2, Vec3};
-use pictures::{draw, scene};
-use stylegaussian::{Scene, splat::Colors};
+use paintings::{strokes, texture as brushwork};
+use pictures::{camera, draw, psnr, random_scene, rgba, scene};
+use stylegaussian::{
+    Scene,
+    splat::{Colors, render_strokes},
+    strokes::{StrokeKnobs, Strokes},
+};
 use stylegaussian_gpu::{
     colors::GaussianColors,
     device::HeadlessDevice,
@@ -112,15 +118,21 @@ impl Target {
 
     /// Draws a scene of one RGB per Gaussian by quads, over the earlier content.
     fn splat(&self, gpu: &HeadlessDevice, scene: &Scene, rgb: &[[f32; 3]], camera: &Camera) {
-        let (splats, view) = sorted(gpu, scene, rgb, camera);
+        self.by_quads(gpu, sorted(gpu, scene, rgb, None, camera));
+    }
+
+    fn by_quads(&self, gpu: &HeadlessDevice, (splats, view): (SplatPass, SplatView)) {
         let pipeline = splats.pipeline(&gpu.device, self.samples, Some(Depth32Float));
         self.pass(gpu, None, |pass| splats.draw(pass, &view, &pipeline));
     }
 
     /// Draws the same by the adapter's fastest way, into the cleared layer.
     fn splat_layer(&self, gpu: &HeadlessDevice, scene: &Scene, rgb: &[[f32; 3]], camera: &Camera) {
+        self.layer(gpu, sorted(gpu, scene, rgb, None, camera));
+    }
+
+    fn layer(&self, gpu: &HeadlessDevice, (splats, mut view): (SplatPass, SplatView)) {
         let HeadlessDevice { device, queue, .. } = gpu;
-        let (splats, mut view) = sorted(gpu, scene, rgb, camera);
         let pipeline = splats.pipeline(device, self.samples, Some(Depth32Float));
         let [color, depth] =
             [&self.color, &self.depth].map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
@@ -148,15 +160,26 @@ impl Target {
     }
 }
 
-/// A scene of one RGB per Gaussian, projected and sorted for a camera.
-fn sorted(gpu: &HeadlessDevice, scene: &Scene, rgb: &[[f32; 3]], camera: &Camera) -> (SplatPass, SplatView) {
+/// A scene of one RGB per Gaussian, with strokes or without, projected and sorted for a camera.
+fn sorted(
+    gpu: &HeadlessDevice,
+    scene: &Scene,
+    rgb: &[[f32; 3]],
+    painting: Option<&Strokes>,
+    camera: &Camera,
+) -> (SplatPass, SplatView) {
     let HeadlessDevice { device, queue, .. } = gpu;
     let splats = SplatPass::new(device);
     let colors = GaussianColors::from_rgb(device, queue, rgb).unwrap();
     let scene = GpuScene::new(device, scene).unwrap();
+    let painted = painting.map(|painting| splats.store().upload(device, queue, painting).unwrap());
+    let colors = CloudColors::Rgb(&colors);
     let cloud = Cloud {
         scene: &scene,
-        colors: CloudColors::Rgb(&colors),
+        colors: match &painted {
+            Some(painted) => colors.with_strokes(painted, StrokeKnobs::default()),
+            None => colors,
+        },
         world_from_scene: Affine3A::IDENTITY,
         visibility: None,
     };
@@ -219,6 +242,39 @@ fn walls_hide_pixel_by_pixel() {
         for (x, pixel) in row.iter().enumerate().filter(|&(x, _)| x != SIZE as usize / 2) {
             near(*pixel, if x < SIZE as usize / 2 { [0.0; 4] } else { [0.8; 4] });
         }
+    }
+}
+
+/// Strokes before a wall are drawn, and those behind it are not, with one sample to a pixel and with four, which share a pixel's
+/// strokes.
+#[test]
+fn walls_hide_strokes_behind_them() {
+    let Some(gpu) = gpu() else { return };
+    let on_cpu = camera(UVec2::new(80, 60));
+    let whole = random_scene(600, 0, 41);
+    let painting = strokes(&whole, &[brushwork(42)], 40.0, 43);
+    let wall = 3.0;
+    let is_before = |mean: &Vec3| on_cpu.view_from_world.transform_point3(*mean).z < wall;
+    let before: Vec<u32> = (0..600).filter(|&i| is_before(&whole.means[i as usize])).collect();
+    assert!((100..500).contains(&before.len()), "{} before the wall", before.len());
+    let nearer = whole.subset(&before);
+    let words = before.iter().map(|&i| painting.words[i as usize]).collect();
+    let of_nearer = Strokes { words, ..painting.clone() };
+    let grays = |n: usize| vec![[0.5; 3]; n];
+    let colors = grays(nearer.len());
+    let drawn =
+        render_strokes(&nearer, Colors::Rgb(&colors), (&of_nearer, &StrokeKnobs::default()), &on_cpu, None);
+    let expected = rgba(&drawn);
+    let mut camera = Camera::pinhole(&on_cpu);
+    camera.clip_from_view.w_axis.z = 0.1;
+    for samples in [1, 4] {
+        let layer = Target::new(&gpu, on_cpu.size.to_array(), samples, 0.1 / wall);
+        let splats = || sorted(&gpu, &whole, &grays(whole.len()), Some(&painting), &camera);
+        layer.by_quads(&gpu, splats());
+        let by_quads = psnr(&layer.composited(&gpu, wgpu::Color::TRANSPARENT), &expected);
+        layer.layer(&gpu, splats());
+        let fastest = psnr(&layer.composited(&gpu, wgpu::Color::TRANSPARENT), &expected);
+        assert!(by_quads > 54.0 && fastest > 54.0, "{samples} samples: {by_quads:.1} dB, {fastest:.1} dB");
     }
 }
 
