@@ -99,6 +99,18 @@ pub fn write_style(path: &Path, style: &ChannelStatistics) -> Result<(), FileErr
     write_atomically(path, |out| tensors.write(out))
 }
 
+/// The bytes that [`write_style`] writes. Errors call the file `name`.
+///
+/// # Errors
+/// If shapes do not fit one another, or a value is not finite.
+pub fn style_to_bytes(name: &str, style: &ChannelStatistics) -> Result<Vec<u8>, FileError> {
+    let path = Path::new(name);
+    let tensors = style::prepare(style).map_err(|mismatch| mismatch.at(path))?;
+    let mut bytes = Vec::new();
+    tensors.write(&mut bytes).map_err(|source| FileError::Io { path: path.into(), source })?;
+    Ok(bytes)
+}
+
 /// Reads a look (`*.look.safetensors`).
 ///
 /// # Errors
@@ -158,22 +170,6 @@ pub fn write_mask(path: &Path, mask: &StoredMask) -> Result<(), FileError> {
 pub fn write_painted_style(path: &Path, style: &ChannelStatistics, paint: &Paint) -> Result<(), FileError> {
     let tensors = style::prepare_painted(style, paint).map_err(|mismatch| mismatch.at(path))?;
     write_atomically(path, |out| tensors.write(out))
-}
-
-/// The bytes that [`write_painted_style`] writes. Errors call the file `name`.
-///
-/// # Errors
-/// If shapes do not fit one another, or a value is not finite.
-pub fn painted_style_to_bytes(
-    name: &str,
-    style: &ChannelStatistics,
-    paint: &Paint,
-) -> Result<Vec<u8>, FileError> {
-    let path = Path::new(name);
-    let tensors = style::prepare_painted(style, paint).map_err(|mismatch| mismatch.at(path))?;
-    let mut bytes = Vec::new();
-    tensors.write(&mut bytes).map_err(|source| FileError::Io { path: path.into(), source })?;
-    Ok(bytes)
 }
 
 /// Reads the paint of a style (`*.style.safetensors`), or `None` if it carries none.

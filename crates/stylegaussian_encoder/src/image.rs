@@ -118,7 +118,15 @@ impl Image {
     /// # Errors
     /// As [`open`](Self::open), or if a side is shorter than [`MIN_SIDE`].
     pub fn open_painting(path: &Path) -> Result<Self, ImageError> {
-        let image = Self::open(path)?;
+        Self::painting_from_bytes(&file_bytes(path)?, path)
+    }
+
+    /// [`from_bytes`](Self::from_bytes) for a painting, which must be large enough for any encoder.
+    ///
+    /// # Errors
+    /// As [`open_painting`](Self::open_painting).
+    pub fn painting_from_bytes(bytes: &[u8], path: &Path) -> Result<Self, ImageError> {
+        let image = Self::from_bytes(bytes, path)?;
         let (width, height) = (image.width, image.height);
         if width.min(height) < MIN_SIDE {
             return Err(ImageError::TooSmall { path: path.into(), width, height });
