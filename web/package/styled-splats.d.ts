@@ -6,8 +6,14 @@ export declare class StyledSplats extends HTMLElement {
   painting: string;
   /** Share of the style's colors, 0 to 1. */
   strength: number;
-  /** `strokes` (default) lays on the painting's own strokes; `decoder` uses the paper's network. */
+  /** `strokes` (default) lays on the painting's own strokes; `decoder` uses the paper's network, for which a scene needs features. */
   method: "strokes" | "decoder";
+  /** Factor of the strokes, 0 to 3: at 0, the painting's colors are left. 1 is the default, here and below. */
+  paint: number;
+  /** Factor of what stays clear of strokes, 0 to 10: at 0, nothing of the scene does. */
+  protection: number;
+  /** Factor of the size of strokes, 0.1 to 10. */
+  strokeScale: number;
   /** The way in which styles arrive: `fade` (default), `sphere`, `front` or `noise`. */
   transition: "fade" | "sphere" | "front" | "noise";
   /** Time in which a style arrives. */
@@ -29,8 +35,8 @@ export interface StyledSplatsEvents {
   ready: CustomEvent<Record<string, never>>;
   /** Work that takes a while, and the share that is done, 0 to 1, if it is known. */
   progress: CustomEvent<{ task: "loading" | "reading" | "encoding" | "painting" | "embedding"; share: number | null }>;
-  /** The scene was read. One without features is embedded first if a painting is asked for, and is then loaded once more. */
-  loaded: CustomEvent<{ gaussians: number; canBeStyled: boolean }>;
+  /** The scene was read. One without features is embedded first if the decoder is to paint it, and is then loaded once more. */
+  loaded: CustomEvent<{ gaussians: number; hasFeatures: boolean }>;
   /** The scene is drawn. */
   shown: CustomEvent<Record<string, never>>;
   /** The style is shown, after this time. */

@@ -14,6 +14,8 @@ let app, starting, owner;
 const METHODS = ["strokes", "decoder"];
 const TRANSITIONS = ["fade", "sphere", "front", "noise"];
 const SECONDS = 1;
+// Factors of how strokes are drawn, and their ranges.
+const STROKES = new Map([["paint", [0, 3]], ["protection", [0, 10]], ["stroke-scale", [0.1, 10]]]);
 
 // Events of the app as those of the element that has it.
 function hear(kind, text) {
@@ -21,13 +23,14 @@ function hear(kind, text) {
 }
 
 class StyledSplats extends HTMLElement {
-  static observedAttributes = ["src", "painting", "strength", "method", "transition", "seconds"];
+  static observedAttributes = ["src", "painting", "strength", "method", ...STROKES.keys(), "transition", "seconds"];
 
   // Numbers of the changes of `src` and of `painting`: an answer to an older one is dropped.
   #asked = { src: 0, painting: 0 };
   #painting = null;
   #isLoaded = false;
-  #canBeStyled = false;
+  #hasFeatures = false;
+  #isEmbedding = false;
 
   connectedCallback() {
     if (owner && owner !== this) return this.#fail("found a second <styled-splats>, expected one on a page");
@@ -55,13 +58,14 @@ class StyledSplats extends HTMLElement {
     starting ??= start((share) => owner?.dispatch("progress", { task: "loading", share }), hear);
     app = await starting;
     if (owner !== this) return;
-    for (const name of ["transition", "src", "painting"]) this.#apply(name);
+    for (const name of ["transition", "paint", "src", "painting"]) this.#apply(name);
   }
 
   #apply(name) {
     if (name === "src") this.#open();
     else if (name === "painting") this.#paint();
     else if (name === "strength" || name === "method") this.#restyle();
+    else if (STROKES.has(name)) app.set_strokes(...[...STROKES].map(([name, range]) => this.#number(name, 1, ...range)));
     else app.set_transition(this.#choice("transition", TRANSITIONS), this.#number("seconds", SECONDS, 0, 3600));
   }
 
@@ -86,12 +90,13 @@ class StyledSplats extends HTMLElement {
   #restyle() {
     // The scene that comes would be asked for a style of the one before it.
     if (!this.#isLoaded) return;
-    if (!this.#canBeStyled) {
-      if (this.#painting) app.embed_soon();
-      return;
-    }
     const names = this.#painting ? [`image:${this.#painting}`] : [];
     const byDecoder = this.#choice("method", METHODS) === "decoder";
+    const needsFeatures = byDecoder && names.length > 0 && !this.#hasFeatures;
+    if (needsFeatures) app.embed_soon();
+    else if (this.#isEmbedding) app.cancel_embedding();
+    this.#isEmbedding = needsFeatures;
+    if (needsFeatures) return;
     app.set_style(names, new Float32Array(names.map(() => 1)), 0, this.#number("strength", 1, 0, 1), byDecoder);
   }
 
@@ -137,9 +142,9 @@ class StyledSplats extends HTMLElement {
       this.dispatch("progress", { task, share: share === undefined ? null : Number(share) });
     }
     if (kind === "loaded") {
-      const [gaussians, canBeStyled] = text.split(" ");
-      [this.#isLoaded, this.#canBeStyled] = [true, canBeStyled === "true"];
-      this.dispatch("loaded", { gaussians: Number(gaussians), canBeStyled: this.#canBeStyled });
+      const [gaussians, hasFeatures] = text.split(" ");
+      [this.#isLoaded, this.#hasFeatures, this.#isEmbedding] = [true, hasFeatures === "true", false];
+      this.dispatch("loaded", { gaussians: Number(gaussians), hasFeatures: this.#hasFeatures });
       this.#restyle();
     }
   }
@@ -171,8 +176,8 @@ for (const [name, choices] of [["src"], ["painting"], ["method", METHODS], ["tra
     set(value) { value === null || value === undefined || value === "" ? this.removeAttribute(name) : this.setAttribute(name, value); },
   });
 }
-for (const [name, usual] of [["strength", 1], ["seconds", SECONDS]]) {
-  Object.defineProperty(StyledSplats.prototype, name, {
+for (const [name, usual] of [["strength", 1], ["seconds", SECONDS], ...[...STROKES.keys()].map((name) => [name, 1])]) {
+  Object.defineProperty(StyledSplats.prototype, name === "stroke-scale" ? "strokeScale" : name, {
     get() { return Number(this.getAttribute(name) ?? usual); },
     set(value) { this.setAttribute(name, String(value)); },
   });

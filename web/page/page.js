@@ -13,10 +13,14 @@ const ARRIVES_SECONDS = 1.5;
 const IMAGE = /\.(jpe?g|png)$/i;
 
 // What is asked for. `style` and `second` are names of `STYLES`, or of images that were dropped.
-const wish = { style: "", second: "", share: 0.5, strength: 1, kind: "look" };
+const wish = { style: "", second: "", share: 0.5, strength: 1, kind: "look", paint: 1, protection: 1, stroke_scale: 1 };
+// What sliders set: the style, and how its strokes are drawn, which computes nothing.
+const SHARES = ["share", "strength"], STROKES = ["paint", "protection", "stroke_scale"];
 const dropped = new Set();
 // What was asked for before a capture that is being read; it is asked for again if the capture cannot be shown.
 let before = null;
+// Whether the scene has no features, which the decoder needs, and whether it is getting them.
+let isPlain = false, isEmbedding = false;
 let app;
 
 const notice = (text) => { $("notice").textContent = text; };
@@ -28,33 +32,53 @@ function appName(name) {
   return wish.kind === "paint" ? `paint:${name}.${extension}` : `${wish.kind}:${name}`;
 }
 
-function apply() {
-  for (const button of $("styles").children) {
-    button.setAttribute("aria-pressed", String(button.dataset.style === wish.style));
-    // On phones, the styles are a strip.
-    if (button.dataset.style === wish.style) button.scrollIntoView({ block: "nearest", inline: "nearest" });
-  }
-  Object.assign($("kind"), { value: wish.kind });
-  Object.assign($("second"), { value: wish.second });
-  Object.assign($("share"), { value: wish.share });
-  Object.assign($("strength"), { value: wish.strength });
-  const mix = wish.style ? [[wish.style, 1 - (wish.second ? wish.share : 0)]] : [];
-  if (wish.style && wish.second) mix.push([wish.second, wish.share]);
-  const kept = mix.filter(([, weight]) => weight > 0);
-  document.body.dataset.state = "styling";
-  app?.set_style(kept.map(([name]) => appName(name)), new Float32Array(kept.map(([, weight]) => weight)), 0, wish.strength, wish.kind === "decode");
+// Sets the controls, but for the styles' buttons, and the link to what is asked for.
+function show() {
+  // Nobody has baked what was dropped.
+  const isDropped = dropped.has(wish.style);
+  $("kind").options[0].disabled = isDropped;
+  $("kind").value = isDropped && wish.kind === "look" ? "paint" : wish.kind;
+  $("second").value = wish.second;
+  for (const key of [...SHARES, ...STROKES]) $(key).value = wish[key];
+  $("embed").hidden = !needsFeatures();
+  $("embed").textContent = isEmbedding ? "Cancel embedding" : "Embed it";
   // A dropped image is not in the link: nobody else has it.
   const shared = Object.entries(wish).filter(([, value]) => !dropped.has(value));
   history.replaceState(null, "", wish.style ? `#${new URLSearchParams(shared)}` : "#");
 }
 
+const needsFeatures = () => isPlain && wish.kind === "decode";
+
+// The sentence while nothing goes on.
+const rest = () => notice(needsFeatures() && !isEmbedding ? "This capture holds no features, which the decoder needs. Embedding it here takes minutes." : "");
+
+function apply() {
+  // Paint would wait for minutes behind features that it does not need.
+  if (isEmbedding && wish.kind !== "decode") app.cancel_embedding();
+  isEmbedding &&= wish.kind === "decode";
+  for (const button of $("styles").children) {
+    button.setAttribute("aria-pressed", String(button.dataset.style === wish.style));
+    // On phones, the styles are a strip.
+    if (button.dataset.style === wish.style) button.scrollIntoView({ block: "nearest", inline: "nearest" });
+  }
+  show();
+  rest();
+  const mix = wish.style && !needsFeatures() ? [[wish.style, 1 - (wish.second ? wish.share : 0)]] : [];
+  if (mix.length && wish.second) mix.push([wish.second, wish.share]);
+  const kept = mix.filter(([, weight]) => weight > 0);
+  document.body.dataset.state = "styling";
+  app?.set_style(kept.map(([name]) => appName(name)), new Float32Array(kept.map(([, weight]) => weight)), 0, wish.strength, wish.kind === "decode");
+}
+
+const setStrokes = () => app?.set_strokes(...STROKES.map((key) => wish[key]));
+
 function readLink() {
   const link = new URLSearchParams(location.hash.slice(1));
   const known = (name) => STYLES.some(([style]) => style === name);
   for (const key of ["style", "second"]) if (known(link.get(key))) wish[key] = link.get(key);
-  for (const key of ["share", "strength"]) {
+  for (const key of [...SHARES, ...STROKES]) {
     const value = Number.parseFloat(link.get(key));
-    if (value >= 0 && value <= 1) wish[key] = value;
+    if (value >= $(key).min && value <= $(key).max) wish[key] = value;
   }
   if (["look", "paint", "decode"].includes(link.get("kind"))) wish.kind = link.get("kind");
 }
@@ -90,7 +114,7 @@ async function open(file) {
     wish.style = file.name;
     apply();
   } else {
-    before = { ...wish };
+    before = { style: wish.style, kind: wish.kind };
     // A look belongs to the demo scene.
     wish.kind = wish.kind === "look" ? "paint" : wish.kind;
     wish.style = "";
@@ -98,19 +122,6 @@ async function open(file) {
     notice(`Reading ${file.name} …`);
     app.open_file(file.name, bytes);
   }
-}
-
-// Offers to embed the scene (false), to end that (true), or neither (null).
-function offer(isEmbedding) {
-  $("embed").hidden = isEmbedding === null;
-  $("embed").textContent = isEmbedding ? "Cancel embedding" : "Embed it";
-  $("embed").onclick = () => {
-    if (isEmbedding) app.cancel_embedding();
-    else app.embed_soon();
-    $("progress").hidden = true;
-    notice("");
-    offer(!isEmbedding);
-  };
 }
 
 function hear(kind, text) {
@@ -122,22 +133,25 @@ function hear(kind, text) {
     notice(`${task[0].toUpperCase()}${task.slice(1)} …`);
   }
   if (kind === "failed") {
+    isEmbedding = false;
     if (before) Object.assign(wish, before);
     if (before) apply();
     before = null;
-    offer(null);
+    show();
     document.body.dataset.state = "failed";
     $("progress").hidden = true;
     notice(text);
   }
   if (kind === "loaded") {
-    const [count, canBeStyled] = text.split(" ");
+    const [count, hasFeatures] = text.split(" ");
     document.body.dataset.scene = count;
     delete document.body.dataset.shown;
     before = null;
-    const isPlain = canBeStyled !== "true";
-    offer(isPlain ? false : null);
-    notice(isPlain ? "This capture holds no features, so it is shown as it was captured. Embedding it here takes minutes." : "");
+    const didNeed = needsFeatures();
+    [isPlain, isEmbedding] = [hasFeatures !== "true", false];
+    show();
+    rest();
+    if (didNeed && !isPlain) apply();
   }
   if (kind === "shown") {
     document.body.dataset.shown = document.body.dataset.scene;
@@ -145,7 +159,7 @@ function hear(kind, text) {
   }
   if (kind === "applied") {
     // A failure is to be read, even if the style before it is back.
-    if (document.body.dataset.state !== "failed") notice("");
+    if (document.body.dataset.state !== "failed") rest();
     document.body.dataset.state = "applied";
   }
 }
@@ -158,13 +172,23 @@ async function start() {
   notice("Loading …");
   app = await startApp((share) => { $("progress").value = share; }, hear);
   app.open_asset("demo.sgs");
+  setStrokes();
   if (wish.style) apply();
 }
 
 for (const key of ["kind", "second"]) $(key).onchange = (event) => { wish[key] = event.target.value; apply(); };
-for (const key of ["share", "strength"]) $(key).oninput = (event) => { wish[key] = Number(event.target.value); apply(); };
+for (const key of SHARES) $(key).oninput = (event) => { wish[key] = Number(event.target.value); apply(); };
+for (const key of STROKES) $(key).oninput = (event) => { wish[key] = Number(event.target.value); show(); setStrokes(); };
 $("file").onchange = (event) => { if (event.target.files[0]) open(event.target.files[0]); };
 $("arrives").onchange = (event) => app?.set_transition(event.target.value, ARRIVES_SECONDS);
+$("embed").onclick = () => {
+  if (isEmbedding) app.cancel_embedding();
+  else app.embed_soon();
+  isEmbedding = !isEmbedding;
+  $("progress").hidden = true;
+  notice("");
+  show();
+};
 $("save_glb").onclick = () => app?.save_glb_soon();
 $("save").onclick = () => app?.save_picture_soon();
 $("link").onclick = () => navigator.clipboard.writeText(location.href).then(() => notice("The link is copied."), () => notice(location.href));

@@ -12,8 +12,8 @@ const STAND_IN = `
   export default async () => {};
   export const listen = (listener) => { globalThis.tell = listener; listener("ready", ""); };
   export const use_worker = () => {};
-  export const [open_file, add_painting, set_style, set_transition, embed_soon, turn, save_picture_soon, save_glb_soon] =
-    ["open_file", "add_painting", "set_style", "set_transition", "embed_soon", "turn", "save_picture_soon", "save_glb_soon"].map(note);
+  export const [open_file, add_painting, set_style, set_strokes, set_transition, embed_soon, cancel_embedding, turn, save_picture_soon, save_glb_soon] =
+    ["open_file", "add_painting", "set_style", "set_strokes", "set_transition", "embed_soon", "cancel_embedding", "turn", "save_picture_soon", "save_glb_soon"].map(note);
 `;
 const page = (body) => `<!doctype html><meta charset="utf-8"><link rel="icon" href="data:,">
   <script>
@@ -25,7 +25,7 @@ const page = (body) => `<!doctype html><meta charset="utf-8"><link rel="icon" hr
   <script type="module" src="package/styled-splats.js"></script>${body}`;
 const PAGES = {
   "/usual.html": page('<styled-splats src="a.spz" painting="assets/styles/ink.jpg" strength="0.5">a garden</styled-splats>'),
-  "/wrong.html": page('<styled-splats src="none.spz" method="oil" seconds="-1"></styled-splats>'),
+  "/wrong.html": page('<styled-splats src="none.spz" method="oil" seconds="-1" paint="4"></styled-splats>'),
   "/two.html": page('<styled-splats id="one" src="a.spz"></styled-splats><styled-splats id="two" src="a.spz"></styled-splats>'),
   "/a.spz": "x".repeat(100),
   "/package/app.js": STAND_IN,
@@ -52,9 +52,10 @@ async function opened(path) {
 
 test("attributes become a scene and a style, and changes of them restyle", async () => {
   const { page, errors, until, taken } = await opened("usual.html");
-  await until(3);
+  await until(4);
   const first = Object.fromEntries((await taken()).map(([name, ...given]) => [name, given]));
   assert.deepEqual(first.set_transition, ["fade", 1]);
+  assert.deepEqual(first.set_strokes, [1, 1, 1]);
   assert.deepEqual(first.open_file, ["a.spz", 100]);
   assert.equal(first.add_painting[0], "ink.jpg");
   assert.equal(first.set_style, undefined, "before there is a scene");
@@ -65,13 +66,18 @@ test("attributes become a scene and a style, and changes of them restyle", async
   assert.equal(await page.evaluate(() => getComputedStyle(document.querySelector("canvas")).visibility), "visible");
   const heard = await page.evaluate(() => heard);
   assert.deepEqual(heard.filter(([kind]) => kind !== "progress"), [
-    ["ready", {}], ["loaded", { gaussians: 7, canBeStyled: true }], ["shown", {}], ["applied", { milliseconds: 12 }],
+    ["ready", {}], ["loaded", { gaussians: 7, hasFeatures: true }], ["shown", {}], ["applied", { milliseconds: 12 }],
   ]);
 
   assert.deepEqual(await page.evaluate(() => {
-    const { src, painting, strength, method, transition, seconds } = document.querySelector("styled-splats");
-    return { src, painting, strength, method, transition, seconds };
-  }), { src: "a.spz", painting: "assets/styles/ink.jpg", strength: 0.5, method: "strokes", transition: "fade", seconds: 1 });
+    const { src, painting, strength, method, paint, protection, strokeScale, transition, seconds } = document.querySelector("styled-splats");
+    return { src, painting, strength, method, paint, protection, strokeScale, transition, seconds };
+  }), {
+    src: "a.spz", painting: "assets/styles/ink.jpg", strength: 0.5, method: "strokes", paint: 1, protection: 1, strokeScale: 1,
+    transition: "fade", seconds: 1,
+  });
+  await page.evaluate(() => Object.assign(document.querySelector("styled-splats"), { paint: 0.5, strokeScale: 2 }));
+  assert.deepEqual(await taken(), [["set_strokes", 0.5, 1, 1], ["set_strokes", 0.5, 1, 2]], "and no style");
   await page.evaluate(() => Object.assign(document.querySelector("styled-splats"), { strength: 1, method: "decoder" }));
   await page.evaluate(() => { document.querySelector("styled-splats").painting = ""; });
   await page.evaluate(() => { document.querySelector("styled-splats").transition = "noise"; });
@@ -88,15 +94,24 @@ test("attributes become a scene and a style, and changes of them restyle", async
   assert.deepEqual(errors, []);
 });
 
-test("a scene without features is embedded if a painting is asked for", async () => {
+test("a scene without features is painted, and embedded if the decoder is asked for", async () => {
   const { page, until, taken } = await opened("usual.html");
-  await until(3);
+  await until(4);
   await taken();
-  await page.evaluate(() => { tell("loaded", "7 false"); tell("progress", "embedding 0.5"); tell("loaded", "7 true"); });
-  assert.deepEqual((await taken()).map(([name]) => name), ["embed_soon", "set_style"]);
+  await page.evaluate(() => tell("loaded", "7 false"));
+  assert.deepEqual(await taken(), [["set_style", ["image:ink.jpg"], [1], 0, 0.5, false]]);
+  const use = (method) => page.evaluate((method) => { document.querySelector("styled-splats").method = method; }, method);
+  await use("decoder");
+  assert.deepEqual(await taken(), [["embed_soon"]]);
+  // Strokes wait for no features.
+  await use("strokes");
+  assert.deepEqual((await taken()).map(([name]) => name), ["cancel_embedding", "set_style"]);
+  await use("decoder");
+  await page.evaluate(() => { tell("progress", "embedding 0.5"); tell("loaded", "7 true"); });
+  assert.deepEqual(await taken(), [["embed_soon"], ["set_style", ["image:ink.jpg"], [1], 0, 0.5, true]]);
   // So is one whose painting comes later.
   await page.evaluate(() => { document.querySelector("styled-splats").painting = ""; tell("loaded", "8 false"); });
-  assert.deepEqual(await taken(), [["set_style", [], [], 0, 0.5, false]]);
+  assert.deepEqual((await taken()).map(([name, names]) => [name, names]), [["set_style", []], ["set_style", []]]);
   await page.evaluate(() => { document.querySelector("styled-splats").painting = "assets/styles/dots.jpg"; });
   await until(2);
   assert.deepEqual((await taken()).map(([name]) => name), ["add_painting", "embed_soon"]);
@@ -110,6 +125,7 @@ test("what is wrong is told in a sentence", async () => {
   await page.waitForFunction(() => heard.some(([, detail]) => detail.message?.includes("none.spz")));
   const failed = (await page.evaluate(() => heard)).filter(([kind]) => kind === "failed").map(([, { message }]) => message);
   assert.ok(failed.some((message) => message.includes('seconds="-1"')), failed.join());
+  assert.ok(failed.some((message) => message.includes('paint="4", expected a number from 0 to 3')), failed.join());
   assert.ok(failed.some((message) => message.includes("404")), failed.join());
   await page.evaluate(() => tell("loaded", "7 true"));
   const last = await page.evaluate(() => heard.at(-1));
@@ -118,16 +134,16 @@ test("what is wrong is told in a sentence", async () => {
 
 test("a page has one; another takes its place, and it may come back", async () => {
   const { page, until, taken } = await opened("two.html");
-  await until(2);
+  await until(3);
   await taken();
   assert.match((await page.evaluate(() => heard.find(([kind]) => kind === "failed")))[1].message, /second <styled-splats>/);
   await page.evaluate(() => { tell("loaded", "7 true"); globalThis.one = document.getElementById("one"); one.remove(); });
   await page.evaluate(() => document.body.append(document.getElementById("two")));
-  await until(2);
-  assert.deepEqual((await taken()).map(([name]) => name).sort(), ["open_file", "set_style", "set_transition"]);
+  await until(3);
+  assert.deepEqual((await taken()).map(([name]) => name).sort(), ["open_file", "set_strokes", "set_style", "set_transition"]);
   assert.equal(await page.evaluate(() => document.querySelector("canvas").parentElement.id), "two");
   await page.evaluate(() => { document.getElementById("two").remove(); document.body.append(one); });
-  await until(2);
+  await until(3);
   assert.equal(await page.evaluate(() => document.querySelector("canvas").parentElement.id), "one");
 });
 

@@ -10,7 +10,7 @@ import { join } from "node:path";
 import { after, afterEach, before, test } from "node:test";
 import { launch, serve } from "./browser.mjs";
 import { program, run } from "./native.mjs";
-import { applied, clicked, drop, dropCube, openedIn, shown, told } from "./watched.mjs";
+import { applied, clicked, drop, dropCube, dropScene, openedIn, shown, told } from "./watched.mjs";
 
 const options = { timeout: 900_000 };
 // Few pixels: pictures are not the subject.
@@ -47,9 +47,7 @@ test("a GPU that is lost, or has no memory left", options, async () => {
     watched.device.dispatchEvent(new GPUUncapturedErrorEvent("uncapturederror", { error }));
   });
   await told(page, /GPU has no memory left/);
-  await drop(page, "capture.spz", capture);
-  await told(page, /no features/);
-  await shown(page, N_DEMO);
+  await dropScene(page, "capture.spz", capture, N_DEMO);
   assert.deepEqual(errors, []);
 });
 
@@ -69,9 +67,7 @@ test("a worker whose memory ends is replaced", options, async () => {
   assert.equal(await isShown(page), String(N_DEMO));
   assert.ok(await page.evaluate((worker) => watched.worker !== worker, worker));
   await clicked(page, "ink");
-  await drop(page, "capture.spz", capture);
-  await told(page, /no features/);
-  await shown(page, N_DEMO);
+  await dropScene(page, "capture.spz", capture, N_DEMO);
 });
 
 test("a scene for which the page has no memory is refused", options, async () => {
@@ -120,7 +116,6 @@ test("3 million Gaussians on WebGPU's default limits", options, async () => {
   const before = await camera();
   await page.evaluate(async () => (await import("./package/app.js")).fly(0, 0, -10));
   await page.waitForFunction(async (before) => (await import("./package/app.js")).cameras() !== before, before);
-  await drop(page, "capture.spz", capture);
-  await shown(page, N_DEMO);
+  await dropScene(page, "capture.spz", capture, N_DEMO);
   assert.deepEqual(errors, []);
 });

@@ -14,8 +14,8 @@ const STAND_IN = `
   export default async () => ({ memory: new WebAssembly.Memory({ initial: 2 ** 15 }) });
   export const listen = (listener) => { tell = globalThis.tell = listener; tell("ready", ""); };
   export const open_asset = (path) => { calls.push(["open_asset", path]); tell("loaded", "5 true"); };
-  export const [open_file, add_painting, turn, fly, zoom, save_picture_soon, save_glb_soon, embed_soon, cancel_embedding, set_transition] =
-    ["open_file", "add_painting", "turn", "fly", "zoom", "save", "save_glb_soon", "embed_soon", "cancel_embedding", "set_transition"].map(note);
+  export const [open_file, add_painting, turn, fly, zoom, save_picture_soon, save_glb_soon, embed_soon, cancel_embedding, set_transition, set_strokes] =
+    ["open_file", "add_painting", "turn", "fly", "zoom", "save", "save_glb_soon", "embed_soon", "cancel_embedding", "set_transition", "set_strokes"].map(note);
   export const use_worker = () => {};
   export const set_style = (...given) => { note("set_style")(...given); tell("applied", "1"); };
 `;
@@ -40,7 +40,7 @@ async function opened(link = "", viewport = { width: 1000, height: 640 }) {
 
 test("a click puts a style on, a second one mixes, and the link carries both", async () => {
   const { page, errors, taken } = await opened();
-  assert.deepEqual(await taken(), [["open_asset", "demo.sgs"]]);
+  assert.deepEqual(await taken(), [["open_asset", "demo.sgs"], ["set_strokes", 1, 1, 1]]);
   await page.click('[data-style="ink"]');
   await page.selectOption("#second", "dots");
   assert.deepEqual(await taken(), [
@@ -50,7 +50,7 @@ test("a click puts a style on, a second one mixes, and the link carries both", a
   assert.equal(await page.getAttribute('[data-style="ink"]', "aria-pressed"), "true");
   const link = new URL(page.url()).hash;
   const again = await opened(link);
-  assert.deepEqual((await again.taken())[1], ["set_style", ["look:ink", "look:dots"], [0.5, 0.5], 0, 1, false]);
+  assert.deepEqual((await again.taken())[2], ["set_style", ["look:ink", "look:dots"], [0.5, 0.5], 0, 1, false]);
   await page.click('[data-style=""]');
   assert.deepEqual((await taken())[0][1], []);
   assert.deepEqual([...errors, ...again.errors], []);
@@ -58,7 +58,7 @@ test("a click puts a style on, a second one mixes, and the link carries both", a
 
 test("a link may hold anything", async () => {
   const { errors, taken } = await opened("#style=../../x&second=ink&strength=7&kind=<b>");
-  assert.deepEqual(await taken(), [["open_asset", "demo.sgs"]]);
+  assert.deepEqual(await taken(), [["open_asset", "demo.sgs"], ["set_strokes", 1, 1, 1]]);
   assert.deepEqual(errors, []);
 });
 
@@ -66,8 +66,16 @@ test("images become styles, other files scenes", async () => {
   const { page, errors, taken } = await opened();
   await page.setInputFiles("#file", "assets/styles/ink.jpg");
   await page.waitForSelector('[data-style="ink.jpg"][aria-pressed="true"]');
-  const [, painting, style] = await taken();
+  const [, , painting, style] = await taken();
   assert.deepEqual([painting[0], painting[1], style[1]], ["add_painting", "ink.jpg", ["image:ink.jpg"]]);
+  // Nobody has baked it; what comes with the page is still shown baked.
+  assert.equal(await page.inputValue("#kind"), "paint");
+  assert.ok(await page.isDisabled('#kind [value="look"]'));
+  await page.click('[data-style="dots"]');
+  assert.equal(await page.inputValue("#kind"), "look");
+  assert.deepEqual((await taken())[0][1], ["look:dots"]);
+  await page.click('[data-style="ink.jpg"]');
+  await taken();
   await page.setInputFiles("#file", { name: "a.spz", mimeType: "", buffer: Buffer.alloc(100) });
   await page.waitForFunction(() => calls.length === 2);
   assert.deepEqual(await taken(), [["set_style", [], [], 0, 1, false], ["open_file", "a.spz", 100]]);
@@ -75,8 +83,9 @@ test("images become styles, other files scenes", async () => {
   // The scene before it stays, and so does its style.
   await page.evaluate(() => tell("failed", "a.spz: found no scene"));
   assert.equal(await page.textContent("#notice"), "a.spz: found no scene");
-  assert.equal(await page.inputValue("#kind"), "look");
   assert.deepEqual(await taken(), [["set_style", ["image:ink.jpg"], [1], 0, 1, false]]);
+  await page.click('[data-style="ink"]');
+  assert.deepEqual((await taken())[0][1], ["look:ink"]);
   // One that can be shown keeps the kind that it can have.
   await page.setInputFiles("#file", { name: "b.spz", mimeType: "", buffer: Buffer.alloc(100) });
   await page.waitForFunction(() => calls.length === 2);
@@ -119,8 +128,56 @@ test("an app that stops is told, with the memory that it had", async () => {
   assert.equal(errors.length, 2, errors.join());
 });
 
+test("strokes are drawn as sliders say, which are in the link and restyle nothing", async () => {
+  const { page, errors, taken } = await opened();
+  await page.click('[data-style="ink"]');
+  await taken();
+  await page.fill("#paint", "0.5");
+  await page.focus("#protection");
+  await page.keyboard.press("ArrowRight");
+  await page.fill("#stroke_scale", "2");
+  assert.deepEqual(await taken(), [["set_strokes", 0.5, 1, 1], ["set_strokes", 0.5, 1.05, 1], ["set_strokes", 0.5, 1.05, 2]]);
+  for (const name of ["Strokes", "Kept clear", "Stroke size"]) assert.equal(await page.getByRole("slider", { name }).count(), 1, name);
+  const again = await opened(new URL(page.url()).hash);
+  assert.deepEqual((await again.taken())[1], ["set_strokes", 0.5, 1.05, 2]);
+  assert.equal(await again.page.inputValue("#stroke_scale"), "2");
+  const beyond = await opened("#style=ink&paint=9&protection=-1&stroke_scale=NaN");
+  assert.deepEqual((await beyond.taken())[1], ["set_strokes", 1, 1, 1]);
+  assert.deepEqual([...errors, ...again.errors, ...beyond.errors], []);
+});
+
+test("a capture without features is painted, and embedded only for the decoder", async () => {
+  const { page, errors, taken } = await opened();
+  await taken();
+  await page.evaluate(() => tell("loaded", "7 false"));
+  assert.ok(await page.isHidden("#embed"));
+  assert.equal(await page.textContent("#notice"), "");
+  await page.selectOption("#kind", "paint");
+  await page.click('[data-style="ink"]');
+  assert.deepEqual((await taken()).at(-1), ["set_style", ["paint:ink.jpg"], [1], 0, 1, false]);
+  assert.ok(await page.isHidden("#embed"));
+  // The decoder waits for features, and nothing else does.
+  await page.selectOption("#kind", "decode");
+  assert.match(await page.textContent("#notice"), /no features/);
+  await page.click("#embed");
+  await page.selectOption("#kind", "paint");
+  assert.ok(await page.isHidden("#embed"));
+  await page.selectOption("#kind", "decode");
+  assert.equal(await page.textContent("#embed"), "Embed it");
+  assert.deepEqual(await taken(), [
+    ["set_style", [], [], 0, 1, true], ["embed_soon"], ["cancel_embedding"],
+    ["set_style", ["paint:ink.jpg"], [1], 0, 1, false], ["set_style", [], [], 0, 1, true],
+  ]);
+  await page.evaluate(() => tell("loaded", "7 true"));
+  assert.deepEqual(await taken(), [["set_style", ["decode:ink"], [1], 0, 1, true]]);
+  assert.ok(await page.isHidden("#embed"));
+  assert.equal(await page.textContent("#notice"), "");
+  assert.deepEqual(errors, []);
+});
+
 test("a capture without features is embedded on request, with progress and an end", async () => {
   const { page, errors, taken } = await opened();
+  await page.selectOption("#kind", "decode");
   await taken();
   assert.ok(await page.isHidden("#embed"));
   await page.evaluate(() => tell("loaded", "7 false"));
@@ -130,6 +187,9 @@ test("a capture without features is embedded on request, with progress and an en
   assert.match(await page.textContent("#notice"), /Embedding/);
   await page.click("#embed");
   assert.deepEqual(await taken(), [["embed_soon"], ["cancel_embedding"]]);
+  await page.click("#embed");
+  await page.evaluate(() => tell("failed", "the capture has no colors to learn features from"));
+  assert.equal(await page.textContent("#embed"), "Embed it");
   await page.click("#embed");
   await page.evaluate(() => tell("loaded", "7 true"));
   assert.ok(await page.isHidden("#embed"));
@@ -169,7 +229,7 @@ test("a keyboard alone reaches everything", async () => {
     await page.keyboard.press("Tab");
     reached.add(await page.evaluate(() => document.activeElement.id || document.activeElement.dataset.style));
   }
-  for (const name of ["stage", "ink", "kind", "second", "share", "strength", "arrives", "file", "save", "save_glb", "link"]) {
+  for (const name of ["stage", "ink", "kind", "second", "share", "strength", "paint", "protection", "stroke_scale", "arrives", "file", "save", "save_glb", "link"]) {
     assert.ok(reached.has(name), `${name} is not among ${[...reached]}`);
   }
 });

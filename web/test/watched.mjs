@@ -138,3 +138,10 @@ export async function clicked(page, style) {
 
 // Until a scene of n Gaussians is drawn.
 export const shown = (page, n) => page.waitForSelector(`body[data-shown="${n}"]`, { state: "attached" });
+
+// Drops a scene of n Gaussians, until it is drawn. The one before may have as many.
+export async function dropScene(page, name, bytes, n) {
+  await page.evaluate(() => delete document.body.dataset.shown);
+  await drop(page, name, bytes);
+  await shown(page, n);
+}

@@ -37,6 +37,15 @@ pub enum Request {
         /// Whether the decoder alone makes the colors of images, without their strokes.
         by_decoder: bool,
     },
+    /// How strokes are drawn: factors, as those of [`StyleSource`](bevy_stylegaussian::StyleSource).
+    Strokes {
+        /// Of the strokes, 0 to 3.
+        paint: f32,
+        /// Of what stays clear of them, 0 to 10.
+        protection: f32,
+        /// Of their size, 0.1 to 10.
+        stroke_scale: f32,
+    },
     /// A turn around the scene, in radians.
     Turn {
         /// To the right.
@@ -74,7 +83,7 @@ pub enum Event {
     Ready,
     /// Work that takes a while: `reading`, `encoding`, `painting` or `embedding`, the last with the share that is done, 0..1.
     Progress,
-    /// A scene was read: its number of Gaussians, and whether it can be styled.
+    /// A scene was read: its number of Gaussians, and whether it has features, which the decoder needs.
     Loaded,
     /// The scene is drawn.
     Shown,
@@ -130,7 +139,14 @@ pub fn set_style(names: Vec<String>, weights: Vec<f32>, content: f32, strength: 
     ask(Request::Style { styles: names.into_iter().zip(weights).collect(), content, strength, by_decoder });
 }
 
-/// Gives the scene that is shown features, in the page's worker, so that it can be styled. It is then `loaded` once more.
+/// Sets how strokes are drawn, from the next frame on: factors of the strokes (0 to 3), of what stays clear of them (0 to 10) and of
+/// their size (0.1 to 10), 1 at first. Numbers outside are taken as the nearest one inside, and none as 1. Nothing is computed.
+#[wasm_bindgen]
+pub fn set_strokes(paint: f32, protection: f32, stroke_scale: f32) {
+    ask(Request::Strokes { paint, protection, stroke_scale });
+}
+
+/// Gives the scene that is shown features, in the page's worker, so that it can be decoded. It is then `loaded` once more.
 #[wasm_bindgen]
 pub fn embed_soon() {
     ask(Request::Embed);

@@ -8,6 +8,7 @@ mod bridge;
 mod camera;
 mod failure;
 mod memory;
+mod painted;
 mod paintings;
 mod save;
 mod scene;
@@ -65,6 +66,7 @@ fn main() -> AppExit {
                     camera::turn,
                     paintings::take_dropped,
                     style::set_budget,
+                    style::set_strokes,
                     style::wish,
                     style::put_on,
                     paintings::advance,

@@ -1,5 +1,5 @@
-//! Paintings as styles. The page's worker encodes them and lays their paint on; where there is none, the plugin does on the
-//! page's thread.
+//! Paintings as styles. The page's worker lays their paint on, and encodes them if the decoder is to make the colors; where there is
+//! none, the plugin does on the page's thread.
 
 use std::{collections::HashMap, sync::Arc};
 
@@ -10,16 +10,16 @@ use bevy::{
 };
 use bevy_stylegaussian::{
     GaussianScene, StyleInput, StyleLook, StyleStatistics,
-    stylegaussian::{Look, Scene, file, look::MadeFrom, morton},
+    stylegaussian::{Look, Scene, file, look::MadeFrom, morton, paint::Painted},
 };
 use js_sys::Uint8Array;
 use wasm_bindgen::JsValue;
 
 use crate::{
     bridge::{self, Event, Request},
-    memory,
+    memory, painted,
     scene::Shown,
-    style, work,
+    style,
     worker::{self, Call, State},
 };
 
@@ -30,12 +30,12 @@ pub struct Paintings(HashMap<String, Painting>);
 /// A painting.
 struct Painting {
     file: File,
-    /// The image, if the plugin encodes it.
+    /// The image, if there is no worker.
     image: Option<Handle<Image>>,
-    /// The statistics and the paint, once the worker has encoded them.
+    /// The statistics for the decoder, once the worker has encoded the painting.
     style: Handle<StyleStatistics>,
     encoded: Encoded,
-    /// The scene that it was last wanted on, and its colors there.
+    /// The scene that it was last wanted on, and its colors and strokes there.
     laid_on: Option<LaidOn>,
 }
 
@@ -47,7 +47,7 @@ enum File {
     Asset(String),
 }
 
-/// Stage of a painting's encoding.
+/// Stage of a painting's encoding, which the decoder alone needs.
 enum Encoded {
     No,
     Wanted,
@@ -125,10 +125,10 @@ impl Paintings {
             }
             return Ok(painting.image.clone().map(StyleInput::Image));
         }
-        if matches!(painting.encoded, Encoded::No) {
-            painting.encoded = Encoded::Wanted;
-        }
         if by_decoder {
+            if matches!(painting.encoded, Encoded::No) {
+                painting.encoded = Encoded::Wanted;
+            }
             return Ok(Some(StyleInput::Preset(painting.style.clone())));
         }
         if painting.laid_on.as_ref().is_none_or(|laid_on| laid_on.scene != scene) {
@@ -170,41 +170,41 @@ pub fn advance(
     shown: Res<Shown>,
 ) {
     for (name, painting) in &mut paintings.0 {
-        let advanced = painting.advance_style(name, &mut styles);
-        let advanced = advanced.and_then(|()| painting.advance_look(name, &mut looks, &scenes, &shown));
-        if let Err(error) = advanced {
+        if let Err(error) = painting.advance_style(name, &mut styles) {
             bridge::tell(Event::Failed, &error);
             // Asked for again, it is tried again.
+            painting.encoded = Encoded::No;
+        }
+        if let Err(error) = painting.advance_look(name, &mut looks, &scenes, &shown) {
+            bridge::tell(Event::Failed, &error);
             painting.laid_on = None;
         }
     }
 }
 
 impl Painting {
+    /// Has the worker, which is ready, do this with the painting of this name.
+    fn call(&self, function: &str, name: &str) -> Call {
+        let file = match &self.file {
+            File::Dropped(bytes) => bytes.clone().into(),
+            File::Asset(path) => worker::asset(path),
+        };
+        let name = name.split_once(':').map_or(name, |(_, name)| name);
+        worker::call(function, &[name.into(), file])
+    }
+
     fn advance_style(&mut self, name: &str, styles: &mut Assets<StyleStatistics>) -> Result<(), String> {
         match &self.encoded {
             Encoded::Wanted if worker::state() == State::Ready => {
-                let file = match &self.file {
-                    File::Dropped(bytes) => bytes.clone().into(),
-                    File::Asset(path) => worker::asset(path),
-                };
-                self.encoded = Encoded::Coming(worker::call("work_encode", &[name.into(), file]));
+                self.encoded = Encoded::Coming(self.call("work_encode", name));
             }
-            Encoded::Coming(call) => match call.answer() {
-                None => {}
-                Some(Ok(bytes)) => {
-                    let error = |error: file::FileError| error.to_string();
-                    let statistics = Arc::new(file::style_from_bytes(&bytes, name).map_err(error)?);
-                    let paint = file::paint_from_bytes(&bytes, name).map_err(error)?.map(Arc::new);
-                    let style = StyleStatistics { statistics, paint };
-                    styles.insert(&self.style, style).map_err(|error| error.to_string())?;
-                    self.encoded = Encoded::Yes(bytes);
-                }
-                Some(Err(error)) => {
-                    self.encoded = Encoded::No;
-                    return Err(error);
-                }
-            },
+            Encoded::Coming(call) => {
+                let Some(bytes) = call.answer().transpose()? else { return Ok(()) };
+                let statistics = file::style_from_bytes(&bytes, name).map_err(|error| error.to_string())?;
+                let style = StyleStatistics { statistics: Arc::new(statistics), paint: None };
+                styles.insert(&self.style, style).map_err(|error| error.to_string())?;
+                self.encoded = Encoded::Yes(bytes);
+            }
             _ => {}
         }
         Ok(())
@@ -217,42 +217,42 @@ impl Painting {
         scenes: &Assets<GaussianScene>,
         shown: &Shown,
     ) -> Result<(), String> {
-        let (Some(laid_on), Encoded::Yes(style)) = (&mut self.laid_on, &self.encoded) else { return Ok(()) };
+        let Some(laid_on) = &self.laid_on else { return Ok(()) };
         let Some(scene) = scenes.get(laid_on.scene) else { return Ok(()) };
-        match &laid_on.stage {
+        let stage = match &laid_on.stage {
             Stage::Wanted if worker::state() == State::Ready => {
                 shown.hold(laid_on.scene, scene)?;
-                laid_on.stage =
-                    Stage::Coming(worker::call("work_paint", &[name.into(), worker::bytes(style)]));
+                Stage::Coming(self.call("work_paint", name))
             }
             Stage::Coming(call) => {
-                let Some(colors) = call.answer() else { return Ok(()) };
-                let look = look(scene.scene(), &colors?)?;
+                let Some(bytes) = call.answer().transpose()? else { return Ok(()) };
+                let look = look(scene.scene(), &painted::from_bytes(&bytes)?)?;
                 looks.insert(&laid_on.look, StyleLook(Arc::new(look))).map_err(|error| error.to_string())?;
-                laid_on.stage = Stage::Done;
+                Stage::Done
             }
-            _ => {}
-        }
+            _ => return Ok(()),
+        };
+        self.laid_on = self.laid_on.take().map(|laid_on| LaidOn { stage, ..laid_on });
         Ok(())
     }
 }
 
-/// The look of a scene in colors, f32 `[N, 3]` in Morton order.
-fn look(scene: &Scene, bytes: &[u8]) -> Result<Look, String> {
-    let rows = work::colors_of(bytes)?;
-    if rows.len() != scene.len() {
-        return Err(format!("found {} colors, expected {}", rows.len(), scene.len()));
+/// The look of a scene that was painted in Morton order.
+fn look(scene: &Scene, painted: &Painted) -> Result<Look, String> {
+    if painted.colors.len() != scene.len() {
+        return Err(format!("found {} colors, expected {}", painted.colors.len(), scene.len()));
     }
-    let mut colors = vec![[0.0; 3]; scene.len()];
-    for (row, i) in rows.iter().zip(morton::order(&scene.means)) {
-        colors[i as usize] = *row;
+    let mut rows = vec![0; scene.len()];
+    for (row, i) in (0..).zip(morton::order(&scene.means)) {
+        rows[i as usize] = row;
     }
-    Ok(Look::new(scene, &colors, MadeFrom::default()))
+    let Painted { colors, strokes, .. } = painted::in_order(painted, &rows);
+    Ok(Look::new(scene, &colors, MadeFrom::default()).with_strokes(scene, &strokes))
 }
 
 #[cfg(test)]
 mod tests {
-    use bevy_stylegaussian::stylegaussian::scene::Sh;
+    use bevy_stylegaussian::stylegaussian::{scene::Sh, strokes::Strokes};
 
     use super::*;
 
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn colors_of_the_worker_reach_their_gaussians() {
+    fn what_the_worker_has_painted_reaches_its_gaussians() {
         let mut scene = Scene {
             means: [3.0, 0.0, 2.0, 1.0].map(Vec3::splat).to_vec(),
             rotations: vec![Quat::IDENTITY; 4],
@@ -278,11 +278,19 @@ mod tests {
         };
         scene.sh = Some(Sh { degree: 0, coefficients: vec![0.0; 12] });
         let sorted = scene.subset(&morton::order(&scene.means));
-        let colors = sorted.means.iter().flat_map(|mean| mean.to_array()).flat_map(f32::to_le_bytes);
-        let look = look(&scene, &colors.collect::<Vec<_>>()).unwrap();
+        let colors = sorted.means.iter().map(|mean| mean.to_array()).collect();
+        let words = sorted.means.iter().map(|mean| mean.x as u32).collect();
+        let strokes = Strokes { words, ..painted::tests::painted().strokes };
+        let mut painted = Painted { colors, strokes, ..Painted::default() };
+        let look = look(&scene, &painted).unwrap();
         let expected: Vec<_> = scene.means.iter().map(|mean| mean.to_array()).collect();
         assert_eq!(look.colors_for(&scene).unwrap(), expected);
-        assert!(super::look(&scene, &[0; 47]).is_err());
-        assert!(super::look(&scene, &[0; 36]).is_err());
+        let strokes = look.strokes_for(&scene).unwrap().unwrap();
+        assert_eq!(strokes.words, [3, 0, 2, 1]);
+        assert_eq!((strokes.seeds, strokes.textures), (painted.strokes.seeds, painted.strokes.textures));
+        painted.strokes = Strokes::default();
+        assert!(!super::look(&scene, &painted).unwrap().has_strokes());
+        painted.colors.pop();
+        assert!(super::look(&scene, &painted).unwrap_err().contains("found 3 colors"));
     }
 }

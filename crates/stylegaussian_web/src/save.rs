@@ -9,17 +9,17 @@ use bevy::{
 };
 use bevy_stylegaussian::{
     AppliedStyle, GaussianScene, GaussianSplats,
-    stylegaussian::{Scene, file::scene_to_bytes, morton},
+    stylegaussian::{Scene, file::scene_to_bytes, fold::StylizeError, morton, paint::Painted},
 };
 use js_sys::{Array, Uint8Array};
 use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
 
 use crate::{
     bridge::{self, Event, Request},
+    painted,
     paintings::Paintings,
     scene::Shown,
     style::Wish,
-    work,
     worker::{self, Call, State},
 };
 
@@ -63,7 +63,7 @@ pub struct Saving(Option<Making>);
 
 /// Who makes a file.
 enum Making {
-    /// A task, of colors that are known.
+    /// A task, if there is no worker.
     Task(Task<Result<Vec<u8>, String>>),
     /// The worker, which may also decode them.
     Worker(Call),
@@ -88,8 +88,11 @@ pub fn scene(
         } else if let Some(given) = style.and_then(|_| wish.for_worker(&paintings)) {
             Making::Worker(worker::call("work_decode", &given))
         } else {
-            match style.map(|style| style.colors()).transpose() {
-                Ok(colors) => Making::Worker(worker::call("work_save", &[sorted(scene.scene(), colors)])),
+            match style.map(|style| shown_in(style, scene.scene())).transpose() {
+                Ok(painted) => {
+                    let painted = worker::bytes(&painted.unwrap_or_default());
+                    Making::Worker(worker::call("work_save", &[painted]))
+                }
                 Err(error) => return bridge::tell(Event::Failed, &error.to_string()),
             }
         });
@@ -107,11 +110,11 @@ pub fn scene(
     }
 }
 
-/// The colors of a scene for the worker, which holds it in the order of a `.sgs`. Nothing if there are none.
-fn sorted(scene: &Scene, colors: Option<Arc<[[f32; 3]]>>) -> JsValue {
-    let colors =
-        colors.map(|colors| work::bytes_of(morton::order(&scene.means).iter().map(|i| &colors[*i as usize])));
-    worker::bytes(&colors.unwrap_or_default())
+/// The colors and strokes of a scene for the worker, which holds it in the order of a `.sgs`.
+fn shown_in(style: &AppliedStyle, scene: &Scene) -> Result<Vec<u8>, StylizeError> {
+    let strokes = style.strokes().map(|strokes| (**strokes).clone()).unwrap_or_default();
+    let painted = Painted { colors: style.colors()?.to_vec(), strokes, ..Painted::default() };
+    Ok(painted::to_bytes(&painted::in_order(&painted, &morton::order(&scene.means))))
 }
 
 /// The bytes of a scene in the colors that it is shown in.

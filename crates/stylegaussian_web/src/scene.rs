@@ -210,14 +210,14 @@ pub fn show_loaded(
         **orbit = Orbit::frame(world_from_scene * center, radius, aspect);
         *transform = Transform::from_rotation(world_from_scene);
     }
-    let can_be_styled = scene.features.is_some();
-    bridge::tell(Event::Loaded, &format!("{} {can_be_styled}", scene.len()));
+    let has_features = scene.features.is_some();
+    bridge::tell(Event::Loaded, &format!("{} {has_features}", scene.len()));
     if let Next::Asset(handle, path) = last {
         shown.asset = Some((handle.id(), path));
     }
     splats.0 = handle;
-    if !can_be_styled {
-        wish.keep_looks();
+    if !has_features {
+        wish.forget_decoded();
     }
     // Paint belongs to a scene.
     wish.is_due = true;

@@ -52,9 +52,11 @@ impl Wish {
         Some([styles?.into(), Float32Array::from(&weights[..]).into(), self.content.into()])
     }
 
-    /// Forgets all but looks, which alone need no features.
-    pub fn keep_looks(&mut self) {
-        self.styles.retain(|(name, _)| name.starts_with("look:"));
+    /// Forgets what the decoder makes, which alone needs features.
+    pub fn forget_decoded(&mut self) {
+        if self.is_decoded() {
+            self.styles.retain(|(name, _)| name.starts_with("look:"));
+        }
     }
 
     /// Whether the decoder makes the colors of paintings. The styles of a mix are made in one way.
@@ -106,7 +108,7 @@ pub fn put_on(
     assets: Res<AssetServer>,
 ) {
     let is_painting = |name: &str| name.starts_with("image:") || name.starts_with("paint:");
-    // Who encodes a painting is known once the worker has started, or has not.
+    // Who prepares a painting is known once the worker has started, or has not.
     let waits = worker::state() == State::Starting && wish.styles.iter().any(|(name, _)| is_painting(name));
     if !wish.is_due || waits {
         return;
@@ -129,11 +131,21 @@ pub fn put_on(
             Err(error) => bridge::tell(Event::Failed, &format!("{name}: {error}")),
         }
     }
-    let mix = StyleSource::mix(mix).with_content(wish.content).with_strength(wish.strength);
+    let StyleSource { styles, .. } = StyleSource::mix(mix);
+    let mix = StyleSource { styles, content: wish.content, strength: wish.strength, ..source.clone() };
     // Only a real change may touch the components and the resource.
     method.set_if_neq(if by_decoder { StyleMethod::Decoder } else { StyleMethod::Paint });
     source.set_if_neq(mix);
     worn.set_if_neq(wish.transition.clone());
+}
+
+/// Changes how strokes are drawn.
+pub fn set_strokes(mut requests: MessageReader<Request>, mut source: Single<&mut StyleSource>) {
+    for request in requests.read() {
+        if let Request::Strokes { paint, protection, stroke_scale } = *request {
+            (source.paint, source.protection, source.stroke_scale) = (paint, protection, stroke_scale);
+        }
+    }
 }
 
 /// Changes the time that changes of style may take per frame.

@@ -1,6 +1,6 @@
 //! Computations without an app: the page's [`worker`](crate::worker) calls them, in a module of its own. They hold one scene.
 
-use std::{cell::RefCell, collections::HashMap};
+use std::cell::RefCell;
 
 use bevy::math::UVec2;
 use bevy_stylegaussian::{
@@ -8,10 +8,10 @@ use bevy_stylegaussian::{
         Decoder, Neighbors, Scene,
         file::{self, ReadOptions, Reading, SceneReader},
         fold::{self, StylizeError},
-        paint::{Canvas, Paint, Surface, lay},
+        paint::{Canvas, Painted, Surface, lay},
         views::choose_views,
     },
-    stylegaussian_encoder::{Encoder, Image, StyleSize, painted_style},
+    stylegaussian_encoder::{Encoder, Image, StyleSize, paint_of, style_statistics},
 };
 use js_sys::{Array, Function, Uint8Array};
 use stylegaussian_defaults::{DECODER, ENCODER, ENCODER_NAME};
@@ -20,6 +20,8 @@ use stylegaussian_train::{
     embed::{EmbedOptions, TrainingView, embed},
 };
 use wasm_bindgen::{JsError, JsValue, prelude::wasm_bindgen};
+
+use crate::painted;
 
 /// Pictures that a scene is embedded from, and the longer side of one in pixels: fewer and smaller ones than the command
 /// line's 60 of 512 pixels, because a page computes on one thread.
@@ -37,8 +39,6 @@ struct Held {
     surface: Option<Surface>,
     /// The default encoder, once it was needed.
     encoder: Option<Encoder>,
-    /// The paint of the images that were encoded, by their names as styles. Files round it.
-    paints: HashMap<String, Paint>,
 }
 
 thread_local! {
@@ -75,7 +75,7 @@ pub fn work_embed(tell: Function) -> Result<Vec<u8>, JsError> {
     })
 }
 
-/// Encodes a JPEG or PNG image that has this name as a style, and returns its statistics and paint as a `.style.safetensors`.
+/// Encodes a JPEG or PNG image of this name for the decoder, and returns its statistics as a `.style.safetensors`.
 #[wasm_bindgen]
 pub fn work_encode(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, JsError> {
     TELL.set(Some(tell));
@@ -83,14 +83,14 @@ pub fn work_encode(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, 
     HELD.with_borrow_mut(|held| held.encode(name, bytes)).map_err(|error| JsError::new(&error))
 }
 
-/// Lays the paint of an image that was encoded under this name, or else that of a `.style.safetensors`, on the scene, and returns its colors, f32 `[N, 3]` in the order of a `.sgs`.
+/// Lays the paint of a JPEG or PNG image of this name on the scene, and returns its colors and strokes in the order of a `.sgs`, as
+/// bytes of [`painted`]. No encoder takes part.
 #[wasm_bindgen]
-pub fn work_paint(name: &str, style: &[u8], tell: Function) -> Result<Vec<u8>, JsError> {
+pub fn work_paint(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, JsError> {
     TELL.set(Some(tell));
     tell_progress("painting", None);
-    let colors =
-        HELD.with_borrow_mut(|held| held.paint(name, style)).map_err(|error| JsError::new(&error))?;
-    Ok(bytes_of(&colors))
+    let painted = HELD.with_borrow_mut(|held| held.paint(name, bytes));
+    Ok(painted::to_bytes(&painted.map_err(|error| JsError::new(&error))?))
 }
 
 /// Decodes a mix of `.style.safetensors`, and returns the scene in these colors as a `.glb`.
@@ -102,38 +102,25 @@ pub fn work_decode(styles: Array, weights: &[f32], content: f32) -> Result<Vec<u
     Ok(file::scene_to_bytes("scene.glb", &scene.map_err(|error| JsError::new(&error))?)?)
 }
 
-/// Returns the scene as a `.glb` in colors, f32 `[N, 3]` in the order of a `.sgs`, or in its own if there are none.
+/// Returns the scene as a `.glb` in colors and the mean of the strokes over them, bytes of [`painted`] in the order of a `.sgs`, or in
+/// its own colors if there are none.
 #[wasm_bindgen]
-pub fn work_save(colors: &[u8]) -> Result<Vec<u8>, JsError> {
-    let written = HELD.with_borrow(|held| saved(&held.scene, colors));
+pub fn work_save(painted: &[u8]) -> Result<Vec<u8>, JsError> {
+    let written = HELD.with_borrow(|held| saved(&held.scene, painted));
     written.map_err(|error| JsError::new(&error))
 }
 
-fn saved(scene: &Scene, colors: &[u8]) -> Result<Vec<u8>, String> {
-    let mut scene = scene.clone();
-    if !colors.is_empty() {
-        let colors = colors_of(colors)?;
-        if colors.len() != scene.len() {
-            return Err(format!("found {} colors, expected {}", colors.len(), scene.len()));
+fn saved(scene: &Scene, painted: &[u8]) -> Result<Vec<u8>, String> {
+    let mut saved = scene.clone();
+    if !painted.is_empty() {
+        let painted = painted::from_bytes(painted)?;
+        if painted.colors.len() != scene.len() {
+            return Err(format!("found {} colors, expected {}", painted.colors.len(), scene.len()));
         }
-        scene.set_colors(&colors);
+        let has_strokes = !painted.strokes.seeds.is_empty();
+        saved.set_colors(&if has_strokes { painted.flattened(scene) } else { painted.colors });
     }
-    file::scene_to_bytes("scene.glb", &scene).map_err(|error| error.to_string())
-}
-
-/// Colors as bytes: f32 `[N, 3]`.
-pub fn bytes_of<'a>(colors: impl IntoIterator<Item = &'a [f32; 3]>) -> Vec<u8> {
-    colors.into_iter().flatten().flat_map(|value| value.to_le_bytes()).collect()
-}
-
-/// The colors that [`bytes_of`] has written.
-///
-/// # Errors
-/// If a part of one is missing.
-pub fn colors_of(bytes: &[u8]) -> Result<Vec<[f32; 3]>, String> {
-    let (values, []) = bytes.as_chunks::<4>() else { return Err("found a part of a color".into()) };
-    let (colors, []) = values.as_chunks::<3>() else { return Err("found a part of a color".into()) };
-    Ok(colors.iter().map(|color| color.map(f32::from_le_bytes)).collect())
+    file::scene_to_bytes("scene.glb", &saved).map_err(|error| error.to_string())
 }
 
 /// A scene in the decoded colors of a mix of styles: bytes of `.style.safetensors`, and their weights.
@@ -201,28 +188,19 @@ impl Held {
         self.encoder.as_ref().ok_or_else(String::new)
     }
 
-    /// The style of an image, with its paint.
-    fn encode(&mut self, style: &str, bytes: &[u8]) -> Result<Vec<u8>, String> {
-        let name = style.split_once(':').map_or(style, |(_, name)| name);
-        let image = Image::from_bytes(bytes, name.as_ref()).map_err(|error| error.to_string())?;
-        let encoded = painted_style(self.open_encoder()?, &image, StyleSize::default());
-        let (statistics, paint) = encoded.map_err(|error| format!("{name}: {error}"))?;
-        let bytes =
-            file::painted_style_to_bytes(name, &statistics, &paint).map_err(|error| error.to_string());
-        self.paints.insert(style.into(), paint);
-        bytes
+    /// The statistics of an image.
+    fn encode(&mut self, name: &str, bytes: &[u8]) -> Result<Vec<u8>, String> {
+        let image = painting(name, bytes)?;
+        let statistics = style_statistics(self.open_encoder()?, &image, StyleSize::default());
+        let statistics = statistics.map_err(|error| format!("{name}: {error}"))?;
+        file::style_to_bytes(name, &statistics).map_err(|error| error.to_string())
     }
 
-    fn paint(&mut self, name: &str, style: &[u8]) -> Result<Vec<[f32; 3]>, String> {
-        // The worker that encoded it may have been stopped.
-        if !self.paints.contains_key(name) {
-            let paint = file::paint_from_bytes(style, name).map_err(|error| error.to_string())?;
-            self.paints.insert(name.into(), paint.ok_or("found a style without paint")?);
-        }
+    /// The scene in the colors and strokes of an image.
+    fn paint(&mut self, name: &str, bytes: &[u8]) -> Result<Painted, String> {
+        let canvas = Canvas::new(&paint_of(&painting(name, bytes)?));
         let surface = self.surface.get_or_insert_with(|| Surface::new(&self.scene));
-        let painted = lay(&self.scene, surface, &[(&Canvas::new(&self.paints[name]), 1.0)], 0.0);
-        // The page takes colors alone, so each has the mean of the strokes over it.
-        Ok(painted.flattened(&self.scene))
+        Ok(lay(&self.scene, surface, &[(&canvas, 1.0)], 0.0))
     }
 
     fn embed(&mut self) -> Result<Vec<u8>, String> {
@@ -248,6 +226,11 @@ impl Held {
     }
 }
 
+/// Reads a painting, which errors call `name`.
+fn painting(name: &str, bytes: &[u8]) -> Result<Image, String> {
+    Image::painting_from_bytes(bytes, name.as_ref()).map_err(|error| error.to_string())
+}
+
 /// Tells how far embedding is: views take about two thirds of the time.
 fn tell_embedding(now: Progress) {
     let done = now.done as f32 / now.total.max(1) as f32;
@@ -259,27 +242,50 @@ fn tell_embedding(now: Progress) {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_painting_is_encoded_and_laid_on() {
-        let png = include_bytes!("../../../assets/styles/halftone.png");
-        let mut held = Held::default();
-        let style = held.encode("image:halftone.png", png).unwrap();
-        let error = held.encode("image:halftone.png", &png[..100]).unwrap_err();
-        assert!(error.starts_with("halftone.png"), "{error}");
+    /// A part of the demo scene, and an image.
+    fn given() -> (Held, &'static [u8]) {
         let demo = read(include_bytes!("../../../assets/demo.sgs").to_vec(), SCENE).unwrap();
-        held.scene = demo.subset(&Vec::from_iter(0..3000));
-        let colors = held.paint("image:halftone.png", &style).unwrap();
-        assert_eq!(held.paint("of a file", &style).unwrap().len(), colors.len());
-        assert_eq!(colors.len(), held.scene.len());
-        assert_ne!(colors, held.scene.base_colors());
+        let scene = demo.subset(&Vec::from_iter(0..3000));
+        (Held { scene, ..Held::default() }, include_bytes!("../../../assets/styles/halftone.png"))
+    }
+
+    #[test]
+    fn paint_is_laid_on_without_features_and_saved() {
+        let (mut held, png) = given();
+        held.scene.features = None;
+        let painted = held.paint("halftone.png", png).unwrap();
+        assert!(held.encoder.is_none(), "nobody needs an encoder");
+        let image = Image::painting_from_bytes(png, "halftone.png".as_ref()).unwrap();
+        let canvas = Canvas::new(&paint_of(&image));
+        let expected = lay(&held.scene, &Surface::new(&held.scene), &[(&canvas, 1.0)], 0.0);
+        let bytes = painted::to_bytes(&painted);
+        let read_back = painted::from_bytes(&bytes).unwrap();
+        assert_eq!((&read_back.colors, &read_back.strokes), (&expected.colors, &expected.strokes));
+        assert_eq!(read_back.strokes.textures.len(), 1);
+        let of_glb =
+            |painted: &[u8]| read(saved(&held.scene, painted).unwrap(), "scene.glb").unwrap().base_colors();
+        let with_strokes = of_glb(&bytes);
+        let flat = expected.flattened(&held.scene);
+        // Colors of a .glb are half floats.
+        let near = |(a, b): (&[f32; 3], &[f32; 3])| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 2e-3);
+        assert!(with_strokes.iter().zip(&flat).all(near));
+        let bare = painted::to_bytes(&Painted { colors: expected.colors, ..Painted::default() });
+        assert_ne!(of_glb(&bare), with_strokes);
+        assert_ne!(of_glb(&[]), with_strokes);
+        let of_others = painted::to_bytes(&painted::tests::painted());
+        assert!(saved(&held.scene, &of_others).unwrap_err().contains("found 3 colors"));
+        assert!(held.paint("halftone.png", &png[..100]).unwrap_err().starts_with("halftone.png"));
+    }
+
+    #[test]
+    fn a_painting_is_encoded_for_the_decoder() {
+        let (mut held, png) = given();
+        let style = held.encode("halftone.png", png).unwrap();
+        let error = held.encode("halftone.png", &png[..100]).unwrap_err();
+        assert!(error.starts_with("halftone.png"), "{error}");
         let styled = decoded(&held.scene, &[(&style, 1.0)], 0.0).unwrap();
         assert_ne!(styled.base_colors(), held.scene.base_colors());
         assert!(decoded(&held.scene, &[], 0.0).unwrap_err().contains("mix weights"));
-        let glb = read(saved(&held.scene, &bytes_of(&colors)).unwrap(), "scene.glb").unwrap();
-        assert_eq!(glb.len(), held.scene.len());
-        let own = read(saved(&held.scene, &[]).unwrap(), "scene.glb").unwrap();
-        assert_ne!(glb.base_colors(), own.base_colors());
-        assert!(saved(&held.scene, &[0; 12]).unwrap_err().contains("found 1 colors"));
     }
 
     #[test]
