@@ -121,7 +121,7 @@ pub(crate) mod tests {
         painted.strokes.seeds.clear();
         painted.strokes.textures.clear();
         let read = from_bytes(&to_bytes(&painted)).unwrap();
-        assert_eq!((read.colors, read.strokes), (painted.colors, Strokes::default()));
+        assert_eq!((&read.colors, &read.strokes), (&painted.colors, &Strokes::default()));
         assert!(in_order(&read, &[2, 1, 0]).strokes.words.is_empty());
     }
 }
