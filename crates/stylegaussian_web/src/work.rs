@@ -262,12 +262,18 @@ mod tests {
         let read_back = painted::from_bytes(&bytes).unwrap();
         assert_eq!((&read_back.colors, &read_back.strokes), (&expected.colors, &expected.strokes));
         assert_eq!(read_back.strokes.textures.len(), 1);
-        let of_glb =
-            |painted: &[u8]| read(saved(&held.scene, painted).unwrap(), "scene.glb").unwrap().base_colors();
+        // In the file's order, which is the scene's.
+        let of_glb = |painted: &[u8]| {
+            let glb = saved(&held.scene, painted).unwrap();
+            match SceneReader::new(glb, "scene.glb", ReadOptions::default()).read().unwrap() {
+                Reading::Scene(loaded) => loaded.scene.base_colors(),
+                Reading::Needs(names) => panic!("{names:?}"),
+            }
+        };
         let with_strokes = of_glb(&bytes);
         let flat = expected.flattened(&held.scene);
-        // Colors of a .glb are half floats.
-        let near = |(a, b): (&[f32; 3], &[f32; 3])| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 2e-3);
+        assert_eq!(with_strokes.len(), flat.len());
+        let near = |(a, b): (&[f32; 3], &[f32; 3])| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
         assert!(with_strokes.iter().zip(&flat).all(near));
         let bare = painted::to_bytes(&Painted { colors: expected.colors, ..Painted::default() });
         assert_ne!(of_glb(&bare), with_strokes);
