@@ -32,8 +32,8 @@ const PLACE_SHOWS_MORE: f32 = 1.15;
 /// Least share of a place's inner views that must show the scene. A place surrounds its viewer, an object does not.
 const PLACE_ENCLOSES: f32 = 0.7;
 
-/// One in this many inner views is looked at first, and decides if it shows less than enough by this: five times the deviation of
-/// the mean of so many views.
+/// One in this many inner views is looked at first. If these show less than enough by [`NEARLY`], the others are not looked at. The mean
+/// of forty shares in 0..1 has a deviation of 0.08 at most.
 const FEW: usize = 4;
 const NEARLY: f32 = 0.2;
 

@@ -20,7 +20,7 @@ pub fn to_bytes(painted: &Painted) -> Vec<u8> {
     parts.concat()
 }
 
-/// What [`to_bytes`] has written.
+/// Reads a painted scene that [`to_bytes`] has written.
 ///
 /// # Errors
 /// If there are fewer bytes, or more.
