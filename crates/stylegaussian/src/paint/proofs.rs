@@ -61,6 +61,13 @@ impl Proofs {
         Self(proofs.filter(|proof| proof.mask.n_covered() > 0).collect())
     }
 
+    /// Calls the i-th Gaussian by the i-th of `names` `[N]`.
+    pub fn renumber(&mut self, names: &[u32]) {
+        for i in self.0.iter_mut().flat_map(|proof| &mut proof.weights.indices) {
+            *i = names[*i as usize];
+        }
+    }
+
     /// The pixels of all proofs if Gaussians have these `colors` `[N]`.
     pub fn pixels(&self, colors: &[Vec3]) -> Vec<Vec3> {
         let flat: Vec<f32> = colors.iter().flat_map(|color| color.to_array()).collect();

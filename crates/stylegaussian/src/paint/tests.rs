@@ -95,6 +95,23 @@ fn hues_are_those_of_the_painting() {
     assert!(worst < 0.35, "{worst}");
 }
 
+/// Strokes are where they are, whatever the order of Gaussians in the file.
+#[test]
+fn the_same_for_any_order() {
+    let mut scene = wall(40);
+    scene.sort_by_morton();
+    // More Gaussians than neighbors of one cell, and an order without any locality.
+    let shuffled: Vec<u32> = (0..1600).map(|i| i * 777 % 1600).collect();
+    let [sorted, other] = [&scene, &scene.subset(&shuffled)].map(|scene| painted(scene, &stripes(128, 96)));
+    assert_eq!(other.strokes.seeds, sorted.strokes.seeds);
+    for (i, &row) in shuffled.iter().enumerate() {
+        let apart = Vec3::from(other.colors[i]).distance(sorted.colors[row as usize].into());
+        assert!(apart < 1e-4, "{i}: {apart}");
+        let [words, expected] = [other.strokes.words[i], sorted.strokes.words[row as usize]];
+        assert_eq!(StrokeWord::unpacked(words).seed, StrokeWord::unpacked(expected).seed);
+    }
+}
+
 #[test]
 fn the_same_for_any_number_of_threads() {
     let scene = wall(40);

@@ -1,6 +1,6 @@
 //! Size, middle and direction of a scene, measured so that stray Gaussians do not matter.
 
-use crate::{Scene, splat::MIN_ALPHA};
+use crate::{Scene, morton, splat::MIN_ALPHA};
 use glam::Vec3;
 
 use super::{backdrop::without_backdrop, up::up};
@@ -60,12 +60,14 @@ impl Survey {
     }
 }
 
-/// A scene of at most `n` Gaussians that looks similar from afar, without its backdrop. The remaining Gaussians are enlarged, so
-/// that the total area stays the same.
+/// A scene of at most `n` Gaussians that looks similar from afar, without its backdrop: every so many along the Morton curve, so that
+/// it is the same in whatever order a file lists them. The remaining Gaussians are enlarged, so that the total area stays the same.
 fn stand_in(scene: &Scene, n: usize) -> Scene {
     let near = without_backdrop(scene).unwrap_or_else(|| (0..scene.len() as u32).collect());
+    let means: Vec<Vec3> = near.iter().map(|&i| scene.means[i as usize]).collect();
     let stride = near.len().div_ceil(n).max(1);
-    let indices: Vec<u32> = near.into_iter().step_by(stride).collect();
+    let every = morton::order(&means).into_iter().step_by(stride);
+    let indices: Vec<u32> = every.map(|i| near[i as usize]).collect();
     // Areas grow with the square of scales, and each Gaussian that is left stands for `stride`.
     let enlarged = (stride as f32).sqrt();
     Scene {

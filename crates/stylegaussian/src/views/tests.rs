@@ -217,6 +217,18 @@ fn one_scene_one_choice() {
     assert_eq!(alone[..4], choose_views(&scene, 4, SIZE));
 }
 
+/// The same Gaussians in another order, more than the stand-in holds.
+#[test]
+fn the_order_in_the_file_does_not_matter() {
+    let mut scene = Scene::default();
+    add_box(&mut scene, Vec3::splat(-1.0), Vec3::splat(1.0), 100);
+    assert!(scene.len() > 40_000, "{}", scene.len());
+    let n = scene.len();
+    let shuffled: Vec<u32> = (0..n).map(|i| (i * 7919 % n) as u32).collect();
+    let [one, other] = [&scene, &scene.subset(&shuffled)].map(|scene| choose_views(scene, 4, SIZE));
+    assert_eq!(one, other);
+}
+
 #[test]
 fn nothing_and_next_to_nothing() {
     assert!(choose_views(&Scene::default(), 5, SIZE).is_empty());
