@@ -1,4 +1,5 @@
-//! Balls fall on a captured scene and bounce off its surfaces: boxes of occupied voxels, as a physics engine would take them.
+//! Balls fall on a captured scene and bounce off its surfaces: boxes of occupied voxels, as a physics engine
+//! would take them.
 //!
 //! ```sh
 //! cargo run --release --example collision

@@ -1,4 +1,5 @@
-//! Everything together, in the size of a first game: two captures, four volumes, a wave at a click, a brush, two cameras.
+//! Everything together, in the size of a first game: two captures, four volumes, a wave at a click, a brush,
+//! two cameras.
 //!
 //! ```sh
 //! cargo run --release --example game

@@ -1,5 +1,6 @@
-//! Images without a window: a turntable of the demo scene, on which the paint of every shipped style arrives as a wave and
-//! balls of paint wander through the captured colors, and a contact sheet that shows each style beside its painting.
+//! Images without a window: a turntable of the demo scene, on which the paint of every shipped style arrives as
+//! a wave and balls of paint wander through the captured colors, and a contact sheet that shows each style
+//! beside its painting.
 //!
 //! ```sh
 //! cargo run --release --example headless [OUT_DIR]    # default: out/demo

@@ -1,6 +1,6 @@
-//! Splats among meshes: lit cubes circle in front of a styled scene, behind it and through it. Cubes cover splats behind
-//! them, and splats cover cubes. A pane of glass in front tints the scene. Splats write no depth, so transparent meshes are
-//! always drawn over them.
+//! Splats among meshes: lit cubes circle in front of a styled scene, behind it and through it. Cubes cover
+//! splats behind them, and splats cover cubes. A pane of glass in front tints the scene. Splats write no depth,
+//! so transparent meshes are always drawn over them.
 //!
 //! ```sh
 //! cargo run --release --example meshes

@@ -1,4 +1,5 @@
-//! Pointer events on splats, as on meshes: a needle shows the surface under the pointer, and a click drives it in.
+//! Pointer events on splats, as on meshes: a needle shows the surface under the pointer, and a click drives it
+//! in.
 //!
 //! ```sh
 //! cargo run --release --example picking

@@ -1,6 +1,7 @@
-//! Two eyes side by side. Both look straight ahead. Asymmetric frusta, as in headsets, make their images agree at the
-//! distance of the screen; the eyes are not turned. Look at the left image with the left eye and at the right one with the
-//! right eye. Parallel eyes see every splat at the same depth, so both blend splats in the same order.
+//! Two eyes side by side. Both look straight ahead. Asymmetric frusta, as in headsets, make their images agree
+//! at the distance of the screen; the eyes are not turned. Look at the left image with the left eye and at the
+//! right one with the right eye. Parallel eyes see every splat at the same depth, so both blend splats in the
+//! same order.
 //!
 //! ```sh
 //! cargo run --release --example stereo
@@ -38,7 +39,8 @@ pub struct OffAxis {
 impl CameraProjection for OffAxis {
     /// Reverse z without a far plane, like Bevy's own perspective.
     fn get_clip_from_view(&self) -> Mat4 {
-        // x_clip = (x + middle.x z) / half_size.x and w = -z: the middle of the image is where x / -z is `middle.x`.
+        // x_clip = (x + middle.x z) / half_size.x and w = -z: the middle of the image is where x / -z is
+        // `middle.x`.
         let (scale, shift) = (self.half_size.recip(), self.middle / self.half_size);
         Mat4::from_cols(
             Vec4::new(scale.x, 0.0, 0.0, 0.0),
@@ -51,8 +53,8 @@ impl CameraProjection for OffAxis {
     fn get_clip_from_view_for_sub(&self, sub: &SubCameraView) -> Mat4 {
         let (full, size) = (sub.full_size.as_vec2(), sub.size.as_vec2());
         let middle = (2.0 * sub.offset + size) / full - 1.0;
-        // The part of the image that `sub` names, stretched to the whole clip space. Its y points down, that of clip
-        // space up.
+        // The part of the image that `sub` names, stretched to the whole clip space. Its y points down, that of
+        // clip space up.
         let crop = Mat4::from_scale((full / size).extend(1.0))
             * Mat4::from_translation(Vec3::new(-middle.x, middle.y, 0.0));
         crop * self.get_clip_from_view()
@@ -68,8 +70,8 @@ impl CameraProjection for OffAxis {
     }
 
     fn get_frustum_corners(&self, z_near: f32, z_far: f32) -> [Vec3A; 8] {
-        // In the order of Bevy's perspective: bottom right, top right, top left, bottom left, first near and then
-        // far.
+        // In the order of Bevy's perspective: bottom right, top right, top left, bottom left, first near and
+        // then far.
         let corners = [vec2(1.0, -1.0), vec2(1.0, 1.0), vec2(-1.0, 1.0), vec2(-1.0, -1.0)];
         let at = |z: f32| {
             corners.map(|corner| ((self.middle + corner * self.half_size) * z.abs()).extend(z).into())

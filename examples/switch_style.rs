@@ -1,5 +1,6 @@
-//! A scene painted anew at the press of a key: 1 to 8 for the shipped styles, 0 for none. The old look stays until the new one is
-//! complete, then fades into it. The keys + and - make more and less of the strokes, at once.
+//! A scene painted anew at the press of a key: 1 to 8 for the shipped styles, 0 for none. The old look stays
+//! until the new one is complete, then fades into it. The keys + and - make more and less of the strokes, at
+//! once.
 //!
 //! ```sh
 //! cargo run --release --example switch_style

@@ -1,5 +1,5 @@
-//! One scene shown twice, in two styles. Both entities share the scene, in main memory and on the GPU. The second one adds
-//! only its colors and strokes, 12 bytes per Gaussian.
+//! One scene shown twice, in two styles. Both entities share the scene, in main memory and on the GPU. The
+//! second one adds only its colors and strokes, 12 bytes per Gaussian.
 //!
 //! ```sh
 //! cargo run --release --example two_styles

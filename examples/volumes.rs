@@ -1,5 +1,5 @@
-//! Volumes: balls of paint that circle through a captured scene, a sheet of ink that rises and sinks, and a middle that stays
-//! as it was.
+//! Volumes: balls of paint that circle through a captured scene, a sheet of ink that rises and sinks, and a
+//! middle that stays as it was.
 //!
 //! ```sh
 //! cargo run --release --example volumes

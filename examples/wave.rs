@@ -1,5 +1,5 @@
-//! A wave of paint at each click: it spreads over the scene from the splat that was hit. A click during a wave starts the next one
-//! at once.
+//! A wave of paint at each click: it spreads over the scene from the splat that was hit. A click during a wave
+//! starts the next one at once.
 //!
 //! ```sh
 //! cargo run --release --example wave

@@ -1,7 +1,8 @@
-//! The rooms of the crates: which module may import which, and how large a circle of imports may be. Sources are read as
-//! text, so the rules need no build.
+//! The rooms of the crates: which module may import which, and how large a circle of imports may be. Sources
+//! are read as text, so the rules need no build.
 //!
-//! ARCHITECTURE.md has the reasons. In short: styling and drawing do not know of one another, they meet in the colors.
+//! ARCHITECTURE.md has the reasons. In short: styling and drawing do not know of one another, they meet in the
+//! colors.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -23,8 +24,9 @@ const PLUGIN: &str = "crates/bevy_stylegaussian/src";
 const GPU: &str = "crates/stylegaussian_gpu/src";
 const MODEL: &str = "crates/stylegaussian/src";
 
-/// In the plugin: `style` and `splats` stand on `colors`, and that stands on `scene`. In the GPU crate, the two passes meet
-/// in `colors`, and strokes know of neither. In the model crate, the rasterizer knows no decoder and the decoder no rasterizer.
+/// In the plugin: `style` and `splats` stand on `colors`, and that stands on `scene`. In the GPU crate, the two
+/// passes meet in `colors`, and strokes know of neither. In the model crate, the rasterizer knows no decoder
+/// and the decoder no rasterizer.
 const WALLS: [Wall; 13] = [
     Wall { sources: PLUGIN, room: "style", forbidden: &["splats"] },
     Wall { sources: PLUGIN, room: "splats", forbidden: &["style"] },
@@ -46,8 +48,8 @@ type ModulePath = Vec<String>;
 
 /// All paths into the crate that a source file names, by `crate::` or `super::`, in imports and in expressions.
 ///
-/// `module` is the path of the file's module. Modules inside of the file are not followed, so a `super::` in one of them
-/// counts from the file's module.
+/// `module` is the path of the file's module. Modules inside of the file are not followed, so a `super::` in
+/// one of them counts from the file's module.
 fn crate_paths(source: &str, module: &[&str]) -> BTreeSet<ModulePath> {
     let tokens = tokens(source);
     let mut paths = BTreeSet::new();
@@ -113,8 +115,8 @@ fn tokens(source: &str) -> Vec<String> {
         } else if rest.starts_with("/*") {
             rest.find("*/").map_or(rest.len(), |end| end + 2)
         } else if rest.starts_with("'\"'") {
-            // The one character literal that would look like the start of a string. Lifetimes need no care: their
-            // names are words.
+            // The one character literal that would look like the start of a string. Lifetimes need no care:
+            // their names are words.
             3
         } else if rest.starts_with("r#\"") {
             rest.find("\"#").map_or(rest.len(), |end| end + 2)
@@ -265,8 +267,8 @@ fn imports_are_found_however_they_are_written() {
     assert_eq!(found(source), names(["colors", "scene", "style"]));
 }
 
-/// The most files that may import one another in a circle. Two or three are a module and its parts; more is a room whose
-/// parts cannot be read alone.
+/// The most files that may import one another in a circle. Two or three are a module and its parts; more is a
+/// room whose parts cannot be read alone.
 const LARGEST_CIRCLE: usize = 5;
 
 /// Folders of the crates that have more than a few files.
@@ -280,7 +282,8 @@ const CRATES: [&str; 7] = [
     "crates/stylegaussian_bench/src",
 ];
 
-/// Paths that a file names relative to itself: those that begin with one of its own modules, as in `pub use wish::Wish`.
+/// Paths that a file names relative to itself: those that begin with one of its own modules, as in
+/// `pub use wish::Wish`.
 fn child_paths(source: &str, module: &[&str]) -> BTreeSet<ModulePath> {
     let tokens = tokens(source);
     let children: BTreeSet<&String> = tokens
@@ -324,7 +327,8 @@ fn modules_of(sources: &Path) -> BTreeMap<ModulePath, PathBuf> {
     modules
 }
 
-/// A source up to its inline tests, which may import what the file itself must not. A declaration `mod tests;` is no end.
+/// A source up to its inline tests, which may import what the file itself must not. A declaration `mod tests;`
+/// is no end.
 fn without_tests(source: &str) -> &str {
     const MARK: &str = "#[cfg(test)]\nmod ";
     let is_inline = |&(at, _): &(usize, &str)| {

@@ -41,8 +41,8 @@ impl Orbit {
     /// Shows the whole scene, slightly from above.
     pub fn frame(&mut self, scene: &ShownScene) {
         let (center, radius) = scene.extent;
-        // At radius / sin(half the angle), a sphere fills the height exactly. Captures are seldom round, so a little
-        // nearer.
+        // At radius / sin(half the angle), a sphere fills the height exactly. Captures are seldom round, so a
+        // little nearer.
         let distance = 0.85 * radius / (0.5 * FIELD_OF_VIEW).sin();
         *self = Self { target: scene.world_from_scene() * center, distance, yaw: 0.0, pitch: 0.35 };
     }

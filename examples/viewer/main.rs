@@ -4,15 +4,17 @@
 //! cargo run --release --example viewer [SCENE] [STYLE...]    # default: the demo scene, as it was captured
 //! ```
 //!
-//! `SCENE` is a file in any format that the plugin reads, or a folder with one (SOG). `STYLE` is a `.jpg` or `.png` image, a `.style.safetensors` file, or a
-//! `.look.safetensors` file that was baked for the scene; several are mixed in equal parts. Files can also be dropped on the
-//! window, or opened by their path in the panel.
+//! `SCENE` is a file in any format that the plugin reads, or a folder with one (SOG). `STYLE` is a `.jpg` or
+//! `.png` image, a `.style.safetensors` file, or a `.look.safetensors` file that was baked for the scene;
+//! several are mixed in equal parts. Files can also be dropped on the window, or opened by their path in the
+//! panel.
 //!
-//! Left drag orbits, right drag looks around, middle drag pans, the wheel zooms. W A S D fly, Q and E go down and up, Shift
-//! makes it faster, F shows the whole scene. Keys 1 to 8 apply the first eight styles, 0 none. F1 hides the panel.
+//! Left drag orbits, right drag looks around, middle drag pans, the wheel zooms. W A S D fly, Q and E go down
+//! and up, Shift makes it faster, F shows the whole scene. Keys 1 to 8 apply the first eight styles, 0 none. F1
+//! hides the panel.
 //!
-//! With a tool of "parts of the scene", the left button paints, selects or moves a volume. Ctrl+Z undoes, Ctrl+Shift+Z makes it
-//! again.
+//! With a tool of "parts of the scene", the left button paints, selects or moves a volume. Ctrl+Z undoes,
+//! Ctrl+Shift+Z makes it again.
 
 use std::{env, path::PathBuf};
 

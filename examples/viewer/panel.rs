@@ -85,7 +85,8 @@ pub struct Transfer {
     pub is_under_way: bool,
     /// Duration and backend of the last change.
     pub last: Option<(Duration, StyleBackend)>,
-    /// Steps of the bake that gave the shown look, and whether these are all. `None` if it is as it was applied.
+    /// Steps of the bake that gave the shown look, and whether these are all. `None` if it is as it was
+    /// applied.
     pub refined: Option<(u32, bool)>,
 }
 
@@ -172,7 +173,8 @@ pub fn draw(
         })
         .collect();
     let ctx = contexts.ctx_mut()?;
-    // No limit to the duration of a click: with software rendering, press and release may be several slow frames apart.
+    // No limit to the duration of a click: with software rendering, press and release may be several slow
+    // frames apart.
     ctx.options_mut(|options| options.input_options.max_click_duration = f64::INFINITY);
     let whole = UiBuilder::new().layer_id(LayerId::background()).max_rect(ctx.viewport_rect());
     let mut window = Ui::new(ctx.clone(), "window".into(), whole);

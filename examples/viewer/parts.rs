@@ -201,7 +201,8 @@ pub fn press_keys(
     }
 }
 
-/// Begins anew with each scene, and takes over what a mask from a file shows: channels are named by their styles.
+/// Begins anew with each scene, and takes over what a mask from a file shows: channels are named by their
+/// styles.
 pub fn follow_scene(
     scene: Res<ShownScene>,
     styles: Res<Styles>,

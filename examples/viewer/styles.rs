@@ -87,8 +87,8 @@ pub struct Styles {
 }
 
 impl Styles {
-    /// Adds a file to the list, if it is not listed, and returns its index. The file is an image, a preset or a look; if
-    /// there is an image of the same name beside a preset or a look, it becomes its picture.
+    /// Adds a file to the list, if it is not listed, and returns its index. The file is an image, a preset or a
+    /// look; if there is an image of the same name beside a preset or a look, it becomes its picture.
     pub fn add(&mut self, path: &Path, assets: &AssetServer) -> usize {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         let picture = picture_of(path).map(|picture| assets.load::<Image>(picture));

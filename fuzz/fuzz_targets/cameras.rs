@@ -1,8 +1,9 @@
 #![no_main]
 #![allow(dead_code, unused_imports, reason = "the readers' sources, of which a target uses a part")]
 
-// The crates of the readers need the graph engine and the training framework, which build for more than half an hour
-// with sanitizers. Nothing of them takes part in reading cameras: here the readers' own sources stand in for the crates.
+// The crates of the readers need the graph engine and the training framework, which build for more than half an
+// hour with sanitizers. Nothing of them takes part in reading cameras: here the readers' own sources stand in
+// for the crates.
 extern crate self as stylegaussian_encoder;
 extern crate self as stylegaussian_train;
 

@@ -8,7 +8,8 @@ use stylegaussian_train::cameras::read_cameras;
 const KINDS: [&[&str]; 4] =
     [&["transforms.json"], &["cameras.json"], &["cameras.txt", "images.txt"], &["cameras.bin", "images.bin"]];
 
-/// Reads the cameras. The first byte chooses the kind, the second the share of the first file of two, in 256ths.
+/// Reads the cameras. The first byte chooses the kind, the second the share of the first file of two, in
+/// 256ths.
 pub fn read(data: &[u8]) {
     let [kind, share, data @ ..] = data else { return };
     let folder = env::temp_dir().join(format!("stylegaussian-fuzz-{}", process::id()));

@@ -1,4 +1,5 @@
-//! ONNX encoders, as far as they are ours to guard: a graph that opens also runs on a small picture, or is refused.
+//! ONNX encoders, as far as they are ours to guard: a graph that opens also runs on a small picture, or is
+//! refused.
 
 use stylegaussian_encoder::{Encoder, Image};
 

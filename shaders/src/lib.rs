@@ -1,10 +1,10 @@
 //! The WGSL of `stylegaussian_gpu`, and the Rust twins of its structs.
 //!
-//! Each file in `wgsl/` has one purpose. Kernels that share code are joined from several files here, one level deep,
-//! behind constants that Rust writes. A kernel's entry point, its file and its label have the same name.
+//! Each file in `wgsl/` has one purpose. Kernels that share code are joined from several files here, one level
+//! deep, behind constants that Rust writes. A kernel's entry point, its file and its label have the same name.
 //!
-//! The tests of this crate validate joined texts only: [`style::sources`] and [`splat::sources`] list every variant
-//! that is ever compiled, and `layouts` every struct that both sides read or write.
+//! The tests of this crate validate joined texts only: [`style::sources`] and [`splat::sources`] list every
+//! variant that is ever compiled, and `layouts` every struct that both sides read or write.
 
 pub mod layers;
 pub mod splat;
@@ -13,8 +13,8 @@ pub mod style;
 /// One joined shader.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// The stem of the kernel's file. It is also the kernel's entry point and its label on the GPU; shaders with two
-    /// entry points append `_vertex` and `_fragment`.
+    /// The stem of the kernel's file. It is also the kernel's entry point and its label on the GPU; shaders
+    /// with two entry points append `_vertex` and `_fragment`.
     pub label: &'static str,
     /// The joined text that is compiled.
     pub wgsl: String,

@@ -22,14 +22,15 @@ pub const N_DIGITS: u32 = WORKGROUP;
 pub const TILE_SIZE: u32 = 8;
 /// Runs of consecutive splats that fill the lists of tiles. More runs need fewer dispatches, and more counters.
 pub const N_RUNS: u32 = 64;
-/// Invocations in a workgroup of the kernels for software adapters: as many as a CPU vector of 256 bits has numbers,
-/// so that each thread runs one workgroup's invocations in lockstep.
+/// Invocations in a workgroup of the kernels for software adapters: as many as a CPU vector of 256 bits has
+/// numbers, so that each thread runs one workgroup's invocations in lockstep.
 pub const SOFTWARE_WORKGROUP: u32 = 8;
 /// Loop iterations that an invocation spends on a run in one dispatch. llvmpipe ends an invocation after 65,535
 /// iterations. It counts those of [`SOFTWARE_WORKGROUP`] invocations together, because each may keep the others
 /// waiting.
 pub const ITERATIONS_PER_DISPATCH: u32 = 65_535 / SOFTWARE_WORKGROUP - 100;
-/// Tiles in a segment. Their lists are counted from a common start: a thousand counters, which one invocation sums up.
+/// Tiles in a segment. Their lists are counted from a common start: a thousand counters, which one invocation
+/// sums up.
 pub const TILES_PER_SEGMENT: u32 = 16;
 /// Tiles that one workgroup blends.
 pub const TILES_PER_WORKGROUP: u32 = 16;
@@ -295,7 +296,8 @@ pub fn layouts() -> Vec<Layout> {
     ]
 }
 
-/// One chunk of one cloud as one camera sees it. View space is x right, y up, z backward. Matrices are stored as rows.
+/// One chunk of one cloud as one camera sees it. View space is x right, y up, z backward. Matrices are stored
+/// as rows.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SplatChunk {

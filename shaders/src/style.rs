@@ -1,5 +1,5 @@
-//! Shaders of the style pass: hidden layers (`style_knn_conv`), the last layer (`style_color`), and the smoothing passes
-//! behind it (`style_smoothing_pass`).
+//! Shaders of the style pass: hidden layers (`style_knn_conv`), the last layer (`style_color`), and the
+//! smoothing passes behind it (`style_smoothing_pass`).
 
 use bytemuck::{Pod, Zeroable};
 
@@ -9,8 +9,9 @@ use crate::{Layout, Source, constants, layout};
 pub const PLANE_CHANNELS: u32 = 8;
 /// Gaussians that a workgroup of `style_knn_conv` computes.
 pub const ROWS_PER_WORKGROUP: u32 = 128;
-/// Output channels that a workgroup of `style_knn_conv` computes, one number for each variant. 64 columns need 256
-/// invocations, as many as every adapter has; 32 columns leave none idle in the paper's narrowest hidden layer.
+/// Output channels that a workgroup of `style_knn_conv` computes, one number for each variant. 64 columns need
+/// 256 invocations, as many as every adapter has; 32 columns leave none idle in the paper's narrowest hidden
+/// layer.
 pub const COLUMNS_PER_WORKGROUP: [u32; 2] = [32, 64];
 /// Gaussians that a workgroup of `style_color` or `style_smoothing_pass` computes.
 pub const COLOR_WORKGROUP_SIZE: u32 = 128;
@@ -78,8 +79,8 @@ pub struct KnnLayer {
     pub first_group_plane: u32,
     /// Bound planes of the input.
     pub n_group_planes: u32,
-    /// First column (output channel) of this dispatch: the first channel of the first bound output plane. A multiple
-    /// of 8 if planes are written.
+    /// First column (output channel) of this dispatch: the first channel of the first bound output plane. A
+    /// multiple of 8 if planes are written.
     pub first_column: u32,
     /// Columns of this dispatch. A multiple of 8 if planes are written.
     pub n_columns: u32,

@@ -119,7 +119,8 @@ fn entry_points_are_named_like_their_files() {
     }
 }
 
-/// The kernel for clouds without a mask binds none, and differs from the other in a function that returns its argument.
+/// The kernel for clouds without a mask binds none, and differs from the other in a function that returns its
+/// argument.
 #[test]
 fn clouds_without_a_mask_have_a_kernel_without_one() {
     let [plain, masked] = [false, true].map(|masked| validated(&splat::project(masked)).unwrap());

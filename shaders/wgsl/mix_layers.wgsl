@@ -1,4 +1,5 @@
-// Lays looks over the colors of a scene. CPU twin, for layers of any number: `stylegaussian::layers::mix_layers`.
+// Lays looks over the colors of a scene. CPU twin, for layers of any number:
+// `stylegaussian::layers::mix_layers`.
 
 /// Colors `[N]`, 4 f16 each, premultiplied.
 @group(0) @binding(1) var<storage, read_write> colors: array<vec2<u32>>;

@@ -1,6 +1,6 @@
-// Layers of looks, each within a region. One invocation per Gaussian of the given blocks, whose Gaussians lie near one another.
-// Blocks whose values stay as they are, are left out, and each block names the layers that reach it. The values are colors
-// (`mix_layers`) or strokes (`mix_strokes`).
+// Layers of looks, each within a region. One invocation per Gaussian of the given blocks, whose Gaussians lie
+// near one another. Blocks whose values stay as they are, are left out, and each block names the layers that
+// reach it. The values are colors (`mix_layers`) or strokes (`mix_strokes`).
 
 /// A look in a region.
 struct MixLayer {
@@ -39,7 +39,8 @@ struct MixStack {
 
 /// A block of Gaussians.
 struct MixBlock {
-    /// Index in the chunk. `STARTS` is added if the lowest layer lies on the captured colors, and not on what is there.
+    /// Index in the chunk. `STARTS` is added if the lowest layer lies on the captured colors, and not on what
+    /// is there.
     index: u32,
     /// A bit for each layer that reaches the block, the lowest layer in the lowest bit.
     touches: u32,
@@ -47,8 +48,8 @@ struct MixBlock {
     within: u32,
 }
 
-/// Whether any layer is noise. The others take about three quarters of the time without it: a processor that masks lanes instead of
-/// branching evaluates every shape.
+/// Whether any layer is noise. The others take about three quarters of the time without it: a processor that
+/// masks lanes instead of branching evaluates every shape.
 override has_noise: bool;
 
 @group(0) @binding(0) var<uniform> stack: MixStack;

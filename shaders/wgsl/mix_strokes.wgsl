@@ -1,4 +1,5 @@
-// Lays strokes of looks over one another. CPU twin, for layers of any number: `stylegaussian::strokes::mix_strokes`.
+// Lays strokes of looks over one another. CPU twin, for layers of any number:
+// `stylegaussian::strokes::mix_strokes`.
 
 /// Words `[N]`: seed, protection, share.
 @group(0) @binding(1) var<storage, read_write> words: array<u32>;
@@ -41,7 +42,8 @@ fn look_word(look: u32, gaussian: u32) -> StrokeWord {
     }
 }
 
-/// The strokes of a Gaussian if a share of those `below` is replaced by those `above`: spots change one after another.
+/// The strokes of a Gaussian if a share of those `below` is replaced by those `above`: spots change one after
+/// another.
 fn mixed(below: StrokeWord, above: StrokeWord, share: f32) -> StrokeWord {
     if above.share <= 0.0 {
         return StrokeWord(below.seed, below.protection, below.share * (1.0 - share));

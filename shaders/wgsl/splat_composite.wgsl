@@ -19,8 +19,8 @@ fn linear_from_srgb(c: vec3<f32>) -> vec3<f32> {
     return select(pow((c + 0.055) / 1.055, vec3(2.4)), c / 12.92, c <= vec3(0.04045));
 }
 
-/// The brightest scene color that an inverse gives, in c = x / (1 + x). Curves never reach 1, or only from hundreds on:
-/// undone as it is, one white splat would give as much light to bloom as a lamp.
+/// The brightest scene color that an inverse gives, in c = x / (1 + x). Curves never reach 1, or only from
+/// hundreds on: undone as it is, one white splat would give as much light to bloom as a lamp.
 const BRIGHTEST: f32 = 8.0 / (1.0 + 8.0);
 /// Where the way to it begins, so that whites keep their differences. Darker colors are undone exactly.
 const KNEE: f32 = 0.8;

@@ -1,5 +1,5 @@
-// Draws the sorted splats back to front, premultiplied over: one quad per splat. CPU twin: `stylegaussian::splat`,
-// module `composite`.
+// Draws the sorted splats back to front, premultiplied over: one quad per splat. CPU twin:
+// `stylegaussian::splat`, module `composite`.
 
 struct Quad {
     @builtin(position) position: vec4<f32>,

@@ -1,4 +1,5 @@
-// Draws the sorted splats like `splat_draw`, with strokes over their colors. CPU twin: `stylegaussian::splat::render_strokes`.
+// Draws the sorted splats like `splat_draw`, with strokes over their colors. CPU twin:
+// `stylegaussian::splat::render_strokes`.
 
 struct Quad {
     @builtin(position) position: vec4<f32>,

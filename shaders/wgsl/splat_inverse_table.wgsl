@@ -1,14 +1,14 @@
-// The inverse of a tone mapping curve: for every display color, the scene color that comes out nearest to it. One
-// invocation per texel; runs once per curve.
+// The inverse of a tone mapping curve: for every display color, the scene color that comes out nearest to it.
+// One invocation per texel; runs once per curve.
 //
 // Least squares by Levenberg and Marquardt (Marquardt, "An Algorithm for Least-Squares Estimation of Nonlinear
-// Parameters", 1963). Unknowns are the logarithms of the three channels, so that none becomes negative. Differences
-// are taken in sRGB's encoding, which is about uniform to the eye. Bright saturated colors have no inverse, because
-// curves desaturate bright colors. Least squares then gives up some brightness and some saturation, whereas a clamped
-// formula turns yellow into white.
+// Parameters", 1963). Unknowns are the logarithms of the three channels, so that none becomes negative.
+// Differences are taken in sRGB's encoding, which is about uniform to the eye. Bright saturated colors have no
+// inverse, because curves desaturate bright colors. Least squares then gives up some brightness and some
+// saturation, whereas a clamped formula turns yellow into white.
 
-/// The table: x / (1 + x) of the linear scene color x, over display colors sin(pi t / 2)^2, encoded as sRGB, for t
-/// from 0 to 1. That axis is dense at black and at white, because inverses are steep there.
+/// The table: x / (1 + x) of the linear scene color x, over display colors sin(pi t / 2)^2, encoded as sRGB,
+/// for t from 0 to 1. That axis is dense at black and at white, because inverses are steep there.
 @group(0) @binding(0) var inverse_table: texture_storage_3d<rgba16float, write>;
 
 /// Logarithms (to base 2) of the darkest and the brightest scene color.
@@ -22,8 +22,8 @@ const MAX_ITERATIONS: u32 = 32u;
 /// A squared error that is invisible: a hundredth of a step of 8 bits in each channel.
 const GOOD: f32 = 3.0 * (0.01 / 255.0) * (0.01 / 255.0);
 
-/// Weight of the part of a color that a screen clamps. It keeps the slope from vanishing outside of the range, so
-/// that the search finds its way back.
+/// Weight of the part of a color that a screen clamps. It keeps the slope from vanishing outside of the range,
+/// so that the search finds its way back.
 const CLAMPED_AWAY: f32 = 0.1;
 
 /// sRGB's encoding (IEC 61966-2-1), continued outside of 0..1.

@@ -1,10 +1,10 @@
 // Turns Gaussians into splats: culls, projects and colors them. One invocation per Gaussian of one chunk of one
 // cloud; the records of all clouds go into one array. CPU twin: `stylegaussian::splat`, module `project`.
 //
-// A Gaussian with covariance S is drawn as its first-order projection J W S W^T J^T (Zwicker et al., "EWA Volume
-// Splatting", 2001) plus `LOW_PASS` on the diagonal. J is written for any projection matrix P: with clip = P p, a
-// pixel coordinate is clip.x / clip.w up to scale, and its gradient is (P_x - (clip.x / clip.w) P_w) / clip.w.
-// Perspective, off-axis and orthographic cameras differ in P only.
+// A Gaussian with covariance S is drawn as its first-order projection J W S W^T J^T (Zwicker et al., "EWA
+// Volume Splatting", 2001) plus `LOW_PASS` on the diagonal. J is written for any projection matrix P: with clip
+// = P p, a pixel coordinate is clip.x / clip.w up to scale, and its gradient is (P_x - (clip.x / clip.w) P_w) /
+// clip.w. Perspective, off-axis and orthographic cameras differ in P only.
 
 @group(0) @binding(0) var<uniform> chunk: SplatChunk;
 @group(0) @binding(1) var<storage, read_write> keys: array<u32>;
@@ -13,11 +13,12 @@
 @group(1) @binding(0) var<storage, read> gaussians: array<PackedGaussian>;
 @group(1) @binding(2) var<storage, read> colors: array<vec2<u32>>;
 
-/// Variance added to the diagonal of every 2D covariance, in px^2, so that no splat is thinner than about a pixel.
+/// Variance added to the diagonal of every 2D covariance, in px^2, so that no splat is thinner than about a
+/// pixel.
 const LOW_PASS: f32 = 0.3;
 /// Distance from the image axis, in half pictures, up to which the projection is linearized at the mean itself.
-/// Beyond, the linearization at the mean stretches splats without bound; that of this distance is used instead (as in
-/// the original).
+/// Beyond, the linearization at the mean stretches splats without bound; that of this distance is used instead
+/// (as in the original).
 const LINEARIZED_WITHIN: f32 = 1.3;
 /// Larger numbers count as overflow, because their squares would be infinite.
 const HUGE: f32 = 1e18;
@@ -31,8 +32,8 @@ struct Projected {
     visible: bool,
 }
 
-/// A row of J W R S, in pixels. The 2D covariance is the Gram matrix of the two rows. `j` is the gradient of a pixel
-/// coordinate in view space.
+/// A row of J W R S, in pixels. The 2D covariance is the Gram matrix of the two rows. `j` is the gradient of a
+/// pixel coordinate in view space.
 fn footprint_axis(gaussian: PackedGaussian, j: vec3<f32>) -> vec3<f32> {
     let gradient = in_scene(j, chunk.view_from_scene_x, chunk.view_from_scene_y, chunk.view_from_scene_z);
     return unrotated(rotation_of(gaussian), gradient) * scales_of(gaussian) * chunk.scale_unit;
@@ -73,14 +74,15 @@ fn project(gaussian: PackedGaussian) -> Projected {
     let a = dot(row_x, row_x) + LOW_PASS;
     let b = dot(row_x, row_y);
     let c = dot(row_y, row_y) + LOW_PASS;
-    // Lagrange's identity gives a c - b^2 as a sum of positive terms; the difference itself would cancel on needles.
+    // Lagrange's identity gives a c - b^2 as a sum of positive terms; the difference itself would cancel on
+    // needles.
     let normal = cross(row_x, row_y);
     let det_before = dot(normal, normal);
     let det = det_before + LOW_PASS * (a + c - LOW_PASS);
     var opacity = gaussian.opacity;
     if (chunk.flags & ANTIALIASED) != 0u {
-        // The sum of a splat is proportional to its opacity and the root of its determinant, and stays as it was before
-        // the low-pass (Yu et al., "Mip-Splatting", 2024).
+        // The sum of a splat is proportional to its opacity and the root of its determinant, and stays as it
+        // was before the low-pass (Yu et al., "Mip-Splatting", 2024).
         opacity *= sqrt(det_before / det);
         if !(opacity >= MIN_ALPHA) {
             return out;
@@ -119,7 +121,8 @@ fn unpacked_color(words: vec2<u32>) -> vec4<f32> {
     return vec4(unpack2x16float(words.x), unpack2x16float(words.y));
 }
 
-/// The color. Those that are read are premultiplied: the rest of the fourth number to 1 is the share of the captured color.
+/// The color. Those that are read are premultiplied: the rest of the fourth number to 1 is the share of the
+/// captured color.
 fn color(index: u32, mean: vec3<f32>) -> vec3<f32> {
     var own = vec4(0.0);
     if (chunk.flags & CAPTURED_COLORS) == 0u {
@@ -134,8 +137,8 @@ fn color(index: u32, mean: vec3<f32>) -> vec3<f32> {
     return clamp(rgb, vec3(-MAX_COLOR), vec3(MAX_COLOR));
 }
 
-/// A key that sorts like `distance`. The bits of floats compare like integers if the sign bit of positive floats is
-/// set and all bits of negative floats are inverted.
+/// A key that sorts like `distance`. The bits of floats compare like integers if the sign bit of positive
+/// floats is set and all bits of negative floats are inverted.
 fn sort_key(distance: f32) -> u32 {
     let bits = bitcast<u32>(distance);
     return bits ^ select(0x80000000u, 0xffffffffu, (bits >> 31u) != 0u);

@@ -21,9 +21,9 @@ fn record_of(instance: u32) -> u32 {
 
 /// A corner of the quad around `splat`.
 fn corner_of(splat: Splat, corner: u32) -> vec4<f32> {
-    // The footprint is the ellipse q <= cutoff. The two terms that q squares are coordinates in which it is a circle.
-    // The square around that circle is a parallelogram in pixels, and no parallelogram around the ellipse has a
-    // smaller area.
+    // The footprint is the ellipse q <= cutoff. The two terms that q squares are coordinates in which it is a
+    // circle. The square around that circle is a parallelogram in pixels, and no parallelogram around the
+    // ellipse has a smaller area.
     let square = vec2(f32(corner & 1u), f32(corner >> 1u)) * 2.0 - 1.0;
     let reach = sqrt(cutoff(splat.opacity));
     let dy = square.y * reach * inverseSqrt(splat.y_precision);

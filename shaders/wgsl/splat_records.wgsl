@@ -22,12 +22,13 @@ struct SplatCommands {
     first_instance: u32,
 }
 
-/// The footprint of one Gaussian: a record of 32 bytes. Records are stored as two halves in two arrays, so that a
-/// binding holds twice as many.
+/// The footprint of one Gaussian: a record of 32 bytes. Records are stored as two halves in two arrays, so that
+/// a binding holds twice as many.
 ///
-/// With (dx, dy) the offset from the center in pixels, alpha is opacity exp(-q / 2) with q = row_precision (dx -
-/// slope dy)^2 + y_precision dy^2. That is the inverse covariance with the square completed. The usual form a dx^2 +
-/// 2 b dx dy + c dy^2 subtracts large numbers if the footprint is a needle; a sum of two squares does not.
+/// With (dx, dy) the offset from the center in pixels, alpha is opacity exp(-q / 2) with q = row_precision (dx
+/// - slope dy)^2 + y_precision dy^2. That is the inverse covariance with the square completed. The usual form a
+/// dx^2 + 2 b dx dy + c dy^2 subtracts large numbers if the footprint is a needle; a sum of two squares does
+/// not.
 struct Splat {
     /// Projected mean, in pixels of the target.
     center: vec2<f32>,
@@ -77,6 +78,7 @@ fn unpacked(geometry: vec4<f32>, color: vec4<u32>) -> Splat {
 
 /// The q at which alpha falls to `MIN_ALPHA`: the edge of the footprint.
 fn cutoff(opacity: f32) -> f32 {
-    // The opacity of a record is rounded to f16, and may be just below `MIN_ALPHA`. The logarithm is negative then.
+    // The opacity of a record is rounded to f16, and may be just below `MIN_ALPHA`. The logarithm is negative
+    // then.
     return max(2.0 * log(opacity / MIN_ALPHA), 0.0);
 }

@@ -2,8 +2,8 @@
 
 var<workgroup> scan_sums: array<u32, WORKGROUP>;
 
-/// The sum of `value` over the invocations before `lane` (Hillis and Steele, "Data Parallel Algorithms", 1986). All
-/// invocations of the workgroup must call it.
+/// The sum of `value` over the invocations before `lane` (Hillis and Steele, "Data Parallel Algorithms", 1986).
+/// All invocations of the workgroup must call it.
 fn sum_before(lane: u32, value: u32) -> u32 {
     scan_sums[lane] = value;
     workgroupBarrier();

@@ -1,5 +1,5 @@
-// Spherical harmonics of degrees 0 to 3: the captured color of a Gaussian. Order and signs are those of the CPU twin,
-// `stylegaussian::sh`.
+// Spherical harmonics of degrees 0 to 3: the captured color of a Gaussian. Order and signs are those of the CPU
+// twin, `stylegaussian::sh`.
 
 /// Y_00 = 1 / (2 sqrt(pi)).
 const SH_0: f32 = 0.28209479;
@@ -16,8 +16,8 @@ const SH_3C: f32 = 0.4570458;
 const SH_3D: f32 = 0.37317634;
 const SH_3E: f32 = 1.4453057;
 
-/// Coefficients as f16. Three words hold two of them: r0 g0 | b0 r1 | g1 b1. Words are planes `[word, Gaussian]`, so
-/// that neighboring invocations read neighboring words.
+/// Coefficients as f16. Three words hold two of them: r0 g0 | b0 r1 | g1 b1. Words are planes
+/// `[word, Gaussian]`, so that neighboring invocations read neighboring words.
 @group(1) @binding(1) var<storage, read> sh_words: array<u32>;
 
 /// Coefficients 2 pair and 2 pair + 1 times the values of their basis functions.
@@ -29,12 +29,12 @@ fn sh_pair(gaussian: u32, n_gaussians: u32, pair: u32, basis: vec2<f32>) -> vec3
     return basis.x * vec3(r0_g0, b0_r1.x) + basis.y * vec3(b0_r1.y, g1_b1);
 }
 
-/// The color of Gaussian `gaussian` of a chunk of `n_gaussians`, seen along the unit vector `d`: display-referred,
-/// with 0.5 added, clamped at 0 from below.
+/// The color of Gaussian `gaussian` of a chunk of `n_gaussians`, seen along the unit vector `d`:
+/// display-referred, with 0.5 added, clamped at 0 from below.
 fn sh_color(gaussian: u32, n_gaussians: u32, degree: u32, d: vec3<f32>) -> vec3<f32> {
     let n = n_gaussians;
-    // A pair may end with a coefficient of the next degree. Its words exist even if the scene lacks that degree, as
-    // padding of zeros; a factor of 0 makes sure.
+    // A pair may end with a coefficient of the next degree. Its words exist even if the scene lacks that
+    // degree, as padding of zeros; a factor of 0 makes sure.
     let linear = select(0.0, SH_1, degree >= 1u);
     var sum = sh_pair(gaussian, n, 0u, vec2(SH_0, -linear * d.y));
     if degree >= 1u {

@@ -1,9 +1,10 @@
-// The radix sort of splats by key, least significant digit first (Satish, Harris and Garland, "Designing Efficient
-// Sorting Algorithms for Manycore GPUs", 2009): stable, so ties keep the order of their Gaussians and never flicker.
+// The radix sort of splats by key, least significant digit first (Satish, Harris and Garland, "Designing
+// Efficient Sorting Algorithms for Manycore GPUs", 2009): stable, so ties keep the order of their Gaussians and
+// never flicker.
 //
 // A pass sorts by one digit in three kernels: `splat_sort_histogram` counts the digits of each batch,
-// `splat_sort_scan` turns counts into positions, `splat_sort_scatter` moves keys there. The first pass also drops
-// invisible splats: it reads the keys of all records and writes only those of the visible ones.
+// `splat_sort_scan` turns counts into positions, `splat_sort_scatter` moves keys there. The first pass also
+// drops invisible splats: it reads the keys of all records and writes only those of the visible ones.
 
 /// Values of a digit of 8 bits: one for each invocation of a workgroup.
 const N_DIGITS: u32 = WORKGROUP;

@@ -1,5 +1,5 @@
-// `splat_sort_histogram` for software adapters. One invocation counts a batch: it waits for no other invocation, and
-// runs in lockstep with those of the neighboring batches.
+// `splat_sort_histogram` for software adapters. One invocation counts a batch: it waits for no other
+// invocation, and runs in lockstep with those of the neighboring batches.
 
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>;
 /// Counts `[digit, batch]`.
@@ -15,8 +15,8 @@ fn splat_sort_histogram_serial(
 ) {
     let batch = invocation.x;
     let first = batch * SORT_BATCH;
-    // A dispatch has as many workgroups as the other kernel, one per batch. Eight batches share a workgroup here, so
-    // most of them have nothing to do.
+    // A dispatch has as many workgroups as the other kernel, one per batch. Eight batches share a workgroup
+    // here, so most of them have nothing to do.
     if first >= n_keys() {
         return;
     }

@@ -1,8 +1,8 @@
 // Moves the keys of a batch, and their values, to their positions. One workgroup per batch.
 //
-// It takes 256 keys at a time. Each key sets its bit in the mask of its digit; the bits before it then count the keys
-// that go before it. The order of atomic operations does not matter to a mask, so the sort stays stable, and needs no
-// subgroups.
+// It takes 256 keys at a time. Each key sets its bit in the mask of its digit; the bits before it then count
+// the keys that go before it. The order of atomic operations does not matter to a mask, so the sort stays
+// stable, and needs no subgroups.
 
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>;
 @group(0) @binding(3) var<storage, read> values_in: array<u32>;

@@ -1,5 +1,5 @@
-// `splat_sort_scatter` for software adapters. One invocation moves a batch, key by key, in lockstep with those of the
-// neighboring batches.
+// `splat_sort_scatter` for software adapters. One invocation moves a batch, key by key, in lockstep with those
+// of the neighboring batches.
 
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>;
 @group(0) @binding(3) var<storage, read> values_in: array<u32>;

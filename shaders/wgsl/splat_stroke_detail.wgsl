@@ -18,7 +18,8 @@ struct StrokeDraw {
 
 /// The affine map from a splat's pixels to a painting.
 struct Strokes {
-    /// Place at the splat's center, and its change for a pixel to the right and for one down. The painting is the unit square.
+    /// Place at the splat's center, and its change for a pixel to the right and for one down. The painting is
+    /// the unit square.
     place: vec2<f32>,
     step_x: vec2<f32>,
     step_y: vec2<f32>,

@@ -1,5 +1,6 @@
-// The strokes of each splat: its affine map from the screen to a painting. One invocation per Gaussian of one chunk of one
-// cloud with strokes, after `splat_project`. CPU twin: `stylegaussian::strokes::StrokeRecord`, which has the derivation.
+// The strokes of each splat: its affine map from the screen to a painting. One invocation per Gaussian of one
+// chunk of one cloud with strokes, after `splat_project`. CPU twin: `stylegaussian::strokes::StrokeRecord`,
+// which has the derivation.
 
 /// A chunk, and what is changed without computing strokes anew.
 struct StrokeChunk {
@@ -144,7 +145,8 @@ fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     let place = vec2<f32>(vec2(seed.place & 0xffffu, seed.place >> 16u)) / 65536.0
         + vec2(dot(right, local), dot(down, local)) / PERIOD;
 
-    // As if it were seen from the front. Slanted, up to three times as much: a texture cannot be blurred in one direction.
+    // As if it were seen from the front. Slanted, up to three times as much: a texture cannot be blurred in one
+    // direction.
     let facing = sqrt(length(beside_x) * length(beside_y) * pitch.x * pitch.y);
     let area = abs(step_x.x * step_y.y - step_x.y * step_y.x);
     let texels = clamp(sqrt(area), facing, 3.0 * facing);

@@ -1,6 +1,6 @@
-// The picture in tiles: squares of `TILE_SIZE` by `TILE_SIZE` pixels, each with a list of the splats whose footprints
-// reach into it, front to back. For software adapters, which draw faster from such lists than by quads (see
-// `splat_tiles_blend`).
+// The picture in tiles: squares of `TILE_SIZE` by `TILE_SIZE` pixels, each with a list of the splats whose
+// footprints reach into it, front to back. For software adapters, which draw faster from such lists than by
+// quads (see `splat_tiles_blend`).
 
 /// The tiles of a view.
 struct SplatTiles {

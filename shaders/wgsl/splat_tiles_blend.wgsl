@@ -1,5 +1,5 @@
-// Blends the list of each tile, front to back, over nothing: the layer. CPU twin: `stylegaussian::splat`, module
-// `composite`.
+// Blends the list of each tile, front to back, over nothing: the layer. CPU twin: `stylegaussian::splat`,
+// module `composite`.
 
 @compute @workgroup_size(QUARTERS_PER_WORKGROUP)
 fn splat_tiles_blend(

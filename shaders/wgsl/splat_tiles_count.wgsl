@@ -1,5 +1,6 @@
-// Counts the splats of each run that reach into each tile. One invocation handles a run. The kernel is dispatched
-// again until all runs are finished, because llvmpipe ends an invocation after 65,535 loop iterations.
+// Counts the splats of each run that reach into each tile. One invocation handles a run. The kernel is
+// dispatched again until all runs are finished, because llvmpipe ends an invocation after 65,535 loop
+// iterations.
 
 @group(0) @binding(0) var<uniform> tiles: SplatTiles;
 @group(0) @binding(1) var<storage, read> counts: SplatCounts;

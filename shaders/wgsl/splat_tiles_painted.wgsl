@@ -1,14 +1,15 @@
 // Splats with strokes in the blend of tiles.
 //
-// A software adapter that runs eight invocations in lockstep skips nothing but the iterations of loops, and each sample of a
-// texture costs as much as the blend of a row. So strokes are put off: splats are blended in batches, and the pixels in which
-// they show strokes are queued with their weights. Then a loop takes one sample of each texture at a time, in which every
-// invocation has a pixel of its own until its queue is empty. Strokes only add to colors, so their order does not matter.
+// A software adapter that runs eight invocations in lockstep skips nothing but the iterations of loops, and
+// each sample of a texture costs as much as the blend of a row. So strokes are put off: splats are blended in
+// batches, and the pixels in which they show strokes are queued with their weights. Then a loop takes one
+// sample of each texture at a time, in which every invocation has a pixel of its own until its queue is empty.
+// Strokes only add to colors, so their order does not matter.
 
 /// Splats of a batch.
 const BATCH: u32 = 32u;
-/// Strokes of less weight are left out. Detail is a difference of a few tenths, so that each changes its pixel by less than a tenth
-/// of a step of eight bits.
+/// Strokes of less weight are left out. Detail is a difference of a few tenths, so that each changes its pixel
+/// by less than a tenth of a step of eight bits.
 const LEAST_WEIGHT: f32 = 1e-3;
 
 /// Splats of a batch that show strokes.

@@ -1,8 +1,8 @@
 // Rows of pixels in the blend of tiles.
 //
 // An invocation handles a quarter of a tile: four rows of four pixels, which it keeps in registers. A software
-// adapter that runs eight invocations in lockstep reads each splat once for 128 pixels. A rasterizer would walk every
-// footprint block by block, and load and store the pixels each time.
+// adapter that runs eight invocations in lockstep reads each splat once for 128 pixels. A rasterizer would walk
+// every footprint block by block, and load and store the pixels each time.
 
 @group(0) @binding(0) var<uniform> tiles: SplatTiles;
 /// End of each run's part of a tile's list, within the tile's segment `[tile, run]`.
@@ -47,7 +47,8 @@ fn row_at(pixel: vec2<u32>) -> Row {
     return Row(vec4(1.0), vec4(0.0), vec4(0.0), vec4(0.0), depth);
 }
 
-/// Alpha of a splat in a row. Its precisions are multiplied by `-HALF_LOG2_E`. `dx` and `dy` are offsets from its center.
+/// Alpha of a splat in a row. Its precisions are multiplied by `-HALF_LOG2_E`. `dx` and `dy` are offsets from
+/// its center.
 fn alphas(splat: Splat, dx: vec4<f32>, dy: f32) -> vec4<f32> {
     let du = dx - splat.slope * dy;
     let power = splat.row_precision * du * du + splat.y_precision * dy * dy;
@@ -88,7 +89,8 @@ fn splat_of(record: u32) -> Splat {
     return splat;
 }
 
-/// Whether four rows are finished. Finished pixels blend on until all sixteen are: they have less than `MIN_LIGHT` left to give.
+/// Whether four rows are finished. Finished pixels blend on until all sixteen are: they have less than
+/// `MIN_LIGHT` left to give.
 fn are_finished(light_0: vec4<f32>, light_1: vec4<f32>, light_2: vec4<f32>, light_3: vec4<f32>) -> bool {
     return all(max(max(light_0, light_1), max(light_2, light_3)) < vec4(MIN_LIGHT));
 }

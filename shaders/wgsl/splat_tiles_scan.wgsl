@@ -1,5 +1,5 @@
-// Turns counts into positions within a segment, which holds the lists of a few consecutive tiles: each count becomes
-// the sum of the counts before it. One invocation handles a segment.
+// Turns counts into positions within a segment, which holds the lists of a few consecutive tiles: each count
+// becomes the sum of the counts before it. One invocation handles a segment.
 
 @group(0) @binding(0) var<uniform> tiles: SplatTiles;
 /// Counts in, positions out `[tile, run]`.

@@ -1,5 +1,5 @@
-// Writes the lists of tiles. One invocation handles a run, in as many dispatches as `splat_tiles_count`. Runs follow
-// one another in each list, and so do the splats of a run: lists stay front to back without a sort.
+// Writes the lists of tiles. One invocation handles a run, in as many dispatches as `splat_tiles_count`. Runs
+// follow one another in each list, and so do the splats of a run: lists stay front to back without a sort.
 
 @group(0) @binding(0) var<uniform> tiles: SplatTiles;
 @group(0) @binding(1) var<storage, read> counts: SplatCounts;

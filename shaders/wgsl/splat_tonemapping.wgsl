@@ -1,5 +1,5 @@
-// Bevy's tone mapping curves without an exact inverse for all colors: linear scene color in, linear display color out
-// (bevy_core_pipeline 0.19, tonemapping_shared.wgsl).
+// Bevy's tone mapping curves without an exact inverse for all colors: linear scene color in, linear display
+// color out (bevy_core_pipeline 0.19, tonemapping_shared.wgsl).
 
 /// Bevy's table of the curve, if it has one.
 @group(0) @binding(1) var curve_table: texture_3d<f32>;

@@ -1,9 +1,9 @@
-// The last layer: rgb_p = sum_k W_k x_{n(p,k)} + B, without activation and without clamping. A residual decoder without
-// smoothing passes adds a share of the base color here. CPU twins: `stylegaussian::decoder::knn_conv` and the end of
-// `stylegaussian::fold::stylize`.
+// The last layer: rgb_p = sum_k W_k x_{n(p,k)} + B, without activation and without clamping. A residual decoder
+// without smoothing passes adds a share of the base color here. CPU twins: `stylegaussian::decoder::knn_conv`
+// and the end of `stylegaussian::fold::stylize`.
 //
-// Three columns are too few to share through workgroup memory. An invocation decodes one Gaussian; all invocations
-// read the same weights at the same time, which caches serve well.
+// Three columns are too few to share through workgroup memory. An invocation decodes one Gaussian; all
+// invocations read the same weights at the same time, which caches serve well.
 
 /// Colors `[N]`, 4 f16 each.
 @group(0) @binding(4) var<storage, read_write> colors: array<vec2<u32>>;

@@ -1,10 +1,10 @@
-// One hidden layer: y_p = activation(sum_k W_k x_{n(p,k)} + B), computed as a product of gathered rows with the weights.
-// CPU twin: `stylegaussian::decoder::knn_conv`.
+// One hidden layer: y_p = activation(sum_k W_k x_{n(p,k)} + B), computed as a product of gathered rows with the
+// weights. CPU twin: `stylegaussian::decoder::knn_conv`.
 //
-// A workgroup computes ROWS_PER_WORKGROUP Gaussians times COLUMNS_PER_WORKGROUP channels, an invocation 8 x 4 of
-// them. The inner dimension is the sequence of all (neighbor, plane) pairs. A step takes two pairs, which are 16
-// channels. Both operands of a step lie in workgroup memory, (128 * 5 + 16 * COLUMNS_PER_WORKGROUP / 4) * 16 bytes:
-// 14 KiB for 64 columns, within the 16 KiB that WebGPU guarantees.
+// A workgroup computes ROWS_PER_WORKGROUP Gaussians times COLUMNS_PER_WORKGROUP channels, an invocation 8 x 4
+// of them. The inner dimension is the sequence of all (neighbor, plane) pairs. A step takes two pairs, which
+// are 16 channels. Both operands of a step lie in workgroup memory, (128 * 5 + 16 * COLUMNS_PER_WORKGROUP / 4)
+// * 16 bytes: 14 KiB for 64 columns, within the 16 KiB that WebGPU guarantees.
 
 /// Rows that neighboring invocations of one column compute: together they write 16 consecutive Gaussians.
 const LANE_ROWS: u32 = 16u;
@@ -107,8 +107,8 @@ fn style_knn_conv(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_in
     let lane_row = invocation % LANE_ROWS;
     let lane_quad = invocation / LANE_ROWS;
 
-    // Rows lane_row + 16 i of the workgroup, i = 0..4 in the first and 4..8 in the second. A row is a column of the
-    // matrix, so that one product of matrices updates 16 sums.
+    // Rows lane_row + 16 i of the workgroup, i = 0..4 in the first and 4..8 in the second. A row is a column of
+    // the matrix, so that one product of matrices updates 16 sums.
     var first_half = mat4x4<f32>();
     var second_half = mat4x4<f32>();
     let n_pairs = layer.k * layer.n_group_planes;

@@ -1,14 +1,14 @@
 // The shape and the buffers of one KNN convolution, shared by the kernels of the style pass. Joined after the
 // constants of `stylegaussian_shaders::style`.
 //
-// Activations are stored as planes of 8 channels: plane c / 8 holds channel c of all rows, in the number formats of the
-// files `style_read_*` and `style_write_*`. Rows are gathered by neighbor index from anywhere in a plane. A layer that
-// exceeds one binding is therefore split by plane and not by row: a dispatch sees `n_group_planes` of the layer's
-// `n_input_planes`, and several dispatches add up their sums.
+// Activations are stored as planes of 8 channels: plane c / 8 holds channel c of all rows, in the number
+// formats of the files `style_read_*` and `style_write_*`. Rows are gathered by neighbor index from anywhere in
+// a plane. A layer that exceeds one binding is therefore split by plane and not by row: a dispatch sees
+// `n_group_planes` of the layer's `n_input_planes`, and several dispatches add up their sums.
 //
-// Rows are numbered within a block: some Gaussians, followed by the neighbors that the layers need around them. Each
-// layer computes one ring of neighbors fewer than the layer before it. Only the scene's own arrays (the input of the
-// first layer and the colors) are numbered by Gaussian; `gaussians` maps rows to them.
+// Rows are numbered within a block: some Gaussians, followed by the neighbors that the layers need around them.
+// Each layer computes one ring of neighbors fewer than the layer before it. Only the scene's own arrays (the
+// input of the first layer and the colors) are numbered by Gaussian; `gaussians` maps rows to them.
 
 /// The part of one layer that a dispatch computes.
 struct KnnLayer {
@@ -28,8 +28,8 @@ struct KnnLayer {
     first_group_plane: u32,
     /// Bound planes of the input.
     n_group_planes: u32,
-    /// First column (output channel) of this dispatch: the first channel of the first bound output plane. A multiple
-    /// of 8 if planes are written.
+    /// First column (output channel) of this dispatch: the first channel of the first bound output plane. A
+    /// multiple of 8 if planes are written.
     first_column: u32,
     /// Columns of this dispatch. A multiple of 8 if planes are written.
     n_columns: u32,
@@ -56,8 +56,8 @@ struct KnnLayer {
 @group(0) @binding(0) var<uniform> layer: KnnLayer;
 /// Neighbor lists `[n_rows, K]`, as rows of the block.
 @group(0) @binding(1) var<storage, read> neighbors: array<u32>;
-/// `[K * n_input_planes * 8 + 1, weight_stride]`: all output channels for each neighbor and input channel, then the
-/// bias.
+/// `[K * n_input_planes * 8 + 1, weight_stride]`: all output channels for each neighbor and input channel, then
+/// the bias.
 @group(0) @binding(2) var<storage, read> weights: array<vec4<f32>>;
 /// Sums over the planes that do not fit one binding `[n_rows, n_columns / 4]`.
 @group(0) @binding(5) var<storage, read_write> sums: array<vec4<f32>>;

@@ -1,5 +1,5 @@
-// One smoothing pass behind the last layer: the mean color of each Gaussian's neighborhood. The last pass of a residual
-// decoder also adds a share of the base color. CPU twin: `stylegaussian::decoder::smoothing_pass`.
+// One smoothing pass behind the last layer: the mean color of each Gaussian's neighborhood. The last pass of a
+// residual decoder also adds a share of the base color. CPU twin: `stylegaussian::decoder::smoothing_pass`.
 
 /// Colors before the pass `[N]`, 4 f16 each.
 @group(0) @binding(3) var<storage, read> colors: array<vec2<u32>>;

@@ -1,13 +1,14 @@
-//! Values that are built in the background, so that a frame waits neither for a shader compiler nor for the packing of a
-//! scene.
+//! Values that are built in the background, so that a frame waits neither for a shader compiler nor for the
+//! packing of a scene.
 
 use bevy::{
     prelude::*,
     tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
 };
 
-/// Pauses for a computation in [slices](stylegaussian::slices) of a task. On threads they pass at once. In a browser, where
-/// tasks run on the page's only thread, a pause lets it draw and answer if the last one was 8 ms ago.
+/// Pauses for a computation in [slices](stylegaussian::slices) of a task. On threads they pass at once. In a
+/// browser, where tasks run on the page's only thread, a pause lets it draw and answer if the last one was 8 ms
+/// ago.
 #[cfg(not(target_family = "wasm"))]
 pub(crate) fn pauses() -> impl FnMut() -> std::future::Ready<()> + Send + Sync {
     || std::future::ready(())
@@ -41,7 +42,8 @@ mod page {
             let resumed = Rc::clone(&resumed);
             Box::pin(async move {
                 if resumed.get().elapsed() >= SLICE {
-                    // A promise that is kept at once would be kept before the page draws; a timeout comes after.
+                    // A promise that is kept at once would be kept before the page draws; a timeout comes
+                    // after.
                     let timeout = Promise::new(&mut |keep, _| set_timeout(&keep, 0));
                     let _ = JsFuture::from(timeout).await;
                     resumed.set(Instant::now());

@@ -18,14 +18,14 @@
 //! }
 //! ```
 //!
-//! - Components of scenes: [`GaussianSplats`] shows a [`GaussianScene`] (`.sgs`, or a capture in another format; [`SceneSettings`]
-//!   are those of loading it). [`StyleSource`]
-//!   paints it in the strokes of images, by [`StyleStatistics`] (`.style.safetensors`), by a baked [`StyleLook`] (`.look.safetensors`), or
-//!   by a mix; change it at any time.
-//!   [`StyleTransition`] fades from one style to the next. [`StyleRefine`] bakes a shown style further in the
-//!   background, [`StylePrepare`] prepares a loaded scene for the first. [`StyleDecoder`] selects another [`GaussianDecoder`].
-//!   [`StyleMask`] holds weights that are painted at run time, from a [`SavedMask`] (`.mask.safetensors`) if there is one, and
-//!   [`MaskVisibility`] hides what is painted or crops to it.
+//! - Components of scenes: [`GaussianSplats`] shows a [`GaussianScene`] (`.sgs`, or a capture in another
+//!   format; [`SceneSettings`] are those of loading it). [`StyleSource`] paints it in the strokes of images, by
+//!   [`StyleStatistics`] (`.style.safetensors`), by a baked [`StyleLook`] (`.look.safetensors`), or by a mix;
+//!   change it at any time. [`StyleTransition`] fades from one style to the next. [`StyleRefine`] bakes a shown
+//!   style further in the background, [`StylePrepare`] prepares a loaded scene for the first. [`StyleDecoder`]
+//!   selects another [`GaussianDecoder`]. [`StyleMask`] holds weights that are painted at run time, from a
+//!   [`SavedMask`] (`.mask.safetensors`) if there is one, and [`MaskVisibility`] hides what is painted or crops
+//!   to it.
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
 //! - Resources: [`StyleMethod`], [`StyleBackend`], [`StyleBudget`], [`StyleEncoder`].
@@ -35,11 +35,11 @@
 //!
 //! Most apps need no more than [`prelude`].
 //!
-//! With Bevy's `RenderDiagnosticsPlugin`, the times of `splat_project_and_sort`, `splat_draw`, `splat_composite` and
-//! `style_pass` are among the render diagnostics.
+//! With Bevy's `RenderDiagnosticsPlugin`, the times of `splat_project_and_sort`, `splat_draw`,
+//! `splat_composite` and `style_pass` are among the render diagnostics.
 //!
-//! The features of cargo: `bundled_models` (default) compiles the default encoder and decoder in, so that a game works
-//! offline. `picking` (default) is for pointer events, with Bevy's feature `bevy_picking`.
+//! The features of cargo: `bundled_models` (default) compiles the default encoder and decoder in, so that a
+//! game works offline. `picking` (default) is for pointer events, with Bevy's feature `bevy_picking`.
 
 mod background;
 mod colors;

@@ -77,7 +77,8 @@ impl<A: FromFile> AssetLoader for FileLoader<A> {
         // The task below must own the path: it cannot borrow the context.
         let path = context.path().to_string();
         let bytes = read_all(reader, context.path()).await?;
-        // Parsing a large scene takes seconds, which would block the pool on which other assets wait for their files.
+        // Parsing a large scene takes seconds, which would block the pool on which other assets wait for their
+        // files.
         let parsing = AsyncComputeTaskPool::get().spawn(async move { A::from_file(bytes, &path) });
         parsing.await.map_err(LoadError::Parse)
     }

@@ -9,17 +9,17 @@ use crate::{
 
 /// Loads, draws and styles captured scenes. Add it after `DefaultPlugins`.
 ///
-/// Settings that an app may change while it runs are resources: [`StyleBackend`], [`StyleBudget`] and [`StyleEncoder`].
-/// Insert them before or after the plugin; without them, their defaults apply.
+/// Settings that an app may change while it runs are resources: [`StyleBackend`], [`StyleBudget`] and
+/// [`StyleEncoder`]. Insert them before or after the plugin; without them, their defaults apply.
 ///
 /// [`StyleBackend`]: crate::StyleBackend
 /// [`StyleBudget`]: crate::StyleBudget
 /// [`StyleEncoder`]: crate::StyleEncoder
 #[derive(Clone, Debug, Default)]
 pub struct StyleGaussianPlugin {
-    /// If true, a frame that needs a new pipeline or a scene that is not on the GPU yet waits for it. If false, which is
-    /// the default, the frame is drawn without these splats. Use it to render images where every frame counts. Bevy's
-    /// `RenderPlugin` has the same switch.
+    /// If true, a frame that needs a new pipeline or a scene that is not on the GPU yet waits for it. If false,
+    /// which is the default, the frame is drawn without these splats. Use it to render images where every frame
+    /// counts. Bevy's `RenderPlugin` has the same switch.
     pub synchronous_pipeline_compilation: bool,
 }
 

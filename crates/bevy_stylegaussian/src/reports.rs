@@ -30,8 +30,8 @@ impl<T> Reports<T> {
 
     /// Removes and returns all reports, oldest first.
     pub(crate) fn take(&self) -> Vec<T> {
-        // The lock is held for a swap or a push and never while another is taken, so the worlds cannot block each
-        // other.
+        // The lock is held for a swap or a push and never while another is taken, so the worlds cannot block
+        // each other.
         std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }

@@ -60,7 +60,8 @@ impl Canvas {
 
     /// Draws a brush along `path`. Edges are anti-aliased over one pixel.
     ///
-    /// `radius` is half the brush's width at a position along the stroke (0..1), and `touch` the paint at a pixel.
+    /// `radius` is half the brush's width at a position along the stroke (0..1), and `touch` the paint at a
+    /// pixel.
     pub fn stroke(
         &mut self,
         path: &[Vec2],
@@ -115,8 +116,8 @@ impl Canvas {
         self.height[i] = below + (0.25 * below + touch.height - below) * opacity;
     }
 
-    /// Covers the inside of a shape, given by its signed `distance` in pixels (negative inside). Only pixels from `low`
-    /// to `high` are considered. `color` takes the position and the distance.
+    /// Covers the inside of a shape, given by its signed `distance` in pixels (negative inside). Only pixels
+    /// from `low` to `high` are considered. `color` takes the position and the distance.
     pub fn fill(
         &mut self,
         (low, high): (Vec2, Vec2),
@@ -131,7 +132,8 @@ impl Canvas {
         }
     }
 
-    /// Replaces the color of each pixel from `low` to `high` by a function of its position and its color so far.
+    /// Replaces the color of each pixel from `low` to `high` by a function of its position and its color so
+    /// far.
     pub fn change(&mut self, (low, high): (Vec2, Vec2), color: impl Fn(Vec2, Vec3) -> Vec3) {
         for (i, at) in Self::pixels(low, high) {
             self.color[i] = color(at, self.color[i]);
@@ -146,8 +148,8 @@ impl Canvas {
         }
     }
 
-    /// Lights the paint's relief from the top left. Slopes that face the light gain brightness by `relief`, and steep
-    /// ones a highlight by `gloss`.
+    /// Lights the paint's relief from the top left. Slopes that face the light gain brightness by `relief`, and
+    /// steep ones a highlight by `gloss`.
     pub fn light(&mut self, relief: f32, gloss: f32) {
         let at = |x: usize, y: usize| self.height[y.min(SIZE - 1) * SIZE + x.min(SIZE - 1)];
         let lit: Vec<Vec3> = (0..SIZE * SIZE)

@@ -1,7 +1,7 @@
 //! Eight style images, painted by code, for the demo and its tests.
 //!
-//! The paintings differ as much as possible in colors and in texture at the scale of 5 to 40 pixels, the scale of style
-//! statistics. They are the same pixel for pixel on every machine.
+//! The paintings differ as much as possible in colors and in texture at the scale of 5 to 40 pixels, the scale
+//! of style statistics. They are the same pixel for pixel on every machine.
 
 pub mod canvas;
 pub mod noise;

@@ -30,8 +30,8 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// The file's extension and bytes: PNG if that fits, as it does for flat art, otherwise JPEG at the highest quality
-/// that fits, from 90 down to 60, which is taken in any case.
+/// The file's extension and bytes: PNG if that fits, as it does for flat art, otherwise JPEG at the highest
+/// quality that fits, from 90 down to 60, which is taken in any case.
 fn smallest(rgb: &[u8]) -> Result<(&'static str, Vec<u8>)> {
     let size = SIZE as u32;
     let mut bytes = Vec::new();

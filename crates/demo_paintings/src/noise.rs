@@ -1,7 +1,7 @@
 //! Randomness that is the same on every machine: a small generator and gradient noise.
 //!
-//! This crate uses IEEE basic operations, square roots and `libm` only. The platform's transcendental functions differ
-//! in their last bits, and paintings are to be identical bit for bit.
+//! This crate uses IEEE basic operations, square roots and `libm` only. The platform's transcendental functions
+//! differ in their last bits, and paintings are to be identical bit for bit.
 
 use glam::Vec2;
 
@@ -62,8 +62,8 @@ impl Random {
         }
     }
 
-    /// The points of a jittered grid over the square `[-margin, size + margin)^2`, in random order. They cover it
-    /// evenly without visible rows.
+    /// The points of a jittered grid over the square `[-margin, size + margin)^2`, in random order. They cover
+    /// it evenly without visible rows.
     pub fn scatter(&mut self, size: f32, margin: f32, spacing: f32) -> Vec<Vec2> {
         let n = ((size + 2.0 * margin) / spacing) as usize + 1;
         let mut points = Vec::with_capacity(n * n);

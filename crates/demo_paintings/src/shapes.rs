@@ -18,7 +18,8 @@ pub fn polyline(p: Vec2, path: &[Vec2]) -> f32 {
     path.windows(2).map(|ends| segment(p, ends[0], ends[1])).fold(f32::MAX, f32::min)
 }
 
-/// Signed distance to a closed polygon. A point is inside if a ray from it crosses the edges an odd number of times.
+/// Signed distance to a closed polygon. A point is inside if a ray from it crosses the edges an odd number of
+/// times.
 pub fn polygon(p: Vec2, corners: &[Vec2]) -> f32 {
     let (mut nearest, mut inside) = (f32::MAX, false);
     for i in 0..corners.len() {
@@ -72,7 +73,8 @@ impl Outline {
     }
 }
 
-/// Approximate signed distance to an ellipse with half-axes `radii`. Its x axis points along the unit vector `axis`.
+/// Approximate signed distance to an ellipse with half-axes `radii`. Its x axis points along the unit vector
+/// `axis`.
 pub fn ellipse(p: Vec2, center: Vec2, radii: Vec2, axis: Vec2) -> f32 {
     let q = turned(p - center, axis);
     let k = (q / radii).length();
@@ -85,8 +87,8 @@ pub fn turned(v: Vec2, axis: Vec2) -> Vec2 {
     Vec2::new(v.dot(axis), axis.perp_dot(v))
 }
 
-/// A smooth curve through `knots` (Catmull-Rom), `steps` points per span. The first and the last knot count twice, so
-/// that the curve reaches them.
+/// A smooth curve through `knots` (Catmull-Rom), `steps` points per span. The first and the last knot count
+/// twice, so that the curve reaches them.
 pub fn curve(knots: &[Vec2], steps: usize) -> Vec<Vec2> {
     let knot = |i: isize| knots[i.clamp(0, knots.len() as isize - 1) as usize];
     let mut points = Vec::with_capacity(knots.len() * steps);

@@ -8,8 +8,8 @@ use demo_paintings::{PAINTINGS, SIZE};
 static PIXELS: LazyLock<Vec<Vec<u8>>> =
     LazyLock::new(|| PAINTINGS.iter().map(|painting| (painting.paint)().to_rgb()).collect());
 
-/// FNV-1a of each painting's pixels, in the order of `PAINTINGS`. Only a change of a painting may change its line. If
-/// anything else does, determinism is lost.
+/// FNV-1a of each painting's pixels, in the order of `PAINTINGS`. Only a change of a painting may change its
+/// line. If anything else does, determinism is lost.
 const HASHES: [u64; 8] = [
     0x1006_e647_a7a5_d5ab,
     0xe165_ceac_9c80_eea8,

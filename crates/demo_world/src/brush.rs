@@ -1,15 +1,17 @@
 //! The brush, which turns surfaces into flat, oriented Gaussians.
 //!
-//! All arithmetic is scalar f32 in a fixed order (`Vec3`, no SIMD types), so the result is the same on every machine.
+//! All arithmetic is scalar f32 in a fixed order (`Vec3`, no SIMD types), so the result is the same on every
+//! machine.
 
 use glam::{Quat, Vec3};
 
-/// Standard deviation along the normal of a surface, in scene units: thin, yet thick enough to be seen at grazing
-/// angles.
+/// Standard deviation along the normal of a surface, in scene units: thin, yet thick enough to be seen at
+/// grazing angles.
 const SKIN: f32 = 0.004;
 
-/// Standard deviation of a Gaussian for the spacing of its grid. Neighbors then leave no holes (the three around the
-/// center of a hexagonal grid's triangle let less than a tenth through), and details of one spacing stay visible.
+/// Standard deviation of a Gaussian for the spacing of its grid. Neighbors then leave no holes (the three
+/// around the center of a hexagonal grid's triangle let less than a tenth through), and details of one spacing
+/// stay visible.
 pub const SIGMA_PER_SPACING: f32 = 0.56;
 
 /// The linear color of `0xRRGGBB` in sRGB (by a power of 2.2).
@@ -73,8 +75,8 @@ impl Frame {
 
     /// The rotation that takes the unit axes to this frame's.
     ///
-    /// Shepperd's method (1978): it starts from the trace if that is positive, otherwise from the largest diagonal
-    /// element, and so never divides by a small number. Scalar, unlike glam's own.
+    /// Shepperd's method (1978): it starts from the trace if that is positive, otherwise from the largest
+    /// diagonal element, and so never divides by a small number. Scalar, unlike glam's own.
     pub fn rotation(&self) -> Quat {
         let (x, y, z) = (self.x, self.y, self.z);
         let quaternion = if x.x + y.y + z.z > 0.0 {
@@ -109,7 +111,8 @@ pub struct Dab {
     pub color: Vec3,
     /// Opacity, 0..1.
     pub opacity: f32,
-    /// The normal for lighting. Leaves and grass take that of their crown or ground, which looks softer than a leaf's.
+    /// The normal for lighting. Leaves and grass take that of their crown or ground, which looks softer than a
+    /// leaf's.
     pub shade: Vec3,
     /// Share of light that reaches around the form: 0 for stone, more for leaves and clouds.
     pub wrap: f32,
@@ -174,8 +177,8 @@ impl Canvas {
         self.dabs.push(dab);
     }
 
-    /// Covers a rectangle of the frame's x-y plane, from (0, 0) to `size`, with a hexagonal grid. `color` gives the
-    /// color at a point of the rectangle, or `None` if it stays open.
+    /// Covers a rectangle of the frame's x-y plane, from (0, 0) to `size`, with a hexagonal grid. `color` gives
+    /// the color at a point of the rectangle, or `None` if it stays open.
     pub fn sheet(
         &mut self,
         frame: Frame,
@@ -224,8 +227,8 @@ impl Canvas {
         }
     }
 
-    /// A round tube with a radius from `radii.0` to `radii.1`. `color` takes the position along it (0..1) and the
-    /// outward normal.
+    /// A round tube with a radius from `radii.0` to `radii.1`. `color` takes the position along it (0..1) and
+    /// the outward normal.
     pub fn tube(
         &mut self,
         (from, to): (Vec3, Vec3),

@@ -222,8 +222,8 @@ fn hang_door(canvas: &mut Canvas, wall: &Wall, o: &Opening, random: &mut Random)
     }
 }
 
-/// A shingled slope. The frame's x runs along the eaves, y up the slope, and z outward. `color` takes a shingle's
-/// column and row.
+/// A shingled slope. The frame's x runs along the eaves, y up the slope, and z outward. `color` takes a
+/// shingle's column and row.
 pub fn shingles(
     canvas: &mut Canvas,
     slope: Frame,

@@ -1,8 +1,8 @@
-//! The demo scene: a small floating island with a cottage, a windmill, trees, a pond and a waterfall, made of 60 to 70
-//! thousand flat Gaussians with baked light.
+//! The demo scene: a small floating island with a cottage, a windmill, trees, a pond and a waterfall, made of
+//! 60 to 70 thousand flat Gaussians with baked light.
 //!
-//! It is the same bit for bit on every machine. Random numbers are integers, f32 arithmetic is scalar and in a fixed
-//! order, and transcendental functions are computed in software (`libm`).
+//! It is the same bit for bit on every machine. Random numbers are integers, f32 arithmetic is scalar and in a
+//! fixed order, and transcendental functions are computed in software (`libm`).
 
 use glam::Vec3;
 use stylegaussian::scene::{Scene, Sh};

@@ -1,8 +1,8 @@
 //! Baked light: a sun with soft shadows, and a sky with ambient occlusion.
 //!
-//! All Gaussians together become a grid of extinction, and rays march through it. A cell's value is the blocked area
-//! per volume. A flat Gaussian of standard deviations a and b blocks 2 pi a b times its opacity, the integral of its
-//! profile.
+//! All Gaussians together become a grid of extinction, and rays march through it. A cell's value is the blocked
+//! area per volume. A flat Gaussian of standard deviations a and b blocks 2 pi a b times its opacity, the
+//! integral of its profile.
 
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
@@ -83,7 +83,8 @@ impl Grid {
             }
             at += step;
         }
-        // exp(-depth) by the reciprocal of a truncated series: exact enough here, cheap, and the same everywhere.
+        // exp(-depth) by the reciprocal of a truncated series: exact enough here, cheap, and the same
+        // everywhere.
         1.0 / (1.0 + depth + 0.5 * depth * depth + depth * depth * depth / 6.0)
     }
 }
@@ -110,8 +111,8 @@ fn sun_rays() -> [Vec3; 7] {
     [frame.z, ring(0), ring(1), ring(2), ring(3), ring(4), ring(5)]
 }
 
-/// Directions about +z with a density proportional to their cosine, by Malley's method: points of a disc are lifted
-/// onto the hemisphere.
+/// Directions about +z with a density proportional to their cosine, by Malley's method: points of a disc are
+/// lifted onto the hemisphere.
 fn cosine_directions() -> Vec<Vec3> {
     // pi (3 - sqrt 5): a spiral by this angle fills the disc without arms.
     const GOLDEN_ANGLE: f32 = 2.399_963_2;

@@ -17,8 +17,8 @@ fn radius(share: f32) -> f32 {
     FOOT_RADIUS + (TOP_RADIUS - FOOT_RADIUS) * share
 }
 
-/// A point of the tower's wall at an angle from the front, a share of the height, and `lift` above the surface; and the
-/// normal there.
+/// A point of the tower's wall at an angle from the front, a share of the height, and `lift` above the surface;
+/// and the normal there.
 fn wall(mill: &Frame, angle: f32, share: f32, lift: f32) -> (Vec3, Vec3) {
     let out = mill.vector(libm::sinf(angle), 0.0, libm::cosf(angle));
     (mill.at(0.0, share * HEIGHT, 0.0) + out * (radius(share) + lift), (out + Vec3::Y * 0.1).normalize())

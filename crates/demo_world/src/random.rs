@@ -2,8 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
-/// The golden-ratio increment of SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators",
-/// 2014).
+/// The golden-ratio increment of SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number
+/// generators", 2014).
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// SplitMix64's output function, a bijection of u64 that scatters neighboring inputs.
@@ -18,8 +18,8 @@ fn unit(bits: u64) -> f32 {
     (bits >> 40) as f32 / (1 << 24) as f32
 }
 
-/// A stream of random numbers. Every part of the world has its own stream, so that a change of one part leaves the
-/// others alone.
+/// A stream of random numbers. Every part of the world has its own stream, so that a change of one part leaves
+/// the others alone.
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 

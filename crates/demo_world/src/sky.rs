@@ -44,8 +44,8 @@ fn cloud(canvas: &mut Canvas, center: Vec3, size: f32, seed: u64) {
     }
 }
 
-/// Radius of the balloon and height over its mouth, in radii of the balloon, from the mouth (t = 0) to the crown (t =
-/// 1).
+/// Radius of the balloon and height over its mouth, in radii of the balloon, from the mouth (t = 0) to the
+/// crown (t = 1).
 fn envelope(t: f32) -> (f32, f32) {
     let angle = std::f32::consts::PI * (0.14 + 0.86 * t);
     let radius = libm::sinf(angle) * (1.0 - 0.25 * (1.0 - t) * (1.0 - t));

@@ -70,8 +70,8 @@ pub fn path_distance(p: Vec2) -> f32 {
     PATHS.iter().map(|path| polyline_distance(path, p)).fold(f32::MAX, f32::min) - PATH_HALF_WIDTH + wobble
 }
 
-/// Distance from the island's axis to its rim, in a horizontal unit direction. Harmonics of the angle come from the
-/// angle-sum formulas, without trigonometry.
+/// Distance from the island's axis to its rim, in a horizontal unit direction. Harmonics of the angle come from
+/// the angle-sum formulas, without trigonometry.
 pub fn rim(direction: Vec2) -> f32 {
     let (c, s) = (direction.x, direction.y);
     let (c2, s2) = (c * c - s * s, 2.0 * c * s);

@@ -1,7 +1,7 @@
 //! Pond, stream and waterfall.
 //!
-//! A Gaussian of this scene has one color for all directions, so its reflection is that of the average view. Rays leave
-//! the water at a low angle all around, and the trees, banks and bridges that they meet tint it.
+//! A Gaussian of this scene has one color for all directions, so its reflection is that of the average view.
+//! Rays leave the water at a low angle all around, and the trees, banks and bridges that they meet tint it.
 
 use glam::{Vec2, Vec3};
 
@@ -28,8 +28,8 @@ impl<'a> Mirror<'a> {
         Self { near: canvas.dabs.iter().filter(is_near).collect() }
     }
 
-    /// Solid angle and mean color of the things around a point, seen from the mirror image of an eye 30 degrees above
-    /// the water.
+    /// Solid angle and mean color of the things around a point, seen from the mirror image of an eye 30 degrees
+    /// above the water.
     fn at(&self, p: Vec3) -> (f32, Vec3) {
         let (mut weight, mut color) = (0.0, Vec3::ZERO);
         for dab in &self.near {

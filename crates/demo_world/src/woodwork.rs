@@ -1,4 +1,5 @@
-//! The villagers' works: bridge, jetty, boat, garden with fence, well, woodpile and bench; and the rocks they sit on.
+//! The villagers' works: bridge, jetty, boat, garden with fence, well, woodpile and bench; and the rocks they
+//! sit on.
 
 use glam::{Vec2, Vec3};
 

@@ -1,8 +1,8 @@
 //! Speed of the folded decoder, compared with the unfolded one and with a plain matrix product.
 //!
-//! Prints medians and two ratios: `folded_over_unfolded_cpu` (time of the unfolded decoder / time of the folded one)
-//! and `cpu_decode_over_product` (rate of the decoder / rate of a large product). Run it on a machine without other
-//! load:
+//! Prints medians and two ratios: `folded_over_unfolded_cpu` (time of the unfolded decoder / time of the folded
+//! one) and `cpu_decode_over_product` (rate of the decoder / rate of a large product). Run it on a machine
+//! without other load:
 //!
 //! ```sh
 //! cargo run --release -p stylegaussian --example decode_speed -- 100000
@@ -89,8 +89,8 @@ fn product_seconds(n: usize) -> f64 {
     let mut target = vec![0.0_f32; rows * columns];
     let seconds = median(|| {
         let threads = gemm::Parallelism::Rayon(0);
-        // SAFETY: the three slices were made above with rows * inner, inner * columns and rows * columns values, the
-        // extents that these dimensions and strides address, and the target overlaps no operand.
+        // SAFETY: the three slices were made above with rows * inner, inner * columns and rows * columns
+        // values, the extents that these dimensions and strides address, and the target overlaps no operand.
         #[expect(unsafe_code, reason = "gemm takes pointers; the slices have the stated shapes")]
         unsafe {
             gemm::gemm(

@@ -1,5 +1,6 @@
-//! Fills `fuzz/corpus` with small files of every kind: made ones, those of the repository, and the real and broken ones of
-//! the test data, if they are there. Arguments: the workspace's root, and the folder of the test data.
+//! Fills `fuzz/corpus` with small files of every kind: made ones, those of the repository, and the real and
+//! broken ones of the test data, if they are there. Arguments: the workspace's root, and the folder of the test
+//! data.
 
 use std::{
     env, fs, io,
@@ -70,7 +71,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Copies the small files under `from` for which `prefix` gives the bytes to put before them. An absent folder has none.
+/// Copies the small files under `from` for which `prefix` gives the bytes to put before them. An absent folder
+/// has none.
 fn copy_all(from: &Path, to: &Path, prefix: &dyn Fn(&Path) -> Option<Vec<u8>>) -> io::Result<()> {
     let Ok(entries) = fs::read_dir(from) else { return Ok(()) };
     for entry in entries {

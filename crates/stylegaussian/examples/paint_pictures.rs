@@ -1,4 +1,5 @@
-//! Pictures of a scene in paintings, drawn by the CPU with their strokes, and how much of each painting's fine detail they show.
+//! Pictures of a scene in paintings, drawn by the CPU with their strokes, and how much of each painting's fine
+//! detail they show.
 //!
 //! Writes `OUT/PAINTING_VIEW.png` with alpha, from views around the scene or from every STEP-th of its cameras:
 //!
@@ -6,8 +7,8 @@
 //! cargo run --release -p stylegaussian --example paint_pictures -- SCENE OUT SIZE VIEWS PAINTING...
 //! ```
 //!
-//! VIEWS is `orbit:N:I,J,...` (N views around the scene, of which these are drawn) or `cameras:I,J,...`, and `:F` after it takes the
-//! cameras to a share F of their distance from the scene's middle.
+//! VIEWS is `orbit:N:I,J,...` (N views around the scene, of which these are drawn) or `cameras:I,J,...`, and
+//! `:F` after it takes the cameras to a share F of their distance from the scene's middle.
 
 use std::{env, error::Error, path::Path, time::Instant};
 

@@ -1,7 +1,8 @@
 //! The directions of a file's coordinate axes.
 //!
-//! Scenes in memory have the axes of 3DGS `.ply` files, [`Axes::RDF`]: x to the right, y down, z forward. Readers of
-//! other conventions mirror means, rotations and spherical harmonics; a turn by half a circle is two mirrors.
+//! Scenes in memory have the axes of 3DGS `.ply` files, [`Axes::RDF`]: x to the right, y down, z forward.
+//! Readers of other conventions mirror means, rotations and spherical harmonics; a turn by half a circle is two
+//! mirrors.
 
 use std::{fmt, str::FromStr};
 
@@ -71,7 +72,8 @@ impl Axes {
     }
 }
 
-/// The factor of each spherical harmonic under the mirrors: every basis function is odd or even in each coordinate.
+/// The factor of each spherical harmonic under the mirrors: every basis function is odd or even in each
+/// coordinate.
 pub(crate) fn sh_signs(axes: Axes) -> [f32; 16] {
     /// The coordinates in which the functions are odd, read off [`crate::sh::basis`].
     const ODD: [&str; 16] =

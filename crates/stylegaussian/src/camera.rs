@@ -16,8 +16,8 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Whether a scene can be seen with it: position, focal lengths and center are so far within the range of f32 that
-    /// their squares are too.
+    /// Whether a scene can be seen with it: position, focal lengths and center are so far within the range of
+    /// f32 that their squares are too.
     pub fn is_usable(&self) -> bool {
         const MOST: f32 = 1e18;
         let translation = Vec3::from(self.view_from_world.translation);
@@ -34,8 +34,8 @@ impl Camera {
         self.view_from_world.inverse().translation.into()
     }
 
-    /// A camera from its pose in OpenGL axes (x right, y up, z *backward*), the convention of transforms.json. The pose
-    /// must be rigid; `focal`, `center` and `size` are in pixels.
+    /// A camera from its pose in OpenGL axes (x right, y up, z *backward*), the convention of transforms.json.
+    /// The pose must be rigid; `focal`, `center` and `size` are in pixels.
     pub fn from_opengl(world_from_camera: DAffine3, focal: Vec2, center: Vec2, size: UVec2) -> Self {
         // In f64: poses of captures may lie far from the origin, where the inverse in f32 would lose digits.
         let camera_from_view = DAffine3::from_mat3(DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)));
@@ -47,8 +47,8 @@ impl Camera {
 
     /// The same view at another size in pixels. Focal lengths and center scale with it.
     pub fn resized(&self, size: UVec2) -> Self {
-        // Positions count from the corner of the picture and not from the center of a pixel, so they scale without an
-        // offset.
+        // Positions count from the corner of the picture and not from the center of a pixel, so they scale
+        // without an offset.
         let ratio = size.as_vec2() / self.size.as_vec2();
         Self { focal: self.focal * ratio, center: self.center * ratio, size, ..self.clone() }
     }
@@ -59,8 +59,8 @@ impl Camera {
         self.resized(size.round().as_uvec2().max(UVec2::ONE))
     }
 
-    /// A camera at `eye` that looks at `target`. `up` is the world's up direction, and `fov_y` the full vertical angle
-    /// in radians.
+    /// A camera at `eye` that looks at `target`. `up` is the world's up direction, and `fov_y` the full
+    /// vertical angle in radians.
     pub fn look_at(eye: Vec3, target: Vec3, up: Vec3, fov_y: f32, size: UVec2) -> Self {
         let forward = (target - eye).normalize();
         let right = forward.cross(up).normalize();
@@ -81,7 +81,8 @@ impl Camera {
 mod tests {
     use super::*;
 
-    /// OpenGL's identity pose looks along world -z with +y up: a point in front and above lands in the upper half.
+    /// OpenGL's identity pose looks along world -z with +y up: a point in front and above lands in the upper
+    /// half.
     #[test]
     fn opengl_poses_look_backward_along_z() {
         let pose = DAffine3::from_translation(DVec3::new(0.0, 0.0, 5.0));

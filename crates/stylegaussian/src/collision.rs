@@ -1,8 +1,9 @@
 //! Collision for a captured scene: voxels that are occupied, merged into boxes.
 //!
 //! A voxel is occupied if half of a ray's light would be gone in it, the rule by which a ray hits
-//! ([`raycast`](crate::raycast)). Each Gaussian takes the light that the highest alpha anywhere in the voxel takes, so a surface
-//! is at most one voxel thicker than what is seen. The boxes are plain data for any physics engine:
+//! ([`raycast`](crate::raycast)). Each Gaussian takes the light that the highest alpha anywhere in the voxel
+//! takes, so a surface is at most one voxel thicker than what is seen. The boxes are plain data for any physics
+//! engine:
 //!
 //! ```
 //! # use stylegaussian::{Scene, collision::{CollisionError, VoxelSettings, Voxels}};
@@ -37,18 +38,19 @@ pub const MOST_VOXELS: u64 = 1 << 26;
 /// Settings of [`Voxels::new`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoxelSettings {
-    /// The edge of a voxel, in units of the scene, above 0. About half of the smallest thing that should stop something.
+    /// The edge of a voxel, in units of the scene, above 0. About half of the smallest thing that should stop
+    /// something.
     pub size: f32,
-    /// The box in which voxels are made, least and greatest corner. If `None`, the box around the means of all Gaussians that
-    /// occupy a voxel alone.
+    /// The box in which voxels are made, least and greatest corner. If `None`, the box around the means of all
+    /// Gaussians that occupy a voxel alone.
     pub bounds: Option<[Vec3; 2]>,
     /// The least number of voxels that hang together by their faces. Smaller groups are floaters, and left out.
     pub least_group: usize,
 }
 
 impl Default for VoxelSettings {
-    /// Voxels of a tenth of a unit. Captures are often in meters, where that is less than a step. A floater has less than
-    /// 2^3 voxels, the least that resolves a thing in each direction.
+    /// Voxels of a tenth of a unit. Captures are often in meters, where that is less than a step. A floater has
+    /// less than 2^3 voxels, the least that resolves a thing in each direction.
     fn default() -> Self {
         Self { size: 0.1, bounds: None, least_group: 8 }
     }
@@ -82,8 +84,8 @@ pub struct Voxels {
 }
 
 impl Voxels {
-    /// Finds the occupied voxels of a scene. The result is the same for any number of threads. Gaussians that are not finite
-    /// are left out.
+    /// Finds the occupied voxels of a scene. The result is the same for any number of threads. Gaussians that
+    /// are not finite are left out.
     ///
     /// # Errors
     /// If the size or the bounds are not usable, or need more than [`MOST_VOXELS`].
@@ -135,7 +137,8 @@ impl Voxels {
         (z * self.counts.y as usize + y) * self.counts.x as usize + x
     }
 
-    /// Whether each voxel is occupied `[z, y, x]`. Layers are computed side by side, each over its Gaussians in their order.
+    /// Whether each voxel is occupied `[z, y, x]`. Layers are computed side by side, each over its Gaussians in
+    /// their order.
     fn occupied_by(&self, footprints: &[Footprint]) -> Vec<bool> {
         let mut in_layer = vec![Vec::new(); self.counts.z as usize];
         for (i, footprint) in footprints.iter().enumerate() {

@@ -29,7 +29,8 @@ pub struct Layer {
 
 /// KNN convolutions with an activation between them, from D + E input channels to RGB.
 ///
-/// The default has no layers, the paper's K and activation, and none of the options that the paper's decoder lacks.
+/// The default has no layers, the paper's K and activation, and none of the options that the paper's decoder
+/// lacks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decoder {
     /// The layers, first to last.
@@ -38,23 +39,24 @@ pub struct Decoder {
     pub k: usize,
     /// The activation between layers. There is none after the last.
     pub activation: Activation,
-    /// Factor of the base color (SH 0) that is added to the output. At 0 the layers give the color itself, at 1 an
-    /// offset from the base color. Between them a share of the captured scene shows through.
+    /// Factor of the base color (SH 0) that is added to the output. At 0 the layers give the color itself, at 1
+    /// an offset from the base color. Between them a share of the captured scene shows through.
     pub residual: f32,
-    /// Number of noise inputs of the first layer, after the scene's features and extra inputs. Each is one number per
-    /// Gaussian that is always the same (see [`noise`](crate::noise)). Features are smooth and paintings are not, so a
-    /// decoder needs noise to make strokes.
+    /// Number of noise inputs of the first layer, after the scene's features and extra inputs. Each is one
+    /// number per Gaussian that is always the same (see [`noise`](crate::noise)). Features are smooth and
+    /// paintings are not, so a decoder needs noise to make strokes.
     pub n_noise: usize,
     /// If true, the last three inputs of the first layer are the base color (SH 0), as
-    /// [`BASE_COLOR_SCALE`](Self::BASE_COLOR_SCALE) (c - 0.5). Features are blurred over the cells of a feature map,
-    /// and base colors keep the detail.
+    /// [`BASE_COLOR_SCALE`](Self::BASE_COLOR_SCALE) (c - 0.5). Features are blurred over the cells of a feature
+    /// map, and base colors keep the detail.
     pub base_color: bool,
-    /// S `[D_out of the first layer, 2 D]`, or empty. S (mean, std) of the transferred features is added to the first
-    /// layer's bias, so every color depends on the style as a whole and not on its neighborhood alone. A change of
-    /// style costs one more product of a matrix and a vector, and a Gaussian costs nothing.
+    /// S `[D_out of the first layer, 2 D]`, or empty. S (mean, std) of the transferred features is added to the
+    /// first layer's bias, so every color depends on the style as a whole and not on its neighborhood alone. A
+    /// change of style costs one more product of a matrix and a vector, and a Gaussian costs nothing.
     pub statistics_weight: Vec<f32>,
-    /// Number of smoothing passes over the decoded colors ([`smoothing_pass`]). If neighbors differ in color, so do
-    /// views, since each view blends the same Gaussians with other weights. Smoothing makes views consistent.
+    /// Number of smoothing passes over the decoded colors ([`smoothing_pass`]). If neighbors differ in color,
+    /// so do views, since each view blends the same Gaussians with other weights. Smoothing makes views
+    /// consistent.
     pub smoothing_passes: usize,
     /// The encoder of its input features, or `None` if the file does not name it.
     pub encoder: Option<EncoderId>,
@@ -86,8 +88,8 @@ impl Decoder {
     /// The paper's layer widths from D = 256 input channels (plus E extra ones) to RGB.
     pub const WIDTHS: [usize; 5] = [256, 128, 64, 32, 3];
 
-    /// Factor that brings base colors, which deviate from mid-gray by about a quarter, to the deviation of about 1 of
-    /// the other inputs.
+    /// Factor that brings base colors, which deviate from mid-gray by about a quarter, to the deviation of
+    /// about 1 of the other inputs.
     pub const BASE_COLOR_SCALE: f32 = 4.0;
 
     /// Number of procedural inputs, which no scene file holds: noise and the base color.
@@ -95,8 +97,8 @@ impl Decoder {
         self.n_noise.saturating_add(if self.base_color { 3 } else { 0 })
     }
 
-    /// Number of neighborhoods through which a color depends on other Gaussians: one per layer and one per smoothing
-    /// pass.
+    /// Number of neighborhoods through which a color depends on other Gaussians: one per layer and one per
+    /// smoothing pass.
     pub fn n_neighborhoods(&self) -> usize {
         self.layers.len() + self.smoothing_passes
     }
@@ -114,8 +116,8 @@ impl Layer {
     }
 }
 
-/// Runs layers over x `[N, D_in of the first]`, with the activation between them and none after the last. Returns
-/// `[N, D_out of the last]`.
+/// Runs layers over x `[N, D_in of the first]`, with the activation between them and none after the last.
+/// Returns `[N, D_out of the last]`.
 ///
 /// Holds the outputs of two consecutive layers at a time, and nothing of width K.
 ///

@@ -4,7 +4,8 @@ use std::{fmt, str::FromStr};
 
 /// Name and content hash of the encoder that features, style statistics and decoders belong to.
 ///
-/// Stored in file metadata as `name@hash`. Two identities are equal if their hashes are; the name is for people.
+/// Stored in file metadata as `name@hash`. Two identities are equal if their hashes are; the name is for
+/// people.
 #[derive(Clone, Debug)]
 pub struct EncoderId {
     /// A name for people, e.g. `distilled_relu3_1`.
@@ -30,8 +31,9 @@ pub struct EncoderMismatch {
 impl EncoderId {
     /// Checks that a part and another one were made with the same encoder.
     ///
-    /// Each is given as its name for the message, usually a file, and its encoder. If either encoder is `None`, nothing
-    /// is known against the pair and the check passes: checkpoints and files of other programs name no encoder.
+    /// Each is given as its name for the message, usually a file, and its encoder. If either encoder is `None`,
+    /// nothing is known against the pair and the check passes: checkpoints and files of other programs name no
+    /// encoder.
     ///
     /// # Errors
     /// If both name an encoder and the two differ.

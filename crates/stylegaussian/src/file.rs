@@ -1,7 +1,8 @@
 //! File formats: scenes, decoders, style statistics, looks, masks, colors.
 //!
-//! A reader takes the whole file into memory, recognizes the format by the content, and checks every count against the
-//! size of the file before it allocates. A writer never leaves a half-written file: see [`write_atomically`].
+//! A reader takes the whole file into memory, recognizes the format by the content, and checks every count
+//! against the size of the file before it allocates. A writer never leaves a half-written file: see
+//! [`write_atomically`].
 
 use std::path::Path;
 
@@ -127,8 +128,8 @@ pub fn look_from_bytes(bytes: &[u8], name: &str) -> Result<Look, FileError> {
     look::from_bytes(bytes).map_err(|mismatch| mismatch.at(Path::new(name)))
 }
 
-/// Writes a look (`*.look.safetensors`). Each channel of the colors is rounded to 256 steps between its smallest and its
-/// largest value, which takes 3 bytes per Gaussian.
+/// Writes a look (`*.look.safetensors`). Each channel of the colors is rounded to 256 steps between its
+/// smallest and its largest value, which takes 3 bytes per Gaussian.
 ///
 /// # Errors
 /// If a value is not finite, there is not one color per Gaussian of the scene, or the file cannot be written.
@@ -153,7 +154,8 @@ pub fn mask_from_bytes(bytes: &[u8], name: &str) -> Result<StoredMask, FileError
     mask::from_bytes(bytes).map_err(|mismatch| mismatch.at(Path::new(name)))
 }
 
-/// Writes a mask (`*.mask.safetensors`): a byte per Gaussian for each channel up to the last one that is named or painted.
+/// Writes a mask (`*.mask.safetensors`): a byte per Gaussian for each channel up to the last one that is named
+/// or painted.
 ///
 /// # Errors
 /// If there are not as many weights as the scene has Gaussians, or the file cannot be written.
@@ -162,8 +164,8 @@ pub fn write_mask(path: &Path, mask: &StoredMask) -> Result<(), FileError> {
     write_atomically(path, |out| tensors.write(out))
 }
 
-/// Writes a style with the paint of its painting (`*.style.safetensors`). [`read_style`] reads its statistics and
-/// [`read_paint`] its paint.
+/// Writes a style with the paint of its painting (`*.style.safetensors`). [`read_style`] reads its statistics
+/// and [`read_paint`] its paint.
 ///
 /// # Errors
 /// As [`write_style`], or if the paint's shapes do not fit one another.

@@ -1,15 +1,16 @@
 //! Folding all that is affine in the latent features into the decoder's first layer.
 //!
-//! f = A f' + b, AdaIN, mixing and the blend with the content are affine. The pre-activation of the first layer is
-//! therefore affine in f':
+//! f = A f' + b, AdaIN, mixing and the blend with the content are affine. The pre-activation of the first layer
+//! is therefore affine in f':
 //!
 //! ```text
 //! sum_k W_k (g * (A f'_{n(p,k)} + b) + s) + B = sum_k (W_k diag(g) A) (f'_{n(p,k)} - m') + const
 //! ```
 //!
-//! with m' the mean of f'. Features enter centered, so that a large gain (a nearly constant channel) multiplies small
-//! numbers and not the difference of two large ones. Folding costs the same for any number of Gaussians, and is done in
-//! f64: gains reach 1e8 (1 / [`STD_DEV_EPSILON`](crate::statistics::STD_DEV_EPSILON)), beyond the digits of f32.
+//! with m' the mean of f'. Features enter centered, so that a large gain (a nearly constant channel) multiplies
+//! small numbers and not the difference of two large ones. Folding costs the same for any number of Gaussians,
+//! and is done in f64: gains reach 1e8 (1 / [`STD_DEV_EPSILON`](crate::statistics::STD_DEV_EPSILON)), beyond
+//! the digits of f32.
 
 use std::{
     borrow::Cow,
@@ -87,8 +88,8 @@ impl ChannelMap {
         Ok(Self { gain: sum(|map| &map.gain), shift: sum(|map| &map.shift) })
     }
 
-    /// The map's blend with the identity: c f + (1 - c) map(f), with `content` c from 0 (the map alone) to 1 (the
-    /// content's features as they are).
+    /// The map's blend with the identity: c f + (1 - c) map(f), with `content` c from 0 (the map alone) to 1
+    /// (the content's features as they are).
     ///
     /// # Errors
     /// If `content` is not in 0..=1.
@@ -169,8 +170,8 @@ pub enum StylizeError {
     Encoder(#[from] EncoderMismatch),
 }
 
-/// Folds the basis, the offset and a channel map into a first layer of D + E inputs. The result has L + E inputs and
-/// takes *centered* latent features, f' - `mean_latent`.
+/// Folds the basis, the offset and a channel map into a first layer of D + E inputs. The result has L + E
+/// inputs and takes *centered* latent features, f' - `mean_latent`.
 ///
 /// # Panics
 /// If the layer does not take D + E inputs.
@@ -183,8 +184,8 @@ pub fn fold_layer(
 ) -> Layer {
     let (n_channels, n_latent, n_extra) = (features.n_channels(), features.n_latent, features.n_extra);
     assert_eq!(layer.d_in, n_channels + n_extra, "the first layer takes D + E inputs");
-    // diag(g) A and, as one more column, the mapped features of a Gaussian at the mean [D, L + 1]. One product then
-    // folds weights and bias together.
+    // diag(g) A and, as one more column, the mapped features of a Gaussian at the mean [D, L + 1]. One product
+    // then folds weights and bias together.
     let width = n_latent + 1;
     let mut basis = Vec::with_capacity(n_channels * width);
     for (d, row) in features.basis.chunks_exact(n_latent).enumerate() {
@@ -241,15 +242,16 @@ pub async fn centered_inputs_in_slices<P: Future<Output = ()>>(
         if i % SLICE == 0 {
             pause().await;
         }
-        // Subtracted in f64 and rounded once. A mean in f32 would cost small features around a large mean their digits.
+        // Subtracted in f64 and rounded once. A mean in f32 would cost small features around a large mean their
+        // digits.
         inputs.extend(row.iter().zip(mean_latent).map(|(value, mean)| (f64::from(*value) - mean) as f32));
         inputs.extend_from_slice(&features.extra[i * n_extra..][..n_extra]);
     }
     inputs
 }
 
-/// A scene's features with the decoder's procedural inputs (noise and base color) appended to the extra inputs, or
-/// `None` if the scene has no features.
+/// A scene's features with the decoder's procedural inputs (noise and base color) appended to the extra inputs,
+/// or `None` if the scene has no features.
 pub fn inputs_of<'a>(scene: &'a Scene, decoder: &Decoder) -> Option<Cow<'a, Features>> {
     at_once(inputs_in_slices(scene, decoder, &mut || ready(())))
 }
@@ -314,8 +316,8 @@ pub fn transfer_from(
 /// The scene's part in an [`EncoderMismatch`].
 const FEATURES: &str = "the scene's features";
 
-/// Checks that `decoder` can run on `scene`, and returns the scene's features. Encoders and widths must agree, and the
-/// layers must chain and end in 3 colors.
+/// Checks that `decoder` can run on `scene`, and returns the scene's features. Encoders and widths must agree,
+/// and the layers must chain and end in 3 colors.
 ///
 /// # Errors
 /// If the scene has no features, or the decoder does not fit them.
@@ -342,7 +344,8 @@ pub fn check_decoder<'a>(scene: &'a Scene, decoder: &Decoder) -> Result<&'a Feat
     Ok(features)
 }
 
-/// Adds the decoder's response to the statistics of the transferred features to the bias of its folded first layer.
+/// Adds the decoder's response to the statistics of the transferred features to the bias of its folded first
+/// layer.
 pub fn fold_statistics(first: &mut Layer, decoder: &Decoder, map: &ChannelMap, content: &ContentStatistics) {
     let statistics = map.statistics(content);
     let rows = decoder.statistics_weight.chunks_exact(statistics.len().max(1));
@@ -381,8 +384,8 @@ pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec
     Ok(colors)
 }
 
-/// The scene's neighbor lists at K. Longer lists are shortened, and a search runs only if there are none of that
-/// length.
+/// The scene's neighbor lists at K. Longer lists are shortened, and a search runs only if there are none of
+/// that length.
 pub fn neighbors_for(scene: &Scene, k: usize) -> Cow<'_, Neighbors> {
     match &scene.neighbors {
         Some(neighbors) if neighbors.k == k => Cow::Borrowed(neighbors),

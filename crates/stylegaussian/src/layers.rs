@@ -1,9 +1,9 @@
 //! Looks in space: layers of colors, each within a region of the scene.
 //!
-//! Layers lie on one another, the first at the bottom. Each one replaces the share w of the colors below it, where w is its
-//! region's weight at a Gaussian's mean. A color has four numbers: red, green and blue, multiplied by the fourth, which is
-//! the share of the looks. Its rest is the share of the captured, view-dependent colors, which only a view knows. The
-//! kernel of the same name is `mix_layers`.
+//! Layers lie on one another, the first at the bottom. Each one replaces the share w of the colors below it,
+//! where w is its region's weight at a Gaussian's mean. A color has four numbers: red, green and blue,
+//! multiplied by the fourth, which is the share of the looks. Its rest is the share of the captured,
+//! view-dependent colors, which only a view knows. The kernel of the same name is `mix_layers`.
 
 use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
@@ -23,7 +23,8 @@ pub use shape::Shape;
 pub struct Region {
     /// The shape, in world units, around its own origin.
     pub shape: Shape,
-    /// The shape's space from the scene's. The shape's space has the world's units: it is only turned and moved.
+    /// The shape's space from the scene's. The shape's space has the world's units: it is only turned and
+    /// moved.
     pub shape_from_scene: Affine3A,
     /// Width of the edge in world units, at least 0: half of it lies within the shape.
     pub softness: f32,
@@ -34,8 +35,8 @@ impl Region {
     pub const EVERYWHERE: Self =
         Self { shape: Shape::Everything, shape_from_scene: Affine3A::IDENTITY, softness: 0.0 };
 
-    /// The weight at a point of the scene: 1 within the shape, 0 outside, and a smooth step between them across the edge. 0 if
-    /// the region or the point is not finite.
+    /// The weight at a point of the scene: 1 within the shape, 0 outside, and a smooth step between them across
+    /// the edge. 0 if the region or the point is not finite.
     pub fn weight(&self, point: Vec3) -> f32 {
         let distance = self.shape.distance(self.shape_from_scene.transform_point3(point));
         let half = 0.5 * self.softness;
@@ -62,7 +63,8 @@ pub struct Layer<'a> {
     pub region: Region,
     /// Share of the colors below that is replaced within the region, 0..1.
     pub strength: f32,
-    /// Weights that somebody painted, and the channel of them that counts here; `None` if all of the region counts.
+    /// Weights that somebody painted, and the channel of them that counts here; `None` if all of the region
+    /// counts.
     pub mask: Option<(&'a [[u8; 4]], usize)>,
 }
 

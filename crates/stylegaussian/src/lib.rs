@@ -1,7 +1,9 @@
-//! The model of StyleGaussian without an engine: scene, statistics and fold, decoder, neighbors, splatting, files.
+//! The model of StyleGaussian without an engine: scene, statistics and fold, decoder, neighbors, splatting,
+//! files.
 //!
-//! A [`Scene`] holds Gaussians and, once embedded, latent [`Features`]. [`fold::transfer`] turns the statistics of
-//! styles into a map of features, and [`fold::stylize`] decodes the mapped features to one color per Gaussian:
+//! A [`Scene`] holds Gaussians and, once embedded, latent [`Features`]. [`fold::transfer`] turns the statistics
+//! of styles into a map of features, and [`fold::stylize`] decodes the mapped features to one color per
+//! Gaussian:
 //!
 //! ```no_run
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {

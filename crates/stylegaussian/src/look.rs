@@ -1,8 +1,9 @@
 //! Looks: the colors of one scene's Gaussians, made for a painting, and the strokes over them.
 //!
-//! A [`Look`] keeps its colors and strokes in the order of the scene's source, because readers order Gaussians differently: a `.ply`
-//! keeps the source's order, a `.sgs` is in Morton order. [`Look::new`], [`Look::with_strokes`], [`Look::colors_for`] and
-//! [`Look::strokes_for`] convert from and to the order of a scene in memory.
+//! A [`Look`] keeps its colors and strokes in the order of the scene's source, because readers order Gaussians
+//! differently: a `.ply` keeps the source's order, a `.sgs` is in Morton order. [`Look::new`],
+//! [`Look::with_strokes`], [`Look::colors_for`] and [`Look::strokes_for`] convert from and to the order of a
+//! scene in memory.
 
 use std::{fmt, str::FromStr};
 
@@ -43,11 +44,13 @@ pub struct Painting {
     pub weight: f64,
 }
 
-/// Identity of a scene's geometry: the number of Gaussians, and a hash of their means in the order of the source.
+/// Identity of a scene's geometry: the number of Gaussians, and a hash of their means in the order of the
+/// source.
 ///
-/// Means alone, because every reader and writer keeps their bits. So the fingerprint survives embedding, `.sgs`, export to
-/// 3DGS `.ply` and another machine's `exp`, as well as any change of colors, features, decoder or neighbors. It does not
-/// survive anything that moves, adds, drops or splits Gaussians, nor a compressed `.ply`, which rounds means.
+/// Means alone, because every reader and writer keeps their bits. So the fingerprint survives embedding,
+/// `.sgs`, export to 3DGS `.ply` and another machine's `exp`, as well as any change of colors, features,
+/// decoder or neighbors. It does not survive anything that moves, adds, drops or splits Gaussians, nor a
+/// compressed `.ply`, which rounds means.
 ///
 /// Written as `N@hash`, the hash in 16 hexadecimal digits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,7 +82,8 @@ impl Look {
         Self { colors: in_source_order, strokes: None, scene: SceneFingerprint::of(scene), made_from }
     }
 
-    /// The look with `strokes` over its colors, whose words `[N]` are in the order of the same `scene`. Strokes without seeds are none.
+    /// The look with `strokes` over its colors, whose words `[N]` are in the order of the same `scene`. Strokes
+    /// without seeds are none.
     ///
     /// # Panics
     /// If there is not one word per Gaussian.
@@ -150,8 +154,8 @@ impl Look {
 /// w_style style + sum_j w_j (c base + (1 - c) look_j)
 /// ```
 ///
-/// All colors are `[N]`, in the order of the scene whose base colors are `base`; weights sum to 1. `content` c blends
-/// looks with the base colors; a style's colors have kept their share of the content already.
+/// All colors are `[N]`, in the order of the scene whose base colors are `base`; weights sum to 1. `content` c
+/// blends looks with the base colors; a style's colors have kept their share of the content already.
 ///
 /// # Errors
 /// If `content` is not in 0..=1.

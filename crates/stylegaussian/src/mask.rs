@@ -1,7 +1,8 @@
 //! Masks: weights of a scene's Gaussians, painted by hand or selected.
 //!
-//! A [`Mask`] has four channels of 8 bits. They are independent: layers that read them lie on one another, and the upper one
-//! covers the lower one. [`Brush::lessens`] names channels that give way where another is painted.
+//! A [`Mask`] has four channels of 8 bits. They are independent: layers that read them lie on one another, and
+//! the upper one covers the lower one. [`Brush::lessens`] names channels that give way where another is
+//! painted.
 //!
 //! A channel can be put to use in three ways, together or apart:
 //!

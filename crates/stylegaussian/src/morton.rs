@@ -11,8 +11,8 @@ const LAST_CELL: f64 = ((1_u32 << BITS) - 1) as f64;
 
 /// Spreads the low 21 bits of `value` so that two zero bits stand between each.
 ///
-/// Each step halves the groups of bits that are still together and moves the upper half up. The mask drops the copies
-/// that the shift leaves behind.
+/// Each step halves the groups of bits that are still together and moves the upper half up. The mask drops the
+/// copies that the shift leaves behind.
 fn spread(value: u32) -> u64 {
     let mut v = u64::from(value) & 0x1f_ffff;
     v = (v | (v << 32)) & 0x001f_0000_0000_ffff;
@@ -27,10 +27,11 @@ pub fn code(x: u32, y: u32, z: u32) -> u64 {
     spread(x) | (spread(y) << 1) | (spread(z) << 2)
 }
 
-/// The permutation that sorts `means` `[N]` along the z-curve: entry i is the index of the i-th mean in that order.
+/// The permutation that sorts `means` `[N]` along the z-curve: entry i is the index of the i-th mean in that
+/// order.
 ///
-/// Cells are cubes, 2^21 along the longest side of the bounds, so the curve is as local along short sides as along long
-/// ones. Means in one cell keep their order.
+/// Cells are cubes, 2^21 along the longest side of the bounds, so the curve is as local along short sides as
+/// along long ones. Means in one cell keep their order.
 pub fn order(means: &[Vec3]) -> Vec<u32> {
     let Some(&first) = means.first() else { return Vec::new() };
     let (min, max) = means.iter().fold((first, first), |(min, max), &m| (min.min(m), max.max(m)));

@@ -8,10 +8,10 @@ use rayon::prelude::*;
 
 /// Neighbor lists `[N, K]`, row-major.
 ///
-/// A list begins with the Gaussian itself. The others follow by ascending distance, and at equal distances by source
-/// index, so that lists depend neither on the order in memory nor on the search. Parts of one source Gaussian come in the
-/// order of the scene. If there are fewer than K Gaussians,
-/// the Gaussian itself fills the rest of its list.
+/// A list begins with the Gaussian itself. The others follow by ascending distance, and at equal distances by
+/// source index, so that lists depend neither on the order in memory nor on the search. Parts of one source
+/// Gaussian come in the order of the scene. If there are fewer than K Gaussians, the Gaussian itself fills the
+/// rest of its list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Neighbors {
     /// K, the length of each list.
@@ -74,7 +74,8 @@ fn cluster_equal_points(means: &[Vec3], order: &[u32]) -> (Vec<[f64; 3]>, Vec<Cl
     let mut cluster_from_gaussian = vec![0; means.len()];
     for (position, &i) in by_point.iter().enumerate() {
         if position == 0 || key(by_point[position - 1]) != key(i) {
-            // In f64 squared distances of f32 points are nearly exact, so that rounding hardly ever makes or breaks a tie.
+            // In f64 squared distances of f32 points are nearly exact, so that rounding hardly ever makes or
+            // breaks a tie.
             points.push(means[i as usize].to_array().map(f64::from));
             clusters.push(Vec::new());
         }
@@ -95,16 +96,16 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The nearest K + 1 Gaussians of a point as (squared distance, source index, Gaussian), sorted. One more than K,
-    /// since the Gaussian that asks may be among them, and moves to the front of its list.
+    /// The nearest K + 1 Gaussians of a point as (squared distance, source index, Gaussian), sorted. One more
+    /// than K, since the Gaussian that asks may be among them, and moves to the front of its list.
     fn nearest(&self, cluster: usize, found: &mut Vec<(f64, u32, u32)>) {
         found.clear();
         let Some(tree) = &self.tree else { return };
         let (query, wanted) = (&self.points[cluster], self.n_nearest.saturating_add(1));
         let nearest = tree.query(query).nearest_n::<SquaredEuclidean<f64>>(wanted).execute();
-        // With the point itself among them, the last of the K + 1 enters no list, and an arbitrary choice of it does no
-        // harm. If the one before it is as far away, the choice matters, and further points at that distance may have
-        // been left out.
+        // With the point itself among them, the last of the K + 1 enters no list, and an arbitrary choice of it
+        // does no harm. If the one before it is as far away, the choice matters, and further points at that
+        // distance may have been left out.
         let full = nearest.len() == wanted.get() && self.points.len() > wanted.get();
         let radius = nearest.last().map_or(0.0, |item| item.distance);
         let tied = full && nearest.iter().rev().nth(1).is_some_and(|item| item.distance == radius);

@@ -5,8 +5,8 @@
 /// Uniform between -sqrt(3) and sqrt(3), so that the standard deviation is 1. It is a hash of both numbers (the
 /// finalizer of MurmurHash3 by Appleby), so nothing needs to be stored.
 pub fn noise(source_index: u32, channel: u32) -> f32 {
-    // 0x9E3779B9 is 2^32 divided by the golden ratio, and odd. Multiples of it lie far apart, so channels of one
-    // Gaussian do not meet those of its neighbors in the file.
+    // 0x9E3779B9 is 2^32 divided by the golden ratio, and odd. Multiples of it lie far apart, so channels of
+    // one Gaussian do not meet those of its neighbors in the file.
     let mut h = source_index.wrapping_add(channel.wrapping_add(1).wrapping_mul(0x9E37_79B9));
     h = (h ^ (h >> 16)).wrapping_mul(0x85EB_CA6B);
     h = (h ^ (h >> 13)).wrapping_mul(0xC2B2_AE35);
@@ -36,8 +36,8 @@ mod tests {
         }
     }
 
-    /// Decoders are trained on this noise, so it may never change. The expected numbers come from an implementation
-    /// with integers of unlimited size.
+    /// Decoders are trained on this noise, so it may never change. The expected numbers come from an
+    /// implementation with integers of unlimited size.
     #[test]
     fn noise_never_changes() {
         let known = [

@@ -10,8 +10,8 @@ pub const LUMINANCE: Vec3 = Vec3::new(0.299, 0.587, 0.114);
 /// Cells of the color cube along each axis. A cell is 8 of a display's 256 steps.
 const SIDE: usize = 32;
 
-/// How much of a distance in luminance counts when colors are pulled. Chosen by eye between 0, at which bright colors are
-/// paler, and 0.3, at which contrast is lost.
+/// How much of a distance in luminance counts when colors are pulled. Chosen by eye between 0, at which bright
+/// colors are paler, and 0.3, at which contrast is lost.
 const LUMINANCE_PART: f32 = 0.1;
 
 /// Distance from the nearest color within which a color is free: a cell.
@@ -22,8 +22,8 @@ pub struct Palette {
     nearest: Vec<[f32; 3]>,
 }
 
-/// `color` made darker or brighter, as far as it must be to lie within 0..1, and clamped if that is not enough. A yellow
-/// that is brighter than a display shows is compared with yellows and not with white.
+/// `color` made darker or brighter, as far as it must be to lie within 0..1, and clamped if that is not enough.
+/// A yellow that is brighter than a display shows is compared with yellows and not with white.
 fn within_range(color: Vec3) -> Vec3 {
     let over = (color.max_element() - 1.0).max(0.0);
     let under = (-color.min_element()).max(0.0);
@@ -36,8 +36,8 @@ fn cell(color: &[f32]) -> usize {
 }
 
 impl Palette {
-    /// The palette of pixels `[n, 3]`, 0..1. A color counts if at least `least` pixels lie in its cell. Without pixels,
-    /// every color counts.
+    /// The palette of pixels `[n, 3]`, 0..1. A color counts if at least `least` pixels lie in its cell. Without
+    /// pixels, every color counts.
     pub fn new(rgb: &[f32], least: usize) -> Self {
         let mut cells = vec![([0.0_f64; 3], 0_usize); SIDE * SIDE * SIDE];
         for color in rgb.chunks_exact(3) {
@@ -66,8 +66,8 @@ impl Palette {
         Self { nearest }
     }
 
-    /// The painting's color nearest to `color`, between those of the cells around it: a slow change of color gives a slow
-    /// change.
+    /// The painting's color nearest to `color`, between those of the cells around it: a slow change of color
+    /// gives a slow change.
     pub fn nearest(&self, color: Vec3) -> Vec3 {
         let at = (within_range(color) * SIDE as f32 - 0.5).clamp(Vec3::ZERO, Vec3::splat((SIDE - 1) as f32));
         let low = at.floor();
@@ -84,18 +84,18 @@ impl Palette {
         (0..8).map(corner).sum()
     }
 
-    /// `color` on the way, by `share`, toward the hue and saturation of the nearest color of the painting. Luminance
-    /// stays.
+    /// `color` on the way, by `share`, toward the hue and saturation of the nearest color of the painting.
+    /// Luminance stays.
     pub fn toward(&self, color: Vec3, share: f32) -> Vec3 {
         color + share * gap(color, self.nearest(color), 0.0)
     }
 
-    /// Moves colors `[n, 3]` by `share` of the way toward the hue and saturation of the nearest color of the painting, and
-    /// by a tenth of that toward its luminance. Colors within a cell of it are left alone. Returns the mean squared
-    /// distance before.
+    /// Moves colors `[n, 3]` by `share` of the way toward the hue and saturation of the nearest color of the
+    /// painting, and by a tenth of that toward its luminance. Colors within a cell of it are left alone.
+    /// Returns the mean squared distance before.
     ///
-    /// Gaussians that overlap blur what they carry, so some must be darker and some brighter than any color of the
-    /// painting for pictures to have its contrast. Those that are far beyond have lost their color.
+    /// Gaussians that overlap blur what they carry, so some must be darker and some brighter than any color of
+    /// the painting for pictures to have its contrast. Those that are far beyond have lost their color.
     pub fn pull(&self, colors: &mut [f32], share: f32) -> f32 {
         let mut sum = 0.0;
         let n = (colors.len() / 3).max(1);

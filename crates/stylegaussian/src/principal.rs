@@ -1,4 +1,5 @@
-//! The directions in which rows of numbers are largest: those of a principal component analysis without centering.
+//! The directions in which rows of numbers are largest: those of a principal component analysis without
+//! centering.
 
 use crate::{
     decoder::product::{Matrix, dot, product},
@@ -8,8 +9,9 @@ use crate::{
 /// Rounds of orthogonal iteration. Directions of nearly equal length stay mixed, which distances do not see.
 const ROUNDS: usize = 12;
 
-/// The `n` directions along which the squares of `rows` `[P, D]` sum to most, as unit vectors `[n, D]`, by orthogonal iteration. For
-/// rows of mean 0 those are the directions of largest variance. If the rows have fewer directions, the rest are zeros.
+/// The `n` directions along which the squares of `rows` `[P, D]` sum to most, as unit vectors `[n, D]`, by
+/// orthogonal iteration. For rows of mean 0 those are the directions of largest variance. If the rows have
+/// fewer directions, the rest are zeros.
 ///
 /// # Panics
 /// If D is 0, or `rows` are no multiple of it.

@@ -46,7 +46,8 @@ impl Random {
     }
 }
 
-/// A hash of 64 bits: SplitMix64's output function, in which every bit of `z` changes half of the bits of the result.
+/// A hash of 64 bits: SplitMix64's output function, in which every bit of `z` changes half of the bits of the
+/// result.
 pub(crate) fn hash(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);

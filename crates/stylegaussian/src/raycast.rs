@@ -1,9 +1,10 @@
 //! Rays cast at the Gaussians of a scene: where somebody would say that a surface is.
 //!
 //! Along a ray, Gaussians blend front to back by the rule of the draw ([`splat`](crate::splat)): alpha is
-//! min(0.99, o exp(-q / 2)) with q the squared distance from the mean, in standard deviations, at the ray's nearest point, and
-//! nothing below 1/255. The draw blends footprints, which are the same up to the projection's linearization and its low-pass.
-//! A ray hits where half of the light is gone: what is in front of that covers less of a pixel than what is there.
+//! min(0.99, o exp(-q / 2)) with q the squared distance from the mean, in standard deviations, at the ray's
+//! nearest point, and nothing below 1/255. The draw blends footprints, which are the same up to the
+//! projection's linearization and its low-pass. A ray hits where half of the light is gone: what is in front of
+//! that covers less of a pixel than what is there.
 
 use std::{cmp::Reverse, collections::BinaryHeap};
 
@@ -39,11 +40,11 @@ pub struct Hit {
     pub distance: f32,
     /// The point of the ray, in scene space.
     pub position: Vec3,
-    /// An estimate of the surface's normal, of length 1, in scene space: the mean of the Gaussians' shortest axes, weighted by
-    /// what they contribute, turned against the ray.
+    /// An estimate of the surface's normal, of length 1, in scene space: the mean of the Gaussians' shortest
+    /// axes, weighted by what they contribute, turned against the ray.
     pub normal: Vec3,
-    /// The Gaussian that contributes most: its index in the scene in memory. `Scene::order` leads from there to its index in
-    /// the source.
+    /// The Gaussian that contributes most: its index in the scene in memory. `Scene::order` leads from there to
+    /// its index in the source.
     pub gaussian: u32,
 }
 
@@ -76,8 +77,8 @@ struct Crossing {
 }
 
 impl RayIndex {
-    /// Arranges the Gaussians of a scene. It takes about a tenth of a second for 300,000 of them on two cores, and 100 bytes for
-    /// each. Gaussians that are not finite, or never drawn, are left out.
+    /// Arranges the Gaussians of a scene. It takes about a tenth of a second for 300,000 of them on two cores,
+    /// and 100 bytes for each. Gaussians that are not finite, or never drawn, are left out.
     pub fn new(scene: &Scene) -> Self {
         let mut gaussians: Vec<_> = (0..scene.len()).filter_map(|i| Prepared::new(scene, i)).collect();
         // Neighbors in a list are neighbors in space, whatever order the scene has.
@@ -87,20 +88,22 @@ impl RayIndex {
         Self { tree: Tree::new(&boxes), gaussians }
     }
 
-    /// The place at which a ray hits, or `None` if more than half of the light passes the scene, or if the ray is not finite or
-    /// has no direction.
+    /// The place at which a ray hits, or `None` if more than half of the light passes the scene, or if the ray
+    /// is not finite or has no direction.
     pub fn cast(&self, ray: Ray) -> Option<Hit> {
         self.cast_through(ray, |_| 1.0)
     }
 
     /// As [`cast`](Self::cast), if each Gaussian has `share` of its opacity, 0..=1, as a mask's
-    /// [`Visibility::share`](crate::mask::Visibility::share) has it. The argument is its index in the scene in memory.
+    /// [`Visibility::share`](crate::mask::Visibility::share) has it. The argument is its index in the scene in
+    /// memory.
     pub fn cast_through(&self, ray: Ray, share: impl Fn(usize) -> f32) -> Option<Hit> {
         if !(ray.origin.is_finite() && ray.direction.is_finite() && ray.direction != Vec3::ZERO) {
             return None;
         }
         let mut blend = Blend::default();
-        // Crossings that are found and not yet blended, the nearest on top. Nothing nearer than the next node is still to come.
+        // Crossings that are found and not yet blended, the nearest on top. Nothing nearer than the next node
+        // is still to come.
         let mut found = BinaryHeap::new();
         let mut nodes = self.tree.begin(ray);
         while let Some((entry, leaf)) = nodes.next_leaf() {

@@ -1,12 +1,13 @@
-//! Color transfer by mean and covariance: a painting's palette without its strokes. Baking and training start from it.
+//! Color transfer by mean and covariance: a painting's palette without its strokes. Baking and training start
+//! from it.
 
 use std::f32::consts::TAU;
 
 use crate::{random::Random, splat::RenderedImage};
 use glam::{DMat3, DQuat, DVec3, EulerRot, Vec3};
 
-/// Added to the variances of colors: the square of a display's step. Without it, the covariance of a gray scene or
-/// painting could not be inverted.
+/// Added to the variances of colors: the square of a display's step. Without it, the covariance of a gray scene
+/// or painting could not be inverted.
 const VARIANCE_FLOOR: f64 = 1.0 / (255.0 * 255.0);
 
 /// Mean and covariance of colors.
@@ -33,8 +34,8 @@ impl ColorMoments {
         let n = if n > 0.0 { n } else { 1.0 };
         let mean = sum / n;
         let floor = DMat3::from_diagonal(DVec3::splat(VARIANCE_FLOOR));
-        // One pass in f64: colors are within 0..1 or near it, so cancellation costs few of 16 digits, and the floor
-        // covers the rest.
+        // One pass in f64: colors are within 0..1 or near it, so cancellation costs few of 16 digits, and the
+        // floor covers the rest.
         Self { mean, covariance: products * (1.0 / n) - outer(mean) + floor }
     }
 
@@ -54,8 +55,8 @@ impl ColorMoments {
         Self::weighted(colors.map(|(color, weight)| (color.as_dvec3(), f64::from(weight))))
     }
 
-    /// Moments of a random palette: a mean away from the ends of the range, and deviations along three random axes. The
-    /// largest possible deviation is near that of black and white stripes.
+    /// Moments of a random palette: a mean away from the ends of the range, and deviations along three random
+    /// axes. The largest possible deviation is near that of black and white stripes.
     pub fn random(random: &mut Random) -> Self {
         let mut between = |low: f32, high: f32| f64::from(low + (high - low) * random.uniform());
         let mean = DVec3::new(between(0.15, 0.85), between(0.15, 0.85), between(0.15, 0.85));
@@ -71,7 +72,8 @@ impl ColorMoments {
         Self { mean, covariance: covariance + DMat3::from_diagonal(DVec3::splat(VARIANCE_FLOOR)) }
     }
 
-    /// Standard deviation of the colors' scalar product with `direction`: of luminance, if those are its weights. Above 0.
+    /// Standard deviation of the colors' scalar product with `direction`: of luminance, if those are its
+    /// weights. Above 0.
     pub fn deviation_along(&self, direction: Vec3) -> f32 {
         let direction = direction.as_dvec3();
         direction.dot(self.covariance * direction).sqrt() as f32
@@ -113,7 +115,8 @@ impl Recoloring {
         (self.gain * vector(color) + self.shift * f64::from(alpha)).as_vec3().to_array()
     }
 
-    /// Maps a view as if every Gaussian's color were mapped. This is exact, because rendering is linear in color.
+    /// Maps a view as if every Gaussian's color were mapped. This is exact, because rendering is linear in
+    /// color.
     pub fn view(&self, view: &RenderedImage) -> RenderedImage {
         let pixel = |(color, alpha): (&[f32; 3], &f32)| self.premultiplied(*color, *alpha);
         RenderedImage { color: view.color.iter().zip(&view.alpha).map(pixel).collect(), ..view.clone() }
@@ -128,15 +131,17 @@ fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 
-/// Sweeps of rotations over a matrix's three pairs of axes. Once they are small, each sweep squares them at least, so ten leave
-/// nothing but rounding.
+/// Sweeps of rotations over a matrix's three pairs of axes. Once they are small, each sweep squares them at
+/// least, so ten leave nothing but rounding.
 const SWEEPS: usize = 10;
 
-/// A symmetric matrix with each eigenvalue replaced by `f` of it, by Jacobi's rotations: `f64::sqrt` gives the square root.
+/// A symmetric matrix with each eigenvalue replaced by `f` of it, by Jacobi's rotations: `f64::sqrt` gives the
+/// square root.
 ///
-/// Colors of a gray scene or painting have one large variance and two at [`VARIANCE_FLOOR`], and products of two such
-/// covariances have eigenvalues from 1 to 1e-10. Rotations find the small ones as well. Inverses by determinants do not: a
-/// determinant of 1e-20 is the difference of products of 1e-3, and may get the wrong sign.
+/// Colors of a gray scene or painting have one large variance and two at [`VARIANCE_FLOOR`], and products of
+/// two such covariances have eigenvalues from 1 to 1e-10. Rotations find the small ones as well. Inverses by
+/// determinants do not: a determinant of 1e-20 is the difference of products of 1e-3, and may get the wrong
+/// sign.
 fn of_eigenvalues(matrix: DMat3, f: impl Fn(f64) -> f64) -> DMat3 {
     let (mut diagonal, mut axes) = (matrix, DMat3::IDENTITY);
     for (p, q) in [(0, 1), (0, 2), (1, 2)].into_iter().cycle().take(3 * SWEEPS) {

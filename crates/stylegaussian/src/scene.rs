@@ -37,8 +37,8 @@ pub struct Scene {
     pub mask: Option<Mask>,
     /// The scene's up direction, or `None` if the file does not give it. The loader never rotates a scene.
     pub up: Option<Vec3>,
-    /// Cameras through which the scene was captured, spread over the capture; empty if they are not known. Bakes look
-    /// through them.
+    /// Cameras through which the scene was captured, spread over the capture; empty if they are not known.
+    /// Bakes look through them.
     pub cameras: Vec<Camera>,
     /// The filter against holes and aliasing that the scene was trained with, and that it must be drawn with.
     pub filter: ScreenFilter,
@@ -51,12 +51,12 @@ pub struct Scene {
 /// How a splat is kept from getting smaller than a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ScreenFilter {
-    /// 3DGS: every footprint is widened by a low-pass of 0.3 square pixels. Small splats get too bright (Kerbl et al.
-    /// 2023).
+    /// 3DGS: every footprint is widened by a low-pass of 0.3 square pixels. Small splats get too bright (Kerbl
+    /// et al. 2023).
     #[default]
     Classic,
-    /// Mip-splatting's 2D filter: the widened footprint's opacity is scaled so that its sum stays (Yu et al. 2024). Called
-    /// `antialiased` by gsplat and SPZ, `mip` by .ply tags.
+    /// Mip-splatting's 2D filter: the widened footprint's opacity is scaled so that its sum stays (Yu et al.
+    /// 2024). Called `antialiased` by gsplat and SPZ, `mip` by .ply tags.
     Antialiased,
 }
 
@@ -89,8 +89,8 @@ pub struct Features {
 }
 
 impl Features {
-    /// The largest L and D. The paper has 32 and 256. Statistics are matrices `[L, L]`, and the identity basis of a
-    /// full-rank scene is `[D, D]`: 64 MiB of f32 at this size.
+    /// The largest L and D. The paper has 32 and 256. Statistics are matrices `[L, L]`, and the identity basis
+    /// of a full-rank scene is `[D, D]`: 64 MiB of f32 at this size.
     pub const MAX_CHANNELS: usize = 4096;
 
     /// D, the number of channels of the encoder.
@@ -141,8 +141,8 @@ impl Scene {
 
     /// The Gaussians at `indices`, in that order, with everything that belongs to them.
     ///
-    /// `order` keeps pointing into the source file. Neighbors are renumbered. If a kept Gaussian has a neighbor that is
-    /// not kept, its list would be wrong, and the new scene has no neighbor lists at all.
+    /// `order` keeps pointing into the source file. Neighbors are renumbered. If a kept Gaussian has a neighbor
+    /// that is not kept, its list would be wrong, and the new scene has no neighbor lists at all.
     ///
     /// # Panics
     /// If an index is not below N.
@@ -175,8 +175,8 @@ impl Scene {
         *self = self.subset(&morton::order(&self.means));
     }
 
-    /// Replaces the captured colors by `rgb` `[N]`, display-referred. They become spherical harmonics of degree 0, the
-    /// same from every direction.
+    /// Replaces the captured colors by `rgb` `[N]`, display-referred. They become spherical harmonics of degree
+    /// 0, the same from every direction.
     ///
     /// # Panics
     /// If `rgb` does not hold one color per Gaussian.
@@ -195,16 +195,16 @@ impl Scene {
         Cow::Owned(Self { sh: Some(Sh { degree, coefficients }), ..self.clone() })
     }
 
-    /// The Gaussians in the order of the source `[N]`. Parts of one source Gaussian keep their order in the scene, which is
-    /// the same in every file, because files are in Morton order.
+    /// The Gaussians in the order of the source `[N]`. Parts of one source Gaussian keep their order in the
+    /// scene, which is the same in every file, because files are in Morton order.
     pub(crate) fn by_source(&self) -> Vec<u32> {
         let mut indices: Vec<u32> = (0..self.len() as u32).collect();
         indices.sort_by_key(|&i| self.order[i as usize]);
         indices
     }
 
-    /// The base colors `[N]`: the view-independent part (SH 0) of the captured colors, unclamped. Mid-gray if the scene
-    /// keeps none.
+    /// The base colors `[N]`: the view-independent part (SH 0) of the captured colors, unclamped. Mid-gray if
+    /// the scene keeps none.
     pub fn base_colors(&self) -> Vec<[f32; 3]> {
         match &self.sh {
             Some(sh) => sh
@@ -216,7 +216,8 @@ impl Scene {
         }
     }
 
-    /// The deviation of each Gaussian seen from its broad side `[N]`, in scene units: the geometric mean of the two larger scales.
+    /// The deviation of each Gaussian seen from its broad side `[N]`, in scene units: the geometric mean of the
+    /// two larger scales.
     pub fn broad_sides(&self) -> Vec<f32> {
         let of_scales = |scales: &Vec3| {
             // The two others' product is 0 if the smallest is, and not 0 / 0.

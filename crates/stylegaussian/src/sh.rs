@@ -1,7 +1,7 @@
 //! Spherical harmonics, degrees 0 to 3: the captured, view-dependent color of a Gaussian.
 //!
-//! Real spherical harmonics with the Condon-Shortley phase, in the order and with the signs that trained 3DGS scenes
-//! use: coefficient `l (l + 1) + m` for m = -l..=l.
+//! Real spherical harmonics with the Condon-Shortley phase, in the order and with the signs that trained 3DGS
+//! scenes use: coefficient `l (l + 1) + m` for m = -l..=l.
 
 use glam::{DMat3, Vec3};
 use rayon::prelude::*;
@@ -60,8 +60,8 @@ pub fn basis(degree: u8, direction: Vec3) -> [f32; 16] {
 
 /// The color of one Gaussian seen along `direction`: display-referred RGB, 0.5 added, clamped at 0 from below.
 ///
-/// `coefficients` are that Gaussian's `[(degree + 1)^2, 3]`, RGB innermost; `direction` is the unit vector from the
-/// camera to the mean, in the scene's own space.
+/// `coefficients` are that Gaussian's `[(degree + 1)^2, 3]`, RGB innermost; `direction` is the unit vector from
+/// the camera to the mean, in the scene's own space.
 ///
 /// # Panics
 /// If `coefficients` is shorter than its degree demands.
@@ -86,8 +86,8 @@ pub fn dc_from_color(color: [f32; 3]) -> [f32; 3] {
     color.map(|c| (c - 0.5) / Y_0)
 }
 
-/// Turns coefficients `[N, (degree + 1)^2, 3]`: what a Gaussian showed along d, it shows along `turn` d after. `turn` is
-/// orthogonal: a rotation or a mirror.
+/// Turns coefficients `[N, (degree + 1)^2, 3]`: what a Gaussian showed along d, it shows along `turn` d after.
+/// `turn` is orthogonal: a rotation or a mirror.
 ///
 /// # Panics
 /// If the degree is beyond [`MAX_DEGREE`].
@@ -110,11 +110,11 @@ pub fn rotate(turn: DMat3, degree: u8, coefficients: &mut [f32]) {
     });
 }
 
-/// The inner products of all basis functions with all turned ones: those of functions of one degree are the matrix of
-/// [`rotate`], the others are zero.
+/// The inner products of all basis functions with all turned ones: those of functions of one degree are the
+/// matrix of [`rotate`], the others are zero.
 fn rotation_matrix(turn: DMat3) -> [[f64; 16]; 16] {
-    // Nodes and weights of Gauss and Legendre, exact to degree 7; eight azimuths are exact below frequency 8. Products of
-    // two functions have degree 6 at most.
+    // Nodes and weights of Gauss and Legendre, exact to degree 7; eight azimuths are exact below frequency 8.
+    // Products of two functions have degree 6 at most.
     const NODES: [(f64, f64); 4] = [
         (-0.861_136_311_594_052_6, 0.347_854_845_137_453_86),
         (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
@@ -149,8 +149,8 @@ mod tests {
 
     /// Points of a midpoint rule in z and azimuth with their weights; exact enough for products of degree 6.
     fn sphere() -> impl Iterator<Item = (Vec3, f64)> {
-        // 16 azimuths sum all frequencies below 16 exactly, and products of two functions have at most 6. The midpoint
-        // rule in z leaves errors of the order of (2 / 400)^2.
+        // 16 azimuths sum all frequencies below 16 exactly, and products of two functions have at most 6. The
+        // midpoint rule in z leaves errors of the order of (2 / 400)^2.
         let (n_z, n_phi) = (400, 16);
         (0..n_z * n_phi).map(move |i| {
             let z = -1.0 + 2.0 * ((i / n_phi) as f64 + 0.5) / n_z as f64;
@@ -191,7 +191,8 @@ mod tests {
                 let (ya, yb) = (basis(3, a), basis(3, b));
                 band.clone().map(|i| ya[i] * yb[i]).sum()
             };
-            // The Legendre polynomial of this degree. The theorem says that the kernel is (2 l + 1) / (4 pi) times it.
+            // The Legendre polynomial of this degree. The theorem says that the kernel is (2 l + 1) / (4 pi)
+            // times it.
             let legendre = {
                 let t = a.dot(b);
                 [1.0, t, 1.5 * t * t - 0.5, 2.5 * t * t * t - 1.5 * t][degree]

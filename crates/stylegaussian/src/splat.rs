@@ -1,19 +1,20 @@
 //! EWA splatting on the CPU: pictures of a scene, and the weights with which its Gaussians blend.
 //!
-//! A Gaussian with covariance S is drawn as its 2D footprint, a *splat*: the first-order projection J W S W^T J^T
-//! (Zwicker et al., "EWA Volume Splatting", 2001) plus 0.3 px^2 on the diagonal. Splats blend front to back:
-//! color = sum_i w_i c_i with w_i = alpha_i prod_{j < i} (1 - alpha_j).
+//! A Gaussian with covariance S is drawn as its 2D footprint, a *splat*: the first-order projection J W S W^T
+//! J^T (Zwicker et al., "EWA Volume Splatting", 2001) plus 0.3 px^2 on the diagonal. Splats blend front to
+//! back: color = sum_i w_i c_i with w_i = alpha_i prod_{j < i} (1 - alpha_j).
 //!
-//! The rules are those of the 3D Gaussian Splatting rasterizer (Kerbl et al. 2023) with one exception. Here a footprint
-//! covers every pixel in which alpha reaches 1/255. The original stops at three standard deviations, at which an opaque
-//! splat still has alpha 0.011.
+//! The rules are those of the 3D Gaussian Splatting rasterizer (Kerbl et al. 2023) with one exception. Here a
+//! footprint covers every pixel in which alpha reaches 1/255. The original stops at three standard deviations,
+//! at which an opaque splat still has alpha 0.011.
 //!
-//! Scenes that were trained with the 2D filter of mip-splatting say so ([`ScreenFilter`](crate::scene::ScreenFilter)).
-//! The opacities of their splats make up for what the 0.3 px^2 add to the area.
+//! Scenes that were trained with the 2D filter of mip-splatting say so
+//! ([`ScreenFilter`](crate::scene::ScreenFilter)). The opacities of their splats make up for what the 0.3 px^2
+//! add to the area.
 //!
-//! The stages, one module each: `project` (cull, project, sort by depth), `bands` (list the splats of each tile),
-//! `composite` (blend one tile), `weights` (keep the blend weights in place of a picture). `alpha` holds the limits
-//! that they share, and `bounds` the box around all that is drawn.
+//! The stages, one module each: `project` (cull, project, sort by depth), `bands` (list the splats of each
+//! tile), `composite` (blend one tile), `weights` (keep the blend weights in place of a picture). `alpha` holds
+//! the limits that they share, and `bounds` the box around all that is drawn.
 
 mod alpha;
 mod bands;
@@ -45,13 +46,13 @@ pub use weights::BlendWeights;
 /// The colors that a scene is drawn with.
 #[derive(Clone, Copy, Debug)]
 pub enum Colors<'a> {
-    /// The scene's captured colors: its spherical harmonics seen from the camera, clamped at 0 from below. A scene
-    /// without any is mid-gray.
+    /// The scene's captured colors: its spherical harmonics seen from the camera, clamped at 0 from below. A
+    /// scene without any is mid-gray.
     Captured,
     /// One RGB per Gaussian `[N]`, such as a stylized scene's. Not clamped.
     Rgb(&'a [[f32; 3]]),
-    /// One color per Gaussian `[N]` as [`mix_layers`](crate::layers::mix_layers) gives them: RGB multiplied by the fourth
-    /// number, of which the rest to 1 is the share of the captured color.
+    /// One color per Gaussian `[N]` as [`mix_layers`](crate::layers::mix_layers) gives them: RGB multiplied by
+    /// the fourth number, of which the rest to 1 is the share of the captured color.
     Mixed(&'a [[f32; 4]]),
 }
 
@@ -75,7 +76,8 @@ pub struct RenderedImage {
     pub color: Vec<[f32; 3]>,
     /// Coverage `[H, W]`, 0..1: the sum of the blend weights.
     pub alpha: Vec<f32>,
-    /// View-space z times the blend weights, summed `[H, W]`, in scene units. Divide by `alpha` for the mean depth.
+    /// View-space z times the blend weights, summed `[H, W]`, in scene units. Divide by `alpha` for the mean
+    /// depth.
     pub depth: Vec<f32>,
 }
 
@@ -103,8 +105,8 @@ pub fn render_visible(
 /// Draws `scene` with `strokes` over its colors.
 ///
 /// # Panics
-/// If `colors`, the strokes' words or the mask hold another number of entries than the scene has Gaussians, or if a word names a
-/// seed, or a seed a texture, that is not there.
+/// If `colors`, the strokes' words or the mask hold another number of entries than the scene has Gaussians, or
+/// if a word names a seed, or a seed a texture, that is not there.
 pub fn render_strokes(
     scene: &Scene,
     colors: Colors,
@@ -137,8 +139,8 @@ fn draw(
         alpha: vec![0.0; n_pixels],
         depth: vec![0.0; n_pixels],
     };
-    // Bands are contiguous in each plane, so threads write to slices of their own. A picture of width 0 still needs
-    // chunks of some length.
+    // Bands are contiguous in each plane, so threads write to slices of their own. A picture of width 0 still
+    // needs chunks of some length.
     let pixels_per_band = (camera.size.x as usize * TILE).max(1);
     view.color
         .par_chunks_mut(pixels_per_band)
@@ -185,23 +187,25 @@ fn draw(
 
 /// The weight of every Gaussian in every pixel of `camera`, by which [`render`] multiplies colors.
 ///
-/// The weights do not depend on colors, so one set of them serves any number of per-Gaussian values (colors, features)
-/// and their gradients.
+/// The weights do not depend on colors, so one set of them serves any number of per-Gaussian values (colors,
+/// features) and their gradients.
 pub fn blend_weights(scene: &Scene, camera: &Camera) -> BlendWeights {
     blend_weights_from(scene, camera, 0.0)
 }
 
-/// The [`blend_weights`] of `least` or more. At 0.001 two fifths are left out on the demo scene and on a capture of a bonsai, and half
-/// a hundredth of the coverage or less.
+/// The [`blend_weights`] of `least` or more. At 0.001 two fifths are left out on the demo scene and on a
+/// capture of a bonsai, and half a hundredth of the coverage or less.
 pub fn blend_weights_from(scene: &Scene, camera: &Camera, least: f32) -> BlendWeights {
     let splats = project(scene, camera, None);
     let bands = Bands::new(&splats, camera.size);
     BlendWeights::gather(&splats, &bands, least, scene.len())
 }
 
-/// The strokes of Gaussian `i`, which must be before the camera, and its center on screen in pixels. `None` if it shows none.
+/// The strokes of Gaussian `i`, which must be before the camera, and its center on screen in pixels. `None` if
+/// it shows none.
 ///
-/// A pixel's detail is [`StrokeRecord::detail`] at its offset from that center, times the Gaussian's blend weight there.
+/// A pixel's detail is [`StrokeRecord::detail`] at its offset from that center, times the Gaussian's blend
+/// weight there.
 ///
 /// # Panics
 /// If `word` names a seed that is not there, or there is no Gaussian `i`.

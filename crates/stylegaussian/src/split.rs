@@ -1,13 +1,15 @@
-//! Splitting Gaussians that are larger than a brush stroke. Each has one color, so no stroke on it can be finer.
+//! Splitting Gaussians that are larger than a brush stroke. Each has one color, so no stroke on it can be
+//! finer.
 //!
-//! A Gaussian becomes two *parts* side by side along the axis that looks longest, and those are split again while they
-//! are too large. Parts keep the index of their source Gaussian in [`Scene::order`].
+//! A Gaussian becomes two *parts* side by side along the axis that looks longest, and those are split again
+//! while they are too large. Parts keep the index of their source Gaussian in [`Scene::order`].
 //!
 //! The picture must stay, so the moments that are kept are those of the drawn alpha. In units of the Gaussian's
-//! own standard deviations, its parts at -d and d with deviation p along the split axis and q across have footprints
-//! a = o' exp(-(x + d)^2 / 2p^2 - y^2 / 2q^2) and b, its mirror image. Blended they give a + b - ab, where ab is a
-//! Gaussian as well: o'^2 e exp(-x^2 / p^2 - y^2 / q^2) with e = exp(-d^2 / p^2). Let u = o' e / 4, the share of the
-//! overlap. Then a + b - ab has the mass, the mean and both variances of o exp(-x^2 / 2 - y^2 / 2) if
+//! own standard deviations, its parts at -d and d with deviation p along the split axis and q across have
+//! footprints a = o' exp(-(x + d)^2 / 2p^2 - y^2 / 2q^2) and b, its mirror image. Blended they give a + b - ab,
+//! where ab is a Gaussian as well: o'^2 e exp(-x^2 / p^2 - y^2 / q^2) with e = exp(-d^2 / p^2). Let u = o' e /
+//! 4, the share of the overlap. Then a + b - ab has the mass, the mean and both variances of o exp(-x^2 / 2 -
+//! y^2 / 2) if
 //!
 //! ```text
 //! mass             2 p q o' (1 - u) = o
@@ -15,7 +17,8 @@
 //! variance across  q^2 (1 - u/2) = 1 - u
 //! ```
 //!
-//! For faint Gaussians u is 0, and this is the split that keeps the moments of the density: p^2 = 1 - d^2, q = 1.
+//! For faint Gaussians u is 0, and this is the split that keeps the moments of the density: p^2 = 1 - d^2, q =
+//! 1.
 
 use std::{cmp::Reverse, collections::BinaryHeap};
 
@@ -29,8 +32,9 @@ use crate::{
     views::choose_views,
 };
 
-/// d, the distance of a part from the middle, in standard deviations of what is split. Parts farther apart leave a dent
-/// between them: at 0.5 the drawn alpha of an opaque Gaussian changes by 9% of its norm, at 0.6 by 12%, at 0.7 by 18%.
+/// d, the distance of a part from the middle, in standard deviations of what is split. Parts farther apart
+/// leave a dent between them: at 0.5 the drawn alpha of an opaque Gaussian changes by 9% of its norm, at 0.6 by
+/// 12%, at 0.7 by 18%.
 const DISTANCE: f64 = 0.5;
 
 /// Splits that lead from a Gaussian to its smallest parts, at most. Four make 16 parts.
@@ -61,16 +65,18 @@ pub struct SplitOptions {
 }
 
 impl Default for SplitOptions {
-    /// Twice the Gaussians at most. 2 pixels are 8 from edge to edge, the width of a stroke in a painting of that size.
+    /// Twice the Gaussians at most. 2 pixels are 8 from edge to edge, the width of a stroke in a painting of
+    /// that size.
     fn default() -> Self {
         Self { factor: 2.0, largest: 2.0, fidelity: 40.0 }
     }
 }
 
-/// Splits the Gaussians of `scene` that look larger than a stroke, those that fill most of the views first, and returns
-/// the number of Gaussians added.
+/// Splits the Gaussians of `scene` that look larger than a stroke, those that fill most of the views first, and
+/// returns the number of Gaussians added.
 ///
-/// Fewer are split, or none, if the picture would change more than [`SplitOptions::fidelity`] allows. Parts inherit colors, features and extra inputs. The scene ends in Morton order. If anything was split, it has no
+/// Fewer are split, or none, if the picture would change more than [`SplitOptions::fidelity`] allows. Parts
+/// inherit colors, features and extra inputs. The scene ends in Morton order. If anything was split, it has no
 /// neighbor lists, as the old ones would be wrong. Views are those that [`choose_views`] chooses.
 pub fn split(scene: &mut Scene, options: SplitOptions) -> usize {
     let before = scene.len();
@@ -104,8 +110,8 @@ pub fn split(scene: &mut Scene, options: SplitOptions) -> usize {
     0
 }
 
-/// The change of the pictures on account of each Gaussian `[N]`: what it shows in `views`, and how much those pixels
-/// change, both summed by blend weights.
+/// The change of the pictures on account of each Gaussian `[N]`: what it shows in `views`, and how much those
+/// pixels change, both summed by blend weights.
 fn blamed(scene: &Scene, views: &[&Camera], changes: &[Vec<f32>]) -> Vec<[f32; 2]> {
     let mut sums = vec![[0.0; 2]; scene.len()];
     for (camera, changes) in views.iter().zip(changes) {
@@ -118,8 +124,9 @@ fn blamed(scene: &Scene, views: &[&Camera], changes: &[Vec<f32>]) -> Vec<[f32; 2
     sums
 }
 
-/// Keeps from being split what lies where the picture changes most: of all change that is blamed on split Gaussians, at
-/// least `share`. What is split on an even surface changes nothing, however large it is, and remains.
+/// Keeps from being split what lies where the picture changes most: of all change that is blamed on split
+/// Gaussians, at least `share`. What is split on an even surface changes nothing, however large it is, and
+/// remains.
 fn keep_whole(whole: &mut [Part], parts: &[Part], blamed: &[[f32; 2]], share: f64) {
     let mut is_split = vec![false; whole.len()];
     parts.iter().filter(|part| part.rounds > 0).for_each(|part| is_split[part.gaussian as usize] = true);
@@ -139,8 +146,8 @@ fn keep_whole(whole: &mut [Part], parts: &[Part], blamed: &[[f32; 2]], share: f6
     }
 }
 
-/// The mean square difference of the captured colors of two scenes over mid-gray, as `camera` sees them. Colors are in
-/// 0..1, so -10 log10 of it is the PSNR in dB.
+/// The mean square difference of the captured colors of two scenes over mid-gray, as `camera` sees them. Colors
+/// are in 0..1, so -10 log10 of it is the PSNR in dB.
 pub fn picture_change(before: &Scene, after: &Scene, camera: &Camera) -> f64 {
     mean(&squared_changes(before, after, camera))
 }
@@ -194,8 +201,8 @@ struct Part {
 }
 
 impl Part {
-    /// Place in the queue of what is split: the most visible part first, the first of equal ones. `None` if it is small
-    /// enough or has been split often enough.
+    /// Place in the queue of what is split: the most visible part first, the first of equal ones. `None` if it
+    /// is small enough or has been split often enough.
     fn priority(&self, position: usize, largest: f32) -> Option<(u32, Reverse<usize>)> {
         let too_large = self.visible > 0.0 && self.footprint.max_element() > largest;
         // Positive floats compare like their bits.
@@ -237,7 +244,8 @@ impl Halves {
         let shape =
             |u: f64| (((1.0 - u - d2) / (1.0 - u / 2.0)).sqrt(), ((1.0 - u) / (1.0 - u / 2.0)).sqrt());
         let opacity = |u: f64, p: f64| 4.0 * u * (d2 / (p * p)).exp();
-        // The mass 2 p q o' (1 - u) grows with u from 0 to 1.4 at u = 0.2, so one u gives o. 40 halvings leave 2e-13.
+        // The mass 2 p q o' (1 - u) grows with u from 0 to 1.4 at u = 0.2, so one u gives o. 40 halvings leave
+        // 2e-13.
         let (mut low, mut high) = (0.0, 0.2);
         for _ in 0..40 {
             let u = f64::midpoint(low, high);

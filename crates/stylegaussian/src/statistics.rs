@@ -24,7 +24,8 @@ pub struct ChannelStatistics {
 pub struct ContentStatistics {
     /// mean(f) = A mean(f') + b `[D]`.
     pub mean: Vec<f64>,
-    /// std(f) `[D]`, with [`STD_DEV_EPSILON`] added. If the scene names its encoder, [`STD_DEV_FLOOR`] applies as well.
+    /// std(f) `[D]`, with [`STD_DEV_EPSILON`] added. If the scene names its encoder, [`STD_DEV_FLOOR`] applies
+    /// as well.
     pub std_dev: Vec<f64>,
 }
 
@@ -32,18 +33,18 @@ pub struct ContentStatistics {
 /// implementation.
 pub const STD_DEV_EPSILON: f64 = 1e-8;
 
-/// Least std(f) as a share of its median over channels. Without it AdaIN would magnify channels that hardly vary in the
-/// scene without bound.
+/// Least std(f) as a share of its median over channels. Without it AdaIN would magnify channels that hardly
+/// vary in the scene without bound.
 ///
-/// Applies to scenes that name their encoder. Checkpoints of the original name none and keep [`STD_DEV_EPSILON`] alone,
-/// so that they stylize exactly like the original.
+/// Applies to scenes that name their encoder. Checkpoints of the original name none and keep
+/// [`STD_DEV_EPSILON`] alone, so that they stylize exactly like the original.
 pub const STD_DEV_FLOOR: f64 = 1e-3;
 
 impl ContentStatistics {
     /// Statistics over all Gaussians, each with the same weight, as in the paper.
     ///
-    /// Computed from the covariance of the latent features: std(f)_d = sqrt((A Cov(f') A^T)_dd) + 1e-8, unbiased. The
-    /// full features `[N, D]` are never formed. If N <= 1, std(f) is 1e-8.
+    /// Computed from the covariance of the latent features: std(f)_d = sqrt((A Cov(f') A^T)_dd) + 1e-8,
+    /// unbiased. The full features `[N, D]` are never formed. If N <= 1, std(f) is 1e-8.
     pub fn of(features: &Features) -> Self {
         at_once(Self::of_in_slices(features, &mut || ready(())))
     }
@@ -96,8 +97,8 @@ pub fn mean_latent(features: &Features) -> Vec<f64> {
 
 /// Unbiased Cov(f') `[L, L]` in f64, or zeros if N <= 1.
 ///
-/// Blocks of rows are centered and multiplied in f64, then added in order, so the result does not depend on the number
-/// of threads.
+/// Blocks of rows are centered and multiplied in f64, then added in order, so the result does not depend on the
+/// number of threads.
 pub fn covariance_latent(features: &Features) -> Vec<f64> {
     at_once(covariance_in_slices(features, &mean_latent(features), &mut || ready(())))
 }
@@ -108,13 +109,15 @@ async fn covariance_in_slices<P: Future<Output = ()>>(
     mean: &[f64],
     pause: &mut impl FnMut() -> P,
 ) -> Vec<f64> {
-    // Large enough that the L x L sum of a block costs little beside its rows, small enough to occupy all threads.
+    // Large enough that the L x L sum of a block costs little beside its rows, small enough to occupy all
+    // threads.
     const BLOCK_ROWS: usize = 1024;
     // Enough for all threads of most machines.
     const SLICE_BLOCKS: usize = 16;
     let n_latent = features.n_latent;
     let n = features.values.len() / n_latent;
-    // Centered first. The formula in one pass, E(x y) - E(x) E(y), cancels if means are large beside deviations.
+    // Centered first. The formula in one pass, E(x y) - E(x) E(y), cancels if means are large beside
+    // deviations.
     let block_sum = |rows: &[f32]| {
         let centered: Vec<f64> =
             // A block begins with channel 0, because its length is a multiple of L.

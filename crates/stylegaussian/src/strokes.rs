@@ -1,23 +1,24 @@
 //! Strokes: a painting's fine detail, as the splat pass draws it on a scene, pixel by pixel.
 //!
-//! A Gaussian's color carries what is coarser than a stroke. Strokes are added where they are seen: each Gaussian belongs to
-//! a *seed*, a spot on the surface about a stroke wide, and a seed maps the scene to the painting,
+//! A Gaussian's color carries what is coarser than a stroke. Strokes are added where they are seen: each
+//! Gaussian belongs to a *seed*, a spot on the surface about a stroke wide, and a seed maps the scene to the
+//! painting,
 //!
 //! ```text
 //! t(x) = place + pitch / stroke_scale (right . (x - at), down . (x - at))        in texels
 //! ```
 //!
-//! A pixel's ray meets a Gaussian where the Gaussian's density is largest along the ray. With S the Gaussian's covariance, m
-//! = S^-1 r, and r the ray, a step v beside the ray moves that point by v - r (m . v) / (m . r): along the plane through the
-//! mean with normal m. So on screen, each splat has one affine map to the painting, its [`StrokeRecord`], which is exact to
-//! first order for every projection. A fragment adds
+//! A pixel's ray meets a Gaussian where the Gaussian's density is largest along the ray. With S the Gaussian's
+//! covariance, m = S^-1 r, and r the ray, a step v beside the ray moves that point by v - r (m . v) / (m . r):
+//! along the plane through the mean with normal m. So on screen, each splat has one affine map to the painting,
+//! its [`StrokeRecord`], which is exact to first order for every projection. A fragment adds
 //!
 //! ```text
 //! fine gain . fine(t) + wide gain . wide(t)
 //! ```
 //!
-//! to the splat's color. Nothing here knows how seeds, gains and textures are found: see [`paint`](crate::paint). The
-//! kernel is `splat_strokes`.
+//! to the splat's color. Nothing here knows how seeds, gains and textures are found: see
+//! [`paint`](crate::paint). The kernel is `splat_strokes`.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Quat, Vec2, Vec3};
@@ -66,16 +67,19 @@ pub struct Strokes {
 pub struct StrokeKnobs {
     /// Factor of all gains, at least 0.
     pub amount: f32,
-    /// Factor of what stands out: above 1, more of the scene stays clear; below, more of it is painted. At least 0.
+    /// Factor of what stands out: above 1, more of the scene stays clear; below, more of it is painted. At
+    /// least 0.
     pub protection: f32,
     /// Factor of the size of strokes, above 0.
     pub stroke_scale: f32,
-    /// Share of finer strokes that are added where a painting is magnified, 0..1. Each octave has it of the one before.
+    /// Share of finer strokes that are added where a painting is magnified, 0..1. Each octave has it of the one
+    /// before.
     pub near: f32,
 }
 
 impl StrokeKnobs {
-    /// Strokes as they were computed, and half of finer ones from near: more of them draws beads, and less of them blurs.
+    /// Strokes as they were computed, and half of finer ones from near: more of them draws beads, and less of
+    /// them blurs.
     pub const DEFAULT: Self = Self { amount: 1.0, protection: 1.0, stroke_scale: 1.0, near: 0.5 };
 }
 
@@ -118,8 +122,8 @@ impl StrokeWord {
         }
     }
 
-    /// The protection if what stands out is multiplied by `factor`. A protection p stands for q = sqrt(p / (1 - p)), by how much
-    /// more a Gaussian stands out than is usual.
+    /// The protection if what stands out is multiplied by `factor`. A protection p stands for q = sqrt(p / (1 -
+    /// p)), by how much more a Gaussian stands out than is usual.
     pub fn protection_by(self, factor: f32) -> f32 {
         let squared = factor * factor * self.protection;
         squared / (1.0 - self.protection + squared).max(1e-6)
@@ -134,15 +138,16 @@ pub struct StrokeSeed {
     pub at: [f32; 3],
     /// Texels in the painting's x direction to a scene unit.
     pub pitch: f32,
-    /// The turn from the painting's axes (x right, y down) to the scene's: a unit quaternion x, y, z, w without its largest number,
-    /// which is positive. The first two others, as signed fractions of 16 bits of 1 / sqrt(2).
+    /// The turn from the painting's axes (x right, y down) to the scene's: a unit quaternion x, y, z, w without
+    /// its largest number, which is positive. The first two others, as signed fractions of 16 bits of 1 /
+    /// sqrt(2).
     pub rotation_xy: u32,
     /// The third likewise, and above it, as f16, texels in y to one in x.
     pub rotation_z_aspect: u32,
     /// Its place in the painting, x and y: fractions of 16 bits of [`PERIOD`].
     pub place: u32,
-    /// Fine gain and wide gain (bytes, of [`MAX_GAIN`]), number of the texture, and which number of the quaternion is left out (0 for
-    /// x, 3 for w): a byte each.
+    /// Fine gain and wide gain (bytes, of [`MAX_GAIN`]), number of the texture, and which number of the
+    /// quaternion is left out (0 for x, 3 for w): a byte each.
     pub look: u32,
 }
 

@@ -1,7 +1,7 @@
 //! The paper's equations, literally, in f64: the reference for tests of the fast path.
 //!
-//! This twin forms everything that the fast path avoids: f = A f' + b for every Gaussian, its statistics, AdaIN on it,
-//! and unfolded layers. It is slow and wide on purpose.
+//! This twin forms everything that the fast path avoids: f = A f' + b for every Gaussian, its statistics, AdaIN
+//! on it, and unfolded layers. It is slow and wide on purpose.
 
 use crate::{
     decoder::Decoder,
@@ -42,8 +42,8 @@ pub fn adain(f: &[Vec<f64>], style: &ChannelStatistics) -> Vec<Vec<f64>> {
     f.iter().map(|row| (0..n_channels).map(|d| channel(row, d)).collect()).collect()
 }
 
-/// Colors `[N][3]` of full-width features and procedural inputs `[N][D + E]`, before a residual decoder adds the base
-/// color.
+/// Colors `[N][3]` of full-width features and procedural inputs `[N][D + E]`, before a residual decoder adds
+/// the base color.
 pub fn decode(decoder: &Decoder, neighbors: &Neighbors, mut x: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     for (i, layer) in decoder.layers.iter().enumerate() {
         let is_last = i + 1 == decoder.layers.len();

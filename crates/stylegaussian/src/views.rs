@@ -1,13 +1,14 @@
 //! Cameras for a scene that comes without photos.
 //!
-//! A scene is either an *object*, seen from outside, or a *place*, seen from within. Test views decide: some from all
-//! around the scene and some from free spots inside it. If those inside show more of its Gaussians and are surrounded
-//! by it, the scene is a place. Among many candidate cameras of that kind (overviews and closer looks), each step
-//! then takes the one that adds most to the views before it. Any number of views thus covers the scene as well as
-//! that many views can.
+//! A scene is either an *object*, seen from outside, or a *place*, seen from within. Test views decide: some
+//! from all around the scene and some from free spots inside it. If those inside show more of its Gaussians and
+//! are surrounded by it, the scene is a place. Among many candidate cameras of that kind (overviews and closer
+//! looks), each step then takes the one that adds most to the views before it. Any number of views thus covers
+//! the scene as well as that many views can.
 //!
-//! The stages, one module each: `backdrop` (a sky far away, which does not count), `survey` (size, middle and a simplified version of the scene), `up` (the up direction),
-//! `candidates` (candidate cameras), `coverage` (the Gaussians that a camera sees, and the choice).
+//! The stages, one module each: `backdrop` (a sky far away, which does not count), `survey` (size, middle and a
+//! simplified version of the scene), `up` (the up direction), `candidates` (candidate cameras), `coverage` (the
+//! Gaussians that a camera sees, and the choice).
 
 mod backdrop;
 mod candidates;
@@ -25,22 +26,24 @@ use candidates::Candidate;
 use coverage::TestViews;
 use survey::{N_STAND_IN, Survey};
 
-/// Factor by which test views within a place must show more than those around it. A closed shell shows the same from
-/// both sides, and counts as an object.
+/// Factor by which test views within a place must show more than those around it. A closed shell shows the same
+/// from both sides, and counts as an object.
 const PLACE_SHOWS_MORE: f32 = 1.15;
 
-/// Least share of a place's inner views that must show the scene. A place surrounds its viewer, an object does not.
+/// Least share of a place's inner views that must show the scene. A place surrounds its viewer, an object does
+/// not.
 const PLACE_ENCLOSES: f32 = 0.7;
 
-/// One in this many inner views is looked at first. If these show less than enough by [`NEARLY`], the others are not looked at. The mean
-/// of forty shares in 0..1 has a deviation of 0.08 at most.
+/// One in this many inner views is looked at first. If these show less than enough by [`NEARLY`], the others
+/// are not looked at. The mean of forty shares in 0..1 has a deviation of 0.08 at most.
 const FEW: usize = 4;
 const NEARLY: f32 = 0.2;
 
-/// Chooses `n` upright cameras with pictures of `size` pixels that together see as much of `scene` as possible, the
-/// most useful first. Returns none if nothing of the scene is visible.
+/// Chooses `n` upright cameras with pictures of `size` pixels that together see as much of `scene` as possible,
+/// the most useful first. Returns none if nothing of the scene is visible.
 ///
-/// Up is [`Scene::up`], or a guess from the scene's surfaces if that is `None`. The choice depends on the scene alone.
+/// Up is [`Scene::up`], or a guess from the scene's surfaces if that is `None`. The choice depends on the scene
+/// alone.
 pub fn choose_views(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
     let Some(survey) = Survey::new(scene, N_STAND_IN) else { return Vec::new() };
     let (overviews, closer) = match Overviews::take(&survey) {
@@ -53,12 +56,14 @@ pub fn choose_views(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
             (views, closer)
         }
     };
-    // Overviews come first in the pool. Of equal gains the first wins, which makes the choice the same each time.
+    // Overviews come first in the pool. Of equal gains the first wins, which makes the choice the same each
+    // time.
     let chosen = overviews.and(TestViews::take(&survey, closer)).choose(n);
     cameras(chosen, size)
 }
 
-/// Gaussians by which overviews are chosen. A third of [`N_STAND_IN`] chooses nearly the same, in a third of the time.
+/// Gaussians by which overviews are chosen. A third of [`N_STAND_IN`] chooses nearly the same, in a third of
+/// the time.
 const N_OF_OVERVIEWS: usize = N_STAND_IN / 3;
 
 /// Chooses as [`choose_views`] does, but among overviews alone, and in a fraction of its time.

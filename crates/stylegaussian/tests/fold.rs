@@ -62,9 +62,9 @@ fn scene(random: &mut Random, n: usize, n_latent: usize, n_extra: usize) -> Scen
     scene
 }
 
-/// A decoder with pre-activations of about mean 0 and deviation 1 over Gaussians, so that nothing saturates. Inputs of
-/// a first layer have deviation 1, a sigmoid of a unit normal has mean 0.5 and deviation 0.21, and neighborhoods of
-/// random points overlap little.
+/// A decoder with pre-activations of about mean 0 and deviation 1 over Gaussians, so that nothing saturates.
+/// Inputs of a first layer have deviation 1, a sigmoid of a unit normal has mean 0.5 and deviation 0.21, and
+/// neighborhoods of random points overlap little.
 fn decoder(random: &mut Random, n_inputs: usize, activation: Activation) -> Decoder {
     let mut d_in = n_inputs;
     let layer = |d_out: usize| {
@@ -168,8 +168,8 @@ fn folded_equals_unfolded_at_ten_thousand() {
     check_fold(10_000, 256, 0, Activation::Sigmoid);
 }
 
-/// All inputs that a decoder may have beside the paper's features: the scene's extra inputs, noise, base colors, and
-/// the statistics of the style.
+/// All inputs that a decoder may have beside the paper's features: the scene's extra inputs, noise, base
+/// colors, and the statistics of the style.
 #[test]
 fn a_decoder_may_see_more() {
     check_all_inputs(0);
@@ -197,8 +197,8 @@ fn check_all_inputs(smoothing_passes: usize) {
         let [a, b] = styles.each_ref().map(|style| twin::adain(&f, style));
         a.iter().zip(&b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| 0.25 * a + 0.75 * b).collect()).collect()
     };
-    // Features after AdaIN have the statistics of the style. A mix of two maps of one scene has the mix of their
-    // statistics.
+    // Features after AdaIN have the statistics of the style. A mix of two maps of one scene has the mix of
+    // their statistics.
     let mix = |part: fn(&ChannelStatistics) -> &Vec<f32>| {
         let [a, b] = styles.each_ref().map(part);
         a.iter().zip(b).map(|(a, b)| 0.25 * f64::from(*a) + 0.75 * f64::from(*b)).collect::<Vec<f64>>()
@@ -231,8 +231,8 @@ fn dead_channels_stay_finite() {
     let mut random = Random(5);
     let mut scene = scene(&mut random, 50, 32, 0);
     let features = scene.features.as_mut().unwrap();
-    // The first 100 channels equal their offset, and the gain of AdaIN is about 1e8: no encoder is named, so no floor
-    // applies.
+    // The first 100 channels equal their offset, and the gain of AdaIN is about 1e8: no encoder is named, so no
+    // floor applies.
     features.basis[..32 * 100].fill(0.0);
     let decoder = decoder(&mut random, N_CHANNELS, Activation::Sigmoid);
     let style = style(&mut random);

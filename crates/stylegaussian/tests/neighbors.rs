@@ -3,8 +3,8 @@
 use glam::Vec3;
 use stylegaussian::Neighbors;
 
-/// The lists by definition, in f64: itself first, then ascending distance, ties by source index, and itself again if N
-/// < K.
+/// The lists by definition, in f64: itself first, then ascending distance, ties by source index, and itself
+/// again if N < K.
 fn all_pairs(means: &[Vec3], order: &[u32], k: usize) -> Vec<u32> {
     let list = |i: usize| {
         let mut others: Vec<usize> = (0..means.len()).filter(|&j| j != i).collect();

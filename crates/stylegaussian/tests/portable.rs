@@ -16,7 +16,8 @@ fn demo() -> Scene {
     read_scene(&path).unwrap_or_else(|error| panic!("{error}")).scene
 }
 
-/// The scene after a file of this name. Files are in the source's order, and so is the scene that they are compared with.
+/// The scene after a file of this name. Files are in the source's order, and so is the scene that they are
+/// compared with.
 fn after(scene: &Scene, name: &str, options: WriteOptions) -> Scene {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join(name);

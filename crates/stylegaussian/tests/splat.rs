@@ -88,8 +88,8 @@ fn matches_the_float64_reference_renders() {
     }
 }
 
-/// Peak signal-to-noise ratio of `view` (premultiplied as it is) against the photo, over the pixels that it covers by
-/// more than 95%, and the share of these pixels.
+/// Peak signal-to-noise ratio of `view` (premultiplied as it is) against the photo, over the pixels that it
+/// covers by more than 95%, and the share of these pixels.
 fn photo_psnr(view: &RenderedImage, photo: &image::RgbImage) -> (f64, f64) {
     let covered: Vec<usize> = (0..view.alpha.len()).filter(|&p| view.alpha[p] > 0.95).collect();
     let pairs = covered.iter().flat_map(|&p| {

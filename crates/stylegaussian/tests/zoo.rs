@@ -22,7 +22,8 @@ enum Fate {
 }
 use Fate::{AtMost, Reads, Refused};
 
-/// All files that somebody might open as a scene, by folder. Files of one scene that others name are not among them.
+/// All files that somebody might open as a scene, by folder. Files of one scene that others name are not among
+/// them.
 const FILES: &[(&str, &[(&str, Fate)])] = &[
     (
         "equivalence",

@@ -1,10 +1,10 @@
 //! Adam on the Gaussians' colors, with one second moment for each Gaussian.
 
-/// Decay of the two running means. The second is shorter than usual, since a bake has a hundred steps and not a hundred
-/// thousand.
+/// Decay of the two running means. The second is shorter than usual, since a bake has a hundred steps and not a
+/// hundred thousand.
 const BETAS: [f32; 2] = [0.9, 0.99];
-/// The share of all Gaussians' root mean square that is added to each one's: one with a hundredth of the usual gradient,
-/// which hardly anything sees, moves by a tenth of a step.
+/// The share of all Gaussians' root mean square that is added to each one's: one with a hundredth of the usual
+/// gradient, which hardly anything sees, moves by a tenth of a step.
 const DAMPING: f32 = 0.1;
 
 /// The two running means of the gradient.
@@ -12,8 +12,8 @@ const DAMPING: f32 = 0.1;
 pub(crate) struct Adam {
     /// Running mean of the gradient `[N * 3]`.
     pub mean: Vec<f32>,
-    /// Running mean of its squared length `[N]`. Not one for each channel: dividing each by its own would turn a small tint of the
-    /// gradient into a full step in red, green or blue.
+    /// Running mean of its squared length `[N]`. Not one for each channel: dividing each by its own would turn
+    /// a small tint of the gradient into a full step in red, green or blue.
     pub square: Vec<f32>,
 }
 
@@ -22,8 +22,8 @@ impl Adam {
         Self { mean: vec![0.0; n_gaussians * 3], square: vec![0.0; n_gaussians] }
     }
 
-    /// Moves `values` `[N * 3]` by one step against `grad`. `steps` counts those before. `scale` `[N]` multiplies the
-    /// rate of each Gaussian.
+    /// Moves `values` `[N * 3]` by one step against `grad`. `steps` counts those before. `scale` `[N]`
+    /// multiplies the rate of each Gaussian.
     pub fn step(&mut self, values: &mut [f32], grad: &[f32], steps: u32, rate: f32, scale: &[f32]) {
         for (square, grad) in self.square.iter_mut().zip(grad.chunks_exact(3)) {
             let length: f32 = grad.iter().map(|value| value * value).sum::<f32>() / 3.0;

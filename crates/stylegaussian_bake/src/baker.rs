@@ -33,12 +33,13 @@ use crate::{
 /// The share of the rate at the last step.
 const LAST_RATE: f32 = 0.3;
 
-/// The share of the steps, at the end, over which colors are averaged (Polyak and Juditsky 1992). Each step sees one crop. What is
-/// right for it alone is grain in the others, which quiet paintings do not have (docs/notes/bake_experiments.md, twelfth round).
+/// The share of the steps, at the end, over which colors are averaged (Polyak and Juditsky 1992). Each step
+/// sees one crop. What is right for it alone is grain in the others, which quiet paintings do not have
+/// (docs/notes/bake_experiments.md, twelfth round).
 const AVERAGED: f32 = 0.2;
 
-/// Weights that are drawn and moved by. Two fifths of all are smaller, and make up 0.3% of the pictures of the demo scene and 0.5% of
-/// those of the bonsai.
+/// Weights that are drawn and moved by. Two fifths of all are smaller, and make up 0.3% of the pictures of the
+/// demo scene and 0.5% of those of the bonsai.
 const LEAST_WEIGHT: f32 = 0.001;
 
 /// The view of one step: all that does not depend on colors.
@@ -69,7 +70,8 @@ impl Crop {
     }
 }
 
-/// Colors under a painting's strokes, on their way from instant paint to what the strokes need to look like the painting.
+/// Colors under a painting's strokes, on their way from instant paint to what the strokes need to look like the
+/// painting.
 pub struct Baker {
     config: BakeConfig,
     network: LossNetwork,
@@ -87,7 +89,8 @@ pub struct Baker {
     /// The mean of the colors before and after the last steps so far `[N * 3]`; empty before them.
     average: Vec<f32>,
     adam: Adam,
-    /// Running moments of each layer, in color and as gray, for each distance; none before the first step there.
+    /// Running moments of each layer, in color and as gray, for each distance; none before the first step
+    /// there.
     pooled: [[Vec<Option<Moments>>; DISTANCES]; 2],
     steps: u32,
     /// Scene, paintings, network and settings, as a hash.
@@ -95,8 +98,8 @@ pub struct Baker {
 }
 
 impl Baker {
-    /// Looks at the paintings and the scene, and paints it. `cameras` are those of a capture; if there are none, they
-    /// are the scene's own, or chosen. Paintings have weights in the mix.
+    /// Looks at the paintings and the scene, and paints it. `cameras` are those of a capture; if there are
+    /// none, they are the scene's own, or chosen. Paintings have weights in the mix.
     ///
     /// # Errors
     /// If nothing of the scene is visible, or no painting can be used.
@@ -147,7 +150,8 @@ impl Baker {
         self.colors.as_chunks::<3>().0
     }
 
-    /// The strokes that are drawn over the colors, from the start to the end. None if [`BakeConfig::paint`] is 0.
+    /// The strokes that are drawn over the colors, from the start to the end. None if [`BakeConfig::paint`] is
+    /// 0.
     pub fn strokes(&self) -> &Strokes {
         &self.start.strokes
     }
@@ -179,12 +183,13 @@ impl Baker {
                 values.push((format!("pooled.{group}.{i}"), both.unwrap_or_default()));
             }
         }
-        // Before the first step there is nothing to pool, and before the last ones nothing to average: empty lists stand for it.
+        // Before the first step there is nothing to pool, and before the last ones nothing to average: empty
+        // lists stand for it.
         State { steps: self.steps, identity: self.identity.clone(), values }.write(path)
     }
 
-    /// Goes on from a checkpoint of the same scene, paintings, network and settings. The result is that of a bake without
-    /// the interruption, bit by bit.
+    /// Goes on from a checkpoint of the same scene, paintings, network and settings. The result is that of a
+    /// bake without the interruption, bit by bit.
     ///
     /// # Errors
     /// If the file cannot be read, or is another bake's. The state then stays as it was.
@@ -270,7 +275,8 @@ impl Baker {
         losses
     }
 
-    /// Takes the colors into the average, if they are before or after one of the last steps. At the very end the colors are the average.
+    /// Takes the colors into the average, if they are before or after one of the last steps. At the very end
+    /// the colors are the average.
     fn average_last(&mut self) {
         let first = self.config.steps - (AVERAGED * self.config.steps as f32) as u32;
         if self.steps < first {
@@ -295,7 +301,8 @@ impl Baker {
         }
     }
 
-    /// The losses of features and their gradients with respect to each layer's rows, of a view of the group `distance`.
+    /// The losses of features and their gradients with respect to each layer's rows, of a view of the group
+    /// `distance`.
     fn compare(
         &mut self,
         gray: bool,

@@ -22,13 +22,13 @@ const SURVEY_SIDE: u32 = 96;
 const TURN: f32 = 0.08;
 /// Deviation of the logarithm of the distance.
 const APPROACH: f32 = 0.1;
-/// Factor up to which chosen views are seen from farther away: they fill the picture with the scene, or look closer, and a
-/// game's player also steps back. At 3.5 pictures of the chosen views have 0.67 of a painting's grain, at 1.3 they have 0.75
-/// (docs/notes/bake_experiments.md, seventh round).
+/// Factor up to which chosen views are seen from farther away: they fill the picture with the scene, or look
+/// closer, and a game's player also steps back. At 3.5 pictures of the chosen views have 0.67 of a painting's
+/// grain, at 1.3 they have 0.75 (docs/notes/bake_experiments.md, seventh round).
 const FARTHEST: f32 = 1.3;
-/// Groups of views by distance, near, middle and far, with as many views each. Their statistics are pooled apart: strokes have one
-/// size in a scene, so far pictures have much fine detail and near ones little, and the mean over all distances would hide both
-/// (docs/notes/bake_experiments.md, thirteenth round).
+/// Groups of views by distance, near, middle and far, with as many views each. Their statistics are pooled
+/// apart: strokes have one size in a scene, so far pictures have much fine detail and near ones little, and the
+/// mean over all distances would hide both (docs/notes/bake_experiments.md, thirteenth round).
 pub(crate) const DISTANCES: usize = 3;
 /// Least share of a crop that should be covered.
 const LEAST_COVERED: f32 = 0.5;
@@ -62,8 +62,8 @@ pub(crate) struct Cameras {
 }
 
 impl Cameras {
-    /// Surveys `given`; if there are none, the cameras of the scene's capture; if those are not known, views chosen for the scene.
-    /// Returns `None` if they see nothing.
+    /// Surveys `given`; if there are none, the cameras of the scene's capture; if those are not known, views
+    /// chosen for the scene. Returns `None` if they see nothing.
     pub fn survey(scene: &Scene, given: &[Camera], side: u32, crop: u32) -> Option<Self> {
         let given = if given.is_empty() { &scene.cameras } else { given };
         let cameras = match given {
@@ -138,7 +138,8 @@ impl Cameras {
     }
 }
 
-/// Mean colors of a small picture's cells that are covered, each as large as a large shape of a view of `side` pixels.
+/// Mean colors of a small picture's cells that are covered, each as large as a large shape of a view of `side`
+/// pixels.
 fn shapes_of(picture: &RenderedImage, side: u32) -> Vec<Vec3> {
     let cell = (shapes::SIDE as f32 * SURVEY_SIDE as f32 / side as f32).round().max(1.0) as usize;
     let [width, height] = picture.size.to_array().map(|length| length as usize);

@@ -1,8 +1,9 @@
 //! Baking: the colors of a scene's Gaussians, optimized for the brush strokes that are drawn over them.
 //!
-//! Instant paint lays a painting's strokes on base colors by lookup. Baking looks at pictures: it renders small views of the
-//! scene with its strokes from random cameras, compares them with the painting through a loss network, and moves the colors
-//! under the strokes along the gradient. The strokes stay as they are. Colors belong to Gaussians, so views agree by construction.
+//! Instant paint lays a painting's strokes on base colors by lookup. Baking looks at pictures: it renders small
+//! views of the scene with its strokes from random cameras, compares them with the painting through a loss
+//! network, and moves the colors under the strokes along the gradient. The strokes stay as they are. Colors
+//! belong to Gaussians, so views agree by construction.
 //!
 //! ```no_run
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -9,8 +9,8 @@ const DEVIATION: f32 = 0.18;
 /// Least deviation that is stretched, eight of a display's steps: below it there is noise and no texture.
 const LEAST_DEVIATION: f32 = 8.0 / 255.0;
 
-/// Mean and mean square of a painting's luminance. Scene and painting are stretched alike: stretching the scene by its own
-/// deviation would reward pictures without contrast.
+/// Mean and mean square of a painting's luminance. Scene and painting are stretched alike: stretching the scene
+/// by its own deviation would reward pictures without contrast.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Tone {
     pub mean: f32,
@@ -44,9 +44,9 @@ impl Tone {
         rgb.chunks_exact(3).flat_map(|pixel| [(luminance(pixel) - self.mean) * gain + 0.5; 3]).collect()
     }
 
-    /// Turns a gradient with respect to [`Self::gray`] `[n, 3]` into a direction of colors `[n, 3]` along `line`, the
-    /// change of color that goes with luminance. With `line` = [`LUMINANCE`] it is the gradient itself; along the
-    /// painting's own line, strokes get its lights and darks and no tint.
+    /// Turns a gradient with respect to [`Self::gray`] `[n, 3]` into a direction of colors `[n, 3]` along
+    /// `line`, the change of color that goes with luminance. With `line` = [`LUMINANCE`] it is the gradient
+    /// itself; along the painting's own line, strokes get its lights and darks and no tint.
     pub fn backward(&self, grad: &[f32], line: [f32; 3]) -> Vec<f32> {
         let gain = self.gain();
         grad.chunks_exact(3)

@@ -47,18 +47,19 @@ pub(crate) struct Sizes(Vec<Vec<Size>>);
 /// The values of a network on one picture.
 pub(crate) struct Features(Vec<Values>);
 
-/// Numbers of operations after which VGG-19's graphs reach relu1_1, relu2_1 and relu3_1, counted from the end: conv3_1
-/// is the last, conv2_1 three operations (conv2_2, max-pool, conv3_1) before it, conv1_1 six.
+/// Numbers of operations after which VGG-19's graphs reach relu1_1, relu2_1 and relu3_1, counted from the end:
+/// conv3_1 is the last, conv2_1 three operations (conv2_2, max-pool, conv3_1) before it, conv1_1 six.
 const VGG_FROM_THE_END: [usize; 3] = [6, 3, 0];
 
-/// Sizes at which filters look at a picture: full, half, quarter and eighth. The coarser ones see broad strokes and areas,
-/// which a painting of a quiet hand is made of.
+/// Sizes at which filters look at a picture: full, half, quarter and eighth. The coarser ones see broad strokes
+/// and areas, which a painting of a quiet hand is made of.
 const FILTER_SIZES: usize = 4;
 /// Weight of the filters' statistics: there is no other layer at full size, where grain is.
 const FILTERS_WEIGHT: f32 = 2.0;
 
 impl LossNetwork {
-    /// VGG-19 at relu1_1, relu2_1 and relu3_1, from weights in any layout that the encoder takes but the distilled one.
+    /// VGG-19 at relu1_1, relu2_1 and relu3_1, from weights in any layout that the encoder takes but the
+    /// distilled one.
     ///
     /// # Errors
     /// If the file cannot be read or holds other weights.
@@ -79,8 +80,8 @@ impl LossNetwork {
         Ok(Self::new(vec![(chain, layers.to_vec())]))
     }
 
-    /// The default network: the inner layers and the output of a distilled encoder beside fixed oriented filters at full
-    /// size and down to an eighth, which the encoder lacks.
+    /// The default network: the inner layers and the output of a distilled encoder beside fixed oriented
+    /// filters at full size and down to an eighth, which the encoder lacks.
     ///
     /// `onnx` are the bytes of the encoder's file, `name` is its name in errors.
     ///
@@ -169,8 +170,8 @@ impl Features {
     }
 }
 
-/// The layers of a distilled encoder: the first and the last value at half size, the last at quarter size before the
-/// output, and the output.
+/// The layers of a distilled encoder: the first and the last value at half size, the last at quarter size
+/// before the output, and the output.
 fn distilled_layers(chain: &Chain) -> Option<Vec<Tap>> {
     let n = chain.operations.len();
     let strided = |operation: &Operation| match operation {

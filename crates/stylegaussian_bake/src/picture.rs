@@ -24,8 +24,8 @@ pub(crate) fn over(weights: &BlendWeights, alpha: &[f32], colors: &[f32], backgr
     rgb
 }
 
-/// The detail that `strokes` add to the picture of `scene` that has these `weights`: RGB `[h * w * 3]`, or nothing if there are no strokes.
-/// Colors do not change it, so one picture serves a whole step.
+/// The detail that `strokes` add to the picture of `scene` that has these `weights`: RGB `[h * w * 3]`, or
+/// nothing if there are no strokes. Colors do not change it, so one picture serves a whole step.
 pub(crate) fn strokes_over(
     scene: &Scene,
     strokes: &Strokes,
@@ -76,7 +76,8 @@ impl Mask {
         Self { size, covered }
     }
 
-    /// The cells of a picture of `size`, whose pixels are a whole number of this picture's, that are wholly covered.
+    /// The cells of a picture of `size`, whose pixels are a whole number of this picture's, that are wholly
+    /// covered.
     pub fn cells(&self, size: Size) -> Vec<u32> {
         let n = (self.size.width / size.width.max(1)).max(1);
         let is_covered = |cell: usize| {
@@ -91,8 +92,8 @@ impl Mask {
     }
 }
 
-/// Which pixels have only solid ones within [`MARGIN`] along a line of `n` pixels, `stride` apart. What lies beyond the
-/// picture's border counts as solid.
+/// Which pixels have only solid ones within [`MARGIN`] along a line of `n` pixels, `stride` apart. What lies
+/// beyond the picture's border counts as solid.
 fn eroded(solid: &[bool], n: usize, stride: usize, width: usize) -> Vec<bool> {
     let place = |i: usize| if stride == 1 { i % width } else { i / width };
     (0..solid.len())

@@ -22,7 +22,8 @@ const N_COLORS: usize = 100_000;
 pub(crate) struct LayerTarget {
     /// Means and deviations, mixed by weight.
     pub statistics: Target,
-    /// Cells with which a picture's are matched, of each painting by its weight; none if the layer is not matched.
+    /// Cells with which a picture's are matched, of each painting by its weight; none if the layer is not
+    /// matched.
     pub keys: Keys,
 }
 
@@ -44,8 +45,8 @@ pub(crate) struct Paintings {
 }
 
 impl Paintings {
-    /// Looks at paintings with weights above 0 at about `side` x `side` pixels, and takes `keys` random cells of each layer that is
-    /// matched.
+    /// Looks at paintings with weights above 0 at about `side` x `side` pixels, and takes `keys` random cells
+    /// of each layer that is matched.
     pub fn new(
         paintings: &[(Image, f32)],
         side: u32,
@@ -114,8 +115,8 @@ fn prepared(image: &Image, side: u32) -> Result<Image, BakeError> {
         return Err(broken(format!("the value {value}")));
     }
     let image = StyleSize::Area(side * side).resize(image);
-    // So small a picture has no strokes, but each layer needs cells: two along each side at an eighth of the size, since
-    // windows see the border as in a mirror.
+    // So small a picture has no strokes, but each layer needs cells: two along each side at an eighth of the
+    // size, since windows see the border as in a mirror.
     let least = |side: u32| side.max(16);
     Ok(image.resized(least(image.width), least(image.height)))
 }
@@ -151,7 +152,8 @@ impl Sum {
     }
 }
 
-/// Adds `share` of a painting's statistics to the layers' aims, and `n_keys` of its cells; all, if it has no more.
+/// Adds `share` of a painting's statistics to the layers' aims, and `n_keys` of its cells; all, if it has no
+/// more.
 fn add_painting(
     layers: &mut [Sum],
     image: &Image,

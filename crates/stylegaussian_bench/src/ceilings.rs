@@ -25,7 +25,8 @@ pub struct Product<'a> {
 }
 
 impl<'a> Product<'a> {
-    /// A product of matrices that keep a GPU busy, or of smaller ones for a software adapter. The result is checked.
+    /// A product of matrices that keep a GPU busy, or of smaller ones for a software adapter. The result is
+    /// checked.
     pub fn new(gpu: &'a Gpu, plan: &Plan) -> Result<Self> {
         let n = if plan.on_gpu { 4096 } else { 768 };
         // Small whole numbers: sums of n of them are exact in f32.

@@ -6,12 +6,13 @@ use stylegaussian::{
     splat::{Colors, render},
 };
 
-/// Least coverage of a pixel that counts: the background then shows less than half a step of 255. On other pixels the
-/// pictures differ because one blends the background in the display's space and the other in linear light.
+/// Least coverage of a pixel that counts: the background then shows less than half a step of 255. On other
+/// pixels the pictures differ because one blends the background in the display's space and the other in linear
+/// light.
 const COVERED: f32 = 0.998;
 
-/// Displayed red, green and blue `[H, W]` of `scene`, or `None` if it does not cover the pixel. `world_from_view` is
-/// a pose that looks along -z with y up, and `fov` the vertical field of view in radians.
+/// Displayed red, green and blue `[H, W]` of `scene`, or `None` if it does not cover the pixel.
+/// `world_from_view` is a pose that looks along -z with y up, and `fov` the vertical field of view in radians.
 pub fn reference(
     scene: &Scene,
     world_from_view: Affine3A,
@@ -32,8 +33,8 @@ pub fn reference(
     pixels.map(|(color, &alpha)| (alpha >= COVERED).then(|| displayed(color))).collect()
 }
 
-/// Peak signal-to-noise ratio of a picture, in dB, over the pixels that the reference covers. Infinite if they are
-/// equal.
+/// Peak signal-to-noise ratio of a picture, in dB, over the pixels that the reference covers. Infinite if they
+/// are equal.
 pub fn psnr(found: &[[u8; 3]], expected: &[Option<[u8; 3]>]) -> f64 {
     let covered = || found.iter().zip(expected).filter_map(|(found, expected)| Some((found, (*expected)?)));
     let square = |(a, b): (&u8, u8)| (f64::from(*a) - f64::from(b)).powi(2);

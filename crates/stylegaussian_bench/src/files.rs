@@ -1,6 +1,7 @@
 //! Reading scenes of every format, in turns with decompressing their bytes alone.
 //!
-//! Files are in memory, so no disk is measured. Formats that are not compressed are compared with a copy of their bytes.
+//! Files are in memory, so no disk is measured. Formats that are not compressed are compared with a copy of
+//! their bytes.
 
 mod captured;
 mod made;
@@ -140,8 +141,8 @@ impl Files {
     }
 }
 
-/// The zstd frames of an SPZ 4 and the lengths that they unpack to. Their number is byte 15, and the position of the table
-/// of their lengths is at 16.
+/// The zstd frames of an SPZ 4 and the lengths that they unpack to. Their number is byte 15, and the position
+/// of the table of their lengths is at 16.
 fn frames(bytes: &[u8]) -> Result<Vec<(&[u8], usize)>> {
     let table = u32::from_le_bytes(*bytes[16..].first_chunk().context("no header")?) as usize;
     let lengths = bytes[table..].as_chunks::<16>().0.iter().take(usize::from(bytes[15]));

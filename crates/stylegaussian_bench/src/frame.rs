@@ -259,7 +259,8 @@ impl<'a> Stage<'a> {
             self.frame += 1;
             gpu.time(|encoder| self.prepare(encoder, 0, 1, CloudColors::Captured))
         })?;
-        // If nothing moves and colors change, nothing is sorted. These colors are nothing but a share of the captured ones.
+        // If nothing moves and colors change, nothing is sorted. These colors are nothing but a share of the
+        // captured ones.
         let changing = GaussianColors::new(&gpu.device, n)?;
         add("project", &mut || {
             changing.mark_changed();

@@ -56,8 +56,8 @@ impl Gpu {
         format!("{} ({} {}), {clock}", info.name, info.driver, info.driver_info)
     }
 
-    /// Milliseconds that the commands of `encode` take: by the GPU's clock if it has one, otherwise from submission
-    /// to end.
+    /// Milliseconds that the commands of `encode` take: by the GPU's clock if it has one, otherwise from
+    /// submission to end.
     pub fn time(&self, encode: impl FnOnce(&mut wgpu::CommandEncoder) -> Result<()>) -> Result<f64> {
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         if let Some(timestamps) = &self.timestamps {

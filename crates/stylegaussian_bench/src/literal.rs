@@ -1,7 +1,8 @@
 //! The style pass, in turns with the literal method and a plain product.
 //!
-//! The literal method in WGSL stores 256-wide features, does not fold layers and uses f32, with the same kernels. Its
-//! transfer is still folded into the first layer's weights, which saves it a pass over the features.
+//! The literal method in WGSL stores 256-wide features, does not fold layers and uses f32, with the same
+//! kernels. Its transfer is still folded into the first layer's weights, which saves it a pass over the
+//! features.
 
 use anyhow::Result;
 use stylegaussian_gpu::style::{Precision, StyleOptions, StylePass};

@@ -1,7 +1,7 @@
 //! Speed of all parts, relative to limits and references: `cargo xtask bench`.
 //!
-//! A row is one measurement at one size: the median, minimum and maximum of some runs after a warm-up. Ratios compare
-//! rows of the same run; see [`report::Ratios`].
+//! A row is one measurement at one size: the median, minimum and maximum of some runs after a warm-up. Ratios
+//! compare rows of the same run; see [`report::Ratios`].
 
 mod ceilings;
 mod cpu;
@@ -49,7 +49,8 @@ struct Arguments {
     #[cfg(feature = "offline")]
     #[arg(long, value_name = "FILE")]
     vgg: Option<PathBuf>,
-    /// Run only groups with this in their name: ceilings, encode, style, memory, literal, cpu, files, pytorch, frame, peer, offline.
+    /// Run only groups with this in their name: ceilings, encode, style, memory, literal, cpu, files, pytorch,
+    /// frame, peer, offline.
     #[arg(long, value_name = "WORD")]
     only: Option<String>,
 }

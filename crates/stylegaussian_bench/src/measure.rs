@@ -25,8 +25,8 @@ impl Samples {
         Ok(Self { ms, cpu_ms })
     }
 
-    /// Runs several functions in turns, so that other work on the machine slows all of them down. Everything that is
-    /// compared must be measured so. Each run returns its milliseconds.
+    /// Runs several functions in turns, so that other work on the machine slows all of them down. Everything
+    /// that is compared must be measured so. Each run returns its milliseconds.
     pub fn in_turns(
         n_warm_up: usize,
         n_runs: usize,
@@ -35,7 +35,8 @@ impl Samples {
         let mut all = vec![Self { ms: Vec::new(), cpu_ms: Some(0.0) }; runs.len()];
         for turn in 0..n_warm_up + n_runs {
             for (run, samples) in runs.iter_mut().zip(&mut all) {
-                // Warm-up turns are run and dropped here, because a warm-up of each alone would not be in turns.
+                // Warm-up turns are run and dropped here, because a warm-up of each alone would not be in
+                // turns.
                 let one = Self::of(0, 1, &mut *run)?;
                 if turn >= n_warm_up {
                     samples.ms.extend(one.ms);

@@ -59,8 +59,8 @@ fn embed_steps(scene: &mut Scene, encoder: &Encoder, report: &mut Report) -> Res
     Ok(())
 }
 
-/// Steps with the paper's loss. The first ones also compute statistics of paintings and views, which are kept; they
-/// are the warm-up.
+/// Steps with the paper's loss. The first ones also compute statistics of paintings and views, which are kept;
+/// they are the warm-up.
 fn train_steps(
     scene: &Scene,
     encoder: &Encoder,

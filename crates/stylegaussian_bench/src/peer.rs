@@ -1,8 +1,8 @@
 //! `bevy_gaussian_splatting` on the same scene and cameras, by its own benchmark, which is built separately.
 //!
-//! The binary takes `--cloud scene --n N --w W --h H --sort radix32 --frames F --warmup W` and prints a line that
-//! starts with `RESULT` and holds `median_ms=`, `min=`, `p90=` and `cpu_ms_per_frame=`. With `--png FILE` it keeps
-//! the picture of its first camera.
+//! The binary takes `--cloud scene --n N --w W --h H --sort radix32 --frames F --warmup W` and prints a line
+//! that starts with `RESULT` and holds `median_ms=`, `min=`, `p90=` and `cpu_ms_per_frame=`. With `--png FILE`
+//! it keeps the picture of its first camera.
 
 use std::{path::Path, process::Command};
 

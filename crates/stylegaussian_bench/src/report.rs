@@ -39,8 +39,9 @@ pub struct NotRun {
     pub reason: String,
 }
 
-/// Ratios of rows. For speeds, `x_over_y` is the time of y divided by the time of x; larger is better. `*_product*`
-/// is our rate of operations divided by that of a plain matrix product. `None` if one side could not run.
+/// Ratios of rows. For speeds, `x_over_y` is the time of y divided by the time of x; larger is better.
+/// `*_product*` is our rate of operations divided by that of a plain matrix product. `None` if one side could
+/// not run.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Ratios {
     /// The CPU's decoder on folded, 32-wide features, relative to the same one on 256-wide features.
@@ -59,8 +60,8 @@ pub struct Ratios {
     pub frame_cpu_ms_over_peer: Option<f64>,
 }
 
-/// Growth of times with the number of Gaussians N: the exponent e of N^e between two sizes. 1 is linear, and smaller is
-/// better. `None` if one of the sizes could not run.
+/// Growth of times with the number of Gaussians N: the exponent e of N^e between two sizes. 1 is linear, and
+/// smaller is better. `None` if one of the sizes could not run.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Exponents {
     /// The CPU's decoder from 20,000 to 300,000.
@@ -78,8 +79,8 @@ pub struct FileRatios {
     pub name: String,
     /// Bytes of its file per Gaussian.
     pub bytes_per_gaussian: f64,
-    /// The time of reading, relative to decompressing the file's bytes alone, or to copying them if the format has no
-    /// compression.
+    /// The time of reading, relative to decompressing the file's bytes alone, or to copying them if the format
+    /// has no compression.
     pub read_over_unpack: f64,
     /// The most memory while reading, the file included, relative to what the scene holds.
     pub peak_over_held: f64,
@@ -119,8 +120,8 @@ pub mod names {
     pub const PEER: &str = "frame, structured, 512x512, peer";
 }
 
-/// Bytes per Gaussian of the literal method without stored gathers: features and the two largest activations in f32,
-/// (256 + 256 + 128) * 4, and 8 neighbors of 4 bytes each.
+/// Bytes per Gaussian of the literal method without stored gathers: features and the two largest activations in
+/// f32, (256 + 256 + 128) * 4, and 8 neighbors of 4 bytes each.
 pub const LITERAL_BYTES: f64 = 2592.0;
 
 impl Row {

@@ -44,8 +44,8 @@ struct Patch {
     rgb: Vec3,
 }
 
-/// `n` flat Gaussians in the surfaces of a unit sphere (40%), a torus (20%) and a checkered floor (40%): the structured
-/// scene of the peer's benchmark, number by number.
+/// `n` flat Gaussians in the surfaces of a unit sphere (40%), a torus (20%) and a checkered floor (40%): the
+/// structured scene of the peer's benchmark, number by number.
 pub fn structured(n: usize) -> Scene {
     let mut random = Random::new();
     let patches = (0..n).map(|_| patch(&mut random)).collect::<Vec<_>>();
@@ -109,9 +109,9 @@ fn colored(rgb: impl ExactSizeIterator<Item = Vec3>) -> Scene {
     }
 }
 
-/// The structured scene in Morton order, as files keep it, with `n_latent` features for 256 channels and neighbor
-/// lists. The features are noise, because times do not depend on them. If there are 256, they are the channels
-/// themselves, as in the literal method.
+/// The structured scene in Morton order, as files keep it, with `n_latent` features for 256 channels and
+/// neighbor lists. The features are noise, because times do not depend on them. If there are 256, they are the
+/// channels themselves, as in the literal method.
 pub fn embedded(n: usize, n_latent: usize) -> Scene {
     let scene = structured(n);
     let mut scene = scene.subset(&morton::order(&scene.means));

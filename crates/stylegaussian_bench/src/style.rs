@@ -45,8 +45,8 @@ pub fn run(gpu: &Gpu, plan: &Plan, report: &mut Report) -> Result<()> {
     Ok(())
 }
 
-/// Bytes of a change of style for 300,000 Gaussians, the paper's largest scene, and for other sizes, computed from real
-/// neighbor lists.
+/// Bytes of a change of style for 300,000 Gaussians, the paper's largest scene, and for other sizes, computed
+/// from real neighbor lists.
 pub fn memory(plan: &Plan, report: &mut Report) -> Result<()> {
     let sizes: &[usize] = if plan.quick { &[300_000] } else { &[20_000, 100_000, 300_000] };
     for &n in sizes {
@@ -168,7 +168,8 @@ fn budgeted_name() -> String {
     format!("style pass, a frame's part of {BUDGET_MS} ms")
 }
 
-/// Measures the frames of a change within a budget, from the first one on, at which the GPU's speed is still unknown.
+/// Measures the frames of a change within a budget, from the first one on, at which the GPU's speed is still
+/// unknown.
 fn budgeted(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> Result<()> {
     let OnGpu { scene, weights, colors, .. } = style;
     let (device, mut progress) = (&gpu.device, StyleProgress::default());
@@ -185,8 +186,8 @@ fn budgeted(gpu: &Gpu, pass: &StylePass, style: &OnGpu, report: &mut Report) -> 
     Ok(())
 }
 
-/// Bytes that each layer gathers and writes for one Gaussian, in f16: K rows of inputs and of indices, and one of
-/// outputs.
+/// Bytes that each layer gathers and writes for one Gaussian, in f16: K rows of inputs and of indices, and one
+/// of outputs.
 fn moved_by_layers(n_latent: usize) -> [u64; 5] {
     let mut d_in = n_latent;
     Decoder::WIDTHS.map(|d_out| {

@@ -1,5 +1,6 @@
-// The plain product that the style pass is compared with: c = a b, all three [n, n], f32, n a multiple of 128. Tiles, steps and
-// registers are those of `style_knn_conv`; what is missing is the gather, the unpacking and the activation.
+// The plain product that the style pass is compared with: c = a b, all three [n, n], f32, n a multiple of 128.
+// Tiles, steps and registers are those of `style_knn_conv`; what is missing is the gather, the unpacking and
+// the activation.
 
 // n / 4.
 override n_quads: u32;

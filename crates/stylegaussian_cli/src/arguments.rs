@@ -12,8 +12,8 @@ use stylegaussian_train::picture::Background;
 
 /// Longest side of a picture, in pixels.
 pub const MAX_SIDE: u32 = 16_384;
-/// Most pixels of a picture: 8192 x 8192. Drawing keeps color, alpha and depth in f32, the picture as bytes and its PNG
-/// file, 32 bytes a pixel: 2 GiB.
+/// Most pixels of a picture: 8192 x 8192. Drawing keeps color, alpha and depth in f32, the picture as bytes and
+/// its PNG file, 32 bytes a pixel: 2 GiB.
 pub const MAX_PIXELS: u64 = 1 << 26;
 
 /// Whether pictures of this size can be drawn.

@@ -49,9 +49,9 @@ pub fn loss_weights(vgg: Option<&Path>, encoder: Option<&Path>) -> Result<PathBu
     )
 }
 
-/// Smallest size of a scene for which cameras are chosen, in scene units. A chosen camera keeps 0.3 units away, since the
-/// rasterizer draws nothing nearer than 0.2, and its narrowest lens, of tangent 1e-4, shows 6e-5 units there. Positions in
-/// f32 are exact to 3e-8.
+/// Smallest size of a scene for which cameras are chosen, in scene units. A chosen camera keeps 0.3 units away,
+/// since the rasterizer draws nothing nearer than 0.2, and its narrowest lens, of tangent 1e-4, shows 6e-5
+/// units there. Positions in f32 are exact to 3e-8.
 const SMALLEST_SCENE: f32 = 1e-4;
 
 /// Cameras that were chosen for a scene, which `path` names in errors.
@@ -97,7 +97,8 @@ pub fn decoder(path: Option<&Path>, scene: &Scene) -> Result<NamedDecoder> {
     Ok(NamedDecoder { decoder, name })
 }
 
-/// Checks that parts were made with one encoder. Returns a warning for each part that does not name its encoder.
+/// Checks that parts were made with one encoder. Returns a warning for each part that does not name its
+/// encoder.
 ///
 /// Each part is a name for messages, such as a file, and the encoder that the part names.
 ///

@@ -56,7 +56,8 @@ impl Cli {
     /// Runs the command.
     ///
     /// # Errors
-    /// A [`clap::Error`] if the arguments contradict one another; otherwise an error that names the file or the value.
+    /// A [`clap::Error`] if the arguments contradict one another; otherwise an error that names the file or the
+    /// value.
     pub fn run(self, interrupt: &Interrupt) -> Result<()> {
         match self.command {
             Command::Info(arguments) => info::run(&arguments),

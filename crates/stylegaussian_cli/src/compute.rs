@@ -29,8 +29,8 @@ pub struct Compute {
 }
 
 impl Compute {
-    /// Opens the device. `gpu` takes any adapter, and is an error if there is none. `auto` takes only hardware GPUs,
-    /// because software adapters are slower than our CPU code.
+    /// Opens the device. `gpu` takes any adapter, and is an error if there is none. `auto` takes only hardware
+    /// GPUs, because software adapters are slower than our CPU code.
     ///
     /// # Errors
     /// If a GPU is asked for and there is none.
@@ -64,8 +64,8 @@ impl Compute {
         self.gpu.as_ref().map(|gpu| gpu.info.name.clone())
     }
 
-    /// Colors `[N]` of a scene's mapped features. If `auto` chose the GPU and the scene does not fit it, the CPU
-    /// takes over and a warning says so.
+    /// Colors `[N]` of a scene's mapped features. If `auto` chose the GPU and the scene does not fit it, the
+    /// CPU takes over and a warning says so.
     ///
     /// # Errors
     /// If scene, decoder and map do not fit one another, or the GPU that was asked for fails.
@@ -81,7 +81,8 @@ impl Compute {
         Ok(fold::stylize(scene, decoder, map)?)
     }
 
-    /// Prepares to draw `scene` in `colors` with `strokes` over them, if there are any. Falls back as [`stylize`](Self::stylize) does.
+    /// Prepares to draw `scene` in `colors` with `strokes` over them, if there are any. Falls back as
+    /// [`stylize`](Self::stylize) does.
     ///
     /// # Errors
     /// If the GPU that was asked for fails.
@@ -114,7 +115,8 @@ impl Compute {
     }
 }
 
-/// The device that training runs on. With the `gpu` feature, `gpu` takes any adapter and `auto` only a hardware GPU.
+/// The device that training runs on. With the `gpu` feature, `gpu` takes any adapter and `auto` only a hardware
+/// GPU.
 ///
 /// # Errors
 /// If a GPU is asked for, but there is none or this build cannot train on one.

@@ -35,12 +35,12 @@ enum Outcome {
     Cut(String),
 }
 
-/// Downloads `url` to `path`, after the bytes that are there already, and compares the file's SHA-256 with `digest`,
-/// its first digits in lower case.
+/// Downloads `url` to `path`, after the bytes that are there already, and compares the file's SHA-256 with
+/// `digest`, its first digits in lower case.
 ///
 /// # Errors
-/// If the server refuses, five attempts in a row bring nothing, or `interrupted` is set; the bytes that came are then
-/// kept. If the checksum differs; the file is then removed, because resuming would not help.
+/// If the server refuses, five attempts in a row bring nothing, or `interrupted` is set; the bytes that came
+/// are then kept. If the checksum differs; the file is then removed, because resuming would not help.
 pub fn download(url: &str, path: &Path, digest: &str, interrupted: &AtomicBool) -> Result<()> {
     let bar = bar(0, "{bytes}/{total_bytes} [{elapsed} < {eta}] {bytes_per_sec} {wide_bar}");
     let mut failures = 0;
@@ -50,7 +50,8 @@ pub fn download(url: &str, path: &Path, digest: &str, interrupted: &AtomicBool) 
             Outcome::Complete => break,
             Outcome::Cut(reason) => reason,
         };
-        // An attempt that leaves the file longer does not count, so a connection that breaks often still gets there.
+        // An attempt that leaves the file longer does not count, so a connection that breaks often still gets
+        // there.
         failures = if length(path) > before { 0 } else { failures + 1 };
         ensure!(failures < TRIES, "{url}: {reason}; {} bytes are kept in {}", length(path), path.display());
         thread::sleep(PAUSE);
@@ -89,7 +90,8 @@ fn request(url: &str, path: &Path, interrupted: &AtomicBool, bar: &ProgressBar) 
     let (start, total) = match response.status().as_u16() {
         // The whole file: this server ignores ranges.
         200 => (0, response.body().content_length()),
-        // A server may answer with another range than was asked for. Its bytes would be written at the wrong place.
+        // A server may answer with another range than was asked for. Its bytes would be written at the wrong
+        // place.
         206 if range.starts_with(&format!("{have}-")) => (have, total_of_range),
         // There is nothing after the bytes that we have.
         416 if total_of_range == Some(have) => return Ok(Outcome::Complete),
@@ -123,8 +125,8 @@ fn request(url: &str, path: &Path, interrupted: &AtomicBool, bar: &ProgressBar) 
     })
 }
 
-/// Reads on a separate thread, so that the caller can stop waiting for a server that has stalled. The last chunk is
-/// empty or an error.
+/// Reads on a separate thread, so that the caller can stop waiting for a server that has stalled. The last
+/// chunk is empty or an error.
 fn chunks(mut body: impl Read + Send + 'static) -> Receiver<io::Result<Vec<u8>>> {
     // Bounded, so that a fast server cannot fill the memory while the disk is slow: 4 chunks of 64 KiB.
     let (sender, receiver) = sync_channel(4);

@@ -52,8 +52,8 @@ fn keep_quiet_about_caught_panics() {
     }));
 }
 
-/// Keeps Mesa's device-selection layer out of Vulkan on Linux without a session. Every Vulkan program loads this
-/// layer, and without a display it prints an error although it has nothing to select.
+/// Keeps Mesa's device-selection layer out of Vulkan on Linux without a session. Every Vulkan program loads
+/// this layer, and without a display it prints an error although it has nothing to select.
 fn quiet_headless_vulkan() {
     if cfg!(target_os = "linux") && env::var_os("XDG_RUNTIME_DIR").is_none() {
         #[expect(unsafe_code, reason = "sound before the first thread starts, and nothing has run yet")]

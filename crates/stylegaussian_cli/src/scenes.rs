@@ -14,12 +14,13 @@ use crate::terminal::{usage_error, warn};
 /// Options of reading a scene.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct ReadArgs {
-    /// The axes of the scene's file, three letters for x, y and z: r or l (right, left), u or d (up, down), f or b
-    /// (forward, back). rdf is that of 3DGS .ply files, rub that of SPZ and glTF. Default: those that the file or its
-    /// format's specification says, which `info` tells.
+    /// The axes of the scene's file, three letters for x, y and z: r or l (right, left), u or d (up, down), f
+    /// or b (forward, back). rdf is that of 3DGS .ply files, rub that of SPZ and glTF. Default: those that the
+    /// file or its format's specification says, which `info` tells.
     #[arg(long, value_name = "AXES")]
     axes: Option<Axes>,
-    /// The most Gaussians of a scene that has several levels of detail (streamed SOG). Default: the finest level.
+    /// The most Gaussians of a scene that has several levels of detail (streamed SOG). Default: the finest
+    /// level.
     #[arg(long, value_name = "N", value_parser = at_least_1)]
     budget: Option<usize>,
 }

@@ -1,5 +1,5 @@
-//! Stylizing for `stylize` and `render`: from `--style`, `--look`, `--content` and `--decoder` to one color for each
-//! Gaussian, and strokes over them.
+//! Stylizing for `stylize` and `render`: from `--style`, `--look`, `--content` and `--decoder` to one color for
+//! each Gaussian, and strokes over them.
 
 use std::path::{Path, PathBuf};
 
@@ -30,24 +30,25 @@ pub struct StylizationArgs {
     /// Style image or *.style.safetensors. Several give a mix, and their weights are normalized to sum 1.
     #[arg(long = "style", value_name = "S[:WEIGHT]", num_args = 1..)]
     styles: Vec<WeightedPath>,
-    /// Look of this scene, *.look.safetensors. Several, or looks beside styles, give a mix; all weights together are
-    /// normalized to sum 1.
+    /// Look of this scene, *.look.safetensors. Several, or looks beside styles, give a mix; all weights
+    /// together are normalized to sum 1.
     #[arg(long = "look", value_name = "FILE[:WEIGHT]", num_args = 1..)]
     looks: Vec<WeightedPath>,
-    /// How much of the scene to keep, from 0 (full style) to 1 (no style): of its features in styles, of its base
-    /// colors in looks.
+    /// How much of the scene to keep, from 0 (full style) to 1 (no style): of its features in styles, of its
+    /// base colors in looks.
     #[arg(long, value_name = "0..1", default_value = "0", allow_negative_numbers = true, value_parser = fraction)]
     content: f64,
     /// The decoder, *.decoder.safetensors. Default: the scene's own, else the built-in one.
     #[arg(long, value_name = "FILE")]
     decoder: Option<PathBuf>,
-    /// The encoder for style images, if a decoder chooses the colors: an ONNX file, or VGG-19 weights as safetensors or
-    /// torchvision's .pth. Default: the file in STYLEGAUSSIAN_ENCODER, else the built-in encoder.
+    /// The encoder for style images, if a decoder chooses the colors: an ONNX file, or VGG-19 weights as
+    /// safetensors or torchvision's .pth. Default: the file in STYLEGAUSSIAN_ENCODER, else the built-in
+    /// encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
-    /// Let the decoder alone choose the colors, as in the paper, for which the scene needs features. Without this,
-    /// surfaces are painted with the painting's own strokes, unless --decoder is given, the scene has a decoder of its
-    /// own, or a style file carries no paint.
+    /// Let the decoder alone choose the colors, as in the paper, for which the scene needs features. Without
+    /// this, surfaces are painted with the painting's own strokes, unless --decoder is given, the scene has a
+    /// decoder of its own, or a style file carries no paint.
     #[arg(long)]
     decoder_only: bool,
     #[command(flatten)]
@@ -131,8 +132,8 @@ impl StylizationArgs {
     /// Stylizes `scene`, which `scene_path` names in errors, on the backend that [`open`](Self::open) gave.
     ///
     /// # Errors
-    /// If a decoder is to choose the colors and the scene has no features, a look belongs to another scene, a file cannot
-    /// be read, encoders differ, or the styles' numbers are so large that colors are not finite.
+    /// If a decoder is to choose the colors and the scene has no features, a look belongs to another scene, a
+    /// file cannot be read, encoders differ, or the styles' numbers are so large that colors are not finite.
     pub fn stylize(&self, scene: &Scene, scene_path: &Path, compute: &mut Compute) -> Result<Stylization> {
         // Above 0: `open` has checked it.
         let total = self.total_weight();

@@ -23,8 +23,8 @@ const INTERRUPTED: i32 = 130;
 /// Steps between two lines of progress if there is no terminal.
 const STEPS_PER_LINE: u32 = 100;
 
-/// An error and its causes on one line, outermost first. Causes that the line already contains are left out, because
-/// many libraries repeat them.
+/// An error and its causes on one line, outermost first. Causes that the line already contains are left out,
+/// because many libraries repeat them.
 pub fn error_chain(error: &anyhow::Error) -> String {
     let mut line = String::new();
     for cause in error.chain().map(ToString::to_string).filter(|cause| !cause.is_empty()) {
@@ -37,8 +37,8 @@ pub fn error_chain(error: &anyhow::Error) -> String {
     line
 }
 
-/// Whether the reader of our output has gone, as in `stylegaussian info scene.ply | head -1`. Then nobody reads a
-/// message.
+/// Whether the reader of our output has gone, as in `stylegaussian info scene.ply | head -1`. Then nobody reads
+/// a message.
 pub fn is_broken_pipe(error: &anyhow::Error) -> bool {
     let of_kind = |error: &io::Error| error.kind() == io::ErrorKind::BrokenPipe;
     error.downcast_ref::<io::Error>().is_some_and(of_kind)
@@ -95,8 +95,8 @@ pub fn print(json: bool, value: &impl Serialize, text: impl FnOnce() -> String) 
     Ok(())
 }
 
-/// Ctrl-C, with one behavior for all commands. Commands that can stop early watch it: the first Ctrl-C then stops
-/// them in good order, and the second ends the program at once. All other commands end at once.
+/// Ctrl-C, with one behavior for all commands. Commands that can stop early watch it: the first Ctrl-C then
+/// stops them in good order, and the second ends the program at once. All other commands end at once.
 pub struct Interrupt {
     state: Arc<InterruptState>,
 }

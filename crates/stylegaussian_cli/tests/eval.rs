@@ -43,7 +43,8 @@ fn every_painting_and_reference_is_measured() {
         }
         assert!(number(&measures["grain"]) > 0.0, "{measures}");
     }
-    // The unstyled scene has one look for all paintings, so in each view one painting of the two is the nearest.
+    // The unstyled scene has one look for all paintings, so in each view one painting of the two is the
+    // nearest.
     assert_eq!(found["unstyled"]["own_painting_nearest"], 0.5);
     assert_eq!(found["unstyled"]["content_error"], 0.0);
     assert!(found["adain_2d"].is_null());

@@ -8,7 +8,8 @@ use std::fs;
 use stylegaussian::{Look, Mask, Scene, StoredMask, file, look::MadeFrom};
 use support::{Bench, Run, stylegaussian};
 
-/// Writes a mask of the scene in `of`: the first half of its Gaussians in channel 1, none in channel 0, all in channel 2.
+/// Writes a mask of the scene in `of`: the first half of its Gaussians in channel 1, none in channel 0, all in
+/// channel 2.
 fn mask(bench: &Bench, name: &str, of: &str) -> String {
     let scene = bench.scene(of);
     let mut mask = Mask::new(scene.len());

@@ -67,7 +67,8 @@ fn files_that_once_failed_are_read_or_refused() {
     assert!(n_read > 0);
 }
 
-/// Wrong bytes in every place of a good file, one at a time. A short stand-in for the fuzzer, which runs elsewhere.
+/// Wrong bytes in every place of a good file, one at a time. A short stand-in for the fuzzer, which runs
+/// elsewhere.
 #[test]
 fn small_files_with_wrong_bytes() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/regressions");
@@ -85,8 +86,8 @@ fn small_files_with_wrong_bytes() {
     }
 }
 
-/// Random changes of the corpus that `cargo xtask fuzz` fills, without coverage and without nightly Rust: for each target
-/// STYLEGAUSSIAN_MUTATE_SECONDS, or 20. A file that fails is kept in `fuzz/artifacts`.
+/// Random changes of the corpus that `cargo xtask fuzz` fills, without coverage and without nightly Rust: for
+/// each target STYLEGAUSSIAN_MUTATE_SECONDS, or 20. A file that fails is kept in `fuzz/artifacts`.
 #[test]
 #[ignore = "minutes, and needs a corpus"]
 fn changed_files_of_the_corpus() {

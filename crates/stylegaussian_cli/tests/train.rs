@@ -102,8 +102,8 @@ fn the_kind_of_a_decoder_can_be_chosen() {
         &["--init", &init, "--noise", "1", "--smoothing", "3", "--residual", "0.2"],
     );
     assert_eq!((other.smoothing_passes, other.n_noise, other.n_inputs()), (3, 1, 256 + 1 + 3));
-    // Features, the kept noise and the base color keep their positions. Adam's first step moves a weight by the rate,
-    // 1e-3, and files store f16.
+    // Features, the kept noise and the base color keep their positions. Adam's first step moves a weight by the
+    // rate, 1e-3, and files store f16.
     let (from, to) = (&first.layers[0].weight, &other.layers[0].weight);
     let rows = from.chunks_exact(256 + 6).zip(to.chunks_exact(256 + 4));
     let moved = rows.flat_map(|(from, to)| {

@@ -2,14 +2,14 @@
 //!
 //! `assets/README.md` of the repository describes how and on which pictures they were trained.
 
-/// The default decoder, a `*.decoder.safetensors` with K = 8, 256-128-64-32-3 channels and f16 weights. Its metadata
-/// names the encoder that it belongs to.
+/// The default decoder, a `*.decoder.safetensors` with K = 8, 256-128-64-32-3 channels and f16 weights. Its
+/// metadata names the encoder that it belongs to.
 pub const DECODER: &[u8] = include_bytes!("../default.decoder.safetensors");
 
-/// The default encoder, an ONNX file. It maps RGB 0..1 `[1, 3, H, W]` to 256 channels at a quarter of the size, and was
-/// distilled from VGG-19's relu3_1.
+/// The default encoder, an ONNX file. It maps RGB 0..1 `[1, 3, H, W]` to 256 channels at a quarter of the size,
+/// and was distilled from VGG-19's relu3_1.
 pub const ENCODER: &[u8] = include_bytes!("../distilled_relu3_1.onnx");
 
-/// Name of the default encoder, its file's name without `.onnx`. Features, style statistics and decoders made with it
-/// carry this name.
+/// Name of the default encoder, its file's name without `.onnx`. Features, style statistics and decoders made
+/// with it carry this name.
 pub const ENCODER_NAME: &str = "distilled_relu3_1";

@@ -1,7 +1,7 @@
 //! Time of a change of style on the CPU, by the decoder and in paint, for a scene that is open already.
 //!
-//! Prints the parts of each painting's change in milliseconds, and the ratio of the medians. Run it on a machine without other
-//! load:
+//! Prints the parts of each painting's change in milliseconds, and the ratio of the medians. Run it on a
+//! machine without other load:
 //!
 //! ```sh
 //! cargo run --release -p stylegaussian_encoder --example change_speed -- assets/demo.sgs PAINTING...

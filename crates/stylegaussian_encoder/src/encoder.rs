@@ -17,8 +17,8 @@ use crate::{
     weights::{Weights, WeightsError},
 };
 
-/// Least width and height of an image for any encoder, in pixels. VGG with reflection padding needs 5; with 8 there are
-/// 2x2 positions, so that a standard deviation exists.
+/// Least width and height of an image for any encoder, in pixels. VGG with reflection padding needs 5; with 8
+/// there are 2x2 positions, so that a standard deviation exists.
 pub const MIN_SIDE: u32 = 8;
 
 /// An image encoder. Shared by reference between threads, which may call [`Encoder::encode`] at the same time.
@@ -94,8 +94,8 @@ impl Encoder {
     /// - `.pth`, `.pt`: torchvision's VGG-19 state dict.
     ///
     /// # Errors
-    /// If the file is not of the kind that its extension claims, if a tensor has another shape or is not finite, or if
-    /// the graph does not run.
+    /// If the file is not of the kind that its extension claims, if a tensor has another shape or is not
+    /// finite, or if the graph does not run.
     pub fn open(path: &Path) -> Result<Self, EncoderError> {
         let read = |source| EncoderError::Read { path: path.into(), source };
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
@@ -106,8 +106,8 @@ impl Encoder {
                 let hash = hash(&onnx[..]).map_err(read)?;
                 (onnx, hash)
             }
-            // The hash is of the file and not of the graph: the graph that is written from weights may change with this
-            // crate, the features do not.
+            // The hash is of the file and not of the graph: the graph that is written from weights may change
+            // with this crate, the features do not.
             "safetensors" | "pth" | "pt" => {
                 let hash = hash(fs::File::open(path).map_err(read)?).map_err(read)?;
                 (vgg::graph(&Weights::open(path)?)?, hash)
@@ -119,8 +119,8 @@ impl Encoder {
         Self::new(id, Network::load(path.display().to_string(), onnx)?)
     }
 
-    /// Opens an encoder from the bytes of an ONNX file, for programs that carry one with them. `name` is the file's name
-    /// without `.onnx`.
+    /// Opens an encoder from the bytes of an ONNX file, for programs that carry one with them. `name` is the
+    /// file's name without `.onnx`.
     ///
     /// # Errors
     /// If the bytes are no ONNX graph, or if the graph is not an encoder's or does not run.
@@ -129,7 +129,8 @@ impl Encoder {
         Self::new(EncoderId { name: name.into(), hash }, Network::load(name, onnx)?)
     }
 
-    /// Tries the graph on gray images, so that one that cannot run, or gives no numbers, is refused when it is opened.
+    /// Tries the graph on gray images, so that one that cannot run, or gives no numbers, is refused when it is
+    /// opened.
     fn new(id: EncoderId, network: Network) -> Result<Self, EncoderError> {
         let input = network.gray(PROBE_SIDE, PROBE_SIDE);
         let output = network.run(&input)?;
@@ -166,12 +167,13 @@ impl Encoder {
 
     /// Features of an image.
     ///
-    /// Several threads may encode at once. tract runs each call on its caller's thread. If that is none of rayon's, it spreads
-    /// matrix products over them. ONNX Runtime spreads one call over all cores and takes calls in turn.
+    /// Several threads may encode at once. tract runs each call on its caller's thread. If that is none of
+    /// rayon's, it spreads matrix products over them. ONNX Runtime spreads one call over all cores and takes
+    /// calls in turn.
     ///
     /// # Errors
-    /// If the image is smaller than [`MIN_SIDE`] or than the graph needs, if the graph takes another size, or if the
-    /// engine fails.
+    /// If the image is smaller than [`MIN_SIDE`] or than the graph needs, if the graph takes another size, or
+    /// if the engine fails.
     pub fn encode(&self, image: &Image) -> Result<FeatureMap, EncoderError> {
         let (width, height) = (image.width, image.height);
         let n_pixels = width as usize * height as usize;
@@ -195,8 +197,8 @@ impl Encoder {
     }
 }
 
-/// Finds the least side of an image that the graph takes. If the graph leaves height and width open, it has to take any
-/// size above that, so an odd one is tried as well.
+/// Finds the least side of an image that the graph takes. If the graph leaves height and width open, it has to
+/// take any size above that, so an odd one is tried as well.
 fn least_side(network: &Network) -> Result<u32, EncoderError> {
     let [_, height, width] = network.input();
     // ONNX Runtime reports each size that it cannot run, small ones included, and needs no trial.
@@ -204,7 +206,8 @@ fn least_side(network: &Network) -> Result<u32, EncoderError> {
         return Ok(MIN_SIDE);
     }
     let run = |height, width| network.run(&network.gray(height, width));
-    // 65 x 71: odd, not square, and no multiple of a stride. A graph that fails here would fail on users' images.
+    // 65 x 71: odd, not square, and no multiple of a stride. A graph that fails here would fail on users'
+    // images.
     run(PROBE_SIDE + 1, PROBE_SIDE + 7)?;
     let sides = [MIN_SIDE, 2 * MIN_SIDE, 4 * MIN_SIDE];
     // The powers of two up to the probe: exact enough for an error's message, at the cost of three small runs.

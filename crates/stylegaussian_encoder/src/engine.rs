@@ -6,8 +6,8 @@ mod constructors;
 pub(crate) mod onnx_runtime;
 pub(crate) mod tract;
 
-/// Most values that a graph may take, or a step of it make, for an image of [`PROBE_SIDE`]: 2^28, 1 GiB. VGG's largest
-/// step makes 2^18, its 64 channels of 64x64 pixels.
+/// Most values that a graph may take, or a step of it make, for an image of [`PROBE_SIDE`]: 2^28, 1 GiB. VGG's
+/// largest step makes 2^18, its 64 channels of 64x64 pixels.
 pub(crate) const MAX_VALUES: usize = 1 << 28;
 
 /// Width and height of the image on which a graph is tried if it takes any size.

@@ -4,7 +4,8 @@ use stylegaussian::ChannelStatistics;
 
 use crate::network::Planes;
 
-/// Features of an image: D channels for each cell of a grid. The grid has a quarter of the image's size for relu3_1.
+/// Features of an image: D channels for each cell of a grid. The grid has a quarter of the image's size for
+/// relu3_1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FeatureMap {
     /// Columns of the grid.
@@ -18,8 +19,8 @@ pub struct FeatureMap {
 }
 
 impl FeatureMap {
-    /// Mean and unbiased standard deviation of each channel over the cells, accumulated in f64. If there is only one
-    /// cell, the deviation is 0.
+    /// Mean and unbiased standard deviation of each channel over the cells, accumulated in f64. If there is
+    /// only one cell, the deviation is 0.
     ///
     /// The covariance and the encoder are `None`: this map does not know its encoder.
     pub fn statistics(&self) -> ChannelStatistics {
@@ -137,7 +138,8 @@ mod tests {
 
     #[test]
     fn statistics_are_unbiased() {
-        // Mean 3, deviations -2 -1 3, squares 14, over n - 1 = 2: variance 7. The second channel is ten times the first.
+        // Mean 3, deviations -2 -1 3, squares 14, over n - 1 = 2: variance 7. The second channel is ten times
+        // the first.
         let statistics = three_cells().statistics();
         assert_eq!(statistics.mean, [3.0, 30.0]);
         assert_eq!(statistics.std_dev, [7.0_f32.sqrt(), 700.0_f32.sqrt()]);

@@ -1,8 +1,8 @@
 //! Panics of other libraries over a user's file, returned as errors.
 //!
-//! Decoders of images and the graph engine panic over some malformed files. Every call that shows them a user's file
-//! catches that. The panic hook of the process still hears of it first and prints a message by default. The hook belongs
-//! to the program, which can ask [`is_guarded`] whether a panic will become an error.
+//! Decoders of images and the graph engine panic over some malformed files. Every call that shows them a user's
+//! file catches that. The panic hook of the process still hears of it first and prints a message by default.
+//! The hook belongs to the program, which can ask [`is_guarded`] whether a panic will become an error.
 
 use std::{
     cell::Cell,

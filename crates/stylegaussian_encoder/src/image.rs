@@ -19,7 +19,8 @@ pub const MAX_SIDE: u32 = 16_384;
 pub const MAX_PIXELS: u64 = 1 << 26;
 /// Most bytes that decoding may take: 16-bit RGBA of [`MAX_PIXELS`].
 const MAX_DECODER_BYTES: u64 = MAX_PIXELS * 8;
-/// Most bytes of a file: 16-bit RGBA of [`MAX_PIXELS`] that does not compress, and as much again for its metadata.
+/// Most bytes of a file: 16-bit RGBA of [`MAX_PIXELS`] that does not compress, and as much again for its
+/// metadata.
 const MAX_FILE_BYTES: u64 = 2 * MAX_DECODER_BYTES;
 /// The first bytes of a JPEG file: the start marker, and the first byte of another.
 const JPEG: [u8; 3] = [0xFF, 0xD8, 0xFF];
@@ -103,12 +104,12 @@ pub enum ImageError {
 }
 
 impl Image {
-    /// Reads a PNG or JPEG file: any bit depth, gray or color, turned upright by its EXIF orientation. Transparent
-    /// pixels are laid over white, as on paper.
+    /// Reads a PNG or JPEG file: any bit depth, gray or color, turned upright by its EXIF orientation.
+    /// Transparent pixels are laid over white, as on paper.
     ///
     /// # Errors
-    /// If the file is absent, is no image, ends too early, or is larger than [`MAX_SIDE`] or [`MAX_PIXELS`]. The size is
-    /// checked before any pixel is allocated. A panic of the decoder is an error too.
+    /// If the file is absent, is no image, ends too early, or is larger than [`MAX_SIDE`] or [`MAX_PIXELS`].
+    /// The size is checked before any pixel is allocated. A panic of the decoder is an error too.
     pub fn open(path: &Path) -> Result<Self, ImageError> {
         Self::from_bytes(&file_bytes(path)?, path)
     }
@@ -143,7 +144,8 @@ impl Image {
             .map_err(|panic| ImageError::Malformed { path: path.into(), panic })?
     }
 
-    /// Width and height in pixels, from the beginning of a PNG or JPEG file. The EXIF orientation is not looked at.
+    /// Width and height in pixels, from the beginning of a PNG or JPEG file. The EXIF orientation is not looked
+    /// at.
     ///
     /// # Errors
     /// If the file is absent, is no image, or is larger than [`MAX_SIDE`] or [`MAX_PIXELS`].
@@ -153,7 +155,8 @@ impl Image {
         guarded(size).map_err(|panic| ImageError::Malformed { path: path.into(), panic })?
     }
 
-    /// The image at another size. Each pixel averages the area that it covers (Lanczos of 3 lobes, clamped to 0..1).
+    /// The image at another size. Each pixel averages the area that it covers (Lanczos of 3 lobes, clamped to
+    /// 0..1).
     pub fn resized(&self, width: u32, height: u32) -> Self {
         self.resized_with(width, height, FilterType::Lanczos3)
     }
@@ -218,8 +221,8 @@ fn decoded(bytes: &[u8], path: &Path) -> Result<Image, ImageError> {
     Ok(Image::from(image))
 }
 
-/// Whether a JPEG file reaches its end marker (ITU T.81, B.1.1). Segments are skipped by their lengths, since thumbnails
-/// in them have ends of their own.
+/// Whether a JPEG file reaches its end marker (ITU T.81, B.1.1). Segments are skipped by their lengths, since
+/// thumbnails in them have ends of their own.
 fn is_whole_jpeg(bytes: &[u8]) -> bool {
     const START_OF_SCAN: u8 = 0xDA;
     const END: u8 = 0xD9;

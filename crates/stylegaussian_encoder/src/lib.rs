@@ -10,9 +10,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Every encoder runs as an ONNX graph: an ONNX file as it is, VGG weights as a graph that [`onnx`] writes. The engine
-//! is tract, which is pure Rust and built in. If `ORT_DYLIB_PATH` names a shared library of ONNX Runtime (1.24 or
-//! later), that is used instead; see [`runtime`].
+//! Every encoder runs as an ONNX graph: an ONNX file as it is, VGG weights as a graph that [`onnx`] writes. The
+//! engine is tract, which is pure Rust and built in. If `ORT_DYLIB_PATH` names a shared library of ONNX Runtime
+//! (1.24 or later), that is used instead; see [`runtime`].
 
 pub mod encoder;
 mod engine;

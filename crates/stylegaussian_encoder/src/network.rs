@@ -86,8 +86,9 @@ impl Network {
     /// Loads a graph; `name` is for messages.
     ///
     /// # Errors
-    /// If the bytes are no ONNX graph that the engine can run, if a step of it needs an absurd amount of memory, or if
-    /// it does not lead from one f32 tensor `[1, C, H, W]` to one f32 tensor `[1, D, h, w]` (open sizes are allowed).
+    /// If the bytes are no ONNX graph that the engine can run, if a step of it needs an absurd amount of
+    /// memory, or if it does not lead from one f32 tensor `[1, C, H, W]` to one f32 tensor `[1, D, h, w]` (open
+    /// sizes are allowed).
     pub fn load(name: impl Into<String>, onnx: Vec<u8>) -> Result<Self, NetworkError> {
         let (name, runtime) = (name.into(), Runtime::get());
         let (engine, signature) = match Engine::load(runtime, &onnx) {
@@ -177,8 +178,8 @@ impl Network {
     }
 }
 
-/// Channels, height and width of the only input or output, if it is one f32 tensor `[1, C, H, W]`; `None` for each that
-/// is open.
+/// Channels, height and width of the only input or output, if it is one f32 tensor `[1, C, H, W]`; `None` for
+/// each that is open.
 fn image_like(
     name: &str,
     what: &'static str,

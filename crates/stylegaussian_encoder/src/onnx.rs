@@ -1,7 +1,7 @@
 //! Writes small ONNX graphs: a chain of layers from one image-like input to one output.
 //!
-//! ONNX is a protobuf message. The graphs of this crate need only integers, byte strings and nesting, which is less
-//! code than a dependency. Field numbers are from `onnx.proto3`.
+//! ONNX is a protobuf message. The graphs of this crate need only integers, byte strings and nesting, which is
+//! less code than a dependency. Field numbers are from `onnx.proto3`.
 
 /// ONNX operator set of the graphs: 13, the first in which all operators used here have their final shape.
 const OPERATOR_SET: u64 = 13;
@@ -145,8 +145,8 @@ impl ChainWriter {
             .append(self.nodes)
             .text(2, "chain")
             .append(self.initializers)
-            // Named sizes may have any value. Two names for the output's, since the graph itself relates them to the
-            // input's.
+            // Named sizes may have any value. Two names for the output's, since the graph itself relates them
+            // to the input's.
             .message(11, value_info("v0", self.input_channels, ["height", "width"]))
             .message(12, value_info(&output, self.channels, ["output_height", "output_width"]));
         Message::default()

@@ -1,9 +1,9 @@
 //! The engine that runs the graphs: tract, or ONNX Runtime if the user names its library.
 //!
-//! tract is pure Rust, built in, and keeps no state in the process. If the environment variable `ORT_DYLIB_PATH` names
-//! a shared library of ONNX Runtime 1.24 or later, that is loaded instead, once per process and at the first use. If it
-//! cannot be used, tract takes over and [`Runtime::warning`] says why. Both give the same features to about 2e-5; ONNX
-//! Runtime is three to four times faster.
+//! tract is pure Rust, built in, and keeps no state in the process. If the environment variable
+//! `ORT_DYLIB_PATH` names a shared library of ONNX Runtime 1.24 or later, that is loaded instead, once per
+//! process and at the first use. If it cannot be used, tract takes over and [`Runtime::warning`] says why. Both
+//! give the same features to about 2e-5; ONNX Runtime is three to four times faster.
 
 use std::{
     env,
@@ -43,7 +43,8 @@ impl Runtime {
         &self.name
     }
 
-    /// The reason why the library named by `ORT_DYLIB_PATH` is not used; `None` if it is used, or if none is named.
+    /// The reason why the library named by `ORT_DYLIB_PATH` is not used; `None` if it is used, or if none is
+    /// named.
     pub fn warning(&self) -> Option<&str> {
         self.warning.as_deref()
     }

@@ -10,14 +10,16 @@ use crate::{Encoder, EncoderError, FeatureMap, Image, encoder::MIN_SIDE};
 /// relu3_1 sees strokes of a few dozen pixels, so the same painting at another size is another style.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StyleSize {
-    /// Keeps the proportions and shrinks to at most this many pixels. Never enlarges, because that adds no strokes.
+    /// Keeps the proportions and shrinks to at most this many pixels. Never enlarges, because that adds no
+    /// strokes.
     Area(u32),
     /// Squashes to 256x256, whatever the proportions, with the triangle filter, as the paper's code does.
     Squash256,
 }
 
-/// 512x512 pixels. Decoders are trained on crops of paintings with a shorter side of 512, and strokes should have the
-/// scale that they were trained with. The limit is on the area, not on the shorter side, so that a panorama costs no more.
+/// 512x512 pixels. Decoders are trained on crops of paintings with a shorter side of 512, and strokes should
+/// have the scale that they were trained with. The limit is on the area, not on the shorter side, so that a
+/// panorama costs no more.
 impl Default for StyleSize {
     fn default() -> Self {
         Self::Area(512 * 512)
@@ -64,7 +66,8 @@ pub fn style_features(encoder: &Encoder, image: &Image, size: StyleSize) -> Resu
 
 /// Mean and standard deviation of a style image's features, naming the encoder.
 ///
-/// The covariance is `None`. Transfers beyond AdaIN need it, from [`FeatureMap::covariance`] of [`style_features`].
+/// The covariance is `None`. Transfers beyond AdaIN need it, from [`FeatureMap::covariance`] of
+/// [`style_features`].
 ///
 /// # Errors
 /// As [`Encoder::encode`].
@@ -89,7 +92,8 @@ pub fn painted_style(
     Ok((style_statistics(encoder, image, size)?, paint_of(image)))
 }
 
-/// The painting's own paint, for which no encoder is needed. It keeps the image's proportions: strokes have a shape.
+/// The painting's own paint, for which no encoder is needed. It keeps the image's proportions: strokes have a
+/// shape.
 pub fn paint_of(image: &Image) -> Paint {
     let (width, height) = Paint::size_of(image.width, image.height);
     Paint::new(width as usize, height as usize, &image.resized(width, height).rgb)

@@ -1,7 +1,7 @@
 //! VGG-19 up to relu3_1, from weights to an ONNX graph.
 //!
-//! Three layouts of weights are known, recognized by the names of their tensors. They differ in more than names: the
-//! same weights give other features with another padding or pooling than they were made for.
+//! Three layouts of weights are known, recognized by the names of their tensors. They differ in more than
+//! names: the same weights give other features with another padding or pooling than they were made for.
 //!
 //! | layout | tensors | input | padding | pooling |
 //! | --- | --- | --- | --- | --- |
@@ -70,7 +70,8 @@ pub enum Layout {
     Normalized,
     /// torchvision's VGG-19, which the original StyleGaussian uses.
     Torchvision,
-    /// Collaborative Distillation's VGG-19 of a quarter of the channels, with a 1x1 convolution up to 256 at the end.
+    /// Collaborative Distillation's VGG-19 of a quarter of the channels, with a 1x1 convolution up to 256 at
+    /// the end.
     Distilled,
 }
 
@@ -109,7 +110,8 @@ impl Layout {
 /// The ONNX graph of an encoder: RGB 0..1 `[1, 3, H, W]` to relu3_1 `[1, 256, h, w]`, a quarter of the size.
 ///
 /// # Errors
-/// If a tensor is missing or has another shape than the layout needs. A file of unknown layout lacks `conv1_1.weight`.
+/// If a tensor is missing or has another shape than the layout needs. A file of unknown layout lacks
+/// `conv1_1.weight`.
 pub fn graph(weights: &Weights) -> Result<Vec<u8>, WeightsError> {
     let layout =
         Layout::of(weights).ok_or_else(|| weights.missing("conv1_1.weight` or `features.0.weight"))?;
@@ -161,8 +163,8 @@ fn input_transform(weights: &Weights, layout: Layout) -> Result<Convolution, Wei
 
 /// The 1x1 convolution `[3, 3, 1, 1]` from RGB 0..1 to the colors that torchvision's models expect.
 ///
-/// It is not folded into conv1_1, which pads with zeros *after* normalizing, that is, with the mean color and not with
-/// black. A folded convolution would differ along the borders.
+/// It is not folded into conv1_1, which pads with zeros *after* normalizing, that is, with the mean color and
+/// not with black. A folded convolution would differ along the borders.
 pub fn imagenet_input() -> Convolution {
     let mut weight = vec![0.0; 9];
     let mut bias = vec![0.0; 3];

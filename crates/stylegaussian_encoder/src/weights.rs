@@ -118,8 +118,8 @@ impl Weights {
     /// `name.weight` of this shape `[out, in, height, width]` and `name.bias` `[out]`.
     ///
     /// # Errors
-    /// If a tensor is missing, has another shape or holds a value that is not finite, or if its elements are not f32
-    /// (safetensors) or not floating-point numbers (PyTorch).
+    /// If a tensor is missing, has another shape or holds a value that is not finite, or if its elements are
+    /// not f32 (safetensors) or not floating-point numbers (PyTorch).
     pub fn convolution(&self, name: &str, shape: [usize; 4]) -> Result<Convolution, WeightsError> {
         let weight = self.tensor(&format!("{name}.weight"), &shape)?;
         let bias = self.tensor(&format!("{name}.bias"), &shape[..1])?;

@@ -1,4 +1,5 @@
-//! torchvision's weights from a `.pth`, written here as PyTorch before 1.6 wrote them: pickles, then the storages.
+//! torchvision's weights from a `.pth`, written here as PyTorch before 1.6 wrote them: pickles, then the
+//! storages.
 
 mod twin;
 

@@ -26,8 +26,8 @@ fn failure(name: &str, bytes: &[u8]) -> String {
     message
 }
 
-/// VGG's tensors, all zero. The tensor `change` gets the shape `to` and is filled with `value`, or is removed if `to` is
-/// empty.
+/// VGG's tensors, all zero. The tensor `change` gets the shape `to` and is filled with `value`, or is removed
+/// if `to` is empty.
 fn vgg(change: &str, to: &[usize], value: f32) -> Vec<u8> {
     let layers = [
         ("conv1_1_rgb01", 64, 3),
@@ -143,8 +143,8 @@ fn corrupted_onnx_never_panics() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("corrupted.onnx");
     let mut n_refused = 0;
-    // Every twelfth byte, to keep the test short. The values are the least, the greatest of one varint byte, and the
-    // least that continues.
+    // Every twelfth byte, to keep the test short. The values are the least, the greatest of one varint byte,
+    // and the least that continues.
     for index in (0..whole.len()).step_by(12) {
         for byte in [0, 0x7F, 0x80] {
             let mut bytes = whole.clone();

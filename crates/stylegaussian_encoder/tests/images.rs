@@ -78,7 +78,8 @@ fn header(width: u32, height: u32, color: u8) -> Vec<u8> {
     chunk(b"IHDR", &[&width.to_be_bytes()[..], &height.to_be_bytes(), &[8, color, 0, 0, 0]].concat())
 }
 
-/// A PNG's signature and header, and the start of the pixel data, which the decoder looks for before it tells the size.
+/// A PNG's signature and header, and the start of the pixel data, which the decoder looks for before it tells
+/// the size.
 fn png_header(width: u32, height: u32) -> Vec<u8> {
     [PNG, &header(width, height, 6), b"\0\0\0\x02IDAT\x78\x9c"].concat()
 }

@@ -13,8 +13,8 @@ fn picture(seed: u64) -> Image {
     Image { width: SIDE, height: SIDE, rgb: (0..SIDE * SIDE * 3).map(|_| random.uniform()).collect() }
 }
 
-/// A thread that waits for its share of a product may take up the next picture meanwhile. More threads than cores, so that
-/// waiting is common.
+/// A thread that waits for its share of a product may take up the next picture meanwhile. More threads than
+/// cores, so that waiting is common.
 #[test]
 fn many_pictures_at_once_are_encoded_as_one_by_one() {
     let encoder = Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec()).unwrap();

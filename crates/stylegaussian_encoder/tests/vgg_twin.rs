@@ -90,7 +90,8 @@ fn conv0_comes_before_conv1_1() {
 #[test]
 fn torchvision_weights_match_the_twin() {
     let tensors = random_vgg(TORCHVISION);
-    // ImageNet's normalization as torchvision documents it: (x - mean) / deviation, then zero padding, floor pooling.
+    // ImageNet's normalization as torchvision documents it: (x - mean) / deviation, then zero padding, floor
+    // pooling.
     let (mean, std_dev) = ([0.485_f32, 0.456, 0.406], [0.229_f32, 0.224, 0.225]);
     let mut scale = vec![0.0; 9];
     let mut shift = vec![0.0; 3];

@@ -108,7 +108,8 @@ pub(crate) fn read_mapped<T>(
     Ok(value)
 }
 
-/// Starts to map a [`read_back`] buffer, without waiting. The result holds whether that succeeded, once it is known.
+/// Starts to map a [`read_back`] buffer, without waiting. The result holds whether that succeeded, once it is
+/// known.
 pub(crate) fn start_mapping(buffer: &wgpu::Buffer) -> Arc<OnceLock<bool>> {
     let mapped = Arc::new(OnceLock::new());
     let result_of = Arc::clone(&mapped);

@@ -9,9 +9,9 @@ use half::{f16, slice::HalfFloatSliceExt};
 
 use crate::buffers::{self, ReadBackError, TooLarge};
 
-/// View-independent colors `[N]`, display-referred and not clamped, as f16: red, green and blue, multiplied by the fourth
-/// number, which is 1 unless a part of the captured colors shows through (see [`stylegaussian::layers`]).
-/// WGSL declares them as `vec2<u32>` and reads them with `unpack2x16float`.
+/// View-independent colors `[N]`, display-referred and not clamped, as f16: red, green and blue, multiplied by
+/// the fourth number, which is 1 unless a part of the captured colors shows through (see
+/// [`stylegaussian::layers`]). WGSL declares them as `vec2<u32>` and reads them with `unpack2x16float`.
 #[derive(Clone, Debug)]
 pub struct GaussianColors {
     buffer: wgpu::Buffer,

@@ -11,8 +11,8 @@ pub struct HeadlessDevice {
     pub info: wgpu::AdapterInfo,
 }
 
-/// Requirements on a [`HeadlessDevice`]. By default any adapter serves, with all of its limits and without optional
-/// features.
+/// Requirements on a [`HeadlessDevice`]. By default any adapter serves, with all of its limits and without
+/// optional features.
 #[derive(Clone, Copy, Debug)]
 pub struct DeviceOptions {
     /// Whether to refuse software adapters: see [`is_software`]. No device is made on a refused adapter.
@@ -90,8 +90,8 @@ async fn fastest_adapter() -> Result<wgpu::Adapter, wgpu::RequestAdapterError> {
     instance.request_adapter(&options).await
 }
 
-/// Whether an adapter is software that runs shaders on the CPU (llvmpipe, SwiftShader, WARP). The CPU's own code is
-/// faster there. Virtual GPUs and adapters of unknown type count as hardware.
+/// Whether an adapter is software that runs shaders on the CPU (llvmpipe, SwiftShader, WARP). The CPU's own
+/// code is faster there. Virtual GPUs and adapters of unknown type count as hardware.
 pub fn is_software(info: &wgpu::AdapterInfo) -> bool {
     info.device_type == wgpu::DeviceType::Cpu
 }

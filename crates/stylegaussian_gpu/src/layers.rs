@@ -1,8 +1,9 @@
 //! Looks in space on the GPU: `mix_layers` mixes their colors, and `mix_strokes` their strokes. CPU twins:
 //! [`stylegaussian::layers::mix_layers`], [`stylegaussian::strokes::mix_strokes`].
 //!
-//! All layers that fit into one dispatch are mixed by it, in the blocks of Gaussians that differ from the last mix (`plan`). Each
-//! block names the layers that reach it, and only on the edge of a region, the region is evaluated (`pack`).
+//! All layers that fit into one dispatch are mixed by it, in the blocks of Gaussians that differ from the last
+//! mix (`plan`). Each block names the layers that reach it, and only on the edge of a region, the region is
+//! evaluated (`pack`).
 
 use std::sync::{Mutex, OnceLock, PoisonError};
 
@@ -95,7 +96,8 @@ impl LayerMixer {
         Self { of_colors, of_strokes, layout, pipeline_layout, absent, pool }
     }
 
-    /// Compiles the kernel for strokes, in any thread, while others mix. Without this call, the first mix of strokes compiles it.
+    /// Compiles the kernel for strokes, in any thread, while others mix. Without this call, the first mix of
+    /// strokes compiles it.
     pub fn prepare_strokes(&self, device: &wgpu::Device) {
         self.strokes_pipelines(device);
     }
@@ -104,15 +106,15 @@ impl LayerMixer {
         self.of_strokes.get_or_init(|| pipelines(device, shaders::mix_strokes, &self.pipeline_layout))
     }
 
-    /// Uses the buffers of the last submission again. They are written before a submission and not within it, so each of its
-    /// mixes needs its own.
+    /// Uses the buffers of the last submission again. They are written before a submission and not within it,
+    /// so each of its mixes needs its own.
     pub fn begin_submission(&self) {
         self.pool.lock().unwrap_or_else(PoisonError::into_inner).n_used = 0;
     }
 
-    /// Encodes the mix of any number of `layers` into `colors`, from the captured colors up. `mixed` says which layers `colors`
-    /// hold, and only what differs is encoded; a new one stands for colors that hold anything. If something is encoded, the
-    /// colors count as changed.
+    /// Encodes the mix of any number of `layers` into `colors`, from the captured colors up. `mixed` says which
+    /// layers `colors` hold, and only what differs is encoded; a new one stands for colors that hold anything.
+    /// If something is encoded, the colors count as changed.
     ///
     /// Before the first mix of a submission, call [`begin_submission`](Self::begin_submission).
     ///
@@ -254,7 +256,8 @@ impl<'a> Stack<'a> {
     }
 }
 
-/// Distance of uniforms in their buffer: their size, and a multiple of the largest alignment that a device may ask for.
+/// Distance of uniforms in their buffer: their size, and a multiple of the largest alignment that a device may
+/// ask for.
 const OFFSET: usize = size_of::<MixStack>().next_multiple_of(256);
 
 /// Uniforms as they lie in their buffer.

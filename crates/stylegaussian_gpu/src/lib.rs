@@ -1,7 +1,8 @@
 //! StyleGaussian on the GPU, in raw wgpu and without an engine: the style pass and the splat pass.
 //!
-//! The two passes do not know one another. They meet in [`colors::GaussianColors`]: the style pass writes colors when a
-//! style changes, and the splat pass reads them every frame. Strokes ([`strokes`]) lie over colors.
+//! The two passes do not know one another. They meet in [`colors::GaussianColors`]: the style pass writes
+//! colors when a style changes, and the splat pass reads them every frame. Strokes ([`strokes`]) lie over
+//! colors.
 
 mod bindings;
 pub mod buffers;

@@ -1,18 +1,20 @@
 //! The splat pass: draws any number of clouds as cameras see them, every frame.
 //!
-//! 1. *project* (`project`): culls and projects the Gaussians of each cloud and evaluates their colors, into one
-//!    array of records and keys per view. Behind it, *strokes* (`strokes`) writes how the splats of clouds with strokes lie
-//!    in their paintings. Views without such clouds do none of this, and their draws bind nothing of it;
-//! 2. *sort* (`sort`): one radix sort over the visible splats of all clouds, so that clouds interleave where they
-//!    overlap;
-//! 3. *draw* (`draw`): one indirect draw of quads, back to front, premultiplied over, into a *layer* of the target's
-//!    size and sample count. Splats blend there among themselves, display-referred. On software adapters a tiled compute
-//!    rasterizer (`tiles`) draws layers of one sample per pixel, four times as fast;
+//! 1. *project* (`project`): culls and projects the Gaussians of each cloud and evaluates their colors, into
+//!    one array of records and keys per view. Behind it, *strokes* (`strokes`) writes how the splats of clouds
+//!    with strokes lie in their paintings. Views without such clouds do none of this, and their draws bind
+//!    nothing of it;
+//! 2. *sort* (`sort`): one radix sort over the visible splats of all clouds, so that clouds interleave where
+//!    they overlap;
+//! 3. *draw* (`draw`): one indirect draw of quads, back to front, premultiplied over, into a *layer* of the
+//!    target's size and sample count. Splats blend there among themselves, display-referred. On software
+//!    adapters a tiled compute rasterizer (`tiles`) draws layers of one sample per pixel, four times as fast;
 //! 4. *composite* (`composite`): puts the layer over the picture, in the picture's own space.
 //!
 //! Stages 1 and 2 are [`SplatPass::project_and_sort`], stage 3 is [`SplatPass::draw_layer`], stage 4 is
-//! [`Composite::draw`]. The rules are those of the CPU twin, `stylegaussian::splat`, with two differences: quads finish
-//! no pixel early (less than 1e-4 of its light is left then), and records store colors and opacities as f16.
+//! [`Composite::draw`]. The rules are those of the CPU twin, `stylegaussian::splat`, with two differences:
+//! quads finish no pixel early (less than 1e-4 of its light is left then), and records store colors and
+//! opacities as f16.
 
 mod camera;
 mod cloud;

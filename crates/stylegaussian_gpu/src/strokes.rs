@@ -1,7 +1,8 @@
-//! Strokes of N Gaussians on the GPU, and the paintings' textures that they show. CPU twin: [`stylegaussian::strokes`].
+//! Strokes of N Gaussians on the GPU, and the paintings' textures that they show. CPU twin:
+//! [`stylegaussian::strokes`].
 //!
-//! Layers mix strokes, and the splat pass draws them. All strokes of a device share one [`StrokeStore`] of textures, so that
-//! clouds in different styles are drawn together.
+//! Layers mix strokes, and the splat pass draws them. All strokes of a device share one [`StrokeStore`] of
+//! textures, so that clouds in different styles are drawn together.
 
 use std::sync::{
     Arc,
@@ -55,8 +56,8 @@ pub enum StrokesError {
     },
 }
 
-/// Strokes of N Gaussians on the GPU, for layers and for the splat pass. Clones are the same strokes. Their textures stay in the
-/// store until the last clone is dropped.
+/// Strokes of N Gaussians on the GPU, for layers and for the splat pass. Clones are the same strokes. Their
+/// textures stay in the store until the last clone is dropped.
 #[derive(Clone, Debug)]
 pub struct GaussianStrokes {
     words: wgpu::Buffer,

@@ -1,8 +1,8 @@
 //! The style pass: computes one color for each Gaussian from a scene's features and a folded decoder.
 //!
-//! It runs only if something changes. [`StyleInputs`] packs a scene on the CPU and [`StyleScene`] uploads it, once. A
-//! change of style folds the decoder's first layer ([`FoldedLayers`], at a cost independent of N), uploads the
-//! weights ([`GpuDecoder`]) and encodes the layers ([`StylePass::encode`]). The result equals
+//! It runs only if something changes. [`StyleInputs`] packs a scene on the CPU and [`StyleScene`] uploads it,
+//! once. A change of style folds the decoder's first layer ([`FoldedLayers`], at a cost independent of N),
+//! uploads the weights ([`GpuDecoder`]) and encodes the layers ([`StylePass::encode`]). The result equals
 //! [`stylegaussian::fold::stylize`] up to the rounding of activations to f16.
 //!
 //! ```no_run

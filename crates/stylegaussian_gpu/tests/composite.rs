@@ -156,8 +156,8 @@ fn srgb_from_linear(c: f32) -> f32 {
     if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Composites display-referred `colors` under a camera's tone mapping. Returns the mean and the largest error of a
-/// channel in the camera's picture, encoded.
+/// Composites display-referred `colors` under a camera's tone mapping. Returns the mean and the largest error
+/// of a channel in the camera's picture, encoded.
 fn errors(
     gpu: &HeadlessDevice,
     mode: CompositeMode,
@@ -193,8 +193,8 @@ fn curves_with_an_inverse_are_undone_exactly() {
     check(Tonemapping::ReinhardLuminance, 0.5, &below_the_knee, forward::reinhard_luminance);
 }
 
-/// White gives bloom as much light as a sunlit wall and not as a lamp: 8 times the scene's 1, where the curve itself asks
-/// for hundreds. Grays keep their order, and white loses 13 of 255 steps.
+/// White gives bloom as much light as a sunlit wall and not as a lamp: 8 times the scene's 1, where the curve
+/// itself asks for hundreds. Grays keep their order, and white loses 13 of 255 steps.
 #[test]
 fn whites_are_no_lamps() {
     let Some(gpu) = gpu() else { return };
@@ -220,9 +220,9 @@ fn whites_are_no_lamps() {
     }
 }
 
-/// Colors that a curve shows are undone to about three steps of 8 bits, and on average to less than one. Any other
-/// color becomes something near it. `least_mean` bounds the mean error of any color; it depends on how much of the
-/// cube the curve cannot show.
+/// Colors that a curve shows are undone to about three steps of 8 bits, and on average to less than one. Any
+/// other color becomes something near it. `least_mean` bounds the mean error of any color; it depends on how
+/// much of the cube the curve cannot show.
 fn check_table(
     gpu: &HeadlessDevice,
     curve: ToneCurve,

@@ -44,8 +44,8 @@ fn gpu_matches_cpu() {
     check(&gpu, "mid-gray", &scene, Colors::Captured, &camera, LEAST);
 }
 
-/// More tiles, and more splats for each of them, than one invocation of a software adapter has loop iterations for:
-/// 14,400 tiles, all of them covered by large splats.
+/// More tiles, and more splats for each of them, than one invocation of a software adapter has loop iterations
+/// for: 14,400 tiles, all of them covered by large splats.
 #[test]
 fn large_pictures_are_drawn_to_their_last_row() {
     let Some(gpu) = gpu() else { return };

@@ -1,4 +1,5 @@
-//! The splat pass with bad input and bad luck: no panic, no validation error, and nothing drawn that should not be.
+//! The splat pass with bad input and bad luck: no panic, no validation error, and nothing drawn that should not
+//! be.
 
 mod pictures;
 mod target;
@@ -155,8 +156,8 @@ fn colors_of_another_scene_are_refused() {
     assert!(error.to_string().contains("found colors of 9 Gaussians, expected 10"));
 }
 
-/// A device that binds 64 KiB: 4096 records of 16 bytes. A larger scene is refused. Two scenes that fit each, but not
-/// together, are refused when they are drawn. A scene that fits is drawn in several chunks.
+/// A device that binds 64 KiB: 4096 records of 16 bytes. A larger scene is refused. Two scenes that fit each,
+/// but not together, are refused when they are drawn. A scene that fits is drawn in several chunks.
 #[test]
 fn small_limits_are_kept() {
     let limits = |limits: wgpu::Limits| wgpu::Limits { max_storage_buffer_binding_size: 1 << 16, ..limits };

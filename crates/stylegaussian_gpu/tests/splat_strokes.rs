@@ -87,8 +87,8 @@ fn painted_pictures_match() {
             println!(
                 "pitch {pitch}: {far} above 0.004, {largest:.4}, {agreement:.1} dB, plain {from_plain:.1} dB"
             );
-            // Where alpha is all but `LEAST_ALPHA`, rounding decides whether a splat shows strokes: 0.02 of its detail. Quads
-            // blend in f16, with strokes and without.
+            // Where alpha is all but `LEAST_ALPHA`, rounding decides whether a splat shows strokes: 0.02 of its
+            // detail. Quads blend in f16, with strokes and without.
             assert!(far <= differences.len() / 200 && largest < 0.015, "pitch {pitch}: {far}, {largest}");
             assert!(agreement > LEAST, "pitch {pitch}: {agreement:.1} dB");
             assert!(from_plain < 45.0, "pitch {pitch}: {from_plain:.1} dB from no strokes");
@@ -103,7 +103,8 @@ fn half(whole: &Scene, painting: &Strokes, first: usize) -> (Scene, Strokes) {
     (whole.subset(&indices), Strokes { words, ..painting.clone() })
 }
 
-/// Two halves of one scene look like that scene, whether both have strokes or one, in one view that draws one after another.
+/// Two halves of one scene look like that scene, whether both have strokes or one, in one view that draws one
+/// after another.
 #[test]
 fn painted_and_bare_clouds_interleave() {
     let Some(gpu) = gpu() else { return };
@@ -221,7 +222,8 @@ fn strokes_without_seeds_are_plain_and_those_of_another_scene_an_error() {
     assert!(picture.rgba.iter().all(|pixel| *pixel == [0.0; 4]));
 }
 
-/// `n` flat Gaussians in the surfaces of a sphere and a floor, with strokes of about `texels` texels to a pixel.
+/// `n` flat Gaussians in the surfaces of a sphere and a floor, with strokes of about `texels` texels to a
+/// pixel.
 fn surfaces(n: usize, texels: f32) -> (Scene, Strokes) {
     let mut random = pictures::randoms(39);
     let (mut all, mut seeds) = (Vec::new(), Vec::new());

@@ -27,8 +27,8 @@ use wgpu::TextureFormat::{Depth32Float, Rgba16Float};
 /// Width and height of most pictures, in pixels: the center of pixel (4, 4) lies on the axis.
 const SIZE: u32 = 9;
 
-/// A camera at the origin that looks along -z. Focal length 10 px, reverse z with an infinite far plane: depth is 0.1
-/// / z.
+/// A camera at the origin that looks along -z. Focal length 10 px, reverse z with an infinite far plane: depth
+/// is 0.1 / z.
 fn pinhole() -> Camera {
     let pinhole = stylegaussian::Camera {
         view_from_world: Affine3A::IDENTITY,
@@ -88,7 +88,8 @@ impl Target {
         layer
     }
 
-    /// A pass over both. If `clear` is given, it clears both, the depth to that value. Otherwise the depth is only read.
+    /// A pass over both. If `clear` is given, it clears both, the depth to that value. Otherwise the depth is
+    /// only read.
     fn pass(&self, gpu: &HeadlessDevice, clear: Option<f32>, draw: impl FnOnce(&mut wgpu::RenderPass)) {
         let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let (color, depth) = (view(&self.color), view(&self.depth));
@@ -191,8 +192,8 @@ fn sorted(
     (splats, view)
 }
 
-/// A wall 2 units ahead hides the green splat 3 units ahead, but not the red one 1 unit ahead. A wall 4 units ahead
-/// hides neither, a wall half a unit ahead hides both.
+/// A wall 2 units ahead hides the green splat 3 units ahead, but not the red one 1 unit ahead. A wall 4 units
+/// ahead hides neither, a wall half a unit ahead hides both.
 #[test]
 fn walls_hide_splats_behind_them() {
     let Some(gpu) = gpu() else { return };
@@ -211,8 +212,8 @@ fn walls_hide_splats_behind_them() {
     check(0.5, [0.0; 4]);
 }
 
-/// The edge of a wall runs through the middle of the pixels of column 4. The wall hides a white splat behind it in
-/// two of four samples there, in all samples to the left, and in none to the right.
+/// The edge of a wall runs through the middle of the pixels of column 4. The wall hides a white splat behind it
+/// in two of four samples there, in all samples to the left, and in none to the right.
 #[test]
 fn walls_hide_sample_by_sample() {
     let Some(gpu) = gpu() else { return };
@@ -245,8 +246,8 @@ fn walls_hide_pixel_by_pixel() {
     }
 }
 
-/// Strokes before a wall are drawn, and those behind it are not, with one sample to a pixel and with four, which share a pixel's
-/// strokes.
+/// Strokes before a wall are drawn, and those behind it are not, with one sample to a pixel and with four,
+/// which share a pixel's strokes.
 #[test]
 fn walls_hide_strokes_behind_them() {
     let Some(gpu) = gpu() else { return };
@@ -298,7 +299,8 @@ fn a_layer_is_cleared_around_its_viewport() {
     }
 }
 
-/// Splats are drawn even if the lists of tiles are too small: 2,500 splats that each cover all 1,600 tiles of a picture.
+/// Splats are drawn even if the lists of tiles are too small: 2,500 splats that each cover all 1,600 tiles of a
+/// picture.
 #[test]
 fn splats_without_room_in_lists_are_drawn() {
     let Some(gpu) = gpu() else { return };
@@ -396,8 +398,8 @@ fn viewports_keep_to_themselves() {
     near(pixel(SIZE + 1, 10), [0.0; 4]);
 }
 
-/// 10 px per unit at any distance: variance (10 * 0.2)^2 + 0.3 = 4.3 px^2, 1 unit or 50 units or 0.1 units ahead.
-/// Gaussians behind the camera or beyond its far plane are not drawn.
+/// 10 px per unit at any distance: variance (10 * 0.2)^2 + 0.3 = 4.3 px^2, 1 unit or 50 units or 0.1 units
+/// ahead. Gaussians behind the camera or beyond its far plane are not drawn.
 #[test]
 fn orthographic_footprints_do_not_shrink() {
     let Some(gpu) = gpu() else { return };
@@ -418,7 +420,8 @@ fn orthographic_footprints_do_not_shrink() {
     }
 }
 
-/// Every ray of an orthographic camera looks along -z: with f_z of degree 1 alone, red is 0.5 - 0.4886 * 0.5 everywhere.
+/// Every ray of an orthographic camera looks along -z: with f_z of degree 1 alone, red is 0.5 - 0.4886 * 0.5
+/// everywhere.
 #[test]
 fn orthographic_rays_are_parallel() {
     let Some(gpu) = gpu() else { return };
@@ -433,8 +436,8 @@ fn orthographic_rays_are_parallel() {
     near(pixel, [0.8 * (0.5 - 0.488_602_5 * 0.5), 0.4, 0.4, 0.8]);
 }
 
-/// Red splats 1 and 3 units ahead, a green one of another cloud between them: 0.8 red, then 0.2 * 0.8 green, then
-/// 0.2 * 0.2 * 0.8 red. The other cloud got there by its transform.
+/// Red splats 1 and 3 units ahead, a green one of another cloud between them: 0.8 red, then 0.2 * 0.8 green,
+/// then 0.2 * 0.2 * 0.8 red. The other cloud got there by its transform.
 #[test]
 fn clouds_interleave() {
     let Some(gpu) = gpu() else { return };

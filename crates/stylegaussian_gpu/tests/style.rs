@@ -140,8 +140,8 @@ fn gpu_matches_cpu_on_the_demo_scene() {
     assert!(difference < TOLERANCE && deviation >= 0.1, "{difference} from the CPU, deviation {deviation}");
 }
 
-/// Channels that hardly vary about a large mean, as in checkpoints, each scaled to the style's deviation by gains of
-/// up to 3e5. f16 would lose them entirely if they were not centered.
+/// Channels that hardly vary about a large mean, as in checkpoints, each scaled to the style's deviation by
+/// gains of up to 3e5. f16 would lose them entirely if they were not centered.
 #[test]
 fn nearly_constant_channels_keep_their_precision() {
     let Some(gpu) = device() else { return };

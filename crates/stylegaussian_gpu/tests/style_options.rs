@@ -115,7 +115,8 @@ fn blocks_give_the_same_colors() {
     }
 }
 
-/// A change in parts gives the same colors as the change at once, to the last bit, also if the scene is cut into blocks.
+/// A change in parts gives the same colors as the change at once, to the last bit, also if the scene is cut
+/// into blocks.
 #[test]
 fn parts_add_up() {
     let Some(gpu) = device() else { return };
@@ -135,8 +136,8 @@ fn parts_add_up() {
     }
 }
 
-/// Timestamps arrive and change the assumed speed, although the clock of a software adapter measures nothing useful.
-/// The colors stay the same.
+/// Timestamps arrive and change the assumed speed, although the clock of a software adapter measures nothing
+/// useful. The colors stay the same.
 #[test]
 fn a_timed_budget_learns_a_speed() {
     let features = wgpu::Features::TIMESTAMP_QUERY;

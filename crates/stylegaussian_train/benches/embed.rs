@@ -1,8 +1,8 @@
-//! Held-out error against time of the embedding methods: 31,000 Gaussians, 24 views of 256x256 pixels rendered from the
-//! scene's base colors over white, every sixth held out.
+//! Held-out error against time of the embedding methods: 31,000 Gaussians, 24 views of 256x256 pixels rendered
+//! from the scene's base colors over white, every sixth held out.
 //!
-//! `cargo bench -p stylegaussian_train --bench embed`. Needs the shared test data; says so and stops where it is
-//! absent. Times are of one run on whatever else the machine does: compare rows, not runs.
+//! `cargo bench -p stylegaussian_train --bench embed`. Needs the shared test data; says so and stops where it
+//! is absent. Times are of one run on whatever else the machine does: compare rows, not runs.
 
 use std::{
     env,

@@ -1,7 +1,7 @@
 //! Posed cameras of a capture: transforms.json, COLMAP models, and the cameras.json that 3DGS trainers write.
 //!
-//! Every camera comes out as a pinhole in our axes (x right, y down, z forward), in the file's world. The formats, one
-//! module each: `transforms`, `colmap`, `three_dgs`; `posed` has what they share.
+//! Every camera comes out as a pinhole in our axes (x right, y down, z forward), in the file's world. The
+//! formats, one module each: `transforms`, `colmap`, `three_dgs`; `posed` has what they share.
 
 mod colmap;
 mod posed;
@@ -18,12 +18,13 @@ use stylegaussian::Camera;
 pub use posed::{CameraSet, CamerasError, PosedCamera};
 use posed::{invalid, parse, read};
 
-/// Reads the cameras at `path`: a transforms.json, a 3DGS cameras.json, a file of a COLMAP model, or a folder with one
-/// of these (in this order: transforms.json, COLMAP in sparse/0, sparse or the folder itself, cameras.json).
+/// Reads the cameras at `path`: a transforms.json, a 3DGS cameras.json, a file of a COLMAP model, or a folder
+/// with one of these (in this order: transforms.json, COLMAP in sparse/0, sparse or the folder itself,
+/// cameras.json).
 ///
 /// # Errors
-/// If the file is missing, truncated or malformed, a pose is not rigid, the lens is no pinhole (distortion alone is
-/// only a warning), or the file has no camera.
+/// If the file is missing, truncated or malformed, a pose is not rigid, the lens is no pinhole (distortion
+/// alone is only a warning), or the file has no camera.
 pub fn read_cameras(path: &Path) -> Result<CameraSet, CamerasError> {
     let metadata = fs::metadata(path).map_err(|source| CamerasError::Io { path: path.into(), source })?;
     let set = if metadata.is_dir() { read_folder(path) } else { read_file(path) }?;

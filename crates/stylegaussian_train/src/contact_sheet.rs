@@ -9,8 +9,9 @@ const GAP: u32 = 8;
 /// Color of the page.
 const PAPER: [u8; 4] = [255; 4];
 
-/// Lays out rows of pictures, e.g. a painting and then the views in its style. Every picture is shrunk or enlarged to
-/// fit a cell and centered in it. If a row has fewer pictures than others, it ends with empty cells.
+/// Lays out rows of pictures, e.g. a painting and then the views in its style. Every picture is shrunk or
+/// enlarged to fit a cell and centered in it. If a row has fewer pictures than others, it ends with empty
+/// cells.
 pub fn contact_sheet(rows: &[Vec<Picture>], cell: UVec2) -> Picture {
     let n_columns = rows.iter().map(Vec::len).max().unwrap_or(0) as u32;
     let pitch = cell + GAP;

@@ -1,7 +1,7 @@
 //! Training of the decoder from embedded scenes and paintings.
 //!
-//! A [`Trainer`] first teaches the decoder to recolor scenes (the warm start), then minimizes the paper's loss on
-//! stylized views, as seen by VGG-19.
+//! A [`Trainer`] first teaches the decoder to recolor scenes (the warm start), then minimizes the paper's loss
+//! on stylized views, as seen by VGG-19.
 
 mod config;
 mod data;

@@ -1,12 +1,13 @@
 //! Embedding: lifts an image encoder's features from views into the Gaussians of a scene, once per scene.
 //!
-//! The model (StyleGaussian, Liu et al. 2024, section 3.2) is f_p = A f'_p + b with few channels L in f', so that a
-//! view's features are A sum_i w_i f'_i + b sum_i w_i with the blend weights w of the rasterizer. Embedding finds the
-//! f', A and b that minimize the mean absolute difference between rendered features and the encoder's.
+//! The model (StyleGaussian, Liu et al. 2024, section 3.2) is f_p = A f'_p + b with few channels L in f', so
+//! that a view's features are A sum_i w_i f'_i + b sum_i w_i with the blend weights w of the rasterizer.
+//! Embedding finds the f', A and b that minimize the mean absolute difference between rendered features and the
+//! encoder's.
 //!
-//! The stages, one module each: `view` (pictures to learn from), `samples` (training data of a view), `closed_form`
-//! (PCA and weighted means), `refine` (descent), `under_observed` (filling in Gaussians that views hardly show),
-//! `model` (the model itself).
+//! The stages, one module each: `view` (pictures to learn from), `samples` (training data of a view),
+//! `closed_form` (PCA and weighted means), `refine` (descent), `under_observed` (filling in Gaussians that
+//! views hardly show), `model` (the model itself).
 
 mod closed_form;
 mod model;
@@ -34,17 +35,17 @@ pub use view::{Picture, TrainingView};
 /// L, the number of latent features f' of each Gaussian, as in the paper.
 pub const N_LATENT: usize = 32;
 
-/// Neighbors from which an under-observed Gaussian may take features. These are more than a decoder's neighborhood has,
-/// because many of them are under-observed too.
+/// Neighbors from which an under-observed Gaussian may take features. These are more than a decoder's
+/// neighborhood has, because many of them are under-observed too.
 const N_FILLING_NEIGHBORS: usize = 16;
 
-/// Steps of the default method for each view; a step uses a quarter of a view. On the playbot scene (20 views) the
-/// held-out error after 5, 10, 20 and 40 steps for each view is 1.316, 1.304, 1.293 and 1.288.
+/// Steps of the default method for each view; a step uses a quarter of a view. On the playbot scene (20 views)
+/// the held-out error after 5, 10, 20 and 40 steps for each view is 1.316, 1.304, 1.293 and 1.288.
 const DEFAULT_ITERATIONS_PER_VIEW: u32 = 20;
 /// Least number of steps of the default method: if there are few views, each must be used more often.
 const DEFAULT_MIN_ITERATIONS: u32 = 200;
-/// Steps of `optimize`: on the playbot scene its held-out error is least about here, 1.294, from 1.311 after half of
-/// them to 1.309 after 5,000.
+/// Steps of `optimize`: on the playbot scene its held-out error is least about here, 1.294, from 1.311 after
+/// half of them to 1.309 after 5,000.
 const OPTIMIZE_ITERATIONS: u32 = 2000;
 
 /// The method of embedding.
@@ -65,9 +66,11 @@ pub enum EmbedMethod {
 pub struct EmbedOptions {
     /// The method.
     pub method: EmbedMethod,
-    /// Steps of the descent. If `None`, 20 per view with the default method and 2000 with [`EmbedMethod::Optimize`].
+    /// Steps of the descent. If `None`, 20 per view with the default method and 2000 with
+    /// [`EmbedMethod::Optimize`].
     pub iterations: Option<u32>,
-    /// If K > 0, every K-th view, including the first, is held out of training, and the report has the error on those.
+    /// If K > 0, every K-th view, including the first, is held out of training, and the report has the error on
+    /// those.
     pub holdout: u32,
     /// Seed of the starting noise and of the order of views. Equal seeds give equal results.
     pub seed: u64,
@@ -97,8 +100,8 @@ pub struct EmbedReport {
     pub n_held_out_views: usize,
     /// Steps of descent taken.
     pub iterations: u32,
-    /// Mean over training views of the mean |rendered - encoder's| over channels and the cells with a coverage above
-    /// 0.9. `None` if there is no such cell.
+    /// Mean over training views of the mean |rendered - encoder's| over channels and the cells with a coverage
+    /// above 0.9. `None` if there is no such cell.
     pub training_error: Option<f64>,
     /// The same on the held-out views.
     pub held_out_error: Option<f64>,
@@ -159,11 +162,13 @@ pub enum EmbedError {
 
 /// Gives `scene` the features of `encoder`, learned from `views`.
 ///
-/// Features have mean 0 and standard deviation 1 per channel over the Gaussians. The result depends on the options
-/// and the views alone, not on the number of threads. Under-observed Gaussians take features from their neighbors.
+/// Features have mean 0 and standard deviation 1 per channel over the Gaussians. The result depends on the
+/// options and the views alone, not on the number of threads. Under-observed Gaussians take features from their
+/// neighbors.
 ///
 /// # Errors
-/// If the scene is empty, a view cannot be read or encoded, or no view shows the scene. The scene is then unchanged.
+/// If the scene is empty, a view cannot be read or encoded, or no view shows the scene. The scene is then
+/// unchanged.
 pub fn embed(
     scene: &mut Scene,
     views: &[TrainingView],
@@ -174,7 +179,8 @@ pub fn embed(
     if scene.is_empty() {
         return Err(EmbedError::EmptyScene);
     }
-    // Counted over all views, before any is dropped by an interruption, so the same views are held out each time.
+    // Counted over all views, before any is dropped by an interruption, so the same views are held out each
+    // time.
     let is_held_out = |view: usize| options.holdout > 0 && view.is_multiple_of(options.holdout as usize);
     if (0..views.len()).all(is_held_out) {
         return Err(EmbedError::NoTrainingViews { n_views: views.len(), holdout: options.holdout });
@@ -240,7 +246,8 @@ fn sample_views(
 }
 
 fn sample_view(scene: &Scene, view: &TrainingView, encoder: &Encoder) -> Result<Vec<Samples>, EmbedError> {
-    // At the picture's full size. `Samples` averages over cells, because rendering at the map's size widens splats.
+    // At the picture's full size. `Samples` averages over cells, because rendering at the map's size widens
+    // splats.
     let weights = stylegaussian::splat::blend_weights(scene, &view.camera);
     let picture = view.load(scene)?;
     let features = encoder

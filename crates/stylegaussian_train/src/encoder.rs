@@ -1,6 +1,7 @@
 //! Distillation: training a small encoder to give the features of a large one.
 //!
-//! The student sees random crops of images, also in other sizes and colors, and learns the teacher's features of each.
+//! The student sees random crops of images, also in other sizes and colors, and learns the teacher's features
+//! of each.
 
 mod crops;
 mod distillation;

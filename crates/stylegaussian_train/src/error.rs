@@ -5,8 +5,8 @@ use std::error::Error;
 /// Training, distillation or evaluation failed.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
-    /// A file, a scene or a setting is not as required. The message names it, and says the found and the expected
-    /// value.
+    /// A file, a scene or a setting is not as required. The message names it, and says the found and the
+    /// expected value.
     #[error("{0}")]
     Invalid(String),
     /// An operation failed for a reason of its own.
@@ -17,7 +17,8 @@ pub enum TrainError {
         /// The reason.
         source: Box<dyn Error + Send + Sync>,
     },
-    /// Reading an image, encoding it, writing a file or reading a tensor failed. The inner error names the cause.
+    /// Reading an image, encoding it, writing a file or reading a tensor failed. The inner error names the
+    /// cause.
     #[error(transparent)]
     Caused(Box<dyn Error + Send + Sync>),
     /// The caller asked to stop, and there is no partial result to keep.

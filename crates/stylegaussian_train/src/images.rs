@@ -39,7 +39,8 @@ pub fn hold_out(paths: Vec<PathBuf>, n: usize) -> Result<(Vec<PathBuf>, Vec<Path
     ensure!(n < paths.len(), "found {} paintings, expected more than the {n} to hold out", paths.len());
     // No index has the remainder MAX / 2, so n = 0 holds out nothing.
     let stride = paths.len().checked_div(n).unwrap_or(usize::MAX);
-    // The middle of each stretch. If n does not divide the number, a last short stretch could give one too many.
+    // The middle of each stretch. If n does not divide the number, a last short stretch could give one too
+    // many.
     Ok(split(paths, |i| i % stride == stride / 2 && i / stride < n))
 }
 

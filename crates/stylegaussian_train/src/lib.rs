@@ -40,8 +40,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Nothing here prints, parses arguments, reads the environment or handles signals. Long computations report to a
-//! [`Watch`], which can also interrupt them.
+//! Nothing here prints, parses arguments, reads the environment or handles signals. Long computations report to
+//! a [`Watch`], which can also interrupt them.
 
 pub mod cameras;
 #[cfg(feature = "training")]

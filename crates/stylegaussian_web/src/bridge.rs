@@ -81,7 +81,8 @@ pub enum Request {
 pub enum Event {
     /// The first frame was drawn.
     Ready,
-    /// Work that takes a while: `reading`, `encoding`, `painting` or `embedding`, the last with the share that is done, 0..1.
+    /// Work that takes a while: `reading`, `encoding`, `painting` or `embedding`, the last with the share that
+    /// is done, 0..1.
     Progress,
     /// A scene was read: its number of Gaussians, and whether it has features, which the decoder needs.
     Loaded,
@@ -108,7 +109,8 @@ fn ask(request: Request) {
     REQUESTS.with_borrow_mut(|requests| requests.push(request));
 }
 
-/// Calls `listener` with the kind and the text of each event: `ready`, `progress`, `loaded`, `shown`, `applied` or `failed`.
+/// Calls `listener` with the kind and the text of each event: `ready`, `progress`, `loaded`, `shown`, `applied`
+/// or `failed`.
 #[wasm_bindgen]
 pub fn listen(listener: Function) {
     LISTENER.set(Some(listener));
@@ -132,21 +134,24 @@ pub fn add_painting(name: String, bytes: Uint8Array) {
     ask(Request::AddPainting { name, bytes });
 }
 
-/// Puts a mix of styles on the scene; `names` and `weights` go in pairs. `content` is the share of the content's features,
-/// `strength` that of the style's colors, both 0..1. If `by_decoder`, the decoder alone makes the colors of images.
+/// Puts a mix of styles on the scene; `names` and `weights` go in pairs. `content` is the share of the
+/// content's features, `strength` that of the style's colors, both 0..1. If `by_decoder`, the decoder alone
+/// makes the colors of images.
 #[wasm_bindgen]
 pub fn set_style(names: Vec<String>, weights: Vec<f32>, content: f32, strength: f32, by_decoder: bool) {
     ask(Request::Style { styles: names.into_iter().zip(weights).collect(), content, strength, by_decoder });
 }
 
-/// Sets how strokes are drawn, from the next frame on: factors of the strokes (0 to 3), of what stays clear of them (0 to 10) and of
-/// their size (0.1 to 10), 1 at first. Numbers outside are taken as the nearest one inside, and none as 1. Nothing is computed.
+/// Sets how strokes are drawn, from the next frame on: factors of the strokes (0 to 3), of what stays clear of
+/// them (0 to 10) and of their size (0.1 to 10), 1 at first. Numbers outside are taken as the nearest one
+/// inside, and none as 1. Nothing is computed.
 #[wasm_bindgen]
 pub fn set_strokes(paint: f32, protection: f32, stroke_scale: f32) {
     ask(Request::Strokes { paint, protection, stroke_scale });
 }
 
-/// Gives the scene that is shown features, in the page's worker, so that it can be decoded. It is then `loaded` once more.
+/// Gives the scene that is shown features, in the page's worker, so that it can be decoded. It is then `loaded`
+/// once more.
 #[wasm_bindgen]
 pub fn embed_soon() {
     ask(Request::Embed);
@@ -158,14 +163,15 @@ pub fn cancel_embedding() {
     ask(Request::CancelEmbedding);
 }
 
-/// Sets the way in which changes of style are shown, for those that come: `fade`, `sphere` (from what the camera turns around),
-/// `front` (from left to right) or `noise` (spots that grow), and its time.
+/// Sets the way in which changes of style are shown, for those that come: `fade`, `sphere` (from what the
+/// camera turns around), `front` (from left to right) or `noise` (spots that grow), and its time.
 #[wasm_bindgen]
 pub fn set_transition(kind: String, seconds: f32) {
     ask(Request::Transition { kind, seconds });
 }
 
-/// Sets the GPU time per frame for changes of style, in milliseconds. `Infinity` completes a change in one frame.
+/// Sets the GPU time per frame for changes of style, in milliseconds. `Infinity` completes a change in one
+/// frame.
 #[wasm_bindgen]
 pub fn set_budget(milliseconds: f32) {
     ask(Request::Budget(milliseconds.max(0.0)));
@@ -189,8 +195,8 @@ pub fn zoom(factor: f32) {
     ask(Request::Zoom(factor));
 }
 
-/// The camera in the axes of the scene that is shown, as a `transforms.json` of one frame in JSON: `stylegaussian render` draws
-/// the same picture with it.
+/// The camera in the axes of the scene that is shown, as a `transforms.json` of one frame in JSON:
+/// `stylegaussian render` draws the same picture with it.
 #[wasm_bindgen]
 pub fn cameras() -> String {
     CAMERAS.with_borrow(Clone::clone)
@@ -226,7 +232,8 @@ pub fn tell(event: Event, text: &str) {
     });
 }
 
-/// Notes the camera for [`cameras`]: the angle of view in radians, the size in pixels, and the place in the scene's axes.
+/// Notes the camera for [`cameras`]: the angle of view in radians, the size in pixels, and the place in the
+/// scene's axes.
 pub fn note_camera(vertical_angle: f32, size: UVec2, scene_from_camera: Mat4) {
     let row = |i| scene_from_camera.row(i).to_array();
     let focal = 0.5 * size.y as f32 / (0.5 * vertical_angle).tan();

@@ -28,8 +28,8 @@ impl Default for Orbit {
 impl Orbit {
     /// Shows a ball whole, slightly from above, in a picture of this width over height.
     pub fn frame(center: Vec3, radius: f32, aspect: f32) -> Self {
-        // At radius / sin(half the angle), a ball fills the narrower side exactly. Captures are seldom round, so a little
-        // nearer.
+        // At radius / sin(half the angle), a ball fills the narrower side exactly. Captures are seldom round,
+        // so a little nearer.
         let half_angle = ((0.5 * FIELD_OF_VIEW).tan() * aspect.min(1.0)).atan();
         Self { target: center, distance: 0.85 * radius / half_angle.sin(), ..default() }
     }

@@ -18,8 +18,8 @@ pub fn handler() -> RenderErrorHandler {
 
 fn handle(error: &RenderError, main_world: &mut World, _: &mut World) -> RenderErrorPolicy {
     match error.ty {
-        // Browsers take the GPU away from pages, for instance when a laptop changes its GPU. Scenes and styles are kept on the
-        // CPU, and go to the new device.
+        // Browsers take the GPU away from pages, for instance when a laptop changes its GPU. Scenes and styles
+        // are kept on the CPU, and go to the new device.
         ErrorType::DeviceLost => {
             bridge::tell(Event::Failed, "The browser took the GPU away. The scene is set up again.");
             RenderErrorPolicy::Recover(RenderCreation::default())

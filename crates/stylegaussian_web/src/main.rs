@@ -1,8 +1,9 @@
 //! The page's app: a scene on the page's canvas, steered by the page's script.
 //!
-//! The page is HTML (`web/page/index.html`): buttons, drop of files, keys and touch are the browser's own, so they work with
-//! screen readers and at any width. Its script calls the functions of [`bridge`], which become requests to the app, and hears
-//! of what happened. Built by `cargo xtask web`. The same program in a window shows the demo scene and hears nothing.
+//! The page is HTML (`web/page/index.html`): buttons, drop of files, keys and touch are the browser's own, so
+//! they work with screen readers and at any width. Its script calls the functions of [`bridge`], which become
+//! requests to the app, and hears of what happened. Built by `cargo xtask web`. The same program in a window
+//! shows the demo scene and hears nothing.
 
 mod bridge;
 mod camera;

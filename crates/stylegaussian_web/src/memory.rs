@@ -1,9 +1,10 @@
-//! The app's memory, which ends at 4 GB in a browser. Running out of it ends the app, so what is large is refused before.
+//! The app's memory, which ends at 4 GB in a browser. Running out of it ends the app, so what is large is
+//! refused before.
 
 use js_sys::Uint8Array;
 
-/// Memory that a scene takes while it is read, packed for the GPU and shown, in sizes of its `.sgs`, which lies beside it. The
-/// page's memory grew by 810 MB for 3 million Gaussians in 162 MB.
+/// Memory that a scene takes while it is read, packed for the GPU and shown, in sizes of its `.sgs`, which lies
+/// beside it. The page's memory grew by 810 MB for 3 million Gaussians in 162 MB.
 const SCENE_OVER_FILE: usize = 4;
 
 /// A copy of bytes that are the browser's.

@@ -1,4 +1,5 @@
-//! A painted scene as bytes, for the way between the page and its worker. Nothing is rounded, as it is in the file of a look.
+//! A painted scene as bytes, for the way between the page and its worker. Nothing is rounded, as it is in the
+//! file of a look.
 
 use std::sync::Arc;
 
@@ -8,8 +9,8 @@ use bevy_stylegaussian::stylegaussian::{
 };
 use bytemuck::{Pod, cast_slice, pod_collect_to_vec};
 
-/// The numbers of Gaussians, seeds and textures, then colors, words, seeds, and textures with their mipmaps, as they lie in memory:
-/// page and worker run the same module. Without seeds there are no words.
+/// The numbers of Gaussians, seeds and textures, then colors, words, seeds, and textures with their mipmaps, as
+/// they lie in memory: page and worker run the same module. Without seeds there are no words.
 pub fn to_bytes(painted: &Painted) -> Vec<u8> {
     let Strokes { seeds, words, textures } = &painted.strokes;
     let counts = [painted.colors.len(), seeds.len(), textures.len()].map(|n| n as u32);

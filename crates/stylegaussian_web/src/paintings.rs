@@ -1,5 +1,5 @@
-//! Paintings as styles. The page's worker lays their paint on, and encodes them if the decoder is to make the colors; where there is
-//! none, the plugin does on the page's thread.
+//! Paintings as styles. The page's worker lays their paint on, and encodes them if the decoder is to make the
+//! colors; where there is none, the plugin does on the page's thread.
 
 use std::{collections::HashMap, sync::Arc};
 

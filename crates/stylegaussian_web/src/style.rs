@@ -37,8 +37,8 @@ impl Default for Wish {
 }
 
 impl Wish {
-    /// The styles that the worker decodes this wish from, their weights and the share of the content. `None` if no decoder is
-    /// asked, or if it is not the worker's to answer.
+    /// The styles that the worker decodes this wish from, their weights and the share of the content. `None` if
+    /// no decoder is asked, or if it is not the worker's to answer.
     pub fn for_worker(&self, paintings: &Paintings) -> Option<[JsValue; 3]> {
         if !self.is_decoded() || worker::state() != State::Ready {
             return None;
@@ -157,7 +157,8 @@ pub fn set_budget(mut requests: MessageReader<Request>, mut budget: ResMut<Style
     }
 }
 
-/// The style of a file beside the page: `look:ink` is baked for the demo scene, `decode:ink` are the statistics of an image.
+/// The style of a file beside the page: `look:ink` is baked for the demo scene, `decode:ink` are the statistics
+/// of an image.
 fn file(name: &str, assets: &AssetServer) -> Option<StyleInput> {
     let (kind, name) = name.split_once(':')?;
     // From a link, so it may be anything; it becomes part of a path.

@@ -1,4 +1,5 @@
-//! Computations without an app: the page's [`worker`](crate::worker) calls them, in a module of its own. They hold one scene.
+//! Computations without an app: the page's [`worker`](crate::worker) calls them, in a module of its own. They
+//! hold one scene.
 
 use std::cell::RefCell;
 
@@ -23,8 +24,8 @@ use wasm_bindgen::{JsError, JsValue, prelude::wasm_bindgen};
 
 use crate::painted;
 
-/// Pictures that a scene is embedded from, and the longer side of one in pixels: fewer and smaller ones than the command
-/// line's 60 of 512 pixels, because a page computes on one thread.
+/// Pictures that a scene is embedded from, and the longer side of one in pixels: fewer and smaller ones than
+/// the command line's 60 of 512 pixels, because a page computes on one thread.
 const N_VIEWS: usize = 32;
 const VIEW_SIZE: u32 = 384;
 
@@ -75,7 +76,8 @@ pub fn work_embed(tell: Function) -> Result<Vec<u8>, JsError> {
     })
 }
 
-/// Encodes a JPEG or PNG image of this name for the decoder, and returns its statistics as a `.style.safetensors`.
+/// Encodes a JPEG or PNG image of this name for the decoder, and returns its statistics as a
+/// `.style.safetensors`.
 #[wasm_bindgen]
 pub fn work_encode(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, JsError> {
     TELL.set(Some(tell));
@@ -83,8 +85,8 @@ pub fn work_encode(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, 
     HELD.with_borrow_mut(|held| held.encode(name, bytes)).map_err(|error| JsError::new(&error))
 }
 
-/// Lays the paint of a JPEG or PNG image of this name on the scene, and returns its colors and strokes in the order of a `.sgs`, as
-/// bytes of [`painted`]. No encoder takes part.
+/// Lays the paint of a JPEG or PNG image of this name on the scene, and returns its colors and strokes in the
+/// order of a `.sgs`, as bytes of [`painted`]. No encoder takes part.
 #[wasm_bindgen]
 pub fn work_paint(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, JsError> {
     TELL.set(Some(tell));
@@ -102,8 +104,8 @@ pub fn work_decode(styles: Array, weights: &[f32], content: f32) -> Result<Vec<u
     Ok(file::scene_to_bytes("scene.glb", &scene.map_err(|error| JsError::new(&error))?)?)
 }
 
-/// Returns the scene as a `.glb` in colors and the mean of the strokes over them, bytes of [`painted`] in the order of a `.sgs`, or in
-/// its own colors if there are none.
+/// Returns the scene as a `.glb` in colors and the mean of the strokes over them, bytes of [`painted`] in the
+/// order of a `.sgs`, or in its own colors if there are none.
 #[wasm_bindgen]
 pub fn work_save(painted: &[u8]) -> Result<Vec<u8>, JsError> {
     let written = HELD.with_borrow(|held| saved(&held.scene, painted));

@@ -1,8 +1,9 @@
-//! The page's worker: a thread of the browser that runs this same module without an app, for computations that would stop
-//! frames.
+//! The page's worker: a thread of the browser that runs this same module without an app, for computations that
+//! would stop frames.
 //!
-//! `worker.js` calls the functions of [`work`](crate::work) there, one after another, and posts what they answer. Without a
-//! worker, in a page that gives none or where it does not start, the app computes on its own thread.
+//! `worker.js` calls the functions of [`work`](crate::work) there, one after another, and posts what they
+//! answer. Without a worker, in a page that gives none or where it does not start, the app computes on its own
+//! thread.
 
 use std::{cell::RefCell, collections::HashMap};
 
@@ -70,7 +71,8 @@ thread_local! {
     static PAGE: RefCell<Page> = RefCell::default();
 }
 
-/// Gives the app a function that returns a new `Worker` of `worker.js`. It is called at once, and when a worker was stopped.
+/// Gives the app a function that returns a new `Worker` of `worker.js`. It is called at once, and when a worker
+/// was stopped.
 #[wasm_bindgen]
 pub fn use_worker(make: Function) {
     PAGE.with_borrow_mut(|page| page.make = Some(make));

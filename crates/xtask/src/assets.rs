@@ -1,8 +1,8 @@
 //! `cargo xtask assets`: makes everything in `assets/`, the default encoder and the default decoder anew.
 //!
-//! The demo scene and the paintings are reproduced bit for bit. Embedded features and trained networks can differ by
-//! the order of floating-point sums. The training data of encoder and decoder is not ours to ship and is in the test
-//! data: VGG-19, paintings likely in the public domain, and scenes under open licenses.
+//! The demo scene and the paintings are reproduced bit for bit. Embedded features and trained networks can
+//! differ by the order of floating-point sums. The training data of encoder and decoder is not ours to ship and
+//! is in the test data: VGG-19, paintings likely in the public domain, and scenes under open licenses.
 
 use std::{
     ffi::OsStr,
@@ -34,7 +34,8 @@ const WORK: &str = "out/assets";
 const DEMO_CAMERAS: &str = "assets/demo_cameras.json";
 /// A scene of the test data on which the decoder is trained besides the demo scene (CC BY 4.0).
 const PLAYBOT: &str = "playbot_31k_sh2pad3.ply";
-/// The paintings on which encoder and decoder are trained, likely in the public domain. Twenty more are held out.
+/// The paintings on which encoder and decoder are trained, likely in the public domain. Twenty more are held
+/// out.
 const PAINTINGS: &str = "assets/training_paintings.txt";
 /// Ten of the held-out paintings, for evaluation.
 const HELD_OUT: &str = "assets/held_out_paintings.txt";
@@ -50,8 +51,8 @@ const TRAINING: [&str; 4] = ["--holdout-styles", "0", "--range-weight", "300"];
 /// Adam's learning rate in all runs but the last.
 const RATE: [&str; 2] = ["--learning-rate", "3e-4"];
 
-/// The first run: the warm start on recolored scenes, then the loss on crops of 256 pixels from views of 512. The
-/// color-transfer loss keeps colors near the recolored scene's.
+/// The first run: the warm start on recolored scenes, then the loss on crops of 256 pixels from views of 512.
+/// The color-transfer loss keeps colors near the recolored scene's.
 const FIRST_RUN: [&str; 12] = [
     "--noise",
     "4",
@@ -87,16 +88,16 @@ const FOURTH_RUN: [&str; 8] = ["--noise", "0", "--smoothing", "1", "--seed", "11
 const FIFTH_RUN: [&str; 8] =
     ["--learning-rate", "2e-4", "--seed", "12", "--iterations", "800", "--contrastive-weight", "10"];
 
-/// Weights of the mean of the last two runs, which is better than either, and the flags of the final decoder: six
-/// smoothing passes and a tenth of the base color.
+/// Weights of the mean of the last two runs, which is better than either, and the flags of the final decoder:
+/// six smoothing passes and a tenth of the base color.
 const SHARES: [&str; 2] = ["35", "65"];
 const FINISH: [&str; 6] = ["--iterations", "0", "--smoothing", "6", "--residual", "0.1"];
 
 /// Steps of the encoder's training.
 const DISTILLING: [&str; 2] = ["--iterations", "11300"];
 
-/// Views for the encoder's training besides the paintings, of the demo scene, playbot and biker: their numbers and
-/// backgrounds. Light and dark backgrounds are both needed, because style images have both.
+/// Views for the encoder's training besides the paintings, of the demo scene, playbot and biker: their numbers
+/// and backgrounds. Light and dark backgrounds are both needed, because style images have both.
 const VIEWS: [[(&str, &str); 2]; 3] = [
     [("10", "ffffff"), ("6", "203050")],
     [("8", "000000"), ("6", "ffffff")],

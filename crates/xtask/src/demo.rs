@@ -1,4 +1,5 @@
-//! `cargo xtask demo`: the demo scene in every shipped style, in a window, or as pictures if there is no display.
+//! `cargo xtask demo`: the demo scene in every shipped style, in a window, or as pictures if there is no
+//! display.
 
 use std::{path::Path, process::Command};
 

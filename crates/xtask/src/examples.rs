@@ -1,4 +1,5 @@
-//! Starts the examples: a system that Bevy refuses panics when its schedule first runs, which building does not show.
+//! Starts the examples: a system that Bevy refuses panics when its schedule first runs, which building does not
+//! show.
 
 use std::{
     fs,

@@ -1,9 +1,9 @@
 //! Checks that building one crate and building the workspace compile the same dependencies.
 //!
-//! Cargo unites features over the crates that one command selects. If the union for `-p CRATE` differs from that for
-//! `--workspace`, switching between the two compiles every affected dependency twice (minutes for Bevy, burn and
-//! tract). `crates/stylegaussian_features` and the sections `cfg(stylegaussian_workspace)` of the manifests keep the
-//! unions equal.
+//! Cargo unites features over the crates that one command selects. If the union for `-p CRATE` differs from
+//! that for `--workspace`, switching between the two compiles every affected dependency twice (minutes for
+//! Bevy, burn and tract). `crates/stylegaussian_features` and the sections `cfg(stylegaussian_workspace)` of
+//! the manifests keep the unions equal.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -22,12 +22,13 @@ const BUILT_ALONE: [&str; 7] = [
     "stylegaussian_bench",
 ];
 
-/// The sets of features that each package is compiled with. A package has two if build scripts and derive macros use
-/// it with other features than the program does.
+/// The sets of features that each package is compiled with. A package has two if build scripts and derive
+/// macros use it with other features than the program does.
 type Features = BTreeMap<String, BTreeSet<String>>;
 
-/// The packages that are compared: the program's alone, then those of build scripts and derive macros as well. The second
-/// comparison cannot see a set that the program lacks if the other packages have it, hence the first.
+/// The packages that are compared: the program's alone, then those of build scripts and derive macros as well.
+/// The second comparison cannot see a set that the program lacks if the other packages have it, hence the
+/// first.
 const EDGES: [&str; 2] = ["normal,no-proc-macro", "normal,build"];
 
 /// Compares each crate alone, and the workspace without its tests and examples, with the workspace as a whole.

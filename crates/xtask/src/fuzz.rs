@@ -1,4 +1,5 @@
-//! `cargo xtask fuzz`: runs the fuzz targets, each for a while. Needs nightly Rust and cargo-fuzz, which nothing else does.
+//! `cargo xtask fuzz`: runs the fuzz targets, each for a while. Needs nightly Rust and cargo-fuzz, which
+//! nothing else does.
 
 use std::process::{Command, Stdio};
 

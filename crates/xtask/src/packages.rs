@@ -44,8 +44,9 @@ pub fn install_graphics(steps: &mut Steps, window: bool) -> Result<()> {
     install(steps, &missing)
 }
 
-/// The packages that a window in a display without a screen needs and that are not there, after an attempt to install them where
-/// this program has the rights. Knows nothing to be missing on systems other than Debian and its derivatives.
+/// The packages that a window in a display without a screen needs and that are not there, after an attempt to
+/// install them where this program has the rights. Knows nothing to be missing on systems other than Debian and
+/// its derivatives.
 pub fn missing_for_virtual_display() -> Vec<&'static str> {
     let wanted = || WINDOW.iter().chain(&VIRTUAL_DISPLAY);
     let packages = missing(wanted());

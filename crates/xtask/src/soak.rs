@@ -10,7 +10,8 @@ use crate::{
 /// Seconds if none are given.
 const SECONDS: u64 = 1800;
 
-/// Runs the ignored test `soak` of the plugin. It stops after 10,000 rounds or `--seconds N`, whichever is first.
+/// Runs the ignored test `soak` of the plugin. It stops after 10,000 rounds or `--seconds N`, whichever is
+/// first.
 pub fn run(arguments: &[String]) -> Result<()> {
     let (mut seconds, mut seed) = (SECONDS, 1_u64);
     for pair in arguments.chunks(2) {

@@ -41,8 +41,8 @@ pub fn cargo<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Command
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     // A step that asked a question would hang where nobody can answer.
     command.args(arguments).stdin(Stdio::null());
-    // `cargo run` describes xtask in these variables. Some build scripts (ring's) watch them, so with them cargo would
-    // compile more than it does when it is called by hand.
+    // `cargo run` describes xtask in these variables. Some build scripts (ring's) watch them, so with them
+    // cargo would compile more than it does when it is called by hand.
     for (name, _) in env::vars_os() {
         let text = name.to_string_lossy();
         if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_MANIFEST_") {
@@ -81,8 +81,8 @@ impl Steps {
         self.time(name, command, |command| Ok(command.status()?.success()))
     }
 
-    /// Like [`Steps::run`], and repeats in the summary the lines of its output that `is_closing` picks: the closing
-    /// lines of a test runner.
+    /// Like [`Steps::run`], and repeats in the summary the lines of its output that `is_closing` picks: the
+    /// closing lines of a test runner.
     pub fn run_keeping(
         &mut self,
         name: &str,

@@ -102,8 +102,8 @@ fn run_if_installed(steps: &mut Steps, name: &str, program: &str, arguments: &[&
     }
 }
 
-/// Packs the published crates, without building them from their packages. Uncommitted changes are included, except on
-/// CI, which requires a clean tree.
+/// Packs the published crates, without building them from their packages. Uncommitted changes are included,
+/// except on CI, which requires a clean tree.
 fn package() -> Result<Command> {
     let mut command = cargo(["package", "--locked", "--offline", "--workspace", "--no-verify"]);
     for name in unpublished()? {
@@ -115,8 +115,8 @@ fn package() -> Result<Command> {
     Ok(command)
 }
 
-/// The packages with `publish = false` in their manifest: the workspace's own, and crates. Crates are named like their
-/// folders.
+/// The packages with `publish = false` in their manifest: the workspace's own, and crates. Crates are named
+/// like their folders.
 fn unpublished() -> Result<Vec<String>> {
     let mut names = vec![String::from("stylegaussian_workspace")];
     for entry in fs::read_dir("crates").context("cannot list crates/")? {

@@ -20,8 +20,8 @@ const DIST: &str = "web/dist";
 /// Folder of the page's own files.
 const PAGE: &str = "web/page";
 
-/// The package of the custom element, as which the page loads the app too, and the examples of its use. In `web/dist` they have the
-/// same places.
+/// The package of the custom element, as which the page loads the app too, and the examples of its use. In
+/// `web/dist` they have the same places.
 const ELEMENT: &str = "web/package";
 const ELEMENT_EXAMPLES: &str = "web/examples";
 
@@ -42,8 +42,8 @@ enum App {
     Example(String),
 }
 
-/// Builds `web/dist`. With `--test`, tests it in Chromium beside the native program; with `--serve`, serves it until the program is
-/// ended.
+/// Builds `web/dist`. With `--test`, tests it in Chromium beside the native program; with `--serve`, serves it
+/// until the program is ended.
 ///
 /// # Errors
 /// If an argument is unknown, if a tool is missing or fails, or if a test fails.
@@ -136,8 +136,8 @@ fn element_examples(steps: &mut Steps) -> Result<()> {
 /// Folder of the shaders' texts, for a browser's compiler.
 const SHADERS: &str = "target/wgsl";
 
-/// Tests of what a browser sees, without a build for one: the page's script, and all shaders; the page's app is checked. What this
-/// machine lacks the tools for is reported.
+/// Tests of what a browser sees, without a build for one: the page's script, and all shaders; the page's app is
+/// checked. What this machine lacks the tools for is reported.
 ///
 /// # Errors
 /// If a test fails.
@@ -157,8 +157,8 @@ pub fn test(steps: &mut Steps) -> Result<()> {
     Ok(())
 }
 
-/// Checks that the page's app compiles, where builds for browsers are made: a first check of Bevy takes minutes, and machines that
-/// have the tools by chance should not wait for it.
+/// Checks that the page's app compiles, where builds for browsers are made: a first check of Bevy takes
+/// minutes, and machines that have the tools by chance should not wait for it.
 fn check(steps: &mut Steps) -> Result<()> {
     let toolchain = match Toolchain::find() {
         Ok(toolchain) => toolchain,

@@ -16,7 +16,8 @@ use super::{layers::ColorLayers, styles::StyleColors};
 #[derive(Resource, Clone, Default)]
 pub(crate) struct WantedColors {
     pub(crate) styles: Vec<Arc<StyleColors>>,
-    /// Whether strokes are going to be drawn. Once they are, it stays: what draws them is compiled while the first are computed.
+    /// Whether strokes are going to be drawn. Once they are, it stays: what draws them is compiled while the
+    /// first are computed.
     pub(crate) strokes: bool,
 }
 
@@ -40,7 +41,8 @@ pub(super) fn extract_layers(
     all: Extract<Query<(), With<ColorLayers>>>,
     mut removed: Extract<RemovedComponents<ColorLayers>>,
 ) {
-    // A component that was removed and put back in the same frame is in `all`, and its entry is overwritten below.
+    // A component that was removed and put back in the same frame is in `all`, and its entry is overwritten
+    // below.
     for entity in removed.read().filter(|&entity| !all.contains(entity)) {
         colors.0.remove(&MainEntity::from(entity));
     }

@@ -52,8 +52,8 @@ pub(crate) enum LayerColors {
 }
 
 /// Layers that are mixed once, into colors of their own.
-// They are taken out when they are mixed. A look that is interrupted again and again would otherwise keep all that was ever
-// shown alive.
+// They are taken out when they are mixed. A look that is interrupted again and again would otherwise keep all
+// that was ever shown alive.
 pub(crate) struct Mix(Mutex<Vec<ColorLayer>>);
 
 impl ColorLayers {

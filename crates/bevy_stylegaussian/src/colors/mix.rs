@@ -37,7 +37,8 @@ pub(crate) struct Mixer {
 }
 
 impl Mixer {
-    /// The kernels, that for strokes too if `has_strokes`, or `None` while they are compiled. The first call starts that.
+    /// The kernels, that for strokes too if `has_strokes`, or `None` while they are compiled. The first call
+    /// starts that.
     fn get(
         &mut self,
         synchronous: SynchronousCompilation,
@@ -83,7 +84,8 @@ enum Way {
     Mix,
 }
 
-/// Shows the layers that entities wish for. An entity whose layers are not complete keeps the colors that it has.
+/// Shows the layers that entities wish for. An entity whose layers are not complete keeps the colors that it
+/// has.
 #[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub(crate) fn mix_colors(
     clouds: Res<RenderClouds>,

@@ -1,9 +1,10 @@
 //! Colors: the meeting place of styling and drawing.
 //!
 //! An entity's [`ColorLayers`] say which colors its splats should have, and are extracted to the render world
-//! ([`extract`]). [`ShownColors`] holds the colors on the GPU: each style once ([`styles`]), and the mix of each entity's
-//! layers ([`mix`]). Paintings have [`strokes`] as well, which go the same way. Styles that come as colors are uploaded here;
-//! folded ones are decoded by the style pass. The splat pass reads `ShownColors` and knows nothing of styles.
+//! ([`extract`]). [`ShownColors`] holds the colors on the GPU: each style once ([`styles`]), and the mix of
+//! each entity's layers ([`mix`]). Paintings have [`strokes`] as well, which go the same way. Styles that come
+//! as colors are uploaded here; folded ones are decoded by the style pass. The splat pass reads `ShownColors`
+//! and knows nothing of styles.
 
 use bevy::{
     core_pipeline::schedule::camera_driver,
@@ -48,7 +49,8 @@ impl Plugin for ColorsPlugin {
         );
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app
-                // Not GPU resources: they are filled by changes alone, so a lost device must leave them as they are.
+                // Not GPU resources: they are filled by changes alone, so a lost device must leave them as they
+                // are.
                 .init_resource::<RenderColors>()
                 .init_resource::<WantedColors>()
                 .init_resource::<PipelinesReady>()

@@ -6,8 +6,8 @@ use crate::scene::LoadedScene;
 
 use super::layers::ColorLayers;
 
-/// Sent once an entity's scene can be drawn: it is on the GPU, and so is everything that the cameras need to draw splats. Sent
-/// again if the entity shows another scene. An app that does not render sends none.
+/// Sent once an entity's scene can be drawn: it is on the GPU, and so is everything that the cameras need to
+/// draw splats. Sent again if the entity shows another scene. An app that does not render sends none.
 ///
 /// Written as a message and triggered on the entity for observers.
 #[derive(Message, EntityEvent, Clone, Debug, Reflect)]

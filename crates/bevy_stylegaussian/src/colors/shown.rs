@@ -119,8 +119,8 @@ impl Shown {
     }
 }
 
-/// Uploads styles that come as colors, and drops colors that nobody refers to any more. Folded styles are left to the
-/// style pass.
+/// Uploads styles that come as colors, and drops colors that nobody refers to any more. Folded styles are left
+/// to the style pass.
 #[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub(crate) fn update_colors(
     clouds: Res<RenderClouds>,
@@ -215,7 +215,8 @@ impl ShownColors {
         self.of_entity.get(&entity)?.shown.strokes()
     }
 
-    /// Makes an entry for a style, and uploads it if its colors are known. It is complete once its strokes can be drawn.
+    /// Makes an entry for a style, and uploads it if its colors are known. It is complete once its strokes can
+    /// be drawn.
     fn prepare(&mut self, style: &Arc<StyleColors>, gpu: &Gpu, strokes_ready: bool) {
         let Gpu { device, queue, store } = *gpu;
         let on_gpu = self.styles.entry(address(style)).or_insert_with(|| {
@@ -269,7 +270,8 @@ impl ShownColors {
         style.answer(result);
     }
 
-    /// The colors and strokes of a style, or `None` if they are not complete. A style that the device refuses never is.
+    /// The colors and strokes of a style, or `None` if they are not complete. A style that the device refuses
+    /// never is.
     pub(super) fn style(
         &self,
         style: &Arc<StyleColors>,
@@ -295,8 +297,8 @@ impl ShownColors {
         colors.generation = Some(wish.generation);
     }
 
-    /// Buffers of an entity's own to mix its layers into: those that it shows if they are its own. `None` if they are too large for
-    /// the device.
+    /// Buffers of an entity's own to mix its layers into: those that it shows if they are its own. `None` if
+    /// they are too large for the device.
     pub(super) fn own_mix(
         &mut self,
         entity: MainEntity,

@@ -8,7 +8,8 @@ use stylegaussian_gpu::strokes::{GaussianStrokes, StrokeStore};
 
 use super::shown::address;
 
-/// The paintings that strokes show, on the present device. Styles upload to it, and the splat pass draws from it.
+/// The paintings that strokes show, on the present device. Styles upload to it, and the splat pass draws from
+/// it.
 #[derive(Resource, Default)]
 pub(crate) struct StrokeTextures(pub(crate) StrokeStore);
 

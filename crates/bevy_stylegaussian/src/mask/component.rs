@@ -17,21 +17,22 @@ use stylegaussian::{
 
 use super::SavedMask;
 
-/// Changes that are remembered for the upload. Between two frames there is one for each call of a method; the GPU gets the
-/// whole mask if there were more.
+/// Changes that are remembered for the upload. Between two frames there is one for each call of a method; the
+/// GPU gets the whole mask if there were more.
 const MOST_CHANGES: usize = 64;
 
-/// Unpainted Gaussians between two painted ones that are uploaded with them, since each upload costs as much as a few
-/// hundred weights; and the most uploads of one change.
+/// Unpainted Gaussians between two painted ones that are uploaded with them, since each upload costs as much as
+/// a few hundred weights; and the most uploads of one change.
 const UPLOAD_GAP: usize = 256;
 const MOST_UPLOADS: usize = 32;
 
-/// Weights painted on the Gaussians of an entity's [`GaussianSplats`](crate::GaussianSplats), in four channels of 8 bits.
+/// Weights painted on the Gaussians of an entity's [`GaussianSplats`](crate::GaussianSplats), in four channels
+/// of 8 bits.
 ///
-/// Positions are in the space of the scene: the inverse of the entity's `GlobalTransform` leads there. A mask is ready when the
-/// scene is; until then, painting does nothing and returns false. It begins as the scene's own mask, if its `.sgs` carries one,
-/// as a [saved](Self::saved) one, or unpainted. If the entity shows other Gaussians, it begins anew. To begin anew with another file,
-/// insert another component.
+/// Positions are in the space of the scene: the inverse of the entity's `GlobalTransform` leads there. A mask
+/// is ready when the scene is; until then, painting does nothing and returns false. It begins as the scene's
+/// own mask, if its `.sgs` carries one, as a [saved](Self::saved) one, or unpainted. If the entity shows other
+/// Gaussians, it begins anew. To begin anew with another file, insert another component.
 ///
 /// [`MaskVisibility`] hides what is painted or crops to it.
 #[derive(Component, Clone, Default, Reflect)]
@@ -122,8 +123,8 @@ impl Painted {
 }
 
 impl StyleMask {
-    /// A mask that begins as a saved one. If that belongs to another scene or cannot be loaded, the entity gets a
-    /// [`StyleMaskFailed`](crate::StyleMaskFailed) and the mask is unpainted.
+    /// A mask that begins as a saved one. If that belongs to another scene or cannot be loaded, the entity gets
+    /// a [`StyleMaskFailed`](crate::StyleMaskFailed) and the mask is unpainted.
     pub fn saved(mask: Handle<SavedMask>) -> Self {
         Self { saved: Some(mask), painted: None }
     }
@@ -138,8 +139,9 @@ impl StyleMask {
         self.with(|painted| painted.edit(|mask, means| mask.paint(means, brush, centers)))
     }
 
-    /// Begins a stroke at `point`, or goes on to it with dabs at even spacing. The stroke is one step to undo; it ends with
-    /// [`end_stroke`](Self::end_stroke), with another brush or with any other change. Returns whether the mask was ready.
+    /// Begins a stroke at `point`, or goes on to it with dabs at even spacing. The stroke is one step to undo;
+    /// it ends with [`end_stroke`](Self::end_stroke), with another brush or with any other change. Returns
+    /// whether the mask was ready.
     pub fn stroke_to(&mut self, brush: &Brush, point: Vec3) -> bool {
         self.with(|painted| {
             if painted.stroke.as_ref().is_some_and(|stroke| stroke.brush() != brush) {
@@ -181,8 +183,8 @@ impl StyleMask {
         self.painted.as_ref().map_or((0, 0), |painted| painted.history.len())
     }
 
-    /// Names a channel, for people. The name is saved. Returns whether the mask was ready; a channel beyond the fourth has no
-    /// name.
+    /// Names a channel, for people. The name is saved. Returns whether the mask was ready; a channel beyond the
+    /// fourth has no name.
     pub fn set_name(&mut self, channel: usize, name: impl Into<String>) -> bool {
         self.with(|painted| {
             if let Some(to) = painted.mask.names.get_mut(channel) {
@@ -191,14 +193,14 @@ impl StyleMask {
         })
     }
 
-    /// The mask for [`stylegaussian::file::write_mask`], or `None` if it is not ready. It sorts and hashes all means, which
-    /// takes a fifth of a second for a million: not for every frame.
+    /// The mask for [`stylegaussian::file::write_mask`], or `None` if it is not ready. It sorts and hashes all
+    /// means, which takes a fifth of a second for a million: not for every frame.
     pub fn to_stored(&self) -> Option<StoredMask> {
         self.painted.as_ref().map(|painted| StoredMask::new(&painted.scene, &painted.mask))
     }
 
-    /// The scene with this mask, for [`stylegaussian::file::write_scene`] to a `.sgs`, or `None` if it is not ready. It copies
-    /// the scene.
+    /// The scene with this mask, for [`stylegaussian::file::write_scene`] to a `.sgs`, or `None` if it is not
+    /// ready. It copies the scene.
     pub fn masked_scene(&self) -> Option<Scene> {
         let painted = self.painted.as_ref()?;
         Some(Scene { mask: Some(painted.mask.clone()), ..Scene::clone(&painted.scene) })
@@ -215,8 +217,8 @@ impl StyleMask {
     }
 }
 
-/// Hides a part of the splats by a channel of the entity's [`StyleMask`]. What is drawn and what rays hit is concerned: bounds
-/// and styles stay as they are.
+/// Hides a part of the splats by a channel of the entity's [`StyleMask`]. What is drawn and what rays hit is
+/// concerned: bounds and styles stay as they are.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 #[require(StyleMask)]

@@ -74,7 +74,8 @@ impl MaskFailures<'_, '_> {
     }
 }
 
-/// A saved mask that is being brought into the order of a scene. It takes a fifth of a second for a million Gaussians.
+/// A saved mask that is being brought into the order of a scene. It takes a fifth of a second for a million
+/// Gaussians.
 pub(super) struct Fitting {
     scene: Arc<Scene>,
     saved: Arc<StoredMask>,

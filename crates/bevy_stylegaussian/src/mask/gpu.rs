@@ -33,8 +33,8 @@ impl RenderMasks {
         self.0.is_empty()
     }
 
-    /// The mask of an entity of `n` Gaussians, and a number that every change of its weights changes; `None` if it has no mask
-    /// that is ready.
+    /// The mask of an entity of `n` Gaussians, and a number that every change of its weights changes; `None` if
+    /// it has no mask that is ready.
     pub(crate) fn get(&self, entity: MainEntity, n: usize) -> Option<(&GaussianMask, u64)> {
         let mask = self.0.get(&entity)?;
         // Of another scene if the new one is not on the GPU yet.

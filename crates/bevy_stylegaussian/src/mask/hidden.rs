@@ -10,8 +10,8 @@ use stylegaussian::{
 
 use super::component::{MaskVisibility, StyleMask};
 
-/// The weights by which an entity's splats are hidden from rays, as of the last frame. A copy: game code that casts rays also
-/// paints, and a system cannot read a component that it changes.
+/// The weights by which an entity's splats are hidden from rays, as of the last frame. A copy: game code that
+/// casts rays also paints, and a system cannot read a component that it changes.
 #[derive(Component)]
 pub(crate) struct HiddenFromRays {
     scene: Arc<Scene>,

@@ -6,10 +6,12 @@ use bevy::{
 };
 use stylegaussian::{Camera as Pinhole, mask::Lasso};
 
-/// The lasso along `polygon` over the view of a camera, around the splats of an entity with the transform `splats`.
+/// The lasso along `polygon` over the view of a camera, around the splats of an entity with the transform
+/// `splats`.
 ///
 /// Points are in logical pixels of the render target, as [`Window::cursor_position`] gives them. Depths
-/// ([`Lasso::with_depths`]) are world units along the camera's axis. `None` if the camera has no picture yet, or no perspective.
+/// ([`Lasso::with_depths`]) are world units along the camera's axis. `None` if the camera has no picture yet,
+/// or no perspective.
 pub fn lasso_in_view(
     camera: &Camera,
     camera_transform: &GlobalTransform,

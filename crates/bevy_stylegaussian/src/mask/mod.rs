@@ -1,7 +1,7 @@
 //! Masks: weights that are painted on a scene's Gaussians at run time.
 //!
-//! An entity's [`StyleMask`] is fitted to its scene ([`fit`]), painted by the game, and its changes are uploaded ([`gpu`]).
-//! Drawing and mixing read it there. This room knows scenes and nothing else.
+//! An entity's [`StyleMask`] is fitted to its scene ([`fit`]), painted by the game, and its changes are
+//! uploaded ([`gpu`]). Drawing and mixing read it there. This room knows scenes and nothing else.
 
 use bevy::{
     prelude::*,

@@ -1,7 +1,7 @@
 //! Rays cast at splats by game code, and by pointers (`pointer`, with the feature `picking`).
 //!
-//! An index of a scene's Gaussians is built in the background when the first ray asks for it ([`index`]), and shared by all
-//! entities that show the scene. Nothing is built in apps that cast no ray.
+//! An index of a scene's Gaussians is built in the background when the first ray asks for it ([`index`]), and
+//! shared by all entities that show the scene. Nothing is built in apps that cast no ray.
 
 use bevy::prelude::*;
 

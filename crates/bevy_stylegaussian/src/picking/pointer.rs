@@ -16,9 +16,9 @@ mod tests;
 
 /// Adds pointer events to splats: `Pointer<Over>`, `Pointer<Click>` and Bevy's others, for observers.
 ///
-/// A hit's `HitData` has the position in world space, an estimate of the normal, and the distance from the camera's near plane
-/// along the ray as its depth. Its extra data is the [`SplatHit`], with the Gaussian's index in the file that the scene was read
-/// from:
+/// A hit's `HitData` has the position in world space, an estimate of the normal, and the distance from the
+/// camera's near plane along the ray as its depth. Its extra data is the [`SplatHit`], with the Gaussian's
+/// index in the file that the scene was read from:
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -30,9 +30,10 @@ mod tests;
 /// }
 /// ```
 ///
-/// Add it after `DefaultPlugins` and [`StyleGaussianPlugin`](crate::StyleGaussianPlugin). Every entity with splats can be picked;
-/// `Pickable` on the entity chooses otherwise, as do render layers. Rays are those of [`SplatRayCast`]: a scene is indexed in the
-/// background when the first pointer is over a camera, and pointers pass it until then.
+/// Add it after `DefaultPlugins` and [`StyleGaussianPlugin`](crate::StyleGaussianPlugin). Every entity with
+/// splats can be picked; `Pickable` on the entity chooses otherwise, as do render layers. Rays are those of
+/// [`SplatRayCast`]: a scene is indexed in the background when the first pointer is over a camera, and pointers
+/// pass it until then.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SplatPickingPlugin;
 
@@ -58,8 +59,8 @@ pub struct SplatPickingSettings {
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct SplatPickingCamera;
 
-/// Sends the hits of each pointer on each camera. Which of them count is up to `bevy_picking`, by the cameras' order, the
-/// depth, and whether an entity blocks those behind it.
+/// Sends the hits of each pointer on each camera. Which of them count is up to `bevy_picking`, by the cameras'
+/// order, the depth, and whether an entity blocks those behind it.
 fn send_hits(
     settings: Res<SplatPickingSettings>,
     pointer_rays: Res<RayMap>,

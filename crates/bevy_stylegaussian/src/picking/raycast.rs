@@ -12,12 +12,12 @@ use super::index::RayIndexes;
 
 /// Casts rays at splats, as Bevy's `MeshRayCast` does at meshes.
 ///
-/// A ray hits where half of its light is gone, by the alpha of the draw: see [`stylegaussian::raycast`]. It passes what a
-/// [`MaskVisibility`](crate::MaskVisibility) has hidden since the last frame. A system that casts rays may paint a
-/// [`StyleMask`](crate::StyleMask), too.
+/// A ray hits where half of its light is gone, by the alpha of the draw: see [`stylegaussian::raycast`]. It
+/// passes what a [`MaskVisibility`](crate::MaskVisibility) has hidden since the last frame. A system that casts
+/// rays may paint a [`StyleMask`](crate::StyleMask), too.
 ///
-/// A scene's Gaussians are indexed in the background when the first ray asks for it, which takes some tenths of a second for a
-/// large scene. Until then rays pass it: call [`prepare`](Self::prepare) early.
+/// A scene's Gaussians are indexed in the background when the first ray asks for it, which takes some tenths of
+/// a second for a large scene. Until then rays pass it: call [`prepare`](Self::prepare) early.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -76,7 +76,8 @@ impl SplatRayCast<'_, '_> {
         all_ready
     }
 
-    /// The nearest hit on the splats of visible entities. Entities in front of others do not add up to a hit together.
+    /// The nearest hit on the splats of visible entities. Entities in front of others do not add up to a hit
+    /// together.
     pub fn cast_ray(&mut self, ray: Ray3d) -> Option<SplatHit> {
         self.cast_ray_at(ray, |_| true)
     }

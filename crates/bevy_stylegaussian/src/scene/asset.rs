@@ -5,17 +5,18 @@ use std::sync::Arc;
 use bevy::{camera::primitives::Aabb, prelude::*};
 use stylegaussian::{Decoder, Neighbors, Scene, scene::SceneError};
 
-/// A captured scene. It loads from every format that [`stylegaussian::file`] reads. The content of the file decides its
-/// kind, not the name, except for formats without a mark. [`SceneSettings`](crate::SceneSettings) are those of the load.
+/// A captured scene. It loads from every format that [`stylegaussian::file`] reads. The content of the file
+/// decides its kind, not the name, except for formats without a mark. [`SceneSettings`](crate::SceneSettings)
+/// are those of the load.
 ///
-/// Files in general formats, `.glb`, `.gltf` and `.json`, load if a scene is asked for: as a `Handle<GaussianScene>`, and not
-/// by their extension.
+/// Files in general formats, `.glb`, `.gltf` and `.json`, load if a scene is asked for: as a
+/// `Handle<GaussianScene>`, and not by their extension.
 ///
 /// Any scene can be painted. The decoder needs features, which `stylegaussian embed` computes for any scene.
 ///
-/// There is one copy in main memory, shared by both worlds, so cloning is cheap. The copy always stays, and there is no
-/// `RenderAssetUsages` setting to drop it: styling on the CPU, saving a styled scene and restoring a lost GPU device all
-/// read it.
+/// There is one copy in main memory, shared by both worlds, so cloning is cheap. The copy always stays, and
+/// there is no `RenderAssetUsages` setting to drop it: styling on the CPU, saving a styled scene and restoring
+/// a lost GPU device all read it.
 #[derive(Asset, Clone, Debug, Reflect)]
 #[reflect(opaque)]
 #[reflect(Clone, Debug)]
@@ -29,20 +30,23 @@ pub struct GaussianScene {
 }
 
 impl GaussianScene {
-    /// Makes an asset of a scene and checks the scene's parts. If they do not fit together, entities that show the scene
-    /// get a [`GaussianSceneFailed`](crate::GaussianSceneFailed).
+    /// Makes an asset of a scene and checks the scene's parts. If they do not fit together, entities that show
+    /// the scene get a [`GaussianSceneFailed`](crate::GaussianSceneFailed).
     ///
-    /// If the scene has features but no neighbor lists of the length that its decoder needs (8 for the default one), the
-    /// neighbors are found here. This takes about a second for half a million Gaussians, so use a task for large scenes.
+    /// If the scene has features but no neighbor lists of the length that its decoder needs (8 for the default
+    /// one), the neighbors are found here. This takes about a second for half a million Gaussians, so use a
+    /// task for large scenes.
     pub fn new(mut scene: Scene) -> Self {
         // At least 1: a decoder that a program made may have k = 0.
         let k = scene.decoder.as_ref().map_or(Decoder::K, |decoder| decoder.k).max(1);
         let has_lists = scene.neighbors.as_ref().is_some_and(|neighbors| neighbors.k >= k);
-        // Scenes that cannot be decoded need no neighbors. Longer lists serve as well: a decoder reads the first k.
+        // Scenes that cannot be decoded need no neighbors. Longer lists serve as well: a decoder reads the
+        // first k.
         if scene.features.is_some() && !has_lists && has_finite_means(&scene) {
             scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, k));
         }
-        // An invalid scene becomes an asset all the same: `new` cannot fail, and the error is reported per entity.
+        // An invalid scene becomes an asset all the same: `new` cannot fail, and the error is reported per
+        // entity.
         let bounds = scene.validate().map(|()| scene.splat_bounds());
         let bounds = bounds.map(|bounds| bounds.map(|[min, max]| Aabb::from_min_max(min, max)));
         // An `Arc` of its own, so that its address identifies the decoder wherever inputs are packed for it.

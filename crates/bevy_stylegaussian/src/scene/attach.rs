@@ -15,8 +15,8 @@ use super::{
     failure::{GaussianSceneError, SceneFailures},
 };
 
-/// The scene that an entity shows: that of its [`GaussianSplats`], or the one before it until the asset is loaded and
-/// valid. `Changed<LoadedScene>` is true exactly if the entity shows other Gaussians.
+/// The scene that an entity shows: that of its [`GaussianSplats`], or the one before it until the asset is
+/// loaded and valid. `Changed<LoadedScene>` is true exactly if the entity shows other Gaussians.
 #[derive(Component, Clone)]
 pub(crate) struct LoadedScene {
     pub(crate) id: AssetId<GaussianScene>,
@@ -33,8 +33,8 @@ impl LoadedScene {
 /// The components that an entity has because of its scene.
 type SceneParts = (LoadedScene, Aabb);
 
-/// Detaches scenes from entities that lost their [`GaussianSplats`], or if the asset is gone, which `AssetChanged` does not
-/// detect.
+/// Detaches scenes from entities that lost their [`GaussianSplats`], or if the asset is gone, which
+/// `AssetChanged` does not detect.
 pub(super) fn detach_scenes(
     mut commands: Commands,
     mut events: MessageReader<AssetEvent<GaussianScene>>,
@@ -67,8 +67,8 @@ type SceneChanged = Or<(Changed<GaussianSplats>, AssetChanged<GaussianSplats>)>;
 
 /// Attaches scenes that came or changed.
 ///
-/// Observers of [`GaussianSceneFailed`](super::GaussianSceneFailed) may despawn any entity before the commands of this
-/// system are applied, hence `try_insert` and `try_remove`.
+/// Observers of [`GaussianSceneFailed`](super::GaussianSceneFailed) may despawn any entity before the commands
+/// of this system are applied, hence `try_insert` and `try_remove`.
 pub(super) fn attach_scenes(
     mut commands: Commands,
     changed: Query<(Entity, &GaussianSplats, Option<&LoadedScene>), SceneChanged>,
@@ -79,15 +79,16 @@ pub(super) fn attach_scenes(
     for (entity, splats, attached) in &changed {
         let id = splats.0.id();
         let Some(asset) = scenes.get(id) else {
-            // The last scene stays until the new one is there: an empty place for the time of a load, or for good after
-            // a failure, helps nobody. A load that failed before this entity asked for it sends no further event.
+            // The last scene stays until the new one is there: an empty place for the time of a load, or for
+            // good after a failure, helps nobody. A load that failed before this entity asked for it sends no
+            // further event.
             if let Some(LoadState::Failed(error)) = server.get_load_state(id) {
                 failures.send(entity, GaussianSceneError::Load(error.to_string()));
             }
             continue;
         };
-        // `Changed<GaussianSplats>` is also true if the component was only borrowed mutably. Inserting again would
-        // restart the style.
+        // `Changed<GaussianSplats>` is also true if the component was only borrowed mutably. Inserting again
+        // would restart the style.
         let is_attached = |old: &LoadedScene| old.id == id && Arc::ptr_eq(old.scene(), asset.scene());
         if attached.is_some_and(is_attached) {
             continue;

@@ -72,7 +72,8 @@ pub(crate) fn upload_scenes(
     for (&entity, cloud) in &clouds.0 {
         let uploaded = scenes.of_asset.entry(cloud.scene.id).or_insert_with(|| {
             let (device, scene) = (device.wgpu_device().clone(), Arc::clone(cloud.scene.scene()));
-            // Buffers are mapped when they are created, so packing and upload need no queue and both run in the task.
+            // Buffers are mapped when they are created, so packing and upload need no queue and both run in the
+            // task.
             let upload = move || GpuScene::new(&device, &scene).map_err(|error| error.to_string());
             UploadedScene {
                 scene: Arc::clone(cloud.scene.scene()),

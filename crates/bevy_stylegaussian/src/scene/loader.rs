@@ -28,9 +28,11 @@ use crate::loader::{LoadError, read_all};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SceneSettings {
-    /// The axes of the file's coordinates, or `None` for those that the file or its format's specification says.
+    /// The axes of the file's coordinates, or `None` for those that the file or its format's specification
+    /// says.
     pub axes: Option<Axes>,
-    /// The most Gaussians of a scene that is stored at several levels of detail, or `None` for the finest level.
+    /// The most Gaussians of a scene that is stored at several levels of detail, or `None` for the finest
+    /// level.
     pub budget: Option<usize>,
 }
 
@@ -61,7 +63,8 @@ impl AssetLoader for SceneLoader {
         let mut scene = SceneReader::new(bytes, &name(&path), options);
         loop {
             let name = name(&path);
-            // Parsing a large scene takes seconds, which would block the pool on which other assets wait for their files.
+            // Parsing a large scene takes seconds, which would block the pool on which other assets wait for
+            // their files.
             match AsyncComputeTaskPool::get().spawn(async move { step(scene, &name) }).await? {
                 Step::Done(scene) => return Ok(*scene),
                 Step::Needs(reader, names) => {
@@ -81,8 +84,8 @@ impl AssetLoader for SceneLoader {
     }
 
     fn extensions(&self) -> &[&str] {
-        // Not `.glb`, `.gltf` and `.json`, although scenes come in them: assets that are loaded without a type, and labeled
-        // ones as `a.glb#Scene0`, go by the extension, and are hardly ever scenes of Gaussians.
+        // Not `.glb`, `.gltf` and `.json`, although scenes come in them: assets that are loaded without a type,
+        // and labeled ones as `a.glb#Scene0`, go by the extension, and are hardly ever scenes of Gaussians.
         &["sgs", "ply", "spz", "sog", "splat", "ksplat"]
     }
 }
@@ -109,8 +112,8 @@ fn name(path: &AssetPath) -> String {
     name.split('?').next().unwrap_or(&name).to_owned()
 }
 
-/// A file by its path relative to the one that names it. The reader has checked that it does not lead elsewhere. It is not
-/// parsed as an asset's path, in which some characters have a meaning.
+/// A file by its path relative to the one that names it. The reader has checked that it does not lead
+/// elsewhere. It is not parsed as an asset's path, in which some characters have a meaning.
 fn beside<'a>(path: &AssetPath<'a>, name: &str) -> AssetPath<'a> {
     let at = path.path().with_file_name(name);
     AssetPath::from_path_buf(at).with_source(path.source().clone_owned())

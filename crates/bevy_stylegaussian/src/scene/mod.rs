@@ -1,7 +1,8 @@
 //! Scenes: the asset, the component that shows it, and its data on the GPU.
 //!
-//! This is the bottom room: it imports no other room. `PostUpdate` attaches loaded scenes to entities ([`attach`]), the
-//! extraction copies them to the render world ([`extract`]), and there they are uploaded ([`gpu`]).
+//! This is the bottom room: it imports no other room. `PostUpdate` attaches loaded scenes to entities
+//! ([`attach`]), the extraction copies them to the render world ([`extract`]), and there they are uploaded
+//! ([`gpu`]).
 
 use bevy::{
     asset::{AsAssetId, AssetEventSystems},
@@ -31,9 +32,9 @@ use loader::SceneLoader;
 
 /// Shows a [`GaussianScene`] at the entity's `Transform`, which may scale and shear it.
 ///
-/// Splats are depth-tested against opaque meshes and drawn before transparent ones. They have the colors they were captured
-/// with; lights do not change them. Any number of entities may share a scene. Splats of overlapping scenes blend in the
-/// right order.
+/// Splats are depth-tested against opaque meshes and drawn before transparent ones. They have the colors they
+/// were captured with; lights do not change them. Any number of entities may share a scene. Splats of
+/// overlapping scenes blend in the right order.
 #[derive(Component, Clone, Debug, Default, PartialEq, Eq, Reflect)]
 #[require(Transform, Visibility, VisibilityClass)]
 #[component(on_add = add_visibility_class::<GaussianSplats>)]

@@ -1,7 +1,7 @@
 //! Splats: drawing scenes, in the colors of [`crate::colors`], into the views of cameras.
 //!
-//! Each frame plans the views ([`view`]) and builds missing pipelines in the background ([`pipelines`]). Each camera then
-//! runs the splat pass ([`pass`]). Styles are none of this room's business.
+//! Each frame plans the views ([`view`]) and builds missing pipelines in the background ([`pipelines`]). Each
+//! camera then runs the splat pass ([`pass`]). Styles are none of this room's business.
 
 use bevy::{
     core_pipeline::{

@@ -1,4 +1,5 @@
-//! The splat pass of a view: projects and sorts the splats, draws them into the view's layer, and composites the layer.
+//! The splat pass of a view: projects and sorts the splats, draws them into the view's layer, and composites
+//! the layer.
 
 use bevy::{
     prelude::*,
@@ -136,8 +137,8 @@ fn composite(gpu: &mut Gpu, ready: &Ready, splats: &ViewSplats, image: RenderPas
 
 /// Composites the layer of a view that bypasses tonemapping.
 ///
-/// The mutable target keeps other systems away: effects after tonemapping swap its textures, which must not happen
-/// meanwhile.
+/// The mutable target keeps other systems away: effects after tonemapping swap its textures, which must not
+/// happen meanwhile.
 pub(super) fn composite_after_tonemapping(
     view: ViewQuery<(&ExtractedView, &mut ViewTarget)>,
     views: Res<SplatViews>,
@@ -150,7 +151,8 @@ pub(super) fn composite_after_tonemapping(
     let Some(splats) = views.get(&extracted.retained_view_entity) else { return };
     let Some(plan) = splats.plan.filter(|plan| plan.after_tonemapping) else { return };
     let Some(ready) = pipelines.get(plan.samples, plan.composite) else { return };
-    // Written out: the target's own attachment would be the multisampled texture, which tonemapping has left behind.
+    // Written out: the target's own attachment would be the multisampled texture, which tonemapping has left
+    // behind.
     let image = RenderPassColorAttachment {
         view: target.main_texture_view(),
         depth_slice: None,

@@ -54,8 +54,9 @@ pub(super) struct Ready<'a> {
 }
 
 impl SplatPipelines {
-    /// Starts to build the pipelines that a layer of `samples` samples over `target` needs and that are missing. Strokes are drawn
-    /// with the paintings in `store`, which is always the same on a device. Returns whether all are ready.
+    /// Starts to build the pipelines that a layer of `samples` samples over `target` needs and that are
+    /// missing. Strokes are drawn with the paintings in `store`, which is always the same on a device. Returns
+    /// whether all are ready.
     pub(super) fn request(
         &mut self,
         device: &wgpu::Device,
@@ -127,8 +128,8 @@ impl SplatPipelines {
         strokes.poll().is_some()
     }
 
-    /// Starts to build the table that inverts a tonemapping without a formula for its inverse. Returns whether the table is
-    /// ready. It cannot be built before Bevy's table of that tonemapping is on the GPU.
+    /// Starts to build the table that inverts a tonemapping without a formula for its inverse. Returns whether
+    /// the table is ready. It cannot be built before Bevy's table of that tonemapping is on the GPU.
     pub(super) fn request_table(
         &mut self,
         device: &wgpu::Device,
@@ -147,8 +148,8 @@ impl SplatPipelines {
                     let mut encoder =
                         device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
                     let table = InverseTable::new(&device, &mut encoder, curve.borrow());
-                    // An encoder of its own: a task has no access to the frame's. wgpu orders submissions, so a later
-                    // frame sees the table.
+                    // An encoder of its own: a task has no access to the frame's. wgpu orders submissions, so a
+                    // later frame sees the table.
                     queue.submit([encoder.finish()]);
                     table
                 }))
@@ -157,7 +158,8 @@ impl SplatPipelines {
         table.poll().is_some()
     }
 
-    /// The table that inverts a tonemapping, or `None` if it was not [requested](Self::request_table) or is not ready.
+    /// The table that inverts a tonemapping, or `None` if it was not [requested](Self::request_table) or is not
+    /// ready.
     pub(super) fn table(&self, tonemapping: Tonemapping) -> Option<&InverseTable> {
         self.tables.get(&tonemapping)?.get()
     }
@@ -174,8 +176,8 @@ impl SplatPipelines {
         by_kind.iter().sum::<usize>() + usize::from(self.masks.is_some())
     }
 
-    /// The pipelines for a layer of `samples` samples over `target`, or `None` if they were not [requested](Self::request)
-    /// or are not ready.
+    /// The pipelines for a layer of `samples` samples over `target`, or `None` if they were not
+    /// [requested](Self::request) or are not ready.
     pub(super) fn get(&self, samples: u32, target: CompositeTarget) -> Option<Ready<'_>> {
         Some(Ready {
             passes: self.passes()?,

@@ -1,7 +1,8 @@
 //! The state of each view that draws splats: a plan, buffers and a layer.
 //!
-//! Splats blend among themselves in a *layer* of the target's size and sample count, in display-referred colors, tested
-//! against the camera's depth. The layer is then composited over the image in the image's color space.
+//! Splats blend among themselves in a *layer* of the target's size and sample count, in display-referred
+//! colors, tested against the camera's depth. The layer is then composited over the image in the image's color
+//! space.
 
 use std::sync::Arc;
 
@@ -33,8 +34,8 @@ use super::{
     pipelines::{CompositeTarget, Luts, SplatPipelines},
 };
 
-/// The views that show splats, and their layers. Cameras draw one after the other, so views with targets of the same size
-/// share a layer.
+/// The views that show splats, and their layers. Cameras draw one after the other, so views with targets of the
+/// same size share a layer.
 #[derive(Resource, Default)]
 pub(super) struct SplatViews {
     of_view: HashMap<RetainedViewEntity, ViewSplats>,
@@ -155,13 +156,14 @@ pub(super) fn prepare_views(
         // Requested before there is anything to draw, so that compiling overlaps with the loading of scenes.
         let store = &strokes.textures.0;
         let is_ready = pipelines.request(device, store, *synchronous, plan.samples, plan.composite);
-        // Paintings wait for it, while the view shows what there is. One that already is in other views keeps this one waiting.
+        // Paintings wait for it, while the view shows what there is. One that already is in other views keeps
+        // this one waiting.
         let draws_strokes =
             !strokes.wanted.strokes || pipelines.request_strokes(device, *synchronous, plan.samples);
         strokes.ready.0 &= draws_strokes;
         let is_ready = is_ready && (draws_strokes || !strokes.shown.has_strokes());
-        // A cloud that shows before its mask's kernel is there would flash what the mask hides. One that is shown already
-        // stays, and is hidden in part a few frames later.
+        // A cloud that shows before its mask's kernel is there would flash what the mask hides. One that is
+        // shown already stays, and is hidden in part a few frames later.
         let is_ready = is_ready
             && (masks.is_empty() || pipelines.request_masks(device, *synchronous) || view.layer.is_some());
         all_ready.0 &= is_ready;
@@ -323,8 +325,8 @@ fn plan(
     Some(Plan { samples, composite, after_tonemapping, viewport, settings, size, exposure })
 }
 
-/// Least view depth of splats, in world units: 0.2 as in training, or twice the camera's near plane if that is less. Bevy's
-/// default near plane of 0.1 gives 0.2; a world of a smaller scale has a nearer one.
+/// Least view depth of splats, in world units: 0.2 as in training, or twice the camera's near plane if that is
+/// less. Bevy's default near plane of 0.1 gives 0.2; a world of a smaller scale has a nearer one.
 fn near(view: &ExtractedView) -> f32 {
     // Reverse z without a far plane maps view depth d to near / d, so this entry is `near`. In an orthographic
     // projection, it is far / (far - near), about 1, and 0.2 stays.

@@ -10,8 +10,8 @@ use stylegaussian::{
     strokes::Strokes,
 };
 
-/// The style that an entity shows. It is inserted when [`StyleApplied`](crate::StyleApplied), the event, is sent, and
-/// removed with [`StyleSource::none`](crate::StyleSource::none) or with the scene.
+/// The style that an entity shows. It is inserted when [`StyleApplied`](crate::StyleApplied), the event, is
+/// sent, and removed with [`StyleSource::none`](crate::StyleSource::none) or with the scene.
 #[derive(Component, Clone, Reflect)]
 #[reflect(opaque)]
 #[reflect(Component, Clone)]
@@ -31,9 +31,11 @@ pub(super) enum AppliedColors {
 }
 
 impl AppliedStyle {
-    /// One color per Gaussian of the scene `[N]`, display-referred RGB, not clamped. Over them lie the [`strokes`](Self::strokes).
+    /// One color per Gaussian of the scene `[N]`, display-referred RGB, not clamped. Over them lie the
+    /// [`strokes`](Self::strokes).
     ///
-    /// If the GPU styled the entity, the colors are computed again on the CPU. This can take seconds, so call it in a task.
+    /// If the GPU styled the entity, the colors are computed again on the CPU. This can take seconds, so call
+    /// it in a task.
     ///
     /// # Errors
     /// None for a style that is shown: scene, decoder and style have been checked.
@@ -44,8 +46,8 @@ impl AppliedStyle {
         }
     }
 
-    /// The strokes over the colors, or `None` if the style has none. [`Look::with_strokes`](stylegaussian::Look::with_strokes) keeps
-    /// both in a file.
+    /// The strokes over the colors, or `None` if the style has none.
+    /// [`Look::with_strokes`](stylegaussian::Look::with_strokes) keeps both in a file.
     pub fn strokes(&self) -> Option<&Arc<Strokes>> {
         match &self.colors {
             AppliedColors::Known { strokes, .. } => strokes.as_ref(),
@@ -53,8 +55,9 @@ impl AppliedStyle {
         }
     }
 
-    /// The scene in the colors that it is shown in, each with the mean of the strokes over it: other formats hold no strokes. Write it
-    /// to a file with `stylegaussian::file::write_scene`. With strokes, this takes a moment too.
+    /// The scene in the colors that it is shown in, each with the mean of the strokes over it: other formats
+    /// hold no strokes. Write it to a file with `stylegaussian::file::write_scene`. With strokes, this takes a
+    /// moment too.
     ///
     /// # Errors
     /// As [`Self::colors`].

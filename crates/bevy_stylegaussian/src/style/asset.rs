@@ -12,16 +12,16 @@ use stylegaussian_encoder::{Encoder, EncoderError};
 
 use crate::loader::FromFile;
 
-/// A style that was read from an image before: `.style.safetensors`, as `stylegaussian style IMAGE` writes it. It needs no
-/// encoder at run time, not even to be decoded.
+/// A style that was read from an image before: `.style.safetensors`, as `stylegaussian style IMAGE` writes it.
+/// It needs no encoder at run time, not even to be decoded.
 #[derive(Asset, Clone, Reflect)]
 #[reflect(opaque)]
 #[reflect(Clone)]
 pub struct StyleStatistics {
     /// Statistics of the style's features, which the decoder takes.
     pub statistics: Arc<ChannelStatistics>,
-    /// The painting's own paint, or `None` if the file carries none. Such a style cannot be painted, only decoded, for which the scene
-    /// needs features: see [`StyleMethod`](crate::StyleMethod).
+    /// The painting's own paint, or `None` if the file carries none. Such a style cannot be painted, only
+    /// decoded, for which the scene needs features: see [`StyleMethod`](crate::StyleMethod).
     pub paint: Option<Arc<Paint>>,
 }
 
@@ -34,8 +34,9 @@ impl FromFile for StyleStatistics {
     }
 }
 
-/// Baked colors of one scene, and the strokes over them: `.look.safetensors`, as `stylegaussian bake` writes them. It belongs to the
-/// scene that it was baked for, from whichever file that is loaded, and needs neither features nor a decoder.
+/// Baked colors of one scene, and the strokes over them: `.look.safetensors`, as `stylegaussian bake` writes
+/// them. It belongs to the scene that it was baked for, from whichever file that is loaded, and needs neither
+/// features nor a decoder.
 #[derive(Asset, Clone, Debug, Reflect)]
 #[reflect(opaque)]
 #[reflect(Clone, Debug)]
@@ -64,14 +65,14 @@ impl FromFile for GaussianDecoder {
     }
 }
 
-/// An encoder of style images, for the decoder: an `.onnx` file from RGB 0..1 `[1, 3, H, W]` to features `[1, D, h, w]`. Use it with
-/// [`StyleEncoder`](crate::StyleEncoder).
+/// An encoder of style images, for the decoder: an `.onnx` file from RGB 0..1 `[1, 3, H, W]` to features
+/// `[1, D, h, w]`. Use it with [`StyleEncoder`](crate::StyleEncoder).
 #[derive(Asset, Clone, Reflect)]
 #[reflect(opaque)]
 #[reflect(Clone)]
 pub struct ImageEncoder(
-    // Lazy, so that an app that uses presets alone never pays for opening the bundled encoder. The lock opens it once,
-    // even if two images need it at the same time.
+    // Lazy, so that an app that uses presets alone never pays for opening the bundled encoder. The lock opens
+    // it once, even if two images need it at the same time.
     Arc<LazyLock<Opened, Box<dyn FnOnce() -> Opened + Send>>>,
 );
 
@@ -104,7 +105,8 @@ impl FromFile for ImageEncoder {
     }
 }
 
-/// Adds the bundled encoder as the default asset, so that `Handle::default()` names it. It is opened at its first use.
+/// Adds the bundled encoder as the default asset, so that `Handle::default()` names it. It is opened at its
+/// first use.
 #[cfg(feature = "bundled_models")]
 pub(super) fn add_bundled_encoder(world: &mut World) {
     use stylegaussian_defaults::{ENCODER, ENCODER_NAME};

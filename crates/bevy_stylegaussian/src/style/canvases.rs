@@ -1,5 +1,5 @@
-//! Canvases: paintings that are prepared for painting any scene. They are made in the background, and kept as long as the image or
-//! the preset that they are of. No encoder takes part.
+//! Canvases: paintings that are prepared for painting any scene. They are made in the background, and kept as
+//! long as the image or the preset that they are of. No encoder takes part.
 
 use std::sync::{Arc, OnceLock};
 

@@ -17,13 +17,14 @@ use super::{
     worn::Passed,
 };
 
-/// Keeps an entity with a [`StyleSource`] from being drawn until its first style is there, instead of showing its captured
-/// colors for a while. If the style fails, the entity is drawn as captured.
+/// Keeps an entity with a [`StyleSource`] from being drawn until its first style is there, instead of showing
+/// its captured colors for a while. If the style fails, the entity is drawn as captured.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct HiddenUntilStyled;
 
-/// A cloud's radius is multiplied by this where volumes ask for it: they compute their styles before they arrive.
+/// A cloud's radius is multiplied by this where volumes ask for it: they compute their styles before they
+/// arrive.
 const NEAR: f32 = 2.0;
 
 /// A cloud in the world.
@@ -168,7 +169,8 @@ pub(super) fn compose_layers(
             }
             let strength = source.map_or(1.0, StyleSource::usual_strength);
             if strength < 1.0 && !found.is_empty() {
-                // Colors are premultiplied: captured colors of the rest over them multiply them by the strength.
+                // Colors are premultiplied: captured colors of the rest over them multiply them by the
+                // strength.
                 found.push(ColorLayer::everywhere(LayerColors::Captured, 1.0 - strength));
             }
         }

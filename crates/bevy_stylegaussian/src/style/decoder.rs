@@ -6,7 +6,8 @@ use stylegaussian::Decoder;
 
 use super::error::StyleError;
 
-/// The decoder of an entity's style: the entity's own, else the one that its scene carries, else the bundled one.
+/// The decoder of an entity's style: the entity's own, else the one that its scene carries, else the bundled
+/// one.
 ///
 /// # Errors
 /// If it is the bundled one, and that is not compiled in or does not parse.
@@ -24,8 +25,8 @@ fn bundled_decoder() -> Result<Arc<Decoder>, StyleError> {
 
     use stylegaussian::file::decoder_from_bytes;
 
-    // One `Arc` for all scenes of the process. Packed inputs are found by the decoder's address, so a second copy
-    // would pack again.
+    // One `Arc` for all scenes of the process. Packed inputs are found by the decoder's address, so a second
+    // copy would pack again.
     static DECODER: LazyLock<Result<Arc<Decoder>, String>> = LazyLock::new(|| {
         let decoder = decoder_from_bytes(stylegaussian_defaults::DECODER, "the bundled decoder");
         decoder.map(Arc::new).map_err(|error| error.to_string())

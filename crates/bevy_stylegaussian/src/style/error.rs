@@ -8,7 +8,8 @@ use stylegaussian_encoder::EncoderError;
 /// A style cannot be applied.
 #[derive(Debug, thiserror::Error)]
 pub enum StyleError {
-    /// Scene, decoder, styles or weights do not go together, or a scene that was never embedded is to be decoded.
+    /// Scene, decoder, styles or weights do not go together, or a scene that was never embedded is to be
+    /// decoded.
     #[error(transparent)]
     Stylize(#[from] StylizeError),
     /// A preset cannot be painted, and the scene has no features to decode.
@@ -29,7 +30,8 @@ pub enum StyleError {
     /// The bundled decoder is damaged.
     #[error("the decoder that is bundled with the plugin cannot be read: {0}")]
     BundledDecoder(String),
-    /// An image has to be encoded for a decoder, but no encoder is set and the plugin was built without the bundled one.
+    /// An image has to be encoded for a decoder, but no encoder is set and the plugin was built without the
+    /// bundled one.
     #[error(
         "a decoded style image needs an encoder, and the plugin was built without the bundled one: enable the feature \
          `bundled_models`, or set the resource StyleEncoder to an `.onnx` asset; StyleSource::preset needs no encoder \

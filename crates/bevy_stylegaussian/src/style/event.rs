@@ -6,9 +6,9 @@ use bevy::{ecs::system::SystemParam, platform::time::Instant, prelude::*};
 
 use super::{applied::AppliedStyle, error::StyleError, settings::StyleBackend};
 
-/// Sent once an entity's new style is complete and drawn, or begins to come in. Also sent once an entity whose source was
-/// changed to no style is in its captured colors, even if it was before. In an app that draws, the style is in the frame
-/// before the event, if a camera sees the entity.
+/// Sent once an entity's new style is complete and drawn, or begins to come in. Also sent once an entity whose
+/// source was changed to no style is in its captured colors, even if it was before. In an app that draws, the
+/// style is in the frame before the event, if a camera sees the entity.
 ///
 /// This is the event. The component [`AppliedStyle`] holds the style as long as it is shown.
 ///

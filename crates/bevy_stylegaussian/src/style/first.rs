@@ -1,7 +1,8 @@
 //! First colors: a scene in the palette of its style, shown while the style is still being painted.
 //!
-//! Reading an image and laying on paint takes seconds on a slow machine. Moving the scene's colors to the image's mean and
-//! covariance takes milliseconds ([`recolor`](stylegaussian::recolor)), so a change is answered at once.
+//! Reading an image and laying on paint takes seconds on a slow machine. Moving the scene's colors to the
+//! image's mean and covariance takes milliseconds ([`recolor`](stylegaussian::recolor)), so a change is
+//! answered at once.
 
 use std::sync::{Arc, OnceLock};
 
@@ -50,7 +51,8 @@ impl FirstRequest {
     /// The recolored scene.
     fn colors(&self) -> Arc<StyleColors> {
         let base = self.scene.base_colors();
-        // What pictures show of each Gaussian is not known yet. Opacities tell it well enough for the first seconds.
+        // What pictures show of each Gaussian is not known yet. Opacities tell it well enough for the first
+        // seconds.
         let weighted = base.iter().map(|color| Vec3::from(*color)).zip(self.scene.opacities.iter().copied());
         let from = ColorMoments::of_weighted(weighted);
         let recolorings: Vec<(Recoloring, f32)> = (self.palettes.iter())
@@ -109,8 +111,8 @@ impl FirstColors {
         matches!(self.before, Some(LayerColors::Captured))
     }
 
-    /// Computes them, those of large scenes in a thread of their own: the tasks' only thread may be the one that encodes
-    /// the image.
+    /// Computes them, those of large scenes in a thread of their own: the tasks' only thread may be the one
+    /// that encodes the image.
     pub(super) fn ask(&mut self, request: FirstRequest) {
         let computed = Arc::new(OnceLock::new());
         let of_thread = Arc::clone(&computed);

@@ -1,4 +1,5 @@
-//! Style statistics of images, which the decoder takes. They are computed in the background and kept as long as the image.
+//! Style statistics of images, which the decoder takes. They are computed in the background and kept as long as
+//! the image.
 
 use std::sync::Arc;
 
@@ -20,7 +21,8 @@ pub(super) struct ImageStatistics {
 }
 
 impl ImageStatistics {
-    /// The statistics of a loaded image, or `None` while they are computed. The first call starts the computation.
+    /// The statistics of a loaded image, or `None` while they are computed. The first call starts the
+    /// computation.
     pub(super) fn get(
         &mut self,
         handle: &Handle<Image>,
@@ -32,7 +34,8 @@ impl ImageStatistics {
             match pixels(image) {
                 Ok(image) => {
                     let encoder = encoder.clone();
-                    // Never on this thread, not even if pipelines are synchronous: that switch is about drawing.
+                    // Never on this thread, not even if pipelines are synchronous: that switch is about
+                    // drawing.
                     Background::spawn(move || encode(name, image, &encoder))
                 }
                 // Kept like statistics, so that it is reported once for each request and not computed again.
@@ -100,7 +103,8 @@ pub(super) fn pixels(image: &Image) -> Result<Image, String> {
         return Err("it has no pixels in main memory (load it with RenderAssetUsages::MAIN_WORLD)".into());
     }
     let mut image = image.clone();
-    // An image loaded as linear data (`is_srgb = false`) has the same bytes. A style is what a person sees in the file.
+    // An image loaded as linear data (`is_srgb = false`) has the same bytes. A style is what a person sees in
+    // the file.
     if image.texture_descriptor.format == TextureFormat::Rgba8Unorm {
         image.texture_descriptor.format = TextureFormat::Rgba8UnormSrgb;
     }

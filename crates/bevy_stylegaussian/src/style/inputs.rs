@@ -75,7 +75,8 @@ impl Inputs<'_> {
             // While images are loaded and prepared.
             self.surfaces.prepare(scene.scene());
         }
-        // All inputs are asked for before the first one is waited for, so that images are prepared side by side.
+        // All inputs are asked for before the first one is waited for, so that images are prepared side by
+        // side.
         let inputs: Vec<_> = source.styles.iter().map(|style| self.input(&style.input, is_painted)).collect();
         let (mut canvases, mut statistics, mut looks) = (Vec::new(), Vec::new(), Vec::new());
         for (input, style) in inputs.into_iter().zip(&source.styles) {
@@ -101,16 +102,16 @@ impl Inputs<'_> {
             styles,
             looks,
             content: f64::from(source.content),
-            // Paint is laid on and looks are mixed on the CPU. Decided anew for each request, so that a change of
-            // `StyleBackend` affects the next change of style.
+            // Paint is laid on and looks are mixed on the CPU. Decided anew for each request, so that a change
+            // of `StyleBackend` affects the next change of style.
             backend: if is_painted || has_looks { StyleBackend::Cpu } else { self.backend(gpu_refused)? },
             packed: self.packed.clone(),
             surfaces: self.surfaces.clone(),
         }))
     }
 
-    /// Inputs of a style's first colors, or `None` while a palette is missing, if the style is not painted, or if it cannot
-    /// be.
+    /// Inputs of a style's first colors, or `None` while a palette is missing, if the style is not painted, or
+    /// if it cannot be.
     pub(super) fn first_request(
         &self,
         source: &StyleSource,
@@ -226,8 +227,8 @@ pub(super) fn loaded<'a, A: Asset>(
     handle: &Handle<A>,
 ) -> Result<Option<&'a A>, Arc<StyleError>> {
     let asset = assets.get(handle);
-    // A reload that fails leaves the old asset in place, and that is used. Assets that a program adds have no load
-    // state.
+    // A reload that fails leaves the old asset in place, and that is used. Assets that a program adds have no
+    // load state.
     match server.get_load_state(handle) {
         Some(LoadState::Failed(error)) if asset.is_none() => {
             Err(Arc::new(StyleError::Load(error.to_string())))

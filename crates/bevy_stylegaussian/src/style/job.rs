@@ -1,8 +1,9 @@
 //! The way from a changed source to new colors: one job per styled entity and scene.
 //!
-//! A job computes one style at a time and remembers only *that* another is wanted, not which: when it is free again it
-//! reads the entity's components as they are then. So a thousand changes that come faster than they complete cost a few
-//! computations, some of the styles in between are seen, and the last change is the one that stays.
+//! A job computes one style at a time and remembers only *that* another is wanted, not which: when it is free
+//! again it reads the entity's components as they are then. So a thousand changes that come faster than they
+//! complete cost a few computations, some of the styles in between are seen, and the last change is the one
+//! that stays.
 
 use std::sync::Arc;
 
@@ -34,7 +35,8 @@ use super::{
     worn::Worn,
 };
 
-/// The jobs of a styled entity: one for the scene that it shows, or one for each scene that its volume comes near.
+/// The jobs of a styled entity: one for the scene that it shows, or one for each scene that its volume comes
+/// near.
 #[derive(Component, Default)]
 pub(crate) struct StyleJobs {
     pub(super) of_scene: Vec<StyleJob>,
@@ -49,14 +51,16 @@ pub(crate) struct StyleJob {
     pub(super) scene: LoadedScene,
     /// An entity that shows the scene.
     pub(super) cloud: Entity,
-    /// Time of the first change that neither the style under way nor the shown one answers, or `None` if both are current.
+    /// Time of the first change that neither the style under way nor the shown one answers, or `None` if both
+    /// are current.
     wanted: Option<Instant>,
     stage: Stage,
     /// The style that was put on and is not drawn yet.
     coming: Option<Coming>,
     /// Whether the GPU has refused the present scene and decoder.
     gpu_refused: bool,
-    /// The last failure, until a component of the entity changes. Assets that come later often change nothing about it.
+    /// The last failure, until a component of the entity changes. Assets that come later often change nothing
+    /// about it.
     failure: Option<String>,
     /// First colors, which are shown until the wanted style is painted.
     first: FirstColors,
@@ -236,7 +240,8 @@ fn changed<A: Asset>(events: &mut MessageReader<AssetEvent<A>>) -> HashSet<Asset
 /// The components of an entity that may have lost its style.
 type Unstyled = (&'static mut StyleJobs, Option<&'static StyleTransition>, Has<StyleSource>);
 
-/// Resets entities to their captured colors if their source was removed, and wants a new style if their decoder was.
+/// Resets entities to their captured colors if their source was removed, and wants a new style if their decoder
+/// was.
 pub(super) fn drop_removed_styles(
     mut commands: Commands,
     mut sources: RemovedComponents<StyleSource>,
@@ -319,7 +324,8 @@ pub(super) fn advance_jobs(
 }
 
 impl StyleJob {
-    /// Puts on the captured colors, which needs no task. Returns the time of the change if they are shown already.
+    /// Puts on the captured colors, which needs no task. Returns the time of the change if they are shown
+    /// already.
     fn unstyle(&mut self, transition: Option<&StyleTransition>, is_volume: bool) -> Option<Instant> {
         // A task under way is canceled in any case; the event is sent if somebody asked.
         self.stage = Stage::Idle;

@@ -1,11 +1,13 @@
 //! Styling: from a [`StyleSource`] to the layers of colors that an entity shows.
 //!
-//! A changed [`StyleSource`], or a changed asset that it names, makes the entity's [`job`] want a new style. The job waits
-//! for the assets and has images prepared ([`canvases`]) or encoded ([`images`]); meanwhile it shows [`first`] colors. Then a task,
-//! shared by all who want the same ([`shared`]), paints the scene on its surface ([`surfaces`]), or folds the style into the decoder's
-//! weights and, on the CPU backend, decodes the colors too ([`request`]). Folded weights are decoded on the GPU by the style pass ([`pass`]). Once the GPU has the colors, the entity
-//! puts them on ([`worn`]), by a [`transition`]. The styles that an entity wears and the [`volume`]s that touch it become its layers ([`compose`]). A shown
-//! style may be baked further ([`refine`]).
+//! A changed [`StyleSource`], or a changed asset that it names, makes the entity's [`job`] want a new style.
+//! The job waits for the assets and has images prepared ([`canvases`]) or encoded ([`images`]); meanwhile it
+//! shows [`first`] colors. Then a task, shared by all who want the same ([`shared`]), paints the scene on its
+//! surface ([`surfaces`]), or folds the style into the decoder's weights and, on the CPU backend, decodes the
+//! colors too ([`request`]). Folded weights are decoded on the GPU by the style pass ([`pass`]). Once the GPU
+//! has the colors, the entity puts them on ([`worn`]), by a [`transition`]. The styles that an entity wears and
+//! the [`volume`]s that touch it become its layers ([`compose`]). A shown style may be baked further
+//! ([`refine`]).
 
 use bevy::{
     prelude::*,
@@ -88,8 +90,9 @@ impl Plugin for StylePlugin {
             .add_systems(
                 PostUpdate,
                 (
-                    // In this order: old canvases and statistics are gone before a style is wanted, everything that is wanted is
-                    // known, and reports have made jobs idle, before `advance_jobs` starts anything.
+                    // In this order: old canvases and statistics are gone before a style is wanted, everything
+                    // that is wanted is known, and reports have made jobs idle, before `advance_jobs` starts
+                    // anything.
                     canvases::forget_changed_canvases,
                     images::forget_changed_images,
                     compose::find_scenes_of_clouds,
@@ -99,7 +102,8 @@ impl Plugin for StylePlugin {
                     job::drop_removed_styles,
                     compose::advance_transitions,
                     job::advance_jobs,
-                    // After the styles: a style that has just been applied is refined, and a changed one no longer.
+                    // After the styles: a style that has just been applied is refined, and a changed one no
+                    // longer.
                     refine::want_refinements,
                     refine::advance_refinements,
                     prepare::prepare_surfaces,
@@ -123,7 +127,8 @@ impl Plugin for StylePlugin {
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app.init_gpu_resource::<pass::StylePasses>().add_systems(
                 RenderGraph,
-                // `update_colors` makes the entries that styles are decoded into, and `mix_colors` shows them in the same frame.
+                // `update_colors` makes the entries that styles are decoded into, and `mix_colors` shows them
+                // in the same frame.
                 pass::decode_styles.after(update_colors).before(mix_colors),
             );
         }

@@ -30,8 +30,8 @@ impl PackedInputs {
         scene: &Arc<Scene>,
         decoder: &Arc<Decoder>,
     ) -> Result<Arc<StyleInputs>, StylizeError> {
-        // Locked while packing: a second task that needs the same inputs waits for them instead of packing them twice. It
-        // waits as tasks do, since in a browser both may be on one thread.
+        // Locked while packing: a second task that needs the same inputs waits for them instead of packing them
+        // twice. It waits as tasks do, since in a browser both may be on one thread.
         let mut all = self.0.lock().await;
         all.retain(|packed| packed.inputs.strong_count() > 0);
         // A weak pointer keeps its address taken, so equal addresses mean the same scene and decoder.

@@ -26,7 +26,8 @@ use crate::{
 
 use super::settings::StyleBudget;
 
-/// Time for which scratch memory is kept after a style pass. While a slider is dragged, the next pass follows soon.
+/// Time for which scratch memory is kept after a style pass. While a slider is dragged, the next pass follows
+/// soon.
 const SCRATCH_IS_KEPT: Duration = Duration::from_secs(2);
 
 /// The style pass on the present device.
@@ -38,7 +39,8 @@ pub(super) struct StylePasses {
     scenes: Vec<StyledScene>,
     /// Measures the work of each frame against the [`StyleBudget`].
     meter: Option<WorkMeter>,
-    /// Whether all wishes are fulfilled. False on a new device, and while a style is under way or waits for pipelines.
+    /// Whether all wishes are fulfilled. False on a new device, and while a style is under way or waits for
+    /// pipelines.
     settled: bool,
     /// Time of the last style pass, or `None` if its scratch memory was released.
     last_run: Option<Instant>,
@@ -61,7 +63,8 @@ struct UnderWay {
     style: Arc<StyleColors>,
     /// The colors that it is decoded into. Nobody sees them before they are complete.
     target: GaussianColors,
-    // Every style has its own weights: two may be decoded in one frame, and all weights are written before it runs.
+    // Every style has its own weights: two may be decoded in one frame, and all weights are written before it
+    // runs.
     weights: GpuDecoder,
     progress: StyleProgress,
 }
@@ -156,7 +159,8 @@ impl StylePasses {
     ) -> Result<bool, String> {
         let Some(meter) = &mut self.meter else { return Ok(false) };
         let inputs = &folded.inputs;
-        // A short list: one entry per scene and decoder that is styled. Equal `Arc`s mean equal features on the GPU.
+        // A short list: one entry per scene and decoder that is styled. Equal `Arc`s mean equal features on the
+        // GPU.
         let index = match self.scenes.iter().position(|scene| is_same(&scene.inputs, inputs)) {
             Some(index) => index,
             None => {
@@ -207,7 +211,8 @@ impl StylePasses {
 
     /// Frees the scratch memory if no style pass ran for a while.
     fn release_scratch(&mut self) {
-        // By the clock and not by frames: a slow adapter would otherwise free and allocate for each step of a slider.
+        // By the clock and not by frames: a slow adapter would otherwise free and allocate for each step of a
+        // slider.
         if self.last_run.is_some_and(|last_run| last_run.elapsed() > SCRATCH_IS_KEPT) {
             self.scenes.iter().for_each(|scene| scene.scene.release_scratch());
             self.last_run = None;
@@ -216,8 +221,8 @@ impl StylePasses {
 
     /// Frees scenes whose styles nobody keeps any more, and drops styles under way that nobody wants.
     fn forget_unwanted(&mut self) {
-        // A scene stays while any of its folded styles does, also if that style is complete: the next one needs the same
-        // features.
+        // A scene stays while any of its folded styles does, also if that style is complete: the next one needs
+        // the same features.
         self.scenes.retain_mut(|scene| {
             // One reference is that of the style under way itself.
             if scene.under_way.as_ref().is_some_and(|under_way| Arc::strong_count(&under_way.style) == 1) {

@@ -5,11 +5,11 @@ use bevy::prelude::*;
 use super::{settings::StyleMethod, surfaces::Surfaces};
 use crate::scene::LoadedScene;
 
-/// Prepares a scene for paint in the background as soon as it is loaded, so that its first painting comes sooner. A component for
-/// scenes that begin unstyled or with a look; others are prepared anyway.
+/// Prepares a scene for paint in the background as soon as it is loaded, so that its first painting comes
+/// sooner. A component for scenes that begin unstyled or with a look; others are prepared anyway.
 ///
-/// It takes a second or a few of a thread and some memory, for nothing if a scene only ever shows looks. It does nothing if
-/// [`StyleMethod`] is not `Paint`, and in a browser, which has no threads.
+/// It takes a second or a few of a thread and some memory, for nothing if a scene only ever shows looks. It
+/// does nothing if [`StyleMethod`] is not `Paint`, and in a browser, which has no threads.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct StylePrepare;

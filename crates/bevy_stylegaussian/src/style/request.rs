@@ -1,5 +1,5 @@
-//! The computation of a style, in a task: from canvases, statistics and looks to colors and strokes, or to the weights that the GPU
-//! needs for them.
+//! The computation of a style, in a task: from canvases, statistics and looks to colors and strokes, or to the
+//! weights that the GPU needs for them.
 
 use std::sync::Arc;
 
@@ -66,10 +66,12 @@ pub(super) struct StyleResult {
 }
 
 impl StyleRequest {
-    /// Folds the styles into the decoder. On the CPU backend, paints or decodes the scene and mixes the looks in.
+    /// Folds the styles into the decoder. On the CPU backend, paints or decodes the scene and mixes the looks
+    /// in.
     ///
     /// # Errors
-    /// If parts do not go together: a look with the scene, or decoded styles with a scene without features, or with the decoder.
+    /// If parts do not go together: a look with the scene, or decoded styles with a scene without features, or
+    /// with the decoder.
     pub(super) async fn run(&self) -> Result<StyleResult, StyleError> {
         if self.backend == StyleBackend::Gpu {
             return self.fold().await;
@@ -96,8 +98,8 @@ impl StyleRequest {
         }
         // Packed in this task: the render thread only uploads.
         let inputs = self.packed.get(&scene, &decoder).await?;
-        // The content's statistics are part of the inputs, so a further style of a scene does not pass over its N
-        // features.
+        // The content's statistics are part of the inputs, so a further style of a scene does not pass over its
+        // N features.
         let map = inputs.content().transfer(&self.weighted_styles(), self.content)?;
         let layers = FoldedLayers::new(inputs.content(), &decoder, &map)?;
         let colors = AppliedColors::Decoded { decoder, map: Arc::new(map) };

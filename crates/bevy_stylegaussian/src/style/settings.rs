@@ -8,8 +8,8 @@ use super::asset::ImageEncoder;
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Clone, Debug, Default, PartialEq)]
 pub enum StyleBackend {
-    /// The GPU, or the CPU if the adapter is software (such as llvmpipe), where the CPU's own decoder is faster. Also the
-    /// CPU if the scene or its decoder is too large for the GPU.
+    /// The GPU, or the CPU if the adapter is software (such as llvmpipe), where the CPU's own decoder is
+    /// faster. Also the CPU if the scene or its decoder is too large for the GPU.
     #[default]
     Auto,
     /// The CPU, in the background.
@@ -22,28 +22,31 @@ pub enum StyleBackend {
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Clone, Debug, Default, PartialEq)]
 pub enum StyleMethod {
-    /// The painting's own strokes over colors of its palette ([`stylegaussian::paint`]), drawn by the pixel. Any scene will do, and any
-    /// image: neither features nor an encoder take part. The colors are computed on the CPU in the background: a few seconds for
-    /// 70,000 Gaussians on two cores at a scene's first style, less if it is prepared, and about half a second afterwards.
-    /// While another painting is laid on, the scene is shown recolored in its palette, which takes milliseconds, except
-    /// under [`HiddenUntilStyled`](crate::HiddenUntilStyled). Events are those of the paint.
+    /// The painting's own strokes over colors of its palette ([`stylegaussian::paint`]), drawn by the pixel.
+    /// Any scene will do, and any image: neither features nor an encoder take part. The colors are computed on
+    /// the CPU in the background: a few seconds for 70,000 Gaussians on two cores at a scene's first style,
+    /// less if it is prepared, and about half a second afterwards. While another painting is laid on, the scene
+    /// is shown recolored in its palette, which takes milliseconds, except under
+    /// [`HiddenUntilStyled`](crate::HiddenUntilStyled). Events are those of the paint.
     ///
-    /// A scene with a decoder of its own, an entity with a [`StyleDecoder`](crate::StyleDecoder), and presets without paint
-    /// are decoded instead.
+    /// A scene with a decoder of its own, an entity with a [`StyleDecoder`](crate::StyleDecoder), and presets
+    /// without paint are decoded instead.
     #[default]
     Paint,
-    /// The decoder alone, as in the paper, on the [`StyleBackend`]: the painting's palette, without its strokes. The scene needs
-    /// features, and images an encoder.
+    /// The decoder alone, as in the paper, on the [`StyleBackend`]: the painting's palette, without its
+    /// strokes. The scene needs features, and images an encoder.
     Decoder,
 }
 
 /// GPU time per frame for all style changes together. A resource.
 ///
-/// A change that takes longer is spread over several frames, and the old colors stay until the new ones are complete. The
-/// GPU's timestamps measure the time. If the device has no timestamps, the speed of an old integrated GPU is assumed.
+/// A change that takes longer is spread over several frames, and the old colors stay until the new ones are
+/// complete. The GPU's timestamps measure the time. If the device has no timestamps, the speed of an old
+/// integrated GPU is assumed.
 ///
-/// Each frame decodes at least 128 Gaussians in one layer, even if that exceeds the budget. Devices with small limits split
-/// the inputs of a layer and may exceed it by more. [`StyleBackend::Cpu`] has no budget: it works in the background.
+/// Each frame decodes at least 128 Gaussians in one layer, even if that exceeds the budget. Devices with small
+/// limits split the inputs of a layer and may exceed it by more. [`StyleBackend::Cpu`] has no budget: it works
+/// in the background.
 #[derive(Resource, ExtractResource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Clone, Debug, Default, PartialEq)]
 pub struct StyleBudget {
@@ -59,8 +62,9 @@ impl Default for StyleBudget {
 
 /// The encoder of style images that are decoded. A resource. Paint needs none.
 ///
-/// The default handle names the bundled encoder, which needs the feature `bundled_models` and is opened in the background
-/// when the first image has to be encoded. If the handle or its asset changes, all images are encoded again.
+/// The default handle names the bundled encoder, which needs the feature `bundled_models` and is opened in the
+/// background when the first image has to be encoded. If the handle or its asset changes, all images are
+/// encoded again.
 ///
 /// ```
 /// # use bevy::prelude::*;

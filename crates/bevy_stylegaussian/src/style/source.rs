@@ -8,17 +8,20 @@ use super::{
     job::StyleJobs,
 };
 
-/// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images, presets and looks, blended
-/// with the content itself. Change it at any time. The old colors stay until the new ones are complete.
+/// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images, presets and
+/// looks, blended with the content itself. Change it at any time. The old colors stay until the new ones are
+/// complete.
 ///
-/// Images and presets paint any scene: their strokes are drawn over its colors, pixel by pixel. Or they are mixed as features and
-/// decoded together: see [`StyleMethod`](crate::StyleMethod). Looks are colors and strokes already, and mix with one another and
-/// with what was painted or decoded: that sum is computed on the CPU, whichever [`StyleBackend`](crate::StyleBackend) is set,
-/// and so are the images and presets beside a look. In a mix of paintings, each spot shows the strokes of one of them.
+/// Images and presets paint any scene: their strokes are drawn over its colors, pixel by pixel. Or they are
+/// mixed as features and decoded together: see [`StyleMethod`](crate::StyleMethod). Looks are colors and
+/// strokes already, and mix with one another and with what was painted or decoded: that sum is computed on the
+/// CPU, whichever [`StyleBackend`](crate::StyleBackend) is set, and so are the images and presets beside a
+/// look. In a mix of paintings, each spot shows the strokes of one of them.
 ///
-/// [`strength`](Self::strength), [`paint`](Self::paint), [`protection`](Self::protection) and [`stroke_scale`](Self::stroke_scale) are
-/// shown in the next frame and compute nothing, so they can be animated. A [`StyleVolume`](crate::StyleVolume) has a strength of its
-/// own; its strokes are drawn by the other three of the splats that it lies on.
+/// [`strength`](Self::strength), [`paint`](Self::paint), [`protection`](Self::protection) and
+/// [`stroke_scale`](Self::stroke_scale) are shown in the next frame and compute nothing, so they can be
+/// animated. A [`StyleVolume`](crate::StyleVolume) has a strength of its own; its strokes are drawn by the
+/// other three of the splats that it lies on.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -36,22 +39,24 @@ use super::{
 #[require(StyleJobs)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct StyleSource {
-    /// The styles and their weights, which are normalized to sum 1. If it is empty, the splats have their captured colors.
+    /// The styles and their weights, which are normalized to sum 1. If it is empty, the splats have their
+    /// captured colors.
     pub styles: Vec<WeightedStyle>,
-    /// Share of the content that stays, 0..1. Painted, and in looks, it is the share of the scene's base colors. Decoded, it is that of
-    /// its features, transferred = c f + (1 - c) sum_j w_j AdaIN_j: at 1, the colors are then the decoder's reconstruction of the
-    /// content, which differs from the captured colors.
+    /// Share of the content that stays, 0..1. Painted, and in looks, it is the share of the scene's base
+    /// colors. Decoded, it is that of its features, transferred = c f + (1 - c) sum_j w_j AdaIN_j: at 1, the
+    /// colors are then the decoder's reconstruction of the content, which differs from the captured colors.
     pub content: f32,
     /// Share of the style's colors and strokes, 0..1: at 0, all is as captured, view-dependent colors included.
     pub strength: f32,
-    /// Factor of the strokes, 0 to 3: at 0, the painting's colors are left, and above 1, its strokes stand out more than in the
-    /// painting.
+    /// Factor of the strokes, 0 to 3: at 0, the painting's colors are left, and above 1, its strokes stand out
+    /// more than in the painting.
     pub paint: f32,
-    /// How much of the scene stays clear of strokes, as a factor, 0 to 10. At 1, the default, what stands out of the scene and of the
-    /// strokes does, such as windows and fences; at 2 or 3, more of it ("clear"), and at 0, nothing ("strong").
+    /// How much of the scene stays clear of strokes, as a factor, 0 to 10. At 1, the default, what stands out
+    /// of the scene and of the strokes does, such as windows and fences; at 2 or 3, more of it ("clear"), and
+    /// at 0, nothing ("strong").
     pub protection: f32,
-    /// Size of the strokes, as a factor, 0.1 to 10. At 1, the default, they have the size that they have in the painting if the
-    /// scene is seen at 512 pixels from the usual distance.
+    /// Size of the strokes, as a factor, 0.1 to 10. At 1, the default, they have the size that they have in the
+    /// painting if the scene is seen at 512 pixels from the usual distance.
     pub stroke_scale: f32,
 }
 
@@ -83,8 +88,8 @@ pub struct WeightedStyle {
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[reflect(Clone, Debug, PartialEq)]
 pub enum StyleInput {
-    /// An image. It is prepared in the background at its first use and again if it changes. To be decoded, it is encoded by the
-    /// [`StyleEncoder`](crate::StyleEncoder) too.
+    /// An image. It is prepared in the background at its first use and again if it changes. To be decoded, it
+    /// is encoded by the [`StyleEncoder`](crate::StyleEncoder) too.
     Image(Handle<Image>),
     /// An image that was prepared before.
     Preset(Handle<StyleStatistics>),
@@ -190,8 +195,8 @@ impl StyleSource {
     }
 }
 
-/// The decoder of an entity's style. Without this component, the scene's own decoder is used if it has one, otherwise the
-/// bundled decoder.
+/// The decoder of an entity's style. Without this component, the scene's own decoder is used if it has one,
+/// otherwise the bundled decoder.
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct StyleDecoder(pub Handle<GaussianDecoder>);

@@ -25,8 +25,8 @@ impl Surfaces {
         known.iter().filter(|known| known.surface.is_initialized()).count()
     }
 
-    /// Computes the surface of `scene` in a thread of its own, unless it is known or under way: a task would keep others waiting behind
-    /// it.
+    /// Computes the surface of `scene` in a thread of its own, unless it is known or under way: a task would
+    /// keep others waiting behind it.
     #[cfg(not(target_family = "wasm"))]
     pub(super) fn prepare(&self, scene: &Arc<Scene>) {
         let (surface, is_new) = self.place(scene);

@@ -120,8 +120,8 @@ fn auto_leaves_software_adapters_alone() {
     assert_eq!(n_passes(&app), u64::from(!is_software));
 }
 
-/// A look of 300,000 Gaussians is parsed and matched to its scene in tasks, and its colors are uploaded as they are. The
-/// longest frame is printed and not bounded: other programs on the machine make frames longer.
+/// A look of 300,000 Gaussians is parsed and matched to its scene in tasks, and its colors are uploaded as they
+/// are. The longest frame is printed and not bounded: other programs on the machine make frames longer.
 #[test]
 fn a_large_look_is_shown_without_a_pass() {
     let dir = tempfile::tempdir().unwrap();
@@ -208,8 +208,9 @@ fn only_changes_run_the_style_pass() {
     assert_eq!(n_passes(&app), 2);
 }
 
-/// With a budget of zero, each frame decodes 128 Gaussians of a layer. Two entities that share a scene change one after the
-/// other if they want different styles, and the old colors stay until all of the new ones are complete.
+/// With a budget of zero, each frame decodes 128 Gaussians of a layer. Two entities that share a scene change
+/// one after the other if they want different styles, and the old colors stay until all of the new ones are
+/// complete.
 #[test]
 fn a_change_is_spread_over_frames() {
     let Some(mut app) = app_with_rendering(StyleBackend::Gpu) else { return };
@@ -250,8 +251,8 @@ fn a_change_is_spread_over_frames() {
         assert!(n_new < n_passes(&app));
     }
     eprintln!("frames: {frames_of_each_count:?}");
-    // 1,000 Gaussians are 8 tiles of 128 in each of three layers, so about 24 frames. Two thirds of that are asked
-    // for.
+    // 1,000 Gaussians are 8 tiles of 128 in each of three layers, so about 24 frames. Two thirds of that are
+    // asked for.
     assert!(frames_of_each_count[..2].iter().all(|&n| n >= 16), "{frames_of_each_count:?}");
 
     // A style that is no longer wanted is dropped halfway, and the scene is free for the other entity.
@@ -276,8 +277,8 @@ fn a_change_is_spread_over_frames() {
     assert_eq!(n_passes(&app), 4);
 }
 
-/// A thousand changes that come faster than they complete, on both backends, with fades and with a budget: the last one
-/// stays, and the device holds the same memory as after five hundred.
+/// A thousand changes that come faster than they complete, on both backends, with fades and with a budget: the
+/// last one stays, and the device holds the same memory as after five hundred.
 #[test]
 fn a_thousand_changes_leave_nothing_behind() {
     let cases = [
@@ -332,7 +333,8 @@ fn a_thousand_changes_leave_nothing_behind() {
                 allocations(app);
             }
         };
-        // A few styles are kept for the one who comes back to them: more than that are shown before memory is compared.
+        // A few styles are kept for the one who comes back to them: more than that are shown before memory is
+        // compared.
         app.update();
         (0..10).for_each(|to| settle(&mut app, to % 5));
         let mut next = numbers(1);
@@ -344,8 +346,8 @@ fn a_thousand_changes_leave_nothing_behind() {
                 allocations(app);
             }
         };
-        // Not sooner: pools of wgpu and of timestamps hold as many buffers as were ever in flight at once, and on a GPU it takes
-        // some changes until that many are.
+        // Not sooner: pools of wgpu and of timestamps hold as many buffers as were ever in flight at once, and
+        // on a GPU it takes some changes until that many are.
         let [after_500, after_1000] = [500, 500].map(|n| {
             (0..n).for_each(|_| change_at_random(&mut app));
             settle(&mut app, 3);
@@ -362,7 +364,8 @@ fn a_thousand_changes_leave_nothing_behind() {
     }
 }
 
-/// A scene that replaces a styled one is shown in its captured colors at once: the old colors belong to other Gaussians.
+/// A scene that replaces a styled one is shown in its captured colors at once: the old colors belong to other
+/// Gaussians.
 #[test]
 fn another_scene_does_not_fade_from_the_last() {
     let Some(mut app) = app_with_rendering(StyleBackend::Cpu) else { return };

@@ -18,7 +18,8 @@ use super::place::Place;
 
 /// The way in which an entity's changes of style are shown. Without this component, changes are immediate.
 ///
-/// A transition begins once the new style is complete. A change that comes in between begins at once, over what is shown.
+/// A transition begins once the new style is complete. A change that comes in between begins at once, over what
+/// is shown.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -54,8 +55,8 @@ impl Default for StyleTransition {
     }
 }
 
-/// The places of a scene that change first. The first style of a [`StyleVolume`](crate::StyleVolume) fades in, whatever the shape;
-/// later ones replace it in this shape.
+/// The places of a scene that change first. The first style of a [`StyleVolume`](crate::StyleVolume) fades in,
+/// whatever the shape; later ones replace it in this shape.
 #[derive(Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Clone, Debug, Default, PartialEq)]
 pub enum TransitionShape {
@@ -202,8 +203,8 @@ impl StyleTransition {
     }
 }
 
-/// The part of the time within which a transition reaches the usual extent of a scene. The rest is for what lies far outside,
-/// such as a sky.
+/// The part of the time within which a transition reaches the usual extent of a scene. The rest is for what
+/// lies far outside, such as a sky.
 const USUAL_PART: f32 = 0.9;
 
 /// A way from `begin` past `usual` to `end`, at a progress of 0..1.
@@ -253,7 +254,8 @@ mod tests {
         shapes.iter().cloned().chain(wide).collect()
     }
 
-    /// Nothing of the scene has changed at the beginning, all of it at the end, and nothing changes back on the way.
+    /// Nothing of the scene has changed at the beginning, all of it at the end, and nothing changes back on the
+    /// way.
     #[test]
     fn transitions_begin_with_nothing_and_end_with_all() {
         for transition in all_shapes() {

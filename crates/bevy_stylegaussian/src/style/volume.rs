@@ -7,15 +7,17 @@ use bevy::{
 };
 use stylegaussian::layers::{Cover, Region, RegionCover, Shape};
 
-/// A part of the world in which splats have the style of this entity's [`StyleSource`](crate::StyleSource), or their captured colors if that is
-/// none. Its `Transform` places, turns and scales it.
+/// A part of the world in which splats have the style of this entity's [`StyleSource`](crate::StyleSource), or
+/// their captured colors if that is none. Its `Transform` places, turns and scales it.
 ///
-/// Any number of volumes may overlap, with one another and with any number of clouds, and may move in each frame. They lie
-/// over the styles of the clouds themselves, and over one another by their priority. A style is computed once for each scene
-/// that a volume comes near, and shared with whatever else wants it; until it is there, the volume changes nothing.
+/// Any number of volumes may overlap, with one another and with any number of clouds, and may move in each
+/// frame. They lie over the styles of the clouds themselves, and over one another by their priority. A style is
+/// computed once for each scene that a volume comes near, and shared with whatever else wants it; until it is
+/// there, the volume changes nothing.
 ///
-/// A volume has the [`strength`](crate::StyleSource::strength) of its own source. How strokes are drawn (`paint`, `protection` and
-/// `stroke_scale`) is of a cloud as a whole, and so the source on the cloud says it, or a default if that has none.
+/// A volume has the [`strength`](crate::StyleSource::strength) of its own source. How strokes are drawn
+/// (`paint`, `protection` and `stroke_scale`) is of a cloud as a whole, and so the source on the cloud says it,
+/// or a default if that has none.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -39,14 +41,14 @@ pub struct StyleVolume {
     pub shape: VolumeShape,
     /// Width of the edge in world units, at least 0: half of it lies within the shape.
     pub softness: f32,
-    /// Volumes of a higher priority lie over those of a lower one. Of two equal ones, the entity that was spawned later
-    /// usually lies over the other.
+    /// Volumes of a higher priority lie over those of a lower one. Of two equal ones, the entity that was
+    /// spawned later usually lies over the other.
     pub priority: i32,
     /// The only entity whose splats have the style, or `None` if all have it.
     pub cloud: Option<Entity>,
-    /// The channel of the clouds' [`StyleMask`](crate::StyleMask), 0..4, in which the style shows as far as it is painted, or
-    /// `None` if it shows in all of the volume. Clouds without a mask do not have the style then, and a channel beyond the fourth
-    /// is never painted.
+    /// The channel of the clouds' [`StyleMask`](crate::StyleMask), 0..4, in which the style shows as far as it
+    /// is painted, or `None` if it shows in all of the volume. Clouds without a mask do not have the style
+    /// then, and a channel beyond the fourth is never painted.
     pub mask: Option<usize>,
 }
 

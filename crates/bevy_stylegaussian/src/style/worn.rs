@@ -61,7 +61,8 @@ impl Worn {
         });
     }
 
-    /// Lets time pass, and drops what nothing is seen of any more. If `is_own`, captured colors are those below.
+    /// Lets time pass, and drops what nothing is seen of any more. If `is_own`, captured colors are those
+    /// below.
     pub(super) fn advance(&mut self, passed: Passed, is_own: bool) {
         for worn in &mut self.0 {
             if let Some((transition, elapsed)) = &mut worn.coming {
@@ -100,8 +101,9 @@ impl Worn {
         layers
     }
 
-    /// The styles as one layer in a volume's region and channel of a mask, or `None` if there is none. The first
-    /// style fades in, whatever shape its transition has; those that come over it come in their shapes, as on the cloud at `place`.
+    /// The styles as one layer in a volume's region and channel of a mask, or `None` if there is none. The
+    /// first style fades in, whatever shape its transition has; those that come over it come in their shapes,
+    /// as on the cloud at `place`.
     pub(super) fn volume_layer(
         &mut self,
         place: &Place,

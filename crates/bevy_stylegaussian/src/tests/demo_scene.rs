@@ -19,7 +19,8 @@ fn demo_scene() -> Scene {
     Scene { features: None, ..file::read_scene(&path).unwrap().scene }
 }
 
-/// The rasterizer's image and its coverage. The background is black and blended in linear space, as a camera does.
+/// The rasterizer's image and its coverage. The background is black and blended in linear space, as a camera
+/// does.
 fn reference(scene: &Scene) -> (Vec<[f32; 3]>, Vec<f32>) {
     let camera = Camera::look_at(EYE, Vec3::ZERO, Vec3::Y, FOV_Y, SIZE);
     let view = splat::render(scene, splat::Colors::Captured, &camera);
@@ -46,7 +47,8 @@ fn picture(scene: Scene, camera: impl Bundle) -> Option<Vec<[f32; 3]>> {
     Some(read_back(&app, &image).iter().map(|&[r, g, b, _]| [r, g, b]).collect())
 }
 
-/// Checks that the PSNR against the reference is at least `least` dB, over pixels of which splats cover more than half.
+/// Checks that the PSNR against the reference is at least `least` dB, over pixels of which splats cover more
+/// than half.
 fn check(name: &str, camera: impl Bundle, least: f32) {
     let scene = demo_scene();
     let (expected, alpha) = reference(&scene);

@@ -14,8 +14,8 @@ use super::world::{rendering::*, *};
 #[test]
 fn every_pass_has_a_span() {
     let Some(mut app) = app_without_splats(default()) else { return };
-    // Bevy keeps the measurements of the latest frame alone. A budget of zero spreads the style over many frames, so that
-    // some of them are seen.
+    // Bevy keeps the measurements of the latest frame alone. A budget of zero spreads the style over many
+    // frames, so that some of them are seen.
     app.insert_resource(StyleBackend::Gpu).insert_resource(StyleBudget { ms_per_frame: 0.0 });
     app.add_plugins((
         RenderDiagnosticsPlugin,
@@ -23,7 +23,8 @@ fn every_pass_has_a_span() {
     ));
     let mut app = finish(app);
     let image = render_target(&mut app, UVec2::splat(16));
-    // `SplatTonemapping` requires a `Camera3d`, which brings a tonemapping. So the layer is composited after it.
+    // `SplatTonemapping` requires a `Camera3d`, which brings a tonemapping. So the layer is composited after
+    // it.
     let place = Transform::from_xyz(0.0, 0.0, 5.0);
     app.world_mut().spawn((SplatTonemapping::Bypass, Hdr, target(&image), place));
     let style = add_style(&mut app, small_style(1));

@@ -98,8 +98,8 @@ fn painted(image: Image, names: impl FnOnce(&Encoder) -> Option<EncoderId>) -> (
     let handle = app.world().resource::<AssetServer>().load("small.onnx");
     app.insert_resource(StyleEncoder(handle));
     let mut scene = small_scene(32, 1);
-    // A scene of a named encoder refuses statistics of any other, so tests that change the encoder leave the name
-    // out.
+    // A scene of a named encoder refuses statistics of any other, so tests that change the encoder leave the
+    // name out.
     scene.features.as_mut().unwrap().encoder = names(&encoder);
     let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
     let image = add(&mut app, image);

@@ -1,5 +1,5 @@
-//! Unusual events: scenes that are too large, assets and entities that come and go, a lost device. None may cause a render
-//! error or a panic.
+//! Unusual events: scenes that are too large, assets and entities that come and go, a lost device. None may
+//! cause a render error or a panic.
 
 use bevy::{
     asset::AssetId,
@@ -91,8 +91,8 @@ fn a_scene_too_large_for_the_device_is_refused_and_the_app_lives_on() {
     spawn(&mut app, small_scene(100, 1));
     assert!(light(&mut app, &image) > 1.0);
     assert!(drain::<GaussianSceneFailed>(&mut app).is_empty());
-    // Two scenes that fit alone but not together: the view reports it, and draws again once one of them is gone.
-    // 40,000 splats fit into 65,536, and 80,000 do not.
+    // Two scenes that fit alone but not together: the view reports it, and draws again once one of them is
+    // gone. 40,000 splats fit into 65,536, and 80,000 do not.
     let half = Scene { features: None, decoder: None, ..small_scene(40_000, 1) };
     let halves = [0, 1].map(|_| spawn(&mut app, half.clone()));
     let mut told = Vec::new();
@@ -104,7 +104,8 @@ fn a_scene_too_large_for_the_device_is_refused_and_the_app_lives_on() {
     assert!(light(&mut app, &image) > 1.0);
 }
 
-/// The device cannot bind the decoder's weights. This is an error if the GPU was asked for; otherwise the CPU decodes.
+/// The device cannot bind the decoder's weights. This is an error if the GPU was asked for; otherwise the CPU
+/// decodes.
 #[test]
 fn a_decoder_too_large_for_the_device_is_refused() {
     for backend in [StyleBackend::Gpu, StyleBackend::Auto] {

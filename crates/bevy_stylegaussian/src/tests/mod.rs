@@ -1,7 +1,7 @@
 //! Tests of the whole plugin in apps without a window. They share the scenes and apps of [`world`].
 //!
-//! They live here and not in `tests/`, so that tests of private state can use the same scenes and apps, and so that all of
-//! them are one program to link.
+//! They live here and not in `tests/`, so that tests of private state can use the same scenes and apps, and so
+//! that all of them are one program to link.
 
 mod demo_scene;
 mod diagnostics;

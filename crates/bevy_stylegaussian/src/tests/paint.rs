@@ -327,17 +327,39 @@ fn a_scene_with_a_decoder_of_its_own_is_decoded() {
     assert_eq!(strokes(&app, entity), None);
 }
 
-/// Processor time of this process so far, which other programs hardly disturb. Zero where the system does not tell.
+/// Processor time of this process so far, which other programs hardly disturb. Zero where the system does not
+/// tell.
 fn processor_time() -> std::time::Duration {
     let status = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // The name stands in parentheses. User and system time are the 14th and 15th fields, in hundredths of a second.
+    // The name stands in parentheses. User and system time are the 14th and 15th fields, in hundredths of a
+    // second.
     let after = status.rsplit_once(") ").map_or("", |(_, after)| after);
     let ticks: u64 = after.split(' ').skip(11).take(2).filter_map(|ticks| ticks.parse::<u64>().ok()).sum();
     std::time::Duration::from_millis(10 * ticks)
 }
 
-/// Times from an image to its paint, on the demo scene and on one of 300,000 Gaussians whose surfaces are known: by the clock, and of
-/// the processor.
+/// Time from the last of ten wishes, a fifth of a second apart, to its paint.
+fn time_of_the_last_wish(app: &mut App, entity: Entity) -> std::time::Duration {
+    let images: Vec<_> = (0..10)
+        .map(|i| noise(i, [20 * i as u8, 90, 200], [240, 240, 20 * i as u8]))
+        .map(|image| add(app, image))
+        .collect();
+    let mut wished = std::time::Instant::now();
+    for image in images {
+        wished = std::time::Instant::now();
+        set(app, entity, StyleSource::image(image));
+        while wished.elapsed().as_millis() < 200 {
+            app.update();
+        }
+    }
+    while has_unsettled_styles(app.world_mut()) {
+        app.update();
+    }
+    wished.elapsed()
+}
+
+/// Times from an image to its paint, on the demo scene and on one of 300,000 Gaussians whose surfaces are
+/// known: by the clock, and of the processor.
 #[test]
 #[ignore = "a measurement, which other programs on the machine disturb"]
 fn times_to_paint() {
@@ -363,6 +385,7 @@ fn times_to_paint() {
             times.push((begun.0.elapsed(), processor_time() - begun.1));
         }
         eprintln!("{n} Gaussians, the first with its surface: {times:.2?}");
+        eprintln!("the last of ten wishes in two seconds: {:.2?}", time_of_the_last_wish(&mut app, entity));
         app.world_mut().despawn(entity);
     }
 }

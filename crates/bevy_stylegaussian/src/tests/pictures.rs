@@ -154,7 +154,8 @@ fn a_mesh_through_a_cloud_hides_what_is_behind_it_alone() {
     studio.cuboid(Vec3::new(4.0, 8.0, 0.5), Vec3::new(-2.0, 0.0, 0.0), BLUE, 1.0);
     let picture = studio.shoot();
     check("box between the two", pixel(&picture, 20, 32), over(RED, 0.5, BLUE));
-    // Splats blend among themselves in display-referred colors, and the result blends with black in linear space.
+    // Splats blend among themselves in display-referred colors, and the result blends with black in linear
+    // space.
     let blended = [0, 1, 2].map(|i| (0.5 * RED[i] + 0.5 * 0.9 * GREEN[i]) / 0.95);
     check("beside the box", pixel(&picture, 44, 32), over(blended, 0.95, [0.0; 3]));
 }
@@ -178,7 +179,8 @@ fn two_cameras_each_see_their_own_order() {
     let other = render_target(&mut studio.app, SIZE);
     studio.camera(EYE, Msaa::Sample4);
     studio.camera_on(&other, -EYE, Msaa::Off);
-    // Nearly opaque, so the front one is seen. Three of them: a kernel that takes four at a time must handle the rest.
+    // Nearly opaque, so the front one is seen. Three of them: a kernel that takes four at a time must handle
+    // the rest.
     let scene = balls(&[backdrop(1.0, 0.99, RED), backdrop(0.0, 0.99, BLUE), backdrop(-1.0, 0.99, GREEN)]);
     studio.splats(scene.clone(), Transform::default());
     let front = studio.shoot();
@@ -207,8 +209,8 @@ fn two_viewports_share_a_picture() {
     studio.camera(-EYE, (Msaa::Sample4, camera(32, 1)));
     studio.splats(balls(&[backdrop(1.0, 0.9, RED), backdrop(-1.0, 0.9, GREEN)]), Transform::default());
     let picture = studio.shoot();
-    // The front splat covers 0.9 and the back one 0.9 of the remaining 0.1: together 0.99, by which the premultiplied
-    // sum is divided.
+    // The front splat covers 0.9 and the back one 0.9 of the remaining 0.1: together 0.99, by which the
+    // premultiplied sum is divided.
     let blend = |front: [f32; 3], back: [f32; 3]| {
         over([0, 1, 2].map(|i| (0.9 * front[i] + 0.09 * back[i]) / 0.99), 0.99, [0.0; 3])
     };
@@ -251,7 +253,8 @@ fn splats_move_turn_and_grow_with_their_entity() {
         let translation = Vec3::new(0.4, -0.3, 0.5) * step as f32;
         let transform = Transform { translation, rotation: turn, scale: Vec3::splat(scale) };
         *studio.app.world_mut().get_mut::<Transform>(entity).unwrap() = transform;
-        // Moving the cloud is the same as moving the eye the other way, so the reference shows the scene from there.
+        // Moving the cloud is the same as moving the eye the other way, so the reference shows the scene from
+        // there.
         let view_from_scene = Pinhole::look_at(EYE, Vec3::ZERO, Vec3::Y, FOV_Y, SIZE).view_from_world
             * transform.compute_affine();
         let scene_from_view = view_from_scene.inverse();
@@ -296,8 +299,8 @@ fn orthographic_cameras_see_no_perspective() {
     let ball = |x: f32, z: f32, color| Ball { mean: Vec3::new(x, 0.0, z), scale: 0.5, opacity: 0.9, color };
     studio.splats(balls(&[ball(-2.0, 4.0, RED), ball(2.0, -40.0, GREEN)]), Transform::default());
     let picture = studio.shoot();
-    // 8 pixels to a unit: sigma is 4 pixels (sqrt(16 + 0.3) with the low-pass), centers at x = 16 and 48; a pixel's
-    // center is half a pixel away from there.
+    // 8 pixels to a unit: sigma is 4 pixels (sqrt(16 + 0.3) with the low-pass), centers at x = 16 and 48; a
+    // pixel's center is half a pixel away from there.
     for (x, color) in [(16, RED), (48, GREEN)] {
         for dx in [0, 4, 8] {
             let squared = (dx as f32 + 0.5).powi(2) + 0.25;
@@ -327,8 +330,8 @@ fn hidden_and_layered_splats_are_not_drawn() {
     check("despawned", pixel(&studio.shoot(), 32, 32), [0.0; 3]);
 }
 
-/// A camera that turns away from a scene sees the same as the rasterizer, which culls single splats but no scenes: the scene
-/// is drawn until its last splat has left the image.
+/// A camera that turns away from a scene sees the same as the rasterizer, which culls single splats but no
+/// scenes: the scene is drawn until its last splat has left the image.
 #[test]
 fn nothing_pops_at_the_edge_of_the_picture() {
     let Some(mut studio) = Studio::new() else { return };
@@ -342,7 +345,8 @@ fn nothing_pops_at_the_edge_of_the_picture() {
         *studio.app.world_mut().get_mut::<Transform>(camera).unwrap() = eye;
         let pinhole = Pinhole::look_at(EYE, target, Vec3::Y, FOV_Y, SIZE);
         let (found, expected) = (studio.shoot(), rasterized(&needle, &pinhole));
-        // At an alpha of 1/255, rounding decides whether a splat is drawn: 10 steps of sRGB for this blue over black.
+        // At an alpha of 1/255, rounding decides whether a splat is drawn: 10 steps of sRGB for this blue over
+        // black.
         let error = found.iter().zip(&expected).map(|(a, b)| (a[2] - b[2]).abs()).fold(0.0, f32::max);
         assert!(error <= 11.0 / 255.0, "step {step}: {error}");
         n_seen += u32::from(expected.iter().any(|color| color[2] > 0.0));

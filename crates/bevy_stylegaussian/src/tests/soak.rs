@@ -1,5 +1,6 @@
-//! A long run of random changes: `cargo xtask soak`. Scenes, styles and looks are loaded, changed, faded and dropped under a
-//! seed, and masks painted, undone and replaced. At the end nothing has grown, and every request was answered.
+//! A long run of random changes: `cargo xtask soak`. Scenes, styles and looks are loaded, changed, faded and
+//! dropped under a seed, and masks painted, undone and replaced. At the end nothing has grown, and every
+//! request was answered.
 
 use std::{
     collections::HashSet,
@@ -28,15 +29,15 @@ use super::{
 const ROUNDS: u32 = 10_000;
 /// Rounds after which everything is dropped and counted.
 const ROUNDS_PER_COUNT: u32 = 500;
-/// Most entities at a time, and most Gaussians of one. The first rounds use both, so that buffers, which never shrink, have
-/// their final sizes when they are first counted.
+/// Most entities at a time, and most Gaussians of one. The first rounds use both, so that buffers, which never
+/// shrink, have their final sizes when they are first counted.
 const MAX_ENTITIES: usize = 6;
 const MAX_GAUSSIANS: usize = 300;
 /// Growth of the resident memory that an allocator may show over the run without a leak, in bytes.
 const MAX_GROWTH: u64 = 24 << 20;
 
-/// Differences of the device's objects that are no leak: what is kept for reuse depends on the last scenes, by up to nine
-/// buffers and 30 kB in 2,500 rounds. One buffer leaked in each round would be thousands.
+/// Differences of the device's objects that are no leak: what is kept for reuse depends on the last scenes, by
+/// up to nine buffers and 30 kB in 2,500 rounds. One buffer leaked in each round would be thousands.
 const MORE_BUFFERS: isize = 16;
 const MORE_BYTES: isize = 1 << 20;
 

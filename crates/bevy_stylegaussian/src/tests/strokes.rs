@@ -230,7 +230,8 @@ fn strength_and_volumes_mix_strokes() {
     assert!(shown.shown_strokes(MainEntity::from(studio.wall)).is_none());
 }
 
-/// From one painting to another, and back before the first fade is over, no frame differs much from the one before.
+/// From one painting to another, and back before the first fade is over, no frame differs much from the one
+/// before.
 #[test]
 fn fades_between_paintings_do_not_pop() {
     let Some(mut studio) = Studio::new() else { return };

@@ -1,7 +1,7 @@
 //! Facets: a guitar, a bottle and a newspaper on a table, seen from several sides at once.
 //!
-//! A tree of random lines cuts the plane into facets. Each shows the still life shifted and turned, and is shaded from
-//! one edge to another.
+//! A tree of random lines cuts the plane into facets. Each shows the still life shifted and turned, and is
+//! shaded from one edge to another.
 
 use glam::{Vec2, Vec3, vec2};
 
@@ -29,7 +29,8 @@ pub fn paint() -> Canvas {
     canvas
 }
 
-/// Cuts a convex polygon by random lines until its pieces are small, and smaller toward the middle of the picture.
+/// Cuts a convex polygon by random lines until its pieces are small, and smaller toward the middle of the
+/// picture.
 fn cut(shape: &[Vec2], random: &mut Random, pieces: &mut Vec<Vec<Vec2>>) {
     let center = shape.iter().sum::<Vec2>() / shape.len() as f32;
     let limit = (1100.0 + 20.0 * center.distance(vec2(256.0, 256.0))) * random.range(0.7, 2.0);

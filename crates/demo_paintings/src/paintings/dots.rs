@@ -1,7 +1,7 @@
 //! Points of pure pigment: a lake shore at noon.
 //!
-//! Each dot takes the pigment nearest to the scene's color after a random push. Tones mix in the eye, and shade is full
-//! of complementary colors.
+//! Each dot takes the pigment nearest to the scene's color after a random push. Tones mix in the eye, and shade
+//! is full of complementary colors.
 
 use glam::{Vec2, Vec3, vec2};
 

@@ -1,4 +1,5 @@
-//! Pop art: a weeping eye and a burst, in four inks. Tones are dot screens, and every shape has a thick black contour.
+//! Pop art: a weeping eye and a burst, in four inks. Tones are dot screens, and every shape has a thick black
+//! contour.
 
 use glam::{Vec2, Vec3, vec2};
 
@@ -193,8 +194,8 @@ fn star(center: Vec2, spikes: usize, inner: f32, outer: f32) -> Outline {
 fn screen(p: Vec2, angle: f32, pitch: f32, tone: f32, paper: u32, paint: u32) -> u32 {
     let q = turned(p, direction(angle)) / pitch;
     let d = (q - q.floor() - 0.5).length();
-    // A dot of radius r covers pi r^2 of its cell. From r = 0.5 on neighbors merge and cover less, so dark tones get
-    // larger dots.
+    // A dot of radius r covers pi r^2 of its cell. From r = 0.5 on neighbors merge and cover less, so dark
+    // tones get larger dots.
     let tone = tone.clamp(0.0, 1.0);
     let radius = libm::sqrtf(tone / std::f32::consts::PI) * (1.0 + 0.2 * tone);
     if d < radius { paint } else { paper }

@@ -1,5 +1,5 @@
-//! Ink on paper: bamboo before mountains in mist. Washes stain the paper wet in wet, a loaded brush that runs dry draws
-//! the bamboo, and a red seal signs it.
+//! Ink on paper: bamboo before mountains in mist. Washes stain the paper wet in wet, a loaded brush that runs
+//! dry draws the bamboo, and a red seal signs it.
 
 use glam::{Vec2, Vec3, vec2};
 
@@ -88,8 +88,8 @@ fn mountain(
     }
 }
 
-/// A brush stroke of two widths, at its ends and in its middle. `ink` is its density, and `dry` the dryness of the
-/// brush (0..1).
+/// A brush stroke of two widths, at its ends and in its middle. `ink` is its density, and `dry` the dryness of
+/// the brush (0..1).
 fn brush(canvas: &mut Canvas, seed: u32, path: &[Vec2], (ends, middle): (f32, f32), ink: f32, dry: f32) {
     let hairs = Noise(seed as u64);
     let radius = |t: f32| ends + (middle - ends) * libm::sinf(3.1 * t.max(0.02)).max(0.0);

@@ -1,7 +1,7 @@
 //! Glass and gold: a peacock in tesserae.
 //!
-//! Lloyd's method spreads the tiles in a square metric that is turned along the drawing's contours, so that rows of
-//! tiles follow it (Hausner, "Simulating Decorative Mosaics", 2001).
+//! Lloyd's method spreads the tiles in a square metric that is turned along the drawing's contours, so that
+//! rows of tiles follow it (Hausner, "Simulating Decorative Mosaics", 2001).
 
 use glam::{Vec2, Vec3, vec2};
 
@@ -49,7 +49,8 @@ pub fn paint() -> Canvas {
     let mut canvas = Canvas::new(rgb(GROUT));
     canvas.shade(|p| {
         let (first, second) = grid.nearest(&tiles, p);
-        // Distance to the tile's edge: halfway to the second nearest, but no farther out than a square tile's side.
+        // Distance to the tile's edge: halfway to the second nearest, but no farther out than a square tile's
+        // side.
         let inset = (0.5 * (second.1 - first.1)).min(5.6 - first.1) - 0.75;
         let (color, tilt) = looks[first.0];
         let bevel = 0.75 + 0.25 * smoothstep(0.0, 1.8, inset);
@@ -88,8 +89,8 @@ fn edges() -> Vec<bool> {
         .collect()
 }
 
-/// One step of Lloyd's method: each tile moves to the mean of the pixels nearest to it. Pixels at region edges do not
-/// count, which pushes tiles off the edges.
+/// One step of Lloyd's method: each tile moves to the mean of the pixels nearest to it. Pixels at region edges
+/// do not count, which pushes tiles off the edges.
 fn relax(tiles: &mut [Tile], edges: &[bool]) {
     let grid = Grid::new(tiles);
     let mut sums = vec![(Vec2::ZERO, 0.0f32); tiles.len()];

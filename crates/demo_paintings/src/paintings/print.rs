@@ -1,5 +1,5 @@
-//! A woodblock print: a breaking wave before a mountain and a red sun, in flat inks and graded bands with carved
-//! outlines and the grain of the block.
+//! A woodblock print: a breaking wave before a mountain and a red sun, in flat inks and graded bands with
+//! carved outlines and the grain of the block.
 
 use glam::{Vec2, Vec3, vec2};
 

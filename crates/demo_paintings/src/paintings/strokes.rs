@@ -1,5 +1,5 @@
-//! Thick oil: a night river under a turning sky. Long bristled strokes follow the lines of a stream function, and their
-//! relief is lit from the top left.
+//! Thick oil: a night river under a turning sky. Long bristled strokes follow the lines of a stream function,
+//! and their relief is lit from the top left.
 
 use glam::{Vec2, Vec3, vec2};
 

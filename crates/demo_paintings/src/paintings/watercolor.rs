@@ -1,5 +1,5 @@
-//! Watercolor: poppies and leaves on white paper. Each wash absorbs light from the layers below it. Its dried rim is
-//! darker, blooms form inside, and pigment settles in the paper's hollows.
+//! Watercolor: poppies and leaves on white paper. Each wash absorbs light from the layers below it. Its dried
+//! rim is darker, blooms form inside, and pigment settles in the paper's hollows.
 
 use std::f32::consts::TAU;
 
@@ -27,7 +27,8 @@ const FLOWERS: [(Vec2, f32, u32); 5] = [
     (vec2(438.0, 250.0), 44.0, ROSE),
 ];
 
-/// Distance to the inner 80% of the nearest flower. Stems and leaves stop there, since flowers stand before them.
+/// Distance to the inner 80% of the nearest flower. Stems and leaves stop there, since flowers stand before
+/// them.
 fn beside_flowers(p: Vec2) -> f32 {
     FLOWERS.iter().map(|&(center, size, _)| p.distance(center) - 0.8 * size).fold(f32::MAX, f32::min)
 }
@@ -56,8 +57,8 @@ pub fn paint() -> Canvas {
     canvas
 }
 
-/// Lays one wash. `distance` is the shape's signed distance, which is bent at the rim by up to `rough` pixels, and
-/// `load` the amount of pigment.
+/// Lays one wash. `distance` is the shape's signed distance, which is bent at the rim by up to `rough` pixels,
+/// and `load` the amount of pigment.
 fn wash(
     canvas: &mut Canvas,
     seed: u32,
@@ -85,8 +86,8 @@ fn wash(
     });
 }
 
-/// The light that remains after a layer of pigment. At `density` 1 the layer has the given `color` on white paper, and
-/// thicker layers absorb exponentially more (Beer and Lambert).
+/// The light that remains after a layer of pigment. At `density` 1 the layer has the given `color` on white
+/// paper, and thicker layers absorb exponentially more (Beer and Lambert).
 fn absorb(below: Vec3, color: Vec3, density: f32) -> Vec3 {
     let through = |c: f32| libm::powf(c.max(0.02), density);
     below * Vec3::new(through(color.x), through(color.y), through(color.z))

@@ -14,9 +14,9 @@ pub struct CollisionBox {
 }
 
 impl Voxels {
-    /// Boxes that cover the occupied voxels and nothing else, and do not overlap. Each begins at the first voxel that is not
-    /// covered yet and grows along x, then y, then z, as far as it can. That is not the least number of boxes, which nobody
-    /// computes in reasonable time.
+    /// Boxes that cover the occupied voxels and nothing else, and do not overlap. Each begins at the first
+    /// voxel that is not covered yet and grows along x, then y, then z, as far as it can. That is not the least
+    /// number of boxes, which nobody computes in reasonable time.
     pub fn boxes(&self) -> Vec<CollisionBox> {
         let corner = |at: UVec3| self.origin + self.size * at.as_vec3();
         self.merged()

@@ -8,8 +8,8 @@ use crate::{
     splat::{MAX_ALPHA, MIN_ALPHA},
 };
 
-/// The least standard deviation, in voxels. A sheet that is thinner than a tenth of a voxel is in the same voxels as one that
-/// is not, and f32 resolves its ellipsoid.
+/// The least standard deviation, in voxels. A sheet that is thinner than a tenth of a voxel is in the same
+/// voxels as one that is not, and f32 resolves its ellipsoid.
 const LEAST_SCALE: f32 = 0.1;
 
 /// A Gaussian in units of voxels.
@@ -50,8 +50,8 @@ impl Footprint {
 
     /// The highest alpha in a voxel, up to [`MAX_ALPHA`]; 0 below 1/255.
     ///
-    /// The point of a box that is nearest to the mean, in standard deviations, is the mean or lies on a face that the mean sees:
-    /// from any other point, the way to the mean goes on within the box.
+    /// The point of a box that is nearest to the mean, in standard deviations, is the mean or lies on a face
+    /// that the mean sees: from any other point, the way to the mean goes on within the box.
     pub(super) fn alpha(&self, voxel: UVec3) -> f32 {
         let least = voxel.as_vec3() - self.mean;
         let bounds = [least, least + 1.0];
@@ -63,8 +63,8 @@ impl Footprint {
         self.alpha_at(self.mean + self.nearest(faces).unwrap_or(Vec3::ZERO))
     }
 
-    /// The point of a voxel's face that is nearest to the mean, in standard deviations, as an offset from it. On the face, the
-    /// coordinate of `axis` is `fixed`.
+    /// The point of a voxel's face that is nearest to the mean, in standard deviations, as an offset from it.
+    /// On the face, the coordinate of `axis` is `fixed`.
     fn nearest_of_face(&self, axis: usize, fixed: f32, [least, greatest]: [Vec3; 2]) -> Vec3 {
         let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
         let p = |row: usize, column: usize| self.precision.col(column)[row];
@@ -104,7 +104,8 @@ impl Footprint {
     /// The alpha at a point, in units of voxels.
     pub(super) fn alpha_at(&self, point: Vec3) -> f32 {
         let offset = point - self.mean;
-        // A Gaussian so wide that its precision is 0 in f32 has its opacity everywhere, also if this is no number.
+        // A Gaussian so wide that its precision is 0 in f32 has its opacity everywhere, also if this is no
+        // number.
         let q = offset.dot(self.precision * offset).max(0.0);
         let alpha = (self.opacity * (-0.5 * q).exp()).min(MAX_ALPHA);
         if alpha >= MIN_ALPHA { alpha } else { 0.0 }

@@ -84,7 +84,8 @@ fn voxels_are_those_of_all_gaussians() {
     assert!(voxels.occupied == expected, "other voxels are occupied");
 }
 
-/// No point of a voxel, sampled finely, has a higher alpha than the voxel but for rounding, however a Gaussian is stretched and turned.
+/// No point of a voxel, sampled finely, has a higher alpha than the voxel but for rounding, however a Gaussian
+/// is stretched and turned.
 #[test]
 fn no_point_of_a_voxel_has_a_higher_alpha() {
     const SAMPLES: usize = 9;

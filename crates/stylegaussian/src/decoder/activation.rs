@@ -44,14 +44,16 @@ impl Activation {
 
 /// 1 / (1 + 2^t) with t = -x / ln 2, within 2e-7.
 ///
-/// It has neither a branch nor a call, so the compiler vectorizes it. 2^t is 2^i 2^f with i = round(t) and |f| <= 1/2.
-/// 2^f is the Taylor series of exp(f ln 2) to the sixth order, with a remainder of (0.3466)^7 / 7! = 1.2e-7.
+/// It has neither a branch nor a call, so the compiler vectorizes it. 2^t is 2^i 2^f with i = round(t) and |f|
+/// <= 1/2. 2^f is the Taylor series of exp(f ln 2) to the sixth order, with a remainder of (0.3466)^7 / 7! =
+/// 1.2e-7.
 fn sigmoid(x: f32) -> f32 {
-    // 1.5 * 2^23. From 2^23 to 2^24 an f32 has no bits below 1, so adding this rounds t to an integer, which then
-    // stands in the low bits of the sum. Starting at the middle of that range leaves room for negative integers.
+    // 1.5 * 2^23. From 2^23 to 2^24 an f32 has no bits below 1, so adding this rounds t to an integer, which
+    // then stands in the low bits of the sum. Starting at the middle of that range leaves room for negative
+    // integers.
     const ROUND: f32 = 12_582_912.0;
-    // Within these bounds the exponent field below neither overflows nor reaches 0. Beyond them the sigmoid is 0 or 1
-    // within 2^-125.
+    // Within these bounds the exponent field below neither overflows nor reaches 0. Beyond them the sigmoid is
+    // 0 or 1 within 2^-125.
     let t = (x * -std::f32::consts::LOG2_E).clamp(-125.0, 125.0);
     let shifted = t + ROUND;
     let y = (t - (shifted - ROUND)) * std::f32::consts::LN_2;

@@ -2,22 +2,23 @@
 //!
 //! Place k of a neighborhood is called *slot* k: W_k applies to the neighbor in it.
 //!
-//! Output rows are processed in blocks of `BLOCK_ROWS`. For a few slots at a time, the block's neighbors are gathered
-//! into a scratch matrix that stays in a core's L2 cache, and one SIMD product accumulates into the block's output.
+//! Output rows are processed in blocks of `BLOCK_ROWS`. For a few slots at a time, the block's neighbors are
+//! gathered into a scratch matrix that stays in a core's L2 cache, and one SIMD product accumulates into the
+//! block's output.
 //!
-//! All three kernels are products of the same size, 2 N K D_in D_out operations. None needs an atomic, and each result
-//! is the same for any number of threads.
+//! All three kernels are products of the same size, 2 N K D_in D_out operations. None needs an atomic, and each
+//! result is the same for any number of threads.
 
 use rayon::prelude::*;
 
 use super::product::{Matrix, product};
 
-/// Rows gathered at a time. 512 rows of 256 f32 are 512 KiB, a quarter of a server core's L2 cache and half of a
-/// desktop's. The weights are packed anew for each block, which costs 1/512 of the product's operations.
+/// Rows gathered at a time. 512 rows of 256 f32 are 512 KiB, a quarter of a server core's L2 cache and half of
+/// a desktop's. The weights are packed anew for each block, which costs 1/512 of the product's operations.
 const BLOCK_ROWS: usize = 512;
 
-/// Most channels of the slots that are gathered together. Narrow slots are joined, since a product with an inner
-/// dimension of 32 spends its time on loading and storing the output.
+/// Most channels of the slots that are gathered together. Narrow slots are joined, since a product with an
+/// inner dimension of 32 spends its time on loading and storing the output.
 const GROUP_WIDTH: usize = 256;
 
 /// The shape of a KNN convolution.
@@ -57,8 +58,8 @@ fn gather(target: &mut Vec<f32>, x: &[f32], d_in: usize, rows: impl Iterator<Ite
 
 /// The transpose `[K * D_in, D_out]` of a weight `[D_out, K * D_in]`.
 ///
-/// The weight is the right side of a product, which gemm packs for each block of rows. Transposed once, it lies in the
-/// order in which it is packed.
+/// The weight is the right side of a product, which gemm packs for each block of rows. Transposed once, it lies
+/// in the order in which it is packed.
 fn transpose(weight: &[f32], d_out: usize) -> Vec<f32> {
     let width = weight.len() / d_out;
     let mut transposed = vec![0.0; weight.len()];
@@ -103,8 +104,8 @@ pub fn knn_conv(
                 let slots = neighborhoods.flat_map(|neighborhood| &neighborhood[k..k + n]);
                 gather(gathered, x, shape.d_in, slots.copied());
                 let gathered = Matrix::dense(gathered, rows, n * shape.d_in);
-                // In the transposed weight the rows of consecutive slots follow one another, so a group of them is one
-                // matrix.
+                // In the transposed weight the rows of consecutive slots follow one another, so a group of them
+                // is one matrix.
                 let weight = &weight[k * shape.d_in * shape.d_out..];
                 product(y, true, gathered, Matrix::dense(weight, n * shape.d_in, shape.d_out));
             }
@@ -117,7 +118,8 @@ pub fn knn_conv(
 /// Gradient of a loss with respect to the weight `[D_out, K, D_in]`, from x and `grad_y` `[N_out, D_out]`:
 /// dW_k = sum_p dy_p x_{n(p,k)}^T.
 ///
-/// The rows are gathered again and not kept from the forward pass, since K D_in floats per row are too many to hold.
+/// The rows are gathered again and not kept from the forward pass, since K D_in floats per row are too many to
+/// hold.
 pub fn knn_conv_backward_weight(
     shape: KnnConvShape,
     x: &[f32],
@@ -175,8 +177,8 @@ pub struct ReverseNeighbors {
 }
 
 impl ReverseNeighbors {
-    /// Reverses `neighbors` `[N_out, K]`, which index `n_in` rows, by a counting sort. It is stable, so that each list
-    /// ascends and gradients always sum in the same order.
+    /// Reverses `neighbors` `[N_out, K]`, which index `n_in` rows, by a counting sort. It is stable, so that
+    /// each list ascends and gradients always sum in the same order.
     pub fn new(neighbors: &[u32], k: usize, n_in: usize) -> Self {
         let mut starts = vec![0_u32; n_in * k + 1];
         let slot = |(i, &q): (usize, &u32)| q as usize * k + i % k;
@@ -225,9 +227,10 @@ impl ReverseNeighbors {
 
 /// Gradient of a loss with respect to x `[N_in, D_in]`: dx_q = sum_k (sum_{p: n(p,k) = q} dy_p) W_k.
 ///
-/// Sums are gathered through the reversed neighbor lists, so none needs an atomic. Whichever moves fewer values comes first: the
-/// sums of dy, which are multiplied for N_in rows, or the products dy_p W_k of N_out rows, whose sums are dx. The former
-/// suits a wide x, the latter a picture's convolution with a stride or of three channels.
+/// Sums are gathered through the reversed neighbor lists, so none needs an atomic. Whichever moves fewer values
+/// comes first: the sums of dy, which are multiplied for N_in rows, or the products dy_p W_k of N_out rows,
+/// whose sums are dx. The former suits a wide x, the latter a picture's convolution with a stride or of three
+/// channels.
 pub fn knn_conv_backward_input(
     shape: KnnConvShape,
     reverse: &ReverseNeighbors,
@@ -341,7 +344,8 @@ mod tests {
     #[test]
     fn forward_matches_a_hand_worked_case() {
         let x = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
-        // W_0 picks channel 0 into output 0 and channel 1 into output 1; W_1 adds channel 2 twice into output 0.
+        // W_0 picks channel 0 into output 0 and channel 1 into output 1; W_1 adds channel 2 twice into output
+        // 0.
         let weight = [1.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0];
         let y = knn_conv(SHAPE, &x, &NEIGHBORS, &weight, &[0.5, -0.5], |_| ());
         assert_eq!(y, [1.0 + 12.0 + 0.5, 1.5, 4.0 + 18.0 + 0.5, 4.5, 7.0 + 12.0 + 0.5, 7.5]);

@@ -16,8 +16,8 @@ mod sealed {
 
 /// A strided view of a matrix `[rows, columns]`.
 ///
-/// Element (i, j) is `values[i * row_stride + j * column_stride]`. The constructors check that the last element lies
-/// within `values`, and so does every other, since strides are not negative.
+/// Element (i, j) is `values[i * row_stride + j * column_stride]`. The constructors check that the last element
+/// lies within `values`, and so does every other, since strides are not negative.
 #[derive(Clone, Copy)]
 pub struct Matrix<'a, T: Element = f32> {
     values: &'a [T],
@@ -41,8 +41,8 @@ impl<'a, T: Element> Matrix<'a, T> {
             "a matrix of {rows} rows of {columns} with row stride {row_stride} does not fit {} values",
             values.len()
         );
-        // Nothing above bounds the stride of a matrix of one row. No second row is ever addressed with it, but gemm
-        // takes strides as `isize`.
+        // Nothing above bounds the stride of a matrix of one row. No second row is ever addressed with it, but
+        // gemm takes strides as `isize`.
         let row_stride = if rows > 1 { row_stride } else { columns };
         Self { values, rows, columns, row_stride, column_stride: 1 }
     }
@@ -67,7 +67,8 @@ impl<'a, T: Element> Matrix<'a, T> {
     }
 }
 
-/// target = lhs rhs, or target += lhs rhs if `accumulate`; `target` is dense row-major `[lhs.rows, rhs.columns]`.
+/// target = lhs rhs, or target += lhs rhs if `accumulate`; `target` is dense row-major
+/// `[lhs.rows, rhs.columns]`.
 ///
 /// Runs on the calling thread: callers split rows over threads.
 ///
@@ -93,12 +94,12 @@ pub fn product<T: Element>(target: &mut [T], accumulate: bool, lhs: Matrix<T>, r
     }
     // SAFETY:
     // - T is f32 or f64, which are the types that gemm has kernels for (`Element` is sealed).
-    // - No dimension is 0 from here on, so each operand has a last element, and `Matrix` checked that it lies within
-    //   the operand's slice: (rows - 1) * row_stride + (columns - 1) * column_stride < values.len().
+    // - No dimension is 0 from here on, so each operand has a last element, and `Matrix` checked that it lies
+    //   within the operand's slice: (rows - 1) * row_stride + (columns - 1) * column_stride < values.len().
     // - The target is written at i * columns + j for i < rows, j < columns, and rows * columns <= target.len().
-    // - No stride turns negative as an `isize`: a stride along a dimension above 1 is below the length of its slice,
-    //   one along a dimension of 1 is 1 or that slice's other extent, `columns` is at most the target's length, and no
-    //   slice of f32 or f64 holds more than isize::MAX values.
+    // - No stride turns negative as an `isize`: a stride along a dimension above 1 is below the length of its
+    //   slice, one along a dimension of 1 is 1 or that slice's other extent, `columns` is at most the target's
+    //   length, and no slice of f32 or f64 holds more than isize::MAX values.
     // - `target` is borrowed mutably, so that neither operand overlaps it.
     #[expect(unsafe_code, reason = "gemm takes pointers; the comment above names the bound of each")]
     unsafe {

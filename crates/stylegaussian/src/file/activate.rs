@@ -23,8 +23,8 @@ pub(super) struct StoredGaussians {
     pub features: Option<Features>,
 }
 
-/// Applies exp, sigmoid and normalization. Drops Gaussians that are not finite or have a zero quaternion, and adds a
-/// warning that counts them.
+/// Applies exp, sigmoid and normalization. Drops Gaussians that are not finite or have a zero quaternion, and
+/// adds a warning that counts them.
 pub(super) fn activate(stored: StoredGaussians, warnings: &mut Vec<String>) -> Scene {
     let n = stored.means.len();
     let scene = Scene {
@@ -52,8 +52,8 @@ pub(super) fn drop_broken(scene: Scene, warnings: &mut Vec<String>) -> Scene {
     keep_if(scene, is_finite, warnings)
 }
 
-/// Drops Gaussians that are not `usable`, which says so of a scene's Gaussian by its index, and adds a warning that counts
-/// them.
+/// Drops Gaussians that are not `usable`, which says so of a scene's Gaussian by its index, and adds a warning
+/// that counts them.
 pub(super) fn keep_if(
     scene: Scene,
     usable: impl Fn(&Scene, usize) -> bool + Sync,
@@ -70,16 +70,16 @@ pub(super) fn keep_if(
     scene.subset(&kept)
 }
 
-/// The stored quaternion at length 1, or NaN if it is zero. In f64, since squares of f32 values overflow and underflow
-/// in f32.
+/// The stored quaternion at length 1, or NaN if it is zero. In f64, since squares of f32 values overflow and
+/// underflow in f32.
 pub(super) fn unit_quaternion([w, x, y, z]: [f32; 4]) -> Quat {
     let stored = DQuat::from_xyzw(x.into(), y.into(), z.into(), w.into());
     // A zero quaternion becomes 0 times infinity, which is NaN.
     (stored * stored.length().recip()).as_quat()
 }
 
-/// 1 / (1 + exp(-logit)), rounded once: the decoder's faster sigmoid is off by up to 2e-7. 0 and 1 for infinite logits,
-/// which writers of 8-bit opacities store for their ends.
+/// 1 / (1 + exp(-logit)), rounded once: the decoder's faster sigmoid is off by up to 2e-7. 0 and 1 for infinite
+/// logits, which writers of 8-bit opacities store for their ends.
 pub(super) fn sigmoid(logit: f32) -> f32 {
     (1.0 / (1.0 + (-f64::from(logit)).exp())) as f32
 }

@@ -1,8 +1,8 @@
 //! Zip archives in memory: stored and deflated entries, found through the central directory.
 //!
-//! PKWARE's APPNOTE 6.3: end of central directory record (4.3.16), its zip64 forms (4.3.14, 4.3.15), central headers
-//! (4.3.12), local headers (4.3.7). It is our own because PyTorch's entries are read in place, and because the crate
-//! `zip` reserves memory by the count that a damaged archive claims.
+//! PKWARE's APPNOTE 6.3: end of central directory record (4.3.16), its zip64 forms (4.3.14, 4.3.15), central
+//! headers (4.3.12), local headers (4.3.7). It is our own because PyTorch's entries are read in place, and
+//! because the crate `zip` reserves memory by the count that a damaged archive claims.
 
 use std::{borrow::Cow, collections::BTreeMap, io::Read, ops::Range};
 
@@ -12,8 +12,8 @@ use super::error::{Mismatch, mismatch};
 
 const EXPECTED: &str = "a whole zip archive of stored or deflated entries";
 
-/// The most bytes that the entries of an archive unpack to, per byte of the archive. Images and JSON were packed before, so
-/// that real ratios are below 10; deflate alone reaches 1,032.
+/// The most bytes that the entries of an archive unpack to, per byte of the archive. Images and JSON were
+/// packed before, so that real ratios are below 10; deflate alone reaches 1,032.
 const MAX_RATIO: usize = 64;
 
 /// Bytes that every archive may unpack to: the metadata of a tiny scene is long and packs well.
@@ -45,7 +45,8 @@ impl<'a> Archive<'a> {
     /// Reads the table of contents.
     pub(super) fn open(bytes: &'a [u8]) -> Result<Self, Mismatch> {
         let (n_entries, directory) = central_directory(bytes)?;
-        // No capacity from the unchecked count. One that is too large ends at the first header past the directory.
+        // No capacity from the unchecked count. One that is too large ends at the first header past the
+        // directory.
         let mut entries = BTreeMap::new();
         let mut at = 0;
         for _ in 0..n_entries {
@@ -56,8 +57,8 @@ impl<'a> Archive<'a> {
         Ok(Self { bytes, entries, budget: MAX_RATIO.saturating_mul(bytes.len()).saturating_add(FLOOR) })
     }
 
-    /// The position of a stored entry's contents in the file, or `None` if there is no such entry. Its checksum is not
-    /// compared.
+    /// The position of a stored entry's contents in the file, or `None` if there is no such entry. Its checksum
+    /// is not compared.
     pub(super) fn stored(&self, name: &str) -> Result<Option<Range<usize>>, Mismatch> {
         match self.entries.get(name) {
             Some(entry) if entry.is_deflated => {
@@ -198,8 +199,8 @@ fn entry<'a>(bytes: &[u8], directory: &'a [u8], at: usize) -> Result<(&'a str, E
     Ok((name, entry, at + HEADER + n_name + n_extra + n_comment))
 }
 
-/// The size of the entry's contents in the archive, and the position of its local header: 32-bit fields, or the zip64
-/// extra field if they are full.
+/// The size of the entry's contents in the archive, and the position of its local header: 32-bit fields, or the
+/// zip64 extra field if they are full.
 fn size_and_offset(header: &[u8], extra: &[u8]) -> Result<(usize, usize), Mismatch> {
     let (compressed, size, local) = (u32_at(header, 20)?, u32_at(header, 24)?, u32_at(header, 42)?);
     // The field holds the unpacked size, the size in the archive and the offset, in this order.
@@ -244,7 +245,8 @@ fn local_data(bytes: &[u8], local: usize, size: usize) -> Result<Range<usize>, M
     }
     // Two 16-bit lengths cannot overflow the sum.
     let skipped = HEADER + usize::from(u16_at(header, 26)?) + usize::from(u16_at(header, 28)?);
-    // The local header repeats name and extra field with lengths of its own: torch pads there to align storages.
+    // The local header repeats name and extra field with lengths of its own: torch pads there to align
+    // storages.
     let start = local.saturating_add(skipped);
     slice(bytes, start, size)?;
     Ok(start..start + size)

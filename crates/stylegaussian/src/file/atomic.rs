@@ -18,9 +18,9 @@ const MAX_LINKS: usize = 40;
 
 /// Writes a file beside `path`, syncs it to disk and gives it the name `path`, replacing an older file.
 ///
-/// On failure the partial file is removed and an older file stays as it was. The new file has the permissions of the
-/// older one. If `path` is a symbolic link, the file that it leads to is replaced and the link stays. If it is a device
-/// or a pipe (`/dev/full`), it is written to directly, since a file must not replace it.
+/// On failure the partial file is removed and an older file stays as it was. The new file has the permissions
+/// of the older one. If `path` is a symbolic link, the file that it leads to is replaced and the link stays. If
+/// it is a device or a pipe (`/dev/full`), it is written to directly, since a file must not replace it.
 ///
 /// # Errors
 /// If `write` fails or the operating system refuses.
@@ -47,8 +47,8 @@ pub fn write_atomically(
     partial.publish(&target).map_err(at)
 }
 
-/// Checks that [`write_atomically`] can write a file at `path`, without leaving one. Minutes of work can then be spared
-/// whose result would be lost. A full disk is not noticed.
+/// Checks that [`write_atomically`] can write a file at `path`, without leaving one. Minutes of work can then
+/// be spared whose result would be lost. A full disk is not noticed.
 ///
 /// # Errors
 /// If its directory does not exist or takes no files, if it is a directory itself, or if its name is too long.

@@ -4,8 +4,8 @@ use crate::scene::Scene;
 
 use super::error::{Mismatch, mismatch};
 
-/// Checks shapes and indices, finite values, unit quaternions, and opacities in 0..1. Readers rely on them, ours and
-/// others'.
+/// Checks shapes and indices, finite values, unit quaternions, and opacities in 0..1. Readers rely on them,
+/// ours and others'.
 pub(super) fn check_scene(scene: &Scene) -> Result<(), Mismatch> {
     scene.validate().map_err(|error| mismatch(format_args!("an inconsistent {error}"), "a valid scene"))?;
     for (i, source_index) in scene.order.iter().enumerate() {

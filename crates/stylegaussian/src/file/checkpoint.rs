@@ -1,10 +1,10 @@
 //! StyleGaussian's own PyTorch checkpoints, as scenes that stylize exactly like the original.
 //!
-//! Both kinds are a tuple, at the root or somewhere within it: (xyz `[N, 3]`, log scaling `[N, 3]`, rotation wxyz
-//! `[N, 4]`, opacity logit `[N, 1]`, features `[N, C]`, state dict).
+//! Both kinds are a tuple, at the root or somewhere within it: (xyz `[N, 3]`, log scaling `[N, 3]`, rotation
+//! wxyz `[N, 4]`, opacity logit `[N, 1]`, features `[N, C]`, state dict).
 //! - Trained model: the features are final, C = D = 256; the state dict holds the decoder, `kernels.{i}`
-//!   `[D_out, K * D_in]`, neighbor-major, and `bias.{i}` `[D_out]`. Noise was added to these features, so they have full
-//!   rank: L = D, A = I, b = 0.
+//!   `[D_out, K * D_in]`, neighbor-major, and `bias.{i}` `[D_out]`. Noise was added to these features, so they
+//!   have full rank: L = D, A = I, b = 0.
 //! - Feature model: the features are f', C = L = 32; the state dict holds A, `layer.weight` `[D, L]`, and b,
 //!   `layer.bias` `[D]`.
 
@@ -116,8 +116,9 @@ fn scene(parts: &Parts, file: &PytorchFile<&[u8]>, warnings: &mut Vec<String>) -
 /// Bytes of the smallest floating-point number of a tensor.
 const SMALLEST_VALUE: usize = 2;
 
-/// The file, and the number of values that may still be read. Tensors can share a storage, and a file of a few kilobytes
-/// can name one as many times as it likes. All together never have more values than the file has room for.
+/// The file, and the number of values that may still be read. Tensors can share a storage, and a file of a few
+/// kilobytes can name one as many times as it likes. All together never have more values than the file has room
+/// for.
 struct Source<'a> {
     file: &'a PytorchFile<&'a [u8]>,
     values_left: Cell<usize>,
@@ -146,7 +147,8 @@ struct State<'a> {
 }
 
 impl<'a> State<'a> {
-    /// The tensor of this name, with or without names of modules before it. If two entries match, the later one counts.
+    /// The tensor of this name, with or without names of modules before it. If two entries match, the later one
+    /// counts.
     fn find(&self, name: &str) -> Option<&'a TensorInfo> {
         // A name of a module ends with a dot, so that `kernels.0` is not found in `otherkernels.0`.
         let is_named = |key: &str| key.strip_suffix(name).is_some_and(|p| p.is_empty() || p.ends_with('.'));

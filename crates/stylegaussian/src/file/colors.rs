@@ -10,8 +10,8 @@ use super::{
     tensors::Writer,
 };
 
-/// Writes `rgb` `[N]`, in scene order and unclamped, as tensor `rgb` f32 `[n_source, 3]` in source order. A Gaussian of
-/// the source has the mean color of its parts, or NaN if the scene lacks it.
+/// Writes `rgb` `[N]`, in scene order and unclamped, as tensor `rgb` f32 `[n_source, 3]` in source order. A
+/// Gaussian of the source has the mean color of its parts, or NaN if the scene lacks it.
 ///
 /// # Errors
 /// If there is not one color per Gaussian, the scene contradicts itself, or the file cannot be written.
@@ -23,7 +23,8 @@ pub fn write_colors(path: &Path, rgb: &[[f32; 3]], scene: &Scene) -> Result<(), 
     }
     let by_source = scene.by_source();
     let source = |i: &u32| scene.order[*i as usize] as usize;
-    // Each value is made when it is written: a scene file may claim a source of any size, which must not be allocated.
+    // Each value is made when it is written: a scene file may claim a source of any size, which must not be
+    // allocated.
     let value = |flat: usize| {
         let (row, channel) = (flat / 3, flat % 3);
         let start = by_source.partition_point(|i| source(i) < row);

@@ -44,8 +44,8 @@ pub enum Precision {
 /// Name of the tensor of weights on the style's statistics.
 const STATISTICS: &str = "decoder.statistics.weight";
 
-/// Most smoothing passes of a file. No decoder needs as many, and a damaged file that asks for billions would never
-/// finish.
+/// Most smoothing passes of a file. No decoder needs as many, and a damaged file that asks for billions would
+/// never finish.
 const MAX_SMOOTHING_PASSES: usize = 64;
 
 /// The transfer from which decoders take their features. There is no other so far.
@@ -236,8 +236,8 @@ pub(super) fn validate(decoder: &Decoder) -> Result<(), Mismatch> {
     expect_finite(STATISTICS, &decoder.statistics_weight)
 }
 
-/// The activation of a file. Its slope may be any finite number, while `Activation::from_str` takes 0..1 only: that
-/// parser is for settings of new decoders, and this one must read decoders of other programs.
+/// The activation of a file. Its slope may be any finite number, while `Activation::from_str` takes 0..1 only:
+/// that parser is for settings of new decoders, and this one must read decoders of other programs.
 fn activation_from_text(text: &str) -> Result<Activation, Mismatch> {
     let slope = |text: &str| text.parse().ok().filter(|slope: &f32| slope.is_finite());
     match text.split_once(':') {

@@ -71,7 +71,8 @@ impl Loaded {
         Self { scene, warnings, format: "", axes: Axes::RDF, axes_because }
     }
 
-    /// Takes the file's coordinates for those of `axes` instead: the turn that was made is undone, and the other made.
+    /// Takes the file's coordinates for those of `axes` instead: the turn that was made is undone, and the
+    /// other made.
     pub(super) fn retell(&mut self, axes: Axes) {
         if self.axes != axes {
             self.axes.turn(&mut self.scene);

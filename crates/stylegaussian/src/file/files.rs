@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::error::Mismatch;
 
-/// The bytes of a scene's files. A reader asks for others by name; whoever reads for it (a folder, an asset server) adds
-/// them, and it reads again.
+/// The bytes of a scene's files. A reader asks for others by name; whoever reads for it (a folder, an asset
+/// server) adds them, and it reads again.
 #[derive(Debug)]
 pub(super) struct Files {
     /// The file that was named.

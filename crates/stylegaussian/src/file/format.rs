@@ -13,14 +13,14 @@ use super::{
 pub(super) struct Format {
     /// The name, for people.
     pub name: &'static str,
-    /// Extensions in lower case, without the leading dot. Writing goes by the first match. Reading goes by them only if
-    /// the content has no mark.
+    /// Extensions in lower case, without the leading dot. Writing goes by the first match. Reading goes by them
+    /// only if the content has no mark.
     pub extensions: &'static [&'static str],
-    /// Whether a file that begins like this is one of this format. The extension, in lower case, is for formats without
-    /// a mark of their own.
+    /// Whether a file that begins like this is one of this format. The extension, in lower case, is for formats
+    /// without a mark of their own.
     pub recognizes: fn(bytes: &[u8], extension: &str) -> bool,
-    /// Reads a scene, or asks for the files that it still needs. Files of scenes that were read, or that were refused, are
-    /// not needed any more and may be taken.
+    /// Reads a scene, or asks for the files that it still needs. Files of scenes that were read, or that were
+    /// refused, are not needed any more and may be taken.
     pub read: fn(&mut Files, &ReadOptions) -> Result<Loaded, Unread>,
     /// Writes a scene, or `None` if the format is only read. The scene was checked and holds a Gaussian.
     pub write: Option<WriteScene>,
@@ -53,10 +53,11 @@ impl From<io::Error> for Unwritten {
 /// Choices of a reader.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReadOptions {
-    /// The axes of the file's coordinates, or `None` for those that the file or its format's specification says. The
-    /// scene is turned from them to the axes of 3DGS `.ply` files, [`Axes::RDF`].
+    /// The axes of the file's coordinates, or `None` for those that the file or its format's specification
+    /// says. The scene is turned from them to the axes of 3DGS `.ply` files, [`Axes::RDF`].
     pub axes: Option<Axes>,
-    /// The most Gaussians of a scene that is stored at several levels of detail, or `None` for the finest level.
+    /// The most Gaussians of a scene that is stored at several levels of detail, or `None` for the finest
+    /// level.
     pub budget: Option<usize>,
 }
 

@@ -1,10 +1,12 @@
-//! glTF with Gaussians: the ratified extension KHR_gaussian_splatting, in one file (`.glb`) or with buffers beside it
-//! (`.gltf`).
+//! glTF with Gaussians: the ratified extension KHR_gaussian_splatting, in one file (`.glb`) or with buffers
+//! beside it (`.gltf`).
 //!
-//! A primitive of points carries one accessor per property of its Gaussians. All such primitives of the scene become one
-//! scene, each moved by its node; other primitives are left out. Bases of spherical harmonics are those of 3DGS.
+//! A primitive of points carries one accessor per property of its Gaussians. All such primitives of the scene
+//! become one scene, each moved by its node; other primitives are left out. Bases of spherical harmonics are
+//! those of 3DGS.
 //!
-//! Files of drafts keep logarithms in `SCALE`, and the compression draft `.._spz_2` keeps an SPZ file. Both are read.
+//! Files of drafts keep logarithms in `SCALE`, and the compression draft `.._spz_2` keeps an SPZ file. Both are
+//! read.
 
 use glam::DAffine3;
 use serde_json::Value;

@@ -1,7 +1,9 @@
-//! `.ksplat`, the format of GaussianSplats3D: sections of Gaussians, plain or relative to the center of their bucket.
+//! `.ksplat`, the format of GaussianSplats3D: sections of Gaussians, plain or relative to the center of their
+//! bucket.
 //!
-//! A header of 4,096 bytes, one of 1,024 for each section, then the sections' data: a table of the sizes of buckets that
-//! are not full (u32), the centers of all buckets (three f32), and the Gaussians. By level of compression:
+//! A header of 4,096 bytes, one of 1,024 for each section, then the sections' data: a table of the sizes of
+//! buckets that are not full (u32), the centers of all buckets (three f32), and the Gaussians. By level of
+//! compression:
 //!
 //! | level | mean | standard deviations | quaternion w, x, y, z | RGB, opacity | SH |
 //! | --- | --- | --- | --- | --- | --- |
@@ -9,8 +11,9 @@
 //! | 1 | u16 in the bucket | f16, linear | f16 | u8 | f16 |
 //! | 2 | u16 in the bucket | f16, linear | f16 | u8 | u8 |
 //!
-//! Spherical harmonics are stored degree by degree, channel-major within a degree. The file has no mark: it is known by
-//! its extension. Axes are those of `.ply` files. (`SplatBuffer.js` of github.com/mkkellogg/GaussianSplats3D, MIT.)
+//! Spherical harmonics are stored degree by degree, channel-major within a degree. The file has no mark: it is
+//! known by its extension. Axes are those of `.ply` files. (`SplatBuffer.js` of
+//! github.com/mkkellogg/GaussianSplats3D, MIT.)
 
 use glam::Vec3;
 use half::f16;
@@ -97,7 +100,8 @@ fn add(section: &Section, header: &Header, scene: &mut Scene) {
     }
 }
 
-/// Appends a Gaussian's coefficients: the constant one of a color, and `rest`, degree by degree and channel-major within.
+/// Appends a Gaussian's coefficients: the constant one of a color, and `rest`, degree by degree and
+/// channel-major within.
 fn push_coefficients(color: [f32; 3], rest: &[f32], stored: u8, sh: &mut Sh) {
     let end = sh.coefficients.len() + 3 * n_coefficients(sh.degree);
     sh.coefficients.extend(dc_from_color(color));

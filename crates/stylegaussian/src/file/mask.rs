@@ -77,8 +77,8 @@ pub(super) fn prepare(mask: &StoredMask) -> Result<Writer<'static>, Mismatch> {
     Ok(writer)
 }
 
-/// Adds a mask to a file whose Gaussians are in the order of `weights`. Channels after the last one that has a name or a weight
-/// are left out.
+/// Adds a mask to a file whose Gaussians are in the order of `weights`. Channels after the last one that has a
+/// name or a weight are left out.
 pub(super) fn to_tensor(weights: &[[u8; CHANNELS]], names: &[String; CHANNELS], writer: &mut Writer) {
     let is_used =
         |&channel: &usize| !names[channel].is_empty() || weights.iter().any(|weights| weights[channel] > 0);

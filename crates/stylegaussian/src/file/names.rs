@@ -5,8 +5,8 @@ use super::error::{Mismatch, mismatch};
 /// Names that Windows gives to devices, in any folder and with any extension.
 const DEVICES: [&str; 6] = ["con", "prn", "aux", "nul", "com", "lpt"];
 
-/// Checks that `name` is the name of a file beside the one that gives it: no path, no device, nothing that a system
-/// could read in another way.
+/// Checks that `name` is the name of a file beside the one that gives it: no path, no device, nothing that a
+/// system could read in another way.
 pub(super) fn check_plain(name: &str) -> Result<(), Mismatch> {
     // A dot or a space at the end is dropped by Windows, so that `..` and `nul.` are covered too.
     let is_plain = !name.is_empty()

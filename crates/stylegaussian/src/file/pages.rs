@@ -2,8 +2,9 @@
 
 /// Asks the system for large pages under the capacity of `values`, most of which was not written yet.
 ///
-/// The first write to a page costs more than filling it: with pages of 4 KiB that was a fifth of the time in which a capture
-/// of a million Gaussians is read. A wish alone: small vectors, systems without such pages and refusals change nothing.
+/// The first write to a page costs more than filling it: with pages of 4 KiB that was a fifth of the time in
+/// which a capture of a million Gaussians is read. A wish alone: small vectors, systems without such pages and
+/// refusals change nothing.
 #[cfg(target_os = "linux")]
 #[expect(
     unsafe_code,
@@ -21,8 +22,8 @@ pub(super) fn enlarge<T>(values: &mut Vec<T>) {
     let Some(inside) = n_bytes.checked_sub(before).map(|rest| rest - rest % LARGE).filter(|&n| n > 0) else {
         return;
     };
-    // SAFETY: the `inside` bytes from `before` on are within the vector's allocation, and this advice changes no byte of
-    // them. An error means that there are no such pages.
+    // SAFETY: the `inside` bytes from `before` on are within the vector's allocation, and this advice changes
+    // no byte of them. An error means that there are no such pages.
     let _ = unsafe { madvise(spare.wrapping_add(before).cast(), inside, Advice::LinuxHugepage) };
 }
 

@@ -1,7 +1,7 @@
 //! Gaussians moved by an affine transform.
 //!
-//! A covariance S becomes L S L^T. For a turn and one scale that is a turn of the quaternion; for a matrix that stretches,
-//! the new axes are eigenvectors.
+//! A covariance S becomes L S L^T. For a turn and one scale that is a turn of the quaternion; for a matrix that
+//! stretches, the new axes are eigenvectors.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Quat};
 use rayon::prelude::*;
@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use super::error::{Mismatch, mismatch};
 use crate::{scene::Scene, sh};
 
-/// Moves a scene. Its spherical harmonics turn along; under a matrix that stretches they turn with its rotation, which a
-/// warning says.
+/// Moves a scene. Its spherical harmonics turn along; under a matrix that stretches they turn with its
+/// rotation, which a warning says.
 pub(super) fn place(scene: &mut Scene, to: DAffine3, warnings: &mut Vec<String>) -> Result<(), Mismatch> {
     if to == DAffine3::IDENTITY {
         return Ok(());
@@ -60,8 +60,8 @@ pub(super) fn place(scene: &mut Scene, to: DAffine3, warnings: &mut Vec<String>)
     Ok(())
 }
 
-/// Eigenvalues and eigenvectors (columns, a rotation) of a symmetric matrix, by Jacobi's method (Golub and Van Loan,
-/// section 8.5).
+/// Eigenvalues and eigenvectors (columns, a rotation) of a symmetric matrix, by Jacobi's method (Golub and Van
+/// Loan, section 8.5).
 fn eigen(mut matrix: DMat3) -> (DVec3, DMat3) {
     let mut vectors = DMat3::IDENTITY;
     // Converges quadratically: five sweeps leave rounding only.

@@ -1,8 +1,8 @@
 //! 3DGS scenes as `.ply`, in every dialect in use.
 //!
-//! The crate ply-rs parses the header, after a check for lines on which it would panic. The rows are read by our own
-//! reader: ply-rs returns every value with a fresh copy of its property's name, and its ascii numbers include neither
-//! NaN nor `1E5`.
+//! The crate ply-rs parses the header, after a check for lines on which it would panic. The rows are read by
+//! our own reader: ply-rs returns every value with a fresh copy of its property's name, and its ascii numbers
+//! include neither NaN nor `1E5`.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -94,8 +94,8 @@ enum Color {
 }
 
 impl Color {
-    /// The spherical harmonics if there are any, otherwise `red green blue`. Point-cloud tools add the latter to 3DGS
-    /// files for display.
+    /// The spherical harmonics if there are any, otherwise `red green blue`. Point-cloud tools add the latter
+    /// to 3DGS files for display.
     fn choose(vertex: &ply_rs::ply::ElementDef) -> Result<Self, Mismatch> {
         use ply_rs::ply::{PropertyType::Scalar, ScalarType};
         let has = |name: &str| vertex.properties.contains_key(name);
@@ -123,8 +123,8 @@ impl Color {
         }))
     }
 
-    /// The properties to read, in the order of [`Sh`]. Higher spherical harmonics are channel-major in the file: first all of
-    /// red, then green, then blue.
+    /// The properties to read, in the order of [`Sh`]. Higher spherical harmonics are channel-major in the
+    /// file: first all of red, then green, then blue.
     fn names(&self) -> Vec<String> {
         match self {
             Self::SphericalHarmonics { degree, n_stored } => {
@@ -138,7 +138,8 @@ impl Color {
     }
 }
 
-/// Takes the rows apart. Spherical harmonics come first: most of the file is in them, and its memory is free after that.
+/// Takes the rows apart. Spherical harmonics come first: most of the file is in them, and its memory is free
+/// after that.
 fn stored_gaussians(mut rows: Rows, color: &Color) -> StoredGaussians {
     let sh = spherical_harmonics(&rows, color);
     rows.keep(GEOMETRY.len());
@@ -174,7 +175,8 @@ fn spherical_harmonics(rows: &Rows, color: &Color) -> Option<Sh> {
     Some(Sh { degree, coefficients })
 }
 
-/// The names of the first `n_rest` higher coefficients of each channel, of which the file has `n_stored`, RGB innermost.
+/// The names of the first `n_rest` higher coefficients of each channel, of which the file has `n_stored`, RGB
+/// innermost.
 fn rest_names(n_rest: usize, n_stored: usize) -> impl Iterator<Item = String> {
     (0..n_rest).flat_map(move |i| (0..3).map(move |channel| format!("f_rest_{}", channel * n_stored + i)))
 }

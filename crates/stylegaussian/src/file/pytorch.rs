@@ -1,8 +1,9 @@
 //! PyTorch files: state dicts, and the reader below StyleGaussian's own checkpoints.
 //!
-//! Both containers of `torch.save` are read: the zip archive, and the older stream of pickles followed by the storages
-//! (before version 1.6), in which torchvision still publishes VGG. Nothing in a file is executed. The few globals that
-//! tensors need are known by name, and any other is an error. All sizes are checked against the bytes of the file.
+//! Both containers of `torch.save` are read: the zip archive, and the older stream of pickles followed by the
+//! storages (before version 1.6), in which torchvision still publishes VGG. Nothing in a file is executed. The
+//! few globals that tensors need are known by name, and any other is an error. All sizes are checked against
+//! the bytes of the file.
 //!
 //! ```no_run
 //! use stylegaussian::file::pytorch::read_state_dict;
@@ -93,8 +94,8 @@ impl StateDict {
         self.find(name).map(|tensor| &tensor.shape[..])
     }
 
-    /// The tensor `name` as f32, or `None` if there is no such tensor. Half and bfloat16 elements are widened exactly,
-    /// doubles are rounded.
+    /// The tensor `name` as f32, or `None` if there is no such tensor. Half and bfloat16 elements are widened
+    /// exactly, doubles are rounded.
     ///
     /// # Errors
     /// If the elements are not floating-point numbers, or if the tensor reaches past its storage.

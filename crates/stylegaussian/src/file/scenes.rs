@@ -27,8 +27,8 @@ pub struct SceneReader {
 pub enum Reading {
     /// The scene.
     Scene(Box<Loaded>),
-    /// Files that are needed first, by their paths relative to the one that was named, with `/` between the parts.
-    /// [`SceneReader::add`] takes them.
+    /// Files that are needed first, by their paths relative to the one that was named, with `/` between the
+    /// parts. [`SceneReader::add`] takes them.
     Needs(Vec<String>),
 }
 
@@ -43,8 +43,8 @@ impl SceneReader {
         self.files.add(name, bytes);
     }
 
-    /// Reads the scene, or says which files it needs. Memory of large files is given back while they are read, so a scene
-    /// is read once.
+    /// Reads the scene, or says which files it needs. Memory of large files is given back while they are read,
+    /// so a scene is read once.
     ///
     /// # Errors
     /// If the files are no scene, contradict themselves, or hold no Gaussian.
@@ -72,8 +72,8 @@ impl SceneReader {
     }
 }
 
-/// Reads a scene in any format. The format is recognized by the content where it has a mark, and by the extension if it
-/// has none.
+/// Reads a scene in any format. The format is recognized by the content where it has a mark, and by the
+/// extension if it has none.
 ///
 /// Gaussians that are not finite or have a zero quaternion are dropped, and a warning counts them.
 ///
@@ -116,7 +116,8 @@ pub fn scene_from_bytes(bytes: &[u8], name: &str) -> Result<Loaded, FileError> {
     }
 }
 
-/// Writes a scene. The extension chooses the format: `.sgs` keeps everything, the others Gaussians and colors only.
+/// Writes a scene. The extension chooses the format: `.sgs` keeps everything, the others Gaussians and colors
+/// only.
 ///
 /// # Errors
 /// If the extension is another, the scene contradicts itself, or the file cannot be written.
@@ -124,7 +125,8 @@ pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), FileError> {
     write_scene_with(path, scene, WriteOptions::default()).map(drop)
 }
 
-/// Writes a scene as [`write_scene`] does, with choices. Returns warnings of what was clamped, one sentence each.
+/// Writes a scene as [`write_scene`] does, with choices. Returns warnings of what was clamped, one sentence
+/// each.
 ///
 /// # Errors
 /// As [`write_scene`].
@@ -150,8 +152,8 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: WriteOptions) -> Re
     }
 }
 
-/// The bytes of a scene's file, for those who have no files. `name` is the file's, whose extension chooses the format; errors
-/// call the file that.
+/// The bytes of a scene's file, for those who have no files. `name` is the file's, whose extension chooses the
+/// format; errors call the file that.
 ///
 /// # Errors
 /// If the extension is another, or the scene contradicts itself.

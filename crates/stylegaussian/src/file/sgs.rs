@@ -15,8 +15,9 @@
 //! | `feature_mean`, `feature_covariance` | f32 `[L]`, `[L, L]` | optional caches of other writers; read for their shapes only |
 //! | `decoder.layers.{i}.*` | | see the decoder's format |
 //!
-//! Every f16 tensor may be f32 as well. Metadata: `format`, `version`, `source_count`, if known `encoder`, `up` (`x y
-//! z`), `filter` (`antialiased`; absent if classic), `source` and `license`, and the decoder's. Gaussians are written in Morton order.
+//! Every f16 tensor may be f32 as well. Metadata: `format`, `version`, `source_count`, if known `encoder`, `up`
+//! (`x y z`), `filter` (`antialiased`; absent if classic), `source` and `license`, and the decoder's. Gaussians
+//! are written in Morton order.
 
 use std::{borrow::Cow, io::Write};
 
@@ -53,8 +54,8 @@ pub(super) const FORMAT: Format = Format {
     write: Some(|out, scene, _| write(out, scene).map(|()| Vec::new())),
 };
 
-/// Whether a file begins as safetensors do: with the length of their JSON header, 8 bytes, and the header. A length beyond
-/// what the library allows (100 MB) is a coordinate in a format without a mark.
+/// Whether a file begins as safetensors do: with the length of their JSON header, 8 bytes, and the header. A
+/// length beyond what the library allows (100 MB) is a coordinate in a format without a mark.
 fn is_safetensors(bytes: &[u8]) -> bool {
     let Some((length, header)) = bytes.split_first_chunk() else { return false };
     u64::from_le_bytes(*length) <= 100_000_000 && header.first() == Some(&b'{')
@@ -66,8 +67,8 @@ const ANTIALIASED: &str = "antialiased";
 /// The format's name in its metadata.
 const FORMAT_NAME: &str = "stylegaussian-scene";
 
-/// The most Gaussians of a source per Gaussian that is left of it: a cut-out of a large capture is fine. Files of colors
-/// have a row for each, so that the count must not be believed whatever it says.
+/// The most Gaussians of a source per Gaussian that is left of it: a cut-out of a large capture is fine. Files
+/// of colors have a row for each, so that the count must not be believed whatever it says.
 const MOST_PER_GAUSSIAN: usize = 64;
 
 /// A source of this many is believed whatever is left of it. Its colors take 200 MB.
@@ -285,8 +286,8 @@ fn add_features<'a>(features: &'a Features, n: usize, writer: &mut Writer<'a>) -
     }
     expect_finite("basis", &features.basis)?;
     expect_finite("offset", &features.offset)?;
-    // Features of checkpoints stay f32, since they must stylize exactly like the original. Such features have full rank
-    // or name no encoder.
+    // Features of checkpoints stay f32, since they must stylize exactly like the original. Such features have
+    // full rank or name no encoder.
     if l == d || features.encoder.is_none() || exceeds_f16(&features.values) {
         writer.f32("features", &[n, l], &features.values);
     } else {

@@ -1,9 +1,9 @@
 //! SOG scenes of PlayCanvas: codes in lossless WebP images, and `meta.json`, which says what the codes mean.
 //!
-//! A scene is a folder, named by its `meta.json`; a zip archive of it, `.sog`; or chunks of several levels of detail,
-//! named by `lod-meta.json`. The layouts are documented at <https://developer.playcanvas.com> (formats, SOG).
-//! The coordinates are those of the `.ply` that a scene was made from, whatever that page says: decoded captures match
-//! their `.ply` Gaussian by Gaussian.
+//! A scene is a folder, named by its `meta.json`; a zip archive of it, `.sog`; or chunks of several levels of
+//! detail, named by `lod-meta.json`. The layouts are documented at <https://developer.playcanvas.com> (formats,
+//! SOG). The coordinates are those of the `.ply` that a scene was made from, whatever that page says: decoded
+//! captures match their `.ply` Gaussian by Gaussian.
 
 use std::{borrow::Cow, ops::Range};
 

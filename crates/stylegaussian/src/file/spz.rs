@@ -1,11 +1,11 @@
 //! SPZ, Niantic's compressed scenes: versions 1 to 4 are read, 3 and 4 are written.
 //!
-//! A header, then one array per property, each value in one to three bytes. Versions 1 to 3 lie in gzip; version 4 has a
-//! header of its own and a zstd frame for each array. Layout and values are those of Niantic's library
-//! (github.com/nianticlabs/spz, `src/cc/load-spz.cc`).
+//! A header, then one array per property, each value in one to three bytes. Versions 1 to 3 lie in gzip;
+//! version 4 has a header of its own and a zstd frame for each array. Layout and values are those of Niantic's
+//! library (github.com/nianticlabs/spz, `src/cc/load-spz.cc`).
 //!
-//! Axes are RUB by the specification. Several programs write those of `.ply` files without a word, which the user has to
-//! tell by [`ReadOptions::axes`](super::ReadOptions).
+//! Axes are RUB by the specification. Several programs write those of `.ply` files without a word, which the
+//! user has to tell by [`ReadOptions::axes`](super::ReadOptions).
 
 use glam::{DAffine3, DMat3, DVec3};
 

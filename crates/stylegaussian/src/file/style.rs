@@ -1,9 +1,10 @@
 //! Style statistics: `*.style.safetensors`.
 //!
-//! Tensors `mean` and `std_dev` f32 `[D]`, optionally `covariance` f32 `[D, D]`. Metadata `format`, `version` and, if
-//! known, `encoder`.
+//! Tensors `mean` and `std_dev` f32 `[D]`, optionally `covariance` f32 `[D, D]`. Metadata `format`, `version`
+//! and, if known, `encoder`.
 //!
-//! Optionally the painting's paint: `paint` u8 `[height, width, 3]`. Readers that know only statistics ignore it.
+//! Optionally the painting's paint: `paint` u8 `[height, width, 3]`. Readers that know only statistics ignore
+//! it.
 
 use crate::{
     paint::{MAX_PIXELS, Paint},

@@ -87,7 +87,8 @@ impl<'a> Reader<'a> {
         self.tensors.tensor(name).ok().map(|tensor| tensor.shape().to_vec())
     }
 
-    /// A tensor of finite numbers, f16 or f32. `shape` has the size of each dimension, or its name if any size will do.
+    /// A tensor of finite numbers, f16 or f32. `shape` has the size of each dimension, or its name if any size
+    /// will do.
     pub(super) fn floats(&self, name: &str, shape: &[Dimension]) -> Result<Vec<f32>, Mismatch> {
         let tensor = self.tensor(name, shape)?;
         // Not cast in place: the bytes of a file may lie unaligned, and the machine may be big-endian.
@@ -280,7 +281,8 @@ impl<'a> Writer<'a> {
         self.add(name.into(), shape, Values::U8(values.into()));
     }
 
-    /// Adds an f32 tensor that is not in memory. `value` computes each number from its flat index when it is written.
+    /// Adds an f32 tensor that is not in memory. `value` computes each number from its flat index when it is
+    /// written.
     pub(super) fn made(&mut self, name: &str, shape: &[usize], value: impl Fn(usize) -> f32 + 'a) {
         self.add(name.into(), shape, Values::Made(Box::new(value)));
     }
@@ -305,8 +307,8 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// The JSON header, padded to 8 bytes. Ours, since the safetensors crate writes metadata in a hash map's random
-    /// order, and equal scenes are to give equal files.
+    /// The JSON header, padded to 8 bytes. Ours, since the safetensors crate writes metadata in a hash map's
+    /// random order, and equal scenes are to give equal files.
     fn header(&self) -> Vec<u8> {
         // This map keeps its keys sorted, so that the bytes do not depend on the order of calls.
         let mut header = serde_json::Map::new();

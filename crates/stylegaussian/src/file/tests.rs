@@ -52,7 +52,8 @@ fn decoder(channels: &[usize], k: usize, next: &mut impl FnMut() -> f32) -> Deco
     }
 }
 
-/// A scene with every optional part, 20 of 25 source Gaussians. Numbers that files hold as f16 are exact in f16.
+/// A scene with every optional part, 20 of 25 source Gaussians. Numbers that files hold as f16 are exact in
+/// f16.
 pub(super) fn full_scene() -> Scene {
     let mut next = noise();
     let n = 20;

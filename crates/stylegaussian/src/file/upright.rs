@@ -1,8 +1,9 @@
 //! Scenes set upright for formats whose y axis points up by definition.
 //!
-//! Scenes in memory keep the coordinates of their source, whatever their up direction. Viewers of glTF and SPZ take the y
-//! axis for up. So a scene whose up direction is known is turned for them, by quarter turns, which are exact. The up direction
-//! that it had goes into the file, and our readers turn it back: cameras and looks of the scene fit both.
+//! Scenes in memory keep the coordinates of their source, whatever their up direction. Viewers of glTF and SPZ
+//! take the y axis for up. So a scene whose up direction is known is turned for them, by quarter turns, which
+//! are exact. The up direction that it had goes into the file, and our readers turn it back: cameras and looks
+//! of the scene fit both.
 
 use std::borrow::Cow;
 
@@ -14,8 +15,9 @@ use super::{
 };
 use crate::{axes::Axes, scene::Scene};
 
-/// A scene in axes [`Axes::RDF`], turned so that the axis nearest to its up direction points to -y, which is up in these
-/// axes; and the up direction that it had. `None` if it was upright or its up direction is not known: it is as it was then.
+/// A scene in axes [`Axes::RDF`], turned so that the axis nearest to its up direction points to -y, which is up
+/// in these axes; and the up direction that it had. `None` if it was upright or its up direction is not known:
+/// it is as it was then.
 pub(super) fn upright(scene: Cow<'_, Scene>) -> Result<(Cow<'_, Scene>, Option<Vec3>), Mismatch> {
     let up = scene.up;
     let Some(axis) = up.and_then(nearest_axis).filter(|&axis| axis != Vec3::NEG_Y) else {

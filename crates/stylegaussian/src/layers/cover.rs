@@ -1,4 +1,5 @@
-//! How a region covers balls: most Gaussians lie far from the edges of regions, and need no look at them one by one.
+//! How a region covers balls: most Gaussians lie far from the edges of regions, and need no look at them one by
+//! one.
 
 use glam::{Mat3A, Vec3};
 
@@ -55,8 +56,8 @@ fn stretch(map: Mat3A) -> f32 {
     let squares = [x.length_squared(), y.length_squared(), z.length_squared()];
     let largest = squares.into_iter().fold(0.0, f32::max);
     let skew = x.dot(y).abs().max(x.dot(z).abs()).max(y.dot(z).abs());
-    // With columns at right angles, the longest one is the stretch. Otherwise it is at most the root of all squares' sum. A
-    // hundredth covers rounding.
+    // With columns at right angles, the longest one is the stretch. Otherwise it is at most the root of all
+    // squares' sum. A hundredth covers rounding.
     let is_straight = skew <= 1e-3 * largest;
     1.01 * if is_straight { largest } else { squares.iter().sum::<f32>() }.sqrt()
 }
@@ -65,8 +66,9 @@ impl Shape {
     /// Bounds of [`distance`](Self::distance) over a ball: at least the first and at most the second.
     fn distances(&self, center: Vec3, radius: f32) -> (f32, f32) {
         match *self {
-            // With L = |p / r|, the first-order distance L (L - 1) / |p / r^2| is at least r_min (L - 1) without and at most
-            // that within, because |p / r^2| <= L / r_min. L differs by at most radius / r_min.
+            // With L = |p / r|, the first-order distance L (L - 1) / |p / r^2| is at least r_min (L - 1)
+            // without and at most that within, because |p / r^2| <= L / r_min. L differs by at most radius /
+            // r_min.
             Self::Ellipsoid { radii } if radii != Vec3::splat(radii.x) => {
                 let least = radii.min_element();
                 let (middle, spread) = ((center / radii).length(), radius / least);

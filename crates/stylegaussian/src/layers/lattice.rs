@@ -19,8 +19,8 @@ pub fn lattice_noise(point: Vec3) -> f32 {
     along_y(0) + t.z * (along_y(1) - along_y(0))
 }
 
-/// A random number of a whole point, 0..1: the first of pcg3d's three (Jarzynski and Olano, "Hash Functions for GPU
-/// Rendering", 2020).
+/// A random number of a whole point, 0..1: the first of pcg3d's three (Jarzynski and Olano, "Hash Functions for
+/// GPU Rendering", 2020).
 fn hash(point: UVec3) -> f32 {
     let step = |v: u32| v.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
     let (mut x, mut y, mut z) = (step(point.x), step(point.y), step(point.z));

@@ -4,8 +4,8 @@ use glam::{Vec2, Vec3};
 
 use super::lattice::lattice_noise;
 
-/// A shape around the origin, in world units. Axes and centers are those of Bevy's primitive shapes: what has an axis has it
-/// along y.
+/// A shape around the origin, in world units. Axes and centers are those of Bevy's primitive shapes: what has
+/// an axis has it along y.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
     /// All of space.
@@ -60,9 +60,9 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// The distance of a point from the surface, negative within the shape. Exact for boxes, cylinders, capsules, rings and
-    /// spheres; near the surface of an ellipsoid correct to first order. For noise it is the difference from the level
-    /// times the size. Shapes of no size hold no point.
+    /// The distance of a point from the surface, negative within the shape. Exact for boxes, cylinders,
+    /// capsules, rings and spheres; near the surface of an ellipsoid correct to first order. For noise it is
+    /// the difference from the level times the size. Shapes of no size hold no point.
     pub fn distance(&self, point: Vec3) -> f32 {
         // The distance from the axis, and the place along it.
         let radial = Vec2::new(point.x, point.z).length();
@@ -91,7 +91,8 @@ impl Shape {
         }
     }
 
-    /// The shape with its sizes multiplied. Round shapes along y keep round: x and z count by their geometric mean.
+    /// The shape with its sizes multiplied. Round shapes along y keep round: x and z count by their geometric
+    /// mean.
     pub fn scaled(self, scale: Vec3) -> Self {
         let scale = scale.abs();
         let around = (scale.x * scale.z).sqrt();

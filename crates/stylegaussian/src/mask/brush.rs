@@ -8,12 +8,12 @@ use crate::{
     random::hash,
 };
 
-/// Distance of a stroke's dabs, in radii of the brush. At a quarter, strokes of softness 0.25 or more vary along their middle by
-/// less than an 8-bit step.
+/// Distance of a stroke's dabs, in radii of the brush. At a quarter, strokes of softness 0.25 or more vary
+/// along their middle by less than an 8-bit step.
 const SPACING: f32 = 0.25;
 
-/// Dabs of a segment of a stroke, at most; longer segments have them farther apart. A mouse that crosses the screen with a
-/// brush of a hundredth of it needs 400.
+/// Dabs of a segment of a stroke, at most; longer segments have them farther apart. A mouse that crosses the
+/// screen with a brush of a hundredth of it needs 400.
 const MOST_DABS: f32 = 1024.0;
 
 /// The largest radius and the largest distance that count, in scene units: their squares stay within f32.
@@ -29,7 +29,8 @@ pub struct Brush {
     pub radius: f32,
     /// Share of the radius across which the effect fades, 0..1: 0 is a hard edge, 1 fades from the center on.
     pub softness: f32,
-    /// Share of what is missing to 255 that one dab adds at the center, 0..1. The dabs of a stroke overlap and add up.
+    /// Share of what is missing to 255 that one dab adds at the center, 0..1. The dabs of a stroke overlap and
+    /// add up.
     pub strength: f32,
     /// The channel that is painted, 0..4.
     pub channel: usize,
@@ -54,7 +55,8 @@ impl Default for Brush {
 }
 
 impl Brush {
-    /// The sphere of a dab at `center`: its weight times [`strength`](Self::strength) is the share that changes.
+    /// The sphere of a dab at `center`: its weight times [`strength`](Self::strength) is the share that
+    /// changes.
     pub fn region(&self, center: Vec3) -> Region {
         let (radius, softness) = (self.reach(), self.softness.clamp(0.0, 1.0));
         Region {
@@ -83,16 +85,16 @@ impl Brush {
     }
 }
 
-/// A weight moved toward `target` by `share` of the distance. It is rounded up or down at random, by the fraction: rounded to
-/// the nearest, faint dabs would never add up, and all would stop short of the target.
+/// A weight moved toward `target` by `share` of the distance. It is rounded up or down at random, by the
+/// fraction: rounded to the nearest, faint dabs would never add up, and all would stop short of the target.
 fn toward(weight: u8, target: f32, share: f32, random: f32) -> u8 {
     let weight = f32::from(weight);
     (weight + share * (target - weight) + random).floor() as u8
 }
 
 impl Mask {
-    /// Paints or erases a dab at each of `centers`, one after the other, in the space of `means` `[N]`. Centers and brushes
-    /// that are not finite, or of no size, change nothing.
+    /// Paints or erases a dab at each of `centers`, one after the other, in the space of `means` `[N]`. Centers
+    /// and brushes that are not finite, or of no size, change nothing.
     ///
     /// The same operations on equal masks give equal masks, whatever the number of threads.
     ///
@@ -153,8 +155,8 @@ impl Stroke {
         &self.brush
     }
 
-    /// Goes on to `point`, in the space of `means`. The first point is a dab. Returns what changed since the last point; points
-    /// that are not finite are passed over.
+    /// Goes on to `point`, in the space of `means`. The first point is a dab. Returns what changed since the
+    /// last point; points that are not finite are passed over.
     ///
     /// # Panics
     /// If there is not one mean per Gaussian.

@@ -22,13 +22,14 @@ impl Default for History {
 }
 
 impl History {
-    /// An empty history that takes at most `most_bytes`. The newest edit is always kept; it takes at most 8 bytes per Gaussian.
+    /// An empty history that takes at most `most_bytes`. The newest edit is always kept; it takes at most 8
+    /// bytes per Gaussian.
     pub fn new(most_bytes: usize) -> Self {
         Self { done: VecDeque::new(), undone: Vec::new(), most_bytes }
     }
 
-    /// Adds an edit that was just made. Those that were undone are gone, and the oldest go if there is no room. An edit that
-    /// changed nothing is not added.
+    /// Adds an edit that was just made. Those that were undone are gone, and the oldest go if there is no room.
+    /// An edit that changed nothing is not added.
     pub fn push(&mut self, edit: Edit) {
         if edit.is_empty() {
             return;

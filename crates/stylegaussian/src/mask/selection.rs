@@ -19,7 +19,8 @@ pub enum Selection {
     Channel(usize),
 }
 
-/// The change that a selection makes of a channel. With s the selection's weight and w the channel's, both 0..1:
+/// The change that a selection makes of a channel. With s the selection's weight and w the channel's, both
+/// 0..1:
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Combine {
     /// s.

@@ -27,7 +27,8 @@ fn a_dab_by_hand() {
     assert_eq!((edit.len(), edit.ranges(1, 9).first()), (9, Some(&(6..15))));
     let painted: Vec<usize> = (0..21).filter(|&i| mask.weights[i] == [0, 0, 255, 0]).collect();
     assert_eq!(painted, (6..15).collect::<Vec<_>>(), "within 0.45 of x = 1");
-    // A wholly soft brush fades as 1 - smoothstep from its center to its radius. A third of the way it is 20/27.
+    // A wholly soft brush fades as 1 - smoothstep from its center to its radius. A third of the way it is
+    // 20/27.
     let mut mask = Mask::new(21);
     let brush = Brush { radius: 0.9, softness: 1.0, ..Brush::default() };
     mask.paint(&means, &brush, &[Vec3::X]);

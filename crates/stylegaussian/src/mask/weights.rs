@@ -53,7 +53,8 @@ impl Mask {
         Self { weights, names: self.names.clone(), n_dabs: self.n_dabs }
     }
 
-    /// Replaces the weights of each Gaussian by those that `changed` gives for its index and its former weights.
+    /// Replaces the weights of each Gaussian by those that `changed` gives for its index and its former
+    /// weights.
     pub(super) fn edit(&mut self, changed: impl Fn(usize, [u8; CHANNELS]) -> [u8; CHANNELS] + Sync) -> Edit {
         let of_task = |(task, weights): (usize, &mut [[u8; CHANNELS]])| {
             let mut former = Vec::new();
@@ -75,7 +76,8 @@ pub(super) fn share(weights: [u8; CHANNELS], channel: usize) -> f32 {
     weights.get(channel).map_or(0.0, |&weight| f32::from(weight) / 255.0)
 }
 
-/// A change of a mask: the Gaussians that it changed, 8 bytes for each, and the weights that they do not have now.
+/// A change of a mask: the Gaussians that it changed, 8 bytes for each, and the weights that they do not have
+/// now.
 #[derive(Clone, Debug, Default)]
 pub struct Edit {
     /// Index and weights, by ascending index.
@@ -98,8 +100,8 @@ impl Edit {
         self.former.capacity() * size_of::<(u32, [u8; CHANNELS])>()
     }
 
-    /// Undoes the change in the mask that it was made in, or makes it again if it is undone. Edits of one mask must be undone
-    /// in reverse order. Gaussians that `mask` does not have are passed over.
+    /// Undoes the change in the mask that it was made in, or makes it again if it is undone. Edits of one mask
+    /// must be undone in reverse order. Gaussians that `mask` does not have are passed over.
     pub fn swap(&mut self, mask: &mut Mask) {
         for (i, weights) in &mut self.former {
             if let Some(now) = mask.weights.get_mut(*i as usize) {
@@ -108,7 +110,8 @@ impl Edit {
         }
     }
 
-    /// Adds what a later edit changed of Gaussians that are not `touched` yet, and touches them. To be sorted in the end.
+    /// Adds what a later edit changed of Gaussians that are not `touched` yet, and touches them. To be sorted
+    /// in the end.
     pub(super) fn append(&mut self, later: &Self, touched: &mut [bool]) {
         let is_new = |&&(i, _): &&(u32, [u8; CHANNELS])| !std::mem::replace(&mut touched[i as usize], true);
         self.former.extend(later.former.iter().filter(is_new));
@@ -119,8 +122,8 @@ impl Edit {
         self.former.sort_unstable_by_key(|&(i, _)| i);
     }
 
-    /// The indices that it changed, as ranges by ascending index. Ranges less than `gap` apart are one, and if there are
-    /// more than `most` of them, all are one.
+    /// The indices that it changed, as ranges by ascending index. Ranges less than `gap` apart are one, and if
+    /// there are more than `most` of them, all are one.
     pub fn ranges(&self, gap: usize, most: usize) -> Vec<Range<usize>> {
         let mut ranges: Vec<Range<usize>> = Vec::new();
         for i in self.former.iter().map(|&(i, _)| i as usize) {

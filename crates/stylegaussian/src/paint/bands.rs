@@ -13,8 +13,8 @@ pub(super) struct Mask {
     size: [usize; 2],
     /// Positions of the pixels that count, in that part.
     covered: Vec<u32>,
-    /// Factors of the covered pixels of each blurred picture `[M]`: one over the blurred mask, which keeps what lies beside the
-    /// scene out.
+    /// Factors of the covered pixels of each blurred picture `[M]`: one over the blurred mask, which keeps what
+    /// lies beside the scene out.
     shares: [Vec<f32>; N_BANDS - 1],
 }
 
@@ -54,8 +54,8 @@ impl Mask {
         self.covered.len()
     }
 
-    /// The B finest bands of a picture's `values` at the covered pixels `[M]`, each `[M]`. All of them sum to the values without
-    /// their mean.
+    /// The B finest bands of a picture's `values` at the covered pixels `[M]`, each `[M]`. All of them sum to
+    /// the values without their mean.
     pub fn bands<const B: usize>(&self, values: &[f32]) -> [Vec<f32>; B] {
         let n = self.covered.len().max(1) as f64;
         let mean = (values.iter().map(|value| f64::from(*value)).sum::<f64>() / n) as f32;
@@ -104,8 +104,8 @@ pub(super) fn dot(a: &[f32], b: &[f32]) -> f64 {
     a.chunks(256).zip(b.chunks(256)).map(block).sum()
 }
 
-/// A picture blurred by the weights 1, 4, 6, 4, 1 (over 16), `step` pixels apart: a deviation of `step` pixels. Beyond
-/// its edges it is 0.
+/// A picture blurred by the weights 1, 4, 6, 4, 1 (over 16), `step` pixels apart: a deviation of `step` pixels.
+/// Beyond its edges it is 0.
 fn blurred(picture: &[f32], [width, height]: [usize; 2], step: usize) -> Vec<f32> {
     let mut both = vec![0.0; picture.len()];
     let nothing = vec![0.0; width];

@@ -1,4 +1,5 @@
-//! A painting prepared for painting scenes: the scale at which it is read, its detail, its colors, and its places.
+//! A painting prepared for painting scenes: the scale at which it is read, its detail, its colors, and its
+//! places.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -15,12 +16,12 @@ use crate::{
     recolor::ColorMoments,
 };
 
-/// Scales at which a painting may be read, the largest first: sides of a picture of 512 x 512 pixels of area, in its own. Below
-/// half, whole small motifs fit on a stroke's spot.
+/// Scales at which a painting may be read, the largest first: sides of a picture of 512 x 512 pixels of area,
+/// in its own. Below half, whole small motifs fit on a stroke's spot.
 const SCALES: [f32; 3] = [1.0, 0.71, 0.5];
 
-/// Share of a painting's variance of luminance that is to be finer than [`FINE`]. Strokes of any size then land in fine detail; a
-/// painting of less would be a recolored photograph.
+/// Share of a painting's variance of luminance that is to be finer than [`FINE`]. Strokes of any size then land
+/// in fine detail; a painting of less would be a recolored photograph.
 const FINE_SHARE: f32 = 0.6;
 
 /// Standard deviation of fine detail, in pixels.
@@ -38,13 +39,14 @@ const SHAPES: usize = 4;
 /// Pixels of a painting of which one in a cell of the color cube is no color of its own: specks of dust.
 const RARE: usize = 10_000;
 
-/// Least clarity at which directions of the scene and of strokes are laid upon one another. Below it, the painting stands
-/// upright.
+/// Least clarity at which directions of the scene and of strokes are laid upon one another. Below it, the
+/// painting stands upright.
 pub(super) const CLEAR: f32 = 0.25;
 
 /// A painting prepared for painting any scene.
 pub struct Canvas {
-    /// Size at which it is read, in pixels: a pixel is one of a picture of 512 pixels that shows the whole scene.
+    /// Size at which it is read, in pixels: a pixel is one of a picture of 512 pixels that shows the whole
+    /// scene.
     pub(super) size: Vec2,
     pub(super) detail: Detail,
     /// Its colors.
@@ -56,7 +58,8 @@ pub struct Canvas {
     pub(super) mean: Vec3,
     /// Columns and rows of places.
     pub(super) n_places: (usize, usize),
-    /// The direction of strokes at each place, a unit vector in pixels (x right, y down) `[P]`, and how clear it is.
+    /// The direction of strokes at each place, a unit vector in pixels (x right, y down) `[P]`, and how clear
+    /// it is.
     pub(super) strokes: Vec<(Vec2, f32)>,
     /// Places upright, and along their strokes where these are clear `[P]` each.
     pub(super) places: [Descriptors; 2],

@@ -14,7 +14,8 @@ use crate::{
     strokes::{FINE_SIDE, StrokeTexture, WIDE_SIDE},
 };
 
-/// Factor of the finest band. Gaussians that overlap blur it most. Above, canvas weave and grain of JPEG become beads.
+/// Factor of the finest band. Gaussians that overlap blur it most. Above, canvas weave and grain of JPEG become
+/// beads.
 const FINEST: f32 = 1.3;
 
 /// Share of a painting's large shapes that wide detail has.
@@ -23,8 +24,8 @@ pub(super) const LOCAL: f32 = 0.3;
 /// Standard deviation over which local energy is measured, in pixels.
 const AROUND: f32 = 10.0;
 
-/// Power by which strong places of a painting are weakened and faint ones strengthened. At twice as much, ink and watercolor lose
-/// their paint.
+/// Power by which strong places of a painting are weakened and faint ones strengthened. At twice as much, ink
+/// and watercolor lose their paint.
 const WHITEN: f32 = 0.3;
 
 /// Range of the factors that this gives.
@@ -40,7 +41,8 @@ const STRIDE: usize = 3;
 pub(super) struct Detail {
     /// Fine and wide detail, as they are drawn.
     pub texture: Arc<StrokeTexture>,
-    /// Colors of the painting without its detail, from some of its pixels: what the scene's own colors are to be.
+    /// Colors of the painting without its detail, from some of its pixels: what the scene's own colors are to
+    /// be.
     pub low: Vec<Vec3>,
     /// Luminance energy of detail around each pixel of a picture of a quarter of the size.
     around: Picture,
@@ -93,7 +95,8 @@ impl Detail {
     }
 }
 
-/// The textures. Fine detail comes from the original: from near, there is more of it than at the scale at which the painting is read.
+/// The textures. Fine detail comes from the original: from near, there is more of it than at the scale at which
+/// the painting is read.
 fn texture(copies: &Copies, original: &Picture, whiten: impl Fn(Vec2) -> f32 + Sync) -> StrokeTexture {
     let size = copies.picture().size();
     let mean = original.values.iter().sum::<Vec3>() / original.values.len().max(1) as f32;

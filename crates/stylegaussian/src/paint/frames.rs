@@ -5,7 +5,8 @@ use rayon::prelude::*;
 
 use crate::{neighbors::Neighbors, palette::LUMINANCE, scene::Scene};
 
-/// Rounds in which normals are averaged over neighborhoods. Single Gaussians point anywhere on thin or bushy things.
+/// Rounds in which normals are averaged over neighborhoods. Single Gaussians point anywhere on thin or bushy
+/// things.
 const NORMAL_ROUNDS: usize = 2;
 
 /// Rounds in which directions are averaged: a few more, so that strokes side by side run alike.
@@ -15,8 +16,8 @@ const DIRECTION_ROUNDS: usize = 4;
 pub(super) struct Frames {
     /// Unit normals of either sign `[N]`.
     pub normals: Vec<Vec3>,
-    /// Unit directions along edges of the scene's colors, in the tangent plane and of either sign `[N]`; zero if there
-    /// is no edge.
+    /// Unit directions along edges of the scene's colors, in the tangent plane and of either sign `[N]`; zero
+    /// if there is no edge.
     pub directions: Vec<Vec3>,
     /// How clear each direction is `[N]`, from 0 (none) to 1.
     pub clarity: Vec<f32>,
@@ -96,7 +97,8 @@ pub(super) fn outer(a: Vec3, b: Vec3) -> Mat3 {
     Mat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-/// The unit eigenvector of the largest eigenvalue of a positive semidefinite matrix. Any unit vector if it is zero.
+/// The unit eigenvector of the largest eigenvalue of a positive semidefinite matrix. Any unit vector if it is
+/// zero.
 pub(super) fn dominant(matrix: Mat3) -> Vec3 {
     // Squaring doubles the ratio of eigenvalues in the exponent: after six, a ratio of 1.1 has become 445.
     let mut power = with_unit_trace(matrix);
@@ -111,7 +113,8 @@ pub(super) fn dominant(matrix: Mat3) -> Vec3 {
 
 /// The unit eigenvector of the smallest eigenvalue of a positive semidefinite matrix.
 pub(super) fn thinnest(matrix: &Mat3) -> Vec3 {
-    // The inverse has the eigenvalues' inverses. A share of the trace on the diagonal keeps it finite for flat things.
+    // The inverse has the eigenvalues' inverses. A share of the trace on the diagonal keeps it finite for flat
+    // things.
     let regular = with_unit_trace(*matrix) + Mat3::from_diagonal(Vec3::splat(1e-3));
     dominant(regular.inverse())
 }

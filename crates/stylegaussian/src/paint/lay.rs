@@ -21,14 +21,15 @@ use crate::{
     strokes::{FINE_SIDE, PlainSeed, StrokeSeed, StrokeWord, Strokes, mixed},
 };
 
-/// Share of the way that hues which the painting does not have move to its nearest colors. Grass then resembles a painting's
-/// gold and not its mean.
+/// Share of the way that hues which the painting does not have move to its nearest colors. Grass then resembles
+/// a painting's gold and not its mean.
 const TO_PALETTE: f32 = 0.8;
 
 /// How far the shares of dark and bright become the painting's.
 const TONE: f32 = 0.9;
 
-/// Colors leave the range of a display by at most this. Gaussians that overlap blur what they carry, so single ones go beyond it.
+/// Colors leave the range of a display by at most this. Gaussians that overlap blur what they carry, so single
+/// ones go beyond it.
 const OVERSHOOT: f32 = 0.3;
 
 /// Share of the scene's own grain that is left under strokes. It should not make up for missing paint.
@@ -37,26 +38,27 @@ const OWN_GRAIN: f32 = 0.15;
 /// Weight of differences of chroma, beside luminance, in what stands out.
 const CHROMA: f32 = 0.15;
 
-/// Energy of what stands out, over that of the painting's strokes and over what is usual in the scene. Both must be exceeded for
-/// half of the protection.
+/// Energy of what stands out, over that of the painting's strokes and over what is usual in the scene. Both
+/// must be exceeded for half of the protection.
 const OF_STROKES: f32 = 0.015;
 const OF_SCENE: f32 = 3.0;
 
 /// Share of fine detail that protection takes: see [`StrokeRecord`](crate::strokes::StrokeRecord).
 const PROTECTED: f32 = crate::strokes::PROTECTED;
 
-/// A painting is quiet if the energy of its strokes is less than this many times what is usual in the scene. Its strokes would be lost
-/// among what stands out, so more must stand out to be protected from them: up to [`MOST_QUIET`] times as much. At four times as
-/// much, windows are painted over.
+/// A painting is quiet if the energy of its strokes is less than this many times what is usual in the scene.
+/// Its strokes would be lost among what stands out, so more must stand out to be protected from them: up to
+/// [`MOST_QUIET`] times as much. At four times as much, windows are painted over.
 const QUIET: f32 = 40.0;
 const MOST_QUIET: f32 = 2.0;
 
-/// Ranges of the factors of wide and of fine detail. Gaussians that overlap blur fine detail, so a factor of 1 shows less of it than
-/// the painting has; above 2 its grain becomes beads.
+/// Ranges of the factors of wide and of fine detail. Gaussians that overlap blur fine detail, so a factor of 1
+/// shows less of it than the painting has; above 2 its grain becomes beads.
 const WIDE: (f64, f64) = (0.5, 1.2);
 const FINE: (f64, f64) = (1.2, 2.0);
 
-/// Share of the way to the painting's whole contrast where there are no strokes, which would add the rest of it.
+/// Share of the way to the painting's whole contrast where there are no strokes, which would add the rest of
+/// it.
 const BARE: f32 = 0.5;
 
 /// A painted scene.
@@ -66,19 +68,19 @@ pub struct Painted {
     pub colors: Vec<[f32; 3]>,
     /// The strokes over them.
     pub strokes: Strokes,
-    /// Energy of the strokes' fine detail in pictures, over that of the painting: about how much of the painting's brushwork is seen. A
-    /// mean over mixed paintings.
+    /// Energy of the strokes' fine detail in pictures, over that of the painting: about how much of the
+    /// painting's brushwork is seen. A mean over mixed paintings.
     pub fine_energy: f64,
 }
 
-/// Lays a mix of paintings on `scene`, which `surface` was made from. Weights are normalized to sum 1. `content` c keeps that share of
-/// the base colors, 0..1, and takes it from the strokes.
+/// Lays a mix of paintings on `scene`, which `surface` was made from. Weights are normalized to sum 1.
+/// `content` c keeps that share of the base colors, 0..1, and takes it from the strokes.
 ///
-/// Colors are mixed. Strokes are not, since a mean of two is none: each spot shows those of one painting, and paintings have as many
-/// spots as their weight says ([`mixed`]).
+/// Colors are mixed. Strokes are not, since a mean of two is none: each spot shows those of one painting, and
+/// paintings have as many spots as their weight says ([`mixed`]).
 ///
-/// The result depends neither on the number of threads nor on the run. If there is no painting with a weight above 0, the
-/// colors are the base colors, and there are no strokes.
+/// The result depends neither on the number of threads nor on the run. If there is no painting with a weight
+/// above 0, the colors are the base colors, and there are no strokes.
 ///
 /// # Panics
 /// If `surface` was made from a scene of another number of Gaussians.
@@ -135,7 +137,8 @@ impl Painted {
         }
     }
 
-    /// One color per Gaussian `[N]` that includes the strokes: their mean over its footprint. Files of other formats hold no more.
+    /// One color per Gaussian `[N]` that includes the strokes: their mean over its footprint. Files of other
+    /// formats hold no more.
     pub fn flattened(&self, scene: &Scene) -> Vec<[f32; 3]> {
         let sides = scene.broad_sides();
         let color = |i: usize| {
@@ -199,8 +202,8 @@ fn placements(surface: &Surface, canvas: &Canvas) -> Vec<Placement> {
     place(surface, &colors, &seed_colors, canvas)
 }
 
-/// How much each Gaussian stands out, 0..1: so much of its own detail it keeps `[N]`, and from so much of the strokes it is protected
-/// `[N]`.
+/// How much each Gaussian stands out, 0..1: so much of its own detail it keeps `[N]`, and from so much of the
+/// strokes it is protected `[N]`.
 fn standing_out(surface: &Surface, canvas: &Canvas, recoloring: &Recoloring) -> [Vec<f32>; 2] {
     // |luminance of R d|^2 + CHROMA |R d - luminance|^2 = d^T Q d, where R is the recoloring's matrix.
     let zero = Vec3::from(recoloring.color([0.0; 3]));
@@ -236,8 +239,9 @@ struct Balance {
 }
 
 impl Balance {
-    /// The gains by which pictures have as much detail as the painting. With K what the scene keeps, and P the energy of the painting,
-    /// the factors c of wide detail W and d of fine detail F solve |K + c W|^2 = P in wide bands and |K + c W + d F|^2 = P in fine ones.
+    /// The gains by which pictures have as much detail as the painting. With K what the scene keeps, and P the
+    /// energy of the painting, the factors c of wide detail W and d of fine detail F solve |K + c W|^2 = P in
+    /// wide bands and |K + c W + d F|^2 = P in fine ones.
     fn new(
         scene: &Scene,
         surface: &Surface,
@@ -297,8 +301,8 @@ fn seeds(
     placements.iter().enumerate().map(seed).collect()
 }
 
-/// Colors in the painting's palette and shares of dark and bright: those of the painting without its strokes where there are
-/// strokes, and else the painting's own.
+/// Colors in the painting's palette and shares of dark and bright: those of the painting without its strokes
+/// where there are strokes, and else the painting's own.
 fn graded(
     surface: &Surface,
     canvas: &Canvas,

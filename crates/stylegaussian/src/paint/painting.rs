@@ -17,8 +17,8 @@ pub struct Paint {
 }
 
 impl Paint {
-    /// The columns and rows at which a painting of `width` x `height` pixels is kept: shrunk to at most [`MAX_PIXELS`] with
-    /// its proportions, and never enlarged.
+    /// The columns and rows at which a painting of `width` x `height` pixels is kept: shrunk to at most
+    /// [`MAX_PIXELS`] with its proportions, and never enlarged.
     pub fn size_of(width: u32, height: u32) -> (u32, u32) {
         let n_pixels = f64::from(width) * f64::from(height);
         let factor = (MAX_PIXELS as f64 / n_pixels).sqrt();

@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use crate::palette::LUMINANCE;
 
-/// Standard deviations of the blurred copies, in pixels. The first is the picture itself. Bands of detail lie between one copy and
-/// the next; the last is a painting's color as opposed to its detail.
+/// Standard deviations of the blurred copies, in pixels. The first is the picture itself. Bands of detail lie
+/// between one copy and the next; the last is a painting's color as opposed to its detail.
 pub(super) const BLURS: [f32; N_COPIES] = [0.0, 1.0, 2.0, 4.0, 8.0, 24.0];
 
 /// Copies of a picture.

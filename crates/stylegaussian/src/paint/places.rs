@@ -97,7 +97,8 @@ pub(super) struct Placement {
 }
 
 impl Placement {
-    /// Lays `place` on the surface at `seed`: strokes along the edges of the scene if both are clear, else upright.
+    /// Lays `place` on the surface at `seed`: strokes along the edges of the scene if both are clear, else
+    /// upright.
     fn on(seed: &Seed, place: usize, canvas: &Canvas) -> Self {
         let (stroke, clarity) = canvas.strokes[place];
         let directed = clarity > CLEAR && seed.clarity > CLEAR;
@@ -123,12 +124,12 @@ impl Placement {
     }
 }
 
-/// The placement of each seed `[M]`, if Gaussians without their detail have `colors` `[N]` and seeds `seed_colors` `[M]`, as the
-/// painting has them.
+/// The placement of each seed `[M]`, if Gaussians without their detail have `colors` `[N]` and seeds
+/// `seed_colors` `[M]`, as the painting has them.
 ///
-/// Each seed in turn, neighbors one after another, takes the cheapest of its best place and those that continue the places of
-/// neighbors: a place costs more the less it resembles the seed, the less strokes it has, the more it is a motif, the more often it
-/// was taken, and the more neighbors it breaks with.
+/// Each seed in turn, neighbors one after another, takes the cheapest of its best place and those that continue
+/// the places of neighbors: a place costs more the less it resembles the seed, the less strokes it has, the
+/// more it is a motif, the more often it was taken, and the more neighbors it breaks with.
 pub(super) fn place(
     surface: &Surface,
     colors: &[Vec3],

@@ -182,8 +182,8 @@ impl LuminanceTexture {
 }
 
 impl Levels {
-    /// The value at `at`, where the texture is the unit square, at the nearest level of detail: interpolated, and mirrored beyond
-    /// the edges.
+    /// The value at `at`, where the texture is the unit square, at the nearest level of detail: interpolated,
+    /// and mirrored beyond the edges.
     fn at(&self, at: Vec2, level: f32) -> f32 {
         let level = (level.max(0.0) + 0.5) as usize;
         let level = level.min(self.0.len() - 1);
@@ -205,7 +205,8 @@ impl Levels {
     }
 }
 
-/// Which pixels of a view count `[H * W]`, and the blend weights of those that do: one row for each, summing to 1.
+/// Which pixels of a view count `[H * W]`, and the blend weights of those that do: one row for each, summing to
+/// 1.
 fn solid(weights: &BlendWeights) -> (Vec<bool>, BlendWeights) {
     let row = |pixel: usize| weights.starts[pixel] as usize..weights.starts[pixel + 1] as usize;
     let n_pixels = weights.starts.len() - 1;
@@ -215,7 +216,8 @@ fn solid(weights: &BlendWeights) -> (Vec<bool>, BlendWeights) {
     for pixel in (0..n_pixels).filter(|&pixel| counts[pixel]) {
         let entries = || row(pixel).map(|i| (weights.indices[i], weights.weights[i]));
         let most = entries().map(|(_, weight)| weight).fold(0.0, f32::max);
-        // Of many thin Gaussians none may have the least weight: half of the largest weight is kept in any case.
+        // Of many thin Gaussians none may have the least weight: half of the largest weight is kept in any
+        // case.
         let kept_here = || entries().filter(|(_, weight)| *weight >= LEAST_WEIGHT.min(0.5 * most));
         let total: f32 = kept_here().map(|(_, weight)| weight).sum();
         kept.indices.extend(kept_here().map(|(gaussian, _)| gaussian));

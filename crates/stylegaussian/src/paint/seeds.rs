@@ -37,7 +37,8 @@ const FLAT: f32 = 0.12;
 const FLOW_ROUNDS: usize = 4;
 const OWN_DIRECTION: f32 = 0.7;
 
-/// Least length of a direction's part in the tangent plane: within 17 degrees of the normal, noise would turn it anywhere.
+/// Least length of a direction's part in the tangent plane: within 17 degrees of the normal, noise would turn
+/// it anywhere.
 const IN_PLANE: f32 = 0.3;
 
 /// Added to visibilities, in pixels, so that seeds of which nothing is seen have a mean as well.
@@ -119,8 +120,8 @@ impl Seeds {
         seeds
     }
 
-    /// Gaussians belong to the seed that is near in place, color and direction, so that strokes end at edges and creases. These are
-    /// superpixels on the surface (Achanta et al., "SLIC superpixels", 2012).
+    /// Gaussians belong to the seed that is near in place, color and direction, so that strokes end at edges
+    /// and creases. These are superpixels on the surface (Achanta et al., "SLIC superpixels", 2012).
     fn choose_owners(&mut self, ground: &Ground, spacing: f32) {
         let contrast = ground.contrast.max(1e-6);
         self.colors = self.pooled(ground.base, ground.visibility);
@@ -146,8 +147,8 @@ impl Seeds {
         }
     }
 
-    /// Gives seeds on flat surfaces the normal of the plane through the seeds around them. Normals of single large Gaussians would
-    /// stretch strokes.
+    /// Gives seeds on flat surfaces the normal of the plane through the seeds around them. Normals of single
+    /// large Gaussians would stretch strokes.
     fn flatten(&mut self, up: Vec3, spacing: f32) {
         let normal = |i: usize| {
             let near = |point: &Vec3| point.distance(self.seeds[i].at) < FLAT_WITHIN * spacing;

@@ -11,18 +11,19 @@ const N_VIEWS: usize = 8;
 /// Longer side of those views, in pixels. Small, since only sums over pixels count.
 const VIEW_SIDE: u32 = 128;
 
-/// Longer sides of pictures in which strokes are as large as in the painting, in pixels. Paintings have 512, and so have
-/// pictures from chosen views. From a capture's cameras strokes are 1.3 times as large: finer ones turned a woodcut gray on the
-/// bonsai (docs/notes/paint_experiments.md).
+/// Longer sides of pictures in which strokes are as large as in the painting, in pixels. Paintings have 512,
+/// and so have pictures from chosen views. From a capture's cameras strokes are 1.3 times as large: finer ones
+/// turned a woodcut gray on the bonsai (docs/notes/paint_experiments.md).
 const CHOSEN_SIDE: f32 = 512.0;
 const CAPTURED_SIDE: f32 = 394.0;
 
-/// Proofs: three sides of a scene. Of chosen views they are those that are farthest away, since strokes are meant for pictures of the
-/// whole scene, and not for a closer look. Of a capture's cameras they are the middle ones: it was looked at from there.
+/// Proofs: three sides of a scene. Of chosen views they are those that are farthest away, since strokes are
+/// meant for pictures of the whole scene, and not for a closer look. Of a capture's cameras they are the middle
+/// ones: it was looked at from there.
 const N_PROOFS: usize = 3;
 
-/// Side of a proof over that of the picture in which strokes are as large as in the painting. The time of a change of style grows
-/// with its square, and detail of a single pixel is left out.
+/// Side of a proof over that of the picture in which strokes are as large as in the painting. The time of a
+/// change of style grows with its square, and detail of a single pixel is left out.
 const PROOF_SIDE: f32 = 0.5;
 
 /// Blend weights below this are left out. Two fifths of all are, and sum to half a hundredth of a picture.
@@ -139,7 +140,8 @@ mod tests {
         assert!((found / (10.0 / focal) - 1.0).abs() < 1e-2, "{found}, expected {}", 10.0 / focal);
     }
 
-    /// A pixel of the painting is a pixel of a picture of 512 pixels from the second of the chosen views, the farthest first.
+    /// A pixel of the painting is a pixel of a picture of 512 pixels from the second of the chosen views, the
+    /// farthest first.
     #[test]
     fn strokes_are_for_pictures_of_the_whole_scene() {
         let scene = Scene {

@@ -4,8 +4,8 @@ use glam::{IVec3, Vec3, Vec4};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-/// Standard deviation of averaging over a grid twice, in cells: each time, values are spread over a cell's corners
-/// (variance 1/6 along an axis) and read back likewise.
+/// Standard deviation of averaging over a grid twice, in cells: each time, values are spread over a cell's
+/// corners (variance 1/6 along an axis) and read back likewise.
 const DEVIATION: f32 = 0.816;
 
 /// Added to weights, so that what is never seen has a color as well.

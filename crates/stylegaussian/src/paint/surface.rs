@@ -15,12 +15,12 @@ use crate::{
     camera::Camera, morton, neighbors::Neighbors, palette::LUMINANCE, recolor::ColorMoments, scene::Scene,
 };
 
-/// Distance of seeds, in pixels of the painting: about the length of a stroke in a painting of 512 pixels. At twice as much,
-/// whole motifs fit on a spot.
+/// Distance of seeds, in pixels of the painting: about the length of a stroke in a painting of 512 pixels. At
+/// twice as much, whole motifs fit on a spot.
 const SPACING: f32 = 28.0;
 
-/// Standard deviations of the scene's smoothed colors, in pixels of the painting: without grain, without what is smaller than a
-/// stroke, and shapes.
+/// Standard deviations of the scene's smoothed colors, in pixels of the painting: without grain, without what
+/// is smaller than a stroke, and shapes.
 const SMOOTH: [f32; 3] = [2.0, 4.0, 8.0];
 
 /// Standard deviation over which it is looked what stands out, in pixels of the painting.
@@ -45,7 +45,8 @@ pub struct Surface {
     /// Base colors, and the same without what is smaller than a stroke `[N]`.
     pub(super) base: Vec<Vec3>,
     pub(super) low: Vec<Vec3>,
-    /// Contrast around each Gaussian: the mean of d d^T, where d is the color's detail between grain and shapes `[N]`.
+    /// Contrast around each Gaussian: the mean of d d^T, where d is the color's detail between grain and shapes
+    /// `[N]`.
     pub(super) edges: Vec<Square>,
     /// Pictures by which paint is measured.
     pub(super) proofs: Proofs,
@@ -63,19 +64,21 @@ pub(super) struct Square {
 }
 
 impl Surface {
-    /// The surfaces of `scene`, whatever the order of its Gaussians. Takes about a second for 70,000 Gaussians on two cores.
+    /// The surfaces of `scene`, whatever the order of its Gaussians. Takes about a second for 70,000 Gaussians
+    /// on two cores.
     pub fn new(scene: &Scene) -> Self {
         Self::in_order(scene, |sorted| Self::of(sorted, &usual_views(sorted)))
     }
 
-    /// The surfaces of `scene` as `cameras` show them: a few of its capture's, or chosen ones if those are not known
-    /// ([`choose_overviews`](crate::views::choose_overviews)), the most useful first. The first eight count.
+    /// The surfaces of `scene` as `cameras` show them: a few of its capture's, or chosen ones if those are not
+    /// known ([`choose_overviews`](crate::views::choose_overviews)), the most useful first. The first eight
+    /// count.
     pub fn seen_from(scene: &Scene, cameras: &[Camera]) -> Self {
         Self::in_order(scene, |sorted| Self::of(sorted, cameras))
     }
 
-    /// What `compute` finds for the Gaussians of `scene` in Morton order, for them as they are in `scene`. Of equal
-    /// seeds and candidates the first wins, so that another order would give other places.
+    /// What `compute` finds for the Gaussians of `scene` in Morton order, for them as they are in `scene`. Of
+    /// equal seeds and candidates the first wins, so that another order would give other places.
     fn in_order(scene: &Scene, compute: impl FnOnce(&Scene) -> Self) -> Self {
         let order = morton::order(&scene.means);
         if order.is_sorted() {
@@ -226,7 +229,8 @@ fn patches(means: &[Vec3], visibility: &[f32], seeds: &[Seed], step: f32) -> [Ve
     ]
 }
 
-/// Moments of what pictures of these `colors` `[N]` have `shown`, or of the Gaussians by visibility if they show nothing.
+/// Moments of what pictures of these `colors` `[N]` have `shown`, or of the Gaussians by visibility if they
+/// show nothing.
 pub(super) fn moments(shown: &[Vec3], visibility: &[f32], colors: &[Vec3]) -> ColorMoments {
     match shown.is_empty() {
         true => ColorMoments::of_weighted(colors.iter().copied().zip(visibility.iter().copied())),

@@ -11,7 +11,8 @@ use crate::{
     strokes::{StrokeKnobs, StrokeWord},
 };
 
-/// A wall of `side` x `side` Gaussians in the plane z = 0, half as wide as they are apart, with a slow gradient of gray.
+/// A wall of `side` x `side` Gaussians in the plane z = 0, half as wide as they are apart, with a slow gradient
+/// of gray.
 fn wall(side: usize) -> Scene {
     let at = |i: usize| Vec3::new((i % side) as f32, (i / side) as f32, 0.0) / side as f32;
     let n = side * side;
@@ -86,7 +87,8 @@ fn hues_are_those_of_the_painting() {
     scene.set_colors(&colors);
     let painted = painted(&scene, &stripes(512, 512));
     let image = picture(&scene, &painted);
-    // Of the painting's two colors red is between green and the mean of both or above it, and never far above green and blue.
+    // Of the painting's two colors red is between green and the mean of both or above it, and never far above
+    // green and blue.
     let red = |i: usize| {
         let [r, g, b] = image.color[i];
         r - g.max(b)

@@ -20,8 +20,8 @@ impl Tones {
 }
 
 impl<'a> Curve<'a> {
-    /// The curve by which values that are distributed as `from` become distributed as `to`. The identity if either is
-    /// empty.
+    /// The curve by which values that are distributed as `from` become distributed as `to`. The identity if
+    /// either is empty.
     pub fn new(from: &'a Tones, to: &'a Tones) -> Self {
         if from.0.is_empty() || to.0.is_empty() {
             return Self { from: &[], to: &[] };
@@ -52,7 +52,8 @@ fn quantiles(mut values: Vec<f32>) -> Vec<f32> {
     ranks.into_iter().map(|rank| values[rank]).collect()
 }
 
-/// Puts the values of these `ranks`, which ascend, where sorting would put them. `values` are those from rank `first` on.
+/// Puts the values of these `ranks`, which ascend, where sorting would put them. `values` are those from rank
+/// `first` on.
 fn select(values: &mut [f32], first: usize, ranks: &[usize]) {
     let Some(&middle) = ranks.get(ranks.len() / 2) else { return };
     let (below, _, above) = values.select_nth_unstable_by(middle - first, f32::total_cmp);

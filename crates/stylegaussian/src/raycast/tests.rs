@@ -65,7 +65,8 @@ fn rays_hit_what_all_gaussians_give() {
     assert!(counts[0] > 20 && counts[1] > 20, "{counts:?}");
 }
 
-/// Two faint sheets before a dense one. 1 - 0.7^2 = 0.51, so the second one is hit, and the normal is that of the sheets.
+/// Two faint sheets before a dense one. 1 - 0.7^2 = 0.51, so the second one is hit, and the normal is that of
+/// the sheets.
 #[test]
 fn half_of_the_light_decides() {
     let sheet =

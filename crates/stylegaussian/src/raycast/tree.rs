@@ -9,7 +9,8 @@ use super::Ray;
 /// Entries of the list in a leaf.
 const LEAF: usize = 8;
 
-/// A complete binary tree: node i has the children 2i + 1 and 2i + 2, and the last nodes are the leaves, in the list's order.
+/// A complete binary tree: node i has the children 2i + 1 and 2i + 2, and the last nodes are the leaves, in the
+/// list's order.
 #[derive(Clone, Debug)]
 pub(super) struct Tree {
     boxes: Vec<[Vec3; 2]>,
@@ -23,8 +24,8 @@ pub(super) struct Leaves<'a> {
     origin: Vec3,
     /// 1 / direction.
     inverse: Vec3,
-    /// Nodes by the distance at which the ray enters them, the nearest on top. Distances are not negative, so their bits are
-    /// ordered as they are.
+    /// Nodes by the distance at which the ray enters them, the nearest on top. Distances are not negative, so
+    /// their bits are ordered as they are.
     open: BinaryHeap<Reverse<(u32, u32)>>,
 }
 
@@ -63,7 +64,8 @@ impl Tree {
 }
 
 impl Leaves<'_> {
-    /// The next leaf: the distance at which the ray enters it, and its entries. No later leaf is entered nearer.
+    /// The next leaf: the distance at which the ray enters it, and its entries. No later leaf is entered
+    /// nearer.
     pub(super) fn next_leaf(&mut self) -> Option<(f32, Range<usize>)> {
         while let Some(Reverse((entry, node))) = self.open.pop() {
             let node = node as usize;
@@ -85,7 +87,8 @@ impl Leaves<'_> {
             return;
         }
         let (to_min, to_max) = ((min - self.origin) * self.inverse, (max - self.origin) * self.inverse);
-        // A ray within the plane of a side gives 0 times infinity. `min` and `max` of f32 pass such a side over.
+        // A ray within the plane of a side gives 0 times infinity. `min` and `max` of f32 pass such a side
+        // over.
         let (mut enter, mut leave) = (0.0_f32, f32::INFINITY);
         for axis in 0..3 {
             let (a, b) = (to_min[axis], to_max[axis]);

@@ -1,7 +1,7 @@
 //! Finding the splats that each tile of the picture sees.
 //!
-//! The picture is cut into tiles of 16 x 16 pixels. A *band* is one row of tiles. Its pixels are contiguous in a
-//! row-major picture, so each thread can own whole bands.
+//! The picture is cut into tiles of 16 x 16 pixels. A *band* is one row of tiles. Its pixels are contiguous in
+//! a row-major picture, so each thread can own whole bands.
 
 use std::ops::Range;
 
@@ -19,8 +19,8 @@ pub(super) struct Bands {
 }
 
 impl Bands {
-    /// Assigns `splats`, sorted front to back, to the bands of a picture of `size` pixels. A splat that crosses several
-    /// bands is in the list of each.
+    /// Assigns `splats`, sorted front to back, to the bands of a picture of `size` pixels. A splat that crosses
+    /// several bands is in the list of each.
     pub fn new(splats: &[Splat], size: UVec2) -> Self {
         let n_bands = (size.y as usize).div_ceil(TILE);
         let mut bands = vec![Vec::new(); n_bands];
@@ -36,7 +36,8 @@ impl Bands {
 
     /// The tiles of one band, and the splats of each.
     ///
-    /// Lists of tiles should live as long as their band is blended. Those of the whole picture would hold each splat once per tile.
+    /// Lists of tiles should live as long as their band is blended. Those of the whole picture would hold each
+    /// splat once per tile.
     pub fn tiles(&self, band: usize, splats: &[Splat]) -> impl Iterator<Item = (Tile, Vec<u32>)> {
         let size = self.size.as_usizevec2();
         let y = band * TILE;
@@ -73,8 +74,8 @@ fn extent_within(splat: &Splat, top: f32, bottom: f32) -> (f32, f32) {
         let within_row = (splat.cutoff - dy * dy * splat.y_precision).max(0.0);
         splat.center.x + splat.slope * dy + side * (within_row / splat.row_precision).sqrt()
     };
-    // Each side of an ellipse is furthest out at one height and monotonic on either side of it, so within the band it
-    // is furthest out at that height clamped to the band.
+    // Each side of an ellipse is furthest out at one height and monotonic on either side of it, so within the
+    // band it is furthest out at that height clamped to the band.
     let left = edge((-splat.rightmost_dy).clamp(from, to), -1.0);
     let right = edge(splat.rightmost_dy.clamp(from, to), 1.0);
     (left, right)

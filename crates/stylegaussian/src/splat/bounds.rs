@@ -6,12 +6,13 @@ use super::alpha::{MIN_ALPHA, cutoff};
 use crate::scene::Scene;
 
 impl Scene {
-    /// The smallest and the largest corner of the box around all that is drawn, in scene units, or `None` if nothing
-    /// is.
+    /// The smallest and the largest corner of the box around all that is drawn, in scene units, or `None` if
+    /// nothing is.
     ///
-    /// Each Gaussian counts out to where its alpha falls to [`MIN_ALPHA`], which is at most 3.33 standard deviations
-    /// from its mean. [`bounds`](Self::bounds) has the box around the means alone. The low-pass filter of
-    /// [`render`](super::render) widens splats by another pixel or two, which no box in scene units can hold.
+    /// Each Gaussian counts out to where its alpha falls to [`MIN_ALPHA`], which is at most 3.33 standard
+    /// deviations from its mean. [`bounds`](Self::bounds) has the box around the means alone. The low-pass
+    /// filter of [`render`](super::render) widens splats by another pixel or two, which no box in scene units
+    /// can hold.
     pub fn splat_bounds(&self) -> Option<[Vec3; 2]> {
         let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for (i, &mean) in self.means.iter().enumerate() {

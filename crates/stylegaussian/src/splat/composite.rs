@@ -9,11 +9,12 @@ use super::{
     project::Splat,
 };
 
-/// Width and height of a tile, in pixels. A tile's transmittances (1 KiB) stay in a core's first-level cache, and its groups of
-/// pixels fit the bits of a word.
+/// Width and height of a tile, in pixels. A tile's transmittances (1 KiB) stay in a core's first-level cache,
+/// and its groups of pixels fit the bits of a word.
 pub(super) const TILE: usize = 16;
 
-/// Pixels side by side that are blended at once: a *group*. Loops of this fixed length become vector instructions.
+/// Pixels side by side that are blended at once: a *group*. Loops of this fixed length become vector
+/// instructions.
 pub(super) const GROUP: usize = 8;
 
 /// Groups of a tile. They count from its top left, row by row.
@@ -22,7 +23,8 @@ pub(super) const GROUPS: usize = TILE * TILE / GROUP;
 /// Groups of one row.
 const IN_ROW: usize = TILE / GROUP;
 
-/// Added to ranges of pixels, in pixels, for their rounding. A pixel too many costs time only: its alpha is tested.
+/// Added to ranges of pixels, in pixels, for their rounding. A pixel too many costs time only: its alpha is
+/// tested.
 pub(super) const MARGIN: f32 = 1e-3;
 
 /// The place of a tile in the picture, in pixels.
@@ -44,8 +46,9 @@ impl Tile {
         Vec2::new(x as f32 + 0.5, y as f32 + 0.5)
     }
 
-    /// Calls `blend(group, position of the splat, weights, alphas)` for each splat and each group of pixels that it reaches.
-    /// Weights are `least` or more, or 0; pixels beyond the picture's edge have 0. `in_tile` lists the splats front to back.
+    /// Calls `blend(group, position of the splat, weights, alphas)` for each splat and each group of pixels
+    /// that it reaches. Weights are `least` or more, or 0; pixels beyond the picture's edge have 0. `in_tile`
+    /// lists the splats front to back.
     pub fn composite(
         &self,
         splats: &[Splat],
@@ -123,7 +126,8 @@ impl Rows {
 
 /// The state of a tile's pixels between two splats.
 struct Pixels {
-    /// Share of the light from behind that still passes through each pixel of each group, 0..1; 0 if the pixel is finished.
+    /// Share of the light from behind that still passes through each pixel of each group, 0..1; 0 if the pixel
+    /// is finished.
     transmittance: [[f32; GROUP]; GROUPS],
     /// One bit per group: most splats of a deep scene lie behind finished pixels only.
     unfinished: u32,
@@ -142,7 +146,8 @@ impl Pixels {
         Self { transmittance, unfinished }
     }
 
-    /// Puts a splat behind all that a group has. Returns its weights. Behind it, weights below `least` are not looked for.
+    /// Puts a splat behind all that a group has. Returns its weights. Behind it, weights below `least` are not
+    /// looked for.
     fn cover(&mut self, group: usize, alphas: &[f32; GROUP], least: f32) -> [f32; GROUP] {
         // No weight behind is larger than what passes through.
         let enough = larger(least, MIN_TRANSMITTANCE);
@@ -169,7 +174,8 @@ impl Pixels {
     }
 }
 
-/// exp(-q / 2) for a q of 0 or more, in steps that are vector instructions: 2^y = 2^n 2^f, with n the integer nearest to y.
+/// exp(-q / 2) for a q of 0 or more, in steps that are vector instructions: 2^y = 2^n 2^f, with n the integer
+/// nearest to y.
 fn falloff(q: f32) -> f32 {
     /// 1.5 x 2^23. A sum with it is rounded to an integer, which its lowest bits hold.
     const ROUND: f32 = 12_582_912.0;
@@ -187,8 +193,8 @@ fn falloff(q: f32) -> f32 {
     f32::from_bits(power.to_bits().wrapping_add(rounded.to_bits() << 23))
 }
 
-/// All bits if `condition` holds, else none. Numbers are masked by it, since the compiler would make branches of `if`, and no
-/// processor foretells them.
+/// All bits if `condition` holds, else none. Numbers are masked by it, since the compiler would make branches
+/// of `if`, and no processor foretells them.
 fn mask(condition: bool) -> u32 {
     u32::from(condition).wrapping_neg()
 }

@@ -16,16 +16,17 @@ const NEAR: f32 = 0.2;
 /// Added to the diagonal of every 2D covariance, in px^2, so that no splat is thinner than about a pixel.
 const LOW_PASS: f32 = 0.3;
 
-/// A Gaussian farther from the picture's center than this, in half pictures, is linearized as if it were at this
-/// distance. The Jacobian grows without bound toward the side, and would smear such a Gaussian over the picture.
+/// A Gaussian farther from the picture's center than this, in half pictures, is linearized as if it were at
+/// this distance. The Jacobian grows without bound toward the side, and would smear such a Gaussian over the
+/// picture.
 const LINEARIZED_WITHIN: f32 = 1.3;
 
 /// The footprint of one Gaussian.
 ///
-/// With (dx, dy) the offset from its center in pixels and (a, b, c) the 2D covariance, alpha is
-/// opacity exp(-q / 2) with q = (dx, dy) cov^-1 (dx, dy)^T. Completing the square gives
-/// q = (c / det) (dx - (b / c) dy)^2 + dy^2 / c. This sum of two squares loses no digits on needles, and gives the
-/// extent of a row of pixels directly.
+/// With (dx, dy) the offset from its center in pixels and (a, b, c) the 2D covariance, alpha is opacity exp(-q
+/// / 2) with q = (dx, dy) cov^-1 (dx, dy)^T. Completing the square gives q = (c / det) (dx - (b / c) dy)^2 +
+/// dy^2 / c. This sum of two squares loses no digits on needles, and gives the extent of a row of pixels
+/// directly.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Splat {
     /// Projected mean, in pixels.
@@ -59,8 +60,8 @@ pub(super) fn project(scene: &Scene, camera: &Camera, visibility: Option<&Visibi
     };
     let splats: Vec<Splat> = (0..scene.len()).into_par_iter().filter_map(splat).collect();
 
-    // Positive floats compare like their bits, so one integer holds the depth and, in its lower half, the tie-breaker.
-    // Positions are ascending Gaussian indices here, since the parallel filter keeps the order.
+    // Positive floats compare like their bits, so one integer holds the depth and, in its lower half, the
+    // tie-breaker. Positions are ascending Gaussian indices here, since the parallel filter keeps the order.
     let mut keys: Vec<u64> = splats
         .par_iter()
         .enumerate()
@@ -87,16 +88,16 @@ impl<'a> Projection<'a> {
         Self { camera, rotation: camera.view_from_world.matrix3.into(), limit }
     }
 
-    /// The standard deviations of Gaussian `i` along its three axes as they appear in the picture, in pixels, without the
-    /// low-pass. The Gaussian must be before the camera.
+    /// The standard deviations of Gaussian `i` along its three axes as they appear in the picture, in pixels,
+    /// without the low-pass. The Gaussian must be before the camera.
     pub(crate) fn axes_in_pixels(&self, scene: &Scene, i: usize) -> Vec3 {
         let mean: Vec3 = self.camera.view_from_world.transform_point3(scene.means[i]);
         let (row_x, row_y) = self.footprint_axes(scene, i, mean.truncate() / mean.z, mean.z);
         (row_x * row_x + row_y * row_y).map(f32::sqrt)
     }
 
-    /// The gradients of a Gaussian's position on screen, x and y, in pixels per scene unit. `mean` is its view-space position, before
-    /// the camera.
+    /// The gradients of a Gaussian's position on screen, x and y, in pixels per scene unit. `mean` is its
+    /// view-space position, before the camera.
     pub(super) fn gradients(&self, mean: Vec3) -> (Vec3, Vec3) {
         let focal = self.camera.focal / mean.z;
         let ray = mean.truncate() / mean.z;
@@ -159,8 +160,8 @@ impl<'a> Projection<'a> {
         })
     }
 
-    /// Whether a footprint around `center` stays outside of the picture even if the Gaussian's longest axis were that of a ball. Most
-    /// Gaussians that a crop does not show are spared the rest by it.
+    /// Whether a footprint around `center` stays outside of the picture even if the Gaussian's longest axis
+    /// were that of a ball. Most Gaussians that a crop does not show are spared the rest by it.
     fn is_far_outside(&self, scales: Vec3, center: Vec2, ray: Vec2, z: f32) -> bool {
         let ray = ray.clamp(-self.limit, self.limit);
         // The lengths of the rows of J W, since those of W are orthonormal.
@@ -186,12 +187,12 @@ impl<'a> Projection<'a> {
     }
 }
 
-/// The factor by which the low-pass leaves a splat's sum over the picture as it was: alpha o exp(-q / 2) with covariance
-/// C sums to 2 pi o sqrt(det C), so o is scaled by sqrt(det C / det (C + 0.3 I)). Below 1, and 0 for a splat without
-/// area.
+/// The factor by which the low-pass leaves a splat's sum over the picture as it was: alpha o exp(-q / 2) with
+/// covariance C sums to 2 pi o sqrt(det C), so o is scaled by sqrt(det C / det (C + 0.3 I)). Below 1, and 0 for
+/// a splat without area.
 ///
-/// This is the 2D filter of Yu et al., "Mip-Splatting" (2024), as gsplat's rasterize mode `antialiased` computes it. The
-/// determinants are positive sums, so neither is below 0.
+/// This is the 2D filter of Yu et al., "Mip-Splatting" (2024), as gsplat's rasterize mode `antialiased`
+/// computes it. The determinants are positive sums, so neither is below 0.
 fn compensation(det_before: f32, det: f32) -> f32 {
     (det_before / det).sqrt()
 }

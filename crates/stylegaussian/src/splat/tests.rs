@@ -5,8 +5,8 @@ use glam::{Affine3A, Quat, UVec2, Vec2, Vec3};
 use super::*;
 use crate::scene::ScreenFilter;
 
-/// A camera at the origin that looks along +z, with a focal length of 10 px and 9 x 9 pixels. The center of pixel (4,
-/// 4) lies on the axis.
+/// A camera at the origin that looks along +z, with a focal length of 10 px and 9 x 9 pixels. The center of
+/// pixel (4, 4) lies on the axis.
 fn camera() -> Camera {
     Camera {
         view_from_world: Affine3A::IDENTITY,
@@ -128,7 +128,8 @@ fn equal_depths_blend_in_scene_order() {
     assert_eq!(center, [(0, 0.5), (1, 0.25), (2, 0.125)]);
 }
 
-/// Alpha is capped at 0.99. A second capped splat would leave 1e-4 * (1 - rounding), so the pixel stops before it.
+/// Alpha is capped at 0.99. A second capped splat would leave 1e-4 * (1 - rounding), so the pixel stops before
+/// it.
 #[test]
 fn alpha_is_capped_and_a_pixel_stops_before_it_is_full() {
     let at = |z: f32| (Vec3::new(0.0, 0.0, z), Vec3::splat(0.2), 1.0);
@@ -159,8 +160,9 @@ fn near_hidden_and_faint_gaussians_are_not_drawn() {
     }
 }
 
-/// Scales (0.4, 0.1) turned by 30 degrees about the view axis at z = 2 with focal 10: standard deviations 2 px and
-/// 0.5 px, so the covariance is R diag(4, 0.25) R^T + 0.3 = (3.3625, 1.6238; 1.6238, 1.4875), determinant 2.365.
+/// Scales (0.4, 0.1) turned by 30 degrees about the view axis at z = 2 with focal 10: standard deviations 2 px
+/// and 0.5 px, so the covariance is R diag(4, 0.25) R^T + 0.3 = (3.3625, 1.6238; 1.6238, 1.4875), determinant
+/// 2.365.
 #[test]
 fn a_turned_anisotropic_splat_matches_the_hand_calculation() {
     let mut turned = scene(&[(Vec3::new(0.0, 0.0, 2.0), Vec3::new(0.4, 0.1, 0.3), 0.9)]);
@@ -176,8 +178,8 @@ fn a_turned_anisotropic_splat_matches_the_hand_calculation() {
     }
 }
 
-/// The splat of the test above: standard deviations 2 px and 0.5 px, determinant 4 * 0.25 = 1 before the low-pass and
-/// 4.3 * 0.55 = 2.365 after it.
+/// The splat of the test above: standard deviations 2 px and 0.5 px, determinant 4 * 0.25 = 1 before the
+/// low-pass and 4.3 * 0.55 = 2.365 after it.
 #[test]
 fn an_antialiased_splat_keeps_its_sum() {
     let mut turned = scene(&[(Vec3::new(0.0, 0.0, 2.0), Vec3::new(0.4, 0.1, 0.3), 0.9)]);
@@ -190,8 +192,9 @@ fn an_antialiased_splat_keeps_its_sum() {
     assert_eq!(weights.pixel(4 * 9 + 4).next(), Some((0, view.alpha[4 * 9 + 4])));
 }
 
-/// A round splat of s px^2 has a factor of s / (s + 0.3): 0.01 / 0.31 leaves 0.032 of an opaque one, 0.001 / 0.301 leaves
-/// 0.0033, under 1/255. Without area nothing is left. The sum over the picture is 2 pi s, whatever the distance.
+/// A round splat of s px^2 has a factor of s / (s + 0.3): 0.01 / 0.31 leaves 0.032 of an opaque one, 0.001 /
+/// 0.301 leaves 0.0033, under 1/255. Without area nothing is left. The sum over the picture is 2 pi s, whatever
+/// the distance.
 #[test]
 fn antialiased_specks_fade() {
     let at = |variance: f32| {
@@ -210,8 +213,8 @@ fn antialiased_specks_fade() {
     assert!((sum / (std::f32::consts::TAU * 0.25) - 1.0).abs() < 0.05, "{sum}");
 }
 
-/// Off the axis, depth extent leaks into x: J's first row is f / z (1, 0, -x / z). At (1, 0, 2), scales (0, 0, 0.2):
-/// standard deviation 10 / 2 * 0.5 * 0.2 = 0.5 px in x.
+/// Off the axis, depth extent leaks into x: J's first row is f / z (1, 0, -x / z). At (1, 0, 2), scales (0, 0,
+/// 0.2): standard deviation 10 / 2 * 0.5 * 0.2 = 0.5 px in x.
 #[test]
 fn perspective_skews_off_axis_splats() {
     let mut camera = camera();
@@ -226,7 +229,8 @@ fn perspective_skews_off_axis_splats() {
     check("in y", view.alpha[5 * 9 + 4], 0.5 * (-0.5f32 / 0.3).exp());
 }
 
-/// Beyond 1.3 times the half field of view (tan = 9 / 20), the Jacobian keeps the slope of that limit: 0.585, not 1.
+/// Beyond 1.3 times the half field of view (tan = 9 / 20), the Jacobian keeps the slope of that limit: 0.585,
+/// not 1.
 #[test]
 fn the_jacobian_is_clamped_outside_the_picture() {
     let mut camera = camera();
@@ -278,8 +282,8 @@ fn tiles_change_nothing() {
             expected[i] -= f64::from(weight);
         }
         let error = expected.iter().fold(0.0f64, |worst, e| worst.max(e.abs()));
-        // An alpha close to 1/255 may be above it in f32 and below it in f64, which makes a whole entry of 1/255
-        // appear.
+        // An alpha close to 1/255 may be above it in f32 and below it in f64, which makes a whole entry of
+        // 1/255 appear.
         assert!(error < 1.0 / 250.0, "pixel {pixel}: {error}");
         let total: f64 = expected.iter().map(|e| e.abs()).sum();
         assert!(total < 1.0 / 100.0, "pixel {pixel}: {total}");
@@ -305,7 +309,8 @@ fn applying_the_weights_is_rendering() {
     assert!(weights.weights.iter().all(|&w| w > 0.0));
 }
 
-/// Most Gaussians outside of a picture are left out before their shape is known. None of those that reach into it may be.
+/// Most Gaussians outside of a picture are left out before their shape is known. None of those that reach into
+/// it may be.
 #[test]
 fn what_reaches_into_the_picture_is_projected() {
     let (scene, whole) = (random_scene(2_000), random_camera());

@@ -9,16 +9,16 @@ use super::project::Splat;
 
 /// The blend weights w of one view: a sparse `[H * W, N]` matrix in compressed rows, one row per pixel.
 ///
-/// A picture of any per-Gaussian values v is w v ([`apply`](Self::apply)). The gradient of a loss with respect to v is
-/// w^T times its gradient with respect to the picture ([`apply_transposed`](Self::apply_transposed)).
+/// A picture of any per-Gaussian values v is w v ([`apply`](Self::apply)). The gradient of a loss with respect
+/// to v is w^T times its gradient with respect to the picture ([`apply_transposed`](Self::apply_transposed)).
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlendWeights {
     /// Width and height, in pixels.
     pub size: UVec2,
     /// N, the number of Gaussians in the scene.
     pub n_gaussians: usize,
-    /// Position of each pixel's first entry `[H * W + 1]`, row-major from the top left. The last is the number of
-    /// entries.
+    /// Position of each pixel's first entry `[H * W + 1]`, row-major from the top left. The last is the number
+    /// of entries.
     pub starts: Vec<u32>,
     /// The Gaussian of each entry, front to back within a pixel.
     pub indices: Vec<u32>,
@@ -125,10 +125,11 @@ impl BlendWeights {
         pixels.into_flattened()
     }
 
-    /// The adjoint of [`apply`](Self::apply) for a per-pixel `gradient` `[H * W, C]`: sum_p w_{p,i} g_p for each
-    /// Gaussian `[N, C]`.
+    /// The adjoint of [`apply`](Self::apply) for a per-pixel `gradient` `[H * W, C]`: sum_p w_{p,i} g_p for
+    /// each Gaussian `[N, C]`.
     ///
-    /// The result does not depend on the number of threads, since every Gaussian sums its pixels in picture order.
+    /// The result does not depend on the number of threads, since every Gaussian sums its pixels in picture
+    /// order.
     ///
     /// # Panics
     /// If `gradient` does not hold H x W x `c` numbers.
@@ -159,7 +160,8 @@ impl BlendWeights {
         sums.into_flattened()
     }
 
-    /// Calls `add(block of sums, row in the block, pixel, weight)` for each entry. `sums` has `c` values for each Gaussian.
+    /// Calls `add(block of sums, row in the block, pixel, weight)` for each entry. `sums` has `c` values for
+    /// each Gaussian.
     fn transposed_rows<T: Send>(
         &self,
         sums: &mut [T],
@@ -169,8 +171,8 @@ impl BlendWeights {
         if sums.is_empty() {
             return;
         }
-        // Each thread owns every n-th block of Gaussians, reads all entries, and adds up those of its own blocks. No
-        // sum is atomic, so the order of additions never changes.
+        // Each thread owns every n-th block of Gaussians, reads all entries, and adds up those of its own
+        // blocks. No sum is atomic, so the order of additions never changes.
         let n_shares = rayon::current_num_threads();
         let mut shares: Vec<Vec<&mut [T]>> = (0..n_shares).map(|_| Vec::new()).collect();
         for (block, rows) in sums.chunks_mut(BLOCK * c).enumerate() {
@@ -208,8 +210,8 @@ impl BlendWeights {
     }
 }
 
-/// Gaussians per block in [`BlendWeights::apply_transposed`]. Blocks are so small that those of a busy corner of the
-/// scene spread over all threads.
+/// Gaussians per block in [`BlendWeights::apply_transposed`]. Blocks are so small that those of a busy corner
+/// of the scene spread over all threads.
 const BLOCK: usize = 64;
 
 /// The place of a block in a share that does not have it.
@@ -226,8 +228,8 @@ impl BandEntries {
         let width = bands.size.x as usize;
         let height = TILE.min(bands.size.y as usize - band * TILE);
         let mut counts = vec![0u32; width * height];
-        // In the order of tiles and splats. A pixel gets its entries from one tile. Memory that is not written costs nothing, so
-        // there is some for more entries than a pixel of a capture usually has.
+        // In the order of tiles and splats. A pixel gets its entries from one tile. Memory that is not written
+        // costs nothing, so there is some for more entries than a pixel of a capture usually has.
         let (mut entries, mut n) = (vec![(0, 0, 0.0); 24 * width * height], 0);
         for (tile, in_tile) in bands.tiles(band, splats) {
             tile.composite(splats, &in_tile, least, |group, splat, weights, _| {
@@ -237,8 +239,8 @@ impl BandEntries {
                 let (row, column) = (group * GROUP / TILE, group * GROUP % TILE);
                 let first = (row * width + tile.x + column) as u32;
                 let gaussian = splats[splat].gaussian;
-                // All are written, and the next one over those of weight 0. No processor foretells which these are, so branches
-                // would cost more.
+                // All are written, and the next one over those of weight 0. No processor foretells which these
+                // are, so branches would cost more.
                 let (free, mut n_kept) = (&mut entries[n..n + GROUP], 0);
                 for (pixel, &weight) in (first..).zip(weights) {
                     free[n_kept] = (pixel, gaussian, weight);

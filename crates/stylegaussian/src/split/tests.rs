@@ -6,8 +6,8 @@ use crate::scene::Features;
 
 use super::*;
 
-/// A wall of opaque Gaussians of 0.02 across, and one before it that is 0.3 wide and turned, and one behind it that is
-/// as large. From everywhere some of them are hidden.
+/// A wall of opaque Gaussians of 0.02 across, and one before it that is 0.3 wide and turned, and one behind it
+/// that is as large. From everywhere some of them are hidden.
 fn scene() -> Scene {
     let mut scene = Scene { up: Some(Vec3::Y), ..Scene::default() };
     let mut add = |mean: Vec3, rotation: Quat, scales: Vec3, opacity: f32| {
@@ -40,7 +40,8 @@ fn scene() -> Scene {
     scene
 }
 
-/// Mass, mean, both variances and the covariance of what `alpha` draws, by a sum over a grid out to 8 deviations.
+/// Mass, mean, both variances and the covariance of what `alpha` draws, by a sum over a grid out to 8
+/// deviations.
 fn moments(alpha: impl Fn(f64, f64) -> f64) -> [f64; 5] {
     let steps = || (-80..=80).map(|i| f64::from(i) / 10.0);
     let mut sums = [0.0; 5];
@@ -72,8 +73,8 @@ fn only_what_looks_large_is_split_and_its_parts_know_their_source() {
     let original = scene();
     let (large, faint) = (original.len() - 2, original.len() - 1);
     let mut scene = original.clone();
-    // The wall's Gaussians are 0.02 of 2 units that fill at least half of a view, or less of one through a long lens: 0.02 x 512 / 0.6 = 17
-    // pixels at most.
+    // The wall's Gaussians are 0.02 of 2 units that fill at least half of a view, or less of one through a long
+    // lens: 0.02 x 512 / 0.6 = 17 pixels at most.
     let n_added =
         split(&mut scene, SplitOptions { largest: 20.0, fidelity: 30.0, ..SplitOptions::default() });
     scene.validate().unwrap();
@@ -112,7 +113,8 @@ fn the_picture_stays() {
     assert_eq!(kept.len(), original.len());
 }
 
-/// Splitting a bright Gaussian changes the picture, and splitting the gray wall before the gray background does not.
+/// Splitting a bright Gaussian changes the picture, and splitting the gray wall before the gray background does
+/// not.
 #[test]
 fn one_that_must_not_change_does_not_keep_the_others_whole() {
     let mut scene = scene();

@@ -20,15 +20,16 @@ pub struct StrokeLayer<'a> {
     pub region: Region,
     /// Share of what is below that is replaced within the region, 0..1.
     pub strength: f32,
-    /// Weights that somebody painted, and the channel of them that counts here; `None` if all of the region counts.
+    /// Weights that somebody painted, and the channel of them that counts here; `None` if all of the region
+    /// counts.
     pub mask: Option<(&'a [[u8; 4]], usize)>,
 }
 
 /// The strokes of a Gaussian if a share of those `below` is replaced by those `above`.
 ///
-/// A mean of two strokes is no stroke, so each spot shows those of one painting: spots change one after another while the share
-/// grows, each through nothing. Half of a scene in either painting shows half of its spots in either. If only one of the two
-/// has strokes, they fade.
+/// A mean of two strokes is no stroke, so each spot shows those of one painting: spots change one after another
+/// while the share grows, each through nothing. Half of a scene in either painting shows half of its spots in
+/// either. If only one of the two has strokes, they fade.
 pub fn mixed(below: StrokeWord, above: StrokeWord, share: f32) -> StrokeWord {
     if above.share <= 0.0 {
         return StrokeWord { share: below.share * (1.0 - share), ..below };
@@ -39,7 +40,8 @@ pub fn mixed(below: StrokeWord, above: StrokeWord, share: f32) -> StrokeWord {
     if below.seed == above.seed {
         return StrokeWord { share: below.share + share * (above.share - below.share), ..above };
     }
-    // Multiples of the golden ratio: seeds that follow one another are far apart in 0..1, and any part of it has its share.
+    // Multiples of the golden ratio: seeds that follow one another are far apart in 0..1, and any part of it
+    // has its share.
     let random = (above.seed.wrapping_mul(2_654_435_769) >> 8) as f32 / 16_777_216.0;
     let turn = EDGE + (1.0 - 2.0 * EDGE) * random;
     let open = ((share - turn).abs() / EDGE).min(1.0);
@@ -48,10 +50,11 @@ pub fn mixed(below: StrokeWord, above: StrokeWord, share: f32) -> StrokeWord {
 }
 
 impl Strokes {
-    /// Replaces a share of the strokes by those of `above`, Gaussian by Gaussian: see [`mixed`]. Seeds without words are no strokes, so
-    /// with [`Strokes::default`] above, the strokes fade.
+    /// Replaces a share of the strokes by those of `above`, Gaussian by Gaussian: see [`mixed`]. Seeds without
+    /// words are no strokes, so with [`Strokes::default`] above, the strokes fade.
     ///
-    /// Strokes that a table has no room for beside these ([`MAX_SEEDS`], [`MAX_TEXTURES`]) are left out, and these fade.
+    /// Strokes that a table has no room for beside these ([`MAX_SEEDS`], [`MAX_TEXTURES`]) are left out, and
+    /// these fade.
     ///
     /// # Panics
     /// If both have words, and not as many.

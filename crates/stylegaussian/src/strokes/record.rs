@@ -10,26 +10,27 @@ use super::{
 /// Fragments of less alpha show no strokes: they are many, and give little.
 pub const LEAST_ALPHA: f32 = 0.02;
 
-/// Octaves of finer strokes that are added from near: eight times finer, at which the painting's grain is that of the screen from
-/// an eighth of the usual distance.
+/// Octaves of finer strokes that are added from near: eight times finer, at which the painting's grain is that
+/// of the screen from an eighth of the usual distance.
 pub const MOST_OCTAVES: u32 = 3;
 
-/// Share of the fine gain that protection takes. The rest is left even to what stands out most, so that it is not bare.
+/// Share of the fine gain that protection takes. The rest is left even to what stands out most, so that it is
+/// not bare.
 pub const PROTECTED: f32 = 0.95;
 
 /// Range of the level, in octaves: from 16 times magnified to a texture of one texel.
 pub const LEVELS: (f32, f32) = (-4.0, 12.0);
 
-/// Added to the level of detail. Texels are drawn sharper than one to a pixel, since mipmaps and the Gaussians that blend in a pixel
-/// blur them again.
+/// Added to the level of detail. Texels are drawn sharper than one to a pixel, since mipmaps and the Gaussians
+/// that blend in a pixel blur them again.
 pub const SHARPER: f32 = -0.5;
 
-/// A Gaussian's shortest axis, as a share of its longest, is no less than this. It keeps the plane of a flat Gaussian in single
-/// precision.
+/// A Gaussian's shortest axis, as a share of its longest, is no less than this. It keeps the plane of a flat
+/// Gaussian in single precision.
 pub const FLATTEST: f32 = 0.03;
 
-/// Most of a Gaussian's longest standard deviation by which a step of a pixel moves the point along the ray: seen from the
-/// edge, a plane would reach without end.
+/// Most of a Gaussian's longest standard deviation by which a step of a pixel moves the point along the ray:
+/// seen from the edge, a plane would reach without end.
 pub const EDGE_ON: f32 = 3.0;
 
 /// The largest step in the painting for a pixel, in texels.
@@ -55,8 +56,9 @@ pub struct StrokeRecord {
 }
 
 impl StrokeRecord {
-    /// The record of a Gaussian with `mean`, `rotation` and `scales`, or `None` if it shows no strokes. `pixel_x` and `pixel_y`
-    /// are the gradients of the mean's position on screen, in pixels per scene unit, in scene space.
+    /// The record of a Gaussian with `mean`, `rotation` and `scales`, or `None` if it shows no strokes.
+    /// `pixel_x` and `pixel_y` are the gradients of the mean's position on screen, in pixels per scene unit, in
+    /// scene space.
     pub fn new(
         word: u32,
         seeds: &[StrokeSeed],
@@ -97,7 +99,8 @@ impl StrokeRecord {
         let (step_x, step_y) = (step(beside_x), step(beside_y));
         let local = mean - seed.at;
         let texel = seed.place + pitch * Vec2::new(seed.right.dot(local), seed.down.dot(local));
-        // As if it were seen from the front. Slanted, up to three times as much: a texture cannot be blurred in one direction.
+        // As if it were seen from the front. Slanted, up to three times as much: a texture cannot be blurred in
+        // one direction.
         let facing = (beside_x.length() * beside_y.length() * pitch.x * pitch.y).sqrt();
         let texels = step_x.perp_dot(step_y).abs().sqrt().clamp(facing, 3.0 * facing);
         let level = (texels.log2() + SHARPER).clamp(LEVELS.0, LEVELS.1);
@@ -112,8 +115,8 @@ impl StrokeRecord {
         })
     }
 
-    /// The record as the draw reads it: the place (fractions of 16 bits of [`PERIOD`]), the steps (f16), and bytes for fine gain,
-    /// wide gain (of [`MAX_GAIN`]), texture and level.
+    /// The record as the draw reads it: the place (fractions of 16 bits of [`PERIOD`]), the steps (f16), and
+    /// bytes for fine gain, wide gain (of [`MAX_GAIN`]), texture and level.
     pub fn packed(&self) -> [u32; 4] {
         let place = self.texel / PERIOD;
         let halves =
@@ -149,7 +152,8 @@ impl StrokeRecord {
         }
     }
 
-    /// The place in the painting at `offset` pixels from the splat's center, where the texture is the unit square.
+    /// The place in the painting at `offset` pixels from the splat's center, where the texture is the unit
+    /// square.
     pub fn at(&self, offset: Vec2) -> Vec2 {
         (self.texel + self.step_x * offset.x + self.step_y * offset.y) / FINE_SIDE as f32
     }

@@ -87,7 +87,8 @@ fn a_record_is_the_map_from_the_screen_to_the_painting_to_first_order() {
     for offset in [Vec2::new(6.0, 0.0), Vec2::new(-3.0, 5.0)] {
         let found = record.texel + record.step_x * offset.x + record.step_y * offset.y;
         let expected = exact(center + offset);
-        // The thinnest axis counts as 3% of the longest, which turns the plane a little; the rest is the second order.
+        // The thinnest axis counts as 3% of the longest, which turns the plane a little; the rest is the second
+        // order.
         assert!(
             found.distance(expected) < 0.03 * (expected - record.texel).length() + 0.1,
             "{found} {expected}"

@@ -12,8 +12,8 @@ pub const WIDE_SIDE: usize = 128;
 /// Levels between the two: a texel of wide detail is as large as four.
 pub const WIDE_LEVEL: f32 = (FINE_SIDE / WIDE_SIDE).ilog2() as f32;
 
-/// Detail of a painting, as differences of display-referred RGB, -1..1, and its mipmaps down to one texel. Both textures show the
-/// whole painting, stretched to a square, and repeat mirrored.
+/// Detail of a painting, as differences of display-referred RGB, -1..1, and its mipmaps down to one texel. Both
+/// textures show the whole painting, stretched to a square, and repeat mirrored.
 ///
 /// Values are signed bytes of 127ths, four to a texel; the fourth is 0.
 #[derive(Clone, Debug, PartialEq, Eq)]

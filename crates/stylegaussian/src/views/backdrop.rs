@@ -9,14 +9,16 @@ use super::survey::quantiles;
 /// Number of Gaussians that are looked at: enough to see a thousandth of them.
 const N_SAMPLE: usize = 60_000;
 
-/// Factor of the distance from the scene's middle within which there is next to nothing behind the scene. Scaniverse puts
-/// its sky at 240 times the radius. Backgrounds that were captured reach out without such a gap.
+/// Factor of the distance from the scene's middle within which there is next to nothing behind the scene.
+/// Scaniverse puts its sky at 240 times the radius. Backgrounds that were captured reach out without such a
+/// gap.
 const GAP: f32 = 20.0;
 
 /// The largest share of Gaussians within the gap: floaters.
 const FLOATERS: f32 = 0.002;
 
-/// The least share of Gaussians in front of the gap. Otherwise it is around some detail, and what is behind is the scene.
+/// The least share of Gaussians in front of the gap. Otherwise it is around some detail, and what is behind is
+/// the scene.
 const LEAST_SCENE: f32 = 0.1;
 
 /// The indices of all Gaussians that belong to the scene, or `None` if all of them do.
@@ -28,8 +30,8 @@ pub(super) fn without_backdrop(scene: &Scene) -> Option<Vec<u32>> {
     Some((0..scene.len() as u32).filter(is_near).collect())
 }
 
-/// The smallest and the largest corner of the box around the means of a scene without what lies far behind it, be it a sky
-/// or a single stray. `None` if nothing does: the box is [`Scene::bounds`].
+/// The smallest and the largest corner of the box around the means of a scene without what lies far behind it,
+/// be it a sky or a single stray. `None` if nothing does: the box is [`Scene::bounds`].
 pub fn bounds_without_backdrop(scene: &Scene) -> Option<(Vec3, Vec3)> {
     let middle = middle(scene, scene.len().div_ceil(N_SAMPLE).max(1));
     // A sample may have no stray.
@@ -54,7 +56,8 @@ fn distances(scene: &Scene, stride: usize, middle: Vec3) -> Vec<f32> {
     distances
 }
 
-/// The distance of the scene's last Gaussian in front of a gap, or `None` if there is no gap with something behind it.
+/// The distance of the scene's last Gaussian in front of a gap, or `None` if there is no gap with something
+/// behind it.
 fn reach(sorted: &[f32]) -> Option<f32> {
     let n = sorted.len();
     let first = (LEAST_SCENE * n as f32).ceil() as usize;

@@ -71,8 +71,8 @@ fn direction(up: Vec3, azimuth: f32, elevation: f32) -> Vec3 {
     elevation.cos() * (azimuth.cos() * x + azimuth.sin() * z) + elevation.sin() * up
 }
 
-/// An overview from `direction`, a unit vector. It is so far away that nothing is nearer than [`NEAREST`], and its
-/// lens just frames the scene.
+/// An overview from `direction`, a unit vector. It is so far away that nothing is nearer than [`NEAREST`], and
+/// its lens just frames the scene.
 fn overview_from(survey: &Survey, direction: Vec3) -> Candidate {
     // At this distance the ball of the scene touches the sides of the cone of view.
     let distance = (survey.radius / OBJECT_HALF_ANGLE.sin()).max(survey.radius + NEAREST);

@@ -21,8 +21,8 @@ const MOST_BLOCKED: f32 = 0.15;
 /// Least share of a picture that must show the scene.
 const LEAST_COVERED: f32 = 0.1;
 
-/// One in this many chosen views is an overview, even if closer looks would add more, because style lives in large
-/// shapes too.
+/// One in this many chosen views is an overview, even if closer looks would add more, because style lives in
+/// large shapes too.
 const OVERVIEW_EVERY: usize = 2;
 
 /// Candidates and the Gaussians that each of them sees.
@@ -61,7 +61,8 @@ impl TestView {
         Self { candidate, pixels, covered, usable: blocked < MOST_BLOCKED && covered > LEAST_COVERED }
     }
 
-    /// The increase of sum_i log(1 + pixels of i / [`WELL_SEEN`]) by this view, if `total` has been seen before.
+    /// The increase of sum_i log(1 + pixels of i / [`WELL_SEEN`]) by this view, if `total` has been seen
+    /// before.
     fn gain(&self, total: &[f32]) -> f64 {
         // log(1 + (t + p) / w) - log(1 + t / w) = log(1 + p / (w + t)). `ln_1p` keeps the digits of small p.
         let log = |(i, pixels): &(u32, f32)| f64::from((pixels / (WELL_SEEN + total[*i as usize])).ln_1p());
@@ -104,8 +105,8 @@ impl TestViews {
         seen.iter().filter(|seen| **seen).count() as f32 / self.n_gaussians.max(1) as f32
     }
 
-    /// Chooses `n` candidates, at each step the one that adds most to the views before it. Overviews alternate with
-    /// the best of all candidates. If all usable ones are taken, they are taken again.
+    /// Chooses `n` candidates, at each step the one that adds most to the views before it. Overviews alternate
+    /// with the best of all candidates. If all usable ones are taken, they are taken again.
     pub fn choose(self, n: usize) -> Vec<Candidate> {
         let any_usable = self.views.iter().any(|view| view.usable);
         // If nothing is usable, a poor picture is better than none.

@@ -5,7 +5,8 @@ use glam::Vec3;
 
 use super::{backdrop::without_backdrop, up::up};
 
-/// Number of Gaussians of the simplified scene: enough to distinguish surfaces from gaps at the size of test views.
+/// Number of Gaussians of the simplified scene: enough to distinguish surfaces from gaps at the size of test
+/// views.
 pub(super) const N_STAND_IN: usize = 30_000;
 
 /// The share of the mass on either side of the box, along each axis.
@@ -60,8 +61,9 @@ impl Survey {
     }
 }
 
-/// A scene of at most `n` Gaussians that looks similar from afar, without its backdrop: every so many along the Morton curve, so that
-/// it is the same in whatever order a file lists them. The remaining Gaussians are enlarged, so that the total area stays the same.
+/// A scene of at most `n` Gaussians that looks similar from afar, without its backdrop: every so many along the
+/// Morton curve, so that it is the same in whatever order a file lists them. The remaining Gaussians are
+/// enlarged, so that the total area stays the same.
 fn stand_in(scene: &Scene, n: usize) -> Scene {
     let near = without_backdrop(scene).unwrap_or_else(|| (0..scene.len() as u32).collect());
     let means: Vec<Vec3> = near.iter().map(|&i| scene.means[i as usize]).collect();

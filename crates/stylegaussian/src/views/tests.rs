@@ -40,8 +40,8 @@ fn box_on_a_floor() -> Scene {
     scene
 }
 
-/// A room of 8 x 3 x 6 with furniture finer than the walls. Its file gives y as up, because floor and ceiling are
-/// alike.
+/// A room of 8 x 3 x 6 with furniture finer than the walls. Its file gives y as up, because floor and ceiling
+/// are alike.
 fn room() -> Scene {
     let mut scene = Scene { up: Some(Vec3::Y), ..Scene::default() };
     add_box(&mut scene, Vec3::ZERO, Vec3::new(8.0, 3.0, 6.0), 24);
@@ -120,7 +120,8 @@ fn a_place_is_seen_from_within() {
     assert!(share_framed(&scene, &choose_views(&scene, 24, SIZE)) > 0.9);
 }
 
-/// The sky of Scaniverse: 10,000 opaque Gaussians at 240 times the scene's radius, large enough to close the sphere.
+/// The sky of Scaniverse: 10,000 opaque Gaussians at 240 times the scene's radius, large enough to close the
+/// sphere.
 fn add_sky(scene: &mut Scene, middle: Vec3, radius: f32) {
     let (n, distance) = (10_000, 240.0 * radius);
     for i in 0..n {

@@ -1,7 +1,7 @@
 //! The up direction of a scene whose file does not give one.
 //!
-//! Captures do not record gravity, but floors and table tops show it: up is the direction that most surfaces share.
-//! Trainers start from COLMAP, and its y axis mostly points down, so that axis is the first guess.
+//! Captures do not record gravity, but floors and table tops show it: up is the direction that most surfaces
+//! share. Trainers start from COLMAP, and its y axis mostly points down, so that axis is the first guess.
 
 use crate::Scene;
 use glam::{Mat3, Vec3};
@@ -14,14 +14,17 @@ const PULLING_COSINES: [f32; 6] = [0.906, 0.906, 0.978, 0.978, 0.99, 0.99];
 const LEVEL_COSINE: f32 = 0.978;
 /// Factor of level mass that another axis needs over y to replace it.
 const PRIOR_OF_Y: f32 = 2.5;
-/// A scene thinner than this along another axis, relative to its larger extents, is a panel that could stand upright.
+/// A scene thinner than this along another axis, relative to its larger extents, is a panel that could stand
+/// upright.
 const PANEL: f32 = 0.25;
-/// Factor of level mass on one side over the other from which on it decides where down is, instead of the convention.
+/// Factor of level mass on one side over the other from which on it decides where down is, instead of the
+/// convention.
 const FLOOR_OVER_CEILING: f32 = 2.0;
 /// Least share of all mass that counts as a floor.
 const FLOOR_SHARE: f32 = 0.1;
 
-/// A unit vector: the scene's own `up`, or a guess. `half_size` is half the scene's box, along the world's axes.
+/// A unit vector: the scene's own `up`, or a guess. `half_size` is half the scene's box, along the world's
+/// axes.
 pub(super) fn up(scene: &Scene, masses: &[f32], half_size: Vec3) -> Vec3 {
     if let Some(up) = scene.up.and_then(Vec3::try_normalize) {
         return up;
@@ -85,7 +88,8 @@ fn level_mass(axis: Vec3, surfaces: &[Surface]) -> f32 {
     level.map(|surface| surface.mass).sum()
 }
 
-/// Whether level surfaces lie above everything else. Then the guess is upside down, because things stand on floors.
+/// Whether level surfaces lie above everything else. Then the guess is upside down, because things stand on
+/// floors.
 fn is_upside_down(axis: Vec3, surfaces: &[Surface]) -> bool {
     let total: f32 = surfaces.iter().map(|surface| surface.mass).sum();
     // NaN without surfaces. No comparison with it is true, so the axis stays as it is.

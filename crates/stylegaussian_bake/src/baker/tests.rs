@@ -90,8 +90,8 @@ fn a_bake_starts_from_paint_as_far_as_it_is_strong() {
     assert!(shares.clone().all(|share| (share - 0.5).abs() < 0.01) && shares.len() == scene.len());
 }
 
-/// Compares the detail that is added to crops with the difference of two drawn pictures. Drawing leaves out fragments by alpha and not by weight, and
-/// rounds records.
+/// Compares the detail that is added to crops with the difference of two drawn pictures. Drawing leaves out
+/// fragments by alpha and not by weight, and rounds records.
 #[test]
 fn a_crop_has_the_strokes_that_are_drawn() {
     let scene = wall(24);
@@ -154,7 +154,8 @@ fn moved(scene: &Scene, protection: f32) -> Vec<f32> {
 
 #[test]
 fn small_things_stay_near_the_start() {
-    // Bright and dark stripes of a Gaussian each on the right, which are small things; a plain wall on the left.
+    // Bright and dark stripes of a Gaussian each on the right, which are small things; a plain wall on the
+    // left.
     let mut scene = wall(48);
     let stripes = |i: usize| if i % 48 < 24 { [0.5; 3] } else { [0.1 + 0.8 * (i % 2) as f32; 3] };
     scene.set_colors(&(0..48 * 48).map(stripes).collect::<Vec<_>>());

@@ -1,4 +1,5 @@
-//! Nearest-neighbor feature matching (Zhang et al., "ARF", 2022): every cell should resemble some cell of the painting.
+//! Nearest-neighbor feature matching (Zhang et al., "ARF", 2022): every cell should resemble some cell of the
+//! painting.
 
 use rayon::prelude::*;
 use stylegaussian::{
@@ -7,8 +8,8 @@ use stylegaussian::{
     random::Random,
 };
 
-/// Directions in which keys are compared: those in which the painting's are largest. The 256 channels of the encoder's output are made
-/// of 80.
+/// Directions in which keys are compared: those in which the painting's are largest. The 256 channels of the
+/// encoder's output are made of 80.
 const DIRECTIONS: usize = 64;
 /// Queries per product. 64 rows of 750 similarities are 192 KB, within a core's second-level cache.
 const BLOCK: usize = 64;
@@ -72,8 +73,8 @@ pub(crate) fn some_of(cells: &[u32], n: usize, random: &mut Random) -> Vec<u32> 
     cells
 }
 
-/// Mean over `queries`, rows of `rows` `[n, C]`, of the cosine distance to the nearest of `keys`. Adds `weight` times the gradient
-/// to `grad` `[n, C]`.
+/// Mean over `queries`, rows of `rows` `[n, C]`, of the cosine distance to the nearest of `keys`. Adds `weight`
+/// times the gradient to `grad` `[n, C]`.
 pub(crate) fn matching(rows: &[f32], queries: &[u32], keys: &Keys, weight: f32, grad: &mut [f32]) -> f32 {
     let Keys { channels, units, axes, along } = keys;
     let (channels, n_keys, n_axes) = (*channels, units.len() / channels, axes.len() / channels);

@@ -4,31 +4,31 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 
-/// Side of the cells whose mean colors are those of large shapes, in pixels. Strokes of a painting of 512 pixels are about
-/// twice as long and a fraction as wide.
+/// Side of the cells whose mean colors are those of large shapes, in pixels. Strokes of a painting of 512
+/// pixels are about twice as long and a fraction as wide.
 pub(crate) const SIDE: usize = 16;
 
-/// Brightness by which large shapes may leave the recolored scene's for nothing: strokes are lights and darks. Hue and
-/// saturation have no tolerance: they tell a pond from its banks. Without tolerance texture of captures is told less
-/// often, with one for hue ponds turn gray (docs/notes/bake_experiments.md, seventh round).
+/// Brightness by which large shapes may leave the recolored scene's for nothing: strokes are lights and darks.
+/// Hue and saturation have no tolerance: they tell a pond from its banks. Without tolerance texture of captures
+/// is told less often, with one for hue ponds turn gray (docs/notes/bake_experiments.md, seventh round).
 const TOLERANCE: f32 = 0.25;
 
 /// Side of the groups of shapes whose slope is looked at, in shapes: 64 pixels.
 const GROUP: usize = 4;
 
-/// Weight of the brightness that shapes are short of the slope, beside that of brightness beyond the tolerance. At 1 Friedrich and
-/// Schiele are told by texture in half as many pictures of a capture (eleventh round).
+/// Weight of the brightness that shapes are short of the slope, beside that of brightness beyond the tolerance.
+/// At 1 Friedrich and Schiele are told by texture in half as many pictures of a capture (eleventh round).
 pub(crate) const SLOPE_WEIGHT: f32 = 0.5;
 
-/// The contrast that is aimed at, over the painting's: beside losses that take contrast away it ends up lower. Chosen on the
-/// demo scene (eleventh round).
+/// The contrast that is aimed at, over the painting's: beside losses that take contrast away it ends up lower.
+/// Chosen on the demo scene (eleventh round).
 pub(crate) const OVER: f32 = 1.35;
 
 /// The largest slope that is aimed at. Beyond it what is between black and white would be lost.
 const MOST_SLOPE: f32 = 2.0;
 
-/// Least contrast of a scene's large shapes, or of a group of them, that has a slope: eight of a display's steps. Below it there
-/// are no shapes, or the scene is too small to show one as a whole.
+/// Least contrast of a scene's large shapes, or of a group of them, that has a slope: eight of a display's
+/// steps. Below it there are no shapes, or the scene is too small to show one as a whole.
 const LEAST_CONTRAST: f32 = 8.0 / 255.0;
 
 /// The mean of the channels.
@@ -61,11 +61,12 @@ pub(crate) fn of_picture(rgb: &[f32], width: usize) -> Vec<f32> {
 
 /// The aim for large shapes: about the recolored scene's, with the contrast of the painting's.
 ///
-/// A scene that is recolored has the painting's contrast, but in other sizes: the demo scene's is that of its grass and tiles, and
-/// a painting's that of its light and shade. The other losses take the fine contrast away; without the coarse one in its
-/// place pictures turn to fog. A tolerance alone does not keep it: all that lies between the few tones of a dark or pale
-/// painting may be within it. So the slope counts as well, of the brightness of shapes by what it is in the recolored scene,
-/// over groups of shapes: strokes do not change it, fog does.
+/// A scene that is recolored has the painting's contrast, but in other sizes: the demo scene's is that of its
+/// grass and tiles, and a painting's that of its light and shade. The other losses take the fine contrast away;
+/// without the coarse one in its place pictures turn to fog. A tolerance alone does not keep it: all that lies
+/// between the few tones of a dark or pale painting may be within it. So the slope counts as well, of the
+/// brightness of shapes by what it is in the recolored scene, over groups of shapes: strokes do not change it,
+/// fog does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ShapeAim {
     /// The least slope.
@@ -83,7 +84,8 @@ struct Shape {
 }
 
 impl ShapeAim {
-    /// For a painting with large shapes of contrast `painting`, and a recolored scene with those of contrast `recolored`.
+    /// For a painting with large shapes of contrast `painting`, and a recolored scene with those of contrast
+    /// `recolored`.
     pub fn new(painting: f32, recolored: f32) -> Self {
         let slope = match recolored > LEAST_CONTRAST {
             true => (OVER * painting / recolored).clamp(1.0, MOST_SLOPE),
@@ -92,9 +94,10 @@ impl ShapeAim {
         Self { slope }
     }
 
-    /// Mean squared distance of the mean colors of cells of 16 x 16 pixels from those of `recolored`, in brightness beyond a
-    /// tolerance of 0.25, and half the mean squared brightness that they are short of the slope, over the covered pixels, which are in
-    /// `cells`. `rgb` and `recolored` are RGB `[h * w, 3]`, `width` pixels wide. Adds `weight` times the gradient to `grad`.
+    /// Mean squared distance of the mean colors of cells of 16 x 16 pixels from those of `recolored`, in
+    /// brightness beyond a tolerance of 0.25, and half the mean squared brightness that they are short of the
+    /// slope, over the covered pixels, which are in `cells`. `rgb` and `recolored` are RGB `[h * w, 3]`,
+    /// `width` pixels wide. Adds `weight` times the gradient to `grad`.
     pub fn loss(
         &self,
         [rgb, recolored]: [&[f32]; 2],
@@ -138,7 +141,8 @@ impl ShapeAim {
         sum as f32 * scale
     }
 
-    /// Shapes, in rows of `columns`, of groups whose slope is too small, and the brightness that each of them is short of it.
+    /// Shapes, in rows of `columns`, of groups whose slope is too small, and the brightness that each of them
+    /// is short of it.
     fn missing(&self, shapes: &[Shape], columns: usize) -> Vec<(usize, f32)> {
         let mut missing = Vec::new();
         let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
@@ -167,7 +171,8 @@ impl ShapeAim {
     }
 }
 
-/// The distance of a shape's color from the recolored scene's: hue and saturation as they are, brightness beyond the tolerance.
+/// The distance of a shape's color from the recolored scene's: hue and saturation as they are, brightness
+/// beyond the tolerance.
 fn gap(shape: &Shape) -> Vec3 {
     let gap = shape.found - shape.recolored;
     let brighter = brightness(gap);

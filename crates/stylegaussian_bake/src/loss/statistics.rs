@@ -49,11 +49,11 @@ pub(crate) struct Target {
     pub deviation: Vec<f32>,
 }
 
-/// Mean squared error of the means plus that of the deviations of `pooled`. Adds `weight` times the gradient with
-/// respect to `rows` `[n, C]` to `grad`, as if `pooled` were the moments of the rows in `cells`.
+/// Mean squared error of the means plus that of the deviations of `pooled`. Adds `weight` times the gradient
+/// with respect to `rows` `[n, C]` to `grad`, as if `pooled` were the moments of the rows in `cells`.
 ///
-/// With running moments, the error is the scene's and the gradient the crop's: a crop of sky is not asked for the
-/// contrast of the whole painting.
+/// With running moments, the error is the scene's and the gradient the crop's: a crop of sky is not asked for
+/// the contrast of the whole painting.
 pub(crate) fn statistics(
     rows: &[f32],
     cells: &[u32],

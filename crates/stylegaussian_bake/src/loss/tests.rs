@@ -133,8 +133,8 @@ fn matching_in_fewer_directions_finds_the_nearest() {
 #[test]
 fn matching_finds_the_nearest_direction() {
     let keys = matching::Keys::new(vec![1.0, 0.0, 0.0, 0.0, 3.0, 4.0], 3);
-    // Along the second key, and of another length: no distance. (4, 0, 3) has the cosine 0.8 with the first key and
-    // 0.48 with the second.
+    // Along the second key, and of another length: no distance. (4, 0, 3) has the cosine 0.8 with the first key
+    // and 0.48 with the second.
     let distance = |row: &[f32]| matching::matching(row, &[0], &keys, 1.0, &mut [0.0; 3]);
     assert!(distance(&[0.0, 6.0, 8.0]).abs() < 1e-5);
     assert!((distance(&[4.0, 0.0, 3.0]) - 0.2).abs() < 1e-5);

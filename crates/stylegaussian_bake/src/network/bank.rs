@@ -56,11 +56,11 @@ fn filters() -> [Operation; 2] {
             oihw.extend(kernel.iter().map(|weight| gain * channel * weight / positive));
         }
     };
-    // Means are compared too, and those of luminance are the palette's. Derivatives are some ten times smaller than the
-    // colors themselves, on paintings; the gains make up for it.
+    // Means are compared too, and those of luminance are the palette's. Derivatives are some ten times smaller
+    // than the colors themselves, on paintings; the gains make up for it.
     add(LUMINANCE, &LOW_PASS, 6.0, 0.0);
-    // Lights and darks beyond each threshold: together they tell a drawing on paper from a painting of middle tones, which
-    // may have the same mean and deviation.
+    // Lights and darks beyond each threshold: together they tell a drawing on paper from a painting of middle
+    // tones, which may have the same mean and deviation.
     for threshold in THRESHOLDS {
         add(LUMINANCE, &LOW_PASS, 6.0, threshold);
     }

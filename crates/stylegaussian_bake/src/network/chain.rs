@@ -81,8 +81,8 @@ impl Chain {
         Values(values)
     }
 
-    /// The gradient with respect to the picture `[h * w, 3]`, from the gradients with respect to some values; none if
-    /// there are none.
+    /// The gradient with respect to the picture `[h * w, 3]`, from the gradients with respect to some values;
+    /// none if there are none.
     pub(super) fn backward(
         &self,
         sizes: &[Size],

@@ -1,16 +1,17 @@
 //! Convolutions of pictures: rows of pixels with channels last, `[h * w, C]`.
 //!
-//! A stride s turns s x s pixels into one pixel of s x s times as many channels, so every convolution is a correlation of
-//! stride 1 without a border. Its gradient is one as well, with the kernel turned around. In a correlation, the windows of
-//! a line of pixels are rows of one matrix that overlap in memory, so nothing is gathered.
+//! A stride s turns s x s pixels into one pixel of s x s times as many channels, so every convolution is a
+//! correlation of stride 1 without a border. Its gradient is one as well, with the kernel turned around. In a
+//! correlation, the windows of a line of pixels are rows of one matrix that overlap in memory, so nothing is
+//! gathered.
 
 use std::borrow::Cow;
 
 use rayon::prelude::*;
 use stylegaussian::decoder::product::{Matrix, product};
 
-/// Columns that a product is given where there are so many: as many values as two vectors of AVX2 hold. A product with fewer
-/// takes as long.
+/// Columns that a product is given where there are so many: as many values as two vectors of AVX2 hold. A
+/// product with fewer takes as long.
 const COLUMNS: usize = 16;
 
 /// Width and height, in pixels.
@@ -61,8 +62,8 @@ struct Correlation {
 }
 
 impl Correlation {
-    /// y `[h * w, D_out]` for a y of `size`, from x, which is larger by `side - 1`. Lines of y begin as copies of `bias` `[D_out]`,
-    /// and `finish` is applied to each finished one.
+    /// y `[h * w, D_out]` for a y of `size`, from x, which is larger by `side - 1`. Lines of y begin as copies
+    /// of `bias` `[D_out]`, and `finish` is applied to each finished one.
     fn apply(&self, x: &[f32], size: Size, bias: &[f32], finish: impl Fn(&mut [f32]) + Sync) -> Vec<f32> {
         let Self { side, d_in, d_out, .. } = *self;
         // Neighbors whose results are one row of the product: their windows are one window, somewhat wider.
@@ -88,7 +89,8 @@ impl Correlation {
         (joined + self.side - 1) * self.d_in
     }
 
-    /// The weights of so many joined neighbors `[side, inner, joined, D_out]`, zeros where a neighbor does not look.
+    /// The weights of so many joined neighbors `[side, inner, joined, D_out]`, zeros where a neighbor does not
+    /// look.
     fn joined(&self, joined: usize) -> Cow<'_, [f32]> {
         if joined == 1 {
             return Cow::Borrowed(&self.weight);
@@ -129,8 +131,8 @@ pub struct Convolution {
 }
 
 impl Convolution {
-    /// A convolution without ReLU from a kernel `[D_out, D_in, side, side]`, flattened, of the shape `[D_out, D_in,
-    /// side]`.
+    /// A convolution without ReLU from a kernel `[D_out, D_in, side, side]`, flattened, of the shape
+    /// `[D_out, D_in, side]`.
     ///
     /// # Panics
     /// If the side is no multiple of the stride.
@@ -184,7 +186,8 @@ impl Convolution {
         self.forward.apply(&self.blocks(x, size), self.size_after(size), &self.bias, rectify)
     }
 
-    /// The gradient with respect to a picture of `size`, from the one with respect to the result before the ReLU.
+    /// The gradient with respect to a picture of `size`, from the one with respect to the result before the
+    /// ReLU.
     pub(super) fn backward(&self, grad_y: &[f32], size: Size) -> Vec<f32> {
         let (from, border) = (self.size_after(size), self.forward.side - 1);
         let grad_y = with_zeros(grad_y, self.d_out(), from, border);
@@ -198,7 +201,8 @@ impl Convolution {
         self.stride == 1 && matches!(self.padding, Padding::Reflect([0, 0]) | Padding::Zeros(0))
     }
 
-    /// For every line of pixels that is seen, the picture's own line `0..n` there; none if it is beyond a border of zeros.
+    /// For every line of pixels that is seen, the picture's own line `0..n` there; none if it is beyond a
+    /// border of zeros.
     fn seen(&self, n: usize, places: usize) -> Vec<Option<usize>> {
         let source = |at: usize| match self.padding {
             Padding::Reflect([before, _]) => Some(reflected(at as isize - before as isize, n)),
@@ -214,7 +218,8 @@ impl Convolution {
         (seen, places.plus(self.forward.side - 1))
     }
 
-    /// The place of a pixel within a line of blocks: `line` of the stride lines of pixels there, and the pixel's `column`.
+    /// The place of a pixel within a line of blocks: `line` of the stride lines of pixels there, and the
+    /// pixel's `column`.
     fn value(&self, line: usize, column: usize) -> usize {
         let (stride, block) = (self.stride, self.forward.d_in);
         column / stride * block + (line * stride + column % stride) * self.d_in
@@ -340,7 +345,8 @@ mod tests {
     #[test]
     fn both_directions_are_those_of_the_definition() {
         let mut random = Random::new(1);
-        // Sizes that are no multiple of the stride, a picture smaller than its kernel, and few channels, which are joined.
+        // Sizes that are no multiple of the stride, a picture smaller than its kernel, and few channels, which
+        // are joined.
         for (shape, padding, stride, size) in [
             ([5, 3, 6], Padding::Reflect([2, 3]), 2, [13, 9]),
             ([3, 4, 3], Padding::Reflect([1, 1]), 1, [12, 7]),

@@ -63,8 +63,8 @@ fn written(
     Ok(Files::one(name, file_name, fs::read(&path)?, packing))
 }
 
-/// The structured scene, with spherical harmonics of degree 3 that are sums of uniform numbers, which compress about as
-/// well as those of captures.
+/// The structured scene, with spherical harmonics of degree 3 that are sums of uniform numbers, which compress
+/// about as well as those of captures.
 fn scene(n: usize) -> Scene {
     let mut scene = scenes::structured(n);
     let mut random = Random::new();
@@ -116,7 +116,8 @@ fn ksplat(n: usize) -> Result<Files> {
     set(1, &[1]);
     set(4, &1_u32.to_le_bytes());
     set(20, &1_u16.to_le_bytes());
-    // Gaussians, room for them, size and number of buckets; their side, and the bytes of a center; full ones; the degree.
+    // Gaussians, room for them, size and number of buckets; their side, and the bytes of a center; full ones;
+    // the degree.
     let section = [(0, n), (4, n), (8, CHUNK), (12, n_buckets), (32, n_buckets)];
     section.iter().for_each(|&(at, value)| set(4096 + at, &(value as u32).to_le_bytes()));
     set(4096 + 16, &5.0_f32.to_le_bytes());

@@ -41,8 +41,9 @@ const SHEET_SIDE: u32 = 320;
 
 /// Paint a scene with a painting's own strokes, and write a look (*.look.safetensors) of it.
 ///
-/// Strokes are laid on the scene, and the colors of the Gaussians under them are optimized on random views. The state is
-/// kept in OUT.checkpoint.safetensors. Ctrl-C saves it, writes the look so far and stops; the same command then goes on.
+/// Strokes are laid on the scene, and the colors of the Gaussians under them are optimized on random views. The
+/// state is kept in OUT.checkpoint.safetensors. Ctrl-C saves it, writes the look so far and stops; the same
+/// command then goes on.
 #[derive(Args, Debug)]
 pub struct BakeArgs {
     /// A scene in any format: `stylegaussian --help` lists them. It needs no features.
@@ -191,8 +192,8 @@ fn bake(
     losses
 }
 
-/// Saves the state. If it cannot, because the disk has become full, the bake goes on: the look is smaller by far, and what
-/// was saved before stays.
+/// Saves the state. If it cannot, because the disk has become full, the bake goes on: the look is smaller by
+/// far, and what was saved before stays.
 fn save_or_warn(baker: &Baker, checkpoint: &Path) {
     if let Err(error) = baker.save(checkpoint) {
         warn([format!("{error:#}: not saved, going on")]);

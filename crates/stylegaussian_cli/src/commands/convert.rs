@@ -23,23 +23,23 @@ mod pictures;
 
 /// Convert a scene between formats.
 ///
-/// The output is read back. Parts that the format cannot hold are listed, and pictures of both scenes are compared if it
-/// rounds.
+/// The output is read back. Parts that the format cannot hold are listed, and pictures of both scenes are
+/// compared if it rounds.
 #[derive(Args, Debug)]
 pub struct ConvertArgs {
     /// A scene in any format: `stylegaussian --help` lists them.
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// The file to write. Its extension chooses the format: .sgs keeps everything, all others geometry and colors;
-    /// .decoder.safetensors is the scene's decoder alone.
+    /// The file to write. Its extension chooses the format: .sgs keeps everything, all others geometry and
+    /// colors; .decoder.safetensors is the scene's decoder alone.
     #[arg(value_name = "OUT")]
     output: PathBuf,
     #[command(flatten)]
     reading: ReadArgs,
     #[command(flatten)]
     writing: WriteArgs,
-    /// The highest degree of spherical harmonics to keep. Lower ones give smaller files with less change of color with
-    /// the direction of view.
+    /// The highest degree of spherical harmonics to keep. Lower ones give smaller files with less change of
+    /// color with the direction of view.
     #[arg(long, value_name = "0..3", default_value_t = WriteOptions::default().sh_degree,
         value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: u8,
@@ -59,7 +59,8 @@ struct Converted<'a> {
     input_bytes: u64,
     output_bytes: u64,
     bytes_per_gaussian: f64,
-    /// The ratio of the pictures' noise to white, in dB. Nothing if the format does not round, or no pixel differs.
+    /// The ratio of the pictures' noise to white, in dB. Nothing if the format does not round, or no pixel
+    /// differs.
     psnr_db: Option<f64>,
     warnings: Vec<String>,
 }
@@ -114,7 +115,8 @@ pub fn run(arguments: &ConvertArgs) -> Result<()> {
     print(*json, &converted, || text(&converted))
 }
 
-/// The parts of a scene that its file does not have, in words. Spherical harmonics above `degree` were not wanted.
+/// The parts of a scene that its file does not have, in words. Spherical harmonics above `degree` were not
+/// wanted.
 fn lost(scene: &Scene, written: &Scene, kept: u8) -> Vec<String> {
     let mut lost = Vec::new();
     if scene.features.is_some() && written.features.is_none() {

@@ -24,8 +24,8 @@ const HELD_OUT_STRIDE: usize = 16;
 
 /// Train a small encoder to give the features of a large one.
 ///
-/// The student sees random crops of the images, also in other sizes and colors, and learns the teacher's features of
-/// each. At the end it is compared with the teacher on held-out images. The state is kept in
+/// The student sees random crops of the images, also in other sizes and colors, and learns the teacher's
+/// features of each. At the end it is compared with the teacher on held-out images. The state is kept in
 /// OUT.checkpoint.safetensors. Ctrl-C saves it and stops.
 #[derive(Args, Debug)]
 pub struct DistillArgs {

@@ -33,8 +33,8 @@ const DEFAULT_VIEWS: u32 = 60;
 
 /// Give a scene features, once, so that any style can be applied to it instantly.
 ///
-/// Learns from photos with known poses, or from pictures of the scene itself. Ctrl-C finishes early with the views
-/// and steps done so far.
+/// Learns from photos with known poses, or from pictures of the scene itself. Ctrl-C finishes early with the
+/// views and steps done so far.
 #[derive(Args, Debug)]
 pub struct EmbedArgs {
     /// A scene in any format: `stylegaussian --help` lists them.
@@ -44,7 +44,8 @@ pub struct EmbedArgs {
     /// The scene with features: *.sgs.
     #[arg(short, long, value_name = "OUT.sgs")]
     output: PathBuf,
-    /// Learn from photos: a folder with transforms.json, a COLMAP model or 3DGS cameras.json, and the photos it names.
+    /// Learn from photos: a folder with transforms.json, a COLMAP model or 3DGS cameras.json, and the photos it
+    /// names.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["cameras", "views"])]
     photos: Option<PathBuf>,
     /// Learn from pictures of the scene itself, from these cameras: transforms.json, a COLMAP model or 3DGS
@@ -54,8 +55,8 @@ pub struct EmbedArgs {
     /// Learn from this many pictures of the scene itself, from cameras chosen for it [default: 60].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     views: Option<u32>,
-    /// Longer side of the pictures, in pixels. Photos are never enlarged. Larger pictures give finer features; the
-    /// time grows with their area.
+    /// Longer side of the pictures, in pixels. Photos are never enlarged. Larger pictures give finer features;
+    /// the time grows with their area.
     #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=4096))]
     size: u32,
     /// The method of embedding.
@@ -64,18 +65,19 @@ pub struct EmbedArgs {
     /// Steps of the descent [default: 20 per view with the default method, 2000 with optimize].
     #[arg(long, value_name = "N")]
     iterations: Option<u32>,
-    /// Hold every K-th view, including the first, out of training and report the error on those. 0 trains on all.
+    /// Hold every K-th view, including the first, out of training and report the error on those. 0 trains on
+    /// all.
     #[arg(long, value_name = "K", default_value_t = EmbedOptions::default().holdout)]
     holdout: u32,
     /// Seed of the starting noise and of the order of views. Equal seeds give equal results.
     #[arg(long, default_value_t = EmbedOptions::default().seed)]
     seed: u64,
-    /// Leave the neighbor lists out of the file. It is 32 bytes per Gaussian smaller, and every load computes them
-    /// anew.
+    /// Leave the neighbor lists out of the file. It is 32 bytes per Gaussian smaller, and every load computes
+    /// them anew.
     #[arg(long)]
     no_neighbors: bool,
-    /// Split Gaussians that are larger than a brush stroke first, which makes room for finer strokes: to at most FACTOR
-    /// times their number [default: 2 if no FACTOR is given].
+    /// Split Gaussians that are larger than a brush stroke first, which makes room for finer strokes: to at
+    /// most FACTOR times their number [default: 2 if no FACTOR is given].
     #[arg(long, value_name = "FACTOR", num_args = 0..=1, require_equals = true, default_missing_value = "2",
         value_parser = split_factor)]
     split: Option<f64>,

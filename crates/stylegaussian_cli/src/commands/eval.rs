@@ -24,11 +24,11 @@ use crate::{
     terminal::{Interrupt, ProgressLine, print},
 };
 
-/// Measure how well a scene shows paintings: in their own paint, in the colors of a decoder that has never seen them, or in baked
-/// looks. Strokes are drawn as they are seen.
+/// Measure how well a scene shows paintings: in their own paint, in the colors of a decoder that has never seen
+/// them, or in baked looks. Strokes are drawn as they are seen.
 ///
-/// Prints for every painting the style error of its pictures, that of the scene merely recolored, and the share of
-/// views in which the painting is the nearest of all: by color and texture, and by texture alone.
+/// Prints for every painting the style error of its pictures, that of the scene merely recolored, and the share
+/// of views in which the painting is the nearest of all: by color and texture, and by texture alone.
 #[derive(Args, Debug)]
 pub struct EvalArgs {
     /// A scene in any format. A decoder needs an embedded one (.sgs).
@@ -44,33 +44,35 @@ pub struct EvalArgs {
     /// Number of views, spread over the cameras, or chosen to suit the scene if there are none.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
     views: u32,
-    /// Longer side of a view, in pixels. Paintings are seen at 512 x 512 pixels, or as many in their proportions.
+    /// Longer side of a view, in pixels. Paintings are seen at 512 x 512 pixels, or as many in their
+    /// proportions.
     #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=2048))]
     size: u32,
-    /// Longer side of the views for consistency, in pixels. If pixels are coarser than the scene, sampling between
-    /// pixels dominates the difference.
+    /// Longer side of the views for consistency, in pixels. If pixels are coarser than the scene, sampling
+    /// between pixels dominates the difference.
     #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=2048))]
     consistency_size: u32,
     /// The decoder, *.decoder.safetensors. Default: the scene's own, else the built-in one.
     #[arg(long, value_name = "FILE")]
     decoder: Option<PathBuf>,
-    /// Evaluate baked looks and not a decoder: a folder with NAME.look.safetensors for each painting NAME.jpg or
-    /// NAME.png.
+    /// Evaluate baked looks and not a decoder: a folder with NAME.look.safetensors for each painting NAME.jpg
+    /// or NAME.png.
     #[arg(long, value_name = "DIR", conflicts_with = "decoder")]
     looks: Option<PathBuf>,
-    /// Evaluate the decoder alone, as in the paper. Without this, --decoder or --looks, surfaces are painted with the
-    /// paintings' own strokes, as `stylize` does.
+    /// Evaluate the decoder alone, as in the paper. Without this, --decoder or --looks, surfaces are painted
+    /// with the paintings' own strokes, as `stylize` does.
     #[arg(long, conflicts_with = "looks")]
     decoder_only: bool,
-    /// Also count pixels that the scene does not cover, as mid-gray. By default a picture's statistics are those of
-    /// the scene alone.
+    /// Also count pixels that the scene does not cover, as mid-gray. By default a picture's statistics are
+    /// those of the scene alone.
     #[arg(long)]
     whole_picture: bool,
-    /// Pairs of cameras whose views should agree, as JSON: {"short": [[0, 1], ...], "long": [[0, 7], ...]}. Default:
-    /// pairs on an orbit of 36 views.
+    /// Pairs of cameras whose views should agree, as JSON: {"short": [[0, 1], ...], "long": [[0, 7], ...]}.
+    /// Default: pairs on an orbit of 36 views.
     #[arg(long, value_name = "FILE", requires = "cameras")]
     pairs: Option<PathBuf>,
-    /// A decoder of 2D feature maps (safetensors, relu3_1 to RGB). Adds a baseline: AdaIN on each view separately.
+    /// A decoder of 2D feature maps (safetensors, relu3_1 to RGB). Adds a baseline: AdaIN on each view
+    /// separately.
     #[arg(long, value_name = "FILE")]
     teacher: Option<PathBuf>,
     /// Weights that replace VGG-19 at relu4_1. Adds the style error at that layer.

@@ -14,8 +14,8 @@ use crate::{
     terminal::{Interrupt, note},
 };
 
-/// torchvision's copy of the weights that Oxford's Visual Geometry Group published. PyTorch puts the first digits of a
-/// file's SHA-256 into its name.
+/// torchvision's copy of the weights that Oxford's Visual Geometry Group published. PyTorch puts the first
+/// digits of a file's SHA-256 into its name.
 const OFFICIAL: &str = "https://download.pytorch.org/models/vgg19-dcbb9e9d.pth";
 
 /// Least number of digits of a checksum, as in PyTorch's names.
@@ -29,9 +29,9 @@ pub struct FetchVggArgs {
     /// The weights to write.
     #[arg(short, long, value_name = "OUT.safetensors")]
     output: PathBuf,
-    /// A folder of images. The weights are scaled so that over these images every channel has mean 1, which keeps
-    /// single channels or layers from dominating a style error. A ReLU network is otherwise unchanged. Default: no
-    /// scaling.
+    /// A folder of images. The weights are scaled so that over these images every channel has mean 1, which
+    /// keeps single channels or layers from dominating a style error. A ReLU network is otherwise unchanged.
+    /// Default: no scaling.
     #[arg(long, value_name = "DIR")]
     images: Option<PathBuf>,
     /// The address of torchvision's `.pth`, or of its tensors as `.safetensors`.
@@ -52,8 +52,8 @@ pub fn run(arguments: &FetchVggArgs, interrupt: &Interrupt) -> Result<()> {
         bail!("{url}: its name holds no checksum; name the first digits of its SHA-256 with --sha256 HEX");
     };
     let name = url.rsplit('/').next().unwrap_or_default();
-    // A name that does not change, so that the same command finds the part. The extension stays last, because reading
-    // goes by it.
+    // A name that does not change, so that the same command finds the part. The extension stays last, because
+    // reading goes by it.
     let download_to = output.with_file_name(format!("{name}.part.{}", extension(name)));
     download(url, &download_to, &digest, interrupt.watch())?;
     let mut convolutions = read_torchvision(&download_to)?;

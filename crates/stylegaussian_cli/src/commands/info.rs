@@ -25,10 +25,12 @@ use crate::{
 mod look;
 mod mask;
 
-/// Describe a scene (format, axes, counts, SH degree, bounds, features, encoder, decoder, and memory needed at run time), a look or a mask.
+/// Describe a scene (format, axes, counts, SH degree, bounds, features, encoder, decoder, and memory needed at
+/// run time), a look or a mask.
 #[derive(Args, Debug)]
 pub struct InfoArgs {
-    /// A scene in any format (`stylegaussian --help` lists them), a look: *.look.safetensors, or a mask: *.mask.safetensors.
+    /// A scene in any format (`stylegaussian --help` lists them), a look: *.look.safetensors, or a mask:
+    /// *.mask.safetensors.
     file: PathBuf,
     #[command(flatten)]
     reading: ReadArgs,
@@ -108,11 +110,11 @@ struct DecoderInfo {
 /// Bytes on the GPU, computed and not measured. Memory for the picture itself is not included.
 #[derive(Debug, PartialEq, Serialize)]
 struct GpuBytes {
-    /// Permanent memory: geometry, SH in f16 and a color of 4 f16 for each Gaussian; with features also the decoder's
-    /// inputs and neighbor lists.
+    /// Permanent memory: geometry, SH in f16 and a color of 4 f16 for each Gaussian; with features also the
+    /// decoder's inputs and neighbor lists.
     scene: u64,
-    /// Memory during a change of style: activations between layers, and the decoder's weights. 0 without features,
-    /// and if the decoder does not fit them.
+    /// Memory during a change of style: activations between layers, and the decoder's weights. 0 without
+    /// features, and if the decoder does not fit them.
     style_pass: u64,
 }
 

@@ -1,4 +1,5 @@
-//! `stylegaussian style`: writes an image's style statistics and its paint to a file, so that stylizing needs no encoder.
+//! `stylegaussian style`: writes an image's style statistics and its paint to a file, so that stylizing needs
+//! no encoder.
 
 use std::path::{Path, PathBuf};
 

@@ -23,17 +23,17 @@ use crate::{
 #[derive(Args, Debug)]
 #[command(mut_group("restyling", |restyling| restyling.required(true)))]
 pub struct StylizeArgs {
-    /// A scene in any format: `stylegaussian --help` lists them. A decoder needs an embedded one: .sgs, or a StyleGaussian
-    /// checkpoint (.pth).
+    /// A scene in any format: `stylegaussian --help` lists them. A decoder needs an embedded one: .sgs, or a
+    /// StyleGaussian checkpoint (.pth).
     scene: PathBuf,
     #[command(flatten)]
     reading: ReadArgs,
     #[command(flatten)]
     stylization: StylizationArgs,
     /// The file to write. As .look.safetensors: a look, with its strokes. As a scene in any format that
-    /// `stylegaussian --help` lists for writing: with the stylized colors as SH of degree 0. As .safetensors: a tensor
-    /// `rgb` f32 [N, 3], not clamped, with one row for each Gaussian of the source, NaN if the Gaussian was dropped. Both
-    /// have the mean of the strokes in each color.
+    /// `stylegaussian --help` lists for writing: with the stylized colors as SH of degree 0. As .safetensors: a
+    /// tensor `rgb` f32 [N, 3], not clamped, with one row for each Gaussian of the source, NaN if the Gaussian
+    /// was dropped. Both have the mean of the strokes in each color.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     #[command(flatten)]

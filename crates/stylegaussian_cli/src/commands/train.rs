@@ -33,8 +33,8 @@ use crate::{
 /// Train one decoder from embedded scenes and a folder of paintings.
 ///
 /// A new decoder starts with a warm start: it learns to recolor the scene to each painting's mean color and
-/// covariance. Then it learns with the paper's loss: content at relu4_1, channel means and deviations at relu1_1 to
-/// relu4_1. The state is kept in OUT.checkpoint.safetensors. Ctrl-C saves it and stops.
+/// covariance. Then it learns with the paper's loss: content at relu4_1, channel means and deviations at
+/// relu1_1 to relu4_1. The state is kept in OUT.checkpoint.safetensors. Ctrl-C saves it and stops.
 #[derive(Args, Debug)]
 pub struct TrainArgs {
     /// Embedded scenes (.sgs).
@@ -54,23 +54,24 @@ pub struct TrainArgs {
     /// Camera files, one for each scene.
     #[arg(long, value_name = "FILE")]
     cameras: Vec<PathBuf>,
-    /// Number of views of each scene. If neither photos nor cameras are given, they are chosen to suit the scene.
+    /// Number of views of each scene. If neither photos nor cameras are given, they are chosen to suit the
+    /// scene.
     #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     views: u32,
-    /// Longer side of a training view, in pixels. With several sizes, separated by commas, the decoder learns how a
-    /// style looks from near and from far.
+    /// Longer side of a training view, in pixels. With several sizes, separated by commas, the decoder learns
+    /// how a style looks from near and from far.
     #[arg(long, value_name = "PX", value_delimiter = ',', default_value = "256", value_parser = clap::value_parser!(u32).range(32..=4096))]
     size: Vec<u32>,
     /// Cut larger views into overlapping crops of at most this many pixels on a side. A step then sees fewer
     /// Gaussians from nearer.
     #[arg(long, value_name = "PX", default_value_t = TrainConfig::default().crop, value_parser = clap::value_parser!(u32).range(32..=2048))]
     crop: u32,
-    /// A decoder to start from, with its neighborhood, activation and widths. Several give the weighted mean of their
-    /// parameters: a decoder between two states of one training can be better than both.
+    /// A decoder to start from, with its neighborhood, activation and widths. Several give the weighted mean of
+    /// their parameters: a decoder between two states of one training can be better than both.
     #[arg(long, value_name = "DECODER[:WEIGHT]")]
     init: Vec<WeightedPath>,
-    /// The paper's decoder and recipe: sigmoids; no noise, base color, statistics or smoothing; no warm start and no
-    /// average over steps. Use it with scenes from `embed --method optimize`.
+    /// The paper's decoder and recipe: sigmoids; no noise, base color, statistics or smoothing; no warm start
+    /// and no average over steps. Use it with scenes from `embed --method optimize`.
     #[arg(long, conflicts_with_all = [
         "init", "activation", "noise", "base_color", "statistics", "smoothing", "residual",
         "warm_iterations", "average",
@@ -85,16 +86,16 @@ pub struct TrainArgs {
     /// Factor of a penalty on colors outside 0..1. Not in the paper.
     #[arg(long, value_name = "W", default_value_t = LossWeights::default().range)]
     range_weight: f32,
-    /// Factor of the color-transfer loss: the mean distance of colors, over squares of 16 pixels, from the recolored
-    /// scene's. It keeps the palette that the warm start has learned. Not in the paper.
+    /// Factor of the color-transfer loss: the mean distance of colors, over squares of 16 pixels, from the
+    /// recolored scene's. It keeps the palette that the warm start has learned. Not in the paper.
     #[arg(long, alias = "palette-weight", value_name = "W", default_value_t = LossWeights::default().color_transfer)]
     color_transfer_weight: f32,
     /// Factor of a penalty on the mean squared distance of a Gaussian's decoded color from its neighbors', for
     /// decoders with smoothing. It favors strokes over grain. Not in the paper.
     #[arg(long, value_name = "W", default_value_t = LossWeights::default().roughness)]
     roughness_weight: f32,
-    /// Factor of the contrastive loss: the cross-entropy of matching the picture to its own painting among others. It
-    /// makes styles more distinct. Not in the paper.
+    /// Factor of the contrastive loss: the cross-entropy of matching the picture to its own painting among
+    /// others. It makes styles more distinct. Not in the paper.
     #[arg(long, alias = "recognition-weight", value_name = "W", default_value_t = LossWeights::default().contrastive)]
     contrastive_weight: f32,
     /// Layers that the content loss compares: relu4_1 as in the original implementation, or
@@ -111,8 +112,8 @@ pub struct TrainArgs {
     /// Adam's learning rate at the first step with the paper's loss. It falls to a tenth along a cosine.
     #[arg(long, value_name = "RATE", default_value_t = TrainConfig::default().learning_rate)]
     learning_rate: f32,
-    /// Average the weights over the last SHARE of the steps, sampled every 100 steps. 0 uses the final weights (as in
-    /// the paper).
+    /// Average the weights over the last SHARE of the steps, sampled every 100 steps. 0 uses the final weights
+    /// (as in the paper).
     #[arg(long, value_name = "SHARE", default_value_t = TrainConfig::default().average, value_parser = fraction)]
     average: f64,
     /// Activation of a new decoder: `sigmoid` (as in the paper) or `leaky_relu:SLOPE`.
@@ -121,25 +122,26 @@ pub struct TrainArgs {
     /// Number of noise inputs. Default: as in `--init`, else 0. Fewer than `--init` has drops the last ones.
     #[arg(long, value_name = "N", value_parser = at_most_64::<0>)]
     noise: Option<usize>,
-    /// Smoothing passes over the decoded colors, which make views agree. Default: as in `--init`, else 1. The paper
-    /// has none.
+    /// Smoothing passes over the decoded colors, which make views agree. Default: as in `--init`, else 1. The
+    /// paper has none.
     #[arg(long, alias = "smooth", value_name = "N", value_parser = at_most_64::<0>)]
     smoothing: Option<usize>,
-    /// Share of the base color in the final color, at least 0 and less than 1. The decoder gives the rest. Default:
-    /// as in `--init`, else 0 (as in the paper).
+    /// Share of the base color in the final color, at least 0 and less than 1. The decoder gives the rest.
+    /// Default: as in `--init`, else 0 (as in the paper).
     #[arg(long, value_name = "SHARE", value_parser = less_than_1)]
     residual: Option<f32>,
     /// Whether a new decoder sees each Gaussian's base color, which keeps fine detail. Not in the paper.
     #[arg(long, alias = "own-color", value_name = "BOOL", default_value_t = NewDecoder::default().base_color, action = clap::ArgAction::Set)]
     base_color: bool,
-    /// Whether a new decoder sees the mean and deviation of all transferred features. The paper's sees only those of
-    /// its neighborhood.
+    /// Whether a new decoder sees the mean and deviation of all transferred features. The paper's sees only
+    /// those of its neighborhood.
     #[arg(long, value_name = "BOOL", default_value_t = NewDecoder::default().statistics, action = clap::ArgAction::Set)]
     statistics: bool,
     /// K, the size of a new decoder's neighborhoods.
     #[arg(short, long, value_name = "K", default_value_t = NewDecoder::default().k, value_parser = at_most_64::<1>)]
     k: usize,
-    /// Number of paintings held out of training, spread over the folder, and shown on the contact sheet at the end.
+    /// Number of paintings held out of training, spread over the folder, and shown on the contact sheet at the
+    /// end.
     #[arg(long, value_name = "N", default_value_t = 4)]
     holdout_styles: usize,
     /// Random seed.

@@ -74,9 +74,9 @@ pub(crate) fn start(path: &Path) -> Result<(Environment, String), String> {
     let builder = ort::init_from(path).map_err(|error| {
         format!("{DYLIB_VARIABLE} does not name a usable ONNX Runtime, so tract is used: {error}")
     })?;
-    // ort allows one environment in a process and hands it to nobody but its maker. If another part of the program
-    // has made it, that part keeps it.
-    // Telemetry is a default of ONNX Runtime on Windows. A library must not turn it on for its users.
+    // ort allows one environment in a process and hands it to nobody but its maker. If another part of the
+    // program has made it, that part keeps it. Telemetry is a default of ONNX Runtime on Windows. A library
+    // must not turn it on for its users.
     let environment = builder.with_name("stylegaussian").with_telemetry(false).build().map_err(|error| {
         let path = path.display();
         format!("ONNX Runtime ({DYLIB_VARIABLE}={path}) cannot be started here, so tract is used: {error}")
@@ -84,8 +84,8 @@ pub(crate) fn start(path: &Path) -> Result<(Environment, String), String> {
     Ok((environment, format!("ONNX Runtime {}, {}", onnx_runtime_version(path), path.display())))
 }
 
-/// From the file's name (`libonnxruntime.so.1.24.1`), else from `ORT Build Info: git-branch=rel-1.24.1, ...`: `ort`
-/// has no other source of the version, and not every build's branch is named after it.
+/// From the file's name (`libonnxruntime.so.1.24.1`), else from `ORT Build Info: git-branch=rel-1.24.1, ...`:
+/// `ort` has no other source of the version, and not every build's branch is named after it.
 fn onnx_runtime_version(path: &Path) -> String {
     // Through symbolic links: `libonnxruntime.so` is usually a link to the file with the version.
     let file = path.canonicalize().unwrap_or_else(|_| path.into());

@@ -1,7 +1,7 @@
 //! tract, the built-in engine: an ONNX graph as an optimized plan.
 //!
-//! tract panics over some malformed graphs, and over some sizes of the input. Every call into it catches panics and
-//! returns them as errors, so a user's file cannot end the program.
+//! tract panics over some malformed graphs, and over some sizes of the input. Every call into it catches panics
+//! and returns them as errors, so a user's file cannot end the program.
 
 use tract_linalg::multithread::{Executor, multithread_tract_scope};
 use tract_onnx::{prelude::*, tract_hir::infer::Factoid};
@@ -56,9 +56,9 @@ impl Graph {
     }
 }
 
-/// The threads of a run's matrix products: rayon's, since a single image would leave the other cores idle. If the caller is
-/// one of them, it works alone. A thread of rayon's that waits for a product takes up other work, perhaps another run, which
-/// would find tract's scratch memory of this thread borrowed, and panic.
+/// The threads of a run's matrix products: rayon's, since a single image would leave the other cores idle. If
+/// the caller is one of them, it works alone. A thread of rayon's that waits for a product takes up other work,
+/// perhaps another run, which would find tract's scratch memory of this thread borrowed, and panic.
 fn executor() -> Executor {
     if rayon::current_thread_index().is_some() { Executor::SingleThread } else { Executor::RayonGlobal }
 }
@@ -82,8 +82,8 @@ fn plan(onnx: &[u8]) -> Result<Arc<TypedRunnableModel>, String> {
     parsed.model.into_optimized().and_then(|model| model.into_runnable()).map_err(text)
 }
 
-/// Infers the size of everything that the graph would compute for an image of [`PROBE_SIDE`], without computing it. A
-/// file of a few bytes can ask for terabytes.
+/// Infers the size of everything that the graph would compute for an image of [`PROBE_SIDE`], without computing
+/// it. A file of a few bytes can ask for terabytes.
 fn check_memory(model: InferenceModel) -> Result<(), String> {
     let shape = model.input_fact(0).map_err(text)?.shape.clone();
     // A size that the graph fixes must be kept: any other would contradict the graph.
@@ -103,8 +103,8 @@ fn check_memory(model: InferenceModel) -> Result<(), String> {
     Err(format!("for an input of {input:?} a step of it makes more than {MAX_VALUES} values"))
 }
 
-/// Checks that every step of the graph makes values of an input of this shape. tract does not: a convolution over less
-/// than its kernel reads past its input, which no `catch_unwind` survives.
+/// Checks that every step of the graph makes values of an input of this shape. tract does not: a convolution
+/// over less than its kernel reads past its input, which no `catch_unwind` survives.
 fn check_sizes(model: &TypedModel, input: [usize; 4]) -> Result<(), String> {
     let mut sizes = SymbolValues::default();
     for (size, value) in model.input_fact(0).map_err(text)?.shape.iter().zip(input) {

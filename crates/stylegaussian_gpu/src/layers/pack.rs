@@ -6,11 +6,12 @@ use stylegaussian_shaders::layers::{self as shaders, MixLayer};
 
 use super::GpuLayer;
 
-/// Sizes and distances beyond this are drawn in to it: their squares stay within f32, and no scene reaches there.
+/// Sizes and distances beyond this are drawn in to it: their squares stay within f32, and no scene reaches
+/// there.
 const FAR: f32 = 1e9;
 
-/// A layer's uniforms, or `None` if it covers nothing; its look has no number yet. WGSL leaves NaN and infinity undefined, so that
-/// they are sorted out here, with the twin's meaning.
+/// A layer's uniforms, or `None` if it covers nothing; its look has no number yet. WGSL leaves NaN and infinity
+/// undefined, so that they are sorted out here, with the twin's meaning.
 pub(super) fn packed(layer: &GpuLayer) -> Option<MixLayer> {
     let Region { shape, shape_from_scene, softness } = layer.region;
     let (kind, sizes) = kind_and_sizes(shape);

@@ -12,8 +12,8 @@ use crate::splat::{Ball, GpuScene};
 /// Blocks that are asked about together first.
 const GROUP: usize = 32;
 
-/// The layers that colors or words hold, from the last mix. Regions that did not move are not asked again, and blocks whose values
-/// stay as they are take no part in the next mix.
+/// The layers that colors or words hold, from the last mix. Regions that did not move are not asked again, and
+/// blocks whose values stay as they are take no part in the next mix.
 #[derive(Debug, Default)]
 pub struct MixedLayers {
     /// The colors or words, or `None` if they may hold anything.
@@ -154,8 +154,8 @@ fn changed_blocks(last: &[MixedLayer], next: &[MixedLayer], n_blocks: usize) -> 
 
 /// The dispatches over changed blocks: for each stack of layers, one for each chunk.
 fn dispatches(scene: &GpuScene, layers: &[MixedLayer], changed: &[bool]) -> (Vec<Dispatch>, Vec<MixBlock>) {
-    // The lowest layer that is seen in each block: what lies below an opaque one is left out. One more than the layers if
-    // there is none.
+    // The lowest layer that is seen in each block: what lies below an opaque one is left out. One more than the
+    // layers if there is none.
     let lowest = |block: usize| {
         let covers = |layer: &MixedLayer| layer.covers[block] == Cover::Inside && layer.source.is_opaque();
         let touches = |layer: &MixedLayer| layer.covers[block] != Cover::Outside;

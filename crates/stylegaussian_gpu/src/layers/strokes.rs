@@ -44,10 +44,12 @@ impl StrokeMix {
 }
 
 impl LayerMixer {
-    /// Encodes the mix of the strokes of any number of `layers` into `mix`, from none up. Only what differs from its last mix is
-    /// encoded. If something is, the strokes count as changed. If no layer has strokes, the mix has none, and takes no memory.
+    /// Encodes the mix of the strokes of any number of `layers` into `mix`, from none up. Only what differs
+    /// from its last mix is encoded. If something is, the strokes count as changed. If no layer has strokes,
+    /// the mix has none, and takes no memory.
     ///
-    /// The seeds of all layers together are at most [`MAX_SEEDS`]. If there are more, the lowest layers show no strokes.
+    /// The seeds of all layers together are at most [`MAX_SEEDS`]. If there are more, the lowest layers show no
+    /// strokes.
     ///
     /// Before the first mix of a submission, call [`begin_submission`](Self::begin_submission).
     ///
@@ -128,8 +130,8 @@ fn wanted(layers: &[&GpuLayer]) -> Vec<Table> {
     tables
 }
 
-/// Gives each of the `tables` its place. Those that have one keep it, so that words that name their seeds stay as they are, unless
-/// there would be no room for the others.
+/// Gives each of the `tables` its place. Those that have one keep it, so that words that name their seeds stay
+/// as they are, unless there would be no room for the others.
 fn placed(last: &[Table], mut tables: Vec<Table>) -> Vec<Table> {
     let place = |table: &Table| last.iter().find(|last| last.seeds == table.seeds).map(|last| last.first);
     let kept = tables.iter().filter_map(|table| Some(place(table)? + table.n_seeds)).max();

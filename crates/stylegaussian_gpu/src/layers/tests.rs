@@ -146,7 +146,8 @@ fn degenerate_layers_match_the_cpu() {
     }
 }
 
-/// One mix after another into the same colors, of which each encodes what differs: layers that come, go, move and change.
+/// One mix after another into the same colors, of which each encodes what differs: layers that come, go, move
+/// and change.
 #[test]
 fn a_mix_goes_on_from_the_last() {
     let Some(gpu) = testing::gpu() else { return };
@@ -228,8 +229,8 @@ pub(super) fn sorted(mut scene: Scene) -> Scene {
     scene
 }
 
-/// Eight volumes that move in each frame, against the splat pass at 1280 x 720, in turns: about 300,000 Gaussians, the demo scene
-/// four times with its copies shifted by a little.
+/// Eight volumes that move in each frame, against the splat pass at 1280 x 720, in turns: about 300,000
+/// Gaussians, the demo scene four times with its copies shifted by a little.
 #[test]
 #[ignore = "a measurement, which other programs on the machine disturb"]
 fn eight_volumes_take_a_tenth_of_the_splat_pass() {

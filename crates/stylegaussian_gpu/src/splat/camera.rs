@@ -7,14 +7,15 @@ use glam::{Affine3A, DAffine3, DVec3, Mat4, UVec4, Vec2, Vec3, Vec4};
 pub struct Camera {
     /// World from view; a rigid transform. View space is x right, y up, z backward.
     pub world_from_view: Affine3A,
-    /// Clip from view: perspective, off-axis or orthographic; reverse z (depth 1 is near), far plane at any distance.
+    /// Clip from view: perspective, off-axis or orthographic; reverse z (depth 1 is near), far plane at any
+    /// distance.
     pub clip_from_view: Mat4,
     /// The picture's left, top, width and height, in pixels of the target.
     pub viewport: UVec4,
 }
 
-/// The near plane of [`Camera::pinhole`], in scene units. It only scales depths: nothing nearer than 0.2 is drawn by
-/// default.
+/// The near plane of [`Camera::pinhole`], in scene units. It only scales depths: nothing nearer than 0.2 is
+/// drawn by default.
 const PINHOLE_NEAR: f32 = 0.01;
 
 impl Camera {
@@ -28,7 +29,8 @@ impl Camera {
             Vec4::new(scale.x, 0.0, 0.0, 0.0),
             Vec4::new(0.0, scale.y, 0.0, 0.0),
             Vec4::new(-axis.x, -axis.y, 0.0, -1.0),
-            // clip.z is the near plane and clip.w the distance: depth near / z, 1 at the near plane and 0 at infinity.
+            // clip.z is the near plane and clip.w the distance: depth near / z, 1 at the near plane and 0 at
+            // infinity.
             Vec4::new(0.0, 0.0, PINHOLE_NEAR, 0.0),
         );
         // The CPU rasterizer's view space is x right, y down, z forward.
@@ -51,7 +53,8 @@ impl Camera {
         self.clip_from_view.row(3).truncate() == Vec3::ZERO
     }
 
-    /// The point where view -z meets the picture, in normalized device coordinates. Orthographic cameras do not use it.
+    /// The point where view -z meets the picture, in normalized device coordinates. Orthographic cameras do not
+    /// use it.
     pub(super) fn axis(&self) -> Vec2 {
         let ahead = self.clip_from_view * Vec4::new(0.0, 0.0, -1.0, 0.0);
         // Orthographic projections have w = 0 ahead, a direction.
@@ -59,8 +62,8 @@ impl Camera {
         if axis.is_finite() { axis } else { Vec2::ZERO }
     }
 
-    /// View from a space that `world_from_scene` places in the world. The product is computed in f64, because far
-    /// from the world's origin both factors are large and their product is not.
+    /// View from a space that `world_from_scene` places in the world. The product is computed in f64, because
+    /// far from the world's origin both factors are large and their product is not.
     pub(super) fn view_from(&self, world_from_scene: &Affine3A) -> Affine3A {
         let view_from_scene = in_f64(&self.world_from_view).inverse() * in_f64(world_from_scene);
         Affine3A::from_mat3_translation(
@@ -69,8 +72,8 @@ impl Camera {
         )
     }
 
-    /// Origin of the rays in a space that `world_from_scene` places in the world: (eye, 1), or (-direction, 0) if
-    /// they are parallel.
+    /// Origin of the rays in a space that `world_from_scene` places in the world: (eye, 1), or (-direction, 0)
+    /// if they are parallel.
     pub(super) fn eye_in(&self, world_from_scene: &Affine3A) -> Vec4 {
         let scene_from_view = in_f64(world_from_scene).inverse() * in_f64(&self.world_from_view);
         if self.is_orthographic() {

@@ -37,7 +37,8 @@ pub struct CloudVisibility<'a> {
 /// The colors of a cloud, display-referred.
 #[derive(Clone, Copy, Debug)]
 pub enum CloudColors<'a> {
-    /// The captured, view-dependent colors of the scene, clamped at 0 from below. Mid-gray if the scene has none.
+    /// The captured, view-dependent colors of the scene, clamped at 0 from below. Mid-gray if the scene has
+    /// none.
     Captured,
     /// One RGB per Gaussian, not clamped.
     Rgb(&'a GaussianColors),
@@ -52,7 +53,8 @@ pub struct PaintedColors<'a> {
     pub below: Option<&'a GaussianColors>,
     /// The strokes, whose textures are in the store of the [`SplatPass`](super::SplatPass).
     pub strokes: &'a GaussianStrokes,
-    /// Settings that may be changed without computing strokes anew. A view takes `near` from the first of its clouds that has strokes.
+    /// Settings that may be changed without computing strokes anew. A view takes `near` from the first of its
+    /// clouds that has strokes.
     pub knobs: StrokeKnobs,
 }
 

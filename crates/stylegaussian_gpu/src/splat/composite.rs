@@ -88,8 +88,8 @@ impl Composite {
         }
     }
 
-    /// The composite over targets of `format` with `samples` samples, as many as the layer has. The pass has no depth
-    /// attachment.
+    /// The composite over targets of `format` with `samples` samples, as many as the layer has. The pass has no
+    /// depth attachment.
     pub fn pipeline(
         &self,
         device: &wgpu::Device,
@@ -152,7 +152,8 @@ impl Composite {
         CompositeInput { uniforms, group }
     }
 
-    /// Puts the layer over the target of `pass`, within `viewport` (left, top, width, height in pixels of both).
+    /// Puts the layer over the target of `pass`, within `viewport` (left, top, width, height in pixels of
+    /// both).
     pub fn draw(
         &self,
         pass: &mut wgpu::RenderPass,

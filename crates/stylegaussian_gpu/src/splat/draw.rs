@@ -100,8 +100,8 @@ impl Draw {
     }
 }
 
-/// The draw of a shader with the entry points `label` and `_vertex`, `label` and `_fragment`, for a number of samples and a format
-/// of depth.
+/// The draw of a shader with the entry points `label` and `_vertex`, `label` and `_fragment`, for a number of
+/// samples and a format of depth.
 fn render_pipeline(
     device: &wgpu::Device,
     module: &wgpu::ShaderModule,

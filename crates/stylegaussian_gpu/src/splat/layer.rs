@@ -1,6 +1,7 @@
 //! The layer: the texture in which splats blend among themselves.
 
-/// The format of a layer. Stylized colors are not clamped, and 8 bits would round each of the thousands of blends.
+/// The format of a layer. Stylized colors are not clamped, and 8 bits would round each of the thousands of
+/// blends.
 pub const LAYER_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
 /// The textures that splats are drawn into.

@@ -52,14 +52,14 @@ impl SplatPass {
         &self.project.strokes.store
     }
 
-    /// Compiles the kernel for clouds with a mask, in any thread, while others draw. Without this call, the first frame that
-    /// hides a part of a cloud compiles it.
+    /// Compiles the kernel for clouds with a mask, in any thread, while others draw. Without this call, the
+    /// first frame that hides a part of a cloud compiles it.
     pub fn prepare_masks(&self, device: &wgpu::Device) {
         self.project.masked(device);
     }
 
-    /// Compiles what clouds with strokes need, and the draw of `pipelines` with strokes, in any thread, while others draw. Without
-    /// this call, the first frame with strokes compiles it.
+    /// Compiles what clouds with strokes need, and the draw of `pipelines` with strokes, in any thread, while
+    /// others draw. Without this call, the first frame with strokes compiles it.
     pub fn prepare_strokes(&self, device: &wgpu::Device, pipelines: &[SplatPipeline]) {
         let strokes = &self.project.strokes;
         strokes.kernel(device);
@@ -71,8 +71,8 @@ impl SplatPass {
         }
     }
 
-    /// The draw into a layer of [`LAYER_FORMAT`](super::LAYER_FORMAT) at `samples` samples. If `depth_format` is given,
-    /// splats are tested against a depth attachment of that format (reverse z).
+    /// The draw into a layer of [`LAYER_FORMAT`](super::LAYER_FORMAT) at `samples` samples. If `depth_format`
+    /// is given, splats are tested against a depth attachment of that format (reverse z).
     pub fn pipeline(
         &self,
         device: &wgpu::Device,
@@ -84,16 +84,17 @@ impl SplatPass {
 
     /// Projects and sorts the splats of `clouds` that `camera` sees, into `view`.
     ///
-    /// Skips everything if camera, clouds and colors are unchanged, and skips the sort if only colors changed. Commands
-    /// must be submitted in the order in which they were encoded, and before `view` is used again, because uniforms are
-    /// written by `queue`. Nothing is allocated unless `view` sees more Gaussians, other clouds or other color buffers
-    /// than before.
+    /// Skips everything if camera, clouds and colors are unchanged, and skips the sort if only colors changed.
+    /// Commands must be submitted in the order in which they were encoded, and before `view` is used again,
+    /// because uniforms are written by `queue`. Nothing is allocated unless `view` sees more Gaussians, other
+    /// clouds or other color buffers than before.
     ///
-    /// Clouds with a transform that is not finite or has no volume, and cameras without a picture, show nothing.
+    /// Clouds with a transform that is not finite or has no volume, and cameras without a picture, show
+    /// nothing.
     ///
     /// # Errors
-    /// If the clouds have too many Gaussians for the device, or if colors or strokes belong to another scene. Nothing is encoded
-    /// then, and `view` shows nothing.
+    /// If the clouds have too many Gaussians for the device, or if colors or strokes belong to another scene.
+    /// Nothing is encoded then, and `view` shows nothing.
     #[expect(clippy::too_many_arguments, reason = "three of them are wgpu's own at every call")]
     pub fn project_and_sort(
         &self,
@@ -144,8 +145,8 @@ impl SplatPass {
         }
     }
 
-    /// Clears a layer and draws `view` into it, within the camera's viewport, by the fastest way of the adapter.
-    /// [`project_and_sort`](Self::project_and_sort) comes before. `pipeline` must fit the layer.
+    /// Clears a layer and draws `view` into it, within the camera's viewport, by the fastest way of the
+    /// adapter. [`project_and_sort`](Self::project_and_sort) comes before. `pipeline` must fit the layer.
     pub fn draw_layer(
         &self,
         device: &wgpu::Device,
@@ -180,7 +181,8 @@ impl SplatPass {
     }
 
     /// Draws `view` by quads, within the camera's viewport, as [`draw_layer`](Self::draw_layer) does on a GPU.
-    /// [`project_and_sort`](Self::project_and_sort) comes before. `pipeline` must fit the attachments of `pass`.
+    /// [`project_and_sort`](Self::project_and_sort) comes before. `pipeline` must fit the attachments of
+    /// `pass`.
     pub fn draw(&self, pass: &mut wgpu::RenderPass, view: &SplatView, pipeline: &SplatPipeline) {
         if let Some(source) = view.draw_source() {
             self.draw.encode(pass, pipeline, &self.project.strokes, &source, source.commands);

@@ -84,8 +84,8 @@ impl Project {
         self.masked.get_or_init(|| Variant::new(device, &self.view_layout, true))
     }
 
-    /// Uploads the uniforms of every chunk of `clouds`, and makes bindings for chunks that have none. Returns the
-    /// difference from the frame that made the records.
+    /// Uploads the uniforms of every chunk of `clouds`, and makes bindings for chunks that have none. Returns
+    /// the difference from the frame that made the records.
     pub fn write(
         &self,
         device: &wgpu::Device,

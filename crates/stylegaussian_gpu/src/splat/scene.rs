@@ -1,7 +1,7 @@
 //! The geometry and captured colors of a scene on the GPU, for the splat pass.
 //!
-//! Projecting reads each Gaussian once and gathers nothing. A scene that would exceed the largest binding of the
-//! device is therefore cut into *chunks* of consecutive Gaussians.
+//! Projecting reads each Gaussian once and gathers nothing. A scene that would exceed the largest binding of
+//! the device is therefore cut into *chunks* of consecutive Gaussians.
 
 use std::ops::Range;
 
@@ -19,8 +19,8 @@ use wgpu::util::DeviceExt;
 use super::view::SplatView;
 use crate::buffers::TooLarge;
 
-/// N Gaussians on the GPU: means, rotations, scales, opacities and spherical harmonics. It never changes. Splats are drawn
-/// with the scene's [`ScreenFilter`].
+/// N Gaussians on the GPU: means, rotations, scales, opacities and spherical harmonics. It never changes.
+/// Splats are drawn with the scene's [`ScreenFilter`].
 #[derive(Debug)]
 pub struct GpuScene {
     chunks: Vec<Chunk>,
@@ -151,8 +151,8 @@ impl Chunk {
     }
 }
 
-/// A power of two, in which the largest scale is about 2^14. f16 (up to 65504, down to 6e-8) then still holds scales
-/// that are a billion times smaller.
+/// A power of two, in which the largest scale is about 2^14. f16 (up to 65504, down to 6e-8) then still holds
+/// scales that are a billion times smaller.
 fn scale_unit(scales: &[Vec3]) -> f32 {
     let largest = scales.iter().map(|s| s.max_element()).filter(|s| s.is_finite()).fold(0.0, f32::max);
     if largest > 0.0 { (largest.log2().floor() - 14.0).max(-120.0).exp2() } else { 1.0 }

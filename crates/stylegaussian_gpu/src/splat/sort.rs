@@ -50,8 +50,9 @@ struct Groups {
 }
 
 impl Sort {
-    /// The kernels that are fastest on the adapter. Invocations of the GPU kernels wait for one another within a
-    /// workgroup; a software adapter pays for every wait by switching between the invocations that it emulates.
+    /// The kernels that are fastest on the adapter. Invocations of the GPU kernels wait for one another within
+    /// a workgroup; a software adapter pays for every wait by switching between the invocations that it
+    /// emulates.
     pub fn new(device: &wgpu::Device) -> Self {
         Self::of_kind(device, is_software(&device.adapter_info()))
     }
@@ -81,8 +82,8 @@ impl Sort {
         }
     }
 
-    /// Sorts the indices of the records whose keys are not `INVISIBLE`, stably, and counts them. `n_records` is the
-    /// number that the CPU wrote to `SplatCounts`, at most that of the buffers.
+    /// Sorts the indices of the records whose keys are not `INVISIBLE`, stably, and counts them. `n_records` is
+    /// the number that the CPU wrote to `SplatCounts`, at most that of the buffers.
     pub fn encode(&self, pass: &mut wgpu::ComputePass, buffers: &SortBuffers, n_records: u32) {
         let groups = &buffers.groups;
         for i in 0..N_PASSES {
@@ -135,7 +136,8 @@ impl SortBuffers {
         let commands =
             buffer("splat_commands", size_of::<SplatCommands>() as u64, wgpu::BufferUsages::INDIRECT);
 
-        // Keys go back and forth between two buffers. After an even number of passes they are in the first one again.
+        // Keys go back and forth between two buffers. After an even number of passes they are in the first one
+        // again.
         let groups = Groups {
             histogram: std::array::from_fn(|i| {
                 sort.histogram.bind(device, &[&sort.passes[i], &counts, &keys[i % 2], &batch_counts])

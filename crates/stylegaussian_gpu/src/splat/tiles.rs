@@ -1,7 +1,8 @@
-//! The draw on software adapters: `splat_tiles_*`, a list of splats for each tile of the picture, blended by compute.
+//! The draw on software adapters: `splat_tiles_*`, a list of splats for each tile of the picture, blended by
+//! compute.
 //!
-//! Software rasterizers walk every quad block by block, and load and store the pixels behind it each time. Here a
-//! pixel stays in registers until it is finished, and eight invocations share each read of a splat.
+//! Software rasterizers walk every quad block by block, and load and store the pixels behind it each time. Here
+//! a pixel stays in registers until it is finished, and eight invocations share each read of a splat.
 
 use std::sync::OnceLock;
 
@@ -17,7 +18,8 @@ use crate::{
     buffers,
 };
 
-/// Room in the lists for each record, in entries: footprints of 56 by 56 pixels, which touch at most 8 by 8 tiles.
+/// Room in the lists for each record, in entries: footprints of 56 by 56 pixels, which touch at most 8 by 8
+/// tiles.
 const ENTRIES_PER_RECORD: u64 = 64;
 /// Room in the lists for each tile, in entries, if that is more: for pictures that a few large splats cover.
 const ENTRIES_PER_TILE: u64 = 256;
@@ -112,8 +114,8 @@ impl Tiles {
         }
     }
 
-    /// Blends the lists into `layer`. If `depth` (reverse z) is given, splats behind it are hidden. `strokes` is the group of draws
-    /// with strokes, if there are any. Lists that did not fit are left to the quads.
+    /// Blends the lists into `layer`. If `depth` (reverse z) is given, splats behind it are hidden. `strokes`
+    /// is the group of draws with strokes, if there are any. Lists that did not fit are left to the quads.
     pub fn blend(
         &self,
         device: &wgpu::Device,
@@ -189,8 +191,8 @@ fn run_counts_bytes(n_tiles: UVec2) -> u64 {
 }
 
 impl TileLists {
-    /// Lists for `viewport`, of up to `n_records` splats. `records` are their geometry and color halves, in the order of
-    /// `sort`.
+    /// Lists for `viewport`, of up to `n_records` splats. `records` are their geometry and color halves, in the
+    /// order of `sort`.
     pub fn new(
         device: &wgpu::Device,
         tiles: &Tiles,
@@ -215,7 +217,8 @@ impl TileLists {
             let bytes = u64::from(N_RUNS) * size_of::<RunProgress>() as u64;
             buffers::create(device, "splat_run_progress", bytes, storage | written)
         });
-        // An iteration for each entry and each splat. Runs differ in length, so one dispatch more than the mean needs.
+        // An iteration for each entry and each splat. Runs differ in length, so one dispatch more than the mean
+        // needs.
         let iterations = u64::from(capacity) + n_records as u64;
         let n_times = iterations.div_ceil(u64::from(N_RUNS * ITERATIONS_PER_DISPATCH)) as u32 + 1;
         let reaches = buffers::create(device, "splat_reaches", 8 * n_records as u64, storage);

@@ -20,15 +20,15 @@ pub enum Tonemapping {
 }
 
 impl Tonemapping {
-    /// Whether undoing it takes an [`InverseTable`], because not all colors have an inverse. The others are undone
-    /// exactly.
+    /// Whether undoing it takes an [`InverseTable`], because not all colors have an inverse. The others are
+    /// undone exactly.
     pub fn needs_table(self) -> bool {
         !matches!(self, Self::None | Self::Reinhard | Self::ReinhardLuminance)
     }
 }
 
-/// A tone mapping that needs a table to be undone. Three of them are tables themselves: Bevy's three-dimensional
-/// textures, in a format that can be filtered.
+/// A tone mapping that needs a table to be undone. Three of them are tables themselves: Bevy's
+/// three-dimensional textures, in a format that can be filtered.
 #[derive(Clone, Copy, Debug)]
 #[expect(missing_docs, reason = "named like the variants of Bevy's `Tonemapping`, where they are explained")]
 pub enum ToneCurve<'a> {
@@ -60,14 +60,15 @@ impl<'a> ToneCurve<'a> {
     }
 }
 
-/// The inverse of a tone mapping: for every display color, the scene color that comes out nearest to it. Most curves
-/// never show colors that are both bright and saturated; such a display color becomes the nearest one that the curve
-/// shows.
+/// The inverse of a tone mapping: for every display color, the scene color that comes out nearest to it. Most
+/// curves never show colors that are both bright and saturated; such a display color becomes the nearest one
+/// that the curve shows.
 #[derive(Clone, Debug)]
 pub struct InverseTable(wgpu::TextureView);
 
 impl InverseTable {
-    /// Encodes the search for the inverse of `curve`. It takes milliseconds on a GPU, once in the life of a device.
+    /// Encodes the search for the inverse of `curve`. It takes milliseconds on a GPU, once in the life of a
+    /// device.
     pub fn new(device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder, curve: ToneCurve) -> Self {
         let texture = |label, size, usage| {
             let texture = device.create_texture(&wgpu::TextureDescriptor {

@@ -1,4 +1,5 @@
-//! The state that one view keeps from frame to frame: buffers that only grow, and bindings for the clouds it shows.
+//! The state that one view keeps from frame to frame: buffers that only grow, and bindings for the clouds it
+//! shows.
 
 use std::collections::HashMap;
 
@@ -22,15 +23,15 @@ use crate::{
 /// Bytes of one half of a record.
 const HALF_RECORD: u64 = 16;
 
-/// Bytes from one chunk's uniforms to the next one's: the coarsest alignment of dynamic offsets that a device may ask
-/// for.
+/// Bytes from one chunk's uniforms to the next one's: the coarsest alignment of dynamic offsets that a device
+/// may ask for.
 const UNIFORM_STRIDE: usize = 256;
 
 /// The most batches that the sort can dispatch: WebGPU's default limit on workgroups in one dimension.
 const MAX_BATCHES: u64 = 65_535;
 
-/// One view of the splat pass: a camera, or one of its pictures. Memory grows to the largest number of Gaussians seen
-/// and stays. Drop the view to give it back.
+/// One view of the splat pass: a camera, or one of its pictures. Memory grows to the largest number of
+/// Gaussians seen and stays. Drop the view to give it back.
 #[derive(Debug, Default)]
 pub struct SplatView {
     buffers: Option<ViewBuffers>,
@@ -194,8 +195,8 @@ impl SplatView {
         buffers::largest_binding(device).min(sortable)
     }
 
-    /// The buffer of this view's counts on the GPU: `u32` records, `u32` visible splats. It can be copied from. `None`
-    /// before the first frame that shows something.
+    /// The buffer of this view's counts on the GPU: `u32` records, `u32` visible splats. It can be copied from.
+    /// `None` before the first frame that shows something.
     pub fn counts_buffer(&self) -> Option<&wgpu::Buffer> {
         self.buffers.as_ref().map(|buffers| &buffers.sort.counts)
     }
@@ -339,7 +340,8 @@ impl SplatView {
         })
     }
 
-    /// Makes room for strokes and binds what has changed, if this frame shows any. `knobs` are those of all draws.
+    /// Makes room for strokes and binds what has changed, if this frame shows any. `knobs` are those of all
+    /// draws.
     pub(super) fn update_strokes(
         &mut self,
         device: &wgpu::Device,
@@ -361,7 +363,8 @@ impl SplatView {
         self.buffers.as_ref()?.strokes.as_ref().filter(|_| self.is_painted)
     }
 
-    /// Clears the strokes of clouds that have none: other clouds may have had their records. Those of the others are written.
+    /// Clears the strokes of clouds that have none: other clouds may have had their records. Those of the
+    /// others are written.
     pub(super) fn clear_strokes(&self, encoder: &mut wgpu::CommandEncoder) {
         let has_bare = self.chunks.iter().any(|(_, groups, _)| groups.strokes.is_none());
         if let Some(strokes) = self.strokes().filter(|_| has_bare) {

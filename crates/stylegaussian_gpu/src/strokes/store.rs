@@ -14,7 +14,8 @@ const MAX_LAYERS: u32 = 256;
 
 /// The textures that the strokes of a device show. Clones are the same store.
 ///
-/// A texture has a layer as long as strokes use it. The arrays start with one layer and double; a texture's layer stays the same.
+/// A texture has a layer as long as strokes use it. The arrays start with one layer and double; a texture's
+/// layer stays the same.
 #[derive(Clone, Debug, Default)]
 pub struct StrokeStore(Arc<Mutex<Layers>>);
 
@@ -57,8 +58,8 @@ impl StrokeStore {
     /// A word that names a seed that is not there shows any seed.
     ///
     /// # Errors
-    /// If there are more Gaussians, seeds or textures than the device or the store has room for, or if a seed names a texture that
-    /// is not there.
+    /// If there are more Gaussians, seeds or textures than the device or the store has room for, or if a seed
+    /// names a texture that is not there.
     pub fn upload(
         &self,
         device: &wgpu::Device,

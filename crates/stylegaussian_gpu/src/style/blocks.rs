@@ -1,21 +1,23 @@
-//! Blocks: parts of a scene that are decoded one after another, so that scratch memory does not grow with the scene.
+//! Blocks: parts of a scene that are decoded one after another, so that scratch memory does not grow with the
+//! scene.
 //!
-//! A layer reads the output of the layer before it at the neighbors of its rows. A block lists some Gaussians that
-//! lie together, then their other neighbors, then the other neighbors of these: one *halo* for each layer. The last
-//! layer computes the block's own Gaussians, the layer before it also the first halo, and so on. Layers number rows
-//! by their place in the block's list. The rows of each layer come first in it, so that one array of neighbors serves
-//! all layers.
+//! A layer reads the output of the layer before it at the neighbors of its rows. A block lists some Gaussians
+//! that lie together, then their other neighbors, then the other neighbors of these: one *halo* for each layer.
+//! The last layer computes the block's own Gaussians, the layer before it also the first halo, and so on.
+//! Layers number rows by their place in the block's list. The rows of each layer come first in it, so that one
+//! array of neighbors serves all layers.
 //!
-//! Halos are computed by several blocks. Captured scenes are surfaces, where 8 neighbors reach sqrt(8 / pi) = 1.6
-//! spacings far. Around a square of 256 x 256 Gaussians, the widest of four halos makes it 269 x 269: a tenth more.
+//! Halos are computed by several blocks. Captured scenes are surfaces, where 8 neighbors reach sqrt(8 / pi) =
+//! 1.6 spacings far. Around a square of 256 x 256 Gaussians, the widest of four halos makes it 269 x 269: a
+//! tenth more.
 
 use stylegaussian::{Scene, fold, morton, neighbors::Neighbors};
 
 use super::{options::StyleOptions, shape::StyleShape};
 
-/// Smallest share of the room that a block's own Gaussians may take, as a divisor. A scene that needs smaller blocks
-/// has neighbor lists of distant Gaussians, and its halos would cost more than they save. (If Gaussians fill a
-/// volume, halos take half of the room.)
+/// Smallest share of the room that a block's own Gaussians may take, as a divisor. A scene that needs smaller
+/// blocks has neighbor lists of distant Gaussians, and its halos would cost more than they save. (If Gaussians
+/// fill a volume, halos take half of the room.)
 const SMALLEST_PART: usize = 8;
 
 /// Share of the room that a block's own Gaussians get at first. The halos get the rest.
@@ -24,8 +26,8 @@ const OWN_SHARE: f64 = 0.8;
 /// The rows of a block that each layer computes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct BlockShape {
-    /// Rows that each layer computes `[layers]`, from the front of the block's list. The last layer computes the
-    /// block's own Gaussians.
+    /// Rows that each layer computes `[layers]`, from the front of the block's list. The last layer computes
+    /// the block's own Gaussians.
     pub rows: Vec<usize>,
     /// Whether the block is not the whole scene.
     pub is_part: bool,
@@ -67,14 +69,15 @@ impl BlockShape {
 }
 
 impl Blocks {
-    /// Cuts `scene` into blocks that keep to the scratch memory of `options`. Finds neighbors if the scene has none.
+    /// Cuts `scene` into blocks that keep to the scratch memory of `options`. Finds neighbors if the scene has
+    /// none.
     pub fn of_scene(scene: &Scene, shape: &StyleShape, options: &StyleOptions) -> Self {
         let neighbors = || fold::neighbors_for(scene, shape.k).into_owned();
         Self::cut(shape, &scene.means, neighbors, options.max_rows(shape))
     }
 
-    /// Cuts a scene of `shape` into blocks. Their hidden layers compute at most `max_rows` rows. The scene stays
-    /// whole if it fits, or if its neighbors are not near one another.
+    /// Cuts a scene of `shape` into blocks. Their hidden layers compute at most `max_rows` rows. The scene
+    /// stays whole if it fits, or if its neighbors are not near one another.
     fn cut(
         shape: &StyleShape,
         means: &[glam::Vec3],

@@ -17,14 +17,16 @@ pub struct StyleBytes {
     pub features: u64,
     /// Neighbor lists.
     pub neighbors: u64,
-    /// Activations between layers and colors between smoothing passes. They can be released after a change of style.
+    /// Activations between layers and colors between smoothing passes. They can be released after a change of
+    /// style.
     pub activations: u64,
     /// Weights of the decoder.
     pub weights: u64,
 }
 
 impl StyleBytes {
-    /// Memory of `scene`, decoded with `options`. Finds neighbors if the scene has none and does not fit one block.
+    /// Memory of `scene`, decoded with `options`. Finds neighbors if the scene has none and does not fit one
+    /// block.
     ///
     /// # Errors
     /// If the scene has no features, or if the decoder does not fit them.

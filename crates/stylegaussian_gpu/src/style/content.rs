@@ -10,8 +10,8 @@ use stylegaussian::{
 
 /// The part of a scene that a change of style needs on the CPU: its basis and statistics, and nothing for each
 /// Gaussian. The statistics cost a pass over the features and are therefore computed once. Every change is then
-/// [`transfer`](Self::transfer) and [`FoldedLayers::new`](super::FoldedLayers::new), which cost the same for any
-/// number of Gaussians.
+/// [`transfer`](Self::transfer) and [`FoldedLayers::new`](super::FoldedLayers::new), which cost the same for
+/// any number of Gaussians.
 #[derive(Clone, Debug)]
 pub struct ContentFold {
     /// Basis, offset and encoder, without rows. `n_extra` counts the decoder's procedural inputs, too.
@@ -24,8 +24,8 @@ pub struct ContentFold {
 }
 
 impl ContentFold {
-    /// The fold of `inputs`, which are the scene's features and the decoder's procedural inputs ([`fold::inputs_of`]).
-    /// `input_scales` are the factors that their centered values are stored with.
+    /// The fold of `inputs`, which are the scene's features and the decoder's procedural inputs
+    /// ([`fold::inputs_of`]). `input_scales` are the factors that their centered values are stored with.
     pub(super) async fn new<P: Future<Output = ()>>(
         inputs: &Features,
         mean_latent: Vec<f64>,

@@ -19,7 +19,8 @@ pub struct FoldedLayers {
 }
 
 impl FoldedLayers {
-    /// Folds the basis, the offset, `map` and the decoder's view of the style's statistics into its first layer.
+    /// Folds the basis, the offset, `map` and the decoder's view of the style's statistics into its first
+    /// layer.
     ///
     /// # Errors
     /// If the map or the decoder has other channels than the scene.

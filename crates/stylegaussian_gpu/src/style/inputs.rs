@@ -21,11 +21,12 @@ use super::{
     shape::StyleShape,
 };
 
-/// The part of a scene that the style pass uploads. It is made without a GPU: an engine makes it off its main thread.
+/// The part of a scene that the style pass uploads. It is made without a GPU: an engine makes it off its main
+/// thread.
 ///
 /// Features are centered, and each channel is multiplied by the power of two that brings its largest value to
-/// 1,024..2,048. f16 keeps 11 bits of values down to 6e-5, so no value that matters in its channel is rounded more
-/// coarsely than that.
+/// 1,024..2,048. f16 keeps 11 bits of values down to 6e-5, so no value that matters in its channel is rounded
+/// more coarsely than that.
 #[derive(Clone, Debug)]
 pub struct StyleInputs {
     pub(super) content: Arc<ContentFold>,
@@ -54,8 +55,9 @@ impl PackedPlanes {
 }
 
 impl StyleInputs {
-    /// Packs the inputs of `decoder` on `scene`: features, noise, base colors, and the K nearest neighbors. Neighbors
-    /// are found anew if the scene has none (give it [`Neighbors`](stylegaussian::Neighbors) to save that time).
+    /// Packs the inputs of `decoder` on `scene`: features, noise, base colors, and the K nearest neighbors.
+    /// Neighbors are found anew if the scene has none (give it [`Neighbors`](stylegaussian::Neighbors) to save
+    /// that time).
     ///
     /// # Errors
     /// If the scene has no features, or if the decoder does not fit them.
@@ -81,7 +83,8 @@ impl StyleInputs {
         at_once(Self::in_slices(scene, decoder, options, &mut || ready(())))
     }
 
-    /// [`with_options`](Self::with_options) in [slices](stylegaussian::slices), after each of which it waits for a `pause`.
+    /// [`with_options`](Self::with_options) in [slices](stylegaussian::slices), after each of which it waits
+    /// for a `pause`.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -139,7 +142,8 @@ fn channel_scales(values: &[f32], width: usize) -> Vec<f32> {
     largest.into_iter().map(scale).collect()
 }
 
-/// `values` `[N, width]` times `scales` `[width]`, as planes `[planes, N]` of 8 channels. Zeros fill the last plane.
+/// `values` `[N, width]` times `scales` `[width]`, as planes `[planes, N]` of 8 channels. Zeros fill the last
+/// plane.
 async fn pack_planes<T: Copy, P: Future<Output = ()>>(
     values: &[f32],
     scales: &[f32],

@@ -12,9 +12,9 @@ pub enum Precision {
     /// f16. Colors of the paper's layers are within 2e-3 of those in f32.
     #[default]
     F16,
-    /// Bytes, for decoders with the sigmoid as their activation, whose values lie in 0..1; features are f16. Each
-    /// activation is rounded by at most 1/510: colors of the paper's layers are within 5e-3 of those in f32. Half the
-    /// scratch memory of f16.
+    /// Bytes, for decoders with the sigmoid as their activation, whose values lie in 0..1; features are f16.
+    /// Each activation is rounded by at most 1/510: colors of the paper's layers are within 5e-3 of those in
+    /// f32. Half the scratch memory of f16.
     Unorm8,
 }
 
@@ -42,10 +42,11 @@ impl Precision {
 pub struct StyleOptions {
     /// The precision of numbers between layers.
     pub precision: Precision,
-    /// Bytes of GPU memory for activations and for the colors between smoothing passes. These colors take 8 bytes for
-    /// each Gaussian, and activations get a quarter of this budget at least. A scene that needs more is decoded in
-    /// blocks, one after another; the Gaussians at their borders are computed by each block that needs them. Scenes
-    /// whose neighbor lists name distant Gaussians cannot be cut and take as much as they need.
+    /// Bytes of GPU memory for activations and for the colors between smoothing passes. These colors take 8
+    /// bytes for each Gaussian, and activations get a quarter of this budget at least. A scene that needs more
+    /// is decoded in blocks, one after another; the Gaussians at their borders are computed by each block that
+    /// needs them. Scenes whose neighbor lists name distant Gaussians cannot be cut and take as much as they
+    /// need.
     pub scratch_bytes: u64,
 }
 

@@ -56,13 +56,13 @@ impl StylePass {
         self.encode_some(device, encoder, scene, weights, colors, &mut progress, &mut budget)
     }
 
-    /// Encodes a part of [`encode`](Self::encode), from `progress` on, with the operations that are left in this
-    /// frame's `budget`. Unless the budget is spent, that is at least 128 Gaussians of a layer. Returns the number of
-    /// dispatches.
+    /// Encodes a part of [`encode`](Self::encode), from `progress` on, with the operations that are left in
+    /// this frame's `budget`. Unless the budget is spent, that is at least 128 Gaussians of a layer. Returns
+    /// the number of dispatches.
     ///
-    /// All parts of one change need the same scene, weights and colors, and must be submitted in order. No other
-    /// change of the same scene may come between them. Colors appear block by block: do not show the buffer before
-    /// [`StyleProgress::is_done`].
+    /// All parts of one change need the same scene, weights and colors, and must be submitted in order. No
+    /// other change of the same scene may come between them. Colors appear block by block: do not show the
+    /// buffer before [`StyleProgress::is_done`].
     ///
     /// # Errors
     /// As [`encode`](Self::encode).
@@ -156,8 +156,8 @@ fn step_buffers<'a>(
     step: &Step,
 ) -> [wgpu::BufferBinding<'a>; N_STORAGE] {
     let block = &scene.blocks[step.block];
-    // Smoothing passes go back and forth between two buffers. Counted from the end, so that the last one writes the
-    // final colors.
+    // Smoothing passes go back and forth between two buffers. Counted from the end, so that the last one writes
+    // the final colors.
     let colors_before = |smoothing_passes: usize| {
         if (scene.shape.smoothing_passes - smoothing_passes).is_multiple_of(2) {
             colors.buffer()

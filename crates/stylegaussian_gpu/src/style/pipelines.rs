@@ -33,8 +33,8 @@ pub(super) struct Pipelines {
     smoothing_pass: wgpu::ComputePipeline,
 }
 
-/// The pipelines that read one format of input: one for each number of columns of a workgroup, and one for the last
-/// layer.
+/// The pipelines that read one format of input: one for each number of columns of a workgroup, and one for the
+/// last layer.
 #[derive(Debug)]
 struct LayerPipelines {
     knn_conv: [wgpu::ComputePipeline; COLUMNS_PER_WORKGROUP.len()],

@@ -1,5 +1,5 @@
-//! The dispatches that decode a scene: by block, by layer, by chunk of rows, and also by output buffer and input
-//! buffer if these are split. Pure arithmetic.
+//! The dispatches that decode a scene: by block, by layer, by chunk of rows, and also by output buffer and
+//! input buffer if these are split. Pure arithmetic.
 
 use stylegaussian_shaders::style::{
     COLOR_WORKGROUP_SIZE, COLUMNS_PER_WORKGROUP, KnnLayer, ROWS_PER_WORKGROUP,
@@ -14,8 +14,9 @@ use super::{
 };
 use crate::buffers::TooLarge;
 
-/// The most rows of one dispatch. 65,536 rows of the paper's widest layer are 34 GFLOP, under 0.1 s on an integrated
-/// GPU, so that no driver takes a large scene for a hang; and 512 workgroups, of which 65,535 are allowed.
+/// The most rows of one dispatch. 65,536 rows of the paper's widest layer are 34 GFLOP, under 0.1 s on an
+/// integrated GPU, so that no driver takes a large scene for a hang; and 512 workgroups, of which 65,535 are
+/// allowed.
 pub(super) const CHUNK_ROWS: usize = 65_536;
 
 /// The split of buffers by the largest binding.
@@ -32,8 +33,8 @@ pub(super) struct Split {
 }
 
 impl Split {
-    /// Splits planes of a scene's Gaussians and of a block's rows, and chunks of rows with neighbor lists and sums,
-    /// so that each piece can be bound.
+    /// Splits planes of a scene's Gaussians and of a block's rows, and chunks of rows with neighbor lists and
+    /// sums, so that each piece can be bound.
     ///
     /// # Errors
     /// If a single plane, or the lists of a few rows, are larger than `limit`.
@@ -43,8 +44,8 @@ impl Split {
         precision: Precision,
         limit: u64,
     ) -> Result<Self, TooLarge> {
-        // Neighbor lists are bound from any chunk on: 64 rows are a multiple of 256 bytes, the coarsest alignment of
-        // a binding.
+        // Neighbor lists are bound from any chunk on: 64 rows are a multiple of 256 bytes, the coarsest
+        // alignment of a binding.
         const ROW_MULTIPLE: usize = 64;
         let inputs = planes_per_buffer(shape.widths[0], shape.n_gaussians, precision.input_format(), limit)?;
         let scratch = |which| {
@@ -143,8 +144,8 @@ pub(super) fn steps(shape: &StyleShape, split: &Split, block: usize, rows: &Bloc
     steps
 }
 
-/// The dispatches of smoothing pass `index` on the Gaussians of a block. They read colors of other blocks, so the
-/// layers and earlier passes of all blocks come before.
+/// The dispatches of smoothing pass `index` on the Gaussians of a block. They read colors of other blocks, so
+/// the layers and earlier passes of all blocks come before.
 pub(super) fn smoothing_steps(
     shape: &StyleShape,
     split: &Split,
@@ -179,7 +180,8 @@ pub(super) fn sum_columns(shape: &StyleShape, split: &Split) -> usize {
     (0..shape.n_layers()).filter(is_split).filter_map(columns).max().unwrap_or(0)
 }
 
-/// Planes in a buffer of a layer's input: the scene's inputs for the first layer, then the scratch buffers in turns.
+/// Planes in a buffer of a layer's input: the scene's inputs for the first layer, then the scratch buffers in
+/// turns.
 fn input_split(layer: usize, split: &Split) -> usize {
     if layer == 0 { split.inputs } else { split.scratch[(layer - 1) % 2] }
 }
@@ -268,8 +270,8 @@ mod tests {
         assert_eq!(sum_columns(&shape(1000), &WHOLE), 0);
     }
 
-    /// 10 million Gaussians, decoded whole with a plane (160 MB) in each buffer. Every layer computes each row once,
-    /// all numbers of workgroups are allowed on every adapter, and all indices fit 32 bits.
+    /// 10 million Gaussians, decoded whole with a plane (160 MB) in each buffer. Every layer computes each row
+    /// once, all numbers of workgroups are allowed on every adapter, and all indices fit 32 bits.
     #[test]
     fn ten_million_gaussians_are_cut_into_chunks() {
         let n = 10_000_000;
@@ -316,7 +318,8 @@ mod tests {
         assert_eq!(sum_columns(&shape(1000), &split), 128);
     }
 
-    /// 300 own rows and a halo of 40 for each of five layers. Rows of hidden layers are numbered within the block.
+    /// 300 own rows and a halo of 40 for each of five layers. Rows of hidden layers are numbered within the
+    /// block.
     #[test]
     fn blocks_compute_fewer_rows_layer_by_layer() {
         let block = BlockShape { rows: vec![460, 420, 380, 340, 300], is_part: true };
@@ -339,7 +342,8 @@ mod tests {
         );
     }
 
-    /// Smoothing passes need no halo: they read and write colors of the scene, and follow the layers of all blocks.
+    /// Smoothing passes need no halo: they read and write colors of the scene, and follow the layers of all
+    /// blocks.
     #[test]
     fn smoothing_passes_compute_the_own_rows() {
         let shape = StyleShape { smoothing_passes: 2, ..shape(1000) };

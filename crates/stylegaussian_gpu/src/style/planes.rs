@@ -52,12 +52,14 @@ pub(super) fn planes_per_buffer(
 }
 
 impl Planes {
-    /// Bytes of planes for `width` channels of `n_rows`. A plane has one row at least, because buffers cannot be empty.
+    /// Bytes of planes for `width` channels of `n_rows`. A plane has one row at least, because buffers cannot
+    /// be empty.
     pub fn bytes(width: usize, n_rows: usize, format: NumberFormat) -> u64 {
         n_planes(width) as u64 * plane_bytes(n_rows, format)
     }
 
-    /// Planes for `width` channels of `n_rows`, `planes_per_buffer` in a buffer. There are none if the width is 0.
+    /// Planes for `width` channels of `n_rows`, `planes_per_buffer` in a buffer. There are none if the width is
+    /// 0.
     pub fn new(
         device: &wgpu::Device,
         label: &'static str,

@@ -18,8 +18,8 @@ use super::{
 };
 use crate::buffers::{self, TooLarge};
 
-/// A scene's inputs to the decoder, its neighbor lists, and the scratch memory of the decoder's layers. It belongs to
-/// one scene and one decoder, and serves any number of styles.
+/// A scene's inputs to the decoder, its neighbor lists, and the scratch memory of the decoder's layers. It
+/// belongs to one scene and one decoder, and serves any number of styles.
 ///
 /// The first change of style allocates scratch memory and keeps it, so that further changes allocate nothing.
 /// [`release_scratch`](Self::release_scratch) gives it back until the next change.
@@ -94,8 +94,8 @@ impl StyleScene {
     }
 
     /// Bytes of GPU memory that styling `scene` with `decoder` will take: inputs, neighbor lists and [scratch
-    /// memory](Self::scratch_bytes). Colors, 8 bytes for each Gaussian and style, are not counted. If planes must be
-    /// split, the sums of one chunk of Gaussians come on top.
+    /// memory](Self::scratch_bytes). Colors, 8 bytes for each Gaussian and style, are not counted. If planes
+    /// must be split, the sums of one chunk of Gaussians come on top.
     ///
     /// # Errors
     /// If the scene has no features, or if the decoder does not fit them.
@@ -103,8 +103,8 @@ impl StyleScene {
         Ok(StyleBytes::of(scene, decoder, &StyleOptions::default())?.total())
     }
 
-    /// The part of [`bytes`](Self::bytes) that only a change of style needs: the activations of hidden layers, and
-    /// the decoder's weights.
+    /// The part of [`bytes`](Self::bytes) that only a change of style needs: the activations of hidden layers,
+    /// and the decoder's weights.
     ///
     /// # Errors
     /// As [`bytes`](Self::bytes).
@@ -113,8 +113,8 @@ impl StyleScene {
         Ok(bytes.activations + bytes.weights)
     }
 
-    /// Releases the memory that only a change of style needs, for scenes that will keep their style for a while.
-    /// Submitted work still completes. The next change allocates the memory again.
+    /// Releases the memory that only a change of style needs, for scenes that will keep their style for a
+    /// while. Submitted work still completes. The next change allocates the memory again.
     pub fn release_scratch(&self) {
         // A thread that panicked left either buffers or none, and both are valid.
         self.scratch.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -138,8 +138,8 @@ impl StyleScene {
         layers.chain(smoothing).collect()
     }
 
-    /// Multiplications and additions of a change of style, padding and halos included: one number for each layer and
-    /// each smoothing pass of each block `[blocks * (layers + passes)]`.
+    /// Multiplications and additions of a change of style, padding and halos included: one number for each
+    /// layer and each smoothing pass of each block `[blocks * (layers + passes)]`.
     /// [`encode_some`](super::StylePass::encode_some) takes as many from its budget.
     pub fn operations(&self) -> Vec<u64> {
         let steps_per_block = self.shape.n_layers() + self.shape.smoothing_passes;

@@ -15,8 +15,8 @@ pub(super) struct Scratch {
     /// Hidden layers write to these in turns.
     pub activations: [Planes; 2],
     pub sums: wgpu::Buffer,
-    /// Colors `[N]` between smoothing passes. Passes go back and forth between these and the final colors. A single
-    /// color if there are no passes.
+    /// Colors `[N]` between smoothing passes. Passes go back and forth between these and the final colors. A
+    /// single color if there are no passes.
     pub colors: wgpu::Buffer,
 }
 

@@ -98,14 +98,15 @@ impl Timer {
         encoder.copy_buffer_to_buffer(&self.resolved, at, &self.measurements[index].copy, 0, BYTES);
     }
 
-    /// Requests the timestamps of work that was submitted, and returns those that have arrived: operations and their
-    /// time. It never waits.
+    /// Requests the timestamps of work that was submitted, and returns those that have arrived: operations and
+    /// their time. It never waits.
     pub(super) fn read(&mut self) -> Vec<(u64, Duration)> {
         let mut measured = Vec::new();
         for Measurement { copy, state } in &mut self.measurements {
             match state {
                 State::Free => {}
-                // A buffer that a later submission writes to must not be mapped, so mapping waits for the next frame.
+                // A buffer that a later submission writes to must not be mapped, so mapping waits for the next
+                // frame.
                 &mut State::Encoded { operations } => {
                     *state = State::Mapping { operations, mapped: buffers::start_mapping(copy) };
                 }

@@ -8,11 +8,11 @@ use super::{
 };
 use crate::buffers::{self, TooLarge};
 
-/// The weights of a folded decoder in f32: one buffer for each layer, `[K * planes * 8 + 1, columns]`, with the bias
-/// last.
+/// The weights of a folded decoder in f32: one buffer for each layer, `[K * planes * 8 + 1, columns]`, with the
+/// bias last.
 ///
-/// They are not f16, because a folded first layer multiplies the basis with gains of any size. The paper's layers on
-/// 32 latent features take 1.3 MB.
+/// They are not f16, because a folded first layer multiplies the basis with gains of any size. The paper's
+/// layers on 32 latent features take 1.3 MB.
 #[derive(Debug)]
 pub struct GpuDecoder {
     layers: Vec<wgpu::Buffer>,
@@ -49,8 +49,8 @@ impl GpuDecoder {
         Ok(decoder)
     }
 
-    /// Replaces the weights by those of another style of the same decoder and scene, and allocates nothing. Returns
-    /// `false` and does nothing if the layers have other shapes; they need a new `GpuDecoder`.
+    /// Replaces the weights by those of another style of the same decoder and scene, and allocates nothing.
+    /// Returns `false` and does nothing if the layers have other shapes; they need a new `GpuDecoder`.
     pub fn write(&mut self, queue: &wgpu::Queue, folded: &FoldedLayers) -> bool {
         if self.k != folded.k || self.widths != widths(&folded.layers) {
             return false;

@@ -57,8 +57,8 @@ impl StyleProgress {
 /// [`StylePass::encode_some`](super::StylePass::encode_some) encodes.
 ///
 /// The speed comes from timestamps around the granted work ([`timed`](Self::timed)) or from
-/// [`observe`](Self::observe). Until then, the meter assumes the slowest GPU that this crate is meant for. A frame
-/// exceeds its budget by at most one workgroup of 128 rows, or by one chunk if sums over planes are kept.
+/// [`observe`](Self::observe). Until then, the meter assumes the slowest GPU that this crate is meant for. A
+/// frame exceeds its budget by at most one workgroup of 128 rows, or by one chunk if sums over planes are kept.
 #[derive(Debug)]
 pub struct WorkMeter {
     /// Milliseconds of GPU time in each frame. Infinity puts the whole change into one frame.
@@ -70,8 +70,8 @@ pub struct WorkMeter {
     timer: Option<Timer>,
 }
 
-/// Operations per millisecond assumed at first: an integrated GPU of ten years ago reaches 0.1 TFLOP/s in products of
-/// matrices.
+/// Operations per millisecond assumed at first: an integrated GPU of ten years ago reaches 0.1 TFLOP/s in
+/// products of matrices.
 const SLOWEST: f64 = 1e8;
 
 /// Share of the newest observation in the estimate. A GPU's clock settles within some frames.
@@ -93,8 +93,8 @@ impl WorkMeter {
         Self::new(f32::INFINITY)
     }
 
-    /// Measures granted work by the GPU's own clock, if the device has `TIMESTAMP_QUERY`. Do not use it on software
-    /// adapters: they report when they accepted the work, not when they did it.
+    /// Measures granted work by the GPU's own clock, if the device has `TIMESTAMP_QUERY`. Do not use it on
+    /// software adapters: they report when they accepted the work, not when they did it.
     pub fn timed(mut self, device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         self.timer = Timer::new(device, queue);
         self
@@ -110,8 +110,8 @@ impl WorkMeter {
         self.timer.is_some()
     }
 
-    /// Starts a frame with a full budget, and learns from measurements of earlier frames. Their commands must have been
-    /// submitted.
+    /// Starts a frame with a full budget, and learns from measurements of earlier frames. Their commands must
+    /// have been submitted.
     pub fn begin_frame(&mut self) {
         self.granted = 0;
         let measured = self.timer.as_mut().map(Timer::read).unwrap_or_default();
@@ -126,8 +126,8 @@ impl WorkMeter {
         (f64::from(self.ms_per_frame) * self.operations_per_ms) as u64
     }
 
-    /// Operations left in this frame's budget, or `None` if it is spent. The first call of a frame always returns
-    /// `Some`, so at least one workgroup of rows is encoded and every change completes.
+    /// Operations left in this frame's budget, or `None` if it is spent. The first call of a frame always
+    /// returns `Some`, so at least one workgroup of rows is encoded and every change completes.
     pub(super) fn left(&self) -> Option<u64> {
         let left = self.operations().saturating_sub(self.granted);
         (left > 0 || self.granted == 0).then_some(left)
@@ -154,8 +154,9 @@ impl WorkMeter {
         }
     }
 
-    /// Learns that `operations` took `time` on the GPU. The estimate drops at once if the GPU is slower than assumed,
-    /// and rises gradually if it is faster: a frame that comes too late is worse than a change that takes longer.
+    /// Learns that `operations` took `time` on the GPU. The estimate drops at once if the GPU is slower than
+    /// assumed, and rises gradually if it is faster: a frame that comes too late is worse than a change that
+    /// takes longer.
     pub fn observe(&mut self, operations: u64, time: Duration) {
         let ms = time.as_secs_f64() * 1e3;
         if operations == 0 || ms <= 0.0 {
@@ -204,7 +205,8 @@ mod tests {
         assert_eq!(parts(&plan(4), u64::MAX), [[(0, 0, 1000), (1, 0, 1000)]]);
     }
 
-    /// A row of the first layer takes 2 * 8 * 32 * 64 = 32,768 operations, of the last one 2 * 8 * 64 * 4 = 4,096.
+    /// A row of the first layer takes 2 * 8 * 32 * 64 = 32,768 operations, of the last one 2 * 8 * 64 * 4 =
+    /// 4,096.
     #[test]
     fn parts_keep_to_their_budget() {
         let plan = plan(4);

@@ -22,8 +22,8 @@ pub fn texture(seed: u64) -> Arc<StrokeTexture> {
     Arc::new(StrokeTexture::new(fine, noise(WIDE_SIDE)))
 }
 
-/// Strokes of `scene` in `textures`, of about `pitch` texels to a scene unit, with a seed for every fourth Gaussian. A sixth of the
-/// Gaussians shows none.
+/// Strokes of `scene` in `textures`, of about `pitch` texels to a scene unit, with a seed for every fourth
+/// Gaussian. A sixth of the Gaussians shows none.
 pub fn strokes(scene: &Scene, textures: &[Arc<StrokeTexture>], pitch: f32, seed: u64) -> Strokes {
     let mut random = randoms(seed);
     let n_seeds = scene.len().div_ceil(4);

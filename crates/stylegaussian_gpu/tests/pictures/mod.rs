@@ -61,8 +61,8 @@ pub fn camera(size: UVec2) -> Camera {
     Camera::look_at(Vec3::new(0.3, -0.2, -1.5), Vec3::new(0.0, 0.1, 2.0), Vec3::NEG_Y, 1.0, size)
 }
 
-/// The GPU's picture of clouds, drawn by the adapter's fastest way. Each cloud has its captured colors or the given
-/// ones. The picture by quads must agree to the promised 45 dB.
+/// The GPU's picture of clouds, drawn by the adapter's fastest way. Each cloud has its captured colors or the
+/// given ones. The picture by quads must agree to the promised 45 dB.
 #[track_caller]
 pub fn draw(
     gpu: &HeadlessDevice,

@@ -79,8 +79,8 @@ impl Random {
         self.layers(empty, scene, widths, false)
     }
 
-    /// `decoder` with layers of these widths. Their weights keep activations at about the same size and give colors
-    /// that deviate by a quarter, like those of a picture. f16 holds numbers up to 2 to 5e-4.
+    /// `decoder` with layers of these widths. Their weights keep activations at about the same size and give
+    /// colors that deviate by a quarter, like those of a picture. f16 holds numbers up to 2 to 5e-4.
     pub fn layers(
         &mut self,
         mut decoder: Decoder,

@@ -38,7 +38,8 @@ struct Model {
     /// The number in binary files.
     id: i32,
     n_parameters: usize,
-    /// Number of focal lengths at the start of the parameters, if the model is a pinhole apart from its distortion.
+    /// Number of focal lengths at the start of the parameters, if the model is a pinhole apart from its
+    /// distortion.
     n_focal: Option<usize>,
 }
 
@@ -70,9 +71,8 @@ pub(super) fn is_model(folder: &Path) -> bool {
     has("bin") || has("txt")
 }
 
-/// Reads the model in `folder`, the binary one if there are both. Cameras are sorted by name, because COLMAP's order is
-/// arbitrary.
-/// Photos are expected in the `images` folder here, or one or two levels up.
+/// Reads the model in `folder`, the binary one if there are both. Cameras are sorted by name, because COLMAP's
+/// order is arbitrary. Photos are expected in the `images` folder here, or one or two levels up.
 pub(super) fn read(folder: &Path) -> Result<CameraSet, CamerasError> {
     let (cameras_path, images_path) = (folder.join("cameras.bin"), folder.join("images.bin"));
     let is_binary = cameras_path.is_file() && images_path.is_file();

@@ -159,7 +159,8 @@ impl Intrinsics {
     }
 }
 
-/// Largest difference of a rotation's product with its transpose from the identity. Files round to a few digits.
+/// Largest difference of a rotation's product with its transpose from the identity. Files round to a few
+/// digits.
 const RIGID_WITHIN: f64 = 1e-3;
 
 /// The pose with these columns and an exact rotation, or an error if the matrix is not nearly rigid.
@@ -181,8 +182,8 @@ pub(super) fn rigid(
     Ok(DAffine3::from_rotation_translation(rotation, translation))
 }
 
-/// The path of `name` in `folder`, as it is or with a picture's extension, if such a file exists; otherwise the plain
-/// path.
+/// The path of `name` in `folder`, as it is or with a picture's extension, if such a file exists; otherwise the
+/// plain path.
 pub(super) fn photo_path(folder: &Path, name: &str) -> PathBuf {
     let plain = folder.join(name);
     if plain.is_file() {

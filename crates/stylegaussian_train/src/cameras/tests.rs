@@ -25,8 +25,8 @@ fn pixel(camera: &Camera, world: Vec3) -> Vec2 {
     camera.focal * view.truncate() / view.z + camera.center
 }
 
-/// The camera of all fixtures: at (1, 2, 3), looking along world +x, with world +z up; so its right is world -y.
-/// 40 x 30 pixels, focal lengths 20 and 10, principal point (21, 14).
+/// The camera of all fixtures: at (1, 2, 3), looking along world +x, with world +z up; so its right is world
+/// -y. 40 x 30 pixels, focal lengths 20 and 10, principal point (21, 14).
 #[track_caller]
 fn check_fixture(camera: &Camera, center: Vec2) {
     assert!((camera.position() - Vec3::new(1.0, 2.0, 3.0)).length() < 1e-5, "{}", camera.position());
@@ -153,8 +153,8 @@ fn cameras_json_of_3dgs_trainers() {
     check_error(folder.path(), &["cameras.json", "fx"]);
 }
 
-/// View from world of the fixture: rows right (0, -1, 0), down (0, 0, -1), forward (1, 0, 0), that is the quaternion
-/// w, x, y, z = (0.5, 0.5, -0.5, 0.5); translation -R position = (2, 3, -1).
+/// View from world of the fixture: rows right (0, -1, 0), down (0, 0, -1), forward (1, 0, 0), that is the
+/// quaternion w, x, y, z = (0.5, 0.5, -0.5, 0.5); translation -R position = (2, 3, -1).
 const COLMAP_POSE: [f64; 7] = [0.5, 0.5, -0.5, 0.5, 2.0, 3.0, -1.0];
 
 const CAMERAS_TXT: &str = "# cameras\n\n3 PINHOLE 40 30 20 10 21 14\n";

@@ -23,8 +23,8 @@ struct Entry {
     fy: f64,
 }
 
-/// Reads the parsed file at `path`. Photos are expected in `images` beside it. The format has no principal point, so
-/// the picture's middle is used.
+/// Reads the parsed file at `path`. Photos are expected in `images` beside it. The format has no principal
+/// point, so the picture's middle is used.
 pub(super) fn read(path: &Path, json: Value) -> Result<CameraSet, CamerasError> {
     let entries: Vec<Entry> =
         serde_json::from_value(json).map_err(|source| CamerasError::Json { path: path.into(), source })?;

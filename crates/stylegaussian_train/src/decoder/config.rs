@@ -13,11 +13,13 @@ pub struct TrainConfig {
     pub iterations: u32,
     /// Adam's learning rate at the first step with the paper's loss. It falls to a tenth along a cosine.
     pub learning_rate: f32,
-    /// The share of the steps, the last ones, over which parameters are averaged. If 0, the final parameters are used.
+    /// The share of the steps, the last ones, over which parameters are averaged. If 0, the final parameters
+    /// are used.
     pub average: f64,
     /// Factors of the losses.
     pub weights: LossWeights,
-    /// Names of the layers that the content loss compares. If empty, the deepest layer that the loss network has.
+    /// Names of the layers that the content loss compares. If empty, the deepest layer that the loss network
+    /// has.
     pub content_layers: Vec<String>,
     /// Longest side of a training picture, in pixels. Larger views are cut into overlapping crops.
     pub crop: u32,
@@ -124,13 +126,14 @@ pub struct LossWeights {
     pub style: f32,
     /// Factor of the range loss: colors outside 0..1, which no display shows.
     pub range: f32,
-    /// Factor of the color-transfer loss: the distance from the recolored scene's colors, averaged over squares of 16
-    /// pixels.
+    /// Factor of the color-transfer loss: the distance from the recolored scene's colors, averaged over squares
+    /// of 16 pixels.
     pub color_transfer: f32,
-    /// Factor of the roughness loss: the mean squared distance of a Gaussian's decoded color from the mean of its
-    /// neighborhood.
+    /// Factor of the roughness loss: the mean squared distance of a Gaussian's decoded color from the mean of
+    /// its neighborhood.
     pub roughness: f32,
-    /// Factor of the contrastive loss: the cross-entropy of matching the picture to its own painting among others.
+    /// Factor of the contrastive loss: the cross-entropy of matching the picture to its own painting among
+    /// others.
     pub contrastive: f32,
 }
 

@@ -1,4 +1,5 @@
-//! Scenes prepared for training: for each view the blend weights, and only the Gaussians that reach the picture.
+//! Scenes prepared for training: for each view the blend weights, and only the Gaussians that reach the
+//! picture.
 
 use std::sync::Arc;
 
@@ -18,8 +19,8 @@ use crate::{cameras::scaled, nn::ops::Windows};
 /// Crops of a view with less coverage are left out, unless all have less.
 const MIN_COVERAGE: f32 = 0.6;
 
-/// Blend weights below this are dropped, and the rest of the pixel is scaled up to its alpha. Together the dropped
-/// weights carry about a hundredth of a picture, but half of the Gaussians.
+/// Blend weights below this are dropped, and the rest of the pixel is scaled up to its alpha. Together the
+/// dropped weights carry about a hundredth of a picture, but half of the Gaussians.
 const MIN_WEIGHT: f32 = 2e-3;
 
 /// A scene to train on, and the cameras that it is seen from.
@@ -33,8 +34,8 @@ pub struct TrainingScene<'a> {
 }
 
 impl<'a> TrainingScene<'a> {
-    /// A scene seen from `cameras`, at each of several sizes: the longer sides of the views, in pixels. With several
-    /// sizes the decoder learns how a style looks from near and from far.
+    /// A scene seen from `cameras`, at each of several sizes: the longer sides of the views, in pixels. With
+    /// several sizes the decoder learns how a style looks from near and from far.
     pub fn new(name: impl Into<String>, scene: &'a Scene, cameras: &[Camera], sizes: &[u32]) -> Self {
         let at = |&size: &u32| (size, cameras.iter().map(|camera| scaled(camera, size)).collect());
         Self { name: name.into(), scene, views: sizes.iter().map(at).collect() }
@@ -80,9 +81,9 @@ pub struct View {
 }
 
 impl PreparedScene {
-    /// Prepares a scene for decoders shaped like `decoder`, or returns `None` if it has no features. Views larger
-    /// than `crop` pixels on a side are cut into crops of that size, which overlap by half. A view that shows nothing
-    /// is left out.
+    /// Prepares a scene for decoders shaped like `decoder`, or returns `None` if it has no features. Views
+    /// larger than `crop` pixels on a side are cut into crops of that size, which overlap by half. A view that
+    /// shows nothing is left out.
     pub fn new(scene: &TrainingScene, crop: u32, decoder: &Decoder) -> Option<Self> {
         let (views, scene) = (&scene.views, scene.scene);
         let features = inputs_of(scene, decoder)?.into_owned();
@@ -249,7 +250,8 @@ mod tests {
 
     #[test]
     fn crops_keep_what_the_scene_covers() {
-        // 8x4 pixels, the left 5 columns covered by Gaussian 0: of the corners x = 0, 2, 4 the last sees 1 column of 4.
+        // 8x4 pixels, the left 5 columns covered by Gaussian 0: of the corners x = 0, 2, 4 the last sees 1
+        // column of 4.
         let is_covered = |pixel: usize| pixel % 8 < 5;
         let mut weights = BlendWeights {
             size: UVec2::new(8, 4),

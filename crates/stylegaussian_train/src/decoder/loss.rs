@@ -27,20 +27,22 @@ use crate::{
     },
 };
 
-/// Side of the squares over which the color-transfer loss averages colors, in pixels. Strokes within a square are free.
+/// Side of the squares over which the color-transfer loss averages colors, in pixels. Strokes within a square
+/// are free.
 const SQUARE: usize = 16;
 
-/// The difference of two style errors at which one painting is e times as likely as the other in the contrastive loss:
-/// about the difference between similar paintings.
+/// The difference of two style errors at which one painting is e times as likely as the other in the
+/// contrastive loss: about the difference between similar paintings.
 const TEMPERATURE: f64 = 0.5;
 
-/// The losses of a step: numbers, or tensors before the gradients are computed. Losses that are switched off are
-/// `None`.
+/// The losses of a step: numbers, or tensors before the gradients are computed. Losses that are switched off
+/// are `None`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Losses<T = f32> {
     /// Mean squared distance of VGG-19's features from those of the unstyled view.
     pub content: T,
-    /// Squared distance of the means and deviations of VGG-19's features from the painting's, summed over layers.
+    /// Squared distance of the means and deviations of VGG-19's features from the painting's, summed over
+    /// layers.
     pub style: T,
     /// Mean squared excess of decoded colors over the range that a display shows.
     pub range: T,
@@ -91,9 +93,9 @@ pub struct Content {
     features: Vec<Tensor<2>>,
     /// Coverage at each content layer's size `[h * w, 1]`. Pixels without scene have no content.
     coverage: Vec<Tensor<2>>,
-    /// Coverage at every layer's size, summing to 1 `[h * w]`. The style loss compares statistics of the scene alone:
-    /// otherwise a scene that fills a part of the picture would have to exaggerate its contrast to make up for the
-    /// rest.
+    /// Coverage at every layer's size, summing to 1 `[h * w]`. The style loss compares statistics of the scene
+    /// alone: otherwise a scene that fills a part of the picture would have to exaggerate its contrast to make
+    /// up for the rest.
     style_coverage: Vec<Arc<Vec<f32>>>,
 }
 
@@ -121,8 +123,8 @@ impl Content {
     }
 }
 
-/// Indices in [`LAYERS`] of the layers that the content loss compares. If no name is given: the deepest of relu3_1 and
-/// relu4_1 that the network has.
+/// Indices in [`LAYERS`] of the layers that the content loss compares. If no name is given: the deepest of
+/// relu3_1 and relu4_1 that the network has.
 ///
 /// # Errors
 /// If there is no layer of a name, or the network does not compute it.
@@ -236,8 +238,8 @@ impl Sample<'_> {
         Perceptual { content: content_loss, style: style_loss, contrastive }
     }
 
-    /// Mean distance of a premultiplied picture `[H * W, 3]` from the recolored view, over whole squares of [`SQUARE`]
-    /// pixels, or over the whole picture if it is smaller.
+    /// Mean distance of a premultiplied picture `[H * W, 3]` from the recolored view, over whole squares of
+    /// [`SQUARE`] pixels, or over the whole picture if it is smaller.
     fn color_transfer(&self, splats: Tensor<2>) -> Tensor<1> {
         let Self { scene, view, style, .. } = self;
         let [width, height] = view.size();
@@ -250,8 +252,8 @@ impl Sample<'_> {
         let difference = splats.clone() - Tensor::from_data(recolored, &splats.device());
         let [side_x, side_y] = [SQUARE.min(width), SQUARE.min(height)];
         let [columns, rows] = [width / side_x, height / side_y];
-        // Cut to whole squares, then two means: over the lines of a square, then over its columns. Rows are H, W, 3,
-        // so a square's columns and its colors are side by side.
+        // Cut to whole squares, then two means: over the lines of a square, then over its columns. Rows are H,
+        // W, 3, so a square's columns and its colors are side by side.
         let squares = difference
             .reshape([height, width, 3])
             .narrow(0, 0, rows * side_y)
@@ -272,8 +274,8 @@ struct Perceptual {
     contrastive: Option<Tensor<1>>,
 }
 
-/// Mean squared excess of decoded colors `[N, 3]` over 0..`share`, the decoder's part of the range 0..1. It is measured
-/// before smoothing: otherwise the decoder would exaggerate to make up for the smoothing.
+/// Mean squared excess of decoded colors `[N, 3]` over 0..`share`, the decoder's part of the range 0..1. It is
+/// measured before smoothing: otherwise the decoder would exaggerate to make up for the smoothing.
 fn range_loss(decoded: &Tensor<2>, share: f32) -> Tensor<1> {
     // Only one of the two is above 0.
     let excess = relu(decoded.clone() - share) + relu(-decoded.clone());

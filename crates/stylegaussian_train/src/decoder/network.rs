@@ -87,7 +87,8 @@ impl Network {
     /// Takes over a decoder's parameters.
     ///
     /// # Errors
-    /// If the decoder adds the base color without leaving a share to its layers, because it then has nothing to learn.
+    /// If the decoder adds the base color without leaving a share to its layers, because it then has nothing to
+    /// learn.
     pub fn new(decoder: &Decoder, device: &Device) -> Result<Self, TrainError> {
         let residual = decoder.residual;
         ensure!(
@@ -111,8 +112,8 @@ impl Network {
         Ok(Self { parameters, kind })
     }
 
-    /// The weight on the style's statistics, if the decoder has one: layers have two parameters each, so it is the
-    /// odd one.
+    /// The weight on the style's statistics, if the decoder has one: layers have two parameters each, so it is
+    /// the odd one.
     fn statistics_weight(&self) -> Option<&Parameter> {
         self.parameters.last().filter(|_| self.parameters.len() % 2 == 1)
     }
@@ -145,8 +146,8 @@ impl Network {
         })
     }
 
-    /// Colors `[N_out, 3]` that the layers give to centered inputs `[N_0, L + E]`, before smoothing. Smoothing needs
-    /// more rows than the picture shows.
+    /// Colors `[N_out, 3]` that the layers give to centered inputs `[N_0, L + E]`, before smoothing. Smoothing
+    /// needs more rows than the picture shows.
     pub fn decode(
         &self,
         inputs: Tensor<2>,
@@ -192,8 +193,8 @@ impl Network {
         Some(smoothing_pass(decoded, windows, 1.0).powi_scalar(2).mean())
     }
 
-    /// The first layer on `n_inputs` = L + E inputs: W_k diag(g) A beside the extra columns, and the bias with the
-    /// center's part.
+    /// The first layer on `n_inputs` = L + E inputs: W_k diag(g) A beside the extra columns, and the bias with
+    /// the center's part.
     fn folded_layer(&self, folded: &FoldedInputs, n_inputs: usize) -> (Tensor<2>, Tensor<1>) {
         let [n_channels, n_latent] = folded.basis.dims();
         let n_extra = n_inputs - n_latent;
@@ -216,11 +217,12 @@ impl Network {
     }
 }
 
-/// The mean of colors `[N_in, 3]` over each neighborhood `[N_out, 3]`; or, with `own` = 1, the difference between the
-/// color of the Gaussian itself, the first of its neighborhood, and that mean.
+/// The mean of colors `[N_in, 3]` over each neighborhood `[N_out, 3]`; or, with `own` = 1, the difference
+/// between the color of the Gaussian itself, the first of its neighborhood, and that mean.
 fn smoothing_pass(colors: Tensor<2>, windows: &Arc<Windows>, own: f32) -> Tensor<2> {
     let device = colors.device();
-    // A convolution with fixed weights: the custom operation and its gradient serve smoothing too, on any backend.
+    // A convolution with fixed weights: the custom operation and its gradient serve smoothing too, on any
+    // backend.
     let mean = if own > 0.0 { -1.0 } else { 1.0 } / windows.k as f32;
     let weight = |i: usize| {
         // The inverse of ((output K) + neighbor) 3 + input, the order of a convolution's weight.

@@ -29,8 +29,8 @@ const SHORTER_SIDE: u32 = 512;
 /// Crops of each painting. The statistics of a crop are kept, so only its first use costs time.
 const CROPS_PER_PAINTING: usize = 16;
 
-/// Palettes of every four crops. A hundred paintings have too few palettes, so two crops keep their painting's, one
-/// takes another painting's, and one takes a random palette as vivid as prints and posters.
+/// Palettes of every four crops. A hundred paintings have too few palettes, so two crops keep their painting's,
+/// one takes another painting's, and one takes a random palette as vivid as prints and posters.
 const PALETTES: [Palette; 4] = [Palette::Own, Palette::OfAnother, Palette::Own, Palette::Random];
 
 /// The colors of a crop.
@@ -47,7 +47,8 @@ pub struct Style {
     pub statistics: ChannelStatistics,
     /// Mean and standard deviation `[2, D]` at each of the loss's layers.
     pub targets: Vec<Tensor<2>>,
-    /// Mean color. It is the background of the scene, so that pixels without scene hardly change the statistics.
+    /// Mean color. It is the background of the scene, so that pixels without scene hardly change the
+    /// statistics.
     pub mean_color: [f32; 3],
     /// Mean and covariance of the colors.
     pub colors: ColorMoments,
@@ -84,8 +85,8 @@ impl<'a> Paintings<'a> {
         }
     }
 
-    /// Takes the encoder's features from the loss network. For a loss network with the encoder's own weights, which
-    /// then sees each painting only once.
+    /// Takes the encoder's features from the loss network. For a loss network with the encoder's own weights,
+    /// which then sees each painting only once.
     pub fn with_encoder_in_loss(mut self) -> Self {
         self.loss_is_encoder = true;
         self
@@ -97,7 +98,8 @@ impl<'a> Paintings<'a> {
     /// If there is no painting or an image cannot be read.
     pub fn pick(&mut self, random: &mut Random) -> Result<CropKey, TrainError> {
         ensure!(!self.paths.is_empty(), "found no painting, expected at least one");
-        // Always two numbers, known crop or not, so that what follows in a step does not depend on earlier steps.
+        // Always two numbers, known crop or not, so that what follows in a step does not depend on earlier
+        // steps.
         let key = (random.below(self.paths.len()), random.below(CROPS_PER_PAINTING));
         if !self.styles.contains_key(&key) {
             let style = self.compute(key)?;

@@ -22,8 +22,8 @@ const CURVE: UVec2 = UVec2::new(800, 300);
 /// Steps whose mean is one point of the curve.
 const SMOOTHING: usize = 25;
 
-/// Writes the content and style losses of every step as CSV, and a curve of them as PNG at `path`: the style loss in
-/// red, the content loss in blue, each from zero to its largest mean over 25 steps.
+/// Writes the content and style losses of every step as CSV, and a curve of them as PNG at `path`: the style
+/// loss in red, the content loss in blue, each from zero to its largest mean over 25 steps.
 ///
 /// # Errors
 /// If a file cannot be written.

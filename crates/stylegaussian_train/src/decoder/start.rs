@@ -8,8 +8,8 @@ use super::config::NewDecoder;
 use crate::error::{TrainError, ensure};
 
 impl NewDecoder {
-    /// A decoder with He-normal weights for the activation, and zero biases except for the last layer's, which give
-    /// mid-gray.
+    /// A decoder with He-normal weights for the activation, and zero biases except for the last layer's, which
+    /// give mid-gray.
     pub(super) fn with_random_weights(
         self,
         n_channels: usize,
@@ -103,8 +103,8 @@ impl DecoderChanges {
     }
 }
 
-/// The weighted mean of the parameters of decoders of one kind. A decoder between two states of one training can be
-/// better than both.
+/// The weighted mean of the parameters of decoders of one kind. A decoder between two states of one training
+/// can be better than both.
 ///
 /// # Errors
 /// If a file cannot be read, the decoders differ in more than their parameters, or no weight is positive.

@@ -31,14 +31,15 @@ pub const CHECKPOINT_STEPS: u32 = 100;
 /// Metadata value that distinguishes a decoder's checkpoint from other safetensors files.
 const FORMAT: &str = "stylegaussian-training";
 
-/// Adam's learning rate at the first step of the warm start, which compares colors and tolerates larger steps than the
-/// paper's loss.
+/// Adam's learning rate at the first step of the warm start, which compares colors and tolerates larger steps
+/// than the paper's loss.
 const WARM_RATE: f32 = 1e-3;
 
 /// The share of the learning rate that is left at the last step.
 const END_RATE: f32 = 0.1;
 
-/// Other paintings in a step's contrastive loss. Their statistics are already computed, so they cost next to nothing.
+/// Other paintings in a step's contrastive loss. Their statistics are already computed, so they cost next to
+/// nothing.
 const N_OTHERS: usize = 24;
 
 /// Weight of the newest step in the losses that are reported.
@@ -46,10 +47,11 @@ const REPORTED_RATE: f32 = 0.02;
 
 /// Trains one decoder on scenes and paintings.
 ///
-/// A new decoder first takes [`warm_up`](Self::warm_up) steps, as many as [`TrainConfig::warm_iterations`] says, and
-/// then [`step`](Self::step)s with the paper's loss. [`run`](Self::run) takes all steps that are left. Equal seeds
-/// and inputs give equal decoders, and a training that is resumed from a checkpoint takes the same steps as one that
-/// was not interrupted. The contrastive loss is an exception: its other paintings are those picked since the start.
+/// A new decoder first takes [`warm_up`](Self::warm_up) steps, as many as [`TrainConfig::warm_iterations`]
+/// says, and then [`step`](Self::step)s with the paper's loss. [`run`](Self::run) takes all steps that are
+/// left. Equal seeds and inputs give equal decoders, and a training that is resumed from a checkpoint takes the
+/// same steps as one that was not interrupted. The contrastive loss is an exception: its other paintings are
+/// those picked since the start.
 pub struct Trainer<'a> {
     config: TrainConfig,
     device: Device,
@@ -82,12 +84,12 @@ pub struct ViewCount {
 }
 
 impl<'a> Trainer<'a> {
-    /// Prepares a training: computes the blend weights of all views and makes the decoder to start from. Training
-    /// runs on the loss network's processor.
+    /// Prepares a training: computes the blend weights of all views and makes the decoder to start from.
+    /// Training runs on the loss network's processor.
     ///
     /// # Errors
-    /// If there is no scene, a scene has no features or is not visible in its views, scenes and decoder belong to other
-    /// encoders, or a content layer does not exist.
+    /// If there is no scene, a scene has no features or is not visible in its views, scenes and decoder belong
+    /// to other encoders, or a content layer does not exist.
     pub fn new(
         config: TrainConfig,
         scenes: &[TrainingScene],
@@ -136,7 +138,8 @@ impl<'a> Trainer<'a> {
         &self.history.losses
     }
 
-    /// The decoder as trained so far: the mean over the last part of the training, or the current state before that.
+    /// The decoder as trained so far: the mean over the last part of the training, or the current state before
+    /// that.
     ///
     /// # Errors
     /// If the device fails.
@@ -153,12 +156,12 @@ impl<'a> Trainer<'a> {
         checkpoint::save(path, FORMAT, &network.parameters, adam, average, history, origin)
     }
 
-    /// Continues from a checkpoint of the same training. Returns the parts of the training that the file does not
-    /// name, such as `scenes`: they may be others.
+    /// Continues from a checkpoint of the same training. Returns the parts of the training that the file does
+    /// not name, such as `scenes`: they may be others.
     ///
     /// # Errors
-    /// If the file cannot be read, belongs to another decoder, or to a training with other scenes, views or paintings,
-    /// or another seed.
+    /// If the file cannot be read, belongs to another decoder, or to a training with other scenes, views or
+    /// paintings, or another seed.
     pub fn resume(&mut self, path: &Path) -> Result<Vec<&'static str>, TrainError> {
         let Self { network, adam, average, device, origin, .. } = self;
         let parameters = &mut network.parameters;
@@ -172,14 +175,16 @@ impl<'a> Trainer<'a> {
         self.history.warm_steps < self.config.warm_steps()
     }
 
-    /// Takes a step of the warm start: regression on a recolored scene. Returns the mean absolute error of the colors.
+    /// Takes a step of the warm start: regression on a recolored scene. Returns the mean absolute error of the
+    /// colors.
     ///
     /// # Errors
     /// If a painting cannot be read or belongs to another encoder, or the device fails.
     pub fn warm_up(&mut self) -> Result<f32, TrainError> {
         let (done, total) = (self.history.warm_steps, self.config.warm_steps());
-        // A new sequence for each step, so that a resumed training draws the same numbers. The shift keeps steps
-        // apart from small seeds. The last number is `WARM` in ASCII: it keeps this stage apart from the next.
+        // A new sequence for each step, so that a resumed training draws the same numbers. The shift keeps
+        // steps apart from small seeds. The last number is `WARM` in ASCII: it keeps this stage apart from the
+        // next.
         let mut random = Random::new(self.config.seed ^ (u64::from(done) << 20) ^ 0x5741_524D);
         let scene = &self.scenes[random.below(self.scenes.len())];
         let key = self.paintings.pick(&mut random)?;
@@ -195,7 +200,8 @@ impl<'a> Trainer<'a> {
         to_scalar(&loss)
     }
 
-    /// Takes a step with the paper's loss, on a random view in the style of a random painting. Returns its losses.
+    /// Takes a step with the paper's loss, on a random view in the style of a random painting. Returns its
+    /// losses.
     ///
     /// # Errors
     /// If a painting cannot be read or belongs to another encoder, or the device fails.
@@ -240,13 +246,14 @@ impl<'a> Trainer<'a> {
         if f64::from(steps) > f64::from(self.config.iterations) * (1.0 - self.config.average) {
             self.average.add(&self.network.parameters);
         } else {
-            // A shorter training that is now continued may have averaged steps that are not the last ones any more.
+            // A shorter training that is now continued may have averaged steps that are not the last ones any
+            // more.
             self.average = Average::new(&self.network.parameters);
         }
     }
 
-    /// Takes all steps that are left. Calls `save` every [`CHECKPOINT_STEPS`], at the end of the warm start and when
-    /// it stops. Returns whether all steps were taken, which is false if `watch` interrupted.
+    /// Takes all steps that are left. Calls `save` every [`CHECKPOINT_STEPS`], at the end of the warm start and
+    /// when it stops. Returns whether all steps were taken, which is false if `watch` interrupted.
     ///
     /// # Errors
     /// If a step or `save` fails.

@@ -1,8 +1,10 @@
-//! The warm start: regression of the decoder on the scene recolored to each painting's mean color and covariance.
+//! The warm start: regression of the decoder on the scene recolored to each painting's mean color and
+//! covariance.
 //!
-//! From random weights, the paper's loss needs tens of thousands of steps before the decoder knows which color a
-//! feature has. Recolored Gaussians say so directly, for any painting and at no cost: a step needs neither a render
-//! nor VGG, so it costs a fraction of a step with the paper's loss, and every step can show another painting.
+//! From random weights, the paper's loss needs tens of thousands of steps before the decoder knows which color
+//! a feature has. Recolored Gaussians say so directly, for any painting and at no cost: a step needs neither a
+//! render nor VGG, so it costs a fraction of a step with the paper's loss, and every step can show another
+//! painting.
 
 use std::{iter, sync::Arc};
 
@@ -16,8 +18,8 @@ use super::{
 };
 use crate::{error::TrainError, nn::ops::Windows};
 
-/// Gaussians in a patch. Scenes are in Morton order, so a run of rows is compact. A neighbor outside of the patch is
-/// replaced by the Gaussian itself.
+/// Gaussians in a patch. Scenes are in Morton order, so a run of rows is compact. A neighbor outside of the
+/// patch is replaced by the Gaussian itself.
 const PATCH: usize = 6000;
 
 /// The mean absolute error of the colors of a random patch of `scene`.
@@ -37,8 +39,8 @@ pub fn loss(
     let start = random.below(n - len + 1);
     let rows = start..start + len;
     let windows = Arc::new(patch_windows(scene, start, len));
-    // Every stage works on the whole patch, so all share one list. Lists restricted to each stage's rows, as views
-    // have them, would have to be made for every patch.
+    // Every stage works on the whole patch, so all share one list. Lists restricted to each stage's rows, as
+    // views have them, would have to be made for every patch.
     let repeated = |n: usize| iter::repeat_n(windows.clone(), n).collect();
     let neighborhoods = Neighborhoods {
         layers: repeated(network.n_layers()),

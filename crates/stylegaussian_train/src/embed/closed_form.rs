@@ -1,9 +1,9 @@
 //! The start without any iteration over views: a PCA basis, and weighted means over the cells of each Gaussian.
 //!
-//! b is the mean of the views' features weighted by coverage, and A has their first L principal directions. Because
-//! the columns are orthonormal, F' = A^T (F - b) are the best coordinates of a cell. Each Gaussian gets the mean over
-//! its cells: f'_p = sum w F' / sum w. Each channel is then scaled to unit variance, and A takes the factor, so that
-//! one learning rate suits all.
+//! b is the mean of the views' features weighted by coverage, and A has their first L principal directions.
+//! Because the columns are orthonormal, F' = A^T (F - b) are the best coordinates of a cell. Each Gaussian gets
+//! the mean over its cells: f'_p = sum w F' / sum w. Each channel is then scaled to unit variance, and A takes
+//! the factor, so that one learning rate suits all.
 
 use rayon::prelude::*;
 use stylegaussian::decoder::product::{Matrix, product};
@@ -14,8 +14,8 @@ use super::{
     samples::{GAUSSIANS_PER_PIECE, Samples, add_scaled},
 };
 
-/// Directions that are iterated beyond the L wanted. The error of the L-th falls with the ratio of eigenvalues L + 8
-/// and L.
+/// Directions that are iterated beyond the L wanted. The error of the L-th falls with the ratio of eigenvalues
+/// L + 8 and L.
 const OVERSAMPLING: usize = 8;
 /// Rounds of orthogonal iteration. Directions with nearly equal eigenvalues stay mixed, which does no harm.
 const ROUNDS: usize = 40;
@@ -28,8 +28,8 @@ struct Moments {
     covariance: Vec<f64>,
 }
 
-/// PCA basis and lifted features of `n_gaussians` Gaussians, with at most `n_latent` latent features. Gaussians that
-/// no view sees get 0, the mean.
+/// PCA basis and lifted features of `n_gaussians` Gaussians, with at most `n_latent` latent features. Gaussians
+/// that no view sees get 0, the mean.
 pub fn closed_form(views: &[&[Samples]], n_channels: usize, n_gaussians: usize, n_latent: usize) -> Model {
     let n_latent = n_latent.min(n_channels);
     // The first part of each view stands for all: thousands of cells are plenty for a covariance.
@@ -44,8 +44,8 @@ pub fn closed_form(views: &[&[Samples]], n_channels: usize, n_gaussians: usize, 
 }
 
 fn moments(views: &[&Samples], n_channels: usize) -> Moments {
-    // Two passes, mean first. A single pass would subtract the mean's square from the mean of squares, and lose the
-    // digits of channels whose mean is large.
+    // Two passes, mean first. A single pass would subtract the mean's square from the mean of squares, and lose
+    // the digits of channels whose mean is large.
     let sums: Vec<(f64, Vec<f64>)> = views.par_iter().map(|samples| weighted_sum(samples)).collect();
     let total = sums.iter().map(|(weight, _)| weight).sum::<f64>().max(f64::MIN_POSITIVE);
     let mut mean = vec![0.0; n_channels];
@@ -54,7 +54,8 @@ fn moments(views: &[&Samples], n_channels: usize) -> Moments {
     }
     let mean: Vec<f32> = mean.iter().map(|&mean| mean as f32).collect();
     let products: Vec<Vec<f32>> = views.par_iter().map(|samples| centered_products(samples, &mean)).collect();
-    // In the order of the views, and in f64: f32 is precise enough for the cells of one view, not for all views.
+    // In the order of the views, and in f64: f32 is precise enough for the cells of one view, not for all
+    // views.
     let mut covariance = vec![0.0; n_channels * n_channels];
     for products in products {
         covariance.iter_mut().zip(products).for_each(|(sum, value)| *sum += f64::from(value) / total);
@@ -89,8 +90,8 @@ fn centered_products(samples: &Samples, mean: &[f32]) -> Vec<f32> {
     products
 }
 
-/// The `n` leading eigenvectors of a covariance `[D, D]` as columns `[D, n]`, by orthogonal iteration. Directions
-/// without variance are 0.
+/// The `n` leading eigenvectors of a covariance `[D, D]` as columns `[D, n]`, by orthogonal iteration.
+/// Directions without variance are 0.
 fn principal_directions(covariance: &[f64], n_channels: usize, n: usize) -> Vec<f32> {
     // Not the option's seed: the directions found hardly depend on where the iteration starts.
     let mut random = Random::new(0);
@@ -119,8 +120,8 @@ fn principal_directions(covariance: &[f64], n_channels: usize, n: usize) -> Vec<
 fn orthonormalize(vectors: &mut [Vec<f64>], floor: f64) {
     for i in 0..vectors.len() {
         let (before, [vector, ..]) = vectors.split_at_mut(i) else { return };
-        // Modified Gram-Schmidt: each projection is of what the previous ones have left, which is stable in finite
-        // precision.
+        // Modified Gram-Schmidt: each projection is of what the previous ones have left, which is stable in
+        // finite precision.
         for other in before.iter() {
             let along = dot(vector, other);
             vector.iter_mut().zip(other).for_each(|(value, other)| *value -= along * other);
@@ -147,7 +148,8 @@ fn lift(model: &mut Model, parts: &[&Samples]) -> Vec<f32> {
     let n_latent = model.n_latent;
     let coordinates: Vec<Vec<f32>> = parts.par_iter().map(|samples| coordinates(model, samples)).collect();
     let mut weights = vec![0.0; model.features.len() / n_latent.max(1)];
-    // Threads share Gaussians and not views: no two write to one sum, and each sum runs over the views in order.
+    // Threads share Gaussians and not views: no two write to one sum, and each sum runs over the views in
+    // order.
     let pieces = model.features.par_chunks_mut(GAUSSIANS_PER_PIECE * n_latent.max(1));
     pieces.zip(weights.par_chunks_mut(GAUSSIANS_PER_PIECE)).enumerate().for_each(
         |(piece, (features, weights))| {
@@ -181,8 +183,8 @@ fn coordinates(model: &Model, samples: &Samples) -> Vec<f32> {
     coordinates
 }
 
-/// Divides each channel of f' by its root mean square, weighted by how much of each Gaussian is seen. A takes the
-/// factor.
+/// Divides each channel of f' by its root mean square, weighted by how much of each Gaussian is seen. A takes
+/// the factor.
 fn equalize(model: &mut Model, weights: &[f32]) {
     let n_latent = model.n_latent;
     let mut squares = vec![0.0_f64; n_latent];

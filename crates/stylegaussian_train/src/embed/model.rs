@@ -6,8 +6,9 @@ use stylegaussian::random::Random;
 
 use super::samples::{Samples, add_scaled};
 
-/// Cells per parallel piece. The number is fixed and sums over pieces run in order, so that results do not depend on
-/// the number of threads. It is so small that the residuals of a piece stay in the second-level cache.
+/// Cells per parallel piece. The number is fixed and sums over pieces run in order, so that results do not
+/// depend on the number of threads. It is so small that the residuals of a piece stay in the second-level
+/// cache.
 const CELLS_PER_PIECE: usize = 128;
 
 /// Least coverage of the cells on which the error is measured. Their features are those of the scene.
@@ -84,8 +85,8 @@ impl Model {
         (variance / self.n_channels().max(1) as f32).sqrt()
     }
 
-    /// Divides each channel of f' by `scales` `[L]` and multiplies A's column by it, so that f stays the same. A
-    /// channel with scale 0 is not changed.
+    /// Divides each channel of f' by `scales` `[L]` and multiplies A's column by it, so that f stays the same.
+    /// A channel with scale 0 is not changed.
     pub fn rescale(&mut self, scales: &[f32]) {
         // The comparison is false for NaN too.
         let scales: Vec<f32> = scales.iter().map(|&scale| if scale > 0.0 { scale } else { 1.0 }).collect();
@@ -97,9 +98,9 @@ impl Model {
         }
     }
 
-    /// Scales and shifts each channel of f' to mean 0 and standard deviation 1 over the Gaussians, and A and b so
-    /// that f stays the same. Files store features so, because 16-bit floats are then exact to 2^-11 of a deviation
-    /// at one deviation.
+    /// Scales and shifts each channel of f' to mean 0 and standard deviation 1 over the Gaussians, and A and b
+    /// so that f stays the same. Files store features so, because 16-bit floats are then exact to 2^-11 of a
+    /// deviation at one deviation.
     pub fn standardize(&mut self) {
         let n_latent = self.n_latent;
         let n = (self.features.len() / n_latent.max(1)).max(1) as f64;
@@ -123,7 +124,8 @@ impl Model {
         self.rescale(&variance.iter().map(|variance| variance.sqrt() as f32).collect::<Vec<_>>());
     }
 
-    /// The gradient of `scale` times the L1 error of some cells, and that error. At a residual of exactly 0, it is 0.
+    /// The gradient of `scale` times the L1 error of some cells, and that error. At a residual of exactly 0, it
+    /// is 0.
     pub fn gradient(&self, samples: &Samples, scale: f32) -> Gradient {
         let (n_latent, n_channels) = (self.n_latent, self.n_channels());
         let mut cells = vec![0.0; samples.n_cells() * n_latent];
@@ -199,8 +201,8 @@ impl Model {
         }
     }
 
-    /// The mean over views of the mean |rendered - true| over the channels of well-covered cells, in all parts of the
-    /// view. `None` if no view has such a cell.
+    /// The mean over views of the mean |rendered - true| over the channels of well-covered cells, in all parts
+    /// of the view. `None` if no view has such a cell.
     pub fn mean_error(&self, views: &[&[Samples]]) -> Option<f64> {
         let error = |view: &&[Samples]| {
             let sums = view.iter().map(|part| self.error_sum(part));

@@ -1,8 +1,8 @@
 //! Stochastic descent of the L1 error with Adam (Kingma and Ba 2015), one view or part of a view per step.
 //!
-//! A step changes only the rows of f' that it sees, and their moments, and each row counts its own steps. PyTorch's
-//! dense Adam also moves unseen rows. The held-out error is the same to 0.001, and the cost of a step depends on the
-//! view instead of the scene.
+//! A step changes only the rows of f' that it sees, and their moments, and each row counts its own steps.
+//! PyTorch's dense Adam also moves unseen rows. The held-out error is the same to 0.001, and the cost of a step
+//! depends on the view instead of the scene.
 
 use rayon::prelude::*;
 use stylegaussian::random::Random;
@@ -35,10 +35,12 @@ impl Schedule {
         Self { iterations, feature_rate: 0.01, map_rate: 0.001, decay: false }
     }
 
-    /// Rates for a few steps from a closed form with f' of unit variance: ten and about sixty times the paper's. The
-    /// rate of A and b is proportional to the encoder's scale, which is that of the closed form's A.
+    /// Rates for a few steps from a closed form with f' of unit variance: ten and about sixty times the
+    /// paper's. The rate of A and b is proportional to the encoder's scale, which is that of the closed form's
+    /// A.
     ///
-    /// On the playbot scene, half of either rate increases the held-out error by 0.3% to 1%, and twice changes nothing.
+    /// On the playbot scene, half of either rate increases the held-out error by 0.3% to 1%, and twice changes
+    /// nothing.
     pub fn after_closed_form(iterations: u32, closed_form: &Model) -> Self {
         let map_rate = 0.05 * closed_form.deviation();
         Self { iterations, feature_rate: 0.1, map_rate, decay: true }
@@ -55,8 +57,8 @@ impl Schedule {
     }
 }
 
-/// Descends with one batch of `batches` per step, in random order. Calls `before_step(step)` before each step, and
-/// stops if it returns false. Returns the number of steps taken.
+/// Descends with one batch of `batches` per step, in random order. Calls `before_step(step)` before each step,
+/// and stops if it returns false. Returns the number of steps taken.
 pub fn refine(
     model: &mut Model,
     batches: &[&[Samples]],
@@ -143,8 +145,8 @@ impl Adam {
                     rows.add(samples, piece, &gradient.cells);
                 }
                 rows.drain(|place, gradient| {
-                    // The bias correction of a row counts the row's own steps. With the common count, rows first seen
-                    // late would start with steps three times too large: 0.1 / sqrt(0.001).
+                    // The bias correction of a row counts the row's own steps. With the common count, rows
+                    // first seen late would start with steps three times too large: 0.1 / sqrt(0.001).
                     row_steps[place] += 1;
                     let rate = Rate::new(rate, row_steps[place]);
                     let range = place * n_latent..(place + 1) * n_latent;

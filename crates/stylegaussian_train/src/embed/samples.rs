@@ -1,16 +1,16 @@
 //! Training data of one view: the encoder's features of its cells, and the Gaussians in each cell.
 //!
-//! A cell of the feature map covers a square of pixels, so the weight of a Gaussian in a cell is the mean of its
-//! blend weights over those pixels. Rendering at the feature map's own size would be wrong: the rasterizer widens
-//! every splat by 0.3 px^2, which is much in pixels of four times the size. On the playbot scene that adds a quarter
-//! to the held-out error.
+//! A cell of the feature map covers a square of pixels, so the weight of a Gaussian in a cell is the mean of
+//! its blend weights over those pixels. Rendering at the feature map's own size would be wrong: the rasterizer
+//! widens every splat by 0.3 px^2, which is much in pixels of four times the size. On the playbot scene that
+//! adds a quarter to the held-out error.
 //!
-//! A cell with coverage a = sum_i w_i shows the scene with weight a and the background with weight 1 - a. The scene's
-//! part of the cell's features F is therefore taken as a F, and the residual is sum_i w_i (A f'_i + b) - a F. It
-//! weighs cells by coverage, so cells without scene have no influence.
+//! A cell with coverage a = sum_i w_i shows the scene with weight a and the background with weight 1 - a. The
+//! scene's part of the cell's features F is therefore taken as a F, and the residual is sum_i w_i (A f'_i + b)
+//! - a F. It weighs cells by coverage, so cells without scene have no influence.
 //!
-//! The cells of a view are split into four interleaved parts, like a chess board with four colors. Neighboring cells
-//! show nearly the same Gaussians, so a quarter of the cells gives nearly the gradient of all.
+//! The cells of a view are split into four interleaved parts, like a chess board with four colors. Neighboring
+//! cells show nearly the same Gaussians, so a quarter of the cells gives nearly the gradient of all.
 
 use half::{f16, slice::HalfFloatSliceExt};
 use rayon::prelude::*;
@@ -23,8 +23,8 @@ const MIN_COVERAGE: f32 = 0.05;
 /// Blend weights are stored as multiples of this, in 16 bits. The error is at most 0.8e-5.
 const WEIGHT_UNIT: f32 = 1.0 / 65_535.0;
 
-/// Gaussians per parallel piece of [`Samples::gather`]. The number is fixed, so that results do not depend on the
-/// number of threads.
+/// Gaussians per parallel piece of [`Samples::gather`]. The number is fixed, so that results do not depend on
+/// the number of threads.
 pub const GAUSSIANS_PER_PIECE: usize = 1024;
 
 /// A feature map does not fit the view's size.
@@ -107,8 +107,8 @@ impl Sparse {
 }
 
 impl Samples {
-    /// Averages `weights`, at the picture's size, over the cells of `features`, and splits the covered cells into
-    /// parts. A part without cells is left out.
+    /// Averages `weights`, at the picture's size, over the cells of `features`, and splits the covered cells
+    /// into parts. A part without cells is left out.
     ///
     /// # Errors
     /// If a cell is not a square of pixels whose side is a power of two.
@@ -142,8 +142,8 @@ impl Samples {
     }
 
     fn push_cell(&mut self, entries: &[(u32, u16)], target: &[f32]) {
-        // A sum of whole numbers is exact. It is that of the weights as stored, so a F and sum_i w_i agree in the
-        // residual.
+        // A sum of whole numbers is exact. It is that of the weights as stored, so a F and sum_i w_i agree in
+        // the residual.
         let units: u32 = entries.iter().map(|&(_, weight)| u32::from(weight)).sum();
         let coverage = units as f32 * WEIGHT_UNIT;
         if coverage < MIN_COVERAGE {
@@ -191,8 +191,8 @@ impl Samples {
         }
     }
 
-    /// Rows of the seen Gaussians of the `piece`-th run of [`GAUSSIANS_PER_PIECE`] Gaussians, each with its index
-    /// within the run.
+    /// Rows of the seen Gaussians of the `piece`-th run of [`GAUSSIANS_PER_PIECE`] Gaussians, each with its
+    /// index within the run.
     pub fn seen_in_piece(&self, piece: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
         let first = piece * GAUSSIANS_PER_PIECE;
         // `seen` is ascending, so a piece's Gaussians are one run of it.
@@ -201,8 +201,8 @@ impl Samples {
         (start..).zip(gaussians.take_while(|&place| place < GAUSSIANS_PER_PIECE))
     }
 
-    /// The transpose of [`Self::render`] for one seen Gaussian. Adds sum_c w_c v_c over cell values `[C, L]` to `out`
-    /// `[L]`, and returns sum_c w_c.
+    /// The transpose of [`Self::render`] for one seen Gaussian. Adds sum_c w_c v_c over cell values `[C, L]` to
+    /// `out` `[L]`, and returns sum_c w_c.
     pub fn gather(&self, row: usize, cell_values: &[f32], out: &mut [f32]) -> f32 {
         let mut sum = 0.0;
         for (cell, weight) in self.by_gaussian.row(row) {
@@ -247,8 +247,8 @@ fn cell_weights(
     let of_one_gaussian = entries.chunk_by(|a, b| a.0 == b.0);
     let means = of_one_gaussian.map(|run| {
         let sum: f32 = run.iter().map(|&(_, weight)| weight).sum();
-        // A pixel's weights sum to at most 1, so the mean is at most 65,535 units. The cast saturates if rounding
-        // exceeds it.
+        // A pixel's weights sum to at most 1, so the mean is at most 65,535 units. The cast saturates if
+        // rounding exceeds it.
         (run[0].0, (sum / unit).round() as u16)
     });
     // Weights that round to 0 would only lengthen the lists.

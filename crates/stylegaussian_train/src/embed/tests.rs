@@ -33,8 +33,8 @@ fn features([width, height]: [u32; 2], n_channels: usize, values: Vec<f32>) -> F
     FeatureMap { width, height, n_channels, values }
 }
 
-/// A view of 12x6 cells of one pixel each, with three random Gaussians in most, and the features of `truth` under it
-/// times `contrast`. Every fifth cell is bare, with features of `bare`.
+/// A view of 12x6 cells of one pixel each, with three random Gaussians in most, and the features of `truth`
+/// under it times `contrast`. Every fifth cell is bare, with features of `bare`.
 fn random_view(n_gaussians: usize, truth: &Model, contrast: f32, bare: f32, seed: u64) -> Vec<Samples> {
     let mut random = Random::new(seed);
     let size = [12, 6];
@@ -77,8 +77,9 @@ fn all_finite(model: &Model) -> bool {
 
 #[test]
 fn cells_average_their_pixels() {
-    // A 4x2 picture, two cells of 2x2. Gaussian 1 fills the left one's top row with 0.8 and 0.4: (0.8 + 0.4) / 4 = 0.3.
-    // Gaussian 0 is in one pixel with 0.4: 0.1. The right cell has a single weight of 0.1, 0.025 on average: dropped.
+    // A 4x2 picture, two cells of 2x2. Gaussian 1 fills the left one's top row with 0.8 and 0.4: (0.8 + 0.4) /
+    // 4 = 0.3. Gaussian 0 is in one pixel with 0.4: 0.1. The right cell has a single weight of 0.1, 0.025 on
+    // average: dropped.
     let left: &[(u32, f32)] = &[(1, 0.8), (0, 0.4)];
     let picture = weights([4, 2], 2, &[left, &[(1, 0.4)], &[], &[(0, 0.1)], &[], &[], &[], &[]]);
     let parts = Samples::of_view(&picture, &features([2, 1], 1, vec![7.0, 9.0])).unwrap();
@@ -190,8 +191,8 @@ fn the_basis_holds_the_variance_of_low_rank_features() {
 
 #[test]
 fn descent_with_a_fixed_map_finds_the_dense_solution() {
-    // Targets that the model can reach exactly: the L1 minimum is 0, at the solution of the normal equations, which are
-    // well conditioned as each of the 6 Gaussians is in about 30 of 58 * 3 cells' lists.
+    // Targets that the model can reach exactly: the L1 minimum is 0, at the solution of the normal equations,
+    // which are well conditioned as each of the 6 Gaussians is in about 30 of 58 * 3 cells' lists.
     let truth = Model::noise(6, 8, 2, &mut Random::new(8));
     let views: Vec<Vec<Samples>> = (0..3).map(|seed| random_view(6, &truth, 1.0, 0.0, 20 + seed)).collect();
     let mut model = Model { features: vec![0.0; 12], ..truth.clone() };
@@ -212,7 +213,8 @@ fn descent_finds_the_median_and_not_the_mean() {
     let feature = |model: &Model| model.offset[0] + dot_row(model, 0, 0);
     assert!((feature(&model) - 4.0).abs() < 1e-3);
     let batches: Vec<&[Samples]> = view.chunks(1).collect();
-    // The rate that follows from A would mean nothing here: one Gaussian is its own mean, so f' is a rounding error.
+    // The rate that follows from A would mean nothing here: one Gaussian is its own mean, so f' is a rounding
+    // error.
     let schedule = Schedule { map_rate: 0.05, ..Schedule::after_closed_form(1000, &model) };
     refine(&mut model, &batches, schedule, &mut Random::new(0), |_| true);
     assert!((feature(&model) - 2.0).abs() < 0.05, "{}", feature(&model));
@@ -296,7 +298,8 @@ fn unseen_gaussians_take_features_from_neighbors() {
 
 #[test]
 fn a_well_seen_gaussian_keeps_its_features() {
-    // Two neighbors, seen by 10 cells and by 0.1: the first keeps 10 / 10.1, the second half, from those before.
+    // Two neighbors, seen by 10 cells and by 0.1: the first keeps 10 / 10.1, the second half, from those
+    // before.
     let neighbors = Neighbors { k: 2, indices: vec![0, 1, 1, 0] };
     let mut model = Model { features: vec![1.0, 2.0], basis: vec![1.0], offset: vec![0.0], n_latent: 1 };
     assert_eq!(fill_in(&mut model, &[10.0, 0.1], &neighbors), 0);

@@ -1,9 +1,9 @@
 //! Filling in under-observed Gaussians: undersides, insides, fringes.
 //!
 //! A Gaussian's own estimate is weighted by how much it was seen: s_p = sum w over all views, in cells. Its
-//! neighbors' mean n_p has the weight of [`PRIOR`] cells: f'_p <- (s_p f'_p + PRIOR n_p) / (s_p + PRIOR). On the
-//! playbot scene this changes the held-out error by less than 0.1%, even with five times this weight. It helps the
-//! Gaussians that no view shows.
+//! neighbors' mean n_p has the weight of [`PRIOR`] cells: f'_p <- (s_p f'_p + PRIOR n_p) / (s_p + PRIOR). On
+//! the playbot scene this changes the held-out error by less than 0.1%, even with five times this weight. It
+//! helps the Gaussians that no view shows.
 
 use rayon::prelude::*;
 use stylegaussian::Neighbors;
@@ -13,8 +13,8 @@ use super::{
     samples::{GAUSSIANS_PER_PIECE, Samples, add_scaled},
 };
 
-/// Weight of the neighbors' mean, in cells. A Gaussian seen less than this is under-observed: it gives nothing to
-/// others, and takes more than half from them.
+/// Weight of the neighbors' mean, in cells. A Gaussian seen less than this is under-observed: it gives nothing
+/// to others, and takes more than half from them.
 const PRIOR: f32 = 0.1;
 
 /// Sum of weights of each Gaussian over all views `[N]`, in cells.
@@ -34,8 +34,8 @@ pub fn seen_weights(views: &[&[Samples]], n_gaussians: usize) -> Vec<f32> {
 /// Draws f' toward the neighbors' mean, more if a Gaussian was seen less. Returns the number of under-observed
 /// Gaussians.
 ///
-/// If no neighbor is well seen either, features spread from neighbor to neighbor. A Gaussian that they never reach
-/// gets the mean of all well-seen ones.
+/// If no neighbor is well seen either, features spread from neighbor to neighbor. A Gaussian that they never
+/// reach gets the mean of all well-seen ones.
 pub fn fill_in(model: &mut Model, seen_weights: &[f32], neighbors: &Neighbors) -> usize {
     // The three stages share `known`. Each fills in what those before could not reach.
     let mut known: Vec<bool> = seen_weights.iter().map(|&weight| weight >= PRIOR).collect();
@@ -46,8 +46,8 @@ pub fn fill_in(model: &mut Model, seen_weights: &[f32], neighbors: &Neighbors) -
     n_badly_seen
 }
 
-/// The first round, for every Gaussian with a well-seen neighbor. It uses the features before the round, so that
-/// their order does not matter, and marks these Gaussians as known.
+/// The first round, for every Gaussian with a well-seen neighbor. It uses the features before the round, so
+/// that their order does not matter, and marks these Gaussians as known.
 fn draw_to_neighbors(model: &mut Model, weights: &[f32], neighbors: &Neighbors, known: &mut [bool]) {
     let n_latent = model.n_latent;
     let before = model.features.clone();

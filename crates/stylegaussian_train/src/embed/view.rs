@@ -12,7 +12,8 @@ use stylegaussian_encoder::{Image, ImageError, encoder::MIN_SIDE};
 /// Background of rendered views: white, as paper. Encoders see it in cells at the silhouette.
 const BACKGROUND: f32 = 1.0;
 
-/// Width and height of pictures are multiples of this, in pixels, so that relu3_1's cells of 4x4 pixels fill them.
+/// Width and height of pictures are multiples of this, in pixels, so that relu3_1's cells of 4x4 pixels fill
+/// them.
 const SIZE_STEP: u32 = 4;
 
 /// A picture of the scene from a known camera.
@@ -60,8 +61,8 @@ impl TrainingView {
             Picture::Rendered => {
                 let view = render(scene, Colors::Captured, &self.camera);
                 let over = |(color, alpha): (&[f32; 3], &f32)| {
-                    // Colors are premultiplied. Spherical harmonics can leave 0..1, which no picture that an encoder
-                    // learned from does.
+                    // Colors are premultiplied. Spherical harmonics can leave 0..1, which no picture that an
+                    // encoder learned from does.
                     color.map(|channel| (channel + (1.0 - alpha) * BACKGROUND).clamp(0.0, 1.0))
                 };
                 let rgb = view.color.iter().zip(&view.alpha).flat_map(over).collect();

@@ -19,8 +19,8 @@ const KEPT: usize = 2048;
 /// Shorter side to which a larger image is shrunk, in pixels.
 const SHORTER_SIDE: u32 = 640;
 
-/// Factors by which an image is scaled before it is cropped, least and largest. Strokes then have every scale, from a
-/// whole painting in 256 pixels to somewhat above its own size.
+/// Factors by which an image is scaled before it is cropped, least and largest. Strokes then have every scale,
+/// from a whole painting in 256 pixels to somewhat above its own size.
 const SCALES: [f32; 2] = [0.35, 1.3];
 
 /// A picture and the teacher's features of it.
@@ -144,8 +144,9 @@ fn turn(rgb: &mut Vec<f32>, random: &mut Random) {
     *rgb = (0..side * side).flat_map(|i| &rgb[source(i) * 3..][..3]).copied().collect();
 }
 
-/// Changes colors, because a hundred paintings have too few. Of two crops one keeps its colors. The other gets another
-/// contrast around its mean, another gamma and saturation, and, half of the time, its channels in another order.
+/// Changes colors, because a hundred paintings have too few. Of two crops one keeps its colors. The other gets
+/// another contrast around its mean, another gamma and saturation, and, half of the time, its channels in
+/// another order.
 fn recolor(rgb: &mut [f32], random: &mut Random) {
     if random.below(2) == 0 {
         return;
@@ -170,8 +171,8 @@ fn recolor(rgb: &mut [f32], random: &mut Random) {
     }
 }
 
-/// Standard deviation of each channel over all cells of some crops, at least a thousandth of the largest. In these
-/// units all channels have the same weight in the loss.
+/// Standard deviation of each channel over all cells of some crops, at least a thousandth of the largest. In
+/// these units all channels have the same weight in the loss.
 ///
 /// # Errors
 /// If the teacher's features are the same everywhere.

@@ -30,8 +30,8 @@ use crate::{
 /// Crops in a step.
 const BATCH: usize = 4;
 
-/// Steps for each new crop. Each crop is then seen sixteen times on average, together with different others. Encoding a
-/// crop with the teacher costs about as much as three crops of the student's training.
+/// Steps for each new crop. Each crop is then seen sixteen times on average, together with different others.
+/// Encoding a crop with the teacher costs about as much as three crops of the student's training.
 const STEPS_PER_CROP: u32 = 4;
 
 /// Crops made before the first step. The teacher's deviations are measured on them.
@@ -97,7 +97,8 @@ impl<'a> Distillation<'a> {
     /// Reads the images and makes the first crops.
     ///
     /// # Errors
-    /// If an image cannot be read or is too small, or the teacher fails or has another resolution than VGG's relu3_1.
+    /// If an image cannot be read or is too small, or the teacher fails or has another resolution than VGG's
+    /// relu3_1.
     pub fn new(config: DistillConfig, teacher: &'a Encoder, images: &[PathBuf]) -> Result<Self, TrainError> {
         let device = config.processor.device();
         let origin = vec![("images", fingerprint_of_files(images)?), ("seed", config.seed.to_string())];
@@ -139,8 +140,8 @@ impl<'a> Distillation<'a> {
         checkpoint::save(path, &self.format(), &student.parameters, adam, average, history, origin)
     }
 
-    /// Continues from a checkpoint of the same distillation. Returns the parts of the distillation that the file does
-    /// not name, such as `images`: they may be others.
+    /// Continues from a checkpoint of the same distillation. Returns the parts of the distillation that the
+    /// file does not name, such as `images`: they may be others.
     ///
     /// # Errors
     /// If the file cannot be read or belongs to another teacher, other images or another seed.
@@ -158,7 +159,8 @@ impl<'a> Distillation<'a> {
         Ok(unnamed)
     }
 
-    /// The student as an ONNX file: the mean over the last part of the training, or the current state before that.
+    /// The student as an ONNX file: the mean over the last part of the training, or the current state before
+    /// that.
     ///
     /// # Errors
     /// If the device fails.
@@ -203,8 +205,8 @@ impl<'a> Distillation<'a> {
         Ok(losses)
     }
 
-    /// Takes all steps that are left. Calls `save` every 200 steps and when it stops. Returns whether all steps were
-    /// taken, which is false if `watch` interrupted.
+    /// Takes all steps that are left. Calls `save` every 200 steps and when it stops. Returns whether all steps
+    /// were taken, which is false if `watch` interrupted.
     ///
     /// # Errors
     /// If a step or `save` fails.

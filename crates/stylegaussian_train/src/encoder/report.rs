@@ -7,7 +7,8 @@ use stylegaussian_encoder::{Encoder, FeatureMap, Image, StyleSize, style_feature
 
 use crate::error::{TrainError, ensure};
 
-/// Side of the image on which encoding is timed, in pixels, and the number of runs, of which the fastest counts.
+/// Side of the image on which encoding is timed, in pixels, and the number of runs, of which the fastest
+/// counts.
 const TIMED_SIDE: u32 = 256;
 const TIMED_RUNS: usize = 5;
 

@@ -14,8 +14,8 @@ use crate::{
     },
 };
 
-/// Pictures enter as GAIN (x - CENTER), with about zero mean and unit deviation. In the file this is folded into the
-/// first kernel.
+/// Pictures enter as GAIN (x - CENTER), with about zero mean and unit deviation. In the file this is folded
+/// into the first kernel.
 const GAIN: f32 = 4.0;
 const CENTER: f32 = 0.5;
 
@@ -39,9 +39,10 @@ pub enum Step {
 
 use Step::{Convolution as Conv, MaxPool, Residual};
 
-/// The network. Width and height are halved twice, as in VGG up to relu3_1, but immediately and first by a large
-/// kernel: VGG spends most of its operations at full and half size, the student few. A cell sees 28 pixels, VGG's 24.
-/// The 80 principal directions of VGG's 256 channels before their ReLU give a median correlation of 0.984 after it.
+/// The network. Width and height are halved twice, as in VGG up to relu3_1, but immediately and first by a
+/// large kernel: VGG spends most of its operations at full and half size, the student few. A cell sees 28
+/// pixels, VGG's 24. The 80 principal directions of VGG's 256 channels before their ReLU give a median
+/// correlation of 0.984 after it.
 pub const STEPS: &[Step] = &[
     Conv { kernel: 6, stride: 2, channels: 32 },
     Residual,
@@ -50,8 +51,9 @@ pub const STEPS: &[Step] = &[
     Residual,
 ];
 
-/// The network: weight `[D_out, k * k * D_in]` and bias `[1, D_out]` of each convolution, the last of which is 1x1 to
-/// the teacher's channels, and the teacher's deviation of each channel `[1, D]`, which is measured and not trained.
+/// The network: weight `[D_out, k * k * D_in]` and bias `[1, D_out]` of each convolution, the last of which is
+/// 1x1 to the teacher's channels, and the teacher's deviation of each channel `[1, D]`, which is measured and
+/// not trained.
 pub struct Student {
     /// Weight, bias, ..., weight, bias, deviations.
     pub parameters: Vec<Parameter>,
@@ -62,8 +64,8 @@ pub struct Student {
 pub struct Grids {
     /// Windows of the first step, over the pictures.
     first: Windows,
-    /// Windows of each step and of the last convolution, and the size of the step's input `[W, n * H]`. The first
-    /// step's pixels are gathered beforehand, so its windows are 1x1.
+    /// Windows of each step and of the last convolution, and the size of the step's input `[W, n * H]`. The
+    /// first step's pixels are gathered beforehand, so its windows are 1x1.
     steps: Vec<(Arc<Windows>, [usize; 2])>,
 }
 
@@ -124,8 +126,8 @@ impl Grids {
                 Some(MaxPool) => (2, 2),
                 None => (1, 1),
             };
-            // Max-pooling takes the batch as one tall picture. That is right if heights are even, as they are for
-            // crops.
+            // Max-pooling takes the batch as one tall picture. That is right if heights are even, as they are
+            // for crops.
             let stacked = [size[0], size[1] * n];
             let windows = Windows::of_pictures(size, n, kernel, stride);
             size = size.map(|side| side.div_ceil(stride));
@@ -151,8 +153,8 @@ impl Student {
             kernels(steps, deviations.len()).into_iter().zip(adds.chain([true]))
         {
             let columns = side * side * d_in;
-            // Residual branches and the features start small. Otherwise the first hundreds of steps would only learn
-            // the scale.
+            // Residual branches and the features start small. Otherwise the first hundreds of steps would only
+            // learn the scale.
             let deviation = if adds { 0.3 } else { 1.0 } * (2.0 / columns as f32).sqrt();
             let weight = (0..d_out * columns).map(|_| deviation * random.normal()).collect();
             parameters.push(parameter(weight, [d_out, columns]));
@@ -189,8 +191,8 @@ impl Student {
         convolved(x, &grids.steps[self.steps.len()].0)
     }
 
-    /// The first convolution's windows of pictures RGB 0..1 `[n * H * W, 3]`, normalized: `[n * h * w, k * k * 3]`.
-    /// They have no gradient, so it is enough to gather them once.
+    /// The first convolution's windows of pictures RGB 0..1 `[n * H * W, 3]`, normalized:
+    /// `[n * h * w, k * k * 3]`. They have no gradient, so it is enough to gather them once.
     pub fn patches(rgb: &[f32], grids: &Grids, device: &Device) -> Tensor<2> {
         let windows = &grids.first;
         let cells = windows.neighbors.iter().flat_map(|&cell| &rgb[cell as usize * 3..][..3]);
@@ -198,8 +200,8 @@ impl Student {
         Tensor::from_data(TensorData::new(values, [windows.n_out(), windows.k * 3]), device)
     }
 
-    /// The graph, RGB 0..1 `[1, 3, H, W]` to features `[1, D, h, w]`, with `values` in the order of `parameters`.
-    /// `notes` are names and texts in the file's metadata.
+    /// The graph, RGB 0..1 `[1, 3, H, W]` to features `[1, D, h, w]`, with `values` in the order of
+    /// `parameters`. `notes` are names and texts in the file's metadata.
     ///
     /// # Errors
     /// If a tensor cannot be read.

@@ -1,5 +1,5 @@
-//! The 2D baseline: AdaIN on each view's own feature map, painted by a 2D decoder. It shows how strong a style AdaIN
-//! can give if views need not agree.
+//! The 2D baseline: AdaIN on each view's own feature map, painted by a 2D decoder. It shows how strong a style
+//! AdaIN can give if views need not agree.
 
 use stylegaussian::{
     ChannelStatistics,

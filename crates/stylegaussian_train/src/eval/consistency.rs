@@ -1,11 +1,12 @@
-//! Agreement between the views of a stylized scene, as in the paper's Table 1. One view is warped into another, and on
-//! surfaces that both see, the two pictures should be equal.
+//! Agreement between the views of a stylized scene, as in the paper's Table 1. One view is warped into another,
+//! and on surfaces that both see, the two pictures should be equal.
 //!
 //! The paper warps along optical flow. Here a pixel's mean depth gives its surface, and the surface gives its
-//! position in the other view, so warp and visibility depend on the scene and not on its style. The *RMSE* is that of
-//! displayed colors. A gray picture has none, so the RMSE is also reported relative to the picture's standard
-//! deviation. The *VGG distance* replaces the paper's LPIPS: the squared distance of unit-normalized features from
-//! relu1_1 to relu3_1, summed over layers with equal weights for all channels. LPIPS itself has learned weights.
+//! position in the other view, so warp and visibility depend on the scene and not on its style. The *RMSE* is
+//! that of displayed colors. A gray picture has none, so the RMSE is also reported relative to the picture's
+//! standard deviation. The *VGG distance* replaces the paper's LPIPS: the squared distance of unit-normalized
+//! features from relu1_1 to relu3_1, summed over layers with equal weights for all channels. LPIPS itself has
+//! learned weights.
 
 use std::{collections::BTreeSet, fs, path::Path};
 
@@ -29,8 +30,8 @@ use crate::{
 /// Least coverage at which a pixel's mean depth counts as that of a surface.
 const COVERED: f32 = 0.95;
 
-/// Largest relative difference between two depths of the same surface. Bilinear positions on slanted surfaces differ by
-/// less, an object's edge and its background by more.
+/// Largest relative difference between two depths of the same surface. Bilinear positions on slanted surfaces
+/// differ by less, an object's edge and its background by more.
 const SAME_SURFACE: f32 = 0.02;
 
 /// Views of the orbit of [`Pairs::of_orbit`], 10 degrees apart.
@@ -86,7 +87,8 @@ pub struct Agreement {
     pub long: Difference,
 }
 
-/// Difference between a view and another that was warped into it. NaN (`null` in JSON) if no two views share a surface.
+/// Difference between a view and another that was warped into it. NaN (`null` in JSON) if no two views share a
+/// surface.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Difference {
     /// Root of the mean squared difference of displayed colors, 0..1.
@@ -99,8 +101,8 @@ pub struct Difference {
 
 /// Positions in one view of the surfaces that another sees.
 struct Warp {
-    /// For each pixel of the target view `[H, W]` the position in the source view, in pixels from the center of the
-    /// first. `None` if the source view does not see that surface.
+    /// For each pixel of the target view `[H, W]` the position in the source view, in pixels from the center of
+    /// the first. `None` if the source view does not see that surface.
     positions: Vec<Option<Vec2>>,
 }
 
@@ -150,8 +152,8 @@ impl Warp {
         Self { positions: (0..into.1.alpha.len()).map(position).collect() }
     }
 
-    /// Warps `picture`, of the view `from`, into the view with the picture `into`. Pixels without a position keep the
-    /// color of `into`.
+    /// Warps `picture`, of the view `from`, into the view with the picture `into`. Pixels without a position
+    /// keep the color of `into`.
     fn apply(&self, picture: &[[f32; 3]], size: UVec2, into: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let pixel = |(position, own): (&Option<Vec2>, &[f32; 3])| {
             let Some(around) = position.and_then(|at| corners(at, size)) else { return *own };
@@ -178,8 +180,8 @@ pub struct Consistency {
 }
 
 impl Consistency {
-    /// Renders `scene` and finds the warps between the views that `pairs` names. Pairs that share no surface are left
-    /// out.
+    /// Renders `scene` and finds the warps between the views that `pairs` names. Pairs that share no surface
+    /// are left out.
     pub fn new(scene: &Scene, cameras: &[Camera], pairs: &Pairs) -> Self {
         let colors = scene.base_colors();
         // Sorted, so that a number's position can be found by bisection, and each view is rendered once.
@@ -353,7 +355,8 @@ mod tests {
         (camera, RenderedImage { size, color, alpha: vec![1.0; n], depth: vec![4.0; n] })
     }
 
-    /// A step of 0.8 to the right moves the wall by 8 * 0.8 / 4 = 1.6 pixels; colors that belong to the wall agree.
+    /// A step of 0.8 to the right moves the wall by 8 * 0.8 / 4 = 1.6 pixels; colors that belong to the wall
+    /// agree.
     #[test]
     fn what_belongs_to_a_surface_agrees_wherever_it_is_seen_from() {
         let (left, right) = (wall(0.0), wall(0.8));

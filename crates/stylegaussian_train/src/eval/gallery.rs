@@ -31,7 +31,8 @@ use crate::{
 /// Side of a contact sheet's pictures, in pixels.
 const SHEET_SIDE: u32 = 160;
 
-/// A scene in the style of a painting, given its file and its picture: colors, and strokes over them if there are any.
+/// A scene in the style of a painting, given its file and its picture: colors, and strokes over them if there
+/// are any.
 pub type Painter<'a> = dyn Fn(&Path, &Image) -> Result<Painted, TrainError> + 'a;
 
 /// The scene that is evaluated, and how it gets its colors.
@@ -39,7 +40,8 @@ pub type Painter<'a> = dyn Fn(&Path, &Image) -> Result<Painted, TrainError> + 'a
 pub struct Subject<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// Gives the scene a painting's colors and strokes: [`decoded`], instant paint, or looks that were baked before.
+    /// Gives the scene a painting's colors and strokes: [`decoded`], instant paint, or looks that were baked
+    /// before.
     pub painter: &'a Painter<'a>,
     /// The encoder of AdaIN on each view.
     pub encoder: &'a Encoder,
@@ -77,8 +79,8 @@ pub struct Views {
 }
 
 impl Views {
-    /// `n` views chosen to suit the scene, with a longer side of `size` pixels. Consistency is measured on an orbit
-    /// with views of `consistency_size` pixels.
+    /// `n` views chosen to suit the scene, with a longer side of `size` pixels. Consistency is measured on an
+    /// orbit with views of `consistency_size` pixels.
     ///
     /// # Errors
     /// If no camera can see the scene.
@@ -87,8 +89,8 @@ impl Views {
         Ok(Self { cameras: choose_views(scene, n, UVec2::splat(size)), consistency })
     }
 
-    /// `n` of these cameras, spread over the list. Consistency is measured on `pairs` of the cameras, or on an orbit
-    /// if there are none.
+    /// `n` of these cameras, spread over the list. Consistency is measured on `pairs` of the cameras, or on an
+    /// orbit if there are none.
     ///
     /// # Errors
     /// If there are no pairs, and no camera on the orbit can see the scene.
@@ -305,8 +307,8 @@ impl<'a> Gallery<'a> {
 /// The share of color values outside 0..1, in pixels of which the scene covers more than half.
 fn share_out_of_range(view: &RenderedImage) -> f64 {
     let covered = || view.color.iter().zip(&view.alpha).filter(|(_, alpha)| **alpha > 0.5);
-    // Colors are premultiplied, so the largest displayable value is alpha. Rounding within a hundredth is not out of
-    // range.
+    // Colors are premultiplied, so the largest displayable value is alpha. Rounding within a hundredth is not
+    // out of range.
     let outside = covered().flat_map(|(color, alpha)| color.map(|c| c < -0.01 || c > alpha + 0.01));
     outside.filter(|outside| *outside).count() as f64 / (3 * covered().count().max(1)) as f64
 }

@@ -1,7 +1,8 @@
 //! A 2D decoder from relu3_1 features back to an image, for the 2D baseline.
 //!
-//! The reconstruction decoder of "Universal Style Transfer via Feature Transforms" (Li et al. 2017) mirrors VGG-19
-//! from relu3_1 down: it was trained to invert the features, and with transferred features it paints the style.
+//! The reconstruction decoder of "Universal Style Transfer via Feature Transforms" (Li et al. 2017) mirrors
+//! VGG-19 from relu3_1 down: it was trained to invert the features, and with transferred features it paints the
+//! style.
 
 use std::path::Path;
 
@@ -36,14 +37,16 @@ impl ImageDecoder {
     /// Opens weights (`conv3_1.weight` ... `conv1_1.bias`, f32) as safetensors or a PyTorch state dict.
     ///
     /// # Errors
-    /// If the file cannot be read, a tensor is missing, has another shape or is not finite, or no engine runs it.
+    /// If the file cannot be read, a tensor is missing, has another shape or is not finite, or no engine runs
+    /// it.
     pub fn open(path: &Path) -> Result<Self, TrainError> {
         let weights = Weights::open(path)?;
         let mut chain = ChainWriter::new(N_CHANNELS);
         for (layer, (name, outputs, inputs, doubles)) in LAYERS.into_iter().enumerate() {
             let convolution = weights.convolution(name, [outputs, inputs, 3, 3])?;
             chain = chain.reflect().convolution(&convolution, 0);
-            // The last layer gives colors, which a ReLU would cut at 0 and leave open above. `decode` clamps both.
+            // The last layer gives colors, which a ReLU would cut at 0 and leave open above. `decode` clamps
+            // both.
             if layer + 1 < LAYERS.len() {
                 chain = chain.relu();
             }

@@ -176,7 +176,8 @@ impl Look {
         }
     }
 
-    /// Mean squared distance of relu3_1 from another picture of the same view, weighted by the scene's coverage.
+    /// Mean squared distance of relu3_1 from another picture of the same view, weighted by the scene's
+    /// coverage.
     fn content_error(&self, other: &Self) -> f64 {
         let n_channels = self.content.len() / self.coverage.len().max(1);
         let cell = |((a, b), share): ((&[f32], &[f32]), &f32)| -> f64 {
@@ -199,8 +200,8 @@ fn layer_error(found: &[f32], target: &[f32]) -> f64 {
     squares.sum::<f64>() / (found.len() / 2) as f64
 }
 
-/// The rank of `own` if the paintings are sorted by their style error to `found`: 1 if it is the nearest. Of equal ones
-/// the first comes first.
+/// The rank of `own` if the paintings are sorted by their style error to `found`: 1 if it is the nearest. Of
+/// equal ones the first comes first.
 fn rank<'a>(found: &Statistics, targets: impl Iterator<Item = &'a Statistics>, own: usize) -> usize {
     let errors: Vec<f64> = targets.map(|target| sum(&style_errors(found, target))).collect();
     let is_nearer = |i: usize| errors[i] < errors[own] || (errors[i] == errors[own] && i < own);

@@ -6,11 +6,12 @@ use stylegaussian::{
     random::Random,
 };
 
-/// Most cells of a picture that are compared, chosen at random: with 2,048 of them the error of a mean of distances
-/// between 0 and 1 is below 1%.
+/// Most cells of a picture that are compared, chosen at random: with 2,048 of them the error of a mean of
+/// distances between 0 and 1 is below 1%.
 const MAX_QUERIES: usize = 2048;
 
-/// Most cells of a painting that a cell is compared with, chosen at random. relu3_1 of 512 x 512 pixels has 16,384.
+/// Most cells of a painting that a cell is compared with, chosen at random. relu3_1 of 512 x 512 pixels has
+/// 16,384.
 const MAX_KEYS: usize = 8192;
 
 /// Cells of the picture in one product.
@@ -51,8 +52,8 @@ impl Directions {
         Self { rows: order.into_iter().flat_map(unit).collect(), n_channels }
     }
 
-    /// The mean over the picture's cells of the cosine distance (1 - cos) to the nearest of the painting's. `None` if
-    /// there is no cell to compare.
+    /// The mean over the picture's cells of the cosine distance (1 - cos) to the nearest of the painting's.
+    /// `None` if there is no cell to compare.
     pub fn distance_to(&self, painting: &Self) -> Option<f64> {
         let d = self.n_channels;
         let n_keys = painting.rows.len() / d.max(1);

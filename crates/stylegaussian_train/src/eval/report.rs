@@ -42,15 +42,15 @@ pub struct Measures {
     pub style_error: f64,
     /// Style error at relu4_1, if weights reach that layer.
     pub relu4_1_style_error: Option<f64>,
-    /// Share of the pictures whose luminance alone, at equal mean and deviation, has the smallest style error for their
-    /// own painting.
+    /// Share of the pictures whose luminance alone, at equal mean and deviation, has the smallest style error
+    /// for their own painting.
     pub texture_own_painting_nearest: f64,
     /// Rank of the own painting among all by that error: 1 is the nearest.
     pub texture_rank: f64,
     /// Style error of the luminance.
     pub texture_error: f64,
-    /// Mean cosine distance of a covered cell's features to the nearest in the painting, at relu2_1 and relu3_1:
-    /// the mean over those pictures that have a covered cell, `None` if there is none.
+    /// Mean cosine distance of a covered cell's features to the nearest in the painting, at relu2_1 and
+    /// relu3_1: the mean over those pictures that have a covered cell, `None` if there is none.
     pub nearest_feature_distances: [Option<f64>; 2],
     /// Energy of fine texture over the painting's.
     pub grain: f64,

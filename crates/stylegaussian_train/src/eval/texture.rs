@@ -1,4 +1,5 @@
-//! Texture apart from palette: pictures as luminance of equal mean and deviation, and the energy of their fine detail.
+//! Texture apart from palette: pictures as luminance of equal mean and deviation, and the energy of their fine
+//! detail.
 //!
 //! VGG-19's statistics of such pictures tell brushwork, not color: recoloring a scene scores at chance.
 
@@ -8,7 +9,8 @@ const DEVIATION: f64 = 0.18;
 /// Keeps a picture of one color from dividing by 0. Far below the 1/255 that a display can show.
 const LEAST_DEVIATION: f64 = 1e-6;
 
-/// A pixel counts as covered if its alpha is above this. At the fringes of a scene the background shines through.
+/// A pixel counts as covered if its alpha is above this. At the fringes of a scene the background shines
+/// through.
 const COVERED: f32 = 0.9;
 
 /// Which pixels of a view show the scene, from its alpha `[H * W]`.
@@ -30,8 +32,8 @@ fn moments(values: &[f64], counts: &[bool]) -> (f64, f64) {
     (mean, (counted().map(|value| (value - mean).powi(2)).sum::<f64>() / n).sqrt())
 }
 
-/// A gray picture `[H * W * 3]` of equal mean (0.5) and deviation (0.18) whatever the colors of `rgb` `[H * W * 3]`,
-/// clamped to 0..1. Pixels that do not count are 0.5.
+/// A gray picture `[H * W * 3]` of equal mean (0.5) and deviation (0.18) whatever the colors of `rgb`
+/// `[H * W * 3]`, clamped to 0..1. Pixels that do not count are 0.5.
 pub fn luminance(rgb: &[f32], counts: &[bool]) -> Vec<f32> {
     let luma = luma(rgb);
     let (mean, deviation) = moments(&luma, counts);
@@ -42,8 +44,9 @@ pub fn luminance(rgb: &[f32], counts: &[bool]) -> Vec<f32> {
     luma.into_iter().zip(counts).flat_map(|pixel| [gray(pixel); 3]).collect()
 }
 
-/// How much fine texture a picture `[H * W * 3]` of `[W, H]` pixels has: the deviation of its luminance's Laplacian over
-/// that of the luminance itself. Only pixels that count and whose four neighbors do are seen; 0 if there are none.
+/// How much fine texture a picture `[H * W * 3]` of `[W, H]` pixels has: the deviation of its luminance's
+/// Laplacian over that of the luminance itself. Only pixels that count and whose four neighbors do are seen; 0
+/// if there are none.
 pub fn grain(rgb: &[f32], counts: &[bool], [width, height]: [usize; 2]) -> f64 {
     let luma = luma(rgb);
     let (mut laplacians, mut inner) = (Vec::new(), Vec::new());
@@ -61,8 +64,8 @@ pub fn grain(rgb: &[f32], counts: &[bool], [width, height]: [usize; 2]) -> f64 {
     moments(&laplacians, &all).1 / (moments(&inner, &all).1 + LEAST_DEVIATION)
 }
 
-/// Which cells of a feature map of `[w, h]` cells, each `side` x `side` pixels, see only pixels that count. A cell at the
-/// end of a picture whose side is no multiple of `side` lacks pixels, and does not count.
+/// Which cells of a feature map of `[w, h]` cells, each `side` x `side` pixels, see only pixels that count. A
+/// cell at the end of a picture whose side is no multiple of `side` lacks pixels, and does not count.
 pub fn whole_cells(
     counts: &[bool],
     [width, height]: [usize; 2],

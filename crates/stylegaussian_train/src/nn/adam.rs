@@ -9,8 +9,8 @@ const BETA_1: f32 = 0.9;
 const BETA_2: f32 = 0.999;
 const EPSILON: f32 = 1e-8;
 
-/// Limit of the gradients' norm over all parameters. AdaIN of a scene with a nearly constant channel occasionally
-/// gives a gradient hundreds of times the usual one.
+/// Limit of the gradients' norm over all parameters. AdaIN of a scene with a nearly constant channel
+/// occasionally gives a gradient hundreds of times the usual one.
 const MAX_NORM: f32 = 10.0;
 
 /// First and second moments of every parameter.
@@ -29,8 +29,8 @@ impl Adam {
         Self { step: 0, moments }
     }
 
-    /// Moves the parameters against the gradients. If the gradients' norm is not finite, nothing moves. Returns the
-    /// norm before clipping.
+    /// Moves the parameters against the gradients. If the gradients' norm is not finite, nothing moves. Returns
+    /// the norm before clipping.
     ///
     /// # Errors
     /// If the gradients cannot be read.

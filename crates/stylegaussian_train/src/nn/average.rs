@@ -1,5 +1,5 @@
-//! The mean of the parameters over the last part of a training. A step sees one view and one painting, and its fit
-//! to these alone averages out (Polyak and Juditsky 1992).
+//! The mean of the parameters over the last part of a training. A step sees one view and one painting, and its
+//! fit to these alone averages out (Polyak and Juditsky 1992).
 
 use burn::tensor::Tensor;
 
@@ -24,7 +24,8 @@ impl Average {
     pub fn add(&mut self, parameters: &[Parameter]) {
         self.count += 1;
         for (mean, parameter) in self.means.iter_mut().zip(parameters) {
-            // A running mean, and not a sum to be divided, which would lose digits of the differences between states.
+            // A running mean, and not a sum to be divided, which would lose digits of the differences between
+            // states.
             let difference = parameter.values.clone().inner() - mean.clone();
             *mean = mean.clone() + difference / self.count as f32;
         }

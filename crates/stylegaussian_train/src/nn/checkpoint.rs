@@ -51,7 +51,8 @@ pub fn fingerprint_of_files(paths: &[PathBuf]) -> Result<String, TrainError> {
     Ok(fingerprint(parts.into_bytes()))
 }
 
-/// Writes parameters, moments, averages, history and origin atomically. `format` names the kind of training in the file.
+/// Writes parameters, moments, averages, history and origin atomically. `format` names the kind of training in
+/// the file.
 ///
 /// # Errors
 /// If a tensor cannot be read or the file cannot be written.
@@ -93,12 +94,13 @@ pub fn save(
     Ok(())
 }
 
-/// Reads a checkpoint of this `format` into `parameters`, `adam` and `average`, whose shapes it must have. Beside the
-/// history, returns the parts of the `origin` that the file does not name: files of earlier versions name none.
+/// Reads a checkpoint of this `format` into `parameters`, `adam` and `average`, whose shapes it must have.
+/// Beside the history, returns the parts of the `origin` that the file does not name: files of earlier versions
+/// name none.
 ///
 /// # Errors
-/// If the file cannot be read, has another format, belongs to another network or was started with other parts, or holds
-/// a number that is not finite.
+/// If the file cannot be read, has another format, belongs to another network or was started with other parts,
+/// or holds a number that is not finite.
 pub fn load(
     path: &Path,
     format: &str,

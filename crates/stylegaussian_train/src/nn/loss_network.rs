@@ -79,9 +79,9 @@ pub struct LossNetwork {
 }
 
 impl LossNetwork {
-    /// Reads VGG-19 weights from `main` (safetensors with tensors `conv1_1.weight` ...), up to conv4_1 if the file
-    /// has it. `deep` names a narrow substitute for relu4_1: VGG-19 with a quarter of the channels and 1x1 `aux`
-    /// convolutions. Training runs on the same processor.
+    /// Reads VGG-19 weights from `main` (safetensors with tensors `conv1_1.weight` ...), up to conv4_1 if the
+    /// file has it. `deep` names a narrow substitute for relu4_1: VGG-19 with a quarter of the channels and 1x1
+    /// `aux` convolutions. Training runs on the same processor.
     ///
     /// # Errors
     /// If a file cannot be read or a tensor is missing or has another shape.
@@ -157,8 +157,8 @@ pub(crate) fn kernel(convolution: &Convolution, device: &Device) -> Kernel {
     )
 }
 
-/// Joins a 1x1 convolution of the picture's channels and the convolution after it into one. Reflection padding commutes
-/// with a 1x1 convolution, so this is exact also at the border.
+/// Joins a 1x1 convolution of the picture's channels and the convolution after it into one. Reflection padding
+/// commutes with a 1x1 convolution, so this is exact also at the border.
 pub(crate) fn behind(input: &Convolution, mut convolution: Convolution) -> Convolution {
     let [d_out, d_in, height, width] = convolution.shape;
     let k = height * width;

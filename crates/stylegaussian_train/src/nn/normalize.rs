@@ -1,5 +1,5 @@
-//! Scaling of a network of convolutions and ReLUs so that every channel has mean 1. The scaled network distinguishes
-//! the same inputs: ReLU(s x) = s ReLU(x) for s > 0, and the next layer divides by s again.
+//! Scaling of a network of convolutions and ReLUs so that every channel has mean 1. The scaled network
+//! distinguishes the same inputs: ReLU(s x) = s ReLU(x) for s > 0, and the next layer divides by s again.
 
 use std::{path::Path, sync::Arc};
 
@@ -24,8 +24,9 @@ const SIDE: u32 = 256;
 /// A channel with a smaller mean is dead and is not scaled.
 const LEAST_MEAN: f32 = 1e-6;
 
-/// Scales the convolutions of [`read_torchvision`](super::vgg::read_torchvision) so that over the images in `folder`
-/// the mean of every channel is 1. The first one, which maps RGB 0..1 to VGG's input, is left as it is.
+/// Scales the convolutions of [`read_torchvision`](super::vgg::read_torchvision) so that over the images in
+/// `folder` the mean of every channel is 1. The first one, which maps RGB 0..1 to VGG's input, is left as it
+/// is.
 ///
 /// # Errors
 /// If the folder holds no image or one cannot be read.
@@ -43,8 +44,8 @@ pub fn normalize(convolutions: &mut [(&str, Convolution)], folder: &Path) -> Res
             pictures = pictures.into_iter().map(|x| max_pool(x, size)).collect();
             size = size.map(|side| side.div_ceil(2));
         }
-        // The pictures are scaled already, so this layer must first take them as they are now. Biases add to sums
-        // over inputs and need no change.
+        // The pictures are scaled already, so this layer must first take them as they are now. Biases add to
+        // sums over inputs and need no change.
         multiply_inputs(convolution, &means);
         // The first convolution sees pictures through conv0, which keeps its own place in the file.
         let seen = if i == 0 { behind(&input.1, convolution.clone()) } else { convolution.clone() };

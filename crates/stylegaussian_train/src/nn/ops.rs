@@ -1,8 +1,9 @@
-//! The custom operations of training, above all the KNN convolution and the splat render, for every backend of burn.
+//! The custom operations of training, above all the KNN convolution and the splat render, for every backend of
+//! burn.
 //!
 //! On the CPU they run the model's own kernels with their hand-written gradients. On other backends the default
-//! bodies compose the same operations from gathers, products and sums, so that any GPU backend can train. A test
-//! compares the two.
+//! bodies compose the same operations from gathers, products and sums, so that any GPU backend can train. A
+//! test compares the two.
 
 use std::sync::Arc;
 
@@ -21,8 +22,8 @@ mod composed;
 mod pictures;
 mod pixels;
 
-/// The rows of the input that each output row of a convolution sees: a Gaussian's neighborhood, or a kernel's window
-/// on a picture.
+/// The rows of the input that each output row of a convolution sees: a Gaussian's neighborhood, or a kernel's
+/// window on a picture.
 #[derive(Debug)]
 pub struct Windows {
     /// K, the number of rows in a window.
@@ -284,7 +285,8 @@ impl TrainingOps for Flex {
     }
 }
 
-/// y `[N_out, D_out]` of x `[N_in, D_in]`, weight `[D_out, K * D_in]`, bias `[D_out]`, differentiable in all three.
+/// y `[N_out, D_out]` of x `[N_in, D_in]`, weight `[D_out, K * D_in]`, bias `[D_out]`, differentiable in all
+/// three.
 pub fn windows_conv(x: Tensor<2>, weight: Tensor<2>, bias: Tensor<1>, windows: &Arc<Windows>) -> Tensor<2> {
     let [x, weight] = [x, weight].map(Tensor::into_dispatch);
     Tensor::from_dispatch(<Dispatch as TrainingOps>::windows_conv(

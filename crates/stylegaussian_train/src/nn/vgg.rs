@@ -12,8 +12,8 @@ use stylegaussian_encoder::{
 
 use crate::error::TrainError;
 
-/// Reads torchvision's VGG-19 up to conv4_1 under the names of [`CONVOLUTIONS`]. The first convolution, `conv0`, is
-/// the 1x1 one that takes RGB 0..1 to the input that VGG-19 expects.
+/// Reads torchvision's VGG-19 up to conv4_1 under the names of [`CONVOLUTIONS`]. The first convolution,
+/// `conv0`, is the 1x1 one that takes RGB 0..1 to the input that VGG-19 expects.
 ///
 /// # Errors
 /// If the file cannot be read or a tensor is missing or has another shape.

@@ -1,4 +1,5 @@
-//! A server of one folder on this machine, for trying the page. It is for one person: not a server for the world.
+//! A server of one folder on this machine, for trying the page. It is for one person: not a server for the
+//! world.
 
 use std::{
     fs,
@@ -31,8 +32,8 @@ pub fn serve(folder: &Path) -> Result<()> {
     println!("\nhttp://{} (Ctrl-C ends it)", listener.local_addr()?);
     for stream in listener.incoming().flatten() {
         let folder = folder.to_owned();
-        // A browser keeps connections open that it does not use yet, so one must not wait for another. A visitor who hangs up
-        // early is no error.
+        // A browser keeps connections open that it does not use yet, so one must not wait for another. A
+        // visitor who hangs up early is no error.
         thread::spawn(move || answer(stream, &folder));
     }
     Ok(())
@@ -64,7 +65,8 @@ fn answer(mut stream: TcpStream, folder: &Path) -> io::Result<()> {
     stream.write_all(&bytes)
 }
 
-/// The file that a request's first line asks for, relative to the folder; `None` if it is no `GET` or leads elsewhere.
+/// The file that a request's first line asks for, relative to the folder; `None` if it is no `GET` or leads
+/// elsewhere.
 fn file(request: &str) -> Option<PathBuf> {
     let path = request.strip_prefix("GET /")?.split([' ', '?', '#']).next()?;
     let path = Path::new(if path.is_empty() { "index.html" } else { path });

@@ -112,7 +112,8 @@ fn pointers_hit_splats() {
     assert!(hits(&mut app).is_none(), "the splats are gone");
 }
 
-/// The nearest entity is over the others, unless it lets pointers pass; markers and layers decide who takes part.
+/// The nearest entity is over the others, unless it lets pointers pass; markers and layers decide who takes
+/// part.
 #[test]
 fn entities_choose_whether_they_are_picked() {
     let (mut app, camera) = app();

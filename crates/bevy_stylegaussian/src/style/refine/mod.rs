@@ -1,7 +1,7 @@
 //! Refining: a style that is shown is baked further in the background, and better looks replace it.
 //!
-//! [`StyleApplied`] makes an entity with [`StyleRefine`] want a bake. It begins once the paintings are loaded, runs in the
-//! threads of [`worker`], and ends early if anything else is wanted of the entity's style.
+//! [`StyleApplied`] makes an entity with [`StyleRefine`] want a bake. It begins once the paintings are loaded,
+//! runs in the threads of [`worker`], and ends early if anything else is wanted of the entity's style.
 
 use std::sync::Arc;
 
@@ -34,25 +34,29 @@ pub(super) use engine::Engine;
 pub(super) use worker::RefineThreads;
 use worker::{Better, Request, Running};
 
-/// Bakes an entity's style further in the background, from the moment at which it is shown: the colors under its strokes become more
-/// like the painting's. Better looks replace it, by a fade if the entity has a [`StyleTransition`](crate::StyleTransition).
+/// Bakes an entity's style further in the background, from the moment at which it is shown: the colors under
+/// its strokes become more like the painting's. Better looks replace it, by a fade if the entity has a
+/// [`StyleTransition`](crate::StyleTransition).
 ///
-/// The bake takes half a minute to minutes, on a quarter of the processor's cores and at a low priority. All entities
-/// share these threads, one after the other. It is canceled if the style, the scene or this component changes, and begins
-/// anew. It needs the paintings themselves: see [`paintings`](Self::paintings). A mix with a look is not refined, because a
-/// look is baked already. With the source's `content` c, the colors are c of the base color and 1 - c of what is baked.
+/// The bake takes half a minute to minutes, on a quarter of the processor's cores and at a low priority. All
+/// entities share these threads, one after the other. It is canceled if the style, the scene or this component
+/// changes, and begins anew. It needs the paintings themselves: see [`paintings`](Self::paintings). A mix with
+/// a look is not refined, because a look is baked already. With the source's `content` c, the colors are c of
+/// the base color and 1 - c of what is baked.
 ///
-/// It needs threads: in a browser, [`StyleFailed`](crate::StyleFailed) says that there are none, and the style stays as it is.
+/// It needs threads: in a browser, [`StyleFailed`](crate::StyleFailed) says that there are none, and the style
+/// stays as it is.
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[require(Refinement)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct StyleRefine {
     /// Steps of the bake. If it is 0, nothing is refined.
     pub steps: u32,
-    /// Number of times that a better look is shown, evenly spread over the steps; at least 1. The last one is complete.
+    /// Number of times that a better look is shown, evenly spread over the steps; at least 1. The last one is
+    /// complete.
     pub n_shown: u32,
-    /// The paintings and their weights. If it is empty, they are the images of the entity's [`StyleSource`]. A source with
-    /// presets is refined only if paintings are given here.
+    /// The paintings and their weights. If it is empty, they are the images of the entity's [`StyleSource`]. A
+    /// source with presets is refined only if paintings are given here.
     pub paintings: Vec<(Handle<Image>, f32)>,
 }
 

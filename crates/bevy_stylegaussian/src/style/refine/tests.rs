@@ -79,7 +79,8 @@ fn painting() -> Image {
     Image::new(size, TextureDimension::D2, pixels, TextureFormat::Rgba8UnormSrgb, usage)
 }
 
-/// An app whose bakes are counted, and an entity that shows a preset and is refined toward a painting in `steps`.
+/// An app whose bakes are counted, and an entity that shows a preset and is refined toward a painting in
+/// `steps`.
 fn app(steps: u32, n_shown: u32) -> (App, Entity, Arc<Log>) {
     let mut app = app_without_rendering();
     let log = Arc::<Log>::default();
@@ -283,7 +284,8 @@ fn bakes_run_at_a_low_priority() {
         let nice = Arc::clone(&nice);
         move |_: &Scene, _: Vec<_>, _| {
             let status = std::fs::read_to_string("/proc/thread-self/stat").unwrap();
-            // The name stands in parentheses. The fields after it begin with the third, and the 19th is the priority.
+            // The name stands in parentheses. The fields after it begin with the third, and the 19th is the
+            // priority.
             let after = status.rsplit_once(") ").unwrap().1;
             nice.store(after.split(' ').nth(16).unwrap().parse().unwrap(), SeqCst);
             Err(StyleError::Refine("seen".into()))

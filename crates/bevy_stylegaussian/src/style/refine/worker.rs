@@ -34,7 +34,8 @@ pub(super) struct Request {
 pub(super) struct Better {
     /// Colors `[N]` in scene order.
     pub(super) colors: Arc<[[f32; 3]]>,
-    /// The strokes over them; those that are shown already if they are the same, which then stay as they are while colors fade.
+    /// The strokes over them; those that are shown already if they are the same, which then stay as they are
+    /// while colors fade.
     pub(super) strokes: Option<Arc<Strokes>>,
     /// Steps that gave them.
     pub(super) steps: u32,
@@ -69,9 +70,9 @@ impl Shared {
     }
 }
 
-/// Priority of the threads, of 0 to 99. On Linux it is niceness 5: where all cores are busy, such a thread gets a third of the
-/// time of a usual one (weights 335 and 1024 of the kernel's scheduler). At the lowest priority it would stand still beside a
-/// renderer that is a CPU.
+/// Priority of the threads, of 0 to 99. On Linux it is niceness 5: where all cores are busy, such a thread gets
+/// a third of the time of a usual one (weights 335 and 1024 of the kernel's scheduler). At the lowest priority
+/// it would stand still beside a renderer that is a CPU.
 #[cfg(not(target_family = "wasm"))]
 const PRIORITY: u8 = 35;
 
@@ -108,13 +109,15 @@ fn build() -> Option<ThreadPool> {
         .num_threads(RefineThreads::count())
         .thread_name(|index| format!("style refine {index}"))
         .start_handler(|_| lower_priority())
-        // A panic has been printed by now, and without a handler rayon would end the game. The bake gives no result.
+        // A panic has been printed by now, and without a handler rayon would end the game. The bake gives no
+        // result.
         .panic_handler(|_| {})
         .build();
     pool.inspect_err(|error| error!("styles are not refined: {error}")).ok()
 }
 
-/// Gives this thread a low [`PRIORITY`]. Best effort: where it is not allowed, a few threads of usual priority remain.
+/// Gives this thread a low [`PRIORITY`]. Best effort: where it is not allowed, a few threads of usual priority
+/// remain.
 #[cfg(not(target_family = "wasm"))]
 fn lower_priority() {
     use thread_priority::{ThreadPriority, ThreadPriorityValue, set_current_thread_priority};

@@ -80,7 +80,8 @@ impl Stage {
         }
     }
 
-    /// Checks what an entity shows against layers of flat colors, the lowest first: `None` for the captured ones.
+    /// Checks what an entity shows against layers of flat colors, the lowest first: `None` for the captured
+    /// ones.
     fn check(&self, name: &str, entity: Entity, layers: &[(Option<[f32; 3]>, Region, f32)]) {
         let flat = |[r, g, b]: [f32; 3]| vec![[r, g, b, 1.0]; N];
         let colors: Vec<_> = layers.iter().map(|(color, ..)| color.map(flat)).collect();
@@ -117,8 +118,8 @@ fn region(shape: Shape, at: Transform, cloud: Transform, softness: f32) -> Regio
     Region { shape, shape_from_scene, softness }
 }
 
-/// Volumes lie over the cloud's own style by their priority, follow their transforms and the cloud's, and go with their
-/// entity.
+/// Volumes lie over the cloud's own style by their priority, follow their transforms and the cloud's, and go
+/// with their entity.
 #[test]
 fn volumes_restyle_what_is_within() {
     let Some(mut stage) = Stage::new() else { return };
@@ -204,7 +205,8 @@ fn volumes_need_no_style_below() {
     stage.check("everything", cloud, &[(Some(RED), ALL, 1.0)]);
 }
 
-/// The first style of a volume fades in over whatever lies below, and the next one sweeps through what the volume shows.
+/// The first style of a volume fades in over whatever lies below, and the next one sweeps through what the
+/// volume shows.
 #[test]
 fn later_styles_of_a_volume_come_in_shape() {
     let Some(mut stage) = Stage::new() else { return };
@@ -254,8 +256,8 @@ fn a_strength_leads_from_captured_to_styled() {
     }
 }
 
-/// Each kind of transition goes from the old colors to the new without a jump, and a change in between goes on from what is
-/// shown.
+/// Each kind of transition goes from the old colors to the new without a jump, and a change in between goes on
+/// from what is shown.
 #[test]
 fn transitions_never_jump() {
     let Some(mut stage) = Stage::new() else { return };
@@ -369,8 +371,8 @@ fn an_entity_may_wait_for_its_style() {
     assert!(is_drawn(&stage, cloud));
 }
 
-/// Volumes without a size, of infinite size, at no place at all, and volumes whose style never comes: the picture stays
-/// finite, and the others do their work.
+/// Volumes without a size, of infinite size, at no place at all, and volumes whose style never comes: the
+/// picture stays finite, and the others do their work.
 #[test]
 fn volumes_may_be_anything() {
     let Some(mut stage) = Stage::new() else { return };

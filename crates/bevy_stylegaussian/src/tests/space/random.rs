@@ -1,4 +1,5 @@
-//! Random operations on clouds, masks, volumes and cameras end with what a simple model predicts, and leave nothing behind.
+//! Random operations on clouds, masks, volumes and cameras end with what a simple model predicts, and leave
+//! nothing behind.
 
 use bevy::prelude::*;
 use stylegaussian::{
@@ -235,8 +236,8 @@ impl Model {
     }
 }
 
-/// Operates so often, with a check after every 500 operations. Returns the memory after a quarter and at the end, with nothing
-/// left in the world.
+/// Operates so often, with a check after every 500 operations. Returns the memory after a quarter and at the
+/// end, with nothing left in the world.
 fn operate(n_operations: usize) -> Option<[Option<Allocations>; 2]> {
     let mut stage = Stage::new()?;
     let colors = vec![[0.8, 0.2, 0.1], [0.1, 0.6, 0.2], [0.2, 0.1, 0.9], [0.5, 0.5, 0.5]];
@@ -273,7 +274,8 @@ fn random_operations_end_as_predicted() {
     operate(1000);
 }
 
-/// Uniforms are kept for the most dispatches that a frame had, so a longer run may have a few more of them: 1 kB each.
+/// Uniforms are kept for the most dispatches that a frame had, so a longer run may have a few more of them: 1
+/// kB each.
 #[test]
 #[ignore = "minutes"]
 fn ten_thousand_random_operations_leave_nothing_behind() {

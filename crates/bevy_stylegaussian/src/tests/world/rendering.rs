@@ -33,8 +33,8 @@ use stylegaussian::splat::RenderedImage;
 
 use crate::{StyleBackend, StyleGaussianPlugin};
 
-/// An app that renders without a window, in which any render error fails the test. If there is no adapter, it prints
-/// `SKIPPED` and returns `None`.
+/// An app that renders without a window, in which any render error fails the test. If there is no adapter, it
+/// prints `SKIPPED` and returns `None`.
 pub fn app_with_rendering(backend: StyleBackend) -> Option<App> {
     app_with_settings(backend, WgpuSettings::default())
 }
@@ -47,8 +47,8 @@ pub fn app_with_settings(backend: StyleBackend, settings: WgpuSettings) -> Optio
     Some(finish(app))
 }
 
-/// An app that renders, before any plugin of ours is added and before it is [finished](finish). `None` if there is no
-/// adapter.
+/// An app that renders, before any plugin of ours is added and before it is [finished](finish). `None` if there
+/// is no adapter.
 pub fn app_without_splats(settings: WgpuSettings) -> Option<App> {
     // Asked before the app is made: Bevy's `RenderPlugin` panics if it finds no adapter.
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
@@ -59,8 +59,8 @@ pub fn app_without_splats(settings: WgpuSettings) -> Option<App> {
     }
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
     let mut app = App::new();
-    // Named one by one and not `DefaultPlugins`: no window, and no pipelined rendering, so that an update draws its
-    // own frame.
+    // Named one by one and not `DefaultPlugins`: no window, and no pipelined rendering, so that an update draws
+    // its own frame.
     app.add_plugins((
         TaskPoolPlugin::default(),
         FrameCountPlugin,
@@ -140,8 +140,8 @@ pub fn read_back(app: &App, image: &Handle<Image>) -> Vec<[f32; 4]> {
 /// Allocations on the device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Allocations {
-    /// Number of allocations in the allocator's report. The report's bytes include the padding before a resource, so they
-    /// depend on its place; the bytes below do not.
+    /// Number of allocations in the allocator's report. The report's bytes include the padding before a
+    /// resource, so they depend on its place; the bytes below do not.
     pub n: usize,
     pub n_buffers: isize,
     pub buffer_bytes: isize,
@@ -165,7 +165,8 @@ pub fn allocations(app: &App) -> Option<Allocations> {
     Some(found)
 }
 
-/// A picture of the CPU rasterizer over black, as a camera blends it: the colors are display-referred, and the blend is linear.
+/// A picture of the CPU rasterizer over black, as a camera blends it: the colors are display-referred, and the
+/// blend is linear.
 pub fn over_black(view: &RenderedImage) -> Vec<[f32; 3]> {
     let blend = |(color, &alpha): (&[f32; 3], &f32)| {
         let linear = |channel: f32| alpha * Srgba::gamma_function(channel / alpha.max(1e-6));

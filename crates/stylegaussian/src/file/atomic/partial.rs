@@ -1,7 +1,8 @@
 //! A file that is not complete yet.
 //!
-//! On Linux it has no name until it is complete, so that nothing is left behind, whatever ends the process. Elsewhere, and
-//! on file systems without such files, it has a hidden name, which [`abandon_partial_files`] removes.
+//! On Linux it has no name until it is complete, so that nothing is left behind, whatever ends the process.
+//! Elsewhere, and on file systems without such files, it has a hidden name, which [`abandon_partial_files`]
+//! removes.
 
 use std::{
     fs::{self, File},
@@ -31,8 +32,8 @@ pub(super) struct Partial {
 }
 
 impl Partial {
-    /// Creates an empty file on the file system of `path`, in the same folder: files move at once within one file system
-    /// only.
+    /// Creates an empty file on the file system of `path`, in the same folder: files move at once within one
+    /// file system only.
     pub fn beside(path: &Path) -> io::Result<Self> {
         if path.file_name().is_none() {
             return Err(io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"));
@@ -93,8 +94,8 @@ impl Drop for Partial {
     }
 }
 
-/// Removes all partial files of this process, which is about to end by a signal. Threads that begin or finish a file
-/// after this call wait forever.
+/// Removes all partial files of this process, which is about to end by a signal. Threads that begin or finish a
+/// file after this call wait forever.
 pub fn abandon_partial_files() {
     let names = names();
     for name in names.iter() {

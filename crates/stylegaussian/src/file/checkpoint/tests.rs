@@ -123,7 +123,8 @@ fn repacked_checkpoints_read_alike() {
     check_gaussians(&scene);
 }
 
-/// The file names each tensor once. One that names a tensor a million times must not take a million times its size.
+/// The file names each tensor once. One that names a tensor a million times must not take a million times its
+/// size.
 #[test]
 fn shared_storages_count_each_time() {
     let file = PytorchFile::parse(FINAL).unwrap();

@@ -1,5 +1,5 @@
-//! Features and neighbors as application attributes, which only files of this project have: a styled scene can be styled
-//! anew. Other programs ignore them.
+//! Features and neighbors as application attributes, which only files of this project have: a styled scene can
+//! be styled anew. Other programs ignore them.
 //!
 //! | attribute | rows | |
 //! | --- | --- | --- |
@@ -8,10 +8,10 @@
 //! | `_SG_NEIGHBORS_i` | 4 u16 | neighbors 2 i and 2 i + 1, each the lower half before the upper half |
 //! | `_SG_ORDER` | 2 u16 | index in the source, lower half and upper half; absent if it is 0, 1, 2, ... |
 //!
-//! The primitive's `extras.stylegaussian` keeps the rest, which belongs to the scene as a whole, as a safetensors file in
-//! base64: tensors `basis` `[D, L]` and `offset` `[D]`, those of a decoder, and metadata `encoder`, `extra` (E) and
-//! `neighbors` (K).
-//! Programs that rewrite a glTF keep attributes and extras, but drop buffer views that nothing refers to.
+//! The primitive's `extras.stylegaussian` keeps the rest, which belongs to the scene as a whole, as a
+//! safetensors file in base64: tensors `basis` `[D, L]` and `offset` `[D]`, those of a decoder, and metadata
+//! `encoder`, `extra` (E) and `neighbors` (K). Programs that rewrite a glTF keep attributes and extras, but
+//! drop buffer views that nothing refers to.
 
 use glam::Vec3;
 use half::f16;
@@ -133,8 +133,8 @@ pub(super) fn extras(scene: &Scene) -> Result<Option<String>, Mismatch> {
     Ok(Some(base64::encode(&bytes)))
 }
 
-/// Adds to a scene what [`attributes`] and [`extras`] wrote, and what the asset says about it. If that contradicts
-/// itself, a warning says so, and the scene stays as it is.
+/// Adds to a scene what [`attributes`] and [`extras`] wrote, and what the asset says about it. If that
+/// contradicts itself, a warning says so, and the scene stays as it is.
 pub(super) fn read(document: &Document, primitive: &Value, scene: &mut Scene, warnings: &mut Vec<String>) {
     let asset = &document.json["asset"];
     scene.license = asset["copyright"].as_str().map(Into::into);

@@ -5,8 +5,8 @@ use serde_json::Value;
 
 use crate::file::error::{Mismatch, mismatch};
 
-/// The meshes of the scene, each with its node's transform to the world. Without a scene, all roots are shown; without a
-/// node, all meshes.
+/// The meshes of the scene, each with its node's transform to the world. Without a scene, all roots are shown;
+/// without a node, all meshes.
 pub(super) fn meshes(json: &Value) -> Result<Vec<(usize, DAffine3)>, Mismatch> {
     let none = Vec::new();
     let nodes = json["nodes"].as_array().unwrap_or(&none);

@@ -130,7 +130,8 @@ impl<'a> Splats<'a> {
         Ok(scene)
     }
 
-    /// Warns of kernels, projections and color spaces that are not known, which the extension asks to draw as ellipses.
+    /// Warns of kernels, projections and color spaces that are not known, which the extension asks to draw as
+    /// ellipses.
     fn warn_of_unknowns(&self, warnings: &mut Vec<String>) {
         for (key, known) in [
             ("kernel", &["ellipse"][..]),
@@ -271,8 +272,8 @@ impl<'a> Splats<'a> {
     }
 }
 
-/// Gaussians that one thread reads at least: handing over fewer takes longer than reading them, and a file may have very
-/// many primitives of very few.
+/// Gaussians that one thread reads at least: handing over fewer takes longer than reading them, and a file may
+/// have very many primitives of very few.
 const MIN_SHARE: usize = 1024;
 
 /// 0 to n - 1, for several threads.
@@ -290,8 +291,8 @@ pub(super) fn with_rows<'a>(accessor: Accessor<'a>, name: &str, n: usize) -> Res
     }
 }
 
-/// Turns the linear spherical harmonics of a Gaussian to display-referred ones: the base color by the sRGB curve, the
-/// others by its slope there.
+/// Turns the linear spherical harmonics of a Gaussian to display-referred ones: the base color by the sRGB
+/// curve, the others by its slope there.
 fn to_display(coefficients: &mut [f32]) {
     let base = sh::color_from_dc([coefficients[0], coefficients[1], coefficients[2]]);
     for rgb in coefficients.as_chunks_mut::<3>().0 {
@@ -313,8 +314,8 @@ fn unit(xyzw: [f32; 4]) -> Quat {
     }
 }
 
-/// Whether the file's scales are logarithms, as in drafts of the extension: some are below 0, or of a signed integer
-/// type, which the ratified extension does not allow.
+/// Whether the file's scales are logarithms, as in drafts of the extension: some are below 0, or of a signed
+/// integer type, which the ratified extension does not allow.
 pub(super) fn scales_are_logarithms(
     document: &Document,
     found: &[(Splats, DAffine3)],

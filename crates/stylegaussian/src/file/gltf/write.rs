@@ -1,5 +1,5 @@
-//! Writing a GLB: Gaussians as f32 by KHR_gaussian_splatting, colors of points for other viewers, and the scene's features
-//! as application attributes if it has any.
+//! Writing a GLB: Gaussians as f32 by KHR_gaussian_splatting, colors of points for other viewers, and the
+//! scene's features as application attributes if it has any.
 
 use std::{borrow::Cow, io::Write};
 

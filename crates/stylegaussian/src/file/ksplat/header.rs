@@ -98,8 +98,8 @@ impl<'a> Header<'a> {
 }
 
 impl<'a> Section<'a> {
-    /// Cuts a section off the front of `data` and says how much of it belongs to the section. `None` if the data is too
-    /// short.
+    /// Cuts a section off the front of `data` and says how much of it belongs to the section. `None` if the
+    /// data is too short.
     fn parse(header: &[u8], data: &'a [u8], level: u16) -> Option<Result<(Self, usize), Mismatch>> {
         let [n, most, bucket_size, n_buckets] = [0, 4, 8, 12].map(|at| u32_at(header, at) as usize);
         let [n_full, n_partial] = [32, 36].map(|at| u32_at(header, at) as usize);
@@ -161,7 +161,8 @@ impl<'a> Section<'a> {
         std::iter::repeat_n(self.bucket_size, self.n_full).chain(partial)
     }
 
-    /// The center of each Gaussian's bucket, first to last; zeros at the end if there are too few, as level 0 may have.
+    /// The center of each Gaussian's bucket, first to last; zeros at the end if there are too few, as level 0
+    /// may have.
     pub fn centers(&self) -> impl Iterator<Item = Vec3> {
         // Buckets without a whole center were refused if they are needed.
         let size = self.bucket_bytes.max(12);

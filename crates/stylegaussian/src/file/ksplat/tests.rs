@@ -18,7 +18,8 @@ pub(in crate::file) fn file(level: u16) -> Vec<u8> {
     put(20, &level.to_le_bytes());
     put(36, &(-1_f32).to_le_bytes());
     put(40, &1_f32.to_le_bytes());
-    // Count, room, size of a bucket, buckets; block 8; bytes of a bucket; default range; one full, one partial; degree 1.
+    // Count, room, size of a bucket, buckets; block 8; bytes of a bucket; default range; one full, one partial;
+    // degree 1.
     for (i, value) in [3_u32, 4, 2, 2].into_iter().enumerate() {
         put(HEADER + 4 * i, &value.to_le_bytes());
     }
@@ -37,8 +38,8 @@ pub(in crate::file) fn file(level: u16) -> Vec<u8> {
     bytes
 }
 
-/// At (1, 2, i) or, in units of half a block, at center + (1, 0, -1) * 4; scales 0.5, 1, 2; a half turn about x; red 1,
-/// opacity 0.2; coefficients -1 + i / 4 for i = 0..9.
+/// At (1, 2, i) or, in units of half a block, at center + (1, 0, -1) * 4; scales 0.5, 1, 2; a half turn about
+/// x; red 1, opacity 0.2; coefficients -1 + i / 4 for i = 0..9.
 fn push_row(level: u16, i: u16, bytes: &mut Vec<u8>) {
     match level {
         0 => [1.0, 2.0, f32::from(i)].into_iter().for_each(|value| bytes.extend(value.to_le_bytes())),

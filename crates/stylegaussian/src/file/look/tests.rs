@@ -16,7 +16,8 @@ use crate::strokes::{
     FINE_SIDE, PlainSeed, StrokeKnobs, StrokeSeed, StrokeTexture, StrokeWord, Strokes, WIDE_SIDE,
 };
 
-/// A look of the 20 Gaussians of [`full_scene`], a little outside of 0..1, with a blue that is the same everywhere.
+/// A look of the 20 Gaussians of [`full_scene`], a little outside of 0..1, with a blue that is the same
+/// everywhere.
 fn look() -> Look {
     let scene = full_scene();
     let colors: Vec<_> = (0..20).map(|i| [i as f32 / 17.0 - 0.05, 1.0 - i as f32 / 19.0, 0.3]).collect();
@@ -144,7 +145,8 @@ fn lying_strokes_are_refused() {
     assert!(!older.has_strokes());
 }
 
-/// A look with strokes, cut and changed at many places, gives an error or a look that can be drawn, and never a panic.
+/// A look with strokes, cut and changed at many places, gives an error or a look that can be drawn, and never a
+/// panic.
 #[test]
 fn damaged_strokes_never_panic() {
     let bytes = with_strokes();

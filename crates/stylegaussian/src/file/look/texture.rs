@@ -1,15 +1,15 @@
 //! Textures of strokes in bytes.
 //!
-//! Two bytes, the steps of luminance and of chroma in 127ths, then a zlib stream: for fine detail (512 x 512) and wide detail (128 x
-//! 128), planes of luminance Y, red - Y and blue - Y in signed bytes of that many 127ths, row by row. A byte is the difference from
-//! the median of the texel to the left, the one above, and left + above - above left (as in LOCO-I, Weinberger et al. 2000).
-//! Mipmaps are made anew.
+//! Two bytes, the steps of luminance and of chroma in 127ths, then a zlib stream: for fine detail (512 x 512)
+//! and wide detail (128 x 128), planes of luminance Y, red - Y and blue - Y in signed bytes of that many
+//! 127ths, row by row. A byte is the difference from the median of the texel to the left, the one above, and
+//! left + above - above left (as in LOCO-I, Weinberger et al. 2000). Mipmaps are made anew.
 //!
-//! Chroma has larger steps and not fewer texels: dots of a print are chroma, of a texel's size, and half as many texels would put
-//! them off by 24 of 255 in the mean. The finest steps are taken that fit [`MOST_BYTES`]. Those of the eight paintings in
-//! `assets/styles` are 1 to 4 of luminance and 2 to 12 of chroma. The demo scene drawn with a look and with the strokes that it was
-//! written from differs by 2.3 (halftone), 3.5 (mosaic) and 4.7 (dots) of 255, root mean square, bytes of color
-//! included. It is not seen.
+//! Chroma has larger steps and not fewer texels: dots of a print are chroma, of a texel's size, and half as
+//! many texels would put them off by 24 of 255 in the mean. The finest steps are taken that fit [`MOST_BYTES`].
+//! Those of the eight paintings in `assets/styles` are 1 to 4 of luminance and 2 to 12 of chroma. The demo
+//! scene drawn with a look and with the strokes that it was written from differs by 2.3 (halftone), 3.5
+//! (mosaic) and 4.7 (dots) of 255, root mean square, bytes of color included. It is not seen.
 
 use std::io::{Read, Write};
 

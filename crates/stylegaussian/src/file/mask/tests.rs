@@ -44,7 +44,8 @@ fn a_mask_comes_back() {
     }
 }
 
-/// A mask goes with its Gaussians into a `.sgs` and back, and from one read from a `.ply` to one read from a `.sgs`.
+/// A mask goes with its Gaussians into a `.sgs` and back, and from one read from a `.ply` to one read from a
+/// `.sgs`.
 #[test]
 fn a_mask_stays_with_its_scene() {
     let dir = tempfile::tempdir().unwrap();

@@ -7,7 +7,8 @@ use ply_rs::ply::{ElementDef, Encoding, PropertyType, ScalarType};
 use super::header::{Header, size_of_scalar};
 use crate::file::error::{Mismatch, mismatch};
 
-/// Chosen properties of the rows of an element, in the bytes of the file where they lie at the same place in each row.
+/// Chosen properties of the rows of an element, in the bytes of the file where they lie at the same place in
+/// each row.
 pub(super) struct Rows<'a> {
     bytes: Cow<'a, [u8]>,
     /// The first row.
@@ -51,7 +52,8 @@ impl Rows<'_> {
         values
     }
 
-    /// Drops all columns but the first `n_columns`, and gives back the memory of the others if the rows own theirs.
+    /// Drops all columns but the first `n_columns`, and gives back the memory of the others if the rows own
+    /// theirs.
     pub(super) fn keep(&mut self, n_columns: usize) {
         let stride = n_columns * size_of::<f32>();
         if stride > self.stride || matches!(self.bytes, Cow::Borrowed(_)) {
@@ -79,8 +81,8 @@ fn floats(n_columns: usize) -> Vec<(usize, ScalarType)> {
     (0..n_columns).map(|i| (i * size_of::<f32>(), ScalarType::Float)).collect()
 }
 
-/// The properties `names` of the element called `wanted`, in that order, of a file with this header. Rows own the file's
-/// bytes if they are given them.
+/// The properties `names` of the element called `wanted`, in that order, of a file with this header. Rows own
+/// the file's bytes if they are given them.
 pub(super) fn read_columns<'a>(
     header: &Header,
     file: Cow<'a, [u8]>,
@@ -124,8 +126,8 @@ pub(super) fn read_columns<'a>(
     })
 }
 
-/// Start after the header, stride and fields of an element, or `None` if it or one before it has rows of no common size:
-/// lists, or text.
+/// Start after the header, stride and fields of an element, or `None` if it or one before it has rows of no
+/// common size: lists, or text.
 type Fixed = Option<(usize, usize, Vec<(usize, ScalarType)>)>;
 
 fn fixed_fields(header: &Header, wanted: &str, names: &[String]) -> Result<Fixed, Mismatch> {
@@ -184,8 +186,8 @@ fn number(bytes: &[u8], scalar: &ScalarType, is_big_endian: bool) -> f32 {
     }
 }
 
-/// Reads the elements in the file's order up to the wanted one, whose numbers it returns as f32, little endian. Those
-/// before it are parsed to find their end.
+/// Reads the elements in the file's order up to the wanted one, whose numbers it returns as f32, little endian.
+/// Those before it are parsed to find their end.
 fn walk(
     header: &Header,
     mut source: impl Source,
@@ -217,7 +219,8 @@ fn element_values(
         .map(|property| (&property.data_type, names.iter().position(|name| *name == property.name)))
         .collect();
     let n_columns = names.len();
-    // The count is safe to allocate for: the header's check gave every declared row at least a byte per property.
+    // The count is safe to allocate for: the header's check gave every declared row at least a byte per
+    // property.
     let mut values = Vec::with_capacity(element.count * n_columns * size_of::<f32>());
     let mut row = vec![0.0; n_columns];
     // Rows without properties take no bytes, so a small file can declare 10^18 of them.

@@ -1,4 +1,5 @@
-//! PlayCanvas' compressed .ply: chunks of 256 Gaussians with their ranges, and four packed words for each Gaussian.
+//! PlayCanvas' compressed .ply: chunks of 256 Gaussians with their ranges, and four packed words for each
+//! Gaussian.
 //!
 //! The layout is that of SuperSplat's files:
 //! - element `chunk`: floats `min_x` .. `max_scale_z`, and `min_r` .. `max_b` in newer files,
@@ -105,7 +106,8 @@ fn chunks(header: &Header, file: &[u8]) -> Result<Vec<[f32; 18]>, Mismatch> {
     Ok((0..rows.n_rows()).map(range).collect())
 }
 
-/// The four words of every Gaussian, little endian. The column reader gives f32, which cannot hold 32-bit words exactly.
+/// The four words of every Gaussian, little endian. The column reader gives f32, which cannot hold 32-bit words
+/// exactly.
 fn packed_words<'a>(header: &Header, file: &'a [u8]) -> Result<&'a [[[u8; 4]; 4]], Mismatch> {
     use ply_rs::ply::{PropertyType::Scalar, ScalarType};
     if header.encoding() != Encoding::BinaryLittleEndian {
@@ -172,8 +174,8 @@ fn spherical_harmonics(
     Ok(Sh { degree, coefficients })
 }
 
-/// A coefficient in -4..4 from its byte. Writers round down, so a byte stands for the middle of its step, except that 0
-/// and 255 stand for the ends.
+/// A coefficient in -4..4 from its byte. Writers round down, so a byte stands for the middle of its step,
+/// except that 0 and 255 stand for the ends.
 fn unpack_coefficient(byte: f32) -> f32 {
     let t = if byte <= 0.0 || byte >= 255.0 { byte / 255.0 } else { (byte + 0.5) / 256.0 };
     (t - 0.5) * 8.0
@@ -193,8 +195,9 @@ fn unpack_8888(word: u32) -> Vec4 {
     Vec4::new(unpack(word, 8, 24), unpack(word, 8, 16), unpack(word, 8, 8), unpack(word, 8, 0))
 }
 
-/// A quaternion (w, x, y, z). The upper two bits name its largest component, which is left out. The others follow in
-/// order, each from -1/sqrt 2 to 1/sqrt 2, since no other component of a unit quaternion can be larger.
+/// A quaternion (w, x, y, z). The upper two bits name its largest component, which is left out. The others
+/// follow in order, each from -1/sqrt 2 to 1/sqrt 2, since no other component of a unit quaternion can be
+/// larger.
 fn unpack_quaternion(word: u32) -> [f32; 4] {
     let others = [20, 10, 0].map(|shift| (unpack(word, 10, shift) - 0.5) * SQRT_2);
     // Quantized components may have a length slightly above 1 together.
@@ -208,8 +211,8 @@ fn unpack_quaternion(word: u32) -> [f32; 4] {
     }
 }
 
-/// The logit of an opacity that is a multiple of 1/255. Opacities 0 and 1 have infinite logits, and are moved inward by
-/// a quarter of a step.
+/// The logit of an opacity that is a multiple of 1/255. Opacities 0 and 1 have infinite logits, and are moved
+/// inward by a quarter of a step.
 fn logit_of_byte(opacity: f32) -> f32 {
     let opacity = opacity.clamp(0.25 / 255.0, 1.0 - 0.25 / 255.0);
     (opacity / (1.0 - opacity)).ln()
@@ -240,7 +243,8 @@ mod tests {
         for value in ranges.into_iter().chain([0.0, 0.0, 0.0, 2.0, 2.0, 2.0]) {
             bytes.extend(value.to_le_bytes());
         }
-        // x at its maximum, y at its minimum, z in the middle. w is left out, and x, y, z are zero up to rounding.
+        // x at its maximum, y at its minimum, z in the middle. w is left out, and x, y, z are zero up to
+        // rounding.
         let position = (2047 << 21) | 1024_u32;
         let rotation = (512 << 20) | (512 << 10) | 512_u32;
         for word in [position, rotation, 2047, (255 << 24) | (51 << 8) | 204] {

@@ -55,8 +55,9 @@ impl Header {
         self.parsed.comments.iter().map(words)
     }
 
-    /// The direction of a `comment up X Y Z`, as our files have it, or of Brush's `comment Vertical axis:`, an axis or a
-    /// direction. Comments of other programs may say anything, so one that does not parse is no error.
+    /// The direction of a `comment up X Y Z`, as our files have it, or of Brush's `comment Vertical axis:`, an
+    /// axis or a direction. Comments of other programs may say anything, so one that does not parse is no
+    /// error.
     pub(super) fn up(&self) -> Option<Vec3> {
         let up = |comment: Vec<String>| {
             let words: Vec<&str> = comment.iter().map(String::as_str).collect();
@@ -76,8 +77,8 @@ impl Header {
         self.comments().find_map(up)
     }
 
-    /// The filter that a comment names: `SplatRenderMode: mip` of gsplat, nerfstudio and Brush, `antialiased 1` of
-    /// Postshot.
+    /// The filter that a comment names: `SplatRenderMode: mip` of gsplat, nerfstudio and Brush, `antialiased 1`
+    /// of Postshot.
     pub(super) fn filter(&self, warnings: &mut Vec<String>) -> ScreenFilter {
         let named = |comment: Vec<String>| {
             let words: Vec<&str> = comment.iter().map(String::as_str).collect();
@@ -120,7 +121,8 @@ impl Header {
         ))
     }
 
-    /// The fewest bytes that a row of `element` takes. In ascii that is a digit and a separator for each number.
+    /// The fewest bytes that a row of `element` takes. In ascii that is a digit and a separator for each
+    /// number.
     fn least_row(&self, element: &ElementDef) -> usize {
         let ascii = self.encoding() == Encoding::Ascii;
         let sizes = element.properties.values().map(|property| match &property.data_type {

@@ -56,8 +56,8 @@ fn push(value: f64, kind: &str, format: Format, bytes: &mut Vec<u8>) {
     bytes.extend(number);
 }
 
-/// A file of these vertices. `elements` are header lines before and after them, `payload` their data, and `end` the
-/// line end.
+/// A file of these vertices. `elements` are header lines before and after them, `payload` their data, and `end`
+/// the line end.
 fn file(
     properties: &[Property],
     format: Format,

@@ -62,7 +62,8 @@ fn push_row(scene: &Scene, i: usize, n_rest: usize, row: &mut Vec<[u8; 4]>) {
     [rotation.w, rotation.x, rotation.y, rotation.z].into_iter().for_each(&mut push);
 }
 
-/// The inverse of the sigmoid, kept finite. Opacities 0 and 1 are moved inward by half the f32 step below 1 (2^-25).
+/// The inverse of the sigmoid, kept finite. Opacities 0 and 1 are moved inward by half the f32 step below 1
+/// (2^-25).
 fn logit(opacity: f32) -> f32 {
     // In f64, because 1 - 2^-25 rounds to 1 in f32.
     const EDGE: f64 = f32::EPSILON as f64 / 4.0;

@@ -1,8 +1,8 @@
 //! The container of `torch.save` before version 1.6: five pickles, then the storages.
 //!
-//! `_legacy_save` in `torch/serialization.py`: magic number, protocol version, system information, the object, the
-//! keys of the storages. The storages follow in the order of the keys, each a 64-bit number of elements and the
-//! elements, all little-endian.
+//! `_legacy_save` in `torch/serialization.py`: magic number, protocol version, system information, the object,
+//! the keys of the storages. The storages follow in the order of the keys, each a 64-bit number of elements and
+//! the elements, all little-endian.
 
 use std::collections::HashMap;
 

@@ -1,8 +1,8 @@
-//! A reader for the pickles inside PyTorch files. It executes nothing: the few globals that tensors need are known by
-//! name, and any other is an error.
+//! A reader for the pickles inside PyTorch files. It executes nothing: the few globals that tensors need are
+//! known by name, and any other is an error.
 //!
-//! Opcodes are those of Python's `pickletools`. Objects live in an arena and refer to one another by index, as pickles
-//! do, so that neither reading nor dropping recurses, however deep the nesting.
+//! Opcodes are those of Python's `pickletools`. Objects live in an arena and refer to one another by index, as
+//! pickles do, so that neither reading nor dropping recurses, however deep the nesting.
 
 use std::collections::HashMap;
 
@@ -133,7 +133,8 @@ impl Pickle {
         0..self.objects.len()
     }
 
-    /// The entries of a dictionary, without those that have another key than a text. Other objects have no entries.
+    /// The entries of a dictionary, without those that have another key than a text. Other objects have no
+    /// entries.
     pub(in crate::file) fn entries(&self, id: Id) -> impl Iterator<Item = (&str, &Object)> {
         let pairs = match &self.objects[id] {
             Object::Dictionary(pairs) => pairs.as_slice(),
@@ -320,8 +321,8 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    /// The storage of a persistent id: ('storage', type, key, location, number of elements). Before version 1.6 a sixth
-    /// item followed: `None`, or a part of the storage, which is refused.
+    /// The storage of a persistent id: ('storage', type, key, location, number of elements). Before version 1.6
+    /// a sixth item followed: `None`, or a part of the storage, which is refused.
     fn storage(&self, id: Id) -> Result<Object, Mismatch> {
         if let [tag, storage_type, key, _location, n_elements, part @ ..] = self.sequence(id)?
             && part.iter().all(|&item| self.objects[item] == Object::None)
@@ -386,8 +387,8 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// The sizes of a shape, or its strides. Limited to 8, as each tensor copies a shape that it shares with others: a
-    /// short pickle could name one long shape many times.
+    /// The sizes of a shape, or its strides. Limited to 8, as each tensor copies a shape that it shares with
+    /// others: a short pickle could name one long shape many times.
     fn counts(&self, id: Id) -> Result<Vec<usize>, Mismatch> {
         match self.sequence(id)? {
             dimensions if dimensions.len() <= 8 => dimensions.iter().map(|&id| self.count(id)).collect(),

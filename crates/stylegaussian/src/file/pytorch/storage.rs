@@ -1,4 +1,5 @@
-//! Storages: the bytes behind tensors. A tensor is a strided view into one, made contiguous f32 when it is read.
+//! Storages: the bytes behind tensors. A tensor is a strided view into one, made contiguous f32 when it is
+//! read.
 
 use std::{collections::HashMap, ops::Range};
 
@@ -52,8 +53,8 @@ impl Storages {
         Self { ranges, prefix: String::new(), big_endian: false }
     }
 
-    /// Reads a tensor of the file `bytes`. The device that it was saved from does not matter: storages of CUDA tensors
-    /// are bytes like others.
+    /// Reads a tensor of the file `bytes`. The device that it was saved from does not matter: storages of CUDA
+    /// tensors are bytes like others.
     pub(super) fn read(
         &self,
         bytes: &[u8],
@@ -110,8 +111,8 @@ fn decoder(storage_type: StorageType) -> Option<(usize, Decode)> {
     Some((storage_type.width()?, decode))
 }
 
-/// Checks that a view lies within its storage and has no more elements than it. A stride of 0 repeats elements: without
-/// the second check, a few bytes could ask for terabytes.
+/// Checks that a view lies within its storage and has no more elements than it. A stride of 0 repeats elements:
+/// without the second check, a few bytes could ask for terabytes.
 fn check_bounds(name: &str, info: &TensorInfo, n_stored: usize) -> Result<(), Mismatch> {
     let outside = || {
         mismatch(

@@ -1,4 +1,5 @@
-//! Containers and pickles made here byte by byte. Files that the real torch.save wrote are in the tests of checkpoints.
+//! Containers and pickles made here byte by byte. Files that the real torch.save wrote are in the tests of
+//! checkpoints.
 
 use super::*;
 use crate::file::archive::tests::{Packing, archive};
@@ -91,8 +92,8 @@ fn vector(key: &str, class: &str, rebuild: &str, last: &[u8]) -> Vec<u8> {
     [rebuild.as_bytes(), &storage, b"K\x01K\x03\x85K\x01\x85", last, b"tR"].concat()
 }
 
-/// A state dict as Python 2 and PyTorch 0.3 wrote it: the items are an argument of OrderedDict, tensors have four
-/// arguments, storages follow the pickles.
+/// A state dict as Python 2 and PyTorch 0.3 wrote it: the items are an argument of OrderedDict, tensors have
+/// four arguments, storages follow the pickles.
 fn old_state_dict(class: &str) -> Vec<u8> {
     let item = |name: &str, tensor: Vec<u8>| {
         [&b"](U"[..], &[name.len() as u8], name.as_bytes(), &tensor, b"e"].concat()

@@ -1,7 +1,8 @@
 //! The cameras of a capture in its scene file.
 //!
-//! A row of 18 numbers for each: the rigid map from world to view as a matrix `[3, 4]`, row-major; focal lengths (x, y) and center
-//! (x, y) in pixels; width and height in pixels. View space is x right, y down, z forward.
+//! A row of 18 numbers for each: the rigid map from world to view as a matrix `[3, 4]`, row-major; focal
+//! lengths (x, y) and center (x, y) in pixels; width and height in pixels. View space is x right, y down, z
+//! forward.
 
 use glam::{Affine3A, Mat3A, Vec2, Vec3A};
 
@@ -24,7 +25,8 @@ const WIDTH: usize = 18;
 /// Largest side of a picture, in pixels: more than the largest sensors have.
 const MOST_PIXELS: f32 = 65_536.0;
 
-/// Largest error of an element of a turn times its transpose. As for the rotations of Gaussians: other writers may round to f16.
+/// Largest error of an element of a turn times its transpose. As for the rotations of Gaussians: other writers
+/// may round to f16.
 const MOST_ERROR: f32 = 2e-3;
 
 /// Reads the cameras.

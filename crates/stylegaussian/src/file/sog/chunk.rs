@@ -22,8 +22,9 @@ const PALETTE_COLUMNS: usize = 64;
 /// The alpha of a rotation whose first component is the largest.
 const FIRST_TAG: u8 = 252;
 
-/// The most texels that a plane may unpack to per byte of all planes. Captures take about 17 bytes per Gaussian, all planes
-/// together; planes of one color, by which a small file could ask for gigabytes, take none.
+/// The most texels that a plane may unpack to per byte of all planes. Captures take about 17 bytes per
+/// Gaussian, all planes together; planes of one color, by which a small file could ask for gigabytes, take
+/// none.
 const TEXELS_PER_BYTE: usize = 16;
 
 /// Texels that every plane may have, so that small scenes are not refused for packing well.
@@ -144,8 +145,8 @@ fn components() -> Table {
     std::array::from_fn(|code| (code as f32 / 255.0 * 2.0 - 1.0) * FRAC_1_SQRT_2)
 }
 
-/// u = min + span (256 upper + lower) / 65,535, so exp u is a product of two factors of 256 values each. That is faster
-/// than an exponential per coordinate.
+/// u = min + span (256 upper + lower) / 65,535, so exp u is a product of two factors of 256 values each. That
+/// is faster than an exponential per coordinate.
 fn powers(meta: &Meta) -> [[[f64; 256]; 2]; 3] {
     [0, 1, 2].map(|axis| {
         let u = |code: usize| meta.spans[axis] * code as f64 / 65_535.0;
@@ -169,8 +170,8 @@ impl Gaussians {
         }
     }
 
-    /// Adds the Gaussians in `range` to `scene`. Its spherical harmonics are there already: zeros, of this degree or a
-    /// higher one. Returns how many have no valid rotation.
+    /// Adds the Gaussians in `range` to `scene`. Its spherical harmonics are there already: zeros, of this
+    /// degree or a higher one. Returns how many have no valid rotation.
     pub fn append(&self, range: Range<usize>, scene: &mut Scene) -> usize {
         let indices = || range.clone().into_par_iter();
         if let Some(sh) = &mut scene.sh {
@@ -203,8 +204,8 @@ impl Gaussians {
         Vec3::new(axis(0), axis(1), axis(2))
     }
 
-    /// The rotation: alpha is [`FIRST_TAG`] and the place of the largest component in the order w, x, y, z. The others are in
-    /// this order, each between -1 / sqrt(2) and 1 / sqrt(2). `None` if alpha is another.
+    /// The rotation: alpha is [`FIRST_TAG`] and the place of the largest component in the order w, x, y, z. The
+    /// others are in this order, each between -1 / sqrt(2) and 1 / sqrt(2). `None` if alpha is another.
     fn rotation(&self, i: usize) -> Option<Quat> {
         let [r, g, b, tag] = self.planes[2].texel(i);
         let [a, b, c] = [r, g, b].map(|code| self.components[usize::from(code)]);

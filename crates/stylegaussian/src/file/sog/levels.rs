@@ -55,9 +55,9 @@ impl Levels {
         Ok(levels)
     }
 
-    /// The finest runs of all nodes that hold at most `budget` Gaussians together. Levels of nodes differ by one at most,
-    /// the first nodes in the tree being finer. Without a budget, the finest level. The coarsest level is chosen even if
-    /// it is too large, with a warning.
+    /// The finest runs of all nodes that hold at most `budget` Gaussians together. Levels of nodes differ by
+    /// one at most, the first nodes in the tree being finer. Without a budget, the finest level. The coarsest
+    /// level is chosen even if it is too large, with a warning.
     pub fn choose(&self, budget: Option<usize>, warnings: &mut Vec<String>) -> Result<Chosen, Mismatch> {
         let mut nodes = Vec::new();
         self.tree.collect(&mut nodes);

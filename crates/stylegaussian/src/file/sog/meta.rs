@@ -1,7 +1,7 @@
 //! `meta.json`: how the bytes of a SOG scene's planes become numbers.
 //!
-//! Version 2 keeps codebooks of 256 numbers. Version 1, which names no version, keeps the ends of ranges that a byte
-//! divides evenly. Both are tables from a byte to a number here, with the activations applied.
+//! Version 2 keeps codebooks of 256 numbers. Version 1, which names no version, keeps the ends of ranges that a
+//! byte divides evenly. Both are tables from a byte to a number here, with the activations applied.
 
 use serde::Deserialize;
 
@@ -35,8 +35,8 @@ pub(super) struct Meta {
     pub opacities: Table,
     /// Higher spherical harmonics.
     pub palette: Option<Palette>,
-    /// Names of the planes: lower and upper bytes of the means, rotations, scales, colors; with a palette also its
-    /// entries and labels. They are plain.
+    /// Names of the planes: lower and upper bytes of the means, rotations, scales, colors; with a palette also
+    /// its entries and labels. They are plain.
     pub planes: Vec<String>,
     /// How the scene is drawn.
     pub filter: ScreenFilter,
@@ -249,8 +249,8 @@ fn lerp(min: f64, max: f64) -> Table {
     std::array::from_fn(|byte| (min + (max - min) * byte as f64 / 255.0) as f32)
 }
 
-/// A codebook. The first number is null if an old writer could not sort it; PlayCanvas' engine puts a step below the
-/// second in its place, and so does this.
+/// A codebook. The first number is null if an old writer could not sort it; PlayCanvas' engine puts a step
+/// below the second in its place, and so does this.
 fn table(name: &str, codebook: &[Option<f64>], warnings: &mut Vec<String>) -> Result<Table, Mismatch> {
     let mut numbers: Vec<f32> =
         codebook.iter().map(|value| value.map_or(f32::NAN, |value| value as f32)).collect();

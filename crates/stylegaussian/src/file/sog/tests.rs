@@ -157,8 +157,8 @@ fn refused(result: Result<Loaded, FileError>) -> String {
     message
 }
 
-/// Compares a scene with what was encoded. Half a step of a mean's code is widened by exp, as the logarithm is undone; a
-/// rotation's by the component that is left out, at least 1/2.
+/// Compares a scene with what was encoded. Half a step of a mean's code is widened by exp, as the logarithm is
+/// undone; a rotation's by the component that is left out, at least 1/2.
 fn assert_near(found: &Scene, expected: &Scene, log_span: f64) {
     assert_eq!(found.len(), expected.len());
     let sh = |scene: &Scene| scene.sh.clone().unwrap().coefficients;

@@ -1,7 +1,7 @@
 //! The arrays of an SPZ file, out of gzip or zstd.
 //!
-//! Memory grows with what was decompressed and never by a count in the file, and decompression stops one byte past what
-//! the header says.
+//! Memory grows with what was decompressed and never by a count in the file, and decompression stops one byte
+//! past what the header says.
 
 use std::io::{self, Read};
 
@@ -23,7 +23,8 @@ const MAX_EXTENSION_BYTES: u64 = 1 << 20;
 pub(super) struct Contents {
     /// The header.
     pub header: Header,
-    /// Positions, opacities, colors, scales, rotations, harmonics. Their lengths are those that the header demands.
+    /// Positions, opacities, colors, scales, rotations, harmonics. Their lengths are those that the header
+    /// demands.
     pub arrays: [Vec<u8>; 6],
     /// Records of extensions; empty if there are none.
     pub extensions: Vec<u8>,
@@ -50,8 +51,8 @@ pub(super) fn unpack(bytes: &[u8]) -> Result<Contents, Mismatch> {
 /// A gzip header without a name or anything else (RFC 1952, section 2.3).
 const PLAIN_GZIP_HEADER: &[u8] = &[0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 255];
 
-/// The data after a gzip file's header, which is checked. The library takes no names of 65,536 bytes or more, which are
-/// sound.
+/// The data after a gzip file's header, which is checked. The library takes no names of 65,536 bytes or more,
+/// which are sound.
 fn after_gzip_header(bytes: &[u8]) -> Result<&[u8], Mismatch> {
     let cut = || mismatch("broken gzip data (the end of the file in its header)", "a whole gzip file");
     let (fixed, mut rest) = bytes.split_at_checked(PLAIN_GZIP_HEADER.len()).ok_or_else(cut)?;
@@ -126,8 +127,8 @@ fn broken(error: io::Error) -> Mismatch {
     mismatch(format_args!("broken gzip data ({error})"), "a whole gzip file")
 }
 
-/// Reads version 4: a header of 32 bytes, extensions, a table of the frames' lengths, and a zstd frame for each array that
-/// is not empty.
+/// Reads version 4: a header of 32 bytes, extensions, a table of the frames' lengths, and a zstd frame for each
+/// array that is not empty.
 fn unpack_frames(bytes: &[u8]) -> Result<Contents, Mismatch> {
     let cut = || mismatch(format_args!("{} bytes", bytes.len()), "an SPZ header and a table of streams");
     let header = Header::parse(bytes.first_chunk().ok_or_else(cut)?)?;

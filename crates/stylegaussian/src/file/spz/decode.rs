@@ -13,8 +13,8 @@ use crate::{
     sh,
 };
 
-/// The scene in the file's own axes. Gaussians that are not finite are dropped with a warning; only the f16 positions of
-/// version 1 can be infinite.
+/// The scene in the file's own axes. Gaussians that are not finite are dropped with a warning; only the f16
+/// positions of version 1 can be infinite.
 pub(super) fn decode(contents: &Contents, warnings: &mut Vec<String>) -> Scene {
     let header = contents.header;
     let [positions, opacities, colors, scales, rotations, rest] = &contents.arrays;
@@ -72,8 +72,9 @@ fn rotation_from_first_three(bytes: &[u8]) -> Quat {
     Quat::from_vec4(xyz.extend(w)).normalize()
 }
 
-/// Versions 3 and 4: bits 30 and 31 name the largest component, which is not negative and left out. The others follow from
-/// the last one down, each a sign in bit 9 and a magnitude up to 1/sqrt 2, since no other can be larger.
+/// Versions 3 and 4: bits 30 and 31 name the largest component, which is not negative and left out. The others
+/// follow from the last one down, each a sign in bit 9 and a magnitude up to 1/sqrt 2, since no other can be
+/// larger.
 fn rotation_from_smallest_three(bytes: &[u8]) -> Quat {
     let mut word = u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
     let largest = (word >> 30) as usize;
@@ -85,7 +86,8 @@ fn rotation_from_smallest_three(bytes: &[u8]) -> Quat {
         sum += magnitude * magnitude;
         word >>= 10;
     }
-    // Three components of 1/sqrt 2 are longer than 1 together. Such a word is no rotation, but its direction is one.
+    // Three components of 1/sqrt 2 are longer than 1 together. Such a word is no rotation, but its direction is
+    // one.
     xyzw[largest] = (1.0 - sum).max(0.0_f32).sqrt();
     Quat::from_array(xyzw).normalize()
 }

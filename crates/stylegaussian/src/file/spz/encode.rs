@@ -37,7 +37,8 @@ const MAX_FRACTIONAL_BITS: u8 = 23;
 /// The largest integer of a coordinate: 24 bits with a sign.
 const MAX_INTEGER: f64 = 8_388_607.0;
 
-/// Writes a scene upright, in axes RUB and in the source's order. Features, neighbors and decoder have no place in the file.
+/// Writes a scene upright, in axes RUB and in the source's order. Features, neighbors and decoder have no place
+/// in the file.
 pub(super) fn write(
     out: &mut dyn Write,
     scene: &Scene,
@@ -122,7 +123,8 @@ fn write_gzip(
     Ok(())
 }
 
-/// Version 4: the header, extensions and the table of lengths in plain, and a zstd frame for each array that is not empty.
+/// Version 4: the header, extensions and the table of lengths in plain, and a zstd frame for each array that is
+/// not empty.
 fn write_frames(
     out: &mut dyn Write,
     header: Header,
@@ -147,16 +149,16 @@ fn write_frames(
     frames.iter().try_for_each(|frame| out.write_all(frame))
 }
 
-/// Bits after the binary point for a scene's means: 12, more if Gaussians are so small that it would show, fewer if the
-/// scene is larger than 24 bits hold.
+/// Bits after the binary point for a scene's means: 12, more if Gaussians are so small that it would show,
+/// fewer if the scene is larger than 24 bits hold.
 fn fractional_bits(scene: &Scene) -> Result<u8, Mismatch> {
     let largest = scene.means.iter().fold(0.0_f32, |largest, mean| largest.max(mean.abs().max_element()));
     let mut sizes: Vec<f32> = scene.scales.iter().map(|scale| scale.max_element()).collect();
     let middle = sizes.len() / 2;
     let (_, &mut median, _) = sizes.select_nth_unstable_by(middle, f32::total_cmp);
     let unit = |bits: u8| 0.5_f64.powi(i32::from(bits));
-    // Steps of an eighth of a standard deviation move a Gaussian by a sixteenth at most, which changes its value
-    // anywhere by less than 4 % of its peak: the steepest slope of exp(-t^2 / 2) is 0.61.
+    // Steps of an eighth of a standard deviation move a Gaussian by a sixteenth at most, which changes its
+    // value anywhere by less than 4 % of its peak: the steepest slope of exp(-t^2 / 2) is 0.61.
     let is_fine = |bits: &u8| 8.0 * unit(*bits) <= f64::from(median);
     let wanted = (FRACTIONAL_BITS..=MAX_FRACTIONAL_BITS).find(is_fine).unwrap_or(MAX_FRACTIONAL_BITS);
     let fits = |bits: &u8| (f64::from(largest) / unit(*bits)).round() <= MAX_INTEGER;

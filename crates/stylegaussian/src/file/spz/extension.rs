@@ -10,8 +10,8 @@ pub(super) const COORDINATE_SYSTEM: u32 = 0xADBE_0003;
 /// `SPZ_ADOBE_safe_orbit_camera`: limits of a viewer's camera, of no use here.
 const ORBIT_CAMERA: u32 = 0xADBE_0002;
 
-/// Our own: the up direction that a scene had before it was set upright, three f32 in axes RDF. Niantic's library skips
-/// types that it does not know. The upper half of a type names its vendor; ours is `SG` in ASCII.
+/// Our own: the up direction that a scene had before it was set upright, three f32 in axes RDF. Niantic's
+/// library skips types that it does not know. The upper half of a type names its vendor; ours is `SG` in ASCII.
 const UP_BEFORE: u32 = 0x5347_0001;
 
 /// Values of extension records.
@@ -70,8 +70,8 @@ fn split_record(records: &[u8]) -> Option<(u32, &[u8], &[u8])> {
     Some((u32::from_le_bytes(*kind), payload, rest))
 }
 
-/// The axes of a coordinate system 1 to 16, and whether they are those after a quarter turn about x, (x, z, -y), which
-/// makes the second axis point up or down as [`Axes`] has it.
+/// The axes of a coordinate system 1 to 16, and whether they are those after a quarter turn about x, (x, z,
+/// -y), which makes the second axis point up or down as [`Axes`] has it.
 ///
 /// Bits 0 to 2 of the number less one say right, up, front. With bit 3, front or back comes before up or down.
 pub(super) fn axes(system: u32) -> (Axes, bool) {

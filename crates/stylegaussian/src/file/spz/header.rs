@@ -91,7 +91,8 @@ impl Header {
         3 * (sh::n_coefficients(self.degree) - 1)
     }
 
-    /// Bytes of each array, in the order of the file: positions, opacities, colors, scales, rotations, harmonics.
+    /// Bytes of each array, in the order of the file: positions, opacities, colors, scales, rotations,
+    /// harmonics.
     pub fn array_bytes(self) -> [u64; 6] {
         // N is below 2^31 and the factors are at most 72, so no product overflows.
         [self.position_bytes(), 1, 3, 3, self.rotation_bytes(), self.sh_bytes()]

@@ -43,7 +43,8 @@ fn load_in(bytes: &[u8], axes: Axes) -> Loaded {
     }
 }
 
-/// One Gaussian of version 3: (1.5, -2, 0.25), opacity 0.8, scales 1, e, 1/e, half a turn of which the x axis is up.
+/// One Gaussian of version 3: (1.5, -2, 0.25), opacity 0.8, scales 1, e, 1/e, half a turn of which the x axis
+/// is up.
 fn one_gaussian(flags: u8, extensions: &[u8]) -> Vec<u8> {
     let arrays: [&[u8]; 7] = [
         // 1.5 * 4096 = 0x1800, -2 * 4096 = -0x2000, 0.25 * 4096 = 0x400.
@@ -161,8 +162,8 @@ fn a_bomb_stops_at_what_the_header_says() {
     assert!(message.contains("levels of detail (flag 0x80), which is not supported"), "{message}");
 }
 
-/// The largest differences that EQUIVALENCE.md derives from the steps of SPZ: position, relative scale, opacity, degree
-/// 0, other degrees, rotation. Values on the grid differ by rounding only.
+/// The largest differences that EQUIVALENCE.md derives from the steps of SPZ: position, relative scale,
+/// opacity, degree 0, other degrees, rotation. Values on the grid differ by rounding only.
 const OFF_GRID: [f32; 6] = [1.0 / 8192.0, 3.18e-2, 1.0 / 510.0, 1.0 / 76.5, 1.0 / 256.0, 8e-3];
 const ON_GRID: [f32; 6] = [1e-5, 1e-5, 1e-5, 1e-5, 1e-5, 8e-3];
 
@@ -290,8 +291,8 @@ fn round_trip(scene: &Scene, options: WriteOptions) -> (Loaded, Vec<u8>) {
 /// The errors of our own files: half a step each. The opacity, degree 0 and scale are as in [`OFF_GRID`].
 fn steps(fractional_bits: i32) -> [f32; 6] {
     let [_, scale, opacity, dc, _, _] = OFF_GRID;
-    // A coefficient of almost 1 becomes 127/128. Three components with an error d each, d half of 1 / (511 sqrt 2), move
-    // the fourth by at most 3 d, since that is at least 1/2.
+    // A coefficient of almost 1 becomes 127/128. Three components with an error d each, d half of 1 / (511 sqrt
+    // 2), move the fourth by at most 3 d, since that is at least 1/2.
     let rotation = 3.0 * 0.5 / (511.0 * 2.0_f32.sqrt());
     [0.5_f32.powi(fractional_bits + 1), scale, opacity, dc, 1.0 / 128.0, rotation]
 }

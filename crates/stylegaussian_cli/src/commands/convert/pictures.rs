@@ -11,8 +11,8 @@ use stylegaussian::{
 const N_VIEWS: usize = 4;
 const SIZE: UVec2 = UVec2::new(480, 360);
 
-/// The peak signal-to-noise ratio of `written` in pictures of `scene` over black, in dB, or `None` if no pixel differs or
-/// nothing can be seen.
+/// The peak signal-to-noise ratio of `written` in pictures of `scene` over black, in dB, or `None` if no pixel
+/// differs or nothing can be seen.
 pub fn psnr(scene: &Scene, written: &Scene) -> Option<f64> {
     let cameras = choose_views(scene, N_VIEWS, SIZE);
     let squares: f64 = cameras

@@ -111,7 +111,8 @@ impl World {
         queue.submit([encoder.finish()]);
     }
 
-    /// Compares a mix of `layers` with its twin. Shares may differ by `steps` of a word. Returns how many Gaussians differ by more.
+    /// Compares a mix of `layers` with its twin. Shares may differ by `steps` of a word. Returns how many
+    /// Gaussians differ by more.
     fn n_different(&self, layers: &[Random], mix: &StrokeMix, steps: f32) -> usize {
         let HeadlessDevice { device, queue, .. } = &self.gpu;
         let Some(strokes) = mix.strokes() else {

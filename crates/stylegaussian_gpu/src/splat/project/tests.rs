@@ -1,5 +1,6 @@
-//! Records against a twin in f64 that shares no formula with the shader: full covariance matrices, and the projection's
-//! derivative by differences. Unlike the CPU rasterizer, it handles transforms of clouds and any projection matrix.
+//! Records against a twin in f64 that shares no formula with the shader: full covariance matrices, and the
+//! projection's derivative by differences. Unlike the CPU rasterizer, it handles transforms of clouds and any
+//! projection matrix.
 
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec2, DVec3, DVec4, Mat4, Quat, UVec4, Vec3};
 use stylegaussian::{
@@ -31,8 +32,8 @@ struct Twin {
     depth: f64,
     distance: f64,
     color: Vec3,
-    /// Distance inside of all culling bounds, in pixels and other units: positive if the Gaussian is drawn, negative
-    /// if it is culled, near 0 if rounding decides.
+    /// Distance inside of all culling bounds, in pixels and other units: positive if the Gaussian is drawn,
+    /// negative if it is culled, near 0 if rounding decides.
     margin: f64,
 }
 
@@ -271,8 +272,8 @@ fn gpu_matches_cpu() {
     }
 }
 
-/// Far from the world's origin, f32 places a cloud to a sixteenth of a unit. The picture of a camera beside it does
-/// not change for that.
+/// Far from the world's origin, f32 places a cloud to a sixteenth of a unit. The picture of a camera beside it
+/// does not change for that.
 #[test]
 fn far_from_the_origin_nothing_changes() {
     let Some(gpu) = gpu() else { return };
@@ -374,8 +375,8 @@ fn cloud(scene: &GpuScene) -> Cloud<'_> {
     Cloud { scene, colors, world_from_scene, visibility: None }
 }
 
-/// Records of a cloud behind a mask are those of Gaussians that are as faint as the mask makes them, in any chunk. A cloud beside
-/// it is as it was.
+/// Records of a cloud behind a mask are those of Gaussians that are as faint as the mask makes them, in any
+/// chunk. A cloud beside it is as it was.
 #[test]
 fn masked_records_are_those_of_fainter_gaussians() {
     let Some(gpu) = gpu() else { return };
@@ -414,7 +415,8 @@ fn masked_records_are_those_of_fainter_gaussians() {
     }
 }
 
-/// Frames without a mask compile and bind nothing for masks. A change of weights, and that alone, is another order.
+/// Frames without a mask compile and bind nothing for masks. A change of weights, and that alone, is another
+/// order.
 #[test]
 fn masks_cost_nothing_where_there_are_none() {
     let Some(gpu) = gpu() else { return };

@@ -177,7 +177,8 @@ fn records_match_for_every_projection_and_place() {
     }
 }
 
-/// Gaussians of one size, seeds of pitch 0, and knobs that are not numbers: no strokes, and no validation error.
+/// Gaussians of one size, seeds of pitch 0, and knobs that are not numbers: no strokes, and no validation
+/// error.
 #[test]
 fn degenerate_strokes_show_nothing() {
     let Some(gpu) = gpu() else { return };

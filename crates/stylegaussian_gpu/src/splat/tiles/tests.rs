@@ -59,8 +59,8 @@ impl Footprint {
     }
 }
 
-/// Each list names in order all splats that a pixel of its tile shows, and none whose bounding box ends before the
-/// tile. Pictures of whole and of cut tiles, in the middle of a target, one after the other in one view.
+/// Each list names in order all splats that a pixel of its tile shows, and none whose bounding box ends before
+/// the tile. Pictures of whole and of cut tiles, in the middle of a target, one after the other in one view.
 #[test]
 fn gpu_matches_cpu() {
     let Some(gpu) = gpu() else { return };

@@ -28,8 +28,8 @@ pub(super) fn cameras(path: &Path) -> Result<Lenses, CamerasError> {
     Ok(lenses)
 }
 
-/// The images of images.bin: number (u32), rotation w x y z and translation (f64), camera (u32), name (ends with 0),
-/// number of points (u64), points.
+/// The images of images.bin: number (u32), rotation w x y z and translation (f64), camera (u32), name (ends
+/// with 0), number of points (u64), points.
 pub(super) fn images(path: &Path) -> Result<Vec<Image>, CamerasError> {
     let bytes = read(path)?;
     let mut bytes = Bytes { path, rest: &bytes, total: bytes.len() };

@@ -29,8 +29,8 @@ pub(super) fn cameras(path: &Path) -> Result<Lenses, CamerasError> {
     Ok(lenses)
 }
 
-/// The images of images.txt, two lines each: IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then the image's points,
-/// which may be an empty line.
+/// The images of images.txt, two lines each: IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then the image's
+/// points, which may be an empty line.
 pub(super) fn images(path: &Path) -> Result<Vec<Image>, CamerasError> {
     let mut images = Vec::new();
     let mut lines = lines(path)?.into_iter();

@@ -29,8 +29,8 @@ fn picture(k: usize) -> Vec<[f32; 3]> {
     (0..64 * 64).map(color).collect()
 }
 
-/// The numbers are from a program in numpy that computes luminance, VGG-19 and statistics in another way (im2col,
-/// f32). Picture 1 counts in rows 20 and on and in columns up to 49; picture 2 is the painting.
+/// The numbers are from a program in numpy that computes luminance, VGG-19 and statistics in another way
+/// (im2col, f32). Picture 1 counts in rows 20 and on and in columns up to 49; picture 2 is the painting.
 #[test]
 fn texture_agrees_with_a_reference() {
     let Some(vgg) = support::data("vgg") else { return };

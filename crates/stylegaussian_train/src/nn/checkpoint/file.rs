@@ -1,5 +1,5 @@
-//! The file of a checkpoint, and what every training checks of it. Nothing here needs the training framework, so that the
-//! fuzz target is built without it.
+//! The file of a checkpoint, and what every training checks of it. Nothing here needs the training framework,
+//! so that the fuzz target is built without it.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,8 @@ use safetensors::{Dtype, SafeTensors};
 
 use crate::error::{Context, TrainError, ensure};
 
-/// The parts that a training was started with, and a fingerprint of each. A training does not continue with others.
+/// The parts that a training was started with, and a fingerprint of each. A training does not continue with
+/// others.
 pub type Origin = Vec<(&'static str, String)>;
 
 /// The metadata entry of a part of the origin.

@@ -112,7 +112,8 @@ impl<B: TrainingOps, C: CheckpointStrategy> TrainingOps for Autodiff<B, C> {
         bias: FloatTensor<Self>,
         windows: Arc<Windows>,
     ) -> FloatTensor<Self> {
-        // `compute_bound` keeps the result for the backward pass. Computing it anew would double the costliest step.
+        // `compute_bound` keeps the result for the backward pass. Computing it anew would double the costliest
+        // step.
         let nodes = [x.node(), weight.node(), bias.node()];
         let [x, weight, bias] = [x, weight, bias].map(|tensor| tensor.into_primitive());
         let y = B::windows_conv(x.clone(), weight.clone(), bias, windows.clone());

@@ -1,7 +1,7 @@
 //! The custom operations as gathers, products and sums, for backends without their own kernels.
 //!
-//! They use no scatter-adds, because GPU backends run those as one invocation for each channel, which visits all rows.
-//! Instead, rows that are added up lie side by side ([`segment_sums`]).
+//! They use no scatter-adds, because GPU backends run those as one invocation for each channel, which visits
+//! all rows. Instead, rows that are added up lie side by side ([`segment_sums`]).
 
 use burn::{
     backend::{
@@ -14,8 +14,9 @@ use stylegaussian::splat::BlendWeights;
 
 use super::{Windows, pixels::VARIANCE_EPSILON};
 
-/// Values that an operation gathers at a time: 64 MiB of f32, half of the binding size that every WebGPU adapter
-/// supports. Memory then does not grow with pictures and scenes. Tests use so few that every operation is cut.
+/// Values that an operation gathers at a time: 64 MiB of f32, half of the binding size that every WebGPU
+/// adapter supports. Memory then does not grow with pictures and scenes. Tests use so few that every operation
+/// is cut.
 const GATHERED_VALUES: usize = if cfg!(test) { 100 } else { 16 << 20 };
 
 pub(super) fn windows_conv<B: Backend>(
@@ -130,7 +131,8 @@ pub(super) fn max_pool_backward<B: Backend>(
     let pooled = |i: usize| (i / width / 2 * width.div_ceil(2) + i % width / 2) as u32;
     let pooled: Vec<u32> = (0..width * height).map(pooled).collect();
     let spread = |tensor| B::float_select(tensor, 0, indices::<B>(&pooled, &device));
-    // 0 if x is the largest of its window, otherwise 1. Ties pass the whole gradient to each, as the CPU kernel does.
+    // 0 if x is the largest of its window, otherwise 1. Ties pass the whole gradient to each, as the CPU kernel
+    // does.
     let below = B::float_sign(B::float_sub(spread(y), x));
     let spread_grad = spread(grad);
     B::float_sub(spread_grad.clone(), B::float_mul(spread_grad, below))
@@ -203,8 +205,9 @@ fn blend<B: Backend>(
     segment_sums::<B>(source, Segments::new(to, entries, n_target))
 }
 
-/// Rows that one round of [`segment_sums`] adds up. Segments are padded to a multiple of it, and the number of rounds
-/// is the longest segment's logarithm to this base. Most reverse lists of decoder neighborhoods have 8 entries.
+/// Rows that one round of [`segment_sums`] adds up. Segments are padded to a multiple of it, and the number of
+/// rounds is the longest segment's logarithm to this base. Most reverse lists of decoder neighborhoods have 8
+/// entries.
 const FAN_IN: usize = 8;
 
 /// The rows of a source that are added up for each target, and their factors.
@@ -233,8 +236,8 @@ impl Segments {
         Self { starts, entries: sorted }
     }
 
-    /// Segments padded with rows of factor 0 to a multiple of [`FAN_IN`], at least one multiple; then the segments of
-    /// the sums.
+    /// Segments padded with rows of factor 0 to a multiple of [`FAN_IN`], at least one multiple; then the
+    /// segments of the sums.
     fn pad(self) -> (Vec<(u32, f32)>, Self) {
         let mut padded = Vec::with_capacity(self.entries.len() + self.starts.len() * FAN_IN / 2);
         let mut starts = vec![0];

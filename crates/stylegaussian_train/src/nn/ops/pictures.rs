@@ -2,7 +2,8 @@
 
 use super::Windows;
 
-/// The line of a picture of `n` lines that `i` reflects to, if it lies outside. The border itself is not repeated.
+/// The line of a picture of `n` lines that `i` reflects to, if it lies outside. The border itself is not
+/// repeated.
 fn reflected(i: isize, n: usize) -> usize {
     let last = n as isize - 1;
     let i = i.abs();
@@ -11,11 +12,11 @@ fn reflected(i: isize, n: usize) -> usize {
 }
 
 impl Windows {
-    /// The `kernel` x `kernel` windows at every `stride`-th line and column of `n` pictures, stacked vertically, each
-    /// of `size` = [W, H] and reflected at its own border.
+    /// The `kernel` x `kernel` windows at every `stride`-th line and column of `n` pictures, stacked
+    /// vertically, each of `size` = [W, H] and reflected at its own border.
     ///
-    /// A window's middle is at the window's own position; if the kernel is even, that is the pixel before the middle.
-    /// Each picture has ceil(W / stride) x ceil(H / stride) windows.
+    /// A window's middle is at the window's own position; if the kernel is even, that is the pixel before the
+    /// middle. Each picture has ceil(W / stride) x ceil(H / stride) windows.
     pub fn of_pictures(size: [usize; 2], n: usize, kernel: usize, stride: usize) -> Self {
         let [width, height] = size;
         let [columns, lines] = size.map(|side| side.div_ceil(stride));
@@ -45,7 +46,8 @@ mod tests {
     fn windows_are_reflected_within_their_picture() {
         let windows = Windows::of_pictures([3, 2], 2, 3, 1);
         assert_eq!(windows.n_out(), 12);
-        // The picture's corner 0 of 0 1 2 / 3 4 5, and the last corner, 11, of the second picture 6 7 8 / 9 10 11.
+        // The picture's corner 0 of 0 1 2 / 3 4 5, and the last corner, 11, of the second picture 6 7 8 / 9 10
+        // 11.
         assert_eq!(windows.neighbors[..9], [4, 3, 4, 1, 0, 1, 4, 3, 4]);
         assert_eq!(windows.neighbors[99..], [7, 8, 7, 10, 11, 10, 7, 8, 7]);
     }

@@ -25,9 +25,9 @@ pub fn max_pool(x: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     y
 }
 
-/// Gradient with respect to x, from y = [`max_pool`] (x) and its gradient, which goes to the maximum of each window.
-/// If several are equal, each gets the whole gradient. That happens only after a ReLU, at 0, which lets no gradient
-/// through.
+/// Gradient with respect to x, from y = [`max_pool`] (x) and its gradient, which goes to the maximum of each
+/// window. If several are equal, each gets the whole gradient. That happens only after a ReLU, at 0, which lets
+/// no gradient through.
 pub fn max_pool_backward(x: &[f32], y: &[f32], grad_y: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     let n_channels = x.len() / (width * height);
     let n_columns = width.div_ceil(2);
@@ -80,8 +80,8 @@ fn weighted_sum(
     (0..n_channels).map(channel).collect()
 }
 
-/// Gradient with respect to x, from `statistics` = [`row_statistics`] (x) `[2, C]` and their gradient:
-/// share (g_mean + g_std (x - mean) / std). The deviation's dependence on the mean cancels, because shares sum to 1.
+/// Gradient with respect to x, from `statistics` = [`row_statistics`] (x) `[2, C]` and their gradient: share
+/// (g_mean + g_std (x - mean) / std). The deviation's dependence on the mean cancels, because shares sum to 1.
 pub fn row_statistics_backward(x: &[f32], shares: &[f32], statistics: &[f32], grad: &[f32]) -> Vec<f32> {
     let n_channels = x.len() / shares.len();
     let (mean, std_dev) = statistics.split_at(n_channels);
@@ -138,8 +138,8 @@ mod tests {
     #[test]
     fn statistics_match_a_hand_worked_case_and_finite_differences() {
         let (x, shares) = ([1.0, 2.0, 5.0, 2.0, 9.0, 6.0], [0.5, 0.25, 0.25]);
-        // Means 0.5 + 1.25 + 2.25 = 4 and 1 + 0.5 + 1.5 = 3; variances 0.5 * 9 + 0.25 + 6.25 = 11 and 0.5 + 0.25 +
-        // 2.25 = 3.
+        // Means 0.5 + 1.25 + 2.25 = 4 and 1 + 0.5 + 1.5 = 3; variances 0.5 * 9 + 0.25 + 6.25 = 11 and 0.5 +
+        // 0.25 + 2.25 = 3.
         let statistics = row_statistics(&x, &shares);
         let expected = [4.0, 3.0, 11.0_f32.sqrt(), 3.0_f32.sqrt()];
         assert!(statistics.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{statistics:?}");
