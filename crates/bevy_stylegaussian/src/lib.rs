@@ -41,7 +41,6 @@
 //! The features of cargo: `bundled_models` (default) compiles the default encoder and decoder in, so that a
 //! game works offline. `picking` (default) is for pointer events, with Bevy's feature `bevy_picking`.
 
-mod background;
 mod colors;
 mod loader;
 mod mask;
@@ -54,6 +53,7 @@ mod style;
 mod systems;
 #[cfg(test)]
 mod tests;
+mod work;
 
 pub use colors::GaussianSceneReady;
 pub use mask::{MaskVisibility, SavedMask, StyleMask, StyleMaskError, StyleMaskFailed, lasso_in_view};
@@ -66,10 +66,11 @@ pub use splats::{SplatSortKey, SplatTonemapping};
 pub use style::{
     AppliedStyle, GaussianDecoder, HiddenUntilStyled, ImageEncoder, StyleApplied, StyleBackend, StyleBudget,
     StyleDecoder, StyleEncoder, StyleError, StyleFailed, StyleInput, StyleLook, StyleMethod, StylePrepare,
-    StyleRefine, StyleRefined, StyleSource, StyleStatistics, StyleTransition, StyleVolume, TransitionCenter,
-    TransitionClock, TransitionShape, VolumeShape, WeightedStyle,
+    StyleProgress, StyleRefine, StyleRefined, StyleSource, StyleStatistics, StyleTransition, StyleVolume,
+    TransitionCenter, TransitionClock, TransitionShape, VolumeShape, WeightedStyle,
 };
 pub use systems::StyleGaussianSystems;
+pub use work::StyleThreads;
 
 /// The model crate: the types inside of assets, such as [`stylegaussian::Scene`].
 pub use stylegaussian;

@@ -5,8 +5,11 @@ use std::{error::Error, marker::PhantomData};
 use bevy::{
     asset::{AssetLoader, AssetPath, LoadContext, ReadAssetBytesError, io::Reader},
     prelude::*,
-    tasks::AsyncComputeTaskPool,
 };
+
+use stylegaussian::work::Canceled;
+
+use crate::work::{for_one, short, taken};
 
 /// An asset that is parsed from the bytes of one file.
 pub(crate) trait FromFile: Asset + Sized {
@@ -38,6 +41,9 @@ pub(crate) enum LoadError {
         /// The error of the asset's source.
         error: Box<ReadAssetBytesError>,
     },
+    /// Reading it panicked.
+    #[error("reading the file ended early: the log says why")]
+    Canceled(#[from] Canceled),
     /// The bytes could not be parsed.
     #[error("{0}")]
     Parse(Box<dyn Error + Send + Sync>),
@@ -77,10 +83,8 @@ impl<A: FromFile> AssetLoader for FileLoader<A> {
         // The task below must own the path: it cannot borrow the context.
         let path = context.path().to_string();
         let bytes = read_all(reader, context.path()).await?;
-        // Parsing a large scene takes seconds, which would block the pool on which other assets wait for their
-        // files.
-        let parsing = AsyncComputeTaskPool::get().spawn(async move { A::from_file(bytes, &path) });
-        parsing.await.map_err(LoadError::Parse)
+        // Not on the pool on which other assets wait for their files.
+        taken(short(move |_| for_one(A::from_file(bytes, &path)))).await?.map_err(LoadError::Parse)
     }
 
     fn extensions(&self) -> &[&str] {

@@ -3,8 +3,14 @@
 use bevy::{prelude::*, render::RenderApp};
 
 use crate::{
-    background::SynchronousCompilation, colors::ColorsPlugin, mask::MaskPlugin, picking::PickingPlugin,
-    scene::ScenePlugin, splats::SplatsPlugin, style::StylePlugin, systems::StyleGaussianSystems,
+    colors::ColorsPlugin,
+    mask::MaskPlugin,
+    picking::PickingPlugin,
+    scene::ScenePlugin,
+    splats::SplatsPlugin,
+    style::StylePlugin,
+    systems::StyleGaussianSystems,
+    work::{SynchronousCompilation, WorkPlugin},
 };
 
 /// Loads, draws and styles captured scenes. Add it after `DefaultPlugins`.
@@ -46,6 +52,6 @@ impl Plugin for GaussianSplatsPlugin {
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app.insert_resource(SynchronousCompilation(self.synchronous_pipeline_compilation));
         }
-        app.add_plugins((ScenePlugin, ColorsPlugin, MaskPlugin, PickingPlugin, SplatsPlugin));
+        app.add_plugins((WorkPlugin, ScenePlugin, ColorsPlugin, MaskPlugin, PickingPlugin, SplatsPlugin));
     }
 }

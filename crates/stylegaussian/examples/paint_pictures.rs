@@ -16,10 +16,12 @@ use glam::{Affine3A, UVec2, Vec3};
 use image::RgbaImage;
 use stylegaussian::{
     Camera, Scene, file,
-    paint::{Canvas, Paint, Surface, lay},
+    paint::{Canvas, Paint, Surface},
+    restyle::Recipe,
     splat::{Colors, RenderedImage, render_strokes},
     strokes::StrokeKnobs,
     views,
+    work::Work,
 };
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -30,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = file::read_scene(scene.as_ref())?.scene;
     let cameras = cameras(&scene, views, size.parse()?)?;
     let start = Instant::now();
-    let surface = Surface::new(&scene);
+    let surface = Surface::new(&scene, &Work::default())?;
     println!("{} Gaussians, {} seeds, surface {:.0} ms", scene.len(), surface.n_seeds(), ms(start));
     std::fs::create_dir_all(out)?;
     for painting in paintings {
@@ -39,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let canvas = Canvas::new(&paint);
         let prepared = ms(start);
         let start = Instant::now();
-        let painted = lay(&scene, &surface, &[(&canvas, 1.0)], 0.0);
+        let painted = Recipe::painting(&canvas, &surface).restyle(&scene, &Work::default())?;
         let laid = ms(start);
         let name = Path::new(painting).file_name().unwrap_or_default().to_string_lossy();
         let name = name.split('.').next().unwrap_or_default();

@@ -40,6 +40,7 @@ pub mod principal;
 pub mod random;
 pub mod raycast;
 pub mod recolor;
+pub mod restyle;
 pub mod scene;
 pub mod sh;
 pub mod slices;
@@ -49,6 +50,7 @@ pub mod statistics;
 pub mod strokes;
 pub mod twin;
 pub mod views;
+pub mod work;
 
 pub use axes::Axes;
 pub use camera::Camera;

@@ -6,6 +6,8 @@ use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
+use crate::work::{Canceled, Work};
+
 /// Neighbor lists `[N, K]`, row-major.
 ///
 /// A list begins with the Gaussian itself. The others follow by ascending distance, and at equal distances by
@@ -31,16 +33,33 @@ impl Neighbors {
     /// # Panics
     /// If `order` is not as long as `means`, a mean is not finite, or k is 0.
     pub fn find(means: &[Vec3], order: &[u32], k: usize) -> Self {
+        match Self::find_if_wanted(means, order, k, &Work::default()) {
+            Ok(found) => found,
+            Err(Canceled) => unreachable!("nobody cancels it"),
+        }
+    }
+
+    /// As [`find`](Self::find).
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub(crate) fn find_if_wanted(
+        means: &[Vec3],
+        order: &[u32],
+        k: usize,
+        work: &Work,
+    ) -> Result<Self, Canceled> {
         assert_eq!(means.len(), order.len(), "order [N]");
         let n_nearest = NonZero::new(k).expect("K is at least 1");
         let (points, clusters, cluster_from_gaussian) = cluster_equal_points(means, order);
         let search = Search { tree: tree(&points), points, clusters, order, n_nearest };
         let mut indices = vec![0; means.len() * k];
-        indices.par_chunks_exact_mut(k).enumerate().for_each_init(Vec::new, |found, (i, row)| {
+        indices.par_chunks_exact_mut(k).enumerate().try_for_each_init(Vec::new, |found, (i, row)| {
             search.nearest(cluster_from_gaussian[i] as usize, found);
             fill(row, i as u32, found);
-        });
-        Self { k, indices }
+            work.check()
+        })?;
+        Ok(Self { k, indices })
     }
 
     /// The lists shortened to the nearest `k`.

@@ -18,7 +18,10 @@ mod survey;
 mod tests;
 mod up;
 
-use crate::{Camera, Scene};
+use crate::{
+    Camera, Scene,
+    work::{Canceled, Work},
+};
 use glam::UVec2;
 
 pub use backdrop::bounds_without_backdrop;
@@ -45,8 +48,22 @@ const NEARLY: f32 = 0.2;
 /// Up is [`Scene::up`], or a guess from the scene's surfaces if that is `None`. The choice depends on the scene
 /// alone.
 pub fn choose_views(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
-    let Some(survey) = Survey::new(scene, N_STAND_IN) else { return Vec::new() };
-    let (overviews, closer) = match Overviews::take(&survey) {
+    // Nobody cancels it.
+    choose_views_if_wanted(scene, n, size, &Work::default()).unwrap_or_default()
+}
+
+/// As [`choose_views`].
+///
+/// # Errors
+/// If `work` is canceled.
+pub fn choose_views_if_wanted(
+    scene: &Scene,
+    n: usize,
+    size: UVec2,
+    work: &Work,
+) -> Result<Vec<Camera>, Canceled> {
+    let Some(survey) = Survey::new(scene, N_STAND_IN) else { return Ok(Vec::new()) };
+    let (overviews, closer) = match Overviews::take(&survey, work)? {
         Overviews::Around(views) => {
             let closer = candidates::closer_looks_around(&survey, &views.usable());
             (views, closer)
@@ -58,8 +75,8 @@ pub fn choose_views(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
     };
     // Overviews come first in the pool. Of equal gains the first wins, which makes the choice the same each
     // time.
-    let chosen = overviews.and(TestViews::take(&survey, closer)).choose(n);
-    cameras(chosen, size)
+    let chosen = overviews.and(TestViews::take(&survey, closer, work)?).choose(n);
+    Ok(cameras(chosen, size))
 }
 
 /// Gaussians by which overviews are chosen. A third of [`N_STAND_IN`] chooses nearly the same, in a third of
@@ -67,10 +84,13 @@ pub fn choose_views(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
 const N_OF_OVERVIEWS: usize = N_STAND_IN / 3;
 
 /// Chooses as [`choose_views`] does, but among overviews alone, and in a fraction of its time.
-pub fn choose_overviews(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
-    let Some(survey) = Survey::new(scene, N_OF_OVERVIEWS) else { return Vec::new() };
-    let (Overviews::Around(views) | Overviews::Within(views)) = Overviews::take(&survey);
-    cameras(views.choose(n), size)
+///
+/// # Errors
+/// If `work` is canceled.
+pub fn choose_overviews(scene: &Scene, n: usize, size: UVec2, work: &Work) -> Result<Vec<Camera>, Canceled> {
+    let Some(survey) = Survey::new(scene, N_OF_OVERVIEWS) else { return Ok(Vec::new()) };
+    let (Overviews::Around(views) | Overviews::Within(views)) = Overviews::take(&survey, work)?;
+    Ok(cameras(views.choose(n), size))
 }
 
 /// `n` cameras on a circle for showing `scene`: around an object, or turning on the spot in a place.
@@ -78,10 +98,13 @@ pub fn choose_overviews(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
 /// The circle runs counter-clockwise as seen from above.
 pub fn orbit(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
     let Some(survey) = Survey::new(scene, N_STAND_IN) else { return Vec::new() };
-    let circle = match Overviews::take(&survey) {
-        Overviews::Around(_) => candidates::circle_around(&survey, n),
+    // Nobody cancels it.
+    let overviews = Overviews::take(&survey, &Work::default());
+    let circle = match overviews {
+        Err(Canceled) => Vec::new(),
+        Ok(Overviews::Around(_)) => candidates::circle_around(&survey, n),
         // The first choice stands at the spot from which most can be seen.
-        Overviews::Within(views) => match views.choose(1).first() {
+        Ok(Overviews::Within(views)) => match views.choose(1).first() {
             Some(best) => candidates::turn_within(&survey, best, n),
             None => candidates::circle_around(&survey, n),
         },
@@ -103,24 +126,24 @@ enum Overviews {
 }
 
 impl Overviews {
-    fn take(survey: &Survey) -> Self {
-        let around = TestViews::take(survey, candidates::around(survey));
+    fn take(survey: &Survey, work: &Work) -> Result<Self, Canceled> {
+        let around = TestViews::take(survey, candidates::around(survey), work)?;
         // A few views tell an object that is plainly none to stand in.
         let (few, others): (Vec<_>, Vec<_>) =
             candidates::within(survey).into_iter().enumerate().partition(|(i, _)| i % FEW == 0);
         let take = |of: Vec<(usize, Candidate)>| {
-            TestViews::take(survey, of.into_iter().map(|(_, candidate)| candidate).collect())
+            TestViews::take(survey, of.into_iter().map(|(_, candidate)| candidate).collect(), work)
         };
-        let few = take(few);
+        let few = take(few)?;
         if few.covered() < PLACE_ENCLOSES - NEARLY {
-            return Self::Around(around);
+            return Ok(Self::Around(around));
         }
-        let within = few.and(take(others));
+        let within = few.and(take(others)?);
         let encloses = within.covered() > PLACE_ENCLOSES;
         if encloses && within.share_seen() > PLACE_SHOWS_MORE * around.share_seen() {
-            Self::Within(within)
+            Ok(Self::Within(within))
         } else {
-            Self::Around(around)
+            Ok(Self::Around(around))
         }
     }
 }

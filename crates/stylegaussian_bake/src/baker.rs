@@ -10,6 +10,7 @@ use stylegaussian::{
     recolor::Recoloring,
     splat::{BlendWeights, blend_weights_from},
     strokes::{StrokeSeed, Strokes},
+    work::Work,
 };
 use stylegaussian_encoder::Image;
 
@@ -102,19 +103,21 @@ impl Baker {
     /// none, they are the scene's own, or chosen. Paintings have weights in the mix.
     ///
     /// # Errors
-    /// If nothing of the scene is visible, or no painting can be used.
+    /// If nothing of the scene is visible, or no painting can be used. If `work` is canceled.
     pub fn new(
         config: BakeConfig,
         scene: &Scene,
         cameras: &[Camera],
         paintings: &[(Image, f32)],
         network: LossNetwork,
+        work: &Work,
     ) -> Result<Self, BakeError> {
         let images = paintings;
         // Other random numbers than those of any step.
         let mut random = Random::new(!config.seed);
         let paintings = Paintings::new(images, config.view, config.keys, &mut random, &network)?;
-        let cameras = Cameras::survey(scene, cameras, config.view, config.crop)
+        work.check()?;
+        let cameras = Cameras::survey(scene, cameras, config.view, config.crop, work)?
             .ok_or(BakeError::NothingVisible { n_gaussians: scene.len() })?;
         let side = config.crop as usize;
         let sizes = network.sizes(Size { width: side, height: side });
@@ -122,7 +125,7 @@ impl Baker {
         let recoloring = Recoloring::new(&cameras.colors, &paintings.colors);
         let recolored: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
         let aim = ShapeAim::new(paintings.shapes, cameras.contrast(&recoloring));
-        let start = Start::new(scene, &cameras, images, recolored, config.paint);
+        let start = Start::new(scene, &cameras, images, recolored, config.paint, work)?;
         let adam = Adam::new(scene.len());
         let identity = identity(&config, scene, captured.as_flattened(), &paintings, &cameras, &start);
         let none = || vec![None; network.layers().len()];

@@ -7,7 +7,8 @@ use stylegaussian::{
     random::Random,
     recolor::{ColorMoments, Recoloring},
     splat::{Colors, RenderedImage, blend_weights, render},
-    views::choose_views,
+    views::choose_views_if_wanted,
+    work::{Canceled, Work},
 };
 
 use crate::loss::shapes;
@@ -64,18 +65,28 @@ pub(crate) struct Cameras {
 impl Cameras {
     /// Surveys `given`; if there are none, the cameras of the scene's capture; if those are not known, views
     /// chosen for the scene. Returns `None` if they see nothing.
-    pub fn survey(scene: &Scene, given: &[Camera], side: u32, crop: u32) -> Option<Self> {
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn survey(
+        scene: &Scene,
+        given: &[Camera],
+        side: u32,
+        crop: u32,
+        work: &Work,
+    ) -> Result<Option<Self>, Canceled> {
         let given = if given.is_empty() { &scene.cameras } else { given };
         let cameras = match given {
-            [] => choose_views(scene, N_VIEWS, UVec2::splat(side)),
+            [] => choose_views_if_wanted(scene, N_VIEWS, UVec2::splat(side), work)?,
             given => {
                 let stride = given.len().div_ceil(MOST_VIEWS);
                 given.iter().step_by(stride).map(|camera| camera.fitted(side)).collect()
             }
         };
         let chosen = if given.is_empty() { cameras.clone() } else { Vec::new() };
+        let of_camera = |camera| work.check().map(|()| survey(scene, camera, crop));
         let surveyed: Vec<(View, RenderedImage, Vec<f32>)> =
-            cameras.into_par_iter().map(|camera| survey(scene, camera, crop)).collect();
+            cameras.into_par_iter().map(of_camera).collect::<Result<_, _>>()?;
         let mut pixels = vec![0.0_f32; scene.len()];
         let enlarged = (side as f32 / SURVEY_SIDE as f32).powi(2);
         let (mut views, mut pictures) = (Vec::new(), Vec::new());
@@ -91,7 +102,7 @@ impl Cameras {
             view.distance = distance(view.scale, &scales);
         }
         let farthest = if given.is_empty() { FARTHEST } else { 1.0 };
-        (!views.is_empty()).then(|| Self {
+        Ok((!views.is_empty()).then(|| Self {
             pixel_size: farthest.sqrt() / scales[scales.len() / 2],
             colors: ColorMoments::of_views(&pictures),
             shapes: pictures.iter().map(|picture| shapes_of(picture, side)).collect(),
@@ -99,7 +110,7 @@ impl Cameras {
             chosen,
             pixels,
             farthest,
-        })
+        }))
     }
 
     /// The contrast between large shapes, recolored.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use stylegaussian::file::FileError;
+use stylegaussian::{file::FileError, work::Canceled};
 use stylegaussian_encoder::weights::WeightsError;
 
 /// A scene, a painting or a network that cannot be baked with, or a checkpoint that does not fit.
@@ -45,6 +45,9 @@ pub enum BakeError {
     /// VGG-19's weights cannot be read.
     #[error(transparent)]
     Weights(#[from] WeightsError),
+    /// Nobody wants the bake any more.
+    #[error(transparent)]
+    Canceled(#[from] Canceled),
     /// A checkpoint cannot be written.
     #[error(transparent)]
     File(#[from] FileError),

@@ -7,13 +7,15 @@
 //!
 //! ```no_run
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use stylegaussian::work::Work;
 //! use stylegaussian_bake::{BakeConfig, Baker, LossNetwork};
 //! use stylegaussian_encoder::Image;
 //!
 //! let scene = stylegaussian::file::read_scene("scene.sgs".as_ref())?.scene;
 //! let painting = Image::open("irises.jpg".as_ref())?;
 //! let network = LossNetwork::vgg("vgg19.safetensors".as_ref())?;
-//! let mut baker = Baker::new(BakeConfig::default(), &scene, &[], &[(painting, 1.0)], network)?;
+//! let (config, work) = (BakeConfig::default(), Work::default());
+//! let mut baker = Baker::new(config, &scene, &[], &[(painting, 1.0)], network, &work)?;
 //! while !baker.is_complete() {
 //!     baker.step(&scene);
 //! }

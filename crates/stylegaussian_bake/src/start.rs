@@ -4,6 +4,7 @@ use stylegaussian::{
     Scene,
     paint::{Canvas, Painted, Surface, lay},
     strokes::{StrokeWord, Strokes},
+    work::{Canceled, Work},
 };
 use stylegaussian_encoder::{Image, paint_of};
 
@@ -37,18 +38,22 @@ pub(crate) struct Start {
 
 impl Start {
     /// The scene between its `recolored` colors `[N * 3]` (`paint` 0, without strokes) and instant paint (1).
+    ///
+    /// # Errors
+    /// If `work` is canceled.
     pub fn new(
         scene: &Scene,
         cameras: &Cameras,
         paintings: &[(Image, f32)],
         recolored: Vec<f32>,
         paint: f32,
-    ) -> Self {
+        work: &Work,
+    ) -> Result<Self, Canceled> {
         let mut colors = recolored;
         let mut strokes =
             Strokes { words: vec![StrokeWord::NONE.packed(); scene.len()], ..Strokes::default() };
         if paint > 0.0 {
-            let painted = painted(scene, cameras, paintings);
+            let painted = painted(scene, cameras, paintings, work)?;
             for (color, painted) in colors.iter_mut().zip(painted.colors.into_iter().flatten()) {
                 *color += paint * (painted - *color);
             }
@@ -59,22 +64,27 @@ impl Start {
             }
         }
         let protected = protections(&strokes.words, &scene.broad_sides(), cameras.pixel_size);
-        Self { colors, strokes, protected }
+        Ok(Self { colors, strokes, protected })
     }
 }
 
 /// The scene in the paintings' own paint.
-fn painted(scene: &Scene, cameras: &Cameras, paintings: &[(Image, f32)]) -> Painted {
+fn painted(
+    scene: &Scene,
+    cameras: &Cameras,
+    paintings: &[(Image, f32)],
+    work: &Work,
+) -> Result<Painted, Canceled> {
     // Choosing views takes seconds, so it is done once.
     let surface = match &cameras.chosen[..] {
-        [] => Surface::new(scene),
-        chosen => Surface::seen_from(scene, chosen),
+        [] => Surface::new(scene, work)?,
+        chosen => Surface::seen_from(scene, chosen, work)?,
     };
     let canvases: Vec<(Canvas, f64)> = (paintings.iter().filter(|(_, weight)| *weight > 0.0))
         .map(|(image, weight)| (Canvas::new(&paint_of(image)), f64::from(*weight)))
         .collect();
     let canvases: Vec<(&Canvas, f64)> = canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect();
-    lay(scene, &surface, &canvases, 0.0)
+    lay(scene, &surface, &canvases, 0.0, work)
 }
 
 /// How much Gaussians are kept near the start `[N]`, since they stand out, by their `words`, or are larger than

@@ -1,17 +1,21 @@
 //! Stylizing for `stylize` and `render`: from `--style`, `--look`, `--content` and `--decoder` to one color for
 //! each Gaussian, and strokes over them.
 
-use std::path::{Path, PathBuf};
+use std::{
+    error::Error,
+    path::{Path, PathBuf},
+};
 
 use anyhow::{Context, Result, ensure};
 use clap::{ArgGroup, Args};
 use serde::Serialize;
 use stylegaussian::{
-    ChannelStatistics, Scene, file,
-    fold::{self, StylizeError},
-    look::{self, LookError, MadeFrom, Painting},
-    paint::{Canvas, Paint, Painted, Surface, lay},
-    strokes::Strokes,
+    ChannelStatistics, Decoder, Scene, file,
+    fold::{ChannelMap, StylizeError},
+    look::{MadeFrom, Painting},
+    paint::{Canvas, Paint, Painted, Surface},
+    restyle::{Decode, Recipe, RestyleError, Styles, WeightedLook, is_painted},
+    work::Work,
 };
 use stylegaussian_encoder::{Encoder, Image, StyleSize, paint_of, painted_style, style_statistics};
 
@@ -98,12 +102,35 @@ impl Stylization {
     }
 }
 
-/// The styles without the looks.
-struct Styled {
-    shown: Painted,
-    /// The decoder's name, if there was one.
-    decoder: Option<String>,
-    warnings: Vec<String>,
+/// What the styles need.
+enum Prepared {
+    Painted {
+        canvases: Vec<Canvas>,
+        surface: Surface,
+    },
+    Decoded {
+        statistics: Vec<ChannelStatistics>,
+        decoder: NamedDecoder,
+        warnings: Vec<String>,
+    },
+    /// All weight is that of looks.
+    None,
+}
+
+/// A decoder on the backend that was asked for.
+struct Decoding<'a> {
+    decoder: &'a Decoder,
+    compute: &'a mut Compute,
+}
+
+impl Decode for Decoding<'_> {
+    fn decode(
+        &mut self,
+        scene: &Scene,
+        map: &ChannelMap,
+    ) -> Result<Vec<[f32; 3]>, Box<dyn Error + Send + Sync>> {
+        Ok(self.compute.stylize(scene, self.decoder, map)?)
+    }
 }
 
 impl StylizationArgs {
@@ -135,27 +162,45 @@ impl StylizationArgs {
     /// If a decoder is to choose the colors and the scene has no features, a look belongs to another scene, a
     /// file cannot be read, encoders differ, or the styles' numbers are so large that colors are not finite.
     pub fn stylize(&self, scene: &Scene, scene_path: &Path, compute: &mut Compute) -> Result<Stylization> {
+        // Read before the expensive steps.
+        let read = |look: &WeightedPath| {
+            let name = format!("{} for {}", look.path.display(), scene_path.display());
+            Ok((name, file::read_look(&look.path)?, look.weight))
+        };
+        let looks = self.looks.iter().map(read).collect::<Result<Vec<_>>>()?;
+        let prepared = match weight_of(&self.styles) > 0.0 {
+            true => self.prepare(scene, scene_path)?,
+            false => Prepared::None,
+        };
+        let mut shown = {
+            let mut decoding;
+            let styles = match &prepared {
+                Prepared::Painted { canvases, surface } => {
+                    Styles::Painted { paintings: self.weighted(canvases), surface }
+                }
+                Prepared::Decoded { statistics, decoder, .. } => {
+                    decoding = Decoding { decoder: &decoder.decoder, compute: &mut *compute };
+                    Styles::Decoded { styles: self.weighted(statistics), decode: &mut decoding }
+                }
+                Prepared::None => Styles::None,
+            };
+            let looks = looks.iter().map(|(name, look, weight)| WeightedLook { name, look, weight: *weight });
+            let recipe = Recipe { looks: looks.collect(), styles, content: self.content };
+            recipe.restyle(scene, &Work::default()).map_err(|error| match &prepared {
+                Prepared::Decoded { decoder, .. } if !matches!(error, RestyleError::Look { .. }) => {
+                    let context = format!("{} with decoder {}", scene_path.display(), decoder.name);
+                    anyhow::Error::from(error).context(context)
+                }
+                _ => error.into(),
+            })?
+        };
+        let painted = matches!(prepared, Prepared::Painted { .. });
+        let (decoder, warnings) = match prepared {
+            Prepared::Decoded { decoder, warnings, .. } => (Some(decoder.name), warnings),
+            Prepared::Painted { .. } | Prepared::None => (None, Vec::new()),
+        };
         // Above 0: `open` has checked it.
         let total = self.total_weight();
-        // Read before the expensive steps.
-        let looks = self.looks.iter().map(|look| {
-            let mut shown = read_look(&look.path, scene, scene_path)?;
-            shown.strokes.fade(1.0 - self.content as f32);
-            Ok((shown, look.weight / total))
-        });
-        let looks = looks.collect::<Result<Vec<_>>>()?;
-        let style_share = weight_of(&self.styles) / total;
-        // A style of no weight beside a look need not be computed.
-        let styled = if style_share > 0.0 { Some(self.style(scene, scene_path, compute)?) } else { None };
-        let painted = styled.as_ref().is_some_and(|styled| styled.decoder.is_none());
-        let (styled, decoder, warnings) = match styled {
-            Some(Styled { shown, decoder, warnings }) => (Some(shown), decoder, warnings),
-            None => (None, None, Vec::new()),
-        };
-        let mut shown = match styled {
-            Some(styled) if looks.is_empty() => styled,
-            styled => self.mixed(scene, &looks, styled.as_ref().map(|styled| (styled, style_share)))?,
-        };
         self.strokes.apply(&mut shown.strokes);
         let is_broken = |color: &&[f32; 3]| color.iter().any(|channel| !channel.is_finite());
         let n_broken = shown.colors.iter().filter(is_broken).count();
@@ -180,78 +225,37 @@ impl StylizationArgs {
         })
     }
 
-    /// Looks with their shares, and a style with its own.
-    fn mixed(
-        &self,
-        scene: &Scene,
-        looks: &[(Painted, f64)],
-        style: Option<(&Painted, f64)>,
-    ) -> Result<Painted> {
-        let colors: Vec<_> = looks.iter().map(|(look, share)| (look.colors.clone(), *share)).collect();
-        let of_style = style.map(|(style, share)| (&style.colors[..], share));
-        let colors = look::mix(&scene.base_colors(), self.content, &colors, of_style)?;
-        let mut strokes = Strokes::default();
-        let mut total = 0.0;
-        let parts = style.into_iter().chain(looks.iter().map(|(look, share)| (look, *share)));
-        for (part, share) in parts.filter(|(_, share)| *share > 0.0) {
-            total += share;
-            strokes.mix(&part.strokes, (share / total) as f32);
+    /// What the styles need, painted or decoded.
+    fn prepare(&self, scene: &Scene, scene_path: &Path) -> Result<Prepared> {
+        let asks_for_decoder = self.decoder_only || self.decoder.is_some();
+        // Files are read only if they may be used.
+        let paints = if is_painted(scene, asks_for_decoder, true) { self.read_paints()? } else { None };
+        if let Some(paints) = paints {
+            let canvases = paints.iter().map(Canvas::new).collect();
+            return Ok(Prepared::Painted { canvases, surface: Surface::new(scene, &Work::default())? });
         }
-        Ok(Painted { colors, strokes, ..Painted::default() })
-    }
-
-    /// The mix of the styles: painted, if nothing asks for a decoder.
-    fn style(&self, scene: &Scene, scene_path: &Path, compute: &mut Compute) -> Result<Styled> {
-        // A decoder that somebody trained for this scene, or asks for, is what they want to see.
-        let wants_decoder = self.decoder_only || self.decoder.is_some() || scene.decoder.is_some();
-        match if wants_decoder { None } else { self.read_paints()? } {
-            Some(paints) => Ok(self.paint(scene, &paints)),
-            None => self.decode(scene, scene_path, compute),
-        }
-    }
-
-    /// The share of each style in their mix.
-    fn weights(&self) -> impl Iterator<Item = f64> {
-        // Above 0: the caller has checked it.
-        let total = weight_of(&self.styles);
-        self.styles.iter().map(move |style| style.weight / total)
-    }
-
-    /// Lays the paint of the styles on the scene.
-    fn paint(&self, scene: &Scene, paints: &[Paint]) -> Styled {
-        let canvases: Vec<(Canvas, f64)> =
-            paints.iter().zip(self.weights()).map(|(paint, weight)| (Canvas::new(paint), weight)).collect();
-        let canvases: Vec<(&Canvas, f64)> =
-            canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect();
-        let shown = lay(scene, &Surface::new(scene), &canvases, self.content);
-        Styled { shown, decoder: None, warnings: Vec::new() }
-    }
-
-    /// Decodes the mix of the styles.
-    fn decode(&self, scene: &Scene, scene_path: &Path, compute: &mut Compute) -> Result<Styled> {
         // Checked before the expensive steps.
         let features = scene.features.as_ref();
         let features =
             features.ok_or(StylizeError::NoFeatures).with_context(|| scene_path.display().to_string())?;
-        let NamedDecoder { decoder, name } = choose::decoder(self.decoder.as_deref(), scene)?;
-        let styles = self.read_statistics()?;
+        let decoder = choose::decoder(self.decoder.as_deref(), scene)?;
+        let statistics = self.read_statistics()?;
         let mut parts = vec![
             (scene_path.display().to_string(), features.encoder.as_ref()),
-            (format!("the decoder ({name})"), decoder.encoder.as_ref()),
+            (format!("the decoder ({})", decoder.name), decoder.decoder.encoder.as_ref()),
         ];
-        let named = self.styles.iter().zip(&styles);
+        let named = self.styles.iter().zip(&statistics);
         parts.extend(
             named.map(|(style, statistics)| (style.path.display().to_string(), statistics.encoder.as_ref())),
         );
         let warnings = check_encoders(&parts)?;
         warn(&warnings);
-        let weighted: Vec<_> = styles.iter().zip(self.weights()).collect();
-        let colors = fold::transfer(features, &weighted, self.content)
-            .map_err(anyhow::Error::from)
-            .and_then(|map| compute.stylize(scene, &decoder, &map))
-            .with_context(|| format!("{} with decoder {name}", scene_path.display()))?;
-        let shown = Painted { colors, ..Painted::default() };
-        Ok(Styled { shown, decoder: Some(name), warnings })
+        Ok(Prepared::Decoded { statistics, decoder, warnings })
+    }
+
+    /// What the styles gave, in their order, with their weights.
+    fn weighted<'a, T>(&self, given: &'a [T]) -> Vec<(&'a T, f64)> {
+        given.iter().zip(self.styles.iter().map(|style| style.weight)).collect()
     }
 
     /// Paint of each style, in order, or `None` if a style file carries none.
@@ -293,20 +297,6 @@ fn is_file(path: &Path) -> bool {
 pub fn image_style(encoder: &Encoder, path: &Path, size: StyleSize) -> Result<(ChannelStatistics, Paint)> {
     let image = Image::open_painting(path)?;
     painted_style(encoder, &image, size).with_context(|| path.display().to_string())
-}
-
-/// Colors and strokes of the look at `path`, in the order of `scene`, which `scene_path` names in errors.
-///
-/// # Errors
-/// If the look cannot be read or belongs to another scene.
-fn read_look(path: &Path, scene: &Scene, scene_path: &Path) -> Result<Painted> {
-    let look = file::read_look(path)?;
-    let shown = || {
-        let (colors, strokes) = (look.colors_for(scene)?, look.strokes_for(scene)?);
-        Ok(Painted { colors, strokes: strokes.unwrap_or_default(), ..Painted::default() })
-    };
-    let shown: Result<Painted, LookError> = shown();
-    shown.with_context(|| format!("{} for {}", path.display(), scene_path.display()))
 }
 
 fn weight_of(styles: &[WeightedPath]) -> f64 {

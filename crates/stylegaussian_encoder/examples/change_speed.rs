@@ -11,7 +11,9 @@ use std::{env, error::Error, hint::black_box, time::Instant};
 
 use stylegaussian::{
     Neighbors, file, fold,
-    paint::{Canvas, Surface, lay},
+    paint::{Canvas, Surface},
+    restyle::Recipe,
+    work::Work,
 };
 use stylegaussian_defaults::{DECODER, ENCODER, ENCODER_NAME};
 use stylegaussian_encoder::{Encoder, Image, StyleSize, paint_of, style_statistics};
@@ -27,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if scene.neighbors.is_none() {
         scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, decoder.k));
     }
-    let surface = Surface::new(&scene);
+    let surface = Surface::new(&scene, &Work::default())?;
 
     let (mut decoded, mut painted) = (Vec::new(), Vec::new());
     for painting in arguments {
@@ -45,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let canvas = Canvas::new(&paint_of(&image));
         let prepare = milliseconds(start);
         let start = Instant::now();
-        black_box(lay(&scene, &surface, &[(&canvas, 1.0)], 0.0));
+        black_box(Recipe::painting(&canvas, &surface).restyle(&scene, &Work::default())?);
         let lay = milliseconds(start);
         println!(
             "{painting}: read {read:.0}; encode {encode:.0}, decode {decode:.0}; prepare {prepare:.0}, lay {lay:.0}"

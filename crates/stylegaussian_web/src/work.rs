@@ -8,9 +8,10 @@ use bevy_stylegaussian::{
     stylegaussian::{
         Decoder, Neighbors, Scene,
         file::{self, ReadOptions, Reading, SceneReader},
-        fold::{self, StylizeError},
-        paint::{Canvas, Painted, Surface, lay},
+        paint::{Canvas, Painted, Surface},
+        restyle::{Recipe, Styles},
         views::choose_views,
+        work::Work,
     },
     stylegaussian_encoder::{Encoder, Image, StyleSize, paint_of, style_statistics},
 };
@@ -127,14 +128,12 @@ fn saved(scene: &Scene, painted: &[u8]) -> Result<Vec<u8>, String> {
 
 /// A scene in the decoded colors of a mix of styles: bytes of `.style.safetensors`, and their weights.
 fn decoded(scene: &Scene, styles: &[(&[u8], f32)], content: f32) -> Result<Scene, String> {
-    let features = scene.features.as_ref().ok_or_else(|| StylizeError::NoFeatures.to_string())?;
     let style = |(bytes, weight): &(&[u8], f32)| {
         let style = file::style_from_bytes(bytes, "a style").map_err(|error| error.to_string())?;
         Ok((style, f64::from(*weight)))
     };
     let styles = styles.iter().map(style).collect::<Result<Vec<_>, String>>()?;
     let styles: Vec<_> = styles.iter().map(|(style, weight)| (style, *weight)).collect();
-    let map = fold::transfer(features, &styles, f64::from(content)).map_err(|error| error.to_string())?;
     let bundled;
     let decoder = match &scene.decoder {
         Some(decoder) => decoder,
@@ -144,9 +143,12 @@ fn decoded(scene: &Scene, styles: &[(&[u8], f32)], content: f32) -> Result<Scene
             &bundled
         }
     };
-    let colors = fold::stylize(scene, decoder, &map).map_err(|error| error.to_string())?;
+    let mut decoder = decoder;
+    let styles = Styles::Decoded { styles, decode: &mut decoder };
+    let recipe = Recipe { looks: Vec::new(), styles, content: f64::from(content) };
+    let painted = recipe.restyle(scene, &Work::default()).map_err(|error| error.to_string())?;
     let mut styled = scene.clone();
-    styled.set_colors(&colors);
+    styled.set_colors(&painted.colors);
     Ok(styled)
 }
 
@@ -201,8 +203,13 @@ impl Held {
     /// The scene in the colors and strokes of an image.
     fn paint(&mut self, name: &str, bytes: &[u8]) -> Result<Painted, String> {
         let canvas = Canvas::new(&paint_of(&painting(name, bytes)?));
-        let surface = self.surface.get_or_insert_with(|| Surface::new(&self.scene));
-        Ok(lay(&self.scene, surface, &[(&canvas, 1.0)], 0.0))
+        // The page ends the worker to stop it.
+        let work = Work::default();
+        if self.surface.is_none() {
+            self.surface = Some(Surface::new(&self.scene, &work).map_err(|error| error.to_string())?);
+        }
+        let surface = self.surface.as_ref().ok_or_else(String::new)?;
+        Recipe::painting(&canvas, surface).restyle(&self.scene, &work).map_err(|error| error.to_string())
     }
 
     fn embed(&mut self) -> Result<Vec<u8>, String> {
@@ -259,7 +266,9 @@ mod tests {
         assert!(held.encoder.is_none(), "nobody needs an encoder");
         let image = Image::painting_from_bytes(png, "halftone.png".as_ref()).unwrap();
         let canvas = Canvas::new(&paint_of(&image));
-        let expected = lay(&held.scene, &Surface::new(&held.scene), &[(&canvas, 1.0)], 0.0);
+        let work = Work::default();
+        let surface = Surface::new(&held.scene, &work).unwrap();
+        let expected = Recipe::painting(&canvas, &surface).restyle(&held.scene, &work).unwrap();
         let bytes = painted::to_bytes(&painted);
         let read_back = painted::from_bytes(&bytes).unwrap();
         assert_eq!((&read_back.colors, &read_back.strokes), (&expected.colors, &expected.strokes));

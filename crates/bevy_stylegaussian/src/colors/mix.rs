@@ -17,9 +17,9 @@ use stylegaussian_gpu::{
 };
 
 use crate::{
-    background::{Background, SynchronousCompilation},
     mask::RenderMasks,
     scene::{GpuScenes, RenderClouds},
+    work::{Background, SynchronousCompilation},
 };
 
 use super::{
@@ -50,13 +50,13 @@ impl Mixer {
             move || Arc::new(LayerMixer::new(&device))
         };
         let mixer = self.of_colors.get_or_insert_with(|| Background::start(synchronous, compile));
-        let mixer = Arc::clone(mixer.poll()?);
+        let mixer = Arc::clone(mixer.get()?);
         if has_strokes {
             let compile = {
                 let (device, mixer) = (device.clone(), Arc::clone(&mixer));
                 move || mixer.prepare_strokes(&device)
             };
-            self.of_strokes.get_or_insert_with(|| Background::start(synchronous, compile)).poll()?;
+            self.of_strokes.get_or_insert_with(|| Background::start(synchronous, compile)).get()?;
         }
         Some(mixer)
     }

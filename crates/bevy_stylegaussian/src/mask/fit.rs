@@ -13,7 +13,10 @@ use bevy::{
 };
 use stylegaussian::{Mask, Scene, StoredMask, mask::MaskError};
 
-use crate::{background::Background, scene::LoadedScene};
+use crate::{
+    scene::LoadedScene,
+    work::{Lane, Running, Workers},
+};
 
 use super::{SavedMask, StyleMask, component::Painted};
 
@@ -79,14 +82,15 @@ impl MaskFailures<'_, '_> {
 pub(super) struct Fitting {
     scene: Arc<Scene>,
     saved: Arc<StoredMask>,
-    mask: Background<Result<Mask, MaskError>>,
+    mask: Running<Result<Mask, MaskError>>,
 }
 
 impl Fitting {
-    fn start(scene: &Arc<Scene>, saved: &Arc<StoredMask>) -> Self {
+    fn start(scene: &Arc<Scene>, saved: &Arc<StoredMask>, workers: &Workers) -> Self {
         let (scene, saved) = (Arc::clone(scene), Arc::clone(saved));
         let of = (Arc::clone(&scene), Arc::clone(&saved));
-        Self { mask: Background::spawn(move || of.1.mask_for(&of.0)), scene, saved }
+        let mask = workers.start(Lane::Scenes, move |_| Ok(of.1.mask_for(&of.0)));
+        Self { mask, scene, saved }
     }
 
     fn is_of(&self, scene: &Arc<Scene>, saved: &Arc<StoredMask>) -> bool {
@@ -99,6 +103,7 @@ pub(super) fn fit_masks(
     mut masks: Query<(Entity, &mut StyleMask, &LoadedScene)>,
     saved: Res<Assets<SavedMask>>,
     server: Res<AssetServer>,
+    workers: Res<Workers>,
     mut fitting: Local<EntityHashMap<Fitting>>,
     mut failures: MaskFailures,
 ) {
@@ -115,7 +120,8 @@ pub(super) fn fit_masks(
             painted.scene = Arc::clone(scene);
             continue;
         }
-        let Some(first) = first_mask(&mask, scene, &saved, &server, fitting.entry(entity)) else { continue };
+        let fitting = fitting.entry(entity);
+        let Some(first) = first_mask(&mask, scene, (&*saved, &*server, &*workers), fitting) else { continue };
         let first = first.unwrap_or_else(|error| {
             failures.send(entity, error);
             Mask::new(scene.len())
@@ -128,8 +134,7 @@ pub(super) fn fit_masks(
 fn first_mask(
     mask: &StyleMask,
     scene: &Arc<Scene>,
-    saved: &Assets<SavedMask>,
-    server: &AssetServer,
+    (saved, server, workers): (&Assets<SavedMask>, &AssetServer, &Workers),
     fitting: Entry<Entity, Fitting, EntityHash>,
 ) -> Option<Result<Mask, StyleMaskError>> {
     let Some(handle) = &mask.saved else {
@@ -141,13 +146,15 @@ fn first_mask(
             _ => None,
         };
     };
-    let fitting = fitting.or_insert_with(|| Fitting::start(scene, stored));
+    let fitting = fitting.or_insert_with(|| Fitting::start(scene, stored, workers));
     if !fitting.is_of(scene, stored) {
-        *fitting = Fitting::start(scene, stored);
+        *fitting = Fitting::start(scene, stored, workers);
     }
     let named = |&error: &MaskError| StyleMaskError::Scene {
         path: handle.path().map_or_else(|| "a mask made by the program".into(), ToString::to_string),
         error,
     };
-    fitting.mask.poll().map(|fitted| fitted.as_ref().cloned().map_err(named))
+    // A panic, which the log tells of, leaves the mask unfitted.
+    let fitted = fitting.mask.get()?.as_ref().ok()?;
+    Some(fitted.as_ref().cloned().map_err(named))
 }

@@ -2,23 +2,17 @@
 
 use std::sync::Arc;
 
-use bevy::{platform::collections::HashMap, prelude::*};
-use stylegaussian::{Scene, raycast::RayIndex};
+use bevy::prelude::*;
+use stylegaussian::raycast::RayIndex;
 
 use crate::{
-    background::Background,
-    scene::{GaussianScene, LoadedScene},
+    scene::{LoadedScene, PerScene},
+    work::{Lane, Running, Workers},
 };
 
 /// The indexes that rays have asked for.
 #[derive(Resource, Default)]
-pub(super) struct RayIndexes(HashMap<AssetId<GaussianScene>, Indexed>);
-
-struct Indexed {
-    /// The data that is indexed. An asset that changes keeps its id.
-    scene: Arc<Scene>,
-    index: Background<RayIndex>,
-}
+pub(super) struct RayIndexes(PerScene<Running<RayIndex>>);
 
 impl RayIndexes {
     pub(super) fn is_empty(&self) -> bool {
@@ -26,23 +20,16 @@ impl RayIndexes {
     }
 
     /// The index of a scene, or `None` while it is built. The first call starts that.
-    pub(super) fn get(&mut self, loaded: &LoadedScene) -> Option<&RayIndex> {
-        let scene = loaded.scene();
+    pub(super) fn get(&mut self, loaded: &LoadedScene, workers: &Workers) -> Option<&RayIndex> {
         let begin = || {
-            let task = Arc::clone(scene);
-            let index = Background::spawn(move || RayIndex::new(&task));
-            Indexed { scene: Arc::clone(scene), index }
+            let scene = Arc::clone(loaded.scene());
+            workers.start(Lane::Scenes, move |_| Ok(RayIndex::new(&scene)))
         };
-        let indexed = self.0.entry(loaded.id).or_insert_with(begin);
-        if !Arc::ptr_eq(&indexed.scene, scene) {
-            *indexed = begin();
-        }
-        indexed.index.poll()
+        self.0.get_or_insert_with(loaded, begin).get()?.as_ref().ok()
     }
 }
 
 /// Forgets the indexes of scenes that no entity shows.
 pub(super) fn forget_unused_indexes(mut indexes: ResMut<RayIndexes>, shown: Query<&LoadedScene>) {
-    let indexes = &mut indexes.bypass_change_detection().0;
-    indexes.retain(|_, indexed| shown.iter().any(|shown| Arc::ptr_eq(shown.scene(), &indexed.scene)));
+    indexes.bypass_change_detection().0.retain(shown.iter(), |_| true);
 }

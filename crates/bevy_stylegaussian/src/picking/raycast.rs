@@ -9,6 +9,7 @@ use stylegaussian::raycast::{Hit, Ray};
 use crate::{mask::HiddenFromRays, scene::LoadedScene};
 
 use super::index::RayIndexes;
+use crate::work::Workers;
 
 /// Casts rays at splats, as Bevy's `MeshRayCast` does at meshes.
 ///
@@ -35,6 +36,7 @@ use super::index::RayIndexes;
 pub struct SplatRayCast<'w, 's> {
     clouds: Query<'w, 's, Cloud>,
     indexes: ResMut<'w, RayIndexes>,
+    workers: Res<'w, Workers>,
 }
 
 /// An entity's splats, as rays see them.
@@ -71,7 +73,7 @@ impl SplatRayCast<'_, '_> {
         let mut all_ready = true;
         for cloud in &self.clouds {
             // Each is asked for, also after one that is not ready.
-            all_ready &= !cloud.visibility.get() || self.indexes.get(cloud.scene).is_some();
+            all_ready &= !cloud.visibility.get() || self.indexes.get(cloud.scene, &self.workers).is_some();
         }
         all_ready
     }
@@ -93,7 +95,7 @@ impl SplatRayCast<'_, '_> {
         ray: Ray3d,
         chosen: impl Fn(Entity) -> bool,
     ) -> impl Iterator<Item = SplatHit> {
-        let Self { clouds, indexes } = self;
+        let Self { clouds, indexes, workers } = self;
         clouds.iter().filter_map(move |cloud| {
             if !cloud.visibility.get() || !chosen(cloud.entity) {
                 return None;
@@ -104,7 +106,7 @@ impl SplatRayCast<'_, '_> {
                 origin: scene_from_world.transform_point3(ray.origin),
                 direction: scene_from_world.transform_vector3(*ray.direction),
             };
-            let index = indexes.get(cloud.scene)?;
+            let index = indexes.get(cloud.scene, workers)?;
             let hit = match cloud.hidden.and_then(|hidden| hidden.of(cloud.scene.scene())) {
                 Some(visibility) => index.cast_through(local, |i| visibility.share(i)),
                 None => index.cast(local),

@@ -11,8 +11,8 @@ use stylegaussian::Scene;
 use stylegaussian_gpu::splat::GpuScene;
 
 use crate::{
-    background::{Background, SynchronousCompilation},
     reports::Reports,
+    work::{Background, Lane, SynchronousCompilation, Workers},
 };
 
 use super::{GaussianScene, LoadedScene, RenderClouds, SceneRefused};
@@ -57,6 +57,7 @@ pub(crate) fn upload_scenes(
     clouds: Res<RenderClouds>,
     mut scenes: ResMut<GpuScenes>,
     synchronous: Res<SynchronousCompilation>,
+    workers: Res<Workers>,
     device: Res<RenderDevice>,
     reports: Res<Reports<SceneRefused>>,
 ) {
@@ -77,11 +78,14 @@ pub(crate) fn upload_scenes(
             let upload = move || GpuScene::new(&device, &scene).map_err(|error| error.to_string());
             UploadedScene {
                 scene: Arc::clone(cloud.scene.scene()),
-                gpu: Background::start(*synchronous, upload),
+                gpu: match synchronous.0 {
+                    true => Background::Ready(upload()),
+                    false => Background::Building(workers.start(Lane::Scenes, move |_| Ok(upload()))),
+                },
                 reported: MainEntityHashSet::default(),
             }
         });
-        match uploaded.gpu.poll() {
+        match uploaded.gpu.get() {
             None => scenes.settled = false,
             Some(Ok(_)) => {}
             Some(Err(reason)) => {

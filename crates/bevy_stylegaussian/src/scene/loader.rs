@@ -3,7 +3,6 @@
 use bevy::{
     asset::{AssetLoader, AssetPath, LoadContext, io::Reader},
     prelude::*,
-    tasks::AsyncComputeTaskPool,
 };
 use serde::{Deserialize, Serialize};
 use stylegaussian::{
@@ -12,7 +11,10 @@ use stylegaussian::{
 };
 
 use super::GaussianScene;
-use crate::loader::{LoadError, read_all};
+use crate::{
+    loader::{LoadError, read_all},
+    work::{Lane, Workers, for_one, taken},
+};
 
 /// Settings of loading a [`GaussianScene`].
 ///
@@ -37,8 +39,14 @@ pub struct SceneSettings {
 }
 
 /// Loads scenes.
-#[derive(Default, TypePath)]
-pub(super) struct SceneLoader;
+#[derive(TypePath)]
+pub(super) struct SceneLoader(Workers);
+
+impl FromWorld for SceneLoader {
+    fn from_world(world: &mut World) -> Self {
+        Self(world.resource::<Workers>().clone())
+    }
+}
 
 /// The state of a load, which moves between the tasks that wait for files and those that compute.
 enum Step {
@@ -63,9 +71,8 @@ impl AssetLoader for SceneLoader {
         let mut scene = SceneReader::new(bytes, &name(&path), options);
         loop {
             let name = name(&path);
-            // Parsing a large scene takes seconds, which would block the pool on which other assets wait for
-            // their files.
-            match AsyncComputeTaskPool::get().spawn(async move { step(scene, &name) }).await? {
+            let reading = self.0.start(Lane::Scenes, move |_| for_one(step(scene, &name)));
+            match taken(reading).await?? {
                 Step::Done(scene) => return Ok(*scene),
                 Step::Needs(reader, names) => {
                     scene = reader;

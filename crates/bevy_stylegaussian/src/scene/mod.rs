@@ -19,6 +19,7 @@ mod extract;
 mod failure;
 mod gpu;
 mod loader;
+mod per_scene;
 
 pub use asset::GaussianScene;
 pub use failure::{GaussianSceneError, GaussianSceneFailed};
@@ -29,6 +30,7 @@ pub(crate) use extract::RenderClouds;
 pub(crate) use failure::SceneRefused;
 pub(crate) use gpu::{GpuScenes, upload_scenes};
 use loader::SceneLoader;
+pub(crate) use per_scene::PerScene;
 
 /// Shows a [`GaussianScene`] at the entity's `Transform`, which may scale and shear it.
 ///

@@ -17,7 +17,7 @@ use stylegaussian_gpu::{
     strokes::StrokeStore,
 };
 
-use crate::background::{Background, SynchronousCompilation};
+use crate::work::{Background, SynchronousCompilation};
 
 /// All pipelines and tables on the present device, ready or being built.
 #[derive(Resource, Default)]
@@ -74,7 +74,7 @@ impl SplatPipelines {
         };
         let passes = self.passes.get_or_insert_with(|| Background::start(synchronous, build));
         // Pipelines are made from the shader modules and layouts of the passes, so these come first.
-        let Some(passes) = passes.poll() else { return false };
+        let Some(passes) = passes.get() else { return false };
         // The layer's format never changes, so its sample count alone tells pipelines apart.
         let draw = self.draws.entry(samples).or_insert_with(|| {
             let (passes, device) = (Arc::clone(passes), device.clone());
@@ -87,7 +87,7 @@ impl SplatPipelines {
             Background::start(synchronous, move || passes.composite.pipeline(&device, format, samples, mode))
         });
         // Both are polled: `&&` on the calls would leave the second one running until the first is ready.
-        let (draw, composite) = (draw.poll().is_some(), composite.poll().is_some());
+        let (draw, composite) = (draw.get().is_some(), composite.get().is_some());
         draw && composite
     }
 
@@ -103,7 +103,7 @@ impl SplatPipelines {
             let (passes, device) = (Arc::clone(passes), device.clone());
             Background::start(synchronous, move || passes.splat.prepare_masks(&device))
         });
-        masks.poll().is_some()
+        masks.get().is_some()
     }
 
     /// Whether the kernel for clouds with a mask is ready.
@@ -125,7 +125,7 @@ impl SplatPipelines {
             let (passes, device, draw) = (Arc::clone(passes), device.clone(), draw.clone());
             Background::start(synchronous, move || passes.splat.prepare_strokes(&device, &[draw]))
         });
-        strokes.poll().is_some()
+        strokes.get().is_some()
     }
 
     /// Starts to build the table that inverts a tonemapping without a formula for its inverse. Returns whether
@@ -155,7 +155,7 @@ impl SplatPipelines {
                 }))
             }
         };
-        table.poll().is_some()
+        table.get().is_some()
     }
 
     /// The table that inverts a tonemapping, or `None` if it was not [requested](Self::request_table) or is not

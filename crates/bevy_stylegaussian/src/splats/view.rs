@@ -23,10 +23,10 @@ use bevy::{
 use stylegaussian_gpu::splat::{self, CompositeInput, CompositeMode, LAYER_FORMAT, SplatSettings, SplatView};
 
 use crate::{
-    background::SynchronousCompilation,
     colors::{PipelinesReady, ShownColors, StrokeTextures, StrokesReady, WantedColors},
     mask::RenderMasks,
     scene::{GaussianSplats, GpuScenes, RenderClouds},
+    work::SynchronousCompilation,
 };
 
 use super::{

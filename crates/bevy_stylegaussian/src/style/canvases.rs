@@ -1,7 +1,7 @@
-//! Canvases: paintings that are prepared for painting any scene. They are made in the background, and kept as
-//! long as the image or the preset that they are of. No encoder takes part.
+//! Canvases: paintings that are prepared for painting any scene. They are made by the first style that needs
+//! them, and kept as long as the image or the preset that they are of. No encoder takes part.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, LazyLock, OnceLock};
 
 use bevy::{
     platform::collections::{HashMap, HashSet},
@@ -14,8 +14,6 @@ use stylegaussian::{
 };
 use stylegaussian_encoder::paint_of;
 
-use crate::background::Background;
-
 use super::{
     asset::StyleStatistics,
     error::StyleError,
@@ -23,54 +21,61 @@ use super::{
     images::{decoded, name, pixels},
 };
 
+/// A value that the first computation makes that needs it.
+pub(super) type Later<T> = Arc<LazyLock<T, Box<dyn FnOnce() -> T + Send>>>;
+
 /// The canvas of an image. All entities that use the image share an error.
 pub(super) type Stretched = Result<Arc<Canvas>, Arc<StyleError>>;
+
+/// A value that is made later.
+pub(super) fn later<T>(make: impl FnOnce() -> T + Send + 'static) -> Later<T> {
+    Arc::new(LazyLock::new(Box::new(make)))
+}
 
 /// The canvas of each image and preset that was used as a style.
 #[derive(Resource, Default)]
 pub(super) struct Canvases {
     of_image: HashMap<AssetId<Image>, ImageCanvas>,
-    of_preset: HashMap<AssetId<StyleStatistics>, Background<Arc<Canvas>>>,
+    of_preset: HashMap<AssetId<StyleStatistics>, Later<Stretched>>,
     /// Presets of which it was said that they carry no paint.
     bare: HashSet<AssetId<StyleStatistics>>,
 }
 
-/// An image on its way to a canvas.
+/// The canvas of an image.
 struct ImageCanvas {
-    /// Its palette, which is there at once or before the rest.
+    /// Its palette, which is there at once or with the canvas.
     palette: Arc<OnceLock<ColorMoments>>,
-    canvas: Background<Stretched>,
+    canvas: Later<Stretched>,
 }
 
 impl Canvases {
-    /// The canvas of a loaded image, or `None` while it is made. The first call starts that.
-    pub(super) fn of_image(&mut self, handle: &Handle<Image>, image: &Image) -> Option<Stretched> {
+    /// The canvas of a loaded image.
+    pub(super) fn of_image(&mut self, handle: &Handle<Image>, image: &Image) -> Later<Stretched> {
         let stretch = || {
             let name = name(handle);
             let palette = Arc::new(palette_at_once(image).map_or_else(OnceLock::new, OnceLock::from));
-            let of_task = Arc::clone(&palette);
-            let canvas = match pixels(image) {
-                // Never on this thread, not even if pipelines are synchronous: that switch is about drawing.
-                Ok(image) => Background::spawn(move || stretched(name, image, &of_task)),
-                // Kept like a canvas, so that it is reported once for each request and not tried again.
-                Err(found) => Background::Ready(Err(Arc::new(StyleError::Image { image: name, found }))),
-            };
+            let of_canvas = Arc::clone(&palette);
+            let pixels = pixels(image);
+            let canvas = later(move || match pixels {
+                Ok(image) => stretched(name, image, &of_canvas),
+                Err(found) => Err(Arc::new(StyleError::Image { image: name, found })),
+            });
             ImageCanvas { palette, canvas }
         };
-        self.of_image.entry(handle.id()).or_insert_with(stretch).canvas.poll().cloned()
+        Arc::clone(&self.of_image.entry(handle.id()).or_insert_with(stretch).canvas)
     }
 
-    /// The canvas of a preset's paint, likewise.
+    /// The canvas of a preset's paint.
     pub(super) fn of_preset(
         &mut self,
         handle: &Handle<StyleStatistics>,
         paint: &Arc<Paint>,
-    ) -> Option<Arc<Canvas>> {
+    ) -> Later<Stretched> {
         let stretch = || {
             let paint = Arc::clone(paint);
-            Background::spawn(move || Arc::new(Canvas::new(&paint)))
+            later(move || Ok(Arc::new(Canvas::new(&paint))))
         };
-        self.of_preset.entry(handle.id()).or_insert_with(stretch).poll().cloned()
+        Arc::clone(self.of_preset.entry(handle.id()).or_insert_with(stretch))
     }
 
     /// The palette of an image that was asked for by [`Self::of_image`], or `None` if it is not known yet.

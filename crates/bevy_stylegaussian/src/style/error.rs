@@ -62,6 +62,12 @@ pub enum StyleError {
         /// The fingerprints of both scenes.
         source: LookError,
     },
+    /// The decoder fails.
+    #[error("the style cannot be decoded: {0}")]
+    Decode(String),
+    /// A computation panicked.
+    #[error("the computation of the style ended early: the log says why")]
+    Ended,
     /// A style cannot be refined. It stays as it is.
     #[error("the style cannot be refined: {0}")]
     Refine(String),

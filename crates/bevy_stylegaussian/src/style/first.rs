@@ -4,7 +4,7 @@
 //! image's mean and covariance takes milliseconds ([`recolor`](stylegaussian::recolor)), so a change is
 //! answered at once.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use bevy::prelude::*;
 use stylegaussian::{
@@ -14,7 +14,10 @@ use stylegaussian::{
 };
 
 use super::{transition::StyleTransition, worn::Worn};
-use crate::colors::{LayerColors, StyleColors};
+use crate::{
+    colors::{LayerColors, StyleColors},
+    work::Background,
+};
 
 /// Most Gaussians that are recolored at once, without a frame's wait for a thread. They take 3 ms of a
 /// core (AMD EPYC, Zen 4).
@@ -83,7 +86,7 @@ impl FirstRequest {
 #[derive(Default)]
 pub(super) struct FirstColors {
     /// The place where they appear, once they were asked for.
-    computed: Option<Arc<OnceLock<Arc<StyleColors>>>>,
+    computed: Option<Background<Arc<StyleColors>>>,
     /// Whether none are to be put on any more: they were, or the style is painted.
     are_over: bool,
     /// Colors that were shown before them, as long as they are.
@@ -111,29 +114,18 @@ impl FirstColors {
         matches!(self.before, Some(LayerColors::Captured))
     }
 
-    /// Computes them, those of large scenes in a thread of their own: the tasks' only thread may be the one
-    /// that encodes the image.
+    /// Computes them, those of large scenes in a task.
     pub(super) fn ask(&mut self, request: FirstRequest) {
-        let computed = Arc::new(OnceLock::new());
-        let of_thread = Arc::clone(&computed);
-        let is_small = request.scene.len() <= AT_ONCE;
-        let compute = move || {
-            let _ = of_thread.set(request.colors());
-        };
-        if is_small || cfg!(target_family = "wasm") {
-            // There are no threads in a browser.
-            compute();
-        } else {
-            // Without a thread, paint is waited for.
-            let _ = std::thread::Builder::new().name("first colors".into()).spawn(compute);
-        }
-        self.computed = Some(computed);
+        self.computed = Some(match request.scene.len() <= AT_ONCE {
+            true => Background::Ready(request.colors()),
+            false => Background::spawn(move || request.colors()),
+        });
     }
 
     /// Puts them on if they are there.
     pub(super) fn show(&mut self, worn: &mut Worn, transition: Option<&StyleTransition>) {
         if !self.are_over
-            && let Some(colors) = self.computed.as_deref().and_then(OnceLock::get)
+            && let Some(colors) = self.computed.as_ref().and_then(Background::get)
         {
             self.are_over = true;
             self.before.get_or_insert_with(|| worn.top());

@@ -7,9 +7,12 @@ use bevy::{platform::collections::HashMap, prelude::*, render::render_resource::
 use stylegaussian::ChannelStatistics;
 use stylegaussian_encoder::{StyleSize, style_statistics};
 
-use crate::background::Background;
-
-use super::{asset::ImageEncoder, error::StyleError, settings::StyleEncoder};
+use super::{
+    asset::{ImageEncoder, StyleStatistics},
+    canvases::{Later, later},
+    error::StyleError,
+    settings::StyleEncoder,
+};
 
 /// Statistics of an image. All entities that use the image share an error.
 pub(super) type Encoded = Result<Arc<ChannelStatistics>, Arc<StyleError>>;
@@ -17,38 +20,51 @@ pub(super) type Encoded = Result<Arc<ChannelStatistics>, Arc<StyleError>>;
 /// The statistics of each image that was decoded.
 #[derive(Resource, Default)]
 pub(super) struct ImageStatistics {
-    of_image: HashMap<AssetId<Image>, Background<Encoded>>,
+    of_image: HashMap<AssetId<Image>, Later<Encoded>>,
+    /// Those of presets, which are there already.
+    of_preset: HashMap<AssetId<StyleStatistics>, (Arc<ChannelStatistics>, Later<Encoded>)>,
 }
 
 impl ImageStatistics {
-    /// The statistics of a loaded image, or `None` while they are computed. The first call starts the
-    /// computation.
-    pub(super) fn get(
+    /// The statistics of a loaded image.
+    pub(super) fn of_image(
         &mut self,
         handle: &Handle<Image>,
         image: &Image,
         encoder: &ImageEncoder,
-    ) -> Option<Encoded> {
+    ) -> Later<Encoded> {
         let encode = || {
-            let name = name(handle);
-            match pixels(image) {
-                Ok(image) => {
-                    let encoder = encoder.clone();
-                    // Never on this thread, not even if pipelines are synchronous: that switch is about
-                    // drawing.
-                    Background::spawn(move || encode(name, image, &encoder))
-                }
-                // Kept like statistics, so that it is reported once for each request and not computed again.
-                Err(found) => Background::Ready(Err(Arc::new(StyleError::Image { image: name, found }))),
-            }
+            let (name, pixels, encoder) = (name(handle), pixels(image), encoder.clone());
+            later(move || match pixels {
+                Ok(image) => encode(name, image, &encoder),
+                Err(found) => Err(Arc::new(StyleError::Image { image: name, found })),
+            })
         };
-        self.of_image.entry(handle.id()).or_insert_with(encode).poll().cloned()
+        Arc::clone(self.of_image.entry(handle.id()).or_insert_with(encode))
+    }
+
+    /// The statistics of a preset: the same place in memory each time.
+    pub(super) fn of_preset(
+        &mut self,
+        handle: &Handle<StyleStatistics>,
+        statistics: Arc<ChannelStatistics>,
+    ) -> Later<Encoded> {
+        let begin = || {
+            let known = Arc::clone(&statistics);
+            (Arc::clone(&statistics), later(move || Ok(known)))
+        };
+        let (of, known) = self.of_preset.entry(handle.id()).or_insert_with(begin);
+        if !Arc::ptr_eq(of, &statistics) {
+            (*of, *known) = begin();
+        }
+        Arc::clone(known)
     }
 }
 
 /// Forgets the statistics of images that changed or went, and all of them if the encoder changed.
 pub(super) fn forget_changed_images(
     mut images: MessageReader<AssetEvent<Image>>,
+    mut presets: MessageReader<AssetEvent<StyleStatistics>>,
     mut encoders: MessageReader<AssetEvent<ImageEncoder>>,
     encoder: Res<StyleEncoder>,
     mut statistics: ResMut<ImageStatistics>,
@@ -60,6 +76,11 @@ pub(super) fn forget_changed_images(
     // Features of two encoders cannot be compared, so nothing that was computed is of use.
     if asset_changed || encoder.is_changed() {
         statistics.of_image.clear();
+    }
+    for event in presets.read() {
+        if let AssetEvent::Removed { id } = event {
+            statistics.of_preset.remove(id);
+        }
     }
     // `Added` is left out: an image has no statistics before it exists.
     for event in images.read() {

@@ -4,22 +4,26 @@ use std::sync::Arc;
 
 use bevy::{asset::LoadState, ecs::system::SystemParam, prelude::*, render::renderer::RenderAdapterInfo};
 use stylegaussian::{
-    ChannelStatistics, Look,
+    Look,
     fold::{self, StylizeError},
-    paint::Canvas,
+    restyle,
 };
 use stylegaussian_gpu::device::is_software;
 
-use crate::scene::LoadedScene;
+use crate::{
+    scene::{GaussianScene, LoadedScene},
+    work::Workers,
+};
 
 use super::{
     asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics},
-    canvases::{Canvases, preset_name},
+    canvases::{Canvases, Later, Stretched, preset_name},
+    decoder::choose_decoder,
     error::StyleError,
     first::{FirstRequest, Palette},
-    images::ImageStatistics,
+    images::{Encoded, ImageStatistics},
     packed::PackedInputs,
-    request::{StyleRequest, Styles, WeightedLook},
+    request::{Same, StyleRequest, Styles, WeightedLook},
     settings::{StyleBackend, StyleEncoder, StyleMethod},
     source::{StyleDecoder, StyleInput, StyleSource},
     surfaces::Surfaces,
@@ -30,8 +34,8 @@ type Input<T> = Result<Option<T>, Arc<StyleError>>;
 
 /// One style of a mix, loaded.
 enum Given {
-    Canvas(Arc<Canvas>),
-    Statistics(Arc<ChannelStatistics>),
+    Canvas(Later<Stretched>),
+    Statistics(Later<Encoded>),
     Look { name: String, look: Arc<Look> },
 }
 
@@ -47,8 +51,9 @@ pub(super) struct Inputs<'w> {
     encoder: Res<'w, StyleEncoder>,
     canvases: ResMut<'w, Canvases>,
     encoded: ResMut<'w, ImageStatistics>,
-    packed: Res<'w, PackedInputs>,
-    surfaces: Res<'w, Surfaces>,
+    pub(super) surfaces: ResMut<'w, Surfaces>,
+    pub(super) workers: Res<'w, Workers>,
+    pub(super) packed: Res<'w, PackedInputs>,
     method: Res<'w, StyleMethod>,
     backend: Res<'w, StyleBackend>,
     // Bevy puts a copy into the main world. It is absent if the app does not render.
@@ -71,43 +76,51 @@ impl Inputs<'_> {
         if has_styles && !is_painted && scene.scene().features.is_none() {
             return Err(Arc::new(StylizeError::NoFeatures.into()));
         }
-        if is_painted {
-            // While images are loaded and prepared.
-            self.surfaces.prepare(scene.scene());
-        }
-        // All inputs are asked for before the first one is waited for, so that images are prepared side by
-        // side.
+        // Begun before images are there, if they are still being loaded.
+        let surface = if is_painted { self.surfaces.get(scene, &self.workers) } else { None };
         let inputs: Vec<_> = source.styles.iter().map(|style| self.input(&style.input, is_painted)).collect();
         let (mut canvases, mut statistics, mut looks) = (Vec::new(), Vec::new(), Vec::new());
         for (input, style) in inputs.into_iter().zip(&source.styles) {
             let weight = f64::from(style.weight);
             match input? {
                 None => return Ok(None),
-                Some(Given::Canvas(canvas)) => canvases.push((canvas, weight)),
-                Some(Given::Statistics(of_image)) => statistics.push((of_image, weight)),
-                Some(Given::Look { name, look }) => looks.push(WeightedLook { name, look, weight }),
+                Some(Given::Canvas(canvas)) => canvases.push((Same(canvas), weight)),
+                Some(Given::Statistics(of_image)) => statistics.push((Same(of_image), weight)),
+                Some(Given::Look { name, look }) => {
+                    looks.push(WeightedLook { name, look: Same(look), weight });
+                }
             }
         }
-        let styles = if is_painted { Styles::Painted(canvases) } else { Styles::Decoded(statistics) };
-        let decoder = match decoder.filter(|_| has_styles) {
-            Some(decoder) => match loaded(&self.server, &self.decoders, &decoder.0)? {
-                Some(decoder) => Some(Arc::clone(&decoder.0)),
-                None => return Ok(None),
-            },
-            None => None,
+        let styles = if is_painted {
+            let Some(surface) = surface else { return Ok(None) };
+            Styles::Painted { canvases, surface: Same(surface) }
+        } else if has_styles {
+            let of_entity = match decoder {
+                Some(decoder) => match loaded(&self.server, &self.decoders, &decoder.0)? {
+                    Some(decoder) => Some(&decoder.0),
+                    None => return Ok(None),
+                },
+                None => None,
+            };
+            let decoder = Same(choose_decoder(of_entity, scene.asset.decoder())?);
+            Styles::Decoded { styles: statistics, decoder }
+        } else {
+            Styles::None
         };
         Ok(Some(StyleRequest {
-            scene: scene.asset.clone(),
-            decoder,
+            scene: Same(Arc::clone(scene.scene())),
             styles,
             looks,
             content: f64::from(source.content),
             // Paint is laid on and looks are mixed on the CPU. Decided anew for each request, so that a change
             // of `StyleBackend` affects the next change of style.
             backend: if is_painted || has_looks { StyleBackend::Cpu } else { self.backend(gpu_refused)? },
-            packed: self.packed.clone(),
-            surfaces: self.surfaces.clone(),
         }))
+    }
+
+    /// Whether a scene is still on its way.
+    pub(super) fn is_loading(&self, scene: &Handle<GaussianScene>) -> bool {
+        matches!(self.server.get_load_state(scene), Some(LoadState::NotLoaded | LoadState::Loading))
     }
 
     /// Inputs of a style's first colors, or `None` while a palette is missing, if the style is not painted, or
@@ -142,9 +155,8 @@ impl Inputs<'_> {
 
     /// Whether styles that have paint are painted on this scene, and not decoded.
     fn may_paint(&self, scene: &LoadedScene, decoder: Option<&StyleDecoder>) -> bool {
-        // A decoder that somebody trained for this scene, or asks for, is what they want to see.
-        let has_own = scene.asset.decoder().is_some() && scene.scene().features.is_some();
-        *self.method == StyleMethod::Paint && decoder.is_none() && !has_own
+        let asks_for_decoder = *self.method != StyleMethod::Paint || decoder.is_some();
+        restyle::is_painted(scene.scene(), asks_for_decoder, true)
     }
 
     /// Whether a source is painted on this scene, as far as its presets are loaded.
@@ -178,13 +190,14 @@ impl Inputs<'_> {
             StyleInput::Preset(handle) => {
                 let Some(preset) = loaded(&self.server, &self.statistics, handle)? else { return Ok(None) };
                 let Some(paint) = preset.paint.as_ref().filter(|_| is_painted) else {
-                    return Ok(Some(Given::Statistics(Arc::clone(&preset.statistics))));
+                    let statistics = Arc::clone(&preset.statistics);
+                    return Ok(Some(Given::Statistics(self.encoded.of_preset(handle, statistics))));
                 };
-                Ok(self.canvases.of_preset(handle, paint).map(Given::Canvas))
+                Ok(Some(Given::Canvas(self.canvases.of_preset(handle, paint))))
             }
             StyleInput::Image(handle) if is_painted => {
                 let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
-                Ok(self.canvases.of_image(handle, image).transpose()?.map(Given::Canvas))
+                Ok(Some(Given::Canvas(self.canvases.of_image(handle, image))))
             }
             StyleInput::Image(handle) => Ok(self.encoded(handle)?.map(Given::Statistics)),
             StyleInput::Look(handle) => {
@@ -196,14 +209,14 @@ impl Inputs<'_> {
     }
 
     /// The statistics of an image.
-    fn encoded(&mut self, handle: &Handle<Image>) -> Input<Arc<ChannelStatistics>> {
+    fn encoded(&mut self, handle: &Handle<Image>) -> Input<Later<Encoded>> {
         let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
         let Some(encoder) = loaded(&self.server, &self.encoders, &self.encoder.0)? else {
-            // Nobody will ever load the default asset: it is there from the start if it is bundled.
+            // The default handle is never loaded; it exists only if the encoder is bundled.
             let is_default = self.encoder.0 == Handle::default();
             return if is_default { Err(Arc::new(StyleError::NoEncoder)) } else { Ok(None) };
         };
-        self.encoded.get(handle, image, encoder).transpose()
+        Ok(Some(self.encoded.of_image(handle, image, encoder)))
     }
 
     /// The backend to decode on: never [`StyleBackend::Auto`].

@@ -35,6 +35,7 @@ mod packed;
 mod pass;
 mod place;
 mod prepare;
+mod progress;
 mod refine;
 mod request;
 mod settings;
@@ -53,6 +54,7 @@ pub use compose::HiddenUntilStyled;
 pub use error::StyleError;
 pub use event::{StyleApplied, StyleFailed, StyleRefined};
 pub use prepare::StylePrepare;
+pub use progress::StyleProgress;
 pub use refine::StyleRefine;
 pub use settings::{StyleBackend, StyleBudget, StyleEncoder, StyleMethod};
 pub use source::{StyleDecoder, StyleInput, StyleSource, WeightedStyle};
@@ -83,7 +85,6 @@ impl Plugin for StylePlugin {
             .register_required_components::<StyleVolume, StyleSource>()
             .init_resource::<shared::SharedStyles>()
             .init_resource::<refine::Engine>()
-            .init_resource::<refine::RefineThreads>()
             .add_message::<StyleApplied>()
             .add_message::<StyleRefined>()
             .add_message::<StyleFailed>()
@@ -107,6 +108,8 @@ impl Plugin for StylePlugin {
                     refine::want_refinements,
                     refine::advance_refinements,
                     prepare::prepare_surfaces,
+                    progress::report_progress,
+                    surfaces::forget_unused_surfaces,
                     compose::compose_layers,
                     job::report_drawn_styles,
                     shared::forget_unused_styles,

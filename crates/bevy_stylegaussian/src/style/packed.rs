@@ -7,7 +7,7 @@ use bevy::prelude::*;
 use stylegaussian::{Decoder, Scene, fold::StylizeError};
 use stylegaussian_gpu::style::{StyleInputs, StyleOptions};
 
-use crate::background::pauses;
+use crate::work::pauses;
 
 /// Packed inputs that are still in use. They are held weakly: nothing here keeps them or the scene alive.
 #[derive(Resource, Clone, Default)]

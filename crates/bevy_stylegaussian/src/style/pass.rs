@@ -20,8 +20,8 @@ use stylegaussian_gpu::{
 };
 
 use crate::{
-    background::{Background, SynchronousCompilation},
     colors::{ColorSource, FoldedStyle, ShownColors, StyleColors},
+    work::{Background, SynchronousCompilation},
 };
 
 use super::settings::StyleBudget;
@@ -128,7 +128,7 @@ impl StylePasses {
     fn pass(&mut self, synchronous: SynchronousCompilation, device: &wgpu::Device) -> Option<Arc<StylePass>> {
         let device = device.clone();
         let compile = move || Arc::new(StylePass::new(&device));
-        self.pass.get_or_insert_with(|| Background::start(synchronous, compile)).poll().cloned()
+        self.pass.get_or_insert_with(|| Background::start(synchronous, compile)).get().cloned()
     }
 
     /// Grants a frame its budget.

@@ -1,17 +1,20 @@
 //! Styles that are computed once for all who want the same.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
-use bevy::{
-    prelude::*,
-    tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
+use bevy::prelude::*;
+use stylegaussian::work::Canceled;
+
+use crate::{
+    colors::ColorSource,
+    scene::GaussianScene,
+    work::{Running, Workers},
 };
-
-use crate::{colors::ColorSource, scene::GaussianScene};
 
 use super::{
     error::StyleError,
-    request::{StyleRequest, StyleResult},
+    packed::PackedInputs,
+    request::{Computed, StyleRequest, StyleResult},
 };
 
 /// Styles that nobody wears and that are kept all the same, for the one who comes back to them.
@@ -21,27 +24,28 @@ const MAX_UNUSED: usize = 8;
 #[derive(Resource, Default)]
 pub(super) struct SharedStyles(Vec<Arc<SharedStyle>>);
 
-/// A style of a scene that is being computed, or is there. The task is canceled if the last reference goes.
+/// A style of a scene that is being computed, or is there. The computation is canceled if the last reference
+/// goes.
 pub(super) struct SharedStyle {
     request: Arc<StyleRequest>,
-    state: Mutex<State>,
+    computed: Running<Computed>,
 }
-
-enum State {
-    Computing(Task<Computed>),
-    Done(Computed),
-}
-
-/// A style, or the reason why there is none. All who want it share the reason.
-pub(super) type Computed = Result<StyleResult, Arc<StyleError>>;
 
 impl SharedStyles {
     /// The style of a request: one that is there or on its way, or a new one whose computation begins.
-    pub(super) fn get(&mut self, request: StyleRequest) -> Arc<SharedStyle> {
-        let found = self.0.iter().position(|shared| shared.request.gives_the_same(&request));
+    pub(super) fn get(
+        &mut self,
+        request: StyleRequest,
+        workers: &Workers,
+        packed: &PackedInputs,
+    ) -> Arc<SharedStyle> {
+        let found = self.0.iter().position(|shared| *shared.request == request);
         let shared = match found {
             Some(index) => self.0.remove(index),
-            None => SharedStyle::begin(request),
+            None => {
+                let request = Arc::new(request);
+                Arc::new(SharedStyle { computed: request.start(workers, packed), request })
+            }
         };
         self.0.push(Arc::clone(&shared));
         shared
@@ -71,23 +75,17 @@ pub(super) fn forget_unused_styles(mut shared: ResMut<SharedStyles>, scenes: Res
 }
 
 impl SharedStyle {
-    fn begin(request: StyleRequest) -> Arc<Self> {
-        let request = Arc::new(request);
-        let of_task = Arc::clone(&request);
-        let task = AsyncComputeTaskPool::get().spawn(async move { of_task.run().await.map_err(Arc::new) });
-        Arc::new(Self { request, state: Mutex::new(State::Computing(task)) })
-    }
-
     /// The style, or `None` while it is computed.
     pub(super) fn poll(&self) -> Option<Computed> {
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        if let State::Computing(task) = &mut *state {
-            *state = State::Done(check_ready(task)?);
-        }
-        match &*state {
-            State::Done(result) => Some(result.clone()),
-            State::Computing(_) => None,
-        }
+        Some(match self.computed.get()? {
+            Ok(computed) => computed.clone(),
+            Err(Canceled) => Err(Arc::new(StyleError::Ended)),
+        })
+    }
+
+    /// Share of the computation that is done, 0..1.
+    pub(super) fn done(&self) -> f32 {
+        self.computed.done()
     }
 
     /// Whether it may have strokes.
@@ -97,7 +95,7 @@ impl SharedStyle {
 
     /// Whether it is complete, and its scene is loaded.
     fn is_worth_keeping(&self, scenes: &Assets<GaussianScene>) -> bool {
-        let scene = self.request.scene.scene();
+        let scene = &self.request.scene.0;
         let Some(Ok(StyleResult { colors, .. })) = self.poll() else { return false };
         // A style that nobody waits for is not decoded to its end.
         let is_complete = matches!(colors.source, ColorSource::Rgb(_)) || colors.on_gpu().is_some();

@@ -21,10 +21,10 @@ use stylegaussian_gpu::splat::CloudColors;
 use crate::{
     GaussianScene, GaussianSplats, StyleApplied, StyleBackend, StyleBudget, StyleLook, StyleSource,
     StyleTransition,
-    background::Background,
     colors::ShownColors,
     loader::FromFile,
     tests::world::{rendering::*, *},
+    work::Background,
 };
 
 use super::{
@@ -139,12 +139,12 @@ fn a_large_look_is_shown_without_a_pass() {
     for _ in 0..5 {
         let (path, server) = (path.clone(), app.world().resource::<AssetServer>().clone());
         let load = move || server.add(StyleLook::from_file(std::fs::read(&path).unwrap(), "a.look").unwrap());
-        let mut loading = Background::spawn(load);
+        let loading = Background::spawn(load);
         let mut frames = Vec::new();
         update_until(&mut app, "StyleApplied", |world| {
             frames.push(std::time::Instant::now());
             let is_none = world.get::<StyleSource>(entity).unwrap().is_none();
-            if let Some(look) = loading.poll().filter(|_| is_none) {
+            if let Some(look) = loading.get().filter(|_| is_none) {
                 *world.get_mut::<StyleSource>(entity).unwrap() = StyleSource::look(look.clone());
             }
             world.resource_mut::<Messages<StyleApplied>>().drain().count() > 0

@@ -12,6 +12,7 @@ use stylegaussian::{
     look::MadeFrom,
     paint::{Canvas, Paint, Painted, Surface, lay},
     strokes::Strokes,
+    work::Work,
 };
 use stylegaussian_encoder::paint_of;
 
@@ -46,7 +47,8 @@ fn laid(scene: &Scene, paintings: &[(&Paint, f64)], content: f64) -> Painted {
     let canvases: Vec<_> =
         paintings.iter().map(|(paint, weight)| (Canvas::new(paint), f64::from(*weight as f32))).collect();
     let canvases: Vec<_> = canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect();
-    lay(scene, &Surface::new(scene), &canvases, content)
+    let work = Work::default();
+    lay(scene, &Surface::new(scene, &work).unwrap(), &canvases, content, &work).unwrap()
 }
 
 fn strokes(app: &App, entity: Entity) -> Option<Strokes> {

@@ -18,9 +18,11 @@ use bevy::{
 use stylegaussian::{
     Camera as Pinhole, Scene,
     layers::{Layer, Region, Shape, mix_layers},
-    paint::{Canvas, Painted, Surface, lay},
+    paint::{Canvas, Painted, Surface},
+    restyle::Recipe,
     splat,
     strokes::{StrokeKnobs, StrokeLayer, Strokes, mix_strokes},
+    work::Work,
 };
 
 use crate::{
@@ -93,7 +95,9 @@ impl Studio {
     fn painting(&mut self, seed: u64, colors: [[u8; 3]; 2]) -> (StyleSource, Painted) {
         let image = noise(seed, colors[0], colors[1]);
         let canvas = Canvas::new(&paint(&image));
-        let painted = lay(&self.scene, &Surface::new(&self.scene), &[(&canvas, 1.0)], 0.0);
+        let work = Work::default();
+        let surface = Surface::new(&self.scene, &work).unwrap();
+        let painted = Recipe::painting(&canvas, &surface).restyle(&self.scene, &work).unwrap();
         (StyleSource::image(add(&mut self.app, image)), painted)
     }
 

@@ -19,6 +19,7 @@ use crate::{
     recolor::{ColorMoments, Recoloring},
     scene::Scene,
     strokes::{FINE_SIDE, PlainSeed, StrokeSeed, StrokeWord, Strokes, mixed},
+    work::{Canceled, Work},
 };
 
 /// Share of the way that hues which the painting does not have move to its nearest colors. Grass then resembles
@@ -82,9 +83,18 @@ pub struct Painted {
 /// The result depends neither on the number of threads nor on the run. If there is no painting with a weight
 /// above 0, the colors are the base colors, and there are no strokes.
 ///
+/// # Errors
+/// If `work` is canceled.
+///
 /// # Panics
 /// If `surface` was made from a scene of another number of Gaussians.
-pub fn lay(scene: &Scene, surface: &Surface, paintings: &[(&Canvas, f64)], content: f64) -> Painted {
+pub fn lay(
+    scene: &Scene,
+    surface: &Surface,
+    paintings: &[(&Canvas, f64)],
+    content: f64,
+    work: &Work,
+) -> Result<Painted, Canceled> {
     assert_eq!(scene.len(), surface.len(), "the surface of this scene");
     let given: Vec<_> = paintings.iter().filter(|(_, weight)| *weight > 0.0 && weight.is_finite()).collect();
     let kept = content.clamp(0.0, 1.0) as f32;
@@ -94,18 +104,20 @@ pub fn lay(scene: &Scene, surface: &Surface, paintings: &[(&Canvas, f64)], conte
         fine_energy: 0.0,
     };
     if kept >= 1.0 {
-        return painted;
+        return Ok(painted);
     }
     let mut total = 0.0;
+    let n = given.len() as f32;
     for (i, (canvas, weight)) in given.into_iter().enumerate() {
         total += weight;
         let share = if i == 0 { 1.0 } else { (weight / total) as f32 };
-        painted.mix(one(scene, surface, canvas), share);
+        let part = work.part(i as f32 / n, (i + 1) as f32 / n);
+        painted.mix(one(scene, surface, canvas, &part)?, share);
     }
     if kept > 0.0 && total > 0.0 {
         painted.keep(&surface.base, kept);
     }
-    painted
+    Ok(painted)
 }
 
 impl Painted {
@@ -163,25 +175,29 @@ impl Painted {
 }
 
 /// One painting on a scene.
-fn one(scene: &Scene, surface: &Surface, canvas: &Canvas) -> Painted {
+fn one(scene: &Scene, surface: &Surface, canvas: &Canvas, work: &Work) -> Result<Painted, Canceled> {
     let recoloring = Recoloring::new(&surface.moments, &canvas.low.0);
     let recolored = |color: &Vec3| Vec3::from(recoloring.color(color.to_array()));
     let own: Vec<Vec3> = surface.base.par_iter().map(recolored).collect();
     let low: Vec<Vec3> = surface.low.par_iter().map(recolored).collect();
+    work.at(0.1)?;
     let (placements, [own_detail, protection]) =
         rayon::join(|| placements(surface, canvas), || standing_out(surface, canvas, &recoloring));
+    work.at(0.5)?;
     // What the scene keeps: its shapes, and all of what stands out.
     let kept: Vec<f32> = (own.par_iter().zip(&low).zip(&own_detail))
         .map(|((own, low), p)| low.lerp(*own, *p).dot(LUMINANCE))
         .collect();
     let balance = Balance::new(scene, surface, canvas, &placements, &protection, &kept);
+    work.at(0.8)?;
     let mixed = |i: usize| low[i].lerp(own[i], own_detail[i] + (1.0 - own_detail[i]) * OWN_GRAIN);
     let mixed: Vec<Vec3> = (0..scene.len()).into_par_iter().map(mixed).collect();
     let colors = graded(surface, canvas, &mixed, &protection, &balance);
     let word = |(owner, protection): (&u32, &f32)| {
         StrokeWord { seed: *owner, protection: *protection, share: 1.0 }.packed()
     };
-    Painted {
+    work.at(1.0)?;
+    Ok(Painted {
         colors,
         strokes: Strokes {
             words: surface.seeds.owners.iter().zip(&protection).map(word).collect(),
@@ -189,7 +205,7 @@ fn one(scene: &Scene, surface: &Surface, canvas: &Canvas) -> Painted {
             textures: vec![Arc::clone(&canvas.detail.texture)],
         },
         fine_energy: balance.fine_energy,
-    }
+    })
 }
 
 /// The place of each seed, chosen for the colors that the painting has.

@@ -15,6 +15,7 @@ use crate::{
     scene::Scene,
     splat::{BlendWeights, blend_weights_from, stroke_record},
     strokes::{StrokeKnobs, StrokeRecord, StrokeSeed, StrokeTexture, StrokeWord},
+    work::{Canceled, Work},
 };
 
 /// Least alpha of pixels that count: the background shines through the others.
@@ -55,10 +56,17 @@ pub(super) struct DetailBands {
 
 impl Proofs {
     /// Pictures of `scene` from `cameras`. Those that show nothing are left out.
-    pub fn new(scene: &Scene, cameras: &[Camera]) -> Self {
-        let proofs =
-            cameras.iter().map(|camera| Proof::new(camera, &blend_weights_from(scene, camera, FAINT)));
-        Self(proofs.filter(|proof| proof.mask.n_covered() > 0).collect())
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn new(scene: &Scene, cameras: &[Camera], work: &Work) -> Result<Self, Canceled> {
+        let mut proofs = Vec::new();
+        for (i, camera) in cameras.iter().enumerate() {
+            work.at(i as f32 / cameras.len() as f32)?;
+            proofs.push(Proof::new(camera, &blend_weights_from(scene, camera, FAINT)));
+        }
+        proofs.retain(|proof| proof.mask.n_covered() > 0);
+        Ok(Self(proofs))
     }
 
     /// Calls the i-th Gaussian by the i-th of `names` `[N]`.

@@ -3,7 +3,13 @@
 use glam::{UVec2, Vec3};
 
 use super::proofs::Proofs;
-use crate::{camera::Camera, scene::Scene, splat::blend_weights_from, views::choose_overviews};
+use crate::{
+    camera::Camera,
+    scene::Scene,
+    splat::blend_weights_from,
+    views::choose_overviews,
+    work::{Canceled, Work},
+};
 
 /// Views that are taken of the scene. Eight show nearly all that can be seen from outside.
 const N_VIEWS: usize = 8;
@@ -26,6 +32,9 @@ const N_PROOFS: usize = 3;
 /// change of style grows with its square, and detail of a single pixel is left out.
 const PROOF_SIDE: f32 = 0.5;
 
+/// Share of the time that the views take; proofs take the rest.
+const VIEWS: f32 = 0.6;
+
 /// Blend weights below this are left out. Two fifths of all are, and sum to half a hundredth of a picture.
 pub(super) const FAINT: f32 = 1e-3;
 
@@ -43,13 +52,17 @@ pub(super) struct Sight {
 
 impl Sight {
     /// Looks at `scene` through `cameras`: a few of its capture's, or chosen ones if they are not known.
-    pub fn of(scene: &Scene, cameras: &[Camera]) -> Self {
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn of(scene: &Scene, cameras: &[Camera], work: &Work) -> Result<Self, Canceled> {
         let cameras: Vec<Camera> =
             cameras.iter().take(N_VIEWS).map(|camera| camera.fitted(VIEW_SIDE)).collect();
         let picture_side = if scene.cameras.is_empty() { CHOSEN_SIDE } else { CAPTURED_SIDE };
         let mut visibility = vec![0.0; scene.len()];
         let mut views = Vec::new();
-        for camera in &cameras {
+        for (i, camera) in cameras.iter().enumerate() {
+            work.at(VIEWS * i as f32 / cameras.len() as f32)?;
             let weights = blend_weights_from(scene, camera, FAINT);
             let mut filled = vec![0.0; scene.len()];
             for (i, weight) in weights.indices.iter().zip(&weights.weights) {
@@ -76,17 +89,21 @@ impl Sight {
         let pixel = views.get(views.len() / 2).map_or_else(|| pixel_of_extent(scene), |(pixel, _)| *pixel);
         let side = PROOF_SIDE * picture_side;
         let proofs: Vec<Camera> = views.iter().map(|(_, camera)| camera.fitted(side as u32)).collect();
-        Self { visibility, pixel, proofs: Proofs::new(scene, &proofs), up }
+        let proofs = Proofs::new(scene, &proofs, &work.part(VIEWS, 1.0))?;
+        Ok(Self { visibility, pixel, proofs, up })
     }
 }
 
 /// The views: a few of the capture's cameras, spread over it, or chosen ones.
-pub(super) fn usual_views(scene: &Scene) -> Vec<Camera> {
+///
+/// # Errors
+/// If `work` is canceled.
+pub(super) fn usual_views(scene: &Scene, work: &Work) -> Result<Vec<Camera>, Canceled> {
     if scene.cameras.is_empty() {
-        return choose_overviews(scene, N_VIEWS, UVec2::splat(VIEW_SIDE));
+        return choose_overviews(scene, N_VIEWS, UVec2::splat(VIEW_SIDE), work);
     }
     let stride = scene.cameras.len().div_ceil(N_VIEWS);
-    scene.cameras.iter().step_by(stride).cloned().collect()
+    Ok(scene.cameras.iter().step_by(stride).cloned().collect())
 }
 
 /// A camera's up direction in the world. Its y axis points down.
@@ -117,6 +134,11 @@ fn pixel_of_extent(scene: &Scene) -> f32 {
 mod tests {
     use super::*;
 
+    fn pixel_of(scene: &Scene) -> f32 {
+        let work = Work::default();
+        Sight::of(scene, &usual_views(scene, &work).unwrap(), &work).unwrap().pixel
+    }
+
     /// A pixel of the painting is a pixel of the capture's middle camera, whatever the order of the cameras.
     #[test]
     fn strokes_are_for_the_places_of_the_capture() {
@@ -136,7 +158,7 @@ mod tests {
             ..Scene::default()
         };
         let focal = camera(1.0).fitted(CAPTURED_SIDE as u32).focal.x;
-        let found = Sight::of(&scene, &usual_views(&scene)).pixel;
+        let found = pixel_of(&scene);
         assert!((found / (10.0 / focal) - 1.0).abs() < 1e-2, "{found}, expected {}", 10.0 / focal);
     }
 
@@ -157,9 +179,9 @@ mod tests {
             camera.view_from_world.transform_point3(scene.means[0]).z / camera.fitted(512).focal.x
         };
         let mut pixels: Vec<f32> =
-            choose_overviews(&scene, N_VIEWS, UVec2::splat(VIEW_SIDE)).into_iter().map(pixel).collect();
+            usual_views(&scene, &Work::default()).unwrap().into_iter().map(pixel).collect();
         pixels.sort_by(|a, b| b.total_cmp(a));
-        let found = Sight::of(&scene, &usual_views(&scene)).pixel;
+        let found = pixel_of(&scene);
         assert!((found / pixels[1] - 1.0).abs() < 1e-2, "{found}, expected {}", pixels[1]);
     }
 

@@ -12,7 +12,13 @@ use super::{
     smooth::Grid,
 };
 use crate::{
-    camera::Camera, morton, neighbors::Neighbors, palette::LUMINANCE, recolor::ColorMoments, scene::Scene,
+    camera::Camera,
+    morton,
+    neighbors::Neighbors,
+    palette::LUMINANCE,
+    recolor::ColorMoments,
+    scene::Scene,
+    work::{Canceled, Work},
 };
 
 /// Distance of seeds, in pixels of the painting: about the length of a stroke in a painting of 512 pixels. At
@@ -25,6 +31,10 @@ const SMOOTH: [f32; 3] = [2.0, 4.0, 8.0];
 
 /// Standard deviation over which it is looked what stands out, in pixels of the painting.
 const AROUND_EDGES: f32 = 2.5;
+
+/// Shares of the time that the choice of views takes, and looking through them of what is left.
+const VIEWS: f32 = 0.3;
+const SIGHT: f32 = 0.5;
 
 /// Neighbors that normals and directions are averaged over.
 const N_NEIGHBORS: usize = 8;
@@ -66,25 +76,38 @@ pub(super) struct Square {
 impl Surface {
     /// The surfaces of `scene`, whatever the order of its Gaussians. Takes about a second for 70,000 Gaussians
     /// on two cores.
-    pub fn new(scene: &Scene) -> Self {
-        Self::in_order(scene, |sorted| Self::of(sorted, &usual_views(sorted)))
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn new(scene: &Scene, work: &Work) -> Result<Self, Canceled> {
+        Self::in_order(scene, |sorted| {
+            let cameras = usual_views(sorted, work)?;
+            work.at(VIEWS)?;
+            Self::of(sorted, &cameras, &work.part(VIEWS, 1.0))
+        })
     }
 
     /// The surfaces of `scene` as `cameras` show them: a few of its capture's, or chosen ones if those are not
     /// known ([`choose_overviews`](crate::views::choose_overviews)), the most useful first. The first eight
     /// count.
-    pub fn seen_from(scene: &Scene, cameras: &[Camera]) -> Self {
-        Self::in_order(scene, |sorted| Self::of(sorted, cameras))
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn seen_from(scene: &Scene, cameras: &[Camera], work: &Work) -> Result<Self, Canceled> {
+        Self::in_order(scene, |sorted| Self::of(sorted, cameras, work))
     }
 
     /// What `compute` finds for the Gaussians of `scene` in Morton order, for them as they are in `scene`. Of
     /// equal seeds and candidates the first wins, so that another order would give other places.
-    fn in_order(scene: &Scene, compute: impl FnOnce(&Scene) -> Self) -> Self {
+    fn in_order(
+        scene: &Scene,
+        compute: impl FnOnce(&Scene) -> Result<Self, Canceled>,
+    ) -> Result<Self, Canceled> {
         let order = morton::order(&scene.means);
         if order.is_sorted() {
             return compute(scene);
         }
-        let mut surface = compute(&surfaces_of(scene, &order));
+        let mut surface = compute(&surfaces_of(scene, &order))?;
         let mut rows = vec![0; order.len()];
         for (row, &i) in (0..).zip(&order) {
             rows[i as usize] = row;
@@ -98,30 +121,33 @@ impl Surface {
             *i = order[*i as usize];
         }
         surface.proofs.renumber(&order);
-        surface
+        Ok(surface)
     }
 
     /// The surfaces of a scene in Morton order.
-    fn of(scene: &Scene, cameras: &[Camera]) -> Self {
-        let sight = Sight::of(scene, cameras);
+    fn of(scene: &Scene, cameras: &[Camera], work: &Work) -> Result<Self, Canceled> {
+        let sight = Sight::of(scene, cameras, &work.part(0.0, SIGHT))?;
+        work.at(SIGHT)?;
         let pixel = sight.pixel;
         let found;
         let neighbors = match &scene.neighbors {
             Some(neighbors) if neighbors.k >= N_NEIGHBORS => neighbors,
             _ => {
-                found = Neighbors::find(&scene.means, &scene.order, N_NEIGHBORS);
+                found = Neighbors::find_if_wanted(&scene.means, &scene.order, N_NEIGHBORS, work)?;
                 &found
             }
         };
         let base: Vec<Vec3> = scene.base_colors().into_iter().map(Vec3::from).collect();
         let grid = |size: f32| Grid::new(&scene.means, size * pixel);
-        let level = |size: &f32| grid(*size).smooth(&base, &sight.visibility);
-        let levels: Vec<Vec<Vec3>> = SMOOTH.par_iter().map(level).collect();
+        let level = |size: &f32| work.check().map(|()| grid(*size).smooth(&base, &sight.visibility));
+        let levels: Vec<Vec<Vec3>> = SMOOTH.par_iter().map(level).collect::<Result<_, _>>()?;
+        work.at(0.8)?;
         let [soft, low, shapes] = levels.try_into().unwrap_or_default();
         let (frames, edges) = rayon::join(
             || Frames::new(scene, neighbors, &base),
             || edges(&soft, &shapes, &grid(AROUND_EDGES), &sight.visibility),
         );
+        work.at(0.9)?;
         let moments = moments(&sight.proofs.pixels(&base), &sight.visibility, &base);
         let ground = Ground {
             means: &scene.means,
@@ -133,8 +159,9 @@ impl Surface {
             up: sight.up,
         };
         let seeds = Seeds::new(&ground, SPACING * pixel);
+        work.check()?;
         let patches = patches(&scene.means, &sight.visibility, &seeds.seeds, STEP * pixel);
-        Self {
+        Ok(Self {
             seeds,
             pixel,
             base,
@@ -144,7 +171,7 @@ impl Surface {
             visibility: sight.visibility,
             patches,
             moments,
-        }
+        })
     }
 
     /// N, the number of Gaussians.

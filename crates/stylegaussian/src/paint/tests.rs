@@ -6,9 +6,11 @@ use super::*;
 use crate::{
     Camera,
     palette::LUMINANCE,
+    restyle::Recipe,
     scene::Scene,
     splat::{Colors, RenderedImage, render, render_strokes},
     strokes::{StrokeKnobs, StrokeWord},
+    work::Work,
 };
 
 /// A wall of `side` x `side` Gaussians in the plane z = 0, half as wide as they are apart, with a slow gradient
@@ -37,8 +39,12 @@ fn stripes(width: usize, height: usize) -> Paint {
     Paint { width, height, pixels }
 }
 
+fn surface(scene: &Scene) -> Surface {
+    Surface::new(scene, &Work::default()).unwrap()
+}
+
 fn painted(scene: &Scene, paint: &Paint) -> Painted {
-    lay(scene, &Surface::new(scene), &[(&Canvas::new(paint), 1.0)], 0.0)
+    Recipe::painting(&Canvas::new(paint), &surface(scene)).restyle(scene, &Work::default()).unwrap()
 }
 
 /// The wall from the front, filling the picture.
@@ -150,23 +156,26 @@ fn what_stands_out_is_protected() {
 #[test]
 fn content_and_weights_blend() {
     let scene = wall(32);
-    let surface = Surface::new(&scene);
+    let surface = surface(&scene);
+    let laid = |paintings: &[(&Canvas, f64)], content| {
+        lay(&scene, &surface, paintings, content, &Work::default()).unwrap()
+    };
     let (a, b) =
         (Canvas::new(&stripes(64, 64)), Canvas::new(&Paint { pixels: vec![200; 192], width: 8, height: 8 }));
     let base = scene.base_colors();
-    let kept = lay(&scene, &surface, &[(&a, 1.0)], 1.0);
+    let kept = laid(&[(&a, 1.0)], 1.0);
     assert_eq!(kept.colors, base);
     assert!(kept.strokes.words.iter().all(|word| StrokeWord::unpacked(*word).share == 0.0));
-    assert_eq!(lay(&scene, &surface, &[], 0.0).colors, base);
-    assert_eq!(lay(&scene, &surface, &[(&a, 0.0)], 0.0).colors, base);
-    let only = lay(&scene, &surface, &[(&a, 2.0), (&b, 0.0)], 0.0);
-    assert_eq!(only.colors, lay(&scene, &surface, &[(&a, 1.0)], 0.0).colors);
-    let half = lay(&scene, &surface, &[(&a, 1.0)], 0.5);
+    assert_eq!(laid(&[], 0.0).colors, base);
+    assert_eq!(laid(&[(&a, 0.0)], 0.0).colors, base);
+    let only = laid(&[(&a, 2.0), (&b, 0.0)], 0.0);
+    assert_eq!(only.colors, laid(&[(&a, 1.0)], 0.0).colors);
+    let half = laid(&[(&a, 1.0)], 0.5);
     for ((half, all), base) in half.colors.iter().zip(&only.colors).zip(&base) {
         assert!((0..3).all(|c| (half[c] - 0.5 * (all[c] + base[c])).abs() < 1e-5));
     }
     // Seeds of both, and words of either.
-    let both = lay(&scene, &surface, &[(&a, 1.0), (&b, 1.0)], 0.0).strokes;
+    let both = laid(&[(&a, 1.0), (&b, 1.0)], 0.0).strokes;
     let n = surface.n_seeds() as u32;
     assert_eq!((both.seeds.len(), both.textures.len()), (2 * n as usize, 2));
     let of_second = both.words.iter().filter(|word| StrokeWord::unpacked(**word).seed >= n).count();

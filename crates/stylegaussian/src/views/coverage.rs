@@ -1,6 +1,9 @@
 //! The Gaussians that candidate cameras see, and the choice among the cameras.
 
-use crate::splat::blend_weights;
+use crate::{
+    splat::blend_weights,
+    work::{Canceled, Work},
+};
 use glam::UVec2;
 use rayon::prelude::*;
 
@@ -72,9 +75,13 @@ impl TestView {
 
 impl TestViews {
     /// Renders a test view from each of `candidates`.
-    pub fn take(survey: &Survey, candidates: Vec<Candidate>) -> Self {
-        let views = candidates.into_par_iter().map(|candidate| TestView::take(survey, candidate)).collect();
-        Self { views, n_gaussians: survey.stand_in.len() }
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn take(survey: &Survey, candidates: Vec<Candidate>, work: &Work) -> Result<Self, Canceled> {
+        let take = |candidate| work.check().map(|()| TestView::take(survey, candidate));
+        let views = candidates.into_par_iter().map(take).collect::<Result<_, _>>()?;
+        Ok(Self { views, n_gaussians: survey.stand_in.len() })
     }
 
     /// These views together with `others`.

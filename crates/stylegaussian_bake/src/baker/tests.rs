@@ -3,8 +3,9 @@
 use glam::{Quat, UVec2, Vec3};
 use stylegaussian::{
     Camera, Scene,
-    paint::{Canvas, Surface, lay},
+    paint::{Canvas, Surface},
     random::Random,
+    restyle::Recipe,
     splat::{Colors, blend_weights, render, render_strokes},
     strokes::{StrokeKnobs, StrokeWord},
 };
@@ -53,7 +54,7 @@ fn network() -> LossNetwork {
 }
 
 fn baker(scene: &Scene, paintings: &[(Image, f32)]) -> Baker {
-    Baker::new(CONFIG, scene, &cameras(), paintings, network()).unwrap()
+    Baker::new(CONFIG, scene, &cameras(), paintings, network(), &Work::default()).unwrap()
 }
 
 fn bits(baker: &Baker) -> Vec<u32> {
@@ -65,11 +66,13 @@ fn a_bake_starts_from_paint_as_far_as_it_is_strong() {
     let scene = wall(24);
     let paintings = [(painting(64, dabs), 1.0)];
     let start = |config: BakeConfig| {
-        let baker = Baker::new(config, &scene, &cameras(), &paintings, network()).unwrap();
+        let baker = Baker::new(config, &scene, &cameras(), &paintings, network(), &Work::default()).unwrap();
         (baker.colors().to_vec(), baker.strokes().clone())
     };
     let canvas = Canvas::new(&paint_of(&paintings[0].0));
-    let painted = lay(&scene, &Surface::new(&scene), &[(&canvas, 1.0)], 0.0);
+    let work = Work::default();
+    let surface = Surface::new(&scene, &work).unwrap();
+    let painted = Recipe::painting(&canvas, &surface).restyle(&scene, &work).unwrap();
     let (recolored, none) = start(CONFIG.with_strength(0.0));
     assert!(none.seeds.is_empty() && none.words.iter().all(|word| StrokeWord::unpacked(*word).share == 0.0));
     let apart = |a: &[[f32; 3]], b: &[[f32; 3]]| {
@@ -129,7 +132,9 @@ fn strokes_stay_as_they_are_and_colors_move_under_them() {
 fn losses_fall() {
     let scene = wall(24);
     let config = BakeConfig { steps: 30, rate: 0.05, ..CONFIG };
-    let mut baker = Baker::new(config, &scene, &cameras(), &[(painting(64, dabs), 1.0)], network()).unwrap();
+    let mut baker =
+        Baker::new(config, &scene, &cameras(), &[(painting(64, dabs), 1.0)], network(), &Work::default())
+            .unwrap();
     let mut losses = Vec::new();
     while !baker.is_complete() {
         losses.push(baker.step(&scene));
@@ -144,7 +149,9 @@ fn losses_fall() {
 /// How far each Gaussian's color goes from the start in 30 steps `[N]`.
 fn moved(scene: &Scene, protection: f32) -> Vec<f32> {
     let config = BakeConfig { steps: 30, protection, ..CONFIG };
-    let mut baker = Baker::new(config, scene, &cameras(), &[(painting(64, dabs), 1.0)], network()).unwrap();
+    let mut baker =
+        Baker::new(config, scene, &cameras(), &[(painting(64, dabs), 1.0)], network(), &Work::default())
+            .unwrap();
     while !baker.is_complete() {
         baker.step(scene);
     }
@@ -285,7 +292,7 @@ fn odd_paintings_and_scenes_give_finite_colors() {
 fn what_cannot_be_baked_is_an_error() {
     let good = painting(16, dabs);
     let error = |scene: &Scene, paintings: &[(Image, f32)]| {
-        Baker::new(CONFIG, scene, &[], paintings, network()).err().unwrap().to_string()
+        Baker::new(CONFIG, scene, &[], paintings, network(), &Work::default()).err().unwrap().to_string()
     };
     let message = error(&Scene::default(), &[(good.clone(), 1.0)]);
     assert!(message.starts_with("the scene of 0 Gaussians"), "{message}");

@@ -16,6 +16,7 @@ use stylegaussian::{
     look::{Look, MadeFrom, Painting},
     paint::Painted,
     views::choose_views,
+    work::Work,
 };
 use stylegaussian_bake::{BakeConfig, Baker, LossNetwork, Losses};
 use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
@@ -124,7 +125,7 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     let paintings = arguments.paintings()?;
     let (scene, cameras) = (arguments.reading.read(path)?.scene, arguments.cameras()?);
     let config = arguments.config(scene.len());
-    let mut baker = Baker::new(config, &scene, &cameras, &paintings, arguments.network()?)
+    let mut baker = Baker::new(config, &scene, &cameras, &paintings, arguments.network()?, &Work::default())
         .with_context(|| path.display().to_string())?;
     let (colors, strokes) = (baker.colors().to_vec(), baker.strokes().clone());
     let start = Painted { colors, strokes, ..Painted::default() };

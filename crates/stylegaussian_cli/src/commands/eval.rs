@@ -6,8 +6,9 @@ use anyhow::Result;
 use clap::Args;
 use stylegaussian::{
     Camera, Scene, file,
-    look::LookError,
-    paint::{Canvas, Painted, Surface, lay},
+    paint::{Canvas, Painted, Surface},
+    restyle::{Recipe, Styles, WeightedLook, is_painted},
+    work::Work,
 };
 use stylegaussian_encoder::{Image, paint_of};
 use stylegaussian_train::{
@@ -109,13 +110,15 @@ pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
     let name = arguments.scene.display().to_string();
     let (named, surface);
     // As `stylize` decides: a decoder that was trained for the scene, or is asked for, is what should be seen.
-    let is_decoded = arguments.decoder_only || arguments.decoder.is_some() || scene.decoder.is_some();
+    let asks_for_decoder = arguments.decoder_only || arguments.decoder.is_some();
     let painter: Box<Painter> = match &arguments.looks {
         Some(folder) => Box::new(|painting: &Path, _: &Image| baked(folder, painting, &scene)),
-        None if !is_decoded => {
-            surface = Surface::new(&scene);
+        None if is_painted(&scene, asks_for_decoder, true) => {
+            surface = Surface::new(&scene, &Work::default())?;
             Box::new(|_: &Path, image: &Image| {
-                Ok(lay(&scene, &surface, &[(&Canvas::new(&paint_of(image)), 1.0)], 0.0))
+                let canvas = Canvas::new(&paint_of(image));
+                let painted = Recipe::painting(&canvas, &surface).restyle(&scene, &Work::default());
+                painted.map_err(|error| TrainError::Caused(error.into()))
             })
         }
         None => {
@@ -142,10 +145,10 @@ fn baked(folder: &Path, painting: &Path, scene: &Scene) -> Result<Painted, Train
     let name = painting.file_stem().unwrap_or_default().to_string_lossy();
     let path = folder.join(format!("{name}.look.safetensors"));
     let look = file::read_look(&path).map_err(|error| TrainError::Invalid(error.to_string()))?;
-    let of_other = |error: LookError| TrainError::Invalid(format!("{}: {error}", path.display()));
-    let colors = look.colors_for(scene).map_err(of_other)?;
-    let strokes = look.strokes_for(scene).map_err(of_other)?.unwrap_or_default();
-    Ok(Painted { colors, strokes, ..Painted::default() })
+    let name = path.display().to_string();
+    let looks = vec![WeightedLook { name: &name, look: &look, weight: 1.0 }];
+    let recipe = Recipe { looks, styles: Styles::None, content: 0.0 };
+    recipe.restyle(scene, &Work::default()).map_err(|error| TrainError::Caused(error.into()))
 }
 
 impl EvalArgs {

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use glam::UVec2;
 use stylegaussian::{
     Camera, Decoder, EncoderId, Scene,
-    fold::{stylize, transfer},
     paint::Painted,
     recolor::{ColorMoments, Recoloring},
+    restyle::{Recipe, Styles},
     splat::{Colors, RenderedImage, render},
     views::{choose_views, orbit},
+    work::Work,
 };
 use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
 
@@ -65,8 +66,10 @@ pub fn decoded<'a>(
     EncoderId::expect_same(("the decoder", decoder.encoder.as_ref()), expected)?;
     Ok(move |_: &Path, image: &Image| {
         let style = style_statistics(encoder, image, StyleSize::default())?;
-        let colors = stylize(scene, decoder, &transfer(features, &[(&style, 1.0)], 0.0)?)?;
-        Ok(Painted { colors, ..Painted::default() })
+        let mut decoder = decoder;
+        let styles = Styles::Decoded { styles: vec![(&style, 1.0)], decode: &mut decoder };
+        let recipe = Recipe { looks: Vec::new(), styles, content: 0.0 };
+        recipe.restyle(scene, &Work::default()).map_err(|error| TrainError::Caused(error.into()))
     })
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bevy::prelude::*;
-use stylegaussian::{Scene, strokes::Strokes};
+use stylegaussian::{Scene, strokes::Strokes, work::Work};
 use stylegaussian_bake::{BakeConfig, BakeError, Baker, LossNetwork};
 use stylegaussian_encoder::Image as Painting;
 
@@ -22,7 +22,8 @@ pub(super) trait Baking {
 }
 
 /// Begins a bake of a scene toward paintings and their weights, which will take this number of steps.
-type Begin = dyn Fn(&Scene, Vec<(Painting, f32)>, u32) -> Result<Box<dyn Baking>, StyleError> + Send + Sync;
+type Begin =
+    dyn Fn(&Scene, Vec<(Painting, f32)>, u32, &Work) -> Result<Box<dyn Baking>, StyleError> + Send + Sync;
 
 /// The function that begins bakes.
 #[derive(Resource, Clone)]
@@ -32,23 +33,24 @@ impl Engine {
     /// Begins a bake. Takes a while: not for the main thread.
     ///
     /// # Errors
-    /// If scene and paintings cannot be baked.
+    /// If scene and paintings cannot be baked, or `work` is canceled.
     pub(super) fn begin(
         &self,
         scene: &Scene,
         paintings: Vec<(Painting, f32)>,
         steps: u32,
+        work: &Work,
     ) -> Result<Box<dyn Baking>, StyleError> {
-        (self.0)(scene, paintings, steps)
+        (self.0)(scene, paintings, steps, work)
     }
 }
 
 impl Default for Engine {
     fn default() -> Self {
-        Self(Arc::new(|scene, paintings, steps| {
+        Self(Arc::new(|scene, paintings, steps, work| {
             let config = BakeConfig { steps, ..BakeConfig::default() };
             let failed = |error: BakeError| StyleError::Refine(error.to_string());
-            let baker = Baker::new(config, scene, &[], &paintings, loss_network()?).map_err(failed)?;
+            let baker = Baker::new(config, scene, &[], &paintings, loss_network()?, work).map_err(failed)?;
             Ok(Box::new(baker))
         }))
     }

@@ -1,7 +1,7 @@
 //! Refining: a style that is shown is baked further in the background, and better looks replace it.
 //!
 //! [`StyleApplied`] makes an entity with [`StyleRefine`] want a bake. It begins once the paintings are loaded,
-//! runs in the threads of [`worker`], and ends early if anything else is wanted of the entity's style.
+//! runs in the background ([`worker`]), and ends early if anything else is wanted of the entity's style.
 
 use std::sync::Arc;
 
@@ -12,6 +12,7 @@ use stylegaussian_bake::BakeConfig;
 use crate::{
     colors::{StyleColors, WantedColors},
     scene::LoadedScene,
+    work::Workers,
 };
 
 use super::{
@@ -31,15 +32,14 @@ mod tests;
 mod worker;
 
 pub(super) use engine::Engine;
-pub(super) use worker::RefineThreads;
 use worker::{Better, Request, Running};
 
 /// Bakes an entity's style further in the background, from the moment at which it is shown: the colors under
 /// its strokes become more like the painting's. Better looks replace it, by a fade if the entity has a
 /// [`StyleTransition`](crate::StyleTransition).
 ///
-/// The bake takes half a minute to minutes, on a quarter of the processor's cores and at a low priority. All
-/// entities share these threads, one after the other. It is canceled if the style, the scene or this component
+/// The bake takes half a minute to minutes, on the threads of [`StyleThreads`](crate::StyleThreads). All entities
+/// share them, one after the other. It is canceled if the style, the scene or this component
 /// changes, and begins anew. It needs the paintings themselves: see [`paintings`](Self::paintings). A mix with
 /// a look is not refined, because a look is baked already. With the source's `content` c, the colors are c of
 /// the base color and 1 - c of what is baked.
@@ -79,6 +79,17 @@ pub(crate) enum Refinement {
     Running(Running),
 }
 
+impl Refinement {
+    /// Share of the bake that is done, 0..1, or `None` if there is none.
+    pub(super) fn progress(&self) -> Option<f32> {
+        match self {
+            Self::Idle => None,
+            Self::Wanted => Some(0.0),
+            Self::Running(running) => Some(running.done()),
+        }
+    }
+}
+
 /// Wants a bake of every style that has just been applied, and if [`StyleRefine`] came or changed.
 pub(super) fn want_refinements(
     mut applied: MessageReader<StyleApplied>,
@@ -116,7 +127,7 @@ pub(super) struct Means<'w> {
     images: Res<'w, Assets<Image>>,
     server: Res<'w, AssetServer>,
     engine: Res<'w, Engine>,
-    threads: Res<'w, RefineThreads>,
+    workers: Res<'w, Workers>,
 }
 
 /// Begins wanted bakes, cancels those that are out of date, and shows what they give.
@@ -204,7 +215,7 @@ impl Means<'_> {
             content: f64::from(source.content),
             strokes,
         };
-        Ok(Some(Refinement::Running(self.threads.run(&self.engine, request))))
+        Ok(Some(Refinement::Running(Running::start(&self.workers, &self.engine, request))))
     }
 }
 

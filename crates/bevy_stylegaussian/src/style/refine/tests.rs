@@ -14,11 +14,11 @@ use bevy::{
     prelude::*,
     render::render_resource::{Extent3d, TextureDimension, TextureFormat},
 };
-use stylegaussian::{Look, Scene, file, look::MadeFrom};
+use stylegaussian::{Look, Scene, file, look::MadeFrom, work::Work};
 
 use super::{engine::Baking, *};
 use crate::{
-    GaussianSplats, StyleBackend, StyleFailed, StyleLook, StyleRefined, StyleTransition,
+    GaussianSplats, StyleBackend, StyleFailed, StyleLook, StyleRefined, StyleThreads, StyleTransition,
     tests::world::{
         add, add_scene, add_style, app_without_rendering, drain,
         rendering::{app_with_rendering, render_target, target},
@@ -86,7 +86,7 @@ fn app(steps: u32, n_shown: u32) -> (App, Entity, Arc<Log>) {
     let log = Arc::<Log>::default();
     let begin = {
         let log = Arc::clone(&log);
-        move |_: &Scene, paintings: Vec<_>, _| {
+        move |_: &Scene, paintings: Vec<_>, _, _: &Work| {
             assert_eq!(paintings.len(), 1);
             log.n_begun.fetch_add(1, SeqCst);
             let baking: Box<dyn Baking> = Box::new(Counting { log: Arc::clone(&log), colors: [[0.0; 3]; N] });
@@ -139,7 +139,7 @@ fn better_looks_replace_the_instant_one() {
             }
         }
     }
-    assert_eq!(log.n_threads.load(SeqCst) as usize, RefineThreads::count());
+    assert_eq!(log.n_threads.load(SeqCst) as usize, StyleThreads::default().count);
     until(&mut app, "the end of the bake", |log| log.n_ended.load(SeqCst) == 1, &log);
     for _ in 0..20 {
         app.update();
@@ -263,7 +263,7 @@ fn what_cannot_be_refined_is_left_alone() {
 #[test]
 fn a_bake_that_fails_keeps_the_style() {
     let (mut app, entity, _) = app(4, 1);
-    let begin = |_: &Scene, _: Vec<_>, _| Err(StyleError::Refine("no canvas".into()));
+    let begin = |_: &Scene, _: Vec<_>, _, _: &Work| Err(StyleError::Refine("no canvas".into()));
     app.insert_resource(Engine(Arc::new(begin)));
     let mut failed = Vec::new();
     update_until(&mut app, "StyleFailed", |world| {
@@ -282,7 +282,7 @@ fn bakes_run_at_a_low_priority() {
     let nice = Arc::new(AtomicU32::new(0));
     let begin = {
         let nice = Arc::clone(&nice);
-        move |_: &Scene, _: Vec<_>, _| {
+        move |_: &Scene, _: Vec<_>, _, _: &Work| {
             let status = std::fs::read_to_string("/proc/thread-self/stat").unwrap();
             // The name stands in parentheses. The fields after it begin with the third, and the 19th is the
             // priority.

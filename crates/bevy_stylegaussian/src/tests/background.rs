@@ -1,0 +1,165 @@
+//! Long work beside a game: what else waits for it, and how soon it stops.
+
+use std::{
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicBool, Ordering::Relaxed},
+    },
+    time::{Duration, Instant},
+};
+
+use bevy::{
+    prelude::*,
+    tasks::{AsyncComputeTaskPool, block_on},
+};
+use stylegaussian::{Look, Scene, file, look::MadeFrom};
+
+use crate::{
+    AppliedStyle, GaussianSplats, StyleLook, StyleProgress, StyleRefine, StyleSource,
+    work::{Lane, Workers},
+};
+
+use super::{paint::noise, styles::until_applied, world::*};
+
+/// Beyond this a game's own task would be said to wait for us. It is a tenth of the time that a painting takes
+/// at least, and ten times what a busy machine takes to begin a task.
+const WAITS: Duration = Duration::from_millis(200);
+
+/// The demo scene as a raw capture.
+fn demo() -> Scene {
+    let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
+    Scene { features: None, ..file::read_scene(&assets.join("demo.sgs")).unwrap().scene }
+}
+
+fn painting(app: &mut App, seed: u64) -> Handle<Image> {
+    add(app, noise(seed, [250, 200, 30], [20, 40, 90]))
+}
+
+/// Spawns a task of the game's own in each update until `done`, and returns the longest time that one waited to
+/// begin.
+fn longest_wait(app: &mut App, what: &str, mut done: impl FnMut(&mut World) -> bool) -> Duration {
+    let longest = Arc::new(Mutex::new(Duration::ZERO));
+    update_until(app, what, |world| {
+        let (longest, spawned) = (Arc::clone(&longest), Instant::now());
+        let task = async move {
+            let mut longest = longest.lock().unwrap();
+            *longest = longest.max(spawned.elapsed());
+        };
+        AsyncComputeTaskPool::get().spawn(task).detach();
+        done(world)
+    });
+    // Those that are still waiting.
+    block_on(AsyncComputeTaskPool::get().spawn(async {}));
+    *longest.lock().unwrap()
+}
+
+#[test]
+fn a_games_own_tasks_do_not_wait_for_a_painting() {
+    let mut app = app_without_rendering();
+    let splats = GaussianSplats(add_scene(&mut app, demo()));
+    let image = painting(&mut app, 1);
+    let entity = app.world_mut().spawn((splats, StyleSource::image(image))).id();
+    let first = longest_wait(&mut app, "a painting", |world| world.get::<AppliedStyle>(entity).is_some());
+    let second = painting(&mut app, 2);
+    *app.world_mut().get_mut(entity).unwrap() = StyleSource::image(second);
+    let mut is_applied = false;
+    let second = longest_wait(&mut app, "another painting", |world| {
+        is_applied |= world.resource_mut::<Messages<crate::StyleApplied>>().drain().count() > 0;
+        is_applied
+    });
+    eprintln!("longest waits: {first:.1?} beside the first painting, {second:.1?} beside the second");
+    assert!(first.max(second) < WAITS, "{first:?} {second:?}");
+}
+
+#[test]
+fn a_look_does_not_wait_for_a_painting() {
+    let mut app = app_without_rendering();
+    let demo = demo();
+    let look = Look::new(&demo, &demo.base_colors(), MadeFrom::default());
+    let splats = GaussianSplats(add_scene(&mut app, demo));
+    let (image, look) = (painting(&mut app, 1), add(&mut app, StyleLook(Arc::new(look))));
+    let painted = app.world_mut().spawn((splats.clone(), StyleSource::image(image))).id();
+    app.update();
+    let with_look = app.world_mut().spawn((splats, StyleSource::look(look))).id();
+    let begun = Instant::now();
+    update_until(&mut app, "the look", |world| world.get::<AppliedStyle>(with_look).is_some());
+    eprintln!("the look came after {:.1?}", begun.elapsed());
+    assert!(app.world().get::<AppliedStyle>(painted).is_none(), "the look waited for the painting");
+}
+
+/// Time until the threads of a lane are free.
+fn until_free(app: &App, lane: Lane) -> Duration {
+    let begun = Instant::now();
+    let next = app.world().resource::<Workers>().start(lane, |_| Ok(()));
+    block_on(next.wait()).unwrap();
+    begun.elapsed()
+}
+
+#[test]
+fn a_despawned_entitys_painting_is_painted_no_further() {
+    let mut app = app_without_rendering();
+    // Its surface alone takes several times as long as the test does.
+    let demo = demo();
+    let n = demo.len() as u32;
+    let large = demo.subset(&(0..300_000).map(|i| i % n).collect::<Vec<_>>());
+    let splats = GaussianSplats(add_scene(&mut app, large));
+    let image = painting(&mut app, 1);
+    let entity = app.world_mut().spawn((splats, StyleSource::image(image))).id();
+    let mut seen = Vec::new();
+    update_until(&mut app, "a part of it", |world| {
+        seen.extend(world.get::<StyleProgress>(entity).and_then(|progress| progress.style));
+        seen.last().is_some_and(|share| *share > 0.05)
+    });
+    assert!(seen.is_sorted(), "{seen:?}");
+    app.world_mut().despawn(entity);
+    app.update();
+    let stopped = until_free(&app, Lane::Styles);
+    eprintln!("stopped after {stopped:.1?}");
+    assert!(stopped < Duration::from_millis(500), "{stopped:?}");
+}
+
+#[test]
+#[cfg(feature = "bundled_models")]
+fn a_bake_that_is_not_wanted_any_more_stops() {
+    let mut app = app_without_rendering();
+    let splats = GaussianSplats(add_scene(&mut app, demo()));
+    let image = painting(&mut app, 1);
+    let entity = app.world_mut().spawn((splats, StyleSource::image(image), StyleRefine::default())).id();
+    until_applied(&mut app);
+    update_until(&mut app, "a bake", |world| {
+        world
+            .get::<StyleProgress>(entity)
+            .and_then(|progress| progress.refine)
+            .is_some_and(|share| share > 0.0)
+    });
+    app.world_mut().entity_mut(entity).remove::<StyleRefine>();
+    app.update();
+    let stopped = until_free(&app, Lane::Bakes);
+    eprintln!("stopped after {stopped:.1?}");
+    assert!(stopped < Duration::from_secs(1), "{stopped:?}");
+    app.update();
+    assert!(app.world().get::<StyleProgress>(entity).is_none());
+}
+
+/// A scene is replaced while its painting is on its way: the style is that of the next scene, and nothing fails.
+#[test]
+fn the_style_of_a_scene_that_is_on_its_way_out_is_not_computed() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("next.sgs");
+    file::write_scene(&path, &small_scene(400, 2)).unwrap();
+    let mut app = app_without_rendering();
+    // It cannot be decoded, and the preset carries no paint.
+    let raw = Scene { features: None, decoder: None, ..small_scene(300, 1) };
+    let splats = GaussianSplats(add_scene(&mut app, raw));
+    let entity = app.world_mut().spawn((splats, StyleSource::none())).id();
+    app.update();
+    let next = app.world().resource::<AssetServer>().load(path.to_str().unwrap().to_owned());
+    let style = add_style(&mut app, small_style(1));
+    app.world_mut().entity_mut(entity).insert((GaussianSplats(next), StyleSource::preset(style)));
+    let failed = AtomicBool::new(false);
+    update_until(&mut app, "the next scene's style", |world| {
+        failed.fetch_or(world.resource_mut::<Messages<crate::StyleFailed>>().drain().count() > 0, Relaxed);
+        world.get::<AppliedStyle>(entity).is_some()
+    });
+    assert!(!failed.load(Relaxed), "a failure of the scene before it was told");
+}

@@ -1,0 +1,259 @@
+//! From what a style asks for, and what is prepared of a scene, to colors and strokes.
+//!
+//! A [`Recipe`] is a mix of looks and of styles. Looks are there already. Styles are laid on as strokes
+//! ([`paint`]) or decoded ([`fold`](crate::fold)): [`is_painted`] says which.
+
+use std::error::Error;
+
+use crate::{
+    ChannelStatistics, Decoder, Look, Scene,
+    fold::{self, ChannelMap, StylizeError, normalized},
+    look::{self, LookError},
+    paint::{self, Canvas, Painted, Surface},
+    strokes::Strokes,
+    work::{Canceled, Work},
+};
+
+/// A style of a scene.
+pub struct Recipe<'a> {
+    /// Looks of the scene.
+    pub looks: Vec<WeightedLook<'a>>,
+    /// Styles beside them.
+    pub styles: Styles<'a>,
+    /// Share of the base colors that looks and paint keep, or of the features that decoded styles keep, 0..1.
+    pub content: f64,
+}
+
+/// A look of a mix.
+pub struct WeightedLook<'a> {
+    /// Its name, for messages.
+    pub name: &'a str,
+    /// The look.
+    pub look: &'a Look,
+    /// Its weight, at least 0.
+    pub weight: f64,
+}
+
+/// Styles of a mix, and their weights, at least 0. All weights of a recipe are normalized together to sum 1.
+pub enum Styles<'a> {
+    /// Paintings, laid on as strokes.
+    Painted {
+        /// The paintings.
+        paintings: Vec<(&'a Canvas, f64)>,
+        /// The surface of the scene.
+        surface: &'a Surface,
+    },
+    /// Statistics, decoded.
+    Decoded {
+        /// The statistics.
+        styles: Vec<(&'a ChannelStatistics, f64)>,
+        /// The decoder.
+        decode: &'a mut dyn Decode,
+    },
+    /// None: there are looks alone.
+    None,
+}
+
+/// Decodes a scene's features, mapped to a style, to colors. [`Decoder`]s do so on the CPU.
+pub trait Decode {
+    /// The color of each Gaussian `[N]`.
+    ///
+    /// # Errors
+    /// If scene, decoder and map do not fit one another, or if the device fails.
+    fn decode(
+        &mut self,
+        scene: &Scene,
+        map: &ChannelMap,
+    ) -> Result<Vec<[f32; 3]>, Box<dyn Error + Send + Sync>>;
+}
+
+impl Decode for &Decoder {
+    fn decode(
+        &mut self,
+        scene: &Scene,
+        map: &ChannelMap,
+    ) -> Result<Vec<[f32; 3]>, Box<dyn Error + Send + Sync>> {
+        Ok(fold::stylize(scene, self, map)?)
+    }
+}
+
+/// A recipe gives no style.
+#[derive(Debug, thiserror::Error)]
+pub enum RestyleError {
+    /// Scene, styles or weights do not go together.
+    #[error(transparent)]
+    Stylize(#[from] StylizeError),
+    /// A look belongs to another scene.
+    #[error("{name}: {source}")]
+    Look {
+        /// The look.
+        name: String,
+        /// The fingerprints of both scenes.
+        source: LookError,
+    },
+    /// The decoder fails.
+    #[error(transparent)]
+    Decode(Box<dyn Error + Send + Sync>),
+    /// Nobody wants the style any more.
+    #[error(transparent)]
+    Canceled(#[from] Canceled),
+}
+
+/// Whether styles are laid on as paint. They are, unless somebody asks for a decoder, the scene carries features
+/// with a decoder that was trained for them, or a style carries no paint.
+pub fn is_painted(scene: &Scene, asks_for_decoder: bool, all_carry_paint: bool) -> bool {
+    let has_own_decoder = scene.decoder.is_some() && scene.features.is_some();
+    !asks_for_decoder && !has_own_decoder && all_carry_paint
+}
+
+impl Recipe<'_> {
+    /// A painting alone.
+    pub fn painting<'a>(canvas: &'a Canvas, surface: &'a Surface) -> Recipe<'a> {
+        let styles = Styles::Painted { paintings: vec![(canvas, 1.0)], surface };
+        Recipe { looks: Vec::new(), styles, content: 0.0 }
+    }
+
+    /// The colors and the strokes of `scene`.
+    ///
+    /// # Errors
+    /// If parts do not go together: a look with the scene, decoded styles with a scene without features or with
+    /// the decoder, weights or content with their ranges. If `work` is canceled.
+    pub fn restyle(self, scene: &Scene, work: &Work) -> Result<Painted, RestyleError> {
+        if !(0.0..=1.0).contains(&self.content) {
+            return Err(StylizeError::Content { found: self.content }.into());
+        }
+        // All weights in a row, the looks' first.
+        let weights = self.looks.iter().map(|look| look.weight).chain(self.styles.weights());
+        let weights = normalized(&weights.collect::<Vec<_>>())?;
+        let (of_looks, of_styles) = weights.split_at(self.looks.len());
+        // Before the styles, which take longer: a look of another scene must not make its user wait.
+        let (mut colors_of_looks, mut parts) = (Vec::new(), Vec::new());
+        for (WeightedLook { name, look, .. }, weight) in self.looks.iter().zip(of_looks) {
+            let failed = |source| RestyleError::Look { name: (*name).into(), source };
+            colors_of_looks.push((look.colors_for(scene).map_err(failed)?, *weight));
+            let mut strokes = look.strokes_for(scene).map_err(failed)?.unwrap_or_default();
+            strokes.fade(1.0 - self.content as f32);
+            parts.push((strokes, *weight));
+        }
+        let share: f64 = of_styles.iter().sum();
+        // Styles of no weight beside a look need not be computed.
+        let styled =
+            if share > 0.0 { self.styles.restyle(scene, self.content, work)? } else { Painted::default() };
+        if parts.is_empty() {
+            return Ok(styled);
+        }
+        let colors = (share > 0.0).then_some((&*styled.colors, share));
+        let colors = look::mix(&scene.base_colors(), self.content, &colors_of_looks, colors)?;
+        let strokes = mixed(std::iter::once((styled.strokes, share)).chain(parts));
+        Ok(Painted { colors, strokes, ..Painted::default() })
+    }
+}
+
+impl Styles<'_> {
+    fn weights(&self) -> Vec<f64> {
+        match self {
+            Self::Painted { paintings, .. } => paintings.iter().map(|(_, weight)| *weight).collect(),
+            Self::Decoded { styles, .. } => styles.iter().map(|(_, weight)| *weight).collect(),
+            Self::None => Vec::new(),
+        }
+    }
+
+    fn restyle(self, scene: &Scene, content: f64, work: &Work) -> Result<Painted, RestyleError> {
+        match self {
+            Self::Painted { paintings, surface } => {
+                Ok(paint::lay(scene, surface, &paintings, content, work)?)
+            }
+            Self::Decoded { styles, decode } => {
+                let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
+                let map = fold::transfer(features, &styles, content)?;
+                work.check()?;
+                let colors = decode.decode(scene, &map).map_err(RestyleError::Decode)?;
+                Ok(Painted { colors, ..Painted::default() })
+            }
+            Self::None => Ok(Painted::default()),
+        }
+    }
+}
+
+/// Strokes in a mix by their weights. Each spot shows those of one part, and some show none if a part has none.
+fn mixed(parts: impl Iterator<Item = (Strokes, f64)>) -> Strokes {
+    let (mut mixed, mut total) = (Strokes::default(), 0.0);
+    for (strokes, weight) in parts.filter(|(_, weight)| *weight > 0.0) {
+        total += weight;
+        mixed.mix(&strokes, (weight / total) as f32);
+    }
+    mixed
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{Quat, Vec3};
+
+    use super::*;
+    use crate::{look::MadeFrom, paint::Paint};
+
+    fn scene() -> Scene {
+        let mut scene = Scene {
+            means: (0..100).map(|i| Vec3::new((i % 10) as f32, (i / 10) as f32, 0.0)).collect(),
+            rotations: vec![Quat::IDENTITY; 100],
+            scales: vec![Vec3::new(0.5, 0.5, 0.01); 100],
+            opacities: vec![0.9; 100],
+            order: (0..100).collect(),
+            n_source: 100,
+            ..Scene::default()
+        };
+        scene.set_colors(&vec![[0.2, 0.4, 0.6]; 100]);
+        scene
+    }
+
+    fn canvas() -> Canvas {
+        Canvas::new(&Paint {
+            width: 32,
+            height: 32,
+            pixels: (0..3 * 32 * 32).map(|i| (i % 251) as u8).collect(),
+        })
+    }
+
+    #[test]
+    fn looks_and_paint_are_mixed_by_all_weights_together() {
+        let (scene, canvas, work) = (scene(), canvas(), Work::default());
+        let surface = Surface::new(&scene, &work).unwrap();
+        let painted = Recipe::painting(&canvas, &surface).restyle(&scene, &work).unwrap();
+        let look = Look::new(&scene, &vec![[0.5, 0.25, 0.0]; 100], MadeFrom::default());
+        let recipe = |of_look: f64, of_painting: f64| Recipe {
+            looks: vec![WeightedLook { name: "look", look: &look, weight: of_look }],
+            styles: Styles::Painted { paintings: vec![(&canvas, of_painting)], surface: &surface },
+            content: 0.0,
+        };
+        let mixed = recipe(1.0, 3.0).restyle(&scene, &work).unwrap();
+        for (mixed, painted) in mixed.colors.iter().zip(&painted.colors) {
+            let expected = Vec3::from(*painted) * 0.75 + Vec3::new(0.5, 0.25, 0.0) * 0.25;
+            assert!(Vec3::from(*mixed).distance(expected) < 1e-5, "{mixed:?} {expected}");
+        }
+        let alone = recipe(2.0, 0.0).restyle(&scene, &work).unwrap();
+        assert_eq!(alone.colors, vec![[0.5, 0.25, 0.0]; 100]);
+        assert!(alone.strokes.seeds.is_empty());
+        assert!(matches!(recipe(0.0, 0.0).restyle(&scene, &work), Err(RestyleError::Stylize(_))));
+        let other = scene.subset(&[0, 1, 2]);
+        let found = recipe(1.0, 0.0).restyle(&other, &work).map(|_| ());
+        assert!(matches!(found, Err(RestyleError::Look { name, .. }) if name == "look"));
+    }
+
+    #[test]
+    fn nothing_is_given_once_it_is_canceled() {
+        let (scene, canvas, work) = (scene(), canvas(), Work::default());
+        let surface = Surface::new(&scene, &work).unwrap();
+        work.cancel();
+        assert_eq!(Surface::new(&scene, &work).err(), Some(Canceled));
+        let found = Recipe::painting(&canvas, &surface).restyle(&scene, &work).map(|_| ());
+        assert!(matches!(found, Err(RestyleError::Canceled(Canceled))));
+    }
+
+    #[test]
+    fn a_decoder_is_used_if_there_is_a_reason() {
+        let plain = scene();
+        assert!(is_painted(&plain, false, true));
+        assert!(!is_painted(&plain, true, true));
+        assert!(!is_painted(&plain, false, false));
+    }
+}
