@@ -11,7 +11,7 @@
 //!             commands.spawn(Camera3d::default());
 //!             commands.spawn((
 //!                 GaussianSplats(assets.load("garden.ply")),
-//!                 StyleSource::preset(assets.load("starry.style.safetensors")),
+//!                 StyleSource::image(assets.load("starry.jpg")),
 //!             ));
 //!         })
 //!         .run();

@@ -124,9 +124,8 @@ fn blamed(scene: &Scene, views: &[&Camera], changes: &[Vec<f32>]) -> Vec<[f32; 2
     sums
 }
 
-/// Keeps from being split what lies where the picture changes most: of all change that is blamed on split
-/// Gaussians, at least `share`. What is split on an even surface changes nothing, however large it is, and
-/// remains.
+/// Excludes from splitting the Gaussians whose split would change the render most, until `share` of the change
+/// that is blamed on split Gaussians is gone. Large Gaussians on an even surface change nothing, and are split.
 fn keep_whole(whole: &mut [Part], parts: &[Part], blamed: &[[f32; 2]], share: f64) {
     let mut is_split = vec![false; whole.len()];
     parts.iter().filter(|part| part.rounds > 0).for_each(|part| is_split[part.gaussian as usize] = true);

@@ -35,7 +35,7 @@ const LAST_RATE: f32 = 0.3;
 
 /// The share of the steps, at the end, over which colors are averaged (Polyak and Juditsky 1992). Each step
 /// sees one crop. What is right for it alone is grain in the others, which quiet paintings do not have
-/// (docs/notes/bake_experiments.md, twelfth round).
+/// (docs/notes.md, "Bakes").
 const AVERAGED: f32 = 0.2;
 
 /// Weights that are drawn and moved by. Two fifths of all are smaller, and make up 0.3% of the pictures of the

@@ -24,11 +24,11 @@ const TURN: f32 = 0.08;
 const APPROACH: f32 = 0.1;
 /// Factor up to which chosen views are seen from farther away: they fill the picture with the scene, or look
 /// closer, and a game's player also steps back. At 3.5 pictures of the chosen views have 0.67 of a painting's
-/// grain, at 1.3 they have 0.75 (docs/notes/bake_experiments.md, seventh round).
+/// grain, at 1.3 they have 0.75 (docs/notes.md, "Bakes").
 const FARTHEST: f32 = 1.3;
 /// Groups of views by distance, near, middle and far, with as many views each. Their statistics are pooled
 /// apart: strokes have one size in a scene, so far pictures have much fine detail and near ones little, and the
-/// mean over all distances would hide both (docs/notes/bake_experiments.md, thirteenth round).
+/// mean over all distances would hide both (docs/notes.md, "Bakes").
 pub(crate) const DISTANCES: usize = 3;
 /// Least share of a crop that should be covered.
 const LEAST_COVERED: f32 = 0.5;

@@ -40,17 +40,17 @@ pub struct BakeConfig {
     pub rate: f32,
     /// Start of the bake, 0..1: from the recolored scene (0) to instant paint ([`stylegaussian::paint`]) (1).
     pub paint: f32,
-    /// Pull toward the start, 0 or more: a step of Adam's rate r takes what stands out back by r times this, of
-    /// its distance from it. Steps that all go one way then lead at most 1 / this away. Gaussians that are
-    /// larger than a stroke are pulled ten times as much, and what strokes cover a third as much.
+    /// Strength of the pull toward the initial color for Gaussians that should not carry strokes, 0 or more: in
+    /// a step of Adam's rate r, the share r `protection` of the distance is taken back. This limits drift to
+    /// 1 / `protection`. Gaussians that are larger than a stroke are pulled ten times as much, and Gaussians
+    /// under strokes a third as much.
     pub protection: f32,
     /// Share of the new crop in the running statistics, 0..1.
     pub pool: f32,
     /// Cells of a crop that are matched at each layer.
     pub queries: usize,
     /// Cells of the paintings that they are matched with at each layer, the same in all steps. For an equal
-    /// cost, more queries and fewer keys give a steadier gradient (docs/notes/bake_experiments.md, twelfth
-    /// round).
+    /// cost, more queries and fewer keys give a steadier gradient (docs/notes.md, "Bakes").
     pub keys: usize,
     /// Weights of the parts of the loss.
     pub weights: LossWeights,

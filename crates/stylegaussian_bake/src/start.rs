@@ -19,9 +19,9 @@ const KEPT: f32 = 0.3;
 /// tenth above 6.4: shadows on cloth, pot and tray.
 const LARGE: [f32; 2] = [6.0, 11.0];
 
-/// How much more than the smallest things the largest Gaussians are protected. Nothing but flat color would
-/// come of them: in the shadows of a capture, which has few and large ones there, all things would be lost
-/// (docs/notes/bake_experiments.md, ninth round).
+/// Protection of the largest Gaussians, relative to that of the smallest things. Without it they turn to flat
+/// color, and all things are lost in the shadows of a capture, where Gaussians are few and large (docs/notes.md,
+/// "Bakes").
 pub(crate) const LARGE_WEIGHT: f32 = 10.0;
 
 /// Colors and strokes of a scene before the first step.

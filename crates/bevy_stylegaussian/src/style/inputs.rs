@@ -199,7 +199,7 @@ impl Inputs<'_> {
     fn encoded(&mut self, handle: &Handle<Image>) -> Input<Arc<ChannelStatistics>> {
         let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
         let Some(encoder) = loaded(&self.server, &self.encoders, &self.encoder.0)? else {
-            // Nobody will ever load the default asset: it is there from the start if it is bundled.
+            // The default handle is never loaded; it exists only if the encoder is bundled.
             let is_default = self.encoder.0 == Handle::default();
             return if is_default { Err(Arc::new(StyleError::NoEncoder)) } else { Ok(None) };
         };

@@ -61,8 +61,7 @@ impl Worn {
         });
     }
 
-    /// Lets time pass, and drops what nothing is seen of any more. If `is_own`, captured colors are those
-    /// below.
+    /// Advances transitions, and removes fully covered styles. If `is_own`, captured colors are those below.
     pub(super) fn advance(&mut self, passed: Passed, is_own: bool) {
         for worn in &mut self.0 {
             if let Some((transition, elapsed)) = &mut worn.coming {

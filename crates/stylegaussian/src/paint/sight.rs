@@ -13,13 +13,12 @@ const VIEW_SIDE: u32 = 128;
 
 /// Longer sides of pictures in which strokes are as large as in the painting, in pixels. Paintings have 512,
 /// and so have pictures from chosen views. From a capture's cameras strokes are 1.3 times as large: finer ones
-/// turned a woodcut gray on the bonsai (docs/notes/paint_experiments.md).
+/// turned a woodcut gray on the bonsai (docs/notes.md, "Paint").
 const CHOSEN_SIDE: f32 = 512.0;
 const CAPTURED_SIDE: f32 = 394.0;
 
-/// Proofs: three sides of a scene. Of chosen views they are those that are farthest away, since strokes are
-/// meant for pictures of the whole scene, and not for a closer look. Of a capture's cameras they are the middle
-/// ones: it was looked at from there.
+/// Number of proofs: three sides of a scene. Of chosen views they are the farthest, because strokes are meant
+/// for pictures of the whole scene. For captures, they are the cameras at median distance.
 const N_PROOFS: usize = 3;
 
 /// Side of a proof over that of the picture in which strokes are as large as in the painting. The time of a

@@ -8,9 +8,10 @@ use glam::Vec3;
 /// pixels are about twice as long and a fraction as wide.
 pub(crate) const SIDE: usize = 16;
 
-/// Brightness by which large shapes may leave the recolored scene's for nothing: strokes are lights and darks.
-/// Hue and saturation have no tolerance: they tell a pond from its banks. Without tolerance texture of captures
-/// is told less often, with one for hue ponds turn gray (docs/notes/bake_experiments.md, seventh round).
+/// Brightness by which large shapes may differ from the recolored scene's without a loss, because strokes are
+/// lights and darks. Hue and saturation have no tolerance, because they separate a pond from its banks. Without
+/// this tolerance, paintings are recognized by texture less often; with one for hue, ponds turn gray
+/// (docs/notes.md, "Bakes").
 const TOLERANCE: f32 = 0.25;
 
 /// Side of the groups of shapes whose slope is looked at, in shapes: 64 pixels.
