@@ -1,4 +1,7 @@
 //! The styles that an entity wears on a scene, one over another while they change.
+//!
+//! A transition that is interrupted stays below the next one and continues. If more than four styles are worn,
+//! those below the newest are mixed once and frozen.
 
 use std::{sync::Arc, time::Duration};
 
