@@ -41,7 +41,7 @@ pub struct Hit {
     /// The point of the ray, in scene space.
     pub position: Vec3,
     /// An estimate of the surface's normal, of length 1, in scene space: the mean of the Gaussians' shortest
-    /// axes, weighted by what they contribute, turned against the ray.
+    /// axes, weighted by their contributions, turned against the ray.
     pub normal: Vec3,
     /// The Gaussian that contributes most: its index in the scene in memory. `Scene::order` leads from there to
     /// its index in the source.

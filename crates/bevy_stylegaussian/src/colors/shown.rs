@@ -280,7 +280,7 @@ impl ShownColors {
         Some((style.colors.as_ref()?, style.strokes.as_ref()))
     }
 
-    /// Whether an entity shows what it wishes for, with a mask in this state.
+    /// Whether an entity shows its wanted colors, with a mask in this state.
     pub(super) fn is_current(&self, entity: MainEntity, wish: &ColorLayers, mask: Option<u64>) -> bool {
         let is_masked = wish.layers.iter().any(|layer| layer.mask.is_some());
         self.of_entity.get(&entity).is_some_and(|colors| {
@@ -288,7 +288,7 @@ impl ShownColors {
         })
     }
 
-    /// Shows what an entity wishes for.
+    /// Shows an entity's wanted colors.
     pub(super) fn show(&mut self, entity: MainEntity, wish: &ColorLayers, shown: Shown, mask: Option<u64>) {
         let Some(colors) = self.of_entity.get_mut(&entity) else { return };
         colors.shown = shown;
@@ -306,7 +306,7 @@ impl ShownColors {
         n: usize,
     ) -> Option<Box<OwnMix>> {
         let shown = self.of_entity.get_mut(&entity).map(|colors| &mut colors.shown);
-        // What it shows is replaced by the mix.
+        // The mix replaces the shown colors.
         if let Some(shown @ Shown::Mixed(_)) = shown
             && let Shown::Mixed(own) = std::mem::take(shown)
         {

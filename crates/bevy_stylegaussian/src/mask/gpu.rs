@@ -97,7 +97,7 @@ impl RenderMask {
         }
     }
 
-    /// Uploads what changed since the last time, and returns whether anything did.
+    /// Uploads the changes since the last time, and returns whether there were any.
     fn update(&mut self, painted: &Painted, queue: &RenderQueue) -> bool {
         let revision = std::mem::replace(&mut self.revision, painted.revision);
         let Some(gpu) = self.gpu.as_ref().filter(|_| revision != painted.revision) else { return false };

@@ -197,7 +197,7 @@ pub(super) fn compose_layers(
             let region = Region { shape_from_scene, ..region };
             found.extend(job.worn.volume_layer(&place, region, source.usual_strength(), volume.channel()));
         }
-        // Nothing is seen of what lies below a layer that covers all.
+        // A layer that covers all hides those below.
         if let Some(top) = found.iter().rposition(ColorLayer::covers_all) {
             found.drain(..top);
         }

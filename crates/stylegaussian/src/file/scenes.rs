@@ -125,8 +125,7 @@ pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), FileError> {
     write_scene_with(path, scene, WriteOptions::default()).map(drop)
 }
 
-/// Writes a scene as [`write_scene`] does, with choices. Returns warnings of what was clamped, one sentence
-/// each.
+/// Writes a scene as [`write_scene`] does, with choices. Returns warnings of clamped values, one sentence each.
 ///
 /// # Errors
 /// As [`write_scene`].

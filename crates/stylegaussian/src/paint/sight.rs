@@ -1,11 +1,11 @@
-//! How much of each Gaussian usual views show, and how large a pixel of such a view is on the scene.
+//! Visibility of each Gaussian in usual views, and the size of a pixel of such a view on the scene.
 
 use glam::{UVec2, Vec3};
 
 use super::proofs::Proofs;
 use crate::{camera::Camera, scene::Scene, splat::blend_weights_from, views::choose_overviews};
 
-/// Views that are taken of the scene. Eight show nearly all that can be seen from outside.
+/// Number of views of the scene. Eight show nearly all that is visible from outside.
 const N_VIEWS: usize = 8;
 
 /// Longer side of those views, in pixels. Small, since only sums over pixels count.
@@ -25,14 +25,14 @@ const N_PROOFS: usize = 3;
 /// change of style grows with its square, and detail of a single pixel is left out.
 const PROOF_SIDE: f32 = 0.5;
 
-/// Blend weights below this are left out. Two fifths of all are, and sum to half a hundredth of a picture.
+/// Least blend weight that counts. Two fifths of all are smaller, and sum to 0.5% of a picture.
 pub(super) const FAINT: f32 = 1e-3;
 
 /// A summary of usual views of a scene.
 pub(super) struct Sight {
     /// Pixels that each Gaussian fills, summed over the views `[N]`.
     pub visibility: Vec<f32>,
-    /// Size of a pixel of the painting on the scene, in scene units: the median over what the proofs show.
+    /// Size of a pixel of the painting on the scene, in scene units: the median over the proofs.
     pub pixel: f32,
     /// Pictures by which paint is measured.
     pub proofs: Proofs,
@@ -93,7 +93,7 @@ fn up_of(camera: &Camera) -> Vec3 {
     -Vec3::from(camera.view_from_world.matrix3.row(1))
 }
 
-/// The value at half of all weight, or `None` if there is no value.
+/// The weighted median, or `None` if there is no value.
 pub(super) fn weighted_median(values: &mut [(f32, f32)]) -> Option<f32> {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
     let total: f64 = values.iter().map(|(_, weight)| f64::from(*weight)).sum();

@@ -18,7 +18,7 @@ pub struct StrokeLayer<'a> {
     pub first_seed: u32,
     /// The part of the scene that gets them.
     pub region: Region,
-    /// Share of what is below that is replaced within the region, 0..1.
+    /// Opacity within the region, 0..1.
     pub strength: f32,
     /// Weights that somebody painted, and the channel of them that counts here; `None` if all of the region
     /// counts.
