@@ -1,4 +1,4 @@
-//! Rays cast at the Gaussians of a scene: where somebody would say that a surface is.
+//! Rays cast at the Gaussians of a scene: they hit where a surface appears to be.
 //!
 //! Along a ray, Gaussians blend front to back by the rule of the draw ([`splat`](crate::splat)): alpha is
 //! min(0.99, o exp(-q / 2)) with q the squared distance from the mean, in standard deviations, at the ray's

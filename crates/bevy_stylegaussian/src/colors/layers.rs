@@ -45,7 +45,7 @@ pub(crate) struct ColorLayer {
 pub(crate) enum LayerColors {
     /// The scene's view-dependent colors.
     Captured,
-    /// Those of a style.
+    /// Colors of a style.
     Style(Arc<StyleColors>),
     /// Layers that are mixed by themselves.
     Mix(Arc<Mix>),

@@ -93,7 +93,7 @@ struct EntityColors {
 pub(super) enum Shown {
     #[default]
     Captured,
-    /// Those of a style, which other entities may show too, and its strokes.
+    /// Colors of a style, which other entities may show too, and its strokes.
     Style(GaussianColors, Option<GaussianStrokes>),
     /// The entity's own.
     Mixed(Box<OwnMix>),
@@ -119,8 +119,7 @@ impl Shown {
     }
 }
 
-/// Uploads styles that come as colors, and drops colors that nobody refers to any more. Folded styles are left
-/// to the style pass.
+/// Uploads styles that come as colors, and drops unused colors. Folded styles are left to the style pass.
 #[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub(crate) fn update_colors(
     clouds: Res<RenderClouds>,

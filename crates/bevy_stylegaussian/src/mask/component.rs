@@ -81,7 +81,7 @@ impl Painted {
         &self.mask
     }
 
-    /// The weights that changed since `revision`, or `None` if nobody knows any more.
+    /// The weights that changed since `revision`, or `None` if these changes were forgotten.
     pub(super) fn changes_since(&self, revision: u64) -> Option<impl Iterator<Item = &Range<usize>>> {
         let first = self.changes.iter().position(|(before, _)| *before == revision)?;
         Some(self.changes.range(first..).flat_map(|(_, ranges)| ranges))

@@ -61,7 +61,7 @@ pub(super) fn extract_masks(
     queue: Res<RenderQueue>,
 ) {
     let mut is_changed = false;
-    // Mixing layers again because a mask was looked at would cost more than the mask.
+    // Mixing layers again because a mask was borrowed mutably would cost more than the mask.
     let of_entity = &mut masks.bypass_change_detection().0;
     of_entity.retain(|entity, _| {
         let stays = all.get(entity.id()).is_ok_and(|(_, mask, _)| mask.painted.is_some());

@@ -1,7 +1,7 @@
 //! From the styles of clouds and volumes to the layers of each cloud.
 //!
-//! What an entity shows is a list of layers, lowest first. First come the styles that it wears, each over a
-//! region that grows during its transition. Next is a layer of captured colors with opacity 1 - strength. The
+//! An entity shows a list of layers, lowest first. The first are the styles that it wears, each over a region
+//! that grows during its transition. The next is a top layer of captured colors with opacity 1 - strength. The
 //! volumes that touch the entity follow by priority. The list is made anew in each frame, and the kernel
 //! `mix_layers` runs if it differs from the last one. One style over all of a scene needs no mix: the splat
 //! pass then reads the style's own buffer, which other entities may read too.

@@ -141,7 +141,7 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: WriteOptions) -> Re
         Err(Unwritten::Io(error)) => Err(error),
         Err(Unwritten::Mismatch(mismatch)) => {
             refused = Some(mismatch);
-            // Only stops the writing: the mismatch is told instead.
+            // Only stops the writing: the mismatch is reported instead.
             Err(io::ErrorKind::InvalidInput.into())
         }
     });

@@ -6,7 +6,7 @@ use crate::Scene;
 
 use super::survey::quantiles;
 
-/// Number of Gaussians that are looked at: enough to see a thousandth of them.
+/// Size of the sample of Gaussians: enough to find a thousandth of them.
 const N_SAMPLE: usize = 60_000;
 
 /// Factor of the distance from the scene's middle within which there is next to nothing behind the scene.
@@ -31,7 +31,7 @@ pub(super) fn without_backdrop(scene: &Scene) -> Option<Vec<u32>> {
 }
 
 /// The smallest and the largest corner of the box around the means of a scene without a backdrop far behind it,
-/// be it a sky or a single stray. `None` if there is none: the box is [`Scene::bounds`].
+/// which may be a sky or a single stray. `None` if there is none: the box is [`Scene::bounds`].
 pub fn bounds_without_backdrop(scene: &Scene) -> Option<(Vec3, Vec3)> {
     let middle = middle(scene, scene.len().div_ceil(N_SAMPLE).max(1));
     // A sample may have no stray.
