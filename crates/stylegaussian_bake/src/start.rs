@@ -19,8 +19,8 @@ const KEPT: f32 = 0.3;
 const LARGE: [f32; 2] = [6.0, 11.0];
 
 /// Protection of the largest Gaussians, relative to that of the smallest things. Without it they turn to flat
-/// color, and all things are lost in the shadows of a capture, where Gaussians are few and large (docs/notes.md,
-/// "Bakes").
+/// color, and all things are lost in the shadows of a capture, where Gaussians are few and large
+/// (docs/notes.md, "Bakes").
 pub(crate) const LARGE_WEIGHT: f32 = 10.0;
 
 /// Colors and strokes of a scene before the first step.

@@ -92,11 +92,11 @@ pub fn run(arguments: &StylizeArgs) -> Result<()> {
     print(*json, &stylized, || format!("{}: {} Gaussians stylized", output.display(), scene.len()))
 }
 
-/// Warns that a file without strokes holds only their mean.
+/// Says what a file without strokes holds of them.
 const FLATTENED: &str = "strokes are drawn by the pixel: this file holds their mean per Gaussian; `render` shows them, and a \
                          .look.safetensors keeps them";
 
-/// Writes the result. Returns warnings of losses.
+/// Writes the result. Returns warnings of what was lost.
 fn write(
     format: Format,
     path: &Path,
