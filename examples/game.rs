@@ -55,7 +55,7 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
         StyleMask::default(),
         right.with_rotation(Quat::from_rotation_y(2.0)),
     ));
-    // Four volumes: a door behind which all is ink, a dome, what is painted, and the lantern over all of them.
+    // Four volumes: a door behind which all is ink, a dome, the painted area, and the lantern over all of them.
     let door =
         Transform::from_xyz(7.5, 0.0, 0.0).with_rotation(Quat::from_rotation_z(std::f32::consts::FRAC_PI_2));
     commands.spawn((StyleVolume::half_space().with_softness(0.3), style("ink"), door));

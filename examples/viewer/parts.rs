@@ -1,4 +1,4 @@
-//! Parts of the scene in styles of their own: what is painted, and volumes. One history undoes both.
+//! Parts of the scene in styles of their own: painted areas and volumes. One history undoes both.
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{
@@ -66,7 +66,7 @@ pub struct Parts {
     /// Strength of the brush, 0..1.
     pub strength: f32,
     pub erases: bool,
-    /// Whether what is painted in the style is hidden instead of shown in it.
+    /// Whether the painted area is hidden instead of shown in the style.
     pub hides: bool,
     /// The style that each channel of the mask shows, or `None` if the channel is free.
     pub channels: [Option<PartStyle>; CHANNELS],
@@ -201,8 +201,7 @@ pub fn press_keys(
     }
 }
 
-/// Begins anew with each scene, and takes over what a mask from a file shows: channels are named by their
-/// styles.
+/// Begins anew with each scene, and takes over a mask from a file: channels are named by their styles.
 pub fn follow_scene(
     scene: Res<ShownScene>,
     styles: Res<Styles>,
@@ -228,7 +227,7 @@ pub fn follow_scene(
 #[derive(Component)]
 pub struct Part(usize);
 
-/// Shows channels and volumes, and hides what is to be hidden.
+/// Shows channels and volumes, or hides them.
 pub fn show(
     mut commands: Commands,
     parts: Res<Parts>,

@@ -97,7 +97,7 @@ pub fn save_scene(
     }));
 }
 
-/// Writes what is painted on the scene.
+/// Writes the painted weights.
 pub fn save_mask(
     mut wishes: MessageReader<Save>,
     shown: Res<ShownScene>,

@@ -52,7 +52,7 @@ impl ShownScene {
 /// Spawns the entity that shows scenes.
 pub fn spawn(mut commands: Commands) {
     commands.init_resource::<ShownScene>();
-    // An image may be dropped at any time, and should not wait for what depends on the scene alone.
+    // An image may be dropped at any time, and should not wait for work on the scene alone.
     let style = (StyleSource::none(), StylePrepare, StyleTransition::default(), StyleMask::default());
     commands.spawn((GaussianSplats::default(), style));
 }

@@ -116,7 +116,7 @@ pub fn apply(
     }
 }
 
-/// The brush as the panel has it. What it paints takes the place of what other channels show.
+/// The brush with the panel's settings. It replaces the weights of other channels.
 fn brush(parts: &Parts, channel: usize, radius: f32) -> Brush {
     Brush {
         radius,

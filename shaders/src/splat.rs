@@ -44,7 +44,7 @@ pub const CAPTURED_COLORS: u32 = 1;
 pub const BY_DISTANCE: u32 = 4;
 /// `SplatChunk::flags`: the low-pass keeps the sum of a splat, as mip-splatting's 2D filter does.
 pub const ANTIALIASED: u32 = 8;
-/// `SplatChunk::flags`: the mask shows what is painted, and does not hide it.
+/// `SplatChunk::flags`: the mask shows painted splats, and does not hide them.
 pub const CROPPED: u32 = 16;
 
 /// `mode` of the composite: the layer as it is.

@@ -11,7 +11,7 @@
 //!             commands.spawn(Camera3d::default());
 //!             commands.spawn((
 //!                 GaussianSplats(assets.load("garden.ply")),
-//!                 StyleSource::preset(assets.load("starry.style.safetensors")),
+//!                 StyleSource::image(assets.load("starry.jpg")),
 //!             ));
 //!         })
 //!         .run();
@@ -24,8 +24,8 @@
 //!   change it at any time. [`StyleTransition`] fades from one style to the next. [`StyleRefine`] bakes a shown
 //!   style further in the background, [`StylePrepare`] prepares a loaded scene for the first. [`StyleDecoder`]
 //!   selects another [`GaussianDecoder`]. [`StyleMask`] holds weights that are painted at run time, from a
-//!   [`SavedMask`] (`.mask.safetensors`) if there is one, and [`MaskVisibility`] hides what is painted or crops
-//!   to it.
+//!   [`SavedMask`] (`.mask.safetensors`) if there is one, and [`MaskVisibility`] hides painted splats or crops
+//!   to them.
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
 //! - Resources: [`StyleMethod`], [`StyleBackend`], [`StyleBudget`], [`StyleEncoder`].

@@ -2,7 +2,7 @@
 //!
 //! A voxel is occupied if half of a ray's light would be gone in it, the rule by which a ray hits
 //! ([`raycast`](crate::raycast)). Each Gaussian takes the light that the highest alpha anywhere in the voxel
-//! takes, so a surface is at most one voxel thicker than what is seen. The boxes are plain data for any physics
+//! takes, so a surface is at most one voxel thicker than it looks. The boxes are plain data for any physics
 //! engine:
 //!
 //! ```

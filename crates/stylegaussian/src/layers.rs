@@ -63,8 +63,7 @@ pub struct Layer<'a> {
     pub region: Region,
     /// Share of the colors below that is replaced within the region, 0..1.
     pub strength: f32,
-    /// Weights that somebody painted, and the channel of them that counts here; `None` if all of the region
-    /// counts.
+    /// Painted weights and the channel of them that counts here; `None` if all of the region counts.
     pub mask: Option<(&'a [[u8; 4]], usize)>,
 }
 

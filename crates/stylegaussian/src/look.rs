@@ -9,7 +9,7 @@ use std::{fmt, str::FromStr};
 
 use crate::{fold::StylizeError, random::hash, scene::Scene, strokes::Strokes};
 
-/// Colors of the Gaussians of one scene, the strokes over them, and what they were made from.
+/// Colors of the Gaussians of one scene, the strokes over them, and their origin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Look {
     /// Display-referred RGB `[N]`, not clamped, in the order of the scene's source.

@@ -8,9 +8,10 @@
 //!
 //! - as the mask of a [`Layer`](crate::layers::Layer), which shows a look where the channel is painted;
 //! - as a *tint*: such a layer whose look is one color;
-//! - as a [`Visibility`], which *hides* what is painted, or *crops* to it.
+//! - as a [`Visibility`], which *hides* painted Gaussians, or *crops* to them.
 //!
-//! Every change gives an [`Edit`], which undoes itself and says what to upload again. A [`History`] keeps them.
+//! Every change gives an [`Edit`], which undoes itself and names the ranges to upload again. A [`History`]
+//! keeps them.
 
 mod brush;
 mod history;

@@ -10,19 +10,19 @@
 //! 2. Once per painting ([`Canvas`]): it is *read at its own scale*, the largest of three at which nearly half
 //!    of its contrast is finer than a stroke. Its detail is evened out a little, and becomes two textures.
 //! 3. Per scene and painting ([`lay`]): each seed takes the *place* in the painting whose surroundings look
-//!    like its own, in the painting's colors. What stands out of the scene and of the strokes is *protected*,
-//!    and keeps its own detail. Each seed lays on as much detail as the painting has and the scene lacks, and
-//!    two factors make small pictures of the scene (*proofs*) as detailed as the painting. At last the proofs
-//!    get its palette and its shares of dark and bright.
+//!    like its own, in the painting's colors. Gaussians that stand out of the scene and of the strokes are
+//!    *protected*, and keep their own detail. Each seed lays on as much detail as the painting has and the
+//!    scene lacks, and two factors make small pictures of the scene (*proofs*) as detailed as the painting. At
+//!    last the proofs get its palette and its shares of dark and bright.
 //!
 //! A painting's pixel is one of a picture of 512 pixels that shows the whole scene, or of 394 pixels from the
 //! middle ones of its capture's cameras.
 //!
 //! The stages, one module each: `sight` (how large and how visible Gaussians are), `frames` (normals and
 //! directions), `seeds`, `smooth` (the scene without its detail), `surface` (all that depends on the scene
-//! alone), `painting` (what a style carries), `picture` (blurred copies), `detail` (the textures), `canvas`
-//! (all that depends on the painting alone), `places` (the choice), `proofs` and `bands` (how much detail
-//! pictures show), `tone` (dark and bright), `lay` (colors and strokes).
+//! alone), `painting` (the part that a style carries), `picture` (blurred copies), `detail` (the textures),
+//! `canvas` (all that depends on the painting alone), `places` (the choice), `proofs` and `bands` (how much
+//! detail pictures show), `tone` (dark and bright), `lay` (colors and strokes).
 
 mod bands;
 mod canvas;

@@ -94,8 +94,8 @@ impl Palette {
     /// painting, and by a tenth of that toward its luminance. Colors within a cell of it are left alone.
     /// Returns the mean squared distance before.
     ///
-    /// Gaussians that overlap blur what they carry, so some must be darker and some brighter than any color of
-    /// the painting for pictures to have its contrast. Those that are far beyond have lost their color.
+    /// Overlapping Gaussians blur one another, so some must be darker and some brighter than any color of the
+    /// painting for pictures to have its contrast. Those that are far beyond have lost their color.
     pub fn pull(&self, colors: &mut [f32], share: f32) -> f32 {
         let mut sum = 0.0;
         let n = (colors.len() / 3).max(1);

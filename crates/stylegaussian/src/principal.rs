@@ -45,7 +45,7 @@ fn orthonormalize(axes: &mut [f32], n_channels: usize) {
             axis.iter_mut().zip(other).for_each(|(value, other)| *value -= along * other);
         }
         let length = dot(axis, axis).sqrt();
-        // What is left of a dependent row is rounding: f32 has seven digits.
+        // The rest of a dependent row is rounding: f32 has seven digits.
         let scale = if length > 1e-5 * length_before { 1.0 / length } else { 0.0 };
         axis.iter_mut().for_each(|value| *value *= scale);
     }

@@ -1,4 +1,4 @@
-//! Rays cast at the Gaussians of a scene: where somebody would say that a surface is.
+//! Rays cast at the Gaussians of a scene: they hit where a surface appears to be.
 //!
 //! Along a ray, Gaussians blend front to back by the rule of the draw ([`splat`](crate::splat)): alpha is
 //! min(0.99, o exp(-q / 2)) with q the squared distance from the mean, in standard deviations, at the ray's
@@ -41,7 +41,7 @@ pub struct Hit {
     /// The point of the ray, in scene space.
     pub position: Vec3,
     /// An estimate of the surface's normal, of length 1, in scene space: the mean of the Gaussians' shortest
-    /// axes, weighted by what they contribute, turned against the ray.
+    /// axes, weighted by their contributions, turned against the ray.
     pub normal: Vec3,
     /// The Gaussian that contributes most: its index in the scene in memory. `Scene::order` leads from there to
     /// its index in the source.

@@ -212,7 +212,7 @@ mod tests {
         let recoloring = Recoloring::new(&ColorMoments::of_views(std::slice::from_ref(&view)), &to);
         let recolored = ColorMoments::of_views(&[recoloring.view(&view)]);
         assert!(recolored.mean.abs_diff_eq(to.mean, 1e-6));
-        // The floor is added once more to what was just measured.
+        // The floor is added once more to the measured covariance.
         assert!(recolored.covariance.abs_diff_eq(to.covariance, 2.0 * VARIANCE_FLOOR));
         assert_eq!(recoloring.color(view.color[3]), recoloring.view(&view).color[3]);
     }

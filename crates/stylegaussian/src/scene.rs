@@ -29,11 +29,11 @@ pub struct Scene {
     pub n_source: usize,
     /// Features, which embedding adds. A scene without them cannot be stylized.
     pub features: Option<Features>,
-    /// The K nearest neighbors of every Gaussian, or `None` if nobody has searched for them yet.
+    /// The K nearest neighbors of every Gaussian, or `None` if they are not searched yet.
     pub neighbors: Option<Neighbors>,
     /// A decoder trained for this scene. It takes precedence over the default decoder.
     pub decoder: Option<Decoder>,
-    /// Weights that somebody painted `[N]`.
+    /// Painted weights `[N]`.
     pub mask: Option<Mask>,
     /// The scene's up direction, or `None` if the file does not give it. The loader never rotates a scene.
     pub up: Option<Vec3>,

@@ -86,8 +86,8 @@ pub fn dc_from_color(color: [f32; 3]) -> [f32; 3] {
     color.map(|c| (c - 0.5) / Y_0)
 }
 
-/// Turns coefficients `[N, (degree + 1)^2, 3]`: what a Gaussian showed along d, it shows along `turn` d after.
-/// `turn` is orthogonal: a rotation or a mirror.
+/// Turns coefficients `[N, (degree + 1)^2, 3]`: the color that a Gaussian showed along d, it then shows along
+/// `turn` d. `turn` is orthogonal: a rotation or a mirror.
 ///
 /// # Panics
 /// If the degree is beyond [`MAX_DEGREE`].

@@ -9,8 +9,8 @@
 //! at which an opaque splat still has alpha 0.011.
 //!
 //! Scenes that were trained with the 2D filter of mip-splatting say so
-//! ([`ScreenFilter`](crate::scene::ScreenFilter)). The opacities of their splats make up for what the 0.3 px^2
-//! add to the area.
+//! ([`ScreenFilter`](crate::scene::ScreenFilter)). The opacities of their splats make up for the area that the
+//! 0.3 px^2 add.
 //!
 //! The stages, one module each: `project` (cull, project, sort by depth), `bands` (list the splats of each
 //! tile), `composite` (blend one tile), `weights` (keep the blend weights in place of a picture). `alpha` holds

@@ -32,9 +32,9 @@ use crate::{
     views::choose_views,
 };
 
-/// d, the distance of a part from the middle, in standard deviations of what is split. Parts farther apart
-/// leave a dent between them: at 0.5 the drawn alpha of an opaque Gaussian changes by 9% of its norm, at 0.6 by
-/// 12%, at 0.7 by 18%.
+/// d, the distance of a part from the middle, in standard deviations of the Gaussian that is split. Parts
+/// farther apart leave a dent between them: at 0.5 the drawn alpha of an opaque Gaussian changes by 9% of its
+/// norm, at 0.6 by 12%, at 0.7 by 18%.
 const DISTANCE: f64 = 0.5;
 
 /// Splits that lead from a Gaussian to its smallest parts, at most. Four make 16 parts.
@@ -110,8 +110,8 @@ pub fn split(scene: &mut Scene, options: SplitOptions) -> usize {
     0
 }
 
-/// The change of the pictures on account of each Gaussian `[N]`: what it shows in `views`, and how much those
-/// pixels change, both summed by blend weights.
+/// Blame of each Gaussian for the change of the pictures `[N]`: its pixels in `views`, and their change, both
+/// summed by blend weights.
 fn blamed(scene: &Scene, views: &[&Camera], changes: &[Vec<f32>]) -> Vec<[f32; 2]> {
     let mut sums = vec![[0.0; 2]; scene.len()];
     for (camera, changes) in views.iter().zip(changes) {
@@ -124,9 +124,8 @@ fn blamed(scene: &Scene, views: &[&Camera], changes: &[Vec<f32>]) -> Vec<[f32; 2
     sums
 }
 
-/// Keeps from being split what lies where the picture changes most: of all change that is blamed on split
-/// Gaussians, at least `share`. What is split on an even surface changes nothing, however large it is, and
-/// remains.
+/// Excludes from splitting the Gaussians whose split would change the render most, until `share` of the change
+/// that is blamed on split Gaussians is gone. Large Gaussians on an even surface change nothing, and are split.
 fn keep_whole(whole: &mut [Part], parts: &[Part], blamed: &[[f32; 2]], share: f64) {
     let mut is_split = vec![false; whole.len()];
     parts.iter().filter(|part| part.rounds > 0).for_each(|part| is_split[part.gaussian as usize] = true);
@@ -137,7 +136,7 @@ fn keep_whole(whole: &mut [Part], parts: &[Part], blamed: &[[f32; 2]], share: f6
     let total: f64 = order.iter().map(|&i| f64::from(blamed[i][1])).sum();
     let mut sum = 0.0;
     for i in order {
-        // What no view shows is not split.
+        // Gaussians that no view shows are not split.
         whole[i].visible = 0.0;
         sum += f64::from(blamed[i][1]);
         if sum >= share * total {
@@ -192,7 +191,7 @@ struct Part {
     mean: Vec3,
     scales: Vec3,
     opacity: f32,
-    /// Standard deviation of the footprint along each axis, in pixels, averaged over what is visible.
+    /// Standard deviation of the footprint along each axis, in pixels, averaged over its visible pixels.
     footprint: Vec3,
     /// Blend weights summed over all views, in pixels.
     visible: f32,
@@ -201,8 +200,8 @@ struct Part {
 }
 
 impl Part {
-    /// Place in the queue of what is split: the most visible part first, the first of equal ones. `None` if it
-    /// is small enough or has been split often enough.
+    /// Place in the queue of splits: the most visible part first, the first of equal ones. `None` if it is
+    /// small enough or has been split often enough.
     fn priority(&self, position: usize, largest: f32) -> Option<(u32, Reverse<usize>)> {
         let too_large = self.visible > 0.0 && self.footprint.max_element() > largest;
         // Positive floats compare like their bits.

@@ -1,8 +1,7 @@
 //! Strokes: a painting's fine detail, as the splat pass draws it on a scene, pixel by pixel.
 //!
-//! A Gaussian's color carries what is coarser than a stroke. Strokes are added where they are seen: each
-//! Gaussian belongs to a *seed*, a spot on the surface about a stroke wide, and a seed maps the scene to the
-//! painting,
+//! A Gaussian's color carries all that is coarser than a stroke. Strokes are added by the pixel: each Gaussian
+//! belongs to a *seed*, a spot on the surface about a stroke wide, and a seed maps the scene to the painting,
 //!
 //! ```text
 //! t(x) = place + pitch / stroke_scale (right . (x - at), down . (x - at))        in texels
@@ -67,8 +66,7 @@ pub struct Strokes {
 pub struct StrokeKnobs {
     /// Factor of all gains, at least 0.
     pub amount: f32,
-    /// Factor of what stands out: above 1, more of the scene stays clear; below, more of it is painted. At
-    /// least 0.
+    /// Factor of protection: above 1, more of the scene stays clear; below, more of it is painted. At least 0.
     pub protection: f32,
     /// Factor of the size of strokes, above 0.
     pub stroke_scale: f32,
@@ -78,8 +76,8 @@ pub struct StrokeKnobs {
 }
 
 impl StrokeKnobs {
-    /// Strokes as they were computed, and half of finer ones from near: more of them draws beads, and less of
-    /// them blurs.
+    /// Strokes as they were computed, and half of finer ones from near: more of them draw beads, and fewer
+    /// blur.
     pub const DEFAULT: Self = Self { amount: 1.0, protection: 1.0, stroke_scale: 1.0, near: 0.5 };
 }
 
@@ -122,8 +120,8 @@ impl StrokeWord {
         }
     }
 
-    /// The protection if what stands out is multiplied by `factor`. A protection p stands for q = sqrt(p / (1 -
-    /// p)), by how much more a Gaussian stands out than is usual.
+    /// The protection if the Gaussian stands out `factor` times as much. A protection p stands for q = sqrt(p /
+    /// (1 - p)), by which factor it stands out more than usual.
     pub fn protection_by(self, factor: f32) -> f32 {
         let squared = factor * factor * self.protection;
         squared / (1.0 - self.protection + squared).max(1e-6)

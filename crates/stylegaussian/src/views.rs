@@ -37,8 +37,8 @@ const PLACE_SHOWS_MORE: f32 = 1.15;
 /// not.
 const PLACE_ENCLOSES: f32 = 0.7;
 
-/// One in this many inner views is looked at first. If these show less than enough by [`NEARLY`], the others
-/// are not looked at. The mean of forty shares in 0..1 has a deviation of 0.08 at most.
+/// One in this many inner views is tested first. If these show less than enough by [`NEARLY`], the others are
+/// not tested. The mean of forty shares in 0..1 has a deviation of 0.08 at most.
 const FEW: usize = 4;
 const NEARLY: f32 = 0.2;
 

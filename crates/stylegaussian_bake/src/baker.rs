@@ -35,15 +35,15 @@ use crate::{
 const LAST_RATE: f32 = 0.3;
 
 /// The share of the steps, at the end, over which colors are averaged (Polyak and Juditsky 1992). Each step
-/// sees one crop. What is right for it alone is grain in the others, which quiet paintings do not have
-/// (docs/notes/bake_experiments.md, twelfth round).
+/// sees one crop. Colors that fit this crop alone are grain in the others, which quiet paintings do not have
+/// (docs/notes.md, "Bakes").
 const AVERAGED: f32 = 0.2;
 
-/// Weights that are drawn and moved by. Two fifths of all are smaller, and make up 0.3% of the pictures of the
-/// demo scene and 0.5% of those of the bonsai.
+/// Least blend weight that is drawn and gets a gradient. Two fifths of all are smaller, and make up 0.3% of the
+/// pictures of the demo scene and 0.5% of those of the bonsai.
 const LEAST_WEIGHT: f32 = 0.001;
 
-/// The view of one step: all that does not depend on colors.
+/// The view of one step, apart from colors.
 struct Crop {
     /// The number of the step.
     step: u32,
@@ -54,7 +54,7 @@ struct Crop {
     mask: Mask,
     /// The detail that strokes add to the picture `[h * w * 3]`.
     strokes: Vec<f32>,
-    /// The step's random numbers, of which its camera has taken the first.
+    /// The step's random numbers, after those of its camera.
     random: Random,
 }
 
@@ -71,8 +71,7 @@ impl Crop {
     }
 }
 
-/// Colors under a painting's strokes, on their way from instant paint to what the strokes need to look like the
-/// painting.
+/// A bake: colors under a painting's strokes, moved step by step from instant paint toward the painting.
 pub struct Baker {
     config: BakeConfig,
     network: LossNetwork,
@@ -99,8 +98,8 @@ pub struct Baker {
 }
 
 impl Baker {
-    /// Looks at the paintings and the scene, and paints it. `cameras` are those of a capture; if there are
-    /// none, they are the scene's own, or chosen. Paintings have weights in the mix.
+    /// Prepares a bake and paints the scene. `cameras` are those of a capture; if there are none, they are the
+    /// scene's own, or chosen. Paintings have weights in the mix.
     ///
     /// # Errors
     /// If nothing of the scene is visible, or no painting can be used. If `work` is canceled.
@@ -186,8 +185,7 @@ impl Baker {
                 values.push((format!("pooled.{group}.{i}"), both.unwrap_or_default()));
             }
         }
-        // Before the first step there is nothing to pool, and before the last ones nothing to average: empty
-        // lists stand for it.
+        // Empty lists: nothing is pooled before the first step, and nothing averaged before the last ones.
         State { steps: self.steps, identity: self.identity.clone(), values }.write(path)
     }
 
@@ -225,7 +223,7 @@ impl Baker {
         Ok(())
     }
 
-    /// One step: one crop, compared, and the colors that it shows moved.
+    /// One step: compares one crop, and moves the colors that it shows.
     ///
     /// # Panics
     /// If `scene` has another number of Gaussians than the one that the bake began with.
@@ -295,7 +293,7 @@ impl Baker {
         }
     }
 
-    /// Moves colors of protected Gaussians toward the start, by `share` times their protection of the way.
+    /// Moves colors of protected Gaussians toward the start, by the share `share` times their protection.
     fn protect(&mut self, share: f32) {
         let starts = self.start.colors.chunks_exact(3).zip(&self.start.protected);
         for (color, (start, protected)) in self.colors.chunks_exact_mut(3).zip(starts) {

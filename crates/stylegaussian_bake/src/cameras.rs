@@ -13,23 +13,23 @@ use stylegaussian::{
 
 use crate::loss::shapes;
 
-/// Views of a scene without cameras. 24 trained the scenes of the first experiments.
+/// Number of views of a scene without cameras.
 const N_VIEWS: usize = 24;
-/// Most cameras of a capture that are looked through, spread over the list.
+/// Most cameras of a capture that are used, spread over the list.
 const MOST_VIEWS: usize = 64;
-/// Side of the views in which crops are aimed, in pixels.
+/// Side of the views that find targets of crops, in pixels.
 const SURVEY_SIDE: u32 = 96;
-/// Deviation of the eye's angle around what it looks at, in radians.
+/// Deviation of the camera's angle around its target, in radians.
 const TURN: f32 = 0.08;
 /// Deviation of the logarithm of the distance.
 const APPROACH: f32 = 0.1;
-/// Factor up to which chosen views are seen from farther away: they fill the picture with the scene, or look
-/// closer, and a game's player also steps back. At 3.5 pictures of the chosen views have 0.67 of a painting's
-/// grain, at 1.3 they have 0.75 (docs/notes/bake_experiments.md, seventh round).
+/// Largest factor of the distance of chosen views. They fill the picture with the scene, or look closer, but a
+/// player also steps back. At 3.5, pictures of the chosen views have 0.67 of a painting's grain, at 1.3 they
+/// have 0.75 (docs/notes.md, "Bakes").
 const FARTHEST: f32 = 1.3;
 /// Groups of views by distance, near, middle and far, with as many views each. Their statistics are pooled
 /// apart: strokes have one size in a scene, so far pictures have much fine detail and near ones little, and the
-/// mean over all distances would hide both (docs/notes/bake_experiments.md, thirteenth round).
+/// mean over all distances would hide both (docs/notes.md, "Bakes").
 pub(crate) const DISTANCES: usize = 3;
 /// Least share of a crop that should be covered.
 const LEAST_COVERED: f32 = 0.5;
@@ -203,7 +203,7 @@ fn survey(scene: &Scene, camera: Camera, crop: u32) -> (View, RenderedImage, Vec
             (around(i % width, i / width), world_from_view.transform_point3(depth * ray))
         })
         .collect();
-    // A small thing covers no crop to half. Then those that cover most must do.
+    // A small object covers no crop to half. Then the best covered ones are taken.
     let most = solid.iter().fold(0.0_f32, |most, (share, _)| most.max(*share));
     let enough = LEAST_COVERED.min(0.9 * most);
     let targets = solid.into_iter().filter(|(share, _)| *share >= enough).map(|(_, point)| point).collect();

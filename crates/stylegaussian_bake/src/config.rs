@@ -1,8 +1,8 @@
 //! Settings of a bake: its cost, and how bold it is.
 
-/// Steps. Strokes are there from the start, so steps only settle the colors under them, and more of them bring
-/// nothing: on the demo scene in mosaic, 60, 80 and 100 steps give style errors of 2.11, 2.14 and 2.16, for
-/// 2.26 at the start (two views; errors of texture stay at 1.22 to 1.24).
+/// Number of steps. Strokes are there from the start, so steps only settle the colors under them, and more
+/// steps bring nothing: on the demo scene in mosaic, 60, 80 and 100 steps give style errors of 2.11, 2.14 and
+/// 2.16, for 2.26 at the start (two views; errors of texture stay at 1.22 to 1.24).
 const STEPS: u32 = 80;
 
 /// Adam's rate at the first step. At twice as much, colors under strokes become confetti again.
@@ -15,11 +15,11 @@ pub struct LossWeights {
     pub matching: f32,
     /// Means and deviations of channels.
     pub statistics: f32,
-    /// The share of the way toward the hue and saturation of the nearest color of the painting that every color
-    /// goes in each step. It goes a tenth of that toward its luminance.
+    /// Pull of every color toward the nearest color of the painting, as a share of the distance in each step:
+    /// in hue and saturation, and a tenth of it in luminance.
     pub palette: f32,
     /// Distance of the colors of large shapes from the recolored scene's, with a tolerance of brightness, and
-    /// what they are short of the painting's contrast.
+    /// their lack of the painting's contrast.
     pub shapes: f32,
     /// Colors beyond 0..1.
     pub range: f32,
@@ -40,17 +40,17 @@ pub struct BakeConfig {
     pub rate: f32,
     /// Start of the bake, 0..1: from the recolored scene (0) to instant paint ([`stylegaussian::paint`]) (1).
     pub paint: f32,
-    /// Pull toward the start, 0 or more: a step of Adam's rate r takes what stands out back by r times this, of
-    /// its distance from it. Steps that all go one way then lead at most 1 / this away. Gaussians that are
-    /// larger than a stroke are pulled ten times as much, and what strokes cover a third as much.
+    /// Strength of the pull toward the initial color for Gaussians that should not carry strokes, 0 or more: in
+    /// a step of Adam's rate r, the share r `protection` of the distance is taken back. This limits drift to
+    /// 1 / `protection`. Gaussians that are larger than a stroke are pulled ten times as much, and Gaussians
+    /// under strokes a third as much.
     pub protection: f32,
     /// Share of the new crop in the running statistics, 0..1.
     pub pool: f32,
     /// Cells of a crop that are matched at each layer.
     pub queries: usize,
     /// Cells of the paintings that they are matched with at each layer, the same in all steps. For an equal
-    /// cost, more queries and fewer keys give a steadier gradient (docs/notes/bake_experiments.md, twelfth
-    /// round).
+    /// cost, more queries and fewer keys give a steadier gradient (docs/notes.md, "Bakes").
     pub keys: usize,
     /// Weights of the parts of the loss.
     pub weights: LossWeights,
@@ -88,8 +88,8 @@ impl BakeConfig {
     /// picture in which the scene's own detail may get lost.
     ///
     /// Strength multiplies the rate: every Gaussian then goes so much farther, whatever the number of steps.
-    /// What is kept of the scene's large shapes and of what carries no strokes falls with it. Below 1 there is
-    /// also less of instant paint at the start.
+    /// The scene's large shapes and protected Gaussians are kept less. Below 1 there is also less of instant
+    /// paint at the start.
     pub fn with_strength(self, strength: f32) -> Self {
         let kept = 1.0 / strength.max(0.1);
         let weights = LossWeights { shapes: kept * self.weights.shapes, ..self.weights };

@@ -3,7 +3,14 @@
 //! Instant paint lays a painting's strokes on base colors by lookup. Baking looks at pictures: it renders small
 //! views of the scene with its strokes from random cameras, compares them with the painting through a loss
 //! network, and moves the colors under the strokes along the gradient. The strokes stay as they are. Colors
-//! belong to Gaussians, so views agree by construction.
+//! belong to Gaussians, so views agree by construction. A step depends on the seed and its number alone, so a
+//! bake can be stopped anywhere and continued.
+//!
+//! The stages, one module each: `start` (instant paint, and how far its colors may go), `cameras` (random
+//! cameras), `picture` (a crop of the scene), `target` (the paintings as the network sees them), `network` (the
+//! loss network and its gradient), `loss` (matching, statistics, large shapes, range), `luminance` (every other
+//! step compares luminance alone), `adam` (one second moment per Gaussian), `baker` and `config` (the steps and
+//! their settings), `checkpoint` (the state as a file).
 //!
 //! ```no_run
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {

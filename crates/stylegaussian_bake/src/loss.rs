@@ -16,8 +16,8 @@ pub struct Losses {
     /// painting.
     pub palette: f32,
     /// Mean squared distance of the colors of large shapes from the recolored scene's, with a tolerance of
-    /// brightness, and half the mean square of what they are short of the painting's contrast; none in a step
-    /// that compares luminance, and if its weight is 0.
+    /// brightness, and half the mean square of their lack of the painting's contrast; none in a step that
+    /// compares luminance, and if its weight is 0.
     pub shapes: Option<f32>,
     /// Mean squared excess of pixels over 0..1.
     pub range: f32,

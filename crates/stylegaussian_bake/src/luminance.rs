@@ -6,7 +6,7 @@ use stylegaussian::palette;
 pub(crate) const LUMINANCE: [f32; 3] = palette::LUMINANCE.to_array();
 /// The deviation to which luminance is stretched, about a common mean of 0.5. Paintings have 0.1 to 0.25.
 const DEVIATION: f32 = 0.18;
-/// Least deviation that is stretched, eight of a display's steps: below it there is noise and no texture.
+/// Least deviation that is stretched: eight steps of a display. Below it there is noise and no texture.
 const LEAST_DEVIATION: f32 = 8.0 / 255.0;
 
 /// Mean and mean square of a painting's luminance. Scene and painting are stretched alike: stretching the scene
@@ -109,7 +109,7 @@ mod tests {
     fn a_blue_and_yellow_painting_has_a_line_of_its_own() {
         let line = color_line(&[0.0, 0.0, 0.4, 1.0, 0.9, 0.2, 0.5, 0.45, 0.3]);
         assert!(line[0] > 1.0 && line[2] < 0.0, "{line:?}");
-        // What changes with luminance changes luminance by as much.
+        // A change along the line changes luminance by as much.
         assert!((luminance(&line) - 1.0).abs() < 1e-5);
         assert_eq!(color_line(&[0.3; 12]), [1.0; 3]);
     }

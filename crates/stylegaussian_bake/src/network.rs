@@ -27,7 +27,7 @@ pub(crate) struct Layer {
     pub matching: f32,
 }
 
-/// A value of a chain, and what the loss does with it: see [`Layer`].
+/// A value of a chain, and its weights in the loss: see [`Layer`].
 #[derive(Clone, Copy)]
 struct Tap {
     value: usize,
@@ -51,10 +51,10 @@ pub(crate) struct Features(Vec<Values>);
 /// conv3_1 is the last, conv2_1 three operations (conv2_2, max-pool, conv3_1) before it, conv1_1 six.
 const VGG_FROM_THE_END: [usize; 3] = [6, 3, 0];
 
-/// Sizes at which filters look at a picture: full, half, quarter and eighth. The coarser ones see broad strokes
-/// and areas, which a painting of a quiet hand is made of.
+/// Number of sizes at which filters see a picture: full, half, quarter and eighth. The coarser ones see broad
+/// strokes and areas.
 const FILTER_SIZES: usize = 4;
-/// Weight of the filters' statistics: there is no other layer at full size, where grain is.
+/// Weight of the filters' statistics. Grain is at full size, where there is no other layer.
 const FILTERS_WEIGHT: f32 = 2.0;
 
 impl LossNetwork {

@@ -92,8 +92,8 @@ impl Mask {
     }
 }
 
-/// Which pixels have only solid ones within [`MARGIN`] along a line of `n` pixels, `stride` apart. What lies
-/// beyond the picture's border counts as solid.
+/// Which pixels have only solid ones within [`MARGIN`] along a line of `n` pixels, `stride` apart. Pixels
+/// beyond the picture's border count as solid.
 fn eroded(solid: &[bool], n: usize, stride: usize, width: usize) -> Vec<bool> {
     let place = |i: usize| if stride == 1 { i % width } else { i / width };
     (0..solid.len())

@@ -10,19 +10,18 @@ use stylegaussian_encoder::{Image, paint_of};
 
 use crate::cameras::Cameras;
 
-/// How much every Gaussian is kept near the start, beside what stands out: a third of the pull of the smallest
-/// things. Strokes are there from the start, and without any pull the colors under them take up grain that
-/// competes with them.
+/// Pull of every Gaussian toward the start, relative to that of the smallest things. Without it, the colors
+/// under the strokes take up grain that competes with them.
 const KEPT: f32 = 0.3;
 
-/// Standard deviations of Gaussians in pixels, seen from their broad sides: those below the first carry shades
-/// of strokes, those above the second do not. On the bonsai half of what is seen lies below 0.7 pixels, and a
-/// tenth above 6.4: shadows on cloth, pot and tray.
+/// Standard deviations of Gaussians in pixels, seen from their broad sides: Gaussians below the first carry
+/// shades of strokes, those above the second do not. On the bonsai half of the visible ones are below 0.7
+/// pixels, and a tenth above 6.4: shadows on cloth, pot and tray.
 const LARGE: [f32; 2] = [6.0, 11.0];
 
-/// How much more than the smallest things the largest Gaussians are protected. Nothing but flat color would
-/// come of them: in the shadows of a capture, which has few and large ones there, all things would be lost
-/// (docs/notes/bake_experiments.md, ninth round).
+/// Protection of the largest Gaussians, relative to that of the smallest things. Without it they turn to flat
+/// color, and all things are lost in the shadows of a capture, where Gaussians are few and large
+/// (docs/notes.md, "Bakes").
 pub(crate) const LARGE_WEIGHT: f32 = 10.0;
 
 /// Colors and strokes of a scene before the first step.
@@ -87,8 +86,8 @@ fn painted(
     lay(scene, &surface, &canvases, 0.0, work)
 }
 
-/// How much Gaussians are kept near the start `[N]`, since they stand out, by their `words`, or are larger than
-/// a stroke. `sides` are their deviations, in units of which a pixel has `pixel_size`.
+/// Protection of Gaussians `[N]`, because they stand out (by their `words`) or are larger than a stroke.
+/// `sides` are their deviations, in units of which a pixel has `pixel_size`.
 pub(crate) fn protections(words: &[u32], sides: &[f32], pixel_size: f32) -> Vec<f32> {
     let [low, high] = LARGE;
     let share = |(word, side): (&u32, &f32)| {

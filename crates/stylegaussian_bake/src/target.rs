@@ -81,7 +81,7 @@ impl Paintings {
                 add_painting(layers, image, *share, n_keys, random, network);
             }
         }
-        // Ten pixels of a hundred thousand: specks of dust are no color of the painting's.
+        // Ten pixels of a hundred thousand: fewer are specks of dust.
         let palette = Palette::new(&colors, 10);
         let moments = ColorMoments::of_rgb(&colors);
         let mean = [mean(0), mean(1), mean(2)];

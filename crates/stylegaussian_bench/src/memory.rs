@@ -36,7 +36,8 @@ unsafe impl GlobalAlloc for Counting {
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // What grows may be copied, so that both are there for a moment. What shrinks stays in its place.
+        // A growing block may be copied, so that both are there for a moment. A shrinking one stays in its
+        // place.
         if size > layout.size() {
             take(size);
             give_back(layout.size());
@@ -61,7 +62,7 @@ pub struct Usage {
     pub held: usize,
 }
 
-/// Runs `make`, and says what it takes. No other thread must take memory meanwhile.
+/// Runs `make`, and returns its memory. No other thread must take memory meanwhile.
 pub fn usage_of<T>(make: impl FnOnce() -> T) -> (T, Usage) {
     let before = NOW.load(Relaxed);
     MOST.store(before, Relaxed);

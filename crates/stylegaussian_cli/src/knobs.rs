@@ -35,7 +35,7 @@ impl StrokeArgs {
     }
 }
 
-/// Makes what `knobs` would do a part of the strokes.
+/// Applies `knobs` to the strokes themselves.
 fn fix(strokes: &mut Strokes, knobs: &StrokeKnobs) {
     for seed in &mut strokes.seeds {
         let plain = seed.plain();

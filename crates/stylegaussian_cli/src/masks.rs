@@ -77,7 +77,7 @@ impl MaskArgs {
         strokes.words = mix_strokes(&scene.means, &[layer]);
     }
 
-    /// Makes what is hidden transparent. For drawing alone: styles see the whole scene.
+    /// Makes hidden Gaussians transparent. For drawing alone: styles see the whole scene.
     pub fn hide(&self, scene: &mut Scene, mask: Option<&Mask>) {
         let uses = [(self.hide, MaskUse::Hide), (self.crop, MaskUse::Crop)];
         for (channel, is) in uses {

@@ -25,7 +25,7 @@ pub fn is_guarded() -> bool {
 /// As `work`, or if it panics.
 pub(crate) fn guarded<T, E>(work: impl FnOnce() -> Result<T, E>) -> Result<Result<T, E>, String> {
     DEPTH.set(DEPTH.get() + 1);
-    // Unwind safe: what a panic leaves half done is dropped with it, since callers only read what they share.
+    // Unwind safe: unfinished results are dropped with the panic, and shared data is only read.
     let outcome = panic::catch_unwind(AssertUnwindSafe(work));
     DEPTH.set(DEPTH.get() - 1);
     outcome.map_err(|payload| {

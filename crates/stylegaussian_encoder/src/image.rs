@@ -63,7 +63,7 @@ pub enum ImageError {
         /// The panic's message.
         panic: String,
     },
-    /// A JPEG file without an end. Decoders fill what is missing with gray.
+    /// A JPEG file without an end. Decoders fill the missing part with gray.
     #[error("{}: the JPEG ends before its last row, expected a whole image (truncated?)", path.display())]
     Truncated {
         /// The file.
@@ -196,7 +196,7 @@ fn decoder<'a>(
     let read = |source: io::Error| ImageError::Read { path: path.into(), source };
     let mut reader = ImageReader::new(file).with_guessed_format().map_err(read)?;
     let mut limits = Limits::default();
-    // For what the decoder allocates by itself. The size of the pixels is checked below.
+    // Limits the decoder's own allocations. The size of the pixels is checked below.
     limits.max_alloc = Some(MAX_DECODER_BYTES);
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(decode)?;

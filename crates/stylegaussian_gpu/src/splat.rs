@@ -11,6 +11,12 @@
 //!    adapters a tiled compute rasterizer (`tiles`) draws layers of one sample per pixel, four times as fast;
 //! 4. *composite* (`composite`): puts the layer over the picture, in the picture's own space.
 //!
+//! Record indices are fixed, so the order of equal depths never changes between frames. Clouds behind a mask
+//! have a variant of *project* that is compiled at its first use. The sort is skipped while nothing moves.
+//! Quads end where alpha falls under 1/255. Only the composite knows the target's space
+//! ([`CompositeMode`]): tone mapping that comes later is undone, by formula if it has an inverse and by a
+//! least-squares table otherwise.
+//!
 //! Stages 1 and 2 are [`SplatPass::project_and_sort`], stage 3 is [`SplatPass::draw_layer`], stage 4 is
 //! [`Composite::draw`]. The rules are those of the CPU twin, `stylegaussian::splat`, with two differences:
 //! quads finish no pixel early (less than 1e-4 of its light is left then), and records store colors and

@@ -41,7 +41,7 @@ pub enum StrokesError {
     TooManyTextures {
         /// Textures of the strokes that are not in the store.
         found: usize,
-        /// Layers that nobody uses.
+        /// Unused layers.
         free: usize,
         /// Layers that the store has at most.
         limit: usize,

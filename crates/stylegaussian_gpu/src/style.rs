@@ -5,6 +5,12 @@
 //! uploads the weights ([`GpuDecoder`]) and encodes the layers ([`StylePass::encode`]). The result equals
 //! [`stylegaussian::fold::stylize`] up to the rounding of activations to f16.
 //!
+//! A scene is decoded block by block (`blocks`), so that the data between layers takes at most 64 MiB. Scenes
+//! that fit are one block; scenes whose neighbor lists are not local are decoded whole, in memory that grows
+//! with N. A change is a list of dispatches (`plan`) that can be cut at any multiple of 128 rows
+//! ([`StylePass::encode_some`]), which spreads it over frames. [`WorkMeter`] measures by timestamps how many
+//! operations a millisecond is worth. Activations are f16, or f32 or bytes on request ([`Precision`]).
+//!
 //! ```no_run
 //! use stylegaussian_gpu::{colors::GaussianColors, device::{DeviceOptions, HeadlessDevice}, style::*};
 //! # fn f(scene: &stylegaussian::Scene, decoder: &stylegaussian::Decoder, style: &stylegaussian::ChannelStatistics)

@@ -1,7 +1,7 @@
 //! Posed cameras of a capture: transforms.json, COLMAP models, and the cameras.json that 3DGS trainers write.
 //!
 //! Every camera comes out as a pinhole in our axes (x right, y down, z forward), in the file's world. The
-//! formats, one module each: `transforms`, `colmap`, `three_dgs`; `posed` has what they share.
+//! formats, one module each: `transforms`, `colmap`, `three_dgs`; `posed` has their common parts.
 
 mod colmap;
 mod posed;

@@ -7,10 +7,10 @@
 //! the picture's own painting, and the *content error*, the mean squared distance of relu3_1 from the unstyled
 //! view's.
 //!
-//! Palette alone can win all of these. *Texture* is what is left without it: the same errors on luminance of
-//! equal mean and deviation, so that no recoloring helps. How often the own painting is then the nearest, and
-//! its mean rank, say whether brushwork came over. The distance of each cell's features to the nearest in the
-//! painting, and the energy of fine detail (*grain*) relative to the painting's, show it as well.
+//! Palette alone can win all of these. *Texture* leaves it out: the same errors on luminance of equal mean and
+//! deviation, so that no recoloring helps. How often the own painting is then the nearest, and its mean rank,
+//! say whether brushwork came over. The distance of each cell's features to the nearest in the painting, and
+//! the energy of fine detail (*grain*) relative to the painting's, show it as well.
 //!
 //! References are the unstyled scene; the scene recolored to the painting's mean and covariance, which needs no
 //! network; and, if a 2D decoder is given, AdaIN on each view separately. Whether the views agree is measured

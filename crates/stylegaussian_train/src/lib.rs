@@ -40,6 +40,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! Embedding needs no training framework, and is all that is left without the feature `training`.
+//!
 //! Nothing here prints, parses arguments, reads the environment or handles signals. Long computations report to
 //! a [`Watch`], which can also interrupt them.
 

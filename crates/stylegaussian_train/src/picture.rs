@@ -74,7 +74,7 @@ impl Picture {
         Self { size: UVec2::new(image.width, image.height), rgba }
     }
 
-    /// Copies `other` into this picture, its top left corner at `corner`; what falls outside is cut off.
+    /// Copies `other` into this picture, its top left corner at `corner`; parts outside are cut off.
     pub fn paste(&mut self, other: &Self, corner: UVec2) {
         let width = other.size.x.min(self.size.x.saturating_sub(corner.x)) as usize;
         let height = other.size.y.min(self.size.y.saturating_sub(corner.y));

@@ -101,7 +101,7 @@ thread_local! {
     static LISTENER: RefCell<Option<Function>> = const { RefCell::new(None) };
     /// The answer of [`cameras`].
     static CAMERAS: RefCell<String> = const { RefCell::new(String::new()) };
-    /// Whether the first frame was told.
+    /// Whether the first frame was reported.
     static IS_TOLD: Cell<bool> = const { Cell::new(false) };
 }
 

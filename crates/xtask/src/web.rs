@@ -136,8 +136,8 @@ fn element_examples(steps: &mut Steps) -> Result<()> {
 /// Folder of the shaders' texts, for a browser's compiler.
 const SHADERS: &str = "target/wgsl";
 
-/// Tests of what a browser sees, without a build for one: the page's script, and all shaders; the page's app is
-/// checked. What this machine lacks the tools for is reported.
+/// Tests of the page without a build for browsers: the page's script, and all shaders; the page's app is
+/// checked. Tests whose tools are missing are reported.
 ///
 /// # Errors
 /// If a test fails.

@@ -8,7 +8,7 @@ use crate::{Source, constants, float_constants};
 
 const DETAIL: &str = include_str!("../../wgsl/splat_stroke_detail.wgsl");
 
-/// A chunk, and what is changed without computing strokes anew.
+/// A chunk, and the factors that change without computing strokes anew.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct StrokeChunk {
@@ -16,7 +16,7 @@ pub struct StrokeChunk {
     pub chunk: SplatChunk,
     /// Factor of all gains.
     pub amount: f32,
-    /// Factor of what stands out.
+    /// Factor of protection.
     pub protection: f32,
     /// Factor of the size of strokes.
     pub stroke_scale: f32,

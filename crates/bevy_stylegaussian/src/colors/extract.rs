@@ -16,7 +16,7 @@ use super::{layers::ColorLayers, styles::StyleColors};
 #[derive(Resource, Clone, Default)]
 pub(crate) struct WantedColors {
     pub(crate) styles: Vec<Arc<StyleColors>>,
-    /// Whether strokes are going to be drawn. Once they are, it stays: what draws them is compiled while the
+    /// Whether strokes are going to be drawn. Once they are, it stays: their pipelines are compiled while the
     /// first are computed.
     pub(crate) strokes: bool,
 }

@@ -25,7 +25,7 @@ pub(crate) struct ColorLayers {
     pub(super) first: u64,
     /// Whether the event of the present scene was sent.
     pub(super) is_announced: bool,
-    /// The generation that the next frame draws if it draws the entity: the render world's answer.
+    /// Latest generation that the render world is ready to draw.
     drawn: Arc<AtomicU64>,
 }
 
@@ -45,7 +45,7 @@ pub(crate) struct ColorLayer {
 pub(crate) enum LayerColors {
     /// The scene's view-dependent colors.
     Captured,
-    /// Those of a style.
+    /// Colors of a style.
     Style(Arc<StyleColors>),
     /// Layers that are mixed by themselves.
     Mix(Arc<Mix>),

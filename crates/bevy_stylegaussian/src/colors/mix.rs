@@ -220,7 +220,7 @@ impl Gpu<'_> {
         }
         let gpu_layers: Vec<GpuLayer> = layers
             .iter()
-            // Nothing is painted on what has no mask. A mask has four channels.
+            // Without a mask nothing is painted. A mask has four channels.
             .filter(|layer| layer.mask.is_none_or(|channel| channel < 4 && self.mask.is_some()))
             .map(|layer| {
                 let (look, strokes) = match &layer.colors {

@@ -5,6 +5,10 @@
 //! each entity's layers ([`mix`]). Paintings have [`strokes`] as well, which go the same way. Styles that come
 //! as colors are uploaded here; folded ones are decoded by the style pass. The splat pass reads `ShownColors`
 //! and knows nothing of styles.
+//!
+//! Strokes that are the same in two styles, such as those of a bake and of the paint that it began with, are
+//! one set of buffers, and stay as they are while colors fade under them. How strokes are drawn
+//! (`StrokeKnobs`) belongs to the entity; a change of it is a change of uniforms and computes nothing.
 
 use bevy::{
     core_pipeline::schedule::camera_driver,

@@ -93,7 +93,7 @@ struct EntityColors {
 pub(super) enum Shown {
     #[default]
     Captured,
-    /// Those of a style, which other entities may show too, and its strokes.
+    /// Colors of a style, which other entities may show too, and its strokes.
     Style(GaussianColors, Option<GaussianStrokes>),
     /// The entity's own.
     Mixed(Box<OwnMix>),
@@ -119,8 +119,7 @@ impl Shown {
     }
 }
 
-/// Uploads styles that come as colors, and drops colors that nobody refers to any more. Folded styles are left
-/// to the style pass.
+/// Uploads styles that come as colors, and drops unused colors. Folded styles are left to the style pass.
 #[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub(crate) fn update_colors(
     clouds: Res<RenderClouds>,
@@ -280,7 +279,7 @@ impl ShownColors {
         Some((style.colors.as_ref()?, style.strokes.as_ref()))
     }
 
-    /// Whether an entity shows what it wishes for, with a mask in this state.
+    /// Whether an entity shows its wanted colors, with a mask in this state.
     pub(super) fn is_current(&self, entity: MainEntity, wish: &ColorLayers, mask: Option<u64>) -> bool {
         let is_masked = wish.layers.iter().any(|layer| layer.mask.is_some());
         self.of_entity.get(&entity).is_some_and(|colors| {
@@ -288,7 +287,7 @@ impl ShownColors {
         })
     }
 
-    /// Shows what an entity wishes for.
+    /// Shows an entity's wanted colors.
     pub(super) fn show(&mut self, entity: MainEntity, wish: &ColorLayers, shown: Shown, mask: Option<u64>) {
         let Some(colors) = self.of_entity.get_mut(&entity) else { return };
         colors.shown = shown;
@@ -306,7 +305,7 @@ impl ShownColors {
         n: usize,
     ) -> Option<Box<OwnMix>> {
         let shown = self.of_entity.get_mut(&entity).map(|colors| &mut colors.shown);
-        // What it shows is replaced by the mix.
+        // The mix replaces the shown colors.
         if let Some(shown @ Shown::Mixed(_)) = shown
             && let Shown::Mixed(own) = std::mem::take(shown)
         {

@@ -5,8 +5,8 @@ use std::sync::{Arc, OnceLock};
 use stylegaussian::strokes::Strokes;
 use stylegaussian_gpu::style::{FoldedLayers, StyleInputs};
 
-/// Colors of a scene's Gaussians in one style, or what gives them, and the strokes over them. One copy is on
-/// the GPU, however many entities and volumes show it, and it is freed with the last reference.
+/// Colors of a scene's Gaussians in one style, or folded weights that give them, and the strokes over them. One
+/// copy is on the GPU, however many entities and volumes show it, and it is freed with the last reference.
 pub(crate) struct StyleColors {
     pub(crate) source: ColorSource,
     /// Strokes over the colors, if it is a painting. Styles with the same strokes share them on the GPU too.
@@ -50,7 +50,7 @@ impl StyleColors {
         self.on_gpu.get()
     }
 
-    /// Sets the answer. A second one, after a lost device, changes nothing: what fitted once fits again.
+    /// Sets the answer. A second one, after a lost device, changes nothing: colors that fitted once fit again.
     pub(crate) fn answer(&self, result: Result<(), String>) {
         let _ = self.on_gpu.set(result);
     }

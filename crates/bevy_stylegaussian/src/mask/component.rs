@@ -34,7 +34,7 @@ const MOST_UPLOADS: usize = 32;
 /// own mask, if its `.sgs` carries one, as a [saved](Self::saved) one, or unpainted. If the entity shows other
 /// Gaussians, it begins anew. To begin anew with another file, insert another component.
 ///
-/// [`MaskVisibility`] hides what is painted or crops to it.
+/// [`MaskVisibility`] hides painted splats or crops to them.
 #[derive(Component, Clone, Default, Reflect)]
 #[reflect(opaque)]
 #[reflect(Component, Default, Clone)]
@@ -81,7 +81,7 @@ impl Painted {
         &self.mask
     }
 
-    /// The weights that changed since `revision`, or `None` if nobody knows any more.
+    /// The weights that changed since `revision`, or `None` if these changes were forgotten.
     pub(super) fn changes_since(&self, revision: u64) -> Option<impl Iterator<Item = &Range<usize>>> {
         let first = self.changes.iter().position(|(before, _)| *before == revision)?;
         Some(self.changes.range(first..).flat_map(|(_, ranges)| ranges))
@@ -225,7 +225,7 @@ impl StyleMask {
 pub enum MaskVisibility {
     /// Hides the splats that are painted in this channel, 0..4: opacities are multiplied by 1 - weight.
     Hide(usize),
-    /// All but what is painted in this channel, 0..4, is hidden: opacities are multiplied by the weight.
+    /// Splats that are not painted in this channel, 0..4, are hidden: opacities are multiplied by the weight.
     Crop(usize),
 }
 

@@ -114,7 +114,7 @@ pub(super) fn fit_masks(
         if mask.is_of(scene) {
             continue;
         }
-        // An asset that changed without moving a Gaussian keeps what is painted, and the steps to undo.
+        // An asset that changed without moving a Gaussian keeps its painted weights, and the steps to undo.
         let is_same = mask.painted.as_ref().is_some_and(|painted| painted.scene.means == scene.means);
         if is_same && let Some(painted) = &mut mask.painted {
             painted.scene = Arc::clone(scene);

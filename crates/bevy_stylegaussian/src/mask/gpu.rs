@@ -61,7 +61,7 @@ pub(super) fn extract_masks(
     queue: Res<RenderQueue>,
 ) {
     let mut is_changed = false;
-    // Mixing layers again because a mask was looked at would cost more than the mask.
+    // Mixing layers again because a mask was borrowed mutably would cost more than the mask.
     let of_entity = &mut masks.bypass_change_detection().0;
     of_entity.retain(|entity, _| {
         let stays = all.get(entity.id()).is_ok_and(|(_, mask, _)| mask.painted.is_some());
@@ -97,7 +97,7 @@ impl RenderMask {
         }
     }
 
-    /// Uploads what changed since the last time, and returns whether anything did.
+    /// Uploads the changes since the last time, and returns whether there were any.
     fn update(&mut self, painted: &Painted, queue: &RenderQueue) -> bool {
         let revision = std::mem::replace(&mut self.revision, painted.revision);
         let Some(gpu) = self.gpu.as_ref().filter(|_| revision != painted.revision) else { return false };

@@ -37,7 +37,7 @@ impl Plugin for MaskPlugin {
             .register_type::<StyleMask>()
             .register_type::<MaskVisibility>()
             .register_type::<StyleMaskFailed>()
-            // The attached scene decides what a mask is fitted to.
+            // A mask is fitted to the attached scene.
             .add_systems(
                 PostUpdate,
                 (fit::fit_masks, hidden::hide_from_rays).chain().after(StyleGaussianSystems::Scenes),

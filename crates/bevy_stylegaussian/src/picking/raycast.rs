@@ -183,7 +183,7 @@ mod tests {
         assert_eq!(cast(&mut app), None);
     }
 
-    /// A system paints what its rays hit, and rays pass what is painted so.
+    /// A system paints the splats that its rays hit, and rays then pass them.
     #[test]
     fn rays_pass_what_is_painted_away() {
         let mut app = app_without_rendering();

@@ -111,7 +111,8 @@ impl SplatPipelines {
         self.masks.as_ref().is_some_and(|masks| masks.get().is_some())
     }
 
-    /// Starts to compile what draws strokes into layers of `samples` samples. Returns whether it is ready.
+    /// Starts to compile the pipelines that draw strokes into layers of `samples` samples. Returns whether it
+    /// is ready.
     pub(super) fn request_strokes(
         &mut self,
         device: &wgpu::Device,

@@ -156,14 +156,14 @@ pub(super) fn prepare_views(
         // Requested before there is anything to draw, so that compiling overlaps with the loading of scenes.
         let store = &strokes.textures.0;
         let is_ready = pipelines.request(device, store, *synchronous, plan.samples, plan.composite);
-        // Paintings wait for it, while the view shows what there is. One that already is in other views keeps
+        // New paintings wait for it, while the view shows the others. One that already is in other views keeps
         // this one waiting.
         let draws_strokes =
             !strokes.wanted.strokes || pipelines.request_strokes(device, *synchronous, plan.samples);
         strokes.ready.0 &= draws_strokes;
         let is_ready = is_ready && (draws_strokes || !strokes.shown.has_strokes());
-        // A cloud that shows before its mask's kernel is there would flash what the mask hides. One that is
-        // shown already stays, and is hidden in part a few frames later.
+        // A cloud that shows before its mask's kernel is there would flash its hidden splats. One that is shown
+        // already stays, and is hidden in part a few frames later.
         let is_ready = is_ready
             && (masks.is_empty() || pipelines.request_masks(device, *synchronous) || view.layer.is_some());
         all_ready.0 &= is_ready;

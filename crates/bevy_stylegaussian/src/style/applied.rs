@@ -20,7 +20,7 @@ pub struct AppliedStyle {
     pub(super) colors: AppliedColors,
 }
 
-/// The colors of a style, or what gives them.
+/// The colors of a style, or folded weights that give them.
 #[derive(Clone)]
 pub(super) enum AppliedColors {
     /// One color per Gaussian `[N]`, and the strokes over them if there are any.

@@ -1,4 +1,10 @@
 //! From the styles of clouds and volumes to the layers of each cloud.
+//!
+//! An entity shows a list of layers, lowest first. The first are the styles that it wears, each over a region
+//! that grows during its transition. The next is a top layer of captured colors with opacity 1 - strength. The
+//! volumes that touch the entity follow by priority. The list is made anew in each frame, and the kernel
+//! `mix_layers` runs if it differs from the last one. One style over all of a scene needs no mix: the splat
+//! pass then reads the style's own buffer, which other entities may read too.
 
 use bevy::{camera::primitives::Aabb, prelude::*};
 use stylegaussian::layers::Region;
@@ -191,7 +197,7 @@ pub(super) fn compose_layers(
             let region = Region { shape_from_scene, ..region };
             found.extend(job.worn.volume_layer(&place, region, source.usual_strength(), volume.channel()));
         }
-        // Nothing is seen of what lies below a layer that covers all.
+        // A layer that covers all hides those below.
         if let Some(top) = found.iter().rposition(ColorLayer::covers_all) {
             found.drain(..top);
         }

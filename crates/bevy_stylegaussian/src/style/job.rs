@@ -55,8 +55,7 @@ pub(crate) struct StyleJob {
     pub(super) scene: LoadedScene,
     /// An entity that shows the scene.
     pub(super) cloud: Entity,
-    /// Time of the first change that neither the style under way nor the shown one answers, or `None` if both
-    /// are current.
+    /// When the pending request was made; `None` if nothing is pending.
     wanted: Option<Instant>,
     stage: Stage,
     /// Whether the style that is wanted has waited for the scene's surface.

@@ -14,7 +14,7 @@ use super::{
 ///
 /// Images and presets paint any scene: their strokes are drawn over its colors, pixel by pixel. Or they are
 /// mixed as features and decoded together: see [`StyleMethod`](crate::StyleMethod). Looks are colors and
-/// strokes already, and mix with one another and with what was painted or decoded: that sum is computed on the
+/// strokes already, and mix with one another and with painted or decoded colors: that sum is computed on the
 /// CPU, whichever [`StyleBackend`](crate::StyleBackend) is set, and so are the images and presets beside a
 /// look. In a mix of paintings, each spot shows the strokes of one of them.
 ///
@@ -51,12 +51,12 @@ pub struct StyleSource {
     /// Factor of the strokes, 0 to 3: at 0, the painting's colors are left, and above 1, its strokes stand out
     /// more than in the painting.
     pub paint: f32,
-    /// How much of the scene stays clear of strokes, as a factor, 0 to 10. At 1, the default, what stands out
-    /// of the scene and of the strokes does, such as windows and fences; at 2 or 3, more of it ("clear"), and
-    /// at 0, nothing ("strong").
+    /// How much of the scene stays clear of strokes, as a factor, 0 to 10. At 1, the default, things that stand
+    /// out of the scene and of the strokes stay clear, such as windows and fences; at 2 or 3, more of them
+    /// ("clear"), and at 0, none ("strong").
     pub protection: f32,
-    /// Size of the strokes, as a factor, 0.1 to 10. At 1, the default, they have the size that they have in the
-    /// painting if the scene is seen at 512 pixels from the usual distance.
+    /// Size of the strokes, as a factor, 0.1 to 10. At 1, the default, they are as large as in the painting if
+    /// the scene is seen at 512 pixels from the usual distance.
     pub stroke_scale: f32,
 }
 
@@ -157,7 +157,7 @@ impl StyleSource {
         Self { paint, ..self }
     }
 
-    /// The same styles with this factor of what stays clear of strokes, 0 to 10.
+    /// The same styles with this factor of [`protection`](Self::protection), 0 to 10.
     pub fn with_protection(self, protection: f32) -> Self {
         Self { protection, ..self }
     }
@@ -172,7 +172,7 @@ impl StyleSource {
         if self.strength.is_nan() { 0.0 } else { self.strength.clamp(0.0, 1.0) }
     }
 
-    /// How strokes are drawn, within sane ranges. What is no number is the default.
+    /// How strokes are drawn, within sane ranges. NaN becomes the default.
     pub(super) fn knobs(&self) -> StrokeKnobs {
         let within =
             |value: f32, min: f32, max: f32| if value.is_nan() { 1.0 } else { value.clamp(min, max) };
@@ -184,7 +184,7 @@ impl StyleSource {
         }
     }
 
-    /// Whether another source gives the same style, apart from what is shown at once.
+    /// Whether another source gives the same style, apart from the factors that are shown at once.
     pub(super) fn is_computed_like(&self, other: &Self) -> bool {
         self.styles == other.styles && self.content == other.content
     }

@@ -1,4 +1,7 @@
 //! The styles that an entity wears on a scene, one over another while they change.
+//!
+//! A transition that is interrupted stays below the next one and continues. If more than four styles are worn,
+//! those below the newest are mixed once and frozen.
 
 use std::{sync::Arc, time::Duration};
 
@@ -61,8 +64,7 @@ impl Worn {
         });
     }
 
-    /// Lets time pass, and drops what nothing is seen of any more. If `is_own`, captured colors are those
-    /// below.
+    /// Advances transitions, and removes fully covered styles. If `is_own`, captured colors are those below.
     pub(super) fn advance(&mut self, passed: Passed, is_own: bool) {
         for worn in &mut self.0 {
             if let Some((transition, elapsed)) = &mut worn.coming {

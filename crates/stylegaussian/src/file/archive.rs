@@ -32,7 +32,7 @@ struct Entry {
     /// Position of its contents in the archive.
     range: Range<usize>,
     is_deflated: bool,
-    /// CRC-32 of what it unpacks to.
+    /// CRC-32 of the unpacked bytes.
     checksum: u32,
 }
 
@@ -99,7 +99,8 @@ impl<'a> Archive<'a> {
     }
 }
 
-/// Inflates an entry, and takes its size off the budget. Memory grows with what is there and not by the header.
+/// Inflates an entry, and takes its size off the budget. Memory grows with the bytes that are there and not by
+/// the header.
 fn inflate(packed: &[u8], budget: &mut usize, name: &str) -> Result<Vec<u8>, Mismatch> {
     let mut contents = Vec::new();
     let mut unpacked = DeflateDecoder::new(packed).take(*budget as u64 + 1);

@@ -26,7 +26,7 @@ pub(super) struct Format {
     pub write: Option<WriteScene>,
 }
 
-/// A writer of scenes. It returns warnings of what was clamped, one sentence each.
+/// A writer of scenes. It returns warnings of clamped values, one sentence each.
 pub(super) type WriteScene = fn(&mut dyn Write, &Scene, &WriteOptions) -> Result<Vec<String>, Unwritten>;
 
 /// A scene that was not written.

@@ -125,8 +125,7 @@ pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), FileError> {
     write_scene_with(path, scene, WriteOptions::default()).map(drop)
 }
 
-/// Writes a scene as [`write_scene`] does, with choices. Returns warnings of what was clamped, one sentence
-/// each.
+/// Writes a scene as [`write_scene`] does, with choices. Returns warnings of clamped values, one sentence each.
 ///
 /// # Errors
 /// As [`write_scene`].
@@ -142,7 +141,7 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: WriteOptions) -> Re
         Err(Unwritten::Io(error)) => Err(error),
         Err(Unwritten::Mismatch(mismatch)) => {
             refused = Some(mismatch);
-            // Only stops the writing: the mismatch is told instead.
+            // Only stops the writing: the mismatch is reported instead.
             Err(io::ErrorKind::InvalidInput.into())
         }
     });

@@ -40,7 +40,7 @@ const META: &str = "meta.json";
 pub(super) const FORMAT: Format =
     Format { name: "SOG", extensions: &["sog", "json"], recognizes, read, write: None };
 
-/// The keys by which JSON is told from other JSON.
+/// The keys that distinguish SOG's JSON from other JSON.
 #[derive(Deserialize)]
 struct Keys {
     means: Option<IgnoredAny>,

@@ -78,8 +78,8 @@ fn rotation(wxyz: [u8; 4]) -> glam::Quat {
     unit_quaternion(wxyz.map(|byte| (f32::from(byte) - 128.0) / 128.0))
 }
 
-/// Writes base colors and Gaussians in the source's order. Colors beyond 0..1 are clamped, and what a direction
-/// changes of them is lost.
+/// Writes base colors and Gaussians in the source's order. Colors beyond 0..1 are clamped, and view dependence
+/// is lost.
 fn write(out: &mut dyn Write, scene: &Scene) -> io::Result<()> {
     for i in scene.by_source() {
         out.write_all(&row(scene, i as usize))?;

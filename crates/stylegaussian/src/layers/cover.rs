@@ -39,7 +39,7 @@ impl<'a> RegionCover<'a> {
         let (at, radius) = (shape_from_scene.transform_point3(center), self.stretch * radius);
         let (nearest, farthest) = shape.distances(at, radius);
         let half = 0.5 * softness;
-        // Comparisons with NaN are false, and what is not known is an edge.
+        // Comparisons with NaN are false, and unknown blocks are edges.
         if nearest >= half {
             Cover::Outside
         } else if farthest <= -half {

@@ -4,7 +4,7 @@ use glam::{UVec3, Vec3};
 
 /// Value noise, 0..1: a random number at every whole point, mixed smoothly between them.
 ///
-/// Points beyond a million are not told apart well: f32 has no room for the place between two of them.
+/// Points beyond a million are poorly resolved: f32 has no digits left between two of them.
 pub fn lattice_noise(point: Vec3) -> f32 {
     let cell = point.floor();
     let t = point - cell;

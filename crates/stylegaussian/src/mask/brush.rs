@@ -29,14 +29,13 @@ pub struct Brush {
     pub radius: f32,
     /// Share of the radius across which the effect fades, 0..1: 0 is a hard edge, 1 fades from the center on.
     pub softness: f32,
-    /// Share of what is missing to 255 that one dab adds at the center, 0..1. The dabs of a stroke overlap and
-    /// add up.
+    /// Share of the rest to 255 that one dab adds at the center, 0..1. The dabs of a stroke overlap and add up.
     pub strength: f32,
     /// The channel that is painted, 0..4.
     pub channel: usize,
     /// Channels that lose the share that `channel` gains. None by default.
     pub lessens: [bool; CHANNELS],
-    /// Erases the channel instead: a dab takes its share of what is there. Other channels stay.
+    /// Erases the channel instead: a dab removes its share of the weight. Other channels stay.
     pub erases: bool,
 }
 
@@ -155,7 +154,7 @@ impl Stroke {
         &self.brush
     }
 
-    /// Goes on to `point`, in the space of `means`. The first point is a dab. Returns what changed since the
+    /// Goes on to `point`, in the space of `means`. The first point is a dab. Returns the changes since the
     /// last point; points that are not finite are passed over.
     ///
     /// # Panics

@@ -1,4 +1,4 @@
-//! The lasso: what lies within a line drawn over a view.
+//! The lasso: selects Gaussians within a line drawn over a view.
 
 use std::ops::RangeInclusive;
 
@@ -19,9 +19,9 @@ pub struct Lasso {
 
 impl Lasso {
     /// The lasso along `polygon`, in pixels of `camera` from the picture's top left corner; the last point is
-    /// joined to the first. Where the line crosses itself, what it goes around twice is outside (the even-odd
-    /// rule). The camera's world is the scene's space. Points that are not finite are dropped; fewer than three
-    /// enclose nothing.
+    /// joined to the first. If the line crosses itself, areas that it goes around twice are outside (the
+    /// even-odd rule). The camera's world is the scene's space. Points that are not finite are dropped; fewer
+    /// than three enclose nothing.
     pub fn new(camera: Camera, polygon: &[Vec2]) -> Self {
         let polygon: Vec<Vec2> = polygon.iter().copied().filter(|point| point.is_finite()).collect();
         let low = polygon.iter().copied().reduce(Vec2::min).unwrap_or_default();
@@ -29,8 +29,8 @@ impl Lasso {
         Self { camera, polygon, depths: 0.0..=f32::INFINITY, low, high }
     }
 
-    /// Only what lies between two distances from the camera along its axis (view-space z), in scene units.
-    /// Nothing behind the camera is ever within.
+    /// Limits to two distances from the camera along its axis (view-space z), in scene units. Nothing behind
+    /// the camera is ever within.
     pub fn with_depths(self, depths: RangeInclusive<f32>) -> Self {
         Self { depths, ..self }
     }

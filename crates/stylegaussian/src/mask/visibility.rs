@@ -2,13 +2,13 @@
 
 use super::weights::{CHANNELS, share};
 
-/// The meaning of a channel for what is drawn.
+/// The meaning of a channel for drawing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MaskUse {
-    /// Opacities are multiplied by 1 - weight: what is painted goes.
+    /// Hides painted Gaussians: opacities are multiplied by 1 - weight.
     #[default]
     Hide,
-    /// Opacities are multiplied by the weight: what is painted stays, and the rest goes.
+    /// Keeps painted Gaussians alone: opacities are multiplied by the weight.
     Crop,
 }
 

@@ -110,8 +110,8 @@ impl Edit {
         }
     }
 
-    /// Adds what a later edit changed of Gaussians that are not `touched` yet, and touches them. To be sorted
-    /// in the end.
+    /// Adds a later edit's changes of Gaussians that are not `touched` yet, and touches them. To be sorted in
+    /// the end.
     pub(super) fn append(&mut self, later: &Self, touched: &mut [bool]) {
         let is_new = |&&(i, _): &&(u32, [u8; CHANNELS])| !std::mem::replace(&mut touched[i as usize], true);
         self.former.extend(later.former.iter().filter(is_new));

@@ -4,17 +4,17 @@ use rayon::prelude::*;
 
 use crate::decoder::product;
 
-/// Bands of detail, from the finest, and the rest: what is larger than all of them.
+/// Number of bands: five of detail, from the finest, and the rest, which is larger than all of them.
 pub(super) const N_BANDS: usize = 6;
 
-/// The pixels of a picture that count, and what splitting it needs.
+/// The pixels of a picture that count, and tables for splitting it into bands.
 pub(super) struct Mask {
     /// Size of the part that holds all that count.
     size: [usize; 2],
     /// Positions of the pixels that count, in that part.
     covered: Vec<u32>,
-    /// Factors of the covered pixels of each blurred picture `[M]`: one over the blurred mask, which keeps what
-    /// lies beside the scene out.
+    /// Factors of the covered pixels of each blurred picture `[M]`: one over the blurred mask, which keeps
+    /// pixels beside the scene out.
     shares: [Vec<f32>; N_BANDS - 1],
 }
 

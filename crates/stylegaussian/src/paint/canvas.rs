@@ -20,8 +20,8 @@ use crate::{
 /// in its own. Below half, whole small motifs fit on a stroke's spot.
 const SCALES: [f32; 3] = [1.0, 0.71, 0.5];
 
-/// Share of a painting's variance of luminance that is to be finer than [`FINE`]. Strokes of any size then land
-/// in fine detail; a painting of less would be a recolored photograph.
+/// Share of a painting's variance of luminance that should be finer than [`FINE`]. Strokes of any size then
+/// land in fine detail. With less, the scene would look like a recolored photograph.
 const FINE_SHARE: f32 = 0.6;
 
 /// Standard deviation of fine detail, in pixels.
@@ -33,14 +33,14 @@ pub(super) const PLACE: usize = 8;
 /// Standard deviation of a place's color, in pixels: a place is read about this far around.
 const PLACE_BLUR: f32 = 6.0;
 
-/// The copy that places are compared by: strokes are gone in it, and shapes are left.
+/// Blurred copy by which places are compared: it has shapes and no strokes.
 const SHAPES: usize = 4;
 
-/// Pixels of a painting of which one in a cell of the color cube is no color of its own: specks of dust.
+/// Pixels of a painting per pixel that a cell of the color cube must hold to count as a color. Fewer are specks
+/// of dust.
 const RARE: usize = 10_000;
 
-/// Least clarity at which directions of the scene and of strokes are laid upon one another. Below it, the
-/// painting stands upright.
+/// Least clarity at which strokes are aligned with the scene's edges. Below it, the painting stands upright.
 pub(super) const CLEAR: f32 = 0.25;
 
 /// A painting prepared for painting any scene.
@@ -51,7 +51,7 @@ pub struct Canvas {
     pub(super) detail: Detail,
     /// Its colors.
     pub(super) palette: Palette,
-    /// Moments and tones of its colors, and of those that are left without its detail.
+    /// Moments and tones of its colors, with and without detail.
     pub(super) whole: (ColorMoments, Tones),
     pub(super) low: (ColorMoments, Tones),
     /// Mean color.
@@ -124,7 +124,7 @@ fn own_size(original: &Picture) -> (usize, usize) {
         values.iter().map(|value| (value - mean).powi(2)).sum::<f32>() / values.len().max(1) as f32
     };
     let all = variance(&luminance(original));
-    // Halved, since what is left is coarse.
+    // Halved, since only coarse shapes remain.
     let half = original.halved();
     let is_enough = |scale: f32| {
         let sigma = 0.5 * FINE / (scale * usual);

@@ -1,4 +1,4 @@
-//! The detail that a painting's strokes consist of, apart from its colors.
+//! A painting's detail, of which its strokes consist.
 
 use std::sync::Arc;
 
@@ -14,41 +14,40 @@ use crate::{
     strokes::{FINE_SIDE, StrokeTexture, WIDE_SIDE},
 };
 
-/// Factor of the finest band. Gaussians that overlap blur it most. Above, canvas weave and grain of JPEG become
-/// beads.
+/// Factor of the finest band, which overlapping Gaussians blur most. Above this, canvas weave and JPEG grain
+/// become beads.
 const FINEST: f32 = 1.3;
 
-/// Share of a painting's large shapes that wide detail has.
+/// Share of a painting's large shapes in wide detail.
 pub(super) const LOCAL: f32 = 0.3;
 
 /// Standard deviation over which local energy is measured, in pixels.
 const AROUND: f32 = 10.0;
 
-/// Power by which strong places of a painting are weakened and faint ones strengthened. At twice as much, ink
-/// and watercolor lose their paint.
+/// Exponent that weakens strong places of a painting and strengthens faint ones. At twice as much, ink and
+/// watercolor lose their paint.
 const WHITEN: f32 = 0.3;
 
-/// Range of the factors that this gives.
+/// Range of the resulting factors.
 const WHITENED: (f32, f32) = (0.35, 1.5);
 
-/// Added to local energy, as a share of the mean: flat places have none to strengthen.
+/// Added to local energy, as a share of the mean, so that flat places are not amplified.
 const FLOOR: f32 = 0.06;
 
-/// Pixels of the painting without its detail: every so many of them give its moments.
+/// Stride over the pixels of the painting without its detail, from which its moments are taken.
 const STRIDE: usize = 3;
 
 /// Detail of a painting at the scale at which it is read.
 pub(super) struct Detail {
     /// Fine and wide detail, as they are drawn.
     pub texture: Arc<StrokeTexture>,
-    /// Colors of the painting without its detail, from some of its pixels: what the scene's own colors are to
-    /// be.
+    /// Colors of the painting without its detail, from some of its pixels: the aim for the scene's own colors.
     pub low: Vec<Vec3>,
     /// Luminance energy of detail around each pixel of a picture of a quarter of the size.
     around: Picture,
     /// Mean of it.
     pub typical: f32,
-    /// Luminance energy per pixel of the bands that fine detail has, and of those that wide detail has.
+    /// Luminance energy per pixel of the bands of fine detail, and of those of wide detail.
     pub energies: [f64; 2],
 }
 
@@ -95,8 +94,8 @@ impl Detail {
     }
 }
 
-/// The textures. Fine detail comes from the original: from near, there is more of it than at the scale at which
-/// the painting is read.
+/// The textures. Fine detail comes from the original, which has more of it than the scale at which the painting
+/// is read.
 fn texture(copies: &Copies, original: &Picture, whiten: impl Fn(Vec2) -> f32 + Sync) -> StrokeTexture {
     let size = copies.picture().size();
     let mean = original.values.iter().sum::<Vec3>() / original.values.len().max(1) as f32;

@@ -5,11 +5,10 @@ use rayon::prelude::*;
 
 use crate::{neighbors::Neighbors, palette::LUMINANCE, scene::Scene};
 
-/// Rounds in which normals are averaged over neighborhoods. Single Gaussians point anywhere on thin or bushy
-/// things.
+/// Rounds of averaging normals over neighborhoods. On thin or bushy things, single Gaussians point anywhere.
 const NORMAL_ROUNDS: usize = 2;
 
-/// Rounds in which directions are averaged: a few more, so that strokes side by side run alike.
+/// Rounds of averaging directions: a few more, so that adjacent strokes are parallel.
 const DIRECTION_ROUNDS: usize = 4;
 
 /// Surfaces through the Gaussians.
@@ -45,7 +44,7 @@ fn along(edge: &Mat3, normal: Vec3) -> (Vec3, f32) {
     let across = dominant(*edge);
     let trace = edge.x_axis.x + edge.y_axis.y + edge.z_axis.z;
     let first = across.dot(*edge * across);
-    // In the plane there are two eigenvalues: the first, and what is left of the trace.
+    // In the plane there are two eigenvalues: the first, and the rest of the trace.
     let clarity = if trace > 0.0 { ((2.0 * first - trace) / trace).clamp(0.0, 1.0) } else { 0.0 };
     (normal.cross(across).normalize_or_zero(), clarity)
 }

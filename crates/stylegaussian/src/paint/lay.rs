@@ -1,4 +1,4 @@
-//! Laying paint on a scene: the colors that carry what is coarser than a stroke, and the strokes.
+//! Laying paint on a scene: colors for all that is coarser than a stroke, and the strokes.
 
 use std::sync::Arc;
 
@@ -22,44 +22,43 @@ use crate::{
     work::{Canceled, Work},
 };
 
-/// Share of the way that hues which the painting does not have move to its nearest colors. Grass then resembles
-/// a painting's gold and not its mean.
+/// Share of the way toward the painting's nearest colors, for hues that it does not have. Grass then turns to a
+/// painting's gold and not to its mean.
 const TO_PALETTE: f32 = 0.8;
 
-/// How far the shares of dark and bright become the painting's.
+/// Strength of the tone curve: at 1, the shares of dark and bright are the painting's.
 const TONE: f32 = 0.9;
 
-/// Colors leave the range of a display by at most this. Gaussians that overlap blur what they carry, so single
-/// ones go beyond it.
+/// Largest excess of colors over a display's range. Overlapping Gaussians blur one another, so single ones
+/// exceed it.
 const OVERSHOOT: f32 = 0.3;
 
 /// Share of the scene's own grain that is left under strokes. It should not make up for missing paint.
 const OWN_GRAIN: f32 = 0.15;
 
-/// Weight of differences of chroma, beside luminance, in what stands out.
+/// Weight of chroma, beside luminance, in how much a Gaussian stands out.
 const CHROMA: f32 = 0.15;
 
-/// Energy of what stands out, over that of the painting's strokes and over what is usual in the scene. Both
-/// must be exceeded for half of the protection.
+/// Energies at which half of the protection is reached: over the painting's strokes, and over the scene's usual
+/// energy. Both must be exceeded.
 const OF_STROKES: f32 = 0.015;
 const OF_SCENE: f32 = 3.0;
 
 /// Share of fine detail that protection takes: see [`StrokeRecord`](crate::strokes::StrokeRecord).
 const PROTECTED: f32 = crate::strokes::PROTECTED;
 
-/// A painting is quiet if the energy of its strokes is less than this many times what is usual in the scene.
-/// Its strokes would be lost among what stands out, so more must stand out to be protected from them: up to
-/// [`MOST_QUIET`] times as much. At four times as much, windows are painted over.
+/// A painting is quiet if the energy of its strokes is less than this many times the scene's usual energy. Then
+/// more energy is required for protection, up to [`MOST_QUIET`] times as much, so that its strokes are not
+/// lost. At four times as much, windows are painted over.
 const QUIET: f32 = 40.0;
 const MOST_QUIET: f32 = 2.0;
 
-/// Ranges of the factors of wide and of fine detail. Gaussians that overlap blur fine detail, so a factor of 1
-/// shows less of it than the painting has; above 2 its grain becomes beads.
+/// Ranges of the gains of wide and of fine detail. Overlapping Gaussians blur fine detail, so a gain of 1 shows
+/// less of it than the painting has; above 2 its grain becomes beads.
 const WIDE: (f64, f64) = (0.5, 1.2);
 const FINE: (f64, f64) = (1.2, 2.0);
 
-/// Share of the way to the painting's whole contrast where there are no strokes, which would add the rest of
-/// it.
+/// Share of the way to the painting's full contrast where no strokes add to it.
 const BARE: f32 = 0.5;
 
 /// A painted scene.
@@ -77,8 +76,8 @@ pub struct Painted {
 /// Lays a mix of paintings on `scene`, which `surface` was made from. Weights are normalized to sum 1.
 /// `content` c keeps that share of the base colors, 0..1, and takes it from the strokes.
 ///
-/// Colors are mixed. Strokes are not, since a mean of two is none: each spot shows those of one painting, and
-/// paintings have as many spots as their weight says ([`mixed`]).
+/// Colors are mixed. Strokes are not, because a mean of two strokes is no stroke: each spot shows one painting,
+/// and weights decide how many spots a painting gets ([`mixed`]).
 ///
 /// The result depends neither on the number of threads nor on the run. If there is no painting with a weight
 /// above 0, the colors are the base colors, and there are no strokes.
@@ -121,7 +120,7 @@ pub fn lay(
 }
 
 impl Painted {
-    /// Lays a share of another painting over what is there.
+    /// Lays a share of another painting over this one.
     fn mix(&mut self, above: Self, share: f32) {
         for (color, above) in self.colors.iter_mut().zip(&above.colors) {
             *color = std::array::from_fn(|c| color[c] + share * (above[c] - color[c]));
@@ -184,7 +183,7 @@ fn one(scene: &Scene, surface: &Surface, canvas: &Canvas, work: &Work) -> Result
     let (placements, [own_detail, protection]) =
         rayon::join(|| placements(surface, canvas), || standing_out(surface, canvas, &recoloring));
     work.at(0.5)?;
-    // What the scene keeps: its shapes, and all of what stands out.
+    // The scene keeps its shapes, and all detail that stands out.
     let kept: Vec<f32> = (own.par_iter().zip(&low).zip(&own_detail))
         .map(|((own, low), p)| low.lerp(*own, *p).dot(LUMINANCE))
         .collect();
@@ -218,8 +217,8 @@ fn placements(surface: &Surface, canvas: &Canvas) -> Vec<Placement> {
     place(surface, &colors, &seed_colors, canvas)
 }
 
-/// How much each Gaussian stands out, 0..1: so much of its own detail it keeps `[N]`, and from so much of the
-/// strokes it is protected `[N]`.
+/// How much each Gaussian stands out, 0..1: the share of its own detail that it keeps `[N]`, and the share of
+/// strokes that it is protected from `[N]`.
 fn standing_out(surface: &Surface, canvas: &Canvas, recoloring: &Recoloring) -> [Vec<f32>; 2] {
     // |luminance of R d|^2 + CHROMA |R d - luminance|^2 = d^T Q d, where R is the recoloring's matrix.
     let zero = Vec3::from(recoloring.color([0.0; 3]));
@@ -255,9 +254,9 @@ struct Balance {
 }
 
 impl Balance {
-    /// The gains by which pictures have as much detail as the painting. With K what the scene keeps, and P the
-    /// energy of the painting, the factors c of wide detail W and d of fine detail F solve |K + c W|^2 = P in
-    /// wide bands and |K + c W + d F|^2 = P in fine ones.
+    /// The gains at which pictures have as much detail as the painting. With K the detail that the scene keeps
+    /// and P the painting's energy, the gains c of wide detail W and d of fine detail F solve |K + c W|^2 = P
+    /// in wide bands and |K + c W + d F|^2 = P in fine ones.
     fn new(
         scene: &Scene,
         surface: &Surface,
@@ -317,8 +316,8 @@ fn seeds(
     placements.iter().enumerate().map(seed).collect()
 }
 
-/// Colors in the painting's palette and shares of dark and bright: those of the painting without its strokes
-/// where there are strokes, and else the painting's own.
+/// Colors with the painting's palette and tones: under strokes those of the painting without its strokes,
+/// elsewhere those of the whole painting.
 fn graded(
     surface: &Surface,
     canvas: &Canvas,

@@ -12,7 +12,7 @@ use crate::decoder::product::{Matrix, dot, product};
 /// Points along a side of a patch.
 const SIDE: usize = 5;
 
-/// Points of a patch: it shows what lies around a seed or a place.
+/// Points of a patch, which shows the surroundings of a seed or a place.
 pub(super) const PATCH: usize = SIDE * SIDE;
 
 /// Distance of a patch's points, in pixels: a patch is a little wider than a stroke's spot.
@@ -21,25 +21,25 @@ pub(super) const STEP: f32 = 8.0;
 /// Numbers of a descriptor: a patch without its mean, and a mean color.
 const WIDTH: usize = 3 * PATCH + 3;
 
-/// Weight of colors (0..1), of means and of patches alike.
+/// Weight of colors (0..1), both of means and of patches.
 const COLOR_WEIGHT: f32 = 3.0;
 
-/// Pixels at the border that no seed takes: frames, and what mirroring repeats.
+/// Width of the rim that seeds avoid, in pixels: it holds frames, and mirroring repeats it.
 const RIM: f32 = 18.0;
 
-/// Cost of a place in the rim. Others cost 1 if they resemble a seed as well as is usual.
+/// Cost of a place in the rim, relative to that of a usual best match.
 const IN_RIM: f32 = 6.0;
 
-/// Energy beside the mean from which on a place counts as a motif, and not as strokes.
+/// Energy over the mean above which a place counts as a motif, and not as strokes.
 const MOTIF: f32 = 1.5;
 
-/// Cost of a place that was taken three times as often as is usual.
+/// Cost of a place that was taken three times as often as usual.
 const CROWDED: f32 = 0.2;
 
-/// Side of a block in which it is counted how often places are taken, in places.
+/// Side of the blocks in which uses of places are counted, in places.
 const BLOCK: usize = 4;
 
-/// Distance from where a neighbor would continue, in pixels, from which on places count as unrelated.
+/// Distance from a neighbor's continuation, in pixels, beyond which places count as unrelated.
 const UNRELATED: f32 = 12.0;
 
 /// The place of a patch's point, in steps along and beside.
@@ -48,7 +48,7 @@ pub(super) fn offset_in_patch(k: usize) -> (f32, f32) {
     ((k / SIDE) as f32 - middle, (k % SIDE) as f32 - middle)
 }
 
-/// Descriptors of seeds or of places. Squares of their differences say how little two resemble one another.
+/// Descriptors of seeds or of places. Their squared difference is the dissimilarity of two.
 pub(super) struct Descriptors {
     /// `[n, WIDTH]`.
     rows: Vec<f32>,
@@ -176,7 +176,7 @@ pub(super) fn place(
     placements.into_iter().flatten().collect()
 }
 
-/// How little each place resembles each seed `[M, P]`: 1 for a usual best match.
+/// Dissimilarity of each place and each seed `[M, P]`: 1 for a usual best match.
 fn costs(surface: &Surface, colors: &[Vec3], seed_colors: &[Vec3], canvas: &Canvas) -> Vec<f32> {
     let seeds = &surface.seeds.seeds;
     let n_places = canvas.n_places.0 * canvas.n_places.1;

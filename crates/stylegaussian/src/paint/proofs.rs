@@ -1,4 +1,4 @@
-//! Proofs: small pictures of the scene from usual distances, by which paint is measured before it is shown.
+//! Proofs: small test renders of the scene from usual distances, by which paint is measured before it is shown.
 
 use std::ops::Range;
 
@@ -18,10 +18,10 @@ use crate::{
     work::{Canceled, Work},
 };
 
-/// Least alpha of pixels that count: the background shines through the others.
+/// Least alpha of pixels that count, because the background shines through the others.
 const COVERED: f32 = 0.9;
 
-/// Least blend weight that is kept. Most of a pixel's many weights are smaller, and sum to little.
+/// Least blend weight that is kept. Most weights of a pixel are smaller, and sum to little.
 const LEAST_WEIGHT: f32 = 0.004;
 
 /// Least blend weight at which strokes are looked up, as in drawing.

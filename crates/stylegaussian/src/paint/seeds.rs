@@ -9,7 +9,7 @@ use rustc_hash::FxHashMap;
 
 use super::frames::{Frames, dominant, outer, thinnest};
 
-/// Seeds around a seed, whose places it may continue: those that touch it on a surface, and two more.
+/// Number of seeds around a seed whose places it may continue: six touch it on a surface, and two more.
 const N_AROUND: usize = 8;
 
 /// Most seeds: four styles of as many fit into one table.
@@ -21,27 +21,27 @@ const ROUNDS: usize = 2;
 /// Weight of colors and of normals beside that of distance, which is 1 at a seed's spacing.
 const BESIDE: f32 = 0.35;
 
-/// Most of a squared difference of colors, in squared contrasts. Beyond, two colors are simply others.
+/// Cap of a squared difference of colors, in squared contrasts.
 const OTHER: f32 = 9.0;
 
-/// Distance of seeds that say whether a surface is flat, in spacings.
+/// Radius within which seeds are tested for a flat surface, in spacings.
 const FLAT_WITHIN: f32 = 2.5;
 
-/// Least seeds that say it.
+/// Least number of seeds for that test.
 const FLAT_SEEDS: usize = 5;
 
-/// Largest ratio of the least to the middle variance of seeds on a flat surface.
+/// Largest ratio of the smallest to the middle variance of seeds on a flat surface.
 const FLAT: f32 = 0.12;
 
 /// Rounds in which directions flow from edges into flat ground, and the weight of a seed's own.
 const FLOW_ROUNDS: usize = 4;
 const OWN_DIRECTION: f32 = 0.7;
 
-/// Least length of a direction's part in the tangent plane: within 17 degrees of the normal, noise would turn
-/// it anywhere.
+/// Least length of a direction's projection onto the tangent plane. Within 17 degrees of the normal, noise
+/// decides it.
 const IN_PLANE: f32 = 0.3;
 
-/// Added to visibilities, in pixels, so that seeds of which nothing is seen have a mean as well.
+/// Added to visibilities, in pixels, so that unseen seeds have a mean as well.
 const UNSEEN: f32 = 1e-3;
 
 /// One seed.
@@ -88,7 +88,7 @@ pub(super) struct Ground<'a> {
 }
 
 impl Seeds {
-    /// Seeds at least `spacing` apart, where much is visible first, so that what is seen gets the best ones.
+    /// Seeds at least `spacing` apart, the most visible places first.
     pub fn new(ground: &Ground, mut spacing: f32) -> Self {
         let mut chosen = spread(ground.means, ground.visibility, spacing);
         while chosen.len() > MOST {
@@ -172,7 +172,7 @@ impl Seeds {
         }
     }
 
-    /// Lets directions flow from edges into what is flat, so that strokes follow paths and banks.
+    /// Diffuses directions from edges into flat areas, so that strokes follow paths and banks.
     fn flow(&mut self) {
         let tensor = |seed: &Seed| outer(seed.along, seed.along) * seed.clarity * seed.clarity;
         let own: Vec<Mat3> = self.seeds.iter().map(tensor).collect();

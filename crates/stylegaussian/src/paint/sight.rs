@@ -1,4 +1,4 @@
-//! How much of each Gaussian usual views show, and how large a pixel of such a view is on the scene.
+//! Visibility of each Gaussian in usual views, and the size of a pixel of such a view on the scene.
 
 use glam::{UVec2, Vec3};
 
@@ -11,7 +11,7 @@ use crate::{
     work::{Canceled, Work},
 };
 
-/// Views that are taken of the scene. Eight show nearly all that can be seen from outside.
+/// Number of views of the scene. Eight show nearly all that is visible from outside.
 const N_VIEWS: usize = 8;
 
 /// Longer side of those views, in pixels. Small, since only sums over pixels count.
@@ -19,13 +19,12 @@ const VIEW_SIDE: u32 = 128;
 
 /// Longer sides of pictures in which strokes are as large as in the painting, in pixels. Paintings have 512,
 /// and so have pictures from chosen views. From a capture's cameras strokes are 1.3 times as large: finer ones
-/// turned a woodcut gray on the bonsai (docs/notes/paint_experiments.md).
+/// turned a woodcut gray on the bonsai (docs/notes.md, "Paint").
 const CHOSEN_SIDE: f32 = 512.0;
 const CAPTURED_SIDE: f32 = 394.0;
 
-/// Proofs: three sides of a scene. Of chosen views they are those that are farthest away, since strokes are
-/// meant for pictures of the whole scene, and not for a closer look. Of a capture's cameras they are the middle
-/// ones: it was looked at from there.
+/// Number of proofs: three sides of a scene. Of chosen views they are the farthest, because strokes are meant
+/// for pictures of the whole scene. For captures, they are the cameras at median distance.
 const N_PROOFS: usize = 3;
 
 /// Side of a proof over that of the picture in which strokes are as large as in the painting. The time of a
@@ -35,14 +34,14 @@ const PROOF_SIDE: f32 = 0.5;
 /// Share of the time that the views take; proofs take the rest.
 const VIEWS: f32 = 0.6;
 
-/// Blend weights below this are left out. Two fifths of all are, and sum to half a hundredth of a picture.
+/// Least blend weight that counts. Two fifths of all are smaller, and sum to 0.5% of a picture.
 pub(super) const FAINT: f32 = 1e-3;
 
 /// A summary of usual views of a scene.
 pub(super) struct Sight {
     /// Pixels that each Gaussian fills, summed over the views `[N]`.
     pub visibility: Vec<f32>,
-    /// Size of a pixel of the painting on the scene, in scene units: the median over what the proofs show.
+    /// Size of a pixel of the painting on the scene, in scene units: the median over the proofs.
     pub pixel: f32,
     /// Pictures by which paint is measured.
     pub proofs: Proofs,
@@ -111,7 +110,7 @@ fn up_of(camera: &Camera) -> Vec3 {
     -Vec3::from(camera.view_from_world.matrix3.row(1))
 }
 
-/// The value at half of all weight, or `None` if there is no value.
+/// The weighted median, or `None` if there is no value.
 pub(super) fn weighted_median(values: &mut [(f32, f32)]) -> Option<f32> {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
     let total: f64 = values.iter().map(|(_, weight)| f64::from(*weight)).sum();

@@ -8,7 +8,7 @@ use rustc_hash::FxHashMap;
 /// corners (variance 1/6 along an axis) and read back likewise.
 const DEVIATION: f32 = 0.816;
 
-/// Added to weights, so that what is never seen has a color as well.
+/// Added to weights, so that unseen Gaussians have a color as well.
 const UNSEEN: f32 = 1e-3;
 
 /// A grid in space, by which values at `means` are averaged.

@@ -1,4 +1,4 @@
-//! All that paint needs of a scene and that no style changes.
+//! All that paint needs of a scene, whatever the style.
 
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
@@ -21,15 +21,15 @@ use crate::{
     work::{Canceled, Work},
 };
 
-/// Distance of seeds, in pixels of the painting: about the length of a stroke in a painting of 512 pixels. At
-/// twice as much, whole motifs fit on a spot.
+/// Distance between seeds, in pixels of the painting: about the length of a stroke in a painting of 512 pixels.
+/// At twice as much, whole motifs fit on a spot.
 const SPACING: f32 = 28.0;
 
-/// Standard deviations of the scene's smoothed colors, in pixels of the painting: without grain, without what
-/// is smaller than a stroke, and shapes.
+/// Standard deviations of the scene's smoothed colors, in pixels of the painting: without grain, without detail
+/// smaller than a stroke, and shapes alone.
 const SMOOTH: [f32; 3] = [2.0, 4.0, 8.0];
 
-/// Standard deviation over which it is looked what stands out, in pixels of the painting.
+/// Standard deviation over which contrast is measured, in pixels of the painting.
 const AROUND_EDGES: f32 = 2.5;
 
 /// Shares of the time that the choice of views takes, and looking through them of what is left.
@@ -39,10 +39,10 @@ const SIGHT: f32 = 0.5;
 /// Neighbors that normals and directions are averaged over.
 const N_NEIGHBORS: usize = 8;
 
-/// Least pixels of usual views that a Gaussian of a patch fills.
+/// Least visibility of a Gaussian in a patch, in pixels of usual views.
 const SEEN: f32 = 0.02;
 
-/// Distance from a patch's point, in steps, beyond which there is nothing.
+/// Distance from a patch's point, in steps, beyond which a Gaussian does not belong to it.
 const BESIDE: f32 = 2.5;
 
 /// The surfaces of a scene: their directions, seeds and colors. Computed once per scene, for every style.
@@ -52,7 +52,7 @@ pub struct Surface {
     pub(super) pixel: f32,
     /// Pixels of usual views that each Gaussian fills `[N]`.
     pub(super) visibility: Vec<f32>,
-    /// Base colors, and the same without what is smaller than a stroke `[N]`.
+    /// Base colors, with and without detail smaller than a stroke `[N]`.
     pub(super) base: Vec<Vec3>,
     pub(super) low: Vec<Vec3>,
     /// Contrast around each Gaussian: the mean of d d^T, where d is the color's detail between grain and shapes
@@ -97,8 +97,8 @@ impl Surface {
         Self::in_order(scene, |sorted| Self::of(sorted, cameras, work))
     }
 
-    /// What `compute` finds for the Gaussians of `scene` in Morton order, for them as they are in `scene`. Of
-    /// equal seeds and candidates the first wins, so that another order would give other places.
+    /// The result of `compute` on the Gaussians in Morton order, for the order of `scene`. Of equal seeds and
+    /// candidates the first wins, so another order would give other places.
     fn in_order(
         scene: &Scene,
         compute: impl FnOnce(&Scene) -> Result<Self, Canceled>,
@@ -190,7 +190,7 @@ impl Surface {
     }
 }
 
-/// What surfaces are found from: the Gaussians of `scene` at `order`, without harmonics and features.
+/// The input of a surface: the Gaussians of `scene` at `order`, without harmonics and features.
 fn surfaces_of(scene: &Scene, order: &[u32]) -> Scene {
     let mut sorted = Scene {
         means: in_rows(&scene.means, order),
@@ -222,7 +222,7 @@ impl Square {
     }
 }
 
-/// Means of the squares of what is between `soft` and `shapes`, weighted.
+/// Weighted means of the squared differences between `soft` and `shapes`.
 fn edges(soft: &[Vec3], shapes: &[Vec3], grid: &Grid, weights: &[f32]) -> Vec<Square> {
     let mean = |product: fn(Vec3) -> Vec3| {
         let products: Vec<Vec3> = soft.iter().zip(shapes).map(|(a, b)| product(*a - *b)).collect();
@@ -256,8 +256,8 @@ fn patches(means: &[Vec3], visibility: &[f32], seeds: &[Seed], step: f32) -> [Ve
     ]
 }
 
-/// Moments of what pictures of these `colors` `[N]` have `shown`, or of the Gaussians by visibility if they
-/// show nothing.
+/// Moments of the pixels `shown` in pictures of these `colors` `[N]`, or of the Gaussians by visibility if
+/// there are none.
 pub(super) fn moments(shown: &[Vec3], visibility: &[f32], colors: &[Vec3]) -> ColorMoments {
     match shown.is_empty() {
         true => ColorMoments::of_weighted(colors.iter().copied().zip(visibility.iter().copied())),

@@ -228,8 +228,8 @@ impl BandEntries {
         let width = bands.size.x as usize;
         let height = TILE.min(bands.size.y as usize - band * TILE);
         let mut counts = vec![0u32; width * height];
-        // In the order of tiles and splats. A pixel gets its entries from one tile. Memory that is not written
-        // costs nothing, so there is some for more entries than a pixel of a capture usually has.
+        // In the order of tiles and splats. A pixel gets its entries from one tile. Reserve 24 entries per
+        // pixel, since untouched pages are free.
         let (mut entries, mut n) = (vec![(0, 0, 0.0); 24 * width * height], 0);
         for (tile, in_tile) in bands.tiles(band, splats) {
             tile.composite(splats, &in_tile, least, |group, splat, weights, _| {

@@ -18,10 +18,9 @@ pub struct StrokeLayer<'a> {
     pub first_seed: u32,
     /// The part of the scene that gets them.
     pub region: Region,
-    /// Share of what is below that is replaced within the region, 0..1.
+    /// Opacity within the region, 0..1.
     pub strength: f32,
-    /// Weights that somebody painted, and the channel of them that counts here; `None` if all of the region
-    /// counts.
+    /// Painted weights and the channel of them that counts here; `None` if all of the region counts.
     pub mask: Option<(&'a [[u8; 4]], usize)>,
 }
 

@@ -14,8 +14,8 @@ pub const LEAST_ALPHA: f32 = 0.02;
 /// of the screen from an eighth of the usual distance.
 pub const MOST_OCTAVES: u32 = 3;
 
-/// Share of the fine gain that protection takes. The rest is left even to what stands out most, so that it is
-/// not bare.
+/// Share of the fine gain that protection takes. The rest is left even to the best protected Gaussians, so that
+/// it is not bare.
 pub const PROTECTED: f32 = 0.95;
 
 /// Range of the level, in octaves: from 16 times magnified to a texture of one texel.

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Texels along a side of fine detail: what is smaller than a stroke.
+/// Texels along a side of fine detail, which is smaller than a stroke.
 pub const FINE_SIDE: usize = 512;
 
 /// Texels along a side of wide detail, which has nothing smaller than four texels of fine detail.

@@ -6,7 +6,7 @@ use crate::Scene;
 
 use super::survey::quantiles;
 
-/// Number of Gaussians that are looked at: enough to see a thousandth of them.
+/// Size of the sample of Gaussians: enough to find a thousandth of them.
 const N_SAMPLE: usize = 60_000;
 
 /// Factor of the distance from the scene's middle within which there is next to nothing behind the scene.
@@ -17,8 +17,8 @@ const GAP: f32 = 20.0;
 /// The largest share of Gaussians within the gap: floaters.
 const FLOATERS: f32 = 0.002;
 
-/// The least share of Gaussians in front of the gap. Otherwise it is around some detail, and what is behind is
-/// the scene.
+/// The least share of Gaussians in front of the gap. Otherwise it is around some detail, and the scene is
+/// behind it.
 const LEAST_SCENE: f32 = 0.1;
 
 /// The indices of all Gaussians that belong to the scene, or `None` if all of them do.
@@ -30,8 +30,8 @@ pub(super) fn without_backdrop(scene: &Scene) -> Option<Vec<u32>> {
     Some((0..scene.len() as u32).filter(is_near).collect())
 }
 
-/// The smallest and the largest corner of the box around the means of a scene without what lies far behind it,
-/// be it a sky or a single stray. `None` if nothing does: the box is [`Scene::bounds`].
+/// The smallest and the largest corner of the box around the means of a scene without a backdrop far behind it,
+/// which may be a sky or a single stray. `None` if there is none: the box is [`Scene::bounds`].
 pub fn bounds_without_backdrop(scene: &Scene) -> Option<(Vec3, Vec3)> {
     let middle = middle(scene, scene.len().div_ceil(N_SAMPLE).max(1));
     // A sample may have no stray.
@@ -63,7 +63,7 @@ fn reach(sorted: &[f32]) -> Option<f32> {
     let first = (LEAST_SCENE * n as f32).ceil() as usize;
     let most = (FLOATERS * n as f32) as usize;
     (first.max(1)..=n).map(|n_near| (n_near, sorted[n_near - 1])).find_map(|(n_near, distance)| {
-        // A scene of one point, or beyond what f32 holds, has no measure of near and far.
+        // A scene of one point, or beyond the range of f32, has no measure of near and far.
         let n_within = sorted.partition_point(|&other| other < GAP * distance);
         (distance > 0.0 && n_within < n && n_within - n_near <= most).then_some(distance)
     })

@@ -82,7 +82,7 @@ fn overview_from(survey: &Survey, direction: Vec3) -> Candidate {
         up: survey.up,
         tan_half: OBJECT_HALF_ANGLE.tan(),
         is_overview: true,
-        // Nothing of an object comes so near. What does floats between it and the eye.
+        // No object is so near. Such Gaussians float between it and the camera.
         clearance: 0.25 * distance,
     };
     Candidate { tan_half: framing(&candidate, survey), ..candidate }

@@ -8,27 +8,28 @@ use glam::Vec3;
 /// pixels are about twice as long and a fraction as wide.
 pub(crate) const SIDE: usize = 16;
 
-/// Brightness by which large shapes may leave the recolored scene's for nothing: strokes are lights and darks.
-/// Hue and saturation have no tolerance: they tell a pond from its banks. Without tolerance texture of captures
-/// is told less often, with one for hue ponds turn gray (docs/notes/bake_experiments.md, seventh round).
+/// Brightness by which large shapes may differ from the recolored scene's without a loss, because strokes are
+/// lights and darks. Hue and saturation have no tolerance, because they separate a pond from its banks. Without
+/// this tolerance, paintings are recognized by texture less often; with one for hue, ponds turn gray
+/// (docs/notes.md, "Bakes").
 const TOLERANCE: f32 = 0.25;
 
-/// Side of the groups of shapes whose slope is looked at, in shapes: 64 pixels.
+/// Side of the groups of shapes whose slope is measured, in shapes: 64 pixels.
 const GROUP: usize = 4;
 
-/// Weight of the brightness that shapes are short of the slope, beside that of brightness beyond the tolerance.
-/// At 1 Friedrich and Schiele are told by texture in half as many pictures of a capture (eleventh round).
+/// Weight of brightness that is missing for the slope, relative to that of brightness beyond the tolerance. At
+/// 1, the paintings of Friedrich and Schiele are recognized by texture in half as many pictures of a capture.
 pub(crate) const SLOPE_WEIGHT: f32 = 0.5;
 
-/// The contrast that is aimed at, over the painting's: beside losses that take contrast away it ends up lower.
-/// Chosen on the demo scene (eleventh round).
+/// Contrast that is aimed at, over the painting's. Other losses take contrast away, so the result is lower.
+/// Chosen on the demo scene.
 pub(crate) const OVER: f32 = 1.35;
 
-/// The largest slope that is aimed at. Beyond it what is between black and white would be lost.
+/// Largest slope that is aimed at. Beyond it, tones between black and white would be lost.
 const MOST_SLOPE: f32 = 2.0;
 
-/// Least contrast of a scene's large shapes, or of a group of them, that has a slope: eight of a display's
-/// steps. Below it there are no shapes, or the scene is too small to show one as a whole.
+/// Least contrast of large shapes that has a slope: eight steps of a display. Below it there are no shapes, or
+/// the scene is too small to show one as a whole.
 const LEAST_CONTRAST: f32 = 8.0 / 255.0;
 
 /// The mean of the channels.
@@ -61,19 +62,18 @@ pub(crate) fn of_picture(rgb: &[f32], width: usize) -> Vec<f32> {
 
 /// The aim for large shapes: about the recolored scene's, with the contrast of the painting's.
 ///
-/// A scene that is recolored has the painting's contrast, but in other sizes: the demo scene's is that of its
-/// grass and tiles, and a painting's that of its light and shade. The other losses take the fine contrast away;
-/// without the coarse one in its place pictures turn to fog. A tolerance alone does not keep it: all that lies
-/// between the few tones of a dark or pale painting may be within it. So the slope counts as well, of the
-/// brightness of shapes by what it is in the recolored scene, over groups of shapes: strokes do not change it,
-/// fog does.
+/// A recolored scene has the painting's contrast at other sizes: the demo scene's is in grass and tiles, a
+/// painting's in light and shade. The other losses remove the fine contrast, and without coarse contrast in its
+/// place pictures turn to fog. A tolerance alone does not keep it, because all tones of a dark or pale painting
+/// may be within it. So the slope of brightness over the recolored scene's brightness counts as well, for each
+/// group of shapes. Strokes do not change it, fog does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ShapeAim {
     /// The least slope.
     slope: f32,
 }
 
-/// A large shape of a picture, and what it is in the recolored scene's.
+/// A large shape of a picture, and the same of the recolored scene.
 struct Shape {
     /// Mean color.
     found: Vec3,
@@ -95,8 +95,8 @@ impl ShapeAim {
     }
 
     /// Mean squared distance of the mean colors of cells of 16 x 16 pixels from those of `recolored`, in
-    /// brightness beyond a tolerance of 0.25, and half the mean squared brightness that they are short of the
-    /// slope, over the covered pixels, which are in `cells`. `rgb` and `recolored` are RGB `[h * w, 3]`,
+    /// brightness beyond a tolerance of 0.25, and half the mean square of the brightness that is missing for
+    /// the slope, over the covered pixels, which are in `cells`. `rgb` and `recolored` are RGB `[h * w, 3]`,
     /// `width` pixels wide. Adds `weight` times the gradient to `grad`.
     pub fn loss(
         &self,
@@ -141,8 +141,7 @@ impl ShapeAim {
         sum as f32 * scale
     }
 
-    /// Shapes, in rows of `columns`, of groups whose slope is too small, and the brightness that each of them
-    /// is short of it.
+    /// Shapes, in rows of `columns`, of groups whose slope is too small, and the brightness that each lacks.
     fn missing(&self, shapes: &[Shape], columns: usize) -> Vec<(usize, f32)> {
         let mut missing = Vec::new();
         let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();

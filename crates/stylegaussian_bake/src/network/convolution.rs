@@ -10,8 +10,8 @@ use std::borrow::Cow;
 use rayon::prelude::*;
 use stylegaussian::decoder::product::{Matrix, product};
 
-/// Columns that a product is given where there are so many: as many values as two vectors of AVX2 hold. A
-/// product with fewer takes as long.
+/// Columns of a product, if there are as many: the values of two vectors of AVX2. A product with fewer takes as
+/// long.
 const COLUMNS: usize = 16;
 
 /// Width and height, in pixels.
@@ -196,7 +196,7 @@ impl Convolution {
         self.fold(grad, size)
     }
 
-    /// Whether the picture itself is what the correlation sees.
+    /// Whether the correlation sees the picture itself.
     fn sees_all_once(&self) -> bool {
         self.stride == 1 && matches!(self.padding, Padding::Reflect([0, 0]) | Padding::Zeros(0))
     }
@@ -249,7 +249,7 @@ impl Convolution {
         Cow::Owned(seen)
     }
 
-    /// The transpose of [`Self::blocks`]: sums what each pixel is seen as.
+    /// The transpose of [`Self::blocks`]: sums the values of all appearances of each pixel.
     fn fold(&self, seen: Vec<f32>, size: Size) -> Vec<f32> {
         if self.sees_all_once() {
             return seen;

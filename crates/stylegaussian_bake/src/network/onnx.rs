@@ -140,9 +140,8 @@ impl Constant {
 
 /// Reads a chain from the bytes of an ONNX file.
 ///
-/// # Errors
-/// If the bytes are no ONNX graph of these operators, or shapes do not fit one another. The text says what was
-/// found.
+/// # Errors If the bytes are no ONNX graph of these operators, or shapes do not fit one another. The text
+/// describes it.
 pub(super) fn read(bytes: &[u8]) -> Result<Chain, String> {
     let mut graph: &[u8] = &[];
     Message(bytes).for_each(|field| {

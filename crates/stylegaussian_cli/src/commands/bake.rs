@@ -194,7 +194,7 @@ fn bake(
 }
 
 /// Saves the state. If it cannot, because the disk has become full, the bake goes on: the look is smaller by
-/// far, and what was saved before stays.
+/// far, and the state saved before stays.
 fn save_or_warn(baker: &Baker, checkpoint: &Path) {
     if let Err(error) = baker.save(checkpoint) {
         warn([format!("{error:#}: not saved, going on")]);

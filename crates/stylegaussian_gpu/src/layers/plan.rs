@@ -1,4 +1,4 @@
-//! The dispatches of a mix: which layers touch which blocks, and what is there already.
+//! The dispatches of a mix: which layers touch which blocks, and which mixes are there already.
 
 use std::{ops::Range, sync::Arc};
 
@@ -67,7 +67,7 @@ impl Source {
         }
     }
 
-    /// Whether nothing of what is below is left within the region.
+    /// Whether the layer hides all below it within the region.
     fn is_opaque(&self) -> bool {
         self.mask.is_none() && self.strength >= 1.0
     }
@@ -154,7 +154,7 @@ fn changed_blocks(last: &[MixedLayer], next: &[MixedLayer], n_blocks: usize) -> 
 
 /// The dispatches over changed blocks: for each stack of layers, one for each chunk.
 fn dispatches(scene: &GpuScene, layers: &[MixedLayer], changed: &[bool]) -> (Vec<Dispatch>, Vec<MixBlock>) {
-    // The lowest layer that is seen in each block: what lies below an opaque one is left out. One more than the
+    // The lowest layer that is seen in each block: layers below an opaque one are left out. One more than the
     // layers if there is none.
     let lowest = |block: usize| {
         let covers = |layer: &MixedLayer| layer.covers[block] == Cover::Inside && layer.source.is_opaque();

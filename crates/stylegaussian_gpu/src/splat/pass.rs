@@ -58,8 +58,8 @@ impl SplatPass {
         self.project.masked(device);
     }
 
-    /// Compiles what clouds with strokes need, and the draw of `pipelines` with strokes, in any thread, while
-    /// others draw. Without this call, the first frame with strokes compiles it.
+    /// Compiles the pipelines of clouds with strokes, and the draw of `pipelines` with strokes, in any thread,
+    /// while others draw. Without this call, the first frame with strokes compiles it.
     pub fn prepare_strokes(&self, device: &wgpu::Device, pipelines: &[SplatPipeline]) {
         let strokes = &self.project.strokes;
         strokes.kernel(device);

@@ -1,4 +1,4 @@
-//! The strokes stage on the GPU: `splat_strokes`, and what draws with strokes bind.
+//! The strokes stage on the GPU: `splat_strokes`, and the bindings of draws with strokes.
 //!
 //! Nothing of it is compiled or allocated before a cloud with strokes is drawn.
 
@@ -166,7 +166,7 @@ impl ViewStrokes {
         Self { records, uniforms, near: None, view: None, draw: None }
     }
 
-    /// Binds what has changed: the uniforms of chunks, keys, the store's textures.
+    /// Binds changed resources: the uniforms of chunks, keys, the store's textures.
     pub fn update(
         &mut self,
         device: &wgpu::Device,

@@ -3,6 +3,11 @@
 //!
 //! Software rasterizers walk every quad block by block, and load and store the pixels behind it each time. Here
 //! a pixel stays in registers until it is finished, and eight invocations share each read of a splat.
+//!
+//! The sorted splats are cut into *runs* of consecutive ones. `count`, `scan`, `total` and `scatter` enter them
+//! into a list for each tile of 8x8 pixels that they reach. An invocation of `blend` then blends four rows of
+//! four pixels front to back, against the depth that it reads as a texture. If the lists overflow, an indirect
+//! draw of quads takes over within the same frame, without asking the CPU.
 
 use std::sync::OnceLock;
 

@@ -94,7 +94,7 @@ pub(super) struct ChunkGroups {
     pub strokes: Option<wgpu::BindGroup>,
 }
 
-/// Numbers that differ after each change of what a chunk is projected from.
+/// Numbers that differ after each change of a chunk's inputs to projection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ChunkVersions {
     /// Version of the colors.
@@ -340,7 +340,7 @@ impl SplatView {
         })
     }
 
-    /// Makes room for strokes and binds what has changed, if this frame shows any. `knobs` are those of all
+    /// Makes room for strokes and binds changed resources, if this frame shows any. `knobs` are those of all
     /// draws.
     pub(super) fn update_strokes(
         &mut self,

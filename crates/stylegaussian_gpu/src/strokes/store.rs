@@ -22,7 +22,7 @@ pub struct StrokeStore(Arc<Mutex<Layers>>);
 #[derive(Debug, Default)]
 struct Layers {
     arrays: Option<TextureArrays>,
-    /// Contents of each layer, which is free if nobody uses it.
+    /// Contents of each layer, which is free if it is unused.
     layers: Vec<Weak<StoredTexture>>,
 }
 

@@ -134,7 +134,7 @@ impl Image {
 
 impl Lens {
     fn is_distorted(&self) -> bool {
-        // Focal lengths and the principal point come first. What follows bends the lens.
+        // Focal lengths and the principal point come first. Distortion follows.
         let n_pinhole = self.model.n_focal.map_or(0, |n| n + 2);
         self.parameters[n_pinhole..].iter().any(|&k| k != 0.0)
     }

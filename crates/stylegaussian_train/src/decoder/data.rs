@@ -93,7 +93,7 @@ impl PreparedScene {
         let base_colors = scene.base_colors();
         let at_size = |(_, cameras): &(u32, Vec<Camera>)| -> Vec<View> {
             let crops =
-                // Faint weights go first, so that crops and lists of rows are made of what is left.
+                // Faint weights go first, so that crops and lists of rows are made of the rest.
                 cameras.iter().flat_map(|camera| crops(without_faint(&blend_weights(scene, camera)), crop));
             crops.filter_map(|weights| View::new(weights, &neighbors, &base_colors, decoder)).collect()
         };

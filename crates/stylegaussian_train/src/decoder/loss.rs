@@ -244,7 +244,7 @@ impl Sample<'_> {
         let Self { scene, view, style, .. } = self;
         let [width, height] = view.size();
         let recoloring = Recoloring::new(&scene.colors, &style.colors);
-        // Premultiplied: what a display can show ends at alpha.
+        // Premultiplied: the range of a display ends at alpha.
         let recolored = view.picture.chunks_exact(3).zip(&view.alpha).flat_map(|(c, alpha)| {
             recoloring.premultiplied([c[0], c[1], c[2]], *alpha).map(|channel| channel.clamp(0.0, *alpha))
         });

@@ -120,8 +120,8 @@ fn principal_directions(covariance: &[f64], n_channels: usize, n: usize) -> Vec<
 fn orthonormalize(vectors: &mut [Vec<f64>], floor: f64) {
     for i in 0..vectors.len() {
         let (before, [vector, ..]) = vectors.split_at_mut(i) else { return };
-        // Modified Gram-Schmidt: each projection is of what the previous ones have left, which is stable in
-        // finite precision.
+        // Modified Gram-Schmidt: each projection is of the previous one's remainder, which is stable in finite
+        // precision.
         for other in before.iter() {
             let along = dot(vector, other);
             vector.iter_mut().zip(other).for_each(|(value, other)| *value -= along * other);

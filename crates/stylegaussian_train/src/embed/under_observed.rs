@@ -37,7 +37,7 @@ pub fn seen_weights(views: &[&[Samples]], n_gaussians: usize) -> Vec<f32> {
 /// If no neighbor is well seen either, features spread from neighbor to neighbor. A Gaussian that they never
 /// reach gets the mean of all well-seen ones.
 pub fn fill_in(model: &mut Model, seen_weights: &[f32], neighbors: &Neighbors) -> usize {
-    // The three stages share `known`. Each fills in what those before could not reach.
+    // The three stages share `known`. Each fills in Gaussians that those before could not reach.
     let mut known: Vec<bool> = seen_weights.iter().map(|&weight| weight >= PRIOR).collect();
     let n_badly_seen = known.iter().filter(|&&known| !known).count();
     draw_to_neighbors(model, seen_weights, neighbors, &mut known);
@@ -82,7 +82,7 @@ fn spread(model: &mut Model, neighbors: &Neighbors, known: &mut [bool]) {
     let n_latent = model.n_latent;
     let mut unknown: Vec<usize> = (0..known.len()).filter(|&p| !known[p]).collect();
     loop {
-        // A round reads only what earlier rounds wrote, so the order within a round does not matter.
+        // A round reads only the results of earlier rounds, so the order within a round does not matter.
         let found: Vec<(usize, Vec<f32>)> = unknown
             .par_iter()
             .filter_map(|&p| {

@@ -55,7 +55,7 @@ pub fn normalize(convolutions: &mut [(&str, Convolution)], folder: &Path) -> Res
         pictures = pictures.into_iter().map(conv).collect();
         means = mean_of_channels(&pictures)?;
         divide_outputs(convolution, &means);
-        // Dividing the features gives what the scaled layer would give, without another convolution.
+        // Dividing the features gives the scaled layer's result, without another convolution.
         let inverse: Vec<f32> = means.iter().map(|mean| 1.0 / mean).collect();
         let inverse = Tensor::<1>::from_data(TensorData::from(&inverse[..]), &device).unsqueeze::<2>();
         pictures = pictures.into_iter().map(|x| x * inverse.clone()).collect();

@@ -41,8 +41,8 @@ use worker::{Better, Request, Running};
 /// The bake takes half a minute to minutes, on the threads of [`StyleThreads`](crate::StyleThreads). All entities
 /// share them, one after the other. It is canceled if the style, the scene or this component
 /// changes, and begins anew. It needs the paintings themselves: see [`paintings`](Self::paintings). A mix with
-/// a look is not refined, because a look is baked already. With the source's `content` c, the colors are c of
-/// the base color and 1 - c of what is baked.
+/// a look is not refined, because a look is baked already. With the source's `content` c, the result is
+/// c * base color + (1 - c) * baked color.
 ///
 /// It needs threads: in a browser, [`StyleFailed`](crate::StyleFailed) says that there are none, and the style
 /// stays as it is.

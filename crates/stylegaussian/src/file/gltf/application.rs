@@ -133,7 +133,7 @@ pub(super) fn extras(scene: &Scene) -> Result<Option<String>, Mismatch> {
     Ok(Some(base64::encode(&bytes)))
 }
 
-/// Adds to a scene what [`attributes`] and [`extras`] wrote, and what the asset says about it. If that
+/// Adds the contents of [`attributes`] and [`extras`] to a scene, and the asset's own metadata. If that
 /// contradicts itself, a warning says so, and the scene stays as it is.
 pub(super) fn read(document: &Document, primitive: &Value, scene: &mut Scene, warnings: &mut Vec<String>) {
     let asset = &document.json["asset"];

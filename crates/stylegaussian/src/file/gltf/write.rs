@@ -166,7 +166,7 @@ fn description(
     }))
 }
 
-/// The generator, and what the scene says about itself.
+/// The generator, and the scene's metadata.
 fn asset(scene: &Scene, up_before: Option<Vec3>) -> Value {
     let generator = concat!("stylegaussian ", env!("CARGO_PKG_VERSION"));
     let mut asset = json!({ "version": "2.0", "generator": generator });

@@ -122,7 +122,7 @@ fn expected(plane: &[i8], side: usize, i: usize) -> i16 {
     (left + above - corner).clamp(left.min(above), left.max(above))
 }
 
-/// Texels less what is expected of them.
+/// Texels less their predictions.
 fn differences(plane: &[i8], side: usize) -> impl Iterator<Item = u8> {
     // The cast keeps the low byte, and so does the way back.
     plane.iter().enumerate().map(move |(i, value)| (i16::from(*value) - expected(plane, side, i)) as u8)

@@ -63,7 +63,7 @@ pub(super) fn to_tensor(cameras: &[Camera], writer: &mut Writer) -> Result<(), M
     let mut values = Vec::with_capacity(WIDTH * cameras.len());
     for (i, camera) in cameras.iter().enumerate() {
         let row = row_of(camera);
-        // What could not be read again is not written.
+        // Cameras that could not be read again are not written.
         self::camera(i, &row)?;
         values.extend(row);
     }

@@ -147,7 +147,7 @@ pub(super) fn parse<'a, T: Deserialize<'a>>(json: &'a [u8], expected: &str) -> R
 }
 
 impl Meta {
-    /// Reads the metadata. Warnings tell what was mended.
+    /// Reads the metadata. Warnings list repairs.
     pub fn parse(json: &[u8], warnings: &mut Vec<String>) -> Result<Self, Mismatch> {
         let Probe { version } = parse(json, "SOG metadata")?;
         let meta = match version.map(|version| (version.as_u64(), version)) {

@@ -1,7 +1,7 @@
 //! The arrays of an SPZ file, out of gzip or zstd.
 //!
-//! Memory grows with what was decompressed and never by a count in the file, and decompression stops one byte
-//! past what the header says.
+//! Memory grows with the decompressed bytes and never by a count in the file. Decompression stops one byte past
+//! the size in the header.
 
 use std::io::{self, Read};
 
@@ -35,7 +35,7 @@ pub(super) fn unpack(bytes: &[u8]) -> Result<Contents, Mismatch> {
     if bytes.starts_with(&GZIP) {
         let mut decoder = GzDecoder::new(PLAIN_GZIP_HEADER.chain(after_gzip_header(bytes)?));
         let contents = unpack_sequence(&mut decoder)?;
-        // The end of the data was read, and the checksum with it. What is left follows the gzip member.
+        // The end of the data was read, and the checksum with it. The rest follows the gzip member.
         return match decoder.get_ref().get_ref().1.len() {
             0 => Ok(contents),
             n => Err(mismatch(format_args!("{n} bytes after the gzip data"), "the end of the file")),

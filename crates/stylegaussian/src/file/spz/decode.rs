@@ -42,7 +42,7 @@ pub(super) fn decode(contents: &Contents, warnings: &mut Vec<String>) -> Scene {
         },
         ..Scene::default()
     };
-    // Later versions have no bytes for what is not finite.
+    // Later versions have no bytes for values that are not finite.
     if header.version == 1 { drop_broken(scene, warnings) } else { scene }
 }
 

@@ -82,7 +82,7 @@ fn clamped(scene: &Scene, header: Header) -> Vec<String> {
     };
     let coefficients =
         |i: usize| scene.sh.as_ref().map_or(&[][..], |sh| &sh.coefficients[i * width..][..n_kept]);
-    // A Gaussian is as thin as the smallest size if it is thinner, which nobody sees.
+    // A thinner Gaussian gets the smallest size, which is invisible.
     let sizes = count(&|i| is_beyond(scale_code(scene.scales[i].max_element())));
     let colors = count(&|i| coefficients(i).iter().take(3).any(|&value| is_beyond(color_code(value))));
     let harmonics = count(&|i| coefficients(i).iter().skip(3).any(|&value| is_beyond(harmonic_code(value))));

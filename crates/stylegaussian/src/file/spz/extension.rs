@@ -62,7 +62,7 @@ fn up_from_bytes(payload: &[u8]) -> Option<Vec3> {
     up.try_normalize().and(Some(up))
 }
 
-/// The first record's type and bytes, and what follows it.
+/// The first record's type and bytes, and the bytes that follow it.
 fn split_record(records: &[u8]) -> Option<(u32, &[u8], &[u8])> {
     let (kind, rest) = records.split_first_chunk()?;
     let (n_bytes, rest) = rest.split_first_chunk()?;

@@ -1,5 +1,5 @@
-//! The file of a checkpoint, and what every training checks of it. Nothing here needs the training framework,
-//! so that the fuzz target is built without it.
+//! The file of a checkpoint, and the checks that all trainings share. Nothing here needs the training
+//! framework, so that the fuzz target is built without it.
 
 use std::collections::HashMap;
 
