@@ -15,11 +15,18 @@ use bevy::{
 use stylegaussian::{Look, Scene, file, look::MadeFrom};
 
 use crate::{
-    AppliedStyle, GaussianSplats, StyleLook, StyleProgress, StyleRefine, StyleSource,
+    AppliedStyle, GaussianSplats, StyleBackend, StyleLook, StyleProgress, StyleRefine, StyleSource,
     work::{Lane, Workers},
 };
 
-use super::{paint::noise, styles::until_applied, world::*};
+use super::{
+    paint::noise,
+    styles::until_applied,
+    world::{
+        rendering::{app_with_rendering, render_target, target},
+        *,
+    },
+};
 
 /// Beyond this a game's own task would be said to wait for us. It is a tenth of the time that a painting takes
 /// at least, and ten times what a busy machine takes to begin a task.
@@ -162,4 +169,57 @@ fn the_style_of_a_scene_that_is_on_its_way_out_is_not_computed() {
         world.get::<AppliedStyle>(entity).is_some()
     });
     assert!(!failed.load(Relaxed), "a failure of the scene before it was told");
+}
+
+/// Times of frames of the demo scene, turning, without and beside a painting each half second, and the longest
+/// wait of a game's own task.
+#[test]
+#[ignore = "a measurement, which other programs on the machine disturb"]
+fn frames_beside_paintings() {
+    let Some(mut app) = app_with_rendering(StyleBackend::Cpu) else { return };
+    let target_image = render_target(&mut app, UVec2::new(640, 360));
+    let view = Transform::from_xyz(0.0, 3.9, 9.7).looking_at(Vec3::ZERO, Vec3::Y);
+    app.world_mut().spawn((Camera3d::default(), Msaa::Off, target(&target_image), view));
+    let splats = GaussianSplats(add_scene(&mut app, demo()));
+    let entity = app.world_mut().spawn((splats, StyleSource::none())).id();
+    let mut n_frames = 0;
+    let mut frames = |app: &mut App, seconds: f32, every: f32| {
+        let (mut times, mut waits) = (Vec::<f32>::new(), Duration::ZERO);
+        let (begun, mut n_paintings, mut n_applied) = (Instant::now(), 0, 0);
+        while begun.elapsed().as_secs_f32() < seconds {
+            if every.is_finite() && begun.elapsed().as_secs_f32() >= every * n_paintings as f32 {
+                n_paintings += 1;
+                let image = painting(app, n_paintings as u64);
+                *app.world_mut().get_mut(entity).unwrap() = StyleSource::image(image);
+            }
+            n_frames += 1;
+            let mut turned = app.world_mut().get_mut::<Transform>(entity).unwrap();
+            turned.rotation = Quat::from_rotation_y(0.01 * n_frames as f32);
+            let start = Instant::now();
+            let task = AsyncComputeTaskPool::get().spawn(async move { start.elapsed() });
+            app.update();
+            times.push(start.elapsed().as_secs_f32() * 1e3);
+            waits = waits.max(block_on(task));
+            n_applied += app.world_mut().resource_mut::<Messages<crate::StyleApplied>>().drain().count();
+        }
+        times.sort_by(f32::total_cmp);
+        let [median, p99] = [times.len() / 2, times.len() * 99 / 100].map(|i| times[i]);
+        eprintln!(
+            "{} frames: median {median:.1} ms, p99 {p99:.1} ms, a game's task waited {waits:.1?}; \\
+             {n_paintings} paintings, {n_applied} shown",
+            times.len()
+        );
+    };
+    for (what, every) in [
+        ("warming up", f32::INFINITY),
+        ("captured", f32::INFINITY),
+        ("first paintings", 4.0),
+        ("painted", f32::INFINITY),
+        ("paintings every two seconds", 2.0),
+        ("ten paintings in two seconds", 0.2),
+        ("painted", f32::INFINITY),
+    ] {
+        eprint!("{what}: ");
+        frames(&mut app, 8.0, every);
+    }
 }
