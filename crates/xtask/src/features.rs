@@ -49,8 +49,8 @@ pub fn check() -> Result<()> {
     }
     ensure!(
         different.is_empty(),
-        "features differ, so cargo compiles these packages twice; add the features to crates/stylegaussian_features or \
-         under cfg(stylegaussian_workspace) in the crate's manifest:\n{}",
+        "features differ, so cargo compiles these packages twice; add the features to \
+         crates/stylegaussian_features or under cfg(stylegaussian_workspace) in the crate's manifest:\n{}",
         different.join("\n")
     );
     Ok(())

@@ -6,6 +6,7 @@ mod demo;
 mod examples;
 mod features;
 mod fuzz;
+mod lines;
 mod packages;
 mod soak;
 mod steps;
@@ -21,11 +22,14 @@ Usage: cargo xtask <COMMAND>
 
   test     everything CI runs: formatting, lints, docs, tests, examples, packages
   demo     the demo scene in every shipped style, in a window; without a display, as pictures in out/demo
-  bench    how fast everything is, beside what it could be: [--quick] [--json FILE] [--peer BINARY] [--only WORD]
+  bench    how fast everything is, beside what it could be: [--quick] [--json FILE] \
+           [--peer BINARY] [--only WORD]
   assets   make everything in assets/ and the default decoder anew; needs the test data, and hours
-  fuzz     every reader of files against made-up files: [TARGET...] [--seconds N], 60 each; needs nightly and cargo-fuzz
+  fuzz     every reader of files against made-up files: [TARGET...] [--seconds N], 60 each; needs nightly \
+           and cargo-fuzz
   soak     the plugin for half an hour or 10,000 rounds of random changes: [--seconds N] [--seed S]
-  web      the page for browsers in web/dist: [--test] tests it in Chromium, [--serve] serves it on localhost, [--example NAME] builds
+  web      the page for browsers in web/dist: [--test] tests it in Chromium, [--serve] serves it on localhost, \
+           [--example NAME] builds
            an example instead";
 
 fn main() -> ExitCode {

@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 
 use crate::{
     examples::{self, Display},
-    features,
+    features, lines,
     packages::{install_graphics, missing_for_virtual_display},
     steps::{Steps, cargo, data_folder, is_installed, keep_colors},
     web,
@@ -22,7 +22,8 @@ pub fn run() -> Result<()> {
         eprintln!("   test data: {}", data.display());
     } else {
         eprintln!(
-            "   test data: NOT FOUND at {}: the tests that need it were skipped (STYLEGAUSSIAN_DATA names another place)",
+            "   test data: NOT FOUND at {}: the tests that need it were skipped \
+             (STYLEGAUSSIAN_DATA names another place)",
             data.display()
         );
     }
@@ -37,6 +38,10 @@ fn run_all(steps: &mut Steps) -> Result<()> {
     add_components(steps)?;
     install_graphics(steps, false)?;
     steps.run("format", &mut cargo(["fmt", "--all", "--check"]))?;
+    match lines::tracked_sources() {
+        Some(files) => steps.check("lines", || lines::check(&files))?,
+        None => steps.not_run("lines", "git lists no sources here"),
+    }
     run_if_installed(steps, "spelling", "typos", &[])?;
     run_if_installed(steps, "toml", "taplo", &["format", "--check"])?;
     run_if_installed(steps, "licenses", "cargo-deny", &["check", "licenses", "sources"])?;

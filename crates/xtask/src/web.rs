@@ -284,7 +284,8 @@ mod tests {
 
     #[test]
     fn the_version_of_a_package_is_that_of_its_own_entry() {
-        let lock = "name = \"wasm-bindgen-futures\"\nversion = \"0.4.1\"\n\nname = \"wasm-bindgen\"\nversion = \"0.2.9\"\n";
+        let lock = "name = \"wasm-bindgen-futures\"\nversion = \"0.4.1\"\n\n\
+                    name = \"wasm-bindgen\"\nversion = \"0.2.9\"\n";
         assert_eq!(locked_version(lock, "wasm-bindgen"), Some("0.2.9"));
         assert_eq!(locked_version(lock, "wasm"), None);
     }
