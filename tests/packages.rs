@@ -49,12 +49,8 @@ fn packages_carry_the_licenses() {
             let here = folder.join(name);
             // A link is not packed as a file by every system.
             assert!(!here.is_symlink(), "{} is a link, expected a file", here.display());
-            assert_eq!(
-                read(&here),
-                read(&repository().join(name)),
-                "{} differs from the root's",
-                here.display()
-            );
+            let is_equal = read(&here) == read(&repository().join(name));
+            assert!(is_equal, "{} differs from the root's", here.display());
         }
     }
 }

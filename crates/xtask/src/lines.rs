@@ -1,19 +1,11 @@
 //! Checks the length of the lines that rustfmt leaves alone: comments, strings, attributes, shaders.
 
-use std::{fs, process::Command};
+use std::fs;
 
 use anyhow::{Context, Result, ensure};
 
 /// The most characters on a line. Two more than rustfmt's `max_width`, which a comment may use up.
 const LONGEST: usize = 112;
-
-/// The sources that git tracks, or nothing where it tracks none: an unpacked archive, a machine without git.
-pub fn tracked_sources() -> Option<Vec<String>> {
-    let output = Command::new("git").args(["ls-files", "-z", "*.rs", "*.wgsl"]).output().ok()?;
-    let list = String::from_utf8(output.stdout).ok()?;
-    let files: Vec<String> = list.split_terminator('\0').map(String::from).collect();
-    (output.status.success() && !files.is_empty()).then_some(files)
-}
 
 /// Reads the files and looks for longer lines.
 ///
@@ -22,11 +14,7 @@ pub fn tracked_sources() -> Option<Vec<String>> {
 pub fn check(files: &[String]) -> Result<()> {
     let mut long = Vec::new();
     for file in files {
-        let text = match fs::read_to_string(file) {
-            // Tracked until its removal is committed.
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => continue,
-            text => text.with_context(|| format!("cannot read {file}"))?,
-        };
+        let text = fs::read_to_string(file).with_context(|| format!("cannot read {file}"))?;
         long.extend(long_lines(&text).map(|(line, n)| format!("  {file}:{line}: {n} characters")));
     }
     ensure!(
