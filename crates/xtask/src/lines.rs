@@ -19,8 +19,8 @@ pub fn check(files: &[String]) -> Result<()> {
     }
     ensure!(
         long.is_empty(),
-        "found lines of more than {LONGEST} characters, expected none; break the comment, the string (with `\\` at \
-         the end of a line) or the list:\n{}",
+        "found lines of more than {LONGEST} characters, expected none; break the comment, the string (with \
+         `\\` at the end of a line) or the list:\n{}",
         long.join("\n")
     );
     Ok(())

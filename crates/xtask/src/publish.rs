@@ -3,8 +3,8 @@
 //! The copy's manifests lack the sections under `cfg(stylegaussian_workspace)`, which spare builds inside the
 //! workspace (see [`crate::features`]). Nobody else sets that configuration, but cargo resolves dependencies
 //! for all configurations: each game's lock file would hold the sections' packages, and a registry would have
-//! to hold `stylegaussian_features`. It does not, so a crate that has the sections cannot be packed or published
-//! by mistake.
+//! to hold `stylegaussian_features`. It does not, so a crate that has the sections cannot be packed or
+//! published by mistake.
 
 use std::{
     env, fs,
