@@ -231,7 +231,8 @@ fn no_room_imports_one_beside_or_above_it() {
 #[test]
 fn imports_are_found_however_they_are_written() {
     let reexports = reexports(
-        "mod splats;\npub use splats::{view::SplatView, SplatSortKey};\npub use glam;\nmod prelude { pub use crate::SplatSortKey; }",
+        "mod splats;\npub use splats::{view::SplatView, SplatSortKey};\npub use glam;\n\
+         mod prelude { pub use crate::SplatSortKey; }",
     );
     let found = |source: &str| rooms(source, &["style", "job"], &reexports);
     for source in [

@@ -51,7 +51,8 @@ fn named(path: PathBuf) -> PathBuf {
 fn expected() -> String {
     let scenes: Vec<_> = readable_extensions().iter().map(|extension| format!(".{extension}")).collect();
     format!(
-        "expected a scene ({}), a folder with one, an image (.jpg, .png), a .style.safetensors, a .look.safetensors or a .mask.safetensors",
+        "expected a scene ({}), a folder with one, an image (.jpg, .png), a .style.safetensors, \
+         a .look.safetensors or a .mask.safetensors",
         scenes.join(", ")
     )
 }

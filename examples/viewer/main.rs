@@ -44,7 +44,8 @@ fn main() -> AppExit {
     let mut arguments = env::args_os().skip(1).map(PathBuf::from).peekable();
     if arguments.peek().is_some_and(|first| first.as_os_str().to_string_lossy().starts_with('-')) {
         println!(
-            "Usage: viewer [SCENE] [STYLE...]\n\nSCENE: .{}\nSTYLE: .jpg, .png, .style.safetensors, .look.safetensors",
+            "Usage: viewer [SCENE] [STYLE...]\n\nSCENE: .{}\n\
+             STYLE: .jpg, .png, .style.safetensors, .look.safetensors",
             readable_extensions().join(", .")
         );
         return AppExit::Success;

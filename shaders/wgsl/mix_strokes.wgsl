@@ -28,7 +28,9 @@ fn unpacked_word(word: u32) -> StrokeWord {
 
 fn packed_word(word: StrokeWord) -> u32 {
     let share = u32(clamp(word.share, 0.0, 1.0) * f32(SEVEN_BITS) + 0.5);
-    return (word.seed & ((1u << SEED_BITS) - 1u)) | (word.protection << SEED_BITS) | (share << (SEED_BITS + 7u));
+    return (word.seed & ((1u << SEED_BITS) - 1u))
+        | (word.protection << SEED_BITS)
+        | (share << (SEED_BITS + 7u));
 }
 
 /// The strokes of a Gaussian in a look.

@@ -12,7 +12,10 @@ struct Quad {
 }
 
 @vertex
-fn splat_draw_strokes_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32) -> Quad {
+fn splat_draw_strokes_vertex(
+    @builtin(vertex_index) corner: u32,
+    @builtin(instance_index) instance: u32,
+) -> Quad {
     let record = record_of(instance);
     let geometry = geometry_halves[record];
     let splat = unpacked(geometry, color_halves[record]);

@@ -77,8 +77,11 @@ fn inverse(goal: vec3<f32>) -> vec3<f32> {
     var error = dot(missing, missing);
     var damping = 0.01;
     for (var i = 0u; i < MAX_ITERATIONS && error > GOOD; i++) {
-        let jacobian =
-            mat3x3(slope(stops, vec3(1.0, 0.0, 0.0)), slope(stops, vec3(0.0, 1.0, 0.0)), slope(stops, vec3(0.0, 0.0, 1.0)));
+        let jacobian = mat3x3(
+            slope(stops, vec3(1.0, 0.0, 0.0)),
+            slope(stops, vec3(0.0, 1.0, 0.0)),
+            slope(stops, vec3(0.0, 0.0, 1.0)),
+        );
         var normal = transpose(jacobian) * jacobian;
         normal[0][0] += damping;
         normal[1][1] += damping;

@@ -50,7 +50,8 @@ fn sh_color(gaussian: u32, n_gaussians: u32, degree: u32, d: vec3<f32>) -> vec3<
     if degree >= 3u {
         let edge = 4.0 * s.z - s.x - s.y;
         sum += sh_pair(gaussian, n, 5u, vec2(SH_3B * d.x * d.y * d.z, -SH_3C * d.y * edge));
-        sum += sh_pair(gaussian, n, 6u, vec2(SH_3D * d.z * (2.0 * s.z - 3.0 * (s.x + s.y)), -SH_3C * d.x * edge));
+        let along = 2.0 * s.z - 3.0 * (s.x + s.y);
+        sum += sh_pair(gaussian, n, 6u, vec2(SH_3D * d.z * along, -SH_3C * d.x * edge));
         sum += sh_pair(gaussian, n, 7u, vec2(SH_3E * d.z * (s.x - s.y), -SH_3A * d.x * (s.x - 3.0 * s.y)));
     }
     return max(sum + 0.5, vec3(0.0));

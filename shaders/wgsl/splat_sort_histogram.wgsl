@@ -7,7 +7,10 @@
 var<workgroup> histogram: array<atomic<u32>, WORKGROUP>;
 
 @compute @workgroup_size(WORKGROUP)
-fn splat_sort_histogram(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn splat_sort_histogram(
+    @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     // Workgroup memory starts as zero.
     let n = n_keys();
     for (var round = 0u; round < ROUNDS; round++) {

@@ -67,7 +67,8 @@ fn gradients(mean: vec3<f32>) -> Gradients {
 
 /// The turn from the painting's axes to the scene's, as a quaternion.
 fn turn_of(seed: StrokeSeed) -> vec4<f32> {
-    let others = vec3(unpack2x16snorm(seed.rotation_xy), unpack2x16snorm(seed.rotation_z_aspect).x) * inverseSqrt(2.0);
+    let stored = vec3(unpack2x16snorm(seed.rotation_xy), unpack2x16snorm(seed.rotation_z_aspect).x);
+    let others = stored * inverseSqrt(2.0);
     let largest = sqrt(max(1.0 - dot(others, others), 0.0));
     // The numbers after the largest in a circle are the others.
     var turn = vec4(others, largest);
@@ -157,7 +158,8 @@ fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     let level = clamp(log2(texels) + SHARPER, LEAST_LEVEL, MOST_LEVEL);
     let look = byte(gains.x / MAX_GAIN) | (byte(gains.y / MAX_GAIN) << 8u) | (seed.look & 0xff0000u)
         | (byte((level - LEAST_LEVEL) / (MOST_LEVEL - LEAST_LEVEL)) << 24u);
-    return vec4(wrapped(place.x) | (wrapped(place.y) << 16u), pack2x16float(step_x), pack2x16float(step_y), look);
+    let packed_place = wrapped(place.x) | (wrapped(place.y) << 16u);
+    return vec4(packed_place, pack2x16float(step_x), pack2x16float(step_y), look);
 }
 
 @compute @workgroup_size(WORKGROUP)

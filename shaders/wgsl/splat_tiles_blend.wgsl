@@ -10,7 +10,8 @@ fn splat_tiles_blend(
     if tile >= tiles.n_tiles.x * tiles.n_tiles.y {
         return;
     }
-    let corner = vec2(tile % tiles.n_tiles.x, tile / tiles.n_tiles.x) * TILE_SIZE + vec2(lane & 1u, (lane >> 1u) & 1u) * 4u;
+    let corner = vec2(tile % tiles.n_tiles.x, tile / tiles.n_tiles.x) * TILE_SIZE
+        + vec2(lane & 1u, (lane >> 1u) & 1u) * 4u;
     let pixel = vec2<u32>(tiles.viewport.xy) + corner;
     let middle = vec2<f32>(pixel) + 0.5;
     let below = vec2(0u, 1u);

@@ -109,7 +109,10 @@ fn blend_list(
             let weight_1 = stroke_weights(blend(row_1, splat, alpha_1), alpha_1);
             let weight_2 = stroke_weights(blend(row_2, splat, alpha_2), alpha_2);
             let weight_3 = stroke_weights(blend(row_3, splat, alpha_3), alpha_3);
-            let pixels = bits_of(weight_0) | (bits_of(weight_1) << 4u) | (bits_of(weight_2) << 8u) | (bits_of(weight_3) << 12u);
+            let pixels = bits_of(weight_0)
+                | (bits_of(weight_1) << 4u)
+                | (bits_of(weight_2) << 8u)
+                | (bits_of(weight_3) << 12u);
             if pixels != 0u && has_strokes(stroke_records[record]) {
                 queue.records[queue.n] = record;
                 queue.pixels[queue.n] = pixels;

@@ -101,7 +101,10 @@ fn finish(row: u32, quad: u32, sum: vec4<f32>) {
 }
 
 @compute @workgroup_size(WORKGROUP_SIZE)
-fn style_knn_conv(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_index) invocation: u32) {
+fn style_knn_conv(
+    @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(local_invocation_index) invocation: u32,
+) {
     let workgroup_row = workgroup.x * ROWS_PER_WORKGROUP;
     let workgroup_quad = workgroup.y * COLUMN_QUADS;
     let lane_row = invocation % LANE_ROWS;

@@ -76,7 +76,7 @@ test("the package holds all that it loads, its types and its licenses", () => {
   const loaded = scripts.flatMap((path) => [...readFileSync(join("web/dist/package", path), "utf8").matchAll(/["']\.\/([\w.-]+)["']/g)].map(([, file]) => file));
   const { exports, types } = JSON.parse(readFileSync("web/dist/package/package.json"));
   const entries = [types, ...Object.values(exports).flatMap((entry) => Object.values(typeof entry === "string" ? { entry } : entry))];
-  const expected = [...loaded, ...entries.map((path) => path.replace("./", "")), "README.md", "LICENSE-APACHE", "LICENSE-MIT", "app_bg.wasm"];
+  const expected = [...loaded, ...entries.map((path) => path.replace("./", "")), "README.md", "LICENSE-APACHE", "LICENSE-MIT", "NOTICE", "app_bg.wasm"];
   for (const path of expected) assert.ok(found.has(path), `${path} is not among ${[...found]}`);
   assert.ok(loaded.includes("worker.js") && loaded.includes("app.js"), loaded.join());
   console.log(`npm pack: ${(pack.size / 1e6).toFixed(1)} MB, ${found.size} files`);

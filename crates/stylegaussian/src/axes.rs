@@ -118,7 +118,8 @@ impl TryFrom<String> for Axes {
 /// A text that names no axes.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "found axes `{0}`, expected three letters: r or l, u or d, f or b, such as rdf (3DGS .ply) or rub (SPZ, glTF)"
+    "found axes `{0}`, expected three letters: r or l, u or d, f or b, such as rdf (3DGS .ply) or \
+     rub (SPZ, glTF)"
 )]
 pub struct UnknownAxes(String);
 

@@ -247,7 +247,8 @@ impl Report {
             self.not_run.iter().for_each(|it| text += &format!("| {} | {} |\n", it.name, it.reason));
         }
         if !self.files.is_empty() {
-            text += "\n| format | bytes per Gaussian | read / unpack | peak / scene |\n| --- | ---: | ---: | ---: |\n";
+            text += "\n| format | bytes per Gaussian | read / unpack | peak / scene |\n\
+                     | --- | ---: | ---: | ---: |\n";
         }
         for FileRatios { name, bytes_per_gaussian, read_over_unpack, peak_over_held } in &self.files {
             text += &format!(

@@ -22,7 +22,12 @@ var<workgroup> tile_b: array<vec4<f32>, 4u * STEP_QUADS * COLUMN_QUADS>;
 fn four_rows(first_row: u32, quad: u32) -> mat4x4<f32> {
     let start = first_row * ROW_STRIDE + quad;
     let step = LANE_ROWS * ROW_STRIDE;
-    return mat4x4<f32>(tile_a[start], tile_a[start + step], tile_a[start + 2u * step], tile_a[start + 3u * step]);
+    return mat4x4<f32>(
+        tile_a[start],
+        tile_a[start + step],
+        tile_a[start + 2u * step],
+        tile_a[start + 3u * step],
+    );
 }
 
 fn four_columns(quad: u32, column: u32) -> mat4x4<f32> {

@@ -112,8 +112,8 @@ pub fn picture_size(text: &str) -> Result<UVec2, String> {
         .filter(|&size| is_drawable(size))
         .ok_or_else(|| {
             format!(
-                "expected WIDTHxHEIGHT in pixels, as in 640x480: 1 to {MAX_SIDE} each, and at most {MAX_PIXELS} \
-                 together, which take 2 GiB to draw"
+                "expected WIDTHxHEIGHT in pixels, as in 640x480: 1 to {MAX_SIDE} each, and at most \
+                 {MAX_PIXELS} together, which take 2 GiB to draw"
             )
         })
 }

@@ -66,12 +66,14 @@ pub fn expect_seen(cameras: Vec<Camera>, scene: &Scene, path: &Path) -> Result<V
     ensure!(!cameras.is_empty(), "{name}: none of its {n} Gaussians is visible, expected something to see");
     ensure!(
         size.max(largest) >= SMALLEST_SCENE,
-        "{name}: found a scene of {:e} units, expected at least {SMALLEST_SCENE:e} to choose cameras for: scale it up",
+        "{name}: found a scene of {:e} units, expected at least {SMALLEST_SCENE:e} \
+         to choose cameras for: scale it up",
         size.max(largest)
     );
     ensure!(
         cameras.iter().all(Camera::is_usable),
-        "{name}: found Gaussians {size:e} units apart, of at most {largest:e} units: no camera in f32 can see them all"
+        "{name}: found Gaussians {size:e} units apart, of at most {largest:e} units: \
+         no camera in f32 can see them all"
     );
     Ok(cameras)
 }

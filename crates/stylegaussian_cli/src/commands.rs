@@ -48,7 +48,8 @@ fn formats() -> String {
     };
     let (read, written) = (list(readable_extensions()), list(writable_extensions()));
     format!(
-        "Scenes are read from {read}; they are known by their content where it has a mark. They are written as {written}."
+        "Scenes are read from {read}; they are known by their content where it has a mark. \
+         They are written as {written}."
     )
 }
 

@@ -12,10 +12,22 @@ pub struct StrokeArgs {
     #[arg(long, value_name = "FACTOR", default_value = "1", value_parser = stroke_scale)]
     stroke_scale: f32,
     /// Strength of the strokes, as a factor: 0 leaves the colors under them.
-    #[arg(long, value_name = "FACTOR", default_value = "1", allow_negative_numbers = true, value_parser = factor_to_10)]
+    #[arg(
+        long,
+        value_name = "FACTOR",
+        default_value = "1",
+        allow_negative_numbers = true,
+        value_parser = factor_to_10,
+    )]
     paint_amount: f32,
     /// How much of what stands out keeps its own detail, as a factor: below 1, more of it is painted.
-    #[arg(long, value_name = "FACTOR", default_value = "1", allow_negative_numbers = true, value_parser = factor_to_10)]
+    #[arg(
+        long,
+        value_name = "FACTOR",
+        default_value = "1",
+        allow_negative_numbers = true,
+        value_parser = factor_to_10,
+    )]
     protection: f32,
 }
 

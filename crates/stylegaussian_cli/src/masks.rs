@@ -19,13 +19,23 @@ pub struct MaskArgs {
     #[arg(long, value_name = "FILE", requires = "masking")]
     mask: Option<PathBuf>,
     /// Show the style where this channel of the mask is painted, and the captured colors elsewhere.
-    #[arg(long, value_name = "0..3", requires = "restyling", value_parser = clap::value_parser!(u8).range(0..4))]
+    #[arg(
+        long,
+        value_name = "0..3",
+        requires = "restyling",
+        value_parser = clap::value_parser!(u8).range(0..4),
+    )]
     styled_in: Option<u8>,
     /// Hide what is painted in this channel of the mask.
     #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..4))]
     hide: Option<u8>,
     /// Hide all but what is painted in this channel of the mask.
-    #[arg(long, value_name = "0..3", conflicts_with = "hide", value_parser = clap::value_parser!(u8).range(0..4))]
+    #[arg(
+        long,
+        value_name = "0..3",
+        conflicts_with = "hide",
+        value_parser = clap::value_parser!(u8).range(0..4),
+    )]
     crop: Option<u8>,
 }
 

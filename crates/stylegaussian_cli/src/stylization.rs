@@ -40,7 +40,13 @@ pub struct StylizationArgs {
     looks: Vec<WeightedPath>,
     /// How much of the scene to keep, from 0 (full style) to 1 (no style): of its features in styles, of its
     /// base colors in looks.
-    #[arg(long, value_name = "0..1", default_value = "0", allow_negative_numbers = true, value_parser = fraction)]
+    #[arg(
+        long,
+        value_name = "0..1",
+        default_value = "0",
+        allow_negative_numbers = true,
+        value_parser = fraction,
+    )]
     content: f64,
     /// The decoder, *.decoder.safetensors. Default: the scene's own, else the built-in one.
     #[arg(long, value_name = "FILE")]

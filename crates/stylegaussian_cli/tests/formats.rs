@@ -44,7 +44,8 @@ fn bad_files(bench: &Bench, extension: &str) -> Vec<(&'static str, Vec<u8>)> {
             (
                 "levels",
                 text(
-                    r#"{"lodLevels":1,"filenames":["0/meta.json"],"tree":{"lods":{"0":{"file":0,"offset":0,"count":1}}}}"#,
+                    r#"{"lodLevels":1,"filenames":["0/meta.json"],
+                    "tree":{"lods":{"0":{"file":0,"offset":0,"count":1}}}}"#,
                 ),
             ),
             (

@@ -50,7 +50,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         black_box(Recipe::painting(&canvas, &surface).restyle(&scene, &Work::default())?);
         let lay = milliseconds(start);
         println!(
-            "{painting}: read {read:.0}; encode {encode:.0}, decode {decode:.0}; prepare {prepare:.0}, lay {lay:.0}"
+            "{painting}: read {read:.0}; encode {encode:.0}, decode {decode:.0}; \
+             prepare {prepare:.0}, lay {lay:.0}"
         );
         decoded.push(encode + decode);
         painted.push(prepare + lay);

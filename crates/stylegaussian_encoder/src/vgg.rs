@@ -1,13 +1,14 @@
 //! VGG-19 up to relu3_1, from weights to an ONNX graph.
 //!
 //! Three layouts of weights are known, recognized by the names of their tensors. They differ in more than
-//! names: the same weights give other features with another padding or pooling than they were made for.
+//! names: the same weights give other features with another padding or pooling than they were made for. `conv0`
+//! comes before `conv1_1`.
 //!
 //! | layout | tensors | input | padding | pooling |
 //! | --- | --- | --- | --- | --- |
-//! | [`Layout::Normalized`] | `conv1_1.weight` ... `conv3_1.weight` | `conv1_1_rgb01`, or `conv0` before `conv1_1` | reflection | ceil |
-//! | [`Layout::Torchvision`] | `features.0.weight` ... `features.10.weight` | ImageNet mean and deviation | zero | floor |
-//! | [`Layout::Distilled`] | a quarter of the channels, and `conv3_1_aux` | `conv0` before `conv1_1` | reflection | floor |
+//! | [`Layout::Normalized`] | `conv1_1.weight` and on | `conv1_1_rgb01`, or `conv0` | reflection | ceil |
+//! | [`Layout::Torchvision`] | `features.0.weight` and on | ImageNet mean and deviation | zero | floor |
+//! | [`Layout::Distilled`] | a quarter of the channels, and `conv3_1_aux` | `conv0` | reflection | floor |
 
 use crate::{
     onnx::{ChainWriter, Convolution},

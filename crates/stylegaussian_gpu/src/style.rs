@@ -13,8 +13,11 @@
 //!
 //! ```no_run
 //! use stylegaussian_gpu::{colors::GaussianColors, device::{DeviceOptions, HeadlessDevice}, style::*};
-//! # fn f(scene: &stylegaussian::Scene, decoder: &stylegaussian::Decoder, style: &stylegaussian::ChannelStatistics)
-//! # -> Result<(), Box<dyn std::error::Error>> {
+//! # fn f(
+//! #     scene: &stylegaussian::Scene,
+//! #     decoder: &stylegaussian::Decoder,
+//! #     style: &stylegaussian::ChannelStatistics,
+//! # ) -> Result<(), Box<dyn std::error::Error>> {
 //! let gpu = pollster::block_on(HeadlessDevice::request(DeviceOptions::default()))?;
 //! let HeadlessDevice { device, queue, .. } = gpu;
 //! let pass = StylePass::new(&device);

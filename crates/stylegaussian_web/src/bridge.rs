@@ -238,7 +238,8 @@ pub fn note_camera(vertical_angle: f32, size: UVec2, scene_from_camera: Mat4) {
     let row = |i| scene_from_camera.row(i).to_array();
     let focal = 0.5 * size.y as f32 / (0.5 * vertical_angle).tan();
     CAMERAS.set(format!(
-        "{{\"w\": {}, \"h\": {}, \"fl_x\": {focal}, \"fl_y\": {focal}, \"frames\": [{{\"transform_matrix\": {:?}}}]}}",
+        "{{\"w\": {}, \"h\": {}, \"fl_x\": {focal}, \"fl_y\": {focal}, \
+         \"frames\": [{{\"transform_matrix\": {:?}}}]}}",
         size.x,
         size.y,
         [row(0), row(1), row(2), row(3)],

@@ -3,7 +3,7 @@
 //! Cargo unites features over the crates that one command selects. If the union for `-p CRATE` differs from
 //! that for `--workspace`, switching between the two compiles every affected dependency twice (minutes for
 //! Bevy, burn and tract). `crates/stylegaussian_features` and the sections `cfg(stylegaussian_workspace)` of
-//! the manifests keep the unions equal.
+//! the manifests keep the unions equal. Packages are made without them: see [`crate::publish`].
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -49,8 +49,8 @@ pub fn check() -> Result<()> {
     }
     ensure!(
         different.is_empty(),
-        "features differ, so cargo compiles these packages twice; add the features to crates/stylegaussian_features or \
-         under cfg(stylegaussian_workspace) in the crate's manifest:\n{}",
+        "features differ, so cargo compiles these packages twice; add the features to \
+         crates/stylegaussian_features or under cfg(stylegaussian_workspace) in the crate's manifest:\n{}",
         different.join("\n")
     );
     Ok(())

@@ -1,12 +1,16 @@
-//! Set-up and chores of the workspace: `cargo xtask test | demo | bench | assets | fuzz | soak | web`.
+//! Set-up and chores of the workspace: `cargo xtask test | demo | bench | assets | fuzz | soak | web |
+//! package`.
 
 mod assets;
 mod bench;
 mod demo;
 mod examples;
 mod features;
+mod files;
 mod fuzz;
+mod lines;
 mod packages;
+mod publish;
 mod soak;
 mod steps;
 mod test;
@@ -21,12 +25,16 @@ Usage: cargo xtask <COMMAND>
 
   test     everything CI runs: formatting, lints, docs, tests, examples, packages
   demo     the demo scene in every shipped style, in a window; without a display, as pictures in out/demo
-  bench    how fast everything is, beside what it could be: [--quick] [--json FILE] [--peer BINARY] [--only WORD]
+  bench    how fast everything is, beside what it could be: [--quick] [--json FILE] \
+           [--peer BINARY] [--only WORD]
   assets   make everything in assets/ and the default decoder anew; needs the test data, and hours
-  fuzz     every reader of files against made-up files: [TARGET...] [--seconds N], 60 each; needs nightly and cargo-fuzz
+  fuzz     every reader of files against made-up files: [TARGET...] [--seconds N], 60 each; needs nightly \
+           and cargo-fuzz
   soak     the plugin for half an hour or 10,000 rounds of random changes: [--seconds N] [--seed S]
-  web      the page for browsers in web/dist: [--test] tests it in Chromium, [--serve] serves it on localhost, [--example NAME] builds
-           an example instead";
+  web      the page for browsers in web/dist: [--test] tests it in Chromium, [--serve] serves it on localhost, \
+           [--example NAME] builds
+           an example instead
+  package  the published crates, packed in target/package from a copy of the sources in target/publish";
 
 fn main() -> ExitCode {
     match run() {
@@ -50,6 +58,7 @@ fn run() -> Result<()> {
         ["fuzz", ..] => fuzz::run(&arguments[1..]),
         ["soak", ..] => soak::run(&arguments[1..]),
         ["web", ..] => web::run(&arguments[1..]),
+        ["package"] => publish::run(),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");
             Ok(())

@@ -1,13 +1,14 @@
 //! `cargo xtask test`: everything that CI runs, cheapest first. Stops at the first failure.
 
-use std::{env, fs, process::Command};
+use std::process::Command;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 
 use crate::{
     examples::{self, Display},
-    features,
+    features, files, lines,
     packages::{install_graphics, missing_for_virtual_display},
+    publish,
     steps::{Steps, cargo, data_folder, is_installed, keep_colors},
     web,
 };
@@ -22,7 +23,8 @@ pub fn run() -> Result<()> {
         eprintln!("   test data: {}", data.display());
     } else {
         eprintln!(
-            "   test data: NOT FOUND at {}: the tests that need it were skipped (STYLEGAUSSIAN_DATA names another place)",
+            "   test data: NOT FOUND at {}: the tests that need it were skipped \
+             (STYLEGAUSSIAN_DATA names another place)",
             data.display()
         );
     }
@@ -37,6 +39,10 @@ fn run_all(steps: &mut Steps) -> Result<()> {
     add_components(steps)?;
     install_graphics(steps, false)?;
     steps.run("format", &mut cargo(["fmt", "--all", "--check"]))?;
+    match files::listed(&["*.rs", "*.wgsl"]) {
+        Some(files) => steps.check("lines", || lines::check(&files))?,
+        None => steps.not_run("lines", "git lists no sources here"),
+    }
     run_if_installed(steps, "spelling", "typos", &[])?;
     run_if_installed(steps, "toml", "taplo", &["format", "--check"])?;
     run_if_installed(steps, "licenses", "cargo-deny", &["check", "licenses", "sources"])?;
@@ -53,7 +59,7 @@ fn run_all(steps: &mut Steps) -> Result<()> {
     steps.run("examples", &mut cargo(["build", "--locked", "--workspace", "--examples"]))?;
     start_examples(steps)?;
     web::test(steps)?;
-    steps.run("packages", &mut package()?)
+    publish::pack(steps)
 }
 
 /// Installs rustfmt and clippy if the toolchain lacks them, as minimal ones do.
@@ -79,6 +85,10 @@ fn tests(steps: &mut Steps) -> Result<()> {
 }
 
 fn start_examples(steps: &mut Steps) -> Result<()> {
+    if !cfg!(target_os = "linux") {
+        steps.not_run("examples start", "only Linux has a display without a screen for them");
+        return Ok(());
+    }
     let missing = missing_for_virtual_display();
     if !missing.is_empty() {
         steps.not_run("examples start", &format!("{} not installed", missing.join(" ")));
@@ -100,33 +110,4 @@ fn run_if_installed(steps: &mut Steps, name: &str, program: &str, arguments: &[&
         steps.not_run(name, &format!("`{program}` is not installed"));
         Ok(())
     }
-}
-
-/// Packs the published crates, without building them from their packages. Uncommitted changes are included,
-/// except on CI, which requires a clean tree.
-fn package() -> Result<Command> {
-    let mut command = cargo(["package", "--locked", "--offline", "--workspace", "--no-verify"]);
-    for name in unpublished()? {
-        command.args(["--exclude", &name]);
-    }
-    if env::var_os("CI").is_none() {
-        command.arg("--allow-dirty");
-    }
-    Ok(command)
-}
-
-/// The packages with `publish = false` in their manifest: the workspace's own, and crates. Crates are named
-/// like their folders.
-fn unpublished() -> Result<Vec<String>> {
-    let mut names = vec![String::from("stylegaussian_workspace")];
-    for entry in fs::read_dir("crates").context("cannot list crates/")? {
-        let folder = entry.context("cannot list crates/")?.path();
-        let manifest = folder.join("Cargo.toml");
-        let Ok(text) = fs::read_to_string(&manifest) else { continue };
-        if text.lines().any(|line| line.trim() == "publish = false") {
-            names.extend(folder.file_name().map(|name| name.to_string_lossy().into_owned()));
-        }
-    }
-    names.sort();
-    Ok(names)
 }

@@ -11,7 +11,10 @@ use std::{
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::steps::{Steps, cargo, is_installed, target_folder};
+use crate::{
+    files::{copy, copy_files, fresh_folder},
+    steps::{Steps, cargo, is_installed, target_folder},
+};
 use toolchain::{TARGET, Toolchain};
 
 /// The finished folder. Any host of static files serves it.
@@ -25,8 +28,8 @@ const PAGE: &str = "web/page";
 const ELEMENT: &str = "web/package";
 const ELEMENT_EXAMPLES: &str = "web/examples";
 
-/// The licenses, which go with the package.
-const LICENSES: [&str; 2] = ["LICENSE-APACHE", "LICENSE-MIT"];
+/// The licenses, and the notice of the networks that are compiled in. They go with the package.
+const LICENSES: [&str; 3] = ["LICENSE-APACHE", "LICENSE-MIT", "crates/stylegaussian_defaults/NOTICE"];
 
 /// Folders and files of `assets/` that apps load.
 const ASSETS: [&str; 3] = ["demo.sgs", "styles", "looks"];
@@ -100,8 +103,8 @@ fn build(steps: &mut Steps, app: &App) -> Result<()> {
         App::Page => {
             copy_files(Path::new(PAGE), Path::new(DIST))?;
             copy_files(Path::new(ELEMENT), &Path::new(DIST).join("package"))?;
-            for name in LICENSES {
-                copy(Path::new(name), &Path::new(DIST).join("package").join(name))?;
+            for from in LICENSES.map(Path::new) {
+                copy(from, &Path::new(DIST).join("package").join(from.file_name().unwrap_or_default()))?;
             }
             element_examples(steps)?;
         }
@@ -242,49 +245,14 @@ fn print_sizes() -> Result<()> {
     Ok(())
 }
 
-/// Makes an empty folder, in place of whatever it held.
-fn fresh_folder(folder: &Path) -> Result<()> {
-    if folder.exists() {
-        fs::remove_dir_all(folder).with_context(|| format!("cannot empty {}", folder.display()))?;
-    }
-    fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))
-}
-
-/// Copies a file, or a folder with all that it holds.
-fn copy(from: &Path, to: &Path) -> Result<()> {
-    if !from.is_dir() {
-        let folder = to.parent().unwrap_or(Path::new("."));
-        fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-        fs::copy(from, to).with_context(|| format!("cannot copy {} to {}", from.display(), to.display()))?;
-        return Ok(());
-    }
-    for entry in entries(from)? {
-        copy(&entry, &to.join(entry.file_name().unwrap_or_default()))?;
-    }
-    Ok(())
-}
-
-/// Copies the files of a folder, without the folders in it.
-fn copy_files(from: &Path, to: &Path) -> Result<()> {
-    for entry in entries(from)?.iter().filter(|entry| entry.is_file()) {
-        copy(entry, &to.join(entry.file_name().unwrap_or_default()))?;
-    }
-    Ok(())
-}
-
-fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
-    let context = || format!("cannot list {}", folder.display());
-    let entries = fs::read_dir(folder).with_context(context)?;
-    entries.map(|entry| Ok(entry.with_context(context)?.path())).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn the_version_of_a_package_is_that_of_its_own_entry() {
-        let lock = "name = \"wasm-bindgen-futures\"\nversion = \"0.4.1\"\n\nname = \"wasm-bindgen\"\nversion = \"0.2.9\"\n";
+        let lock = "name = \"wasm-bindgen-futures\"\nversion = \"0.4.1\"\n\n\
+                    name = \"wasm-bindgen\"\nversion = \"0.2.9\"\n";
         assert_eq!(locked_version(lock, "wasm-bindgen"), Some("0.2.9"));
         assert_eq!(locked_version(lock, "wasm"), None);
     }

@@ -14,8 +14,8 @@ pub enum StyleError {
     Stylize(#[from] StylizeError),
     /// A preset cannot be painted, and the scene has no features to decode.
     #[error(
-        "{preset}: the preset carries no paint (`stylegaussian style IMAGE` makes one that does), and the scene has no \
-         features to decode it with"
+        "{preset}: the preset carries no paint (`stylegaussian style IMAGE` makes one that does), and the \
+         scene has no features to decode it with"
     )]
     NoPaint {
         /// The preset.
@@ -33,9 +33,9 @@ pub enum StyleError {
     /// An image has to be encoded for a decoder, but no encoder is set and the plugin was built without the
     /// bundled one.
     #[error(
-        "a decoded style image needs an encoder, and the plugin was built without the bundled one: enable the feature \
-         `bundled_models`, or set the resource StyleEncoder to an `.onnx` asset; StyleSource::preset needs no encoder \
-         (`stylegaussian style IMAGE` makes presets)"
+        "a decoded style image needs an encoder, and the plugin was built without the bundled one: enable the \
+         feature `bundled_models`, or set the resource StyleEncoder to an `.onnx` asset; StyleSource::preset \
+         needs no encoder (`stylegaussian style IMAGE` makes presets)"
     )]
     NoEncoder,
     /// The encoder cannot be opened or used.

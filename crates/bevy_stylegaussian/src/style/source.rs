@@ -29,7 +29,8 @@ use super::{
 /// # fn system(mut source: Single<&mut StyleSource>, assets: Res<AssetServer>) {
 /// let (starry, wave) = (assets.load("starry.jpg"), assets.load("wave.style.safetensors"));
 /// **source = StyleSource::image(starry.clone());
-/// **source = StyleSource::mix([(StyleInput::Image(starry), 0.3), (StyleInput::Preset(wave), 0.7)]).with_content(0.2);
+/// **source = StyleSource::mix([(StyleInput::Image(starry), 0.3), (StyleInput::Preset(wave), 0.7)])
+///     .with_content(0.2);
 /// source.content = 0.5;
 /// **source = StyleSource::none();
 /// # }

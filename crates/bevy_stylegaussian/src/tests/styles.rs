@@ -441,7 +441,17 @@ fn public_types_are_registered() {
             assert!(registry.get(std::any::TypeId::of::<face::$name>()).is_some(), stringify!($name));
         )*};
     }
-    check!(ReflectComponent: GaussianSplats, StyleSource, StyleRefine, StyleTransition, StyleDecoder, AppliedStyle, SplatTonemapping, SplatSortKey);
+    check!(
+        ReflectComponent:
+        GaussianSplats,
+        StyleSource,
+        StyleRefine,
+        StyleTransition,
+        StyleDecoder,
+        AppliedStyle,
+        SplatTonemapping,
+        SplatSortKey
+    );
     check!(ReflectResource: StyleBackend, StyleBudget, StyleEncoder);
     check!(
         GaussianScene,

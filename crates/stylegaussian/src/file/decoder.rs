@@ -4,7 +4,7 @@
 //! | --- | --- | --- |
 //! | `decoder.layers.{i}.weight` | f16 or f32 `[D_out, K, D_in]` | |
 //! | `decoder.layers.{i}.bias` | f32 `[D_out]` | |
-//! | `decoder.statistics.weight` | f16 or f32 `[D_out of the first, 2 D]` | present if the decoder sees the style's statistics |
+//! | `decoder.statistics.weight` | f16 or f32 `[first D_out, 2 D]` | present if it sees a style's statistics |
 //!
 //! | metadata | value | |
 //! | --- | --- | --- |

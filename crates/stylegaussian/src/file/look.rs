@@ -10,7 +10,7 @@
 //! | tensor | type and shape | |
 //! | --- | --- | --- |
 //! | `words` | u32 `[N]` | [`StrokeWord`](crate::strokes::StrokeWord)s, in the order of `colors` |
-//! | `seeds` | u8 `[M, 32]` | [`StrokeSeed`](crate::strokes::StrokeSeed)s: eight numbers of 4 bytes, little-endian |
+//! | `seeds` | u8 `[M, 32]` | [`StrokeSeed`](crate::strokes::StrokeSeed)s: 8 little-endian numbers of 4 bytes |
 //! | `texture.{t}` | u8 | the detail of painting t, from 0 on: see `texture` |
 //!
 //! | metadata | value |

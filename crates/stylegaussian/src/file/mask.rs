@@ -2,7 +2,9 @@
 //!
 //! | tensor | type and shape | |
 //! | --- | --- | --- |
-//! | `mask` | u8 `[N, C]` | C in 1..=4; one row per Gaussian of the scene: in a mask file in the order of its source, in a scene file in its order |
+//! | `mask` | u8 `[N, C]` | C in 1..=4; one row per Gaussian of the scene |
+//!
+//! A mask file has its rows in the order of the scene's source, a scene file in its own order.
 //!
 //! | metadata | value |
 //! | --- | --- |

@@ -12,7 +12,8 @@
 //! | `neighbors` | u32 `[N, K]` | optional |
 //! | `cameras` | f32 `[M, 18]` | optional: see [`cameras`] |
 //! | `mask` | u8 `[N, C]` | optional, with `mask_channels`: see the mask's format |
-//! | `feature_mean`, `feature_covariance` | f32 `[L]`, `[L, L]` | optional caches of other writers; read for their shapes only |
+//! | `feature_mean` | f32 `[L]` | optional cache of other writers; read for its shape only |
+//! | `feature_covariance` | f32 `[L, L]` | the same |
 //! | `decoder.layers.{i}.*` | | see the decoder's format |
 //!
 //! Every f16 tensor may be f32 as well. Metadata: `format`, `version`, `source_count`, if known `encoder`, `up`

@@ -58,7 +58,13 @@ pub struct BakeArgs {
     #[arg(short, long, value_name = "OUT.look.safetensors")]
     output: PathBuf,
     /// Strength: 0 only recolors, 1 is the default, 2 is bold.
-    #[arg(long, value_name = "0..2", default_value = "1", allow_negative_numbers = true, value_parser = strength)]
+    #[arg(
+        long,
+        value_name = "0..2",
+        default_value = "1",
+        allow_negative_numbers = true,
+        value_parser = strength,
+    )]
     strength: f32,
     #[arg(long, value_name = "N", help = steps_help())]
     steps: Option<u32>,

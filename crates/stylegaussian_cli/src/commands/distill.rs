@@ -42,7 +42,12 @@ pub struct DistillArgs {
     #[arg(short, long, value_name = "OUT.onnx", required_unless_present = "judge")]
     output: Option<PathBuf>,
     /// Compare this encoder with the teacher on `--held-out`, and train nothing.
-    #[arg(long, value_name = "ENCODER", requires = "held_out", conflicts_with_all = ["images", "output", "resume"])]
+    #[arg(
+        long,
+        value_name = "ENCODER",
+        requires = "held_out",
+        conflicts_with_all = ["images", "output", "resume"],
+    )]
     judge: Option<PathBuf>,
     /// Steps, of four crops of 128x128 pixels each.
     #[arg(long, value_name = "N", default_value_t = DistillConfig::default().iterations)]

@@ -57,7 +57,12 @@ pub struct EmbedArgs {
     views: Option<u32>,
     /// Longer side of the pictures, in pixels. Photos are never enlarged. Larger pictures give finer features;
     /// the time grows with their area.
-    #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=4096))]
+    #[arg(
+        long,
+        value_name = "PX",
+        default_value_t = 512,
+        value_parser = clap::value_parser!(u32).range(32..=4096),
+    )]
     size: u32,
     /// The method of embedding.
     #[arg(long, value_enum, default_value_t)]
@@ -225,8 +230,8 @@ fn summary(Written { output, n_gaussians, n_split, report, .. }: &Written) -> St
         error.map_or(String::new(), |error| format!(", {name} error {error:.4}"))
     };
     format!(
-        "{}: {n_gaussians} Gaussians{} from {} views, {} steps{}{}, {:.1} s for views, {:.1} s for features, {} \
-         under-observed{}",
+        "{}: {n_gaussians} Gaussians{} from {} views, {} steps{}{}, {:.1} s for views, {:.1} s for features, \
+         {} under-observed{}",
         output.display(),
         n_split.map_or(String::new(), |n| format!(" ({n} of them by splitting)")),
         report.n_training_views,

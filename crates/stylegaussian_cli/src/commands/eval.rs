@@ -47,11 +47,21 @@ pub struct EvalArgs {
     views: u32,
     /// Longer side of a view, in pixels. Paintings are seen at 512 x 512 pixels, or as many in their
     /// proportions.
-    #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=2048))]
+    #[arg(
+        long,
+        value_name = "PX",
+        default_value_t = 512,
+        value_parser = clap::value_parser!(u32).range(32..=2048),
+    )]
     size: u32,
     /// Longer side of the views for consistency, in pixels. If pixels are coarser than the scene, sampling
     /// between pixels dominates the difference.
-    #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=2048))]
+    #[arg(
+        long,
+        value_name = "PX",
+        default_value_t = 512,
+        value_parser = clap::value_parser!(u32).range(32..=2048),
+    )]
     consistency_size: u32,
     /// The decoder, *.decoder.safetensors. Default: the scene's own, else the built-in one.
     #[arg(long, value_name = "FILE")]

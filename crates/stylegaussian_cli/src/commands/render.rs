@@ -45,7 +45,12 @@ pub struct RenderArgs {
     #[command(flatten)]
     masking: MaskArgs,
     /// Number of views on a circle around the scene. Default: 8, or 1 for a PNG file, unless cameras are given.
-    #[arg(long, value_name = "N", conflicts_with = "cameras", value_parser = clap::value_parser!(u32).range(1..=999_999))]
+    #[arg(
+        long,
+        value_name = "N",
+        conflicts_with = "cameras",
+        value_parser = clap::value_parser!(u32).range(1..=999_999),
+    )]
     orbit: Option<u32>,
     /// Cameras: transforms.json, a COLMAP model, or 3DGS cameras.json.
     #[arg(long, value_name = "FILE")]
@@ -185,8 +190,8 @@ fn cameras_of_file(path: &Path, size: Option<UVec2>) -> Result<Vec<Camera>> {
         let size = size.unwrap_or(posed.camera.size);
         ensure!(
             is_drawable(size),
-            "{}: camera {}: found {}x{} pixels, expected 1 to {MAX_SIDE} on a side and at most {MAX_PIXELS} together; \
-             --size gives others",
+            "{}: camera {}: found {}x{} pixels, expected 1 to {MAX_SIDE} on a side and at most \
+             {MAX_PIXELS} together; --size gives others",
             path.display(),
             posed.name,
             size.x,

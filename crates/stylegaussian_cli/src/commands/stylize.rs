@@ -93,8 +93,8 @@ pub fn run(arguments: &StylizeArgs) -> Result<()> {
 }
 
 /// Says what a file without strokes holds of them.
-const FLATTENED: &str = "strokes are drawn by the pixel: this file holds their mean per Gaussian; `render` shows them, and a \
-                         .look.safetensors keeps them";
+const FLATTENED: &str = "strokes are drawn by the pixel: this file holds their mean per Gaussian; \
+                         `render` shows them, and a .look.safetensors keeps them";
 
 /// Writes the result. Returns warnings of what was lost.
 fn write(

@@ -56,15 +56,31 @@ pub struct TrainArgs {
     cameras: Vec<PathBuf>,
     /// Number of views of each scene. If neither photos nor cameras are given, they are chosen to suit the
     /// scene.
-    #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 24,
+        value_parser = clap::value_parser!(u32).range(1..=10_000),
+    )]
     views: u32,
     /// Longer side of a training view, in pixels. With several sizes, separated by commas, the decoder learns
     /// how a style looks from near and from far.
-    #[arg(long, value_name = "PX", value_delimiter = ',', default_value = "256", value_parser = clap::value_parser!(u32).range(32..=4096))]
+    #[arg(
+        long,
+        value_name = "PX",
+        value_delimiter = ',',
+        default_value = "256",
+        value_parser = clap::value_parser!(u32).range(32..=4096),
+    )]
     size: Vec<u32>,
     /// Cut larger views into overlapping crops of at most this many pixels on a side. A step then sees fewer
     /// Gaussians from nearer.
-    #[arg(long, value_name = "PX", default_value_t = TrainConfig::default().crop, value_parser = clap::value_parser!(u32).range(32..=2048))]
+    #[arg(
+        long,
+        value_name = "PX",
+        default_value_t = TrainConfig::default().crop,
+        value_parser = clap::value_parser!(u32).range(32..=2048),
+    )]
     crop: u32,
     /// A decoder to start from, with its neighborhood, activation and widths. Several give the weighted mean of
     /// their parameters: a decoder between two states of one training can be better than both.
@@ -88,7 +104,12 @@ pub struct TrainArgs {
     range_weight: f32,
     /// Factor of the color-transfer loss: the mean distance of colors, over squares of 16 pixels, from the
     /// recolored scene's. It keeps the palette that the warm start has learned. Not in the paper.
-    #[arg(long, alias = "palette-weight", value_name = "W", default_value_t = LossWeights::default().color_transfer)]
+    #[arg(
+        long,
+        alias = "palette-weight",
+        value_name = "W",
+        default_value_t = LossWeights::default().color_transfer,
+    )]
     color_transfer_weight: f32,
     /// Factor of a penalty on the mean squared distance of a Gaussian's decoded color from its neighbors', for
     /// decoders with smoothing. It favors strokes over grain. Not in the paper.
@@ -96,7 +117,12 @@ pub struct TrainArgs {
     roughness_weight: f32,
     /// Factor of the contrastive loss: the cross-entropy of matching the picture to its own painting among
     /// others. It makes styles more distinct. Not in the paper.
-    #[arg(long, alias = "recognition-weight", value_name = "W", default_value_t = LossWeights::default().contrastive)]
+    #[arg(
+        long,
+        alias = "recognition-weight",
+        value_name = "W",
+        default_value_t = LossWeights::default().contrastive,
+    )]
     contrastive_weight: f32,
     /// Layers that the content loss compares: relu4_1 as in the original implementation, or
     /// relu1_1,relu2_1,relu3_1,relu4_1 as in the paper's text. Default: relu4_1, or relu3_1 if no weights reach
@@ -114,7 +140,12 @@ pub struct TrainArgs {
     learning_rate: f32,
     /// Average the weights over the last SHARE of the steps, sampled every 100 steps. 0 uses the final weights
     /// (as in the paper).
-    #[arg(long, value_name = "SHARE", default_value_t = TrainConfig::default().average, value_parser = fraction)]
+    #[arg(
+        long,
+        value_name = "SHARE",
+        default_value_t = TrainConfig::default().average,
+        value_parser = fraction,
+    )]
     average: f64,
     /// Activation of a new decoder: `sigmoid` (as in the paper) or `leaky_relu:SLOPE`.
     #[arg(long, value_name = "A", default_value_t = NewDecoder::default().activation)]
@@ -131,14 +162,31 @@ pub struct TrainArgs {
     #[arg(long, value_name = "SHARE", value_parser = less_than_1)]
     residual: Option<f32>,
     /// Whether a new decoder sees each Gaussian's base color, which keeps fine detail. Not in the paper.
-    #[arg(long, alias = "own-color", value_name = "BOOL", default_value_t = NewDecoder::default().base_color, action = clap::ArgAction::Set)]
+    #[arg(
+        long,
+        alias = "own-color",
+        value_name = "BOOL",
+        default_value_t = NewDecoder::default().base_color,
+        action = clap::ArgAction::Set,
+    )]
     base_color: bool,
     /// Whether a new decoder sees the mean and deviation of all transferred features. The paper's sees only
     /// those of its neighborhood.
-    #[arg(long, value_name = "BOOL", default_value_t = NewDecoder::default().statistics, action = clap::ArgAction::Set)]
+    #[arg(
+        long,
+        value_name = "BOOL",
+        default_value_t = NewDecoder::default().statistics,
+        action = clap::ArgAction::Set,
+    )]
     statistics: bool,
     /// K, the size of a new decoder's neighborhoods.
-    #[arg(short, long, value_name = "K", default_value_t = NewDecoder::default().k, value_parser = at_most_64::<1>)]
+    #[arg(
+        short,
+        long,
+        value_name = "K",
+        default_value_t = NewDecoder::default().k,
+        value_parser = at_most_64::<1>,
+    )]
     k: usize,
     /// Number of paintings held out of training, spread over the folder, and shown on the contact sheet at the
     /// end.

@@ -43,8 +43,9 @@ fn check_fixture(camera: &Camera, center: Vec2) {
 const OPENGL_POSE: &str = "[[0, 0, -1, 1], [-1, 0, 0, 2], [0, 1, 0, 3], [0, 0, 0, 1]]";
 
 fn transforms(lens: &str, frame: &str) -> String {
+    let pose = OPENGL_POSE;
     format!(
-        r#"{{ {lens} "frames": [{{ "file_path": "images/a.png", {frame} "transform_matrix": {OPENGL_POSE} }}] }}"#
+        r#"{{ {lens} "frames": [{{ "file_path": "images/a.png", {frame} "transform_matrix": {pose} }}] }}"#
     )
 }
 

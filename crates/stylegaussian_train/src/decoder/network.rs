@@ -93,7 +93,8 @@ impl Network {
         let residual = decoder.residual;
         ensure!(
             (0.0..1.0).contains(&residual),
-            "a decoder with residual = {residual} cannot be trained further: expected 0 or more, and less than 1"
+            "a decoder with residual = {residual} cannot be trained further: expected 0 or more, \
+             and less than 1"
         );
         let parameter = |values: &[f32], shape| Parameter::new(values.to_vec(), shape, device);
         let layers = decoder.layers.iter().flat_map(|layer| {

@@ -30,7 +30,8 @@ pub const GAUSSIANS_PER_PIECE: usize = 1024;
 /// A feature map does not fit the view's size.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "the encoder's feature map is {}x{} for a picture of {}x{}, expected the same power of two fewer cells both ways",
+    "the encoder's feature map is {}x{} for a picture of {}x{}, expected the same power of two \
+     fewer cells both ways",
     map[0], map[1], picture[0], picture[1]
 )]
 pub struct CellSizeError {

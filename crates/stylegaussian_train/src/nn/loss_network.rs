@@ -97,7 +97,8 @@ impl LossNetwork {
         let weights = Weights::open(main)?;
         ensure!(
             weights.contains("conv1_1.weight"),
-            "{}: the loss needs VGG-19 weights as safetensors with tensors `conv1_1.weight` and so on; there is none",
+            "{}: the loss needs VGG-19 weights as safetensors with tensors `conv1_1.weight` and so on; \
+             there is none",
             main.display()
         );
         // Five convolutions reach relu3_1.

@@ -3,7 +3,7 @@
 //!
 //! | attribute | rows | |
 //! | --- | --- | --- |
-//! | `_SG_FEATURES_i` | 4 u16 or 4 f32 | channels 4 i to 4 i + 3 of f'; u16 are the bits of f16; zeros at the end |
+//! | `_SG_FEATURES_i` | 4 u16 or 4 f32 | channels 4 i to 4 i + 3 of f'; u16: bits of f16; zeros at the end |
 //! | `_SG_EXTRA_i` | the same | extra inputs of the decoder |
 //! | `_SG_NEIGHBORS_i` | 4 u16 | neighbors 2 i and 2 i + 1, each the lower half before the upper half |
 //! | `_SG_ORDER` | 2 u16 | index in the source, lower half and upper half; absent if it is 0, 1, 2, ... |

@@ -32,7 +32,9 @@ fn example() -> (Value, Vec<u8>) {
     add(&[0.5, 0.25, 2.0, 1.0, 1.0, 1.0]);
     add(&[0.75, 1.0]);
     add(&[1.0, 0.0, -1.0, 0.5, 0.5, 0.5]);
-    let accessor = |view: usize, kind: &str| json!({ "bufferView": view, "componentType": 5126, "count": 2, "type": kind });
+    let accessor = |view: usize, kind: &str| -> Value {
+        json!({ "bufferView": view, "componentType": 5126, "count": 2, "type": kind })
+    };
     let json = json!({
         "asset": { "version": "2.0" },
         "scenes": [{ "nodes": [0] }],
@@ -46,10 +48,13 @@ fn example() -> (Value, Vec<u8>) {
                 "KHR_gaussian_splatting:OPACITY": 3,
                 "KHR_gaussian_splatting:SH_DEGREE_0_COEF_0": 4,
             },
-            "extensions": { "KHR_gaussian_splatting": { "kernel": "ellipse", "colorSpace": "srgb_rec709_display" } },
+            "extensions": {
+                "KHR_gaussian_splatting": { "kernel": "ellipse", "colorSpace": "srgb_rec709_display" },
+            },
         }] }],
         "accessors": [
-            accessor(0, "VEC3"), accessor(1, "VEC4"), accessor(2, "VEC3"), accessor(3, "SCALAR"), accessor(4, "VEC3"),
+            accessor(0, "VEC3"), accessor(1, "VEC4"), accessor(2, "VEC3"),
+            accessor(3, "SCALAR"), accessor(4, "VEC3"),
         ],
         "bufferViews": views,
         "buffers": [{ "byteLength": buffer.len() }],

@@ -466,7 +466,8 @@ fn global(module: &str, name: &str) -> Result<Global, Mismatch> {
         ("torch", name) if name.ends_with("Storage") => Ok(Global::Storage(StorageType::of_class(name))),
         _ => Err(mismatch(
             format_args!("global `{}.{}` in the pickle", module.escape_debug(), name.escape_debug()),
-            "only OrderedDict, torch storages, _rebuild_tensor and _rebuild_parameter; nothing else is executed",
+            "only OrderedDict, torch storages, _rebuild_tensor and _rebuild_parameter; \
+             nothing else is executed",
         )),
     }
 }

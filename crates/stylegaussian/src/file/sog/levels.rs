@@ -147,11 +147,13 @@ mod tests {
     use super::*;
 
     /// Two nodes of three levels: 100 + 200, 40 + 60, and 10 in the first alone. Chunk per level.
-    const TREE: &str = r#"{"lodLevels": 3, "environment": null, "filenames": ["0/meta.json", "1/meta.json", "2/meta.json"],
+    const TREE: &str = r#"{"lodLevels": 3, "environment": null,
+        "filenames": ["0/meta.json", "1/meta.json", "2/meta.json"],
         "tree": {"bound": {}, "children": [
             {"lods": {"0": {"file": 0, "offset": 0, "count": 100}, "1": {"file": 1, "offset": 60, "count": 40},
                       "2": {"file": 2, "offset": 0, "count": 10}}},
-            {"lods": {"0": {"file": 0, "offset": 100, "count": 200}, "1": {"file": 1, "offset": 0, "count": 60}}}]}}"#;
+            {"lods": {"0": {"file": 0, "offset": 100, "count": 200},
+                      "1": {"file": 1, "offset": 0, "count": 60}}}]}}"#;
 
     fn chosen(json: &str, budget: Option<usize>) -> Result<(Chosen, Vec<String>), Mismatch> {
         let mut warnings = Vec::new();

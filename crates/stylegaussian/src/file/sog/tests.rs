@@ -108,7 +108,8 @@ fn made(n: usize, seed: u64) -> (Scene, Folder) {
         "scales": {"codebook": scale_book, "files": ["scales.webp"]},
         "quats": {"files": ["quats.webp"]},
         "sh0": {"codebook": dc_book, "files": ["sh0.webp"]},
-        "shN": {"count": N_ENTRIES, "bands": 2, "codebook": sh_book, "files": ["centroids.webp", "labels.webp"]},
+        "shN": {"count": N_ENTRIES, "bands": 2, "codebook": sh_book,
+                "files": ["centroids.webp", "labels.webp"]},
     });
     let files = [
         ("means_l.webp", webp(bytes(0), WIDTH)),
@@ -254,8 +255,10 @@ fn streamed() -> Folder {
         "version": 1, "count": 400, "counts": [300, 100], "lodLevels": 2, "environment": "env/meta.json",
         "filenames": ["fine/meta.json", "coarse/a/meta.json"],
         "tree": {"children": [
-            {"lods": {"0": {"file": 0, "offset": 0, "count": 180}, "1": {"file": 1, "offset": 40, "count": 60}}},
-            {"lods": {"0": {"file": 0, "offset": 180, "count": 120}, "1": {"file": 1, "offset": 0, "count": 40}}},
+            {"lods": {"0": {"file": 0, "offset": 0, "count": 180},
+                      "1": {"file": 1, "offset": 40, "count": 60}}},
+            {"lods": {"0": {"file": 0, "offset": 180, "count": 120},
+                      "1": {"file": 1, "offset": 0, "count": 40}}},
         ]},
     });
     all.insert("lod-meta.json".into(), levels.to_string().into_bytes());

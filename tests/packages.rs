@@ -1,0 +1,100 @@
+//! What the published packages hold beside their code. Manifests are read as text, so the rules need no build.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// Texts that a package must carry: MIT asks for its text, and a link would be gone outside of the repository.
+const LICENSES: [&str; 2] = ["LICENSE-MIT", "LICENSE-APACHE"];
+
+/// What a registry shows of a package, and what its documentation is built with.
+const FIELDS: [&str; 5] =
+    ["description = ", "readme = ", "keywords = ", "categories = ", "[package.metadata.docs.rs]"];
+
+/// Lines of a package's README: it says what the package is and leaves the rest to the documentation.
+const README_LINES: std::ops::RangeInclusive<usize> = 5..=20;
+
+fn repository() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|error| panic!("cannot read {}: {error}", path.display()))
+}
+
+/// Folders and manifests of the members, without the workspace's own package.
+fn members() -> Vec<(PathBuf, String)> {
+    let crates = fs::read_dir(repository().join("crates")).unwrap().map(|entry| entry.unwrap().path());
+    let folders = crates.chain([repository().join("shaders")]).filter(|it| it.join("Cargo.toml").is_file());
+    folders.map(|folder| (folder.clone(), read(&folder.join("Cargo.toml")))).collect()
+}
+
+fn has_line(text: &str, start: &str) -> bool {
+    text.lines().any(|line| line.starts_with(start))
+}
+
+/// The members that are published.
+fn published() -> Vec<(PathBuf, String)> {
+    let published: Vec<_> =
+        members().into_iter().filter(|(_, manifest)| !has_line(manifest, "publish = false")).collect();
+    assert!(published.len() > 5, "found {} published packages", published.len());
+    published
+}
+
+#[test]
+fn packages_carry_the_licenses() {
+    for (folder, _) in published() {
+        for name in LICENSES {
+            let here = folder.join(name);
+            // A link is not packed as a file by every system.
+            assert!(!here.is_symlink(), "{} is a link, expected a file", here.display());
+            let is_equal = read(&here) == read(&repository().join(name));
+            assert!(is_equal, "{} differs from the root's", here.display());
+        }
+    }
+}
+
+#[test]
+fn packages_say_what_they_are() {
+    for (folder, manifest) in published() {
+        for field in FIELDS {
+            assert!(has_line(&manifest, field), "{}/Cargo.toml lacks `{field}`", folder.display());
+        }
+        let readme = read(&folder.join("README.md"));
+        let lines = readme.lines().count();
+        assert!(README_LINES.contains(&lines), "{}/README.md has {lines} lines", folder.display());
+        assert!(
+            readme.contains("bevy_stylegaussian"),
+            "{}/README.md does not name the plugin",
+            folder.display()
+        );
+    }
+}
+
+/// Trained files come with a notice of what they were trained on.
+#[test]
+fn networks_come_with_a_notice() {
+    let notice = read(&repository().join("crates/stylegaussian_defaults/NOTICE"));
+    for name in ["distilled_relu3_1.onnx", "default.decoder.safetensors", "CC BY 4.0", "public domain"] {
+        assert!(notice.contains(name), "the notice does not mention {name}");
+    }
+}
+
+/// A game that needs another version of the same package would not resolve.
+#[test]
+fn no_version_is_pinned() {
+    let root = (repository().to_owned(), read(&repository().join("Cargo.toml")));
+    for (folder, manifest) in members().into_iter().chain([root]) {
+        for line in manifest.lines() {
+            assert!(!line.contains("\"="), "{}/Cargo.toml pins a version: {line}", folder.display());
+        }
+    }
+}
+
+/// Makers of assets are for the few who change assets, and not for everyone who calls `cargo build`.
+#[test]
+fn plain_cargo_selects_the_workspace_package_alone() {
+    let manifest = read(&repository().join("Cargo.toml"));
+    assert!(has_line(&manifest, "default-members = [\".\"]"), "expected `.` alone in `default-members`");
+}
