@@ -10,10 +10,12 @@ use bevy::{
 };
 use bevy_egui::{EguiContexts, EguiTextureHandle, egui};
 use bevy_stylegaussian::{
-    GaussianSceneFailed, GaussianSplats, StyleApplied, StyleBackend, StyleFailed, StyleMask, StyleRefined,
-    stylegaussian::file::writable_extensions,
+    GaussianSceneFailed, GaussianSplats, StyleApplied, StyleBackend, StyleFailed, StyleMask, StyleProgress,
+    StyleRefined, stylegaussian::file::writable_extensions,
 };
-use egui::{Color32, ComboBox, Grid, LayerId, RichText, ScrollArea, Slider, TextEdit, Ui, UiBuilder};
+use egui::{
+    Color32, ComboBox, Grid, LayerId, ProgressBar, RichText, ScrollArea, Slider, TextEdit, Ui, UiBuilder,
+};
 
 use crate::{
     camera::Orbit,
@@ -156,6 +158,7 @@ pub fn draw(
     images: Res<Assets<Image>>,
     orbit: Single<&Orbit>,
     mut mask: Single<&mut StyleMask>,
+    progress: Query<&StyleProgress>,
 ) -> Result {
     // Taken, so that only one frame is drawn without the panel.
     if std::mem::take(&mut shown.panel.is_omitted) || shown.panel.is_hidden {
@@ -186,6 +189,10 @@ pub fn draw(
             paintings(ui, &mut shown.styles, &pictures);
             ui.separator();
             mix(ui, &mut shown.styles, shown.transfer.refined);
+            // Always as high, so that nothing moves when it comes and goes.
+            let share = progress.iter().find_map(|of| of.style.or(of.refine));
+            let bar = ProgressBar::new(share.unwrap_or_default()).desired_height(3.0);
+            ui.add_visible(share.is_some(), bar);
             ui.separator();
             parts(ui, &mut shown, &orbit, &mut mask);
             ui.separator();

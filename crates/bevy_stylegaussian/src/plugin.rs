@@ -6,7 +6,7 @@ use crate::{
     colors::ColorsPlugin,
     mask::MaskPlugin,
     picking::PickingPlugin,
-    scene::ScenePlugin,
+    scene::{ScenePlugin, UploadsInBackground},
     splats::SplatsPlugin,
     style::StylePlugin,
     systems::StyleGaussianSystems,
@@ -51,6 +51,9 @@ impl Plugin for GaussianSplatsPlugin {
     fn build(&self, app: &mut App) {
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app.insert_resource(SynchronousCompilation(self.synchronous_pipeline_compilation));
+            if !self.synchronous_pipeline_compilation {
+                app.insert_resource(UploadsInBackground);
+            }
         }
         app.add_plugins((WorkPlugin, ScenePlugin, ColorsPlugin, MaskPlugin, PickingPlugin, SplatsPlugin));
     }

@@ -99,8 +99,8 @@ pub enum RestyleError {
     Canceled(#[from] Canceled),
 }
 
-/// Whether styles are laid on as paint. They are, unless somebody asks for a decoder, the scene carries features
-/// with a decoder that was trained for them, or a style carries no paint.
+/// Whether styles are laid on as paint. They are, unless somebody asks for a decoder, the scene carries
+/// features with a decoder that was trained for them, or a style carries no paint.
 pub fn is_painted(scene: &Scene, asks_for_decoder: bool, all_carry_paint: bool) -> bool {
     let has_own_decoder = scene.decoder.is_some() && scene.features.is_some();
     !asks_for_decoder && !has_own_decoder && all_carry_paint

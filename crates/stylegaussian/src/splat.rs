@@ -35,6 +35,7 @@ use crate::{
     scene::Scene,
     sh,
     strokes::{LEAST_ALPHA, StrokeKnobs, StrokeRecord, StrokeSeed, Strokes},
+    work::{Canceled, Work},
 };
 pub use alpha::{MAX_ALPHA, MIN_ALPHA};
 use bands::Bands;
@@ -196,9 +197,28 @@ pub fn blend_weights(scene: &Scene, camera: &Camera) -> BlendWeights {
 /// The [`blend_weights`] of `least` or more. At 0.001 two fifths are left out on the demo scene and on a
 /// capture of a bonsai, and half a hundredth of the coverage or less.
 pub fn blend_weights_from(scene: &Scene, camera: &Camera, least: f32) -> BlendWeights {
+    match blend_weights_if_wanted(scene, camera, least, &Work::default()) {
+        Ok(weights) => weights,
+        Err(Canceled) => unreachable!("nobody cancels it"),
+    }
+}
+
+/// As [`blend_weights_from`].
+///
+/// # Errors
+/// If `work` is canceled.
+pub(crate) fn blend_weights_if_wanted(
+    scene: &Scene,
+    camera: &Camera,
+    least: f32,
+    work: &Work,
+) -> Result<BlendWeights, Canceled> {
+    work.check()?;
     let splats = project(scene, camera, None);
+    work.check()?;
     let bands = Bands::new(&splats, camera.size);
-    BlendWeights::gather(&splats, &bands, least, scene.len())
+    work.check()?;
+    Ok(BlendWeights::gather(&splats, &bands, least, scene.len()))
 }
 
 /// The strokes of Gaussian `i`, which must be before the camera, and its center on screen in pixels. `None` if

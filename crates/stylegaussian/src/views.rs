@@ -88,6 +88,7 @@ const N_OF_OVERVIEWS: usize = N_STAND_IN / 3;
 /// # Errors
 /// If `work` is canceled.
 pub fn choose_overviews(scene: &Scene, n: usize, size: UVec2, work: &Work) -> Result<Vec<Camera>, Canceled> {
+    work.check()?;
     let Some(survey) = Survey::new(scene, N_OF_OVERVIEWS) else { return Ok(Vec::new()) };
     let (Overviews::Around(views) | Overviews::Within(views)) = Overviews::take(&survey, work)?;
     Ok(cameras(views.choose(n), size))

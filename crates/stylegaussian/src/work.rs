@@ -22,7 +22,8 @@ pub struct Work {
 #[derive(Debug, Default)]
 struct State {
     is_canceled: AtomicBool,
-    /// Bits of an `f32`, 0..1. They are those of 0 at first, and of positive numbers they have the numbers' order.
+    /// Bits of an `f32`, 0..1. They are those of 0 at first, and of positive numbers they have the numbers'
+    /// order.
     done: AtomicU32,
 }
 

@@ -115,7 +115,7 @@ impl Baker {
         // Other random numbers than those of any step.
         let mut random = Random::new(!config.seed);
         let paintings = Paintings::new(images, config.view, config.keys, &mut random, &network)?;
-        work.check()?;
+        work.at(0.1)?;
         let cameras = Cameras::survey(scene, cameras, config.view, config.crop, work)?
             .ok_or(BakeError::NothingVisible { n_gaussians: scene.len() })?;
         let side = config.crop as usize;
@@ -124,7 +124,7 @@ impl Baker {
         let recoloring = Recoloring::new(&cameras.colors, &paintings.colors);
         let recolored: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
         let aim = ShapeAim::new(paintings.shapes, cameras.contrast(&recoloring));
-        let start = Start::new(scene, &cameras, images, recolored, config.paint, work)?;
+        let start = Start::new(scene, &cameras, images, recolored, config.paint, &work.part(0.6, 1.0))?;
         let adam = Adam::new(scene.len());
         let identity = identity(&config, scene, captured.as_flattened(), &paintings, &cameras, &start);
         let none = || vec![None; network.layers().len()];

@@ -1,6 +1,9 @@
 //! The scene asset.
 
-use std::sync::Arc;
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering},
+};
 
 use bevy::{camera::primitives::Aabb, prelude::*};
 use stylegaussian::{Decoder, Neighbors, Scene, scene::SceneError};
@@ -27,6 +30,8 @@ pub struct GaussianScene {
     bounds: Result<Option<Aabb>, SceneError>,
     /// The box that holds the middle 98% of the means along each axis, or `None` without Gaussians.
     usual: Option<[Vec3; 2]>,
+    /// Whether the GPU has it, or has refused it. The render world says so.
+    is_on_gpu: Arc<AtomicBool>,
 }
 
 impl GaussianScene {
@@ -52,7 +57,7 @@ impl GaussianScene {
         // An `Arc` of its own, so that its address identifies the decoder wherever inputs are packed for it.
         let decoder = scene.decoder.clone().map(Arc::new);
         let usual = if bounds.is_ok() { usual_box(&scene.means) } else { None };
-        Self { scene: Arc::new(scene), decoder, bounds, usual }
+        Self { scene: Arc::new(scene), decoder, bounds, usual, is_on_gpu: Arc::default() }
     }
 
     /// The scene.
@@ -68,6 +73,16 @@ impl GaussianScene {
     /// Corners of the box that holds almost all means, in scene space, or `None` without Gaussians.
     pub(crate) fn usual_bounds(&self) -> Option<[Vec3; 2]> {
         self.usual
+    }
+
+    /// Whether an entity can show it at once: the GPU has it, or has refused it.
+    pub(crate) fn is_on_gpu(&self) -> bool {
+        self.is_on_gpu.load(Ordering::Relaxed)
+    }
+
+    /// Tells whether the GPU has it, or has refused it.
+    pub(crate) fn set_on_gpu(&self, is_on_gpu: bool) {
+        self.is_on_gpu.store(is_on_gpu, Ordering::Relaxed);
     }
 
     /// The box around all visible splats, or `None` if there are none.

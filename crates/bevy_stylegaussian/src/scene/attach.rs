@@ -30,8 +30,16 @@ impl LoadedScene {
     }
 }
 
+/// The scene that an entity will show once the GPU has it, in place of the one that it shows.
+#[derive(Component, Clone)]
+pub(crate) struct NextScene(pub(crate) LoadedScene);
+
+/// Present if scenes are uploaded in the background.
+#[derive(Resource)]
+pub(crate) struct UploadsInBackground;
+
 /// The components that an entity has because of its scene.
-type SceneParts = (LoadedScene, Aabb);
+type SceneParts = (LoadedScene, NextScene, Aabb);
 
 /// Detaches scenes from entities that lost their [`GaussianSplats`], or if the asset is gone, which
 /// `AssetChanged` does not detect.
@@ -74,6 +82,7 @@ pub(super) fn attach_scenes(
     changed: Query<(Entity, &GaussianSplats, Option<&LoadedScene>), SceneChanged>,
     scenes: Res<Assets<GaussianScene>>,
     server: Res<AssetServer>,
+    in_background: Option<Res<UploadsInBackground>>,
     mut failures: SceneFailures,
 ) {
     for (entity, splats, attached) in &changed {
@@ -91,16 +100,32 @@ pub(super) fn attach_scenes(
         // would restart the style.
         let is_attached = |old: &LoadedScene| old.id == id && Arc::ptr_eq(old.scene(), asset.scene());
         if attached.is_some_and(is_attached) {
+            commands.entity(entity).try_remove::<NextScene>();
             continue;
         }
         match asset.bounds() {
+            // What is shown stays until the GPU has the next scene.
+            Ok(_) if attached.is_some() && in_background.is_some() && !asset.is_on_gpu() => {
+                let scene = LoadedScene { id, asset: asset.clone() };
+                commands.entity(entity).try_insert(NextScene(scene));
+            }
             // An empty scene gets an empty box: an entity without any `Aabb` counts as visible everywhere.
             Ok(bounds) => {
                 let scene = LoadedScene { id, asset: asset.clone() };
-                commands.entity(entity).try_insert((scene, bounds.unwrap_or_default()));
+                let parts = (scene, bounds.unwrap_or_default());
+                commands.entity(entity).try_insert(parts).try_remove::<NextScene>();
             }
             Err(error) => failures.send(entity, error.into()),
         }
+    }
+}
+
+/// Attaches scenes that the GPU has by now.
+pub(super) fn attach_uploaded_scenes(mut commands: Commands, next: Query<(Entity, &NextScene)>) {
+    for (entity, NextScene(scene)) in next.iter().filter(|(_, next)| next.0.asset.is_on_gpu()) {
+        // It had bounds when it was attached first.
+        let bounds = scene.asset.bounds().ok().flatten().unwrap_or_default();
+        commands.entity(entity).try_insert((scene.clone(), bounds)).try_remove::<NextScene>();
     }
 }
 

@@ -9,7 +9,7 @@ use bevy::{
     },
 };
 
-use super::LoadedScene;
+use super::{LoadedScene, NextScene};
 
 /// All entities that show a scene. GPU state is rebuilt from it after a lost device.
 #[derive(Resource, Default)]
@@ -19,6 +19,18 @@ pub(crate) struct RenderClouds(pub(crate) MainEntityHashMap<RenderCloud>);
 pub(crate) struct RenderCloud {
     pub(crate) scene: LoadedScene,
     pub(crate) world_from_scene: Affine3A,
+}
+
+/// Scenes that entities will show once they are uploaded.
+#[derive(Resource, Default)]
+pub(crate) struct NextScenes(pub(crate) Vec<LoadedScene>);
+
+/// Copies the scenes that entities are going to show. Marks the resource as changed only if there are any, or
+/// were.
+pub(super) fn extract_next_scenes(mut scenes: ResMut<NextScenes>, next: Extract<Query<&NextScene>>) {
+    if !(scenes.0.is_empty() && next.is_empty()) {
+        scenes.0 = next.iter().map(|next| next.0.clone()).collect();
+    }
 }
 
 /// The scene or its place changed.

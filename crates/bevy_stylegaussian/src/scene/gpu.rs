@@ -7,7 +7,6 @@ use bevy::{
     prelude::*,
     render::{renderer::RenderDevice, sync_world::MainEntityHashSet},
 };
-use stylegaussian::Scene;
 use stylegaussian_gpu::splat::GpuScene;
 
 use crate::{
@@ -15,20 +14,21 @@ use crate::{
     work::{Background, Lane, SynchronousCompilation, Workers},
 };
 
-use super::{GaussianScene, LoadedScene, RenderClouds, SceneRefused};
+use super::{GaussianScene, LoadedScene, RenderClouds, SceneRefused, extract::NextScenes};
 
-/// The scenes on the GPU, by asset.
+/// The scenes on the GPU.
 #[derive(Resource, Default)]
 pub(crate) struct GpuScenes {
-    of_asset: HashMap<AssetId<GaussianScene>, UploadedScene>,
+    /// By the address of the data: an asset that changes keeps its id and gets new data.
+    of_data: HashMap<usize, UploadedScene>,
     /// Whether all scenes are uploaded. False on a new device and while a scene is being packed.
     settled: bool,
 }
 
 /// A scene that is on the GPU or on its way there.
 struct UploadedScene {
-    /// The data that was uploaded. An asset that changes keeps its id and gets new data.
-    scene: Arc<Scene>,
+    /// The scene that was uploaded. It keeps the address taken.
+    asset: GaussianScene,
     /// The scene, or the reason why the device cannot take it.
     gpu: Background<Result<GpuScene, String>>,
     /// Entities for which the refusal was reported.
@@ -38,16 +38,12 @@ struct UploadedScene {
 impl GpuScenes {
     /// A scene on the GPU, or `None` if it is not there yet or too large.
     pub(crate) fn get(&self, scene: &LoadedScene) -> Option<&GpuScene> {
-        let uploaded = self.of_asset.get(&scene.id)?;
-        // Between a change of the asset and the next upload, the buffers are of the old data.
-        if uploaded.is_of(scene) { uploaded.gpu.get()?.as_ref().ok() } else { None }
+        self.of_data.get(&address(scene))?.gpu.get()?.as_ref().ok()
     }
 }
 
-impl UploadedScene {
-    fn is_of(&self, scene: &LoadedScene) -> bool {
-        Arc::ptr_eq(&self.scene, scene.scene())
-    }
+fn address(scene: &LoadedScene) -> usize {
+    Arc::as_ptr(scene.scene()).addr()
 }
 
 /// Uploads new scenes and frees those that no entity shows.
@@ -55,29 +51,36 @@ impl UploadedScene {
 /// Packing millions of Gaussians takes longer than a frame, so it runs in the background.
 pub(crate) fn upload_scenes(
     clouds: Res<RenderClouds>,
+    next: Res<NextScenes>,
     mut scenes: ResMut<GpuScenes>,
     synchronous: Res<SynchronousCompilation>,
     workers: Res<Workers>,
     device: Res<RenderDevice>,
     reports: Res<Reports<SceneRefused>>,
 ) {
-    if scenes.settled && !clouds.is_changed() {
+    if scenes.settled && !clouds.is_changed() && !next.is_changed() {
         return;
     }
     let scenes = &mut *scenes;
     scenes.settled = true;
     // Also drops data that a changed asset has replaced. A task that still packs it is canceled.
-    scenes.of_asset.retain(|&id, uploaded| {
-        clouds.0.values().any(|cloud| cloud.scene.id == id && uploaded.is_of(&cloud.scene))
+    let shown = || clouds.0.values().map(|cloud| &cloud.scene);
+    scenes.of_data.retain(|&data, uploaded| {
+        let is_wanted = shown().chain(&next.0).any(|scene| address(scene) == data);
+        if !is_wanted {
+            uploaded.asset.set_on_gpu(false);
+        }
+        is_wanted
     });
-    for (&entity, cloud) in &clouds.0 {
-        let uploaded = scenes.of_asset.entry(cloud.scene.id).or_insert_with(|| {
-            let (device, scene) = (device.wgpu_device().clone(), Arc::clone(cloud.scene.scene()));
+    let entities = clouds.0.iter().map(|(&entity, cloud)| (Some(entity), &cloud.scene));
+    for (entity, shown) in entities.chain(next.0.iter().map(|scene| (None, scene))) {
+        let uploaded = scenes.of_data.entry(address(shown)).or_insert_with(|| {
+            let (device, scene) = (device.wgpu_device().clone(), Arc::clone(shown.scene()));
             // Buffers are mapped when they are created, so packing and upload need no queue and both run in the
             // task.
             let upload = move || GpuScene::new(&device, &scene).map_err(|error| error.to_string());
             UploadedScene {
-                scene: Arc::clone(cloud.scene.scene()),
+                asset: shown.asset.clone(),
                 gpu: match synchronous.0 {
                     true => Background::Ready(upload()),
                     false => Background::Building(workers.start(Lane::Scenes, move |_| Ok(upload()))),
@@ -87,10 +90,11 @@ pub(crate) fn upload_scenes(
         });
         match uploaded.gpu.get() {
             None => scenes.settled = false,
-            Some(Ok(_)) => {}
+            Some(Ok(_)) => uploaded.asset.set_on_gpu(true),
             Some(Err(reason)) => {
+                uploaded.asset.set_on_gpu(true);
                 // An entity that shows the scene later hears of the refusal too, and each one hears of it once.
-                if uploaded.reported.insert(entity) {
+                if let Some(entity) = entity.filter(|entity| uploaded.reported.insert(*entity)) {
                     reports.push(SceneRefused { entity: entity.id(), reason: reason.clone() });
                 }
             }

@@ -25,7 +25,8 @@ pub use asset::GaussianScene;
 pub use failure::{GaussianSceneError, GaussianSceneFailed};
 pub use loader::SceneSettings;
 
-pub(crate) use attach::LoadedScene;
+pub(crate) use attach::{LoadedScene, NextScene, UploadsInBackground};
+use extract::NextScenes;
 pub(crate) use extract::RenderClouds;
 pub(crate) use failure::SceneRefused;
 pub(crate) use gpu::{GpuScenes, upload_scenes};
@@ -69,7 +70,13 @@ impl Plugin for ScenePlugin {
                 (
                     // Chained, so that the commands of one are applied before the next: an asset that is gone
                     // detaches its scene first.
-                    (attach::detach_scenes, attach::attach_scenes, attach::report_failed_loads).chain(),
+                    (
+                        attach::detach_scenes,
+                        attach::attach_scenes,
+                        attach::attach_uploaded_scenes,
+                        attach::report_failed_loads,
+                    )
+                        .chain(),
                     failure::report_refused_scenes,
                 )
                     .in_set(StyleGaussianSystems::Scenes)
@@ -83,9 +90,10 @@ impl Plugin for ScenePlugin {
                 .insert_resource(reports)
                 // Not a GPU resource: it is filled by changes alone, so a lost device must leave it as it is.
                 .init_resource::<RenderClouds>()
+                .init_resource::<NextScenes>()
                 // Rebuilt from `RenderClouds` after a lost device.
                 .init_gpu_resource::<GpuScenes>()
-                .add_systems(ExtractSchedule, extract::extract_clouds)
+                .add_systems(ExtractSchedule, (extract::extract_clouds, extract::extract_next_scenes))
                 .add_systems(Render, upload_scenes.in_set(RenderSystems::PrepareResources));
         }
     }

@@ -48,6 +48,7 @@ impl<T> PerScene<T> {
     }
 
     /// All values.
+    #[cfg(test)]
     pub(crate) fn values(&self) -> impl Iterator<Item = &T> {
         self.0.values().map(|(_, value)| value)
     }

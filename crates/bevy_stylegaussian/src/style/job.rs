@@ -16,7 +16,7 @@ use stylegaussian::strokes::Strokes;
 
 use crate::{
     colors::{ColorLayers, LayerColors, StyleColors, WantedColors},
-    scene::{GaussianSplats, LoadedScene},
+    scene::{GaussianSplats, LoadedScene, NextScene},
 };
 
 use super::{
@@ -302,7 +302,7 @@ type StyledEntity = (
     &'static mut StyleJobs,
     Option<&'static StyleDecoder>,
     Option<&'static StyleTransition>,
-    Option<&'static GaussianSplats>,
+    (Option<&'static GaussianSplats>, Has<NextScene>),
     Has<StyleVolume>,
 );
 
@@ -317,7 +317,7 @@ pub(super) fn advance_jobs(
     mut events: StyleEvents,
 ) {
     let (mut uploading, mut has_strokes) = (Vec::new(), false);
-    for (entity, source, mut jobs, decoder, transition, splats, is_volume) in &mut entities {
+    for (entity, source, mut jobs, decoder, transition, (splats, has_next), is_volume) in &mut entities {
         // Borrowed mutably only where there is something to do.
         if jobs.of_scene.iter().all(StyleJob::is_settled) {
             continue;
@@ -333,7 +333,7 @@ pub(super) fn advance_jobs(
         }
         for job in &mut jobs.of_scene {
             // The entity is about to show another scene, whose job will follow.
-            if splats.is_some_and(|splats| splats.0.id() != job.scene.id && inputs.is_loading(&splats.0)) {
+            if has_next || splats.is_some_and(|of| of.0.id() != job.scene.id && inputs.is_loading(&of.0)) {
                 job.stage = Stage::Idle;
                 continue;
             }

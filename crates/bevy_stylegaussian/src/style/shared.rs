@@ -66,8 +66,10 @@ pub(super) fn forget_unused_styles(mut shared: ResMut<SharedStyles>, scenes: Res
             if !is_unused(style) {
                 return true;
             }
-            n_unused += 1;
-            n_unused <= MAX_UNUSED && style.is_worth_keeping(&scenes)
+            // Canceled ones are dropped, and push out none.
+            let is_kept = n_unused < MAX_UNUSED && style.is_worth_keeping(&scenes);
+            n_unused += usize::from(is_kept);
+            is_kept
         })
         .collect();
     kept.reverse();

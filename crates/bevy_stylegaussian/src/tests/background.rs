@@ -10,12 +10,15 @@ use std::{
 
 use bevy::{
     prelude::*,
+    render::{RenderApp, settings::WgpuSettings},
     tasks::{AsyncComputeTaskPool, block_on},
 };
 use stylegaussian::{Look, Scene, file, look::MadeFrom};
 
 use crate::{
-    AppliedStyle, GaussianSplats, StyleBackend, StyleLook, StyleProgress, StyleRefine, StyleSource,
+    AppliedStyle, GaussianScene, GaussianSplats, StyleBackend, StyleGaussianPlugin, StyleLook, StyleProgress,
+    StyleRefine, StyleSource,
+    scene::{GpuScenes, LoadedScene},
     work::{Lane, Workers},
 };
 
@@ -23,7 +26,7 @@ use super::{
     paint::noise,
     styles::until_applied,
     world::{
-        rendering::{app_with_rendering, render_target, target},
+        rendering::{app_with_rendering, app_without_splats, finish, render_target, target},
         *,
     },
 };
@@ -148,7 +151,8 @@ fn a_bake_that_is_not_wanted_any_more_stops() {
     assert!(app.world().get::<StyleProgress>(entity).is_none());
 }
 
-/// A scene is replaced while its painting is on its way: the style is that of the next scene, and nothing fails.
+/// A scene is replaced while its painting is on its way: the style is that of the next scene, and nothing
+/// fails.
 #[test]
 fn the_style_of_a_scene_that_is_on_its_way_out_is_not_computed() {
     let dir = tempfile::tempdir().unwrap();
@@ -169,6 +173,48 @@ fn the_style_of_a_scene_that_is_on_its_way_out_is_not_computed() {
         world.get::<AppliedStyle>(entity).is_some()
     });
     assert!(!failed.load(Relaxed), "a failure of the scene before it was told");
+}
+
+/// Whether the render world can draw what an entity shows.
+fn can_be_drawn(app: &App, entity: Entity) -> bool {
+    let Some(shown) = app.world().get::<LoadedScene>(entity) else { return false };
+    app.sub_app(RenderApp).world().resource::<GpuScenes>().get(shown).is_some()
+}
+
+#[test]
+fn an_entity_shows_its_scene_until_the_gpu_has_the_next() {
+    let Some(mut app) = app_without_splats(WgpuSettings::default()) else { return };
+    app.insert_resource(QUICK_THREADS).add_plugins(StyleGaussianPlugin::default());
+    let mut app = finish(app);
+    let target_image = render_target(&mut app, UVec2::splat(16));
+    app.world_mut().spawn((Camera3d::default(), target(&target_image), Transform::from_xyz(0.0, 0.0, 5.0)));
+    let splats = GaussianSplats(add_scene(&mut app, small_scene(64, 1)));
+    let entity = app.world_mut().spawn(splats).id();
+    for _ in 0..1000 {
+        app.update();
+        if can_be_drawn(&app, entity) {
+            break;
+        }
+    }
+    let demo = demo();
+    // Another scene, and then another version of it under the same handle.
+    let next = add_scene(&mut app, demo.clone());
+    app.world_mut().entity_mut(entity).insert(GaussianSplats(next.clone()));
+    for n in [demo.len(), demo.len() - 1] {
+        let mut n_updates = 0;
+        while app.world().get::<LoadedScene>(entity).unwrap().scene().len() != n {
+            n_updates += 1;
+            assert!(n_updates < 100_000, "the next scene never came");
+            app.update();
+            assert!(can_be_drawn(&app, entity), "nothing was drawn after {n_updates} updates");
+        }
+        assert!(n_updates > 1, "it came within a frame, so nothing was seen");
+        let smaller = demo.subset(&(1..demo.len() as u32).collect::<Vec<_>>());
+        app.world_mut()
+            .resource_mut::<Assets<GaussianScene>>()
+            .insert(&next, GaussianScene::new(smaller))
+            .unwrap();
+    }
 }
 
 /// Times of frames of the demo scene, turning, without and beside a painting each half second, and the longest

@@ -18,7 +18,8 @@ use stylegaussian_encoder::paint_of;
 
 use crate::{
     AppliedStyle, GaussianSplats, HiddenUntilStyled, StyleApplied, StyleEncoder, StyleInput, StyleLook,
-    StyleMethod, StyleSource, StyleStatistics, colors::ColorLayers, style::has_unsettled_styles,
+    StyleMethod, StyleSource, StyleStatistics, StyleThreads, colors::ColorLayers,
+    style::has_unsettled_styles,
 };
 
 use super::{
@@ -375,6 +376,8 @@ fn times_to_paint() {
         let n = scene.len();
         let splats = GaussianSplats(add_scene(&mut app, scene));
         let entity = app.world_mut().spawn((splats, StyleSource::none())).id();
+        until_applied(&mut app);
+        app.insert_resource(StyleThreads::default());
         let mut times = Vec::new();
         for name in ["strokes", "mosaic", "ink", "cubist"] {
             let bytes = std::fs::read(assets.join(format!("styles/{name}.jpg"))).unwrap();

@@ -13,7 +13,7 @@ use crate::{
     camera::Camera,
     palette::LUMINANCE,
     scene::Scene,
-    splat::{BlendWeights, blend_weights_from, stroke_record},
+    splat::{BlendWeights, blend_weights_if_wanted, stroke_record},
     strokes::{StrokeKnobs, StrokeRecord, StrokeSeed, StrokeTexture, StrokeWord},
     work::{Canceled, Work},
 };
@@ -63,7 +63,7 @@ impl Proofs {
         let mut proofs = Vec::new();
         for (i, camera) in cameras.iter().enumerate() {
             work.at(i as f32 / cameras.len() as f32)?;
-            proofs.push(Proof::new(camera, &blend_weights_from(scene, camera, FAINT)));
+            proofs.push(Proof::new(camera, &blend_weights_if_wanted(scene, camera, FAINT, work)?));
         }
         proofs.retain(|proof| proof.mask.n_covered() > 0);
         Ok(Self(proofs))

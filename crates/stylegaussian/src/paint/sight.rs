@@ -6,7 +6,7 @@ use super::proofs::Proofs;
 use crate::{
     camera::Camera,
     scene::Scene,
-    splat::blend_weights_from,
+    splat::blend_weights_if_wanted,
     views::choose_overviews,
     work::{Canceled, Work},
 };
@@ -62,7 +62,7 @@ impl Sight {
         let mut views = Vec::new();
         for (i, camera) in cameras.iter().enumerate() {
             work.at(VIEWS * i as f32 / cameras.len() as f32)?;
-            let weights = blend_weights_from(scene, camera, FAINT);
+            let weights = blend_weights_if_wanted(scene, camera, FAINT, work)?;
             let mut filled = vec![0.0; scene.len()];
             for (i, weight) in weights.indices.iter().zip(&weights.weights) {
                 filled[*i as usize] += weight;

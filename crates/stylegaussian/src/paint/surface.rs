@@ -143,6 +143,7 @@ impl Surface {
         let levels: Vec<Vec<Vec3>> = SMOOTH.par_iter().map(level).collect::<Result<_, _>>()?;
         work.at(0.8)?;
         let [soft, low, shapes] = levels.try_into().unwrap_or_default();
+        work.check()?;
         let (frames, edges) = rayon::join(
             || Frames::new(scene, neighbors, &base),
             || edges(&soft, &shapes, &grid(AROUND_EDGES), &sight.visibility),

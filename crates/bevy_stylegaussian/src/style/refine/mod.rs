@@ -38,11 +38,11 @@ use worker::{Better, Request, Running};
 /// its strokes become more like the painting's. Better looks replace it, by a fade if the entity has a
 /// [`StyleTransition`](crate::StyleTransition).
 ///
-/// The bake takes half a minute to minutes, on the threads of [`StyleThreads`](crate::StyleThreads). All entities
-/// share them, one after the other. It is canceled if the style, the scene or this component
-/// changes, and begins anew. It needs the paintings themselves: see [`paintings`](Self::paintings). A mix with
-/// a look is not refined, because a look is baked already. With the source's `content` c, the result is
-/// c * base color + (1 - c) * baked color.
+/// The bake takes half a minute to minutes, on the threads of [`StyleThreads`](crate::StyleThreads). All
+/// entities share them, one after the other. It is canceled if the style, the scene or this component changes,
+/// and begins anew. It needs the paintings themselves: see [`paintings`](Self::paintings). A mix with a look is
+/// not refined, because a look is baked already. With the source's `content` c, the result is c * base color +
+/// (1 - c) * baked color.
 ///
 /// It needs threads: in a browser, [`StyleFailed`](crate::StyleFailed) says that there are none, and the style
 /// stays as it is.

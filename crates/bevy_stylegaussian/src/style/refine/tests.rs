@@ -20,7 +20,7 @@ use super::{engine::Baking, *};
 use crate::{
     GaussianSplats, StyleBackend, StyleFailed, StyleLook, StyleRefined, StyleThreads, StyleTransition,
     tests::world::{
-        add, add_scene, add_style, app_without_rendering, drain,
+        QUICK_THREADS, add, add_scene, add_style, app_without_rendering, drain,
         rendering::{app_with_rendering, render_target, target},
         small_scene, small_style, update_until,
     },
@@ -139,7 +139,7 @@ fn better_looks_replace_the_instant_one() {
             }
         }
     }
-    assert_eq!(log.n_threads.load(SeqCst) as usize, StyleThreads::default().count);
+    assert_eq!(log.n_threads.load(SeqCst) as usize, QUICK_THREADS.count);
     until(&mut app, "the end of the bake", |log| log.n_ended.load(SeqCst) == 1, &log);
     for _ in 0..20 {
         app.update();
@@ -279,6 +279,7 @@ fn a_bake_that_fails_keeps_the_style() {
 #[cfg(target_os = "linux")]
 fn bakes_run_at_a_low_priority() {
     let (mut app, _, _) = app(1, 1);
+    app.insert_resource(StyleThreads::default());
     let nice = Arc::new(AtomicU32::new(0));
     let begin = {
         let nice = Arc::clone(&nice);

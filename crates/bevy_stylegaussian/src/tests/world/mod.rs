@@ -8,7 +8,7 @@ use std::{sync::Arc, time::Duration};
 use bevy::{asset::AssetPlugin, prelude::*};
 use stylegaussian::{ChannelStatistics, Decoder, Features, Layer, Scene, scene::Sh};
 
-use crate::{GaussianScene, StyleGaussianPlugin, StyleStatistics};
+use crate::{GaussianScene, StyleGaussianPlugin, StyleStatistics, StyleThreads};
 
 /// Channels of the encoder, latent features, and the decoder's neighbors, in the small scenes.
 // Three different numbers, so that mixing them up is found by a shape.
@@ -109,12 +109,17 @@ pub fn app_without_rendering() -> App {
     app_with_assets(AssetPlugin::default())
 }
 
+/// All cores at the usual priority.
+pub const QUICK_THREADS: StyleThreads = StyleThreads { count: 2, priority: 50 };
+
 /// As [`app_without_rendering`], with assets from another source.
 pub fn app_with_assets(assets: AssetPlugin) -> App {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, assets, TransformPlugin));
     // Bevy's `ImagePlugin` would do this, but it belongs to rendering.
     app.init_asset::<Image>().add_plugins(StyleGaussianPlugin::default());
+    // Tests wait for nothing else.
+    app.insert_resource(QUICK_THREADS);
     // What a runner does before the first update. These tests call `update` themselves.
     app.finish();
     app.cleanup();

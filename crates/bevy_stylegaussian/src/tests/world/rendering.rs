@@ -42,7 +42,7 @@ pub fn app_with_rendering(backend: StyleBackend) -> Option<App> {
 /// As [`app_with_rendering`], on a device of these settings.
 pub fn app_with_settings(backend: StyleBackend, settings: WgpuSettings) -> Option<App> {
     let mut app = app_without_splats(settings)?;
-    app.insert_resource(backend);
+    app.insert_resource(backend).insert_resource(super::QUICK_THREADS);
     app.add_plugins(StyleGaussianPlugin { synchronous_pipeline_compilation: true });
     Some(finish(app))
 }
