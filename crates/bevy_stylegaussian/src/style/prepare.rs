@@ -64,6 +64,7 @@ mod tests {
         let next = app.world().resource::<Workers>().start(crate::work::Lane::Styles, |_| Ok(()));
         bevy::tasks::block_on(next.wait()).unwrap();
         eprintln!("stopped within {:?}", begun.elapsed());
-        assert!(begun.elapsed().as_millis() < 500, "{:?}", begun.elapsed());
+        // To its end it takes several seconds.
+        assert!(begun.elapsed().as_secs() < 1, "{:?}", begun.elapsed());
     }
 }

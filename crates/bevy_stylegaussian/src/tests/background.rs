@@ -35,6 +35,10 @@ use super::{
 /// at least, and ten times what a busy machine takes to begin a task.
 const WAITS: Duration = Duration::from_millis(200);
 
+/// Beyond this, work that nobody wants would be said to go on. It takes 10 to 60 ms to stop on an idle machine,
+/// and several seconds to end.
+const STOPS: Duration = Duration::from_secs(1);
+
 /// The demo scene as a raw capture.
 fn demo() -> Scene {
     let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
@@ -125,7 +129,7 @@ fn a_despawned_entitys_painting_is_painted_no_further() {
     app.update();
     let stopped = until_free(&app, Lane::Styles);
     eprintln!("stopped after {stopped:.1?}");
-    assert!(stopped < Duration::from_millis(500), "{stopped:?}");
+    assert!(stopped < STOPS, "{stopped:?}");
 }
 
 #[test]
@@ -146,7 +150,7 @@ fn a_bake_that_is_not_wanted_any_more_stops() {
     app.update();
     let stopped = until_free(&app, Lane::Bakes);
     eprintln!("stopped after {stopped:.1?}");
-    assert!(stopped < Duration::from_secs(1), "{stopped:?}");
+    assert!(stopped < STOPS, "{stopped:?}");
     app.update();
     assert!(app.world().get::<StyleProgress>(entity).is_none());
 }
@@ -156,15 +160,15 @@ fn a_bake_that_is_not_wanted_any_more_stops() {
 #[test]
 fn the_style_of_a_scene_that_is_on_its_way_out_is_not_computed() {
     let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("next.sgs");
-    file::write_scene(&path, &small_scene(400, 2)).unwrap();
-    let mut app = app_without_rendering();
+    file::write_scene(&dir.path().join("next.sgs"), &small_scene(400, 2)).unwrap();
+    let mut app =
+        app_with_assets(AssetPlugin { file_path: dir.path().to_string_lossy().into(), ..default() });
     // It cannot be decoded, and the preset carries no paint.
     let raw = Scene { features: None, decoder: None, ..small_scene(300, 1) };
     let splats = GaussianSplats(add_scene(&mut app, raw));
     let entity = app.world_mut().spawn((splats, StyleSource::none())).id();
     app.update();
-    let next = app.world().resource::<AssetServer>().load(path.to_str().unwrap().to_owned());
+    let next = app.world().resource::<AssetServer>().load("next.sgs");
     let style = add_style(&mut app, small_style(1));
     app.world_mut().entity_mut(entity).insert((GaussianSplats(next), StyleSource::preset(style)));
     let failed = AtomicBool::new(false);
