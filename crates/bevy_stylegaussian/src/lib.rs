@@ -36,7 +36,9 @@
 //! Most apps need no more than [`prelude`].
 //!
 //! With Bevy's `RenderDiagnosticsPlugin`, the times of `splat_project_and_sort`, `splat_draw`,
-//! `splat_composite` and `style_pass` are among the render diagnostics.
+//! `splat_composite` and `style_pass` are among the render diagnostics. If several cameras see splats, the
+//! names of the second and further ones end with a number, as in `splat_draw_2`: in the order in which the
+//! cameras came, and a camera keeps its number. The sum is the time of the frame.
 //!
 //! The features of cargo: `bundled_models` (default) compiles the default encoder and decoder in, so that a
 //! game works offline. `picking` (default) is for pointer events, with Bevy's feature `bevy_picking`.
