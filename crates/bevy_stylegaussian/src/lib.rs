@@ -29,9 +29,9 @@
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
 //! - Resources: [`StyleMethod`], [`StyleBackend`], [`StyleBudget`], [`StyleEncoder`].
-//! - Events, as messages and for observers: [`GaussianSceneReady`], [`GaussianSceneFailed`], [`StyleApplied`],
-//!   [`StyleRefined`], [`StyleFailed`], [`StyleMaskFailed`]. The component
-//!   [`AppliedStyle`] holds the style that an entity shows, and can save the styled scene.
+//! - Events, as messages and for observers: [`GaussianSceneReady`], [`GaussianSceneFailed`],
+//!   [`StyleRecolored`], [`StyleApplied`], [`StyleRefined`], [`StyleFailed`], [`StyleMaskFailed`]. The
+//!   component [`AppliedStyle`] holds the style that an entity shows, and can save the styled scene.
 //!
 //! Most apps need no more than [`prelude`].
 //!
@@ -68,8 +68,8 @@ pub use splats::{SplatSortKey, SplatTonemapping};
 pub use style::{
     AppliedStyle, GaussianDecoder, HiddenUntilStyled, ImageEncoder, StyleApplied, StyleBackend, StyleBudget,
     StyleDecoder, StyleEncoder, StyleError, StyleFailed, StyleInput, StyleLook, StyleMethod, StylePrepare,
-    StyleRefine, StyleRefined, StyleSource, StyleStatistics, StyleTransition, StyleVolume, TransitionCenter,
-    TransitionClock, TransitionShape, VolumeShape, WeightedStyle,
+    StyleRecolored, StyleRefine, StyleRefined, StyleSource, StyleStatistics, StyleTransition, StyleVolume,
+    TransitionCenter, TransitionClock, TransitionShape, VolumeShape, WeightedStyle,
 };
 pub use systems::StyleGaussianSystems;
 
@@ -88,8 +88,9 @@ pub mod prelude {
         AppliedStyle, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
         HiddenUntilStyled, MaskVisibility, SavedMask, SplatHit, SplatRayCast, SplatSortKey, SplatTonemapping,
         StyleApplied, StyleBackend, StyleBudget, StyleDecoder, StyleEncoder, StyleFailed,
-        StyleGaussianPlugin, StyleInput, StyleMask, StyleMaskFailed, StyleMethod, StylePrepare, StyleRefine,
-        StyleRefined, StyleSource, StyleTransition, StyleVolume, TransitionClock, TransitionShape,
+        StyleGaussianPlugin, StyleInput, StyleMask, StyleMaskFailed, StyleMethod, StylePrepare,
+        StyleRecolored, StyleRefine, StyleRefined, StyleSource, StyleTransition, StyleVolume,
+        TransitionClock, TransitionShape,
     };
     #[cfg(feature = "picking")]
     pub use crate::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};

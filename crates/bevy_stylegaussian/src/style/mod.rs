@@ -51,7 +51,7 @@ pub use applied::AppliedStyle;
 pub use asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
 pub use compose::HiddenUntilStyled;
 pub use error::StyleError;
-pub use event::{StyleApplied, StyleFailed, StyleRefined};
+pub use event::{StyleApplied, StyleFailed, StyleRecolored, StyleRefined};
 pub use prepare::StylePrepare;
 pub use refine::StyleRefine;
 pub use settings::{StyleBackend, StyleBudget, StyleEncoder, StyleMethod};
@@ -86,6 +86,7 @@ impl Plugin for StylePlugin {
             .init_resource::<refine::RefineThreads>()
             .add_message::<StyleApplied>()
             .add_message::<StyleRefined>()
+            .add_message::<StyleRecolored>()
             .add_message::<StyleFailed>()
             .add_systems(
                 PostUpdate,
@@ -160,6 +161,7 @@ fn register_types(app: &mut App) {
         .register_type::<StylePrepare>()
         .register_type::<StyleApplied>()
         .register_type::<StyleRefined>()
+        .register_type::<StyleRecolored>()
         .register_type::<StyleFailed>()
         .register_type::<AppliedStyle>();
 }
