@@ -12,6 +12,7 @@ mod looks;
 mod masks;
 mod paint;
 mod pictures;
+mod plugins;
 mod rooms_apart;
 mod soak;
 mod space;
