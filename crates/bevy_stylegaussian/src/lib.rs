@@ -33,6 +33,11 @@
 //!   [`StyleRecolored`], [`StyleApplied`], [`StyleRefined`], [`StyleFailed`], [`StyleMaskFailed`]. The
 //!   component [`AppliedStyle`] holds the style that an entity shows, and can save the styled scene.
 //!
+//! Scene files and saved games: Bevy's serializers save and load all of these components but [`AppliedStyle`],
+//! which the plugin computes again. Assets are saved by their path, so one that a program made is not; masks
+//! are saved as they are painted. Bevy's own `VisibilityClass`, which meshes have too, cannot be saved: deny it
+//! if Bevy's feature `reflect_auto_register` is on.
+//!
 //! Most apps need no more than [`prelude`].
 //!
 //! With Bevy's `RenderDiagnosticsPlugin`, the times of `splat_project_and_sort`, `splat_draw`,

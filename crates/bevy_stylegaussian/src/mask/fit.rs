@@ -15,7 +15,7 @@ use stylegaussian::{Mask, Scene, StoredMask, mask::MaskError};
 
 use crate::{background::Background, scene::LoadedScene};
 
-use super::{SavedMask, StyleMask, component::Painted};
+use super::{SavedMask, StyleMask, component::Painted, weights::Weights};
 
 /// Sent if a saved mask cannot be used. The entity's mask is unpainted then.
 ///
@@ -110,8 +110,9 @@ pub(super) fn fit_masks(
             continue;
         }
         // An asset that changed without moving a Gaussian keeps what is painted, and the steps to undo.
-        let is_same = mask.painted.as_ref().is_some_and(|painted| painted.scene.means == scene.means);
-        if is_same && let Some(painted) = &mut mask.painted {
+        let is_same =
+            (mask.weights.painted.as_ref()).is_some_and(|painted| painted.scene.means == scene.means);
+        if is_same && let Some(painted) = &mut mask.weights.painted {
             painted.scene = Arc::clone(scene);
             continue;
         }
@@ -120,7 +121,7 @@ pub(super) fn fit_masks(
             failures.send(entity, error);
             Mask::new(scene.len())
         });
-        mask.painted = Some(Painted::new(Arc::clone(scene), first));
+        mask.weights = Weights::of(Painted::new(Arc::clone(scene), first));
     }
 }
 
@@ -132,22 +133,27 @@ fn first_mask(
     server: &AssetServer,
     fitting: Entry<Entity, Fitting, EntityHash>,
 ) -> Option<Result<Mask, StyleMaskError>> {
-    let Some(handle) = &mask.saved else {
-        return Some(Ok(scene.mask.clone().unwrap_or_else(|| Mask::new(scene.len()))));
-    };
-    let Some(SavedMask(stored)) = saved.get(handle) else {
-        return match server.get_load_state(handle) {
-            Some(LoadState::Failed(error)) => Some(Err(StyleMaskError::Load(error.to_string()))),
-            _ => None,
-        };
+    // What was painted before the world was saved counts for more than the file that it began as.
+    let stored = match (&mask.weights.loaded, &mask.saved) {
+        (Some(loaded), _) => loaded,
+        (None, None) => return Some(Ok(scene.mask.clone().unwrap_or_else(|| Mask::new(scene.len())))),
+        (None, Some(handle)) => match (saved.get(handle), server.get_load_state(handle)) {
+            (Some(SavedMask(stored)), _) => stored,
+            (None, Some(LoadState::Failed(error))) => {
+                return Some(Err(StyleMaskError::Load(error.to_string())));
+            }
+            (None, _) => return None,
+        },
     };
     let fitting = fitting.or_insert_with(|| Fitting::start(scene, stored));
     if !fitting.is_of(scene, stored) {
         *fitting = Fitting::start(scene, stored);
     }
-    let named = |&error: &MaskError| StyleMaskError::Scene {
-        path: handle.path().map_or_else(|| "a mask made by the program".into(), ToString::to_string),
-        error,
+    let path = || match (&mask.weights.loaded, &mask.saved) {
+        (Some(_), _) => "the mask of a saved world".into(),
+        (None, handle) => (handle.as_ref().and_then(Handle::path))
+            .map_or_else(|| "a mask made by the program".into(), ToString::to_string),
     };
+    let named = |&error: &MaskError| StyleMaskError::Scene { path: path(), error };
     fitting.mask.poll().map(|fitted| fitted.as_ref().cloned().map_err(named))
 }

@@ -16,6 +16,7 @@ mod fit;
 mod gpu;
 mod hidden;
 mod lasso;
+mod weights;
 
 pub use asset::SavedMask;
 pub use component::{MaskVisibility, StyleMask};

@@ -162,6 +162,6 @@ fn register_types(app: &mut App) {
         .register_type::<StyleApplied>()
         .register_type::<StyleRefined>()
         .register_type::<StyleRecolored>()
-        .register_type::<StyleFailed>()
-        .register_type::<AppliedStyle>();
+        .register_type::<StyleRefined>()
+        .register_type::<StyleFailed>();
 }

@@ -14,6 +14,7 @@ mod paint;
 mod pictures;
 mod plugins;
 mod rooms_apart;
+mod saves;
 mod soak;
 mod space;
 mod still_frames;
