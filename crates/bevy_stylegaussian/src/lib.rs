@@ -82,6 +82,9 @@ pub use systems::StyleGaussianSystems;
 pub use stylegaussian;
 /// The encoder crate: the type inside of [`ImageEncoder`], [`stylegaussian_encoder::Encoder`].
 pub use stylegaussian_encoder;
+/// The limits that a GPU must have: [`NEEDS`](gpu_needs::NEEDS). On a GPU without them, the app goes on and no
+/// splats are drawn: each of their entities gets a [`GaussianSceneFailed`], and the log has one error.
+pub use stylegaussian_gpu::needs as gpu_needs;
 
 /// The plugin and the components, resources and events that most apps use.
 ///

@@ -15,7 +15,7 @@ use crate::{
     reports::Reports,
 };
 
-use super::{GaussianScene, LoadedScene, RenderClouds, SceneRefused};
+use super::{GaussianScene, GaussianSceneError, LoadedScene, RenderClouds, SceneRefused};
 
 /// The scenes on the GPU, by asset.
 #[derive(Resource, Default)]
@@ -87,7 +87,8 @@ pub(crate) fn upload_scenes(
             Some(Err(reason)) => {
                 // An entity that shows the scene later hears of the refusal too, and each one hears of it once.
                 if uploaded.reported.insert(entity) {
-                    reports.push(SceneRefused { entity: entity.id(), reason: reason.clone() });
+                    let error = GaussianSceneError::Gpu(reason.clone());
+                    reports.push(SceneRefused { entity: entity.id(), error });
                 }
             }
         }

@@ -15,6 +15,7 @@ use crate::{reports::Reports, systems::StyleGaussianSystems};
 
 mod asset;
 mod attach;
+mod device;
 mod extract;
 mod failure;
 mod gpu;
@@ -25,6 +26,7 @@ pub use failure::{GaussianSceneError, GaussianSceneFailed};
 pub use loader::SceneSettings;
 
 pub(crate) use attach::LoadedScene;
+pub(crate) use device::{DeviceServes, device_serves};
 pub(crate) use extract::RenderClouds;
 pub(crate) use failure::SceneRefused;
 pub(crate) use gpu::{GpuScenes, upload_scenes};
@@ -87,8 +89,13 @@ impl Plugin for ScenePlugin {
                 .init_resource::<RenderClouds>()
                 // Rebuilt from `RenderClouds` after a lost device.
                 .init_gpu_resource::<GpuScenes>()
+                .init_gpu_resource::<DeviceServes>()
                 .add_systems(ExtractSchedule, extract::extract_clouds)
-                .add_systems(Render, upload_scenes.in_set(RenderSystems::PrepareResources));
+                .add_systems(
+                    Render,
+                    (upload_scenes.run_if(device_serves), device::refuse_scenes)
+                        .in_set(RenderSystems::PrepareResources),
+                );
         }
     }
 }

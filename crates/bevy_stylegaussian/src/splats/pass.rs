@@ -16,7 +16,7 @@ use crate::{
     colors::ShownColors,
     mask::RenderMasks,
     reports::Reports,
-    scene::{GpuScenes, RenderClouds, SceneRefused},
+    scene::{GaussianSceneError, GpuScenes, RenderClouds, SceneRefused},
 };
 
 use super::{
@@ -107,14 +107,15 @@ fn refuse(splats: &mut ViewSplats, reports: &Reports<SceneRefused>, reason: &str
         return;
     }
     for entity in &splats.clouds {
-        reports.push(SceneRefused { entity: entity.id(), reason: reason.into() });
+        let error = GaussianSceneError::Gpu(reason.into());
+        reports.push(SceneRefused { entity: entity.id(), error });
     }
 }
 
 /// Blends splats in the view's layer.
 fn draw_layer(gpu: &mut Gpu, ready: &Ready, splats: &mut ViewSplats, depth: &ViewDepthTexture) {
-    let Some((layer, buffers)) = splats.layer_and_buffers() else { return };
     let name = splats.span("splat_draw");
+    let Some((layer, buffers)) = splats.layer_and_buffers() else { return };
     let layer =
         splat::Layer { color: &layer.color, resolved: layer.resolved.as_ref(), depth: Some(depth.view()) };
     let span = gpu.diagnostics.time_span(gpu.encoder, name);

@@ -17,6 +17,7 @@ use bevy::{
 use crate::{
     colors::{mix_colors, update_colors},
     loader::FileLoader,
+    scene::device_serves,
     systems::StyleGaussianSystems,
 };
 
@@ -85,8 +86,8 @@ impl Plugin for StylePlugin {
             .init_resource::<refine::Engine>()
             .init_resource::<refine::RefineThreads>()
             .add_message::<StyleApplied>()
-            .add_message::<StyleRefined>()
             .add_message::<StyleRecolored>()
+            .add_message::<StyleRefined>()
             .add_message::<StyleFailed>()
             .add_systems(
                 PostUpdate,
@@ -130,7 +131,7 @@ impl Plugin for StylePlugin {
                 RenderGraph,
                 // `update_colors` makes the entries that styles are decoded into, and `mix_colors` shows them
                 // in the same frame.
-                pass::decode_styles.after(update_colors).before(mix_colors),
+                pass::decode_styles.after(update_colors).before(mix_colors).run_if(device_serves),
             );
         }
     }
@@ -160,7 +161,6 @@ fn register_types(app: &mut App) {
         .register_type::<StyleRefine>()
         .register_type::<StylePrepare>()
         .register_type::<StyleApplied>()
-        .register_type::<StyleRefined>()
         .register_type::<StyleRecolored>()
         .register_type::<StyleRefined>()
         .register_type::<StyleFailed>();

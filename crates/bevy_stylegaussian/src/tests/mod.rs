@@ -20,4 +20,5 @@ mod space;
 mod still_frames;
 mod strokes;
 mod styles;
+mod weak_devices;
 pub(crate) mod world;
