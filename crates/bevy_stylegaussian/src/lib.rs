@@ -29,14 +29,21 @@
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
 //! - Resources: [`StyleMethod`], [`StyleBackend`], [`StyleBudget`], [`StyleEncoder`].
-//! - Events, as messages and for observers: [`GaussianSceneReady`], [`GaussianSceneFailed`], [`StyleApplied`],
-//!   [`StyleRefined`], [`StyleFailed`], [`StyleMaskFailed`]. The component
-//!   [`AppliedStyle`] holds the style that an entity shows, and can save the styled scene.
+//! - Events, as messages and for observers: [`GaussianSceneReady`], [`GaussianSceneFailed`],
+//!   [`StyleRecolored`], [`StyleApplied`], [`StyleRefined`], [`StyleFailed`], [`StyleMaskFailed`]. The
+//!   component [`AppliedStyle`] holds the style that an entity shows, and can save the styled scene.
+//!
+//! Scene files and saved games: Bevy's serializers save and load all of these components but [`AppliedStyle`],
+//! which the plugin computes again. Assets are saved by their path, so one that a program made is not; masks
+//! are saved as they are painted. Bevy's own `VisibilityClass`, which meshes have too, cannot be saved: deny it
+//! if Bevy's feature `reflect_auto_register` is on.
 //!
 //! Most apps need no more than [`prelude`].
 //!
 //! With Bevy's `RenderDiagnosticsPlugin`, the times of `splat_project_and_sort`, `splat_draw`,
-//! `splat_composite` and `style_pass` are among the render diagnostics.
+//! `splat_composite` and `style_pass` are among the render diagnostics. If several cameras see splats, the
+//! names of the second and further ones end with a number, as in `splat_draw_2`: in the order in which the
+//! cameras came, and a camera keeps its number. The sum is the time of the frame.
 //!
 //! The features of cargo: `bundled_models` (default) compiles the default encoder and decoder in, so that a
 //! game works offline. `picking` (default) is for pointer events, with Bevy's feature `bevy_picking`.
@@ -66,8 +73,8 @@ pub use splats::{SplatSortKey, SplatTonemapping};
 pub use style::{
     AppliedStyle, GaussianDecoder, HiddenUntilStyled, ImageEncoder, StyleApplied, StyleBackend, StyleBudget,
     StyleDecoder, StyleEncoder, StyleError, StyleFailed, StyleInput, StyleLook, StyleMethod, StylePrepare,
-    StyleProgress, StyleRefine, StyleRefined, StyleSource, StyleStatistics, StyleTransition, StyleVolume,
-    TransitionCenter, TransitionClock, TransitionShape, VolumeShape, WeightedStyle,
+    StyleProgress, StyleRecolored, StyleRefine, StyleRefined, StyleSource, StyleStatistics, StyleTransition,
+    StyleVolume, TransitionCenter, TransitionClock, TransitionShape, VolumeShape, WeightedStyle,
 };
 pub use systems::StyleGaussianSystems;
 pub use work::StyleThreads;
@@ -76,6 +83,9 @@ pub use work::StyleThreads;
 pub use stylegaussian;
 /// The encoder crate: the type inside of [`ImageEncoder`], [`stylegaussian_encoder::Encoder`].
 pub use stylegaussian_encoder;
+/// The limits that a GPU must have: [`NEEDS`](gpu_needs::NEEDS). On a GPU without them, the app goes on and no
+/// splats are drawn: each of their entities gets a [`GaussianSceneFailed`], and the log has one error.
+pub use stylegaussian_gpu::needs as gpu_needs;
 
 /// The plugin and the components, resources and events that most apps use.
 ///
@@ -87,8 +97,9 @@ pub mod prelude {
         AppliedStyle, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
         HiddenUntilStyled, MaskVisibility, SavedMask, SplatHit, SplatRayCast, SplatSortKey, SplatTonemapping,
         StyleApplied, StyleBackend, StyleBudget, StyleDecoder, StyleEncoder, StyleFailed,
-        StyleGaussianPlugin, StyleInput, StyleMask, StyleMaskFailed, StyleMethod, StylePrepare, StyleRefine,
-        StyleRefined, StyleSource, StyleTransition, StyleVolume, TransitionClock, TransitionShape,
+        StyleGaussianPlugin, StyleInput, StyleMask, StyleMaskFailed, StyleMethod, StylePrepare,
+        StyleRecolored, StyleRefine, StyleRefined, StyleSource, StyleTransition, StyleVolume,
+        TransitionClock, TransitionShape,
     };
     #[cfg(feature = "picking")]
     pub use crate::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};

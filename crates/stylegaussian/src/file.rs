@@ -164,6 +164,18 @@ pub fn write_mask(path: &Path, mask: &StoredMask) -> Result<(), FileError> {
     write_atomically(path, |out| tensors.write(out))
 }
 
+/// The bytes that [`write_mask`] writes. Errors call the file `name`.
+///
+/// # Errors
+/// If there are not as many weights as the scene has Gaussians.
+pub fn mask_to_bytes(name: &str, mask: &StoredMask) -> Result<Vec<u8>, FileError> {
+    let path = Path::new(name);
+    let tensors = mask::prepare(mask).map_err(|mismatch| mismatch.at(path))?;
+    let mut bytes = Vec::new();
+    tensors.write(&mut bytes).map_err(|source| FileError::Io { path: path.into(), source })?;
+    Ok(bytes)
+}
+
 /// Writes a style with the paint of its painting (`*.style.safetensors`). [`read_style`] reads its statistics
 /// and [`read_paint`] its paint.
 ///

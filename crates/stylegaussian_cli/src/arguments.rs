@@ -63,6 +63,16 @@ pub fn is_mask(path: &Path) -> bool {
     path.to_string_lossy().to_lowercase().ends_with(".mask.safetensors")
 }
 
+/// Whether the name is that of a style preset.
+pub fn is_style(path: &Path) -> bool {
+    path.to_string_lossy().to_lowercase().ends_with(".style.safetensors")
+}
+
+/// Whether the name is that of a decoder.
+pub fn is_decoder(path: &Path) -> bool {
+    path.to_string_lossy().to_lowercase().ends_with(".decoder.safetensors")
+}
+
 /// Whether `text` is meant as a number. Rust also parses `inf` and `nan`, but these are more likely names.
 fn is_number(text: &str) -> bool {
     text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) && text.parse::<f64>().is_ok()

@@ -4,6 +4,10 @@ mod support;
 
 use std::fs;
 
+use stylegaussian::{
+    file::{self, Precision},
+    paint::Paint,
+};
 use support::{Bench, Run, data, stylegaussian};
 
 #[test]
@@ -127,6 +131,34 @@ fn rendering_on_the_gpu_matches_the_cpu() {
         let psnr = 10.0 * (255.0_f64.powi(2) * gpu.len() as f64 / squares.sum::<f64>()).log10();
         eprintln!("{psnr:.1} dB");
         assert!(psnr > 48.0, "{psnr} dB, styled: {}", !style.is_empty());
+    }
+}
+
+#[test]
+fn info_describes_styles_and_decoders() {
+    let bench = Bench::new();
+    let (bare, painted) = (bench.style("bare.style.safetensors"), bench.path("s.style.safetensors"));
+    let paint = Paint { width: 3, height: 2, pixels: vec![7; 18] };
+    file::write_painted_style(painted.as_ref(), &file::read_style(bare.as_ref()).unwrap(), &paint).unwrap();
+    let text = stylegaussian(&["info", &bare]).expect_success().stdout;
+    for part in ["6 channels", "encoder test@00", "none: it is decoded"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    let json = stylegaussian(&["info", &painted, "--json"]).expect_success().json();
+    assert_eq!((&json["n_channels"], &json["paint"]), (&6.into(), &serde_json::json!([3, 2])));
+    bench.embedded_scene("a.sgs");
+    let decoder = bench.path("d.decoder.safetensors");
+    let of_scene = bench.scene("a.sgs").decoder.unwrap();
+    file::write_decoder(decoder.as_ref(), &of_scene, Precision::F32).unwrap();
+    let text = stylegaussian(&["info", &decoder]).expect_success().stdout;
+    assert!(text.contains("6 > 5 > 3, K = 3"), "{text}");
+    let json = stylegaussian(&["info", &decoder, "--json"]).expect_success().json();
+    assert_eq!(json["decoder"]["k"], 3);
+    // What is cut off is an error that names the file.
+    for path in [&painted, &decoder] {
+        let bytes = fs::read(path).unwrap();
+        fs::write(path, &bytes[..bytes.len() - 1]).unwrap();
+        stylegaussian(&["info", path]).expect_error("safetensors: found");
     }
 }
 

@@ -33,6 +33,7 @@ pub mod colors;
 pub mod device;
 pub mod layers;
 pub mod mask;
+pub mod needs;
 pub mod splat;
 pub mod strokes;
 pub mod style;

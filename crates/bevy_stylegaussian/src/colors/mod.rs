@@ -16,7 +16,10 @@ use bevy::{
     render::{ExtractSchedule, GpuResourceAppExt, RenderApp, renderer::RenderGraph},
 };
 
-use crate::{scene::GaussianSplats, systems::StyleGaussianSystems};
+use crate::{
+    scene::{GaussianSplats, device_serves},
+    systems::StyleGaussianSystems,
+};
 
 mod extract;
 mod layers;
@@ -65,7 +68,13 @@ impl Plugin for ColorsPlugin {
                 .init_gpu_resource::<mix::Mixer>()
                 .add_systems(ExtractSchedule, (extract::extract_layers, extract::extract_wanted))
                 // Once per frame, before the first camera: views that share an entity must see the same colors.
-                .add_systems(RenderGraph, (update_colors, mix_colors).chain().before(camera_driver));
+                .add_systems(
+                    RenderGraph,
+                    (
+                        shown::refuse_colors,
+                        (update_colors, mix_colors).chain().run_if(device_serves).before(camera_driver),
+                    ),
+                );
         }
     }
 }

@@ -18,7 +18,7 @@ use stylegaussian_gpu::{
     strokes::{GaussianStrokes, StrokeStore},
 };
 
-use crate::scene::RenderClouds;
+use crate::scene::{DeviceServes, RenderClouds};
 
 use super::{
     extract::{RenderColors, WantedColors},
@@ -156,6 +156,15 @@ pub(crate) fn update_colors(
             entity.reset_for_new_scene(cloud.scene.scene());
             entity.knobs = wish.knobs;
         }
+    }
+}
+
+/// Refuses all styles, if the device cannot draw splats.
+pub(super) fn refuse_colors(device: Res<DeviceServes>, wishes: Res<RenderColors>, wanted: Res<WantedColors>) {
+    let Some(reason) = device.reason().filter(|_| wishes.is_changed() || wanted.is_changed()) else { return };
+    let of_layers = wishes.0.values().flat_map(|wish| all_styles(&wish.layers));
+    for style in of_layers.chain(wanted.styles.iter().cloned()) {
+        style.answer(Err(reason.to_string()));
     }
 }
 

@@ -15,7 +15,7 @@ use stylegaussian::{
     mask::{Brush, Combine, Edit, History, MaskUse, Selection, Stroke},
 };
 
-use super::SavedMask;
+use super::{SavedMask, weights::Weights};
 
 /// Changes that are remembered for the upload. Between two frames there is one for each call of a method; the
 /// GPU gets the whole mask if there were more.
@@ -35,13 +35,16 @@ const MOST_UPLOADS: usize = 32;
 /// Gaussians, it begins anew. To begin anew with another file, insert another component.
 ///
 /// [`MaskVisibility`] hides painted splats or crops to them.
+///
+/// If a world is saved by reflection, the weights are part of it, compressed; steps that can be undone are not.
+/// That takes as long as [`to_stored`](Self::to_stored). In the loaded world the mask is ready a moment after
+/// its scene.
 #[derive(Component, Clone, Default, Reflect)]
-#[reflect(opaque)]
 #[reflect(Component, Default, Clone)]
 pub struct StyleMask {
     /// The file that the mask begins as.
     pub(super) saved: Option<Handle<SavedMask>>,
-    pub(super) painted: Option<Painted>,
+    pub(super) weights: Weights,
 }
 
 /// A mask that fits a scene.
@@ -79,6 +82,11 @@ impl Painted {
 
     pub(super) fn mask(&self) -> &Mask {
         &self.mask
+    }
+
+    /// The weights in the order of the scene's source.
+    pub(super) fn to_stored(&self) -> StoredMask {
+        StoredMask::new(&self.scene, &self.mask)
     }
 
     /// The weights that changed since `revision`, or `None` if these changes were forgotten.
@@ -126,12 +134,12 @@ impl StyleMask {
     /// A mask that begins as a saved one. If that belongs to another scene or cannot be loaded, the entity gets
     /// a [`StyleMaskFailed`](crate::StyleMaskFailed) and the mask is unpainted.
     pub fn saved(mask: Handle<SavedMask>) -> Self {
-        Self { saved: Some(mask), painted: None }
+        Self { saved: Some(mask), ..Self::default() }
     }
 
     /// The weights, in the order of the scene in memory, or `None` if the mask is not ready.
     pub fn mask(&self) -> Option<&Mask> {
-        self.painted.as_ref().map(Painted::mask)
+        self.weights.painted.as_ref().map(Painted::mask)
     }
 
     /// Paints a dab at each of `centers`, as one step to undo. Returns whether the mask was ready.
@@ -170,17 +178,17 @@ impl StyleMask {
 
     /// Undoes the last change. Returns false if there is none.
     pub fn undo(&mut self) -> bool {
-        self.painted.as_mut().is_some_and(|painted| painted.step(History::undo))
+        self.weights.painted.as_mut().is_some_and(|painted| painted.step(History::undo))
     }
 
     /// Makes the change again that was undone last. Returns false if there is none.
     pub fn redo(&mut self) -> bool {
-        self.painted.as_mut().is_some_and(|painted| painted.step(History::redo))
+        self.weights.painted.as_mut().is_some_and(|painted| painted.step(History::redo))
     }
 
     /// The number of changes that can be undone, and of those that can be made again.
     pub fn undo_len(&self) -> (usize, usize) {
-        self.painted.as_ref().map_or((0, 0), |painted| painted.history.len())
+        self.weights.painted.as_ref().map_or((0, 0), |painted| painted.history.len())
     }
 
     /// Names a channel, for people. The name is saved. Returns whether the mask was ready; a channel beyond the
@@ -196,24 +204,24 @@ impl StyleMask {
     /// The mask for [`stylegaussian::file::write_mask`], or `None` if it is not ready. It sorts and hashes all
     /// means, which takes a fifth of a second for a million: not for every frame.
     pub fn to_stored(&self) -> Option<StoredMask> {
-        self.painted.as_ref().map(|painted| StoredMask::new(&painted.scene, &painted.mask))
+        self.weights.painted.as_ref().map(Painted::to_stored)
     }
 
     /// The scene with this mask, for [`stylegaussian::file::write_scene`] to a `.sgs`, or `None` if it is not
     /// ready. It copies the scene.
     pub fn masked_scene(&self) -> Option<Scene> {
-        let painted = self.painted.as_ref()?;
+        let painted = self.weights.painted.as_ref()?;
         Some(Scene { mask: Some(painted.mask.clone()), ..Scene::clone(&painted.scene) })
     }
 
     /// Whether the mask is fitted to `scene`.
     pub(super) fn is_of(&self, scene: &Arc<Scene>) -> bool {
-        self.painted.as_ref().is_some_and(|painted| Arc::ptr_eq(&painted.scene, scene))
+        self.weights.painted.as_ref().is_some_and(|painted| Arc::ptr_eq(&painted.scene, scene))
     }
 
     /// Calls `change` if the mask is ready, and returns whether it is.
     fn with(&mut self, change: impl FnOnce(&mut Painted)) -> bool {
-        self.painted.as_mut().map(change).is_some()
+        self.weights.painted.as_mut().map(change).is_some()
     }
 }
 

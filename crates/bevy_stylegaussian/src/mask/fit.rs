@@ -18,7 +18,7 @@ use crate::{
     work::{Lane, Running, Workers},
 };
 
-use super::{SavedMask, StyleMask, component::Painted};
+use super::{SavedMask, StyleMask, component::Painted, weights::Weights};
 
 /// Sent if a saved mask cannot be used. The entity's mask is unpainted then.
 ///
@@ -115,8 +115,9 @@ pub(super) fn fit_masks(
             continue;
         }
         // An asset that changed without moving a Gaussian keeps its painted weights, and the steps to undo.
-        let is_same = mask.painted.as_ref().is_some_and(|painted| painted.scene.means == scene.means);
-        if is_same && let Some(painted) = &mut mask.painted {
+        let is_same =
+            (mask.weights.painted.as_ref()).is_some_and(|painted| painted.scene.means == scene.means);
+        if is_same && let Some(painted) = &mut mask.weights.painted {
             painted.scene = Arc::clone(scene);
             continue;
         }
@@ -126,7 +127,7 @@ pub(super) fn fit_masks(
             failures.send(entity, error);
             Mask::new(scene.len())
         });
-        mask.painted = Some(Painted::new(Arc::clone(scene), first));
+        mask.weights = Weights::of(Painted::new(Arc::clone(scene), first));
     }
 }
 
@@ -137,23 +138,28 @@ fn first_mask(
     (saved, server, workers): (&Assets<SavedMask>, &AssetServer, &Workers),
     fitting: Entry<Entity, Fitting, EntityHash>,
 ) -> Option<Result<Mask, StyleMaskError>> {
-    let Some(handle) = &mask.saved else {
-        return Some(Ok(scene.mask.clone().unwrap_or_else(|| Mask::new(scene.len()))));
-    };
-    let Some(SavedMask(stored)) = saved.get(handle) else {
-        return match server.get_load_state(handle) {
-            Some(LoadState::Failed(error)) => Some(Err(StyleMaskError::Load(error.to_string()))),
-            _ => None,
-        };
+    // What was painted before the world was saved counts for more than the file that it began as.
+    let stored = match (&mask.weights.loaded, &mask.saved) {
+        (Some(loaded), _) => loaded,
+        (None, None) => return Some(Ok(scene.mask.clone().unwrap_or_else(|| Mask::new(scene.len())))),
+        (None, Some(handle)) => match (saved.get(handle), server.get_load_state(handle)) {
+            (Some(SavedMask(stored)), _) => stored,
+            (None, Some(LoadState::Failed(error))) => {
+                return Some(Err(StyleMaskError::Load(error.to_string())));
+            }
+            (None, _) => return None,
+        },
     };
     let fitting = fitting.or_insert_with(|| Fitting::start(scene, stored, workers));
     if !fitting.is_of(scene, stored) {
         *fitting = Fitting::start(scene, stored, workers);
     }
-    let named = |&error: &MaskError| StyleMaskError::Scene {
-        path: handle.path().map_or_else(|| "a mask made by the program".into(), ToString::to_string),
-        error,
+    let path = || match (&mask.weights.loaded, &mask.saved) {
+        (Some(_), _) => "the mask of a saved world".into(),
+        (None, handle) => (handle.as_ref().and_then(Handle::path))
+            .map_or_else(|| "a mask made by the program".into(), ToString::to_string),
     };
+    let named = |&error: &MaskError| StyleMaskError::Scene { path: path(), error };
     // A panic, which the log tells of, leaves the mask unfitted.
     let fitted = fitting.mask.get()?.as_ref().ok()?;
     Some(fitted.as_ref().cloned().map_err(named))

@@ -64,12 +64,12 @@ pub(super) fn extract_masks(
     // Mixing layers again because a mask was borrowed mutably would cost more than the mask.
     let of_entity = &mut masks.bypass_change_detection().0;
     of_entity.retain(|entity, _| {
-        let stays = all.get(entity.id()).is_ok_and(|(_, mask, _)| mask.painted.is_some());
+        let stays = all.get(entity.id()).is_ok_and(|(_, mask, _)| mask.weights.painted.is_some());
         is_changed |= !stays;
         stays
     });
     for (entity, mask, visibility) in &all {
-        let Some(painted) = &mask.painted else { continue };
+        let Some(painted) = &mask.weights.painted else { continue };
         let visibility = visibility.copied();
         match of_entity.get_mut(&MainEntity::from(entity)) {
             Some(known) if known.is_of(painted) => {

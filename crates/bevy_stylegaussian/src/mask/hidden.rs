@@ -48,7 +48,7 @@ pub(super) fn hide_from_rays(
         }
     }
     for (entity, mask, visibility, hidden) in &mut hiding {
-        let Some(painted) = &mask.painted else {
+        let Some(painted) = &mask.weights.painted else {
             commands.entity(entity).try_remove::<HiddenFromRays>();
             continue;
         };

@@ -8,7 +8,7 @@ use bevy::{
     render::{ExtractSchedule, GpuResourceAppExt, RenderApp},
 };
 
-use crate::{loader::FileLoader, systems::StyleGaussianSystems};
+use crate::{loader::FileLoader, scene::device_serves, systems::StyleGaussianSystems};
 
 mod asset;
 mod component;
@@ -16,6 +16,7 @@ mod fit;
 mod gpu;
 mod hidden;
 mod lasso;
+mod weights;
 
 pub use asset::SavedMask;
 pub use component::{MaskVisibility, StyleMask};
@@ -46,7 +47,7 @@ impl Plugin for MaskPlugin {
             render_app
                 // Rebuilt from the components after a lost device.
                 .init_gpu_resource::<RenderMasks>()
-                .add_systems(ExtractSchedule, gpu::extract_masks);
+                .add_systems(ExtractSchedule, gpu::extract_masks.run_if(device_serves));
         }
     }
 }

@@ -1,11 +1,14 @@
 //! Attaches loaded scenes to the entities that show them. Rendering and styling read the attached scene.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
 use bevy::{
     asset::{AssetLoadFailedEvent, LoadState},
     camera::primitives::Aabb,
-    platform::collections::HashSet,
+    platform::{
+        collections::{HashMap, HashSet},
+        time::Instant,
+    },
     prelude::*,
 };
 use stylegaussian::Scene;
@@ -129,16 +132,31 @@ pub(super) fn attach_uploaded_scenes(mut commands: Commands, next: Query<(Entity
     }
 }
 
+/// Time within which the same failure of a loaded asset counts as the same try. Bevy's asset server reads a
+/// changed file that it cannot parse a second time, at once, and tells both failures.
+const SAME_TRY: Duration = Duration::from_secs(2);
+
 /// Sends a failure for each entity that waits for an asset that failed to load.
 pub(super) fn report_failed_loads(
     mut events: MessageReader<AssetLoadFailedEvent<GaussianScene>>,
     splats: Query<(Entity, &GaussianSplats)>,
+    scenes: Res<Assets<GaussianScene>>,
+    mut last: Local<HashMap<AssetId<GaussianScene>, (Instant, String)>>,
     mut failures: SceneFailures,
 ) {
     // A failed load changes no asset, so `AssetChanged` in `attach_scenes` does not see it.
     for event in events.read() {
+        let error = event.error.to_string();
+        let told = last.remove(&event.id);
+        // A first load is tried once.
+        if scenes.contains(event.id) {
+            if told.is_some_and(|(at, told)| told == error && at.elapsed() < SAME_TRY) {
+                continue;
+            }
+            last.insert(event.id, (Instant::now(), error.clone()));
+        }
         for (entity, _) in splats.iter().filter(|(_, splats)| splats.0.id() == event.id) {
-            failures.send(entity, GaussianSceneError::Load(event.error.to_string()));
+            failures.send(entity, GaussianSceneError::Load(error.clone()));
         }
     }
 }

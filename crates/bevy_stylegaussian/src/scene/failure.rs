@@ -36,12 +36,16 @@ pub enum GaussianSceneError {
     /// The scene is too large for the GPU. The message has its size in bytes and the limit.
     #[error("the scene cannot be drawn on this GPU: {0}")]
     Gpu(String),
+    /// No scene can be drawn, because the device's limits are below [`NEEDS`](stylegaussian_gpu::needs::NEEDS).
+    /// The message has the limits that are, and what is needed. It is logged once, and not for every entity.
+    #[error(transparent)]
+    Device(stylegaussian_gpu::needs::TooWeak),
 }
 
 /// Report of the render world: the GPU cannot take the scene of an entity, or a view cannot draw it.
 pub(crate) struct SceneRefused {
     pub(crate) entity: Entity,
-    pub(crate) reason: String,
+    pub(crate) error: GaussianSceneError,
 }
 
 /// Sends [`GaussianSceneFailed`].
@@ -54,8 +58,8 @@ pub(super) struct SceneFailures<'w, 's> {
 
 impl SceneFailures<'_, '_> {
     pub(super) fn send(&mut self, entity: Entity, error: GaussianSceneError) {
-        // `bevy_asset` has logged a failed load already.
-        if !matches!(error, GaussianSceneError::Load(_)) {
+        // `bevy_asset` has logged a failed load already, and the render world what the device lacks.
+        if !matches!(error, GaussianSceneError::Load(_) | GaussianSceneError::Device(_)) {
             match self.names.get(entity) {
                 Ok(name) => error!("{name}: {error}"),
                 Err(_) => error!("{entity}: {error}"),
@@ -69,7 +73,7 @@ impl SceneFailures<'_, '_> {
 
 /// Sends the failures that the render world reported.
 pub(super) fn report_refused_scenes(reports: Res<Reports<SceneRefused>>, mut failures: SceneFailures) {
-    for SceneRefused { entity, reason } in reports.take() {
-        failures.send(entity, GaussianSceneError::Gpu(reason));
+    for SceneRefused { entity, error } in reports.take() {
+        failures.send(entity, error);
     }
 }

@@ -14,7 +14,9 @@ use crate::{
     work::{Background, Lane, SynchronousCompilation, Workers},
 };
 
-use super::{GaussianScene, LoadedScene, RenderClouds, SceneRefused, extract::NextScenes};
+use super::{
+    GaussianScene, GaussianSceneError, LoadedScene, RenderClouds, SceneRefused, extract::NextScenes,
+};
 
 /// The scenes on the GPU.
 #[derive(Resource, Default)]
@@ -95,7 +97,8 @@ pub(crate) fn upload_scenes(
                 uploaded.asset.set_on_gpu(true);
                 // An entity that shows the scene later hears of the refusal too, and each one hears of it once.
                 if let Some(entity) = entity.filter(|entity| uploaded.reported.insert(*entity)) {
-                    reports.push(SceneRefused { entity: entity.id(), reason: reason.clone() });
+                    let error = GaussianSceneError::Gpu(reason.clone());
+                    reports.push(SceneRefused { entity: entity.id(), error });
                 }
             }
         }

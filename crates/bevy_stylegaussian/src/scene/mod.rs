@@ -15,6 +15,7 @@ use crate::{reports::Reports, systems::StyleGaussianSystems};
 
 mod asset;
 mod attach;
+mod device;
 mod extract;
 mod failure;
 mod gpu;
@@ -26,6 +27,7 @@ pub use failure::{GaussianSceneError, GaussianSceneFailed};
 pub use loader::SceneSettings;
 
 pub(crate) use attach::{LoadedScene, NextScene, UploadsInBackground};
+pub(crate) use device::{DeviceServes, device_serves};
 use extract::NextScenes;
 pub(crate) use extract::RenderClouds;
 pub(crate) use failure::SceneRefused;
@@ -33,7 +35,11 @@ pub(crate) use gpu::{GpuScenes, upload_scenes};
 use loader::SceneLoader;
 pub(crate) use per_scene::PerScene;
 
-/// Shows a [`GaussianScene`] at the entity's `Transform`, which may scale and shear it.
+/// Shows a [`GaussianScene`] at the entity's `Transform`, which may scale and shear it. A scale of 0 along an
+/// axis has no inverse, and shows nothing; a small one, such as 0.001, shows the scene flat.
+///
+/// If a scene lies on its side or stands on its head, its file does not say which way is up:
+/// [`SceneSettings::axes`] turns it while it is loaded, and so does the `Transform`.
 ///
 /// Splats are depth-tested against opaque meshes and drawn before transparent ones. They have the colors they
 /// were captured with; lights do not change them. Any number of entities may share a scene. Splats of
@@ -93,8 +99,13 @@ impl Plugin for ScenePlugin {
                 .init_resource::<NextScenes>()
                 // Rebuilt from `RenderClouds` after a lost device.
                 .init_gpu_resource::<GpuScenes>()
+                .init_gpu_resource::<DeviceServes>()
                 .add_systems(ExtractSchedule, (extract::extract_clouds, extract::extract_next_scenes))
-                .add_systems(Render, upload_scenes.in_set(RenderSystems::PrepareResources));
+                .add_systems(
+                    Render,
+                    (upload_scenes.run_if(device_serves), device::refuse_scenes)
+                        .in_set(RenderSystems::PrepareResources),
+                );
         }
     }
 }

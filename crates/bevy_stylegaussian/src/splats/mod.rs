@@ -16,7 +16,7 @@ use bevy::{
     },
 };
 
-use crate::scene::upload_scenes;
+use crate::scene::{device_serves, upload_scenes};
 
 mod camera;
 #[cfg(test)]
@@ -51,9 +51,9 @@ impl Plugin for SplatsPlugin {
                 Render,
                 (
                     // The usages of a texture are fixed when it is created.
-                    view::allow_reading_depth.before(prepare_core_3d_depth_textures),
+                    view::allow_reading_depth.before(prepare_core_3d_depth_textures).run_if(device_serves),
                     // A scene that was uploaded in this frame is drawn in this frame.
-                    view::prepare_views.after(upload_scenes),
+                    view::prepare_views.after(upload_scenes).run_if(device_serves),
                 )
                     .in_set(RenderSystems::PrepareResources),
             )

@@ -16,7 +16,7 @@ use crate::{
     colors::ShownColors,
     mask::RenderMasks,
     reports::Reports,
-    scene::{GpuScenes, RenderClouds, SceneRefused},
+    scene::{GaussianSceneError, GpuScenes, RenderClouds, SceneRefused},
 };
 
 use super::{
@@ -75,7 +75,7 @@ pub(super) fn draw_splats(
         encoder: context.command_encoder(),
         diagnostics: diagnostics.as_deref(),
     };
-    let span = gpu.diagnostics.time_span(gpu.encoder, "splat_project_and_sort");
+    let span = gpu.diagnostics.time_span(gpu.encoder, splats.span("splat_project_and_sort"));
     let sorted = ready.passes.splat.project_and_sort(
         gpu.device,
         gpu.queue,
@@ -107,16 +107,18 @@ fn refuse(splats: &mut ViewSplats, reports: &Reports<SceneRefused>, reason: &str
         return;
     }
     for entity in &splats.clouds {
-        reports.push(SceneRefused { entity: entity.id(), reason: reason.into() });
+        let error = GaussianSceneError::Gpu(reason.into());
+        reports.push(SceneRefused { entity: entity.id(), error });
     }
 }
 
 /// Blends splats in the view's layer.
 fn draw_layer(gpu: &mut Gpu, ready: &Ready, splats: &mut ViewSplats, depth: &ViewDepthTexture) {
+    let name = splats.span("splat_draw");
     let Some((layer, buffers)) = splats.layer_and_buffers() else { return };
     let layer =
         splat::Layer { color: &layer.color, resolved: layer.resolved.as_ref(), depth: Some(depth.view()) };
-    let span = gpu.diagnostics.time_span(gpu.encoder, "splat_draw");
+    let span = gpu.diagnostics.time_span(gpu.encoder, name);
     ready.passes.splat.draw_layer(gpu.device, gpu.queue, gpu.encoder, buffers, &layer, ready.draw);
     span.end(gpu.encoder);
 }
@@ -124,7 +126,7 @@ fn draw_layer(gpu: &mut Gpu, ready: &Ready, splats: &mut ViewSplats, depth: &Vie
 /// Composites the view's layer over an image.
 fn composite(gpu: &mut Gpu, ready: &Ready, splats: &ViewSplats, image: RenderPassColorAttachment) {
     let (Some((_, input)), Some(plan)) = (splats.layer(), splats.plan) else { return };
-    let span = gpu.diagnostics.time_span(gpu.encoder, "splat_composite");
+    let span = gpu.diagnostics.time_span(gpu.encoder, splats.span("splat_composite"));
     let mut pass = gpu.encoder.begin_render_pass(&RenderPassDescriptor {
         label: Some("splat_composite"),
         color_attachments: &[Some(image)],

@@ -4,7 +4,7 @@
 //! colors, tested against the camera's depth. The layer is then composited over the image in the image's color
 //! space.
 
-use std::sync::Arc;
+use std::{borrow::Cow, sync::Arc};
 
 use bevy::{
     camera::{CompositingSpace, MainPassResolutionOverride},
@@ -52,6 +52,8 @@ pub(super) struct ViewSplats {
     pub(super) plan: Option<Plan>,
     /// Whether it was reported that the device cannot draw all that the view sees.
     pub(super) refused: bool,
+    /// The view's number among those that show splats, from 1 on; 0 before it has one. It keeps it.
+    number: u32,
     layer: Option<(Arc<Layer>, CompositeInput)>,
     /// The tonemapping of the bound inverse table, or `None` if none is needed.
     inverted: Option<splat::Tonemapping>,
@@ -140,9 +142,11 @@ pub(super) fn prepare_views(
     let device = device.wgpu_device();
     all_ready.0 = true;
     strokes.ready.0 = true;
+    let mut planned = Vec::new();
     for camera in &cameras {
         let (extracted, _, _, visible, ..) = camera;
         let Some(plan) = plan(camera) else { continue };
+        planned.push(extracted.retained_view_entity);
         let view = of_view.entry(extracted.retained_view_entity).or_default();
         view.present = true;
         // Whatever is missing below, an old plan must not be drawn.
@@ -181,8 +185,23 @@ pub(super) fn prepare_views(
         view.plan = Some(plan);
     }
     of_view.retain(|_, view| view.present);
+    number_views(of_view, &planned);
     // Only the list itself holds a layer that no view uses. So a resized window leaves none behind.
     layers.retain(|layer| Arc::strong_count(layer) > 1);
+}
+
+/// Gives views without a number the smallest ones that are free, in this order.
+fn number_views(of_view: &mut HashMap<RetainedViewEntity, ViewSplats>, order: &[RetainedViewEntity]) {
+    for new in order {
+        if of_view.get(new).is_none_or(|view| view.number > 0) {
+            continue;
+        }
+        let is_taken = |number: &u32| of_view.values().any(|view| view.number == *number);
+        let free = (1..).find(|number| !is_taken(number));
+        if let Some((view, number)) = of_view.get_mut(new).zip(free) {
+            view.number = number;
+        }
+    }
 }
 
 impl SplatViews {
@@ -196,6 +215,15 @@ impl SplatViews {
 }
 
 impl ViewSplats {
+    /// The name of one of the view's spans. Bevy adds up nothing: two spans of one name would be measurements
+    /// of one diagnostic, one after the other. So the names of the second and further views have a number.
+    pub(super) fn span(&self, name: &'static str) -> Cow<'static, str> {
+        match self.number {
+            0 | 1 => Cow::Borrowed(name),
+            number => Cow::Owned(format!("{name}_{number}")),
+        }
+    }
+
     /// The layer and its binding for the composite. Present if there is a plan.
     pub(super) fn layer(&self) -> Option<(&Layer, &CompositeInput)> {
         self.layer.as_ref().map(|(layer, input)| (&**layer, input))

@@ -12,9 +12,10 @@ use stylegaussian::{
 
 /// The style that an entity shows. It is inserted when [`StyleApplied`](crate::StyleApplied), the event, is
 /// sent, and removed with [`StyleSource::none`](crate::StyleSource::none) or with the scene.
-#[derive(Component, Clone, Reflect)]
-#[reflect(opaque)]
-#[reflect(Component, Clone)]
+///
+/// It is not reflected: it holds what the plugin has computed, and a world that is saved and loaded computes it
+/// again.
+#[derive(Component, Clone)]
 pub struct AppliedStyle {
     pub(super) scene: Arc<Scene>,
     pub(super) colors: AppliedColors,

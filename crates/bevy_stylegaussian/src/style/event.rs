@@ -4,7 +4,7 @@ use std::{fmt::Display, sync::Arc, time::Duration};
 
 use bevy::{ecs::system::SystemParam, platform::time::Instant, prelude::*};
 
-use super::{applied::AppliedStyle, error::StyleError, settings::StyleBackend};
+use super::{applied::AppliedStyle, compose::HiddenUntilStyled, error::StyleError, settings::StyleBackend};
 
 /// Sent once an entity's new style is complete and drawn, or begins to come in. Also sent once an entity whose
 /// source was changed to no style is in its captured colors, even if it was before. In an app that draws, the
@@ -22,6 +22,19 @@ pub struct StyleApplied {
     pub backend: StyleBackend,
     /// Time since the change that asked for the style.
     pub elapsed: Duration,
+}
+
+/// Sent if an entity's first colors are shown from this frame on, or begin to come in: its captured colors
+/// moved to the palette of the paintings, until their paint is laid on. [`StyleApplied`] follows, or
+/// [`StyleFailed`]. No other style has first colors: neither one that is decoded, nor a look. An entity that is
+/// [hidden](HiddenUntilStyled) until it is styled does not show them, and gets no event.
+///
+/// Written as a message and triggered on the entity for observers.
+#[derive(Message, EntityEvent, Clone, Debug, Reflect)]
+#[reflect(Clone, Debug)]
+pub struct StyleRecolored {
+    /// The entity.
+    pub entity: Entity,
 }
 
 /// Sent if a better look of an entity's style is shown from this frame on, or begins to fade in: see
@@ -62,9 +75,11 @@ fn unknown_error() -> Arc<StyleError> {
 pub(super) struct StyleEvents<'w, 's> {
     commands: Commands<'w, 's>,
     applied: MessageWriter<'w, StyleApplied>,
+    recolored: MessageWriter<'w, StyleRecolored>,
     refined: MessageWriter<'w, StyleRefined>,
     failed: MessageWriter<'w, StyleFailed>,
     names: Query<'w, 's, NameOrEntity>,
+    hidden: Query<'w, 's, (), With<HiddenUntilStyled>>,
     backend: Res<'w, StyleBackend>,
 }
 
@@ -91,6 +106,17 @@ impl StyleEvents<'_, '_> {
     pub(super) fn removed(&mut self, entity: Entity, since: Instant) {
         self.commands.entity(entity).try_remove::<AppliedStyle>();
         self.sent(entity, StyleBackend::Cpu, since);
+    }
+
+    /// The entity shows the first colors of its style, over captured colors or those of another style. The
+    /// former are not seen under [`HiddenUntilStyled`].
+    pub(super) fn recolored(&mut self, entity: Entity, is_unstyled: bool) {
+        if is_unstyled && self.hidden.contains(entity) {
+            return;
+        }
+        let event = StyleRecolored { entity };
+        self.recolored.write(event.clone());
+        self.commands.trigger(event);
     }
 
     /// The entity shows a better look of its style.

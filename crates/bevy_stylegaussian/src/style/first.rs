@@ -122,15 +122,17 @@ impl FirstColors {
         });
     }
 
-    /// Puts them on if they are there.
-    pub(super) fn show(&mut self, worn: &mut Worn, transition: Option<&StyleTransition>) {
+    /// Puts them on if they are there, and returns whether it did.
+    pub(super) fn show(&mut self, worn: &mut Worn, transition: Option<&StyleTransition>) -> bool {
         if !self.are_over
             && let Some(colors) = self.computed.as_ref().and_then(Background::get)
         {
             self.are_over = true;
             self.before.get_or_insert_with(|| worn.top());
             worn.put_on(LayerColors::Style(Arc::clone(colors)), transition);
+            return true;
         }
+        false
     }
 
     /// Puts back what was shown before, since the style cannot be had.

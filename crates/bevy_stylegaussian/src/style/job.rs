@@ -199,8 +199,8 @@ pub(super) fn want_changed_styles(mut jobs: Query<ChangedInputs, InputChanged>) 
         for job in &mut jobs.of_scene {
             if !is_related {
                 job.first.restart();
-                // Nobody will see it. A related one is: it shows while a slider is dragged.
-                if matches!(job.stage, Stage::Computing { .. }) {
+                // Nobody will see it. A related one is seen while a slider is dragged.
+                if matches!(&job.stage, Stage::Computing { shared, .. } if shared.poll().is_none()) {
                     job.stage = Stage::Idle;
                 }
             }
@@ -339,7 +339,9 @@ pub(super) fn advance_jobs(
             }
             job.take_over(entity, transition, renderer.is_some(), &mut events);
             job.start(entity, (source, decoder, transition), &mut inputs, &mut shared, &mut events);
-            job.show_first_colors(source, decoder, transition, &inputs);
+            if job.show_first_colors(source, decoder, transition, &inputs) {
+                events.recolored(entity, job.is_unstyled());
+            }
             match &job.stage {
                 Stage::Idle => {}
                 Stage::Computing { shared, .. } => has_strokes |= shared.has_strokes(),
@@ -476,14 +478,14 @@ impl StyleJob {
         self.wanted = None;
     }
 
-    /// Shows the scene in the style's palette until the style is painted.
+    /// Shows the scene in the style's palette until the style is painted. Returns whether it begins to.
     fn show_first_colors(
         &mut self,
         source: &StyleSource,
         decoder: Option<&StyleDecoder>,
         transition: Option<&StyleTransition>,
         inputs: &Inputs,
-    ) {
+    ) -> bool {
         let is_computed = match &self.stage {
             Stage::Idle => self.wanted.is_none(),
             // The source is another one by now, or the style is there.
@@ -491,14 +493,14 @@ impl StyleJob {
             Stage::Uploading { .. } => true,
         };
         if is_computed {
-            return;
+            return false;
         }
         if !self.first.are_asked()
             && let Some(request) = inputs.first_request(source, &self.scene, decoder)
         {
             self.first.ask(request);
         }
-        self.first.show(&mut self.worn, transition);
+        self.first.show(&mut self.worn, transition)
     }
 }
 

@@ -17,6 +17,7 @@ use bevy::{
 use crate::{
     colors::{mix_colors, update_colors},
     loader::FileLoader,
+    scene::device_serves,
     systems::StyleGaussianSystems,
 };
 
@@ -52,7 +53,7 @@ pub use applied::AppliedStyle;
 pub use asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
 pub use compose::HiddenUntilStyled;
 pub use error::StyleError;
-pub use event::{StyleApplied, StyleFailed, StyleRefined};
+pub use event::{StyleApplied, StyleFailed, StyleRecolored, StyleRefined};
 pub use prepare::StylePrepare;
 pub use progress::StyleProgress;
 pub use refine::StyleRefine;
@@ -86,6 +87,7 @@ impl Plugin for StylePlugin {
             .init_resource::<shared::SharedStyles>()
             .init_resource::<refine::Engine>()
             .add_message::<StyleApplied>()
+            .add_message::<StyleRecolored>()
             .add_message::<StyleRefined>()
             .add_message::<StyleFailed>()
             .add_systems(
@@ -132,7 +134,7 @@ impl Plugin for StylePlugin {
                 RenderGraph,
                 // `update_colors` makes the entries that styles are decoded into, and `mix_colors` shows them
                 // in the same frame.
-                pass::decode_styles.after(update_colors).before(mix_colors),
+                pass::decode_styles.after(update_colors).before(mix_colors).run_if(device_serves),
             );
         }
     }
@@ -162,7 +164,7 @@ fn register_types(app: &mut App) {
         .register_type::<StyleRefine>()
         .register_type::<StylePrepare>()
         .register_type::<StyleApplied>()
+        .register_type::<StyleRecolored>()
         .register_type::<StyleRefined>()
-        .register_type::<StyleFailed>()
-        .register_type::<AppliedStyle>();
+        .register_type::<StyleFailed>();
 }

@@ -5,6 +5,9 @@ use bevy::{prelude::*, render::extract_resource::ExtractResource};
 use super::asset::ImageEncoder;
 
 /// Backend that decodes features to colors. A resource; changing it affects later changes of style.
+///
+/// It is the decoder's alone: paint ([`StyleMethod::Paint`], the default) is laid on by the CPU, and looks are
+/// colors already, whichever backend is set.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Clone, Debug, Default, PartialEq)]
 pub enum StyleBackend {
@@ -38,7 +41,7 @@ pub enum StyleMethod {
     Decoder,
 }
 
-/// GPU time per frame for all style changes together. A resource.
+/// GPU time per frame for all style changes that the decoder computes, together. A resource.
 ///
 /// A change that takes longer is spread over several frames, and the old colors stay until the new ones are
 /// complete. The GPU's timestamps measure the time. If the device has no timestamps, the speed of an old
@@ -46,7 +49,7 @@ pub enum StyleMethod {
 ///
 /// Each frame decodes at least 128 Gaussians in one layer, even if that exceeds the budget. Devices with small
 /// limits split the inputs of a layer and may exceed it by more. [`StyleBackend::Cpu`] has no budget: it works
-/// in the background.
+/// in the background, and so does paint ([`StyleMethod::Paint`], the default), which takes no GPU time.
 #[derive(Resource, ExtractResource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Clone, Debug, Default, PartialEq)]
 pub struct StyleBudget {

@@ -2,11 +2,10 @@
 
 use std::sync::Arc;
 
-use bevy::prelude::*;
+use bevy::{prelude::*, render::renderer::RenderAdapterInfo};
 use stylegaussian::work::Canceled;
 
 use crate::{
-    colors::ColorSource,
     scene::GaussianScene,
     work::{Running, Workers},
 };
@@ -53,7 +52,12 @@ impl SharedStyles {
 }
 
 /// Forgets styles that nobody uses, except the last few of scenes that are still loaded.
-pub(super) fn forget_unused_styles(mut shared: ResMut<SharedStyles>, scenes: Res<Assets<GaussianScene>>) {
+pub(super) fn forget_unused_styles(
+    mut shared: ResMut<SharedStyles>,
+    scenes: Res<Assets<GaussianScene>>,
+    // Bevy puts a copy into the main world. It is absent if the app does not render.
+    renderer: Option<Res<RenderAdapterInfo>>,
+) {
     let is_unused = |style: &Arc<SharedStyle>| Arc::strong_count(style) == 1;
     if !shared.0.iter().any(is_unused) {
         return;
@@ -67,7 +71,7 @@ pub(super) fn forget_unused_styles(mut shared: ResMut<SharedStyles>, scenes: Res
                 return true;
             }
             // Canceled ones are dropped, and push out none.
-            let is_kept = n_unused < MAX_UNUSED && style.is_worth_keeping(&scenes);
+            let is_kept = n_unused < MAX_UNUSED && style.is_worth_keeping(&scenes, renderer.is_some());
             n_unused += usize::from(is_kept);
             is_kept
         })
@@ -95,12 +99,11 @@ impl SharedStyle {
         self.request.has_strokes()
     }
 
-    /// Whether it is complete, and its scene is loaded.
-    fn is_worth_keeping(&self, scenes: &Assets<GaussianScene>) -> bool {
-        let scene = &self.request.scene.0;
+    /// Whether it was shown, and its scene is loaded.
+    fn is_worth_keeping(&self, scenes: &Assets<GaussianScene>, renders: bool) -> bool {
         let Some(Ok(StyleResult { colors, .. })) = self.poll() else { return false };
-        // A style that nobody waits for is not decoded to its end.
-        let is_complete = matches!(colors.source, ColorSource::Rgb(_)) || colors.on_gpu().is_some();
-        is_complete && scenes.iter().any(|(_, loaded)| Arc::ptr_eq(loaded.scene(), scene))
+        // A style that nobody waits for is neither uploaded nor decoded to its end.
+        let is_complete = colors.on_gpu().is_some() || !renders;
+        is_complete && scenes.iter().any(|(_, loaded)| Arc::ptr_eq(loaded.scene(), &self.request.scene.0))
     }
 }

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use bevy::{
+    ecs::entity::{EntityMapper, MapEntities},
     math::{
         Affine3A,
         curve::{
@@ -31,6 +32,7 @@ use super::place::Place;
 /// # }
 /// ```
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
+#[component(map_entities)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct StyleTransition {
     /// Time from the last frame in the old colors to the first in the new colors alone.
@@ -41,6 +43,14 @@ pub struct StyleTransition {
     pub easing: EaseFunction,
     /// The clock.
     pub clock: TransitionClock,
+}
+
+impl MapEntities for StyleTransition {
+    fn map_entities<M: EntityMapper>(&mut self, mapper: &mut M) {
+        if let TransitionShape::Sphere { center: TransitionCenter::Entity(entity), .. } = &mut self.shape {
+            *entity = mapper.get_mapped(*entity);
+        }
+    }
 }
 
 impl Default for StyleTransition {

@@ -24,7 +24,6 @@ use crate::{
 
 use super::{
     paint::noise,
-    styles::until_applied,
     world::{
         rendering::{app_with_rendering, app_without_splats, finish, render_target, target},
         *,
@@ -139,7 +138,6 @@ fn a_bake_that_is_not_wanted_any_more_stops() {
     let splats = GaussianSplats(add_scene(&mut app, demo()));
     let image = painting(&mut app, 1);
     let entity = app.world_mut().spawn((splats, StyleSource::image(image), StyleRefine::default())).id();
-    until_applied(&mut app);
     update_until(&mut app, "a bake", |world| {
         world
             .get::<StyleProgress>(entity)

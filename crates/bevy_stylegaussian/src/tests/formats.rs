@@ -2,14 +2,14 @@
 
 use std::{fs, path::PathBuf};
 
-use bevy::prelude::*;
+use bevy::{asset::AssetLoadFailedEvent, prelude::*};
 use stylegaussian::{
     Axes,
     file::{self, readable_extensions},
 };
 
 use super::world::{app_with_assets, small_scene, update_until};
-use crate::{GaussianScene, GaussianSceneFailed, GaussianSplats, SceneSettings};
+use crate::{GaussianScene, GaussianSceneFailed, GaussianSplats, SceneSettings, scene::LoadedScene};
 
 /// An app with this folder of assets.
 fn app(folder: PathBuf) -> App {
@@ -106,5 +106,40 @@ fn a_scene_of_several_files_loads_them_all() {
     let message = failure(&mut app);
     for part in ["unbundled-missing-plane/meta.json", "sh0.webp"] {
         assert!(message.contains(part), "{message}");
+    }
+}
+
+/// Failed loads of scenes, as the asset server tells them.
+#[derive(Resource, Default)]
+struct FailedLoads(usize);
+
+#[test]
+fn a_broken_hot_reload_is_one_event_and_keeps_the_scene() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.ply");
+    file::write_scene(&path, &small_scene(20, 1)).unwrap();
+    let mut app = app(dir.path().to_owned());
+    let count = |mut events: MessageReader<AssetLoadFailedEvent<GaussianScene>>,
+                 mut n: ResMut<FailedLoads>| {
+        n.0 += events.read().count();
+    };
+    app.init_resource::<FailedLoads>().add_systems(Update, count);
+    let assets = app.world().resource::<AssetServer>().clone();
+    let handle: Handle<GaussianScene> = assets.load("a.ply");
+    loaded(&mut app, &handle);
+    let entity = app.world_mut().spawn(GaussianSplats(handle)).id();
+    app.update();
+    for n_reloads in 1..3 {
+        fs::write(&path, b"no scene").unwrap();
+        assets.reload("a.ply");
+        let mut told = Vec::new();
+        update_until(&mut app, "both tries", |world| {
+            told.extend(world.resource_mut::<Messages<GaussianSceneFailed>>().drain());
+            world.resource::<FailedLoads>().0 == 2 * n_reloads
+        });
+        app.update();
+        told.extend(app.world_mut().resource_mut::<Messages<GaussianSceneFailed>>().drain());
+        assert_eq!(told.iter().map(|failed| failed.entity).collect::<Vec<_>>(), [entity]);
+        assert!(app.world().get::<LoadedScene>(entity).is_some(), "the scene before stays");
     }
 }

@@ -18,7 +18,7 @@ use stylegaussian_encoder::paint_of;
 
 use crate::{
     AppliedStyle, GaussianSplats, HiddenUntilStyled, StyleApplied, StyleEncoder, StyleInput, StyleLook,
-    StyleMethod, StyleSource, StyleStatistics, StyleThreads, colors::ColorLayers,
+    StyleMethod, StyleRecolored, StyleSource, StyleStatistics, StyleThreads, colors::ColorLayers,
     style::has_unsettled_styles,
 };
 
@@ -293,11 +293,14 @@ fn the_scene_is_recolored_until_it_is_painted() {
         assert!(world.get::<AppliedStyle>(plain).is_none(), "painted before the first colors");
         shown(world, plain) == Some((false, 1)) && shown(world, hidden) == Some((true, 1))
     });
+    let recolored: Vec<_> = drain::<StyleRecolored>(&mut app).iter().map(|event| event.entity).collect();
+    assert_eq!(recolored, [plain], "the other one is hidden");
     let mut n_applied = 0;
     while n_applied < 2 {
         n_applied += until_applied(&mut app).len();
     }
     assert_eq!([shown(app.world(), plain), shown(app.world(), hidden)], [Some((false, 1)); 2]);
+    assert!(drain::<StyleRecolored>(&mut app).is_empty(), "told once");
 }
 
 #[test]

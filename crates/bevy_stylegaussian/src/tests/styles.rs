@@ -441,17 +441,11 @@ fn public_types_are_registered() {
             assert!(registry.get(std::any::TypeId::of::<face::$name>()).is_some(), stringify!($name));
         )*};
     }
-    check!(
-        ReflectComponent:
-        GaussianSplats,
-        StyleSource,
-        StyleRefine,
-        StyleTransition,
-        StyleDecoder,
-        AppliedStyle,
-        SplatTonemapping,
-        SplatSortKey
-    );
+    check!(ReflectComponent: GaussianSplats, StyleSource, StyleRefine, StylePrepare, StyleTransition);
+    check!(ReflectComponent: StyleDecoder, StyleVolume, HiddenUntilStyled, StyleMask, MaskVisibility);
+    check!(ReflectComponent: SplatTonemapping, SplatSortKey);
+    // It is computed, and cannot be saved: a saved world must not hold it.
+    assert!(registry.get(std::any::TypeId::of::<AppliedStyle>()).is_none());
     check!(ReflectResource: StyleBackend, StyleBudget, StyleEncoder);
     check!(
         GaussianScene,

@@ -1,4 +1,4 @@
-//! `stylegaussian info`: describes a scene file, a look or a mask.
+//! `stylegaussian info`: describes a scene file, a style, a look, a mask or a decoder.
 
 use std::{
     fmt::Write as _,
@@ -16,21 +16,23 @@ use stylegaussian::{
 use stylegaussian_gpu::{colors::GaussianColors, splat::GpuScene, style::StyleScene};
 
 use crate::{
-    arguments::{is_look, is_mask},
+    arguments::{is_decoder, is_look, is_mask, is_style},
     choose,
     scenes::ReadArgs,
     terminal::{lossy, print},
 };
 
+mod decoder;
 mod look;
 mod mask;
+mod style;
 
 /// Describe a scene (format, axes, counts, SH degree, bounds, features, encoder, decoder, and memory needed at
-/// run time), a look or a mask.
+/// run time), a style, a look, a mask or a decoder.
 #[derive(Args, Debug)]
 pub struct InfoArgs {
-    /// A scene in any format (`stylegaussian --help` lists them), a look: *.look.safetensors, or a mask:
-    /// *.mask.safetensors.
+    /// A scene in any format (`stylegaussian --help` lists them), or one of *.style.safetensors,
+    /// *.look.safetensors, *.mask.safetensors and *.decoder.safetensors.
     file: PathBuf,
     #[command(flatten)]
     reading: ReadArgs,
@@ -68,7 +70,7 @@ struct Info<'a> {
     features: Option<FeaturesInfo>,
     /// K of the stored neighbor lists.
     neighbors: Option<usize>,
-    decoder: Option<DecoderInfo>,
+    decoder: Option<decoder::DecoderInfo>,
     /// Channels of the mask that the file carries.
     mask: Option<Vec<mask::Channel<'a>>>,
     gpu_bytes: GpuBytes,
@@ -84,26 +86,6 @@ struct FeaturesInfo {
     n_channels: usize,
     /// E.
     n_extra: usize,
-    encoder: Option<String>,
-}
-
-#[derive(Debug, Serialize)]
-struct DecoderInfo {
-    /// Inputs of the first layer, then outputs of each.
-    widths: Vec<usize>,
-    k: usize,
-    activation: String,
-    /// The share of the base color in the final color.
-    residual: f32,
-    /// Number of noise inputs.
-    n_noise: usize,
-    /// Smoothing passes over the decoded colors.
-    smooth: usize,
-    /// Whether the base color is an input.
-    #[serde(rename = "own_color")]
-    base_color: bool,
-    /// Whether the style's statistics are inputs.
-    statistics: bool,
     encoder: Option<String>,
 }
 
@@ -139,6 +121,12 @@ pub fn run(arguments: &InfoArgs) -> Result<()> {
     if is_mask(path) {
         return mask::run(path, *json);
     }
+    if is_style(path) {
+        return style::run(path, *json);
+    }
+    if is_decoder(path) {
+        return decoder::run(path, *json);
+    }
     let loaded = reading.read(path)?;
     let info = describe(path, &loaded);
     print(*json, &info, || text(&info))
@@ -169,7 +157,7 @@ fn describe<'a>(path: &'a Path, loaded: &'a Loaded) -> Info<'a> {
         license: scene.license.as_deref(),
         features: scene.features.as_ref().map(FeaturesInfo::of),
         neighbors: scene.neighbors.as_ref().map(|neighbors| neighbors.k),
-        decoder: scene.decoder.as_ref().map(DecoderInfo::of),
+        decoder: scene.decoder.as_ref().map(decoder::DecoderInfo::of),
         mask: scene.mask.as_ref().map(|mask| mask::channels(&mask.names, &mask.weights)),
         gpu_bytes,
         warnings: loaded.warnings.clone(),
@@ -187,23 +175,6 @@ impl FeaturesInfo {
             n_channels: features.n_channels(),
             n_extra: features.n_extra,
             encoder: features.encoder.as_ref().map(EncoderId::to_string),
-        }
-    }
-}
-
-impl DecoderInfo {
-    fn of(decoder: &Decoder) -> Self {
-        let outputs = decoder.layers.iter().map(|layer| layer.d_out);
-        Self {
-            widths: std::iter::once(decoder.n_inputs()).chain(outputs).collect(),
-            k: decoder.k,
-            activation: decoder.activation.to_string(),
-            residual: decoder.residual,
-            n_noise: decoder.n_noise,
-            smooth: decoder.smoothing_passes,
-            base_color: decoder.base_color,
-            statistics: !decoder.statistics_weight.is_empty(),
-            encoder: decoder.encoder.as_ref().map(EncoderId::to_string),
         }
     }
 }
@@ -255,22 +226,7 @@ fn text(info: &Info) -> String {
         "neighbors",
         info.neighbors.map_or("none: found when needed".into(), |k| format!("{k} of each Gaussian")),
     );
-    row(
-        "decoder",
-        info.decoder.as_ref().map_or("none: the built-in one is used".into(), |d| {
-            let widths: Vec<_> = d.widths.iter().map(ToString::to_string).collect();
-            let marks = [
-                (d.residual != 0.0, format!(", {} of the base color", d.residual)),
-                (d.base_color, ", sees base colors".to_owned()),
-                (d.n_noise > 0, format!(", {} channels of noise", d.n_noise)),
-                (d.smooth > 0, format!(", {} smoothing passes", d.smooth)),
-                (d.statistics, ", the style's statistics".to_owned()),
-            ];
-            let marks: String = marks.into_iter().filter(|(has, _)| *has).map(|(_, mark)| mark).collect();
-            let encoder = or_unknown(&d.encoder);
-            format!("{}, K = {}, {}{marks}, encoder {encoder}", widths.join(" > "), d.k, d.activation)
-        }),
-    );
+    row("decoder", info.decoder.as_ref().map_or("none: the built-in one is used".into(), decoder::text_of));
     if let Some(mask) = &info.mask {
         row("mask", mask::text_of(mask));
     }

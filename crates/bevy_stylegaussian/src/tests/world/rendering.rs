@@ -58,6 +58,12 @@ pub fn app_without_splats(settings: WgpuSettings) -> Option<App> {
         return None;
     }
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
+    let file_path = assets.to_string_lossy().into_owned();
+    Some(app_of_settings(settings, AssetPlugin { file_path, ..default() }))
+}
+
+/// The same, whether or not there is an adapter, and with assets from another source.
+pub fn app_of_settings(settings: WgpuSettings, assets: AssetPlugin) -> App {
     let mut app = App::new();
     // Named one by one and not `DefaultPlugins`: no window, and no pipelined rendering, so that an update draws
     // its own frame.
@@ -69,7 +75,7 @@ pub fn app_without_splats(settings: WgpuSettings) -> Option<App> {
         DiagnosticsPlugin,
         InputPlugin,
         WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() },
-        AssetPlugin { file_path: assets.to_string_lossy().into_owned(), ..default() },
+        assets,
         RenderPlugin {
             render_creation: settings.into(),
             synchronous_pipeline_compilation: true,
@@ -84,7 +90,7 @@ pub fn app_without_splats(settings: WgpuSettings) -> Option<App> {
     ));
     // By default Bevy logs a render error and stops rendering. Tests would then pass on old pictures.
     app.insert_resource(RenderErrorHandler(|error, _, _| panic!("{error:?}")));
-    Some(app)
+    app
 }
 
 /// Finishes the plugins of an app, as a runner does.
