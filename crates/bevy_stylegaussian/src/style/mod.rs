@@ -1,13 +1,14 @@
 //! Styling: from a [`StyleSource`] to the layers of colors that an entity shows.
 //!
-//! A changed [`StyleSource`], or a changed asset that it names, makes the entity's [`job`] want a new style.
-//! The job waits for the assets and has images prepared ([`canvases`]) or encoded ([`images`]); meanwhile it
-//! shows [`first`] colors. Then a task, shared by all who want the same ([`shared`]), paints the scene on its
-//! surface ([`surfaces`]), or folds the style into the decoder's weights and, on the CPU backend, decodes the
-//! colors too ([`request`]). Folded weights are decoded on the GPU by the style pass ([`pass`]). Once the GPU
-//! has the colors, the entity puts them on ([`worn`]), by a [`transition`]. The styles that an entity wears and
-//! the [`volume`]s that touch it become its layers ([`compose`]). A shown style may be baked further
-//! ([`refine`]).
+//! A changed [`StyleSource`], or a changed asset that it names, makes the entity's [`job`](make::job) want a
+//! new style. The job waits for the assets and has images prepared ([`canvases`](make::canvases)) or encoded
+//! ([`images`](make::images)); meanwhile it shows [`first`](make::first) colors. Then a task, shared by all who
+//! want the same ([`shared`](make::shared)), paints the scene on its surface ([`surfaces`](make::surfaces)), or
+//! folds the style into the decoder's weights and, on the CPU backend, decodes the colors too
+//! ([`request`](make::request)). Folded weights are decoded on the GPU by the style pass ([`pass`]). Once the
+//! GPU has the colors, the entity puts them on ([`worn`](show::worn)), by a [`transition`](show::transition).
+//! The styles that an entity wears and the [`volume`](show::volume)s that touch it become its layers
+//! ([`compose`](show::compose)). A shown style may be baked further ([`refine`](make::refine)).
 
 use bevy::{
     prelude::*,
@@ -21,46 +22,25 @@ use crate::{
     systems::StyleGaussianSystems,
 };
 
-mod applied;
-mod asset;
-mod canvases;
-mod compose;
-mod decoder;
-mod error;
-mod event;
-mod first;
-mod images;
-mod inputs;
-mod job;
-mod packed;
+mod make;
 mod pass;
-mod place;
-mod prepare;
-mod progress;
-mod refine;
-mod request;
-mod settings;
-mod shared;
-mod source;
-mod surfaces;
+mod show;
 #[cfg(test)]
 mod tests;
-mod transition;
-mod volume;
-mod worn;
+mod wish;
 
-pub use applied::AppliedStyle;
-pub use asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
-pub use compose::HiddenUntilStyled;
-pub use error::StyleError;
-pub use event::{StyleApplied, StyleFailed, StyleRecolored, StyleRefined};
-pub use prepare::StylePrepare;
-pub use progress::StyleProgress;
-pub use refine::StyleRefine;
-pub use settings::{StyleBackend, StyleBudget, StyleEncoder, StyleMethod};
-pub use source::{StyleDecoder, StyleInput, StyleSource, WeightedStyle};
-pub use transition::{StyleTransition, TransitionCenter, TransitionClock, TransitionShape};
-pub use volume::{StyleVolume, VolumeShape};
+pub use make::prepare::StylePrepare;
+pub use make::progress::StyleProgress;
+pub use make::refine::StyleRefine;
+pub use show::compose::HiddenUntilStyled;
+pub use show::transition::{StyleTransition, TransitionCenter, TransitionClock, TransitionShape};
+pub use show::volume::{StyleVolume, VolumeShape};
+pub use wish::applied::AppliedStyle;
+pub use wish::asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
+pub use wish::error::StyleError;
+pub use wish::event::{StyleApplied, StyleFailed, StyleRecolored, StyleRefined};
+pub use wish::settings::{StyleBackend, StyleBudget, StyleEncoder, StyleMethod};
+pub use wish::source::{StyleDecoder, StyleInput, StyleSource, WeightedStyle};
 
 /// Styles the entities that show a scene.
 pub(crate) struct StylePlugin;
@@ -79,13 +59,13 @@ impl Plugin for StylePlugin {
             .init_resource::<StyleBudget>()
             .init_resource::<StyleMethod>()
             .init_resource::<StyleEncoder>()
-            .init_resource::<canvases::Canvases>()
-            .init_resource::<images::ImageStatistics>()
-            .init_resource::<packed::PackedInputs>()
-            .init_resource::<surfaces::Surfaces>()
+            .init_resource::<make::canvases::Canvases>()
+            .init_resource::<make::images::ImageStatistics>()
+            .init_resource::<make::packed::PackedInputs>()
+            .init_resource::<make::surfaces::Surfaces>()
             .register_required_components::<StyleVolume, StyleSource>()
-            .init_resource::<shared::SharedStyles>()
-            .init_resource::<refine::Engine>()
+            .init_resource::<make::shared::SharedStyles>()
+            .init_resource::<make::refine::Engine>()
             .add_message::<StyleApplied>()
             .add_message::<StyleRecolored>()
             .add_message::<StyleRefined>()
@@ -96,25 +76,25 @@ impl Plugin for StylePlugin {
                     // In this order: old canvases and statistics are gone before a style is wanted, everything
                     // that is wanted is known, and reports have made jobs idle, before `advance_jobs` starts
                     // anything.
-                    canvases::forget_changed_canvases,
-                    images::forget_changed_images,
-                    compose::find_scenes_of_clouds,
-                    compose::find_scenes_of_volumes,
-                    job::want_changed_styles,
-                    job::want_changed_assets,
-                    job::drop_removed_styles,
-                    compose::advance_transitions,
-                    job::advance_jobs,
+                    make::canvases::forget_changed_canvases,
+                    make::images::forget_changed_images,
+                    show::compose::find_scenes_of_clouds,
+                    show::compose::find_scenes_of_volumes,
+                    make::job::want_changed_styles,
+                    make::job::want_changed_assets,
+                    make::job::drop_removed_styles,
+                    show::compose::advance_transitions,
+                    make::job::advance_jobs,
                     // After the styles: a style that has just been applied is refined, and a changed one no
                     // longer.
-                    refine::want_refinements,
-                    refine::advance_refinements,
-                    prepare::prepare_surfaces,
-                    progress::report_progress,
-                    surfaces::forget_unused_surfaces,
-                    compose::compose_layers,
-                    job::report_drawn_styles,
-                    shared::forget_unused_styles,
+                    make::refine::want_refinements,
+                    make::refine::advance_refinements,
+                    make::prepare::prepare_surfaces,
+                    make::progress::report_progress,
+                    make::surfaces::forget_unused_surfaces,
+                    show::compose::compose_layers,
+                    make::job::report_drawn_styles,
+                    make::shared::forget_unused_styles,
                 )
                     .chain()
                     .in_set(StyleGaussianSystems::Styles)
@@ -124,7 +104,7 @@ impl Plugin for StylePlugin {
         register_types(app);
         #[cfg(feature = "bundled_models")]
         // After `init_asset`, whose collection it is added to.
-        asset::add_bundled_encoder(app.world_mut());
+        wish::asset::add_bundled_encoder(app.world_mut());
         if app.get_sub_app(RenderApp).is_some() {
             // Without a render app, Bevy would log an error.
             app.add_plugins(ExtractResourcePlugin::<StyleBudget>::default());
@@ -143,7 +123,7 @@ impl Plugin for StylePlugin {
 /// Whether a style is under way or about to be drawn.
 #[cfg(test)]
 pub(crate) fn has_unsettled_styles(world: &mut World) -> bool {
-    let mut jobs = world.query::<&job::StyleJobs>();
+    let mut jobs = world.query::<&make::job::StyleJobs>();
     jobs.iter(world).any(|jobs| jobs.of_scene.iter().any(|job| !job.is_shown()))
 }
 

@@ -24,7 +24,7 @@ use crate::{
     work::{Background, SynchronousCompilation},
 };
 
-use super::settings::StyleBudget;
+use crate::style::wish::settings::StyleBudget;
 
 /// Time for which scratch memory is kept after a style pass. While a slider is dragged, the next pass follows
 /// soon.
@@ -32,7 +32,7 @@ const SCRATCH_IS_KEPT: Duration = Duration::from_secs(2);
 
 /// The style pass on the present device.
 #[derive(Resource, Default)]
-pub(super) struct StylePasses {
+pub(crate) struct StylePasses {
     /// The pipelines, or `None` if none were needed yet.
     // Shared, because `advance` borrows all of `self` while it encodes with the pass.
     pass: Option<Background<Arc<StylePass>>>,
@@ -46,7 +46,7 @@ pub(super) struct StylePasses {
     last_run: Option<Instant>,
     /// Styles that were decoded completely.
     #[cfg(test)]
-    pub(super) n_decoded: u64,
+    pub(crate) n_decoded: u64,
 }
 
 /// A scene whose features are on the GPU.
@@ -79,7 +79,7 @@ struct Gpu<'a> {
 
 /// Decodes the folded styles that are wanted. Does nothing if nothing changed.
 #[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
-pub(super) fn decode_styles(
+pub(crate) fn decode_styles(
     mut colors: ResMut<ShownColors>,
     mut passes: ResMut<StylePasses>,
     synchronous: Res<SynchronousCompilation>,

@@ -27,11 +27,9 @@ use crate::{
     work::Background,
 };
 
-use super::{
-    decoder::choose_decoder,
-    job::{StyleJob, StyleJobs},
-    pass::StylePasses,
-};
+use crate::style::make::job::{StyleJob, StyleJobs};
+use crate::style::pass::StylePasses;
+use crate::style::wish::decoder::choose_decoder;
 
 /// The colors of an entity on the GPU.
 fn shown(app: &App, entity: Entity) -> Option<Vec<[f32; 3]>> {

@@ -13,7 +13,8 @@ use stylegaussian::{
     recolor::{ColorMoments, Recoloring},
 };
 
-use super::{transition::StyleTransition, worn::Worn};
+use crate::style::show::transition::StyleTransition;
+use crate::style::show::worn::Worn;
 use crate::{
     colors::{LayerColors, StyleColors},
     work::Background,
@@ -27,14 +28,14 @@ const AT_ONCE: usize = 100_000;
 const PALETTE_PIXELS: usize = 1 << 16;
 
 /// The palette of a painting, from some of its pixels.
-pub(super) fn palette_of<P>(pixels: &[P], color: impl Fn(&P) -> [f32; 3]) -> ColorMoments {
+pub(crate) fn palette_of<P>(pixels: &[P], color: impl Fn(&P) -> [f32; 3]) -> ColorMoments {
     let stride = pixels.len().div_ceil(PALETTE_PIXELS).max(1);
     let some: Vec<[f32; 3]> = pixels.iter().step_by(stride).map(color).collect();
     ColorMoments::of_rgb(some.as_flattened())
 }
 
 /// The palette of one style of a mix.
-pub(super) enum Palette {
+pub(crate) enum Palette {
     /// That of an image.
     Moments(ColorMoments),
     /// That of a preset's paint.
@@ -42,12 +43,12 @@ pub(super) enum Palette {
 }
 
 /// Inputs of a style's first colors.
-pub(super) struct FirstRequest {
-    pub(super) scene: Arc<Scene>,
+pub(crate) struct FirstRequest {
+    pub(crate) scene: Arc<Scene>,
     /// Palettes and their weights, which sum to 1.
-    pub(super) palettes: Vec<(Palette, f64)>,
+    pub(crate) palettes: Vec<(Palette, f64)>,
     /// Share of the base colors that stays, 0..1.
-    pub(super) content: f64,
+    pub(crate) content: f64,
 }
 
 impl FirstRequest {
@@ -84,7 +85,7 @@ impl FirstRequest {
 
 /// First colors of the style that is wanted, from the request to the paint that replaces them.
 #[derive(Default)]
-pub(super) struct FirstColors {
+pub(crate) struct FirstColors {
     /// The place where they appear, once they were asked for.
     computed: Option<Background<Arc<StyleColors>>>,
     /// Whether none are to be put on any more: they were, or the style is painted.
@@ -95,27 +96,27 @@ pub(super) struct FirstColors {
 
 impl FirstColors {
     /// The state once the style is painted: none are shown until [`Self::restart`].
-    pub(super) fn done() -> Self {
+    pub(crate) fn done() -> Self {
         Self { are_over: true, ..Self::default() }
     }
 
     /// Begins anew for another painting. First colors that are shown stay until the next ones.
-    pub(super) fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         *self = Self { before: self.before.take(), ..Self::default() };
     }
 
     /// Whether there is nothing to ask for any more.
-    pub(super) fn are_asked(&self) -> bool {
+    pub(crate) fn are_asked(&self) -> bool {
         self.computed.is_some() || self.are_over
     }
 
     /// Whether they are shown, and only captured colors were shown before.
-    pub(super) fn are_over_captured(&self) -> bool {
+    pub(crate) fn are_over_captured(&self) -> bool {
         matches!(self.before, Some(LayerColors::Captured))
     }
 
     /// Computes them, those of large scenes in a task.
-    pub(super) fn ask(&mut self, request: FirstRequest) {
+    pub(crate) fn ask(&mut self, request: FirstRequest) {
         self.computed = Some(match request.scene.len() <= AT_ONCE {
             true => Background::Ready(request.colors()),
             false => Background::spawn(move || request.colors()),
@@ -123,7 +124,7 @@ impl FirstColors {
     }
 
     /// Puts them on if they are there, and returns whether it did.
-    pub(super) fn show(&mut self, worn: &mut Worn, transition: Option<&StyleTransition>) -> bool {
+    pub(crate) fn show(&mut self, worn: &mut Worn, transition: Option<&StyleTransition>) -> bool {
         if !self.are_over
             && let Some(colors) = self.computed.as_ref().and_then(Background::get)
         {
@@ -136,7 +137,7 @@ impl FirstColors {
     }
 
     /// Puts back what was shown before, since the style cannot be had.
-    pub(super) fn give_up(&mut self, worn: &mut Worn, transition: Option<&StyleTransition>) {
+    pub(crate) fn give_up(&mut self, worn: &mut Worn, transition: Option<&StyleTransition>) {
         if let Some(before) = std::mem::take(self).before {
             worn.put_on(before, transition);
         }

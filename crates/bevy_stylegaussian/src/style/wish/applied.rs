@@ -17,13 +17,13 @@ use stylegaussian::{
 /// again.
 #[derive(Component, Clone)]
 pub struct AppliedStyle {
-    pub(super) scene: Arc<Scene>,
-    pub(super) colors: AppliedColors,
+    pub(crate) scene: Arc<Scene>,
+    pub(crate) colors: AppliedColors,
 }
 
 /// The colors of a style, or folded weights that give them.
 #[derive(Clone)]
-pub(super) enum AppliedColors {
+pub(crate) enum AppliedColors {
     /// One color per Gaussian `[N]`, and the strokes over them if there are any.
     Known { colors: Arc<[[f32; 3]]>, strokes: Option<Arc<Strokes>> },
     /// The GPU decoded them.

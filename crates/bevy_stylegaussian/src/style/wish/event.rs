@@ -4,7 +4,10 @@ use std::{fmt::Display, sync::Arc, time::Duration};
 
 use bevy::{ecs::system::SystemParam, platform::time::Instant, prelude::*};
 
-use super::{applied::AppliedStyle, compose::HiddenUntilStyled, error::StyleError, settings::StyleBackend};
+use crate::style::show::compose::HiddenUntilStyled;
+use crate::style::wish::applied::AppliedStyle;
+use crate::style::wish::error::StyleError;
+use crate::style::wish::settings::StyleBackend;
 
 /// Sent once an entity's new style is complete and drawn, or begins to come in. Also sent once an entity whose
 /// source was changed to no style is in its captured colors, even if it was before. In an app that draws, the
@@ -72,7 +75,7 @@ fn unknown_error() -> Arc<StyleError> {
 
 /// Sends the events, and keeps [`AppliedStyle`] in step with them.
 #[derive(SystemParam)]
-pub(super) struct StyleEvents<'w, 's> {
+pub(crate) struct StyleEvents<'w, 's> {
     commands: Commands<'w, 's>,
     applied: MessageWriter<'w, StyleApplied>,
     recolored: MessageWriter<'w, StyleRecolored>,
@@ -85,7 +88,7 @@ pub(super) struct StyleEvents<'w, 's> {
 
 impl StyleEvents<'_, '_> {
     /// The entity shows `style`.
-    pub(super) fn applied(
+    pub(crate) fn applied(
         &mut self,
         entity: Entity,
         style: AppliedStyle,
@@ -98,19 +101,19 @@ impl StyleEvents<'_, '_> {
     }
 
     /// Whether a style that the GPU refuses is computed on the CPU.
-    pub(super) fn may_use_cpu(&self) -> bool {
+    pub(crate) fn may_use_cpu(&self) -> bool {
         *self.backend == StyleBackend::Auto
     }
 
     /// The entity shows its captured colors again.
-    pub(super) fn removed(&mut self, entity: Entity, since: Instant) {
+    pub(crate) fn removed(&mut self, entity: Entity, since: Instant) {
         self.commands.entity(entity).try_remove::<AppliedStyle>();
         self.sent(entity, StyleBackend::Cpu, since);
     }
 
     /// The entity shows the first colors of its style, over captured colors or those of another style. The
     /// former are not seen under [`HiddenUntilStyled`].
-    pub(super) fn recolored(&mut self, entity: Entity, is_unstyled: bool) {
+    pub(crate) fn recolored(&mut self, entity: Entity, is_unstyled: bool) {
         if is_unstyled && self.hidden.contains(entity) {
             return;
         }
@@ -120,7 +123,7 @@ impl StyleEvents<'_, '_> {
     }
 
     /// The entity shows a better look of its style.
-    pub(super) fn refined(&mut self, entity: Entity, style: AppliedStyle, steps: u32, is_complete: bool) {
+    pub(crate) fn refined(&mut self, entity: Entity, style: AppliedStyle, steps: u32, is_complete: bool) {
         self.commands.entity(entity).try_insert(style);
         let event = StyleRefined { entity, steps, is_complete };
         self.refined.write(event.clone());
@@ -128,7 +131,7 @@ impl StyleEvents<'_, '_> {
     }
 
     /// The entity cannot be styled.
-    pub(super) fn failed(&mut self, entity: Entity, error: Arc<StyleError>) {
+    pub(crate) fn failed(&mut self, entity: Entity, error: Arc<StyleError>) {
         // `bevy_asset` has logged a failed load already.
         if !matches!(*error, StyleError::Load(_)) {
             self.warn(entity, &error);
@@ -139,7 +142,7 @@ impl StyleEvents<'_, '_> {
     }
 
     /// Warns of an entity, by its `Name` if it has one.
-    pub(super) fn warn(&self, entity: Entity, message: &dyn Display) {
+    pub(crate) fn warn(&self, entity: Entity, message: &dyn Display) {
         match self.names.get(entity) {
             Ok(name) => warn!("{name}: {message}"),
             Err(_) => warn!("{entity}: {message}"),
@@ -147,7 +150,7 @@ impl StyleEvents<'_, '_> {
     }
 
     /// The entity's style is drawn.
-    pub(super) fn sent(&mut self, entity: Entity, backend: StyleBackend, since: Instant) {
+    pub(crate) fn sent(&mut self, entity: Entity, backend: StyleBackend, since: Instant) {
         let event = StyleApplied { entity, backend, elapsed: since.elapsed() };
         self.applied.write(event.clone());
         self.commands.trigger(event);

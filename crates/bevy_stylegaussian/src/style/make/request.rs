@@ -17,31 +17,29 @@ use crate::{
     work::{Lane, Running, Workers},
 };
 
-use super::{
-    applied::{AppliedColors, AppliedStyle},
-    canvases::{Later, Stretched},
-    error::StyleError,
-    images::Encoded,
-    packed::PackedInputs,
-    settings::StyleBackend,
-};
+use crate::style::make::canvases::{Later, Stretched};
+use crate::style::make::images::Encoded;
+use crate::style::make::packed::PackedInputs;
+use crate::style::wish::applied::{AppliedColors, AppliedStyle};
+use crate::style::wish::error::StyleError;
+use crate::style::wish::settings::StyleBackend;
 
 /// All that decides the colors of a style. Two that are equal give the same.
 #[derive(PartialEq)]
-pub(super) struct StyleRequest {
-    pub(super) scene: Same<Scene>,
-    pub(super) styles: Styles,
+pub(crate) struct StyleRequest {
+    pub(crate) scene: Same<Scene>,
+    pub(crate) styles: Styles,
     /// Looks to mix with them.
-    pub(super) looks: Vec<WeightedLook>,
+    pub(crate) looks: Vec<WeightedLook>,
     /// Share of the content's colors or features that stays, 0..1.
-    pub(super) content: f64,
+    pub(crate) content: f64,
     /// The backend to decode on: the CPU if there are looks, or if the scene is painted.
-    pub(super) backend: StyleBackend,
+    pub(crate) backend: StyleBackend,
 }
 
 /// Images and presets, and their weights.
 #[derive(PartialEq)]
-pub(super) enum Styles {
+pub(crate) enum Styles {
     /// To paint the scene with, on its surface.
     Painted { canvases: Vec<(Same<LaterCanvas>, f64)>, surface: Same<Surface> },
     /// To be decoded.
@@ -51,18 +49,18 @@ pub(super) enum Styles {
 }
 
 /// A canvas that the style makes if it is the first one.
-pub(super) type LaterCanvas = <Later<Stretched> as Deref>::Target;
+pub(crate) type LaterCanvas = <Later<Stretched> as Deref>::Target;
 
 /// Statistics that the style computes if it is the first one.
-pub(super) type LaterStatistics = <Later<Encoded> as Deref>::Target;
+pub(crate) type LaterStatistics = <Later<Encoded> as Deref>::Target;
 
 /// A look of a mix.
 #[derive(PartialEq)]
-pub(super) struct WeightedLook {
+pub(crate) struct WeightedLook {
     /// The asset's path, for messages.
-    pub(super) name: String,
-    pub(super) look: Same<Look>,
-    pub(super) weight: f64,
+    pub(crate) name: String,
+    pub(crate) look: Same<Look>,
+    pub(crate) weight: f64,
 }
 
 impl WeightedLook {
@@ -72,7 +70,7 @@ impl WeightedLook {
 }
 
 /// A shared value, equal to itself alone.
-pub(super) struct Same<T: ?Sized>(pub(super) Arc<T>);
+pub(crate) struct Same<T: ?Sized>(pub(crate) Arc<T>);
 
 impl<T: ?Sized> PartialEq for Same<T> {
     fn eq(&self, other: &Self) -> bool {
@@ -88,17 +86,17 @@ impl<T: ?Sized> Clone for Same<T> {
 
 /// A computed style.
 #[derive(Clone)]
-pub(super) struct StyleResult {
-    pub(super) style: AppliedStyle,
-    pub(super) colors: Arc<StyleColors>,
+pub(crate) struct StyleResult {
+    pub(crate) style: AppliedStyle,
+    pub(crate) colors: Arc<StyleColors>,
 }
 
 /// A style, or the reason why there is none. All who want it share the reason.
-pub(super) type Computed = Result<StyleResult, Arc<StyleError>>;
+pub(crate) type Computed = Result<StyleResult, Arc<StyleError>>;
 
 impl StyleRequest {
     /// Starts the computation.
-    pub(super) fn start(self: &Arc<Self>, workers: &Workers, packed: &PackedInputs) -> Running<Computed> {
+    pub(crate) fn start(self: &Arc<Self>, workers: &Workers, packed: &PackedInputs) -> Running<Computed> {
         let (request, packed) = (Arc::clone(self), packed.clone());
         let compute = async move |work: Work| match request.run(&packed, &work).await {
             Ok(style) => Ok(Ok(style)),
@@ -115,7 +113,7 @@ impl StyleRequest {
     }
 
     /// Whether the style may have strokes.
-    pub(super) fn has_strokes(&self) -> bool {
+    pub(crate) fn has_strokes(&self) -> bool {
         matches!(self.styles, Styles::Painted { .. })
             || self.looks.iter().any(|look| look.look.0.has_strokes())
     }

@@ -9,17 +9,15 @@ use stylegaussian::layers::Region;
 
 use crate::colors::{ColorLayer, LayerColors, Mix, StyleColors};
 
-use super::{
-    place::Place,
-    transition::{StyleTransition, TransitionClock, TransitionShape},
-};
+use crate::style::show::place::Place;
+use crate::style::show::transition::{StyleTransition, TransitionClock, TransitionShape};
 
 /// The most styles on one another. A change beyond it freezes the ones below.
 const MAX_WORN: usize = 4;
 
 /// The styles of an entity on a scene, the lowest first. Empty for the captured colors, which nobody asked for.
 #[derive(Default)]
-pub(super) struct Worn(Vec<WornStyle>);
+pub(crate) struct Worn(Vec<WornStyle>);
 
 /// A style, and the way that it has come.
 struct WornStyle {
@@ -30,30 +28,30 @@ struct WornStyle {
 
 /// Time since the last frame.
 #[derive(Clone, Copy)]
-pub(super) struct Passed {
-    pub(super) real: Duration,
-    pub(super) game: Duration,
+pub(crate) struct Passed {
+    pub(crate) real: Duration,
+    pub(crate) game: Duration,
 }
 
 impl Worn {
     /// Whether nothing was ever put on, or all of it is off again.
-    pub(super) fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
     /// Whether a style lies over everything else, or comes over it.
-    pub(super) fn is_topped_by(&self, colors: &Arc<StyleColors>) -> bool {
+    pub(crate) fn is_topped_by(&self, colors: &Arc<StyleColors>) -> bool {
         let top = self.0.last().map(|worn| &worn.colors);
         matches!(top, Some(LayerColors::Style(top)) if Arc::ptr_eq(top, colors))
     }
 
     /// The colors of the style over everything else, or captured ones if there is none.
-    pub(super) fn top(&self) -> LayerColors {
+    pub(crate) fn top(&self) -> LayerColors {
         self.0.last().map_or(LayerColors::Captured, |worn| worn.colors.clone())
     }
 
     /// Puts a style over the others.
-    pub(super) fn put_on(&mut self, colors: LayerColors, transition: Option<&StyleTransition>) {
+    pub(crate) fn put_on(&mut self, colors: LayerColors, transition: Option<&StyleTransition>) {
         let coming = transition.filter(|transition| !transition.duration.is_zero());
         if coming.is_none() {
             self.0.clear();
@@ -65,7 +63,7 @@ impl Worn {
     }
 
     /// Advances transitions, and removes fully covered styles. If `is_own`, captured colors are those below.
-    pub(super) fn advance(&mut self, passed: Passed, is_own: bool) {
+    pub(crate) fn advance(&mut self, passed: Passed, is_own: bool) {
         for worn in &mut self.0 {
             if let Some((transition, elapsed)) = &mut worn.coming {
                 let delta = match transition.clock {
@@ -88,7 +86,7 @@ impl Worn {
     }
 
     /// The styles as layers of a scene. More than a few are frozen as they are now.
-    pub(super) fn layers(&mut self, place: &Place) -> Vec<ColorLayer> {
+    pub(crate) fn layers(&mut self, place: &Place) -> Vec<ColorLayer> {
         let mut layers: Vec<_> = self.0.iter().map(|worn| worn.layer(Some(place))).collect();
         if self.0.len() > MAX_WORN {
             let last = layers.pop();
@@ -106,7 +104,7 @@ impl Worn {
     /// The styles as one layer in a volume's region and channel of a mask, or `None` if there is none. The
     /// first style fades in, whatever shape its transition has; those that come over it come in their shapes,
     /// as on the cloud at `place`.
-    pub(super) fn volume_layer(
+    pub(crate) fn volume_layer(
         &mut self,
         place: &Place,
         region: Region,

@@ -2,7 +2,8 @@
 
 use bevy::prelude::*;
 
-use super::{settings::StyleMethod, surfaces::Surfaces};
+use crate::style::make::surfaces::Surfaces;
+use crate::style::wish::settings::StyleMethod;
 use crate::{scene::LoadedScene, work::Workers};
 
 /// Prepares a scene for paint in the background as soon as it is loaded, so that its first painting comes
@@ -16,7 +17,7 @@ use crate::{scene::LoadedScene, work::Workers};
 pub struct StylePrepare;
 
 /// Computes the surfaces of scenes that have been loaded.
-pub(super) fn prepare_surfaces(
+pub(crate) fn prepare_surfaces(
     loaded: Query<&LoadedScene, With<StylePrepare>>,
     method: Res<StyleMethod>,
     mut surfaces: ResMut<Surfaces>,

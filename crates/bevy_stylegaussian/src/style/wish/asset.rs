@@ -90,7 +90,7 @@ impl ImageEncoder {
     }
 
     /// The encoder. The first call opens the bundled one, which takes a moment: not for the main thread.
-    pub(super) fn get(&self) -> Result<&Encoder, Arc<EncoderError>> {
+    pub(crate) fn get(&self) -> Result<&Encoder, Arc<EncoderError>> {
         LazyLock::force(&self.0).as_ref().map_err(Arc::clone)
     }
 }
@@ -108,7 +108,7 @@ impl FromFile for ImageEncoder {
 /// Adds the bundled encoder as the default asset, so that `Handle::default()` names it. It is opened at its
 /// first use.
 #[cfg(feature = "bundled_models")]
-pub(super) fn add_bundled_encoder(world: &mut World) {
+pub(crate) fn add_bundled_encoder(world: &mut World) {
     use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
 
     let bundled = ImageEncoder::lazy(|| Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec()).map_err(Arc::new));

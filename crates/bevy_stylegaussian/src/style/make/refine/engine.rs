@@ -7,7 +7,7 @@ use stylegaussian::{Scene, strokes::Strokes, work::Work};
 use stylegaussian_bake::{BakeConfig, BakeError, Baker, LossNetwork};
 use stylegaussian_encoder::Image as Painting;
 
-use crate::style::error::StyleError;
+use crate::style::wish::error::StyleError;
 
 /// A bake under way.
 pub(super) trait Baking {

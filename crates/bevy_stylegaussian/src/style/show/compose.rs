@@ -14,14 +14,12 @@ use crate::{
     scene::LoadedScene,
 };
 
-use super::{
-    applied::AppliedStyle,
-    job::{StyleJob, StyleJobs},
-    place::Place,
-    source::StyleSource,
-    volume::StyleVolume,
-    worn::Passed,
-};
+use crate::style::make::job::{StyleJob, StyleJobs};
+use crate::style::show::place::Place;
+use crate::style::show::volume::StyleVolume;
+use crate::style::show::worn::Passed;
+use crate::style::wish::applied::AppliedStyle;
+use crate::style::wish::source::StyleSource;
 
 /// Keeps an entity with a [`StyleSource`] from being drawn until its first style is there, instead of showing
 /// its captured colors for a while. If the style fails, the entity is drawn as captured.
@@ -64,7 +62,7 @@ fn placed<'a>(
 type ShowsAnother = Or<(Changed<LoadedScene>, Changed<StyleSource>)>;
 
 /// Gives clouds a job for the scene that they show. A new scene starts in its captured colors.
-pub(super) fn find_scenes_of_clouds(
+pub(crate) fn find_scenes_of_clouds(
     mut commands: Commands,
     mut clouds: Query<(Entity, &LoadedScene, &mut StyleJobs), (Without<StyleVolume>, ShowsAnother)>,
     mut gone: RemovedComponents<LoadedScene>,
@@ -89,7 +87,7 @@ pub(super) fn find_scenes_of_clouds(
 }
 
 /// Gives volumes a job for each scene that they come near, and drops those of scenes that they have left.
-pub(super) fn find_scenes_of_volumes(
+pub(crate) fn find_scenes_of_volumes(
     clouds: Query<CloudPlace>,
     mut volumes: Query<Volume>,
     mut gone: RemovedComponents<StyleVolume>,
@@ -125,7 +123,7 @@ pub(super) fn find_scenes_of_volumes(
 }
 
 /// Lets time pass for all transitions.
-pub(super) fn advance_transitions(
+pub(crate) fn advance_transitions(
     mut jobs: Query<(&mut StyleJobs, Has<StyleVolume>)>,
     real: Res<Time<Real>>,
     game: Res<Time<Virtual>>,
@@ -150,7 +148,7 @@ type LayeredCloud = (
 );
 
 /// Sets the layers of all clouds: their own style, and those of the volumes that touch them.
-pub(super) fn compose_layers(
+pub(crate) fn compose_layers(
     mut clouds: Query<LayeredCloud>,
     mut volumes: Query<Volume>,
     mut own: Query<(&mut StyleJobs, Option<&StyleSource>), Without<StyleVolume>>,

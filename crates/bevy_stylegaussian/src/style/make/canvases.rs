@@ -14,27 +14,25 @@ use stylegaussian::{
 };
 use stylegaussian_encoder::paint_of;
 
-use super::{
-    asset::StyleStatistics,
-    error::StyleError,
-    first::palette_of,
-    images::{decoded, name, pixels},
-};
+use crate::style::make::first::palette_of;
+use crate::style::make::images::{decoded, name, pixels};
+use crate::style::wish::asset::StyleStatistics;
+use crate::style::wish::error::StyleError;
 
 /// A value that the first computation makes that needs it.
-pub(super) type Later<T> = Arc<LazyLock<T, Box<dyn FnOnce() -> T + Send>>>;
+pub(crate) type Later<T> = Arc<LazyLock<T, Box<dyn FnOnce() -> T + Send>>>;
 
 /// The canvas of an image. All entities that use the image share an error.
-pub(super) type Stretched = Result<Arc<Canvas>, Arc<StyleError>>;
+pub(crate) type Stretched = Result<Arc<Canvas>, Arc<StyleError>>;
 
 /// A value that is made later.
-pub(super) fn later<T>(make: impl FnOnce() -> T + Send + 'static) -> Later<T> {
+pub(crate) fn later<T>(make: impl FnOnce() -> T + Send + 'static) -> Later<T> {
     Arc::new(LazyLock::new(Box::new(make)))
 }
 
 /// The canvas of each image and preset that was used as a style.
 #[derive(Resource, Default)]
-pub(super) struct Canvases {
+pub(crate) struct Canvases {
     of_image: HashMap<AssetId<Image>, ImageCanvas>,
     of_preset: HashMap<AssetId<StyleStatistics>, Later<Stretched>>,
     /// Presets of which it was said that they carry no paint.
@@ -50,7 +48,7 @@ struct ImageCanvas {
 
 impl Canvases {
     /// The canvas of a loaded image.
-    pub(super) fn of_image(&mut self, handle: &Handle<Image>, image: &Image) -> Later<Stretched> {
+    pub(crate) fn of_image(&mut self, handle: &Handle<Image>, image: &Image) -> Later<Stretched> {
         let stretch = || {
             let name = name(handle);
             let palette = Arc::new(palette_at_once(image).map_or_else(OnceLock::new, OnceLock::from));
@@ -66,7 +64,7 @@ impl Canvases {
     }
 
     /// The canvas of a preset's paint.
-    pub(super) fn of_preset(
+    pub(crate) fn of_preset(
         &mut self,
         handle: &Handle<StyleStatistics>,
         paint: &Arc<Paint>,
@@ -79,12 +77,12 @@ impl Canvases {
     }
 
     /// The palette of an image that was asked for by [`Self::of_image`], or `None` if it is not known yet.
-    pub(super) fn palette(&self, handle: &Handle<Image>) -> Option<ColorMoments> {
+    pub(crate) fn palette(&self, handle: &Handle<Image>) -> Option<ColorMoments> {
         self.of_image.get(&handle.id())?.palette.get().copied()
     }
 
     /// Says once of a preset that it carries no paint.
-    pub(super) fn warn_of_bare(&mut self, handle: &Handle<StyleStatistics>) {
+    pub(crate) fn warn_of_bare(&mut self, handle: &Handle<StyleStatistics>) {
         if self.bare.insert(handle.id()) {
             warn!("{}: {BARE}; it is decoded instead", preset_name(handle));
         }
@@ -92,15 +90,15 @@ impl Canvases {
 }
 
 /// The error of a preset without paint.
-pub(super) const BARE: &str = "the preset carries no paint (`stylegaussian style IMAGE` makes one that does)";
+pub(crate) const BARE: &str = "the preset carries no paint (`stylegaussian style IMAGE` makes one that does)";
 
 /// The name of a preset for messages.
-pub(super) fn preset_name(handle: &Handle<StyleStatistics>) -> String {
+pub(crate) fn preset_name(handle: &Handle<StyleStatistics>) -> String {
     handle.path().map_or_else(|| "a style preset".into(), ToString::to_string)
 }
 
 /// Forgets the canvases of images and presets that changed or went.
-pub(super) fn forget_changed_canvases(
+pub(crate) fn forget_changed_canvases(
     mut images: MessageReader<AssetEvent<Image>>,
     mut presets: MessageReader<AssetEvent<StyleStatistics>>,
     mut canvases: ResMut<Canvases>,

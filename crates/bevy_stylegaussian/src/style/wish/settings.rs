@@ -2,7 +2,7 @@
 
 use bevy::{prelude::*, render::extract_resource::ExtractResource};
 
-use super::asset::ImageEncoder;
+use crate::style::wish::asset::ImageEncoder;
 
 /// Backend that decodes features to colors. A resource; changing it affects later changes of style.
 ///

@@ -139,16 +139,16 @@ impl StyleVolume {
     }
 
     /// The channel of masks that counts.
-    pub(super) fn channel(&self) -> Option<u32> {
+    pub(crate) fn channel(&self) -> Option<u32> {
         self.mask.map(|channel| u32::try_from(channel).unwrap_or(u32::MAX))
     }
 
-    pub(super) fn is_everything(&self) -> bool {
+    pub(crate) fn is_everything(&self) -> bool {
         self.shape == VolumeShape::Everything
     }
 
     /// The part of world space that the volume takes up.
-    pub(super) fn region(&self, transform: &GlobalTransform) -> Region {
+    pub(crate) fn region(&self, transform: &GlobalTransform) -> Region {
         let (scale, rotation, translation) = transform.to_scale_rotation_translation();
         let shape = match self.shape {
             VolumeShape::Everything => Shape::Everything,
@@ -173,7 +173,7 @@ impl StyleVolume {
     }
 
     /// Whether the volume may touch a ball of world space.
-    pub(super) fn may_touch(&self, transform: &GlobalTransform, center: Vec3, radius: f32) -> bool {
+    pub(crate) fn may_touch(&self, transform: &GlobalTransform, center: Vec3, radius: f32) -> bool {
         RegionCover::new(&self.region(transform)).of(center, radius) != Cover::Outside
     }
 }

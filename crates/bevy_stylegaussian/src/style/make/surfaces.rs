@@ -12,11 +12,11 @@ use crate::{
 
 /// The surfaces of the scenes that are painted, as long as the scenes are shown.
 #[derive(Resource, Default)]
-pub(super) struct Surfaces(pub(super) PerScene<Wanted>);
+pub(crate) struct Surfaces(pub(crate) PerScene<Wanted>);
 
 /// The surface of a scene.
-pub(super) struct Wanted {
-    pub(super) surface: Running<Arc<Surface>>,
+pub(crate) struct Wanted {
+    pub(crate) surface: Running<Arc<Surface>>,
     /// Whether somebody asked for it in this frame.
     is_wanted: bool,
 }
@@ -24,7 +24,7 @@ pub(super) struct Wanted {
 impl Surfaces {
     /// The surface of a scene, or `None` until it is there. The first call begins. Whoever waits asks in each
     /// frame: a surface that nobody asks for is computed no further.
-    pub(super) fn get(&mut self, loaded: &LoadedScene, workers: &Workers) -> Option<Arc<Surface>> {
+    pub(crate) fn get(&mut self, loaded: &LoadedScene, workers: &Workers) -> Option<Arc<Surface>> {
         let begin = || {
             let scene = Arc::clone(loaded.scene());
             let surface = workers.start(Lane::Styles, move |work| Ok(Arc::new(Surface::new(&scene, work)?)));
@@ -37,19 +37,19 @@ impl Surfaces {
     }
 
     /// Share of a scene's surface that is computed, 0..1.
-    pub(super) fn done(&self, loaded: &LoadedScene) -> f32 {
+    pub(crate) fn done(&self, loaded: &LoadedScene) -> f32 {
         self.0.get(loaded).map_or(0.0, |wanted| wanted.surface.done())
     }
 
     /// Number of surfaces that are there.
     #[cfg(test)]
-    pub(super) fn n_known(&self) -> usize {
+    pub(crate) fn n_known(&self) -> usize {
         self.0.values().filter(|wanted| wanted.surface.get().is_some()).count()
     }
 }
 
 /// Forgets the surfaces of scenes that no entity shows, and stops those that nobody waits for any more.
-pub(super) fn forget_unused_surfaces(mut surfaces: ResMut<Surfaces>, shown: Query<&LoadedScene>) {
+pub(crate) fn forget_unused_surfaces(mut surfaces: ResMut<Surfaces>, shown: Query<&LoadedScene>) {
     let surfaces = &mut surfaces.bypass_change_detection().0;
     surfaces.retain(shown.iter(), |wanted| {
         std::mem::take(&mut wanted.is_wanted) || wanted.surface.get().is_some()

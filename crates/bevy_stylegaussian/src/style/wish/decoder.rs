@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use stylegaussian::Decoder;
 
-use super::error::StyleError;
+use crate::style::wish::error::StyleError;
 
 /// The decoder of an entity's style: the entity's own, else the one that its scene carries, else the bundled
 /// one.
 ///
 /// # Errors
 /// If it is the bundled one, and that is not compiled in or does not parse.
-pub(super) fn choose_decoder(
+pub(crate) fn choose_decoder(
     of_entity: Option<&Arc<Decoder>>,
     of_scene: Option<&Arc<Decoder>>,
 ) -> Result<Arc<Decoder>, StyleError> {

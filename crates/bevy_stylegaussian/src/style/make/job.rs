@@ -19,28 +19,26 @@ use crate::{
     scene::{GaussianSplats, LoadedScene, NextScene},
 };
 
-use super::{
-    applied::AppliedStyle,
-    asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics},
-    error::StyleError,
-    event::StyleEvents,
-    first::FirstColors,
-    inputs::Inputs,
-    request::StyleResult,
-    settings::{StyleBackend, StyleEncoder},
-    shared::{SharedStyle, SharedStyles},
-    source::{StyleDecoder, StyleInput, StyleSource},
-    surfaces::Surfaces,
-    transition::StyleTransition,
-    volume::StyleVolume,
-    worn::Worn,
-};
+use crate::style::make::first::FirstColors;
+use crate::style::make::inputs::Inputs;
+use crate::style::make::request::StyleResult;
+use crate::style::make::shared::{SharedStyle, SharedStyles};
+use crate::style::make::surfaces::Surfaces;
+use crate::style::show::transition::StyleTransition;
+use crate::style::show::volume::StyleVolume;
+use crate::style::show::worn::Worn;
+use crate::style::wish::applied::AppliedStyle;
+use crate::style::wish::asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
+use crate::style::wish::error::StyleError;
+use crate::style::wish::event::StyleEvents;
+use crate::style::wish::settings::{StyleBackend, StyleEncoder};
+use crate::style::wish::source::{StyleDecoder, StyleInput, StyleSource};
 
 /// The jobs of a styled entity: one for the scene that it shows, or one for each scene that its volume comes
 /// near.
 #[derive(Component, Default)]
 pub(crate) struct StyleJobs {
-    pub(super) of_scene: Vec<StyleJob>,
+    pub(crate) of_scene: Vec<StyleJob>,
     /// The source that the jobs know of.
     known: Option<StyleSource>,
     /// Whether the source was changed to no style, and nothing has answered that.
@@ -52,9 +50,9 @@ const SURFACE: f32 = 0.7;
 
 /// Progress of an entity's style on a scene.
 pub(crate) struct StyleJob {
-    pub(super) scene: LoadedScene,
+    pub(crate) scene: LoadedScene,
     /// An entity that shows the scene.
-    pub(super) cloud: Entity,
+    pub(crate) cloud: Entity,
     /// When the pending request was made; `None` if nothing is pending.
     wanted: Option<Instant>,
     stage: Stage,
@@ -70,7 +68,7 @@ pub(crate) struct StyleJob {
     /// First colors, which are shown until the wanted style is painted.
     first: FirstColors,
     /// The styles that are shown.
-    pub(super) worn: Worn,
+    pub(crate) worn: Worn,
     /// The shared style that is shown, kept so that others find it.
     shown: Option<Arc<SharedStyle>>,
 }
@@ -99,7 +97,7 @@ struct Coming {
 }
 
 impl StyleJob {
-    pub(super) fn new(cloud: Entity, scene: &LoadedScene) -> Self {
+    pub(crate) fn new(cloud: Entity, scene: &LoadedScene) -> Self {
         Self {
             scene: scene.clone(),
             cloud,
@@ -116,7 +114,7 @@ impl StyleJob {
     }
 
     /// Whether the job is of this scene.
-    pub(super) fn is_of(&self, scene: &LoadedScene) -> bool {
+    pub(crate) fn is_of(&self, scene: &LoadedScene) -> bool {
         Arc::ptr_eq(self.scene.scene(), scene.scene())
     }
 
@@ -131,12 +129,12 @@ impl StyleJob {
     }
 
     /// Whether the style that is wanted is shown.
-    pub(super) fn is_settled(&self) -> bool {
+    pub(crate) fn is_settled(&self) -> bool {
         self.wanted.is_none() && matches!(self.stage, Stage::Idle)
     }
 
     /// Share of the style under way that is computed, 0..1, or `None` if there is none.
-    pub(super) fn progress(&self, surfaces: &Surfaces) -> Option<f32> {
+    pub(crate) fn progress(&self, surfaces: &Surfaces) -> Option<f32> {
         match &self.stage {
             Stage::Idle => self.wanted.map(|_| SURFACE * surfaces.done(&self.scene)),
             Stage::Computing { shared, .. } if self.has_waited => {
@@ -148,18 +146,18 @@ impl StyleJob {
     }
 
     /// Whether no style has been shown yet, apart from first colors.
-    pub(super) fn is_unstyled(&self) -> bool {
+    pub(crate) fn is_unstyled(&self) -> bool {
         self.worn.is_empty() || self.first.are_over_captured()
     }
 
     /// Whether it is drawn as well.
     #[cfg(test)]
-    pub(super) fn is_shown(&self) -> bool {
+    pub(crate) fn is_shown(&self) -> bool {
         self.is_settled() && self.coming.is_none()
     }
 
     /// The strokes of the style that is shown.
-    pub(super) fn strokes(&self) -> Option<Arc<Strokes>> {
+    pub(crate) fn strokes(&self) -> Option<Arc<Strokes>> {
         match self.worn.top() {
             LayerColors::Style(colors) => colors.strokes.clone(),
             LayerColors::Captured | LayerColors::Mix(_) => None,
@@ -167,7 +165,7 @@ impl StyleJob {
     }
 
     /// Replaces the colors of the style that is shown by better ones.
-    pub(super) fn improve(&mut self, colors: Arc<StyleColors>, transition: Option<&StyleTransition>) {
+    pub(crate) fn improve(&mut self, colors: Arc<StyleColors>, transition: Option<&StyleTransition>) {
         self.shown = None;
         self.worn.put_on(LayerColors::Style(colors), transition);
     }
@@ -180,7 +178,7 @@ type ChangedInputs = (&'static mut StyleJobs, Ref<'static, StyleSource>, Option<
 type InputChanged = Or<(Changed<StyleSource>, Changed<StyleDecoder>)>;
 
 /// Wants a new style if source or decoder changed.
-pub(super) fn want_changed_styles(mut jobs: Query<ChangedInputs, InputChanged>) {
+pub(crate) fn want_changed_styles(mut jobs: Query<ChangedInputs, InputChanged>) {
     for (mut jobs, source, decoder) in &mut jobs {
         let decoder_changed = decoder.is_some_and(|decoder| decoder.is_changed());
         let known = jobs.known.replace(StyleSource::clone(&source));
@@ -218,7 +216,7 @@ fn shares_an_input(a: &StyleSource, b: &StyleSource) -> bool {
 }
 
 /// Wants a new style if an asset that the style names came or changed, or the encoder of its images.
-pub(super) fn want_changed_assets(
+pub(crate) fn want_changed_assets(
     mut images: MessageReader<AssetEvent<Image>>,
     mut statistics: MessageReader<AssetEvent<StyleStatistics>>,
     mut looks: MessageReader<AssetEvent<StyleLook>>,
@@ -269,7 +267,7 @@ type Unstyled = (&'static mut StyleJobs, Option<&'static StyleTransition>, Has<S
 
 /// Resets entities to their captured colors if their source was removed, and wants a new style if their decoder
 /// was.
-pub(super) fn drop_removed_styles(
+pub(crate) fn drop_removed_styles(
     mut commands: Commands,
     mut sources: RemovedComponents<StyleSource>,
     mut decoders: RemovedComponents<StyleDecoder>,
@@ -307,7 +305,7 @@ type StyledEntity = (
 );
 
 /// Takes over results of tasks, then starts wanted styles.
-pub(super) fn advance_jobs(
+pub(crate) fn advance_jobs(
     mut entities: Query<StyledEntity>,
     mut inputs: Inputs,
     mut shared: ResMut<SharedStyles>,
@@ -505,7 +503,7 @@ impl StyleJob {
 }
 
 /// Sends the events of styles that are drawn from this frame on.
-pub(super) fn report_drawn_styles(
+pub(crate) fn report_drawn_styles(
     mut entities: Query<(Entity, &mut StyleJobs, Has<StyleVolume>)>,
     clouds: Query<&ColorLayers>,
     renderer: Option<Res<RenderAdapterInfo>>,

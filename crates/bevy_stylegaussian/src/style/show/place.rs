@@ -2,11 +2,11 @@
 
 use bevy::{math::Affine3A, prelude::*};
 
-use super::transition::TransitionCenter;
+use crate::style::show::transition::TransitionCenter;
 
 /// A cloud's place. Distances are in world units.
-pub(super) struct Place<'a> {
-    pub(super) world_from_scene: Affine3A,
+pub(crate) struct Place<'a> {
+    pub(crate) world_from_scene: Affine3A,
     /// Corners, in scene space, of the box that holds almost all Gaussians, and of the box that holds all.
     usual: [Vec3; 2],
     all: [Vec3; 2],
@@ -16,7 +16,7 @@ pub(super) struct Place<'a> {
 
 impl<'a> Place<'a> {
     /// The place of a cloud with these boxes, in scene space.
-    pub(super) fn new(
+    pub(crate) fn new(
         world_from_scene: Affine3A,
         usual: [Vec3; 2],
         all: [Vec3; 2],
@@ -26,12 +26,12 @@ impl<'a> Place<'a> {
     }
 
     #[cfg(test)]
-    pub(super) fn for_tests(usual: [Vec3; 2], all: [Vec3; 2]) -> Self {
+    pub(crate) fn for_tests(usual: [Vec3; 2], all: [Vec3; 2]) -> Self {
         Self { world_from_scene: Affine3A::IDENTITY, usual, all, of_entity: &|_| None }
     }
 
     /// The center of a sphere in world space.
-    pub(super) fn center(&self, center: TransitionCenter) -> Vec3 {
+    pub(crate) fn center(&self, center: TransitionCenter) -> Vec3 {
         let middle = || self.world_from_scene.transform_point3(0.5 * (self.usual[0] + self.usual[1]));
         match center {
             TransitionCenter::Point(point) => point,
@@ -40,7 +40,7 @@ impl<'a> Place<'a> {
     }
 
     /// The largest distance of the usual box from a point, and that of the whole box.
-    pub(super) fn distances(&self, point: Vec3) -> (f32, f32) {
+    pub(crate) fn distances(&self, point: Vec3) -> (f32, f32) {
         let largest = |corners: [Vec3; 2]| {
             self.corners(corners).map(|corner| corner.distance(point)).fold(0.0, f32::max)
         };
@@ -48,7 +48,7 @@ impl<'a> Place<'a> {
     }
 
     /// The least and the largest place along a direction: of the usual box, and of the whole one.
-    pub(super) fn along(&self, direction: Vec3) -> ([f32; 2], [f32; 2]) {
+    pub(crate) fn along(&self, direction: Vec3) -> ([f32; 2], [f32; 2]) {
         let range = |corners: [Vec3; 2]| {
             let along = self.corners(corners).map(|corner| corner.dot(direction));
             along.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])

@@ -15,23 +15,21 @@ use crate::{
     work::Workers,
 };
 
-use super::{
-    applied::{AppliedColors, AppliedStyle},
-    error::StyleError,
-    event::{StyleApplied, StyleEvents},
-    images,
-    inputs::loaded,
-    job::StyleJobs,
-    source::{StyleInput, StyleSource, WeightedStyle},
-    transition::StyleTransition,
-};
+use crate::style::make::images;
+use crate::style::make::inputs::loaded;
+use crate::style::make::job::StyleJobs;
+use crate::style::show::transition::StyleTransition;
+use crate::style::wish::applied::{AppliedColors, AppliedStyle};
+use crate::style::wish::error::StyleError;
+use crate::style::wish::event::{StyleApplied, StyleEvents};
+use crate::style::wish::source::{StyleInput, StyleSource, WeightedStyle};
 
 mod engine;
 #[cfg(test)]
 mod tests;
 mod worker;
 
-pub(super) use engine::Engine;
+pub(crate) use engine::Engine;
 use worker::{Better, Request, Running};
 
 /// Bakes an entity's style further in the background, from the moment at which it is shown: the colors under
@@ -81,7 +79,7 @@ pub(crate) enum Refinement {
 
 impl Refinement {
     /// Share of the bake that is done, 0..1, or `None` if there is none.
-    pub(super) fn progress(&self) -> Option<f32> {
+    pub(crate) fn progress(&self) -> Option<f32> {
         match self {
             Self::Idle => None,
             Self::Wanted => Some(0.0),
@@ -91,7 +89,7 @@ impl Refinement {
 }
 
 /// Wants a bake of every style that has just been applied, and if [`StyleRefine`] came or changed.
-pub(super) fn want_refinements(
+pub(crate) fn want_refinements(
     mut applied: MessageReader<StyleApplied>,
     mut refined: Query<(&mut Refinement, Ref<StyleRefine>)>,
 ) {
@@ -123,7 +121,7 @@ type Refined = (
 
 /// Everything that a bake is begun with, except the entity's components.
 #[derive(SystemParam)]
-pub(super) struct Means<'w> {
+pub(crate) struct Means<'w> {
     images: Res<'w, Assets<Image>>,
     server: Res<'w, AssetServer>,
     engine: Res<'w, Engine>,
@@ -131,7 +129,7 @@ pub(super) struct Means<'w> {
 }
 
 /// Begins wanted bakes, cancels those that are out of date, and shows what they give.
-pub(super) fn advance_refinements(
+pub(crate) fn advance_refinements(
     mut entities: Query<Refined>,
     means: Means,
     mut wanted: ResMut<WantedColors>,

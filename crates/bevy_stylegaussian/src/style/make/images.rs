@@ -7,19 +7,17 @@ use bevy::{platform::collections::HashMap, prelude::*, render::render_resource::
 use stylegaussian::ChannelStatistics;
 use stylegaussian_encoder::{StyleSize, style_statistics};
 
-use super::{
-    asset::{ImageEncoder, StyleStatistics},
-    canvases::{Later, later},
-    error::StyleError,
-    settings::StyleEncoder,
-};
+use crate::style::make::canvases::{Later, later};
+use crate::style::wish::asset::{ImageEncoder, StyleStatistics};
+use crate::style::wish::error::StyleError;
+use crate::style::wish::settings::StyleEncoder;
 
 /// Statistics of an image. All entities that use the image share an error.
-pub(super) type Encoded = Result<Arc<ChannelStatistics>, Arc<StyleError>>;
+pub(crate) type Encoded = Result<Arc<ChannelStatistics>, Arc<StyleError>>;
 
 /// The statistics of each image that was decoded.
 #[derive(Resource, Default)]
-pub(super) struct ImageStatistics {
+pub(crate) struct ImageStatistics {
     of_image: HashMap<AssetId<Image>, Later<Encoded>>,
     /// Those of presets, which are there already.
     of_preset: HashMap<AssetId<StyleStatistics>, (Arc<ChannelStatistics>, Later<Encoded>)>,
@@ -27,7 +25,7 @@ pub(super) struct ImageStatistics {
 
 impl ImageStatistics {
     /// The statistics of a loaded image.
-    pub(super) fn of_image(
+    pub(crate) fn of_image(
         &mut self,
         handle: &Handle<Image>,
         image: &Image,
@@ -44,7 +42,7 @@ impl ImageStatistics {
     }
 
     /// The statistics of a preset: the same place in memory each time.
-    pub(super) fn of_preset(
+    pub(crate) fn of_preset(
         &mut self,
         handle: &Handle<StyleStatistics>,
         statistics: Arc<ChannelStatistics>,
@@ -62,7 +60,7 @@ impl ImageStatistics {
 }
 
 /// Forgets the statistics of images that changed or went, and all of them if the encoder changed.
-pub(super) fn forget_changed_images(
+pub(crate) fn forget_changed_images(
     mut images: MessageReader<AssetEvent<Image>>,
     mut presets: MessageReader<AssetEvent<StyleStatistics>>,
     mut encoders: MessageReader<AssetEvent<ImageEncoder>>,
@@ -100,7 +98,7 @@ fn encode(name: String, image: Image, encoder: &ImageEncoder) -> Encoded {
 }
 
 /// The name of an image for messages.
-pub(super) fn name(handle: &Handle<Image>) -> String {
+pub(crate) fn name(handle: &Handle<Image>) -> String {
     handle.path().map_or_else(|| "a style image".into(), ToString::to_string)
 }
 
@@ -108,7 +106,7 @@ pub(super) fn name(handle: &Handle<Image>) -> String {
 ///
 /// # Errors
 /// If the pixels are not of 8 bits.
-pub(super) fn decoded(name: String, image: Image) -> Result<stylegaussian_encoder::Image, StyleError> {
+pub(crate) fn decoded(name: String, image: Image) -> Result<stylegaussian_encoder::Image, StyleError> {
     // The pixels are used as they are in the file: values of an sRGB texture are display-referred already.
     let image = image.try_into_dynamic();
     let image = image.map_err(|source| StyleError::Image { image: name, found: source.to_string() })?;
@@ -119,7 +117,7 @@ pub(super) fn decoded(name: String, image: Image) -> Result<stylegaussian_encode
 ///
 /// # Errors
 /// If it has no pixels in main memory. The message says so.
-pub(super) fn pixels(image: &Image) -> Result<Image, String> {
+pub(crate) fn pixels(image: &Image) -> Result<Image, String> {
     if image.data.is_none() {
         return Err("it has no pixels in main memory (load it with RenderAssetUsages::MAIN_WORLD)".into());
     }

@@ -2,7 +2,9 @@
 
 use bevy::prelude::*;
 
-use super::{job::StyleJobs, refine::Refinement, surfaces::Surfaces};
+use crate::style::make::job::StyleJobs;
+use crate::style::make::refine::Refinement;
+use crate::style::make::surfaces::Surfaces;
 
 /// Progress of an entity's style: there as long as a style is on its way or is refined.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
@@ -18,7 +20,7 @@ pub struct StyleProgress {
 type Entities = (Entity, &'static StyleJobs, Option<&'static Refinement>, Option<&'static mut StyleProgress>);
 
 /// Tells progress.
-pub(super) fn report_progress(
+pub(crate) fn report_progress(
     mut commands: Commands,
     mut entities: Query<Entities>,
     surfaces: Res<Surfaces>,

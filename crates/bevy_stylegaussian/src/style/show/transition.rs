@@ -15,7 +15,7 @@ use bevy::{
 };
 use stylegaussian::layers::{Region, Shape};
 
-use super::place::Place;
+use crate::style::show::place::Place;
 
 /// The way in which an entity's changes of style are shown. Without this component, changes are immediate.
 ///
@@ -173,7 +173,7 @@ impl StyleTransition {
     }
 
     /// The progress after a time, 0..1.
-    pub(super) fn progress(&self, elapsed: Duration) -> f32 {
+    pub(crate) fn progress(&self, elapsed: Duration) -> f32 {
         let duration = self.duration.as_secs_f32();
         let linear = if duration > 0.0 { (elapsed.as_secs_f32() / duration).min(1.0) } else { 1.0 };
         // Some curves leave 0..1 on the way.
@@ -181,7 +181,7 @@ impl StyleTransition {
     }
 
     /// The part of a scene that has the new colors at a progress of 0..1, and their share there.
-    pub(super) fn reached(&self, progress: f32, place: &Place) -> (Region, f32) {
+    pub(crate) fn reached(&self, progress: f32, place: &Place) -> (Region, f32) {
         let (shape, world_from_shape, softness) = match self.shape {
             TransitionShape::Fade => return (Region::EVERYWHERE, progress),
             TransitionShape::Sphere { center, softness } => {

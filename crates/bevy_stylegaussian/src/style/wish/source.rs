@@ -3,10 +3,8 @@
 use bevy::prelude::*;
 use stylegaussian::strokes::StrokeKnobs;
 
-use super::{
-    asset::{GaussianDecoder, StyleLook, StyleStatistics},
-    job::StyleJobs,
-};
+use crate::style::make::job::StyleJobs;
+use crate::style::wish::asset::{GaussianDecoder, StyleLook, StyleStatistics};
 
 /// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images, presets and
 /// looks, blended with the content itself. Change it at any time. The old colors stay until the new ones are
@@ -169,12 +167,12 @@ impl StyleSource {
     }
 
     /// The strength within 0..1; 0 if it is no number.
-    pub(super) fn usual_strength(&self) -> f32 {
+    pub(crate) fn usual_strength(&self) -> f32 {
         if self.strength.is_nan() { 0.0 } else { self.strength.clamp(0.0, 1.0) }
     }
 
     /// How strokes are drawn, within sane ranges. NaN becomes the default.
-    pub(super) fn knobs(&self) -> StrokeKnobs {
+    pub(crate) fn knobs(&self) -> StrokeKnobs {
         let within =
             |value: f32, min: f32, max: f32| if value.is_nan() { 1.0 } else { value.clamp(min, max) };
         StrokeKnobs {
@@ -186,7 +184,7 @@ impl StyleSource {
     }
 
     /// Whether another source gives the same style, apart from the factors that are shown at once.
-    pub(super) fn is_computed_like(&self, other: &Self) -> bool {
+    pub(crate) fn is_computed_like(&self, other: &Self) -> bool {
         self.styles == other.styles && self.content == other.content
     }
 

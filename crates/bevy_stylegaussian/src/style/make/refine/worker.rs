@@ -10,7 +10,7 @@ use stylegaussian::{
 };
 
 use crate::{
-    style::{error::StyleError, images},
+    style::{make::images, wish::error::StyleError},
     work::{Lane, Workers},
 };
 

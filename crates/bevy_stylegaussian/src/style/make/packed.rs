@@ -12,7 +12,7 @@ use crate::work::pauses;
 /// Packed inputs that are still in use. They are held weakly: nothing here keeps them or the scene alive.
 #[derive(Resource, Clone, Default)]
 // Shared with tasks, which cannot borrow resources.
-pub(super) struct PackedInputs(Arc<Mutex<Vec<Packed>>>);
+pub(crate) struct PackedInputs(Arc<Mutex<Vec<Packed>>>);
 
 struct Packed {
     scene: Weak<Scene>,
@@ -25,7 +25,7 @@ impl PackedInputs {
     ///
     /// # Errors
     /// If the decoder does not fit the scene.
-    pub(super) async fn get(
+    pub(crate) async fn get(
         &self,
         scene: &Arc<Scene>,
         decoder: &Arc<Decoder>,

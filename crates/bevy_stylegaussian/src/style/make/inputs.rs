@@ -15,19 +15,17 @@ use crate::{
     work::Workers,
 };
 
-use super::{
-    asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics},
-    canvases::{Canvases, Later, Stretched, preset_name},
-    decoder::choose_decoder,
-    error::StyleError,
-    first::{FirstRequest, Palette},
-    images::{Encoded, ImageStatistics},
-    packed::PackedInputs,
-    request::{Same, StyleRequest, Styles, WeightedLook},
-    settings::{StyleBackend, StyleEncoder, StyleMethod},
-    source::{StyleDecoder, StyleInput, StyleSource},
-    surfaces::Surfaces,
-};
+use crate::style::make::canvases::{Canvases, Later, Stretched, preset_name};
+use crate::style::make::first::{FirstRequest, Palette};
+use crate::style::make::images::{Encoded, ImageStatistics};
+use crate::style::make::packed::PackedInputs;
+use crate::style::make::request::{Same, StyleRequest, Styles, WeightedLook};
+use crate::style::make::surfaces::Surfaces;
+use crate::style::wish::asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
+use crate::style::wish::decoder::choose_decoder;
+use crate::style::wish::error::StyleError;
+use crate::style::wish::settings::{StyleBackend, StyleEncoder, StyleMethod};
+use crate::style::wish::source::{StyleDecoder, StyleInput, StyleSource};
 
 /// An input, or `Ok(None)` while it is being loaded or computed.
 type Input<T> = Result<Option<T>, Arc<StyleError>>;
@@ -41,7 +39,7 @@ enum Given {
 
 /// Everything that a style is computed from, except the entity's components.
 #[derive(SystemParam)]
-pub(super) struct Inputs<'w> {
+pub(crate) struct Inputs<'w> {
     images: Res<'w, Assets<Image>>,
     statistics: Res<'w, Assets<StyleStatistics>>,
     looks: Res<'w, Assets<StyleLook>>,
@@ -51,9 +49,9 @@ pub(super) struct Inputs<'w> {
     encoder: Res<'w, StyleEncoder>,
     canvases: ResMut<'w, Canvases>,
     encoded: ResMut<'w, ImageStatistics>,
-    pub(super) surfaces: ResMut<'w, Surfaces>,
-    pub(super) workers: Res<'w, Workers>,
-    pub(super) packed: Res<'w, PackedInputs>,
+    pub(crate) surfaces: ResMut<'w, Surfaces>,
+    pub(crate) workers: Res<'w, Workers>,
+    pub(crate) packed: Res<'w, PackedInputs>,
     method: Res<'w, StyleMethod>,
     backend: Res<'w, StyleBackend>,
     // Bevy puts a copy into the main world. It is absent if the app does not render.
@@ -62,7 +60,7 @@ pub(super) struct Inputs<'w> {
 
 impl Inputs<'_> {
     /// The request for an entity's style, or `Ok(None)` while an input is missing.
-    pub(super) fn request(
+    pub(crate) fn request(
         &mut self,
         source: &StyleSource,
         scene: &LoadedScene,
@@ -119,13 +117,13 @@ impl Inputs<'_> {
     }
 
     /// Whether a scene is still on its way.
-    pub(super) fn is_loading(&self, scene: &Handle<GaussianScene>) -> bool {
+    pub(crate) fn is_loading(&self, scene: &Handle<GaussianScene>) -> bool {
         matches!(self.server.get_load_state(scene), Some(LoadState::NotLoaded | LoadState::Loading))
     }
 
     /// Inputs of a style's first colors, or `None` while a palette is missing, if the style is not painted, or
     /// if it cannot be.
-    pub(super) fn first_request(
+    pub(crate) fn first_request(
         &self,
         source: &StyleSource,
         scene: &LoadedScene,
@@ -234,7 +232,7 @@ impl Inputs<'_> {
 }
 
 /// An asset, or `Ok(None)` while it may still come.
-pub(super) fn loaded<'a, A: Asset>(
+pub(crate) fn loaded<'a, A: Asset>(
     server: &AssetServer,
     assets: &'a Assets<A>,
     handle: &Handle<A>,

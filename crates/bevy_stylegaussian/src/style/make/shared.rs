@@ -10,29 +10,27 @@ use crate::{
     work::{Running, Workers},
 };
 
-use super::{
-    error::StyleError,
-    packed::PackedInputs,
-    request::{Computed, StyleRequest, StyleResult},
-};
+use crate::style::make::packed::PackedInputs;
+use crate::style::make::request::{Computed, StyleRequest, StyleResult};
+use crate::style::wish::error::StyleError;
 
 /// Styles that nobody wears and that are kept all the same, for the one who comes back to them.
 const MAX_UNUSED: usize = 8;
 
 /// The styles that are computed or wanted, those used last at the end.
 #[derive(Resource, Default)]
-pub(super) struct SharedStyles(Vec<Arc<SharedStyle>>);
+pub(crate) struct SharedStyles(Vec<Arc<SharedStyle>>);
 
 /// A style of a scene that is being computed, or is there. The computation is canceled if the last reference
 /// goes.
-pub(super) struct SharedStyle {
+pub(crate) struct SharedStyle {
     request: Arc<StyleRequest>,
     computed: Running<Computed>,
 }
 
 impl SharedStyles {
     /// The style of a request: one that is there or on its way, or a new one whose computation begins.
-    pub(super) fn get(
+    pub(crate) fn get(
         &mut self,
         request: StyleRequest,
         workers: &Workers,
@@ -52,7 +50,7 @@ impl SharedStyles {
 }
 
 /// Forgets styles that nobody uses, except the last few of scenes that are still loaded.
-pub(super) fn forget_unused_styles(
+pub(crate) fn forget_unused_styles(
     mut shared: ResMut<SharedStyles>,
     scenes: Res<Assets<GaussianScene>>,
     // Bevy puts a copy into the main world. It is absent if the app does not render.
@@ -82,7 +80,7 @@ pub(super) fn forget_unused_styles(
 
 impl SharedStyle {
     /// The style, or `None` while it is computed.
-    pub(super) fn poll(&self) -> Option<Computed> {
+    pub(crate) fn poll(&self) -> Option<Computed> {
         Some(match self.computed.get()? {
             Ok(computed) => computed.clone(),
             Err(Canceled) => Err(Arc::new(StyleError::Ended)),
@@ -90,12 +88,12 @@ impl SharedStyle {
     }
 
     /// Share of the computation that is done, 0..1.
-    pub(super) fn done(&self) -> f32 {
+    pub(crate) fn done(&self) -> f32 {
         self.computed.done()
     }
 
     /// Whether it may have strokes.
-    pub(super) fn has_strokes(&self) -> bool {
+    pub(crate) fn has_strokes(&self) -> bool {
         self.request.has_strokes()
     }
 

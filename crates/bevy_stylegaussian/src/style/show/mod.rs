@@ -1,0 +1,7 @@
+//! From colors to the layers that an entity shows: transitions, volumes.
+
+pub(crate) mod compose;
+pub(crate) mod place;
+pub(crate) mod transition;
+pub(crate) mod volume;
+pub(crate) mod worn;

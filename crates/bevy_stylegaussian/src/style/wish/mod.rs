@@ -1,0 +1,9 @@
+//! What a game asks for, and what it hears: sources, assets, settings, events.
+
+pub(crate) mod applied;
+pub(crate) mod asset;
+pub(crate) mod decoder;
+pub(crate) mod error;
+pub(crate) mod event;
+pub(crate) mod settings;
+pub(crate) mod source;
