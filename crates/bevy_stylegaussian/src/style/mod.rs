@@ -80,9 +80,9 @@ impl Plugin for StylePlugin {
                     make::images::forget_changed_images,
                     show::compose::find_scenes_of_clouds,
                     show::compose::find_scenes_of_volumes,
-                    make::job::want_changed_styles,
-                    make::job::want_changed_assets,
-                    make::job::drop_removed_styles,
+                    make::want::want_changed_styles,
+                    make::want::want_changed_assets,
+                    make::want::drop_removed_styles,
                     show::compose::advance_transitions,
                     make::job::advance_jobs,
                     // After the styles: a style that has just been applied is refined, and a changed one no

@@ -21,10 +21,9 @@ use stylegaussian_gpu::{
 
 use crate::{
     colors::{ColorSource, FoldedStyle, ShownColors, StyleColors},
+    style::wish::settings::StyleBudget,
     work::{Background, SynchronousCompilation},
 };
-
-use crate::style::wish::settings::StyleBudget;
 
 /// Time for which scratch memory is kept after a style pass. While a slider is dragged, the next pass follows
 /// soon.

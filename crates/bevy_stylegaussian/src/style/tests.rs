@@ -23,13 +23,14 @@ use crate::{
     StyleTransition,
     colors::ShownColors,
     loader::FromFile,
+    style::{
+        make::job::{StyleJob, StyleJobs},
+        pass::StylePasses,
+        wish::decoder::choose_decoder,
+    },
     tests::world::{rendering::*, *},
     work::Background,
 };
-
-use crate::style::make::job::{StyleJob, StyleJobs};
-use crate::style::pass::StylePasses;
-use crate::style::wish::decoder::choose_decoder;
 
 /// The colors of an entity on the GPU.
 fn shown(app: &App, entity: Entity) -> Option<Vec<[f32; 3]>> {

@@ -14,10 +14,13 @@ use stylegaussian::{
 };
 use stylegaussian_encoder::paint_of;
 
-use crate::style::make::first::palette_of;
-use crate::style::make::images::{decoded, name, pixels};
-use crate::style::wish::asset::StyleStatistics;
-use crate::style::wish::error::StyleError;
+use crate::style::{
+    make::{
+        first::palette_of,
+        images::{decoded, name, pixels},
+    },
+    wish::{asset::StyleStatistics, error::StyleError},
+};
 
 /// A value that the first computation makes that needs it.
 pub(crate) type Later<T> = Arc<LazyLock<T, Box<dyn FnOnce() -> T + Send>>>;

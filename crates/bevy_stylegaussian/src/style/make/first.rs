@@ -13,10 +13,9 @@ use stylegaussian::{
     recolor::{ColorMoments, Recoloring},
 };
 
-use crate::style::show::transition::StyleTransition;
-use crate::style::show::worn::Worn;
 use crate::{
     colors::{LayerColors, StyleColors},
+    style::show::{transition::StyleTransition, worn::Worn},
     work::Background,
 };
 

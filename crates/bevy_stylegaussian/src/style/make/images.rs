@@ -7,10 +7,14 @@ use bevy::{platform::collections::HashMap, prelude::*, render::render_resource::
 use stylegaussian::ChannelStatistics;
 use stylegaussian_encoder::{StyleSize, style_statistics};
 
-use crate::style::make::canvases::{Later, later};
-use crate::style::wish::asset::{ImageEncoder, StyleStatistics};
-use crate::style::wish::error::StyleError;
-use crate::style::wish::settings::StyleEncoder;
+use crate::style::{
+    make::canvases::{Later, later},
+    wish::{
+        asset::{ImageEncoder, StyleStatistics},
+        error::StyleError,
+        settings::StyleEncoder,
+    },
+};
 
 /// Statistics of an image. All entities that use the image share an error.
 pub(crate) type Encoded = Result<Arc<ChannelStatistics>, Arc<StyleError>>;

@@ -12,20 +12,25 @@ use stylegaussian_gpu::device::is_software;
 
 use crate::{
     scene::{GaussianScene, LoadedScene},
+    style::{
+        make::{
+            canvases::{Canvases, Later, Stretched, preset_name},
+            first::{FirstRequest, Palette},
+            images::{Encoded, ImageStatistics},
+            packed::PackedInputs,
+            request::{Same, StyleRequest, Styles, WeightedLook},
+            surfaces::Surfaces,
+        },
+        wish::{
+            asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics},
+            decoder::choose_decoder,
+            error::StyleError,
+            settings::{StyleBackend, StyleEncoder, StyleMethod},
+            source::{StyleDecoder, StyleInput, StyleSource},
+        },
+    },
     work::Workers,
 };
-
-use crate::style::make::canvases::{Canvases, Later, Stretched, preset_name};
-use crate::style::make::first::{FirstRequest, Palette};
-use crate::style::make::images::{Encoded, ImageStatistics};
-use crate::style::make::packed::PackedInputs;
-use crate::style::make::request::{Same, StyleRequest, Styles, WeightedLook};
-use crate::style::make::surfaces::Surfaces;
-use crate::style::wish::asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
-use crate::style::wish::decoder::choose_decoder;
-use crate::style::wish::error::StyleError;
-use crate::style::wish::settings::{StyleBackend, StyleEncoder, StyleMethod};
-use crate::style::wish::source::{StyleDecoder, StyleInput, StyleSource};
 
 /// An input, or `Ok(None)` while it is being loaded or computed.
 type Input<T> = Result<Option<T>, Arc<StyleError>>;

@@ -7,32 +7,30 @@
 
 use std::sync::Arc;
 
-use bevy::{
-    platform::{collections::HashSet, time::Instant},
-    prelude::*,
-    render::renderer::RenderAdapterInfo,
-};
+use bevy::{platform::time::Instant, prelude::*, render::renderer::RenderAdapterInfo};
 use stylegaussian::strokes::Strokes;
 
 use crate::{
     colors::{ColorLayers, LayerColors, StyleColors, WantedColors},
     scene::{GaussianSplats, LoadedScene, NextScene},
+    style::{
+        make::{
+            first::FirstColors,
+            inputs::Inputs,
+            request::StyleResult,
+            shared::{SharedStyle, SharedStyles},
+            surfaces::Surfaces,
+        },
+        show::{transition::StyleTransition, volume::StyleVolume, worn::Worn},
+        wish::{
+            applied::AppliedStyle,
+            error::StyleError,
+            event::StyleEvents,
+            settings::StyleBackend,
+            source::{StyleDecoder, StyleSource},
+        },
+    },
 };
-
-use crate::style::make::first::FirstColors;
-use crate::style::make::inputs::Inputs;
-use crate::style::make::request::StyleResult;
-use crate::style::make::shared::{SharedStyle, SharedStyles};
-use crate::style::make::surfaces::Surfaces;
-use crate::style::show::transition::StyleTransition;
-use crate::style::show::volume::StyleVolume;
-use crate::style::show::worn::Worn;
-use crate::style::wish::applied::AppliedStyle;
-use crate::style::wish::asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
-use crate::style::wish::error::StyleError;
-use crate::style::wish::event::StyleEvents;
-use crate::style::wish::settings::{StyleBackend, StyleEncoder};
-use crate::style::wish::source::{StyleDecoder, StyleInput, StyleSource};
 
 /// The jobs of a styled entity: one for the scene that it shows, or one for each scene that its volume comes
 /// near.
@@ -40,9 +38,9 @@ use crate::style::wish::source::{StyleDecoder, StyleInput, StyleSource};
 pub(crate) struct StyleJobs {
     pub(crate) of_scene: Vec<StyleJob>,
     /// The source that the jobs know of.
-    known: Option<StyleSource>,
+    pub(super) known: Option<StyleSource>,
     /// Whether the source was changed to no style, and nothing has answered that.
-    is_unstyling: bool,
+    pub(super) is_unstyling: bool,
 }
 
 /// Share of a style's first computation that the scene's surface takes: 1.1 of 1.5 s on the demo scene.
@@ -55,18 +53,18 @@ pub(crate) struct StyleJob {
     pub(crate) cloud: Entity,
     /// When the pending request was made; `None` if nothing is pending.
     wanted: Option<Instant>,
-    stage: Stage,
+    pub(super) stage: Stage,
     /// Whether the style that is wanted has waited for the scene's surface.
     has_waited: bool,
     /// The style that was put on and is not drawn yet.
     coming: Option<Coming>,
     /// Whether the GPU has refused the present scene and decoder.
-    gpu_refused: bool,
+    pub(super) gpu_refused: bool,
     /// The last failure, until a component of the entity changes. Assets that come later often change nothing
     /// about it.
-    failure: Option<String>,
+    pub(super) failure: Option<String>,
     /// First colors, which are shown until the wanted style is painted.
-    first: FirstColors,
+    pub(super) first: FirstColors,
     /// The styles that are shown.
     pub(crate) worn: Worn,
     /// The shared style that is shown, kept so that others find it.
@@ -75,7 +73,7 @@ pub(crate) struct StyleJob {
 
 /// Stage of the style under way.
 #[derive(Default)]
-enum Stage {
+pub(super) enum Stage {
     /// Nothing is under way.
     #[default]
     Idle,
@@ -119,12 +117,12 @@ impl StyleJob {
     }
 
     /// Wants a style, since an asset of it came. The time of the change that asked for it counts.
-    fn want(&mut self) {
+    pub(super) fn want(&mut self) {
         self.wanted.get_or_insert_with(Instant::now);
     }
 
     /// Wants another style from now on.
-    fn want_another(&mut self) {
+    pub(super) fn want_another(&mut self) {
         self.wanted = Some(Instant::now());
     }
 
@@ -168,128 +166,6 @@ impl StyleJob {
     pub(crate) fn improve(&mut self, colors: Arc<StyleColors>, transition: Option<&StyleTransition>) {
         self.shown = None;
         self.worn.put_on(LayerColors::Style(colors), transition);
-    }
-}
-
-/// The components that show which input changed.
-type ChangedInputs = (&'static mut StyleJobs, Ref<'static, StyleSource>, Option<Ref<'static, StyleDecoder>>);
-
-/// One of the entity's components that a style depends on changed.
-type InputChanged = Or<(Changed<StyleSource>, Changed<StyleDecoder>)>;
-
-/// Wants a new style if source or decoder changed.
-pub(crate) fn want_changed_styles(mut jobs: Query<ChangedInputs, InputChanged>) {
-    for (mut jobs, source, decoder) in &mut jobs {
-        let decoder_changed = decoder.is_some_and(|decoder| decoder.is_changed());
-        let known = jobs.known.replace(StyleSource::clone(&source));
-        // The first source of an entity is no change.
-        if !source.is_added() && known.as_ref() != Some(&*source) {
-            jobs.is_unstyling = source.is_none();
-        }
-        // A strength and the knobs of strokes are no new style: they change how the one that is there is shown.
-        let only_knobs =
-            known.as_ref().is_some_and(|known| *known != *source && known.is_computed_like(&source));
-        if only_knobs && !decoder_changed {
-            continue;
-        }
-        // Paint in another mix or with other settings is more like the new paint than its palette is.
-        let is_related = known.is_some_and(|known| shares_an_input(&known, &source));
-        for job in &mut jobs.of_scene {
-            if !is_related {
-                job.first.restart();
-                // Nobody will see it. A related one is seen while a slider is dragged.
-                if matches!(&job.stage, Stage::Computing { shared, .. } if shared.poll().is_none()) {
-                    job.stage = Stage::Idle;
-                }
-            }
-            // The GPU may have refused the old decoder's weights. The new ones may fit.
-            job.gpu_refused &= !decoder_changed;
-            job.failure = None;
-            job.want_another();
-        }
-    }
-}
-
-/// Whether an image, preset or look is part of both sources.
-fn shares_an_input(a: &StyleSource, b: &StyleSource) -> bool {
-    a.styles.iter().any(|a| b.styles.iter().any(|b| a.input == b.input))
-}
-
-/// Wants a new style if an asset that the style names came or changed, or the encoder of its images.
-pub(crate) fn want_changed_assets(
-    mut images: MessageReader<AssetEvent<Image>>,
-    mut statistics: MessageReader<AssetEvent<StyleStatistics>>,
-    mut looks: MessageReader<AssetEvent<StyleLook>>,
-    mut decoders: MessageReader<AssetEvent<GaussianDecoder>>,
-    mut encoders: MessageReader<AssetEvent<ImageEncoder>>,
-    encoder: Res<StyleEncoder>,
-    mut jobs: Query<(&mut StyleJobs, &StyleSource, Option<&StyleDecoder>)>,
-) {
-    // Every reader is drained before the first return, or old events would come back in a later frame.
-    let images = changed(&mut images);
-    let statistics = changed(&mut statistics);
-    let looks = changed(&mut looks);
-    let decoders = changed(&mut decoders);
-    let encoder_asset_changed = changed(&mut encoders).contains(&encoder.0.id());
-    // The first frame's resource is no change: nothing was encoded before it.
-    let encoder_changed = encoder_asset_changed || (encoder.is_changed() && !encoder.is_added());
-    let is_quiet = images.is_empty() && statistics.is_empty() && looks.is_empty() && decoders.is_empty();
-    if is_quiet && !encoder_changed {
-        return;
-    }
-    for (mut jobs, source, decoder) in &mut jobs {
-        let input_changed = source.styles.iter().any(|style| match &style.input {
-            StyleInput::Image(image) => encoder_changed || images.contains(&image.id()),
-            StyleInput::Preset(preset) => statistics.contains(&preset.id()),
-            StyleInput::Look(look) => looks.contains(&look.id()),
-        });
-        let decoder_changed = decoder.is_some_and(|decoder| decoders.contains(&decoder.0.id()));
-        for job in &mut jobs.of_scene {
-            job.gpu_refused &= !decoder_changed;
-            if input_changed || decoder_changed {
-                job.want();
-            }
-        }
-    }
-}
-
-/// The assets that came or were replaced. A job usually waits for an asset that comes, but not after a failure.
-fn changed<A: Asset>(events: &mut MessageReader<AssetEvent<A>>) -> HashSet<AssetId<A>> {
-    let id = |event: &AssetEvent<A>| match event {
-        AssetEvent::Added { id } | AssetEvent::Modified { id } => Some(*id),
-        _ => None,
-    };
-    events.read().filter_map(id).collect()
-}
-
-/// The components of an entity that may have lost its style.
-type Unstyled = (&'static mut StyleJobs, Option<&'static StyleTransition>, Has<StyleSource>);
-
-/// Resets entities to their captured colors if their source was removed, and wants a new style if their decoder
-/// was.
-pub(crate) fn drop_removed_styles(
-    mut commands: Commands,
-    mut sources: RemovedComponents<StyleSource>,
-    mut decoders: RemovedComponents<StyleDecoder>,
-    mut jobs: Query<Unstyled>,
-) {
-    for entity in sources.read() {
-        let Ok((mut jobs, transition, has_source)) = jobs.get_mut(entity) else { continue };
-        // A source that was removed and put back in the same frame was seen by `want_changed_styles`.
-        if !has_source {
-            for job in &mut jobs.of_scene {
-                job.take_off(transition);
-            }
-            commands.entity(entity).try_remove::<AppliedStyle>();
-        }
-    }
-    for entity in decoders.read() {
-        if let Ok((mut jobs, ..)) = jobs.get_mut(entity) {
-            for job in &mut jobs.of_scene {
-                job.gpu_refused = false;
-                job.want();
-            }
-        }
     }
 }
 
@@ -376,7 +252,7 @@ impl StyleJob {
     }
 
     /// Puts everything off: the entity has no source any more.
-    fn take_off(&mut self, transition: Option<&StyleTransition>) {
+    pub(super) fn take_off(&mut self, transition: Option<&StyleTransition>) {
         (self.wanted, self.stage, self.coming, self.shown) = (None, Stage::Idle, None, None);
         self.first = FirstColors::default();
         if !self.worn.is_empty() {

@@ -12,3 +12,4 @@ pub(crate) mod refine;
 pub(crate) mod request;
 pub(crate) mod shared;
 pub(crate) mod surfaces;
+pub(crate) mod want;

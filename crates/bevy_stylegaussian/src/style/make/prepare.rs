@@ -2,9 +2,11 @@
 
 use bevy::prelude::*;
 
-use crate::style::make::surfaces::Surfaces;
-use crate::style::wish::settings::StyleMethod;
-use crate::{scene::LoadedScene, work::Workers};
+use crate::{
+    scene::LoadedScene,
+    style::{make::surfaces::Surfaces, wish::settings::StyleMethod},
+    work::Workers,
+};
 
 /// Prepares a scene for paint in the background as soon as it is loaded, so that its first painting comes
 /// sooner. A component for scenes that begin unstyled or with a look; others are prepared anyway.

@@ -2,9 +2,7 @@
 
 use bevy::prelude::*;
 
-use crate::style::make::job::StyleJobs;
-use crate::style::make::refine::Refinement;
-use crate::style::make::surfaces::Surfaces;
+use crate::style::make::{job::StyleJobs, refine::Refinement, surfaces::Surfaces};
 
 /// Progress of an entity's style: there as long as a style is on its way or is refined.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]

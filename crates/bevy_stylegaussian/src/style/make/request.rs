@@ -14,15 +14,20 @@ use stylegaussian_gpu::style::FoldedLayers;
 
 use crate::{
     colors::{ColorSource, FoldedStyle, StyleColors},
+    style::{
+        make::{
+            canvases::{Later, Stretched},
+            images::Encoded,
+            packed::PackedInputs,
+        },
+        wish::{
+            applied::{AppliedColors, AppliedStyle},
+            error::StyleError,
+            settings::StyleBackend,
+        },
+    },
     work::{Lane, Running, Workers},
 };
-
-use crate::style::make::canvases::{Later, Stretched};
-use crate::style::make::images::Encoded;
-use crate::style::make::packed::PackedInputs;
-use crate::style::wish::applied::{AppliedColors, AppliedStyle};
-use crate::style::wish::error::StyleError;
-use crate::style::wish::settings::StyleBackend;
 
 /// All that decides the colors of a style. Two that are equal give the same.
 #[derive(PartialEq)]

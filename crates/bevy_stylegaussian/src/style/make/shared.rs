@@ -7,12 +7,15 @@ use stylegaussian::work::Canceled;
 
 use crate::{
     scene::GaussianScene,
+    style::{
+        make::{
+            packed::PackedInputs,
+            request::{Computed, StyleRequest, StyleResult},
+        },
+        wish::error::StyleError,
+    },
     work::{Running, Workers},
 };
-
-use crate::style::make::packed::PackedInputs;
-use crate::style::make::request::{Computed, StyleRequest, StyleResult};
-use crate::style::wish::error::StyleError;
 
 /// Styles that nobody wears and that are kept all the same, for the one who comes back to them.
 const MAX_UNUSED: usize = 8;

@@ -12,14 +12,12 @@ use stylegaussian::layers::Region;
 use crate::{
     colors::{ColorLayer, ColorLayers, LayerColors},
     scene::LoadedScene,
+    style::{
+        make::job::{StyleJob, StyleJobs},
+        show::{place::Place, volume::StyleVolume, worn::Passed},
+        wish::{applied::AppliedStyle, source::StyleSource},
+    },
 };
-
-use crate::style::make::job::{StyleJob, StyleJobs};
-use crate::style::show::place::Place;
-use crate::style::show::volume::StyleVolume;
-use crate::style::show::worn::Passed;
-use crate::style::wish::applied::AppliedStyle;
-use crate::style::wish::source::StyleSource;
 
 /// Keeps an entity with a [`StyleSource`] from being drawn until its first style is there, instead of showing
 /// its captured colors for a while. If the style fails, the entity is drawn as captured.

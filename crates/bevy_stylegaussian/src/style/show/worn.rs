@@ -7,10 +7,13 @@ use std::{sync::Arc, time::Duration};
 
 use stylegaussian::layers::Region;
 
-use crate::colors::{ColorLayer, LayerColors, Mix, StyleColors};
-
-use crate::style::show::place::Place;
-use crate::style::show::transition::{StyleTransition, TransitionClock, TransitionShape};
+use crate::{
+    colors::{ColorLayer, LayerColors, Mix, StyleColors},
+    style::show::{
+        place::Place,
+        transition::{StyleTransition, TransitionClock, TransitionShape},
+    },
+};
 
 /// The most styles on one another. A change beyond it freezes the ones below.
 const MAX_WORN: usize = 4;

@@ -4,10 +4,10 @@ use std::{fmt::Display, sync::Arc, time::Duration};
 
 use bevy::{ecs::system::SystemParam, platform::time::Instant, prelude::*};
 
-use crate::style::show::compose::HiddenUntilStyled;
-use crate::style::wish::applied::AppliedStyle;
-use crate::style::wish::error::StyleError;
-use crate::style::wish::settings::StyleBackend;
+use crate::style::{
+    show::compose::HiddenUntilStyled,
+    wish::{applied::AppliedStyle, error::StyleError, settings::StyleBackend},
+};
 
 /// Sent once an entity's new style is complete and drawn, or begins to come in. Also sent once an entity whose
 /// source was changed to no style is in its captured colors, even if it was before. In an app that draws, the

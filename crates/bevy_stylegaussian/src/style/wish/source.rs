@@ -3,8 +3,10 @@
 use bevy::prelude::*;
 use stylegaussian::strokes::StrokeKnobs;
 
-use crate::style::make::job::StyleJobs;
-use crate::style::wish::asset::{GaussianDecoder, StyleLook, StyleStatistics};
+use crate::style::{
+    make::job::StyleJobs,
+    wish::asset::{GaussianDecoder, StyleLook, StyleStatistics},
+};
 
 /// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images, presets and
 /// looks, blended with the content itself. Change it at any time. The old colors stay until the new ones are

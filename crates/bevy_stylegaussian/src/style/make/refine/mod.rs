@@ -12,17 +12,18 @@ use stylegaussian_bake::BakeConfig;
 use crate::{
     colors::{StyleColors, WantedColors},
     scene::LoadedScene,
+    style::{
+        make::{images, inputs::loaded, job::StyleJobs},
+        show::transition::StyleTransition,
+        wish::{
+            applied::{AppliedColors, AppliedStyle},
+            error::StyleError,
+            event::{StyleApplied, StyleEvents},
+            source::{StyleInput, StyleSource, WeightedStyle},
+        },
+    },
     work::Workers,
 };
-
-use crate::style::make::images;
-use crate::style::make::inputs::loaded;
-use crate::style::make::job::StyleJobs;
-use crate::style::show::transition::StyleTransition;
-use crate::style::wish::applied::{AppliedColors, AppliedStyle};
-use crate::style::wish::error::StyleError;
-use crate::style::wish::event::{StyleApplied, StyleEvents};
-use crate::style::wish::source::{StyleInput, StyleSource, WeightedStyle};
 
 mod engine;
 #[cfg(test)]
