@@ -5,7 +5,7 @@ use bevy::{
     prelude::*,
 };
 
-use super::job::{Stage, StyleJob, StyleJobs};
+use super::job::{Stage, StyleJobs};
 use crate::style::{
     show::transition::StyleTransition,
     wish::{
@@ -132,7 +132,7 @@ pub(crate) fn drop_removed_styles(
         if let Ok((mut jobs, ..)) = jobs.get_mut(entity) {
             for job in &mut jobs.of_scene {
                 job.gpu_refused = false;
-                job.want();
+                job.want_another();
             }
         }
     }
