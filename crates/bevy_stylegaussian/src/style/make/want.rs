@@ -1,9 +1,6 @@
 //! What makes a job want another style: changed sources, decoders, settings and assets.
 
-use bevy::{
-    platform::{collections::HashSet, time::Instant},
-    prelude::*,
-};
+use bevy::{platform::collections::HashSet, prelude::*};
 
 use super::job::{Stage, StyleJobs};
 use crate::style::{
