@@ -8,7 +8,9 @@ mod world;
 
 use bevy::{camera::Viewport, core_pipeline::tonemapping::Tonemapping, prelude::*};
 // `world` is written for the plugin's own tests and finds these names in its crate.
-use bevy_stylegaussian::{GaussianScene, GaussianSplats, StyleBackend, StyleGaussianPlugin, StyleStatistics};
+use bevy_stylegaussian::{
+    GaussianScene, GaussianSplats, StyleBackend, StyleGaussianPlugin, StyleStatistics, StyleThreads,
+};
 use stereo::OffAxis;
 use world::{add_scene, rendering::*, small_scene};
 
