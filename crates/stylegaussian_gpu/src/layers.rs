@@ -7,7 +7,6 @@
 
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-use stylegaussian::layers::Region;
 use stylegaussian_shaders::{
     Source,
     layers::{self as shaders, MixLayer, MixStack},
@@ -18,9 +17,9 @@ use crate::{
     buffers,
     colors::GaussianColors,
     splat::GpuScene,
-    strokes::GaussianStrokes,
 };
 
+mod layer;
 mod pack;
 mod plan;
 mod strokes;
@@ -28,27 +27,13 @@ mod strokes;
 mod tests;
 
 pub use crate::mask::GaussianMask;
+pub use layer::GpuLayer;
 pub use plan::MixedLayers;
 use plan::{Dispatch, Values};
 pub use strokes::StrokeMix;
 
 /// Workgroups in one dimension of a dispatch, by WebGPU's default limits.
 const MAX_WORKGROUPS: u32 = 65_535;
-
-/// Colors and strokes in a region. The lowest layer comes first.
-#[derive(Clone, Copy, Debug)]
-pub struct GpuLayer<'a> {
-    /// One color per Gaussian, or `None` for the captured colors.
-    pub look: Option<&'a GaussianColors>,
-    /// The look's strokes, or `None` if it has none: those below fade under it.
-    pub strokes: Option<&'a GaussianStrokes>,
-    /// The part of the scene that gets them.
-    pub region: Region,
-    /// Share of the colors below that is replaced within the region, 0..1.
-    pub strength: f32,
-    /// Painted weights, and the channel of them that counts here; `None` if all of the region counts.
-    pub mask: Option<(&'a GaussianMask, u32)>,
-}
 
 /// The kernels that mix layers.
 #[derive(Debug)]

@@ -15,7 +15,7 @@ use stylegaussian::{
     mask::{Brush, Combine, Edit, History, MaskUse, Selection, Stroke},
 };
 
-use super::{SavedMask, weights::Weights};
+use super::{asset::SavedMask, weights::Weights};
 
 /// Changes that are remembered for the upload. Between two frames there is one for each call of a method; the
 /// GPU gets the whole mask if there were more.

@@ -18,7 +18,11 @@ use crate::{
     work::{Lane, Running, Workers},
 };
 
-use super::{SavedMask, StyleMask, component::Painted, weights::Weights};
+use super::{
+    asset::SavedMask,
+    component::{Painted, StyleMask},
+    weights::Weights,
+};
 
 /// Sent if a saved mask cannot be used. The entity's mask is unpainted then.
 ///

@@ -10,10 +10,7 @@ use bevy::{
 };
 use stylegaussian_gpu::{mask::GaussianMask, splat::CloudVisibility};
 
-use super::{
-    StyleMask,
-    component::{MaskVisibility, Painted},
-};
+use super::component::{MaskVisibility, Painted, StyleMask};
 
 /// The masks of all entities that have one. It counts as changed if weights did.
 #[derive(Resource, Default)]

@@ -14,7 +14,8 @@ use bevy::{
 use stylegaussian::Scene;
 
 use super::{
-    GaussianScene, GaussianSplats,
+    GaussianSplats,
+    asset::GaussianScene,
     failure::{GaussianSceneError, SceneFailures},
 };
 

@@ -10,7 +10,11 @@ use bevy::{
 };
 use stylegaussian_gpu::needs::{self, TooWeak};
 
-use super::{GaussianScene, GaussianSceneError, RenderClouds, SceneRefused, extract::NextScenes};
+use super::{
+    asset::GaussianScene,
+    extract::{NextScenes, RenderClouds},
+    failure::{GaussianSceneError, SceneRefused},
+};
 use crate::reports::Reports;
 
 /// Whether the present device can draw splats. A resource of the render world.

@@ -9,7 +9,7 @@ use bevy::{
     },
 };
 
-use super::{LoadedScene, NextScene};
+use super::attach::{LoadedScene, NextScene};
 
 /// All entities that show a scene. GPU state is rebuilt from it after a lost device.
 #[derive(Resource, Default)]

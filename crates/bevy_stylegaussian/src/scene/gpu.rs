@@ -15,7 +15,10 @@ use crate::{
 };
 
 use super::{
-    GaussianScene, GaussianSceneError, LoadedScene, RenderClouds, SceneRefused, extract::NextScenes,
+    asset::GaussianScene,
+    attach::LoadedScene,
+    extract::{NextScenes, RenderClouds},
+    failure::{GaussianSceneError, SceneRefused},
 };
 
 /// The scenes on the GPU.

@@ -10,7 +10,7 @@ use stylegaussian::{
     file::{Loaded, ReadOptions, Reading, SceneReader},
 };
 
-use super::GaussianScene;
+use super::asset::GaussianScene;
 use crate::{
     loader::{LoadError, read_all},
     work::{Lane, Workers, for_one, taken},

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bevy::{platform::collections::HashMap, prelude::*};
 use stylegaussian::Scene;
 
-use super::{GaussianScene, LoadedScene};
+use super::{asset::GaussianScene, attach::LoadedScene};
 
 /// A value for each scene, by asset and version: an asset that changes keeps its id and gets new data.
 pub(crate) struct PerScene<T>(HashMap<AssetId<GaussianScene>, (Arc<Scene>, T)>);

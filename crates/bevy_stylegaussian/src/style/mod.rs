@@ -32,7 +32,6 @@ mod wish;
 pub use make::prepare::StylePrepare;
 pub use make::progress::StyleProgress;
 pub use make::refine::StyleRefine;
-pub use show::compose::HiddenUntilStyled;
 pub use show::transition::{StyleTransition, TransitionCenter, TransitionClock, TransitionShape};
 pub use show::volume::{StyleVolume, VolumeShape};
 pub use wish::applied::AppliedStyle;
@@ -40,7 +39,7 @@ pub use wish::asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics}
 pub use wish::error::StyleError;
 pub use wish::event::{StyleApplied, StyleFailed, StyleRecolored, StyleRefined};
 pub use wish::settings::{StyleBackend, StyleBudget, StyleEncoder, StyleMethod};
-pub use wish::source::{StyleDecoder, StyleInput, StyleSource, WeightedStyle};
+pub use wish::source::{HiddenUntilStyled, StyleDecoder, StyleInput, StyleSource, WeightedStyle};
 
 /// Styles the entities that show a scene.
 pub(crate) struct StylePlugin;
@@ -64,6 +63,8 @@ impl Plugin for StylePlugin {
             .init_resource::<make::packed::PackedInputs>()
             .init_resource::<make::surfaces::Surfaces>()
             .register_required_components::<StyleVolume, StyleSource>()
+            // On the source and not on the splats: entities that are never styled carry none.
+            .register_required_components::<StyleSource, make::job::StyleJobs>()
             .init_resource::<make::shared::SharedStyles>()
             .init_resource::<make::refine::Engine>()
             .add_message::<StyleApplied>()

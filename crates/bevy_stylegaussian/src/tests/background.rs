@@ -253,7 +253,7 @@ fn frames_beside_paintings() {
         times.sort_by(f32::total_cmp);
         let [median, p99] = [times.len() / 2, times.len() * 99 / 100].map(|i| times[i]);
         eprintln!(
-            "{} frames: median {median:.1} ms, p99 {p99:.1} ms, a game's task waited {waits:.1?}; \\
+            "{} frames: median {median:.1} ms, p99 {p99:.1} ms; a game's task waited {waits:.1?} at most; \
              {n_paintings} paintings, {n_applied} shown",
             times.len()
         );

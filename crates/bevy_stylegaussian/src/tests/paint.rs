@@ -379,8 +379,9 @@ fn times_to_paint() {
         let n = scene.len();
         let splats = GaussianSplats(add_scene(&mut app, scene));
         let entity = app.world_mut().spawn((splats, StyleSource::none())).id();
-        until_applied(&mut app);
         app.insert_resource(StyleThreads::default());
+        (0..3).for_each(|_| app.update());
+        drain::<StyleApplied>(&mut app);
         let mut times = Vec::new();
         for name in ["strokes", "mosaic", "ink", "cubist"] {
             let bytes = std::fs::read(assets.join(format!("styles/{name}.jpg"))).unwrap();

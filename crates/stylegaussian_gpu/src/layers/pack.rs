@@ -4,7 +4,7 @@ use glam::{Affine3A, Vec3, Vec4};
 use stylegaussian::layers::{Region, Shape};
 use stylegaussian_shaders::layers::{self as shaders, MixLayer};
 
-use super::GpuLayer;
+use super::layer::GpuLayer;
 
 /// Sizes and distances beyond this are drawn in to it: their squares stay within f32, and no scene reaches
 /// there.

@@ -6,7 +6,7 @@ use glam::Vec3;
 use stylegaussian::layers::{Cover, Region, RegionCover};
 use stylegaussian_shaders::layers::{MIX_LAYERS, MIX_LOOKS, MixBlock, STARTS};
 
-use super::GpuLayer;
+use super::layer::GpuLayer;
 use crate::splat::{Ball, GpuScene};
 
 /// Blocks that are asked about together first.

@@ -15,15 +15,12 @@ use crate::{
     style::{
         make::job::{StyleJob, StyleJobs},
         show::{place::Place, volume::StyleVolume, worn::Passed},
-        wish::{applied::AppliedStyle, source::StyleSource},
+        wish::{
+            applied::AppliedStyle,
+            source::{HiddenUntilStyled, StyleSource},
+        },
     },
 };
-
-/// Keeps an entity with a [`StyleSource`] from being drawn until its first style is there, instead of showing
-/// its captured colors for a while. If the style fails, the entity is drawn as captured.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
-#[reflect(Component, Clone, Debug, Default, PartialEq)]
-pub struct HiddenUntilStyled;
 
 /// A cloud's radius is multiplied by this where volumes ask for it: they compute their styles before they
 /// arrive.

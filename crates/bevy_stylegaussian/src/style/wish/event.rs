@@ -4,9 +4,8 @@ use std::{fmt::Display, sync::Arc, time::Duration};
 
 use bevy::{ecs::system::SystemParam, platform::time::Instant, prelude::*};
 
-use crate::style::{
-    show::compose::HiddenUntilStyled,
-    wish::{applied::AppliedStyle, error::StyleError, settings::StyleBackend},
+use crate::style::wish::{
+    applied::AppliedStyle, error::StyleError, settings::StyleBackend, source::HiddenUntilStyled,
 };
 
 /// Sent once an entity's new style is complete and drawn, or begins to come in. Also sent once an entity whose

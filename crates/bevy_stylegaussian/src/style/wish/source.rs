@@ -3,10 +3,7 @@
 use bevy::prelude::*;
 use stylegaussian::strokes::StrokeKnobs;
 
-use crate::style::{
-    make::job::StyleJobs,
-    wish::asset::{GaussianDecoder, StyleLook, StyleStatistics},
-};
+use crate::style::wish::asset::{GaussianDecoder, StyleLook, StyleStatistics};
 
 /// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images, presets and
 /// looks, blended with the content itself. Change it at any time. The old colors stay until the new ones are
@@ -36,8 +33,6 @@ use crate::style::{
 /// # }
 /// ```
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
-// On the source and not on the splats: entities that are never styled carry none.
-#[require(StyleJobs)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct StyleSource {
     /// The styles and their weights, which are normalized to sum 1. If it is empty, the splats have their
@@ -201,3 +196,9 @@ impl StyleSource {
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct StyleDecoder(pub Handle<GaussianDecoder>);
+
+/// Keeps an entity with a [`StyleSource`] from being drawn until its first style is there, instead of showing
+/// its captured colors for a while. If the style fails, the entity is drawn as captured.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Component, Clone, Debug, Default, PartialEq)]
+pub struct HiddenUntilStyled;
