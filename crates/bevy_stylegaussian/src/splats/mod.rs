@@ -9,7 +9,6 @@ use bevy::{
         core_3d::{main_opaque_pass_3d, main_transparent_pass_3d, prepare_core_3d_depth_textures},
         tonemapping::tonemapping,
     },
-    pbr::main_transmissive_pass_3d,
     prelude::*,
     render::{
         GpuResourceAppExt, Render, RenderApp, RenderSystems, extract_component::ExtractComponentPlugin,
@@ -29,6 +28,10 @@ pub use camera::{SplatSortKey, SplatTonemapping};
 
 #[cfg(test)]
 pub(crate) use held::Held;
+
+/// The system that draws splats into the main pass.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+struct DrawsSplats;
 
 /// Draws [`GaussianSplats`](crate::GaussianSplats).
 pub(crate) struct SplatsPlugin;
@@ -63,12 +66,16 @@ impl Plugin for SplatsPlugin {
                     // After everything that writes depth, and before everything that is blended over it.
                     pass::draw_splats
                         .after(main_opaque_pass_3d)
-                        .before(main_transmissive_pass_3d)
                         .before(main_transparent_pass_3d)
-                        .in_set(Core3dSystems::MainPass),
+                        .in_set(Core3dSystems::MainPass)
+                        .in_set(DrawsSplats),
                     // Tonemapping must not see these colors: they are display-referred already.
                     pass::composite_after_tonemapping.after(tonemapping).in_set(Core3dSystems::PostProcess),
                 ),
             );
+        #[cfg(feature = "pbr")]
+        // What transmissive materials refract has been drawn before.
+        app.sub_app_mut(RenderApp)
+            .configure_sets(Core3d, DrawsSplats.before(bevy::pbr::main_transmissive_pass_3d));
     }
 }
