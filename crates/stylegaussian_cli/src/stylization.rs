@@ -238,7 +238,8 @@ impl StylizationArgs {
         let paints = if is_painted(scene, asks_for_decoder, true) { self.read_paints()? } else { None };
         if let Some(paints) = paints {
             let canvases = paints.iter().map(Canvas::new).collect();
-            return Ok(Prepared::Painted { canvases, surface: Surface::new(scene, &Work::default())? });
+            let surface = Box::new(Surface::new(scene, &Work::default())?);
+            return Ok(Prepared::Painted { canvases, surface });
         }
         // Checked before the expensive steps.
         let features = scene.features.as_ref();

@@ -5,7 +5,7 @@ use std::f32::consts::TAU;
 use glam::{Affine3A, Quat, Vec3};
 use stylegaussian::{
     Scene,
-    layers::{self, Layer, Shape},
+    layers::{self, Layer, Region, Shape},
 };
 
 use super::*;
