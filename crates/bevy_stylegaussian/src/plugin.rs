@@ -46,8 +46,9 @@ impl Plugin for StyleGaussianPlugin {
     fn build(&self, app: &mut App) {
         assert!(
             app.world().contains_resource::<AssetServer>(),
-            "StyleGaussianPlugin found no AssetPlugin: add it after DefaultPlugins, as in `.add_plugins((DefaultPlugins, \
-             StyleGaussianPlugin::default()))`, or after MinimalPlugins and AssetPlugin in an app that does not draw"
+            "StyleGaussianPlugin found no AssetPlugin: add it after DefaultPlugins, as in \
+             `.add_plugins((DefaultPlugins, StyleGaussianPlugin::default()))`, or after MinimalPlugins and \
+             AssetPlugin in an app that does not draw"
         );
         app.add_plugins(GaussianSplatsPlugin {
             synchronous_pipeline_compilation: self.synchronous_pipeline_compilation,

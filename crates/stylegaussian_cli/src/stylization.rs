@@ -112,7 +112,7 @@ impl Stylization {
 enum Prepared {
     Painted {
         canvases: Vec<Canvas>,
-        surface: Surface,
+        surface: Box<Surface>,
     },
     Decoded {
         statistics: Vec<ChannelStatistics>,

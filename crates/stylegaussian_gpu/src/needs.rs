@@ -67,7 +67,7 @@ macro_rules! needs {
 needs! {
     max_storage_buffers_per_shader_stage 8 "mixes of a scene's layers"
     max_storage_textures_per_shader_stage 1 "tables of tonemappings, and drawing on software adapters"
-    max_storage_buffer_binding_size 1_048_576 "65,536 splats; a larger scene needs more, or is refused by itself"
+    max_storage_buffer_binding_size 1_048_576 "65,536 splats; a larger scene needs more, or is refused"
     max_compute_workgroup_storage_size 14_336 "convolutions of the decoder"
     max_compute_invocations_per_workgroup 256 "projecting and sorting splats"
     max_compute_workgroup_size_x 256 "projecting and sorting splats"
