@@ -1,7 +1,7 @@
 //! From what a style asks for, and what is prepared of a scene, to colors and strokes.
 //!
 //! A [`Recipe`] is a mix of looks and of styles. Looks are there already. Styles are laid on as strokes
-//! ([`paint`]) or decoded ([`fold`](crate::fold)): [`is_painted`] says which.
+//! ([`paint`]) or decoded ([`fold`]): [`is_painted`] says which.
 
 use std::error::Error;
 
