@@ -14,8 +14,8 @@ use bevy::{
 use stylegaussian::Scene;
 
 use super::{
-    GaussianSplats,
     asset::GaussianScene,
+    component::GaussianSplats,
     failure::{GaussianSceneError, SceneFailures},
 };
 

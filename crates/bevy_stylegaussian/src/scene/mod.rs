@@ -5,8 +5,8 @@
 //! ([`gpu`]).
 
 use bevy::{
-    asset::{AsAssetId, AssetEventSystems},
-    camera::visibility::{VisibilityClass, VisibilitySystems, add_visibility_class},
+    asset::AssetEventSystems,
+    camera::visibility::VisibilitySystems,
     prelude::*,
     render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderSystems},
 };
@@ -15,6 +15,7 @@ use crate::{reports::Reports, systems::StyleGaussianSystems};
 
 mod asset;
 mod attach;
+mod component;
 mod device;
 mod extract;
 mod failure;
@@ -23,6 +24,7 @@ mod loader;
 mod per_scene;
 
 pub use asset::GaussianScene;
+pub use component::GaussianSplats;
 pub use failure::{GaussianSceneError, GaussianSceneFailed};
 pub use loader::SceneSettings;
 
@@ -34,29 +36,6 @@ pub(crate) use failure::SceneRefused;
 pub(crate) use gpu::{GpuScenes, upload_scenes};
 use loader::SceneLoader;
 pub(crate) use per_scene::PerScene;
-
-/// Shows a [`GaussianScene`] at the entity's `Transform`, which may scale and shear it. A scale of 0 along an
-/// axis has no inverse, and shows nothing; a small one, such as 0.001, shows the scene flat.
-///
-/// If a scene lies on its side or stands on its head, its file does not say which way is up:
-/// [`SceneSettings::axes`] turns it while it is loaded, and so does the `Transform`.
-///
-/// Splats are depth-tested against opaque meshes and drawn before transparent ones. They have the colors they
-/// were captured with; lights do not change them. Any number of entities may share a scene. Splats of
-/// overlapping scenes blend in the right order.
-#[derive(Component, Clone, Debug, Default, PartialEq, Eq, Reflect)]
-#[require(Transform, Visibility, VisibilityClass)]
-#[component(on_add = add_visibility_class::<GaussianSplats>)]
-#[reflect(Component, Clone, Debug, Default, PartialEq)]
-pub struct GaussianSplats(pub Handle<GaussianScene>);
-
-impl AsAssetId for GaussianSplats {
-    type Asset = GaussianScene;
-
-    fn as_asset_id(&self) -> AssetId<GaussianScene> {
-        self.0.id()
-    }
-}
 
 /// Loads scenes and uploads them.
 pub(crate) struct ScenePlugin;

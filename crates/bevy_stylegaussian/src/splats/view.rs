@@ -30,7 +30,7 @@ use crate::{
 };
 
 use super::{
-    SplatSortKey, SplatTonemapping,
+    camera::{SplatSortKey, SplatTonemapping},
     pipelines::{CompositeTarget, Luts, SplatPipelines},
 };
 
