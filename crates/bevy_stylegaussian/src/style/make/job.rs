@@ -208,7 +208,12 @@ pub(crate) fn advance_jobs(
         for job in &mut jobs.of_scene {
             // The entity is about to show another scene, whose job will follow.
             if has_next || splats.is_some_and(|of| of.0.id() != job.scene.id && inputs.is_loading(&of.0)) {
-                job.stage = Stage::Idle;
+                // If that scene never comes, the style is still wanted of this one.
+                if let Stage::Computing { since, .. } | Stage::Uploading { since, .. } =
+                    std::mem::take(&mut job.stage)
+                {
+                    job.wanted.get_or_insert(since);
+                }
                 continue;
             }
             job.take_over(entity, transition, renderer.is_some(), &mut events);
