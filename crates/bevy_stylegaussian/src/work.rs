@@ -1,7 +1,7 @@
 //! Work in the background: the only place that starts any.
 //!
-//! What is short, such as compiling a pipeline or reading a look, is a task of Bevy ([`short`],
-//! [`Background`]). What is long runs on threads of our own, because Bevy's pool for computations has one
+//! Short work, such as compiling a pipeline or reading a look, is a task of Bevy ([`short`], [`Background`]).
+//! Long work runs on threads of our own, because Bevy's pool for computations has one
 //! thread on up to five cores, and a game's own tasks would wait behind a painting. Each [`Lane`] does one
 //! thing after another, on a few threads of low priority ([`StyleThreads`]). Dropping what [`Workers::start`]
 //! returns stops the computation.

@@ -108,7 +108,7 @@ impl Stylization {
     }
 }
 
-/// What the styles need.
+/// Inputs of the styles.
 enum Prepared {
     Painted {
         canvases: Vec<Canvas>,
@@ -231,7 +231,7 @@ impl StylizationArgs {
         })
     }
 
-    /// What the styles need, painted or decoded.
+    /// Prepares the styles, painted or decoded.
     fn prepare(&self, scene: &Scene, scene_path: &Path) -> Result<Prepared> {
         let asks_for_decoder = self.decoder_only || self.decoder.is_some();
         // Files are read only if they may be used.
@@ -260,7 +260,7 @@ impl StylizationArgs {
         Ok(Prepared::Decoded { statistics, decoder, warnings })
     }
 
-    /// What the styles gave, in their order, with their weights.
+    /// Inputs of the styles, in their order, with their weights.
     fn weighted<'a, T>(&self, given: &'a [T]) -> Vec<(&'a T, f64)> {
         given.iter().zip(self.styles.iter().map(|style| style.weight)).collect()
     }

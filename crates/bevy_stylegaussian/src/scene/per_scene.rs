@@ -1,4 +1,4 @@
-//! What is computed once for each scene that is shown.
+//! Values that are computed once for each scene that is shown.
 
 use std::sync::Arc;
 

@@ -19,8 +19,8 @@ use crate::{
     work::Background,
 };
 
-/// Most Gaussians that are recolored at once, without a frame's wait for a thread. They take 3 ms of a
-/// core (AMD EPYC, Zen 4).
+/// Most Gaussians that are recolored at once, without a frame's wait for a task. They take 3 ms of a core
+/// (AMD EPYC, Zen 4).
 const AT_ONCE: usize = 100_000;
 
 /// Most pixels of a painting from which its palette is found, spread over it.

@@ -189,7 +189,7 @@ impl StyleRequest {
     }
 }
 
-/// What is made later, made now, with its weights.
+/// Values that are made later, made now, with their weights.
 fn made<T: Clone>(later: &[(Same<LazyOf<T>>, f64)]) -> Result<Vec<(T, f64)>, Failure> {
     let made = |(later, weight): &(Same<LazyOf<T>>, f64)| match &**later.0 {
         Ok(value) => Ok((value.clone(), *weight)),

@@ -1,4 +1,4 @@
-//! What makes a job want another style: changed sources, decoders, settings and assets.
+//! Reasons for which a job wants another style: changed sources, decoders, settings and assets.
 
 use bevy::{platform::collections::HashSet, prelude::*};
 

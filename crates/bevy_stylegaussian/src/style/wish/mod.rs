@@ -1,4 +1,4 @@
-//! What a game asks for, and what it hears: sources, assets, settings, events.
+//! The game's side of styling: sources, assets, settings, events.
 
 pub(crate) mod applied;
 pub(crate) mod asset;
