@@ -76,7 +76,9 @@ fn packages_say_what_they_are() {
 #[test]
 fn networks_come_with_a_notice() {
     let notice = read(&repository().join("crates/stylegaussian_defaults/NOTICE"));
-    for name in ["distilled_relu3_1.onnx", "default.decoder.safetensors", "CC BY 4.0", "public domain"] {
+    for name in
+        ["distilled_relu3_1.encoder.safetensors", "default.decoder.safetensors", "CC BY 4.0", "public domain"]
+    {
         assert!(notice.contains(name), "the notice does not mention {name}");
     }
 }

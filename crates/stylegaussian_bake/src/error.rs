@@ -32,14 +32,12 @@ pub enum BakeError {
         /// Description of its values.
         found: String,
     },
-    /// An ONNX graph is not one that can be a loss network.
-    #[error(
-        "{name}: the graph has {found}, expected VGG-19 or an encoder that `stylegaussian distill` wrote"
-    )]
+    /// A network is not one that can be a loss network.
+    #[error("{name}: found {found}, expected VGG-19 or an encoder that `stylegaussian distill` wrote")]
     Network {
-        /// The graph's file.
+        /// The network's file.
         name: String,
-        /// Description of the graph.
+        /// Description of the network.
         found: String,
     },
     /// VGG-19's weights cannot be read.

@@ -1,18 +1,18 @@
 //! The loss network: pictures in, features of several depths out, gradients back.
 
 mod bank;
-pub(crate) mod chain;
-mod convolution;
-mod onnx;
 
 use std::path::Path;
 
 use rayon::prelude::*;
-use stylegaussian_encoder::{vgg, weights::Weights};
+pub(crate) use stylegaussian_encoder::chain::Size;
+use stylegaussian_encoder::{
+    chain::{Chain, Operation, Values, add},
+    vgg::{Layout, N_CONVOLUTIONS, Vgg},
+    weights::Weights,
+};
 
 use crate::error::BakeError;
-use chain::{Chain, Operation, Values, add};
-pub(crate) use convolution::Size;
 
 /// A value of a chain that the loss looks at.
 #[derive(Clone, Copy, Debug)]
@@ -47,9 +47,8 @@ pub(crate) struct Sizes(Vec<Vec<Size>>);
 /// The values of a network on one picture.
 pub(crate) struct Features(Vec<Values>);
 
-/// Numbers of operations after which VGG-19's graphs reach relu1_1, relu2_1 and relu3_1, counted from the end:
-/// conv3_1 is the last, conv2_1 three operations (conv2_2, max-pool, conv3_1) before it, conv1_1 six.
-const VGG_FROM_THE_END: [usize; 3] = [6, 3, 0];
+/// VGG-19's convolutions that the loss looks at: conv1_1, conv2_1 and conv3_1.
+const VGG_CONVOLUTIONS: [usize; 3] = [0, 2, 4];
 
 /// Number of sizes at which filters see a picture: full, half, quarter and eighth. The coarser ones see broad
 /// strokes and areas.
@@ -64,18 +63,17 @@ impl LossNetwork {
     /// # Errors
     /// If the file cannot be read or holds other weights.
     pub fn vgg(path: &Path) -> Result<Self, BakeError> {
-        let invalid = |found| BakeError::Network { name: path.display().to_string(), found };
-        let chain = onnx::read(&vgg::graph(&Weights::open(path)?)?).map_err(invalid)?;
-        let n = chain.operations.len();
-        let is_pool = |i: usize| matches!(chain.operations[i], Operation::MaxPool { .. });
-        let pools = (0..n).filter(|&i| is_pool(i)).count();
-        if n < 7 || pools != 2 || !is_pool(n - 2) || !is_pool(n - 5) {
-            return Err(invalid("another network than VGG-19 up to relu3_1".into()));
+        let weights = Weights::open(path)?;
+        if Layout::of(&weights) == Some(Layout::Distilled) {
+            let found = "a quarter of VGG-19's channels".into();
+            return Err(BakeError::Network { name: path.display().to_string(), found });
         }
-        let layers = VGG_FROM_THE_END.map(|end| Tap {
-            value: n - end,
+        let Vgg { chain, values } = Vgg::read(&weights, N_CONVOLUTIONS)?;
+        let layers = VGG_CONVOLUTIONS.map(|convolution| Tap {
+            value: values[convolution],
             statistics: 1.0,
-            matching: if end == 6 { 0.0 } else { 1.0 },
+            // conv1_1 sees 3x3 pixels: too little of a stroke to match.
+            matching: if convolution == 0 { 0.0 } else { 1.0 },
         });
         Ok(Self::new(vec![(chain, layers.to_vec())]))
     }
@@ -83,17 +81,20 @@ impl LossNetwork {
     /// The default network: the inner layers and the output of a distilled encoder beside fixed oriented
     /// filters at full size and down to an eighth, which the encoder lacks.
     ///
-    /// `onnx` are the bytes of the encoder's file, `name` is its name in errors.
+    /// `encoder` are the bytes of the encoder's file, `name` is its name in errors.
     ///
     /// # Errors
-    /// If the bytes are no graph that `stylegaussian distill` writes.
-    pub fn distilled(name: &str, onnx: &[u8]) -> Result<Self, BakeError> {
+    /// If the bytes are no network that `stylegaussian distill` writes.
+    pub fn distilled(name: &str, encoder: &[u8]) -> Result<Self, BakeError> {
         let invalid = |found| BakeError::Network { name: name.into(), found };
-        let chain = onnx::read(onnx).map_err(invalid)?;
+        let chain = Chain::from_bytes(encoder).map_err(invalid)?.chain;
+        if chain.channels(0) != 3 {
+            return Err(invalid(format!("{} channels of input", chain.channels(0))));
+        }
         let layers =
             distilled_layers(&chain).ok_or_else(|| invalid("no layers at half and quarter size".into()))?;
         let filters = |chain: Chain| {
-            let last = chain.operations.len();
+            let last = chain.last();
             (chain, vec![Tap { value: last, statistics: FILTERS_WEIGHT, matching: 0.0 }])
         };
         let mut chains = vec![(chain, layers)];
@@ -136,7 +137,7 @@ impl LossNetwork {
     /// The gradient with respect to the picture `[h * w, 3]`, from one with respect to each layer's rows.
     pub(crate) fn backward(&self, sizes: &Sizes, features: &Features, grads: Vec<Vec<f32>>) -> Vec<f32> {
         let mut of_chains: Vec<Vec<Option<Vec<f32>>>> =
-            self.chains.iter().map(|chain| vec![None; chain.operations.len() + 1]).collect();
+            self.chains.iter().map(|chain| vec![None; chain.last() + 1]).collect();
         for (layer, grad) in self.layers.iter().zip(grads) {
             if !grad.is_empty() {
                 of_chains[layer.chain][layer.value] = Some(grad);
@@ -147,7 +148,7 @@ impl LossNetwork {
             chains.map(|(((chain, sizes), values), grads)| chain.backward(sizes, values, grads)).collect();
         // In order, so that the sum is the same for any number of threads.
         let mut of_chains = of_chains.into_iter().flatten();
-        let n_values = features.0.first().map_or(0, |values| values.0[0].len());
+        let n_values = features.0.first().map_or(0, |values| values.rows(0).len());
         let mut grad_rgb = of_chains.next().unwrap_or_else(|| vec![0.0; n_values]);
         for grad in of_chains {
             add(&mut grad_rgb, &grad);
@@ -166,20 +167,20 @@ impl Sizes {
 impl Features {
     /// A layer's rows `[h * w, C]`.
     pub(crate) fn rows(&self, layer: &Layer) -> &[f32] {
-        &self.0[layer.chain].0[layer.value]
+        self.0[layer.chain].rows(layer.value)
     }
 }
 
 /// The layers of a distilled encoder: the first and the last value at half size, the last at quarter size
 /// before the output, and the output.
 fn distilled_layers(chain: &Chain) -> Option<Vec<Tap>> {
-    let n = chain.operations.len();
+    let n = chain.last();
     let strided = |operation: &Operation| match operation {
-        Operation::Convolution(convolution) => convolution.stride == 2,
+        Operation::Convolution(convolution) => convolution.stride() == 2,
         Operation::MaxPool { .. } => true,
-        Operation::Add(_) | Operation::BothSigns => false,
+        Operation::Add(_) | Operation::BothSigns | Operation::Double => false,
     };
-    let halvings: Vec<usize> = (0..n).filter(|&i| strided(&chain.operations[i])).map(|i| i + 1).collect();
+    let halvings: Vec<usize> = (0..n).filter(|&i| strided(&chain.operations()[i])).map(|i| i + 1).collect();
     let [half, quarter] = halvings[..] else { return None };
     (quarter > half && quarter + 1 < n).then(|| {
         // Matched are the last values of each size, which see most of the picture.

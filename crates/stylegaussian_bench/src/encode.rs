@@ -16,7 +16,7 @@ const SIDE: u32 = 256;
 
 /// The built-in encoder.
 pub fn default_encoder() -> Result<Encoder> {
-    Ok(Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec())?)
+    Ok(Encoder::from_bytes(ENCODER_NAME, ENCODER.to_vec())?)
 }
 
 /// An image of noise.

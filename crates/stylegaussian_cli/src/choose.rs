@@ -15,6 +15,9 @@ use crate::terminal::warn;
 /// The environment variable that names the encoder's file if no flag does.
 const ENCODER_VARIABLE: &str = "STYLEGAUSSIAN_ENCODER";
 
+/// End of the names of encoders that `distill` writes.
+pub const ENCODER_EXTENSION: &str = ".encoder.safetensors";
+
 /// Opens the encoder that `path` names, else the environment's, else the default one, and prints its warning.
 ///
 /// # Errors
@@ -22,7 +25,7 @@ const ENCODER_VARIABLE: &str = "STYLEGAUSSIAN_ENCODER";
 pub fn open_encoder(path: Option<&Path>) -> Result<Encoder> {
     let encoder = match path.map(PathBuf::from).or_else(named_by_environment) {
         Some(path) => Encoder::open(&path)?,
-        None => Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec())?,
+        None => Encoder::from_bytes(ENCODER_NAME, ENCODER.to_vec())?,
     };
     warn(encoder.warning());
     Ok(encoder)
@@ -39,11 +42,13 @@ fn named_by_environment() -> Option<PathBuf> {
 /// # Errors
 /// If the encoder is not VGG-19. The message names the flag.
 pub fn loss_weights(vgg: Option<&Path>, encoder: Option<&Path>) -> Result<PathBuf> {
-    let is_onnx = |path: &PathBuf| path.extension().is_some_and(|name| name.eq_ignore_ascii_case("onnx"));
-    // An ONNX file is a graph, from which the loss cannot take VGG-19's layers. Any other encoder is VGG-19's
-    // weights.
+    let is_network = |path: &PathBuf| {
+        let path = path.to_string_lossy().to_ascii_lowercase();
+        path.ends_with(".onnx") || path.ends_with(ENCODER_EXTENSION)
+    };
+    // The loss cannot take VGG-19's layers from another network. Any other encoder is VGG-19's weights.
     let of_encoder =
-        || encoder.map(PathBuf::from).or_else(named_by_environment).filter(|path| !is_onnx(path));
+        || encoder.map(PathBuf::from).or_else(named_by_environment).filter(|path| !is_network(path));
     vgg.map(PathBuf::from).or_else(of_encoder).context(
         "the loss needs VGG-19, whatever the encoder is: name its weights (safetensors) with --vgg FILE",
     )

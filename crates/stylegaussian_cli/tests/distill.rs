@@ -7,18 +7,19 @@ use std::{fs, path::Path};
 
 use stylegaussian_encoder::{
     Encoder,
-    onnx::{ChainWriter, Convolution},
+    chain::{Chain, Convolution, Kernel, Operation, Padding},
 };
 use support::{Bench, Run, stylegaussian};
 
 /// A teacher that any student can follow: the mean of 4x4 pixels, mixed into `n_channels`.
-fn teacher(bench: &Bench, name: &str, n_channels: usize, stride: u64) -> String {
+fn teacher(bench: &Bench, name: &str, n_channels: usize, stride: usize) -> String {
     let number = |i: usize| ((i * 7919) % 13) as f32 / 13.0 - 0.3;
     let weight = (0..n_channels * 48).map(|i| number(i / 16) / 16.0).collect();
-    let mix = Convolution { shape: [n_channels, 3, 4, 4], weight, bias: vec![0.2; n_channels] };
-    let onnx = ChainWriter::new(3).strided_convolution(&mix, stride).relu().finish();
+    let mix = Kernel { shape: [n_channels, 3, 4, 4], weight, bias: vec![0.2; n_channels] };
+    let mix = Convolution::strided(&mix, Padding::Zeros(0), stride).unwrap().rectified();
+    let network = Chain::new(3, vec![Operation::Convolution(mix)]).unwrap().to_bytes(None, &[]);
     let path = bench.path(name);
-    fs::write(&path, onnx).unwrap();
+    fs::write(&path, network).unwrap();
     path
 }
 
@@ -45,8 +46,8 @@ fn distill(teacher: &str, images: &str, out: &str, more: &[&str]) -> Run {
 #[test]
 fn a_student_learns_resumes_and_is_judged() {
     let bench = Bench::new();
-    let teacher = teacher(&bench, "teacher.onnx", 8, 4);
-    let ([images, _], out) = (images(&bench), bench.path("small.onnx"));
+    let teacher = teacher(&bench, "teacher.encoder.safetensors", 8, 4);
+    let ([images, _], out) = (images(&bench), bench.path("small.encoder.safetensors"));
     let unexplained = |run: Run| run.expect_success().json()["unexplained"].as_f64().unwrap();
 
     let first = unexplained(distill(&teacher, &images, &out, &["--iterations", "2", "--json"]));
@@ -67,7 +68,7 @@ fn a_student_learns_resumes_and_is_judged() {
     assert_eq!((itself["mean_error"].as_f64(), itself["n_images"].as_f64()), (Some(0.0), Some(4.0)));
 
     // A distillation does not continue with another teacher.
-    let other = self::teacher(&bench, "other.onnx", 6, 4);
+    let other = self::teacher(&bench, "other.encoder.safetensors", 6, 4);
     distill(&other, &images, &out, &["--resume"])
         .expect_error("expected stylegaussian-distillation of other@");
 }
@@ -75,8 +76,8 @@ fn a_student_learns_resumes_and_is_judged() {
 #[test]
 fn what_cannot_be_learned_from_is_named() {
     let bench = Bench::new();
-    let teacher = teacher(&bench, "teacher.onnx", 8, 4);
-    let ([good, bad], out) = (images(&bench), bench.path("small.onnx"));
+    let teacher = teacher(&bench, "teacher.encoder.safetensors", 8, 4);
+    let ([good, bad], out) = (images(&bench), bench.path("small.encoder.safetensors"));
     let fails_with = |run: Run, message: &str| {
         run.expect_error(message);
         assert!(!Path::new(&out).exists());
@@ -88,12 +89,12 @@ fn what_cannot_be_learned_from_is_named() {
     fails_with(distill(&good, &good, &out, &[]), "good: not an encoder's file");
     let run = distill(&teacher, &good, &bench.path("small.bin"), &[]);
     assert_eq!(run.code, Some(2));
-    assert!(run.stderr.contains("small.bin: expected extension .onnx"), "{}", run.stderr);
+    assert!(run.stderr.contains("small.bin: expected extension .encoder.safetensors"), "{}", run.stderr);
     fails_with(distill(&teacher, &good, &out, &["--resume"]), "small.checkpoint.safetensors");
-    let half = self::teacher(&bench, "half.onnx", 8, 2);
+    let half = self::teacher(&bench, "half.encoder.safetensors", 8, 2);
     fails_with(distill(&half, &good, &out, &[]), "expected 32x32");
 
-    let other = self::teacher(&bench, "other.onnx", 6, 4);
+    let other = self::teacher(&bench, "other.encoder.safetensors", 6, 4);
     let judge = ["distill", "--teacher", &teacher, "--held-out", &good, "--judge", &other];
     stylegaussian(&judge).expect_error("gives 6 channels, expected the teacher's 8");
     let nothing = stylegaussian(&["distill", "--teacher", &teacher]);

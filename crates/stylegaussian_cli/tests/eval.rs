@@ -15,7 +15,10 @@ fn every_painting_and_reference_is_measured() {
     let Some(vgg) = data("vgg") else { return };
     let bench = Bench::new();
     let vgg = vgg.join("vgg19_normalised_relu3_1.safetensors");
-    let encoder = concat!(env!("CARGO_MANIFEST_DIR"), "/../stylegaussian_defaults/distilled_relu3_1.onnx");
+    let encoder = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../stylegaussian_defaults/distilled_relu3_1.encoder.safetensors"
+    );
     let scene = embedded(&bench, encoder.as_ref());
     let (styles, sheet, vgg) = (paintings(&bench), bench.path("sheet.png"), vgg.to_str().unwrap());
     let eval = |scene: &str, more: &[&str]| {

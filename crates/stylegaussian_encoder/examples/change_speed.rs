@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = arguments.next().ok_or("usage: change_speed SCENE.sgs PAINTING...")?;
     let mut scene = file::read_scene(scene.as_ref())?.scene;
     let features = scene.features.clone().ok_or("the scene has no features: see `stylegaussian embed`")?;
-    let encoder = Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec())?;
+    let encoder = Encoder::from_bytes(ENCODER_NAME, ENCODER.to_vec())?;
     let decoder = file::decoder_from_bytes(DECODER, "the default decoder")?;
     // Once per scene.
     if scene.neighbors.is_none() {

@@ -1,4 +1,4 @@
-//! The encoder: a file of weights or an ONNX graph, opened and checked.
+//! The encoder: a network's file, opened and checked.
 
 use std::{
     fs, io,
@@ -8,11 +8,11 @@ use std::{
 use sha2::{Digest, Sha256};
 use stylegaussian::EncoderId;
 
+#[cfg(all(feature = "onnx", not(target_family = "wasm")))]
+use crate::onnx::{Graph, OnnxError, Planes};
 use crate::{
     FeatureMap, Image,
-    engine::PROBE_SIDE,
-    features::transposed,
-    network::{Network, NetworkError, Planes},
+    chain::{self, Chain, ChainFile, Size},
     vgg,
     weights::{Weights, WeightsError},
 };
@@ -21,12 +21,27 @@ use crate::{
 /// there are 2x2 positions, so that a standard deviation exists.
 pub const MIN_SIDE: u32 = 8;
 
+/// Width and height of the image on which a network is tried when it is opened.
+pub(crate) const PROBE_SIDE: usize = 64;
+
+/// Most numbers of a value of a chain for an image of [`PROBE_SIDE`]: 2^28, 1 GiB. VGG's largest has 2^18, its 64
+/// channels of 64x64 pixels.
+const MAX_NUMBERS: f64 = (1_u64 << 28) as f64;
+
 /// An image encoder. Shared by reference between threads, which may call [`Encoder::encode`] at the same time.
 pub struct Encoder {
     id: EncoderId,
+    /// The file, for messages.
+    name: String,
     network: Network,
     n_channels: usize,
     min_side: u32,
+}
+
+enum Network {
+    Chain(Chain),
+    #[cfg(all(feature = "onnx", not(target_family = "wasm")))]
+    Onnx(Graph),
 }
 
 /// An encoder could not be opened or used.
@@ -49,10 +64,25 @@ pub enum EncoderError {
     /// The weights are not VGG's.
     #[error(transparent)]
     Weights(#[from] WeightsError),
+    /// A network's file is broken, or its network is no encoder.
+    #[error("{encoder}: {found}, expected a network from RGB to features")]
+    Chain {
+        /// The encoder's file.
+        encoder: String,
+        /// What is wrong.
+        found: String,
+    },
     /// The graph cannot be loaded or run, or is not an encoder's.
+    #[cfg(all(feature = "onnx", not(target_family = "wasm")))]
     #[error(transparent)]
-    Network(#[from] NetworkError),
-    /// The graph's output is infinite or not a number.
+    Onnx(#[from] OnnxError),
+    /// The program reads no ONNX files.
+    #[error("{encoder}: an ONNX file needs a program that was built with the feature `onnx`, and no browser")]
+    NoOnnx {
+        /// The encoder's file.
+        encoder: String,
+    },
+    /// The network's output is infinite or not a number.
     #[error("{encoder}: the encoder gave {found} on an image of {width}x{height}, expected finite numbers")]
     NotFinite {
         /// The encoder's file.
@@ -60,9 +90,9 @@ pub enum EncoderError {
         /// The value.
         found: f32,
         /// Columns of the image.
-        width: usize,
+        width: u32,
         /// Rows of the image.
-        height: usize,
+        height: u32,
     },
     /// The image is too small.
     #[error("the image is {width}x{height}, expected at least {min_side}x{min_side} pixels")]
@@ -89,54 +119,100 @@ pub enum EncoderError {
 impl Encoder {
     /// Opens an encoder by its file's extension.
     ///
-    /// - `.onnx`: a graph from RGB 0..1 `[1, 3, H, W]` to features `[1, D, h, w]`.
-    /// - `.safetensors`: VGG-19 weights in one of the layouts of [`vgg::Layout`].
+    /// - `.safetensors`: a network that `stylegaussian distill` wrote, or VGG-19 weights in one of the layouts of
+    ///   [`vgg::Layout`].
     /// - `.pth`, `.pt`: torchvision's VGG-19 state dict.
+    /// - `.onnx`, with the feature `onnx`: a graph from RGB 0..1 `[1, 3, H, W]` to features `[1, D, h, w]`.
     ///
     /// # Errors
     /// If the file is not of the kind that its extension claims, if a tensor has another shape or is not
-    /// finite, or if the graph does not run.
+    /// finite, or if the network does not run.
     pub fn open(path: &Path) -> Result<Self, EncoderError> {
-        let read = |source| EncoderError::Read { path: path.into(), source };
+        let read = || fs::read(path).map_err(|source| EncoderError::Read { path: path.into(), source });
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+        let name = path.display().to_string();
         // By extension and not by content: a protobuf message has no marker to know it by.
-        let (onnx, hash) = match extension.to_ascii_lowercase().as_str() {
+        match extension.to_ascii_lowercase().as_str() {
             "onnx" => {
-                let onnx = fs::read(path).map_err(read)?;
-                let hash = hash(&onnx[..]).map_err(read)?;
-                (onnx, hash)
+                let bytes = read()?;
+                Self::from_onnx_file(name, stem(path), bytes)
             }
-            // The hash is of the file and not of the graph: the graph that is written from weights may change
-            // with this crate, the features do not.
             "safetensors" | "pth" | "pt" => {
-                let hash = hash(fs::File::open(path).map_err(read)?).map_err(read)?;
-                (vgg::graph(&Weights::open(path)?)?, hash)
+                let bytes = read()?;
+                if chain::is_chain(&bytes) {
+                    return Self::from_chain_file(name, stem(path), &bytes);
+                }
+                let id = EncoderId { name: stem(path), hash: hash(&bytes) };
+                Self::of_chain(id, name, vgg::encoder(&Weights::from_bytes(path, bytes)?)?)
             }
-            _ => return Err(EncoderError::Extension { path: path.into() }),
-        };
-        let id =
-            EncoderId { name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), hash };
-        Self::new(id, Network::load(path.display().to_string(), onnx)?)
+            _ => Err(EncoderError::Extension { path: path.into() }),
+        }
     }
 
-    /// Opens an encoder from the bytes of an ONNX file, for programs that carry one with them. `name` is the
-    /// file's name without `.onnx`.
+    /// Opens an encoder from the bytes of a network's file, for programs that carry one with them: those of
+    /// `stylegaussian distill`, or with the feature `onnx` of an ONNX file. `name` is the file's
+    /// name.
     ///
     /// # Errors
-    /// If the bytes are no ONNX graph, or if the graph is not an encoder's or does not run.
-    pub fn from_onnx(name: &str, onnx: Vec<u8>) -> Result<Self, EncoderError> {
-        let hash = hash(&onnx[..]).map_err(|source| EncoderError::Read { path: name.into(), source })?;
-        Self::new(EncoderId { name: name.into(), hash }, Network::load(name, onnx)?)
+    /// If the bytes are neither, or if the network is not an encoder's or does not run.
+    pub fn from_bytes(name: &str, bytes: Vec<u8>) -> Result<Self, EncoderError> {
+        if chain::is_chain(&bytes) {
+            Self::from_chain_file(name.into(), stem(name.as_ref()), &bytes)
+        } else {
+            Self::from_onnx_file(name.into(), stem(name.as_ref()), bytes)
+        }
+    }
+
+    fn from_chain_file(name: String, stem: String, bytes: &[u8]) -> Result<Self, EncoderError> {
+        let ChainFile { chain, id } =
+            Chain::from_bytes(bytes).map_err(|found| EncoderError::Chain { encoder: name.clone(), found })?;
+        Self::of_chain(id.unwrap_or_else(|| EncoderId { name: stem, hash: hash(bytes) }), name, chain)
+    }
+
+    /// Checks that a chain is an encoder's, and tries it on a gray image, so that one that gives no numbers is
+    /// refused when it is opened.
+    fn of_chain(id: EncoderId, name: String, chain: Chain) -> Result<Self, EncoderError> {
+        let wrong = |found: String| EncoderError::Chain { encoder: name.clone(), found };
+        if chain.channels(0) != 3 {
+            return Err(wrong(format!("the network takes {} channels", chain.channels(0))));
+        }
+        let square = |side: usize| Size { width: side, height: side };
+        let largest = chain.largest(square(PROBE_SIDE));
+        if largest > MAX_NUMBERS {
+            return Err(wrong(format!(
+                "for {PROBE_SIDE}x{PROBE_SIDE} pixels it computes {largest:.0} numbers"
+            )));
+        }
+        // The powers of two up to the probe: exact enough for an error's message.
+        let sides = [MIN_SIDE, 2 * MIN_SIDE, 4 * MIN_SIDE, 8 * MIN_SIDE];
+        let min_side = sides.into_iter().find(|&side| chain.takes(square(side as usize)));
+        let Some(min_side) = min_side else {
+            return Err(wrong(format!("an image of {PROBE_SIDE}x{PROBE_SIDE} pixels is too small for it")));
+        };
+        let n_channels = chain.channels(chain.last());
+        let encoder = Self { id, name, network: Network::Chain(chain), n_channels, min_side };
+        let n_pixels = min_side as usize * min_side as usize;
+        encoder.encode(&Image { width: min_side, height: min_side, rgb: vec![0.5; 3 * n_pixels] })?;
+        Ok(encoder)
+    }
+
+    #[cfg(not(all(feature = "onnx", not(target_family = "wasm"))))]
+    fn from_onnx_file(name: String, _: String, _: Vec<u8>) -> Result<Self, EncoderError> {
+        Err(EncoderError::NoOnnx { encoder: name })
     }
 
     /// Tries the graph on gray images, so that one that cannot run, or gives no numbers, is refused when it is
     /// opened.
-    fn new(id: EncoderId, network: Network) -> Result<Self, EncoderError> {
-        let input = network.gray(PROBE_SIDE, PROBE_SIDE);
-        let output = network.run(&input)?;
-        check_finite(&network, &input, &output)?;
-        let min_side = least_side(&network)?;
-        Ok(Self { id, network, n_channels: output.channels, min_side })
+    #[cfg(all(feature = "onnx", not(target_family = "wasm")))]
+    fn from_onnx_file(name: String, stem: String, onnx: Vec<u8>) -> Result<Self, EncoderError> {
+        let id = EncoderId { name: stem, hash: hash(&onnx) };
+        let graph = Graph::load(name.clone(), onnx)?;
+        let output = graph.run(&graph.gray(PROBE_SIDE, PROBE_SIDE))?;
+        let min_side = least_side(&graph)?;
+        let n_channels = output.channels;
+        let encoder = Self { id, name, network: Network::Onnx(graph), n_channels, min_side };
+        encoder.check_finite(&output.values, PROBE_SIDE as u32, PROBE_SIDE as u32)?;
+        Ok(encoder)
     }
 
     /// Name and content hash. Files that depend on this encoder record them.
@@ -144,14 +220,24 @@ impl Encoder {
         &self.id
     }
 
-    /// Name of the engine that runs it: `tract 0.23`, or `ONNX Runtime 1.24.1, /path/libonnxruntime.so`.
+    /// Name of the engine that runs it: `its own engine`, `tract 0.23`, or
+    /// `ONNX Runtime 1.24.1, /path/libonnxruntime.so`.
     pub fn runtime(&self) -> &str {
-        self.network.runtime().name()
+        match &self.network {
+            Network::Chain(_) => "its own engine",
+            #[cfg(all(feature = "onnx", not(target_family = "wasm")))]
+            Network::Onnx(graph) => graph.runtime().name(),
+        }
     }
 
-    /// A warning for the user if `ORT_DYLIB_PATH` names a library that cannot be used, otherwise `None`.
+    /// A warning for the user if it is an ONNX file and `ORT_DYLIB_PATH` names a library that cannot be used,
+    /// otherwise `None`.
     pub fn warning(&self) -> Option<&str> {
-        self.network.runtime().warning()
+        match &self.network {
+            Network::Chain(_) => None,
+            #[cfg(all(feature = "onnx", not(target_family = "wasm")))]
+            Network::Onnx(graph) => graph.runtime().warning(),
+        }
     }
 
     /// Channels of the features, D.
@@ -161,19 +247,24 @@ impl Encoder {
 
     /// The only (width, height) that an ONNX file takes, or `None` if it leaves one of them open.
     pub fn input_size(&self) -> Option<(u32, u32)> {
-        let [_, height, width] = self.network.input();
-        Some((u32::try_from(width?).ok()?, u32::try_from(height?).ok()?))
+        match &self.network {
+            Network::Chain(_) => None,
+            #[cfg(all(feature = "onnx", not(target_family = "wasm")))]
+            Network::Onnx(graph) => {
+                let [_, height, width] = graph.input();
+                Some((u32::try_from(width?).ok()?, u32::try_from(height?).ok()?))
+            }
+        }
     }
 
     /// Features of an image.
     ///
-    /// Several threads may encode at once. tract runs each call on its caller's thread. If that is none of
-    /// rayon's, it spreads matrix products over them. ONNX Runtime spreads one call over all cores and takes
-    /// calls in turn.
+    /// Several threads may encode at once. A chain spreads each call over the threads of rayon's pool that it is
+    /// called in, tract over rayon's global ones. ONNX Runtime uses all cores, and takes calls in turn.
     ///
     /// # Errors
-    /// If the image is smaller than [`MIN_SIDE`] or than the graph needs, if the graph takes another size, or
-    /// if the engine fails.
+    /// If the image is smaller than [`MIN_SIDE`] or than the network needs, if an ONNX graph takes another size,
+    /// or if the engine fails.
     pub fn encode(&self, image: &Image) -> Result<FeatureMap, EncoderError> {
         let (width, height) = (image.width, image.height);
         let n_pixels = width as usize * height as usize;
@@ -185,27 +276,39 @@ impl Encoder {
         if image.rgb.len() != n_pixels * 3 {
             return Err(EncoderError::ImageValues { width, height, found: image.rgb.len() });
         }
-        let input = Planes {
-            channels: 3,
-            height: height as usize,
-            width: width as usize,
-            values: transposed(&image.rgb, n_pixels, 3),
+        let features = match &self.network {
+            Network::Chain(chain) => {
+                let sizes = chain.sizes(Size { width: width as usize, height: height as usize });
+                let size = sizes[chain.last()];
+                let values = chain.output(&sizes, image.rgb.clone());
+                let (width, height) = (size.width as u32, size.height as u32);
+                FeatureMap { width, height, n_channels: self.n_channels, values }
+            }
+            #[cfg(all(feature = "onnx", not(target_family = "wasm")))]
+            Network::Onnx(graph) => FeatureMap::from(&graph.run(&Planes::of(image))?),
         };
-        let output = self.network.run(&input)?;
-        check_finite(&self.network, &input, &output)?;
-        Ok(FeatureMap::from(&output))
+        self.check_finite(&features.values, width, height)?;
+        Ok(features)
+    }
+
+    fn check_finite(&self, values: &[f32], width: u32, height: u32) -> Result<(), EncoderError> {
+        match values.iter().find(|value| !value.is_finite()) {
+            None => Ok(()),
+            Some(&found) => Err(EncoderError::NotFinite { encoder: self.name.clone(), found, width, height }),
+        }
     }
 }
 
 /// Finds the least side of an image that the graph takes. If the graph leaves height and width open, it has to
 /// take any size above that, so an odd one is tried as well.
-fn least_side(network: &Network) -> Result<u32, EncoderError> {
-    let [_, height, width] = network.input();
+#[cfg(all(feature = "onnx", not(target_family = "wasm")))]
+fn least_side(graph: &Graph) -> Result<u32, EncoderError> {
+    let [_, height, width] = graph.input();
     // ONNX Runtime reports each size that it cannot run, small ones included, and needs no trial.
-    if (height, width) != (None, None) || !network.runtime().is_tract() {
+    if (height, width) != (None, None) || !graph.runtime().is_tract() {
         return Ok(MIN_SIDE);
     }
-    let run = |height, width| network.run(&network.gray(height, width));
+    let run = |height, width| graph.run(&graph.gray(height, width));
     // 65 x 71: odd, not square, and no multiple of a stride. A graph that fails here would fail on users'
     // images.
     run(PROBE_SIDE + 1, PROBE_SIDE + 7)?;
@@ -215,22 +318,14 @@ fn least_side(network: &Network) -> Result<u32, EncoderError> {
     Ok(least.unwrap_or(PROBE_SIDE as u32))
 }
 
-fn check_finite(network: &Network, input: &Planes, output: &Planes) -> Result<(), EncoderError> {
-    match output.values.iter().find(|value| !value.is_finite()) {
-        None => Ok(()),
-        Some(&found) => Err(EncoderError::NotFinite {
-            encoder: network.name().into(),
-            found,
-            width: input.width,
-            height: input.height,
-        }),
-    }
+/// A file's name without extension; of `NAME.encoder.safetensors` it is `NAME`.
+fn stem(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    stem.strip_suffix(".encoder").unwrap_or(&stem).into()
 }
 
 /// The first 16 hexadecimal digits of a file's SHA-256.
-fn hash(mut file: impl io::Read) -> io::Result<String> {
-    let mut hasher = Sha256::new();
-    io::copy(&mut file, &mut hasher)?;
+fn hash(bytes: &[u8]) -> String {
     // 64 bits tell the few encoders of a project apart and stay readable in a message.
-    Ok(hasher.finalize()[..8].iter().map(|byte| format!("{byte:02x}")).collect())
+    Sha256::digest(bytes)[..8].iter().map(|byte| format!("{byte:02x}")).collect()
 }

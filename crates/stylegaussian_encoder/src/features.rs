@@ -2,8 +2,6 @@
 
 use stylegaussian::ChannelStatistics;
 
-use crate::network::Planes;
-
 /// Features of an image: D channels for each cell of a grid. The grid has a quarter of the image's size for
 /// relu3_1.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,45 +86,6 @@ impl FeatureMap {
     }
 }
 
-impl From<&Planes> for FeatureMap {
-    fn from(planes: &Planes) -> Self {
-        Self {
-            width: planes.width as u32,
-            height: planes.height as u32,
-            n_channels: planes.channels,
-            values: transposed(&planes.values, planes.channels, planes.height * planes.width),
-        }
-    }
-}
-
-impl From<&FeatureMap> for Planes {
-    fn from(features: &FeatureMap) -> Self {
-        Self {
-            channels: features.n_channels,
-            height: features.height as usize,
-            width: features.width as usize,
-            values: transposed(&features.values, features.n_cells(), features.n_channels),
-        }
-    }
-}
-
-/// Transposes `[rows, columns]` to `[columns, rows]`, by blocks that stay in the first-level cache (2 x 4 KiB).
-pub fn transposed(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
-    // 32 x 32 values of 4 bytes are 4 KiB, once to read and once to write.
-    const BLOCK: usize = 32;
-    let mut out = vec![0.0; values.len()];
-    for row_start in (0..rows).step_by(BLOCK) {
-        for column_start in (0..columns).step_by(BLOCK) {
-            for row in row_start..(row_start + BLOCK).min(rows) {
-                for column in column_start..(column_start + BLOCK).min(columns) {
-                    out[column * rows + row] = values[row * columns + column];
-                }
-            }
-        }
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -152,15 +111,5 @@ mod tests {
         assert_eq!(one.statistics().mean, [4.0, 5.0]);
         assert_eq!(one.statistics().std_dev, [0.0, 0.0]);
         assert_eq!(one.covariance(), [0.0; 4]);
-    }
-
-    #[test]
-    fn planes_become_cells_and_back() {
-        // Larger than a block in both directions, and a multiple in neither.
-        let values: Vec<f32> = (0..70 * 33).map(|i| i as f32).collect();
-        let planes = Planes { channels: 70, height: 3, width: 11, values };
-        let features = FeatureMap::from(&planes);
-        assert_eq!(features.values[5 * 70 + 69], planes.values[69 * 33 + 5]);
-        assert_eq!(Planes::from(&features), planes);
     }
 }

@@ -1,4 +1,4 @@
-//! Image to VGG relu3_1 features and style statistics, through tract or ONNX Runtime.
+//! Image to VGG relu3_1 features and style statistics.
 //!
 //! ```no_run
 //! use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
@@ -10,18 +10,16 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Every encoder runs as an ONNX graph: an ONNX file as it is, VGG weights as a graph that [`onnx`] writes. The
-//! engine is tract, which is pure Rust and built in. If `ORT_DYLIB_PATH` names a shared library of ONNX Runtime
-//! (1.24 or later), that is used instead; see [`runtime`].
+//! Networks of this project and VGG weights run as a [`chain`] of convolutions. With the feature `onnx`, ONNX files
+//! of others run by tract or ONNX Runtime. In browsers the feature does nothing.
 
+pub mod chain;
 pub mod encoder;
-mod engine;
 pub mod features;
 pub mod guard;
 pub mod image;
-pub mod network;
+#[cfg(all(feature = "onnx", not(target_family = "wasm")))]
 pub mod onnx;
-pub mod runtime;
 pub mod style;
 pub mod vgg;
 pub mod weights;

@@ -1,4 +1,4 @@
-//! VGG-19 up to relu3_1, from weights to an ONNX graph.
+//! VGG-19 up to relu3_1 or relu4_1, from weights to a chain.
 //!
 //! Three layouts of weights are known, recognized by the names of their tensors. They differ in more than
 //! names: the same weights give other features with another padding or pooling than they were made for. `conv0`
@@ -11,7 +11,7 @@
 //! | [`Layout::Distilled`] | a quarter of the channels, and `conv3_1_aux` | `conv0` | reflection | floor |
 
 use crate::{
-    onnx::{ChainWriter, Convolution},
+    chain::{Chain, Convolution, Kernel, Operation, Padding},
     weights::{Weights, WeightsError},
 };
 
@@ -108,57 +108,85 @@ impl Layout {
     }
 }
 
-/// The ONNX graph of an encoder: RGB 0..1 `[1, 3, H, W]` to relu3_1 `[1, 256, h, w]`, a quarter of the size.
+/// VGG-19 as a chain, RGB 0..1 `[H * W, 3]` in.
+pub struct Vgg {
+    /// The chain. Its last value is that of the last convolution's ReLU; in the distilled layout, of the ReLU
+    /// behind the 1x1 convolution that widens it.
+    pub chain: Chain,
+    /// The chain's value behind the ReLU of each of [`CONVOLUTIONS`].
+    pub values: Vec<usize>,
+}
+
+/// The encoder, [`N_CONVOLUTIONS`] of VGG-19: RGB 0..1 to relu3_1, 256 channels at a quarter of the size.
 ///
 /// # Errors
 /// If a tensor is missing or has another shape than the layout needs. A file of unknown layout lacks
 /// `conv1_1.weight`.
-pub fn graph(weights: &Weights) -> Result<Vec<u8>, WeightsError> {
-    let layout =
-        Layout::of(weights).ok_or_else(|| weights.missing("conv1_1.weight` or `features.0.weight"))?;
-    if layout == Layout::Torchvision && weights.contains("features.17.weight") {
-        // Same first layers, other numbers: in VGG-19 the 17th module is a ReLU, in VGG-16 it is conv4_1.
-        return Err(
-            weights.missing("features.16.weight` (this is VGG-16; VGG-19 is needed): `features.19.weight")
-        );
-    }
-    let mut chain = ChainWriter::new(3);
-    // Some files have preprocessing folded into the first layer, under a name of its own.
-    let folded_input = weights.contains("conv1_1_rgb01.weight").then_some("conv1_1_rgb01");
-    if folded_input.is_none() {
-        chain = chain.convolution(&input_transform(weights, layout)?, 0);
-    }
-    let mut n_inputs = 3;
-    for (index, convolution) in CONVOLUTIONS[..N_CONVOLUTIONS].iter().enumerate() {
-        if convolution.pools_before {
-            // AdaIN's Torch model pools with `ceil_mode`, torchvision and the distillation do not.
-            chain = chain.max_pool(layout == Layout::Normalized);
-        }
-        let name = match folded_input {
-            Some(name) if index == 0 => name.into(),
-            _ => layout.name(convolution),
-        };
-        let n_outputs = layout.n_channels(convolution);
-        let convolution = weights.convolution(&name, [n_outputs, n_inputs, 3, 3])?;
-        chain = match layout {
-            Layout::Torchvision => chain.convolution(&convolution, 1),
-            Layout::Normalized | Layout::Distilled => chain.reflect().convolution(&convolution, 0),
-        };
-        chain = chain.relu();
-        n_inputs = n_outputs;
-    }
-    if layout == Layout::Distilled {
-        let up = weights.convolution("conv3_1_aux", [N_CHANNELS, n_inputs, 1, 1])?;
-        chain = chain.convolution(&up, 0).relu();
-    }
-    Ok(chain.finish())
+pub fn encoder(weights: &Weights) -> Result<Chain, WeightsError> {
+    Ok(Vgg::read(weights, N_CONVOLUTIONS)?.chain)
 }
 
-/// The convolution from RGB 0..1 to the colors that conv1_1 expects.
-fn input_transform(weights: &Weights, layout: Layout) -> Result<Convolution, WeightsError> {
-    match layout {
-        Layout::Torchvision => Ok(imagenet_input()),
-        Layout::Normalized | Layout::Distilled => weights.convolution("conv0", [3, 3, 1, 1]),
+impl Vgg {
+    /// The first `n_convolutions` of [`CONVOLUTIONS`].
+    ///
+    /// # Errors
+    /// As [`encoder`].
+    pub fn read(weights: &Weights, n_convolutions: usize) -> Result<Self, WeightsError> {
+        let layout =
+            Layout::of(weights).ok_or_else(|| weights.missing("conv1_1.weight` or `features.0.weight"))?;
+        if layout == Layout::Torchvision && weights.contains("features.17.weight") {
+            // Same first layers, other numbers: in VGG-19 the 17th module is a ReLU, in VGG-16 it is conv4_1.
+            return Err(weights
+                .missing("features.16.weight` (this is VGG-16; VGG-19 is needed): `features.19.weight"));
+        }
+        let border = match layout {
+            Layout::Torchvision => Padding::Zeros(1),
+            Layout::Normalized | Layout::Distilled => Padding::Reflect([1, 1]),
+        };
+        let convolution = |name: &str, shape, border| {
+            let convolution = Convolution::new(&weights.kernel(name, shape)?, border);
+            let convolution =
+                convolution.expect("a kernel read from weights has its shape and finite numbers");
+            Ok::<_, WeightsError>(convolution)
+        };
+        let (mut operations, mut values) = (Vec::new(), Vec::new());
+        // Some files have preprocessing folded into the first layer, under a name of its own.
+        let folded_input = weights.contains("conv1_1_rgb01.weight").then_some("conv1_1_rgb01");
+        if folded_input.is_none() {
+            operations.push(Operation::Convolution(match layout {
+                Layout::Torchvision => {
+                    Convolution::new(&imagenet_input(), Padding::Zeros(0)).expect("it is finite")
+                }
+                Layout::Normalized | Layout::Distilled => {
+                    convolution("conv0", [3, 3, 1, 1], Padding::Zeros(0))?
+                }
+            }));
+        }
+        let mut n_inputs = 3;
+        let mut last = "";
+        for (index, vgg) in CONVOLUTIONS.iter().take(n_convolutions).enumerate() {
+            if vgg.pools_before {
+                // AdaIN's Torch model pools with `ceil_mode`, torchvision and the distillation do not.
+                operations.push(Operation::MaxPool { ceil: layout == Layout::Normalized });
+            }
+            let name = match folded_input {
+                Some(name) if index == 0 => name.into(),
+                _ => layout.name(vgg),
+            };
+            let n_outputs = layout.n_channels(vgg);
+            let convolution = convolution(&name, [n_outputs, n_inputs, 3, 3], border)?;
+            operations.push(Operation::Convolution(convolution.rectified()));
+            values.push(operations.len());
+            (n_inputs, last) = (n_outputs, vgg.name);
+        }
+        if layout == Layout::Distilled {
+            let shape = [DISTILLED_SHARE * n_inputs, n_inputs, 1, 1];
+            let up = convolution(&format!("{last}_aux"), shape, Padding::Zeros(0))?;
+            operations.push(Operation::Convolution(up.rectified()));
+        }
+        let chain = Chain::new(3, operations)
+            .map_err(|source| WeightsError::Chain { path: weights.path().into(), source })?;
+        Ok(Self { chain, values })
     }
 }
 
@@ -166,12 +194,12 @@ fn input_transform(weights: &Weights, layout: Layout) -> Result<Convolution, Wei
 ///
 /// It is not folded into conv1_1, which pads with zeros *after* normalizing, that is, with the mean color and
 /// not with black. A folded convolution would differ along the borders.
-pub fn imagenet_input() -> Convolution {
+pub fn imagenet_input() -> Kernel {
     let mut weight = vec![0.0; 9];
     let mut bias = vec![0.0; 3];
     for channel in 0..3 {
         weight[channel * 4] = 1.0 / IMAGENET_STD_DEV[channel];
         bias[channel] = -IMAGENET_MEAN[channel] / IMAGENET_STD_DEV[channel];
     }
-    Convolution { shape: [3, 3, 1, 1], weight, bias }
+    Kernel { shape: [3, 3, 1, 1], weight, bias }
 }

@@ -8,10 +8,10 @@ use std::{
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use stylegaussian::file::{
     FileError,
-    pytorch::{StateDict, read_state_dict},
+    pytorch::{StateDict, state_dict_from_bytes},
 };
 
-use crate::onnx::Convolution;
+use crate::chain::{ChainError, Kernel};
 
 /// A weights file in memory.
 pub struct Weights {
@@ -81,6 +81,14 @@ pub enum WeightsError {
         /// Its position in the flattened tensor.
         index: usize,
     },
+    /// The layers do not fit one another.
+    #[error("{}: {source}", path.display())]
+    Chain {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        source: ChainError,
+    },
 }
 
 impl Weights {
@@ -89,13 +97,21 @@ impl Weights {
     /// # Errors
     /// If the file cannot be read, or if its container is broken.
     pub fn open(path: &Path) -> Result<Self, WeightsError> {
+        let bytes = fs::read(path).map_err(|source| WeightsError::Read { path: path.into(), source })?;
+        Self::from_bytes(path, bytes)
+    }
+
+    /// [`open`](Self::open) of a file that was read.
+    ///
+    /// # Errors
+    /// If its container is broken.
+    pub(crate) fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self, WeightsError> {
         let source = if path.extension().is_some_and(|extension| extension == "safetensors") {
-            let bytes = fs::read(path).map_err(|source| WeightsError::Read { path: path.into(), source })?;
             SafeTensors::deserialize(&bytes)
                 .map_err(|source| WeightsError::Safetensors { path: path.into(), source })?;
             Source::Safetensors(bytes)
         } else {
-            Source::Pytorch(read_state_dict(path)?)
+            Source::Pytorch(state_dict_from_bytes(bytes, &path.display().to_string())?)
         };
         Ok(Self { path: path.into(), source })
     }
@@ -120,13 +136,13 @@ impl Weights {
     /// # Errors
     /// If a tensor is missing, has another shape or holds a value that is not finite, or if its elements are
     /// not f32 (safetensors) or not floating-point numbers (PyTorch).
-    pub fn convolution(&self, name: &str, shape: [usize; 4]) -> Result<Convolution, WeightsError> {
+    pub fn kernel(&self, name: &str, shape: [usize; 4]) -> Result<Kernel, WeightsError> {
         let weight = self.tensor(&format!("{name}.weight"), &shape)?;
         let bias = self.tensor(&format!("{name}.bias"), &shape[..1])?;
-        Ok(Convolution { shape, weight, bias })
+        Ok(Kernel { shape, weight, bias })
     }
 
-    /// A tensor `name` of this shape, flattened row-major; same errors as [`Self::convolution`].
+    /// A tensor `name` of this shape, flattened row-major; same errors as [`Self::kernel`].
     fn tensor(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, WeightsError> {
         let values = match &self.source {
             Source::Safetensors(bytes) => self.safetensors_tensor(bytes, name, shape)?,

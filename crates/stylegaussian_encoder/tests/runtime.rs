@@ -1,13 +1,14 @@
-//! The choice of the engine, and that both give the same. The choice is made once per process, so the tests run
+//! The choice of the engine of ONNX files, and that both give the same. The choice is made once per process, so the tests run
 //! this file's own binary again with another environment.
+
+#![cfg(feature = "onnx")]
 
 mod twin;
 
 use std::{env, fs, path::Path, process::Command};
 
-use stylegaussian_encoder::{
-    network::{Network, Planes},
-    onnx::{ChainWriter, Convolution},
+use stylegaussian_encoder::onnx::{
+    Graph, Planes,
     runtime::{DYLIB_VARIABLE, Runtime},
 };
 
@@ -53,30 +54,15 @@ fn an_unusable_library_leaves_tract_and_a_warning() {
     }
 }
 
-/// VGG's first layers on a fixed image, run twice.
+/// Layers like VGG's on a fixed image, run twice.
 fn features() -> Planes {
-    let layer = |inputs: usize, outputs: usize, seed: u64| {
-        // He's initialization for uniform values: activations keep their variance through the ReLUs.
-        let scale = (6.0 / (inputs as f32 * 9.0)).sqrt();
-        let weight = twin::random_values(outputs * inputs * 9, seed).iter().map(|v| v * scale).collect();
-        Convolution { shape: [outputs, inputs, 3, 3], weight, bias: vec![0.1; outputs] }
-    };
-    let chain = ChainWriter::new(3)
-        .reflect()
-        .convolution(&layer(3, 64, 1), 0)
-        .relu()
-        .reflect()
-        .convolution(&layer(64, 64, 2), 0)
-        .relu()
-        .max_pool(true)
-        .convolution(&layer(64, 128, 3), 1)
-        .upsample();
-    let network = Network::load("vgg", chain.finish()).unwrap();
+    let onnx = include_bytes!("onnx/layers.onnx").to_vec();
+    let graph = Graph::load("layers.onnx", onnx).unwrap();
     // Odd and not square, so that padding, pooling and strides meet a remainder.
     let image = twin::random_image(101, 77);
     let input = Planes { channels: 3, height: 77, width: 101, values: image.rgb };
-    let first = network.run(&input).unwrap();
-    assert!(network.run(&input).unwrap() == first, "the same input gave another output");
+    let first = graph.run(&input).unwrap();
+    assert!(graph.run(&input).unwrap() == first, "the same input gave another output");
     first
 }
 

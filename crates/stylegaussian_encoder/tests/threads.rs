@@ -17,7 +17,7 @@ fn picture(seed: u64) -> Image {
 /// cores, so that waiting is common.
 #[test]
 fn many_pictures_at_once_are_encoded_as_one_by_one() {
-    let encoder = Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec()).unwrap();
+    let encoder = Encoder::from_bytes(ENCODER_NAME, ENCODER.to_vec()).unwrap();
     let pictures: Vec<Image> = (0..48).map(picture).collect();
     let in_turn: Vec<_> = pictures.iter().map(|picture| encoder.encode(picture).unwrap()).collect();
     let pool = ThreadPoolBuilder::new().num_threads(16).build().unwrap();

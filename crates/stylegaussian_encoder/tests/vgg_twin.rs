@@ -1,4 +1,4 @@
-//! The ONNX path against a naive convolution written from the layers' definition.
+//! VGG as a chain against a naive convolution written from the layers' definition.
 
 mod twin;
 

@@ -22,6 +22,6 @@ caused_by!(
     stylegaussian::fold::StylizeError,
     stylegaussian_encoder::EncoderError,
     stylegaussian_encoder::ImageError,
-    stylegaussian_encoder::network::NetworkError,
+    stylegaussian_encoder::chain::ChainError,
     stylegaussian_encoder::weights::WeightsError,
 );

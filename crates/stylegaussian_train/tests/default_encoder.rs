@@ -20,8 +20,8 @@ fn repository() -> &'static Path {
 #[test]
 fn it_is_small_and_is_the_file_of_its_name() {
     assert!(ENCODER.len() <= MAX_BYTES, "{} bytes", ENCODER.len());
-    let built_in = Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec()).unwrap();
-    let file = repository().join(format!("crates/stylegaussian_defaults/{ENCODER_NAME}.onnx"));
+    let built_in = Encoder::from_bytes(ENCODER_NAME, ENCODER.to_vec()).unwrap();
+    let file = repository().join(format!("crates/stylegaussian_defaults/{ENCODER_NAME}.encoder.safetensors"));
     let file = Encoder::open(&file).unwrap();
     assert_eq!(built_in.id().to_string(), file.id().to_string());
     assert_eq!(built_in.n_channels(), 256);
@@ -37,7 +37,7 @@ fn it_stands_in_for_vgg_on_paintings_it_has_never_seen() {
     let names = fs::read_to_string(repository().join("assets/held_out_paintings.txt")).unwrap();
     let paintings: Vec<_> = names.lines().map(|name| styles.join(name)).collect();
     let teacher = Encoder::open(&vgg.join("vgg19_normalised_relu3_1.safetensors")).unwrap();
-    let student = Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec()).unwrap();
+    let student = Encoder::from_bytes(ENCODER_NAME, ENCODER.to_vec()).unwrap();
     let report = compare(&teacher, &student, &paintings).unwrap();
     println!("{}", report.table());
     assert!(report.correlation_median >= 0.9, "{report:?}");

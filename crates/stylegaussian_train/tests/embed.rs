@@ -23,7 +23,7 @@ fn views() -> Vec<TrainingView> {
 
 #[test]
 fn a_watch_follows_and_interrupts_an_embedding() {
-    let encoder = Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec()).unwrap();
+    let encoder = Encoder::from_bytes(ENCODER_NAME, ENCODER.to_vec()).unwrap();
     let options =
         EmbedOptions { method: EmbedMethod::Default, iterations: Some(10), ..EmbedOptions::default() };
     let mut scene = board();

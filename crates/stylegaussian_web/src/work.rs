@@ -186,7 +186,7 @@ pub fn read(bytes: Vec<u8>, name: &str) -> Result<Scene, String> {
 impl Held {
     fn open_encoder(&mut self) -> Result<&Encoder, String> {
         if self.encoder.is_none() {
-            let encoder = Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec());
+            let encoder = Encoder::from_bytes(ENCODER_NAME, ENCODER.to_vec());
             self.encoder = Some(encoder.map_err(|error| error.to_string())?);
         }
         self.encoder.as_ref().ok_or_else(String::new)

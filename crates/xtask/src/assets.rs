@@ -25,7 +25,7 @@ const LOOKS: &str = "assets/looks";
 /// The demo scene with its features.
 const DEMO: &str = "assets/demo.sgs";
 /// The default encoder.
-const ENCODER: &str = "crates/stylegaussian_defaults/distilled_relu3_1.onnx";
+const ENCODER: &str = "crates/stylegaussian_defaults/distilled_relu3_1.encoder.safetensors";
 /// The default decoder.
 const DECODER: &str = "crates/stylegaussian_defaults/default.decoder.safetensors";
 /// Intermediate files, which do not ship.
@@ -194,7 +194,7 @@ fn distill(steps: &mut Steps, data: &Data, world: &Path, paintings: &Path) -> Re
             }
         }
     }
-    let encoder = format!("{WORK}/distilled_relu3_1.onnx");
+    let encoder = format!("{WORK}/distilled_relu3_1.encoder.safetensors");
     let mut distill = stylegaussian();
     distill.arg("distill").arg("--teacher").arg(&data.vgg).arg("--images").args([paintings, &renders]);
     distill.arg("--held-out").arg(self::paintings(data, "held_out", HELD_OUT)?).args(["-o", &encoder]);

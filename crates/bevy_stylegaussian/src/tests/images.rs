@@ -8,7 +8,7 @@ use bevy::{
 use stylegaussian::{EncoderId, Scene};
 use stylegaussian_encoder::{
     Encoder, StyleSize,
-    onnx::{ChainWriter, Convolution},
+    chain::{Chain, Convolution, Kernel, Operation, Padding},
     style_statistics,
 };
 
@@ -36,11 +36,11 @@ fn an_image_is_read_by_the_bundled_encoder_or_the_message_helps() {
         assert!(failed.error.to_string().contains(words), "{}", failed.error);
     }
     // Another encoder is tried at once. A missing file is named.
-    let missing = app.world().resource::<AssetServer>().load("no/such/encoder.onnx");
+    let missing = app.world().resource::<AssetServer>().load("no/such.encoder.safetensors");
     app.insert_resource(StyleEncoder(missing));
     let failed = until_failed(&mut app);
     assert_eq!(failed.entity, entity);
-    assert!(failed.error.to_string().contains("no/such/encoder.onnx"), "{}", failed.error);
+    assert!(failed.error.to_string().contains("no/such.encoder.safetensors"), "{}", failed.error);
 }
 
 /// An image with one color in its left half and another in its right half.
@@ -58,12 +58,13 @@ fn halves(left: [u8; 3], right: [u8; 3]) -> Image {
 /// An encoder with the 8 channels of the small scenes: one convolution and its ReLU.
 fn small_encoder(seed: u64) -> Vec<u8> {
     let mut next = numbers(seed);
-    let convolution = Convolution {
+    let kernel = Kernel {
         shape: [8, 3, 3, 3],
         weight: (0..8 * 27).map(|_| 0.3 * next()).collect(),
         bias: (0..8).map(|_| 0.5 + next()).collect(),
     };
-    ChainWriter::new(3).reflect().convolution(&convolution, 0).relu().finish()
+    let convolution = Convolution::new(&kernel, Padding::Reflect([1, 1])).unwrap().rectified();
+    Chain::new(3, vec![Operation::Convolution(convolution)]).unwrap().to_bytes(None, &[])
 }
 
 /// An app with an encoder asset in a folder, and one entity in the style of an image.
@@ -90,12 +91,12 @@ impl Painted {
 /// The scene's features belong to the encoder that `names` returns, or to any if it is `None`.
 fn painted(image: Image, names: impl FnOnce(&Encoder) -> Option<EncoderId>) -> (Painted, Encoder) {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("small.onnx");
+    let path = folder.path().join("small.encoder.safetensors");
     std::fs::write(&path, small_encoder(77)).unwrap();
     let encoder = Encoder::open(&path).unwrap();
     let file_path = folder.path().to_string_lossy().into_owned();
     let mut app = app_with_assets(AssetPlugin { file_path, ..default() });
-    let handle = app.world().resource::<AssetServer>().load("small.onnx");
+    let handle = app.world().resource::<AssetServer>().load("small.encoder.safetensors");
     app.insert_resource(StyleEncoder(handle));
     let mut scene = small_scene(32, 1);
     // A scene of a named encoder refuses statistics of any other, so tests that change the encoder leave the
@@ -126,13 +127,13 @@ fn another_encoder_encodes_images_again() {
     let (mut painted, encoder) = painted(halves(RED, BLUE), |_| None);
     let before = painted.check(&encoder, halves(RED, BLUE));
     // The file is written again and reloaded.
-    let path = painted.folder.path().join("small.onnx");
+    let path = painted.folder.path().join("small.encoder.safetensors");
     std::fs::write(&path, small_encoder(78)).unwrap();
-    painted.app.world().resource::<AssetServer>().reload("small.onnx");
+    painted.app.world().resource::<AssetServer>().reload("small.encoder.safetensors");
     let reloaded = painted.check(&Encoder::open(&path).unwrap(), halves(RED, BLUE));
     assert_ne!(reloaded, before);
     // Another handle, to an encoder that the program has opened.
-    let open = || Encoder::from_onnx("small", small_encoder(79)).unwrap();
+    let open = || Encoder::from_bytes("small", small_encoder(79)).unwrap();
     let handle = add(&mut painted.app, ImageEncoder::new(open()));
     painted.app.insert_resource(StyleEncoder(handle));
     let other = painted.check(&open(), halves(RED, BLUE));

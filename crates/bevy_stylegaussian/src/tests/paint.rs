@@ -114,7 +114,7 @@ fn a_painting_gives_its_paint_unless_a_decoder_is_wanted() {
 #[test]
 fn raw_captures_are_painted_by_images_and_presets() {
     let mut app = app_without_rendering();
-    let missing = app.world().resource::<AssetServer>().load("no/such/encoder.onnx");
+    let missing = app.world().resource::<AssetServer>().load("no/such.encoder.safetensors");
     app.insert_resource(StyleEncoder(missing));
     let scene = raw(150);
     let splats = GaussianSplats(add_scene(&mut app, scene.clone()));

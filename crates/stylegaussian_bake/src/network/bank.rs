@@ -1,9 +1,7 @@
 //! Fixed oriented filters on luminance and opponent colors, both signs rectified: strokes of several sizes.
 
-use super::{
-    chain::{Chain, Operation},
-    convolution::{Convolution, Padding},
-};
+use stylegaussian_encoder::chain::{Chain, Convolution, Kernel, Operation, Padding};
+
 use crate::luminance::LUMINANCE;
 
 /// Opponent colors: red - green and yellow - blue.
@@ -33,7 +31,7 @@ const SECOND: [[f32; 9]; 4] = [
 pub(super) fn filters_after(halvings: usize) -> Chain {
     let mut operations: Vec<Operation> = (0..halvings).map(|_| Operation::Convolution(halve())).collect();
     operations.extend(filters());
-    Chain::new(operations)
+    Chain::new(3, operations).expect("each operation takes the channels of the one before it")
 }
 
 /// The mean of 2x2 pixels.
@@ -42,7 +40,8 @@ fn halve() -> Convolution {
     for channel in 0..3 {
         halve[(channel * 3 + channel) * 4..][..4].fill(0.25);
     }
-    Convolution::from_oihw([3, 3, 2], &halve, vec![0.0; 3], Padding::Zeros(0), 2)
+    let kernel = Kernel { shape: [3, 3, 2, 2], weight: halve, bias: vec![0.0; 3] };
+    Convolution::strided(&kernel, Padding::Zeros(0), 2).expect("the kernel has its shape")
 }
 
 /// The filters, and both signs of each.
@@ -74,6 +73,7 @@ fn filters() -> [Operation; 2] {
         }
     }
     let n = bias.len();
-    let filters = Convolution::from_oihw([n, 3, 3], &oihw, bias, Padding::Reflect([1, 1]), 1);
+    let kernel = Kernel { shape: [n, 3, 3, 3], weight: oihw, bias };
+    let filters = Convolution::new(&kernel, Padding::Reflect([1, 1])).expect("the kernel has its shape");
     [Operation::Convolution(filters), Operation::BothSigns]
 }

@@ -1,49 +1,13 @@
-//! The networks against finite differences, and against the engine that runs encoders.
+//! The networks against finite differences, and against the encoder.
 
 use stylegaussian::random::Random;
 use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
-use stylegaussian_encoder::{
-    Encoder, Image,
-    onnx::{ChainWriter, Convolution},
-};
+use stylegaussian_encoder::{Encoder, Image, chain::Chain};
 
-use super::{LossNetwork, Size, bank, chain::Chain, onnx};
+use super::{LossNetwork, Size, bank};
 
 fn random_values(n: usize, scale: f32, random: &mut Random) -> Vec<f32> {
     (0..n).map(|_| scale * random.normal()).collect()
-}
-
-/// A chain with every operation that the reader knows, on 3 channels.
-fn small_graph() -> Vec<u8> {
-    let mut random = Random::new(1);
-    let mut convolution = |out: usize, inputs: usize, side: usize| Convolution {
-        shape: [out, inputs, side, side],
-        weight: random_values(out * inputs * side * side, 0.4, &mut random),
-        bias: random_values(out, 0.1, &mut random),
-    };
-    let (first, second, third) = (convolution(4, 3, 3), convolution(4, 4, 3), convolution(5, 4, 2));
-    let start = ChainWriter::new(3).reflect().convolution(&first, 0).relu();
-    let place = start.here();
-    let pooled = start.convolution(&second, 1).relu().add_from(&place).max_pool(true);
-    pooled.reflect_by(0, 1).strided_convolution(&third, 2).relu().finish()
-}
-
-#[test]
-fn a_chain_gives_what_the_engine_gives() {
-    let bytes = small_graph();
-    let chain = onnx::read(&bytes).unwrap();
-    // Odd sides: max-pooling keeps the last line.
-    let size = Size { width: 13, height: 11 };
-    let mut random = Random::new(2);
-    let rgb: Vec<f32> = (0..size.n_pixels() * 3).map(|_| random.uniform()).collect();
-    let values = chain.forward(&chain.sizes(size), &rgb);
-    let encoder = Encoder::from_onnx("small", bytes).unwrap();
-    let expected = encoder.encode(&Image { width: 13, height: 11, rgb }).unwrap();
-    let found = &values.0[values.0.len() - 1];
-    assert_eq!(found.len(), expected.values.len());
-    for (i, (a, b)) in found.iter().zip(&expected.values).enumerate() {
-        assert!((a - b).abs() < 1e-4, "[{i}]: {a} for {b}");
-    }
 }
 
 /// Gradients of random sums of some values, against finite differences.
@@ -52,15 +16,15 @@ fn check_gradients(chain: &Chain, size: Size, watched: &[usize]) {
     let rgb: Vec<f32> = (0..size.n_pixels() * 3).map(|_| random.uniform()).collect();
     let values = chain.forward(&sizes, &rgb);
     let directions: Vec<Vec<f32>> =
-        watched.iter().map(|&value| random_values(values.0[value].len(), 1.0, &mut random)).collect();
+        watched.iter().map(|&value| random_values(values.rows(value).len(), 1.0, &mut random)).collect();
     let loss = |rgb: &[f32]| -> f64 {
         let values = chain.forward(&sizes, rgb);
         let dot = |(value, direction): (&usize, &Vec<f32>)| -> f64 {
-            values.0[*value].iter().zip(direction).map(|(a, b)| f64::from(a * b)).sum()
+            values.rows(*value).iter().zip(direction).map(|(a, b)| f64::from(a * b)).sum()
         };
         watched.iter().zip(&directions).map(dot).sum()
     };
-    let mut grads = vec![None; values.0.len()];
+    let mut grads = vec![None; chain.last() + 1];
     for (value, direction) in watched.iter().zip(&directions) {
         grads[*value] = Some(direction.clone());
     }
@@ -81,16 +45,9 @@ fn check_gradients(chain: &Chain, size: Size, watched: &[usize]) {
 }
 
 #[test]
-fn gradients_match_finite_differences() {
-    let chain = onnx::read(&small_graph()).unwrap();
-    // Two values: the gradient flows through all operations, and sums where it meets itself.
-    check_gradients(&chain, Size { width: 6, height: 5 }, &[1, chain.operations.len()]);
-}
-
-#[test]
 fn gradients_of_filters_match_finite_differences() {
     let chain = bank::filters_after(1);
-    check_gradients(&chain, Size { width: 8, height: 6 }, &[chain.operations.len()]);
+    check_gradients(&chain, Size { width: 8, height: 6 }, &[chain.last()]);
 }
 
 #[test]
@@ -100,7 +57,7 @@ fn filters_see_both_signs() {
     // Dark left, bright right.
     let rgb: Vec<f32> = (0..16).flat_map(|pixel| [if pixel % 4 < 2 { 0.0 } else { 1.0 }; 3]).collect();
     let values = chain.forward(&chain.sizes(size), &rgb);
-    let (last, n) = (values.0.last().unwrap(), chain.channels(chain.operations.len()));
+    let (last, n) = (values.rows(chain.last()), chain.channels(chain.last()));
     let at = |pixel: usize, channel: usize| last[pixel * n + channel];
     // Luminance, and how far it is above and below a quarter, at gains of 6.
     for (pixel, expected) in [(4, [0.0, 0.0, 0.0, 1.5]), (7, [6.0, 4.5, 0.0, 0.0])] {
@@ -123,7 +80,7 @@ fn the_default_network_ends_with_the_encoder() {
     let features = network.forward(&sizes, &rgb);
     // The layers of the filters follow the encoder's.
     let layer = network.layers().iter().rfind(|layer| layer.matching > 0.0).unwrap();
-    let encoder = Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec()).unwrap();
+    let encoder = Encoder::from_bytes(ENCODER_NAME, ENCODER.to_vec()).unwrap();
     let expected = encoder.encode(&Image { width: width as u32, height: height as u32, rgb }).unwrap();
     assert_eq!(sizes.size(layer), Size { width: 10, height: 9 });
     for (a, b) in features.rows(layer).iter().zip(&expected.values) {
@@ -132,20 +89,10 @@ fn the_default_network_ends_with_the_encoder() {
 }
 
 #[test]
-fn broken_graphs_are_refused() {
-    let bytes = small_graph();
-    for end in (0..bytes.len()).step_by(97) {
-        assert!(onnx::read(&bytes[..end]).is_err(), "{end} of {} bytes", bytes.len());
+fn another_network_is_refused() {
+    let filters = bank::filters_after(1).to_bytes(None, &[]);
+    for (bytes, found) in [(&filters[..], "no layers at half and quarter size"), (&[0xff; 64], "found")] {
+        let error = LossNetwork::distilled("other.safetensors", bytes).err().unwrap().to_string();
+        assert!(error.starts_with("other.safetensors: ") && error.contains(found), "{error}");
     }
-    assert!(onnx::read(&[0xff; 64]).is_err());
-    let error = LossNetwork::distilled("small.onnx", &bytes).err().map(|error| error.to_string());
-    assert!(error.is_none_or(|error| error.starts_with("small.onnx: ")));
-}
-
-/// The reader makes no chain without operations.
-#[test]
-fn channels_follow_convolutions() {
-    let chain: Chain = onnx::read(&small_graph()).unwrap();
-    let channels: Vec<usize> = (0..=chain.operations.len()).map(|value| chain.channels(value)).collect();
-    assert_eq!(channels, [3, 4, 4, 4, 4, 5]);
 }

@@ -14,6 +14,7 @@ use stylegaussian_train::{
 
 use crate::{
     arguments::{Backend, beside},
+    choose::ENCODER_EXTENSION,
     compute::processor,
     outputs::expect_files,
     terminal::{Interrupt, ProgressLine, note, print, usage_error, warn, warn_of_unnamed},
@@ -29,7 +30,7 @@ const HELD_OUT_STRIDE: usize = 16;
 /// OUT.checkpoint.safetensors. Ctrl-C saves it and stops.
 #[derive(Args, Debug)]
 pub struct DistillArgs {
-    /// The encoder to learn from: VGG-19 weights (.safetensors, .pth) or an ONNX file.
+    /// The encoder to learn from: VGG-19 weights (.safetensors, .pth), an ONNX file or one of this command.
     #[arg(long, value_name = "FILE")]
     teacher: PathBuf,
     /// Folders of images (.jpg, .png) to learn on.
@@ -39,7 +40,7 @@ pub struct DistillArgs {
     #[arg(long, value_name = "DIR")]
     held_out: Option<PathBuf>,
     /// The encoder to write.
-    #[arg(short, long, value_name = "OUT.onnx", required_unless_present = "judge")]
+    #[arg(short, long, value_name = "OUT.encoder.safetensors", required_unless_present = "judge")]
     output: Option<PathBuf>,
     /// Compare this encoder with the teacher on `--held-out`, and train nothing.
     #[arg(
@@ -100,11 +101,11 @@ fn train(
         seed: arguments.seed,
         processor: processor(arguments.backend)?,
     };
-    let is_onnx = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("onnx"));
-    if !is_onnx {
-        return Err(usage_error(format!("{}: expected extension .onnx", output.display())));
-    }
-    let checkpoint = beside(&output.with_extension(""), "checkpoint.safetensors");
+    let name = output.to_string_lossy();
+    let Some(stem) = name.strip_suffix(ENCODER_EXTENSION) else {
+        return Err(usage_error(format!("{name}: expected extension {ENCODER_EXTENSION}")));
+    };
+    let checkpoint = beside(stem.as_ref(), "checkpoint.safetensors");
     expect_files([output, &*checkpoint])?;
     let mut distillation = Distillation::new(config, teacher, images)?;
     if arguments.resume {
@@ -117,8 +118,8 @@ fn train(
     let watch = Watch { progress: &|now| progress.show(now), interrupted: interrupt.watch() };
     let is_complete = distillation.run(watch, |distillation| -> Result<()> {
         distillation.save(&checkpoint)?;
-        let onnx = distillation.onnx()?;
-        Ok(file::write_atomically(output, |out| out.write_all(&onnx))?)
+        let encoder = distillation.encoder()?;
+        Ok(file::write_atomically(output, |out| out.write_all(&encoder))?)
     })?;
     progress.finish();
     let steps = distillation.steps();

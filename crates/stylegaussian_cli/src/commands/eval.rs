@@ -92,7 +92,7 @@ pub struct EvalArgs {
     /// Write a contact sheet (PNG): a row for each painting, the unstyled scene first.
     #[arg(long, value_name = "FILE")]
     sheet: Option<PathBuf>,
-    /// The encoder that the scene was embedded with: an ONNX file, or VGG-19 weights. Default: the file in
+    /// The encoder that the scene was embedded with: a file of `distill`, VGG-19 weights or an ONNX file. Default: the file in
     /// STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,

@@ -24,7 +24,7 @@ pub struct StyleArgs {
     /// The file to write: *.style.safetensors.
     #[arg(short, long, value_name = "OUT.style.safetensors")]
     output: PathBuf,
-    /// The encoder: an ONNX file, or VGG-19 weights as safetensors or torchvision's .pth. Default: the file in
+    /// The encoder: a file of `distill`, VGG-19 weights (safetensors, .pth) or an ONNX file. Default: the file in
     /// STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,

@@ -198,7 +198,7 @@ pub struct TrainArgs {
     /// Resume from OUT.checkpoint.safetensors.
     #[arg(long)]
     resume: bool,
-    /// The encoder that the scenes were embedded with: an ONNX file, or VGG-19 weights. Default: the file in
+    /// The encoder that the scenes were embedded with: a file of `distill`, VGG-19 weights or an ONNX file. Default: the file in
     /// STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,

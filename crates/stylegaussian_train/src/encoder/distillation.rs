@@ -164,10 +164,10 @@ impl<'a> Distillation<'a> {
     ///
     /// # Errors
     /// If the device fails.
-    pub fn onnx(&self) -> Result<Vec<u8>, TrainError> {
+    pub fn encoder(&self) -> Result<Vec<u8>, TrainError> {
         let values = self.average.values_or_current(&self.student.parameters);
         let notes = [("teacher", self.teacher.id().to_string()), ("steps", self.history.steps.to_string())];
-        self.student.onnx(&values, &notes)
+        Ok(self.student.chain(&values)?.to_bytes(None, &notes))
     }
 
     /// The format of the checkpoint. It names the teacher, because a checkpoint is useless with another one.

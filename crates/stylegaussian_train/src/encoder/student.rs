@@ -1,10 +1,10 @@
-//! The student network: its shape, its parameters and its ONNX file.
+//! The student network: its shape, its parameters and its file.
 
 use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData, activation::relu};
 use stylegaussian::random::Random;
-use stylegaussian_encoder::onnx::{ChainWriter, Convolution};
+use stylegaussian_encoder::chain::{self, Chain, Convolution, Operation, Padding};
 
 use crate::{
     error::TrainError,
@@ -200,12 +200,11 @@ impl Student {
         Tensor::from_data(TensorData::new(values, [windows.n_out(), windows.k * 3]), device)
     }
 
-    /// The graph, RGB 0..1 `[1, 3, H, W]` to features `[1, D, h, w]`, with `values` in the order of
-    /// `parameters`. `notes` are names and texts in the file's metadata.
+    /// The network from RGB 0..1 to features, with `values` in the order of `parameters`.
     ///
     /// # Errors
     /// If a tensor cannot be read.
-    pub fn onnx(&self, values: &[Tensor<2>], notes: &[(&str, String)]) -> Result<Vec<u8>, TrainError> {
+    pub fn chain(&self, values: &[Tensor<2>]) -> Result<Chain, TrainError> {
         let values = values.iter().map(to_vec).collect::<Result<Vec<_>, _>>()?;
         let deviations = values.last().map(Vec::as_slice).unwrap_or_default();
         let kernels = kernels(&self.steps, deviations.len());
@@ -231,39 +230,40 @@ impl Student {
             }
             oihw(&weight, bias, side, d_in, d_out)
         };
-        let mut chain = ChainWriter::new(3);
-        for (name, text) in notes {
-            chain = chain.describe(name, text);
-        }
-        let mut next = 0..;
-        let mut convolved = |chain: ChainWriter| {
+        let (mut operations, mut next) = (Vec::new(), 0..);
+        let mut convolved = |operations: &mut Vec<Operation>| -> Result<(), TrainError> {
             let i = next.next().unwrap_or_default();
             let Kernel { side, stride, .. } = kernels[i];
             // An even kernel has no middle: it reaches one pixel further after than before.
-            let (before, after) = ((side - 1) / 2, side / 2);
-            let padded = if after > 0 { chain.reflect_by(before as u32, after as u32) } else { chain };
-            padded.strided_convolution(&convolution(i), stride as u64).relu()
+            let border = Padding::Reflect([(side - 1) / 2, side / 2]);
+            let convolution = Convolution::strided(&convolution(i), border, stride);
+            let convolution =
+                convolution.map_err(|found| TrainError::Invalid(format!("the student has {found}")))?;
+            operations.push(Operation::Convolution(convolution.rectified()));
+            Ok(())
         };
         for step in &self.steps {
-            chain = match step {
-                Conv { .. } => convolved(chain),
+            match step {
+                Conv { .. } => convolved(&mut operations)?,
                 Residual => {
-                    let before = chain.here();
-                    convolved(chain).add_from(&before)
+                    let before = operations.len();
+                    convolved(&mut operations)?;
+                    operations.push(Operation::Add(before));
                 }
-                MaxPool => chain.max_pool(true),
-            };
+                MaxPool => operations.push(Operation::MaxPool { ceil: true }),
+            }
         }
-        Ok(convolved(chain).finish())
+        convolved(&mut operations)?;
+        Ok(Chain::new(3, operations)?)
     }
 }
 
-/// A weight `[D_out, k * k, D_in]` in ONNX's order.
-fn oihw(weight: &[f32], bias: Vec<f32>, side: usize, d_in: usize, d_out: usize) -> Convolution {
+/// A weight `[D_out, k * k, D_in]` as a kernel `[D_out, D_in, k, k]`.
+fn oihw(weight: &[f32], bias: Vec<f32>, side: usize, d_in: usize, d_out: usize) -> chain::Kernel {
     let k = side * side;
     // From [D_out, tap, D_in] to [D_out, D_in, tap].
     let source = |i: usize| weight[i / (d_in * k) * d_in * k + i % k * d_in + i / k % d_in];
-    Convolution { shape: [d_out, d_in, side, side], weight: (0..weight.len()).map(source).collect(), bias }
+    chain::Kernel { shape: [d_out, d_in, side, side], weight: (0..weight.len()).map(source).collect(), bias }
 }
 
 #[cfg(test)]
@@ -295,9 +295,8 @@ mod tests {
         let rows = student.forward(Student::patches(&rgb, &grids, &device), &grids) * student.deviations();
 
         let values: Vec<_> = student.parameters.iter().map(|parameter| parameter.values.clone()).collect();
-        let encoder =
-            Encoder::from_onnx("student", student.onnx(&values, &[("teacher", "none".into())]).unwrap())
-                .unwrap();
+        let bytes = student.chain(&values).unwrap().to_bytes(None, &[("teacher", "none".into())]);
+        let encoder = Encoder::from_bytes("student", bytes).unwrap();
         let found = encoder.encode(&Image { width: width as u32, height: height as u32, rgb }).unwrap();
         assert_eq!((found.width, found.height, found.n_channels), (6, 4, 3));
         for (i, (a, b)) in to_vec(&rows).unwrap().iter().zip(&found.values).enumerate() {

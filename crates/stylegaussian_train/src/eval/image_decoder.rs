@@ -8,13 +8,11 @@ use std::path::Path;
 
 use stylegaussian_encoder::{
     FeatureMap, Image,
-    features::transposed,
-    network::{Network, Planes},
-    onnx::ChainWriter,
+    chain::{Chain, Convolution, Operation, Padding, Size},
     weights::Weights,
 };
 
-use crate::error::{Context, TrainError, ensure};
+use crate::error::{TrainError, ensure};
 
 /// Channels of relu3_1.
 const N_CHANNELS: usize = 256;
@@ -30,37 +28,40 @@ const LAYERS: [(&str, usize, usize, bool); 5] = [
 
 /// A 2D decoder. Can be shared by reference between threads.
 pub struct ImageDecoder {
-    network: Network,
+    chain: Chain,
 }
 
 impl ImageDecoder {
     /// Opens weights (`conv3_1.weight` ... `conv1_1.bias`, f32) as safetensors or a PyTorch state dict.
     ///
     /// # Errors
-    /// If the file cannot be read, a tensor is missing, has another shape or is not finite, or no engine runs
-    /// it.
+    /// If the file cannot be read, or a tensor is missing, has another shape or is not finite.
     pub fn open(path: &Path) -> Result<Self, TrainError> {
         let weights = Weights::open(path)?;
-        let mut chain = ChainWriter::new(N_CHANNELS);
+        let mut operations = Vec::new();
         for (layer, (name, outputs, inputs, doubles)) in LAYERS.into_iter().enumerate() {
-            let convolution = weights.convolution(name, [outputs, inputs, 3, 3])?;
-            chain = chain.reflect().convolution(&convolution, 0);
+            let kernel = weights.kernel(name, [outputs, inputs, 3, 3])?;
+            let convolution = Convolution::new(&kernel, Padding::Reflect([1, 1]))
+                .map_err(|found| TrainError::Invalid(format!("{}: `{name}` is {found}", path.display())))?;
             // The last layer gives colors, which a ReLU would cut at 0 and leave open above. `decode` clamps
             // both.
-            if layer + 1 < LAYERS.len() {
-                chain = chain.relu();
-            }
+            let is_last = layer + 1 == LAYERS.len();
+            operations.push(Operation::Convolution(if is_last {
+                convolution
+            } else {
+                convolution.rectified()
+            }));
             if doubles {
-                chain = chain.upsample();
+                operations.push(Operation::Double);
             }
         }
-        Ok(Self { network: Network::load(path.display().to_string(), chain.finish())? })
+        Ok(Self { chain: Chain::new(N_CHANNELS, operations)? })
     }
 
     /// The image of features: four times as wide and high, clamped to 0..1.
     ///
     /// # Errors
-    /// If the features are not 256 channels of at least 2x2 cells (the padding reflects), or the engine fails.
+    /// If the features are not 256 channels of at least 2x2 cells: the padding reflects.
     pub fn decode(&self, features: &FeatureMap) -> Result<Image, TrainError> {
         let (width, height) = (features.width, features.height);
         ensure!(
@@ -68,9 +69,10 @@ impl ImageDecoder {
             "the 2D decoder takes {N_CHANNELS} channels of at least 2x2 cells, found {} of {width}x{height}",
             features.n_channels
         );
-        let planes = self.network.run(&Planes::from(features)).context(|| "decoding features to an image")?;
-        let mut rgb = transposed(&planes.values, 3, planes.width * planes.height);
+        let sizes = self.chain.sizes(Size { width: width as usize, height: height as usize });
+        let mut rgb = self.chain.output(&sizes, features.values.clone());
         rgb.iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
-        Ok(Image { width: planes.width as u32, height: planes.height as u32, rgb })
+        let Size { width, height } = sizes[self.chain.last()];
+        Ok(Image { width: width as u32, height: height as u32, rgb })
     }
 }

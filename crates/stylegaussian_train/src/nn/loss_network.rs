@@ -1,4 +1,6 @@
 //! VGG-19 in burn, for the loss: relu1_1, relu2_1, relu3_1 and, if weights for it are given, relu4_1.
+//!
+//! It is not a [chain](stylegaussian_encoder::chain), because training differentiates through it on GPUs too.
 
 use std::{
     collections::HashMap,
@@ -8,7 +10,7 @@ use std::{
 
 use burn::tensor::{Device, Tensor, TensorData};
 use stylegaussian_encoder::{
-    onnx::Convolution,
+    chain::Kernel,
     vgg::{CONVOLUTIONS, VggConvolution},
     weights::{Weights, WeightsError},
 };
@@ -26,10 +28,10 @@ pub const LAYERS: [&str; 4] = ["relu1_1", "relu2_1", "relu3_1", "relu4_1"];
 pub(crate) const RELU3_1: usize = 2;
 
 /// A convolution as [`windows_conv_relu`] takes it: weight `[D_out, k * D_in]` and bias `[D_out]`.
-pub(crate) type Kernel = (Tensor<2>, Tensor<1>);
+pub(crate) type KernelTensors = (Tensor<2>, Tensor<1>);
 
 struct Step {
-    kernel: Kernel,
+    kernel: KernelTensors,
     pools_before: bool,
     /// The loss's view of this layer, if it compares it.
     tap: Option<Tap>,
@@ -38,7 +40,7 @@ struct Step {
 enum Tap {
     Plain,
     /// Through a 1x1 convolution from a narrow network's channels to VGG's.
-    Widened(Box<Kernel>),
+    Widened(Box<KernelTensors>),
 }
 
 struct Chain {
@@ -142,8 +144,8 @@ impl LossNetwork {
     }
 }
 
-/// A convolution with weights in ONNX's order OIHW as weight `[D_out, k * D_in]` and bias.
-pub(crate) fn kernel(convolution: &Convolution, device: &Device) -> Kernel {
+/// A convolution with a kernel `[D_out, D_in, height, width]` as weight `[D_out, k * D_in]` and bias.
+pub(crate) fn kernel(convolution: &Kernel, device: &Device) -> KernelTensors {
     let [d_out, d_in, height, width] = convolution.shape;
     let k = height * width;
     // From channel-major to the order of windows, in which each pixel's channels are side by side.
@@ -160,7 +162,7 @@ pub(crate) fn kernel(convolution: &Convolution, device: &Device) -> Kernel {
 
 /// Joins a 1x1 convolution of the picture's channels and the convolution after it into one. Reflection padding
 /// commutes with a 1x1 convolution, so this is exact also at the border.
-pub(crate) fn behind(input: &Convolution, mut convolution: Convolution) -> Convolution {
+pub(crate) fn behind(input: &Kernel, mut convolution: Kernel) -> Kernel {
     let [d_out, d_in, height, width] = convolution.shape;
     let k = height * width;
     let source = convolution.weight.clone();
@@ -188,7 +190,7 @@ impl Chain {
     ) -> Result<Self, WeightsError> {
         // Weights without conv0 take RGB 0..1 as it is.
         let input = match weights.contains("conv0.weight") {
-            true => Some(weights.convolution("conv0", [3, 3, 1, 1])?),
+            true => Some(weights.kernel("conv0", [3, 3, 1, 1])?),
             false => None,
         };
         let mut steps = Vec::new();
@@ -197,7 +199,7 @@ impl Chain {
             CONVOLUTIONS[..n_steps].iter().enumerate()
         {
             let d_out = width / narrowing;
-            let convolution = weights.convolution(name, [d_out, d_in, 3, 3])?;
+            let convolution = weights.kernel(name, [d_out, d_in, 3, 3])?;
             let convolution = match input.as_ref().filter(|_| i == 0) {
                 Some(input) => behind(input, convolution),
                 None => convolution,
@@ -206,7 +208,7 @@ impl Chain {
                 (false, _) => None,
                 (true, 1) => Some(Tap::Plain),
                 (true, _) => {
-                    let aux = weights.convolution(&format!("{name}_aux"), [width, d_out, 1, 1])?;
+                    let aux = weights.kernel(&format!("{name}_aux"), [width, d_out, 1, 1])?;
                     Some(Tap::Widened(Box::new(kernel(&aux, device))))
                 }
             };
@@ -227,7 +229,7 @@ impl Chain {
             let mut grids = grids.lock().unwrap_or_else(PoisonError::into_inner);
             grids.entry(size).or_insert_with(|| Arc::new(Grid::new(size))).clone()
         };
-        let conv = |x: &Tensor<2>, kernel: &Kernel, windows: &Arc<Windows>| {
+        let conv = |x: &Tensor<2>, kernel: &KernelTensors, windows: &Arc<Windows>| {
             windows_conv_relu(x.clone(), kernel.0.clone(), kernel.1.clone(), windows)
         };
         let mut x = picture;

@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use image::{DynamicImage, RgbImage};
 use stylegaussian_encoder::{
     Image,
-    onnx::Convolution,
+    chain::Kernel,
     vgg::{CONVOLUTIONS, VggConvolution},
 };
 
@@ -30,7 +30,7 @@ const LEAST_MEAN: f32 = 1e-6;
 ///
 /// # Errors
 /// If the folder holds no image or one cannot be read.
-pub fn normalize(convolutions: &mut [(&str, Convolution)], folder: &Path) -> Result<(), TrainError> {
+pub fn normalize(convolutions: &mut [(&str, Kernel)], folder: &Path) -> Result<(), TrainError> {
     let device = Device::flex();
     let mut pictures =
         list_images(folder)?.iter().map(|path| open(path, &device)).collect::<Result<Vec<_>, _>>()?;
@@ -83,7 +83,7 @@ fn mean_of_channels(pictures: &[Tensor<2>]) -> Result<Vec<f32>, TrainError> {
 }
 
 /// Undoes the division of the layer before.
-fn multiply_inputs(convolution: &mut Convolution, factors: &[f32]) {
+fn multiply_inputs(convolution: &mut Kernel, factors: &[f32]) {
     let [_, d_in, height, width] = convolution.shape;
     for (i, plane) in convolution.weight.chunks_exact_mut(height * width).enumerate() {
         let factor = factors.get(i % d_in).copied().unwrap_or(1.0);
@@ -91,7 +91,7 @@ fn multiply_inputs(convolution: &mut Convolution, factors: &[f32]) {
     }
 }
 
-fn divide_outputs(convolution: &mut Convolution, divisors: &[f32]) {
+fn divide_outputs(convolution: &mut Kernel, divisors: &[f32]) {
     let n = convolution.weight.len() / divisors.len();
     for (weights, divisor) in convolution.weight.chunks_exact_mut(n).zip(divisors) {
         weights.iter_mut().for_each(|weight| *weight /= divisor);

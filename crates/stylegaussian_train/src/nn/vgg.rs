@@ -5,7 +5,7 @@ use std::path::Path;
 use safetensors::{Dtype, tensor::TensorView};
 use stylegaussian::file::write_atomically;
 use stylegaussian_encoder::{
-    onnx::Convolution,
+    chain::Kernel,
     vgg::{CONVOLUTIONS, VggConvolution, imagenet_input},
     weights::Weights,
 };
@@ -17,12 +17,12 @@ use crate::error::TrainError;
 ///
 /// # Errors
 /// If the file cannot be read or a tensor is missing or has another shape.
-pub fn read_torchvision(path: &Path) -> Result<Vec<(&'static str, Convolution)>, TrainError> {
+pub fn read_torchvision(path: &Path) -> Result<Vec<(&'static str, Kernel)>, TrainError> {
     let weights = Weights::open(path)?;
     let mut convolutions = vec![("conv0", imagenet_input())];
     let mut d_in = 3;
     for VggConvolution { name, module, n_channels, .. } in CONVOLUTIONS {
-        let convolution = weights.convolution(&format!("features.{module}"), [n_channels, d_in, 3, 3])?;
+        let convolution = weights.kernel(&format!("features.{module}"), [n_channels, d_in, 3, 3])?;
         convolutions.push((name, convolution));
         d_in = n_channels;
     }
@@ -33,9 +33,9 @@ pub fn read_torchvision(path: &Path) -> Result<Vec<(&'static str, Convolution)>,
 ///
 /// # Errors
 /// If the file cannot be written.
-pub fn write_weights(path: &Path, convolutions: &[(&str, Convolution)]) -> Result<(), TrainError> {
+pub fn write_weights(path: &Path, convolutions: &[(&str, Kernel)]) -> Result<(), TrainError> {
     let mut views = Vec::new();
-    for (name, Convolution { shape, weight, bias }) in convolutions {
+    for (name, Kernel { shape, weight, bias }) in convolutions {
         let view = |values, shape| TensorView::new(Dtype::F32, shape, bytemuck::cast_slice(values));
         views.push((format!("{name}.weight"), view(weight, shape.to_vec())?));
         views.push((format!("{name}.bias"), view(bias, vec![shape[0]])?));

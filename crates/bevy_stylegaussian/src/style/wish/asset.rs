@@ -2,7 +2,6 @@
 
 use std::{
     error::Error,
-    path::Path,
     sync::{Arc, LazyLock},
 };
 
@@ -65,8 +64,9 @@ impl FromFile for GaussianDecoder {
     }
 }
 
-/// An encoder of style images, for the decoder: an `.onnx` file from RGB 0..1 `[1, 3, H, W]` to features
-/// `[1, D, h, w]`. Use it with [`StyleEncoder`](crate::StyleEncoder).
+/// An encoder of style images, for the decoder: an `.encoder.safetensors` that `stylegaussian distill` wrote, or
+/// with the feature `onnx` an `.onnx` file from RGB 0..1 `[1, 3, H, W]` to features `[1, D, h, w]`. Use it with
+/// [`StyleEncoder`](crate::StyleEncoder).
 #[derive(Asset, Clone, Reflect)]
 #[reflect(opaque)]
 #[reflect(Clone)]
@@ -96,12 +96,10 @@ impl ImageEncoder {
 }
 
 impl FromFile for ImageEncoder {
-    const EXTENSIONS: &[&str] = &["onnx"];
+    const EXTENSIONS: &[&str] = &["encoder.safetensors", "onnx"];
 
     fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
-        // Features and decoders name the encoder that they belong to by its file's stem.
-        let name = Path::new(path).file_stem().unwrap_or_default().to_string_lossy();
-        Ok(Self::new(Encoder::from_onnx(&name, bytes)?))
+        Ok(Self::new(Encoder::from_bytes(path, bytes)?))
     }
 }
 
@@ -111,7 +109,8 @@ impl FromFile for ImageEncoder {
 pub(crate) fn add_bundled_encoder(world: &mut World) {
     use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
 
-    let bundled = ImageEncoder::lazy(|| Encoder::from_onnx(ENCODER_NAME, ENCODER.to_vec()).map_err(Arc::new));
+    let bundled =
+        ImageEncoder::lazy(|| Encoder::from_bytes(ENCODER_NAME, ENCODER.to_vec()).map_err(Arc::new));
     // An explicit id: `Assets::add` would draw a new one, which no default handle names.
     let added = world.resource_mut::<Assets<ImageEncoder>>().insert(AssetId::default(), bundled);
     added.expect("the default id is a UUID, which is always valid");

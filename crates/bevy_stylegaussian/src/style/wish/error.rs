@@ -34,7 +34,7 @@ pub enum StyleError {
     /// bundled one.
     #[error(
         "a decoded style image needs an encoder, and the plugin was built without the bundled one: enable the \
-         feature `bundled_models`, or set the resource StyleEncoder to an `.onnx` asset; StyleSource::preset \
+         feature `bundled_models`, or set the resource StyleEncoder to an `.encoder.safetensors` asset; StyleSource::preset \
          needs no encoder (`stylegaussian style IMAGE` makes presets)"
     )]
     NoEncoder,

@@ -73,7 +73,7 @@ impl Default for StyleBudget {
 /// # use bevy::prelude::*;
 /// # use bevy_stylegaussian::StyleEncoder;
 /// # fn system(mut commands: Commands, assets: Res<AssetServer>) {
-/// commands.insert_resource(StyleEncoder(assets.load("vgg19_relu3_1.onnx")));
+/// commands.insert_resource(StyleEncoder(assets.load("vgg19_relu3_1.encoder.safetensors")));
 /// # }
 /// ```
 #[derive(Resource, Clone, Debug, Default, PartialEq, Eq, Reflect)]

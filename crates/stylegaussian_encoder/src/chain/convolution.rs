@@ -8,46 +8,33 @@
 use std::borrow::Cow;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use stylegaussian::decoder::product::{Matrix, product};
+
+use super::Size;
 
 /// Columns of a product, if there are as many: the values of two vectors of AVX2. A product with fewer takes as
 /// long.
 const COLUMNS: usize = 16;
 
-/// Width and height, in pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Size {
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-}
-
-impl Size {
-    /// The number of pixels.
-    pub fn n_pixels(self) -> usize {
-        self.width * self.height
-    }
-
-    /// Half of it. An odd last line counts if `ceil`.
-    pub(super) fn halved(self, ceil: bool) -> Self {
-        let half = |side: usize| if ceil { side.div_ceil(2) } else { side / 2 };
-        Self { width: half(self.width), height: half(self.height) }
-    }
-
-    /// So many pixels more along each side.
-    fn plus(self, pixels: usize) -> Self {
-        Self { width: self.width + pixels, height: self.height + pixels }
-    }
-}
-
 /// How a convolution sees beyond the picture's border.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Padding {
     /// As in a mirror, so many pixels above and left, and below and right. The border itself is not repeated.
     Reflect([usize; 2]),
     /// As zeros, so many on each side.
     Zeros(usize),
+}
+
+impl Padding {
+    /// Pixels above and left, and below and right.
+    fn pixels(self) -> [usize; 2] {
+        match self {
+            Self::Reflect(pixels) => pixels,
+            Self::Zeros(zeros) => [zeros; 2],
+        }
+    }
 }
 
 /// A correlation y_p = sum_d W_d x_{p+d} over the d of a square, where the square lies within the picture.
@@ -112,7 +99,48 @@ impl Correlation {
     }
 }
 
-/// A convolution, with a ReLU behind it if `relu` is set.
+/// The place of a weight in a kernel of blocks of stride x stride pixels.
+struct Place {
+    /// The block, row-major.
+    block: usize,
+    /// The input's value within the block.
+    value: usize,
+    output: usize,
+    /// Values of a block.
+    d_block: usize,
+}
+
+impl Place {
+    /// The place of weight i of a kernel `[D_out, D_in, side, side]`.
+    fn of(i: usize, [d_in, side]: [usize; 2], stride: usize) -> Self {
+        let (x, y) = (i % side, i / side % side);
+        let (input, output) = (i / (side * side) % d_in, i / (side * side * d_in));
+        Self {
+            block: y / stride * (side / stride) + x / stride,
+            value: (y % stride * stride + x % stride) * d_in + input,
+            output,
+            d_block: stride * stride * d_in,
+        }
+    }
+
+    /// Its index in the weight of the correlation.
+    fn forward(&self, d_out: usize) -> usize {
+        (self.block * self.d_block + self.value) * d_out + self.output
+    }
+}
+
+/// The parameters of a convolution.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Kernel {
+    /// `[D_out, D_in, height, width]`.
+    pub shape: [usize; 4],
+    /// Row-major in `shape`.
+    pub weight: Vec<f32>,
+    /// `[D_out]`.
+    pub bias: Vec<f32>,
+}
+
+/// A convolution, with a ReLU behind it if [`rectified`](Self::rectified).
 #[derive(Clone, Debug)]
 pub struct Convolution {
     /// Channels of the input.
@@ -120,59 +148,122 @@ pub struct Convolution {
     /// Side of the kernel, in pixels; a multiple of the stride.
     side: usize,
     /// Distance between neighboring outputs, in pixels.
-    pub(super) stride: usize,
+    stride: usize,
     padding: Padding,
     forward: Correlation,
     /// The gradient with respect to the input of `forward`.
     backward: Correlation,
     /// `[D_out]`.
     bias: Vec<f32>,
-    pub(super) relu: bool,
+    relu: bool,
 }
 
+/// Most pixels of a kernel's side, of a stride, and of a border. The networks here need 6.
+const MOST_PIXELS: usize = 32;
+
 impl Convolution {
-    /// A convolution without ReLU from a kernel `[D_out, D_in, side, side]`, flattened, of the shape
-    /// `[D_out, D_in, side]`.
+    /// A convolution of stride 1 without ReLU.
     ///
-    /// # Panics
-    /// If the side is no multiple of the stride.
-    pub(super) fn from_oihw(
+    /// # Errors
+    /// A description of the kernel if it is not square, if its numbers do not fit its shape or are not finite, or
+    /// if it or its border is larger than 32 pixels.
+    pub fn new(kernel: &Kernel, padding: Padding) -> Result<Self, String> {
+        Self::strided(kernel, padding, 1)
+    }
+
+    /// A convolution without ReLU at every `stride`-th row and column.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), or if the kernel's side is no multiple of the stride.
+    pub fn strided(kernel: &Kernel, padding: Padding, stride: usize) -> Result<Self, String> {
+        let [d_out, d_in, height, side] = kernel.shape;
+        let n = kernel.shape.into_iter().try_fold(1, usize::checked_mul);
+        if height != side || !(1..=MOST_PIXELS).contains(&side) || d_in == 0 || d_out == 0 {
+            return Err(format!("a kernel of the shape {:?}", kernel.shape));
+        }
+        if n != Some(kernel.weight.len()) || kernel.bias.len() != d_out {
+            let (n, biases) = (kernel.weight.len(), kernel.bias.len());
+            return Err(format!("{n} weights and {biases} biases for the shape {:?}", kernel.shape));
+        }
+        if kernel.weight.iter().chain(&kernel.bias).any(|value| !value.is_finite()) {
+            return Err("a weight that is not finite".into());
+        }
+        if stride == 0 || !side.is_multiple_of(stride) {
+            return Err(format!("a stride of {stride} for a kernel of {side} pixels"));
+        }
+        let [before, after] = padding.pixels();
+        if before.max(after) > MOST_PIXELS {
+            return Err(format!("a border of {} pixels", before.max(after)));
+        }
+        Ok(Self::of([d_out, d_in, side], &kernel.weight, kernel.bias.clone(), padding, stride))
+    }
+
+    fn of(
         [d_out, d_in, side]: [usize; 3],
         oihw: &[f32],
         bias: Vec<f32>,
         padding: Padding,
         stride: usize,
     ) -> Self {
-        assert!(side.is_multiple_of(stride), "a kernel of {side} pixels with a stride of {stride}");
         // In blocks of stride x stride pixels.
         let (blocks, d_block) = (side / stride, stride * stride * d_in);
         let mut forward = vec![0.0; oihw.len()];
         let mut backward = vec![0.0; oihw.len()];
         for (i, &weight) in oihw.iter().enumerate() {
-            let (x, y) = (i % side, i / side % side);
-            let (input, output) = (i / (side * side) % d_in, i / (side * side * d_in));
-            let block = y / stride * blocks + x / stride;
-            let value = (y % stride * stride + x % stride) * d_in + input;
-            forward[(block * d_block + value) * d_out + output] = weight;
-            let turned = blocks * blocks - 1 - block;
-            backward[(turned * d_out + output) * d_block + value] = weight;
+            let place = Place::of(i, [d_in, side], stride);
+            forward[place.forward(d_out)] = weight;
+            let turned = blocks * blocks - 1 - place.block;
+            backward[(turned * d_out + place.output) * d_block + place.value] = weight;
         }
         let forward = Correlation { side: blocks, d_in: d_block, d_out, weight: forward };
         let backward = Correlation { side: blocks, d_in: d_out, d_out: d_block, weight: backward };
         Self { d_in, side, stride, padding, forward, backward, bias, relu: false }
     }
 
-    pub(super) fn d_out(&self) -> usize {
+    /// The same with a ReLU behind it.
+    pub fn rectified(self) -> Self {
+        Self { relu: true, ..self }
+    }
+
+    /// Whether a ReLU is behind it.
+    pub fn relu(&self) -> bool {
+        self.relu
+    }
+
+    /// Distance between neighboring outputs, in pixels.
+    pub fn stride(&self) -> usize {
+        self.stride
+    }
+
+    /// Its view beyond the picture's border.
+    pub fn padding(&self) -> Padding {
+        self.padding
+    }
+
+    /// Channels that it takes.
+    pub fn d_in(&self) -> usize {
+        self.d_in
+    }
+
+    /// Channels that it gives.
+    pub fn d_out(&self) -> usize {
         self.forward.d_out
     }
 
-    /// The size of the result for a picture of `size`.
+    /// Its parameters.
+    pub fn kernel(&self) -> Kernel {
+        let (d_in, d_out, side) = (self.d_in, self.d_out(), self.side);
+        let n = d_out * d_in * side * side;
+        let place = |i| Place::of(i, [d_in, side], self.stride);
+        let weight = (0..n).map(|i| self.forward.weight[place(i).forward(d_out)]).collect();
+        Kernel { shape: [d_out, d_in, side, side], weight, bias: self.bias.clone() }
+    }
+
+    /// The size of the result for a picture of `size`; 0 if the picture with its border is smaller than the kernel.
     pub(super) fn size_after(&self, size: Size) -> Size {
-        let (before, after) = match self.padding {
-            Padding::Reflect([before, after]) => (before, after),
-            Padding::Zeros(zeros) => (zeros, zeros),
-        };
-        let places = |n: usize| (n + before + after).saturating_sub(self.side) / self.stride + 1;
+        let [before, after] = self.padding.pixels();
+        let places =
+            |n: usize| (n + before + after).checked_sub(self.side).map_or(0, |rest| rest / self.stride + 1);
         Size { width: places(size.width), height: places(size.height) }
     }
 
@@ -358,8 +449,9 @@ mod tests {
             let [d_out, d_in, side] = shape;
             let mut values = |n: usize| -> Vec<f32> { (0..n).map(|_| random.normal()).collect() };
             let (oihw, bias) = (values(d_out * d_in * side * side), values(d_out));
-            let convolution = Convolution::from_oihw(shape, &oihw, bias.clone(), padding, stride);
+            let convolution = Convolution::of(shape, &oihw, bias.clone(), padding, stride);
             let from = Size { width: size[0], height: size[1] };
+            assert_eq!(convolution.kernel().weight, oihw);
             let to = convolution.size_after(from);
             let (x, grad_y) = (values(from.n_pixels() * d_in), values(to.n_pixels() * d_out));
             let direct = Direct { shape, oihw: &oihw, bias: &bias, padding, stride };

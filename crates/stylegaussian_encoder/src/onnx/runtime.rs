@@ -1,4 +1,4 @@
-//! The engine that runs the graphs: tract, or ONNX Runtime if the user names its library.
+//! The engine that runs ONNX graphs: tract, or ONNX Runtime if the user names its library.
 //!
 //! tract is pure Rust, built in, and keeps no state in the process. If the environment variable
 //! `ORT_DYLIB_PATH` names a shared library of ONNX Runtime 1.24 or later, that is loaded instead, once per
@@ -11,7 +11,7 @@ use std::{
     sync::OnceLock,
 };
 
-use crate::engine::{
+use super::{
     onnx_runtime::{self, Environment},
     tract,
 };

@@ -11,8 +11,10 @@ use ort::{
     value::{self, TensorElementType, TensorRef},
 };
 
-use super::{Outlet, Planes, Signature};
-use crate::runtime::DYLIB_VARIABLE;
+use super::{
+    engine::{Outlet, Planes, Signature},
+    runtime::DYLIB_VARIABLE,
+};
 
 /// A graph ready to run. Runs take turns: a session uses all cores by itself.
 pub(crate) struct Graph {

@@ -1,4 +1,4 @@
-//! tract, the built-in engine: an ONNX graph as an optimized plan.
+//! tract, the engine that is built in: an ONNX graph as an optimized plan.
 //!
 //! tract panics over some malformed graphs, and over some sizes of the input. Every call into it catches panics
 //! and returns them as errors, so a user's file cannot end the program.
@@ -6,10 +6,8 @@
 use tract_linalg::multithread::{Executor, multithread_tract_scope};
 use tract_onnx::{prelude::*, tract_hir::infer::Factoid};
 
-#[cfg(target_family = "wasm")]
-use super::constructors;
-use super::{MAX_VALUES, Outlet, PROBE_SIDE, Planes, Signature};
-use crate::guard::guarded;
+use super::engine::{MAX_VALUES, Outlet, Planes, Signature};
+use crate::{encoder::PROBE_SIDE, guard::guarded};
 
 /// tract's version, for people. A test compares it with the workspace's manifest.
 pub(crate) const VERSION: &str = "0.23";
@@ -64,8 +62,6 @@ fn executor() -> Executor {
 }
 
 fn plan(onnx: &[u8]) -> Result<Arc<TypedRunnableModel>, String> {
-    #[cfg(target_family = "wasm")]
-    constructors::run();
     let reader = tract_onnx::onnx();
     let proto = reader.proto_model_for_read(&mut &*onnx).map_err(text)?;
     let (n_inputs, n_outputs) =
