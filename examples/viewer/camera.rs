@@ -1,15 +1,13 @@
-//! A camera that orbits a point, looks around, pans and flies.
-
-use std::f32::consts::FRAC_PI_2;
+//! The mouse and keys that move the camera, and its picture beside the panel.
 
 use bevy::{
     camera::{CameraOutputMode, Viewport, visibility::RenderLayers},
-    core_pipeline::tonemapping::Tonemapping,
     input::mouse::{AccumulatedMouseScroll, MouseScrollUnit},
     prelude::*,
     render::render_resource::BlendState,
 };
 use bevy_egui::{PrimaryEguiContext, input::EguiWantsInput};
+use stylegaussian_app::{Orbit, splat_camera};
 
 use crate::{
     panel::Panel,
@@ -17,10 +15,10 @@ use crate::{
     scene::ShownScene,
 };
 
-/// Vertical angle of view in radians, about that of a 60 mm lens.
-const FIELD_OF_VIEW: f32 = 0.7;
 /// Radians per point of cursor movement.
 const TURN: f32 = 0.006;
+/// Share of the distance per point of cursor movement.
+const PAN: f32 = 0.001;
 /// Share of the distance covered by one step of the wheel.
 const ZOOM: f32 = 0.12;
 /// Share of the distance covered per second of flying.
@@ -28,56 +26,9 @@ const SPEED: f32 = 0.5;
 /// Longest time step in seconds: a slower frame counts as this long, so that flying never jumps past the scene.
 const LONGEST_STEP: f32 = 0.25;
 
-/// Position of the camera: at `distance` from `target`, in the direction given by `yaw` and `pitch` (radians).
-#[derive(Component, Clone, Default)]
-pub struct Orbit {
-    target: Vec3,
-    distance: f32,
-    yaw: f32,
-    pitch: f32,
-}
-
-impl Orbit {
-    /// Shows the whole scene, slightly from above.
-    pub fn frame(&mut self, scene: &ShownScene) {
-        let (center, radius) = scene.extent;
-        // At radius / sin(half the angle), a sphere fills the height exactly. Captures are seldom round, so a
-        // little nearer.
-        let distance = 0.85 * radius / (0.5 * FIELD_OF_VIEW).sin();
-        *self = Self { target: scene.world_from_scene() * center, distance, yaw: 0.0, pitch: 0.35 };
-    }
-
-    /// The point in the middle of the view.
-    pub fn target(&self) -> Vec3 {
-        self.target
-    }
-
-    fn rotation(&self) -> Quat {
-        Quat::from_rotation_y(self.yaw) * Quat::from_rotation_x(-self.pitch)
-    }
-
-    fn transform(&self) -> Transform {
-        let rotation = self.rotation();
-        Transform::from_translation(self.target + rotation * Vec3::Z * self.distance).with_rotation(rotation)
-    }
-
-    fn turn(&mut self, by: Vec2) {
-        self.yaw -= by.x * TURN;
-        // Not quite the poles, where left and right would swap.
-        self.pitch = (self.pitch + by.y * TURN).clamp(0.01 - FRAC_PI_2, FRAC_PI_2 - 0.01);
-    }
-}
-
 /// Spawns a camera for the scene, beside the panel, and one over it for the panel.
 pub fn spawn(mut commands: Commands) {
-    commands.spawn((
-        Camera3d::default(),
-        Projection::from(PerspectiveProjection { fov: FIELD_OF_VIEW, near: 0.02, ..default() }),
-        // Splats have soft edges and nothing else is drawn, so multisampling would only take more time.
-        Msaa::Off,
-        Tonemapping::None,
-        Orbit { distance: 10.0, ..default() },
-    ));
+    commands.spawn(splat_camera());
     commands.spawn((
         PrimaryEguiContext,
         Camera2d,
@@ -114,7 +65,7 @@ pub fn drag(
     if scroll.delta.y != 0.0 && is_on_picture {
         let pixels_per_step = if scroll.unit == MouseScrollUnit::Pixel { 40.0 } else { 1.0 };
         // Exponential, so that a step in and a step out cancel at any distance.
-        orbit.distance *= (-ZOOM * scroll.delta.y / pixels_per_step).exp();
+        orbit.zoom((-ZOOM * scroll.delta.y / pixels_per_step).exp());
     }
     // Movement of the cursor, since remote desktops do not report raw mouse movement.
     let motion: Vec2 = motion.read().filter_map(|moved| moved.delta).sum();
@@ -126,50 +77,50 @@ pub fn drag(
     if motion == Vec2::ZERO || !*began_on_picture {
         return;
     }
+    // The scene follows the cursor: it moves to the right if the camera turns or moves to the left.
+    let motion = Vec2::new(-motion.x, motion.y);
     // Otherwise the left button is the tool's.
     if buttons.pressed(MouseButton::Left) && parts.tool == Tool::View {
-        orbit.turn(motion);
+        orbit.turn(TURN * motion.x, TURN * motion.y);
     } else if buttons.pressed(MouseButton::Right) {
-        let eye = orbit.transform().translation;
-        // Looking around keeps the eye in place and moves the target around it.
-        orbit.turn(0.5 * motion);
-        orbit.target = eye - orbit.rotation() * Vec3::Z * orbit.distance;
+        orbit.look(0.5 * TURN * motion.x, 0.5 * TURN * motion.y);
     } else if buttons.pressed(MouseButton::Middle) {
-        let shift = Vec3::new(-motion.x, motion.y, 0.0) * orbit.distance * 0.001;
-        orbit.target = orbit.target + orbit.rotation() * shift;
+        orbit.fly(PAN * motion.extend(0.0));
     }
 }
 
-/// Flies: W A S D in the direction of view, Q and E down and up, Shift faster. F shows the whole scene.
+/// Flies along the camera's axes: W A S D ahead and aside, Q and E down and up, Shift faster. F shows the whole
+/// scene.
 pub fn fly(
     keys: Res<ButtonInput<KeyCode>>,
     time: Res<Time>,
     scene: Res<ShownScene>,
-    mut orbit: Single<&mut Orbit>,
+    camera: Single<(&mut Orbit, &Camera)>,
 ) {
+    let (mut orbit, camera) = camera.into_inner();
     if keys.just_pressed(KeyCode::KeyF) {
-        orbit.frame(&scene);
+        *orbit = scene.framing.orbit(camera);
     }
     let axis = |forth, back| f32::from(keys.pressed(forth)) - f32::from(keys.pressed(back));
     // The camera looks along -z, so S is positive.
-    let ahead = Vec3::new(axis(KeyCode::KeyD, KeyCode::KeyA), 0.0, axis(KeyCode::KeyS, KeyCode::KeyW));
-    let step = orbit.rotation() * ahead + Vec3::Y * axis(KeyCode::KeyE, KeyCode::KeyQ);
+    let step = Vec3::new(
+        axis(KeyCode::KeyD, KeyCode::KeyA),
+        axis(KeyCode::KeyE, KeyCode::KeyQ),
+        axis(KeyCode::KeyS, KeyCode::KeyW),
+    );
     if step != Vec3::ZERO {
         let haste = if keys.pressed(KeyCode::ShiftLeft) { 4.0 } else { 1.0 };
         let seconds = time.delta_secs().min(LONGEST_STEP);
-        orbit.target = orbit.target + step * orbit.distance * SPEED * haste * seconds;
+        orbit.fly(SPEED * haste * seconds * step);
     }
 }
 
-/// Places the camera, and its viewport beside the panel.
-pub fn place(
-    camera: Single<(&Orbit, &mut Transform, &mut Camera)>,
+/// Places the scene's picture beside the panel.
+pub fn place_picture(
+    mut camera: Single<&mut Camera, With<Orbit>>,
     window: Single<&Window>,
     panel: Res<Panel>,
 ) {
-    let (orbit, mut transform, mut camera) = camera.into_inner();
-    // A transform that is written in each frame would count as changed and be propagated each time.
-    transform.set_if_neq(orbit.transform());
     // The panel is in points, a viewport in pixels.
     let left = (panel.width() * window.scale_factor()).round() as u32;
     let size = window.physical_size();

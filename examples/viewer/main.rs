@@ -23,6 +23,7 @@ use bevy_egui::{
     EguiGlobalSettings, EguiPlugin, EguiPrimaryContextPass, input::egui_wants_any_keyboard_input,
 };
 use bevy_stylegaussian::{StyleGaussianPlugin, stylegaussian::file::readable_extensions};
+use stylegaussian_app::{Arrivals, place_camera, set_transition};
 
 #[path = "../backdrop/mod.rs"]
 mod backdrop;
@@ -67,6 +68,7 @@ fn main() -> AppExit {
         // `camera::spawn` gives the panel a camera of its own.
         .insert_resource(EguiGlobalSettings { auto_create_primary_context: false, ..default() })
         .insert_resource(files::CommandLine { scene, styles: arguments.collect() })
+        .init_resource::<Arrivals>()
         .init_resource::<panel::Panel>()
         .init_resource::<panel::Notice>()
         .init_resource::<panel::Transfer>()
@@ -96,7 +98,11 @@ fn main() -> AppExit {
         .add_systems(
             PostUpdate,
             // Before transforms are propagated, or camera and splats would lag behind by a frame.
-            (styles::apply, parts::show, scene::turn_up, camera::place).before(TransformSystems::Propagate),
+            (
+                (styles::apply, set_transition, parts::show),
+                (scene::turn_up, place_camera, camera::place_picture),
+            )
+                .before(TransformSystems::Propagate),
         )
         .add_systems(EguiPrimaryContextPass, panel::draw)
         .add_observer(panel::note_applied)

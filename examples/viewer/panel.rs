@@ -16,15 +16,15 @@ use bevy_stylegaussian::{
 use egui::{
     Color32, ComboBox, Grid, LayerId, ProgressBar, RichText, ScrollArea, Slider, TextEdit, Ui, UiBuilder,
 };
+use stylegaussian_app::{Arrival, Arrivals, Orbit};
 
 use crate::{
-    camera::Orbit,
     files::OpenFile,
     parts::Parts,
     parts_panel,
     save::{Save, Saving},
     scene::{AXES, ShownScene},
-    styles::{Arrival, Finish, Styles},
+    styles::{Finish, Styles},
     tile::{self, Picture, Tile},
 };
 
@@ -140,6 +140,7 @@ pub fn toggle(keys: Res<ButtonInput<KeyCode>>, mut panel: ResMut<Panel>) {
 pub struct Shown<'w> {
     panel: ResMut<'w, Panel>,
     styles: ResMut<'w, Styles>,
+    arrivals: ResMut<'w, Arrivals>,
     scene: ResMut<'w, ShownScene>,
     notice: ResMut<'w, Notice>,
     saving: Res<'w, Saving>,
@@ -188,7 +189,7 @@ pub fn draw(
             ui.separator();
             paintings(ui, &mut shown.styles, &pictures);
             ui.separator();
-            mix(ui, &mut shown.styles, shown.transfer.refined);
+            mix(ui, &mut shown.styles, &mut shown.arrivals, shown.transfer.refined);
             // Always as high, so that nothing moves when it comes and goes.
             let share = progress.iter().find_map(|of| of.style.or(of.refine));
             let bar = ProgressBar::new(share.unwrap_or_default()).desired_height(3.0);
@@ -239,9 +240,9 @@ fn scene(ui: &mut Ui, shown: &mut Shown) {
                 ui.heading(&shown.scene.name);
             }
         }
-        let up = AXES.iter().find(|(_, axis)| *axis == shown.scene.up);
+        let up = AXES.iter().find(|(_, axis)| *axis == shown.scene.framing.up);
         let current = up.map_or("tilted", |&(name, _)| name);
-        let before = shown.scene.up;
+        let before = shown.scene.framing.up;
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let said = if shown.scene.up_is_told { "as its file says" } else { "its file does not say" };
             ComboBox::from_id_salt("up")
@@ -249,7 +250,7 @@ fn scene(ui: &mut Ui, shown: &mut Shown) {
                 .selected_text(current)
                 .show_ui(ui, |ui| {
                     for (name, axis) in AXES {
-                        ui.selectable_value(&mut shown.scene.up, axis, name);
+                        ui.selectable_value(&mut shown.scene.framing.up, axis, name);
                     }
                 })
                 .response
@@ -257,7 +258,7 @@ fn scene(ui: &mut Ui, shown: &mut Shown) {
             ui.label("up");
         });
         // From now on it is the user's choice and no longer the file's.
-        if shown.scene.up != before {
+        if shown.scene.framing.up != before {
             shown.scene.up_is_told = false;
         }
     });
@@ -326,16 +327,16 @@ const FINISHES: [(Finish, &str, &str); 3] = [
     (Finish::Baked, "baked", "as it was baked before; refined if it was not"),
 ];
 
-/// The choice of a transition.
+/// The choice of the way in which styles arrive.
 const ARRIVALS: [(Arrival, &str, &str); 4] = [
     (Arrival::Fade, "fading", "everywhere at once"),
-    (Arrival::Wave, "as a wave", "from the middle of the view"),
-    (Arrival::Front, "rising", "from below"),
+    (Arrival::Sphere, "as a wave", "from the middle of the view"),
+    (Arrival::Front, "across", "from left to right"),
     (Arrival::Spots, "in spots", "that grow together"),
 ];
 
 /// The sliders for content and fade, and how far the style that is shown is refined.
-fn mix(ui: &mut Ui, styles: &mut Styles, refined: Option<(u32, bool)>) {
+fn mix(ui: &mut Ui, styles: &mut Styles, arrivals: &mut Arrivals, refined: Option<(u32, bool)>) {
     let look = match refined {
         _ if styles.total() == 0.0 => "unstyled".to_owned(),
         _ if styles.has_look() => "baked".to_owned(),
@@ -358,12 +359,12 @@ fn mix(ui: &mut Ui, styles: &mut Styles, refined: Option<(u32, bool)>) {
         ui.add(Slider::new(&mut styles.stroke_scale, 0.25..=4.0).logarithmic(true).fixed_decimals(2));
         ui.end_row();
         ui.label("fade").on_hover_text("from look to look");
-        ui.add(Slider::new(&mut styles.fade_in_seconds, 0.0..=3.0).fixed_decimals(1).suffix(" s"));
+        ui.add(Slider::new(&mut arrivals.seconds, 0.0..=3.0).fixed_decimals(1).suffix(" s"));
         ui.end_row();
         ui.label("arrives").on_hover_text("the way in which a look takes the place of another");
         ui.horizontal(|ui| {
-            for (arrival, text, hint) in ARRIVALS {
-                ui.selectable_value(&mut styles.arrival, arrival, text).on_hover_text(hint);
+            for (way, text, hint) in ARRIVALS {
+                ui.selectable_value(&mut arrivals.way, way, text).on_hover_text(hint);
             }
         });
         ui.end_row();

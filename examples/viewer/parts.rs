@@ -8,8 +8,9 @@ use bevy_stylegaussian::{
         mask::{CHANNELS, Combine, Selection},
     },
 };
+use stylegaussian_app::Orbit;
 
-use crate::{camera::Orbit, panel::Notice, scene::ShownScene, styles::Styles};
+use crate::{panel::Notice, scene::ShownScene, styles::Styles};
 
 /// The use of the left mouse button.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -239,7 +240,7 @@ pub fn show(
     if !parts.is_changed() && !styles.is_changed() && !scene.is_changed() {
         return;
     }
-    let mut wanted = wanted(&parts, &styles, scene.extent.1);
+    let mut wanted = wanted(&parts, &styles, scene.framing.radius);
     for (entity, Part(number), mut volume, mut source, mut transform) in &mut shown {
         let Some((new_volume, new_source, place)) = wanted.get_mut(*number).and_then(Option::take) else {
             commands.entity(entity).despawn();
@@ -264,13 +265,13 @@ pub fn show(
 }
 
 /// The components of each part: channels first, and volumes over them.
-fn wanted(parts: &Parts, styles: &Styles, extent: f32) -> Vec<Option<(StyleVolume, StyleSource, Transform)>> {
+fn wanted(parts: &Parts, styles: &Styles, radius: f32) -> Vec<Option<(StyleVolume, StyleSource, Transform)>> {
     let channels = parts.channels.iter().enumerate().map(|(channel, style)| {
         let volume = StyleVolume::painted(channel).with_priority(channel as i32);
         Some((volume, styles.source_of((*style)?), Transform::IDENTITY))
     });
     let volumes = parts.volumes.iter().enumerate().map(|(i, volume)| {
-        let half = volume.size * extent;
+        let half = volume.size * radius;
         let shape = match volume.is_box {
             true => StyleVolume::new(Cuboid { half_size: Vec3::splat(half) }),
             false => StyleVolume::new(Sphere { radius: half }),

@@ -4,9 +4,9 @@ use bevy::math::Vec2;
 use bevy_egui::egui::{
     self, Button, Checkbox, Color32, ComboBox, Grid, Painter, Response, Slider, Stroke, Ui, pos2,
 };
+use stylegaussian_app::Orbit;
 
 use crate::{
-    camera::Orbit,
     parts::{PartStyle, Parts, Tool},
     styles::Styles,
 };

@@ -5,12 +5,13 @@ use std::{fs, path::PathBuf};
 use bevy::{
     prelude::*,
     render::view::screenshot::{Screenshot, ScreenshotCaptured},
-    tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
+    tasks::{Task, futures::check_ready},
 };
 use bevy_stylegaussian::{
     AppliedStyle, GaussianScene, GaussianSplats, StyleMask,
     stylegaussian::file::{write_mask, write_scene},
 };
+use stylegaussian_app::save_shown;
 
 use crate::{
     panel::{Notice, Panel},
@@ -67,7 +68,7 @@ pub fn take_screenshot(
     );
 }
 
-/// Writes the scene in the background. If the GPU styled it, its colors are computed again.
+/// Writes the scene in the background.
 pub fn save_scene(
     mut wishes: MessageReader<Save>,
     shown: Res<ShownScene>,
@@ -81,18 +82,10 @@ pub fn save_scene(
     });
     let (splats, style) = *splats;
     let (Some(extension), Some(scene)) = (extension, scenes.get(&splats.0)) else { return };
-    let (name, scene, style) = (shown.name.clone(), scene.scene().clone(), style.cloned());
-    // Colors of a large scene take seconds to decode, and the window must not freeze.
-    saving.0 = Some(AsyncComputeTaskPool::get().spawn(async move {
+    let name = shown.name.clone();
+    saving.0 = Some(save_shown(scene, style, move |scene| {
         let path = new_path(&name, extension)?;
-        match style {
-            Some(style) => {
-                let styled = style.styled_scene().map_err(|error| error.to_string())?;
-                write_scene(&path, &styled)
-            }
-            None => write_scene(&path, &scene),
-        }
-        .map_err(|error| error.to_string())?;
+        write_scene(&path, scene).map_err(|error| error.to_string())?;
         Ok(path)
     }));
 }
@@ -117,7 +110,7 @@ pub fn save_mask(
 
 /// Shows the path of the written scene.
 pub fn finish_scene(mut saving: ResMut<Saving>, mut notice: ResMut<Notice>) {
-    if let Some(saved) = saving.0.as_mut().and_then(|task| block_on(poll_once(task))) {
+    if let Some(saved) = saving.0.as_mut().and_then(check_ready) {
         saving.0 = None;
         notice.tell_saved(saved);
     }

@@ -3,13 +3,12 @@
 use std::{
     fs,
     path::{Path, PathBuf},
-    time::Duration,
 };
 
 use bevy::prelude::*;
-use bevy_stylegaussian::{GaussianSplats, StyleInput, StyleLook, StyleRefine, StyleSource, StyleTransition};
+use bevy_stylegaussian::{GaussianSplats, StyleInput, StyleLook, StyleRefine, StyleSource};
 
-use crate::{ASSETS, camera::Orbit, panel::Transfer, scene::ShownScene};
+use crate::{ASSETS, panel::Transfer, scene::ShownScene};
 
 /// File ending of presets made by `stylegaussian style`.
 const PRESET: &str = ".style.safetensors";
@@ -29,31 +28,6 @@ pub enum Finish {
     /// As it was baked before; refined if it was not.
     #[default]
     Baked,
-}
-
-/// The way in which a style takes the place of another.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Arrival {
-    /// Everywhere at once.
-    #[default]
-    Fade,
-    /// From the middle of the view.
-    Wave,
-    /// From below.
-    Front,
-    /// In spots.
-    Spots,
-}
-
-impl Arrival {
-    fn transition(self, duration: Duration, orbit: &Orbit, extent: f32) -> StyleTransition {
-        match self {
-            Self::Fade => StyleTransition::fade(duration),
-            Self::Wave => StyleTransition::sphere(orbit.target(), duration).with_softness(0.1 * extent),
-            Self::Front => StyleTransition::front(Dir3::Y, duration).with_softness(0.1 * extent),
-            Self::Spots => StyleTransition::dissolve(0.1 * extent, duration),
-        }
-    }
 }
 
 /// One style of the panel.
@@ -78,9 +52,6 @@ pub struct Styles {
     pub paint: f32,
     pub protection: f32,
     pub stroke_scale: f32,
-    /// Duration of a fade from one style to the next.
-    pub fade_in_seconds: f32,
-    pub arrival: Arrival,
     pub finish: Finish,
     /// Whether the baked looks belong to the scene that is shown.
     pub looks_fit: bool,
@@ -187,7 +158,7 @@ pub fn list_shipped(mut commands: Commands, assets: Res<AssetServer>) {
     // The order of a folder is arbitrary, and keys count on it.
     images.sort();
     let (paint, protection, stroke_scale) = (1.0, 1.0, 1.0);
-    let mut styles = Styles { fade_in_seconds: 0.5, paint, protection, stroke_scale, ..default() };
+    let mut styles = Styles { paint, protection, stroke_scale, ..default() };
     for image in images {
         styles.add(&image, &assets);
     }
@@ -211,14 +182,10 @@ pub fn apply(
     mut commands: Commands,
     mut styles: ResMut<Styles>,
     shown: Res<ShownScene>,
-    scene: Single<
-        (Entity, &mut StyleSource, &mut StyleTransition, Option<&mut StyleRefine>),
-        With<GaussianSplats>,
-    >,
+    scene: Single<(Entity, &mut StyleSource, Option<&mut StyleRefine>), With<GaussianSplats>>,
     mut transfer: ResMut<Transfer>,
-    orbit: Single<&Orbit>,
 ) {
-    let (entity, mut source, mut transition, refine) = scene.into_inner();
+    let (entity, mut source, refine) = scene.into_inner();
     let looks_fit = shown.name == BAKED_SCENE;
     if styles.looks_fit != looks_fit {
         styles.looks_fit = looks_fit;
@@ -230,8 +197,6 @@ pub fn apply(
     if source.set_if_neq(wanted) && is_computed {
         transfer.is_under_way = !source.is_none();
     }
-    let duration = Duration::from_secs_f32(styles.fade_in_seconds);
-    transition.set_if_neq(styles.arrival.transition(duration, &orbit, shown.extent.1));
     match refine {
         Some(mut refine) if styles.is_refined() => {
             refine.set_if_neq(styles.refine());

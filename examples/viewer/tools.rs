@@ -9,9 +9,9 @@ use bevy_stylegaussian::{
         mask::{Brush, CHANNELS, Combine, Selection},
     },
 };
+use stylegaussian_app::Orbit;
 
 use crate::{
-    camera::Orbit,
     panel::{Notice, Panel},
     parts::{Parts, Tool},
     scene::ShownScene,
@@ -91,7 +91,7 @@ pub fn apply(
     let Some(hit) = pointer.ray(cursor).and_then(|ray| rays.cast_ray(ray)) else { return };
     // Masks live in the space of the scene.
     let at = transform.affine().inverse().transform_point3(hit.position);
-    let radius = parts.radius * scene.extent.1;
+    let radius = parts.radius * scene.framing.radius;
     match parts.tool {
         Tool::Brush => {
             let Some(channel) = channel(&mut parts, &mut mask, &styles, &mut notice) else { return };

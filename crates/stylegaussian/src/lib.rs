@@ -22,6 +22,7 @@
 //! ```
 
 pub mod axes;
+mod bulk;
 pub mod camera;
 pub mod collision;
 pub mod decoder;

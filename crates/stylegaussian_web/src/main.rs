@@ -17,8 +17,9 @@ mod style;
 mod work;
 mod worker;
 
-use bevy::{asset::AssetMetaCheck, core_pipeline::tonemapping::Tonemapping, prelude::*};
+use bevy::{asset::AssetMetaCheck, prelude::*};
 use bevy_stylegaussian::{StyleBudget, StyleGaussianPlugin};
+use stylegaussian_app::{Arrivals, place_camera, set_transition, splat_camera};
 
 use bridge::Request;
 
@@ -52,6 +53,7 @@ fn main() -> AppExit {
         .insert_resource(StyleBudget { ms_per_frame: BUDGET })
         .insert_resource(ClearColor(Color::srgb(0.07, 0.08, 0.1)))
         .add_message::<Request>()
+        .init_resource::<Arrivals>()
         .init_resource::<scene::Shown>()
         .init_resource::<style::Wish>()
         .init_resource::<paintings::Paintings>()
@@ -69,6 +71,7 @@ fn main() -> AppExit {
                     style::set_budget,
                     style::set_strokes,
                     style::wish,
+                    set_transition,
                     style::put_on,
                     paintings::advance,
                 )
@@ -78,7 +81,7 @@ fn main() -> AppExit {
             )
                 .chain(),
         )
-        .add_systems(PostUpdate, (camera::place.before(TransformSystems::Propagate), camera::note).chain())
+        .add_systems(PostUpdate, (place_camera.before(TransformSystems::Propagate), camera::note).chain())
         .add_observer(bridge::tell_failed_scene)
         .add_observer(bridge::tell_shown)
         .add_observer(bridge::tell_applied)
@@ -95,12 +98,5 @@ fn is_worker() -> bool {
 }
 
 fn spawn_camera(mut commands: Commands) {
-    commands.spawn((
-        Camera3d::default(),
-        Projection::from(PerspectiveProjection { fov: camera::FIELD_OF_VIEW, near: 0.02, ..default() }),
-        // Splats have soft edges and nothing else is drawn, so multisampling would only take more time.
-        Msaa::Off,
-        Tonemapping::None,
-        camera::Orbit::default(),
-    ));
+    commands.spawn(splat_camera());
 }

@@ -1,17 +1,16 @@
 //! Downloads: the picture, and the scene in the colors of its style.
 
-use std::sync::Arc;
-
 use bevy::{
     prelude::*,
     render::view::screenshot::{Screenshot, save_to_disk},
-    tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
+    tasks::{Task, futures::check_ready},
 };
 use bevy_stylegaussian::{
     AppliedStyle, GaussianScene, GaussianSplats,
     stylegaussian::{Scene, file::scene_to_bytes, fold::StylizeError, morton, paint::Painted},
 };
 use js_sys::{Array, Uint8Array};
+use stylegaussian_app::save_shown;
 use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
 
 use crate::{
@@ -84,7 +83,8 @@ pub fn scene(
         };
         let has_worker = worker::state() == State::Ready && shown.hold(splats.0.id(), scene).is_ok();
         saving.0 = Some(if !has_worker {
-            Making::Task(written(scene.scene().clone(), style.cloned()))
+            let write = |scene: &Scene| scene_to_bytes(SCENE, scene).map_err(|error| error.to_string());
+            Making::Task(save_shown(scene, style, write))
         } else if let Some(given) = style.and_then(|_| wish.for_worker(&paintings)) {
             Making::Worker(worker::call("work_decode", &given))
         } else {
@@ -115,15 +115,6 @@ fn shown_in(style: &AppliedStyle, scene: &Scene) -> Result<Vec<u8>, StylizeError
     let strokes = style.strokes().map(|strokes| (**strokes).clone()).unwrap_or_default();
     let painted = Painted { colors: style.colors()?.to_vec(), strokes, ..Painted::default() };
     Ok(painted::to_bytes(&painted::in_order(&painted, &morton::order(&scene.means))))
-}
-
-/// The bytes of a scene in the colors that it is shown in.
-fn written(scene: Arc<Scene>, style: Option<AppliedStyle>) -> Task<Result<Vec<u8>, String>> {
-    AsyncComputeTaskPool::get().spawn(async move {
-        let styled =
-            style.map(|style| style.styled_scene()).transpose().map_err(|error| error.to_string())?;
-        scene_to_bytes(SCENE, styled.as_ref().unwrap_or(&scene)).map_err(|error| error.to_string())
-    })
 }
 
 /// Has the browser save bytes as a file of this name.

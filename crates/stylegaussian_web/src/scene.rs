@@ -1,19 +1,17 @@
 //! The scene that is shown, and the one that comes next.
 
 use bevy::{
-    asset::LoadState,
     prelude::*,
     tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
 };
 use bevy_stylegaussian::{
     GaussianScene, GaussianSplats, StyleSource, StyleTransition, stylegaussian::file::scene_to_bytes,
 };
-
 use js_sys::Uint8Array;
+use stylegaussian_app::{Framing, Orbit, loaded_scene};
 
 use crate::{
     bridge::{self, Event, Request},
-    camera::Orbit,
     memory,
     style::Wish,
     work,
@@ -143,10 +141,10 @@ impl Shown {
     ) -> Option<Result<(Handle<GaussianScene>, bool), String>> {
         match &mut self.next {
             Next::None | Next::File { .. } | Next::Embedded => None,
-            Next::Asset(handle, _) => match assets.get_load_state(&*handle) {
-                Some(LoadState::Failed(error)) => Some(Err(error.to_string())),
-                _ => scenes.contains(&*handle).then(|| Ok((handle.clone(), false))),
-            },
+            Next::Asset(handle, _) => {
+                let loaded = loaded_scene(handle, scenes, assets)?;
+                Some(loaded.map(|_| (handle.clone(), false)))
+            }
             Next::Worker { call, is_embedding } => {
                 let is_embedding = *is_embedding;
                 let read = |bytes| reading("the scene".into(), bytes, true, is_embedding);
@@ -184,8 +182,7 @@ fn reading(name: String, bytes: Vec<u8>, of_worker: bool, is_embedded: bool) -> 
 pub fn show_loaded(
     mut shown: ResMut<Shown>,
     entity: Single<(&mut GaussianSplats, &mut Transform)>,
-    mut orbit: Single<&mut Orbit>,
-    window: Single<&Window>,
+    view: Single<(&mut Orbit, &Camera)>,
     mut scenes: ResMut<Assets<GaussianScene>>,
     mut wish: ResMut<Wish>,
     assets: Res<AssetServer>,
@@ -202,13 +199,10 @@ pub fn show_loaded(
     let Some(scene) = scenes.get(&handle) else { return };
     let scene = scene.scene();
     if !is_embedded {
-        // Captures without an up axis are usually in the axes of structure from motion, with y down.
-        let up = scene.up.unwrap_or(Vec3::NEG_Y);
-        let world_from_scene = Quat::from_rotation_arc(up.normalize_or(Vec3::Y), Vec3::Y);
-        let (center, radius) = extent(&scene.means);
-        let aspect = window.width() / window.height().max(1.0);
-        **orbit = Orbit::frame(world_from_scene * center, radius, aspect);
-        *transform = Transform::from_rotation(world_from_scene);
+        let framing = Framing::of(scene);
+        let (mut orbit, camera) = view.into_inner();
+        *orbit = framing.orbit(camera);
+        *transform = Transform::from_rotation(framing.world_from_scene());
     }
     let has_features = scene.features.is_some();
     bridge::tell(Event::Loaded, &format!("{} {has_features}", scene.len()));
@@ -221,19 +215,4 @@ pub fn show_loaded(
     }
     // Paint belongs to a scene.
     wish.is_due = true;
-}
-
-/// Center and radius of the bulk of a scene. Captures have a few Gaussians far away, which are ignored.
-fn extent(means: &[Vec3]) -> (Vec3, f32) {
-    // Enough for percentiles, and sorted in a few milliseconds.
-    const N_SAMPLES: usize = 20_000;
-    let samples = means.iter().step_by(means.len().div_ceil(N_SAMPLES).max(1));
-    let [(x, width), (y, height), (z, depth)] = [0, 1, 2].map(|axis| {
-        let mut values: Vec<f32> = samples.clone().map(|mean| mean[axis]).collect();
-        values.sort_by(f32::total_cmp);
-        let at = |part: usize| values.get(values.len() * part / 100).copied().unwrap_or(0.0);
-        // Percentiles 3 and 97 of each axis: floaters are few and far away, so they fall outside.
-        ((at(3) + at(97)) / 2.0, at(97) - at(3))
-    });
-    (Vec3::new(x, y, z), (Vec3::new(width, height, depth).length() / 2.0).max(0.1))
 }

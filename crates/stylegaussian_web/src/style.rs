@@ -1,18 +1,15 @@
 //! Styles by name: those that come with the page, and paintings that the visitor has dropped.
 
-use std::time::Duration;
-
 use bevy::prelude::*;
 use bevy_stylegaussian::{
     GaussianSplats, StyleBudget, StyleInput, StyleLook, StyleMethod, StyleSource, StyleStatistics,
-    StyleTransition,
 };
 use js_sys::{Array, Float32Array};
+use stylegaussian_app::{Arrival, Arrivals};
 use wasm_bindgen::JsValue;
 
 use crate::{
     bridge::{self, Event, Request},
-    camera::Orbit,
     paintings::{Paintings, Wanted},
     worker::{self, State},
 };
@@ -26,13 +23,11 @@ pub struct Wish {
     by_decoder: bool,
     /// Whether it is to be put on the scene, which it is not yet.
     pub is_due: bool,
-    transition: StyleTransition,
 }
 
 impl Default for Wish {
     fn default() -> Self {
-        let transition = StyleTransition::default();
-        Self { styles: Vec::new(), content: 0.0, strength: 1.0, by_decoder: false, is_due: false, transition }
+        Self { styles: Vec::new(), content: 0.0, strength: 1.0, by_decoder: false, is_due: false }
     }
 }
 
@@ -65,8 +60,8 @@ impl Wish {
     }
 }
 
-/// Takes the newest wish.
-pub fn wish(mut requests: MessageReader<Request>, mut wish: ResMut<Wish>, orbit: Single<&Orbit>) {
+/// Takes the newest wish, and the way in which styles arrive.
+pub fn wish(mut requests: MessageReader<Request>, mut wish: ResMut<Wish>, mut arrivals: ResMut<Arrivals>) {
     for request in requests.read() {
         match request {
             Request::Style { styles, content, strength, by_decoder } => {
@@ -74,8 +69,8 @@ pub fn wish(mut requests: MessageReader<Request>, mut wish: ResMut<Wish>, orbit:
                 (wish.content, wish.strength, wish.by_decoder) = (*content, *strength, *by_decoder);
                 wish.is_due = true;
             }
-            Request::Transition { kind, seconds } => match transition(kind, *seconds, &orbit) {
-                Some(transition) => wish.transition = transition,
+            Request::Transition { kind, seconds } => match Arrival::from_name(kind) {
+                Some(way) => *arrivals = Arrivals { way, seconds: *seconds },
                 None => bridge::tell(Event::Failed, &format!("there is no transition `{kind}`")),
             },
             _ => {}
@@ -83,25 +78,11 @@ pub fn wish(mut requests: MessageReader<Request>, mut wish: ResMut<Wish>, orbit:
     }
 }
 
-/// The transition of a name. Edges and spots have their sizes in the picture.
-fn transition(kind: &str, seconds: f32, orbit: &Orbit) -> Option<StyleTransition> {
-    // NaN and less than nothing are no time at all, and an hour is too long for any visitor.
-    let duration = Duration::from_secs_f32(if seconds > 0.0 { seconds.min(3600.0) } else { 0.0 });
-    let size = orbit.distance();
-    Some(match kind {
-        "fade" => StyleTransition::fade(duration),
-        "sphere" => StyleTransition::sphere(orbit.target(), duration).with_softness(0.1 * size),
-        "front" => StyleTransition::front(orbit.right(), duration).with_softness(0.1 * size),
-        "noise" => StyleTransition::dissolve(0.05 * size, duration),
-        _ => return None,
-    })
-}
-
 /// Puts the newest wish on the scene.
 pub fn put_on(
     mut wish: ResMut<Wish>,
     mut paintings: ResMut<Paintings>,
-    scene: Single<(&GaussianSplats, &mut StyleSource, &mut StyleTransition)>,
+    scene: Single<(&GaussianSplats, &mut StyleSource)>,
     mut method: ResMut<StyleMethod>,
     mut images: ResMut<Assets<Image>>,
     stored: (Res<Assets<StyleStatistics>>, Res<Assets<StyleLook>>),
@@ -114,7 +95,7 @@ pub fn put_on(
         return;
     }
     wish.is_due = false;
-    let (splats, mut source, mut worn) = scene.into_inner();
+    let (splats, mut source) = scene.into_inner();
     let by_decoder = wish.is_decoded();
     let mut mix = Vec::new();
     for (name, weight) in &wish.styles {
@@ -133,10 +114,9 @@ pub fn put_on(
     }
     let StyleSource { styles, .. } = StyleSource::mix(mix);
     let mix = StyleSource { styles, content: wish.content, strength: wish.strength, ..source.clone() };
-    // Only a real change may touch the components and the resource.
+    // Only a real change may touch the component and the resource.
     method.set_if_neq(if by_decoder { StyleMethod::Decoder } else { StyleMethod::Paint });
     source.set_if_neq(mix);
-    worn.set_if_neq(wish.transition.clone());
 }
 
 /// Changes how strokes are drawn.
@@ -175,26 +155,4 @@ fn file(name: &str, assets: &AssetServer) -> Option<StyleInput> {
 /// Whether a name may be part of a path.
 pub fn is_plain(name: &str) -> bool {
     name.chars().all(|c| c.is_ascii_alphanumeric() || "_-.".contains(c))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn transitions_go_by_name_and_take_any_time() {
-        let orbit = Orbit::default();
-        for kind in ["fade", "sphere", "front", "noise"] {
-            assert_eq!(
-                transition(kind, 1.5, &orbit).unwrap().duration,
-                Duration::from_millis(1500),
-                "{kind}"
-            );
-        }
-        assert_eq!(transition("spiral", 1.0, &orbit), None);
-        for seconds in [f32::NAN, -1.0, f32::NEG_INFINITY] {
-            assert_eq!(transition("fade", seconds, &orbit).unwrap().duration, Duration::ZERO);
-        }
-        assert_eq!(transition("fade", f32::INFINITY, &orbit).unwrap().duration.as_secs(), 3600);
-    }
 }

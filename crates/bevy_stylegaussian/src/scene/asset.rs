@@ -28,7 +28,7 @@ pub struct GaussianScene {
     decoder: Option<Arc<Decoder>>,
     /// The box around all visible splats, or `None` if there are none. An error if the scene cannot be shown.
     bounds: Result<Option<Aabb>, SceneError>,
-    /// The box that holds the middle 98% of the means along each axis, or `None` without Gaussians.
+    /// The box of the scene's bulk: the middle 98% of the means along each axis. `None` without Gaussians.
     usual: Option<[Vec3; 2]>,
     /// Whether the GPU has it, or has refused it. The render world says so.
     is_on_gpu: Arc<AtomicBool>,
@@ -56,7 +56,7 @@ impl GaussianScene {
         let bounds = bounds.map(|bounds| bounds.map(|[min, max]| Aabb::from_min_max(min, max)));
         // An `Arc` of its own, so that its address identifies the decoder wherever inputs are packed for it.
         let decoder = scene.decoder.clone().map(Arc::new);
-        let usual = if bounds.is_ok() { usual_box(&scene.means) } else { None };
+        let usual = if bounds.is_ok() { scene.bulk(OUTSIDE) } else { None };
         Self { scene: Arc::new(scene), decoder, bounds, usual, is_on_gpu: Arc::default() }
     }
 
@@ -95,19 +95,7 @@ impl GaussianScene {
 }
 
 /// Share of the means that lie outside of the usual box on each side.
-const OUTSIDE: usize = 100;
-
-/// The box that holds almost all means along each axis: a few that lie far away, such as a sky, do not count.
-fn usual_box(means: &[Vec3]) -> Option<[Vec3; 2]> {
-    let (first, last) = (means.len() / OUTSIDE, means.len().checked_sub(1)? - means.len() / OUTSIDE);
-    let mut corners = [Vec3::ZERO; 2];
-    for axis in 0..3 {
-        let mut along: Vec<f32> = means.iter().map(|mean| mean[axis]).collect();
-        corners[0][axis] = *along.select_nth_unstable_by(first, f32::total_cmp).1;
-        corners[1][axis] = *along.select_nth_unstable_by(last, f32::total_cmp).1;
-    }
-    Some(corners)
-}
+const OUTSIDE: f64 = 0.01;
 
 /// Whether neighbors can be searched. Scenes from files always have finite means; a program's may not.
 fn has_finite_means(scene: &Scene) -> bool {

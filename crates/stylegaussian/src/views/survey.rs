@@ -1,6 +1,6 @@
 //! Size, middle and direction of a scene, measured so that stray Gaussians do not matter.
 
-use crate::{Scene, morton, splat::MIN_ALPHA};
+use crate::{Scene, bulk::bulk_of, morton, splat::MIN_ALPHA};
 use glam::Vec3;
 
 use super::{backdrop::without_backdrop, up::up};
@@ -10,7 +10,7 @@ use super::{backdrop::without_backdrop, up::up};
 pub(super) const N_STAND_IN: usize = 30_000;
 
 /// The share of the mass on either side of the box, along each axis.
-const OUTSIDE_BOX: f32 = 0.02;
+const OUTSIDE_BOX: f64 = 0.02;
 
 /// The share of the mass within the radius.
 const WITHIN_RADIUS: f32 = 0.97;
@@ -41,14 +41,8 @@ impl Survey {
         if !scene.opacities.iter().any(is_drawn) || masses.iter().all(|&mass| mass <= 0.0) {
             return None;
         }
-        let axis = |i: usize| {
-            let along = stand_in.means.iter().map(|mean| mean[i]);
-            let [low, high] = quantiles(along, &masses, [OUTSIDE_BOX, 1.0 - OUTSIDE_BOX]);
-            ((low + high) / 2.0, (high - low) / 2.0)
-        };
-        let [x, y, z] = [axis(0), axis(1), axis(2)];
-        let center = Vec3::new(x.0, y.0, z.0);
-        let half_size = Vec3::new(x.1, y.1, z.1);
+        let [low, high] = bulk_of(&stand_in.means, &masses, OUTSIDE_BOX)?;
+        let (center, half_size) = ((low + high) / 2.0, (high - low) / 2.0);
         let distances = stand_in
             .means
             .iter()

@@ -1,0 +1,164 @@
+//! A camera that orbits a point, looks around and flies. What it is steered by is the app's.
+
+use std::f32::consts::FRAC_PI_2;
+
+use bevy::{core_pipeline::tonemapping::Tonemapping, prelude::*};
+
+/// Vertical angle of view in radians, about that of a 60 mm lens.
+pub const FIELD_OF_VIEW: f32 = 0.7;
+
+/// The least width over height of a picture that a scene is framed for. A hidden window has none.
+const NARROWEST: f32 = 0.1;
+
+/// Position of the camera: at `distance` from `target`, in the direction given by `yaw` and `pitch` (radians).
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub struct Orbit {
+    target: Vec3,
+    distance: f32,
+    yaw: f32,
+    pitch: f32,
+}
+
+impl Default for Orbit {
+    fn default() -> Self {
+        Self { target: Vec3::ZERO, distance: 10.0, yaw: 0.0, pitch: 0.35 }
+    }
+}
+
+impl Orbit {
+    /// Shows a ball whole, slightly from above, in a picture of this width over height.
+    pub fn frame(center: Vec3, radius: f32, aspect: f32) -> Self {
+        // At radius / sin(half the angle), a ball fills the narrower side exactly. Captures are seldom round,
+        // so a little nearer.
+        let half_angle = ((0.5 * FIELD_OF_VIEW).tan() * aspect.clamp(NARROWEST, 1.0)).atan();
+        Self { target: center, distance: 0.85 * radius / half_angle.sin(), ..default() }
+    }
+
+    fn rotation(&self) -> Quat {
+        Quat::from_rotation_y(self.yaw) * Quat::from_rotation_x(-self.pitch)
+    }
+
+    /// The camera's place in the world.
+    pub fn transform(&self) -> Transform {
+        let rotation = self.rotation();
+        Transform::from_translation(self.target + rotation * Vec3::Z * self.distance).with_rotation(rotation)
+    }
+
+    /// The point in the middle of the view, which the camera turns around, in world space.
+    pub fn target(&self) -> Vec3 {
+        self.target
+    }
+
+    /// The distance from there, in world units.
+    pub fn distance(&self) -> f32 {
+        self.distance
+    }
+
+    /// The camera's direction to the right, in world space.
+    pub fn right(&self) -> Dir3 {
+        Dir3::new(self.rotation() * Vec3::X).unwrap_or(Dir3::X)
+    }
+
+    /// Turns around the target by angles in radians.
+    pub fn turn(&mut self, yaw: f32, pitch: f32) {
+        self.yaw += yaw;
+        // Not quite the poles, where left and right would swap.
+        self.pitch = (self.pitch + pitch).clamp(0.01 - FRAC_PI_2, FRAC_PI_2 - 0.01);
+    }
+
+    /// Looks around by angles in radians: the eye stays in its place, and the target moves around it.
+    pub fn look(&mut self, yaw: f32, pitch: f32) {
+        let eye = self.transform().translation;
+        self.turn(yaw, pitch);
+        self.target = eye - self.rotation() * Vec3::Z * self.distance;
+    }
+
+    /// Moves along the camera's own axes (right, up, back), in shares of the distance.
+    pub fn fly(&mut self, shares: Vec3) {
+        self.target += self.rotation() * shares * self.distance;
+    }
+
+    /// Multiplies the distance.
+    pub fn zoom(&mut self, factor: f32) {
+        self.distance *= factor;
+    }
+}
+
+/// A camera for splats that orbits the origin.
+pub fn splat_camera() -> impl Bundle {
+    (
+        Camera3d::default(),
+        Projection::from(PerspectiveProjection { fov: FIELD_OF_VIEW, near: 0.02, ..default() }),
+        // Splats have soft edges and nothing else is drawn, so multisampling would only take more time.
+        Msaa::Off,
+        Tonemapping::None,
+        Orbit::default(),
+    )
+}
+
+/// Places the camera. It belongs before transforms are propagated, or the camera would lag behind by a frame.
+pub fn place_camera(camera: Single<(&Orbit, &mut Transform)>) {
+    let (orbit, mut transform) = camera.into_inner();
+    // A transform that is written in each frame would count as changed and be propagated each time.
+    transform.set_if_neq(orbit.transform());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_framed_ball_is_seen_whole_but_for_its_rim() {
+        for aspect in [0.5, 2.0] {
+            let orbit = Orbit::frame(Vec3::X, 2.0, aspect);
+            let eye = orbit.transform();
+            let seen = eye.compute_affine().inverse().transform_point3(Vec3::X);
+            assert!(seen.truncate().length() < 1e-4 && seen.z < 0.0, "{seen}");
+            // The rim of a ball of 0.85 times the radius touches the narrower side.
+            let slope = (0.85 * 2.0 / -seen.z).asin().tan();
+            let side = (0.5 * FIELD_OF_VIEW).tan() * f32::min(aspect, 1.0);
+            assert!((slope / side - 1.0).abs() < 1e-4, "{slope} {side}");
+        }
+    }
+
+    #[test]
+    fn a_window_without_a_width_leaves_the_camera_usable() {
+        for aspect in [0.0, -0.5] {
+            assert!(Orbit::frame(Vec3::ZERO, 1.0, aspect).transform().is_finite());
+        }
+    }
+
+    #[test]
+    fn the_poles_are_never_crossed() {
+        let mut orbit = Orbit::default();
+        orbit.turn(0.0, 100.0);
+        assert!(orbit.transform().up().y > 0.0);
+        orbit.turn(1.0, -200.0);
+        assert!(orbit.transform().up().y > 0.0);
+    }
+
+    #[test]
+    fn turning_keeps_the_target_and_looking_keeps_the_eye() {
+        let before = Orbit::frame(Vec3::new(1.0, 2.0, 3.0), 1.5, 1.0);
+        let (mut turned, mut looking) = (before, before);
+        turned.turn(0.3, -0.2);
+        looking.look(0.3, -0.2);
+        assert_eq!(turned.target(), before.target());
+        let eye = |orbit: &Orbit| orbit.transform().translation;
+        assert!(eye(&looking).distance(eye(&before)) < 1e-5);
+        assert!(looking.target().distance(before.target()) > 0.1);
+        assert_eq!(turned.transform().rotation, looking.transform().rotation);
+    }
+
+    #[test]
+    fn flying_goes_along_the_axes_of_the_camera_and_zooming_toward_the_target() {
+        // Seen from +x at the height of the target: -z is to the right, and x is back.
+        let mut orbit = Orbit { target: Vec3::ZERO, distance: 4.0, yaw: FRAC_PI_2, pitch: 0.0 };
+        assert!(orbit.right().distance(Vec3::NEG_Z) < 1e-6);
+        orbit.fly(Vec3::new(0.5, 0.25, -1.0));
+        assert!(orbit.target().distance(Vec3::new(-4.0, 1.0, -2.0)) < 1e-5, "{}", orbit.target());
+        orbit.zoom(0.5);
+        assert_eq!(orbit.distance(), 2.0);
+        assert!(orbit.transform().translation.distance(Vec3::new(-2.0, 1.0, -2.0)) < 1e-5);
+    }
+}

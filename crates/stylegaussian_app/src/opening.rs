@@ -1,0 +1,88 @@
+//! A scene that is opened: whether it is loaded, and what a camera is to see of it.
+
+use bevy::{asset::LoadState, prelude::*};
+use bevy_stylegaussian::{GaussianScene, stylegaussian::Scene};
+
+use crate::camera::Orbit;
+
+/// Share of the means that lie outside of the framed box on each side of an axis: floaters are few and far
+/// away.
+const OUTSIDE: f64 = 0.03;
+
+/// A scene that was asked for, or `None` while it is being loaded.
+///
+/// # Errors
+/// If it cannot be loaded.
+pub fn loaded_scene<'a>(
+    handle: &Handle<GaussianScene>,
+    scenes: &'a Assets<GaussianScene>,
+    assets: &AssetServer,
+) -> Option<Result<&'a GaussianScene, String>> {
+    match assets.get_load_state(handle) {
+        Some(LoadState::Failed(error)) => Some(Err(error.to_string())),
+        _ => scenes.get(handle).map(Ok),
+    }
+}
+
+/// What a camera is to see of a scene: its bulk, upright.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Framing {
+    /// The scene's up direction, which is turned to the world's y.
+    pub up: Vec3,
+    /// Center of the bulk, in the scene's own axes.
+    pub center: Vec3,
+    /// Radius of the bulk, in scene units.
+    pub radius: f32,
+}
+
+impl Framing {
+    /// Measures a scene.
+    pub fn of(scene: &Scene) -> Self {
+        let [min, max] = scene.bulk(OUTSIDE).unwrap_or_default();
+        Self {
+            // Captures without an up axis are usually in the axes of structure from motion, with y down.
+            up: scene.up.unwrap_or(Vec3::NEG_Y),
+            center: (min + max) / 2.0,
+            radius: ((max - min).length() / 2.0).max(0.1),
+        }
+    }
+
+    /// The rotation that turns the scene upright.
+    pub fn world_from_scene(&self) -> Quat {
+        Quat::from_rotation_arc(self.up.normalize_or(Vec3::Y), Vec3::Y)
+    }
+
+    /// The place of this camera from which it sees the scene whole.
+    pub fn orbit(&self, camera: &Camera) -> Orbit {
+        // A camera that has not drawn yet has no size.
+        let size = camera.logical_viewport_size().unwrap_or(Vec2::ONE);
+        Orbit::frame(self.world_from_scene() * self.center, self.radius, size.x / size.y.max(1.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_is_framed_upright_in_the_middle() {
+        let means = vec![Vec3::ZERO, Vec3::new(2.0, 4.0, 4.0)];
+        let framing = Framing::of(&Scene { means, ..Scene::default() });
+        // Half of the diagonal, which is 6 long.
+        assert_eq!((framing.center, framing.radius), (Vec3::new(1.0, 2.0, 2.0), 3.0));
+        // Without an up axis, y is down.
+        let upright = framing.world_from_scene();
+        assert!((upright * Vec3::NEG_Y).distance(Vec3::Y) < 1e-6);
+        let orbit = framing.orbit(&Camera::default());
+        assert!(orbit.target().distance(upright * framing.center) < 1e-6);
+        assert!(orbit.distance() > framing.radius);
+    }
+
+    #[test]
+    fn any_up_direction_and_an_empty_scene_are_framed() {
+        let framing = Framing::of(&Scene { up: Some(Vec3::new(0.0, 0.0, 3.0)), ..Scene::default() });
+        assert_eq!(framing, Framing { up: Vec3::new(0.0, 0.0, 3.0), center: Vec3::ZERO, radius: 0.1 });
+        assert!((framing.world_from_scene() * Vec3::Z).distance(Vec3::Y) < 1e-6);
+        assert_eq!(Framing::default().world_from_scene(), Quat::IDENTITY);
+    }
+}
