@@ -6,8 +6,8 @@
 /// metadata names the encoder that it belongs to.
 pub const DECODER: &[u8] = include_bytes!("../default.decoder.safetensors");
 
-/// The default encoder, a `*.encoder.safetensors`. It maps RGB 0..1 to 256 channels at a quarter of the size, and
-/// was distilled from VGG-19's relu3_1.
+/// The default encoder, a `*.encoder.safetensors`. It maps RGB 0..1 to 256 channels at a quarter of the size,
+/// and was distilled from VGG-19's relu3_1.
 pub const ENCODER: &[u8] = include_bytes!("../distilled_relu3_1.encoder.safetensors");
 
 /// Name of the default encoder, its file's name without extension. Features, style statistics and decoders made

@@ -1,9 +1,10 @@
 //! Chains of convolutions, with their gradients: the engine of this project's own networks.
 //!
-//! A chain takes a picture of C channels to features. The default encoder, VGG-19 and the loss networks of baking
-//! are chains, read from safetensors files ([`Chain::from_bytes`], [`vgg`](crate::vgg)).
+//! A chain takes a picture of C channels to features. The default encoder, VGG-19 and the loss networks of
+//! baking are chains, read from safetensors files ([`Chain::from_bytes`], [`vgg`](crate::vgg)).
 //!
-//! Pictures are rows of pixels with channels last, `[h * w, C]`. A result is the same for any number of threads.
+//! Pictures are rows of pixels with channels last, `[h * w, C]`. A result is the same for any number of
+//! threads.
 
 mod convolution;
 mod file;
@@ -93,8 +94,8 @@ impl Chain {
     /// A chain over pictures of `channels`.
     ///
     /// # Errors
-    /// If a convolution takes another number of channels than it gets, or if an addition names a value that does
-    /// not come before it, or one of other channels.
+    /// If a convolution takes another number of channels than it gets, or if an addition names a value that
+    /// does not come before it, or one of other channels.
     pub fn new(channels: usize, operations: Vec<Operation>) -> Result<Self, ChainError> {
         let mut all = vec![channels];
         for (i, operation) in operations.iter().enumerate() {
@@ -225,8 +226,8 @@ impl Chain {
         }
     }
 
-    /// The gradient with respect to the picture `[h * w, C]`, from the gradients with respect to some values, one
-    /// entry for each value; none if there are none.
+    /// The gradient with respect to the picture `[h * w, C]`, from the gradients with respect to some values,
+    /// one entry for each value; none if there are none.
     pub fn backward(
         &self,
         sizes: &[Size],

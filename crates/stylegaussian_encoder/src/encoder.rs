@@ -24,8 +24,8 @@ pub const MIN_SIDE: u32 = 8;
 /// Width and height of the image on which a network is tried when it is opened.
 pub(crate) const PROBE_SIDE: usize = 64;
 
-/// Most numbers of a value of a chain for an image of [`PROBE_SIDE`]: 2^28, 1 GiB. VGG's largest has 2^18, its 64
-/// channels of 64x64 pixels.
+/// Most numbers of a value of a chain for an image of [`PROBE_SIDE`]: 2^28, 1 GiB. VGG's largest has 2^18, its
+/// 64 channels of 64x64 pixels.
 const MAX_NUMBERS: f64 = (1_u64 << 28) as f64;
 
 /// An image encoder. Shared by reference between threads, which may call [`Encoder::encode`] at the same time.
@@ -119,8 +119,8 @@ pub enum EncoderError {
 impl Encoder {
     /// Opens an encoder by its file's extension.
     ///
-    /// - `.safetensors`: a network that `stylegaussian distill` wrote, or VGG-19 weights in one of the layouts of
-    ///   [`vgg::Layout`].
+    /// - `.safetensors`: a network that `stylegaussian distill` wrote, or VGG-19 weights in one of the layouts
+    ///   of [`vgg::Layout`].
     /// - `.pth`, `.pt`: torchvision's VGG-19 state dict.
     /// - `.onnx`, with the feature `onnx`: a graph from RGB 0..1 `[1, 3, H, W]` to features `[1, D, h, w]`.
     ///
@@ -259,12 +259,12 @@ impl Encoder {
 
     /// Features of an image.
     ///
-    /// Several threads may encode at once. A chain spreads each call over the threads of rayon's pool that it is
-    /// called in, tract over rayon's global ones. ONNX Runtime uses all cores, and takes calls in turn.
+    /// Several threads may encode at once. A chain spreads each call over the threads of rayon's pool that it
+    /// is called in, tract over rayon's global ones. ONNX Runtime uses all cores, and takes calls in turn.
     ///
     /// # Errors
-    /// If the image is smaller than [`MIN_SIDE`] or than the network needs, if an ONNX graph takes another size,
-    /// or if the engine fails.
+    /// If the image is smaller than [`MIN_SIDE`] or than the network needs, if an ONNX graph takes another
+    /// size, or if the engine fails.
     pub fn encode(&self, image: &Image) -> Result<FeatureMap, EncoderError> {
         let (width, height) = (image.width, image.height);
         let n_pixels = width as usize * height as usize;

@@ -10,8 +10,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Networks of this project and VGG weights run as a [`chain`] of convolutions. With the feature `onnx`, ONNX files
-//! of others run by tract or ONNX Runtime. In browsers the feature does nothing.
+//! Networks of this project and VGG weights run as a [`chain`] of convolutions. With the feature `onnx`, ONNX
+//! files of others run by tract or ONNX Runtime. In browsers the feature does nothing.
 
 pub mod chain;
 pub mod encoder;

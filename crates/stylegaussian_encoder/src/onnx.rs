@@ -1,4 +1,5 @@
-//! ONNX graphs of others, with the feature `onnx`: `[1, C, H, W]` in, `[1, D, h, w]` out, from any number of threads.
+//! ONNX graphs of others, with the feature `onnx`: `[1, C, H, W]` in, `[1, D, h, w]` out, from any number of
+//! threads.
 //!
 //! The engine is tract, which is pure Rust and built in. If `ORT_DYLIB_PATH` names a shared library of ONNX
 //! Runtime (1.24 or later), that is used instead; see [`runtime`].

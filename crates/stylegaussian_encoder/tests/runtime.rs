@@ -1,5 +1,5 @@
-//! The choice of the engine of ONNX files, and that both give the same. The choice is made once per process, so the tests run
-//! this file's own binary again with another environment.
+//! The choice of the engine of ONNX files, and that both give the same. The choice is made once per process, so
+//! the tests run this file's own binary again with another environment.
 
 #![cfg(feature = "onnx")]
 

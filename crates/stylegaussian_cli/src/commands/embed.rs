@@ -86,8 +86,8 @@ pub struct EmbedArgs {
     #[arg(long, value_name = "FACTOR", num_args = 0..=1, require_equals = true, default_missing_value = "2",
         value_parser = split_factor)]
     split: Option<f64>,
-    /// The encoder: a file of `distill`, VGG-19 weights (safetensors, .pth) or an ONNX file. Default: the file in
-    /// STYLEGAUSSIAN_ENCODER, else the built-in encoder.
+    /// The encoder: a file of `distill`, VGG-19 weights (safetensors, .pth) or an ONNX file. Default: the file
+    /// in STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
     /// Where to compute. Embedding has no GPU backend: `gpu` is an error.

@@ -92,8 +92,8 @@ pub struct EvalArgs {
     /// Write a contact sheet (PNG): a row for each painting, the unstyled scene first.
     #[arg(long, value_name = "FILE")]
     sheet: Option<PathBuf>,
-    /// The encoder that the scene was embedded with: a file of `distill`, VGG-19 weights or an ONNX file. Default: the file in
-    /// STYLEGAUSSIAN_ENCODER, else the built-in encoder.
+    /// The encoder that the scene was embedded with: a file of `distill`, VGG-19 weights or an ONNX file.
+    /// Default: the file in STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
     /// VGG-19 weights (safetensors) for the errors, if the encoder is not VGG-19.

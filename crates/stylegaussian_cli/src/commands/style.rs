@@ -24,8 +24,8 @@ pub struct StyleArgs {
     /// The file to write: *.style.safetensors.
     #[arg(short, long, value_name = "OUT.style.safetensors")]
     output: PathBuf,
-    /// The encoder: a file of `distill`, VGG-19 weights (safetensors, .pth) or an ONNX file. Default: the file in
-    /// STYLEGAUSSIAN_ENCODER, else the built-in encoder.
+    /// The encoder: a file of `distill`, VGG-19 weights (safetensors, .pth) or an ONNX file. Default: the file
+    /// in STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
     /// Resize the image to 256x256 without keeping its proportions, as the paper's code does.

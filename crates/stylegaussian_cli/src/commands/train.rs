@@ -198,8 +198,8 @@ pub struct TrainArgs {
     /// Resume from OUT.checkpoint.safetensors.
     #[arg(long)]
     resume: bool,
-    /// The encoder that the scenes were embedded with: a file of `distill`, VGG-19 weights or an ONNX file. Default: the file in
-    /// STYLEGAUSSIAN_ENCODER, else the built-in encoder.
+    /// The encoder that the scenes were embedded with: a file of `distill`, VGG-19 weights or an ONNX file.
+    /// Default: the file in STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
     /// VGG-19 weights (safetensors) for the loss, if the encoder is not VGG-19.

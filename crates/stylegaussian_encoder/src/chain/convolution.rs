@@ -165,8 +165,8 @@ impl Convolution {
     /// A convolution of stride 1 without ReLU.
     ///
     /// # Errors
-    /// A description of the kernel if it is not square, if its numbers do not fit its shape or are not finite, or
-    /// if it or its border is larger than 32 pixels.
+    /// A description of the kernel if it is not square, if its numbers do not fit its shape or are not finite,
+    /// or if it or its border is larger than 32 pixels.
     pub fn new(kernel: &Kernel, padding: Padding) -> Result<Self, String> {
         Self::strided(kernel, padding, 1)
     }
@@ -259,7 +259,8 @@ impl Convolution {
         Kernel { shape: [d_out, d_in, side, side], weight, bias: self.bias.clone() }
     }
 
-    /// The size of the result for a picture of `size`; 0 if the picture with its border is smaller than the kernel.
+    /// The size of the result for a picture of `size`; 0 if the picture with its border is smaller than the
+    /// kernel.
     pub(super) fn size_after(&self, size: Size) -> Size {
         let [before, after] = self.padding.pixels();
         let places =

@@ -4,9 +4,10 @@
 //! | --- | --- |
 //! | tensor `{i}.weight` | f32 `[D_out, D_in, side, side]`, of operation i if it is a convolution |
 //! | tensor `{i}.bias` | f32 `[D_out]` |
-//! | metadata `network` | JSON: `version` (1), `channels` of the input, `operations`; optionally `encoder` and `notes` |
+//! | metadata `network` | JSON: `version` (1), `channels` of the input, `operations`, `encoder`, `notes` |
 //!
-//! `encoder` is the identity `name@hash` under which features of the network are known, `notes` are texts for people.
+//! Optional are `encoder`, the identity `name@hash` under which features of the network are known, and `notes`,
+//! texts for people.
 
 use std::collections::{BTreeMap, HashMap};
 

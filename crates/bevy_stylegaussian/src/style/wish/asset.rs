@@ -64,9 +64,9 @@ impl FromFile for GaussianDecoder {
     }
 }
 
-/// An encoder of style images, for the decoder: an `.encoder.safetensors` that `stylegaussian distill` wrote, or
-/// with the feature `onnx` an `.onnx` file from RGB 0..1 `[1, 3, H, W]` to features `[1, D, h, w]`. Use it with
-/// [`StyleEncoder`](crate::StyleEncoder).
+/// An encoder of style images, for the decoder: an `.encoder.safetensors` that `stylegaussian distill` wrote,
+/// or with the feature `onnx` an `.onnx` file from RGB 0..1 `[1, 3, H, W]` to features `[1, D, h, w]`. Use it
+/// with [`StyleEncoder`](crate::StyleEncoder).
 #[derive(Asset, Clone, Reflect)]
 #[reflect(opaque)]
 #[reflect(Clone)]

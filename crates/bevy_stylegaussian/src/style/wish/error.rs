@@ -34,8 +34,8 @@ pub enum StyleError {
     /// bundled one.
     #[error(
         "a decoded style image needs an encoder, and the plugin was built without the bundled one: enable the \
-         feature `bundled_models`, or set the resource StyleEncoder to an `.encoder.safetensors` asset; StyleSource::preset \
-         needs no encoder (`stylegaussian style IMAGE` makes presets)"
+         feature `bundled_models`, or set the resource StyleEncoder to an `.encoder.safetensors` asset; \
+         StyleSource::preset needs no encoder (`stylegaussian style IMAGE` makes presets)"
     )]
     NoEncoder,
     /// The encoder cannot be opened or used.
