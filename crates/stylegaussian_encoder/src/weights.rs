@@ -6,7 +6,7 @@ use std::{
 };
 
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
-use stylegaussian::file::{
+use stylegaussian_files::{
     FileError,
     pytorch::{StateDict, read_state_dict},
 };

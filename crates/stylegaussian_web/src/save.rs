@@ -9,7 +9,8 @@ use bevy::{
 };
 use bevy_stylegaussian::{
     AppliedStyle, GaussianScene, GaussianSplats,
-    stylegaussian::{Scene, file::scene_to_bytes, fold::StylizeError, morton, paint::Painted},
+    stylegaussian::{Scene, fold::StylizeError, morton, paint::Painted},
+    stylegaussian_files::scene_to_bytes,
 };
 use js_sys::{Array, Uint8Array};
 use wasm_bindgen::{JsValue, prelude::wasm_bindgen};

@@ -7,8 +7,9 @@ use std::{
 };
 
 use bevy::prelude::*;
-use stylegaussian::{ChannelStatistics, Decoder, Look, file, paint::Paint};
+use stylegaussian::{ChannelStatistics, Decoder, Look, paint::Paint};
 use stylegaussian_encoder::{Encoder, EncoderError};
+use stylegaussian_files::{decoder_from_bytes, look_from_bytes, paint_from_bytes, style_from_bytes};
 
 use crate::loader::FromFile;
 
@@ -29,8 +30,8 @@ impl FromFile for StyleStatistics {
     const EXTENSIONS: &[&str] = &["style.safetensors"];
 
     fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
-        let statistics = Arc::new(file::style_from_bytes(&bytes, path)?);
-        Ok(Self { statistics, paint: file::paint_from_bytes(&bytes, path)?.map(Arc::new) })
+        let statistics = Arc::new(style_from_bytes(&bytes, path)?);
+        Ok(Self { statistics, paint: paint_from_bytes(&bytes, path)?.map(Arc::new) })
     }
 }
 
@@ -46,7 +47,7 @@ impl FromFile for StyleLook {
     const EXTENSIONS: &[&str] = &["look.safetensors"];
 
     fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
-        Ok(Self(Arc::new(file::look_from_bytes(&bytes, path)?)))
+        Ok(Self(Arc::new(look_from_bytes(&bytes, path)?)))
     }
 }
 
@@ -61,7 +62,7 @@ impl FromFile for GaussianDecoder {
     const EXTENSIONS: &[&str] = &["decoder.safetensors"];
 
     fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
-        Ok(Self(Arc::new(file::decoder_from_bytes(&bytes, path)?)))
+        Ok(Self(Arc::new(decoder_from_bytes(&bytes, path)?)))
     }
 }
 
