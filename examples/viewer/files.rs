@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf, absolute};
 
 use bevy::{prelude::*, window::FileDragAndDrop};
-use bevy_stylegaussian::{StyleMask, stylegaussian::file::readable_extensions};
+use bevy_stylegaussian::{StyleMask, stylegaussian_files::readable_extensions};
 
 use crate::{panel::Notice, scene::ShownScene, styles::Styles};
 

@@ -22,7 +22,7 @@ use bevy::{asset::UnapprovedPathMode, diagnostic::FrameTimeDiagnosticsPlugin, pr
 use bevy_egui::{
     EguiGlobalSettings, EguiPlugin, EguiPrimaryContextPass, input::egui_wants_any_keyboard_input,
 };
-use bevy_stylegaussian::{StyleGaussianPlugin, stylegaussian::file::readable_extensions};
+use bevy_stylegaussian::{StyleGaussianPlugin, stylegaussian_files::readable_extensions};
 use stylegaussian_app::{Arrivals, place_camera, set_transition};
 
 #[path = "../backdrop/mod.rs"]

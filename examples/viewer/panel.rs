@@ -11,7 +11,7 @@ use bevy::{
 use bevy_egui::{EguiContexts, EguiTextureHandle, egui};
 use bevy_stylegaussian::{
     GaussianSceneFailed, GaussianSplats, StyleApplied, StyleBackend, StyleFailed, StyleMask, StyleProgress,
-    StyleRefined, stylegaussian::file::writable_extensions,
+    StyleRefined, stylegaussian_files::writable_extensions,
 };
 use egui::{
     Color32, ComboBox, Grid, LayerId, ProgressBar, RichText, ScrollArea, Slider, TextEdit, Ui, UiBuilder,

@@ -9,7 +9,7 @@ use bevy::{
 };
 use bevy_stylegaussian::{
     AppliedStyle, GaussianScene, GaussianSplats, StyleMask,
-    stylegaussian::file::{write_mask, write_scene},
+    stylegaussian_files::{write_mask, write_scene},
 };
 use stylegaussian_app::save_shown;
 

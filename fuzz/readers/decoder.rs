@@ -1,6 +1,7 @@
 //! Decoders, `*.decoder.safetensors`.
 
-use stylegaussian::{Decoder, file::decoder_from_bytes};
+use stylegaussian::Decoder;
+use stylegaussian_files::decoder_from_bytes;
 
 /// Reads the decoder. One that is accepted has layers that follow one another.
 pub fn read(data: &[u8]) {

@@ -1,6 +1,6 @@
 //! Looks, `*.look.safetensors`.
 
-use stylegaussian::file::look_from_bytes;
+use stylegaussian_files::look_from_bytes;
 
 /// Reads the look. An accepted one has a color for each Gaussian of the scene that it names.
 pub fn read(data: &[u8]) {

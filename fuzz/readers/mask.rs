@@ -1,6 +1,6 @@
 //! Masks, `*.mask.safetensors`.
 
-use stylegaussian::file::mask_from_bytes;
+use stylegaussian_files::mask_from_bytes;
 
 /// Reads the mask. An accepted one has weights for each Gaussian of the scene that it names.
 pub fn read(data: &[u8]) {

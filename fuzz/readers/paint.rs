@@ -1,6 +1,6 @@
 //! The paint in styles, `*.style.safetensors`.
 
-use stylegaussian::file::paint_from_bytes;
+use stylegaussian_files::paint_from_bytes;
 
 /// Reads the paint. An accepted one has 3 bytes for each pixel.
 pub fn read(data: &[u8]) {

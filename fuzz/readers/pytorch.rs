@@ -1,6 +1,6 @@
 //! State dicts of PyTorch, in both containers.
 
-use stylegaussian::file::pytorch::state_dict_from_bytes;
+use stylegaussian_files::pytorch::state_dict_from_bytes;
 
 /// Reads the file and its first tensors.
 pub fn read(data: &[u8]) {

@@ -1,6 +1,6 @@
 //! Scenes of every format. The first byte chooses the extension, since some formats have no other mark.
 
-use stylegaussian::file::scene_from_bytes;
+use stylegaussian_files::scene_from_bytes;
 
 /// Extensions of scenes, those of formats to come included.
 const EXTENSIONS: [&str; 10] = ["ply", "sgs", "pth", "spz", "sog", "splat", "ksplat", "glb", "gltf", "json"];

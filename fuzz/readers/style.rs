@@ -1,6 +1,6 @@
 //! Style statistics, `*.style.safetensors`.
 
-use stylegaussian::file::style_from_bytes;
+use stylegaussian_files::style_from_bytes;
 
 /// Reads the statistics. Accepted ones have a deviation for each mean.
 pub fn read(data: &[u8]) {

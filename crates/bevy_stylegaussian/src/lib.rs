@@ -86,6 +86,9 @@ pub use work::StyleThreads;
 pub use stylegaussian;
 /// The encoder crate: the type inside of [`ImageEncoder`], [`stylegaussian_encoder::Encoder`].
 pub use stylegaussian_encoder;
+/// The crate of files: readers and writers of scenes and of everything else that loads, such as
+/// [`stylegaussian_files::write_scene`].
+pub use stylegaussian_files;
 /// The limits that a GPU must have: [`NEEDS`](gpu_needs::NEEDS). On a GPU without them, the app goes on and no
 /// splats are drawn: each of their entities gets a [`GaussianSceneFailed`], and the log has one error.
 pub use stylegaussian_gpu::needs as gpu_needs;

@@ -24,6 +24,6 @@ fn main() -> ExitCode {
 
 fn write(path: &std::path::Path) -> Result<usize> {
     let scene = demo_world::build();
-    stylegaussian::file::write_scene(path, &scene).context("the demo scene was not written")?;
+    stylegaussian_files::write_scene(path, &scene).context("the demo scene was not written")?;
     Ok(scene.len())
 }

@@ -72,9 +72,9 @@ impl Axes {
     }
 }
 
-/// The factor of each spherical harmonic under the mirrors: every basis function is odd or even in each
-/// coordinate.
-pub(crate) fn sh_signs(axes: Axes) -> [f32; 16] {
+/// The factor of each spherical harmonic under the mirrors, 1 or -1 `[16]`: every basis function is odd or even
+/// in each coordinate.
+pub fn sh_signs(axes: Axes) -> [f32; 16] {
     /// The coordinates in which the functions are odd, read off [`crate::sh::basis`].
     const ODD: [&str; 16] =
         ["", "y", "z", "x", "xy", "yz", "", "xz", "", "y", "xyz", "y", "z", "x", "z", "x"];

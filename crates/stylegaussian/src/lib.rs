@@ -1,25 +1,25 @@
 //! The model of StyleGaussian without an engine: scene, statistics and fold, decoder, neighbors, splatting,
-//! files.
+//! paint.
 //!
 //! A [`Scene`] holds Gaussians and, once embedded, latent [`Features`]. [`fold::transfer`] turns the statistics
 //! of styles into a map of features, and [`fold::stylize`] decodes the mapped features to one color per
 //! Gaussian:
 //!
-//! ```no_run
-//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! use stylegaussian::{file, fold};
-//!
-//! let mut scene = file::read_scene("scene.sgs".as_ref())?.scene;
-//! let style = file::read_style("painting.style.safetensors".as_ref())?;
-//! let decoder = file::read_decoder("a.decoder.safetensors".as_ref())?;
-//! let features = scene.features.as_ref().ok_or("the scene was never embedded")?;
-//! let map = fold::transfer(features, &[(&style, 1.0)], 0.0)?;
-//! let colors = fold::stylize(&scene, &decoder, &map)?;
-//! scene.set_colors(&colors);
-//! file::write_scene("styled.ply".as_ref(), &scene)?;
-//! # Ok(())
-//! # }
 //! ```
+//! use std::error::Error;
+//!
+//! use stylegaussian::{ChannelStatistics, Decoder, Scene, fold};
+//!
+//! fn recolor(scene: &mut Scene, style: &ChannelStatistics, decoder: &Decoder) -> Result<(), Box<dyn Error>> {
+//!     let features = scene.features.as_ref().ok_or("the scene was never embedded")?;
+//!     let map = fold::transfer(features, &[(style, 1.0)], 0.0)?;
+//!     let colors = fold::stylize(scene, decoder, &map)?;
+//!     scene.set_colors(&colors);
+//!     Ok(())
+//! }
+//! ```
+//!
+//! No file is read or written here: the crate `stylegaussian_files` does both.
 
 pub mod axes;
 mod bulk;
@@ -27,7 +27,6 @@ pub mod camera;
 pub mod collision;
 pub mod decoder;
 pub mod encoder_id;
-pub mod file;
 pub mod fold;
 pub mod layers;
 pub mod look;

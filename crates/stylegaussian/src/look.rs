@@ -13,9 +13,9 @@ use crate::{fold::StylizeError, random::hash, scene::Scene, strokes::Strokes};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Look {
     /// Display-referred RGB `[N]`, not clamped, in the order of the scene's source.
-    pub(crate) colors: Vec<[f32; 3]>,
+    pub colors: Vec<[f32; 3]>,
     /// Strokes that are drawn over the colors, their words `[N]` in the same order; `None` if there are none.
-    pub(crate) strokes: Option<Strokes>,
+    pub strokes: Option<Strokes>,
     /// The scene that the colors belong to.
     pub scene: SceneFingerprint,
     /// Paintings and settings that gave the colors.

@@ -197,7 +197,10 @@ impl Scene {
 
     /// The Gaussians in the order of the source `[N]`. Parts of one source Gaussian keep their order in the
     /// scene, which is the same in every file, because files are in Morton order.
-    pub(crate) fn by_source(&self) -> Vec<u32> {
+    ///
+    /// # Panics
+    /// If `order` has fewer than N entries.
+    pub fn by_source(&self) -> Vec<u32> {
         let mut indices: Vec<u32> = (0..self.len() as u32).collect();
         indices.sort_by_key(|&i| self.order[i as usize]);
         indices

@@ -3,7 +3,7 @@
 use std::{collections::HashMap, fs, path::Path};
 
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
-use stylegaussian::file::write_atomically;
+use stylegaussian_files::write_atomically;
 
 use crate::error::BakeError;
 

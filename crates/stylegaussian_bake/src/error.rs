@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use stylegaussian::{file::FileError, work::Canceled};
+use stylegaussian::work::Canceled;
 use stylegaussian_encoder::weights::WeightsError;
+use stylegaussian_files::FileError;
 
 /// A scene, a painting or a network that cannot be baked with, or a checkpoint that does not fit.
 #[derive(Debug, thiserror::Error)]

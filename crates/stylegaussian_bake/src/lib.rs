@@ -18,7 +18,7 @@
 //! use stylegaussian_bake::{BakeConfig, Baker, LossNetwork};
 //! use stylegaussian_encoder::Image;
 //!
-//! let scene = stylegaussian::file::read_scene("scene.sgs".as_ref())?.scene;
+//! let scene = stylegaussian_files::read_scene("scene.sgs".as_ref())?.scene;
 //! let painting = Image::open("irises.jpg".as_ref())?;
 //! let network = LossNetwork::vgg("vgg19.safetensors".as_ref())?;
 //! let (config, work) = (BakeConfig::default(), Work::default());

@@ -13,10 +13,8 @@ use flate2::bufread::GzDecoder;
 use image_webp::WebPDecoder;
 use rayon::prelude::*;
 use ruzstd::decoding::FrameDecoder;
-use stylegaussian::{
-    Scene,
-    file::{ReadOptions, Reading, SceneReader},
-};
+use stylegaussian::Scene;
+use stylegaussian_files::{ReadOptions, Reading, SceneReader};
 
 use crate::{
     measure::{Samples, wall_ms},

@@ -6,9 +6,10 @@ use std::{
 };
 
 use anyhow::{Context, Result, ensure};
-use stylegaussian::{Camera, Decoder, EncoderId, Scene, file};
+use stylegaussian::{Camera, Decoder, EncoderId, Scene};
 use stylegaussian_defaults::{DECODER, ENCODER, ENCODER_NAME};
 use stylegaussian_encoder::Encoder;
+use stylegaussian_files::{decoder_from_bytes, read_decoder};
 
 use crate::terminal::warn;
 
@@ -97,9 +98,9 @@ pub struct NamedDecoder {
 /// If the file cannot be read.
 pub fn decoder(path: Option<&Path>, scene: &Scene) -> Result<NamedDecoder> {
     let (decoder, name) = match (path, &scene.decoder) {
-        (Some(path), _) => (file::read_decoder(path)?, path.display().to_string()),
+        (Some(path), _) => (read_decoder(path)?, path.display().to_string()),
         (None, Some(decoder)) => (decoder.clone(), "scene".into()),
-        (None, None) => (file::decoder_from_bytes(DECODER, "the default decoder")?, "default".into()),
+        (None, None) => (decoder_from_bytes(DECODER, "the default decoder")?, "default".into()),
     };
     Ok(NamedDecoder { decoder, name })
 }

@@ -14,7 +14,7 @@ mod train;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
-use stylegaussian::file::{readable_extensions, writable_extensions};
+use stylegaussian_files::{readable_extensions, writable_extensions};
 
 use crate::terminal::Interrupt;
 

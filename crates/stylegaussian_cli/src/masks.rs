@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, anyhow};
 use clap::{ArgGroup, Args};
 use stylegaussian::{
-    Mask, Scene, file,
+    Mask, Scene,
     layers::{Layer, Region, mix_layers},
     mask::{MaskUse, Visibility},
     strokes::{StrokeLayer, Strokes, mix_strokes},
 };
+use stylegaussian_files::read_mask;
 
 /// Options of masks.
 #[derive(Args, Debug)]
@@ -54,7 +55,7 @@ impl MaskArgs {
                 || anyhow!("{}: found no mask in the scene, expected --mask FILE", scene_path.display());
             return own.ok_or_else(missing).map(Some);
         };
-        let mask = file::read_mask(path)?.mask_for(scene);
+        let mask = read_mask(path)?.mask_for(scene);
         mask.map(Some).with_context(|| format!("{} for {}", path.display(), scene_path.display()))
     }
 

@@ -6,7 +6,7 @@ use std::{
 };
 
 use anyhow::{Result, bail};
-use stylegaussian::file::expect_writable;
+use stylegaussian_files::expect_writable;
 
 /// Checks that every file can be written. None is left behind.
 ///

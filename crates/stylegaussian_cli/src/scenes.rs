@@ -4,10 +4,8 @@ use std::path::Path;
 
 use anyhow::Result;
 use clap::Args;
-use stylegaussian::{
-    Axes,
-    file::{self, Loaded, ReadOptions, WriteOptions, writable_extensions},
-};
+use stylegaussian::Axes;
+use stylegaussian_files::{Loaded, ReadOptions, WriteOptions, read_scene_with, writable_extensions};
 
 use crate::terminal::{usage_error, warn};
 
@@ -32,7 +30,7 @@ impl ReadArgs {
     /// If the file cannot be read or is no scene.
     pub fn read(self, path: &Path) -> Result<Loaded> {
         let Self { axes, budget } = self;
-        let loaded = file::read_scene_with(path, ReadOptions { axes, budget })?;
+        let loaded = read_scene_with(path, ReadOptions { axes, budget })?;
         warn(&loaded.warnings);
         Ok(loaded)
     }

@@ -10,7 +10,7 @@ use anyhow::{Context, Result, ensure};
 use clap::{ArgGroup, Args};
 use serde::Serialize;
 use stylegaussian::{
-    ChannelStatistics, Decoder, Scene, file,
+    ChannelStatistics, Decoder, Scene,
     fold::{ChannelMap, StylizeError},
     look::{MadeFrom, Painting},
     paint::{Canvas, Paint, Painted, Surface},
@@ -18,6 +18,7 @@ use stylegaussian::{
     work::Work,
 };
 use stylegaussian_encoder::{Encoder, Image, StyleSize, paint_of, painted_style, style_statistics};
+use stylegaussian_files::{read_look, read_paint, read_style};
 
 use crate::{
     arguments::{Backend, WeightedPath, fraction},
@@ -171,7 +172,7 @@ impl StylizationArgs {
         // Read before the expensive steps.
         let read = |look: &WeightedPath| {
             let name = format!("{} for {}", look.path.display(), scene_path.display());
-            Ok((name, file::read_look(&look.path)?, look.weight))
+            Ok((name, read_look(&look.path)?, look.weight))
         };
         let looks = self.looks.iter().map(read).collect::<Result<Vec<_>>>()?;
         let prepared = match weight_of(&self.styles) > 0.0 {
@@ -268,7 +269,7 @@ impl StylizationArgs {
     /// Paint of each style, in order, or `None` if a style file carries none.
     fn read_paints(&self) -> Result<Option<Vec<Paint>>> {
         let paint = |style: &WeightedPath| match is_file(&style.path) {
-            true => Ok(file::read_paint(&style.path)?),
+            true => Ok(read_paint(&style.path)?),
             false => Ok(Some(paint_of(&Image::open_painting(&style.path)?))),
         };
         self.styles.iter().map(paint).collect()
@@ -286,7 +287,7 @@ impl StylizationArgs {
                 let statistics = style_statistics(encoder, &image, StyleSize::default());
                 statistics.with_context(|| path.display().to_string())
             }
-            _ => Ok(file::read_style(path)?),
+            _ => Ok(read_style(path)?),
         };
         self.styles.iter().map(of_style).collect()
     }

@@ -14,7 +14,7 @@ use anyhow::{Context, Result};
 use clap::error::ErrorKind;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Serialize, Serializer};
-use stylegaussian::file::abandon_partial_files;
+use stylegaussian_files::abandon_partial_files;
 use stylegaussian_train::{Progress, Stage};
 
 /// Exit code that shells report for a program ended by Ctrl-C.

@@ -15,13 +15,13 @@ use std::{
 };
 
 use embedded::board;
-use stylegaussian::file;
+use stylegaussian_files::{read_look, write_scene};
 use support::{Bench, Run, stylegaussian};
 
 /// A bench with the scene `a.sgs` and the painting `p.png`.
 fn bench() -> Bench {
     let bench = Bench::new();
-    file::write_scene(bench.path("a.sgs").as_ref(), &board()).unwrap();
+    write_scene(bench.path("a.sgs").as_ref(), &board()).unwrap();
     let waves = |x: u32, y: u32| {
         let wave = |step: f32| (127.0 + 120.0 * ((x * x / 40 + y) as f32 * step).sin()) as u8;
         image::Rgb([wave(0.3), wave(0.2), 60])
@@ -75,7 +75,7 @@ fn a_baked_look_is_written_described_and_shown() {
     // Without a step there is instant paint, and with strength 0 the recolored scene.
     bake(&bench, "s.look.safetensors", &["--steps", "0"]).expect_success();
     bake(&bench, "r.look.safetensors", &["--steps", "2", "--strength", "0"]).expect_success();
-    let has_strokes = |look: &str| file::read_look(bench.path(look).as_ref()).unwrap().has_strokes();
+    let has_strokes = |look: &str| read_look(bench.path(look).as_ref()).unwrap().has_strokes();
     assert!(has_strokes("s.look.safetensors") && !has_strokes("r.look.safetensors"));
     let [baked, start, recolored] =
         [look, bench.path("s.look.safetensors"), bench.path("r.look.safetensors")].map(|look| colors(&look));
@@ -144,7 +144,7 @@ fn a_painting_of_one_gray_paints_all_gray() {
     let bench = bench();
     image::RgbImage::from_pixel(64, 64, image::Rgb([128; 3])).save(bench.path("p.png")).unwrap();
     bake(&bench, "a.look.safetensors", &["--steps", "4"]).expect_success();
-    let look = file::read_look(bench.path("a.look.safetensors").as_ref()).unwrap();
+    let look = read_look(bench.path("a.look.safetensors").as_ref()).unwrap();
     let colors = look.colors_for(&board()).unwrap();
     let farthest =
         colors.as_flattened().iter().map(|value| (value - 128.0 / 255.0).abs()).fold(0.0, f32::max);
@@ -156,9 +156,9 @@ fn a_scene_of_one_gaussian_is_baked_and_an_empty_one_is_refused() {
     let bench = bench();
     let mut one = board().subset(&[300]);
     (one.features, one.neighbors) = (None, None);
-    file::write_scene(bench.path("a.sgs").as_ref(), &one).unwrap();
+    write_scene(bench.path("a.sgs").as_ref(), &one).unwrap();
     bake(&bench, "a.look.safetensors", &["--steps", "2"]).expect_success();
-    let look = file::read_look(bench.path("a.look.safetensors").as_ref()).unwrap();
+    let look = read_look(bench.path("a.look.safetensors").as_ref()).unwrap();
     assert!(look.colors_for(&one).unwrap()[0].iter().all(|value| value.is_finite()));
 
     let ply = fs::read(bench.plain_scene("a.ply")).unwrap();

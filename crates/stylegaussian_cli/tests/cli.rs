@@ -4,10 +4,8 @@ mod support;
 
 use std::fs;
 
-use stylegaussian::{
-    file::{self, Precision},
-    paint::Paint,
-};
+use stylegaussian::paint::Paint;
+use stylegaussian_files::{Precision, read_style, write_decoder, write_painted_style};
 use support::{Bench, Run, data, stylegaussian};
 
 #[test]
@@ -139,7 +137,7 @@ fn info_describes_styles_and_decoders() {
     let bench = Bench::new();
     let (bare, painted) = (bench.style("bare.style.safetensors"), bench.path("s.style.safetensors"));
     let paint = Paint { width: 3, height: 2, pixels: vec![7; 18] };
-    file::write_painted_style(painted.as_ref(), &file::read_style(bare.as_ref()).unwrap(), &paint).unwrap();
+    write_painted_style(painted.as_ref(), &read_style(bare.as_ref()).unwrap(), &paint).unwrap();
     let text = stylegaussian(&["info", &bare]).expect_success().stdout;
     for part in ["6 channels", "encoder test@00", "none: it is decoded"] {
         assert!(text.contains(part), "{part}: {text}");
@@ -149,7 +147,7 @@ fn info_describes_styles_and_decoders() {
     bench.embedded_scene("a.sgs");
     let decoder = bench.path("d.decoder.safetensors");
     let of_scene = bench.scene("a.sgs").decoder.unwrap();
-    file::write_decoder(decoder.as_ref(), &of_scene, Precision::F32).unwrap();
+    write_decoder(decoder.as_ref(), &of_scene, Precision::F32).unwrap();
     let text = stylegaussian(&["info", &decoder]).expect_success().stdout;
     assert!(text.contains("6 > 5 > 3, K = 3"), "{text}");
     let json = stylegaussian(&["info", &decoder, "--json"]).expect_success().json();
@@ -276,7 +274,7 @@ fn an_image_is_read_by_the_default_encoder() {
         .unwrap();
     let style = bench.path("s.style.safetensors");
     stylegaussian(&["style", &painting, "-o", &style]).expect_success();
-    let statistics = stylegaussian::file::read_style(style.as_ref()).unwrap();
+    let statistics = stylegaussian_files::read_style(style.as_ref()).unwrap();
     assert_eq!(statistics.mean.len(), 256);
     assert_eq!(statistics.encoder.unwrap().name, stylegaussian_defaults::ENCODER_NAME);
     // The scene belongs to another encoder.

@@ -90,7 +90,7 @@ fn every_painting_and_reference_is_measured() {
     // Paint needs none.
     let mut plain = bench.scene("embedded.sgs");
     (plain.features, plain.neighbors) = (None, None);
-    stylegaussian::file::write_scene(bench.path("board.sgs").as_ref(), &plain).unwrap();
+    stylegaussian_files::write_scene(bench.path("board.sgs").as_ref(), &plain).unwrap();
     let plain = eval(&bench.path("board.sgs"), &["--json"]).expect_success().json();
     let [instant, plain] = [&found, &plain].map(|found| number(&found["stylized"]["style_error"]));
     assert!((instant - plain).abs() < 0.02 * instant, "{instant} {plain}");

@@ -81,7 +81,7 @@ fn bad_files(bench: &Bench, extension: &str) -> Vec<(&'static str, Vec<u8>)> {
 fn bad_files_of_every_format_are_refused_and_nothing_is_written() {
     let bench = Bench::new();
     let style = bench.style("s.style.safetensors");
-    for extension in stylegaussian::file::readable_extensions() {
+    for extension in stylegaussian_files::readable_extensions() {
         for (what, bytes) in bad_files(&bench, extension) {
             let name = format!("{what}.{extension}");
             let path = bench.path(&name);
@@ -174,7 +174,7 @@ fn a_styled_scene_is_written_in_every_format() {
     };
     stylize("exact.ply");
     let exact = bench.scene("exact.ply");
-    for extension in stylegaussian::file::writable_extensions() {
+    for extension in stylegaussian_files::writable_extensions() {
         let name = format!("b.{extension}");
         stylize(&name);
         let written = bench.scene(&name);

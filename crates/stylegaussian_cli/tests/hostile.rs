@@ -6,7 +6,8 @@ mod support;
 use std::{fs, path::Path};
 
 use glam::Vec3;
-use stylegaussian::{Scene, file, scene::Sh};
+use stylegaussian::{Scene, scene::Sh};
+use stylegaussian_files::{read_style, write_scene, write_style};
 use support::{Bench, stylegaussian};
 
 /// A PNG file of one pixel whose palette has 4 bytes, over which the decoder panics.
@@ -43,7 +44,7 @@ fn two(mean: Vec3, scale: f32) -> Scene {
 
 fn write(bench: &Bench, name: &str, scene: &Scene) -> String {
     let path = bench.path(name);
-    file::write_scene(path.as_ref(), scene).unwrap();
+    write_scene(path.as_ref(), scene).unwrap();
     path
 }
 
@@ -167,10 +168,10 @@ fn styles_that_overflow_are_an_error() {
     let bench = Bench::new();
     let scene = bench.embedded_scene("a.sgs");
     let style = bench.style("s.style.safetensors");
-    let mut statistics = file::read_style(style.as_ref()).unwrap();
+    let mut statistics = read_style(style.as_ref()).unwrap();
     statistics.mean.fill(3e38);
     statistics.std_dev.fill(3e38);
-    file::write_style(style.as_ref(), &statistics).unwrap();
+    write_style(style.as_ref(), &statistics).unwrap();
     for out in ["o.safetensors", "o.ply", "o.look.safetensors"] {
         stylegaussian(&["stylize", &scene, "--style", &style, "--backend", "cpu", "-o", &bench.path(out)])
             .expect_error("colors that are not finite");

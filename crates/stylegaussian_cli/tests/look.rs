@@ -5,7 +5,8 @@ mod support;
 
 use std::fs;
 
-use stylegaussian::{Look, file, look::MadeFrom};
+use stylegaussian::{Look, look::MadeFrom};
+use stylegaussian_files::{write_look, write_scene};
 use support::{Bench, stylegaussian};
 
 /// Writes a look of the scene in `of`, each Gaussian in the color that `color` gives for its source index.
@@ -13,7 +14,7 @@ fn look(bench: &Bench, name: &str, of: &str, color: impl Fn(u32) -> [f32; 3]) ->
     let scene = bench.scene(of);
     let colors: Vec<_> = scene.order.iter().map(|&index| color(index)).collect();
     let path = bench.path(name);
-    file::write_look(path.as_ref(), &Look::new(&scene, &colors, MadeFrom::default())).unwrap();
+    write_look(path.as_ref(), &Look::new(&scene, &colors, MadeFrom::default())).unwrap();
     path
 }
 
@@ -115,7 +116,7 @@ fn looks_that_do_not_fit_are_refused() {
     let scene = bench.embedded_scene("a.sgs");
     let mut other = bench.scene("a.sgs");
     other.means[7].x += 0.5;
-    file::write_scene(bench.path("b.sgs").as_ref(), &other).unwrap();
+    write_scene(bench.path("b.sgs").as_ref(), &other).unwrap();
     let of_other = look(&bench, "b.look.safetensors", "b.sgs", |_| [0.5; 3]);
     let stylize =
         |look: &str| stylegaussian(&["stylize", &scene, "--look", look, "-o", &bench.path("out.ply")]);

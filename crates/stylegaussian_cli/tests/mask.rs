@@ -5,7 +5,8 @@ mod support;
 
 use std::fs;
 
-use stylegaussian::{Look, Mask, Scene, StoredMask, file, look::MadeFrom};
+use stylegaussian::{Look, Mask, Scene, StoredMask, look::MadeFrom};
+use stylegaussian_files::{read_mask, write_look, write_mask, write_scene};
 use support::{Bench, Run, stylegaussian};
 
 /// Writes a mask of the scene in `of`: the first half of its Gaussians in channel 1, none in channel 0, all in
@@ -18,7 +19,7 @@ fn mask(bench: &Bench, name: &str, of: &str) -> String {
     }
     mask.names[1] = "ink".into();
     let path = bench.path(name);
-    file::write_mask(path.as_ref(), &StoredMask::new(&scene, &mask)).unwrap();
+    write_mask(path.as_ref(), &StoredMask::new(&scene, &mask)).unwrap();
     path
 }
 
@@ -40,7 +41,7 @@ fn a_mask_limits_styles_and_hides() {
     let (scene, mask) = (bench.plain_scene("a.ply"), mask(&bench, "a.mask.safetensors", "a.ply"));
     let read = bench.scene("a.ply");
     let look = bench.path("a.look.safetensors");
-    file::write_look(look.as_ref(), &Look::new(&read, &[[1.0, 0.0, 0.5]; 40], MadeFrom::default())).unwrap();
+    write_look(look.as_ref(), &Look::new(&read, &[[1.0, 0.0, 0.5]; 40], MadeFrom::default())).unwrap();
     let with = |more: &[&str]| picture(&bench, &scene, &[&["--mask", &mask], more].concat());
     let captured = picture(&bench, &scene, &[]);
     let styled = picture(&bench, &scene, &["--look", &look]);
@@ -50,10 +51,10 @@ fn a_mask_limits_styles_and_hides() {
     let half = with(&["--look", &look, "--styled-in", "1"]);
     assert!(half != captured && half != styled);
     // The same mask in the scene's own file.
-    let stored = file::read_mask(mask.as_ref()).unwrap();
+    let stored = read_mask(mask.as_ref()).unwrap();
     let masked = Scene { mask: Some(stored.mask_for(&read).unwrap()), ..read };
     let sgs = bench.path("a.sgs");
-    file::write_scene(sgs.as_ref(), &masked).unwrap();
+    write_scene(sgs.as_ref(), &masked).unwrap();
     let sgs_half = picture(&bench, &sgs, &["--look", &look, "--styled-in", "1"]);
     assert_eq!(sgs_half, picture(&bench, &sgs, &["--mask", &mask, "--look", &look, "--styled-in", "1"]));
 
@@ -75,7 +76,7 @@ fn masks_are_described_and_refused() {
     assert_eq!((&json["channels"][0]["index"], &json["channels"][0]["n_painted"]), (&1.into(), &20.into()));
     // A mask of other Gaussians, none at all, and a mask without a use.
     let other = bench.path("b.ply");
-    file::write_scene(other.as_ref(), &bench.scene("a.ply").subset(&[0, 1, 2])).unwrap();
+    write_scene(other.as_ref(), &bench.scene("a.ply").subset(&[0, 1, 2])).unwrap();
     render(&bench, &other, &["--mask", &mask, "--hide", "1"])
         .expect_error("found a mask of another scene (40@");
     render(&bench, &scene, &["--hide", "1"]).expect_error("found no mask in the scene");

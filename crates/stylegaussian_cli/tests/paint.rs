@@ -8,13 +8,14 @@ mod support;
 mod embedded;
 
 use embedded::board;
-use stylegaussian::{Mask, StoredMask, file};
+use stylegaussian::{Mask, StoredMask};
+use stylegaussian_files::{write_mask, write_scene};
 use support::{Bench, Run, stylegaussian};
 
 /// A bench with the plain scene `a.ply` and the painting `p.png`, of dabs in two colors.
 fn bench() -> Bench {
     let bench = Bench::new();
-    file::write_scene(bench.path("a.ply").as_ref(), &board()).unwrap();
+    write_scene(bench.path("a.ply").as_ref(), &board()).unwrap();
     let dabs = |x: u32, y: u32| {
         let is_light = ((x + 2 * y) / 9).is_multiple_of(2);
         image::Rgb(if is_light { [230, 200, 80] } else { [30, 60, (90 + x / 2) as u8] })
@@ -132,7 +133,7 @@ fn strokes_stay_within_a_mask() {
         *weights = [if mean.x < 0.0 { 255 } else { 0 }, 0, 255, 0];
     }
     let path = bench.path("a.mask.safetensors");
-    file::write_mask(path.as_ref(), &StoredMask::new(&scene, &mask)).unwrap();
+    write_mask(path.as_ref(), &StoredMask::new(&scene, &mask)).unwrap();
     let with =
         |channel| picture(&bench, "a.ply", &["--style", &painting, "--mask", &path, "--styled-in", channel]);
     let (captured, painted) =

@@ -9,7 +9,8 @@ mod embedded;
 use std::{fs, path::Path};
 
 use embedded::{embedded, paintings};
-use stylegaussian::{Activation, file};
+use stylegaussian::Activation;
+use stylegaussian_files::read_decoder;
 use support::{Bench, Run, data, stylegaussian};
 
 fn losses(bench: &Bench) -> Vec<[f32; 2]> {
@@ -43,7 +44,7 @@ fn training_learns_resumes_and_reports() {
     for name in ["d.checkpoint.safetensors", "d.losses.png", "d.sheet.png"] {
         assert!(Path::new(&bench.path(name)).is_file(), "{name}");
     }
-    let decoder = file::read_decoder(out.as_ref()).unwrap();
+    let decoder = read_decoder(out.as_ref()).unwrap();
     assert!(decoder.base_color && decoder.n_noise == 0 && decoder.k == 8 && decoder.smoothing_passes == 1);
     assert_eq!(decoder.n_inputs(), 256 + 3);
 
@@ -89,7 +90,7 @@ fn the_kind_of_a_decoder_can_be_chosen() {
         }
         arguments.extend(more);
         stylegaussian(&arguments).expect_success();
-        file::read_decoder(out.as_ref()).unwrap()
+        read_decoder(out.as_ref()).unwrap()
     };
     let first = train("a.decoder.safetensors", &["--warm-iterations", "1", "--noise", "3"]);
     assert_eq!((first.smoothing_passes, first.n_noise, first.n_inputs()), (1, 3, 256 + 3 + 3));

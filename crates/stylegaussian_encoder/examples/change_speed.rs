@@ -10,21 +10,22 @@
 use std::{env, error::Error, hint::black_box, time::Instant};
 
 use stylegaussian::{
-    Neighbors, file, fold,
+    Neighbors, fold,
     paint::{Canvas, Surface},
     restyle::Recipe,
     work::Work,
 };
 use stylegaussian_defaults::{DECODER, ENCODER, ENCODER_NAME};
 use stylegaussian_encoder::{Encoder, Image, StyleSize, paint_of, style_statistics};
+use stylegaussian_files::{decoder_from_bytes, read_scene};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = env::args().skip(1);
     let scene = arguments.next().ok_or("usage: change_speed SCENE.sgs PAINTING...")?;
-    let mut scene = file::read_scene(scene.as_ref())?.scene;
+    let mut scene = read_scene(scene.as_ref())?.scene;
     let features = scene.features.clone().ok_or("the scene has no features: see `stylegaussian embed`")?;
     let encoder = Encoder::from_bytes(ENCODER_NAME, ENCODER.to_vec())?;
-    let decoder = file::decoder_from_bytes(DECODER, "the default decoder")?;
+    let decoder = decoder_from_bytes(DECODER, "the default decoder")?;
     // Once per scene.
     if scene.neighbors.is_none() {
         scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, decoder.k));

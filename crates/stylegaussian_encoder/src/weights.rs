@@ -6,7 +6,7 @@ use std::{
 };
 
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
-use stylegaussian::file::{
+use stylegaussian_files::{
     FileError,
     pytorch::{StateDict, state_dict_from_bytes},
 };

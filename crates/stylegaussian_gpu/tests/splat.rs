@@ -8,9 +8,10 @@ use std::path::Path;
 use glam::{Affine3A, Quat, UVec2, Vec2, Vec3};
 use pictures::{camera, check, draw, psnr, random_scene, randoms, rgba, scene};
 use stylegaussian::{
-    Camera, Scene, file,
+    Camera, Scene,
     splat::{Colors, render},
 };
+use stylegaussian_files::read_scene;
 use stylegaussian_gpu::{
     colors::GaussianColors,
     device::HeadlessDevice,
@@ -67,7 +68,7 @@ fn large_pictures_are_drawn_to_their_last_row() {
 fn the_demo_scene_matches() {
     let Some(gpu) = gpu() else { return };
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/demo.sgs");
-    let demo = file::read_scene(&path).unwrap().scene;
+    let demo = read_scene(&path).unwrap().scene;
     let indices: Vec<u32> = (0..demo.len() as u32).step_by(8).collect();
     let scene = demo.subset(&indices);
     let (low, high) = scene.bounds().unwrap();

@@ -3,7 +3,8 @@
 mod random;
 
 use random::Random;
-use stylegaussian::{Activation, Decoder, Neighbors, Scene, file, fold};
+use stylegaussian::{Activation, Decoder, Neighbors, Scene, fold};
+use stylegaussian_files::{read_decoder, read_scene};
 use stylegaussian_gpu::{
     buffers::TooLarge,
     colors::GaussianColors,
@@ -129,8 +130,8 @@ fn gpu_matches_cpu_on_the_demo_scene() {
     let Some(gpu) = device() else { return };
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
     let path = format!("{root}/crates/stylegaussian_defaults/default.decoder.safetensors");
-    let decoder = file::read_decoder(path.as_ref()).unwrap();
-    let whole = file::read_scene(format!("{root}/assets/demo.sgs").as_ref()).unwrap().scene;
+    let decoder = read_decoder(path.as_ref()).unwrap();
+    let whole = read_scene(format!("{root}/assets/demo.sgs").as_ref()).unwrap().scene;
     // Every 37th Gaussian, so that all parts of the scene contribute and colors differ as they do in a picture.
     let some: Vec<u32> = (0..whole.len() as u32).step_by(37).collect();
     let scene = whole.subset(&some);

@@ -9,8 +9,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use stylegaussian::{Scene, file};
+use stylegaussian::Scene;
 use stylegaussian_encoder::Encoder;
+use stylegaussian_files::read_scene;
 use stylegaussian_train::{
     Watch,
     cameras::read_cameras,
@@ -37,7 +38,7 @@ fn main() -> anyhow::Result<()> {
         eprintln!("SKIPPED: the shared test data is not at {}", data.display());
         return Ok(());
     }
-    let mut scene = file::read_scene(&data.join("splats/playbot_31k_sh2pad3.ply"))?.scene;
+    let mut scene = read_scene(&data.join("splats/playbot_31k_sh2pad3.ply"))?.scene;
     keep_base_color(&mut scene);
     let cameras = read_cameras(&data.join("reference/playbot_views.json"))?.cameras;
     let views: Vec<TrainingView> =

@@ -18,10 +18,10 @@ caused_by!(
     burn::tensor::TensorReadError,
     safetensors::SafeTensorError,
     stylegaussian::encoder_id::EncoderMismatch,
-    stylegaussian::file::FileError,
     stylegaussian::fold::StylizeError,
     stylegaussian_encoder::EncoderError,
     stylegaussian_encoder::ImageError,
     stylegaussian_encoder::chain::ChainError,
     stylegaussian_encoder::weights::WeightsError,
+    stylegaussian_files::FileError,
 );

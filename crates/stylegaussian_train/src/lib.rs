@@ -6,11 +6,9 @@
 //! use std::path::Path;
 //!
 //! use glam::UVec2;
-//! use stylegaussian::{
-//!     file::{self, Precision},
-//!     views::choose_views,
-//! };
+//! use stylegaussian::views::choose_views;
 //! use stylegaussian_encoder::Encoder;
+//! use stylegaussian_files::{Precision, read_scene, write_decoder};
 //! use stylegaussian_train::{
 //!     Watch,
 //!     decoder::{Paintings, TrainConfig, Trainer, TrainingScene},
@@ -22,7 +20,7 @@
 //! let vgg = Path::new("vgg19.safetensors");
 //! let encoder = Encoder::open(vgg)?;
 //!
-//! let mut scene = file::read_scene("garden.ply".as_ref())?.scene;
+//! let mut scene = read_scene("garden.ply".as_ref())?.scene;
 //! let cameras = choose_views(&scene, 24, UVec2::splat(256));
 //! let rendered = |(i, camera)| TrainingView::rendered(format!("view {i}"), camera, 256);
 //! let views: Vec<TrainingView> = cameras.iter().enumerate().map(rendered).collect();
@@ -36,7 +34,7 @@
 //!     let losses = trainer.step()?;
 //!     println!("{step}: content {:.3}, style {:.3}", losses.content, losses.style);
 //! }
-//! file::write_decoder("garden.decoder.safetensors".as_ref(), &trainer.decoder()?, Precision::F16)?;
+//! write_decoder("garden.decoder.safetensors".as_ref(), &trainer.decoder()?, Precision::F16)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

@@ -6,12 +6,12 @@ use glam::UVec2;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use stylegaussian::{
     Camera, Scene,
-    file::write_atomically,
     paint::Painted,
     splat::{Colors, RenderedImage, render, render_strokes},
     strokes::StrokeKnobs,
 };
 use stylegaussian_encoder::Image;
+use stylegaussian_files::write_atomically;
 
 use crate::error::{Context, TrainError};
 

@@ -10,7 +10,8 @@ use bevy::{
 };
 use bevy_stylegaussian::{
     GaussianScene, StyleInput, StyleLook, StyleStatistics,
-    stylegaussian::{Look, Scene, file, look::MadeFrom, morton, paint::Painted},
+    stylegaussian::{Look, Scene, look::MadeFrom, morton, paint::Painted},
+    stylegaussian_files::style_from_bytes,
 };
 use js_sys::Uint8Array;
 use wasm_bindgen::JsValue;
@@ -200,7 +201,7 @@ impl Painting {
             }
             Encoded::Coming(call) => {
                 let Some(bytes) = call.answer().transpose()? else { return Ok(()) };
-                let statistics = file::style_from_bytes(&bytes, name).map_err(|error| error.to_string())?;
+                let statistics = style_from_bytes(&bytes, name).map_err(|error| error.to_string())?;
                 let style = StyleStatistics { statistics: Arc::new(statistics), paint: None };
                 styles.insert(&self.style, style).map_err(|error| error.to_string())?;
                 self.encoded = Encoded::Yes(bytes);

@@ -7,7 +7,8 @@ use bevy::{
 };
 use bevy_stylegaussian::{
     AppliedStyle, GaussianScene, GaussianSplats,
-    stylegaussian::{Scene, file::scene_to_bytes, fold::StylizeError, morton, paint::Painted},
+    stylegaussian::{Scene, fold::StylizeError, morton, paint::Painted},
+    stylegaussian_files::scene_to_bytes,
 };
 use js_sys::{Array, Uint8Array};
 use stylegaussian_app::save_shown;

@@ -5,7 +5,7 @@ use bevy::{
     tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
 };
 use bevy_stylegaussian::{
-    GaussianScene, GaussianSplats, StyleSource, StyleTransition, stylegaussian::file::scene_to_bytes,
+    GaussianScene, GaussianSplats, StyleSource, StyleTransition, stylegaussian_files::scene_to_bytes,
 };
 use js_sys::Uint8Array;
 use stylegaussian_app::{Framing, Orbit, loaded_scene};

@@ -7,13 +7,16 @@ use bevy::math::UVec2;
 use bevy_stylegaussian::{
     stylegaussian::{
         Decoder, Neighbors, Scene,
-        file::{self, ReadOptions, Reading, SceneReader},
         paint::{Canvas, Painted, Surface},
         restyle::{Recipe, Styles},
         views::choose_views,
         work::Work,
     },
     stylegaussian_encoder::{Encoder, Image, StyleSize, paint_of, style_statistics},
+    stylegaussian_files::{
+        ReadOptions, Reading, SceneReader, decoder_from_bytes, scene_to_bytes, style_from_bytes,
+        style_to_bytes,
+    },
 };
 use js_sys::{Array, Function, Uint8Array};
 use stylegaussian_defaults::{DECODER, ENCODER, ENCODER_NAME};
@@ -55,7 +58,7 @@ pub fn work_read(name: &str, bytes: Vec<u8>, tell: Function) -> Result<Vec<u8>, 
     TELL.set(Some(tell));
     tell_progress("reading", None);
     let scene = read(bytes, name).map_err(|error| JsError::new(&error))?;
-    let bytes = file::scene_to_bytes(SCENE, &scene)?;
+    let bytes = scene_to_bytes(SCENE, &scene)?;
     hold(scene);
     Ok(bytes)
 }
@@ -102,7 +105,7 @@ pub fn work_decode(styles: Array, weights: &[f32], content: f32) -> Result<Vec<u
     let styles: Vec<Vec<u8>> = styles.iter().map(|bytes| Uint8Array::new(&bytes).to_vec()).collect();
     let styles: Vec<_> = styles.iter().map(Vec::as_slice).zip(weights.iter().copied()).collect();
     let scene = HELD.with_borrow(|held| decoded(&held.scene, &styles, content));
-    Ok(file::scene_to_bytes("scene.glb", &scene.map_err(|error| JsError::new(&error))?)?)
+    Ok(scene_to_bytes("scene.glb", &scene.map_err(|error| JsError::new(&error))?)?)
 }
 
 /// Returns the scene as a `.glb` in colors and the mean of the strokes over them, bytes of [`painted`] in the
@@ -123,13 +126,13 @@ fn saved(scene: &Scene, painted: &[u8]) -> Result<Vec<u8>, String> {
         let has_strokes = !painted.strokes.seeds.is_empty();
         saved.set_colors(&if has_strokes { painted.flattened(scene) } else { painted.colors });
     }
-    file::scene_to_bytes("scene.glb", &saved).map_err(|error| error.to_string())
+    scene_to_bytes("scene.glb", &saved).map_err(|error| error.to_string())
 }
 
 /// A scene in the decoded colors of a mix of styles: bytes of `.style.safetensors`, and their weights.
 fn decoded(scene: &Scene, styles: &[(&[u8], f32)], content: f32) -> Result<Scene, String> {
     let style = |(bytes, weight): &(&[u8], f32)| {
-        let style = file::style_from_bytes(bytes, "a style").map_err(|error| error.to_string())?;
+        let style = style_from_bytes(bytes, "a style").map_err(|error| error.to_string())?;
         Ok((style, f64::from(*weight)))
     };
     let styles = styles.iter().map(style).collect::<Result<Vec<_>, String>>()?;
@@ -138,7 +141,7 @@ fn decoded(scene: &Scene, styles: &[(&[u8], f32)], content: f32) -> Result<Scene
     let decoder = match &scene.decoder {
         Some(decoder) => decoder,
         None => {
-            let decoder = file::decoder_from_bytes(DECODER, "the default decoder");
+            let decoder = decoder_from_bytes(DECODER, "the default decoder");
             bundled = decoder.map_err(|error| error.to_string())?;
             &bundled
         }
@@ -197,7 +200,7 @@ impl Held {
         let image = painting(name, bytes)?;
         let statistics = style_statistics(self.open_encoder()?, &image, StyleSize::default());
         let statistics = statistics.map_err(|error| format!("{name}: {error}"))?;
-        file::style_to_bytes(name, &statistics).map_err(|error| error.to_string())
+        style_to_bytes(name, &statistics).map_err(|error| error.to_string())
     }
 
     /// The scene in the colors and strokes of an image.
@@ -229,7 +232,7 @@ impl Held {
         embed(&mut scene, &views, encoder, &EmbedOptions::default(), watch)
             .map_err(|error| error.to_string())?;
         scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, Decoder::K));
-        let bytes = file::scene_to_bytes(SCENE, &scene).map_err(|error| error.to_string())?;
+        let bytes = scene_to_bytes(SCENE, &scene).map_err(|error| error.to_string())?;
         (self.scene, self.surface) = (scene, None);
         Ok(bytes)
     }

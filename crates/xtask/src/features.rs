@@ -12,8 +12,9 @@ use anyhow::{Context, Result, ensure};
 use crate::steps::cargo;
 
 /// The crates that people build alone. The other members depend on these, or compile in seconds.
-const BUILT_ALONE: [&str; 7] = [
+const BUILT_ALONE: [&str; 8] = [
     "stylegaussian",
+    "stylegaussian_files",
     "stylegaussian_encoder",
     "stylegaussian_gpu",
     "bevy_stylegaussian",

@@ -42,7 +42,8 @@ pub fn run(arguments: &[String]) -> Result<()> {
 }
 
 fn run_all(steps: &mut Steps, targets: &[(&str, &str)], seconds: u32) -> Result<()> {
-    let mut seeds = cargo(["run", "--locked", "--package", "stylegaussian", "--example", "fuzz_seeds", "--"]);
+    let mut seeds =
+        cargo(["run", "--locked", "--package", "stylegaussian_files", "--example", "fuzz_seeds", "--"]);
     steps.run("seeds", seeds.arg(workspace_root()).arg(data_folder()))?;
     for (target, feature) in targets {
         // Of one codegen unit, which is the default, the graph engine takes 10 GB to build with sanitizers.

@@ -3,11 +3,12 @@
 use std::{error::Error, sync::Arc};
 
 use bevy::prelude::*;
-use stylegaussian::{StoredMask, file};
+use stylegaussian::StoredMask;
+use stylegaussian_files::mask_from_bytes;
 
 use crate::loader::FromFile;
 
-/// A mask of one scene: `.mask.safetensors`, as [`stylegaussian::file::write_mask`] writes it. Show it with
+/// A mask of one scene: `.mask.safetensors`, as [`stylegaussian_files::write_mask`] writes it. Show it with
 /// [`StyleMask::saved`](crate::StyleMask::saved).
 #[derive(Asset, Clone, Debug, Reflect)]
 #[reflect(opaque)]
@@ -18,6 +19,6 @@ impl FromFile for SavedMask {
     const EXTENSIONS: &[&str] = &["mask.safetensors"];
 
     fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
-        Ok(Self(Arc::new(file::mask_from_bytes(&bytes, path)?)))
+        Ok(Self(Arc::new(mask_from_bytes(&bytes, path)?)))
     }
 }

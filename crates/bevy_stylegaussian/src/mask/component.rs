@@ -201,13 +201,13 @@ impl StyleMask {
         })
     }
 
-    /// The mask for [`stylegaussian::file::write_mask`], or `None` if it is not ready. It sorts and hashes all
+    /// The mask for [`stylegaussian_files::write_mask`], or `None` if it is not ready. It sorts and hashes all
     /// means, which takes a fifth of a second for a million: not for every frame.
     pub fn to_stored(&self) -> Option<StoredMask> {
         self.weights.painted.as_ref().map(Painted::to_stored)
     }
 
-    /// The scene with this mask, for [`stylegaussian::file::write_scene`] to a `.sgs`, or `None` if it is not
+    /// The scene with this mask, for [`stylegaussian_files::write_scene`] to a `.sgs`, or `None` if it is not
     /// ready. It copies the scene.
     pub fn masked_scene(&self) -> Option<Scene> {
         let painted = self.weights.painted.as_ref()?;

@@ -10,7 +10,8 @@ use base64::{Engine, prelude::BASE64_STANDARD};
 use bevy::prelude::*;
 use flate2::{Compression, read::ZlibDecoder, read::ZlibEncoder};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _, ser::Error as _};
-use stylegaussian::{StoredMask, file};
+use stylegaussian::StoredMask;
+use stylegaussian_files::{mask_from_bytes, mask_to_bytes};
 
 use super::component::Painted;
 
@@ -59,7 +60,7 @@ impl<'de> Deserialize<'de> for Weights {
 }
 
 fn to_text(mask: &StoredMask) -> Result<String, String> {
-    let bytes = file::mask_to_bytes(NAME, mask).map_err(|error| error.to_string())?;
+    let bytes = mask_to_bytes(NAME, mask).map_err(|error| error.to_string())?;
     let mut deflated = Vec::new();
     let read = ZlibEncoder::new(&bytes[..], Compression::default()).read_to_end(&mut deflated);
     read.map_err(|error| format!("{NAME}: {error}"))?;
@@ -77,7 +78,7 @@ fn from_text(text: &str) -> Result<StoredMask, String> {
     if bytes.len() as u64 > MOST_BYTES {
         return Err(expected(&format_args!("more than {MOST_BYTES} bytes")));
     }
-    file::mask_from_bytes(&bytes, NAME).map_err(|error| error.to_string())
+    mask_from_bytes(&bytes, NAME).map_err(|error| error.to_string())
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use std::sync::{
 use bevy::{camera::primitives::Aabb, prelude::*};
 use stylegaussian::{Decoder, Neighbors, Scene, scene::SceneError};
 
-/// A captured scene. It loads from every format that [`stylegaussian::file`] reads. The content of the file
+/// A captured scene. It loads from every format that [`stylegaussian_files`] reads. The content of the file
 /// decides its kind, not the name, except for formats without a mark. [`SceneSettings`](crate::SceneSettings)
 /// are those of the load.
 ///

@@ -5,10 +5,8 @@ use bevy::{
     prelude::*,
 };
 use serde::{Deserialize, Serialize};
-use stylegaussian::{
-    Axes,
-    file::{Loaded, ReadOptions, Reading, SceneReader},
-};
+use stylegaussian::Axes;
+use stylegaussian_files::{Loaded, ReadOptions, Reading, SceneReader};
 
 use super::asset::GaussianScene;
 use crate::{

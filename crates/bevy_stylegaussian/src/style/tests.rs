@@ -10,12 +10,8 @@ use bevy::{
         sync_world::MainEntity,
     },
 };
-use stylegaussian::{
-    Look, Scene,
-    file::{self, read_style, write_look},
-    fold,
-    look::MadeFrom,
-};
+use stylegaussian::{Look, Scene, fold, look::MadeFrom};
+use stylegaussian_files::{read_scene, read_style, write_look};
 use stylegaussian_gpu::splat::CloudColors;
 
 use crate::{
@@ -78,7 +74,7 @@ fn largest_difference(a: &[[f32; 3]], b: &[[f32; 3]]) -> f32 {
 fn gpu_matches_cpu() {
     let Some(mut app) = app_with_rendering(StyleBackend::Gpu) else { return };
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
-    let demo = file::read_scene(&assets.join("demo.sgs")).unwrap().scene;
+    let demo = read_scene(&assets.join("demo.sgs")).unwrap().scene;
     let scene = demo.subset(&(0..demo.len() as u32).step_by(64).collect::<Vec<_>>());
     let style = read_style(&assets.join("styles/mosaic.style.safetensors")).unwrap();
 

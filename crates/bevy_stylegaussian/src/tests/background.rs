@@ -13,7 +13,8 @@ use bevy::{
     render::{RenderApp, settings::WgpuSettings},
     tasks::{AsyncComputeTaskPool, block_on},
 };
-use stylegaussian::{Look, Scene, file, look::MadeFrom};
+use stylegaussian::{Look, Scene, look::MadeFrom};
+use stylegaussian_files::{read_scene, write_scene};
 
 use crate::{
     AppliedStyle, GaussianScene, GaussianSplats, StyleBackend, StyleGaussianPlugin, StyleLook, StyleProgress,
@@ -41,7 +42,7 @@ const STOPS: Duration = Duration::from_secs(1);
 /// The demo scene as a raw capture.
 fn demo() -> Scene {
     let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
-    Scene { features: None, ..file::read_scene(&assets.join("demo.sgs")).unwrap().scene }
+    Scene { features: None, ..read_scene(&assets.join("demo.sgs")).unwrap().scene }
 }
 
 fn painting(app: &mut App, seed: u64) -> Handle<Image> {
@@ -158,7 +159,7 @@ fn a_bake_that_is_not_wanted_any_more_stops() {
 #[test]
 fn the_style_of_a_scene_that_is_on_its_way_out_is_not_computed() {
     let dir = tempfile::tempdir().unwrap();
-    file::write_scene(&dir.path().join("next.sgs"), &small_scene(400, 2)).unwrap();
+    write_scene(&dir.path().join("next.sgs"), &small_scene(400, 2)).unwrap();
     let mut app =
         app_with_assets(AssetPlugin { file_path: dir.path().to_string_lossy().into(), ..default() });
     // It cannot be decoded, and the preset carries no paint.

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use bevy::{camera::Hdr, core_pipeline::tonemapping::Tonemapping, prelude::*};
-use stylegaussian::{Camera, Scene, file, splat};
+use stylegaussian::{Camera, Scene, splat};
+use stylegaussian_files::read_scene;
 
 use crate::{GaussianSplats, SplatTonemapping, StyleBackend};
 
@@ -16,7 +17,7 @@ const EYE: Vec3 = Vec3::new(0.0, 3.9, 9.7);
 fn demo_scene() -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/demo.sgs");
     // Nothing is styled here. Without features, no neighbors are searched.
-    Scene { features: None, ..file::read_scene(&path).unwrap().scene }
+    Scene { features: None, ..read_scene(&path).unwrap().scene }
 }
 
 /// The rasterizer's image and its coverage. The background is black and blended in linear space, as a camera

@@ -3,10 +3,8 @@
 use std::{fs, path::PathBuf};
 
 use bevy::{asset::AssetLoadFailedEvent, prelude::*};
-use stylegaussian::{
-    Axes,
-    file::{self, readable_extensions},
-};
+use stylegaussian::Axes;
+use stylegaussian_files::{read_scene, readable_extensions, write_scene};
 
 use super::world::{app_with_assets, small_scene, update_until};
 use crate::{GaussianScene, GaussianSceneFailed, GaussianSplats, SceneSettings, scene::LoadedScene};
@@ -38,8 +36,8 @@ fn captures_load_with_settings() {
     let dir = tempfile::tempdir().unwrap();
     let scene = small_scene(20, 1);
     for name in ["a.splat", "a.ply"] {
-        file::write_scene(&dir.path().join(name), &scene).unwrap();
-        let read = file::read_scene(&dir.path().join(name)).unwrap().scene;
+        write_scene(&dir.path().join(name), &scene).unwrap();
+        let read = read_scene(&dir.path().join(name)).unwrap().scene;
         let mut first = app(dir.path().to_owned());
         let plain = first.world().resource::<AssetServer>().load(name);
         assert_eq!(loaded(&mut first, &plain).means, read.means);
@@ -83,7 +81,7 @@ fn a_hostile_asset_is_an_event_and_the_next_one_loads() {
         assert!(message.contains(&name), "{name}: {message}");
         app.world_mut().despawn(entity);
     }
-    file::write_scene(&dir.path().join("good.sgs"), &small_scene(20, 1)).unwrap();
+    write_scene(&dir.path().join("good.sgs"), &small_scene(20, 1)).unwrap();
     let good = assets.load("good.sgs");
     assert_eq!(loaded(&mut app, &good).len(), 20);
 }
@@ -117,7 +115,7 @@ struct FailedLoads(usize);
 fn a_broken_hot_reload_is_one_event_and_keeps_the_scene() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.ply");
-    file::write_scene(&path, &small_scene(20, 1)).unwrap();
+    write_scene(&path, &small_scene(20, 1)).unwrap();
     let mut app = app(dir.path().to_owned());
     let count = |mut events: MessageReader<AssetLoadFailedEvent<GaussianScene>>,
                  mut n: ResMut<FailedLoads>| {

@@ -3,7 +3,8 @@
 use std::{fs, time::Duration};
 
 use bevy::{asset::AssetPlugin, prelude::*};
-use stylegaussian::{Look, Scene, file, look::MadeFrom};
+use stylegaussian::{Look, Scene, look::MadeFrom};
+use stylegaussian_files::{read_scene, write_look, write_scene};
 
 use crate::{
     AppliedStyle, GaussianSplats, StyleApplied, StyleBackend, StyleDecoder, StyleFailed, StyleInput,
@@ -130,14 +131,14 @@ fn a_look_of_another_scene_fails_and_the_app_goes_on() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);
     let scene = small_scene(20, 1);
-    file::write_scene(&path("scene.sgs"), &scene).unwrap();
-    let read = file::read_scene(&path("scene.sgs")).unwrap().scene;
+    write_scene(&path("scene.sgs"), &scene).unwrap();
+    let read = read_scene(&path("scene.sgs")).unwrap().scene;
     // Made in the order of the program's scene and shown on that of the file.
     let exact: Vec<_> = scene.opacities.iter().map(|&opacity| [opacity, 0.0, 1.0]).collect();
     let own = Look::new(&scene, &exact, MadeFrom::default());
-    file::write_look(&path("own.look.safetensors"), &own).unwrap();
+    write_look(&path("own.look.safetensors"), &own).unwrap();
     let other = plain_look(&small_scene(20, 2), [0.5; 3]);
-    file::write_look(&path("other.look.safetensors"), &other).unwrap();
+    write_look(&path("other.look.safetensors"), &other).unwrap();
     let whole = fs::read(path("own.look.safetensors")).unwrap();
     fs::write(path("cut.look.safetensors"), &whole[..whole.len() - 1]).unwrap();
     let file_path = dir.path().to_string_lossy().into_owned();

@@ -14,11 +14,12 @@ use bevy::{
     },
 };
 use stylegaussian::{
-    Mask, Scene, StoredMask, file,
+    Mask, Scene, StoredMask,
     layers::Region,
     mask::{Brush, Combine, Selection},
     random::Random,
 };
+use stylegaussian_files::{read_scene, write_mask, write_scene};
 
 use crate::{
     GaussianScene, GaussianSceneFailed, GaussianSplats, MaskVisibility, SavedMask, StyleBackend, StyleMask,
@@ -99,16 +100,16 @@ fn masks_come_from_files_and_from_scenes() {
     let path = |name: &str| dir.path().join(name);
     let (scene, other) = (small_scene(20, 1), small_scene(20, 2));
     let mask = patterned(20);
-    file::write_scene(&path("scene.sgs"), &scene).unwrap();
-    file::write_scene(&path("masked.sgs"), &Scene { mask: Some(mask.clone()), ..scene.clone() }).unwrap();
-    file::write_mask(&path("own.mask.safetensors"), &StoredMask::new(&scene, &mask)).unwrap();
-    file::write_mask(&path("other.mask.safetensors"), &StoredMask::new(&other, &mask)).unwrap();
+    write_scene(&path("scene.sgs"), &scene).unwrap();
+    write_scene(&path("masked.sgs"), &Scene { mask: Some(mask.clone()), ..scene.clone() }).unwrap();
+    write_mask(&path("own.mask.safetensors"), &StoredMask::new(&scene, &mask)).unwrap();
+    write_mask(&path("other.mask.safetensors"), &StoredMask::new(&other, &mask)).unwrap();
     let whole = fs::read(path("own.mask.safetensors")).unwrap();
     fs::write(path("cut.mask.safetensors"), &whole[..whole.len() - 1]).unwrap();
     let file_path = dir.path().to_string_lossy().into_owned();
     let mut app = app_with_assets(AssetPlugin { file_path, ..default() });
     let assets = app.world().resource::<AssetServer>().clone();
-    let read = file::read_scene(&path("scene.sgs")).unwrap().scene;
+    let read = read_scene(&path("scene.sgs")).unwrap().scene;
     let expected = StoredMask::new(&scene, &mask).mask_for(&read).unwrap().weights;
     assert_ne!(expected, mask.weights, "files are in another order");
 

@@ -371,7 +371,7 @@ fn time_of_the_last_wish(app: &mut App, entity: Entity) -> std::time::Duration {
 fn times_to_paint() {
     let mut app = app_without_rendering();
     let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
-    let demo = stylegaussian::file::read_scene(&assets.join("demo.sgs")).unwrap().scene;
+    let demo = stylegaussian_files::read_scene(&assets.join("demo.sgs")).unwrap().scene;
     let demo = Scene { features: None, ..demo };
     let n = demo.len() as u32;
     let four = demo.subset(&(0..300_000).map(|i| i % n).collect::<Vec<_>>());

@@ -18,7 +18,8 @@ use bevy::{
 };
 use serde::de::DeserializeSeed;
 use serde_json::Value;
-use stylegaussian::{file, mask::Brush};
+use stylegaussian::mask::Brush;
+use stylegaussian_files::{Precision, write_decoder, write_scene, write_style};
 
 use crate::{
     AppliedStyle, GaussianSplats, HiddenUntilStyled, MaskVisibility, SplatSortKey, SplatTonemapping,
@@ -93,10 +94,10 @@ fn app(folder: &Path) -> App {
 fn apps() -> (App, App, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let (scene, path) = (small_scene(60, 1), |name: &str| folder.path().join(name));
-    file::write_scene(&path("a.sgs"), &scene).unwrap();
-    file::write_style(&path("a.style.safetensors"), &small_style(1)).unwrap();
+    write_scene(&path("a.sgs"), &scene).unwrap();
+    write_style(&path("a.style.safetensors"), &small_style(1)).unwrap();
     let decoder = scene.decoder.as_ref().unwrap();
-    file::write_decoder(&path("a.decoder.safetensors"), decoder, file::Precision::F32).unwrap();
+    write_decoder(&path("a.decoder.safetensors"), decoder, Precision::F32).unwrap();
     (app(folder.path()), app(folder.path()), folder)
 }
 
@@ -212,7 +213,7 @@ fn a_mask_that_was_never_fitted_is_saved_again_and_one_of_another_scene_is_refus
     let again = save(&second, &[loaded]);
     assert_eq!(again[0].1, saved[0].1);
 
-    file::write_scene(&folder.path().join("a.sgs"), &small_scene(60, 2)).unwrap();
+    write_scene(&folder.path().join("a.sgs"), &small_scene(60, 2)).unwrap();
     let mut third = app(folder.path());
     let loaded = load(&mut third, &again)[0];
     update_until(&mut third, "the mask", |world| is_ready(world, loaded));

@@ -3,7 +3,8 @@
 use std::{sync::Arc, time::Duration};
 
 use bevy::{asset::AssetPlugin, prelude::*};
-use stylegaussian::{ChannelStatistics, Scene, file, fold};
+use stylegaussian::{ChannelStatistics, Scene, fold};
+use stylegaussian_files::{Precision, read_scene, write_decoder, write_scene, write_style};
 
 use crate::{
     AppliedStyle, GaussianDecoder, GaussianSceneFailed, GaussianSplats, StyleApplied, StyleBackend,
@@ -347,11 +348,11 @@ fn files_load_and_broken_ones_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);
     let (scene, style) = (small_scene(40, 1), small_style(1));
-    file::write_scene(&path("scene.sgs"), &scene).unwrap();
-    file::write_scene(&path("plain.ply"), &scene).unwrap();
-    file::write_style(&path("a.style.safetensors"), &style).unwrap();
+    write_scene(&path("scene.sgs"), &scene).unwrap();
+    write_scene(&path("plain.ply"), &scene).unwrap();
+    write_style(&path("a.style.safetensors"), &style).unwrap();
     let decoder = small_scene(1, 9).decoder.unwrap();
-    file::write_decoder(&path("b.decoder.safetensors"), &decoder, file::Precision::F32).unwrap();
+    write_decoder(&path("b.decoder.safetensors"), &decoder, Precision::F32).unwrap();
     for name in ["broken.sgs", "broken.style.safetensors"] {
         std::fs::write(path(name), b"no such thing").unwrap();
     }
@@ -366,7 +367,7 @@ fn files_load_and_broken_ones_are_named() {
     );
     let entity = app.world_mut().spawn(parts).id();
     until_applied(&mut app);
-    let read = Scene { decoder: Some(decoder), ..file::read_scene(&path("scene.sgs")).unwrap().scene };
+    let read = Scene { decoder: Some(decoder), ..read_scene(&path("scene.sgs")).unwrap().scene };
     assert_eq!(colors(app.world(), entity).unwrap(), expected(&read, &[(&style, 1.0)], 0.0));
 
     *app.world_mut().get_mut::<StyleSource>(entity).unwrap() =
@@ -411,16 +412,16 @@ fn repaired_files_are_taken_over() {
         !world.resource::<Messages<GaussianSceneFailed>>().is_empty()
     });
 
-    file::write_scene(&scene_path, &small_scene(40, 1)).unwrap();
+    write_scene(&scene_path, &small_scene(40, 1)).unwrap();
     assets.reload("scene.sgs");
     let message = until_failed(&mut app).error.to_string();
     assert!(message.contains("a.style.safetensors"), "{message}");
 
     let style = small_style(1);
-    file::write_style(&style_path, &style).unwrap();
+    write_style(&style_path, &style).unwrap();
     assets.reload("a.style.safetensors");
     until_applied(&mut app);
-    let read = file::read_scene(&scene_path).unwrap().scene;
+    let read = read_scene(&scene_path).unwrap().scene;
     assert_eq!(colors(app.world(), entity).unwrap(), expected(&read, &[(&style, 1.0)], 0.0));
 }
 

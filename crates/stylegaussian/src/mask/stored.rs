@@ -7,7 +7,7 @@ use crate::{look::SceneFingerprint, scene::Scene};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StoredMask {
     /// Weights `[N]` in the order of the scene's source.
-    pub(crate) weights: Vec<[u8; CHANNELS]>,
+    pub weights: Vec<[u8; CHANNELS]>,
     /// Names of the channels, for people.
     pub names: [String; CHANNELS],
     /// The scene that the mask belongs to.

@@ -6,10 +6,10 @@ use anyhow::Result;
 use half::f16;
 use stylegaussian::{
     Scene,
-    file::{WriteOptions, write_scene_with},
     scene::Sh,
     sh::{MAX_DEGREE, n_coefficients},
 };
+use stylegaussian_files::{WriteOptions, write_scene_with};
 
 use super::{Files, Packing};
 use crate::scenes::{self, Random};

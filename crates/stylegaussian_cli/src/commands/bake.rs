@@ -12,7 +12,7 @@ use clap::Args;
 use glam::UVec2;
 use serde::Serialize;
 use stylegaussian::{
-    Camera, Scene, file,
+    Camera, Scene,
     look::{Look, MadeFrom, Painting},
     paint::Painted,
     views::choose_views,
@@ -21,6 +21,7 @@ use stylegaussian::{
 use stylegaussian_bake::{BakeConfig, Baker, LossNetwork, Losses};
 use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
 use stylegaussian_encoder::Image;
+use stylegaussian_files::write_look;
 use stylegaussian_train::{
     cameras::{read_cameras, scaled},
     contact_sheet::contact_sheet,
@@ -146,7 +147,7 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     let look = look.with_strokes(&scene, baker.strokes());
     let kept =
         || format!("what was saved of the bake is in {}; the same command goes on", checkpoint.display());
-    file::write_look(output, &look).with_context(kept)?;
+    write_look(output, &look).with_context(kept)?;
     ensure!(
         baker.is_complete(),
         "interrupted after {} steps; the look so far is written, and {}",

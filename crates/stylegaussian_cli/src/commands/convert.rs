@@ -8,10 +8,9 @@ use std::{
 use anyhow::{Context, Result};
 use clap::Args;
 use serde::Serialize;
-use stylegaussian::{
-    Scene,
-    file::{self, Precision, ReadOptions, WriteOptions},
-    scene::ScreenFilter,
+use stylegaussian::{Scene, scene::ScreenFilter};
+use stylegaussian_files::{
+    Precision, ReadOptions, WriteOptions, read_scene_with, write_decoder, write_scene_with,
 };
 
 use crate::{
@@ -83,15 +82,15 @@ pub fn run(arguments: &ConvertArgs) -> Result<()> {
         let decoder = scene.decoder.as_ref();
         let decoder =
             decoder.with_context(|| format!("{}: the scene has no decoder to write", input.display()))?;
-        file::write_decoder(output, decoder, Precision::F32)?;
+        write_decoder(output, decoder, Precision::F32)?;
     } else {
         let options = WriteOptions { sh_degree: arguments.sh_degree, ..arguments.writing.options() };
-        let clamped = file::write_scene_with(output, &scene, options)?;
+        let clamped = write_scene_with(output, &scene, options)?;
         warn(&clamped);
         warnings.extend(clamped);
         // A pipe cannot be read back.
         if fs::metadata(output).is_ok_and(|written| written.is_file()) {
-            let written = file::read_scene_with(output, ReadOptions::default())?.scene;
+            let written = read_scene_with(output, ReadOptions::default())?.scene;
             let lost = lost(&scene, &written, options.sh_degree);
             let lost: Vec<_> =
                 lost.iter().map(|what| format!("a .{} keeps no {what}", extension(output))).collect();

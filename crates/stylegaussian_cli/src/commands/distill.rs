@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
 use clap::Args;
-use stylegaussian::file;
 use stylegaussian_encoder::Encoder;
+use stylegaussian_files::write_atomically;
 use stylegaussian_train::{
     Watch,
     encoder::{DistillConfig, Distillation, compare},
@@ -119,7 +119,7 @@ fn train(
     let is_complete = distillation.run(watch, |distillation| -> Result<()> {
         distillation.save(&checkpoint)?;
         let encoder = distillation.encoder()?;
-        Ok(file::write_atomically(output, |out| out.write_all(&encoder))?)
+        Ok(write_atomically(output, |out| out.write_all(&encoder))?)
     })?;
     progress.finish();
     let steps = distillation.steps();

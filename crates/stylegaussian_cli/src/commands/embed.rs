@@ -7,10 +7,11 @@ use clap::{Args, ValueEnum};
 use glam::UVec2;
 use serde::Serialize;
 use stylegaussian::{
-    Decoder, Neighbors, Scene, file,
+    Decoder, Neighbors, Scene,
     split::{SplitOptions, split},
     views::choose_views,
 };
+use stylegaussian_files::write_scene;
 use stylegaussian_train::{
     Watch,
     cameras::{CameraSet, PosedCamera, read_cameras},
@@ -162,7 +163,7 @@ pub fn run(arguments: &EmbedArgs, interrupt: &Interrupt) -> Result<()> {
     // For the decoder. Embedding itself uses longer lists, which are not kept.
     let find = || Neighbors::find(&scene.means, &scene.order, Decoder::K);
     scene.neighbors = (!arguments.no_neighbors).then(find);
-    file::write_scene(output, &scene)?;
+    write_scene(output, &scene)?;
 
     let n_gaussians = scene.len();
     let written = Written {

@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::Args;
 use stylegaussian::{
-    Camera, Scene, file,
+    Camera, Scene,
     paint::{Canvas, Painted, Surface},
     restyle::{Recipe, Styles, WeightedLook, is_painted},
     work::Work,
 };
 use stylegaussian_encoder::{Image, paint_of};
+use stylegaussian_files::read_look;
 use stylegaussian_train::{
     TrainError, Watch,
     cameras::read_cameras,
@@ -154,7 +155,7 @@ pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
 fn baked(folder: &Path, painting: &Path, scene: &Scene) -> Result<Painted, TrainError> {
     let name = painting.file_stem().unwrap_or_default().to_string_lossy();
     let path = folder.join(format!("{name}.look.safetensors"));
-    let look = file::read_look(&path).map_err(|error| TrainError::Invalid(error.to_string()))?;
+    let look = read_look(&path).map_err(|error| TrainError::Invalid(error.to_string()))?;
     let name = path.display().to_string();
     let looks = vec![WeightedLook { name: &name, look: &look, weight: 1.0 }];
     let recipe = Recipe { looks, styles: Styles::None, content: 0.0 };

@@ -10,9 +10,10 @@ use clap::Args;
 use glam::Vec3;
 use serde::Serialize;
 use stylegaussian::{
-    Decoder, EncoderId, Features, Scene, SceneFingerprint, file::Loaded, scene::ScreenFilter,
+    Decoder, EncoderId, Features, Scene, SceneFingerprint, scene::ScreenFilter,
     views::bounds_without_backdrop,
 };
+use stylegaussian_files::Loaded;
 use stylegaussian_gpu::{colors::GaussianColors, splat::GpuScene, style::StyleScene};
 
 use crate::{

@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
-use stylegaussian::{EncoderId, file};
+use stylegaussian::EncoderId;
 use stylegaussian_encoder::StyleSize;
+use stylegaussian_files::{write_painted_style, write_style};
 
 use crate::{
     choose::open_encoder,
@@ -62,9 +63,9 @@ pub fn run(arguments: &StyleArgs) -> Result<()> {
     let size = if *squash { StyleSize::Squash256 } else { StyleSize::default() };
     let (statistics, paint) = image_style(&encoder, image, size)?;
     if *no_paint {
-        file::write_style(output, &statistics)?;
+        write_style(output, &statistics)?;
     } else {
-        file::write_painted_style(output, &statistics, &paint)?;
+        write_painted_style(output, &statistics, &paint)?;
     }
     let n_channels = statistics.mean.len();
     let encoder = statistics.encoder.as_ref().map(EncoderId::to_string);

@@ -5,11 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
-use stylegaussian::{
-    Look, Scene,
-    file::{self, WriteOptions},
-    paint::Painted,
-};
+use stylegaussian::{Look, Scene, paint::Painted};
+use stylegaussian_files::{WriteOptions, write_colors, write_look, write_scene_with};
 
 use crate::{
     arguments::is_look,
@@ -107,7 +104,7 @@ fn write(
     let Painted { colors, strokes, .. } = &result.shown;
     if let Format::Look = format {
         let look = Look::new(scene, colors, result.made_from()).with_strokes(scene, strokes);
-        file::write_look(path, &look)?;
+        write_look(path, &look)?;
         return Ok(Vec::new());
     }
     let has_strokes = !strokes.seeds.is_empty();
@@ -115,9 +112,9 @@ fn write(
     let mut lost = if has_strokes { vec![FLATTENED.into()] } else { Vec::new() };
     if let Format::Scene = format {
         scene.set_colors(&colors);
-        lost.extend(file::write_scene_with(path, scene, options)?);
+        lost.extend(write_scene_with(path, scene, options)?);
     } else {
-        file::write_colors(path, &colors, scene)?;
+        write_colors(path, &colors, scene)?;
     }
     Ok(lost)
 }

@@ -5,11 +5,8 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use glam::UVec2;
-use stylegaussian::{
-    Activation, Camera, Scene,
-    file::{self, Precision},
-    views::choose_views,
-};
+use stylegaussian::{Activation, Camera, Scene, views::choose_views};
+use stylegaussian_files::{Precision, write_decoder};
 use stylegaussian_train::{
     Watch,
     cameras::read_cameras,
@@ -265,7 +262,7 @@ pub fn run(arguments: &TrainArgs, interrupt: &Interrupt) -> Result<()> {
     // The decoder is written with every checkpoint, so it can be tried while training goes on.
     let is_complete = trainer.run(watch, |trainer| -> Result<()> {
         trainer.save(&checkpoint)?;
-        Ok(file::write_decoder(output, &trainer.decoder()?, Precision::F16)?)
+        Ok(write_decoder(output, &trainer.decoder()?, Precision::F16)?)
     })?;
     progress.finish();
     if !is_complete {

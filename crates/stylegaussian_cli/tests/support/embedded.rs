@@ -3,8 +3,9 @@
 use std::{fs, path::Path};
 
 use glam::{Quat, Vec3};
-use stylegaussian::{Features, Neighbors, Scene, file};
+use stylegaussian::{Features, Neighbors, Scene};
 use stylegaussian_encoder::Encoder;
+use stylegaussian_files::write_scene;
 
 use crate::support::Bench;
 
@@ -45,7 +46,7 @@ pub fn embedded(bench: &Bench, encoder: &Path) -> String {
     });
     scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, 8));
     let path = bench.path("embedded.sgs");
-    file::write_scene(path.as_ref(), &scene).unwrap();
+    write_scene(path.as_ref(), &scene).unwrap();
     path
 }
 

@@ -7,9 +7,8 @@ use std::{
 };
 
 use glam::{Quat, Vec3};
-use stylegaussian::{
-    ChannelStatistics, Decoder, EncoderId, Features, Layer, Neighbors, Scene, file, scene::Sh,
-};
+use stylegaussian::{ChannelStatistics, Decoder, EncoderId, Features, Layer, Neighbors, Scene, scene::Sh};
+use stylegaussian_files::{read_scene, write_scene, write_style};
 use tempfile::TempDir;
 
 /// Outcome of a run.
@@ -121,7 +120,7 @@ impl Bench {
     }
 
     pub fn scene(&self, name: &str) -> Scene {
-        file::read_scene(self.path(name).as_ref()).unwrap().scene
+        read_scene(self.path(name).as_ref()).unwrap().scene
     }
 
     /// The tensor `rgb` of a file.
@@ -180,13 +179,13 @@ impl Bench {
         let std_dev = noise(6, seed + 10).iter().map(|value| value.abs() + 0.5).collect();
         let style = ChannelStatistics { mean: noise(6, seed), std_dev, covariance: None, encoder };
         let path = self.path(name);
-        file::write_style(path.as_ref(), &style).unwrap();
+        write_style(path.as_ref(), &style).unwrap();
         path
     }
 
     fn write(&self, name: &str, scene: &Scene) -> String {
         let path = self.path(name);
-        file::write_scene(path.as_ref(), scene).unwrap();
+        write_scene(path.as_ref(), scene).unwrap();
         path
     }
 

@@ -238,7 +238,7 @@ fn eight_volumes_take_a_tenth_of_the_splat_pass() {
     let HeadlessDevice { device, queue, .. } = &gpu;
     let mut random = testing::randoms(13);
     let demo = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/demo.sgs");
-    let demo = stylegaussian::file::read_scene(&demo).unwrap().scene;
+    let demo = stylegaussian_files::read_scene(&demo).unwrap().scene;
     let four_times: Vec<u32> = (0..4 * demo.len() as u32).map(|i| i / 4).collect();
     let mut scene = demo.subset(&four_times);
     scene.means.iter_mut().for_each(|mean| *mean += 0.02 * Vec3::from_array([(); 3].map(|()| random())));

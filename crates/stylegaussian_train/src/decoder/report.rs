@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 
 use glam::UVec2;
 use stylegaussian::{
-    Camera, Decoder, Scene, file,
+    Camera, Decoder, Scene,
     fold::{stylize, transfer},
     splat::{Colors, render},
 };
 use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
+use stylegaussian_files::write_atomically;
 
 use crate::{
     contact_sheet::contact_sheet,
@@ -32,7 +33,7 @@ pub fn write_losses(path: &Path, losses: &[[f32; 2]]) -> Result<(), TrainError> 
     for (step, [content, style]) in losses.iter().enumerate() {
         text.push_str(&format!("{},{content},{style}\n", step + 1));
     }
-    file::write_atomically(&path.with_extension("csv"), |out| out.write_all(text.as_bytes()))?;
+    write_atomically(&path.with_extension("csv"), |out| out.write_all(text.as_bytes()))?;
     let mut curve = Picture::filled(CURVE, [255; 4]);
     for (channel, color) in [(0, [40, 80, 200, 255]), (1, [200, 40, 40, 255])] {
         let means: Vec<f32> = losses

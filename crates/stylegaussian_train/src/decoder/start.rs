@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use stylegaussian::{Activation, Decoder, EncoderId, Layer, file, random::Random};
+use stylegaussian::{Activation, Decoder, EncoderId, Layer, random::Random};
+use stylegaussian_files::read_decoder;
 
 use super::config::NewDecoder;
 use crate::error::{TrainError, ensure};
@@ -113,7 +114,7 @@ pub fn mean_decoder(files: &[(PathBuf, f64)]) -> Result<Decoder, TrainError> {
     ensure!(total > 0.0, "found no decoder with a weight above 0, expected at least one");
     let mut mean: Option<(Decoder, &Path)> = None;
     for (path, weight) in files {
-        let mut decoder = file::read_decoder(path)?;
+        let mut decoder = read_decoder(path)?;
         let share = (weight / total) as f32;
         // Scaled before it is compared: the comparison leaves out parameters.
         parameters(&mut decoder).into_iter().flatten().for_each(|value| *value *= share);

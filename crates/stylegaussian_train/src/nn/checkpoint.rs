@@ -8,7 +8,7 @@ use std::{
 
 use burn::tensor::{Device, Tensor, TensorData};
 use safetensors::{Dtype, tensor::TensorView};
-use stylegaussian::file::write_atomically;
+use stylegaussian_files::write_atomically;
 
 use super::{
     adam::Adam,

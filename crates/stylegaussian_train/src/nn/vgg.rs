@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use safetensors::{Dtype, tensor::TensorView};
-use stylegaussian::file::write_atomically;
 use stylegaussian_encoder::{
     chain::Kernel,
     vgg::{CONVOLUTIONS, VggConvolution, imagenet_input},
     weights::Weights,
 };
+use stylegaussian_files::write_atomically;
 
 use crate::error::TrainError;
 

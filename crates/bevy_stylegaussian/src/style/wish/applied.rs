@@ -57,7 +57,7 @@ impl AppliedStyle {
     }
 
     /// The scene in the colors that it is shown in, each with the mean of the strokes over it: other formats
-    /// hold no strokes. Write it to a file with `stylegaussian::file::write_scene`. With strokes, this takes a
+    /// hold no strokes. Write it to a file with `stylegaussian_files::write_scene`. With strokes, this takes a
     /// moment too.
     ///
     /// # Errors

@@ -6,8 +6,9 @@ use std::{
 };
 
 use bevy::prelude::*;
-use stylegaussian::{ChannelStatistics, Decoder, Look, file, paint::Paint};
+use stylegaussian::{ChannelStatistics, Decoder, Look, paint::Paint};
 use stylegaussian_encoder::{Encoder, EncoderError};
+use stylegaussian_files::{decoder_from_bytes, look_from_bytes, paint_from_bytes, style_from_bytes};
 
 use crate::loader::FromFile;
 
@@ -28,8 +29,8 @@ impl FromFile for StyleStatistics {
     const EXTENSIONS: &[&str] = &["style.safetensors"];
 
     fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
-        let statistics = Arc::new(file::style_from_bytes(&bytes, path)?);
-        Ok(Self { statistics, paint: file::paint_from_bytes(&bytes, path)?.map(Arc::new) })
+        let statistics = Arc::new(style_from_bytes(&bytes, path)?);
+        Ok(Self { statistics, paint: paint_from_bytes(&bytes, path)?.map(Arc::new) })
     }
 }
 
@@ -45,7 +46,7 @@ impl FromFile for StyleLook {
     const EXTENSIONS: &[&str] = &["look.safetensors"];
 
     fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
-        Ok(Self(Arc::new(file::look_from_bytes(&bytes, path)?)))
+        Ok(Self(Arc::new(look_from_bytes(&bytes, path)?)))
     }
 }
 
@@ -60,7 +61,7 @@ impl FromFile for GaussianDecoder {
     const EXTENSIONS: &[&str] = &["decoder.safetensors"];
 
     fn from_file(bytes: Vec<u8>, path: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
-        Ok(Self(Arc::new(file::decoder_from_bytes(&bytes, path)?)))
+        Ok(Self(Arc::new(decoder_from_bytes(&bytes, path)?)))
     }
 }
 

@@ -23,7 +23,7 @@ pub(crate) fn choose_decoder(
 fn bundled_decoder() -> Result<Arc<Decoder>, StyleError> {
     use std::sync::LazyLock;
 
-    use stylegaussian::file::decoder_from_bytes;
+    use stylegaussian_files::decoder_from_bytes;
 
     // One `Arc` for all scenes of the process. Packed inputs are found by the decoder's address, so a second
     // copy would pack again.

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use anyhow::Result;
 use serde::Serialize;
-use stylegaussian::{Decoder, EncoderId, file};
+use stylegaussian::{Decoder, EncoderId};
+use stylegaussian_files::read_decoder;
 
 use super::or_unknown;
 use crate::terminal::{lossy, print};
@@ -42,7 +43,7 @@ pub struct DecoderInfo {
 /// # Errors
 /// If it cannot be read.
 pub fn run(path: &Path, json: bool) -> Result<()> {
-    let info = FileInfo { path, decoder: DecoderInfo::of(&file::read_decoder(path)?) };
+    let info = FileInfo { path, decoder: DecoderInfo::of(&read_decoder(path)?) };
     print(json, &info, || format!("{}\n  decoder     {}", path.display(), text_of(&info.decoder)))
 }
 

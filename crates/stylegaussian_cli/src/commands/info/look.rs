@@ -4,7 +4,8 @@ use std::path::Path;
 
 use anyhow::Result;
 use serde::Serialize;
-use stylegaussian::{Look, file, look::MadeFrom};
+use stylegaussian::{Look, look::MadeFrom};
+use stylegaussian_files::read_look;
 
 use crate::terminal::{lossy, print};
 
@@ -34,7 +35,7 @@ struct PaintingInfo<'a> {
 /// # Errors
 /// If it cannot be read.
 pub fn run(path: &Path, json: bool) -> Result<()> {
-    let look = file::read_look(path)?;
+    let look = read_look(path)?;
     let info = describe(path, &look);
     print(json, &info, || text(&info))
 }

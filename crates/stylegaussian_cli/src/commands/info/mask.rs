@@ -4,7 +4,8 @@ use std::path::Path;
 
 use anyhow::Result;
 use serde::Serialize;
-use stylegaussian::{file, mask::CHANNELS};
+use stylegaussian::mask::CHANNELS;
+use stylegaussian_files::read_mask;
 
 use crate::terminal::{lossy, print};
 
@@ -32,7 +33,7 @@ pub struct Channel<'a> {
 /// # Errors
 /// If it cannot be read.
 pub fn run(path: &Path, json: bool) -> Result<()> {
-    let mask = file::read_mask(path)?;
+    let mask = read_mask(path)?;
     let channels = used(&mask.names, mask.n_painted());
     let fingerprint = mask.scene.to_string();
     let info = MaskInfo { path, n_gaussians: mask.len(), fingerprint, channels };

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use anyhow::Result;
 use serde::Serialize;
-use stylegaussian::{EncoderId, file};
+use stylegaussian::EncoderId;
+use stylegaussian_files::{read_paint, read_style};
 
 use super::or_unknown;
 use crate::terminal::{lossy, print};
@@ -27,7 +28,7 @@ struct StyleInfo<'a> {
 /// # Errors
 /// If it cannot be read.
 pub fn run(path: &Path, json: bool) -> Result<()> {
-    let (style, paint) = (file::read_style(path)?, file::read_paint(path)?);
+    let (style, paint) = (read_style(path)?, read_paint(path)?);
     let info = StyleInfo {
         path,
         n_channels: style.mean.len(),

@@ -14,7 +14,8 @@ use bevy::{
     prelude::*,
     render::render_resource::{Extent3d, TextureDimension, TextureFormat},
 };
-use stylegaussian::{Look, Scene, file, look::MadeFrom, work::Work};
+use stylegaussian::{Look, Scene, look::MadeFrom, work::Work};
+use stylegaussian_files::{read_scene, read_style};
 
 use super::{engine::Baking, *};
 use crate::{
@@ -317,8 +318,8 @@ fn a_bake_leaves_frames_alone() {
     let view = Transform::from_xyz(0.0, 3.9, 9.7).looking_at(Vec3::ZERO, Vec3::Y);
     app.world_mut().spawn((Camera3d::default(), target(&image), view));
     let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
-    let scene = file::read_scene(&assets.join("demo.sgs")).unwrap().scene;
-    let style = file::read_style(&assets.join("styles/strokes.style.safetensors")).unwrap();
+    let scene = read_scene(&assets.join("demo.sgs")).unwrap().scene;
+    let style = read_style(&assets.join("styles/strokes.style.safetensors")).unwrap();
     let source = StyleSource::preset(add_style(&mut app, style));
     let splats = GaussianSplats(add_scene(&mut app, scene));
     let entity = app.world_mut().spawn((splats, source)).id();

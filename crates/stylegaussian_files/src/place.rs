@@ -1,0 +1,160 @@
+//! Gaussians moved by an affine transform.
+//!
+//! A covariance S becomes L S L^T. For a turn and one scale that is a turn of the quaternion; for a matrix that
+//! stretches, the new axes are eigenvectors.
+
+use glam::{DAffine3, DMat3, DQuat, DVec3, Quat};
+use rayon::prelude::*;
+use stylegaussian::{scene::Scene, sh};
+
+use super::error::{Mismatch, mismatch};
+
+/// Moves a scene. Its spherical harmonics turn along; under a matrix that stretches they turn with its
+/// rotation, which a warning says.
+pub(super) fn place(scene: &mut Scene, to: DAffine3, warnings: &mut Vec<String>) -> Result<(), Mismatch> {
+    if to == DAffine3::IDENTITY {
+        return Ok(());
+    }
+    let linear = to.matrix3;
+    let (lengths, stretched) = eigen(linear.transpose() * linear);
+    let factors = lengths.max(DVec3::ZERO).map(f64::sqrt);
+    // Below this the inverse is noise. A matrix of zeros is not above it either.
+    if factors.min_element() <= 1e-9 * factors.max_element() {
+        return Err(mismatch("Gaussians in a node whose scale is 0", "a matrix that can be inverted"));
+    }
+    // The polar decomposition L = Q P: P stretches along its eigenvectors, Q turns, and mirrors if L does.
+    let inverse = stretched * DMat3::from_diagonal(factors.recip()) * stretched.transpose();
+    let turn = linear * inverse;
+    // Only files without cameras are read or written in this way.
+    scene.cameras.clear();
+    scene.means.par_iter_mut().for_each(|mean| *mean = to.transform_point3(mean.as_dvec3()).as_vec3());
+    if factors.max_element() - factors.min_element() <= 1e-5 * factors.max_element() {
+        // A covariance does not change if all axes are mirrored.
+        let proper = DQuat::from_mat3(&(turn * turn.determinant().signum()));
+        let scale = factors.y as f32;
+        scene
+            .rotations
+            .par_iter_mut()
+            .for_each(|rotation| *rotation = (proper * rotation.as_dquat()).normalize().as_quat());
+        scene.scales.par_iter_mut().for_each(|scales| *scales *= scale);
+    } else {
+        if scene.sh.as_ref().is_some_and(|sh| sh.degree > 0) {
+            warnings.push(
+                "a node stretches its Gaussians: colors that depend on the view are only turned".into(),
+            );
+        }
+        scene.rotations.par_iter_mut().zip(&mut scene.scales).for_each(|(rotation, scales)| {
+            let axes =
+                linear * DMat3::from_quat(rotation.as_dquat()) * DMat3::from_diagonal(scales.as_dvec3());
+            // NaN has no eigenvalues. Such Gaussians are dropped later.
+            if axes.is_finite() {
+                let (variances, vectors) = eigen(axes * axes.transpose());
+                *scales = variances.max(DVec3::ZERO).map(f64::sqrt).as_vec3();
+                *rotation = Quat::normalize(DQuat::from_mat3(&vectors).as_quat());
+            }
+        });
+    }
+    if let Some(sh) = &mut scene.sh {
+        sh::rotate(turn, sh.degree, &mut sh.coefficients);
+    }
+    Ok(())
+}
+
+/// Eigenvalues and eigenvectors (columns, a rotation) of a symmetric matrix, by Jacobi's method (Golub and Van
+/// Loan, section 8.5).
+fn eigen(mut matrix: DMat3) -> (DVec3, DMat3) {
+    let mut vectors = DMat3::IDENTITY;
+    // Converges quadratically: five sweeps leave rounding only.
+    for _ in 0..8 {
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            let (app, aqq, apq) = (matrix.col(p)[p], matrix.col(q)[q], matrix.col(q)[p]);
+            if apq == 0.0 {
+                continue;
+            }
+            // The smaller root of t^2 + 2 theta t - 1: the tangent of the angle that makes the element zero.
+            let theta = (aqq - app) / (2.0 * apq);
+            let tangent = theta.signum() / (theta.abs() + theta.mul_add(theta, 1.0).sqrt());
+            let cosine = tangent.mul_add(tangent, 1.0).sqrt().recip();
+            let sine = tangent * cosine;
+            let mut turn = DMat3::IDENTITY;
+            (turn.col_mut(p)[p], turn.col_mut(q)[q]) = (cosine, cosine);
+            (turn.col_mut(q)[p], turn.col_mut(p)[q]) = (sine, -sine);
+            matrix = turn.transpose() * matrix * turn;
+            vectors *= turn;
+        }
+    }
+    (DVec3::new(matrix.x_axis.x, matrix.y_axis.y, matrix.z_axis.z), vectors)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{EulerRot, Mat3, Vec3};
+    use stylegaussian::scene::Sh;
+
+    use super::*;
+
+    #[test]
+    fn eigenvectors_rebuild_the_matrix() {
+        let turn = DMat3::from_euler(EulerRot::XYZ, 0.3, -1.2, 2.5);
+        for values in [DVec3::new(1.0, 2.0, 3.0), DVec3::splat(0.5), DVec3::new(1e-12, 1e4, 1.0), DVec3::ZERO]
+        {
+            let matrix = turn * DMat3::from_diagonal(values) * turn.transpose();
+            let (found, vectors) = eigen(matrix);
+            let rebuilt = vectors * DMat3::from_diagonal(found) * vectors.transpose();
+            assert!(rebuilt.abs_diff_eq(matrix, 1e-12 * values.max_element().max(1.0)), "{values}");
+            assert!((vectors.determinant() - 1.0).abs() < 1e-12);
+        }
+    }
+
+    fn one() -> Scene {
+        Scene {
+            means: vec![Vec3::new(1.0, -2.0, 0.5)],
+            rotations: vec![Quat::from_euler(EulerRot::XYZ, 1.0, 0.4, -0.7)],
+            scales: vec![Vec3::new(0.1, 0.5, 2.0)],
+            opacities: vec![1.0],
+            sh: Some(Sh { degree: 3, coefficients: (0..48).map(|i| (i as f32 * 0.9).sin() * 0.2).collect() }),
+            order: vec![0],
+            n_source: 1,
+            ..Scene::default()
+        }
+    }
+
+    fn covariance(scene: &Scene) -> Mat3 {
+        let axes = Mat3::from_quat(scene.rotations[0]) * Mat3::from_diagonal(scene.scales[0]);
+        axes * axes.transpose()
+    }
+
+    #[test]
+    fn covariances_and_colors_follow_the_transform() {
+        let turn = DMat3::from_euler(EulerRot::XYZ, -0.8, 0.9, 1.7);
+        let mirror = DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0));
+        let stretch = DMat3::from_diagonal(DVec3::new(3.0, 0.5, 1.0));
+        for (linear, keeps_colors) in [
+            (turn, true),
+            (turn * 2.5, true),
+            (turn * mirror, true),
+            (turn * stretch, false),
+            (stretch * turn, false),
+        ] {
+            let (before, mut after) = (one(), one());
+            let mut warnings = Vec::new();
+            let to = DAffine3 { matrix3: linear, translation: DVec3::new(10.0, 20.0, 30.0) };
+            place(&mut after, to, &mut warnings).unwrap();
+            let expected = linear.as_mat3() * covariance(&before) * linear.as_mat3().transpose();
+            assert!(covariance(&after).abs_diff_eq(expected, 1e-5 * 40.0), "{linear}");
+            assert!(after.rotations[0].is_normalized());
+            let mean = linear.as_mat3() * before.means[0] + Vec3::new(10.0, 20.0, 30.0);
+            assert!(after.means[0].abs_diff_eq(mean, 1e-5));
+            assert_eq!(warnings.is_empty(), keeps_colors);
+            if keeps_colors {
+                let direction = Vec3::new(0.36, 0.48, -0.8);
+                let seen =
+                    |scene: &Scene, d: Vec3| sh::evaluate(3, &scene.sh.as_ref().unwrap().coefficients, d);
+                let turned = (linear.as_mat3() * direction).normalize();
+                assert!(seen(&after, turned).abs_diff_eq(seen(&before, direction), 1e-5));
+            }
+        }
+        let flat = DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0));
+        assert!(place(&mut one(), flat, &mut Vec::new()).is_err());
+    }
+}

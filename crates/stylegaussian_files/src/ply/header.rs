@@ -1,0 +1,180 @@
+//! The header of a .ply: checked here, parsed by ply-rs.
+
+use glam::Vec3;
+use ply_rs::{
+    parser::Parser,
+    ply::{DefaultElement, ElementDef, Encoding, Header as ParsedHeader, PropertyType, ScalarType},
+};
+use stylegaussian::scene::ScreenFilter;
+
+use crate::error::{Mismatch, mismatch};
+
+/// Most bytes of a header. Longer ones belong to files of other kinds, which are not searched to their end.
+const LONGEST: usize = 1 << 20;
+
+/// A parsed header. The bytes after it suffice for the declared counts.
+pub(super) struct Header {
+    parsed: ParsedHeader,
+    /// The place in the file after the line `end_header`.
+    pub(super) payload: usize,
+}
+
+impl Header {
+    /// Splits off, checks and parses the header.
+    pub(super) fn parse(bytes: &[u8]) -> Result<Self, Mismatch> {
+        let (text, payload) = split(bytes)?;
+        let n_declared = check_lines(&text)?;
+        let parsed = Parser::<DefaultElement>::new().read_header(&mut text.as_bytes()).map_err(|error| {
+            mismatch(format_args!("a header that does not parse ({error})"), "a PLY header")
+        })?;
+        let n_parsed: usize = parsed.elements.values().map(|element| 1 + element.properties.len()).sum();
+        // ply-rs keeps elements and properties in maps, so that one declared twice is lost.
+        if n_parsed != n_declared {
+            return Err(mismatch("an element or property declared twice", "each name once"));
+        }
+        let header = Self { parsed, payload: bytes.len() - payload.len() };
+        header.check_size(payload.len())?;
+        Ok(header)
+    }
+
+    /// The element of this name.
+    pub(super) fn element(&self, name: &str) -> Option<&ElementDef> {
+        self.parsed.elements.get(name)
+    }
+
+    /// The elements in the file's order.
+    pub(super) fn elements(&self) -> impl Iterator<Item = &ElementDef> {
+        self.parsed.elements.values()
+    }
+
+    /// The words of every comment, in lower case.
+    fn comments(&self) -> impl Iterator<Item = Vec<String>> {
+        let words = |comment: &String| comment.split_ascii_whitespace().map(str::to_lowercase).collect();
+        self.parsed.comments.iter().map(words)
+    }
+
+    /// The direction of a `comment up X Y Z`, as our files have it, or of Brush's `comment Vertical axis:`, an
+    /// axis or a direction. Comments of other programs may say anything, so one that does not parse is no
+    /// error.
+    pub(super) fn up(&self) -> Option<Vec3> {
+        let up = |comment: Vec<String>| {
+            let words: Vec<&str> = comment.iter().map(String::as_str).collect();
+            match words[..] {
+                // The axes of 3DGS: y and z point down and away. Brush reads its names of axes the same way.
+                ["vertical", "axis:", "x"] => Some(Vec3::X),
+                ["vertical", "axis:", "y"] => Some(Vec3::NEG_Y),
+                ["vertical", "axis:", "z"] => Some(Vec3::NEG_Z),
+                ["up", x, y, z] | ["vertical", "axis:", x, y, z] => {
+                    let up = Vec3::new(x.parse().ok()?, y.parse().ok()?, z.parse().ok()?);
+                    // `None` for zero and for NaN.
+                    up.try_normalize()
+                }
+                _ => None,
+            }
+        };
+        self.comments().find_map(up)
+    }
+
+    /// The filter that a comment names: `SplatRenderMode: mip` of gsplat, nerfstudio and Brush, `antialiased 1`
+    /// of Postshot.
+    pub(super) fn filter(&self, warnings: &mut Vec<String>) -> ScreenFilter {
+        let named = |comment: Vec<String>| {
+            let words: Vec<&str> = comment.iter().map(String::as_str).collect();
+            match words[..] {
+                ["splatrendermode:", "mip" | "antialiased"] | ["antialiased", "1" | "true"] => {
+                    Some(ScreenFilter::Antialiased)
+                }
+                ["splatrendermode:", "default" | "classic"] | ["antialiased", ..] => {
+                    Some(ScreenFilter::Classic)
+                }
+                ["splatrendermode:", other] => {
+                    let other = other.escape_debug();
+                    warnings.push(format!("unknown render mode `{other}`: drawn as plain 3DGS"));
+                    Some(ScreenFilter::Classic)
+                }
+                _ => None,
+            }
+        };
+        self.comments().find_map(named).unwrap_or_default()
+    }
+
+    /// The encoding of the rows.
+    pub(super) fn encoding(&self) -> Encoding {
+        self.parsed.encoding
+    }
+
+    /// Checks that the file is long enough for the declared elements, if every list were empty.
+    fn check_size(&self, n_bytes: usize) -> Result<(), Mismatch> {
+        // In u128, in which no product of two 64-bit counts overflows.
+        let least: u128 = self.elements().map(|e| e.count as u128 * self.least_row(e) as u128).sum();
+        // The last ascii number needs no separator after it.
+        let available = n_bytes as u128 + u128::from(self.encoding() == Encoding::Ascii);
+        if least <= available {
+            return Ok(());
+        }
+        let counts: Vec<String> = self.elements().map(|e| format!("{} {}", e.count, e.name)).collect();
+        Err(mismatch(
+            format_args!("{n_bytes} bytes after the header"),
+            format_args!("at least {least} for {}", counts.join(", ")),
+        ))
+    }
+
+    /// The fewest bytes that a row of `element` takes. In ascii that is a digit and a separator for each
+    /// number.
+    fn least_row(&self, element: &ElementDef) -> usize {
+        let ascii = self.encoding() == Encoding::Ascii;
+        let sizes = element.properties.values().map(|property| match &property.data_type {
+            _ if ascii => 2,
+            PropertyType::Scalar(scalar) | PropertyType::List(scalar, _) => size_of_scalar(scalar),
+        });
+        sizes.sum()
+    }
+}
+
+/// Size of a binary scalar, in bytes.
+pub(super) fn size_of_scalar(scalar: &ScalarType) -> usize {
+    match scalar {
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
+    }
+}
+
+/// The header as text up to and including `end_header`, with uniform line ends, and the payload.
+fn split(bytes: &[u8]) -> Result<(String, &[u8]), Mismatch> {
+    let mut text = String::new();
+    let mut rest = &bytes[..bytes.len()];
+    while bytes.len() - rest.len() <= LONGEST {
+        let Some(end) = rest.iter().position(|&byte| byte == b'\n') else { break };
+        // Comments may be in any encoding; nothing else needs more than ascii.
+        let line = String::from_utf8_lossy(&rest[..end]);
+        let line = line.trim_ascii_end();
+        rest = &rest[end + 1..];
+        if !line.is_empty() {
+            text.push_str(line);
+            text.push('\n');
+        }
+        if line == "end_header" {
+            return Ok((text, rest));
+        }
+    }
+    Err(mismatch("a header without an end", "a line `end_header`"))
+}
+
+/// Checks lines with numbers that would make ply-rs panic, and counts the declarations.
+fn check_lines(text: &str) -> Result<usize, Mismatch> {
+    let mut n_declared = 0;
+    for line in text.lines() {
+        let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        match words[..] {
+            ["format", _, "1.0"] => {}
+            ["format", ..] => return Err(mismatch(format_args!("`{line}`"), "format version 1.0")),
+            ["element", _, count] if count.parse::<u64>().is_ok() => n_declared += 1,
+            ["element", ..] => return Err(mismatch(format_args!("`{line}`"), "`element name count`")),
+            ["property", ..] => n_declared += 1,
+            _ => {}
+        }
+    }
+    Ok(n_declared)
+}

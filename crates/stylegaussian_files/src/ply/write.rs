@@ -1,0 +1,77 @@
+//! Writing the native 3DGS layout: binary little endian, normals of zero, the source's order.
+
+use std::io::{self, Write};
+
+use stylegaussian::{
+    scene::{Scene, ScreenFilter},
+    sh::n_coefficients,
+};
+
+/// Writes Gaussians and their spherical harmonics in the source's order, mid-gray if the scene keeps no colors.
+/// Parts of a source Gaussian are Gaussians of their own here, one after another.
+/// Features, neighbors and decoder have no place in a `.ply`.
+pub(crate) fn write(out: &mut dyn Write, scene: &Scene) -> io::Result<()> {
+    let degree = scene.sh.as_ref().map_or(0, |sh| sh.degree);
+    let n_rest = n_coefficients(degree) - 1;
+    write_header(out, scene, 3 * n_rest)?;
+    let mut row = Vec::new();
+    for i in scene.by_source() {
+        row.clear();
+        push_row(scene, i as usize, n_rest, &mut row);
+        out.write_all(bytemuck::cast_slice(&row))?;
+    }
+    Ok(())
+}
+
+/// Writes the header, with `n_rest` coefficients beyond degree 0 per Gaussian.
+fn write_header(out: &mut dyn Write, scene: &Scene, n_rest: usize) -> io::Result<()> {
+    writeln!(out, "ply\nformat binary_little_endian 1.0")?;
+    if let Some(up) = scene.up {
+        writeln!(out, "comment up {} {} {}", up.x, up.y, up.z)?;
+    }
+    if scene.filter == ScreenFilter::Antialiased {
+        writeln!(out, "comment SplatRenderMode: mip")?;
+    }
+    writeln!(out, "element vertex {}", scene.len())?;
+    let fixed = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
+    let mut names = fixed(&["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]);
+    names.extend((0..n_rest).map(|i| format!("f_rest_{i}")));
+    names.extend(fixed(&["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]));
+    for name in names {
+        writeln!(out, "property float {name}")?;
+    }
+    writeln!(out, "end_header")
+}
+
+/// Appends the values of Gaussian `i` before their activations, each in little endian.
+fn push_row(scene: &Scene, i: usize, n_rest: usize, row: &mut Vec<[u8; 4]>) {
+    let mut push = |value: f32| row.push(value.to_le_bytes());
+    scene.means[i].to_array().into_iter().chain([0.0; 3]).for_each(&mut push);
+    let width = 3 * (n_rest + 1);
+    let coefficients =
+        scene.sh.as_ref().map_or(&[0.0; 3][..], |sh| &sh.coefficients[i * width..(i + 1) * width]);
+    let (dc, rest) = coefficients.split_at(3);
+    dc.iter().copied().for_each(&mut push);
+    // Channel-major in the file, RGB innermost in memory.
+    for channel in 0..3 {
+        rest.iter().skip(channel).step_by(3).copied().for_each(&mut push);
+    }
+    push(logit(scene.opacities[i]));
+    scene.scales[i].to_array().map(log_scale).into_iter().for_each(&mut push);
+    let rotation = scene.rotations[i];
+    [rotation.w, rotation.x, rotation.y, rotation.z].into_iter().for_each(&mut push);
+}
+
+/// The inverse of the sigmoid, kept finite. Opacities 0 and 1 are moved inward by half the f32 step below 1
+/// (2^-25).
+fn logit(opacity: f32) -> f32 {
+    // In f64, because 1 - 2^-25 rounds to 1 in f32.
+    const EDGE: f64 = f32::EPSILON as f64 / 4.0;
+    let opacity = f64::from(opacity).clamp(EDGE, 1.0 - EDGE);
+    (opacity / (1.0 - opacity)).ln() as f32
+}
+
+/// The logarithm, kept finite: the thickness of a flat Gaussian becomes the smallest normal number.
+fn log_scale(scale: f32) -> f32 {
+    scale.max(f32::MIN_POSITIVE).ln()
+}
