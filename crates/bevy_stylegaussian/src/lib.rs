@@ -21,7 +21,7 @@
 //! - Components of scenes: [`GaussianSplats`] shows a [`GaussianScene`] (`.sgs`, or a capture in another
 //!   format; [`SceneSettings`] are those of loading it). [`StyleSource`] paints it in the strokes of images, by
 //!   [`StyleStatistics`] (`.style.safetensors`), by a baked [`StyleLook`] (`.look.safetensors`), or by a mix;
-//!   change it at any time. [`StyleTransition`] fades from one style to the next. [`StyleRefine`] bakes a shown
+//!   change it at any time. [`StyleTransition`] fades from one style to the next. `StyleRefine` bakes a shown
 //!   style further in the background, [`StylePrepare`] prepares a loaded scene for the first. [`StyleDecoder`]
 //!   selects another [`GaussianDecoder`]. [`StyleMask`] holds weights that are painted at run time, from a
 //!   [`SavedMask`] (`.mask.safetensors`) if there is one, and [`MaskVisibility`] hides painted splats or crops
@@ -30,7 +30,7 @@
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
 //! - Resources: [`StyleMethod`], [`StyleBackend`], [`StyleBudget`], [`StyleEncoder`].
 //! - Events, as messages and for observers: [`GaussianSceneReady`], [`GaussianSceneFailed`],
-//!   [`StyleRecolored`], [`StyleApplied`], [`StyleRefined`], [`StyleFailed`], [`StyleMaskFailed`]. The
+//!   [`StyleRecolored`], [`StyleApplied`], `StyleRefined`, [`StyleFailed`], [`StyleMaskFailed`]. The
 //!   component [`AppliedStyle`] holds the style that an entity shows, and can save the styled scene.
 //!
 //! Scene files and saved games: Bevy's serializers save and load all of these components but [`AppliedStyle`],
@@ -49,7 +49,7 @@
 //! game works offline. `picking` (default) is for pointer events, with Bevy's feature `bevy_picking`.
 //! `image_files` (default) are style images as `.png` and `.jpg`, with Bevy's features of these names. `pbr`
 //! (default) is for games that draw meshes with `bevy_pbr`: without it, transmissive materials may not see
-//! splats.
+//! splats. `refine` (default) is the baker in the game: `StyleRefine` and its event `StyleRefined`.
 
 mod colors;
 mod loader;
@@ -76,9 +76,11 @@ pub use splats::{SplatSortKey, SplatTonemapping};
 pub use style::{
     AppliedStyle, GaussianDecoder, HiddenUntilStyled, ImageEncoder, StyleApplied, StyleBackend, StyleBudget,
     StyleDecoder, StyleEncoder, StyleError, StyleFailed, StyleInput, StyleLook, StyleMethod, StylePrepare,
-    StyleProgress, StyleRecolored, StyleRefine, StyleRefined, StyleSource, StyleStatistics, StyleTransition,
-    StyleVolume, TransitionCenter, TransitionClock, TransitionShape, VolumeShape, WeightedStyle,
+    StyleProgress, StyleRecolored, StyleSource, StyleStatistics, StyleTransition, StyleVolume,
+    TransitionCenter, TransitionClock, TransitionShape, VolumeShape, WeightedStyle,
 };
+#[cfg(feature = "refine")]
+pub use style::{StyleRefine, StyleRefined};
 pub use systems::StyleGaussianSystems;
 pub use work::StyleThreads;
 
@@ -104,11 +106,12 @@ pub mod prelude {
         HiddenUntilStyled, MaskVisibility, SavedMask, SplatHit, SplatRayCast, SplatSortKey, SplatTonemapping,
         StyleApplied, StyleBackend, StyleBudget, StyleDecoder, StyleEncoder, StyleFailed,
         StyleGaussianPlugin, StyleInput, StyleMask, StyleMaskFailed, StyleMethod, StylePrepare,
-        StyleRecolored, StyleRefine, StyleRefined, StyleSource, StyleTransition, StyleVolume,
-        TransitionClock, TransitionShape,
+        StyleRecolored, StyleSource, StyleTransition, StyleVolume, TransitionClock, TransitionShape,
     };
     #[cfg(feature = "picking")]
     pub use crate::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
+    #[cfg(feature = "refine")]
+    pub use crate::{StyleRefine, StyleRefined};
 }
 
 /// The examples of the repository's README, as doc tests.

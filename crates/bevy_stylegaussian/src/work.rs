@@ -52,6 +52,7 @@ pub(crate) enum Lane {
     /// Styles: canvases, encoding, surfaces, paint, decoding.
     Styles,
     /// Bakes, which take minutes.
+    #[cfg_attr(not(feature = "refine"), allow(dead_code, reason = "`StyleRefine` alone bakes"))]
     Bakes,
 }
 

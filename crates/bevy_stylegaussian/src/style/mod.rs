@@ -31,13 +31,14 @@ mod wish;
 
 pub use make::prepare::StylePrepare;
 pub use make::progress::StyleProgress;
-pub use make::refine::StyleRefine;
+#[cfg(feature = "refine")]
+pub use make::refine::{StyleRefine, StyleRefined};
 pub use show::transition::{StyleTransition, TransitionCenter, TransitionClock, TransitionShape};
 pub use show::volume::{StyleVolume, VolumeShape};
 pub use wish::applied::AppliedStyle;
 pub use wish::asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
 pub use wish::error::StyleError;
-pub use wish::event::{StyleApplied, StyleFailed, StyleRecolored, StyleRefined};
+pub use wish::event::{StyleApplied, StyleFailed, StyleRecolored};
 pub use wish::settings::{StyleBackend, StyleBudget, StyleEncoder, StyleMethod};
 pub use wish::source::{HiddenUntilStyled, StyleDecoder, StyleInput, StyleSource, WeightedStyle};
 
@@ -66,10 +67,8 @@ impl Plugin for StylePlugin {
             // On the source and not on the splats: entities that are never styled carry none.
             .register_required_components::<StyleSource, make::job::StyleJobs>()
             .init_resource::<make::shared::SharedStyles>()
-            .init_resource::<make::refine::Engine>()
             .add_message::<StyleApplied>()
             .add_message::<StyleRecolored>()
-            .add_message::<StyleRefined>()
             .add_message::<StyleFailed>()
             .add_systems(
                 PostUpdate,
@@ -86,10 +85,7 @@ impl Plugin for StylePlugin {
                     make::want::drop_removed_styles,
                     show::compose::advance_transitions,
                     make::job::advance_jobs,
-                    // After the styles: a style that has just been applied is refined, and a changed one no
-                    // longer.
-                    make::refine::want_refinements,
-                    make::refine::advance_refinements,
+                    // Here the styles that are shown are refined (`make::refine`).
                     make::prepare::prepare_surfaces,
                     make::progress::report_progress,
                     make::surfaces::forget_unused_surfaces,
@@ -103,6 +99,8 @@ impl Plugin for StylePlugin {
                     .after(TransformSystems::Propagate),
             );
         register_types(app);
+        #[cfg(feature = "refine")]
+        app.add_plugins(make::refine::RefinePlugin);
         #[cfg(feature = "bundled_models")]
         // After `init_asset`, whose collection it is added to.
         wish::asset::add_bundled_encoder(app.world_mut());
@@ -142,10 +140,8 @@ fn register_types(app: &mut App) {
         .register_type::<StyleBudget>()
         .register_type::<StyleMethod>()
         .register_type::<StyleEncoder>()
-        .register_type::<StyleRefine>()
         .register_type::<StylePrepare>()
         .register_type::<StyleApplied>()
         .register_type::<StyleRecolored>()
-        .register_type::<StyleRefined>()
         .register_type::<StyleFailed>();
 }

@@ -18,7 +18,7 @@ use stylegaussian_files::{read_scene, write_scene};
 
 use crate::{
     AppliedStyle, GaussianScene, GaussianSplats, StyleBackend, StyleGaussianPlugin, StyleLook, StyleProgress,
-    StyleRefine, StyleSource,
+    StyleSource,
     scene::{GpuScenes, LoadedScene},
     work::{Lane, Workers},
 };
@@ -133,8 +133,10 @@ fn a_despawned_entitys_painting_is_painted_no_further() {
 }
 
 #[test]
-#[cfg(feature = "bundled_models")]
+#[cfg(all(feature = "bundled_models", feature = "refine"))]
 fn a_bake_that_is_not_wanted_any_more_stops() {
+    use crate::StyleRefine;
+
     let mut app = app_without_rendering();
     let splats = GaussianSplats(add_scene(&mut app, demo()));
     let image = painting(&mut app, 1);

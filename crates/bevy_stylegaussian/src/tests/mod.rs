@@ -15,6 +15,7 @@ mod paint;
 mod pictures;
 mod plugins;
 mod rooms_apart;
+#[cfg(feature = "refine")]
 mod saves;
 mod soak;
 mod space;

@@ -427,6 +427,7 @@ fn repaired_files_are_taken_over() {
 
 /// All components, resources, events and assets are registered, for editors and scene files.
 #[test]
+#[cfg(feature = "refine")]
 fn public_types_are_registered() {
     use crate as face;
     use bevy::ecs::reflect::{ReflectComponent, ReflectResource};

@@ -8,10 +8,9 @@
 use std::sync::Arc;
 
 use bevy::{platform::time::Instant, prelude::*, render::renderer::RenderAdapterInfo};
-use stylegaussian::strokes::Strokes;
 
 use crate::{
-    colors::{ColorLayers, LayerColors, StyleColors, WantedColors},
+    colors::{ColorLayers, LayerColors, WantedColors},
     scene::{GaussianSplats, LoadedScene, NextScene},
     style::{
         make::{
@@ -68,7 +67,7 @@ pub(crate) struct StyleJob {
     /// The styles that are shown.
     pub(crate) worn: Worn,
     /// The shared style that is shown, kept so that others find it.
-    shown: Option<Arc<SharedStyle>>,
+    pub(super) shown: Option<Arc<SharedStyle>>,
 }
 
 /// Stage of the style under way.
@@ -152,20 +151,6 @@ impl StyleJob {
     #[cfg(test)]
     pub(crate) fn is_shown(&self) -> bool {
         self.is_settled() && self.coming.is_none()
-    }
-
-    /// The strokes of the style that is shown.
-    pub(crate) fn strokes(&self) -> Option<Arc<Strokes>> {
-        match self.worn.top() {
-            LayerColors::Style(colors) => colors.strokes.clone(),
-            LayerColors::Captured | LayerColors::Mix(_) => None,
-        }
-    }
-
-    /// Replaces the colors of the style that is shown by better ones.
-    pub(crate) fn improve(&mut self, colors: Arc<StyleColors>, transition: Option<&StyleTransition>) {
-        self.shown = None;
-        self.worn.put_on(LayerColors::Style(colors), transition);
     }
 }
 

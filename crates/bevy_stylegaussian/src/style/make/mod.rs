@@ -8,6 +8,10 @@ pub(crate) mod job;
 pub(crate) mod packed;
 pub(crate) mod prepare;
 pub(crate) mod progress;
+#[cfg(feature = "refine")]
+pub(crate) mod refine;
+#[cfg(not(feature = "refine"))]
+#[path = "no_refine.rs"]
 pub(crate) mod refine;
 pub(crate) mod request;
 pub(crate) mod shared;

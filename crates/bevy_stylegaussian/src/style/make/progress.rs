@@ -10,7 +10,8 @@ use crate::style::make::{job::StyleJobs, refine::Refinement, surfaces::Surfaces}
 pub struct StyleProgress {
     /// Share of the style's computation that is done, 0..1, or `None` if none is on its way.
     pub style: Option<f32>,
-    /// Share of the bake of [`StyleRefine`](crate::StyleRefine) that is done, 0..1, or `None` if there is none.
+    /// Share of the bake of a `StyleRefine` that is done, 0..1, or `None` if there is none, as always without
+    /// the feature `refine`.
     pub refine: Option<f32>,
 }
 

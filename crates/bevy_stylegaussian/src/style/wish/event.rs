@@ -39,21 +39,6 @@ pub struct StyleRecolored {
     pub entity: Entity,
 }
 
-/// Sent if a better look of an entity's style is shown from this frame on, or begins to fade in: see
-/// [`StyleRefine`](crate::StyleRefine).
-///
-/// Written as a message and triggered on the entity for observers.
-#[derive(Message, EntityEvent, Clone, Debug, Reflect)]
-#[reflect(Clone, Debug)]
-pub struct StyleRefined {
-    /// The entity.
-    pub entity: Entity,
-    /// Steps of the bake so far.
-    pub steps: u32,
-    /// Whether these are all of them.
-    pub is_complete: bool,
-}
-
 /// Sent if an entity cannot be styled. It keeps the colors that it had before.
 ///
 /// Written as a message and triggered on the entity for observers.
@@ -78,7 +63,6 @@ pub(crate) struct StyleEvents<'w, 's> {
     commands: Commands<'w, 's>,
     applied: MessageWriter<'w, StyleApplied>,
     recolored: MessageWriter<'w, StyleRecolored>,
-    refined: MessageWriter<'w, StyleRefined>,
     failed: MessageWriter<'w, StyleFailed>,
     names: Query<'w, 's, NameOrEntity>,
     hidden: Query<'w, 's, (), With<HiddenUntilStyled>>,
@@ -118,14 +102,6 @@ impl StyleEvents<'_, '_> {
         }
         let event = StyleRecolored { entity };
         self.recolored.write(event.clone());
-        self.commands.trigger(event);
-    }
-
-    /// The entity shows a better look of its style.
-    pub(crate) fn refined(&mut self, entity: Entity, style: AppliedStyle, steps: u32, is_complete: bool) {
-        self.commands.entity(entity).try_insert(style);
-        let event = StyleRefined { entity, steps, is_complete };
-        self.refined.write(event.clone());
         self.commands.trigger(event);
     }
 

@@ -10,10 +10,15 @@ use stylegaussian::strokes::Strokes;
 use stylegaussian_bake::BakeConfig;
 
 use crate::{
-    colors::{StyleColors, WantedColors},
+    colors::{LayerColors, StyleColors, WantedColors},
     scene::LoadedScene,
     style::{
-        make::{images, inputs::loaded, job::StyleJobs},
+        make::{
+            images,
+            inputs::loaded,
+            job::{StyleJob, StyleJobs, advance_jobs},
+            prepare::prepare_surfaces,
+        },
         show::transition::StyleTransition,
         wish::{
             applied::{AppliedColors, AppliedStyle},
@@ -22,6 +27,7 @@ use crate::{
             source::{StyleInput, StyleSource, WeightedStyle},
         },
     },
+    systems::StyleGaussianSystems,
     work::Workers,
 };
 
@@ -30,8 +36,30 @@ mod engine;
 mod tests;
 mod worker;
 
-pub(crate) use engine::Engine;
+use engine::Engine;
 use worker::{Better, Request, Running};
+
+/// Refines the styles that are shown.
+pub(crate) struct RefinePlugin;
+
+impl Plugin for RefinePlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<Engine>()
+            .add_message::<StyleRefined>()
+            .register_type::<StyleRefine>()
+            .register_type::<StyleRefined>()
+            .add_systems(
+                PostUpdate,
+                // After the styles: a style that has just been applied is refined, and a changed one no longer.
+                (want_refinements, advance_refinements)
+                    .chain()
+                    .in_set(StyleGaussianSystems::Styles)
+                    .after(TransformSystems::Propagate)
+                    .after(advance_jobs)
+                    .before(prepare_surfaces),
+            );
+    }
+}
 
 /// Bakes an entity's style further in the background, from the moment at which it is shown: the colors under
 /// its strokes become more like the painting's. Better looks replace it, by a fade if the entity has a
@@ -64,6 +92,21 @@ impl Default for StyleRefine {
         // As many steps as a bake takes by itself.
         Self { steps: BakeConfig::default().steps, n_shown: 5, paintings: Vec::new() }
     }
+}
+
+/// Sent if a better look of an entity's style is shown from this frame on, or begins to fade in: see
+/// [`StyleRefine`].
+///
+/// Written as a message and triggered on the entity for observers.
+#[derive(Message, EntityEvent, Clone, Debug, Reflect)]
+#[reflect(Clone, Debug)]
+pub struct StyleRefined {
+    /// The entity.
+    pub entity: Entity,
+    /// Steps of the bake so far.
+    pub steps: u32,
+    /// Whether these are all of them.
+    pub is_complete: bool,
 }
 
 /// Progress of an entity's refinement.
@@ -129,12 +172,47 @@ pub(crate) struct Means<'w> {
     workers: Res<'w, Workers>,
 }
 
+/// Sends [`StyleRefined`], and keeps [`AppliedStyle`] in step with it.
+#[derive(SystemParam)]
+pub(crate) struct RefinedEvents<'w, 's> {
+    commands: Commands<'w, 's>,
+    refined: MessageWriter<'w, StyleRefined>,
+}
+
+impl RefinedEvents<'_, '_> {
+    /// The entity shows a better look of its style.
+    fn send(&mut self, entity: Entity, style: AppliedStyle, steps: u32, is_complete: bool) {
+        // Before the event is triggered, so that observers already find the component.
+        self.commands.entity(entity).try_insert(style);
+        let event = StyleRefined { entity, steps, is_complete };
+        self.refined.write(event.clone());
+        self.commands.trigger(event);
+    }
+}
+
+impl StyleJob {
+    /// The strokes of the style that is shown.
+    fn strokes(&self) -> Option<Arc<Strokes>> {
+        match self.worn.top() {
+            LayerColors::Style(colors) => colors.strokes.clone(),
+            LayerColors::Captured | LayerColors::Mix(_) => None,
+        }
+    }
+
+    /// Replaces the colors of the style that is shown by better ones.
+    fn improve(&mut self, colors: Arc<StyleColors>, transition: Option<&StyleTransition>) {
+        self.shown = None;
+        self.worn.put_on(LayerColors::Style(colors), transition);
+    }
+}
+
 /// Begins wanted bakes, cancels those that are out of date, and shows what they give.
 pub(crate) fn advance_refinements(
     mut entities: Query<Refined>,
     means: Means,
     mut wanted: ResMut<WantedColors>,
     mut events: StyleEvents,
+    mut refined: RefinedEvents,
 ) {
     for (entity, mut refinement, refine, styled) in &mut entities {
         if matches!(*refinement, Refinement::Idle) {
@@ -175,7 +253,7 @@ pub(crate) fn advance_refinements(
                     let colors = AppliedColors::Known { colors, strokes };
                     let style = AppliedStyle { scene: Arc::clone(scene.scene()), colors };
                     let is_complete = steps == refine.steps;
-                    events.refined(entity, style, steps, is_complete);
+                    refined.send(entity, style, steps, is_complete);
                     if is_complete {
                         *refinement = Refinement::Idle;
                     }
