@@ -28,7 +28,7 @@
 //!   to them.
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
-//! - Resources: [`StyleMethod`], [`StyleBackend`], [`StyleBudget`], [`StyleEncoder`].
+//! - Resources: [`StyleMethod`], [`StyleBackend`], [`StyleBudget`], `StyleEncoder`.
 //! - Events, as messages and for observers: [`GaussianSceneReady`], [`GaussianSceneFailed`],
 //!   [`StyleRecolored`], [`StyleApplied`], `StyleRefined`, [`StyleFailed`], [`StyleMaskFailed`]. The
 //!   component [`AppliedStyle`] holds the style that an entity shows, and can save the styled scene.
@@ -45,11 +45,17 @@
 //! names of the second and further ones end with a number, as in `splat_draw_2`: in the order in which the
 //! cameras came, and a camera keeps its number. The sum is the time of the frame.
 //!
-//! The features of cargo: `bundled_models` (default) compiles the default encoder and decoder in, so that a
-//! game works offline. `picking` (default) is for pointer events, with Bevy's feature `bevy_picking`.
-//! `image_files` (default) are style images as `.png` and `.jpg`, with Bevy's features of these names. `pbr`
-//! (default) is for games that draw meshes with `bevy_pbr`: without it, transmissive materials may not see
-//! splats. `refine` (default) is the baker in the game: `StyleRefine` and its event `StyleRefined`.
+//! The features of cargo, which are defaults but `onnx`:
+//!
+//! - `images`: styles of images, `StyleEncoder` and its asset `ImageEncoder`. Without it, a game shows looks
+//!   and presets, and compiles no encoder. A style of an image is an error then, which names the feature.
+//! - `image_files`: reads `.png` and `.jpg`, with Bevy's features of these names.
+//! - `refine`: the baker in the game, `StyleRefine` and its event `StyleRefined`. It implies `images`.
+//! - `bundled_models`: compiles the default decoder in, and with `images` the default encoder, so that a game
+//!   works offline.
+//! - `picking`: pointer events, with Bevy's feature `bevy_picking`.
+//! - `pbr`: for games that draw meshes with `bevy_pbr`. Without it, transmissive materials may not see splats.
+//! - `onnx`: encoders as `.onnx` files. It implies `images`.
 
 mod colors;
 mod loader;
@@ -74,11 +80,13 @@ pub use plugin::StyleGaussianPlugin;
 pub use scene::{GaussianScene, GaussianSceneError, GaussianSceneFailed, GaussianSplats, SceneSettings};
 pub use splats::{SplatSortKey, SplatTonemapping};
 pub use style::{
-    AppliedStyle, GaussianDecoder, HiddenUntilStyled, ImageEncoder, StyleApplied, StyleBackend, StyleBudget,
-    StyleDecoder, StyleEncoder, StyleError, StyleFailed, StyleInput, StyleLook, StyleMethod, StylePrepare,
-    StyleProgress, StyleRecolored, StyleSource, StyleStatistics, StyleTransition, StyleVolume,
-    TransitionCenter, TransitionClock, TransitionShape, VolumeShape, WeightedStyle,
+    AppliedStyle, GaussianDecoder, HiddenUntilStyled, StyleApplied, StyleBackend, StyleBudget, StyleDecoder,
+    StyleError, StyleFailed, StyleInput, StyleLook, StyleMethod, StylePrepare, StyleProgress, StyleRecolored,
+    StyleSource, StyleStatistics, StyleTransition, StyleVolume, TransitionCenter, TransitionClock,
+    TransitionShape, VolumeShape, WeightedStyle,
 };
+#[cfg(feature = "images")]
+pub use style::{ImageEncoder, StyleEncoder};
 #[cfg(feature = "refine")]
 pub use style::{StyleRefine, StyleRefined};
 pub use systems::StyleGaussianSystems;
@@ -87,6 +95,7 @@ pub use work::StyleThreads;
 /// The model crate: the types inside of assets, such as [`stylegaussian::Scene`].
 pub use stylegaussian;
 /// The encoder crate: the type inside of [`ImageEncoder`], [`stylegaussian_encoder::Encoder`].
+#[cfg(feature = "images")]
 pub use stylegaussian_encoder;
 /// The crate of files: readers and writers of scenes and of everything else that loads, such as
 /// [`stylegaussian_files::write_scene`].
@@ -101,12 +110,14 @@ pub use stylegaussian_gpu::needs as gpu_needs;
 /// use bevy_stylegaussian::prelude::*;
 /// ```
 pub mod prelude {
+    #[cfg(feature = "images")]
+    pub use crate::StyleEncoder;
     pub use crate::{
         AppliedStyle, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
         HiddenUntilStyled, MaskVisibility, SavedMask, SplatHit, SplatRayCast, SplatSortKey, SplatTonemapping,
-        StyleApplied, StyleBackend, StyleBudget, StyleDecoder, StyleEncoder, StyleFailed,
-        StyleGaussianPlugin, StyleInput, StyleMask, StyleMaskFailed, StyleMethod, StylePrepare,
-        StyleRecolored, StyleSource, StyleTransition, StyleVolume, TransitionClock, TransitionShape,
+        StyleApplied, StyleBackend, StyleBudget, StyleDecoder, StyleFailed, StyleGaussianPlugin, StyleInput,
+        StyleMask, StyleMaskFailed, StyleMethod, StylePrepare, StyleRecolored, StyleSource, StyleTransition,
+        StyleVolume, TransitionClock, TransitionShape,
     };
     #[cfg(feature = "picking")]
     pub use crate::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};

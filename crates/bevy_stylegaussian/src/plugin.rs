@@ -29,11 +29,10 @@ use crate::{
 /// or comes later, if `RenderPlugin` comes later, or if `TaskPoolPlugin` or `TimePlugin` is missing.
 ///
 /// Settings that an app may change while it runs are resources: [`StyleBackend`], [`StyleBudget`] and
-/// [`StyleEncoder`]. Insert them before or after the plugin; without them, their defaults apply.
+/// `StyleEncoder`. Insert them before or after the plugin; without them, their defaults apply.
 ///
 /// [`StyleBackend`]: crate::StyleBackend
 /// [`StyleBudget`]: crate::StyleBudget
-/// [`StyleEncoder`]: crate::StyleEncoder
 #[derive(Clone, Debug, Default)]
 pub struct StyleGaussianPlugin {
     /// If true, a frame that needs a new pipeline or a scene that is not on the GPU yet waits for it. If false,

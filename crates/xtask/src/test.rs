@@ -51,6 +51,7 @@ fn run_all(steps: &mut Steps) -> Result<()> {
         "lints",
         &mut cargo(["clippy", "--locked", "--workspace", "--all-targets", "--", "-D", "warnings"]),
     )?;
+    fewer_features(steps)?;
     steps.run(
         "docs",
         cargo(["doc", "--locked", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"),
@@ -69,6 +70,16 @@ fn add_components(steps: &mut Steps) -> Result<()> {
         return Ok(());
     }
     steps.run("set-up", Command::new("rustup").args(["component", "add", "rustfmt", "clippy"]))
+}
+
+/// Checks the plugin as games build it that show looks and presets alone, and those that refine nothing.
+fn fewer_features(steps: &mut Steps) -> Result<()> {
+    let plugin = ["clippy", "--locked", "--package", "bevy_stylegaussian", "--all-targets"];
+    for features in [&["--no-default-features"][..], &["--no-default-features", "--features", "images"]] {
+        let mut clippy = cargo(plugin);
+        steps.run("lints of fewer features", clippy.args(features).args(["--", "-D", "warnings"]))?;
+    }
+    Ok(())
 }
 
 fn tests(steps: &mut Steps) -> Result<()> {

@@ -1,10 +1,10 @@
 //! Styling: from a [`StyleSource`] to the layers of colors that an entity shows.
 //!
 //! A changed [`StyleSource`], or a changed asset that it names, makes the entity's [`job`](make::job) want a
-//! new style. The job waits for the assets and has images prepared ([`canvases`](make::canvases)) or encoded
-//! ([`images`](make::images)); meanwhile it shows [`first`](make::first) colors. Then a task, shared by all who
-//! want the same ([`shared`](make::shared)), paints the scene on its surface ([`surfaces`](make::surfaces)), or
-//! folds the style into the decoder's weights and, on the CPU backend, decodes the colors too
+//! new style. The job waits for the assets and has [`presets`](make::presets) and [`images`](make::images)
+//! prepared; meanwhile it shows [`first`](make::first) colors. Then a task, shared by all who want the same
+//! ([`shared`](make::shared)), paints the scene on its surface ([`surfaces`](make::surfaces)), or folds the
+//! style into the decoder's weights and, on the CPU backend, decodes the colors too
 //! ([`request`](make::request)). Folded weights are decoded on the GPU by the style pass ([`pass`]). Once the
 //! GPU has the colors, the entity puts them on ([`worn`](show::worn)), by a [`transition`](show::transition).
 //! The styles that an entity wears and the [`volume`](show::volume)s that touch it become its layers
@@ -36,10 +36,12 @@ pub use make::refine::{StyleRefine, StyleRefined};
 pub use show::transition::{StyleTransition, TransitionCenter, TransitionClock, TransitionShape};
 pub use show::volume::{StyleVolume, VolumeShape};
 pub use wish::applied::AppliedStyle;
-pub use wish::asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics};
+pub use wish::asset::{GaussianDecoder, StyleLook, StyleStatistics};
+#[cfg(feature = "images")]
+pub use wish::encoder::{ImageEncoder, StyleEncoder};
 pub use wish::error::StyleError;
 pub use wish::event::{StyleApplied, StyleFailed, StyleRecolored};
-pub use wish::settings::{StyleBackend, StyleBudget, StyleEncoder, StyleMethod};
+pub use wish::settings::{StyleBackend, StyleBudget, StyleMethod};
 pub use wish::source::{HiddenUntilStyled, StyleDecoder, StyleInput, StyleSource, WeightedStyle};
 
 /// Styles the entities that show a scene.
@@ -50,18 +52,14 @@ impl Plugin for StylePlugin {
         app.init_asset::<StyleStatistics>()
             .init_asset::<StyleLook>()
             .init_asset::<GaussianDecoder>()
-            .init_asset::<ImageEncoder>()
             .init_asset_loader::<FileLoader<StyleStatistics>>()
             .init_asset_loader::<FileLoader<StyleLook>>()
             .init_asset_loader::<FileLoader<GaussianDecoder>>()
-            .init_asset_loader::<FileLoader<ImageEncoder>>()
             .init_resource::<StyleBackend>()
             .init_resource::<StyleBudget>()
             .init_resource::<StyleMethod>()
-            .init_resource::<StyleEncoder>()
-            .init_resource::<make::canvases::Canvases>()
-            .init_resource::<make::images::ImageStatistics>()
             .init_resource::<make::packed::PackedInputs>()
+            .init_resource::<make::presets::Presets>()
             .init_resource::<make::surfaces::Surfaces>()
             .register_required_components::<StyleVolume, StyleSource>()
             // On the source and not on the splats: entities that are never styled carry none.
@@ -76,8 +74,7 @@ impl Plugin for StylePlugin {
                     // In this order: old canvases and statistics are gone before a style is wanted, everything
                     // that is wanted is known, and reports have made jobs idle, before `advance_jobs` starts
                     // anything.
-                    make::canvases::forget_changed_canvases,
-                    make::images::forget_changed_images,
+                    make::presets::forget_changed_presets,
                     show::compose::find_scenes_of_clouds,
                     show::compose::find_scenes_of_volumes,
                     make::want::want_changed_styles,
@@ -99,11 +96,10 @@ impl Plugin for StylePlugin {
                     .after(TransformSystems::Propagate),
             );
         register_types(app);
+        #[cfg(feature = "images")]
+        app.add_plugins(make::images::ImagesPlugin);
         #[cfg(feature = "refine")]
         app.add_plugins(make::refine::RefinePlugin);
-        #[cfg(feature = "bundled_models")]
-        // After `init_asset`, whose collection it is added to.
-        wish::asset::add_bundled_encoder(app.world_mut());
         if app.get_sub_app(RenderApp).is_some() {
             // Without a render app, Bevy would log an error.
             app.add_plugins(ExtractResourcePlugin::<StyleBudget>::default());
@@ -130,7 +126,6 @@ fn register_types(app: &mut App) {
     app.register_type::<StyleStatistics>()
         .register_type::<StyleLook>()
         .register_type::<GaussianDecoder>()
-        .register_type::<ImageEncoder>()
         .register_type::<StyleSource>()
         .register_type::<StyleDecoder>()
         .register_type::<StyleTransition>()
@@ -139,7 +134,6 @@ fn register_types(app: &mut App) {
         .register_type::<StyleBackend>()
         .register_type::<StyleBudget>()
         .register_type::<StyleMethod>()
-        .register_type::<StyleEncoder>()
         .register_type::<StylePrepare>()
         .register_type::<StyleApplied>()
         .register_type::<StyleRecolored>()

@@ -194,3 +194,14 @@ fn a_changed_look_is_shown_at_once() {
     }
     assert!(drain::<StyleApplied>(&mut app).is_empty(), "nothing happens without a change");
 }
+
+/// Games that show looks and presets alone are built without images.
+#[test]
+#[cfg(not(feature = "images"))]
+fn an_image_is_an_error_that_names_the_feature() {
+    let mut app = app_without_rendering();
+    let splats = GaussianSplats(add_scene(&mut app, small_scene(8, 1)));
+    app.world_mut().spawn((splats, StyleSource::image(Handle::default())));
+    let error = until_failed(&mut app).error.to_string();
+    assert!(error.contains("the feature `images`"), "{error}");
+}

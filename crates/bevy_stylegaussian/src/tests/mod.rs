@@ -3,16 +3,20 @@
 //! They live here and not in `tests/`, so that tests of private state can use the same scenes and apps, and so
 //! that all of them are one program to link.
 
+#[cfg(feature = "images")]
 mod background;
 mod demo_scene;
 mod diagnostics;
 mod formats;
+#[cfg(feature = "images")]
 mod images;
 mod lifecycle;
 mod looks;
 mod masks;
+#[cfg(feature = "images")]
 mod paint;
 mod pictures;
+#[cfg(feature = "images")]
 mod plugins;
 mod rooms_apart;
 #[cfg(feature = "refine")]
@@ -20,7 +24,9 @@ mod saves;
 mod soak;
 mod space;
 mod still_frames;
+#[cfg(feature = "images")]
 mod strokes;
 mod styles;
+#[cfg(feature = "images")]
 mod weak_devices;
 pub(crate) mod world;

@@ -14,26 +14,24 @@ use crate::{
     scene::{GaussianScene, LoadedScene},
     style::{
         make::{
-            canvases::{Canvases, Later, Stretched, preset_name},
             first::{FirstRequest, Palette},
-            images::{Encoded, ImageStatistics},
+            images::ImageInputs,
+            later::{Encoded, Input, Later, Stretched, loaded, name},
             packed::PackedInputs,
+            presets::{Presets, preset_name},
             request::{Same, StyleRequest, Styles, WeightedLook},
             surfaces::Surfaces,
         },
         wish::{
-            asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics},
+            asset::{GaussianDecoder, StyleLook, StyleStatistics},
             decoder::choose_decoder,
             error::StyleError,
-            settings::{StyleBackend, StyleEncoder, StyleMethod},
+            settings::{StyleBackend, StyleMethod},
             source::{StyleDecoder, StyleInput, StyleSource},
         },
     },
     work::Workers,
 };
-
-/// An input, or `Ok(None)` while it is being loaded or computed.
-type Input<T> = Result<Option<T>, Arc<StyleError>>;
 
 /// One style of a mix, loaded.
 enum Given {
@@ -45,15 +43,12 @@ enum Given {
 /// Everything that a style is computed from, except the entity's components.
 #[derive(SystemParam)]
 pub(crate) struct Inputs<'w> {
-    images: Res<'w, Assets<Image>>,
+    images: ImageInputs<'w>,
     statistics: Res<'w, Assets<StyleStatistics>>,
     looks: Res<'w, Assets<StyleLook>>,
     decoders: Res<'w, Assets<GaussianDecoder>>,
-    encoders: Res<'w, Assets<ImageEncoder>>,
     server: Res<'w, AssetServer>,
-    encoder: Res<'w, StyleEncoder>,
-    canvases: ResMut<'w, Canvases>,
-    encoded: ResMut<'w, ImageStatistics>,
+    presets: ResMut<'w, Presets>,
     pub(crate) surfaces: ResMut<'w, Surfaces>,
     pub(crate) workers: Res<'w, Workers>,
     pub(crate) packed: Res<'w, PackedInputs>,
@@ -140,7 +135,7 @@ impl Inputs<'_> {
         let weights: Vec<f64> = source.styles.iter().map(|style| f64::from(style.weight)).collect();
         let weights = fold::normalized(&weights).ok()?;
         let palette = |input: &StyleInput| match input {
-            StyleInput::Image(image) => self.canvases.palette(image).map(Palette::Moments),
+            StyleInput::Image(image) => self.images.palette(image).map(Palette::Moments),
             StyleInput::Preset(preset) => self.statistics.get(preset)?.paint.clone().map(Palette::Paint),
             // It is there nearly as soon as the first colors would be.
             StyleInput::Look(_) => None,
@@ -183,7 +178,7 @@ impl Inputs<'_> {
         if scene.scene().features.is_none() {
             return Err(Arc::new(StyleError::NoPaint { preset: preset_name(bare) }));
         }
-        self.canvases.warn_of_bare(bare);
+        self.presets.warn_of_bare(bare);
         Ok(false)
     }
 
@@ -194,32 +189,18 @@ impl Inputs<'_> {
                 let Some(preset) = loaded(&self.server, &self.statistics, handle)? else { return Ok(None) };
                 let Some(paint) = preset.paint.as_ref().filter(|_| is_painted) else {
                     let statistics = Arc::clone(&preset.statistics);
-                    return Ok(Some(Given::Statistics(self.encoded.of_preset(handle, statistics))));
+                    return Ok(Some(Given::Statistics(self.presets.statistics(handle, statistics))));
                 };
-                Ok(Some(Given::Canvas(self.canvases.of_preset(handle, paint))))
+                Ok(Some(Given::Canvas(self.presets.canvas(handle, paint))))
             }
-            StyleInput::Image(handle) if is_painted => {
-                let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
-                Ok(Some(Given::Canvas(self.canvases.of_image(handle, image))))
-            }
-            StyleInput::Image(handle) => Ok(self.encoded(handle)?.map(Given::Statistics)),
+            StyleInput::Image(handle) if is_painted => Ok(self.images.canvas(handle)?.map(Given::Canvas)),
+            StyleInput::Image(handle) => Ok(self.images.statistics(handle)?.map(Given::Statistics)),
             StyleInput::Look(handle) => {
-                let name = handle.path().map_or_else(|| "a look".into(), ToString::to_string);
+                let name = name(handle, "a look");
                 let look = loaded(&self.server, &self.looks, handle)?;
                 Ok(look.map(|look| Given::Look { name, look: Arc::clone(&look.0) }))
             }
         }
-    }
-
-    /// The statistics of an image.
-    fn encoded(&mut self, handle: &Handle<Image>) -> Input<Later<Encoded>> {
-        let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
-        let Some(encoder) = loaded(&self.server, &self.encoders, &self.encoder.0)? else {
-            // The default handle is never loaded; it exists only if the encoder is bundled.
-            let is_default = self.encoder.0 == Handle::default();
-            return if is_default { Err(Arc::new(StyleError::NoEncoder)) } else { Ok(None) };
-        };
-        Ok(Some(self.encoded.of_image(handle, image, encoder)))
     }
 
     /// The backend to decode on: never [`StyleBackend::Auto`].
@@ -233,22 +214,5 @@ impl Inputs<'_> {
             }
             backend => Ok(backend),
         }
-    }
-}
-
-/// An asset, or `Ok(None)` while it may still come.
-pub(crate) fn loaded<'a, A: Asset>(
-    server: &AssetServer,
-    assets: &'a Assets<A>,
-    handle: &Handle<A>,
-) -> Result<Option<&'a A>, Arc<StyleError>> {
-    let asset = assets.get(handle);
-    // A reload that fails leaves the old asset in place, and that is used. Assets that a program adds have no
-    // load state.
-    match server.get_load_state(handle) {
-        Some(LoadState::Failed(error)) if asset.is_none() => {
-            Err(Arc::new(StyleError::Load(error.to_string())))
-        }
-        _ => Ok(asset),
     }
 }

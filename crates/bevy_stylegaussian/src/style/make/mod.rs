@@ -1,12 +1,17 @@
 //! From a wish to colors and strokes: the inputs, the computation, and what is shown meanwhile.
 
-pub(crate) mod canvases;
 pub(crate) mod first;
+#[cfg(feature = "images")]
+pub(crate) mod images;
+#[cfg(not(feature = "images"))]
+#[path = "no_images.rs"]
 pub(crate) mod images;
 pub(crate) mod inputs;
 pub(crate) mod job;
+pub(crate) mod later;
 pub(crate) mod packed;
 pub(crate) mod prepare;
+pub(crate) mod presets;
 pub(crate) mod progress;
 #[cfg(feature = "refine")]
 pub(crate) mod refine;

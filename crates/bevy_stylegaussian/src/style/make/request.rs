@@ -16,8 +16,7 @@ use crate::{
     colors::{ColorSource, FoldedStyle, StyleColors},
     style::{
         make::{
-            canvases::{Later, Stretched},
-            images::Encoded,
+            later::{Encoded, Later, Stretched},
             packed::PackedInputs,
         },
         wish::{

@@ -2,13 +2,15 @@
 
 use bevy::{platform::collections::HashSet, prelude::*};
 
-use super::job::{Stage, StyleJobs};
+use super::{
+    images::EncoderChanges,
+    job::{Stage, StyleJobs},
+};
 use crate::style::{
     show::transition::StyleTransition,
     wish::{
         applied::AppliedStyle,
-        asset::{GaussianDecoder, ImageEncoder, StyleLook, StyleStatistics},
-        settings::StyleEncoder,
+        asset::{GaussianDecoder, StyleLook, StyleStatistics},
         source::{StyleDecoder, StyleInput, StyleSource},
     },
 };
@@ -63,8 +65,7 @@ pub(crate) fn want_changed_assets(
     mut statistics: MessageReader<AssetEvent<StyleStatistics>>,
     mut looks: MessageReader<AssetEvent<StyleLook>>,
     mut decoders: MessageReader<AssetEvent<GaussianDecoder>>,
-    mut encoders: MessageReader<AssetEvent<ImageEncoder>>,
-    encoder: Res<StyleEncoder>,
+    mut encoder: EncoderChanges,
     mut jobs: Query<(&mut StyleJobs, &StyleSource, Option<&StyleDecoder>)>,
 ) {
     // Every reader is drained before the first return, or old events would come back in a later frame.
@@ -72,9 +73,7 @@ pub(crate) fn want_changed_assets(
     let statistics = changed(&mut statistics);
     let looks = changed(&mut looks);
     let decoders = changed(&mut decoders);
-    let encoder_asset_changed = changed(&mut encoders).contains(&encoder.0.id());
-    // The first frame's resource is no change: nothing was encoded before it.
-    let encoder_changed = encoder_asset_changed || (encoder.is_changed() && !encoder.is_added());
+    let encoder_changed = encoder.read();
     let is_quiet = images.is_empty() && statistics.is_empty() && looks.is_empty() && decoders.is_empty();
     if is_quiet && !encoder_changed {
         return;

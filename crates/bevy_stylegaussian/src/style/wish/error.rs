@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use stylegaussian::{fold::StylizeError, look::LookError};
-use stylegaussian_encoder::EncoderError;
 
 /// A style cannot be applied.
 #[derive(Debug, thiserror::Error)]
@@ -39,12 +38,22 @@ pub enum StyleError {
     )]
     NoEncoder,
     /// The encoder cannot be opened or used.
+    #[cfg(feature = "images")]
     #[error("{image}: {source}")]
     Encoder {
         /// The image.
         image: String,
         /// The encoder's error.
-        source: Arc<EncoderError>,
+        source: Arc<stylegaussian_encoder::EncoderError>,
+    },
+    /// The style is an image, and the plugin was built without images.
+    #[error(
+        "{image}: the plugin was built without images: enable the feature `images`, or use a preset \
+         (`stylegaussian style IMAGE` makes presets) or a look"
+    )]
+    NoImages {
+        /// The image.
+        image: String,
     },
     /// The image has no pixels that can be read.
     #[error("{image}: the image cannot be read: {found}")]

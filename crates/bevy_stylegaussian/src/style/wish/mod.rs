@@ -3,6 +3,8 @@
 pub(crate) mod applied;
 pub(crate) mod asset;
 pub(crate) mod decoder;
+#[cfg(feature = "images")]
+pub(crate) mod encoder;
 pub(crate) mod error;
 pub(crate) mod event;
 pub(crate) mod settings;

@@ -1,8 +1,6 @@
-//! Settings of the app: four resources.
+//! Settings of the app: three resources.
 
 use bevy::{prelude::*, render::extract_resource::ExtractResource};
-
-use crate::style::wish::asset::ImageEncoder;
 
 /// Backend that decodes features to colors. A resource; changing it affects later changes of style.
 ///
@@ -62,20 +60,3 @@ impl Default for StyleBudget {
         Self { ms_per_frame: f32::INFINITY }
     }
 }
-
-/// The encoder of style images that are decoded. A resource. Paint needs none.
-///
-/// The default handle names the bundled encoder, which needs the feature `bundled_models` and is opened in the
-/// background when the first image has to be encoded. If the handle or its asset changes, all images are
-/// encoded again.
-///
-/// ```
-/// # use bevy::prelude::*;
-/// # use bevy_stylegaussian::StyleEncoder;
-/// # fn system(mut commands: Commands, assets: Res<AssetServer>) {
-/// commands.insert_resource(StyleEncoder(assets.load("vgg19_relu3_1.encoder.safetensors")));
-/// # }
-/// ```
-#[derive(Resource, Clone, Debug, Default, PartialEq, Eq, Reflect)]
-#[reflect(Resource, Clone, Debug, Default, PartialEq)]
-pub struct StyleEncoder(pub Handle<ImageEncoder>);

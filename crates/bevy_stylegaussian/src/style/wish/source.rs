@@ -85,7 +85,8 @@ pub struct WeightedStyle {
 #[reflect(Clone, Debug, PartialEq)]
 pub enum StyleInput {
     /// An image. It is prepared in the background at its first use and again if it changes. To be decoded, it
-    /// is encoded by the [`StyleEncoder`](crate::StyleEncoder) too.
+    /// is encoded by the `StyleEncoder` too. Without the feature `images` it fails, and the error names the
+    /// feature.
     Image(Handle<Image>),
     /// An image that was prepared before.
     Preset(Handle<StyleStatistics>),
@@ -112,7 +113,7 @@ impl From<Handle<StyleLook>> for StyleInput {
 }
 
 impl StyleSource {
-    /// The style of an image.
+    /// The style of an image. It needs the feature `images`.
     pub fn image(image: Handle<Image>) -> Self {
         Self::mix([(image, 1.0)])
     }

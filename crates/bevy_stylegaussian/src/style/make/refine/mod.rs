@@ -14,9 +14,9 @@ use crate::{
     scene::LoadedScene,
     style::{
         make::{
-            images,
-            inputs::loaded,
+            images::pixels::pixels,
             job::{StyleJob, StyleJobs, advance_jobs},
+            later::{image_name, loaded},
             prepare::prepare_surfaces,
         },
         show::transition::StyleTransition,
@@ -279,9 +279,9 @@ impl Means<'_> {
         let mut paintings = Vec::with_capacity(handles.len());
         for (handle, weight) in handles {
             let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
-            let name = images::name(handle);
-            let image = images::pixels(image)
-                .map_err(|found| Arc::new(StyleError::Image { image: name.clone(), found }))?;
+            let name = image_name(handle);
+            let image =
+                pixels(image).map_err(|found| Arc::new(StyleError::Image { image: name.clone(), found }))?;
             paintings.push((name, image, weight));
         }
         let request = Request {

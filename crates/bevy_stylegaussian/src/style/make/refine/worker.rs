@@ -10,7 +10,7 @@ use stylegaussian::{
 };
 
 use crate::{
-    style::{make::images, wish::error::StyleError},
+    style::{make::images::pixels::decoded, wish::error::StyleError},
     work::{Lane, Workers},
 };
 
@@ -93,8 +93,7 @@ fn bake(engine: &Engine, request: Request, newest: &Newest, work: &Work) -> Resu
 
 fn try_bake(engine: &Engine, request: Request, newest: &Newest, work: &Work) -> Result<(), StyleError> {
     let Request { scene, paintings, steps, n_shown, content, strokes } = request;
-    let paintings =
-        paintings.into_iter().map(|(name, image, weight)| Ok((images::decoded(name, image)?, weight)));
+    let paintings = paintings.into_iter().map(|(name, image, weight)| Ok((decoded(name, image)?, weight)));
     let paintings = paintings.collect::<Result<_, StyleError>>()?;
     let mut baking = engine.begin(&scene, paintings, steps, &work.part(0.0, BEGINNING))?;
     let work = work.part(BEGINNING, 1.0);

@@ -1,46 +1,24 @@
-//! Canvases: paintings that are prepared for painting any scene. They are made by the first style that needs
-//! them, and kept as long as the image or the preset that they are of. No encoder takes part.
+//! Canvases of images: paintings that are prepared for painting any scene. They are made by the first style
+//! that needs them, and kept as long as the image. No encoder takes part.
 
-use std::sync::{Arc, LazyLock, OnceLock};
+use std::sync::{Arc, OnceLock};
 
-use bevy::{
-    platform::collections::{HashMap, HashSet},
-    prelude::*,
-    render::render_resource::TextureFormat,
-};
-use stylegaussian::{
-    paint::{Canvas, Paint},
-    recolor::ColorMoments,
-};
+use bevy::{platform::collections::HashMap, prelude::*, render::render_resource::TextureFormat};
+use stylegaussian::{paint::Canvas, recolor::ColorMoments};
 use stylegaussian_encoder::paint_of;
 
+use super::pixels::{decoded, pixels};
 use crate::style::{
     make::{
         first::palette_of,
-        images::{decoded, name, pixels},
+        later::{Later, Stretched, image_name, later},
     },
-    wish::{asset::StyleStatistics, error::StyleError},
+    wish::error::StyleError,
 };
 
-/// A value that the first computation makes that needs it.
-pub(crate) type Later<T> = Arc<LazyLock<T, Box<dyn FnOnce() -> T + Send>>>;
-
-/// The canvas of an image. All entities that use the image share an error.
-pub(crate) type Stretched = Result<Arc<Canvas>, Arc<StyleError>>;
-
-/// A value that is made later.
-pub(crate) fn later<T>(make: impl FnOnce() -> T + Send + 'static) -> Later<T> {
-    Arc::new(LazyLock::new(Box::new(make)))
-}
-
-/// The canvas of each image and preset that was used as a style.
+/// The canvas of each image that was painted with.
 #[derive(Resource, Default)]
-pub(crate) struct Canvases {
-    of_image: HashMap<AssetId<Image>, ImageCanvas>,
-    of_preset: HashMap<AssetId<StyleStatistics>, Later<Stretched>>,
-    /// Presets of which it was said that they carry no paint.
-    bare: HashSet<AssetId<StyleStatistics>>,
-}
+pub(crate) struct ImageCanvases(HashMap<AssetId<Image>, ImageCanvas>);
 
 /// The canvas of an image.
 struct ImageCanvas {
@@ -49,11 +27,11 @@ struct ImageCanvas {
     canvas: Later<Stretched>,
 }
 
-impl Canvases {
+impl ImageCanvases {
     /// The canvas of a loaded image.
-    pub(crate) fn of_image(&mut self, handle: &Handle<Image>, image: &Image) -> Later<Stretched> {
+    pub(crate) fn get(&mut self, handle: &Handle<Image>, image: &Image) -> Later<Stretched> {
         let stretch = || {
-            let name = name(handle);
+            let name = image_name(handle);
             let palette = Arc::new(palette_at_once(image).map_or_else(OnceLock::new, OnceLock::from));
             let of_canvas = Arc::clone(&palette);
             let pixels = pixels(image);
@@ -63,59 +41,24 @@ impl Canvases {
             });
             ImageCanvas { palette, canvas }
         };
-        Arc::clone(&self.of_image.entry(handle.id()).or_insert_with(stretch).canvas)
+        Arc::clone(&self.0.entry(handle.id()).or_insert_with(stretch).canvas)
     }
 
-    /// The canvas of a preset's paint.
-    pub(crate) fn of_preset(
-        &mut self,
-        handle: &Handle<StyleStatistics>,
-        paint: &Arc<Paint>,
-    ) -> Later<Stretched> {
-        let stretch = || {
-            let paint = Arc::clone(paint);
-            later(move || Ok(Arc::new(Canvas::new(&paint))))
-        };
-        Arc::clone(self.of_preset.entry(handle.id()).or_insert_with(stretch))
-    }
-
-    /// The palette of an image that was asked for by [`Self::of_image`], or `None` if it is not known yet.
+    /// The palette of an image that was asked for by [`Self::get`], or `None` if it is not known yet.
     pub(crate) fn palette(&self, handle: &Handle<Image>) -> Option<ColorMoments> {
-        self.of_image.get(&handle.id())?.palette.get().copied()
-    }
-
-    /// Says once of a preset that it carries no paint.
-    pub(crate) fn warn_of_bare(&mut self, handle: &Handle<StyleStatistics>) {
-        if self.bare.insert(handle.id()) {
-            warn!("{}: {BARE}; it is decoded instead", preset_name(handle));
-        }
+        self.0.get(&handle.id())?.palette.get().copied()
     }
 }
 
-/// The error of a preset without paint.
-pub(crate) const BARE: &str = "the preset carries no paint (`stylegaussian style IMAGE` makes one that does)";
-
-/// The name of a preset for messages.
-pub(crate) fn preset_name(handle: &Handle<StyleStatistics>) -> String {
-    handle.path().map_or_else(|| "a style preset".into(), ToString::to_string)
-}
-
-/// Forgets the canvases of images and presets that changed or went.
+/// Forgets the canvases of images that changed or went.
 pub(crate) fn forget_changed_canvases(
     mut images: MessageReader<AssetEvent<Image>>,
-    mut presets: MessageReader<AssetEvent<StyleStatistics>>,
-    mut canvases: ResMut<Canvases>,
+    mut canvases: ResMut<ImageCanvases>,
 ) {
-    // `Added` is left out: there is no canvas before the asset exists.
+    // `Added` is left out: there is no canvas before the image exists.
     for event in images.read() {
         if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = event {
-            canvases.of_image.remove(id);
-        }
-    }
-    for event in presets.read() {
-        if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = event {
-            canvases.of_preset.remove(id);
-            canvases.bare.remove(id);
+            canvases.0.remove(id);
         }
     }
 }

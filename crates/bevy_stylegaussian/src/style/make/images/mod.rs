@@ -1,0 +1,100 @@
+//! Images as styles: prepared as [`canvases`], or encoded to [`statistics`] for the decoder.
+
+use bevy::{asset::AssetEventSystems, ecs::system::SystemParam, prelude::*};
+use stylegaussian::recolor::ColorMoments;
+
+use crate::{
+    loader::FileLoader,
+    style::{
+        make::later::{Encoded, Input, Later, Stretched, loaded},
+        wish::{
+            encoder::{ImageEncoder, StyleEncoder},
+            error::StyleError,
+        },
+    },
+    systems::StyleGaussianSystems,
+};
+
+mod canvases;
+pub(crate) mod pixels;
+mod statistics;
+
+use canvases::ImageCanvases;
+use statistics::ImageStatistics;
+
+/// Reads images as styles, by the encoder if they are decoded.
+pub(crate) struct ImagesPlugin;
+
+impl Plugin for ImagesPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_asset::<ImageEncoder>()
+            .init_asset_loader::<FileLoader<ImageEncoder>>()
+            .init_resource::<StyleEncoder>()
+            .init_resource::<ImageCanvases>()
+            .init_resource::<ImageStatistics>()
+            .register_type::<ImageEncoder>()
+            .register_type::<StyleEncoder>()
+            .add_systems(
+                PostUpdate,
+                // Old canvases and statistics are gone before a style is wanted.
+                (canvases::forget_changed_canvases, statistics::forget_changed_statistics)
+                    .after(AssetEventSystems)
+                    .before(StyleGaussianSystems::Styles),
+            );
+        #[cfg(feature = "bundled_models")]
+        // After `init_asset`, whose collection it is added to.
+        crate::style::wish::encoder::add_bundled_encoder(app.world_mut());
+    }
+}
+
+/// The images of the app, and what is known of those that are styles.
+#[derive(SystemParam)]
+pub(crate) struct ImageInputs<'w> {
+    images: Res<'w, Assets<Image>>,
+    encoders: Res<'w, Assets<ImageEncoder>>,
+    server: Res<'w, AssetServer>,
+    encoder: Res<'w, StyleEncoder>,
+    canvases: ResMut<'w, ImageCanvases>,
+    statistics: ResMut<'w, ImageStatistics>,
+}
+
+impl ImageInputs<'_> {
+    /// The canvas of an image.
+    pub(crate) fn canvas(&mut self, handle: &Handle<Image>) -> Input<Later<Stretched>> {
+        let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
+        Ok(Some(self.canvases.get(handle, image)))
+    }
+
+    /// The palette of an image whose canvas was asked for, or `None` if it is not known yet.
+    pub(crate) fn palette(&self, handle: &Handle<Image>) -> Option<ColorMoments> {
+        self.canvases.palette(handle)
+    }
+
+    /// The statistics of an image.
+    pub(crate) fn statistics(&mut self, handle: &Handle<Image>) -> Input<Later<Encoded>> {
+        let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
+        let Some(encoder) = loaded(&self.server, &self.encoders, &self.encoder.0)? else {
+            // The default handle is never loaded; it exists only if the encoder is bundled.
+            let is_default = self.encoder.0 == Handle::default();
+            return if is_default { Err(StyleError::NoEncoder.into()) } else { Ok(None) };
+        };
+        Ok(Some(self.statistics.get(handle, image, encoder)))
+    }
+}
+
+/// Changes of the encoder that reads images.
+#[derive(SystemParam)]
+pub(crate) struct EncoderChanges<'w, 's> {
+    encoders: MessageReader<'w, 's, AssetEvent<ImageEncoder>>,
+    encoder: Res<'w, StyleEncoder>,
+}
+
+impl EncoderChanges<'_, '_> {
+    /// Whether it is another one since the last call. The first call counts as a change.
+    pub(crate) fn read(&mut self) -> bool {
+        let id = self.encoder.0.id();
+        // Every event is read, so that none is left for the next frame.
+        let is_of = |event: &&AssetEvent<ImageEncoder>| event.is_added(id) || event.is_modified(id);
+        self.encoders.read().filter(is_of).count() > 0 || self.encoder.is_changed()
+    }
+}
