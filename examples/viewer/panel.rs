@@ -10,8 +10,9 @@ use bevy::{
 };
 use bevy_egui::{EguiContexts, EguiTextureHandle, egui};
 use bevy_stylegaussian::{
-    GaussianSceneFailed, GaussianSplats, StyleApplied, StyleBackend, StyleFailed, StyleMask, StyleProgress,
-    StyleRefined, stylegaussian_files::writable_extensions,
+    GaussianSceneFailed, GaussianSplats, StyleApplied, StyleFailed, StyleMask,
+    style::{StyleProgress, StyleRefined, decoder::StyleBackend},
+    stylegaussian_files::writable_extensions,
 };
 use egui::{
     Color32, ComboBox, Grid, LayerId, ProgressBar, RichText, ScrollArea, Slider, TextEdit, Ui, UiBuilder,

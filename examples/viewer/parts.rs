@@ -2,7 +2,8 @@
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{
-    MaskVisibility, StyleMask, StyleMaskFailed, StyleSource, StyleVolume,
+    MaskVisibility, StyleMask, StyleSource, StyleVolume,
+    mask::StyleMaskFailed,
     stylegaussian::{
         layers::Region,
         mask::{CHANNELS, Combine, Selection},

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{
-    GaussianScene, GaussianSplats, StyleMask, StylePrepare, StyleSource, StyleTransition,
+    GaussianScene, GaussianSplats, StyleMask, StyleSource, StyleTransition, style::StylePrepare,
 };
 use stylegaussian_app::{Framing, Orbit, loaded_scene};
 

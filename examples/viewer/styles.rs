@@ -6,7 +6,7 @@ use std::{
 };
 
 use bevy::prelude::*;
-use bevy_stylegaussian::{GaussianSplats, StyleInput, StyleLook, StyleRefine, StyleSource};
+use bevy_stylegaussian::{GaussianSplats, StyleLook, StyleRefine, StyleSource, style::StyleInput};
 
 use crate::{ASSETS, panel::Transfer, scene::ShownScene};
 

@@ -3,7 +3,8 @@
 use bevy::{ecs::system::SystemParam, prelude::*};
 use bevy_egui::input::EguiWantsInput;
 use bevy_stylegaussian::{
-    GaussianSplats, SplatRayCast, StyleMask, lasso_in_view,
+    GaussianSplats, SplatRayCast, StyleMask,
+    mask::lasso_in_view,
     stylegaussian::{
         layers::{Region, Shape},
         mask::{Brush, CHANNELS, Combine, Selection},

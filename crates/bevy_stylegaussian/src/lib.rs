@@ -19,19 +19,23 @@
 //! ```
 //!
 //! - Components of scenes: [`GaussianSplats`] shows a [`GaussianScene`] (`.sgs`, or a capture in another
-//!   format; [`SceneSettings`] are those of loading it). [`StyleSource`] paints it in the strokes of images, by
-//!   [`StyleStatistics`] (`.style.safetensors`), by a baked [`StyleLook`] (`.look.safetensors`), or by a mix;
-//!   change it at any time. [`StyleTransition`] fades from one style to the next. `StyleRefine` bakes a shown
-//!   style further in the background, [`StylePrepare`] prepares a loaded scene for the first. [`StyleDecoder`]
-//!   selects another [`GaussianDecoder`]. [`StyleMask`] holds weights that are painted at run time, from a
-//!   [`SavedMask`] (`.mask.safetensors`) if there is one, and [`MaskVisibility`] hides painted splats or crops
-//!   to them.
+//!   format). [`StyleSource`] paints it in the strokes of images, by [`StyleStatistics`]
+//!   (`.style.safetensors`), by a baked [`StyleLook`] (`.look.safetensors`), or by a mix; change it at any
+//!   time. [`StyleTransition`] fades from one style to the next. `StyleRefine` bakes a shown style further in
+//!   the background, [`StylePrepare`](style::StylePrepare) prepares a loaded scene for the first.
+//!   [`StyleMask`] holds weights that are painted at run time, and [`MaskVisibility`] hides painted splats or
+//!   crops to them.
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
-//! - Resources: [`StyleMethod`], [`StyleBackend`], [`StyleBudget`], `StyleEncoder`.
+//! - Resources: [`StyleMethod`](style::StyleMethod), [`StyleThreads`], and those of the
+//!   [decoder](style::decoder).
 //! - Events, as messages and for observers: [`GaussianSceneReady`], [`GaussianSceneFailed`],
-//!   [`StyleRecolored`], [`StyleApplied`], `StyleRefined`, [`StyleFailed`], [`StyleMaskFailed`]. The
-//!   component [`AppliedStyle`] holds the style that an entity shows, and can save the styled scene.
+//!   [`StyleRecolored`](style::StyleRecolored), [`StyleApplied`], `StyleRefined`, [`StyleFailed`],
+//!   [`StyleMaskFailed`](mask::StyleMaskFailed). The component [`AppliedStyle`] holds the style that an entity
+//!   shows, and can save the styled scene.
+//!
+//! The root has what most games name. The rest is in modules: [`scene`], [`style`] with its
+//! [`decoder`](style::decoder), [`mask`] and [`picking`].
 //!
 //! Scene files and saved games: Bevy's serializers save and load all of these components but [`AppliedStyle`],
 //! which the plugin computes again. Assets are saved by their path, so one that a program made is not; masks
@@ -59,50 +63,47 @@
 
 mod colors;
 mod loader;
-mod mask;
-mod picking;
+pub mod mask;
+pub mod picking;
 mod plugin;
 mod reports;
-mod scene;
+pub mod scene;
 mod splats;
-mod style;
+pub mod style;
 mod systems;
 #[cfg(test)]
 mod tests;
 mod work;
 
 pub use colors::GaussianSceneReady;
-pub use mask::{MaskVisibility, SavedMask, StyleMask, StyleMaskError, StyleMaskFailed, lasso_in_view};
-pub use picking::{SplatHit, SplatRayCast};
-#[cfg(feature = "picking")]
-pub use picking::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
+#[doc(inline)]
+pub use mask::{MaskVisibility, StyleMask};
+#[doc(inline)]
+pub use picking::SplatRayCast;
 pub use plugin::StyleGaussianPlugin;
-pub use scene::{GaussianScene, GaussianSceneError, GaussianSceneFailed, GaussianSplats, SceneSettings};
+#[doc(inline)]
+pub use scene::{GaussianScene, GaussianSceneFailed, GaussianSplats};
 pub use splats::{SplatSortKey, SplatTonemapping};
-pub use style::{
-    AppliedStyle, GaussianDecoder, HiddenUntilStyled, StyleApplied, StyleBackend, StyleBudget, StyleDecoder,
-    StyleError, StyleFailed, StyleInput, StyleLook, StyleMethod, StylePrepare, StyleProgress, StyleRecolored,
-    StyleSource, StyleStatistics, StyleTransition, StyleVolume, TransitionCenter, TransitionClock,
-    TransitionShape, VolumeShape, WeightedStyle,
-};
-#[cfg(feature = "images")]
-pub use style::{ImageEncoder, StyleEncoder};
 #[cfg(feature = "refine")]
-pub use style::{StyleRefine, StyleRefined};
+#[doc(inline)]
+pub use style::StyleRefine;
+#[doc(inline)]
+pub use style::{
+    AppliedStyle, HiddenUntilStyled, StyleApplied, StyleFailed, StyleLook, StyleSource, StyleStatistics,
+    StyleTransition, StyleVolume,
+};
 pub use systems::StyleGaussianSystems;
 pub use work::StyleThreads;
 
 /// The model crate: the types inside of assets, such as [`stylegaussian::Scene`].
 pub use stylegaussian;
-/// The encoder crate: the type inside of [`ImageEncoder`], [`stylegaussian_encoder::Encoder`].
+/// The encoder crate: the type inside of an [`ImageEncoder`](style::decoder::ImageEncoder),
+/// [`stylegaussian_encoder::Encoder`].
 #[cfg(feature = "images")]
 pub use stylegaussian_encoder;
 /// The crate of files: readers and writers of scenes and of everything else that loads, such as
 /// [`stylegaussian_files::write_scene`].
 pub use stylegaussian_files;
-/// The limits that a GPU must have: [`NEEDS`](gpu_needs::NEEDS). On a GPU without them, the app goes on and no
-/// splats are drawn: each of their entities gets a [`GaussianSceneFailed`], and the log has one error.
-pub use stylegaussian_gpu::needs as gpu_needs;
 
 /// The plugin and the components, resources and events that most apps use.
 ///
@@ -110,19 +111,18 @@ pub use stylegaussian_gpu::needs as gpu_needs;
 /// use bevy_stylegaussian::prelude::*;
 /// ```
 pub mod prelude {
-    #[cfg(feature = "images")]
-    pub use crate::StyleEncoder;
+    #[cfg(feature = "picking")]
+    pub use crate::picking::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
     pub use crate::{
         AppliedStyle, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
-        HiddenUntilStyled, MaskVisibility, SavedMask, SplatHit, SplatRayCast, SplatSortKey, SplatTonemapping,
-        StyleApplied, StyleBackend, StyleBudget, StyleDecoder, StyleFailed, StyleGaussianPlugin, StyleInput,
-        StyleMask, StyleMaskFailed, StyleMethod, StylePrepare, StyleRecolored, StyleSource, StyleTransition,
-        StyleVolume, TransitionClock, TransitionShape,
+        HiddenUntilStyled, MaskVisibility, SplatRayCast, SplatSortKey, SplatTonemapping, StyleApplied,
+        StyleFailed, StyleGaussianPlugin, StyleMask, StyleSource, StyleTransition, StyleVolume,
+        mask::{SavedMask, StyleMaskFailed},
+        picking::SplatHit,
+        style::{StyleInput, StyleMethod, StylePrepare, StyleRecolored, TransitionClock, TransitionShape},
     };
-    #[cfg(feature = "picking")]
-    pub use crate::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
     #[cfg(feature = "refine")]
-    pub use crate::{StyleRefine, StyleRefined};
+    pub use crate::{StyleRefine, style::StyleRefined};
 }
 
 /// The examples of the repository's README, as doc tests.

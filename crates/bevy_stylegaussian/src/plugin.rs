@@ -31,8 +31,8 @@ use crate::{
 /// Settings that an app may change while it runs are resources: [`StyleBackend`], [`StyleBudget`] and
 /// `StyleEncoder`. Insert them before or after the plugin; without them, their defaults apply.
 ///
-/// [`StyleBackend`]: crate::StyleBackend
-/// [`StyleBudget`]: crate::StyleBudget
+/// [`StyleBackend`]: crate::style::decoder::StyleBackend
+/// [`StyleBudget`]: crate::style::decoder::StyleBudget
 #[derive(Clone, Debug, Default)]
 pub struct StyleGaussianPlugin {
     /// If true, a frame that needs a new pipeline or a scene that is not on the GPU yet waits for it. If false,

@@ -18,7 +18,7 @@ mod work;
 mod worker;
 
 use bevy::{asset::AssetMetaCheck, prelude::*};
-use bevy_stylegaussian::{StyleBudget, StyleGaussianPlugin};
+use bevy_stylegaussian::{StyleGaussianPlugin, style::decoder::StyleBudget};
 use stylegaussian_app::{Arrivals, place_camera, set_transition, splat_camera};
 
 use bridge::Request;

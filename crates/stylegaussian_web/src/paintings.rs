@@ -9,7 +9,8 @@ use bevy::{
     prelude::*,
 };
 use bevy_stylegaussian::{
-    GaussianScene, StyleInput, StyleLook, StyleStatistics,
+    GaussianScene, StyleLook, StyleStatistics,
+    style::StyleInput,
     stylegaussian::{Look, Scene, look::MadeFrom, morton, paint::Painted},
     stylegaussian_files::style_from_bytes,
 };

@@ -2,7 +2,8 @@
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{
-    GaussianSplats, StyleBudget, StyleInput, StyleLook, StyleMethod, StyleSource, StyleStatistics,
+    GaussianSplats, StyleLook, StyleSource, StyleStatistics,
+    style::{StyleInput, StyleMethod, decoder::StyleBudget},
 };
 use js_sys::{Array, Float32Array};
 use stylegaussian_app::{Arrival, Arrivals};

@@ -132,7 +132,7 @@ impl Painted {
 
 impl StyleMask {
     /// A mask that begins as a saved one. If that belongs to another scene or cannot be loaded, the entity gets
-    /// a [`StyleMaskFailed`](crate::StyleMaskFailed) and the mask is unpainted.
+    /// a [`StyleMaskFailed`](super::StyleMaskFailed) and the mask is unpainted.
     pub fn saved(mask: Handle<SavedMask>) -> Self {
         Self { saved: Some(mask), ..Self::default() }
     }

@@ -44,6 +44,7 @@ fn unknown_error() -> Arc<StyleMaskError> {
 
 /// A saved mask cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum StyleMaskError {
     /// The asset could not be loaded. The message names it.
     #[error("{0}")]

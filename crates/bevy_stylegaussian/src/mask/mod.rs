@@ -1,7 +1,11 @@
 //! Masks: weights that are painted on a scene's Gaussians at run time.
 //!
-//! An entity's [`StyleMask`] is fitted to its scene ([`fit`]), painted by the game, and its changes are
-//! uploaded ([`gpu`]). Drawing and mixing read it there. This room knows scenes and nothing else.
+//! [`StyleMask`] is the component that holds them. It may begin as a [`SavedMask`], and the entity gets a
+//! [`StyleMaskFailed`] if that does not fit. [`MaskVisibility`] hides what is painted. [`lasso_in_view`] makes
+//! a selection of what a player draws on the screen.
+
+// An entity's `StyleMask` is fitted to its scene (`fit`), painted by the game, and its changes are uploaded
+// (`gpu`). Drawing and mixing read it there. This room knows scenes and nothing else.
 
 use bevy::{
     prelude::*,

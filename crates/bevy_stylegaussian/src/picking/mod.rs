@@ -1,7 +1,10 @@
-//! Rays cast at splats by game code, and by pointers (`pointer`, with the feature `picking`).
+//! Rays cast at splats by game code, and with the feature `picking` by pointers.
 //!
-//! An index of a scene's Gaussians is built in the background when the first ray asks for it ([`index`]), and
-//! shared by all entities that show the scene. Nothing is built in apps that cast no ray.
+//! [`SplatRayCast`] is the parameter of systems that casts them, and [`SplatHit`] is what it returns.
+//! `SplatPickingPlugin` adds Bevy's pointer events.
+
+// An index of a scene's Gaussians is built in the background when the first ray asks for it (`index`), and
+// shared by all entities that show the scene. Nothing is built in apps that cast no ray.
 
 use bevy::prelude::*;
 

@@ -22,7 +22,7 @@ mod tests;
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// # use bevy_stylegaussian::SplatHit;
+/// # use bevy_stylegaussian::picking::SplatHit;
 /// fn clicked(click: On<Pointer<Click>>) {
 ///     if let Some(hit) = click.hit.extra_as::<SplatHit>() {
 ///         info!("Gaussian {} at {}", hit.source_gaussian, hit.position);

@@ -9,7 +9,7 @@ use bevy::{camera::primitives::Aabb, prelude::*};
 use stylegaussian::{Decoder, Neighbors, Scene, scene::SceneError};
 
 /// A captured scene. It loads from every format that [`stylegaussian_files`] reads. The content of the file
-/// decides its kind, not the name, except for formats without a mark. [`SceneSettings`](crate::SceneSettings)
+/// decides its kind, not the name, except for formats without a mark. [`SceneSettings`](super::SceneSettings)
 /// are those of the load.
 ///
 /// Files in general formats, `.glb`, `.gltf` and `.json`, load if a scene is asked for: as a

@@ -12,7 +12,7 @@ use super::asset::GaussianScene;
 /// axis has no inverse, and shows nothing; a small one, such as 0.001, shows the scene flat.
 ///
 /// If a scene lies on its side or stands on its head, its file does not say which way is up:
-/// [`SceneSettings::axes`](crate::SceneSettings::axes) turns it while it is loaded, as does the
+/// [`SceneSettings::axes`](super::SceneSettings::axes) turns it while it is loaded, as does the
 /// `Transform`.
 ///
 /// Splats are depth-tested against opaque meshes and drawn before transparent ones. They have the colors they

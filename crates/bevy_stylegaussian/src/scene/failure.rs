@@ -26,6 +26,7 @@ fn unknown_error() -> Arc<GaussianSceneError> {
 
 /// A scene cannot be shown.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum GaussianSceneError {
     /// The asset could not be loaded. The message names it.
     #[error("{0}")]

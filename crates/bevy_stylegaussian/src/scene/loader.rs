@@ -18,7 +18,7 @@ use crate::{
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
-/// # use bevy_stylegaussian::{GaussianScene, SceneSettings, stylegaussian::Axes};
+/// # use bevy_stylegaussian::{GaussianScene, scene::SceneSettings, stylegaussian::Axes};
 /// # fn load(assets: &AssetServer) -> Handle<GaussianScene> {
 /// // An SPZ scene of a program that keeps the axes of `.ply` files.
 /// let settings = |settings: &mut SceneSettings| settings.axes = Some(Axes::RDF);
@@ -27,6 +27,7 @@ use crate::{
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
+#[non_exhaustive]
 pub struct SceneSettings {
     /// The axes of the file's coordinates, or `None` for those that the file or its format's specification
     /// says.

@@ -1,8 +1,11 @@
-//! Scenes: the asset, the component that shows it, and its data on the GPU.
+//! Scenes: the asset [`GaussianScene`], the component [`GaussianSplats`] that shows it, the [`SceneSettings`]
+//! of loading it, and what a GPU needs to draw it.
 //!
-//! This is the bottom room: it imports no other room. `PostUpdate` attaches loaded scenes to entities
-//! ([`attach`]), the extraction copies them to the render world ([`extract`]), and there they are uploaded
-//! ([`gpu`]).
+//! An entity gets a [`GaussianSceneReady`](crate::GaussianSceneReady) once its scene can be drawn, or a
+//! [`GaussianSceneFailed`].
+
+// This is the bottom room: it imports no other room. `PostUpdate` attaches loaded scenes to entities
+// (`attach`), the extraction copies them to the render world (`extract`), and there they are uploaded (`gpu`).
 
 use bevy::{
     asset::AssetEventSystems,
@@ -27,6 +30,9 @@ pub use asset::GaussianScene;
 pub use component::GaussianSplats;
 pub use failure::{GaussianSceneError, GaussianSceneFailed};
 pub use loader::SceneSettings;
+/// The limits that a GPU must have: [`NEEDS`](gpu_needs::NEEDS). On a GPU without them, the app goes on and no
+/// splats are drawn: each of their entities gets a [`GaussianSceneFailed`], and the log has one error.
+pub use stylegaussian_gpu::needs as gpu_needs;
 
 pub(crate) use attach::{LoadedScene, NextScene, UploadsInBackground};
 pub(crate) use device::{DeviceServes, device_serves};

@@ -27,6 +27,7 @@ pub enum SplatTonemapping {
 #[extract_component_filter(With<Camera3d>)]
 #[require(Camera3d)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub enum SplatSortKey {
     /// Depth along the camera's axis, as in training.
     #[default]

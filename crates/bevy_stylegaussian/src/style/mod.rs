@@ -1,14 +1,25 @@
-//! Styling: from a [`StyleSource`] to the layers of colors that an entity shows.
+//! Styles: what an entity wishes for, how a change is shown, and what is reported of it.
 //!
-//! A changed [`StyleSource`], or a changed asset that it names, makes the entity's [`job`](make::job) want a
-//! new style. The job waits for the assets and has [`presets`](make::presets) and [`images`](make::images)
-//! prepared; meanwhile it shows [`first`](make::first) colors. Then a task, shared by all who want the same
-//! ([`shared`](make::shared)), paints the scene on its surface ([`surfaces`](make::surfaces)), or folds the
-//! style into the decoder's weights and, on the CPU backend, decodes the colors too
-//! ([`request`](make::request)). Folded weights are decoded on the GPU by the style pass ([`pass`]). Once the
-//! GPU has the colors, the entity puts them on ([`worn`](show::worn)), by a [`transition`](show::transition).
-//! The styles that an entity wears and the [`volume`](show::volume)s that touch it become its layers
-//! ([`compose`](show::compose)). A shown style may be baked further ([`refine`](make::refine)).
+//! - The wish: [`StyleSource`] is a mix of [`WeightedStyle`]s, each of a [`StyleInput`]. [`StyleMethod`]
+//!   chooses between paint and the [`decoder`]. [`StylePrepare`] prepares a scene for its first style.
+//! - The change: [`StyleTransition`] and [`HiddenUntilStyled`]. A [`StyleVolume`] gives a part of space a
+//!   style.
+//! - The report: [`StyleRecolored`], [`StyleApplied`] and [`StyleFailed`] are events, [`StyleProgress`] and
+//!   [`AppliedStyle`] components.
+//! - The assets: [`StyleStatistics`] are presets, a [`StyleLook`] is baked.
+//!
+//! With the feature `refine`, `StyleRefine` bakes a shown style further, and `StyleRefined` is its event.
+
+// From a `StyleSource` to the layers of colors that an entity shows.
+//
+// A changed `StyleSource`, or a changed asset that it names, makes the entity's job (`make::job`) want a new
+// style. The job waits for the assets and has presets (`make::presets`) and images (`make::images`) prepared;
+// meanwhile it shows first colors (`make::first`). Then a task, shared by all who want the same
+// (`make::shared`), paints the scene on its surface (`make::surfaces`), or folds the style into the decoder's
+// weights and, on the CPU backend, decodes the colors too (`make::request`). Folded weights are decoded on the
+// GPU by the style pass (`pass`). Once the GPU has the colors, the entity puts them on (`show::worn`), by a
+// transition (`show::transition`). The styles that an entity wears and the volumes that touch it
+// (`show::volume`) become its layers (`show::compose`). A shown style may be baked further (`make::refine`).
 
 use bevy::{
     prelude::*,
@@ -22,6 +33,7 @@ use crate::{
     systems::StyleGaussianSystems,
 };
 
+pub mod decoder;
 mod make;
 mod pass;
 mod show;
@@ -36,13 +48,13 @@ pub use make::refine::{StyleRefine, StyleRefined};
 pub use show::transition::{StyleTransition, TransitionCenter, TransitionClock, TransitionShape};
 pub use show::volume::{StyleVolume, VolumeShape};
 pub use wish::applied::AppliedStyle;
-pub use wish::asset::{GaussianDecoder, StyleLook, StyleStatistics};
-#[cfg(feature = "images")]
-pub use wish::encoder::{ImageEncoder, StyleEncoder};
+pub use wish::asset::{StyleLook, StyleStatistics};
 pub use wish::error::StyleError;
 pub use wish::event::{StyleApplied, StyleFailed, StyleRecolored};
-pub use wish::settings::{StyleBackend, StyleBudget, StyleMethod};
-pub use wish::source::{HiddenUntilStyled, StyleDecoder, StyleInput, StyleSource, WeightedStyle};
+pub use wish::settings::StyleMethod;
+pub use wish::source::{HiddenUntilStyled, StyleInput, StyleSource, WeightedStyle};
+
+use decoder::{GaussianDecoder, StyleBackend, StyleBudget, StyleDecoder};
 
 /// Styles the entities that show a scene.
 pub(crate) struct StylePlugin;

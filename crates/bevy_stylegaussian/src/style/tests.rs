@@ -15,11 +15,11 @@ use stylegaussian_files::{read_scene, read_style, write_look};
 use stylegaussian_gpu::splat::CloudColors;
 
 use crate::{
-    GaussianScene, GaussianSplats, StyleApplied, StyleBackend, StyleBudget, StyleLook, StyleSource,
-    StyleTransition,
+    GaussianScene, GaussianSplats, StyleApplied, StyleLook, StyleSource, StyleTransition,
     colors::ShownColors,
     loader::FromFile,
     style::{
+        decoder::{StyleBackend, StyleBudget},
         make::job::{StyleJob, StyleJobs},
         pass::StylePasses,
         wish::decoder::choose_decoder,

@@ -17,9 +17,9 @@ use stylegaussian::{Look, Scene, look::MadeFrom};
 use stylegaussian_files::{read_scene, write_scene};
 
 use crate::{
-    AppliedStyle, GaussianScene, GaussianSplats, StyleBackend, StyleGaussianPlugin, StyleLook, StyleProgress,
-    StyleSource,
+    AppliedStyle, GaussianScene, GaussianSplats, StyleGaussianPlugin, StyleLook, StyleSource,
     scene::{GpuScenes, LoadedScene},
+    style::{StyleProgress, decoder::StyleBackend},
     work::{Lane, Workers},
 };
 

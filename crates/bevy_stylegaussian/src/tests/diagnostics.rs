@@ -7,7 +7,10 @@ use bevy::{
     render::diagnostic::RenderDiagnosticsPlugin,
 };
 
-use crate::{GaussianSplats, SplatTonemapping, StyleBackend, StyleBudget, StyleGaussianPlugin, StyleSource};
+use crate::{
+    GaussianSplats, SplatTonemapping, StyleGaussianPlugin, StyleSource,
+    style::decoder::{StyleBackend, StyleBudget},
+};
 
 use super::world::{rendering::*, *};
 

@@ -7,7 +7,10 @@ use stylegaussian::Axes;
 use stylegaussian_files::{read_scene, readable_extensions, write_scene};
 
 use super::world::{app_with_assets, small_scene, update_until};
-use crate::{GaussianScene, GaussianSceneFailed, GaussianSplats, SceneSettings, scene::LoadedScene};
+use crate::{
+    GaussianScene, GaussianSceneFailed, GaussianSplats,
+    scene::{LoadedScene, SceneSettings},
+};
 
 /// An app with this folder of assets.
 fn app(folder: PathBuf) -> App {

@@ -12,7 +12,10 @@ use stylegaussian_encoder::{
     style_statistics,
 };
 
-use crate::{GaussianSplats, ImageEncoder, StyleEncoder, StyleSource};
+use crate::{
+    GaussianSplats, StyleSource,
+    style::decoder::{ImageEncoder, StyleEncoder},
+};
 
 use super::{
     styles::{colors, expected, until_applied, until_failed},

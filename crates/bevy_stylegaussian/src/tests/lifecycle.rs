@@ -16,8 +16,8 @@ use bevy::{
 use stylegaussian::{Layer, Scene};
 
 use crate::{
-    GaussianScene, GaussianSceneFailed, GaussianSplats, StyleApplied, StyleBackend, StyleFailed, StyleSource,
-    StyleTransition,
+    GaussianScene, GaussianSceneFailed, GaussianSplats, StyleApplied, StyleFailed, StyleSource,
+    StyleTransition, style::decoder::StyleBackend,
 };
 
 use super::world::{rendering::*, *};

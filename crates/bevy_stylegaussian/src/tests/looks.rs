@@ -7,8 +7,11 @@ use stylegaussian::{Look, Scene, look::MadeFrom};
 use stylegaussian_files::{read_scene, write_look, write_scene};
 
 use crate::{
-    AppliedStyle, GaussianSplats, StyleApplied, StyleBackend, StyleDecoder, StyleFailed, StyleInput,
-    StyleLook, StyleSource, StyleTransition,
+    AppliedStyle, GaussianSplats, StyleApplied, StyleFailed, StyleLook, StyleSource, StyleTransition,
+    style::{
+        StyleInput,
+        decoder::{StyleBackend, StyleDecoder},
+    },
 };
 
 use super::{styles::*, world::*};

@@ -22,8 +22,9 @@ use stylegaussian::{
 use stylegaussian_files::{read_scene, write_mask, write_scene};
 
 use crate::{
-    GaussianScene, GaussianSceneFailed, GaussianSplats, MaskVisibility, SavedMask, StyleBackend, StyleMask,
-    StyleMaskFailed, lasso_in_view, mask::RenderMasks,
+    GaussianScene, GaussianSceneFailed, GaussianSplats, MaskVisibility, StyleMask,
+    mask::{RenderMasks, SavedMask, StyleMaskFailed, lasso_in_view},
+    style::decoder::StyleBackend,
 };
 
 use super::world::{rendering::*, *};

@@ -17,9 +17,10 @@ use stylegaussian::{
 use stylegaussian_encoder::paint_of;
 
 use crate::{
-    AppliedStyle, GaussianSplats, HiddenUntilStyled, StyleApplied, StyleEncoder, StyleInput, StyleLook,
-    StyleMethod, StyleRecolored, StyleSource, StyleStatistics, StyleThreads, colors::ColorLayers,
-    style::has_unsettled_styles,
+    AppliedStyle, GaussianSplats, HiddenUntilStyled, StyleApplied, StyleLook, StyleSource, StyleStatistics,
+    StyleThreads,
+    colors::ColorLayers,
+    style::{StyleInput, StyleMethod, StyleRecolored, decoder::StyleEncoder, has_unsettled_styles},
 };
 
 use super::{

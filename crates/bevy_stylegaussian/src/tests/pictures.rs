@@ -10,7 +10,9 @@ use bevy::{
 };
 use stylegaussian::{Camera as Pinhole, Scene, splat};
 
-use crate::{GaussianSplats, SplatSortKey, StyleApplied, StyleBackend, StyleSource, StyleTransition};
+use crate::{
+    GaussianSplats, SplatSortKey, StyleApplied, StyleSource, StyleTransition, style::decoder::StyleBackend,
+};
 
 use super::world::{rendering::*, *};
 

@@ -23,8 +23,9 @@ use stylegaussian_files::{Precision, write_decoder, write_scene, write_style};
 
 use crate::{
     AppliedStyle, GaussianSplats, HiddenUntilStyled, MaskVisibility, SplatSortKey, SplatTonemapping,
-    StyleDecoder, StyleInput, StyleMask, StyleMaskFailed, StylePrepare, StyleRefine, StyleSource,
-    StyleTransition, StyleVolume,
+    StyleMask, StyleRefine, StyleSource, StyleTransition, StyleVolume,
+    mask::StyleMaskFailed,
+    style::{StyleInput, StylePrepare, decoder::StyleDecoder},
 };
 
 use super::{styles::until_applied, world::*};

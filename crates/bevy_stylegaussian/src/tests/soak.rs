@@ -16,8 +16,9 @@ use stylegaussian::{
 };
 
 use crate::{
-    GaussianScene, GaussianSplats, MaskVisibility, StyleApplied, StyleBackend, StyleFailed, StyleInput,
-    StyleLook, StyleMask, StyleSource, StyleStatistics, StyleTransition,
+    GaussianScene, GaussianSplats, MaskVisibility, StyleApplied, StyleFailed, StyleLook, StyleMask,
+    StyleSource, StyleStatistics, StyleTransition,
+    style::{StyleInput, decoder::StyleBackend},
 };
 
 use super::{

@@ -3,7 +3,8 @@
 use bevy::{prelude::*, render::RenderApp};
 
 use crate::{
-    GaussianSplats, MaskVisibility, StyleApplied, StyleBackend, StyleMask, StyleSource, splats::Held,
+    GaussianSplats, MaskVisibility, StyleApplied, StyleMask, StyleSource, splats::Held,
+    style::decoder::StyleBackend,
 };
 
 use super::world::{rendering::*, *};

@@ -26,9 +26,9 @@ use stylegaussian::{
 };
 
 use crate::{
-    GaussianSplats, StyleApplied, StyleBackend, StyleSource, StyleTransition, StyleVolume,
+    GaussianSplats, StyleApplied, StyleSource, StyleTransition, StyleVolume,
     colors::{ShownColors, StrokeTextures},
-    style::has_unsettled_styles,
+    style::{decoder::StyleBackend, has_unsettled_styles},
 };
 
 use super::{

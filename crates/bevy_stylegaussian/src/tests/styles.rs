@@ -7,9 +7,13 @@ use stylegaussian::{ChannelStatistics, Scene, fold};
 use stylegaussian_files::{Precision, read_scene, write_decoder, write_scene, write_style};
 
 use crate::{
-    AppliedStyle, GaussianDecoder, GaussianSceneFailed, GaussianSplats, StyleApplied, StyleBackend,
-    StyleDecoder, StyleFailed, StyleInput, StyleMethod, StyleSource, StyleStatistics, StyleTransition,
+    AppliedStyle, GaussianSceneFailed, GaussianSplats, StyleApplied, StyleFailed, StyleSource,
+    StyleStatistics, StyleTransition,
     scene::LoadedScene,
+    style::{
+        StyleInput, StyleMethod,
+        decoder::{GaussianDecoder, StyleBackend, StyleDecoder},
+    },
 };
 
 use super::world::*;
@@ -429,7 +433,12 @@ fn repaired_files_are_taken_over() {
 #[test]
 #[cfg(feature = "refine")]
 fn public_types_are_registered() {
-    use crate as face;
+    mod face {
+        pub use crate::{
+            style::{decoder::*, *},
+            *,
+        };
+    }
     use bevy::ecs::reflect::{ReflectComponent, ReflectResource};
     let mut app = app_without_rendering();
     let registry = app.world_mut().resource::<AppTypeRegistry>().read();

@@ -14,8 +14,10 @@ use super::{
     world::{rendering::*, *},
 };
 use crate::{
-    GaussianSceneFailed, GaussianSceneReady, GaussianSplats, StyleApplied, StyleBackend, StyleFailed,
-    StyleMask, StyleMethod, StyleSource, gpu_needs,
+    GaussianSceneFailed, GaussianSceneReady, GaussianSplats, StyleApplied, StyleFailed, StyleMask,
+    StyleSource,
+    scene::gpu_needs,
+    style::{StyleMethod, decoder::StyleBackend},
 };
 
 const SIZE: UVec2 = UVec2::new(32, 32);
@@ -115,7 +117,7 @@ fn a_device_of_little_more_than_the_needs_draws_decodes_and_paints() {
     assert!(captured > 1.0);
     let painting = add(&mut app, noise(1, [200, 40, 30], [20, 40, 180]));
     for source in [StyleSource::preset(style), StyleSource::image(painting)] {
-        let is_paint = matches!(source.styles[0].input, crate::StyleInput::Image(_));
+        let is_paint = matches!(source.styles[0].input, crate::style::StyleInput::Image(_));
         if is_paint {
             // A scene with a decoder of its own would be decoded.
             let scene = stylegaussian::Scene { features: None, decoder: None, ..small_scene(100, 1) };

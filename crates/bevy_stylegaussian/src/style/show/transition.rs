@@ -69,6 +69,7 @@ impl Default for StyleTransition {
 /// whatever the shape; later ones replace it in this shape.
 #[derive(Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub enum TransitionShape {
     /// All places change together.
     #[default]

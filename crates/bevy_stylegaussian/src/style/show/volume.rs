@@ -63,6 +63,7 @@ impl MapEntities for StyleVolume {
 /// The shape of a [`StyleVolume`]: one of Bevy's, or one without bounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub enum VolumeShape {
     /// All of space.
     #[default]

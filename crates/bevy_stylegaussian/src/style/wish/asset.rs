@@ -17,7 +17,7 @@ pub struct StyleStatistics {
     /// Statistics of the style's features, which the decoder takes.
     pub statistics: Arc<ChannelStatistics>,
     /// The painting's own paint, or `None` if the file carries none. Such a style cannot be painted, only
-    /// decoded, for which the scene needs features: see [`StyleMethod`](crate::StyleMethod).
+    /// decoded, for which the scene needs features: see [`StyleMethod`](crate::style::StyleMethod).
     pub paint: Option<Arc<Paint>>,
 }
 
@@ -47,7 +47,7 @@ impl FromFile for StyleLook {
 }
 
 /// A decoder from features to colors: `.decoder.safetensors`, as `stylegaussian train` writes them. Use it with
-/// [`StyleDecoder`](crate::StyleDecoder).
+/// [`StyleDecoder`](crate::style::decoder::StyleDecoder).
 #[derive(Asset, Clone, Debug, Reflect)]
 #[reflect(opaque)]
 #[reflect(Clone, Debug)]

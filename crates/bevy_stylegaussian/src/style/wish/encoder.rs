@@ -57,7 +57,7 @@ impl FromFile for ImageEncoder {
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// # use bevy_stylegaussian::StyleEncoder;
+/// # use bevy_stylegaussian::style::decoder::StyleEncoder;
 /// # fn system(mut commands: Commands, assets: Res<AssetServer>) {
 /// commands.insert_resource(StyleEncoder(assets.load("vgg19_relu3_1.encoder.safetensors")));
 /// # }

@@ -6,6 +6,7 @@ use stylegaussian::{fold::StylizeError, look::LookError};
 
 /// A style cannot be applied.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum StyleError {
     /// Scene, decoder, styles or weights do not go together, or a scene that was never embedded is to be
     /// decoded.
@@ -83,7 +84,7 @@ pub enum StyleError {
     /// An asset that the style needs could not be loaded. The message names it.
     #[error("{0}")]
     Load(String),
-    /// [`StyleBackend::Gpu`](crate::StyleBackend::Gpu) is set, but the app does not render.
+    /// [`StyleBackend::Gpu`](crate::style::decoder::StyleBackend::Gpu) is set, but the app does not render.
     #[error(
         "StyleBackend::Gpu is set but the app has no GPU; StyleBackend::Auto and StyleBackend::Cpu need none"
     )]

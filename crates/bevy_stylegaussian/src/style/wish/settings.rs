@@ -8,6 +8,7 @@ use bevy::{prelude::*, render::extract_resource::ExtractResource};
 /// colors already, whichever backend is set.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub enum StyleBackend {
     /// The GPU, or the CPU if the adapter is software (such as llvmpipe), where the CPU's own decoder is
     /// faster. Also the CPU if the scene or its decoder is too large for the GPU.
@@ -22,6 +23,7 @@ pub enum StyleBackend {
 /// How a style becomes colors. A resource; changing it affects later changes of style.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub enum StyleMethod {
     /// The painting's own strokes over colors of its palette ([`stylegaussian::paint`]), drawn by the pixel.
     /// Any scene will do, and any image: neither features nor an encoder take part. The colors are computed on
@@ -30,8 +32,8 @@ pub enum StyleMethod {
     /// is shown recolored in its palette, which takes milliseconds, except under
     /// [`HiddenUntilStyled`](crate::HiddenUntilStyled). Events are those of the paint.
     ///
-    /// A scene with a decoder of its own, an entity with a [`StyleDecoder`](crate::StyleDecoder), and presets
-    /// without paint are decoded instead.
+    /// A scene with a decoder of its own, an entity with a
+    /// [`StyleDecoder`](crate::style::decoder::StyleDecoder), and presets without paint are decoded instead.
     #[default]
     Paint,
     /// The decoder alone, as in the paper, on the [`StyleBackend`]: the painting's palette, without its

@@ -10,10 +10,10 @@ use crate::style::wish::asset::{GaussianDecoder, StyleLook, StyleStatistics};
 /// complete.
 ///
 /// Images and presets paint any scene: their strokes are drawn over its colors, pixel by pixel. Or they are
-/// mixed as features and decoded together: see [`StyleMethod`](crate::StyleMethod). Looks are colors and
+/// mixed as features and decoded together: see [`StyleMethod`](crate::style::StyleMethod). Looks are colors and
 /// strokes already, and mix with one another and with painted or decoded colors: that sum is computed on the
-/// CPU, whichever [`StyleBackend`](crate::StyleBackend) is set, and so are the images and presets beside a
-/// look. In a mix of paintings, each spot shows the strokes of one of them.
+/// CPU, whichever [`StyleBackend`](crate::style::decoder::StyleBackend) is set, and so are the images and
+/// presets beside a look. In a mix of paintings, each spot shows the strokes of one of them.
 ///
 /// [`strength`](Self::strength), [`paint`](Self::paint), [`protection`](Self::protection) and
 /// [`stroke_scale`](Self::stroke_scale) are shown in the next frame and compute nothing, so they can be
@@ -22,7 +22,7 @@ use crate::style::wish::asset::{GaussianDecoder, StyleLook, StyleStatistics};
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// # use bevy_stylegaussian::{StyleInput, StyleSource};
+/// # use bevy_stylegaussian::{StyleSource, style::StyleInput};
 /// # fn system(mut source: Single<&mut StyleSource>, assets: Res<AssetServer>) {
 /// let (starry, wave) = (assets.load("starry.jpg"), assets.load("wave.style.safetensors"));
 /// **source = StyleSource::image(starry.clone());
@@ -83,6 +83,7 @@ pub struct WeightedStyle {
 /// The source of a style.
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[reflect(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum StyleInput {
     /// An image. It is prepared in the background at its first use and again if it changes. To be decoded, it
     /// is encoded by the `StyleEncoder` too. Without the feature `images` it fails, and the error names the

@@ -20,8 +20,10 @@ use stylegaussian::{
 };
 
 use crate::{
-    GaussianSceneReady, GaussianSplats, HiddenUntilStyled, StyleApplied, StyleBackend, StyleFailed,
-    StyleLook, StyleMask, StyleSource, StyleTransition, StyleVolume, TransitionClock, colors::ShownColors,
+    GaussianSceneReady, GaussianSplats, HiddenUntilStyled, StyleApplied, StyleFailed, StyleLook, StyleMask,
+    StyleSource, StyleTransition, StyleVolume,
+    colors::ShownColors,
+    style::{TransitionClock, decoder::StyleBackend},
 };
 
 use crate::tests::world::{rendering::*, *};

@@ -31,7 +31,7 @@ use bevy::{
 
 use stylegaussian::splat::RenderedImage;
 
-use crate::{StyleBackend, StyleGaussianPlugin};
+use crate::{StyleGaussianPlugin, style::decoder::StyleBackend};
 
 /// An app that renders without a window, in which any render error fails the test. If there is no adapter, it
 /// prints `SKIPPED` and returns `None`.
