@@ -56,6 +56,21 @@ pub(crate) enum Lane {
     Bakes,
 }
 
+impl Lane {
+    /// Number of lanes.
+    const COUNT: usize = 3;
+
+    /// Name of its threads.
+    #[cfg(not(target_family = "wasm"))]
+    fn name(self) -> &'static str {
+        match self {
+            Self::Scenes => "scenes",
+            Self::Styles => "styles",
+            Self::Bakes => "bakes",
+        }
+    }
+}
+
 /// Starts computations. Clones share threads.
 #[derive(Resource, Clone, Default)]
 pub(crate) struct Workers(Arc<Lanes>);
@@ -63,8 +78,8 @@ pub(crate) struct Workers(Arc<Lanes>);
 #[derive(Default)]
 struct Lanes {
     settings: Mutex<StyleThreads>,
-    /// Scenes, styles, bakes.
-    lanes: [Mutex<Queue>; 3],
+    /// By [`Lane`].
+    lanes: [Mutex<Queue>; Lane::COUNT],
 }
 
 /// The computations of a lane.
@@ -157,11 +172,7 @@ impl Workers {
         compute: impl FnOnce(&Work) -> Result<T, Canceled> + Send + 'static,
     ) -> Running<T> {
         let (running, job) = Running::new(compute);
-        match lane {
-            Lane::Scenes => self.queue(0, job),
-            Lane::Styles => self.queue(1, job),
-            Lane::Bakes => self.queue(2, job),
-        }
+        self.queue(lane, job);
         running
     }
 
@@ -206,14 +217,14 @@ impl Workers {
 
     /// In a browser there are no threads: it is a task on the page's only one.
     #[cfg(target_family = "wasm")]
-    fn queue(&self, _: usize, job: Job) {
+    fn queue(&self, _: Lane, job: Job) {
         AsyncComputeTaskPool::get().spawn(async move { job() }).detach();
     }
 
     #[cfg(not(target_family = "wasm"))]
-    fn queue(&self, lane: usize, job: Job) {
+    fn queue(&self, lane: Lane, job: Job) {
         let threads = *unpoisoned(&self.0.settings);
-        let mut queue = unpoisoned(&self.0.lanes[lane]);
+        let mut queue = unpoisoned(&self.0.lanes[lane as usize]);
         queue.jobs.push_back(job);
         if queue.is_running {
             return;
@@ -238,9 +249,9 @@ impl Workers {
 impl Lanes {
     /// Does what is in the queue.
     #[cfg(not(target_family = "wasm"))]
-    fn drain(&self, lane: usize) {
+    fn drain(&self, lane: Lane) {
         loop {
-            let mut queue = unpoisoned(&self.lanes[lane]);
+            let mut queue = unpoisoned(&self.lanes[lane as usize]);
             let Some(job) = queue.jobs.pop_front() else {
                 queue.is_running = false;
                 return;
@@ -257,12 +268,12 @@ impl Queue {
     fn pool(
         &mut self,
         threads: StyleThreads,
-        lane: usize,
+        lane: Lane,
     ) -> Result<Arc<ThreadPool>, rayon::ThreadPoolBuildError> {
         if let Some((_, pool)) = self.pool.as_ref().filter(|(of, _)| *of == threads) {
             return Ok(Arc::clone(pool));
         }
-        let name = ["scenes", "styles", "bakes"][lane];
+        let name = lane.name();
         let pool = ThreadPoolBuilder::new()
             .num_threads(threads.count.max(1))
             .thread_name(move |index| format!("{name} {index}"))

@@ -75,7 +75,7 @@ impl Inputs<'_> {
             return Err(Arc::new(StylizeError::NoFeatures.into()));
         }
         // Begun before images are there, if they are still being loaded.
-        let surface = if is_painted { self.surfaces.get(scene, &self.workers) } else { None };
+        let surface = if is_painted { self.surfaces.get(scene, &self.workers)? } else { None };
         let inputs: Vec<_> = source.styles.iter().map(|style| self.input(&style.input, is_painted)).collect();
         let (mut canvases, mut statistics, mut looks) = (Vec::new(), Vec::new(), Vec::new());
         for (input, style) in inputs.into_iter().zip(&source.styles) {

@@ -27,7 +27,8 @@ pub(crate) fn prepare_surfaces(
 ) {
     if *method == StyleMethod::Paint && !cfg!(target_family = "wasm") {
         for loaded in &loaded {
-            surfaces.get(loaded, &workers);
+            // A style that is painted on it says if it cannot be computed.
+            let _ = surfaces.get(loaded, &workers);
         }
     }
 }

@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use bevy::prelude::*;
-use stylegaussian::paint::Surface;
+use stylegaussian::{paint::Surface, work::Canceled};
 
 use crate::{
     scene::{LoadedScene, PerScene},
+    style::{make::later::Input, wish::error::StyleError},
     work::{Lane, Running, Workers},
 };
 
@@ -22,9 +23,9 @@ pub(crate) struct Wanted {
 }
 
 impl Surfaces {
-    /// The surface of a scene, or `None` until it is there. The first call begins. Whoever waits asks in each
+    /// The surface of a scene, or `Ok(None)` until it is there. The first call begins. Whoever waits asks in each
     /// frame: a surface that nobody asks for is computed no further.
-    pub(crate) fn get(&mut self, loaded: &LoadedScene, workers: &Workers) -> Option<Arc<Surface>> {
+    pub(crate) fn get(&mut self, loaded: &LoadedScene, workers: &Workers) -> Input<Arc<Surface>> {
         let begin = || {
             let scene = Arc::clone(loaded.scene());
             let surface = workers.start(Lane::Styles, move |work| Ok(Arc::new(Surface::new(&scene, work)?)));
@@ -32,8 +33,9 @@ impl Surfaces {
         };
         let wanted = self.0.get_or_insert_with(loaded, begin);
         wanted.is_wanted = true;
-        // It is never canceled while somebody asks.
-        wanted.surface.get().and_then(|surface| surface.clone().ok())
+        // It is never canceled while somebody asks, so it has panicked.
+        let surface = wanted.surface.get().map(|surface| surface.clone().map_err(|Canceled| StyleError::Ended));
+        Ok(surface.transpose()?)
     }
 
     /// Share of a scene's surface that is computed, 0..1.
