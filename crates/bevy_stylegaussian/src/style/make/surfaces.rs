@@ -23,8 +23,8 @@ pub(crate) struct Wanted {
 }
 
 impl Surfaces {
-    /// The surface of a scene, or `Ok(None)` until it is there. The first call begins. Whoever waits asks in each
-    /// frame: a surface that nobody asks for is computed no further.
+    /// The surface of a scene, or `Ok(None)` until it is there. The first call begins. Whoever waits asks in
+    /// each frame: a surface that nobody asks for is computed no further.
     pub(crate) fn get(&mut self, loaded: &LoadedScene, workers: &Workers) -> Input<Arc<Surface>> {
         let begin = || {
             let scene = Arc::clone(loaded.scene());
@@ -34,7 +34,8 @@ impl Surfaces {
         let wanted = self.0.get_or_insert_with(loaded, begin);
         wanted.is_wanted = true;
         // It is never canceled while somebody asks, so it has panicked.
-        let surface = wanted.surface.get().map(|surface| surface.clone().map_err(|Canceled| StyleError::Ended));
+        let surface =
+            wanted.surface.get().map(|surface| surface.clone().map_err(|Canceled| StyleError::Ended));
         Ok(surface.transpose()?)
     }
 
