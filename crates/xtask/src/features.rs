@@ -1,27 +1,15 @@
-//! Checks that building one crate and building the workspace compile the same dependencies.
+//! Checks that cargo compiles dependencies once for all commands that build the whole workspace.
 //!
-//! Cargo unites features over the crates that one command selects. If the union for `-p CRATE` differs from
-//! that for `--workspace`, switching between the two compiles every affected dependency twice (minutes for
-//! Bevy, burn and tract). `crates/stylegaussian_features` and the sections `cfg(stylegaussian_workspace)` of
-//! the manifests keep the unions equal. Packages are made without them: see [`crate::publish`].
+//! Cargo unites features over the crates that one command selects, and compiles a dependency once more if the
+//! union differs (minutes for Bevy, burn and tract). Lints, tests and examples select the whole workspace with
+//! dependencies that only tests and examples have, documentation and programs select it without them. The
+//! workspace's own package depends on what makes the two unions equal.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{Context, Result, ensure};
 
 use crate::steps::cargo;
-
-/// The crates that people build alone. The other members depend on these, or compile in seconds.
-const BUILT_ALONE: [&str; 8] = [
-    "stylegaussian",
-    "stylegaussian_files",
-    "stylegaussian_encoder",
-    "stylegaussian_gpu",
-    "bevy_stylegaussian",
-    "stylegaussian_train",
-    "stylegaussian_cli",
-    "stylegaussian_bench",
-];
 
 /// The sets of features that each package is compiled with. A package has two if build scripts and derive
 /// macros use it with other features than the program does.
@@ -32,35 +20,30 @@ type Features = BTreeMap<String, BTreeSet<String>>;
 /// first.
 const EDGES: [&str; 2] = ["normal,no-proc-macro", "normal,build"];
 
-/// Compares each crate alone, and the workspace without its tests and examples, with the workspace as a whole.
+/// Compares the workspace without its tests and examples with the workspace as a whole.
 ///
 /// # Errors
 /// If a package would be compiled with other features. The message names them.
 pub fn check() -> Result<()> {
     let mut different = Vec::new();
     for edges in EDGES {
-        // With `dev`, since tests and examples are built with the whole workspace.
-        let whole = features(&["--workspace", "--edges", &format!("{edges},dev")])?;
-        let selected = features(&["--workspace", "--edges", edges])?;
-        different.extend(self::different(&selected, &whole, "--workspace"));
-        for name in BUILT_ALONE {
-            let alone = features(&["--package", name, "--edges", edges])?;
-            different.extend(self::different(&alone, &whole, name));
-        }
+        let whole = features(&format!("{edges},dev"))?;
+        different.extend(self::different(&features(edges)?, &whole));
     }
     ensure!(
         different.is_empty(),
-        "features differ, so cargo compiles these packages twice; add the features to \
-         crates/stylegaussian_features or under cfg(stylegaussian_workspace) in the crate's manifest:\n{}",
+        "features differ, so cargo compiles these packages twice; add the features of tests and examples to the \
+         dependencies in ./Cargo.toml:\n{}",
         different.join("\n")
     );
     Ok(())
 }
 
-/// The packages and features that cargo compiles for this selection.
-fn features(selection: &[&str]) -> Result<Features> {
-    let mut command = cargo(["tree", "--locked", "--prefix", "none", "--format", "{p}|{f}"]);
-    let output = command.args(selection).output().context("cannot run `cargo tree`")?;
+/// The packages and features that cargo compiles for the workspace.
+fn features(edges: &str) -> Result<Features> {
+    let tree =
+        ["tree", "--locked", "--workspace", "--prefix", "none", "--format", "{p}|{f}", "--edges", edges];
+    let output = cargo(tree).output().context("cannot run `cargo tree`")?;
     ensure!(output.status.success(), "cargo tree: {}", String::from_utf8_lossy(&output.stderr).trim());
     Ok(parsed(&String::from_utf8_lossy(&output.stdout)))
 }
@@ -77,16 +60,16 @@ fn parsed(tree: &str) -> Features {
     features
 }
 
-/// A line for each package of `selected` with a set of features that `whole` does not compile.
-fn different(selected: &Features, whole: &Features, selection: &str) -> Vec<String> {
+/// A line for each package of `part` with a set of features that `whole` does not compile.
+fn different(part: &Features, whole: &Features) -> Vec<String> {
     let none = BTreeSet::new();
     let line = |(package, sets): (&String, &BTreeSet<String>)| {
         let expected = whole.get(package).unwrap_or(&none);
         // A subset is enough: what the whole workspace compiles is there already.
         (!sets.is_subset(expected))
-            .then(|| format!("  {selection}: {package} with {sets:?}, the whole workspace with {expected:?}"))
+            .then(|| format!("  {package} with {sets:?}, with tests and examples {expected:?}"))
     };
-    selected.iter().filter_map(line).collect()
+    part.iter().filter_map(line).collect()
 }
 
 #[cfg(test)]
@@ -96,17 +79,17 @@ mod tests {
     #[test]
     fn a_missing_feature_is_found() {
         let whole = parsed("half v2.7.1|bytemuck,serde\nlog v0.4.35|std (*)\nours v0.1.0 (/here)|");
-        let alone = parsed("half v2.7.1|bytemuck\nlog v0.4.35|std\nours v0.1.0 (/here)|");
-        let lines = different(&alone, &whole, "ours");
+        let part = parsed("half v2.7.1|bytemuck\nlog v0.4.35|std\nours v0.1.0 (/here)|");
+        let lines = different(&part, &whole);
         assert_eq!(lines.len(), 1, "{lines:?}");
-        assert!(lines[0].contains("ours: half v2.7.1 with {\"bytemuck\"}"), "{lines:?}");
-        assert!(different(&whole, &whole, "--workspace").is_empty());
+        assert!(lines[0].contains("half v2.7.1 with {\"bytemuck\"}"), "{lines:?}");
+        assert!(different(&whole, &whole).is_empty());
     }
 
     #[test]
     fn a_package_of_the_host_may_have_features_of_its_own() {
         let whole = parsed("syn v3.0.9|full\nsyn v3.0.9|full,visit");
-        let alone = parsed("syn v3.0.9|full,visit");
-        assert!(different(&alone, &whole, "ours").is_empty());
+        let part = parsed("syn v3.0.9|full,visit");
+        assert!(different(&part, &whole).is_empty());
     }
 }

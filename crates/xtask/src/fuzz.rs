@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::steps::{Steps, cargo, data_folder, workspace_root};
+use crate::steps::{Steps, data_folder, workspace_root};
 
 /// The targets in `fuzz/`, and the feature that builds each. The quick ones to build come first.
 const TARGETS: [(&str, &str); 11] = [
@@ -42,8 +42,7 @@ pub fn run(arguments: &[String]) -> Result<()> {
 }
 
 fn run_all(steps: &mut Steps, targets: &[(&str, &str)], seconds: u32) -> Result<()> {
-    let mut seeds =
-        cargo(["run", "--locked", "--package", "stylegaussian_files", "--example", "fuzz_seeds", "--"]);
+    let mut seeds = steps.example("fuzz_seeds")?;
     steps.run("seeds", seeds.arg(workspace_root()).arg(data_folder()))?;
     for (target, feature) in targets {
         // Of one codegen unit, which is the default, the graph engine takes 10 GB to build with sanitizers.

@@ -34,7 +34,7 @@ Usage: cargo xtask <COMMAND>
   web      the page for browsers in web/dist: [--test] tests it in Chromium, [--serve] serves it on localhost, \
            [--example NAME] builds
            an example instead
-  package  the published crates, packed in target/package from a copy of the sources in target/publish";
+  package  the published crates, packed, and each built from its package in target/packages; takes long";
 
 fn main() -> ExitCode {
     match run() {

@@ -1,114 +1,69 @@
-//! `cargo xtask package`: packs the published crates, from a copy of the sources.
+//! `cargo xtask package`: packs the published crates, and builds each from its package.
 //!
-//! The copy's manifests lack the sections under `cfg(stylegaussian_workspace)`, which spare builds inside the
-//! workspace (see [`crate::features`]). Nobody else sets that configuration, but cargo resolves dependencies
-//! for all configurations: each game's lock file would hold the sections' packages, and a registry would have
-//! to hold `stylegaussian_features`. It does not, so a crate that has the sections cannot be packed or
-//! published by mistake.
+//! Uncommitted changes are packed too, except on CI, where cargo requires a clean tree.
 
 use std::{
     env, fs,
-    path::{Path, PathBuf, absolute},
+    path::{PathBuf, absolute},
     process::Command,
+    time::UNIX_EPOCH,
 };
 
 use anyhow::{Context, Result, ensure};
 
 use crate::{
-    files::{copy, fresh_folder, listed},
+    files::fresh_folder,
     steps::{Steps, cargo, target_folder},
 };
 
-/// The workspace's own configuration.
-const CONFIGURATION: &str = "stylegaussian_workspace";
-
-/// What a workspace consists of, for cargo.
-const COPIED: [&str; 6] = ["Cargo.toml", "Cargo.lock", "crates", "shaders", "tests", "examples"];
-
-/// Folders of the published crates.
-const PACKED: [&str; 2] = ["crates", "shaders"];
-
-/// Packs the published crates and says where to publish from.
+/// Packs the published crates and builds each from its package. The packages of the others take the place of a
+/// registry's.
 ///
 /// # Errors
-/// If a crate cannot be packed.
+/// If a crate cannot be packed or built.
 pub fn run() -> Result<()> {
     let mut steps = Steps::default();
-    let outcome = pack(&mut steps);
+    let mut command = package()?;
+    command.arg("--target-dir").arg(new_build_folder()?);
+    // Packages have no profile. As in the workspace's, debug info would cost build time.
+    command.args(["--config", "profile.dev.debug=0"]);
+    // Not `Steps::run`: it prints the command for people to repeat, and the build folder would not be new then.
+    let outcome = steps.check("packages", || {
+        let status = command.status().context("cannot run `cargo package`")?;
+        ensure!(status.success(), "the messages of `cargo package` are above");
+        Ok(())
+    });
     steps.print_summary();
     outcome?;
-    println!("\nTo publish: cargo publish --manifest-path {} --package ...", copied("Cargo.toml")?.display());
+    println!("\nTo publish what was built: cargo publish --locked --workspace --no-verify");
     Ok(())
 }
 
-/// Packs the published crates, without building them from their packages. Uncommitted changes are included,
-/// except on CI, which requires a clean tree.
+/// Packs the published crates, without building them from their packages.
 ///
 /// # Errors
 /// If a crate cannot be packed.
 pub fn pack(steps: &mut Steps) -> Result<()> {
-    let files = listed(&[&["--cached", "--others", "--exclude-standard", "--"], &COPIED[..]].concat());
-    let Some(files) = files else {
-        steps.not_run("packages", "git lists no sources here");
-        return Ok(());
-    };
-    steps.check("sources of packages", || copy_sources(&files))?;
-    steps.run("packages", &mut package()?)
+    // Cargo would ask the registry whether it has our crates.
+    steps.run("packages", package()?.args(["--no-verify", "--offline"]))
 }
 
-/// A path in the copy. Absolute, since cargo resolves some paths from its own folder.
-fn copied(path: &str) -> Result<PathBuf> {
-    absolute(target_folder().join("publish").join(path)).context("the current folder is gone")
-}
-
-fn copy_sources(files: &[String]) -> Result<()> {
-    if env::var_os("CI").is_some() {
-        let status = Command::new("git").args(["status", "--porcelain", "--"]).args(PACKED).output();
-        let changes = status.context("cannot run `git status`")?.stdout;
-        let changes = String::from_utf8_lossy(&changes);
-        ensure!(changes.is_empty(), "found uncommitted changes, expected none on CI:\n{changes}");
-    }
-    fresh_folder(&copied("")?)?;
-    for file in files {
-        let to = copied(file)?;
-        copy(Path::new(file), &to)?;
-        if to.file_name().is_some_and(|name| name == "Cargo.toml") {
-            let manifest = fs::read_to_string(file).with_context(|| format!("cannot read {file}"))?;
-            let manifest = without_workspace_sections(&manifest);
-            fs::write(&to, manifest).with_context(|| format!("cannot write {}", to.display()))?;
-        }
-    }
-    Ok(())
-}
-
-/// A manifest without the sections under the workspace's own configuration, and without the comments above
-/// them.
-fn without_workspace_sections(manifest: &str) -> String {
-    let mut kept: Vec<&str> = Vec::new();
-    let mut is_kept = true;
-    for line in manifest.lines() {
-        if line.starts_with('[') {
-            is_kept = !line.contains(CONFIGURATION);
-            let is_comment = |line: &&str| line.is_empty() || line.starts_with('#');
-            while !is_kept && kept.last().is_some_and(is_comment) {
-                kept.pop();
-            }
-        }
-        if is_kept {
-            kept.push(line);
-        }
-    }
-    kept.join("\n") + "\n"
+/// A build folder whose path is new. In one that it knows, cargo takes packages of the same version for those
+/// that it unpacked and compiled before, and builds the crates above them with old code.
+fn new_build_folder() -> Result<PathBuf> {
+    let folder = target_folder().join("packages");
+    fresh_folder(&folder)?;
+    let name = UNIX_EPOCH.elapsed().context("the clock is before 1970")?.as_secs().to_string();
+    absolute(folder.join(name)).context("the current folder is gone")
 }
 
 fn package() -> Result<Command> {
-    // The copy's lock file is the workspace's: not as short as it could be, so not `--locked`. Offline, cargo
-    // takes the versions that it holds. The copy is not under git, whatever folder it is in.
-    let mut command = cargo(["package", "--offline", "--workspace", "--no-verify", "--allow-dirty"]);
-    command.arg("--manifest-path").arg(copied("Cargo.toml")?);
-    command.arg("--target-dir").arg(absolute(target_folder()).context("the current folder is gone")?);
+    let mut command = cargo(["package", "--locked", "--workspace"]);
     for name in unpublished()? {
         command.args(["--exclude", &name]);
+    }
+    if env::var_os("CI").is_none() {
+        command.arg("--allow-dirty");
     }
     Ok(command)
 }
@@ -127,20 +82,4 @@ fn unpublished() -> Result<Vec<String>> {
     }
     names.sort();
     Ok(names)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sections_of_the_workspace_alone_are_left_out() {
-        let manifest = "[dependencies]\nglam = \"0.32\"\n\n# Inside this workspace only.\n\
-                        [target.'cfg(all(stylegaussian_workspace, unix))'.dependencies]\nlog = \"0.4\"\n\n\
-                        [[bin]]\nname = \"a\"\n\n# More.\n\
-                        [target.'cfg(stylegaussian_workspace)'.dependencies]\nbytes = \"1\"\n";
-        let expected = "[dependencies]\nglam = \"0.32\"\n[[bin]]\nname = \"a\"\n";
-        assert_eq!(without_workspace_sections(manifest), expected);
-        assert_eq!(without_workspace_sections(expected), expected);
-    }
 }

@@ -26,8 +26,8 @@ pub fn run(arguments: &[String]) -> Result<()> {
     ensure!(seconds > 0, "--seconds 0: expected at least 1");
     let mut steps = Steps::default();
     install_graphics(&mut steps, false)?;
-    let test = ["test", "--locked", "--package", "bevy_stylegaussian", "--lib", "tests::soak::soak"];
-    let mut command = cargo(test);
+    // The plugin alone would have Bevy compiled once more: see `features`.
+    let mut command = cargo(["test", "--locked", "--workspace", "--lib", "tests::soak::soak"]);
     command.args(["--", "--ignored", "--exact", "--nocapture"]);
     command.env("STYLEGAUSSIAN_SOAK_SECONDS", seconds.to_string());
     command.env("STYLEGAUSSIAN_SOAK_SEED", seed.to_string());

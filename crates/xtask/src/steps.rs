@@ -105,6 +105,17 @@ impl Steps {
         outcome
     }
 
+    /// Builds an example of any member. Returns its program.
+    ///
+    /// # Errors
+    /// If it cannot be built.
+    pub fn example(&mut self, name: &str) -> Result<Command> {
+        // `cargo run` would select one member, and compile dependencies once more: see `features`.
+        let build = ["build", "--locked", "--workspace", "--example", name];
+        self.run(&format!("example {name}"), &mut cargo(build))?;
+        Ok(Command::new(target_folder().join("debug").join("examples").join(name)))
+    }
+
     /// Runs `check` in this process, as a step.
     pub fn check(&mut self, name: &str, check: impl FnOnce() -> Result<()>) -> Result<()> {
         eprintln!("\n── {name}");
@@ -186,7 +197,8 @@ pub fn keep_colors(command: &mut Command) -> &mut Command {
 
 /// The command as typed in a shell.
 fn command_line(command: &Command) -> String {
-    let program = Path::new(command.get_program()).file_name().unwrap_or(command.get_program());
+    let program = Path::new(command.get_program());
+    let program = program.file_stem().filter(|&name| name == "cargo").unwrap_or(program.as_os_str());
     let variables = command.get_envs().filter_map(|(name, value)| {
         let value = value?.to_string_lossy();
         // It changes nothing but colors, and the line is there to be typed again.

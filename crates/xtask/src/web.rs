@@ -151,10 +151,10 @@ pub fn test(steps: &mut Steps) -> Result<()> {
         return Ok(());
     }
     steps.run("page", Command::new("node").args(["--test", "web/test/page.mjs", "web/test/element.mjs"]))?;
-    let package = ["--package", "stylegaussian_shaders", "--example", "write_sources"];
     // The folder may hold shaders that are gone.
     fresh_folder(Path::new(SHADERS))?;
-    steps.run("shaders' texts", cargo(["run", "--locked", "--quiet"]).args(package).arg(SHADERS))?;
+    let mut write = steps.example("write_sources")?;
+    steps.run("shaders' texts", write.arg(SHADERS))?;
     steps.run("shaders in a browser", Command::new("node").args(["web/test/shaders.mjs", SHADERS]))?;
     steps.not_run("page with the app", "it takes a build for browsers. Run: cargo xtask web --test");
     Ok(())
@@ -183,7 +183,8 @@ fn test_built(steps: &mut Steps) -> Result<()> {
     if let Some(missing) = missing_for_tests() {
         bail!("the page cannot be tested: {missing}");
     }
-    steps.run("native program", &mut cargo(["build", "--locked", "--package", "stylegaussian_cli"]))?;
+    let native = ["build", "--locked", "--workspace", "--bin", "stylegaussian"];
+    steps.run("native program", &mut cargo(native))?;
     steps.run(
         "page with the app",
         Command::new("node").args([

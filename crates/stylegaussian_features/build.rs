@@ -1,3 +1,0 @@
-//! Empty: cargo looks at build dependencies only if there is a build script.
-
-fn main() {}
