@@ -2,6 +2,7 @@
 
 pub(crate) mod canvases;
 pub(crate) mod first;
+pub(crate) mod frames;
 pub(crate) mod images;
 pub(crate) mod inputs;
 pub(crate) mod job;
