@@ -18,7 +18,7 @@ pub(super) const SIZE: UVec2 = UVec2::new(64, 64);
 pub(super) const FOV_Y: f32 = 0.8;
 pub(super) const RED: [f32; 3] = [0.8, 0.1, 0.1];
 pub(super) const GREEN: [f32; 3] = [0.1, 0.7, 0.2];
-pub(super) const BLUE: [f32; 3] = [0.1, 0.2, 0.9];
+const BLUE: [f32; 3] = [0.1, 0.2, 0.9];
 
 /// An app and the image of its first camera.
 pub(super) struct Studio {
@@ -91,14 +91,14 @@ pub(super) fn pixel(picture: &[[f32; 3]], x: u32, y: u32) -> [f32; 3] {
 }
 
 /// `top` with `alpha` over `bottom`: display-referred colors, blended in linear space.
-pub(super) fn over(top: [f32; 3], alpha: f32, bottom: [f32; 3]) -> [f32; 3] {
+fn over(top: [f32; 3], alpha: f32, bottom: [f32; 3]) -> [f32; 3] {
     let linear = Srgba::gamma_function;
     let blend = |i: usize| alpha * linear(top[i]) + (1.0 - alpha) * linear(bottom[i]);
     [0, 1, 2].map(|i| Srgba::gamma_function_inverse(blend(i)))
 }
 
 /// Checks that two colors differ by at most two steps of 8 bits.
-pub(super) fn check(what: &str, found: [f32; 3], expected: [f32; 3]) {
+fn check(what: &str, found: [f32; 3], expected: [f32; 3]) {
     let error = (0..3).map(|i| (found[i] - expected[i]).abs()).fold(0.0, f32::max);
     assert!(error <= 2.0 / 255.0, "{what}: found {found:?}, expected {expected:?}");
 }
@@ -124,7 +124,7 @@ pub(super) fn check_picture(what: &str, found: &[[f32; 3]], expected: &[[f32; 3]
 }
 
 /// A Gaussian so large that its alpha in the middle of the image is its opacity.
-pub(super) fn backdrop(z: f32, opacity: f32, color: [f32; 3]) -> Ball {
+fn backdrop(z: f32, opacity: f32, color: [f32; 3]) -> Ball {
     // The image is about 8 wide at distance 10: a tenth of a standard deviation to its edge.
     Ball { mean: Vec3::new(0.0, 0.0, z), scale: 40.0, opacity, color }
 }

@@ -43,6 +43,9 @@ use worker::{Better, Request, Running};
 /// not refined, because a look is baked already. With the source's `content` c, the result is c * base color +
 /// (1 - c) * baked color.
 ///
+/// In an app that draws on demand, a better look is shown in the next frame that there is. A bake asks for
+/// none.
+///
 /// It needs threads: in a browser, [`StyleFailed`](crate::StyleFailed) says that there are none, and the style
 /// stays as it is.
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
