@@ -1,8 +1,6 @@
 //! Unusual events: scenes that are too large, assets and entities that come and go, a lost device. None may
 //! cause a render error or a panic.
 
-use std::fs;
-
 use bevy::{
     asset::{AssetId, AssetPlugin},
     camera::RenderTarget,
