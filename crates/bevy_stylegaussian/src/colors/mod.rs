@@ -54,6 +54,9 @@ impl Plugin for ColorsPlugin {
                 .after(StyleGaussianSystems::Scenes)
                 .before(StyleGaussianSystems::Styles),
         );
+        // After the styles: they say which colors the entities should have.
+        let ask_for_frames = ready::ask_for_frames.after(ready::report_ready_scenes);
+        app.add_systems(PostUpdate, ask_for_frames.after(StyleGaussianSystems::Styles));
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app
                 // Not GPU resources: they are filled by changes alone, so a lost device must leave them as they

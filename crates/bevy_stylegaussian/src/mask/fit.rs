@@ -10,6 +10,7 @@ use bevy::{
     },
     platform::collections::hash_map::Entry,
     prelude::*,
+    window::RequestRedraw,
 };
 use stylegaussian::{Mask, Scene, StoredMask, mask::MaskError};
 
@@ -104,6 +105,7 @@ impl Fitting {
 }
 
 /// Makes masks ready whose scene and file are there, and begins them anew if the entity shows other Gaussians.
+/// Asks for another frame while any of them is on its way.
 pub(super) fn fit_masks(
     mut masks: Query<(Entity, &mut StyleMask, &LoadedScene)>,
     saved: Res<Assets<SavedMask>>,
@@ -111,9 +113,11 @@ pub(super) fn fit_masks(
     workers: Res<Workers>,
     mut fitting: Local<EntityHashMap<Fitting>>,
     mut failures: MaskFailures,
+    mut redraw: MessageWriter<RequestRedraw>,
 ) {
     // Of entities that are gone, and of masks that are ready.
     fitting.retain(|&entity, _| masks.get(entity).is_ok_and(|(_, mask, scene)| !mask.is_of(scene.scene())));
+    let mut has_failed = false;
     for (entity, mut mask, loaded) in &mut masks {
         let scene = loaded.scene();
         if mask.is_of(scene) {
@@ -129,10 +133,21 @@ pub(super) fn fit_masks(
         let fitting = fitting.entry(entity);
         let Some(first) = first_mask(&mask, scene, (&*saved, &*server, &*workers), fitting) else { continue };
         let first = first.unwrap_or_else(|error| {
+            has_failed = true;
             failures.send(entity, error);
             Mask::new(scene.len())
         });
         mask.weights = Weights::of(Painted::new(Arc::clone(scene), first));
+    }
+    // One that ended while the loop ran is taken in the next frame, and one that panicked never is.
+    let is_being_fitted = fitting.values().any(|fitting| !matches!(fitting.mask.get(), Some(Err(_))));
+    let is_being_loaded = |(_, mask, loaded): (Entity, &StyleMask, &LoadedScene)| {
+        let saved = mask.saved.as_ref().filter(|_| !mask.is_of(loaded.scene()));
+        saved.is_some_and(|saved| matches!(server.get_load_state(saved), Some(LoadState::Loading)))
+    };
+    // After a failure, for the systems that hear of it.
+    if has_failed || is_being_fitted || masks.iter().any(is_being_loaded) {
+        redraw.write(RequestRedraw);
     }
 }
 

@@ -32,6 +32,8 @@ pub struct GaussianScene {
     usual: Option<[Vec3; 2]>,
     /// Whether the GPU has it, or has refused it. The render world says so.
     is_on_gpu: Arc<AtomicBool>,
+    /// Whether the GPU has refused it.
+    is_refused: Arc<AtomicBool>,
 }
 
 impl GaussianScene {
@@ -57,7 +59,8 @@ impl GaussianScene {
         // An `Arc` of its own, so that its address identifies the decoder wherever inputs are packed for it.
         let decoder = scene.decoder.clone().map(Arc::new);
         let usual = if bounds.is_ok() { scene.bulk(OUTSIDE) } else { None };
-        Self { scene: Arc::new(scene), decoder, bounds, usual, is_on_gpu: Arc::default() }
+        let (is_on_gpu, is_refused) = (Arc::default(), Arc::default());
+        Self { scene: Arc::new(scene), decoder, bounds, usual, is_on_gpu, is_refused }
     }
 
     /// The scene.
@@ -80,9 +83,21 @@ impl GaussianScene {
         self.is_on_gpu.load(Ordering::Relaxed)
     }
 
-    /// Tells whether the GPU has it, or has refused it.
+    /// Whether it will never be drawn: the GPU has refused it.
+    pub(crate) fn is_refused(&self) -> bool {
+        self.is_refused.load(Ordering::Relaxed)
+    }
+
+    /// Tells whether the GPU has it.
     pub(crate) fn set_on_gpu(&self, is_on_gpu: bool) {
+        self.is_refused.store(false, Ordering::Relaxed);
         self.is_on_gpu.store(is_on_gpu, Ordering::Relaxed);
+    }
+
+    /// Tells that the GPU has refused it.
+    pub(crate) fn set_refused(&self) {
+        self.is_refused.store(true, Ordering::Relaxed);
+        self.is_on_gpu.store(true, Ordering::Relaxed);
     }
 
     /// The box around all visible splats, or `None` if there are none.

@@ -56,7 +56,8 @@ pub(super) fn refuse_scenes(
 ) {
     let DeviceServes { checked: Err(reason), refused, is_logged } = &mut *device else { return };
     // They will never be there, so entities need not wait for them.
-    next.0.iter().for_each(|scene| scene.asset.set_on_gpu(true));
+    let shown = clouds.0.values().map(|cloud| &cloud.scene);
+    next.0.iter().chain(shown).for_each(|scene| scene.asset.set_refused());
     refused.retain(|entity, _| clouds.0.contains_key(entity));
     for (&entity, cloud) in &clouds.0 {
         // Each entity hears of each of its scenes once.

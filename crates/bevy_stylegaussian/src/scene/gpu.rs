@@ -97,7 +97,7 @@ pub(crate) fn upload_scenes(
             None => scenes.settled = false,
             Some(Ok(_)) => uploaded.asset.set_on_gpu(true),
             Some(Err(reason)) => {
-                uploaded.asset.set_on_gpu(true);
+                uploaded.asset.set_refused();
                 // An entity that shows the scene later hears of the refusal too, and each one hears of it once.
                 if let Some(entity) = entity.filter(|entity| uploaded.reported.insert(*entity)) {
                     let error = GaussianSceneError::Gpu(reason.clone());

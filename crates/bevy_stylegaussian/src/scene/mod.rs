@@ -12,6 +12,7 @@ use bevy::{
     camera::visibility::VisibilitySystems,
     prelude::*,
     render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderSystems},
+    window::RequestRedraw,
 };
 
 use crate::{reports::Reports, systems::StyleGaussianSystems};
@@ -22,6 +23,7 @@ mod component;
 mod device;
 mod extract;
 mod failure;
+mod frames;
 mod gpu;
 mod loader;
 mod per_scene;
@@ -56,6 +58,8 @@ impl Plugin for ScenePlugin {
             .register_type::<GaussianScene>()
             .register_type::<GaussianSplats>()
             .register_type::<GaussianSceneFailed>()
+            // `WindowPlugin` adds it too, but not every app has one.
+            .add_message::<RequestRedraw>()
             .add_systems(
                 PostUpdate,
                 (
@@ -75,7 +79,8 @@ impl Plugin for ScenePlugin {
                     .after(AssetEventSystems)
                     // A scene's bounds must be there before it is culled, or its first frame would be lost.
                     .before(VisibilitySystems::CheckVisibility),
-            );
+            )
+            .add_systems(PostUpdate, frames::ask_for_frames.after(StyleGaussianSystems::Scenes));
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app
                 .insert_resource(reports)

@@ -100,6 +100,7 @@ impl Plugin for StylePlugin {
                     make::surfaces::forget_unused_surfaces,
                     show::compose::compose_layers,
                     make::job::report_drawn_styles,
+                    make::frames::ask_for_frames,
                     make::shared::forget_unused_styles,
                 )
                     .chain()

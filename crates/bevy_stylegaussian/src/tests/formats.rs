@@ -54,6 +54,30 @@ fn captures_load_with_settings() {
     }
 }
 
+/// Addresses on the web end with queries, and some name no format. No file can be called so on Windows.
+#[cfg(unix)]
+#[test]
+fn a_query_or_no_extension_hides_no_format() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut app = app(dir.path().to_owned());
+    let assets = app.world().resource::<AssetServer>().clone();
+    for (name, format) in [
+        ("scene", "ply"),
+        ("garden.ply?v=2", "ply"),
+        ("garden.ply?file=other.glb", "ply"),
+        // Its files have no mark, so its name alone tells.
+        ("garden.splat?v=1.5", "splat"),
+        ("download", "sgs"),
+    ] {
+        let (written, renamed) = (dir.path().join("written").with_extension(format), dir.path().join(name));
+        write_scene(&written, &small_scene(20, 1)).unwrap();
+        let read = read_scene(&written).unwrap().scene;
+        fs::rename(&written, &renamed).unwrap();
+        let handle = assets.load(name);
+        assert_eq!(loaded(&mut app, &handle).means, read.means, "{name}");
+    }
+}
+
 /// Every reader is fed with bytes that are none of its own, and with its own beginning alone. The game goes on.
 #[test]
 fn a_hostile_asset_is_an_event_and_the_next_one_loads() {

@@ -2,7 +2,7 @@
 //! cause a render error or a panic.
 
 use bevy::{
-    asset::AssetId,
+    asset::{AssetId, AssetPlugin},
     camera::RenderTarget,
     prelude::*,
     render::{
@@ -13,20 +13,33 @@ use bevy::{
         settings::{RenderCreation, WgpuLimits, WgpuSettings},
     },
 };
-use stylegaussian::{Layer, Scene};
+use stylegaussian::{
+    Layer, Scene,
+    layers::Region,
+    mask::{Combine, Selection},
+    scene::Sh,
+};
+use stylegaussian_files::write_scene;
 
 use crate::{
-    GaussianScene, GaussianSceneFailed, GaussianSplats, StyleApplied, StyleFailed, StyleSource,
-    StyleTransition, style::decoder::StyleBackend,
+    GaussianScene, GaussianSceneFailed, GaussianSplats, MaskVisibility, StyleApplied, StyleFailed,
+    StyleGaussianPlugin, StyleMask, StyleSource, StyleTransition, style::decoder::StyleBackend,
 };
 
-use super::world::{rendering::*, *};
+use super::{
+    paint::noise,
+    styles::until_applied,
+    world::{rendering::*, *},
+};
 
 const SIZE: UVec2 = UVec2::new(32, 32);
 
 /// An app with a camera that looks at the origin, and the camera's image.
 fn app_with_camera(backend: StyleBackend, settings: WgpuSettings) -> Option<(App, Handle<Image>)> {
-    let mut app = app_with_settings(backend, settings)?;
+    Some(with_camera(app_with_settings(backend, settings)?))
+}
+
+fn with_camera(mut app: App) -> (App, Handle<Image>) {
     let image = render_target(&mut app, SIZE);
     app.world_mut().spawn((
         Camera3d::default(),
@@ -34,7 +47,7 @@ fn app_with_camera(backend: StyleBackend, settings: WgpuSettings) -> Option<(App
         target(&image),
         Transform::from_xyz(0.0, 0.0, 4.0),
     ));
-    Some((app, image))
+    (app, image)
 }
 
 fn app() -> Option<(App, Handle<Image>)> {
@@ -248,13 +261,127 @@ fn degenerate_transforms_and_cameras() {
     updates(&mut app, 2);
 }
 
+/// Memory after fifty scenes is that after ten.
 #[test]
-fn a_lost_device_brings_styled_scenes_back() {
-    let Some((mut app, image)) = app() else { return };
+fn fifty_scenes_come_and_go_and_leave_nothing() {
+    let Some((mut app, image)) = app_with_camera(StyleBackend::Cpu, WgpuSettings::default()) else { return };
+    let style = add_style(&mut app, small_style(1));
+    let mut before = None;
+    for round in 0..50 {
+        let entity = spawn(&mut app, small_scene(200, round));
+        let parts = (StyleSource::preset(style.clone()), StyleMask::default(), MaskVisibility::Hide(0));
+        app.world_mut().entity_mut(entity).insert(parts);
+        until_applied(&mut app);
+        app.world_mut().despawn(entity);
+        updates(&mut app, 3);
+        // Waits for the GPU, so that no frame in flight holds buffers.
+        let now = allocations(&app);
+        if round == 9 {
+            before = now;
+        }
+    }
+    assert_eq!(light(&mut app, &image), 0.0);
+    assert!(app.world().resource::<Assets<GaussianScene>>().is_empty());
+    let (Some(before), Some(after)) = (before, allocations(&app)) else { return };
+    // Forty scenes are at least as many buffers, and 256 kB.
+    assert!(after.n_buffers < before.n_buffers + 10, "{after:?}, before {before:?}");
+    assert!(after.buffer_bytes < before.buffer_bytes + 65_536, "{after:?}, before {before:?}");
+    assert!(after.texture_bytes <= before.texture_bytes, "{after:?}, before {before:?}");
+}
+
+/// An app with a camera and the assets of a folder. It shows `a.ply`, half in the style of a painting.
+fn app_with_painted_file(folder: &std::path::Path) -> Option<(App, Handle<Image>, Entity)> {
+    if !has_adapter() {
+        return None;
+    }
+    let file_path = folder.to_string_lossy().into_owned();
+    let mut app = app_of_settings(WgpuSettings::default(), AssetPlugin { file_path, ..default() });
+    app.insert_resource(QUICK_THREADS);
+    app.add_plugins(StyleGaussianPlugin { synchronous_pipeline_compilation: true });
+    let (mut app, image) = with_camera(finish(app));
+    let painting = add(&mut app, noise(1, [200, 40, 30], [20, 40, 180]));
+    let splats = GaussianSplats(app.world().resource::<AssetServer>().load("a.ply"));
+    let source = StyleSource::image(painting).with_strength(0.5);
+    let entity = app.world_mut().spawn((splats, source, StyleMask::default())).id();
+    until_applied(&mut app);
+    Some((app, image, entity))
+}
+
+/// A file is overwritten with fewer Gaussians of a higher degree while it is styled, and hidden by its mask.
+#[test]
+fn an_overwritten_file_is_shown_as_if_it_had_always_been_there() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.ply");
+    let raw = |n: usize, seed: u64| Scene { features: None, decoder: None, ..small_scene(n, seed) };
+    write_scene(&path, &raw(90, 1)).unwrap();
+    let Some((mut app, image, entity)) = app_with_painted_file(dir.path()) else { return };
+    app.world_mut().entity_mut(entity).insert(MaskVisibility::Hide(0));
+    assert!(light(&mut app, &image) > 1.0);
+    let everything = Selection::Region(Region::EVERYWHERE);
+    app.world_mut().get_mut::<StyleMask>(entity).unwrap().select(0, &everything, Combine::Replace);
+    assert_eq!(light(&mut app, &image), 0.0, "all is hidden");
+
+    let mut next = numbers(3);
+    // 16 coefficients of 3 colors.
+    let coefficients = (0..60 * 48).map(|_| 0.3 * next()).collect();
+    write_scene(&path, &Scene { sh: Some(Sh { degree: 3, coefficients }), ..raw(60, 2) }).unwrap();
+    // What `watch_for_changes` does.
+    app.world().resource::<AssetServer>().reload("a.ply");
+    until_applied(&mut app);
+    let mask = app.world().get::<StyleMask>(entity).unwrap().mask().unwrap();
+    assert_eq!(mask.weights, [[0; 4]; 60], "the mask of other Gaussians begins anew");
+    updates(&mut app, 3);
+    let colors = |app: &App, image: &Handle<Image>| -> Vec<[f32; 3]> {
+        read_back(app, image).iter().map(|&[r, g, b, _]| [r, g, b]).collect()
+    };
+    let found = colors(&app, &image);
+    let Some((mut fresh, image, _)) = app_with_painted_file(dir.path()) else { return };
+    updates(&mut fresh, 3);
+    let expected = colors(&fresh, &image);
+    let n_seen = expected.iter().filter(|color| color.iter().sum::<f32>() > 0.1).count();
+    assert!(n_seen > 50, "hardly anything to compare: {n_seen} pixels");
+    let psnr = psnr(&found, &expected, |_| true);
+    assert!(psnr > 45.0, "{psnr:.1} dB");
+}
+
+/// Has Bevy make a new device if one is lost.
+fn recover(app: &mut App) {
     app.insert_resource(RenderErrorHandler(|error, _, _| match error.ty {
         ErrorType::DeviceLost => RenderErrorPolicy::Recover(RenderCreation::default()),
         _ => panic!("{error:?}"),
     }));
+}
+
+/// Loses the device, and draws until Bevy has recovered. Neither camera nor entities move.
+fn lose_device(app: &mut App) {
+    let device = app.sub_app(RenderApp).world().resource::<RenderDevice>().clone();
+    device.wgpu_device().destroy();
+    // The loss is reported at the next poll.
+    let _ = device.poll(PollType::Poll);
+    // Bevy recovers in a later frame. Then scene and style are uploaded anew.
+    updates(app, 10);
+}
+
+#[test]
+fn a_lost_device_brings_hidden_splats_back_hidden() {
+    let Some((mut app, image)) = app() else { return };
+    recover(&mut app);
+    let entity = spawn(&mut app, small_scene(100, 1));
+    let all = light(&mut app, &image);
+    // Nothing is painted, so nothing is left of it.
+    app.world_mut().entity_mut(entity).insert((StyleMask::default(), MaskVisibility::Crop(0)));
+    assert_eq!(light(&mut app, &image), 0.0);
+    lose_device(&mut app);
+    assert_eq!(light(&mut app, &image), 0.0);
+    app.world_mut().entity_mut(entity).remove::<MaskVisibility>();
+    let shown = light(&mut app, &image);
+    assert!((shown - all).abs() < 0.01 * all, "{shown} after, {all} before");
+}
+
+#[test]
+fn a_lost_device_brings_styled_scenes_back() {
+    let Some((mut app, image)) = app() else { return };
+    recover(&mut app);
     let style = add_style(&mut app, small_style(1));
     let entity = spawn(&mut app, small_scene(100, 1));
     let own = light(&mut app, &image);
@@ -263,12 +390,7 @@ fn a_lost_device_brings_styled_scenes_back() {
     let styled = light(&mut app, &image);
     assert!((styled - own).abs() > 1.0, "the style is not seen: {own} and {styled}");
 
-    let device = app.sub_app(RenderApp).world().resource::<RenderDevice>().clone();
-    device.wgpu_device().destroy();
-    // The loss is reported at the next poll.
-    let _ = device.poll(PollType::Poll);
-    // Bevy recovers in a later frame. Then scene and style are uploaded anew.
-    updates(&mut app, 10);
+    lose_device(&mut app);
     let recovered = light(&mut app, &image);
     assert!((recovered - styled).abs() < 0.01 * styled, "{recovered} after, {styled} before");
 }

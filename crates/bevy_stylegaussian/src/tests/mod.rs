@@ -10,9 +10,12 @@ mod diagnostics;
 mod formats;
 #[cfg(feature = "images")]
 mod images;
+#[cfg(feature = "images")]
 mod lifecycle;
 mod looks;
 mod masks;
+#[cfg(feature = "images")]
+mod on_demand;
 #[cfg(feature = "images")]
 mod paint;
 mod pictures;
@@ -27,6 +30,7 @@ mod still_frames;
 #[cfg(feature = "images")]
 mod strokes;
 mod styles;
+mod views;
 #[cfg(feature = "images")]
 mod weak_devices;
 pub(crate) mod world;

@@ -16,32 +16,32 @@ use crate::{
 
 use super::world::{rendering::*, *};
 
-const SIZE: UVec2 = UVec2::new(64, 64);
-const FOV_Y: f32 = 0.8;
-const RED: [f32; 3] = [0.8, 0.1, 0.1];
-const GREEN: [f32; 3] = [0.1, 0.7, 0.2];
+pub(super) const SIZE: UVec2 = UVec2::new(64, 64);
+pub(super) const FOV_Y: f32 = 0.8;
+pub(super) const RED: [f32; 3] = [0.8, 0.1, 0.1];
+pub(super) const GREEN: [f32; 3] = [0.1, 0.7, 0.2];
 const BLUE: [f32; 3] = [0.1, 0.2, 0.9];
 
 /// An app and the image of its first camera.
-struct Studio {
-    app: App,
-    image: Handle<Image>,
+pub(super) struct Studio {
+    pub(super) app: App,
+    pub(super) image: Handle<Image>,
 }
 
 impl Studio {
-    fn new() -> Option<Self> {
+    pub(super) fn new() -> Option<Self> {
         let mut app = app_with_rendering(StyleBackend::Cpu)?;
         let image = render_target(&mut app, SIZE);
         Some(Self { app, image })
     }
 
     /// A camera on the image, without tonemapping.
-    fn camera(&mut self, eye: Vec3, more: impl Bundle) -> Entity {
+    pub(super) fn camera(&mut self, eye: Vec3, more: impl Bundle) -> Entity {
         let image = self.image.clone();
         self.camera_on(&image, eye, more)
     }
 
-    fn camera_on(&mut self, image: &Handle<Image>, eye: Vec3, more: impl Bundle) -> Entity {
+    pub(super) fn camera_on(&mut self, image: &Handle<Image>, eye: Vec3, more: impl Bundle) -> Entity {
         // `more` is inserted afterwards, so that it may replace any of these components.
         let mut camera = self.app.world_mut().spawn((
             Camera3d::default(),
@@ -55,13 +55,13 @@ impl Studio {
         camera.id()
     }
 
-    fn splats(&mut self, scene: Scene, transform: Transform) -> Entity {
+    pub(super) fn splats(&mut self, scene: Scene, transform: Transform) -> Entity {
         let splats = GaussianSplats(add_scene(&mut self.app, scene));
         self.app.world_mut().spawn((splats, transform)).id()
     }
 
     /// An unlit box, transparent if `alpha` is less than 1.
-    fn cuboid(&mut self, size: Vec3, position: Vec3, [r, g, b]: [f32; 3], alpha: f32) {
+    pub(super) fn cuboid(&mut self, size: Vec3, position: Vec3, [r, g, b]: [f32; 3], alpha: f32) {
         let alpha_mode = if alpha < 1.0 { AlphaMode::Blend } else { AlphaMode::Opaque };
         let material = StandardMaterial {
             base_color: Color::srgba(r, g, b, alpha),
@@ -75,12 +75,12 @@ impl Studio {
         self.app.world_mut().spawn(parts);
     }
 
-    fn shoot(&mut self) -> Vec<[f32; 3]> {
+    pub(super) fn shoot(&mut self) -> Vec<[f32; 3]> {
         let image = self.image.clone();
         self.shoot_on(&image)
     }
 
-    fn shoot_on(&mut self, image: &Handle<Image>) -> Vec<[f32; 3]> {
+    pub(super) fn shoot_on(&mut self, image: &Handle<Image>) -> Vec<[f32; 3]> {
         for _ in 0..3 {
             self.app.update();
         }
@@ -88,7 +88,7 @@ impl Studio {
     }
 }
 
-fn pixel(picture: &[[f32; 3]], x: u32, y: u32) -> [f32; 3] {
+pub(super) fn pixel(picture: &[[f32; 3]], x: u32, y: u32) -> [f32; 3] {
     picture[(y * SIZE.x + x) as usize]
 }
 
@@ -106,17 +106,17 @@ fn check(what: &str, found: [f32; 3], expected: [f32; 3]) {
 }
 
 /// The CPU rasterizer's image of a scene from `eye`, over black.
-fn reference(scene: &Scene, eye: Vec3) -> Vec<[f32; 3]> {
+pub(super) fn reference(scene: &Scene, eye: Vec3) -> Vec<[f32; 3]> {
     rasterized(scene, &Pinhole::look_at(eye, Vec3::ZERO, Vec3::Y, FOV_Y, SIZE))
 }
 
 /// The CPU rasterizer's image of a scene, over black.
-fn rasterized(scene: &Scene, camera: &Pinhole) -> Vec<[f32; 3]> {
+pub(super) fn rasterized(scene: &Scene, camera: &Pinhole) -> Vec<[f32; 3]> {
     over_black(&splat::render(scene, splat::Colors::Captured, camera))
 }
 
 /// Checks a whole image against the rasterizer's, over the pixels that are not black in the latter.
-fn check_picture(what: &str, found: &[[f32; 3]], expected: &[[f32; 3]]) {
+pub(super) fn check_picture(what: &str, found: &[[f32; 3]], expected: &[[f32; 3]]) {
     let seen = |i: usize| expected[i].iter().any(|&channel| channel > 0.02);
     assert!((0..expected.len()).filter(|&i| seen(i)).count() > 100, "{what}: hardly anything to compare");
     let psnr = psnr(found, expected, seen);
@@ -131,7 +131,7 @@ fn backdrop(z: f32, opacity: f32, color: [f32; 3]) -> Ball {
     Ball { mean: Vec3::new(0.0, 0.0, z), scale: 40.0, opacity, color }
 }
 
-const EYE: Vec3 = Vec3::new(0.0, 0.0, 10.0);
+pub(super) const EYE: Vec3 = Vec3::new(0.0, 0.0, 10.0);
 
 #[test]
 fn meshes_in_front_hide_splats_and_meshes_behind_shine_through() {
@@ -222,19 +222,23 @@ fn two_viewports_share_a_picture() {
     }
 }
 
+/// Random translucent balls in a cube of 4 units.
+pub(super) fn translucent(n: usize, seed: u64) -> Vec<Ball> {
+    let mut next = numbers(seed);
+    let ball = |_| Ball {
+        mean: 2.0 * Vec3::new(next(), next(), next()),
+        scale: 0.5 + 0.2 * next(),
+        opacity: 0.6 + 0.3 * next(),
+        color: [0.5 + 0.5 * next(), 0.5 + 0.5 * next(), 0.5 + 0.5 * next()],
+    };
+    (0..n).map(ball).collect()
+}
+
 /// Random translucent Gaussians in two clouds that fill the same space, compared with one cloud of all of them.
 #[test]
 fn overlapping_clouds_interleave() {
     let Some(mut studio) = Studio::new() else { return };
-    let mut next = numbers(3);
-    let all: Vec<Ball> = (0..60)
-        .map(|_| Ball {
-            mean: 2.0 * Vec3::new(next(), next(), next()),
-            scale: 0.5 + 0.2 * next(),
-            opacity: 0.6 + 0.3 * next(),
-            color: [0.5 + 0.5 * next(), 0.5 + 0.5 * next(), 0.5 + 0.5 * next()],
-        })
-        .collect();
+    let all = translucent(60, 3);
     let moved = |balls: &[Ball], by: Vec3| balls.iter().map(|b| Ball { mean: b.mean - by, ..*b }).collect();
     let by = Vec3::new(0.5, -1.0, 2.0);
     let second: Vec<Ball> = moved(&all[30..], by);

@@ -1,6 +1,7 @@
 //! From a wish to colors and strokes: the inputs, the computation, and what is shown meanwhile.
 
 pub(crate) mod first;
+pub(crate) mod frames;
 #[cfg(feature = "images")]
 pub(crate) mod images;
 #[cfg(not(feature = "images"))]

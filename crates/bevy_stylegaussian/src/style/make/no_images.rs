@@ -38,6 +38,16 @@ impl EncoderChanges<'_> {
     }
 }
 
+/// As that of a build with the feature. There is no encoder.
+#[derive(SystemParam)]
+pub(crate) struct LoadingEncoder<'w>(PhantomData<&'w ()>);
+
+impl LoadingEncoder<'_> {
+    pub(crate) fn is_loading(&self) -> bool {
+        false
+    }
+}
+
 fn no_images(handle: &Handle<Image>) -> Arc<StyleError> {
     Arc::new(StyleError::NoImages { image: image_name(handle) })
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use bevy::prelude::*;
+use bevy::{prelude::*, window::RequestRedraw};
 use stylegaussian::{paint::Surface, work::Canceled};
 
 use crate::{
@@ -20,6 +20,8 @@ pub(crate) struct Wanted {
     pub(crate) surface: Running<Arc<Surface>>,
     /// Whether somebody asked for it in this frame.
     is_wanted: bool,
+    /// Whether somebody did, and it was not there.
+    is_awaited: bool,
 }
 
 impl Surfaces {
@@ -29,13 +31,14 @@ impl Surfaces {
         let begin = || {
             let scene = Arc::clone(loaded.scene());
             let surface = workers.start(Lane::Styles, move |work| Ok(Arc::new(Surface::new(&scene, work)?)));
-            Wanted { surface, is_wanted: true }
+            Wanted { surface, is_wanted: true, is_awaited: true }
         };
         let wanted = self.0.get_or_insert_with(loaded, begin);
         wanted.is_wanted = true;
+        let found = wanted.surface.get();
+        wanted.is_awaited |= found.is_none();
         // It is never canceled while somebody asks, so it has panicked.
-        let surface =
-            wanted.surface.get().map(|surface| surface.clone().map_err(|Canceled| StyleError::Ended));
+        let surface = found.map(|surface| surface.clone().map_err(|Canceled| StyleError::Ended));
         Ok(surface.transpose()?)
     }
 
@@ -51,10 +54,20 @@ impl Surfaces {
     }
 }
 
-/// Forgets the surfaces of scenes that no entity shows, and stops those that nobody waits for any more.
-pub(crate) fn forget_unused_surfaces(mut surfaces: ResMut<Surfaces>, shown: Query<&LoadedScene>) {
+/// Forgets the surfaces of scenes that no entity shows, and stops those that nobody waits for any more. Asks
+/// for another frame if somebody waits for one.
+pub(crate) fn forget_unused_surfaces(
+    mut surfaces: ResMut<Surfaces>,
+    shown: Query<&LoadedScene>,
+    mut redraw: MessageWriter<RequestRedraw>,
+) {
     let surfaces = &mut surfaces.bypass_change_detection().0;
+    let mut is_awaited = false;
     surfaces.retain(shown.iter(), |wanted| {
+        is_awaited |= std::mem::take(&mut wanted.is_awaited);
         std::mem::take(&mut wanted.is_wanted) || wanted.surface.get().is_some()
     });
+    if is_awaited {
+        redraw.write(RequestRedraw);
+    }
 }

@@ -48,6 +48,14 @@ impl Worn {
         matches!(top, Some(LayerColors::Style(top)) if Arc::ptr_eq(top, colors))
     }
 
+    /// Whether a style is coming in. One that comes by the game's clock does not while that is paused.
+    pub(crate) fn is_changing(&self, is_game_paused: bool) -> bool {
+        self.0.iter().filter_map(|worn| worn.coming.as_ref()).any(|(transition, _)| match transition.clock {
+            TransitionClock::Real => true,
+            TransitionClock::Virtual => !is_game_paused,
+        })
+    }
+
     /// The colors of the style over everything else, or captured ones if there is none.
     pub(crate) fn top(&self) -> LayerColors {
         self.0.last().map_or(LayerColors::Captured, |worn| worn.colors.clone())

@@ -51,15 +51,23 @@ pub fn app_with_settings(backend: StyleBackend, settings: WgpuSettings) -> Optio
 /// is no adapter.
 pub fn app_without_splats(settings: WgpuSettings) -> Option<App> {
     // Asked before the app is made: Bevy's `RenderPlugin` panics if it finds no adapter.
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let options = wgpu::RequestAdapterOptions::default();
-    if bevy::tasks::block_on(instance.request_adapter(&options)).is_err() {
-        eprintln!("SKIPPED: no GPU adapter");
+    if !has_adapter() {
         return None;
     }
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
     let file_path = assets.to_string_lossy().into_owned();
     Some(app_of_settings(settings, AssetPlugin { file_path, ..default() }))
+}
+
+/// Whether there is an adapter. If there is none, it prints `SKIPPED`.
+pub fn has_adapter() -> bool {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let options = wgpu::RequestAdapterOptions::default();
+    let is_there = bevy::tasks::block_on(instance.request_adapter(&options)).is_ok();
+    if !is_there {
+        eprintln!("SKIPPED: no GPU adapter");
+    }
+    is_there
 }
 
 /// The same, whether or not there is an adapter, and with assets from another source.

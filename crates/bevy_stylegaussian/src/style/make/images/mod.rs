@@ -1,6 +1,10 @@
 //! Images as styles: prepared as [`canvases`], or encoded to [`statistics`] for the decoder.
 
-use bevy::{asset::AssetEventSystems, ecs::system::SystemParam, prelude::*};
+use bevy::{
+    asset::{AssetEventSystems, LoadState},
+    ecs::system::SystemParam,
+    prelude::*,
+};
 use stylegaussian::recolor::ColorMoments;
 
 use crate::{
@@ -56,6 +60,19 @@ pub(crate) struct ImageInputs<'w> {
     encoder: Res<'w, StyleEncoder>,
     canvases: ResMut<'w, ImageCanvases>,
     statistics: ResMut<'w, ImageStatistics>,
+}
+
+/// The encoder, as far as it is still being loaded.
+#[derive(SystemParam)]
+pub(crate) struct LoadingEncoder<'w> {
+    encoder: Res<'w, StyleEncoder>,
+    server: Res<'w, AssetServer>,
+}
+
+impl LoadingEncoder<'_> {
+    pub(crate) fn is_loading(&self) -> bool {
+        matches!(self.server.get_load_state(&self.encoder.0), Some(LoadState::Loading))
+    }
 }
 
 impl ImageInputs<'_> {

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use bevy::{ecs::system::SystemParam, prelude::*};
+use bevy::{ecs::system::SystemParam, prelude::*, window::RequestRedraw};
 use stylegaussian::strokes::Strokes;
 use stylegaussian_bake::BakeConfig;
 
@@ -51,13 +51,20 @@ impl Plugin for RefinePlugin {
             .add_systems(
                 PostUpdate,
                 // After the styles: a style that has just been applied is refined, and a changed one no longer.
-                (want_refinements, advance_refinements)
+                (want_refinements, advance_refinements, ask_for_frames)
                     .chain()
                     .in_set(StyleGaussianSystems::Styles)
                     .after(TransformSystems::Propagate)
                     .after(advance_jobs)
                     .before(prepare_surfaces),
             );
+    }
+}
+
+/// Asks for another frame after an event, for the systems that hear of it in an app that draws on demand.
+fn ask_for_frames(mut refined: MessageReader<StyleRefined>, mut redraw: MessageWriter<RequestRedraw>) {
+    if refined.read().count() > 0 {
+        redraw.write(RequestRedraw);
     }
 }
 
@@ -70,6 +77,9 @@ impl Plugin for RefinePlugin {
 /// and begins anew. It needs the paintings themselves: see [`paintings`](Self::paintings). A mix with a look is
 /// not refined, because a look is baked already. With the source's `content` c, the result is c * base color +
 /// (1 - c) * baked color.
+///
+/// In an app that draws on demand, a better look is shown in the next frame that there is. A bake asks for
+/// none.
 ///
 /// It needs threads: in a browser, [`StyleFailed`](crate::StyleFailed) says that there are none, and the style
 /// stays as it is.
