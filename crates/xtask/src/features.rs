@@ -32,8 +32,8 @@ pub fn check() -> Result<()> {
     }
     ensure!(
         different.is_empty(),
-        "features differ, so cargo compiles these packages twice; add the features of tests and examples to the \
-         dependencies in ./Cargo.toml:\n{}",
+        "features differ, so cargo compiles these packages twice; add the features of tests and examples to \
+         the dependencies in ./Cargo.toml:\n{}",
         different.join("\n")
     );
     Ok(())
