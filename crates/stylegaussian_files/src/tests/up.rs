@@ -1,0 +1,84 @@
+//! The up direction, from every format to every other.
+
+use super::*;
+
+/// The formats that keep it. The others have no place for it.
+const KEEPING: [&str; 6] = ["a.sgs", "a.ply", "a.compressed.ply", "a.glb", "a.spz", "b.sgs"];
+
+/// The largest angle by which a direction changes on its way, in radians: files keep f32, and .ply text.
+const ROUNDING: f32 = 1e-6;
+
+#[test]
+fn every_format_with_a_place_for_it_keeps_it() {
+    let dir = dir();
+    for up in [
+        Vec3::Y,
+        Vec3::NEG_Y,
+        Vec3::Z,
+        Vec3::NEG_X,
+        Vec3::new(0.1, -1.0, 0.3),
+        Vec3::new(-0.4, 0.2, 0.9),
+        Vec3::new(2.0, 0.3, 0.3),
+    ] {
+        let source = Scene { up: Some(up), ..full_scene() };
+        for from in KEEPING {
+            let first = dir.path().join(from);
+            write_scene(&first, &source).unwrap();
+            let once = read_scene(&first).unwrap().scene;
+            for to in KEEPING {
+                let second = dir.path().join("second").with_file_name(format!("second_{to}"));
+                write_scene(&second, &once).unwrap();
+                let twice = read_scene(&second).unwrap().scene;
+                for (scene, name) in [(&once, from), (&twice, to)] {
+                    let found = scene.up.unwrap_or_else(|| panic!("{up} is lost in {from} to {to}"));
+                    let off = found.normalize().distance(up.normalize());
+                    assert!(off < ROUNDING, "{up} is {found} in {name} ({from} to {to})");
+                    // And the scene has not turned beneath it.
+                    let heights = |scene: &Scene| {
+                        let along = scene.means.iter().map(|mean| mean.dot(up));
+                        along.fold((f32::MAX, f32::MIN), |(low, high), h| (low.min(h), high.max(h)))
+                    };
+                    let ((low, high), (was_low, was_high)) = (heights(scene), heights(&source));
+                    assert!((low - was_low).abs().max((high - was_high).abs()) < 0.01, "{name}");
+                }
+            }
+        }
+    }
+}
+
+/// A scene whose up direction is not known must not get one on the way.
+#[test]
+fn nothing_is_made_up() {
+    let dir = dir();
+    let source = Scene { up: None, ..full_scene() };
+    for name in KEEPING {
+        let path = dir.path().join(name);
+        write_scene(&path, &source).unwrap();
+        assert_eq!(read_scene(&path).unwrap().scene.up, None, "{name}");
+    }
+}
+
+/// Where it is guessed, the guess is of the scene and not of the order of its file.
+#[test]
+fn a_guess_survives_a_change_of_format() {
+    let Some(path) = shared_data("splats/biker.compressed.ply") else { return };
+    let mut scene = read_scene(&path).unwrap().scene;
+    let directions = |scene: &Scene| {
+        let camera = &stylegaussian::views::orbit(scene, 1, UVec2::splat(64))[0];
+        // y of a picture points down.
+        -camera.view_from_world.matrix3.row(1)
+    };
+    assert_eq!(scene.up, Some(Vec3::NEG_Y), "SuperSplat saves with -y up");
+    let told = directions(&scene);
+    scene.up = None;
+    let guessed = directions(&scene);
+    eprintln!("told {told}, guessed {guessed}");
+    let dir = dir();
+    for name in ["a.sgs", "a.ply", "a.glb"] {
+        let path = dir.path().join(name);
+        write_scene(&path, &scene).unwrap();
+        let again = read_scene(&path).unwrap().scene;
+        eprintln!("{name}: {}", directions(&again));
+        assert!(directions(&again).dot(guessed) > 0.999, "{name}: {} was {guessed}", directions(&again));
+    }
+}
