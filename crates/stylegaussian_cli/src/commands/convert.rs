@@ -30,16 +30,17 @@ pub struct ConvertArgs {
     #[arg(value_name = "IN")]
     input: PathBuf,
     /// The file to write. Its extension chooses the format: .sgs keeps everything, all others geometry and
-    /// colors; .compressed.ply is PlayCanvas' compressed .ply; .decoder.safetensors is the scene's decoder alone.
+    /// colors; .compressed.ply is PlayCanvas' compressed .ply; .decoder.safetensors is the scene's decoder
+    /// alone.
     #[arg(value_name = "OUT")]
     output: PathBuf,
     #[command(flatten)]
     reading: ReadArgs,
     #[command(flatten)]
     writing: WriteArgs,
-    /// The degree of spherical harmonics to write. Higher ones are left out, which gives smaller files with less
-    /// change of color with the direction of view. A .ply of a scene with fewer is filled up with zeros: some
-    /// programs read no .ply without degree 3. Default: those of the scene.
+    /// The degree of spherical harmonics to write. Higher ones are left out, which gives smaller files with
+    /// less change of color with the direction of view. A .ply of a scene with fewer is filled up with zeros:
+    /// some programs read no .ply without degree 3. Default: those of the scene.
     #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: Option<u8>,
     /// Print JSON.

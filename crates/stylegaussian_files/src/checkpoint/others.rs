@@ -1,7 +1,7 @@
 //! Checkpoints of other trainers: not read, but known, so that the message can say what to export instead.
 //!
-//! They hold classes, optimizers and schedulers, which only their own code can load, and every trainer exports a
-//! .ply.
+//! They hold classes, optimizers and schedulers, which only their own code can load, and every trainer exports
+//! a .ply.
 
 use super::{Archive, Mismatch, Object, PytorchFile, mismatch};
 

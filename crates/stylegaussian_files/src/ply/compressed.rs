@@ -290,7 +290,7 @@ mod tests {
         assert_eq!(sh.coefficients[9..12], [rest(2.0), rest(5.0), 4.0]);
     }
 
-    /// Of a flat Gaussian the logarithm is -infinity, and its chunk's range is too: the others must not be lost.
+    /// Of a flat Gaussian the logarithm is -infinity, and so is its chunk's range: the others must not be lost.
     #[test]
     fn an_infinite_range_of_scales_is_thickness_0() {
         let at = file(2, false).len() - 104 + 4 * 8;

@@ -177,7 +177,7 @@ fn left_out_motion(vertex: &ElementDef) -> Option<String> {
     let (first, last) = (names.first()?, names.last()?);
     let listed = if names.len() == 1 { (*first).to_owned() } else { format!("{first} .. {last}") };
     Some(format!(
-        "left out the motion of a 4D scene ({} properties, {listed}): every Gaussian stands still, at all times",
+        "left out the motion of a 4D scene ({} properties, {listed}): all Gaussians stand still, at all times",
         names.len()
     ))
 }
@@ -202,8 +202,8 @@ fn activated_hints(stored: &StoredGaussians) -> Vec<String> {
     // Of a scene whose opacities are all the same, any value is as likely.
     if logits.iter().all(is_share) && logits.iter().any(|value| *value != logits[0]) {
         hints.push(
-            "all opacities are 0 to 1: they look like opacities, and are read as what comes before the sigmoid, \
-             as 3DGS stores them"
+            "all opacities are 0 to 1: they look like opacities, and are read as what comes before the \
+             sigmoid, as 3DGS stores them"
                 .into(),
         );
     }

@@ -58,8 +58,8 @@ pub(crate) fn write(out: &mut dyn Write, scene: &Scene, _: &WriteOptions) -> Res
     }
     Ok(Vec::from_iter((n_clamped > 0).then(|| {
         format!(
-            "{n_clamped} Gaussians have spherical harmonics beyond degree 0 that a compressed .ply cannot hold, \
-             which were clamped"
+            "{n_clamped} Gaussians have spherical harmonics beyond degree 0 that a compressed .ply cannot \
+             hold, which were clamped"
         )
     })))
 }

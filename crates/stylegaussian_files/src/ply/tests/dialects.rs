@@ -146,7 +146,7 @@ fn motion_is_left_out_with_a_word() {
     assert_eq!(spacetime.len(), 1, "{spacetime:?}");
     assert!(spacetime[0].contains("motion of a 4D scene (3 properties, motion_0 .. trbf_center)"));
     assert!(warnings(&[("float", "t", [0.1; 2])])[0].contains("(1 properties, t)"));
-    assert!(warnings(&[("float", "velocity_0", [0.1; 2])])[0].contains("stands still"));
+    assert!(warnings(&[("float", "velocity_0", [0.1; 2])])[0].contains("stand still"));
     assert!(warnings(&[("float", "tx", [0.1; 2]), ("float", "timestamp", [0.1; 2])]).is_empty());
 }
 
