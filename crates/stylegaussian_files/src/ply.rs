@@ -39,7 +39,6 @@ pub(super) use pack::write as write_compressed;
 pub(super) fn read(bytes: Vec<u8>) -> Result<Loaded, Mismatch> {
     let header = Header::parse(&bytes)?;
     let is_compressed = compressed::is_compressed(&header);
-    columns::check_end(&header, &bytes)?;
     let mut loaded =
         if is_compressed { compressed::read(&header, &bytes)? } else { native::read(&header, bytes)? };
     if let Some((up, because)) = header.up() {

@@ -16,7 +16,11 @@ use stylegaussian::{
     sh::{self, n_coefficients},
 };
 
-use super::{color::rest_names, columns::read_columns, header::Header};
+use super::{
+    color::rest_names,
+    columns::{check_end, read_columns},
+    header::Header,
+};
 use crate::{
     activate::{StoredGaussians, activate},
     error::{Loaded, Mismatch, mismatch},
@@ -64,6 +68,7 @@ pub(super) fn read(header: &Header, file: &[u8]) -> Result<Loaded, Mismatch> {
             format_args!("{}, one for every {CHUNK}", n.div_ceil(CHUNK)),
         ));
     }
+    check_end(header, file)?;
     let between = |i: usize, at: usize, t: Vec3| {
         let range = &chunks[i / CHUNK];
         let (min, max) = (Vec3::from_slice(&range[at..]), Vec3::from_slice(&range[at + 3..]));

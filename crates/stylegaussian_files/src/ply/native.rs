@@ -11,7 +11,7 @@ use stylegaussian::{
 
 use super::{
     color::{Color, spherical_harmonics},
-    columns::{Rows, read_columns},
+    columns::{Rows, check_end, read_columns},
     header::Header,
 };
 use crate::{
@@ -57,6 +57,7 @@ pub(super) fn read(header: &Header, bytes: Vec<u8>) -> Result<Loaded, Mismatch> 
     }
     warnings.extend(left_out_motion(vertex));
     names.extend(color.names());
+    check_end(header, &bytes)?;
     let mut rows = read_columns(header, bytes.into(), "vertex", &names)?;
     decode_halves(header, vertex, &names, &color, &mut rows, &mut warnings)?;
     // Most of the file is spherical harmonics, and its memory is free after them.
