@@ -67,7 +67,11 @@ fn a_scene_of_supersplat_stands_in_every_format() {
     // y of a picture points down.
     let up_of = |scene: &Scene| {
         let cameras = stylegaussian::views::orbit(scene, 4, UVec2::splat(64));
-        cameras.iter().map(|camera| -camera.view_from_world.matrix3.row(1)).sum::<Vec3>().normalize()
+        cameras
+            .iter()
+            .map(|camera| Vec3::from(-camera.view_from_world.matrix3.row(1)))
+            .sum::<Vec3>()
+            .normalize()
     };
     assert!(up_of(&scene).dot(Vec3::NEG_Y) > 0.999, "{}", up_of(&scene));
     let dir = dir();
