@@ -145,6 +145,19 @@ fn a_conversion_tells_sizes_and_losses() {
 }
 
 #[test]
+fn a_compressed_ply_is_written_by_its_name_and_a_full_one_on_request() {
+    let bench = Bench::new();
+    let (scene, packed, full) =
+        (bench.plain_scene("a.ply"), bench.path("b.compressed.ply"), bench.path("c.ply"));
+    let run = stylegaussian(&["convert", &scene, &packed]).expect_success();
+    assert!(run.stdout.contains(", pictures at "), "{}", run.stdout);
+    assert!(fs::read(&packed).unwrap().windows(15).any(|bytes| bytes == b"packed_position"));
+    assert_eq!(bench.scene("b.compressed.ply").len(), bench.scene("a.ply").len());
+    stylegaussian(&["convert", &scene, &full, "--sh-degree", "3"]).expect_success();
+    assert_eq!(bench.scene("c.ply").sh.unwrap().degree, 3);
+}
+
+#[test]
 fn axes_are_told_and_overridden() {
     let bench = Bench::new();
     let (scene, turned) = (bench.plain_scene("a.ply"), bench.path("b.ply"));

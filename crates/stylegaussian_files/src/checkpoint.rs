@@ -29,6 +29,8 @@ use super::{
     tensors::expect_finite,
 };
 
+mod others;
+
 /// A checkpoint's contents, for messages.
 const EXPECTED: &str =
     "a tuple (xyz, scaling, rotation, opacity, features, state dict) as StyleGaussian saves it";
@@ -47,6 +49,10 @@ pub(super) const FORMAT: Format = Format {
 };
 
 pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
+    read_ours(bytes).map_err(|mismatch| others::explained(bytes).unwrap_or(mismatch))
+}
+
+fn read_ours(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     let file = PytorchFile::parse(bytes)?;
     let parts = find_parts(&file.pickle)?;
     let mut warnings = Vec::new();

@@ -66,6 +66,9 @@ pub struct ReadOptions {
 pub struct WriteOptions {
     /// The highest degree of spherical harmonics that is kept, 0..=3.
     pub sh_degree: u8,
+    /// Whether a 3DGS `.ply` has spherical harmonics up to `sh_degree` even if the scene has fewer, which are
+    /// zeros then. Some programs read no file without all of degree 3.
+    pub fills_sh: bool,
     /// The version of an SPZ file, 3 or 4.
     pub spz_version: u8,
 }
@@ -73,6 +76,6 @@ pub struct WriteOptions {
 impl Default for WriteOptions {
     /// All spherical harmonics, and the versions that most readers take.
     fn default() -> Self {
-        Self { sh_degree: stylegaussian::sh::MAX_DEGREE, spz_version: 3 }
+        Self { sh_degree: stylegaussian::sh::MAX_DEGREE, fills_sh: false, spz_version: 3 }
     }
 }

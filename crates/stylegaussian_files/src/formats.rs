@@ -5,7 +5,7 @@
 use super::{
     checkpoint,
     error::{Mismatch, mismatch},
-    format::Format,
+    format::{Format, WriteScene},
     gltf, ksplat, ply, sgs, sog, splat, spz,
 };
 
@@ -33,9 +33,17 @@ pub(super) fn format_of(bytes: &[u8], extension: &str) -> Result<&'static Format
     format.copied().ok_or_else(|| mismatch(unknown(bytes), expected()))
 }
 
-/// The format that an extension asks for, with its writer.
-pub(super) fn writer_of(extension: &str) -> Option<&'static Format> {
-    FORMATS.iter().copied().find(|format| format.write.is_some() && format.extensions.contains(&extension))
+/// The end of the names of PlayCanvas' compressed .ply files, which are of another layout than those of the
+/// plain extension.
+const COMPRESSED_PLY: &str = ".compressed.ply";
+
+/// The writer that a file's name in lower case asks for, by `extension` in most cases.
+pub(super) fn writer_of(name: &str, extension: &str) -> Option<WriteScene> {
+    if name.ends_with(COMPRESSED_PLY) {
+        return Some(ply::write_compressed);
+    }
+    let is_of = |format: &&&Format| format.write.is_some() && format.extensions.contains(&extension);
+    FORMATS.iter().find(is_of).and_then(|format| format.write)
 }
 
 /// The extensions of the formats that can be written, in lower case and without the leading dot.

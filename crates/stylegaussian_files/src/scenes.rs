@@ -117,7 +117,7 @@ pub fn scene_from_bytes(bytes: &[u8], name: &str) -> Result<Loaded, FileError> {
 }
 
 /// Writes a scene. The extension chooses the format: `.sgs` keeps everything, the others Gaussians and colors
-/// only.
+/// only. Of `.ply` files, those named `.compressed.ply` are PlayCanvas' compressed ones.
 ///
 /// # Errors
 /// If the extension is another, the scene contradicts itself, or the file cannot be written.
@@ -173,7 +173,7 @@ fn writer_for(path: &Path, scene: &Scene) -> Result<WriteScene, FileError> {
     }
     check_scene(scene).map_err(|mismatch| mismatch.at(path))?;
     let extension = extension(path);
-    let write = writer_of(&extension).and_then(|format| format.write);
+    let write = writer_of(&path.to_string_lossy().to_lowercase(), &extension);
     write.ok_or_else(|| mismatch(format_args!("extension `{extension}`"), writable()).at(path))
 }
 

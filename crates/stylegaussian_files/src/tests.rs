@@ -15,6 +15,7 @@ use stylegaussian::{
 use super::*;
 
 mod options;
+mod up;
 
 /// A stream of numbers in -1..1, the same in every run (xorshift).
 fn noise() -> impl FnMut() -> f32 {
@@ -165,20 +166,6 @@ fn sgs_is_the_same_byte_for_byte() {
         write_scene(path, &full_scene()).unwrap();
     }
     assert_eq!(fs::read(&paths[0]).unwrap(), fs::read(&paths[1]).unwrap());
-}
-
-/// Files of earlier versions spell the key the British way.
-#[test]
-fn the_license_is_read_under_its_old_key() {
-    let dir = dir();
-    let path = dir.path().join("scene.sgs");
-    write_scene(&path, &full_scene()).unwrap();
-    let bytes = fs::read(&path).unwrap();
-    let old = replaced(&bytes, r#""license":"CC0-1.0""#, r#""licence":"CC0-1.0""#);
-    fs::write(&path, old).unwrap();
-    let Loaded { scene, warnings, .. } = read_scene(&path).unwrap();
-    assert_eq!(scene.license.as_deref(), Some("CC0-1.0"));
-    assert!(warnings.is_empty(), "{warnings:?}");
 }
 
 #[test]
@@ -452,7 +439,7 @@ fn decoders_that_do_not_chain_are_refused() {
 fn damaged_files_never_panic() {
     let dir = dir();
     let mut files: Vec<(&str, Vec<u8>)> = Vec::new();
-    for name in ["scene.sgs", "scene.ply", "scene.splat"] {
+    for name in ["scene.sgs", "scene.ply", "scene.compressed.ply", "scene.splat"] {
         let path = dir.path().join(name);
         write_scene(&path, &full_scene()).unwrap();
         files.push((name, fs::read(path).unwrap()));

@@ -17,7 +17,7 @@ use super::{
 
 /// A scene in axes [`Axes::RDF`], turned so that the axis nearest to its up direction points to -y, which is up
 /// in these axes; and the up direction that it had. `None` if it was upright or its up direction is not known:
-/// it is as it was then.
+/// then it is as it was.
 pub(super) fn upright(scene: Cow<'_, Scene>) -> Result<(Cow<'_, Scene>, Option<Vec3>), Mismatch> {
     let up = scene.up;
     let Some(axis) = up.and_then(nearest_axis).filter(|&axis| axis != Vec3::NEG_Y) else {
@@ -28,15 +28,17 @@ pub(super) fn upright(scene: Cow<'_, Scene>) -> Result<(Cow<'_, Scene>, Option<V
     Ok((Cow::Owned(turned), up))
 }
 
-/// A scene as it was before [`upright`], which returned `up`.
+/// A scene as it was before [`upright`]. `up` is the direction that it had then, if it was known.
 ///
 /// # Errors
 /// If `up` is no direction.
 pub(super) fn laid_back(mut loaded: Loaded, up: Option<Vec3>) -> Result<Loaded, Mismatch> {
     if let Some(up) = up {
         lay_back(&mut loaded.scene, up)?;
-        loaded.axes_because +=
-            "; the scene, set upright for viewers, was turned back to its own up direction";
+        if nearest_axis(up) != Some(Vec3::NEG_Y) {
+            loaded.axes_because +=
+                "; the scene, set upright for viewers, was turned back to its own up direction";
+        }
     }
     Ok(loaded)
 }

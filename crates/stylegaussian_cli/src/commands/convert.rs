@@ -30,18 +30,19 @@ pub struct ConvertArgs {
     #[arg(value_name = "IN")]
     input: PathBuf,
     /// The file to write. Its extension chooses the format: .sgs keeps everything, all others geometry and
-    /// colors; .decoder.safetensors is the scene's decoder alone.
+    /// colors; .compressed.ply is PlayCanvas' compressed .ply; .decoder.safetensors is the scene's decoder
+    /// alone.
     #[arg(value_name = "OUT")]
     output: PathBuf,
     #[command(flatten)]
     reading: ReadArgs,
     #[command(flatten)]
     writing: WriteArgs,
-    /// The highest degree of spherical harmonics to keep. Lower ones give smaller files with less change of
-    /// color with the direction of view.
-    #[arg(long, value_name = "0..3", default_value_t = WriteOptions::default().sh_degree,
-        value_parser = clap::value_parser!(u8).range(0..=3))]
-    sh_degree: u8,
+    /// The degree of spherical harmonics to write. Higher ones are left out, which gives smaller files with
+    /// less change of color with the direction of view. A .ply of a scene with fewer is filled up with zeros:
+    /// some programs read no .ply without degree 3. Default: those of the scene.
+    #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3))]
+    sh_degree: Option<u8>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -67,6 +68,9 @@ struct Converted<'a> {
 /// Formats that keep 32 bits of every number that is drawn. The others are compared.
 const EXACT: [&str; 3] = ["ply", "sgs", "glb"];
 
+/// The end of the names of compressed files of an exact format's extension.
+const COMPRESSED_PLY: &str = ".compressed.ply";
+
 /// Runs the command.
 pub fn run(arguments: &ConvertArgs) -> Result<()> {
     let ConvertArgs { input, output, json, .. } = arguments;
@@ -84,7 +88,10 @@ pub fn run(arguments: &ConvertArgs) -> Result<()> {
             decoder.with_context(|| format!("{}: the scene has no decoder to write", input.display()))?;
         write_decoder(output, decoder, Precision::F32)?;
     } else {
-        let options = WriteOptions { sh_degree: arguments.sh_degree, ..arguments.writing.options() };
+        let mut options = arguments.writing.options();
+        if let Some(sh_degree) = arguments.sh_degree {
+            options = WriteOptions { sh_degree, fills_sh: true, ..options };
+        }
         let clamped = write_scene_with(output, &scene, options)?;
         warn(&clamped);
         warnings.extend(clamped);
@@ -96,7 +103,9 @@ pub fn run(arguments: &ConvertArgs) -> Result<()> {
                 lost.iter().map(|what| format!("a .{} keeps no {what}", extension(output))).collect();
             warn(&lost);
             warnings.extend(lost);
-            let rounds = !EXACT.contains(&&*extension(output)) || degree(&written) < degree(&scene);
+            let is_compressed = output.to_string_lossy().to_lowercase().ends_with(COMPRESSED_PLY);
+            let is_exact = EXACT.contains(&&*extension(output)) && !is_compressed;
+            let rounds = !is_exact || degree(&written) < degree(&scene);
             psnr_db = if rounds { pictures::psnr(&scene, &written) } else { None };
         }
     }

@@ -2,6 +2,7 @@
 
 use std::{borrow::Cow, str::SplitAsciiWhitespace};
 
+use half::f16;
 use ply_rs::ply::{ElementDef, Encoding, PropertyType, ScalarType};
 
 use super::header::{Header, size_of_scalar};
@@ -20,6 +21,8 @@ pub(super) struct Rows<'a> {
     is_big_endian: bool,
     /// Whether all columns are f32, little endian.
     are_plain: bool,
+    /// Columns of whole numbers of 16 bits that are the bits of half floats.
+    halves: Vec<usize>,
     n_rows: usize,
 }
 
@@ -33,7 +36,7 @@ impl Rows<'_> {
     #[inline]
     pub(super) fn read(&self, i: usize, first: usize, values: &mut [f32]) {
         let row = &self.bytes[self.start + i * self.stride..][..self.stride];
-        let columns = self.fields[first..].iter().zip(values);
+        let columns = self.fields[first..].iter().zip(&mut *values);
         // Of nearly all files.
         if self.are_plain {
             columns.for_each(|(&(at, _), value)| {
@@ -43,6 +46,37 @@ impl Rows<'_> {
             columns
                 .for_each(|((at, scalar), value)| *value = number(&row[*at..], scalar, self.is_big_endian));
         }
+        // Of nearly all files, there are none.
+        for column in self.halves.iter().filter_map(|column| column.checked_sub(first)) {
+            values.get_mut(column).into_iter().for_each(|value| *value = half_of(*value));
+        }
+    }
+
+    /// Takes the whole numbers in `columns` for the bits of half floats, if that makes sense: next to none is
+    /// infinite or NaN, and most of those that are not 0 are normal numbers. Whole numbers of any use fail in
+    /// one or the other: small ones are the bits of numbers below 6e-5, and of all 65,536 words one in 32 is
+    /// no number.
+    pub(super) fn take_for_halves(&mut self, columns: &[usize]) -> bool {
+        let makes_sense = |&column: &usize| {
+            let (mut n_wild, mut n_normal, mut n_tiny) = (0, 0, 0);
+            for i in 0..self.n_rows {
+                let [value] = self.array(i, column);
+                let value = f16::from_f32(half_of(value));
+                if !value.is_finite() {
+                    n_wild += 1;
+                } else if value.is_normal() {
+                    n_normal += 1;
+                } else if value != f16::ZERO {
+                    n_tiny += 1;
+                }
+            }
+            100 * n_wild <= self.n_rows && n_tiny <= n_normal
+        };
+        let make_sense = columns.iter().all(makes_sense);
+        if make_sense {
+            self.halves = columns.to_vec();
+        }
+        make_sense
     }
 
     /// The numbers of row `i` from column `first` on.
@@ -72,6 +106,7 @@ impl Rows<'_> {
         bytes.truncate(self.n_rows * stride);
         bytes.shrink_to_fit();
         (self.start, self.stride, self.is_big_endian, self.are_plain) = (0, stride, false, true);
+        self.halves.clear();
         self.fields = floats(n_columns);
     }
 }
@@ -101,7 +136,8 @@ pub(super) fn read_columns<'a>(
         let n_rows = if stride == 0 { 0 } else { n_rows };
         let are_plain =
             !is_big_endian && fields.iter().all(|(_, scalar)| matches!(scalar, ScalarType::Float));
-        return Ok(Rows { bytes: file, start, stride, fields, is_big_endian, are_plain, n_rows });
+        let halves = Vec::new();
+        return Ok(Rows { bytes: file, start, stride, fields, is_big_endian, are_plain, halves, n_rows });
     }
     let payload = &file[header.payload..];
     let bytes = match header.encoding() {
@@ -123,6 +159,7 @@ pub(super) fn read_columns<'a>(
         fields: floats(names.len()),
         is_big_endian: false,
         are_plain: true,
+        halves: Vec::new(),
     })
 }
 
@@ -165,6 +202,11 @@ fn expect_properties(element: &ElementDef, names: &[String]) -> Result<(), Misma
     }
 }
 
+/// The half float of a whole number of 16 bits, with or without a sign.
+fn half_of(number: f32) -> f32 {
+    f16::from_bits(number as i32 as u16).to_f32()
+}
+
 /// A scalar at the beginning of `bytes`.
 fn number(bytes: &[u8], scalar: &ScalarType, is_big_endian: bool) -> f32 {
     fn array<const N: usize>(bytes: &[u8], is_big_endian: bool) -> [u8; N] {
@@ -203,6 +245,56 @@ fn walk(
         }
     }
     Err(mismatch("no such element", format_args!("element `{wanted}`")))
+}
+
+/// Checks that the file ends with the last row. More than white space after it means that rows are not what the
+/// header says, and that all of them but the first would be read at the wrong place.
+pub(super) fn check_end(header: &Header, file: &[u8]) -> Result<(), Mismatch> {
+    let n_bytes = bytes_after(header, &file[header.payload..]).unwrap_or(0);
+    if n_bytes == 0 {
+        return Ok(());
+    }
+    let counts: Vec<String> = header.elements().map(|e| format!("{} {}", e.count, e.name)).collect();
+    let n_rows = header.element("vertex").map_or(0, |vertex| vertex.count);
+    let of_row = match n_bytes.checked_div(n_rows) {
+        Some(of_row) if of_row > 0 && of_row * n_rows == n_bytes => {
+            format!(", {of_row} for each of {n_rows} vertices, whose properties may be longer than they say")
+        }
+        _ => String::new(),
+    };
+    Err(mismatch(
+        format_args!("{n_bytes} bytes after the last row{of_row}"),
+        format_args!("the end of the file after {}", counts.join(", ")),
+    ))
+}
+
+/// The number of bytes after the last row, 0 if they are white space. `None` if rows are broken, which is an
+/// error of its own where they matter.
+fn bytes_after(header: &Header, payload: &[u8]) -> Option<usize> {
+    fn binary<const BIG_ENDIAN: bool>(header: &Header, bytes: &[u8]) -> Option<usize> {
+        let mut source = Binary::<BIG_ENDIAN> { bytes };
+        for element in header.elements() {
+            match header.fixed_row(element) {
+                Some(size) => source.skip(&ScalarType::UChar, size.checked_mul(element.count)?).ok()?,
+                None => element_values(element, &mut source, &[]).map(drop).ok()?,
+            }
+        }
+        Some(if source.bytes.trim_ascii().is_empty() { 0 } else { source.bytes.len() })
+    }
+    match header.encoding() {
+        Encoding::BinaryLittleEndian => binary::<false>(header, payload),
+        Encoding::BinaryBigEndian => binary::<true>(header, payload),
+        Encoding::Ascii => {
+            let text = std::str::from_utf8(payload).ok()?;
+            let mut source = Ascii { words: text.split_ascii_whitespace() };
+            for element in header.elements() {
+                element_values(element, &mut source, &[]).ok()?;
+            }
+            let word = source.words.next()?;
+            // Both are parts of one text.
+            Some(text.trim_ascii_end().len() - (word.as_ptr().addr() - text.as_ptr().addr()))
+        }
+    }
 }
 
 /// Reads all rows of one element.

@@ -17,9 +17,9 @@ use stylegaussian::{
 };
 
 use super::{
-    columns::read_columns,
-    header::{Header, size_of_scalar},
-    rest_names,
+    color::rest_names,
+    columns::{check_end, read_columns},
+    header::Header,
 };
 use crate::{
     activate::{StoredGaussians, activate},
@@ -28,13 +28,13 @@ use crate::{
 };
 
 /// Number of Gaussians in a chunk.
-const CHUNK: usize = 256;
+pub(super) const CHUNK: usize = 256;
 
 /// The words of a Gaussian, in the order of all known files.
-const PACKED: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
+pub(super) const PACKED: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
 
 /// Ranges of positions and of log scales, the minimum before the maximum.
-const RANGES: [&str; 12] = [
+pub(super) const RANGES: [&str; 12] = [
     "min_x",
     "min_y",
     "min_z",
@@ -50,7 +50,7 @@ const RANGES: [&str; 12] = [
 ];
 
 /// Ranges of colors. Files without them hold colors from 0 to 1.
-const COLOR_RANGES: [&str; 6] = ["min_r", "min_g", "min_b", "max_r", "max_g", "max_b"];
+pub(super) const COLOR_RANGES: [&str; 6] = ["min_r", "min_g", "min_b", "max_r", "max_g", "max_b"];
 
 /// Whether the header belongs to this layout.
 pub(super) fn is_compressed(header: &Header) -> bool {
@@ -68,10 +68,11 @@ pub(super) fn read(header: &Header, file: &[u8]) -> Result<Loaded, Mismatch> {
             format_args!("{}, one for every {CHUNK}", n.div_ceil(CHUNK)),
         ));
     }
+    check_end(header, file)?;
     let between = |i: usize, at: usize, t: Vec3| {
         let range = &chunks[i / CHUNK];
         let (min, max) = (Vec3::from_slice(&range[at..]), Vec3::from_slice(&range[at + 3..]));
-        min + t * (max - min)
+        Vec3::from_array([0, 1, 2].map(|axis| mix(min[axis], max[axis], t[axis])))
     };
     let indices = || (0..n).into_par_iter();
     let word = |i: usize, place: usize| u32::from_le_bytes(words[i][place]);
@@ -87,6 +88,20 @@ pub(super) fn read(header: &Header, file: &[u8]) -> Result<Loaded, Mismatch> {
     let mut warnings = Vec::new();
     let scene = activate(stored, &mut warnings);
     Ok(Loaded::new(scene, warnings))
+}
+
+/// The value at `t`, 0..1, of a range. The logarithm of scale 0 is -infinity, and so is all that lies between
+/// it and another value: writers give the whole chunk one range, in which no other place is left.
+fn mix(min: f32, max: f32, t: f32) -> f32 {
+    if t <= 0.0 {
+        min
+    } else if t >= 1.0 {
+        max
+    } else if min == f32::NEG_INFINITY || max == f32::NEG_INFINITY {
+        f32::NEG_INFINITY
+    } else {
+        min + t * (max - min)
+    }
 }
 
 /// Ranges of every chunk: positions, log scales, colors.
@@ -115,14 +130,9 @@ fn packed_words<'a>(header: &Header, file: &'a [u8]) -> Result<&'a [[[u8; 4]; 4]
     }
     let mut start = header.payload;
     for element in header.elements() {
-        let size = |property: &ply_rs::ply::PropertyDef| match &property.data_type {
-            Scalar(scalar) => Some(size_of_scalar(scalar)),
-            _ => None,
-        };
-        // One list makes the sum `None`: its rows have no common size.
-        let row: Option<usize> = element.properties.values().map(size).sum();
-        let row =
-            row.ok_or_else(|| mismatch(format_args!("a list in element `{}`", element.name), "numbers"))?;
+        let row = header
+            .fixed_row(element)
+            .ok_or_else(|| mismatch(format_args!("a list in element `{}`", element.name), "numbers"))?;
         if element.name != "vertex" {
             start += row * element.count;
             continue;
@@ -148,14 +158,15 @@ fn spherical_harmonics(
     n: usize,
     dc: impl Fn(usize) -> [f32; 3] + Send + Sync,
 ) -> Result<Sh, Mismatch> {
-    let Some(element) = header.element("sh") else {
+    // gsplat writes one without properties for degree 0.
+    let Some(element) = header.element("sh").filter(|element| !element.properties.is_empty()) else {
         let coefficients: Vec<[f32; 3]> = (0..n).into_par_iter().map(dc).collect();
         return Ok(Sh { degree: 0, coefficients: coefficients.into_flattened() });
     };
     let n_found = element.properties.len();
     let degree = (1..=sh::MAX_DEGREE).find(|&degree| 3 * (n_coefficients(degree) - 1) == n_found);
     let degree = degree
-        .ok_or_else(|| mismatch(format_args!("{n_found} properties of element `sh`"), "9, 24 or 45"))?;
+        .ok_or_else(|| mismatch(format_args!("{n_found} properties of element `sh`"), "0, 9, 24 or 45"))?;
     let names: Vec<String> = rest_names(n_found / 3, n_found / 3).collect();
     let rows = read_columns(header, file.into(), "sh", &names)?;
     if rows.n_rows() != n {
@@ -282,6 +293,39 @@ mod tests {
         let rest = |byte: f32| (byte + 0.5) / 32.0 - 4.0;
         assert_eq!(sh.coefficients[3..6], [-4.0, rest(3.0), rest(6.0)]);
         assert_eq!(sh.coefficients[9..12], [rest(2.0), rest(5.0), 4.0]);
+    }
+
+    /// Of a flat Gaussian the logarithm is -infinity, and so is its chunk's range: the others must not be lost.
+    #[test]
+    fn an_infinite_range_of_scales_is_thickness_0() {
+        let at = file(2, false).len() - 104 + 4 * 8;
+        for (min, max, expected) in [
+            (f32::NEG_INFINITY, 1.0, [1.0_f32.exp(), 0.0]),
+            (f32::NEG_INFINITY, f32::NEG_INFINITY, [0.0, 0.0]),
+            (0.0, f32::NEG_INFINITY, [0.0, 1.0]),
+        ] {
+            let mut bytes = file(2, false);
+            bytes[at..at + 4].copy_from_slice(&min.to_le_bytes());
+            bytes[at + 12..at + 16].copy_from_slice(&max.to_le_bytes());
+            let loaded = super::super::read(bytes).unwrap();
+            assert_eq!((loaded.scene.len(), loaded.warnings.len()), (2, 0));
+            let thickness = [0, 1].map(|i: usize| loaded.scene.scales[i].z);
+            assert!(thickness.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{thickness:?}");
+            assert_eq!(loaded.scene.scales[0].truncate(), glam::Vec2::ONE);
+        }
+        assert_eq!(mix(f32::NEG_INFINITY, 1.0, 0.5), f32::NEG_INFINITY);
+    }
+
+    #[test]
+    fn an_element_sh_without_properties_is_degree_0() {
+        let plain = file(2, false);
+        let header = String::from_utf8_lossy(&plain[..plain.len() - 104]).into_owned();
+        for n in [0, 2, 7] {
+            let header = header.replace("end_header", &format!("element sh {n}\nend_header"));
+            let bytes = [header.as_bytes(), &plain[plain.len() - 104..]].concat();
+            let scene = super::super::read(bytes).unwrap().scene;
+            assert_eq!((scene.len(), scene.sh.unwrap().degree), (2, 0));
+        }
     }
 
     #[test]

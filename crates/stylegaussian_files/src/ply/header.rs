@@ -1,12 +1,17 @@
 //! The header of a .ply: checked here, parsed by ply-rs.
 
+use std::collections::HashSet;
+
 use glam::Vec3;
 use ply_rs::{
     parser::Parser,
-    ply::{DefaultElement, ElementDef, Encoding, Header as ParsedHeader, PropertyType, ScalarType},
+    ply::{
+        DefaultElement, ElementDef, Encoding, Header as ParsedHeader, PropertyDef, PropertyType, ScalarType,
+    },
 };
 use stylegaussian::scene::ScreenFilter;
 
+use super::writers;
 use crate::error::{Mismatch, mismatch};
 
 /// Most bytes of a header. Longer ones belong to files of other kinds, which are not searched to their end.
@@ -24,6 +29,7 @@ impl Header {
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, Mismatch> {
         let (text, payload) = split(bytes)?;
         let n_declared = check_lines(&text)?;
+        let text = without_prefixes(&text);
         let parsed = Parser::<DefaultElement>::new().read_header(&mut text.as_bytes()).map_err(|error| {
             mismatch(format_args!("a header that does not parse ({error})"), "a PLY header")
         })?;
@@ -53,26 +59,9 @@ impl Header {
         self.parsed.comments.iter().map(words)
     }
 
-    /// The direction of a `comment up X Y Z`, as our files have it, or of Brush's `comment Vertical axis:`, an
-    /// axis or a direction. Comments of other programs may say anything, so one that does not parse is no
-    /// error.
-    pub(super) fn up(&self) -> Option<Vec3> {
-        let up = |comment: Vec<String>| {
-            let words: Vec<&str> = comment.iter().map(String::as_str).collect();
-            match words[..] {
-                // The axes of 3DGS: y and z point down and away. Brush reads its names of axes the same way.
-                ["vertical", "axis:", "x"] => Some(Vec3::X),
-                ["vertical", "axis:", "y"] => Some(Vec3::NEG_Y),
-                ["vertical", "axis:", "z"] => Some(Vec3::NEG_Z),
-                ["up", x, y, z] | ["vertical", "axis:", x, y, z] => {
-                    let up = Vec3::new(x.parse().ok()?, y.parse().ok()?, z.parse().ok()?);
-                    // `None` for zero and for NaN.
-                    up.try_normalize()
-                }
-                _ => None,
-            }
-        };
-        self.comments().find_map(up)
+    /// The up direction that the comments tell, and the reason, as a clause.
+    pub(super) fn up(&self) -> Option<(Vec3, String)> {
+        writers::up(&self.parsed.comments)
     }
 
     /// The filter that a comment names: `SplatRenderMode: mip` of gsplat, nerfstudio and Brush, `antialiased 1`
@@ -119,6 +108,15 @@ impl Header {
         ))
     }
 
+    /// The bytes of each row of a binary `element`, or `None` if they have no common size.
+    pub(super) fn fixed_row(&self, element: &ElementDef) -> Option<usize> {
+        let size = |property: &PropertyDef| match &property.data_type {
+            PropertyType::Scalar(scalar) => Some(size_of_scalar(scalar)),
+            PropertyType::List(..) => None,
+        };
+        element.properties.values().map(size).sum()
+    }
+
     /// The fewest bytes that a row of `element` takes. In ascii that is a digit and a separator for each
     /// number.
     fn least_row(&self, element: &ElementDef) -> usize {
@@ -160,6 +158,48 @@ fn split(bytes: &[u8]) -> Result<(String, &[u8]), Mismatch> {
         }
     }
     Err(mismatch("a header without an end", "a line `end_header`"))
+}
+
+/// The prefix that CloudCompare puts before the name of every property that it does not know.
+const PREFIX: &str = "scalar_";
+
+/// The header with CloudCompare's prefix taken off the names of properties, unless the element has one of the
+/// name already.
+fn without_prefixes(text: &str) -> String {
+    let mut elements = vec![HashSet::new()];
+    for line in text.lines() {
+        let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        match words[..] {
+            ["element", ..] => elements.push(HashSet::new()),
+            ["property", .., name] => {
+                if let Some(names) = elements.last_mut() {
+                    names.insert(name);
+                }
+            }
+            _ => {}
+        }
+    }
+    let mut names = elements.into_iter();
+    let mut taken = names.next().unwrap_or_default();
+    let mut plain = String::with_capacity(text.len());
+    for line in text.lines() {
+        let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        match words[..] {
+            ["element", ..] => taken = names.next().unwrap_or_default(),
+            // A file that was saved several times has several.
+            ["property", kind, name] => {
+                let short = name.trim_start_matches(PREFIX);
+                if !short.is_empty() && short != name && taken.insert(short) {
+                    plain += &format!("property {kind} {short}\n");
+                    continue;
+                }
+            }
+            _ => {}
+        }
+        plain.push_str(line);
+        plain.push('\n');
+    }
+    plain
 }
 
 /// Checks lines with numbers that would make ply-rs panic, and counts the declarations.

@@ -3,10 +3,13 @@
 use std::{f32::consts::LN_2, fmt::Write as _, time::Instant};
 
 use glam::{Quat, Vec3};
-use stylegaussian::scene::ScreenFilter;
+use stylegaussian::{scene::ScreenFilter, sh::n_coefficients};
 
 use super::*;
 use crate::{read_scene, tests::shared_data};
+
+mod dialects;
+mod packed;
 
 #[derive(Clone, Copy, PartialEq)]
 enum Format {

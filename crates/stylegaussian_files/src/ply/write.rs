@@ -7,11 +7,14 @@ use stylegaussian::{
     sh::n_coefficients,
 };
 
+use crate::format::WriteOptions;
+
 /// Writes Gaussians and their spherical harmonics in the source's order, mid-gray if the scene keeps no colors.
 /// Parts of a source Gaussian are Gaussians of their own here, one after another.
 /// Features, neighbors and decoder have no place in a `.ply`.
-pub(crate) fn write(out: &mut dyn Write, scene: &Scene) -> io::Result<()> {
-    let degree = scene.sh.as_ref().map_or(0, |sh| sh.degree);
+pub(crate) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) -> io::Result<()> {
+    let captured = scene.sh.as_ref().map_or(0, |sh| sh.degree);
+    let degree = if options.fills_sh { captured.max(options.sh_degree) } else { captured };
     let n_rest = n_coefficients(degree) - 1;
     write_header(out, scene, 3 * n_rest)?;
     let mut row = Vec::new();
@@ -23,8 +26,8 @@ pub(crate) fn write(out: &mut dyn Write, scene: &Scene) -> io::Result<()> {
     Ok(())
 }
 
-/// Writes the header, with `n_rest` coefficients beyond degree 0 per Gaussian.
-fn write_header(out: &mut dyn Write, scene: &Scene, n_rest: usize) -> io::Result<()> {
+/// Writes the first lines of a header, with the comments that the readers of this crate know.
+pub(super) fn write_start(out: &mut dyn Write, scene: &Scene) -> io::Result<()> {
     writeln!(out, "ply\nformat binary_little_endian 1.0")?;
     if let Some(up) = scene.up {
         writeln!(out, "comment up {} {} {}", up.x, up.y, up.z)?;
@@ -32,6 +35,12 @@ fn write_header(out: &mut dyn Write, scene: &Scene, n_rest: usize) -> io::Result
     if scene.filter == ScreenFilter::Antialiased {
         writeln!(out, "comment SplatRenderMode: mip")?;
     }
+    Ok(())
+}
+
+/// Writes the header, with `n_rest` coefficients beyond degree 0 per Gaussian.
+fn write_header(out: &mut dyn Write, scene: &Scene, n_rest: usize) -> io::Result<()> {
+    write_start(out, scene)?;
     writeln!(out, "element vertex {}", scene.len())?;
     let fixed = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
     let mut names = fixed(&["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]);
@@ -47,14 +56,16 @@ fn write_header(out: &mut dyn Write, scene: &Scene, n_rest: usize) -> io::Result
 fn push_row(scene: &Scene, i: usize, n_rest: usize, row: &mut Vec<[u8; 4]>) {
     let mut push = |value: f32| row.push(value.to_le_bytes());
     scene.means[i].to_array().into_iter().chain([0.0; 3]).for_each(&mut push);
-    let width = 3 * (n_rest + 1);
-    let coefficients =
-        scene.sh.as_ref().map_or(&[0.0; 3][..], |sh| &sh.coefficients[i * width..(i + 1) * width]);
-    let (dc, rest) = coefficients.split_at(3);
+    let of_gaussian = scene.sh.as_ref().map(|sh| {
+        let width = 3 * n_coefficients(sh.degree);
+        &sh.coefficients[i * width..(i + 1) * width]
+    });
+    let (dc, rest) = of_gaussian.unwrap_or(&[0.0; 3]).split_at(3);
     dc.iter().copied().for_each(&mut push);
-    // Channel-major in the file, RGB innermost in memory.
+    // Channel-major in the file, RGB innermost in memory. Degrees that the scene lacks are zeros.
     for channel in 0..3 {
-        rest.iter().skip(channel).step_by(3).copied().for_each(&mut push);
+        let stored = rest.iter().skip(channel).step_by(3).copied();
+        stored.chain(std::iter::repeat(0.0)).take(n_rest).for_each(&mut push);
     }
     push(logit(scene.opacities[i]));
     scene.scales[i].to_array().map(log_scale).into_iter().for_each(&mut push);
@@ -72,6 +83,6 @@ fn logit(opacity: f32) -> f32 {
 }
 
 /// The logarithm, kept finite: the thickness of a flat Gaussian becomes the smallest normal number.
-fn log_scale(scale: f32) -> f32 {
+pub(super) fn log_scale(scale: f32) -> f32 {
     scale.max(f32::MIN_POSITIVE).ln()
 }

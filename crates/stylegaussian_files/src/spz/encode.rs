@@ -51,9 +51,10 @@ pub(super) fn write(
     if i32::try_from(scene.len()).is_err() {
         return Err(mismatch(format_args!("{} Gaussians", scene.len()), "fewer than 2^31").into());
     }
-    let (scene, up) = upright(Cow::Borrowed(scene))?;
-    // Of scenes that were turned only: few programs write extensions, so some may not read them.
-    let extensions = up.map(extension::up_record).unwrap_or_default();
+    // Also that of scenes that are upright already: readers of the format know no other way to tell it.
+    let is_direction = |up: &Vec3| up.try_normalize().is_some();
+    let extensions = scene.up.filter(is_direction).map(extension::up_record).unwrap_or_default();
+    let (scene, _) = upright(Cow::Borrowed(scene))?;
     let captured = scene.sh.as_ref().map_or(0, |sh| sh.degree);
     let header = Header {
         version,

@@ -9,7 +9,7 @@ pub(super) const COORDINATE_SYSTEM: u32 = 0xADBE_0003;
 /// `SPZ_ADOBE_safe_orbit_camera`: limits of a viewer's camera, of no use here.
 const ORBIT_CAMERA: u32 = 0xADBE_0002;
 
-/// Our own: the up direction that a scene had before it was set upright, three f32 in axes RDF. Niantic's
+/// Our own: the up direction of a scene, as it was before it was set upright, three f32 in axes RDF. Niantic's
 /// library skips types that it does not know. The upper half of a type names its vendor; ours is `SG` in ASCII.
 const UP_BEFORE: u32 = 0x5347_0001;
 

@@ -309,7 +309,7 @@ fn what_is_written_comes_back_within_half_a_step() {
         assert_equivalent(&read, &by_source, steps(12), &format!("version {spz_version}"));
         assert_eq!(bytes.starts_with(b"NGSP"), spz_version == 4);
         // Without spherical harmonics the last array is left out.
-        let plain = round_trip(&scene, WriteOptions { sh_degree: 0, spz_version }).0.scene;
+        let plain = round_trip(&scene, WriteOptions { sh_degree: 0, spz_version, ..options }).0.scene;
         assert_eq!(plain.sh.as_ref().map(|sh| sh.degree), Some(0));
         assert_eq!(plain.base_colors(), read.base_colors());
     }

@@ -75,6 +75,20 @@ fn axes_that_are_asked_for_replace_those_of_the_format() {
     }
 }
 
+/// Files of earlier versions spell the key the British way.
+#[test]
+fn the_license_is_read_under_its_old_key() {
+    let dir = dir();
+    let path = dir.path().join("scene.sgs");
+    write_scene(&path, &full_scene()).unwrap();
+    let bytes = fs::read(&path).unwrap();
+    let old = replaced(&bytes, r#""license":"CC0-1.0""#, r#""licence":"CC0-1.0""#);
+    fs::write(&path, old).unwrap();
+    let Loaded { scene, warnings, .. } = read_scene(&path).unwrap();
+    assert_eq!(scene.license.as_deref(), Some("CC0-1.0"));
+    assert!(warnings.is_empty(), "{warnings:?}");
+}
+
 /// Viewers of glTF and SPZ take y for up. Cameras and looks of the scene must fit the file all the same.
 #[test]
 fn scenes_of_any_up_direction_are_upright_in_files_and_come_back() {

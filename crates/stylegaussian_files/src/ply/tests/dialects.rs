@@ -1,0 +1,266 @@
+//! Files of other trainers and tools, which say the same in other words, or something else in the same ones.
+
+use glam::DVec3;
+use half::f16;
+
+use super::*;
+
+/// Two Gaussians with other values or properties. A property that is there already is replaced.
+fn with(changes: &[Property]) -> Vec<Property> {
+    let mut all = properties();
+    for change in changes {
+        match all.iter_mut().find(|property| property.1 == change.1) {
+            Some(property) => *property = *change,
+            None => all.push(*change),
+        }
+    }
+    all
+}
+
+fn without(names: &[&str]) -> Vec<Property> {
+    properties().into_iter().filter(|property| !names.contains(&property.1)).collect()
+}
+
+/// A file of `n` Gaussians, each value given by a function of the property's name and the row.
+fn many(n: usize, kind: &str, value: impl Fn(&str, usize) -> f64) -> Vec<u8> {
+    let names: Vec<&str> = properties().iter().map(|property| property.1).collect();
+    let mut bytes = format!("ply\nformat binary_little_endian 1.0\nelement vertex {n}\n").into_bytes();
+    names.iter().for_each(|name| bytes.extend(format!("property {kind} {name}\n").bytes()));
+    bytes.extend(b"end_header\n");
+    for row in 0..n {
+        names.iter().for_each(|name| push(value(name, row), kind, Format::Little, &mut bytes));
+    }
+    bytes
+}
+
+/// A trained scene's values: places within 1, small Gaussians, opacities of all kinds.
+fn trained(name: &str, row: usize) -> f64 {
+    let wave = (row as f64 * 0.7 + name.len() as f64 + f64::from(name.as_bytes()[name.len() - 1])).sin();
+    match name {
+        "opacity" => 1.0 + 3.0 * wave,
+        _ if name.starts_with("scale") => -3.0 + 0.5 * wave,
+        "rot_0" => 1.0,
+        _ => wave,
+    }
+}
+
+#[test]
+fn bytes_after_the_last_row_are_counted() {
+    // A row in which three bytes of color stand for the one that the header has.
+    for (n, part) in [
+        (1, "found 1 bytes after the last row, expected the end of the file after 2 vertex"),
+        (4, "found 4 bytes after the last row, 2 for each of 2 vertices, whose properties"),
+        (57, "found 57 bytes after the last row, expected"),
+    ] {
+        for format in [Format::Little, Format::Big] {
+            refused(&file(&properties(), format, ["", ""], [b"", &vec![0; n]], "\n"), part);
+        }
+    }
+    // White space in between is part of it.
+    refused(&file(&properties(), Format::Little, ["", ""], [b"", b"\n\n1 \n"], "\n"), "found 5 bytes");
+    let behind = "element face 1\nproperty list uchar uchar i\n";
+    refused(&file(&properties(), Format::Little, ["", behind], [b"", b"\x02abxyz"], "\n"), "found 3 bytes");
+    refused(&file(&properties(), Format::Ascii, ["", ""], [b"", b" 7 8\n"], "\n"), "found 3 bytes");
+    for white in [&b"\n"[..], b"\r\n", b" \n \t"] {
+        for format in ALL {
+            check_two(&file(&properties(), format, ["", ""], [b"", white], "\n"));
+        }
+        check_two(&file(
+            &properties(),
+            Format::Little,
+            ["", behind],
+            [b"", &[b"\x02ab", white].concat()],
+            "\n",
+        ));
+    }
+}
+
+#[test]
+fn two_scales_are_flat() {
+    for format in ALL {
+        let bytes = plain(&without(&["scale_2"]), format);
+        let Loaded { scene, warnings, .. } = read(bytes).unwrap();
+        assert!(scene.scales[0].abs_diff_eq(Vec3::new(1.0, 2.0, 0.0), 1e-6), "{:?}", scene.scales);
+        assert_eq!((scene.scales[1], scene.len()), (Vec3::new(1.0, 1.0, 0.0), 2));
+        assert_eq!(scene.rotations, [Quat::IDENTITY, Quat::from_xyzw(0.0, 0.0, -1.0, 0.0)]);
+        assert!(warnings.len() == 1 && warnings[0].contains("flat (2DGS)"), "{warnings:?}");
+    }
+    refused(&plain(&without(&["scale_1", "scale_2"]), Format::Little), "without scale_1 scale_2 (it has");
+    refused(&plain(&without(&["scale_1"]), Format::Little), "without scale_1 (it has");
+    refused(&plain(&without(&["rot_0", "scale_2", "opacity"]), Format::Little), "opacity scale_2 rot_0 (it");
+}
+
+#[test]
+fn the_prefix_of_cloudcompare_is_taken_off() {
+    let renamed = |prefix: &str, names: &[&str]| {
+        let mut text = String::from_utf8(ascii_sample()).unwrap();
+        names
+            .iter()
+            .for_each(|name| text = text.replace(&format!(" {name}\n"), &format!(" {prefix}{name}\n")));
+        text
+    };
+    let all = ["f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1"];
+    check_two(renamed("scalar_", &all).as_bytes());
+    check_two(renamed("scalar_scalar_", &["opacity", "rot_3", "f_dc_1"]).as_bytes());
+    // Colors for display do not count beside those of the capture.
+    let colored = renamed("scalar_", &all).replace("end_header", "property uchar red\nend_header");
+    let colored = colored.replace(" \n", " 9 \n");
+    assert!(read(colored.clone().into_bytes()).is_ok(), "{colored}");
+    // A name that is there already stays, and the other is another property.
+    let twice = renamed("", &[]).replace("float rot_1", "float scalar_rot_2");
+    refused(twice.as_bytes(), "without rot_1 (it has: ");
+    refused(renamed("scalar_", &["x", "y"]).replace("scalar_y", "scalar_x").as_bytes(), "without y");
+}
+
+/// s'^2 = s^2 + f^2, and the opacity falls with the volume.
+#[test]
+fn the_filter_of_mip_splatting_widens_gaussians() {
+    let filtered = |widths: [f64; 2]| read(plain(&with(&[("float", "filter_3D", widths)]), Format::Little));
+    let scene = filtered([0.75, 0.0]).unwrap().scene;
+    let sizes = [1.0, 2.0, 1.0].map(|scale: f64| (scale * scale + 0.5625).sqrt());
+    assert!(scene.scales[0].as_dvec3().abs_diff_eq(DVec3::from(sizes), 1e-6), "{:?}", scene.scales);
+    // 2 of 1.25 * sqrt(4.5625) * 1.25, and sigmoid(0).
+    let kept = 2.0 / sizes.iter().product::<f64>();
+    assert!((f64::from(scene.opacities[0]) - 0.5 * kept).abs() < 1e-6, "{:?}", scene.opacities);
+    assert_eq!((scene.scales[1], scene.opacities[1]), (Vec3::ONE, 0.5));
+    // A width belongs to its row, also after others that were dropped.
+    let dropped = filtered([f64::NAN, 0.75]).unwrap();
+    assert_eq!(dropped.scene.order, [1]);
+    assert!((dropped.scene.scales[0] - 1.25).abs().max_element() < 1e-6);
+    assert!(dropped.warnings[0].contains("dropped 1 of 2"), "{:?}", dropped.warnings);
+    // Of flat Gaussians, which have no volume, a filter leaves nothing.
+    let flat =
+        plain(&[without(&["scale_2"]), vec![("float", "filter_3D", [0.75, 0.0])]].concat(), Format::Ascii);
+    let flat = read(flat).unwrap().scene;
+    assert_eq!((flat.scales[0].z, &flat.opacities[..]), (0.75, &[0.0, 0.5][..]));
+}
+
+#[test]
+fn motion_is_left_out_with_a_word() {
+    let warnings = |changes: &[Property]| read(plain(&with(changes), Format::Little)).unwrap().warnings;
+    let spacetime = warnings(&[
+        ("float", "motion_0", [0.1; 2]),
+        ("float", "motion_8", [0.1; 2]),
+        ("float", "trbf_center", [0.0, 1.0]),
+    ]);
+    assert_eq!(spacetime.len(), 1, "{spacetime:?}");
+    assert!(spacetime[0].contains("motion of a 4D scene (3 properties, motion_0 .. trbf_center)"));
+    assert!(warnings(&[("float", "t", [0.1; 2])])[0].contains("(1 properties, t)"));
+    assert!(warnings(&[("float", "velocity_0", [0.1; 2])])[0].contains("stand still"));
+    assert!(warnings(&[("float", "tx", [0.1; 2]), ("float", "timestamp", [0.1; 2])]).is_empty());
+}
+
+#[test]
+fn values_after_the_activations_get_a_hint() {
+    let warnings = |of: &dyn Fn(&str, usize) -> f64| read(many(40, "float", of)).unwrap().warnings;
+    assert_eq!(warnings(&trained), [""; 0]);
+    let is_scale = |name: &str| name.starts_with("scale");
+    let sizes = warnings(&|name, row| {
+        let value = trained(name, row);
+        if is_scale(name) { value.exp() } else { value }
+    });
+    assert!(sizes.len() == 1 && sizes[0].contains("look like sizes"), "{sizes:?}");
+    let opacities = warnings(&|name, row| {
+        let value = trained(name, row);
+        if name == "opacity" { 1.0 / (1.0 + (-value).exp()) } else { value }
+    });
+    assert!(opacities.len() == 1 && opacities[0].contains("look like opacities"), "{opacities:?}");
+    // Millimeters: places and sizes are a thousand times as large.
+    let large = warnings(&|name, row| match trained(name, row) {
+        value if is_scale(name) => value + 1000.0_f64.ln(),
+        value if ["x", "y", "z"].contains(&name) => 1000.0 * value,
+        value => value,
+    });
+    assert_eq!(large, [""; 0]);
+    // The same opacity everywhere is no sign.
+    assert_eq!(warnings(&|name, row| if name == "opacity" { 0.5 } else { trained(name, row) }), [""; 0]);
+}
+
+#[test]
+fn half_floats_in_words_are_decoded() {
+    let expected = read(many(40, "float", |name, row| f64::from(f16::from_f64(trained(name, row)).to_f32())));
+    let expected = expected.unwrap().scene;
+    let bits = |name: &str, row: usize| f64::from(f16::from_f64(trained(name, row)).to_bits());
+    let Loaded { scene, warnings, .. } = read(many(40, "ushort", bits)).unwrap();
+    assert_eq!(scene.means, expected.means);
+    assert_eq!((&scene.scales, &scene.opacities), (&expected.scales, &expected.opacities));
+    assert_eq!(scene.sh.unwrap().coefficients, expected.sh.unwrap().coefficients);
+    let names = "(x y z opacity rot_0 rot_1 rot_2 rot_3 scale_0 scale_1 scale_2 f_dc_0 f_dc_1 f_dc_2)";
+    assert_eq!(warnings, [format!("properties of 16 bits {names} are read as half floats")]);
+    // Words that are no half floats: of all of them, one in 32 is no number.
+    let noise = |name: &str, row: usize| f64::from((row * 40_503 + 977 * name.len()) as u16);
+    refused(&many(400, "ushort", noise), "whole numbers of 16 bits in x y z opacity");
+    // Whole coordinates stay whole.
+    let mut whole = with(&[("ushort", "x", [1.0, 4.0])]);
+    let Loaded { scene, warnings, .. } = read(plain(&whole, Format::Little)).unwrap();
+    assert_eq!((scene.means[0].x, scene.means[1].x), (1.0, 4.0));
+    assert!(warnings.len() == 1 && warnings[0].contains("(x) are read as whole numbers"), "{warnings:?}");
+    // In text, a number is what it says.
+    whole[0].2 = [1.5, -4.0];
+    let Loaded { scene, warnings, .. } = read(plain(&whole, Format::Ascii)).unwrap();
+    assert_eq!((scene.means[0].x, warnings.len()), (1.5, 0));
+}
+
+#[test]
+fn ranges_of_colors_are_told_by_their_values() {
+    for (kind, range, expected) in [
+        ("float", 1.0, [""; 0].to_vec()),
+        ("float", 255.0, vec!["colors (red green blue) are read as 0 to 255, by their values"]),
+        ("float64", 255.0, vec!["colors (red green blue) are read as 0 to 255, by their values"]),
+        ("float", 65_535.0, vec!["colors (red green blue) are read as 0 to 65535, by their values"]),
+        ("ushort", 65_535.0, vec![]),
+        ("ushort", 255.0, vec!["colors (red green blue) are read as 0 to 255, by their values"]),
+        ("uchar", 255.0, vec![]),
+        ("int", 255.0, vec![]),
+    ] {
+        let mut colored = without(&["f_dc_0", "f_dc_1", "f_dc_2"]);
+        colored.push((kind, "red", [0.8 * range, 0.2 * range]));
+        colored.push((kind, "green", [0.0, range]));
+        colored.push((kind, "blue", [0.4 * range, 0.0]));
+        let Loaded { scene, warnings, .. } = read(plain(&colored, Format::Little)).unwrap();
+        assert_eq!(warnings, expected, "{kind} {range}");
+        let colors: Vec<Vec3> = scene.base_colors().into_iter().map(Vec3::from).collect();
+        assert!(colors[0].abs_diff_eq(Vec3::new(0.8, 0.0, 0.4), 1e-6), "{kind} {range}: {colors:?}");
+        assert!(colors[1].abs_diff_eq(Vec3::new(0.2, 1.0, 0.0), 1e-6), "{kind} {range}: {colors:?}");
+    }
+}
+
+#[test]
+fn the_reason_for_up_is_told() {
+    let good = String::from_utf8(ascii_sample()).unwrap();
+    let comments = "comment Generated by Nerstudio 1.1.5\ncomment Vertical Axis: z\n";
+    let loaded = read(good.replacen("element", &format!("{comments}element"), 1).into_bytes()).unwrap();
+    assert_eq!(loaded.scene.up, Some(Vec3::Z));
+    let because = "up is +z, because the comment `Vertical Axis: z` names the axis, and nerfstudio means +z";
+    assert!(loaded.axes_because.ends_with(because), "{}", loaded.axes_because);
+}
+
+/// The same files as other people have them.
+#[test]
+fn files_of_reports() {
+    for (name, n, up, part) in [
+        ("R01_2dgs_two_scales", 60, None, "flat"),
+        ("R02_half_as_ushort", 60, None, "half floats"),
+        ("R06_cloudcompare_scalar_names", 60, None, ""),
+        ("R07c_compressed_neg_inf_realistic", 600, None, ""),
+        ("R09e_gsplat_compressed_sh_without_properties", 600, None, ""),
+        ("R10b_nerfstudio_red_is_up", 300, Some(Vec3::Z), ""),
+        ("R12b_rgb_float_0_255", 60, None, "0 to 255"),
+        ("R13_mip_splatting_filter_3D", 60, None, ""),
+        ("R14_linear_scale_and_opacity", 60, None, "look like"),
+        ("R21_spacetime_motion", 60, None, "motion of a 4D scene"),
+    ] {
+        let Some(path) = shared_data(&format!("reports/{name}.ply")) else { continue };
+        let Loaded { scene, warnings, .. } = read_scene(&path).unwrap();
+        assert_eq!((scene.len(), scene.up), (n, up), "{name}: {warnings:?}");
+        match part {
+            "" => assert_eq!(warnings, [""; 0], "{name}"),
+            part => assert!(warnings.iter().any(|warning| warning.contains(part)), "{name}: {warnings:?}"),
+        }
+    }
+    let Some(path) = shared_data("reports/R03_colors_misaligned.ply") else { return };
+    let message = read_scene(&path).map(drop).unwrap_err().to_string();
+    assert!(
+        message.contains("R03_colors_misaligned.ply: found 120 bytes after the last row, 2 for each of 60")
+    );
+}
