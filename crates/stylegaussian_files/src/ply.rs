@@ -4,10 +4,10 @@
 //! our own reader: ply-rs returns every value with a fresh copy of its property's name, and its ascii numbers
 //! include neither NaN nor `1E5`.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use stylegaussian::{
-    scene::Sh,
+    scene::{Scene, Sh},
     sh::{self, n_coefficients},
 };
 
@@ -20,6 +20,7 @@ use super::{
 
 mod columns;
 mod compressed;
+mod distant;
 mod header;
 mod write;
 
@@ -76,8 +77,13 @@ fn read_native(header: &Header, bytes: Vec<u8>) -> Result<Loaded, Mismatch> {
     }
     let names: Vec<String> = GEOMETRY.into_iter().map(Into::into).chain(color.names()).collect();
     let rows = read_columns(header, bytes.into(), "vertex", &names)?;
-    let stored = stored_gaussians(rows, &color);
-    let scene = activate(stored, &mut warnings);
+    let distant = distant::means(&rows, header);
+    let mut stored = stored_gaussians(rows, &color);
+    let offset = distant.map_or(DVec3::ZERO, |(offset, means)| {
+        stored.means = means;
+        offset
+    });
+    let scene = Scene { offset, ..activate(stored, &mut warnings) };
     Ok(Loaded::new(scene, warnings))
 }
 
