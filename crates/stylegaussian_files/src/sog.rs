@@ -65,6 +65,9 @@ fn recognizes(bytes: &[u8], extension: &str) -> bool {
 /// The folder of an archive that holds the metadata, with the separator at its end: empty in most, and the name
 /// of the scene if a folder was packed as a whole. `None` if no folder or several do.
 fn folder_of<'a>(archive: &Archive<'a>) -> Option<&'a str> {
+    if archive.has(META) {
+        return Some("");
+    }
     // Old programs for Windows separate by a backslash. Those for macOS add a folder of their own.
     let folder = |name: &'a str| name.strip_suffix(META).filter(|folder| is_folder(folder));
     let depth = |folder: &str| folder.matches(['/', '\\']).count();
