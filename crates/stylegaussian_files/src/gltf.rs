@@ -5,8 +5,8 @@
 //! become one scene, each moved by its node; other primitives are left out. Bases of spherical harmonics are
 //! those of 3DGS.
 //!
-//! Files of drafts keep logarithms in `SCALE`, and the compression drafts up to `.._spz_2` keep an SPZ file. All
-//! of them are read.
+//! Files of drafts keep logarithms in `SCALE`, and the compression drafts up to `.._spz_2` keep an SPZ file.
+//! All of them are read.
 
 use serde_json::Value;
 use stylegaussian::axes::Axes;
