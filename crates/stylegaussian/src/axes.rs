@@ -44,6 +44,7 @@ impl Axes {
         }
         let signs = self.signs();
         scene.means.iter_mut().for_each(|mean| *mean *= signs);
+        scene.offset *= signs.as_dvec3();
         // A mirror turns the axis of a rotation as a vector and its angle back, which is a product of signs.
         let of_axis = signs * signs.x * signs.y * signs.z;
         for rotation in &mut scene.rotations {
@@ -137,7 +138,7 @@ impl FromStr for Axes {
 
 #[cfg(test)]
 mod tests {
-    use glam::{Mat3, UVec2, Vec2};
+    use glam::{DVec3, Mat3, UVec2, Vec2};
 
     use super::*;
     use crate::{
@@ -182,6 +183,7 @@ mod tests {
         for axes in all() {
             let mut scene = Scene {
                 means: vec![direction],
+                offset: DVec3::new(1e6, -2e6, 3e6),
                 rotations: vec![rotation],
                 scales: vec![scales],
                 opacities: vec![1.0],
@@ -199,6 +201,7 @@ mod tests {
             assert!(scene.cameras[0].view_from_world.matrix3.determinant() > 0.0, "{axes}");
             let signs = axes.signs();
             assert_eq!(scene.means[0], direction * signs);
+            assert_eq!(scene.offset, DVec3::new(1e6, -2e6, 3e6) * signs.as_dvec3());
             let mirror = Mat3::from_diagonal(signs);
             let expected = mirror * covariance(rotation) * mirror;
             assert!(covariance(scene.rotations[0]).abs_diff_eq(expected, 1e-6), "{axes}");

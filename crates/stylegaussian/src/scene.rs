@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 
 use crate::{
     camera::Camera, decoder::Decoder, encoder_id::EncoderId, mask::weights::Mask, morton,
@@ -14,6 +14,10 @@ use crate::{
 pub struct Scene {
     /// Means `[N]`, in scene units.
     pub means: Vec<Vec3>,
+    /// The way from the source's origin to the scene's: a Gaussian's position in the source is `offset` + its
+    /// mean. 0 unless the source lies so far from its origin that f32 would round it visibly. Cameras and all
+    /// other parts of the scene count from the scene's origin.
+    pub offset: DVec3,
     /// Rotations `[N]`, unit quaternions (x, y, z, w), world from Gaussian.
     pub rotations: Vec<Quat>,
     /// Standard deviations along the three local axes `[N]`, linear, in scene units.
@@ -149,6 +153,7 @@ impl Scene {
     pub fn subset(&self, indices: &[u32]) -> Self {
         Self {
             means: gather(&self.means, 1, indices),
+            offset: self.offset,
             rotations: gather(&self.rotations, 1, indices),
             scales: gather(&self.scales, 1, indices),
             opacities: gather(&self.opacities, 1, indices),
@@ -240,6 +245,9 @@ impl Scene {
         self.expect_len("scales", self.scales.len(), n)?;
         self.expect_len("opacities", self.opacities.len(), n)?;
         self.expect_len("order entries", self.order.len(), n)?;
+        if !self.offset.is_finite() {
+            return Err(self.error(format!("offset {}", self.offset), "finite numbers".into()));
+        }
         if let Some(sh) = &self.sh {
             if sh.degree > sh::MAX_DEGREE {
                 return Err(self.error(format!("SH degree {}", sh.degree), "0 to 3".into()));
@@ -382,8 +390,9 @@ mod tests {
     #[test]
     fn subset_drops_neighbor_lists_that_would_be_wrong() {
         let scene = line();
-        let pair = scene.subset(&[3, 1]);
+        let pair = Scene { offset: DVec3::new(5e6, 0.0, -1.0), ..scene.clone() }.subset(&[3, 1]);
         assert_eq!(pair.order, [13, 11]);
+        assert_eq!(pair.offset, DVec3::new(5e6, 0.0, -1.0));
         assert_eq!(pair.neighbors.as_ref().unwrap().indices, [0, 1, 1, 0]);
         pair.validate().unwrap();
         assert!(scene.subset(&[0, 1]).neighbors.is_none());
@@ -419,6 +428,7 @@ mod tests {
         check(|s| s.neighbors.as_mut().unwrap().indices[5] = 4, "neighbor 4");
         check(|s| s.order[0] = 14, "source index 14");
         check(|s| s.sh.as_mut().unwrap().degree = 4, "SH degree 4");
+        check(|s| s.offset.y = f64::NAN, "offset [0, NaN, 0]");
         check(|s| s.features.as_mut().unwrap().n_latent = 3, "8 feature values, expected 12");
         // Statistics would take 4 L^2 bytes and neighbor lists 4 N K, whatever the size of the file.
         check(|s| s.features.as_mut().unwrap().n_latent = 300_000, "features of 300000 latent");

@@ -26,7 +26,8 @@ pub(super) struct Format {
     pub write: Option<WriteScene>,
 }
 
-/// A writer of scenes. It returns warnings of clamped values, one sentence each.
+/// A writer of scenes. It returns warnings of clamped values, and of an offset that the format cannot hold, one
+/// sentence each.
 pub(super) type WriteScene = fn(&mut dyn Write, &Scene, &WriteOptions) -> Result<Vec<String>, Unwritten>;
 
 /// A scene that was not written.

@@ -6,7 +6,9 @@ use super::{
     checkpoint,
     error::{Mismatch, mismatch},
     format::{Format, WriteScene},
-    gltf, ksplat, ply, sgs, sog, splat, spz,
+    gltf,
+    json::without_mark,
+    ksplat, ply, sgs, sog, splat, spz,
 };
 
 /// All formats. A file is of the first one that recognizes it. Those that go by the extension come last.
@@ -92,6 +94,7 @@ const NOT_READ: &[(&[u8], &str)] = &[
 
 /// A file that no format recognizes. Formats that people try and that are not read are named.
 fn unknown(bytes: &[u8]) -> String {
+    let bytes = without_mark(bytes);
     if let Some((_, name)) = NOT_READ.iter().find(|(start, _)| bytes.starts_with(start)) {
         return format!("{name}, which is not supported");
     }

@@ -5,10 +5,9 @@
 //! become one scene, each moved by its node; other primitives are left out. Bases of spherical harmonics are
 //! those of 3DGS.
 //!
-//! Files of drafts keep logarithms in `SCALE`, and the compression draft `.._spz_2` keeps an SPZ file. Both are
-//! read.
+//! Files of drafts keep logarithms in `SCALE`, and the compression drafts up to `.._spz_2` keep an SPZ file.
+//! All of them are read.
 
-use glam::DAffine3;
 use serde_json::Value;
 use stylegaussian::axes::Axes;
 
@@ -17,7 +16,6 @@ use super::{
     error::{Loaded, Mismatch, mismatch},
     files::{Files, Unread},
     format::{Format, ReadOptions},
-    place,
     upright::laid_back,
 };
 
@@ -26,13 +24,20 @@ mod application;
 mod base64;
 mod color;
 mod document;
+mod instances;
 mod merge;
 mod nodes;
+mod parts;
 mod primitive;
 mod write;
 
 use document::{Document, MOST_MEMORY_PER_BYTE, item};
-use primitive::{EXTENSION, Limits, SPZ_EXTENSION, Splats};
+use nodes::Shown;
+use parts::Part;
+use primitive::{EXTENSION, Limits, Splats};
+
+/// The extension that allows integers in accessors of positions. They are read with or without it.
+const QUANTIZATION: &str = "KHR_mesh_quantization";
 
 /// The format in one file.
 pub(super) const GLB: Format = Format {
@@ -60,22 +65,28 @@ fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
     let mut warnings = Vec::new();
     warn_of_requirements(&json, &mut warnings);
     let found = splats(&json, &mut warnings)?;
-    let are_logarithms = primitive::scales_are_logarithms(&document, &found)?;
+    let are_logarithms = primitive::scales_are_logarithms(&document, found.iter().map(|found| found.splats))?;
     if are_logarithms {
         warnings.push("scales below 0: taken for logarithms, as drafts of the extension had them".into());
     }
     let mut memory_left = document.n_bytes().saturating_mul(MOST_MEMORY_PER_BYTE);
+    let mut memory_for_instances = memory_left.max(instances::FREE_MEMORY);
     let mut parts = Vec::with_capacity(found.len());
-    let is_alone = found.len() == 1;
-    for (splats, world_from_mesh) in &found {
-        let limits = Limits { memory_left: &mut memory_left, is_last: is_alone };
-        let mut part = splats.read(&mut document, are_logarithms, limits, &mut warnings)?;
-        place::place(&mut part, *world_from_mesh, &mut warnings)?;
-        parts.push(part);
+    for Found { splats, shown } in &found {
+        let is_last = found.len() == 1 && shown.instances.is_none();
+        let limits = Limits { memory_left: &mut memory_left, is_last };
+        let scene = splats.read(&mut document, are_logarithms, limits, &mut warnings)?;
+        let (node, memory) = (shown.world_from_node, &mut memory_for_instances);
+        let places = match shown.instances {
+            Some(rows) => instances::places(&document, rows, node, &scene, memory, &mut warnings)?,
+            None => vec![node],
+        };
+        parts.push(Part { scene, places });
     }
-    let mut scene = merge::merge(parts);
+    let is_alone = matches!(&parts[..], [Part { places, .. }] if places.len() == 1);
+    let mut scene = parts::placed(parts, &mut warnings)?;
     // The features of several primitives may be of several kinds.
-    if let ([(splats, _)], true) = (&found[..], is_alone) {
+    if let ([Found { splats, .. }], true) = (&found[..], is_alone) {
         application::read(&document, splats.primitive, &mut scene, &mut warnings);
     }
     let mut seen = std::collections::BTreeSet::new();
@@ -89,15 +100,21 @@ fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
     Ok(laid_back(Loaded::turned(scene, warnings, Axes::RUB, because), up_before)?)
 }
 
-/// The primitives with Gaussians, each with the transform of its node.
-fn splats<'a>(json: &'a Value, warnings: &mut Vec<String>) -> Result<Vec<(Splats<'a>, DAffine3)>, Mismatch> {
+/// A primitive with Gaussians, and where it is shown.
+struct Found<'a> {
+    splats: Splats<'a>,
+    shown: Shown<'a>,
+}
+
+/// The primitives with Gaussians, once for each node that shows them.
+fn splats<'a>(json: &'a Value, warnings: &mut Vec<String>) -> Result<Vec<Found<'a>>, Mismatch> {
     let mut found = Vec::new();
     let mut n_others = 0;
-    for (mesh, world_from_mesh) in nodes::meshes(json)? {
-        let primitives = item(json, "meshes", mesh)?["primitives"].as_array();
+    for shown in nodes::meshes(json)? {
+        let primitives = item(json, "meshes", shown.mesh)?["primitives"].as_array();
         for primitive in primitives.into_iter().flatten() {
             match Splats::new(primitive) {
-                Some(splats) => found.push((splats, world_from_mesh)),
+                Some(splats) => found.push(Found { splats, shown }),
                 None => n_others += 1,
             }
         }
@@ -117,8 +134,12 @@ fn splats<'a>(json: &'a Value, warnings: &mut Vec<String>) -> Result<Vec<(Splats
 /// Warns of extensions that the file cannot do without and that are not read.
 fn warn_of_requirements(json: &Value, warnings: &mut Vec<String>) {
     let required = json["extensionsRequired"].as_array().into_iter().flatten().filter_map(Value::as_str);
-    let unknown: Vec<&str> =
-        required.filter(|name| ![EXTENSION, SPZ_EXTENSION].contains(name)).take(8).collect();
+    let is_known = |name: &str| {
+        let known = [EXTENSION, instances::EXTENSION, QUANTIZATION];
+        // A compressed view that is needed is an error of its own.
+        known.iter().chain(&primitive::SPZ_EXTENSIONS).chain(&document::COMPRESSIONS).any(|it| *it == name)
+    };
+    let unknown: Vec<&str> = required.filter(|name| !is_known(name)).take(8).collect();
     if !unknown.is_empty() {
         warnings.push(format!("the file requires {}, which is not supported", unknown.join(", ")));
     }

@@ -9,7 +9,8 @@ use stylegaussian::{scene::Scene, sh};
 
 use super::error::{Mismatch, mismatch};
 
-/// Moves a scene. Its spherical harmonics turn along; under a matrix that stretches they turn with its
+/// Moves a scene within its coordinates: its offset is turned, but the way from there on is added to the means.
+/// Its spherical harmonics turn along; under a matrix that stretches they turn with its
 /// rotation, which a warning says.
 pub(super) fn place(scene: &mut Scene, to: DAffine3, warnings: &mut Vec<String>) -> Result<(), Mismatch> {
     if to == DAffine3::IDENTITY {
@@ -27,6 +28,7 @@ pub(super) fn place(scene: &mut Scene, to: DAffine3, warnings: &mut Vec<String>)
     let turn = linear * inverse;
     // Only files without cameras are read or written in this way.
     scene.cameras.clear();
+    scene.offset = linear * scene.offset;
     scene.means.par_iter_mut().for_each(|mean| *mean = to.transform_point3(mean.as_dvec3()).as_vec3());
     if factors.max_element() - factors.min_element() <= 1e-5 * factors.max_element() {
         // A covariance does not change if all axes are mirrored.

@@ -16,8 +16,10 @@ use super::{
 mod color;
 mod columns;
 mod compressed;
+mod distant;
 mod header;
 mod native;
+mod numbers;
 mod pack;
 mod write;
 mod writers;

@@ -1,6 +1,6 @@
 //! Scenes in any format: reading from a path, from bytes, or file by file; writing by the extension.
 
-use std::{io, path::Path};
+use std::{borrow::Cow, io, path::Path};
 
 use stylegaussian::scene::Scene;
 
@@ -12,6 +12,7 @@ use super::{
     files::{Files, Unread},
     format::{ReadOptions, Unwritten, WriteOptions, WriteScene},
     formats::{format_of, writable, writer_of},
+    sog,
 };
 
 /// A scene whose files come one after another: some formats keep a scene in several.
@@ -83,11 +84,13 @@ pub fn read_scene(path: &Path) -> Result<Loaded, FileError> {
     read_scene_with(path, ReadOptions::default())
 }
 
-/// Reads a scene as [`read_scene`] does, with choices.
+/// Reads a scene as [`read_scene`] does, with choices. A folder is read by the `lod-meta.json` or `meta.json`
+/// of a SOG scene in it.
 ///
 /// # Errors
 /// As [`read_scene`].
 pub fn read_scene_with(path: &Path, options: ReadOptions) -> Result<Loaded, FileError> {
+    let path = &*file_of(path)?;
     let mut reader = SceneReader::new(read_bytes(path)?, &path.to_string_lossy(), options);
     loop {
         match reader.read()? {
@@ -100,6 +103,18 @@ pub fn read_scene_with(path: &Path, options: ReadOptions) -> Result<Loaded, File
             }
         }
     }
+}
+
+/// The file that names the others of a scene: the one in the folder if `path` is one.
+fn file_of(path: &Path) -> Result<Cow<'_, Path>, FileError> {
+    if !path.is_dir() {
+        return Ok(path.into());
+    }
+    let mut files = [sog::LEVELS, sog::META].map(|name| path.join(name)).into_iter();
+    files.find(|file| file.is_file()).map(Cow::Owned).ok_or_else(|| {
+        let found = format_args!("a folder without {} and {}", sog::META, sog::LEVELS).to_string();
+        mismatch(found, "a file, or the folder of a SOG scene").at(path)
+    })
 }
 
 /// Reads a scene from the bytes of any file that holds all of it. Errors call the file `name`.
@@ -125,7 +140,8 @@ pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), FileError> {
     write_scene_with(path, scene, WriteOptions::default()).map(drop)
 }
 
-/// Writes a scene as [`write_scene`] does, with choices. Returns warnings of clamped values, one sentence each.
+/// Writes a scene as [`write_scene`] does, with choices. Returns warnings of clamped values, and of an offset
+/// that the format cannot hold, one sentence each.
 ///
 /// # Errors
 /// As [`write_scene`].

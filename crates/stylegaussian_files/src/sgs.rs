@@ -22,7 +22,7 @@
 
 use std::{borrow::Cow, io::Write};
 
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 use stylegaussian::{
     encoder_id::EncoderId,
     morton,
@@ -113,6 +113,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     }
     scene.mask = reader.has(mask::TENSOR).then(|| mask::from_tensor(&reader, n)).transpose()?;
     scene.up = reader.metadata("up").map(up_from_text).transpose()?;
+    scene.offset = reader.metadata("offset").map_or(Ok(DVec3::ZERO), offset_from_text)?;
     scene.cameras = if reader.has(cameras::TENSOR) { cameras::from_tensor(&reader)? } else { Vec::new() };
     scene.filter = reader.metadata("filter").map_or(Ok(ScreenFilter::Classic), filter_from_text)?;
     scene.source = reader.metadata("source").map(Into::into);
@@ -226,6 +227,18 @@ fn up_from_text(text: &str) -> Result<Vec3, Mismatch> {
     }
 }
 
+fn offset_from_text(text: &str) -> Result<DVec3, Mismatch> {
+    let words: Vec<&str> = text.split_ascii_whitespace().collect();
+    let numbers: Vec<f64> = words.iter().filter_map(|word| word.parse().ok()).collect();
+    match numbers[..] {
+        [x, y, z] if words.len() == 3 && DVec3::new(x, y, z).is_finite() => Ok(DVec3::new(x, y, z)),
+        _ => {
+            let text: String = text.chars().take(60).collect();
+            Err(mismatch(format_args!("metadata `offset` = `{text}`"), "three numbers `x y z`"))
+        }
+    }
+}
+
 fn filter_from_text(text: &str) -> Result<ScreenFilter, Mismatch> {
     match text {
         "classic" => Ok(ScreenFilter::Classic),
@@ -322,6 +335,10 @@ fn add_metadata(scene: &Scene, writer: &mut Writer) -> Result<(), Mismatch> {
     writer.set("source_count", scene.n_source);
     if let Some(up) = scene.up {
         writer.set("up", format_args!("{} {} {}", up.x, up.y, up.z));
+    }
+    if scene.offset != DVec3::ZERO {
+        let DVec3 { x, y, z } = scene.offset;
+        writer.set("offset", format_args!("{x} {y} {z}"));
     }
     if scene.filter == ScreenFilter::Antialiased {
         writer.set("filter", ANTIALIASED);

@@ -20,6 +20,7 @@ use super::{
     error::{Loaded, Mismatch, mismatch},
     files::{Files, Unread},
     format::{Format, ReadOptions},
+    json::without_mark,
     pages::enlarge,
 };
 
@@ -32,8 +33,11 @@ use chunk::{Chunk, Gaussians};
 use levels::Levels;
 use meta::Meta;
 
-/// The name of the metadata in an archive.
-const META: &str = "meta.json";
+/// The name of the metadata in a folder or an archive.
+pub(super) const META: &str = "meta.json";
+
+/// The name of the levels of detail in a folder.
+pub(super) const LEVELS: &str = "lod-meta.json";
 
 /// The format: bundled, as a folder, and streamed.
 pub(super) const FORMAT: Format =
@@ -50,11 +54,36 @@ struct Keys {
 fn recognizes(bytes: &[u8], extension: &str) -> bool {
     if is_zip(bytes) {
         // Others are checkpoints of PyTorch.
-        return extension == "sog" || Archive::open(bytes).is_ok_and(|archive| archive.has(META));
+        return extension == "sog" || Archive::open(bytes).is_ok_and(|archive| folder_of(&archive).is_some());
     }
+    let bytes = without_mark(bytes);
     let is_json = bytes.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
     let has_keys = |keys: Keys| keys.means.is_some() || keys.levels.is_some();
     is_json && (extension == "json" || serde_json::from_slice(bytes).is_ok_and(has_keys))
+}
+
+/// The folder of an archive that holds the metadata, with the separator at its end: empty in most, and the name
+/// of the scene if a folder was packed as a whole. `None` if no folder or several do.
+fn folder_of<'a>(archive: &Archive<'a>) -> Option<&'a str> {
+    if archive.has(META) {
+        return Some("");
+    }
+    // Old programs for Windows separate by a backslash. Those for macOS add a folder of their own.
+    let folder = |name: &'a str| name.strip_suffix(META).filter(|folder| is_folder(folder));
+    let depth = |folder: &str| folder.matches(['/', '\\']).count();
+    let mut folders: Vec<&str> =
+        archive.names().filter_map(folder).filter(|folder| !folder.starts_with("__MACOSX")).collect();
+    folders.sort_by_key(|folder| depth(folder));
+    match folders[..] {
+        [first, second, ..] if depth(first) == depth(second) => None,
+        [first, ..] => Some(first),
+        [] => None,
+    }
+}
+
+/// Whether a name ends before the name of a file in its folder.
+fn is_folder(name: &str) -> bool {
+    name.is_empty() || name.ends_with(['/', '\\'])
 }
 
 fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
@@ -185,11 +214,14 @@ impl<'a> Part<'a> {
         warnings: &mut Vec<String>,
     ) -> Result<Self, Mismatch> {
         let mut archive = is_zip(bytes).then(|| Archive::open(bytes)).transpose()?;
+        // An archive without the metadata is refused by the name of the file that is missing.
+        let folder = archive.as_ref().and_then(folder_of).unwrap_or_default();
         let json = match &mut archive {
-            Some(archive) => archive.unpack(META)?,
+            Some(archive) => archive.unpack(&format!("{folder}{META}"))?,
             None => Cow::Borrowed(bytes),
         };
-        let meta = Meta::parse(&json, warnings).map_err(|mismatch| within(name, mismatch))?;
+        let mut meta = Meta::parse(&json, warnings).map_err(|mismatch| within(name, mismatch))?;
+        meta.planes.iter_mut().for_each(|plane| plane.insert_str(0, folder));
         Ok(Self { name: name.into(), archive, meta, ranges })
     }
 
@@ -222,7 +254,7 @@ fn parts<'a>(
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Part<'a>>, Unread> {
     let keys: Option<Keys> =
-        if is_zip(&files.main) { None } else { serde_json::from_slice(&files.main).ok() };
+        if is_zip(&files.main) { None } else { serde_json::from_slice(without_mark(&files.main)).ok() };
     if keys.is_none_or(|keys| keys.levels.is_none()) {
         return Ok(vec![Part::open("", &files.main, None, warnings)?]);
     }

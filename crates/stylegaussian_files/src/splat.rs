@@ -21,6 +21,7 @@ use stylegaussian::{
 
 use super::{
     activate::{drop_broken, unit_quaternion},
+    distant,
     error::{Loaded, Mismatch, mismatch},
     format::Format,
 };
@@ -86,13 +87,13 @@ fn write(out: &mut dyn Write, scene: &Scene) -> io::Result<()> {
     Ok(())
 }
 
-/// A warning of the colors that [`write`] clamps.
+/// Warnings of the colors that [`write`] clamps, and of an offset.
 fn clamped(scene: &Scene) -> Vec<String> {
     // Half a step beyond the end is rounded and not clamped. Below 0 a color is drawn as 0 in any format.
     let is_beyond = |value: &f32| value * 255.0 > 255.5;
     let n = scene.base_colors().iter().filter(|rgb| rgb.iter().any(is_beyond)).count();
     let warning = || format!("{n} Gaussians have colors above 1, which were clamped");
-    (n > 0).then(warning).into_iter().collect()
+    distant::left_out(scene).into_iter().chain((n > 0).then(warning)).collect()
 }
 
 fn row(scene: &Scene, i: usize) -> [u8; ROW] {

@@ -2,7 +2,7 @@
 
 use std::{fs, path::PathBuf};
 
-use glam::{Quat, UVec2, Vec3};
+use glam::{DVec3, Quat, UVec2, Vec3};
 use stylegaussian::{
     camera::Camera,
     decoder::{Activation, Layer},
@@ -70,6 +70,7 @@ pub(super) fn full_scene() -> Scene {
     decoder.encoder = Some(encoder.clone());
     Scene {
         means,
+        offset: DVec3::ZERO,
         rotations: (0..n).map(|i| Quat::from_rotation_x(i as f32 * 0.3)).collect(),
         scales: log_scales.into_iter().map(Vec3::exp).collect(),
         opacities: values(n, &mut next).into_iter().map(|v| v * 0.49 + 0.5).collect(),

@@ -91,6 +91,7 @@ mod tests {
         let coefficients = (0..3 * n_coefficients(3)).map(|i| (i as f32 * 0.7).sin()).collect();
         Scene {
             means: vec![Vec3::new(1.0, -2.0, 3.0)],
+            offset: DVec3::new(1e6, 2e6, -3e6),
             rotations: vec![glam::Quat::from_xyzw(0.1, -0.5, 0.3, 0.8).normalize()],
             scales: vec![Vec3::new(0.1, 0.5, 2.0)],
             opacities: vec![1.0],
@@ -118,12 +119,14 @@ mod tests {
             assert!(turned.up.unwrap().normalize().y < -0.9, "{axis}: {:?}", turned.up);
             // Heights are kept, as are the colors seen from a direction.
             assert_eq!(turned.means[0].y, -source.means[0].dot(axis), "{axis}");
+            assert_eq!(turned.offset.y, -source.offset.dot(axis.as_dvec3()), "{axis}");
             let along = |scene: &Scene, direction: Vec3| {
                 evaluate(3, &scene.sh.as_ref().unwrap().coefficients, direction)
             };
             assert!(along(&turned, Vec3::NEG_Y).abs_diff_eq(along(&source, axis), 1e-5), "{axis}");
             lay_back(&mut turned, up).unwrap();
             assert_eq!((&turned.means, turned.up), (&source.means, source.up), "{axis}");
+            assert_eq!(turned.offset, source.offset, "{axis}");
             assert!(turned.rotations[0].dot(source.rotations[0]).abs() > 1.0 - 1e-6);
             let (a, b) = (turned.sh.unwrap().coefficients, source.sh.unwrap().coefficients);
             assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-5), "{axis}");

@@ -55,7 +55,7 @@ struct Converted<'a> {
     #[serde(serialize_with = "lossy")]
     output: &'a Path,
     n_gaussians: usize,
-    /// Sizes of the files. A scene of several files counts with the one that was named.
+    /// Sizes of the files. A scene of several files counts with the one that was named, a folder with its own.
     input_bytes: u64,
     output_bytes: u64,
     bytes_per_gaussian: f64,
@@ -154,9 +154,10 @@ fn degree(scene: &Scene) -> u8 {
 fn text(converted: &Converted) -> String {
     let Converted { input, output, n_gaussians, input_bytes, output_bytes, bytes_per_gaussian, .. } =
         converted;
-    // A .json names the files of its scene, and its own size says nothing.
+    // A .json or a folder names the files of its scene, and its own size says nothing.
     let share = match extension(input).as_str() {
         "json" => String::new(),
+        _ if input.is_dir() => String::new(),
         _ => {
             let percent = 100.0 * *output_bytes as f64 / (*input_bytes).max(1) as f64;
             format!(", {percent:.0} % of {}", input.display())

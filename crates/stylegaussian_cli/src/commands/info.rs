@@ -7,7 +7,7 @@ use std::{
 
 use anyhow::Result;
 use clap::Args;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::Serialize;
 use stylegaussian::{
     Decoder, EncoderId, Features, Scene, SceneFingerprint, scene::ScreenFilter,
@@ -60,7 +60,10 @@ struct Info<'a> {
     /// The fingerprint that looks of the scene have.
     fingerprint: String,
     sh_degree: Option<u8>,
+    /// The box around the means.
     bounds: Option<[[f32; 3]; 2]>,
+    /// What the means lack to the positions in the file, if that is anything.
+    offset: Option<[f64; 3]>,
     /// The bounds without a sky or strays far behind the scene, if there are any.
     bounds_without_backdrop: Option<[[f32; 3]; 2]>,
     up: Option<[f32; 3]>,
@@ -151,6 +154,7 @@ fn describe<'a>(path: &'a Path, loaded: &'a Loaded) -> Info<'a> {
         fingerprint: SceneFingerprint::of(scene).to_string(),
         sh_degree: scene.sh.as_ref().map(|sh| sh.degree),
         bounds: scene.bounds().map(corners),
+        offset: (scene.offset != DVec3::ZERO).then(|| scene.offset.to_array()),
         bounds_without_backdrop: bounds_without_backdrop(scene).map(corners),
         up: scene.up.map(|up| up.to_array()),
         n_cameras: scene.cameras.len(),
@@ -201,6 +205,9 @@ fn text(info: &Info) -> String {
     }
     if let Some([min, max]) = info.bounds_without_backdrop {
         row("", format!("{min:?} to {max:?} without what lies far behind"));
+    }
+    if let Some(offset) = info.offset {
+        row("offset", format!("{offset:?} from these bounds to the positions in the file"));
     }
     if let Some(up) = info.up {
         row("up", format!("{up:?}"));

@@ -1,8 +1,10 @@
-//! Accessors: typed rows of a buffer view.
+//! Accessors: typed rows of a buffer view, of which a sparse one replaces some.
+
+use std::cmp::Ordering;
 
 use serde_json::Value;
 
-use super::document::Document;
+use super::document::{Document, MOST_MEMORY_PER_BYTE};
 use crate::error::{Mismatch, mismatch};
 
 /// Types of components that attributes may have.
@@ -51,8 +53,11 @@ impl Component {
 /// Rows of numbers in a buffer view. All of them lie inside of it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Accessor<'a> {
-    bytes: &'a [u8],
+    /// The rows, or `None` if all are 0.
+    bytes: Option<&'a [u8]>,
     stride: usize,
+    /// Rows in the place of others.
+    sparse: Option<Sparse<'a>>,
     /// The type of the numbers.
     pub component: Component,
     is_normalized: bool,
@@ -66,12 +71,6 @@ impl<'a> Accessor<'a> {
         let wrong = |found: String| mismatch(format!("{name}: {found}"), "an accessor of glTF 2.0");
         let number = |value: &Value| value.as_u64().and_then(|number| usize::try_from(number).ok());
         let accessor = document.item("accessors", number(index).ok_or_else(|| wrong("no index".into()))?)?;
-        if accessor.get("sparse").is_some() {
-            return Err(mismatch(
-                format!("{name}: a sparse accessor, which is not supported"),
-                "a plain one",
-            ));
-        }
         let kind = accessor["type"].as_str().unwrap_or_default();
         let found_width = match kind {
             "SCALAR" => 1,
@@ -85,33 +84,47 @@ impl<'a> Accessor<'a> {
         }
         let code = accessor["componentType"].as_u64().unwrap_or_default();
         let component = Component::from_code(code).ok_or_else(|| wrong(format!("componentType {code}")))?;
-        let view = number(&accessor["bufferView"]).ok_or_else(|| wrong("no bufferView".into()))?;
-        let (bytes, stride) = document.view(view)?;
-        let row = width * component.n_bytes();
-        let stride = stride.unwrap_or(row);
         let count = number(&accessor["count"]).ok_or_else(|| wrong("no count".into()))?;
+        let row = width * component.n_bytes();
+        let sparse = match accessor.get("sparse") {
+            Some(sparse) => Some(Sparse::new(document, sparse, row, count, name)?),
+            None => None,
+        };
+        let is_normalized = accessor["normalized"].as_bool().unwrap_or(false);
+        let plain = Self { bytes: None, stride: row, sparse, component, is_normalized, count };
+        let Some(view) = number(&accessor["bufferView"]) else {
+            // Rows of 0, by the specification. Without others among them they stand for compressed ones.
+            let most = document.n_bytes().saturating_mul(MOST_MEMORY_PER_BYTE);
+            return match sparse {
+                Some(_) if count.saturating_mul(row) <= most => Ok(plain),
+                Some(_) => Err(wrong(format!("{count} rows of 0"))),
+                None => Err(wrong("no bufferView".into())),
+            };
+        };
+        let (bytes, stride) = document.view(view)?;
+        let stride = stride.unwrap_or(row);
         let offset = number(&accessor["byteOffset"]).unwrap_or(0);
-        // The last row may end before the stride does.
-        let needed = count.checked_sub(1).map_or(Some(0), |n| n.checked_mul(stride)?.checked_add(row));
-        let fits = needed.and_then(|needed| bytes.get(offset..)?.get(..needed));
-        match fits {
-            Some(bytes) if stride >= row => Ok(Self {
-                bytes,
-                stride,
-                component,
-                is_normalized: accessor["normalized"].as_bool().unwrap_or(false),
-                count,
-            }),
-            _ => Err(mismatch(
+        match rows(bytes, offset, count, row, stride) {
+            Some(bytes) => Ok(Self { bytes: Some(bytes), stride, ..plain }),
+            None => Err(mismatch(
                 format_args!("{name}: {count} rows of {row} bytes, {stride} apart, from {offset} on"),
                 format_args!("rows inside of the buffer view's {} bytes", bytes.len()),
             )),
         }
     }
 
+    /// The bytes from the beginning of row `i` on.
+    fn stored(&self, i: usize) -> &'a [u8] {
+        match (self.sparse.and_then(|sparse| sparse.row(i)), self.bytes) {
+            (Some(row), _) => row,
+            (None, Some(bytes)) => &bytes[i * self.stride..],
+            (None, None) => &ZEROS,
+        }
+    }
+
     /// Row `i`. `W` is the width that was asked for.
     pub fn row<const W: usize>(&self, i: usize) -> [f32; W] {
-        let row = &self.bytes[i * self.stride..];
+        let row = self.stored(i);
         let normalized = |value: f32, largest: f32| match self.is_normalized {
             // The smallest signed number is one step below -1.
             true => (value / largest).max(-1.0),
@@ -128,10 +141,93 @@ impl<'a> Accessor<'a> {
 
     /// Row `i` of a [`Component::U16`] accessor, as it is stored.
     pub fn words<const W: usize>(&self, i: usize) -> [u16; W] {
-        std::array::from_fn(|column| self.word(&self.bytes[i * self.stride..], column))
+        let row = self.stored(i);
+        std::array::from_fn(|column| self.word(row, column))
     }
 
     fn word(&self, row: &[u8], column: usize) -> u16 {
         u16::from_le_bytes([row[2 * column], row[2 * column + 1]])
+    }
+}
+
+/// The longest row: four numbers of 4 bytes.
+static ZEROS: [u8; 16] = [0; 16];
+
+/// The bytes of `count` rows of `row` bytes in `bytes`, `stride` apart, or `None` if they do not lie inside.
+fn rows(bytes: &[u8], offset: usize, count: usize, row: usize, stride: usize) -> Option<&[u8]> {
+    // The last row may end before the stride does.
+    let needed = count.checked_sub(1).map_or(Some(0), |n| n.checked_mul(stride)?.checked_add(row))?;
+    bytes.get(offset..)?.get(..needed).filter(|_| stride >= row)
+}
+
+/// Rows of an accessor that take the place of others, by their ascending indices.
+#[derive(Clone, Copy, Debug)]
+struct Sparse<'a> {
+    indices: &'a [u8],
+    /// Bytes of an index.
+    index_bytes: usize,
+    values: &'a [u8],
+    /// Bytes of a row.
+    row: usize,
+}
+
+impl<'a> Sparse<'a> {
+    /// The part `sparse` of an accessor of `n` rows of `row` bytes. `name` is for messages.
+    fn new(
+        document: &'a Document,
+        sparse: &Value,
+        row: usize,
+        n: usize,
+        name: &str,
+    ) -> Result<Self, Mismatch> {
+        let wrong = |found: String| mismatch(format!("{name}: {found}"), "a sparse accessor of glTF 2.0");
+        let number = |value: &Value| value.as_u64().and_then(|number| usize::try_from(number).ok());
+        let count = number(&sparse["count"]).ok_or_else(|| wrong("sparse rows without a count".into()))?;
+        let index_bytes = match sparse["indices"]["componentType"].as_u64() {
+            Some(5121) => 1,
+            Some(5123) => 2,
+            Some(5125) => 4,
+            _ => return Err(wrong("sparse indices of a type that is no unsigned integer".into())),
+        };
+        let part = |key: &str, bytes: usize| {
+            let part = &sparse[key];
+            let view = number(&part["bufferView"])
+                .ok_or_else(|| wrong(format!("sparse {key} without bufferView")))?;
+            let found =
+                rows(document.view(view)?.0, number(&part["byteOffset"]).unwrap_or(0), count, bytes, bytes);
+            found.ok_or_else(|| {
+                wrong(format!("{count} sparse {key} that do not lie inside of their bufferView"))
+            })
+        };
+        let (indices, values) = (part("indices", index_bytes)?, part("values", row)?);
+        let found = Self { indices, index_bytes, values, row };
+        let ascend = (1..count).all(|at| found.index(at - 1) < found.index(at));
+        // The last one is the largest, then.
+        match count.checked_sub(1).map(|last| found.index(last)) {
+            Some(last) if !ascend || last >= n => {
+                Err(wrong(format!("sparse indices that do not ascend below {n}")))
+            }
+            _ => Ok(found),
+        }
+    }
+
+    /// Index `at`.
+    fn index(&self, at: usize) -> usize {
+        let bytes = &self.indices[at * self.index_bytes..][..self.index_bytes];
+        bytes.iter().rev().fold(0, |index, &byte| index << 8 | usize::from(byte))
+    }
+
+    /// The row in the place of row `i`, or `None` if it stays.
+    fn row(&self, i: usize) -> Option<&'a [u8]> {
+        let (mut start, mut end) = (0, self.indices.len() / self.index_bytes);
+        while start < end {
+            let middle = start.midpoint(end);
+            match self.index(middle).cmp(&i) {
+                Ordering::Less => start = middle + 1,
+                Ordering::Equal => return self.values.get(middle * self.row..),
+                Ordering::Greater => end = middle,
+            }
+        }
+        None
     }
 }

@@ -8,6 +8,7 @@ use super::base64;
 use crate::{
     error::{Mismatch, mismatch},
     files::{Files, Unread},
+    json::without_mark,
     names::check_downward,
 };
 
@@ -50,7 +51,7 @@ impl<'a> Document<'a> {
             Some(rest) => chunks(rest, files.main.len())?,
             None => (0..files.main.len(), None),
         };
-        let json: Value = serde_json::from_slice(&files.main[text])
+        let json: Value = serde_json::from_slice(without_mark(&files.main[text]))
             .map_err(|error| mismatch(format_args!("broken JSON ({error})"), "a glTF file"))?;
         match json["asset"]["version"].as_str() {
             Some(version) if version.starts_with("2.") => {}
@@ -76,7 +77,7 @@ impl<'a> Document<'a> {
                 None => Buffer::default(),
             };
             let stated = buffer["byteLength"].as_u64().unwrap_or_default();
-            if stated > found.part.len() as u64 {
+            if stated > found.part.len() as u64 && !is_fallback(&json, i) {
                 let found = format_args!("{} bytes of buffer {i}", found.part.len()).to_string();
                 return Err(mismatch(found, format_args!("its byteLength {stated}")).into());
             }
@@ -126,11 +127,38 @@ impl<'a> Document<'a> {
         let end = start.checked_add(length);
         let bytes =
             buffer.zip(end).and_then(|(buffer, end)| buffer.file[buffer.part.clone()].get(start..end));
-        let bytes = bytes.ok_or_else(|| {
-            mismatch(format_args!("bufferViews[{index}] outside of its buffer"), "one inside of it")
-        })?;
-        Ok((bytes, number("byteStride")))
+        let compression = compression(view);
+        // A writer that names one buffer for both has no fallback.
+        let is_packed = compression.is_some_and(|name| view["extensions"][name]["buffer"] == view["buffer"]);
+        match (bytes.filter(|_| !is_packed), compression) {
+            (Some(bytes), _) => Ok((bytes, number("byteStride"))),
+            (None, Some(name)) => Err(mismatch(
+                format_args!("bufferViews[{index}] compressed by {name}, which is not supported"),
+                "a glTF without it, or with a fallback buffer",
+            )),
+            (None, None) => {
+                Err(mismatch(format_args!("bufferViews[{index}] outside of its buffer"), "one inside of it"))
+            }
+        }
     }
+}
+
+/// Extensions that compress buffer views. They are not read, but the buffers that may take their place are.
+pub(super) const COMPRESSIONS: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
+
+/// The extension that compresses a buffer view, or `None` if its bytes are plain.
+fn compression(view: &Value) -> Option<&'static str> {
+    COMPRESSIONS.into_iter().find(|name| view["extensions"].get(name).is_some())
+}
+
+/// Whether a buffer only stands for what compressed views unpack to, so that its bytes may not be there.
+fn is_fallback(json: &Value, buffer: usize) -> bool {
+    if compression(&json["buffers"][buffer]).is_some() {
+        return true;
+    }
+    let views = json["bufferViews"].as_array().into_iter().flatten();
+    let mut of_buffer = views.filter(|view| view["buffer"].as_u64() == Some(buffer as u64)).peekable();
+    of_buffer.peek().is_some() && of_buffer.all(|view| compression(view).is_some())
 }
 
 /// Item `index` of a top-level array.

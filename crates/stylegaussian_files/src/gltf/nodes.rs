@@ -3,16 +3,27 @@
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use serde_json::Value;
 
+use super::instances;
 use crate::error::{Mismatch, mismatch};
 
-/// The meshes of the scene, each with its node's transform to the world. Without a scene, all roots are shown;
-/// without a node, all meshes.
-pub(super) fn meshes(json: &Value) -> Result<Vec<(usize, DAffine3)>, Mismatch> {
-    let none = Vec::new();
-    let nodes = json["nodes"].as_array().unwrap_or(&none);
+/// A mesh that a node shows.
+#[derive(Clone, Copy)]
+pub(super) struct Shown<'a> {
+    /// The index of the mesh.
+    pub mesh: usize,
+    /// The node's transform to the world.
+    pub world_from_node: DAffine3,
+    /// Attributes of its instances, or `None` if there is one.
+    pub instances: Option<&'a Value>,
+}
+
+/// The meshes of the scene. Without a scene, all roots are shown; without a node, all meshes.
+pub(super) fn meshes(json: &Value) -> Result<Vec<Shown<'_>>, Mismatch> {
+    let nodes = json["nodes"].as_array().map_or(&[][..], Vec::as_slice);
     if nodes.is_empty() {
         let n_meshes = json["meshes"].as_array().map_or(0, Vec::len);
-        return Ok((0..n_meshes).map(|mesh| (mesh, DAffine3::IDENTITY)).collect());
+        let shown = |mesh| Shown { mesh, world_from_node: DAffine3::IDENTITY, instances: None };
+        return Ok((0..n_meshes).map(shown).collect());
     }
     let mut found = Vec::new();
     let mut is_visited = vec![false; nodes.len()];
@@ -30,7 +41,8 @@ pub(super) fn meshes(json: &Value) -> Result<Vec<(usize, DAffine3)>, Mismatch> {
         if let Some(mesh) = json.get("mesh") {
             let mesh = index(mesh)
                 .ok_or_else(|| mismatch(format_args!("mesh {mesh} of node {node}"), "an index"))?;
-            found.push((mesh, world_from_node));
+            let instances = json["extensions"].get(instances::EXTENSION).map(|of| &of["attributes"]);
+            found.push(Shown { mesh, world_from_node, instances });
         }
         let children = indices(&json["children"])?;
         open.extend(children.into_iter().rev().map(|child| (child, world_from_node)));

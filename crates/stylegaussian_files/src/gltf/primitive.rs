@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use glam::{DAffine3, DQuat, Quat, Vec3};
+use glam::{DQuat, Quat, Vec3};
 use rayon::prelude::*;
 use serde_json::Value;
 use stylegaussian::{
@@ -24,8 +24,13 @@ use crate::{
 /// The extension.
 pub(super) const EXTENSION: &str = "KHR_gaussian_splatting";
 
-/// The draft in which an SPZ file takes the place of accessors.
-pub(super) const SPZ_EXTENSION: &str = "KHR_gaussian_splatting_compression_spz_2";
+/// Drafts in which an SPZ file takes the place of accessors, the newest first. The last is by itself; the
+/// others lie within the extension.
+pub(super) const SPZ_EXTENSIONS: [&str; 3] = [
+    "KHR_gaussian_splatting_compression_spz_2",
+    "KHR_gaussian_splatting_compression_spz",
+    "KHR_spz_gaussian_splats_compression",
+];
 
 /// A primitive whose points are Gaussians.
 #[derive(Clone, Copy, Debug)]
@@ -45,12 +50,14 @@ pub(super) struct Limits<'a> {
 }
 
 /// Bytes of a Gaussian in memory without its spherical harmonics: mean, rotation, scales, opacity, order.
-const GAUSSIAN_BYTES: usize = 48;
+pub(super) const GAUSSIAN_BYTES: usize = 48;
 
 impl<'a> Splats<'a> {
     /// The Gaussians of a primitive, or `None` if it has none.
     pub fn new(primitive: &'a Value) -> Option<Self> {
-        let extension = primitive["extensions"].get(EXTENSION)?;
+        let extensions = &primitive["extensions"];
+        let mut names = [EXTENSION].into_iter().chain(SPZ_EXTENSIONS);
+        let extension = names.find_map(|name| extensions.get(name))?;
         Some(Self { primitive, extension })
     }
 
@@ -108,23 +115,27 @@ impl<'a> Splats<'a> {
         })
     }
 
-    /// The buffer view of the SPZ draft, if the primitive uses it.
-    fn compressed(&self) -> Option<usize> {
-        let nested = self.extension["extensions"].get(SPZ_EXTENSION);
-        let index =
-            nested.or_else(|| self.primitive["extensions"].get(SPZ_EXTENSION))?["bufferView"].as_u64()?;
-        usize::try_from(index).ok()
+    /// The draft in which the primitive is an SPZ file, and its buffer view; or `None` if it has accessors.
+    fn compressed(&self) -> Option<(&'static str, usize)> {
+        let of = [&self.extension["extensions"], &self.primitive["extensions"]];
+        SPZ_EXTENSIONS.into_iter().find_map(|name| {
+            let draft = of.iter().find_map(|extensions| extensions.get(name))?;
+            Some((name, usize::try_from(draft["bufferView"].as_u64()?).ok()?))
+        })
     }
 
     /// Reads an SPZ file inside of the glTF. Its numbers count in the axes of the mesh.
     fn read_spz(
         &self,
         document: &Document,
-        view: usize,
+        (name, view): (&str, usize),
         reserve: &mut dyn FnMut(usize, usize) -> Result<(), Mismatch>,
         warnings: &mut Vec<String>,
     ) -> Result<Scene, Mismatch> {
-        let scene = spz::in_its_own_axes(document.view(view)?.0, warnings)?;
+        let scene = spz::in_its_own_axes(document.view(view)?.0, warnings).map_err(|mismatch| {
+            let found = format!("{} in {name}", mismatch.found);
+            Mismatch { found, ..mismatch }
+        })?;
         let degree = scene.sh.as_ref().map_or(0, |sh| sh.degree);
         reserve(scene.n_source, sh::n_coefficients(degree))?;
         Ok(scene)
@@ -191,12 +202,16 @@ impl<'a> Splats<'a> {
         let attributes = self.primitive["attributes"].as_object().into_iter().flatten();
         let view = |accessor: &Value| {
             let number = |value: &Value| usize::try_from(value.as_u64()?).ok();
-            number(&json["accessors"].get(number(accessor)?)?["bufferView"])
+            let accessor = json["accessors"].get(number(accessor)?)?;
+            let sparse = &accessor["sparse"];
+            let of = [accessor, &sparse["indices"], &sparse["values"]];
+            Some(of.into_iter().filter_map(move |of| number(&of["bufferView"])))
         };
         let (harmonics, others): (Vec<_>, Vec<_>) =
             attributes.partition(|(name, _)| name.starts_with(&prefix));
-        let views =
-            |of: Vec<(&String, &Value)>| of.into_iter().filter_map(|(_, accessor)| view(accessor)).collect();
+        let views = |of: Vec<(&String, &Value)>| {
+            of.into_iter().filter_map(|(_, index)| view(index)).flatten().collect()
+        };
         let (harmonics, others): (BTreeSet<usize>, BTreeSet<usize>) = (views(harmonics), views(others));
         &harmonics - &others
     }
@@ -316,12 +331,12 @@ fn unit(xyzw: [f32; 4]) -> Quat {
 
 /// Whether the file's scales are logarithms, as in drafts of the extension: some are below 0, or of a signed
 /// integer type, which the ratified extension does not allow.
-pub(super) fn scales_are_logarithms(
+pub(super) fn scales_are_logarithms<'a>(
     document: &Document,
-    found: &[(Splats, DAffine3)],
+    found: impl Iterator<Item = Splats<'a>>,
 ) -> Result<bool, Mismatch> {
     let mut seen = BTreeSet::new();
-    for (splats, _) in found {
+    for splats in found {
         let name = format!("{EXTENSION}:SCALE");
         let Some(index) = splats.attribute(&name).filter(|_| splats.compressed().is_none()) else { continue };
         // Many primitives may share an accessor.

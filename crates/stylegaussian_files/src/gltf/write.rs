@@ -3,7 +3,7 @@
 
 use std::{borrow::Cow, io::Write};
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde_json::{Map, Value, json};
 use stylegaussian::{
     axes::Axes,
@@ -153,12 +153,17 @@ fn description(
     if let Some(text) = application::extras(scene)? {
         primitive["extras"] = json!({ application::KEY: text });
     }
+    let mut node = json!({ "mesh": 0 });
+    if scene.offset != DVec3::ZERO {
+        // Numbers of JSON are f64, so that our readers lose nothing. Viewers with matrices of f32 round it.
+        node["translation"] = json!(scene.offset.to_array());
+    }
     Ok(json!({
         "asset": asset(scene, up),
         "extensionsUsed": [EXTENSION],
         "scene": 0,
         "scenes": [{ "nodes": [0] }],
-        "nodes": [{ "mesh": 0 }],
+        "nodes": [node],
         "meshes": [{ "primitives": [primitive] }],
         "buffers": [{ "byteLength": n_bytes }],
         "bufferViews": views,

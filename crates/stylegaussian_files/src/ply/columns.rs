@@ -1,11 +1,14 @@
-//! The rows of one element: chosen scalar properties as f32.
+//! The rows of one element: chosen scalar properties as f32, coordinates also as f64.
 
-use std::{borrow::Cow, str::SplitAsciiWhitespace};
+use std::{borrow::Cow, ops::Range};
 
 use half::f16;
 use ply_rs::ply::{ElementDef, Encoding, PropertyType, ScalarType};
 
-use super::header::{Header, size_of_scalar};
+use super::{
+    header::{Header, size_of_scalar},
+    numbers::{Ascii, Binary, Source, number, wide_number},
+};
 use crate::error::{Mismatch, mismatch};
 
 /// Chosen properties of the rows of an element, in the bytes of the file where they lie at the same place in
@@ -86,6 +89,23 @@ impl Rows<'_> {
         values
     }
 
+    /// Whether any of these columns has numbers that f32 may round.
+    pub(super) fn are_wide(&self, columns: Range<usize>) -> bool {
+        self.fields[columns].iter().any(|(_, scalar)| is_wide(scalar))
+    }
+
+    /// The numbers of row `i` from column `first` on, not rounded to f32.
+    pub(super) fn wide<const N: usize>(&self, i: usize, first: usize) -> [f64; N] {
+        let row = &self.bytes[self.start + i * self.stride..][..self.stride];
+        std::array::from_fn(|column| {
+            let (at, scalar) = &self.fields[first + column];
+            match self.halves.contains(&(first + column)) {
+                true => half_of(number(&row[*at..], scalar, self.is_big_endian)).into(),
+                false => wide_number(&row[*at..], scalar, self.is_big_endian),
+            }
+        })
+    }
+
     /// Drops all columns but the first `n_columns`, and gives back the memory of the others if the rows own
     /// theirs.
     pub(super) fn keep(&mut self, n_columns: usize) {
@@ -116,6 +136,37 @@ fn floats(n_columns: usize) -> Vec<(usize, ScalarType)> {
     (0..n_columns).map(|i| (i * size_of::<f32>(), ScalarType::Float)).collect()
 }
 
+/// Whether a type has numbers that f32 rounds.
+fn is_wide(scalar: &ScalarType) -> bool {
+    matches!(scalar, ScalarType::Double | ScalarType::Int | ScalarType::UInt)
+}
+
+/// Columns in which numbers that are read one by one stay as fine as they are: f32 rounds coordinates visibly
+/// that are far from their origin.
+const COORDINATES: [&str; 3] = ["x", "y", "z"];
+
+/// Places and types of the columns `names` in rows that are read one by one, and the bytes of such a row: f32,
+/// or f64 if they are coordinates that f32 may round, as any text.
+fn walked_fields(header: &Header, wanted: &str, names: &[String]) -> (Vec<(usize, ScalarType)>, usize) {
+    let is_text = header.encoding() == Encoding::Ascii;
+    let mut stride = 0;
+    let field = |name: &String| {
+        let property = header.element(wanted).and_then(|element| element.properties.get(name));
+        let is_fine = property.is_some_and(|property| match &property.data_type {
+            PropertyType::Scalar(scalar) => is_text || is_wide(scalar),
+            PropertyType::List(..) => false,
+        });
+        let scalar = match is_fine && COORDINATES.contains(&&**name) {
+            true => ScalarType::Double,
+            false => ScalarType::Float,
+        };
+        let at = stride;
+        stride += size_of_scalar(&scalar);
+        (at, scalar)
+    };
+    (names.iter().map(field).collect(), stride)
+}
+
 /// The properties `names` of the element called `wanted`, in that order, of a file with this header. Rows own
 /// the file's bytes if they are given them.
 pub(super) fn read_columns<'a>(
@@ -139,26 +190,28 @@ pub(super) fn read_columns<'a>(
         let halves = Vec::new();
         return Ok(Rows { bytes: file, start, stride, fields, is_big_endian, are_plain, halves, n_rows });
     }
+    let (fields, stride) = walked_fields(header, wanted, names);
     let payload = &file[header.payload..];
     let bytes = match header.encoding() {
         Encoding::Ascii => {
             let text = std::str::from_utf8(payload).map_err(|error| {
                 mismatch(format_args!("bytes that are no text ({error})"), "ascii numbers")
             })?;
-            walk(header, Ascii { words: text.split_ascii_whitespace() }, wanted, names)
+            walk(header, Ascii { words: text.split_ascii_whitespace() }, wanted, names, &fields)
         }
-        Encoding::BinaryLittleEndian => walk(header, Binary::<false> { bytes: payload }, wanted, names),
-        Encoding::BinaryBigEndian => walk(header, Binary::<true> { bytes: payload }, wanted, names),
+        Encoding::BinaryLittleEndian => {
+            walk(header, Binary::<false> { bytes: payload }, wanted, names, &fields)
+        }
+        Encoding::BinaryBigEndian => walk(header, Binary::<true> { bytes: payload }, wanted, names, &fields),
     }?;
-    let stride = names.len() * size_of::<f32>();
     Ok(Rows {
         n_rows: bytes.len().checked_div(stride).unwrap_or(0),
         bytes: bytes.into(),
         start: 0,
         stride,
-        fields: floats(names.len()),
+        are_plain: fields.iter().all(|(_, scalar)| matches!(scalar, ScalarType::Float)),
+        fields,
         is_big_endian: false,
-        are_plain: true,
         halves: Vec::new(),
     })
 }
@@ -207,39 +260,19 @@ fn half_of(number: f32) -> f32 {
     f16::from_bits(number as i32 as u16).to_f32()
 }
 
-/// A scalar at the beginning of `bytes`.
-fn number(bytes: &[u8], scalar: &ScalarType, is_big_endian: bool) -> f32 {
-    fn array<const N: usize>(bytes: &[u8], is_big_endian: bool) -> [u8; N] {
-        let mut array = std::array::from_fn(|i| bytes[i]);
-        if is_big_endian {
-            array.reverse();
-        }
-        array
-    }
-    match scalar {
-        ScalarType::Char => bytes[0].cast_signed().into(),
-        ScalarType::UChar => bytes[0].into(),
-        ScalarType::Short => i16::from_le_bytes(array(bytes, is_big_endian)).into(),
-        ScalarType::UShort => u16::from_le_bytes(array(bytes, is_big_endian)).into(),
-        ScalarType::Int => i32::from_le_bytes(array(bytes, is_big_endian)) as f32,
-        ScalarType::UInt => u32::from_le_bytes(array(bytes, is_big_endian)) as f32,
-        ScalarType::Float => f32::from_le_bytes(array(bytes, is_big_endian)),
-        ScalarType::Double => f64::from_le_bytes(array(bytes, is_big_endian)) as f32,
-    }
-}
-
-/// Reads the elements in the file's order up to the wanted one, whose numbers it returns as f32, little endian.
-/// Those before it are parsed to find their end.
+/// Reads the elements in the file's order up to the wanted one, whose rows of `fields` it returns, little
+/// endian. Those before it are parsed to find their end.
 fn walk(
     header: &Header,
     mut source: impl Source,
     wanted: &str,
     names: &[String],
+    fields: &[(usize, ScalarType)],
 ) -> Result<Vec<u8>, Mismatch> {
     for element in header.elements() {
         // Without names every property is skipped.
         let names = if element.name == wanted { names } else { &[] };
-        let values = element_values(element, &mut source, names)?;
+        let values = element_values(element, &mut source, names, fields)?;
         if element.name == wanted {
             return Ok(values);
         }
@@ -276,7 +309,7 @@ fn bytes_after(header: &Header, payload: &[u8]) -> Option<usize> {
         for element in header.elements() {
             match header.fixed_row(element) {
                 Some(size) => source.skip(&ScalarType::UChar, size.checked_mul(element.count)?).ok()?,
-                None => element_values(element, &mut source, &[]).map(drop).ok()?,
+                None => element_values(element, &mut source, &[], &[]).map(drop).ok()?,
             }
         }
         Some(if source.bytes.trim_ascii().is_empty() { 0 } else { source.bytes.len() })
@@ -288,7 +321,7 @@ fn bytes_after(header: &Header, payload: &[u8]) -> Option<usize> {
             let text = std::str::from_utf8(payload).ok()?;
             let mut source = Ascii { words: text.split_ascii_whitespace() };
             for element in header.elements() {
-                element_values(element, &mut source, &[]).ok()?;
+                element_values(element, &mut source, &[], &[]).ok()?;
             }
             let word = source.words.next()?;
             // Both are parts of one text.
@@ -302,38 +335,42 @@ fn element_values(
     element: &ElementDef,
     source: &mut impl Source,
     names: &[String],
+    fields: &[(usize, ScalarType)],
 ) -> Result<Vec<u8>, Mismatch> {
     expect_properties(element, names)?;
-    // Type and target column of each property, in the file's order.
-    let plan: Vec<(&PropertyType, Option<usize>)> = element
-        .properties
-        .values()
-        .map(|property| (&property.data_type, names.iter().position(|name| *name == property.name)))
-        .collect();
-    let n_columns = names.len();
+    // Type and target field of each property, in the file's order.
+    let field = |name: &String| names.iter().position(|wanted| wanted == name).map(|column| &fields[column]);
+    let plan: Vec<(&PropertyType, Option<&(usize, ScalarType)>)> =
+        element.properties.values().map(|property| (&property.data_type, field(&property.name))).collect();
+    let stride = names.iter().zip(fields).map(|(_, (_, scalar))| size_of_scalar(scalar)).sum();
     // The count is safe to allocate for: the header's check gave every declared row at least a byte per
     // property.
-    let mut values = Vec::with_capacity(element.count * n_columns * size_of::<f32>());
-    let mut row = vec![0.0; n_columns];
+    let mut values = Vec::with_capacity(element.count * stride);
+    let mut row = vec![0; stride];
     // Rows without properties take no bytes, so a small file can declare 10^18 of them.
     let n_rows = if plan.is_empty() { 0 } else { element.count };
     for i in 0..n_rows {
         read_row(&plan, source, &mut row).map_err(|Mismatch { found, expected }| {
             mismatch(format_args!("{found} in row {i} of {n_rows} of element `{}`", element.name), expected)
         })?;
-        values.extend(row.iter().flat_map(|value| value.to_le_bytes()));
+        values.extend_from_slice(&row);
     }
     Ok(values)
 }
 
 fn read_row(
-    plan: &[(&PropertyType, Option<usize>)],
+    plan: &[(&PropertyType, Option<&(usize, ScalarType)>)],
     source: &mut impl Source,
-    row: &mut [f32],
+    row: &mut [u8],
 ) -> Result<(), Mismatch> {
-    for (data_type, column) in plan {
-        match (data_type, column) {
-            (PropertyType::Scalar(scalar), Some(column)) => row[*column] = source.number(scalar)?,
+    for (data_type, field) in plan {
+        match (data_type, field) {
+            (PropertyType::Scalar(scalar), Some((at, ScalarType::Double))) => {
+                row[*at..at + 8].copy_from_slice(&source.wide_number(scalar)?.to_le_bytes());
+            }
+            (PropertyType::Scalar(scalar), Some((at, _))) => {
+                row[*at..at + 4].copy_from_slice(&source.number(scalar)?.to_le_bytes());
+            }
             (PropertyType::Scalar(scalar), None) => source.skip(scalar, 1)?,
             // A list has any length, so rows with lists have no common size and are walked one by one.
             (PropertyType::List(length, item), None) => {
@@ -344,94 +381,4 @@ fn read_row(
         }
     }
     Ok(())
-}
-
-/// A sequence of numbers in one of the encodings.
-trait Source {
-    /// The next number.
-    fn number(&mut self, scalar: &ScalarType) -> Result<f32, Mismatch>;
-    /// The next number as the length of a list.
-    fn length(&mut self, scalar: &ScalarType) -> Result<usize, Mismatch>;
-    /// Skips the next `count` numbers.
-    fn skip(&mut self, scalar: &ScalarType, count: usize) -> Result<(), Mismatch>;
-}
-
-/// Numbers between white space. Line ends have no meaning, as in other readers.
-struct Ascii<'a> {
-    words: SplitAsciiWhitespace<'a>,
-}
-
-impl<'a> Ascii<'a> {
-    fn word(&mut self) -> Result<&'a str, Mismatch> {
-        self.words.next().ok_or_else(|| mismatch("the end of the file", "a number"))
-    }
-}
-
-impl Source for Ascii<'_> {
-    fn number(&mut self, _: &ScalarType) -> Result<f32, Mismatch> {
-        let word = self.word()?;
-        word.parse().map_err(|_| mismatch(format_args!("`{}`", word.escape_debug()), "a number"))
-    }
-
-    fn length(&mut self, _: &ScalarType) -> Result<usize, Mismatch> {
-        let word = self.word()?;
-        word.parse().map_err(|_| mismatch(format_args!("list length `{}`", word.escape_debug()), "a count"))
-    }
-
-    fn skip(&mut self, _: &ScalarType, count: usize) -> Result<(), Mismatch> {
-        (0..count).try_for_each(|_| self.word().map(|_| ()))
-    }
-}
-
-/// Packed numbers.
-struct Binary<'a, const BIG_ENDIAN: bool> {
-    bytes: &'a [u8],
-}
-
-impl<'a, const BIG_ENDIAN: bool> Binary<'a, BIG_ENDIAN> {
-    fn take(&mut self, n: usize) -> Result<&'a [u8], Mismatch> {
-        let (taken, rest) = self
-            .bytes
-            .split_at_checked(n)
-            .ok_or_else(|| mismatch("the end of the file", format_args!("{n} bytes")))?;
-        self.bytes = rest;
-        Ok(taken)
-    }
-
-    /// The next `N` bytes as little endian.
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], Mismatch> {
-        let mut array = [0; N];
-        array.copy_from_slice(self.take(N)?);
-        if BIG_ENDIAN {
-            array.reverse();
-        }
-        Ok(array)
-    }
-}
-
-impl<const BIG_ENDIAN: bool> Source for Binary<'_, BIG_ENDIAN> {
-    #[inline]
-    fn number(&mut self, scalar: &ScalarType) -> Result<f32, Mismatch> {
-        self.take(size_of_scalar(scalar)).map(|bytes| number(bytes, scalar, BIG_ENDIAN))
-    }
-
-    fn length(&mut self, scalar: &ScalarType) -> Result<usize, Mismatch> {
-        let length: i64 = match scalar {
-            ScalarType::Char => i8::from_le_bytes(self.array()?).into(),
-            ScalarType::UChar => u8::from_le_bytes(self.array()?).into(),
-            ScalarType::Short => i16::from_le_bytes(self.array()?).into(),
-            ScalarType::UShort => u16::from_le_bytes(self.array()?).into(),
-            ScalarType::Int => i32::from_le_bytes(self.array()?).into(),
-            ScalarType::UInt => u32::from_le_bytes(self.array()?).into(),
-            ScalarType::Float | ScalarType::Double => {
-                return Err(mismatch("a list length that is no integer", "a count"));
-            }
-        };
-        usize::try_from(length).map_err(|_| mismatch(format_args!("list length {length}"), "a count"))
-    }
-
-    fn skip(&mut self, scalar: &ScalarType, count: usize) -> Result<(), Mismatch> {
-        // A product that does not fit saturates, and is then more than the file holds.
-        self.take(count.saturating_mul(size_of_scalar(scalar))).map(|_| ())
-    }
 }

@@ -54,7 +54,7 @@ impl Header {
     }
 
     /// The words of every comment, in lower case.
-    fn comments(&self) -> impl Iterator<Item = Vec<String>> {
+    pub(super) fn comments(&self) -> impl Iterator<Item = Vec<String>> {
         let words = |comment: &String| comment.split_ascii_whitespace().map(str::to_lowercase).collect();
         self.parsed.comments.iter().map(words)
     }

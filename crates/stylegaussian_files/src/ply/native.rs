@@ -1,7 +1,7 @@
 //! The layout of the 3DGS reference implementation: one vertex per Gaussian, before the activations. And its
 //! dialects, which have fewer properties or more.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use ply_rs::ply::{ElementDef, Encoding, PropertyType, ScalarType};
 use rayon::prelude::*;
 use stylegaussian::{
@@ -12,6 +12,7 @@ use stylegaussian::{
 use super::{
     color::{Color, spherical_harmonics},
     columns::{Rows, check_end, read_columns},
+    distant,
     header::Header,
 };
 use crate::{
@@ -60,15 +61,19 @@ pub(super) fn read(header: &Header, bytes: Vec<u8>) -> Result<Loaded, Mismatch> 
     check_end(header, &bytes)?;
     let mut rows = read_columns(header, bytes.into(), "vertex", &names)?;
     decode_halves(header, vertex, &names, &color, &mut rows, &mut warnings)?;
+    let (offset, means) = distant::means(&rows, header, n_scales).unzip();
     // Most of the file is spherical harmonics, and its memory is free after them.
     let sh = spherical_harmonics(&rows, &color, first_color, &mut warnings);
     rows.keep(first_color);
     let mut stored = stored_gaussians(&rows, n_scales);
     stored.sh = sh;
+    if let Some(means) = means {
+        stored.means = means;
+    }
     warnings.extend(activated_hints(&stored));
     let filter = filter.map(|column| widths(&rows, column, &mut stored));
     drop(rows);
-    let mut scene = activate(stored, &mut warnings);
+    let mut scene = Scene { offset: offset.unwrap_or(DVec3::ZERO), ..activate(stored, &mut warnings) };
     filter.iter().for_each(|widths| widen(&mut scene, widths));
     Ok(Loaded::new(scene, warnings))
 }
@@ -96,20 +101,22 @@ fn in_order(mut names: Vec<&str>) -> Vec<&str> {
 /// The geometry in the columns of `rows`, of two scales or three.
 fn stored_gaussians(rows: &Rows, n_scales: usize) -> StoredGaussians {
     let indices = || (0..rows.n_rows()).into_par_iter();
-    let log_scales = |i: usize| {
-        // The logarithm of 0.
-        let mut scales = [f32::NEG_INFINITY; 3];
-        rows.read(i, SCALE, &mut scales[..n_scales]);
-        Vec3::from_array(scales)
-    };
     StoredGaussians {
         means: indices().map(|i| Vec3::from_array(rows.array(i, 0))).collect(),
         opacity_logits: indices().map(|i| rows.array::<1>(i, OPACITY)[0]).collect(),
-        log_scales: indices().map(log_scales).collect(),
+        log_scales: indices().map(|i| log_scales(rows, i, n_scales)).collect(),
         rotations_wxyz: indices().map(|i| rows.array(i, ROTATION)).collect(),
         sh: None,
         features: None,
     }
+}
+
+/// The logarithms of the sizes of Gaussian `i`, of two scales or three.
+pub(super) fn log_scales(rows: &Rows, i: usize, n_scales: usize) -> Vec3 {
+    // The logarithm of 0.
+    let mut scales = [f32::NEG_INFINITY; 3];
+    rows.read(i, SCALE, &mut scales[..n_scales]);
+    Vec3::from_array(scales)
 }
 
 /// Decodes half floats in properties of 16 bits, which PLY has no type for. Whole numbers stay what they are if
@@ -257,7 +264,7 @@ fn widen(scene: &mut Scene, widths: &[f32]) {
         let kept = before.to_array().into_iter().zip(after);
         // 0 / 0 of a flat Gaussian that is not widened.
         let kept: f64 = kept.map(|(before, after)| if after > 0.0 { before / after } else { 1.0 }).product();
-        *scales = glam::DVec3::from_array(after).as_vec3();
+        *scales = DVec3::from_array(after).as_vec3();
         *opacity = (f64::from(*opacity) * kept) as f32;
     });
 }

@@ -13,7 +13,10 @@ use super::{
     compressed::{CHUNK, COLOR_RANGES, PACKED, RANGES},
     write::{log_scale, write_start},
 };
-use crate::format::{Unwritten, WriteOptions};
+use crate::{
+    distant,
+    format::{Unwritten, WriteOptions},
+};
 
 /// Logarithms of sizes are kept within this, as SuperSplat does: e^-20 is invisible at any distance, and the
 /// range of a chunk must not be spent on it.
@@ -56,12 +59,13 @@ pub(crate) fn write(out: &mut dyn Write, scene: &Scene, _: &WriteOptions) -> Res
             out.write_all(&row)?;
         }
     }
-    Ok(Vec::from_iter((n_clamped > 0).then(|| {
+    let clamped = (n_clamped > 0).then(|| {
         format!(
             "{n_clamped} Gaussians have spherical harmonics beyond degree 0 that a compressed .ply cannot \
              hold, which were clamped"
         )
-    })))
+    });
+    Ok(distant::left_out(scene).into_iter().chain(clamped).collect())
 }
 
 /// Gaussians that are packed together.

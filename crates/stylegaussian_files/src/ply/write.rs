@@ -1,12 +1,15 @@
-//! Writing the native 3DGS layout: binary little endian, normals of zero, the source's order.
+//! Writing the native 3DGS layout: binary little endian, normals of zero, the source's order. Positions of a
+//! scene with an offset are doubles, in the coordinates of its source.
 
 use std::io::{self, Write};
 
+use glam::DVec3;
 use stylegaussian::{
     scene::{Scene, ScreenFilter},
     sh::n_coefficients,
 };
 
+use super::distant;
 use crate::format::WriteOptions;
 
 /// Writes Gaussians and their spherical harmonics in the source's order, mid-gray if the scene keeps no colors.
@@ -41,9 +44,17 @@ pub(super) fn write_start(out: &mut dyn Write, scene: &Scene) -> io::Result<()> 
 /// Writes the header, with `n_rest` coefficients beyond degree 0 per Gaussian.
 fn write_header(out: &mut dyn Write, scene: &Scene, n_rest: usize) -> io::Result<()> {
     write_start(out, scene)?;
+    let DVec3 { x, y, z } = scene.offset;
+    if scene.offset != DVec3::ZERO {
+        writeln!(out, "comment {} {x} {y} {z}", distant::COMMENT)?;
+    }
     writeln!(out, "element vertex {}", scene.len())?;
     let fixed = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
-    let mut names = fixed(&["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]);
+    let coordinate = if scene.offset == DVec3::ZERO { "float" } else { "double" };
+    for name in ["x", "y", "z"] {
+        writeln!(out, "property {coordinate} {name}")?;
+    }
+    let mut names = fixed(&["nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]);
     names.extend((0..n_rest).map(|i| format!("f_rest_{i}")));
     names.extend(fixed(&["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]));
     for name in names {
@@ -52,10 +63,16 @@ fn write_header(out: &mut dyn Write, scene: &Scene, n_rest: usize) -> io::Result
     writeln!(out, "end_header")
 }
 
-/// Appends the values of Gaussian `i` before their activations, each in little endian.
+/// Appends the values of Gaussian `i` before their activations, each in little endian, doubles in two parts.
 fn push_row(scene: &Scene, i: usize, n_rest: usize, row: &mut Vec<[u8; 4]>) {
+    if scene.offset != DVec3::ZERO {
+        let position = (scene.offset + scene.means[i].as_dvec3()).to_array();
+        position.iter().for_each(|value| row.extend_from_slice(value.to_le_bytes().as_chunks().0));
+    } else {
+        row.extend(scene.means[i].to_array().map(f32::to_le_bytes));
+    }
     let mut push = |value: f32| row.push(value.to_le_bytes());
-    scene.means[i].to_array().into_iter().chain([0.0; 3]).for_each(&mut push);
+    [0.0; 3].into_iter().for_each(&mut push);
     let of_gaussian = scene.sh.as_ref().map(|sh| {
         let width = 3 * n_coefficients(sh.degree);
         &sh.coefficients[i * width..(i + 1) * width]

@@ -9,6 +9,7 @@ use stylegaussian::{scene::ScreenFilter, sh};
 use crate::{
     activate::sigmoid,
     error::{Mismatch, mismatch},
+    json::without_mark,
     names::check_plain,
 };
 
@@ -139,7 +140,7 @@ where
 
 /// JSON of a certain shape.
 pub(super) fn parse<'a, T: Deserialize<'a>>(json: &'a [u8], expected: &str) -> Result<T, Mismatch> {
-    serde_json::from_slice(json)
+    serde_json::from_slice(without_mark(json))
         .map_err(|error| mismatch(format_args!("JSON with an error ({error})"), expected))
 }
 

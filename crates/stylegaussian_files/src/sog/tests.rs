@@ -405,3 +405,58 @@ fn damage_is_an_error_or_another_scene() {
         }
     }
 }
+
+#[test]
+fn an_archive_of_a_folder_is_the_folder() {
+    let (expected, folder) = made(60, 11);
+    let packed = |prefix: &str, packing| {
+        let names: Vec<String> = folder.keys().map(|name| format!("{prefix}{name}")).collect();
+        let mut entries: Vec<_> =
+            names.iter().zip(folder.values()).map(|(name, bytes)| (&name[..], bytes.clone())).collect();
+        entries.push(("__MACOSX/._meta.json", Vec::new()));
+        entries.push(("readme.txt", b"hello".to_vec()));
+        archive(&entries, packing)
+    };
+    for prefix in ["canapes/", "a/b c/", "canapes\\", ""] {
+        for name in ["a.sog", "a.zip"] {
+            let loaded = crate::scene_from_bytes(&packed(prefix, Packing::Deflated), name).unwrap();
+            assert_eq!((loaded.format, loaded.warnings), ("SOG", Vec::new()), "{prefix}");
+            assert_near(&loaded.scene, &expected, 2.0 * 55f64.ln_1p());
+        }
+    }
+    // The one above is meant, and of two side by side neither is.
+    let two = |other: &str| {
+        let other = format!("{other}meta.json");
+        let mut entries: Vec<_> =
+            folder.iter().map(|(name, bytes)| (format!("a/{name}"), bytes.clone())).collect();
+        entries.push((other, b"{}".to_vec()));
+        let entries: Vec<_> = entries.iter().map(|(name, bytes)| (&name[..], bytes.clone())).collect();
+        read_bundle(&archive(&entries, Packing::Stored))
+    };
+    assert_eq!(two("a/old/").unwrap().scene.len(), 60);
+    assert!(refused(two("b/")).contains("without `meta.json` (it has: a/"));
+}
+
+#[test]
+fn a_folder_is_read_by_its_metadata_with_or_without_a_byte_order_mark() {
+    let (expected, folder) = made(60, 12);
+    let dir = tempfile::tempdir().unwrap();
+    for (name, bytes) in &folder {
+        let mark: &[u8] = if name == META { b"\xef\xbb\xbf" } else { b"" };
+        std::fs::write(dir.path().join(name), [mark, bytes].concat()).unwrap();
+    }
+    for path in [dir.path().to_owned(), dir.path().join(META)] {
+        let loaded = crate::read_scene(&path).unwrap();
+        assert_near(&loaded.scene, &expected, 2.0 * 55f64.ln_1p());
+    }
+    std::fs::remove_file(dir.path().join("sh0.webp")).unwrap();
+    assert!(refused(crate::read_scene(dir.path())).contains("sh0.webp"));
+    std::fs::remove_file(dir.path().join(META)).unwrap();
+    let message = refused(crate::read_scene(dir.path()));
+    assert!(message.contains("a folder without meta.json and lod-meta.json"), "{message}");
+    // Levels of detail come before one of their chunks.
+    std::fs::write(dir.path().join(META), "{}").unwrap();
+    std::fs::write(dir.path().join(LEVELS), "\u{feff}{\"lodLevels\": 1, \"filenames\": 3}").unwrap();
+    let message = refused(crate::read_scene(dir.path()));
+    assert!(message.contains("lod-meta.json") && message.contains("levels of detail"), "{message}");
+}

@@ -23,6 +23,7 @@ use super::{
     header::{ANTIALIASED, HAS_EXTENSIONS, Header},
 };
 use crate::{
+    distant,
     error::{Mismatch, mismatch},
     format::{Unwritten, WriteOptions},
     upright::upright,
@@ -51,6 +52,7 @@ pub(super) fn write(
     if i32::try_from(scene.len()).is_err() {
         return Err(mismatch(format_args!("{} Gaussians", scene.len()), "fewer than 2^31").into());
     }
+    let left_out = distant::left_out(scene);
     // Also that of scenes that are upright already: readers of the format know no other way to tell it.
     let is_direction = |up: &Vec3| up.try_normalize().is_some();
     let extensions = scene.up.filter(is_direction).map(extension::up_record).unwrap_or_default();
@@ -69,7 +71,7 @@ pub(super) fn write(
         3 => write_gzip(out, header, &arrays, &extensions)?,
         _ => write_frames(out, header, &arrays, &extensions)?,
     }
-    Ok(clamped(&scene, header))
+    Ok(left_out.into_iter().chain(clamped(&scene, header)).collect())
 }
 
 /// Warnings of the values that a byte cannot hold.

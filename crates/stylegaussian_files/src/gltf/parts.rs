@@ -1,0 +1,69 @@
+//! From primitives to one scene: each in its places.
+
+use glam::{DAffine3, DVec3};
+use stylegaussian::scene::Scene;
+
+use super::merge::merge;
+use crate::{
+    distant::{Sample, offset, stride},
+    error::Mismatch,
+    place::place,
+};
+
+/// The Gaussians of a primitive, in the axes of its mesh.
+pub(super) struct Part {
+    /// The Gaussians.
+    pub scene: Scene,
+    /// The transforms to the world, one for each time that they are shown.
+    pub places: Vec<DAffine3>,
+}
+
+/// All Gaussians in all their places, from a common offset on.
+pub(super) fn placed(parts: Vec<Part>, warnings: &mut Vec<String>) -> Result<Scene, Mismatch> {
+    let offset = common_offset(&parts);
+    let mut scenes = Vec::with_capacity(parts.iter().map(|part| part.places.len()).sum());
+    for Part { scene, mut places } in parts {
+        let Some(last) = places.pop() else { continue };
+        let mut put = |mut scene: Scene, mut to: DAffine3| {
+            // In f64, so that nothing is lost that the file holds.
+            to.translation -= offset;
+            place(&mut scene, to, warnings).map(|()| scenes.push(scene))
+        };
+        places.into_iter().try_for_each(|to| put(scene.clone(), to))?;
+        put(scene, last)?;
+    }
+    Ok(Scene { offset, ..merge(scenes) })
+}
+
+/// The offset of a scene of these parts: the place of all, if there is one and the scene is near it. Positions
+/// that no node moves are f32 already and stay as they are.
+fn common_offset(parts: &[Part]) -> DVec3 {
+    let mut places = parts.iter().flat_map(|part| &part.places);
+    let Some(first) = places.next().map(|place| place.translation) else { return DVec3::ZERO };
+    let is_one = places.all(|place| place.translation == first);
+    if is_one && first == DVec3::ZERO {
+        return DVec3::ZERO;
+    }
+    offset(&samples(parts), is_one.then_some(first))
+}
+
+/// Every so many Gaussians, counted through all places.
+fn samples(parts: &[Part]) -> Vec<Sample> {
+    let n: usize = parts.iter().map(|part| part.scene.len() * part.places.len()).sum();
+    let stride = stride(n);
+    let mut samples = Vec::with_capacity(n.div_ceil(stride));
+    let mut next = 0;
+    for Part { scene, places } in parts {
+        for place in places {
+            // One scale for all axes: volumes grow by its cube.
+            let scale = place.matrix3.determinant().abs().cbrt();
+            while let Some(mean) = scene.means.get(next) {
+                let size = f64::from(scene.scales[next].max_element()) * scale;
+                samples.push((place.transform_point3(mean.as_dvec3()), size));
+                next += stride;
+            }
+            next -= scene.len();
+        }
+    }
+    samples
+}
