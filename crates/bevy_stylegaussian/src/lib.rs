@@ -47,9 +47,9 @@
 //!
 //! The features of cargo: `bundled_models` (default) compiles the default encoder and decoder in, so that a
 //! game works offline. `picking` (default) is for pointer events, with Bevy's feature `bevy_picking`.
-//! `image_files` (default) are style images as `.png` and `.jpg`, with Bevy's features of these names. `pbr`
-//! (default) is for games that draw meshes with `bevy_pbr`: without it, transmissive materials may not see
-//! splats.
+//! `image_files` (default) are style images as `.png` and `.jpg`, with Bevy's features of these names. `webp`,
+//! `bmp`, `gif` and `tiff` are style images of these formats, likewise. `pbr` (default) is for games that draw
+//! meshes with `bevy_pbr`: without it, transmissive materials may not see splats.
 
 mod colors;
 mod loader;
