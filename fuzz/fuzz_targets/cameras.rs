@@ -28,7 +28,7 @@ mod encoder {
 
 pub use images::{
     guard,
-    image::{Image, ImageError},
+    image::{self, Image, ImageError},
 };
 pub use train::cameras;
 

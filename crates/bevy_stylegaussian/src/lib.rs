@@ -49,7 +49,7 @@
 //! names of the second and further ones end with a number, as in `splat_draw_2`: in the order in which the
 //! cameras came, and a camera keeps its number. The sum is the time of the frame.
 //!
-//! The features of cargo, which are defaults but `onnx`:
+//! The features of cargo, of which all but those of the last two points are defaults:
 //!
 //! - `images`: styles of images, `StyleEncoder` and its asset `ImageEncoder`. Without it, a game shows looks
 //!   and presets, and compiles no encoder. A style of an image is an error then, which names the feature.
@@ -59,6 +59,8 @@
 //!   works offline.
 //! - `picking`: pointer events, with Bevy's feature `bevy_picking`.
 //! - `pbr`: for games that draw meshes with `bevy_pbr`. Without it, transmissive materials may not see splats.
+//! - `webp`, `bmp`, `gif` (the first picture) and `tiff`: read images of these formats, with Bevy's features of
+//!   these names. They imply `images`.
 //! - `onnx`: encoders as `.onnx` files. It implies `images`.
 
 mod colors;

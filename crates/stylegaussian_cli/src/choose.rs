@@ -1,14 +1,16 @@
 //! The choice of decoder, encoder and loss weights that all commands share.
 
 use std::{
+    collections::BTreeSet,
     env,
     path::{Path, PathBuf},
+    sync::Mutex,
 };
 
 use anyhow::{Context, Result, ensure};
 use stylegaussian::{Camera, Decoder, EncoderId, Scene};
 use stylegaussian_defaults::{DECODER, ENCODER, ENCODER_NAME};
-use stylegaussian_encoder::Encoder;
+use stylegaussian_encoder::{Encoder, Image, image::Warned};
 use stylegaussian_files::{decoder_from_bytes, read_decoder};
 
 use crate::terminal::warn;
@@ -30,6 +32,19 @@ pub fn open_encoder(path: Option<&Path>) -> Result<Encoder> {
     };
     warn(encoder.warning());
     Ok(encoder)
+}
+
+/// Opens a style image, and prints its warning at the first time.
+///
+/// # Errors
+/// If it cannot be read, or is too small for an encoder.
+pub fn open_painting(path: &Path) -> Result<Image> {
+    // Statistics and paint of a style are read from the same file.
+    static TOLD: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+    let Warned { image, warning } = Image::open_painting_warned(path)?;
+    // A poisoned lock means that another thread panicked; the warnings are then told again.
+    warn(warning.filter(|warning| TOLD.lock().map_or(true, |mut told| told.insert(warning.clone()))));
+    Ok(image)
 }
 
 /// The file that [`ENCODER_VARIABLE`] names.

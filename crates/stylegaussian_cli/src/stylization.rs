@@ -17,12 +17,12 @@ use stylegaussian::{
     restyle::{Decode, Recipe, RestyleError, Styles, WeightedLook, is_painted},
     work::Work,
 };
-use stylegaussian_encoder::{Encoder, Image, StyleSize, paint_of, painted_style, style_statistics};
+use stylegaussian_encoder::{Encoder, StyleSize, paint_of, painted_style, style_statistics};
 use stylegaussian_files::{read_look, read_paint, read_style};
 
 use crate::{
     arguments::{Backend, WeightedPath, fraction},
-    choose::{self, NamedDecoder, check_encoders, open_encoder},
+    choose::{self, NamedDecoder, check_encoders, open_encoder, open_painting},
     compute::Compute,
     knobs::StrokeArgs,
     terminal::{lossy, usage_error, warn},
@@ -270,7 +270,7 @@ impl StylizationArgs {
     fn read_paints(&self) -> Result<Option<Vec<Paint>>> {
         let paint = |style: &WeightedPath| match is_file(&style.path) {
             true => Ok(read_paint(&style.path)?),
-            false => Ok(Some(paint_of(&Image::open_painting(&style.path)?))),
+            false => Ok(Some(paint_of(&open_painting(&style.path)?))),
         };
         self.styles.iter().map(paint).collect()
     }
@@ -283,7 +283,7 @@ impl StylizationArgs {
         };
         let of_style = |WeightedPath { path, .. }: &WeightedPath| match &encoder {
             Some(encoder) if !is_file(path) => {
-                let image = Image::open_painting(path)?;
+                let image = open_painting(path)?;
                 let statistics = style_statistics(encoder, &image, StyleSize::default());
                 statistics.with_context(|| path.display().to_string())
             }
@@ -303,7 +303,7 @@ fn is_file(path: &Path) -> bool {
 /// # Errors
 /// If the image cannot be read or encoded.
 pub fn image_style(encoder: &Encoder, path: &Path, size: StyleSize) -> Result<(ChannelStatistics, Paint)> {
-    let image = Image::open_painting(path)?;
+    let image = open_painting(path)?;
     painted_style(encoder, &image, size).with_context(|| path.display().to_string())
 }
 

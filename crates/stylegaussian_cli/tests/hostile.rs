@@ -72,6 +72,53 @@ fn a_malformed_image_is_one_line() {
     bench.expect_files(&["a.ply", "photos"]);
 }
 
+/// A folder with photos of these names and sizes, and the cameras of four photos of 96 x 72 pixels.
+fn photos(bench: &Bench, photos: &[(&str, [u32; 2])]) -> String {
+    let folder = bench.path("photos");
+    fs::create_dir_all(&folder).unwrap();
+    for (name, [width, height]) in photos {
+        image::RgbImage::new(*width, *height).save(Path::new(&folder).join(name)).unwrap();
+    }
+    let pose = "[[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]";
+    let frame = |i: usize| format!(r#"{{"file_path": "{i}.png", "transform_matrix": {pose}}}"#);
+    let frames: Vec<String> = (0..4).map(frame).collect();
+    let cameras = format!(r#"{{"fl_x": 75, "w": 96, "h": 72, "frames": [{}]}}"#, frames.join(","));
+    fs::write(Path::new(&folder).join("transforms.json"), cameras).unwrap();
+    folder
+}
+
+#[test]
+fn photos_that_are_missing_or_of_other_cameras() {
+    let bench = Bench::new();
+    let (scene, output) = (bench.plain_scene("a.ply"), bench.path("o.sgs"));
+    let folder = photos(&bench, &[("0.png", [96, 72])]);
+    let embed = ["embed", &scene, "--photos", &folder, "-o", &output];
+    stylegaussian(&embed).expect_error("3 of 4 photos are missing");
+    photos(&bench, &[("1.png", [48, 36]), ("2.png", [72, 72])]);
+    stylegaussian(&embed).expect_error("2.png: the photo is 72x72 and its camera's picture 96x72");
+    bench.expect_files(&["a.ply", "photos"]);
+    photos(&bench, &[("2.png", [192, 144])]);
+    let run = stylegaussian(&embed).expect_success();
+    let warnings: Vec<&str> = run.stderr.lines().filter(|line| line.starts_with("warning: ")).collect();
+    assert!(warnings.len() == 1 && warnings[0].contains("1 of 4 photos are missing"), "{}", run.stderr);
+}
+
+#[test]
+fn cameras_of_an_angle_alone_take_the_size_of_the_pictures() {
+    let bench = Bench::new();
+    let (scene, cameras) = (bench.plain_scene("a.ply"), bench.path("transforms.json"));
+    let out = bench.path("a.png");
+    let pose = "[[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]";
+    let frame = format!(r#"{{"file_path": "gone.png", "transform_matrix": {pose}}}"#);
+    fs::write(&cameras, format!(r#"{{"camera_angle_x": 0.8, "frames": [{frame}]}}"#)).unwrap();
+    let render = ["render", &scene, "--cameras", &cameras, "-o", &out];
+    stylegaussian(&render).expect_error("--size gives it");
+    let run = stylegaussian(&[&render[..], &["--size", "20x16"]].concat()).expect_success();
+    assert!(run.stderr.contains("their pictures are taken as 20x16"), "{}", run.stderr);
+    let picture = image::open(&out).unwrap();
+    assert_eq!((picture.width(), picture.height()), (20, 16));
+}
+
 /// Everywhere the same words.
 #[test]
 fn a_painting_of_one_pixel_is_refused() {

@@ -1,17 +1,18 @@
 //! Images as the encoder takes them: RGB 0..1, the display-referred sRGB values of the file.
 
-use std::{
-    fs::File,
-    io::{self, BufRead, BufReader, Cursor, Read, Seek},
-    path::{Path, PathBuf},
-};
+mod ending;
+mod file;
+mod photo;
+
+use std::path::{Path, PathBuf};
 
 use ::image::{
-    DynamicImage, ImageBuffer, ImageDecoder, ImageError as DecodeError, ImageReader, Limits, Rgb, RgbImage,
+    DynamicImage, ImageBuffer, ImageError as DecodeError, Rgb, RgbImage,
     imageops::{self, FilterType},
 };
 
-use crate::{encoder::MIN_SIDE, guard::guarded};
+use crate::encoder::MIN_SIDE;
+pub use file::{extensions, format_names};
 
 /// Longest side that is read, in pixels.
 pub const MAX_SIDE: u32 = 16_384;
@@ -22,9 +23,6 @@ const MAX_DECODER_BYTES: u64 = MAX_PIXELS * 8;
 /// Most bytes of a file: 16-bit RGBA of [`MAX_PIXELS`] that does not compress, and as much again for its
 /// metadata.
 const MAX_FILE_BYTES: u64 = 2 * MAX_DECODER_BYTES;
-/// The first bytes of a JPEG file: the start marker, and the first byte of another.
-const JPEG: [u8; 3] = [0xFF, 0xD8, 0xFF];
-
 /// An RGB image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
@@ -34,6 +32,15 @@ pub struct Image {
     pub height: u32,
     /// Row-major, interleaved, 0..1 `[height, width, 3]`.
     pub rgb: Vec<f32>,
+}
+
+/// An image that was read, and what is wrong with its file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Warned {
+    /// The image, whole.
+    pub image: Image,
+    /// A warning for people, which names the file, if it is damaged.
+    pub warning: Option<String>,
 }
 
 /// An image file could not be read.
@@ -63,7 +70,28 @@ pub enum ImageError {
         /// The panic's message.
         panic: String,
     },
-    /// A JPEG file without an end. Decoders fill the missing part with gray.
+    /// The file is an image of a kind that is not read.
+    #[error("{}: found {found}, expected an image as {}", path.display(), format_names())]
+    OtherFormat {
+        /// The file.
+        path: PathBuf,
+        /// The kind of the image.
+        found: &'static str,
+    },
+    /// A photo is not the picture of its camera.
+    #[error(
+        "{}: the photo is {}x{} and its camera's picture {}x{}, expected the same proportions",
+        path.display(), photo.0, photo.1, camera.0, camera.1
+    )]
+    OtherAspect {
+        /// The file.
+        path: PathBuf,
+        /// Its width and height, as they are stored.
+        photo: (u32, u32),
+        /// Width and height of the camera's picture.
+        camera: (u32, u32),
+    },
+    /// A JPEG file without an end, which lacks pixels. Decoders fill the missing part with gray.
     #[error("{}: the JPEG ends before its last row, expected a whole image (truncated?)", path.display())]
     Truncated {
         /// The file.
@@ -104,22 +132,41 @@ pub enum ImageError {
 }
 
 impl Image {
-    /// Reads a PNG or JPEG file: any bit depth, gray or color, turned upright by its EXIF orientation.
-    /// Transparent pixels are laid over white, as on paper.
+    /// Reads an image file in any of the formats of [`format_names`]: any bit depth, gray or color, turned
+    /// upright by its EXIF orientation; the first picture of an animation. Transparent pixels are laid over
+    /// white, as on paper.
     ///
     /// # Errors
-    /// If the file is absent, is no image, ends too early, or is larger than [`MAX_SIDE`] or [`MAX_PIXELS`].
+    /// If the file is absent, is no image, lacks pixels, or is larger than [`MAX_SIDE`] or [`MAX_PIXELS`].
     /// The size is checked before any pixel is allocated. A panic of the decoder is an error too.
     pub fn open(path: &Path) -> Result<Self, ImageError> {
-        Self::from_bytes(&file_bytes(path)?, path)
+        Ok(Self::open_warned(path)?.image)
+    }
+
+    /// [`open`](Self::open), with the warning if the file is damaged.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_warned(path: &Path) -> Result<Warned, ImageError> {
+        file::upright(&file::bytes(path)?, path)
+    }
+
+    /// [`open_warned`](Self::open_warned) for a painting, which must be large enough for any encoder.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open), or if a side is shorter than [`MIN_SIDE`].
+    pub fn open_painting_warned(path: &Path) -> Result<Warned, ImageError> {
+        let read = Self::open_warned(path)?;
+        read.image.expect_painting(path)?;
+        Ok(read)
     }
 
     /// [`open`](Self::open) for a painting, which must be large enough for any encoder.
     ///
     /// # Errors
-    /// As [`open`](Self::open), or if a side is shorter than [`MIN_SIDE`].
+    /// As [`open_painting_warned`](Self::open_painting_warned).
     pub fn open_painting(path: &Path) -> Result<Self, ImageError> {
-        Self::painting_from_bytes(&file_bytes(path)?, path)
+        Ok(Self::open_painting_warned(path)?.image)
     }
 
     /// [`from_bytes`](Self::from_bytes) for a painting, which must be large enough for any encoder.
@@ -128,31 +175,44 @@ impl Image {
     /// As [`open_painting`](Self::open_painting).
     pub fn painting_from_bytes(bytes: &[u8], path: &Path) -> Result<Self, ImageError> {
         let image = Self::from_bytes(bytes, path)?;
-        let (width, height) = (image.width, image.height);
-        if width.min(height) < MIN_SIDE {
-            return Err(ImageError::TooSmall { path: path.into(), width, height });
-        }
+        image.expect_painting(path)?;
         Ok(image)
     }
 
-    /// Reads an image from the bytes of a PNG or JPEG file, which errors call `path`.
+    /// Reads an image from the bytes of a file, which errors call `path`.
     ///
     /// # Errors
     /// As [`open`](Self::open).
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self, ImageError> {
-        guarded(|| decoded(bytes, path))
-            .map_err(|panic| ImageError::Malformed { path: path.into(), panic })?
+        Ok(file::upright(bytes, path)?.image)
     }
 
-    /// Width and height in pixels, from the beginning of a PNG or JPEG file. The EXIF orientation is not looked
-    /// at.
+    /// Reads the photo of a camera whose pictures have `size` (width, height), or the same at another scale.
+    ///
+    /// The pixels are taken as they are stored, or turned by the EXIF orientation if only that gives the
+    /// camera's proportions. The image keeps the photo's own scale.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open), or if the photo has other proportions than its camera, by more than a pixel
+    /// and by more than 1 percent.
+    pub fn open_photo(path: &Path, size: (u32, u32)) -> Result<Warned, ImageError> {
+        file::photo(&file::bytes(path)?, path, size)
+    }
+
+    /// Width and height in pixels, from the beginning of an image file. The EXIF orientation is not looked at.
     ///
     /// # Errors
     /// If the file is absent, is no image, or is larger than [`MAX_SIDE`] or [`MAX_PIXELS`].
     pub fn size(path: &Path) -> Result<(u32, u32), ImageError> {
-        let file = File::open(path).map_err(|source| ImageError::Read { path: path.into(), source })?;
-        let size = || Ok(decoder(BufReader::new(file), path)?.dimensions());
-        guarded(size).map_err(|panic| ImageError::Malformed { path: path.into(), panic })?
+        file::size(path)
+    }
+
+    fn expect_painting(&self, path: &Path) -> Result<(), ImageError> {
+        let (width, height) = (self.width, self.height);
+        match width.min(height) < MIN_SIDE {
+            true => Err(ImageError::TooSmall { path: path.into(), width, height }),
+            false => Ok(()),
+        }
     }
 
     /// The image at another size. Each pixel averages the area that it covers (Lanczos of 3 lobes, clamped to
@@ -176,89 +236,21 @@ impl Image {
     }
 }
 
-/// The file's contents. A device or a huge file ends in an error and not in memory.
-fn file_bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
-    let read = |source| ImageError::Read { path: path.into(), source };
-    let mut bytes = Vec::new();
-    File::open(path).map_err(read)?.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(read)?;
-    if bytes.len() as u64 > MAX_FILE_BYTES {
-        return Err(ImageError::TooManyBytes { path: path.into() });
-    }
-    Ok(bytes)
-}
-
-/// The decoder of an image whose size is within the bounds.
-fn decoder<'a>(
-    file: impl BufRead + Seek + 'a,
-    path: &Path,
-) -> Result<Box<dyn ImageDecoder + 'a>, ImageError> {
-    let decode = |source| ImageError::Decode { path: path.into(), source };
-    let read = |source: io::Error| ImageError::Read { path: path.into(), source };
-    let mut reader = ImageReader::new(file).with_guessed_format().map_err(read)?;
-    let mut limits = Limits::default();
-    // Limits the decoder's own allocations. The size of the pixels is checked below.
-    limits.max_alloc = Some(MAX_DECODER_BYTES);
-    reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(decode)?;
-    let (width, height) = decoder.dimensions();
-    let n_pixels = u64::from(width) * u64::from(height);
-    if width.max(height) > MAX_SIDE || n_pixels > MAX_PIXELS || decoder.total_bytes() > MAX_DECODER_BYTES {
-        return Err(ImageError::TooLarge { path: path.into(), width, height });
-    }
-    Ok(Box::new(decoder))
-}
-
-fn decoded(bytes: &[u8], path: &Path) -> Result<Image, ImageError> {
-    let decode = |source| ImageError::Decode { path: path.into(), source };
-    let mut decoder = decoder(Cursor::new(bytes), path)?;
-    if bytes.starts_with(&JPEG) && !is_whole_jpeg(bytes) {
-        return Err(ImageError::Truncated { path: path.into() });
-    }
-    // Asked of the decoder, since the decoded image no longer knows it.
-    let orientation = decoder.orientation().map_err(decode)?;
-    let mut image = DynamicImage::from_decoder(decoder).map_err(decode)?;
-    image.apply_orientation(orientation);
-    Ok(Image::from(image))
-}
-
-/// Whether a JPEG file reaches its end marker (ITU T.81, B.1.1). Segments are skipped by their lengths, since
-/// thumbnails in them have ends of their own.
-fn is_whole_jpeg(bytes: &[u8]) -> bool {
-    const START_OF_SCAN: u8 = 0xDA;
-    const END: u8 = 0xD9;
-    // Behind the start marker.
-    let mut rest = bytes.get(2..).unwrap_or_default();
-    let mut in_scan = false;
-    while let Some(at) = rest.iter().position(|&byte| byte == 0xFF) {
-        let Some(&marker) = rest.get(at + 1) else { return false };
-        rest = match marker {
-            END => return true,
-            // Fill bytes: the next one may begin the marker.
-            0xFF => &rest[at + 1..],
-            // A stuffed byte, a restart or a marker without a length.
-            0x00 | 0x01 | 0xD0..=0xD8 => &rest[at + 2..],
-            // Garbage between markers is skipped, as decoders do, but data of a scan is not a segment.
-            _ => {
-                let Some(length) = rest.get(at + 2..at + 4) else { return false };
-                let length = usize::from(u16::from_be_bytes([length[0], length[1]]));
-                in_scan |= marker == START_OF_SCAN;
-                let Some(rest) = rest.get(at + 2 + length..) else { return false };
-                rest
-            }
-        };
-    }
-    // A file without a scan is for the decoder to refuse.
-    !in_scan
-}
-
 /// Composites alpha over white.
 impl From<DynamicImage> for Image {
     fn from(image: DynamicImage) -> Self {
         let (width, height) = (image.width(), image.height());
+        // Files of floats can hold anything.
+        let clamp = |value: f32| if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) };
         if !image.color().has_alpha() {
-            return Self { width, height, rgb: image.into_rgb32f().into_raw() };
+            let mut rgb = image.into_rgb32f().into_raw();
+            rgb.iter_mut().for_each(|value| *value = clamp(*value));
+            return Self { width, height, rgb };
         }
-        let over_white = |[r, g, b, alpha]: [f32; 4]| [r, g, b].map(|color| color * alpha + 1.0 - alpha);
+        let over_white = |rgba: [f32; 4]| {
+            let [r, g, b, alpha] = rgba.map(clamp);
+            [r, g, b].map(|color| color * alpha + 1.0 - alpha)
+        };
         let rgba = image.into_rgba32f();
         Self { width, height, rgb: rgba.pixels().flat_map(|pixel| over_white(pixel.0)).collect() }
     }

@@ -1,9 +1,10 @@
 //! Posed cameras of a capture: transforms.json, COLMAP models, and the cameras.json that 3DGS trainers write.
 //!
 //! Every camera comes out as a pinhole in our axes (x right, y down, z forward), in the file's world. The
-//! formats, one module each: `transforms`, `colmap`, `three_dgs`; `posed` has their common parts.
+//! formats, one module each: `transforms`, `colmap`, `three_dgs`; `posed` and `photos` have their common parts.
 
 mod colmap;
+mod photos;
 mod posed;
 #[cfg(test)]
 mod tests;
@@ -15,51 +16,71 @@ use std::{fs, path::Path};
 use glam::UVec2;
 use stylegaussian::Camera;
 
+pub(crate) use posed::utf8;
 pub use posed::{CameraSet, CamerasError, PosedCamera};
 use posed::{invalid, parse, read};
 
 /// Reads the cameras at `path`: a transforms.json, a 3DGS cameras.json, a file of a COLMAP model, or a folder
-/// with one of these (in this order: transforms.json, COLMAP in sparse/0, sparse or the folder itself,
-/// cameras.json).
+/// with one of these (in this order: transforms.json, COLMAP in sparse/0, sparse, the folder itself,
+/// colmap/sparse/0 or colmap/sparse, cameras.json, transforms_train.json). Of several numbered COLMAP models,
+/// the one with the most images is read.
 ///
 /// # Errors
 /// If the file is missing, truncated or malformed, a pose is not rigid, the lens is no pinhole (distortion
 /// alone is only a warning), or the file has no camera.
 pub fn read_cameras(path: &Path) -> Result<CameraSet, CamerasError> {
+    read_cameras_with(path, None)
+}
+
+/// [`read_cameras`], with the `size` of pictures for cameras that have an angle of view, but neither a size nor
+/// a photo. A warning counts these.
+///
+/// # Errors
+/// As [`read_cameras`].
+pub fn read_cameras_with(path: &Path, size: Option<UVec2>) -> Result<CameraSet, CamerasError> {
     let metadata = fs::metadata(path).map_err(|source| CamerasError::Io { path: path.into(), source })?;
-    let set = if metadata.is_dir() { read_folder(path) } else { read_file(path) }?;
+    let set = if metadata.is_dir() { read_folder(path, size) } else { read_file(path, size) }?;
     if set.cameras.is_empty() {
         return Err(invalid(path, "cameras", "none", "at least one"));
     }
     Ok(set)
 }
 
-fn read_folder(folder: &Path) -> Result<CameraSet, CamerasError> {
+fn read_folder(folder: &Path, size: Option<UVec2>) -> Result<CameraSet, CamerasError> {
     let transforms = folder.join("transforms.json");
     if transforms.is_file() {
-        return read_file(&transforms);
+        return read_file(&transforms, size);
     }
-    // COLMAP's mapper numbers its models from 0. Its undistorter writes to sparse itself.
-    for model in [folder.join("sparse/0"), folder.join("sparse"), folder.into()] {
+    // COLMAP's mapper numbers its models in sparse. Its undistorter writes to sparse itself. nerfstudio
+    // keeps both in colmap.
+    for model in [folder.join("sparse"), folder.into(), folder.join("colmap/sparse")] {
+        if model != folder
+            && let Some(set) = colmap::read_largest(&model)?
+        {
+            return Ok(set);
+        }
         if colmap::is_model(&model) {
             return colmap::read(&model);
         }
     }
-    let cameras = folder.join("cameras.json");
-    if cameras.is_file() {
-        return read_file(&cameras);
+    // The synthetic NeRF scenes have a file of transforms for each of their parts.
+    for name in ["cameras.json", "transforms_train.json"] {
+        let cameras = folder.join(name);
+        if cameras.is_file() {
+            return read_file(&cameras, size);
+        }
     }
     Err(CamerasError::Unrecognized { path: folder.into() })
 }
 
-fn read_file(path: &Path) -> Result<CameraSet, CamerasError> {
+fn read_file(path: &Path, size: Option<UVec2>) -> Result<CameraSet, CamerasError> {
     let folder = path.parent().unwrap_or(Path::new(""));
     match path.extension().and_then(|extension| extension.to_str()) {
         Some("bin" | "txt") if colmap::is_model(folder) => colmap::read(folder),
         // 3DGS trainers write a list, all others an object.
         Some("json") => {
             let json: serde_json::Value = parse(path, &read(path)?)?;
-            if json.is_array() { three_dgs::read(path, json) } else { transforms::read(path, json) }
+            if json.is_array() { three_dgs::read(path, json) } else { transforms::read(path, json, size) }
         }
         _ => Err(CamerasError::Unrecognized { path: path.into() }),
     }

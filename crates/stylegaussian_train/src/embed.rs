@@ -23,7 +23,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use rayon::prelude::*;
 use serde::Serialize;
 use stylegaussian::{Features, Neighbors, Scene, random::Random};
-use stylegaussian_encoder::{Encoder, EncoderError, ImageError};
+use stylegaussian_encoder::{Encoder, EncoderError, ImageError, image::Warned};
 use web_time::Instant;
 
 use crate::watch::{Stage, Watch};
@@ -112,6 +112,9 @@ pub struct EmbedReport {
     pub view_seconds: f64,
     /// Seconds for the fit of features to them.
     pub fit_seconds: f64,
+    /// Warnings for people, about photos with damaged files, in the order of views.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// Whether it was interrupted, so that it used fewer views or steps than asked for.
     pub interrupted: bool,
 }
@@ -189,8 +192,8 @@ pub fn embed(
     let samples = sample_views(scene, views, encoder, watch)?;
     let view_seconds = start.elapsed().as_secs_f64();
     let of_kind = |held_out: bool| -> Vec<&[Samples]> {
-        let kept = samples.iter().filter(|(view, _)| is_held_out(*view) == held_out);
-        kept.map(|(_, parts)| parts.as_slice()).collect()
+        let kept = samples.iter().filter(|sampled| is_held_out(sampled.view) == held_out);
+        kept.map(|sampled| sampled.parts.as_slice()).collect()
     };
     let (training, held_out) = (of_kind(false), of_kind(true));
 
@@ -209,6 +212,7 @@ pub fn embed(
         n_badly_seen,
         view_seconds,
         fit_seconds: start.elapsed().as_secs_f64(),
+        warnings: samples.iter().filter_map(|sampled| sampled.warning.clone()).collect(),
         interrupted: samples.len() < views.len() || iterations < options.iterations(training.len()),
     };
     scene.features = Some(Features {
@@ -223,38 +227,52 @@ pub fn embed(
     Ok(report)
 }
 
-/// Samples of the views in order, each with its view's index. Fewer if interrupted.
+/// Samples of a view.
+struct Sampled {
+    /// The view's index.
+    view: usize,
+    parts: Vec<Samples>,
+    /// A warning about its photo.
+    warning: Option<String>,
+}
+
+/// Samples of the views in order. Fewer if interrupted.
 fn sample_views(
     scene: &Scene,
     views: &[TrainingView],
     encoder: &Encoder,
     watch: Watch,
-) -> Result<Vec<(usize, Vec<Samples>)>, EmbedError> {
+) -> Result<Vec<Sampled>, EmbedError> {
     let (done, total) = (AtomicU32::new(0), views.len() as u32);
-    let sample =
-        |(index, view): (usize, &TrainingView)| -> Option<Result<(usize, Vec<Samples>), EmbedError>> {
-            if watch.is_interrupted() {
-                return None;
-            }
-            let samples = sample_view(scene, view, encoder);
-            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            watch.report(Stage::Views, done, total);
-            Some(samples.map(|samples| (index, samples)))
-        };
+    let sample = |(index, view): (usize, &TrainingView)| -> Option<Result<Sampled, EmbedError>> {
+        if watch.is_interrupted() {
+            return None;
+        }
+        let samples = sample_view(scene, view, encoder);
+        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+        watch.report(Stage::Views, done, total);
+        Some(samples.map(|(parts, warning)| Sampled { view: index, parts, warning }))
+    };
     // The collected order is that of the views, however they were scheduled.
     views.par_iter().enumerate().filter_map(sample).collect()
 }
 
-fn sample_view(scene: &Scene, view: &TrainingView, encoder: &Encoder) -> Result<Vec<Samples>, EmbedError> {
+/// Samples of a view, and the warning about its photo.
+fn sample_view(
+    scene: &Scene,
+    view: &TrainingView,
+    encoder: &Encoder,
+) -> Result<(Vec<Samples>, Option<String>), EmbedError> {
     // At the picture's full size. `Samples` averages over cells, because rendering at the map's size widens
     // splats.
     let weights = stylegaussian::splat::blend_weights(scene, &view.camera);
-    let picture = view.load(scene)?;
+    let Warned { image, warning } = view.load(scene)?;
     let features = encoder
-        .encode(&picture)
+        .encode(&image)
         .map_err(|source| EmbedError::Encoder { view: view.name.clone(), source: source.into() })?;
-    Samples::of_view(&weights, &features)
-        .map_err(|source| EmbedError::CellSize { view: view.name.clone(), source })
+    let parts = Samples::of_view(&weights, &features)
+        .map_err(|source| EmbedError::CellSize { view: view.name.clone(), source })?;
+    Ok((parts, warning))
 }
 
 /// Fits the model, and returns it with the number of steps taken.

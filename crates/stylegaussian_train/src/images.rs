@@ -5,6 +5,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use stylegaussian_encoder::image::extensions;
+
 use crate::error::{Context, TrainError, ensure};
 
 /// Files in `folder` with the extension of an image, sorted by name.
@@ -17,14 +19,15 @@ pub fn list_images(folder: &Path) -> Result<Vec<PathBuf>, TrainError> {
     for entry in fs::read_dir(folder).context(what)? {
         let path = entry.context(what)?.path();
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
-        if extension.is_some_and(|extension| ["jpg", "jpeg", "png"].contains(&extension.as_str())) {
+        if extension.is_some_and(|extension| extensions().any(|known| known == extension)) {
             paths.push(path);
         }
     }
     ensure!(
         !paths.is_empty(),
-        "{}: found no painting; expected images (.jpg, .jpeg, .png) in the folder",
-        folder.display()
+        "{}: found no painting; expected images (.{}) in the folder",
+        folder.display(),
+        extensions().collect::<Vec<_>>().join(", .")
     );
     // The order of a folder differs between systems, and seeds choose by position.
     paths.sort();

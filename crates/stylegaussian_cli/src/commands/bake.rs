@@ -30,6 +30,7 @@ use stylegaussian_train::{
 
 use crate::{
     arguments::{WeightedPath, beside, is_look},
+    choose::open_painting,
     outputs::expect_files,
     scenes::ReadArgs,
     terminal::{Interrupt, bar, lossy, note, print, usage_error, warn},
@@ -235,10 +236,7 @@ impl BakeArgs {
     }
 
     fn paintings(&self) -> Result<Vec<(Image, f32)>> {
-        self.styles
-            .iter()
-            .map(|style| Ok((Image::open_painting(&style.path)?, style.weight as f32)))
-            .collect()
+        self.styles.iter().map(|style| Ok((open_painting(&style.path)?, style.weight as f32))).collect()
     }
 
     fn network(&self) -> Result<LossNetwork> {

@@ -33,7 +33,7 @@ pub struct DistillArgs {
     /// The encoder to learn from: VGG-19 weights (.safetensors, .pth), an ONNX file or one of this command.
     #[arg(long, value_name = "FILE")]
     teacher: PathBuf,
-    /// Folders of images (.jpg, .png) to learn on.
+    /// Folders of images (.jpg, .png and the like) to learn on.
     #[arg(long, value_name = "DIR", num_args = 1.., required_unless_present = "judge")]
     images: Vec<PathBuf>,
     /// A folder of images to compare on. Default: every 16th of `--images`, which is then not learned from.

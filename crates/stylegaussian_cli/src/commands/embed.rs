@@ -14,7 +14,7 @@ use stylegaussian::{
 use stylegaussian_files::write_scene;
 use stylegaussian_train::{
     Watch,
-    cameras::{CameraSet, PosedCamera, read_cameras},
+    cameras::{CameraSet, PosedCamera, read_cameras_with},
     embed::{EmbedMethod, EmbedOptions, EmbedReport, TrainingView, embed},
 };
 
@@ -46,7 +46,7 @@ pub struct EmbedArgs {
     #[arg(short, long, value_name = "OUT.sgs")]
     output: PathBuf,
     /// Learn from photos: a folder with transforms.json, a COLMAP model or 3DGS cameras.json, and the photos it
-    /// names.
+    /// names. Photos that are missing are left out, if they are at most half.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["cameras", "views"])]
     photos: Option<PathBuf>,
     /// Learn from pictures of the scene itself, from these cameras: transforms.json, a COLMAP model or 3DGS
@@ -160,6 +160,7 @@ pub fn run(arguments: &EmbedArgs, interrupt: &Interrupt) -> Result<()> {
     let watch = Watch { progress: &|now| progress.show(now), interrupted: interrupt.watch() };
     let report = embed(&mut scene, &views, &encoder, &arguments.options(), watch)?;
     progress.finish();
+    warn(&report.warnings);
     // For the decoder. Embedding itself uses longer lists, which are not kept.
     let find = || Neighbors::find(&scene.means, &scene.order, Decoder::K);
     scene.neighbors = (!arguments.no_neighbors).then(find);
@@ -200,7 +201,10 @@ impl EmbedArgs {
             let view = |posed: PosedCamera| {
                 Ok(TrainingView::photo(posed.require_photo()?.into(), &posed.camera, self.size))
             };
-            return read(folder)?.cameras.into_iter().map(view).collect();
+            // A photo that is missing gives no size, and its camera is left out.
+            let set = read_cameras_with(folder, Some(UVec2::splat(self.size)))?;
+            let set = told(set.with_photos()?);
+            return set.cameras.into_iter().map(view).collect();
         }
         ensure!(
             scene.sh.is_some(),
@@ -210,7 +214,9 @@ impl EmbedArgs {
         if let Some(cameras) = &self.cameras {
             let view =
                 |posed: PosedCamera| TrainingView::rendered(posed.name.clone(), &posed.camera, self.size);
-            return Ok(read(cameras)?.cameras.into_iter().map(view).collect());
+            // Cameras with an angle of view alone see a square.
+            let set = told(read_cameras_with(cameras, Some(UVec2::splat(self.size)))?);
+            return Ok(set.cameras.into_iter().map(view).collect());
         }
         let chosen =
             choose_views(scene, self.views.unwrap_or(DEFAULT_VIEWS) as usize, UVec2::splat(self.size));
@@ -220,10 +226,10 @@ impl EmbedArgs {
     }
 }
 
-fn read(path: &Path) -> Result<CameraSet> {
-    let set = read_cameras(path)?;
+/// The cameras, after their warnings are printed.
+fn told(set: CameraSet) -> CameraSet {
     warn(&set.warnings);
-    Ok(set)
+    set
 }
 
 fn summary(Written { output, n_gaussians, n_split, report, .. }: &Written) -> String {

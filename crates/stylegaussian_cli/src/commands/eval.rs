@@ -23,7 +23,7 @@ use crate::{
     choose::{self, loss_weights, open_encoder},
     outputs::expect_files,
     scenes::ReadArgs,
-    terminal::{Interrupt, ProgressLine, print},
+    terminal::{Interrupt, ProgressLine, print, warn},
 };
 
 /// Measure how well a scene shows paintings: in their own paint, in the colors of a decoder that has never seen
@@ -37,7 +37,7 @@ pub struct EvalArgs {
     scene: PathBuf,
     #[command(flatten)]
     reading: ReadArgs,
-    /// A folder of paintings (.jpg, .png) that the decoder was not trained on.
+    /// A folder of paintings (.jpg, .png and the like) that the decoder was not trained on.
     #[arg(long, value_name = "DIR")]
     styles: PathBuf,
     /// Cameras: transforms.json, a COLMAP model, or 3DGS cameras.json.
@@ -168,8 +168,9 @@ impl EvalArgs {
         let Some(path) = &self.cameras else {
             return Ok(Views::choose(scene, n, self.size, self.consistency_size)?);
         };
-        let cameras: Vec<Camera> =
-            read_cameras(path)?.cameras.into_iter().map(|posed| posed.camera).collect();
+        let set = read_cameras(path)?;
+        warn(&set.warnings);
+        let cameras: Vec<Camera> = set.cameras.into_iter().map(|posed| posed.camera).collect();
         let pairs = self.pairs.as_deref().map(|path| Pairs::read(path, cameras.len())).transpose()?;
         let sizes = [self.size, self.consistency_size];
         Ok(Views::of_cameras(scene, &cameras, n, sizes, pairs.as_ref())?)

@@ -5,13 +5,13 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 use clap::Args;
 use glam::UVec2;
 use serde::Serialize;
 use stylegaussian::{Camera, Scene, splat::Colors, views::orbit};
 use stylegaussian_train::{
-    cameras::read_cameras,
+    cameras::{CamerasError, read_cameras_with},
     picture::{Background, Picture},
 };
 
@@ -55,7 +55,8 @@ pub struct RenderArgs {
     /// Cameras: transforms.json, a COLMAP model, or 3DGS cameras.json.
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
-    /// Size of the pictures in pixels. Default: each camera's own, and 800x600 for an orbit.
+    /// Size of the pictures in pixels. Default: each camera's own, and 800x600 for an orbit. Files of cameras
+    /// with angles of view alone need it.
     #[arg(long, value_name = "WxH", value_parser = picture_size)]
     size: Option<UVec2>,
     /// Background of the scene: `transparent` or a color.
@@ -184,7 +185,10 @@ fn render_all(
 
 /// Cameras of a file, checked for the size of their pictures unless they get another `size`.
 fn cameras_of_file(path: &Path, size: Option<UVec2>) -> Result<Vec<Camera>> {
-    let set = read_cameras(path)?;
+    let set = read_cameras_with(path, size).map_err(|error| match error {
+        CamerasError::PhotoSize { .. } => anyhow!("{error}; --size gives it"),
+        error => error.into(),
+    })?;
     warn(&set.warnings);
     for posed in &set.cameras {
         let size = size.unwrap_or(posed.camera.size);

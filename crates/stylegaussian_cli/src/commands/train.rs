@@ -9,7 +9,7 @@ use stylegaussian::{Activation, Camera, Scene, views::choose_views};
 use stylegaussian_files::{Precision, write_decoder};
 use stylegaussian_train::{
     Watch,
-    cameras::read_cameras,
+    cameras::{CameraSet, read_cameras},
     decoder::{
         DecoderChanges, LossWeights, NewDecoder, Paintings, Start, TrainConfig, Trainer, TrainingScene,
         mean_decoder, write_contact_sheet, write_losses,
@@ -24,7 +24,7 @@ use crate::{
     compute::processor,
     outputs::expect_files,
     scenes::ReadArgs,
-    terminal::{Interrupt, ProgressLine, note, warn_of_unnamed},
+    terminal::{Interrupt, ProgressLine, note, warn, warn_of_unnamed},
 };
 
 /// Train one decoder from embedded scenes and a folder of paintings.
@@ -39,7 +39,7 @@ pub struct TrainArgs {
     scenes: Vec<PathBuf>,
     #[command(flatten)]
     reading: ReadArgs,
-    /// A folder of paintings (.jpg, .png).
+    /// A folder of paintings (.jpg, .png and the like).
     #[arg(long, value_name = "DIR")]
     styles: PathBuf,
     /// The decoder to write, *.decoder.safetensors.
@@ -345,7 +345,8 @@ impl TrainArgs {
             let loaded = self.reading.read(path)?;
             let cameras: Vec<Camera> = match sources.get(i) {
                 Some(source) => {
-                    let all = read_cameras(source)?.cameras;
+                    let CameraSet { cameras: all, warnings } = read_cameras(source)?;
+                    warn(&warnings);
                     // Rounded up, so never more than `views`, and perhaps fewer.
                     let stride = all.len().div_ceil(self.views as usize).max(1);
                     all.into_iter().step_by(stride).map(|posed| posed.camera).collect()

@@ -7,12 +7,16 @@ mod text;
 
 use std::{
     collections::{BTreeSet, HashMap},
+    fs,
     path::{Path, PathBuf},
 };
 
 use glam::{DAffine3, DQuat, DVec2, DVec3, UVec2};
 
-use super::posed::{CameraSet, CamerasError, Intrinsics, PosedCamera, invalid, photo_path};
+use super::{
+    photos::photo_paths,
+    posed::{CameraSet, CamerasError, Intrinsics, PosedCamera, invalid},
+};
 
 /// A lens of the model.
 struct Lens {
@@ -71,23 +75,63 @@ pub(super) fn is_model(folder: &Path) -> bool {
     has("bin") || has("txt")
 }
 
-/// Reads the model in `folder`, the binary one if there are both. Cameras are sorted by name, because COLMAP's
-/// order is arbitrary. Photos are expected in the `images` folder here, or one or two levels up.
-pub(super) fn read(folder: &Path) -> Result<CameraSet, CamerasError> {
-    let (cameras_path, images_path) = (folder.join("cameras.bin"), folder.join("images.bin"));
-    let is_binary = cameras_path.is_file() && images_path.is_file();
-    let (lenses, mut images, images_path) = if is_binary {
-        (binary::cameras(&cameras_path)?, binary::images(&images_path)?, images_path)
-    } else {
-        let images_path = folder.join("images.txt");
-        (text::cameras(&folder.join("cameras.txt"))?, text::images(&images_path)?, images_path)
+/// Reads the model with the most images among those that COLMAP's mapper numbers in the folder `sparse`. The
+/// mapper writes several if it cannot join all images, and the first one need not be the largest.
+pub(super) fn read_largest(sparse: &Path) -> Result<Option<CameraSet>, CamerasError> {
+    let number = |path: &Path| path.file_name()?.to_str()?.parse::<u32>().ok();
+    let folders = fs::read_dir(sparse).into_iter().flatten().flatten().map(|entry| entry.path());
+    let mut models: Vec<(u32, PathBuf)> = folders
+        .filter_map(|folder| Some((number(&folder)?, folder)))
+        .filter(|(_, folder)| is_model(folder))
+        .collect();
+    models.sort();
+    if let [(_, model)] = &models[..] {
+        return read(model).map(Some);
+    }
+    // A model that cannot be read has no images; if it is taken, its error is told.
+    let counts: Vec<usize> =
+        models.iter().map(|(_, model)| images(model).map_or(0, |images| images.len())).collect();
+    let Some((most, (_, model))) = counts.iter().zip(&models).rev().max_by_key(|(count, _)| **count) else {
+        return Ok(None);
     };
+    let mut set = read(model)?;
+    set.warnings.push(format!(
+        "{}: found {} COLMAP models, took {}, which has the most images: {most} of {}",
+        sparse.display(),
+        models.len(),
+        model.file_name().unwrap_or_default().display(),
+        counts.iter().sum::<usize>()
+    ));
+    Ok(Some(set))
+}
+
+/// The images of the model in `folder`.
+fn images(folder: &Path) -> Result<Vec<Image>, CamerasError> {
+    match is_binary(folder) {
+        true => binary::images(&folder.join("images.bin")),
+        false => text::images(&folder.join("images.txt")),
+    }
+}
+
+fn is_binary(folder: &Path) -> bool {
+    ["cameras.bin", "images.bin"].iter().all(|name| folder.join(name).is_file())
+}
+
+/// Reads the model in `folder`, the binary one if there are both. Cameras are sorted by name, because COLMAP's
+/// order is arbitrary. Photos are expected in the `images` folder here, or up to three levels up.
+pub(super) fn read(folder: &Path) -> Result<CameraSet, CamerasError> {
+    let (lenses, images_path) = match is_binary(folder) {
+        true => (binary::cameras(&folder.join("cameras.bin"))?, folder.join("images.bin")),
+        false => (text::cameras(&folder.join("cameras.txt"))?, folder.join("images.txt")),
+    };
+    let mut images = images(folder)?;
     images.sort_by(|a, b| a.name.cmp(&b.name));
 
-    let photos = photo_folder(folder);
+    let names: Vec<&str> = images.iter().map(|image| image.name.as_str()).collect();
+    let photos = photo_paths(&[photo_folder(folder)], &names);
     let mut distorted = BTreeSet::new();
     let mut cameras = Vec::new();
-    for image in images {
+    for (image, photo) in images.into_iter().zip(photos) {
         let what = format!("image {}", image.name);
         let Some(lens) = lenses.get(&image.camera_id) else {
             return Err(invalid(
@@ -103,15 +147,16 @@ pub(super) fn read(folder: &Path) -> Result<CameraSet, CamerasError> {
         }
         let pose = image.pose(&images_path, &what)?;
         let camera = lens.intrinsics(&images_path, &what)?.camera(pose, &images_path, &what)?;
-        let photo = Some(photo_path(&photos, &image.name));
-        cameras.push(PosedCamera { name: image.name, camera, photo });
+        cameras.push(PosedCamera { name: image.name, camera, photo: Some(photo) });
     }
     let warning = |model| format!("{}: the distortion of {model} cameras is ignored", folder.display());
     Ok(CameraSet { cameras, warnings: distorted.into_iter().map(warning).collect() })
 }
 
 fn photo_folder(model: &Path) -> PathBuf {
-    let candidates = ["images", "../images", "../../images"].map(|relative| model.join(relative));
+    // nerfstudio keeps models in colmap/sparse/0.
+    let relative = ["images", "../images", "../../images", "../../../images"];
+    let candidates = relative.map(|relative| model.join(relative));
     let found = candidates.iter().find(|folder| folder.is_dir());
     found.unwrap_or(&candidates[2]).clone()
 }

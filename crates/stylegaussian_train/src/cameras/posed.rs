@@ -1,6 +1,7 @@
 //! A camera of a capture, the errors of reading cameras, and the checks that all formats share.
 
 use std::{
+    borrow::Cow,
     fs, io,
     path::{Path, PathBuf},
 };
@@ -63,8 +64,8 @@ pub enum CamerasError {
     },
     /// The file or folder has no known format.
     #[error(
-        "{path}: found no cameras, expected transforms.json, 3DGS cameras.json, or a COLMAP model \
-         (cameras and images, .txt or .bin, here or in sparse/0)",
+        "{path}: found no cameras, expected transforms.json, transforms_train.json, 3DGS cameras.json, or a \
+         COLMAP model (cameras and images, .txt or .bin, here, in sparse/0 or in colmap/sparse/0)",
         path = .path.display()
     )]
     Unrecognized {
@@ -97,6 +98,16 @@ pub enum CamerasError {
         /// The camera's name.
         camera: String,
     },
+    /// More than half of the photos do not exist.
+    #[error("{n_missing} of {n} photos are missing, expected at least half of them; the first: {first}")]
+    NoPhotos {
+        /// Cameras without a photo.
+        n_missing: usize,
+        /// All cameras.
+        n: usize,
+        /// What is wrong with the first.
+        first: Box<CamerasError>,
+    },
     /// The photo that should give a camera's size cannot be read.
     #[error("cannot take the picture's size: {source}")]
     PhotoSize {
@@ -112,7 +123,31 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>, CamerasError> {
 }
 
 pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<serde_json::Value, CamerasError> {
-    serde_json::from_slice(bytes).map_err(|source| CamerasError::Json { path: path.into(), source })
+    serde_json::from_slice(&utf8(bytes)).map_err(|source| CamerasError::Json { path: path.into(), source })
+}
+
+/// Text as UTF-8 without a byte order mark, which editors and shells of Windows put in front.
+pub(crate) fn utf8(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let of_utf16 = |unit: fn([u8; 2]) -> u16, bytes: &[u8]| -> Vec<u8> {
+        let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
+        let text = char::decode_utf16(units).map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER));
+        text.collect::<String>().into_bytes()
+    };
+    match bytes {
+        [0xEF, 0xBB, 0xBF, rest @ ..] => Cow::Borrowed(rest),
+        [0xFF, 0xFE, rest @ ..] => Cow::Owned(of_utf16(u16::from_le_bytes, rest)),
+        [0xFE, 0xFF, rest @ ..] => Cow::Owned(of_utf16(u16::from_be_bytes, rest)),
+        _ => Cow::Borrowed(bytes),
+    }
+}
+
+/// The size of a picture, from sides that a file may write as `640.0`.
+pub(super) fn picture_size(width: f64, height: f64, path: &Path, what: &str) -> Result<UVec2, CamerasError> {
+    let side = |x: f64| (x.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&x)).then_some(x as u32);
+    match (side(width), side(height)) {
+        (Some(width), Some(height)) => Ok(UVec2::new(width, height)),
+        _ => Err(invalid(path, what, format!("size {width} x {height}"), "whole numbers of pixels")),
+    }
 }
 
 pub(super) fn invalid(path: &Path, what: &str, found: impl ToString, expected: &'static str) -> CamerasError {
@@ -180,20 +215,4 @@ pub(super) fn rigid(
     // Through a quaternion, which removes the file's rounding errors.
     let rotation = DQuat::from_mat3(&rotation).normalize();
     Ok(DAffine3::from_rotation_translation(rotation, translation))
-}
-
-/// The path of `name` in `folder`, as it is or with a picture's extension, if such a file exists; otherwise the
-/// plain path.
-pub(super) fn photo_path(folder: &Path, name: &str) -> PathBuf {
-    let plain = folder.join(name);
-    if plain.is_file() {
-        return plain;
-    }
-    let extended = ["png", "jpg", "jpeg", "JPG", "JPEG", "PNG"].map(|extension| {
-        let mut path = plain.clone().into_os_string();
-        path.push(".");
-        path.push(extension);
-        PathBuf::from(path)
-    });
-    extended.into_iter().find(|path| path.is_file()).unwrap_or(plain)
 }

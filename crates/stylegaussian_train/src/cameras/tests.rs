@@ -7,6 +7,9 @@ use tempfile::TempDir;
 
 use super::*;
 
+mod captures;
+mod photos;
+
 /// A folder with these files.
 fn folder(files: &[(&str, &[u8])]) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -113,6 +116,13 @@ fn what_transforms_json_must_not_say() {
         (r#""w": 40"#, r#""w": 0"#, &["size above 0"]),
         (r#""w": 40"#, r#""w": 1e12"#, &["whole numbers"]),
         (r#""w": 40"#, r#""camera_model": "OPENCV_FISHEYE", "w": 40"#, &["OPENCV_FISHEYE", "pinhole"]),
+        (r#""w": 40"#, r#""is_fisheye": true, "w": 40"#, &["frame 0", "is_fisheye", "pinhole", "undistort"]),
+        (r#""w": 40"#, r#""is_fisheye": true, "k1": 0, "k2": 0, "w": 40"#, &["is_fisheye", "pinhole"]),
+        (r#""w": 40"#, r#""is_fisheye": 1, "w": 40"#, &["is_fisheye", "pinhole"]),
+        (r#""transform"#, r#""is_fisheye": true, "transform"#, &["is_fisheye", "pinhole"]),
+        (r#""w": 40"#, r#""ftheta_p0": 0, "w": 40"#, &["ftheta_p0", "pinhole"]),
+        (r#""w": 40"#, r#""latlong": true, "w": 40"#, &["latlong", "pinhole"]),
+        (r#""w": 40"#, r#""equirectangular": true, "w": 40"#, &["equirectangular", "pinhole"]),
         ("frames", "phrames", &["frames"]),
         ("[{", "[{}, {", &["transform_matrix"]),
     ] {
@@ -122,6 +132,15 @@ fn what_transforms_json_must_not_say() {
     }
     let folder = folder(&[("transforms.json", br#"{"frames": []}"#)]);
     check_error(folder.path(), &["none", "at least one"]);
+}
+
+/// instant-ngp's converter writes the key for every lens.
+#[test]
+fn a_lens_that_is_no_fisheye_is_a_pinhole() {
+    for key in [r#""is_fisheye": false,"#, r#""is_fisheye": 0,"#, r#""is_fisheye": null,"#] {
+        let folder = folder(&[("transforms.json", transforms(&format!("{key} {LENS}"), "").as_bytes())]);
+        check_fixture(&read_cameras(folder.path()).unwrap().cameras[0].camera, Vec2::new(21.0, 14.0));
+    }
 }
 
 #[test]

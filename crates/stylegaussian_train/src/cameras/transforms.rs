@@ -7,7 +7,10 @@ use serde::Deserialize;
 use serde_json::Value;
 use stylegaussian_encoder::Image;
 
-use super::posed::{CameraSet, CamerasError, Intrinsics, PosedCamera, invalid, photo_path, rigid};
+use super::{
+    photos::photo_paths,
+    posed::{CameraSet, CamerasError, Intrinsics, PosedCamera, invalid, picture_size, rigid},
+};
 
 /// The fields of the file that are used.
 #[derive(Deserialize)]
@@ -45,33 +48,61 @@ struct Lens {
     k4: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
+    /// instant-ngp's lenses that are no pinholes. It has no model's name, and k1 to k4 are the fisheye's.
+    is_fisheye: Option<Value>,
+    ftheta_p0: Option<Value>,
+    latlong: Option<Value>,
+    equirectangular: Option<Value>,
 }
+
+/// Expected of a lens.
+const A_PINHOLE: &str = "a pinhole camera (undistort the photos first)";
 
 /// Models that are pinholes apart from their distortion. Files without a model are read as pinholes.
 const MODELS: [&str; 5] = ["PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL"];
 
-/// Reads the parsed file at `path`. Photos are named relative to its folder.
-pub(super) fn read(path: &Path, json: Value) -> Result<CameraSet, CamerasError> {
+/// Reads the parsed file at `path`. Photos are named relative to its folder. Cameras that have neither a size
+/// nor a photo get `size`.
+pub(super) fn read(path: &Path, json: Value, size: Option<UVec2>) -> Result<CameraSet, CamerasError> {
     let file: Transforms =
         serde_json::from_value(json).map_err(|source| CamerasError::Json { path: path.into(), source })?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut n_distorted = 0;
+    let names: Vec<&str> = file.frames.iter().filter_map(|frame| frame.file_path.as_deref()).collect();
+    let mut photos = photo_paths(&[folder.into(), folder.join("images")], &names).into_iter();
+    let (mut n_distorted, mut n_without_size) = (0, 0);
     let mut cameras = Vec::new();
     for (i, frame) in file.frames.iter().enumerate() {
         let name = frame.file_path.clone().unwrap_or_else(|| i.to_string());
         let what = format!("frame {i} ({name})");
         let lens = frame.lens.or(&file.lens);
-        if let Some(model) = lens.camera_model.as_deref().filter(|model| !MODELS.contains(model)) {
-            return Err(invalid(path, &what, format!("camera model {model}"), "a pinhole camera"));
-        }
+        lens.expect_pinhole(path, &what)?;
         n_distorted += usize::from(lens.is_distorted());
-        let photo = frame.file_path.as_ref().map(|name| photo_path(folder, name));
+        let photo = frame.file_path.as_ref().and_then(|_| photos.next());
         let pose = pose(&frame.transform_matrix, path, &what)?;
-        let camera = lens.intrinsics(photo.as_deref(), path, &what)?.camera(pose, path, &what)?;
+        let own_size = lens.size(photo.as_deref(), path, &what);
+        let pixels = match (own_size, size) {
+            // A size that is no whole number of pixels stays an error.
+            (Err(_), Some(size)) if lens.w.is_none() || lens.h.is_none() => {
+                n_without_size += 1;
+                size
+            }
+            (own_size, _) => own_size?,
+        };
+        let camera = lens.intrinsics(pixels, path, &what)?.camera(pose, path, &what)?;
         cameras.push(PosedCamera { name, camera, photo });
     }
-    let warning = || format!("{}: the lens distortion of {n_distorted} cameras is ignored", path.display());
-    let warnings = (n_distorted > 0).then(warning).into_iter().collect();
+    let mut warnings = Vec::new();
+    if n_distorted > 0 {
+        warnings.push(format!("{}: the lens distortion of {n_distorted} cameras is ignored", path.display()));
+    }
+    if let Some(size) = size.filter(|_| n_without_size > 0) {
+        warnings.push(format!(
+            "{}: {n_without_size} cameras have neither w and h nor a photo, their pictures are taken as {}x{}",
+            path.display(),
+            size.x,
+            size.y
+        ));
+    }
     Ok(CameraSet { cameras, warnings })
 }
 
@@ -115,6 +146,33 @@ impl Lens {
             k4: first(self.k4, global.k4),
             p1: first(self.p1, global.p1),
             p2: first(self.p2, global.p2),
+            is_fisheye: self.is_fisheye.clone().or_else(|| global.is_fisheye.clone()),
+            ftheta_p0: self.ftheta_p0.clone().or_else(|| global.ftheta_p0.clone()),
+            latlong: self.latlong.clone().or_else(|| global.latlong.clone()),
+            equirectangular: self.equirectangular.clone().or_else(|| global.equirectangular.clone()),
+        }
+    }
+
+    /// Refuses lenses whose pictures are no pinholes', even if their coefficients are 0.
+    fn expect_pinhole(&self, path: &Path, what: &str) -> Result<(), CamerasError> {
+        if let Some(model) = self.camera_model.as_deref().filter(|model| !MODELS.contains(model)) {
+            return Err(invalid(path, what, format!("camera model {model}"), A_PINHOLE));
+        }
+        let is_on = |value: &Option<Value>| match value {
+            None | Some(Value::Null | Value::Bool(false)) => false,
+            Some(Value::Number(number)) => number.as_f64() != Some(0.0),
+            Some(_) => true,
+        };
+        let lenses = [
+            ("is_fisheye", is_on(&self.is_fisheye)),
+            // A coefficient, which may be 0.
+            ("ftheta_p0", self.ftheta_p0.is_some()),
+            ("latlong", is_on(&self.latlong)),
+            ("equirectangular", is_on(&self.equirectangular)),
+        ];
+        match lenses.into_iter().find(|(_, is_on)| *is_on) {
+            Some((name, _)) => Err(invalid(path, what, format!("a lens with {name}"), A_PINHOLE)),
+            None => Ok(()),
         }
     }
 
@@ -122,8 +180,7 @@ impl Lens {
         [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2].into_iter().flatten().any(|k| k != 0.0)
     }
 
-    fn intrinsics(&self, photo: Option<&Path>, path: &Path, what: &str) -> Result<Intrinsics, CamerasError> {
-        let size = self.size(photo, path, what)?;
+    fn intrinsics(&self, size: UVec2, path: &Path, what: &str) -> Result<Intrinsics, CamerasError> {
         let angle_x = self.camera_angle_x.map(|angle| focal(size.x, angle));
         let angle_y = self.camera_angle_y.map(|angle| focal(size.y, angle));
         let Some(fl_x) = self.fl_x.or(angle_x) else {
@@ -139,12 +196,7 @@ impl Lens {
     /// The stated size in pixels, or the photo's.
     fn size(&self, photo: Option<&Path>, path: &Path, what: &str) -> Result<UVec2, CamerasError> {
         if let (Some(w), Some(h)) = (self.w, self.h) {
-            let side =
-                |x: f64| (x.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&x)).then_some(x as u32);
-            return match (side(w), side(h)) {
-                (Some(w), Some(h)) => Ok(UVec2::new(w, h)),
-                _ => Err(invalid(path, what, format!("size {w} x {h}"), "whole numbers of pixels")),
-            };
+            return picture_size(w, h, path, what);
         }
         let Some(photo) = photo else {
             return Err(invalid(path, what, "neither w and h nor a photo", "one of them"));

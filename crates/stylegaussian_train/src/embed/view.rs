@@ -7,7 +7,7 @@ use stylegaussian::{
     Camera, Scene,
     splat::{Colors, render},
 };
-use stylegaussian_encoder::{Image, ImageError, encoder::MIN_SIDE};
+use stylegaussian_encoder::{Image, ImageError, encoder::MIN_SIDE, image::Warned};
 
 /// Background of rendered views: white, as paper. Encoders see it in cells at the silhouette.
 const BACKGROUND: f32 = 1.0;
@@ -31,7 +31,12 @@ pub struct TrainingView {
 #[derive(Clone, Debug)]
 pub enum Picture {
     /// An image file.
-    Photo(PathBuf),
+    Photo {
+        /// The file.
+        path: PathBuf,
+        /// The size of the camera's pictures, in pixels. The photo has the same proportions.
+        size: UVec2,
+    },
     /// The scene itself, over white.
     Rendered,
 }
@@ -42,7 +47,11 @@ impl TrainingView {
         // Enlarging adds no detail, and costs time in proportion to the area.
         let longer_side = longer_side.min(camera.size.max_element());
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        Self { name, camera: fitted(camera, longer_side), picture: Picture::Photo(path) }
+        Self {
+            name,
+            camera: fitted(camera, longer_side),
+            picture: Picture::Photo { path, size: camera.size },
+        }
     }
 
     /// The scene as seen by `camera`, with `longer_side` pixels on the longer side.
@@ -50,14 +59,17 @@ impl TrainingView {
         Self { name, camera: fitted(camera, longer_side), picture: Picture::Rendered }
     }
 
-    /// The picture, at the camera's size.
+    /// The picture, at the camera's size, with the warning if its file is damaged.
     ///
     /// # Errors
-    /// If a photo cannot be read.
-    pub fn load(&self, scene: &Scene) -> Result<Image, ImageError> {
+    /// If a photo cannot be read, or has other proportions than the camera's pictures.
+    pub fn load(&self, scene: &Scene) -> Result<Warned, ImageError> {
         let size = self.camera.size;
         match &self.picture {
-            Picture::Photo(path) => Ok(Image::open(path)?.resized(size.x, size.y)),
+            Picture::Photo { path, size: of_camera } => {
+                let Warned { image, warning } = Image::open_photo(path, (*of_camera).into())?;
+                Ok(Warned { image: image.resized(size.x, size.y), warning })
+            }
             Picture::Rendered => {
                 let view = render(scene, Colors::Captured, &self.camera);
                 let over = |(color, alpha): (&[f32; 3], &f32)| {
@@ -66,7 +78,7 @@ impl TrainingView {
                     color.map(|channel| (channel + (1.0 - alpha) * BACKGROUND).clamp(0.0, 1.0))
                 };
                 let rgb = view.color.iter().zip(&view.alpha).flat_map(over).collect();
-                Ok(Image { width: size.x, height: size.y, rgb })
+                Ok(Warned { image: Image { width: size.x, height: size.y, rgb }, warning: None })
             }
         }
     }
@@ -81,4 +93,46 @@ fn fitted(camera: &Camera, longer_side: u32) -> Camera {
         (steps * SIZE_STEP).max(MIN_SIDE)
     };
     camera.resized(UVec2::new(fit(camera.size.x), fit(camera.size.y)))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{Affine3A, Vec2};
+    use image::{Rgb, RgbImage};
+
+    use super::*;
+
+    fn camera(size: UVec2) -> Camera {
+        let center = size.as_vec2() / 2.0;
+        Camera { view_from_world: Affine3A::IDENTITY, focal: Vec2::splat(50.0), center, size }
+    }
+
+    /// Loads a photo of `photo` pixels, red on the left, of a camera of `size`.
+    fn load(photo: UVec2, size: UVec2) -> Result<Image, ImageError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let red_left = |x, _| if x < photo.x / 2 { Rgb([255, 0, 0]) } else { Rgb([0, 0, 255]) };
+        RgbImage::from_fn(photo.x, photo.y, red_left).save(&path).unwrap();
+        let view = TrainingView::photo(path, &camera(size), 64);
+        Ok(view.load(&Scene::default())?.image)
+    }
+
+    /// The proportions are those of the file's camera, and not of the view's, whose sides are multiples of 4.
+    #[test]
+    fn a_photo_fits_its_camera_at_any_scale() {
+        for photo in [UVec2::new(50, 38), UVec2::new(25, 19), UVec2::new(100, 76), UVec2::new(12, 9)] {
+            let image = load(photo, UVec2::new(50, 38)).unwrap();
+            assert_eq!((image.width, image.height), (52, 40));
+            assert!(image.rgb[0] > 0.9 && image.rgb[51 * 3] < 0.1);
+        }
+    }
+
+    #[test]
+    fn a_photo_of_other_proportions_is_refused() {
+        for photo in [UVec2::new(38, 38), UVec2::new(38, 50), UVec2::new(50, 40)] {
+            let error = load(photo, UVec2::new(50, 38)).unwrap_err().to_string();
+            let expected = format!("the photo is {}x{} and its camera's picture 50x38", photo.x, photo.y);
+            assert!(error.contains(&expected), "{error}");
+        }
+    }
 }

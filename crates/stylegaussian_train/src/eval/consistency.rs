@@ -19,6 +19,7 @@ use stylegaussian::{
 
 use super::judge::Judge;
 use crate::{
+    cameras::utf8,
     error::{Context, TrainError, ensure},
     nn::{
         coverage::coverage_of_cells,
@@ -62,8 +63,8 @@ impl Pairs {
     /// If the file cannot be read, is not of that form, or names a camera that is not among `n_cameras`.
     pub fn read(path: &Path, n_cameras: usize) -> Result<Self, TrainError> {
         let name = || path.display();
-        let text = fs::read_to_string(path).context(|| format!("{}: cannot read it", name()))?;
-        let pairs: Self = serde_json::from_str(&text).context(|| {
+        let bytes = fs::read(path).context(|| format!("{}: cannot read it", name()))?;
+        let pairs: Self = serde_json::from_slice(&utf8(&bytes)).context(|| {
             format!("{}: expected {{\"short\": [[0, 1], ...], \"long\": [[0, 7], ...]}}", name())
         })?;
         let outside = pairs.short.iter().chain(&pairs.long).flatten().find(|i| **i >= n_cameras);
