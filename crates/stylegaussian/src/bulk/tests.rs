@@ -1,7 +1,7 @@
 //! Boxes of known scenes, with and without surroundings.
 
 use super::*;
-use crate::random::Random;
+use crate::{frame::Frame, random::Random};
 
 fn scene(means: impl Iterator<Item = Vec3>) -> Scene {
     Scene { means: means.collect(), ..Scene::default() }
