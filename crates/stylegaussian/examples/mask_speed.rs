@@ -48,6 +48,7 @@ fn main() -> Result<(), rayon::ThreadPoolBuildError> {
         focal: Vec2::splat(1000.0),
         center: Vec2::splat(500.0),
         size: UVec2::splat(1000),
+        near: Camera::NEAR,
     };
     let corner = |i: usize| 500.0 + 250.0 * Vec2::from_angle(std::f32::consts::TAU * i as f32 / 200.0);
     let lasso = Selection::Lasso(Lasso::new(camera, &(0..200).map(corner).collect::<Vec<_>>()));

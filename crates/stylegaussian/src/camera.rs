@@ -13,9 +13,48 @@ pub struct Camera {
     pub center: Vec2,
     /// Width and height, in pixels.
     pub size: UVec2,
+    /// Gaussians at this view-space z or nearer are not drawn, in scene units. [`Camera::NEAR`] suits most
+    /// scenes, and [`near_among`](Self::near_among) finds the one for a scene and a place.
+    pub near: f32,
 }
 
+/// Most Gaussians of which a camera takes the depth. A quarter of them is found to half a hundredth of all.
+const N_SAMPLE: usize = 10_000;
+
 impl Camera {
+    /// The usual [`near`](Self::near): that of the 3DGS rasterizer.
+    pub const NEAR: f32 = 0.2;
+
+    /// The [`near`](Self::near) before things `distance` scene units away: [`Camera::NEAR`] from 1 unit on, and
+    /// a twentieth of shorter distances. In between it falls steadily.
+    ///
+    /// Captures in the units of structure from motion are some units across, and cameras see them from several
+    /// times 0.2. In a small world, or close up in metres, that would cut everything.
+    pub fn near_before(distance: f32) -> f32 {
+        (distance / 20.0).max(Self::NEAR * distance * distance).min(Self::NEAR)
+    }
+
+    /// The same view with a [`near`](Self::near) that suits what it sees of a scene's `means`: a quarter of
+    /// those in the picture are nearer than the distance that decides.
+    pub fn near_among(&self, means: &[Vec3]) -> Self {
+        let stride = means.len().div_ceil(N_SAMPLE).max(1);
+        let mut depths: Vec<f32> = (means.iter().step_by(stride))
+            .filter_map(|&mean| {
+                let view: Vec3 = self.view_from_world.transform_point3(mean);
+                let pixel = self.focal * view.truncate() / view.z + self.center;
+                let is_inside = pixel.cmpge(Vec2::ZERO).all() && pixel.cmple(self.size.as_vec2()).all();
+                (view.z > 0.0 && is_inside).then_some(view.z)
+            })
+            .collect();
+        let quarter = depths.len() / 4;
+        let near = if depths.is_empty() {
+            Self::NEAR
+        } else {
+            Self::near_before(*depths.select_nth_unstable_by(quarter, f32::total_cmp).1)
+        };
+        Self { near, ..self.clone() }
+    }
+
     /// Whether a scene can be seen with it: position, focal lengths and center are so far within the range of
     /// f32 that their squares are too.
     pub fn is_usable(&self) -> bool {
@@ -42,7 +81,8 @@ impl Camera {
         let view_from_world = (world_from_camera * camera_from_view).inverse();
         let rotation = view_from_world.matrix3.as_mat3();
         let translation = view_from_world.translation.as_vec3();
-        Self { view_from_world: Affine3A::from_mat3_translation(rotation, translation), focal, center, size }
+        let view_from_world = Affine3A::from_mat3_translation(rotation, translation);
+        Self { view_from_world, focal, center, size, near: Self::NEAR }
     }
 
     /// The same view at another size in pixels. Focal lengths and center scale with it.
@@ -73,6 +113,7 @@ impl Camera {
             focal: Vec2::splat(focal),
             center: size.as_vec2() / 2.0,
             size,
+            near: Self::NEAR,
         }
     }
 }
@@ -104,5 +145,24 @@ mod tests {
         let above = camera.view_from_world.transform_point3(target + Vec3::Y);
         assert!((above - Vec3::new(0.0, -1.0, 5.0)).length() < 1e-5, "{above}");
         assert!((camera.position() - eye).length() < 1e-5);
+    }
+
+    #[test]
+    fn near_follows_short_distances_alone() {
+        for (distance, near) in [(1e4, 0.2), (1.0, 0.2), (0.5, 0.05), (0.25, 0.0125), (1e-4, 5e-6)] {
+            let found = Camera::near_before(distance);
+            assert!((found / near - 1.0).abs() < 1e-5, "{distance}: {found}");
+        }
+        let camera = Camera::look_at(Vec3::ZERO, Vec3::Z, Vec3::Y, 1.0, UVec2::splat(64));
+        let of = |depths: &[f32]| {
+            let means: Vec<Vec3> = depths.iter().map(|&z| Vec3::new(0.0, 0.0, z)).collect();
+            camera.near_among(&means).near
+        };
+        // The quarter is the second of four. What is behind does not count.
+        assert_eq!(of(&[-1e-3, -1e-2, 3.0, 0.01, 0.04, 9.0]), Camera::near_before(0.04));
+        assert_eq!(of(&[0.1, 2.0, 3.0, 4.0]), 0.2);
+        assert_eq!((of(&[]), of(&[-1.0])), (0.2, 0.2));
+        // Beside the picture.
+        assert_eq!(camera.near_among(&[Vec3::new(1.0, 0.0, 1e-3)]).near, 0.2);
     }
 }

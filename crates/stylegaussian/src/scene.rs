@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use glam::{DVec3, Quat, Vec3};
 
 use crate::{
-    camera::Camera, decoder::Decoder, encoder_id::EncoderId, mask::weights::Mask, morton,
+    camera::Camera, decoder::Decoder, encoder_id::EncoderId, frame::Frame, mask::weights::Mask, morton,
     neighbors::Neighbors, sh,
 };
 
@@ -44,6 +44,8 @@ pub struct Scene {
     /// Cameras through which the scene was captured, spread over the capture; empty if they are not known.
     /// Bakes look through them.
     pub cameras: Vec<Camera>,
+    /// What chosen cameras are to frame, or `None` for what is dense. No file keeps it.
+    pub frame: Option<Frame>,
     /// The filter against holes and aliasing that the scene was trained with, and that it must be drawn with.
     pub filter: ScreenFilter,
     /// Origin of the scene, for people.
@@ -169,6 +171,7 @@ impl Scene {
             mask: self.mask.as_ref().map(|mask| mask.subset(indices)),
             up: self.up,
             cameras: self.cameras.clone(),
+            frame: self.frame,
             filter: self.filter,
             source: self.source.clone(),
             license: self.license.clone(),

@@ -6,11 +6,12 @@
 //! looks), each step then takes the one that adds most to the views before it. Any number of views thus covers
 //! the scene as well as that many views can.
 //!
-//! The stages, one module each: `backdrop` (a sky far away, which does not count), `survey` (size, middle and a
-//! simplified version of the scene), `up` (the up direction), `candidates` (candidate cameras), `coverage` (the
-//! Gaussians that a camera sees, and the choice).
+//! What is framed is the dense part of the scene, without surroundings, as in [`Scene::bulk`], or the ball that
+//! [`Scene::frame`] tells. A sky far away is no part of the scene.
+//!
+//! The stages, one module each: `survey` (size, middle and a simplified version of the scene), `up` (the up
+//! direction), `candidates` (candidate cameras), `coverage` (the Gaussians that a camera sees, and the choice).
 
-mod backdrop;
 mod candidates;
 mod coverage;
 mod survey;
@@ -20,14 +21,16 @@ mod up;
 
 use crate::{
     Camera, Scene,
+    bulk::{before_backdrop, is_within},
+    frame::Frame,
     work::{Canceled, Work},
 };
-use glam::UVec2;
+use glam::{UVec2, Vec3};
 
-pub use backdrop::bounds_without_backdrop;
+pub use crate::bulk::bounds_without_backdrop;
 use candidates::Candidate;
 use coverage::TestViews;
-use survey::{N_STAND_IN, Survey};
+use survey::{Framed, N_STAND_IN, Survey};
 
 /// Factor by which test views within a place must show more than those around it. A closed shell shows the same
 /// from both sides, and counts as an object.
@@ -111,6 +114,31 @@ pub fn orbit(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
         },
     };
     cameras(circle, size)
+}
+
+/// What chosen cameras frame of a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Framing {
+    /// The ball that fills a picture of all that is framed.
+    pub frame: Frame,
+    /// The number of Gaussians that are left out: a backdrop, and surroundings that the ball does not hold.
+    pub n_left_out: usize,
+}
+
+/// What [`choose_views`] and [`orbit`] frame of `scene`, or `None` if nothing of it is visible.
+pub fn framing(scene: &Scene) -> Option<Framing> {
+    let survey = Survey::new(scene, N_OF_OVERVIEWS)?;
+    let frame = Frame { center: survey.center, radius: survey.radius };
+    let count =
+        |is_left_out: &dyn Fn(Vec3) -> bool| scene.means.iter().filter(|&&mean| is_left_out(mean)).count();
+    let n_left_out = match survey.framed {
+        Framed::Told => count(&|mean| mean.distance(frame.center) > frame.radius),
+        Framed::Dense(region) => count(&|mean| !is_within(mean, region)),
+        Framed::All => {
+            before_backdrop(scene).map_or(0, |(middle, limit)| count(&|mean| mean.distance(middle) >= limit))
+        }
+    };
+    Some(Framing { frame, n_left_out })
 }
 
 fn cameras(candidates: Vec<Candidate>, size: UVec2) -> Vec<Camera> {

@@ -10,6 +10,9 @@ pub const FIELD_OF_VIEW: f32 = 0.7;
 /// The least width over height of a picture that a scene is framed for. A hidden window has none.
 const NARROWEST: f32 = 0.1;
 
+/// The nearest near plane that a world needs, in world units; less in a scene of less than a unit.
+const NEAR: f32 = 0.02;
+
 /// Position of the camera: at `distance` from `target`, in the direction given by `yaw` and `pitch` (radians).
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
@@ -17,11 +20,13 @@ pub struct Orbit {
     distance: f32,
     yaw: f32,
     pitch: f32,
+    /// The near plane.
+    near: f32,
 }
 
 impl Default for Orbit {
     fn default() -> Self {
-        Self { target: Vec3::ZERO, distance: 10.0, yaw: 0.0, pitch: 0.35 }
+        Self { target: Vec3::ZERO, distance: 10.0, yaw: 0.0, pitch: 0.35, near: NEAR }
     }
 }
 
@@ -31,7 +36,8 @@ impl Orbit {
         // At radius / sin(half the angle), a ball fills the narrower side exactly. Captures are seldom round,
         // so a little nearer.
         let half_angle = ((0.5 * FIELD_OF_VIEW).tan() * aspect.clamp(NARROWEST, 1.0)).atan();
-        Self { target: center, distance: 0.85 * radius / half_angle.sin(), ..default() }
+        let distance = 0.85 * radius / half_angle.sin();
+        Self { target: center, distance, near: NEAR * radius.min(1.0), ..default() }
     }
 
     fn rotation(&self) -> Quat {
@@ -88,7 +94,7 @@ impl Orbit {
 pub fn splat_camera() -> impl Bundle {
     (
         Camera3d::default(),
-        Projection::from(PerspectiveProjection { fov: FIELD_OF_VIEW, near: 0.02, ..default() }),
+        Projection::from(PerspectiveProjection { fov: FIELD_OF_VIEW, near: NEAR, ..default() }),
         // Splats have soft edges and nothing else is drawn, so multisampling would only take more time.
         Msaa::Off,
         Tonemapping::None,
@@ -96,9 +102,20 @@ pub fn splat_camera() -> impl Bundle {
     )
 }
 
-/// Places the camera. It belongs before transforms are propagated, or the camera would lag behind by a frame.
-pub fn place_camera(camera: Single<(&Orbit, &mut Transform)>) {
-    let (orbit, mut transform) = camera.into_inner();
+/// Places the camera and its near plane, which suits the size of the scene. It belongs before transforms are
+/// propagated, or the camera would lag behind by a frame.
+pub fn place_camera(camera: Single<(&Orbit, &mut Transform, &mut Projection)>) {
+    let (orbit, mut transform, mut projection) = camera.into_inner();
+    let near = match &*projection {
+        Projection::Perspective(perspective) => Some(perspective.near),
+        _ => None,
+    };
+    // Written only if it changes, as the transform below.
+    if near.is_some_and(|near| near != orbit.near)
+        && let Projection::Perspective(perspective) = &mut *projection
+    {
+        perspective.near = orbit.near;
+    }
     // A transform that is written in each frame would count as changed and be propagated each time.
     transform.set_if_neq(orbit.transform());
 }
@@ -118,6 +135,14 @@ mod tests {
             let slope = (0.85 * 2.0 / -seen.z).asin().tan();
             let side = (0.5 * FIELD_OF_VIEW).tan() * f32::min(aspect, 1.0);
             assert!((slope / side - 1.0).abs() < 1e-4, "{slope} {side}");
+        }
+    }
+
+    #[test]
+    fn the_near_plane_follows_small_scenes() {
+        for (radius, near) in [(100.0, 0.02), (1.0, 0.02), (1e-3, 2e-5)] {
+            let found = Orbit::frame(Vec3::ZERO, radius, 1.0).near;
+            assert!((found / near - 1.0_f32).abs() < 1e-6, "{radius}: {found}");
         }
     }
 
@@ -153,7 +178,7 @@ mod tests {
     #[test]
     fn flying_goes_along_the_axes_of_the_camera_and_zooming_toward_the_target() {
         // Seen from +x at the height of the target: -z is to the right, and x is back.
-        let mut orbit = Orbit { target: Vec3::ZERO, distance: 4.0, yaw: FRAC_PI_2, pitch: 0.0 };
+        let mut orbit = Orbit { distance: 4.0, yaw: FRAC_PI_2, pitch: 0.0, ..default() };
         assert!(orbit.right().distance(Vec3::NEG_Z) < 1e-6);
         orbit.fly(Vec3::new(0.5, 0.25, -1.0));
         assert!(orbit.target().distance(Vec3::new(-4.0, 1.0, -2.0)) < 1e-5, "{}", orbit.target());

@@ -9,6 +9,9 @@ use crate::camera::Orbit;
 /// away.
 const OUTSIDE: f64 = 0.03;
 
+/// Radius of what is framed if there is nothing, in scene units.
+const NOTHING: f32 = 0.1;
+
 /// A scene that was asked for, or `None` while it is being loaded.
 ///
 /// # Errors
@@ -38,12 +41,15 @@ pub struct Framing {
 impl Framing {
     /// Measures a scene.
     pub fn of(scene: &Scene) -> Self {
-        let [min, max] = scene.bulk(OUTSIDE).unwrap_or_default();
+        let radius = |[min, max]: [Vec3; 2]| (max - min).length() / 2.0;
+        // Gaussians in one point have the size that they are drawn with.
+        let sized = |bulk: [Vec3; 2]| if radius(bulk) > 0.0 { Some(bulk) } else { scene.splat_bounds() };
+        let [min, max] = scene.bulk(OUTSIDE).and_then(sized).unwrap_or_default();
         Self {
             // Captures without an up axis are usually in the axes of structure from motion, with y down.
             up: scene.up.unwrap_or(Vec3::NEG_Y),
             center: (min + max) / 2.0,
-            radius: ((max - min).length() / 2.0).max(0.1),
+            radius: if radius([min, max]) > 0.0 { radius([min, max]) } else { NOTHING },
         }
     }
 
@@ -76,6 +82,24 @@ mod tests {
         let orbit = framing.orbit(&Camera::default());
         assert!(orbit.target().distance(upright * framing.center) < 1e-6);
         assert!(orbit.distance() > framing.radius);
+    }
+
+    #[test]
+    fn small_scenes_and_single_gaussians_are_framed() {
+        let means = vec![Vec3::ZERO, Vec3::new(2e-4, 4e-4, 4e-4)];
+        let framing = Framing::of(&Scene { means, ..Scene::default() });
+        assert!((framing.radius / 3e-4 - 1.0).abs() < 1e-5, "{}", framing.radius);
+        let one = Scene {
+            means: vec![Vec3::X],
+            rotations: vec![Quat::IDENTITY],
+            scales: vec![Vec3::splat(1e-3)],
+            opacities: vec![1.0],
+            ..Scene::default()
+        };
+        let framing = Framing::of(&one);
+        assert!(framing.center.distance(Vec3::X) < 1e-6, "{}", framing.center);
+        // 3.33 deviations along each axis.
+        assert!((framing.radius / 5.77e-3 - 1.0).abs() < 0.01, "{}", framing.radius);
     }
 
     #[test]

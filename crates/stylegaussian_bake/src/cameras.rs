@@ -63,8 +63,8 @@ pub(crate) struct Cameras {
 }
 
 impl Cameras {
-    /// Surveys `given`; if there are none, the cameras of the scene's capture; if those are not known, views
-    /// chosen for the scene. Returns `None` if they see nothing.
+    /// Surveys `given`; if there are none, the cameras of the scene's capture; if those are not known or the
+    /// scene tells what to frame, views chosen for the scene. Returns `None` if they see nothing.
     ///
     /// # Errors
     /// If `work` is canceled.
@@ -75,12 +75,16 @@ impl Cameras {
         crop: u32,
         work: &Work,
     ) -> Result<Option<Self>, Canceled> {
-        let given = if given.is_empty() { &scene.cameras } else { given };
+        let given = if given.is_empty() && scene.frame.is_none() { &scene.cameras } else { given };
         let cameras = match given {
             [] => choose_views_if_wanted(scene, N_VIEWS, UVec2::splat(side), work)?,
             given => {
                 let stride = given.len().div_ceil(MOST_VIEWS);
-                given.iter().step_by(stride).map(|camera| camera.fitted(side)).collect()
+                given
+                    .iter()
+                    .step_by(stride)
+                    .map(|camera| camera.near_among(&scene.means).fitted(side))
+                    .collect()
             }
         };
         let chosen = if given.is_empty() { cameras.clone() } else { Vec::new() };
@@ -145,7 +149,8 @@ impl Cameras {
         let farther = self.farthest.powf(random.uniform());
         let eye = target + farther * (APPROACH * random.normal()).exp() * offset;
         let fov_y = 2.0 * (crop as f32 / (2.0 * view.camera.focal.y)).atan();
-        Camera::look_at(eye, target, up, fov_y, UVec2::splat(crop))
+        let near = view.camera.near;
+        Camera { near, ..Camera::look_at(eye, target, up, fov_y, UVec2::splat(crop)) }
     }
 }
 

@@ -26,6 +26,7 @@ pub fn reference(
         focal: Vec2::splat(0.5 * height as f32 / (0.5 * fov).tan()),
         center: 0.5 * size.as_vec2(),
         size,
+        near: Camera::NEAR,
     };
     let view = render(scene, Colors::Captured, &camera);
     let displayed = |color: &[f32; 3]| color.map(|channel| (255.0 * channel.clamp(0.0, 1.0)).round() as u8);

@@ -7,7 +7,8 @@ use std::{
 
 use anyhow::{Result, bail};
 use clap::ValueEnum;
-use glam::UVec2;
+use glam::{UVec2, Vec3};
+use stylegaussian::Frame;
 use stylegaussian_train::picture::Background;
 
 /// Longest side of a picture, in pixels.
@@ -128,6 +129,17 @@ pub fn picture_size(text: &str) -> Result<UVec2, String> {
         })
 }
 
+/// A ball as in `1.5,0,-2,3`: its center and its radius, in scene units.
+pub fn frame(text: &str) -> Result<Frame, String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z, radius]) if Vec3::new(x, y, z).is_finite() && radius.is_finite() && radius > 0.0 => {
+            Ok(Frame { center: Vec3::new(x, y, z), radius })
+        }
+        _ => Err("expected X,Y,Z,RADIUS in the scene's units, the radius above 0, as in 1.5,0,-2,3".into()),
+    }
+}
+
 /// `transparent`, or a color as `RRGGBB` or `#RRGGBB`.
 pub fn background(text: &str) -> Result<Background, String> {
     if text == "transparent" {
@@ -242,6 +254,18 @@ mod tests {
             "axb",
         ] {
             assert!(picture_size(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn frames() {
+        let ball = |x, y, z, radius| Ok(Frame { center: Vec3::new(x, y, z), radius });
+        assert_eq!(frame("1.5,0,-2,3"), ball(1.5, 0.0, -2.0, 3.0));
+        assert_eq!(frame("-1e-4, 2e-4, 0, 1e-5"), ball(-1e-4, 2e-4, 0.0, 1e-5));
+        for text in
+            ["", "1,2,3", "1,2,3,0", "1,2,3,-1", "1,2,3,nan", "inf,2,3,1", "1,2,3,4,5", "1 2 3 4", "1,2,3,4,"]
+        {
+            assert!(frame(text).is_err(), "{text}");
         }
     }
 

@@ -8,12 +8,16 @@ use std::{
 };
 
 use anyhow::{Context, Result, ensure};
-use stylegaussian::{Camera, Decoder, EncoderId, Scene};
+use clap::Args;
+use stylegaussian::{
+    Camera, Decoder, EncoderId, Frame, Scene,
+    views::{Framing, framing},
+};
 use stylegaussian_defaults::{DECODER, ENCODER, ENCODER_NAME};
 use stylegaussian_encoder::{Encoder, Image, image::Warned};
 use stylegaussian_files::{decoder_from_bytes, read_decoder};
 
-use crate::terminal::warn;
+use crate::{arguments::frame, terminal::warn};
 
 /// The environment variable that names the encoder's file if no flag does.
 const ENCODER_VARIABLE: &str = "STYLEGAUSSIAN_ENCODER";
@@ -70,10 +74,50 @@ pub fn loss_weights(vgg: Option<&Path>, encoder: Option<&Path>) -> Result<PathBu
     )
 }
 
-/// Smallest size of a scene for which cameras are chosen, in scene units. A chosen camera keeps 0.3 units away,
-/// since the rasterizer draws nothing nearer than 0.2, and its narrowest lens, of tangent 1e-4, shows 6e-5
-/// units there. Positions in f32 are exact to 3e-8.
-const SMALLEST_SCENE: f32 = 1e-4;
+/// Smallest size of a scene for which cameras are chosen, in scene units. Positions in f32 are exact to 3e-8 at
+/// a distance of half a unit from the origin.
+const SMALLEST_SCENE: f32 = 1e-5;
+
+/// The choice of what chosen cameras frame.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct FrameArgs {
+    /// Choose cameras for this ball, in scene units. Default: the dense part of the scene.
+    #[arg(
+        long,
+        value_name = "X,Y,Z,RADIUS",
+        conflicts_with = "cameras",
+        allow_hyphen_values = true,
+        value_parser = frame,
+    )]
+    frame: Option<Frame>,
+}
+
+impl FrameArgs {
+    /// Tells the scene what to frame.
+    pub fn tell(self, scene: &mut Scene) {
+        scene.frame = self.frame;
+    }
+
+    /// Warns in one line of what chosen cameras leave out of the scene that `path` names, unless they frame what
+    /// they were told to.
+    pub fn warn(self, scene: &Scene, path: &Path) {
+        if self.frame.is_none()
+            && let Some(Framing { frame: Frame { center, radius }, n_left_out }) = framing(scene)
+            && n_left_out > 0
+        {
+            // Three digits of the radius, in worlds of any scale.
+            let decimals = (2.0 - radius.log10().floor()).clamp(0.0, 12.0) as usize;
+            let ball =
+                center.extend(radius).to_array().map(|number| format!("{number:.decimals$}")).join(",");
+            warn([format!(
+                "{}: cameras leave out {n_left_out} of {} Gaussians around what is dense and frame {ball}; \
+                 --frame X,Y,Z,RADIUS or --cameras FILE chooses others",
+                path.display(),
+                scene.len()
+            )]);
+        }
+    }
+}
 
 /// Cameras that were chosen for a scene, which `path` names in errors.
 ///

@@ -208,8 +208,8 @@ impl OnGpu {
             world_from_scene: Affine3A::IDENTITY,
             visibility: None,
         };
+        let settings = SplatSettings { near: camera.near, ..SplatSettings::default() };
         let camera = stylegaussian_gpu::splat::Camera::pinhole(camera);
-        let settings = SplatSettings::default();
         let picture = self.headless.render(&gpu.device, &gpu.queue, &camera, &[cloud], &settings)?;
         Ok(RenderedImage {
             size: picture.size,

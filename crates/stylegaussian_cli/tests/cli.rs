@@ -10,7 +10,7 @@ use support::{Bench, Run, data, stylegaussian};
 
 #[test]
 fn usage_errors_exit_with_2() {
-    let usage: [&[&str]; 20] = [
+    let usage: [&[&str]; 22] = [
         &[],
         &["no-such-command"],
         &["info"],
@@ -25,6 +25,8 @@ fn usage_errors_exit_with_2() {
         &["stylize", "a.sgs", "--style", "s.png", "--backend", "tpu", "-o", "b.ply"],
         &["render", "a.sgs", "--orbit", "0", "-o", "d"],
         &["render", "a.sgs", "--orbit", "4", "--cameras", "c.json", "-o", "d"],
+        &["render", "a.sgs", "--frame", "0,0,1", "-o", "d"],
+        &["render", "a.sgs", "--frame", "0,0,0,1", "--cameras", "c.json", "-o", "d"],
         &["render", "a.sgs", "--size", "640", "-o", "d"],
         &["render", "a.sgs", "--background", "blue", "-o", "d"],
         &["render", "a.sgs", "--content", "0.5", "-o", "d"],

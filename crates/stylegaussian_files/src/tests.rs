@@ -99,6 +99,7 @@ pub(super) fn full_scene() -> Scene {
             Camera::look_at(Vec3::new(1.0, 2.0, -3.0), Vec3::ZERO, Vec3::NEG_Y, 0.8, UVec2::new(640, 480)),
             Camera::look_at(Vec3::new(0.5, -4.0, 1.0), Vec3::X, Vec3::NEG_Y, 1.1, UVec2::new(480, 640)),
         ],
+        frame: None,
         source: Some("made up, \"quoted\"".into()),
         license: Some("CC0-1.0".into()),
     }

@@ -45,6 +45,23 @@ fn gpu_matches_cpu() {
     check(&gpu, "mid-gray", &scene, Colors::Captured, &camera, LEAST);
 }
 
+/// In small units the near plane is nearer, and in large ones all stays as it is.
+#[test]
+fn worlds_of_any_scale_match() {
+    let Some(gpu) = gpu() else { return };
+    for factor in [1e-4, 1e-2, 1e4] {
+        let mut scene = random_scene(500, 1, 10);
+        scene.means.iter_mut().for_each(|mean| *mean *= factor);
+        scene.scales.iter_mut().for_each(|scales| *scales *= factor);
+        let mut camera = camera(UVec2::new(120, 90));
+        camera.view_from_world.translation *= factor;
+        let camera = camera.near_among(&scene.means);
+        let covered = render(&scene, Colors::Captured, &camera).alpha.iter().sum::<f32>();
+        assert!(covered > 1000.0, "{factor}: {covered} pixels");
+        check(&gpu, &format!("scale {factor}"), &scene, Colors::Captured, &camera, LEAST);
+    }
+}
+
 /// More tiles, and more splats for each of them, than one invocation of a software adapter has loop iterations
 /// for: 14,400 tiles, all of them covered by large splats.
 #[test]
@@ -100,6 +117,7 @@ fn one_splat_at_the_center() {
         focal: Vec2::splat(10.0),
         center: Vec2::splat(4.5),
         size: UVec2::splat(9),
+        near: Camera::NEAR,
     };
     let one = scene(&[(Vec3::new(0.0, 0.0, 2.0), Vec3::splat(0.2), 0.5)]);
     let picture = pictures::draw_scene(&gpu, &one, Colors::Rgb(&[[1.0, 0.5, -0.25]]), &camera);

@@ -35,6 +35,7 @@ fn pinhole() -> Camera {
         focal: Vec2::splat(10.0),
         center: Vec2::splat(SIZE as f32 / 2.0),
         size: UVec2::splat(SIZE),
+        near: stylegaussian::Camera::NEAR,
     };
     let mut camera = Camera::pinhole(&pinhole);
     camera.clip_from_view.w_axis.z = 0.1;

@@ -36,6 +36,8 @@ pub fn lasso_in_view(
         // Off-axis projections move the axis: in normalized device coordinates, y up, it is at minus these.
         center: rect.min + half + half * Vec2::new(-axis.x, axis.y),
         size: rect.size().as_uvec2(),
+        // A lasso draws nothing.
+        near: Pinhole::NEAR,
     };
     Some(Lasso::new(camera, polygon))
 }

@@ -28,7 +28,8 @@ pub struct GaussianScene {
     decoder: Option<Arc<Decoder>>,
     /// The box around all visible splats, or `None` if there are none. An error if the scene cannot be shown.
     bounds: Result<Option<Aabb>, SceneError>,
-    /// The box of the scene's bulk: the middle 98% of the means along each axis. `None` without Gaussians.
+    /// The box of the scene's bulk: the middle 98% of the means along each axis, without surroundings. `None`
+    /// without Gaussians.
     usual: Option<[Vec3; 2]>,
     /// Whether the GPU has it, or has refused it. The render world says so.
     is_on_gpu: Arc<AtomicBool>,

@@ -267,6 +267,7 @@ fn camera() -> Camera {
         focal: Vec2::splat(100.0),
         center: Vec2::splat(50.0),
         size: UVec2::splat(100),
+        near: Camera::NEAR,
     }
 }
 

@@ -93,16 +93,17 @@ impl Sight {
     }
 }
 
-/// The views: a few of the capture's cameras, spread over it, or chosen ones.
+/// The views: a few of the capture's cameras, spread over it, or chosen ones if there are none or the scene
+/// tells what to frame.
 ///
 /// # Errors
 /// If `work` is canceled.
 pub(super) fn usual_views(scene: &Scene, work: &Work) -> Result<Vec<Camera>, Canceled> {
-    if scene.cameras.is_empty() {
+    if scene.cameras.is_empty() || scene.frame.is_some() {
         return choose_overviews(scene, N_VIEWS, UVec2::splat(VIEW_SIDE), work);
     }
     let stride = scene.cameras.len().div_ceil(N_VIEWS);
-    Ok(scene.cameras.iter().step_by(stride).cloned().collect())
+    Ok(scene.cameras.iter().step_by(stride).map(|camera| camera.near_among(&scene.means)).collect())
 }
 
 /// A camera's up direction in the world. Its y axis points down.

@@ -201,6 +201,7 @@ fn surfaces_of(scene: &Scene, order: &[u32]) -> Scene {
         order: in_rows(&scene.order, order),
         n_source: scene.n_source,
         cameras: scene.cameras.clone(),
+        frame: scene.frame,
         up: scene.up,
         filter: scene.filter,
         ..Scene::default()

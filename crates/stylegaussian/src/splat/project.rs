@@ -10,9 +10,6 @@ use crate::{
     scene::{Scene, ScreenFilter},
 };
 
-/// Gaussians at this view-space z or nearer are not drawn, in scene units, as in the original rasterizer.
-const NEAR: f32 = 0.2;
-
 /// Added to the diagonal of every 2D covariance, in px^2, so that no splat is thinner than about a pixel.
 const LOW_PASS: f32 = 0.3;
 
@@ -111,7 +108,7 @@ impl<'a> Projection<'a> {
     fn splat(&self, scene: &Scene, i: usize, mut opacity: f32) -> Option<Splat> {
         let mean: Vec3 = self.camera.view_from_world.transform_point3(scene.means[i]);
         // Written so that NaN is culled too.
-        let visible = mean.z > NEAR && opacity >= MIN_ALPHA;
+        let visible = mean.z > self.camera.near && opacity >= MIN_ALPHA;
         if !visible {
             return None;
         }

@@ -13,6 +13,7 @@ fn camera() -> Camera {
         focal: Vec2::splat(10.0),
         center: Vec2::splat(4.5),
         size: UVec2::splat(9),
+        near: Camera::NEAR,
     }
 }
 

@@ -2,16 +2,18 @@
 
 use std::f32::consts::TAU;
 
-use crate::Camera;
+use crate::{Camera, bulk::quantiles};
 use glam::{UVec2, Vec3};
 
-use super::survey::{Survey, quantiles};
+use super::survey::{Framed, Survey};
 
 /// Half the angle of an object's overview, in radians: a normal lens with little perspective distortion.
 const OBJECT_HALF_ANGLE: f32 = 0.42;
 /// The share of the mass that an overview frames, and the factor of room around it.
 const FRAMED: f32 = 0.97;
 const MARGIN: f32 = 1.1;
+/// Least factor of that angle's tangent: Gaussians that overlap in one point are seen whole at a normal lens.
+const LEAST_LENS: f32 = 0.1;
 /// Factor by which a closer look is closer than an overview.
 const CLOSER: f32 = 2.2;
 /// Elevations of the rings around an object, in radians over the horizon, and their numbers of cameras.
@@ -39,8 +41,14 @@ const N_SPOTS: usize = 10;
 /// Standing room around a spot, in radii of the scene.
 const STANDING_ROOM: f32 = 0.12;
 
-/// Least distance of anything of interest, in scene units. The rasterizer draws nothing nearer than 0.2.
-const NEAREST: f32 = 0.3;
+/// Least distance of anything of interest, in distances up to which nothing is drawn: 0.3 units in a scene of a
+/// unit or more.
+const NEAREST: f32 = 1.5;
+
+/// Least distance of anything of interest in a scene of this radius, in scene units.
+fn nearest(radius: f32) -> f32 {
+    NEAREST * Camera::near_before(radius)
+}
 
 /// A camera without a picture size.
 #[derive(Clone, Copy, Debug)]
@@ -54,6 +62,8 @@ pub(super) struct Candidate {
     pub is_overview: bool,
     /// Distance below which things are in the way, in scene units.
     pub clearance: f32,
+    /// View-space z up to which nothing is drawn, in scene units.
+    near: f32,
 }
 
 impl Candidate {
@@ -61,7 +71,7 @@ impl Candidate {
     pub fn camera(&self, size: UVec2) -> Camera {
         // `tan_half` belongs to the shorter side, and a longer one sees more at the same focal length.
         let fov_y = 2.0 * (self.tan_half * size.y as f32 / size.min_element() as f32).atan();
-        Camera::look_at(self.eye, self.target, self.up, fov_y, size)
+        Camera { near: self.near, ..Camera::look_at(self.eye, self.target, self.up, fov_y, size) }
     }
 }
 
@@ -71,11 +81,11 @@ fn direction(up: Vec3, azimuth: f32, elevation: f32) -> Vec3 {
     elevation.cos() * (azimuth.cos() * x + azimuth.sin() * z) + elevation.sin() * up
 }
 
-/// An overview from `direction`, a unit vector. It is so far away that nothing is nearer than [`NEAREST`], and
-/// its lens just frames the scene.
+/// An overview from `direction`, a unit vector. Its lens just frames the scene, or all of the ball that the
+/// scene tells.
 fn overview_from(survey: &Survey, direction: Vec3) -> Candidate {
     // At this distance the ball of the scene touches the sides of the cone of view.
-    let distance = (survey.radius / OBJECT_HALF_ANGLE.sin()).max(survey.radius + NEAREST);
+    let distance = survey.radius / OBJECT_HALF_ANGLE.sin();
     let candidate = Candidate {
         eye: survey.center + distance * direction,
         target: survey.center,
@@ -84,8 +94,12 @@ fn overview_from(survey: &Survey, direction: Vec3) -> Candidate {
         is_overview: true,
         // No object is so near. Such Gaussians float between it and the camera.
         clearance: 0.25 * distance,
+        near: Camera::near_before(distance),
     };
-    Candidate { tan_half: framing(&candidate, survey), ..candidate }
+    match survey.framed {
+        Framed::Told => candidate,
+        _ => Candidate { tan_half: framing(&candidate, survey), ..candidate },
+    }
 }
 
 /// The tangent of the half angle at which `candidate` sees nearly all of the scene.
@@ -93,11 +107,11 @@ fn framing(candidate: &Candidate, survey: &Survey) -> f32 {
     let view_from_world = candidate.camera(UVec2::ONE).view_from_world;
     let tangents = survey.stand_in.means.iter().map(|&mean| {
         let view = view_from_world.transform_point3(mean);
-        view.x.abs().max(view.y.abs()) / view.z.max(NEAREST)
+        view.x.abs().max(view.y.abs()) / view.z.max(nearest(survey.radius))
     });
     let [tangent] = quantiles(tangents, &survey.masses, [FRAMED]);
-    // Never wider than the normal lens, and never a field of view of 0, as of a single tiny Gaussian.
-    (MARGIN * tangent).clamp(1e-4, candidate.tan_half)
+    // Never wider than the normal lens, and never a field of view of 0, as of a single Gaussian.
+    (MARGIN * tangent).clamp(LEAST_LENS * candidate.tan_half, candidate.tan_half)
 }
 
 /// Overviews of the scene from rings around it.
@@ -136,7 +150,7 @@ pub(super) fn closer_looks_around(survey: &Survey, overviews: &[Candidate]) -> V
 
 /// Overviews of a place: from free spots inside the scene, in all directions.
 pub(super) fn within(survey: &Survey) -> Vec<Candidate> {
-    let clearance = (0.5 * STANDING_ROOM * survey.radius).max(NEAREST);
+    let clearance = (0.5 * STANDING_ROOM * survey.radius).max(nearest(survey.radius));
     let headings = (0..N_HEADINGS).map(|i| TAU * i as f32 / N_HEADINGS as f32);
     let directions: Vec<Vec3> = headings
         .flat_map(|azimuth| PITCHES.map(|elevation| direction(survey.up, azimuth, elevation)))
@@ -149,6 +163,7 @@ pub(super) fn within(survey: &Survey) -> Vec<Candidate> {
             tan_half: PLACE_HALF_ANGLE.tan(),
             is_overview: true,
             clearance,
+            near: Camera::near_before(survey.radius),
         })
     };
     spots(survey).into_iter().flat_map(from).collect()
@@ -187,7 +202,7 @@ fn spots(survey: &Survey) -> Vec<Vec3> {
         let steps = steps.clone();
         steps.clone().flat_map(move |y| steps.clone().map(move |z| Vec3::new(x as f32, y as f32, z as f32)))
     });
-    let room = (STANDING_ROOM * survey.radius).max(NEAREST);
+    let room = (STANDING_ROOM * survey.radius).max(nearest(survey.radius));
     let mut free: Vec<Vec3> = grid
         // Seven spots along each axis, out to 80% of the box, whose sides are the walls of a room.
         .map(|step| survey.center + 0.8 / STEPS as f32 * step * survey.half_size)

@@ -1,9 +1,15 @@
 //! Size, middle and direction of a scene, measured so that stray Gaussians do not matter.
 
-use crate::{Scene, bulk::bulk_of, morton, splat::MIN_ALPHA};
+use crate::{
+    Scene,
+    bulk::{LARGER, bulk_of, is_within, quantiles, region, without_backdrop},
+    frame::Frame,
+    morton,
+    splat::MIN_ALPHA,
+};
 use glam::Vec3;
 
-use super::{backdrop::without_backdrop, up::up};
+use super::up::up;
 
 /// Number of Gaussians of the simplified scene: enough to distinguish surfaces from gaps at the size of test
 /// views.
@@ -15,12 +21,15 @@ const OUTSIDE_BOX: f64 = 0.02;
 /// The share of the mass within the radius.
 const WITHIN_RADIUS: f32 = 0.97;
 
+/// Distance from the middle within which surfaces tell up, in radii of what is framed.
+const TELLS_UP: f32 = 4.0;
+
 /// Size, middle and direction of a scene, and a simplified scene that renders quickly.
 pub(super) struct Survey {
     /// A regular selection of the scene's Gaussians, enlarged to fill the gaps.
     pub stand_in: Scene,
     /// Mass of each Gaussian `[n]`, for quantiles: opacity times visible area, with a limit on the area of huge
-    /// Gaussians.
+    /// Gaussians. 0 for those that are not framed.
     pub masses: Vec<f32>,
     /// The middle of the box that holds nearly all mass.
     pub center: Vec3,
@@ -30,6 +39,19 @@ pub(super) struct Survey {
     pub radius: f32,
     /// The up direction, a unit vector.
     pub up: Vec3,
+    /// What is framed of the scene.
+    pub framed: Framed,
+}
+
+/// What is framed of a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Framed {
+    /// All of it, but for a backdrop.
+    All,
+    /// The part in this box, without its surroundings.
+    Dense([Vec3; 2]),
+    /// The ball that the scene tells.
+    Told,
 }
 
 impl Survey {
@@ -41,18 +63,63 @@ impl Survey {
         if !scene.opacities.iter().any(is_drawn) || masses.iter().all(|&mass| mass <= 0.0) {
             return None;
         }
-        let [low, high] = bulk_of(&stand_in.means, &masses, OUTSIDE_BOX)?;
+        let (extent, framed_masses, framed) = framed(scene, &stand_in, &masses)?;
+        let Extent { center, half_size, radius } = extent;
+        // Above 0 even if Gaussians of no size lie in one point, and enough for digits of f32 to be left.
+        let radius = radius.max(1e-6 * center.abs().max_element()).max(1e-12);
+        let tells_up = |mean: &Vec3| mean.distance(center) < TELLS_UP * radius;
+        let near: Vec<f32> = (stand_in.means.iter().zip(&masses))
+            .map(|(mean, &mass)| if framed == Framed::All || tells_up(mean) { mass } else { 0.0 })
+            .collect();
+        let up = up(&stand_in, &near, half_size);
+        Some(Self { radius, stand_in, masses: framed_masses, center, half_size, up, framed })
+    }
+}
+
+/// Where the mass of a scene is.
+struct Extent {
+    center: Vec3,
+    half_size: Vec3,
+    radius: f32,
+}
+
+impl Extent {
+    fn of(stand_in: &Scene, masses: &[f32]) -> Option<Self> {
+        let [low, high] = bulk_of(&stand_in.means, masses, OUTSIDE_BOX)?;
         let (center, half_size) = ((low + high) / 2.0, (high - low) / 2.0);
         let distances = stand_in
             .means
             .iter()
             .zip(&stand_in.scales)
             .map(|(mean, scales)| (mean - center).length() + scales.max_element());
-        let [radius] = quantiles(distances, &masses, [WITHIN_RADIUS]);
-        let up = up(&stand_in, &masses, half_size);
-        // Above 0 even if Gaussians of no size lie in one point.
-        Some(Self { radius: radius.max(1e-6), stand_in, masses, center, half_size, up })
+        let [radius] = quantiles(distances, masses, [WITHIN_RADIUS]);
+        Some(Self { center, half_size, radius })
     }
+}
+
+/// What to frame of a scene: its extent, and the masses of its Gaussians `[n]`, which are 0 beyond.
+fn framed(scene: &Scene, stand_in: &Scene, masses: &[f32]) -> Option<(Extent, Vec<f32>, Framed)> {
+    let only = |is_framed: &dyn Fn(Vec3) -> bool| -> Option<Vec<f32>> {
+        let framed = stand_in.means.iter().zip(masses);
+        let framed: Vec<f32> =
+            framed.map(|(&mean, &mass)| if is_framed(mean) { mass } else { 0.0 }).collect();
+        framed.iter().any(|&mass| mass > 0.0).then_some(framed)
+    };
+    if let Some(Frame { center, radius }) = scene.frame {
+        let extent = Extent { center, half_size: Vec3::splat(radius / 3.0_f32.sqrt()), radius };
+        // A ball around nothing is framed as well as any other.
+        let framed = only(&|mean| mean.distance(center) < radius).unwrap_or_else(|| masses.to_vec());
+        return Some((extent, framed, Framed::Told));
+    }
+    let all = Extent::of(stand_in, masses)?;
+    if let Some(region) = region(scene)
+        && let Some(framed) = only(&|mean| is_within(mean, region))
+        && let Some(dense) = Extent::of(stand_in, &framed)
+        && all.radius > LARGER * dense.radius
+    {
+        return Some((dense, framed, Framed::Dense(region)));
+    }
+    Some((all, masses.to_vec(), Framed::All))
 }
 
 /// A scene of at most `n` Gaussians that looks similar from afar, without its backdrop: every so many along the
@@ -92,25 +159,4 @@ fn masses(scene: &Scene) -> Vec<f32> {
     // Backdrops are a few huge Gaussians. They must not outweigh the things before them.
     let [bound] = quantiles(areas.iter().copied(), &vec![1.0; areas.len()], [0.9]);
     areas.iter().zip(&scene.opacities).map(|(area, opacity)| opacity * area.min(bound)).collect()
-}
-
-/// The values below which the given shares of the mass lie, or 0 if there is no mass.
-pub(super) fn quantiles<const N: usize>(
-    values: impl Iterator<Item = f32>,
-    masses: &[f32],
-    shares: [f32; N],
-) -> [f32; N] {
-    let mut sorted: Vec<(f32, f32)> = values.zip(masses.iter().copied()).collect();
-    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // In f64, because shares of a thousandth are compared with sums over 30,000.
-    let total: f64 = sorted.iter().map(|(_, mass)| f64::from(*mass)).sum();
-    shares.map(|share| {
-        let mut below = f64::from(share) * total;
-        let found = sorted.iter().find(|(_, mass)| {
-            below -= f64::from(*mass);
-            below <= 0.0
-        });
-        // Rounding can leave `below` above 0 after the last value.
-        found.or(sorted.last()).map_or(0.0, |(value, _)| *value)
-    })
 }

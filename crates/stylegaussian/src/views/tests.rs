@@ -5,6 +5,9 @@ use glam::{Quat, Vec3};
 
 use super::*;
 
+mod surroundings;
+mod worlds;
+
 const SIZE: UVec2 = UVec2::new(48, 32);
 
 /// Flat Gaussians on the rectangle `corner` + [0, 1] x `u` + [0, 1] x `v`, `n` by `n` of them.

@@ -30,7 +30,7 @@ use stylegaussian_train::{
 
 use crate::{
     arguments::{WeightedPath, beside, is_look},
-    choose::open_painting,
+    choose::{FrameArgs, open_painting},
     outputs::expect_files,
     scenes::ReadArgs,
     terminal::{Interrupt, bar, lossy, note, print, usage_error, warn},
@@ -80,6 +80,8 @@ pub struct BakeArgs {
     /// the scene was embedded with, else chosen to suit the scene.
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
+    #[command(flatten)]
+    framing: FrameArgs,
     /// Write a contact sheet: the painting, then views of the start and of the end.
     #[arg(long, value_name = "OUT.png")]
     sheet: Option<PathBuf>,
@@ -131,7 +133,11 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     let checkpoint = checkpoint_of(output);
     expect_files([&**output, &*checkpoint].into_iter().chain(arguments.sheet.as_deref()))?;
     let paintings = arguments.paintings()?;
-    let (scene, cameras) = (arguments.reading.read(path)?.scene, arguments.cameras()?);
+    let (mut scene, cameras) = (arguments.reading.read(path)?.scene, arguments.cameras()?);
+    arguments.framing.tell(&mut scene);
+    if cameras.is_empty() && scene.cameras.is_empty() {
+        arguments.framing.warn(&scene, path);
+    }
     let config = arguments.config(scene.len());
     let mut baker = Baker::new(config, &scene, &cameras, &paintings, arguments.network()?, &Work::default())
         .with_context(|| path.display().to_string())?;
@@ -284,7 +290,11 @@ fn write_sheet(
         [] => choose_views(scene, SHEET_VIEWS, UVec2::splat(SHEET_SIDE)),
         given => {
             let stride = given.len().div_ceil(SHEET_VIEWS);
-            given.iter().step_by(stride).map(|camera| scaled(camera, SHEET_SIDE)).collect()
+            given
+                .iter()
+                .step_by(stride)
+                .map(|camera| scaled(&camera.near_among(&scene.means), SHEET_SIDE))
+                .collect()
         }
     };
     let picture = |look: &Painted, camera: &Camera| {

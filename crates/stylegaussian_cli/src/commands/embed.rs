@@ -20,7 +20,7 @@ use stylegaussian_train::{
 
 use crate::{
     arguments::Backend,
-    choose::{expect_seen, open_encoder},
+    choose::{FrameArgs, expect_seen, open_encoder},
     outputs::expect_files,
     scenes::{ReadArgs, extension},
     terminal::{Interrupt, ProgressLine, lossy, print, usage_error, warn},
@@ -47,12 +47,14 @@ pub struct EmbedArgs {
     output: PathBuf,
     /// Learn from photos: a folder with transforms.json, a COLMAP model or 3DGS cameras.json, and the photos it
     /// names. Photos that are missing are left out, if they are at most half.
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["cameras", "views"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["cameras", "views", "frame"])]
     photos: Option<PathBuf>,
     /// Learn from pictures of the scene itself, from these cameras: transforms.json, a COLMAP model or 3DGS
     /// cameras.json.
     #[arg(long, value_name = "FILE", conflicts_with = "views")]
     cameras: Option<PathBuf>,
+    #[command(flatten)]
+    framing: FrameArgs,
     /// Learn from this many pictures of the scene itself, from cameras chosen for it [default: 60].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     views: Option<u32>,
@@ -146,10 +148,12 @@ pub fn run(arguments: &EmbedArgs, interrupt: &Interrupt) -> Result<()> {
     // Before the features, so that parts get features of their own.
     let options = |factor| SplitOptions { factor, ..SplitOptions::default() };
     let n_split = arguments.split.map(|factor| split(&mut scene, options(factor)));
+    arguments.framing.tell(&mut scene);
     let mut views = arguments.training_views(&scene)?;
     if arguments.photos.is_some() || arguments.cameras.is_some() {
         let stride = views.len().div_ceil(MOST_CAMERAS).max(1);
         scene.cameras = views.iter().step_by(stride).map(|view| view.camera.clone()).collect();
+        views.iter_mut().for_each(|view| view.camera = view.camera.near_among(&scene.means));
     }
     // A graph can accept one size only. The cameras then take its proportions too.
     if let Some((width, height)) = encoder.input_size() {
@@ -221,6 +225,7 @@ impl EmbedArgs {
         let chosen =
             choose_views(scene, self.views.unwrap_or(DEFAULT_VIEWS) as usize, UVec2::splat(self.size));
         let chosen = expect_seen(chosen, scene, &self.scene)?;
+        self.framing.warn(scene, &self.scene);
         let view = |(i, camera)| TrainingView::rendered(format!("{i:06}"), &camera, self.size);
         Ok(chosen.into_iter().enumerate().map(view).collect())
     }

@@ -20,7 +20,7 @@ use stylegaussian_train::{
 };
 
 use crate::{
-    choose::{self, loss_weights, open_encoder},
+    choose::{self, FrameArgs, loss_weights, open_encoder},
     outputs::expect_files,
     scenes::ReadArgs,
     terminal::{Interrupt, ProgressLine, print, warn},
@@ -43,6 +43,8 @@ pub struct EvalArgs {
     /// Cameras: transforms.json, a COLMAP model, or 3DGS cameras.json.
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
+    #[command(flatten)]
+    framing: FrameArgs,
     /// Number of views, spread over the cameras, or chosen to suit the scene if there are none.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
     views: u32,
@@ -111,7 +113,8 @@ pub struct EvalArgs {
 /// The message names the file or the option at fault.
 pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
     expect_files(arguments.sheet.as_deref())?;
-    let scene = arguments.reading.read(&arguments.scene)?.scene;
+    let mut scene = arguments.reading.read(&arguments.scene)?.scene;
+    arguments.framing.tell(&mut scene);
     let encoder_file = arguments.encoder.as_deref();
     let encoder = open_encoder(encoder_file)?;
     let weights = loss_weights(arguments.vgg.as_deref(), encoder_file)?;
@@ -166,6 +169,7 @@ impl EvalArgs {
     fn views(&self, scene: &Scene) -> Result<Views> {
         let n = self.views as usize;
         let Some(path) = &self.cameras else {
+            self.framing.warn(scene, &self.scene);
             return Ok(Views::choose(scene, n, self.size, self.consistency_size)?);
         };
         let set = read_cameras(path)?;

@@ -17,7 +17,7 @@ use stylegaussian_train::{
 
 use crate::{
     arguments::{MAX_PIXELS, MAX_SIDE, background, is_drawable, picture_size},
-    choose::expect_seen,
+    choose::{FrameArgs, expect_seen},
     compute::Drawing,
     masks::MaskArgs,
     outputs::{expect_files, expect_folder},
@@ -55,6 +55,8 @@ pub struct RenderArgs {
     /// Cameras: transforms.json, a COLMAP model, or 3DGS cameras.json.
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
+    #[command(flatten)]
+    framing: FrameArgs,
     /// Size of the pictures in pixels. Default: each camera's own, and 800x600 for an orbit. Files of cameras
     /// with angles of view alone need it.
     #[arg(long, value_name = "WxH", value_parser = picture_size)]
@@ -100,6 +102,7 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
     };
     let mut scene = arguments.reading.read(path)?.scene;
     let mask = masking.open(&scene, path)?;
+    arguments.framing.tell(&mut scene);
     let cameras = arguments.cameras(&scene)?;
     let mut stylized =
         if stylization.is_given() { Some(stylization.stylize(&scene, path, &mut compute)?) } else { None };
@@ -135,11 +138,16 @@ impl RenderArgs {
     /// The cameras at the sizes of the pictures.
     fn cameras(&self, scene: &Scene) -> Result<Vec<Camera>> {
         let cameras = match &self.cameras {
-            Some(path) => cameras_of_file(path, self.size)?,
+            Some(path) => {
+                let cameras = cameras_of_file(path, self.size)?;
+                cameras.into_iter().map(|camera| camera.near_among(&scene.means)).collect()
+            }
             None => {
                 let usual = if is_picture(&self.output) { 1 } else { DEFAULT_ORBIT };
                 let (n, size) = (self.orbit.unwrap_or(usual), self.size.unwrap_or(DEFAULT_SIZE));
-                expect_seen(orbit(scene, n as usize, size), scene, &self.scene)?
+                let cameras = expect_seen(orbit(scene, n as usize, size), scene, &self.scene)?;
+                self.framing.warn(scene, &self.scene);
+                cameras
             }
         };
         let n = cameras.len();

@@ -349,7 +349,10 @@ impl TrainArgs {
                     warn(&warnings);
                     // Rounded up, so never more than `views`, and perhaps fewer.
                     let stride = all.len().div_ceil(self.views as usize).max(1);
-                    all.into_iter().step_by(stride).map(|posed| posed.camera).collect()
+                    all.into_iter()
+                        .step_by(stride)
+                        .map(|posed| posed.camera.near_among(&loaded.scene.means))
+                        .collect()
                 }
                 // Any square does: each training size scales the cameras again.
                 None => {

@@ -47,6 +47,7 @@ fn camera(i: usize, row: &[f32; WIDTH]) -> Result<Camera, Mismatch> {
         focal: Vec2::from_slice(&row[12..14]),
         center: Vec2::from_slice(&row[14..16]),
         size: size.as_uvec2(),
+        near: Camera::NEAR,
     };
     if is_turn && is_size && camera.is_usable() {
         return Ok(camera);

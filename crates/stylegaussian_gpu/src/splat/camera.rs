@@ -14,12 +14,13 @@ pub struct Camera {
     pub viewport: UVec4,
 }
 
-/// The near plane of [`Camera::pinhole`], in scene units. It only scales depths: nothing nearer than 0.2 is
-/// drawn by default.
-const PINHOLE_NEAR: f32 = 0.01;
+/// The near plane of [`Camera::pinhole`], in shares of the distance up to which its pinhole draws nothing. It
+/// only scales depths.
+const PINHOLE_NEAR: f32 = 0.05;
 
 impl Camera {
-    /// The camera of the CPU rasterizer, with its picture at the target's top left corner.
+    /// The camera of the CPU rasterizer, with its picture at the target's top left corner. Settings with its
+    /// `near` draw what it draws.
     pub fn pinhole(camera: &stylegaussian::Camera) -> Self {
         let size = camera.size.as_vec2();
         let scale = 2.0 * camera.focal / size;
@@ -31,7 +32,7 @@ impl Camera {
             Vec4::new(-axis.x, -axis.y, 0.0, -1.0),
             // clip.z is the near plane and clip.w the distance: depth near / z, 1 at the near plane and 0 at
             // infinity.
-            Vec4::new(0.0, 0.0, PINHOLE_NEAR, 0.0),
+            Vec4::new(0.0, 0.0, PINHOLE_NEAR * camera.near, 0.0),
         );
         // The CPU rasterizer's view space is x right, y down, z forward.
         let flipped = Affine3A::from_scale(Vec3::new(1.0, -1.0, -1.0));

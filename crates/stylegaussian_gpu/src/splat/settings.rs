@@ -22,6 +22,6 @@ pub struct SplatSettings {
 impl Default for SplatSettings {
     /// Sorted by view depth, drawn from 0.2 on: the original rasterizer's rules.
     fn default() -> Self {
-        Self { sort_key: SortKey::ViewZ, near: 0.2 }
+        Self { sort_key: SortKey::ViewZ, near: stylegaussian::Camera::NEAR }
     }
 }

@@ -107,8 +107,9 @@ pub fn draw_both_ways(
 
 /// The GPU's picture of one scene in its own place.
 pub fn draw_scene(gpu: &HeadlessDevice, scene: &Scene, colors: Colors, camera: &Camera) -> Picture {
+    let settings = SplatSettings { near: camera.near, ..SplatSettings::default() };
     let camera = splat::Camera::pinhole(camera);
-    draw(gpu, &camera, &[(scene, colors, Affine3A::IDENTITY)], &SplatSettings::default())
+    draw(gpu, &camera, &[(scene, colors, Affine3A::IDENTITY)], &settings)
 }
 
 /// The CPU's picture in the format of the GPU's.

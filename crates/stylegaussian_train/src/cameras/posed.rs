@@ -181,6 +181,7 @@ impl Intrinsics {
             focal: self.focal.as_vec2(),
             center: self.center.as_vec2(),
             size: self.size,
+            near: Camera::NEAR,
         };
         if !camera.is_usable() {
             let found = format!(

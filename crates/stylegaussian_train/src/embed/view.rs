@@ -104,7 +104,13 @@ mod tests {
 
     fn camera(size: UVec2) -> Camera {
         let center = size.as_vec2() / 2.0;
-        Camera { view_from_world: Affine3A::IDENTITY, focal: Vec2::splat(50.0), center, size }
+        Camera {
+            view_from_world: Affine3A::IDENTITY,
+            focal: Vec2::splat(50.0),
+            center,
+            size,
+            near: Camera::NEAR,
+        }
     }
 
     /// Loads a photo of `photo` pixels, red on the left, of a camera of `size`.

@@ -349,6 +349,7 @@ mod tests {
             focal: Vec2::splat(8.0),
             center: size.as_vec2() / 2.0,
             size,
+            near: Camera::NEAR,
         };
         let n = (size.x * size.y) as usize;
         let world_x = |i: usize| (i as f32 % 16.0 + 0.5 - 8.0) / 8.0 * 4.0 + x;

@@ -104,7 +104,12 @@ impl Views {
         [size, consistency_size]: [u32; 2],
         pairs: Option<&Pairs>,
     ) -> Result<Self, TrainError> {
-        let at = |size| cameras.iter().map(|camera| scaled(camera, size)).collect::<Vec<Camera>>();
+        let at = |size| {
+            cameras
+                .iter()
+                .map(|camera| scaled(&camera.near_among(&scene.means), size))
+                .collect::<Vec<Camera>>()
+        };
         let stride = cameras.len().div_ceil(n).max(1);
         let consistency = match pairs {
             Some(pairs) => Consistency::new(scene, &at(consistency_size), pairs),

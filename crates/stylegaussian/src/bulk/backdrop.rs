@@ -2,9 +2,8 @@
 
 use glam::Vec3;
 
+use super::{quantiles, sample};
 use crate::Scene;
-
-use super::survey::quantiles;
 
 /// Size of the sample of Gaussians: enough to find a thousandth of them.
 const N_SAMPLE: usize = 60_000;
@@ -21,11 +20,17 @@ const FLOATERS: f32 = 0.002;
 /// behind it.
 const LEAST_SCENE: f32 = 0.1;
 
+/// The middle of a scene, and the distance from there within which everything belongs to the scene. `None` if
+/// there is no backdrop.
+pub(crate) fn before_backdrop(scene: &Scene) -> Option<(Vec3, f32)> {
+    let sample = sample(&scene.means, |_| true, N_SAMPLE);
+    let middle = middle(&sample);
+    Some((middle, GAP * reach(&distances(&sample, middle))?))
+}
+
 /// The indices of all Gaussians that belong to the scene, or `None` if all of them do.
-pub(super) fn without_backdrop(scene: &Scene) -> Option<Vec<u32>> {
-    let stride = scene.len().div_ceil(N_SAMPLE).max(1);
-    let middle = middle(scene, stride);
-    let limit = GAP * reach(&distances(scene, stride, middle))?;
+pub(crate) fn without_backdrop(scene: &Scene) -> Option<Vec<u32>> {
+    let (middle, limit) = before_backdrop(scene)?;
     let is_near = |&i: &u32| scene.means[i as usize].distance(middle) < limit;
     Some((0..scene.len() as u32).filter(is_near).collect())
 }
@@ -33,25 +38,23 @@ pub(super) fn without_backdrop(scene: &Scene) -> Option<Vec<u32>> {
 /// The smallest and the largest corner of the box around the means of a scene without a backdrop far behind it,
 /// which may be a sky or a single stray. `None` if there is none: the box is [`Scene::bounds`].
 pub fn bounds_without_backdrop(scene: &Scene) -> Option<(Vec3, Vec3)> {
-    let middle = middle(scene, scene.len().div_ceil(N_SAMPLE).max(1));
+    let middle = middle(&sample(&scene.means, |_| true, N_SAMPLE));
     // A sample may have no stray.
-    let limit = GAP * reach(&distances(scene, 1, middle))?;
+    let limit = GAP * reach(&distances(&scene.means, middle))?;
     let near = scene.means.iter().copied().filter(|mean| mean.distance(middle) < limit);
     near.map(|mean| (mean, mean)).reduce(|(min, max), (mean, _)| (min.min(mean), max.max(mean)))
 }
 
-/// The median along each axis, of every `stride`-th Gaussian.
-fn middle(scene: &Scene, stride: usize) -> Vec3 {
-    let sample = || scene.means.iter().step_by(stride);
-    let ones = vec![1.0; sample().len()];
-    let median = |axis: usize| quantiles(sample().map(|mean| mean[axis]), &ones, [0.5])[0];
+/// The median along each axis.
+fn middle(means: &[Vec3]) -> Vec3 {
+    let ones = vec![1.0; means.len()];
+    let median = |axis: usize| quantiles(means.iter().map(|mean| mean[axis]), &ones, [0.5])[0];
     Vec3::new(median(0), median(1), median(2))
 }
 
-/// The distances of every `stride`-th Gaussian from `middle`, in ascending order.
-fn distances(scene: &Scene, stride: usize, middle: Vec3) -> Vec<f32> {
-    let mut distances: Vec<f32> =
-        scene.means.iter().step_by(stride).map(|mean| mean.distance(middle)).collect();
+/// The distances from `middle`, in ascending order.
+fn distances(means: &[Vec3], middle: Vec3) -> Vec<f32> {
+    let mut distances: Vec<f32> = means.iter().map(|mean| mean.distance(middle)).collect();
     distances.sort_unstable_by(f32::total_cmp);
     distances
 }
