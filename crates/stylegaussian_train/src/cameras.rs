@@ -1,7 +1,8 @@
 //! Posed cameras of a capture: transforms.json, COLMAP models, and the cameras.json that 3DGS trainers write.
 //!
-//! Every camera comes out as a pinhole in our axes (x right, y down, z forward), in the file's world. The
-//! formats, one module each: `transforms`, `colmap`, `three_dgs`; `posed` and `photos` have their common parts.
+//! Every camera comes out as a pinhole in our axes (x right, y down, z forward), in the file's world, or from the
+//! origin of a scene that is far from that world's. The formats, one module each: `transforms`, `colmap`,
+//! `three_dgs`; `posed` and `photos` have their common parts.
 
 mod colmap;
 mod photos;
@@ -13,7 +14,7 @@ mod transforms;
 
 use std::{fs, path::Path};
 
-use glam::UVec2;
+use glam::{DVec3, UVec2};
 use stylegaussian::Camera;
 
 pub(crate) use posed::utf8;
@@ -29,58 +30,71 @@ use posed::{invalid, parse, read};
 /// If the file is missing, truncated or malformed, a pose is not rigid, the lens is no pinhole (distortion
 /// alone is only a warning), or the file has no camera.
 pub fn read_cameras(path: &Path) -> Result<CameraSet, CamerasError> {
-    read_cameras_with(path, None)
+    read_cameras_with(path, CameraOptions::default())
 }
 
-/// [`read_cameras`], with the `size` of pictures for cameras that have an angle of view, but neither a size nor
-/// a photo. A warning counts these.
+/// What a file of cameras does not tell.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CameraOptions {
+    /// The size of pictures for cameras that have an angle of view, but neither a size nor a photo. A warning
+    /// counts these.
+    pub size: Option<UVec2>,
+    /// The [`offset`](stylegaussian::Scene::offset) of the scene that they see, whose source has the file's
+    /// world. Cameras count from the scene's origin, as its means do.
+    pub offset: DVec3,
+}
+
+/// [`read_cameras`], with what the file does not tell.
 ///
 /// # Errors
 /// As [`read_cameras`].
-pub fn read_cameras_with(path: &Path, size: Option<UVec2>) -> Result<CameraSet, CamerasError> {
+pub fn read_cameras_with(path: &Path, options: CameraOptions) -> Result<CameraSet, CamerasError> {
     let metadata = fs::metadata(path).map_err(|source| CamerasError::Io { path: path.into(), source })?;
-    let set = if metadata.is_dir() { read_folder(path, size) } else { read_file(path, size) }?;
+    let set = if metadata.is_dir() { read_folder(path, options) } else { read_file(path, options) }?;
     if set.cameras.is_empty() {
         return Err(invalid(path, "cameras", "none", "at least one"));
     }
     Ok(set)
 }
 
-fn read_folder(folder: &Path, size: Option<UVec2>) -> Result<CameraSet, CamerasError> {
+fn read_folder(folder: &Path, options: CameraOptions) -> Result<CameraSet, CamerasError> {
     let transforms = folder.join("transforms.json");
     if transforms.is_file() {
-        return read_file(&transforms, size);
+        return read_file(&transforms, options);
     }
     // COLMAP's mapper numbers its models in sparse. Its undistorter writes to sparse itself. nerfstudio
     // keeps both in colmap.
     for model in [folder.join("sparse"), folder.into(), folder.join("colmap/sparse")] {
         if model != folder
-            && let Some(set) = colmap::read_largest(&model)?
+            && let Some(set) = colmap::read_largest(&model, options.offset)?
         {
             return Ok(set);
         }
         if colmap::is_model(&model) {
-            return colmap::read(&model);
+            return colmap::read(&model, options.offset);
         }
     }
     // The synthetic NeRF scenes have a file of transforms for each of their parts.
     for name in ["cameras.json", "transforms_train.json"] {
         let cameras = folder.join(name);
         if cameras.is_file() {
-            return read_file(&cameras, size);
+            return read_file(&cameras, options);
         }
     }
     Err(CamerasError::Unrecognized { path: folder.into() })
 }
 
-fn read_file(path: &Path, size: Option<UVec2>) -> Result<CameraSet, CamerasError> {
+fn read_file(path: &Path, options: CameraOptions) -> Result<CameraSet, CamerasError> {
     let folder = path.parent().unwrap_or(Path::new(""));
     match path.extension().and_then(|extension| extension.to_str()) {
-        Some("bin" | "txt") if colmap::is_model(folder) => colmap::read(folder),
+        Some("bin" | "txt") if colmap::is_model(folder) => colmap::read(folder, options.offset),
         // 3DGS trainers write a list, all others an object.
         Some("json") => {
             let json: serde_json::Value = parse(path, &read(path)?)?;
-            if json.is_array() { three_dgs::read(path, json) } else { transforms::read(path, json, size) }
+            match json.is_array() {
+                true => three_dgs::read(path, json, options.offset),
+                false => transforms::read(path, json, options),
+            }
         }
         _ => Err(CamerasError::Unrecognized { path: path.into() }),
     }

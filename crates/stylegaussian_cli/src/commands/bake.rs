@@ -23,7 +23,7 @@ use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
 use stylegaussian_encoder::Image;
 use stylegaussian_files::write_look;
 use stylegaussian_train::{
-    cameras::{read_cameras, scaled},
+    cameras::{CameraOptions, read_cameras_with, scaled},
     contact_sheet::contact_sheet,
     picture::{Background, Picture, draw},
 };
@@ -133,7 +133,8 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     let checkpoint = checkpoint_of(output);
     expect_files([&**output, &*checkpoint].into_iter().chain(arguments.sheet.as_deref()))?;
     let paintings = arguments.paintings()?;
-    let (mut scene, cameras) = (arguments.reading.read(path)?.scene, arguments.cameras()?);
+    let mut scene = arguments.reading.read(path)?.scene;
+    let cameras = arguments.cameras(&scene)?;
     arguments.framing.tell(&mut scene);
     if cameras.is_empty() && scene.cameras.is_empty() {
         arguments.framing.warn(&scene, path);
@@ -253,9 +254,10 @@ impl BakeArgs {
     }
 
     /// The capture's cameras; none if none are given.
-    fn cameras(&self) -> Result<Vec<Camera>> {
+    fn cameras(&self, scene: &Scene) -> Result<Vec<Camera>> {
         let Some(path) = &self.cameras else { return Ok(Vec::new()) };
-        let set = read_cameras(path)?;
+        let options = CameraOptions { offset: scene.offset, ..CameraOptions::default() };
+        let set = read_cameras_with(path, options)?;
         warn(&set.warnings);
         if set.cameras.is_empty() {
             bail!("{}: found no camera, expected at least one", path.display());

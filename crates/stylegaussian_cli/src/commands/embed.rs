@@ -14,7 +14,7 @@ use stylegaussian::{
 use stylegaussian_files::write_scene;
 use stylegaussian_train::{
     Watch,
-    cameras::{CameraSet, PosedCamera, read_cameras_with},
+    cameras::{CameraOptions, CameraSet, PosedCamera, read_cameras_with},
     embed::{EmbedMethod, EmbedOptions, EmbedReport, TrainingView, embed},
 };
 
@@ -201,12 +201,13 @@ impl EmbedArgs {
     }
 
     fn training_views(&self, scene: &Scene) -> Result<Vec<TrainingView>> {
+        let options = CameraOptions { size: Some(UVec2::splat(self.size)), offset: scene.offset };
         if let Some(folder) = &self.photos {
             let view = |posed: PosedCamera| {
                 Ok(TrainingView::photo(posed.require_photo()?.into(), &posed.camera, self.size))
             };
             // A photo that is missing gives no size, and its camera is left out.
-            let set = read_cameras_with(folder, Some(UVec2::splat(self.size)))?;
+            let set = read_cameras_with(folder, options)?;
             let set = told(set.with_photos()?);
             return set.cameras.into_iter().map(view).collect();
         }
@@ -219,7 +220,7 @@ impl EmbedArgs {
             let view =
                 |posed: PosedCamera| TrainingView::rendered(posed.name.clone(), &posed.camera, self.size);
             // Cameras with an angle of view alone see a square.
-            let set = told(read_cameras_with(cameras, Some(UVec2::splat(self.size)))?);
+            let set = told(read_cameras_with(cameras, options)?);
             return Ok(set.cameras.into_iter().map(view).collect());
         }
         let chosen =

@@ -14,7 +14,7 @@ use stylegaussian_encoder::{Image, paint_of};
 use stylegaussian_files::read_look;
 use stylegaussian_train::{
     TrainError, Watch,
-    cameras::read_cameras,
+    cameras::{CameraOptions, read_cameras_with},
     eval::{ImageDecoder, Judge, Outcome, Painter, Pairs, Subject, Views, decoded, evaluate},
     images::list_images,
 };
@@ -172,7 +172,8 @@ impl EvalArgs {
             self.framing.warn(scene, &self.scene);
             return Ok(Views::choose(scene, n, self.size, self.consistency_size)?);
         };
-        let set = read_cameras(path)?;
+        let options = CameraOptions { offset: scene.offset, ..CameraOptions::default() };
+        let set = read_cameras_with(path, options)?;
         warn(&set.warnings);
         let cameras: Vec<Camera> = set.cameras.into_iter().map(|posed| posed.camera).collect();
         let pairs = self.pairs.as_deref().map(|path| Pairs::read(path, cameras.len())).transpose()?;

@@ -11,7 +11,7 @@ use glam::UVec2;
 use serde::Serialize;
 use stylegaussian::{Camera, Scene, splat::Colors, views::orbit};
 use stylegaussian_train::{
-    cameras::{CamerasError, read_cameras_with},
+    cameras::{CameraOptions, CamerasError, read_cameras_with},
     picture::{Background, Picture},
 };
 
@@ -139,7 +139,8 @@ impl RenderArgs {
     fn cameras(&self, scene: &Scene) -> Result<Vec<Camera>> {
         let cameras = match &self.cameras {
             Some(path) => {
-                let cameras = cameras_of_file(path, self.size)?;
+                let options = CameraOptions { size: self.size, offset: scene.offset };
+                let cameras = cameras_of_file(path, options)?;
                 cameras.into_iter().map(|camera| camera.near_among(&scene.means)).collect()
             }
             None => {
@@ -191,15 +192,15 @@ fn render_all(
     Ok(pictures)
 }
 
-/// Cameras of a file, checked for the size of their pictures unless they get another `size`.
-fn cameras_of_file(path: &Path, size: Option<UVec2>) -> Result<Vec<Camera>> {
-    let set = read_cameras_with(path, size).map_err(|error| match error {
+/// Cameras of a file, checked for the size of their pictures, which is that of the options if they have one.
+fn cameras_of_file(path: &Path, options: CameraOptions) -> Result<Vec<Camera>> {
+    let set = read_cameras_with(path, options).map_err(|error| match error {
         CamerasError::PhotoSize { .. } => anyhow!("{error}; --size gives it"),
         error => error.into(),
     })?;
     warn(&set.warnings);
     for posed in &set.cameras {
-        let size = size.unwrap_or(posed.camera.size);
+        let size = options.size.unwrap_or(posed.camera.size);
         ensure!(
             is_drawable(size),
             "{}: camera {}: found {}x{} pixels, expected 1 to {MAX_SIDE} on a side and at most \

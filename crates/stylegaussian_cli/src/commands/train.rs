@@ -9,7 +9,7 @@ use stylegaussian::{Activation, Camera, Scene, views::choose_views};
 use stylegaussian_files::{Precision, write_decoder};
 use stylegaussian_train::{
     Watch,
-    cameras::{CameraSet, read_cameras},
+    cameras::{CameraOptions, CameraSet, read_cameras_with},
     decoder::{
         DecoderChanges, LossWeights, NewDecoder, Paintings, Start, TrainConfig, Trainer, TrainingScene,
         mean_decoder, write_contact_sheet, write_losses,
@@ -345,7 +345,8 @@ impl TrainArgs {
             let loaded = self.reading.read(path)?;
             let cameras: Vec<Camera> = match sources.get(i) {
                 Some(source) => {
-                    let CameraSet { cameras: all, warnings } = read_cameras(source)?;
+                    let options = CameraOptions { offset: loaded.scene.offset, ..CameraOptions::default() };
+                    let CameraSet { cameras: all, warnings } = read_cameras_with(source, options)?;
                     warn(&warnings);
                     // Rounded up, so never more than `views`, and perhaps fewer.
                     let stride = all.len().div_ceil(self.views as usize).max(1);

@@ -77,7 +77,7 @@ pub(super) fn is_model(folder: &Path) -> bool {
 
 /// Reads the model with the most images among those that COLMAP's mapper numbers in the folder `sparse`. The
 /// mapper writes several if it cannot join all images, and the first one need not be the largest.
-pub(super) fn read_largest(sparse: &Path) -> Result<Option<CameraSet>, CamerasError> {
+pub(super) fn read_largest(sparse: &Path, offset: DVec3) -> Result<Option<CameraSet>, CamerasError> {
     let number = |path: &Path| path.file_name()?.to_str()?.parse::<u32>().ok();
     let folders = fs::read_dir(sparse).into_iter().flatten().flatten().map(|entry| entry.path());
     let mut models: Vec<(u32, PathBuf)> = folders
@@ -86,7 +86,7 @@ pub(super) fn read_largest(sparse: &Path) -> Result<Option<CameraSet>, CamerasEr
         .collect();
     models.sort();
     if let [(_, model)] = &models[..] {
-        return read(model).map(Some);
+        return read(model, offset).map(Some);
     }
     // A model that cannot be read has no images; if it is taken, its error is told.
     let counts: Vec<usize> =
@@ -94,7 +94,7 @@ pub(super) fn read_largest(sparse: &Path) -> Result<Option<CameraSet>, CamerasEr
     let Some((most, (_, model))) = counts.iter().zip(&models).rev().max_by_key(|(count, _)| **count) else {
         return Ok(None);
     };
-    let mut set = read(model)?;
+    let mut set = read(model, offset)?;
     set.warnings.push(format!(
         "{}: found {} COLMAP models, took {}, which has the most images: {most} of {}",
         sparse.display(),
@@ -119,7 +119,8 @@ fn is_binary(folder: &Path) -> bool {
 
 /// Reads the model in `folder`, the binary one if there are both. Cameras are sorted by name, because COLMAP's
 /// order is arbitrary. Photos are expected in the `images` folder here, or up to three levels up.
-pub(super) fn read(folder: &Path) -> Result<CameraSet, CamerasError> {
+/// Cameras count from `offset`.
+pub(super) fn read(folder: &Path, offset: DVec3) -> Result<CameraSet, CamerasError> {
     let (lenses, images_path) = match is_binary(folder) {
         true => (binary::cameras(&folder.join("cameras.bin"))?, folder.join("images.bin")),
         false => (text::cameras(&folder.join("cameras.txt"))?, folder.join("images.txt")),
@@ -146,7 +147,7 @@ pub(super) fn read(folder: &Path) -> Result<CameraSet, CamerasError> {
             distorted.insert(lens.model.name);
         }
         let pose = image.pose(&images_path, &what)?;
-        let camera = lens.intrinsics(&images_path, &what)?.camera(pose, &images_path, &what)?;
+        let camera = lens.intrinsics(&images_path, &what)?.camera(pose, offset, &images_path, &what)?;
         cameras.push(PosedCamera { name: image.name, camera, photo: Some(photo) });
     }
     let warning = |model| format!("{}: the distortion of {model} cameras is ignored", folder.display());

@@ -163,8 +163,15 @@ pub(super) struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// The camera at `view_from_world`. `what` names it in errors about `path`.
-    pub fn camera(self, view_from_world: DAffine3, path: &Path, what: &str) -> Result<Camera, CamerasError> {
+    /// The camera at `view_from_world`, in a world whose origin is `offset`. `what` names it in errors about
+    /// `path`.
+    pub fn camera(
+        self,
+        view_from_world: DAffine3,
+        offset: DVec3,
+        path: &Path,
+        what: &str,
+    ) -> Result<Camera, CamerasError> {
         if self.size.min_element() == 0 {
             return Err(invalid(path, what, self.size, "a picture size above 0"));
         }
@@ -174,6 +181,8 @@ impl Intrinsics {
         if !self.center.is_finite() {
             return Err(invalid(path, what, self.center, "a finite principal point"));
         }
+        // Before f32 rounds it: far from the file's origin, by more than a picture shows.
+        let view_from_world = view_from_world * DAffine3::from_translation(offset);
         let rotation = view_from_world.matrix3.as_mat3();
         let translation = view_from_world.translation.as_vec3();
         let camera = Camera {

@@ -8,6 +8,7 @@ use tempfile::TempDir;
 use super::*;
 
 mod captures;
+mod distant;
 mod photos;
 
 /// A folder with these files.

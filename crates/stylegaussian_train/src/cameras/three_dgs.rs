@@ -27,8 +27,8 @@ struct Entry {
 }
 
 /// Reads the parsed file at `path`. Photos are expected in `images` beside it. The format has no principal
-/// point, so the picture's middle is used.
-pub(super) fn read(path: &Path, json: Value) -> Result<CameraSet, CamerasError> {
+/// point, so the picture's middle is used. Cameras count from `offset`.
+pub(super) fn read(path: &Path, json: Value, offset: DVec3) -> Result<CameraSet, CamerasError> {
     let entries: Vec<Entry> =
         serde_json::from_value(json).map_err(|source| CamerasError::Json { path: path.into(), source })?;
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -43,7 +43,7 @@ pub(super) fn read(path: &Path, json: Value) -> Result<CameraSet, CamerasError> 
         let intrinsics =
             Intrinsics { focal: DVec2::new(entry.fx, entry.fy), center: size.as_dvec2() / 2.0, size };
         Ok(PosedCamera {
-            camera: intrinsics.camera(world_from_view.inverse(), path, &what)?,
+            camera: intrinsics.camera(world_from_view.inverse(), offset, path, &what)?,
             photo: (!entry.img_name.is_empty()).then_some(photo),
             name: entry.img_name,
         })

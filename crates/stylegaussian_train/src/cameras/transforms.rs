@@ -8,6 +8,7 @@ use serde_json::Value;
 use stylegaussian_encoder::Image;
 
 use super::{
+    CameraOptions,
     photos::photo_paths,
     posed::{CameraSet, CamerasError, Intrinsics, PosedCamera, invalid, picture_size, rigid},
 };
@@ -62,8 +63,8 @@ const A_PINHOLE: &str = "a pinhole camera (undistort the photos first)";
 const MODELS: [&str; 5] = ["PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL"];
 
 /// Reads the parsed file at `path`. Photos are named relative to its folder. Cameras that have neither a size
-/// nor a photo get `size`.
-pub(super) fn read(path: &Path, json: Value, size: Option<UVec2>) -> Result<CameraSet, CamerasError> {
+/// nor a photo get the size of the options.
+pub(super) fn read(path: &Path, json: Value, options: CameraOptions) -> Result<CameraSet, CamerasError> {
     let file: Transforms =
         serde_json::from_value(json).map_err(|source| CamerasError::Json { path: path.into(), source })?;
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -80,7 +81,7 @@ pub(super) fn read(path: &Path, json: Value, size: Option<UVec2>) -> Result<Came
         let photo = frame.file_path.as_ref().and_then(|_| photos.next());
         let pose = pose(&frame.transform_matrix, path, &what)?;
         let own_size = lens.size(photo.as_deref(), path, &what);
-        let pixels = match (own_size, size) {
+        let pixels = match (own_size, options.size) {
             // A size that is no whole number of pixels stays an error.
             (Err(_), Some(size)) if lens.w.is_none() || lens.h.is_none() => {
                 n_without_size += 1;
@@ -88,14 +89,14 @@ pub(super) fn read(path: &Path, json: Value, size: Option<UVec2>) -> Result<Came
             }
             (own_size, _) => own_size?,
         };
-        let camera = lens.intrinsics(pixels, path, &what)?.camera(pose, path, &what)?;
+        let camera = lens.intrinsics(pixels, path, &what)?.camera(pose, options.offset, path, &what)?;
         cameras.push(PosedCamera { name, camera, photo });
     }
     let mut warnings = Vec::new();
     if n_distorted > 0 {
         warnings.push(format!("{}: the lens distortion of {n_distorted} cameras is ignored", path.display()));
     }
-    if let Some(size) = size.filter(|_| n_without_size > 0) {
+    if let Some(size) = options.size.filter(|_| n_without_size > 0) {
         warnings.push(format!(
             "{}: {n_without_size} cameras have neither w and h nor a photo, their pictures are taken as {}x{}",
             path.display(),

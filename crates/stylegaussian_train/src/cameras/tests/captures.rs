@@ -160,18 +160,22 @@ fn cameras_with_an_angle_alone_take_a_given_size() {
     let text = format!("{{\"camera_angle_x\": {angle}, {}", &TRANSFORMS[start..]);
     let folder = folder(&[("transforms.json", text.as_bytes())]);
     check_error(folder.path(), &["size", "images/000.png"]);
-    let set = read_cameras_with(folder.path(), Some(UVec2::new(640, 480))).unwrap();
+    let set = read_cameras_with(folder.path(), of_size(640, 480)).unwrap();
     check_lens(&set, Vec2::splat(800.0), Vec2::new(320.0, 240.0));
     let part = "4 cameras have neither w and h nor a photo, their pictures are taken as 640x480";
     assert!(set.warnings.len() == 1 && set.warnings[0].contains(part), "{:?}", set.warnings);
     // A photo's size goes before.
     fs::create_dir(folder.path().join("images")).unwrap();
     image::RgbImage::new(64, 48).save(folder.path().join("images/000.png")).unwrap();
-    let set = read_cameras_with(folder.path(), Some(UVec2::new(640, 480))).unwrap();
+    let set = read_cameras_with(folder.path(), of_size(640, 480)).unwrap();
     assert_eq!(set.cameras[0].camera.size, UVec2::new(64, 48));
     assert_eq!(set.cameras[1].camera.size, UVec2::new(640, 480));
     // A size in the file is not replaced.
-    check(&read_cameras_with(folder_of(TRANSFORMS).path(), Some(UVec2::splat(8))).unwrap());
+    check(&read_cameras_with(folder_of(TRANSFORMS).path(), of_size(8, 8)).unwrap());
+}
+
+fn of_size(width: u32, height: u32) -> CameraOptions {
+    CameraOptions { size: Some(UVec2::new(width, height)), ..CameraOptions::default() }
 }
 
 fn folder_of(transforms: &str) -> TempDir {
