@@ -98,8 +98,8 @@ impl FrameArgs {
         scene.frame = self.frame;
     }
 
-    /// Warns in one line of what chosen cameras leave out of the scene that `path` names, unless they frame what
-    /// they were told to.
+    /// Warns in one line of what chosen cameras leave out of the scene that `path` names, unless they frame
+    /// what they were told to.
     pub fn warn(self, scene: &Scene, path: &Path) {
         if self.frame.is_none()
             && let Some(Framing { frame: Frame { center, radius }, n_left_out }) = framing(scene)

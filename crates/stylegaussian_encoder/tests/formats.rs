@@ -1,5 +1,10 @@
 //! Formats that are cargo features, and formats that are not read.
 
+#![cfg_attr(
+    not(any(feature = "bmp", feature = "gif", feature = "tiff", feature = "webp")),
+    allow(dead_code, reason = "without these features, no test needs the picture")
+)]
+
 use std::{fs, io::Cursor};
 
 use image::{DynamicImage, ImageFormat, Rgb, RgbImage, Rgba, RgbaImage};

@@ -1,7 +1,7 @@
 //! Posed cameras of a capture: transforms.json, COLMAP models, and the cameras.json that 3DGS trainers write.
 //!
-//! Every camera comes out as a pinhole in our axes (x right, y down, z forward), in the file's world, or from the
-//! origin of a scene that is far from that world's. The formats, one module each: `transforms`, `colmap`,
+//! Every camera comes out as a pinhole in our axes (x right, y down, z forward), in the file's world, or from
+//! the origin of a scene that is far from that world's. The formats, one module each: `transforms`, `colmap`,
 //! `three_dgs`; `posed` and `photos` have their common parts.
 
 mod colmap;
