@@ -13,16 +13,10 @@ use crate::onnx::{Graph, OnnxError, Planes};
 use crate::{
     FeatureMap, Image,
     chain::{self, Chain, ChainFile, Size},
+    image::{MIN_SIDE, PROBE_SIDE},
     vgg,
     weights::{Weights, WeightsError},
 };
-
-/// Least width and height of an image for any encoder, in pixels. VGG with reflection padding needs 5; with 8
-/// there are 2x2 positions, so that a standard deviation exists.
-pub const MIN_SIDE: u32 = 8;
-
-/// Width and height of the image on which a network is tried when it is opened.
-pub(crate) const PROBE_SIDE: usize = 64;
 
 /// Most numbers of a value of a chain for an image of [`PROBE_SIDE`]: 2^28, 1 GiB. VGG's largest has 2^18, its
 /// 64 channels of 64x64 pixels.

@@ -11,7 +11,14 @@ use ::image::{
     imageops::{self, FilterType},
 };
 
-use crate::{encoder::MIN_SIDE, guard::guarded};
+use crate::guard::guarded;
+
+/// Least width and height of an image for any encoder, in pixels. VGG with reflection padding needs 5; with 8
+/// there are 2x2 positions, so that a standard deviation exists.
+pub const MIN_SIDE: u32 = 8;
+
+/// Width and height of the image on which a network is tried when it is opened.
+pub(crate) const PROBE_SIDE: usize = 64;
 
 /// Longest side that is read, in pixels.
 pub const MAX_SIDE: u32 = 16_384;

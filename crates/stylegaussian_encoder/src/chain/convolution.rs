@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use stylegaussian::decoder::product::{Matrix, product};
 
-use super::Size;
+use super::size::Size;
 
 /// Columns of a product, if there are as many: the values of two vectors of AVX2. A product with fewer takes as
 /// long.
