@@ -52,9 +52,9 @@ pub struct Values(Vec<Vec<f32>>);
 pub struct ChainError {
     /// Number of the operation, from 0.
     pub operation: usize,
-    /// The operation, and what does not fit.
+    /// Description of the operation.
     pub found: String,
-    /// What would fit.
+    /// Description of a fitting one.
     pub expected: String,
 }
 

@@ -263,8 +263,9 @@ impl Convolution {
     /// kernel.
     pub(super) fn size_after(&self, size: Size) -> Size {
         let [before, after] = self.padding.pixels();
-        let places =
-            |n: usize| (n + before + after).checked_sub(self.side).map_or(0, |rest| rest / self.stride + 1);
+        let places = |n: usize| {
+            n.saturating_add(before + after).checked_sub(self.side).map_or(0, |rest| rest / self.stride + 1)
+        };
         Size { width: places(size.width), height: places(size.height) }
     }
 

@@ -1,4 +1,4 @@
-//! What both engines share: values, and descriptions of a graph.
+//! Types of both engines: values, and descriptions of a graph.
 
 use crate::{FeatureMap, Image};
 
