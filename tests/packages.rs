@@ -1,4 +1,4 @@
-//! What the published packages hold beside their code. Manifests are read as text, so the rules need no build.
+//! The published packages, apart from their code. Manifests are read as text, so the rules need no build.
 
 use std::{
     fs,
@@ -8,7 +8,7 @@ use std::{
 /// Texts that a package must carry: MIT asks for its text, and a link would be gone outside of the repository.
 const LICENSES: [&str; 2] = ["LICENSE-MIT", "LICENSE-APACHE"];
 
-/// What a registry shows of a package, and what its documentation is built with.
+/// Fields that a registry shows of a package, or builds its documentation by.
 const FIELDS: [&str; 5] =
     ["description = ", "readme = ", "keywords = ", "categories = ", "[package.metadata.docs.rs]"];
 

@@ -21,11 +21,6 @@ mod images {
 #[path = "../readers/cameras.rs"]
 mod reader;
 
-mod encoder {
-    /// Only for messages: no image is decoded here.
-    pub const MIN_SIDE: u32 = 8;
-}
-
 pub use images::{
     guard,
     image::{self, Image, ImageError},

@@ -2,9 +2,10 @@
 
 use stylegaussian_encoder::{Encoder, Image};
 
-/// Opens the encoder and encodes a picture of 32x32 pixels.
+/// Opens the encoder, as either kind of file, and encodes a picture of 32x32 pixels.
 pub fn read(data: &[u8]) {
-    if let Ok(encoder) = Encoder::from_bytes("fuzz", data.to_vec()) {
+    for encoder in ["fuzz", "fuzz.onnx"].into_iter().flat_map(|name| Encoder::from_bytes(name, data.to_vec()))
+    {
         let (width, height) = (32, 32);
         let picture = Image { width, height, rgb: vec![0.5; 3 * 32 * 32] };
         if let Ok(features) = encoder.encode(&picture) {

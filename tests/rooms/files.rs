@@ -53,7 +53,7 @@ fn words(name: &str) -> BTreeSet<String> {
     spaced.split_whitespace().map(String::from).collect()
 }
 
-/// What a source names of files and their formats. Comments and texts may name them.
+/// The names of files and formats in a source. Comments and texts may name them.
 fn file_words(source: &str) -> BTreeSet<String> {
     let tokens = tokens(source);
     let mut found = BTreeSet::new();

@@ -1,4 +1,4 @@
-//! A scene that is opened: whether it is loaded, and what a camera is to see of it.
+//! A scene that is opened: its state of loading, and its part that a camera is to see.
 
 use bevy::{asset::LoadState, prelude::*};
 use bevy_stylegaussian::{GaussianScene, stylegaussian::Scene};
@@ -27,7 +27,7 @@ pub fn loaded_scene<'a>(
     }
 }
 
-/// What a camera is to see of a scene: its bulk, upright.
+/// The part of a scene that a camera is to see: its bulk, upright.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Framing {
     /// The scene's up direction, which is turned to the world's y.

@@ -9,38 +9,13 @@
 mod convolution;
 mod file;
 mod pixels;
+mod size;
 
 pub use convolution::{Convolution, Kernel, Padding};
 pub use file::ChainFile;
 pub(crate) use file::is_chain;
 pub use pixels::add;
-
-/// Width and height, in pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Size {
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-}
-
-impl Size {
-    /// The number of pixels.
-    pub fn n_pixels(self) -> usize {
-        self.width * self.height
-    }
-
-    /// Half of it. An odd last line counts if `ceil`.
-    fn halved(self, ceil: bool) -> Self {
-        let half = |side: usize| if ceil { side.div_ceil(2) } else { side / 2 };
-        Self { width: half(self.width), height: half(self.height) }
-    }
-
-    /// So many pixels more along each side.
-    fn plus(self, pixels: usize) -> Self {
-        Self { width: self.width + pixels, height: self.height + pixels }
-    }
-}
+pub use size::Size;
 
 /// One operation. Value 0 is the picture, value i + 1 the result of operation i.
 #[derive(Clone, Debug)]
@@ -77,9 +52,9 @@ pub struct Values(Vec<Vec<f32>>);
 pub struct ChainError {
     /// Number of the operation, from 0.
     pub operation: usize,
-    /// The operation, and what does not fit.
+    /// Description of the operation.
     pub found: String,
-    /// What would fit.
+    /// Description of a fitting one.
     pub expected: String,
 }
 

@@ -13,16 +13,10 @@ use crate::onnx::{Graph, OnnxError, Planes};
 use crate::{
     FeatureMap, Image,
     chain::{self, Chain, ChainFile, Size},
+    image::{MIN_SIDE, PROBE_SIDE},
     vgg,
     weights::{Weights, WeightsError},
 };
-
-/// Least width and height of an image for any encoder, in pixels. VGG with reflection padding needs 5; with 8
-/// there are 2x2 positions, so that a standard deviation exists.
-pub const MIN_SIDE: u32 = 8;
-
-/// Width and height of the image on which a network is tried when it is opened.
-pub(crate) const PROBE_SIDE: usize = 64;
 
 /// Most numbers of a value of a chain for an image of [`PROBE_SIDE`]: 2^28, 1 GiB. VGG's largest has 2^18, its
 /// 64 channels of 64x64 pixels.
@@ -69,7 +63,7 @@ pub enum EncoderError {
     Chain {
         /// The encoder's file.
         encoder: String,
-        /// What is wrong.
+        /// Description of the fault.
         found: String,
     },
     /// The graph cannot be loaded or run, or is not an encoder's.
@@ -77,7 +71,9 @@ pub enum EncoderError {
     #[error(transparent)]
     Onnx(#[from] OnnxError),
     /// The program reads no ONNX files.
-    #[error("{encoder}: an ONNX file needs a program that was built with the feature `onnx`, and no browser")]
+    #[error(
+        "{encoder}: an ONNX file, which a program reads if it is built with the feature `onnx`, and no browser"
+    )]
     NoOnnx {
         /// The encoder's file.
         encoder: String,
@@ -128,38 +124,30 @@ impl Encoder {
     /// If the file is not of the kind that its extension claims, if a tensor has another shape or is not
     /// finite, or if the network does not run.
     pub fn open(path: &Path) -> Result<Self, EncoderError> {
-        let read = || fs::read(path).map_err(|source| EncoderError::Read { path: path.into(), source });
-        let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-        let name = path.display().to_string();
-        // By extension and not by content: a protobuf message has no marker to know it by.
-        match extension.to_ascii_lowercase().as_str() {
-            "onnx" => {
-                let bytes = read()?;
-                Self::from_onnx_file(name, stem(path), bytes)
-            }
-            "safetensors" | "pth" | "pt" => {
-                let bytes = read()?;
-                if chain::is_chain(&bytes) {
-                    return Self::from_chain_file(name, stem(path), &bytes);
-                }
-                let id = EncoderId { name: stem(path), hash: hash(&bytes) };
-                Self::of_chain(id, name, vgg::encoder(&Weights::from_bytes(path, bytes)?)?)
-            }
-            _ => Err(EncoderError::Extension { path: path.into() }),
+        let is_known = ["onnx", "safetensors", "pth", "pt"].contains(&&*extension(path));
+        if !is_known {
+            return Err(EncoderError::Extension { path: path.into() });
         }
+        let bytes = fs::read(path).map_err(|source| EncoderError::Read { path: path.into(), source })?;
+        Self::from_bytes(&path.display().to_string(), bytes)
     }
 
-    /// Opens an encoder from the bytes of a network's file, for programs that carry one with them: those of
-    /// `stylegaussian distill`, or with the feature `onnx` of an ONNX file. `name` is the file's
-    /// name.
+    /// Opens an encoder from the bytes of a file that [`open`](Self::open) takes, for programs that carry one
+    /// with them. `name` is the file's name. Without an extension, the bytes are those of a network that
+    /// `stylegaussian distill` wrote.
     ///
     /// # Errors
-    /// If the bytes are neither, or if the network is not an encoder's or does not run.
+    /// As [`open`](Self::open).
     pub fn from_bytes(name: &str, bytes: Vec<u8>) -> Result<Self, EncoderError> {
-        if chain::is_chain(&bytes) {
-            Self::from_chain_file(name.into(), stem(name.as_ref()), &bytes)
-        } else {
-            Self::from_onnx_file(name.into(), stem(name.as_ref()), bytes)
+        let path = Path::new(name);
+        // By extension and not by content: a protobuf message has no marker to know it by.
+        match &*extension(path) {
+            "onnx" => Self::from_onnx_file(name.into(), stem(path), bytes),
+            "safetensors" | "pth" | "pt" if !chain::is_chain(&bytes) => {
+                let id = EncoderId { name: stem(path), hash: hash(&bytes) };
+                Self::of_chain(id, name.into(), vgg::encoder(&Weights::from_bytes(path, bytes)?)?)
+            }
+            _ => Self::from_chain_file(name.into(), stem(path), &bytes),
         }
     }
 
@@ -278,7 +266,12 @@ impl Encoder {
         }
         let features = match &self.network {
             Network::Chain(chain) => {
-                let sizes = chain.sizes(Size { width: width as usize, height: height as usize });
+                let size = Size { width: width as usize, height: height as usize };
+                if !chain.takes(size) {
+                    let found = format!("the network takes no image of {width}x{height} pixels");
+                    return Err(EncoderError::Chain { encoder: self.name.clone(), found });
+                }
+                let sizes = chain.sizes(size);
                 let size = sizes[chain.last()];
                 let values = chain.output(&sizes, image.rgb.clone());
                 let (width, height) = (size.width as u32, size.height as u32);
@@ -316,6 +309,11 @@ fn least_side(graph: &Graph) -> Result<u32, EncoderError> {
     // The powers of two up to the probe: exact enough for an error's message, at the cost of three small runs.
     let least = sides.into_iter().find(|&side| run(side as usize, side as usize).is_ok());
     Ok(least.unwrap_or(PROBE_SIDE as u32))
+}
+
+/// A file's extension in lower case.
+fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
 }
 
 /// A file's name without extension; of `NAME.encoder.safetensors` it is `NAME`.

@@ -11,8 +11,14 @@ use ::image::{
     imageops::{self, FilterType},
 };
 
-use crate::encoder::MIN_SIDE;
 pub use file::{extensions, format_names};
+
+/// Least width and height of an image for any encoder, in pixels. VGG with reflection padding needs 5; with 8
+/// there are 2x2 positions, so that a standard deviation exists.
+pub const MIN_SIDE: u32 = 8;
+
+/// Width and height of the image on which a network is tried when it is opened.
+pub(crate) const PROBE_SIDE: usize = 64;
 
 /// Longest side that is read, in pixels.
 pub const MAX_SIDE: u32 = 16_384;
@@ -23,6 +29,7 @@ const MAX_DECODER_BYTES: u64 = MAX_PIXELS * 8;
 /// Most bytes of a file: 16-bit RGBA of [`MAX_PIXELS`] that does not compress, and as much again for its
 /// metadata.
 const MAX_FILE_BYTES: u64 = 2 * MAX_DECODER_BYTES;
+
 /// An RGB image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {

@@ -3,7 +3,7 @@
 use image::imageops::FilterType;
 use stylegaussian::{ChannelStatistics, paint::Paint};
 
-use crate::{Encoder, EncoderError, FeatureMap, Image, encoder::MIN_SIDE};
+use crate::{Encoder, EncoderError, FeatureMap, Image, image::MIN_SIDE};
 
 /// The size at which a style image is encoded.
 ///

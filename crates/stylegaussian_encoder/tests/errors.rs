@@ -163,7 +163,26 @@ fn networks_that_are_no_encoder() {
     );
     let halved = network(&one, &[const { Operation::MaxPool { ceil: false } }; 7]);
     contains_all(&failure(name, &halved), &["64x64 pixels is too small"]);
+    // More pixels than can be counted, before a convolution with a border.
+    let same = Kernel { shape: [1; 4], weight: vec![1.0], bias: vec![0.0] };
+    let border = Operation::Convolution(Convolution::new(&same, Padding::Zeros(1)).unwrap());
+    let countless = [&[const { Operation::Double }; 70][..], &[border]].concat();
+    contains_all(&failure(name, &network(&one, &countless)), &["64x64 pixels", "numbers"]);
     failure(name, &tiny()[..200]);
+    // Not taken for another kind of file, such as ONNX.
+    let cut = Encoder::from_bytes("tiny", tiny()[..200].to_vec()).err().unwrap().to_string();
+    assert!(cut.starts_with("tiny: ") && !cut.contains("ONNX"), "{cut}");
+}
+
+/// A network that adds values whose sizes are equal for some images alone.
+#[test]
+fn images_that_a_network_cannot_add_up_are_refused() {
+    let one = Kernel { shape: [1, 3, 1, 1], weight: vec![1.0; 3], bias: vec![0.0] };
+    let there_and_back = [Operation::MaxPool { ceil: true }, Operation::Double, Operation::Add(1)];
+    let encoder = Encoder::from_bytes("even", network(&one, &there_and_back)).unwrap();
+    let image = |side: u32| Image { width: side, height: 8, rgb: vec![0.5; side as usize * 24] };
+    assert!(encoder.encode(&image(10)).is_ok());
+    contains_all(&encoder.encode(&image(9)).unwrap_err().to_string(), &["even: ", "9x8"]);
 }
 
 #[test]

@@ -218,7 +218,7 @@ impl ShownColors {
     }
 
     /// The strokes of an entity.
-    #[cfg(test)]
+    #[cfg(all(test, feature = "images"))]
     pub(crate) fn shown_strokes(&self, entity: MainEntity) -> Option<&GaussianStrokes> {
         self.of_entity.get(&entity)?.shown.strokes()
     }

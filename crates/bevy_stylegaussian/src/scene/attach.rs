@@ -140,7 +140,7 @@ const SAME_TRY: Duration = Duration::from_secs(2);
 /// Sends a failure for each entity that waits for an asset that failed to load.
 pub(super) fn report_failed_loads(
     mut events: MessageReader<AssetLoadFailedEvent<GaussianScene>>,
-    splats: Query<(Entity, &GaussianSplats)>,
+    splats: Query<(Entity, Ref<GaussianSplats>)>,
     scenes: Res<Assets<GaussianScene>>,
     mut last: Local<HashMap<AssetId<GaussianScene>, (Instant, String)>>,
     mut failures: SceneFailures,
@@ -156,7 +156,10 @@ pub(super) fn report_failed_loads(
             }
             last.insert(event.id, (Instant::now(), error.clone()));
         }
-        for (entity, _) in splats.iter().filter(|(_, splats)| splats.0.id() == event.id) {
+        // `attach_scenes` tells those that ask for it in this very frame.
+        let is_told = |splats: &Ref<GaussianSplats>| splats.is_changed() && !scenes.contains(event.id);
+        let waits = |splats: &Ref<GaussianSplats>| splats.0.id() == event.id && !is_told(splats);
+        for (entity, _) in splats.iter().filter(|(_, splats)| waits(splats)) {
             failures.send(entity, GaussianSceneError::Load(error.clone()));
         }
     }

@@ -273,7 +273,7 @@ fn a_change_is_spread_over_frames() {
 }
 
 /// A thousand changes that come faster than they complete, on both backends, with fades and with a budget: the
-/// last one stays, and the device holds the same memory as after five hundred.
+/// last one stays, and the device's memory stops growing.
 #[test]
 fn a_thousand_changes_leave_nothing_behind() {
     let cases = [
@@ -341,21 +341,23 @@ fn a_thousand_changes_leave_nothing_behind() {
                 allocations(app);
             }
         };
-        // Not sooner: pools of wgpu and of timestamps hold as many buffers as were ever in flight at once, and
-        // on a GPU it takes some changes until that many are.
-        let [after_500, after_1000] = [500, 500].map(|n| {
-            (0..n).for_each(|_| change_at_random(&mut app));
+        // Pools of wgpu and of timestamps hold as many buffers as were ever in flight at once, and on a busy
+        // machine it takes some hundreds of changes until that many are.
+        let mut after_500 = || {
+            (0..500).for_each(|_| change_at_random(&mut app));
             settle(&mut app, 3);
             allocations(&app)
-        });
-        eprintln!(
-            "{backend:?}, {ms_per_frame} ms: {after_500:?} after 500 changes, {after_1000:?} after 1,000"
-        );
-        let (Some(after_500), Some(after_1000)) = (after_500, after_1000) else {
+        };
+        let mut found = vec![after_500(), after_500()];
+        while found.len() < 5 && found[found.len() - 1] != found[found.len() - 2] {
+            found.push(after_500());
+        }
+        eprintln!("{backend:?}, {ms_per_frame} ms: after each 500 changes {found:?}");
+        if found[0].is_none() {
             eprintln!("SKIPPED: the device does not report its allocations");
             continue;
-        };
-        assert_eq!(after_500, after_1000);
+        }
+        assert_eq!(found[found.len() - 2], found[found.len() - 1], "memory grows with changes");
     }
 }
 

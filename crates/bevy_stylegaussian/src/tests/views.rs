@@ -1,4 +1,4 @@
-//! What cameras and entities do in games, compared with the CPU rasterizer's picture: turned and mirrored
+//! Cameras and entities as games use them, compared with the CPU rasterizer's picture: turned and mirrored
 //! entities, places far away, cameras and targets that come, go and change their size, and HDR.
 
 use bevy::{
@@ -72,8 +72,7 @@ fn a_flat_floor_is_drawn_at_a_grazing_angle() {
     }
 }
 
-/// What the eye sees of a mirrored scene is the mirrored picture from behind, in the colors that are seen from
-/// there.
+/// A mirrored scene looks like the mirrored picture from behind, in the colors that are seen from there.
 #[test]
 fn a_mirrored_entity_shows_the_mirrored_picture_in_its_colors() {
     let Some(mut studio) = Studio::new() else { return };

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use stylegaussian::decoder::product::{Matrix, product};
 
-use super::Size;
+use super::size::Size;
 
 /// Columns of a product, if there are as many: the values of two vectors of AVX2. A product with fewer takes as
 /// long.
@@ -263,8 +263,9 @@ impl Convolution {
     /// kernel.
     pub(super) fn size_after(&self, size: Size) -> Size {
         let [before, after] = self.padding.pixels();
-        let places =
-            |n: usize| (n + before + after).checked_sub(self.side).map_or(0, |rest| rest / self.stride + 1);
+        let places = |n: usize| {
+            n.saturating_add(before + after).checked_sub(self.side).map_or(0, |rest| rest / self.stride + 1)
+        };
         Size { width: places(size.width), height: places(size.height) }
     }
 

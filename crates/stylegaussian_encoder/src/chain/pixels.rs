@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::Size;
+use super::size::Size;
 
 /// Values that a thread takes at a time, where each is one addition: 128 KiB.
 const CHUNK: usize = 1 << 15;

@@ -1,9 +1,9 @@
-//! What both engines share: values, and descriptions of a graph.
+//! Types of both engines: values, and descriptions of a graph.
 
 use crate::{FeatureMap, Image};
 
 /// Most values that a graph may take, or a step of it make, for an image of
-/// [`PROBE_SIDE`](crate::encoder::PROBE_SIDE): 2^28, 1 GiB. VGG's
+/// [`PROBE_SIDE`](crate::image::PROBE_SIDE): 2^28, 1 GiB. VGG's
 /// largest step makes 2^18, its 64 channels of 64x64 pixels.
 pub(crate) const MAX_VALUES: usize = 1 << 28;
 

@@ -7,7 +7,7 @@ use tract_linalg::multithread::{Executor, multithread_tract_scope};
 use tract_onnx::{prelude::*, tract_hir::infer::Factoid};
 
 use super::engine::{MAX_VALUES, Outlet, Planes, Signature};
-use crate::{encoder::PROBE_SIDE, guard::guarded};
+use crate::{guard::guarded, image::PROBE_SIDE};
 
 /// tract's version, for people. A test compares it with the workspace's manifest.
 pub(crate) const VERSION: &str = "0.23";

@@ -7,7 +7,10 @@ use stylegaussian::{
     Camera, Scene,
     splat::{Colors, render},
 };
-use stylegaussian_encoder::{Image, ImageError, encoder::MIN_SIDE, image::Warned};
+use stylegaussian_encoder::{
+    Image, ImageError,
+    image::{MIN_SIDE, Warned},
+};
 
 /// Background of rendered views: white, as paper. Encoders see it in cells at the silhouette.
 const BACKGROUND: f32 = 1.0;

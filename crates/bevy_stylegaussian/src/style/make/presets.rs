@@ -17,7 +17,7 @@ use crate::style::{
     wish::asset::StyleStatistics,
 };
 
-/// What is known of each preset that was used as a style.
+/// Canvases and statistics of the presets that were used as styles.
 #[derive(Resource, Default)]
 pub(crate) struct Presets {
     canvases: HashMap<AssetId<StyleStatistics>, Later<Stretched>>,

@@ -1,7 +1,5 @@
 //! Errors of styling.
 
-use std::sync::Arc;
-
 use stylegaussian::{fold::StylizeError, look::LookError};
 
 /// A style cannot be applied.
@@ -45,7 +43,7 @@ pub enum StyleError {
         /// The image.
         image: String,
         /// The encoder's error.
-        source: Arc<stylegaussian_encoder::EncoderError>,
+        source: std::sync::Arc<stylegaussian_encoder::EncoderError>,
     },
     /// The style is an image, and the plugin was built without images.
     #[error(
