@@ -24,9 +24,9 @@ const LEAST_SHARE: f64 = 0.1;
 /// Exponent of r. At 10 times the radius a background of three fifths is left out, and at 100 times one of five
 /// sixths. A floor of three times the radius that has two fifths of the Gaussians belongs to the thing.
 const EXPONENT: f64 = 0.4;
-/// Factor of r beyond which it matters no more. The least share is never a thing then, however small it is: it
-/// may be a few Gaussians in one point.
-const FARTHEST: f64 = 300.0;
+/// Factor of r beyond which it matters no more. Less than an eighth of the scene is never a thing then, however
+/// small it is: it may be a few Gaussians in one point.
+const FARTHEST: f64 = 180.0;
 /// Room around the box, in its radii, in which the thin ends of the thing lie.
 const ROOM: f32 = 0.3;
 

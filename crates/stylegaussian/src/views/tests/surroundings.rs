@@ -32,10 +32,10 @@ fn cube() -> Scene {
     scene
 }
 
-/// A cube on a floor of three times its width.
+/// A cube on a floor of three times its width, as dense as the cube.
 fn cube_on_a_floor() -> Scene {
     let mut scene = cube();
-    add_rectangle(&mut scene, Vec3::new(-1.5, -0.5, -1.5), 3.0 * Vec3::X, 3.0 * Vec3::Z, 16);
+    add_rectangle(&mut scene, Vec3::new(-1.5, -0.5, -1.5), 3.0 * Vec3::X, 3.0 * Vec3::Z, 39);
     scene
 }
 
