@@ -14,11 +14,11 @@ mod transforms;
 
 use std::{fs, path::Path};
 
-use glam::{DVec3, UVec2};
+use glam::UVec2;
 use stylegaussian::Camera;
 
 pub(crate) use posed::utf8;
-pub use posed::{CameraSet, CamerasError, PosedCamera};
+pub use posed::{CameraOptions, CameraSet, CamerasError, PosedCamera};
 use posed::{invalid, parse, read};
 
 /// Reads the cameras at `path`: a transforms.json, a 3DGS cameras.json, a file of a COLMAP model, or a folder
@@ -31,17 +31,6 @@ use posed::{invalid, parse, read};
 /// alone is only a warning), or the file has no camera.
 pub fn read_cameras(path: &Path) -> Result<CameraSet, CamerasError> {
     read_cameras_with(path, CameraOptions::default())
-}
-
-/// What a file of cameras does not tell.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct CameraOptions {
-    /// The size of pictures for cameras that have an angle of view, but neither a size nor a photo. A warning
-    /// counts these.
-    pub size: Option<UVec2>,
-    /// The [`offset`](stylegaussian::Scene::offset) of the scene that they see, whose source has the file's
-    /// world. Cameras count from the scene's origin, as its means do.
-    pub offset: DVec3,
 }
 
 /// [`read_cameras`], with what the file does not tell.

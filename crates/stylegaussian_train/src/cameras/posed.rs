@@ -9,6 +9,17 @@ use std::{
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec2, DVec3, UVec2};
 use stylegaussian::Camera;
 
+/// What a file of cameras does not tell.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CameraOptions {
+    /// The size of pictures for cameras that have an angle of view, but neither a size nor a photo. A warning
+    /// counts these.
+    pub size: Option<UVec2>,
+    /// The [`offset`](stylegaussian::Scene::offset) of the scene that they see, whose source has the file's
+    /// world. Cameras count from the scene's origin, as its means do.
+    pub offset: DVec3,
+}
+
 /// One camera of a capture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PosedCamera {

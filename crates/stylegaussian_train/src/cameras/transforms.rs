@@ -8,9 +8,8 @@ use serde_json::Value;
 use stylegaussian_encoder::Image;
 
 use super::{
-    CameraOptions,
     photos::photo_paths,
-    posed::{CameraSet, CamerasError, Intrinsics, PosedCamera, invalid, picture_size, rigid},
+    posed::{CameraOptions, CameraSet, CamerasError, Intrinsics, PosedCamera, invalid, picture_size, rigid},
 };
 
 /// The fields of the file that are used.

@@ -3,7 +3,7 @@
 use std::{path::Path, str::FromStr};
 
 use super::{CamerasError, Image, Lens, Lenses, MODELS, invalid};
-use crate::cameras::{posed::read, utf8};
+use crate::cameras::posed::{read, utf8};
 
 /// The lenses of cameras.txt, one line each: CAMERA_ID MODEL WIDTH HEIGHT PARAMETERS...
 pub(super) fn cameras(path: &Path) -> Result<Lenses, CamerasError> {

@@ -1,5 +1,7 @@
 //! Cameras of scenes far from the origin of their files.
 
+use glam::DVec3;
+
 use super::*;
 
 /// In meters of a national grid, where the steps of f32 are half a meter wide.
