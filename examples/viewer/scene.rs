@@ -61,7 +61,7 @@ pub fn show_loaded(
     // Put back below if it is still being loaded.
     let Some((path, handle)) = shown.loading.take() else { return };
     let scene = match loaded_scene(&handle, &scenes, &assets) {
-        Some(Ok(scene)) => scene.scene(),
+        Some(Ok(scene)) => scene,
         Some(Err(error)) => return notice.fail(error),
         None => {
             shown.loading = Some((path, handle));
@@ -70,9 +70,9 @@ pub fn show_loaded(
     };
     *shown = ShownScene {
         name: path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
-        n_gaussians: scene.len(),
+        n_gaussians: scene.scene().len(),
         framing: Framing::of(scene),
-        up_is_told: scene.up.is_some(),
+        up_is_told: scene.scene().up.is_some(),
         loading: None,
     };
     let (mut splats, source) = entity.into_inner();

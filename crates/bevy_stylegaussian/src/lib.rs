@@ -84,7 +84,7 @@ pub use mask::{MaskVisibility, StyleMask};
 pub use picking::SplatRayCast;
 pub use plugin::StyleGaussianPlugin;
 #[doc(inline)]
-pub use scene::{GaussianScene, GaussianSceneFailed, GaussianSplats};
+pub use scene::{FitScene, GaussianScene, GaussianSceneFailed, GaussianSplats};
 pub use splats::{SplatSortKey, SplatTonemapping};
 #[cfg(feature = "refine")]
 #[doc(inline)]
@@ -116,7 +116,7 @@ pub mod prelude {
     #[cfg(feature = "picking")]
     pub use crate::picking::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
     pub use crate::{
-        AppliedStyle, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
+        AppliedStyle, FitScene, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
         HiddenUntilStyled, MaskVisibility, SplatRayCast, SplatSortKey, SplatTonemapping, StyleApplied,
         StyleFailed, StyleGaussianPlugin, StyleMask, StyleSource, StyleTransition, StyleVolume,
         mask::{SavedMask, StyleMaskFailed},

@@ -121,6 +121,8 @@ pub fn orbit(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
 pub struct Framing {
     /// The ball that fills a picture of all that is framed.
     pub frame: Frame,
+    /// The up direction, a unit vector: [`Scene::up`], or a guess from the surfaces.
+    pub up: Vec3,
     /// The number of Gaussians that are left out: a backdrop, and surroundings that the ball does not hold.
     pub n_left_out: usize,
 }
@@ -138,7 +140,7 @@ pub fn framing(scene: &Scene) -> Option<Framing> {
             before_backdrop(scene).map_or(0, |(middle, limit)| count(&|mean| mean.distance(middle) >= limit))
         }
     };
-    Some(Framing { frame, n_left_out })
+    Some(Framing { frame, up: survey.up, n_left_out })
 }
 
 fn cameras(candidates: Vec<Candidate>, size: UVec2) -> Vec<Camera> {

@@ -1,7 +1,7 @@
 //! A scene that is opened: its state of loading, and its part that a camera is to see.
 
 use bevy::{asset::LoadState, prelude::*};
-use bevy_stylegaussian::{GaussianScene, stylegaussian::Scene};
+use bevy_stylegaussian::GaussianScene;
 
 use crate::camera::Orbit;
 
@@ -40,14 +40,15 @@ pub struct Framing {
 
 impl Framing {
     /// Measures a scene.
-    pub fn of(scene: &Scene) -> Self {
+    pub fn of(asset: &GaussianScene) -> Self {
+        let scene = asset.scene();
         let radius = |[min, max]: [Vec3; 2]| (max - min).length() / 2.0;
         // Gaussians in one point have the size that they are drawn with.
         let sized = |bulk: [Vec3; 2]| if radius(bulk) > 0.0 { Some(bulk) } else { scene.splat_bounds() };
         let [min, max] = scene.bulk(OUTSIDE).and_then(sized).unwrap_or_default();
         Self {
-            // Captures without an up axis are usually in the axes of structure from motion, with y down.
-            up: scene.up.unwrap_or(Vec3::NEG_Y),
+            // If nothing is visible: captures are usually in the axes of structure from motion, with y down.
+            up: asset.framing().map_or(scene.up.unwrap_or(Vec3::NEG_Y), |framing| framing.up),
             center: (min + max) / 2.0,
             radius: if radius([min, max]) > 0.0 { radius([min, max]) } else { NOTHING },
         }
@@ -68,12 +69,32 @@ impl Framing {
 
 #[cfg(test)]
 mod tests {
+    use bevy_stylegaussian::stylegaussian::Scene;
+
     use super::*;
+
+    fn framing_of(scene: Scene) -> Framing {
+        Framing::of(&GaussianScene::new(scene))
+    }
+
+    /// A scene of these means.
+    fn scene(means: Vec<Vec3>) -> Scene {
+        let n = means.len();
+        Scene {
+            rotations: vec![Quat::IDENTITY; n],
+            scales: vec![Vec3::splat(1e-3); n],
+            opacities: vec![1.0; n],
+            order: (0..n as u32).collect(),
+            n_source: n,
+            means,
+            ..Scene::default()
+        }
+    }
 
     #[test]
     fn a_scene_is_framed_upright_in_the_middle() {
         let means = vec![Vec3::ZERO, Vec3::new(2.0, 4.0, 4.0)];
-        let framing = Framing::of(&Scene { means, ..Scene::default() });
+        let framing = framing_of(scene(means));
         // Half of the diagonal, which is 6 long.
         assert_eq!((framing.center, framing.radius), (Vec3::new(1.0, 2.0, 2.0), 3.0));
         // Without an up axis, y is down.
@@ -87,16 +108,9 @@ mod tests {
     #[test]
     fn small_scenes_and_single_gaussians_are_framed() {
         let means = vec![Vec3::ZERO, Vec3::new(2e-4, 4e-4, 4e-4)];
-        let framing = Framing::of(&Scene { means, ..Scene::default() });
+        let framing = framing_of(scene(means));
         assert!((framing.radius / 3e-4 - 1.0).abs() < 1e-5, "{}", framing.radius);
-        let one = Scene {
-            means: vec![Vec3::X],
-            rotations: vec![Quat::IDENTITY],
-            scales: vec![Vec3::splat(1e-3)],
-            opacities: vec![1.0],
-            ..Scene::default()
-        };
-        let framing = Framing::of(&one);
+        let framing = framing_of(scene(vec![Vec3::X]));
         assert!(framing.center.distance(Vec3::X) < 1e-6, "{}", framing.center);
         // 3.33 deviations along each axis.
         assert!((framing.radius / 5.77e-3 - 1.0).abs() < 0.01, "{}", framing.radius);
@@ -104,7 +118,7 @@ mod tests {
 
     #[test]
     fn any_up_direction_and_an_empty_scene_are_framed() {
-        let framing = Framing::of(&Scene { up: Some(Vec3::new(0.0, 0.0, 3.0)), ..Scene::default() });
+        let framing = framing_of(Scene { up: Some(Vec3::new(0.0, 0.0, 3.0)), ..Scene::default() });
         assert_eq!(framing, Framing { up: Vec3::new(0.0, 0.0, 3.0), center: Vec3::ZERO, radius: 0.1 });
         assert!((framing.world_from_scene() * Vec3::Z).distance(Vec3::Y) < 1e-6);
         assert_eq!(Framing::default().world_from_scene(), Quat::IDENTITY);

@@ -102,7 +102,7 @@ impl FrameArgs {
     /// what they were told to.
     pub fn warn(self, scene: &Scene, path: &Path) {
         if self.frame.is_none()
-            && let Some(Framing { frame: Frame { center, radius }, n_left_out }) = framing(scene)
+            && let Some(Framing { frame: Frame { center, radius }, n_left_out, .. }) = framing(scene)
             && n_left_out > 0
         {
             // Three digits of the radius, in worlds of any scale.

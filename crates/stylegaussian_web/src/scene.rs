@@ -197,13 +197,13 @@ pub fn show_loaded(
         Err(error) => return bridge::tell(Event::Failed, &error),
     };
     let Some(scene) = scenes.get(&handle) else { return };
-    let scene = scene.scene();
     if !is_embedded {
         let framing = Framing::of(scene);
         let (mut orbit, camera) = view.into_inner();
         *orbit = framing.orbit(camera);
         *transform = Transform::from_rotation(framing.world_from_scene());
     }
+    let scene = scene.scene();
     let has_features = scene.features.is_some();
     bridge::tell(Event::Loaded, &format!("{} {has_features}", scene.len()));
     if let Next::Asset(handle, path) = last {

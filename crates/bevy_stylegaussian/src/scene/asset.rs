@@ -6,7 +6,11 @@ use std::sync::{
 };
 
 use bevy::{camera::primitives::Aabb, prelude::*};
-use stylegaussian::{Decoder, Neighbors, Scene, scene::SceneError};
+use stylegaussian::{
+    Decoder, Neighbors, Scene,
+    scene::SceneError,
+    views::{self, Framing},
+};
 
 /// A captured scene. It loads from every format that [`stylegaussian_files`] reads. The content of the file
 /// decides its kind, not the name, except for formats without a mark. [`SceneSettings`](super::SceneSettings)
@@ -31,6 +35,8 @@ pub struct GaussianScene {
     /// The box of the scene's bulk: the middle 98% of the means along each axis, without surroundings. `None`
     /// without Gaussians.
     usual: Option<[Vec3; 2]>,
+    /// Its dense part and its up direction. `None` if nothing of it is visible.
+    framing: Option<Framing>,
     /// Whether the GPU has it, or has refused it. The render world says so.
     is_on_gpu: Arc<AtomicBool>,
     /// Whether the GPU has refused it.
@@ -59,9 +65,11 @@ impl GaussianScene {
         let bounds = bounds.map(|bounds| bounds.map(|[min, max]| Aabb::from_min_max(min, max)));
         // An `Arc` of its own, so that its address identifies the decoder wherever inputs are packed for it.
         let decoder = scene.decoder.clone().map(Arc::new);
-        let usual = if bounds.is_ok() { scene.bulk(OUTSIDE) } else { None };
+        let is_valid = bounds.is_ok();
+        let usual = if is_valid { scene.bulk(OUTSIDE) } else { None };
+        let framing = if is_valid { views::framing(&scene) } else { None };
         let (is_on_gpu, is_refused) = (Arc::default(), Arc::default());
-        Self { scene: Arc::new(scene), decoder, bounds, usual, is_on_gpu, is_refused }
+        Self { scene: Arc::new(scene), decoder, bounds, usual, framing, is_on_gpu, is_refused }
     }
 
     /// The scene.
@@ -72,6 +80,12 @@ impl GaussianScene {
     /// The decoder that the scene carries, or `None` if it has none.
     pub fn decoder(&self) -> Option<&Arc<Decoder>> {
         self.decoder.as_ref()
+    }
+
+    /// The ball around the dense part of the scene and the scene's up direction, both in scene space, or `None`
+    /// if nothing of it is visible. [`FitScene`](super::FitScene) uses them.
+    pub fn framing(&self) -> Option<Framing> {
+        self.framing
     }
 
     /// Corners of the box that holds almost all means, in scene space, or `None` without Gaussians.

@@ -11,9 +11,8 @@ use super::asset::GaussianScene;
 /// Shows a [`GaussianScene`] at the entity's `Transform`, which may scale and shear it. A scale of 0 along an
 /// axis has no inverse, and shows nothing; a small one, such as 0.001, shows the scene flat.
 ///
-/// If a scene lies on its side or stands on its head, its file does not say which way is up:
-/// [`SceneSettings::axes`](super::SceneSettings::axes) turns it while it is loaded, as does the
-/// `Transform`.
+/// Captures have the axes and the unit of the program that made them: most stand on their heads, anywhere and
+/// in any size. [`FitScene`](super::FitScene) places one upright.
 ///
 /// Splats are depth-tested against opaque meshes and drawn before transparent ones. They have the colors they
 /// were captured with; lights do not change them. Any number of entities may share a scene. Splats of

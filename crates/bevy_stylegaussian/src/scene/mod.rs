@@ -1,5 +1,5 @@
-//! Scenes: the asset [`GaussianScene`], the component [`GaussianSplats`] that shows it, the [`SceneSettings`]
-//! of loading it, and what a GPU needs to draw it.
+//! Scenes: the asset [`GaussianScene`], the component [`GaussianSplats`] that shows it,
+//! [`FitScene`] that places it, the [`SceneSettings`] of loading it, and what a GPU needs to draw it.
 //!
 //! An entity gets a [`GaussianSceneReady`](crate::GaussianSceneReady) once its scene can be drawn, or a
 //! [`GaussianSceneFailed`].
@@ -23,6 +23,7 @@ mod component;
 mod device;
 mod extract;
 mod failure;
+mod fit;
 mod frames;
 mod gpu;
 mod loader;
@@ -31,6 +32,7 @@ mod per_scene;
 pub use asset::GaussianScene;
 pub use component::GaussianSplats;
 pub use failure::{GaussianSceneError, GaussianSceneFailed};
+pub use fit::FitScene;
 pub use loader::SceneSettings;
 /// The limits that a GPU must have: [`NEEDS`](gpu_needs::NEEDS). On a GPU without them, the app goes on and no
 /// splats are drawn: each of their entities gets a [`GaussianSceneFailed`], and the log has one error.
@@ -57,6 +59,7 @@ impl Plugin for ScenePlugin {
             .add_message::<GaussianSceneFailed>()
             .register_type::<GaussianScene>()
             .register_type::<GaussianSplats>()
+            .register_type::<FitScene>()
             .register_type::<GaussianSceneFailed>()
             // `WindowPlugin` adds it too, but not every app has one.
             .add_message::<RequestRedraw>()
@@ -79,6 +82,10 @@ impl Plugin for ScenePlugin {
                     .after(AssetEventSystems)
                     // A scene's bounds must be there before it is culled, or its first frame would be lost.
                     .before(VisibilitySystems::CheckVisibility),
+            )
+            .add_systems(
+                PostUpdate,
+                fit::fit_scenes.after(StyleGaussianSystems::Scenes).before(TransformSystems::Propagate),
             )
             .add_systems(PostUpdate, frames::ask_for_frames.after(StyleGaussianSystems::Scenes));
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {

@@ -3,12 +3,12 @@
 use std::{fs, path::PathBuf};
 
 use bevy::{asset::AssetLoadFailedEvent, prelude::*};
-use stylegaussian::Axes;
+use stylegaussian::{Axes, Scene};
 use stylegaussian_files::{read_scene, readable_extensions, write_scene};
 
-use super::world::{app_with_assets, small_scene, update_until};
+use super::world::{add_scene, app_with_assets, app_without_rendering, small_scene, update_until};
 use crate::{
-    GaussianScene, GaussianSceneFailed, GaussianSplats,
+    FitScene, GaussianScene, GaussianSceneFailed, GaussianSplats,
     scene::{LoadedScene, SceneSettings},
 };
 
@@ -52,6 +52,38 @@ fn captures_load_with_settings() {
         let means = &loaded(&mut second, &turned).means;
         assert_eq!(means[0], read.means[0] * Vec3::new(1.0, -1.0, -1.0), "{name}");
     }
+}
+
+/// In the frame in which it is attached, again for the next scene, and not by a ball without size.
+#[test]
+fn scenes_are_fitted_when_they_come() {
+    let mut app = app_without_rendering();
+    let scene = Scene { up: Some(Vec3::Z), ..small_scene(30, 2) };
+    let means = scene.means.iter().map(|mean| 50.0 * *mean + Vec3::splat(1e3)).collect();
+    let far = Scene { means, up: Some(Vec3::NEG_Y), ..scene.clone() };
+    let fit = FitScene::new(Vec3::Y, 3.0);
+    let handle = add_scene(&mut app, scene);
+    let entity = app.world_mut().spawn((GaussianSplats(handle), fit)).id();
+    app.update();
+    // The ball's center and its highest point.
+    let check = |app: &App, up: Vec3| {
+        let entity = app.world().entity(entity);
+        let framing = entity.get::<LoadedScene>().unwrap().asset.framing().unwrap();
+        let transform = entity.get::<Transform>().unwrap();
+        let top = framing.frame.center + framing.frame.radius * up;
+        let (center, top) = (transform.transform_point(framing.frame.center), transform.transform_point(top));
+        assert!(center.distance(Vec3::Y) < 1e-3 && top.distance(4.0 * Vec3::Y) < 1e-3, "{center} {top}");
+    };
+    check(&app, Vec3::Z);
+    let handle = add_scene(&mut app, far);
+    app.world_mut().get_mut::<GaussianSplats>(entity).unwrap().0 = handle;
+    update_until(&mut app, "the next scene", |world| {
+        world.get::<LoadedScene>(entity).unwrap().scene().up == Some(Vec3::NEG_Y)
+    });
+    check(&app, Vec3::NEG_Y);
+    app.world_mut().entity_mut(entity).insert(FitScene::new(Vec3::ZERO, f32::NAN));
+    app.update();
+    check(&app, Vec3::NEG_Y);
 }
 
 /// Addresses on the web end with queries, and some name no format. No file can be called so on Windows.
