@@ -21,7 +21,7 @@ use stylegaussian_app::{Arrival, Arrivals, Orbit};
 
 use crate::{
     files::OpenFile,
-    parts::Parts,
+    parts::{Parts, Tool},
     parts_panel,
     save::{Save, Saving},
     scene::{AXES, ShownScene},
@@ -188,9 +188,13 @@ pub fn draw(
             ui.spacing_mut().item_spacing.y = 5.0;
             scene(ui, &mut shown);
             ui.separator();
-            paintings(ui, &mut shown.styles, &pictures);
+            let pins = shown.parts.tool == Tool::Pin;
+            paintings(ui, &mut shown.styles, &pictures, pins);
             ui.separator();
-            mix(ui, &mut shown.styles, &mut shown.arrivals, shown.transfer.refined);
+            let refined = shown.transfer.refined;
+            if mix(ui, &mut shown.styles, &mut shown.arrivals, refined) {
+                shown.saved.write(Save::Pins);
+            }
             // Always as high, so that nothing moves when it comes and goes.
             let share = progress.iter().find_map(|of| of.style.or(of.refine));
             let bar = ProgressBar::new(share.unwrap_or_default()).desired_height(3.0);
@@ -277,11 +281,12 @@ fn scene(ui: &mut Ui, shown: &mut Shown) {
     });
 }
 
-/// The captured colors, then every style with its weight.
-fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
+/// The captured colors, then every style with its weight. With the tool that pins, a click on a used one is its
+/// spot to be pinned.
+fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>], pins: bool) {
     let total = styles.total();
     // Noted, and applied after the loop that borrows the list.
-    let mut selected = None;
+    let (mut selected, mut spot) = (None, None);
     let n_tiles = styles.list.len() + 1;
     for first in (0..n_tiles).step_by(3) {
         ui.horizontal(|ui| {
@@ -294,7 +299,7 @@ fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
                             is_used: total == 0.0,
                             percent: None,
                         };
-                        if tile::draw(ui, &own) {
+                        if tile::draw(ui, &own).is_some() {
                             selected = Some(None);
                         }
                         return;
@@ -308,8 +313,10 @@ fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
                         is_used,
                         percent: is_used.then(|| 100.0 * style.weight / total),
                     };
-                    if tile::draw(ui, &tile) {
-                        selected = Some(Some(index));
+                    match tile::draw(ui, &tile) {
+                        Some(at) if pins && is_used => spot = Some((index, Vec2::new(at.x, at.y))),
+                        Some(_) => selected = Some(Some(index)),
+                        None => {}
                     }
                     tile::weight(ui, &mut style.weight);
                 });
@@ -318,6 +325,9 @@ fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
     }
     if let Some(selected) = selected {
         styles.select(selected);
+    }
+    if spot.is_some() {
+        styles.spot = spot;
     }
 }
 
@@ -328,6 +338,12 @@ const FINISHES: [(Finish, &str, &str); 3] = [
     (Finish::Baked, "baked", "as it was baked before; refined if it was not"),
 ];
 
+/// The choice of what becomes of several paintings.
+const GATHERINGS: [(bool, &str, &str); 2] = [
+    (false, "mixed", "their colors are means, and each spot shows the strokes of one"),
+    (true, "as one", "each spot shows the painting that has a place like it"),
+];
+
 /// The choice of the way in which styles arrive.
 const ARRIVALS: [(Arrival, &str, &str); 4] = [
     (Arrival::Fade, "fading", "everywhere at once"),
@@ -336,8 +352,10 @@ const ARRIVALS: [(Arrival, &str, &str); 4] = [
     (Arrival::Spots, "in spots", "that grow together"),
 ];
 
-/// The sliders for content and fade, and how far the style that is shown is refined.
-fn mix(ui: &mut Ui, styles: &mut Styles, arrivals: &mut Arrivals, refined: Option<(u32, bool)>) {
+/// The sliders for content and fade, and how far the style that is shown is refined. Returns whether pins are to
+/// be saved.
+fn mix(ui: &mut Ui, styles: &mut Styles, arrivals: &mut Arrivals, refined: Option<(u32, bool)>) -> bool {
+    let mut saves_pins = false;
     let look = match refined {
         _ if styles.total() == 0.0 => "unstyled".to_owned(),
         _ if styles.has_look() => "baked".to_owned(),
@@ -358,6 +376,37 @@ fn mix(ui: &mut Ui, styles: &mut Styles, arrivals: &mut Arrivals, refined: Optio
         ui.end_row();
         ui.label("stroke size");
         ui.add(Slider::new(&mut styles.stroke_scale, 0.25..=4.0).logarithmic(true).fixed_decimals(2));
+        ui.end_row();
+        ui.label("several").on_hover_text("what becomes of more than one painting");
+        ui.horizontal(|ui| {
+            for (is_collection, text, hint) in GATHERINGS {
+                ui.selectable_value(&mut styles.is_collection, is_collection, text).on_hover_text(hint);
+            }
+        });
+        ui.end_row();
+        ui.label("colors").on_hover_text("the painting whose colors are used");
+        let name = |style: Option<usize>| {
+            style.and_then(|style| styles.list.get(style)).map_or("its own", |style| &style.name).to_owned()
+        };
+        let names: Vec<String> = (0..styles.list.len()).map(|style| name(Some(style))).collect();
+        ComboBox::from_id_salt("palette").selected_text(name(styles.palette)).show_ui(ui, |ui| {
+            ui.selectable_value(&mut styles.palette, None, "its own");
+            for (style, name) in names.into_iter().enumerate() {
+                ui.selectable_value(&mut styles.palette, Some(style), name);
+            }
+        });
+        ui.end_row();
+        ui.label("palette").on_hover_text("how much hues are pulled to those of the painting");
+        ui.add(Slider::new(&mut styles.palette_strength, 0.0..=1.0).fixed_decimals(2));
+        ui.end_row();
+        ui.label("pins").on_hover_text("by the tool `pin` of the parts of the scene");
+        ui.horizontal(|ui| {
+            ui.label(styles.pins.len().to_string());
+            if ui.button("clear").clicked() {
+                styles.pins.clear();
+            }
+            saves_pins = ui.button("save").on_hover_text("as a file to be opened again").clicked();
+        });
         ui.end_row();
         ui.label("fade").on_hover_text("from look to look");
         ui.add(Slider::new(&mut arrivals.seconds, 0.0..=3.0).fixed_decimals(1).suffix(" s"));
@@ -380,6 +429,7 @@ fn mix(ui: &mut Ui, styles: &mut Styles, arrivals: &mut Arrivals, refined: Optio
         ui.label(look);
         ui.end_row();
     });
+    saves_pins
 }
 
 /// The save buttons.

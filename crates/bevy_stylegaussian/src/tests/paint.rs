@@ -10,7 +10,7 @@ use bevy::{
 use stylegaussian::{
     Look, Scene,
     look::MadeFrom,
-    paint::{Canvas, Paint, Painted, Surface, lay},
+    paint::{Canvas, Hand, Paint, Painted, Surface, lay},
     strokes::Strokes,
     work::Work,
 };
@@ -50,7 +50,7 @@ fn laid(scene: &Scene, paintings: &[(&Paint, f64)], content: f64) -> Painted {
         paintings.iter().map(|(paint, weight)| (Canvas::new(paint), f64::from(*weight as f32))).collect();
     let canvases: Vec<_> = canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect();
     let work = Work::default();
-    lay(scene, &Surface::new(scene, &work).unwrap(), &canvases, content, &work).unwrap()
+    lay(scene, &Surface::new(scene, &work).unwrap(), &canvases, &Hand::default(), content, &work).unwrap()
 }
 
 fn strokes(app: &App, entity: Entity) -> Option<Strokes> {
