@@ -29,6 +29,7 @@ use stylegaussian_app::{Arrivals, place_camera, set_transition};
 mod backdrop;
 mod camera;
 mod files;
+mod hand_panel;
 mod panel;
 mod parts;
 mod parts_panel;

@@ -1,4 +1,4 @@
-//! What an artist decides beside the choice of paintings: `--collection`, `--crop`, `--palette`,
+//! What an artist decides beside the choice of paintings: `--collection`, `--style-crop`, `--palette`,
 //! `--palette-strength` and `--pins`.
 
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ pub struct HandArgs {
     collection: bool,
     /// Use only this part of each style image: left edge, top edge, width and height as shares of the sides.
     #[arg(long, value_name = "X,Y,W,H", value_parser = area, requires = "styles", allow_hyphen_values = true)]
-    crop: Option<[f32; 4]>,
+    style_crop: Option<[f32; 4]>,
     /// Colors in the paintings' stead, for their strokes: an image, a *.style.safetensors, or 2 to 256 colors as
     /// RRGGBB,RRGGBB,...
     #[arg(long, value_name = "FILE|COLORS", requires = "styles")]
@@ -104,7 +104,7 @@ impl HandArgs {
     /// If the image cannot be read, is too small, or the part is no part of it.
     pub fn open_image(&self, path: &Path) -> Result<Image> {
         let image = open_painting(path)?;
-        let part = self.crop.map(|area| image.cropped(area));
+        let part = self.style_crop.map(|area| image.cropped(area));
         Ok(part.transpose().with_context(|| path.display().to_string())?.unwrap_or(image))
     }
 
@@ -113,7 +113,7 @@ impl HandArgs {
     /// # Errors
     /// If the part is no part of it, or nothing of it may be used.
     pub fn part_of(&self, paint: Paint, path: &Path) -> Result<Paint> {
-        let part = self.crop.map(|area| paint.cropped(area));
+        let part = self.style_crop.map(|area| paint.cropped(area));
         let part = part.transpose().with_context(|| path.display().to_string())?.unwrap_or(paint);
         expect_usable(part, path)
     }

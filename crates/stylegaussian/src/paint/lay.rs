@@ -1,7 +1,5 @@
 //! Laying paint on a scene: colors for all that is coarser than a stroke, and the strokes.
 
-use std::sync::Arc;
-
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
