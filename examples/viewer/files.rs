@@ -90,8 +90,8 @@ pub fn take_dropped(mut drops: MessageReader<FileDragAndDrop>, mut opened: Messa
     }
 }
 
-/// Opens files: a scene replaces the present one, a style is listed and applied, a mask is put on the scene, and
-/// pins are put on the styles that are used.
+/// Opens files: a scene replaces the present one, a style is listed and applied, a mask is put on the scene,
+/// and pins are put on the styles that are used.
 #[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub fn open(
     mut opened: MessageReader<OpenFile>,

@@ -347,8 +347,8 @@ const ARRIVALS: [(Arrival, &str, &str); 4] = [
     (Arrival::Spots, "in spots", "that grow together"),
 ];
 
-/// The sliders for content and fade, and how far the style that is shown is refined. Returns whether pins are to
-/// be saved.
+/// The sliders for content and fade, and how far the style that is shown is refined. Returns whether pins are
+/// to be saved.
 fn mix(ui: &mut Ui, styles: &mut Styles, arrivals: &mut Arrivals, refined: Option<(u32, bool)>) -> bool {
     let mut saves_pins = false;
     let look = match refined {

@@ -27,13 +27,19 @@ pub struct HandArgs {
     /// Use only this part of each style image: left edge, top edge, width and height as shares of the sides.
     #[arg(long, value_name = "X,Y,W,H", value_parser = area, requires = "styles", allow_hyphen_values = true)]
     style_crop: Option<[f32; 4]>,
-    /// Colors in the paintings' stead, for their strokes: an image, a *.style.safetensors, or 2 to 256 colors as
-    /// RRGGBB,RRGGBB,...
+    /// Colors in the paintings' stead, for their strokes: an image, a *.style.safetensors, or 2 to 256 colors
+    /// as RRGGBB,RRGGBB,...
     #[arg(long, value_name = "FILE|COLORS", requires = "styles")]
     palette: Option<String>,
     /// How much the scene's hues are pulled to those of the palette: 0 leaves hues that it does not have, 1
     /// leaves no others.
-    #[arg(long, value_name = "0..1", value_parser = fraction, requires = "styles", allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "0..1",
+        value_parser = fraction,
+        requires = "styles",
+        allow_negative_numbers = true,
+    )]
     palette_strength: Option<f64>,
     /// Pinned places, *.pins.json: spots of the scene that are painted from given spots of the paintings.
     #[arg(long, value_name = "FILE", requires = "styles")]

@@ -307,8 +307,8 @@ fn is_file(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("safetensors"))
 }
 
-/// Style statistics and paint of the image at `path`, or of an area of it: its left, top, right and bottom edges
-/// as shares of the sides.
+/// Style statistics and paint of the image at `path`, or of an area of it: its left, top, right and bottom
+/// edges as shares of the sides.
 ///
 /// # Errors
 /// If the image cannot be read or encoded, or has no pixel to paint from.

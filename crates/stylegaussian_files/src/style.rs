@@ -3,8 +3,8 @@
 //! Tensors `mean` and `std_dev` f32 `[D]`, optionally `covariance` f32 `[D, D]`. Metadata `format`, `version`
 //! and, if known, `encoder`.
 //!
-//! Optionally the painting's paint: `paint` u8 `[height, width, 3]`, and if some pixels must not be used, `used`
-//! u8 `[height, width]`, 0 for those and else 1. Readers that know only statistics ignore both.
+//! Optionally the painting's paint: `paint` u8 `[height, width, 3]`, and if some pixels must not be used,
+//! `used` u8 `[height, width]`, 0 for those and else 1. Readers that know only statistics ignore both.
 
 use stylegaussian::{
     paint::{MAX_PIXELS, Paint},

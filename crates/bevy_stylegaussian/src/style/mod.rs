@@ -1,7 +1,8 @@
 //! Styles: what an entity wishes for, how a change is shown, and what is reported of it.
 //!
 //! - The wish: [`StyleSource`] is a mix of [`WeightedStyle`]s, each of a [`StyleInput`], with a
-//!   [`StylePalette`] and [`StylePins`] if an artist wants them. [`StyleMethod`] chooses between paint and the [`decoder`]. [`StylePrepare`] prepares a scene for its first style.
+//!   [`StylePalette`] and [`StylePins`] if an artist wants them. [`StyleMethod`] chooses between paint and the
+//!   [`decoder`]. [`StylePrepare`] prepares a scene for its first style.
 //! - The change: [`StyleTransition`] and [`HiddenUntilStyled`]. A [`StyleVolume`] gives a part of space a
 //!   style.
 //! - The report: [`StyleRecolored`], [`StyleApplied`] and [`StyleFailed`] are events, [`StyleProgress`] and

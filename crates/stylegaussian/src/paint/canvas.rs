@@ -126,8 +126,8 @@ fn center_of(place: usize, n_places: (usize, usize)) -> Vec2 {
     Vec2::new(x as f32 + 0.5, y as f32 + 0.5) * PLACE as f32
 }
 
-/// The size at which a painting is read, in pixels: the largest of [`SCALES`] at which enough of it is fine. Only
-/// `used` pixels count.
+/// The size at which a painting is read, in pixels: the largest of [`SCALES`] at which enough of it is fine.
+/// Only `used` pixels count.
 fn own_size(original: &Picture, used: Option<&Used>) -> (usize, usize) {
     // Whatever its size, strokes have the size that they have in a painting of 512 x 512 pixels.
     let usual = (MAX_PIXELS as f32 / original.values.len().max(1) as f32).sqrt();

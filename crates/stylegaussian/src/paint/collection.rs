@@ -16,8 +16,8 @@ const ALONE: f32 = 1.0;
 /// Rounds in which seeds choose again, after their neighbors did.
 const ROUNDS: usize = 4;
 
-/// The number of the painting of each seed `[M]`: the one that has a place like it, and if several have, the one
-/// that its neighbors have. `fixed` seeds have theirs.
+/// The number of the painting of each seed `[M]`: the one that has a place like it, and if several have, the
+/// one that its neighbors have. `fixed` seeds have theirs.
 ///
 /// The colors of seeds are those of painting 0 in `hues`, which stands for all: what is blue in the scene must
 /// not be made green before it is compared.

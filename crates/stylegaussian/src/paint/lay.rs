@@ -121,8 +121,9 @@ fn parts<'a>(paintings: &[(&'a Canvas, f64)], hand: &Hand) -> Vec<Part<'a>> {
 /// sum 1. `content` c keeps that share of the base colors, 0..1, and takes it from the strokes.
 ///
 /// In a mix, colors are mixed. Strokes are not, because a mean of two strokes is no stroke: each spot shows one
-/// painting, and weights decide how many spots a painting gets ([`mixed`]). In a collection, each spot shows the
-/// painting that has a place like it, in colors of that painting; paintings of any weight above 0 count alike.
+/// painting, and weights decide how many spots a painting gets ([`mixed`]). In a collection, each spot shows
+/// the painting that has a place like it, in colors of that painting; paintings of any weight above 0 count
+/// alike.
 ///
 /// The result depends neither on the number of threads nor on the run. If there is no painting with a weight
 /// above 0, the colors are the base colors, and there are no strokes.

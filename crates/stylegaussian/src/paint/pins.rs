@@ -149,8 +149,8 @@ pub(super) struct Pinned {
     placement: Placement,
 }
 
-/// The seeds whose places `pins` decide: of each pin the nearest seed, and those around it that are nearer to no
-/// other pin and that the painting goes on for.
+/// The seeds whose places `pins` decide: of each pin the nearest seed, and those around it that are nearer to
+/// no other pin and that the painting goes on for.
 pub(super) fn pinned(surface: &Surface, paintings: &[&Canvas], pins: &[Pin]) -> Vec<Pinned> {
     let seeds = &surface.seeds.seeds;
     let nearest = |pin: &Pin| {

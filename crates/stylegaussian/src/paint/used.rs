@@ -8,8 +8,8 @@ use super::{
     places::{STEP, reach_of_patch},
 };
 
-/// Clearance of a place from pixels that may not be used, in pixels: the corner of its patch, whichever way that
-/// is turned, for each position that belongs to the place.
+/// Clearance of a place from pixels that may not be used, in pixels: the corner of its patch, whichever way
+/// that is turned, for each position that belongs to the place.
 fn clear() -> f32 {
     (reach_of_patch() * STEP + 0.5 * PLACE as f32) * std::f32::consts::SQRT_2
 }

@@ -155,9 +155,9 @@ impl StyleSource {
         Self { styles: styles.into_iter().map(weighted).collect(), ..Self::default() }
     }
 
-    /// Several paintings that act as one style, such as a painter's work: each spot of the scene takes its place
-    /// among all of them, and neighbors prefer the same painting. The sky comes from one, foliage from another,
-    /// all in their own colors and strokes. With a single painting, it is that painting.
+    /// Several paintings that act as one style, such as a painter's work: each spot of the scene takes its
+    /// place among all of them, and neighbors prefer the same painting. The sky comes from one, foliage from
+    /// another, all in their own colors and strokes. With a single painting, it is that painting.
     ///
     /// A collection serves where paintings are alike in manner, or each has what a part of the scene needs. A
     /// [`mix`](Self::mix) serves to go from one style to another, and to give one look to all of a scene: its
@@ -197,8 +197,8 @@ impl StyleSource {
         Self { stroke_scale, ..self }
     }
 
-    /// The same styles, of whose images only this part is used: shares of the sides, from the left and top edges,
-    /// 0..1. Fields of [`WeightedStyle`] give each its own.
+    /// The same styles, of whose images only this part is used: shares of the sides, from the left and top
+    /// edges, 0..1. Fields of [`WeightedStyle`] give each its own.
     pub fn cropped(mut self, part: Rect) -> Self {
         self.styles.iter_mut().for_each(|style| style.crop = Some(part));
         self
