@@ -1,5 +1,6 @@
 //! The panel's rows for what is decided beside the paintings: a collection, other colors, pinned places.
 
+use bevy::math::Vec3;
 use bevy_egui::egui::{ComboBox, Slider, Ui};
 
 use crate::styles::Styles;
@@ -9,6 +10,10 @@ const GATHERINGS: [(bool, &str, &str); 2] = [
     (false, "mixed", "their colors are means, and each spot shows the strokes of one"),
     (true, "as one", "each spot shows the painting that has a place like it"),
 ];
+
+/// The directions of strokes, in the axes of the scene's file.
+const DIRECTIONS: [(Option<Vec3>, &str); 4] =
+    [(None, "edges"), (Some(Vec3::X), "x"), (Some(Vec3::Y), "y"), (Some(Vec3::Z), "z")];
 
 /// Draws the rows of a grid. Returns whether pins are to be saved.
 pub fn rows(ui: &mut Ui, styles: &mut Styles) -> bool {
@@ -34,6 +39,13 @@ pub fn rows(ui: &mut Ui, styles: &mut Styles) -> bool {
     ui.end_row();
     ui.label("palette").on_hover_text("how much hues are pulled to those of the painting");
     ui.add(Slider::new(&mut styles.palette_strength, 0.0..=1.0).fixed_decimals(2));
+    ui.end_row();
+    ui.label("strokes").on_hover_text("the direction that they follow");
+    ui.horizontal(|ui| {
+        for (direction, text) in DIRECTIONS {
+            ui.selectable_value(&mut styles.direction, direction, text);
+        }
+    });
     ui.end_row();
     ui.label("pins").on_hover_text("by the tool `pin` of the parts of the scene");
     ui.horizontal(|ui| {

@@ -62,6 +62,8 @@ pub struct Styles {
     pub palette: Option<usize>,
     /// How much hues are pulled to the palette, 0..1.
     pub palette_strength: f32,
+    /// The axis of the scene that strokes follow, or `None` for its edges.
+    pub direction: Option<Vec3>,
     /// Pinned places, each in a style of the list.
     pub pins: Vec<(usize, StylePin)>,
     /// The style and the spot of its painting that the next pin is for.
@@ -123,6 +125,7 @@ impl Styles {
         self.is_collection
             || self.palette.is_some()
             || self.palette_strength != Hand::PALETTE
+            || self.direction.is_some()
             || !self.pins.is_empty()
     }
 
@@ -173,6 +176,7 @@ impl Styles {
             is_collection: self.is_collection,
             palette: self.palette.and_then(|style| palette_of(&self.list.get(style)?.input)),
             palette_strength: self.palette_strength,
+            stroke_direction: self.direction,
             pins: self.used_pins().into(),
             ..StyleSource::mix(styles)
         }
@@ -256,6 +260,7 @@ pub fn apply(
         || source.is_collection != wanted.is_collection
         || source.palette != wanted.palette
         || source.palette_strength != wanted.palette_strength
+        || source.stroke_direction != wanted.stroke_direction
         || source.pins != wanted.pins;
     if source.set_if_neq(wanted) && is_computed {
         transfer.is_under_way = !source.is_none();

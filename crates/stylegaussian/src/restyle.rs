@@ -5,6 +5,8 @@
 
 use std::error::Error;
 
+use glam::Vec3;
+
 use crate::{
     ChannelStatistics, Decoder, Look, Scene,
     fold::{self, ChannelMap, StylizeError, normalized},
@@ -99,6 +101,12 @@ pub enum RestyleError {
         /// The strength.
         found: f32,
     },
+    /// The direction of strokes is none.
+    #[error("the strokes' direction is {found}, expected finite numbers that are not all 0")]
+    Direction {
+        /// The direction.
+        found: Vec3,
+    },
     /// There are too many paintings.
     #[error("found {found} paintings, expected at most {MAX_TEXTURES}")]
     Paintings {
@@ -181,6 +189,9 @@ impl Styles<'_> {
                 if !(0.0..=1.0).contains(&hand.palette) {
                     return Err(RestyleError::Palette { found: hand.palette });
                 }
+                if let Some(found) = hand.direction.filter(|to| to.try_normalize().is_none()) {
+                    return Err(RestyleError::Direction { found });
+                }
                 if paintings.len() > MAX_TEXTURES {
                     return Err(RestyleError::Paintings { found: paintings.len() });
                 }
@@ -211,7 +222,7 @@ fn mixed(parts: impl Iterator<Item = (Strokes, f64)>) -> Strokes {
 
 #[cfg(test)]
 mod tests {
-    use glam::{Quat, Vec3};
+    use glam::Quat;
 
     use super::*;
     use crate::{look::MadeFrom, paint::Paint};

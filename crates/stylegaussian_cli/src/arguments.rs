@@ -149,6 +149,17 @@ pub fn area(text: &str) -> Result<[f32; 4], String> {
     }
 }
 
+/// A direction as in `0,1,0`, of any length above 0.
+pub fn direction(text: &str) -> Result<Vec3, String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let direction = match numbers.as_deref() {
+        Some(&[x, y, z]) => Some(Vec3::new(x, y, z)),
+        _ => None,
+    };
+    let direction = direction.filter(|direction| direction.try_normalize().is_some());
+    direction.ok_or_else(|| "expected X,Y,Z, not all 0, as in 0,1,0".into())
+}
+
 /// A ball as in `1.5,0,-2,3`: its center and its radius, in scene units.
 pub fn frame(text: &str) -> Result<Frame, String> {
     let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
@@ -286,6 +297,14 @@ mod tests {
             ["", "1,2,3", "1,2,3,0", "1,2,3,-1", "1,2,3,nan", "inf,2,3,1", "1,2,3,4,5", "1 2 3 4", "1,2,3,4,"]
         {
             assert!(frame(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn directions() {
+        assert_eq!(direction("0, -2,1e-3"), Ok(Vec3::new(0.0, -2.0, 1e-3)));
+        for text in ["", "0,0,0", "1,2", "1,2,nan", "inf,0,0", "1,2,3,4"] {
+            assert!(direction(text).is_err(), "{text}");
         }
     }
 

@@ -1,10 +1,12 @@
 //! What an artist decides beside the choice of paintings: `--collection`, `--style-crop`, `--palette`,
-//! `--palette-strength` and `--pins`.
+//! `--palette-strength`,
+//! `--stroke-direction` and `--pins`.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
+use glam::Vec3;
 use stylegaussian::{
     Scene,
     paint::{Canvas, Hand, Paint, Pin, Tints},
@@ -13,7 +15,7 @@ use stylegaussian_encoder::{Image, paint_of};
 use stylegaussian_files::{read_paint, read_pins};
 
 use crate::{
-    arguments::{area, fraction},
+    arguments::{area, direction, fraction},
     choose::open_painting,
 };
 
@@ -41,6 +43,15 @@ pub struct HandArgs {
         allow_negative_numbers = true,
     )]
     palette_strength: Option<f64>,
+    /// Direction of the strokes on the scene, in its own axes. Default: along the edges of its colors.
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_parser = direction,
+        requires = "styles",
+        allow_hyphen_values = true,
+    )]
+    stroke_direction: Option<Vec3>,
     /// Pinned places, *.pins.json: spots of the scene that are painted from given spots of the paintings.
     #[arg(long, value_name = "FILE", requires = "styles")]
     pins: Option<PathBuf>,
@@ -51,6 +62,7 @@ pub struct Decided {
     is_collection: bool,
     tints: Option<Tints>,
     palette: f32,
+    direction: Option<Vec3>,
     pins: Vec<Pin>,
 }
 
@@ -61,6 +73,7 @@ impl Decided {
             is_collection: self.is_collection,
             tints: self.tints.as_ref(),
             palette: self.palette,
+            direction: self.direction,
             pins: &self.pins,
         }
     }
@@ -83,6 +96,7 @@ impl HandArgs {
             is_collection: self.collection,
             tints: self.palette.as_deref().map(tints).transpose()?,
             palette: self.palette_strength.map_or(Hand::PALETTE, |share| share as f32),
+            direction: self.stroke_direction,
             pins,
         })
     }
@@ -96,6 +110,7 @@ impl HandArgs {
             ("--collection", self.collection),
             ("--palette", self.palette.is_some()),
             ("--palette-strength", self.palette_strength.is_some()),
+            ("--stroke-direction", self.stroke_direction.is_some()),
             ("--pins", self.pins.is_some()),
         ];
         match given.iter().find(|(_, is_given)| *is_given) {

@@ -76,8 +76,9 @@ impl<'a> Choice<'a> {
         Self { surface, paintings, labels, tints, given, shares, placements: Vec::new() }
     }
 
-    /// The place of each seed, chosen for the colors that its painting has.
-    pub fn placements(&self) -> Vec<Placement> {
+    /// The place of each seed, chosen for the colors that its painting has. Strokes follow `direction` if there
+    /// is one.
+    pub fn placements(&self, direction: Option<Vec3>) -> Vec<Placement> {
         // In a collection, what is blue in the scene is compared with what is blue in all paintings together.
         let all = match self.paintings {
             [one] => Cow::Borrowed(&one.tints),
@@ -96,7 +97,9 @@ impl<'a> Choice<'a> {
                 palettes.iter().collect()
             }
         };
-        with_hues(self.surface, &tints, |hues| place(self.surface, self.paintings, &self.labels, hues))
+        with_hues(self.surface, &tints, |hues| {
+            place(self.surface, self.paintings, &self.labels, hues, direction)
+        })
     }
 
     /// With these places.

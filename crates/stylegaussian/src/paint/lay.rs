@@ -68,6 +68,8 @@ pub struct Hand<'a> {
     /// Share of the way that base colors go toward the hues of the palette, 0..1. At 0, hues that it does not
     /// have stay; at 1, there are no others.
     pub palette: f32,
+    /// Direction of strokes on the scene, in scene space and of any length above 0. `None`: along its edges.
+    pub direction: Option<Vec3>,
     /// Places that are given.
     pub pins: &'a [Pin],
 }
@@ -75,7 +77,7 @@ pub struct Hand<'a> {
 impl Default for Hand<'_> {
     /// The paintings decide all.
     fn default() -> Self {
-        Self { is_collection: false, tints: None, palette: Hand::PALETTE, pins: &[] }
+        Self { is_collection: false, tints: None, palette: Hand::PALETTE, direction: None, pins: &[] }
     }
 }
 
@@ -226,7 +228,7 @@ impl Painted {
 
 /// One part of a style on a scene.
 fn one(scene: &Scene, surface: &Surface, part: &Part, hand: &Hand, work: &Work) -> Result<Painted, Canceled> {
-    let pinned = pinned(surface, &part.paintings, &part.pins);
+    let pinned = pinned(surface, &part.paintings, &part.pins, hand.direction);
     let fixed = pinned.iter().map(|pinned| (pinned.seed, pinned.painting));
     let choice = Choice::new(surface, &part.paintings, hand.tints, fixed);
     let recoloring = Recoloring::new(&surface.moments, &choice.tints.low.0);
@@ -235,7 +237,7 @@ fn one(scene: &Scene, surface: &Surface, part: &Part, hand: &Hand, work: &Work) 
     let low: Vec<Vec3> = surface.low.par_iter().map(recolored).collect();
     work.at(0.1)?;
     let (placements, [own_detail, protection]) =
-        rayon::join(|| choice.placements(), || standing_out(&choice, &recoloring));
+        rayon::join(|| choice.placements(hand.direction), || standing_out(&choice, &recoloring));
     let choice = choice.placed(placements);
     work.at(0.5)?;
     // The scene keeps its shapes, and all detail that stands out.

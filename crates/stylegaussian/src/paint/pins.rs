@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use glam::{Vec2, Vec3};
 
-use super::{canvas::Canvas, places::Placement, surface::Surface};
+use super::{canvas::Canvas, lay::Hand, places::Placement, surface::Surface};
 use crate::{
     look::SceneFingerprint,
     scene::Scene,
@@ -151,7 +151,12 @@ pub(super) struct Pinned {
 
 /// The seeds whose places `pins` decide: of each pin the nearest seed, and those around it that are nearer to
 /// no other pin and that the painting goes on for.
-pub(super) fn pinned(surface: &Surface, paintings: &[&Canvas], pins: &[Pin]) -> Vec<Pinned> {
+pub(super) fn pinned(
+    surface: &Surface,
+    paintings: &[&Canvas],
+    pins: &[Pin],
+    direction: Option<Vec3>,
+) -> Vec<Pinned> {
     let seeds = &surface.seeds.seeds;
     let nearest = |pin: &Pin| {
         let apart = |j: &usize| seeds[*j].at.distance_squared(pin.at);
@@ -164,7 +169,7 @@ pub(super) fn pinned(surface: &Surface, paintings: &[&Canvas], pins: &[Pin]) -> 
         let Some(start) = *first else { continue };
         let canvas = paintings[pin.painting];
         let at = pin.place * canvas.size;
-        let mut own = Placement::on(&seeds[start], canvas.place_at(at), canvas);
+        let mut own = Placement::on(&seeds[start], canvas.place_at(at), canvas, direction);
         let offset = pin.at - seeds[start].at;
         own.at = at - Vec2::new(offset.dot(own.right), offset.dot(own.down)) / surface.pixel;
         let is_own = |j: usize| {
@@ -209,9 +214,10 @@ pub(super) fn move_seeds(seeds: &mut [StrokeSeed], paintings: &[&Canvas], pinned
     }
 }
 
-/// Honors pins on `strokes` that were laid on without pins, from the same paintings with the same weights and
-/// not as a collection. The result is that of laying on with pins: they move strokes and change nothing else.
-/// No place is searched for, and no picture drawn, so this takes well below a millisecond.
+/// Honors the pins of `hand` on `strokes` that were laid on by the same hand without pins, from the same
+/// paintings with the same weights and not as a collection. The result is that of laying on with pins: they
+/// move strokes and change nothing else. No place is searched for and no picture drawn, so a pin is there at
+/// once.
 ///
 /// # Errors
 /// If a pin is no pin for these paintings. The strokes are then as they were.
@@ -219,15 +225,15 @@ pub fn pin(
     strokes: &mut Strokes,
     surface: &Surface,
     paintings: &[(&Canvas, f64)],
-    pins: &[Pin],
+    hand: &Hand,
 ) -> Result<(), PinError> {
-    Pin::check_for(pins, paintings.iter().map(|(canvas, _)| *canvas))?;
+    Pin::check_for(hand.pins, paintings.iter().map(|(canvas, _)| *canvas))?;
     let n_seeds = surface.n_seeds();
     // Each painting with a weight has all seeds of the surface, in turn.
     let given = paintings.iter().enumerate().filter(|(_, (_, weight))| *weight > 0.0 && weight.is_finite());
     for ((painting, (canvas, _)), seeds) in given.zip(strokes.seeds.chunks_exact_mut(n_seeds.max(1))) {
-        let own = of_painting(pins, painting);
-        move_seeds(seeds, &[canvas], &pinned(surface, &[canvas], &own));
+        let own = of_painting(hand.pins, painting);
+        move_seeds(seeds, &[canvas], &pinned(surface, &[canvas], &own, hand.direction));
     }
     Ok(())
 }

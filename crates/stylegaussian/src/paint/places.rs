@@ -6,7 +6,7 @@ use rustc_hash::FxHashMap;
 
 use super::{
     canvas::{CLEAR, Canvas},
-    seeds::Seed,
+    seeds::{IN_PLANE, Seed},
     surface::Surface,
 };
 use crate::decoder::product::{Matrix, dot, product};
@@ -113,13 +113,20 @@ pub(super) struct Placement {
 }
 
 impl Placement {
-    /// Lays `place` on the surface at `seed`: strokes along the edges of the scene if both are clear, else
-    /// upright.
-    pub fn on(seed: &Seed, place: usize, canvas: &Canvas) -> Self {
+    /// Lays `place` on the surface at `seed`: strokes along a given direction, or else along the edges of the
+    /// scene, if both are clear, else upright.
+    pub fn on(seed: &Seed, place: usize, canvas: &Canvas, direction: Option<Vec3>) -> Self {
         let (stroke, clarity) = canvas.strokes[place];
-        let directed = clarity > CLEAR && seed.clarity > CLEAR;
+        let along = match direction {
+            Some(direction) => {
+                let in_plane = direction.normalize_or_zero().reject_from_normalized(seed.normal);
+                in_plane.try_normalize().filter(|_| in_plane.length() > IN_PLANE)
+            }
+            None => Some(seed.along).filter(|_| seed.clarity > CLEAR),
+        };
         // The painting's up is -y in pixels.
-        let (stroke, along) = if directed { (stroke, seed.along) } else { (Vec2::NEG_Y, seed.up) };
+        let upright = (Vec2::NEG_Y, seed.up);
+        let (stroke, along) = along.filter(|_| clarity > CLEAR).map_or(upright, |along| (stroke, along));
         let beside = seed.normal.cross(along);
         Self {
             at: canvas.center_of(place),
@@ -146,18 +153,25 @@ pub(super) struct Hues<'a> {
     pub seed: &'a (dyn Fn(usize, usize) -> Vec3 + Sync),
 }
 
-/// The placement of each seed `[M]` in its painting, whose numbers are `labels` `[M]`.
+/// The placement of each seed `[M]` in its painting, whose numbers are `labels` `[M]`. Strokes follow
+/// `direction` if there is one.
 ///
 /// Each seed in turn, neighbors one after another, takes the cheapest of its best place and those that continue
 /// the places of neighbors in the same painting: a place costs more the less it resembles the seed, the less
 /// strokes it has, the more it is a motif, the more often it was taken, and the more neighbors it breaks with.
-pub(super) fn place(surface: &Surface, paintings: &[&Canvas], labels: &[u8], hues: &Hues) -> Vec<Placement> {
+pub(super) fn place(
+    surface: &Surface,
+    paintings: &[&Canvas],
+    labels: &[u8],
+    hues: &Hues,
+    direction: Option<Vec3>,
+) -> Vec<Placement> {
     let seeds = &surface.seeds.seeds;
     let mut searches: Vec<Search> = (0..paintings.len())
         .map(|painting| {
             let own = |j: &u32| usize::from(labels[*j as usize]) == painting;
             let of_painting: Vec<u32> = (0..seeds.len() as u32).filter(own).collect();
-            Search::new(surface, paintings[painting], painting, of_painting, hues)
+            Search::new(surface, paintings[painting], (painting, of_painting), hues, direction)
         })
         .collect();
     let mut placements: Vec<Option<Placement>> = vec![None; seeds.len()];
@@ -186,17 +200,27 @@ struct Search<'a> {
     rows: FxHashMap<u32, usize>,
     quality: Vec<f32>,
     blocks: Blocks,
+    /// Direction of strokes, if one is given.
+    direction: Option<Vec3>,
 }
 
 impl<'a> Search<'a> {
-    fn new(surface: &Surface, canvas: &'a Canvas, painting: usize, seeds: Vec<u32>, hues: &Hues) -> Self {
+    /// The search for places of a painting of this number for these seeds.
+    fn new(
+        surface: &Surface,
+        canvas: &'a Canvas,
+        (painting, seeds): (usize, Vec<u32>),
+        hues: &Hues,
+        direction: Option<Vec3>,
+    ) -> Self {
         let n_places = canvas.n_places.0 * canvas.n_places.1;
         Self {
-            costs: costs(surface, canvas, painting, &seeds, hues),
+            costs: costs(surface, canvas, (painting, &seeds), hues, direction),
             quality: (0..n_places).map(|place| quality(canvas, place)).collect(),
             blocks: Blocks::new(canvas.n_places, seeds.len()),
             rows: seeds.into_iter().zip(0..).collect(),
             canvas,
+            direction,
         }
     }
 
@@ -213,7 +237,7 @@ impl<'a> Search<'a> {
             let cost = cost(place);
             if cost < best.0 { (cost, place) } else { best }
         });
-        let own = Placement::on(seed, best.1, self.canvas);
+        let own = Placement::on(seed, best.1, self.canvas, self.direction);
         let mut chosen = (best.0 + broken(own.at), own);
         for other in continuing.iter().filter(|other| inside(self.canvas, other.at)) {
             let cost = cost(self.canvas.place_at(other.at)) + broken(other.at);
@@ -247,7 +271,13 @@ pub(super) fn of_seeds(
 }
 
 /// Dissimilarity of each place and each of these seeds `[m, P]`: 1 for a usual best match.
-fn costs(surface: &Surface, canvas: &Canvas, painting: usize, seeds: &[u32], hues: &Hues) -> Vec<f32> {
+fn costs(
+    surface: &Surface,
+    canvas: &Canvas,
+    (painting, seeds): (usize, &[u32]),
+    hues: &Hues,
+    direction: Option<Vec3>,
+) -> Vec<f32> {
     let n_places = canvas.n_places.0 * canvas.n_places.1;
     let of =
         |aligned: usize| of_seeds(surface, painting, seeds, aligned, hues).distances(&canvas.places[aligned]);
@@ -256,7 +286,8 @@ fn costs(surface: &Surface, canvas: &Canvas, painting: usize, seeds: &[u32], hue
     for (row, &j) in seeds.iter().enumerate() {
         let first = row * n_places;
         let row = &mut upright[first..first + n_places];
-        if surface.seeds.seeds[j as usize].clarity > CLEAR {
+        // Along a given direction, no patch was looked at.
+        if direction.is_none() && surface.seeds.seeds[j as usize].clarity > CLEAR {
             for (place, cost) in row.iter_mut().enumerate() {
                 if canvas.strokes[place].1 > CLEAR {
                     *cost = aligned[first + place];

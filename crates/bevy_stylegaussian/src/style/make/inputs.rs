@@ -262,7 +262,7 @@ impl Inputs<'_> {
             }
         };
         let (is_collection, palette) = (source.is_collection, source.palette_strength);
-        Ok(Some(Decided { is_collection, tints, palette, pins }))
+        Ok(Some(Decided { is_collection, tints, palette, direction: source.stroke_direction, pins }))
     }
 
     /// The backend to decode on: never [`StyleBackend::Auto`].

@@ -3,6 +3,8 @@
 
 use std::{ops::Deref, sync::Arc};
 
+use bevy::math::Vec3;
+
 use stylegaussian::{
     Decoder, Look, Scene,
     fold::StylizeError,
@@ -61,6 +63,8 @@ pub(crate) struct Decided {
     pub(crate) tints: Option<GivenTints>,
     /// Strength of the palette, 0..1.
     pub(crate) palette: f32,
+    /// Direction of strokes, in scene space.
+    pub(crate) direction: Option<Vec3>,
     pub(crate) pins: Vec<Pin>,
 }
 
@@ -202,6 +206,7 @@ impl StyleRequest {
                     is_collection: decided.is_collection,
                     tints: tints.as_ref(),
                     palette: decided.palette,
+                    direction: decided.direction,
                     // Those that only move strokes are honored afterwards.
                     pins: if self.only_moves() { &[] } else { &decided.pins },
                 };
@@ -228,7 +233,8 @@ impl StyleRequest {
             let canvases = made(canvases)?;
             let paintings: Vec<_> = canvases.iter().map(|(canvas, weight)| (&**canvas, *weight)).collect();
             if let Some(strokes) = strokes.as_mut().filter(|_| !decided.pins.is_empty()) {
-                pin(Arc::make_mut(strokes), &surface.0, &paintings, &decided.pins)
+                let hand = Hand { direction: decided.direction, pins: &decided.pins, ..Hand::default() };
+                pin(Arc::make_mut(strokes), &surface.0, &paintings, &hand)
                     .map_err(|error| Failure::Failed(Arc::new(StyleError::Source(error.to_string()))))?;
             }
         }
@@ -317,10 +323,10 @@ impl From<RestyleError> for Failure {
                 Ok(error) => StyleError::Stylize(*error),
                 Err(error) => StyleError::Decode(error.to_string()),
             },
-            error
-            @ (RestyleError::Palette { .. } | RestyleError::Paintings { .. } | RestyleError::Pin(_)) => {
-                StyleError::Source(error.to_string())
-            }
+            error @ (RestyleError::Palette { .. }
+            | RestyleError::Direction { .. }
+            | RestyleError::Paintings { .. }
+            | RestyleError::Pin(_)) => StyleError::Source(error.to_string()),
             RestyleError::Canceled(Canceled) => return Self::Canceled,
         };
         Self::Failed(Arc::new(error))

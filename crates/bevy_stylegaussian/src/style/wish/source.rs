@@ -65,6 +65,9 @@ pub struct StyleSource {
     /// How much the scene's hues are pulled to those of the palette, 0..1: at 0, hues that it does not have
     /// stay, and at 1, there are no others. 0.8 by default.
     pub palette_strength: f32,
+    /// Direction of the strokes on the scene, in the entity's local space and of any length above 0. `None`,
+    /// the default: along the edges of the scene's colors.
+    pub stroke_direction: Option<Vec3>,
     /// Spots of the scene that are painted from given spots of the paintings.
     pub pins: StylePins,
 }
@@ -82,6 +85,7 @@ impl Default for StyleSource {
             is_collection: false,
             palette: None,
             palette_strength: Hand::PALETTE,
+            stroke_direction: None,
             pins: StylePins::default(),
         }
     }
@@ -214,6 +218,11 @@ impl StyleSource {
         Self { palette_strength, ..self }
     }
 
+    /// The same styles in strokes that run along a direction, in the entity's local space.
+    pub fn with_stroke_direction(self, direction: Vec3) -> Self {
+        Self { stroke_direction: Some(direction), ..self }
+    }
+
     /// The same styles with these pinned places.
     pub fn with_pins(self, pins: impl Into<StylePins>) -> Self {
         Self { pins: pins.into(), ..self }
@@ -243,6 +252,7 @@ impl StyleSource {
             && self.is_collection == other.is_collection
             && self.palette == other.palette
             && self.palette_strength == other.palette_strength
+            && self.stroke_direction == other.stroke_direction
             && self.pins == other.pins
     }
 
@@ -252,6 +262,7 @@ impl StyleSource {
         self.is_collection
             || self.palette.is_some()
             || self.palette_strength != plain.palette_strength
+            || self.stroke_direction.is_some()
             || self.pins != plain.pins
             || self.styles.iter().any(|style| style.crop.is_some())
     }

@@ -209,6 +209,30 @@ fn another_palette_gives_the_hues_and_keeps_the_strokes() {
     }
 }
 
+/// Upright stripes have a direction, which is laid along the one that is told.
+#[test]
+fn strokes_follow_a_direction() {
+    let scene = sky_and_grass();
+    let surface = surface(&scene);
+    let canvas = Canvas::new(&stripes(512, 512));
+    for direction in [Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::new(-3.0, 9.0, 0.5)] {
+        let hand = Hand { direction: Some(direction), ..Hand::default() };
+        let found = laid(&scene, &surface, &[&canvas], hand);
+        let along = direction.reject_from_normalized(Vec3::Z).normalize();
+        for seed in &found.strokes.seeds {
+            let down = seed.plain().down;
+            assert!(down.dot(along).abs() > 0.98, "{down} along {along}");
+        }
+    }
+    for bad in [Vec3::ZERO, Vec3::new(0.0, f32::NAN, 1.0)] {
+        let hand = Hand { direction: Some(bad), ..Hand::default() };
+        let styles = Styles::Painted { paintings: vec![(&canvas, 1.0)], surface: &surface, hand };
+        let recipe = Recipe { looks: Vec::new(), styles, content: 0.0 };
+        let found = recipe.restyle(&scene, &Work::default());
+        assert!(matches!(found, Err(RestyleError::Direction { .. })), "{bad}");
+    }
+}
+
 /// The point of the painting, 0..1, that a seed lays on a point of the scene.
 fn place_of(painted: &Painted, seed: usize, at: Vec3) -> Vec2 {
     let seed = painted.strokes.seeds[seed].plain();
@@ -244,13 +268,14 @@ fn pinned_places_are_honored_and_their_neighbors_continue_them() {
     let moved = found.strokes.seeds.iter().zip(&plain.strokes.seeds).filter(|(a, b)| a != b).count();
     assert!(moved < found.strokes.seeds.len() / 2, "{moved}");
     let mut strokes = plain.strokes.clone();
-    pin(&mut strokes, &surface, &[(&blue, 1.0)], &pins).unwrap();
+    pin(&mut strokes, &surface, &[(&blue, 1.0)], &hand).unwrap();
     assert_eq!(strokes, found.strokes);
     // In a mix, the second painting's seeds follow the first's.
     let pins = pins.map(|pin| Pin { painting: 1, ..pin });
     let mixed = |pins| laid(&scene, &surface, &[&blue, &green], Hand { pins, ..Hand::default() });
     let mut strokes = mixed(&[]).strokes;
-    pin(&mut strokes, &surface, &[(&blue, 1.0), (&green, 1.0)], &pins).unwrap();
+    let hand = Hand { pins: &pins, ..Hand::default() };
+    pin(&mut strokes, &surface, &[(&blue, 1.0), (&green, 1.0)], &hand).unwrap();
     assert_eq!(strokes, mixed(&pins).strokes);
 }
 
@@ -323,7 +348,8 @@ fn times_of_collections_and_pins() {
     let mut strokes = laid(&scene, &surface, &all[..1], Hand::default()).strokes;
     let pins = [Pin { at: Vec3::new(0.3, 0.5, 0.0), place: Vec2::splat(0.5), painting: 0 }];
     let begun = std::time::Instant::now();
-    pin(&mut strokes, &surface, &[(all[0], 1.0)], &pins).unwrap();
+    let hand = Hand { pins: &pins, ..Hand::default() };
+    pin(&mut strokes, &surface, &[(all[0], 1.0)], &hand).unwrap();
     let elapsed = begun.elapsed();
     eprintln!("a pin: {elapsed:?}");
     assert!(elapsed.as_secs_f64() < 0.1);
