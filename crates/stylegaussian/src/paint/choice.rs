@@ -13,7 +13,11 @@ use super::{
     surface::Surface,
     tints::Tints,
 };
-use crate::{palette::LUMINANCE, recolor::Recoloring, strokes::StrokeTexture};
+use crate::{
+    palette::{LUMINANCE, Palette},
+    recolor::{ColorMoments, Recoloring},
+    strokes::StrokeTexture,
+};
 
 /// Share of the way that the colors of a collection's painting go, where it is, toward the mean of its places
 /// there. At 1, its part of the scene would be as bright as the painting, whatever the light.
@@ -54,7 +58,9 @@ impl<'a> Choice<'a> {
             _ => {
                 let even: Vec<_> = paintings.iter().map(|canvas| (&canvas.tints, 1.0)).collect();
                 let all = Tints::united(&even);
-                with_hues(surface, &[&all], |hues| choose(surface, paintings, hues, fixed))
+                with_hues(surface, &all.whole.0, &[&all.palette], |hues| {
+                    choose(surface, paintings, hues, fixed)
+                })
             }
         };
         let mut seen = vec![0.0; paintings.len()];
@@ -80,24 +86,15 @@ impl<'a> Choice<'a> {
     /// is one.
     pub fn placements(&self, direction: Option<Vec3>) -> Vec<Placement> {
         // In a collection, what is blue in the scene is compared with what is blue in all paintings together.
-        let all = match self.paintings {
-            [one] => Cow::Borrowed(&one.tints),
+        let moments = match self.paintings {
+            [one] => one.tints.whole.0,
             _ => {
                 let parts = self.paintings.iter().zip(&self.shares);
-                Cow::Owned(Tints::united(&parts.map(|(c, share)| (&c.tints, *share)).collect::<Vec<_>>()))
+                ColorMoments::mixed(parts.map(|(canvas, share)| (&canvas.tints.whole.0, *share)))
             }
         };
-        let palettes: Vec<Tints>;
-        let tints: Vec<&Tints> = match self.paintings {
-            [_] => vec![&*all],
-            _ => {
-                let own =
-                    |canvas: &&Canvas| Tints { palette: canvas.tints.palette.clone(), ..(*all).clone() };
-                palettes = self.paintings.iter().map(own).collect();
-                palettes.iter().collect()
-            }
-        };
-        with_hues(self.surface, &tints, |hues| {
+        let palettes: Vec<&Palette> = self.paintings.iter().map(|canvas| &canvas.tints.palette).collect();
+        with_hues(self.surface, &moments, &palettes, |hues| {
             place(self.surface, self.paintings, &self.labels, hues, direction)
         })
     }
@@ -165,13 +162,16 @@ impl<'a> Choice<'a> {
     }
 }
 
-/// Calls `run` with the scene's colors, without detail, by the moments and the palette of each of `tints`.
-fn with_hues<T>(surface: &Surface, tints: &[&Tints], run: impl FnOnce(&Hues) -> T) -> T {
-    let recolorings: Vec<Recoloring> =
-        tints.iter().map(|tints| Recoloring::new(&surface.moments, &tints.whole.0)).collect();
+/// Calls `run` with the scene's colors, without detail, by these moments and each of these palettes.
+fn with_hues<T>(
+    surface: &Surface,
+    moments: &ColorMoments,
+    palettes: &[&Palette],
+    run: impl FnOnce(&Hues) -> T,
+) -> T {
+    let recoloring = Recoloring::new(&surface.moments, moments);
     let hued = |painting: usize, color: Vec3| {
-        let color = Vec3::from(recolorings[painting].color(color.to_array()));
-        tints[painting].palette.toward(color, TO_PALETTE)
+        palettes[painting].toward(Vec3::from(recoloring.color(color.to_array())), TO_PALETTE)
     };
     let gaussian = |painting: usize, i: usize| hued(painting, surface.low[i]);
     let seed = |painting: usize, j: usize| hued(painting, surface.seeds.colors[j]);
