@@ -11,7 +11,7 @@ const GATHERINGS: [(bool, &str, &str); 2] = [
     (true, "as one", "each spot shows the painting that has a place like it"),
 ];
 
-/// The directions of strokes, in the axes of the scene's file.
+/// The directions of strokes, along the scene's own axes.
 const DIRECTIONS: [(Option<Vec3>, &str); 4] =
     [(None, "edges"), (Some(Vec3::X), "x"), (Some(Vec3::Y), "y"), (Some(Vec3::Z), "z")];
 

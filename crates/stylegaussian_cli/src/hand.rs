@@ -43,8 +43,8 @@ pub struct HandArgs {
         allow_negative_numbers = true,
     )]
     palette_strength: Option<f64>,
-    /// Direction of the strokes on the scene: x to the right, y down, z forward, as in 3DGS .ply files. Default:
-    /// along the edges of its colors.
+    /// Direction of the strokes on the scene: x to the right, y down, z forward, as in 3DGS .ply files.
+    /// Default: along the edges of its colors.
     #[arg(
         long,
         value_name = "X,Y,Z",

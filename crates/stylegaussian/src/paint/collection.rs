@@ -11,7 +11,8 @@ use super::{
 const SOME: usize = 256;
 
 /// Cost of a seed with another painting than all of its neighbors, relative to that of a usual best match.
-const ALONE: f32 = 1.0;
+/// Where paintings differ, the best ones of their places differ by several times a usual match.
+const ALONE: f32 = 2.0;
 
 /// Rounds in which seeds choose again, after their neighbors did.
 const ROUNDS: usize = 4;
@@ -44,6 +45,8 @@ pub(super) fn choose(
     let best = |j: usize| costs.iter().map(|costs| costs[j]).fold(f32::INFINITY, f32::min);
     let typical = ((0..n_seeds).map(best).sum::<f32>() / n_seeds.max(1) as f32).max(1e-6);
     let mut is_fixed = vec![false; n_seeds];
+    // Places of single seeds are chance where paintings are alike, so a neighborhood chooses first.
+    let costs: Vec<Vec<f32>> = costs.iter().map(|costs| averaged(surface, costs)).collect();
     let choose = |j: usize, apart: &dyn Fn(usize) -> f32| {
         let cost = |k: usize| costs[k][j] / typical + apart(k);
         (1..paintings.len()).fold(0, |best, k| if cost(k) < cost(best) { k } else { best }) as u8
@@ -63,6 +66,16 @@ pub(super) fn choose(
         }
     }
     labels
+}
+
+/// Means of the values of seeds `[M]` over each and its neighbors.
+fn averaged(surface: &Surface, values: &[f32]) -> Vec<f32> {
+    let mean = |j: usize| {
+        let around = &surface.seeds.around[j];
+        let sum: f32 = around.iter().map(|i| values[*i as usize]).sum();
+        (values[j] + sum) / (around.len() + 1) as f32
+    };
+    (0..values.len()).map(mean).collect()
 }
 
 /// Some places of a painting, spread over it: good ones, if there are any.

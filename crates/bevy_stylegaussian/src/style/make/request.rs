@@ -157,7 +157,7 @@ impl StyleRequest {
         match self.styles {
             // Looks are mixed in a few milliseconds. They must not wait for a painting.
             Styles::None => workers.start_async(None, compute),
-            // Moved in less than a millisecond.
+            // Moving strokes must not wait for a painting either.
             _ if moves => workers.start_async(None, compute),
             Styles::Painted { .. } | Styles::Decoded { .. } => {
                 workers.start_async(Some(Lane::Styles), compute)

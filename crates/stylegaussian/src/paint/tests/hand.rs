@@ -153,21 +153,22 @@ fn neighbors_in_sixteen_paintings_prefer_the_same_one() {
 
 #[test]
 fn the_palette_pulls_as_much_as_it_is_told() {
-    // A red disc, and a painting in blue and yellow.
+    // Any hue in the scene, and three in the painting.
     let mut scene = wall(48);
-    let color = |mean: &Vec3| {
-        if mean.distance(Vec3::new(0.5, 0.5, 0.0)) < 0.2 { [0.8, 0.1, 0.1] } else { [0.5, 0.5, 0.5] }
-    };
-    let colors: Vec<_> = scene.means.iter().map(color).collect();
+    let colors: Vec<_> = (0..48 * 48).map(|i| [7, 11, 13].map(|n| (i * n % 89) as f32 / 88.0)).collect();
     scene.set_colors(&colors);
     let surface = surface(&scene);
-    let canvas = Canvas::new(&stripes(256, 256));
+    let three = [[200, 40, 40], [40, 160, 50], [50, 60, 210]];
+    let pixels = (0..256 * 256).flat_map(|i| three[i % 256 / 4 % 3]).collect();
+    let canvas = Canvas::new(&Paint { width: 256, height: 256, pixels, used: None });
     let with = |palette| laid(&scene, &surface, &[&canvas], Hand { palette, ..Hand::default() });
-    // Distance of hues from the painting's.
+    let chroma = |color: Vec3| color - color.dot(LUMINANCE);
+    let hues = three.map(|color| chroma(Vec3::from(color.map(f32::from))).normalize());
+    // How far hues are from the nearest of the painting's.
     let off = |painted: &Painted| {
         let apart = |color: &[f32; 3]| {
-            let color = Vec3::from(*color).clamp(Vec3::ZERO, Vec3::ONE);
-            color.distance(canvas.tints.palette.toward(color, 1.0))
+            let chroma = chroma(Vec3::from(*color));
+            chroma.length() - hues.map(|hue| hue.dot(chroma)).into_iter().fold(0.0, f32::max)
         };
         painted.colors.iter().map(apart).sum::<f32>()
     };
