@@ -3,7 +3,12 @@
 use std::path::{Path, PathBuf, absolute};
 
 use bevy::{prelude::*, window::FileDragAndDrop};
-use bevy_stylegaussian::{StyleMask, stylegaussian_files::readable_extensions};
+use bevy_stylegaussian::{
+    GaussianScene, GaussianSplats, StyleMask,
+    style::StylePin,
+    stylegaussian::paint::Pin,
+    stylegaussian_files::{read_pins, readable_extensions},
+};
 
 use crate::{panel::Notice, scene::ShownScene, styles::Styles};
 
@@ -22,6 +27,7 @@ enum Kind {
     Scene,
     Style,
     Mask,
+    Pins,
 }
 
 /// The kind of a file by its name, or `None` if it is unknown.
@@ -33,6 +39,9 @@ fn kind(path: &Path) -> Option<Kind> {
     }
     if name.ends_with(".mask.safetensors") {
         return Some(Kind::Mask);
+    }
+    if name.ends_with(".pins.json") {
+        return Some(Kind::Pins);
     }
     match name.rsplit_once('.')?.1 {
         "jpg" | "jpeg" | "png" => Some(Kind::Style),
@@ -52,7 +61,7 @@ fn expected() -> String {
     let scenes: Vec<_> = readable_extensions().iter().map(|extension| format!(".{extension}")).collect();
     format!(
         "expected a scene ({}), a folder with one, an image (.jpg, .png), a .style.safetensors, \
-         a .look.safetensors or a .mask.safetensors",
+         a .look.safetensors, a .mask.safetensors or a .pins.json",
         scenes.join(", ")
     )
 }
@@ -81,14 +90,17 @@ pub fn take_dropped(mut drops: MessageReader<FileDragAndDrop>, mut opened: Messa
     }
 }
 
-/// Opens files: a scene replaces the present one, a style is listed and applied, a mask is put on the scene.
+/// Opens files: a scene replaces the present one, a style is listed and applied, a mask is put on the scene,
+/// and pins are put on the styles that are used.
+#[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub fn open(
     mut opened: MessageReader<OpenFile>,
     assets: Res<AssetServer>,
     mut shown: ResMut<ShownScene>,
     mut styles: ResMut<Styles>,
     mut notice: ResMut<Notice>,
-    cloud: Single<Entity, With<StyleMask>>,
+    cloud: Single<(Entity, &GaussianSplats), With<StyleMask>>,
+    scenes: Res<Assets<GaussianScene>>,
     mut commands: Commands,
 ) {
     for OpenFile(path) in opened.read() {
@@ -102,8 +114,12 @@ pub fn open(
             }
             Some(Kind::Scene) => shown.load(&path, &assets),
             Some(Kind::Mask) => {
-                commands.entity(*cloud).insert(StyleMask::saved(assets.load(path)));
+                commands.entity(cloud.0).insert(StyleMask::saved(assets.load(path)));
             }
+            Some(Kind::Pins) => match pins(&path, scenes.get(&cloud.1.0)) {
+                Ok(pins) => styles.take_pins(pins.into_iter()),
+                Err(error) => notice.fail(error),
+            },
             Some(Kind::Style) => {
                 let index = styles.add(&path, &assets);
                 styles.select(Some(index));
@@ -111,6 +127,16 @@ pub fn open(
             None => notice.fail(format!("{}: {}", path.display(), expected())),
         }
     }
+}
+
+/// The pins of a file, for the scene that is shown.
+fn pins(path: &Path, scene: Option<&GaussianScene>) -> Result<Vec<StylePin>, String> {
+    let named = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+    let stored = read_pins(path).map_err(|error| error.to_string())?;
+    let scene = scene.ok_or_else(|| named(&"the scene is still being loaded"))?;
+    let pins = stored.pins_for(scene.scene()).map_err(|error| named(&error))?;
+    let pin = |pin: &Pin| StylePin { at: pin.at, place: pin.place, painting: pin.painting };
+    Ok(pins.iter().map(pin).collect())
 }
 
 /// The absolute path. The asset server would look for relative ones in the app's own folder.

@@ -29,6 +29,7 @@ use stylegaussian_app::{Arrivals, place_camera, set_transition};
 mod backdrop;
 mod camera;
 mod files;
+mod hand_panel;
 mod panel;
 mod parts;
 mod parts_panel;
@@ -89,7 +90,14 @@ fn main() -> AppExit {
                 (files::take_dropped, files::open, scene::show_loaded).chain(),
                 (styles::press_keys, panel::toggle, parts::press_keys)
                     .run_if(not(egui_wants_any_keyboard_input)),
-                (save::take_screenshot, save::save_scene, save::finish_scene, save::save_mask).chain(),
+                (
+                    save::take_screenshot,
+                    save::save_scene,
+                    save::finish_scene,
+                    save::save_mask,
+                    save::save_pins,
+                )
+                    .chain(),
                 (parts::follow_scene, tools::apply, parts::note_volumes).chain(),
                 camera::fly.run_if(not(egui_wants_any_keyboard_input)),
                 camera::drag,

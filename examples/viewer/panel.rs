@@ -21,7 +21,8 @@ use stylegaussian_app::{Arrival, Arrivals, Orbit};
 
 use crate::{
     files::OpenFile,
-    parts::Parts,
+    hand_panel,
+    parts::{Parts, Tool},
     parts_panel,
     save::{Save, Saving},
     scene::{AXES, ShownScene},
@@ -188,9 +189,13 @@ pub fn draw(
             ui.spacing_mut().item_spacing.y = 5.0;
             scene(ui, &mut shown);
             ui.separator();
-            paintings(ui, &mut shown.styles, &pictures);
+            let pins = shown.parts.tool == Tool::Pin;
+            paintings(ui, &mut shown.styles, &pictures, pins);
             ui.separator();
-            mix(ui, &mut shown.styles, &mut shown.arrivals, shown.transfer.refined);
+            let refined = shown.transfer.refined;
+            if mix(ui, &mut shown.styles, &mut shown.arrivals, refined) {
+                shown.saved.write(Save::Pins);
+            }
             // Always as high, so that nothing moves when it comes and goes.
             let share = progress.iter().find_map(|of| of.style.or(of.refine));
             let bar = ProgressBar::new(share.unwrap_or_default()).desired_height(3.0);
@@ -277,11 +282,12 @@ fn scene(ui: &mut Ui, shown: &mut Shown) {
     });
 }
 
-/// The captured colors, then every style with its weight.
-fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
+/// The captured colors, then every style with its weight. With the tool that pins, a click on a used one is its
+/// spot to be pinned.
+fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>], pins: bool) {
     let total = styles.total();
     // Noted, and applied after the loop that borrows the list.
-    let mut selected = None;
+    let (mut selected, mut spot) = (None, None);
     let n_tiles = styles.list.len() + 1;
     for first in (0..n_tiles).step_by(3) {
         ui.horizontal(|ui| {
@@ -294,7 +300,7 @@ fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
                             is_used: total == 0.0,
                             percent: None,
                         };
-                        if tile::draw(ui, &own) {
+                        if tile::draw(ui, &own).is_some() {
                             selected = Some(None);
                         }
                         return;
@@ -308,8 +314,10 @@ fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
                         is_used,
                         percent: is_used.then(|| 100.0 * style.weight / total),
                     };
-                    if tile::draw(ui, &tile) {
-                        selected = Some(Some(index));
+                    match tile::draw(ui, &tile) {
+                        Some(at) if pins && is_used => spot = Some((index, Vec2::new(at.x, at.y))),
+                        Some(_) => selected = Some(Some(index)),
+                        None => {}
                     }
                     tile::weight(ui, &mut style.weight);
                 });
@@ -318,6 +326,9 @@ fn paintings(ui: &mut Ui, styles: &mut Styles, pictures: &[Option<Picture>]) {
     }
     if let Some(selected) = selected {
         styles.select(selected);
+    }
+    if spot.is_some() {
+        styles.spot = spot;
     }
 }
 
@@ -336,8 +347,10 @@ const ARRIVALS: [(Arrival, &str, &str); 4] = [
     (Arrival::Spots, "in spots", "that grow together"),
 ];
 
-/// The sliders for content and fade, and how far the style that is shown is refined.
-fn mix(ui: &mut Ui, styles: &mut Styles, arrivals: &mut Arrivals, refined: Option<(u32, bool)>) {
+/// The sliders for content and fade, and how far the style that is shown is refined. Returns whether pins are
+/// to be saved.
+fn mix(ui: &mut Ui, styles: &mut Styles, arrivals: &mut Arrivals, refined: Option<(u32, bool)>) -> bool {
+    let mut saves_pins = false;
     let look = match refined {
         _ if styles.total() == 0.0 => "unstyled".to_owned(),
         _ if styles.has_look() => "baked".to_owned(),
@@ -359,6 +372,7 @@ fn mix(ui: &mut Ui, styles: &mut Styles, arrivals: &mut Arrivals, refined: Optio
         ui.label("stroke size");
         ui.add(Slider::new(&mut styles.stroke_scale, 0.25..=4.0).logarithmic(true).fixed_decimals(2));
         ui.end_row();
+        saves_pins = hand_panel::rows(ui, styles);
         ui.label("fade").on_hover_text("from look to look");
         ui.add(Slider::new(&mut arrivals.seconds, 0.0..=3.0).fixed_decimals(1).suffix(" s"));
         ui.end_row();
@@ -380,6 +394,7 @@ fn mix(ui: &mut Ui, styles: &mut Styles, arrivals: &mut Arrivals, refined: Optio
         ui.label(look);
         ui.end_row();
     });
+    saves_pins
 }
 
 /// The save buttons.

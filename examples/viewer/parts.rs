@@ -29,6 +29,8 @@ pub enum Tool {
     Lasso,
     /// Puts the chosen volume there.
     Volume,
+    /// Pins a spot of a painting there.
+    Pin,
 }
 
 /// A style by its index in the list, or `None` for the captured colors.

@@ -11,13 +11,14 @@ use crate::{
     styles::Styles,
 };
 
-const TOOLS: [(Tool, &str, &str); 6] = [
+const TOOLS: [(Tool, &str, &str); 7] = [
     (Tool::View, "view", "drags turn the camera"),
     (Tool::Brush, "brush", "drags paint along the surface"),
     (Tool::Ball, "ball", "clicks paint a ball around the place"),
     (Tool::Box, "box", "clicks paint a box around the place"),
     (Tool::Lasso, "lasso", "drags draw a line around all that lies behind it"),
     (Tool::Volume, "volume", "drags move the chosen volume"),
+    (Tool::Pin, "pin", "a click on a painting, then one on the scene: it is painted from there"),
 ];
 
 /// Wishes that need more than the parts themselves.

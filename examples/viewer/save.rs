@@ -9,13 +9,15 @@ use bevy::{
 };
 use bevy_stylegaussian::{
     AppliedStyle, GaussianScene, GaussianSplats, StyleMask,
-    stylegaussian_files::{write_mask, write_scene},
+    stylegaussian::paint::{Pin, StoredPins},
+    stylegaussian_files::{write_mask, write_pins, write_scene},
 };
 use stylegaussian_app::save_shown;
 
 use crate::{
     panel::{Notice, Panel},
     scene::ShownScene,
+    styles::Styles,
 };
 
 /// Output folder, relative to the working directory.
@@ -30,6 +32,8 @@ pub enum Save {
     Scene(&'static str),
     /// The paint on the scene.
     Mask,
+    /// The pinned places.
+    Pins,
 }
 
 /// The task that writes a scene, or `None`.
@@ -78,7 +82,7 @@ pub fn save_scene(
 ) {
     let extension = wishes.read().find_map(|wish| match wish {
         Save::Scene(extension) => Some(*extension),
-        Save::Screenshot | Save::Mask => None,
+        Save::Screenshot | Save::Mask | Save::Pins => None,
     });
     let (splats, style) = *splats;
     let (Some(extension), Some(scene)) = (extension, scenes.get(&splats.0)) else { return };
@@ -103,6 +107,27 @@ pub fn save_mask(
     let Some(stored) = mask.to_stored() else { return };
     let saved = new_path(&shown.name, "mask.safetensors").and_then(|path| {
         write_mask(&path, &stored).map_err(|error| error.to_string())?;
+        Ok(path)
+    });
+    notice.tell_saved(saved);
+}
+
+/// Writes the pinned places.
+pub fn save_pins(
+    mut wishes: MessageReader<Save>,
+    shown: Res<ShownScene>,
+    scenes: Res<Assets<GaussianScene>>,
+    splats: Single<&GaussianSplats>,
+    styles: Res<Styles>,
+    mut notice: ResMut<Notice>,
+) {
+    if !wishes.read().any(|wish| *wish == Save::Pins) {
+        return;
+    }
+    let Some(scene) = scenes.get(&splats.0) else { return };
+    let pins = StoredPins::new(scene.scene(), styles.used_pins().into_iter().map(Pin::from).collect());
+    let saved = new_path(&shown.name, "pins.json").and_then(|path| {
+        write_pins(&path, &pins).map_err(|error| error.to_string())?;
         Ok(path)
     });
     notice.tell_saved(saved);

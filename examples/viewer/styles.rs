@@ -6,7 +6,11 @@ use std::{
 };
 
 use bevy::prelude::*;
-use bevy_stylegaussian::{GaussianSplats, StyleLook, StyleRefine, StyleSource, style::StyleInput};
+use bevy_stylegaussian::{
+    GaussianSplats, StyleLook, StyleRefine, StyleSource,
+    style::{StyleInput, StylePalette, StylePin},
+    stylegaussian::paint::Hand,
+};
 
 use crate::{ASSETS, panel::Transfer, scene::ShownScene};
 
@@ -52,6 +56,18 @@ pub struct Styles {
     pub paint: f32,
     pub protection: f32,
     pub stroke_scale: f32,
+    /// Whether the used styles act as one, and are not mixed.
+    pub is_collection: bool,
+    /// The style whose colors are used in the others' stead, or `None` for their own.
+    pub palette: Option<usize>,
+    /// How much hues are pulled to the palette, 0..1.
+    pub palette_strength: f32,
+    /// The axis of the scene that strokes follow, or `None` for its edges.
+    pub direction: Option<Vec3>,
+    /// Pinned places, each in a style of the list.
+    pub pins: Vec<(usize, StylePin)>,
+    /// The style and the spot of its painting that the next pin is for.
+    pub spot: Option<(usize, Vec2)>,
     pub finish: Finish,
     /// Whether the baked looks belong to the scene that is shown.
     pub looks_fit: bool,
@@ -99,8 +115,39 @@ impl Styles {
 
     /// The input that a style is shown by: its own, or its look.
     fn shown_as(&self, style: &Style) -> StyleInput {
-        let look = style.baked.clone().filter(|_| self.finish == Finish::Baked && self.looks_fit);
+        let is_baked = self.finish == Finish::Baked && self.looks_fit && !self.has_hand();
+        let look = style.baked.clone().filter(|_| is_baked);
         look.map_or_else(|| style.input.clone(), StyleInput::Look)
+    }
+
+    /// Whether something is decided that no baked look shows.
+    fn has_hand(&self) -> bool {
+        self.is_collection
+            || self.palette.is_some()
+            || self.palette_strength != Hand::PALETTE
+            || self.direction.is_some()
+            || !self.pins.is_empty()
+    }
+
+    /// The styles with a painting that are used: pins number them.
+    fn paintings(&self) -> impl Iterator<Item = usize> {
+        let is_painting = |style: &Style| style.weight > 0.0 && !matches!(style.input, StyleInput::Look(_));
+        self.list.iter().enumerate().filter(move |(_, style)| is_painting(style)).map(|(i, _)| i)
+    }
+
+    /// The pins of the styles that are used.
+    pub fn used_pins(&self) -> Vec<StylePin> {
+        let of_painting = |(painting, style): (usize, usize)| {
+            let own = self.pins.iter().filter(move |(of, _)| *of == style);
+            own.map(move |(_, pin)| StylePin { painting, ..*pin })
+        };
+        self.paintings().enumerate().flat_map(of_painting).collect()
+    }
+
+    /// Pins places of the styles that are used. Those of others are left out.
+    pub fn take_pins(&mut self, pins: impl Iterator<Item = StylePin>) {
+        let paintings: Vec<usize> = self.paintings().collect();
+        self.pins = pins.filter_map(|pin| Some((*paintings.get(pin.painting)?, pin))).collect();
     }
 
     /// Whether a look is in the mix, which is not refined.
@@ -110,7 +157,7 @@ impl Styles {
 
     /// Whether the shown mix is baked further.
     fn is_refined(&self) -> bool {
-        self.finish != Finish::Instant && !self.has_look()
+        self.finish != Finish::Instant && !self.has_look() && !self.has_hand()
     }
 
     /// The source of a part of the scene: one style alone, or the captured colors.
@@ -126,6 +173,11 @@ impl Styles {
             paint: self.paint,
             protection: self.protection,
             stroke_scale: self.stroke_scale,
+            is_collection: self.is_collection,
+            palette: self.palette.and_then(|style| palette_of(&self.list.get(style)?.input)),
+            palette_strength: self.palette_strength,
+            stroke_direction: self.direction,
+            pins: self.used_pins().into(),
             ..StyleSource::mix(styles)
         }
     }
@@ -135,6 +187,15 @@ impl Styles {
         let painting = |style: &Style| Some((style.picture.clone()?, style.weight));
         let paintings = self.used().map(painting).collect::<Option<_>>().unwrap_or_default();
         StyleRefine { paintings, ..default() }
+    }
+}
+
+/// The colors of a style, or `None` of a look.
+fn palette_of(input: &StyleInput) -> Option<StylePalette> {
+    match input {
+        StyleInput::Image(image) => Some(image.clone().into()),
+        StyleInput::Preset(preset) => Some(preset.clone().into()),
+        _ => None,
     }
 }
 
@@ -158,7 +219,8 @@ pub fn list_shipped(mut commands: Commands, assets: Res<AssetServer>) {
     // The order of a folder is arbitrary, and keys count on it.
     images.sort();
     let (paint, protection, stroke_scale) = (1.0, 1.0, 1.0);
-    let mut styles = Styles { paint, protection, stroke_scale, ..default() };
+    let palette_strength = Hand::PALETTE;
+    let mut styles = Styles { paint, protection, stroke_scale, palette_strength, ..default() };
     for image in images {
         styles.add(&image, &assets);
     }
@@ -193,7 +255,13 @@ pub fn apply(
     // Only a real change may touch the component: `Changed<StyleSource>` would restyle in each frame.
     let wanted = styles.source();
     // How strokes are drawn is shown at once, and nothing comes of it later.
-    let is_computed = source.styles != wanted.styles || source.content != wanted.content;
+    let is_computed = source.styles != wanted.styles
+        || source.content != wanted.content
+        || source.is_collection != wanted.is_collection
+        || source.palette != wanted.palette
+        || source.palette_strength != wanted.palette_strength
+        || source.stroke_direction != wanted.stroke_direction
+        || source.pins != wanted.pins;
     if source.set_if_neq(wanted) && is_computed {
         transfer.is_under_way = !source.is_none();
     }

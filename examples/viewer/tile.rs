@@ -29,8 +29,8 @@ pub struct Tile<'a> {
     pub percent: Option<f32>,
 }
 
-/// Draws a tile. Returns whether it was clicked.
-pub fn draw(ui: &mut Ui, tile: &Tile) -> bool {
+/// Draws a tile. Returns the spot of the painting that was clicked: shares of its sides, from the left and top.
+pub fn draw(ui: &mut Ui, tile: &Tile) -> Option<Vec2> {
     let (rect, response) = ui.allocate_exact_size(Vec2::splat(SIZE), Sense::click());
     let painter = ui.painter_at(rect.expand(2.0));
     match tile.picture {
@@ -58,7 +58,13 @@ pub fn draw(ui: &mut Ui, tile: &Tile) -> bool {
         (false, false) => (1.0, Color32::from_gray(90)),
     };
     painter.rect_stroke(rect, ROUNDING, Stroke::new(width, color), StrokeKind::Inside);
-    response.clicked()
+    if !response.clicked() {
+        return None;
+    }
+    let shown = tile.picture.map_or(middle_square(1.0), |picture| middle_square(picture.ratio));
+    let at = response.interact_pointer_pos().unwrap_or(rect.center()) - rect.min;
+    let spot = shown.min + shown.size() * (at / SIZE);
+    Some(vec2(spot.x.clamp(0.0, 1.0), spot.y.clamp(0.0, 1.0)))
 }
 
 /// A slider for a style's weight, as wide as its painting.

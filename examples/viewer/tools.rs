@@ -5,6 +5,7 @@ use bevy_egui::input::EguiWantsInput;
 use bevy_stylegaussian::{
     GaussianSplats, SplatRayCast, StyleMask,
     mask::lasso_in_view,
+    style::StylePin,
     stylegaussian::{
         layers::{Region, Shape},
         mask::{Brush, CHANNELS, Combine, Selection},
@@ -52,7 +53,7 @@ pub fn apply(
     mut rays: SplatRayCast,
     mut parts: ResMut<Parts>,
     scene: Res<ShownScene>,
-    styles: Res<Styles>,
+    mut styles: ResMut<Styles>,
     cloud: Single<(&mut StyleMask, &GlobalTransform), With<GaussianSplats>>,
     mut notice: ResMut<Notice>,
     mut began_on_picture: Local<bool>,
@@ -111,6 +112,13 @@ pub fn apply(
             let chosen = parts.chosen;
             if let Some(volume) = chosen.and_then(|chosen| parts.volumes.get_mut(chosen)) {
                 volume.center = hit.position;
+            }
+        }
+        Tool::Pin if pointer.buttons.just_pressed(left) => {
+            let spot = styles.spot;
+            match spot {
+                Some((style, place)) => styles.pins.push((style, StylePin { at, place, painting: 0 })),
+                None => notice.fail("expected a click on a painting in the panel first".into()),
             }
         }
         _ => {}

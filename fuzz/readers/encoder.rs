@@ -7,7 +7,7 @@ pub fn read(data: &[u8]) {
     for encoder in ["fuzz", "fuzz.onnx"].into_iter().flat_map(|name| Encoder::from_bytes(name, data.to_vec()))
     {
         let (width, height) = (32, 32);
-        let picture = Image { width, height, rgb: vec![0.5; 3 * 32 * 32] };
+        let picture = Image { width, height, rgb: vec![0.5; 3 * 32 * 32], alpha: None };
         if let Ok(features) = encoder.encode(&picture) {
             assert!(features.values.iter().all(|value| value.is_finite()));
         }

@@ -20,17 +20,24 @@
 //!
 //! The stages, one module each: `sight` (how large and how visible Gaussians are), `frames` (normals and
 //! directions), `seeds`, `smooth` (the scene without its detail), `surface` (all that depends on the scene
-//! alone), `painting` (the part that a style carries), `picture` (blurred copies), `detail` (the textures),
-//! `canvas` (all that depends on the painting alone), `places` (the choice), `proofs` and `bands` (how much
-//! detail pictures show), `tone` (dark and bright), `lay` (colors and strokes).
+//! alone), `painting` (the part that a style carries), `used` (what may be used of it), `picture` (blurred
+//! copies), `detail` (the textures), `tints` (the colors), `canvas` (all that depends on the painting alone),
+//! `collection` (which of several paintings a seed takes), `places` (where in it), `choice` (both), `pins`
+//! (places that are given), `proofs` and `bands` (how much detail pictures show), `balance` (the gains), `tone`
+//! (dark and bright), `grade` (the colors under strokes), `lay` (all of it).
 
+mod balance;
 mod bands;
 mod canvas;
+mod choice;
+mod collection;
 mod detail;
 mod frames;
+mod grade;
 mod lay;
 mod painting;
 mod picture;
+mod pins;
 mod places;
 mod proofs;
 mod seeds;
@@ -39,9 +46,13 @@ mod smooth;
 mod surface;
 #[cfg(test)]
 mod tests;
+mod tints;
 mod tone;
+mod used;
 
 pub use canvas::Canvas;
-pub use lay::{Painted, lay};
-pub use painting::{MAX_PIXELS, Paint};
+pub use lay::{Hand, Painted, lay};
+pub use painting::{AreaError, MAX_PIXELS, Paint, pixels_of};
+pub use pins::{OtherScene, Pin, PinError, StoredPins, pin};
 pub use surface::Surface;
+pub use tints::{MAX_COLORS, Tints, TintsError};

@@ -18,6 +18,7 @@ const LUMINANCE_PART: f32 = 0.1;
 const FREE: f32 = 1.0 / SIDE as f32;
 
 /// The nearest of the painting's colors for every cell of the color cube.
+#[derive(Clone)]
 pub struct Palette {
     nearest: Vec<[f32; 3]>,
 }
@@ -28,6 +29,11 @@ fn within_range(color: Vec3) -> Vec3 {
     let over = (color.max_element() - 1.0).max(0.0);
     let under = (-color.min_element()).max(0.0);
     (color - over + under).clamp(Vec3::ZERO, Vec3::ONE)
+}
+
+/// The color in the middle of a cell.
+fn middle(cell: usize) -> [f64; 3] {
+    [cell / (SIDE * SIDE), cell / SIDE % SIDE, cell % SIDE].map(|i| (i as f64 + 0.5) / SIDE as f64)
 }
 
 fn cell(color: &[f32]) -> usize {
@@ -55,8 +61,7 @@ impl Palette {
         let rows: Vec<[f64; 3]> = colors.iter().map(|color| color.map(f64::from)).collect();
         let tree = ImmutableKdTree::<f64, 3>::new_from_slice(&rows).ok().filter(|_| !rows.is_empty());
         let nearest = |i: usize| {
-            let middle =
-                [i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE].map(|i| (i as f64 + 0.5) / SIDE as f64);
+            let middle = middle(i);
             tree.as_ref().map_or(middle.map(|value| value as f32), |tree| {
                 let found = tree.query(&middle).nearest_one::<SquaredEuclidean<f64>>().execute();
                 colors[found.item as usize]
@@ -64,6 +69,17 @@ impl Palette {
         };
         let nearest = (0..SIDE * SIDE * SIDE).into_par_iter().map(nearest).collect();
         Self { nearest }
+    }
+
+    /// The colors of several palettes, of which there must be one.
+    pub fn united(palettes: &[&Self]) -> Self {
+        let nearest = |cell: usize| {
+            let middle = Vec3::from(middle(cell).map(|value| value as f32));
+            let apart = |color: &[f32; 3]| Vec3::from(*color).distance_squared(middle);
+            let colors = palettes.iter().map(|palette| palette.nearest[cell]);
+            colors.min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or_default()
+        };
+        Self { nearest: (0..SIDE * SIDE * SIDE).map(nearest).collect() }
     }
 
     /// The painting's color nearest to `color`, between those of the cells around it: a slow change of color

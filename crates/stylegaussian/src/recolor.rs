@@ -55,6 +55,17 @@ impl ColorMoments {
         Self::weighted(colors.map(|(color, weight)| (color.as_dvec3(), f64::from(weight))))
     }
 
+    /// Moments of a mixture, by weights of which at least one is above 0.
+    pub fn mixed<'a>(parts: impl Iterator<Item = (&'a Self, f64)> + Clone) -> Self {
+        let total: f64 = parts.clone().map(|(_, weight)| weight).sum();
+        let (mut mean, mut products) = (DVec3::ZERO, DMat3::ZERO);
+        for (part, weight) in parts {
+            mean += part.mean * (weight / total);
+            products += (part.covariance + outer(part.mean)) * (weight / total);
+        }
+        Self { mean, covariance: products - outer(mean) }
+    }
+
     /// Moments of a random palette: a mean away from the ends of the range, and deviations along three random
     /// axes. The largest possible deviation is near that of black and white stripes.
     pub fn random(random: &mut Random) -> Self {

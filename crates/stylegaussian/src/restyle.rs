@@ -5,12 +5,14 @@
 
 use std::error::Error;
 
+use glam::Vec3;
+
 use crate::{
     ChannelStatistics, Decoder, Look, Scene,
     fold::{self, ChannelMap, StylizeError, normalized},
     look::{self, LookError},
-    paint::{self, Canvas, Painted, Surface},
-    strokes::Strokes,
+    paint::{self, Canvas, Hand, Painted, Pin, PinError, Surface},
+    strokes::{MAX_TEXTURES, Strokes},
     work::{Canceled, Work},
 };
 
@@ -42,6 +44,8 @@ pub enum Styles<'a> {
         paintings: Vec<(&'a Canvas, f64)>,
         /// The surface of the scene.
         surface: &'a Surface,
+        /// What is decided beside them. Its pins number the paintings.
+        hand: Hand<'a>,
     },
     /// Statistics, decoded.
     Decoded {
@@ -91,6 +95,27 @@ pub enum RestyleError {
         /// The fingerprints of both scenes.
         source: LookError,
     },
+    /// The strength of the palette is no share.
+    #[error("the palette's strength is {found}, expected a number from 0 to 1")]
+    Palette {
+        /// The strength.
+        found: f32,
+    },
+    /// The direction of strokes is none.
+    #[error("the strokes' direction is {found}, expected finite numbers that are not all 0")]
+    Direction {
+        /// The direction.
+        found: Vec3,
+    },
+    /// There are too many paintings.
+    #[error("found {found} paintings, expected at most {MAX_TEXTURES}")]
+    Paintings {
+        /// Their number.
+        found: usize,
+    },
+    /// A pinned place is none of the paintings'.
+    #[error(transparent)]
+    Pin(#[from] PinError),
     /// The decoder fails.
     #[error(transparent)]
     Decode(Box<dyn Error + Send + Sync>),
@@ -109,7 +134,7 @@ pub fn is_painted(scene: &Scene, asks_for_decoder: bool, all_carry_paint: bool) 
 impl Recipe<'_> {
     /// A painting alone.
     pub fn painting<'a>(canvas: &'a Canvas, surface: &'a Surface) -> Recipe<'a> {
-        let styles = Styles::Painted { paintings: vec![(canvas, 1.0)], surface };
+        let styles = Styles::Painted { paintings: vec![(canvas, 1.0)], surface, hand: Hand::default() };
         Recipe { looks: Vec::new(), styles, content: 0.0 }
     }
 
@@ -160,8 +185,18 @@ impl Styles<'_> {
 
     fn restyle(self, scene: &Scene, content: f64, work: &Work) -> Result<Painted, RestyleError> {
         match self {
-            Self::Painted { paintings, surface } => {
-                Ok(paint::lay(scene, surface, &paintings, content, work)?)
+            Self::Painted { paintings, surface, hand } => {
+                if !(0.0..=1.0).contains(&hand.palette) {
+                    return Err(RestyleError::Palette { found: hand.palette });
+                }
+                if let Some(found) = hand.direction.filter(|to| to.try_normalize().is_none()) {
+                    return Err(RestyleError::Direction { found });
+                }
+                if paintings.len() > MAX_TEXTURES {
+                    return Err(RestyleError::Paintings { found: paintings.len() });
+                }
+                Pin::check_for(hand.pins, paintings.iter().map(|(canvas, _)| *canvas))?;
+                Ok(paint::lay(scene, surface, &paintings, &hand, content, work)?)
             }
             Self::Decoded { styles, decode } => {
                 let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
@@ -187,7 +222,7 @@ fn mixed(parts: impl Iterator<Item = (Strokes, f64)>) -> Strokes {
 
 #[cfg(test)]
 mod tests {
-    use glam::{Quat, Vec3};
+    use glam::Quat;
 
     use super::*;
     use crate::{look::MadeFrom, paint::Paint};
@@ -211,6 +246,7 @@ mod tests {
             width: 32,
             height: 32,
             pixels: (0..3 * 32 * 32).map(|i| (i % 251) as u8).collect(),
+            used: None,
         })
     }
 
@@ -222,7 +258,11 @@ mod tests {
         let look = Look::new(&scene, &vec![[0.5, 0.25, 0.0]; 100], MadeFrom::default());
         let recipe = |of_look: f64, of_painting: f64| Recipe {
             looks: vec![WeightedLook { name: "look", look: &look, weight: of_look }],
-            styles: Styles::Painted { paintings: vec![(&canvas, of_painting)], surface: &surface },
+            styles: Styles::Painted {
+                paintings: vec![(&canvas, of_painting)],
+                surface: &surface,
+                hand: Hand::default(),
+            },
             content: 0.0,
         };
         let mixed = recipe(1.0, 3.0).restyle(&scene, &work).unwrap();

@@ -2,7 +2,7 @@
 
 use stylegaussian::{
     Scene,
-    paint::{Canvas, Painted, Surface, lay},
+    paint::{Canvas, Hand, Painted, Surface, lay},
     strokes::{StrokeWord, Strokes},
     work::{Canceled, Work},
 };
@@ -83,7 +83,7 @@ fn painted(
         .map(|(image, weight)| (Canvas::new(&paint_of(image)), f64::from(*weight)))
         .collect();
     let canvases: Vec<(&Canvas, f64)> = canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect();
-    lay(scene, &surface, &canvases, 0.0, work)
+    lay(scene, &surface, &canvases, &Hand::default(), 0.0, work)
 }
 
 /// Protection of Gaussians `[N]`, because they stand out (by their `words`) or are larger than a stroke.

@@ -129,6 +129,37 @@ pub fn picture_size(text: &str) -> Result<UVec2, String> {
         })
 }
 
+/// An area of an image as in `0,0.25,1,0.5`: left edge, top edge, width and height as shares of the sides. Its
+/// left, top, right and bottom edges.
+pub fn area(text: &str) -> Result<[f32; 4], String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, width, height])
+            if [x, y].iter().all(|at| (0.0..1.0).contains(at))
+                && width > 0.0
+                && height > 0.0
+                && x + width <= 1.0
+                && y + height <= 1.0 =>
+        {
+            Ok([x, y, x + width, y + height])
+        }
+        _ => {
+            Err("expected X,Y,WIDTH,HEIGHT as shares of the sides, within 0 to 1, as in 0,0.25,1,0.5".into())
+        }
+    }
+}
+
+/// A direction as in `0,1,0`, of any length above 0.
+pub fn direction(text: &str) -> Result<Vec3, String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let direction = match numbers.as_deref() {
+        Some(&[x, y, z]) => Some(Vec3::new(x, y, z)),
+        _ => None,
+    };
+    let direction = direction.filter(|direction| direction.try_normalize().is_some());
+    direction.ok_or_else(|| "expected X,Y,Z, not all 0, as in 0,1,0".into())
+}
+
 /// A ball as in `1.5,0,-2,3`: its center and its radius, in scene units.
 pub fn frame(text: &str) -> Result<Frame, String> {
     let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
@@ -266,6 +297,25 @@ mod tests {
             ["", "1,2,3", "1,2,3,0", "1,2,3,-1", "1,2,3,nan", "inf,2,3,1", "1,2,3,4,5", "1 2 3 4", "1,2,3,4,"]
         {
             assert!(frame(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn directions() {
+        assert_eq!(direction("0, -2,1e-3"), Ok(Vec3::new(0.0, -2.0, 1e-3)));
+        for text in ["", "0,0,0", "1,2", "1,2,nan", "inf,0,0", "1,2,3,4"] {
+            assert!(direction(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn areas() {
+        assert_eq!(area("0,0.25,1,0.5"), Ok([0.0, 0.25, 1.0, 0.75]));
+        assert_eq!(area("0.5, 0.5, 0.5, 0.5"), Ok([0.5, 0.5, 1.0, 1.0]));
+        for text in
+            ["", "0,0,1", "0,0,0,1", "0.5,0,0.6,1", "-0.1,0,1,1", "nan,0,1,1", "0,0,inf,1", "0,0,1,1,1"]
+        {
+            assert!(area(text).is_err(), "{text}");
         }
     }
 

@@ -5,6 +5,7 @@ mod choose;
 mod commands;
 mod compute;
 mod download;
+mod hand;
 mod knobs;
 mod masks;
 mod outputs;

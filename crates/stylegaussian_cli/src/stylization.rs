@@ -17,13 +17,14 @@ use stylegaussian::{
     restyle::{Decode, Recipe, RestyleError, Styles, WeightedLook, is_painted},
     work::Work,
 };
-use stylegaussian_encoder::{Encoder, StyleSize, paint_of, painted_style, style_statistics};
+use stylegaussian_encoder::{Encoder, StyleSize, painted_style, style_statistics};
 use stylegaussian_files::{read_look, read_paint, read_style};
 
 use crate::{
     arguments::{Backend, WeightedPath, fraction},
     choose::{self, NamedDecoder, check_encoders, open_encoder, open_painting},
     compute::Compute,
+    hand::{Decided, HandArgs, usable_paint_of},
     knobs::StrokeArgs,
     terminal::{lossy, usage_error, warn},
 };
@@ -64,6 +65,8 @@ pub struct StylizationArgs {
     decoder_only: bool,
     #[command(flatten)]
     strokes: StrokeArgs,
+    #[command(flatten)]
+    hand: HandArgs,
     /// Where to compute. If `gpu` is given and there is no GPU, the command fails.
     #[arg(long, value_enum, default_value = "auto")]
     backend: Backend,
@@ -114,6 +117,7 @@ enum Prepared {
     Painted {
         canvases: Vec<Canvas>,
         surface: Box<Surface>,
+        decided: Box<Decided>,
     },
     Decoded {
         statistics: Vec<ChannelStatistics>,
@@ -182,8 +186,8 @@ impl StylizationArgs {
         let mut shown = {
             let mut decoding;
             let styles = match &prepared {
-                Prepared::Painted { canvases, surface } => {
-                    Styles::Painted { paintings: self.weighted(canvases), surface }
+                Prepared::Painted { canvases, surface, decided } => {
+                    Styles::Painted { paintings: self.weighted(canvases), surface, hand: decided.hand() }
                 }
                 Prepared::Decoded { statistics, decoder, .. } => {
                     decoding = Decoding { decoder: &decoder.decoder, compute: &mut *compute };
@@ -238,10 +242,12 @@ impl StylizationArgs {
         // Files are read only if they may be used.
         let paints = if is_painted(scene, asks_for_decoder, true) { self.read_paints()? } else { None };
         if let Some(paints) = paints {
+            let decided = Box::new(self.hand.read(scene)?);
             let canvases = paints.iter().map(Canvas::new).collect();
             let surface = Box::new(Surface::new(scene, &Work::default())?);
-            return Ok(Prepared::Painted { canvases, surface });
+            return Ok(Prepared::Painted { canvases, surface, decided });
         }
+        self.hand.expect_none()?;
         // Checked before the expensive steps.
         let features = scene.features.as_ref();
         let features =
@@ -269,8 +275,11 @@ impl StylizationArgs {
     /// Paint of each style, in order, or `None` if a style file carries none.
     fn read_paints(&self) -> Result<Option<Vec<Paint>>> {
         let paint = |style: &WeightedPath| match is_file(&style.path) {
-            true => Ok(read_paint(&style.path)?),
-            false => Ok(Some(paint_of(&open_painting(&style.path)?))),
+            true => {
+                let paint = read_paint(&style.path)?;
+                paint.map(|paint| self.hand.part_of(paint, &style.path)).transpose()
+            }
+            false => usable_paint_of(&self.hand.open_image(&style.path)?, &style.path).map(Some),
         };
         self.styles.iter().map(paint).collect()
     }
@@ -283,7 +292,7 @@ impl StylizationArgs {
         };
         let of_style = |WeightedPath { path, .. }: &WeightedPath| match &encoder {
             Some(encoder) if !is_file(path) => {
-                let image = open_painting(path)?;
+                let image = self.hand.open_image(path)?;
                 let statistics = style_statistics(encoder, &image, StyleSize::default());
                 statistics.with_context(|| path.display().to_string())
             }
@@ -298,13 +307,25 @@ fn is_file(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("safetensors"))
 }
 
-/// Style statistics and paint of the image at `path`.
+/// Style statistics and paint of the image at `path`, or of an area of it: its left, top, right and bottom
+/// edges as shares of the sides.
 ///
 /// # Errors
-/// If the image cannot be read or encoded.
-pub fn image_style(encoder: &Encoder, path: &Path, size: StyleSize) -> Result<(ChannelStatistics, Paint)> {
-    let image = open_painting(path)?;
-    painted_style(encoder, &image, size).with_context(|| path.display().to_string())
+/// If the image cannot be read or encoded, or has no pixel to paint from.
+pub fn image_style(
+    encoder: &Encoder,
+    path: &Path,
+    area: Option<[f32; 4]>,
+    size: StyleSize,
+) -> Result<(ChannelStatistics, Paint)> {
+    let named = || path.display().to_string();
+    let mut image = open_painting(path)?;
+    if let Some(area) = area {
+        image = image.cropped(area).with_context(named)?;
+    }
+    // Before the encoder, which takes a while.
+    usable_paint_of(&image, path)?;
+    painted_style(encoder, &image, size).with_context(named)
 }
 
 fn weight_of(styles: &[WeightedPath]) -> f64 {

@@ -138,7 +138,7 @@ fn rendering_on_the_gpu_matches_the_cpu() {
 fn info_describes_styles_and_decoders() {
     let bench = Bench::new();
     let (bare, painted) = (bench.style("bare.style.safetensors"), bench.path("s.style.safetensors"));
-    let paint = Paint { width: 3, height: 2, pixels: vec![7; 18] };
+    let paint = Paint { width: 3, height: 2, pixels: vec![7; 18], used: None };
     write_painted_style(painted.as_ref(), &read_style(bare.as_ref()).unwrap(), &paint).unwrap();
     let text = stylegaussian(&["info", &bare]).expect_success().stdout;
     for part in ["6 channels", "encoder test@00", "none: it is decoded"] {

@@ -24,6 +24,8 @@ mod look;
 mod mask;
 #[path = "../../../fuzz/readers/paint.rs"]
 mod paint;
+#[path = "../../../fuzz/readers/pins.rs"]
+mod pins;
 #[path = "../../../fuzz/readers/pytorch.rs"]
 mod pytorch;
 #[path = "../../../fuzz/readers/scene.rs"]
@@ -35,7 +37,7 @@ mod style;
 type Target = (&'static str, fn(&[u8]));
 
 /// The readers, by the names of their folders.
-const READERS: [Target; 11] = [
+const READERS: [Target; 12] = [
     ("cameras", cameras::read),
     ("checkpoint", checkpoint::read),
     ("decoder", decoder::read),
@@ -44,6 +46,7 @@ const READERS: [Target; 11] = [
     ("look", look::read),
     ("mask", mask::read),
     ("paint", paint::read),
+    ("pins", pins::read),
     ("pytorch", pytorch::read),
     ("scene", scene::read),
     ("style", style::read),

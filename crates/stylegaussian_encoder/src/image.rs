@@ -7,11 +7,12 @@ mod photo;
 use std::path::{Path, PathBuf};
 
 use ::image::{
-    DynamicImage, ImageBuffer, ImageError as DecodeError, Rgb, RgbImage,
+    DynamicImage, ImageBuffer, ImageError as DecodeError, Luma, Rgb, RgbImage,
     imageops::{self, FilterType},
 };
 
 pub use file::{extensions, format_names};
+use stylegaussian::paint::{AreaError, pixels_of};
 
 /// Least width and height of an image for any encoder, in pixels. VGG with reflection padding needs 5; with 8
 /// there are 2x2 positions, so that a standard deviation exists.
@@ -37,8 +38,10 @@ pub struct Image {
     pub width: u32,
     /// Rows, from the top.
     pub height: u32,
-    /// Row-major, interleaved, 0..1 `[height, width, 3]`.
+    /// Row-major, interleaved, 0..1 `[height, width, 3]`. Transparent pixels lie over white.
     pub rgb: Vec<f32>,
+    /// Opacity, 0..1 `[height, width]`, or `None` if all of the image is opaque.
+    pub alpha: Option<Vec<f32>>,
 }
 
 /// An image that was read, and what is wrong with its file.
@@ -141,7 +144,7 @@ pub enum ImageError {
 impl Image {
     /// Reads an image file in any of the formats of [`format_names`]: any bit depth, gray or color, turned
     /// upright by its EXIF orientation; the first picture of an animation. Transparent pixels are laid over
-    /// white, as on paper.
+    /// white, as on paper, and their opacity is kept: no paint is taken from them.
     ///
     /// # Errors
     /// If the file is absent, is no image, lacks pixels, or is larger than [`MAX_SIDE`] or [`MAX_PIXELS`].
@@ -222,6 +225,25 @@ impl Image {
         }
     }
 
+    /// The part of the image in `area`: its left, top, right and bottom edges as shares of the sides, 0..1.
+    /// Edges are moved to the nearest pixels, so that an edge between pixels of two images is the same in both.
+    ///
+    /// # Errors
+    /// If the area is outside of the image, or holds no pixel. The message says what was found and expected.
+    pub fn cropped(&self, area: [f32; 4]) -> Result<Self, AreaError> {
+        let [left, top, right, bottom] = pixels_of(area, [self.width as usize, self.height as usize])?;
+        let part = |values: &[f32], n: usize| -> Vec<f32> {
+            let row = |y: usize| &values[(y * self.width as usize + left) * n..][..(right - left) * n];
+            (top..bottom).flat_map(row).copied().collect()
+        };
+        Ok(Self {
+            width: (right - left) as u32,
+            height: (bottom - top) as u32,
+            rgb: part(&self.rgb, 3),
+            alpha: self.alpha.as_ref().map(|alpha| part(alpha, 1)),
+        })
+    }
+
     /// The image at another size. Each pixel averages the area that it covers (Lanczos of 3 lobes, clamped to
     /// 0..1).
     pub fn resized(&self, width: u32, height: u32) -> Self {
@@ -234,12 +256,18 @@ impl Image {
         }
         let view = ImageBuffer::<Rgb<f32>, &[f32]>::from_raw(self.width, self.height, &self.rgb[..]);
         let Some(view) = view.filter(|view| view.width() > 0 && view.height() > 0) else {
-            return Self { width, height, rgb: vec![0.0; width as usize * height as usize * 3] };
+            let rgb = vec![0.0; width as usize * height as usize * 3];
+            return Self { width, height, rgb, alpha: None };
         };
         let mut rgb = imageops::resize(&view, width, height, filter).into_raw();
         // Lanczos has negative lobes and overshoots at edges.
         rgb.iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
-        Self { width, height, rgb }
+        let alpha = self.alpha.as_ref().and_then(|alpha| {
+            let view = ImageBuffer::<Luma<f32>, &[f32]>::from_raw(self.width, self.height, &alpha[..])?;
+            let alpha = imageops::resize(&view, width, height, filter).into_raw();
+            Some(alpha.into_iter().map(|value| value.clamp(0.0, 1.0)).collect())
+        });
+        Self { width, height, rgb, alpha }
     }
 }
 
@@ -252,21 +280,27 @@ impl From<DynamicImage> for Image {
         if !image.color().has_alpha() {
             let mut rgb = image.into_rgb32f().into_raw();
             rgb.iter_mut().for_each(|value| *value = clamp(*value));
-            return Self { width, height, rgb };
+            return Self { width, height, rgb, alpha: None };
         }
         let over_white = |rgba: [f32; 4]| {
             let [r, g, b, alpha] = rgba.map(clamp);
             [r, g, b].map(|color| color * alpha + 1.0 - alpha)
         };
         let rgba = image.into_rgba32f();
-        Self { width, height, rgb: rgba.pixels().flat_map(|pixel| over_white(pixel.0)).collect() }
+        let alpha: Vec<f32> = rgba.pixels().map(|pixel| clamp(pixel.0[3])).collect();
+        Self {
+            width,
+            height,
+            rgb: rgba.pixels().flat_map(|pixel| over_white(pixel.0)).collect(),
+            alpha: alpha.iter().any(|alpha| *alpha < 1.0).then_some(alpha),
+        }
     }
 }
 
 impl From<&RgbImage> for Image {
     fn from(image: &RgbImage) -> Self {
         let rgb = image.as_raw().iter().map(|&value| f32::from(value) / 255.0).collect();
-        Self { width: image.width(), height: image.height(), rgb }
+        Self { width: image.width(), height: image.height(), rgb, alpha: None }
     }
 }
 

@@ -92,11 +92,23 @@ pub fn painted_style(
     Ok((style_statistics(encoder, image, size)?, paint_of(image)))
 }
 
+/// Least opacity of a pixel that paint is taken from: at half, most of what is seen there is the painting.
+const OPAQUE: f32 = 0.5;
+
 /// The painting's own paint, for which no encoder is needed. It keeps the image's proportions: strokes have a
-/// shape.
+/// shape. Pixels that are more transparent than opaque are not used.
 pub fn paint_of(image: &Image) -> Paint {
     let (width, height) = Paint::size_of(image.width, image.height);
-    Paint::new(width as usize, height as usize, &image.resized(width, height).rgb)
+    let mut image = image.resized(width, height);
+    if let Some(alpha) = &image.alpha {
+        for (pixel, alpha) in image.rgb.chunks_exact_mut(3).zip(alpha).filter(|(_, alpha)| **alpha >= OPAQUE)
+        {
+            // The color itself, c, of c alpha + 1 - alpha over white.
+            pixel.iter_mut().for_each(|value| *value = 1.0 - (1.0 - *value) / alpha);
+        }
+    }
+    let used = image.alpha.as_ref().map(|alpha| alpha.iter().map(|alpha| *alpha >= OPAQUE).collect());
+    Paint::new(width as usize, height as usize, &image.rgb).with_used(used)
 }
 
 #[cfg(test)]
@@ -118,9 +130,45 @@ mod tests {
     }
 
     #[test]
+    fn transparent_pixels_are_not_used_and_translucent_ones_keep_their_color() {
+        let rgba = |x: u32| match x {
+            0..10 => [200, 40, 10, 255],
+            10..12 => [200, 40, 10, 153],
+            _ => [0, 0, 0, 0],
+        };
+        let picture = image::RgbaImage::from_fn(20, 10, |x, _| image::Rgba(rgba(x)));
+        let paint = paint_of(&Image::from(image::DynamicImage::from(picture.clone())));
+        let used = paint.used.unwrap();
+        assert!(used.iter().enumerate().all(|(i, used)| *used == (i % 20 < 12)));
+        let first = &paint.pixels[3 * 10..][..6];
+        assert!(first.iter().zip([200, 40, 10, 200, 40, 10]).all(|(a, b)| a.abs_diff(b) <= 1), "{first:?}");
+        // Opaque pixels of a file with an alpha channel are those of one without.
+        let opaque = image::RgbaImage::from_fn(20, 10, |x, y| image::Rgba([x as u8, y as u8, 9, 255]));
+        let opaque = image::DynamicImage::from(opaque);
+        let paints =
+            [opaque.to_rgb8().into(), opaque].map(|image: image::DynamicImage| paint_of(&image.into()));
+        assert!(paints[0] == paints[1] && paints[0].used.is_none());
+    }
+
+    #[test]
+    fn a_crop_keeps_its_pixels_and_their_opacity() {
+        let value = |i: usize| i as f32 / 1000.0;
+        let (rgb, alpha) = ((0..150).map(value).collect(), Some((0..50).map(value).collect()));
+        let image = Image { width: 10, height: 5, rgb, alpha };
+        let part = image.cropped([0.3, 0.2, 0.6, 0.6]).unwrap();
+        assert_eq!((part.width, part.height), (3, 2));
+        assert_eq!(part.alpha.unwrap(), [13, 14, 15, 23, 24, 25].map(value));
+        assert_eq!(part.rgb[..3], [39, 40, 41].map(value));
+        assert_eq!(image.cropped([0.0, 0.0, 1.0, 1.0]).unwrap(), image);
+        for bad in [[0.5, 0.0, 0.5, 1.0], [0.0, 0.0, 1.1, 1.0], [f32::NAN, 0.0, 1.0, 1.0]] {
+            assert!(image.cropped(bad).unwrap_err().to_string().contains("expected"), "{bad:?}");
+        }
+    }
+
+    #[test]
     fn squash_ignores_proportions() {
         assert_eq!(StyleSize::Squash256.of(2048, 512), (256, 256));
-        let image = Image { width: 2, height: 1, rgb: vec![0.25; 6] };
+        let image = Image { width: 2, height: 1, rgb: vec![0.25; 6], alpha: None };
         let squashed = StyleSize::Squash256.resize(&image);
         assert_eq!((squashed.width, squashed.height), (256, 256));
         assert!(squashed.rgb.iter().all(|value| (value - 0.25).abs() < 1e-6));

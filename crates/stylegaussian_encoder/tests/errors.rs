@@ -134,7 +134,7 @@ fn an_encoder_of_any_width_and_stride() {
 
     // Left half red, right half blue: features (1, 1) and (0, 0).
     let rgb = (0..8 * 8).flat_map(|i| if i % 8 < 4 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] }).collect();
-    let image = Image { width: 8, height: 8, rgb };
+    let image = Image { width: 8, height: 8, rgb, alpha: None };
     let features = encoder.encode(&image).unwrap();
     assert_eq!((features.width, features.height, features.n_channels), (4, 4, 2));
     assert_eq!(features.values[..8], [1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]);
@@ -180,7 +180,7 @@ fn images_that_a_network_cannot_add_up_are_refused() {
     let one = Kernel { shape: [1, 3, 1, 1], weight: vec![1.0; 3], bias: vec![0.0] };
     let there_and_back = [Operation::MaxPool { ceil: true }, Operation::Double, Operation::Add(1)];
     let encoder = Encoder::from_bytes("even", network(&one, &there_and_back)).unwrap();
-    let image = |side: u32| Image { width: side, height: 8, rgb: vec![0.5; side as usize * 24] };
+    let image = |side: u32| Image { width: side, height: 8, rgb: vec![0.5; side as usize * 24], alpha: None };
     assert!(encoder.encode(&image(10)).is_ok());
     contains_all(&encoder.encode(&image(9)).unwrap_err().to_string(), &["even: ", "9x8"]);
 }
@@ -189,7 +189,12 @@ fn images_that_a_network_cannot_add_up_are_refused() {
 fn images_smaller_than_a_network_needs_are_refused() {
     let wide = Kernel { shape: [2, 3, 17, 17], weight: vec![0.01; 2 * 3 * 17 * 17], bias: vec![0.0; 2] };
     let encoder = Encoder::from_bytes("wide", network(&wide, &[])).unwrap();
-    let image = |side: u32| Image { width: side, height: side, rgb: vec![0.5; (side * side * 3) as usize] };
+    let image = |side: u32| Image {
+        width: side,
+        height: side,
+        rgb: vec![0.5; (side * side * 3) as usize],
+        alpha: None,
+    };
     assert!(encoder.encode(&image(16)).is_err());
     let features = encoder.encode(&image(32)).unwrap();
     assert_eq!((features.width, features.height, features.n_channels), (16, 16, 2));
@@ -210,10 +215,10 @@ fn images_that_cannot_be_encoded() {
     let path = folder.path().join("tiny.encoder.safetensors");
     fs::write(&path, tiny()).unwrap();
     let encoder = Encoder::open(&path).unwrap();
-    let pixel = Image { width: 1, height: 1, rgb: vec![0.5; 3] };
+    let pixel = Image { width: 1, height: 1, rgb: vec![0.5; 3], alpha: None };
     contains_all(&encoder.encode(&pixel).unwrap_err().to_string(), &["1x1", "8x8"]);
     assert!(style_statistics(&encoder, &pixel, StyleSize::default()).is_err());
-    let short = Image { width: 20, height: 20, rgb: vec![0.5; 3] };
+    let short = Image { width: 20, height: 20, rgb: vec![0.5; 3], alpha: None };
     contains_all(&encoder.encode(&short).unwrap_err().to_string(), &["20x20", "3 values"]);
 }
 

@@ -35,7 +35,7 @@ fn a_graph_of_any_width_and_stride() {
     assert!(encoder.runtime().starts_with("tract ") || encoder.runtime().starts_with("ONNX Runtime "));
     // Left half red, right half blue: features (1, 1) and (0, 0).
     let rgb = (0..8 * 8).flat_map(|i| if i % 8 < 4 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] }).collect();
-    let features = encoder.encode(&Image { width: 8, height: 8, rgb }).unwrap();
+    let features = encoder.encode(&Image { width: 8, height: 8, rgb, alpha: None }).unwrap();
     assert_eq!((features.width, features.height, features.n_channels), (4, 4, 2));
     assert_eq!(features.values[..8], [1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]);
 }
@@ -84,7 +84,12 @@ fn graphs_that_are_no_encoder() {
 #[test]
 fn images_smaller_than_a_kernel_are_refused() {
     let encoder = Encoder::open(&graph("wide.onnx")).unwrap();
-    let image = |side: u32| Image { width: side, height: side, rgb: vec![0.5; (side * side * 3) as usize] };
+    let image = |side: u32| Image {
+        width: side,
+        height: side,
+        rgb: vec![0.5; (side * side * 3) as usize],
+        alpha: None,
+    };
     assert!(encoder.encode(&image(16)).is_err());
     let features = encoder.encode(&image(32)).unwrap();
     assert_eq!((features.width, features.height, features.n_channels), (16, 16, 2));

@@ -10,7 +10,12 @@ const SIDE: u32 = 192;
 /// A picture of random colors.
 fn picture(seed: u64) -> Image {
     let mut random = stylegaussian::random::Random::new(seed);
-    Image { width: SIDE, height: SIDE, rgb: (0..SIDE * SIDE * 3).map(|_| random.uniform()).collect() }
+    Image {
+        width: SIDE,
+        height: SIDE,
+        rgb: (0..SIDE * SIDE * 3).map(|_| random.uniform()).collect(),
+        alpha: None,
+    }
 }
 
 /// A thread that waits for its share of a product may take up the next picture meanwhile. More threads than

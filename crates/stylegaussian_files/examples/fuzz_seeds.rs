@@ -9,24 +9,27 @@ use std::{
 
 use glam::{Quat, Vec3};
 use stylegaussian::{
-    ChannelStatistics, Decoder, Features, Layer, Look, Mask, Neighbors, Scene, StoredMask, look::MadeFrom,
-    paint::Paint,
+    ChannelStatistics, Decoder, Features, Layer, Look, Mask, Neighbors, Scene, StoredMask,
+    look::MadeFrom,
+    paint::{Paint, Pin, StoredPins},
 };
 use stylegaussian_files::{
-    Precision, write_decoder, write_look, write_mask, write_painted_style, write_scene, write_style,
+    Precision, write_decoder, write_look, write_mask, write_painted_style, write_pins, write_scene,
+    write_style,
 };
 
 /// Larger files make slow runs, and the fuzzer finds sizes by itself.
 const MOST_BYTES: u64 = 100_000;
 
 /// The fuzz targets.
-const TARGETS: [&str; 11] = [
+const TARGETS: [&str; 12] = [
     "scene",
     "decoder",
     "style",
     "paint",
     "look",
     "mask",
+    "pins",
     "pytorch",
     "image",
     "encoder",
@@ -120,6 +123,7 @@ fn made(corpus: &Path) -> Result<(), Box<dyn std::error::Error>> {
     write_look(&corpus.join("look/made"), &Look::new(&scene, &colors, MadeFrom::default()))?;
     let mask = StoredMask::new(&scene, &scene.mask.clone().unwrap_or_default());
     write_mask(&corpus.join("mask/made"), &mask)?;
+    write_pins(&corpus.join("pins/made"), &StoredPins::new(&scene, vec![Pin::default(); 2]))?;
     let pose = "[[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]";
     let transforms =
         format!(r#"{{"camera_angle_x":0.8,"w":9,"h":9,"frames":[{{"transform_matrix":{pose}}}]}}"#);

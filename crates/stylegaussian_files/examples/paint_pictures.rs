@@ -68,7 +68,7 @@ fn paint(path: &Path) -> Result<Paint, Box<dyn Error>> {
     let image = image::open(path)?.to_rgb8();
     let (width, height) = Paint::size_of(image.width(), image.height());
     let image = image::imageops::resize(&image, width, height, image::imageops::FilterType::Triangle);
-    Ok(Paint { width: width as usize, height: height as usize, pixels: image.into_raw() })
+    Ok(Paint { width: width as usize, height: height as usize, pixels: image.into_raw(), used: None })
 }
 
 /// The cameras that `views` names.

@@ -1,4 +1,4 @@
-//! File formats: scenes, decoders, style statistics, looks, masks, colors.
+//! File formats: scenes, decoders, style statistics, looks, masks, pinned places, colors.
 //!
 //! A reader takes the whole file into memory, recognizes the format by the content, and checks every count
 //! against the size of the file before it allocates. A writer never leaves a half-written file: see
@@ -24,7 +24,11 @@
 use std::path::Path;
 
 use stylegaussian::{
-    decoder::Decoder, look::Look, mask::StoredMask, paint::Paint, statistics::ChannelStatistics,
+    decoder::Decoder,
+    look::Look,
+    mask::StoredMask,
+    paint::{Paint, StoredPins},
+    statistics::ChannelStatistics,
 };
 
 mod activate;
@@ -47,6 +51,7 @@ mod look;
 mod mask;
 mod names;
 mod pages;
+mod pins;
 mod place;
 mod ply;
 pub mod pytorch;
@@ -221,6 +226,31 @@ pub fn read_paint(path: &Path) -> Result<Option<Paint>, FileError> {
 /// As [`read_paint`].
 pub fn paint_from_bytes(bytes: &[u8], name: &str) -> Result<Option<Paint>, FileError> {
     style::paint_from_bytes(bytes).map_err(|mismatch| mismatch.at(Path::new(name)))
+}
+
+/// Reads pinned places (`*.pins.json`).
+///
+/// # Errors
+/// If the file cannot be read, is not of pins, or one of its points is no point or outside of the painting.
+pub fn read_pins(path: &Path) -> Result<StoredPins, FileError> {
+    pins::from_bytes(&read_bytes(path)?).map_err(|mismatch| mismatch.at(path))
+}
+
+/// Reads pinned places from the bytes of a `*.pins.json`. Errors call the file `name`.
+///
+/// # Errors
+/// As [`read_pins`].
+pub fn pins_from_bytes(bytes: &[u8], name: &str) -> Result<StoredPins, FileError> {
+    pins::from_bytes(bytes).map_err(|mismatch| mismatch.at(Path::new(name)))
+}
+
+/// Writes pinned places (`*.pins.json`).
+///
+/// # Errors
+/// If the file cannot be written, or a point is no point or outside of the painting.
+pub fn write_pins(path: &Path, pins: &StoredPins) -> Result<(), FileError> {
+    let bytes = pins::to_bytes(pins).map_err(|mismatch| mismatch.at(path))?;
+    write_atomically(path, |out| out.write_all(&bytes))
 }
 
 #[cfg(test)]

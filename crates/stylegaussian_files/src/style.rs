@@ -3,8 +3,8 @@
 //! Tensors `mean` and `std_dev` f32 `[D]`, optionally `covariance` f32 `[D, D]`. Metadata `format`, `version`
 //! and, if known, `encoder`.
 //!
-//! Optionally the painting's paint: `paint` u8 `[height, width, 3]`. Readers that know only statistics ignore
-//! it.
+//! Optionally the painting's paint: `paint` u8 `[height, width, 3]`, and if some pixels must not be used,
+//! `used` u8 `[height, width]`, 0 for those and else 1. Readers that know only statistics ignore both.
 
 use stylegaussian::{
     paint::{MAX_PIXELS, Paint},
@@ -60,9 +60,17 @@ pub(super) fn paint_from_bytes(bytes: &[u8]) -> Result<Option<Paint>, Mismatch> 
         return Ok(None);
     }
     let (pixels, shape) = reader.bytes("paint", &[Any("height"), Any("width"), Is(3)])?;
-    let paint = Paint { width: shape[1], height: shape[0], pixels: pixels.to_vec() };
+    let paint = Paint { width: shape[1], height: shape[0], pixels: pixels.to_vec(), used: None };
     validate_paint(&paint)?;
-    Ok(Some(paint))
+    if !reader.has("used") {
+        return Ok(Some(paint));
+    }
+    let (used, _) = reader.bytes("used", &[Is(paint.height), Is(paint.width)])?;
+    if let Some(other) = used.iter().find(|used| **used > 1) {
+        return Err(mismatch(format_args!("{other} in `used`"), "0 or 1"));
+    }
+    let used = used.iter().map(|used| *used == 1).collect();
+    Ok(Some(paint.with_used(Some(used))))
 }
 
 /// The tensors of a style with its paint.
@@ -73,15 +81,22 @@ pub(super) fn prepare_painted<'a>(
     let mut writer = prepare(style)?;
     validate_paint(paint)?;
     writer.u8("paint", &[paint.height, paint.width, 3], &paint.pixels);
+    if let Some(used) = &paint.used {
+        let bytes: Vec<u8> = used.iter().map(|used| u8::from(*used)).collect();
+        writer.u8("used", &[paint.height, paint.width], bytes);
+    }
     Ok(writer)
 }
 
 fn validate_paint(paint: &Paint) -> Result<(), Mismatch> {
-    let Paint { width, height, pixels } = paint;
+    let Paint { width, height, pixels, used } = paint;
     let n_pixels = width.saturating_mul(*height);
     if n_pixels == 0 || n_pixels > MAX_PIXELS || pixels.len() != 3 * n_pixels {
         let found = format_args!("a painting of {width}x{height} pixels in {} bytes", pixels.len());
         return Err(mismatch(found, format_args!("1 to {MAX_PIXELS} pixels of 3 bytes")));
+    }
+    if let Some(used) = used.as_ref().filter(|used| used.len() != n_pixels) {
+        return Err(mismatch(format_args!("{} pixels in `used`", used.len()), format_args!("{n_pixels}")));
     }
     Ok(())
 }

@@ -26,7 +26,7 @@ fn it_is_small_and_is_the_file_of_its_name() {
     assert_eq!(built_in.id().to_string(), file.id().to_string());
     assert_eq!(built_in.n_channels(), 256);
     // A quarter of the size, rounded up twice, as VGG's: 37 -> 19 -> 10 and 50 -> 25 -> 13.
-    let gray = Image { width: 37, height: 50, rgb: vec![0.5; 37 * 50 * 3] };
+    let gray = Image { width: 37, height: 50, rgb: vec![0.5; 37 * 50 * 3], alpha: None };
     let features = built_in.encode(&gray).unwrap();
     assert_eq!((features.width, features.height), (10, 13));
 }

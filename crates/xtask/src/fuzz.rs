@@ -8,13 +8,14 @@ use anyhow::{Context, Result, bail, ensure};
 use crate::steps::{Steps, data_folder, workspace_root};
 
 /// The targets in `fuzz/`, and the feature that builds each. The quick ones to build come first.
-const TARGETS: [(&str, &str); 11] = [
+const TARGETS: [(&str, &str); 12] = [
     ("scene", ""),
     ("decoder", ""),
     ("style", ""),
     ("paint", ""),
     ("look", ""),
     ("mask", ""),
+    ("pins", ""),
     ("pytorch", ""),
     ("cameras", ""),
     ("checkpoint", ""),

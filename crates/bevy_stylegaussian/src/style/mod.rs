@@ -1,7 +1,8 @@
 //! Styles: what an entity wishes for, how a change is shown, and what is reported of it.
 //!
-//! - The wish: [`StyleSource`] is a mix of [`WeightedStyle`]s, each of a [`StyleInput`]. [`StyleMethod`]
-//!   chooses between paint and the [`decoder`]. [`StylePrepare`] prepares a scene for its first style.
+//! - The wish: [`StyleSource`] is a mix of [`WeightedStyle`]s, each of a [`StyleInput`], with a
+//!   [`StylePalette`] and [`StylePins`] if an artist wants them. [`StyleMethod`] chooses between paint and the
+//!   [`decoder`]. [`StylePrepare`] prepares a scene for its first style.
 //! - The change: [`StyleTransition`] and [`HiddenUntilStyled`]. A [`StyleVolume`] gives a part of space a
 //!   style.
 //! - The report: [`StyleRecolored`], [`StyleApplied`] and [`StyleFailed`] are events, [`StyleProgress`] and
@@ -51,6 +52,7 @@ pub use wish::applied::AppliedStyle;
 pub use wish::asset::{StyleLook, StyleStatistics};
 pub use wish::error::StyleError;
 pub use wish::event::{StyleApplied, StyleFailed, StyleRecolored};
+pub use wish::hand::{StylePalette, StylePin, StylePins, StylePinsFile};
 pub use wish::settings::StyleMethod;
 pub use wish::source::{HiddenUntilStyled, StyleInput, StyleSource, WeightedStyle};
 
@@ -64,9 +66,11 @@ impl Plugin for StylePlugin {
         app.init_asset::<StyleStatistics>()
             .init_asset::<StyleLook>()
             .init_asset::<GaussianDecoder>()
+            .init_asset::<StylePinsFile>()
             .init_asset_loader::<FileLoader<StyleStatistics>>()
             .init_asset_loader::<FileLoader<StyleLook>>()
             .init_asset_loader::<FileLoader<GaussianDecoder>>()
+            .init_asset_loader::<FileLoader<StylePinsFile>>()
             .init_resource::<StyleBackend>()
             .init_resource::<StyleBudget>()
             .init_resource::<StyleMethod>()
@@ -139,6 +143,7 @@ fn register_types(app: &mut App) {
     app.register_type::<StyleStatistics>()
         .register_type::<StyleLook>()
         .register_type::<GaussianDecoder>()
+        .register_type::<StylePinsFile>()
         .register_type::<StyleSource>()
         .register_type::<StyleDecoder>()
         .register_type::<StyleTransition>()

@@ -9,6 +9,8 @@ mod demo_scene;
 mod diagnostics;
 mod formats;
 #[cfg(feature = "images")]
+mod hand;
+#[cfg(feature = "images")]
 mod images;
 #[cfg(feature = "images")]
 mod lifecycle;

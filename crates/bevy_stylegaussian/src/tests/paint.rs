@@ -10,7 +10,7 @@ use bevy::{
 use stylegaussian::{
     Look, Scene,
     look::MadeFrom,
-    paint::{Canvas, Paint, Painted, Surface, lay},
+    paint::{Canvas, Hand, Paint, Painted, Surface, lay},
     strokes::Strokes,
     work::Work,
 };
@@ -40,7 +40,7 @@ fn add_painted_style(app: &mut App) -> Handle<StyleStatistics> {
 }
 
 /// A raw capture: no features, no decoder.
-fn raw(n: usize) -> Scene {
+pub(super) fn raw(n: usize) -> Scene {
     Scene { features: None, decoder: None, ..small_scene(n, 1) }
 }
 
@@ -50,21 +50,21 @@ fn laid(scene: &Scene, paintings: &[(&Paint, f64)], content: f64) -> Painted {
         paintings.iter().map(|(paint, weight)| (Canvas::new(paint), f64::from(*weight as f32))).collect();
     let canvases: Vec<_> = canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect();
     let work = Work::default();
-    lay(scene, &Surface::new(scene, &work).unwrap(), &canvases, content, &work).unwrap()
+    lay(scene, &Surface::new(scene, &work).unwrap(), &canvases, &Hand::default(), content, &work).unwrap()
 }
 
-fn strokes(app: &App, entity: Entity) -> Option<Strokes> {
+pub(super) fn strokes(app: &App, entity: Entity) -> Option<Strokes> {
     let style = app.world().get::<AppliedStyle>(entity)?;
     style.strokes().map(|strokes| Strokes::clone(strokes))
 }
 
 #[track_caller]
-fn check(app: &App, entity: Entity, expected: Painted) {
+pub(super) fn check(app: &App, entity: Entity, expected: Painted) {
     assert_eq!(colors(app.world(), entity).unwrap(), expected.colors);
     assert_eq!(strokes(app, entity), Some(expected.strokes));
 }
 
-fn set(app: &mut App, entity: Entity, source: StyleSource) {
+pub(super) fn set(app: &mut App, entity: Entity, source: StyleSource) {
     *app.world_mut().get_mut(entity).unwrap() = source;
 }
 

@@ -9,13 +9,9 @@ use super::{
     painting::{MAX_PIXELS, Paint},
     picture::{Copies, Picture, mirrored},
     places::{Descriptors, PATCH, STEP, offset_in_patch},
-    tone::Tones,
+    tints::Tints,
+    used::Used,
 };
-use crate::{
-    palette::{LUMINANCE, Palette},
-    recolor::ColorMoments,
-};
-
 /// Scales at which a painting may be read, the largest first: sides of a picture of 512 x 512 pixels of area,
 /// in its own. Below half, whole small motifs fit on a stroke's spot.
 const SCALES: [f32; 3] = [1.0, 0.71, 0.5];
@@ -36,10 +32,6 @@ const PLACE_BLUR: f32 = 6.0;
 /// Blurred copy by which places are compared: it has shapes and no strokes.
 const SHAPES: usize = 4;
 
-/// Pixels of a painting per pixel that a cell of the color cube must hold to count as a color. Fewer are specks
-/// of dust.
-const RARE: usize = 10_000;
-
 /// Least clarity at which strokes are aligned with the scene's edges. Below it, the painting stands upright.
 pub(super) const CLEAR: f32 = 0.25;
 
@@ -50,12 +42,7 @@ pub struct Canvas {
     pub(super) size: Vec2,
     pub(super) detail: Detail,
     /// Its colors.
-    pub(super) palette: Palette,
-    /// Moments and tones of its colors, with and without detail.
-    pub(super) whole: (ColorMoments, Tones),
-    pub(super) low: (ColorMoments, Tones),
-    /// Mean color.
-    pub(super) mean: Vec3,
+    pub(super) tints: Tints,
     /// Columns and rows of places.
     pub(super) n_places: (usize, usize),
     /// The direction of strokes at each place, a unit vector in pixels (x right, y down) `[P]`, and how clear
@@ -63,32 +50,38 @@ pub struct Canvas {
     pub(super) strokes: Vec<(Vec2, f32)>,
     /// Places upright, and along their strokes where these are clear `[P]` each.
     pub(super) places: [Descriptors; 2],
+    /// Colors of places, without detail `[P]`.
+    pub(super) colors: Vec<Vec3>,
+    /// Whether each place may be used `[P]`; `None` if all may.
+    pub(super) used: Option<Vec<bool>>,
 }
 
 impl Canvas {
     /// Prepares a painting. Takes some 0.1 s on two cores.
     pub fn new(paint: &Paint) -> Self {
-        let original = Picture { width: paint.width, height: paint.height, values: paint.colors() };
-        let (width, height) = own_size(&original);
+        let mut original = Picture { width: paint.width, height: paint.height, values: paint.colors() };
+        let used = Used::new(&paint.used, paint.width);
+        if let Some(used) = &used {
+            original = used.filled(&original);
+        }
+        let (width, height) = own_size(&original, used.as_ref());
         let copies = Copies::new(original.resized(width, height));
+        let used = used.map(|used| used.resized(width, height)).filter(|used| used.pixels.contains(&true));
         let picture = copies.picture();
-        let detail = Detail::new(&copies, &original);
+        let detail = Detail::new(&copies, &original, used.as_ref());
         // A pixel for each place, blurred by a place's side.
         let tensors = (0..PLACE.ilog2()).fold(copies.copy(1).structure(), |tensors, _| tensors.halved());
         let strokes: Vec<(Vec2, f32)> = tensors.blurred(1.0).values.into_iter().map(stroke).collect();
         let n_places = (width.div_ceil(PLACE), height.div_ceil(PLACE));
         let places = [false, true].map(|aligned| places(&copies, n_places, &strokes, aligned));
-        let flat: Vec<f32> = picture.values.iter().flat_map(|color| color.to_array()).collect();
-        let of = |colors: &[Vec3]| {
-            let moments = ColorMoments::of_weighted(colors.iter().map(|color| (*color, 1.0)));
-            (moments, Tones::new(colors.iter().map(|color| color.dot(LUMINANCE)).collect()))
-        };
+        let whole = used.as_ref().map(|used| used.of(&picture.values).collect::<Vec<_>>());
         Self {
             size: picture.size(),
-            palette: Palette::new(&flat, 1 + picture.values.len() / RARE),
-            whole: of(&picture.values),
-            low: of(&detail.low),
-            mean: picture.values.iter().sum::<Vec3>() / picture.values.len() as f32,
+            tints: Tints::new(whole.as_ref().unwrap_or(&picture.values), &detail.low),
+            colors: (0..n_places.0 * n_places.1)
+                .map(|place| copies.blurred(center_of(place, n_places), PLACE_BLUR))
+                .collect(),
+            used: used.map(|used| used.places(n_places)),
             n_places,
             strokes,
             places,
@@ -96,9 +89,28 @@ impl Canvas {
         }
     }
 
+    /// The colors of the painting, to lay another one's strokes on in.
+    pub fn tints(&self) -> &Tints {
+        &self.tints
+    }
+
+    /// Whether another canvas is of the same painting.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        std::ptr::eq(self, other)
+            || self.size == other.size
+                && self.used == other.used
+                && self.colors == other.colors
+                && self.detail.texture == other.detail.texture
+    }
+
     /// The center of a place, in pixels.
     pub(super) fn center_of(&self, place: usize) -> Vec2 {
         center_of(place, self.n_places)
+    }
+
+    /// Whether a place may be used.
+    pub(super) fn is_used(&self, place: usize) -> bool {
+        self.used.as_ref().is_none_or(|used| used[place])
     }
 
     /// The place at a position in pixels, mirrored into the painting.
@@ -115,20 +127,25 @@ fn center_of(place: usize, n_places: (usize, usize)) -> Vec2 {
 }
 
 /// The size at which a painting is read, in pixels: the largest of [`SCALES`] at which enough of it is fine.
-fn own_size(original: &Picture) -> (usize, usize) {
+/// Only `used` pixels count.
+fn own_size(original: &Picture, used: Option<&Used>) -> (usize, usize) {
     // Whatever its size, strokes have the size that they have in a painting of 512 x 512 pixels.
     let usual = (MAX_PIXELS as f32 / original.values.len().max(1) as f32).sqrt();
-    let luminance = |picture: &Picture| picture.luminance();
-    let variance = |values: &[f32]| {
+    let variance = |picture: &Picture, used: Option<&Used>| {
+        let mut values = picture.luminance();
+        if let Some(used) = used {
+            values = used.of(&values).collect();
+        }
         let mean = values.iter().sum::<f32>() / values.len().max(1) as f32;
         values.iter().map(|value| (value - mean).powi(2)).sum::<f32>() / values.len().max(1) as f32
     };
-    let all = variance(&luminance(original));
+    let all = variance(original, used);
     // Halved, since only coarse shapes remain.
     let half = original.halved();
+    let half_used = used.map(|used| used.resized(half.width, half.height));
     let is_enough = |scale: f32| {
         let sigma = 0.5 * FINE / (scale * usual);
-        all - variance(&luminance(&half.blurred(sigma.max(0.1)))) >= FINE_SHARE * all
+        all - variance(&half.blurred(sigma.max(0.1)), half_used.as_ref()) >= FINE_SHARE * all
     };
     let scale = SCALES.into_iter().find(|scale| is_enough(*scale)).unwrap_or(SCALES[SCALES.len() - 1]);
     let side = |side: usize| ((side as f32 * usual * scale).round() as usize).max(1);

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::{
     bands::Mask,
     picture::{Copies, Picture},
+    used::Used,
 };
 use crate::{
     palette::LUMINANCE,
@@ -52,8 +53,8 @@ pub(super) struct Detail {
 }
 
 impl Detail {
-    /// Detail of a painting's `copies`. `original` is the same painting at any size.
-    pub fn new(copies: &Copies, original: &Picture) -> Self {
+    /// Detail of a painting's `copies`. `original` is the same painting at any size. Only `used` pixels count.
+    pub fn new(copies: &Copies, original: &Picture, used: Option<&Used>) -> Self {
         let picture = copies.picture();
         let (w, h) = (picture.width, picture.height);
         let at = |i: usize| Vec2::new((i % w) as f32 + 0.5, (i / w) as f32 + 0.5);
@@ -68,18 +69,31 @@ impl Detail {
         let square = |[fine, wide]: &[Vec3; 2]| Vec3::splat((*fine + *wide).dot(LUMINANCE).powi(2));
         let squares = Picture { width: w, height: h, values: parts.par_iter().map(square).collect() };
         let around = squares.halved().halved().blurred(AROUND / 4.0);
-        let mean = around.values.iter().map(|v| v.x).sum::<f32>() / around.values.len() as f32;
+        let mean = match used.map(|used| used.of(&squares.values).map(|v| v.x).collect::<Vec<_>>()) {
+            Some(squares) => squares.iter().sum::<f32>() / squares.len() as f32,
+            None => around.values.iter().map(|v| v.x).sum::<f32>() / around.values.len() as f32,
+        };
         let typical = mean.max(1e-6);
         let whiten = |at: Vec2| {
             let energy = around.sample(0.25 * at).x;
             (typical / (energy + FLOOR * typical)).powf(0.5 * WHITEN).clamp(WHITENED.0, WHITENED.1)
         };
-        let low = (0..w * h).into_par_iter().step_by(STRIDE);
+        let counted: Vec<u32> = (0..(w * h) as u32)
+            .filter(|i| used.is_none_or(|used| used.pixels[*i as usize]))
+            .step_by(STRIDE)
+            .collect();
+        let low = counted.par_iter().map(|&i| i as usize);
         let low = low.map(|i| picture.values[i] - (parts[i][0] + parts[i][1]) * whiten(at(i))).collect();
         let texture = Arc::new(texture(copies, original, whiten));
         let bands: [Vec<f32>; 4] = {
             let half = picture.halved();
-            Mask::whole([half.width, half.height]).bands(&half.luminance())
+            let (size, luminance) = ([half.width, half.height], half.luminance());
+            match used.map(|used| used.resized(half.width, half.height)) {
+                Some(used) if used.pixels.contains(&true) => {
+                    Mask::new(&used.pixels, size).bands(&used.of(&luminance).collect::<Vec<_>>())
+                }
+                _ => Mask::whole(size).bands(&luminance),
+            }
         };
         let energy = |bands: &[Vec<f32>]| {
             let n = bands[0].len().max(1) as f64;

@@ -1,37 +1,32 @@
 //! Laying paint on a scene: colors for all that is coarser than a stroke, and the strokes.
 
-use std::sync::Arc;
-
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::{
+    balance::Balance,
     canvas::Canvas,
-    detail::LOCAL,
-    places::{Placement, place},
-    proofs::LuminanceTexture,
+    choice::Choice,
+    grade::graded,
+    pins::{Pin, move_seeds, of_painting, pinned},
+    places::Placement,
     sight::weighted_median,
-    surface::{Surface, moments},
-    tone::{Curve, Tones},
+    surface::Surface,
+    tints::Tints,
 };
 use crate::{
     palette::LUMINANCE,
-    recolor::{ColorMoments, Recoloring},
+    recolor::Recoloring,
     scene::Scene,
-    strokes::{FINE_SIDE, PlainSeed, StrokeSeed, StrokeWord, Strokes, mixed},
+    strokes::{
+        FINE_SIDE, MAX_TEXTURES, PROTECTED, PlainSeed, StrokeSeed, StrokeTexture, StrokeWord, Strokes, mixed,
+    },
     work::{Canceled, Work},
 };
 
 /// Share of the way toward the painting's nearest colors, for hues that it does not have. Grass then turns to a
 /// painting's gold and not to its mean.
-const TO_PALETTE: f32 = 0.8;
-
-/// Strength of the tone curve: at 1, the shares of dark and bright are the painting's.
-const TONE: f32 = 0.9;
-
-/// Largest excess of colors over a display's range. Overlapping Gaussians blur one another, so single ones
-/// exceed it.
-const OVERSHOOT: f32 = 0.3;
+pub(super) const TO_PALETTE: f32 = 0.8;
 
 /// Share of the scene's own grain that is left under strokes. It should not make up for missing paint.
 const OWN_GRAIN: f32 = 0.15;
@@ -44,22 +39,11 @@ const CHROMA: f32 = 0.15;
 const OF_STROKES: f32 = 0.015;
 const OF_SCENE: f32 = 3.0;
 
-/// Share of fine detail that protection takes: see [`StrokeRecord`](crate::strokes::StrokeRecord).
-const PROTECTED: f32 = crate::strokes::PROTECTED;
-
 /// A painting is quiet if the energy of its strokes is less than this many times the scene's usual energy. Then
 /// more energy is required for protection, up to [`MOST_QUIET`] times as much, so that its strokes are not
 /// lost. At four times as much, windows are painted over.
 const QUIET: f32 = 40.0;
 const MOST_QUIET: f32 = 2.0;
-
-/// Ranges of the gains of wide and of fine detail. Overlapping Gaussians blur fine detail, so a gain of 1 shows
-/// less of it than the painting has; above 2 its grain becomes beads.
-const WIDE: (f64, f64) = (0.5, 1.2);
-const FINE: (f64, f64) = (1.2, 2.0);
-
-/// Share of the way to the painting's full contrast where no strokes add to it.
-const BARE: f32 = 0.5;
 
 /// A painted scene.
 #[derive(Clone, Debug, Default)]
@@ -73,11 +57,75 @@ pub struct Painted {
     pub fine_energy: f64,
 }
 
-/// Lays a mix of paintings on `scene`, which `surface` was made from. Weights are normalized to sum 1.
-/// `content` c keeps that share of the base colors, 0..1, and takes it from the strokes.
+/// What an artist decides beside the choice of paintings.
+#[derive(Clone, Copy)]
+pub struct Hand<'a> {
+    /// Whether the paintings act as one style: each spot takes its place among all of them, and neighbors
+    /// prefer the same painting. Else colors are mixed by weights.
+    pub is_collection: bool,
+    /// Colors in the paintings' stead. Strokes keep their light and dark.
+    pub tints: Option<&'a Tints>,
+    /// Share of the way that base colors go toward the hues of the palette, 0..1. At 0, hues that it does not
+    /// have stay; at 1, there are no others.
+    pub palette: f32,
+    /// Direction of strokes on the scene, in scene space and of any length above 0. `None`: along its edges.
+    pub direction: Option<Vec3>,
+    /// Places that are given.
+    pub pins: &'a [Pin],
+}
+
+impl Default for Hand<'_> {
+    /// The paintings decide all.
+    fn default() -> Self {
+        Self { is_collection: false, tints: None, palette: Hand::PALETTE, direction: None, pins: &[] }
+    }
+}
+
+impl Hand<'_> {
+    /// The usual strength of the palette.
+    pub const PALETTE: f32 = TO_PALETTE;
+}
+
+/// Paintings that are laid on together, and their pins, which number them.
+struct Part<'a> {
+    paintings: Vec<&'a Canvas>,
+    pins: Vec<Pin>,
+    weight: f64,
+}
+
+/// The parts of a style: each painting, or all of a collection together.
+fn parts<'a>(paintings: &[(&'a Canvas, f64)], hand: &Hand) -> Vec<Part<'a>> {
+    let given = paintings.iter().enumerate();
+    let given = given.filter(|(_, (_, weight))| *weight > 0.0 && weight.is_finite());
+    if !hand.is_collection {
+        let part = |(i, (canvas, weight)): (usize, &(&'a Canvas, f64))| Part {
+            paintings: vec![*canvas],
+            pins: of_painting(hand.pins, i),
+            weight: *weight,
+        };
+        return given.map(part).collect();
+    }
+    let mut part = Part { paintings: Vec::new(), pins: Vec::new(), weight: 0.0 };
+    for (i, (canvas, weight)) in given {
+        part.weight += weight;
+        // The same painting twice is no choice.
+        let known = part.paintings.iter().position(|known| known.is_same(canvas));
+        let painting = known.unwrap_or(part.paintings.len());
+        if known.is_none() {
+            part.paintings.push(*canvas);
+        }
+        part.pins.extend(of_painting(hand.pins, i).into_iter().map(|pin| Pin { painting, ..pin }));
+    }
+    if part.paintings.is_empty() { Vec::new() } else { vec![part] }
+}
+
+/// Lays a mix or a collection of paintings on `scene`, which `surface` was made from. Weights are normalized to
+/// sum 1. `content` c keeps that share of the base colors, 0..1, and takes it from the strokes.
 ///
-/// Colors are mixed. Strokes are not, because a mean of two strokes is no stroke: each spot shows one painting,
-/// and weights decide how many spots a painting gets ([`mixed`]).
+/// In a mix, colors are mixed. Strokes are not, because a mean of two strokes is no stroke: each spot shows one
+/// painting, and weights decide how many spots a painting gets ([`mixed`]). In a collection, each spot shows
+/// the painting that has a place like it, in colors of that painting; paintings of any weight above 0 count
+/// alike.
 ///
 /// The result depends neither on the number of threads nor on the run. If there is no painting with a weight
 /// above 0, the colors are the base colors, and there are no strokes.
@@ -86,16 +134,19 @@ pub struct Painted {
 /// If `work` is canceled.
 ///
 /// # Panics
-/// If `surface` was made from a scene of another number of Gaussians.
+/// If `surface` was made from a scene of another number of Gaussians, if a pin names no painting, or if there
+/// are more than [`MAX_TEXTURES`] paintings.
 pub fn lay(
     scene: &Scene,
     surface: &Surface,
     paintings: &[(&Canvas, f64)],
+    hand: &Hand,
     content: f64,
     work: &Work,
 ) -> Result<Painted, Canceled> {
     assert_eq!(scene.len(), surface.len(), "the surface of this scene");
-    let given: Vec<_> = paintings.iter().filter(|(_, weight)| *weight > 0.0 && weight.is_finite()).collect();
+    assert!(paintings.len() <= MAX_TEXTURES, "at most {MAX_TEXTURES} paintings");
+    let given = parts(paintings, hand);
     let kept = content.clamp(0.0, 1.0) as f32;
     let mut painted = Painted {
         colors: surface.base.iter().map(|color| color.to_array()).collect(),
@@ -107,11 +158,11 @@ pub fn lay(
     }
     let mut total = 0.0;
     let n = given.len() as f32;
-    for (i, (canvas, weight)) in given.into_iter().enumerate() {
-        total += weight;
-        let share = if i == 0 { 1.0 } else { (weight / total) as f32 };
-        let part = work.part(i as f32 / n, (i + 1) as f32 / n);
-        painted.mix(one(scene, surface, canvas, &part)?, share);
+    for (i, part) in given.iter().enumerate() {
+        total += part.weight;
+        let share = if i == 0 { 1.0 } else { (part.weight / total) as f32 };
+        let work = work.part(i as f32 / n, (i + 1) as f32 / n);
+        painted.mix(one(scene, surface, part, hand, &work)?, share);
     }
     if kept > 0.0 && total > 0.0 {
         painted.keep(&surface.base, kept);
@@ -127,13 +178,15 @@ impl Painted {
         }
         self.fine_energy += f64::from(share) * (above.fine_energy - self.fine_energy);
         let first_seed = self.strokes.seeds.len() as u32;
-        let texture = self.strokes.textures.len() as u8;
+        let first_texture = self.strokes.textures.len();
         for (word, above) in self.strokes.words.iter_mut().zip(&above.strokes.words) {
             let above = StrokeWord::unpacked(*above);
             let above = StrokeWord { seed: above.seed + first_seed, ..above };
             *word = mixed(StrokeWord::unpacked(*word), above, share).packed();
         }
-        self.strokes.seeds.extend(above.strokes.seeds.iter().map(|seed| seed.with_texture(texture)));
+        let with_texture =
+            |seed: &StrokeSeed| seed.with_texture((usize::from(seed.plain().texture) + first_texture) as u8);
+        self.strokes.seeds.extend(above.strokes.seeds.iter().map(with_texture));
         self.strokes.textures.extend(above.strokes.textures);
     }
 
@@ -173,53 +226,53 @@ impl Painted {
     }
 }
 
-/// One painting on a scene.
-fn one(scene: &Scene, surface: &Surface, canvas: &Canvas, work: &Work) -> Result<Painted, Canceled> {
-    let recoloring = Recoloring::new(&surface.moments, &canvas.low.0);
+/// One part of a style on a scene.
+fn one(scene: &Scene, surface: &Surface, part: &Part, hand: &Hand, work: &Work) -> Result<Painted, Canceled> {
+    let pinned = pinned(surface, &part.paintings, &part.pins, hand.direction);
+    let fixed = pinned.iter().map(|pinned| (pinned.seed, pinned.painting));
+    let choice = Choice::new(surface, &part.paintings, hand.tints, fixed);
+    let recoloring = Recoloring::new(&surface.moments, &choice.tints.low.0);
     let recolored = |color: &Vec3| Vec3::from(recoloring.color(color.to_array()));
     let own: Vec<Vec3> = surface.base.par_iter().map(recolored).collect();
     let low: Vec<Vec3> = surface.low.par_iter().map(recolored).collect();
     work.at(0.1)?;
     let (placements, [own_detail, protection]) =
-        rayon::join(|| placements(surface, canvas), || standing_out(surface, canvas, &recoloring));
+        rayon::join(|| choice.placements(hand.direction), || standing_out(&choice, &recoloring));
+    let choice = choice.placed(placements);
     work.at(0.5)?;
     // The scene keeps its shapes, and all detail that stands out.
     let kept: Vec<f32> = (own.par_iter().zip(&low).zip(&own_detail))
         .map(|((own, low), p)| low.lerp(*own, *p).dot(LUMINANCE))
         .collect();
-    let balance = Balance::new(scene, surface, canvas, &placements, &protection, &kept);
+    let used = choice.textures(hand.tints);
+    let textures: Vec<&StrokeTexture> = used.textures.iter().map(|texture| &**texture).collect();
+    let plain = seeds(&choice, &used.numbers, 1.0, 1.0);
+    let balance = Balance::new(scene, &choice, &plain, &textures, &protection, &kept);
     work.at(0.8)?;
     let mixed = |i: usize| low[i].lerp(own[i], own_detail[i] + (1.0 - own_detail[i]) * OWN_GRAIN);
     let mixed: Vec<Vec3> = (0..scene.len()).into_par_iter().map(mixed).collect();
-    let colors = graded(surface, canvas, &mixed, &protection, &balance);
+    let colors = graded(&choice, &mixed, &protection, &balance, hand.palette);
     let word = |(owner, protection): (&u32, &f32)| {
         StrokeWord { seed: *owner, protection: *protection, share: 1.0 }.packed()
     };
+    let mut seeds = seeds(&choice, &used.numbers, balance.fine, balance.wide);
+    move_seeds(&mut seeds, &part.paintings, &pinned);
     work.at(1.0)?;
     Ok(Painted {
         colors,
         strokes: Strokes {
             words: surface.seeds.owners.iter().zip(&protection).map(word).collect(),
-            seeds: seeds(surface, canvas, &placements, balance.fine, balance.wide),
-            textures: vec![Arc::clone(&canvas.detail.texture)],
+            seeds,
+            textures: used.textures,
         },
         fine_energy: balance.fine_energy,
     })
 }
 
-/// The place of each seed, chosen for the colors that the painting has.
-fn placements(surface: &Surface, canvas: &Canvas) -> Vec<Placement> {
-    let recoloring = Recoloring::new(&surface.moments, &canvas.whole.0);
-    let hued =
-        |color: &Vec3| canvas.palette.toward(Vec3::from(recoloring.color(color.to_array())), TO_PALETTE);
-    let colors: Vec<Vec3> = surface.low.par_iter().map(hued).collect();
-    let seed_colors: Vec<Vec3> = surface.seeds.colors.iter().map(hued).collect();
-    place(surface, &colors, &seed_colors, canvas)
-}
-
 /// How much each Gaussian stands out, 0..1: the share of its own detail that it keeps `[N]`, and the share of
 /// strokes that it is protected from `[N]`.
-fn standing_out(surface: &Surface, canvas: &Canvas, recoloring: &Recoloring) -> [Vec<f32>; 2] {
+fn standing_out(choice: &Choice, recoloring: &Recoloring) -> [Vec<f32>; 2] {
+    let surface = choice.surface;
     // |luminance of R d|^2 + CHROMA |R d - luminance|^2 = d^T Q d, where R is the recoloring's matrix.
     let zero = Vec3::from(recoloring.color([0.0; 3]));
     let column = |axis: Vec3| Vec3::from(recoloring.color(axis.to_array())) - zero;
@@ -232,134 +285,39 @@ fn standing_out(surface: &Surface, canvas: &Canvas, recoloring: &Recoloring) -> 
     let stride = energies.len().div_ceil(1 << 16).max(1);
     let seen = energies.iter().copied().zip(surface.visibility.iter().copied());
     let usual = weighted_median(&mut seen.step_by(stride).collect::<Vec<_>>()).unwrap_or(0.0).max(1e-9);
-    let of_strokes = OF_STROKES * canvas.detail.typical;
-    let quiet = (QUIET * usual / canvas.detail.typical.max(1e-9)).clamp(1.0, MOST_QUIET);
-    [1.0, quiet].map(|factor| {
-        let half = of_strokes.max(factor * OF_SCENE * usual);
-        let share = |energy: &f32| {
-            let q = energy / half;
+    // Energies at which half of the protection is reached, in each painting.
+    let halves = |typical: f32| {
+        let of_strokes = OF_STROKES * typical;
+        let quiet = (QUIET * usual / typical.max(1e-9)).clamp(1.0, MOST_QUIET);
+        [1.0, quiet].map(|factor| of_strokes.max(factor * OF_SCENE * usual))
+    };
+    let halves: Vec<[f32; 2]> = choice.paintings.iter().map(|canvas| halves(canvas.detail.typical)).collect();
+    [0, 1].map(|which: usize| {
+        let share = |(i, energy): (usize, &f32)| {
+            let q = energy / halves[choice.of_gaussian(i)][which];
             q * q / (1.0 + q * q)
         };
-        energies.par_iter().map(share).collect()
+        energies.par_iter().enumerate().map(share).collect()
     })
 }
 
-/// How much detail is laid on.
-struct Balance {
-    /// Gains of fine and of wide detail.
-    fine: f32,
-    wide: f32,
-    /// Energy of fine detail in the proofs, over the painting's.
-    fine_energy: f64,
-}
-
-impl Balance {
-    /// The gains at which pictures have as much detail as the painting. With K the detail that the scene keeps
-    /// and P the painting's energy, the gains c of wide detail W and d of fine detail F solve |K + c W|^2 = P
-    /// in wide bands and |K + c W + d F|^2 = P in fine ones.
-    fn new(
-        scene: &Scene,
-        surface: &Surface,
-        canvas: &Canvas,
-        placements: &[Placement],
-        protection: &[f32],
-        kept: &[f32],
-    ) -> Self {
-        let kept = surface.proofs.bands(kept);
-        let gains =
-            [PROTECTED, 1.0].map(|most| protection.iter().map(|p| 1.0 - most * p).collect::<Vec<_>>());
-        let plain = seeds(surface, canvas, placements, 1.0, 1.0);
-        let texture = LuminanceTexture::new(&canvas.detail.texture);
-        let owners = &surface.seeds.owners;
-        let detail = surface.proofs.detail(scene, &plain, owners, [&gains[0], &gains[1]], &texture);
-        let [of_fine, of_wide] = canvas.detail.energies;
-        let product = |a: &super::proofs::Bands, b: &super::proofs::Bands| a.products(b);
-        let (kk, kf, kw) =
-            (product(&kept, &kept), product(&kept, &detail.fine), product(&kept, &detail.wide));
-        let (ff, fw) = (product(&detail.fine, &detail.fine), product(&detail.fine, &detail.wide));
-        let ww = product(&detail.wide, &detail.wide);
-        let c = root(ww[1], kw[1] + fw[1], kk[1] + ff[1] + 2.0 * kf[1] - of_wide).clamp(WIDE.0, WIDE.1);
-        let with_wide = kk[0] + 2.0 * c * kw[0] + c * c * ww[0];
-        let d = root(ff[0], kf[0] + c * fw[0], with_wide - of_fine).clamp(FINE.0, FINE.1);
-        Self { fine: d as f32, wide: c as f32, fine_energy: d * d * ff[0] / of_fine.max(1e-9) }
-    }
-}
-
-/// The positive root x of a x^2 + 2 b x + c = 0, or 0.
-fn root(a: f64, b: f64, c: f64) -> f64 {
-    if a > 1e-12 { (-b + (b * b - a * c).max(0.0).sqrt()) / a } else { 0.0 }
-}
-
-/// The seeds as they are drawn, with these gains.
-fn seeds(
-    surface: &Surface,
-    canvas: &Canvas,
-    placements: &[Placement],
-    fine: f32,
-    wide: f32,
-) -> Vec<StrokeSeed> {
-    // The texture is a square.
-    let texels = FINE_SIDE as f32 / canvas.size;
+/// The seeds as they are drawn, with these gains and numbers of the paintings' textures.
+fn seeds(choice: &Choice, textures: &[u8], fine: f32, wide: f32) -> Vec<StrokeSeed> {
     let seed = |(j, placement): (usize, &Placement)| {
+        let painting = usize::from(choice.labels[j]);
+        // The texture is a square.
+        let texels = FINE_SIDE as f32 / choice.paintings[painting].size;
         PlainSeed {
-            at: surface.seeds.seeds[j].at,
+            at: choice.surface.seeds.seeds[j].at,
             right: placement.right,
             down: placement.down,
-            pitch: texels / surface.pixel,
+            pitch: texels / choice.surface.pixel,
             place: placement.at * texels,
             fine,
             wide,
-            texture: 0,
+            texture: textures[painting],
         }
         .packed()
     };
-    placements.iter().enumerate().map(seed).collect()
-}
-
-/// Colors with the painting's palette and tones: under strokes those of the painting without its strokes,
-/// elsewhere those of the whole painting.
-fn graded(
-    surface: &Surface,
-    canvas: &Canvas,
-    colors: &[Vec3],
-    protection: &[f32],
-    balance: &Balance,
-) -> Vec<[f32; 3]> {
-    let shown = surface.proofs.pixels(colors);
-    let from = moments(&shown, &surface.visibility, colors);
-    let grades = [&canvas.low, &canvas.whole].map(|(to, tones)| Grade::new(&from, &shown, to, tones));
-    let range = (Vec3::splat(-OVERSHOOT), Vec3::splat(1.0 + OVERSHOOT));
-    let color = |i: usize| {
-        let fine = 1.0 - PROTECTED * protection[i];
-        let wide = balance.wide * (1.0 - protection[i]);
-        let [under, bare] = [0, 1].map(|k: usize| grades[k].color(colors[i]).clamp(range.0, range.1));
-        // Energies add up: without strokes all contrast is the scene's.
-        let color = under.lerp(bare, BARE * (1.0 - fine * fine).max(0.0));
-        let color = canvas.palette.toward(color, TO_PALETTE).clamp(range.0, range.1);
-        // Wide detail brings the painting's large shapes back.
-        color.lerp(canvas.mean, (LOCAL * wide).min(1.0)).to_array()
-    };
-    (0..colors.len()).into_par_iter().map(color).collect()
-}
-
-/// A change of moments, then of tones.
-struct Grade<'a> {
-    recoloring: Recoloring,
-    from: Tones,
-    to: &'a Tones,
-}
-
-impl<'a> Grade<'a> {
-    fn new(from: &ColorMoments, shown: &[Vec3], to: &ColorMoments, tones: &'a Tones) -> Self {
-        let recoloring = Recoloring::new(from, to);
-        let luminance = |color: &Vec3| Vec3::from(recoloring.color(color.to_array())).dot(LUMINANCE);
-        let from = Tones::new(shown.par_iter().map(luminance).collect());
-        Self { recoloring, from, to: tones }
-    }
-
-    fn color(&self, color: Vec3) -> Vec3 {
-        let color = Vec3::from(self.recoloring.color(color.to_array()));
-        let luminance = color.dot(LUMINANCE);
-        color + TONE * (Curve::new(&self.from, self.to).at(luminance) - luminance)
-    }
+    choice.placements.iter().enumerate().map(seed).collect()
 }

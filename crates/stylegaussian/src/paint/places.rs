@@ -1,10 +1,12 @@
 //! The place in the painting that each seed takes.
 
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
 use super::{
     canvas::{CLEAR, Canvas},
-    seeds::Seed,
+    seeds::{IN_PLANE, Seed},
     surface::Surface,
 };
 use crate::decoder::product::{Matrix, dot, product};
@@ -42,6 +44,11 @@ const BLOCK: usize = 4;
 /// Distance from a neighbor's continuation, in pixels, beyond which places count as unrelated.
 const UNRELATED: f32 = 12.0;
 
+/// The largest offset of a patch's points, in steps along and beside.
+pub(super) fn reach_of_patch() -> f32 {
+    (SIDE / 2) as f32
+}
+
 /// The place of a patch's point, in steps along and beside.
 pub(super) fn offset_in_patch(k: usize) -> (f32, f32) {
     let middle = (SIDE / 2) as f32;
@@ -70,8 +77,17 @@ impl Descriptors {
         Self { rows, squares }
     }
 
+    /// Those of these numbers.
+    pub fn some(&self, numbers: &[u32]) -> Self {
+        let row = |&i: &u32| &self.rows[i as usize * WIDTH..][..WIDTH];
+        Self {
+            rows: numbers.iter().flat_map(row).copied().collect(),
+            squares: numbers.iter().map(|&i| self.squares[i as usize]).collect(),
+        }
+    }
+
     /// Squared distances from each to each of `others` `[n, m]`.
-    fn distances(&self, others: &Self) -> Vec<f32> {
+    pub fn distances(&self, others: &Self) -> Vec<f32> {
         let (n, m) = (self.squares.len(), others.squares.len());
         let mut distances = vec![0.0; n * m];
         let (own, other) = (Matrix::dense(&self.rows, n, WIDTH), Matrix::dense(&others.rows, m, WIDTH));
@@ -97,13 +113,20 @@ pub(super) struct Placement {
 }
 
 impl Placement {
-    /// Lays `place` on the surface at `seed`: strokes along the edges of the scene if both are clear, else
-    /// upright.
-    fn on(seed: &Seed, place: usize, canvas: &Canvas) -> Self {
+    /// Lays `place` on the surface at `seed`: strokes along a given direction, or else along the edges of the
+    /// scene, if both are clear, else upright.
+    pub fn on(seed: &Seed, place: usize, canvas: &Canvas, direction: Option<Vec3>) -> Self {
         let (stroke, clarity) = canvas.strokes[place];
-        let directed = clarity > CLEAR && seed.clarity > CLEAR;
+        let along = match direction {
+            Some(direction) => {
+                let in_plane = direction.normalize_or_zero().reject_from_normalized(seed.normal);
+                in_plane.try_normalize().filter(|_| in_plane.length() > IN_PLANE)
+            }
+            None => Some(seed.along).filter(|_| seed.clarity > CLEAR),
+        };
         // The painting's up is -y in pixels.
-        let (stroke, along) = if directed { (stroke, seed.along) } else { (Vec2::NEG_Y, seed.up) };
+        let upright = (Vec2::NEG_Y, seed.up);
+        let (stroke, along) = along.filter(|_| clarity > CLEAR).map_or(upright, |along| (stroke, along));
         let beside = seed.normal.cross(along);
         Self {
             at: canvas.center_of(place),
@@ -113,7 +136,7 @@ impl Placement {
     }
 
     /// The same paint continued from one seed to another.
-    fn continued(&self, from: &Seed, to: &Seed, pixel: f32) -> Self {
+    pub fn continued(&self, from: &Seed, to: &Seed, pixel: f32) -> Self {
         let right = self.right.reject_from_normalized(to.normal);
         let right = right.try_normalize().unwrap_or(to.along);
         let down = self.down.reject_from_normalized(to.normal).reject_from_normalized(right);
@@ -124,35 +147,88 @@ impl Placement {
     }
 }
 
-/// The placement of each seed `[M]`, if Gaussians without their detail have `colors` `[N]` and seeds
-/// `seed_colors` `[M]`, as the painting has them.
+/// Colors of a Gaussian and of a seed as a painting has them, by the numbers of the painting and of either.
+pub(super) struct Hues<'a> {
+    pub gaussian: &'a (dyn Fn(usize, usize) -> Vec3 + Sync),
+    pub seed: &'a (dyn Fn(usize, usize) -> Vec3 + Sync),
+}
+
+/// The placement of each seed `[M]` in its painting, whose numbers are `labels` `[M]`. Strokes follow
+/// `direction` if there is one.
 ///
 /// Each seed in turn, neighbors one after another, takes the cheapest of its best place and those that continue
-/// the places of neighbors: a place costs more the less it resembles the seed, the less strokes it has, the
-/// more it is a motif, the more often it was taken, and the more neighbors it breaks with.
+/// the places of neighbors in the same painting: a place costs more the less it resembles the seed, the less
+/// strokes it has, the more it is a motif, the more often it was taken, and the more neighbors it breaks with.
 pub(super) fn place(
     surface: &Surface,
-    colors: &[Vec3],
-    seed_colors: &[Vec3],
-    canvas: &Canvas,
+    paintings: &[&Canvas],
+    labels: &[u8],
+    hues: &Hues,
+    direction: Option<Vec3>,
 ) -> Vec<Placement> {
     let seeds = &surface.seeds.seeds;
-    let n_places = canvas.n_places.0 * canvas.n_places.1;
-    let costs = costs(surface, colors, seed_colors, canvas);
-    let inside = |at: Vec2| at.cmpge(Vec2::splat(RIM)).all() && at.cmplt(canvas.size - RIM).all();
-    let quality: Vec<f32> = (0..n_places).map(|place| quality(canvas, place, inside)).collect();
-    let mut blocks = Blocks::new(canvas.n_places, seeds.len());
+    let mut searches: Vec<Search> = (0..paintings.len())
+        .map(|painting| {
+            let own = |j: &u32| usize::from(labels[*j as usize]) == painting;
+            let of_painting: Vec<u32> = (0..seeds.len() as u32).filter(own).collect();
+            Search::new(surface, paintings[painting], (painting, of_painting), hues, direction)
+        })
+        .collect();
     let mut placements: Vec<Option<Placement>> = vec![None; seeds.len()];
     for &j in &surface.seeds.order {
         let j = j as usize;
-        let row = &costs[j * n_places..(j + 1) * n_places];
-        let cost = |place: usize| row[place] + quality[place] + blocks.cost(place);
+        let search = &mut searches[usize::from(labels[j])];
         let continuing: Vec<Placement> = surface.seeds.around[j]
             .iter()
+            .filter(|i| labels[**i as usize] == labels[j])
             .filter_map(|&i| {
                 Some(placements[i as usize]?.continued(&seeds[i as usize], &seeds[j], surface.pixel))
             })
             .collect();
+        placements[j] = Some(search.best(j, &seeds[j], &continuing));
+    }
+    // The order has every seed.
+    placements.into_iter().flatten().collect()
+}
+
+/// The search for places in one painting.
+struct Search<'a> {
+    canvas: &'a Canvas,
+    /// Dissimilarity of each place and each of the painting's seeds `[m, P]`: 1 for a usual best match.
+    costs: Vec<f32>,
+    /// The row of each seed among them.
+    rows: FxHashMap<u32, usize>,
+    quality: Vec<f32>,
+    blocks: Blocks,
+    /// Direction of strokes, if one is given.
+    direction: Option<Vec3>,
+}
+
+impl<'a> Search<'a> {
+    /// The search for places of a painting of this number for these seeds.
+    fn new(
+        surface: &Surface,
+        canvas: &'a Canvas,
+        (painting, seeds): (usize, Vec<u32>),
+        hues: &Hues,
+        direction: Option<Vec3>,
+    ) -> Self {
+        let n_places = canvas.n_places.0 * canvas.n_places.1;
+        Self {
+            costs: costs(surface, canvas, (painting, &seeds), hues, direction),
+            quality: (0..n_places).map(|place| quality(canvas, place)).collect(),
+            blocks: Blocks::new(canvas.n_places, seeds.len()),
+            rows: seeds.into_iter().zip(0..).collect(),
+            canvas,
+            direction,
+        }
+    }
+
+    /// The placement of seed `j`, beside those that continue its neighbors. It counts as taken.
+    fn best(&mut self, j: usize, seed: &Seed, continuing: &[Placement]) -> Placement {
+        let n_places = self.quality.len();
+        let row = &self.costs[self.rows[&(j as u32)] * n_places..][..n_places];
+        let cost = |place: usize| row[place] + self.quality[place] + self.blocks.cost(place);
         let broken = |at: Vec2| {
             let apart = |other: &Placement| ((at - other.at).abs().max_element() / UNRELATED).min(1.0);
             continuing.iter().map(apart).sum::<f32>() / continuing.len().max(1) as f32
@@ -161,52 +237,81 @@ pub(super) fn place(
             let cost = cost(place);
             if cost < best.0 { (cost, place) } else { best }
         });
-        let own = Placement::on(&seeds[j], best.1, canvas);
+        let own = Placement::on(seed, best.1, self.canvas, self.direction);
         let mut chosen = (best.0 + broken(own.at), own);
-        for other in continuing.iter().filter(|other| inside(other.at)) {
-            let cost = cost(canvas.place_at(other.at)) + broken(other.at);
+        for other in continuing.iter().filter(|other| inside(self.canvas, other.at)) {
+            let cost = cost(self.canvas.place_at(other.at)) + broken(other.at);
             if cost < chosen.0 {
                 chosen = (cost, *other);
             }
         }
-        blocks.take(canvas.place_at(chosen.1.at));
-        placements[j] = Some(chosen.1);
+        self.blocks.take(self.canvas.place_at(chosen.1.at));
+        chosen.1
     }
-    // The order has every seed.
-    placements.into_iter().flatten().collect()
 }
 
-/// Dissimilarity of each place and each seed `[M, P]`: 1 for a usual best match.
-fn costs(surface: &Surface, colors: &[Vec3], seed_colors: &[Vec3], canvas: &Canvas) -> Vec<f32> {
-    let seeds = &surface.seeds.seeds;
-    let n_places = canvas.n_places.0 * canvas.n_places.1;
-    let of = |aligned: usize| {
-        let patch = |j: usize| (surface.patches[aligned][j].map(|i| colors[i as usize]), seed_colors[j]);
-        Descriptors::new((0..seeds.len()).map(patch)).distances(&canvas.places[aligned])
+/// Whether a position in pixels is inside of the painting's rim.
+fn inside(canvas: &Canvas, at: Vec2) -> bool {
+    at.cmpge(Vec2::splat(RIM)).all() && at.cmplt(canvas.size - RIM).all()
+}
+
+/// Descriptors of these seeds in the colors of a painting, upright (0) or along their direction (1).
+pub(super) fn of_seeds(
+    surface: &Surface,
+    painting: usize,
+    seeds: &[u32],
+    aligned: usize,
+    hues: &Hues,
+) -> Descriptors {
+    let patch = |&j: &u32| {
+        let colors = surface.patches[aligned][j as usize].map(|i| (hues.gaussian)(painting, i as usize));
+        (colors, (hues.seed)(painting, j as usize))
     };
+    Descriptors::new(seeds.par_iter().map(patch).collect::<Vec<_>>().into_iter())
+}
+
+/// Dissimilarity of each place and each of these seeds `[m, P]`: 1 for a usual best match.
+fn costs(
+    surface: &Surface,
+    canvas: &Canvas,
+    (painting, seeds): (usize, &[u32]),
+    hues: &Hues,
+    direction: Option<Vec3>,
+) -> Vec<f32> {
+    let n_places = canvas.n_places.0 * canvas.n_places.1;
+    let of =
+        |aligned: usize| of_seeds(surface, painting, seeds, aligned, hues).distances(&canvas.places[aligned]);
     let (mut upright, aligned) = rayon::join(|| of(0), || of(1));
     let mut typical = 0.0;
-    for (j, seed) in seeds.iter().enumerate() {
-        let row = &mut upright[j * n_places..(j + 1) * n_places];
-        if seed.clarity > CLEAR {
+    for (row, &j) in seeds.iter().enumerate() {
+        let first = row * n_places;
+        let row = &mut upright[first..first + n_places];
+        // Along a given direction, no patch was looked at.
+        if direction.is_none() && surface.seeds.seeds[j as usize].clarity > CLEAR {
             for (place, cost) in row.iter_mut().enumerate() {
                 if canvas.strokes[place].1 > CLEAR {
-                    *cost = aligned[j * n_places + place];
+                    *cost = aligned[first + place];
                 }
             }
         }
-        typical += row.iter().copied().fold(f32::INFINITY, f32::min);
+        typical += (row.iter().copied().enumerate())
+            .filter(|(place, _)| canvas.is_used(*place))
+            .map(|(_, cost)| cost)
+            .fold(f32::INFINITY, f32::min);
     }
     let typical = (typical / seeds.len().max(1) as f32).max(1e-6);
     upright.iter_mut().for_each(|cost| *cost /= typical);
     upright
 }
 
-/// The cost of a place, whichever seed takes it.
-fn quality(canvas: &Canvas, place: usize, inside: impl Fn(Vec2) -> bool) -> f32 {
+/// The cost of a place, whichever seed takes it: infinite if it may not be used.
+pub(super) fn quality(canvas: &Canvas, place: usize) -> f32 {
+    if !canvas.is_used(place) {
+        return f32::INFINITY;
+    }
     let at = canvas.center_of(place);
     let energy = (canvas.detail.energy_at(at) / canvas.detail.typical).sqrt();
-    let rim = if inside(at) { 0.0 } else { IN_RIM };
+    let rim = if inside(canvas, at) { 0.0 } else { IN_RIM };
     rim + (1.0 - energy).max(0.0).powi(2) + (energy - MOTIF).max(0.0)
 }
 

@@ -89,17 +89,17 @@ impl Proofs {
         Bands(self.0.par_iter().map(bands).collect())
     }
 
-    /// Bands of the detail of `texture`, laid on by `seeds`, at these fine and wide gains `[N]`.
+    /// Bands of the detail of `textures`, laid on by `seeds`, at these fine and wide gains `[N]`.
     pub fn detail(
         &self,
         scene: &Scene,
         seeds: &[StrokeSeed],
         owners: &[u32],
         gains: [&[f32]; 2],
-        texture: &LuminanceTexture,
+        textures: &[LuminanceTexture],
     ) -> DetailBands {
         let of = |proof: &Proof| {
-            let (fine, wide): (Vec<f32>, Vec<f32>) = proof.detail(scene, seeds, owners, gains, texture);
+            let (fine, wide): (Vec<f32>, Vec<f32>) = proof.detail(scene, seeds, owners, gains, textures);
             rayon::join(|| proof.mask.bands(&fine), || proof.mask.bands(&wide))
         };
         let (fine, wide) = self.0.iter().map(of).unzip();
@@ -138,7 +138,7 @@ impl Proof {
         seeds: &[StrokeSeed],
         owners: &[u32],
         [fine, wide]: [&[f32]; 2],
-        texture: &LuminanceTexture,
+        textures: &[LuminanceTexture],
     ) -> (Vec<f32>, Vec<f32>) {
         let mut is_seen = vec![false; scene.len()];
         for (i, weight) in self.weights.indices.iter().zip(&self.weights.weights) {
@@ -156,6 +156,7 @@ impl Proof {
             entries.fold((0.0, 0.0), |sum, (i, weight)| {
                 let Some((record, center)) = &records[i] else { return sum };
                 let at = record.at(*at - *center);
+                let texture = &textures[usize::from(record.texture)];
                 let of = |gain: f32, value: &dyn Fn() -> f32| if gain > 0.0 { gain * value() } else { 0.0 };
                 (
                     sum.0 + weight * of(fine[i], &|| texture.fine.at(at, record.level)),

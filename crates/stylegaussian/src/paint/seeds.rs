@@ -39,7 +39,7 @@ const OWN_DIRECTION: f32 = 0.7;
 
 /// Least length of a direction's projection onto the tangent plane. Within 17 degrees of the normal, noise
 /// decides it.
-const IN_PLANE: f32 = 0.3;
+pub(super) const IN_PLANE: f32 = 0.3;
 
 /// Added to visibilities, in pixels, so that unseen seeds have a mean as well.
 const UNSEEN: f32 = 1e-3;

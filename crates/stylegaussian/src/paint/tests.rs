@@ -13,6 +13,8 @@ use crate::{
     work::Work,
 };
 
+mod hand;
+
 /// A wall of `side` x `side` Gaussians in the plane z = 0, half as wide as they are apart, with a slow gradient
 /// of gray.
 fn wall(side: usize) -> Scene {
@@ -36,7 +38,7 @@ fn wall(side: usize) -> Scene {
 fn stripes(width: usize, height: usize) -> Paint {
     let pixel = |x: usize| if (x / 4).is_multiple_of(2) { [230, 180, 30] } else { [20, 40, 120] };
     let pixels = (0..width * height).flat_map(|i| pixel(i % width)).collect();
-    Paint { width, height, pixels }
+    Paint { width, height, pixels, used: None }
 }
 
 fn surface(scene: &Scene) -> Surface {
@@ -158,10 +160,12 @@ fn content_and_weights_blend() {
     let scene = wall(32);
     let surface = surface(&scene);
     let laid = |paintings: &[(&Canvas, f64)], content| {
-        lay(&scene, &surface, paintings, content, &Work::default()).unwrap()
+        lay(&scene, &surface, paintings, &Hand::default(), content, &Work::default()).unwrap()
     };
-    let (a, b) =
-        (Canvas::new(&stripes(64, 64)), Canvas::new(&Paint { pixels: vec![200; 192], width: 8, height: 8 }));
+    let (a, b) = (
+        Canvas::new(&stripes(64, 64)),
+        Canvas::new(&Paint { pixels: vec![200; 192], width: 8, height: 8, used: None }),
+    );
     let base = scene.base_colors();
     let kept = laid(&[(&a, 1.0)], 1.0);
     assert_eq!(kept.colors, base);
@@ -188,7 +192,7 @@ fn a_painting_is_read_at_its_own_scale() {
     assert_eq!(Canvas::new(&stripes(512, 512)).size.x, 512.0);
     let broad = |x: usize| if (x / 80).is_multiple_of(2) { 40 } else { 220 };
     let pixels = (0..512 * 512).flat_map(|i| [broad(i % 512); 3]).collect();
-    assert_eq!(Canvas::new(&Paint { width: 512, height: 512, pixels }).size.x, 256.0);
+    assert_eq!(Canvas::new(&Paint { width: 512, height: 512, pixels, used: None }).size.x, 256.0);
     // A small painting is enlarged: its strokes have the size that they have in a large one.
     assert_eq!(Canvas::new(&stripes(256, 256)).size.x, 512.0);
 }
@@ -207,9 +211,9 @@ fn flattened_colors_have_the_detail_of_their_size() {
 
 #[test]
 fn odd_scenes_and_paintings_give_finite_colors() {
-    let one_pixel = Paint { width: 1, height: 1, pixels: vec![255, 0, 0] };
-    let gray = Paint { width: 40, height: 3, pixels: vec![128; 360] };
-    let line = Paint { width: 4000, height: 50, pixels: (0..600_000).map(|i| i as u8).collect() };
+    let one_pixel = Paint { width: 1, height: 1, pixels: vec![255, 0, 0], used: None };
+    let gray = Paint { width: 40, height: 3, pixels: vec![128; 360], used: None };
+    let line = Paint { width: 4000, height: 50, pixels: (0..600_000).map(|i| i as u8).collect(), used: None };
     let mut pile = wall(4);
     pile.means.fill(Vec3::ZERO);
     let mut far = wall(4);

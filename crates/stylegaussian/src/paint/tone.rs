@@ -4,6 +4,7 @@
 const KNOTS: usize = 65;
 
 /// Distribution of luminance: quantiles at even steps, and none if there are no values.
+#[derive(Clone)]
 pub(super) struct Tones(Vec<f32>);
 
 /// A curve of luminance, from pictures to the painting.
@@ -16,6 +17,14 @@ impl Tones {
     /// The distribution of `values`.
     pub fn new(values: Vec<f32>) -> Self {
         Self(if values.is_empty() { values } else { quantiles(values) })
+    }
+
+    /// A mixture of distributions by weights, in steps of a sixty-fourth of the largest weight.
+    pub fn mixed<'a>(parts: impl Iterator<Item = (&'a Self, f32)> + Clone) -> Self {
+        let most = parts.clone().map(|(_, weight)| weight).fold(f32::MIN_POSITIVE, f32::max);
+        // Knots at even steps stand for as many values each.
+        let copies = |(tones, weight): (&Self, f32)| tones.0.repeat((64.0 * weight / most).round() as usize);
+        Self::new(parts.flat_map(copies).collect())
     }
 }
 

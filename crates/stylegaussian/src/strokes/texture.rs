@@ -33,6 +33,16 @@ impl StrokeTexture {
         Self { fine: levels(fine, FINE_SIDE), wide: levels(wide, WIDE_SIDE) }
     }
 
+    /// The same texture with each texel changed.
+    #[must_use]
+    pub fn mapped(&self, map: impl Fn(Vec3) -> Vec3 + Sync) -> Self {
+        let value = |[r, g, b, _]: &[i8; 4]| Vec3::new(f32::from(*r), f32::from(*g), f32::from(*b)) / 127.0;
+        let level = |texels: &Vec<[i8; 4]>| {
+            quantized(&texels.par_iter().map(|texel| map(value(texel))).collect::<Vec<_>>())
+        };
+        Self { fine: self.fine.iter().map(level).collect(), wide: self.wide.iter().map(level).collect() }
+    }
+
     /// Fine detail at `at`, where the texture is the unit square, at a level of detail of at least 0.
     pub fn fine(&self, at: Vec2, level: f32) -> Vec3 {
         filtered(&self.fine, FINE_SIDE, at, level)

@@ -40,7 +40,7 @@ fn cameras() -> Vec<Camera> {
 /// Diagonal dabs of blue and yellow.
 fn painting(side: u32, color: impl Fn(u32, u32) -> [f32; 3]) -> Image {
     let rgb = (0..side * side).flat_map(|i| color(i % side, i / side)).collect();
-    Image { width: side, height: side, rgb }
+    Image { width: side, height: side, rgb, alpha: None }
 }
 
 fn dabs(x: u32, y: u32) -> [f32; 3] {
@@ -275,7 +275,8 @@ fn any_number_of_threads_gives_the_same_bits() {
 fn odd_paintings_and_scenes_give_finite_colors() {
     let gray = |x: u32, y: u32| [((x * y) % 7) as f32 / 7.0; 3];
     let mut random = Random::new(1);
-    let noise = Image { width: 300, height: 3, rgb: (0..2700).map(|_| random.uniform()).collect() };
+    let noise =
+        Image { width: 300, height: 3, rgb: (0..2700).map(|_| random.uniform()).collect(), alpha: None };
     for painting in [painting(1, gray), painting(48, gray), painting(48, |_, _| [0.2, 0.5, 0.3]), noise] {
         // One Gaussian fills the pictures: a wall without a second one.
         for scene in [wall(8), wall(1)] {
@@ -300,7 +301,10 @@ fn what_cannot_be_baked_is_an_error() {
     assert!(error(&invisible, &[(good.clone(), 1.0)]).contains("no view shows anything opaque"));
     assert!(error(&wall(4), &[]).contains("expected at least one"));
     assert!(error(&wall(4), &[(good.clone(), 0.0)]).contains("expected at least one"));
-    let broken = Image { width: 4, height: 4, rgb: vec![f32::NAN; 48] };
+    let broken = Image { width: 4, height: 4, rgb: vec![f32::NAN; 48], alpha: None };
     assert!(error(&wall(4), &[(broken, 1.0)]).contains("NaN"));
-    assert!(error(&wall(4), &[(Image { width: 0, height: 4, rgb: Vec::new() }, 1.0)]).contains("0x4"));
+    assert!(
+        error(&wall(4), &[(Image { width: 0, height: 4, rgb: Vec::new(), alpha: None }, 1.0)])
+            .contains("0x4")
+    );
 }

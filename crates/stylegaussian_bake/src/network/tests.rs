@@ -81,7 +81,8 @@ fn the_default_network_ends_with_the_encoder() {
     // The layers of the filters follow the encoder's.
     let layer = network.layers().iter().rfind(|layer| layer.matching > 0.0).unwrap();
     let encoder = Encoder::from_bytes(ENCODER_NAME, ENCODER.to_vec()).unwrap();
-    let expected = encoder.encode(&Image { width: width as u32, height: height as u32, rgb }).unwrap();
+    let expected =
+        encoder.encode(&Image { width: width as u32, height: height as u32, rgb, alpha: None }).unwrap();
     assert_eq!(sizes.size(layer), Size { width: 10, height: 9 });
     for (a, b) in features.rows(layer).iter().zip(&expected.values) {
         assert!((a - b).abs() < 1e-3 * (1.0 + b.abs()), "{a} for {b}");

@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::Args;
 use stylegaussian::{
     Camera, Scene,
-    paint::{Canvas, Painted, Surface},
+    paint::{Canvas, Hand, Painted, Surface},
     restyle::{Recipe, Styles, WeightedLook, is_painted},
     work::Work,
 };
@@ -20,7 +20,8 @@ use stylegaussian_train::{
 };
 
 use crate::{
-    choose::{self, FrameArgs, loss_weights, open_encoder},
+    choose::{self, FrameArgs, loss_weights, open_encoder, open_painting},
+    hand::usable_paint_of,
     outputs::expect_files,
     scenes::ReadArgs,
     terminal::{Interrupt, ProgressLine, print, warn},
@@ -77,6 +78,9 @@ pub struct EvalArgs {
     /// with the paintings' own strokes, as `stylize` does.
     #[arg(long, conflicts_with = "looks")]
     decoder_only: bool,
+    /// Paint with all paintings of the folder as one collection, and compare the same pictures with each.
+    #[arg(long, conflicts_with_all = ["looks", "decoder", "decoder_only"])]
+    collection: bool,
     /// Also count pixels that the scene does not cover, as mid-gray. By default a picture's statistics are
     /// those of the scene alone.
     #[arg(long)]
@@ -127,6 +131,10 @@ pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
     let asks_for_decoder = arguments.decoder_only || arguments.decoder.is_some();
     let painter: Box<Painter> = match &arguments.looks {
         Some(folder) => Box::new(|painting: &Path, _: &Image| baked(folder, painting, &scene)),
+        None if arguments.collection => {
+            let painted = collected(&list_images(&arguments.styles)?, &scene)?;
+            Box::new(move |_: &Path, _: &Image| Ok(painted.clone()))
+        }
         None if is_painted(&scene, asks_for_decoder, true) => {
             surface = Surface::new(&scene, &Work::default())?;
             Box::new(|_: &Path, image: &Image| {
@@ -152,6 +160,19 @@ pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
         sheet.write_png(path)?;
     }
     print(arguments.json, &evaluation, || evaluation.table())
+}
+
+/// The scene in all paintings as one collection.
+fn collected(paintings: &[PathBuf], scene: &Scene) -> Result<Painted> {
+    let canvas = |path: &PathBuf| Ok(Canvas::new(&usable_paint_of(&open_painting(path)?, path)?));
+    let canvases = paintings.iter().map(canvas).collect::<Result<Vec<_>>>()?;
+    let surface = Surface::new(scene, &Work::default())?;
+    let styles = Styles::Painted {
+        paintings: canvases.iter().map(|canvas| (canvas, 1.0)).collect(),
+        surface: &surface,
+        hand: Hand { is_collection: true, ..Hand::default() },
+    };
+    Ok(Recipe { looks: Vec::new(), styles, content: 0.0 }.restyle(scene, &Work::default())?)
 }
 
 /// The look in `folder` that has the name of `painting`.

@@ -11,6 +11,7 @@ use stylegaussian_encoder::StyleSize;
 use stylegaussian_files::{write_painted_style, write_style};
 
 use crate::{
+    arguments::area,
     choose::open_encoder,
     outputs::expect_files,
     stylization::image_style,
@@ -29,6 +30,9 @@ pub struct StyleArgs {
     /// in STYLEGAUSSIAN_ENCODER, else the built-in encoder.
     #[arg(long, value_name = "FILE")]
     encoder: Option<PathBuf>,
+    /// Use only this part of the image: left edge, top edge, width and height as shares of the sides.
+    #[arg(long, value_name = "X,Y,W,H", value_parser = area, allow_hyphen_values = true)]
+    style_crop: Option<[f32; 4]>,
     /// Resize the image to 256x256 without keeping its proportions, as the paper's code does.
     #[arg(long)]
     squash: bool,
@@ -52,7 +56,7 @@ struct Written<'a> {
 
 /// Runs the command.
 pub fn run(arguments: &StyleArgs) -> Result<()> {
-    let StyleArgs { image, output, encoder, squash, no_paint, json } = arguments;
+    let StyleArgs { image, output, encoder, style_crop, squash, no_paint, json } = arguments;
     let is_safetensors =
         output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("safetensors"));
     if !is_safetensors {
@@ -61,7 +65,7 @@ pub fn run(arguments: &StyleArgs) -> Result<()> {
     expect_files([&**output])?;
     let encoder = open_encoder(encoder.as_deref())?;
     let size = if *squash { StyleSize::Squash256 } else { StyleSize::default() };
-    let (statistics, paint) = image_style(&encoder, image, size)?;
+    let (statistics, paint) = image_style(&encoder, image, *style_crop, size)?;
     if *no_paint {
         write_style(output, &statistics)?;
     } else {

@@ -147,5 +147,5 @@ pub fn random_values(n: usize, seed: u64) -> Vec<f32> {
 pub fn random_image(width: u32, height: u32) -> Image {
     let rgb =
         random_values((width * height * 3) as usize, 99).iter().map(|value| value * 0.5 + 0.5).collect();
-    Image { width, height, rgb }
+    Image { width, height, rgb, alpha: None }
 }

@@ -41,7 +41,7 @@ fn paint_round_trips_beside_statistics() {
     write_style(&path, &style).unwrap();
     assert_eq!(read_paint(&path).unwrap(), None, "a style of before has none");
     let pixels = (0..9 * 8 * 3).map(|i| i as u8).collect();
-    let paint = Paint { width: 9, height: 8, pixels };
+    let paint = Paint { width: 9, height: 8, pixels, used: None };
     write_painted_style(&path, &style, &paint).unwrap();
     assert_eq!(read_style(&path).unwrap(), style);
     assert_eq!(read_paint(&path).unwrap().as_ref(), Some(&paint));
@@ -49,5 +49,11 @@ fn paint_round_trips_beside_statistics() {
     {
         assert!(refused(write_painted_style(&path, &style, &bad)).contains("a.style.safetensors"));
     }
-    assert_eq!(read_paint(&path).unwrap(), Some(paint), "a refused write leaves the old file");
+    assert_eq!(read_paint(&path).unwrap().as_ref(), Some(&paint), "a refused write leaves the old file");
+    let used = Some((0..72).map(|i| i % 7 != 0).collect());
+    let part = Paint { used, ..paint.clone() };
+    write_painted_style(&path, &style, &part).unwrap();
+    assert_eq!(read_paint(&path).unwrap().as_ref(), Some(&part));
+    let bad = Paint { used: Some(vec![true; 71]), ..paint };
+    assert!(refused(write_painted_style(&path, &style, &bad)).contains("71"));
 }

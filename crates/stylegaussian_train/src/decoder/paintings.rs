@@ -181,7 +181,12 @@ impl<'a> Paintings<'a> {
         let x = random.below((image.width - CROP + 1) as usize);
         let y = random.below((image.height - CROP + 1) as usize);
         let row = |row: usize| &image.rgb[((y + row) * image.width as usize + x) * 3..][..CROP as usize * 3];
-        Ok(Image { width: CROP, height: CROP, rgb: (0..CROP as usize).flat_map(row).copied().collect() })
+        Ok(Image {
+            width: CROP,
+            height: CROP,
+            rgb: (0..CROP as usize).flat_map(row).copied().collect(),
+            alpha: None,
+        })
     }
 }
 

@@ -81,7 +81,7 @@ impl TrainingView {
                     color.map(|channel| (channel + (1.0 - alpha) * BACKGROUND).clamp(0.0, 1.0))
                 };
                 let rgb = view.color.iter().zip(&view.alpha).flat_map(over).collect();
-                Ok(Warned { image: Image { width: size.x, height: size.y, rgb }, warning: None })
+                Ok(Warned { image: Image { width: size.x, height: size.y, rgb, alpha: None }, warning: None })
             }
         }
     }

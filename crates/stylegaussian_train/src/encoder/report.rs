@@ -140,7 +140,7 @@ fn quantile(values: &mut [f64], share: f64) -> f64 {
 fn milliseconds(encoder: &Encoder) -> Result<f64, TrainError> {
     let n = TIMED_SIDE as usize * TIMED_SIDE as usize * 3;
     let rgb = (0..n).map(|i| (i * 7 % 256) as f32 / 255.0).collect();
-    let image = Image { width: TIMED_SIDE, height: TIMED_SIDE, rgb };
+    let image = Image { width: TIMED_SIDE, height: TIMED_SIDE, rgb, alpha: None };
     let mut fastest = f64::INFINITY;
     for _ in 0..TIMED_RUNS {
         let start = Instant::now();

@@ -297,7 +297,8 @@ mod tests {
         let values: Vec<_> = student.parameters.iter().map(|parameter| parameter.values.clone()).collect();
         let bytes = student.chain(&values).unwrap().to_bytes(None, &[("teacher", "none".into())]);
         let encoder = Encoder::from_bytes("student", bytes).unwrap();
-        let found = encoder.encode(&Image { width: width as u32, height: height as u32, rgb }).unwrap();
+        let found =
+            encoder.encode(&Image { width: width as u32, height: height as u32, rgb, alpha: None }).unwrap();
         assert_eq!((found.width, found.height, found.n_channels), (6, 4, 3));
         for (i, (a, b)) in to_vec(&rows).unwrap().iter().zip(&found.values).enumerate() {
             assert!((a - b).abs() < 1e-4, "[{i}]: the network gives {a}, the file {b}");

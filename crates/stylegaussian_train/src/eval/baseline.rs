@@ -33,7 +33,7 @@ impl<'a> Baseline<'a> {
         let encode = |view: &RenderedImage| {
             let pixels = view.color.iter().zip(&view.alpha);
             let rgb = pixels.flat_map(|(color, alpha)| color.map(|c| c + (1.0 - alpha) * 0.5)).collect();
-            encoder.encode(&Image { width: view.size.x, height: view.size.y, rgb })
+            encoder.encode(&Image { width: view.size.x, height: view.size.y, rgb, alpha: None })
         };
         let maps = views.iter().map(encode).collect::<Result<Vec<FeatureMap>, _>>()?;
         let covered = maps.iter().zip(views).flat_map(|(map, view)| {

@@ -73,6 +73,6 @@ impl ImageDecoder {
         let mut rgb = self.chain.output(&sizes, features.values.clone());
         rgb.iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
         let Size { width, height } = sizes[self.chain.last()];
-        Ok(Image { width: width as u32, height: height as u32, rgb })
+        Ok(Image { width: width as u32, height: height as u32, rgb, alpha: None })
     }
 }

@@ -33,6 +33,19 @@ pub(crate) fn palette_of<P>(pixels: &[P], color: impl Fn(&P) -> [f32; 3]) -> Col
     ColorMoments::of_rgb(some.as_flattened())
 }
 
+/// The palette of a painting, from some of those of its pixels that may be used.
+pub(crate) fn palette_of_paint(paint: &Paint) -> ColorMoments {
+    let color = |pixel: &[u8; 3]| pixel.map(|byte| f32::from(byte) / 255.0);
+    let pixels: &[[u8; 3]] = paint.pixels.as_chunks().0;
+    match &paint.used {
+        Some(used) => {
+            let used: Vec<_> = pixels.iter().zip(used).filter(|(_, used)| **used).map(|(p, _)| *p).collect();
+            palette_of(&used, color)
+        }
+        None => palette_of(pixels, color),
+    }
+}
+
 /// The palette of one style of a mix.
 pub(crate) enum Palette {
     /// That of an image.
@@ -62,9 +75,7 @@ impl FirstRequest {
             .map(|(palette, weight)| {
                 let to = match palette {
                     Palette::Moments(moments) => *moments,
-                    Palette::Paint(paint) => palette_of(paint.pixels.as_chunks().0, |pixel: &[u8; 3]| {
-                        pixel.map(|byte| f32::from(byte) / 255.0)
-                    }),
+                    Palette::Paint(paint) => palette_of_paint(paint),
                 };
                 (Recoloring::new(&from, &to), (weight * (1.0 - self.content)) as f32)
             })

@@ -18,6 +18,7 @@ use crate::style::{
     },
     wish::{
         event::{StyleApplied, StyleFailed, StyleRecolored},
+        hand::{StylePalette, StylePins},
         source::{StyleDecoder, StyleInput, StyleSource},
     },
 };
@@ -56,7 +57,7 @@ pub(crate) fn ask_for_frames(
         }
         // An asset that is not being loaded may never come, so nobody is kept awake for it.
         jobs.of_scene.iter().any(|job| !job.is_settled())
-            && (source.is_some_and(|source| source.styles.iter().any(|style| is_loading(id(&style.input))))
+            && (source.is_some_and(|source| ids(source).any(&is_loading))
                 || decoder.is_some_and(|decoder| is_loading(decoder.0.id().untyped()))
                 || encoder.is_loading())
     };
@@ -64,6 +65,20 @@ pub(crate) fn ask_for_frames(
     if is_told || styled.iter().any(asks) {
         redraw.write(RequestRedraw);
     }
+}
+
+/// The assets that a source names.
+fn ids(source: &StyleSource) -> impl Iterator<Item = UntypedAssetId> {
+    let palette = source.palette.as_ref().and_then(|palette| match palette {
+        StylePalette::Image(image) => Some(image.id().untyped()),
+        StylePalette::Preset(preset) => Some(preset.id().untyped()),
+        StylePalette::Colors(_) => None,
+    });
+    let pins = match &source.pins {
+        StylePins::File(file) => Some(file.id().untyped()),
+        StylePins::List(_) => None,
+    };
+    source.styles.iter().map(|style| id(&style.input)).chain(palette).chain(pins)
 }
 
 fn id(input: &StyleInput) -> UntypedAssetId {

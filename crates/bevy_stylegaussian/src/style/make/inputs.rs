@@ -6,6 +6,8 @@ use bevy::{asset::LoadState, ecs::system::SystemParam, prelude::*, render::rende
 use stylegaussian::{
     Look,
     fold::{self, StylizeError},
+    paint::Pin,
+    recolor::ColorMoments,
     restyle,
 };
 use stylegaussian_gpu::device::is_software;
@@ -16,18 +18,19 @@ use crate::{
         make::{
             first::{FirstRequest, Palette},
             images::ImageInputs,
-            later::{Encoded, Input, Later, Stretched, loaded, name},
+            later::{Crop, Encoded, Input, Later, Stretched, loaded, name},
             packed::PackedInputs,
             presets::{Presets, preset_name},
-            request::{Same, StyleRequest, Styles, WeightedLook},
+            request::{Decided, GivenTints, Same, StyleRequest, Styles, WeightedLook},
             surfaces::Surfaces,
         },
         wish::{
             asset::{GaussianDecoder, StyleLook, StyleStatistics},
             decoder::choose_decoder,
             error::StyleError,
+            hand::{StylePalette, StylePins, StylePinsFile},
             settings::{StyleBackend, StyleMethod},
-            source::{StyleDecoder, StyleInput, StyleSource},
+            source::{StyleDecoder, StyleInput, StyleSource, WeightedStyle},
         },
     },
     work::Workers,
@@ -47,6 +50,7 @@ pub(crate) struct Inputs<'w> {
     statistics: Res<'w, Assets<StyleStatistics>>,
     looks: Res<'w, Assets<StyleLook>>,
     decoders: Res<'w, Assets<GaussianDecoder>>,
+    pins: Res<'w, Assets<StylePinsFile>>,
     server: Res<'w, AssetServer>,
     presets: ResMut<'w, Presets>,
     pub(crate) surfaces: ResMut<'w, Surfaces>,
@@ -76,7 +80,8 @@ impl Inputs<'_> {
         }
         // Begun before images are there, if they are still being loaded.
         let surface = if is_painted { self.surfaces.get(scene, &self.workers)? } else { None };
-        let inputs: Vec<_> = source.styles.iter().map(|style| self.input(&style.input, is_painted)).collect();
+        let inputs: Vec<_> = source.styles.iter().map(|style| self.input(style, is_painted)).collect();
+        let decided = if is_painted { self.decided(source, scene) } else { Ok(None) };
         let (mut canvases, mut statistics, mut looks) = (Vec::new(), Vec::new(), Vec::new());
         for (input, style) in inputs.into_iter().zip(&source.styles) {
             let weight = f64::from(style.weight);
@@ -90,8 +95,8 @@ impl Inputs<'_> {
             }
         }
         let styles = if is_painted {
-            let Some(surface) = surface else { return Ok(None) };
-            Styles::Painted { canvases, surface: Same(surface) }
+            let (Some(decided), Some(surface)) = (decided?, surface) else { return Ok(None) };
+            Styles::Painted { canvases, surface: Same(surface), decided }
         } else if has_styles {
             let of_entity = match decoder {
                 Some(decoder) => match loaded(&self.server, &self.decoders, &decoder.0)? {
@@ -134,14 +139,39 @@ impl Inputs<'_> {
         }
         let weights: Vec<f64> = source.styles.iter().map(|style| f64::from(style.weight)).collect();
         let weights = fold::normalized(&weights).ok()?;
-        let palette = |input: &StyleInput| match input {
-            StyleInput::Image(image) => self.images.palette(image).map(Palette::Moments),
-            StyleInput::Preset(preset) => self.statistics.get(preset)?.paint.clone().map(Palette::Paint),
-            // It is there nearly as soon as the first colors would be.
-            StyleInput::Look(_) => None,
+        let of_preset = |preset: &Handle<StyleStatistics>, crop: Option<Crop>| {
+            let paint = self.statistics.get(preset)?.paint.clone()?;
+            let part = crop.map(|crop| paint.cropped(crop.area()).map(Arc::new));
+            Some(Palette::Paint(part.transpose().ok()?.unwrap_or(paint)))
         };
+        let given = source.palette.as_ref().map(|palette| match palette {
+            StylePalette::Image(image) => self.images.palette(image, None).map(Palette::Moments),
+            StylePalette::Preset(preset) => of_preset(preset, None),
+            StylePalette::Colors(colors) => {
+                Some(Palette::Moments(ColorMoments::of_rgb(displayed(colors).as_flattened())))
+            }
+        });
+        let palette = |style: &WeightedStyle| {
+            let crop = style.crop.map(Crop::new);
+            match &style.input {
+                StyleInput::Image(image) => self.images.palette(image, crop).map(Palette::Moments),
+                StyleInput::Preset(preset) => of_preset(preset, crop),
+                // It is there nearly as soon as the first colors would be.
+                StyleInput::Look(_) => None,
+            }
+        };
+        if let Some(given) = given {
+            let has_look = source.styles.iter().any(|style| matches!(style.input, StyleInput::Look(_)));
+            let content = f64::from(source.content);
+            let shows = !has_look && (0.0..=1.0).contains(&content);
+            return given.filter(|_| shows).map(|palette| FirstRequest {
+                scene: Arc::clone(scene.scene()),
+                palettes: vec![(palette, 1.0)],
+                content,
+            });
+        }
         let palettes = source.styles.iter().zip(weights);
-        let palettes = palettes.map(|(style, weight)| Some((palette(&style.input)?, weight)));
+        let palettes = palettes.map(|(style, weight)| Some((palette(style)?, weight)));
         let content = f64::from(source.content);
         let palettes = palettes.collect::<Option<Vec<_>>>()?;
         (0.0..=1.0).contains(&content).then(|| FirstRequest {
@@ -183,24 +213,56 @@ impl Inputs<'_> {
     }
 
     /// One style of a mix, as it is painted or decoded.
-    fn input(&mut self, input: &StyleInput, is_painted: bool) -> Input<Given> {
-        match input {
+    fn input(&mut self, style: &WeightedStyle, is_painted: bool) -> Input<Given> {
+        let crop = style.crop.map(Crop::new);
+        match &style.input {
             StyleInput::Preset(handle) => {
                 let Some(preset) = loaded(&self.server, &self.statistics, handle)? else { return Ok(None) };
                 let Some(paint) = preset.paint.as_ref().filter(|_| is_painted) else {
                     let statistics = Arc::clone(&preset.statistics);
                     return Ok(Some(Given::Statistics(self.presets.statistics(handle, statistics))));
                 };
-                Ok(Some(Given::Canvas(self.presets.canvas(handle, paint))))
+                Ok(Some(Given::Canvas(self.presets.canvas(handle, crop, paint))))
             }
-            StyleInput::Image(handle) if is_painted => Ok(self.images.canvas(handle)?.map(Given::Canvas)),
-            StyleInput::Image(handle) => Ok(self.images.statistics(handle)?.map(Given::Statistics)),
+            StyleInput::Image(handle) if is_painted => {
+                Ok(self.images.canvas(handle, crop)?.map(Given::Canvas))
+            }
+            StyleInput::Image(handle) => Ok(self.images.statistics(handle, crop)?.map(Given::Statistics)),
             StyleInput::Look(handle) => {
                 let name = name(handle, "a look");
                 let look = loaded(&self.server, &self.looks, handle)?;
                 Ok(look.map(|look| Given::Look { name, look: Arc::clone(&look.0) }))
             }
         }
+    }
+
+    /// What a source decides beside its paintings.
+    fn decided(&mut self, source: &StyleSource, scene: &LoadedScene) -> Input<Decided> {
+        let tints = match &source.palette {
+            None => None,
+            Some(StylePalette::Colors(colors)) => Some(GivenTints::Colors(displayed(colors))),
+            Some(StylePalette::Image(handle)) => {
+                let Some(canvas) = self.images.canvas(handle, None)? else { return Ok(None) };
+                Some(GivenTints::Canvas(Same(canvas)))
+            }
+            Some(StylePalette::Preset(handle)) => {
+                let Some(preset) = loaded(&self.server, &self.statistics, handle)? else { return Ok(None) };
+                let Some(paint) = &preset.paint else {
+                    return Err(Arc::new(StyleError::NoPaint { preset: preset_name(handle) }));
+                };
+                Some(GivenTints::Canvas(Same(self.presets.canvas(handle, None, paint))))
+            }
+        };
+        let pins = match &source.pins {
+            StylePins::List(pins) => pins.iter().map(|pin| Pin::from(*pin)).collect(),
+            StylePins::File(handle) => {
+                let Some(file) = loaded(&self.server, &self.pins, handle)? else { return Ok(None) };
+                let failed = |source| StyleError::OtherScene { pins: name(handle, "pinned places"), source };
+                file.0.pins_for(scene.scene()).map_err(failed)?.to_vec()
+            }
+        };
+        let (is_collection, palette) = (source.is_collection, source.palette_strength);
+        Ok(Some(Decided { is_collection, tints, palette, direction: source.stroke_direction, pins }))
     }
 
     /// The backend to decode on: never [`StyleBackend::Auto`].
@@ -215,4 +277,13 @@ impl Inputs<'_> {
             backend => Ok(backend),
         }
     }
+}
+
+/// Display-referred RGB of colors.
+fn displayed(colors: &[Color]) -> Vec<[f32; 3]> {
+    let rgb = |color: &Color| {
+        let Srgba { red, green, blue, .. } = color.to_srgba();
+        [red, green, blue]
+    };
+    colors.iter().map(rgb).collect()
 }

@@ -4,7 +4,10 @@
 use std::sync::{Arc, LazyLock};
 
 use bevy::{asset::LoadState, prelude::*};
-use stylegaussian::{ChannelStatistics, paint::Canvas};
+use stylegaussian::{
+    ChannelStatistics,
+    paint::{Canvas, Paint},
+};
 
 use crate::style::wish::error::StyleError;
 
@@ -45,6 +48,29 @@ pub(crate) fn loaded<'a, A: Asset>(
 /// The name of an asset for messages: its path, or what it is if it has none.
 pub(crate) fn name<A: Asset>(handle: &Handle<A>, what: &str) -> String {
     handle.path().map_or_else(|| what.into(), ToString::to_string)
+}
+
+/// The part of an image that is used, in a form that can be looked up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Crop([u32; 4]);
+
+impl Crop {
+    pub(crate) fn new(part: Rect) -> Self {
+        Self([part.min.x, part.min.y, part.max.x, part.max.y].map(f32::to_bits))
+    }
+
+    /// Left, top, right and bottom edges, as shares of the sides.
+    pub(crate) fn area(self) -> [f32; 4] {
+        self.0.map(f32::from_bits)
+    }
+}
+
+/// The canvas of a painting that may be used.
+pub(crate) fn stretched(name: String, paint: &Paint) -> Stretched {
+    match paint.is_usable() {
+        true => Ok(Arc::new(Canvas::new(paint))),
+        false => Err(Arc::new(StyleError::Transparent { image: name })),
+    }
 }
 
 /// The name of an image that is a style.

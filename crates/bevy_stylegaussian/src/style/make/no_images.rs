@@ -6,7 +6,7 @@ use bevy::{ecs::system::SystemParam, prelude::*};
 use stylegaussian::recolor::ColorMoments;
 
 use crate::style::{
-    make::later::{Encoded, Input, Later, Stretched, image_name},
+    make::later::{Crop, Encoded, Input, Later, Stretched, image_name},
     wish::error::StyleError,
 };
 
@@ -15,15 +15,15 @@ use crate::style::{
 pub(crate) struct ImageInputs<'w>(PhantomData<&'w ()>);
 
 impl ImageInputs<'_> {
-    pub(crate) fn canvas(&mut self, handle: &Handle<Image>) -> Input<Later<Stretched>> {
+    pub(crate) fn canvas(&mut self, handle: &Handle<Image>, _: Option<Crop>) -> Input<Later<Stretched>> {
         Err(no_images(handle))
     }
 
-    pub(crate) fn palette(&self, _: &Handle<Image>) -> Option<ColorMoments> {
+    pub(crate) fn palette(&self, _: &Handle<Image>, _: Option<Crop>) -> Option<ColorMoments> {
         None
     }
 
-    pub(crate) fn statistics(&mut self, handle: &Handle<Image>) -> Input<Later<Encoded>> {
+    pub(crate) fn statistics(&mut self, handle: &Handle<Image>, _: Option<Crop>) -> Input<Later<Encoded>> {
         Err(no_images(handle))
     }
 }

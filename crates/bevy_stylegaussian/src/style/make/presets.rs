@@ -7,20 +7,17 @@ use bevy::{
     platform::collections::{HashMap, HashSet},
     prelude::*,
 };
-use stylegaussian::{
-    ChannelStatistics,
-    paint::{Canvas, Paint},
-};
+use stylegaussian::{ChannelStatistics, paint::Paint};
 
 use crate::style::{
-    make::later::{Encoded, Later, Stretched, later, name},
-    wish::asset::StyleStatistics,
+    make::later::{Crop, Encoded, Later, Stretched, later, name, stretched},
+    wish::{asset::StyleStatistics, error::StyleError},
 };
 
 /// Canvases and statistics of the presets that were used as styles.
 #[derive(Resource, Default)]
 pub(crate) struct Presets {
-    canvases: HashMap<AssetId<StyleStatistics>, Later<Stretched>>,
+    canvases: HashMap<(AssetId<StyleStatistics>, Option<Crop>), Later<Stretched>>,
     /// Statistics, which are there already.
     statistics: HashMap<AssetId<StyleStatistics>, (Arc<ChannelStatistics>, Later<Encoded>)>,
     /// Presets of which it was said that they carry no paint.
@@ -28,17 +25,24 @@ pub(crate) struct Presets {
 }
 
 impl Presets {
-    /// The canvas of a preset's paint.
+    /// The canvas of a preset's paint, or of a part of it.
     pub(crate) fn canvas(
         &mut self,
         handle: &Handle<StyleStatistics>,
+        crop: Option<Crop>,
         paint: &Arc<Paint>,
     ) -> Later<Stretched> {
         let stretch = || {
-            let paint = Arc::clone(paint);
-            later(move || Ok(Arc::new(Canvas::new(&paint))))
+            let (name, paint) = (preset_name(handle), Arc::clone(paint));
+            later(move || {
+                let Some(crop) = crop else { return stretched(name, &paint) };
+                match paint.cropped(crop.area()) {
+                    Ok(part) => stretched(name, &part),
+                    Err(source) => Err(Arc::new(StyleError::Crop { image: name, source })),
+                }
+            })
         };
-        Arc::clone(self.canvases.entry(handle.id()).or_insert_with(stretch))
+        Arc::clone(self.canvases.entry((handle.id(), crop)).or_insert_with(stretch))
     }
 
     /// The statistics of a preset: the same place in memory each time.
@@ -82,7 +86,7 @@ pub(crate) fn forget_changed_presets(
     // `Added` is left out: nothing is known of a preset before it exists.
     for event in events.read() {
         if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = event {
-            presets.canvases.remove(id);
+            presets.canvases.retain(|(preset, _), _| preset != id);
             presets.bare.remove(id);
         }
         // Those of a changed preset are compared with what it carries.

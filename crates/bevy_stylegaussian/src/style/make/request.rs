@@ -3,11 +3,14 @@
 
 use std::{ops::Deref, sync::Arc};
 
+use bevy::math::Vec3;
+
 use stylegaussian::{
     Decoder, Look, Scene,
     fold::StylizeError,
-    paint::{Painted, Surface},
+    paint::{Hand, Painted, Pin, Surface, Tints, pin},
     restyle::{self, Recipe, RestyleError},
+    strokes::Strokes,
     work::{Canceled, Work},
 };
 use stylegaussian_gpu::style::FoldedLayers;
@@ -45,11 +48,47 @@ pub(crate) struct StyleRequest {
 #[derive(PartialEq)]
 pub(crate) enum Styles {
     /// To paint the scene with, on its surface.
-    Painted { canvases: Vec<(Same<LaterCanvas>, f64)>, surface: Same<Surface> },
+    Painted { canvases: Vec<(Same<LaterCanvas>, f64)>, surface: Same<Surface>, decided: Decided },
     /// To be decoded.
     Decoded { styles: Vec<(Same<LaterStatistics>, f64)>, decoder: Same<Decoder> },
     /// None: there are looks alone.
     None,
+}
+
+/// What a source decides beside its paintings.
+#[derive(Clone, PartialEq)]
+pub(crate) struct Decided {
+    pub(crate) is_collection: bool,
+    /// Colors in the paintings' stead.
+    pub(crate) tints: Option<GivenTints>,
+    /// Strength of the palette, 0..1.
+    pub(crate) palette: f32,
+    /// Direction of strokes, in scene space.
+    pub(crate) direction: Option<Vec3>,
+    pub(crate) pins: Vec<Pin>,
+}
+
+/// Colors in the paintings' stead.
+#[derive(Clone, PartialEq)]
+pub(crate) enum GivenTints {
+    /// Those of an image or a preset.
+    Canvas(Same<LaterCanvas>),
+    /// These, display-referred.
+    Colors(Vec<[f32; 3]>),
+}
+
+impl GivenTints {
+    fn made(&self) -> Result<Tints, Failure> {
+        match self {
+            Self::Canvas(canvas) => match &**canvas.0 {
+                Ok(canvas) => Ok(canvas.tints().clone()),
+                Err(error) => Err(Failure::Failed(Arc::clone(error))),
+            },
+            Self::Colors(colors) => {
+                Tints::of_colors(colors).map_err(|error| Failure::Failed(Arc::new(error.into())))
+            }
+        }
+    }
 }
 
 /// A canvas that the style makes if it is the first one.
@@ -93,16 +132,24 @@ impl<T: ?Sized> Clone for Same<T> {
 pub(crate) struct StyleResult {
     pub(crate) style: AppliedStyle,
     pub(crate) colors: Arc<StyleColors>,
+    /// The strokes without pinned places, for a request that pins others.
+    unpinned: Option<Arc<Strokes>>,
 }
 
 /// A style, or the reason why there is none. All who want it share the reason.
 pub(crate) type Computed = Result<StyleResult, Arc<StyleError>>;
 
 impl StyleRequest {
-    /// Starts the computation.
-    pub(crate) fn start(self: &Arc<Self>, workers: &Workers, packed: &PackedInputs) -> Running<Computed> {
+    /// Starts the computation. `like` is the result of a request that [pins other places](Self::pins_others).
+    pub(crate) fn start(
+        self: &Arc<Self>,
+        like: Option<StyleResult>,
+        workers: &Workers,
+        packed: &PackedInputs,
+    ) -> Running<Computed> {
         let (request, packed) = (Arc::clone(self), packed.clone());
-        let compute = async move |work: Work| match request.run(&packed, &work).await {
+        let moves = like.is_some();
+        let compute = async move |work: Work| match request.run(like.as_ref(), &packed, &work).await {
             Ok(style) => Ok(Ok(style)),
             Err(Failure::Failed(error)) => Ok(Err(error)),
             Err(Failure::Canceled) => Err(Canceled),
@@ -110,6 +157,8 @@ impl StyleRequest {
         match self.styles {
             // Looks are mixed in a few milliseconds. They must not wait for a painting.
             Styles::None => workers.start_async(None, compute),
+            // Moving strokes must not wait for a painting either.
+            _ if moves => workers.start_async(None, compute),
             Styles::Painted { .. } | Styles::Decoded { .. } => {
                 workers.start_async(Some(Lane::Styles), compute)
             }
@@ -123,7 +172,17 @@ impl StyleRequest {
     }
 
     /// Folds the styles into the decoder, or restyles the scene on the CPU.
-    async fn run(&self, packed: &PackedInputs, work: &Work) -> Result<StyleResult, Failure> {
+    async fn run(
+        &self,
+        like: Option<&StyleResult>,
+        packed: &PackedInputs,
+        work: &Work,
+    ) -> Result<StyleResult, Failure> {
+        if let Some(StyleResult { style, unpinned, .. }) = like
+            && let AppliedColors::Known { colors, .. } = &style.colors
+        {
+            return self.shown(Arc::clone(colors), unpinned.clone());
+        }
         match &self.styles {
             Styles::Decoded { styles, decoder } if self.backend == StyleBackend::Gpu => {
                 self.fold(&made(styles)?, &decoder.0, packed).await
@@ -138,11 +197,20 @@ impl StyleRequest {
         let looks = self.looks.iter().map(WeightedLook::as_part).collect();
         let content = self.content;
         let painted = match &self.styles {
-            Styles::Painted { canvases, surface } => {
+            Styles::Painted { canvases, surface, decided } => {
                 let canvases = made(canvases)?;
+                let tints = decided.tints.as_ref().map(GivenTints::made).transpose()?;
                 work.check()?;
                 let paintings = canvases.iter().map(|(canvas, weight)| (&**canvas, *weight)).collect();
-                let styles = restyle::Styles::Painted { paintings, surface: &surface.0 };
+                let hand = Hand {
+                    is_collection: decided.is_collection,
+                    tints: tints.as_ref(),
+                    palette: decided.palette,
+                    direction: decided.direction,
+                    // Those that only move strokes are honored afterwards.
+                    pins: if self.only_moves() { &[] } else { &decided.pins },
+                };
+                let styles = restyle::Styles::Painted { paintings, surface: &surface.0, hand };
                 Recipe { looks, styles, content }.restyle(scene, work)
             }
             Styles::Decoded { styles, decoder } => {
@@ -155,12 +223,50 @@ impl StyleRequest {
             Styles::None => Recipe { looks, styles: restyle::Styles::None, content }.restyle(scene, work),
         };
         let Painted { colors, strokes, .. } = painted?;
-        let colors: Arc<[_]> = colors.into();
-        let strokes = (!strokes.seeds.is_empty()).then(|| Arc::new(strokes));
+        self.shown(colors.into(), (!strokes.seeds.is_empty()).then(|| Arc::new(strokes)))
+    }
+
+    /// The result of these colors and strokes, which are moved to pinned places if they are not there yet.
+    fn shown(&self, colors: Arc<[[f32; 3]]>, unpinned: Option<Arc<Strokes>>) -> Result<StyleResult, Failure> {
+        let mut strokes = unpinned.clone();
+        if let (Styles::Painted { canvases, surface, decided }, true) = (&self.styles, self.only_moves()) {
+            let canvases = made(canvases)?;
+            let paintings: Vec<_> = canvases.iter().map(|(canvas, weight)| (&**canvas, *weight)).collect();
+            if let Some(strokes) = strokes.as_mut().filter(|_| !decided.pins.is_empty()) {
+                let hand = Hand { direction: decided.direction, pins: &decided.pins, ..Hand::default() };
+                pin(Arc::make_mut(strokes), &surface.0, &paintings, &hand)
+                    .map_err(|error| Failure::Failed(Arc::new(StyleError::Source(error.to_string()))))?;
+            }
+        }
         let shown = StyleColors::known(Arc::clone(&colors), strokes.clone());
         // Kept with the style, so that saving it later costs nothing.
         let colors = AppliedColors::Known { colors, strokes };
-        Ok(StyleResult { colors: shown, style: AppliedStyle { scene: Arc::clone(&self.scene.0), colors } })
+        let style = AppliedStyle { scene: Arc::clone(&self.scene.0), colors };
+        Ok(StyleResult { colors: shown, style, unpinned })
+    }
+
+    /// Whether pinned places move strokes and change nothing else. In a collection, they choose paintings, and
+    /// beside looks, strokes are mixed.
+    fn only_moves(&self) -> bool {
+        self.looks.is_empty()
+            && matches!(&self.styles, Styles::Painted { decided, .. } if !decided.is_collection)
+    }
+
+    /// Whether another request differs in pinned places alone, and these only move strokes.
+    pub(crate) fn pins_others(&self, other: &Self) -> bool {
+        let Styles::Painted { canvases, surface, decided } = &self.styles else { return false };
+        let with_own_pins = |of: &Decided| Decided { pins: decided.pins.clone(), ..of.clone() };
+        let is_alike = match &other.styles {
+            Styles::Painted { canvases: others, surface: other, decided: of } => {
+                canvases == others && surface == other && *decided == with_own_pins(of)
+            }
+            Styles::Decoded { .. } | Styles::None => false,
+        };
+        is_alike
+            && self.only_moves()
+            && other.looks.is_empty()
+            && self.scene == other.scene
+            && self.content == other.content
     }
 
     /// The weights from which the GPU decodes the styles.
@@ -184,7 +290,7 @@ impl StyleRequest {
         let colors = AppliedColors::Decoded { decoder: Arc::clone(decoder), map: Arc::new(map) };
         let folded = ColorSource::Folded(Box::new(FoldedStyle { inputs, layers }));
         let folded = StyleColors::new(folded, scene.len());
-        Ok(StyleResult { style: AppliedStyle { scene, colors }, colors: folded })
+        Ok(StyleResult { style: AppliedStyle { scene, colors }, colors: folded, unpinned: None })
     }
 }
 
@@ -217,6 +323,10 @@ impl From<RestyleError> for Failure {
                 Ok(error) => StyleError::Stylize(*error),
                 Err(error) => StyleError::Decode(error.to_string()),
             },
+            error @ (RestyleError::Palette { .. }
+            | RestyleError::Direction { .. }
+            | RestyleError::Paintings { .. }
+            | RestyleError::Pin(_)) => StyleError::Source(error.to_string()),
             RestyleError::Canceled(Canceled) => return Self::Canceled,
         };
         Self::Failed(Arc::new(error))

@@ -43,8 +43,11 @@ impl SharedStyles {
         let shared = match found {
             Some(index) => self.0.remove(index),
             None => {
+                // A pin on a style that is there needs no search, and no picture.
+                let pinned = self.0.iter().rev().filter(|shared| shared.request.pins_others(&request));
+                let like = pinned.filter_map(|shared| shared.poll()?.ok()).next();
                 let request = Arc::new(request);
-                Arc::new(SharedStyle { computed: request.start(workers, packed), request })
+                Arc::new(SharedStyle { computed: request.start(like, workers, packed), request })
             }
         };
         self.0.push(Arc::clone(&shared));

@@ -11,6 +11,7 @@ use crate::style::{
     wish::{
         applied::AppliedStyle,
         asset::{GaussianDecoder, StyleLook, StyleStatistics},
+        hand::{StylePalette, StylePins, StylePinsFile},
         source::{StyleDecoder, StyleInput, StyleSource},
     },
 };
@@ -65,6 +66,7 @@ pub(crate) fn want_changed_assets(
     mut statistics: MessageReader<AssetEvent<StyleStatistics>>,
     mut looks: MessageReader<AssetEvent<StyleLook>>,
     mut decoders: MessageReader<AssetEvent<GaussianDecoder>>,
+    mut pins: MessageReader<AssetEvent<StylePinsFile>>,
     mut encoder: EncoderChanges,
     mut jobs: Query<(&mut StyleJobs, &StyleSource, Option<&StyleDecoder>)>,
 ) {
@@ -73,8 +75,13 @@ pub(crate) fn want_changed_assets(
     let statistics = changed(&mut statistics);
     let looks = changed(&mut looks);
     let decoders = changed(&mut decoders);
+    let pins = changed(&mut pins);
     let encoder_changed = encoder.read();
-    let is_quiet = images.is_empty() && statistics.is_empty() && looks.is_empty() && decoders.is_empty();
+    let is_quiet = pins.is_empty()
+        && images.is_empty()
+        && statistics.is_empty()
+        && looks.is_empty()
+        && decoders.is_empty();
     if is_quiet && !encoder_changed {
         return;
     }
@@ -84,6 +91,13 @@ pub(crate) fn want_changed_assets(
             StyleInput::Preset(preset) => statistics.contains(&preset.id()),
             StyleInput::Look(look) => looks.contains(&look.id()),
         });
+        let palette_changed = match &source.palette {
+            Some(StylePalette::Image(image)) => images.contains(&image.id()),
+            Some(StylePalette::Preset(preset)) => statistics.contains(&preset.id()),
+            Some(StylePalette::Colors(_)) | None => false,
+        };
+        let pins_changed = matches!(&source.pins, StylePins::File(file) if pins.contains(&file.id()));
+        let input_changed = input_changed || palette_changed || pins_changed;
         let decoder_changed = decoder.is_some_and(|decoder| decoders.contains(&decoder.0.id()));
         for job in &mut jobs.of_scene {
             job.gpu_refused &= !decoder_changed;

@@ -1,6 +1,10 @@
 //! Errors of styling.
 
-use stylegaussian::{fold::StylizeError, look::LookError};
+use stylegaussian::{
+    fold::StylizeError,
+    look::LookError,
+    paint::{AreaError, OtherScene, TintsError},
+};
 
 /// A style cannot be applied.
 #[derive(Debug, thiserror::Error)]
@@ -62,6 +66,34 @@ pub enum StyleError {
         /// The reason. An image needs 8-bit pixels in main memory.
         found: String,
     },
+    /// The part of an image that is to be used is no part of it.
+    #[error("{image}: {source}")]
+    Crop {
+        /// The image or preset.
+        image: String,
+        /// The part.
+        source: AreaError,
+    },
+    /// All of an image or preset is transparent.
+    #[error("{image}: all of the painting is transparent, expected pixels to paint from")]
+    Transparent {
+        /// The image or preset.
+        image: String,
+    },
+    /// The given colors are no palette.
+    #[error(transparent)]
+    Palette(#[from] TintsError),
+    /// Pinned places belong to another scene.
+    #[error("{pins}: {source}")]
+    OtherScene {
+        /// The file.
+        pins: String,
+        /// The fingerprints of both scenes.
+        source: OtherScene,
+    },
+    /// A number of the source, or a pinned place, is out of its range.
+    #[error("{0}")]
+    Source(String),
     /// A look belongs to another scene.
     #[error("{look}: {source}")]
     Look {

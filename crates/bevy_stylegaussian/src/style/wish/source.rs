@@ -1,9 +1,12 @@
 //! The style of an entity.
 
 use bevy::prelude::*;
-use stylegaussian::strokes::StrokeKnobs;
+use stylegaussian::{paint::Hand, strokes::StrokeKnobs};
 
-use crate::style::wish::asset::{GaussianDecoder, StyleLook, StyleStatistics};
+use crate::style::wish::{
+    asset::{GaussianDecoder, StyleLook, StyleStatistics},
+    hand::{StylePalette, StylePins},
+};
 
 /// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images, presets and
 /// looks, blended with the content itself. Change it at any time. The old colors stay until the new ones are
@@ -54,6 +57,19 @@ pub struct StyleSource {
     /// Size of the strokes, as a factor, 0.1 to 10. At 1, the default, they are as large as in the painting if
     /// the scene is seen at 512 pixels from the usual distance.
     pub stroke_scale: f32,
+    /// Whether the paintings act as one style: each spot of the scene shows the painting that has a place like
+    /// it. Else they are mixed. See [`StyleSource::collection`].
+    pub is_collection: bool,
+    /// Colors in the paintings' stead, for their strokes, or `None` for their own.
+    pub palette: Option<StylePalette>,
+    /// How much the scene's hues are pulled to those of the palette, 0..1: at 0, hues that it does not have
+    /// stay, and at 1, there are no others. 0.8 by default.
+    pub palette_strength: f32,
+    /// Direction of the strokes on the scene, in the entity's local space and of any length above 0. `None`,
+    /// the default: along the edges of the scene's colors.
+    pub stroke_direction: Option<Vec3>,
+    /// Spots of the scene that are painted from given spots of the paintings.
+    pub pins: StylePins,
 }
 
 impl Default for StyleSource {
@@ -66,6 +82,11 @@ impl Default for StyleSource {
             paint: 1.0,
             protection: 1.0,
             stroke_scale: 1.0,
+            is_collection: false,
+            palette: None,
+            palette_strength: Hand::PALETTE,
+            stroke_direction: None,
+            pins: StylePins::default(),
         }
     }
 }
@@ -78,6 +99,9 @@ pub struct WeightedStyle {
     pub input: StyleInput,
     /// Its weight, at least 0.
     pub weight: f32,
+    /// The part of an image or a preset's paint that is used, or `None` for all of it: as shares of the sides,
+    /// from the left and top edges, 0..1. Looks, and presets that are decoded, are always whole.
+    pub crop: Option<Rect>,
 }
 
 /// The source of a style.
@@ -131,8 +155,20 @@ impl StyleSource {
 
     /// A mix of styles and their weights. Weights are at least 0 and are normalized to sum 1.
     pub fn mix<I: Into<StyleInput>>(styles: impl IntoIterator<Item = (I, f32)>) -> Self {
-        let weighted = |(input, weight): (I, f32)| WeightedStyle { input: input.into(), weight };
+        let weighted = |(input, weight): (I, f32)| WeightedStyle { input: input.into(), weight, crop: None };
         Self { styles: styles.into_iter().map(weighted).collect(), ..Self::default() }
+    }
+
+    /// Several paintings that act as one style, such as a painter's work: each spot of the scene takes its
+    /// place among all of them, and neighbors prefer the same painting. The sky comes from one, foliage from
+    /// another, all in their own colors and strokes. With a single painting, it is that painting.
+    ///
+    /// A collection serves where paintings are alike in manner, or each has what a part of the scene needs. A
+    /// [`mix`](Self::mix) serves to go from one style to another, and to give one look to all of a scene: its
+    /// colors are means.
+    pub fn collection<I: Into<StyleInput>>(paintings: impl IntoIterator<Item = I>) -> Self {
+        let mix = Self::mix(paintings.into_iter().map(|painting| (painting, 1.0)));
+        Self { is_collection: true, ..mix }
     }
 
     /// No style: the splats have their captured colors.
@@ -165,6 +201,33 @@ impl StyleSource {
         Self { stroke_scale, ..self }
     }
 
+    /// The same styles, of whose images only this part is used: shares of the sides, from the left and top
+    /// edges, 0..1. Fields of [`WeightedStyle`] give each its own.
+    pub fn cropped(mut self, part: Rect) -> Self {
+        self.styles.iter_mut().for_each(|style| style.crop = Some(part));
+        self
+    }
+
+    /// The same strokes in other colors: of an image, of a preset, or given ones.
+    pub fn with_palette(self, palette: impl Into<StylePalette>) -> Self {
+        Self { palette: Some(palette.into()), ..self }
+    }
+
+    /// The same styles with this [`palette_strength`](Self::palette_strength), 0..1.
+    pub fn with_palette_strength(self, palette_strength: f32) -> Self {
+        Self { palette_strength, ..self }
+    }
+
+    /// The same styles in strokes that run along a direction, in the entity's local space.
+    pub fn with_stroke_direction(self, direction: Vec3) -> Self {
+        Self { stroke_direction: Some(direction), ..self }
+    }
+
+    /// The same styles with these pinned places.
+    pub fn with_pins(self, pins: impl Into<StylePins>) -> Self {
+        Self { pins: pins.into(), ..self }
+    }
+
     /// The strength within 0..1; 0 if it is no number.
     pub(crate) fn usual_strength(&self) -> f32 {
         if self.strength.is_nan() { 0.0 } else { self.strength.clamp(0.0, 1.0) }
@@ -184,7 +247,24 @@ impl StyleSource {
 
     /// Whether another source gives the same style, apart from the factors that are shown at once.
     pub(crate) fn is_computed_like(&self, other: &Self) -> bool {
-        self.styles == other.styles && self.content == other.content
+        self.styles == other.styles
+            && self.content == other.content
+            && self.is_collection == other.is_collection
+            && self.palette == other.palette
+            && self.palette_strength == other.palette_strength
+            && self.stroke_direction == other.stroke_direction
+            && self.pins == other.pins
+    }
+
+    /// Whether something is decided that a bake does not know of.
+    pub(crate) fn has_hand(&self) -> bool {
+        let plain = Self::default();
+        self.is_collection
+            || self.palette.is_some()
+            || self.palette_strength != plain.palette_strength
+            || self.stroke_direction.is_some()
+            || self.pins != plain.pins
+            || self.styles.iter().any(|style| style.crop.is_some())
     }
 
     /// Whether there is no style.

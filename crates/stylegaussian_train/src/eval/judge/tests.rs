@@ -44,7 +44,7 @@ fn texture_agrees_with_a_reference() {
         depth: vec![1.0; 64 * 64],
     };
     let look = judge.look(&view).unwrap();
-    let painting = Image { width: 64, height: 64, rgb: picture(2).into_flattened() };
+    let painting = Image { width: 64, height: 64, rgb: picture(2).into_flattened(), alpha: None };
     let target = judge.painting(&painting).unwrap();
     let errors = style_errors(&look.texture, &target.texture);
     for (found, expected) in errors.into_iter().zip([0.021_739_64, 0.107_380_26, 1.507_503]) {

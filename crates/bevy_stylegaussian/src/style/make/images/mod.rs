@@ -10,7 +10,7 @@ use stylegaussian::recolor::ColorMoments;
 use crate::{
     loader::FileLoader,
     style::{
-        make::later::{Encoded, Input, Later, Stretched, loaded},
+        make::later::{Crop, Encoded, Input, Later, Stretched, loaded},
         wish::{
             encoder::{ImageEncoder, StyleEncoder},
             error::StyleError,
@@ -76,26 +76,26 @@ impl LoadingEncoder<'_> {
 }
 
 impl ImageInputs<'_> {
-    /// The canvas of an image.
-    pub(crate) fn canvas(&mut self, handle: &Handle<Image>) -> Input<Later<Stretched>> {
+    /// The canvas of an image, or of a part of it.
+    pub(crate) fn canvas(&mut self, handle: &Handle<Image>, crop: Option<Crop>) -> Input<Later<Stretched>> {
         let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
-        Ok(Some(self.canvases.get(handle, image)))
+        Ok(Some(self.canvases.get(handle, crop, image)))
     }
 
     /// The palette of an image whose canvas was asked for, or `None` if it is not known yet.
-    pub(crate) fn palette(&self, handle: &Handle<Image>) -> Option<ColorMoments> {
-        self.canvases.palette(handle)
+    pub(crate) fn palette(&self, handle: &Handle<Image>, crop: Option<Crop>) -> Option<ColorMoments> {
+        self.canvases.palette(handle, crop)
     }
 
-    /// The statistics of an image.
-    pub(crate) fn statistics(&mut self, handle: &Handle<Image>) -> Input<Later<Encoded>> {
+    /// The statistics of an image, or of a part of it.
+    pub(crate) fn statistics(&mut self, handle: &Handle<Image>, crop: Option<Crop>) -> Input<Later<Encoded>> {
         let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
         let Some(encoder) = loaded(&self.server, &self.encoders, &self.encoder.0)? else {
             // The default handle is never loaded; it exists only if the encoder is bundled.
             let is_default = self.encoder.0 == Handle::default();
             return if is_default { Err(StyleError::NoEncoder.into()) } else { Ok(None) };
         };
-        Ok(Some(self.statistics.get(handle, image, encoder)))
+        Ok(Some(self.statistics.get(handle, crop, image, encoder)))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use bevy::{prelude::*, render::render_resource::TextureFormat};
 
-use crate::style::wish::error::StyleError;
+use crate::style::{make::later::Crop, wish::error::StyleError};
 
 /// An image as canvases and encoders take it. Takes a while: not for the main thread.
 ///
@@ -13,6 +13,19 @@ pub(crate) fn decoded(name: String, image: Image) -> Result<stylegaussian_encode
     let image = image.try_into_dynamic();
     let image = image.map_err(|source| StyleError::Image { image: name, found: source.to_string() })?;
     Ok(image.into())
+}
+
+/// The part of an image that is used.
+///
+/// # Errors
+/// If it is no part of it.
+pub(crate) fn cropped(
+    name: &str,
+    image: stylegaussian_encoder::Image,
+    crop: Option<Crop>,
+) -> Result<stylegaussian_encoder::Image, StyleError> {
+    let Some(crop) = crop else { return Ok(image) };
+    image.cropped(crop.area()).map_err(|source| StyleError::Crop { image: name.into(), source })
 }
 
 /// A copy of the image for a task.

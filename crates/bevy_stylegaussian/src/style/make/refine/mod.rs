@@ -306,10 +306,11 @@ impl Means<'_> {
     }
 }
 
-/// The paintings that a style is baked toward, and their weights. None if it cannot be refined.
+/// The paintings that a style is baked toward, and their weights. None if it cannot be refined: a bake knows
+/// whole paintings alone.
 fn paintings<'a>(refine: &'a StyleRefine, source: &'a StyleSource) -> Vec<(&'a Handle<Image>, f32)> {
     let used = || source.styles.iter().filter(|style| style.weight > 0.0);
-    if used().any(|style| matches!(style.input, StyleInput::Look(_))) {
+    if source.has_hand() || used().any(|style| matches!(style.input, StyleInput::Look(_))) {
         return Vec::new();
     }
     if !refine.paintings.is_empty() {
