@@ -6,7 +6,10 @@ use std::{
 };
 
 use bevy::prelude::*;
-use bevy_stylegaussian::{GaussianSplats, StyleLook, StyleRefine, StyleSource, style::StyleInput};
+use bevy_stylegaussian::{
+    GaussianSplats, StyleLook, StyleRefine, StyleSource,
+    style::{StyleInput, StyleMotion},
+};
 
 use crate::{ASSETS, panel::Transfer, scene::ShownScene};
 
@@ -48,10 +51,12 @@ pub struct Styles {
     pub list: Vec<Style>,
     /// Share of the content that stays, 0..1.
     pub content: f32,
-    /// How strokes are drawn, as factors: how much of them, how much stays clear of them, and their size.
+    /// How strokes are drawn, as factors: how much of them, how much stays clear of them, and their size; and
+    /// how they move.
     pub paint: f32,
     pub protection: f32,
     pub stroke_scale: f32,
+    pub motion: StyleMotion,
     pub finish: Finish,
     /// Whether the baked looks belong to the scene that is shown.
     pub looks_fit: bool,
@@ -126,6 +131,7 @@ impl Styles {
             paint: self.paint,
             protection: self.protection,
             stroke_scale: self.stroke_scale,
+            motion: self.motion,
             ..StyleSource::mix(styles)
         }
     }

@@ -11,7 +11,10 @@ struct StrokeChunk {
     protection: f32,
     /// Factor of the size of strokes.
     stroke_scale: f32,
-    padding: u32,
+    /// Motions that count.
+    n_motions: u32,
+    /// The motions, each of other seeds.
+    motions: array<StrokeMotion, MAX_MOTIONS>,
 }
 
 /// A spot of a surface about a stroke wide, and its place in a painting.
@@ -26,7 +29,8 @@ struct StrokeSeed {
     rotation_z_aspect: u32,
     /// Its place in the painting, x and y: fractions of 16 bits of `PERIOD`.
     place: u32,
-    /// Fine gain, wide gain, layer, and which number of the quaternion is left out: a byte each.
+    /// Fine gain, wide gain and layer (a byte each), which number of the quaternion is left out (two bits), and
+    /// the direction of strokes in the painting.
     look: u32,
 }
 
@@ -97,6 +101,26 @@ fn gains_of(word: u32, seed: StrokeSeed) -> vec2<f32> {
     return share * uniforms.amount * gains * (1.0 - vec2(PROTECTED, 1.0) * protection);
 }
 
+/// A seed as its motion has it now.
+fn seed_now(number: u32, seed: StrokeSeed) -> MovedSeed {
+    let turn = turn_of(seed);
+    let right = rotated(turn, vec3(1.0, 0.0, 0.0));
+    let down = rotated(turn, vec3(0.0, 1.0, 0.0));
+    var now = MovedSeed(right, down, vec2(0.0), 1.0);
+    // Without motions, not a step of it: software adapters skip nothing but iterations.
+    for (var i = 0u; i < uniforms.n_motions; i++) {
+        if number >= uniforms.motions[i].first && number < uniforms.motions[i].end {
+            let turned = (seed.rotation_xy << 16u) | (seed.rotation_xy >> 16u);
+            let angle = f32(seed.look >> DIRECTION_SHIFT) * DIRECTION_STEP;
+            let aspect = unpack2x16float(seed.rotation_z_aspect).y;
+            let own = hashed(seed.place ^ turned);
+            now = moved(now, uniforms.motions[i], own, vec2(cos(angle), sin(angle)), aspect);
+            break;
+        }
+    }
+    return now;
+}
+
 fn byte(x: f32) -> u32 {
     return u32(clamp(x, 0.0, 1.0) * 255.0 + 0.5);
 }
@@ -110,8 +134,10 @@ fn wrapped(x: f32) -> u32 {
 /// The record of a Gaussian, all zero if it shows no strokes.
 fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     let none = vec4(0u);
-    let seed = seeds[word & ((1u << SEED_BITS) - 1u)];
-    let gains = gains_of(word, seed);
+    let number = word & ((1u << SEED_BITS) - 1u);
+    let seed = seeds[number];
+    let now = seed_now(number, seed);
+    let gains = now.gain * gains_of(word, seed);
     let pixel = gradients(gaussian.mean);
     // Along the ray neither coordinate changes.
     let ray = cross(pixel.x, pixel.y);
@@ -134,17 +160,17 @@ fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     let along_x = clamp(dot(across, beside_x) / across_ray, -limit, limit);
     let along_y = clamp(dot(across, beside_y) / across_ray, -limit, limit);
 
-    let turn = turn_of(seed);
     let pitch = seed.pitch / uniforms.stroke_scale * vec2(1.0, unpack2x16float(seed.rotation_z_aspect).y);
-    let right = pitch.x * rotated(turn, vec3(1.0, 0.0, 0.0));
-    let down = pitch.y * rotated(turn, vec3(0.0, 1.0, 0.0));
+    let right = pitch.x * now.right;
+    let down = pitch.y * now.down;
     let on_plane_x = beside_x - ray * along_x;
     let on_plane_y = beside_y - ray * along_y;
     let step_x = clamp(vec2(dot(right, on_plane_x), dot(down, on_plane_x)), vec2(-MAX_STEP), vec2(MAX_STEP));
     let step_y = clamp(vec2(dot(right, on_plane_y), dot(down, on_plane_y)), vec2(-MAX_STEP), vec2(MAX_STEP));
     let local = gaussian.mean - seed.at;
     let place = vec2<f32>(vec2(seed.place & 0xffffu, seed.place >> 16u)) / 65536.0
-        + vec2(dot(right, local), dot(down, local)) / PERIOD;
+        + vec2(dot(right, local), dot(down, local)) / PERIOD
+        + now.shift;
 
     // As if it were seen from the front. Slanted, up to three times as much: a texture cannot be blurred in one
     // direction.

@@ -24,12 +24,17 @@ use glam::{Quat, Vec2, Vec3};
 use half::f16;
 
 mod mix;
+mod motion;
 mod record;
 #[cfg(test)]
 mod tests;
 mod texture;
 
 pub use mix::{EDGE, StrokeLayer, mix_strokes, mixed};
+pub use motion::{
+    ACROSS, DIRECTION_SHIFT, DIRECTIONS, FADE, KIND_BOIL, KIND_FLOW, KIND_STILL, MotionNow, STROKE,
+    StrokeMotion, TURN,
+};
 pub use record::{
     EDGE_ON, FLATTEST, LEAST_ALPHA, LEVELS, MAX_STEP, MOST_OCTAVES, PROTECTED, SHARPER, StrokeRecord,
 };
@@ -144,8 +149,9 @@ pub struct StrokeSeed {
     pub rotation_z_aspect: u32,
     /// Its place in the painting, x and y: fractions of 16 bits of [`PERIOD`].
     pub place: u32,
-    /// Fine gain and wide gain (bytes, of [`MAX_GAIN`]), number of the texture, and which number of the
-    /// quaternion is left out (0 for x, 3 for w): a byte each.
+    /// Fine gain and wide gain (bytes, of [`MAX_GAIN`]), number of the texture (a byte), which number of the
+    /// quaternion is left out (two bits, 0 for x, 3 for w), and the direction of strokes in the painting (six
+    /// bits, of half a circle): see [`direction`](Self::direction).
     pub look: u32,
 }
 

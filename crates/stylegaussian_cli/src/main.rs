@@ -7,6 +7,7 @@ mod compute;
 mod download;
 mod knobs;
 mod masks;
+mod motion;
 mod outputs;
 mod scenes;
 mod stylization;

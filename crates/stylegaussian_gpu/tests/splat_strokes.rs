@@ -12,7 +12,7 @@ use pictures::{camera, psnr, random_scene, rgba};
 use stylegaussian::{
     Camera, Scene,
     splat::{Colors, render, render_strokes},
-    strokes::{PlainSeed, StrokeKnobs, StrokeWord, Strokes},
+    strokes::{PlainSeed, StrokeKnobs, StrokeMotion, StrokeWord, Strokes},
 };
 use stylegaussian_gpu::{
     device::HeadlessDevice,
@@ -92,6 +92,39 @@ fn painted_pictures_match() {
             assert!(far <= differences.len() / 200 && largest < 0.015, "pitch {pitch}: {far}, {largest}");
             assert!(agreement > LEAST, "pitch {pitch}: {agreement:.1} dB");
             assert!(from_plain < 45.0, "pitch {pitch}: {from_plain:.1} dB from no strokes");
+        }
+    }
+}
+
+/// Strokes that boil and that flow, by tiles and by quads.
+#[test]
+fn moving_pictures_match() {
+    let Some(gpu) = gpu() else { return };
+    let HeadlessDevice { device, queue, .. } = &gpu;
+    let scene = random_scene(1000, 1, 41);
+    let (camera, knobs) = (camera(UVec2::new(80, 60)), StrokeKnobs::default());
+    let painting = strokes(&scene, &[texture(10)], 60.0, 42);
+    let on_gpu = GpuScene::new(device, &scene).unwrap();
+    let (on_screen, settings) = (splat::Camera::pinhole(&camera), SplatSettings::default());
+    let still = rgba(&render_strokes(&scene, Colors::Captured, (&painting, &knobs), &camera, None));
+    for mut headless in both_ways(device) {
+        let uploaded = headless.store().upload(device, queue, &painting).unwrap();
+        for motion in [
+            StrokeMotion::Boil { rate: 8.0, amount: 0.5 },
+            StrokeMotion::Flow { rate: 0.5, amount: 2.0, toward: Vec3::X },
+        ] {
+            let moving = uploaded.moving(motion);
+            let colors = CloudColors::Captured.with_strokes(&moving, knobs).at(1234.56);
+            let clouds = [cloud(&on_gpu, colors)];
+            let found = headless.render(device, queue, &on_screen, &clouds, &settings).unwrap();
+            let moved = painting.moved(motion, 1234.56);
+            let expected = rgba(&render_strokes(&scene, Colors::Captured, (&moved, &knobs), &camera, None));
+            let (agreement, from_still) = (psnr(&found.rgba, &expected), psnr(&still, &expected));
+            // Places are rounded once more before they reach the CPU's records.
+            assert!(
+                agreement > 50.0 && from_still < 45.0,
+                "{motion:?}: {agreement:.1} dB, {from_still:.1} dB"
+            );
         }
     }
 }

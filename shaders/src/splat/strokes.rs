@@ -6,7 +6,30 @@ use stylegaussian::strokes as twin;
 use super::{CHUNK, QUADS, RECORDS, SplatChunk, blend, source};
 use crate::{Source, constants, float_constants};
 
+const MOTION: &str = include_str!("../../wgsl/splat_stroke_motion.wgsl");
 const DETAIL: &str = include_str!("../../wgsl/splat_stroke_detail.wgsl");
+
+/// Motions of a chunk's strokes at most.
+pub const MAX_MOTIONS: usize = 8;
+
+/// How the strokes of some seeds move, now.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct StrokeMotion {
+    /// The unit direction of a flow, in scene space.
+    pub toward: [f32; 3],
+    /// The first seed that moves so.
+    pub first: u32,
+    /// The number after that of the last one.
+    pub end: u32,
+    /// One of the twin's `KIND_` constants.
+    pub kind: u32,
+    /// Number of the present drawing of strokes that are redrawn, or the bits of the part of the present run of
+    /// strokes that run, an f32 of 0..1.
+    pub phase: u32,
+    /// Distance in widths of a stroke.
+    pub amount: f32,
+}
 
 /// A chunk, and the factors that change without computing strokes anew.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -20,8 +43,10 @@ pub struct StrokeChunk {
     pub protection: f32,
     /// Factor of the size of strokes.
     pub stroke_scale: f32,
-    /// Unused.
-    pub padding: u32,
+    /// Motions that count; 0 if all strokes stand still.
+    pub n_motions: u32,
+    /// The motions, each of other seeds.
+    pub motions: [StrokeMotion; MAX_MOTIONS],
 }
 
 /// The uniforms of a draw with strokes.
@@ -40,7 +65,14 @@ pub struct StrokeDraw {
 
 /// The constants of the CPU twin.
 fn twin_constants() -> String {
-    let integers = constants(&[("SEED_BITS", twin::SEED_BITS), ("SEVEN_BITS", twin::SEVEN_BITS)]);
+    let integers = constants(&[
+        ("SEED_BITS", twin::SEED_BITS),
+        ("SEVEN_BITS", twin::SEVEN_BITS),
+        ("DIRECTION_SHIFT", twin::DIRECTION_SHIFT),
+        ("KIND_BOIL", twin::KIND_BOIL),
+        ("KIND_FLOW", twin::KIND_FLOW),
+        ("MAX_MOTIONS", MAX_MOTIONS as u32),
+    ]);
     let floats = float_constants(&[
         ("MAX_GAIN", twin::MAX_GAIN),
         ("PERIOD", twin::PERIOD),
@@ -55,6 +87,11 @@ fn twin_constants() -> String {
         ("FLATTEST", twin::FLATTEST),
         ("EDGE_ON", twin::EDGE_ON),
         ("MAX_STEP", twin::MAX_STEP),
+        ("STROKE", twin::STROKE),
+        ("TURN", twin::TURN),
+        ("FADE", twin::FADE),
+        ("ACROSS", twin::ACROSS),
+        ("DIRECTION_STEP", std::f32::consts::PI / twin::DIRECTIONS as f32),
     ]);
     integers + &floats
 }
@@ -62,7 +99,7 @@ fn twin_constants() -> String {
 /// Writes the strokes of splats.
 pub fn records() -> Source {
     let kernel = include_str!("../../wgsl/splat_strokes.wgsl");
-    source("splat_strokes", &[&twin_constants(), RECORDS, CHUNK, kernel])
+    source("splat_strokes", &[&twin_constants(), RECORDS, CHUNK, MOTION, kernel])
 }
 
 /// Draws the sorted splats with strokes.

@@ -2,6 +2,7 @@
 //!
 //! - The wish: [`StyleSource`] is a mix of [`WeightedStyle`]s, each of a [`StyleInput`]. [`StyleMethod`]
 //!   chooses between paint and the [`decoder`]. [`StylePrepare`] prepares a scene for its first style.
+//!   [`StyleMotion`] lets its strokes boil and flow.
 //! - The change: [`StyleTransition`] and [`HiddenUntilStyled`]. A [`StyleVolume`] gives a part of space a
 //!   style.
 //! - The report: [`StyleRecolored`], [`StyleApplied`] and [`StyleFailed`] are events, [`StyleProgress`] and
@@ -51,6 +52,7 @@ pub use wish::applied::AppliedStyle;
 pub use wish::asset::{StyleLook, StyleStatistics};
 pub use wish::error::StyleError;
 pub use wish::event::{StyleApplied, StyleFailed, StyleRecolored};
+pub use wish::motion::StyleMotion;
 pub use wish::settings::StyleMethod;
 pub use wish::source::{HiddenUntilStyled, StyleInput, StyleSource, WeightedStyle};
 

@@ -312,6 +312,8 @@ fn seeds(
             texture: 0,
         }
         .packed()
+        // The texture is stretched, and a direction is not.
+        .with_direction(canvas.strokes[canvas.place_at(placement.at)].0)
     };
     placements.iter().enumerate().map(seed).collect()
 }

@@ -114,7 +114,7 @@ impl Project {
                     ..of_cloud
                 };
                 let key = self.bindings(chunk, cloud);
-                let uniforms = with_knobs(uniforms, painted.map(|painted| painted.knobs).as_ref());
+                let uniforms = with_knobs(uniforms, painted.as_ref());
                 view.push_chunk(&uniforms, key, versions, |key| self.bind(device, key));
                 first_record += chunk.n_gaussians;
             }

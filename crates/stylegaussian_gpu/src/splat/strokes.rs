@@ -2,11 +2,14 @@
 //!
 //! Nothing of it is compiled or allocated before a cloud with strokes is drawn.
 
-use std::sync::OnceLock;
+use std::{ops::Range, sync::OnceLock};
 
-use stylegaussian::strokes::StrokeKnobs;
-use stylegaussian_shaders::splat::strokes::{self as shaders, StrokeChunk, StrokeDraw};
+use stylegaussian::strokes::{KIND_FLOW, MotionNow, StrokeKnobs};
+use stylegaussian_shaders::splat::strokes::{
+    self as shaders, MAX_MOTIONS, StrokeChunk, StrokeDraw, StrokeMotion,
+};
 
+use super::cloud::PaintedColors;
 use crate::{
     bindings::{
         bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding, uniform_binding,
@@ -203,24 +206,43 @@ impl ViewStrokes {
     }
 }
 
-/// A chunk with the knobs of its strokes, or with none. Numbers that are not finite show no strokes.
+/// A chunk with the knobs and motions of its strokes, or with none. Numbers that are not finite show no strokes.
 pub(super) fn with_knobs(
     chunk: stylegaussian_shaders::splat::SplatChunk,
-    knobs: Option<&StrokeKnobs>,
+    painted: Option<&PaintedColors>,
 ) -> StrokeChunk {
     let none = StrokeKnobs { amount: 0.0, ..StrokeKnobs::DEFAULT };
-    let is_usable = |knobs: &&StrokeKnobs| {
-        let StrokeKnobs { amount, protection, stroke_scale, .. } = **knobs;
+    let is_usable = |painted: &&PaintedColors| {
+        let StrokeKnobs { amount, protection, stroke_scale, .. } = painted.knobs;
         amount.is_finite() && protection.is_finite() && stroke_scale.is_finite() && stroke_scale > 0.0
     };
-    let knobs = knobs.filter(is_usable).unwrap_or(&none);
+    let painted = painted.filter(is_usable);
+    let knobs = painted.map_or(none, |painted| painted.knobs);
+    let (motions, n_motions) = painted.map_or_else(Default::default, motions_now);
     StrokeChunk {
         chunk,
         amount: knobs.amount,
         protection: knobs.protection,
         stroke_scale: knobs.stroke_scale,
-        padding: 0,
+        n_motions,
+        motions,
     }
+}
+
+/// The motions of strokes at their time, and how many count: none that stands still, so that time changes
+/// nothing then.
+fn motions_now(painted: &PaintedColors) -> ([StrokeMotion; MAX_MOTIONS], u32) {
+    let mut motions = [StrokeMotion::default(); MAX_MOTIONS];
+    let moving = painted.strokes.motions().iter().filter(|(_, motion)| !motion.is_still());
+    let mut n_motions = 0;
+    for (place, (seeds, motion)) in motions.iter_mut().zip(moving) {
+        let MotionNow { kind, drawing, part, amount, toward } = motion.at(painted.seconds);
+        let phase = if kind == KIND_FLOW { part.to_bits() } else { drawing };
+        let Range { start, end } = *seeds;
+        *place = StrokeMotion { toward: toward.to_array(), first: start, end, kind, phase, amount };
+        n_motions += 1;
+    }
+    (motions, n_motions)
 }
 
 #[cfg(test)]

@@ -23,9 +23,9 @@ use crate::{
 /// Bytes of one half of a record.
 const HALF_RECORD: u64 = 16;
 
-/// Bytes from one chunk's uniforms to the next one's: the coarsest alignment of dynamic offsets that a device
-/// may ask for.
-const UNIFORM_STRIDE: usize = 256;
+/// Bytes from one chunk's uniforms to the next one's: their size, and a multiple of the coarsest alignment of
+/// dynamic offsets that a device may ask for.
+const UNIFORM_STRIDE: usize = size_of::<StrokeChunk>().next_multiple_of(256);
 
 /// The most batches that the sort can dispatch: WebGPU's default limit on workgroups in one dimension.
 const MAX_BATCHES: u64 = 65_535;

@@ -7,7 +7,7 @@
 //! pass then reads the style's own buffer, which other entities may read too.
 
 use bevy::{camera::primitives::Aabb, prelude::*};
-use stylegaussian::layers::Region;
+use stylegaussian::{layers::Region, strokes::StrokeMotion};
 
 use crate::{
     colors::{ColorLayer, ColorLayers, LayerColors},
@@ -157,6 +157,7 @@ pub(crate) fn compose_layers(
         let all = [Vec3::from(bounds.min()), Vec3::from(bounds.max())];
         let place = Place::new(world_from_scene, scene.asset.usual_bounds().unwrap_or(all), all, &place_of);
         let (mut found, mut is_hidden, mut knobs) = (Vec::new(), false, layers.knobs);
+        let mut motion = layers.layers.first().map_or(StrokeMotion::Still, |layer| layer.motion);
         if let Ok((mut jobs, source)) = own.get_mut(entity)
             && let Some(job) = jobs.bypass_change_detection().of_scene.iter_mut().find(|job| job.is_of(scene))
         {
@@ -165,7 +166,9 @@ pub(crate) fn compose_layers(
             // A style that goes, goes as it was drawn.
             if let Some(source) = source.filter(|source| !source.is_none()) {
                 knobs = source.knobs();
+                motion = source.motion.usual();
             }
+            found.iter_mut().for_each(|layer| layer.motion = motion);
             let strength = source.map_or(1.0, StyleSource::usual_strength);
             if strength < 1.0 && !found.is_empty() {
                 // Colors are premultiplied: captured colors of the rest over them multiply them by the
@@ -188,7 +191,8 @@ pub(crate) fn compose_layers(
                 false => region.shape_from_scene * world_from_scene,
             };
             let region = Region { shape_from_scene, ..region };
-            found.extend(job.worn.volume_layer(&place, region, source.usual_strength(), volume.channel()));
+            let layer = job.worn.volume_layer(&place, region, source.usual_strength(), volume.channel());
+            found.extend(layer.map(|layer| ColorLayer { motion: source.motion.usual(), ..layer }));
         }
         // A layer that covers all hides those below.
         if let Some(top) = found.iter().rposition(ColorLayer::covers_all) {

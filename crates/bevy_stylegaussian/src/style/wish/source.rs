@@ -3,7 +3,10 @@
 use bevy::prelude::*;
 use stylegaussian::strokes::StrokeKnobs;
 
-use crate::style::wish::asset::{GaussianDecoder, StyleLook, StyleStatistics};
+use crate::style::wish::{
+    asset::{GaussianDecoder, StyleLook, StyleStatistics},
+    motion::StyleMotion,
+};
 
 /// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images, presets and
 /// looks, blended with the content itself. Change it at any time. The old colors stay until the new ones are
@@ -15,10 +18,10 @@ use crate::style::wish::asset::{GaussianDecoder, StyleLook, StyleStatistics};
 /// CPU, whichever [`StyleBackend`](crate::style::decoder::StyleBackend) is set, and so are the images and
 /// presets beside a look. In a mix of paintings, each spot shows the strokes of one of them.
 ///
-/// [`strength`](Self::strength), [`paint`](Self::paint), [`protection`](Self::protection) and
-/// [`stroke_scale`](Self::stroke_scale) are shown in the next frame and compute nothing, so they can be
-/// animated. A [`StyleVolume`](crate::StyleVolume) has a strength of its own; its strokes are drawn by the
-/// other three of the splats that it lies on.
+/// [`strength`](Self::strength), [`paint`](Self::paint), [`protection`](Self::protection),
+/// [`stroke_scale`](Self::stroke_scale) and [`motion`](Self::motion) are shown in the next frame and compute
+/// nothing, so they can be animated. A [`StyleVolume`](crate::StyleVolume) has a strength and a motion of its
+/// own; its strokes are drawn by the other three of the splats that it lies on.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -54,6 +57,10 @@ pub struct StyleSource {
     /// Size of the strokes, as a factor, 0.1 to 10. At 1, the default, they are as large as in the painting if
     /// the scene is seen at 512 pixels from the usual distance.
     pub stroke_scale: f32,
+    /// The way in which the strokes move: not at all by default. Each volume's strokes move as its own source
+    /// says, within its region and its channel of a [`StyleMask`](crate::StyleMask); where more than eight
+    /// sources that move lie on one cloud, the lowest stand still.
+    pub motion: StyleMotion,
 }
 
 impl Default for StyleSource {
@@ -66,6 +73,7 @@ impl Default for StyleSource {
             paint: 1.0,
             protection: 1.0,
             stroke_scale: 1.0,
+            motion: StyleMotion::Still,
         }
     }
 }
@@ -163,6 +171,11 @@ impl StyleSource {
     /// The same styles in strokes of this size, as a factor, 0.1 to 10.
     pub fn with_stroke_scale(self, stroke_scale: f32) -> Self {
         Self { stroke_scale, ..self }
+    }
+
+    /// The same styles in strokes that move.
+    pub fn with_motion(self, motion: StyleMotion) -> Self {
+        Self { motion, ..self }
     }
 
     /// The strength within 0..1; 0 if it is no number.
