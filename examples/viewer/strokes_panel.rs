@@ -27,6 +27,14 @@ pub fn draw(ui: &mut Ui, styles: &mut Styles) {
     ui.label("stroke size");
     ui.add(Slider::new(&mut styles.stroke_scale, 0.25..=4.0).logarithmic(true).fixed_decimals(2));
     ui.end_row();
+    ui.label("relief").on_hover_text("the thickness of the paint, which a light falls on");
+    ui.add(Slider::new(&mut styles.relief, 0.0..=3.0).fixed_decimals(2));
+    ui.end_row();
+    if styles.relief > 0.0 {
+        ui.label("light from").on_hover_text("around the scene");
+        ui.add(Slider::new(&mut styles.light_from, 0.0..=360.0).fixed_decimals(0).suffix("°"));
+        ui.end_row();
+    }
     ui.label("motion").on_hover_text("the way in which strokes move");
     ui.horizontal(|ui| {
         for (motion, text, hint) in motions() {

@@ -8,7 +8,7 @@ use std::{
 use bevy::prelude::*;
 use bevy_stylegaussian::{
     GaussianSplats, StyleLook, StyleRefine, StyleSource,
-    style::{StyleInput, StyleMotion},
+    style::{StyleInput, StyleMotion, StyleRelief},
 };
 
 use crate::{ASSETS, panel::Transfer, scene::ShownScene};
@@ -57,6 +57,9 @@ pub struct Styles {
     pub protection: f32,
     pub stroke_scale: f32,
     pub motion: StyleMotion,
+    /// Thickness of the paint, as a factor, and where the light on it is, in degrees around the world's y axis.
+    pub relief: f32,
+    pub light_from: f32,
     pub finish: Finish,
     /// Whether the baked looks belong to the scene that is shown.
     pub looks_fit: bool,
@@ -126,12 +129,15 @@ impl Styles {
 
     fn source(&self) -> StyleSource {
         let styles = self.used().map(|style| (self.shown_as(style), style.weight));
+        // As high as it is far.
+        let light = Quat::from_rotation_y(self.light_from.to_radians()) * Vec3::new(1.0, 1.0, 0.0);
         StyleSource {
             content: self.content,
             paint: self.paint,
             protection: self.protection,
             stroke_scale: self.stroke_scale,
             motion: self.motion,
+            relief: StyleRelief::lit_from(light).with_amount(self.relief),
             ..StyleSource::mix(styles)
         }
     }

@@ -290,10 +290,23 @@ pub fn layouts() -> Vec<Layout> {
         layout!(SplatTiles { viewport, n_tiles, capacity, padding }),
         layout!(RunProgress { n_splats, n_tiles }),
         layout!(SplatComposite { exposure }),
-        layout!(StrokeChunk { chunk, amount, protection, stroke_scale, n_motions, motions }),
+        layout!(StrokeChunk {
+            chunk,
+            amount,
+            protection,
+            stroke_scale,
+            n_motions,
+            light,
+            relief,
+            n_lights,
+            padding_0,
+            padding_1,
+            padding_2,
+            motions,
+        }),
         layout!(StrokeMotion { toward, first, end, kind, phase, amount }),
         layout!(StrokeSeed { at, pitch, rotation_xy, rotation_z_aspect, place, look }),
-        layout!(StrokeDraw { near, padding_0, padding_1, padding_2 }),
+        layout!(StrokeDraw { near, n_lights, padding_0, padding_1 }),
     ]
 }
 

@@ -9,6 +9,8 @@ struct Quad {
     @location(2) @interpolate(flat) color: vec4<f32>,
     /// The strokes as they are stored: unpacked, they would take two more locations.
     @location(3) @interpolate(flat) strokes: vec4<u32>,
+    /// And the light on them.
+    @location(4) @interpolate(flat) relief: vec4<u32>,
 }
 
 @vertex
@@ -20,7 +22,11 @@ fn splat_draw_strokes_vertex(
     let geometry = geometry_halves[record];
     let splat = unpacked(geometry, color_halves[record]);
     let color = vec4(splat.color, splat.opacity);
-    return Quad(corner_of(splat, corner), geometry, splat.y_precision, color, stroke_records[record]);
+    var relief = vec4(0u);
+    if stroke_draw.n_lights > 0u {
+        relief = relief_records[record];
+    }
+    return Quad(corner_of(splat, corner), geometry, splat.y_precision, color, stroke_records[record], relief);
 }
 
 /// The detail at `d` pixels from the splat's center.
@@ -51,7 +57,11 @@ fn splat_draw_strokes_fragment(quad: Quad) -> @location(0) vec4<f32> {
     }
     var rgb = quad.color.rgb;
     if alpha >= LEAST_ALPHA && has_strokes(quad.strokes) {
-        rgb += stroke_detail(unpacked_strokes(quad.strokes), d);
+        let strokes = unpacked_strokes(quad.strokes);
+        rgb += stroke_detail(strokes, d);
+        if stroke_draw.n_lights > 0u {
+            rgb += lit(strokes, unpacked_relief(quad.relief), place_at(strokes, d), quad.color.rgb);
+        }
     }
     return vec4(rgb * alpha, alpha);
 }

@@ -4,9 +4,10 @@
 struct StrokeDraw {
     /// Share of finer strokes that are added where a painting is magnified.
     near: f32,
+    /// 1 if there is relief, else 0.
+    n_lights: u32,
     padding_0: u32,
     padding_1: u32,
-    padding_2: u32,
 }
 
 @group(1) @binding(0) var<uniform> stroke_draw: StrokeDraw;

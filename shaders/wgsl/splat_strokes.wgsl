@@ -13,6 +13,15 @@ struct StrokeChunk {
     stroke_scale: f32,
     /// Motions that count.
     n_motions: u32,
+    /// The unit direction to the light, in scene space.
+    light: vec3<f32>,
+    /// Factor of the thickness of paint.
+    relief: f32,
+    /// 1 if any paint of the view has relief, else 0.
+    n_lights: u32,
+    padding_0: u32,
+    padding_1: u32,
+    padding_2: u32,
     /// The motions, each of other seeds.
     motions: array<StrokeMotion, MAX_MOTIONS>,
 }
@@ -37,6 +46,8 @@ struct StrokeSeed {
 @group(0) @binding(0) var<uniform> uniforms: StrokeChunk;
 @group(0) @binding(1) var<storage, read> keys: array<u32>;
 @group(0) @binding(2) var<storage, read_write> stroke_records: array<vec4<u32>>;
+/// The light on each record's paint, if there is any.
+@group(0) @binding(3) var<storage, read_write> relief_records: array<vec4<u32>>;
 @group(1) @binding(0) var<storage, read> gaussians: array<PackedGaussian>;
 /// Seed, protection and share of each Gaussian of the scene.
 @group(1) @binding(1) var<storage, read> words: array<u32>;
@@ -188,6 +199,29 @@ fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     return vec4(packed_place, pack2x16float(step_x), pack2x16float(step_y), look);
 }
 
+/// How light falls on a Gaussian's paint, all zero if its paint is flat.
+fn relief_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
+    let number = word & ((1u << SEED_BITS) - 1u);
+    let seed = seeds[number];
+    let now = seed_now(number, seed);
+    let eye = uniforms.chunk.eye;
+    let to_eye = normalize(eye.xyz - eye.w * gaussian.mean);
+    let inward = cross(now.right, now.down);
+    let outward = select(inward, -inward, dot(inward, to_eye) < 0.0);
+    let between = uniforms.light + to_eye;
+    let half_way = between * inverseSqrt(max(dot(between, between), 1e-12));
+    let axes = mat3x3(now.right, now.down, outward);
+    // A product from the left is that with the transpose.
+    let light = uniforms.light * axes;
+    let middle = half_way * axes;
+    return vec4(
+        pack2x16snorm(light.xy),
+        pack2x16snorm(vec2(light.z, middle.z)),
+        pack2x16snorm(middle.xy),
+        pack2x16float(vec2(uniforms.relief, unpack2x16float(seed.rotation_z_aspect).y)),
+    );
+}
+
 @compute @workgroup_size(WORKGROUP)
 fn splat_strokes(
     @builtin(workgroup_id) workgroup: vec3<u32>,
@@ -205,4 +239,7 @@ fn splat_strokes(
     }
     let word = words[uniforms.chunk.first_gaussian + index];
     stroke_records[record] = record_of(gaussians[index], word);
+    if uniforms.n_lights > 0u {
+        relief_records[record] = relief_of(gaussians[index], word);
+    }
 }

@@ -26,6 +26,7 @@ use half::f16;
 mod mix;
 mod motion;
 mod record;
+mod relief;
 #[cfg(test)]
 mod tests;
 mod texture;
@@ -38,6 +39,7 @@ pub use motion::{
 pub use record::{
     EDGE_ON, FLATTEST, LEAST_ALPHA, LEVELS, MAX_STEP, MOST_OCTAVES, PROTECTED, SHARPER, StrokeRecord,
 };
+pub use relief::{BLURRIER, GLOSS, IN_LIGHT, SHININESS, STEEPEST, StrokeRelief, THICKNESS};
 pub use texture::{FINE_SIDE, StrokeTexture, WIDE_LEVEL, WIDE_SIDE};
 
 use std::{f32::consts::SQRT_2, sync::Arc};
@@ -78,12 +80,17 @@ pub struct StrokeKnobs {
     /// Share of finer strokes that are added where a painting is magnified, 0..1. Each octave has it of the one
     /// before.
     pub near: f32,
+    /// Factor of the thickness of paint, which [`light`](Self::light) falls on. At 0 there is no relief.
+    pub relief: f32,
+    /// Direction to the light, in scene space, of any length but 0.
+    pub light: Vec3,
 }
 
 impl StrokeKnobs {
-    /// Strokes as they were computed, and half of finer ones from near: more of them draw beads, and fewer
-    /// blur.
-    pub const DEFAULT: Self = Self { amount: 1.0, protection: 1.0, stroke_scale: 1.0, near: 0.5 };
+    /// Strokes as they were computed, without relief, and half of finer ones from near: more of them draw beads,
+    /// and fewer blur.
+    pub const DEFAULT: Self =
+        Self { amount: 1.0, protection: 1.0, stroke_scale: 1.0, near: 0.5, relief: 0.0, light: Vec3::ZERO };
 }
 
 impl Default for StrokeKnobs {

@@ -9,6 +9,7 @@ mod knobs;
 mod masks;
 mod motion;
 mod outputs;
+mod relief;
 mod scenes;
 mod stylization;
 mod terminal;

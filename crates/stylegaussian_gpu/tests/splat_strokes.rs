@@ -73,7 +73,11 @@ fn painted_pictures_match() {
         (600.0, default),
         (60.0, default),
         (8.0, StrokeKnobs { near: 0.8, ..default }),
-        (30.0, StrokeKnobs { amount: 1.5, protection: 2.0, stroke_scale: 0.7, near: 0.0 }),
+        (30.0, StrokeKnobs { amount: 1.5, protection: 2.0, stroke_scale: 0.7, near: 0.0, ..default }),
+        // A mean of a texel to a pixel, far, and near with gloss.
+        (60.0, StrokeKnobs { relief: 1.0, light: Vec3::new(1.0, 1.0, 1.0), ..default }),
+        (200.0, StrokeKnobs { relief: 2.0, light: Vec3::new(-2.0, 0.5, -0.3), ..default }),
+        (8.0, StrokeKnobs { relief: 0.5, light: Vec3::Z, near: 0.8, ..default }),
     ];
     for mut headless in both_ways(&gpu.device) {
         for (pitch, knobs) in knobs {

@@ -1,13 +1,14 @@
 //! Shaders of strokes: the records of splats, and the draws with them.
 
 use bytemuck::{Pod, Zeroable};
-use stylegaussian::strokes as twin;
+use stylegaussian::{palette::LUMINANCE, strokes as twin};
 
 use super::{CHUNK, QUADS, RECORDS, SplatChunk, blend, source};
 use crate::{Source, constants, float_constants};
 
 const MOTION: &str = include_str!("../../wgsl/splat_stroke_motion.wgsl");
 const DETAIL: &str = include_str!("../../wgsl/splat_stroke_detail.wgsl");
+const RELIEF: &str = include_str!("../../wgsl/splat_stroke_relief.wgsl");
 
 /// Motions of a chunk's strokes at most.
 pub const MAX_MOTIONS: usize = 8;
@@ -45,6 +46,18 @@ pub struct StrokeChunk {
     pub stroke_scale: f32,
     /// Motions that count; 0 if all strokes stand still.
     pub n_motions: u32,
+    /// The unit direction to the light, in scene space.
+    pub light: [f32; 3],
+    /// Factor of the thickness of paint.
+    pub relief: f32,
+    /// 1 if any paint of the view has relief, else 0.
+    pub n_lights: u32,
+    /// Unused.
+    pub padding_0: u32,
+    /// Unused.
+    pub padding_1: u32,
+    /// Unused.
+    pub padding_2: u32,
     /// The motions, each of other seeds.
     pub motions: [StrokeMotion; MAX_MOTIONS],
 }
@@ -55,12 +68,12 @@ pub struct StrokeChunk {
 pub struct StrokeDraw {
     /// Share of finer strokes that are added where a painting is magnified.
     pub near: f32,
+    /// 1 if there is relief, else 0.
+    pub n_lights: u32,
     /// Unused.
     pub padding_0: u32,
     /// Unused.
     pub padding_1: u32,
-    /// Unused.
-    pub padding_2: u32,
 }
 
 /// The constants of the CPU twin.
@@ -91,9 +104,16 @@ fn twin_constants() -> String {
         ("TURN", twin::TURN),
         ("FADE", twin::FADE),
         ("ACROSS", twin::ACROSS),
+        ("THICKNESS", twin::THICKNESS),
+        ("STEEPEST", twin::STEEPEST),
+        ("BLURRIER", twin::BLURRIER),
+        ("SHININESS", twin::SHININESS),
+        ("GLOSS", twin::GLOSS),
+        ("IN_LIGHT", twin::IN_LIGHT),
         ("DIRECTION_STEP", std::f32::consts::PI / twin::DIRECTIONS as f32),
     ]);
-    integers + &floats
+    let [r, g, b] = LUMINANCE.to_array();
+    integers + &floats + &format!("const LUMINANCE = vec3<f32>({r:?}, {g:?}, {b:?});\n")
 }
 
 /// Writes the strokes of splats.
@@ -105,10 +125,10 @@ pub fn records() -> Source {
 /// Draws the sorted splats with strokes.
 pub fn draw() -> Source {
     let draw = include_str!("../../wgsl/splat_draw_strokes.wgsl");
-    source("splat_draw_strokes", &[&twin_constants(), RECORDS, QUADS, DETAIL, draw])
+    source("splat_draw_strokes", &[&twin_constants(), RECORDS, QUADS, DETAIL, RELIEF, draw])
 }
 
 /// Blends the lists of tiles with strokes, with or without a depth texture.
 pub fn tiles_blend(tested: bool) -> Source {
-    blend(tested, &[&twin_constants(), DETAIL, include_str!("../../wgsl/splat_tiles_painted.wgsl")])
+    blend(tested, &[&twin_constants(), DETAIL, RELIEF, include_str!("../../wgsl/splat_tiles_painted.wgsl")])
 }

@@ -2,7 +2,7 @@
 //!
 //! - The wish: [`StyleSource`] is a mix of [`WeightedStyle`]s, each of a [`StyleInput`]. [`StyleMethod`]
 //!   chooses between paint and the [`decoder`]. [`StylePrepare`] prepares a scene for its first style.
-//!   [`StyleMotion`] lets its strokes boil and flow.
+//!   [`StyleMotion`] lets its strokes boil and flow, and [`StyleRelief`] lights their thickness.
 //! - The change: [`StyleTransition`] and [`HiddenUntilStyled`]. A [`StyleVolume`] gives a part of space a
 //!   style.
 //! - The report: [`StyleRecolored`], [`StyleApplied`] and [`StyleFailed`] are events, [`StyleProgress`] and
@@ -53,6 +53,7 @@ pub use wish::asset::{StyleLook, StyleStatistics};
 pub use wish::error::StyleError;
 pub use wish::event::{StyleApplied, StyleFailed, StyleRecolored};
 pub use wish::motion::StyleMotion;
+pub use wish::relief::{PaintLight, StyleRelief};
 pub use wish::settings::StyleMethod;
 pub use wish::source::{HiddenUntilStyled, StyleInput, StyleSource, WeightedStyle};
 
@@ -75,6 +76,7 @@ impl Plugin for StylePlugin {
             .init_resource::<make::packed::PackedInputs>()
             .init_resource::<make::presets::Presets>()
             .init_resource::<make::surfaces::Surfaces>()
+            .init_resource::<show::sun::Sun>()
             .register_required_components::<StyleVolume, StyleSource>()
             // On the source and not on the splats: entities that are never styled carry none.
             .register_required_components::<StyleSource, make::job::StyleJobs>()
@@ -110,6 +112,14 @@ impl Plugin for StylePlugin {
                     // Volumes and waves are where they are in this frame.
                     .after(TransformSystems::Propagate),
             );
+        #[cfg(feature = "pbr")]
+        app.add_systems(
+            PostUpdate,
+            show::sun::find_sun
+                .in_set(StyleGaussianSystems::Styles)
+                .after(TransformSystems::Propagate)
+                .before(show::compose::compose_layers),
+        );
         register_types(app);
         #[cfg(feature = "images")]
         app.add_plugins(make::images::ImagesPlugin);

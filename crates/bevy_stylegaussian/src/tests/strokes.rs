@@ -28,7 +28,7 @@ use stylegaussian::{
 use crate::{
     GaussianSplats, StyleApplied, StyleSource, StyleTransition, StyleVolume,
     colors::{ShownColors, StrokeTextures},
-    style::{StyleMotion, decoder::StyleBackend, has_unsettled_styles},
+    style::{StyleMotion, StyleRelief, decoder::StyleBackend, has_unsettled_styles},
 };
 
 use super::{
@@ -42,6 +42,8 @@ const EYE: Vec3 = Vec3::new(0.5, 0.3, 2.6);
 /// Time of an update.
 const STEP: Duration = Duration::from_millis(50);
 const ALL: Region = Region::EVERYWHERE;
+/// Direction to a light.
+const LIGHT: Vec3 = Vec3::new(1.0, 0.5, 0.6);
 
 /// A wall in the plane z = 0 with a gentle pattern and white bars that stand out of it, without features.
 fn wall() -> Scene {
@@ -163,6 +165,11 @@ fn strokes_and_their_knobs_are_those_of_the_cpu() {
     for (name, source, knobs) in [
         ("twice the paint", source.clone().with_paint(2.0), StrokeKnobs { amount: 2.0, ..usual }),
         ("strong", source.clone().with_protection(0.0), StrokeKnobs { protection: 0.0, ..usual }),
+        (
+            "relief",
+            source.clone().with_relief(StyleRelief::lit_from(LIGHT).with_amount(2.0)),
+            StrokeKnobs { relief: 2.0, light: LIGHT, ..usual },
+        ),
         ("large strokes", source.clone().with_stroke_scale(2.0), StrokeKnobs { stroke_scale: 2.0, ..usual }),
     ] {
         let pictures = [&usual, &knobs]
@@ -232,6 +239,24 @@ fn strength_and_volumes_mix_strokes() {
     studio.next();
     let shown = studio.app.sub_app(RenderApp).world().resource::<ShownColors>();
     assert!(shown.shown_strokes(MainEntity::from(studio.wall)).is_none());
+}
+
+/// The game's first directional light falls on paint, and without one paint is flat.
+#[cfg(feature = "pbr")]
+#[test]
+fn paint_is_lit_by_the_sun() {
+    let Some(mut studio) = Studio::new() else { return };
+    let (source, painted) = studio.painting(1, WARM);
+    studio.set(source.clone());
+    studio.settle();
+    let flat = studio.next();
+    studio.set(source.with_relief(StyleRelief::sun()));
+    assert!(studio.next() == flat);
+    let sun = Transform::from_translation(LIGHT).looking_at(Vec3::ZERO, Vec3::Y);
+    studio.app.world_mut().spawn((DirectionalLight::default(), sun));
+    let knobs = StrokeKnobs { relief: 1.0, light: LIGHT, ..StrokeKnobs::DEFAULT };
+    studio.check("sun", splat::Colors::Rgb(&painted.colors), &painted.strokes, &knobs);
+    assert!(distance(&studio.next(), &flat) > 1e-3);
 }
 
 /// Strokes that boil four times a second, in frames of 50 ms: five frames are equal.

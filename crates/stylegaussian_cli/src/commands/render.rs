@@ -22,6 +22,7 @@ use crate::{
     masks::MaskArgs,
     motion::MotionArgs,
     outputs::{expect_files, expect_folder},
+    relief::ReliefArgs,
     scenes::ReadArgs,
     stylization::{Stylization, StylizationArgs},
     terminal::{bar, lossy, print, warn},
@@ -62,6 +63,8 @@ pub struct RenderArgs {
     framing: FrameArgs,
     #[command(flatten)]
     moving: MotionArgs,
+    #[command(flatten)]
+    relief: ReliefArgs,
     /// Size of the pictures in pixels. Default: each camera's own, and 800x600 for an orbit. Files of cameras
     /// with angles of view alone need it.
     #[arg(long, value_name = "WxH", value_parser = picture_size)]
@@ -123,7 +126,8 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
     };
     masking.hide(&mut scene, mask.as_ref());
     let strokes = stylized.as_ref().map(|stylized| &stylized.shown.strokes);
-    let mut drawing = compute.drawing(&scene, colors, strokes, arguments.moving.motion())?;
+    let knobs = arguments.relief.knobs(&scene);
+    let mut drawing = compute.drawing(&scene, colors, strokes, knobs, arguments.moving.motion())?;
     let pictures = render_all(&mut drawing, &cameras, arguments.background, output)?;
     let n_pictures = pictures.len();
     let drawn_by = drawing.name();

@@ -14,7 +14,7 @@ use super::{
     cloud::Cloud,
     scene::Chunk,
     settings::{SortKey, SplatSettings},
-    strokes::{StrokeStage, with_knobs},
+    strokes::{StrokeStage, draw_uniforms, light, with_knobs},
     view::{Change, ChunkBindings, ChunkDispatch, ChunkGroups, ChunkVersions, SplatView},
 };
 use crate::{
@@ -98,6 +98,9 @@ impl Project {
         let n_chunks = clouds.iter().map(|cloud| cloud.scene.chunks().len()).sum();
         view.reserve_chunks(device, &self.view_layout, n_chunks);
         let mut first_record = 0;
+        let painted = clouds.iter().filter_map(|cloud| cloud.colors.painted());
+        let has_relief = painted.clone().any(|painted| light(&painted.knobs).is_some());
+        let knobs = painted.map(|painted| painted.knobs).next();
         for cloud in clouds {
             let painted = cloud.colors.painted();
             let of_cloud = cloud_uniforms(camera, cloud, settings);
@@ -114,13 +117,13 @@ impl Project {
                     ..of_cloud
                 };
                 let key = self.bindings(chunk, cloud);
-                let uniforms = with_knobs(uniforms, painted.as_ref());
+                let uniforms = with_knobs(uniforms, painted.as_ref(), has_relief);
                 view.push_chunk(&uniforms, key, versions, |key| self.bind(device, key));
                 first_record += chunk.n_gaussians;
             }
         }
-        let knobs = clouds.iter().find_map(|cloud| Some(cloud.colors.painted()?.knobs));
-        view.update_strokes(device, queue, &self.strokes, knobs.as_ref());
+        let draw = knobs.map(|knobs| draw_uniforms(&knobs, has_relief));
+        view.update_strokes(device, queue, &self.strokes, draw);
         view.write_chunks(queue)
     }
 

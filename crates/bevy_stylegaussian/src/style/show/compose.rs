@@ -7,14 +7,17 @@
 //! pass then reads the style's own buffer, which other entities may read too.
 
 use bevy::{camera::primitives::Aabb, prelude::*};
-use stylegaussian::{layers::Region, strokes::StrokeMotion};
+use stylegaussian::{
+    layers::Region,
+    strokes::{StrokeKnobs, StrokeMotion},
+};
 
 use crate::{
     colors::{ColorLayer, ColorLayers, LayerColors},
     scene::LoadedScene,
     style::{
         make::job::{StyleJob, StyleJobs},
-        show::{place::Place, volume::StyleVolume, worn::Passed},
+        show::{place::Place, sun::Sun, volume::StyleVolume, worn::Passed},
         wish::{
             applied::AppliedStyle,
             source::{HiddenUntilStyled, StyleSource},
@@ -148,6 +151,7 @@ pub(crate) fn compose_layers(
     mut volumes: Query<Volume>,
     mut own: Query<(&mut StyleJobs, Option<&StyleSource>), Without<StyleVolume>>,
     places: Query<&GlobalTransform>,
+    sun: Res<Sun>,
 ) {
     let mut volumes: Vec<_> = volumes.iter_mut().collect();
     volumes.sort_by_key(|(entity, volume, ..)| (volume.priority, *entity));
@@ -165,7 +169,8 @@ pub(crate) fn compose_layers(
             found = job.worn.layers(&place);
             // A style that goes, goes as it was drawn.
             if let Some(source) = source.filter(|source| !source.is_none()) {
-                knobs = source.knobs();
+                let light = source.relief.to_light(&world_from_scene, sun.0);
+                knobs = StrokeKnobs { light, ..source.knobs() };
                 motion = source.motion.usual();
             }
             found.iter_mut().for_each(|layer| layer.motion = motion);

@@ -8,5 +8,6 @@ pub(crate) mod encoder;
 pub(crate) mod error;
 pub(crate) mod event;
 pub(crate) mod motion;
+pub(crate) mod relief;
 pub(crate) mod settings;
 pub(crate) mod source;

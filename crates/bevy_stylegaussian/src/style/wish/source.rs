@@ -6,6 +6,7 @@ use stylegaussian::strokes::StrokeKnobs;
 use crate::style::wish::{
     asset::{GaussianDecoder, StyleLook, StyleStatistics},
     motion::StyleMotion,
+    relief::StyleRelief,
 };
 
 /// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images, presets and
@@ -19,9 +20,9 @@ use crate::style::wish::{
 /// presets beside a look. In a mix of paintings, each spot shows the strokes of one of them.
 ///
 /// [`strength`](Self::strength), [`paint`](Self::paint), [`protection`](Self::protection),
-/// [`stroke_scale`](Self::stroke_scale) and [`motion`](Self::motion) are shown in the next frame and compute
-/// nothing, so they can be animated. A [`StyleVolume`](crate::StyleVolume) has a strength and a motion of its
-/// own; its strokes are drawn by the other three of the splats that it lies on.
+/// [`stroke_scale`](Self::stroke_scale), [`motion`](Self::motion) and [`relief`](Self::relief) are shown in the
+/// next frame and compute nothing, so they can be animated. A [`StyleVolume`](crate::StyleVolume) has a strength
+/// and a motion of its own; its strokes are drawn by the others of the splats that it lies on.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -61,6 +62,8 @@ pub struct StyleSource {
     /// says, within its region and its channel of a [`StyleMask`](crate::StyleMask); where more than eight
     /// sources that move lie on one cloud, the lowest stand still.
     pub motion: StyleMotion,
+    /// Light on the thickness of the strokes: none by default.
+    pub relief: StyleRelief,
 }
 
 impl Default for StyleSource {
@@ -74,6 +77,7 @@ impl Default for StyleSource {
             protection: 1.0,
             stroke_scale: 1.0,
             motion: StyleMotion::Still,
+            relief: StyleRelief::default(),
         }
     }
 }
@@ -178,12 +182,17 @@ impl StyleSource {
         Self { motion, ..self }
     }
 
+    /// The same styles in strokes that have a thickness.
+    pub fn with_relief(self, relief: StyleRelief) -> Self {
+        Self { relief, ..self }
+    }
+
     /// The strength within 0..1; 0 if it is no number.
     pub(crate) fn usual_strength(&self) -> f32 {
         if self.strength.is_nan() { 0.0 } else { self.strength.clamp(0.0, 1.0) }
     }
 
-    /// How strokes are drawn, within sane ranges. NaN becomes the default.
+    /// How strokes are drawn, within sane ranges. NaN becomes the default. The light is for the caller to find.
     pub(crate) fn knobs(&self) -> StrokeKnobs {
         let within =
             |value: f32, min: f32, max: f32| if value.is_nan() { 1.0 } else { value.clamp(min, max) };
@@ -191,6 +200,7 @@ impl StyleSource {
             amount: within(self.paint, 0.0, 3.0),
             protection: within(self.protection, 0.0, 10.0),
             stroke_scale: within(self.stroke_scale, 0.1, 10.0),
+            relief: self.relief.usual_amount(),
             ..StrokeKnobs::DEFAULT
         }
     }

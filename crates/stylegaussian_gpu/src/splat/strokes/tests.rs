@@ -152,7 +152,7 @@ fn records_match_for_every_projection_and_place() {
     let mut random = randoms(51);
     let scene = random_scene(1000, &mut random);
     let painting = random_strokes(&scene, &mut random);
-    let knobs = StrokeKnobs { amount: 0.8, protection: 1.5, stroke_scale: 1.3, near: 0.5 };
+    let knobs = StrokeKnobs { amount: 0.8, protection: 1.5, stroke_scale: 1.3, ..StrokeKnobs::DEFAULT };
     let eye = Affine3A::look_at_rh(Vec3::new(1.0, 0.7, 4.0), Vec3::ZERO, Vec3::Y).inverse();
     let perspective = Mat4::perspective_infinite_reverse_rh(0.9, 4.0 / 3.0, 0.1);
     let mut off_axis = perspective;
