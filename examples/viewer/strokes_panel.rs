@@ -2,7 +2,7 @@
 
 use std::mem::discriminant;
 
-use bevy_egui::egui::{Slider, Ui};
+use bevy_egui::egui::{Checkbox, Slider, Ui};
 use bevy_stylegaussian::style::StyleMotion;
 
 use crate::styles::Styles;
@@ -26,6 +26,9 @@ pub fn draw(ui: &mut Ui, styles: &mut Styles) {
     ui.end_row();
     ui.label("stroke size");
     ui.add(Slider::new(&mut styles.stroke_scale, 0.25..=4.0).logarithmic(true).fixed_decimals(2));
+    ui.end_row();
+    ui.label("on screen").on_hover_text("whether strokes keep their size on screen, from near and far");
+    ui.add(Checkbox::new(&mut styles.screen_stable, "of one size"));
     ui.end_row();
     ui.label("relief").on_hover_text("the thickness of the paint, which a light falls on");
     ui.add(Slider::new(&mut styles.relief, 0.0..=3.0).fixed_decimals(2));

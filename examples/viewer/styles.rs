@@ -60,6 +60,8 @@ pub struct Styles {
     /// Thickness of the paint, as a factor, and where the light on it is, in degrees around the world's y axis.
     pub relief: f32,
     pub light_from: f32,
+    /// Whether strokes keep their size on screen.
+    pub screen_stable: bool,
     pub finish: Finish,
     /// Whether the baked looks belong to the scene that is shown.
     pub looks_fit: bool,
@@ -137,6 +139,7 @@ impl Styles {
             protection: self.protection,
             stroke_scale: self.stroke_scale,
             motion: self.motion,
+            screen_stable: self.screen_stable,
             relief: StyleRelief::lit_from(light).with_amount(self.relief),
             ..StyleSource::mix(styles)
         }

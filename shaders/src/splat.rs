@@ -299,14 +299,14 @@ pub fn layouts() -> Vec<Layout> {
             light,
             relief,
             n_lights,
+            is_stable,
             padding_0,
             padding_1,
-            padding_2,
             motions,
         }),
         layout!(StrokeMotion { toward, first, end, kind, phase, amount }),
         layout!(StrokeSeed { at, pitch, rotation_xy, rotation_z_aspect, place, look }),
-        layout!(StrokeDraw { near, n_lights, padding_0, padding_1 }),
+        layout!(StrokeDraw { near, n_lights, is_stable, scale_octaves }),
     ]
 }
 

@@ -33,6 +33,13 @@ fn splat_draw_strokes_vertex(
 fn stroke_detail(strokes: Strokes, d: vec2<f32>) -> vec3<f32> {
     let at = place_at(strokes, d);
     var sum = vec3(0.0);
+    if stroke_draw.is_stable > 0u {
+        for (var octave = 0.0; octave < STABLE_OCTAVES; octave += 1.0) {
+            sum += strokes.gains.x * fine_octave(strokes, at, octave);
+            sum += strokes.gains.y * wide_octave(strokes, at, octave);
+        }
+        return sum;
+    }
     if strokes.gains.x > 0.0 {
         var fine = fine_octave(strokes, at, 0.0);
         let n_octaves = n_octaves_of(strokes);
@@ -42,7 +49,7 @@ fn stroke_detail(strokes: Strokes, d: vec2<f32>) -> vec3<f32> {
         sum += strokes.gains.x * fine;
     }
     if strokes.gains.y > 0.0 {
-        sum += strokes.gains.y * wide_at(strokes, at);
+        sum += strokes.gains.y * wide_octave(strokes, at, 0.0);
     }
     return sum;
 }
@@ -60,7 +67,11 @@ fn splat_draw_strokes_fragment(quad: Quad) -> @location(0) vec4<f32> {
         let strokes = unpacked_strokes(quad.strokes);
         rgb += stroke_detail(strokes, d);
         if stroke_draw.n_lights > 0u {
-            rgb += lit(strokes, unpacked_relief(quad.relief), place_at(strokes, d), quad.color.rgb);
+            let relief = unpacked_relief(quad.relief);
+            let n_octaves = select(1.0, STABLE_OCTAVES, stroke_draw.is_stable > 0u);
+            for (var octave = 0.0; octave < n_octaves; octave += 1.0) {
+                rgb += lit(strokes, relief, place_at(strokes, d), octave, quad.color.rgb);
+            }
         }
     }
     return vec4(rgb * alpha, alpha);

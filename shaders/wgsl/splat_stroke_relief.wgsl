@@ -61,7 +61,10 @@ fn shade(relief: Relief, gradient: vec2<f32>, color: vec3<f32>) -> vec3<f32> {
     return select(vec3(0.0), added, any(steep != vec2(0.0)));
 }
 
-/// What light adds to a splat's color at a place in the painting.
-fn lit(strokes: Strokes, relief: Relief, at: vec2<f32>, color: vec3<f32>) -> vec3<f32> {
-    return shade(relief, strokes.gains.x * gradient_at(strokes, at, strokes.level), color);
+/// What light adds to a splat's color at a place in the painting: on its own octave, or on one of those that
+/// are stable on screen.
+fn lit(strokes: Strokes, relief: Relief, at: vec2<f32>, octave: f32, color: vec3<f32>) -> vec3<f32> {
+    let share = select(1.0, stable_share(strokes, octave), stroke_draw.is_stable > 0u);
+    let gradient = gradient_at(strokes, at * exp2(octave), strokes.level + octave);
+    return shade(relief, share * strokes.gains.x * gradient, color);
 }

@@ -19,9 +19,10 @@ struct StrokeChunk {
     relief: f32,
     /// 1 if any paint of the view has relief, else 0.
     n_lights: u32,
+    /// 1 if strokes keep their size on screen, else 0.
+    is_stable: u32,
     padding_0: u32,
     padding_1: u32,
-    padding_2: u32,
     /// The motions, each of other seeds.
     motions: array<StrokeMotion, MAX_MOTIONS>,
 }
@@ -171,13 +172,17 @@ fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     let along_x = clamp(dot(across, beside_x) / across_ray, -limit, limit);
     let along_y = clamp(dot(across, beside_y) / across_ray, -limit, limit);
 
-    let pitch = seed.pitch / uniforms.stroke_scale * vec2(1.0, unpack2x16float(seed.rotation_z_aspect).y);
+    // Strokes that are stable on screen have their size from their octave.
+    let stroke_scale = select(uniforms.stroke_scale, 1.0, uniforms.is_stable > 0u);
+    let pitch = seed.pitch / stroke_scale * vec2(1.0, unpack2x16float(seed.rotation_z_aspect).y);
     let right = pitch.x * now.right;
     let down = pitch.y * now.down;
     let on_plane_x = beside_x - ray * along_x;
     let on_plane_y = beside_y - ray * along_y;
-    let step_x = clamp(vec2(dot(right, on_plane_x), dot(down, on_plane_x)), vec2(-MAX_STEP), vec2(MAX_STEP));
-    let step_y = clamp(vec2(dot(right, on_plane_y), dot(down, on_plane_y)), vec2(-MAX_STEP), vec2(MAX_STEP));
+    let whole_x = vec2(dot(right, on_plane_x), dot(down, on_plane_x));
+    let whole_y = vec2(dot(right, on_plane_y), dot(down, on_plane_y));
+    let step_x = limited(whole_x);
+    let step_y = limited(whole_y);
     let local = gaussian.mean - seed.at;
     let place = vec2<f32>(vec2(seed.place & 0xffffu, seed.place >> 16u)) / 65536.0
         + vec2(dot(right, local), dot(down, local)) / PERIOD
@@ -192,11 +197,33 @@ fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     if !is_finite {
         return none;
     }
-    let level = clamp(log2(texels) + SHARPER, LEAST_LEVEL, MOST_LEVEL);
+    let level = log2(texels) + SHARPER;
+    if uniforms.is_stable > 0u {
+        let octave = clamp(floor(-level - log2(uniforms.stroke_scale)), FARTHEST, NEAREST) - 1.0;
+        let scale = exp2(octave);
+        let steps = array(limited(whole_x * scale), limited(whole_y * scale));
+        return packed_record(gains, seed, place * scale, steps, level + octave);
+    }
+    return packed_record(gains, seed, place, array(step_x, step_y), level);
+}
+
+fn limited(step: vec2<f32>) -> vec2<f32> {
+    return clamp(step, vec2(-MAX_STEP), vec2(MAX_STEP));
+}
+
+/// A record from its numbers. The place is in `PERIOD`.
+fn packed_record(
+    gains: vec2<f32>,
+    seed: StrokeSeed,
+    place: vec2<f32>,
+    steps: array<vec2<f32>, 2>,
+    whole_level: f32,
+) -> vec4<u32> {
+    let level = clamp(whole_level, LEAST_LEVEL, MOST_LEVEL);
     let look = byte(gains.x / MAX_GAIN) | (byte(gains.y / MAX_GAIN) << 8u) | (seed.look & 0xff0000u)
         | (byte((level - LEAST_LEVEL) / (MOST_LEVEL - LEAST_LEVEL)) << 24u);
     let packed_place = wrapped(place.x) | (wrapped(place.y) << 16u);
-    return vec4(packed_place, pack2x16float(step_x), pack2x16float(step_y), look);
+    return vec4(packed_place, pack2x16float(steps[0]), pack2x16float(steps[1]), look);
 }
 
 /// How light falls on a Gaussian's paint, all zero if its paint is flat.

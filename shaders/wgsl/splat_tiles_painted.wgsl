@@ -63,14 +63,14 @@ fn paint(queue: ptr<function, Queue>, detail: ptr<function, array<vec3<f32>, 16>
         let weight = unpack2x16float(pair)[pixel & 1u];
         let at = place_at(strokes, first + vec2(f32(pixel & 3u), f32(pixel >> 2u)));
         var sum = strokes.gains.x * fine_octave(strokes, at, octave);
-        // Wide detail comes with the first octave.
-        sum += select(0.0, strokes.gains.y, octave == 0.0) * wide_at(strokes, at);
+        sum += strokes.gains.y * wide_octave(strokes, at, octave);
         (*detail)[pixel] += weight * sum;
-        // Light comes with the first octave too.
-        let n_lights = select(0u, stroke_draw.n_lights, octave == 0.0);
+        // Light comes with the first octave, or with each of those that are stable on screen.
+        let n_lights = select(0u, stroke_draw.n_lights, octave == 0.0 || stroke_draw.is_stable > 0u);
         for (var light = 0u; light < n_lights; light++) {
             let splat = unpacked(geometry_halves[record], color_halves[record]);
-            (*detail)[pixel] += weight * lit(strokes, unpacked_relief(relief_records[record]), at, splat.color);
+            let relief = unpacked_relief(relief_records[record]);
+            (*detail)[pixel] += weight * lit(strokes, relief, at, octave, splat.color);
         }
         octave += 1.0;
         if octave > n_octaves {

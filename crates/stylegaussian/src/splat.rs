@@ -163,9 +163,10 @@ fn draw(
                         for (i, (&weight, &alpha)) in weights.iter().zip(alphas).enumerate() {
                             if weight > 0.0 && alpha >= LEAST_ALPHA {
                                 let offset = first + Vec2::new(i as f32, 0.0);
-                                let mut detail = record.detail(texture, offset, knobs.near);
+                                let mut detail = record.detail(texture, offset, knobs);
                                 if let Some(relief) = relief {
-                                    detail += record.lit(texture, offset, relief, Vec3::new(r, g, b));
+                                    detail +=
+                                        record.lit(texture, offset, (relief, knobs), Vec3::new(r, g, b));
                                 }
                                 for (sums, value) in sums.iter_mut().zip(detail.to_array()) {
                                     sums[group][i] += weight * value;

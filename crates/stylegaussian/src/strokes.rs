@@ -27,6 +27,7 @@ mod mix;
 mod motion;
 mod record;
 mod relief;
+mod stable;
 #[cfg(test)]
 mod tests;
 mod texture;
@@ -40,6 +41,7 @@ pub use record::{
     EDGE_ON, FLATTEST, LEAST_ALPHA, LEVELS, MAX_STEP, MOST_OCTAVES, PROTECTED, SHARPER, StrokeRecord,
 };
 pub use relief::{BLURRIER, GLOSS, IN_LIGHT, SHININESS, STEEPEST, StrokeRelief, THICKNESS};
+pub use stable::{FARTHEST, NEAREST, STABLE_OCTAVES, stable_shares};
 pub use texture::{FINE_SIDE, StrokeTexture, WIDE_LEVEL, WIDE_SIDE};
 
 use std::{f32::consts::SQRT_2, sync::Arc};
@@ -84,13 +86,23 @@ pub struct StrokeKnobs {
     pub relief: f32,
     /// Direction to the light, in scene space, of any length but 0.
     pub light: Vec3,
+    /// Whether strokes keep their size on screen, whatever the distance: octaves of the painting are
+    /// crossfaded. They dissolve into one another while the camera moves.
+    pub screen_stable: bool,
 }
 
 impl StrokeKnobs {
-    /// Strokes as they were computed, without relief, and half of finer ones from near: more of them draw beads,
-    /// and fewer blur.
-    pub const DEFAULT: Self =
-        Self { amount: 1.0, protection: 1.0, stroke_scale: 1.0, near: 0.5, relief: 0.0, light: Vec3::ZERO };
+    /// Strokes as they were computed, without relief, and half of finer ones from near: more of them draw
+    /// beads, and fewer blur.
+    pub const DEFAULT: Self = Self {
+        amount: 1.0,
+        protection: 1.0,
+        stroke_scale: 1.0,
+        near: 0.5,
+        relief: 0.0,
+        light: Vec3::ZERO,
+        screen_stable: false,
+    };
 }
 
 impl Default for StrokeKnobs {

@@ -78,6 +78,10 @@ fn painted_pictures_match() {
         (60.0, StrokeKnobs { relief: 1.0, light: Vec3::new(1.0, 1.0, 1.0), ..default }),
         (200.0, StrokeKnobs { relief: 2.0, light: Vec3::new(-2.0, 0.5, -0.3), ..default }),
         (8.0, StrokeKnobs { relief: 0.5, light: Vec3::Z, near: 0.8, ..default }),
+        // Of one size on screen, from far, from near, and in relief.
+        (600.0, StrokeKnobs { screen_stable: true, ..default }),
+        (3.0, StrokeKnobs { screen_stable: true, stroke_scale: 1.7, ..default }),
+        (20.0, StrokeKnobs { screen_stable: true, relief: 1.0, light: Vec3::new(1.0, 1.0, 1.0), ..default }),
     ];
     for mut headless in both_ways(&gpu.device) {
         for (pitch, knobs) in knobs {

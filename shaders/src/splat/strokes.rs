@@ -52,12 +52,12 @@ pub struct StrokeChunk {
     pub relief: f32,
     /// 1 if any paint of the view has relief, else 0.
     pub n_lights: u32,
+    /// 1 if strokes keep their size on screen, else 0.
+    pub is_stable: u32,
     /// Unused.
     pub padding_0: u32,
     /// Unused.
     pub padding_1: u32,
-    /// Unused.
-    pub padding_2: u32,
     /// The motions, each of other seeds.
     pub motions: [StrokeMotion; MAX_MOTIONS],
 }
@@ -70,10 +70,10 @@ pub struct StrokeDraw {
     pub near: f32,
     /// 1 if there is relief, else 0.
     pub n_lights: u32,
-    /// Unused.
-    pub padding_0: u32,
-    /// Unused.
-    pub padding_1: u32,
+    /// 1 if strokes keep their size on screen, else 0.
+    pub is_stable: u32,
+    /// Binary logarithm of their size.
+    pub scale_octaves: f32,
 }
 
 /// The constants of the CPU twin.
@@ -104,6 +104,9 @@ fn twin_constants() -> String {
         ("TURN", twin::TURN),
         ("FADE", twin::FADE),
         ("ACROSS", twin::ACROSS),
+        ("STABLE_OCTAVES", twin::STABLE_OCTAVES as f32),
+        ("NEAREST", twin::NEAREST),
+        ("FARTHEST", twin::FARTHEST),
         ("THICKNESS", twin::THICKNESS),
         ("STEEPEST", twin::STEEPEST),
         ("BLURRIER", twin::BLURRIER),

@@ -166,6 +166,11 @@ fn strokes_and_their_knobs_are_those_of_the_cpu() {
         ("twice the paint", source.clone().with_paint(2.0), StrokeKnobs { amount: 2.0, ..usual }),
         ("strong", source.clone().with_protection(0.0), StrokeKnobs { protection: 0.0, ..usual }),
         (
+            "of one size",
+            source.clone().with_screen_stable(true).with_stroke_scale(1.5),
+            StrokeKnobs { screen_stable: true, stroke_scale: 1.5, ..usual },
+        ),
+        (
             "relief",
             source.clone().with_relief(StyleRelief::lit_from(LIGHT).with_amount(2.0)),
             StrokeKnobs { relief: 2.0, light: LIGHT, ..usual },

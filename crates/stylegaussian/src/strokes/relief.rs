@@ -10,15 +10,15 @@ use half::f16;
 use super::{PlainSeed, StrokeKnobs, StrokeRecord, StrokeTexture, texture::FINE_SIDE};
 use crate::palette::LUMINANCE;
 
-/// Height of the paint, in texels for a luminance of 1: a ridge that is a fifth brighter than its surroundings is
-/// two texels high, an eighth of a stroke's width.
+/// Height of the paint, in texels for a luminance of 1: a ridge that is a fifth brighter than its surroundings
+/// is two texels high, an eighth of a stroke's width.
 pub const THICKNESS: f32 = 10.0;
 
 /// The steepest slope: 45 degrees. Steeper ones approach it, so that grain is no spikes.
 pub const STEEPEST: f32 = 1.0;
 
-/// Levels of detail by which the height is blurrier than the colors: paint flows, and does not keep each hair of
-/// the brush.
+/// Levels of detail by which the height is blurrier than the colors: paint flows, and does not keep each hair
+/// of the brush.
 pub const BLURRIER: f32 = 1.0;
 
 /// Exponent of the gloss: a highlight of about 20 degrees, as on oil that has dried.
@@ -89,8 +89,8 @@ impl StrokeRelief {
         }
     }
 
-    /// What light adds to a `color` on paint with this gradient of its height, in texels to a texel: 0 if that is
-    /// 0.
+    /// What light adds to a `color` on paint with this gradient of its height, in texels to a texel: 0 if that
+    /// is 0.
     pub fn shade(&self, gradient: Vec2, color: Vec3) -> Vec3 {
         let steep = self.strength * gradient * Vec2::new(1.0, self.aspect);
         if steep == Vec2::ZERO {
@@ -107,19 +107,34 @@ impl StrokeRelief {
 }
 
 impl StrokeRecord {
-    /// What light adds to a splat's `color` at `offset` pixels from its center.
-    pub fn lit(&self, texture: &StrokeTexture, offset: Vec2, relief: &StrokeRelief, color: Vec3) -> Vec3 {
-        relief.shade(self.fine * self.gradient(texture, self.at(offset), self.level), color)
+    /// What light adds to a splat's `color` at `offset` pixels from its center: on the painting's own octave
+    /// alone, since finer ones would be grain, or on each of those that are stable on screen.
+    pub fn lit(
+        &self,
+        texture: &StrokeTexture,
+        offset: Vec2,
+        (relief, knobs): (&StrokeRelief, &StrokeKnobs),
+        color: Vec3,
+    ) -> Vec3 {
+        let at = self.at(offset);
+        let of = |(octave, share): (f32, f32)| {
+            let gradient = gradient(texture, at * octave.exp2(), self.level + octave);
+            relief.shade(share * self.fine * gradient, color)
+        };
+        match knobs.screen_stable {
+            true => self.stable_octaves(knobs).map(of).sum(),
+            false => of((0.0, 1.0)),
+        }
     }
+}
 
-    /// The gradient of the height of fine detail at a place, for a gain of 1: differences over a texel of a
-    /// blurrier level, from three corners around the place.
-    fn gradient(&self, texture: &StrokeTexture, at: Vec2, level: f32) -> Vec2 {
-        let level = level.max(0.0) + BLURRIER;
-        let step = level.exp2() / FINE_SIDE as f32;
-        let first = at - step / 3.0;
-        let height = |at: Vec2| texture.fine(at, level).dot(LUMINANCE);
-        let [here, right, below] = [Vec2::ZERO, Vec2::X, Vec2::Y].map(|corner| height(first + step * corner));
-        THICKNESS * Vec2::new(right - here, below - here) / level.exp2()
-    }
+/// The gradient of the height of fine detail at a place, for a gain of 1: differences over a texel of a
+/// blurrier level, from three corners around the place.
+fn gradient(texture: &StrokeTexture, at: Vec2, level: f32) -> Vec2 {
+    let level = level.max(0.0) + BLURRIER;
+    let step = level.exp2() / FINE_SIDE as f32;
+    let first = at - step / 3.0;
+    let height = |at: Vec2| texture.fine(at, level).dot(LUMINANCE);
+    let [here, right, below] = [Vec2::ZERO, Vec2::X, Vec2::Y].map(|corner| height(first + step * corner));
+    THICKNESS * Vec2::new(right - here, below - here) / level.exp2()
 }

@@ -136,8 +136,8 @@ fn textures_are_filtered_and_mirrored() {
     assert_eq!((texture.fine.len(), texture.wide.len()), (10, 8));
 }
 
-/// A wall of overlapping Gaussians in the plane z = 0, in strokes of one seed, and a camera before it to which a
-/// pixel is a texel.
+/// A wall of overlapping Gaussians in the plane z = 0, in strokes of one seed, and a camera before it to which
+/// a pixel is a texel.
 fn wall(texture: StrokeTexture) -> (Scene, Strokes, Camera) {
     let side = 12;
     let at = |i: usize| Vec3::new((i % side) as f32 - 5.5, (i / side) as f32 - 5.5, 0.0) / 6.0;
@@ -189,7 +189,8 @@ fn a_wall_shows_the_painting_by_the_pixel() {
     assert!((16..=24).contains(&same), "{same}");
 }
 
-/// Slopes that face the light are brighter, those that face away darker, and flat paint is as it was, to the bit.
+/// Slopes that face the light are brighter, those that face away darker, and flat paint is as it was, to the
+/// bit.
 #[test]
 fn light_falls_on_slopes_alone() {
     // Hills of sixteen texels.

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, anyhow, ensure};
 use clap::Args;
 use glam::UVec2;
 use serde::Serialize;
-use stylegaussian::{Camera, Scene, splat::Colors, views::orbit};
+use stylegaussian::{Camera, Scene, splat::Colors, strokes::StrokeKnobs, views::orbit};
 use stylegaussian_train::{
     cameras::{CameraOptions, CamerasError, read_cameras_with},
     picture::{Background, Picture},
@@ -65,6 +65,9 @@ pub struct RenderArgs {
     moving: MotionArgs,
     #[command(flatten)]
     relief: ReliefArgs,
+    /// Let strokes keep their size on screen, whatever the distance.
+    #[arg(long, requires = "restyling")]
+    screen_stable: bool,
     /// Size of the pictures in pixels. Default: each camera's own, and 800x600 for an orbit. Files of cameras
     /// with angles of view alone need it.
     #[arg(long, value_name = "WxH", value_parser = picture_size)]
@@ -126,7 +129,7 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
     };
     masking.hide(&mut scene, mask.as_ref());
     let strokes = stylized.as_ref().map(|stylized| &stylized.shown.strokes);
-    let knobs = arguments.relief.knobs(&scene);
+    let knobs = StrokeKnobs { screen_stable: arguments.screen_stable, ..arguments.relief.knobs(&scene) };
     let mut drawing = compute.drawing(&scene, colors, strokes, knobs, arguments.moving.motion())?;
     let pictures = render_all(&mut drawing, &cameras, arguments.background, output)?;
     let n_pictures = pictures.len();

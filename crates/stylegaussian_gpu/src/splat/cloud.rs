@@ -53,8 +53,8 @@ pub struct PaintedColors<'a> {
     pub below: Option<&'a GaussianColors>,
     /// The strokes, whose textures are in the store of the [`SplatPass`](super::SplatPass).
     pub strokes: &'a GaussianStrokes,
-    /// Settings that may be changed without computing strokes anew. A view takes `near` from the first of its
-    /// clouds that has strokes.
+    /// Settings that may be changed without computing strokes anew. A view takes `near` and `screen_stable`,
+    /// and with this `stroke_scale`, from the first of its clouds that has strokes.
     pub knobs: StrokeKnobs,
     /// The time at which strokes that move are shown, in seconds.
     pub seconds: f64,

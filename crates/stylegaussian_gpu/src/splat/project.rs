@@ -14,7 +14,7 @@ use super::{
     cloud::Cloud,
     scene::Chunk,
     settings::{SortKey, SplatSettings},
-    strokes::{StrokeStage, draw_uniforms, light, with_knobs},
+    strokes::{StrokeStage, draw_uniforms, with_knobs},
     view::{Change, ChunkBindings, ChunkDispatch, ChunkGroups, ChunkVersions, SplatView},
 };
 use crate::{
@@ -99,8 +99,7 @@ impl Project {
         view.reserve_chunks(device, &self.view_layout, n_chunks);
         let mut first_record = 0;
         let painted = clouds.iter().filter_map(|cloud| cloud.colors.painted());
-        let has_relief = painted.clone().any(|painted| light(&painted.knobs).is_some());
-        let knobs = painted.map(|painted| painted.knobs).next();
+        let draw = draw_uniforms(painted.map(|painted| painted.knobs));
         for cloud in clouds {
             let painted = cloud.colors.painted();
             let of_cloud = cloud_uniforms(camera, cloud, settings);
@@ -117,12 +116,11 @@ impl Project {
                     ..of_cloud
                 };
                 let key = self.bindings(chunk, cloud);
-                let uniforms = with_knobs(uniforms, painted.as_ref(), has_relief);
+                let uniforms = with_knobs(uniforms, painted.as_ref(), draw.as_ref());
                 view.push_chunk(&uniforms, key, versions, |key| self.bind(device, key));
                 first_record += chunk.n_gaussians;
             }
         }
-        let draw = knobs.map(|knobs| draw_uniforms(&knobs, has_relief));
         view.update_strokes(device, queue, &self.strokes, draw);
         view.write_chunks(queue)
     }

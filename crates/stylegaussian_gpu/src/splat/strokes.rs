@@ -237,18 +237,24 @@ pub(super) fn light(knobs: &StrokeKnobs) -> Option<(Vec3, f32)> {
     (knobs.relief > 0.0 && knobs.relief.is_finite()).then_some((to_light, knobs.relief))
 }
 
-/// The uniforms of draws. `knobs` are those of the view's first cloud with strokes.
-pub(super) fn draw_uniforms(knobs: &StrokeKnobs, has_relief: bool) -> StrokeDraw {
-    let near = if knobs.near.is_finite() { knobs.near } else { 0.0 };
-    StrokeDraw { near, n_lights: u32::from(has_relief), padding_0: 0, padding_1: 0 }
+/// The uniforms of a view's draws with strokes.
+pub(super) fn draw_uniforms(painted: impl Iterator<Item = StrokeKnobs> + Clone) -> Option<StrokeDraw> {
+    let first = painted.clone().next()?;
+    let is_stable = first.screen_stable && first.stroke_scale > 0.0 && first.stroke_scale.is_finite();
+    Some(StrokeDraw {
+        near: if first.near.is_finite() { first.near } else { 0.0 },
+        n_lights: u32::from(painted.into_iter().any(|knobs| light(&knobs).is_some())),
+        is_stable: u32::from(is_stable),
+        scale_octaves: if is_stable { first.stroke_scale.log2() } else { 0.0 },
+    })
 }
 
-/// A chunk with the knobs and motions of its strokes, or with none. Numbers that are not finite show no strokes.
-/// `has_relief` says whether any paint of the view has.
+/// A chunk with the knobs and motions of its strokes, or with none. Numbers that are not finite show no
+/// strokes. `draw` are the uniforms of the view's draws, if it shows strokes.
 pub(super) fn with_knobs(
     chunk: SplatChunk,
     painted: Option<&PaintedColors>,
-    has_relief: bool,
+    draw: Option<&StrokeDraw>,
 ) -> StrokeChunk {
     let none = StrokeKnobs { amount: 0.0, ..StrokeKnobs::DEFAULT };
     let is_usable = |painted: &&PaintedColors| {
@@ -257,20 +263,23 @@ pub(super) fn with_knobs(
     };
     let painted = painted.filter(is_usable);
     let knobs = painted.map_or(none, |painted| painted.knobs);
+    let is_stable = draw.is_some_and(|draw| draw.is_stable > 0);
+    // All of a view have one size.
+    let of_view = draw.filter(|_| is_stable).map(|draw| draw.scale_octaves.exp2());
     let (light, relief) = light(&knobs).unwrap_or_default();
     let (motions, n_motions) = painted.map_or_else(Default::default, motions_now);
     StrokeChunk {
         chunk,
         amount: knobs.amount,
         protection: knobs.protection,
-        stroke_scale: knobs.stroke_scale,
+        stroke_scale: of_view.unwrap_or(knobs.stroke_scale),
         n_motions,
         light: light.to_array(),
         relief,
-        n_lights: u32::from(has_relief),
+        n_lights: draw.map_or(0, |draw| draw.n_lights),
+        is_stable: u32::from(is_stable),
         padding_0: 0,
         padding_1: 0,
-        padding_2: 0,
         motions,
     }
 }

@@ -180,8 +180,8 @@ impl SplatView {
         (HALF_RECORD * n_gaussians as u64).max(SortBuffers::largest(n_gaussians))
     }
 
-    /// Bytes of GPU memory that a view of `n_gaussians` takes. Strokes take 16 more for each of them, and 32 with
-    /// relief.
+    /// Bytes of GPU memory that a view of `n_gaussians` takes. Strokes take 16 more for each of them, and 32
+    /// with relief.
     pub fn bytes(n_gaussians: usize) -> u64 {
         // Both halves, then keys and values, twice each.
         let per_record = 2 * HALF_RECORD + 4 * size_of::<u32>() as u64;
@@ -341,8 +341,8 @@ impl SplatView {
         })
     }
 
-    /// Makes room for strokes and binds changed resources, if this frame shows any. `draw` are the uniforms of all
-    /// draws.
+    /// Makes room for strokes and binds changed resources, if this frame shows any. `draw` are the uniforms of
+    /// all draws.
     pub(super) fn update_strokes(
         &mut self,
         device: &wgpu::Device,

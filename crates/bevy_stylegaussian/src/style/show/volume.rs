@@ -16,8 +16,9 @@ use stylegaussian::layers::{Cover, Region, RegionCover, Shape};
 /// there, the volume changes nothing.
 ///
 /// A volume has the [`strength`](crate::StyleSource::strength) of its own source, and its strokes
-/// [move](crate::StyleSource::motion) as that says. How strokes are drawn (`paint`, `protection`, `stroke_scale`
-/// and `relief`) is of a cloud as a whole, and so the source on the cloud says it, or a default if that has none.
+/// [move](crate::StyleSource::motion) as that says. How strokes are drawn (`paint`, `protection`,
+/// `stroke_scale` and `relief`) is of a cloud as a whole, and so the source on the cloud says it, or a default
+/// if that has none.
 ///
 /// ```
 /// # use bevy::prelude::*;

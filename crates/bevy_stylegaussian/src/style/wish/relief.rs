@@ -28,8 +28,8 @@ pub struct StyleRelief {
 #[reflect(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum PaintLight {
-    /// That of the game's first directional light, by the order of entities. Paint is flat if there is none, and
-    /// without the feature `pbr`.
+    /// That of the game's first directional light, by the order of entities. Paint is flat if there is none,
+    /// and without the feature `pbr`.
     #[default]
     Sun,
     /// A light in this direction from the scene, in world space, of any length but 0.
@@ -57,8 +57,8 @@ impl StyleRelief {
         if self.amount.is_nan() { 0.0 } else { self.amount.clamp(0.0, 4.0) }
     }
 
-    /// The direction to the light in the space of a scene at this place, or 0 if there is none or paint is flat.
-    /// `to_sun` is the direction to the first directional light.
+    /// The direction to the light in the space of a scene at this place, or 0 if there is none or paint is
+    /// flat. `to_sun` is the direction to the first directional light.
     pub(crate) fn to_light(self, world_from_scene: &Affine3A, to_sun: Option<Vec3>) -> Vec3 {
         let to_light = match self.light {
             // A light that moves changes nothing then.

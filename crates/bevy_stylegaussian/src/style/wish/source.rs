@@ -21,8 +21,8 @@ use crate::style::wish::{
 ///
 /// [`strength`](Self::strength), [`paint`](Self::paint), [`protection`](Self::protection),
 /// [`stroke_scale`](Self::stroke_scale), [`motion`](Self::motion) and [`relief`](Self::relief) are shown in the
-/// next frame and compute nothing, so they can be animated. A [`StyleVolume`](crate::StyleVolume) has a strength
-/// and a motion of its own; its strokes are drawn by the others of the splats that it lies on.
+/// next frame and compute nothing, so they can be animated. A [`StyleVolume`](crate::StyleVolume) has a
+/// strength and a motion of its own; its strokes are drawn by the others of the splats that it lies on.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -64,6 +64,10 @@ pub struct StyleSource {
     pub motion: StyleMotion,
     /// Light on the thickness of the strokes: none by default.
     pub relief: StyleRelief,
+    /// Whether strokes keep their size on screen, whatever the distance, for stills, slow cameras and title
+    /// screens: they dissolve into one another while the camera moves. False by default. It is of a view as a
+    /// whole: of all clouds that a camera sees, one decides, and with it the size of strokes.
+    pub screen_stable: bool,
 }
 
 impl Default for StyleSource {
@@ -78,6 +82,7 @@ impl Default for StyleSource {
             stroke_scale: 1.0,
             motion: StyleMotion::Still,
             relief: StyleRelief::default(),
+            screen_stable: false,
         }
     }
 }
@@ -187,6 +192,11 @@ impl StyleSource {
         Self { relief, ..self }
     }
 
+    /// The same styles in strokes that keep their size on screen, if `screen_stable` is true.
+    pub fn with_screen_stable(self, screen_stable: bool) -> Self {
+        Self { screen_stable, ..self }
+    }
+
     /// The strength within 0..1; 0 if it is no number.
     pub(crate) fn usual_strength(&self) -> f32 {
         if self.strength.is_nan() { 0.0 } else { self.strength.clamp(0.0, 1.0) }
@@ -201,6 +211,7 @@ impl StyleSource {
             protection: within(self.protection, 0.0, 10.0),
             stroke_scale: within(self.stroke_scale, 0.1, 10.0),
             relief: self.relief.usual_amount(),
+            screen_stable: self.screen_stable,
             ..StrokeKnobs::DEFAULT
         }
     }

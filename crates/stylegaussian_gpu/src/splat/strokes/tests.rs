@@ -191,6 +191,33 @@ fn records_match_for_every_projection_and_place() {
     }
 }
 
+/// Strokes of one size on screen. Where a level is all but whole, rounding decides which octave is the first.
+#[test]
+fn records_of_strokes_of_one_size_match() {
+    let Some(gpu) = gpu() else { return };
+    let mut random = randoms(55);
+    let scene = random_scene(900, &mut random);
+    let painting = random_strokes(&scene, &mut random);
+    let (camera, place) = (before_scene(), Affine3A::IDENTITY);
+    let knobs = StrokeKnobs { screen_stable: true, stroke_scale: 1.3, ..StrokeKnobs::DEFAULT };
+    let (records, visible) = on_gpu(&gpu, &scene, &painting, knobs, &camera, place);
+    let (mut n_shown, mut n_renamed) = (0, 0);
+    for i in (0..scene.len()).filter(|&i| visible[i]) {
+        let gaussian = (scene.means[i], scene.rotations[i].normalize(), scene.scales[i]);
+        let across = gradients(&camera, &place, scene.means[i].as_dvec3());
+        let expected = StrokeRecord::new(painting.words[i], &painting.seeds, gaussian, across, &knobs);
+        let Some(record) = expected else { continue };
+        n_shown += 1;
+        // Of all levels, those of the first octave are from two texels to four pixels.
+        assert!(record.level <= -1.0 - 1.3_f32.log2() + 1e-3 && record.level > -2.5, "{i}: {}", record.level);
+        match (StrokeRecord::unpacked(records[i]).level - record.level).abs() > 0.5 {
+            true => n_renamed += 1,
+            false => check(&format!("{i}"), records[i], expected),
+        }
+    }
+    assert!(n_shown > 200 && n_renamed * 100 < n_shown, "{n_renamed} of {n_shown}");
+}
+
 /// A camera that sees most of a random scene.
 fn before_scene() -> Camera {
     Camera {
