@@ -65,7 +65,8 @@ fn moved(seed: MovedSeed, motion: StrokeMotion, own: u32, direction: vec2<f32>, 
             let speed = clamp(cosine / ACROSS, -1.0, 1.0);
             let open = smoothstep(0.0, FADE, min(part, 1.0 - part));
             let shift = -widths * direction * ((part - 0.5) * speed);
-            return MovedSeed(seed.right, seed.down, shift, 1.0 - abs(speed) * (1.0 - open));
+            let gain = 1.0 - min(abs(speed) / SLOW, 1.0) * (1.0 - open);
+            return MovedSeed(seed.right, seed.down, shift, gain);
         }
         default: {
             return seed;

@@ -34,7 +34,7 @@ mod texture;
 
 pub use mix::{EDGE, StrokeLayer, mix_strokes, mixed};
 pub use motion::{
-    ACROSS, DIRECTION_SHIFT, DIRECTIONS, FADE, KIND_BOIL, KIND_FLOW, KIND_STILL, MotionNow, STROKE,
+    ACROSS, DIRECTION_SHIFT, DIRECTIONS, FADE, KIND_BOIL, KIND_FLOW, KIND_STILL, MotionNow, SLOW, STROKE,
     StrokeMotion, TURN,
 };
 pub use record::{

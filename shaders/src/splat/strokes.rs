@@ -104,6 +104,7 @@ fn twin_constants() -> String {
         ("TURN", twin::TURN),
         ("FADE", twin::FADE),
         ("ACROSS", twin::ACROSS),
+        ("SLOW", twin::SLOW),
         ("STABLE_OCTAVES", twin::STABLE_OCTAVES as f32),
         ("NEAREST", twin::NEAREST),
         ("FARTHEST", twin::FARTHEST),
