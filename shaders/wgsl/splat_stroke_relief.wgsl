@@ -36,11 +36,11 @@ fn height_at(strokes: Strokes, at: vec2<f32>, level: f32) -> f32 {
 /// three corners around the place.
 fn gradient_at(strokes: Strokes, at: vec2<f32>, level_of_color: f32) -> vec2<f32> {
     let level = max(level_of_color, 0.0) + BLURRIER;
-    let step = exp2(level) / FINE_SIDE;
-    let first = at - step / 3.0;
+    let texel = exp2(level) / FINE_SIDE;
+    let first = at - texel / 3.0;
     let here = height_at(strokes, first, level);
-    let right = height_at(strokes, first + vec2(step, 0.0), level);
-    let below = height_at(strokes, first + vec2(0.0, step), level);
+    let right = height_at(strokes, first + vec2(texel, 0.0), level);
+    let below = height_at(strokes, first + vec2(0.0, texel), level);
     return THICKNESS * vec2(right - here, below - here) / exp2(level);
 }
 

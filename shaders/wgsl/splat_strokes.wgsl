@@ -207,8 +207,9 @@ fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     return packed_record(gains, seed, place, array(step_x, step_y), level);
 }
 
-fn limited(step: vec2<f32>) -> vec2<f32> {
-    return clamp(step, vec2(-MAX_STEP), vec2(MAX_STEP));
+/// A step in the painting for a pixel, no larger than is stored.
+fn limited(texels: vec2<f32>) -> vec2<f32> {
+    return clamp(texels, vec2(-MAX_STEP), vec2(MAX_STEP));
 }
 
 /// A record from its numbers. The place is in `PERIOD`.
