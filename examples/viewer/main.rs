@@ -35,6 +35,7 @@ mod parts;
 mod parts_panel;
 mod save;
 mod scene;
+mod strokes_panel;
 mod styles;
 mod tile;
 mod tools;

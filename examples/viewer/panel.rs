@@ -26,6 +26,7 @@ use crate::{
     parts_panel,
     save::{Save, Saving},
     scene::{AXES, ShownScene},
+    strokes_panel,
     styles::{Finish, Styles},
     tile::{self, Picture, Tile},
 };
@@ -363,15 +364,7 @@ fn mix(ui: &mut Ui, styles: &mut Styles, arrivals: &mut Arrivals, refined: Optio
         ui.label("content").on_hover_text("how much of the scene's own colors stays");
         ui.add(Slider::new(&mut styles.content, 0.0..=1.0).fixed_decimals(2));
         ui.end_row();
-        ui.label("paint").on_hover_text("how much of the painting's strokes is laid on");
-        ui.add(Slider::new(&mut styles.paint, 0.0..=3.0).fixed_decimals(2));
-        ui.end_row();
-        ui.label("clear").on_hover_text("how much of the scene stays clear of strokes");
-        ui.add(Slider::new(&mut styles.protection, 0.0..=4.0).fixed_decimals(2));
-        ui.end_row();
-        ui.label("stroke size");
-        ui.add(Slider::new(&mut styles.stroke_scale, 0.25..=4.0).logarithmic(true).fixed_decimals(2));
-        ui.end_row();
+        strokes_panel::draw(ui, styles);
         saves_pins = hand_panel::rows(ui, styles);
         ui.label("fade").on_hover_text("from look to look");
         ui.add(Slider::new(&mut arrivals.seconds, 0.0..=3.0).fixed_decimals(1).suffix(" s"));

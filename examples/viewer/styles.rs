@@ -8,7 +8,7 @@ use std::{
 use bevy::prelude::*;
 use bevy_stylegaussian::{
     GaussianSplats, StyleLook, StyleRefine, StyleSource,
-    style::{StyleInput, StylePalette, StylePin},
+    style::{StyleInput, StyleMotion, StylePalette, StylePin, StyleRelief},
     stylegaussian::paint::Hand,
 };
 
@@ -52,7 +52,8 @@ pub struct Styles {
     pub list: Vec<Style>,
     /// Share of the content that stays, 0..1.
     pub content: f32,
-    /// How strokes are drawn, as factors: how much of them, how much stays clear of them, and their size.
+    /// How strokes are drawn, as factors: how much of them, how much stays clear of them, and their size; and
+    /// how they move.
     pub paint: f32,
     pub protection: f32,
     pub stroke_scale: f32,
@@ -68,6 +69,12 @@ pub struct Styles {
     pub pins: Vec<(usize, StylePin)>,
     /// The style and the spot of its painting that the next pin is for.
     pub spot: Option<(usize, Vec2)>,
+    pub motion: StyleMotion,
+    /// Thickness of the paint, as a factor, and where the light on it is, in degrees around the world's y axis.
+    pub relief: f32,
+    pub light_from: f32,
+    /// Whether strokes keep their size on screen.
+    pub screen_stable: bool,
     pub finish: Finish,
     /// Whether the baked looks belong to the scene that is shown.
     pub looks_fit: bool,
@@ -168,6 +175,8 @@ impl Styles {
 
     fn source(&self) -> StyleSource {
         let styles = self.used().map(|style| (self.shown_as(style), style.weight));
+        // As high as it is far.
+        let light = Quat::from_rotation_y(self.light_from.to_radians()) * Vec3::new(1.0, 1.0, 0.0);
         StyleSource {
             content: self.content,
             paint: self.paint,
@@ -178,6 +187,9 @@ impl Styles {
             palette_strength: self.palette_strength,
             stroke_direction: self.direction,
             pins: self.used_pins().into(),
+            motion: self.motion,
+            screen_stable: self.screen_stable,
+            relief: StyleRelief::lit_from(light).with_amount(self.relief),
             ..StyleSource::mix(styles)
         }
     }

@@ -10,7 +10,7 @@ use crate::{Layout, Source, float_constants, layout};
 
 pub mod strokes;
 
-use strokes::{StrokeChunk, StrokeDraw};
+use strokes::{StrokeChunk, StrokeDraw, StrokeMotion};
 
 /// Invocations in a workgroup of every kernel of the pass.
 pub const WORKGROUP: u32 = 256;
@@ -290,9 +290,23 @@ pub fn layouts() -> Vec<Layout> {
         layout!(SplatTiles { viewport, n_tiles, capacity, padding }),
         layout!(RunProgress { n_splats, n_tiles }),
         layout!(SplatComposite { exposure }),
-        layout!(StrokeChunk { chunk, amount, protection, stroke_scale, padding }),
+        layout!(StrokeChunk {
+            chunk,
+            amount,
+            protection,
+            stroke_scale,
+            n_motions,
+            light,
+            relief,
+            n_lights,
+            is_stable,
+            padding_0,
+            padding_1,
+            motions,
+        }),
+        layout!(StrokeMotion { toward, first, end, kind, phase, amount }),
         layout!(StrokeSeed { at, pitch, rotation_xy, rotation_z_aspect, place, look }),
-        layout!(StrokeDraw { near, padding_0, padding_1, padding_2 }),
+        layout!(StrokeDraw { near, n_lights, is_stable, scale_octaves }),
     ]
 }
 

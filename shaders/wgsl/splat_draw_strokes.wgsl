@@ -9,6 +9,8 @@ struct Quad {
     @location(2) @interpolate(flat) color: vec4<f32>,
     /// The strokes as they are stored: unpacked, they would take two more locations.
     @location(3) @interpolate(flat) strokes: vec4<u32>,
+    /// And the light on them.
+    @location(4) @interpolate(flat) relief: vec4<u32>,
 }
 
 @vertex
@@ -20,13 +22,24 @@ fn splat_draw_strokes_vertex(
     let geometry = geometry_halves[record];
     let splat = unpacked(geometry, color_halves[record]);
     let color = vec4(splat.color, splat.opacity);
-    return Quad(corner_of(splat, corner), geometry, splat.y_precision, color, stroke_records[record]);
+    var relief = vec4(0u);
+    if stroke_draw.n_lights > 0u {
+        relief = relief_records[record];
+    }
+    return Quad(corner_of(splat, corner), geometry, splat.y_precision, color, stroke_records[record], relief);
 }
 
 /// The detail at `d` pixels from the splat's center.
 fn stroke_detail(strokes: Strokes, d: vec2<f32>) -> vec3<f32> {
     let at = place_at(strokes, d);
     var sum = vec3(0.0);
+    if stroke_draw.is_stable > 0u {
+        for (var octave = 0.0; octave < STABLE_OCTAVES; octave += 1.0) {
+            sum += strokes.gains.x * fine_octave(strokes, at, octave);
+            sum += strokes.gains.y * wide_octave(strokes, at, octave);
+        }
+        return sum;
+    }
     if strokes.gains.x > 0.0 {
         var fine = fine_octave(strokes, at, 0.0);
         let n_octaves = n_octaves_of(strokes);
@@ -36,7 +49,7 @@ fn stroke_detail(strokes: Strokes, d: vec2<f32>) -> vec3<f32> {
         sum += strokes.gains.x * fine;
     }
     if strokes.gains.y > 0.0 {
-        sum += strokes.gains.y * wide_at(strokes, at);
+        sum += strokes.gains.y * wide_octave(strokes, at, 0.0);
     }
     return sum;
 }
@@ -51,7 +64,15 @@ fn splat_draw_strokes_fragment(quad: Quad) -> @location(0) vec4<f32> {
     }
     var rgb = quad.color.rgb;
     if alpha >= LEAST_ALPHA && has_strokes(quad.strokes) {
-        rgb += stroke_detail(unpacked_strokes(quad.strokes), d);
+        let strokes = unpacked_strokes(quad.strokes);
+        rgb += stroke_detail(strokes, d);
+        if stroke_draw.n_lights > 0u {
+            let relief = unpacked_relief(quad.relief);
+            let n_octaves = select(1.0, STABLE_OCTAVES, stroke_draw.is_stable > 0u);
+            for (var octave = 0.0; octave < n_octaves; octave += 1.0) {
+                rgb += lit(strokes, relief, place_at(strokes, d), octave, quad.color.rgb);
+            }
+        }
     }
     return vec4(rgb * alpha, alpha);
 }

@@ -4,9 +4,12 @@
 struct StrokeDraw {
     /// Share of finer strokes that are added where a painting is magnified.
     near: f32,
-    padding_0: u32,
-    padding_1: u32,
-    padding_2: u32,
+    /// 1 if there is relief, else 0.
+    n_lights: u32,
+    /// 1 if strokes keep their size on screen, else 0.
+    is_stable: u32,
+    /// Binary logarithm of their size.
+    scale_octaves: f32,
 }
 
 @group(1) @binding(0) var<uniform> stroke_draw: StrokeDraw;
@@ -53,10 +56,20 @@ fn place_at(strokes: Strokes, d: vec2<f32>) -> vec2<f32> {
     return strokes.place + strokes.step_x * d.x + strokes.step_y * d.y;
 }
 
-/// Octaves of finer strokes that a splat shows: those from 0.4 octaves before their own distance on.
+/// Octaves that a splat shows beside the first: finer strokes from 0.4 octaves before their own distance on, or
+/// those that are stable on screen.
 fn n_octaves_of(strokes: Strokes) -> f32 {
     let n = clamp(ceil(0.6 - strokes.level) - 1.0, 0.0, MOST_OCTAVES);
-    return select(0.0, n, strokes.gains.x > 0.0 && stroke_draw.near > 0.0);
+    let n_finer = select(0.0, n, strokes.gains.x > 0.0 && stroke_draw.near > 0.0);
+    return select(n_finer, STABLE_OCTAVES - 1.0, stroke_draw.is_stable > 0u);
+}
+
+/// The share of an octave of strokes that are stable on screen: see `stylegaussian::strokes::stable_shares`.
+fn stable_share(strokes: Strokes, octave: f32) -> f32 {
+    let part = clamp(-1.0 - strokes.level - stroke_draw.scale_octaves, 0.0, 1.0);
+    let rest = 1.0 - part;
+    let shares = vec3(0.5 * rest * rest, 0.5 + part * rest, 0.5 * part * part);
+    return shares[u32(octave)] * inverseSqrt(dot(shares, shares));
 }
 
 /// Fine detail in the painting's own size (octave 0) or finer, with its share.
@@ -68,11 +81,21 @@ fn fine_octave(strokes: Strokes, at: vec2<f32>, octave: f32) -> vec3<f32> {
     if octave > 0.0 {
         share = clamp((0.6 - strokes.level - octave) / 0.8, 0.0, 1.0) * pow(stroke_draw.near, octave);
     }
+    if stroke_draw.is_stable > 0u {
+        share = stable_share(strokes, octave);
+    }
     return share * detail;
 }
 
-/// Wide detail.
-fn wide_at(strokes: Strokes, at: vec2<f32>) -> vec3<f32> {
-    let level = max(strokes.level - WIDE_LEVEL, 0.0);
-    return textureSampleLevel(wide_detail, mirrored, at, strokes.layer, level).rgb;
+/// Wide detail, which comes with the first octave, or with each of those that are stable on screen.
+fn wide_octave(strokes: Strokes, at: vec2<f32>, octave: f32) -> vec3<f32> {
+    var share = select(0.0, 1.0, octave == 0.0);
+    var place = at;
+    var level = strokes.level - WIDE_LEVEL;
+    if stroke_draw.is_stable > 0u {
+        share = stable_share(strokes, octave);
+        place = at * exp2(octave);
+        level += octave;
+    }
+    return share * textureSampleLevel(wide_detail, mirrored, place, strokes.layer, max(level, 0.0)).rgb;
 }

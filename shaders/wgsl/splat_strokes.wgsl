@@ -11,7 +11,20 @@ struct StrokeChunk {
     protection: f32,
     /// Factor of the size of strokes.
     stroke_scale: f32,
-    padding: u32,
+    /// Motions that count.
+    n_motions: u32,
+    /// The unit direction to the light, in scene space.
+    light: vec3<f32>,
+    /// Factor of the thickness of paint.
+    relief: f32,
+    /// 1 if any paint of the view has relief, else 0.
+    n_lights: u32,
+    /// 1 if strokes keep their size on screen, else 0.
+    is_stable: u32,
+    padding_0: u32,
+    padding_1: u32,
+    /// The motions, each of other seeds.
+    motions: array<StrokeMotion, MAX_MOTIONS>,
 }
 
 /// A spot of a surface about a stroke wide, and its place in a painting.
@@ -26,13 +39,16 @@ struct StrokeSeed {
     rotation_z_aspect: u32,
     /// Its place in the painting, x and y: fractions of 16 bits of `PERIOD`.
     place: u32,
-    /// Fine gain, wide gain, layer, and which number of the quaternion is left out: a byte each.
+    /// Fine gain, wide gain and layer (a byte each), which number of the quaternion is left out (two bits), and
+    /// the direction of strokes in the painting.
     look: u32,
 }
 
 @group(0) @binding(0) var<uniform> uniforms: StrokeChunk;
 @group(0) @binding(1) var<storage, read> keys: array<u32>;
 @group(0) @binding(2) var<storage, read_write> stroke_records: array<vec4<u32>>;
+/// The light on each record's paint, if there is any.
+@group(0) @binding(3) var<storage, read_write> relief_records: array<vec4<u32>>;
 @group(1) @binding(0) var<storage, read> gaussians: array<PackedGaussian>;
 /// Seed, protection and share of each Gaussian of the scene.
 @group(1) @binding(1) var<storage, read> words: array<u32>;
@@ -97,6 +113,26 @@ fn gains_of(word: u32, seed: StrokeSeed) -> vec2<f32> {
     return share * uniforms.amount * gains * (1.0 - vec2(PROTECTED, 1.0) * protection);
 }
 
+/// A seed as its motion has it now.
+fn seed_now(number: u32, seed: StrokeSeed) -> MovedSeed {
+    let turn = turn_of(seed);
+    let right = rotated(turn, vec3(1.0, 0.0, 0.0));
+    let down = rotated(turn, vec3(0.0, 1.0, 0.0));
+    var now = MovedSeed(right, down, vec2(0.0), 1.0);
+    // Without motions, not a step of it: software adapters skip nothing but iterations.
+    for (var i = 0u; i < uniforms.n_motions; i++) {
+        if number >= uniforms.motions[i].first && number < uniforms.motions[i].end {
+            let turned = (seed.rotation_xy << 16u) | (seed.rotation_xy >> 16u);
+            let angle = f32(seed.look >> DIRECTION_SHIFT) * DIRECTION_STEP;
+            let aspect = unpack2x16float(seed.rotation_z_aspect).y;
+            let own = hashed(seed.place ^ turned);
+            now = moved(now, uniforms.motions[i], own, vec2(cos(angle), sin(angle)), aspect);
+            break;
+        }
+    }
+    return now;
+}
+
 fn byte(x: f32) -> u32 {
     return u32(clamp(x, 0.0, 1.0) * 255.0 + 0.5);
 }
@@ -110,8 +146,10 @@ fn wrapped(x: f32) -> u32 {
 /// The record of a Gaussian, all zero if it shows no strokes.
 fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     let none = vec4(0u);
-    let seed = seeds[word & ((1u << SEED_BITS) - 1u)];
-    let gains = gains_of(word, seed);
+    let number = word & ((1u << SEED_BITS) - 1u);
+    let seed = seeds[number];
+    let now = seed_now(number, seed);
+    let gains = now.gain * gains_of(word, seed);
     let pixel = gradients(gaussian.mean);
     // Along the ray neither coordinate changes.
     let ray = cross(pixel.x, pixel.y);
@@ -134,17 +172,21 @@ fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     let along_x = clamp(dot(across, beside_x) / across_ray, -limit, limit);
     let along_y = clamp(dot(across, beside_y) / across_ray, -limit, limit);
 
-    let turn = turn_of(seed);
-    let pitch = seed.pitch / uniforms.stroke_scale * vec2(1.0, unpack2x16float(seed.rotation_z_aspect).y);
-    let right = pitch.x * rotated(turn, vec3(1.0, 0.0, 0.0));
-    let down = pitch.y * rotated(turn, vec3(0.0, 1.0, 0.0));
+    // Strokes that are stable on screen have their size from their octave.
+    let stroke_scale = select(uniforms.stroke_scale, 1.0, uniforms.is_stable > 0u);
+    let pitch = seed.pitch / stroke_scale * vec2(1.0, unpack2x16float(seed.rotation_z_aspect).y);
+    let right = pitch.x * now.right;
+    let down = pitch.y * now.down;
     let on_plane_x = beside_x - ray * along_x;
     let on_plane_y = beside_y - ray * along_y;
-    let step_x = clamp(vec2(dot(right, on_plane_x), dot(down, on_plane_x)), vec2(-MAX_STEP), vec2(MAX_STEP));
-    let step_y = clamp(vec2(dot(right, on_plane_y), dot(down, on_plane_y)), vec2(-MAX_STEP), vec2(MAX_STEP));
+    let whole_x = vec2(dot(right, on_plane_x), dot(down, on_plane_x));
+    let whole_y = vec2(dot(right, on_plane_y), dot(down, on_plane_y));
+    let step_x = limited(whole_x);
+    let step_y = limited(whole_y);
     let local = gaussian.mean - seed.at;
     let place = vec2<f32>(vec2(seed.place & 0xffffu, seed.place >> 16u)) / 65536.0
-        + vec2(dot(right, local), dot(down, local)) / PERIOD;
+        + vec2(dot(right, local), dot(down, local)) / PERIOD
+        + now.shift;
 
     // As if it were seen from the front. Slanted, up to three times as much: a texture cannot be blurred in one
     // direction.
@@ -155,11 +197,57 @@ fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     if !is_finite {
         return none;
     }
-    let level = clamp(log2(texels) + SHARPER, LEAST_LEVEL, MOST_LEVEL);
+    let level = log2(texels) + SHARPER;
+    if uniforms.is_stable > 0u {
+        let octave = clamp(floor(-level - log2(uniforms.stroke_scale)), FARTHEST, NEAREST) - 1.0;
+        let scale = exp2(octave);
+        let steps = array(limited(whole_x * scale), limited(whole_y * scale));
+        return packed_record(gains, seed, place * scale, steps, level + octave);
+    }
+    return packed_record(gains, seed, place, array(step_x, step_y), level);
+}
+
+/// A step in the painting for a pixel, no larger than is stored.
+fn limited(texels: vec2<f32>) -> vec2<f32> {
+    return clamp(texels, vec2(-MAX_STEP), vec2(MAX_STEP));
+}
+
+/// A record from its numbers. The place is in `PERIOD`.
+fn packed_record(
+    gains: vec2<f32>,
+    seed: StrokeSeed,
+    place: vec2<f32>,
+    steps: array<vec2<f32>, 2>,
+    whole_level: f32,
+) -> vec4<u32> {
+    let level = clamp(whole_level, LEAST_LEVEL, MOST_LEVEL);
     let look = byte(gains.x / MAX_GAIN) | (byte(gains.y / MAX_GAIN) << 8u) | (seed.look & 0xff0000u)
         | (byte((level - LEAST_LEVEL) / (MOST_LEVEL - LEAST_LEVEL)) << 24u);
     let packed_place = wrapped(place.x) | (wrapped(place.y) << 16u);
-    return vec4(packed_place, pack2x16float(step_x), pack2x16float(step_y), look);
+    return vec4(packed_place, pack2x16float(steps[0]), pack2x16float(steps[1]), look);
+}
+
+/// How light falls on a Gaussian's paint, all zero if its paint is flat.
+fn relief_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
+    let number = word & ((1u << SEED_BITS) - 1u);
+    let seed = seeds[number];
+    let now = seed_now(number, seed);
+    let eye = uniforms.chunk.eye;
+    let to_eye = normalize(eye.xyz - eye.w * gaussian.mean);
+    let inward = cross(now.right, now.down);
+    let outward = select(inward, -inward, dot(inward, to_eye) < 0.0);
+    let between = uniforms.light + to_eye;
+    let half_way = between * inverseSqrt(max(dot(between, between), 1e-12));
+    let axes = mat3x3(now.right, now.down, outward);
+    // A product from the left is that with the transpose.
+    let light = uniforms.light * axes;
+    let middle = half_way * axes;
+    return vec4(
+        pack2x16snorm(light.xy),
+        pack2x16snorm(vec2(light.z, middle.z)),
+        pack2x16snorm(middle.xy),
+        pack2x16float(vec2(uniforms.relief, unpack2x16float(seed.rotation_z_aspect).y)),
+    );
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -179,4 +267,7 @@ fn splat_strokes(
     }
     let word = words[uniforms.chunk.first_gaussian + index];
     stroke_records[record] = record_of(gaussians[index], word);
+    if uniforms.n_lights > 0u {
+        relief_records[record] = relief_of(gaussians[index], word);
+    }
 }

@@ -40,6 +40,7 @@ fn packed_weights(a: vec4<f32>, b: vec4<f32>) -> vec4<u32> {
 /// Adds the strokes of a queue to the detail of sixteen pixels.
 fn paint(queue: ptr<function, Queue>, detail: ptr<function, array<vec3<f32>, 16>>, middle: vec2<f32>) {
     var item = 0u;
+    var record = 0u;
     var pixels = 0u;
     var octave = 0.0;
     var n_octaves = 0.0;
@@ -50,7 +51,7 @@ fn paint(queue: ptr<function, Queue>, detail: ptr<function, array<vec3<f32>, 16>
             if item >= (*queue).n {
                 break;
             }
-            let record = (*queue).records[item];
+            record = (*queue).records[item];
             pixels = (*queue).pixels[item];
             strokes = unpacked_strokes(stroke_records[record]);
             n_octaves = n_octaves_of(strokes);
@@ -62,9 +63,15 @@ fn paint(queue: ptr<function, Queue>, detail: ptr<function, array<vec3<f32>, 16>
         let weight = unpack2x16float(pair)[pixel & 1u];
         let at = place_at(strokes, first + vec2(f32(pixel & 3u), f32(pixel >> 2u)));
         var sum = strokes.gains.x * fine_octave(strokes, at, octave);
-        // Wide detail comes with the first octave.
-        sum += select(0.0, strokes.gains.y, octave == 0.0) * wide_at(strokes, at);
+        sum += strokes.gains.y * wide_octave(strokes, at, octave);
         (*detail)[pixel] += weight * sum;
+        // Light comes with the first octave, or with each of those that are stable on screen.
+        let n_lights = select(0u, stroke_draw.n_lights, octave == 0.0 || stroke_draw.is_stable > 0u);
+        for (var light = 0u; light < n_lights; light++) {
+            let splat = unpacked(geometry_halves[record], color_halves[record]);
+            let relief = unpacked_relief(relief_records[record]);
+            (*detail)[pixel] += weight * lit(strokes, relief, at, octave, splat.color);
+        }
         octave += 1.0;
         if octave > n_octaves {
             octave = 0.0;

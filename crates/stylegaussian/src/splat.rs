@@ -34,7 +34,7 @@ use crate::{
     mask::Visibility,
     scene::Scene,
     sh,
-    strokes::{LEAST_ALPHA, StrokeKnobs, StrokeRecord, StrokeSeed, Strokes},
+    strokes::{LEAST_ALPHA, StrokeKnobs, StrokeRecord, StrokeRelief, StrokeSeed, StrokeWord, Strokes},
     work::{Canceled, Work},
 };
 pub use alpha::{MAX_ALPHA, MIN_ALPHA};
@@ -130,6 +130,7 @@ fn draw(
     let splats = project(scene, camera, visibility);
     let colors = splat_colors(scene, colors, camera, &splats);
     let records = strokes.map(|(strokes, knobs)| stroke_records(scene, strokes, knobs, camera, &splats));
+    let reliefs = strokes.map(|(strokes, knobs)| reliefs(scene, strokes, knobs, camera, &splats));
     let bands = Bands::new(&splats, camera.size);
 
     let size = camera.size.as_usizevec2();
@@ -158,10 +159,15 @@ fn draw(
                     {
                         let texture = &strokes.textures[usize::from(record.texture)];
                         let first = tile.first_pixel(group) - splats[splat].center;
+                        let relief = reliefs.as_ref().and_then(|reliefs| reliefs.get(splat)?.as_ref());
                         for (i, (&weight, &alpha)) in weights.iter().zip(alphas).enumerate() {
                             if weight > 0.0 && alpha >= LEAST_ALPHA {
-                                let detail =
-                                    record.detail(texture, first + Vec2::new(i as f32, 0.0), knobs.near);
+                                let offset = first + Vec2::new(i as f32, 0.0);
+                                let mut detail = record.detail(texture, offset, knobs);
+                                if let Some(relief) = relief {
+                                    detail +=
+                                        record.lit(texture, offset, (relief, knobs), Vec3::new(r, g, b));
+                                }
                                 for (sums, value) in sums.iter_mut().zip(detail.to_array()) {
                                     sums[group][i] += weight * value;
                                 }
@@ -259,6 +265,24 @@ fn stroke_records(
         Some(StrokeRecord::unpacked(record.packed()))
     };
     splats.par_iter().map(record).collect()
+}
+
+/// How light falls on each splat, likewise; empty if there is no relief.
+fn reliefs(
+    scene: &Scene,
+    strokes: &Strokes,
+    knobs: &StrokeKnobs,
+    camera: &Camera,
+    splats: &[Splat],
+) -> Vec<Option<StrokeRelief>> {
+    let (eye, is_asked) = (camera.position(), knobs.relief > 0.0);
+    let relief = |splat: &Splat| {
+        let i = splat.gaussian as usize;
+        let seed = strokes.seeds.get(StrokeWord::unpacked(strokes.words[i]).seed as usize)?.plain();
+        let relief = StrokeRelief::new(&seed, eye - scene.means[i], knobs)?;
+        Some(StrokeRelief::unpacked(relief.packed()))
+    };
+    if is_asked { splats.par_iter().map(relief).collect() } else { Vec::new() }
 }
 
 /// The color of each splat, in the splats' order.

@@ -24,15 +24,24 @@ use glam::{Quat, Vec2, Vec3};
 use half::f16;
 
 mod mix;
+mod motion;
 mod record;
+mod relief;
+mod stable;
 #[cfg(test)]
 mod tests;
 mod texture;
 
 pub use mix::{EDGE, StrokeLayer, mix_strokes, mixed};
+pub use motion::{
+    ACROSS, DIRECTION_SHIFT, DIRECTIONS, FADE, KIND_BOIL, KIND_FLOW, KIND_STILL, MotionNow, SLOW, STROKE,
+    StrokeMotion, TURN,
+};
 pub use record::{
     EDGE_ON, FLATTEST, LEAST_ALPHA, LEVELS, MAX_STEP, MOST_OCTAVES, PROTECTED, SHARPER, StrokeRecord,
 };
+pub use relief::{BLURRIER, GLOSS, IN_LIGHT, SHININESS, STEEPEST, StrokeRelief, THICKNESS};
+pub use stable::{FARTHEST, NEAREST, STABLE_OCTAVES, stable_shares};
 pub use texture::{FINE_SIDE, StrokeTexture, WIDE_LEVEL, WIDE_SIDE};
 
 use std::{f32::consts::SQRT_2, sync::Arc};
@@ -73,12 +82,27 @@ pub struct StrokeKnobs {
     /// Share of finer strokes that are added where a painting is magnified, 0..1. Each octave has it of the one
     /// before.
     pub near: f32,
+    /// Factor of the thickness of paint, which [`light`](Self::light) falls on. At 0 there is no relief.
+    pub relief: f32,
+    /// Direction to the light, in scene space, of any length but 0.
+    pub light: Vec3,
+    /// Whether strokes keep their size on screen, whatever the distance: octaves of the painting are
+    /// crossfaded. They dissolve into one another while the camera moves.
+    pub screen_stable: bool,
 }
 
 impl StrokeKnobs {
-    /// Strokes as they were computed, and half of finer ones from near: more of them draw beads, and fewer
-    /// blur.
-    pub const DEFAULT: Self = Self { amount: 1.0, protection: 1.0, stroke_scale: 1.0, near: 0.5 };
+    /// Strokes as they were computed, without relief, and half of finer ones from near: more of them draw
+    /// beads, and fewer blur.
+    pub const DEFAULT: Self = Self {
+        amount: 1.0,
+        protection: 1.0,
+        stroke_scale: 1.0,
+        near: 0.5,
+        relief: 0.0,
+        light: Vec3::ZERO,
+        screen_stable: false,
+    };
 }
 
 impl Default for StrokeKnobs {
@@ -144,8 +168,9 @@ pub struct StrokeSeed {
     pub rotation_z_aspect: u32,
     /// Its place in the painting, x and y: fractions of 16 bits of [`PERIOD`].
     pub place: u32,
-    /// Fine gain and wide gain (bytes, of [`MAX_GAIN`]), number of the texture, and which number of the
-    /// quaternion is left out (0 for x, 3 for w): a byte each.
+    /// Fine gain and wide gain (bytes, of [`MAX_GAIN`]), number of the texture (a byte), which number of the
+    /// quaternion is left out (two bits, 0 for x, 3 for w), and the direction of strokes in the painting (six
+    /// bits, of half a circle): see [`direction`](Self::direction).
     pub look: u32,
 }
 

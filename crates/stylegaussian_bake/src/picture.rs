@@ -54,7 +54,7 @@ pub(crate) fn strokes_over(
         for (i, weight) in weights.pixel(pixel).filter(|(_, weight)| shows(*weight)) {
             let Some((record, center)) = &records[i] else { continue };
             let texture = &strokes.textures[usize::from(record.texture)];
-            let detail = record.detail(texture, at - *center, knobs.near);
+            let detail = record.detail(texture, at - *center, &knobs);
             sum.iter_mut().zip(detail.to_array()).for_each(|(sum, value)| *sum += weight * value);
         }
     });

@@ -103,6 +103,21 @@ pub fn factor_to_10(text: &str) -> Result<f32, String> {
     number.ok_or_else(|| "expected a number from 0 to 10".into())
 }
 
+/// Pictures per second, above 0 and at most 1000.
+pub fn pictures_per_second(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|number| *number > 0.0 && *number <= 1000.0);
+    number.ok_or_else(|| "expected a number above 0 and at most 1000".into())
+}
+
+/// A direction as in `0,-1,0`, of any length but 0.
+pub fn direction(text: &str) -> Result<Vec3, String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) if Vec3::new(x, y, z).try_normalize().is_some() => Ok(Vec3::new(x, y, z)),
+        _ => Err("expected X,Y,Z in the scene's space, not all 0, as in 0,-1,0".into()),
+    }
+}
+
 /// A number from 0 to 1, without 1.
 pub fn less_than_1(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|number| (0.0..1.0).contains(number));
@@ -147,17 +162,6 @@ pub fn area(text: &str) -> Result<[f32; 4], String> {
             Err("expected X,Y,WIDTH,HEIGHT as shares of the sides, within 0 to 1, as in 0,0.25,1,0.5".into())
         }
     }
-}
-
-/// A direction as in `0,1,0`, of any length above 0.
-pub fn direction(text: &str) -> Result<Vec3, String> {
-    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    let direction = match numbers.as_deref() {
-        Some(&[x, y, z]) => Some(Vec3::new(x, y, z)),
-        _ => None,
-    };
-    let direction = direction.filter(|direction| direction.try_normalize().is_some());
-    direction.ok_or_else(|| "expected X,Y,Z, not all 0, as in 0,1,0".into())
 }
 
 /// A ball as in `1.5,0,-2,3`: its center and its radius, in scene units.
@@ -301,14 +305,6 @@ mod tests {
     }
 
     #[test]
-    fn directions() {
-        assert_eq!(direction("0, -2,1e-3"), Ok(Vec3::new(0.0, -2.0, 1e-3)));
-        for text in ["", "0,0,0", "1,2", "1,2,nan", "inf,0,0", "1,2,3,4"] {
-            assert!(direction(text).is_err(), "{text}");
-        }
-    }
-
-    #[test]
     fn areas() {
         assert_eq!(area("0,0.25,1,0.5"), Ok([0.0, 0.25, 1.0, 0.75]));
         assert_eq!(area("0.5, 0.5, 0.5, 0.5"), Ok([0.5, 0.5, 1.0, 1.0]));
@@ -316,6 +312,18 @@ mod tests {
             ["", "0,0,1", "0,0,0,1", "0.5,0,0.6,1", "-0.1,0,1,1", "nan,0,1,1", "0,0,inf,1", "0,0,1,1,1"]
         {
             assert!(area(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn directions_and_speeds() {
+        assert_eq!(direction("0,-1.5, 2"), Ok(Vec3::new(0.0, -1.5, 2.0)));
+        for text in ["", "1,2", "0,0,0", "nan,0,1", "1,inf,0", "1,2,3,4", "x"] {
+            assert!(direction(text).is_err(), "{text}");
+        }
+        assert_eq!(pictures_per_second("23.976"), Ok(23.976));
+        for text in ["", "0", "-1", "nan", "inf", "1001"] {
+            assert!(pictures_per_second(text).is_err(), "{text}");
         }
     }
 

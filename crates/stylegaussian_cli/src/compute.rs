@@ -6,13 +6,13 @@ use stylegaussian::{
     Camera, Decoder, Scene,
     fold::{self, ChannelMap},
     splat::{self, Colors, RenderedImage},
-    strokes::{StrokeKnobs, Strokes},
+    strokes::{StrokeKnobs, StrokeMotion, Strokes},
 };
 use stylegaussian_gpu::{
     colors::GaussianColors,
     device::{DeviceOptions, HeadlessDevice},
     splat::{Cloud, CloudColors, GpuScene, Headless, SplatSettings},
-    strokes::GaussianStrokes,
+    strokes::{GaussianStrokes, StrokesError},
     style::{self, StylizeOnGpuError},
 };
 
@@ -81,8 +81,8 @@ impl Compute {
         Ok(fold::stylize(scene, decoder, map)?)
     }
 
-    /// Prepares to draw `scene` in `colors` with `strokes` over them, if there are any. Falls back as
-    /// [`stylize`](Self::stylize) does.
+    /// Prepares to draw `scene` in `colors` with `strokes` over them, if there are any, drawn by `knobs` and
+    /// moving. Falls back as [`stylize`](Self::stylize) does.
     ///
     /// # Errors
     /// If the GPU that was asked for fails.
@@ -91,15 +91,22 @@ impl Compute {
         scene: &'a Scene,
         colors: Colors<'a>,
         strokes: Option<&'a Strokes>,
+        knobs: StrokeKnobs,
+        motion: StrokeMotion,
     ) -> Result<Drawing<'a>> {
         let strokes = strokes.filter(|strokes| !strokes.seeds.is_empty());
         if let Some(gpu) = &self.gpu {
-            match pollster::block_on(OnGpu::new(gpu, scene, colors, strokes)) {
+            match pollster::block_on(OnGpu::new(
+                gpu,
+                scene,
+                colors,
+                strokes.map(|strokes| (strokes, knobs, motion)),
+            )) {
                 Ok(on_gpu) => return Ok(Drawing::Gpu(gpu.clone(), Box::new(on_gpu))),
                 Err(error) => self.fall_back(error)?,
             }
         }
-        Ok(Drawing::Cpu(scene, colors, strokes))
+        Ok(Drawing::Cpu(scene, colors, strokes.map(|strokes| (strokes, knobs, motion))))
     }
 
     /// Continues on the CPU with a warning if `auto` chose the GPU.
@@ -136,7 +143,7 @@ pub fn processor(backend: Backend) -> Result<Processor> {
 /// A scene in its colors, ready to be drawn from any camera.
 pub enum Drawing<'a> {
     /// On the CPU.
-    Cpu(&'a Scene, Colors<'a>, Option<&'a Strokes>),
+    Cpu(&'a Scene, Colors<'a>, Option<(&'a Strokes, StrokeKnobs, StrokeMotion)>),
     /// On a GPU.
     Gpu(HeadlessDevice, Box<OnGpu>),
 }
@@ -146,7 +153,7 @@ pub struct OnGpu {
     headless: Headless,
     scene: GpuScene,
     colors: Option<GaussianColors>,
-    strokes: Option<GaussianStrokes>,
+    strokes: Option<(GaussianStrokes, StrokeKnobs)>,
 }
 
 impl Drawing<'_> {
@@ -158,18 +165,19 @@ impl Drawing<'_> {
         }
     }
 
-    /// The view of `camera`. Without depth if the GPU draws.
+    /// The view of `camera` at a time in seconds. Without depth if the GPU draws.
     ///
     /// # Errors
     /// If the GPU fails.
-    pub fn view(&mut self, camera: &Camera) -> Result<RenderedImage> {
+    pub fn view(&mut self, camera: &Camera, seconds: f64) -> Result<RenderedImage> {
         match self {
             Self::Cpu(scene, colors, None) => Ok(splat::render(scene, *colors, camera)),
-            Self::Cpu(scene, colors, Some(strokes)) => {
-                Ok(splat::render_strokes(scene, *colors, (strokes, &StrokeKnobs::DEFAULT), camera, None))
+            Self::Cpu(scene, colors, Some((strokes, knobs, motion))) => {
+                let moved = strokes.moved(*motion, seconds);
+                Ok(splat::render_strokes(scene, *colors, (&moved, knobs), camera, None))
             }
             Self::Gpu(gpu, on_gpu) => {
-                on_gpu.view(gpu, camera).with_context(|| format!("on {}", gpu.info.name))
+                on_gpu.view(gpu, camera, seconds).with_context(|| format!("on {}", gpu.info.name))
             }
         }
     }
@@ -180,7 +188,7 @@ impl OnGpu {
         gpu: &HeadlessDevice,
         scene: &Scene,
         colors: Colors<'_>,
-        strokes: Option<&Strokes>,
+        strokes: Option<(&Strokes, StrokeKnobs, StrokeMotion)>,
     ) -> Result<Self> {
         let HeadlessDevice { device, queue, .. } = gpu;
         // wgpu reports a lack of memory through a scope and not as a result. No `?` before it is popped.
@@ -192,19 +200,25 @@ impl OnGpu {
             Colors::Mixed(mixed) => GaussianColors::from_premultiplied(device, queue, mixed).map(Some),
         };
         let headless = Headless::new(device);
-        let strokes = strokes.map(|strokes| headless.store().upload(device, queue, strokes)).transpose();
+        let upload = |(strokes, knobs, motion): (&Strokes, _, _)| {
+            let uploaded = headless.store().upload(device, queue, strokes)?;
+            Ok::<_, StrokesError>((uploaded.moving(motion), knobs))
+        };
+        let strokes = strokes.map(upload).transpose();
         if let Some(error) = scope.pop().await {
             return Err(error).context("the GPU has no memory left for the scene");
         }
         Ok(Self { headless, scene: gpu_scene?, colors: colors?, strokes: strokes? })
     }
 
-    fn view(&mut self, gpu: &HeadlessDevice, camera: &Camera) -> Result<RenderedImage> {
+    fn view(&mut self, gpu: &HeadlessDevice, camera: &Camera, seconds: f64) -> Result<RenderedImage> {
         let colors = self.colors.as_ref().map_or(CloudColors::Captured, CloudColors::Rgb);
-        let with = |strokes| colors.with_strokes(strokes, StrokeKnobs::DEFAULT);
         let cloud = Cloud {
             scene: &self.scene,
-            colors: self.strokes.as_ref().map_or(colors, with),
+            colors: match &self.strokes {
+                Some((strokes, knobs)) => colors.with_strokes(strokes, *knobs).at(seconds),
+                None => colors,
+            },
             world_from_scene: Affine3A::IDENTITY,
             visibility: None,
         };

@@ -53,7 +53,8 @@ fn fix(strokes: &mut Strokes, knobs: &StrokeKnobs) {
         let plain = seed.plain();
         let gain = |gain: f32| (knobs.amount * gain).min(MAX_GAIN);
         let (fine, wide) = (gain(plain.fine), gain(plain.wide));
-        *seed = PlainSeed { fine, wide, pitch: plain.pitch / knobs.stroke_scale, ..plain }.packed();
+        let changed = PlainSeed { fine, wide, pitch: plain.pitch / knobs.stroke_scale, ..plain };
+        *seed = changed.packed().with_direction(seed.direction());
     }
     for word in &mut strokes.words {
         let of = StrokeWord::unpacked(*word);

@@ -88,6 +88,53 @@ fn options_change_the_strokes() {
 }
 
 #[test]
+fn strokes_move_from_frame_to_frame() {
+    let bench = bench();
+    let painting = bench.path("p.png");
+    let frames = |output: &str, more: &[&str]| -> Vec<Vec<u8>> {
+        let fixed = ["--style", &painting, "--orbit", "1", "--frames", "6", "--fps", "12"];
+        render(&bench, "a.ply", output, &[&fixed, more].concat()).expect_success();
+        let file = |i: usize| format!("{}/{i:06}.png", bench.path(output));
+        (0..6).map(|i| image::open(file(i)).unwrap().into_rgb8().into_raw()).collect()
+    };
+    let still = frames("still", &[]);
+    assert!(still.iter().all(|frame| *frame == still[0]));
+    assert!(still[0] == picture(&bench, "a.ply", &["--style", &painting]));
+    // Redrawn after three pictures each, and the same film again.
+    let boil = frames("boil", &["--boil", "4"]);
+    assert!(boil[0] == boil[1] && boil[1] == boil[2] && boil[3] == boil[4] && boil[4] == boil[5]);
+    assert!(boil[0] != boil[3] && boil[0] != still[0]);
+    assert!(frames("again", &["--boil", "4"]) == boil);
+    // A run of half a second: the pictures begin anew.
+    let flow = frames("flow", &["--flow", "4", "--flow-toward", "-1,0.5,0"]);
+    assert!(flow[0] != flow[1] && flow[0] == flow[3]);
+    // Without the fixed view, once around.
+    let around = render(&bench, "a.ply", "around", &["--frames", "3", "--json"]).expect_success();
+    assert_eq!(around.json()["pictures"].as_array().unwrap().len(), 3);
+    for wrong in
+        [&["--boil", "8"][..], &["--style", &painting, "--boil", "8", "--flow", "1"], &["--fps", "24"]]
+    {
+        assert_eq!(render(&bench, "a.ply", "out.png", wrong).code, Some(2), "{wrong:?}");
+    }
+}
+
+#[test]
+fn paint_is_lit_and_keeps_its_size() {
+    let bench = bench();
+    let painting = bench.path("p.png");
+    let with = |more: &[&str]| picture(&bench, "a.ply", &[&["--style", &painting], more].concat());
+    let painted = with(&[]);
+    assert!(with(&["--relief", "0"]) == painted);
+    let lit = with(&["--relief", "1.5", "--light", "1,1,0"]);
+    assert!(lit != painted && lit != with(&["--relief", "1.5", "--light", "-1,1,0"]));
+    assert!(with(&["--screen-stable"]) != painted);
+    for wrong in [&["--light", "1,0,0"][..], &["--relief", "1", "--light", "0,0,0"], &["--relief", "-1"]] {
+        let wrong = [&["--style", &painting], wrong].concat();
+        assert_eq!(render(&bench, "a.ply", "out.png", &wrong).code, Some(2), "{wrong:?}");
+    }
+}
+
+#[test]
 fn looks_keep_strokes_and_scenes_their_mean() {
     let bench = bench();
     let (scene, painting) = (bench.path("a.ply"), bench.path("p.png"));

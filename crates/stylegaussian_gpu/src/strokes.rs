@@ -4,12 +4,15 @@
 //! Layers mix strokes, and the splat pass draws them. All strokes of a device share one [`StrokeStore`] of
 //! textures, so that clouds in different styles are drawn together.
 
-use std::sync::{
-    Arc,
-    atomic::{AtomicU64, Ordering},
+use std::{
+    ops::Range,
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
 };
 
-use stylegaussian::strokes::{MAX_SEEDS, StrokeSeed, Strokes};
+use stylegaussian::strokes::{MAX_SEEDS, StrokeMotion, StrokeSeed, Strokes};
 
 use crate::buffers::{self, ReadBackError, TooLarge};
 
@@ -67,6 +70,8 @@ pub struct GaussianStrokes {
     version: Arc<AtomicU64>,
     /// Keeps the textures in the store.
     textures: Vec<Arc<StoredTexture>>,
+    /// Seeds whose strokes move.
+    motions: Vec<(Range<u32>, StrokeMotion)>,
 }
 
 /// Usages of both buffers.
@@ -92,7 +97,28 @@ impl GaussianStrokes {
             n_seeds: n_seeds as u32,
             version: Arc::default(),
             textures: Vec::new(),
+            motions: Vec::new(),
         })
+    }
+
+    /// The same strokes, moving. They share words, seeds and textures with the others, which move as before.
+    ///
+    /// Motions are applied where strokes are drawn, at the time of
+    /// [`PaintedColors`](crate::splat::PaintedColors), and mixes keep those of their layers.
+    #[must_use]
+    pub fn moving(&self, motion: StrokeMotion) -> Self {
+        let motions = if motion.is_still() { Vec::new() } else { vec![(0..self.n_seeds, motion)] };
+        Self { motions, ..self.clone() }
+    }
+
+    /// Seeds whose strokes move, and how.
+    pub fn motions(&self) -> &[(Range<u32>, StrokeMotion)] {
+        &self.motions
+    }
+
+    /// Replaces the motions.
+    pub(crate) fn set_motions(&mut self, motions: Vec<(Range<u32>, StrokeMotion)>) {
+        self.motions = motions;
     }
 
     /// The same words with an empty table for `n_seeds`, and no textures yet.

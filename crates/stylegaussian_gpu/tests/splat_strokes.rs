@@ -12,7 +12,7 @@ use pictures::{camera, psnr, random_scene, rgba};
 use stylegaussian::{
     Camera, Scene,
     splat::{Colors, render, render_strokes},
-    strokes::{PlainSeed, StrokeKnobs, StrokeWord, Strokes},
+    strokes::{PlainSeed, StrokeKnobs, StrokeMotion, StrokeWord, Strokes},
 };
 use stylegaussian_gpu::{
     device::HeadlessDevice,
@@ -73,7 +73,15 @@ fn painted_pictures_match() {
         (600.0, default),
         (60.0, default),
         (8.0, StrokeKnobs { near: 0.8, ..default }),
-        (30.0, StrokeKnobs { amount: 1.5, protection: 2.0, stroke_scale: 0.7, near: 0.0 }),
+        (30.0, StrokeKnobs { amount: 1.5, protection: 2.0, stroke_scale: 0.7, near: 0.0, ..default }),
+        // A mean of a texel to a pixel, far, and near with gloss.
+        (60.0, StrokeKnobs { relief: 1.0, light: Vec3::new(1.0, 1.0, 1.0), ..default }),
+        (200.0, StrokeKnobs { relief: 2.0, light: Vec3::new(-2.0, 0.5, -0.3), ..default }),
+        (8.0, StrokeKnobs { relief: 0.5, light: Vec3::Z, near: 0.8, ..default }),
+        // Of one size on screen, from far, from near, and in relief.
+        (600.0, StrokeKnobs { screen_stable: true, ..default }),
+        (3.0, StrokeKnobs { screen_stable: true, stroke_scale: 1.7, ..default }),
+        (20.0, StrokeKnobs { screen_stable: true, relief: 1.0, light: Vec3::new(1.0, 1.0, 1.0), ..default }),
     ];
     for mut headless in both_ways(&gpu.device) {
         for (pitch, knobs) in knobs {
@@ -92,6 +100,39 @@ fn painted_pictures_match() {
             assert!(far <= differences.len() / 200 && largest < 0.015, "pitch {pitch}: {far}, {largest}");
             assert!(agreement > LEAST, "pitch {pitch}: {agreement:.1} dB");
             assert!(from_plain < 45.0, "pitch {pitch}: {from_plain:.1} dB from no strokes");
+        }
+    }
+}
+
+/// Strokes that boil and that flow, by tiles and by quads.
+#[test]
+fn moving_pictures_match() {
+    let Some(gpu) = gpu() else { return };
+    let HeadlessDevice { device, queue, .. } = &gpu;
+    let scene = random_scene(1000, 1, 41);
+    let (camera, knobs) = (camera(UVec2::new(80, 60)), StrokeKnobs::default());
+    let painting = strokes(&scene, &[texture(10)], 60.0, 42);
+    let on_gpu = GpuScene::new(device, &scene).unwrap();
+    let (on_screen, settings) = (splat::Camera::pinhole(&camera), SplatSettings::default());
+    let still = rgba(&render_strokes(&scene, Colors::Captured, (&painting, &knobs), &camera, None));
+    for mut headless in both_ways(device) {
+        let uploaded = headless.store().upload(device, queue, &painting).unwrap();
+        for motion in [
+            StrokeMotion::Boil { rate: 8.0, amount: 0.5 },
+            StrokeMotion::Flow { rate: 0.5, amount: 2.0, toward: Vec3::X },
+        ] {
+            let moving = uploaded.moving(motion);
+            let colors = CloudColors::Captured.with_strokes(&moving, knobs).at(1234.56);
+            let clouds = [cloud(&on_gpu, colors)];
+            let found = headless.render(device, queue, &on_screen, &clouds, &settings).unwrap();
+            let moved = painting.moved(motion, 1234.56);
+            let expected = rgba(&render_strokes(&scene, Colors::Captured, (&moved, &knobs), &camera, None));
+            let (agreement, from_still) = (psnr(&found.rgba, &expected), psnr(&still, &expected));
+            // Places are rounded once more before they reach the CPU's records.
+            assert!(
+                agreement > 50.0 && from_still < 45.0,
+                "{motion:?}: {agreement:.1} dB, {from_still:.1} dB"
+            );
         }
     }
 }

@@ -1,12 +1,36 @@
 //! Shaders of strokes: the records of splats, and the draws with them.
 
 use bytemuck::{Pod, Zeroable};
-use stylegaussian::strokes as twin;
+use stylegaussian::{palette::LUMINANCE, strokes as twin};
 
 use super::{CHUNK, QUADS, RECORDS, SplatChunk, blend, source};
 use crate::{Source, constants, float_constants};
 
+const MOTION: &str = include_str!("../../wgsl/splat_stroke_motion.wgsl");
 const DETAIL: &str = include_str!("../../wgsl/splat_stroke_detail.wgsl");
+const RELIEF: &str = include_str!("../../wgsl/splat_stroke_relief.wgsl");
+
+/// Motions of a chunk's strokes at most.
+pub const MAX_MOTIONS: usize = 8;
+
+/// How the strokes of some seeds move, now.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct StrokeMotion {
+    /// The unit direction of a flow, in scene space.
+    pub toward: [f32; 3],
+    /// The first seed that moves so.
+    pub first: u32,
+    /// The number after that of the last one.
+    pub end: u32,
+    /// One of the twin's `KIND_` constants.
+    pub kind: u32,
+    /// Number of the present drawing of strokes that are redrawn, or the bits of the part of the present run of
+    /// strokes that run, an f32 of 0..1.
+    pub phase: u32,
+    /// Distance in widths of a stroke.
+    pub amount: f32,
+}
 
 /// A chunk, and the factors that change without computing strokes anew.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -20,8 +44,22 @@ pub struct StrokeChunk {
     pub protection: f32,
     /// Factor of the size of strokes.
     pub stroke_scale: f32,
+    /// Motions that count; 0 if all strokes stand still.
+    pub n_motions: u32,
+    /// The unit direction to the light, in scene space.
+    pub light: [f32; 3],
+    /// Factor of the thickness of paint.
+    pub relief: f32,
+    /// 1 if any paint of the view has relief, else 0.
+    pub n_lights: u32,
+    /// 1 if strokes keep their size on screen, else 0.
+    pub is_stable: u32,
     /// Unused.
-    pub padding: u32,
+    pub padding_0: u32,
+    /// Unused.
+    pub padding_1: u32,
+    /// The motions, each of other seeds.
+    pub motions: [StrokeMotion; MAX_MOTIONS],
 }
 
 /// The uniforms of a draw with strokes.
@@ -30,17 +68,24 @@ pub struct StrokeChunk {
 pub struct StrokeDraw {
     /// Share of finer strokes that are added where a painting is magnified.
     pub near: f32,
-    /// Unused.
-    pub padding_0: u32,
-    /// Unused.
-    pub padding_1: u32,
-    /// Unused.
-    pub padding_2: u32,
+    /// 1 if there is relief, else 0.
+    pub n_lights: u32,
+    /// 1 if strokes keep their size on screen, else 0.
+    pub is_stable: u32,
+    /// Binary logarithm of their size.
+    pub scale_octaves: f32,
 }
 
 /// The constants of the CPU twin.
 fn twin_constants() -> String {
-    let integers = constants(&[("SEED_BITS", twin::SEED_BITS), ("SEVEN_BITS", twin::SEVEN_BITS)]);
+    let integers = constants(&[
+        ("SEED_BITS", twin::SEED_BITS),
+        ("SEVEN_BITS", twin::SEVEN_BITS),
+        ("DIRECTION_SHIFT", twin::DIRECTION_SHIFT),
+        ("KIND_BOIL", twin::KIND_BOIL),
+        ("KIND_FLOW", twin::KIND_FLOW),
+        ("MAX_MOTIONS", MAX_MOTIONS as u32),
+    ]);
     let floats = float_constants(&[
         ("MAX_GAIN", twin::MAX_GAIN),
         ("PERIOD", twin::PERIOD),
@@ -55,23 +100,39 @@ fn twin_constants() -> String {
         ("FLATTEST", twin::FLATTEST),
         ("EDGE_ON", twin::EDGE_ON),
         ("MAX_STEP", twin::MAX_STEP),
+        ("STROKE", twin::STROKE),
+        ("TURN", twin::TURN),
+        ("FADE", twin::FADE),
+        ("ACROSS", twin::ACROSS),
+        ("SLOW", twin::SLOW),
+        ("STABLE_OCTAVES", twin::STABLE_OCTAVES as f32),
+        ("NEAREST", twin::NEAREST),
+        ("FARTHEST", twin::FARTHEST),
+        ("THICKNESS", twin::THICKNESS),
+        ("STEEPEST", twin::STEEPEST),
+        ("BLURRIER", twin::BLURRIER),
+        ("SHININESS", twin::SHININESS),
+        ("GLOSS", twin::GLOSS),
+        ("IN_LIGHT", twin::IN_LIGHT),
+        ("DIRECTION_STEP", std::f32::consts::PI / twin::DIRECTIONS as f32),
     ]);
-    integers + &floats
+    let [r, g, b] = LUMINANCE.to_array();
+    integers + &floats + &format!("const LUMINANCE = vec3<f32>({r:?}, {g:?}, {b:?});\n")
 }
 
 /// Writes the strokes of splats.
 pub fn records() -> Source {
     let kernel = include_str!("../../wgsl/splat_strokes.wgsl");
-    source("splat_strokes", &[&twin_constants(), RECORDS, CHUNK, kernel])
+    source("splat_strokes", &[&twin_constants(), RECORDS, CHUNK, MOTION, kernel])
 }
 
 /// Draws the sorted splats with strokes.
 pub fn draw() -> Source {
     let draw = include_str!("../../wgsl/splat_draw_strokes.wgsl");
-    source("splat_draw_strokes", &[&twin_constants(), RECORDS, QUADS, DETAIL, draw])
+    source("splat_draw_strokes", &[&twin_constants(), RECORDS, QUADS, DETAIL, RELIEF, draw])
 }
 
 /// Blends the lists of tiles with strokes, with or without a depth texture.
 pub fn tiles_blend(tested: bool) -> Source {
-    blend(tested, &[&twin_constants(), DETAIL, include_str!("../../wgsl/splat_tiles_painted.wgsl")])
+    blend(tested, &[&twin_constants(), DETAIL, RELIEF, include_str!("../../wgsl/splat_tiles_painted.wgsl")])
 }

@@ -6,7 +6,10 @@ use std::sync::{
 };
 
 use bevy::prelude::*;
-use stylegaussian::{layers::Region, strokes::StrokeKnobs};
+use stylegaussian::{
+    layers::Region,
+    strokes::{StrokeKnobs, StrokeMotion},
+};
 
 use super::styles::StyleColors;
 
@@ -38,6 +41,8 @@ pub(crate) struct ColorLayer {
     pub(crate) strength: f32,
     /// The channel of the entity's mask that counts, or `None` if all of the region does.
     pub(crate) mask: Option<u32>,
+    /// The way in which its strokes move, those of mixes in it too.
+    pub(crate) motion: StrokeMotion,
 }
 
 /// The colors of a layer.
@@ -70,6 +75,11 @@ impl ColorLayers {
         }
     }
 
+    /// Whether any strokes move.
+    pub(super) fn are_moving(&self) -> bool {
+        self.layers.iter().any(|layer| !layer.motion.is_still())
+    }
+
     /// Makes the layers count as changed: they are of another scene.
     pub(super) fn renew(&mut self) {
         self.generation += 1;
@@ -91,7 +101,7 @@ impl ColorLayers {
 impl ColorLayer {
     /// A layer over all of the scene.
     pub(crate) fn everywhere(colors: LayerColors, strength: f32) -> Self {
-        Self { colors, region: Region::EVERYWHERE, strength, mask: None }
+        Self { colors, region: Region::EVERYWHERE, strength, mask: None, motion: StrokeMotion::Still }
     }
 
     /// Whether nothing of the colors below is left.
@@ -112,6 +122,7 @@ impl PartialEq for ColorLayer {
             && self.region == other.region
             && self.strength == other.strength
             && self.mask == other.mask
+            && self.motion == other.motion
     }
 }
 

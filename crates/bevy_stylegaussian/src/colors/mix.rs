@@ -163,7 +163,9 @@ impl ShownColors {
             [only] if only.covers_all() => match &only.colors {
                 LayerColors::Captured => Way::Captured,
                 LayerColors::Style(style) => match self.style(style) {
-                    Some((colors, strokes)) => Way::Style(colors.clone(), strokes.cloned()),
+                    Some((colors, strokes)) => {
+                        Way::Style(colors.clone(), strokes.map(|strokes| strokes.moving(only.motion)))
+                    }
                     None => Way::Wait,
                 },
                 LayerColors::Mix(_) => Way::Mix,
@@ -218,7 +220,7 @@ impl Gpu<'_> {
                 colors.mixes.insert(address(inner), (Arc::downgrade(inner), frozen));
             }
         }
-        let gpu_layers: Vec<GpuLayer> = layers
+        let shown: Vec<_> = layers
             .iter()
             // Without a mask nothing is painted. A mask has four channels.
             .filter(|layer| layer.mask.is_none_or(|channel| channel < 4 && self.mask.is_some()))
@@ -231,13 +233,17 @@ impl Gpu<'_> {
                         mix.map(|frozen| (&frozen.colors, frozen.strokes.as_ref())).unzip()
                     }
                 };
-                GpuLayer {
-                    look,
-                    strokes: strokes.flatten(),
-                    region: layer.region,
-                    strength: layer.strength,
-                    mask: self.mask.zip(layer.mask),
-                }
+                (layer, look, strokes.flatten().map(|strokes| strokes.moving(layer.motion)))
+            })
+            .collect();
+        let gpu_layers: Vec<GpuLayer> = shown
+            .iter()
+            .map(|(layer, look, strokes)| GpuLayer {
+                look: *look,
+                strokes: strokes.as_ref(),
+                region: layer.region,
+                strength: layer.strength,
+                mask: self.mask.zip(layer.mask),
             })
             .collect();
         let Self { device, queue, encoder, mixer, .. } = self;

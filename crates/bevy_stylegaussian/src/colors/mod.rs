@@ -8,7 +8,8 @@
 //!
 //! Strokes that are the same in two styles, such as those of a bake and of the paint that it began with, are
 //! one set of buffers, and stay as they are while colors fade under them. How strokes are drawn
-//! (`StrokeKnobs`) belongs to the entity; a change of it is a change of uniforms and computes nothing.
+//! (`StrokeKnobs`) belongs to the entity; a change of it is a change of uniforms and computes nothing. How they
+//! move belongs to the layer, and the time is a uniform.
 
 use bevy::{
     core_pipeline::schedule::camera_driver,
@@ -35,7 +36,7 @@ pub(crate) use extract::{RenderColors, WantedColors};
 pub(crate) use layers::{ColorLayer, ColorLayers, LayerColors, Mix};
 pub(crate) use mix::mix_colors;
 pub(crate) use shown::{PipelinesReady, ShownColors, update_colors};
-pub(crate) use strokes::{StrokeTextures, StrokesReady};
+pub(crate) use strokes::{StrokeClock, StrokeTextures, StrokesReady};
 pub(crate) use styles::{ColorSource, FoldedStyle, StyleColors};
 
 /// Keeps the colors on the GPU up to date.
@@ -65,11 +66,15 @@ impl Plugin for ColorsPlugin {
                 .init_resource::<WantedColors>()
                 .init_resource::<PipelinesReady>()
                 .init_resource::<StrokesReady>()
+                .init_resource::<StrokeClock>()
                 // Rebuilt from `RenderColors` after a lost device.
                 .init_gpu_resource::<ShownColors>()
                 .init_gpu_resource::<StrokeTextures>()
                 .init_gpu_resource::<mix::Mixer>()
-                .add_systems(ExtractSchedule, (extract::extract_layers, extract::extract_wanted))
+                .add_systems(
+                    ExtractSchedule,
+                    (extract::extract_layers, extract::extract_wanted, strokes::extract_clock),
+                )
                 // Once per frame, before the first camera: views that share an entity must see the same colors.
                 .add_systems(
                     RenderGraph,

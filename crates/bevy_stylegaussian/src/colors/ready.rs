@@ -42,10 +42,12 @@ pub(super) fn report_ready_scenes(
     }
 }
 
-/// Asks for another frame until all entities show the colors that they should have, and after an event, for the
-/// systems that hear of it. Otherwise an app that draws on demand would draw no more before its next input.
+/// Asks for another frame until all entities show the colors that they should have, while strokes move, and
+/// after an event, for the systems that hear of it. Otherwise an app that draws on demand would draw no more
+/// before its next input.
 pub(super) fn ask_for_frames(
     clouds: Query<(&LoadedScene, &ColorLayers)>,
+    game: Res<Time<Virtual>>,
     // Bevy puts a copy into the main world. It is absent if the app does not render.
     renderer: Option<Res<RenderAdapterInfo>>,
     mut ready: MessageReader<GaussianSceneReady>,
@@ -54,7 +56,8 @@ pub(super) fn ask_for_frames(
     let is_waiting = |(scene, layers): (&LoadedScene, &ColorLayers)| {
         // One that is not on the GPU yet asks by itself.
         let may_be_drawn = scene.asset.is_on_gpu() && !scene.asset.is_refused();
-        may_be_drawn && !layers.is_drawn(layers.generation)
+        let is_moving = layers.are_moving() && !game.is_paused();
+        may_be_drawn && (is_moving || !layers.is_drawn(layers.generation))
     };
     let n_ready = ready.read().count();
     if n_ready > 0 || (renderer.is_some() && clouds.iter().any(is_waiting)) {

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Weak};
 
-use bevy::{platform::collections::HashMap, prelude::*};
+use bevy::{platform::collections::HashMap, prelude::*, render::Extract};
 use stylegaussian::strokes::Strokes;
 use stylegaussian_gpu::strokes::{GaussianStrokes, StrokeStore};
 
@@ -12,6 +12,15 @@ use super::shown::address;
 /// it.
 #[derive(Resource, Default)]
 pub(crate) struct StrokeTextures(pub(crate) StrokeStore);
+
+/// The game's clock, in seconds, by which strokes move.
+#[derive(Resource, Default)]
+pub(crate) struct StrokeClock(pub(crate) f64);
+
+/// Reads the clock.
+pub(super) fn extract_clock(mut clock: ResMut<StrokeClock>, game: Extract<Res<Time<Virtual>>>) {
+    clock.0 = game.elapsed_secs_f64();
+}
 
 /// Whether all pipelines are there that the views need to draw strokes. Without a view, nothing is waited for.
 #[derive(Resource)]

@@ -13,7 +13,7 @@ use stylegaussian_gpu::splat;
 use wgpu::{LoadOp, Operations, RenderPassColorAttachment, RenderPassDescriptor, StoreOp};
 
 use crate::{
-    colors::ShownColors,
+    colors::{ShownColors, StrokeClock},
     mask::RenderMasks,
     reports::Reports,
     scene::{GaussianSceneError, GpuScenes, RenderClouds, SceneRefused},
@@ -41,6 +41,7 @@ pub(super) fn draw_splats(
     clouds: Res<RenderClouds>,
     scenes: Res<GpuScenes>,
     colors: Res<ShownColors>,
+    clock: Res<StrokeClock>,
     masks: Res<RenderMasks>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
@@ -63,7 +64,7 @@ pub(super) fn draw_splats(
         .iter()
         .filter_map(|entity| {
             let cloud = clouds.0.get(entity)?;
-            let (scene, colors) = (scenes.get(&cloud.scene)?, colors.get(*entity)?);
+            let (scene, colors) = (scenes.get(&cloud.scene)?, colors.get(*entity)?.at(clock.0));
             let visibility = masks.visibility(*entity, scene.n_gaussians()).filter(|_| pipelines.has_masks());
             Some(splat::Cloud { scene, colors, world_from_scene: cloud.world_from_scene, visibility })
         })

@@ -3,6 +3,7 @@
 //! - The wish: [`StyleSource`] is a mix of [`WeightedStyle`]s, each of a [`StyleInput`], with a
 //!   [`StylePalette`] and [`StylePins`] if an artist wants them. [`StyleMethod`] chooses between paint and the
 //!   [`decoder`]. [`StylePrepare`] prepares a scene for its first style.
+//!   [`StyleMotion`] lets its strokes boil and flow, and [`StyleRelief`] lights their thickness.
 //! - The change: [`StyleTransition`] and [`HiddenUntilStyled`]. A [`StyleVolume`] gives a part of space a
 //!   style.
 //! - The report: [`StyleRecolored`], [`StyleApplied`] and [`StyleFailed`] are events, [`StyleProgress`] and
@@ -53,6 +54,8 @@ pub use wish::asset::{StyleLook, StyleStatistics};
 pub use wish::error::StyleError;
 pub use wish::event::{StyleApplied, StyleFailed, StyleRecolored};
 pub use wish::hand::{StylePalette, StylePin, StylePins, StylePinsFile};
+pub use wish::motion::StyleMotion;
+pub use wish::relief::{PaintLight, StyleRelief};
 pub use wish::settings::StyleMethod;
 pub use wish::source::{HiddenUntilStyled, StyleInput, StyleSource, WeightedStyle};
 
@@ -77,6 +80,7 @@ impl Plugin for StylePlugin {
             .init_resource::<make::packed::PackedInputs>()
             .init_resource::<make::presets::Presets>()
             .init_resource::<make::surfaces::Surfaces>()
+            .init_resource::<show::sun::Sun>()
             .register_required_components::<StyleVolume, StyleSource>()
             // On the source and not on the splats: entities that are never styled carry none.
             .register_required_components::<StyleSource, make::job::StyleJobs>()
@@ -112,6 +116,14 @@ impl Plugin for StylePlugin {
                     // Volumes and waves are where they are in this frame.
                     .after(TransformSystems::Propagate),
             );
+        #[cfg(feature = "pbr")]
+        app.add_systems(
+            PostUpdate,
+            show::sun::find_sun
+                .in_set(StyleGaussianSystems::Styles)
+                .after(TransformSystems::Propagate)
+                .before(show::compose::compose_layers),
+        );
         register_types(app);
         #[cfg(feature = "images")]
         app.add_plugins(make::images::ImagesPlugin);

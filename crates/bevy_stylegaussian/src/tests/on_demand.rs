@@ -16,7 +16,7 @@ use stylegaussian_files::write_scene;
 use crate::{
     AppliedStyle, GaussianSceneFailed, GaussianSceneReady, GaussianSplats, StyleGaussianPlugin, StyleMask,
     StyleSource, StyleTransition,
-    style::{TransitionClock, decoder::StyleBackend, has_unsettled_styles},
+    style::{StyleMotion, TransitionClock, decoder::StyleBackend, has_unsettled_styles},
 };
 
 use super::{
@@ -98,6 +98,25 @@ fn a_fade_asks_for_its_frames_unless_its_clock_stands_still() {
     app.world_mut().entity_mut(entity).insert((StyleSource::preset(other), paused));
     until_asleep(&mut app);
     assert!(!has_unsettled_styles(app.world_mut()), "it is applied all the same");
+}
+
+/// Only where something is drawn, since only there something would be seen of it.
+#[test]
+fn moving_strokes_ask_for_frames_unless_the_game_is_paused() {
+    let Some(mut app) = app_with_rendering(StyleBackend::Cpu) else { return };
+    app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(10)));
+    let style = add_style(&mut app, small_style(1));
+    let splats = GaussianSplats(add_scene(&mut app, small_scene(50, 1)));
+    let entity = app.world_mut().spawn((splats, StyleSource::preset(style.clone()))).id();
+    until_asleep(&mut app);
+    let moving = StyleSource::preset(style).with_motion(StyleMotion::flow(1.0));
+    app.world_mut().entity_mut(entity).insert(moving);
+    for _ in 0..20 {
+        app.update();
+        assert!(!drain::<RequestRedraw>(&mut app).is_empty());
+    }
+    app.world_mut().resource_mut::<Time<Virtual>>().pause();
+    until_asleep(&mut app);
 }
 
 #[test]

@@ -21,14 +21,14 @@ use stylegaussian::{
     paint::{Canvas, Painted, Surface},
     restyle::Recipe,
     splat,
-    strokes::{StrokeKnobs, StrokeLayer, Strokes, mix_strokes},
+    strokes::{StrokeKnobs, StrokeLayer, StrokeMotion, Strokes, mix_strokes},
     work::Work,
 };
 
 use crate::{
     GaussianSplats, StyleApplied, StyleSource, StyleTransition, StyleVolume,
     colors::{ShownColors, StrokeTextures},
-    style::{decoder::StyleBackend, has_unsettled_styles},
+    style::{StyleMotion, StyleRelief, decoder::StyleBackend, has_unsettled_styles},
 };
 
 use super::{
@@ -42,6 +42,8 @@ const EYE: Vec3 = Vec3::new(0.5, 0.3, 2.6);
 /// Time of an update.
 const STEP: Duration = Duration::from_millis(50);
 const ALL: Region = Region::EVERYWHERE;
+/// Direction to a light.
+const LIGHT: Vec3 = Vec3::new(1.0, 0.5, 0.6);
 
 /// A wall in the plane z = 0 with a gentle pattern and white bars that stand out of it, without features.
 fn wall() -> Scene {
@@ -163,6 +165,16 @@ fn strokes_and_their_knobs_are_those_of_the_cpu() {
     for (name, source, knobs) in [
         ("twice the paint", source.clone().with_paint(2.0), StrokeKnobs { amount: 2.0, ..usual }),
         ("strong", source.clone().with_protection(0.0), StrokeKnobs { protection: 0.0, ..usual }),
+        (
+            "of one size",
+            source.clone().with_screen_stable(true).with_stroke_scale(1.5),
+            StrokeKnobs { screen_stable: true, stroke_scale: 1.5, ..usual },
+        ),
+        (
+            "relief",
+            source.clone().with_relief(StyleRelief::lit_from(LIGHT).with_amount(2.0)),
+            StrokeKnobs { relief: 2.0, light: LIGHT, ..usual },
+        ),
         ("large strokes", source.clone().with_stroke_scale(2.0), StrokeKnobs { stroke_scale: 2.0, ..usual }),
     ] {
         let pictures = [&usual, &knobs]
@@ -232,6 +244,69 @@ fn strength_and_volumes_mix_strokes() {
     studio.next();
     let shown = studio.app.sub_app(RenderApp).world().resource::<ShownColors>();
     assert!(shown.shown_strokes(MainEntity::from(studio.wall)).is_none());
+}
+
+/// The game's first directional light falls on paint, and without one paint is flat.
+#[cfg(feature = "pbr")]
+#[test]
+fn paint_is_lit_by_the_sun() {
+    let Some(mut studio) = Studio::new() else { return };
+    let (source, painted) = studio.painting(1, WARM);
+    studio.set(source.clone());
+    studio.settle();
+    let flat = studio.next();
+    studio.set(source.with_relief(StyleRelief::sun()));
+    assert!(studio.next() == flat);
+    let sun = Transform::from_translation(LIGHT).looking_at(Vec3::ZERO, Vec3::Y);
+    studio.app.world_mut().spawn((DirectionalLight::default(), sun));
+    let knobs = StrokeKnobs { relief: 1.0, light: LIGHT, ..StrokeKnobs::DEFAULT };
+    studio.check("sun", splat::Colors::Rgb(&painted.colors), &painted.strokes, &knobs);
+    assert!(distance(&studio.next(), &flat) > 1e-3);
+}
+
+/// Strokes that boil four times a second, in frames of 50 ms: five frames are equal.
+#[test]
+fn strokes_move_by_the_games_clock() {
+    let Some(mut studio) = Studio::new() else { return };
+    let (source, painted) = studio.painting(1, WARM);
+    let motion = StrokeMotion::Boil { rate: 4.0, amount: 1.0 };
+    studio.set(source.clone().with_motion(StyleMotion::boil(4.0).with_amount(1.0)));
+    studio.settle();
+    studio.next();
+    drain::<StyleApplied>(&mut studio.app);
+    let seconds = |studio: &Studio| studio.app.world().resource::<Time<Virtual>>().elapsed_secs_f64();
+    let mut last: Option<(f64, Vec<[f32; 3]>)> = None;
+    for _ in 0..12 {
+        let found = studio.next();
+        // In frames that are counted in whole milliseconds.
+        let drawing = (4.0 * seconds(&studio)).floor();
+        if let Some((before, picture)) = last {
+            assert_eq!(before == drawing, picture == found, "drawings {before} and {drawing}");
+        }
+        last = Some((drawing, found));
+    }
+    let moved = painted.strokes.moved(motion, seconds(&studio) + STEP.as_secs_f64());
+    studio.check("boiling", splat::Colors::Rgb(&painted.colors), &moved, &StrokeKnobs::DEFAULT);
+    // Over the next redraw, a game that is paused shows the same.
+    studio.app.world_mut().resource_mut::<Time<Virtual>>().pause();
+    let paused = studio.next();
+    assert!((0..8).all(|_| studio.next() == paused));
+    studio.app.world_mut().resource_mut::<Time<Virtual>>().unpause();
+    assert!((0..8).any(|_| studio.next() != paused));
+    assert!(drain::<StyleApplied>(&mut studio.app).is_empty(), "nothing is computed");
+
+    // A ball of the same style that boils on a wall that does not.
+    studio.set(source.clone());
+    let ball = StyleVolume::new(Sphere::new(0.4));
+    let moving = source.with_motion(StyleMotion::boil(20.0).with_amount(1.0));
+    studio.app.world_mut().spawn((ball, moving));
+    studio.settle();
+    studio.next();
+    let frames: Vec<_> = (0..4).map(|_| studio.next()).collect();
+    let at = |x: usize, y: usize| frames.iter().any(|frame| frame[y * 128 + x] != frames[0][y * 128 + x]);
+    let n_moving = |range: std::ops::Range<usize>| range.filter(|&x| at(x, 48)).count();
+    // The ball covers the middle, and no pixel near the wall's left edge.
+    assert!(n_moving(54..66) > 3 && n_moving(25..35) == 0, "{} {}", n_moving(54..66), n_moving(25..35));
 }
 
 /// From one painting to another, and back before the first fade is over, no frame differs much from the one

@@ -318,6 +318,8 @@ fn seeds(choice: &Choice, textures: &[u8], fine: f32, wide: f32) -> Vec<StrokeSe
             texture: textures[painting],
         }
         .packed()
+        // The texture is stretched, and a direction is not.
+        .with_direction(canvas.strokes[canvas.place_at(placement.at)].0)
     };
     choice.placements.iter().enumerate().map(seed).collect()
 }

@@ -4,7 +4,8 @@ use glam::{Quat, Vec2, Vec3};
 use half::f16;
 
 use super::{
-    MAX_GAIN, PERIOD, StrokeKnobs, StrokeSeed, StrokeTexture, StrokeWord, texture::FINE_SIDE, wrapped,
+    FARTHEST, MAX_GAIN, NEAREST, PERIOD, StrokeKnobs, StrokeSeed, StrokeTexture, StrokeWord, stable_shares,
+    texture::FINE_SIDE, wrapped,
 };
 
 /// Fragments of less alpha show no strokes: they are many, and give little.
@@ -56,6 +57,14 @@ pub struct StrokeRecord {
 }
 
 impl StrokeRecord {
+    /// Octaves of strokes that are stable on screen, from the record's own, and their shares.
+    pub(super) fn stable_octaves(&self, knobs: &StrokeKnobs) -> impl Iterator<Item = (f32, f32)> + use<> {
+        // The middle octave, the next one, is between one texel to a pixel and two pixels to a texel.
+        let part = (-1.0 - self.level - knobs.stroke_scale.log2()).clamp(0.0, 1.0);
+        let shares = stable_shares(part).to_array();
+        shares.into_iter().enumerate().map(|(octave, share)| (octave as f32, share))
+    }
+
     /// The record of a Gaussian with `mean`, `rotation` and `scales`, or `None` if it shows no strokes.
     /// `pixel_x` and `pixel_y` are the gradients of the mean's position on screen, in pixels per scene unit, in
     /// scene space.
@@ -88,26 +97,35 @@ impl StrokeRecord {
         let precisions = (scales.max(Vec3::splat(FLATTEST * longest)) / longest).powf(-2.0);
         let across = rotation * (precisions * (rotation.inverse() * ray));
         let across_ray = across.dot(ray);
-        let pitch = seed.pitch / knobs.stroke_scale;
+        // Strokes that are stable on screen have their size from their octave.
+        let stroke_scale = if knobs.screen_stable { 1.0 } else { knobs.stroke_scale };
+        let pitch = seed.pitch / stroke_scale;
         let limit = EDGE_ON * longest / squared.sqrt();
         let step = |beside: Vec3| {
             let along = (across.dot(beside) / across_ray).clamp(-limit, limit);
             let on_plane = beside - ray * along;
-            let texels = pitch * Vec2::new(seed.right.dot(on_plane), seed.down.dot(on_plane));
-            texels.clamp(Vec2::splat(-MAX_STEP), Vec2::splat(MAX_STEP))
+            pitch * Vec2::new(seed.right.dot(on_plane), seed.down.dot(on_plane))
         };
+        let limited = |step: Vec2| step.clamp(Vec2::splat(-MAX_STEP), Vec2::splat(MAX_STEP));
         let (step_x, step_y) = (step(beside_x), step(beside_y));
         let local = mean - seed.at;
         let texel = seed.place + pitch * Vec2::new(seed.right.dot(local), seed.down.dot(local));
         // As if it were seen from the front. Slanted, up to three times as much: a texture cannot be blurred in
         // one direction.
         let facing = (beside_x.length() * beside_y.length() * pitch.x * pitch.y).sqrt();
-        let texels = step_x.perp_dot(step_y).abs().sqrt().clamp(facing, 3.0 * facing);
-        let level = (texels.log2() + SHARPER).clamp(LEVELS.0, LEVELS.1);
+        let texels = limited(step_x).perp_dot(limited(step_y)).abs().sqrt().clamp(facing, 3.0 * facing);
+        let level = texels.log2() + SHARPER;
+        let octave = match knobs.screen_stable {
+            true => (-level - knobs.stroke_scale.log2()).floor().clamp(FARTHEST, NEAREST) - 1.0,
+            false => 0.0,
+        };
+        let (texel, [step_x, step_y]) =
+            (texel * octave.exp2(), [step_x, step_y].map(|step| step * octave.exp2()));
+        let level = (level + octave).clamp(LEVELS.0, LEVELS.1);
         (texel.is_finite() && level.is_finite()).then_some(Self {
             texel,
-            step_x,
-            step_y,
+            step_x: limited(step_x),
+            step_y: limited(step_y),
             fine,
             wide,
             texture: seed.texture,
@@ -158,10 +176,17 @@ impl StrokeRecord {
         (self.texel + self.step_x * offset.x + self.step_y * offset.y) / FINE_SIDE as f32
     }
 
-    /// The detail at `offset` pixels from the splat's center. `near` is [`StrokeKnobs::near`].
-    pub fn detail(&self, texture: &StrokeTexture, offset: Vec2, near: f32) -> Vec3 {
-        let at = self.at(offset);
+    /// The detail at `offset` pixels from the splat's center.
+    pub fn detail(&self, texture: &StrokeTexture, offset: Vec2, knobs: &StrokeKnobs) -> Vec3 {
+        let (at, near) = (self.at(offset), knobs.near);
         let mut sum = Vec3::ZERO;
+        if knobs.screen_stable {
+            for (octave, share) in self.stable_octaves(knobs) {
+                let (at, level) = (at * octave.exp2(), self.level + octave);
+                sum += share * (self.fine * texture.fine(at, level) + self.wide * texture.wide(at, level));
+            }
+            return sum;
+        }
         if self.fine > 0.0 {
             let mut fine = texture.fine(at, self.level);
             let mut gain = near;

@@ -136,9 +136,9 @@ fn textures_are_filtered_and_mirrored() {
     assert_eq!((texture.fine.len(), texture.wide.len()), (10, 8));
 }
 
-/// A wall of overlapping Gaussians, seen from the front, shows the stripes as sharp as the screen.
-#[test]
-fn a_wall_shows_the_painting_by_the_pixel() {
+/// A wall of overlapping Gaussians in the plane z = 0, in strokes of one seed, and a camera before it to which
+/// a pixel is a texel.
+fn wall(texture: StrokeTexture) -> (Scene, Strokes, Camera) {
     let side = 12;
     let at = |i: usize| Vec3::new((i % side) as f32 - 5.5, (i / side) as f32 - 5.5, 0.0) / 6.0;
     let n = side * side;
@@ -153,10 +153,8 @@ fn a_wall_shows_the_painting_by_the_pixel() {
     };
     scene.set_colors(&vec![[0.5; 3]; n]);
     let camera = Camera::look_at(Vec3::new(0.0, 0.0, -4.0), Vec3::ZERO, Vec3::NEG_Y, 0.4, UVec2::splat(128));
-    // A pixel of the picture is a texel.
-    let pitch = Vec2::splat(camera.focal.x / 4.0);
     let flat = PlainSeed {
-        pitch,
+        pitch: Vec2::splat(camera.focal.x / 4.0),
         place: Vec2::new(64.0, 64.0),
         texture: 0,
         wide: 0.0,
@@ -164,7 +162,14 @@ fn a_wall_shows_the_painting_by_the_pixel() {
     };
     let word = StrokeWord { seed: 0, protection: 0.0, share: 1.0 }.packed();
     let strokes =
-        Strokes { seeds: vec![flat.packed()], words: vec![word; n], textures: vec![Arc::new(stripes())] };
+        Strokes { seeds: vec![flat.packed()], words: vec![word; n], textures: vec![Arc::new(texture)] };
+    (scene, strokes, camera)
+}
+
+/// A wall of overlapping Gaussians, seen from the front, shows the stripes as sharp as the screen.
+#[test]
+fn a_wall_shows_the_painting_by_the_pixel() {
+    let (scene, strokes, camera) = wall(stripes());
     let painted =
         render_strokes(&scene, Colors::Captured, (&strokes, &StrokeKnobs::default()), &camera, None);
     let plain = render(&scene, Colors::Captured, &camera);
@@ -182,6 +187,67 @@ fn a_wall_shows_the_painting_by_the_pixel() {
     let large = with(StrokeKnobs { stroke_scale: 2.0, near: 0.0, ..StrokeKnobs::default() });
     let same = (40..80).filter(|x| large.color[64 * 128 + x][0] > plain.color[64 * 128 + x][0]).count();
     assert!((16..=24).contains(&same), "{same}");
+}
+
+/// Slopes that face the light are brighter, those that face away darker, and flat paint is as it was, to the
+/// bit.
+#[test]
+fn light_falls_on_slopes_alone() {
+    // Hills of sixteen texels.
+    let hill = |i: usize| 0.3 * (std::f32::consts::TAU * (i % FINE_SIDE) as f32 / 16.0).sin();
+    let fine = (0..FINE_SIDE * FINE_SIDE).map(|i| Vec3::splat(hill(i))).collect();
+    let hills = StrokeTexture::new(fine, vec![Vec3::ZERO; WIDE_SIDE * WIDE_SIDE]);
+    let (scene, strokes, camera) = wall(hills);
+    let draw = |strokes: &Strokes, relief: f32, light: Vec3| {
+        let knobs = StrokeKnobs { relief, light, ..StrokeKnobs::DEFAULT };
+        render_strokes(&scene, Colors::Captured, (strokes, &knobs), &camera, None).color
+    };
+    // The camera looks along z, and its picture's x is the scene's.
+    let right = Vec3::new(1.0, 0.0, -1.0);
+    let plain = draw(&strokes, 0.0, right);
+    let [from_right, from_left] = [right, Vec3::new(-1.0, 0.0, -1.0)].map(|light| draw(&strokes, 1.0, light));
+    // The texel at the middle of the picture is 64, the start of a hill: it rises there.
+    let added = |picture: &[[f32; 3]], x: usize| picture[64 * 128 + x][0] - plain[64 * 128 + x][0];
+    for (rising, falling) in [(64, 56), (48, 72), (80, 88)] {
+        assert!(added(&from_right, falling) > 0.03 && added(&from_right, rising) < -0.03);
+        assert!(added(&from_left, rising) > 0.03 && added(&from_left, falling) < -0.03);
+    }
+    // Nothing without an amount or a direction, in the shade behind the wall, and on flat paint.
+    for (relief, light) in [
+        (0.0, right),
+        (-1.0, right),
+        (f32::NAN, right),
+        (f32::INFINITY, right),
+        (1.0, Vec3::ZERO),
+        (1.0, Vec3::NAN),
+        (1.0, Vec3::Z),
+    ] {
+        assert!(draw(&strokes, relief, light) == plain, "{relief} {light}");
+    }
+    let zeros = |side: usize| vec![Vec3::ZERO; side * side];
+    let flat = StrokeTexture::new(zeros(FINE_SIDE), zeros(WIDE_SIDE));
+    let flat = Strokes { textures: vec![Arc::new(flat)], ..strokes.clone() };
+    assert!(draw(&flat, 1.0, right) == draw(&flat, 0.0, right));
+    // From far, slopes are averaged, and fade.
+    let far = |relief: f32| {
+        let seed = PlainSeed { pitch: 16.0 * strokes.seeds[0].plain().pitch, ..strokes.seeds[0].plain() };
+        draw(&Strokes { seeds: vec![seed.packed()], ..strokes.clone() }, relief, right)
+    };
+    let apart = far(1.0).iter().zip(far(0.0)).map(|(a, b)| (a[0] - b[0]).abs()).fold(0.0, f32::max);
+    assert!(apart < 0.02, "{apart}");
+}
+
+#[test]
+fn the_light_on_a_splat_survives_packing() {
+    let seed = seed(Vec3::ZERO, Vec3::X, Vec3::Y);
+    let knobs = StrokeKnobs { relief: 1.5, light: Vec3::new(3.0, 0.0, -4.0), ..StrokeKnobs::DEFAULT };
+    let relief = StrokeRelief::new(&seed, Vec3::NEG_Z, &knobs).unwrap();
+    // The eye sees the other side of the axes: z is toward it.
+    assert!(relief.light.distance(Vec3::new(0.6, 0.0, 0.8)) < 1e-6);
+    assert!(relief.half.distance(Vec3::new(0.6, 0.0, 1.8).normalize()) < 1e-6);
+    let back = StrokeRelief::unpacked(relief.packed());
+    assert!(back.light.distance(relief.light) < 1e-4 && back.half.distance(relief.half) < 1e-4);
+    assert_eq!((back.strength, back.aspect), (1.5, 1.5));
 }
 
 #[test]

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, anyhow, ensure};
 use clap::Args;
 use glam::UVec2;
 use serde::Serialize;
-use stylegaussian::{Camera, Scene, splat::Colors, views::orbit};
+use stylegaussian::{Camera, Scene, splat::Colors, strokes::StrokeKnobs, views::orbit};
 use stylegaussian_train::{
     cameras::{CameraOptions, CamerasError, read_cameras_with},
     picture::{Background, Picture},
@@ -20,7 +20,9 @@ use crate::{
     choose::{FrameArgs, expect_seen},
     compute::Drawing,
     masks::MaskArgs,
+    motion::MotionArgs,
     outputs::{expect_files, expect_folder},
+    relief::ReliefArgs,
     scenes::ReadArgs,
     stylization::{Stylization, StylizationArgs},
     terminal::{bar, lossy, print, warn},
@@ -31,7 +33,8 @@ const DEFAULT_ORBIT: u32 = 8;
 /// Size of the pictures of `--orbit` if `--size` is not given, in pixels.
 const DEFAULT_SIZE: UVec2 = UVec2::new(800, 600);
 
-/// Render a scene to a PNG file, or to a folder of files 000000.png, 000001.png, ... in camera order.
+/// Render a scene to a PNG file, or to a folder of files 000000.png, 000001.png, ... in the order of cameras or
+/// of time.
 #[derive(Args, Debug)]
 #[command(mut_arg("content", |content| content.requires("restyling")))]
 #[command(mut_arg("decoder", |decoder| decoder.requires("styles")))]
@@ -44,7 +47,8 @@ pub struct RenderArgs {
     stylization: StylizationArgs,
     #[command(flatten)]
     masking: MaskArgs,
-    /// Number of views on a circle around the scene. Default: 8, or 1 for a PNG file, unless cameras are given.
+    /// Number of views on a circle around the scene. Default: the frames, or 8, or 1 for a PNG file, unless
+    /// cameras are given.
     #[arg(
         long,
         value_name = "N",
@@ -57,6 +61,13 @@ pub struct RenderArgs {
     cameras: Option<PathBuf>,
     #[command(flatten)]
     framing: FrameArgs,
+    #[command(flatten)]
+    moving: MotionArgs,
+    #[command(flatten)]
+    relief: ReliefArgs,
+    /// Let strokes keep their size on screen, whatever the distance.
+    #[arg(long, requires = "restyling")]
+    screen_stable: bool,
     /// Size of the pictures in pixels. Default: each camera's own, and 800x600 for an orbit. Files of cameras
     /// with angles of view alone need it.
     #[arg(long, value_name = "WxH", value_parser = picture_size)]
@@ -118,7 +129,8 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
     };
     masking.hide(&mut scene, mask.as_ref());
     let strokes = stylized.as_ref().map(|stylized| &stylized.shown.strokes);
-    let mut drawing = compute.drawing(&scene, colors, strokes)?;
+    let knobs = StrokeKnobs { screen_stable: arguments.screen_stable, ..arguments.relief.knobs(&scene) };
+    let mut drawing = compute.drawing(&scene, colors, strokes, knobs, arguments.moving.motion())?;
     let pictures = render_all(&mut drawing, &cameras, arguments.background, output)?;
     let n_pictures = pictures.len();
     let drawn_by = drawing.name();
@@ -135,8 +147,8 @@ fn is_picture(output: &Path) -> bool {
 }
 
 impl RenderArgs {
-    /// The cameras at the sizes of the pictures.
-    fn cameras(&self, scene: &Scene) -> Result<Vec<Camera>> {
+    /// The camera of each picture, at its size, and the time in seconds.
+    fn cameras(&self, scene: &Scene) -> Result<Vec<(Camera, f64)>> {
         let cameras = match &self.cameras {
             Some(path) => {
                 let options = CameraOptions { size: self.size, offset: scene.offset };
@@ -145,12 +157,14 @@ impl RenderArgs {
             }
             None => {
                 let usual = if is_picture(&self.output) { 1 } else { DEFAULT_ORBIT };
-                let (n, size) = (self.orbit.unwrap_or(usual), self.size.unwrap_or(DEFAULT_SIZE));
+                let n = self.orbit.or(self.moving.frames).unwrap_or(usual);
+                let size = self.size.unwrap_or(DEFAULT_SIZE);
                 let cameras = expect_seen(orbit(scene, n as usize, size), scene, &self.scene)?;
                 self.framing.warn(scene, &self.scene);
                 cameras
             }
         };
+        let cameras = self.moving.timed(cameras);
         let n = cameras.len();
         ensure!(
             n == 1 || !is_picture(&self.output),
@@ -159,13 +173,13 @@ impl RenderArgs {
         );
         // An orbit's cameras have this size already, and stay as they are.
         let resize = |camera: Camera| self.size.map_or(camera.clone(), |size| camera.resized(size));
-        Ok(cameras.into_iter().map(resize).collect())
+        Ok(cameras.into_iter().map(|(camera, seconds)| (resize(camera), seconds)).collect())
     }
 }
 
 fn render_all(
     drawing: &mut Drawing,
-    cameras: &[Camera],
+    cameras: &[(Camera, f64)],
     background: Background,
     output: &Path,
 ) -> Result<Vec<RenderedPicture>> {
@@ -177,9 +191,9 @@ fn render_all(
     let progress = bar(cameras.len() as u64, "{bar:40} {pos}/{len} pictures, {eta} left");
     let mut pictures = Vec::with_capacity(cameras.len());
     let mut n_empty = 0;
-    for (i, camera) in cameras.iter().enumerate() {
+    for (i, (camera, seconds)) in cameras.iter().enumerate() {
         let path = if is_picture { output.into() } else { output.join(format!("{i:06}.png")) };
-        let view = drawing.view(camera)?;
+        let view = drawing.view(camera, *seconds)?;
         n_empty += usize::from(view.alpha.iter().all(|&alpha| alpha <= 0.0));
         Picture::of(&view, background).write_png(&path)?;
         pictures.push(RenderedPicture { path, size: camera.size.to_array() });

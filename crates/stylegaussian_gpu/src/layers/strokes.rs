@@ -1,6 +1,8 @@
 //! Strokes under layers: words are mixed as colors are, and the layers' seeds are put together in one table.
 
-use stylegaussian::strokes::MAX_SEEDS;
+use std::ops::Range;
+
+use stylegaussian::strokes::{MAX_SEEDS, StrokeMotion};
 
 use super::{Encoding, GpuLayer, LayerMixer, MixedLayers, Values, check_mask, pack};
 use crate::{
@@ -20,10 +22,12 @@ pub struct StrokeMix {
     mixed: MixedLayers,
 }
 
-/// The seeds of a look, as a part of the mix's table.
+/// The seeds of a look, as a part of the mix's table. A look that moves differs from the same one that stands
+/// still.
 #[derive(Clone, Debug, PartialEq)]
 struct Table {
     seeds: wgpu::Buffer,
+    motions: Vec<(Range<u32>, StrokeMotion)>,
     version: u64,
     /// Index of the first seed.
     first: usize,
@@ -33,6 +37,17 @@ struct Table {
 impl Table {
     fn end(&self) -> usize {
         self.first + self.n_seeds
+    }
+
+    /// Whether this is the table of `strokes`.
+    fn is_of(&self, strokes: &GaussianStrokes) -> bool {
+        self.seeds == *strokes.seeds() && self.motions == strokes.motions()
+    }
+
+    /// Its motions, by the numbers that its seeds have in the mix.
+    fn placed_motions(&self) -> impl Iterator<Item = (Range<u32>, StrokeMotion)> {
+        let first = self.first as u32;
+        self.motions.iter().map(move |(seeds, motion)| (first + seeds.start..first + seeds.end, *motion))
     }
 }
 
@@ -49,7 +64,7 @@ impl LayerMixer {
     /// the mix has none, and takes no memory.
     ///
     /// The seeds of all layers together are at most [`MAX_SEEDS`]. If there are more, the lowest layers show no
-    /// strokes.
+    /// strokes. Each layer's strokes move in their own way; if more than eight do, the lowest stand still.
     ///
     /// Before the first mix of a submission, call [`begin_submission`](Self::begin_submission).
     ///
@@ -91,12 +106,14 @@ impl LayerMixer {
         }
         let values = |layer: &GpuLayer| {
             let strokes = layer.strokes?;
-            let table = tables.iter().find(|table| table.seeds == *strokes.seeds())?;
+            let table = tables.iter().find(|table| table.is_of(strokes))?;
             let (buffer, version) = (strokes.words().clone(), strokes.version());
             Some(Values { buffer, version, first_seed: table.first as u32 })
         };
         let seen: Vec<_> = seen.iter().map(|&layer| (layer, values(layer))).collect();
         let target = mix.strokes.insert(keep_textures(target, &seen));
+        // The topmost layers' first, of which some count if there are too many.
+        target.set_motions(tables.iter().flat_map(Table::placed_motions).collect());
         let gpu = Encoding { device, queue, encoder };
         let pipelines = self.strokes_pipelines(device);
         is_changed |= self.encode_values(gpu, pipelines, scene, seen, target.words(), &mut mix.mixed);
@@ -113,7 +130,7 @@ fn wanted(layers: &[&GpuLayer]) -> Vec<Table> {
     let mut tables: Vec<Table> = Vec::new();
     let mut n_seeds = 0;
     for strokes in layers.iter().rev().filter_map(|layer| layer.strokes) {
-        if tables.iter().any(|table| table.seeds == *strokes.seeds()) {
+        if tables.iter().any(|table| table.is_of(strokes)) {
             continue;
         }
         n_seeds += strokes.n_seeds();
@@ -122,6 +139,7 @@ fn wanted(layers: &[&GpuLayer]) -> Vec<Table> {
         }
         tables.push(Table {
             seeds: strokes.seeds().clone(),
+            motions: strokes.motions().to_vec(),
             version: strokes.version(),
             first: 0,
             n_seeds: strokes.n_seeds(),
@@ -133,7 +151,8 @@ fn wanted(layers: &[&GpuLayer]) -> Vec<Table> {
 /// Gives each of the `tables` its place. Those that have one keep it, so that words that name their seeds stay
 /// as they are, unless there would be no room for the others.
 fn placed(last: &[Table], mut tables: Vec<Table>) -> Vec<Table> {
-    let place = |table: &Table| last.iter().find(|last| last.seeds == table.seeds).map(|last| last.first);
+    let is_same = |a: &Table, b: &Table| a.seeds == b.seeds && a.motions == b.motions;
+    let place = |table: &Table| last.iter().find(|last| is_same(last, table)).map(|last| last.first);
     let kept = tables.iter().filter_map(|table| Some(place(table)? + table.n_seeds)).max();
     let new: usize = tables.iter().filter(|table| place(table).is_none()).map(|table| table.n_seeds).sum();
     let keeps = kept.unwrap_or(0) + new <= MAX_SEEDS;

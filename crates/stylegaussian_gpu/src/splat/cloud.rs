@@ -53,9 +53,11 @@ pub struct PaintedColors<'a> {
     pub below: Option<&'a GaussianColors>,
     /// The strokes, whose textures are in the store of the [`SplatPass`](super::SplatPass).
     pub strokes: &'a GaussianStrokes,
-    /// Settings that may be changed without computing strokes anew. A view takes `near` from the first of its
-    /// clouds that has strokes.
+    /// Settings that may be changed without computing strokes anew. A view takes `near` and `screen_stable`,
+    /// and with this `stroke_scale`, from the first of its clouds that has strokes.
     pub knobs: StrokeKnobs,
+    /// The time at which strokes that move are shown, in seconds.
+    pub seconds: f64,
 }
 
 impl<'a> CloudColors<'a> {
@@ -71,7 +73,16 @@ impl<'a> CloudColors<'a> {
     /// The colors with `strokes` over them, in place of any strokes that they have.
     #[must_use]
     pub fn with_strokes(self, strokes: &'a GaussianStrokes, knobs: StrokeKnobs) -> Self {
-        Self::Painted(PaintedColors { below: self.own(), strokes, knobs })
+        Self::Painted(PaintedColors { below: self.own(), strokes, knobs, seconds: 0.0 })
+    }
+
+    /// The same at another time, in seconds, if strokes over them move: see [`GaussianStrokes::moving`].
+    #[must_use]
+    pub fn at(self, seconds: f64) -> Self {
+        match self {
+            Self::Painted(painted) => Self::Painted(PaintedColors { seconds, ..painted }),
+            still => still,
+        }
     }
 
     /// The strokes over the colors.

@@ -14,7 +14,7 @@ use super::{
     cloud::Cloud,
     scene::Chunk,
     settings::{SortKey, SplatSettings},
-    strokes::{StrokeStage, with_knobs},
+    strokes::{StrokeStage, draw_uniforms, with_knobs},
     view::{Change, ChunkBindings, ChunkDispatch, ChunkGroups, ChunkVersions, SplatView},
 };
 use crate::{
@@ -98,6 +98,8 @@ impl Project {
         let n_chunks = clouds.iter().map(|cloud| cloud.scene.chunks().len()).sum();
         view.reserve_chunks(device, &self.view_layout, n_chunks);
         let mut first_record = 0;
+        let painted = clouds.iter().filter_map(|cloud| cloud.colors.painted());
+        let draw = draw_uniforms(painted.map(|painted| painted.knobs));
         for cloud in clouds {
             let painted = cloud.colors.painted();
             let of_cloud = cloud_uniforms(camera, cloud, settings);
@@ -114,13 +116,12 @@ impl Project {
                     ..of_cloud
                 };
                 let key = self.bindings(chunk, cloud);
-                let uniforms = with_knobs(uniforms, painted.map(|painted| painted.knobs).as_ref());
+                let uniforms = with_knobs(uniforms, painted.as_ref(), draw.as_ref());
                 view.push_chunk(&uniforms, key, versions, |key| self.bind(device, key));
                 first_record += chunk.n_gaussians;
             }
         }
-        let knobs = clouds.iter().find_map(|cloud| Some(cloud.colors.painted()?.knobs));
-        view.update_strokes(device, queue, &self.strokes, knobs.as_ref());
+        view.update_strokes(device, queue, &self.strokes, draw);
         view.write_chunks(queue)
     }
 

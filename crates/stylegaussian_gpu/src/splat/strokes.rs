@@ -2,11 +2,16 @@
 //!
 //! Nothing of it is compiled or allocated before a cloud with strokes is drawn.
 
-use std::sync::OnceLock;
+use std::{ops::Range, sync::OnceLock};
 
-use stylegaussian::strokes::StrokeKnobs;
-use stylegaussian_shaders::splat::strokes::{self as shaders, StrokeChunk, StrokeDraw};
+use glam::Vec3;
+use stylegaussian::strokes::{KIND_FLOW, MotionNow, StrokeKnobs};
+use stylegaussian_shaders::splat::{
+    SplatChunk,
+    strokes::{self as shaders, MAX_MOTIONS, StrokeChunk, StrokeDraw, StrokeMotion},
+};
 
+use super::cloud::PaintedColors;
 use crate::{
     bindings::{
         bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding, uniform_binding,
@@ -29,7 +34,7 @@ pub(super) struct StrokeStage {
 /// Resources that all draws with strokes bind.
 #[derive(Debug)]
 pub(super) struct StrokeDraws {
-    /// Group 1: uniforms, records, fine and wide detail, the sampler.
+    /// Group 1: uniforms, records, fine and wide detail, the sampler, the light on records.
     pub layout: wgpu::BindGroupLayout,
     sampler: wgpu::Sampler,
 }
@@ -38,7 +43,7 @@ pub(super) struct StrokeDraws {
 #[derive(Debug)]
 pub(super) struct StrokeKernel {
     pub pipeline: wgpu::ComputePipeline,
-    /// Group 0: the chunk's uniforms, keys, and the records of strokes.
+    /// Group 0: the chunk's uniforms, keys, the records of strokes, and the light on them.
     view_layout: wgpu::BindGroupLayout,
     /// Group 1: Gaussians, words, seeds.
     chunk_layout: wgpu::BindGroupLayout,
@@ -68,7 +73,8 @@ impl StrokeDraws {
             multisampled: false,
         };
         let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
-        let bindings = [uniform_binding::<StrokeDraw>(), storage_binding(true), texture, texture, sampler];
+        let records = storage_binding(true);
+        let bindings = [uniform_binding::<StrokeDraw>(), records, texture, texture, sampler, records];
         // Quads read records in the vertex stage and textures in the fragment stage, tiles both by compute.
         let stages = wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE;
         let layout = group_layout(device, "splat_stroke_draw", stages, &bindings);
@@ -84,11 +90,11 @@ impl StrokeDraws {
         Self { layout, sampler }
     }
 
+    /// Binds uniforms, records and relief, and the textures.
     fn bind(
         &self,
         device: &wgpu::Device,
-        uniforms: &wgpu::Buffer,
-        records: &wgpu::Buffer,
+        [uniforms, records, relief]: [&wgpu::Buffer; 3],
         arrays: &TextureArrays,
     ) -> wgpu::BindGroup {
         let [fine, wide] = arrays.views();
@@ -98,6 +104,7 @@ impl StrokeDraws {
             wgpu::BindingResource::TextureView(&fine),
             wgpu::BindingResource::TextureView(&wide),
             wgpu::BindingResource::Sampler(&self.sampler),
+            relief.as_entire_binding(),
         ];
         bind_group(device, "splat_stroke_draw", &self.layout, &resources)
     }
@@ -112,7 +119,8 @@ impl StrokeKernel {
             min_binding_size: wgpu::BufferSize::new(size_of::<StrokeChunk>() as u64),
         };
         let read = storage_binding(true);
-        let view_layout = group_layout(device, label, compute, &[uniforms, read, storage_binding(false)]);
+        let write = storage_binding(false);
+        let view_layout = group_layout(device, label, compute, &[uniforms, read, write, write]);
         let chunk_layout = group_layout(device, label, compute, &[read; 3]);
         let layout = pipeline_layout(device, label, &[&view_layout, &chunk_layout]);
         let options = wgpu::PipelineCompilationOptions::default();
@@ -126,15 +134,16 @@ impl StrokeKernel {
         bind_group(device, "splat_stroke_chunk", &self.chunk_layout, &resources)
     }
 
-    fn bind_view(&self, device: &wgpu::Device, bound: [&wgpu::Buffer; 3]) -> wgpu::BindGroup {
-        let [uniforms, keys, records] = bound;
+    fn bind_view(&self, device: &wgpu::Device, bound: [&wgpu::Buffer; 4]) -> wgpu::BindGroup {
+        let [uniforms, keys, records, relief] = bound;
         // One chunk; a dynamic offset selects which.
         let one_chunk = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
             buffer: uniforms,
             offset: 0,
             size: wgpu::BufferSize::new(size_of::<StrokeChunk>() as u64),
         });
-        let resources = [one_chunk, keys.as_entire_binding(), records.as_entire_binding()];
+        let [keys, records, relief] = [keys, records, relief].map(wgpu::Buffer::as_entire_binding);
+        let resources = [one_chunk, keys, records, relief];
         bind_group(device, "splat_stroke_view", &self.view_layout, &resources)
     }
 }
@@ -143,13 +152,16 @@ impl StrokeKernel {
 #[derive(Debug)]
 pub(super) struct ViewStrokes {
     pub records: wgpu::Buffer,
+    /// The light on each, once there was relief; a buffer of one record before.
+    relief: wgpu::Buffer,
+    n_records: usize,
     uniforms: wgpu::Buffer,
-    /// The number that the uniforms hold.
-    near: Option<f32>,
+    /// The numbers that the uniforms hold.
+    written: Option<StrokeDraw>,
     /// The buffers that the kernel's group was made of, and the group.
-    view: Option<([wgpu::Buffer; 2], wgpu::BindGroup)>,
-    /// The textures that the draws' group was made of, and the group.
-    draw: Option<(TextureArrays, wgpu::BindGroup)>,
+    view: Option<([wgpu::Buffer; 3], wgpu::BindGroup)>,
+    /// The buffer and the textures that the draws' group was made of, and the group.
+    draw: Option<((wgpu::Buffer, TextureArrays), wgpu::BindGroup)>,
 }
 
 impl ViewStrokes {
@@ -162,33 +174,39 @@ impl ViewStrokes {
     pub fn new(device: &wgpu::Device, n_records: usize) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
         let records = buffers::create(device, "splat_stroke_records", Self::bytes(n_records), usage);
+        let relief = relief_records(device, 1);
         let uniforms = buffers::uniforms(device, "splat_stroke_draw", size_of::<StrokeDraw>() as u64);
-        Self { records, uniforms, near: None, view: None, draw: None }
+        Self { records, relief, n_records, uniforms, written: None, view: None, draw: None }
     }
 
-    /// Binds changed resources: the uniforms of chunks, keys, the store's textures.
+    /// Makes room for relief if there is any, and binds changed resources: the uniforms of chunks, keys, the
+    /// store's textures.
     pub fn update(
         &mut self,
         device: &wgpu::Device,
         queue: &wgpu::Queue,
         stage: &StrokeStage,
         bound: [&wgpu::Buffer; 2],
-        knobs: &StrokeKnobs,
+        draw: StrokeDraw,
     ) {
-        let near = if knobs.near.is_finite() { knobs.near } else { 0.0 };
-        if self.near != Some(near) {
-            let draw = StrokeDraw { near, padding_0: 0, padding_1: 0, padding_2: 0 };
-            queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&draw));
-            self.near = Some(near);
+        if draw.n_lights > 0 && self.relief.size() < Self::bytes(self.n_records) {
+            self.relief = relief_records(device, self.n_records);
         }
+        if self.written != Some(draw) {
+            queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&draw));
+            self.written = Some(draw);
+        }
+        let [chunks, keys] = bound;
+        let bound = [chunks, keys, &self.relief];
         if self.view.as_ref().is_none_or(|(of, _)| of.each_ref() != bound) {
-            let group = stage.kernel(device).bind_view(device, [bound[0], bound[1], &self.records]);
+            let group = stage.kernel(device).bind_view(device, [chunks, keys, &self.records, &self.relief]);
             self.view = Some((bound.map(wgpu::Buffer::clone), group));
         }
-        let arrays = stage.store.arrays(device);
-        if self.draw.as_ref().is_none_or(|(of, _)| *of != arrays) {
-            let group = stage.draws(device).bind(device, &self.uniforms, &self.records, &arrays);
-            self.draw = Some((arrays, group));
+        let of = (self.relief.clone(), stage.store.arrays(device));
+        if self.draw.as_ref().is_none_or(|(last, _)| *last != of) {
+            let buffers = [&self.uniforms, &self.records, &self.relief];
+            let group = stage.draws(device).bind(device, buffers, &of.1);
+            self.draw = Some((of, group));
         }
     }
 
@@ -203,24 +221,83 @@ impl ViewStrokes {
     }
 }
 
-/// A chunk with the knobs of its strokes, or with none. Numbers that are not finite show no strokes.
+/// Records of the light on paint.
+fn relief_records(device: &wgpu::Device, n_records: usize) -> wgpu::Buffer {
+    buffers::create(
+        device,
+        "splat_relief_records",
+        ViewStrokes::bytes(n_records),
+        wgpu::BufferUsages::STORAGE,
+    )
+}
+
+/// The unit direction to the light, and the factor of the thickness of paint; `None` if paint is flat.
+pub(super) fn light(knobs: &StrokeKnobs) -> Option<(Vec3, f32)> {
+    let to_light = knobs.light.try_normalize()?;
+    (knobs.relief > 0.0 && knobs.relief.is_finite()).then_some((to_light, knobs.relief))
+}
+
+/// The uniforms of a view's draws with strokes.
+pub(super) fn draw_uniforms(painted: impl Iterator<Item = StrokeKnobs> + Clone) -> Option<StrokeDraw> {
+    let first = painted.clone().next()?;
+    let is_stable = first.screen_stable && first.stroke_scale > 0.0 && first.stroke_scale.is_finite();
+    Some(StrokeDraw {
+        near: if first.near.is_finite() { first.near } else { 0.0 },
+        n_lights: u32::from(painted.into_iter().any(|knobs| light(&knobs).is_some())),
+        is_stable: u32::from(is_stable),
+        scale_octaves: if is_stable { first.stroke_scale.log2() } else { 0.0 },
+    })
+}
+
+/// A chunk with the knobs and motions of its strokes, or with none. Numbers that are not finite show no
+/// strokes. `draw` are the uniforms of the view's draws, if it shows strokes.
 pub(super) fn with_knobs(
-    chunk: stylegaussian_shaders::splat::SplatChunk,
-    knobs: Option<&StrokeKnobs>,
+    chunk: SplatChunk,
+    painted: Option<&PaintedColors>,
+    draw: Option<&StrokeDraw>,
 ) -> StrokeChunk {
     let none = StrokeKnobs { amount: 0.0, ..StrokeKnobs::DEFAULT };
-    let is_usable = |knobs: &&StrokeKnobs| {
-        let StrokeKnobs { amount, protection, stroke_scale, .. } = **knobs;
+    let is_usable = |painted: &&PaintedColors| {
+        let StrokeKnobs { amount, protection, stroke_scale, .. } = painted.knobs;
         amount.is_finite() && protection.is_finite() && stroke_scale.is_finite() && stroke_scale > 0.0
     };
-    let knobs = knobs.filter(is_usable).unwrap_or(&none);
+    let painted = painted.filter(is_usable);
+    let knobs = painted.map_or(none, |painted| painted.knobs);
+    let is_stable = draw.is_some_and(|draw| draw.is_stable > 0);
+    // All of a view have one size.
+    let of_view = draw.filter(|_| is_stable).map(|draw| draw.scale_octaves.exp2());
+    let (light, relief) = light(&knobs).unwrap_or_default();
+    let (motions, n_motions) = painted.map_or_else(Default::default, motions_now);
     StrokeChunk {
         chunk,
         amount: knobs.amount,
         protection: knobs.protection,
-        stroke_scale: knobs.stroke_scale,
-        padding: 0,
+        stroke_scale: of_view.unwrap_or(knobs.stroke_scale),
+        n_motions,
+        light: light.to_array(),
+        relief,
+        n_lights: draw.map_or(0, |draw| draw.n_lights),
+        is_stable: u32::from(is_stable),
+        padding_0: 0,
+        padding_1: 0,
+        motions,
     }
+}
+
+/// The motions of strokes at their time, and how many count: none that stands still, so that time changes
+/// nothing then.
+fn motions_now(painted: &PaintedColors) -> ([StrokeMotion; MAX_MOTIONS], u32) {
+    let mut motions = [StrokeMotion::default(); MAX_MOTIONS];
+    let moving = painted.strokes.motions().iter().filter(|(_, motion)| !motion.is_still());
+    let mut n_motions = 0;
+    for (place, (seeds, motion)) in motions.iter_mut().zip(moving) {
+        let MotionNow { kind, drawing, part, amount, toward } = motion.at(painted.seconds);
+        let phase = if kind == KIND_FLOW { part.to_bits() } else { drawing };
+        let Range { start, end } = *seeds;
+        *place = StrokeMotion { toward: toward.to_array(), first: start, end, kind, phase, amount };
+        n_motions += 1;
+    }
+    (motions, n_motions)
 }
 
 #[cfg(test)]

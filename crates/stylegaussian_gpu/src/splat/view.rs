@@ -3,9 +3,9 @@
 
 use std::collections::HashMap;
 
-use stylegaussian::strokes::StrokeKnobs;
 use stylegaussian_shaders::splat::{
-    ANTIALIASED, BY_DISTANCE, CROPPED, SORT_BATCH, SplatChunk, SplatCounts, SplatDraw, strokes::StrokeChunk,
+    ANTIALIASED, BY_DISTANCE, CROPPED, SORT_BATCH, SplatChunk, SplatCounts, SplatDraw,
+    strokes::{StrokeChunk, StrokeDraw},
 };
 
 use super::{
@@ -23,9 +23,9 @@ use crate::{
 /// Bytes of one half of a record.
 const HALF_RECORD: u64 = 16;
 
-/// Bytes from one chunk's uniforms to the next one's: the coarsest alignment of dynamic offsets that a device
-/// may ask for.
-const UNIFORM_STRIDE: usize = 256;
+/// Bytes from one chunk's uniforms to the next one's: their size, and a multiple of the coarsest alignment of
+/// dynamic offsets that a device may ask for.
+const UNIFORM_STRIDE: usize = size_of::<StrokeChunk>().next_multiple_of(256);
 
 /// The most batches that the sort can dispatch: WebGPU's default limit on workgroups in one dimension.
 const MAX_BATCHES: u64 = 65_535;
@@ -180,7 +180,8 @@ impl SplatView {
         (HALF_RECORD * n_gaussians as u64).max(SortBuffers::largest(n_gaussians))
     }
 
-    /// Bytes of GPU memory that a view of `n_gaussians` takes. Strokes take 16 more for each of them.
+    /// Bytes of GPU memory that a view of `n_gaussians` takes. Strokes take 16 more for each of them, and 32
+    /// with relief.
     pub fn bytes(n_gaussians: usize) -> u64 {
         // Both halves, then keys and values, twice each.
         let per_record = 2 * HALF_RECORD + 4 * size_of::<u32>() as u64;
@@ -340,21 +341,21 @@ impl SplatView {
         })
     }
 
-    /// Makes room for strokes and binds changed resources, if this frame shows any. `knobs` are those of all
-    /// draws.
+    /// Makes room for strokes and binds changed resources, if this frame shows any. `draw` are the uniforms of
+    /// all draws.
     pub(super) fn update_strokes(
         &mut self,
         device: &wgpu::Device,
         queue: &wgpu::Queue,
         stage: &StrokeStage,
-        knobs: Option<&StrokeKnobs>,
+        draw: Option<StrokeDraw>,
     ) {
-        let (Some(buffers), Some(uniforms), Some(knobs)) = (&mut self.buffers, &self.chunk_uniforms, knobs)
+        let (Some(buffers), Some(uniforms), Some(draw)) = (&mut self.buffers, &self.chunk_uniforms, draw)
         else {
             return;
         };
         let strokes = buffers.strokes.get_or_insert_with(|| ViewStrokes::new(device, buffers.n_records));
-        strokes.update(device, queue, stage, [&uniforms.buffer, &buffers.sort.keys], knobs);
+        strokes.update(device, queue, stage, [&uniforms.buffer, &buffers.sort.keys], draw);
         self.is_painted = true;
     }
 

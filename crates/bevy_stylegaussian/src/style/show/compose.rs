@@ -7,14 +7,17 @@
 //! pass then reads the style's own buffer, which other entities may read too.
 
 use bevy::{camera::primitives::Aabb, prelude::*};
-use stylegaussian::layers::Region;
+use stylegaussian::{
+    layers::Region,
+    strokes::{StrokeKnobs, StrokeMotion},
+};
 
 use crate::{
     colors::{ColorLayer, ColorLayers, LayerColors},
     scene::LoadedScene,
     style::{
         make::job::{StyleJob, StyleJobs},
-        show::{place::Place, volume::StyleVolume, worn::Passed},
+        show::{place::Place, sun::Sun, volume::StyleVolume, worn::Passed},
         wish::{
             applied::AppliedStyle,
             source::{HiddenUntilStyled, StyleSource},
@@ -148,6 +151,7 @@ pub(crate) fn compose_layers(
     mut volumes: Query<Volume>,
     mut own: Query<(&mut StyleJobs, Option<&StyleSource>), Without<StyleVolume>>,
     places: Query<&GlobalTransform>,
+    sun: Res<Sun>,
 ) {
     let mut volumes: Vec<_> = volumes.iter_mut().collect();
     volumes.sort_by_key(|(entity, volume, ..)| (volume.priority, *entity));
@@ -157,6 +161,7 @@ pub(crate) fn compose_layers(
         let all = [Vec3::from(bounds.min()), Vec3::from(bounds.max())];
         let place = Place::new(world_from_scene, scene.asset.usual_bounds().unwrap_or(all), all, &place_of);
         let (mut found, mut is_hidden, mut knobs) = (Vec::new(), false, layers.knobs);
+        let mut motion = layers.layers.first().map_or(StrokeMotion::Still, |layer| layer.motion);
         if let Ok((mut jobs, source)) = own.get_mut(entity)
             && let Some(job) = jobs.bypass_change_detection().of_scene.iter_mut().find(|job| job.is_of(scene))
         {
@@ -164,8 +169,11 @@ pub(crate) fn compose_layers(
             found = job.worn.layers(&place);
             // A style that goes, goes as it was drawn.
             if let Some(source) = source.filter(|source| !source.is_none()) {
-                knobs = source.knobs();
+                let light = source.relief.to_light(&world_from_scene, sun.0);
+                knobs = StrokeKnobs { light, ..source.knobs() };
+                motion = source.motion.usual();
             }
+            found.iter_mut().for_each(|layer| layer.motion = motion);
             let strength = source.map_or(1.0, StyleSource::usual_strength);
             if strength < 1.0 && !found.is_empty() {
                 // Colors are premultiplied: captured colors of the rest over them multiply them by the
@@ -188,7 +196,8 @@ pub(crate) fn compose_layers(
                 false => region.shape_from_scene * world_from_scene,
             };
             let region = Region { shape_from_scene, ..region };
-            found.extend(job.worn.volume_layer(&place, region, source.usual_strength(), volume.channel()));
+            let layer = job.worn.volume_layer(&place, region, source.usual_strength(), volume.channel());
+            found.extend(layer.map(|layer| ColorLayer { motion: source.motion.usual(), ..layer }));
         }
         // A layer that covers all hides those below.
         if let Some(top) = found.iter().rposition(ColorLayer::covers_all) {

@@ -2,6 +2,7 @@
 
 pub(crate) mod compose;
 pub(crate) mod place;
+pub(crate) mod sun;
 pub(crate) mod transition;
 pub(crate) mod volume;
 pub(crate) mod worn;

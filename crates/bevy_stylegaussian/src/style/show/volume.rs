@@ -15,9 +15,10 @@ use stylegaussian::layers::{Cover, Region, RegionCover, Shape};
 /// computed once for each scene that a volume comes near, and shared with whatever else wants it; until it is
 /// there, the volume changes nothing.
 ///
-/// A volume has the [`strength`](crate::StyleSource::strength) of its own source. How strokes are drawn
-/// (`paint`, `protection` and `stroke_scale`) is of a cloud as a whole, and so the source on the cloud says it,
-/// or a default if that has none.
+/// A volume has the [`strength`](crate::StyleSource::strength) of its own source, and its strokes
+/// [move](crate::StyleSource::motion) as that says. How strokes are drawn (`paint`, `protection`,
+/// `stroke_scale` and `relief`) is of a cloud as a whole, and so the source on the cloud says it, or a default
+/// if that has none.
 ///
 /// ```
 /// # use bevy::prelude::*;

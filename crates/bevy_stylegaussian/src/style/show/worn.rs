@@ -127,8 +127,11 @@ impl Worn {
             self.0.remove(0);
             self.0[0].coming = None;
         }
-        let layer =
-            |colors: LayerColors, share: f32| ColorLayer { colors, region, strength: strength * share, mask };
+        let layer = |colors: LayerColors, share: f32| ColorLayer {
+            region,
+            mask,
+            ..ColorLayer::everywhere(colors, strength * share)
+        };
         match self.0.as_slice() {
             [] => None,
             [only] => Some(layer(only.colors.clone(), only.layer(None).strength)),
@@ -152,7 +155,7 @@ impl WornStyle {
         match place {
             Some(place) if transition.shape != TransitionShape::Fade => {
                 let (region, strength) = transition.reached(progress, place);
-                ColorLayer { colors, region, strength, mask: None }
+                ColorLayer { region, ..ColorLayer::everywhere(colors, strength) }
             }
             _ => ColorLayer::everywhere(colors, progress),
         }

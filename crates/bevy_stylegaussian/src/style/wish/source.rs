@@ -6,6 +6,8 @@ use stylegaussian::{paint::Hand, strokes::StrokeKnobs};
 use crate::style::wish::{
     asset::{GaussianDecoder, StyleLook, StyleStatistics},
     hand::{StylePalette, StylePins},
+    motion::StyleMotion,
+    relief::StyleRelief,
 };
 
 /// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images, presets and
@@ -18,10 +20,10 @@ use crate::style::wish::{
 /// CPU, whichever [`StyleBackend`](crate::style::decoder::StyleBackend) is set, and so are the images and
 /// presets beside a look. In a mix of paintings, each spot shows the strokes of one of them.
 ///
-/// [`strength`](Self::strength), [`paint`](Self::paint), [`protection`](Self::protection) and
-/// [`stroke_scale`](Self::stroke_scale) are shown in the next frame and compute nothing, so they can be
-/// animated. A [`StyleVolume`](crate::StyleVolume) has a strength of its own; its strokes are drawn by the
-/// other three of the splats that it lies on.
+/// [`strength`](Self::strength), [`paint`](Self::paint), [`protection`](Self::protection),
+/// [`stroke_scale`](Self::stroke_scale), [`motion`](Self::motion) and [`relief`](Self::relief) are shown in the
+/// next frame and compute nothing, so they can be animated. A [`StyleVolume`](crate::StyleVolume) has a
+/// strength and a motion of its own; its strokes are drawn by the others of the splats that it lies on.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -70,6 +72,16 @@ pub struct StyleSource {
     pub stroke_direction: Option<Vec3>,
     /// Spots of the scene that are painted from given spots of the paintings.
     pub pins: StylePins,
+    /// The way in which the strokes move: not at all by default. Each volume's strokes move as its own source
+    /// says, within its region and its channel of a [`StyleMask`](crate::StyleMask); where more than eight
+    /// sources that move lie on one cloud, the lowest stand still.
+    pub motion: StyleMotion,
+    /// Light on the thickness of the strokes: none by default.
+    pub relief: StyleRelief,
+    /// Whether strokes keep their size on screen, whatever the distance, for stills, slow cameras and title
+    /// screens: they dissolve into one another while the camera moves. False by default. It is of a view as a
+    /// whole: of all clouds that a camera sees, one decides, and with it the size of strokes.
+    pub screen_stable: bool,
 }
 
 impl Default for StyleSource {
@@ -87,6 +99,9 @@ impl Default for StyleSource {
             palette_strength: Hand::PALETTE,
             stroke_direction: None,
             pins: StylePins::default(),
+            motion: StyleMotion::Still,
+            relief: StyleRelief::default(),
+            screen_stable: false,
         }
     }
 }
@@ -228,12 +243,27 @@ impl StyleSource {
         Self { pins: pins.into(), ..self }
     }
 
+    /// The same styles in strokes that move.
+    pub fn with_motion(self, motion: StyleMotion) -> Self {
+        Self { motion, ..self }
+    }
+
+    /// The same styles in strokes that have a thickness.
+    pub fn with_relief(self, relief: StyleRelief) -> Self {
+        Self { relief, ..self }
+    }
+
+    /// The same styles in strokes that keep their size on screen, if `screen_stable` is true.
+    pub fn with_screen_stable(self, screen_stable: bool) -> Self {
+        Self { screen_stable, ..self }
+    }
+
     /// The strength within 0..1; 0 if it is no number.
     pub(crate) fn usual_strength(&self) -> f32 {
         if self.strength.is_nan() { 0.0 } else { self.strength.clamp(0.0, 1.0) }
     }
 
-    /// How strokes are drawn, within sane ranges. NaN becomes the default.
+    /// How strokes are drawn, within sane ranges. NaN becomes the default. The light is for the caller to find.
     pub(crate) fn knobs(&self) -> StrokeKnobs {
         let within =
             |value: f32, min: f32, max: f32| if value.is_nan() { 1.0 } else { value.clamp(min, max) };
@@ -241,6 +271,8 @@ impl StyleSource {
             amount: within(self.paint, 0.0, 3.0),
             protection: within(self.protection, 0.0, 10.0),
             stroke_scale: within(self.stroke_scale, 0.1, 10.0),
+            relief: self.relief.usual_amount(),
+            screen_stable: self.screen_stable,
             ..StrokeKnobs::DEFAULT
         }
     }

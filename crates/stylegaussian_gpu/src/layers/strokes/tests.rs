@@ -224,6 +224,46 @@ fn textures_stay_as_long_as_the_mix_shows_them() {
     assert!(mix.strokes().is_none());
 }
 
+/// The same look, still and moving, has a table for each, so that spots of both are told apart.
+#[test]
+fn layers_move_in_their_own_ways() {
+    let mut random = testing::randoms(64);
+    let Some(mut world) = World::new(1000, 2, &mut random) else { return };
+    let boil = StrokeMotion::Boil { rate: 8.0, amount: 0.5 };
+    let flow = StrokeMotion::Flow { rate: 0.5, amount: 2.0, toward: Vec3::Y };
+    world.looks.push(world.looks[0].moving(boil));
+    world.looks.push(world.looks[1].moving(flow));
+    let layer = |look: usize, strength: f32| Random {
+        look: Some(look),
+        region: Region::EVERYWHERE,
+        strength,
+        mask: None,
+    };
+    let mut mix = StrokeMix::default();
+    let motions = |mix: &StrokeMix| mix.strokes().unwrap().motions().to_vec();
+    world.mix(&[layer(0, 1.0), layer(1, 0.5)], &mut mix);
+    assert!(motions(&mix).is_empty());
+    world.mix(&[layer(0, 1.0), layer(2, 0.5), layer(3, 0.2)], &mut mix);
+    let found = motions(&mix);
+    // The topmost first. Looks have 100 and 101 seeds.
+    assert_eq!(
+        found.iter().map(|(seeds, motion)| (seeds.len(), *motion)).collect::<Vec<_>>(),
+        [(101, flow), (100, boil),]
+    );
+    let strokes = mix.strokes().unwrap();
+    let words = strokes.read_words(&world.gpu.device, &world.gpu.queue).unwrap();
+    let n_in = |seeds: &Range<u32>| {
+        words.iter().filter(|word| seeds.contains(&StrokeWord::unpacked(**word).seed)).count()
+    };
+    let [n_flowing, n_boiling] = [n_in(&found[0].0), n_in(&found[1].0)];
+    assert!(n_flowing > 50 && n_boiling > 200 && n_flowing + n_boiling < 800, "{n_flowing} {n_boiling}");
+    // A mix in a mix moves as its layer does, and goes back to stillness.
+    let inner = strokes.moving(boil);
+    assert_eq!(inner.motions(), [(0..strokes.n_seeds() as u32, boil)]);
+    world.mix(&[layer(0, 1.0)], &mut mix);
+    assert!(motions(&mix).is_empty());
+}
+
 #[test]
 fn tables_keep_their_places_while_there_is_room() {
     let Some(gpu) = testing::gpu() else { return };

@@ -7,7 +7,8 @@ use half::f16;
 use stylegaussian::{
     Scene,
     strokes::{
-        FINE_SIDE, MAX_GAIN, PERIOD, PlainSeed, StrokeRecord, StrokeTexture, StrokeWord, Strokes, WIDE_SIDE,
+        FINE_SIDE, MAX_GAIN, PERIOD, PlainSeed, StrokeMotion as Motion, StrokeRecord, StrokeTexture,
+        StrokeWord, Strokes, WIDE_SIDE,
     },
 };
 
@@ -51,7 +52,7 @@ fn random_strokes(scene: &Scene, random: &mut impl FnMut() -> f32) -> Strokes {
             wide: MAX_GAIN * (three().x + 0.5),
             texture: (2.0 * (three().x + 0.5)) as u8,
         };
-        seeds.push(seed.packed());
+        seeds.push(seed.packed().with_direction(three().truncate()));
     }
     let word = |i: usize| StrokeWord {
         seed: i as u32 / 3,
@@ -93,12 +94,25 @@ fn on_gpu(
     camera: &Camera,
     world_from_scene: Affine3A,
 ) -> (Vec<[u32; 4]>, Vec<bool>) {
+    moving_on_gpu(gpu, scene, painting, (knobs, &[], 0.0), camera, world_from_scene)
+}
+
+/// The same, if these seeds move, at a time.
+fn moving_on_gpu(
+    gpu: &HeadlessDevice,
+    scene: &Scene,
+    painting: &Strokes,
+    (knobs, motions, seconds): (StrokeKnobs, &[(Range<u32>, Motion)], f64),
+    camera: &Camera,
+    world_from_scene: Affine3A,
+) -> (Vec<[u32; 4]>, Vec<bool>) {
     let HeadlessDevice { device, queue, .. } = gpu;
     let pass = SplatPass::new(device);
-    let strokes = pass.store().upload(device, queue, painting).unwrap();
+    let mut strokes = pass.store().upload(device, queue, painting).unwrap();
+    strokes.set_motions(motions.to_vec());
     // Far smaller chunks than any limit requires.
     let scene = GpuScene::in_chunks(device, scene, 300);
-    let colors = CloudColors::Captured.with_strokes(&strokes, knobs);
+    let colors = CloudColors::Captured.with_strokes(&strokes, knobs).at(seconds);
     let cloud = Cloud { scene: &scene, colors, world_from_scene, visibility: None };
     let (mut view, settings) = (SplatView::new(), SplatSettings::default());
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -138,7 +152,7 @@ fn records_match_for_every_projection_and_place() {
     let mut random = randoms(51);
     let scene = random_scene(1000, &mut random);
     let painting = random_strokes(&scene, &mut random);
-    let knobs = StrokeKnobs { amount: 0.8, protection: 1.5, stroke_scale: 1.3, near: 0.5 };
+    let knobs = StrokeKnobs { amount: 0.8, protection: 1.5, stroke_scale: 1.3, ..StrokeKnobs::DEFAULT };
     let eye = Affine3A::look_at_rh(Vec3::new(1.0, 0.7, 4.0), Vec3::ZERO, Vec3::Y).inverse();
     let perspective = Mat4::perspective_infinite_reverse_rh(0.9, 4.0 / 3.0, 0.1);
     let mut off_axis = perspective;
@@ -177,6 +191,118 @@ fn records_match_for_every_projection_and_place() {
     }
 }
 
+/// Strokes of one size on screen. Where a level is all but whole, rounding decides which octave is the first.
+#[test]
+fn records_of_strokes_of_one_size_match() {
+    let Some(gpu) = gpu() else { return };
+    let mut random = randoms(55);
+    let scene = random_scene(900, &mut random);
+    let painting = random_strokes(&scene, &mut random);
+    let (camera, place) = (before_scene(), Affine3A::IDENTITY);
+    let knobs = StrokeKnobs { screen_stable: true, stroke_scale: 1.3, ..StrokeKnobs::DEFAULT };
+    let (records, visible) = on_gpu(&gpu, &scene, &painting, knobs, &camera, place);
+    let (mut n_shown, mut n_renamed) = (0, 0);
+    for i in (0..scene.len()).filter(|&i| visible[i]) {
+        let gaussian = (scene.means[i], scene.rotations[i].normalize(), scene.scales[i]);
+        let across = gradients(&camera, &place, scene.means[i].as_dvec3());
+        let expected = StrokeRecord::new(painting.words[i], &painting.seeds, gaussian, across, &knobs);
+        let Some(record) = expected else { continue };
+        n_shown += 1;
+        // Of all levels, those of the first octave are from two texels to four pixels.
+        assert!(record.level <= -1.0 - 1.3_f32.log2() + 1e-3 && record.level > -2.5, "{i}: {}", record.level);
+        match (StrokeRecord::unpacked(records[i]).level - record.level).abs() > 0.5 {
+            true => n_renamed += 1,
+            false => check(&format!("{i}"), records[i], expected),
+        }
+    }
+    assert!(n_shown > 200 && n_renamed * 100 < n_shown, "{n_renamed} of {n_shown}");
+}
+
+/// A camera that sees most of a random scene.
+fn before_scene() -> Camera {
+    Camera {
+        world_from_view: Affine3A::from_translation(Vec3::new(0.0, 0.0, 4.0)),
+        clip_from_view: Mat4::perspective_infinite_reverse_rh(0.9, 1.0, 0.1),
+        viewport: UVec4::new(0, 0, 64, 64),
+    }
+}
+
+/// Seeds in ranges that boil, flow and stand still, against seeds that the CPU has moved.
+#[test]
+fn moving_records_match() {
+    let Some(gpu) = gpu() else { return };
+    let mut random = randoms(53);
+    let scene = random_scene(900, &mut random);
+    let painting = random_strokes(&scene, &mut random);
+    let (camera, place) = (before_scene(), Affine3A::IDENTITY);
+    let boil = Motion::Boil { rate: 8.0, amount: 0.7 };
+    let flow = Motion::Flow { rate: 0.3, amount: 3.0, toward: Vec3::new(1.0, -2.0, 0.5) };
+    let motions = [(100..200, flow), (200..250, Motion::Still), (0..80, boil)];
+    let knobs = StrokeKnobs { stroke_scale: 1.3, ..StrokeKnobs::DEFAULT };
+    // From the beginning, and after a week.
+    for seconds in [0.0, 1.71, 604_800.33] {
+        let mut expected = painting.clone();
+        for (range, motion) in &motions {
+            let moved = painting.moved(*motion, seconds).seeds;
+            let range = range.start as usize..range.end as usize;
+            expected.seeds[range.clone()].copy_from_slice(&moved[range]);
+        }
+        let (records, visible) =
+            moving_on_gpu(&gpu, &scene, &painting, (knobs, &motions, seconds), &camera, place);
+        let mut n_shown = 0;
+        for i in (0..scene.len()).filter(|&i| visible[i]) {
+            let gaussian = (scene.means[i], scene.rotations[i].normalize(), scene.scales[i]);
+            let across = gradients(&camera, &place, scene.means[i].as_dvec3());
+            let record = StrokeRecord::new(expected.words[i], &expected.seeds, gaussian, across, &knobs);
+            n_shown += usize::from(record.is_some());
+            check(&format!("{seconds} {i}"), records[i], record);
+        }
+        assert!(n_shown > 200, "{n_shown}");
+    }
+}
+
+/// Time costs what stands still nothing: its records are the same bytes, and a frame writes nothing.
+#[test]
+fn records_change_when_strokes_are_redrawn_alone() {
+    let Some(gpu) = gpu() else { return };
+    let mut random = randoms(54);
+    let scene = random_scene(300, &mut random);
+    let painting = random_strokes(&scene, &mut random);
+    let (camera, place, knobs) = (before_scene(), Affine3A::IDENTITY, StrokeKnobs::DEFAULT);
+    let at = |motion: Motion, seconds: f64| {
+        let motions = [(0..100, motion)];
+        moving_on_gpu(&gpu, &scene, &painting, (knobs, &motions, seconds), &camera, place).0
+    };
+    let still = on_gpu(&gpu, &scene, &painting, knobs, &camera, place).0;
+    assert!(at(Motion::Still, 3.3) == still);
+    assert!(at(Motion::Boil { rate: f32::NAN, amount: 1.0 }, 3.3) == still);
+    let boil = Motion::Boil { rate: 10.0, amount: 0.5 };
+    let drawn = at(boil, 3.31);
+    assert!(drawn != still && at(boil, 3.39) == drawn && at(boil, 3.41) != drawn);
+
+    let HeadlessDevice { device, queue, .. } = &gpu;
+    let pass = SplatPass::new(device);
+    let strokes = pass.store().upload(device, queue, &painting).unwrap().moving(boil);
+    let on_gpu = GpuScene::new(device, &scene).unwrap();
+    let mut view = SplatView::new();
+    // The kernel runs if the strokes' records are written anew.
+    let mut is_written = |seconds: f64| {
+        let colors = CloudColors::Captured.with_strokes(&strokes, knobs).at(seconds);
+        let cloud = Cloud { scene: &on_gpu, colors, world_from_scene: place, visibility: None };
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let settings = SplatSettings::default();
+        pass.project_and_sort(device, queue, &mut encoder, &mut view, &camera, &[cloud], &settings).unwrap();
+        queue.submit([encoder.finish()]);
+        let records = &view.strokes().unwrap().records;
+        let is_written = read::<[u32; 4]>(&gpu, records).iter().any(|record| *record != [0; 4]);
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.clear_buffer(records, 0, None);
+        queue.submit([encoder.finish()]);
+        is_written
+    };
+    assert_eq!([0.01, 0.09, 0.11, 0.19].map(&mut is_written), [true, false, true, false]);
+}
+
 /// Gaussians of one size, seeds of pitch 0, and knobs that are not numbers: no strokes, and no validation
 /// error.
 #[test]
@@ -185,11 +311,7 @@ fn degenerate_strokes_show_nothing() {
     let mut random = randoms(52);
     let scene = random_scene(100, &mut random);
     let painting = random_strokes(&scene, &mut random);
-    let camera = Camera {
-        world_from_view: Affine3A::from_translation(Vec3::new(0.0, 0.0, 4.0)),
-        clip_from_view: Mat4::perspective_infinite_reverse_rh(0.9, 1.0, 0.1),
-        viewport: UVec4::new(0, 0, 64, 64),
-    };
+    let camera = before_scene();
     let default = StrokeKnobs::default();
     let show = |scene: &Scene, painting: &Strokes, knobs| {
         let (records, visible) = on_gpu(&gpu, scene, painting, knobs, &camera, Affine3A::IDENTITY);
