@@ -103,6 +103,12 @@ pub fn factor_to_10(text: &str) -> Result<f32, String> {
     number.ok_or_else(|| "expected a number from 0 to 10".into())
 }
 
+/// A number from 1 to 16: how many times as many Gaussians splitting may give.
+pub fn split_factor(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number| (1.0..=16.0).contains(number));
+    number.ok_or_else(|| "expected a number from 1 to 16".into())
+}
+
 /// A number from 0 to 1, without 1.
 pub fn less_than_1(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|number| (0.0..1.0).contains(number));
@@ -234,6 +240,14 @@ mod tests {
         assert_eq!(fraction("1.0"), Ok(1.0));
         for text in ["-0.1", "1.01", "nan", "NaN", "inf", "", "half"] {
             assert!(fraction(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn splits_end_at_1_and_16() {
+        assert_eq!((split_factor("1"), split_factor("16")), (Ok(1.0), Ok(16.0)));
+        for text in ["0", "17", "nan", "a.ply", ""] {
+            assert!(split_factor(text).is_err(), "{text}");
         }
     }
 

@@ -11,6 +11,7 @@ mod outputs;
 mod scenes;
 mod stylization;
 mod terminal;
+mod video;
 
 use std::{env, panic, process::ExitCode};
 
