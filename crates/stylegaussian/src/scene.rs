@@ -230,12 +230,7 @@ impl Scene {
     /// The deviation of each Gaussian seen from its broad side `[N]`, in scene units: the geometric mean of the
     /// two larger scales.
     pub fn broad_sides(&self) -> Vec<f32> {
-        let of_scales = |scales: &Vec3| {
-            // The two others' product is 0 if the smallest is, and not 0 / 0.
-            let [a, b, c] = scales.to_array();
-            (a * b).max(b * c).max(a * c).max(0.0).sqrt()
-        };
-        self.scales.iter().map(of_scales).collect()
+        self.scales.iter().copied().map(broad_side).collect()
     }
 
     /// Checks that all arrays have the lengths their documented shapes demand and all indices are in range.
@@ -305,6 +300,13 @@ impl Scene {
     fn error(&self, found: String, expected: String) -> SceneError {
         SceneError { n_gaussians: self.len(), found, expected }
     }
+}
+
+/// The deviation of a Gaussian with these scales, seen from its broad side.
+pub(crate) fn broad_side(scales: Vec3) -> f32 {
+    // The two others' product is 0 if the smallest is, and not 0 / 0.
+    let [a, b, c] = scales.to_array();
+    (a * b).max(b * c).max(a * c).max(0.0).sqrt()
 }
 
 /// Rows `indices` of `values` `[N, width]`.

@@ -28,17 +28,28 @@ use rayon::prelude::*;
 use crate::{
     camera::Camera,
     scene::Scene,
-    splat::{Colors, Projection, blend_weights, render},
+    splat::{Colors, Projection, blend_weights, blend_weights_if_wanted, render},
     views::choose_views,
+    work::{Canceled, Work},
 };
 
-/// d, the distance of a part from the middle, in standard deviations of the Gaussian that is split. Parts
-/// farther apart leave a dent between them: at 0.5 the drawn alpha of an opaque Gaussian changes by 9% of its
-/// norm, at 0.6 by 12%, at 0.7 by 18%.
-const DISTANCE: f64 = 0.5;
+mod paint;
 
-/// Splits that lead from a Gaussian to its smallest parts, at most. Four make 16 parts.
-const MAX_ROUNDS: u8 = 4;
+pub use paint::split_paint;
+
+/// How a Gaussian is split.
+#[derive(Clone, Copy)]
+struct Manner {
+    /// d, the distance of a part from the middle, in standard deviations of the Gaussian that is split. Parts
+    /// farther apart are smaller, and leave a dent between them: at 0.5 the drawn alpha of an opaque Gaussian
+    /// changes by 9% of its norm, at 0.6 by 12%, at 0.7 by 18%.
+    distance: f64,
+    /// Splits that lead from a Gaussian to its smallest parts, at most.
+    rounds: u8,
+}
+
+/// The manner of [`split`]: 16 parts at most.
+const KEEPING: Manner = Manner { distance: 0.5, rounds: 4 };
 
 /// Number and size in pixels of the views in which footprints are measured.
 const N_VIEWS: usize = 24;
@@ -86,21 +97,25 @@ pub fn split(scene: &mut Scene, options: SplitOptions) -> usize {
         return 0;
     }
     let views = choose_views(scene, N_VIEWS, VIEW_SIZE);
-    let mut whole = whole(scene, &views);
+    // Nobody cancels it.
+    let Ok(mut whole) = whole(scene, &views, &Work::default()) else { return 0 };
     let compared: Vec<&Camera> = views.iter().step_by(COMPARE_EVERY).collect();
     // The mean square error of colors in 0..1 at the wanted PSNR.
     let allowed = 10f64.powf(-(options.fidelity + MARGIN) / 10.0);
     for _ in 0..MAX_TRIES {
-        let parts = parts(scene, &whole, most, options.largest);
+        let is_large = |part: &Part| part.footprint.max_element() > options.largest;
+        let parts =
+            parts(scene, &whole, most, KEEPING, |part| if is_large(part) { part.visible } else { 0.0 });
         let n_added = parts.len() - before;
         if n_added == 0 {
             break;
         }
-        let split = assembled(scene, &parts);
+        let mut split = assembled(scene, &parts);
         let changes: Vec<Vec<f32>> =
             compared.iter().map(|camera| squared_changes(scene, &split, camera)).collect();
         let change = changes.iter().map(|change| mean(change)).sum::<f64>() / changes.len() as f64;
         if change <= allowed {
+            split.sort_by_morton();
             *scene = split;
             return n_added;
         }
@@ -168,7 +183,7 @@ fn mean(values: &[f32]) -> f64 {
     values.iter().map(|&value| f64::from(value)).sum::<f64>() / values.len().max(1) as f64
 }
 
-/// The scene of all `parts` of `scene`, in Morton order.
+/// The scene of all `parts` of `scene`, in their order.
 fn assembled(scene: &Scene, parts: &[Part]) -> Scene {
     let sources: Vec<u32> = parts.iter().map(|part| part.gaussian).collect();
     let mut split = scene.subset(&sources);
@@ -179,7 +194,6 @@ fn assembled(scene: &Scene, parts: &[Part]) -> Scene {
         split.scales[i] = part.scales;
         split.opacities[i] = part.opacity;
     }
-    split.sort_by_morton();
     split
 }
 
@@ -200,20 +214,12 @@ struct Part {
 }
 
 impl Part {
-    /// Place in the queue of splits: the most visible part first, the first of equal ones. `None` if it is
-    /// small enough or has been split often enough.
-    fn priority(&self, position: usize, largest: f32) -> Option<(u32, Reverse<usize>)> {
-        let too_large = self.visible > 0.0 && self.footprint.max_element() > largest;
-        // Positive floats compare like their bits.
-        (too_large && self.rounds < MAX_ROUNDS).then_some((self.visible.to_bits(), Reverse(position)))
-    }
-
     /// The two parts of this one.
-    fn halves(&self, scene: &Scene) -> [Self; 2] {
-        let Halves { along, across, opacity } = Halves::of(f64::from(self.opacity));
+    fn halves(&self, scene: &Scene, distance: f64) -> [Self; 2] {
+        let Halves { along, across, opacity } = Halves::of(f64::from(self.opacity), distance);
         let axis = Vec3::AXES[self.footprint.max_position()];
         let shrink = Vec3::splat(across) + (along - across) * axis;
-        let offset = scene.rotations[self.gaussian as usize] * (DISTANCE as f32 * self.scales * axis);
+        let offset = scene.rotations[self.gaussian as usize] * (distance as f32 * self.scales * axis);
         [-offset, offset].map(|offset| Self {
             mean: self.mean + offset,
             scales: self.scales * shrink,
@@ -237,9 +243,9 @@ struct Halves {
 }
 
 impl Halves {
-    /// Solves for the parts of a Gaussian of opacity o, 0..=1.
-    fn of(o: f64) -> Self {
-        let d2 = DISTANCE * DISTANCE;
+    /// Solves for the parts of a Gaussian of opacity o, 0..=1, at a distance of up to 0.7 from its middle.
+    fn of(o: f64, distance: f64) -> Self {
+        let d2 = distance * distance;
         let shape =
             |u: f64| (((1.0 - u - d2) / (1.0 - u / 2.0)).sqrt(), ((1.0 - u) / (1.0 - u / 2.0)).sqrt());
         let opacity = |u: f64, p: f64| 4.0 * u * (d2 / (p * p)).exp();
@@ -257,15 +263,27 @@ impl Halves {
     }
 }
 
-/// Splits the Gaussians of `scene` into at most `most` parts, so that few are larger than `largest` pixels.
-fn parts(scene: &Scene, whole: &[Part], most: usize, largest: f32) -> Vec<Part> {
+/// Splits the Gaussians of `scene` into at most `most` parts: always the one of the largest `weight`, the first
+/// of equal ones, and none of weight 0.
+fn parts(
+    scene: &Scene,
+    whole: &[Part],
+    most: usize,
+    manner: Manner,
+    weight: impl Fn(&Part) -> f32,
+) -> Vec<Part> {
     let mut parts = whole.to_vec();
-    let place = |parts: &[Part], position: usize| parts[position].priority(position, largest);
+    let place = |parts: &[Part], position: usize| {
+        let part = &parts[position];
+        let weight = weight(part);
+        // Positive floats compare like their bits.
+        (weight > 0.0 && part.rounds < manner.rounds).then_some((weight.to_bits(), Reverse(position)))
+    };
     let mut queue: BinaryHeap<_> = (0..parts.len()).filter_map(|i| place(&parts, i)).collect();
     while parts.len() < most
         && let Some((_, Reverse(position))) = queue.pop()
     {
-        let [first, second] = parts[position].halves(scene);
+        let [first, second] = parts[position].halves(scene, manner.distance);
         parts[position] = first;
         parts.push(second);
         queue.extend(place(&parts, position));
@@ -275,7 +293,10 @@ fn parts(scene: &Scene, whole: &[Part], most: usize, largest: f32) -> Vec<Part> 
 }
 
 /// Each Gaussian as its only part, measured in `views`.
-fn whole(scene: &Scene, views: &[Camera]) -> Vec<Part> {
+///
+/// # Errors
+/// If `work` is canceled.
+fn whole(scene: &Scene, views: &[Camera], work: &Work) -> Result<Vec<Part>, Canceled> {
     let mut parts: Vec<Part> = (0..scene.len())
         .map(|i| Part {
             gaussian: i as u32,
@@ -287,8 +308,9 @@ fn whole(scene: &Scene, views: &[Camera]) -> Vec<Part> {
             rounds: 0,
         })
         .collect();
-    for camera in views {
-        let weights = blend_weights(scene, camera);
+    for (i, camera) in views.iter().enumerate() {
+        work.at(i as f32 / views.len() as f32)?;
+        let weights = blend_weights_if_wanted(scene, camera, 0.0, work)?;
         // The transpose applied to ones sums each Gaussian's weights over the picture.
         let pixels = weights.apply_transposed(&vec![1.0; camera.size.element_product() as usize], 1);
         let projection = Projection::new(camera);
@@ -302,7 +324,7 @@ fn whole(scene: &Scene, views: &[Camera]) -> Vec<Part> {
     for part in parts.iter_mut().filter(|part| part.visible > 0.0) {
         part.footprint /= part.visible;
     }
-    parts
+    Ok(parts)
 }
 
 #[cfg(test)]

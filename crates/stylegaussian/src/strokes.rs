@@ -202,6 +202,18 @@ fn wrapped(x: f32) -> u32 {
 }
 
 impl PlainSeed {
+    /// The level of detail of a Gaussian with the deviation `side`, in scene units: its texels are two
+    /// deviations wide.
+    pub fn level_of(&self, side: f32) -> f32 {
+        (2.0 * side * (self.pitch.x * self.pitch.y).sqrt()).max(1.0).log2()
+    }
+
+    /// Gains of fine and of wide detail in a Gaussian with the strokes `word`.
+    pub fn gains(&self, word: &StrokeWord) -> [f32; 2] {
+        let fine = self.fine * (1.0 - PROTECTED * word.protection);
+        [word.share * fine, word.share * self.wide * (1.0 - word.protection)]
+    }
+
     /// The seed as the kernel reads it.
     pub fn packed(&self) -> StrokeSeed {
         let axes = glam::Mat3::from_cols(self.right, self.down, self.right.cross(self.down));

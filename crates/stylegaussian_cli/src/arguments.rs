@@ -103,10 +103,10 @@ pub fn factor_to_10(text: &str) -> Result<f32, String> {
     number.ok_or_else(|| "expected a number from 0 to 10".into())
 }
 
-/// Pictures per second, above 0 and at most 1000.
+/// Pictures per second. Animated WebP tells times in milliseconds.
 pub fn pictures_per_second(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().ok().filter(|number| *number > 0.0 && *number <= 1000.0);
-    number.ok_or_else(|| "expected a number above 0 and at most 1000".into())
+    let number = text.parse().ok().filter(|number| (0.1..=1000.0).contains(number));
+    number.ok_or_else(|| "expected a number from 0.1 to 1000".into())
 }
 
 /// A direction as in `0,-1,0`, of any length but 0.
@@ -116,6 +116,12 @@ pub fn direction(text: &str) -> Result<Vec3, String> {
         Some(&[x, y, z]) if Vec3::new(x, y, z).try_normalize().is_some() => Ok(Vec3::new(x, y, z)),
         _ => Err("expected X,Y,Z in the scene's space, not all 0, as in 0,-1,0".into()),
     }
+}
+
+/// A number from 1 to 16: how many times as many Gaussians splitting may give.
+pub fn split_factor(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number| (1.0..=16.0).contains(number));
+    number.ok_or_else(|| "expected a number from 1 to 16".into())
 }
 
 /// A number from 0 to 1, without 1.
@@ -273,6 +279,14 @@ mod tests {
     }
 
     #[test]
+    fn splits_end_at_1_and_16() {
+        assert_eq!((split_factor("1"), split_factor("16")), (Ok(1.0), Ok(16.0)));
+        for text in ["0", "17", "nan", "a.ply", ""] {
+            assert!(split_factor(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
     fn sizes() {
         assert_eq!(picture_size("640x480"), Ok(UVec2::new(640, 480)));
         assert_eq!(picture_size("16384x4096"), Ok(UVec2::new(16_384, 4096)));
@@ -322,7 +336,7 @@ mod tests {
             assert!(direction(text).is_err(), "{text}");
         }
         assert_eq!(pictures_per_second("23.976"), Ok(23.976));
-        for text in ["", "0", "-1", "nan", "inf", "1001"] {
+        for text in ["", "0", "0.05", "-1", "nan", "inf", "1001"] {
             assert!(pictures_per_second(text).is_err(), "{text}");
         }
     }

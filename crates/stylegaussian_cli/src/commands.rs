@@ -68,7 +68,7 @@ impl Cli {
             Command::Style(arguments) => style::run(&arguments),
             Command::Bake(arguments) => bake::run(&arguments, interrupt),
             Command::Stylize(arguments) => stylize::run(&arguments),
-            Command::Render(arguments) => render::run(&arguments),
+            Command::Render(arguments) => render::run(&arguments, interrupt),
             Command::Eval(arguments) => eval::run(&arguments, interrupt),
             Command::Distill(arguments) => distill::run(&arguments, interrupt),
             Command::FetchVgg(arguments) => fetch_vgg::run(&arguments, interrupt),

@@ -14,6 +14,7 @@ mod relief;
 mod scenes;
 mod stylization;
 mod terminal;
+mod video;
 
 use std::{env, panic, process::ExitCode};
 

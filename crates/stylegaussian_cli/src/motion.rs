@@ -6,9 +6,6 @@ use stylegaussian::{Camera, strokes::StrokeMotion};
 
 use crate::arguments::{direction, factor_to_10, pictures_per_second};
 
-/// Pictures per second if `--fps` is not given: those of a film.
-const DEFAULT_FPS: f64 = 24.0;
-
 /// Distance of strokes that are redrawn if `--motion-amount` is not given, in widths of a stroke.
 const BOIL_AMOUNT: f32 = 0.5;
 /// Length of a run of strokes that flow, likewise.
@@ -18,11 +15,12 @@ const FLOW_AMOUNT: f32 = 2.0;
 #[derive(Args, Debug)]
 pub struct MotionArgs {
     /// Number of pictures: a turntable of as many views, or the given views in order, each for an equal time.
+    /// Default: a picture for each view, and for a film without cameras 120.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=999_999))]
     pub frames: Option<u32>,
-    /// Pictures per second, for strokes that move. Default: 24.
-    #[arg(long, value_name = "F", requires = "frames", value_parser = pictures_per_second)]
-    fps: Option<f64>,
+    /// Pictures per second, of films and of strokes that move.
+    #[arg(long, value_name = "F", default_value = "24", value_parser = pictures_per_second)]
+    pub fps: f64,
     /// Strokes are redrawn so many times a second.
     #[arg(
         long,
@@ -78,9 +76,8 @@ impl MotionArgs {
 
     /// The view of each picture, and its time in seconds: each of `views` once, or `--frames` of them.
     pub fn timed(&self, views: Vec<Camera>) -> Vec<(Camera, f64)> {
-        let fps = self.fps.unwrap_or(DEFAULT_FPS);
         let n = self.frames.map_or(views.len(), |frames| frames as usize);
-        let view = |i: usize| (views[i * views.len() / n].clone(), i as f64 / fps);
+        let view = |i: usize| (views[i * views.len() / n].clone(), i as f64 / self.fps);
         if views.is_empty() { Vec::new() } else { (0..n).map(view).collect() }
     }
 }
@@ -91,7 +88,7 @@ mod tests {
 
     use super::*;
 
-    fn arguments(frames: Option<u32>, fps: Option<f64>) -> MotionArgs {
+    fn arguments(frames: Option<u32>, fps: f64) -> MotionArgs {
         let (boil, flow, motion_amount, flow_toward) = (None, None, None, Vec3::X);
         MotionArgs { frames, fps, boil, flow, motion_amount, flow_toward }
     }
@@ -104,21 +101,21 @@ mod tests {
             let timed = arguments.timed(views.clone());
             timed.iter().map(|(camera, seconds)| (camera.position().x.round(), *seconds)).collect()
         };
-        assert_eq!(of(arguments(None, None)), [(0.0, 0.0), (1.0, 1.0 / 24.0)]);
+        assert_eq!(of(arguments(None, 24.0)), [(0.0, 0.0), (1.0, 1.0 / 24.0)]);
         let expected = [(0.0, 0.0), (0.0, 0.1), (0.0, 0.2), (1.0, 0.3), (1.0, 0.4)];
-        let found = of(arguments(Some(5), Some(10.0)));
+        let found = of(arguments(Some(5), 10.0));
         assert!(
             found.iter().zip(&expected).all(|(a, b)| a.0 == b.0 && (a.1 - b.1).abs() < 1e-9),
             "{found:?}"
         );
-        assert_eq!(of(arguments(Some(1), None)), [(0.0, 0.0)]);
-        assert!(arguments(Some(3), None).timed(Vec::new()).is_empty());
+        assert_eq!(of(arguments(Some(1), 24.0)), [(0.0, 0.0)]);
+        assert!(arguments(Some(3), 24.0).timed(Vec::new()).is_empty());
     }
 
     #[test]
     fn rates_and_amounts_are_those_given() {
         let with = |boil, flow, motion_amount| {
-            MotionArgs { boil, flow, motion_amount, ..arguments(None, None) }.motion()
+            MotionArgs { boil, flow, motion_amount, ..arguments(None, 24.0) }.motion()
         };
         assert_eq!(with(None, None, Some(1.0)), StrokeMotion::Still);
         assert_eq!(with(Some(8.0), None, None), StrokeMotion::Boil { rate: 8.0, amount: 0.5 });

@@ -111,9 +111,7 @@ fn strokes_move_from_frame_to_frame() {
     // Without the fixed view, once around.
     let around = render(&bench, "a.ply", "around", &["--frames", "3", "--json"]).expect_success();
     assert_eq!(around.json()["pictures"].as_array().unwrap().len(), 3);
-    for wrong in
-        [&["--boil", "8"][..], &["--style", &painting, "--boil", "8", "--flow", "1"], &["--fps", "24"]]
-    {
+    for wrong in [&["--boil", "8"][..], &["--style", &painting, "--boil", "8", "--flow", "1"]] {
         assert_eq!(render(&bench, "a.ply", "out.png", wrong).code, Some(2), "{wrong:?}");
     }
 }
@@ -169,6 +167,32 @@ fn looks_keep_strokes_and_scenes_their_mean() {
         .expect_success();
     let mix = picture(&bench, "a.ply", &["--look", &format!("{look}:1"), &format!("{plain}:1")]);
     assert!(mix != bare && mix != painted);
+}
+
+#[test]
+fn strokes_are_taken_along_in_the_colors_of_split_gaussians() {
+    let bench = bench();
+    let (scene, painting) = (bench.path("a.ply"), bench.path("p.png"));
+    let n = bench.scene("a.ply").len();
+    let stylize = |output: &str, more: &[&str]| {
+        let run = ["stylize", &scene, "--style", &painting, "--json", "-o", &bench.path(output)];
+        stylegaussian(&[&run, more].concat())
+    };
+    stylize("flat.ply", &[]).expect_success();
+    let painted = picture(&bench, "a.ply", &["--style", &painting]);
+    let flat = apart(&picture(&bench, "flat.ply", &[]), &painted);
+    for output in ["s.ply", "s.spz", "s.sog", "s.glb"] {
+        let json = stylize(output, &["--split-paint", "3"]).expect_success().json();
+        assert!(json["n_split"].as_u64().unwrap() > 0 && json["warnings"] == serde_json::json!([]), "{json}");
+        let read = bench.scene(output);
+        assert_eq!(json["n_gaussians"], read.len());
+        assert!(read.len() > n && read.len() <= 3 * n, "{} of {n}", read.len());
+        let split = apart(&picture(&bench, output, &[]), &painted);
+        assert!(split < 0.9 * flat, "{output}: {split}, {flat} without");
+    }
+    for (output, more) in [("s.look.safetensors", "--split-paint=2"), ("s.ply", "--split-paint=17")] {
+        assert_eq!(stylize(output, &[more]).code, Some(2), "{output} {more}");
+    }
 }
 
 #[test]

@@ -10,6 +10,10 @@ use flate2::{Crc, read::DeflateDecoder};
 
 use super::error::{Mismatch, mismatch};
 
+mod write;
+
+pub(super) use write::write_stored;
+
 const EXPECTED: &str = "a whole zip archive of stored or deflated entries";
 
 /// The most bytes that the entries of an archive unpack to, per byte of the archive. Images and JSON were

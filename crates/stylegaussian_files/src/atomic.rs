@@ -47,6 +47,30 @@ pub fn write_atomically(
     partial.publish(&target).map_err(at)
 }
 
+/// As [`write_atomically`], for another program, which wants a name. `write` gets the name of an empty file
+/// that may be written over. It is hidden until the file is complete, and [`abandon_partial_files`] removes it.
+///
+/// # Errors
+/// If `write` fails or the operating system refuses.
+pub fn write_by_name<E: From<FileError>>(
+    path: &Path,
+    write: impl FnOnce(&Path) -> Result<(), E>,
+) -> Result<(), E> {
+    let at = |source| FileError::Io { path: path.into(), source };
+    let found = fs::metadata(path).ok();
+    if found.as_ref().is_some_and(|found| !found.is_file() && !found.is_dir()) {
+        return write(path);
+    }
+    let target = followed(path).map_err(at)?;
+    let partial = Partial::with_hidden_name(&target).map_err(at)?;
+    write(partial.name().unwrap_or(path))?;
+    if let Some(found) = found.filter(fs::Metadata::is_file) {
+        partial.file.set_permissions(found.permissions()).map_err(at)?;
+    }
+    partial.file.sync_all().map_err(at)?;
+    Ok(partial.publish(&target).map_err(at)?)
+}
+
 /// Checks that [`write_atomically`] can write a file at `path`, without leaving one. Minutes of work can then
 /// be spared whose result would be lost. A full disk is not noticed.
 ///
@@ -111,6 +135,27 @@ mod tests {
         let error = write_atomically(&path, |out| out.write_all(b"x")).unwrap_err();
         assert!(error.to_string().contains("full.ply: No space left"), "{error}");
         assert!(fs::symlink_metadata(&path).unwrap().is_symlink());
+    }
+
+    #[test]
+    fn another_program_writes_as_a_whole_or_not_at_all() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.mp4");
+        let write = |name: &Path, contents: &str| {
+            assert_eq!((name.parent(), name == path), (path.parent(), false));
+            // As a program does that knows no open files of ours.
+            fs::write(name, contents).map_err(|source| FileError::Io { path: name.into(), source })
+        };
+        write_by_name(&path, |name| write(name, "first")).unwrap();
+        let failed: Result<(), FileError> = write_by_name(&path, |name| {
+            write(name, "second")?;
+            Err(FileError::Io { path: "ffmpeg".into(), source: io::Error::other("failed") })
+        });
+        assert_eq!(failed.unwrap_err().to_string(), "ffmpeg: failed");
+        assert_eq!(fs::read(&path).unwrap(), b"first");
+        write_by_name(&path, |name| write(name, "third")).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"third");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1, "no partial file is left");
     }
 
     #[test]

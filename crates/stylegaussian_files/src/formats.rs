@@ -19,6 +19,7 @@ pub(super) const FORMATS: &[&Format] = &[
     &gltf::GLB,
     // Before .sgs, too: its mark may be a brace within JSON.
     &sog::FORMAT,
+    &sog::JSON,
     &sgs::FORMAT,
     &checkpoint::FORMAT,
     &splat::FORMAT,

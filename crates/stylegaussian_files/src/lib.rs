@@ -1,4 +1,4 @@
-//! File formats: scenes, decoders, style statistics, looks, masks, pinned places, colors.
+//! File formats: scenes, decoders, style statistics, looks, masks, pinned places, colors, films.
 //!
 //! A reader takes the whole file into memory, recognizes the format by the content, and checks every count
 //! against the size of the file before it allocates. A writer never leaves a half-written file: see
@@ -32,6 +32,7 @@ use stylegaussian::{
 };
 
 mod activate;
+mod animation;
 mod archive;
 mod atomic;
 mod bytes;
@@ -64,7 +65,8 @@ mod style;
 mod tensors;
 mod upright;
 
-pub use atomic::{abandon_partial_files, expect_writable, write_atomically};
+pub use animation::WebpAnimation;
+pub use atomic::{abandon_partial_files, expect_writable, write_atomically, write_by_name};
 use bytes::read_bytes;
 pub use colors::write_colors;
 pub use decoder::Precision;

@@ -28,6 +28,7 @@ mod chunk;
 mod levels;
 mod meta;
 mod plane;
+mod write;
 
 use chunk::{Chunk, Gaussians};
 use levels::Levels;
@@ -39,9 +40,13 @@ pub(super) const META: &str = "meta.json";
 /// The name of the levels of detail in a folder.
 pub(super) const LEVELS: &str = "lod-meta.json";
 
-/// The format: bundled, as a folder, and streamed.
+/// The format, bundled. It is read in any shape.
 pub(super) const FORMAT: Format =
-    Format { name: "SOG", extensions: &["sog", "json"], recognizes, read, write: None };
+    Format { name: "SOG", extensions: &["sog"], recognizes, read, write: Some(write::write) };
+
+/// The format as a folder, and streamed.
+pub(super) const JSON: Format =
+    Format { name: "SOG's meta.json", extensions: &["json"], recognizes, read, write: None };
 
 /// The keys that distinguish SOG's JSON from other JSON.
 #[derive(Deserialize)]

@@ -205,24 +205,24 @@ impl Painted {
     /// formats hold no more.
     pub fn flattened(&self, scene: &Scene) -> Vec<[f32; 3]> {
         let sides = scene.broad_sides();
-        let color = |i: usize| {
-            let word = StrokeWord::unpacked(self.strokes.words[i]);
-            let color = Vec3::from(self.colors[i]);
-            if word.share <= 0.0 {
-                return color.to_array();
-            }
-            let seed = self.strokes.seeds[word.seed as usize].plain();
-            let local = scene.means[i] - seed.at;
-            let texel = seed.place + seed.pitch * Vec2::new(seed.right.dot(local), seed.down.dot(local));
-            let at = texel / FINE_SIDE as f32;
-            // A standard deviation to either side.
-            let level = (2.0 * sides[i] * (seed.pitch.x * seed.pitch.y).sqrt()).max(1.0).log2();
-            let texture = &self.strokes.textures[usize::from(seed.texture)];
-            let fine = texture.fine(at, level) * seed.fine * (1.0 - PROTECTED * word.protection);
-            let wide = texture.wide(at, level) * seed.wide * (1.0 - word.protection);
-            (color + word.share * (fine + wide)).to_array()
-        };
-        (0..scene.len()).into_par_iter().map(color).collect()
+        (0..scene.len()).into_par_iter().map(|i| self.flattened_at(i, scene.means[i], sides[i])).collect()
+    }
+
+    /// The color of Gaussian `i` with its strokes' mean around `at`, within the deviation `side`.
+    pub(crate) fn flattened_at(&self, i: usize, at: Vec3, side: f32) -> [f32; 3] {
+        let word = StrokeWord::unpacked(self.strokes.words[i]);
+        let color = Vec3::from(self.colors[i]);
+        if word.share <= 0.0 {
+            return color.to_array();
+        }
+        let seed = self.strokes.seeds[word.seed as usize].plain();
+        let local = at - seed.at;
+        let texel = seed.place + seed.pitch * Vec2::new(seed.right.dot(local), seed.down.dot(local));
+        let at = texel / FINE_SIDE as f32;
+        let level = seed.level_of(side);
+        let texture = &self.strokes.textures[usize::from(seed.texture)];
+        let [fine, wide] = seed.gains(&word);
+        (color + fine * texture.fine(at, level) + wide * texture.wide(at, level)).to_array()
     }
 }
 

@@ -55,15 +55,19 @@ fn moments(alpha: impl Fn(f64, f64) -> f64) -> [f64; 5] {
 
 #[test]
 fn halves_keep_the_moments_of_the_drawn_alpha() {
-    for o in [0.004, 0.1, 0.5, 0.9, 1.0] {
-        let Halves { along, across, opacity } = Halves::of(o);
+    let opacities = [0.004, 0.1, 0.5, 0.9, 1.0];
+    for (o, d) in [0.5, 0.7].iter().flat_map(|&d| opacities.map(|o| (o, d))) {
+        let Halves { along, across, opacity } = Halves::of(o, d);
         let [p, q, opacity] = [along, across, opacity].map(f64::from);
         assert!((0.0..=1.0).contains(&opacity), "opacity {opacity} of half of {o}");
         let part = |x: f64, y: f64| opacity * (-0.5 * ((x / p).powi(2) + (y / q).powi(2))).exp();
         let whole = moments(|x, y| o * (-0.5 * (x * x + y * y)).exp());
-        let halves = moments(|x, y| 1.0 - (1.0 - part(x - DISTANCE, y)) * (1.0 - part(x + DISTANCE, y)));
+        let halves = moments(|x, y| 1.0 - (1.0 - part(x - d, y)) * (1.0 - part(x + d, y)));
         for (found, expected) in halves.iter().zip(whole) {
-            assert!((found - expected).abs() < 1e-5 * whole[0], "of {o}: {halves:?}, expected {whole:?}");
+            assert!(
+                (found - expected).abs() < 1e-5 * whole[0],
+                "of {o} at {d}: {halves:?}, expected {whole:?}"
+            );
         }
     }
 }

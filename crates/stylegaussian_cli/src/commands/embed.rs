@@ -19,7 +19,7 @@ use stylegaussian_train::{
 };
 
 use crate::{
-    arguments::Backend,
+    arguments::{Backend, split_factor},
     choose::{FrameArgs, expect_seen, open_encoder},
     outputs::expect_files,
     scenes::{ReadArgs, extension},
@@ -180,14 +180,6 @@ pub fn run(arguments: &EmbedArgs, interrupt: &Interrupt) -> Result<()> {
         report: &report,
     };
     print(arguments.json, &written, || summary(&written))
-}
-
-/// A value of `--split`.
-fn split_factor(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(factor) if (1.0..=16.0).contains(&factor) => Ok(factor),
-        _ => Err("expected a number from 1 to 16".into()),
-    }
 }
 
 impl EmbedArgs {

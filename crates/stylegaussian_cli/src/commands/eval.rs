@@ -20,6 +20,7 @@ use stylegaussian_train::{
 };
 
 use crate::{
+    arguments::split_factor,
     choose::{self, FrameArgs, loss_weights, open_encoder, open_painting},
     hand::usable_paint_of,
     outputs::expect_files,
@@ -85,6 +86,10 @@ pub struct EvalArgs {
     /// those of the scene alone.
     #[arg(long)]
     whole_picture: bool,
+    /// Evaluate scenes as `stylize --split-paint` writes them: split, and drawn without strokes [default: 4 if
+    /// no N is given].
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "4", value_parser = split_factor)]
+    split_paint: Option<f64>,
     /// Pairs of cameras whose views should agree, as JSON: {"short": [[0, 1], ...], "long": [[0, 7], ...]}.
     /// Default: pairs on an orbit of 36 views.
     #[arg(long, value_name = "FILE", requires = "cameras")]
@@ -148,7 +153,8 @@ pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
             Box::new(decoded(&name, &scene, &named.decoder, &encoder)?)
         }
     };
-    let subject = Subject { scene: &scene, painter: &*painter, encoder: &encoder };
+    let split = arguments.split_paint;
+    let subject = Subject { scene: &scene, painter: &*painter, split, encoder: &encoder };
 
     let progress = ProgressLine::new();
     let watch = Watch { progress: &|now| progress.show(now), interrupted: interrupt.watch() };

@@ -1,13 +1,14 @@
-//! `stylegaussian render`: renders pictures of a scene, unstyled or in a style.
+//! `stylegaussian render`: renders pictures or a film of a scene, unstyled or in a style.
 
 use std::{
     fs,
     path::{Path, PathBuf},
 };
 
-use anyhow::{Context, Result, anyhow, ensure};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use clap::Args;
 use glam::UVec2;
+use indicatif::ProgressBar;
 use serde::Serialize;
 use stylegaussian::{Camera, Scene, splat::Colors, strokes::StrokeKnobs, views::orbit};
 use stylegaussian_train::{
@@ -25,16 +26,19 @@ use crate::{
     relief::ReliefArgs,
     scenes::ReadArgs,
     stylization::{Stylization, StylizationArgs},
-    terminal::{bar, lossy, print, warn},
+    terminal::{Interrupt, bar, lossy, print, warn},
+    video::{Film, Format},
 };
 
 /// Views of `--orbit` if neither cameras nor a number is given.
 const DEFAULT_ORBIT: u32 = 8;
+/// Views of a film if neither cameras nor a number is given: four seconds.
+const DEFAULT_FRAMES: u32 = 120;
 /// Size of the pictures of `--orbit` if `--size` is not given, in pixels.
 const DEFAULT_SIZE: UVec2 = UVec2::new(800, 600);
 
-/// Render a scene to a PNG file, or to a folder of files 000000.png, 000001.png, ... in the order of cameras or
-/// of time.
+/// Render a scene to a PNG file, to a folder of files 000000.png, 000001.png, ... in the order of cameras or of
+/// time, or to a film.
 #[derive(Args, Debug)]
 #[command(mut_arg("content", |content| content.requires("restyling")))]
 #[command(mut_arg("decoder", |decoder| decoder.requires("styles")))]
@@ -56,7 +60,7 @@ pub struct RenderArgs {
         value_parser = clap::value_parser!(u32).range(1..=999_999),
     )]
     orbit: Option<u32>,
-    /// Cameras: transforms.json, a COLMAP model, or 3DGS cameras.json.
+    /// Cameras: transforms.json, a COLMAP model, or 3DGS cameras.json. Of a film, each is a frame, unless --frames is given.
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     #[command(flatten)]
@@ -76,8 +80,13 @@ pub struct RenderArgs {
     #[arg(long, value_name = "transparent|RRGGBB", default_value = "transparent", value_parser = background)]
     background: Background,
     /// The folder for the pictures, which is created if it does not exist; or a PNG file, for one picture.
-    #[arg(short, long, value_name = "DIR|OUT.png")]
-    output: PathBuf,
+    #[arg(short, long, value_name = "DIR|OUT.png", required_unless_present = "video")]
+    output: Option<PathBuf>,
+    /// Write a film and no pictures: OUT.mp4 or OUT.webm, for which the program `ffmpeg` must be installed, or
+    /// OUT.webp, an animated WebP without loss, for which nothing is needed. An .mp4 shows black where the
+    /// background is transparent.
+    #[arg(long, value_name = "OUT.mp4|.webm|.webp", conflicts_with = "output")]
+    video: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -87,7 +96,11 @@ pub struct RenderArgs {
 struct Rendered<'a> {
     #[serde(serialize_with = "lossy")]
     scene: &'a Path,
+    /// The pictures, or one film.
     pictures: Vec<RenderedPicture>,
+    /// Number of frames of a film.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    n_frames: Option<usize>,
     /// The device that drew: `cpu` or `gpu`.
     drawn_by: &'static str,
     #[serde(flatten)]
@@ -103,11 +116,17 @@ struct RenderedPicture {
 }
 
 /// Runs the command.
-pub fn run(arguments: &RenderArgs) -> Result<()> {
-    let RenderArgs { scene: path, stylization, masking, output, json, .. } = arguments;
+///
+/// # Errors
+/// The message names the file or the option at fault.
+pub fn run(arguments: &RenderArgs, interrupt: &Interrupt) -> Result<()> {
+    let RenderArgs { scene: path, stylization, masking, json, .. } = arguments;
+    let output = arguments.output();
+    // Before anything is read, because it may be a usage error.
+    let film = arguments.video.as_deref().map(Format::of).transpose()?;
     let mut compute = stylization.open()?;
-    if is_picture(output) {
-        expect_files([&**output])?
+    if film.is_some() || is_picture(output) {
+        expect_files([output])?
     } else {
         expect_folder(output)?
     };
@@ -131,13 +150,19 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
     let strokes = stylized.as_ref().map(|stylized| &stylized.shown.strokes);
     let knobs = StrokeKnobs { screen_stable: arguments.screen_stable, ..arguments.relief.knobs(&scene) };
     let mut drawing = compute.drawing(&scene, colors, strokes, knobs, arguments.moving.motion())?;
-    let pictures = render_all(&mut drawing, &cameras, arguments.background, output)?;
-    let n_pictures = pictures.len();
-    let drawn_by = drawing.name();
-    let rendered = Rendered { scene: path, pictures, drawn_by, stylization: stylized.as_ref() };
-    print(*json, &rendered, || match is_picture(output) {
-        true => format!("{}: one picture", output.display()),
-        false => format!("{n_pictures} pictures in {}", output.display()),
+    let mut pictures = Pictures::new(&mut drawing, &cameras);
+    let written = match film {
+        Some(format) => arguments.film(&mut pictures, format, interrupt)?,
+        None => pictures.write(arguments.background, output)?,
+    };
+    pictures.finish();
+    let (n_pictures, n_frames) = (written.len(), film.map(|_| cameras.len()));
+    let (drawn_by, stylization) = (drawing.name(), stylized.as_ref());
+    let rendered = Rendered { scene: path, pictures: written, n_frames, drawn_by, stylization };
+    print(*json, &rendered, || match n_frames {
+        Some(n) => format!("{}: {n} frames", output.display()),
+        None if is_picture(output) => format!("{}: one picture", output.display()),
+        None => format!("{n_pictures} pictures in {}", output.display()),
     })
 }
 
@@ -147,6 +172,43 @@ fn is_picture(output: &Path) -> bool {
 }
 
 impl RenderArgs {
+    /// The film, the picture or the folder that is written.
+    fn output(&self) -> &Path {
+        // Clap has checked that one of them is given.
+        self.video.as_deref().or(self.output.as_deref()).unwrap_or(Path::new(""))
+    }
+
+    /// Writes a film of all views.
+    fn film(
+        &self,
+        pictures: &mut Pictures,
+        format: Format,
+        interrupt: &Interrupt,
+    ) -> Result<Vec<RenderedPicture>> {
+        let path = self.output();
+        let Some(size) = pictures.cameras.first().map(|(camera, _)| camera.size) else {
+            bail!("{}: found no camera, expected at least one", path.display());
+        };
+        if let Some(other) =
+            pictures.cameras.iter().map(|(camera, _)| camera.size).find(|other| *other != size)
+        {
+            bail!(
+                "{}: found pictures of {}x{} and of {}x{} pixels, expected one size; --size gives it",
+                path.display(),
+                size.x,
+                size.y,
+                other.x,
+                other.y
+            );
+        }
+        let background = format.background(self.background);
+        let (frames_per_second, n_frames) = (self.moving.fps, pictures.cameras.len());
+        let is_transparent = background == Background::Transparent;
+        Film { path, format, size, frames_per_second, n_frames, is_transparent }
+            .write(interrupt.watch(), |i| pictures.draw(i, background))?;
+        Ok(vec![RenderedPicture { path: path.into(), size: size.to_array() }])
+    }
+
     /// The camera of each picture, at its size, and the time in seconds.
     fn cameras(&self, scene: &Scene) -> Result<Vec<(Camera, f64)>> {
         let cameras = match &self.cameras {
@@ -156,7 +218,11 @@ impl RenderArgs {
                 cameras.into_iter().map(|camera| camera.near_among(&scene.means)).collect()
             }
             None => {
-                let usual = if is_picture(&self.output) { 1 } else { DEFAULT_ORBIT };
+                let usual = match &self.video {
+                    Some(_) => DEFAULT_FRAMES,
+                    None if is_picture(self.output()) => 1,
+                    None => DEFAULT_ORBIT,
+                };
                 let n = self.orbit.or(self.moving.frames).unwrap_or(usual);
                 let size = self.size.unwrap_or(DEFAULT_SIZE);
                 let cameras = expect_seen(orbit(scene, n as usize, size), scene, &self.scene)?;
@@ -167,9 +233,9 @@ impl RenderArgs {
         let cameras = self.moving.timed(cameras);
         let n = cameras.len();
         ensure!(
-            n == 1 || !is_picture(&self.output),
+            n == 1 || self.video.is_some() || !is_picture(self.output()),
             "{}: found {n} views, expected one for a PNG file; name a folder for more",
-            self.output.display()
+            self.output().display()
         );
         // An orbit's cameras have this size already, and stay as they are.
         let resize = |camera: Camera| self.size.map_or(camera.clone(), |size| camera.resized(size));
@@ -177,33 +243,53 @@ impl RenderArgs {
     }
 }
 
-fn render_all(
-    drawing: &mut Drawing,
-    cameras: &[(Camera, f64)],
-    background: Background,
-    output: &Path,
-) -> Result<Vec<RenderedPicture>> {
-    let is_picture = is_picture(output);
-    if !is_picture {
-        fs::create_dir_all(output)
-            .with_context(|| format!("{}: cannot make the folder", output.display()))?;
+/// Pictures from all cameras at their times in seconds, drawn one after another.
+struct Pictures<'a, 'b> {
+    drawing: &'a mut Drawing<'b>,
+    cameras: &'a [(Camera, f64)],
+    progress: ProgressBar,
+    /// Number of those that show nothing.
+    n_empty: usize,
+}
+
+impl<'a, 'b> Pictures<'a, 'b> {
+    fn new(drawing: &'a mut Drawing<'b>, cameras: &'a [(Camera, f64)]) -> Self {
+        let progress = bar(cameras.len() as u64, "{bar:40} {pos}/{len} pictures, {eta} left");
+        Self { drawing, cameras, progress, n_empty: 0 }
     }
-    let progress = bar(cameras.len() as u64, "{bar:40} {pos}/{len} pictures, {eta} left");
-    let mut pictures = Vec::with_capacity(cameras.len());
-    let mut n_empty = 0;
-    for (i, (camera, seconds)) in cameras.iter().enumerate() {
-        let path = if is_picture { output.into() } else { output.join(format!("{i:06}.png")) };
-        let view = drawing.view(camera, *seconds)?;
-        n_empty += usize::from(view.alpha.iter().all(|&alpha| alpha <= 0.0));
-        Picture::of(&view, background).write_png(&path)?;
-        pictures.push(RenderedPicture { path, size: camera.size.to_array() });
-        progress.inc(1);
+
+    /// Picture `i`.
+    fn draw(&mut self, i: usize, background: Background) -> Result<Picture> {
+        let (camera, seconds) = &self.cameras[i];
+        let view = self.drawing.view(camera, *seconds)?;
+        self.n_empty += usize::from(view.alpha.iter().all(|&alpha| alpha <= 0.0));
+        self.progress.set_position(i as u64 + 1);
+        Ok(Picture::of(&view, background))
     }
-    progress.finish_and_clear();
-    if n_empty > 0 {
-        warn([format!("{n_empty} of {} pictures show nothing of the scene", pictures.len())]);
+
+    /// Writes all to PNG files.
+    fn write(&mut self, background: Background, output: &Path) -> Result<Vec<RenderedPicture>> {
+        let is_picture = is_picture(output);
+        if !is_picture {
+            fs::create_dir_all(output)
+                .with_context(|| format!("{}: cannot make the folder", output.display()))?;
+        }
+        let mut written = Vec::with_capacity(self.cameras.len());
+        for i in 0..self.cameras.len() {
+            let path = if is_picture { output.into() } else { output.join(format!("{i:06}.png")) };
+            self.draw(i, background)?.write_png(&path)?;
+            written.push(RenderedPicture { path, size: self.cameras[i].0.size.to_array() });
+        }
+        Ok(written)
     }
-    Ok(pictures)
+
+    /// Removes the bar, and tells of pictures that show nothing.
+    fn finish(self) {
+        self.progress.finish_and_clear();
+        if self.n_empty > 0 {
+            warn([format!("{} of {} pictures show nothing of the scene", self.n_empty, self.cameras.len())]);
+        }
+    }
 }
 
 /// Cameras of a file, checked for the size of their pictures, which is that of the options if they have one.

@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
-use stylegaussian::{Look, Scene, paint::Painted};
+use stylegaussian::{Look, Scene, paint::Painted, split::split_paint, work::Work};
 use stylegaussian_files::{WriteOptions, write_colors, write_look, write_scene_with};
 
 use crate::{
-    arguments::is_look,
+    arguments::{is_look, split_factor},
     outputs::expect_files,
     scenes::{ReadArgs, WriteArgs, extension, is_writable, unexpected_extension},
     stylization::{Stylization, StylizationArgs},
-    terminal::{lossy, print, warn},
+    terminal::{lossy, print, usage_error, warn},
 };
 
 /// Stylize a scene with one painting or look, or a mix of several.
@@ -33,6 +33,11 @@ pub struct StylizeArgs {
     /// was dropped. Both have the mean of the strokes in each color.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
+    /// For a scene that programs without strokes show: split Gaussians that are larger than the strokes' detail
+    /// and seen, to at most N times as many in all, and fit their colors to pictures with strokes [default: 4
+    /// if no N is given].
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "4", value_parser = split_factor)]
+    split_paint: Option<f64>,
     #[command(flatten)]
     writing: WriteArgs,
     /// Print JSON.
@@ -47,6 +52,9 @@ struct Stylized<'a> {
     #[serde(serialize_with = "lossy")]
     output: &'a Path,
     n_gaussians: usize,
+    /// Number of Gaussians that splitting added, or `None` if it was not asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    n_split: Option<usize>,
     #[serde(flatten)]
     stylization: &'a Stylization,
 }
@@ -72,9 +80,15 @@ impl Format {
 
 /// Runs the command.
 pub fn run(arguments: &StylizeArgs) -> Result<()> {
-    let StylizeArgs { scene: path, reading, stylization, output, writing, json } = arguments;
-    // Before anything is read, because it is a usage error.
+    let StylizeArgs { scene: path, reading, stylization, output, writing, json, .. } = arguments;
+    // Before anything is read, because these are usage errors.
     let format = Format::of(output)?;
+    if arguments.split_paint.is_some() && !matches!(format, Format::Scene) {
+        let found = output.display();
+        return Err(usage_error(format!(
+            "{found}: --split-paint splits Gaussians, expected a scene's extension"
+        )));
+    }
     let mut compute = stylization.open()?;
     expect_files([&**output])?;
     let loaded = reading.read(path)?;
@@ -82,16 +96,26 @@ pub fn run(arguments: &StylizeArgs) -> Result<()> {
     let mut result = stylization.stylize(&scene, path, &mut compute)?;
     // Both kinds are printed already. In JSON they come in the order of printing.
     result.warnings.splice(0..0, loaded.warnings);
-    let lost = write(format, output, writing.options(), &mut scene, &result)?;
+    let split = |factor| split_paint(&mut scene, &result.shown, factor, &Work::default());
+    let n_split = arguments.split_paint.map(split).transpose()?;
+    let lost = if n_split.is_some() {
+        write_scene_with(output, &scene, writing.options())?
+    } else {
+        write(format, output, writing.options(), &mut scene, &result)?
+    };
     warn(&lost);
     result.warnings.extend(lost);
-    let stylized = Stylized { scene: path, output, n_gaussians: scene.len(), stylization: &result };
-    print(*json, &stylized, || format!("{}: {} Gaussians stylized", output.display(), scene.len()))
+    let n_gaussians = scene.len();
+    let stylized = Stylized { scene: path, output, n_gaussians, n_split, stylization: &result };
+    print(*json, &stylized, || {
+        let added = n_split.map_or(String::new(), |n| format!(" ({n} of them by splitting)"));
+        format!("{}: {n_gaussians} Gaussians stylized{added}", output.display())
+    })
 }
 
 /// Says what a file without strokes holds of them.
 const FLATTENED: &str = "strokes are drawn by the pixel: this file holds their mean per Gaussian; \
-                         `render` shows them, and a .look.safetensors keeps them";
+                         --split-paint splits it, `render` shows them, and a .look.safetensors keeps them";
 
 /// Writes the result. Returns warnings of what was lost.
 fn write(

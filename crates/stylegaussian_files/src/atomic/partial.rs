@@ -35,9 +35,7 @@ impl Partial {
     /// Creates an empty file on the file system of `path`, in the same folder: files move at once within one
     /// file system only.
     pub fn beside(path: &Path) -> io::Result<Self> {
-        if path.file_name().is_none() {
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"));
-        }
+        expect_name(path)?;
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
         match unnamed::create(folder.unwrap_or(Path::new("."))) {
             Some(file) => Ok(Self { file, name: None }),
@@ -45,13 +43,20 @@ impl Partial {
         }
     }
 
-    fn with_hidden_name(path: &Path) -> io::Result<Self> {
+    /// As [`beside`](Self::beside), with a name for others to write to.
+    pub fn with_hidden_name(path: &Path) -> io::Result<Self> {
+        expect_name(path)?;
         let name = hidden_name(path);
         let mut names = names();
         // `create_new` refuses a path that exists, so that no link there is followed.
         let file = File::create_new(&name)?;
         names.push(name.clone());
         Ok(Self { file, name: Some(name) })
+    }
+
+    /// Its hidden name, if it has one.
+    pub fn name(&self) -> Option<&Path> {
+        self.name.as_deref()
     }
 
     /// Gives the file its name. An older file of this name is replaced.
@@ -78,6 +83,13 @@ impl Partial {
         drop(names);
         renamed
     }
+}
+
+/// # Errors
+/// If the path ends in no name, as `/` does.
+fn expect_name(path: &Path) -> io::Result<()> {
+    let named = path.file_name().map(|_| ());
+    named.ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"))
 }
 
 impl Drop for Partial {

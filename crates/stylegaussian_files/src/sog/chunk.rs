@@ -17,7 +17,7 @@ use super::{
 const PALETTE_COLUMNS: usize = 64;
 
 /// The alpha of a rotation whose first component is the largest.
-const FIRST_TAG: u8 = 252;
+pub(super) const FIRST_TAG: u8 = 252;
 
 /// The most texels that a plane may unpack to per byte of all planes. Captures take about 17 bytes per
 /// Gaussian, all planes together; planes of one color, by which a small file could ask for gigabytes, take

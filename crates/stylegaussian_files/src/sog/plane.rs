@@ -7,7 +7,7 @@ use image_webp::WebPDecoder;
 use crate::error::{Mismatch, mismatch};
 
 /// The widest and the highest plane, WebP's own limit.
-const MAX_SIDE: u32 = 16_383;
+pub(super) const MAX_SIDE: u32 = 16_383;
 
 /// A plane as it is stored.
 pub(super) struct StoredPlane<'a> {

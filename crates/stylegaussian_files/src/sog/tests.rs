@@ -12,6 +12,7 @@ use crate::{
     archive::tests::{Packing, archive},
 };
 
+mod written;
 mod zoo;
 
 /// Files by their names.

@@ -9,6 +9,7 @@ use stylegaussian::{
     recolor::{ColorMoments, Recoloring},
     restyle::{Recipe, Styles},
     splat::{Colors, RenderedImage, render},
+    split::split_paint,
     views::{choose_views, orbit},
     work::Work,
 };
@@ -44,6 +45,9 @@ pub struct Subject<'a> {
     /// Gives the scene a painting's colors and strokes: [`decoded`], instant paint, or looks that were baked
     /// before.
     pub painter: &'a Painter<'a>,
+    /// How many times as many Gaussians the scene is split into, with its strokes in their colors, if it is
+    /// judged as programs show it that draw no strokes: see [`split_paint`].
+    pub split: Option<f64>,
     /// The encoder of AdaIN on each view.
     pub encoder: &'a Encoder,
 }
@@ -236,7 +240,7 @@ impl<'a> Gallery<'a> {
         own: usize,
         mut report: impl FnMut() -> Result<(), TrainError>,
     ) -> Result<Exhibit, TrainError> {
-        let Subject { scene, painter, encoder } = self.subject;
+        let Subject { scene, painter, split, encoder } = self.subject;
         let image = &self.paintings[own];
         let painted = painter(&self.paths[own], image)?;
         // The scene's own features are another matter: this baseline has feature maps of its own.
@@ -245,7 +249,11 @@ impl<'a> Gallery<'a> {
             None => None,
         };
         let recoloring = Recoloring::new(&self.colors, &ColorMoments::of_rgb(&image.rgb));
-        let draw = |camera: &Camera| draw(scene, &painted, camera);
+        let split = split.map(|factor| split_by(scene, &painted, factor)).transpose()?;
+        let draw = |camera: &Camera| match &split {
+            Some(split) => render(split, Colors::Captured, camera),
+            None => draw(scene, &painted, camera),
+        };
         let consistency = &self.views.consistency;
         let drawn: Vec<RenderedImage> = consistency.cameras().map(draw).collect();
         let mut exhibit = Exhibit {
@@ -310,6 +318,14 @@ impl<'a> Gallery<'a> {
             recolored: Measures::mean(&exhibit.recolored),
         }
     }
+}
+
+/// The scene that holds its strokes in the colors of split Gaussians.
+fn split_by(scene: &Scene, painted: &Painted, factor: f64) -> Result<Scene, TrainError> {
+    let mut split = scene.clone();
+    split_paint(&mut split, painted, factor, &Work::default())
+        .map_err(|canceled| TrainError::Caused(canceled.into()))?;
+    Ok(split)
 }
 
 /// The share of color values outside 0..1, in pixels of which the scene covers more than half.
