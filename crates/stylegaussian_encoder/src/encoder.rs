@@ -180,7 +180,12 @@ impl Encoder {
         let n_channels = chain.channels(chain.last());
         let encoder = Self { id, name, network: Network::Chain(chain), n_channels, min_side };
         let n_pixels = min_side as usize * min_side as usize;
-        encoder.encode(&Image { width: min_side, height: min_side, rgb: vec![0.5; 3 * n_pixels] })?;
+        encoder.encode(&Image {
+            width: min_side,
+            height: min_side,
+            rgb: vec![0.5; 3 * n_pixels],
+            alpha: None,
+        })?;
         Ok(encoder)
     }
 

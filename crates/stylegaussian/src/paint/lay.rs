@@ -18,9 +18,7 @@ use crate::{
     palette::LUMINANCE,
     recolor::Recoloring,
     scene::Scene,
-    strokes::{
-        FINE_SIDE, MAX_TEXTURES, PROTECTED, PlainSeed, StrokeSeed, StrokeTexture, StrokeWord, Strokes, mixed,
-    },
+    strokes::{FINE_SIDE, MAX_TEXTURES, PlainSeed, StrokeSeed, StrokeTexture, StrokeWord, Strokes, mixed},
     work::{Canceled, Work},
 };
 
@@ -305,8 +303,9 @@ fn standing_out(choice: &Choice, recoloring: &Recoloring) -> [Vec<f32>; 2] {
 fn seeds(choice: &Choice, textures: &[u8], fine: f32, wide: f32) -> Vec<StrokeSeed> {
     let seed = |(j, placement): (usize, &Placement)| {
         let painting = usize::from(choice.labels[j]);
+        let canvas = &choice.paintings[painting];
         // The texture is a square.
-        let texels = FINE_SIDE as f32 / choice.paintings[painting].size;
+        let texels = FINE_SIDE as f32 / canvas.size;
         PlainSeed {
             at: choice.surface.seeds.seeds[j].at,
             right: placement.right,

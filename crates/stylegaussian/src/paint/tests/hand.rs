@@ -86,7 +86,8 @@ fn nothing_is_taken_from_where_a_painting_must_not_be_used() {
         let seed = seed.plain();
         // The corner of a patch, whichever way it is turned.
         for turn in 0..16 {
-            let at = seed.place + Vec2::from_angle(turn as f32 * 0.3927) * 16.0 * 2.0_f32.sqrt();
+            let at = seed.place
+                + Vec2::from_angle(turn as f32 * std::f32::consts::FRAC_PI_8) * 16.0 * 2.0_f32.sqrt();
             assert!(used[at.y as usize * side + at.x as usize], "{}", seed.place);
         }
     }

@@ -52,7 +52,7 @@ fn dabs() -> Paint {
         if is_light { [230, 180, 30] } else { [20, 40, 120] }
     };
     let pixels = (0..256 * 256).flat_map(|i| pixel(i % 256, i / 256)).collect();
-    Paint { width: 256, height: 256, pixels }
+    Paint { width: 256, height: 256, pixels, used: None }
 }
 
 fn painted(scene: &Scene) -> Painted {
