@@ -42,7 +42,7 @@ mod tonemapping;
 mod view;
 
 pub use camera::Camera;
-pub use cloud::{Cloud, CloudColors, CloudVisibility, PaintedColors};
+pub use cloud::{Cloud, CloudColors, CloudVisibility};
 pub use composite::{Composite, CompositeInput, CompositeMode, CompositePipeline};
 pub use draw::SplatPipeline;
 pub use error::SplatError;
@@ -52,5 +52,6 @@ pub use pass::SplatPass;
 pub(crate) use scene::Ball;
 pub use scene::GpuScene;
 pub use settings::{SortKey, SplatSettings};
+pub use strokes::PaintedColors;
 pub use tonemapping::{InverseTable, ToneCurve, Tonemapping};
 pub use view::SplatView;

@@ -3,7 +3,10 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::{MAX_SEEDS, MAX_TEXTURES, StrokeWord, Strokes};
+use super::{
+    Strokes,
+    seed::{MAX_SEEDS, MAX_TEXTURES, StrokeSeed, StrokeWord},
+};
 use crate::layers::Region;
 
 /// Range of shares within which a stroke goes and another one comes.
@@ -73,7 +76,7 @@ impl Strokes {
             *word = mixed(StrokeWord::unpacked(*word), above, share).packed();
         }
         if has_room {
-            let with_texture = |seed: &super::StrokeSeed| {
+            let with_texture = |seed: &StrokeSeed| {
                 seed.with_texture((usize::from(seed.plain().texture) + first_texture) as u8)
             };
             self.seeds.extend(above.seeds.iter().map(with_texture));

@@ -7,7 +7,10 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
-use super::{PlainSeed, StrokeSeed, Strokes};
+use super::{
+    Strokes,
+    seed::{PlainSeed, StrokeSeed},
+};
 
 /// Width of a stroke in texels: fine detail ends at 8 pixels of a painting, which is read at a half of 512
 /// pixels, or at all of them.

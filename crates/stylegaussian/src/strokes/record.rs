@@ -4,8 +4,10 @@ use glam::{Quat, Vec2, Vec3};
 use half::f16;
 
 use super::{
-    FARTHEST, MAX_GAIN, NEAREST, PERIOD, StrokeKnobs, StrokeSeed, StrokeTexture, StrokeWord, stable_shares,
-    texture::FINE_SIDE, wrapped,
+    knobs::StrokeKnobs,
+    seed::{MAX_GAIN, PERIOD, PROTECTED, StrokeSeed, StrokeWord, wrapped},
+    stable::{FARTHEST, NEAREST, stable_shares},
+    texture::{FINE_SIDE, StrokeTexture},
 };
 
 /// Fragments of less alpha show no strokes: they are many, and give little.
@@ -14,10 +16,6 @@ pub const LEAST_ALPHA: f32 = 0.02;
 /// Octaves of finer strokes that are added from near: eight times finer, at which the painting's grain is that
 /// of the screen from an eighth of the usual distance.
 pub const MOST_OCTAVES: u32 = 3;
-
-/// Share of the fine gain that protection takes. The rest is left even to the best protected Gaussians, so that
-/// it is not bare.
-pub const PROTECTED: f32 = 0.95;
 
 /// Range of the level, in octaves: from 16 times magnified to a texture of one texel.
 pub const LEVELS: (f32, f32) = (-4.0, 12.0);

@@ -7,7 +7,12 @@
 use glam::{Vec2, Vec3};
 use half::f16;
 
-use super::{PlainSeed, StrokeKnobs, StrokeRecord, StrokeTexture, texture::FINE_SIDE};
+use super::{
+    knobs::StrokeKnobs,
+    record::StrokeRecord,
+    seed::PlainSeed,
+    texture::{FINE_SIDE, StrokeTexture},
+};
 use crate::palette::LUMINANCE;
 
 /// Height of the paint, in texels for a luminance of 1: a ridge that is an eighth brighter than its surroundings

@@ -1,4 +1,4 @@
-use glam::{Affine3A, Mat3, UVec2};
+use glam::{Affine3A, Mat3, Quat, UVec2, Vec2, Vec3};
 
 use super::*;
 use crate::{

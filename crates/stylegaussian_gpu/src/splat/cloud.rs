@@ -7,7 +7,7 @@ use stylegaussian::{
     strokes::StrokeKnobs,
 };
 
-use super::{error::SplatError, scene::GpuScene};
+use super::{error::SplatError, scene::GpuScene, strokes::PaintedColors};
 use crate::{colors::GaussianColors, mask::GaussianMask, strokes::GaussianStrokes};
 
 /// A scene in the world.
@@ -44,20 +44,6 @@ pub enum CloudColors<'a> {
     Rgb(&'a GaussianColors),
     /// Either of them with strokes over it: see [`with_strokes`](Self::with_strokes).
     Painted(PaintedColors<'a>),
-}
-
-/// Colors with strokes over them.
-#[derive(Clone, Copy, Debug)]
-pub struct PaintedColors<'a> {
-    /// The colors below; `None` for the captured ones.
-    pub below: Option<&'a GaussianColors>,
-    /// The strokes, whose textures are in the store of the [`SplatPass`](super::SplatPass).
-    pub strokes: &'a GaussianStrokes,
-    /// Settings that may be changed without computing strokes anew. A view takes `near` and `screen_stable`,
-    /// and with this `stroke_scale`, from the first of its clouds that has strokes.
-    pub knobs: StrokeKnobs,
-    /// The time at which strokes that move are shown, in seconds.
-    pub seconds: f64,
 }
 
 impl<'a> CloudColors<'a> {

@@ -11,14 +11,28 @@ use stylegaussian_shaders::splat::{
     strokes::{self as shaders, MAX_MOTIONS, StrokeChunk, StrokeDraw, StrokeMotion},
 };
 
-use super::cloud::PaintedColors;
 use crate::{
     bindings::{
         bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding, uniform_binding,
     },
     buffers,
-    strokes::{StrokeStore, TextureArrays},
+    colors::GaussianColors,
+    strokes::{GaussianStrokes, StrokeStore, TextureArrays},
 };
+
+/// Colors with strokes over them.
+#[derive(Clone, Copy, Debug)]
+pub struct PaintedColors<'a> {
+    /// The colors below; `None` for the captured ones.
+    pub below: Option<&'a GaussianColors>,
+    /// The strokes, whose textures are in the store of the [`SplatPass`](super::SplatPass).
+    pub strokes: &'a GaussianStrokes,
+    /// Settings that may be changed without computing strokes anew. A view takes `near` and `screen_stable`,
+    /// and with this `stroke_scale`, from the first of its clouds that has strokes.
+    pub knobs: StrokeKnobs,
+    /// The time at which strokes that move are shown, in seconds.
+    pub seconds: f64,
+}
 
 /// Bytes of a splat's strokes.
 const RECORD: u64 = 16;
