@@ -201,8 +201,8 @@ fn not_started(path: &Path, error: &io::Error) -> anyhow::Error {
     let path = path.display();
     match error.kind() {
         io::ErrorKind::NotFound => anyhow!(
-            "{path}: found no program `{FFMPEG}`, expected one to encode the film; install it, or name a .webp, \
-             for which none is needed"
+            "{path}: found no program `{FFMPEG}`, expected one to encode the film; install it, or name \
+             a .webp, for which none is needed"
         ),
         _ => anyhow!("{path}: cannot start `{FFMPEG}`: {error}"),
     }

@@ -20,6 +20,7 @@ use rayon::prelude::*;
 use super::{Manner, Part, assembled, parts, whole};
 use crate::{
     camera::Camera,
+    morton,
     paint::Painted,
     scene::{Scene, broad_side},
     splat::{BlendWeights, Colors, RenderedImage, blend_weights_if_wanted, render_strokes},
@@ -84,6 +85,9 @@ pub fn split_paint(
     let whole = whole(scene, &views, &work.part(CHOSEN, SPLIT))?;
     let hidden = Hidden::new(&painted.strokes);
     let parts = parts(scene, &whole, most, SPLITTING, |part| hidden.in_part(part));
+    // Before the fit, because Gaussians of equal depth blend in their order.
+    let order = morton::order(&parts.iter().map(|part| part.mean).collect::<Vec<_>>());
+    let parts: Vec<Part> = order.into_iter().map(|i| parts[i as usize]).collect();
     work.at(SPLIT)?;
     let mut split = assembled(scene, &parts);
     let color = |part: &Part| {
@@ -103,7 +107,6 @@ pub fn split_paint(
         fit(&mut colors, &weights, &wanted[step % views.len()]);
     }
     split.set_colors(&colors);
-    split.sort_by_morton();
     *scene = split;
     Ok(scene.len() - before)
 }

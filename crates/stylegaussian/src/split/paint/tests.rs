@@ -19,7 +19,9 @@ const R: usize = 2;
 /// A disc of flat Gaussians in the plane z = 0, with a slow gradient of gray, and one beyond all pictures. A
 /// deviation is three quarters of the distance between neighbors, so that the disc is opaque.
 fn disc(side: usize) -> Scene {
-    let at = |i: usize| Vec3::new((i % side) as f32 + 0.5, (i / side) as f32 + 0.5, 0.0) / side as f32;
+    // No two at one depth, where their order in the scene would decide which is in front.
+    let z = |i: usize| 0.1 * (i * 617 % 1009) as f32 / 1009.0;
+    let at = |i: usize| Vec3::new((i % side) as f32 + 0.5, (i / side) as f32 + 0.5, z(i)) / side as f32;
     let middle = Vec3::new(0.5, 0.5, 0.0);
     let inside = (0..side * side).map(at).filter(|mean| mean.distance(middle) < 0.5);
     let means: Vec<Vec3> = inside.chain([Vec3::new(9.0, 0.0, 0.0)]).collect();
@@ -96,7 +98,7 @@ fn split_gaussians_show_strokes_by_themselves() {
     assert_eq!(split.order.iter().filter(|order| **order as usize == scene.len() - 1).count(), 1);
     let flat = painted.flattened(&scene);
     // The view to which colors were fitted, and one from beside and nearer.
-    for (eye, least) in [(Vec3::new(0.5, 0.5, -2.0), 0.8), (Vec3::new(1.0, 0.2, -1.8), 0.7)] {
+    for (eye, least) in [(Vec3::new(0.5, 0.5, -2.0), 0.7), (Vec3::new(1.0, 0.2, -1.8), 0.6)] {
         let camera = camera(eye, SIDE);
         let strokes = (&painted.strokes, &StrokeKnobs::DEFAULT);
         let wanted = render_strokes(&scene, Colors::Rgb(&painted.colors), strokes, &camera, None);
@@ -104,7 +106,7 @@ fn split_gaussians_show_strokes_by_themselves() {
         let [like, energy] = likeness(&drawn, &wanted);
         let [flat, of_flat] = likeness(&render(&scene, Colors::Rgb(&flat), &camera), &wanted);
         assert!(like > least && like > flat + 0.1, "{like}, flat {flat}");
-        assert!((0.6..1.2).contains(&energy) && energy > of_flat, "{energy}, flat {of_flat}");
+        assert!((0.4..1.3).contains(&energy) && energy > of_flat, "{energy}, flat {of_flat}");
         let apart = |(a, b): (&f32, &f32)| (a - b).abs();
         let apart: Vec<f32> = drawn.alpha.iter().zip(&wanted.alpha).map(apart).collect();
         let mean = apart.iter().sum::<f32>() / apart.len() as f32;
