@@ -1,7 +1,7 @@
 //! Strokes that keep their size on screen.
 //!
 //! Three octaves of the painting, each half as large as the one before, are crossfaded, as in dynamic solid
-//! textures (Benard, Bousseau and Thollot 2009). While the camera comes nearer by an octave, the largest goes
+//! textures (Bénard, Bousseau and Thollot 2009). While the camera comes nearer by an octave, the largest goes
 //! and a finer one comes, so that the mean size on screen stays; then the octaves are renamed, and nothing
 //! jumps.
 

@@ -252,12 +252,12 @@ pub(super) fn light(knobs: &StrokeKnobs) -> Option<(Vec3, f32)> {
 }
 
 /// The uniforms of a view's draws with strokes.
-pub(super) fn draw_uniforms(painted: impl Iterator<Item = StrokeKnobs> + Clone) -> Option<StrokeDraw> {
+pub(super) fn draw_uniforms(mut painted: impl Iterator<Item = StrokeKnobs> + Clone) -> Option<StrokeDraw> {
     let first = painted.clone().next()?;
     let is_stable = first.screen_stable && first.stroke_scale > 0.0 && first.stroke_scale.is_finite();
     Some(StrokeDraw {
         near: if first.near.is_finite() { first.near } else { 0.0 },
-        n_lights: u32::from(painted.into_iter().any(|knobs| light(&knobs).is_some())),
+        n_lights: u32::from(painted.any(|knobs| light(&knobs).is_some())),
         is_stable: u32::from(is_stable),
         scale_octaves: if is_stable { first.stroke_scale.log2() } else { 0.0 },
     })
