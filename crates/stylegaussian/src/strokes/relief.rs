@@ -15,15 +15,15 @@ use super::{
 };
 use crate::palette::LUMINANCE;
 
-/// Height of the paint, in texels for a luminance of 1: a ridge that is an eighth brighter than its surroundings
-/// is one and a half texels high, a tenth of a stroke's width.
+/// Height of the paint, in texels for a luminance of 1: a ridge that is an eighth brighter than its
+/// surroundings is one and a half texels high, a tenth of a stroke's width.
 pub const THICKNESS: f32 = 12.0;
 
 /// The steepest slope: 45 degrees. Steeper ones approach it, so that grain is no spikes.
 pub const STEEPEST: f32 = 1.0;
 
-/// Levels of detail by which the height is blurrier than the colors: paint flows, and does not keep each hair of
-/// the brush. At one level, the steps of slanted edges in the texture are seen as beads along strokes.
+/// Levels of detail by which the height is blurrier than the colors: paint flows, and does not keep each hair
+/// of the brush. At one level, the steps of slanted edges in the texture are seen as beads along strokes.
 pub const BLURRIER: f32 = 2.0;
 
 /// Exponent of the gloss: a highlight of about 20 degrees, as on oil that has dried.

@@ -60,7 +60,8 @@ pub struct RenderArgs {
         value_parser = clap::value_parser!(u32).range(1..=999_999),
     )]
     orbit: Option<u32>,
-    /// Cameras: transforms.json, a COLMAP model, or 3DGS cameras.json. Of a film, each is a frame, unless --frames is given.
+    /// Cameras: transforms.json, a COLMAP model, or 3DGS cameras.json. Of a film, each is a frame, unless
+    /// --frames is given.
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     #[command(flatten)]
