@@ -24,12 +24,19 @@ use super::{attach::LoadedScene, component::GaussianSplats};
 /// ```
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[require(GaussianSplats)]
-#[reflect(Component, Clone, Debug, PartialEq)]
+#[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct FitScene {
     /// Center of the ball, in the parent's space.
     pub center: Vec3,
     /// Radius of the ball, above 0. One that is not leaves the `Transform` as it is.
     pub radius: f32,
+}
+
+impl Default for FitScene {
+    /// The unit ball.
+    fn default() -> Self {
+        Self { center: Vec3::ZERO, radius: 1.0 }
+    }
 }
 
 impl FitScene {
