@@ -22,7 +22,8 @@
 //! directions), `seeds`, `smooth` (the scene without its detail), `surface` (all that depends on the scene
 //! alone), `painting` (the part that a style carries), `picture` (blurred copies), `detail` (the textures),
 //! `canvas` (all that depends on the painting alone), `places` (the choice), `proofs` and `bands` (how much
-//! detail pictures show), `tone` (dark and bright), `lay` (colors and strokes).
+//! detail pictures show), `tone` (dark and bright), `lay` (colors and strokes), `redraw` (pictures that
+//! change).
 
 mod bands;
 mod canvas;
@@ -33,6 +34,7 @@ mod painting;
 mod picture;
 mod places;
 mod proofs;
+pub mod redraw;
 mod seeds;
 mod sight;
 mod smooth;
@@ -42,6 +44,6 @@ mod tests;
 mod tone;
 
 pub use canvas::Canvas;
-pub use lay::{Painted, lay};
+pub use lay::{Painted, lay, recolored};
 pub use painting::{MAX_PIXELS, Paint};
 pub use surface::Surface;

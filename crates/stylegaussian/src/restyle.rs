@@ -119,6 +119,28 @@ impl Recipe<'_> {
     /// If parts do not go together: a look with the scene, decoded styles with a scene without features or with
     /// the decoder, weights or content with their ranges. If `work` is canceled.
     pub fn restyle(self, scene: &Scene, work: &Work) -> Result<Painted, RestyleError> {
+        self.made(scene, None, work)
+    }
+
+    /// The colors of `scene` under the `strokes` that the same recipe gave before its paintings changed: see
+    /// [`paint::recolored`].
+    ///
+    /// # Errors
+    /// As [`restyle`](Self::restyle).
+    ///
+    /// # Panics
+    /// If the strokes are of another number of Gaussians.
+    pub fn recolor(
+        self,
+        scene: &Scene,
+        strokes: &Strokes,
+        work: &Work,
+    ) -> Result<Vec<[f32; 3]>, RestyleError> {
+        Ok(self.made(scene, Some(strokes), work)?.colors)
+    }
+
+    /// Colors, under strokes that stay if there are any, and new strokes if not.
+    fn made(self, scene: &Scene, under: Option<&Strokes>, work: &Work) -> Result<Painted, RestyleError> {
         if !(0.0..=1.0).contains(&self.content) {
             return Err(StylizeError::Content { found: self.content }.into());
         }
@@ -137,8 +159,11 @@ impl Recipe<'_> {
         }
         let share: f64 = of_styles.iter().sum();
         // Styles of no weight beside a look need not be computed.
-        let styled =
-            if share > 0.0 { self.styles.restyle(scene, self.content, work)? } else { Painted::default() };
+        let styled = if share > 0.0 {
+            self.styles.made(scene, self.content, under, work)?
+        } else {
+            Painted::default()
+        };
         if parts.is_empty() {
             return Ok(styled);
         }
@@ -158,19 +183,29 @@ impl Styles<'_> {
         }
     }
 
-    fn restyle(self, scene: &Scene, content: f64, work: &Work) -> Result<Painted, RestyleError> {
-        match self {
-            Self::Painted { paintings, surface } => {
+    fn made(
+        self,
+        scene: &Scene,
+        content: f64,
+        under: Option<&Strokes>,
+        work: &Work,
+    ) -> Result<Painted, RestyleError> {
+        match (self, under) {
+            (Self::Painted { paintings, surface }, Some(strokes)) => {
+                let colors = paint::recolored(scene, surface, &paintings, content, strokes, work)?;
+                Ok(Painted { colors, ..Painted::default() })
+            }
+            (Self::Painted { paintings, surface }, None) => {
                 Ok(paint::lay(scene, surface, &paintings, content, work)?)
             }
-            Self::Decoded { styles, decode } => {
+            (Self::Decoded { styles, decode }, _) => {
                 let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
                 let map = fold::transfer(features, &styles, content)?;
                 work.check()?;
                 let colors = decode.decode(scene, &map).map_err(RestyleError::Decode)?;
                 Ok(Painted { colors, ..Painted::default() })
             }
-            Self::None => Ok(Painted::default()),
+            (Self::None, _) => Ok(Painted::default()),
         }
     }
 }

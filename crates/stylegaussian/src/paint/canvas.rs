@@ -1,6 +1,8 @@
 //! A painting prepared for painting scenes: the scale at which it is read, its detail, its colors, and its
 //! places.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -14,6 +16,7 @@ use super::{
 use crate::{
     palette::{LUMINANCE, Palette},
     recolor::ColorMoments,
+    strokes::StrokeTexture,
 };
 
 /// Scales at which a painting may be read, the largest first: sides of a picture of 512 x 512 pixels of area,
@@ -68,11 +71,33 @@ pub struct Canvas {
 impl Canvas {
     /// Prepares a painting. Takes some 0.1 s on two cores.
     pub fn new(paint: &Paint) -> Self {
-        let original = Picture { width: paint.width, height: paint.height, values: paint.colors() };
-        let (width, height) = own_size(&original);
+        let original = paint.picture();
+        let size = own_size(&original);
+        Self::read_at(&original, size)
+    }
+
+    /// Another picture in this painting's stead, read at the same size, so that places in one are places in the
+    /// other: the next frame of a film. Takes as long as [`new`](Self::new).
+    pub fn reread(&self, paint: &Paint) -> Self {
+        let [width, height] = self.reading_size();
+        Self::read_at(&paint.picture(), (width as usize, height as usize))
+    }
+
+    /// Width and height at which it is read, in pixels.
+    pub fn reading_size(&self) -> [u32; 2] {
+        self.size.to_array().map(|side| side as u32)
+    }
+
+    /// The texture that its strokes show.
+    pub fn texture(&self) -> &Arc<StrokeTexture> {
+        &self.detail.texture
+    }
+
+    /// Prepares a painting that is read at a size.
+    fn read_at(original: &Picture, (width, height): (usize, usize)) -> Self {
         let copies = Copies::new(original.resized(width, height));
         let picture = copies.picture();
-        let detail = Detail::new(&copies, &original);
+        let detail = Detail::new(&copies, original);
         // A pixel for each place, blurred by a place's side.
         let tensors = (0..PLACE.ilog2()).fold(copies.copy(1).structure(), |tensors, _| tensors.halved());
         let strokes: Vec<(Vec2, f32)> = tensors.blurred(1.0).values.into_iter().map(stroke).collect();

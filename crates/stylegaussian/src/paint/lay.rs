@@ -95,7 +95,7 @@ pub fn lay(
     work: &Work,
 ) -> Result<Painted, Canceled> {
     assert_eq!(scene.len(), surface.len(), "the surface of this scene");
-    let given: Vec<_> = paintings.iter().filter(|(_, weight)| *weight > 0.0 && weight.is_finite()).collect();
+    let given = given(paintings);
     let kept = content.clamp(0.0, 1.0) as f32;
     let mut painted = Painted {
         colors: surface.base.iter().map(|color| color.to_array()).collect(),
@@ -117,6 +117,56 @@ pub fn lay(
         painted.keep(&surface.base, kept);
     }
     Ok(painted)
+}
+
+/// The colors that a scene has under `strokes` that stay, if its paintings have changed since
+/// [`lay`] gave these strokes: palette, tones and what is coarser than a stroke follow. Paintings, weights and
+/// content are those of `lay`, and a painting is [read again](Canvas::reread) at its size.
+///
+/// # Errors
+/// If `work` is canceled.
+///
+/// # Panics
+/// If `surface` or `strokes` are of a scene of another number of Gaussians.
+pub fn recolored(
+    scene: &Scene,
+    surface: &Surface,
+    paintings: &[(&Canvas, f64)],
+    content: f64,
+    strokes: &Strokes,
+    work: &Work,
+) -> Result<Vec<[f32; 3]>, Canceled> {
+    assert_eq!(scene.len(), surface.len(), "the surface of this scene");
+    assert_eq!(scene.len(), strokes.words.len(), "the strokes of this scene");
+    let given = given(paintings);
+    let kept = content.clamp(0.0, 1.0) as f32;
+    let colors = surface.base.iter().map(|color| color.to_array()).collect();
+    let mut painted = Painted { colors, ..Painted::default() };
+    let protection = |word: &u32| StrokeWord::unpacked(*word).protection;
+    let protection: Vec<f32> = strokes.words.iter().map(protection).collect();
+    let (mut total, n) = (0.0, given.len() as f32);
+    for (i, (canvas, weight)) in given.into_iter().enumerate() {
+        work.at(i as f32 / n)?;
+        total += weight;
+        let share = if i == 0 { 1.0 } else { (weight / total) as f32 };
+        // All seeds of a painting have the same gain, and a mix numbers the paintings as they come.
+        let of_painting = strokes.seeds.iter().map(StrokeSeed::plain);
+        let wide = of_painting.filter(|seed| usize::from(seed.texture) == i).map(|seed| seed.wide).next();
+        let ground = Ground::new(surface, canvas);
+        let [own_detail, _] = standing_out(surface, canvas, &ground.recoloring);
+        let colors = ground.colors(surface, canvas, &own_detail, &protection, wide.unwrap_or(1.0));
+        painted.mix(Painted { colors, ..Painted::default() }, share);
+    }
+    if kept > 0.0 && total > 0.0 {
+        painted.keep(&surface.base, kept);
+    }
+    work.at(1.0)?;
+    Ok(painted.colors)
+}
+
+/// The paintings that count.
+fn given<'a>(paintings: &[(&'a Canvas, f64)]) -> Vec<(&'a Canvas, f64)> {
+    paintings.iter().filter(|(_, weight)| *weight > 0.0 && weight.is_finite()).copied().collect()
 }
 
 impl Painted {
@@ -175,23 +225,18 @@ impl Painted {
 
 /// One painting on a scene.
 fn one(scene: &Scene, surface: &Surface, canvas: &Canvas, work: &Work) -> Result<Painted, Canceled> {
-    let recoloring = Recoloring::new(&surface.moments, &canvas.low.0);
-    let recolored = |color: &Vec3| Vec3::from(recoloring.color(color.to_array()));
-    let own: Vec<Vec3> = surface.base.par_iter().map(recolored).collect();
-    let low: Vec<Vec3> = surface.low.par_iter().map(recolored).collect();
+    let ground = Ground::new(surface, canvas);
     work.at(0.1)?;
     let (placements, [own_detail, protection]) =
-        rayon::join(|| placements(surface, canvas), || standing_out(surface, canvas, &recoloring));
+        rayon::join(|| placements(surface, canvas), || standing_out(surface, canvas, &ground.recoloring));
     work.at(0.5)?;
     // The scene keeps its shapes, and all detail that stands out.
-    let kept: Vec<f32> = (own.par_iter().zip(&low).zip(&own_detail))
+    let kept: Vec<f32> = (ground.own.par_iter().zip(&ground.low).zip(&own_detail))
         .map(|((own, low), p)| low.lerp(*own, *p).dot(LUMINANCE))
         .collect();
     let balance = Balance::new(scene, surface, canvas, &placements, &protection, &kept);
     work.at(0.8)?;
-    let mixed = |i: usize| low[i].lerp(own[i], own_detail[i] + (1.0 - own_detail[i]) * OWN_GRAIN);
-    let mixed: Vec<Vec3> = (0..scene.len()).into_par_iter().map(mixed).collect();
-    let colors = graded(surface, canvas, &mixed, &protection, &balance);
+    let colors = ground.colors(surface, canvas, &own_detail, &protection, balance.wide);
     let word = |(owner, protection): (&u32, &f32)| {
         StrokeWord { seed: *owner, protection: *protection, share: 1.0 }.packed()
     };
@@ -205,6 +250,41 @@ fn one(scene: &Scene, surface: &Surface, canvas: &Canvas, work: &Work) -> Result
         },
         fine_energy: balance.fine_energy,
     })
+}
+
+/// The scene in a painting's colors, before its strokes are known.
+struct Ground {
+    recoloring: Recoloring,
+    /// Colors with the scene's own detail `[N]`.
+    own: Vec<Vec3>,
+    /// Colors without it `[N]`.
+    low: Vec<Vec3>,
+}
+
+impl Ground {
+    fn new(surface: &Surface, canvas: &Canvas) -> Self {
+        let recoloring = Recoloring::new(&surface.moments, &canvas.low.0);
+        let recolored = |color: &Vec3| Vec3::from(recoloring.color(color.to_array()));
+        let own = surface.base.par_iter().map(recolored).collect();
+        let low = surface.low.par_iter().map(recolored).collect();
+        Self { own, low, recoloring }
+    }
+
+    /// The colors under strokes with this gain of wide detail. `own_detail` is the share of its own detail that
+    /// each Gaussian keeps `[N]`.
+    fn colors(
+        &self,
+        surface: &Surface,
+        canvas: &Canvas,
+        own_detail: &[f32],
+        protection: &[f32],
+        wide: f32,
+    ) -> Vec<[f32; 3]> {
+        let detail = |i: usize| own_detail[i] + (1.0 - own_detail[i]) * OWN_GRAIN;
+        let mixed = |i: usize| self.low[i].lerp(self.own[i], detail(i));
+        let mixed: Vec<Vec3> = (0..self.own.len()).into_par_iter().map(mixed).collect();
+        graded(surface, canvas, &mixed, protection, wide)
+    }
 }
 
 /// The place of each seed, chosen for the colors that the painting has.
@@ -323,7 +403,7 @@ fn graded(
     canvas: &Canvas,
     colors: &[Vec3],
     protection: &[f32],
-    balance: &Balance,
+    wide: f32,
 ) -> Vec<[f32; 3]> {
     let shown = surface.proofs.pixels(colors);
     let from = moments(&shown, &surface.visibility, colors);
@@ -331,7 +411,7 @@ fn graded(
     let range = (Vec3::splat(-OVERSHOOT), Vec3::splat(1.0 + OVERSHOOT));
     let color = |i: usize| {
         let fine = 1.0 - PROTECTED * protection[i];
-        let wide = balance.wide * (1.0 - protection[i]);
+        let wide = wide * (1.0 - protection[i]);
         let [under, bare] = [0, 1].map(|k: usize| grades[k].color(colors[i]).clamp(range.0, range.1));
         // Energies add up: without strokes all contrast is the scene's.
         let color = under.lerp(bare, BARE * (1.0 - fine * fine).max(0.0));
