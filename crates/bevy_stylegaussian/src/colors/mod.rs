@@ -9,20 +9,27 @@
 //! Strokes that are the same in two styles, such as those of a bake and of the paint that it began with, are
 //! one set of buffers, and stay as they are while colors fade under them. How strokes are drawn
 //! (`StrokeKnobs`) belongs to the entity; a change of it is a change of uniforms and computes nothing.
+//!
+//! A painting whose image changes while it is shown has its texture made anew ([`living`]).
 
 use bevy::{
     core_pipeline::schedule::camera_driver,
     prelude::*,
-    render::{ExtractSchedule, GpuResourceAppExt, RenderApp, renderer::RenderGraph},
+    render::{
+        ExtractSchedule, GpuResourceAppExt, RenderApp,
+        renderer::{RenderGraph, RenderGraphSystems},
+    },
 };
 
 use crate::{
+    reports::Reports,
     scene::{GaussianSplats, device_serves},
     systems::StyleGaussianSystems,
 };
 
 mod extract;
 mod layers;
+mod living;
 mod mix;
 mod ready;
 mod shown;
@@ -33,6 +40,9 @@ pub use ready::GaussianSceneReady;
 
 pub(crate) use extract::{RenderColors, WantedColors};
 pub(crate) use layers::{ColorLayer, ColorLayers, LayerColors, Mix};
+#[cfg(feature = "images")]
+pub(crate) use living::{LivingPainting, check_image};
+pub(crate) use living::{LivingPaintings, LivingReport, Redrawing, RedrawingGpu};
 pub(crate) use mix::mix_colors;
 pub(crate) use shown::{PipelinesReady, ShownColors, update_colors};
 pub(crate) use strokes::{StrokeTextures, StrokesReady};
@@ -43,7 +53,10 @@ pub(crate) struct ColorsPlugin;
 
 impl Plugin for ColorsPlugin {
     fn build(&self, app: &mut App) {
+        let reports = Reports::<LivingReport>::default();
         app.init_resource::<WantedColors>()
+            .init_resource::<LivingPaintings>()
+            .insert_resource(reports.clone())
             .add_message::<GaussianSceneReady>()
             .register_type::<GaussianSceneReady>()
             .register_required_components::<GaussianSplats, ColorLayers>();
@@ -65,17 +78,29 @@ impl Plugin for ColorsPlugin {
                 .init_resource::<WantedColors>()
                 .init_resource::<PipelinesReady>()
                 .init_resource::<StrokesReady>()
+                .init_resource::<LivingPaintings>()
+                .insert_resource(reports)
                 // Rebuilt from `RenderColors` after a lost device.
                 .init_gpu_resource::<ShownColors>()
                 .init_gpu_resource::<StrokeTextures>()
+                .init_gpu_resource::<Redrawing>()
                 .init_gpu_resource::<mix::Mixer>()
-                .add_systems(ExtractSchedule, (extract::extract_layers, extract::extract_wanted))
+                .add_systems(
+                    ExtractSchedule,
+                    (extract::extract_layers, extract::extract_wanted, living::extract_living),
+                )
                 // Once per frame, before the first camera: views that share an entity must see the same colors.
                 .add_systems(
                     RenderGraph,
                     (
                         shown::refuse_colors,
                         (update_colors, mix_colors).chain().run_if(device_serves).before(camera_driver),
+                        living::begin_redrawing.before(camera_driver),
+                        // What a camera draws in this frame is read in it.
+                        living::read_living
+                            .run_if(device_serves)
+                            .after(camera_driver)
+                            .in_set(RenderGraphSystems::Render),
                     ),
                 );
         }

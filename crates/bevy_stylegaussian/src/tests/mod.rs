@@ -12,6 +12,8 @@ mod formats;
 mod images;
 #[cfg(feature = "images")]
 mod lifecycle;
+#[cfg(feature = "images")]
+mod living;
 mod looks;
 mod masks;
 #[cfg(feature = "images")]

@@ -6,8 +6,9 @@ use std::{ops::Deref, sync::Arc};
 use stylegaussian::{
     Decoder, Look, Scene,
     fold::StylizeError,
-    paint::{Painted, Surface},
+    paint::{Canvas, Painted, Surface},
     restyle::{self, Recipe, RestyleError},
+    strokes::Strokes,
     work::{Canceled, Work},
 };
 use stylegaussian_gpu::style::FoldedLayers;
@@ -39,6 +40,8 @@ pub(crate) struct StyleRequest {
     pub(crate) content: f64,
     /// The backend to decode on: the CPU if there are looks, or if the scene is painted.
     pub(crate) backend: StyleBackend,
+    /// Strokes that stay, if only the colors of paintings have changed under them.
+    pub(crate) under: Option<Same<Strokes>>,
 }
 
 /// Images and presets, and their weights.
@@ -59,7 +62,7 @@ pub(crate) type LaterCanvas = <Later<Stretched> as Deref>::Target;
 pub(crate) type LaterStatistics = <Later<Encoded> as Deref>::Target;
 
 /// A look of a mix.
-#[derive(PartialEq)]
+#[derive(Clone, PartialEq)]
 pub(crate) struct WeightedLook {
     /// The asset's path, for messages.
     pub(crate) name: String,
@@ -122,6 +125,29 @@ impl StyleRequest {
             || self.looks.iter().any(|look| look.look.0.has_strokes())
     }
 
+    /// The same style in other colors of its paintings, under the `strokes` that it has, or `None` if `colors`
+    /// gives none for any of them.
+    #[cfg(feature = "images")]
+    pub(crate) fn following(
+        &self,
+        strokes: Arc<Strokes>,
+        colors: &dyn Fn(usize) -> Option<Later<Stretched>>,
+    ) -> Option<Self> {
+        let Styles::Painted { canvases, surface } = &self.styles else { return None };
+        let present = |(i, (canvas, weight)): (usize, &(Same<LaterCanvas>, f64))| {
+            (colors(i).map_or_else(|| canvas.clone(), Same), *weight)
+        };
+        let present: Vec<_> = canvases.iter().enumerate().map(present).collect();
+        (present != *canvases).then(|| Self {
+            scene: self.scene.clone(),
+            styles: Styles::Painted { canvases: present, surface: surface.clone() },
+            looks: self.looks.clone(),
+            content: self.content,
+            backend: self.backend,
+            under: Some(Same(strokes)),
+        })
+    }
+
     /// Folds the styles into the decoder, or restyles the scene on the CPU.
     async fn run(&self, packed: &PackedInputs, work: &Work) -> Result<StyleResult, Failure> {
         match &self.styles {
@@ -143,7 +169,12 @@ impl StyleRequest {
                 work.check()?;
                 let paintings = canvases.iter().map(|(canvas, weight)| (&**canvas, *weight)).collect();
                 let styles = restyle::Styles::Painted { paintings, surface: &surface.0 };
-                Recipe { looks, styles, content }.restyle(scene, work)
+                let recipe = Recipe { looks, styles, content };
+                if let Some(Same(under)) = &self.under {
+                    let colors = recipe.recolor(scene, under, work)?;
+                    return Ok(self.recolored(colors, under, &canvases));
+                }
+                recipe.restyle(scene, work)
             }
             Styles::Decoded { styles, decoder } => {
                 let styles = made(styles)?;
@@ -161,6 +192,26 @@ impl StyleRequest {
         // Kept with the style, so that saving it later costs nothing.
         let colors = AppliedColors::Known { colors, strokes };
         Ok(StyleResult { colors: shown, style: AppliedStyle { scene: Arc::clone(&self.scene.0), colors } })
+    }
+
+    /// The style in these colors under strokes that stay. Their textures on the GPU follow the images, and
+    /// those of the style that can be saved are of the paintings that gave the colors.
+    fn recolored(
+        &self,
+        colors: Vec<[f32; 3]>,
+        under: &Arc<Strokes>,
+        canvases: &[(Arc<Canvas>, f64)],
+    ) -> StyleResult {
+        let colors: Arc<[_]> = colors.into();
+        let shown = StyleColors::known(Arc::clone(&colors), Some(Arc::clone(under)));
+        let mut strokes = Strokes::clone(under);
+        // A mix numbers its paintings as they come.
+        let counted = canvases.iter().filter(|(_, weight)| *weight > 0.0);
+        for (texture, (canvas, _)) in strokes.textures.iter_mut().zip(counted) {
+            *texture = Arc::clone(canvas.texture());
+        }
+        let colors = AppliedColors::Known { colors, strokes: Some(Arc::new(strokes)) };
+        StyleResult { colors: shown, style: AppliedStyle { scene: Arc::clone(&self.scene.0), colors } }
     }
 
     /// The weights from which the GPU decodes the styles.

@@ -3,7 +3,7 @@
 use bevy::{platform::collections::HashSet, prelude::*};
 
 use super::{
-    images::EncoderChanges,
+    images::{EncoderChanges, Followed},
     job::{Stage, StyleJobs},
 };
 use crate::style::{
@@ -66,10 +66,12 @@ pub(crate) fn want_changed_assets(
     mut looks: MessageReader<AssetEvent<StyleLook>>,
     mut decoders: MessageReader<AssetEvent<GaussianDecoder>>,
     mut encoder: EncoderChanges,
+    followed: Followed,
     mut jobs: Query<(&mut StyleJobs, &StyleSource, Option<&StyleDecoder>)>,
 ) {
     // Every reader is drained before the first return, or old events would come back in a later frame.
-    let images = changed(&mut images);
+    let mut images = changed(&mut images);
+    images.retain(|id| !followed.has(*id));
     let statistics = changed(&mut statistics);
     let looks = changed(&mut looks);
     let decoders = changed(&mut decoders);

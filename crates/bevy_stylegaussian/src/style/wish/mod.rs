@@ -7,5 +7,6 @@ pub(crate) mod decoder;
 pub(crate) mod encoder;
 pub(crate) mod error;
 pub(crate) mod event;
+pub(crate) mod living;
 pub(crate) mod settings;
 pub(crate) mod source;

@@ -4,7 +4,10 @@
 use std::sync::{Arc, OnceLock};
 
 use bevy::{platform::collections::HashMap, prelude::*, render::render_resource::TextureFormat};
-use stylegaussian::{paint::Canvas, recolor::ColorMoments};
+use stylegaussian::{
+    paint::{Canvas, Paint},
+    recolor::ColorMoments,
+};
 use stylegaussian_encoder::paint_of;
 
 use super::pixels::{decoded, pixels};
@@ -25,41 +28,68 @@ struct ImageCanvas {
     /// Its palette, which is there at once or with the canvas.
     palette: Arc<OnceLock<ColorMoments>>,
     canvas: Later<Stretched>,
+    /// The canvas once it is made.
+    made: Arc<OnceLock<Stretched>>,
+}
+
+impl ImageCanvas {
+    /// A canvas that the first style makes that needs it.
+    fn new(
+        palette: Option<ColorMoments>,
+        make: impl FnOnce(&OnceLock<ColorMoments>) -> Stretched + Send + 'static,
+    ) -> Self {
+        let palette = Arc::new(palette.map_or_else(OnceLock::new, OnceLock::from));
+        let made = Arc::new(OnceLock::new());
+        let (of_canvas, known) = (Arc::clone(&palette), Arc::clone(&made));
+        let canvas = later(move || known.get_or_init(|| make(&of_canvas)).clone());
+        Self { palette, canvas, made }
+    }
 }
 
 impl ImageCanvases {
     /// The canvas of a loaded image.
     pub(crate) fn get(&mut self, handle: &Handle<Image>, image: &Image) -> Later<Stretched> {
         let stretch = || {
-            let name = image_name(handle);
-            let palette = Arc::new(palette_at_once(image).map_or_else(OnceLock::new, OnceLock::from));
-            let of_canvas = Arc::clone(&palette);
-            let pixels = pixels(image);
-            let canvas = later(move || match pixels {
-                Ok(image) => stretched(name, image, &of_canvas),
+            let (name, pixels) = (image_name(handle), pixels(image));
+            ImageCanvas::new(palette_at_once(image), move |palette| match pixels {
+                Ok(image) => stretched(name, image, palette),
                 Err(found) => Err(Arc::new(StyleError::Image { image: name, found })),
-            });
-            ImageCanvas { palette, canvas }
+            })
         };
         Arc::clone(&self.0.entry(handle.id()).or_insert_with(stretch).canvas)
+    }
+
+    /// The canvas of an image that there is one of already.
+    pub(super) fn known(&self, id: AssetId<Image>) -> Option<Later<Stretched>> {
+        self.0.get(&id).map(|known| Arc::clone(&known.canvas))
+    }
+
+    /// Whether there is a canvas of an image, or one on its way.
+    pub(super) fn has(&self, id: AssetId<Image>) -> bool {
+        self.0.contains_key(&id)
+    }
+
+    /// The canvas of an image, or the reason why there is none, once a style has asked for it.
+    pub(crate) fn made(&self, id: AssetId<Image>) -> Option<&Stretched> {
+        self.0.get(&id)?.made.get()
+    }
+
+    /// Forgets the canvas of an image.
+    pub(super) fn forget(&mut self, id: AssetId<Image>) {
+        self.0.remove(&id);
+    }
+
+    /// Sets the pixels of an image that are on the GPU alone.
+    pub(super) fn insert(&mut self, id: AssetId<Image>, paint: Arc<Paint>) {
+        let palette = palette_of(paint.pixels.as_chunks().0, |pixel: &[u8; 3]| {
+            pixel.map(|byte| f32::from(byte) / 255.0)
+        });
+        self.0.insert(id, ImageCanvas::new(Some(palette), move |_| Ok(Arc::new(Canvas::new(&paint)))));
     }
 
     /// The palette of an image that was asked for by [`Self::get`], or `None` if it is not known yet.
     pub(crate) fn palette(&self, handle: &Handle<Image>) -> Option<ColorMoments> {
         self.0.get(&handle.id())?.palette.get().copied()
-    }
-}
-
-/// Forgets the canvases of images that changed or went.
-pub(crate) fn forget_changed_canvases(
-    mut images: MessageReader<AssetEvent<Image>>,
-    mut canvases: ResMut<ImageCanvases>,
-) {
-    // `Added` is left out: there is no canvas before the image exists.
-    for event in images.read() {
-        if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = event {
-            canvases.0.remove(id);
-        }
     }
 }
 

@@ -21,7 +21,9 @@ pub(crate) fn decoded(name: String, image: Image) -> Result<stylegaussian_encode
 /// If it has no pixels in main memory. The message says so.
 pub(crate) fn pixels(image: &Image) -> Result<Image, String> {
     if image.data.is_none() {
-        return Err("it has no pixels in main memory (load it with RenderAssetUsages::MAIN_WORLD)".into());
+        return Err("it has no pixels in main memory (load it with RenderAssetUsages::MAIN_WORLD, or add a \
+                    StyleLiving)"
+            .into());
     }
     let mut image = image.clone();
     // An image loaded as linear data (`is_srgb = false`) has the same bytes. A style is what a person sees in
