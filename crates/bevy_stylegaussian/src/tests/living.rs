@@ -183,7 +183,13 @@ fn follow(studio: &mut Studio, image: &Handle<Image>, every: Duration) {
 fn a_changed_image_is_drawn_in_the_same_frame() {
     let Some(mut studio) = Studio::new() else { return };
     let images = [picture(1, WARM), picture(2, WARM)];
-    let image = add(&mut studio.app, images[0].clone());
+    // Without the component, a changed image is a new painting.
+    let image = add(&mut studio.app, images[1].clone());
+    studio.set(StyleSource::image(image.clone()));
+    studio.settle();
+    change(&mut studio.app, &image, images[0].clone());
+    studio.settle();
+    assert_eq!(drawn(&studio).2, 0);
     follow(&mut studio, &image, Duration::from_secs(3600));
     studio.settle();
     let before = studio.next();

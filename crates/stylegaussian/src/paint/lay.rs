@@ -152,9 +152,9 @@ pub fn recolored(
         // All seeds of a painting have the same gain, and a mix numbers the paintings as they come.
         let of_painting = strokes.seeds.iter().map(StrokeSeed::plain);
         let wide = of_painting.filter(|seed| usize::from(seed.texture) == i).map(|seed| seed.wide).next();
-        let ground = Ground::new(surface, canvas);
-        let [own_detail, _] = standing_out(surface, canvas, &ground.recoloring);
-        let colors = ground.colors(surface, canvas, &own_detail, &protection, wide.unwrap_or(1.0));
+        let under = Underpainting::new(surface, canvas);
+        let [own_detail, _] = standing_out(surface, canvas, &under.recoloring);
+        let colors = under.colors(surface, canvas, &own_detail, &protection, wide.unwrap_or(1.0));
         painted.mix(Painted { colors, ..Painted::default() }, share);
     }
     if kept > 0.0 && total > 0.0 {
@@ -225,18 +225,18 @@ impl Painted {
 
 /// One painting on a scene.
 fn one(scene: &Scene, surface: &Surface, canvas: &Canvas, work: &Work) -> Result<Painted, Canceled> {
-    let ground = Ground::new(surface, canvas);
+    let under = Underpainting::new(surface, canvas);
     work.at(0.1)?;
     let (placements, [own_detail, protection]) =
-        rayon::join(|| placements(surface, canvas), || standing_out(surface, canvas, &ground.recoloring));
+        rayon::join(|| placements(surface, canvas), || standing_out(surface, canvas, &under.recoloring));
     work.at(0.5)?;
     // The scene keeps its shapes, and all detail that stands out.
-    let kept: Vec<f32> = (ground.own.par_iter().zip(&ground.low).zip(&own_detail))
+    let kept: Vec<f32> = (under.own.par_iter().zip(&under.low).zip(&own_detail))
         .map(|((own, low), p)| low.lerp(*own, *p).dot(LUMINANCE))
         .collect();
     let balance = Balance::new(scene, surface, canvas, &placements, &protection, &kept);
     work.at(0.8)?;
-    let colors = ground.colors(surface, canvas, &own_detail, &protection, balance.wide);
+    let colors = under.colors(surface, canvas, &own_detail, &protection, balance.wide);
     let word = |(owner, protection): (&u32, &f32)| {
         StrokeWord { seed: *owner, protection: *protection, share: 1.0 }.packed()
     };
@@ -253,7 +253,7 @@ fn one(scene: &Scene, surface: &Surface, canvas: &Canvas, work: &Work) -> Result
 }
 
 /// The scene in a painting's colors, before its strokes are known.
-struct Ground {
+struct Underpainting {
     recoloring: Recoloring,
     /// Colors with the scene's own detail `[N]`.
     own: Vec<Vec3>,
@@ -261,7 +261,7 @@ struct Ground {
     low: Vec<Vec3>,
 }
 
-impl Ground {
+impl Underpainting {
     fn new(surface: &Surface, canvas: &Canvas) -> Self {
         let recoloring = Recoloring::new(&surface.moments, &canvas.low.0);
         let recolored = |color: &Vec3| Vec3::from(recoloring.color(color.to_array()));

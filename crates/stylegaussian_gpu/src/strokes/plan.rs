@@ -168,7 +168,7 @@ impl Plan {
         let pictures: Vec<_> = pictures.chain(wide.iter().map(|picture| (true, picture))).collect();
         for (i, (is_wide, input)) in pictures.iter().enumerate() {
             // The last level has none behind it, and the kernel writes none.
-            let next = pictures.get(i + 1).filter(|(of, _)| of == is_wide).map_or(*input, |(_, next)| next);
+            let next = pictures.get(i + 1).filter(|(of, _)| of == is_wide).map_or(*input, |(_, next)| *next);
             let PackedLevel { first, stride, .. } = self.levels[i];
             let level =
                 PaintStep { input: **input, output: *next, packed: first, stride, ..PaintStep::default() };
