@@ -209,8 +209,10 @@ pub(super) fn move_seeds(seeds: &mut [StrokeSeed], paintings: &[&Canvas], pinned
     for Pinned { seed, painting, placement } in pinned {
         let seed = &mut seeds[*seed as usize];
         let Placement { at, right, down } = *placement;
-        let place = at * (FINE_SIDE as f32 / paintings[*painting].size);
-        *seed = PlainSeed { right, down, place, ..seed.plain() }.packed();
+        let canvas = paintings[*painting];
+        let place = at * (FINE_SIDE as f32 / canvas.size);
+        let moved = PlainSeed { right, down, place, ..seed.plain() }.packed();
+        *seed = moved.with_direction(canvas.strokes[canvas.place_at(at)].0);
     }
 }
 
