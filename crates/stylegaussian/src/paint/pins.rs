@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// Radius around a pin within which seeds continue its place, in pixels of the painting: two and a half times
-/// their distance, so a spot of the size of a hand's breadth on a painting of an arm's length.
+/// their distance, so that the strokes around it are seen to go on.
 const REACH: f32 = 70.0;
 
 /// Least cosine between the normals of neighbors that continue one another: strokes do not go around corners.
