@@ -135,30 +135,6 @@ fn each_part_of_a_scene_takes_the_painting_that_is_like_it() {
     assert!(textures(&found).iter().zip(textures(&turned)).all(|(a, b)| a + b == 1));
 }
 
-/// Only the part of a scene changes that shows the painting that changed, whatever paintings nothing shows.
-#[test]
-fn colors_follow_a_collection_under_strokes_that_stay() {
-    let scene = sky_and_grass();
-    let surface = surface(&scene);
-    let colors = [[250, 20, 20], BLUE, GREEN];
-    let [unused, blue, green] = colors.map(|color| Canvas::new(&strokes_of(256, 256, color)));
-    let painted = laid(&scene, &surface, &[&unused, &blue, &green], collection());
-    assert_eq!(painted.strokes.textures.len(), 2);
-    let recolored = |blue: &Canvas| {
-        let paintings = [&unused, blue, &green].map(|canvas| (canvas, 1.0));
-        let (hand, work) = (collection(), Work::default());
-        recolored(&scene, &surface, &paintings, &hand, 0.0, &painted.strokes, &work).unwrap()
-    };
-    let apart = |(a, b): (&[f32; 3], &[f32; 3])| Vec3::from(*a).distance(Vec3::from(*b));
-    let most = recolored(&blue).iter().zip(&painted.colors).map(apart).fold(0.0, f32::max);
-    assert!(most < 0.03, "{most}");
-    let other = recolored(&blue.reread(&strokes_of(200, 300, [200, 60, 230])));
-    let is_violet = |color: &[f32; 3]| color[0] > color[1] + 0.1;
-    for (color, mean) in other.iter().zip(&scene.means).filter(|(_, mean)| (mean.x - 0.5).abs() > 0.1) {
-        assert_eq!(is_violet(color), mean.x < 0.5, "{mean}: {color:?}");
-    }
-}
-
 #[test]
 fn a_picture_that_is_read_again_is_used_as_far_as_it_may_be() {
     let side = 256;
