@@ -4,14 +4,14 @@ use std::collections::HashMap;
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use stylegaussian::splat::{MAX_ALPHA, MIN_ALPHA};
-use stylegaussian_shaders::{Layout, Source, layers, splat, style};
+use stylegaussian_shaders::{Layout, Source, layers, paint, splat, style};
 
 fn sources() -> Vec<Source> {
-    [layers::sources(), style::sources(), splat::sources()].concat()
+    [layers::sources(), paint::sources(), style::sources(), splat::sources()].concat()
 }
 
 fn layouts() -> Vec<Layout> {
-    [layers::layouts(), style::layouts(), splat::layouts()].concat()
+    [layers::layouts(), paint::layouts(), style::layouts(), splat::layouts()].concat()
 }
 
 /// Capabilities of every WebGPU adapter that naga counts as optional, because OpenGL may lack them.

@@ -21,8 +21,9 @@
 //! - Components of scenes: [`GaussianSplats`] shows a [`GaussianScene`] (`.sgs`, or a capture in another
 //!   format). [`StyleSource`] paints it in the strokes of images, by [`StyleStatistics`]
 //!   (`.style.safetensors`), by a baked [`StyleLook`] (`.look.safetensors`), or by a mix; change it at any
-//!   time. [`StyleTransition`] fades from one style to the next. `StyleRefine` bakes a shown style further in
-//!   the background, [`StylePrepare`](style::StylePrepare) prepares a loaded scene for the first.
+//!   time. [`StyleLiving`](style::StyleLiving) lets strokes follow an image that changes. [`StyleTransition`]
+//!   fades from one style to the next. `StyleRefine` bakes a shown style further in the background,
+//!   [`StylePrepare`](style::StylePrepare) prepares a loaded scene for the first.
 //!   [`StyleMask`] holds weights that are painted at run time, and [`MaskVisibility`] hides painted splats or
 //!   crops to them.
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
@@ -45,9 +46,9 @@
 //! Most apps need no more than [`prelude`].
 //!
 //! With Bevy's `RenderDiagnosticsPlugin`, the times of `splat_project_and_sort`, `splat_draw`,
-//! `splat_composite` and `style_pass` are among the render diagnostics. If several cameras see splats, the
-//! names of the second and further ones end with a number, as in `splat_draw_2`: in the order in which the
-//! cameras came, and a camera keeps its number. The sum is the time of the frame.
+//! `splat_composite`, `style_pass` and `redraw_strokes` are among the render diagnostics. If several cameras
+//! see splats, the names of the second and further ones end with a number, as in `splat_draw_2`: in the order
+//! in which the cameras came, and a camera keeps its number. The sum is the time of the frame.
 //!
 //! The features of cargo, of which all but those of the last two points are defaults:
 //!
@@ -121,7 +122,10 @@ pub mod prelude {
         StyleFailed, StyleGaussianPlugin, StyleMask, StyleSource, StyleTransition, StyleVolume,
         mask::{SavedMask, StyleMaskFailed},
         picking::SplatHit,
-        style::{StyleInput, StyleMethod, StylePrepare, StyleRecolored, TransitionClock, TransitionShape},
+        style::{
+            StyleInput, StyleLiving, StyleMethod, StylePrepare, StyleRecolored, TransitionClock,
+            TransitionShape,
+        },
     };
     #[cfg(feature = "refine")]
     pub use crate::{StyleRefine, style::StyleRefined};

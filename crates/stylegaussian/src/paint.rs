@@ -24,7 +24,7 @@
 //! copies), `detail` (the textures), `tints` (the colors), `canvas` (all that depends on the painting alone),
 //! `collection` (which of several paintings a seed takes), `places` (where in it), `choice` (both), `pins`
 //! (places that are given), `proofs` and `bands` (how much detail pictures show), `balance` (the gains), `tone`
-//! (dark and bright), `grade` (the colors under strokes), `lay` (all of it).
+//! (dark and bright), `grade` (the colors under strokes), `lay` (all of it), `redraw` (pictures that change).
 
 mod balance;
 mod bands;
@@ -40,6 +40,7 @@ mod picture;
 mod pins;
 mod places;
 mod proofs;
+pub mod redraw;
 mod seeds;
 mod sight;
 mod smooth;
@@ -51,7 +52,7 @@ mod tone;
 mod used;
 
 pub use canvas::Canvas;
-pub use lay::{Hand, Painted, lay};
+pub use lay::{Hand, Painted, lay, recolored};
 pub use painting::{AreaError, MAX_PIXELS, Paint, pixels_of};
 pub use pins::{OtherScene, Pin, PinError, StoredPins, pin};
 pub use surface::Surface;

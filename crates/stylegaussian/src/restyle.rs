@@ -144,6 +144,28 @@ impl Recipe<'_> {
     /// If parts do not go together: a look with the scene, decoded styles with a scene without features or with
     /// the decoder, weights or content with their ranges. If `work` is canceled.
     pub fn restyle(self, scene: &Scene, work: &Work) -> Result<Painted, RestyleError> {
+        self.made(scene, None, work)
+    }
+
+    /// The colors of `scene` under the `strokes` that the same recipe gave before its paintings changed: see
+    /// [`paint::recolored`].
+    ///
+    /// # Errors
+    /// As [`restyle`](Self::restyle).
+    ///
+    /// # Panics
+    /// If the strokes are of another number of Gaussians.
+    pub fn recolor(
+        self,
+        scene: &Scene,
+        strokes: &Strokes,
+        work: &Work,
+    ) -> Result<Vec<[f32; 3]>, RestyleError> {
+        Ok(self.made(scene, Some(strokes), work)?.colors)
+    }
+
+    /// Colors, under strokes that stay if there are any, and new strokes if not.
+    fn made(self, scene: &Scene, under: Option<&Strokes>, work: &Work) -> Result<Painted, RestyleError> {
         if !(0.0..=1.0).contains(&self.content) {
             return Err(StylizeError::Content { found: self.content }.into());
         }
@@ -162,8 +184,11 @@ impl Recipe<'_> {
         }
         let share: f64 = of_styles.iter().sum();
         // Styles of no weight beside a look need not be computed.
-        let styled =
-            if share > 0.0 { self.styles.restyle(scene, self.content, work)? } else { Painted::default() };
+        let styled = if share > 0.0 {
+            self.styles.made(scene, self.content, under, work)?
+        } else {
+            Painted::default()
+        };
         if parts.is_empty() {
             return Ok(styled);
         }
@@ -183,7 +208,13 @@ impl Styles<'_> {
         }
     }
 
-    fn restyle(self, scene: &Scene, content: f64, work: &Work) -> Result<Painted, RestyleError> {
+    fn made(
+        self,
+        scene: &Scene,
+        content: f64,
+        under: Option<&Strokes>,
+        work: &Work,
+    ) -> Result<Painted, RestyleError> {
         match self {
             Self::Painted { paintings, surface, hand } => {
                 if !(0.0..=1.0).contains(&hand.palette) {
@@ -194,6 +225,10 @@ impl Styles<'_> {
                 }
                 if paintings.len() > MAX_TEXTURES {
                     return Err(RestyleError::Paintings { found: paintings.len() });
+                }
+                if let Some(under) = under {
+                    let colors = paint::recolored(scene, surface, &paintings, &hand, content, under, work)?;
+                    return Ok(Painted { colors, ..Painted::default() });
                 }
                 Pin::check_for(hand.pins, paintings.iter().map(|(canvas, _)| *canvas))?;
                 Ok(paint::lay(scene, surface, &paintings, &hand, content, work)?)

@@ -137,7 +137,7 @@ mod tests {
             _ => [0, 0, 0, 0],
         };
         let picture = image::RgbaImage::from_fn(20, 10, |x, _| image::Rgba(rgba(x)));
-        let paint = paint_of(&Image::from(image::DynamicImage::from(picture.clone())));
+        let paint = paint_of(&Image::from(image::DynamicImage::from(picture)));
         let used = paint.used.unwrap();
         assert!(used.iter().enumerate().all(|(i, used)| *used == (i % 20 < 12)));
         let first = &paint.pixels[3 * 10..][..6];

@@ -11,7 +11,10 @@
 
 use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
-use stylegaussian::paint::{Pin, StoredPins};
+use stylegaussian::{
+    look::SceneFingerprint,
+    paint::{Pin, StoredPins},
+};
 
 use super::{
     error::{Mismatch, mismatch},
@@ -47,7 +50,7 @@ pub(super) fn from_bytes(bytes: &[u8]) -> Result<StoredPins, Mismatch> {
         let found = format_args!("format `{format}`, version {version}");
         return Err(mismatch(found, format_args!("format `{FORMAT}`, version {VERSION}")));
     }
-    let scene = scene.map(|text| text.parse()).transpose();
+    let scene = scene.map(|text| text.parse::<SceneFingerprint>()).transpose();
     let scene = scene.map_err(|error| mismatch(error, "the scene's fingerprint, `N@hash`"))?;
     let pin = |entry: Entry| Pin {
         at: Vec3::from(entry.scene),
@@ -74,12 +77,16 @@ pub(super) fn to_bytes(pins: &StoredPins) -> Result<Vec<u8>, Mismatch> {
 }
 
 fn validate(pins: &StoredPins) -> Result<(), Mismatch> {
-    Pin::check(&pins.pins).map_err(|error| mismatch(error, "pins of the scene and the painting"))
+    Pin::check(&pins.pins).map_err(|error| {
+        let text = error.to_string();
+        let (found, expected) = text.split_once(", expected ").unwrap_or((&text, "a pin"));
+        mismatch(found.replacen(": found", ":", 1), expected)
+    })
 }
 
 #[cfg(test)]
 mod tests {
-    use stylegaussian::{Scene, look::SceneFingerprint};
+    use stylegaussian::Scene;
 
     use crate::{pins_from_bytes, read_pins, write_pins};
 

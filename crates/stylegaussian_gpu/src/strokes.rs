@@ -16,12 +16,15 @@ use stylegaussian::strokes::{MAX_SEEDS, StrokeMotion, StrokeSeed, Strokes};
 
 use crate::buffers::{self, ReadBackError, TooLarge};
 
+mod plan;
+mod redraw;
 mod store;
 #[cfg(test)]
 mod tests;
 
-pub use store::StrokeStore;
+pub use redraw::{ImageError, LEAST_SIDE, PaintImage, PaintReadBack, RedrawError, StrokeRedrawer};
 pub(crate) use store::{StoredTexture, TextureArrays};
+pub use store::{StrokeLayer, StrokeStore};
 
 /// Strokes cannot be on the GPU.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -10,20 +10,27 @@
 //! one set of buffers, and stay as they are while colors fade under them. How strokes are drawn
 //! (`StrokeKnobs`) belongs to the entity; a change of it is a change of uniforms and computes nothing. How they
 //! move belongs to the layer, and the time is a uniform.
+//!
+//! A painting whose image changes while it is shown has its texture made anew ([`living`]).
 
 use bevy::{
     core_pipeline::schedule::camera_driver,
     prelude::*,
-    render::{ExtractSchedule, GpuResourceAppExt, RenderApp, renderer::RenderGraph},
+    render::{
+        ExtractSchedule, GpuResourceAppExt, RenderApp,
+        renderer::{RenderGraph, RenderGraphSystems},
+    },
 };
 
 use crate::{
+    reports::Reports,
     scene::{GaussianSplats, device_serves},
     systems::StyleGaussianSystems,
 };
 
 mod extract;
 mod layers;
+mod living;
 mod mix;
 mod ready;
 mod shown;
@@ -34,6 +41,9 @@ pub use ready::GaussianSceneReady;
 
 pub(crate) use extract::{RenderColors, WantedColors};
 pub(crate) use layers::{ColorLayer, ColorLayers, LayerColors, Mix};
+#[cfg(feature = "images")]
+pub(crate) use living::{LivingPainting, check_image};
+pub(crate) use living::{LivingPaintings, LivingReport, Redrawing, RedrawingGpu};
 pub(crate) use mix::mix_colors;
 pub(crate) use shown::{PipelinesReady, ShownColors, update_colors};
 pub(crate) use strokes::{StrokeClock, StrokeTextures, StrokesReady};
@@ -44,7 +54,10 @@ pub(crate) struct ColorsPlugin;
 
 impl Plugin for ColorsPlugin {
     fn build(&self, app: &mut App) {
+        let reports = Reports::<LivingReport>::default();
         app.init_resource::<WantedColors>()
+            .init_resource::<LivingPaintings>()
+            .insert_resource(reports.clone())
             .add_message::<GaussianSceneReady>()
             .register_type::<GaussianSceneReady>()
             .register_required_components::<GaussianSplats, ColorLayers>();
@@ -67,13 +80,21 @@ impl Plugin for ColorsPlugin {
                 .init_resource::<PipelinesReady>()
                 .init_resource::<StrokesReady>()
                 .init_resource::<StrokeClock>()
+                .init_resource::<LivingPaintings>()
+                .insert_resource(reports)
                 // Rebuilt from `RenderColors` after a lost device.
                 .init_gpu_resource::<ShownColors>()
                 .init_gpu_resource::<StrokeTextures>()
+                .init_gpu_resource::<Redrawing>()
                 .init_gpu_resource::<mix::Mixer>()
                 .add_systems(
                     ExtractSchedule,
-                    (extract::extract_layers, extract::extract_wanted, strokes::extract_clock),
+                    (
+                        extract::extract_layers,
+                        extract::extract_wanted,
+                        strokes::extract_clock,
+                        living::extract_living,
+                    ),
                 )
                 // Once per frame, before the first camera: views that share an entity must see the same colors.
                 .add_systems(
@@ -81,6 +102,12 @@ impl Plugin for ColorsPlugin {
                     (
                         shown::refuse_colors,
                         (update_colors, mix_colors).chain().run_if(device_serves).before(camera_driver),
+                        living::begin_redrawing.before(camera_driver),
+                        // What a camera draws in this frame is read in it.
+                        living::read_living
+                            .run_if(device_serves)
+                            .after(camera_driver)
+                            .in_set(RenderGraphSystems::Render),
                     ),
                 );
         }

@@ -20,6 +20,7 @@ use crate::scene::{device_serves, upload_scenes};
 mod camera;
 #[cfg(test)]
 mod held;
+mod living;
 mod pass;
 mod pipelines;
 mod view;
@@ -63,6 +64,7 @@ impl Plugin for SplatsPlugin {
             .add_systems(
                 Core3d,
                 (
+                    living::redraw_living.before(DrawsSplats).in_set(Core3dSystems::MainPass),
                     // After everything that writes depth, and before everything that is blended over it.
                     pass::draw_splats
                         .after(main_opaque_pass_3d)

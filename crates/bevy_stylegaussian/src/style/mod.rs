@@ -4,6 +4,7 @@
 //!   [`StylePalette`] and [`StylePins`] if an artist wants them. [`StyleMethod`] chooses between paint and the
 //!   [`decoder`]. [`StylePrepare`] prepares a scene for its first style.
 //!   [`StyleMotion`] lets its strokes boil and flow, and [`StyleRelief`] lights their thickness.
+//!   [`StyleLiving`] lets strokes follow an image that changes.
 //! - The change: [`StyleTransition`] and [`HiddenUntilStyled`]. A [`StyleVolume`] gives a part of space a
 //!   style.
 //! - The report: [`StyleRecolored`], [`StyleApplied`] and [`StyleFailed`] are events, [`StyleProgress`] and
@@ -21,7 +22,8 @@
 // weights and, on the CPU backend, decodes the colors too (`make::request`). Folded weights are decoded on the
 // GPU by the style pass (`pass`). Once the GPU has the colors, the entity puts them on (`show::worn`), by a
 // transition (`show::transition`). The styles that an entity wears and the volumes that touch it
-// (`show::volume`) become its layers (`show::compose`). A shown style may be baked further (`make::refine`).
+// (`show::volume`) become its layers (`show::compose`). A shown style may be baked further (`make::refine`),
+// and it follows images that change (`make::following`).
 
 use bevy::{
     prelude::*,
@@ -54,6 +56,7 @@ pub use wish::asset::{StyleLook, StyleStatistics};
 pub use wish::error::StyleError;
 pub use wish::event::{StyleApplied, StyleFailed, StyleRecolored};
 pub use wish::hand::{StylePalette, StylePin, StylePins, StylePinsFile};
+pub use wish::living::StyleLiving;
 pub use wish::motion::StyleMotion;
 pub use wish::relief::{PaintLight, StyleRelief};
 pub use wish::settings::StyleMethod;
@@ -102,7 +105,8 @@ impl Plugin for StylePlugin {
                     make::want::drop_removed_styles,
                     show::compose::advance_transitions,
                     make::job::advance_jobs,
-                    // Here the styles that are shown are refined (`make::refine`).
+                    // Here the styles that are shown are refined (`make::refine`), and follow their images
+                    // (`make::following`).
                     make::prepare::prepare_surfaces,
                     make::progress::report_progress,
                     make::surfaces::forget_unused_surfaces,
@@ -126,7 +130,7 @@ impl Plugin for StylePlugin {
         );
         register_types(app);
         #[cfg(feature = "images")]
-        app.add_plugins(make::images::ImagesPlugin);
+        app.add_plugins((make::images::ImagesPlugin, make::following::FollowingPlugin));
         #[cfg(feature = "refine")]
         app.add_plugins(make::refine::RefinePlugin);
         if app.get_sub_app(RenderApp).is_some() {
@@ -164,6 +168,7 @@ fn register_types(app: &mut App) {
         .register_type::<StyleBackend>()
         .register_type::<StyleBudget>()
         .register_type::<StyleMethod>()
+        .register_type::<StyleLiving>()
         .register_type::<StylePrepare>()
         .register_type::<StyleApplied>()
         .register_type::<StyleRecolored>()

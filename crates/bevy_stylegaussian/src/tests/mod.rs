@@ -14,6 +14,8 @@ mod hand;
 mod images;
 #[cfg(feature = "images")]
 mod lifecycle;
+#[cfg(feature = "images")]
+mod living;
 mod looks;
 mod masks;
 #[cfg(feature = "images")]

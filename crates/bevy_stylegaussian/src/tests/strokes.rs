@@ -66,15 +66,15 @@ fn wall() -> Scene {
 }
 
 /// A wall before a camera.
-struct Studio {
-    app: App,
+pub(super) struct Studio {
+    pub(super) app: App,
     target: Handle<Image>,
-    scene: Scene,
-    wall: Entity,
+    pub(super) scene: Scene,
+    pub(super) wall: Entity,
 }
 
 impl Studio {
-    fn new() -> Option<Self> {
+    pub(super) fn new() -> Option<Self> {
         let mut app = app_with_rendering(StyleBackend::Cpu)?;
         app.insert_resource(TimeUpdateStrategy::ManualDuration(STEP));
         let target_image = render_target(&mut app, SIZE);
@@ -103,18 +103,18 @@ impl Studio {
         (StyleSource::image(add(&mut self.app, image)), painted)
     }
 
-    fn set(&mut self, source: StyleSource) {
+    pub(super) fn set(&mut self, source: StyleSource) {
         *self.app.world_mut().get_mut(self.wall).unwrap() = source;
     }
 
     /// Updates until all styles are drawn.
-    fn settle(&mut self) {
+    pub(super) fn settle(&mut self) {
         self.app.update();
         update_until(&mut self.app, "drawn styles", |world| !has_unsettled_styles(world));
     }
 
     /// The picture after an update.
-    fn next(&mut self) -> Vec<[f32; 3]> {
+    pub(super) fn next(&mut self) -> Vec<[f32; 3]> {
         self.app.update();
         read_back(&self.app, &self.target).iter().map(|&[r, g, b, _]| [r, g, b]).collect()
     }
@@ -127,7 +127,13 @@ impl Studio {
 
     /// Checks the next picture against the wall in a painting's colors and strokes.
     #[track_caller]
-    fn check(&mut self, name: &str, colors: splat::Colors, strokes: &Strokes, knobs: &StrokeKnobs) {
+    pub(super) fn check(
+        &mut self,
+        name: &str,
+        colors: splat::Colors,
+        strokes: &Strokes,
+        knobs: &StrokeKnobs,
+    ) {
         let found = self.next();
         let expected = self.expected(colors, strokes, knobs);
         let plain = self.expected(colors, strokes, &StrokeKnobs { amount: 0.0, ..*knobs });
@@ -141,7 +147,7 @@ impl Studio {
 }
 
 /// The mean distance of two pictures.
-fn distance(a: &[[f32; 3]], b: &[[f32; 3]]) -> f32 {
+pub(super) fn distance(a: &[[f32; 3]], b: &[[f32; 3]]) -> f32 {
     let sum: f32 = a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a - b).abs()).sum();
     sum / a.as_flattened().len() as f32
 }

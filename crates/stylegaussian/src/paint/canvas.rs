@@ -1,6 +1,8 @@
 //! A painting prepared for painting scenes: the scale at which it is read, its detail, its colors, and its
 //! places.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -12,6 +14,8 @@ use super::{
     tints::Tints,
     used::Used,
 };
+use crate::strokes::StrokeTexture;
+
 /// Scales at which a painting may be read, the largest first: sides of a picture of 512 x 512 pixels of area,
 /// in its own. Below half, whole small motifs fit on a stroke's spot.
 const SCALES: [f32; 3] = [1.0, 0.71, 0.5];
@@ -41,6 +45,8 @@ pub struct Canvas {
     /// scene.
     pub(super) size: Vec2,
     pub(super) detail: Detail,
+    /// The texture of the picture that was read first. Strokes that stay are known by it.
+    first: Arc<StrokeTexture>,
     /// Its colors.
     pub(super) tints: Tints,
     /// Columns and rows of places.
@@ -59,12 +65,45 @@ pub struct Canvas {
 impl Canvas {
     /// Prepares a painting. Takes some 0.1 s on two cores.
     pub fn new(paint: &Paint) -> Self {
-        let mut original = Picture { width: paint.width, height: paint.height, values: paint.colors() };
+        Self::read_at(paint, None)
+    }
+
+    /// Another picture in this painting's stead, read at the same size, so that places in one are places in the
+    /// other: the next frame of a film. Takes as long as [`new`](Self::new).
+    pub fn reread(&self, paint: &Paint) -> Self {
+        let [width, height] = self.reading_size().map(|side| side as usize);
+        Self { first: Arc::clone(&self.first), ..Self::read_at(paint, Some((width, height))) }
+    }
+
+    /// Width and height at which it is read, in pixels.
+    pub fn reading_size(&self) -> [u32; 2] {
+        self.size.to_array().map(|side| side as u32)
+    }
+
+    /// The texture that its strokes show.
+    pub fn texture(&self) -> &Arc<StrokeTexture> {
+        &self.detail.texture
+    }
+
+    /// Whether strokes that were laid on in `texture` follow this painting: it is their own, or was [read in
+    /// its stead](Self::reread).
+    pub fn follows(&self, texture: &Arc<StrokeTexture>) -> bool {
+        Arc::ptr_eq(&self.first, texture)
+    }
+
+    /// Whether all of the painting may be used.
+    pub fn is_whole(&self) -> bool {
+        self.used.is_none()
+    }
+
+    /// Prepares a painting that is read at a size, or else at its own scale.
+    fn read_at(paint: &Paint, size: Option<(usize, usize)>) -> Self {
+        let mut original = paint.picture();
         let used = Used::new(&paint.used, paint.width);
         if let Some(used) = &used {
             original = used.filled(&original);
         }
-        let (width, height) = own_size(&original, used.as_ref());
+        let (width, height) = size.unwrap_or_else(|| own_size(&original, used.as_ref()));
         let copies = Copies::new(original.resized(width, height));
         let used = used.map(|used| used.resized(width, height)).filter(|used| used.pixels.contains(&true));
         let picture = copies.picture();
@@ -85,6 +124,7 @@ impl Canvas {
             n_places,
             strokes,
             places,
+            first: Arc::clone(&detail.texture),
             detail,
         }
     }
@@ -101,6 +141,8 @@ impl Canvas {
                 && self.used == other.used
                 && self.colors == other.colors
                 && self.detail.texture == other.detail.texture
+                // Strokes that stay show two.
+                && self.first == other.first
     }
 
     /// The center of a place, in pixels.

@@ -16,7 +16,7 @@ use super::{
 use crate::{
     palette::{LUMINANCE, Palette},
     recolor::{ColorMoments, Recoloring},
-    strokes::StrokeTexture,
+    strokes::{FINE_SIDE, PlainSeed, StrokeSeed, StrokeTexture},
 };
 
 /// Share of the way that the colors of a collection's painting go, where it is, toward the mean of its places
@@ -63,6 +63,42 @@ impl<'a> Choice<'a> {
                 })
             }
         };
+        Self::of(surface, paintings, labels, given)
+    }
+
+    /// That of strokes which are there already: `seeds` `[M]` in some of `textures`.
+    pub fn laid(
+        surface: &'a Surface,
+        paintings: &'a [&'a Canvas],
+        given: Option<&'a Tints>,
+        seeds: &[StrokeSeed],
+        textures: &[Arc<StrokeTexture>],
+    ) -> Self {
+        let seeds: Vec<PlainSeed> = seeds.iter().map(StrokeSeed::plain).collect();
+        let first = seeds.iter().map(|seed| usize::from(seed.texture)).min().unwrap_or(0);
+        let of_texture = |number: usize| {
+            let known = textures.get(number);
+            let known = known.and_then(|texture| paintings.iter().position(|canvas| canvas.follows(texture)));
+            // In given colors, textures are no painting's own. They are in the order of the paintings.
+            known.unwrap_or_else(|| number.saturating_sub(first).min(paintings.len() - 1)) as u8
+        };
+        let of_textures: Vec<u8> = (0..=usize::from(u8::MAX)).map(of_texture).collect();
+        let labels: Vec<u8> = seeds.iter().map(|seed| of_textures[usize::from(seed.texture)]).collect();
+        let placement = |(seed, label): (&PlainSeed, &u8)| {
+            let at = seed.place * paintings[usize::from(*label)].size / FINE_SIDE as f32;
+            Placement { at, right: seed.right, down: seed.down }
+        };
+        let placements = seeds.iter().zip(&labels).map(placement).collect();
+        Self::of(surface, paintings, labels, given).placed(placements)
+    }
+
+    /// The choice of these paintings for the seeds `[M]`.
+    fn of(
+        surface: &'a Surface,
+        paintings: &'a [&'a Canvas],
+        labels: Vec<u8>,
+        given: Option<&'a Tints>,
+    ) -> Self {
         let mut seen = vec![0.0; paintings.len()];
         for (owner, visibility) in surface.seeds.owners.iter().zip(&surface.visibility) {
             seen[usize::from(labels[*owner as usize])] += f64::from(*visibility);

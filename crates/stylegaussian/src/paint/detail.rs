@@ -17,23 +17,26 @@ use crate::{
 
 /// Factor of the finest band, which overlapping Gaussians blur most. Above this, canvas weave and JPEG grain
 /// become beads.
-const FINEST: f32 = 1.3;
+pub(super) const FINEST: f32 = 1.3;
 
 /// Share of a painting's large shapes in wide detail.
 pub(super) const LOCAL: f32 = 0.3;
 
 /// Standard deviation over which local energy is measured, in pixels.
-const AROUND: f32 = 10.0;
+pub(super) const AROUND: f32 = 10.0;
 
 /// Exponent that weakens strong places of a painting and strengthens faint ones. At twice as much, ink and
 /// watercolor lose their paint.
-const WHITEN: f32 = 0.3;
+pub(super) const WHITEN: f32 = 0.3;
 
 /// Range of the resulting factors.
-const WHITENED: (f32, f32) = (0.35, 1.5);
+pub(super) const WHITENED: (f32, f32) = (0.35, 1.5);
 
 /// Added to local energy, as a share of the mean, so that flat places are not amplified.
-const FLOOR: f32 = 0.06;
+pub(super) const FLOOR: f32 = 0.06;
+
+/// Least mean energy, at which a painting is flat.
+pub(super) const LEAST_TYPICAL: f32 = 1e-6;
 
 /// Stride over the pixels of the painting without its detail, from which its moments are taken.
 const STRIDE: usize = 3;
@@ -73,7 +76,7 @@ impl Detail {
             Some(squares) => squares.iter().sum::<f32>() / squares.len() as f32,
             None => around.values.iter().map(|v| v.x).sum::<f32>() / around.values.len() as f32,
         };
-        let typical = mean.max(1e-6);
+        let typical = mean.max(LEAST_TYPICAL);
         let whiten = |at: Vec2| {
             let energy = around.sample(0.25 * at).x;
             (typical / (energy + FLOOR * typical)).powf(0.5 * WHITEN).clamp(WHITENED.0, WHITENED.1)

@@ -4,7 +4,6 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
-    balance::Balance,
     choice::Choice,
     detail::LOCAL,
     surface::moments,
@@ -26,15 +25,54 @@ const OVERSHOOT: f32 = 0.3;
 /// Share of the way to the painting's full contrast where no strokes add to it.
 const BARE: f32 = 0.5;
 
+/// Share of the scene's own grain that is left under strokes. It should not make up for missing paint.
+const OWN_GRAIN: f32 = 0.15;
+
+/// The scene in the paintings' colors, before the gains of its strokes are known.
+pub(super) struct Underpainting {
+    pub recoloring: Recoloring,
+    /// Colors with the scene's own detail `[N]`.
+    own: Vec<Vec3>,
+    /// Colors without it `[N]`.
+    low: Vec<Vec3>,
+}
+
+impl Underpainting {
+    pub fn new(choice: &Choice) -> Self {
+        let surface = choice.surface;
+        let recoloring = Recoloring::new(&surface.moments, &choice.tints.low.0);
+        let recolored = |color: &Vec3| Vec3::from(recoloring.color(color.to_array()));
+        let own = surface.base.par_iter().map(recolored).collect();
+        let low = surface.low.par_iter().map(recolored).collect();
+        Self { own, low, recoloring }
+    }
+
+    /// Luminance of what the scene keeps: its shapes, and all detail that stands out `[N]`. `own_detail` is the
+    /// share of its own detail that each Gaussian keeps `[N]`.
+    pub fn kept(&self, own_detail: &[f32]) -> Vec<f32> {
+        let kept = |((own, low), p): ((&Vec3, &Vec3), &f32)| low.lerp(*own, *p).dot(LUMINANCE);
+        self.own.par_iter().zip(&self.low).zip(own_detail).map(kept).collect()
+    }
+
+    /// The colors under strokes with this gain of wide detail: see [`graded`].
+    pub fn colors(
+        &self,
+        choice: &Choice,
+        own_detail: &[f32],
+        protection: &[f32],
+        wide: f32,
+        pull: f32,
+    ) -> Vec<[f32; 3]> {
+        let detail = |i: usize| own_detail[i] + (1.0 - own_detail[i]) * OWN_GRAIN;
+        let mixed = |i: usize| self.low[i].lerp(self.own[i], detail(i));
+        let mixed: Vec<Vec3> = (0..self.own.len()).into_par_iter().map(mixed).collect();
+        graded(choice, &mixed, protection, wide, pull)
+    }
+}
+
 /// Colors with the painting's palette and tones: under strokes those of the painting without its strokes,
-/// elsewhere those of the whole painting.
-pub(super) fn graded(
-    choice: &Choice,
-    colors: &[Vec3],
-    protection: &[f32],
-    balance: &Balance,
-    pull: f32,
-) -> Vec<[f32; 3]> {
+/// elsewhere those of the whole painting. `pull` is the share of the way toward its hues.
+fn graded(choice: &Choice, colors: &[Vec3], protection: &[f32], wide: f32, pull: f32) -> Vec<[f32; 3]> {
     let surface = choice.surface;
     let shown = surface.proofs.pixels(colors);
     let from = moments(&shown, &surface.visibility, colors);
@@ -47,7 +85,7 @@ pub(super) fn graded(
         let painting = choice.of_gaussian(i);
         let tints = choice.tints_of(painting);
         let fine = 1.0 - PROTECTED * protection[i];
-        let wide = balance.wide * (1.0 - protection[i]);
+        let wide = wide * (1.0 - protection[i]);
         let shift = shifts.get(painting).copied().unwrap_or(Vec3::ZERO);
         let [under, bare] = [0, 1].map(|k: usize| (grade(i, k) + shift).clamp(range.0, range.1));
         // Energies add up: without strokes all contrast is the scene's.

@@ -7,7 +7,7 @@ use super::{
     balance::Balance,
     canvas::Canvas,
     choice::Choice,
-    grade::graded,
+    grade::Underpainting,
     pins::{Pin, move_seeds, of_painting, pinned},
     places::Placement,
     sight::weighted_median,
@@ -25,9 +25,6 @@ use crate::{
 /// Share of the way toward the painting's nearest colors, for hues that it does not have. Grass then turns to a
 /// painting's gold and not to its mean.
 pub(super) const TO_PALETTE: f32 = 0.8;
-
-/// Share of the scene's own grain that is left under strokes. It should not make up for missing paint.
-const OWN_GRAIN: f32 = 0.15;
 
 /// Weight of chroma, beside luminance, in how much a Gaussian stands out.
 const CHROMA: f32 = 0.15;
@@ -168,6 +165,59 @@ pub fn lay(
     Ok(painted)
 }
 
+/// The colors that a scene has under `strokes` that stay, if its paintings have changed since
+/// [`lay`] gave these strokes: palette, tones and what is coarser than a stroke follow. Paintings, weights,
+/// hand and content are those of `lay`, and a painting is [read again](Canvas::reread) at its size. Pins do not
+/// matter, since the strokes have them.
+///
+/// # Errors
+/// If `work` is canceled.
+///
+/// # Panics
+/// If `surface` or `strokes` are of a scene of another number of Gaussians, or the strokes of fewer paintings.
+pub fn recolored(
+    scene: &Scene,
+    surface: &Surface,
+    paintings: &[(&Canvas, f64)],
+    hand: &Hand,
+    content: f64,
+    strokes: &Strokes,
+    work: &Work,
+) -> Result<Vec<[f32; 3]>, Canceled> {
+    assert_eq!(scene.len(), surface.len(), "the surface of this scene");
+    assert_eq!(scene.len(), strokes.words.len(), "the strokes of this scene");
+    let kept = content.clamp(0.0, 1.0) as f32;
+    let colors = surface.base.iter().map(|color| color.to_array()).collect();
+    let mut painted = Painted { colors, ..Painted::default() };
+    if kept >= 1.0 {
+        return Ok(painted.colors);
+    }
+    let given = parts(paintings, &Hand { pins: &[], ..*hand });
+    let n_seeds = surface.n_seeds();
+    assert!(given.len() * n_seeds <= strokes.seeds.len(), "the strokes of these paintings");
+    let protection = |word: &u32| StrokeWord::unpacked(*word).protection;
+    let protection: Vec<f32> = strokes.words.iter().map(protection).collect();
+    let (mut total, n) = (0.0, given.len() as f32);
+    for (i, part) in given.iter().enumerate() {
+        work.at(i as f32 / n)?;
+        total += part.weight;
+        let share = if i == 0 { 1.0 } else { (part.weight / total) as f32 };
+        // Each part has all seeds of the surface, in turn, with one gain.
+        let seeds = &strokes.seeds[i * n_seeds..][..n_seeds];
+        let wide = seeds.first().map_or(1.0, |seed| seed.plain().wide);
+        let choice = Choice::laid(surface, &part.paintings, hand.tints, seeds, &strokes.textures);
+        let under = Underpainting::new(&choice);
+        let [own_detail, _] = standing_out(&choice, &under.recoloring);
+        let colors = under.colors(&choice, &own_detail, &protection, wide, hand.palette);
+        painted.mix(Painted { colors, ..Painted::default() }, share);
+    }
+    if kept > 0.0 && total > 0.0 {
+        painted.keep(&surface.base, kept);
+    }
+    work.at(1.0)?;
+    Ok(painted.colors)
+}
+
 impl Painted {
     /// Lays a share of another painting over this one.
     fn mix(&mut self, above: Self, share: f32) {
@@ -229,27 +279,19 @@ fn one(scene: &Scene, surface: &Surface, part: &Part, hand: &Hand, work: &Work) 
     let pinned = pinned(surface, &part.paintings, &part.pins, hand.direction);
     let fixed = pinned.iter().map(|pinned| (pinned.seed, pinned.painting));
     let choice = Choice::new(surface, &part.paintings, hand.tints, fixed);
-    let recoloring = Recoloring::new(&surface.moments, &choice.tints.low.0);
-    let recolored = |color: &Vec3| Vec3::from(recoloring.color(color.to_array()));
-    let own: Vec<Vec3> = surface.base.par_iter().map(recolored).collect();
-    let low: Vec<Vec3> = surface.low.par_iter().map(recolored).collect();
+    let under = Underpainting::new(&choice);
     work.at(0.1)?;
     let (placements, [own_detail, protection]) =
-        rayon::join(|| choice.placements(hand.direction), || standing_out(&choice, &recoloring));
+        rayon::join(|| choice.placements(hand.direction), || standing_out(&choice, &under.recoloring));
     let choice = choice.placed(placements);
     work.at(0.5)?;
-    // The scene keeps its shapes, and all detail that stands out.
-    let kept: Vec<f32> = (own.par_iter().zip(&low).zip(&own_detail))
-        .map(|((own, low), p)| low.lerp(*own, *p).dot(LUMINANCE))
-        .collect();
+    let kept = under.kept(&own_detail);
     let used = choice.textures(hand.tints);
     let textures: Vec<&StrokeTexture> = used.textures.iter().map(|texture| &**texture).collect();
     let plain = seeds(&choice, &used.numbers, 1.0, 1.0);
     let balance = Balance::new(scene, &choice, &plain, &textures, &protection, &kept);
     work.at(0.8)?;
-    let mixed = |i: usize| low[i].lerp(own[i], own_detail[i] + (1.0 - own_detail[i]) * OWN_GRAIN);
-    let mixed: Vec<Vec3> = (0..scene.len()).into_par_iter().map(mixed).collect();
-    let colors = graded(&choice, &mixed, &protection, &balance, hand.palette);
+    let colors = under.colors(&choice, &own_detail, &protection, balance.wide, hand.palette);
     let word = |(owner, protection): (&u32, &f32)| {
         StrokeWord { seed: *owner, protection: *protection, share: 1.0 }.packed()
     };
@@ -303,7 +345,7 @@ fn standing_out(choice: &Choice, recoloring: &Recoloring) -> [Vec<f32>; 2] {
 fn seeds(choice: &Choice, textures: &[u8], fine: f32, wide: f32) -> Vec<StrokeSeed> {
     let seed = |(j, placement): (usize, &Placement)| {
         let painting = usize::from(choice.labels[j]);
-        let canvas = &choice.paintings[painting];
+        let canvas = choice.paintings[painting];
         // The texture is a square.
         let texels = FINE_SIDE as f32 / canvas.size;
         PlainSeed {

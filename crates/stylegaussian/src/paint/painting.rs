@@ -2,6 +2,8 @@
 
 use glam::Vec3;
 
+use super::picture::Picture;
+
 /// Most pixels of a painting: 512 x 512, as AdaIN sees it. In bytes it takes 768 KiB.
 pub const MAX_PIXELS: usize = 512 * 512;
 
@@ -98,12 +100,11 @@ impl Paint {
         Ok(Self { width, height: bottom - top, pixels, used: None }.with_used(used))
     }
 
-    /// Its colors, 0..1 `[height * width]`.
-    pub(super) fn colors(&self) -> Vec<Vec3> {
-        self.pixels
-            .chunks_exact(3)
-            .map(|p| Vec3::new(p[0].into(), p[1].into(), p[2].into()) / 255.0)
-            .collect()
+    /// It as a picture of colors 0..1.
+    pub(super) fn picture(&self) -> Picture {
+        let color = |p: &[u8; 3]| Vec3::from(p.map(f32::from)) / 255.0;
+        let values = self.pixels.as_chunks().0.iter().map(color).collect();
+        Picture { width: self.width, height: self.height, values }
     }
 }
 

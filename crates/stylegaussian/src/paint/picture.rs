@@ -13,7 +13,7 @@ pub(super) const BLURS: [f32; N_COPIES] = [0.0, 1.0, 2.0, 4.0, 8.0, 24.0];
 pub(super) const N_COPIES: usize = 6;
 
 /// Sides of the copies, as shares of the picture's. A deviation has at least two pixels, so little is lost.
-const SHRUNK: [f32; N_COPIES] = [1.0, 1.0, 1.0, 0.5, 0.25, 0.125];
+pub(super) const SHRUNK: [f32; N_COPIES] = [1.0, 1.0, 1.0, 0.5, 0.25, 0.125];
 
 /// RGB values, 0..1.
 #[derive(Clone)]
@@ -30,16 +30,10 @@ impl Copies {
     /// Blurs a picture.
     pub fn new(picture: Picture) -> Self {
         let mut copies = vec![picture];
-        for (blurs, shrunk) in BLURS.windows(2).zip(SHRUNK.windows(2)) {
+        for (is_halved, sigma) in copy_steps() {
             let last = &copies[copies.len() - 1];
-            // Variances add up, so each copy is made from the one before it by a smaller blur.
-            let mut variance = blurs[1] * blurs[1] - blurs[0] * blurs[0];
-            let halved = (shrunk[1] < shrunk[0]).then(|| last.halved());
-            if halved.is_some() {
-                // The mean of two pixels is a blur as well: -0.5 and 0.5 have a variance of 0.25.
-                variance -= 0.25 / (shrunk[0] * shrunk[0]);
-            }
-            copies.push(halved.as_ref().unwrap_or(last).blurred(shrunk[1] * variance.sqrt()));
+            let halved = is_halved.then(|| last.halved());
+            copies.push(halved.as_ref().unwrap_or(last).blurred(sigma));
         }
         Self(copies)
     }
@@ -66,6 +60,34 @@ impl Copies {
         let sharper = (level as usize).min(3);
         self.sample(sharper, at).lerp(self.sample(sharper + 1, at), level - sharper as f32)
     }
+}
+
+/// How each copy is made from the one before it, from the second on: whether that is halved first, and the
+/// standard deviation of the blur, in pixels of the copy.
+pub(super) fn copy_steps() -> [(bool, f32); N_COPIES - 1] {
+    std::array::from_fn(|i| {
+        // Variances add up, so each copy is made by a smaller blur than its own.
+        let mut variance = BLURS[i + 1] * BLURS[i + 1] - BLURS[i] * BLURS[i];
+        let is_halved = SHRUNK[i + 1] < SHRUNK[i];
+        if is_halved {
+            // The mean of two pixels is a blur as well: -0.5 and 0.5 have a variance of 0.25.
+            variance -= 0.25 / (SHRUNK[i] * SHRUNK[i]);
+        }
+        (is_halved, SHRUNK[i + 1] * variance.sqrt())
+    })
+}
+
+/// The standard deviation, in old pixels, by which a picture is blurred before it is read at steps of `step`
+/// old pixels, or `None` if it need not be.
+pub(super) fn softening(step: Vec2) -> Option<f32> {
+    // Deviation of a box of one new pixel, less that of an old one: sqrt((s^2 - 1) / 12).
+    let sigma = ((step.x * step.y - 1.0).max(0.0) / 12.0).sqrt();
+    (sigma > 0.1).then_some(sigma)
+}
+
+/// Pixels on each side that a blur of standard deviation `sigma` reads: three deviations hold 99.7% of it.
+pub(super) fn reach(sigma: f32) -> usize {
+    (3.0 * sigma).ceil() as usize
 }
 
 /// `at` folded into 0..=size, as in a mirror at each end.
@@ -108,15 +130,8 @@ impl Picture {
     /// The picture at `width` x `height` pixels. Smaller ones are blurred first, so that nothing aliases.
     pub fn resized(&self, width: usize, height: usize) -> Self {
         let step = self.size() / Vec2::new(width as f32, height as f32);
-        // Deviation of a box of one new pixel, less that of an old one: sqrt((s^2 - 1) / 12).
-        let sigma = ((step.x * step.y - 1.0).max(0.0) / 12.0).sqrt();
-        let soft;
-        let source = if sigma > 0.1 {
-            soft = self.blurred(sigma);
-            &soft
-        } else {
-            self
-        };
+        let soft = softening(step).map(|sigma| self.blurred(sigma));
+        let source = soft.as_ref().unwrap_or(self);
         let mut values = vec![Vec3::ZERO; width * height];
         values.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
             for (x, value) in row.iter_mut().enumerate() {
@@ -143,8 +158,7 @@ impl Picture {
 
     /// The picture blurred by a Gaussian of standard deviation `sigma`, in pixels.
     pub fn blurred(&self, sigma: f32) -> Self {
-        // Three deviations hold 99.7% of the kernel.
-        let reach = (3.0 * sigma).ceil() as isize;
+        let reach = reach(sigma) as isize;
         let kernel: Vec<f32> = (-reach..=reach).map(|d| (-0.5 * (d as f32 / sigma).powi(2)).exp()).collect();
         let total: f32 = kernel.iter().sum();
         // Whole rows at a time, from which the compiler makes vectors.

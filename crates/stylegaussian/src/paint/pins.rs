@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// Radius around a pin within which seeds continue its place, in pixels of the painting: two and a half times
-/// their distance, so a spot of the size of a hand's breadth on a painting of an arm's length.
+/// their distance, so that the strokes around it are seen to go on.
 const REACH: f32 = 70.0;
 
 /// Least cosine between the normals of neighbors that continue one another: strokes do not go around corners.
@@ -209,8 +209,10 @@ pub(super) fn move_seeds(seeds: &mut [StrokeSeed], paintings: &[&Canvas], pinned
     for Pinned { seed, painting, placement } in pinned {
         let seed = &mut seeds[*seed as usize];
         let Placement { at, right, down } = *placement;
-        let place = at * (FINE_SIDE as f32 / paintings[*painting].size);
-        *seed = PlainSeed { right, down, place, ..seed.plain() }.packed();
+        let canvas = paintings[*painting];
+        let place = at * (FINE_SIDE as f32 / canvas.size);
+        let moved = PlainSeed { right, down, place, ..seed.plain() }.packed();
+        *seed = moved.with_direction(canvas.strokes[canvas.place_at(at)].0);
     }
 }
 

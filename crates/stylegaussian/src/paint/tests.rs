@@ -227,3 +227,38 @@ fn odd_scenes_and_paintings_give_finite_colors() {
         }
     }
 }
+
+#[test]
+fn colors_follow_a_painting_under_strokes_that_stay() {
+    let scene = wall(24);
+    let surface = surface(&scene);
+    let work = Work::default();
+    let [canvas, second] = [stripes(256, 256), stripes(128, 200)].map(|paint| Canvas::new(&paint));
+    // One painting has no weight.
+    fn mix<'a>(canvas: &'a Canvas, second: &'a Canvas) -> [(&'a Canvas, f64); 3] {
+        [(second, 0.0), (canvas, 3.0), (second, 1.0)]
+    }
+    let paintings = mix(&canvas, &second);
+    // With a share of the scene's own colors.
+    let hand = Hand::default();
+    let painted = lay(&scene, &surface, &paintings, &hand, 0.25, &work).unwrap();
+    let recolored = |canvas: &Canvas| {
+        recolored(&scene, &surface, &mix(canvas, &second), &hand, 0.25, &painted.strokes, &work).unwrap()
+    };
+    let difference = |colors: &[[f32; 3]]| {
+        let pairs = colors.as_flattened().iter().zip(painted.colors.as_flattened());
+        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    // The same painting gives the same colors, to the 7 bits of a protection and the 8 bits of a gain, of which
+    // each Gaussian has that of one painting.
+    assert!(difference(&recolored(&canvas)) < 0.03, "{}", difference(&recolored(&canvas)));
+    let red = Paint { pixels: [200, 30, 20].repeat(64 * 64), width: 64, height: 64, used: None };
+    let colors = recolored(&canvas.reread(&red));
+    assert!(difference(&colors) > 0.1);
+    let mean = |colors: &[[f32; 3]], c: usize| colors.iter().map(|color| color[c]).sum::<f32>() / 576.0;
+    assert!(mean(&colors, 0) > mean(&painted.colors, 0), "{} red", mean(&colors, 0));
+    assert!(mean(&colors, 2) < mean(&painted.colors, 2), "{} blue", mean(&colors, 2));
+    work.cancel();
+    let canceled = super::recolored(&scene, &surface, &paintings, &hand, 0.0, &painted.strokes, &work);
+    assert!(canceled.is_err());
+}

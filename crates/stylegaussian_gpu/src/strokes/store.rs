@@ -35,6 +35,24 @@ pub(crate) struct StoredTexture {
     texture: Weak<StrokeTexture>,
 }
 
+/// A texture's layer of a store, which it does not keep in use. Two are equal if they are of the same use: a
+/// texture that was let go and uploaded again has another.
+#[derive(Clone, Debug)]
+pub struct StrokeLayer(Weak<StoredTexture>);
+
+impl PartialEq for StrokeLayer {
+    fn eq(&self, other: &Self) -> bool {
+        Weak::ptr_eq(&self.0, &other.0)
+    }
+}
+
+impl StrokeLayer {
+    /// Its number, or `None` if it is no longer in use.
+    pub(super) fn number(&self) -> Option<u8> {
+        self.0.upgrade().map(|stored| stored.layer)
+    }
+}
+
 /// The two arrays. They are equal if they are the same textures.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct TextureArrays {
@@ -75,6 +93,11 @@ impl StrokeStore {
         uploaded.keep(textures);
         uploaded.write_words(queue, &strokes.words);
         Ok(uploaded)
+    }
+
+    /// The layer of a texture, or `None` if no strokes use it.
+    pub fn layer_of(&self, texture: &Arc<StrokeTexture>) -> Option<StrokeLayer> {
+        self.lock().find(texture).map(|stored| StrokeLayer(Arc::downgrade(&stored)))
     }
 
     /// Layers that strokes use.

@@ -3,6 +3,8 @@
 use glam::Vec3;
 use stylegaussian::strokes::{FINE_SIDE, StrokeTexture, StrokeWord, WIDE_SIDE};
 
+mod redraw;
+
 use super::*;
 use crate::device::{DeviceOptions, HeadlessDevice};
 

@@ -49,8 +49,11 @@ pub(crate) fn ask_for_frames(
     mut redraw: MessageWriter<RequestRedraw>,
 ) {
     let is_loading = |id: UntypedAssetId| matches!(server.get_load_state(id), Some(LoadState::Loading));
-    let is_under_way =
-        |job: &StyleJob| !matches!(job.stage, Stage::Idle) || job.worn.is_changing(game.is_paused());
+    let is_under_way = |job: &StyleJob| {
+        !matches!(job.stage, Stage::Idle)
+            || job.following.as_ref().is_some_and(|following| following.poll().is_none())
+            || job.worn.is_changing(game.is_paused())
+    };
     let asks = |(jobs, source, decoder): (&StyleJobs, Option<&StyleSource>, Option<&StyleDecoder>)| {
         if jobs.of_scene.iter().any(is_under_way) {
             return true;

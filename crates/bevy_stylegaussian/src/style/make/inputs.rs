@@ -118,6 +118,7 @@ impl Inputs<'_> {
             // Paint is laid on and looks are mixed on the CPU. Decided anew for each request, so that a change
             // of `StyleBackend` affects the next change of style.
             backend: if is_painted || has_looks { StyleBackend::Cpu } else { self.backend(gpu_refused)? },
+            under: None,
         }))
     }
 

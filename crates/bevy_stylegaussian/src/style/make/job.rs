@@ -68,6 +68,8 @@ pub(crate) struct StyleJob {
     pub(crate) worn: Worn,
     /// The shared style that is shown, kept so that others find it.
     pub(super) shown: Option<Arc<SharedStyle>>,
+    /// The same style in the present colors of its images, while it is computed, or if it failed.
+    pub(super) following: Option<Arc<SharedStyle>>,
 }
 
 /// Stage of the style under way.
@@ -107,6 +109,7 @@ impl StyleJob {
             first: FirstColors::default(),
             worn: Worn::default(),
             shown: None,
+            following: None,
         }
     }
 
@@ -229,7 +232,7 @@ impl StyleJob {
         // A task under way is canceled in any case; the event is sent if somebody asked.
         self.stage = Stage::Idle;
         let since = self.wanted.take()?;
-        self.shown = None;
+        (self.shown, self.following) = (None, None);
         self.coming = None;
         self.first = FirstColors::default();
         // A volume in captured colors covers what lies below it. Splats without a style are in theirs already.
@@ -243,7 +246,8 @@ impl StyleJob {
 
     /// Puts everything off: the entity has no source any more.
     pub(super) fn take_off(&mut self, transition: Option<&StyleTransition>) {
-        (self.wanted, self.stage, self.coming, self.shown) = (None, Stage::Idle, None, None);
+        (self.wanted, self.stage, self.coming) = (None, Stage::Idle, None);
+        (self.shown, self.following) = (None, None);
         self.first = FirstColors::default();
         if !self.worn.is_empty() {
             self.worn.put_on(LayerColors::Captured, transition);

@@ -1,6 +1,8 @@
 //! From a wish to colors and strokes: the inputs, the computation, and what is shown meanwhile.
 
 pub(crate) mod first;
+#[cfg(feature = "images")]
+pub(crate) mod following;
 pub(crate) mod frames;
 #[cfg(feature = "images")]
 pub(crate) mod images;

@@ -38,6 +38,16 @@ impl EncoderChanges<'_> {
     }
 }
 
+/// As that of a build with the feature. No image is followed.
+#[derive(SystemParam)]
+pub(crate) struct Followed<'w>(PhantomData<&'w ()>);
+
+impl Followed<'_> {
+    pub(crate) fn has(&self, _: AssetId<Image>) -> bool {
+        false
+    }
+}
+
 /// As that of a build with the feature. There is no encoder.
 #[derive(SystemParam)]
 pub(crate) struct LoadingEncoder<'w>(PhantomData<&'w ()>);

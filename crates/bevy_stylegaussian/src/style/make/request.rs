@@ -8,7 +8,7 @@ use bevy::math::Vec3;
 use stylegaussian::{
     Decoder, Look, Scene,
     fold::StylizeError,
-    paint::{Hand, Painted, Pin, Surface, Tints, pin},
+    paint::{Canvas, Hand, Painted, Pin, Surface, Tints, pin},
     restyle::{self, Recipe, RestyleError},
     strokes::Strokes,
     work::{Canceled, Work},
@@ -42,6 +42,8 @@ pub(crate) struct StyleRequest {
     pub(crate) content: f64,
     /// The backend to decode on: the CPU if there are looks, or if the scene is painted.
     pub(crate) backend: StyleBackend,
+    /// The strokes that are shown, if only images of the style have changed. They stay unless colors are given.
+    pub(crate) under: Option<Same<Strokes>>,
 }
 
 /// Images and presets, and their weights.
@@ -98,7 +100,7 @@ pub(crate) type LaterCanvas = <Later<Stretched> as Deref>::Target;
 pub(crate) type LaterStatistics = <Later<Encoded> as Deref>::Target;
 
 /// A look of a mix.
-#[derive(PartialEq)]
+#[derive(Clone, PartialEq)]
 pub(crate) struct WeightedLook {
     /// The asset's path, for messages.
     pub(crate) name: String,
@@ -171,6 +173,29 @@ impl StyleRequest {
             || self.looks.iter().any(|look| look.look.0.has_strokes())
     }
 
+    /// The same style in other colors of its paintings, under the `strokes` that it has, or `None` if `colors`
+    /// gives none for any of them.
+    #[cfg(feature = "images")]
+    pub(crate) fn following(
+        &self,
+        strokes: Arc<Strokes>,
+        colors: &dyn Fn(usize) -> Option<Later<Stretched>>,
+    ) -> Option<Self> {
+        let Styles::Painted { canvases, surface, decided } = &self.styles else { return None };
+        let present = |(i, (canvas, weight)): (usize, &(Same<LaterCanvas>, f64))| {
+            (colors(i).map_or_else(|| canvas.clone(), Same), *weight)
+        };
+        let present: Vec<_> = canvases.iter().enumerate().map(present).collect();
+        (present != *canvases).then(|| Self {
+            scene: self.scene.clone(),
+            styles: Styles::Painted { canvases: present, surface: surface.clone(), decided: decided.clone() },
+            looks: self.looks.clone(),
+            content: self.content,
+            backend: self.backend,
+            under: Some(Same(strokes)),
+        })
+    }
+
     /// Folds the styles into the decoder, or restyles the scene on the CPU.
     async fn run(
         &self,
@@ -211,7 +236,13 @@ impl StyleRequest {
                     pins: if self.only_moves() { &[] } else { &decided.pins },
                 };
                 let styles = restyle::Styles::Painted { paintings, surface: &surface.0, hand };
-                Recipe { looks, styles, content }.restyle(scene, work)
+                let recipe = Recipe { looks, styles, content };
+                // In given colors, textures are no image's own and cannot follow it: strokes are laid on anew.
+                if let Some(Same(under)) = self.under.as_ref().filter(|_| decided.tints.is_none()) {
+                    let colors = recipe.recolor(scene, under, work)?;
+                    return Ok(self.recolored(colors, under, &canvases));
+                }
+                recipe.restyle(scene, work)
             }
             Styles::Decoded { styles, decoder } => {
                 let styles = made(styles)?;
@@ -265,8 +296,32 @@ impl StyleRequest {
         is_alike
             && self.only_moves()
             && other.looks.is_empty()
+            // Strokes of images that changed stay as they are.
+            && self.under.is_none()
+            && other.under.is_none()
             && self.scene == other.scene
             && self.content == other.content
+    }
+
+    /// The style in these colors under strokes that stay. Their textures on the GPU follow the images, and
+    /// those of the style that can be saved are of the paintings that gave the colors.
+    fn recolored(
+        &self,
+        colors: Vec<[f32; 3]>,
+        under: &Arc<Strokes>,
+        canvases: &[(Arc<Canvas>, f64)],
+    ) -> StyleResult {
+        let colors: Arc<[_]> = colors.into();
+        let shown = StyleColors::known(Arc::clone(&colors), Some(Arc::clone(under)));
+        let mut strokes = Strokes::clone(under);
+        for texture in &mut strokes.textures {
+            if let Some((canvas, _)) = canvases.iter().find(|(canvas, _)| canvas.follows(texture)) {
+                *texture = Arc::clone(canvas.texture());
+            }
+        }
+        let colors = AppliedColors::Known { colors, strokes: Some(Arc::new(strokes)) };
+        let style = AppliedStyle { scene: Arc::clone(&self.scene.0), colors };
+        StyleResult { colors: shown, style, unpinned: None }
     }
 
     /// The weights from which the GPU decodes the styles.

@@ -17,6 +17,9 @@ use crate::{
     work::{Running, Workers},
 };
 
+#[cfg(feature = "images")]
+use crate::style::make::later::{Later, Stretched};
+
 /// Styles that nobody wears and that are kept all the same, for the one who comes back to them.
 const MAX_UNUSED: usize = 8;
 
@@ -103,8 +106,29 @@ impl SharedStyle {
         self.request.has_strokes()
     }
 
+    /// The same style in other colors of its images, or `None` if there are none. `colors` gives the canvas of
+    /// the i-th image or preset in its present colors, if these are not the first.
+    #[cfg(feature = "images")]
+    pub(crate) fn following(
+        &self,
+        colors: &dyn Fn(usize) -> Option<Later<Stretched>>,
+    ) -> Option<StyleRequest> {
+        let strokes = self.poll()?.ok()?.colors.strokes.clone()?;
+        self.request.following(strokes, colors)
+    }
+
+    /// Whether it is the style of a request.
+    #[cfg(feature = "images")]
+    pub(crate) fn is_of(&self, request: &StyleRequest) -> bool {
+        *self.request == *request
+    }
+
     /// Whether it was shown, and its scene is loaded.
     fn is_worth_keeping(&self, scenes: &Assets<GaussianScene>, renders: bool) -> bool {
+        // Colors of a moment do not come back.
+        if self.request.under.is_some() {
+            return false;
+        }
         let Some(Ok(StyleResult { colors, .. })) = self.poll() else { return false };
         // A style that nobody waits for is neither uploaded nor decoded to its end.
         let is_complete = colors.on_gpu().is_some() || !renders;

@@ -3,7 +3,7 @@
 use bevy::{platform::collections::HashSet, prelude::*};
 
 use super::{
-    images::EncoderChanges,
+    images::{EncoderChanges, Followed},
     job::{Stage, StyleJobs},
 };
 use crate::style::{
@@ -61,6 +61,7 @@ fn shares_an_input(a: &StyleSource, b: &StyleSource) -> bool {
 }
 
 /// Wants a new style if an asset that the style names came or changed, or the encoder of its images.
+#[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub(crate) fn want_changed_assets(
     mut images: MessageReader<AssetEvent<Image>>,
     mut statistics: MessageReader<AssetEvent<StyleStatistics>>,
@@ -68,10 +69,12 @@ pub(crate) fn want_changed_assets(
     mut decoders: MessageReader<AssetEvent<GaussianDecoder>>,
     mut pins: MessageReader<AssetEvent<StylePinsFile>>,
     mut encoder: EncoderChanges,
+    followed: Followed,
     mut jobs: Query<(&mut StyleJobs, &StyleSource, Option<&StyleDecoder>)>,
 ) {
     // Every reader is drained before the first return, or old events would come back in a later frame.
     let images = changed(&mut images);
+    let is_new = |image: &Handle<Image>| images.contains(&image.id()) && !followed.has(image.id());
     let statistics = changed(&mut statistics);
     let looks = changed(&mut looks);
     let decoders = changed(&mut decoders);
@@ -87,12 +90,15 @@ pub(crate) fn want_changed_assets(
     }
     for (mut jobs, source, decoder) in &mut jobs {
         let input_changed = source.styles.iter().any(|style| match &style.input {
-            StyleInput::Image(image) => encoder_changed || images.contains(&image.id()),
+            StyleInput::Image(image) if style.crop.is_some() => {
+                encoder_changed || images.contains(&image.id())
+            }
+            StyleInput::Image(image) => encoder_changed || is_new(image),
             StyleInput::Preset(preset) => statistics.contains(&preset.id()),
             StyleInput::Look(look) => looks.contains(&look.id()),
         });
         let palette_changed = match &source.palette {
-            Some(StylePalette::Image(image)) => images.contains(&image.id()),
+            Some(StylePalette::Image(image)) => is_new(image),
             Some(StylePalette::Preset(preset)) => statistics.contains(&preset.id()),
             Some(StylePalette::Colors(_)) | None => false,
         };

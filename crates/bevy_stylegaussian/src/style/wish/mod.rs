@@ -8,6 +8,7 @@ pub(crate) mod encoder;
 pub(crate) mod error;
 pub(crate) mod event;
 pub(crate) mod hand;
+pub(crate) mod living;
 pub(crate) mod motion;
 pub(crate) mod relief;
 pub(crate) mod settings;

@@ -137,6 +137,21 @@ fn each_part_of_a_scene_takes_the_painting_that_is_like_it() {
 }
 
 #[test]
+fn a_picture_that_is_read_again_is_used_as_far_as_it_may_be() {
+    let side = 256;
+    let used = (0..side * side).map(|i| i % side < 150).collect();
+    let masked = Paint { used: Some(used), ..strokes_of(side, side, GREEN) };
+    let (whole, fresh) = (Canvas::new(&strokes_of(side, side, BLUE)), Canvas::new(&masked));
+    let again = whole.reread(&masked);
+    assert_eq!(again.size, fresh.size);
+    assert!(whole.is_whole() && !again.is_whole());
+    assert_eq!((&again.used, &again.colors), (&fresh.used, &fresh.colors));
+    assert_eq!(again.texture(), fresh.texture());
+    // Strokes that stay are known by the first picture.
+    assert!(again.follows(whole.texture()) && !again.follows(again.texture()));
+}
+
+#[test]
 fn neighbors_in_sixteen_paintings_prefer_the_same_one() {
     let scene = sky_and_grass();
     let surface = surface(&scene);
@@ -175,7 +190,7 @@ fn the_palette_pulls_as_much_as_it_is_told() {
     };
     let [none, some, usual, all] = [0.0, 0.5, Hand::PALETTE, 1.0].map(|palette| off(&with(palette)));
     assert!(none > some && some > usual && usual > all, "{none} {some} {usual} {all}");
-    assert!(all < 0.5 * none, "{all} {none}");
+    assert!(all < 0.8 * none, "{all} {none}");
     assert_equal(&with(Hand::PALETTE), &laid(&scene, &surface, &[&canvas], Hand::default()));
     for bad in [-0.1, 1.1, f32::NAN] {
         let hand = Hand { palette: bad, ..Hand::default() };

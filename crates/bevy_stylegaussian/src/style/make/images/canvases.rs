@@ -4,10 +4,13 @@
 use std::sync::{Arc, OnceLock};
 
 use bevy::{platform::collections::HashMap, prelude::*, render::render_resource::TextureFormat};
-use stylegaussian::recolor::ColorMoments;
+use stylegaussian::{
+    paint::{Canvas, Paint},
+    recolor::ColorMoments,
+};
 use stylegaussian_encoder::paint_of;
 
-use super::pixels::{cropped, decoded, pixels};
+use super::pixels::{cropped, decoded, over_white, pixels};
 use crate::style::{
     make::{
         first::{palette_of, palette_of_paint},
@@ -25,30 +28,81 @@ struct ImageCanvas {
     /// Its palette, which is there at once or with the canvas.
     palette: Arc<OnceLock<ColorMoments>>,
     canvas: Later<Stretched>,
+    /// The canvas once it is made.
+    made: Arc<OnceLock<Stretched>>,
+}
+
+impl ImageCanvas {
+    /// A canvas that the first style makes that needs it.
+    fn new(
+        palette: Option<ColorMoments>,
+        make: impl FnOnce(&OnceLock<ColorMoments>) -> Stretched + Send + 'static,
+    ) -> Self {
+        let palette = Arc::new(palette.map_or_else(OnceLock::new, OnceLock::from));
+        let made = Arc::new(OnceLock::new());
+        let (of_canvas, known) = (Arc::clone(&palette), Arc::clone(&made));
+        let canvas = later(move || known.get_or_init(|| make(&of_canvas)).clone());
+        Self { palette, canvas, made }
+    }
 }
 
 impl ImageCanvases {
-    /// The canvas of a loaded image, or of a part of it.
+    /// The canvas of a loaded image, or of a part of it. `is_living` is whether strokes follow the image.
     pub(crate) fn get(
         &mut self,
         handle: &Handle<Image>,
         crop: Option<Crop>,
         image: &Image,
+        is_living: bool,
     ) -> Later<Stretched> {
         let stretch = || {
-            let name = image_name(handle);
+            let (name, pixels) = (image_name(handle), pixels(image));
             // That of a part comes with its canvas.
             let at_once = if crop.is_none() { palette_at_once(image) } else { None };
-            let palette = Arc::new(at_once.map_or_else(OnceLock::new, OnceLock::from));
-            let of_canvas = Arc::clone(&palette);
-            let pixels = pixels(image);
-            let canvas = later(move || match pixels {
-                Ok(image) => of_image(name, crop, image, &of_canvas),
+            ImageCanvas::new(at_once, move |palette| match pixels {
+                Ok(image) => of_image(name, crop, image, is_living, palette),
                 Err(found) => Err(Arc::new(StyleError::Image { image: name, found })),
-            });
-            ImageCanvas { palette, canvas }
+            })
         };
         Arc::clone(&self.0.entry((handle.id(), crop)).or_insert_with(stretch).canvas)
+    }
+
+    /// The canvas of a whole image that there is one of already.
+    pub(super) fn known(&self, id: AssetId<Image>) -> Option<Later<Stretched>> {
+        self.0.get(&(id, None)).map(|known| Arc::clone(&known.canvas))
+    }
+
+    /// Whether there is a canvas of a whole image that strokes may follow, or one on its way.
+    pub(super) fn may_be_followed(&self, id: AssetId<Image>) -> bool {
+        let known = self.0.get(&(id, None));
+        known.is_some_and(|known| known.made.get().is_none_or(|_| self.followed(id).is_some()))
+    }
+
+    /// The canvas of a whole image, or the reason why there is none, once a style has asked for it.
+    pub(super) fn made(&self, id: AssetId<Image>) -> Option<&Stretched> {
+        self.0.get(&(id, None))?.made.get()
+    }
+
+    /// The canvas of a whole image, if strokes may follow it: all of it is used, as the GPU reads all of it.
+    pub(crate) fn followed(&self, id: AssetId<Image>) -> Option<&Arc<Canvas>> {
+        self.made(id)?.as_ref().ok().filter(|canvas| canvas.is_whole())
+    }
+
+    /// Forgets the canvases of an image and of its parts.
+    pub(super) fn forget(&mut self, id: AssetId<Image>) {
+        self.0.retain(|(image, _), _| *image != id);
+    }
+
+    /// Forgets the canvases of an image's parts.
+    pub(super) fn forget_parts(&mut self, id: AssetId<Image>) {
+        self.0.retain(|(image, crop), _| *image != id || crop.is_none());
+    }
+
+    /// Sets the pixels of an image that are on the GPU alone.
+    pub(super) fn insert(&mut self, id: AssetId<Image>, paint: Arc<Paint>) {
+        let palette = palette_of_paint(&paint);
+        let canvas = ImageCanvas::new(Some(palette), move |_| Ok(Arc::new(Canvas::new(&paint))));
+        self.0.insert((id, None), canvas);
     }
 
     /// The palette of an image that was asked for by [`Self::get`], or `None` if it is not known yet.
@@ -57,23 +111,16 @@ impl ImageCanvases {
     }
 }
 
-/// Forgets the canvases of images that changed or went.
-pub(crate) fn forget_changed_canvases(
-    mut images: MessageReader<AssetEvent<Image>>,
-    mut canvases: ResMut<ImageCanvases>,
-) {
-    // `Added` is left out: there is no canvas before the image exists.
-    for event in images.read() {
-        if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = event {
-            canvases.0.retain(|(image, _), _| image != id);
-        }
-    }
-}
-
 /// Prepares an image. Takes a while: not for the main thread. Its palette is set first.
-fn of_image(name: String, crop: Option<Crop>, image: Image, palette: &OnceLock<ColorMoments>) -> Stretched {
+fn of_image(
+    name: String,
+    crop: Option<Crop>,
+    image: Image,
+    is_living: bool,
+    palette: &OnceLock<ColorMoments>,
+) -> Stretched {
     let image = cropped(&name, decoded(name.clone(), image)?, crop)?;
-    let paint = paint_of(&image);
+    let paint = if is_living { over_white(image) } else { paint_of(&image) };
     palette.get_or_init(|| palette_of_paint(&paint));
     stretched(name, &paint)
 }

@@ -1,4 +1,5 @@
-//! Images as styles: prepared as [`canvases`], or encoded to [`statistics`] for the decoder.
+//! Images as styles: prepared as [`canvases`], or encoded to [`statistics`] for the decoder. Some change
+//! while they are shown ([`living`]).
 
 use bevy::{
     asset::{AssetEventSystems, LoadState},
@@ -19,11 +20,14 @@ use crate::{
     systems::StyleGaussianSystems,
 };
 
-mod canvases;
+pub(crate) mod canvases;
+pub(crate) mod living;
 pub(crate) mod pixels;
 mod statistics;
 
 use canvases::ImageCanvases;
+pub(crate) use living::Followed;
+use living::LivingImages;
 use statistics::ImageStatistics;
 
 /// Reads images as styles, by the encoder if they are decoded.
@@ -36,12 +40,13 @@ impl Plugin for ImagesPlugin {
             .init_resource::<StyleEncoder>()
             .init_resource::<ImageCanvases>()
             .init_resource::<ImageStatistics>()
+            .init_resource::<LivingImages>()
             .register_type::<ImageEncoder>()
             .register_type::<StyleEncoder>()
             .add_systems(
                 PostUpdate,
                 // Old canvases and statistics are gone before a style is wanted.
-                (canvases::forget_changed_canvases, statistics::forget_changed_statistics)
+                ((living::find_living, living::take_reports).chain(), statistics::forget_changed_statistics)
                     .after(AssetEventSystems)
                     .before(StyleGaussianSystems::Styles),
             );
@@ -60,6 +65,7 @@ pub(crate) struct ImageInputs<'w> {
     encoder: Res<'w, StyleEncoder>,
     canvases: ResMut<'w, ImageCanvases>,
     statistics: ResMut<'w, ImageStatistics>,
+    living: ResMut<'w, LivingImages>,
 }
 
 /// The encoder, as far as it is still being loaded.
@@ -78,8 +84,17 @@ impl LoadingEncoder<'_> {
 impl ImageInputs<'_> {
     /// The canvas of an image, or of a part of it.
     pub(crate) fn canvas(&mut self, handle: &Handle<Image>, crop: Option<Crop>) -> Input<Later<Stretched>> {
+        let id = handle.id();
+        // An image that changes may have a canvas and be gone.
+        if let (None, Some(known)) = (crop, self.canvases.known(id)) {
+            return Ok(Some(known));
+        }
         let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
-        Ok(Some(self.canvases.get(handle, crop, image)))
+        let is_living = crop.is_none() && self.living.images.contains_key(&id);
+        if is_living && self.living.first(id)? {
+            return Ok(None);
+        }
+        Ok(Some(self.canvases.get(handle, crop, image, is_living)))
     }
 
     /// The palette of an image whose canvas was asked for, or `None` if it is not known yet.

@@ -1,6 +1,8 @@
 //! The pixels of images, as canvases, encoders and bakes take them.
 
 use bevy::{prelude::*, render::render_resource::TextureFormat};
+use stylegaussian::paint::Paint;
+use stylegaussian_encoder::paint_of;
 
 use crate::style::{make::later::Crop, wish::error::StyleError};
 
@@ -28,13 +30,20 @@ pub(crate) fn cropped(
     image.cropped(crop.area()).map_err(|source| StyleError::Crop { image: name.into(), source })
 }
 
+/// The paint of an image that strokes follow, as the GPU reads it: what is transparent is white.
+pub(super) fn over_white(image: stylegaussian_encoder::Image) -> Paint {
+    paint_of(&stylegaussian_encoder::Image { alpha: None, ..image })
+}
+
 /// A copy of the image for a task.
 ///
 /// # Errors
 /// If it has no pixels in main memory. The message says so.
 pub(crate) fn pixels(image: &Image) -> Result<Image, String> {
     if image.data.is_none() {
-        return Err("it has no pixels in main memory (load it with RenderAssetUsages::MAIN_WORLD)".into());
+        return Err("it has no pixels in main memory (load it with RenderAssetUsages::MAIN_WORLD, or add a \
+                    StyleLiving and use all of it)"
+            .into());
     }
     let mut image = image.clone();
     // An image loaded as linear data (`is_srgb = false`) has the same bytes. A style is what a person sees in
