@@ -9,8 +9,9 @@ use rayon::prelude::*;
 use super::{
     detail::Detail,
     painting::{MAX_PIXELS, Paint},
+    patch::{PATCH, PLACE, STEP, offset_in_patch},
     picture::{Copies, Picture, mirrored},
-    places::{Descriptors, PATCH, STEP, offset_in_patch},
+    places::Descriptors,
     tints::Tints,
     used::Used,
 };
@@ -26,9 +27,6 @@ const FINE_SHARE: f32 = 0.6;
 
 /// Standard deviation of fine detail, in pixels.
 const FINE: f32 = 4.0;
-
-/// Side of a place, in pixels.
-pub(super) const PLACE: usize = 8;
 
 /// Standard deviation of a place's color, in pixels: a place is read about this far around.
 const PLACE_BLUR: f32 = 6.0;

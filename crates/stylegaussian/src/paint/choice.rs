@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::{
     canvas::Canvas,
     collection::choose,
-    lay::TO_PALETTE,
+    hand::TO_PALETTE,
     places::{Hues, Placement, place},
     surface::Surface,
     tints::Tints,

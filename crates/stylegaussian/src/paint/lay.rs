@@ -8,11 +8,11 @@ use super::{
     canvas::Canvas,
     choice::Choice,
     grade::Underpainting,
+    hand::Hand,
     pins::{Pin, move_seeds, of_painting, pinned},
     places::Placement,
     sight::weighted_median,
     surface::Surface,
-    tints::Tints,
 };
 use crate::{
     palette::LUMINANCE,
@@ -21,10 +21,6 @@ use crate::{
     strokes::{FINE_SIDE, MAX_TEXTURES, PlainSeed, StrokeSeed, StrokeTexture, StrokeWord, Strokes, mixed},
     work::{Canceled, Work},
 };
-
-/// Share of the way toward the painting's nearest colors, for hues that it does not have. Grass then turns to a
-/// painting's gold and not to its mean.
-pub(super) const TO_PALETTE: f32 = 0.8;
 
 /// Weight of chroma, beside luminance, in how much a Gaussian stands out.
 const CHROMA: f32 = 0.15;
@@ -50,35 +46,6 @@ pub struct Painted {
     /// Energy of the strokes' fine detail in pictures, over that of the painting: about how much of the
     /// painting's brushwork is seen. A mean over mixed paintings.
     pub fine_energy: f64,
-}
-
-/// What an artist decides beside the choice of paintings.
-#[derive(Clone, Copy)]
-pub struct Hand<'a> {
-    /// Whether the paintings act as one style: each spot takes its place among all of them, and neighbors
-    /// prefer the same painting. Else colors are mixed by weights.
-    pub is_collection: bool,
-    /// Colors in the paintings' stead. Strokes keep their light and dark.
-    pub tints: Option<&'a Tints>,
-    /// Share of the way that base colors go toward the hues of the palette, 0..1. At 0, hues that it does not
-    /// have stay; at 1, there are no others.
-    pub palette: f32,
-    /// Direction of strokes on the scene, in scene space and of any length above 0. `None`: along its edges.
-    pub direction: Option<Vec3>,
-    /// Places that are given.
-    pub pins: &'a [Pin],
-}
-
-impl Default for Hand<'_> {
-    /// The paintings decide all.
-    fn default() -> Self {
-        Self { is_collection: false, tints: None, palette: Hand::PALETTE, direction: None, pins: &[] }
-    }
-}
-
-impl Hand<'_> {
-    /// The usual strength of the palette.
-    pub const PALETTE: f32 = TO_PALETTE;
 }
 
 /// Paintings that are laid on together, and their pins, which number them.

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use glam::{Vec2, Vec3};
 
-use super::{canvas::Canvas, lay::Hand, places::Placement, surface::Surface};
+use super::{canvas::Canvas, hand::Hand, places::Placement, surface::Surface};
 use crate::{
     look::SceneFingerprint,
     scene::Scene,

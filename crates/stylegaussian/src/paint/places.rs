@@ -6,19 +6,11 @@ use rustc_hash::FxHashMap;
 
 use super::{
     canvas::{CLEAR, Canvas},
+    patch::PATCH,
     seeds::{IN_PLANE, Seed},
     surface::Surface,
 };
 use crate::decoder::product::{Matrix, dot, product};
-
-/// Points along a side of a patch.
-const SIDE: usize = 5;
-
-/// Points of a patch, which shows the surroundings of a seed or a place.
-pub(super) const PATCH: usize = SIDE * SIDE;
-
-/// Distance of a patch's points, in pixels: a patch is a little wider than a stroke's spot.
-pub(super) const STEP: f32 = 8.0;
 
 /// Numbers of a descriptor: a patch without its mean, and a mean color.
 const WIDTH: usize = 3 * PATCH + 3;
@@ -43,17 +35,6 @@ const BLOCK: usize = 4;
 
 /// Distance from a neighbor's continuation, in pixels, beyond which places count as unrelated.
 const UNRELATED: f32 = 12.0;
-
-/// The largest offset of a patch's points, in steps along and beside.
-pub(super) fn reach_of_patch() -> f32 {
-    (SIDE / 2) as f32
-}
-
-/// The place of a patch's point, in steps along and beside.
-pub(super) fn offset_in_patch(k: usize) -> (f32, f32) {
-    let middle = (SIDE / 2) as f32;
-    ((k / SIDE) as f32 - middle, (k % SIDE) as f32 - middle)
-}
 
 /// Descriptors of seeds or of places. Their squared difference is the dissimilarity of two.
 pub(super) struct Descriptors {

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::{
     frames::Frames,
-    places::{PATCH, STEP, offset_in_patch},
+    patch::{PATCH, STEP, offset_in_patch},
     proofs::Proofs,
     seeds::{Ground, Nearest, Seed, Seeds},
     sight::{Sight, usual_views},

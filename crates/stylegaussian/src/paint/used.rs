@@ -3,9 +3,8 @@
 use glam::Vec3;
 
 use super::{
-    canvas::PLACE,
+    patch::{PLACE, STEP, reach_of_patch},
     picture::Picture,
-    places::{STEP, reach_of_patch},
 };
 
 /// Clearance of a place from pixels that may not be used, in pixels: the corner of its patch, whichever way
