@@ -14,7 +14,7 @@ use crate::{
 const SIDE: usize = 256;
 
 /// Pixels around one whose mean is no fine detail: a square of 2 R + 1 on a side.
-const R: usize = 2;
+const R: usize = 4;
 
 /// A disc of flat Gaussians in the plane z = 0, with a slow gradient of gray, and one beyond all pictures. A
 /// deviation is three quarters of the distance between neighbors, so that the disc is opaque.
@@ -97,16 +97,17 @@ fn split_gaussians_show_strokes_by_themselves() {
     // What no view shows is not split.
     assert_eq!(split.order.iter().filter(|order| **order as usize == scene.len() - 1).count(), 1);
     let flat = painted.flattened(&scene);
-    // The view to which colors were fitted, and one from beside and nearer.
-    for (eye, least) in [(Vec3::new(0.5, 0.5, -2.0), 0.7), (Vec3::new(1.0, 0.2, -1.8), 0.6)] {
+    // The view to which colors were fitted, and one from beside and nearer, where other parts are in front.
+    for (eye, least, gain) in [(Vec3::new(0.5, 0.5, -2.0), 0.7, 0.2), (Vec3::new(1.0, 0.2, -1.8), 0.5, 0.05)]
+    {
         let camera = camera(eye, SIDE);
         let strokes = (&painted.strokes, &StrokeKnobs::DEFAULT);
         let wanted = render_strokes(&scene, Colors::Rgb(&painted.colors), strokes, &camera, None);
         let drawn = render(&split, Colors::Captured, &camera);
         let [like, energy] = likeness(&drawn, &wanted);
         let [flat, of_flat] = likeness(&render(&scene, Colors::Rgb(&flat), &camera), &wanted);
-        assert!(like > least && like > flat + 0.1, "{like}, flat {flat}");
-        assert!((0.4..1.3).contains(&energy) && energy > of_flat, "{energy}, flat {of_flat}");
+        assert!(like > least && like > flat + gain, "{like}, flat {flat}");
+        assert!((0.3..1.3).contains(&energy) && energy > 2.0 * of_flat, "{energy}, flat {of_flat}");
         let apart = |(a, b): (&f32, &f32)| (a - b).abs();
         let apart: Vec<f32> = drawn.alpha.iter().zip(&wanted.alpha).map(apart).collect();
         let mean = apart.iter().sum::<f32>() / apart.len() as f32;

@@ -113,7 +113,8 @@ fn plans_have_the_pictures_of_all_steps() {
     // for squares, two for each of two sums, two for detail, and one for each of 10 and 8 levels.
     assert_eq!(plan.steps.len(), 1 + 1 + 12 + 5 + 1 + 4 + 2 + 18);
     // A row takes 64 texels at least, of which levels of less than 64 columns leave some unused.
-    let packed = |side: u32| (0..=side.ilog2()).map(move |level| side >> level).map(|side| side * side.max(64));
+    let packed =
+        |side: u32| (0..=side.ilog2()).map(move |level| side >> level).map(|side| side * side.max(64));
     assert_eq!(plan.n_packed, packed(512).chain(packed(128)).sum::<u32>());
     let read = Plan::new(PlanKey { original: [300, 200], reading: None, n_channels: 4, is_linear: false });
     assert_eq!((read.steps.len(), read.n_pixels), (1, 60_000));
