@@ -289,6 +289,7 @@ impl StyleSource {
     }
 
     /// Whether something is decided that a bake does not know of.
+    #[cfg(feature = "refine")]
     pub(crate) fn has_hand(&self) -> bool {
         let plain = Self::default();
         self.is_collection
