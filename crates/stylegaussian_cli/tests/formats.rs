@@ -205,7 +205,9 @@ fn a_styled_scene_is_written_in_every_format() {
                     _ => (f32::MIN, f32::MAX),
                 };
                 let error = (found - expected.clamp(least, most)).abs();
-                assert!(error < 4e-3, "{name}: {found}, expected {expected}");
+                // SOG has 256 numbers for all colors, which span 5 here: half of a step.
+                let most = if extension == "sog" { 1e-2 } else { 4e-3 };
+                assert!(error < most, "{name}: {found}, expected {expected}");
             }
         }
     }
