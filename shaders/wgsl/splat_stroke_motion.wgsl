@@ -18,7 +18,7 @@ struct StrokeMotion {
     amount: f32,
 }
 
-/// What a motion changes of a seed.
+/// The change of a seed by a motion.
 struct MovedSeed {
     /// The painting's axes on the scene, unit vectors.
     right: vec3<f32>,

@@ -49,7 +49,7 @@ fn shine(cosine: f32) -> f32 {
     return pow(max(cosine, 1e-6), SHININESS);
 }
 
-/// What light adds to a color on paint with this gradient of its height: 0 if that is 0.
+/// The change of a color by light on paint with this gradient of its height: 0 if that is 0.
 fn shade(relief: Relief, gradient: vec2<f32>, color: vec3<f32>) -> vec3<f32> {
     let steep = relief.strength * gradient * vec2(1.0, relief.aspect);
     let slope = steep * inverseSqrt(1.0 + dot(steep, steep) / (STEEPEST * STEEPEST));
@@ -61,8 +61,8 @@ fn shade(relief: Relief, gradient: vec2<f32>, color: vec3<f32>) -> vec3<f32> {
     return select(vec3(0.0), added, any(steep != vec2(0.0)));
 }
 
-/// What light adds to a splat's color at a place in the painting: on its own octave, or on one of those that
-/// are stable on screen.
+/// The change of a splat's color by light at a place in the painting: on its own octave, or on one of those
+/// that are stable on screen.
 fn lit(strokes: Strokes, relief: Relief, at: vec2<f32>, octave: f32, color: vec3<f32>) -> vec3<f32> {
     let share = select(1.0, stable_share(strokes, octave), stroke_draw.is_stable > 0u);
     let gradient = gradient_at(strokes, at * exp2(octave), strokes.level + octave);

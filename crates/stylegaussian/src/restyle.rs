@@ -44,7 +44,7 @@ pub enum Styles<'a> {
         paintings: Vec<(&'a Canvas, f64)>,
         /// The surface of the scene.
         surface: &'a Surface,
-        /// What is decided beside them. Its pins number the paintings.
+        /// Choices beside them. Its pins number the paintings.
         hand: Hand<'a>,
     },
     /// Statistics, decoded.

@@ -44,7 +44,7 @@ pub struct Scene {
     /// Cameras through which the scene was captured, spread over the capture; empty if they are not known.
     /// Bakes look through them.
     pub cameras: Vec<Camera>,
-    /// What chosen cameras are to frame, or `None` for what is dense. No file keeps it.
+    /// The ball that chosen cameras are to frame, or `None` for the dense part. No file keeps it.
     pub frame: Option<Frame>,
     /// The filter against holes and aliasing that the scene was trained with, and that it must be drawn with.
     pub filter: ScreenFilter,

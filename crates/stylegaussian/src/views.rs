@@ -116,7 +116,7 @@ pub fn orbit(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
     cameras(circle, size)
 }
 
-/// What chosen cameras frame of a scene.
+/// The part of a scene that chosen cameras frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Framing {
     /// The ball that fills a picture of all that is framed.
@@ -127,7 +127,7 @@ pub struct Framing {
     pub n_left_out: usize,
 }
 
-/// What [`choose_views`] and [`orbit`] frame of `scene`, or `None` if nothing of it is visible.
+/// The part of `scene` that [`choose_views`] and [`orbit`] frame, or `None` if nothing of it is visible.
 pub fn framing(scene: &Scene) -> Option<Framing> {
     let survey = Survey::new(scene, N_OF_OVERVIEWS)?;
     let frame = Frame { center: survey.center, radius: survey.radius };

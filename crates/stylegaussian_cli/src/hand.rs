@@ -1,6 +1,5 @@
-//! What an artist decides beside the choice of paintings: `--collection`, `--style-crop`, `--palette`,
-//! `--palette-strength`,
-//! `--stroke-direction` and `--pins`.
+//! An artist's choices beside the paintings: `--collection`, `--style-crop`, `--palette`,
+//! `--palette-strength`, `--stroke-direction` and `--pins`.
 
 use std::path::{Path, PathBuf};
 
@@ -58,7 +57,7 @@ pub struct HandArgs {
     pins: Option<PathBuf>,
 }
 
-/// What was decided, read.
+/// The choices, with their files read.
 pub struct Decided {
     is_collection: bool,
     tints: Option<Tints>,

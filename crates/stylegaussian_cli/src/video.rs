@@ -48,7 +48,7 @@ impl Format {
         Ok(format)
     }
 
-    /// What shines through a film's pictures: MP4 has no transparency, and shows black in its stead.
+    /// The background of a film's pictures: MP4 has no transparency, and shows black in its stead.
     pub fn background(self, wanted: Background) -> Background {
         match (self, wanted) {
             (Self::Mp4, Background::Transparent) => Background::Color([0; 3]),
@@ -56,7 +56,7 @@ impl Format {
         }
     }
 
-    /// What `ffmpeg` has to know to write the format.
+    /// Arguments with which `ffmpeg` writes the format.
     fn arguments(self, is_transparent: bool) -> Vec<String> {
         let pixels = if is_transparent { "yuva420p" } else { "yuv420p" };
         // Colors of every second pixel need even sides: one row and one column may be cut off. The matrix of

@@ -1,4 +1,4 @@
-//! What an artist decides.
+//! The artist's choices.
 
 use glam::Vec3;
 
@@ -8,7 +8,7 @@ use super::{pins::Pin, tints::Tints};
 /// painting's gold and not to its mean.
 pub(super) const TO_PALETTE: f32 = 0.8;
 
-/// What an artist decides beside the choice of paintings.
+/// Choices of an artist beside the paintings.
 #[derive(Clone, Copy)]
 pub struct Hand<'a> {
     /// Whether the paintings act as one style: each spot takes its place among all of them, and neighbors

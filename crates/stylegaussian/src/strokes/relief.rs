@@ -94,8 +94,8 @@ impl StrokeRelief {
         }
     }
 
-    /// What light adds to a `color` on paint with this gradient of its height, in texels to a texel: 0 if that
-    /// is 0.
+    /// The change of a `color` by light on paint with this gradient of its height, in texels to a texel: 0 if
+    /// that is 0.
     pub fn shade(&self, gradient: Vec2, color: Vec3) -> Vec3 {
         let steep = self.strength * gradient * Vec2::new(1.0, self.aspect);
         if steep == Vec2::ZERO {
@@ -112,8 +112,8 @@ impl StrokeRelief {
 }
 
 impl StrokeRecord {
-    /// What light adds to a splat's `color` at `offset` pixels from its center: on the painting's own octave
-    /// alone, since finer ones would be grain, or on each of those that are stable on screen.
+    /// The change of a splat's `color` by light at `offset` pixels from its center: on the painting's own
+    /// octave alone, since finer ones would be grain, or on each of those that are stable on screen.
     pub fn lit(
         &self,
         texture: &StrokeTexture,

@@ -51,7 +51,7 @@ pub(super) struct PackedLevel {
     pub stride: u32,
 }
 
-/// What a plan is of.
+/// The sizes that a plan is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct PlanKey {
     /// Width and height of the painting, in pixels.

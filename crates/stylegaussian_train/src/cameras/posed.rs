@@ -9,7 +9,7 @@ use std::{
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec2, DVec3, UVec2};
 use stylegaussian::Camera;
 
-/// What a file of cameras does not tell.
+/// Facts that a file of cameras does not tell.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CameraOptions {
     /// The size of pictures for cameras that have an angle of view, but neither a size nor a photo. A warning
@@ -116,7 +116,7 @@ pub enum CamerasError {
         n_missing: usize,
         /// All cameras.
         n: usize,
-        /// What is wrong with the first.
+        /// The fault of the first.
         first: Box<CamerasError>,
     },
     /// The photo that should give a camera's size cannot be read.

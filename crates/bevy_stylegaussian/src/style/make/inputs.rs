@@ -237,7 +237,7 @@ impl Inputs<'_> {
         }
     }
 
-    /// What a source decides beside its paintings.
+    /// The choices of a source beside its paintings.
     fn decided(&mut self, source: &StyleSource, scene: &LoadedScene) -> Input<Decided> {
         let tints = match &source.palette {
             None => None,

@@ -57,7 +57,7 @@ pub(crate) enum Styles {
     None,
 }
 
-/// What a source decides beside its paintings.
+/// The choices of a source beside its paintings.
 #[derive(Clone, PartialEq)]
 pub(crate) struct Decided {
     pub(crate) is_collection: bool,

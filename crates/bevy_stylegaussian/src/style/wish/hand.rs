@@ -1,4 +1,4 @@
-//! What an artist decides beside the choice of paintings: a palette in their stead, and pinned places.
+//! An artist's choices beside the paintings: a palette in their stead, and pinned places.
 
 use std::{error::Error, sync::Arc};
 

@@ -1,4 +1,4 @@
-//! What an artist decides: what may be used of a painting, collections, the palette, pinned places.
+//! The artist's choices: what may be used of a painting, collections, the palette, pinned places.
 
 use glam::Vec2;
 

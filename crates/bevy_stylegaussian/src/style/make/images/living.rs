@@ -52,7 +52,7 @@ pub(crate) struct LivingImage {
     is_on_gpu: bool,
     /// Whether it was there.
     is_known: bool,
-    /// What is wrong with it.
+    /// The reason, if it cannot be followed.
     pub(crate) error: Option<Arc<StyleError>>,
     /// Whether that was told.
     pub(crate) is_told: bool,
@@ -74,7 +74,7 @@ impl LivingImages {
         self.images.contains_key(&id) && canvases.may_be_followed(id)
     }
 
-    /// What the first canvas of an image waits for: an error, or `Ok(true)` if its pixels are copied from the
+    /// The wait of an image's first canvas: an error, or `Ok(true)` if its pixels are copied from the
     /// GPU first.
     pub(super) fn first(&mut self, id: AssetId<Image>) -> Result<bool, Arc<StyleError>> {
         let Some(living) = self.images.get_mut(&id) else { return Ok(false) };
