@@ -11,8 +11,8 @@ const GATHERINGS: [(bool, &str, &str); 2] = [
     (true, "as one", "each spot shows the painting that has a place like it"),
 ];
 
-/// The directions of strokes, along the scene's own axes.
-const DIRECTIONS: [(Option<Vec3>, &str); 4] =
+/// The directions of strokes, along the axes of the scene or of a volume.
+pub const DIRECTIONS: [(Option<Vec3>, &str); 4] =
     [(None, "edges"), (Some(Vec3::X), "x"), (Some(Vec3::Y), "y"), (Some(Vec3::Z), "z")];
 
 /// Draws the rows of a grid. Returns whether pins are to be saved.

@@ -4,6 +4,7 @@ use bevy::prelude::*;
 use bevy_stylegaussian::{
     MaskVisibility, StyleMask, StyleSource, StyleVolume,
     mask::StyleMaskFailed,
+    style::VolumeStrokes,
     stylegaussian::{
         layers::Region,
         mask::{CHANNELS, Combine, Selection},
@@ -47,6 +48,8 @@ pub struct Volume {
     pub size: f32,
     /// Width of its edge, as a share of its size.
     pub softness: f32,
+    /// What it changes of the strokes within. Without a style, it leaves those that are there.
+    pub strokes: Option<VolumeStrokes>,
 }
 
 /// A change that can be undone.
@@ -118,7 +121,7 @@ impl Parts {
     /// Adds a volume of the chosen style at the middle of the view.
     pub fn add_volume(&mut self, is_box: bool, orbit: &Orbit) {
         let (style, center) = (self.style, orbit.target());
-        self.volumes.push(Volume { is_box, style, center, size: 0.25, softness: 0.2 });
+        self.volumes.push(Volume { is_box, style, center, size: 0.25, softness: 0.2, strokes: None });
         self.chosen = Some(self.volumes.len() - 1);
         self.tool = Tool::Volume;
     }
@@ -280,6 +283,7 @@ fn wanted(parts: &Parts, styles: &Styles, radius: f32) -> Vec<Option<(StyleVolum
             false => StyleVolume::new(Sphere { radius: half }),
         };
         let shape = shape.with_softness(volume.softness * half).with_priority((CHANNELS + i) as i32);
+        let shape = StyleVolume { strokes: volume.strokes, ..shape };
         Some((shape, styles.source_of(volume.style), Transform::from_translation(volume.center)))
     });
     channels.chain(volumes).collect()

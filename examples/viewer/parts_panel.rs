@@ -4,10 +4,11 @@ use bevy::math::Vec2;
 use bevy_egui::egui::{
     self, Button, Checkbox, Color32, ComboBox, Grid, Painter, Response, Slider, Stroke, Ui, pos2,
 };
+use bevy_stylegaussian::style::VolumeStrokes;
 use stylegaussian_app::Orbit;
 
 use crate::{
-    parts::{PartStyle, Parts, Tool},
+    parts::{PartStyle, Parts, Tool, Volume},
     styles::Styles,
 };
 
@@ -95,11 +96,42 @@ fn volumes(ui: &mut Ui, parts: &mut Parts, styles: &Styles) {
         ui.end_row();
         slider(ui, "size", &mut volume.size, 0.02..=1.5);
         slider(ui, "edge", &mut volume.softness, 0.0..=1.0);
+        strokes(ui, volume);
     });
     if ui.button("remove").clicked() {
         parts.volumes.remove(chosen);
         parts.chosen = None;
     }
+}
+
+/// The changes of the strokes in a volume.
+fn strokes(ui: &mut Ui, volume: &mut Volume) {
+    let mut changes = volume.strokes.is_some();
+    ui.label("strokes").on_hover_text("without a style, those that are there");
+    if ui.add(Checkbox::new(&mut changes, "change")).changed() {
+        volume.strokes = changes.then(VolumeStrokes::default);
+    }
+    ui.end_row();
+    let Some(strokes) = &mut volume.strokes else { return };
+    slider(ui, "x paint", &mut strokes.paint, 0.0..=3.0);
+    slider(ui, "x size", &mut strokes.stroke_scale, 0.25..=4.0);
+    slider(ui, "x clear", &mut strokes.protection, 0.0..=5.0);
+    slider(ui, "x relief", &mut strokes.relief, 0.0..=4.0);
+    ui.label("run");
+    ui.horizontal(|ui| {
+        for (direction, text) in crate::hand_panel::DIRECTIONS {
+            ui.selectable_value(&mut strokes.direction, direction, text);
+        }
+    });
+    ui.end_row();
+    ui.label("motion");
+    ui.horizontal(|ui| {
+        let motions = crate::strokes_panel::motions().map(|(motion, text, _)| (Some(motion), text));
+        for (motion, text) in std::iter::once((None, "its own")).chain(motions) {
+            ui.selectable_value(&mut strokes.motion, motion, text);
+        }
+    });
+    ui.end_row();
 }
 
 fn slider(ui: &mut Ui, name: &str, value: &mut f32, range: std::ops::RangeInclusive<f32>) {

@@ -8,7 +8,7 @@ use bevy_stylegaussian::style::StyleMotion;
 use crate::styles::Styles;
 
 /// The choice of motions.
-fn motions() -> [(StyleMotion, &'static str, &'static str); 3] {
+pub fn motions() -> [(StyleMotion, &'static str, &'static str); 3] {
     [
         (StyleMotion::Still, "still", "strokes stay where they are"),
         (StyleMotion::boil(8.0), "boiling", "strokes are redrawn some times a second"),

@@ -185,7 +185,7 @@ impl Styles {
             is_collection: self.is_collection,
             palette: self.palette.and_then(|style| palette_of(&self.list.get(style)?.input)),
             palette_strength: self.palette_strength,
-            stroke_direction: self.direction,
+            stroke_direction: self.direction.map(Into::into),
             pins: self.used_pins().into(),
             motion: self.motion,
             screen_stable: self.screen_stable,

@@ -17,6 +17,8 @@ pub const MIX_LOOKS: u32 = 4;
 pub const STARTS: u32 = 1 << 31;
 /// `MixLayer::look` of a layer that shows the captured colors.
 pub const NO_LOOK: u32 = u32::MAX;
+/// `MixLayer::look` of a layer that changes the strokes below.
+pub const BELOW: u32 = u32::MAX - 1;
 /// `MixLayer::mask` of a layer without a mask.
 pub const NO_MASK: u32 = u32::MAX;
 
@@ -51,7 +53,7 @@ pub struct MixLayer {
     pub shape_from_scene_z: [f32; 4],
     /// Sizes of the shape.
     pub sizes: [f32; 4],
-    /// Number of the look among those of the dispatch, or [`NO_LOOK`].
+    /// Number of the look among those of the dispatch, [`NO_LOOK`] or [`BELOW`].
     pub look: u32,
     /// Channel of the mask, or [`NO_MASK`].
     pub mask: u32,
@@ -63,10 +65,10 @@ pub struct MixLayer {
     pub inverse_softness: f32,
     /// The shape, one of the `SHAPE_` constants.
     pub shape: u32,
-    /// Added to the seeds of the look's strokes.
+    /// Added to the seeds of the look's strokes, or to those that it changes.
     pub first_seed: u32,
-    /// Unused.
-    pub padding: u32,
+    /// Factors of the strokes below that are changed, as f16: of the share that is shown, and of protection.
+    pub factors: u32,
 }
 
 /// Layers that are mixed in one dispatch.
@@ -126,7 +128,11 @@ pub fn mix_layers() -> Source {
 
 /// The kernel that mixes strokes.
 pub fn mix_strokes() -> Source {
-    let integers = constants(&[("SEED_BITS", strokes::SEED_BITS), ("SEVEN_BITS", strokes::SEVEN_BITS)]);
+    let integers = constants(&[
+        ("SEED_BITS", strokes::SEED_BITS),
+        ("SEVEN_BITS", strokes::SEVEN_BITS),
+        ("BELOW", BELOW),
+    ]);
     let more = integers + &float_constants(&[("EDGE", strokes::EDGE)]);
     source("mix_strokes", &more, include_str!("../wgsl/mix_strokes.wgsl"))
 }
@@ -151,7 +157,7 @@ pub fn layouts() -> Vec<Layout> {
             inverse_softness,
             shape,
             first_seed,
-            padding,
+            factors,
         }),
         layout!(MixStack { layers, n_gaussians, first_gaussian, first_block, n_blocks }),
         layout!(MixBlock { index, touches, within }),

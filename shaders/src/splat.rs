@@ -10,7 +10,7 @@ use crate::{Layout, Source, float_constants, layout};
 
 pub mod strokes;
 
-use strokes::{StrokeChunk, StrokeDraw, StrokeMotion};
+use strokes::{StrokeChange, StrokeChunk, StrokeDraw, StrokeMotion};
 
 /// Invocations in a workgroup of every kernel of the pass.
 pub const WORKGROUP: u32 = 256;
@@ -300,10 +300,12 @@ pub fn layouts() -> Vec<Layout> {
             relief,
             n_lights,
             is_stable,
-            padding_0,
-            padding_1,
+            n_changes,
+            padding,
             motions,
+            changes,
         }),
+        layout!(StrokeChange { direction, first, gain, stroke_scale, relief, motion }),
         layout!(StrokeMotion { toward, first, end, kind, phase, amount }),
         layout!(StrokeSeed { at, pitch, rotation_xy, rotation_z_aspect, place, look }),
         layout!(StrokeDraw { near, n_lights, is_stable, scale_octaves }),

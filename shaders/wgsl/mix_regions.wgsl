@@ -10,7 +10,8 @@ struct MixLayer {
     shape_from_scene_z: vec4<f32>,
     /// Sizes of the shape, in the order of their names in `Shape`.
     sizes: vec4<f32>,
-    /// Number of the look, or `NO_LOOK` for the captured colors, which have no strokes.
+    /// Number of the look, `NO_LOOK` for the captured colors, which have no strokes, or `BELOW` for a change of
+    /// the strokes below.
     look: u32,
     /// Channel of the mask, or `NO_MASK`.
     mask: u32,
@@ -20,9 +21,10 @@ struct MixLayer {
     inverse_softness: f32,
     /// One of the `SHAPE_` constants.
     shape: u32,
-    /// Added to the seeds of the look's strokes.
+    /// Added to the seeds of the look's strokes, or to those that are changed.
     first_seed: u32,
-    padding: u32,
+    /// Factors of a change as f16: of the share that is shown, and of protection.
+    factors: u32,
 }
 
 /// Layers, the lowest first, and the part of a scene in which they are mixed.

@@ -21,10 +21,13 @@ struct StrokeChunk {
     n_lights: u32,
     /// 1 if strokes keep their size on screen, else 0.
     is_stable: u32,
-    padding_0: u32,
-    padding_1: u32,
+    /// Changes that count.
+    n_changes: u32,
+    padding: u32,
     /// The motions, each of other seeds.
     motions: array<StrokeMotion, MAX_MOTIONS>,
+    /// The changes, the topmost first.
+    changes: array<StrokeChange, MAX_CHANGES>,
 }
 
 /// A spot of a surface about a stroke wide, and its place in a painting.
@@ -113,20 +116,52 @@ fn gains_of(word: u32, seed: StrokeSeed) -> vec2<f32> {
     return share * uniforms.amount * gains * (1.0 - vec2(PROTECTED, 1.0) * protection);
 }
 
-/// A seed as its motion has it now.
-fn seed_now(number: u32, seed: StrokeSeed) -> MovedSeed {
+/// The seed that a word names, and what is changed of it.
+fn changed_seed(word: u32) -> ChangedSeed {
+    let number = word & ((1u << SEED_BITS) - 1u);
+    var changed = ChangedSeed(number, OWN_MOTION, vec3(0.0), 1.0, 1.0, 1.0);
+    // Without changes, not a step of it.
+    for (var i = 0u; i < uniforms.n_changes; i++) {
+        if changed.number >= uniforms.changes[i].first {
+            changed.number -= uniforms.changes[i].first;
+            changed.gain *= uniforms.changes[i].gain;
+            changed.stroke_scale *= uniforms.changes[i].stroke_scale;
+            changed.relief *= uniforms.changes[i].relief;
+            if changed.motion == OWN_MOTION {
+                changed.motion = uniforms.changes[i].motion;
+            }
+            if all(changed.direction == vec3(0.0)) {
+                changed.direction = uniforms.changes[i].direction;
+            }
+        }
+    }
+    return changed;
+}
+
+/// The direction of a seed's strokes in the painting.
+fn stroke_of(seed: StrokeSeed) -> vec2<f32> {
+    let angle = f32(seed.look >> DIRECTION_SHIFT) * DIRECTION_STEP;
+    return vec2(cos(angle), sin(angle));
+}
+
+/// A seed as its changes and its motion have it now.
+fn seed_now(changed: ChangedSeed, seed: StrokeSeed) -> MovedSeed {
     let turn = turn_of(seed);
     let right = rotated(turn, vec3(1.0, 0.0, 0.0));
     let down = rotated(turn, vec3(0.0, 1.0, 0.0));
     var now = MovedSeed(right, down, vec2(0.0), 1.0);
+    if any(changed.direction != vec3(0.0)) {
+        now = turned(now, stroke_of(seed), changed.direction);
+    }
     // Without motions, not a step of it: software adapters skip nothing but iterations.
     for (var i = 0u; i < uniforms.n_motions; i++) {
-        if number >= uniforms.motions[i].first && number < uniforms.motions[i].end {
-            let turned = (seed.rotation_xy << 16u) | (seed.rotation_xy >> 16u);
-            let angle = f32(seed.look >> DIRECTION_SHIFT) * DIRECTION_STEP;
+        let is_within =
+            changed.number >= uniforms.motions[i].first && changed.number < uniforms.motions[i].end;
+        if (changed.motion == OWN_MOTION && is_within) || changed.motion == i {
+            let swapped = (seed.rotation_xy << 16u) | (seed.rotation_xy >> 16u);
             let aspect = unpack2x16float(seed.rotation_z_aspect).y;
-            let own = hashed(seed.place ^ turned);
-            now = moved(now, uniforms.motions[i], own, vec2(cos(angle), sin(angle)), aspect);
+            let own = hashed(seed.place ^ swapped);
+            now = moved(now, uniforms.motions[i], own, stroke_of(seed), aspect);
             break;
         }
     }
@@ -146,10 +181,10 @@ fn wrapped(x: f32) -> u32 {
 /// The record of a Gaussian, all zero if it shows no strokes.
 fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     let none = vec4(0u);
-    let number = word & ((1u << SEED_BITS) - 1u);
-    let seed = seeds[number];
-    let now = seed_now(number, seed);
-    let gains = now.gain * gains_of(word, seed);
+    let changed = changed_seed(word);
+    let seed = seeds[changed.number];
+    let now = seed_now(changed, seed);
+    let gains = changed.gain * now.gain * gains_of(word, seed);
     let pixel = gradients(gaussian.mean);
     // Along the ray neither coordinate changes.
     let ray = cross(pixel.x, pixel.y);
@@ -173,7 +208,7 @@ fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     let along_y = clamp(dot(across, beside_y) / across_ray, -limit, limit);
 
     // Strokes that are stable on screen have their size from their octave.
-    let stroke_scale = select(uniforms.stroke_scale, 1.0, uniforms.is_stable > 0u);
+    let stroke_scale = select(uniforms.stroke_scale * changed.stroke_scale, 1.0, uniforms.is_stable > 0u);
     let pitch = seed.pitch / stroke_scale * vec2(1.0, unpack2x16float(seed.rotation_z_aspect).y);
     let right = pitch.x * now.right;
     let down = pitch.y * now.down;
@@ -229,9 +264,9 @@ fn packed_record(
 
 /// How light falls on a Gaussian's paint, all zero if its paint is flat.
 fn relief_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
-    let number = word & ((1u << SEED_BITS) - 1u);
-    let seed = seeds[number];
-    let now = seed_now(number, seed);
+    let changed = changed_seed(word);
+    let seed = seeds[changed.number];
+    let now = seed_now(changed, seed);
     let eye = uniforms.chunk.eye;
     let to_eye = normalize(eye.xyz - eye.w * gaussian.mean);
     let inward = cross(now.right, now.down);
@@ -246,7 +281,7 @@ fn relief_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
         pack2x16snorm(light.xy),
         pack2x16snorm(vec2(light.z, middle.z)),
         pack2x16snorm(middle.xy),
-        pack2x16float(vec2(uniforms.relief, unpack2x16float(seed.rotation_z_aspect).y)),
+        pack2x16float(vec2(uniforms.relief * changed.relief, unpack2x16float(seed.rotation_z_aspect).y)),
     );
 }
 

@@ -22,9 +22,10 @@
 //! directions), `seeds`, `smooth` (the scene without its detail), `surface` (all that depends on the scene
 //! alone), `painting` (the part that a style carries), `used` (what may be used of it), `picture` (blurred
 //! copies), `detail` (the textures), `tints` (the colors), `canvas` (all that depends on the painting alone),
-//! `collection` (which of several paintings a seed takes), `places` (where in it), `choice` (both), `pins`
-//! (places that are given), `proofs` and `bands` (how much detail pictures show), `balance` (the gains), `tone`
-//! (dark and bright), `grade` (the colors under strokes), `lay` (all of it), `redraw` (pictures that change).
+//! `collection` (which of several paintings a seed takes), `places` (where in it), `choice` (both), `direction`
+//! (of strokes, if one is given), `pins` (places that are given), `proofs` and `bands` (how much detail pictures
+//! show), `balance` (the gains), `tone` (dark and bright), `grade` (the colors under strokes), `lay` (all of
+//! it), `redraw` (pictures that change).
 
 mod balance;
 mod bands;
@@ -32,6 +33,7 @@ mod canvas;
 mod choice;
 mod collection;
 mod detail;
+mod direction;
 mod frames;
 mod grade;
 mod hand;
@@ -54,6 +56,7 @@ mod tone;
 mod used;
 
 pub use canvas::Canvas;
+pub use direction::{Direction, DirectionError};
 pub use hand::Hand;
 pub use lay::{Painted, lay, recolored};
 pub use painting::{AreaError, MAX_PIXELS, Paint, pixels_of};

@@ -5,13 +5,11 @@
 
 use std::error::Error;
 
-use glam::Vec3;
-
 use crate::{
     ChannelStatistics, Decoder, Look, Scene,
     fold::{self, ChannelMap, StylizeError, normalized},
     look::{self, LookError},
-    paint::{self, Canvas, Hand, Painted, Pin, PinError, Surface},
+    paint::{self, Canvas, DirectionError, Hand, Painted, Pin, PinError, Surface},
     strokes::{MAX_TEXTURES, Strokes},
     work::{Canceled, Work},
 };
@@ -102,11 +100,8 @@ pub enum RestyleError {
         found: f32,
     },
     /// The direction of strokes is none.
-    #[error("the strokes' direction is {found}, expected finite numbers that are not all 0")]
-    Direction {
-        /// The direction.
-        found: Vec3,
-    },
+    #[error(transparent)]
+    Direction(#[from] DirectionError),
     /// There are too many paintings.
     #[error("found {found} paintings, expected at most {MAX_TEXTURES}")]
     Paintings {
@@ -220,8 +215,8 @@ impl Styles<'_> {
                 if !(0.0..=1.0).contains(&hand.palette) {
                     return Err(RestyleError::Palette { found: hand.palette });
                 }
-                if let Some(found) = hand.direction.filter(|to| to.try_normalize().is_none()) {
-                    return Err(RestyleError::Direction { found });
+                if let Some(direction) = &hand.direction {
+                    direction.check()?;
                 }
                 if paintings.len() > MAX_TEXTURES {
                     return Err(RestyleError::Paintings { found: paintings.len() });
@@ -257,7 +252,7 @@ fn mixed(parts: impl Iterator<Item = (Strokes, f64)>) -> Strokes {
 
 #[cfg(test)]
 mod tests {
-    use glam::Quat;
+    use glam::{Quat, Vec3};
 
     use super::*;
     use crate::{look::MadeFrom, paint::Paint};

@@ -19,6 +19,7 @@
 //! to the splat's color. Nothing here knows how seeds, gains and textures are found: see
 //! [`paint`](crate::paint). The kernel is `splat_strokes`.
 
+mod factors;
 mod knobs;
 mod mix;
 mod motion;
@@ -30,6 +31,7 @@ mod stable;
 mod tests;
 mod texture;
 
+pub use factors::{IN_PLANE, StrokeFactors};
 pub use knobs::StrokeKnobs;
 pub use mix::{EDGE, StrokeLayer, mix_strokes, mixed};
 pub use motion::{

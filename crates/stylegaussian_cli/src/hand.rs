@@ -1,21 +1,25 @@
 //! An artist's choices beside the paintings: `--collection`, `--style-crop`, `--palette`,
 //! `--palette-strength`, `--stroke-direction` and `--pins`.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use glam::Vec3;
 use stylegaussian::{
     Scene,
-    paint::{Canvas, Hand, Paint, Pin, Tints},
+    paint::{Canvas, Direction, Hand, Paint, Pin, Tints},
 };
 use stylegaussian_encoder::{Image, paint_of};
 use stylegaussian_files::{read_paint, read_pins};
 
 use crate::{
-    arguments::{area, direction, fraction},
+    arguments::{area, fraction},
     choose::open_painting,
+    terminal::usage_error,
 };
 
 /// Options of paint beside those of strokes.
@@ -42,16 +46,11 @@ pub struct HandArgs {
         allow_negative_numbers = true,
     )]
     palette_strength: Option<f64>,
-    /// Direction of the strokes on the scene: x to the right, y down, z forward, as in 3DGS .ply files.
-    /// Default: along the edges of its colors.
-    #[arg(
-        long,
-        value_name = "X,Y,Z",
-        value_parser = direction,
-        requires = "styles",
-        allow_hyphen_values = true,
-    )]
-    stroke_direction: Option<Vec3>,
+    /// Direction of the strokes on the scene: x to the right, y down, z forward, as in 3DGS .ply files. Several
+    /// points, separated by spaces, are a curve that they follow, closed if the last is the first; a file has
+    /// one on each line. Default: along the edges of the scene's colors.
+    #[arg(long, value_name = "X,Y,Z[ X,Y,Z...]|FILE", requires = "styles", allow_hyphen_values = true)]
+    stroke_direction: Option<String>,
     /// Pinned places, *.pins.json: spots of the scene that are painted from given spots of the paintings.
     #[arg(long, value_name = "FILE", requires = "styles")]
     pins: Option<PathBuf>,
@@ -62,7 +61,8 @@ pub struct Decided {
     is_collection: bool,
     tints: Option<Tints>,
     palette: f32,
-    direction: Option<Vec3>,
+    /// One point is a direction, and several are a curve.
+    direction: Option<Vec<Vec3>>,
     pins: Vec<Pin>,
 }
 
@@ -73,7 +73,7 @@ impl Decided {
             is_collection: self.is_collection,
             tints: self.tints.as_ref(),
             palette: self.palette,
-            direction: self.direction,
+            direction: self.direction.as_deref().map(direction_of),
             pins: &self.pins,
         }
     }
@@ -83,7 +83,7 @@ impl HandArgs {
     /// Reads what the options name.
     ///
     /// # Errors
-    /// If a file cannot be read or belongs to another scene, or if the palette is none.
+    /// If a file cannot be read or belongs to another scene, or if the palette or the direction is none.
     pub fn read(&self, scene: &Scene) -> Result<Decided> {
         let pins = match &self.pins {
             Some(path) => {
@@ -96,7 +96,7 @@ impl HandArgs {
             is_collection: self.collection,
             tints: self.palette.as_deref().map(tints).transpose()?,
             palette: self.palette_strength.map_or(Hand::PALETTE, |share| share as f32),
-            direction: self.stroke_direction,
+            direction: self.stroke_direction.as_deref().map(stroke_direction).transpose()?,
             pins,
         })
     }
@@ -171,6 +171,41 @@ fn tints(text: &str) -> Result<Tints> {
     Ok(Canvas::new(&paint).tints().clone())
 }
 
+/// A vector alone, or the points of a curve.
+fn direction_of(points: &[Vec3]) -> Direction<'_> {
+    match points {
+        [direction] => Direction::Along(*direction),
+        _ => Direction::Curve(points),
+    }
+}
+
+/// Points, or those of a file.
+fn stroke_direction(text: &str) -> Result<Vec<Vec3>> {
+    let named = format!("--stroke-direction {text}");
+    let given = text.split_whitespace().map(point).collect::<Option<Vec<_>>>();
+    let (points, name) = match given.filter(|points| !points.is_empty()) {
+        Some(points) => (points, named),
+        None if Path::new(text).is_file() => {
+            let lines = fs::read_to_string(text).with_context(|| text.to_owned())?;
+            let bad = |word: &str| format!("{text}: found `{word}`, expected points X,Y,Z");
+            let points = lines.split_whitespace().map(|word| point(word).with_context(|| bad(word)));
+            (points.collect::<Result<_>>()?, text.to_owned())
+        }
+        None => {
+            let expected = "a direction X,Y,Z, several points X,Y,Z or a file of them";
+            return Err(usage_error(format!("{named}: expected {expected}")));
+        }
+    };
+    direction_of(&points).check().with_context(|| name)?;
+    Ok(points)
+}
+
+/// A point as `X,Y,Z`.
+fn point(text: &str) -> Option<Vec3> {
+    let numbers = text.split(',').map(|number| number.parse().ok()).collect::<Option<Vec<f32>>>()?;
+    <[f32; 3]>::try_from(numbers).ok().map(Vec3::from_array)
+}
+
 /// A color as `RRGGBB` or `#RRGGBB`.
 fn color(text: &str) -> Option<[f32; 3]> {
     let digits = text.trim().strip_prefix('#').unwrap_or(text.trim());
@@ -184,6 +219,36 @@ fn color(text: &str) -> Option<[f32; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn strokes_follow_a_direction_a_curve_or_a_file() {
+        assert_eq!(stroke_direction("-1,0,0.5").unwrap(), [Vec3::new(-1.0, 0.0, 0.5)]);
+        let curve = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, -2.0, 0.0)];
+        assert_eq!(stroke_direction(" 0,0,0 1,0,0  1,-2,0 ").unwrap(), curve);
+        assert!(matches!(direction_of(&curve[1..2]), Direction::Along(Vec3::X)));
+        assert!(matches!(direction_of(&curve), Direction::Curve(_)));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("curve.txt");
+        let of_file = |text: &str| {
+            fs::write(&path, text).unwrap();
+            stroke_direction(path.to_str().unwrap())
+        };
+        assert_eq!(of_file("0,0,0\n1,0,0\n1,-2,0\n").unwrap(), curve);
+        let message = |found: Result<Vec<Vec3>>| format!("{:#}", found.unwrap_err());
+        assert!(message(of_file("0,0,0\n1,0\n")).ends_with("curve.txt: found `1,0`, expected points X,Y,Z"));
+        assert!(message(of_file("")).contains("expected at least 2"));
+        for (bad, expected) in [
+            ("0,0,0", "not all 0"),
+            ("1,NaN,0", "not all 0"),
+            ("1,1,1 1,1,1", "expected at least 2"),
+            ("1,1,1 inf,1,1", "point 2"),
+            ("nowhere.txt", "expected a direction"),
+            ("", "expected a direction"),
+        ] {
+            let found = message(stroke_direction(bad));
+            assert!(found.contains(expected), "{bad}: {found}");
+        }
+    }
 
     #[test]
     fn colors_are_hexadecimal() {

@@ -14,7 +14,7 @@ use stylegaussian_files::read_mask;
 
 /// Options of masks.
 #[derive(Args, Debug)]
-#[command(group(ArgGroup::new("masking").args(["styled_in", "hide", "crop"]).multiple(true)))]
+#[command(group(ArgGroup::new("masking").args(["styled_in", "paint_in", "hide", "crop"]).multiple(true)))]
 pub struct MaskArgs {
     /// Painted weights of this scene, *.mask.safetensors. Default: those that the scene carries.
     #[arg(long, value_name = "FILE", requires = "masking")]
@@ -27,6 +27,14 @@ pub struct MaskArgs {
         value_parser = clap::value_parser!(u8).range(0..4),
     )]
     styled_in: Option<u8>,
+    /// Show strokes as far as this channel of the mask is painted, and the colors under them elsewhere.
+    #[arg(
+        long,
+        value_name = "0..3",
+        requires = "restyling",
+        value_parser = clap::value_parser!(u8).range(0..4),
+    )]
+    paint_in: Option<u8>,
     /// Hide what is painted in this channel of the mask.
     #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..4))]
     hide: Option<u8>,
@@ -46,7 +54,7 @@ impl MaskArgs {
     /// # Errors
     /// If there is none, it cannot be read, or it belongs to another scene.
     pub fn open(&self, scene: &Scene, scene_path: &Path) -> Result<Option<Mask>> {
-        if self.styled_in.or(self.hide).or(self.crop).is_none() {
+        if self.styled_in.or(self.paint_in).or(self.hide).or(self.crop).is_none() {
             return Ok(None);
         }
         let Some(path) = &self.mask else {
@@ -72,20 +80,20 @@ impl MaskArgs {
         Some(mix_layers(&scene.means, &[layer]))
     }
 
-    /// The strokes of a style, where it is shown.
+    /// The strokes of a style, where they are shown.
     pub fn limit(&self, scene: &Scene, strokes: &mut Strokes, mask: Option<&Mask>) {
-        let (Some(channel), Some(mask)) = (self.styled_in, mask) else { return };
-        if strokes.seeds.is_empty() {
-            return;
+        let Some(mask) = mask.filter(|_| !strokes.seeds.is_empty()) else { return };
+        for channel in [self.styled_in, self.paint_in].into_iter().flatten() {
+            let layer = StrokeLayer {
+                words: Some(&strokes.words),
+                first_seed: 0,
+                region: Region::EVERYWHERE,
+                strength: 1.0,
+                mask: Some((&mask.weights, channel.into())),
+                factors: None,
+            };
+            strokes.words = mix_strokes(&scene.means, &[layer]);
         }
-        let layer = StrokeLayer {
-            words: Some(&strokes.words),
-            first_seed: 0,
-            region: Region::EVERYWHERE,
-            strength: 1.0,
-            mask: Some((&mask.weights, channel.into())),
-        };
-        strokes.words = mix_strokes(&scene.means, &[layer]);
     }
 
     /// Makes hidden Gaussians transparent. For drawing alone: styles see the whole scene.

@@ -214,6 +214,14 @@ fn strokes_stay_within_a_mask() {
     assert!(apart(&with("2"), &painted) < 0.1);
     let half = with("0");
     assert!(apart(&half, &captured) > 1.0 && apart(&half, &painted) > 1.0);
+    // The amount of paint alone.
+    let with = |options: &[&str]| {
+        picture(&bench, "a.ply", &[&["--style", &painting, "--mask", &path], options].concat())
+    };
+    let bare = picture(&bench, "a.ply", &["--style", &painting, "--paint-amount", "0"]);
+    assert!(with(&["--paint-in", "1"]) == bare && with(&["--paint-in", "2"]) == painted);
+    let half = with(&["--paint-in", "0"]);
+    assert!(apart(&half, &bare) > 0.1 && apart(&half, &painted) > 0.1);
 }
 
 #[test]

@@ -119,9 +119,10 @@ impl LayerMixer {
         check(scene, layers, colors);
         let values = |layer: &GpuLayer| {
             let look = layer.look?;
-            Some(Values { buffer: look.buffer().clone(), version: look.version(), first_seed: 0 })
+            Some(Values { buffer: Some(look.buffer().clone()), version: look.version(), first_seed: 0 })
         };
-        let layers: Vec<_> = layers.iter().map(|layer| (layer, values(layer))).collect();
+        let of_colors = layers.iter().filter(|layer| layer.factors.is_none());
+        let layers: Vec<_> = of_colors.map(|layer| (layer, values(layer))).collect();
         let gpu = Encoding { device, queue, encoder };
         if self.encode_values(gpu, &self.of_colors, scene, layers, colors.buffer(), mixed) {
             colors.mark_changed();
@@ -233,8 +234,8 @@ impl<'a> Stack<'a> {
         };
         for (place, (packed, (_, look))) in uniforms.layers.iter_mut().zip(packed.iter().zip(layers)) {
             let first_seed = look.as_ref().map_or(0, |look| look.first_seed);
-            let look = look.as_ref().map_or(shaders::NO_LOOK, |look| number(&look.buffer));
-            *place = MixLayer { look, first_seed, ..*packed };
+            let look = look.as_ref().and_then(|look| look.buffer.as_ref());
+            *place = MixLayer { look: look.map_or(packed.look, &mut number), first_seed, ..*packed };
         }
         let mask = layers.iter().find_map(|(layer, _)| layer.mask.map(|(mask, _)| mask));
         Self { uniforms, looks, mask }

@@ -12,7 +12,7 @@ use std::{
     },
 };
 
-use stylegaussian::strokes::{MAX_SEEDS, StrokeMotion, StrokeSeed, Strokes};
+use stylegaussian::strokes::{MAX_SEEDS, StrokeFactors, StrokeMotion, StrokeSeed, Strokes};
 
 use crate::buffers::{self, ReadBackError, TooLarge};
 
@@ -75,6 +75,8 @@ pub struct GaussianStrokes {
     textures: Vec<Arc<StoredTexture>>,
     /// Seeds whose strokes move.
     motions: Vec<(Range<u32>, StrokeMotion)>,
+    /// What is added to the numbers of changed seeds, and the changes, the topmost first.
+    changes: Vec<(u32, StrokeFactors)>,
 }
 
 /// Usages of both buffers.
@@ -101,6 +103,7 @@ impl GaussianStrokes {
             version: Arc::default(),
             textures: Vec::new(),
             motions: Vec::new(),
+            changes: Vec::new(),
         })
     }
 
@@ -122,6 +125,17 @@ impl GaussianStrokes {
     /// Replaces the motions.
     pub(crate) fn set_motions(&mut self, motions: Vec<(Range<u32>, StrokeMotion)>) {
         self.motions = motions;
+    }
+
+    /// What is added to the numbers of seeds whose strokes are changed, and how they are, the topmost change
+    /// first: those of the layers of a mix that change more than words carry.
+    pub fn changes(&self) -> &[(u32, StrokeFactors)] {
+        &self.changes
+    }
+
+    /// Replaces the changes.
+    pub(crate) fn set_changes(&mut self, changes: Vec<(u32, StrokeFactors)>) {
+        self.changes = changes;
     }
 
     /// The same words with an empty table for `n_seeds`, and no textures yet.

@@ -7,11 +7,18 @@ use super::{CHUNK, QUADS, RECORDS, SplatChunk, blend, source};
 use crate::{Source, constants, float_constants};
 
 const MOTION: &str = include_str!("../../wgsl/splat_stroke_motion.wgsl");
+const CHANGE: &str = include_str!("../../wgsl/splat_stroke_change.wgsl");
 const DETAIL: &str = include_str!("../../wgsl/splat_stroke_detail.wgsl");
 const RELIEF: &str = include_str!("../../wgsl/splat_stroke_relief.wgsl");
 
 /// Motions of a chunk's strokes at most.
 pub const MAX_MOTIONS: usize = 8;
+/// Changes of a chunk's strokes at most.
+pub const MAX_CHANGES: usize = 8;
+/// [`StrokeChange::motion`] of strokes that keep their own.
+pub const OWN_MOTION: u32 = u32::MAX;
+/// [`StrokeChange::motion`] of strokes that stand still.
+pub const NO_MOTION: u32 = u32::MAX - 1;
 
 /// How the strokes of some seeds move, now.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -30,6 +37,24 @@ pub struct StrokeMotion {
     pub phase: u32,
     /// Distance in widths of a stroke.
     pub amount: f32,
+}
+
+/// A change of the strokes in a part of the scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct StrokeChange {
+    /// Their unit direction in scene space; 0 if they keep their own.
+    pub direction: [f32; 3],
+    /// What is added to the numbers of changed seeds.
+    pub first: u32,
+    /// Factor of their gains.
+    pub gain: f32,
+    /// Factor of their size.
+    pub stroke_scale: f32,
+    /// Factor of the thickness of their paint.
+    pub relief: f32,
+    /// Index of their motion, [`OWN_MOTION`] or [`NO_MOTION`].
+    pub motion: u32,
 }
 
 /// A chunk, and the factors that change without computing strokes anew.
@@ -54,12 +79,14 @@ pub struct StrokeChunk {
     pub n_lights: u32,
     /// 1 if strokes keep their size on screen, else 0.
     pub is_stable: u32,
+    /// Changes that count; 0 if no strokes are changed.
+    pub n_changes: u32,
     /// Unused.
-    pub padding_0: u32,
-    /// Unused.
-    pub padding_1: u32,
+    pub padding: u32,
     /// The motions, each of other seeds.
     pub motions: [StrokeMotion; MAX_MOTIONS],
+    /// The changes, the topmost first.
+    pub changes: [StrokeChange; MAX_CHANGES],
 }
 
 /// The uniforms of a draw with strokes.
@@ -85,6 +112,8 @@ fn twin_constants() -> String {
         ("KIND_BOIL", twin::KIND_BOIL),
         ("KIND_FLOW", twin::KIND_FLOW),
         ("MAX_MOTIONS", MAX_MOTIONS as u32),
+        ("MAX_CHANGES", MAX_CHANGES as u32),
+        ("OWN_MOTION", OWN_MOTION),
     ]);
     let floats = float_constants(&[
         ("MAX_GAIN", twin::MAX_GAIN),
@@ -114,6 +143,7 @@ fn twin_constants() -> String {
         ("SHININESS", twin::SHININESS),
         ("GLOSS", twin::GLOSS),
         ("IN_LIGHT", twin::IN_LIGHT),
+        ("IN_PLANE", twin::IN_PLANE),
         ("DIRECTION_STEP", std::f32::consts::PI / twin::DIRECTIONS as f32),
     ]);
     let [r, g, b] = LUMINANCE.to_array();
@@ -123,7 +153,7 @@ fn twin_constants() -> String {
 /// Writes the strokes of splats.
 pub fn records() -> Source {
     let kernel = include_str!("../../wgsl/splat_strokes.wgsl");
-    source("splat_strokes", &[&twin_constants(), RECORDS, CHUNK, MOTION, kernel])
+    source("splat_strokes", &[&twin_constants(), RECORDS, CHUNK, MOTION, CHANGE, kernel])
 }
 
 /// Draws the sorted splats with strokes.

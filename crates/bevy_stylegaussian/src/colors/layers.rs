@@ -8,7 +8,7 @@ use std::sync::{
 use bevy::prelude::*;
 use stylegaussian::{
     layers::Region,
-    strokes::{StrokeKnobs, StrokeMotion},
+    strokes::{StrokeFactors, StrokeKnobs, StrokeMotion},
 };
 
 use super::styles::StyleColors;
@@ -32,7 +32,7 @@ pub(crate) struct ColorLayers {
     drawn: Arc<AtomicU64>,
 }
 
-/// Colors in a region of the scene.
+/// Colors in a region of the scene, or a change of the strokes there.
 #[derive(Clone)]
 pub(crate) struct ColorLayer {
     pub(crate) colors: LayerColors,
@@ -43,6 +43,8 @@ pub(crate) struct ColorLayer {
     pub(crate) mask: Option<u32>,
     /// The way in which its strokes move, those of mixes in it too.
     pub(crate) motion: StrokeMotion,
+    /// Changes of the strokes below, in place of colors; else `None`.
+    pub(crate) factors: Option<StrokeFactors>,
 }
 
 /// The colors of a layer.
@@ -77,7 +79,11 @@ impl ColorLayers {
 
     /// Whether any strokes move.
     pub(super) fn are_moving(&self) -> bool {
-        self.layers.iter().any(|layer| !layer.motion.is_still())
+        let moves = |layer: &ColorLayer| {
+            let by_change = layer.factors.and_then(|factors| factors.motion);
+            !layer.motion.is_still() || by_change.is_some_and(|motion| !motion.is_still())
+        };
+        self.layers.iter().any(moves)
     }
 
     /// Makes the layers count as changed: they are of another scene.
@@ -101,12 +107,19 @@ impl ColorLayers {
 impl ColorLayer {
     /// A layer over all of the scene.
     pub(crate) fn everywhere(colors: LayerColors, strength: f32) -> Self {
-        Self { colors, region: Region::EVERYWHERE, strength, mask: None, motion: StrokeMotion::Still }
+        let (region, motion) = (Region::EVERYWHERE, StrokeMotion::Still);
+        Self { colors, region, strength, mask: None, motion, factors: None }
+    }
+
+    /// A change of the strokes below, over all of the scene.
+    pub(crate) fn change(factors: StrokeFactors) -> Self {
+        Self { factors: Some(factors), ..Self::everywhere(LayerColors::Captured, 1.0) }
     }
 
     /// Whether nothing of the colors below is left.
     pub(crate) fn covers_all(&self) -> bool {
-        self.region == Region::EVERYWHERE && self.strength >= 1.0 && self.mask.is_none()
+        let is_whole = self.region == Region::EVERYWHERE && self.mask.is_none();
+        is_whole && self.strength >= 1.0 && self.factors.is_none()
     }
 }
 
@@ -123,6 +136,7 @@ impl PartialEq for ColorLayer {
             && self.strength == other.strength
             && self.mask == other.mask
             && self.motion == other.motion
+            && self.factors == other.factors
     }
 }
 

@@ -244,6 +244,7 @@ impl Gpu<'_> {
                 region: layer.region,
                 strength: layer.strength,
                 mask: self.mask.zip(layer.mask),
+                factors: layer.factors,
             })
             .collect();
         let Self { device, queue, encoder, mixer, .. } = self;

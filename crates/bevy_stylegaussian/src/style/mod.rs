@@ -2,11 +2,11 @@
 //!
 //! - The wish: [`StyleSource`] is a mix of [`WeightedStyle`]s, each of a [`StyleInput`], with a
 //!   [`StylePalette`] and [`StylePins`] if an artist wants them. [`StyleMethod`] chooses between paint and the
-//!   [`decoder`]. [`StylePrepare`] prepares a scene for its first style.
-//!   [`StyleMotion`] lets its strokes boil and flow, and [`StyleRelief`] lights their thickness.
-//!   [`StyleLiving`] lets strokes follow an image that changes.
+//!   [`decoder`]. [`StylePrepare`] prepares a scene for its first style. [`StrokeDirection`] says where strokes
+//!   run, [`StyleMotion`] lets them boil and flow, and [`StyleRelief`] lights their thickness. [`StyleLiving`]
+//!   lets them follow an image that changes.
 //! - The change: [`StyleTransition`] and [`HiddenUntilStyled`]. A [`StyleVolume`] gives a part of space a
-//!   style.
+//!   style, or changes its strokes by [`VolumeStrokes`].
 //! - The report: [`StyleRecolored`], [`StyleApplied`] and [`StyleFailed`] are events, [`StyleProgress`] and
 //!   [`AppliedStyle`] components.
 //! - The assets: [`StyleStatistics`] are presets, a [`StyleLook`] is baked.
@@ -61,6 +61,7 @@ pub use wish::motion::StyleMotion;
 pub use wish::relief::{PaintLight, StyleRelief};
 pub use wish::settings::StyleMethod;
 pub use wish::source::{HiddenUntilStyled, StyleInput, StyleSource, WeightedStyle};
+pub use wish::strokes::{StrokeDirection, VolumeStrokes};
 
 use decoder::{GaussianDecoder, StyleBackend, StyleBudget, StyleDecoder};
 

@@ -36,6 +36,8 @@ use super::{
     world::{rendering::*, *},
 };
 
+mod changes;
+
 const SIZE: UVec2 = UVec2::new(128, 96);
 const FOV_Y: f32 = 0.8;
 const EYE: Vec3 = Vec3::new(0.5, 0.3, 2.6);
@@ -225,6 +227,7 @@ fn strength_and_volumes_mix_strokes() {
                 region,
                 strength,
                 mask: None,
+                factors: None,
             })
             .collect();
         let words = mix_strokes(means, &strokes);

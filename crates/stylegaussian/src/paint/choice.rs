@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::{
     canvas::Canvas,
     collection::choose,
+    direction::Direction,
     hand::TO_PALETTE,
     places::{Hues, Placement, place},
     surface::Surface,
@@ -120,7 +121,7 @@ impl<'a> Choice<'a> {
 
     /// The place of each seed, chosen for the colors that its painting has. Strokes follow `direction` if there
     /// is one.
-    pub fn placements(&self, direction: Option<Vec3>) -> Vec<Placement> {
+    pub fn placements(&self, direction: Option<Direction>) -> Vec<Placement> {
         // In a collection, what is blue in the scene is compared with what is blue in all paintings together.
         let moments = match self.paintings {
             [one] => one.tints.whole.0,

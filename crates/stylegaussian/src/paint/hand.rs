@@ -1,8 +1,6 @@
 //! The artist's choices.
 
-use glam::Vec3;
-
-use super::{pins::Pin, tints::Tints};
+use super::{direction::Direction, pins::Pin, tints::Tints};
 
 /// Share of the way toward the painting's nearest colors, for hues that it does not have. Grass then turns to a
 /// painting's gold and not to its mean.
@@ -19,8 +17,8 @@ pub struct Hand<'a> {
     /// Share of the way that base colors go toward the hues of the palette, 0..1. At 0, hues that it does not
     /// have stay; at 1, there are no others.
     pub palette: f32,
-    /// Direction of strokes on the scene, in scene space and of any length above 0. `None`: along its edges.
-    pub direction: Option<Vec3>,
+    /// Direction of strokes on the scene. `None`: along its edges.
+    pub direction: Option<Direction<'a>>,
     /// Places that are given.
     pub pins: &'a [Pin],
 }

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use glam::{Vec2, Vec3};
 
-use super::{canvas::Canvas, hand::Hand, places::Placement, surface::Surface};
+use super::{canvas::Canvas, direction::Direction, hand::Hand, places::Placement, surface::Surface};
 use crate::{
     look::SceneFingerprint,
     scene::Scene,
@@ -155,7 +155,7 @@ pub(super) fn pinned(
     surface: &Surface,
     paintings: &[&Canvas],
     pins: &[Pin],
-    direction: Option<Vec3>,
+    direction: Option<Direction>,
 ) -> Vec<Pinned> {
     let seeds = &surface.seeds.seeds;
     let nearest = |pin: &Pin| {

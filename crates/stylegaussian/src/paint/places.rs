@@ -6,11 +6,15 @@ use rustc_hash::FxHashMap;
 
 use super::{
     canvas::{CLEAR, Canvas},
+    direction::Direction,
     patch::PATCH,
-    seeds::{IN_PLANE, Seed},
+    seeds::Seed,
     surface::Surface,
 };
-use crate::decoder::product::{Matrix, dot, product};
+use crate::{
+    decoder::product::{Matrix, dot, product},
+    strokes::IN_PLANE,
+};
 
 /// Numbers of a descriptor: a patch without its mean, and a mean color.
 const WIDTH: usize = 3 * PATCH + 3;
@@ -96,11 +100,11 @@ pub(super) struct Placement {
 impl Placement {
     /// Lays `place` on the surface at `seed`: strokes along a given direction, or else along the edges of the
     /// scene, if both are clear, else upright.
-    pub fn on(seed: &Seed, place: usize, canvas: &Canvas, direction: Option<Vec3>) -> Self {
+    pub fn on(seed: &Seed, place: usize, canvas: &Canvas, direction: Option<Direction>) -> Self {
         let (stroke, clarity) = canvas.strokes[place];
         let along = match direction {
             Some(direction) => {
-                let in_plane = direction.normalize_or_zero().reject_from_normalized(seed.normal);
+                let in_plane = direction.at(seed.at).reject_from_normalized(seed.normal);
                 in_plane.try_normalize().filter(|_| in_plane.length() > IN_PLANE)
             }
             None => Some(seed.along).filter(|_| seed.clarity > CLEAR),
@@ -145,7 +149,7 @@ pub(super) fn place(
     paintings: &[&Canvas],
     labels: &[u8],
     hues: &Hues,
-    direction: Option<Vec3>,
+    direction: Option<Direction>,
 ) -> Vec<Placement> {
     let seeds = &surface.seeds.seeds;
     let mut searches: Vec<Search> = (0..paintings.len())
@@ -182,7 +186,7 @@ struct Search<'a> {
     quality: Vec<f32>,
     blocks: Blocks,
     /// Direction of strokes, if one is given.
-    direction: Option<Vec3>,
+    direction: Option<Direction<'a>>,
 }
 
 impl<'a> Search<'a> {
@@ -192,7 +196,7 @@ impl<'a> Search<'a> {
         canvas: &'a Canvas,
         (painting, seeds): (usize, Vec<u32>),
         hues: &Hues,
-        direction: Option<Vec3>,
+        direction: Option<Direction<'a>>,
     ) -> Self {
         let n_places = canvas.n_places.0 * canvas.n_places.1;
         Self {
@@ -223,11 +227,22 @@ impl<'a> Search<'a> {
         for other in continuing.iter().filter(|other| inside(self.canvas, other.at)) {
             let cost = cost(self.canvas.place_at(other.at)) + broken(other.at);
             if cost < chosen.0 {
-                chosen = (cost, *other);
+                chosen = (cost, self.along(seed, *other));
             }
         }
         self.blocks.take(self.canvas.place_at(chosen.1.at));
         chosen.1
+    }
+
+    /// A continued placement, with strokes along the curve if there is one: it turns from seed to seed.
+    fn along(&self, seed: &Seed, continued: Placement) -> Placement {
+        match self.direction {
+            Some(Direction::Curve(_)) => {
+                let place = self.canvas.place_at(continued.at);
+                Placement { at: continued.at, ..Placement::on(seed, place, self.canvas, self.direction) }
+            }
+            _ => continued,
+        }
     }
 }
 
@@ -257,7 +272,7 @@ fn costs(
     canvas: &Canvas,
     (painting, seeds): (usize, &[u32]),
     hues: &Hues,
-    direction: Option<Vec3>,
+    direction: Option<Direction>,
 ) -> Vec<f32> {
     let n_places = canvas.n_places.0 * canvas.n_places.1;
     let of =

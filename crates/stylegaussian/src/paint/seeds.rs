@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use super::frames::{Frames, dominant, outer, thinnest};
+use crate::strokes::IN_PLANE;
 
 /// Number of seeds around a seed whose places it may continue: six touch it on a surface, and two more.
 const N_AROUND: usize = 8;
@@ -36,10 +37,6 @@ const FLAT: f32 = 0.12;
 /// Rounds in which directions flow from edges into flat ground, and the weight of a seed's own.
 const FLOW_ROUNDS: usize = 4;
 const OWN_DIRECTION: f32 = 0.7;
-
-/// Least length of a direction's projection onto the tangent plane. Within 17 degrees of the normal, noise
-/// decides it.
-pub(super) const IN_PLANE: f32 = 0.3;
 
 /// Added to visibilities, in pixels, so that unseen seeds have a mean as well.
 const UNSEEN: f32 = 1e-3;

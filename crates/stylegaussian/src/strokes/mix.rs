@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::{
     Strokes,
+    factors::StrokeFactors,
     seed::{MAX_SEEDS, MAX_TEXTURES, StrokeSeed, StrokeWord},
 };
 use crate::layers::Region;
@@ -17,7 +18,8 @@ pub const EDGE: f32 = 0.1;
 pub struct StrokeLayer<'a> {
     /// One word per Gaussian `[N]`, or `None` for a look without strokes.
     pub words: Option<&'a [u32]>,
-    /// Number of the layer's first seed in the table that all layers share.
+    /// Number of the layer's first seed in the table that all layers share; of changes, what is added to the
+    /// numbers of changed seeds, or 0 if seeds stay as they are.
     pub first_seed: u32,
     /// The part of the scene that gets them.
     pub region: Region,
@@ -25,6 +27,8 @@ pub struct StrokeLayer<'a> {
     pub strength: f32,
     /// Painted weights and the channel of them that counts here; `None` if all of the region counts.
     pub mask: Option<(&'a [[u8; 4]], usize)>,
+    /// Changes of the strokes below, in place of strokes of its own; else `None`.
+    pub factors: Option<StrokeFactors>,
 }
 
 /// The strokes of a Gaussian if a share of those `below` is replaced by those `above`.
@@ -106,6 +110,9 @@ pub fn mix_strokes(means: &[Vec3], layers: &[StrokeLayer]) -> Vec<u32> {
         let sum = layers.iter().fold(StrokeWord::NONE, |below, layer| {
             let painted = layer.mask.map_or(1.0, |(mask, channel)| f32::from(mask[i][channel]) / 255.0);
             let share = layer.strength * painted * layer.region.weight(mean);
+            if let Some(factors) = layer.factors {
+                return factors.usual().word(below, share, layer.first_seed);
+            }
             let above = layer.words.map_or(StrokeWord::NONE, |words| StrokeWord::unpacked(words[i]));
             let above = StrokeWord { seed: above.seed + layer.first_seed, ..above };
             mixed(below, above, share)

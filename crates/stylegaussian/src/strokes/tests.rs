@@ -288,6 +288,7 @@ fn layers_of_strokes_have_regions_and_tables() {
         region: Region::EVERYWHERE,
         strength: 1.0,
         mask: None,
+        factors: None,
     };
     let ball = Region {
         shape: Shape::Ellipsoid { radii: Vec3::ONE },

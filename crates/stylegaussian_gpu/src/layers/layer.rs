@@ -1,10 +1,10 @@
 //! A layer of colors and strokes.
 
-use stylegaussian::layers::Region;
+use stylegaussian::{layers::Region, strokes::StrokeFactors};
 
 use crate::{colors::GaussianColors, mask::GaussianMask, strokes::GaussianStrokes};
 
-/// Colors and strokes in a region. The lowest layer comes first.
+/// Colors and strokes in a region, or a change of the strokes below. The lowest layer comes first.
 #[derive(Clone, Copy, Debug)]
 pub struct GpuLayer<'a> {
     /// One color per Gaussian, or `None` for the captured colors.
@@ -17,4 +17,6 @@ pub struct GpuLayer<'a> {
     pub strength: f32,
     /// Painted weights, and the channel of them that counts here; `None` if all of the region counts.
     pub mask: Option<(&'a GaussianMask, u32)>,
+    /// Changes of the strokes below, in place of colors and strokes of its own; else `None`.
+    pub factors: Option<StrokeFactors>,
 }

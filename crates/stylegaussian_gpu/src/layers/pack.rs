@@ -1,6 +1,7 @@
 //! Layers as the kernel takes them.
 
 use glam::{Affine3A, Vec3, Vec4};
+use half::f16;
 use stylegaussian::layers::{Region, Shape};
 use stylegaussian_shaders::layers::{self as shaders, MixLayer};
 
@@ -38,15 +39,22 @@ pub(super) fn packed(layer: &GpuLayer) -> Option<MixLayer> {
         shape_from_scene_y: rows[1],
         shape_from_scene_z: rows[2],
         sizes: sizes.map(|size| size.min(FAR)),
-        look: shaders::NO_LOOK,
+        look: layer.factors.map_or(shaders::NO_LOOK, |_| shaders::BELOW),
         mask: layer.mask.map_or(shaders::NO_MASK, |(_, channel)| channel),
         strength: layer.strength.min(1.0),
         softness,
         // The reciprocal of a width below 1e-38 is infinite. Such an edge is hard.
         inverse_softness: Some(softness.recip()).filter(|value| value.is_finite()).unwrap_or(0.0),
         shape: kind,
+        factors: layer.factors.map_or(0, |factors| f16s(factors.usual().of_words())),
         ..MixLayer::default()
     })
+}
+
+/// Two numbers as f16 in a word, the first in the lower half.
+fn f16s(numbers: [f32; 2]) -> u32 {
+    let [low, high] = numbers.map(|x| u32::from(f16::from_f32(x).to_bits()));
+    low | high << 16
 }
 
 /// The number of a shape, and its sizes in the order of their names.

@@ -30,13 +30,15 @@ struct MixedLayer {
     covers: Arc<[Cover]>,
 }
 
-/// The values that a layer lays over those below: colors of a look, or words of its strokes.
+/// The values that a layer lays over those below: colors of a look, words of its strokes, or words below with
+/// changes.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Values {
-    pub(super) buffer: wgpu::Buffer,
+    /// `None` if they are those below.
+    pub(super) buffer: Option<wgpu::Buffer>,
     /// A number that differs after each change of them.
     pub(super) version: u64,
-    /// Added to the seeds of words.
+    /// Added to the seeds of words, as far as they are changed.
     pub(super) first_seed: u32,
 }
 
@@ -46,6 +48,8 @@ struct Source {
     look: Option<Values>,
     mask: Option<(wgpu::Buffer, u64, u32)>,
     strength: f32,
+    /// What a layer changes in the words below.
+    factors: Option<[f32; 2]>,
 }
 
 /// A dispatch of the kernel: layers that are mixed together, in the blocks of a chunk.
@@ -64,12 +68,13 @@ impl Source {
             look: look.cloned(),
             mask: layer.mask.map(|(mask, channel)| (mask.buffer.clone(), mask.version(), channel)),
             strength: layer.strength,
+            factors: layer.factors.map(|factors| factors.usual().of_words()),
         }
     }
 
     /// Whether the layer hides all below it within the region.
     fn is_opaque(&self) -> bool {
-        self.mask.is_none() && self.strength >= 1.0
+        self.mask.is_none() && self.strength >= 1.0 && self.factors.is_none()
     }
 }
 
@@ -197,7 +202,7 @@ fn stacks(layers: &[MixedLayer]) -> Vec<Range<usize>> {
     let mut stacks = Vec::new();
     let (mut start, mut looks, mut masks) = (0, Vec::new(), Vec::new());
     for (i, layer) in layers.iter().enumerate() {
-        let look = layer.source.look.as_ref().map(|look| &look.buffer);
+        let look = layer.source.look.as_ref().and_then(|look| look.buffer.as_ref());
         let mask = layer.source.mask.as_ref().map(|(mask, ..)| mask);
         let new_look = look.filter(|look| !looks.contains(look));
         let new_mask = mask.filter(|mask| !masks.contains(mask));

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use stylegaussian::strokes::{MAX_SEEDS, StrokeMotion};
+use stylegaussian_shaders::splat::strokes::MAX_CHANGES;
 
 use super::{Encoding, GpuLayer, LayerMixer, MixedLayers, Values, check_mask, pack};
 use crate::{
@@ -66,13 +67,18 @@ impl LayerMixer {
     /// The seeds of all layers together are at most [`MAX_SEEDS`]. If there are more, the lowest layers show no
     /// strokes. Each layer's strokes move in their own way; if more than eight do, the lowest stand still.
     ///
+    /// A layer with `factors` changes the strokes below it. Each that changes more than words carry
+    /// ([`change_seeds`](stylegaussian::strokes::StrokeFactors::change_seeds)) takes as many numbers of seeds
+    /// as there are below. If there are more than eight, or too few numbers, the lowest change words alone.
+    ///
     /// Before the first mix of a submission, call [`begin_submission`](Self::begin_submission).
     ///
     /// # Errors
     /// If the scene has more Gaussians than the device has room for. The mix has no strokes then.
     ///
     /// # Panics
-    /// If strokes or a mask are not of the scene's Gaussians, or if a layer's strokes are those of the mix.
+    /// If strokes or a mask are not of the scene's Gaussians, if a layer's strokes are those of the mix, or if
+    /// they are those of another mix in which seeds are changed.
     pub fn encode_strokes(
         &self,
         device: &wgpu::Device,
@@ -104,16 +110,25 @@ impl LayerMixer {
                 is_changed = true;
             }
         }
-        let values = |layer: &GpuLayer| {
+        let added = added(&seen, tables.iter().map(Table::end).max().unwrap_or(0));
+        let values = |(layer, added): (&GpuLayer, Option<u32>)| {
+            if let Some(first_seed) = added {
+                return Some(Values { buffer: None, version: 0, first_seed });
+            }
             let strokes = layer.strokes?;
             let table = tables.iter().find(|table| table.is_of(strokes))?;
-            let (buffer, version) = (strokes.words().clone(), strokes.version());
+            let (buffer, version) = (Some(strokes.words().clone()), strokes.version());
             Some(Values { buffer, version, first_seed: table.first as u32 })
         };
-        let seen: Vec<_> = seen.iter().map(|&layer| (layer, values(layer))).collect();
+        let changes = seen.iter().zip(&added).rev();
+        let changes = changes.filter_map(|(layer, added)| Some(((*added)?, layer.factors?.usual())));
+        let changes = changes.collect();
+        let seen: Vec<_> =
+            seen.iter().zip(added).map(|(&layer, added)| (layer, values((layer, added)))).collect();
         let target = mix.strokes.insert(keep_textures(target, &seen));
         // The topmost layers' first, of which some count if there are too many.
         target.set_motions(tables.iter().flat_map(Table::placed_motions).collect());
+        target.set_changes(changes);
         let gpu = Encoding { device, queue, encoder };
         let pipelines = self.strokes_pipelines(device);
         is_changed |= self.encode_values(gpu, pipelines, scene, seen, target.words(), &mut mix.mixed);
@@ -164,6 +179,25 @@ fn placed(last: &[Table], mut tables: Vec<Table>) -> Vec<Table> {
     tables
 }
 
+/// What each of the layers that change seeds adds to their numbers, if the tables end at `end`; `None` for the
+/// other layers. Each has the numbers of all changes below it and as many more.
+fn added(layers: &[&GpuLayer], end: usize) -> Vec<Option<u32>> {
+    let changes_seeds =
+        |layer: &GpuLayer| layer.factors.is_some_and(|factors| factors.usual().change_seeds());
+    // Few numbers of seeds ask for others when tables come and go.
+    let first = end.next_power_of_two();
+    let room = (MAX_SEEDS / first).ilog2() as usize;
+    let n = layers.iter().filter(|layer| changes_seeds(layer)).count();
+    let left_out = n - n.min(room).min(MAX_CHANGES);
+    let mut number = 0;
+    let of_layer = |layer: &&GpuLayer| {
+        let counts = changes_seeds(layer);
+        number += usize::from(counts);
+        (counts && number > left_out).then(|| (first << (number - 1 - left_out)) as u32)
+    };
+    layers.iter().map(of_layer).collect()
+}
+
 /// Strokes with room for `tables`, those of the `last` mix if they have it, and whether their table is new.
 fn target(
     device: &wgpu::Device,
@@ -193,6 +227,8 @@ fn check(scene: &GpuScene, layers: &[GpuLayer], mix: &StrokeMix) {
     let n = scene.n_gaussians();
     for layer in layers {
         assert!(layer.strokes.is_none_or(|strokes| strokes.n_gaussians() == n), "one word per Gaussian");
+        let is_changed = layer.strokes.is_some_and(|strokes| !strokes.changes().is_empty());
+        assert!(!is_changed, "the words of a layer name seeds");
         let is_mix =
             |strokes: &GaussianStrokes| mix.strokes().is_some_and(|mix| mix.words() == strokes.words());
         assert!(!layer.strokes.is_some_and(is_mix), "a layer is not the mix");

@@ -96,6 +96,7 @@ fn gpu_matches_cpu() {
             region,
             strength,
             mask: mask.map(|(mask, channel)| (&masks[mask], channel as u32)),
+            factors: None,
         });
     }
     // One layer alone, so that no layer hides another's error, and then all.
@@ -135,7 +136,8 @@ fn degenerate_layers_match_the_cpu() {
         Region { shape: Shape::Noise { size: 0.0, level: 0.5 }, ..everywhere },
     ];
     for region in regions {
-        let layer = GpuLayer { look: Some(&look), strokes: None, region, strength: 1.0, mask: None };
+        let layer =
+            GpuLayer { look: Some(&look), strokes: None, region, strength: 1.0, mask: None, factors: None };
         let found = on_gpu(&gpu, &scene, &[layer]);
         let layer = Layer { look: Some(&same), region, strength: 1.0, mask: None };
         let expected = layers::mix_layers(&scene.means, &[layer]);
@@ -196,6 +198,7 @@ fn a_mix_goes_on_from_the_last() {
                 region,
                 strength,
                 mask: masked.then_some((&mask, 1)),
+                factors: None,
             })
             .collect();
         let of_cpu: Vec<_> = layers
@@ -263,6 +266,7 @@ fn eight_volumes_take_a_tenth_of_the_splat_pass() {
             region: Region::EVERYWHERE,
             strength: 1.0,
             mask: None,
+            factors: None,
         };
         let volumes = regions.iter().zip(&places).enumerate().map(|(i, (region, place))| {
             let moved = Affine3A::from_translation(*place + 0.05 * frame as f32);

@@ -5,10 +5,13 @@
 use std::{ops::Range, sync::OnceLock};
 
 use glam::Vec3;
-use stylegaussian::strokes::{KIND_FLOW, MotionNow, StrokeKnobs};
+use stylegaussian::strokes::{KIND_FLOW, MotionNow, StrokeKnobs, StrokeMotion as Motion};
 use stylegaussian_shaders::splat::{
     SplatChunk,
-    strokes::{self as shaders, MAX_MOTIONS, StrokeChunk, StrokeDraw, StrokeMotion},
+    strokes::{
+        self as shaders, MAX_CHANGES, MAX_MOTIONS, NO_MOTION, OWN_MOTION, StrokeChange, StrokeChunk,
+        StrokeDraw, StrokeMotion,
+    },
 };
 
 use crate::{
@@ -241,7 +244,7 @@ fn relief_records(device: &wgpu::Device, n_records: usize) -> wgpu::Buffer {
         device,
         "splat_relief_records",
         ViewStrokes::bytes(n_records),
-        wgpu::BufferUsages::STORAGE,
+        wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
     )
 }
 
@@ -281,37 +284,77 @@ pub(super) fn with_knobs(
     // All of a view have one size.
     let of_view = draw.filter(|_| is_stable).map(|draw| draw.scale_octaves.exp2());
     let (light, relief) = light(&knobs).unwrap_or_default();
-    let (motions, n_motions) = painted.map_or_else(Default::default, motions_now);
+    let mut motions = MotionsNow::default();
+    let (changes, n_changes) =
+        painted.map_or_else(Default::default, |painted| changes_now(painted, &mut motions));
+    if let Some(painted) = painted {
+        motions.add_all(painted);
+    }
     StrokeChunk {
         chunk,
         amount: knobs.amount,
         protection: knobs.protection,
         stroke_scale: of_view.unwrap_or(knobs.stroke_scale),
-        n_motions,
+        n_motions: motions.n,
         light: light.to_array(),
         relief,
         n_lights: draw.map_or(0, |draw| draw.n_lights),
         is_stable: u32::from(is_stable),
-        padding_0: 0,
-        padding_1: 0,
-        motions,
+        n_changes,
+        padding: 0,
+        motions: motions.motions,
+        changes,
     }
 }
 
 /// The motions of strokes at their time, and how many count: none that stands still, so that time changes
 /// nothing then.
-fn motions_now(painted: &PaintedColors) -> ([StrokeMotion; MAX_MOTIONS], u32) {
-    let mut motions = [StrokeMotion::default(); MAX_MOTIONS];
-    let moving = painted.strokes.motions().iter().filter(|(_, motion)| !motion.is_still());
-    let mut n_motions = 0;
-    for (place, (seeds, motion)) in motions.iter_mut().zip(moving) {
-        let MotionNow { kind, drawing, part, amount, toward } = motion.at(painted.seconds);
+#[derive(Default)]
+struct MotionsNow {
+    motions: [StrokeMotion; MAX_MOTIONS],
+    n: u32,
+}
+
+impl MotionsNow {
+    /// Adds the motion of a range of seeds, unless they stand still or there is no room. Returns its index.
+    fn add(&mut self, seeds: Range<u32>, motion: Motion, seconds: f64) -> Option<u32> {
+        let place = self.motions.get_mut(self.n as usize).filter(|_| !motion.is_still())?;
+        let MotionNow { kind, drawing, part, amount, toward } = motion.at(seconds);
         let phase = if kind == KIND_FLOW { part.to_bits() } else { drawing };
-        let Range { start, end } = *seeds;
+        let Range { start, end } = seeds;
         *place = StrokeMotion { toward: toward.to_array(), first: start, end, kind, phase, amount };
-        n_motions += 1;
+        self.n += 1;
+        Some(self.n - 1)
     }
-    (motions, n_motions)
+
+    /// Adds the motions of all seeds.
+    fn add_all(&mut self, painted: &PaintedColors) {
+        for (seeds, motion) in painted.strokes.motions() {
+            self.add(seeds.clone(), *motion, painted.seconds);
+        }
+    }
+}
+
+/// The changes of strokes, and how many count. Their motions are added to `motions`, of no seeds by themselves.
+fn changes_now(painted: &PaintedColors, motions: &mut MotionsNow) -> ([StrokeChange; MAX_CHANGES], u32) {
+    let mut changes = [StrokeChange::default(); MAX_CHANGES];
+    let mut n = 0;
+    for (place, (first, factors)) in changes.iter_mut().zip(painted.strokes.changes()) {
+        let motion = match factors.motion {
+            Some(motion) => motions.add(0..0, motion, painted.seconds).unwrap_or(NO_MOTION),
+            None => OWN_MOTION,
+        };
+        *place = StrokeChange {
+            direction: factors.direction.unwrap_or(Vec3::ZERO).to_array(),
+            first: *first,
+            gain: factors.amount.max(1.0),
+            stroke_scale: factors.stroke_scale,
+            relief: factors.relief,
+            motion,
+        };
+        n += 1;
+    }
+    (changes, n)
 }
 
 #[cfg(test)]

@@ -263,7 +263,8 @@ impl Inputs<'_> {
             }
         };
         let (is_collection, palette) = (source.is_collection, source.palette_strength);
-        Ok(Some(Decided { is_collection, tints, palette, direction: source.stroke_direction, pins }))
+        let direction = source.stroke_direction.clone();
+        Ok(Some(Decided { is_collection, tints, palette, direction, pins }))
     }
 
     /// The backend to decode on: never [`StyleBackend::Auto`].

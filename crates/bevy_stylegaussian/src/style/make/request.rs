@@ -3,12 +3,10 @@
 
 use std::{ops::Deref, sync::Arc};
 
-use bevy::math::Vec3;
-
 use stylegaussian::{
     Decoder, Look, Scene,
     fold::StylizeError,
-    paint::{Canvas, Hand, Painted, Pin, Surface, Tints, pin},
+    paint::{Canvas, Direction, Hand, Painted, Pin, Surface, Tints, pin},
     restyle::{self, Recipe, RestyleError},
     strokes::Strokes,
     work::{Canceled, Work},
@@ -26,6 +24,7 @@ use crate::{
             applied::{AppliedColors, AppliedStyle},
             error::StyleError,
             settings::StyleBackend,
+            strokes::StrokeDirection,
         },
     },
     work::{Lane, Running, Workers},
@@ -66,8 +65,15 @@ pub(crate) struct Decided {
     /// Strength of the palette, 0..1.
     pub(crate) palette: f32,
     /// Direction of strokes, in scene space.
-    pub(crate) direction: Option<Vec3>,
+    pub(crate) direction: Option<StrokeDirection>,
     pub(crate) pins: Vec<Pin>,
+}
+
+impl Decided {
+    /// Direction of strokes, for painting.
+    fn direction(&self) -> Option<Direction<'_>> {
+        self.direction.as_ref().map(StrokeDirection::of_paint)
+    }
 }
 
 /// Colors in the paintings' stead.
@@ -231,7 +237,7 @@ impl StyleRequest {
                     is_collection: decided.is_collection,
                     tints: tints.as_ref(),
                     palette: decided.palette,
-                    direction: decided.direction,
+                    direction: decided.direction(),
                     // Those that only move strokes are honored afterwards.
                     pins: if self.only_moves() { &[] } else { &decided.pins },
                 };
@@ -264,7 +270,7 @@ impl StyleRequest {
             let canvases = made(canvases)?;
             let paintings: Vec<_> = canvases.iter().map(|(canvas, weight)| (&**canvas, *weight)).collect();
             if let Some(strokes) = strokes.as_mut().filter(|_| !decided.pins.is_empty()) {
-                let hand = Hand { direction: decided.direction, pins: &decided.pins, ..Hand::default() };
+                let hand = Hand { direction: decided.direction(), pins: &decided.pins, ..Hand::default() };
                 pin(Arc::make_mut(strokes), &surface.0, &paintings, &hand)
                     .map_err(|error| Failure::Failed(Arc::new(StyleError::Source(error.to_string()))))?;
             }

@@ -188,16 +188,27 @@ pub(crate) fn compose_layers(
             {
                 continue;
             }
-            let jobs = &mut jobs.bypass_change_detection().of_scene;
-            let Some(job) = jobs.iter_mut().find(|job| job.is_of(scene)) else { continue };
             let region = volume.region(at);
             let shape_from_scene = match volume.is_everything() {
                 true => Region::EVERYWHERE.shape_from_scene,
                 false => region.shape_from_scene * world_from_scene,
             };
             let region = Region { shape_from_scene, ..region };
-            let layer = job.worn.volume_layer(&place, region, source.usual_strength(), volume.channel());
-            found.extend(layer.map(|layer| ColorLayer { motion: source.motion.usual(), ..layer }));
+            let jobs = &mut jobs.bypass_change_detection().of_scene;
+            // A volume that changes strokes shows captured colors nowhere.
+            if let Some(job) = jobs.iter_mut().find(|job| job.is_of(scene))
+                && !(volume.strokes.is_some() && source.is_none())
+            {
+                let layer = job.worn.volume_layer(&place, region, source.usual_strength(), volume.channel());
+                found.extend(layer.map(|layer| ColorLayer { motion: source.motion.usual(), ..layer }));
+            }
+            // Captured colors have no strokes.
+            if let Some(strokes) = volume.strokes
+                && !found.is_empty()
+            {
+                let factors = strokes.usual(&world_from_scene, at);
+                found.push(ColorLayer { region, mask: volume.channel(), ..ColorLayer::change(factors) });
+            }
         }
         // A layer that covers all hides those below.
         if let Some(top) = found.iter().rposition(ColorLayer::covers_all) {

@@ -7,8 +7,11 @@ use bevy::{
 };
 use stylegaussian::layers::{Cover, Region, RegionCover, Shape};
 
+use crate::style::wish::strokes::VolumeStrokes;
+
 /// A part of the world in which splats have the style of this entity's [`StyleSource`](crate::StyleSource), or
-/// their captured colors if that is none. Its `Transform` places, turns and scales it.
+/// their captured colors if that is none, or in which [`strokes`](Self::strokes) are changed. Its `Transform`
+/// places, turns and scales it.
 ///
 /// Any number of volumes may overlap, with one another and with any number of clouds, and may move in each
 /// frame. They lie over the styles of the clouds themselves, and over one another by their priority. A style is
@@ -17,8 +20,8 @@ use stylegaussian::layers::{Cover, Region, RegionCover, Shape};
 ///
 /// A volume has the [`strength`](crate::StyleSource::strength) of its own source, and its strokes
 /// [move](crate::StyleSource::motion) as that says. How strokes are drawn (`paint`, `protection`,
-/// `stroke_scale` and `relief`) is of a cloud as a whole, and so the source on the cloud says it, or a default
-/// if that has none.
+/// `stroke_scale` and `relief`) is of a cloud as a whole: the source on the cloud says it, or a default if that
+/// has none. [`strokes`](Self::strokes) change that within a volume, over its own style too.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -51,6 +54,9 @@ pub struct StyleVolume {
     /// is painted, or `None` if it shows in all of the volume. Clouds without a mask do not have the style
     /// then, and a channel beyond the fourth is never painted.
     pub mask: Option<usize>,
+    /// Changes of all strokes within, those of the volume's own style too. With them, a volume without a style
+    /// leaves the styles that are there, instead of showing captured colors. `None` by default.
+    pub strokes: Option<VolumeStrokes>,
 }
 
 impl MapEntities for StyleVolume {
@@ -133,6 +139,11 @@ impl StyleVolume {
     /// The same volume with this priority.
     pub fn with_priority(self, priority: i32) -> Self {
         Self { priority, ..self }
+    }
+
+    /// The same volume, which changes the strokes within.
+    pub fn with_strokes(self, strokes: VolumeStrokes) -> Self {
+        Self { strokes: Some(strokes), ..self }
     }
 
     /// The same volume for the splats of one entity alone.

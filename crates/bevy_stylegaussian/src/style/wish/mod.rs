@@ -13,3 +13,4 @@ pub(crate) mod motion;
 pub(crate) mod relief;
 pub(crate) mod settings;
 pub(crate) mod source;
+pub(crate) mod strokes;

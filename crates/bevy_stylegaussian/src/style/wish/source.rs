@@ -8,6 +8,7 @@ use crate::style::wish::{
     hand::{StylePalette, StylePins},
     motion::StyleMotion,
     relief::StyleRelief,
+    strokes::StrokeDirection,
 };
 
 /// The style of an entity's [`GaussianSplats`](crate::GaussianSplats): a weighted mix of images, presets and
@@ -23,7 +24,8 @@ use crate::style::wish::{
 /// [`strength`](Self::strength), [`paint`](Self::paint), [`protection`](Self::protection),
 /// [`stroke_scale`](Self::stroke_scale), [`motion`](Self::motion) and [`relief`](Self::relief) are shown in the
 /// next frame and compute nothing, so they can be animated. A [`StyleVolume`](crate::StyleVolume) has a
-/// strength and a motion of its own; its strokes are drawn by the others of the splats that it lies on.
+/// strength and a motion of its own; its strokes are drawn by the others of the splats that it lies on, and by
+/// its own [`strokes`](crate::StyleVolume::strokes).
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -67,9 +69,8 @@ pub struct StyleSource {
     /// How much the scene's hues are pulled to those of the palette, 0..1: at 0, hues that it does not have
     /// stay, and at 1, there are no others. 0.8 by default.
     pub palette_strength: f32,
-    /// Direction of the strokes on the scene, in the entity's local space and of any length above 0. `None`,
-    /// the default: along the edges of the scene's colors.
-    pub stroke_direction: Option<Vec3>,
+    /// Direction of the strokes on the scene. `None`, the default: along the edges of its colors.
+    pub stroke_direction: Option<StrokeDirection>,
     /// Spots of the scene that are painted from given spots of the paintings.
     pub pins: StylePins,
     /// The way in which the strokes move: not at all by default. Each volume's strokes move as its own source
@@ -233,9 +234,9 @@ impl StyleSource {
         Self { palette_strength, ..self }
     }
 
-    /// The same styles in strokes that run along a direction, in the entity's local space.
-    pub fn with_stroke_direction(self, direction: Vec3) -> Self {
-        Self { stroke_direction: Some(direction), ..self }
+    /// The same styles in strokes that run along a direction or a curve, in the entity's local space.
+    pub fn with_stroke_direction(self, direction: impl Into<StrokeDirection>) -> Self {
+        Self { stroke_direction: Some(direction.into()), ..self }
     }
 
     /// The same styles with these pinned places.

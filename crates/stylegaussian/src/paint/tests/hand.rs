@@ -136,6 +136,30 @@ fn each_part_of_a_scene_takes_the_painting_that_is_like_it() {
     assert!(textures(&found).iter().zip(textures(&turned)).all(|(a, b)| a + b == 1));
 }
 
+/// The part of a scene changes that shows the painting that changed, and no strokes show another like it.
+#[test]
+fn colors_follow_a_collection_under_strokes_that_stay() {
+    let scene = sky_and_grass();
+    let surface = surface(&scene);
+    let colors = [BLUE, BLUE, GREEN];
+    let [blue, again, green] = colors.map(|color| Canvas::new(&strokes_of(256, 256, color)));
+    let painted = laid(&scene, &surface, &[&blue, &again, &green], collection());
+    assert_eq!(painted.strokes.textures.len(), 2);
+    let recolored = |blue: &Canvas| {
+        let paintings = [blue, &again, &green].map(|canvas| (canvas, 1.0));
+        let (hand, work) = (collection(), Work::default());
+        recolored(&scene, &surface, &paintings, &hand, 0.0, &painted.strokes, &work).unwrap()
+    };
+    let apart = |(a, b): (&[f32; 3], &[f32; 3])| Vec3::from(*a).distance(Vec3::from(*b));
+    let most = recolored(&blue).iter().zip(&painted.colors).map(apart).fold(0.0, f32::max);
+    assert!(most < 0.03, "{most}");
+    let other = recolored(&blue.reread(&strokes_of(200, 300, [200, 60, 230])));
+    let is_violet = |color: &[f32; 3]| color[0] > color[1] + 0.1;
+    for (color, mean) in other.iter().zip(&scene.means).filter(|(_, mean)| (mean.x - 0.5).abs() > 0.1) {
+        assert_eq!(is_violet(color), mean.x < 0.5, "{mean}: {color:?}");
+    }
+}
+
 #[test]
 fn a_picture_that_is_read_again_is_used_as_far_as_it_may_be() {
     let side = 256;
@@ -233,7 +257,7 @@ fn strokes_follow_a_direction() {
     let surface = surface(&scene);
     let canvas = Canvas::new(&stripes(512, 512));
     for direction in [Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::new(-3.0, 9.0, 0.5)] {
-        let hand = Hand { direction: Some(direction), ..Hand::default() };
+        let hand = Hand { direction: Some(Direction::Along(direction)), ..Hand::default() };
         let found = laid(&scene, &surface, &[&canvas], hand);
         let along = direction.reject_from_normalized(Vec3::Z).normalize();
         for seed in &found.strokes.seeds {
@@ -242,12 +266,45 @@ fn strokes_follow_a_direction() {
         }
     }
     for bad in [Vec3::ZERO, Vec3::new(0.0, f32::NAN, 1.0)] {
-        let hand = Hand { direction: Some(bad), ..Hand::default() };
+        let hand = Hand { direction: Some(Direction::Along(bad)), ..Hand::default() };
         let styles = Styles::Painted { paintings: vec![(&canvas, 1.0)], surface: &surface, hand };
         let recipe = Recipe { looks: Vec::new(), styles, content: 0.0 };
         let found = recipe.restyle(&scene, &Work::default());
         assert!(matches!(found, Err(RestyleError::Direction { .. })), "{bad}");
     }
+}
+
+/// Around a circle, every spot's strokes follow it, those of spots that continue their neighbors too.
+#[test]
+fn strokes_follow_a_curve() {
+    let scene = sky_and_grass();
+    let surface = surface(&scene);
+    let canvas = Canvas::new(&stripes(512, 512));
+    let center = Vec3::new(0.5, 0.5, 0.0);
+    let point = |i: usize| {
+        let (sin, cos) = (i as f32 * std::f32::consts::TAU / 48.0).sin_cos();
+        center + 0.3 * Vec3::new(cos, sin, 0.0)
+    };
+    let mut circle: Vec<Vec3> = (0..48).map(point).collect();
+    circle.push(circle[0]);
+    let hand = Hand { direction: Some(Direction::Curve(&circle)), ..Hand::default() };
+    let found = laid(&scene, &surface, &[&canvas], hand);
+    let mut n_seen = 0;
+    for seed in &found.strokes.seeds {
+        let from = Vec3::from(seed.at) - center;
+        if from.length() > 0.1 {
+            let around = Vec3::Z.cross(from).normalize();
+            let down = seed.plain().down;
+            assert!(down.dot(around).abs() > 0.95, "{down} around {around}");
+            n_seen += 1;
+        }
+    }
+    assert!(n_seen > 20, "{n_seen}");
+    let hand = Hand { direction: Some(Direction::Curve(&circle[..1])), ..Hand::default() };
+    let styles = Styles::Painted { paintings: vec![(&canvas, 1.0)], surface: &surface, hand };
+    let found = Recipe { looks: Vec::new(), styles, content: 0.0 }.restyle(&scene, &Work::default());
+    let message = found.map(|_| ()).unwrap_err().to_string();
+    assert_eq!(message, "the strokes' curve has 1 points that differ, expected at least 2");
 }
 
 /// The point of the painting, 0..1, that a seed lays on a point of the scene.

@@ -20,6 +20,8 @@ use crate::{
     strokes::StrokeStore,
 };
 
+mod changes;
+
 /// Words that name `n_seeds` seeds, a quarter of which are of no strokes.
 fn random_words(n: usize, n_seeds: usize, random: &mut impl FnMut() -> f32) -> Vec<u32> {
     let mut word = || StrokeWord {
@@ -103,6 +105,7 @@ impl World {
                 region: layer.region,
                 strength: layer.strength,
                 mask: layer.mask.map(|(mask, channel)| (&self.masks[mask], channel)),
+                factors: None,
             })
             .collect();
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -136,6 +139,7 @@ impl World {
                 region: layer.region,
                 strength: layer.strength,
                 mask: layer.mask.map(|(mask, channel)| (&self.weights[mask][..], channel as usize)),
+                factors: None,
             })
             .collect();
         let expected = mix_strokes(&self.scene.means, &of_cpu);
@@ -275,6 +279,7 @@ fn tables_keep_their_places_while_there_is_room() {
         region: Region::EVERYWHERE,
         strength: 1.0,
         mask: None,
+        factors: None,
     });
     let tables = |last: &[Table], order: &[usize]| {
         placed(last, wanted(&order.iter().map(|&i| &layers[i]).collect::<Vec<_>>()))

@@ -22,6 +22,8 @@ use crate::{
     },
 };
 
+mod changes;
+
 /// Gaussians around the origin, in numbers that the GPU stores unrounded.
 fn random_scene(n: usize, random: &mut impl FnMut() -> f32) -> Scene {
     let mut three = || Vec3::from_array([(); 3].map(|()| random() - 0.5));
@@ -106,10 +108,26 @@ fn moving_on_gpu(
     camera: &Camera,
     world_from_scene: Affine3A,
 ) -> (Vec<[u32; 4]>, Vec<bool>) {
+    let set = |strokes: &mut GaussianStrokes| strokes.set_motions(motions.to_vec());
+    let (records, visible, _) =
+        set_on_gpu(gpu, scene, painting, set, (knobs, seconds), camera, world_from_scene);
+    (records, visible)
+}
+
+/// The same, with something `set` of the strokes, and the light on each record.
+fn set_on_gpu(
+    gpu: &HeadlessDevice,
+    scene: &Scene,
+    painting: &Strokes,
+    set: impl FnOnce(&mut GaussianStrokes),
+    (knobs, seconds): (StrokeKnobs, f64),
+    camera: &Camera,
+    world_from_scene: Affine3A,
+) -> (Vec<[u32; 4]>, Vec<bool>, Vec<[u32; 4]>) {
     let HeadlessDevice { device, queue, .. } = gpu;
     let pass = SplatPass::new(device);
     let mut strokes = pass.store().upload(device, queue, painting).unwrap();
-    strokes.set_motions(motions.to_vec());
+    set(&mut strokes);
     // Far smaller chunks than any limit requires.
     let scene = GpuScene::in_chunks(device, scene, 300);
     let colors = CloudColors::Captured.with_strokes(&strokes, knobs).at(seconds);
@@ -119,7 +137,9 @@ fn moving_on_gpu(
     pass.project_and_sort(device, queue, &mut encoder, &mut view, camera, &[cloud], &settings).unwrap();
     queue.submit([encoder.finish()]);
     let geometry: Vec<[f32; 4]> = read(gpu, view.records().unwrap().0);
-    (read(gpu, &view.strokes().unwrap().records), geometry.iter().map(|half| half[3] > 0.0).collect())
+    let visible = geometry.iter().map(|half| half[3] > 0.0).collect();
+    let of_view = view.strokes().unwrap();
+    (read(gpu, &of_view.records), visible, read(gpu, &of_view.relief))
 }
 
 /// Compares a record with its twin.
