@@ -225,8 +225,8 @@ mod tests {
         assert_eq!(stroke_direction("-1,0,0.5").unwrap(), [Vec3::new(-1.0, 0.0, 0.5)]);
         let curve = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, -2.0, 0.0)];
         assert_eq!(stroke_direction(" 0,0,0 1,0,0  1,-2,0 ").unwrap(), curve);
-        assert!(matches!(direction_of(&curve[1..2]), Direction::Along(Vec3::X)));
-        assert!(matches!(direction_of(&curve), Direction::Curve(_)));
+        assert_eq!(direction_of(&curve[1..2]), Direction::Along(Vec3::X));
+        assert_eq!(direction_of(&curve), Direction::Curve(&curve));
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("curve.txt");
         let of_file = |text: &str| {
