@@ -23,6 +23,7 @@ mod factors;
 mod knobs;
 mod mix;
 mod motion;
+mod of_scene;
 mod record;
 mod relief;
 mod seed;
@@ -38,6 +39,7 @@ pub use motion::{
     ACROSS, DIRECTION_SHIFT, DIRECTIONS, FADE, KIND_BOIL, KIND_FLOW, KIND_STILL, MotionNow, SLOW, STROKE,
     StrokeMotion, TURN,
 };
+pub use of_scene::Strokes;
 pub use record::{EDGE_ON, FLATTEST, LEAST_ALPHA, LEVELS, MAX_STEP, MOST_OCTAVES, SHARPER, StrokeRecord};
 pub use relief::{BLURRIER, GLOSS, IN_LIGHT, SHININESS, STEEPEST, StrokeRelief, THICKNESS};
 pub use seed::{
@@ -46,16 +48,3 @@ pub use seed::{
 };
 pub use stable::{FARTHEST, NEAREST, STABLE_OCTAVES, stable_shares};
 pub use texture::{FINE_SIDE, StrokeTexture, WIDE_LEVEL, WIDE_SIDE};
-
-use std::sync::Arc;
-
-/// Strokes of a scene.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Strokes {
-    /// The seeds `[M]`, at most [`MAX_SEEDS`].
-    pub seeds: Vec<StrokeSeed>,
-    /// The strokes of each Gaussian `[N]`: see [`StrokeWord`].
-    pub words: Vec<u32>,
-    /// Textures that seeds name by their position, at most [`MAX_TEXTURES`].
-    pub textures: Vec<Arc<StrokeTexture>>,
-}

@@ -4,8 +4,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
-    Strokes,
     factors::StrokeFactors,
+    of_scene::Strokes,
     seed::{MAX_SEEDS, MAX_TEXTURES, StrokeSeed, StrokeWord},
 };
 use crate::layers::Region;

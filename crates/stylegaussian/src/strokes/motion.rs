@@ -8,7 +8,7 @@ use std::f32::consts::PI;
 use glam::{Vec2, Vec3};
 
 use super::{
-    Strokes,
+    of_scene::Strokes,
     seed::{PlainSeed, StrokeSeed},
 };
 

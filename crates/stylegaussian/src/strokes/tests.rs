@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use glam::{Affine3A, Mat3, Quat, UVec2, Vec2, Vec3};
 
 use super::*;
