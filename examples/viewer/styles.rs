@@ -8,9 +8,10 @@ use std::{
 use bevy::prelude::*;
 use bevy_stylegaussian::{
     GaussianSplats, StyleLook, StyleRefine, StyleSource,
-    style::{StyleInput, StyleMotion, StylePalette, StylePin, StyleRelief},
+    style::{StyleInput, StyleMotion, StylePalette, StylePin},
     stylegaussian::paint::Hand,
 };
+use stylegaussian_app::relief_lit_from;
 
 use crate::{ASSETS, panel::Transfer, scene::ShownScene};
 
@@ -175,8 +176,6 @@ impl Styles {
 
     fn source(&self) -> StyleSource {
         let styles = self.used().map(|style| (self.shown_as(style), style.weight));
-        // As high as it is far.
-        let light = Quat::from_rotation_y(self.light_from.to_radians()) * Vec3::new(1.0, 1.0, 0.0);
         StyleSource {
             content: self.content,
             paint: self.paint,
@@ -189,7 +188,7 @@ impl Styles {
             pins: self.used_pins().into(),
             motion: self.motion,
             screen_stable: self.screen_stable,
-            relief: StyleRelief::lit_from(light).with_amount(self.relief),
+            relief: relief_lit_from(self.light_from, self.relief),
             ..StyleSource::mix(styles)
         }
     }

@@ -5,9 +5,11 @@
 mod arrivals;
 mod camera;
 mod opening;
+mod relief;
 mod save;
 
 pub use arrivals::{Arrival, Arrivals, set_transition};
 pub use camera::{FIELD_OF_VIEW, Orbit, place_camera, splat_camera};
 pub use opening::{Framing, loaded_scene};
+pub use relief::relief_lit_from;
 pub use save::save_shown;
