@@ -1,5 +1,5 @@
-//! Parts of the scene in styles of their own: painted areas and volumes. One history undoes both, and the choice
-//! of parts of paintings.
+//! Parts of the scene in styles of their own: painted areas and volumes. One history undoes both, and the
+//! choice of parts of paintings.
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{
