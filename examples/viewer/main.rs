@@ -13,8 +13,8 @@
 //! and up, Shift makes it faster, F shows the whole scene. Keys 1 to 8 apply the first eight styles, 0 none. F1
 //! hides the panel.
 //!
-//! With a tool of "parts of the scene", the left button paints, selects or moves a volume. A drag in "parts of the
-//! paintings" chooses what is used of one. Ctrl+Z undoes, Ctrl+Shift+Z makes it again.
+//! With a tool of "parts of the scene", the left button paints, selects or moves a volume. A drag in "parts of
+//! the paintings" chooses what is used of one. Ctrl+Z undoes, Ctrl+Shift+Z makes it again.
 
 use std::{env, path::PathBuf};
 
