@@ -13,8 +13,8 @@
 //! and up, Shift makes it faster, F shows the whole scene. Keys 1 to 8 apply the first eight styles, 0 none. F1
 //! hides the panel.
 //!
-//! With a tool of "parts of the scene", the left button paints, selects or moves a volume. Ctrl+Z undoes,
-//! Ctrl+Shift+Z makes it again.
+//! With a tool of "parts of the scene", the left button paints, selects or moves a volume. A drag in "parts of
+//! the paintings" chooses what is used of one. Ctrl+Z undoes, Ctrl+Shift+Z makes it again.
 
 use std::{env, path::PathBuf};
 
@@ -28,6 +28,7 @@ use stylegaussian_app::{Arrivals, place_camera, set_transition};
 #[path = "../backdrop/mod.rs"]
 mod backdrop;
 mod camera;
+mod crop_panel;
 mod files;
 mod hand_panel;
 mod panel;
@@ -99,7 +100,7 @@ fn main() -> AppExit {
                     save::save_pins,
                 )
                     .chain(),
-                (parts::follow_scene, tools::apply, parts::note_volumes).chain(),
+                (parts::follow_scene, tools::apply, parts::note_changes).chain(),
                 camera::fly.run_if(not(egui_wants_any_keyboard_input)),
                 camera::drag,
             ),

@@ -20,6 +20,7 @@ use egui::{
 use stylegaussian_app::{Arrival, Arrivals, Orbit};
 
 use crate::{
+    crop_panel,
     files::OpenFile,
     hand_panel,
     parts::{Parts, Tool},
@@ -192,6 +193,7 @@ pub fn draw(
             ui.separator();
             let pins = shown.parts.tool == Tool::Pin;
             paintings(ui, &mut shown.styles, &pictures, pins);
+            crop_panel::draw(ui, &mut shown.styles, &pictures);
             ui.separator();
             let refined = shown.transfer.refined;
             if mix(ui, &mut shown.styles, &mut shown.arrivals, refined) {
@@ -222,7 +224,7 @@ fn parts(ui: &mut Ui, shown: &mut Shown, orbit: &Orbit, mask: &mut StyleMask) {
     let before = parts.shown();
     let wishes = parts_panel::draw(ui, parts, &shown.styles, orbit);
     if let Some(again) = wishes.step {
-        parts.step(again, mask);
+        parts.step(again, mask, &mut shown.styles);
     }
     if wishes.clear_paint {
         parts.clear_paint(mask);

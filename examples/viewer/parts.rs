@@ -1,4 +1,5 @@
-//! Parts of the scene in styles of their own: painted areas and volumes. One history undoes both.
+//! Parts of the scene in styles of their own: painted areas and volumes. One history undoes both, and the
+//! choice of parts of paintings.
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{
@@ -58,6 +59,8 @@ enum Step {
     Mask(usize),
     /// The volumes before it, or after it if it was undone.
     Volumes(Vec<Volume>),
+    /// The used parts of paintings, likewise.
+    Crops(Vec<(usize, Rect)>),
 }
 
 /// Everything that concerns parts of the scene.
@@ -82,8 +85,9 @@ pub struct Parts {
     pub chosen: Option<usize>,
     /// The line of the lasso under way, in points of the window.
     pub lasso: Vec<Vec2>,
-    /// Volumes after the last change that is in the history.
+    /// Volumes and used parts of paintings after the last change that is in the history.
     noted: Vec<Volume>,
+    noted_crops: Vec<(usize, Rect)>,
     done: Vec<Step>,
     undone: Vec<Step>,
 }
@@ -103,6 +107,7 @@ impl Default for Parts {
             chosen: None,
             lasso: Vec::new(),
             noted: Vec::new(),
+            noted_crops: Vec::new(),
             done: Vec::new(),
             undone: Vec::new(),
         }
@@ -129,9 +134,13 @@ impl Parts {
     /// Counts the last `n` changes of the mask as one.
     pub fn note_mask(&mut self, n: usize) {
         if n > 0 {
-            self.done.push(Step::Mask(n));
-            self.undone.clear();
+            self.note(Step::Mask(n));
         }
+    }
+
+    fn note(&mut self, step: Step) {
+        self.done.push(step);
+        self.undone.clear();
     }
 
     /// Whether there is something to undo, and something to make again.
@@ -140,7 +149,7 @@ impl Parts {
     }
 
     /// Undoes the last change, or makes the last one again that was undone.
-    pub fn step(&mut self, again: bool, mask: &mut StyleMask) {
+    pub fn step(&mut self, again: bool, mask: &mut StyleMask, styles: &mut Styles) {
         let (from, to) = match again {
             false => (&mut self.done, &mut self.undone),
             true => (&mut self.undone, &mut self.done),
@@ -156,6 +165,11 @@ impl Parts {
                 to.push(Step::Volumes(std::mem::replace(&mut self.volumes, volumes)));
                 self.noted.clone_from(&self.volumes);
                 self.chosen = self.chosen.filter(|chosen| *chosen < self.volumes.len());
+            }
+            Some(Step::Crops(crops)) => {
+                to.push(Step::Crops(styles.crops()));
+                styles.set_crops(&crops);
+                self.noted_crops = crops;
             }
             None => {}
         }
@@ -179,32 +193,41 @@ impl Parts {
     /// Forgets everything: another scene is shown.
     fn clear(&mut self) {
         let Self { style, radius, softness, strength, .. } = *self;
-        *self = Self { style, radius, softness, strength, ..default() };
+        // Paintings stay.
+        let noted_crops = std::mem::take(&mut self.noted_crops);
+        *self = Self { style, radius, softness, strength, noted_crops, ..default() };
     }
 }
 
-/// Adds changed volumes to the history, once the mouse is up: a drag is one change.
-pub fn note_volumes(mut parts: ResMut<Parts>, buttons: Res<ButtonInput<MouseButton>>) {
-    if buttons.get_pressed().next().is_some() || parts.noted == parts.volumes {
+/// Adds changed volumes and used parts of paintings to the history, once the mouse is up: a drag is one change.
+pub fn note_changes(mut parts: ResMut<Parts>, styles: Res<Styles>, buttons: Res<ButtonInput<MouseButton>>) {
+    if buttons.get_pressed().next().is_some() {
         return;
     }
-    let volumes = parts.volumes.clone();
-    let before = std::mem::replace(&mut parts.noted, volumes);
-    parts.done.push(Step::Volumes(before));
-    parts.undone.clear();
+    if parts.noted != parts.volumes {
+        let volumes = parts.volumes.clone();
+        let before = std::mem::replace(&mut parts.noted, volumes);
+        parts.note(Step::Volumes(before));
+    }
+    let crops = styles.crops();
+    if parts.noted_crops != crops {
+        let before = std::mem::replace(&mut parts.noted_crops, crops);
+        parts.note(Step::Crops(before));
+    }
 }
 
 /// Ctrl and Z undo, with Shift they make it again.
 pub fn press_keys(
     keys: Res<ButtonInput<KeyCode>>,
     mut parts: ResMut<Parts>,
+    mut styles: ResMut<Styles>,
     mut mask: Single<&mut StyleMask>,
 ) {
     // In a slow frame, keys go down and up.
     let held = |keys_of: [KeyCode; 2]| keys.any_pressed(keys_of) || keys.any_just_pressed(keys_of);
     if held([KeyCode::ControlLeft, KeyCode::ControlRight]) && keys.just_pressed(KeyCode::KeyZ) {
         let again = held([KeyCode::ShiftLeft, KeyCode::ShiftRight]);
-        parts.step(again, &mut mask);
+        parts.step(again, &mut mask, &mut styles);
     }
 }
 

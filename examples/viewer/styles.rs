@@ -8,9 +8,10 @@ use std::{
 use bevy::prelude::*;
 use bevy_stylegaussian::{
     GaussianSplats, StyleLook, StyleRefine, StyleSource,
-    style::{StyleInput, StyleMotion, StylePalette, StylePin, StyleRelief},
+    style::{StyleInput, StyleMotion, StylePalette, StylePin, WeightedStyle},
     stylegaussian::paint::Hand,
 };
+use stylegaussian_app::relief_lit_from;
 
 use crate::{ASSETS, panel::Transfer, scene::ShownScene};
 
@@ -44,6 +45,27 @@ pub struct Style {
     pub picture: Option<Handle<Image>>,
     /// Weight in the mix, 0..1, before normalization.
     pub weight: f32,
+    /// The part of the painting that is used, as shares of its sides, or `None` for all of it.
+    pub crop: Option<Rect>,
+}
+
+impl Style {
+    /// The style with its weight, shown by `input`: its own, or its look.
+    fn weighted(&self, input: StyleInput) -> WeightedStyle {
+        WeightedStyle { input, weight: self.weight, crop: self.crop }
+    }
+
+    /// The same pin with its place in the part of the painting that is used. `None` if it is outside.
+    fn pin_in_part(&self, pin: StylePin) -> Option<StylePin> {
+        let Some(part) = self.crop else { return Some(pin) };
+        part.contains(pin.place).then(|| StylePin { place: (pin.place - part.min) / part.size(), ..pin })
+    }
+
+    /// The same pin with its place in the whole painting.
+    fn pin_in_whole(&self, pin: StylePin) -> StylePin {
+        let part = self.crop.unwrap_or(Rect::new(0.0, 0.0, 1.0, 1.0));
+        StylePin { place: part.min + pin.place * part.size(), ..pin }
+    }
 }
 
 /// All styles and their mix.
@@ -65,10 +87,12 @@ pub struct Styles {
     pub palette_strength: f32,
     /// The axis of the scene that strokes follow, or `None` for its edges.
     pub direction: Option<Vec3>,
-    /// Pinned places, each in a style of the list.
+    /// Pinned places, each in a style of the list and in the whole painting.
     pub pins: Vec<(usize, StylePin)>,
     /// The style and the spot of its painting that the next pin is for.
     pub spot: Option<(usize, Vec2)>,
+    /// The style and the corner of the part of its painting that is being chosen.
+    pub corner: Option<(usize, Vec2)>,
     pub motion: StyleMotion,
     /// Thickness of the paint, as a factor, and where the light on it is, in degrees around the world's y axis.
     pub relief: f32,
@@ -99,7 +123,7 @@ impl Styles {
         listed.unwrap_or_else(|| {
             let look = format!("{ASSETS}/looks/{name}{LOOK}");
             let baked = Path::new(&look).exists().then(|| assets.load(look));
-            self.list.push(Style { name, input, baked, picture, weight: 0.0 });
+            self.list.push(Style { name, input, baked, picture, weight: 0.0, crop: None });
             self.list.len() - 1
         })
     }
@@ -122,7 +146,8 @@ impl Styles {
 
     /// The input that a style is shown by: its own, or its look.
     fn shown_as(&self, style: &Style) -> StyleInput {
-        let is_baked = self.finish == Finish::Baked && self.looks_fit && !self.has_hand();
+        let is_plain = style.crop.is_none() && !self.has_hand();
+        let is_baked = self.finish == Finish::Baked && self.looks_fit && is_plain;
         let look = style.baked.clone().filter(|_| is_baked);
         look.map_or_else(|| style.input.clone(), StyleInput::Look)
     }
@@ -142,11 +167,29 @@ impl Styles {
         self.list.iter().enumerate().filter(move |(_, style)| is_painting(style)).map(|(i, _)| i)
     }
 
+    /// Whether a style is used, and a part of its painting can be.
+    pub fn has_parts(&self, style: usize) -> bool {
+        self.paintings().any(|painting| painting == style)
+    }
+
+    /// The parts of paintings that are used in place of all, by their styles.
+    pub fn crops(&self) -> Vec<(usize, Rect)> {
+        let crop = |(style, of): (usize, &Style)| Some((style, of.crop?));
+        self.list.iter().enumerate().filter_map(crop).collect()
+    }
+
+    /// Uses these parts of paintings, and all of the others.
+    pub fn set_crops(&mut self, crops: &[(usize, Rect)]) {
+        for (style, of) in self.list.iter_mut().enumerate() {
+            of.crop = crops.iter().find(|(cropped, _)| *cropped == style).map(|(_, part)| *part);
+        }
+    }
+
     /// The pins of the styles that are used.
     pub fn used_pins(&self) -> Vec<StylePin> {
         let of_painting = |(painting, style): (usize, usize)| {
             let own = self.pins.iter().filter(move |(of, _)| *of == style);
-            own.map(move |(_, pin)| StylePin { painting, ..*pin })
+            own.filter_map(move |(_, pin)| self.list[style].pin_in_part(StylePin { painting, ..*pin }))
         };
         self.paintings().enumerate().flat_map(of_painting).collect()
     }
@@ -154,7 +197,11 @@ impl Styles {
     /// Pins places of the styles that are used. Those of others are left out.
     pub fn take_pins(&mut self, pins: impl Iterator<Item = StylePin>) {
         let paintings: Vec<usize> = self.paintings().collect();
-        self.pins = pins.filter_map(|pin| Some((*paintings.get(pin.painting)?, pin))).collect();
+        let in_whole = |pin: StylePin| {
+            let style = *paintings.get(pin.painting)?;
+            Some((style, self.list[style].pin_in_whole(pin)))
+        };
+        self.pins = pins.filter_map(in_whole).collect();
     }
 
     /// Whether a look is in the mix, which is not refined.
@@ -164,20 +211,20 @@ impl Styles {
 
     /// Whether the shown mix is baked further.
     fn is_refined(&self) -> bool {
-        self.finish != Finish::Instant && !self.has_look() && !self.has_hand()
+        let is_cropped = self.used().any(|style| style.crop.is_some());
+        self.finish != Finish::Instant && !self.has_look() && !self.has_hand() && !is_cropped
     }
 
     /// The source of a part of the scene: one style alone, or the captured colors.
     pub fn source_of(&self, style: Option<usize>) -> StyleSource {
         let style = style.and_then(|style| self.list.get(style));
-        style.map_or_else(StyleSource::none, |style| StyleSource::mix([(self.shown_as(style), 1.0)]))
+        let alone = |style: &Style| WeightedStyle { weight: 1.0, ..style.weighted(self.shown_as(style)) };
+        StyleSource { styles: style.map(alone).into_iter().collect(), ..default() }
     }
 
     fn source(&self) -> StyleSource {
-        let styles = self.used().map(|style| (self.shown_as(style), style.weight));
-        // As high as it is far.
-        let light = Quat::from_rotation_y(self.light_from.to_radians()) * Vec3::new(1.0, 1.0, 0.0);
         StyleSource {
+            styles: self.used().map(|style| style.weighted(self.shown_as(style))).collect(),
             content: self.content,
             paint: self.paint,
             protection: self.protection,
@@ -189,8 +236,8 @@ impl Styles {
             pins: self.used_pins().into(),
             motion: self.motion,
             screen_stable: self.screen_stable,
-            relief: StyleRelief::lit_from(light).with_amount(self.relief),
-            ..StyleSource::mix(styles)
+            relief: relief_lit_from(self.light_from, self.relief),
+            ..default()
         }
     }
 

@@ -8,7 +8,8 @@ use bevy_egui::egui::{
 pub const SIZE: f32 = 97.0;
 const CAPTION: f32 = 18.0;
 const ROUNDING: u8 = 5;
-const ACCENT: Color32 = Color32::from_rgb(255, 178, 62);
+/// Color of what is chosen.
+pub const ACCENT: Color32 = Color32::from_rgb(255, 178, 62);
 
 /// A painting as an egui texture.
 #[derive(Clone, Copy)]

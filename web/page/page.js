@@ -13,9 +13,19 @@ const ARRIVES_SECONDS = 1.5;
 const IMAGE = /\.(jpe?g|png)$/i;
 
 // What is asked for. `style` and `second` are names of `STYLES`, or of images that were dropped.
-const wish = { style: "", second: "", share: 0.5, strength: 1, kind: "look", paint: 1, protection: 1, stroke_scale: 1 };
-// What sliders set: the style, and how its strokes are drawn, which computes nothing.
-const SHARES = ["share", "strength"], STROKES = ["paint", "protection", "stroke_scale"];
+const wish = {
+  style: "", second: "", share: 0.5, strength: 1, kind: "look", paint: 1, protection: 1, stroke_scale: 1,
+  motion: "still", rate: 8, distance: 0.5, relief: 0, light_from: 0, screen_stable: false,
+};
+// What sliders set: the style, and how its strokes are drawn, which computes nothing. Functions of the app take the latter.
+const SHARES = ["share", "strength"];
+const STROKES = {
+  set_strokes: ["paint", "protection", "stroke_scale"], set_motion: ["motion", "rate", "distance"],
+  set_relief: ["relief", "light_from"], set_screen_stable: ["screen_stable"],
+};
+const SLIDERS = [...SHARES, ...Object.values(STROKES).flat().filter((key) => typeof wish[key] === "number")];
+// The usual rate and distance of each motion, and its largest rate.
+const MOTIONS = { still: [8, 0.5, 24], boil: [8, 0.5, 24], flow: [0.5, 2, 4] };
 const dropped = new Set();
 // What was asked for before a capture that is being read; it is asked for again if the capture cannot be shown.
 let before = null;
@@ -39,7 +49,11 @@ function show() {
   $("kind").options[0].disabled = isDropped;
   $("kind").value = isDropped && wish.kind === "look" ? "paint" : wish.kind;
   $("second").value = wish.second;
-  for (const key of [...SHARES, ...STROKES]) $(key).value = wish[key];
+  $("motion").value = wish.motion;
+  for (const key of SLIDERS) $(key).value = wish[key];
+  $("screen_stable").checked = wish.screen_stable;
+  for (const key of ["rate", "distance"]) $(key).parentElement.hidden = wish.motion === "still";
+  $("light_from").parentElement.hidden = wish.relief === 0;
   $("embed").hidden = !needsFeatures();
   $("embed").textContent = isEmbedding ? "Cancel embedding" : "Embed it";
   // A dropped image is not in the link: nobody else has it.
@@ -70,17 +84,26 @@ function apply() {
   app?.set_style(kept.map(([name]) => appName(name)), new Float32Array(kept.map(([, weight]) => weight)), 0, wish.strength, wish.kind === "decode");
 }
 
-const setStrokes = () => app?.set_strokes(...STROKES.map((key) => wish[key]));
+const setStrokes = (name) => app?.[name](...STROKES[name].map((key) => wish[key]));
 
 function readLink() {
   const link = new URLSearchParams(location.hash.slice(1));
   const known = (name) => STYLES.some(([style]) => style === name);
   for (const key of ["style", "second"]) if (known(link.get(key))) wish[key] = link.get(key);
-  for (const key of [...SHARES, ...STROKES]) {
+  const motion = link.get("motion");
+  if (Object.hasOwn(MOTIONS, motion)) setMotion(motion);
+  for (const key of SLIDERS) {
     const value = Number.parseFloat(link.get(key));
     if (value >= $(key).min && value <= $(key).max) wish[key] = value;
   }
+  wish.screen_stable = link.get("screen_stable") === "true";
   if (["look", "paint", "decode"].includes(link.get("kind"))) wish.kind = link.get("kind");
+}
+
+// The distances of motions are as different as their rates.
+function setMotion(motion) {
+  wish.motion = motion;
+  [wish.rate, wish.distance, $("rate").max] = MOTIONS[motion];
 }
 
 function addStyle(name, picture, label = name) {
@@ -172,13 +195,22 @@ async function start() {
   notice("Loading …");
   app = await startApp((share) => { $("progress").value = share; }, hear);
   app.open_asset("demo.sgs");
-  setStrokes();
+  Object.keys(STROKES).forEach(setStrokes);
   if (wish.style) apply();
 }
 
 for (const key of ["kind", "second"]) $(key).onchange = (event) => { wish[key] = event.target.value; apply(); };
 for (const key of SHARES) $(key).oninput = (event) => { wish[key] = Number(event.target.value); apply(); };
-for (const key of STROKES) $(key).oninput = (event) => { wish[key] = Number(event.target.value); show(); setStrokes(); };
+for (const [name, keys] of Object.entries(STROKES)) {
+  for (const key of keys) {
+    $(key).oninput = ({ target }) => {
+      if (key === "motion") setMotion(target.value);
+      else wish[key] = target.type === "checkbox" ? target.checked : Number(target.value);
+      show();
+      setStrokes(name);
+    };
+  }
+}
 $("file").onchange = (event) => { if (event.target.files[0]) open(event.target.files[0]); };
 $("arrives").onchange = (event) => app?.set_transition(event.target.value, ARRIVES_SECONDS);
 $("embed").onclick = () => {

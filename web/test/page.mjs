@@ -14,11 +14,14 @@ const STAND_IN = `
   export default async () => ({ memory: new WebAssembly.Memory({ initial: 2 ** 15 }) });
   export const listen = (listener) => { tell = globalThis.tell = listener; tell("ready", ""); };
   export const open_asset = (path) => { calls.push(["open_asset", path]); tell("loaded", "5 true"); };
-  export const [open_file, add_painting, turn, fly, zoom, save_picture_soon, save_glb_soon, embed_soon, cancel_embedding, set_transition, set_strokes] =
-    ["open_file", "add_painting", "turn", "fly", "zoom", "save", "save_glb_soon", "embed_soon", "cancel_embedding", "set_transition", "set_strokes"].map(note);
+  export const [open_file, add_painting, turn, fly, zoom, save_picture_soon, save_glb_soon, embed_soon, cancel_embedding, set_transition] =
+    ["open_file", "add_painting", "turn", "fly", "zoom", "save", "save_glb_soon", "embed_soon", "cancel_embedding", "set_transition"].map(note);
+  export const [set_strokes, set_motion, set_relief, set_screen_stable] = ["set_strokes", "set_motion", "set_relief", "set_screen_stable"].map(note);
   export const use_worker = () => {};
   export const set_style = (...given) => { note("set_style")(...given); tell("applied", "1"); };
 `;
+// What the page asks for at first.
+const BEGINNING = [["open_asset", "demo.sgs"], ["set_strokes", 1, 1, 1], ["set_motion", "still", 8, 0.5], ["set_relief", 0, 0], ["set_screen_stable", false]];
 let browser, server;
 before(async () => {
   browser = await launch();
@@ -40,7 +43,7 @@ async function opened(link = "", viewport = { width: 1000, height: 640 }) {
 
 test("a click puts a style on, a second one mixes, and the link carries both", async () => {
   const { page, errors, taken } = await opened();
-  assert.deepEqual(await taken(), [["open_asset", "demo.sgs"], ["set_strokes", 1, 1, 1]]);
+  assert.deepEqual(await taken(), BEGINNING);
   await page.click('[data-style="ink"]');
   await page.selectOption("#second", "dots");
   assert.deepEqual(await taken(), [
@@ -50,7 +53,7 @@ test("a click puts a style on, a second one mixes, and the link carries both", a
   assert.equal(await page.getAttribute('[data-style="ink"]', "aria-pressed"), "true");
   const link = new URL(page.url()).hash;
   const again = await opened(link);
-  assert.deepEqual((await again.taken())[2], ["set_style", ["look:ink", "look:dots"], [0.5, 0.5], 0, 1, false]);
+  assert.deepEqual((await again.taken()).at(-1), ["set_style", ["look:ink", "look:dots"], [0.5, 0.5], 0, 1, false]);
   await page.click('[data-style=""]');
   assert.deepEqual((await taken())[0][1], []);
   assert.deepEqual([...errors, ...again.errors], []);
@@ -58,7 +61,7 @@ test("a click puts a style on, a second one mixes, and the link carries both", a
 
 test("a link may hold anything", async () => {
   const { errors, taken } = await opened("#style=../../x&second=ink&strength=7&kind=<b>");
-  assert.deepEqual(await taken(), [["open_asset", "demo.sgs"], ["set_strokes", 1, 1, 1]]);
+  assert.deepEqual(await taken(), BEGINNING);
   assert.deepEqual(errors, []);
 });
 
@@ -66,7 +69,7 @@ test("images become styles, other files scenes", async () => {
   const { page, errors, taken } = await opened();
   await page.setInputFiles("#file", "assets/styles/ink.jpg");
   await page.waitForSelector('[data-style="ink.jpg"][aria-pressed="true"]');
-  const [, , painting, style] = await taken();
+  const [painting, style] = (await taken()).slice(BEGINNING.length);
   assert.deepEqual([painting[0], painting[1], style[1]], ["add_painting", "ink.jpg", ["image:ink.jpg"]]);
   // Nobody has baked it; what comes with the page is still shown baked.
   assert.equal(await page.inputValue("#kind"), "paint");
@@ -146,6 +149,44 @@ test("strokes are drawn as sliders say, which are in the link and restyle nothin
   assert.deepEqual([...errors, ...again.errors, ...beyond.errors], []);
 });
 
+test("strokes move, have a thickness and keep their size as controls say, which are in the link", async () => {
+  const { page, errors, taken } = await opened();
+  await page.click('[data-style="ink"]');
+  await taken();
+  // What would do nothing is not shown.
+  for (const id of ["rate", "distance", "light_from"]) assert.ok(await page.isHidden(`#${id}`), id);
+  await page.selectOption("#motion", "flow");
+  await page.focus("#rate");
+  await page.keyboard.press("ArrowRight");
+  await page.fill("#distance", "3");
+  await page.fill("#relief", "1.5");
+  await page.fill("#light_from", "90");
+  await page.focus("#screen_stable");
+  await page.keyboard.press("Space");
+  assert.deepEqual(await taken(), [
+    ["set_motion", "flow", 0.5, 2], ["set_motion", "flow", 0.6, 2], ["set_motion", "flow", 0.6, 3],
+    ["set_relief", 1.5, 0], ["set_relief", 1.5, 90], ["set_screen_stable", true],
+  ]);
+  for (const name of ["Times a second", "How far", "Thickness", "Light from"]) {
+    assert.equal(await page.getByRole("slider", { name }).count(), 1, name);
+  }
+  assert.equal(await page.getByRole("checkbox", { name: "Of one size" }).count(), 1);
+  assert.equal(await page.getByRole("combobox", { name: "Strokes are" }).count(), 1);
+  const asked = [["set_strokes", 1, 1, 1], ["set_motion", "flow", 0.6, 3], ["set_relief", 1.5, 90], ["set_screen_stable", true]];
+  const again = await opened(new URL(page.url()).hash);
+  assert.deepEqual((await again.taken()).slice(1, 5), asked);
+  assert.deepEqual([await again.page.inputValue("#motion"), await again.page.inputValue("#rate")], ["flow", "0.6"]);
+  assert.ok(await again.page.isVisible("#light_from") && await again.page.isChecked("#screen_stable"));
+  // Another motion has rates of its own.
+  await page.selectOption("#motion", "boil");
+  assert.deepEqual(await taken(), [["set_motion", "boil", 8, 0.5]]);
+  const beyond = await opened("#style=ink&motion=toString&rate=-1&distance=99&relief=NaN&light_from=361&screen_stable=1");
+  assert.deepEqual((await beyond.taken()).slice(0, 5), BEGINNING);
+  const fast = await opened("#style=ink&motion=flow&rate=20");
+  assert.deepEqual((await fast.taken())[2], ["set_motion", "flow", 0.5, 2]);
+  assert.deepEqual([...errors, ...again.errors, ...beyond.errors, ...fast.errors], []);
+});
+
 test("a capture without features is painted, and embedded only for the decoder", async () => {
   const { page, errors, taken } = await opened();
   await taken();
@@ -223,13 +264,17 @@ test("keys and drags steer the camera", async () => {
 });
 
 test("a keyboard alone reaches everything", async () => {
-  const { page } = await opened();
+  const { page } = await opened("#motion=boil&relief=1");
   const reached = new Set();
-  for (let presses = 0; presses < 40; presses += 1) {
+  for (let presses = 0; presses < 50; presses += 1) {
     await page.keyboard.press("Tab");
     reached.add(await page.evaluate(() => document.activeElement.id || document.activeElement.dataset.style));
   }
-  for (const name of ["stage", "ink", "kind", "second", "share", "strength", "paint", "protection", "stroke_scale", "arrives", "file", "save", "save_glb", "link"]) {
+  const all = [
+    "stage", "ink", "kind", "second", "share", "strength", "paint", "protection", "stroke_scale", "motion", "rate", "distance", "relief",
+    "light_from", "screen_stable", "arrives", "file", "save", "save_glb", "link",
+  ];
+  for (const name of all) {
     assert.ok(reached.has(name), `${name} is not among ${[...reached]}`);
   }
 });

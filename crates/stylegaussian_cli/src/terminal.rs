@@ -7,13 +7,17 @@ use std::{
     sync::{
         Arc, Mutex, PoisonError,
         atomic::{AtomicBool, Ordering},
+        mpsc::{RecvTimeoutError, channel},
     },
+    thread,
+    time::Duration,
 };
 
 use anyhow::{Context, Result};
 use clap::error::ErrorKind;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Serialize, Serializer};
+use stylegaussian::work::Work;
 use stylegaussian_files::abandon_partial_files;
 use stylegaussian_train::{Progress, Stage};
 
@@ -139,6 +143,28 @@ impl Interrupt {
 pub fn bar(total: u64, template: &str) -> ProgressBar {
     let style = ProgressStyle::with_template(template);
     ProgressBar::new(total).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+/// Parts of the bar of [`with_bar`], and the time between two looks at the share that is done.
+const SHARES: u64 = 1000;
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+
+/// Runs a computation under a bar of the share that is done, such as `{bar:40} {percent}%, {eta} left`.
+pub fn with_bar<T>(template: &str, compute: impl FnOnce(&Work) -> T) -> T {
+    let (work, bar) = (Work::default(), bar(SHARES, template));
+    let show = || bar.set_position((work.done() * SHARES as f32) as u64);
+    let result = thread::scope(|scope| {
+        // Closed at the end of the computation, even if it panics.
+        let (_end, ended) = channel::<()>();
+        scope.spawn(move || {
+            while ended.recv_timeout(LOOK_EVERY) == Err(RecvTimeoutError::Timeout) {
+                show();
+            }
+        });
+        compute(&work)
+    });
+    bar.finish_and_clear();
+    result
 }
 
 /// Shows progress of the library: a bar on a terminal, otherwise a line every hundred training steps.

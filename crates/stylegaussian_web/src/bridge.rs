@@ -46,6 +46,24 @@ pub enum Request {
         /// Of their size, 0.1 to 10.
         stroke_scale: f32,
     },
+    /// How strokes move.
+    Motion {
+        /// `still`, `boil` or `flow`.
+        kind: String,
+        /// Times per second, 0 to 60.
+        rate: f32,
+        /// In widths of a stroke, 0 to 8.
+        distance: f32,
+    },
+    /// The thickness of strokes.
+    Relief {
+        /// As a factor, 0 to 4.
+        amount: f32,
+        /// Where the light is, in degrees around the scene.
+        light_from: f32,
+    },
+    /// Whether strokes keep their size on screen.
+    ScreenStable(bool),
     /// A turn around the scene, in radians.
     Turn {
         /// To the right.
@@ -148,6 +166,28 @@ pub fn set_style(names: Vec<String>, weights: Vec<f32>, content: f32, strength: 
 #[wasm_bindgen]
 pub fn set_strokes(paint: f32, protection: f32, stroke_scale: f32) {
     ask(Request::Strokes { paint, protection, stroke_scale });
+}
+
+/// Sets how strokes move, from the next frame on: `still`, as at first, `boil` (redrawn some times a second) or
+/// `flow` (along their own direction), how many times per second (0 to 60), and how far, in widths of a stroke
+/// (0 to 8). Nothing is computed.
+#[wasm_bindgen]
+pub fn set_motion(kind: String, rate: f32, distance: f32) {
+    ask(Request::Motion { kind, rate, distance });
+}
+
+/// Sets the thickness of strokes, from the next frame on, as a factor (0 to 4; 0 at first), and where the light
+/// on them is, in degrees around the scene. Nothing is computed.
+#[wasm_bindgen]
+pub fn set_relief(amount: f32, light_from: f32) {
+    ask(Request::Relief { amount, light_from });
+}
+
+/// Sets whether strokes keep their size on screen, from near and far, from the next frame on. At first they do
+/// not. Nothing is computed.
+#[wasm_bindgen]
+pub fn set_screen_stable(screen_stable: bool) {
+    ask(Request::ScreenStable(screen_stable));
 }
 
 /// Gives the scene that is shown features, in the page's worker, so that it can be decoded. It is then `loaded`

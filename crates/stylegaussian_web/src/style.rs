@@ -3,10 +3,10 @@
 use bevy::prelude::*;
 use bevy_stylegaussian::{
     GaussianSplats, StyleLook, StyleSource, StyleStatistics,
-    style::{StyleInput, StyleMethod, decoder::StyleBudget},
+    style::{StyleInput, StyleMethod, StyleMotion, decoder::StyleBudget},
 };
 use js_sys::{Array, Float32Array};
-use stylegaussian_app::{Arrival, Arrivals};
+use stylegaussian_app::{Arrival, Arrivals, relief_lit_from};
 use wasm_bindgen::JsValue;
 
 use crate::{
@@ -120,12 +120,31 @@ pub fn put_on(
     source.set_if_neq(mix);
 }
 
-/// Changes how strokes are drawn.
+/// Changes how strokes are drawn, and how they move.
 pub fn set_strokes(mut requests: MessageReader<Request>, mut source: Single<&mut StyleSource>) {
     for request in requests.read() {
-        if let Request::Strokes { paint, protection, stroke_scale } = *request {
-            (source.paint, source.protection, source.stroke_scale) = (paint, protection, stroke_scale);
+        match *request {
+            Request::Strokes { paint, protection, stroke_scale } => {
+                (source.paint, source.protection, source.stroke_scale) = (paint, protection, stroke_scale);
+            }
+            Request::Motion { ref kind, rate, distance } => match motion(kind, rate) {
+                Some(motion) => source.motion = motion.with_amount(distance),
+                None => bridge::tell(Event::Failed, &format!("there is no motion `{kind}`")),
+            },
+            Request::Relief { amount, light_from } => source.relief = relief_lit_from(light_from, amount),
+            Request::ScreenStable(screen_stable) => source.screen_stable = screen_stable,
+            _ => {}
         }
+    }
+}
+
+/// The motion that the page's script calls by this name.
+fn motion(kind: &str, rate: f32) -> Option<StyleMotion> {
+    match kind {
+        "still" => Some(StyleMotion::Still),
+        "boil" => Some(StyleMotion::boil(rate)),
+        "flow" => Some(StyleMotion::flow(rate)),
+        _ => None,
     }
 }
 

@@ -191,6 +191,40 @@ fn an_image_that_cannot_be_followed_leaves_its_last_picture() {
     assert!(drain::<StyleFailed>(&mut app).is_empty());
 }
 
+/// A video that is faster than frames, in which colors take longer than from frame to frame: of the pictures
+/// between two frames the last counts, and colors follow all the while.
+#[test]
+fn a_video_that_is_faster_than_frames_is_followed() {
+    let mut app = app_without_rendering();
+    app.insert_resource(TimeUpdateStrategy::ManualDuration(EVERY));
+    let scene = Scene { features: None, decoder: None, ..small_scene(150, 1) };
+    let first = picture(1, WARM);
+    let image = add(&mut app, first.clone());
+    let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
+    let entity = app.world_mut().spawn((splats, StyleSource::image(image.clone()), living())).id();
+    until_applied(&mut app);
+    let seeds = strokes(&app, entity).seeds.clone();
+    let (mut last, mut seed, mut shown) = (first.clone(), 1, Vec::new());
+    update_until(&mut app, "colors of a video", |world| {
+        let mut images = world.resource_mut::<Assets<Image>>();
+        for tints in [COLD, WARM] {
+            seed += 1;
+            last = picture(seed, tints);
+            images.insert(&image, last.clone()).unwrap();
+        }
+        let now = colors(world, entity);
+        if shown.last() != Some(&now) {
+            shown.push(now);
+        }
+        shown.len() > 3
+    });
+    let (_, expected, _) = laid(&scene, &first, &last);
+    let expected = Some(expected);
+    update_until(&mut app, "colors of the last picture", |world| colors(world, entity) == expected);
+    assert_eq!(strokes(&app, entity).seeds, seeds);
+    assert!(drain::<StyleFailed>(&mut app).is_empty());
+}
+
 /// The words and seeds of the wall, and the number of textures that were made.
 fn drawn(studio: &Studio) -> (Vec<u32>, Vec<StrokeSeed>, u64) {
     let world = studio.app.sub_app(RenderApp).world();

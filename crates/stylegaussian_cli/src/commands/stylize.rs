@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
-use stylegaussian::{Look, Scene, paint::Painted, split::split_paint, work::Work};
+use stylegaussian::{Look, Scene, paint::Painted, split::split_paint};
 use stylegaussian_files::{WriteOptions, write_colors, write_look, write_scene_with};
 
 use crate::{
@@ -13,7 +13,7 @@ use crate::{
     outputs::expect_files,
     scenes::{ReadArgs, WriteArgs, extension, is_writable, unexpected_extension},
     stylization::{Stylization, StylizationArgs},
-    terminal::{lossy, print, usage_error, warn},
+    terminal::{lossy, print, usage_error, warn, with_bar},
 };
 
 /// Stylize a scene with one painting or look, or a mix of several.
@@ -96,7 +96,11 @@ pub fn run(arguments: &StylizeArgs) -> Result<()> {
     let mut result = stylization.stylize(&scene, path, &mut compute)?;
     // Both kinds are printed already. In JSON they come in the order of printing.
     result.warnings.splice(0..0, loaded.warnings);
-    let split = |factor| split_paint(&mut scene, &result.shown, factor, &Work::default());
+    let split = |factor| {
+        with_bar("{bar:40} {percent}% of the split, {eta} left", |work| {
+            split_paint(&mut scene, &result.shown, factor, work)
+        })
+    };
     let n_split = arguments.split_paint.map(split).transpose()?;
     let lost = if n_split.is_some() {
         write_scene_with(output, &scene, writing.options())?

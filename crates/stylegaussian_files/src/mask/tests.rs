@@ -85,6 +85,12 @@ fn lying_masks_are_refused() {
     );
     check(&replaced(&bytes, r#""scene":"20@"#, r#""scene":"20-"#), "`scene` = `20-");
     check(&replaced(&bytes, r#""U8""#, r#""I8""#), "type I8");
+    // Weights are bytes, so that none is NaN.
+    let (mut numbers, mut in_numbers) = (Writer::new(FORMAT), Vec::new());
+    numbers.f32(TENSOR, &[20, 1], &[f32::NAN; 20]);
+    numbers.set("scene", stored().scene);
+    numbers.write(&mut in_numbers).unwrap();
+    check(&in_numbers, "`mask` of type F32, expected U8");
     check(&replaced(&bytes, r#"\"ink\",\"\","#, r#"\"ink,,,,,\","#), "2 names in `mask_channels`");
     check(&replaced(&bytes, r#"[\"ink\""#, r#"{\"ink\""#), "`mask_channels` of another form");
     // 12 Gaussians of five channels have as many bytes as 20 of three.
