@@ -30,6 +30,7 @@ mod backdrop;
 mod camera;
 mod files;
 mod hand_panel;
+mod light;
 mod panel;
 mod parts;
 mod parts_panel;
@@ -71,6 +72,7 @@ fn main() -> AppExit {
         .insert_resource(EguiGlobalSettings { auto_create_primary_context: false, ..default() })
         .insert_resource(files::CommandLine { scene, styles: arguments.collect() })
         .init_resource::<Arrivals>()
+        .init_resource::<light::Light>()
         .init_resource::<panel::Panel>()
         .init_resource::<panel::Notice>()
         .init_resource::<panel::Transfer>()
@@ -108,7 +110,7 @@ fn main() -> AppExit {
             PostUpdate,
             // Before transforms are propagated, or camera and splats would lag behind by a frame.
             (
-                (styles::apply, set_transition, parts::show),
+                (styles::apply, set_transition, parts::show, light::show),
                 (scene::turn_up, place_camera, camera::place_picture),
             )
                 .before(TransformSystems::Propagate),

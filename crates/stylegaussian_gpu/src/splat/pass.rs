@@ -6,11 +6,13 @@ use super::{
     draw::{Draw, SplatPipeline},
     error::SplatError,
     layer::Layer,
+    light::LightStage,
     project::Project,
     settings::SplatSettings,
     sort::Sort,
     strokes::ViewStrokes,
     tiles::Tiles,
+    tonemapping::Tonemapping,
     view::{Change, SplatView},
 };
 use crate::{device::is_software, strokes::StrokeStore};
@@ -21,6 +23,7 @@ pub struct SplatPass {
     pub(super) project: Project,
     pub(super) sort: Sort,
     pub(super) draw: Draw,
+    pub(super) light: LightStage,
     /// The compute rasterizer of software adapters.
     tiles: Option<Tiles>,
 }
@@ -44,7 +47,8 @@ impl SplatPass {
 
     fn by_quads_with_store(device: &wgpu::Device, store: StrokeStore) -> Self {
         let project = Project::new(device, store);
-        Self { project, sort: Sort::new(device), draw: Draw::new(device), tiles: None }
+        let light = LightStage::default();
+        Self { project, sort: Sort::new(device), draw: Draw::new(device), light, tiles: None }
     }
 
     /// The textures of strokes. Clouds are drawn with strokes that were uploaded to it.
@@ -69,6 +73,12 @@ impl SplatPass {
         for pipeline in pipelines {
             self.draw.painted(pipeline, strokes);
         }
+    }
+
+    /// Compiles the kernel of tints and fog before a tone mapping, in any thread, while others draw. Without
+    /// this call, the first frame with any compiles it.
+    pub fn prepare_light(&self, device: &wgpu::Device, tonemapping: Tonemapping) {
+        self.light.kernel(device, tonemapping);
     }
 
     /// The draw into a layer of [`LAYER_FORMAT`](super::LAYER_FORMAT) at `samples` samples. If `depth_format`
@@ -116,7 +126,10 @@ impl SplatPass {
         }
         view.reserve(device, &self.sort, &self.draw.layout, n_records)?;
         view.set_camera(queue, camera, n_records as u32);
-        let change = self.project.write(device, queue, view, camera, &drawn, settings);
+        let mut change = self.project.write(device, queue, view, camera, &drawn, settings);
+        if let Some((lit, buffers)) = view.light_parts() {
+            change = self.light.write(device, queue, lit, &buffers, camera, clouds, change);
+        }
         if change == Change::Nothing {
             return Ok(());
         }
@@ -131,6 +144,7 @@ impl SplatPass {
         });
         self.project.encode(&mut pass, view);
         self.project.encode_strokes(device, &mut pass, view);
+        self.light.encode(device, &mut pass, &view.lit);
         if change == Change::Order {
             self.sort.encode(&mut pass, sort, n_records as u32);
         }

@@ -315,4 +315,4 @@ fn motions_now(painted: &PaintedColors) -> ([StrokeMotion; MAX_MOTIONS], u32) {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
