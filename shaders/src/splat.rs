@@ -11,7 +11,7 @@ use crate::{Layout, Source, float_constants, layout};
 pub mod light;
 pub mod strokes;
 
-use light::{FogSun, SplatLight};
+use light::{FogSun, ShadowCascade, SplatLight, SplatShadows};
 use strokes::{StrokeChunk, StrokeDraw, StrokeMotion};
 
 /// Invocations in a workgroup of every kernel of the pass.
@@ -243,7 +243,8 @@ pub fn sources() -> Vec<Source> {
         composite(false),
         composite(true),
         inverse_table(),
-        light::light(),
+        light::light(false),
+        light::light(true),
         strokes::records(),
         strokes::draw(),
         strokes::tiles_blend(false),
@@ -315,10 +316,19 @@ pub fn layouts() -> Vec<Layout> {
             n_records,
             has_strokes,
             exposure,
+            shadow_amount,
             padding_0,
             padding_1,
-            padding_2,
         }),
+        layout!(ShadowCascade {
+            clip_from_view_x,
+            clip_from_view_y,
+            clip_from_view_z,
+            clip_from_view_w,
+            offset,
+            far,
+        }),
+        layout!(SplatShadows { cascades, n_cascades, padding_0, padding_1, padding_2 }),
         layout!(StrokeChunk {
             chunk,
             amount,

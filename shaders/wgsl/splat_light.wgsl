@@ -1,5 +1,5 @@
-// Changes the colors of records by light and air: the tint of their cloud, and the fog before them. One
-// invocation per record of one cloud, after `splat_project` and `splat_strokes`. CPU twin:
+// Changes the colors of records by light and air: the tint of their cloud, shadows on them, and the fog before
+// them. One invocation per record of one cloud, after `splat_project` and `splat_strokes`. CPU twin:
 // `stylegaussian::light::Lit`, which has the equation.
 
 /// A directional light in fog.
@@ -48,9 +48,10 @@ struct SplatLight {
     has_strokes: u32,
     /// The camera's factor on colors before tone mapping.
     exposure: f32,
+    /// Share of its light that the cloud loses in shadow.
+    shadow_amount: f32,
     padding_0: u32,
     padding_1: u32,
-    padding_2: u32,
 }
 
 @group(0) @binding(0) var<uniform> light: SplatLight;
@@ -71,8 +72,10 @@ override curve: u32;
 /// The largest color that a record holds, the largest f16.
 const MAX_COLOR: f32 = 65504.0;
 
-/// The air between the eye and a splat.
+/// What lies between the light, a splat and the eye.
 struct Air {
+    /// Share of the light that reaches the splat.
+    shade: f32,
     transmission: vec3<f32>,
     light: vec3<f32>,
 }
@@ -114,7 +117,8 @@ fn air_along(ray: vec3<f32>) -> Air {
         default: { behind = lost(light.extinction, distance); }
     }
     let added = select(behind, lost(light.inscattering, distance), light.falloff == FALLOFF_ATMOSPHERIC);
-    return Air(1.0 - light.fog_strength * behind, light.fog_strength * added * color);
+    let shade = 1.0 - light.shadow_amount * (1.0 - sunlight(ray));
+    return Air(shade, 1.0 - light.fog_strength * behind, light.fog_strength * added * color);
 }
 
 /// sRGB's encoding (IEC 61966-2-1) of 0..1.
@@ -152,8 +156,9 @@ fn tinted(linear: vec3<f32>) -> vec3<f32> {
 /// The color of a splat of this one behind `air`.
 fn lit(color: vec3<f32>, air: Air) -> vec3<f32> {
     let before = scene(color);
-    let after = max(air.transmission * max(tinted(before), vec3(0.0)) + air.light, vec3(0.0));
-    let kept = air.transmission * saturate(tinted(vec3(1.0)));
+    let passed = air.shade * air.transmission;
+    let after = max(passed * max(tinted(before), vec3(0.0)) + air.light, vec3(0.0));
+    let kept = passed * saturate(tinted(vec3(1.0)));
     return shown(after) + kept * (color - shown(before));
 }
 

@@ -1,12 +1,12 @@
 //! Light and air: what changes the color of a splat that is drawn as captured or styled. A [`Tint`] of its
-//! cloud, and the [`Fog`] before it.
+//! cloud, shadows on it, and the [`Fog`] before it.
 //!
 //! Splats have display-referred colors. Light is linear, before a camera's exposure and tone mapping, and so is
-//! a mesh's. With D the [`Display`] of a scene color, M the tint, and t and a the transmission and the light of
-//! the air, the color c becomes
+//! a mesh's. With D the [`Display`] of a scene color, M the tint, s the share of the light that is not in
+//! shadow, and t and a the transmission and the light of the air, the color c becomes
 //!
 //! ```text
-//! D(t M D^-1(c) + a) + k (c - D(D^-1(c)))        k = t min(M 1, 1)
+//! D(s t M D^-1(c) + a) + k (c - D(D^-1(c)))        k = s t min(M 1, 1)
 //! ```
 //!
 //! The first part is the color of an unlit mesh that looks like c. The second keeps as much of what D has no
@@ -16,10 +16,12 @@
 use glam::{Mat3, Vec3};
 
 mod display;
+mod shadow;
 #[cfg(test)]
 mod tests;
 
 pub use display::{BRIGHTEST_SHOWN, Curve, Display, KNEE};
+pub use shadow::{MAX_CASCADES, ShadowCascade, in_shadow};
 
 /// Weights of red, green and blue in luminance, by Rec. 709, for linear colors.
 pub const LINEAR_LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
@@ -188,6 +190,8 @@ pub fn steepness(start: f32, end: f32) -> f32 {
 pub struct Lit {
     /// The tint as [`Tint::matrix`] gives it.
     pub tint: Mat3,
+    /// Share of the light that reaches the splat: see [`in_shadow`].
+    pub shade: f32,
     /// The air before the splat.
     pub air: Air,
     /// The camera's way from light to colors.
@@ -197,10 +201,11 @@ pub struct Lit {
 impl Lit {
     /// The color, display-referred, of a splat with this one.
     pub fn color(&self, color: Vec3) -> Vec3 {
-        let Self { tint, air: Air { transmission, light }, display } = *self;
+        let Self { tint, shade, air: Air { transmission, light }, display } = *self;
         let scene = display.scene(color);
-        let lit = (transmission * (tint * scene).max(Vec3::ZERO) + light).max(Vec3::ZERO);
-        let kept = transmission * (tint * Vec3::ONE).clamp(Vec3::ZERO, Vec3::ONE);
+        let passed = shade * transmission;
+        let lit = (passed * (tint * scene).max(Vec3::ZERO) + light).max(Vec3::ZERO);
+        let kept = passed * (tint * Vec3::ONE).clamp(Vec3::ZERO, Vec3::ONE);
         display.shown(lit) + kept * (color - display.shown(scene))
     }
 

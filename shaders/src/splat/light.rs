@@ -78,6 +78,40 @@ pub struct SplatLight {
     pub has_strokes: u32,
     /// The camera's factor on colors before tone mapping.
     pub exposure: f32,
+    /// Share of its light that the cloud loses in shadow.
+    pub shadow_amount: f32,
+    /// Unused.
+    pub padding_0: u32,
+    /// Unused.
+    pub padding_1: u32,
+}
+
+/// One shadow map, and the part of the view that it is for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ShadowCascade {
+    /// The map's clip space from view, first column; reverse z.
+    pub clip_from_view_x: [f32; 4],
+    /// Second column.
+    pub clip_from_view_y: [f32; 4],
+    /// Third column.
+    pub clip_from_view_z: [f32; 4],
+    /// Fourth column.
+    pub clip_from_view_w: [f32; 4],
+    /// Step toward the light before the comparison, in view space.
+    pub offset: [f32; 3],
+    /// View depth up to which the map counts.
+    pub far: f32,
+}
+
+/// The shadow maps of a view.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SplatShadows {
+    /// From near to far.
+    pub cascades: [ShadowCascade; twin::MAX_CASCADES],
+    /// Cascades that count.
+    pub n_cascades: u32,
     /// Unused.
     pub padding_0: u32,
     /// Unused.
@@ -93,6 +127,7 @@ pub(super) fn twin_constants() -> String {
         ("FALLOFF_EXPONENTIAL_SQUARED", FALLOFF_EXPONENTIAL_SQUARED),
         ("FALLOFF_ATMOSPHERIC", FALLOFF_ATMOSPHERIC),
         ("MAX_SUNS", twin::MAX_SUNS as u32),
+        ("MAX_CASCADES", twin::MAX_CASCADES as u32),
     ]);
     let floats = float_constants(&[
         ("BRIGHTEST_SHOWN", twin::BRIGHTEST_SHOWN),
@@ -103,8 +138,12 @@ pub(super) fn twin_constants() -> String {
     integers + &floats + &format!("const LINEAR_LUMINANCE = vec3<f32>({r:?}, {g:?}, {b:?});\n")
 }
 
-/// Changes the colors of records.
-pub fn light() -> Source {
+/// Changes the colors of records, in views with shadows on splats or without.
+pub fn light(shadowed: bool) -> Source {
+    let sun = match shadowed {
+        false => include_str!("../../wgsl/splat_sunless.wgsl"),
+        true => include_str!("../../wgsl/splat_sunlit.wgsl"),
+    };
     let kernel = include_str!("../../wgsl/splat_light.wgsl");
-    source("splat_light", &[&twin_constants(), RECORDS, INVERSE, TONEMAPPING, kernel])
+    source("splat_light", &[&twin_constants(), RECORDS, INVERSE, TONEMAPPING, sun, kernel])
 }

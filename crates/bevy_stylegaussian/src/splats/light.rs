@@ -1,4 +1,4 @@
-//! Light and air of splats: the tints of entities, and the fog of cameras.
+//! Light and air of splats: the tints of entities, shadows on them, and the fog of cameras.
 //!
 //! Views without either have nothing of it: no pipeline, no buffer, no dispatch.
 
@@ -22,7 +22,7 @@ use stylegaussian_gpu::splat::{self, ViewLight};
 use crate::work::SynchronousCompilation;
 
 use super::{
-    fog::{CameraFog, Suns},
+    air::{CameraAir, Suns},
     pipelines::{Luts, SplatPipelines},
     view,
 };
@@ -67,27 +67,72 @@ impl From<SplatTint> for Tint {
     }
 }
 
-/// The tints of all entities that have one.
-#[derive(Resource, Default)]
-pub(super) struct RenderTints(MainEntityHashMap<Tint>);
-
-/// Copies them.
-pub(super) fn extract_tints(mut tints: ResMut<RenderTints>, all: Extract<Query<(Entity, &SplatTint)>>) {
-    tints.0.clear();
-    tints.0.extend(all.iter().map(|(entity, &tint)| (MainEntity::from(entity), Tint::from(tint))));
+/// Lets meshes cast shadows on a [`GaussianSplats`](crate::GaussianSplats): splats in the shadow of the game's
+/// first directional light with shadow maps become darker, as a whole each. A component of the entity; without
+/// it, splats stay as they were captured. It needs the feature `pbr`.
+///
+/// The capture has shadows of its own, which stay. Splats cast none. Shadows of point lights and spot lights
+/// are not received.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_stylegaussian::SplatShadows;
+/// # fn system(mut commands: Commands, garden: Entity) {
+/// commands.entity(garden).insert(SplatShadows { amount: 0.6 });
+/// # }
+/// ```
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Component, Clone, Debug, Default, PartialEq)]
+pub struct SplatShadows {
+    /// Share of its linear light that a splat loses in shadow, 0 to 1; 0.5 by default.
+    pub amount: f32,
 }
 
-/// The light of the views that have any, without the tints of their clouds.
+impl Default for SplatShadows {
+    fn default() -> Self {
+        Self { amount: 0.5 }
+    }
+}
+
+/// The light on all entities that have a tint or receive shadows.
+#[derive(Resource, Default)]
+pub(super) struct CloudLights(MainEntityHashMap<CloudLight>);
+
+/// The light on an entity.
+#[derive(Clone, Copy, Default)]
+struct CloudLight {
+    tint: Tint,
+    shadow_amount: f32,
+}
+
+/// An entity, and its components for light.
+type Lit = (Entity, Option<&'static SplatTint>, Option<&'static SplatShadows>);
+
+/// Copies the light on entities.
+pub(super) fn extract_cloud_lights(
+    mut clouds: ResMut<CloudLights>,
+    all: Extract<Query<Lit, Or<(With<SplatTint>, With<SplatShadows>)>>>,
+) {
+    clouds.0.clear();
+    clouds.0.extend(all.iter().map(|(entity, tint, shadows)| {
+        let tint = tint.copied().map(Tint::from).unwrap_or_default();
+        let shadow_amount = shadows.map_or(0.0, |shadows| shadows.amount);
+        (MainEntity::from(entity), CloudLight { tint, shadow_amount })
+    }));
+}
+
+/// The light of the views that have any, without what differs between their clouds.
 #[derive(Resource, Default)]
 pub(super) struct SplatLights(HashMap<RetainedViewEntity, ViewLight>);
 
 /// The components of a camera in the render world that its light depends on.
 type LitCamera = (
+    Entity,
     &'static ExtractedView,
     &'static ExtractedCamera,
     Option<&'static Tonemapping>,
     Option<&'static RenderLayers>,
-    CameraFog,
+    CameraAir,
 );
 
 /// Finds the light of each view, and requests its pipelines. Splats are drawn without it until they are there.
@@ -95,7 +140,7 @@ type LitCamera = (
 pub(super) fn prepare_lights(
     cameras: Query<LitCamera, With<Camera3d>>,
     suns: Suns,
-    tints: Res<RenderTints>,
+    clouds: Res<CloudLights>,
     mut lights: ResMut<SplatLights>,
     mut pipelines: ResMut<SplatPipelines>,
     luts: Luts,
@@ -104,11 +149,13 @@ pub(super) fn prepare_lights(
     queue: Res<RenderQueue>,
 ) {
     lights.0.clear();
-    let has_tints = tints.0.values().any(|tint| tint.matrix().is_some());
+    let has_tints = clouds.0.values().any(|cloud| cloud.tint.matrix().is_some());
+    let is_shadowed = clouds.0.values().any(|cloud| cloud.shadow_amount > 0.0);
     let device = device.wgpu_device();
-    for (extracted, camera, tonemapping, layers, fog) in &cameras {
-        let fog = suns.fog(fog, layers, camera.exposure);
-        if fog.is_none() && !has_tints {
+    for (entity, extracted, camera, tonemapping, layers, air) in &cameras {
+        let fog = suns.fog(air, layers, camera.exposure);
+        let shadows = is_shadowed.then(|| suns.shadows(air, layers, entity)).flatten();
+        if fog.is_none() && shadows.is_none() && !has_tints {
             continue;
         }
         // Without tonemapping, Bevy does not apply the exposure of color grading either.
@@ -116,29 +163,34 @@ pub(super) fn prepare_lights(
             Some(&tonemapping) => (view::method(tonemapping), extracted.color_grading.global.exposure),
             None => (splat::Tonemapping::None, 0.0),
         };
-        let is_ready = pipelines.request_light(device, *synchronous, tonemapping);
+        let is_ready = pipelines.request_light(device, *synchronous, tonemapping, shadows.is_some());
         let has_table = !tonemapping.needs_table()
             || pipelines.request_table(device, &queue, *synchronous, tonemapping, &luts);
         if is_ready && has_table {
             let table = pipelines.table(tonemapping).cloned();
-            let light = ViewLight { fog, tints: Vec::new(), tonemapping, exposure, table };
+            let light = ViewLight { fog, shadows, tonemapping, exposure, table, ..ViewLight::default() };
             lights.0.insert(extracted.retained_view_entity, light);
         }
     }
 }
 
-/// The light of all views, and the tints of all clouds.
+/// The light of all views and on all clouds.
 #[derive(SystemParam)]
 pub(super) struct Lights<'w> {
     of_view: Res<'w, SplatLights>,
-    tints: Res<'w, RenderTints>,
+    clouds: Res<'w, CloudLights>,
 }
 
 impl Lights<'_> {
     /// The light of a view that draws these clouds, if it has any.
     pub(super) fn of(&self, view: &RetainedViewEntity, clouds: &[MainEntity]) -> Option<ViewLight> {
         let light = self.of_view.0.get(view)?.clone();
-        let tint = |cloud| self.tints.0.get(cloud).copied().unwrap_or_default();
-        Some(ViewLight { tints: clouds.iter().map(tint).collect(), ..light })
+        let lit: Vec<CloudLight> =
+            clouds.iter().map(|cloud| self.clouds.0.get(cloud).copied().unwrap_or_default()).collect();
+        Some(ViewLight {
+            tints: lit.iter().map(|cloud| cloud.tint).collect(),
+            shadow_amounts: lit.iter().map(|cloud| cloud.shadow_amount).collect(),
+            ..light
+        })
     }
 }

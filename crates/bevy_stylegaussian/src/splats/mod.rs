@@ -19,12 +19,12 @@ use bevy::{
 
 use crate::scene::{device_serves, upload_scenes};
 
-mod camera;
 #[cfg(feature = "pbr")]
-mod fog;
+mod air;
 #[cfg(not(feature = "pbr"))]
-#[path = "no_fog.rs"]
-mod fog;
+#[path = "no_air.rs"]
+mod air;
+mod camera;
 #[cfg(test)]
 mod held;
 mod light;
@@ -34,7 +34,7 @@ mod pipelines;
 mod view;
 
 pub use camera::{SplatSortKey, SplatTonemapping};
-pub use light::SplatTint;
+pub use light::{SplatShadows, SplatTint};
 
 #[cfg(test)]
 pub(crate) use held::Held;
@@ -49,6 +49,7 @@ pub(crate) struct SplatsPlugin;
 impl Plugin for SplatsPlugin {
     fn build(&self, app: &mut App) {
         app.register_type::<SplatTonemapping>().register_type::<SplatSortKey>().register_type::<SplatTint>();
+        app.register_type::<SplatShadows>();
         // Apps without rendering, such as servers and tests, still load and style scenes.
         if app.get_sub_app(RenderApp).is_none() {
             return;
@@ -61,8 +62,8 @@ impl Plugin for SplatsPlugin {
             .init_gpu_resource::<pipelines::SplatPipelines>()
             .init_gpu_resource::<view::SplatViews>()
             .init_gpu_resource::<light::SplatLights>()
-            .init_resource::<light::RenderTints>()
-            .add_systems(ExtractSchedule, light::extract_tints)
+            .init_resource::<light::CloudLights>()
+            .add_systems(ExtractSchedule, light::extract_cloud_lights)
             .add_systems(
                 Render,
                 (

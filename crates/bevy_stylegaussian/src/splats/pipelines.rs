@@ -25,8 +25,8 @@ pub(super) struct SplatPipelines {
     passes: Option<Background<Arc<Passes>>>,
     /// The kernel for clouds with a mask, which is a part of the passes.
     masks: Option<Background<()>>,
-    /// The kernels of tints and fog before tonemappings, which are parts of the passes.
-    lights: HashMap<Tonemapping, Background<()>>,
+    /// The kernels of light before tonemappings, without shadows or with, which are parts of the passes.
+    lights: HashMap<(Tonemapping, bool), Background<()>>,
     draws: HashMap<u32, Background<SplatPipeline>>,
     /// Draws of strokes into layers of so many samples: each is a part of the passes and of their draws.
     strokes: HashMap<u32, Background<()>>,
@@ -113,18 +113,19 @@ impl SplatPipelines {
         self.masks.as_ref().is_some_and(|masks| masks.get().is_some())
     }
 
-    /// Starts to compile the kernel of tints and fog before `tonemapping`. Returns whether it is ready.
+    /// Starts to compile the kernel of light before `tonemapping`. Returns whether it is ready.
     pub(super) fn request_light(
         &mut self,
         device: &wgpu::Device,
         synchronous: SynchronousCompilation,
         tonemapping: Tonemapping,
+        shadowed: bool,
     ) -> bool {
         // Requested for every view, so they are on their way.
         let Some(passes) = self.passes.as_ref().and_then(Background::get) else { return false };
-        let light = self.lights.entry(tonemapping).or_insert_with(|| {
+        let light = self.lights.entry((tonemapping, shadowed)).or_insert_with(|| {
             let (passes, device) = (Arc::clone(passes), device.clone());
-            Background::start(synchronous, move || passes.splat.prepare_light(&device, tonemapping))
+            Background::start(synchronous, move || passes.splat.prepare_light(&device, tonemapping, shadowed))
         });
         light.get().is_some()
     }

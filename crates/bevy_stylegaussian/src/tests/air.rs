@@ -1,14 +1,15 @@
-//! Tints and fog: splats against meshes of the same color at the same place.
+//! Tints, shadows and fog: splats against meshes of the same color at the same place, and against formulas.
 
 use bevy::{
     camera::Hdr,
     core_pipeline::tonemapping::{DebandDither, Tonemapping},
+    light::{CascadeShadowConfigBuilder, DirectionalLightShadowMap},
     pbr::{DistanceFog, FogFalloff},
     prelude::*,
     render::RenderApp,
 };
 
-use crate::{SplatTint, SplatTonemapping, splats::Held};
+use crate::{SplatShadows, SplatTint, SplatTonemapping, splats::Held};
 
 use super::{
     pictures::{EYE, RED, Studio, pixel},
@@ -120,5 +121,32 @@ fn tints_change_light_and_idle_ones_nothing() {
     check("gray", SplatTint { saturation: 0.0, ..default() }, shown([luminance; 3]));
     assert_eq!(n_pipelines(&mut studio), before + 1);
     studio.app.world_mut().entity_mut(splats).remove::<SplatTint>();
+    assert!(studio.shoot() == plain);
+}
+
+/// A slab above one of two balls of splats casts a shadow on it, and goes away with it.
+#[test]
+fn meshes_cast_shadows_on_splats_that_receive_them() {
+    let Some(mut studio) = Studio::new() else { return };
+    studio.app.insert_resource(DirectionalLightShadowMap { size: 256 });
+    studio.camera(EYE, Msaa::Off);
+    let cascades = CascadeShadowConfigBuilder { num_cascades: 2, maximum_distance: 30.0, ..default() };
+    let sun = DirectionalLight { shadow_maps_enabled: true, ..default() };
+    let above = Transform::from_xyz(0.0, 5.0, 0.01).looking_at(Vec3::ZERO, Vec3::Z);
+    studio.app.world_mut().spawn((sun, cascades.build(), above));
+    studio.cuboid(Vec3::new(2.0, 0.2, 2.0), Vec3::new(-1.0, 2.0, 0.0), RED, 1.0);
+    let left = studio.splats(solid(Vec3::new(-1.0, 0.0, 0.0), RED), Transform::default());
+    let right = studio.splats(solid(Vec3::new(1.0, 0.0, 0.0), RED), Transform::default());
+    let plain = studio.shoot();
+    for entity in [left, right] {
+        studio.app.world_mut().entity_mut(entity).insert(SplatShadows { amount: 0.75 });
+    }
+    let picture = studio.shoot();
+    let dark = RED.map(|channel| Srgba::gamma_function_inverse(0.25 * Srgba::gamma_function(channel)));
+    near("under the slab", at(&picture, SPLATS), dark, 2.0);
+    near("beside it", at(&picture, MESH), RED, 2.0);
+    for entity in [left, right] {
+        studio.app.world_mut().entity_mut(entity).remove::<SplatShadows>();
+    }
     assert!(studio.shoot() == plain);
 }

@@ -32,7 +32,7 @@ fn nothing_changes_without_tint_and_air() {
     assert_eq!(Tint::IDENTITY.matrix(), None);
     assert_eq!(Tint { exposure: f32::NAN, ..Tint::IDENTITY }.matrix(), None);
     for display in DISPLAYS {
-        let lit = Lit { tint: Mat3::IDENTITY, air: Air::CLEAR, display };
+        let lit = Lit { tint: Mat3::IDENTITY, shade: 1.0, air: Air::CLEAR, display };
         for color in COLORS {
             near(lit.color(color), color, 1e-6);
             assert!((lit.contrast(color) - 1.0).abs() < 1e-4);
@@ -45,7 +45,8 @@ fn nothing_changes_without_tint_and_air() {
 fn full_fog_hides_everything() {
     let wall = fog(Falloff::Linear { start: 1.0, end: 3.0 });
     for display in DISPLAYS {
-        let lit = Lit { tint: Mat3::IDENTITY, air: wall.along(Vec3::new(0.0, 3.0, -4.0)), display };
+        let lit =
+            Lit { tint: Mat3::IDENTITY, shade: 1.0, air: wall.along(Vec3::new(0.0, 3.0, -4.0)), display };
         for color in COLORS {
             near(lit.color(color), display.shown(wall.color), 1e-6);
             assert_eq!(lit.contrast(color), 0.0);
@@ -57,7 +58,7 @@ fn full_fog_hides_everything() {
 #[test]
 fn tints_are_linear_light() {
     let shown = |tint: Tint, color: Vec3| {
-        let lit = Lit { tint: tint.matrix().unwrap(), air: Air::CLEAR, display: DISPLAYS[0] };
+        let lit = Lit { tint: tint.matrix().unwrap(), shade: 1.0, air: Air::CLEAR, display: DISPLAYS[0] };
         lit.color(color)
     };
     let darker = Tint { exposure: -1.0, ..Tint::IDENTITY };
@@ -99,4 +100,19 @@ fn suns_glow_in_fog() {
     // A cosine of 0.8.
     near(fog.along(Vec3::new(0.0, 3.0, -4.0)).light, fog.color + 0.64 * sun.glow, 1e-5);
     near(fog.along(5.0 * Vec3::Z).light, fog.color, 1e-6);
+}
+
+/// A map that looks down from 10 above: 4 units wide, 20 deep, nearest at the top.
+#[test]
+fn shadow_maps_are_looked_up() {
+    // Right is x, up is -z: the light looks along -y.
+    let to_light = glam::Mat4::look_to_rh(Vec3::new(0.0, 10.0, 0.0), Vec3::NEG_Y, Vec3::NEG_Z);
+    let clip_from_point = glam::Mat4::orthographic_rh(-2.0, 2.0, -2.0, 2.0, 20.0, 0.0) * to_light;
+    let cascade = ShadowCascade { clip_from_point, offset: 0.5 * Vec3::Y, far: 7.0 };
+    near(cascade.place(Vec3::new(1.0, 4.5, -1.0)).unwrap(), Vec3::new(0.75, 0.25, 0.75), 1e-6);
+    assert_eq!(cascade.place(Vec3::new(2.5, 4.5, 0.0)), None);
+    assert_eq!(cascade.place(Vec3::new(0.0, 9.6, 0.0)), None);
+    let cascades = [cascade, ShadowCascade { far: 20.0, ..cascade }];
+    assert_eq!([6.9, 7.0, 20.0].map(|depth| ShadowCascade::at(&cascades, depth)), [Some(0), Some(1), None]);
+    assert_eq!([in_shadow(0.75, 0.0), in_shadow(0.75, 1.0), in_shadow(0.0, 0.0)], [0.25, 1.0, 1.0]);
 }

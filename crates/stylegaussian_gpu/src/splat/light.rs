@@ -1,6 +1,7 @@
-//! The light stage on the GPU: `splat_light`, which tints colors and puts them behind fog.
+//! The light stage on the GPU: `splat_light`, which tints colors, darkens them in shadow and puts them behind
+//! fog.
 //!
-//! Nothing of it is compiled, allocated or dispatched before a view has a tint or fog.
+//! Nothing of it is compiled, allocated or dispatched before a view has any of these.
 
 use std::sync::OnceLock;
 
@@ -8,7 +9,7 @@ use glam::{DMat4, Mat3, Vec3};
 use stylegaussian::light::{Falloff, Fog, MAX_SUNS, Tint, steepness};
 use stylegaussian_shaders::splat::light::{
     self as shaders, FALLOFF_ATMOSPHERIC, FALLOFF_EXPONENTIAL, FALLOFF_EXPONENTIAL_SQUARED, FALLOFF_LINEAR,
-    FogSun, SplatLight,
+    FogSun, SplatLight, SplatShadows,
 };
 
 use super::{
@@ -20,9 +21,11 @@ use super::{
     view::Change,
 };
 use crate::{
-    bindings::{Kernel, bind_group, storage_binding},
+    bindings::{Kernel, bind_group, storage_binding, uniform_binding},
     buffers,
 };
+
+pub use shadows::Shadows;
 
 /// The light and the air of a view: see [`stylegaussian::light`]. They change the colors of its splats before
 /// these are drawn, and how much of their strokes is seen.
@@ -32,6 +35,10 @@ pub struct ViewLight {
     pub fog: Option<Fog>,
     /// The tint of each cloud, in the order of the clouds that are drawn; those without one keep their colors.
     pub tints: Vec<Tint>,
+    /// The shadow maps that are compared with splats, if any are.
+    pub shadows: Option<Shadows>,
+    /// Share of its light, 0..1, that each cloud loses in shadow, in the same order; none by default.
+    pub shadow_amounts: Vec<f32>,
     /// The tone mapping by which the camera shows light, now or later.
     pub tonemapping: Tonemapping,
     /// Stops by which the camera brightens light before it.
@@ -49,14 +56,15 @@ const STRIDE: usize = size_of::<SplatLight>().next_multiple_of(256);
 #[derive(Debug, Default)]
 pub(super) struct LightStage {
     shared: OnceLock<Shared>,
-    /// One for each tone mapping, by its number.
-    kernels: [OnceLock<Kernel>; Tonemapping::N],
+    /// Two for each tone mapping, by its number: without shadows and with them.
+    kernels: [[OnceLock<Kernel>; 2]; Tonemapping::N],
 }
 
 /// Resources that all of them bind.
 #[derive(Debug)]
 struct Shared {
     sampler: wgpu::Sampler,
+    shadow_sampler: wgpu::Sampler,
     /// Bound where no table is needed.
     no_table: wgpu::TextureView,
     /// Bound in views without strokes.
@@ -71,8 +79,18 @@ pub(super) struct LitView {
     now: Source,
     drawn: Source,
     uniforms: Option<wgpu::Buffer>,
-    /// The buffers and the kernel that the group was made for, and the group.
-    group: Option<(([wgpu::Buffer; 5], Tonemapping, Option<InverseTable>), wgpu::BindGroup)>,
+    shadow_uniforms: Option<wgpu::Buffer>,
+    /// What the group was made for, and the group.
+    group: Option<(Bound, wgpu::BindGroup)>,
+}
+
+/// What a group depends on.
+#[derive(Clone, Debug, PartialEq)]
+struct Bound {
+    buffers: [wgpu::Buffer; 5],
+    tonemapping: Tonemapping,
+    table: Option<InverseTable>,
+    maps: Option<wgpu::TextureView>,
 }
 
 /// All that determines the light on a view's records.
@@ -82,6 +100,7 @@ struct Source {
     clouds: Vec<SplatLight>,
     tonemapping: Tonemapping,
     table: Option<InverseTable>,
+    shadows: Option<(wgpu::TextureView, SplatShadows)>,
 }
 
 /// The buffers of a view that the kernel reads and changes: keys, both halves of the records, and strokes if it
@@ -94,37 +113,50 @@ pub(super) struct LightBuffers<'a> {
 }
 
 impl LightStage {
-    /// The kernel for a tone mapping, which is compiled unless it is there.
-    pub fn kernel(&self, device: &wgpu::Device, tonemapping: Tonemapping) -> &Kernel {
-        self.kernels[tonemapping as usize].get_or_init(|| {
+    /// The kernel for a tone mapping with or without shadows, which is compiled unless it is there.
+    pub fn kernel(&self, device: &wgpu::Device, tonemapping: Tonemapping, shadowed: bool) -> &Kernel {
+        self.kernels[tonemapping as usize][usize::from(shadowed)].get_or_init(|| {
             let uniforms = wgpu::BindingType::Buffer {
                 ty: wgpu::BufferBindingType::Uniform,
                 has_dynamic_offset: true,
                 min_binding_size: wgpu::BufferSize::new(size_of::<SplatLight>() as u64),
             };
-            let table = wgpu::BindingType::Texture {
-                sample_type: wgpu::TextureSampleType::Float { filterable: true },
-                view_dimension: wgpu::TextureViewDimension::D3,
+            let texture = |sample_type, view_dimension| wgpu::BindingType::Texture {
+                sample_type,
+                view_dimension,
                 multisampled: false,
             };
+            let filterable = wgpu::TextureSampleType::Float { filterable: true };
+            let table = texture(filterable, wgpu::TextureViewDimension::D3);
             let (read, write) = (storage_binding(true), storage_binding(false));
             let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
-            let bindings = [uniforms, read, read, write, write, table, table, sampler];
+            let mut bindings = vec![uniforms, read, read, write, write, table, table, sampler];
+            if shadowed {
+                bindings.push(uniform_binding::<SplatShadows>());
+                bindings.push(texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2Array));
+                bindings.push(wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Comparison));
+            }
             let mode = CompositeMode::InvertTonemapping(tonemapping).mode();
             let constants = [("mode", f64::from(mode)), ("curve", f64::from(tonemapping.curve()))];
             let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
-            Kernel::with_options(device, shaders::light(), &bindings, options)
+            Kernel::with_options(device, shaders::light(shadowed), &bindings, options)
         })
     }
 
     fn shared(&self, device: &wgpu::Device) -> &Shared {
-        self.shared.get_or_init(|| Shared {
-            sampler: device.create_sampler(&wgpu::SamplerDescriptor {
+        let sampler = |compare| {
+            device.create_sampler(&wgpu::SamplerDescriptor {
                 label: Some("splat_light"),
                 mag_filter: wgpu::FilterMode::Linear,
                 min_filter: wgpu::FilterMode::Linear,
+                compare,
                 ..Default::default()
-            }),
+            })
+        };
+        self.shared.get_or_init(|| Shared {
+            sampler: sampler(None),
+            // Reverse z: what is in the light is nearest to it.
+            shadow_sampler: sampler(Some(wgpu::CompareFunction::GreaterEqual)),
             no_table: InverseTable::texture(device, "splat_no_table", 1, wgpu::TextureUsages::empty()),
             no_strokes: buffers::create(device, "splat_no_strokes", 16, wgpu::BufferUsages::STORAGE),
         })
@@ -144,7 +176,8 @@ impl LightStage {
         change: Change,
     ) -> Change {
         view.now = view.source(camera, clouds, buffers.strokes.is_some());
-        let is_relit = view.now != view.drawn;
+        // What casts shadows may have moved.
+        let is_relit = view.now != view.drawn || view.now.shadows.is_some();
         if !view.now.clouds.is_empty() {
             self.bind(device, view, buffers);
             if let Some(uniforms) = view.uniforms.as_ref().filter(|_| is_relit || change != Change::Nothing) {
@@ -154,6 +187,9 @@ impl LightStage {
                     staging.resize(staging.len().next_multiple_of(STRIDE), 0);
                 }
                 queue.write_buffer(uniforms, 0, &staging);
+            }
+            if let (Some((_, shadows)), Some(buffer)) = (&view.now.shadows, &view.shadow_uniforms) {
+                queue.write_buffer(buffer, 0, bytemuck::bytes_of(shadows));
             }
         }
         view.drawn.clone_from(&view.now);
@@ -170,8 +206,13 @@ impl LightStage {
         let shared = self.shared(device);
         let strokes = bound.strokes.unwrap_or(&shared.no_strokes);
         let buffers = [&uniforms, bound.keys, bound.geometry_halves, bound.color_halves, strokes];
-        let Source { tonemapping, table, .. } = &view.now;
-        let of = (buffers.map(wgpu::Buffer::clone), *tonemapping, table.clone());
+        let Source { tonemapping, table, shadows, .. } = &view.now;
+        let of = Bound {
+            buffers: buffers.map(wgpu::Buffer::clone),
+            tonemapping: *tonemapping,
+            table: table.clone(),
+            maps: shadows.as_ref().map(|(maps, _)| maps.clone()),
+        };
         if view.group.as_ref().is_some_and(|(last, _)| *last == of) {
             return;
         }
@@ -186,15 +227,23 @@ impl LightStage {
         let curve = table.as_ref().and_then(InverseTable::curve).unwrap_or(&shared.no_table);
         let [inverse, curve] = [inverse, curve].map(wgpu::BindingResource::TextureView);
         let sampler = wgpu::BindingResource::Sampler(&shared.sampler);
-        let resources = [one_cloud, keys, geometry, color, strokes, inverse, curve, sampler];
-        let layout = &self.kernel(device, *tonemapping).layout;
+        let mut resources = vec![one_cloud, keys, geometry, color, strokes, inverse, curve, sampler];
+        if let Some((maps, _)) = shadows {
+            let size = size_of::<SplatShadows>() as u64;
+            let create = || buffers::uniforms(device, "splat_shadows", size);
+            resources.push(view.shadow_uniforms.get_or_insert_with(create).as_entire_binding());
+            resources.push(wgpu::BindingResource::TextureView(maps));
+            resources.push(wgpu::BindingResource::Sampler(&shared.shadow_sampler));
+        }
+        let layout = &self.kernel(device, *tonemapping, shadows.is_some()).layout;
         view.group = Some((of, bind_group(device, "splat_light", layout, &resources)));
     }
 
     /// Dispatches every cloud that was written.
     pub fn encode(&self, device: &wgpu::Device, pass: &mut wgpu::ComputePass, view: &LitView) {
         let Some((_, group)) = view.group.as_ref().filter(|_| !view.now.clouds.is_empty()) else { return };
-        pass.set_pipeline(&self.kernel(device, view.now.tonemapping).pipeline);
+        let kernel = self.kernel(device, view.now.tonemapping, view.now.shadows.is_some());
+        pass.set_pipeline(&kernel.pipeline);
         for (i, cloud) in view.now.clouds.iter().enumerate() {
             pass.set_bind_group(0, group, &[(i * STRIDE) as u32]);
             dispatch(pass, cloud.n_records);
@@ -218,7 +267,8 @@ impl LitView {
         for (i, cloud) in clouds.iter().enumerate().filter(|(_, cloud)| cloud.is_drawable()) {
             let n_records = cloud.scene.n_gaussians() as u32;
             let tint = wish.tints.get(i).and_then(Tint::matrix);
-            if fog.is_some() || tint.is_some() {
+            let amount = wish.shadow_amounts.get(i).filter(|amount| wish.shadows.is_some() && **amount > 0.0);
+            if fog.is_some() || tint.is_some() || amount.is_some() {
                 let [tint_red, tint_green, tint_blue] = rows(tint.unwrap_or(Mat3::IDENTITY));
                 let has_strokes = u32::from(has_strokes && cloud.colors.painted().is_some());
                 lit.push(SplatLight {
@@ -228,6 +278,7 @@ impl LitView {
                     first_record,
                     n_records,
                     has_strokes,
+                    shadow_amount: amount.map_or(0.0, |amount| amount.min(1.0)),
                     ..of_view
                 });
             }
@@ -236,7 +287,15 @@ impl LitView {
         if lit.is_empty() {
             return Source::default();
         }
-        Source { clouds: lit, tonemapping: wish.tonemapping, table: wish.table.clone() }
+        // Views in which nothing is darkened compare nothing.
+        let is_shadowed = lit.iter().any(|cloud| cloud.shadow_amount > 0.0);
+        let shadows = wish.shadows.as_ref().filter(|_| is_shadowed);
+        Source {
+            clouds: lit,
+            tonemapping: wish.tonemapping,
+            table: wish.table.clone(),
+            shadows: shadows.map(|shadows| (shadows.maps.clone(), shadows.uniforms(camera))),
+        }
     }
 }
 
@@ -285,5 +344,6 @@ fn of_view(camera: &Camera, exposure: f32, fog: Option<&Fog>) -> SplatLight {
     light
 }
 
+mod shadows;
 #[cfg(test)]
 mod tests;

@@ -75,10 +75,10 @@ impl SplatPass {
         }
     }
 
-    /// Compiles the kernel of tints and fog before a tone mapping, in any thread, while others draw. Without
-    /// this call, the first frame with any compiles it.
-    pub fn prepare_light(&self, device: &wgpu::Device, tonemapping: Tonemapping) {
-        self.light.kernel(device, tonemapping);
+    /// Compiles the kernel of tints and fog before a tone mapping, with or without shadows, in any thread, while
+    /// others draw. Without this call, the first frame with any compiles it.
+    pub fn prepare_light(&self, device: &wgpu::Device, tonemapping: Tonemapping, shadowed: bool) {
+        self.light.kernel(device, tonemapping, shadowed);
     }
 
     /// The draw into a layer of [`LAYER_FORMAT`](super::LAYER_FORMAT) at `samples` samples. If `depth_format`

@@ -3,7 +3,7 @@
 use glam::{Affine3A, Mat4, Quat, UVec4, Vec3};
 use half::f16;
 use stylegaussian::{
-    light::{Curve, Display, Lit, Sun},
+    light::{Air, Curve, Display, Lit, ShadowCascade, Sun, in_shadow},
     strokes::StrokeKnobs,
 };
 
@@ -140,8 +140,9 @@ fn lit_records_match_for_every_projection_fog_and_curve() {
         // The second of three clouds is not drawn.
         let tints = vec![Tint::IDENTITY, Tint { exposure: 9.0, ..tint }, tint];
         let what = format!("{:?}, {curve:?}", fog.falloff);
-        let fog_alone = ViewLight { fog: Some(fog.clone()), tints, tonemapping, exposure, table: None };
-        view.set_light(Some(fog_alone));
+        let light =
+            ViewLight { fog: Some(fog.clone()), tints, tonemapping, exposure, ..ViewLight::default() };
+        view.set_light(Some(light));
         let after = stage.shown(&mut view, camera);
         let (mut n, mut n_strokes) = (0, 0);
         for (i, (before, after)) in before.iter().zip(&after).enumerate() {
@@ -149,7 +150,7 @@ fn lit_records_match_for_every_projection_fog_and_curve() {
             let (Some((color, gains)), Some((found, found_gains))) = (before, after) else { continue };
             let tint = if i < N { Mat3::IDENTITY } else { tint.matrix().unwrap() };
             let air = fog.along(stage.ray(camera, i));
-            let lit = Lit { tint, air, display: Display { curve, exposure } };
+            let lit = Lit { tint, shade: 1.0, air, display: Display { curve, exposure } };
             let expected = lit.color(*color);
             // Records are f16, and whites of the inverse are steep.
             let error = (*found - expected).abs().max_element();
@@ -224,4 +225,92 @@ fn curves_with_tables_show_fog() {
     for (found, before) in stage.shown(&mut view, &camera).iter().flatten().zip(before.iter().flatten()) {
         assert!((found.0 - before.0).abs().max_element() < 2e-2, "{found:?} and {before:?}");
     }
+}
+
+/// Two maps, each of one depth all over, which splats of one cloud are compared with.
+#[test]
+fn shadowed_records_match() {
+    let Some(stage) = Stage::new(74) else { return };
+    let HeadlessDevice { device, queue, .. } = &stage.gpu;
+    let depths = [0.5, 0.52];
+    let texture = device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width: 8, height: 8, depth_or_array_layers: 2 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::Depth32Float,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+        view_formats: &[],
+    });
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    for (layer, depth) in (0..).zip(depths) {
+        let view = texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2),
+            base_array_layer: layer,
+            array_layer_count: Some(1),
+            ..Default::default()
+        });
+        drop(encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &view,
+                depth_ops: Some(wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(depth),
+                    store: wgpu::StoreOp::Store,
+                }),
+                stencil_ops: None,
+            }),
+            ..Default::default()
+        }));
+    }
+    queue.submit([encoder.finish()]);
+    // Above the first cloud, looking down on all of it but its rim.
+    let light = Mat4::look_at_rh(Vec3::new(2.0, 8.0, 1.0), Vec3::ZERO, Vec3::Z);
+    let clip_from_point = Mat4::orthographic_rh(-1.5, 1.5, -1.5, 1.5, 16.0, 0.0) * light;
+    let offset = Vec3::new(0.02, 0.08, 0.01);
+    let cascade = |far| ShadowCascade { clip_from_point, offset, far };
+    let maps = texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2Array),
+        ..Default::default()
+    });
+    let shadows = Shadows { maps, cascades: vec![cascade(4.0), cascade(5.0)] };
+    let camera = Camera {
+        world_from_view: Affine3A::from_rotation_y(0.3) * before_scene().world_from_view,
+        ..before_scene()
+    };
+    let mut view = SplatView::new();
+    let before = stage.shown(&mut view, &camera);
+    let amount = 0.7;
+    view.set_light(Some(ViewLight {
+        shadows: Some(shadows.clone()),
+        shadow_amounts: vec![amount],
+        ..ViewLight::default()
+    }));
+    let after = stage.shown(&mut view, &camera);
+    let (mut n_dark, mut n_lit) = (0, 0);
+    for (i, (before, after)) in before.iter().zip(&after).enumerate().take(N) {
+        let (Some((color, _)), Some((found, _))) = (before, after) else { continue };
+        let ray = stage.ray(&camera, i);
+        let depth = -camera.world_from_view.inverse().transform_vector3(ray).z;
+        let at = ray + Vec3::from(camera.world_from_view.translation);
+        let cascade = ShadowCascade::at(&shadows.cascades, depth);
+        let place = cascade.and_then(|i| Some((shadows.cascades[i].place(at)?, depths[i])));
+        let is_lit = place.is_none_or(|(place, depth)| place.z >= depth);
+        // Rounding decides at the edges.
+        let rim = |x: f32| x.min(1.0 - x) < 1e-3;
+        let is_close = place.is_some_and(|(at, depth)| (at.z - depth).abs() < 1e-4 || rim(at.x) || rim(at.y));
+        if is_close || shadows.cascades.iter().any(|cascade| (cascade.far - depth).abs() < 1e-3) {
+            continue;
+        }
+        let shade = in_shadow(amount, f32::from(u8::from(is_lit)));
+        let display = Display { curve: Curve::Linear, exposure: 0.0 };
+        let expected = Lit { tint: Mat3::IDENTITY, shade, air: Air::CLEAR, display }.color(*color);
+        let error = (*found - expected).abs().max_element();
+        assert!(error < 3e-3, "{i}: {found}, expected {expected}, lit {is_lit}");
+        n_lit += u32::from(is_lit);
+        n_dark += u32::from(!is_lit);
+    }
+    assert!(n_dark > 50 && n_lit > 50, "{n_dark} dark and {n_lit} lit");
+    // The other cloud keeps its colors.
+    assert!(after[N..] == before[N..]);
 }
