@@ -75,8 +75,8 @@ impl SplatPass {
         }
     }
 
-    /// Compiles the kernel of tints and fog before a tone mapping, with or without shadows, in any thread, while
-    /// others draw. Without this call, the first frame with any compiles it.
+    /// Compiles the kernel of light before a tone mapping, with or without shadows, in any thread, while others
+    /// draw. Without this call, the first frame that needs it compiles it.
     pub fn prepare_light(&self, device: &wgpu::Device, tonemapping: Tonemapping, shadowed: bool) {
         self.light.kernel(device, tonemapping, shadowed);
     }
