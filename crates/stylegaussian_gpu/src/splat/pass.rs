@@ -94,7 +94,8 @@ impl SplatPass {
 
     /// Projects and sorts the splats of `clouds` that `camera` sees, into `view`.
     ///
-    /// Skips everything if camera, clouds and colors are unchanged, and skips the sort if only colors changed.
+    /// Skips everything if camera, clouds, colors and light are unchanged, and skips the sort if only colors or
+    /// light changed. With shadows on splats, light always counts as changed.
     /// Commands must be submitted in the order in which they were encoded, and before `view` is used again,
     /// because uniforms are written by `queue`. Nothing is allocated unless `view` sees more Gaussians, other
     /// clouds or other color buffers than before.

@@ -50,7 +50,7 @@ pub struct SplatView {
     viewport: Option<glam::UVec4>,
     /// Whether this frame shows clouds with strokes.
     is_painted: bool,
-    /// Tints and fog.
+    /// Tints, shadows and fog.
     pub(super) lit: LitView,
 }
 
@@ -199,8 +199,8 @@ impl SplatView {
         buffers::largest_binding(device).min(sortable)
     }
 
-    /// Sets tints and fog for all frames until the next call. Without any, which is the default, they cost
-    /// nothing.
+    /// Sets tints, shadows and fog for all frames until the next call. Without any, which is the default, they
+    /// cost nothing.
     pub fn set_light(&mut self, light: Option<ViewLight>) {
         self.lit.set(light);
     }
