@@ -18,7 +18,6 @@ use super::{
     composite::CompositeMode,
     project::dispatch,
     tonemapping::{InverseTable, Tonemapping},
-    view::Change,
 };
 use crate::{
     bindings::{Kernel, bind_group, storage_binding, uniform_binding},
@@ -162,8 +161,8 @@ impl LightStage {
         })
     }
 
-    /// Uploads the light on the records of `clouds`, if it changed, and binds what they need. Returns `change`,
-    /// or [`Change::Colors`] if nothing but the light changed.
+    /// Finds the light on the records of `clouds`, and uploads it and binds what they need if it changed or if
+    /// records are made anew. Returns whether it changed.
     #[expect(clippy::too_many_arguments, reason = "two of them are wgpu's own at every call")]
     pub fn write(
         &self,
@@ -173,14 +172,14 @@ impl LightStage {
         buffers: &LightBuffers,
         camera: &Camera,
         clouds: &[Cloud],
-        change: Change,
-    ) -> Change {
+        is_new: bool,
+    ) -> bool {
         view.now = view.source(camera, clouds, buffers.strokes.is_some());
         // What casts shadows may have moved.
         let is_relit = view.now != view.drawn || view.now.shadows.is_some();
         if !view.now.clouds.is_empty() {
             self.bind(device, view, buffers);
-            if let Some(uniforms) = view.uniforms.as_ref().filter(|_| is_relit || change != Change::Nothing) {
+            if let Some(uniforms) = view.uniforms.as_ref().filter(|_| is_relit || is_new) {
                 let mut staging = Vec::with_capacity(view.now.clouds.len() * STRIDE);
                 for cloud in &view.now.clouds {
                     staging.extend_from_slice(bytemuck::bytes_of(cloud));
@@ -193,7 +192,7 @@ impl LightStage {
             }
         }
         view.drawn.clone_from(&view.now);
-        if is_relit && change == Change::Nothing { Change::Colors } else { change }
+        is_relit
     }
 
     fn bind(&self, device: &wgpu::Device, view: &mut LitView, bound: &LightBuffers) {

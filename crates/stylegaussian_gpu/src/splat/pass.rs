@@ -128,8 +128,12 @@ impl SplatPass {
         view.reserve(device, &self.sort, &self.draw.layout, n_records)?;
         view.set_camera(queue, camera, n_records as u32);
         let mut change = self.project.write(device, queue, view, camera, &drawn, settings);
-        if let Some((lit, buffers)) = view.light_parts() {
-            change = self.light.write(device, queue, lit, &buffers, camera, clouds, change);
+        let is_new = change != Change::Nothing;
+        if let Some((lit, buffers)) = view.light_parts()
+            && self.light.write(device, queue, lit, &buffers, camera, clouds, is_new)
+            && !is_new
+        {
+            change = Change::Colors;
         }
         if change == Change::Nothing {
             return Ok(());
