@@ -1,6 +1,6 @@
 //! Splats among meshes: lit cubes circle in front of a styled scene, behind it and through it. Cubes cover
-//! splats behind them, and splats cover cubes. A pane of glass in front tints the scene. Splats write no depth,
-//! so transparent meshes are always drawn over them.
+//! splats behind them and cast shadows on others, and splats cover cubes. A pane of glass in front tints the
+//! scene. Splats write no depth, so transparent meshes are always drawn over them.
 //!
 //! ```sh
 //! cargo run --release --example meshes
@@ -43,12 +43,13 @@ fn spawn_scene(mut commands: Commands, assets: Res<AssetServer>) {
     let camera = Transform::from_xyz(0.0, 4.2, 11.0).looking_at(Vec3::ZERO, Vec3::Y);
     commands.spawn((Camera3d::default(), AmbientLight { brightness: 400.0, ..default() }, camera));
     commands.spawn((
-        DirectionalLight { illuminance: 8_000.0, ..default() },
+        DirectionalLight { illuminance: 8_000.0, shadow_maps_enabled: true, ..default() },
         Transform::from_xyz(4.0, 8.0, 6.0).looking_at(Vec3::ZERO, Vec3::Y),
     ));
     commands.spawn((
         GaussianSplats(assets.load("demo.sgs")),
         StyleSource::preset(assets.load("styles/strokes.style.safetensors")),
+        SplatShadows::default(),
         HiddenUntilStyled,
     ));
 }

@@ -31,6 +31,7 @@ mod camera;
 mod crop_panel;
 mod files;
 mod hand_panel;
+mod light;
 mod panel;
 mod parts;
 mod parts_panel;
@@ -72,6 +73,7 @@ fn main() -> AppExit {
         .insert_resource(EguiGlobalSettings { auto_create_primary_context: false, ..default() })
         .insert_resource(files::CommandLine { scene, styles: arguments.collect() })
         .init_resource::<Arrivals>()
+        .init_resource::<light::Light>()
         .init_resource::<panel::Panel>()
         .init_resource::<panel::Notice>()
         .init_resource::<panel::Transfer>()
@@ -109,7 +111,7 @@ fn main() -> AppExit {
             PostUpdate,
             // Before transforms are propagated, or camera and splats would lag behind by a frame.
             (
-                (styles::apply, set_transition, parts::show),
+                (styles::apply, set_transition, parts::show, light::show),
                 (scene::turn_up, place_camera, camera::place_picture),
             )
                 .before(TransformSystems::Propagate),

@@ -22,7 +22,7 @@ use stylegaussian_app::{Arrival, Arrivals, Orbit};
 use crate::{
     crop_panel,
     files::OpenFile,
-    hand_panel,
+    hand_panel, light,
     parts::{Parts, Tool},
     parts_panel,
     save::{Save, Saving},
@@ -152,6 +152,7 @@ pub struct Shown<'w> {
     adapter: Res<'w, RenderAdapterInfo>,
     diagnostics: Res<'w, DiagnosticsStore>,
     parts: ResMut<'w, Parts>,
+    light: ResMut<'w, light::Light>,
     opened: MessageWriter<'w, OpenFile>,
     saved: MessageWriter<'w, Save>,
 }
@@ -205,6 +206,8 @@ pub fn draw(
             ui.add_visible(share.is_some(), bar);
             ui.separator();
             parts(ui, &mut shown, &orbit, &mut mask);
+            ui.separator();
+            light::draw(ui, &mut shown.light);
             ui.separator();
             save(ui, &mut shown);
             ui.separator();

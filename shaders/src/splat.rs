@@ -8,8 +8,10 @@ use stylegaussian::{
 
 use crate::{Layout, Source, float_constants, layout};
 
+pub mod light;
 pub mod strokes;
 
+use light::{FogSun, ShadowCascade, SplatLight, SplatShadows};
 use strokes::{StrokeChange, StrokeChunk, StrokeDraw, StrokeMotion};
 
 /// Invocations in a workgroup of every kernel of the pass.
@@ -210,13 +212,13 @@ pub fn composite(multisampled: bool) -> Source {
         false => include_str!("../wgsl/splat_composite_single.wgsl"),
         true => include_str!("../wgsl/splat_composite_multi.wgsl"),
     };
-    source("splat_composite", &[include_str!("../wgsl/splat_composite.wgsl"), target])
+    let composite = include_str!("../wgsl/splat_composite.wgsl");
+    source("splat_composite", &[&light::twin_constants(), light::INVERSE, composite, target])
 }
 
 /// Undoes a tone mapping, once for all colors.
 pub fn inverse_table() -> Source {
-    let tonemapping = include_str!("../wgsl/splat_tonemapping.wgsl");
-    source("splat_inverse_table", &[tonemapping, include_str!("../wgsl/splat_inverse_table.wgsl")])
+    source("splat_inverse_table", &[light::TONEMAPPING, include_str!("../wgsl/splat_inverse_table.wgsl")])
 }
 
 /// Every joined source of the splat pass.
@@ -241,6 +243,8 @@ pub fn sources() -> Vec<Source> {
         composite(false),
         composite(true),
         inverse_table(),
+        light::light(false),
+        light::light(true),
         strokes::records(),
         strokes::draw(),
         strokes::tiles_blend(false),
@@ -290,6 +294,41 @@ pub fn layouts() -> Vec<Layout> {
         layout!(SplatTiles { viewport, n_tiles, capacity, padding }),
         layout!(RunProgress { n_splats, n_tiles }),
         layout!(SplatComposite { exposure }),
+        layout!(FogSun { direction, padding_0, glow, padding_1 }),
+        layout!(SplatLight {
+            view_from_clip_x,
+            view_from_clip_y,
+            view_from_clip_z,
+            view_from_clip_w,
+            viewport,
+            tint_red,
+            tint_green,
+            tint_blue,
+            fog_color,
+            fog_strength,
+            extinction,
+            falloff,
+            inscattering,
+            exponent,
+            suns,
+            n_suns,
+            first_record,
+            n_records,
+            has_strokes,
+            exposure,
+            shadow_amount,
+            padding_0,
+            padding_1,
+        }),
+        layout!(ShadowCascade {
+            clip_from_view_x,
+            clip_from_view_y,
+            clip_from_view_z,
+            clip_from_view_w,
+            offset,
+            far,
+        }),
+        layout!(SplatShadows { cascades, n_cascades, padding_0, padding_1, padding_2 }),
         layout!(StrokeChunk {
             chunk,
             amount,

@@ -10,6 +10,12 @@
 /// The table: x / (1 + x) of the linear scene color x, over display colors sin(pi t / 2)^2, encoded as sRGB,
 /// for t from 0 to 1. That axis is dense at black and at white, because inverses are steep there.
 @group(0) @binding(0) var inverse_table: texture_storage_3d<rgba16float, write>;
+/// Bevy's table of the curve, if it has one.
+@group(0) @binding(1) var curve_table: texture_3d<f32>;
+@group(0) @binding(2) var table_sampler: sampler;
+
+/// One of the `CURVE_` constants.
+override curve: u32;
 
 /// Logarithms (to base 2) of the darkest and the brightest scene color.
 const DARKEST: f32 = -14.0;

@@ -1,12 +1,6 @@
 // Bevy's tone mapping curves without an exact inverse for all colors: linear scene color in, linear display
-// color out (bevy_core_pipeline 0.19, tonemapping_shared.wgsl).
-
-/// Bevy's table of the curve, if it has one.
-@group(0) @binding(1) var curve_table: texture_3d<f32>;
-@group(0) @binding(2) var curve_sampler: sampler;
-
-/// One of the `CURVE_` constants.
-override curve: u32;
+// color out (bevy_core_pipeline 0.19, tonemapping_shared.wgsl). Joined to kernels that declare `curve`, one of
+// the `CURVE_` constants, and `curve_table` with `table_sampler`: Bevy's table of the curve, if it has one.
 
 /// Luminance by Rec. 709.
 fn luminance(c: vec3<f32>) -> f32 {
@@ -75,7 +69,7 @@ fn somewhat_boring(c: vec3<f32>) -> vec3<f32> {
 /// Bevy's table at `at`: 0 is the center of the first texel, 1 that of the last.
 fn from_table(at: vec3<f32>) -> vec3<f32> {
     let size = f32(textureDimensions(curve_table).x);
-    return textureSampleLevel(curve_table, curve_sampler, (saturate(at) * (size - 1.0) + 0.5) / size, 0.0).rgb;
+    return textureSampleLevel(curve_table, table_sampler, (saturate(at) * (size - 1.0) + 0.5) / size, 0.0).rgb;
 }
 
 /// Coordinates in the tables of AgX and Filmic: stops from middle gray, from `lowest` to `highest` as 0 to 1.

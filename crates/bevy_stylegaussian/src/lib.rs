@@ -25,8 +25,9 @@
 //!   fades from one style to the next. `StyleRefine` bakes a shown style further in the background,
 //!   [`StylePrepare`](style::StylePrepare) prepares a loaded scene for the first.
 //!   [`StyleMask`] holds weights that are painted at run time, and [`MaskVisibility`] hides painted splats or
-//!   crops to them.
-//! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
+//!   crops to them. [`SplatTint`] changes the colors of all of it at once, and
+//!   [`SplatShadows`] lets meshes cast shadows on it.
+//! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`]; Bevy's `DistanceFog` reaches splats, too.
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
 //! - Resources: [`StyleMethod`](style::StyleMethod), [`StyleThreads`], and those of the
 //!   [decoder](style::decoder).
@@ -59,7 +60,8 @@
 //! - `bundled_models`: compiles the default decoder in, and with `images` the default encoder, so that a game
 //!   works offline.
 //! - `picking`: pointer events, with Bevy's feature `bevy_picking`.
-//! - `pbr`: for games that draw meshes with `bevy_pbr`. Without it, transmissive materials may not see splats.
+//! - `pbr`: for games that draw meshes with `bevy_pbr`. Without it, transmissive materials may not see splats,
+//!   and there are no fog and no shadows.
 //! - `webp`, `bmp`, `gif` (the first picture) and `tiff`: read images of these formats, with Bevy's features of
 //!   these names. They imply `images`.
 //! - `onnx`: encoders as `.onnx` files. It implies `images`.
@@ -86,7 +88,7 @@ pub use picking::SplatRayCast;
 pub use plugin::StyleGaussianPlugin;
 #[doc(inline)]
 pub use scene::{FitScene, GaussianScene, GaussianSceneFailed, GaussianSplats};
-pub use splats::{SplatSortKey, SplatTonemapping};
+pub use splats::{SplatShadows, SplatSortKey, SplatTint, SplatTonemapping};
 #[cfg(feature = "refine")]
 #[doc(inline)]
 pub use style::StyleRefine;
@@ -118,8 +120,9 @@ pub mod prelude {
     pub use crate::picking::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
     pub use crate::{
         AppliedStyle, FitScene, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
-        HiddenUntilStyled, MaskVisibility, SplatRayCast, SplatSortKey, SplatTonemapping, StyleApplied,
-        StyleFailed, StyleGaussianPlugin, StyleMask, StyleSource, StyleTransition, StyleVolume,
+        HiddenUntilStyled, MaskVisibility, SplatRayCast, SplatShadows, SplatSortKey, SplatTint,
+        SplatTonemapping, StyleApplied, StyleFailed, StyleGaussianPlugin, StyleMask, StyleSource,
+        StyleTransition, StyleVolume,
         mask::{SavedMask, StyleMaskFailed},
         picking::SplatHit,
         style::{

@@ -30,6 +30,7 @@ pub mod encoder_id;
 pub mod fold;
 pub mod frame;
 pub mod layers;
+pub mod light;
 pub mod look;
 pub mod mask;
 pub mod morton;

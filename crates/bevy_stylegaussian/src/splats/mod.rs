@@ -1,7 +1,8 @@
 //! Splats: drawing scenes, in the colors of [`crate::colors`], into the views of cameras.
 //!
-//! Each frame plans the views ([`view`]) and builds missing pipelines in the background ([`pipelines`]). Each
-//! camera then runs the splat pass ([`pass`]). Styles are none of this room's business.
+//! Each frame plans the views ([`view`]), finds their light ([`light`]) and builds missing pipelines in the
+//! background ([`pipelines`]). Each camera then runs the splat pass ([`pass`]). Styles are none of this room's
+//! business.
 
 use bevy::{
     core_pipeline::{
@@ -11,21 +12,29 @@ use bevy::{
     },
     prelude::*,
     render::{
-        GpuResourceAppExt, Render, RenderApp, RenderSystems, extract_component::ExtractComponentPlugin,
+        ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderSystems,
+        extract_component::ExtractComponentPlugin,
     },
 };
 
 use crate::scene::{device_serves, upload_scenes};
 
+#[cfg(feature = "pbr")]
+mod air;
+#[cfg(not(feature = "pbr"))]
+#[path = "no_air.rs"]
+mod air;
 mod camera;
 #[cfg(test)]
 mod held;
+mod light;
 mod living;
 mod pass;
 mod pipelines;
 mod view;
 
 pub use camera::{SplatSortKey, SplatTonemapping};
+pub use light::{SplatShadows, SplatTint};
 
 #[cfg(test)]
 pub(crate) use held::Held;
@@ -39,7 +48,8 @@ pub(crate) struct SplatsPlugin;
 
 impl Plugin for SplatsPlugin {
     fn build(&self, app: &mut App) {
-        app.register_type::<SplatTonemapping>().register_type::<SplatSortKey>();
+        app.register_type::<SplatTonemapping>().register_type::<SplatSortKey>().register_type::<SplatTint>();
+        app.register_type::<SplatShadows>();
         // Apps without rendering, such as servers and tests, still load and style scenes.
         if app.get_sub_app(RenderApp).is_none() {
             return;
@@ -51,6 +61,9 @@ impl Plugin for SplatsPlugin {
         app.sub_app_mut(RenderApp)
             .init_gpu_resource::<pipelines::SplatPipelines>()
             .init_gpu_resource::<view::SplatViews>()
+            .init_gpu_resource::<light::SplatLights>()
+            .init_resource::<light::CloudLights>()
+            .add_systems(ExtractSchedule, light::extract_cloud_lights)
             .add_systems(
                 Render,
                 (
@@ -58,6 +71,8 @@ impl Plugin for SplatsPlugin {
                     view::allow_reading_depth.before(prepare_core_3d_depth_textures).run_if(device_serves),
                     // A scene that was uploaded in this frame is drawn in this frame.
                     view::prepare_views.after(upload_scenes).run_if(device_serves),
+                    // The passes that its pipelines are parts of have been requested.
+                    light::prepare_lights.after(view::prepare_views).run_if(device_serves),
                 )
                     .in_set(RenderSystems::PrepareResources),
             )

@@ -20,6 +20,7 @@ use crate::{
 };
 
 use super::{
+    light::Lights,
     pipelines::{Ready, SplatPipelines},
     view::{SplatViews, ViewSplats},
 };
@@ -43,6 +44,7 @@ pub(super) fn draw_splats(
     colors: Res<ShownColors>,
     clock: Res<StrokeClock>,
     masks: Res<RenderMasks>,
+    lights: Lights,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     reports: Res<Reports<SceneRefused>>,
@@ -59,6 +61,7 @@ pub(super) fn draw_splats(
         viewport: plan.viewport,
     };
     // The view keeps names and no borrows: a resource cannot hold references into other resources.
+    let mut entities = Vec::with_capacity(splats.clouds.len());
     let drawn: Vec<splat::Cloud> = splats
         .clouds
         .iter()
@@ -66,9 +69,11 @@ pub(super) fn draw_splats(
             let cloud = clouds.0.get(entity)?;
             let (scene, colors) = (scenes.get(&cloud.scene)?, colors.get(*entity)?.at(clock.0));
             let visibility = masks.visibility(*entity, scene.n_gaussians()).filter(|_| pipelines.has_masks());
+            entities.push(*entity);
             Some(splat::Cloud { scene, colors, world_from_scene: cloud.world_from_scene, visibility })
         })
         .collect();
+    splats.buffers.set_light(lights.of(&extracted.retained_view_entity, &entities));
     let diagnostics = context.diagnostic_recorder();
     let mut gpu = Gpu {
         device: device.wgpu_device(),

@@ -25,6 +25,8 @@ pub(super) struct SplatPipelines {
     passes: Option<Background<Arc<Passes>>>,
     /// The kernel for clouds with a mask, which is a part of the passes.
     masks: Option<Background<()>>,
+    /// The kernels of light before tonemappings, without shadows or with, which are parts of the passes.
+    lights: HashMap<(Tonemapping, bool), Background<()>>,
     draws: HashMap<u32, Background<SplatPipeline>>,
     /// Draws of strokes into layers of so many samples: each is a part of the passes and of their draws.
     strokes: HashMap<u32, Background<()>>,
@@ -111,6 +113,23 @@ impl SplatPipelines {
         self.masks.as_ref().is_some_and(|masks| masks.get().is_some())
     }
 
+    /// Starts to compile the kernel of light before `tonemapping`. Returns whether it is ready.
+    pub(super) fn request_light(
+        &mut self,
+        device: &wgpu::Device,
+        synchronous: SynchronousCompilation,
+        tonemapping: Tonemapping,
+        shadowed: bool,
+    ) -> bool {
+        // Requested for every view, so they are on their way.
+        let Some(passes) = self.passes.as_ref().and_then(Background::get) else { return false };
+        let light = self.lights.entry((tonemapping, shadowed)).or_insert_with(|| {
+            let (passes, device) = (Arc::clone(passes), device.clone());
+            Background::start(synchronous, move || passes.splat.prepare_light(&device, tonemapping, shadowed))
+        });
+        light.get().is_some()
+    }
+
     /// Starts to compile the pipelines that draw strokes into layers of `samples` samples. Returns whether it
     /// is ready.
     pub(super) fn request_strokes(
@@ -173,8 +192,9 @@ impl SplatPipelines {
     /// Number of pipelines and tables requested so far.
     #[cfg(test)]
     pub(super) fn n_requested(&self) -> usize {
-        let by_kind = [self.draws.len(), self.strokes.len(), self.composites.len(), self.tables.len()];
-        by_kind.iter().sum::<usize>() + usize::from(self.masks.is_some())
+        let parts = [self.lights.len(), self.strokes.len()];
+        let by_kind = [self.draws.len(), self.composites.len(), self.tables.len()];
+        parts.iter().chain(&by_kind).sum::<usize>() + usize::from(self.masks.is_some())
     }
 
     /// The pipelines for a layer of `samples` samples over `target`, or `None` if they were not

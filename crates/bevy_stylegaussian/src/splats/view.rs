@@ -363,7 +363,7 @@ fn near(view: &ExtractedView) -> f32 {
 }
 
 /// Bevy's tonemapping as the GPU crate's enum. That crate does not depend on Bevy.
-fn method(tonemapping: Tonemapping) -> splat::Tonemapping {
+pub(super) fn method(tonemapping: Tonemapping) -> splat::Tonemapping {
     match tonemapping {
         Tonemapping::None => splat::Tonemapping::None,
         Tonemapping::Reinhard => splat::Tonemapping::Reinhard,

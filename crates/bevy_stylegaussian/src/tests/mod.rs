@@ -3,6 +3,8 @@
 //! They live here and not in `tests/`, so that tests of private state can use the same scenes and apps, and so
 //! that all of them are one program to link.
 
+#[cfg(feature = "pbr")]
+mod air;
 #[cfg(feature = "images")]
 mod background;
 mod demo_scene;

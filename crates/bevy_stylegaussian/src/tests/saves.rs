@@ -22,8 +22,8 @@ use stylegaussian::mask::Brush;
 use stylegaussian_files::{Precision, write_decoder, write_scene, write_style};
 
 use crate::{
-    AppliedStyle, GaussianSplats, HiddenUntilStyled, MaskVisibility, SplatSortKey, SplatTonemapping,
-    StyleMask, StyleRefine, StyleSource, StyleTransition, StyleVolume,
+    AppliedStyle, GaussianSplats, HiddenUntilStyled, MaskVisibility, SplatSortKey, SplatTint,
+    SplatTonemapping, StyleMask, StyleRefine, StyleSource, StyleTransition, StyleVolume,
     mask::StyleMaskFailed,
     style::{StyleInput, StylePrepare, decoder::StyleDecoder},
 };
@@ -123,7 +123,7 @@ fn a_saved_world_loads_with_its_styles_and_painted_masks() {
         (StyleMask::default(), MaskVisibility::Crop(1)),
         (transition.clone(), StyleDecoder(assets.load("a.decoder.safetensors"))),
         StyleRefine { paintings: vec![(painting, 0.5)], ..default() },
-        (HiddenUntilStyled, StylePrepare),
+        (HiddenUntilStyled, StylePrepare, SplatTint { exposure: -0.5, ..default() }),
     ));
     let cloud = cloud.id();
     let volume = StyleVolume::new(Sphere::new(0.5)).with_priority(3);
@@ -156,6 +156,7 @@ fn a_saved_world_loads_with_its_styles_and_painted_masks() {
     assert_eq!(new.get::<StyleRefine>().unwrap().paintings[0].1, 0.5);
     assert!(new.contains::<HiddenUntilStyled>() && new.contains::<StylePrepare>());
     assert!(new.contains::<StyleDecoder>());
+    assert_eq!(new.get::<SplatTint>(), old.get::<SplatTint>());
     let colors = |entity: EntityRef| entity.get::<AppliedStyle>().unwrap().colors().unwrap();
     assert_eq!(colors(new), colors(old));
     assert_eq!(second.world().get::<StyleVolume>(volume_2), first.world().get::<StyleVolume>(volume));

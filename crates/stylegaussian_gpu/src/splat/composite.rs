@@ -20,7 +20,7 @@ pub enum CompositeMode {
 }
 
 impl CompositeMode {
-    fn mode(self) -> u32 {
+    pub(super) fn mode(self) -> u32 {
         match self {
             Self::Encoded => shaders::MODE_ENCODED,
             Self::LinearFromSrgb => shaders::MODE_LINEAR,

@@ -6,11 +6,13 @@ use super::{
     draw::{Draw, SplatPipeline},
     error::SplatError,
     layer::Layer,
+    light::LightStage,
     project::Project,
     settings::SplatSettings,
     sort::Sort,
     strokes::ViewStrokes,
     tiles::Tiles,
+    tonemapping::Tonemapping,
     view::{Change, SplatView},
 };
 use crate::{device::is_software, strokes::StrokeStore};
@@ -21,6 +23,7 @@ pub struct SplatPass {
     pub(super) project: Project,
     pub(super) sort: Sort,
     pub(super) draw: Draw,
+    pub(super) light: LightStage,
     /// The compute rasterizer of software adapters.
     tiles: Option<Tiles>,
 }
@@ -44,7 +47,8 @@ impl SplatPass {
 
     fn by_quads_with_store(device: &wgpu::Device, store: StrokeStore) -> Self {
         let project = Project::new(device, store);
-        Self { project, sort: Sort::new(device), draw: Draw::new(device), tiles: None }
+        let light = LightStage::default();
+        Self { project, sort: Sort::new(device), draw: Draw::new(device), light, tiles: None }
     }
 
     /// The textures of strokes. Clouds are drawn with strokes that were uploaded to it.
@@ -71,6 +75,12 @@ impl SplatPass {
         }
     }
 
+    /// Compiles the kernel of light before a tone mapping, with or without shadows, in any thread, while others
+    /// draw. Without this call, the first frame that needs it compiles it.
+    pub fn prepare_light(&self, device: &wgpu::Device, tonemapping: Tonemapping, shadowed: bool) {
+        self.light.kernel(device, tonemapping, shadowed);
+    }
+
     /// The draw into a layer of [`LAYER_FORMAT`](super::LAYER_FORMAT) at `samples` samples. If `depth_format`
     /// is given, splats are tested against a depth attachment of that format (reverse z).
     pub fn pipeline(
@@ -84,7 +94,8 @@ impl SplatPass {
 
     /// Projects and sorts the splats of `clouds` that `camera` sees, into `view`.
     ///
-    /// Skips everything if camera, clouds and colors are unchanged, and skips the sort if only colors changed.
+    /// Skips everything if camera, clouds, colors and light are unchanged, and skips the sort if only colors or
+    /// light changed. With shadows on splats, light always counts as changed.
     /// Commands must be submitted in the order in which they were encoded, and before `view` is used again,
     /// because uniforms are written by `queue`. Nothing is allocated unless `view` sees more Gaussians, other
     /// clouds or other color buffers than before.
@@ -116,7 +127,14 @@ impl SplatPass {
         }
         view.reserve(device, &self.sort, &self.draw.layout, n_records)?;
         view.set_camera(queue, camera, n_records as u32);
-        let change = self.project.write(device, queue, view, camera, &drawn, settings);
+        let mut change = self.project.write(device, queue, view, camera, &drawn, settings);
+        let is_new = change != Change::Nothing;
+        if let Some((lit, buffers)) = view.light_parts()
+            && self.light.write(device, queue, lit, &buffers, camera, clouds, is_new)
+            && !is_new
+        {
+            change = Change::Colors;
+        }
         if change == Change::Nothing {
             return Ok(());
         }
@@ -131,6 +149,7 @@ impl SplatPass {
         });
         self.project.encode(&mut pass, view);
         self.project.encode_strokes(device, &mut pass, view);
+        self.light.encode(device, &mut pass, &view.lit);
         if change == Change::Order {
             self.sort.encode(&mut pass, sort, n_records as u32);
         }

@@ -190,7 +190,7 @@ impl Project {
 }
 
 /// Dispatches one invocation for each of `n_gaussians`.
-fn dispatch(pass: &mut wgpu::ComputePass, n_gaussians: u32) {
+pub(super) fn dispatch(pass: &mut wgpu::ComputePass, n_gaussians: u32) {
     let n = n_gaussians.div_ceil(WORKGROUP);
     // Workgroups beyond the limit go into a second dimension.
     let x = n.min(MAX_WORKGROUPS);

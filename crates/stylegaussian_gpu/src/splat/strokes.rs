@@ -358,4 +358,4 @@ fn changes_now(painted: &PaintedColors, motions: &mut MotionsNow) -> ([StrokeCha
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -5,9 +5,10 @@ use stylegaussian_shaders::splat::{self as shaders, TABLE_SIZE};
 use crate::bindings::{Kernel, bind_group};
 
 /// Bevy's tone mapping methods.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[expect(missing_docs, reason = "named like the variants of Bevy's `Tonemapping`, where they are explained")]
 pub enum Tonemapping {
+    #[default]
     None,
     Reinhard,
     ReinhardLuminance,
@@ -20,6 +21,23 @@ pub enum Tonemapping {
 }
 
 impl Tonemapping {
+    /// Number of methods.
+    pub(super) const N: usize = Self::KhronosPbrNeutral as usize + 1;
+
+    /// The curve of a method that needs a table; any, of the others.
+    pub(super) fn curve(self) -> u32 {
+        match self {
+            Self::SomewhatBoringDisplayTransform => shaders::CURVE_SOMEWHAT_BORING,
+            Self::KhronosPbrNeutral => shaders::CURVE_PBR_NEUTRAL,
+            Self::AgX => shaders::CURVE_AGX,
+            Self::TonyMcMapface => shaders::CURVE_TONY_MC_MAPFACE,
+            Self::BlenderFilmic => shaders::CURVE_BLENDER_FILMIC,
+            Self::None | Self::Reinhard | Self::ReinhardLuminance | Self::AcesFitted => {
+                shaders::CURVE_ACES_FITTED
+            }
+        }
+    }
+
     /// Whether undoing it takes an [`InverseTable`], because not all colors have an inverse. The others are
     /// undone exactly.
     pub fn needs_table(self) -> bool {
@@ -41,14 +59,14 @@ pub enum ToneCurve<'a> {
 }
 
 impl<'a> ToneCurve<'a> {
-    fn constant(self) -> u32 {
+    fn tonemapping(self) -> Tonemapping {
         match self {
-            Self::AcesFitted => shaders::CURVE_ACES_FITTED,
-            Self::SomewhatBoringDisplayTransform => shaders::CURVE_SOMEWHAT_BORING,
-            Self::KhronosPbrNeutral => shaders::CURVE_PBR_NEUTRAL,
-            Self::AgX(_) => shaders::CURVE_AGX,
-            Self::TonyMcMapface(_) => shaders::CURVE_TONY_MC_MAPFACE,
-            Self::BlenderFilmic(_) => shaders::CURVE_BLENDER_FILMIC,
+            Self::AcesFitted => Tonemapping::AcesFitted,
+            Self::SomewhatBoringDisplayTransform => Tonemapping::SomewhatBoringDisplayTransform,
+            Self::KhronosPbrNeutral => Tonemapping::KhronosPbrNeutral,
+            Self::AgX(_) => Tonemapping::AgX,
+            Self::TonyMcMapface(_) => Tonemapping::TonyMcMapface,
+            Self::BlenderFilmic(_) => Tonemapping::BlenderFilmic,
         }
     }
 
@@ -63,31 +81,23 @@ impl<'a> ToneCurve<'a> {
 /// The inverse of a tone mapping: for every display color, the scene color that comes out nearest to it. Most
 /// curves never show colors that are both bright and saturated; such a display color becomes the nearest one
 /// that the curve shows.
-#[derive(Clone, Debug)]
-pub struct InverseTable(wgpu::TextureView);
+#[derive(Clone, Debug, PartialEq)]
+pub struct InverseTable {
+    view: wgpu::TextureView,
+    /// The table that defines the tone mapping itself, if one does.
+    curve: Option<wgpu::TextureView>,
+}
 
 impl InverseTable {
     /// Encodes the search for the inverse of `curve`. It takes milliseconds on a GPU, once in the life of a
     /// device.
     pub fn new(device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder, curve: ToneCurve) -> Self {
-        let texture = |label, size, usage| {
-            let texture = device.create_texture(&wgpu::TextureDescriptor {
-                label: Some(label),
-                size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: size },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D3,
-                format: wgpu::TextureFormat::Rgba16Float,
-                usage: wgpu::TextureUsages::TEXTURE_BINDING | usage,
-                view_formats: &[],
-            });
-            texture.create_view(&wgpu::TextureViewDescriptor::default())
-        };
+        let texture = |label, size, usage| Self::texture(device, label, size, usage);
         let table = texture("splat_inverse_table", TABLE_SIZE, wgpu::TextureUsages::STORAGE_BINDING);
         // A binding needs some texture, also for curves that read none.
         let unread = texture("splat_no_table", 1, wgpu::TextureUsages::empty());
 
-        let kernel = kernel(device, curve.constant());
+        let kernel = kernel(device, curve.tonemapping().curve());
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
@@ -109,11 +119,36 @@ impl InverseTable {
         let n = TABLE_SIZE.div_ceil(4);
         pass.dispatch_workgroups(n, n, n);
         drop(pass);
-        Self(table)
+        Self { view: table, curve: curve.table().cloned() }
+    }
+
+    /// A cube of `size` texels along each side.
+    pub(super) fn texture(
+        device: &wgpu::Device,
+        label: &str,
+        size: u32,
+        usage: wgpu::TextureUsages,
+    ) -> wgpu::TextureView {
+        let texture = device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: size },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D3,
+            format: wgpu::TextureFormat::Rgba16Float,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | usage,
+            view_formats: &[],
+        });
+        texture.create_view(&wgpu::TextureViewDescriptor::default())
     }
 
     pub(super) fn view(&self) -> &wgpu::TextureView {
-        &self.0
+        &self.view
+    }
+
+    /// The table that defines the tone mapping itself, if one does.
+    pub(super) fn curve(&self) -> Option<&wgpu::TextureView> {
+        self.curve.as_ref()
     }
 }
 

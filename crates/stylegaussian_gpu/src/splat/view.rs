@@ -11,6 +11,7 @@ use stylegaussian_shaders::splat::{
 use super::{
     camera::Camera,
     error::SplatError,
+    light::{LightBuffers, LitView, ViewLight},
     sort::{Sort, SortBuffers},
     strokes::{StrokeStage, ViewStrokes},
     tiles::{TileLists, Tiles},
@@ -49,6 +50,8 @@ pub struct SplatView {
     viewport: Option<glam::UVec4>,
     /// Whether this frame shows clouds with strokes.
     is_painted: bool,
+    /// Tints, shadows and fog.
+    pub(super) lit: LitView,
 }
 
 /// The buffers with a size that depends on the number of records.
@@ -194,6 +197,19 @@ impl SplatView {
         // The sort would need a second dimension of workgroups beyond that many batches.
         let sortable = MAX_BATCHES * u64::from(SORT_BATCH) * HALF_RECORD;
         buffers::largest_binding(device).min(sortable)
+    }
+
+    /// Sets tints, shadows and fog for all frames until the next call. Without any, which is the default, they
+    /// cost nothing.
+    pub fn set_light(&mut self, light: Option<ViewLight>) {
+        self.lit.set(light);
+    }
+
+    /// The state of light, and the buffers that it changes.
+    pub(super) fn light_parts(&mut self) -> Option<(&mut LitView, LightBuffers<'_>)> {
+        let ViewBuffers { geometry_halves, color_halves, sort, strokes, .. } = self.buffers.as_ref()?;
+        let strokes = strokes.as_ref().filter(|_| self.is_painted).map(|strokes| &strokes.records);
+        Some((&mut self.lit, LightBuffers { keys: &sort.keys, geometry_halves, color_halves, strokes }))
     }
 
     /// The buffer of this view's counts on the GPU: `u32` records, `u32` visible splats. It can be copied from.

@@ -25,7 +25,7 @@ use crate::{
 mod changes;
 
 /// Gaussians around the origin, in numbers that the GPU stores unrounded.
-fn random_scene(n: usize, random: &mut impl FnMut() -> f32) -> Scene {
+pub(in crate::splat) fn random_scene(n: usize, random: &mut impl FnMut() -> f32) -> Scene {
     let mut three = || Vec3::from_array([(); 3].map(|()| random() - 0.5));
     let mut scene =
         Scene { n_source: n, opacities: vec![0.8; n], order: (0..n as u32).collect(), ..Scene::default() };
@@ -39,7 +39,7 @@ fn random_scene(n: usize, random: &mut impl FnMut() -> f32) -> Scene {
     scene
 }
 
-fn random_strokes(scene: &Scene, random: &mut impl FnMut() -> f32) -> Strokes {
+pub(in crate::splat) fn random_strokes(scene: &Scene, random: &mut impl FnMut() -> f32) -> Strokes {
     let mut seeds = Vec::new();
     for mean in scene.means.iter().step_by(3) {
         let mut three = || Vec3::from_array([(); 3].map(|()| random() - 0.5));
@@ -239,7 +239,7 @@ fn records_of_strokes_of_one_size_match() {
 }
 
 /// A camera that sees most of a random scene.
-fn before_scene() -> Camera {
+pub(in crate::splat) fn before_scene() -> Camera {
     Camera {
         world_from_view: Affine3A::from_translation(Vec3::new(0.0, 0.0, 4.0)),
         clip_from_view: Mat4::perspective_infinite_reverse_rh(0.9, 1.0, 0.1),

@@ -1,0 +1,24 @@
+//! No fog and no shadows: they belong to `bevy_pbr`.
+
+use bevy::{camera::visibility::RenderLayers, ecs::system::SystemParam, prelude::*};
+use stylegaussian::light::Fog;
+use stylegaussian_gpu::splat::Shadows;
+
+/// Nothing of a camera.
+pub(super) type CameraAir = ();
+
+/// No lights.
+#[derive(SystemParam)]
+pub(super) struct Suns;
+
+impl Suns {
+    /// None.
+    pub(super) fn fog(&self, (): (), _: Option<&RenderLayers>, _: f32) -> Option<Fog> {
+        None
+    }
+
+    /// None.
+    pub(super) fn shadows(&self, (): (), _: Option<&RenderLayers>, _: Entity) -> Option<Shadows> {
+        None
+    }
+}

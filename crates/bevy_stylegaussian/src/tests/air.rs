@@ -1,0 +1,152 @@
+//! Tints, shadows and fog: splats against meshes of the same color at the same place, and against formulas.
+
+use bevy::{
+    camera::Hdr,
+    core_pipeline::tonemapping::{DebandDither, Tonemapping},
+    light::{CascadeShadowConfigBuilder, DirectionalLightShadowMap},
+    pbr::{DistanceFog, FogFalloff},
+    prelude::*,
+    render::RenderApp,
+};
+
+use crate::{SplatShadows, SplatTint, SplatTonemapping, splats::Held};
+
+use super::{
+    pictures::{EYE, RED, Studio, pixel},
+    world::*,
+};
+
+/// The pixel in the middle of the mesh, and of the splats at its mirror image.
+const MESH: UVec2 = UVec2::new(39, 32);
+const SPLATS: UVec2 = UVec2::new(24, 32);
+
+fn at(picture: &[[f32; 3]], UVec2 { x, y }: UVec2) -> [f32; 3] {
+    pixel(picture, x, y)
+}
+
+/// Splats at a place, three of them, so that nothing shines through.
+fn solid(mean: Vec3, color: [f32; 3]) -> stylegaussian::Scene {
+    balls(&[Ball { mean, scale: 0.5, opacity: 0.99, color }; 3])
+}
+
+#[track_caller]
+fn near(what: &str, found: [f32; 3], expected: [f32; 3], steps: f32) {
+    let error = (0..3).map(|i| (found[i] - expected[i]).abs()).fold(0.0, f32::max);
+    assert!(error <= steps / 255.0, "{what}: found {found:?}, expected {expected:?}");
+}
+
+fn fogs() -> [DistanceFog; 4] {
+    let fog = |falloff| DistanceFog { color: Color::srgba(0.3, 0.5, 0.6, 0.9), falloff, ..default() };
+    [
+        fog(FogFalloff::Linear { start: 5.0, end: 15.0 }),
+        DistanceFog {
+            directional_light_color: Color::srgba(1.0, 0.8, 0.5, 0.5),
+            directional_light_exponent: 5.0,
+            ..fog(FogFalloff::Exponential { density: 0.04 })
+        },
+        fog(FogFalloff::ExponentialSquared { density: 0.08 }),
+        fog(FogFalloff::Atmospheric {
+            extinction: Vec3::new(0.02, 0.05, 0.1),
+            inscattering: Vec3::new(0.1, 0.05, 0.02),
+        }),
+    ]
+}
+
+/// A mesh, and splats of the color that it has without fog, have one color in each fog and by each camera.
+#[test]
+fn fog_reaches_splats_as_it_reaches_meshes() {
+    let Some(mut studio) = Studio::new() else { return };
+    studio.cuboid(Vec3::new(1.0, 1.0, 0.02), Vec3::new(1.0, 0.0, -0.01), RED, 1.0);
+    // Behind what the camera sees, so that fog glows there.
+    let sun = Transform::from_xyz(0.5, 1.0, -5.0).looking_at(Vec3::ZERO, Vec3::Y);
+    studio.app.world_mut().spawn((DirectionalLight { illuminance: 300.0, ..default() }, sun));
+    // The table of a tone mapping undoes it to some steps.
+    let cases = [
+        (Tonemapping::None, false, SplatTonemapping::Invert, 2.0),
+        (Tonemapping::Reinhard, true, SplatTonemapping::Invert, 2.0),
+        (Tonemapping::ReinhardLuminance, true, SplatTonemapping::Bypass, 2.0),
+        (Tonemapping::AcesFitted, true, SplatTonemapping::Invert, 12.0),
+        (Tonemapping::TonyMcMapface, false, SplatTonemapping::Invert, 12.0),
+    ];
+    for (i, (tonemapping, hdr, choice, steps)) in cases.into_iter().enumerate() {
+        let camera = studio.camera(EYE, (Msaa::Off, tonemapping, choice, DebandDither::Disabled));
+        if hdr {
+            studio.app.world_mut().entity_mut(camera).insert(Hdr);
+        }
+        let color = at(&studio.shoot(), MESH);
+        let splats = studio.splats(solid(Vec3::new(-1.0, 0.0, 0.0), color), Transform::default());
+        let plain = studio.shoot();
+        near("without fog", at(&plain, SPLATS), color, steps);
+        for fog in [fogs()[i % 4].clone(), fogs()[(i + 1) % 4].clone()] {
+            let what = format!("{tonemapping:?}, HDR {hdr}, {:?}", fog.falloff);
+            studio.app.world_mut().entity_mut(camera).insert(fog);
+            let picture = studio.shoot();
+            let expected = at(&picture, MESH);
+            let change = (0..3).map(|i| (expected[i] - color[i]).abs()).fold(0.0, f32::max);
+            assert!(change > 0.1, "{what}: fog is hardly seen, {color:?} and {expected:?}");
+            near(&what, at(&picture, SPLATS), expected, steps);
+        }
+        studio.app.world_mut().entity_mut(camera).remove::<DistanceFog>();
+        assert!(studio.shoot() == plain, "{tonemapping:?}: fog that is gone leaves something");
+        studio.app.world_mut().despawn(camera);
+        studio.app.world_mut().despawn(splats);
+    }
+}
+
+/// Half of the light is half of it, and a tint that changes nothing costs nothing.
+#[test]
+fn tints_change_light_and_idle_ones_nothing() {
+    let Some(mut studio) = Studio::new() else { return };
+    studio.camera(EYE, Msaa::Off);
+    let splats = studio.splats(solid(Vec3::ZERO, RED), Transform::default());
+    let n_pipelines =
+        |studio: &mut Studio| Held::of(studio.app.sub_app_mut(RenderApp).world_mut()).n_pipelines;
+    let plain = studio.shoot();
+    let before = n_pipelines(&mut studio);
+    studio.app.world_mut().entity_mut(splats).insert(SplatTint::default());
+    assert!(studio.shoot() == plain);
+    assert_eq!(n_pipelines(&mut studio), before);
+
+    let linear = RED.map(Srgba::gamma_function);
+    let shown = |light: [f32; 3]| light.map(Srgba::gamma_function_inverse);
+    let mut check = |what: &str, tint: SplatTint, expected: [f32; 3]| {
+        studio.app.world_mut().entity_mut(splats).insert(tint);
+        near(what, pixel(&studio.shoot(), 32, 32), expected, 2.0);
+    };
+    let darker = SplatTint { exposure: -1.0, ..default() };
+    check("darker", darker, shown(linear.map(|light| 0.5 * light)));
+    let green = SplatTint { color: Color::linear_rgb(0.2, 1.0, 0.5), ..default() };
+    check("green", green, shown([0.2 * linear[0], linear[1], 0.5 * linear[2]]));
+    let luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2];
+    check("gray", SplatTint { saturation: 0.0, ..default() }, shown([luminance; 3]));
+    assert_eq!(n_pipelines(&mut studio), before + 1);
+    studio.app.world_mut().entity_mut(splats).remove::<SplatTint>();
+    assert!(studio.shoot() == plain);
+}
+
+/// A slab above one of two balls of splats casts a shadow on it, and goes away with it.
+#[test]
+fn meshes_cast_shadows_on_splats_that_receive_them() {
+    let Some(mut studio) = Studio::new() else { return };
+    studio.app.insert_resource(DirectionalLightShadowMap { size: 256 });
+    studio.camera(EYE, Msaa::Off);
+    let cascades = CascadeShadowConfigBuilder { num_cascades: 2, maximum_distance: 30.0, ..default() };
+    let sun = DirectionalLight { shadow_maps_enabled: true, ..default() };
+    let above = Transform::from_xyz(0.0, 5.0, 0.01).looking_at(Vec3::ZERO, Vec3::Z);
+    studio.app.world_mut().spawn((sun, cascades.build(), above));
+    studio.cuboid(Vec3::new(2.0, 0.2, 2.0), Vec3::new(-1.0, 2.0, 0.0), RED, 1.0);
+    let left = studio.splats(solid(Vec3::new(-1.0, 0.0, 0.0), RED), Transform::default());
+    let right = studio.splats(solid(Vec3::new(1.0, 0.0, 0.0), RED), Transform::default());
+    let plain = studio.shoot();
+    for entity in [left, right] {
+        studio.app.world_mut().entity_mut(entity).insert(SplatShadows { amount: 0.75 });
+    }
+    let picture = studio.shoot();
+    let dark = RED.map(|channel| Srgba::gamma_function_inverse(0.25 * Srgba::gamma_function(channel)));
+    near("under the slab", at(&picture, SPLATS), dark, 2.0);
+    near("beside it", at(&picture, MESH), RED, 2.0);
+    for entity in [left, right] {
+        studio.app.world_mut().entity_mut(entity).remove::<SplatShadows>();
+    }
+    assert!(studio.shoot() == plain);
+}

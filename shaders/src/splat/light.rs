@@ -1,0 +1,149 @@
+//! Shaders of light and air: a change of records' colors.
+
+use bytemuck::{Pod, Zeroable};
+use stylegaussian::light as twin;
+
+use super::{RECORDS, source};
+use crate::{Source, constants, float_constants};
+
+/// From display-referred colors to light.
+pub(super) const INVERSE: &str = include_str!("../../wgsl/splat_inverse.wgsl");
+/// From light to display-referred colors.
+pub(super) const TONEMAPPING: &str = include_str!("../../wgsl/splat_tonemapping.wgsl");
+
+/// `falloff`: linear between two distances.
+pub const FALLOFF_LINEAR: u32 = 0;
+/// `falloff`: exponential.
+pub const FALLOFF_EXPONENTIAL: u32 = 1;
+/// `falloff`: exponential in the square of the distance.
+pub const FALLOFF_EXPONENTIAL_SQUARED: u32 = 2;
+/// `falloff`: exponential, with other densities for light that is lost and light that is added.
+pub const FALLOFF_ATMOSPHERIC: u32 = 3;
+
+/// A directional light in fog.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct FogSun {
+    /// Unit direction to it, in view space.
+    pub direction: [f32; 3],
+    /// Unused.
+    pub padding_0: f32,
+    /// The light that it adds to the fog's color where the eye looks into it, linear.
+    pub glow: [f32; 3],
+    /// Unused.
+    pub padding_1: f32,
+}
+
+/// The light on one cloud as one camera sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SplatLight {
+    /// View from clip, first column.
+    pub view_from_clip_x: [f32; 4],
+    /// View from clip, second column.
+    pub view_from_clip_y: [f32; 4],
+    /// View from clip, third column.
+    pub view_from_clip_z: [f32; 4],
+    /// View from clip, fourth column.
+    pub view_from_clip_w: [f32; 4],
+    /// Left, top, width and height of the viewport, in pixels of the target.
+    pub viewport: [f32; 4],
+    /// The tint, first row; the fourth number is not used.
+    pub tint_red: [f32; 4],
+    /// The tint, second row.
+    pub tint_green: [f32; 4],
+    /// The tint, third row.
+    pub tint_blue: [f32; 4],
+    /// The fog's linear color.
+    pub fog_color: [f32; 3],
+    /// Factor of all fog; 0 if there is none.
+    pub fog_strength: f32,
+    /// Density for the light behind; of linear fog its end, and its steepness.
+    pub extinction: [f32; 3],
+    /// One of the `FALLOFF_` constants.
+    pub falloff: u32,
+    /// Density for the light that is added.
+    pub inscattering: [f32; 3],
+    /// Exponent of the glow.
+    pub exponent: f32,
+    /// Lights in the fog.
+    pub suns: [FogSun; twin::MAX_SUNS],
+    /// Suns that count.
+    pub n_suns: u32,
+    /// Index of the cloud's first record.
+    pub first_record: u32,
+    /// Records of the cloud.
+    pub n_records: u32,
+    /// 1 if the view has records of strokes, else 0.
+    pub has_strokes: u32,
+    /// The camera's factor on colors before tone mapping.
+    pub exposure: f32,
+    /// Share of its light that the cloud loses in shadow.
+    pub shadow_amount: f32,
+    /// Unused.
+    pub padding_0: u32,
+    /// Unused.
+    pub padding_1: u32,
+}
+
+/// One shadow map, and the part of the view that it is for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ShadowCascade {
+    /// The map's clip space from view, first column; reverse z.
+    pub clip_from_view_x: [f32; 4],
+    /// Second column.
+    pub clip_from_view_y: [f32; 4],
+    /// Third column.
+    pub clip_from_view_z: [f32; 4],
+    /// Fourth column.
+    pub clip_from_view_w: [f32; 4],
+    /// Step toward the light before the comparison, in view space.
+    pub offset: [f32; 3],
+    /// View depth up to which the map counts.
+    pub far: f32,
+}
+
+/// The shadow maps of a view.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SplatShadows {
+    /// From near to far.
+    pub cascades: [ShadowCascade; twin::MAX_CASCADES],
+    /// Cascades that count.
+    pub n_cascades: u32,
+    /// Unused.
+    pub padding_0: u32,
+    /// Unused.
+    pub padding_1: u32,
+    /// Unused.
+    pub padding_2: u32,
+}
+
+/// The constants of the CPU twin.
+pub(super) fn twin_constants() -> String {
+    let integers = constants(&[
+        ("FALLOFF_LINEAR", FALLOFF_LINEAR),
+        ("FALLOFF_EXPONENTIAL_SQUARED", FALLOFF_EXPONENTIAL_SQUARED),
+        ("FALLOFF_ATMOSPHERIC", FALLOFF_ATMOSPHERIC),
+        ("MAX_SUNS", twin::MAX_SUNS as u32),
+        ("MAX_CASCADES", twin::MAX_CASCADES as u32),
+    ]);
+    let floats = float_constants(&[
+        ("BRIGHTEST_SHOWN", twin::BRIGHTEST_SHOWN),
+        ("KNEE", twin::KNEE),
+        ("CONTRAST_STEP", twin::CONTRAST_STEP),
+    ]);
+    let [r, g, b] = twin::LINEAR_LUMINANCE.to_array();
+    integers + &floats + &format!("const LINEAR_LUMINANCE = vec3<f32>({r:?}, {g:?}, {b:?});\n")
+}
+
+/// Changes the colors of records, in views with shadows on splats or without.
+pub fn light(shadowed: bool) -> Source {
+    let sun = match shadowed {
+        false => include_str!("../../wgsl/splat_sunless.wgsl"),
+        true => include_str!("../../wgsl/splat_sunlit.wgsl"),
+    };
+    let kernel = include_str!("../../wgsl/splat_light.wgsl");
+    source("splat_light", &[&twin_constants(), RECORDS, INVERSE, TONEMAPPING, sun, kernel])
+}
