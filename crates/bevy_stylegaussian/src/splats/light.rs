@@ -108,11 +108,11 @@ struct CloudLight {
 /// An entity, and its components for light.
 type Lit = (Entity, Option<&'static SplatTint>, Option<&'static SplatShadows>);
 
+/// Entities that have any.
+type IsLit = Or<(With<SplatTint>, With<SplatShadows>)>;
+
 /// Copies the light on entities.
-pub(super) fn extract_cloud_lights(
-    mut clouds: ResMut<CloudLights>,
-    all: Extract<Query<Lit, Or<(With<SplatTint>, With<SplatShadows>)>>>,
-) {
+pub(super) fn extract_cloud_lights(mut clouds: ResMut<CloudLights>, all: Extract<Query<Lit, IsLit>>) {
     clouds.0.clear();
     clouds.0.extend(all.iter().map(|(entity, tint, shadows)| {
         let tint = tint.copied().map(Tint::from).unwrap_or_default();
