@@ -52,10 +52,9 @@ impl Direction<'_> {
                 if let Some(i) = points.iter().position(|point| !point.is_finite()) {
                     return Err(DirectionError::Point { number: i + 1, found: points[i] });
                 }
-                let is_segment = |pair: &&[Vec3]| step(pair[0], pair[1]) != Vec3::ZERO;
-                match points.windows(2).filter(is_segment).count() {
-                    0 => Err(DirectionError::Curve { found: points.len().min(1) }),
-                    _ => Ok(()),
+                match points.windows(2).any(|pair| step(pair[0], pair[1]) != Vec3::ZERO) {
+                    true => Ok(()),
+                    false => Err(DirectionError::Curve { found: points.len().min(1) }),
                 }
             }
         }
