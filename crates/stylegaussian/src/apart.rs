@@ -127,7 +127,8 @@ impl<'a> Call<'a> {
                 pieces.extend(pieces_of(scene));
                 pieces
             }
-            Self::Canvas(number, Paint { width, height, ref pixels, ref used }) => {
+            Self::Canvas(number, paint) => {
+                let Paint { width, height, pixels, used } = paint;
                 let header = [CANVAS, number, *width as u32, *height as u32, u32::from(used.is_some())];
                 let used = used.iter().flatten().map(|used| u8::from(*used)).collect::<Vec<_>>();
                 vec![own(&header), piece(pixels), own(&used)]

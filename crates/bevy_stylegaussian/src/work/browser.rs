@@ -246,7 +246,10 @@ impl Page {
         // Its bytes are not copied: they are the worker's from now on.
         match worker.post(&message, &Array::of1(&JsValue::from(next.call.buffer()))) {
             Ok(()) => self.running = Some(next),
-            Err(_) => next.end(Fail::Said("the browser's worker does not take a call".into())),
+            Err(_) => {
+                next.end(Fail::Said("the browser's worker does not take a call".into()));
+                self.advance();
+            }
         }
     }
 
